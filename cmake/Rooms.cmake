@@ -1,0 +1,44 @@
+# One static library per room of the house (docs/architecture.md), compiled the same way everywhere.
+
+add_library(house_rules INTERFACE)
+# -ffp-contract=off: GCC fuses a*b+c into one FMA wherever the target has it, so the same source would round
+# differently from one function, compiler or machine to the next. Determinism is a promise here, so every
+# multiply and every add rounds on its own; kernels that want an FMA must write it.
+target_compile_options(house_rules INTERFACE
+  -ffp-contract=off
+  -Wall -Wextra -Wpedantic -Wshadow
+  $<$<COMPILE_LANGUAGE:CXX>:-Wnon-virtual-dtor -Woverloaded-virtual>
+  $<$<BOOL:${SMARTSURF_WERROR}>:-Werror>)
+target_include_directories(house_rules INTERFACE ${PROJECT_SOURCE_DIR})
+target_compile_definitions(house_rules INTERFACE SMARTSURF_VERSION="${PROJECT_VERSION}")
+if(SMARTSURF_SANITIZE)
+  target_compile_options(house_rules INTERFACE -fsanitize=${SMARTSURF_SANITIZE} -fno-omit-frame-pointer
+    $<$<STREQUAL:${SMARTSURF_SANITIZE},address$<COMMA>undefined>:-fno-sanitize-recover=undefined>)
+  target_link_options(house_rules INTERFACE -fsanitize=${SMARTSURF_SANITIZE})
+endif()
+
+# add_room(<house> <room> SOURCES … [ROOMS …] [PRIVATE …] [PUBLIC …])
+#   ROOMS: rooms this one may include (targets); PRIVATE: third-party libraries that only this room may see;
+#   PUBLIC: third-party libraries that appear in its headers.
+# The target is <house>_<room>.
+function(add_room house room)
+  cmake_parse_arguments(ROOM "" "" "SOURCES;ROOMS;PRIVATE;PUBLIC" ${ARGN})
+  set(target ${house}_${room})
+  add_library(${target} STATIC ${ROOM_SOURCES})
+  target_link_libraries(${target} PUBLIC house_rules ${ROOM_ROOMS} ${ROOM_PUBLIC} PRIVATE ${ROOM_PRIVATE})
+endfunction()
+
+# add_room_test(<name> SOURCES … LIBS …): one GoogleTest program, registered case by case with ctest under the label "unit".
+function(add_room_test name)
+  cmake_parse_arguments(T "" "LABEL;TIMEOUT" "SOURCES;LIBS" ${ARGN})
+  if(NOT T_LABEL)
+    set(T_LABEL unit)
+  endif()
+  if(NOT T_TIMEOUT)
+    set(T_TIMEOUT 120)
+  endif()
+  add_executable(${name} ${T_SOURCES})
+  target_link_libraries(${name} PRIVATE house_rules ${T_LIBS} GTest::gtest GTest::gtest_main)
+  gtest_discover_tests(${name} TEST_PREFIX "${name}." DISCOVERY_TIMEOUT 60
+    PROPERTIES LABELS ${T_LABEL} TIMEOUT ${T_TIMEOUT})
+endfunction()

@@ -1,0 +1,1 @@
+// Replaced by the segment and the endpoints.

@@ -1,0 +1,34 @@
+// The whole visible state of the world at the end of one tick, copied out of the physics: what sensors, view,
+// recorder and script read. Nothing in it points back into the world.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "smartsurf/scene/SceneSpec.h"
+
+namespace smartsurf::scene {
+
+using ObjectId = std::uint32_t;  // counts from 0 in the order of creation; never used again after removal
+
+struct Snapshot {
+  std::uint64_t tick = 0;
+  double time_s = 0.0;
+
+  // Live objects, ascending by id. All arrays have one entry an object.
+  std::vector<ObjectId> id;
+  std::vector<std::array<float, 3>> position;          // centre of mass, u
+  std::vector<std::array<float, 4>> orientation;       // unit quaternion, x y z w
+  std::vector<std::array<float, 3>> velocity;          // u/s
+  std::vector<std::array<float, 3>> angular_velocity;  // rad/s, world frame
+
+  std::vector<float> height;  // rows × columns, row-major, row 0 north: z of each pin's top, u
+
+  std::uint32_t contacts = 0;    // contact points in the last physics step
+  std::uint64_t state_hash = 0;  // of every body's pose and velocities and every pin's height and speed
+
+  std::size_t objects() const { return id.size(); }
+};
+
+}  // namespace smartsurf::scene
