@@ -23,7 +23,7 @@ struct Body {
 
 struct Push {
   scene::ObjectId id;
-  btVector3 force, point;
+  btVector3 force, arm;  // arm: where it acts, in the body's own frame
   long steps_left;
 };
 
@@ -31,6 +31,10 @@ btDefaultCollisionConstructionInfo pool_sizes() {
   btDefaultCollisionConstructionInfo info;
   info.m_customCollisionAlgorithmMaxElementSize = field_algorithm_size();
   return info;
+}
+
+Eigen::Vector3d from_bullet(const btVector3& v) {
+  return Eigen::Vector3f(v.x(), v.y(), v.z()).cast<double>();
 }
 
 std::array<float, 3> array_of(const btVector3& v) { return {v.x(), v.y(), v.z()}; }
@@ -109,6 +113,11 @@ struct World::State {
   std::vector<Push> pushes;
 };
 
+std::string physics_version() {
+  const int version = btGetVersion();
+  return std::to_string(version / 100) + "." + std::to_string(version % 100);
+}
+
 World::World(const scene::SceneSpec& scene, const surface::PinField& field)
     : state_(std::make_unique<State>(scene, field)) {
   for (const auto& object : scene.objects) add(object);
@@ -148,33 +157,43 @@ bool World::remove(scene::ObjectId id) {
   return true;
 }
 
-bool World::teleport(scene::ObjectId id, const Eigen::Vector3d& position,
-                     const std::optional<Eigen::Quaterniond>& orientation,
-                     const std::optional<Eigen::Vector3d>& velocity) {
-  Body* body = state_->find(id);
+bool World::place(scene::ObjectId id, const scene::Placement& placement) {
+  const Body* body = state_->find(id);
   if (!body) return false;
-  btTransform pose = body->rigid->getWorldTransform();
-  pose.setOrigin(to_bullet(position));
-  if (orientation) pose.setRotation(to_bullet(*orientation));
-  body->rigid->setWorldTransform(pose);
-  body->rigid->setInterpolationWorldTransform(pose);
-  if (velocity) {
-    body->rigid->setLinearVelocity(to_bullet(*velocity));
-    body->rigid->setAngularVelocity({0, 0, 0});
-  }
+  btRigidBody& rigid = *body->rigid;
+  btTransform pose = rigid.getWorldTransform();
+  if (placement.position) pose.setOrigin(to_bullet(*placement.position));
+  if (placement.orientation) pose.setRotation(to_bullet(*placement.orientation));
+  rigid.setWorldTransform(pose);
+  rigid.setInterpolationWorldTransform(pose);
+  if (placement.velocity) rigid.setLinearVelocity(to_bullet(*placement.velocity));
+  if (placement.angular_velocity) rigid.setAngularVelocity(to_bullet(*placement.angular_velocity));
+  rigid.updateInertiaTensor();
   return true;
 }
 
-bool World::push(scene::ObjectId id, const Eigen::Vector3d& force, const Eigen::Vector3d& point, double duration_s) {
-  if (!state_->find(id)) return false;
+bool World::push(scene::ObjectId id, const Eigen::Vector3d& force, const std::optional<Eigen::Vector3d>& point,
+                 double duration_s) {
+  const Body* body = state_->find(id);
+  if (!body) return false;
   const long steps = std::max(1L, std::lround(duration_s / static_cast<double>(state_->dt_s)));
-  state_->pushes.push_back({id, to_bullet(force), to_bullet(point), steps});
+  const btTransform& pose = body->rigid->getWorldTransform();
+  const btVector3 arm = point ? pose.invXform(to_bullet(*point)) : btVector3(0, 0, 0);
+  state_->pushes.push_back({id, to_bullet(force), arm, steps});
   return true;
+}
+
+scene::ObjectState World::state(scene::ObjectId id) const {
+  const btRigidBody& body = *state_->find(id)->rigid;
+  const btQuaternion q = body.getWorldTransform().getRotation();
+  return {from_bullet(body.getWorldTransform().getOrigin()), Eigen::Quaterniond(q.w(), q.x(), q.y(), q.z()),
+          from_bullet(body.getLinearVelocity()), from_bullet(body.getAngularVelocity())};
 }
 
 void World::step() {
   for (Push& p : state_->pushes) {
-    state_->find(p.id)->rigid->applyForce(p.force, p.point);
+    btRigidBody& body = *state_->find(p.id)->rigid;
+    body.applyForce(p.force, body.getWorldTransform().getBasis() * p.arm);
     --p.steps_left;
   }
   std::erase_if(state_->pushes, [](const Push& p) { return p.steps_left == 0; });

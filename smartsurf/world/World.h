@@ -9,13 +9,16 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
-#include <span>
 #include <string>
 
+#include "smartsurf/scene/ObjectState.h"
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/surface/PinField.h"
 
 namespace smartsurf::world {
+
+// The physics library's version, for recordings: "3.24".
+std::string physics_version();
 
 class World {
  public:
@@ -31,11 +34,14 @@ class World {
   // False (and nothing happens) when no such object is alive.
   bool alive(scene::ObjectId) const;
   bool remove(scene::ObjectId);
-  bool teleport(scene::ObjectId, const Eigen::Vector3d& position, const std::optional<Eigen::Quaterniond>& orientation,
-                const std::optional<Eigen::Vector3d>& velocity);
-  // A constant force (mass·u/s²), acting at the centre of mass, or at `point` (world frame, relative to the centre),
-  // through the next `duration_s` of simulated time; at least one step.
-  bool push(scene::ObjectId, const Eigen::Vector3d& force, const Eigen::Vector3d& point, double duration_s);
+  // Changes what has a value, keeps the rest.
+  bool place(scene::ObjectId, const scene::Placement&);
+  // A constant force (mass·u/s²) through the next `duration_s` of simulated time, at least one step; at `point`
+  // (world frame, fixed to the body from now on) or at the centre of mass.
+  bool push(scene::ObjectId, const Eigen::Vector3d& force, const std::optional<Eigen::Vector3d>& point,
+            double duration_s);
+  // The object must be alive.
+  scene::ObjectState state(scene::ObjectId) const;
 
   // One fixed physics step against the field as planned (PinField::plan); the caller commits the field after it.
   void step();
