@@ -100,19 +100,28 @@ void run(const Block& block) noexcept {
   const V scalar_a = hn::Set(d, block.scalar[0]);
   const V scalar_b = hn::Set(d, block.scalar[1]);
   const V scalar_c = hn::Set(d, block.scalar[2]);
-  std::ptrdiff_t row = 0;
-  for (std::uint32_t r = 0; r < block.rows; ++r, row += block.pitch) {
-    for (std::size_t x = 0; x < block.columns; x += hn::Lanes(d)) {
+  // Vector stores may alias anything: with copies the compiler need not read the block again after each.
+  float* y_row = block.y;
+  const float *a_row = block.source[0], *b_row = block.source[1], *c_row = block.source[2];
+  const float* mask_row = block.mask;
+  const std::ptrdiff_t pitch = block.pitch;
+  const std::size_t columns = block.columns;
+  for (std::uint32_t rows = block.rows; rows > 0; --rows) {
+    for (std::size_t x = 0; x < columns; x += hn::Lanes(d)) {
       V a = scalar_a, b = scalar_b, c = scalar_c;
-      if constexpr ((kRegisters & 1U) != 0) a = hn::LoadU(d, block.source[0] + row + x);
-      if constexpr ((kRegisters & 2U) != 0) b = hn::LoadU(d, block.source[1] + row + x);
-      if constexpr ((kRegisters & 4U) != 0) c = hn::LoadU(d, block.source[2] + row + x);
+      if constexpr ((kRegisters & 1U) != 0) a = hn::LoadU(d, a_row + x);
+      if constexpr ((kRegisters & 2U) != 0) b = hn::LoadU(d, b_row + x);
+      if constexpr ((kRegisters & 4U) != 0) c = hn::LoadU(d, c_row + x);
       V y = Op::apply(a, b, c);
       if constexpr (kMasked)
-        y = hn::IfThenElse(hn::Eq(hn::Load(d, block.mask + row + x), zero()), hn::Load(d, block.y + row + x),
-                           y);
-      hn::Store(y, d, block.y + row + x);
+        y = hn::IfThenElse(hn::Eq(hn::Load(d, mask_row + x), zero()), hn::Load(d, y_row + x), y);
+      hn::Store(y, d, y_row + x);
     }
+    y_row += pitch;
+    if constexpr ((kRegisters & 1U) != 0) a_row += pitch;
+    if constexpr ((kRegisters & 2U) != 0) b_row += pitch;
+    if constexpr ((kRegisters & 4U) != 0) c_row += pitch;
+    if constexpr (kMasked) mask_row += pitch;
   }
 }
 
@@ -179,11 +188,12 @@ KernelTable make_table() {
 #define APRON_FILL(name) fill<name>(table, program::Opcode::k##name);
   APRON_FILL(Copy)
   APRON_FILL(Add)
-  APRON_FILL(Sub) APRON_FILL(Mul) APRON_FILL(Div) APRON_FILL(Mod) APRON_FILL(Min) APRON_FILL(Max)
-      APRON_FILL(Abs) APRON_FILL(Neg) APRON_FILL(Sign) APRON_FILL(Clamp) APRON_FILL(Mac) APRON_FILL(Select)
-          APRON_FILL(Lt) APRON_FILL(Le) APRON_FILL(Gt) APRON_FILL(Ge) APRON_FILL(Eq) APRON_FILL(Ne)
-              APRON_FILL(And) APRON_FILL(Or) APRON_FILL(Xor) APRON_FILL(Nand) APRON_FILL(Nor) APRON_FILL(Not)
-                  APRON_FILL(Sqrt) APRON_FILL(Floor) APRON_FILL(Ceil) APRON_FILL(Round)
+  APRON_FILL(Sub)
+  APRON_FILL(Mul) APRON_FILL(Div) APRON_FILL(Mod) APRON_FILL(Min) APRON_FILL(Max) APRON_FILL(Abs)
+      APRON_FILL(Neg) APRON_FILL(Sign) APRON_FILL(Clamp) APRON_FILL(Mac) APRON_FILL(Select) APRON_FILL(Lt)
+          APRON_FILL(Le) APRON_FILL(Gt) APRON_FILL(Ge) APRON_FILL(Eq) APRON_FILL(Ne) APRON_FILL(And)
+              APRON_FILL(Or) APRON_FILL(Xor) APRON_FILL(Nand) APRON_FILL(Nor) APRON_FILL(Not) APRON_FILL(Sqrt)
+                  APRON_FILL(Floor) APRON_FILL(Ceil) APRON_FILL(Round)
 #undef APRON_FILL
                       table.reductions = {reduce<SumOp>, reduce<MinOp>, reduce<MaxOp>, reduce<CountOp>};
   add_scalar_kernels(table);

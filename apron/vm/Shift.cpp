@@ -59,13 +59,21 @@ struct Shifter {
     kernels.kernel(Opcode::kCopy, from == nullptr ? 1U : 0U, mask != nullptr)(block);
   }
 
-  // Cells [first, last) of a row, one by one.
-  void edge(std::int64_t row, std::int64_t source_row, std::int64_t first, std::int64_t last) const {
-    const std::ptrdiff_t at = row * y.pitch;
+  // Columns [first, last) of the rows, which nothing inside the array moves into.
+  void edge(std::int64_t row, std::int64_t rows, std::int64_t source_row, std::int64_t first,
+            std::int64_t last) const {
     for (std::int64_t x = first; x < last; ++x) {
-      if (mask != nullptr && !(mask[at + x] != 0.0F)) continue;
       const std::int64_t from = inside(x - by.dx, width(), rule);
-      y.data[at + x] = from == kOutside ? fill : a.data[source_row * a.pitch + from];
+      const float* source = from == kOutside ? &fill : a.data + source_row * a.pitch + from;
+      const std::ptrdiff_t source_pitch = from == kOutside ? 0 : a.pitch;
+      const std::ptrdiff_t at = row * y.pitch + x;
+      if (mask == nullptr) {
+        float* to = y.data + at;
+        for (std::int64_t r = 0; r < rows; ++r, to += y.pitch, source += source_pitch) *to = *source;
+      } else {
+        for (std::ptrdiff_t i = at, end = at + rows * y.pitch; i < end; i += y.pitch, source += source_pitch)
+          if (mask[i] != 0.0F) y.data[i] = *source;
+      }
     }
   }
 
@@ -78,10 +86,8 @@ struct Shifter {
       const std::int64_t first = west / kLanes * kLanes;
       copy(row, rows, first, east - first, a.data + source_row * a.pitch + first - by.dx);
     }
-    for (std::int64_t r = 0; r < rows; ++r) {
-      edge(row + r, source_row + r, 0, std::min(west, width()));
-      edge(row + r, source_row + r, std::max(east, west), width());
-    }
+    edge(row, rows, source_row, 0, west);
+    edge(row, rows, source_row, std::max(east, west), width());
   }
 
   void row_beyond(std::int64_t row) const {
