@@ -93,16 +93,17 @@ std::vector<SegmentInfo> list_segments() {
   std::error_code failure;
   for (const auto& entry : std::filesystem::directory_iterator(kFolder, failure)) {
     const std::string file = entry.path().filename().string();
-    if (file.rfind(kPrefix, 0) == 0) found.push_back(inspect(file));
+    if (file.starts_with(kPrefix)) found.push_back(inspect(file));
   }
   std::sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
   return found;
 }
 
-std::vector<SegmentInfo> remove_orphans() {
+std::vector<SegmentInfo> remove_orphans(const std::string& prefix) {
   std::vector<SegmentInfo> removed;
   for (const auto& segment : list_segments())
-    if (segment.ownership == Ownership::kOrphan && remove_if_orphan(kPrefix + segment.name))
+    if (segment.ownership == Ownership::kOrphan && segment.name.starts_with(prefix) &&
+        remove_if_orphan(kPrefix + segment.name))
       removed.push_back(segment);
   return removed;
 }

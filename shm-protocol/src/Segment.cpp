@@ -32,7 +32,7 @@ void sweep_unfinished(const std::string& name) {
   std::error_code failure;
   for (const auto& entry : std::filesystem::directory_iterator(kFolder, failure)) {
     const std::string file = entry.path().filename().string();
-    if (file.rfind(file_of(name) + kUnfinished, 0) == 0) remove_if_orphan(file);
+    if (file.starts_with(file_of(name) + kUnfinished)) remove_if_orphan(file);
   }
 }
 

@@ -25,9 +25,9 @@ struct SegmentInfo {
 // All files of this protocol in /dev/shm, by name.
 std::vector<SegmentInfo> list_segments();
 
-// Removes every orphan and returns those removed. A segment is removed only while it is locked and after its
-// surface was found dead under that lock, so that two cleaners, or a cleaner and a starting surface, cannot
-// take away a living surface's segment.
-std::vector<SegmentInfo> remove_orphans();
+// Removes every orphan whose name begins with `prefix` and returns those removed. A segment is removed only
+// while it is locked and after its surface was found dead under that lock, so that two cleaners, or a cleaner
+// and a starting surface, cannot take away a living surface's segment.
+std::vector<SegmentInfo> remove_orphans(const std::string& prefix = "");
 
 }  // namespace shm_protocol
