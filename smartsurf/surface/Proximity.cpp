@@ -8,14 +8,6 @@
 
 namespace smartsurf::surface {
 
-struct Proximity::Footprint {
-  scene::ShapeKind shape;
-  Eigen::Vector3f centre;
-  Eigen::Matrix3f to_local;  // world → object axes
-  Eigen::Vector3f extent;    // box: half edges; sphere: radius; cylinder: radius, radius, half height
-  int row_begin, row_end, column_begin, column_end;
-};
-
 namespace {
 
 // Where a vertical line crosses a solid: z in [low, high], or nothing when low > high.
@@ -62,8 +54,6 @@ Proximity::Proximity(const scene::SurfaceSpec& spec, double range)
       distance_(static_cast<std::size_t>(spec.cells()), range_),
       hit_(distance_.size(), 0.0F),
       dirty_(static_cast<std::size_t>(spec.rows), 0) {}
-
-Proximity::~Proximity() = default;
 
 void Proximity::sense(const scene::Snapshot& snapshot, std::span<const scene::ObjectSpec> catalogue,
                       WorkerPool& pool) {

@@ -25,7 +25,14 @@ class Proximity {
   float range() const noexcept { return range_; }
 
  private:
-  struct Footprint;  // an object with the rectangle of cells that it may cover
+  // An object with the rectangle of cells that it may cover.
+  struct Footprint {
+    scene::ShapeKind shape;
+    Eigen::Vector3f centre;
+    Eigen::Matrix3f to_local;  // world → object axes
+    Eigen::Vector3f extent;    // box: half edges; sphere: radius; cylinder: radius, radius, half height
+    int row_begin, row_end, column_begin, column_end;
+  };
   void sense_rows(const scene::Snapshot&, int begin, int end);
 
   scene::SurfaceSpec spec_;
@@ -33,9 +40,6 @@ class Proximity {
   std::vector<float> distance_, hit_;
   std::vector<std::uint8_t> dirty_;  // one a row: holds a hit from the last sweep
   std::vector<Footprint> footprints_;
-
- public:
-  ~Proximity();
 };
 
 }  // namespace smartsurf::surface
