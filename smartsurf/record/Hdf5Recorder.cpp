@@ -96,7 +96,7 @@ struct Hdf5Recorder::Content {
 
   void flush();
   template <class Action>
-  void with_all_series(Action action);
+  void with_series(Action action);  // all but the ticks
   void create_series(std::span<const Channel> sensors, std::span<const Channel> actuators);
   void create_channels(const char* group, std::span<const Channel> channels,
                        std::vector<FrameSeries>& series);
@@ -246,12 +246,12 @@ void Hdf5Recorder::Content::buffer(const scene::Snapshot& snapshot, std::span<co
 }
 
 template <class Action>
-void Hdf5Recorder::Content::with_all_series(Action action) {
+void Hdf5Recorder::Content::with_series(Action action) {
   for (auto* series : {&position, &orientation, &velocity, &height})
     if (*series) action(**series);
   for (FrameSeries& series : sensor_series) action(series);
   for (FrameSeries& series : actuator_series) action(series);
-  for (auto* series : {&contacts, &hash, &time, &tick}) action(**series);
+  for (auto* series : {&contacts, &hash, &time}) action(**series);
 }
 
 void Hdf5Recorder::Content::flush() {
@@ -261,15 +261,21 @@ void Hdf5Recorder::Content::flush() {
   reserve.give_back(length);
 }
 
-// The catalogue first and the ticks last, so that a frame that has its tick has everything else.
+// A frame exists once it has its tick: the ticks are written and flushed when everything else already is, so
+// that a kill in the middle cannot leave a frame that is half there.
 void Hdf5Recorder::Content::write() {
   std::uint64_t most_bytes = kMetadataBytes + CatalogueWriter::most_bytes(newcomers);
-  if (buffered > 0) with_all_series([&](const FrameSeries& series) { most_bytes += series.most_bytes(); });
+  if (buffered > 0) {
+    with_series([&](const FrameSeries& series) { most_bytes += series.most_bytes(); });
+    most_bytes += tick->most_bytes();
+  }
   reserve.reserve(most_bytes);
   catalogue->append(newcomers);
   newcomers.clear();
   if (buffered > 0) {
-    with_all_series([&](FrameSeries& series) { series.write(written, buffered, first_live, end_live); });
+    with_series([&](FrameSeries& series) { series.write(written, buffered, first_live, end_live); });
+    check(H5Fflush(file, H5F_SCOPE_LOCAL), "flush");
+    tick->write(written, buffered);
   }
   flush();
   written += buffered;

@@ -45,7 +45,7 @@ void PurityPlot::draw_hold(cairo_t* paper) const {
   cairo_fill(paper);
   use(paper, kHold, 1.4);
   draw_line(paper, from, kArea.top, from, kArea.bottom());
-  const std::string text = sorted_text(purity_);
+  const std::string text = sorted_text(purity_) + ", held for " + number_text(kSortedHold_s) + " s";
   const bool fits = to + 8.0 + text_width(paper, text, 12.0) < kArea.right();
   draw_text(paper, fits ? to + 8.0 : from - 8.0, chart_.py(0.03), text, 12.0,
             fits ? Align::kLeft : Align::kRight);

@@ -3,13 +3,15 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
+#include <string>
 
 #include "smartsurf/record/Purity.h"
 
 namespace smartsurf::record {
 namespace {
 
-constexpr double kLongSide = 640.0, kShortSide = 220.0;  // points
+constexpr double kLongSide = 640.0, kLeastWidth = 420.0, kLeastHeight = 220.0;  // points
 constexpr double kLeft = 66.0, kRight = 24.0, kTop = 62.0, kBelowAxis = 48.0, kLegendRow = 22.0;
 constexpr std::size_t kLegendColumns = 4;  // start and end included
 constexpr double kMark = 4.6;              // radius of an O, arm of an X
@@ -36,8 +38,8 @@ Chart chart_of(const scene::SurfaceSpec& s) {
   const double x = -s.pitch / 2.0, y = -s.pitch / 2.0;
   const double all_wide = wide + 2.0 * margin, all_high = high + 2.0 * margin;
   const double points = kLongSide / std::max(all_wide, all_high);
-  const Area area{kLeft, kTop, std::max(all_wide * points, kShortSide),
-                  std::max(all_high * points, kShortSide)};
+  const Area area{kLeft, kTop, std::max(all_wide * points, kLeastWidth),
+                  std::max(all_high * points, kLeastHeight)};
   const double more_x = (area.width / points - all_wide) / 2.0,
                more_y = (area.height / points - all_high) / 2.0;
   return {area,
@@ -94,35 +96,38 @@ double TrajectoryPlot::legend_rows() const {
   return std::ceil(static_cast<double>(groups_.size() + 2) / kLegendColumns);
 }
 
+// By label when there are labels, else by size. With exactly two labels these are the two size classes.
 void TrajectoryPlot::find_groups() {
   const std::vector<SizeClass> classes = size_classes(spec_.objects);
-  struct Kind {
-    double size_sum = 0.0;
-    std::vector<std::size_t> objects;
-    std::string label;
-  };
-  std::map<std::string, Kind> kinds;
-  for (std::size_t i = 0; i < classes.size(); ++i) two_classes_ |= classes[i] != SizeClass::kNone;
+  std::set<std::string> labels;
+  for (const scene::ObjectSpec& object : spec_.objects)
+    if (!object.fixed && !object.label.empty()) labels.insert(object.label);
+  two_classes_ =
+      (labels.empty() || labels.size() == 2) &&
+      std::any_of(classes.begin(), classes.end(), [](SizeClass c) { return c != SizeClass::kNone; });
+
+  std::map<std::string, Group> groups;
   for (std::size_t i = 0; i < classes.size(); ++i) {
-    const std::string& label = spec_.objects[i].label;
-    if (spec_.objects[i].fixed || (two_classes_ && classes[i] == SizeClass::kNone)) continue;
-    Kind& kind = kinds[two_classes_ ? (classes[i] == SizeClass::kSmall ? "small" : "large") : label];
-    kind.size_sum += size_of(spec_.objects[i]);
-    if (kind.objects.empty()) kind.label = label;
-    if (kind.label != label) kind.label.clear();
-    kind.objects.push_back(i);
+    if (spec_.objects[i].fixed) continue;
+    std::string name = spec_.objects[i].label;
+    if (name.empty())
+      name = !labels.empty()                   ? "unlabelled"
+             : !two_classes_                   ? "objects"
+             : classes[i] == SizeClass::kSmall ? "small"
+                                               : "large";
+    Group& group = groups[name];
+    group.name = name;
+    group.size += size_of(spec_.objects[i]);
+    group.objects.push_back(i);
   }
-  for (auto& [key, kind] : kinds) {
-    const std::string name = kind.label.empty() ? key : kind.label;
-    groups_.push_back({name.empty() ? "objects" : name, 0, kind.objects});
+  for (auto& [name, group] : groups) {
+    group.size /= static_cast<double>(group.objects.size());
+    groups_.push_back(std::move(group));
   }
-  const auto mean = [&](const Group& group) {
-    double sum = 0.0;
-    for (const std::size_t i : group.objects) sum += size_of(spec_.objects[i]);
-    return sum / static_cast<double>(group.objects.size());
-  };
-  std::stable_sort(groups_.begin(), groups_.end(),
-                   [&](const Group& a, const Group& b) { return mean(a) < mean(b); });
+  std::stable_sort(groups_.begin(), groups_.end(), [](const Group& a, const Group& b) {
+    const bool a_last = a.name == "unlabelled", b_last = b.name == "unlabelled";
+    return a_last != b_last ? b_last : a.size < b.size;
+  });
   for (std::size_t i = 0; i < groups_.size(); ++i) groups_[i].style = static_cast<int>(i % styles().size());
 }
 

@@ -1,8 +1,8 @@
 // The way of every object over the surface, seen from above, as the paper's Fig. 9 draws it: solid for small
 // and dashed for large objects, O where an object starts and X where it ends. Private to the room.
 //
-// With two size classes (Purity.h) there are two kinds of lines; otherwise one a label, in the order of the
-// labels' mean sizes.
+// With two size classes (Purity.h) there are two kinds of lines; with more labels than two one a label, in
+// the order of their mean sizes. `fixed` objects are not drawn.
 #pragma once
 
 #include <array>
@@ -26,7 +26,8 @@ class TrajectoryPlot final : public Figure {
 
   struct Group {
     std::string name;
-    int style = 0;  // index of its ink and dashes
+    double size = 0.0;  // mean, u
+    int style = 0;      // index of its ink and dashes
     std::vector<std::size_t> objects;
   };
 

@@ -11,13 +11,14 @@
 namespace smartsurf::record {
 namespace {
 
-// Writes in another process, which says after each frame that it has got so far, until it is killed.
+// Writes in another process, which says after each frame that it has got so far, until it is killed. After
+// `most_frames` it waits for that with the file open.
 class Writer {
  public:
-  Writer(const std::filesystem::path& path, const SyntheticRun& run) {
+  Writer(const std::filesystem::path& path, const SyntheticRun& run, std::uint64_t most_frames = 1u << 30) {
     EXPECT_EQ(::pipe(pipe_), 0);
     child_ = ::fork();
-    if (child_ == 0) write(path, run);
+    if (child_ == 0) write(path, run, most_frames);
     ::close(pipe_[1]);
   }
   ~Writer() { ::close(pipe_[0]); }
@@ -33,11 +34,13 @@ class Writer {
   }
 
  private:
-  [[noreturn]] void write(const std::filesystem::path& path, const SyntheticRun& run) {
+  [[noreturn]] void write(const std::filesystem::path& path, const SyntheticRun& run,
+                          std::uint64_t most_frames) {
     ::close(pipe_[0]);
     const auto recorder = Recorder::open(path, run.meta, run.spec);
     std::vector<float> values(24);
     for (std::uint64_t t = 0;; ++t) {
+      if (t == most_frames) ::pause();
       for (std::size_t i = 0; i < values.size(); ++i)
         values[i] = static_cast<float>((t * 7919 + i * i) % 1000);
       const Channel channel[] = {{"proximity", 4, 6, 1, values}};
@@ -76,7 +79,7 @@ TEST(KilledWriter, LeavesAReadableFileUpToItsLastFlush) {
 TEST(KilledWriter, CanBeReadWhileItWrites) {
   const OutputFolder out;
   SyntheticRun run;
-  Writer writer(out / "run.h5", run);
+  Writer writer(out / "run.h5", run, 130);
   writer.wait_for_frames(130);
   EXPECT_GE(Recording::open(out / "run.h5").frames(), 128u);
   writer.kill();
