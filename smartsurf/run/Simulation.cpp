@@ -21,10 +21,10 @@ Simulation::Simulation(script::Experiment& experiment, int threads, bool scripte
 
 void Simulation::list_channels() {
   const auto& surface = scene().surface;
-  for (const auto& sensor : surface.sensors) hit_names_.push_back(sensor.name + "_hit");
+  sensor_names_ = surface.sensor_channels();
   for (std::size_t i = 0; i < proximity_.size(); ++i) {
-    sensors_.push_back({surface.sensors[i].name, surface.rows, surface.columns, 1, proximity_[i].distance()});
-    sensors_.push_back({hit_names_[i], surface.rows, surface.columns, 1, proximity_[i].hit()});
+    sensors_.push_back({sensor_names_[2 * i], surface.rows, surface.columns, 1, proximity_[i].distance()});
+    sensors_.push_back({sensor_names_[2 * i + 1], surface.rows, surface.columns, 1, proximity_[i].hit()});
   }
   actuators_.push_back({"height", surface.rows, surface.columns, 1, field_.target()});
 }

@@ -82,7 +82,7 @@ class Simulation final : public script::Host {
   std::vector<surface::Proximity> proximity_;  // one a sensor of the scene
   std::vector<scene::ObjectSpec> catalogue_;
   scene::Snapshot snapshot_;
-  std::vector<std::string> hit_names_;
+  std::vector<std::string> sensor_names_;
   std::vector<record::Channel> sensors_, actuators_;
   ScriptRequests requests_;
 };

@@ -15,9 +15,11 @@ shm_protocol::SurfaceConfig describe(const std::string& name, RunMode mode, cons
   config.pitch = scene.surface.pitch;
   config.period_ns = static_cast<std::uint64_t>(std::llround(scene.world.control_period_s * 1e9));
   config.mode = mode == RunMode::kTimeStep ? Mode::kTimeStep : Mode::kPassive;
-  for (const auto& sensor : scene.surface.sensors) {
-    config.channels.push_back({sensor.name, Direction::kSensor, DType::kF32, 1, "u", 0.0, sensor.range, sensor.range});
-    config.channels.push_back({sensor.name + "_hit", Direction::kSensor, DType::kF32, 1, "", 0.0, 1.0, 0.0});
+  const std::vector<std::string> names = scene.surface.sensor_channels();
+  for (std::size_t i = 0; i < scene.surface.sensors.size(); ++i) {
+    const double range = scene.surface.sensors[i].range;
+    config.channels.push_back({names[2 * i], Direction::kSensor, DType::kF32, 1, "u", 0.0, range, range});
+    config.channels.push_back({names[2 * i + 1], Direction::kSensor, DType::kF32, 1, "", 0.0, 1.0, 0.0});
   }
   const auto& pin = scene.surface.pin;
   config.channels.push_back(
