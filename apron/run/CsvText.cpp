@@ -51,8 +51,8 @@ void decode_csv(const std::string& path, std::string_view text, const vm::Plane&
                          std::string(field.substr(0, 40)) + "' is not a number");
     }
     if (height > 0 && columns != width)
-      refuse(path, "line " + std::to_string(line) + " has " + std::to_string(columns) + " numbers, the lines above " +
-                       std::to_string(width));
+      refuse(path, "line " + std::to_string(line) + " has " + std::to_string(columns) +
+                       " numbers, the lines above " + std::to_string(width));
     width = columns;
     ++height;
   }

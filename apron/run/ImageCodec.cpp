@@ -19,7 +19,8 @@ std::span<const ImageCodec> image_codecs() {
   return kCodecs;
 }
 
-// ---- PNG ------------------------------------------------------------------------------------------------------
+// ---- PNG
+// ------------------------------------------------------------------------------------------------------
 namespace {
 
 struct PngImage : png_image {
@@ -54,12 +55,14 @@ std::string encode_png(const std::string& path, const std::vector<std::uint8_t>&
   std::string bytes;
   if (png_image_write_to_memory(&image, nullptr, &size, 0, pixels.data(), 0, nullptr) != 0) {
     bytes.resize(size);
-    if (png_image_write_to_memory(&image, bytes.data(), &size, 0, pixels.data(), 0, nullptr) != 0) return bytes;
+    if (png_image_write_to_memory(&image, bytes.data(), &size, 0, pixels.data(), 0, nullptr) != 0)
+      return bytes;
   }
   throw MediaError(vm::HostStatus::kFailed, "cannot encode '" + path + "': " + image.message);
 }
 
-// ---- PGM: https://netpbm.sourceforge.net/doc/pgm.html ----------------------------------------------------------
+// ---- PGM: https://netpbm.sourceforge.net/doc/pgm.html
+// ----------------------------------------------------------
 namespace {
 
 class PgmReader {
@@ -113,7 +116,8 @@ Grey decode_pgm(const std::string& path, std::string_view bytes, const vm::Plane
   for (float& p : pixels) {
     const std::uint32_t value = plain ? reader.number() : reader.raw(white > 255 ? 2 : 1);
     if (value > white) reader.broken();
-    p = white == 255 ? static_cast<float>(value) : static_cast<float>(value) * 255.0F / static_cast<float>(white);
+    p = white == 255 ? static_cast<float>(value)
+                     : static_cast<float>(value) * 255.0F / static_cast<float>(white);
   }
   return pixels;
 }

@@ -33,7 +33,8 @@ void write_image(const std::string& path, const vm::ConstPlane& from) {
   for (std::uint32_t y = 0; y < from.height; ++y)
     for (std::uint32_t x = 0; x < from.width; ++x) {
       const float value = from.row(y)[x];
-      pixels.push_back(value > 0.0F ? static_cast<std::uint8_t>(std::round(std::fmin(value, 255.0F))) : std::uint8_t{0});
+      pixels.push_back(value > 0.0F ? static_cast<std::uint8_t>(std::round(std::fmin(value, 255.0F)))
+                                    : std::uint8_t{0});
     }
   write_file(path, format.encode(path, pixels, from.width, from.height));
 }

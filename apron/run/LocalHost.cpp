@@ -56,7 +56,9 @@ HostStatus LocalHost::save_image(std::string_view file, vm::ConstPlane from) {
 }
 
 HostStatus LocalHost::sense(std::string_view, vm::Plane) { return report(HostStatus::kRefused, kNoSurface); }
-HostStatus LocalHost::actuate(std::string_view, vm::ConstPlane) { return report(HostStatus::kRefused, kNoSurface); }
+HostStatus LocalHost::actuate(std::string_view, vm::ConstPlane) {
+  return report(HostStatus::kRefused, kNoSurface);
+}
 HostStatus LocalHost::actuate(std::string_view, float) { return report(HostStatus::kRefused, kNoSurface); }
 HostStatus LocalHost::step() { return report(HostStatus::kRefused, kNoSurface); }
 

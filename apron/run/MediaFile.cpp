@@ -60,7 +60,8 @@ std::string extension(std::string_view path) {
   return ending;
 }
 
-void require_shape(const std::string& path, std::uint64_t width, std::uint64_t height, const vm::Plane& plane) {
+void require_shape(const std::string& path, std::uint64_t width, std::uint64_t height,
+                   const vm::Plane& plane) {
   if (width != plane.width || height != plane.height)
     refuse(path, "is " + std::to_string(width) + "x" + std::to_string(height) + ", but the register is " +
                      vm::shape_text(plane));

@@ -19,7 +19,8 @@ void write_file(const std::string& path, std::string_view bytes);
 std::string extension(std::string_view path);
 
 // Refuses a file whose array is not of the register's shape, naming both.
-void require_shape(const std::string& path, std::uint64_t width, std::uint64_t height, const vm::Plane& plane);
+void require_shape(const std::string& path, std::uint64_t width, std::uint64_t height,
+                   const vm::Plane& plane);
 
 [[noreturn]] void refuse(const std::string& path, const std::string& why);
 

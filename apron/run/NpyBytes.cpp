@@ -12,13 +12,14 @@
 namespace apron::run {
 namespace {
 
-static_assert(std::endian::native == std::endian::little, "cells are copied to and from the file as they are");
+static_assert(std::endian::native == std::endian::little,
+              "cells are copied to and from the file as they are");
 
 constexpr std::string_view kMagic = "\x93NUMPY";
 
 struct Header {
-  char kind = 'f';          // f, i, u or b
-  std::size_t size = 4;     // bytes an element
+  char kind = 'f';       // f, i, u or b
+  std::size_t size = 4;  // bytes an element
   bool big_endian = false;
   bool columns_first = false;  // Fortran order
   std::uint64_t width = 0, height = 0;
@@ -27,10 +28,11 @@ struct Header {
 
 // The text after 'key': in the header's dictionary.
 std::string_view after_key(const std::string& path, std::string_view dictionary, std::string_view key) {
-  const std::size_t at = dictionary.find("'" + std::string(key) + "'");
+  const std::size_t at = dictionary.find(std::string("'").append(key).append("'"));
   const std::size_t colon = at == std::string_view::npos ? at : dictionary.find(':', at);
-  const std::size_t value = colon == std::string_view::npos ? colon : dictionary.find_first_not_of(" ", colon + 1);
-  if (value == std::string_view::npos) refuse(path, "has no '" + std::string(key) + "' in its .npy header");
+  const std::size_t value =
+      colon == std::string_view::npos ? colon : dictionary.find_first_not_of(" ", colon + 1);
+  if (value == std::string_view::npos) refuse(path, std::string("has no '").append(key).append("' in its .npy header"));
   return dictionary.substr(value);
 }
 
@@ -45,7 +47,8 @@ void parse_type(const std::string& path, std::string_view text, Header& header) 
   const bool whole = size == 1 || size == 2 || size == 4 || size == 8;
   if (!(header.kind == 'f' && (size == 4 || size == 8)) && !(header.kind == 'b' && size == 1) &&
       !((header.kind == 'i' || header.kind == 'u') && whole))
-    refuse(path, "holds elements of type '" + std::string(type.substr(0, 40)) + "'; real, whole and truth values can be read");
+    refuse(path, "holds elements of type '" + std::string(type.substr(0, 40)) +
+                     "'; real, whole and truth values can be read");
 }
 
 void parse_shape(const std::string& path, std::string_view text, Header& header) {
@@ -97,8 +100,10 @@ float element(const char* at, bool swap) {
 
 float element(const Header& h, const char* at) {
   switch (h.kind) {
-    case 'f': return h.size == 4 ? element<float>(at, h.big_endian) : element<double>(at, h.big_endian);
-    case 'b': return *at != 0 ? 1.0F : 0.0F;
+    case 'f':
+      return h.size == 4 ? element<float>(at, h.big_endian) : element<double>(at, h.big_endian);
+    case 'b':
+      return *at != 0 ? 1.0F : 0.0F;
     case 'i':
       return h.size == 1   ? element<std::int8_t>(at, false)
              : h.size == 2 ? element<std::int16_t>(at, h.big_endian)
@@ -118,7 +123,8 @@ void decode_npy(const std::string& path, std::string_view bytes, const vm::Plane
   const Header header = parse_header(path, bytes);
   require_shape(path, header.width, header.height, to);
   if (header.cells.size() < to.cells() * header.size) refuse(path, "ends before its last element");
-  const std::size_t along_x = header.columns_first ? to.height : 1, along_y = header.columns_first ? 1 : to.width;
+  const std::size_t along_x = header.columns_first ? to.height : 1,
+                    along_y = header.columns_first ? 1 : to.width;
   for (std::uint32_t y = 0; y < to.height; ++y)
     for (std::uint32_t x = 0; x < to.width; ++x)
       to.row(y)[x] = element(header, header.cells.data() + (x * along_x + y * along_y) * header.size);
@@ -126,11 +132,12 @@ void decode_npy(const std::string& path, std::string_view bytes, const vm::Plane
 
 std::string encode_npy(const vm::ConstPlane& from) {
   constexpr std::size_t kBefore = 10, kUnit = 64;  // of the header's padding
-  std::string dictionary = "{'descr': '<f4', 'fortran_order': False, 'shape': (" + std::to_string(from.height) +
-                           ", " + std::to_string(from.width) + "), }";
+  std::string dictionary = "{'descr': '<f4', 'fortran_order': False, 'shape': (" +
+                           std::to_string(from.height) + ", " + std::to_string(from.width) + "), }";
   dictionary.append(kUnit - (kBefore + dictionary.size() + 1) % kUnit, ' ').push_back('\n');
   std::string bytes(kMagic);
-  bytes += {'\x01', '\x00', static_cast<char>(dictionary.size() & 0xFF), static_cast<char>(dictionary.size() >> 8)};
+  bytes += {'\x01', '\x00', static_cast<char>(dictionary.size() & 0xFF),
+            static_cast<char>(dictionary.size() >> 8)};
   bytes += dictionary;
   bytes.reserve(bytes.size() + from.cells() * sizeof(float));
   for (std::uint32_t y = 0; y < from.height; ++y)

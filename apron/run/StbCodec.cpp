@@ -56,16 +56,16 @@ Grey decode_stb(const std::string& path, std::string_view bytes, const vm::Plane
 std::string encode_jpeg(const std::string& path, const std::vector<std::uint8_t>& pixels, std::uint32_t width,
                         std::uint32_t height) {
   std::string bytes;
-  const int written = stbi_write_jpg_to_func(append, &bytes, static_cast<int>(width), static_cast<int>(height), 1,
-                                             pixels.data(), kJpegQuality);
+  const int written = stbi_write_jpg_to_func(append, &bytes, static_cast<int>(width),
+                                             static_cast<int>(height), 1, pixels.data(), kJpegQuality);
   return checked(path, written, std::move(bytes));
 }
 
 std::string encode_bmp(const std::string& path, const std::vector<std::uint8_t>& pixels, std::uint32_t width,
                        std::uint32_t height) {
   std::string bytes;
-  const int written = stbi_write_bmp_to_func(append, &bytes, static_cast<int>(width), static_cast<int>(height), 1,
-                                             pixels.data());
+  const int written = stbi_write_bmp_to_func(append, &bytes, static_cast<int>(width),
+                                             static_cast<int>(height), 1, pixels.data());
   return checked(path, written, std::move(bytes));
 }
 
