@@ -74,7 +74,30 @@ std::string problem_with(const PinSpec& pin, double pitch) {
   return "";
 }
 
+// The channels must fit into the shared-memory protocol: names of at most 31 plain characters, all different.
+std::string problem_with_names(const std::vector<std::string>& channels) {
+  static const std::string kPlain = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.-";
+  if (channels.size() > 30)
+    return "surface.sensors: " + std::to_string(channels.size() / 2) + " sensors: must be at most 15";
+  for (std::size_t i = 0; i < channels.size(); ++i) {
+    if (channels[i].empty() || channels[i].size() > 31 || channels[i].find_first_not_of(kPlain) != std::string::npos)
+      return "surface.sensors: channel '" + channels[i] + "': must be 1 to 31 letters, digits, '_', '.' and '-'";
+    if (std::count(channels.begin(), channels.end(), channels[i]) > 1)
+      return "surface.sensors: two channels are called '" + channels[i] + "': give a sensor another name";
+  }
+  return "";
+}
+
 }  // namespace
+
+std::vector<std::string> SurfaceSpec::sensor_channels() const {
+  std::vector<std::string> names;
+  for (const SensorSpec& sensor : sensors) {
+    names.push_back(sensor.name);
+    names.push_back(sensor.name + "_hit");
+  }
+  return names;
+}
 
 std::string nearest_name(const std::string& word, const std::vector<std::string>& known) {
   const int limit = std::max(1, static_cast<int>(word.size()) / 3);
@@ -149,6 +172,7 @@ std::string problem_with(const SurfaceSpec& s) {
   for (const auto& sensor : s.sensors)
     if (!positive(sensor.range) || sensor.range > kLargest)
       return clause(sensor.name + ".range", sensor.range, "in (0, 1000000]");
+  if (auto p = problem_with_names(s.sensor_channels()); !p.empty()) return p;
   if (s.border_height && !is_coordinate(*s.border_height))
     return clause("border.height", *s.border_height, kCoordinateRule);
   return "";

@@ -36,12 +36,6 @@ std::string channel_at(lua_State* L, const std::vector<std::string>& known, cons
 
 std::vector<std::string> actuator_channels() { return {"height"}; }
 
-std::vector<std::string> sensor_channels(const Session& session) {
-  std::vector<std::string> names;
-  for (const scene::SensorSpec& sensor : session.spec.surface.sensors) names.push_back(sensor.name);
-  return names;
-}
-
 float target_value(lua_State* L, int index, const std::string& name) {
   const double value = number_at(L, index, name);
   if (std::abs(value) > 1e6) must_be(L, index, name, "in [-1000000, 1000000]");
@@ -109,7 +103,7 @@ int sense(Session& session, lua_State* L) {
   const std::string method = "cells:sense";
   require_running(session, method);
   require_cells(L, method);
-  const std::string channel = channel_at(L, sensor_channels(session), method);
+  const std::string channel = channel_at(L, session.spec.surface.sensor_channels(), method);
   const int row = row_at(session, L, 3, method), column = column_at(session, L, 4, method);
   lua_pushnumber(L, static_cast<double>(session.host->sense(channel, row, column)));
   return 1;

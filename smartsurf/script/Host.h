@@ -2,32 +2,20 @@
 // sees object ids and plain values, never a physics engine's object.
 #pragma once
 
-#include <Eigen/Geometry>
 #include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "smartsurf/scene/ObjectState.h"
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/scene/Snapshot.h"
 
 namespace smartsurf::script {
 
-struct ObjectState {
-  Eigen::Vector3d position{0.0, 0.0, 0.0};  // centre of mass, u
-  Eigen::Quaterniond orientation{1.0, 0.0, 0.0, 0.0};
-  Eigen::Vector3d velocity{0.0, 0.0, 0.0};          // u/s
-  Eigen::Vector3d angular_velocity{0.0, 0.0, 0.0};  // rad/s, world frame
-};
-
-// What teleport changes; an absent value stays as it is.
-struct Placement {
-  std::optional<Eigen::Vector3d> position;
-  std::optional<Eigen::Quaterniond> orientation;
-  std::optional<Eigen::Vector3d> velocity;
-  std::optional<Eigen::Vector3d> angular_velocity;
-};
+using scene::ObjectState;
+using scene::Placement;
 
 // Called only from inside Experiment::start, tick and finish, on their thread; nothing is kept past the call.
 // Arguments are checked before: ids that are passed to anything but alive() are alive, rows, columns and

@@ -1,0 +1,89 @@
+// The language's own statements and instructions by name: how many arguments they take and how they are
+// lowered.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "apron/program/Program.h"
+
+namespace apron::compiler {
+
+enum class Form : std::uint8_t {
+  // values: y = f(…) and f(y, …)
+  kElementwise,
+  kMac,
+  kShift,    // by (dx, dy) times the distance
+  kShiftBy,  // shift(A, dx, dy), rotate(A, dx, dy)
+  kNear,
+  kMaskIf,
+  kGlobal,
+  kPixelGet,
+  kCell,
+  kRegisterWidth,
+  kRegisterHeight,
+  kRegisterId,
+  kSurfaceScalar,
+  kSense,
+  kHas,
+  kOpen,
+  kParameterGet,
+  kZero,
+  // statements
+  kPixelSet,
+  kSave,
+  kActuate,
+  kPlain,  // an instruction without operands
+  kMaskOn,
+  kBoundary,
+  kPrint,
+  kSliderAdd,
+  kSwitchAdd,
+  kNoEffect,
+  kJump,
+  kJumpIf,
+  kCall,
+  kCallIf,
+  kReturn,
+  kIf,
+  kElse,
+  kEndIf,
+  kWhile,
+  kEndWhile,
+  kFor,
+  kEndFor,
+  kRepeat,
+  kEndRepeat,
+  kBreak,
+  kContinue,
+  kWhere,
+  kElsewhere,
+  kEndWhere,
+};
+
+struct Builtin {
+  std::string_view name;
+  Form form = Form::kElementwise;
+  std::uint8_t least = 0, most = 0;  // arguments, a destination not counted
+  program::Opcode op = program::Opcode::kNop;
+  std::int8_t dx = 0, dy = 0;  // of one step of a shift: cells east and south
+
+  bool gives_value() const noexcept { return form <= Form::kZero; }
+};
+
+inline constexpr std::uint8_t kAnyNumber = 255;
+
+// nullptr for an unknown name.
+const Builtin* find_builtin(std::string_view name);
+std::vector<std::string> builtin_names();
+
+// Part of the language, but of a later version of this tool.
+bool is_unavailable(std::string_view name);
+
+// The comparison or logical or arithmetic instruction behind an infix operator; kNop if there is none.
+program::Opcode infix_opcode(std::string_view op);
+
+}  // namespace apron::compiler

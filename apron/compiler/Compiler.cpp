@@ -1,0 +1,73 @@
+#include "apron/compiler/Compiler.h"
+
+#include <fmt/format.h>
+
+#include <utility>
+
+#include "apron/compiler/Builtins.h"
+#include "apron/compiler/Lowering.h"
+#include "apron/compiler/Unwritten.h"
+#include "apron/syntax/Parser.h"
+#include "apron/syntax/Preprocessor.h"
+
+namespace apron::compiler {
+namespace {
+
+syntax::PreprocessorOptions preprocessor_options(const CompileOptions& options) {
+  syntax::PreprocessorOptions result;
+  result.file = options.file;
+  result.width = options.width;
+  result.height = options.height;
+  result.include_paths = options.include_paths;
+  result.library_path = options.library_path;
+  result.is_builtin = [](std::string_view name) { return find_builtin(name) != nullptr; };
+  return result;
+}
+
+void check_reads(const program::Program& program, const Lowering& lowering,
+                 syntax::Diagnostics& diagnostics) {
+  for (const ScalarRead& read : unwritten_reads(program, lowering.scalar_reads())) {
+    diagnostics.error(read.at,
+                      fmt::format("the scalar '{}' is read here, but nothing can have written it before",
+                                  program.variables[read.variable].name));
+  }
+}
+
+// What only the whole program shows.
+void check_whole(const program::Program& program, std::size_t max_addr, syntax::Diagnostics& diagnostics) {
+  if (program.code.size() > max_addr) {
+    diagnostics.error({}, fmt::format("the program has {} instructions, and '!max_addr' allows {}",
+                                      program.code.size(), max_addr));
+  } else if (const std::string wrong = program::verify(program); !wrong.empty()) {
+    diagnostics.error({}, wrong);
+  }
+}
+
+std::optional<program::Program> translate(const CompileOptions& options, syntax::FileReader& reader,
+                                          syntax::Sources& sources, syntax::Diagnostics& diagnostics) {
+  syntax::Preprocessor preprocessor(preprocessor_options(options), reader, sources, diagnostics);
+  const std::vector<syntax::Statement> statements =
+      syntax::Parser(preprocessor, sources, diagnostics).parse();
+  std::vector<std::string> names = preprocessor.macros().names();
+  const std::vector<std::string> defines = preprocessor.define_names();
+  names.insert(names.end(), defines.begin(), defines.end());
+  Lowering lowering({options.width, options.height}, sources, diagnostics, std::move(names));
+  lowering.run(statements);
+  program::Program program = lowering.finish();
+  if (diagnostics.empty()) check_reads(program, lowering, diagnostics);
+  if (diagnostics.empty()) check_whole(program, preprocessor.max_addr(), diagnostics);
+  if (!diagnostics.empty()) return std::nullopt;
+  return program;
+}
+
+}  // namespace
+
+CompileResult compile(const CompileOptions& options, syntax::FileReader& reader) {
+  CompileResult result;
+  syntax::Diagnostics diagnostics;
+  result.program = translate(options, reader, result.sources, diagnostics);
+  result.diagnostics = diagnostics.take();
+  return result;
+}
+
+}  // namespace apron::compiler

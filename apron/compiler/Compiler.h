@@ -1,0 +1,32 @@
+// An APRON source to a program that passes program::verify(), or to what is wrong with it.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apron/program/Program.h"
+#include "apron/syntax/Diagnostic.h"
+#include "apron/syntax/FileReader.h"
+#include "apron/syntax/Sources.h"
+
+namespace apron::compiler {
+
+struct CompileOptions {
+  std::string file;
+  std::uint32_t width = 0, height = 0;     // of the surface, in cells: the default shape of registers
+  std::vector<std::string> include_paths;  // for !include, after the including file's directory
+  std::string library_path;                // the installed library, looked in last; "" for none
+};
+
+struct CompileResult {
+  std::optional<program::Program> program;  // only without diagnostics
+  std::vector<syntax::Diagnostic> diagnostics;
+  syntax::Sources sources;  // for syntax::format(diagnostics, sources)
+};
+
+// Never throws for what a source holds, and ends for every source. Allocates; keeps no state between calls.
+CompileResult compile(const CompileOptions&, syntax::FileReader&);
+
+}  // namespace apron::compiler

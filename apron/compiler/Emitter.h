@@ -1,0 +1,95 @@
+// Puts a program together: instructions, the tables they index, labels, and temporaries that are used again.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "apron/program/Program.h"
+#include "apron/syntax/Sources.h"
+
+namespace apron::compiler {
+
+struct Shape {
+  std::uint32_t width = 0, height = 0;
+
+  bool operator==(const Shape&) const = default;
+  auto operator<=>(const Shape&) const = default;
+};
+
+// What an expression has become.
+struct Value {
+  enum class Kind : std::uint8_t { kNothing, kRegister, kVariable, kConstant };
+  Kind kind = Kind::kNothing;
+  std::uint32_t index = 0;
+  float constant = 0.0F;
+  bool temporary = false;
+
+  bool is_register() const noexcept { return kind == Kind::kRegister; }
+  bool is_constant() const noexcept { return kind == Kind::kConstant; }
+};
+
+// An error in the source; an empty text is one that was reported already.
+struct Failure {
+  syntax::Location at;
+  std::string text;
+};
+
+class Emitter {
+ public:
+  using Label = std::uint32_t;
+
+  // Instructions from here on come from this place.
+  void at(const syntax::Location& at, const std::string& file);
+  const syntax::Location& here() const noexcept { return here_; }
+
+  // Fail when one of the limits of program/Program.h is hit.
+  std::uint32_t add_register(std::string name, Shape);
+  std::uint32_t add_variable(std::string name);
+
+  Value temporary(Shape);
+  Value temporary_variable();
+  void release(const Value&);  // nothing for what is no temporary
+  // Temporaries taken since the mark and not kept go back.
+  std::size_t mark() const noexcept { return live_.size(); }
+  void release_to(std::size_t mark);
+  void keep(const Value&);  // until it is released by hand
+  void unkeep(const Value&);
+
+  program::Operand operand(const Value&);
+  program::Operand literal(float);
+  program::Operand text(const std::string&);
+  Shape shape(const Value&) const;
+
+  void emit(program::Opcode, program::Operand destination = {}, std::vector<program::Operand> = {},
+            bool masked = true);
+  std::size_t position() const noexcept { return program_.code.size(); }
+
+  Label new_label();
+  void place(Label);
+  program::Operand label(Label) const;
+
+  program::Program& program() noexcept { return program_; }
+  // Ends the code with kEnd and resolves the labels.
+  program::Program finish();
+
+ private:
+  struct Pool {
+    std::vector<std::uint32_t> free;
+  };
+  void drop_live(const Value&);
+
+  program::Program program_;
+  syntax::Location here_;
+  std::size_t memory_ = 0;                                // bytes of all registers
+  std::map<std::uint32_t, std::uint32_t> literal_index_;  // by the float's bits
+  std::map<std::string, std::uint32_t> text_index_, file_index_;
+  std::map<Shape, Pool> pools_;
+  std::vector<std::uint32_t> free_variables_;
+  std::vector<Value> live_;
+  std::vector<std::uint32_t> labels_;
+  std::size_t temporaries_ = 0;
+};
+
+}  // namespace apron::compiler

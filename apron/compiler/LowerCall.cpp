@@ -1,0 +1,130 @@
+// Instructions that give a value.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "apron/compiler/Lowering.h"
+#include "apron/syntax/Suggestion.h"
+
+namespace apron::compiler {
+
+using program::Opcode;
+using program::Operand;
+using syntax::ExpressionKind;
+
+Value Lowering::lower_call(const Builtin& builtin, const Expression& call, const Expressions& arguments,
+                           Destination* destination) {
+  if (!builtin.gives_value()) throw Failure{call.at, fmt::format("'{}' gives no value", call.text)};
+  if (arguments.size() < builtin.least || arguments.size() > builtin.most) {
+    Expression shown_call = call;
+    shown_call.children = arguments;
+    wrong_count(builtin, shown_call);
+  }
+  const std::string quoted = fmt::format("'{}'", call.text);
+  switch (builtin.form) {
+    case Form::kElementwise:
+    case Form::kMac: {
+      std::vector<Value> values;
+      for (const Expression& argument : arguments) values.push_back(lower(argument));
+      return elementwise(builtin.op, values, call.at, destination);
+    }
+    case Form::kShift:
+    case Form::kShiftBy:
+      return shift(builtin, arguments, call.at, destination);
+    case Form::kNear:
+      return near(builtin, arguments, call.at, destination);
+    case Form::kMaskIf:
+      return comparison(arguments, call.at, destination);
+    case Form::kGlobal: {
+      const Value source = array(arguments[0], quoted);
+      emitter_.release(source);
+      return to_variable(builtin.op, {emitter_.operand(source)}, call.at, destination);
+    }
+    case Form::kPixelGet: {
+      const Value source = array(arguments[0], quoted);
+      const Value x = scalar(arguments[1], quoted);
+      const Value y = scalar(arguments[2], quoted);
+      for (const Value& value : {source, x, y}) emitter_.release(value);
+      return to_variable(builtin.op, {emitter_.operand(source), emitter_.operand(x), emitter_.operand(y)},
+                         call.at, destination);
+    }
+    case Form::kCell:
+      return to_register(builtin.op, {}, call.at, destination);
+    case Form::kRegisterWidth:
+    case Form::kRegisterHeight:
+    case Form::kRegisterId:
+      return register_size(builtin, arguments, call.at);
+    case Form::kSurfaceScalar:
+      return to_variable(builtin.op, {}, call.at, destination);
+    case Form::kHas:
+      return to_variable(builtin.op, {emitter_.text(text(arguments[0], "a channel's name"))}, call.at,
+                         destination);
+    case Form::kSense:
+      return to_register(builtin.op, {emitter_.text(text(arguments[0], "a channel's name"))}, call.at,
+                         destination);
+    case Form::kOpen:
+      return to_register(builtin.op, {emitter_.text(text(arguments[0], "a file name"))}, call.at,
+                         destination);
+    case Form::kParameterGet: {
+      const std::string& name = text(arguments[0], "a name");
+      std::vector<std::string> known;
+      for (const program::Parameter& parameter : emitter_.program().parameters)
+        known.push_back(parameter.name);
+      if (std::find(known.begin(), known.end(), name) == known.end()) {
+        throw Failure{arguments[0].at, fmt::format("no slider or switch '{}' was added before{}", name,
+                                                   syntax::did_you_mean(name, known))};
+      }
+      return to_variable(builtin.op, {emitter_.text(name)}, call.at, destination);
+    }
+    case Form::kZero:
+      return {Value::Kind::kConstant, 0, 0.0F, false};
+    default:
+      throw Failure{call.at, fmt::format("'{}' gives no value", call.text)};
+  }
+}
+
+// (a, op, b), or one expression as a truth of 0 or 1.
+Value Lowering::comparison(const Expressions& arguments, Location at, Destination* destination) {
+  if (arguments.size() == 1) {
+    const Value zero{Value::Kind::kConstant, 0, 0.0F, false};
+    return elementwise(Opcode::kNe, {lower(arguments[0]), zero}, at, destination);
+  }
+  if (arguments.size() != 3 || arguments[1].kind != ExpressionKind::kOperator) {
+    throw Failure{at, "expected a condition: (a, op, b) with one of < <= > >= == !=, or one expression"};
+  }
+  const Value left = lower(arguments[0]);
+  const Value right = lower(arguments[2]);
+  return elementwise(infix_opcode(arguments[1].text), {left, right}, at, destination);
+}
+
+// For instructions that write a scalar only: into a register it goes by way of a scalar.
+Value Lowering::to_variable(Opcode op, std::vector<Operand> operands, Location at, Destination* destination) {
+  Value place;
+  if (destination != nullptr) {
+    const Value wanted = target(*destination, false, {});
+    if (wanted.is_register()) {
+      place = emitter_.temporary_variable();
+      emitter_.emit(op, emitter_.operand(place), std::move(operands));
+      emitter_.emit(Opcode::kCopy, emitter_.operand(wanted), {emitter_.operand(place)});
+      emitter_.release(place);
+      return wanted;
+    }
+    place = wanted;
+  } else {
+    place = emitter_.temporary_variable();
+  }
+  static_cast<void>(at);
+  emitter_.emit(op, emitter_.operand(place), std::move(operands));
+  return place;
+}
+
+// For instructions that fill a register from nothing of its shape.
+Value Lowering::to_register(Opcode op, std::vector<Operand> operands, Location at, Destination* destination) {
+  const Value place = destination != nullptr ? target(*destination, true, hint_) : emitter_.temporary(hint_);
+  static_cast<void>(at);
+  emitter_.emit(op, emitter_.operand(place), std::move(operands), destination != nullptr);
+  return place;
+}
+
+}  // namespace apron::compiler

@@ -1,0 +1,61 @@
+// What the names of a program stand for.
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "apron/compiler/Emitter.h"
+#include "apron/syntax/Preprocessor.h"
+#include "apron/syntax/Sources.h"
+
+namespace apron::compiler {
+
+struct Symbol {
+  Value value;           // kNothing: an error was reported for it already
+  syntax::Location at;   // of its declaration or first write
+  bool writable = true;  // not a macro's argument
+  std::string name;      // as shown to the user
+};
+
+class Names {
+ public:
+  Names();
+
+  // nullptr if the name is not known as it stands.
+  const Symbol* find(const std::string& name) const;
+  void add(const std::string& name, Symbol);
+  void remove(const std::string& name);
+
+  // The element of a class, by name or number. Fail, naming what is wrong.
+  const Symbol& element(const std::string& class_name, const std::string& name, syntax::Location) const;
+  const Symbol& element(const std::string& class_name, float number, syntax::Location) const;
+  // Fail if the name is taken.
+  void add_element(const std::string& class_name, const std::string& name, Symbol, syntax::Location);
+  void add_class(const syntax::Declaration&);
+  bool holds_variables(const std::string& class_name, syntax::Location) const;
+
+  // "; did you mean 'r[A]'?" and the like, or "".
+  std::string suggestion(const std::string& name, const std::vector<std::string>& also) const;
+  const Symbol* find_register(std::uint32_t index) const;
+
+ private:
+  struct Class {
+    bool of_variables = false;
+    syntax::Location at;
+    std::map<std::string, Symbol> elements;
+    std::vector<std::string> order;
+  };
+  const std::string& class_of(const std::string& name, syntax::Location) const;
+
+  std::map<std::string, Symbol> bare_;
+  std::map<std::string, Class> classes_;
+  std::map<std::string, std::string> aliases_;  // classes by themselves too
+};
+
+// Without what makes a macro's own names unique: "t:7" is ":t" to the user, "$a:7" is "$a".
+std::string shown(const std::string& name);
+bool is_local(const std::string& name);
+bool is_macro_name(const std::string& name);
+
+}  // namespace apron::compiler

@@ -1,0 +1,62 @@
+#include <fmt/format.h>
+
+#include <iterator>
+
+#include "apron/program/Program.h"
+
+namespace apron::program {
+namespace {
+
+std::string name_of(const Program& program, const Operand& operand) {
+  switch (operand.kind) {
+    case OperandKind::kNone:
+      return "-";
+    case OperandKind::kRegister:
+      return program.registers.at(operand.index).name;
+    case OperandKind::kVariable:
+      return program.variables.at(operand.index).name;
+    case OperandKind::kLiteral:
+      return fmt::format("{}", program.literals.at(operand.index));
+    case OperandKind::kText:
+      return fmt::format("'{}'", program.texts.at(operand.index));
+    case OperandKind::kLabel:
+      return fmt::format("@{}", operand.index);
+  }
+  return "?";
+}
+
+std::string operands_of(const Program& program, const Instruction& instruction) {
+  std::string list;
+  const auto append = [&](const Operand& operand) {
+    if (operand.kind == OperandKind::kNone) return;
+    if (!list.empty()) list += ", ";
+    list += name_of(program, operand);
+  };
+  append(instruction.destination);
+  for (const Operand& operand : instruction.operands) append(operand);
+  return list;
+}
+
+}  // namespace
+
+std::string disassemble(const Program& program, std::size_t index) {
+  const Instruction& instruction = program.code.at(index);
+  std::string line =
+      fmt::format("{:>5}  {:<16}{}", index, info(instruction.op).mnemonic, operands_of(program, instruction));
+  if (instruction.source < program.sources.size()) {
+    const Source& source = program.sources[instruction.source];
+    if (source.line > 0) {
+      line = fmt::format("{:<55} ; {}:{}", line, program.files.at(source.file), source.line);
+    }
+  }
+  while (!line.empty() && line.back() == ' ') line.pop_back();
+  return line;
+}
+
+std::string disassemble(const Program& program) {
+  std::string text;
+  for (std::size_t i = 0; i < program.code.size(); ++i) text += disassemble(program, i) + '\n';
+  return text;
+}
+
+}  // namespace apron::program

@@ -1,0 +1,106 @@
+// A compiled APRON program: an immutable list of instructions over registers (2-D float arrays), variables
+// (scalars), literals and texts. The compiler makes it, verify() proves it safe to run, the VM runs it unchecked.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace apron::program {
+
+enum class Opcode : std::uint8_t {
+#define APRON_OP(name, mnemonic, signature, locality, text) k##name,
+#include "apron/program/opcodes.def"
+};
+
+enum class Locality : std::uint8_t { Cell, News, Far, Global, Control, Host };
+
+struct OpcodeInfo {
+  std::string_view mnemonic;
+  std::string_view signature;  // see opcodes.def
+  Locality locality;
+  std::string_view text;
+};
+inline constexpr std::size_t kMaxSources = 3;
+
+const OpcodeInfo& info(Opcode) noexcept;
+std::size_t opcode_count() noexcept;
+
+// Edge rule of the shifts, the first operand of kBoundary as a literal.
+enum class BoundaryRule : std::uint8_t { kZero, kReplicate, kWrap, kReflect, kValue };
+
+enum class OperandKind : std::uint8_t { kNone, kRegister, kVariable, kLiteral, kText, kLabel };
+
+struct Operand {
+  OperandKind kind = OperandKind::kNone;
+  std::uint32_t index = 0;  // into registers, variables, literals, texts; for a label: the instruction's index
+
+  bool operator==(const Operand&) const = default;
+};
+
+struct Instruction {
+  Opcode op = Opcode::kNop;
+  // Writes to a register obey the active mask; the compiler clears it for temporaries, which nobody can see.
+  bool masked = true;
+  std::uint32_t source = 0;  // index into Program::sources
+  Operand destination;
+  std::array<Operand, kMaxSources> operands{};
+};
+
+struct Register {
+  std::string name;  // as the user wrote it; temporaries begin with '$'
+  std::uint32_t width = 0, height = 0;
+};
+
+struct Variable {
+  std::string name;
+  float initial = 0.0F;
+};
+
+// A slider or switch that the script made.
+struct Parameter {
+  std::string name;
+  float initial = 0.0F, low = 0.0F, high = 1.0F;
+};
+
+// Where an instruction came from.
+struct Source {
+  std::uint32_t file = 0;  // index into Program::files
+  std::uint32_t line = 0, column = 0;  // from 1
+};
+
+struct Program {
+  std::vector<Instruction> code;  // never empty: ends with kEnd
+  std::vector<Register> registers;
+  std::vector<Variable> variables;
+  std::vector<float> literals;
+  std::vector<std::string> texts;
+  std::vector<Parameter> parameters;
+  std::vector<Source> sources;
+  std::vector<std::string> files;  // as shown to the user
+};
+
+// Limits, named in the error when hit.
+inline constexpr std::size_t kMaxInstructions = 1'000'000;
+inline constexpr std::size_t kMaxRegisters = 4096;
+inline constexpr std::size_t kMaxCells = std::size_t{1} << 26;   // of one register
+inline constexpr std::size_t kMaxMemory = std::size_t{1} << 33;  // bytes of all registers
+inline constexpr std::size_t kMaxCallDepth = 256;
+inline constexpr std::size_t kMaxMaskDepth = 64;
+
+// "" if every operand is in range and of the kind that its opcode's signature takes, the registers of one
+// instruction share a shape, shifts are out of place, labels are inside the code, masks balance on every path
+// and the code ends with kEnd; else one line that names the instruction and what is wrong with it.
+std::string verify(const Program&);
+
+// One line an instruction: index, mnemonic, operands by name, source line.
+std::string disassemble(const Program&);
+std::string disassemble(const Program&, std::size_t instruction);
+
+// What an instruction needs of the array: opcode's locality, with shifts judged by their offsets.
+Locality locality(const Program&, const Instruction&) noexcept;
+
+}  // namespace apron::program

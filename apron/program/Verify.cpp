@@ -1,0 +1,187 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+
+#include "apron/program/MaskFlow.h"
+#include "apron/program/Program.h"
+
+namespace apron::program {
+namespace {
+
+using Kind = OperandKind;
+
+bool same_shape(const Register& a, const Register& b) { return a.width == b.width && a.height == b.height; }
+
+// Checks one instruction's operands; message() is empty while nothing is wrong.
+class OperandCheck {
+ public:
+  OperandCheck(const Program& program, const Instruction& instruction)
+      : program_(program), in_(instruction), signature_(info(instruction.op).signature) {}
+
+  std::string message() {
+    if (in_.source >= program_.sources.size() && !program_.sources.empty())
+      return "its source is out of range";
+    if (auto wrong = destination(); !wrong.empty()) return wrong;
+    for (std::size_t i = 0; i < kMaxSources; ++i) {
+      if (auto wrong = source(i); !wrong.empty()) return wrong;
+    }
+    if (auto wrong = shapes(); !wrong.empty()) return wrong;
+    return special();
+  }
+
+ private:
+  std::size_t limit(Kind kind) const {
+    switch (kind) {
+      case Kind::kNone:
+        return SIZE_MAX;
+      case Kind::kRegister:
+        return program_.registers.size();
+      case Kind::kVariable:
+        return program_.variables.size();
+      case Kind::kLiteral:
+        return program_.literals.size();
+      case Kind::kText:
+        return program_.texts.size();
+      case Kind::kLabel:
+        return program_.code.size();
+    }
+    return 0;
+  }
+
+  static bool takes(char letter, Kind kind) {
+    const bool scalar = kind == Kind::kVariable || kind == Kind::kLiteral;
+    switch (letter) {
+      case 'R':
+      case 'r':
+        return kind == Kind::kRegister;
+      case 'V':
+        return kind == Kind::kVariable;
+      case 'D':
+        return kind == Kind::kRegister || kind == Kind::kVariable;
+      case 's':
+        return scalar;
+      case 'x':
+        return scalar || kind == Kind::kRegister;
+      case 't':
+        return kind == Kind::kText;
+      case 'l':
+        return kind == Kind::kLabel;
+      default:
+        return kind == Kind::kNone;
+    }
+  }
+
+  std::string one(char letter, const Operand& operand, std::string_view what) const {
+    if (!takes(letter, operand.kind)) return fmt::format("{} is not of kind '{}'", what, letter);
+    if (operand.index >= limit(operand.kind)) return fmt::format("{} is out of range", what);
+    return {};
+  }
+
+  std::string destination() const { return one(signature_.front(), in_.destination, "the destination"); }
+
+  std::string source(std::size_t i) const {
+    const char letter = i + 1 < signature_.size() ? signature_[i + 1] : '-';
+    return one(letter, in_.operands[i], fmt::format("operand {}", i + 1));
+  }
+
+  std::string shapes() const {
+    const Register* shape = nullptr;
+    const auto differs = [&](const Operand& operand) {
+      if (operand.kind != Kind::kRegister) return false;
+      const Register& reg = program_.registers[operand.index];
+      if (shape == nullptr) shape = &reg;
+      return !same_shape(*shape, reg);
+    };
+    const bool to_variable = signature_.front() == 'D' && in_.destination.kind == Kind::kVariable;
+    bool wrong = differs(in_.destination);
+    for (const Operand& operand : in_.operands) {
+      if (to_variable && operand.kind == Kind::kRegister) return "a register cannot go into a variable";
+      wrong = wrong || differs(operand);
+    }
+    return wrong ? "its registers differ in shape" : "";
+  }
+
+  bool whole_literal(const Operand& operand) const {
+    if (operand.kind != Kind::kLiteral) return false;
+    const float value = program_.literals[operand.index];
+    return std::fabs(value) <= 16777216.0F && value == std::trunc(value);
+  }
+
+  std::string special() const {
+    switch (in_.op) {
+      case Opcode::kShift:
+      case Opcode::kRotate:
+        if (in_.operands[0] == in_.destination) return "it is not out of place";
+        if (!whole_literal(in_.operands[1]) || !whole_literal(in_.operands[2])) {
+          return "its offsets are not whole literals";
+        }
+        return {};
+      case Opcode::kBoundary:
+        return boundary();
+      case Opcode::kParameter:
+        return parameter();
+      default:
+        return {};
+    }
+  }
+
+  std::string boundary() const {
+    if (!whole_literal(in_.operands[0])) return "its rule is not a whole literal";
+    const float rule = program_.literals[in_.operands[0].index];
+    const bool known = rule >= 0.0F && rule <= static_cast<float>(BoundaryRule::kValue);
+    return known ? "" : "its rule is unknown";
+  }
+
+  std::string parameter() const {
+    const std::string& name = program_.texts[in_.operands[0].index];
+    const bool known = std::any_of(program_.parameters.begin(), program_.parameters.end(),
+                                   [&](const Parameter& parameter) { return parameter.name == name; });
+    return known ? "" : fmt::format("no parameter is called '{}'", name);
+  }
+
+  const Program& program_;
+  const Instruction& in_;
+  std::string_view signature_;
+};
+
+std::string verify_registers(const Program& program) {
+  if (program.registers.size() > kMaxRegisters) {
+    return fmt::format("the program has more than {} registers", kMaxRegisters);
+  }
+  std::size_t memory = 0;
+  for (const Register& reg : program.registers) {
+    const std::uint64_t cells = std::uint64_t{reg.width} * reg.height;
+    if (cells == 0) return fmt::format("register '{}' has no cells", reg.name);
+    if (cells > kMaxCells) return fmt::format("register '{}' has more than {} cells", reg.name, kMaxCells);
+    memory += cells * sizeof(float);
+  }
+  return memory > kMaxMemory ? fmt::format("the registers take more than {} bytes", kMaxMemory) : "";
+}
+
+}  // namespace
+
+std::string verify(const Program& program) {
+  if (program.code.empty()) return "the program has no instructions";
+  if (program.code.size() > kMaxInstructions) {
+    return fmt::format("the program has more than {} instructions", kMaxInstructions);
+  }
+  if (auto wrong = verify_registers(program); !wrong.empty()) return wrong;
+  for (const Source& source : program.sources) {
+    if (source.line > 0 && source.file >= program.files.size()) return "a source names a file out of range";
+  }
+  for (std::size_t i = 0; i < program.code.size(); ++i) {
+    const Instruction& instruction = program.code[i];
+    if (static_cast<std::size_t>(instruction.op) >= opcode_count()) {
+      return fmt::format("instruction {}: unknown opcode", i);
+    }
+    if (auto wrong = OperandCheck(program, instruction).message(); !wrong.empty()) {
+      return fmt::format("instruction {} ({}): {}", i, info(instruction.op).mnemonic, wrong);
+    }
+  }
+  if (program.code.back().op != Opcode::kEnd) return "the program does not end with 'end'";
+  return verify_masks(program);
+}
+
+}  // namespace apron::program

@@ -1,0 +1,80 @@
+// A program as the parser leaves it: a flat list of statements, each with trees of expressions. Blocks are
+// not nested here, so that a macro may open one that another closes; the compiler pairs them.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "apron/syntax/Preprocessor.h"
+#include "apron/syntax/Sources.h"
+
+namespace apron::syntax {
+
+// Longest way from an expression's top to a leaf, macro bodies included.
+inline constexpr std::size_t kMaxExpressionDepth = 200;
+
+enum class ExpressionKind : std::uint8_t {
+  kNumber,     // number
+  kText,       // text
+  kName,       // text: a register, scalar or instruction without arguments
+  kElement,    // text[child 0]: an element of a class, by name or number
+  kCall,       // text(children)
+  kUnary,      // text is - + ! or not
+  kBinary,     // text is the operator
+  kOperator,   // a comparison sign as an argument: if(a,<,b)
+  kLabel,      // #text
+  kExpansion,  // a macro with a result
+};
+
+struct MacroExpansion;
+
+struct Expression {
+  ExpressionKind kind = ExpressionKind::kNumber;
+  Location at;
+  std::string text;
+  float number = 0.0F;
+  std::vector<Expression> children;
+  std::shared_ptr<MacroExpansion> expansion;
+  std::size_t depth = 1;
+};
+
+// An argument that is more than a word: evaluated once, before the macro's body.
+struct Binding {
+  std::string name;  // unique in the program, begins with '$'
+  Expression value;
+};
+
+enum class StatementKind : std::uint8_t {
+  kAssign,   // target = value
+  kCall,     // value is a kCall or kName
+  kLabel,    // target.text
+  kDeclare,  // declaration
+  kEnter,    // a macro's body begins: expansion has its bindings, its body follows in the list
+  kLeave,    // and ends
+  kInvalid,  // reported already; target.text is its first word, value.text "=" if it was an assignment
+};
+
+struct Statement {
+  StatementKind kind = StatementKind::kInvalid;
+  Location at;
+  Expression target;
+  Expression value;
+  std::shared_ptr<Declaration> declaration;
+  std::shared_ptr<MacroExpansion> expansion;
+  std::uint32_t expansion_id = 0;  // of kEnter and kLeave
+};
+
+struct MacroExpansion {
+  std::uint32_t id = 0;
+  std::string macro;
+  std::string
+      result;  // unique name that the body writes the result to; "" when the caller's target is written
+  std::vector<Binding> bindings;
+  std::vector<Expression> words;  // the arguments that are single names or elements
+  std::vector<Statement> body;    // empty for kEnter
+};
+
+}  // namespace apron::syntax

@@ -1,0 +1,28 @@
+// Values known while the source is read: the operands of `!if` and the sizes in `!create`.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "apron/syntax/Diagnostic.h"
+#include "apron/syntax/Token.h"
+
+namespace apron::syntax {
+
+struct Constant {
+  bool is_text = false;  // a 'text', or a name that stands for itself, to be compared by == and !=
+  std::string text;
+  double number = 0.0;
+
+  bool truth() const { return is_text || number != 0.0; }
+};
+
+// A comparison by one of < <= > >= == !=; nothing if the two cannot be compared.
+std::optional<bool> compare(const Constant&, std::string_view op, const Constant&);
+
+// Numbers, texts, names, ( ) unary - + !, * / %, + -, comparisons, && and ||. Reports what is wrong, at the
+// token or else at `at`.
+std::optional<Constant> evaluate(const Tokens&, Location at, Diagnostics&);
+
+}  // namespace apron::syntax

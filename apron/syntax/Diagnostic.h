@@ -1,0 +1,44 @@
+// What is wrong with a program, collected while the stages go on, and its text for the user.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "apron/syntax/Sources.h"
+
+namespace apron::syntax {
+
+struct Note {
+  Location at;
+  std::string text;
+};
+
+struct Diagnostic {
+  Location at;
+  std::string text;
+  std::vector<Note> notes;  // "declared here" and the like; include and macro chains come from the location
+};
+
+inline constexpr std::size_t kMaxErrors = 20;
+
+class Diagnostics {
+ public:
+  // The same text at the same place, as from a macro expanded twice, is kept once; nothing beyond kMaxErrors.
+  void error(Location at, std::string text, std::vector<Note> notes = {});
+  bool full() const noexcept { return full_; }
+  bool empty() const noexcept { return list_.empty(); }
+  // In the order of the places: files in the order of their inclusion, then lines and columns.
+  std::vector<Diagnostic> take();
+
+ private:
+  std::vector<Diagnostic> list_;
+  bool full_ = false;
+};
+
+// "file:line:col: error: text", the source line, a line with a caret below the column, then one line for each
+// note, macro expansion and include on the way to it.
+std::string format(const Diagnostic&, const Sources&);
+std::string format(const std::vector<Diagnostic>&, const Sources&);
+
+}  // namespace apron::syntax

@@ -1,0 +1,28 @@
+// Where the texts of a program come from, so that tests and fuzzers need no disk.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+
+namespace apron::syntax {
+
+class FileReader {
+ public:
+  virtual ~FileReader() = default;
+  // The whole text of a file, or nothing if there is no such file or it cannot be read.
+  virtual std::optional<std::string> read(const std::string& path) = 0;
+};
+
+class DiskReader final : public FileReader {
+ public:
+  std::optional<std::string> read(const std::string& path) override;
+};
+
+class MemoryReader final : public FileReader {
+ public:
+  std::map<std::string, std::string> files;
+  std::optional<std::string> read(const std::string& path) override;
+};
+
+}  // namespace apron::syntax

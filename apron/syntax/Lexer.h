@@ -1,0 +1,18 @@
+// Text to lines of tokens: comments gone, continued lines joined. A line with a bad character is reported and
+// marked; its tokens up to there are kept, so that an `if` in it still has its `endif`.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "apron/syntax/Diagnostic.h"
+#include "apron/syntax/Sources.h"
+#include "apron/syntax/Token.h"
+
+namespace apron::syntax {
+
+inline constexpr std::size_t kMaxFileBytes = std::size_t{16} << 20;
+
+std::vector<Line> lex(const Sources&, std::uint32_t file, Diagnostics&);
+
+}  // namespace apron::syntax

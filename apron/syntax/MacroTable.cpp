@@ -1,0 +1,63 @@
+#include "apron/syntax/MacroTable.h"
+
+#include <fmt/format.h>
+
+#include <utility>
+
+namespace apron::syntax {
+
+MacroTable::Handle MacroTable::add(Macro macro) {
+  auto& slot = macros_[{macro.name, macro.parameters.size(), !macro.result.empty()}];
+  if (slot != nullptr) return slot;
+  slot = std::make_shared<const Macro>(std::move(macro));
+  return nullptr;
+}
+
+MacroTable::Handle MacroTable::find(const std::string& name, std::size_t arguments, bool result) const {
+  const auto found = macros_.find({name, arguments, result});
+  return found == macros_.end() ? nullptr : found->second;
+}
+
+bool MacroTable::has(const std::string& name) const {
+  const auto next = macros_.lower_bound({name, 0, false});
+  return next != macros_.end() && std::get<0>(next->first) == name;
+}
+
+std::vector<std::string> MacroTable::patterns(const std::string& name) const {
+  std::vector<std::string> list;
+  for (auto at = macros_.lower_bound({name, 0, false}); at != macros_.end() && std::get<0>(at->first) == name;
+       ++at) {
+    list.push_back(pattern(*at->second));
+  }
+  return list;
+}
+
+std::vector<std::string> MacroTable::names() const {
+  std::vector<std::string> list;
+  for (const auto& [key, macro] : macros_) {
+    if (list.empty() || list.back() != macro->name) list.push_back(macro->name);
+  }
+  return list;
+}
+
+std::string pattern(const Macro& macro) {
+  std::string text = macro.result.empty() ? macro.name : fmt::format("${} = {}", macro.result, macro.name);
+  for (std::size_t i = 0; i < macro.parameters.size(); ++i)
+    text += (i == 0 ? "($" : ", $") + macro.parameters[i];
+  return macro.parameters.empty() ? text : text + ')';
+}
+
+bool same_body(const Macro& a, const Macro& b) {
+  if (a.body.size() != b.body.size() || a.parameters != b.parameters || a.result != b.result) return false;
+  for (std::size_t i = 0; i < a.body.size(); ++i) {
+    const Tokens& left = a.body[i].tokens;
+    const Tokens& right = b.body[i].tokens;
+    if (left.size() != right.size()) return false;
+    for (std::size_t j = 0; j < left.size(); ++j) {
+      if (left[j].kind != right[j].kind || left[j].text != right[j].text) return false;
+    }
+  }
+  return true;
+}
+
+}  // namespace apron::syntax

@@ -1,0 +1,148 @@
+// Hands out the statements of a program line by line with includes, conditions, defines and macro bodies
+// done. Macro calls are recognised by the parser, which knows expressions; it opens them here with enter().
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "apron/syntax/Diagnostic.h"
+#include "apron/syntax/FileReader.h"
+#include "apron/syntax/MacroTable.h"
+#include "apron/syntax/Sources.h"
+#include "apron/syntax/Token.h"
+
+namespace apron::syntax {
+
+// Limits, named in the error when hit.
+inline constexpr std::size_t kMaxIncludeDepth = 32;
+inline constexpr std::size_t kMaxIncludes = 1000;
+inline constexpr std::size_t kMaxMacroDepth = 64;
+inline constexpr std::size_t kMaxExpansions = 100'000;
+inline constexpr std::size_t kMaxLines = 1'000'000;  // after expansion
+inline constexpr std::size_t kMaxLineTokens = 20'000;
+
+struct PreprocessorOptions {
+  std::string file;
+  std::uint32_t width = 0, height = 0;     // SURFACE_WIDTH, SURFACE_HEIGHT, in cells
+  std::vector<std::string> include_paths;  // searched after the including file's directory
+  std::string library_path;                // searched last; "" for none
+  // Whether the language has an instruction of that name: inside a macro of the same name, that is meant.
+  std::function<bool(std::string_view)> is_builtin;
+};
+
+// What `!register`, `!create` and `!object` ask for.
+struct Declaration {
+  enum class Kind : std::uint8_t { kRegister, kElement, kClass };
+  Kind kind = Kind::kRegister;
+  Location at;
+  std::string name;        // of the register or element; of the class
+  std::string class_name;  // of an element
+  std::string alias;       // of a class
+  bool of_variables = false;
+  std::uint32_t width = 0, height = 0;  // cells
+};
+
+struct Item {
+  enum class Kind : std::uint8_t { kLine, kDeclaration, kLeave, kDone };
+  Kind kind = Kind::kDone;
+  Line line;
+  Declaration declaration;
+  std::uint32_t expansion = 0;  // that is left
+};
+
+class Preprocessor {
+ public:
+  Preprocessor(PreprocessorOptions, FileReader&, Sources&, Diagnostics&);
+
+  // The next item; kDone once all that was entered above `floor` (see depth()) is used up.
+  Item next(std::size_t floor = 0);
+  std::size_t depth() const noexcept { return frames_.size(); }
+
+  // The macro that a call means here: none while it is being expanded itself and the language has that name.
+  MacroTable::Handle find(const std::string& name, std::size_t arguments, bool result) const;
+  const MacroTable& macros() const noexcept { return macros_; }
+  bool is_builtin(std::string_view name) const { return options_.is_builtin && options_.is_builtin(name); }
+
+  // Goes on with the macro's body. The tokens take the places of its parameters. False if a limit is hit,
+  // which is reported and ends the program.
+  bool enter(const MacroTable::Handle&, std::uint32_t expansion, Tokens result,
+             std::vector<Tokens> arguments);
+
+  // "" unless `!operator` rebound it.
+  std::string operator_target(const std::string& symbol) const;
+  std::size_t max_addr() const noexcept { return max_addr_; }
+  // Every define, for suggestions.
+  std::vector<std::string> define_names() const;
+
+ private:
+  struct Condition {
+    Location at;
+    bool outer = true;  // the lines around it are read
+    bool active = true;
+    bool taken = true;
+    bool else_seen = false;
+  };
+  struct Frame {
+    std::shared_ptr<const std::vector<Line>> lines;
+    std::size_t next = 0;
+    std::string path;  // of a file
+    MacroTable::Handle macro;
+    std::uint32_t expansion = 0;
+    std::map<std::string, Tokens> parameters;
+    std::vector<Condition> conditions;
+  };
+
+  void stop();
+  bool active() const;
+  void leave(Item&);
+  bool step(Item&);
+  void substitute(Tokens&, const Frame&) const;
+  bool substitute(const Token&, const Frame&, Tokens& out) const;
+  bool replace_defines(Tokens&);
+  bool replace_defines(const Tokens&, Tokens& out, std::set<std::string>& hidden, int level);
+
+  // Directives.cpp
+  using Arguments = std::vector<Tokens>;
+  bool directive(Line&, Item&);
+  bool condition_directive(const Tokens&);
+  void begin_if(const Tokens&);
+  bool holds(const Tokens&);
+  bool arguments(const Tokens&, std::size_t least, std::size_t most, Arguments&);
+  bool text_argument(const Tokens&, std::string& text, std::string_view what);
+  void include(const Tokens&);
+  void open_file(const std::string& path, std::string text, Location from);
+  void define(const Tokens&);
+  void define_macro(const Tokens&);
+  bool read_pattern(const Tokens&, Macro&);
+  bool read_body(Macro&, Location at);
+  void register_directive(const Tokens&);
+  bool create(const Tokens&, Item&);
+  bool object(const Tokens&, Item&);
+  bool size_argument(const Tokens&, Location at, std::uint32_t& size);
+  void bind_operator(const Tokens&);
+  void limit_addresses(const Tokens&);
+
+  PreprocessorOptions options_;
+  FileReader& reader_;
+  Sources& sources_;
+  Diagnostics& diagnostics_;
+  std::vector<Frame> frames_;
+  std::vector<Declaration> pending_;  // declarations of a `!register`, handed out one by one from the back
+  std::map<std::string, Tokens> defines_;
+  std::map<std::string, std::string> operators_;
+  MacroTable macros_;
+  std::size_t includes_ = 0;
+  std::size_t lines_ = 0;
+  std::size_t max_addr_ = SIZE_MAX;
+};
+
+// The ranges between commas outside brackets; none for an empty list.
+std::vector<Tokens> split_arguments(Tokens::const_iterator first, Tokens::const_iterator last);
+
+}  // namespace apron::syntax

@@ -1,0 +1,74 @@
+#include "apron/syntax/Suggestion.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cstddef>
+
+namespace apron::syntax {
+namespace {
+
+constexpr std::size_t kMaxLength = 64;
+
+std::string lower(std::string_view text) {
+  std::string result(text);
+  for (char& c : result) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return result;
+}
+
+std::size_t distance(std::string_view a, std::string_view b) {
+  std::vector<std::vector<std::size_t>> d(a.size() + 1, std::vector<std::size_t>(b.size() + 1));
+  for (std::size_t i = 0; i <= a.size(); ++i) d[i][0] = i;
+  for (std::size_t j = 0; j <= b.size(); ++j) d[0][j] = j;
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      const std::size_t change = a[i - 1] == b[j - 1] ? 0 : 1;
+      d[i][j] = std::min({d[i - 1][j] + 1, d[i][j - 1] + 1, d[i - 1][j - 1] + change});
+      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1]) {
+        d[i][j] = std::min(d[i][j], d[i - 2][j - 2] + 1);
+      }
+    }
+  }
+  return d[a.size()][b.size()];
+}
+
+bool ends_in(std::string_view candidate, std::string_view name) {
+  return name.size() >= 2 && candidate.size() > name.size() &&
+         candidate.substr(candidate.size() - name.size()) == name &&
+         candidate[candidate.size() - name.size() - 1] == '.';
+}
+
+std::size_t score(std::string_view name, std::string_view candidate) {
+  if (candidate == name) return SIZE_MAX;
+  if (lower(candidate) == lower(name)) return 0;
+  if (ends_in(candidate, name)) return 1;
+  const std::size_t allowed = name.size() <= 2 ? 1 : name.size() <= 4 ? 1 : name.size() <= 8 ? 2 : 3;
+  if (candidate.size() > name.size() + allowed || name.size() > candidate.size() + allowed) return SIZE_MAX;
+  const std::size_t edits = distance(name, candidate);
+  const bool nothing_left = edits >= std::max(name.size(), candidate.size());
+  return edits <= allowed && !nothing_left ? edits : SIZE_MAX;
+}
+
+}  // namespace
+
+std::string nearest(std::string_view name, const std::vector<std::string>& candidates) {
+  if (name.empty() || name.size() > kMaxLength) return {};
+  std::string best;
+  std::size_t best_score = SIZE_MAX;
+  for (const std::string& candidate : candidates) {
+    const std::size_t value = score(name, candidate);
+    if (value < best_score || (value == best_score && value != SIZE_MAX && candidate < best)) {
+      best = candidate;
+      best_score = value;
+    }
+  }
+  return best;
+}
+
+std::string did_you_mean(std::string_view name, const std::vector<std::string>& candidates) {
+  const std::string best = nearest(name, candidates);
+  return best.empty() ? "" : fmt::format("; did you mean '{}'?", best);
+}
+
+}  // namespace apron::syntax
