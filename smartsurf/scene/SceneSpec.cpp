@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <locale>
 #include <numbers>
 #include <numeric>
 #include <sstream>
@@ -9,51 +10,94 @@
 namespace smartsurf::scene {
 namespace {
 
+// Insertions, deletions, substitutions and swaps of two neighbours (optimal string alignment).
 int edit_distance(const std::string& a, const std::string& b) {
-  std::vector<int> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), 0);
+  std::vector<int> before(b.size() + 1), above(b.size() + 1), row(b.size() + 1);
+  std::iota(above.begin(), above.end(), 0);
   for (std::size_t i = 1; i <= a.size(); ++i) {
-    int diagonal = row[0];
     row[0] = static_cast<int>(i);
     for (std::size_t j = 1; j <= b.size(); ++j) {
-      const int above = row[j];
-      row[j] = std::min({above + 1, row[j - 1] + 1, diagonal + (a[i - 1] != b[j - 1])});
-      diagonal = above;
+      row[j] = std::min({above[j] + 1, row[j - 1] + 1, above[j - 1] + (a[i - 1] != b[j - 1])});
+      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
+        row[j] = std::min(row[j], before[j - 2] + 1);
     }
+    std::swap(before, above);
+    std::swap(above, row);
   }
-  return row[b.size()];
+  return above[b.size()];
+}
+
+std::string number(double value) {
+  if (std::isnan(value)) return "nan";  // without a sign
+  std::ostringstream out;
+  out.imbue(std::locale::classic());
+  out.precision(12);
+  out << value;
+  return out.str();
 }
 
 std::string clause(const std::string& field, double value, const std::string& rule) {
-  std::ostringstream out;
-  out.precision(12);
-  out << field << " = " << value << ": must be " << rule;
-  return out.str();
+  return field + " = " + number(value) + ": must be " + rule;
 }
 
 bool positive(double v) { return std::isfinite(v) && v > 0.0; }
 bool not_negative(double v) { return std::isfinite(v) && v >= 0.0; }
 
+// The physics may compute in single precision, where a length squared or a mass times a length squared must
+// neither overflow nor vanish.
+constexpr double kLargest = 1e6, kSmallestSize = 1e-3, kSmallestMass = 1e-9;
+
+bool is_size(double v) { return v >= kSmallestSize && v <= kLargest; }
+bool is_coordinate(double v) { return std::abs(v) <= kLargest; }
+constexpr const char* kSizeRule = "in [0.001, 1000000]";
+constexpr const char* kCoordinateRule = "in [-1000000, 1000000]";
+
 std::string problem_with_vector(const std::string& field, const Eigen::Vector3d& v) {
   for (int i = 0; i < 3; ++i)
-    if (!std::isfinite(v[i])) return clause(field + "[" + std::to_string(i + 1) + "]", v[i], "finite");
+    if (!is_coordinate(v[i])) return clause(field + "[" + std::to_string(i + 1) + "]", v[i], kCoordinateRule);
   return "";
 }
 
 std::string problem_with(const PinSpec& pin, double pitch) {
-  if (!positive(pin.top_x) || pin.top_x > pitch) return clause("pin.top[1]", pin.top_x, "in (0, pitch]");
-  if (!positive(pin.top_y) || pin.top_y > pitch) return clause("pin.top[2]", pin.top_y, "in (0, pitch]");
-  if (!positive(pin.length)) return clause("pin.length", pin.length, "greater than 0");
-  if (!std::isfinite(pin.min_height)) return clause("pin.range[1]", pin.min_height, "finite");
-  if (!std::isfinite(pin.max_height) || pin.max_height < pin.min_height)
-    return clause("pin.range[2]", pin.max_height, "finite and not below pin.range[1]");
+  if (!is_size(pin.top_x) || pin.top_x > pitch)
+    return clause("pin.top[1]", pin.top_x, "in [0.001, pitch], the pitch is " + number(pitch));
+  if (!is_size(pin.top_y) || pin.top_y > pitch)
+    return clause("pin.top[2]", pin.top_y, "in [0.001, pitch], the pitch is " + number(pitch));
+  if (!is_size(pin.length)) return clause("pin.length", pin.length, kSizeRule);
+  if (!is_coordinate(pin.min_height)) return clause("pin.range[1]", pin.min_height, kCoordinateRule);
+  if (!is_coordinate(pin.max_height)) return clause("pin.range[2]", pin.max_height, kCoordinateRule);
+  if (pin.max_height < pin.min_height)
+    return clause("pin.range[2]", pin.max_height, "not below pin.range[1] = " + number(pin.min_height));
   if (!positive(pin.max_speed)) return clause("pin.max_speed", pin.max_speed, "greater than 0");
   if (!positive(pin.max_acceleration))
     return clause("pin.max_acceleration", pin.max_acceleration, "greater than 0");
   return "";
 }
 
+// The channels must fit into the shared-memory protocol: names of at most 31 plain characters, all different.
+std::string problem_with_names(const std::vector<std::string>& channels) {
+  static const std::string kPlain = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.-";
+  if (channels.size() > 30)
+    return "surface.sensors: " + std::to_string(channels.size() / 2) + " sensors: must be at most 15";
+  for (std::size_t i = 0; i < channels.size(); ++i) {
+    if (channels[i].empty() || channels[i].size() > 31 || channels[i].find_first_not_of(kPlain) != std::string::npos)
+      return "surface.sensors: channel '" + channels[i] + "': must be 1 to 31 letters, digits, '_', '.' and '-'";
+    if (std::count(channels.begin(), channels.end(), channels[i]) > 1)
+      return "surface.sensors: two channels are called '" + channels[i] + "': give a sensor another name";
+  }
+  return "";
+}
+
 }  // namespace
+
+std::vector<std::string> SurfaceSpec::sensor_channels() const {
+  std::vector<std::string> names;
+  for (const SensorSpec& sensor : sensors) {
+    names.push_back(sensor.name);
+    names.push_back(sensor.name + "_hit");
+  }
+  return names;
+}
 
 std::string nearest_name(const std::string& word, const std::vector<std::string>& known) {
   const int limit = std::max(1, static_cast<int>(word.size()) / 3);
@@ -72,69 +116,81 @@ int WorldSpec::steps_per_tick() const {
 
 double ObjectSpec::volume() const {
   switch (shape) {
-    case ShapeKind::kSphere: return 4.0 / 3.0 * std::numbers::pi * radius * radius * radius;
-    case ShapeKind::kBox: return size.prod();
-    case ShapeKind::kCylinder: return std::numbers::pi * radius * radius * height;
+    case ShapeKind::kSphere:
+      return 4.0 / 3.0 * std::numbers::pi * radius * radius * radius;
+    case ShapeKind::kBox:
+      return size.prod();
+    case ShapeKind::kCylinder:
+      return std::numbers::pi * radius * radius * height;
   }
   return 0.0;
 }
 
 Eigen::Vector3d ObjectSpec::half_extents() const {
   switch (shape) {
-    case ShapeKind::kSphere: return Eigen::Vector3d::Constant(radius);
-    case ShapeKind::kBox: return size / 2.0;
-    case ShapeKind::kCylinder: return {radius, radius, height / 2.0};
+    case ShapeKind::kSphere:
+      return Eigen::Vector3d::Constant(radius);
+    case ShapeKind::kBox:
+      return size / 2.0;
+    case ShapeKind::kCylinder:
+      return {radius, radius, height / 2.0};
   }
   return Eigen::Vector3d::Zero();
 }
 
 std::string problem_with(const WorldSpec& w) {
   if (auto p = problem_with_vector("world.gravity", w.gravity); !p.empty()) return p;
-  if (!positive(w.dt_s) || w.dt_s > 0.1) return clause("world.dt", w.dt_s, "in (0, 0.1] seconds");
+  if (!(w.dt_s >= 1e-5 && w.dt_s <= 0.1)) return clause("world.dt", w.dt_s, "in [1e-05, 0.1] seconds");
   if (w.iterations < 1 || w.iterations > 1000) return clause("world.iterations", w.iterations, "1 to 1000");
   if (!positive(w.control_period_s) || w.control_period_s > 10.0)
     return clause("world.control_period", w.control_period_s, "in (0, 10] seconds");
   const double steps = w.control_period_s / w.dt_s;
   if (std::abs(steps - std::round(steps)) > 1e-6 * steps || std::round(steps) < 1.0)
     return clause("world.control_period", w.control_period_s,
-                  "an integer number of physics steps (world.dt = " + std::to_string(w.dt_s) + ")");
+                  "an integer number of physics steps, world.dt = " + number(w.dt_s));
   return "";
 }
 
 std::string problem_with(const Material& m) {
   if (m.name.empty()) return "material.name is missing";
-  if (!not_negative(m.friction)) return clause("material.friction", m.friction, "0 or more");
-  if (!not_negative(m.rolling_friction))
-    return clause("material.rolling_friction", m.rolling_friction, "0 or more");
+  if (!not_negative(m.friction) || m.friction > kLargest)
+    return clause("material.friction", m.friction, "in [0, 1000000]");
+  if (!not_negative(m.rolling_friction) || m.rolling_friction > kLargest)
+    return clause("material.rolling_friction", m.rolling_friction, "in [0, 1000000]");
   if (!not_negative(m.restitution) || m.restitution > 1.0)
     return clause("material.restitution", m.restitution, "in [0, 1]");
-  if (!positive(m.density)) return clause("material.density", m.density, "greater than 0");
+  if (!positive(m.density) || m.density > kLargest || m.density < kSmallestMass)
+    return clause("material.density", m.density, "in [1e-09, 1000000]");
   return "";
 }
 
 std::string problem_with(const SurfaceSpec& s) {
   if (s.rows < 1 || s.rows > 4096) return clause("surface.rows", s.rows, "1 to 4096");
   if (s.columns < 1 || s.columns > 4096) return clause("surface.columns", s.columns, "1 to 4096");
-  if (!positive(s.pitch)) return clause("surface.pitch", s.pitch, "greater than 0");
+  if (!is_size(s.pitch)) return clause("surface.pitch", s.pitch, kSizeRule);
   if (auto p = problem_with(s.pin, s.pitch); !p.empty()) return p;
   for (const auto& sensor : s.sensors)
-    if (!positive(sensor.range)) return clause(sensor.name + ".range", sensor.range, "greater than 0");
-  if (s.border_height && !std::isfinite(*s.border_height))
-    return clause("border.height", *s.border_height, "finite");
+    if (!positive(sensor.range) || sensor.range > kLargest)
+      return clause(sensor.name + ".range", sensor.range, "in (0, 1000000]");
+  if (auto p = problem_with_names(s.sensor_channels()); !p.empty()) return p;
+  if (s.border_height && !is_coordinate(*s.border_height))
+    return clause("border.height", *s.border_height, kCoordinateRule);
   return "";
 }
 
 std::string problem_with(const ObjectSpec& o) {
-  if (o.shape != ShapeKind::kBox && !positive(o.radius)) return clause("radius", o.radius, "greater than 0");
-  if (o.shape == ShapeKind::kCylinder && !positive(o.height)) return clause("height", o.height, "greater than 0");
+  if (o.shape != ShapeKind::kBox && !is_size(o.radius)) return clause("radius", o.radius, kSizeRule);
+  if (o.shape == ShapeKind::kCylinder && !is_size(o.height)) return clause("height", o.height, kSizeRule);
   if (o.shape == ShapeKind::kBox)
     for (int i = 0; i < 3; ++i)
-      if (!positive(o.size[i])) return clause("size[" + std::to_string(i + 1) + "]", o.size[i], "greater than 0");
+      if (!is_size(o.size[i])) return clause("size[" + std::to_string(i + 1) + "]", o.size[i], kSizeRule);
   if (auto p = problem_with_vector("position", o.position); !p.empty()) return p;
   if (auto p = problem_with_vector("velocity", o.velocity); !p.empty()) return p;
   if (auto p = problem_with_vector("angular_velocity", o.angular_velocity); !p.empty()) return p;
-  if (!o.orientation.coeffs().allFinite() || o.orientation.norm() < 1e-6) return "orientation: must be a rotation";
-  if (o.mass && !positive(*o.mass)) return clause("mass", *o.mass, "greater than 0");
+  if (!o.orientation.coeffs().allFinite() || o.orientation.norm() < 1e-6)
+    return "orientation: must be a rotation";
+  if (o.mass && !(*o.mass >= kSmallestMass && *o.mass <= 1e12))
+    return clause("mass", *o.mass, "in [1e-09, 1e+12]");
   return "";
 }
 

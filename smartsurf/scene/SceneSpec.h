@@ -82,9 +82,10 @@ struct PinSpec {
 
 enum class SensorKind { kProximity };
 
+// A sensor has two channels: NAME, its distances, and NAME_hit, 1 where something is within the range.
 struct SensorSpec {
   SensorKind kind = SensorKind::kProximity;
-  std::string name = "proximity";  // the channel's name
+  std::string name = "proximity";
   double range = 8.0;              // of the segment, straight up from the pin's top
 };
 
@@ -97,6 +98,8 @@ struct SurfaceSpec {
   int material = 0;
 
   int cells() const { return rows * columns; }
+  // Names of the sensor channels: two a sensor, in the order of the sensors.
+  std::vector<std::string> sensor_channels() const;
   int index(int row, int column) const { return row * columns + column; }
   bool is_border(int row, int column) const {
     return row == 0 || column == 0 || row == rows - 1 || column == columns - 1;

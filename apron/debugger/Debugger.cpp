@@ -1,0 +1,84 @@
+#include "apron/debugger/Debugger.h"
+
+#include "apron/vm/NumberText.h"
+
+namespace apron::debugger {
+namespace {
+
+// A tick's end is no reason to stop for what looks for a line.
+bool can_go_on(vm::Status status) { return status == vm::Status::kBudget || status == vm::Status::kTick; }
+
+template <class Named>
+std::optional<std::size_t> find(const std::vector<Named>& all, std::string_view name) {
+  for (std::size_t i = 0; i < all.size(); ++i)
+    if (all[i].name == name) return i;
+  return std::nullopt;
+}
+
+}  // namespace
+
+vm::Status Debugger::step() {
+  const vm::Status status = vm_.run(1);
+  return can_go_on(status) ? vm::Status::kBudget : status;
+}
+
+vm::Status Debugger::step_line() {
+  const Place start = place();
+  vm::Status status = step();
+  while (status == vm::Status::kBudget && at(start.file, start.line)) status = step();
+  return status;
+}
+
+vm::Status Debugger::run_to_line(std::string_view file, std::uint32_t line, std::uint64_t budget) {
+  vm::Status status = vm::Status::kBudget;
+  while (status == vm::Status::kBudget && budget-- > 0) {
+    status = step();
+    if (at(file, line)) break;
+  }
+  return status;
+}
+
+vm::Status Debugger::run_ticks(std::uint64_t ticks) {
+  vm::Status status = vm::Status::kTick;
+  while (ticks-- > 0 && status == vm::Status::kTick) status = vm_.run();
+  return status;
+}
+
+Place Debugger::place() const {
+  const program::Program& program = vm_.program();
+  Place place{vm_.next(), {}, 0};
+  if (place.instruction >= program.code.size()) return place;
+  const std::uint32_t index = program.code[place.instruction].source;
+  if (index >= program.sources.size()) return place;
+  place.file = program.files[program.sources[index].file];
+  place.line = program.sources[index].line;
+  return place;
+}
+
+bool Debugger::at(std::string_view file, std::uint32_t line) const {
+  const Place here = place();
+  return here.line == line && here.file == file;
+}
+
+std::optional<vm::Plane> Debugger::find_register(std::string_view name) const {
+  const auto index = find(vm_.program().registers, name);
+  return index ? std::optional(vm_.plane(*index)) : std::nullopt;
+}
+
+std::optional<float> Debugger::find_variable(std::string_view name) const {
+  const auto index = find(vm_.program().variables, name);
+  return index ? std::optional(vm_.variable(*index)) : std::nullopt;
+}
+
+std::string Debugger::text(const vm::Plane& plane) {
+  std::string all;
+  vm::NumberBuffer buffer;
+  for (std::uint32_t y = 0; y < plane.height; ++y)
+    for (std::uint32_t x = 0; x < plane.width; ++x) {
+      all += vm::number_text(plane.row(y)[x], buffer);
+      all += x + 1 < plane.width ? ' ' : '\n';
+    }
+  return all;
+}
+
+}  // namespace apron::debugger

@@ -1,0 +1,169 @@
+#include "apron/run/Commands.h"
+
+#include <shm_protocol/ControllerEndpoint.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <iostream>
+#include <new>
+
+#include "apron/program/LocalProfile.h"
+#include "apron/run/ProgramFile.h"
+#include "apron/run/StopSignal.h"
+#include "apron/run/SurfaceHost.h"
+#include "apron/vm/Vm.h"
+
+namespace apron::run {
+namespace {
+
+int complain(int status, const std::string& text) {
+  std::fflush(stdout);
+  std::cerr << "apron: " << text << '\n';
+  return status;
+}
+
+// "" if every --set names a slider or switch of the program.
+std::string unknown_parameter(const Options& options, const program::Program& program) {
+  for (const auto& [name, value] : options.parameters) {
+    const auto named = [&](const program::Parameter& p) { return p.name == name; };
+    if (std::any_of(program.parameters.begin(), program.parameters.end(), named)) continue;
+    std::string there;
+    for (const program::Parameter& p : program.parameters) there += (there.empty() ? "" : ", ") + p.name;
+    return "error: --set: the program has no slider or switch '" + name + "'; it has " +
+           (there.empty() ? "none" : there);
+  }
+  return {};
+}
+
+vm::Status run_to_end(vm::Vm& vm, const Options& options) {
+  std::uint64_t ticks = 0;
+  while (!options.ticks || ticks < *options.ticks) {
+    const vm::Status status = vm.run();
+    if (status != vm::Status::kTick) return status;
+    ++ticks;
+  }
+  return vm::Status::kEnded;
+}
+
+int exit_status(vm::Status status, const std::string& error, const Options& options) {
+  if (std::fflush(stdout) != 0 && status == vm::Status::kEnded)
+    return complain(kRunFailed, "error: cannot write the program's output");
+  switch (status) {
+    case vm::Status::kBudget:
+    case vm::Status::kTick:
+    case vm::Status::kEnded:
+    case vm::Status::kClosed:
+      return kDone;
+    case vm::Status::kPeerLost:
+      return complain(kPeerLost, "the surface '" + options.surface + "' was lost");
+    case vm::Status::kInterrupted:
+      return kSignalled + stop_signal();
+    case vm::Status::kRefused:
+    case vm::Status::kFailed:
+      break;
+  }
+  std::cerr << error << '\n';
+  return status == vm::Status::kRefused ? kWrongInput : kRunFailed;
+}
+
+// Compiles for the array's size and runs on the host that make_host() gives and begin() readies.
+template <class MakeHost>
+int run_on(const Options& options, std::uint32_t width, std::uint32_t height, const MakeHost& with_host) {
+  std::optional<program::Program> program = compile_file(options, width, height);
+  if (!program) return kWrongInput;
+  if (const std::string unknown = unknown_parameter(options, *program); !unknown.empty())
+    return complain(kWrongInput, unknown);
+  return with_host([&](vm::Host& host) {
+    vm::VmOptions how;
+    how.threads = options.threads;
+    how.stop = &stop_flag();
+    vm::Vm vm(std::move(*program), how, host);
+    const vm::Status status = run_to_end(vm, options);
+    return exit_status(status, vm.error(), options);
+  });
+}
+
+int run_alone(const Options& options) {
+  return run_on(options, options.width, options.height, [&](const auto& go) {
+    LocalHost host(options.parameters);
+    return go(host);
+  });
+}
+
+// One session with a surface: from attaching to it to its end or ours.
+int run_session(const Options& options, std::chrono::nanoseconds wait) {
+  using shm_protocol::ControllerEndpoint;
+  ControllerEndpoint surface =
+      ControllerEndpoint::attach(options.surface, {.timeout = wait, .stop = &stop_flag()});
+  const shm_protocol::Description& size = surface.description();
+  return run_on(options, size.columns, size.rows, [&](const auto& go) {
+    SurfaceHost host(surface, stop_flag(), options.parameters);
+    switch (host.begin()) {
+      case vm::HostStatus::kOk:
+        return go(host);
+      case vm::HostStatus::kClosed:
+        return static_cast<int>(kDone);
+      case vm::HostStatus::kInterrupted:
+        return exit_status(vm::Status::kInterrupted, "", options);
+      case vm::HostStatus::kPeerLost:
+        return exit_status(vm::Status::kPeerLost, "", options);
+      default:
+        return complain(kRunFailed, "error: " + host.message());
+    }
+  });
+}
+
+int attach_failed(const shm_protocol::Error& error) {
+  using shm_protocol::ErrorCode;
+  if (error.code() == ErrorCode::kInterrupted) return kSignalled + stop_signal();
+  return complain(error.code() == ErrorCode::kSystem ? kRunFailed : kWrongInput,
+                  std::string("error: ") + error.what());
+}
+
+int run_on_surface(const Options& options) {
+  constexpr std::chrono::hours kLong{24 * 365};
+  std::chrono::nanoseconds wait =
+      std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::duration<double>(options.wait_s));
+  for (;;) {
+    const int status = run_session(options, wait);
+    if (status != kPeerLost || !options.reconnect) return status;
+    std::cerr << "apron: waiting for a new surface '" << options.surface << "'\n";
+    wait = kLong;
+  }
+}
+
+}  // namespace
+
+int run_program(const Options& options) {
+  catch_stop_signals();
+  try {
+    return options.surface.empty() ? run_alone(options) : run_on_surface(options);
+  } catch (const shm_protocol::Error& error) {
+    return attach_failed(error);
+  } catch (const std::bad_alloc&) {
+    return complain(kRunFailed, "error: there is not enough memory for the program's registers");
+  }
+}
+
+int check_program(const Options& options) {
+  const std::optional<program::Program> program = compile_file(options, options.width, options.height);
+  if (!program) return kWrongInput;
+  if (!options.local_profile) return kDone;
+  const std::vector<program::NonLocal> beyond = program::beyond_local(*program);
+  for (const program::NonLocal& n : beyond) {
+    const program::Source& source = program->sources[program->code[n.instruction].source];
+    std::cout << program->files[source.file] << ':' << source.line << ": not local: " << n.reason << '\n';
+  }
+  if (beyond.empty()) std::cout << options.program << ": every instruction is local\n";
+  return kDone;
+}
+
+int disassemble_program(const Options& options) {
+  const std::optional<program::Program> program = compile_file(options, options.width, options.height);
+  if (!program) return kWrongInput;
+  std::cout << program::disassemble(*program);
+  return kDone;
+}
+
+}  // namespace apron::run

@@ -1,0 +1,13 @@
+// What `apron run`, `check` and `disasm` do. Each prints its result or what is wrong, and returns the exit
+// status.
+#pragma once
+
+#include "apron/run/Options.h"
+
+namespace apron::run {
+
+int run_program(const Options& options);
+int check_program(const Options& options);
+int disassemble_program(const Options& options);
+
+}  // namespace apron::run

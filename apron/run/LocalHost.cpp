@@ -1,0 +1,65 @@
+#include "apron/run/LocalHost.h"
+
+#include <cstdio>
+
+#include "apron/run/ArrayFile.h"
+#include "apron/run/ImageFile.h"
+#include "apron/run/MediaError.h"
+
+namespace apron::run {
+
+using vm::HostStatus;
+
+namespace {
+constexpr const char* kNoSurface = "there is no surface: run with --shm NAME";
+}
+
+void LocalHost::print(std::string_view text) { std::fwrite(text.data(), 1, text.size(), stdout); }
+
+std::string LocalHost::message() const { return message_.empty() ? kNoSurface : message_; }
+
+void LocalHost::flush() { std::fflush(stdout); }
+
+std::optional<float> LocalHost::parameter(std::string_view name) {
+  const auto found = parameters_.find(name);
+  return found == parameters_.end() ? std::nullopt : std::optional<float>(found->second);
+}
+
+HostStatus LocalHost::report(HostStatus status, std::string message) {
+  message_ = std::move(message);
+  return status;
+}
+
+template <class Media>
+HostStatus LocalHost::media(const Media& work) {
+  try {
+    work();
+    return HostStatus::kOk;
+  } catch (const MediaError& error) {
+    return report(error.status(), error.what());
+  } catch (const std::bad_alloc&) {
+    return report(HostStatus::kFailed, "there is not enough memory for the file");
+  }
+}
+
+HostStatus LocalHost::open_array(std::string_view file, vm::Plane to) {
+  return media([&] { read_array(std::string(file), to); });
+}
+HostStatus LocalHost::save_array(std::string_view file, vm::ConstPlane from) {
+  return media([&] { write_array(std::string(file), from); });
+}
+HostStatus LocalHost::open_image(std::string_view file, vm::Plane to) {
+  return media([&] { read_image(std::string(file), to); });
+}
+HostStatus LocalHost::save_image(std::string_view file, vm::ConstPlane from) {
+  return media([&] { write_image(std::string(file), from); });
+}
+
+HostStatus LocalHost::sense(std::string_view, vm::Plane) { return report(HostStatus::kRefused, kNoSurface); }
+HostStatus LocalHost::actuate(std::string_view, vm::ConstPlane) {
+  return report(HostStatus::kRefused, kNoSurface);
+}
+HostStatus LocalHost::actuate(std::string_view, float) { return report(HostStatus::kRefused, kNoSurface); }
+HostStatus LocalHost::step() { return report(HostStatus::kRefused, kNoSurface); }
+
+}  // namespace apron::run

@@ -1,0 +1,21 @@
+// Why a media file could not be read or written, in one line that names the file.
+#pragma once
+
+#include <stdexcept>
+#include <string>
+
+#include "apron/vm/Host.h"
+
+namespace apron::run {
+
+class MediaError : public std::runtime_error {
+ public:
+  // kRefused: the file or its name is wrong; kFailed: the system would not do it.
+  MediaError(vm::HostStatus status, const std::string& what) : std::runtime_error(what), status_(status) {}
+  vm::HostStatus status() const noexcept { return status_; }
+
+ private:
+  vm::HostStatus status_;
+};
+
+}  // namespace apron::run

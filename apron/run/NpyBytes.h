@@ -1,0 +1,17 @@
+// NumPy's .npy format, versions 1 to 3:
+// https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "apron/vm/Plane.h"
+
+namespace apron::run {
+
+// Throws MediaError for what is not a whole .npy file of numbers, and for a wrong shape. path is for messages
+// only.
+void decode_npy(const std::string& path, std::string_view bytes, const vm::Plane& to);
+std::string encode_npy(const vm::ConstPlane& from);
+
+}  // namespace apron::run

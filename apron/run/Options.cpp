@@ -1,0 +1,133 @@
+#include "apron/run/Options.h"
+
+#include <CLI/CLI.hpp>
+#include <charconv>
+#include <cmath>
+#include <iostream>
+
+#include "apron/program/Program.h"
+
+namespace apron::run {
+namespace {
+
+constexpr const char* kFooter =
+    "Exit status: 0 done, also when the surface ends the session; 1 the run failed; 2 the input was wrong "
+    "(command\n"
+    "line, program, file, channel); 3 the surface was lost; 130 or 143 after Ctrl-C or SIGTERM, cleanly "
+    "detached.\n"
+    "Files that a program opens or saves are relative to the current directory.";
+
+template <class Number>
+bool parse_number(std::string_view text, Number& value) {
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  return error == std::errc{} && end == text.data() + text.size() && !text.empty();
+}
+
+// As the user typed them, before they are checked.
+struct Raw {
+  Options options;
+  std::string size, profile;
+  std::vector<std::string> sets;
+  bool window = false;
+};
+
+void set_size(Raw& raw) {
+  const std::size_t x = raw.size.find('x');
+  Options& o = raw.options;
+  const std::string_view text = raw.size;
+  const bool good = x != std::string::npos && parse_number(text.substr(0, x), o.width) &&
+                    parse_number(text.substr(x + 1), o.height) && o.width > 0 && o.height > 0 &&
+                    std::size_t{o.width} * o.height <= program::kMaxCells;
+  if (!good)
+    throw CLI::ValidationError("--size", "'" + raw.size +
+                                             "' is not WIDTHxHEIGHT, such as 64x64, of at most " +
+                                             std::to_string(program::kMaxCells) + " cells");
+}
+
+void set_parameter(Raw& raw, const std::string& text) {
+  const std::size_t equals = text.find('=');
+  float value = 0;
+  if (equals == std::string::npos || equals == 0 ||
+      !parse_number(std::string_view(text).substr(equals + 1), value) || !std::isfinite(value))
+    throw CLI::ValidationError("--set", "'" + text + "' is not NAME=VALUE with a number, such as speed=0.5");
+  raw.options.parameters[text.substr(0, equals)] = value;
+}
+
+void common(CLI::App& command, Raw& raw) {
+  command.add_option("program", raw.options.program, "APRON program")->type_name("FILE")->required();
+  command
+      .add_option("-I", raw.options.include_paths,
+                  "look for included files here too, before the installed library")
+      ->type_name("DIR")
+      ->allow_extra_args(false);
+  command.add_option("--size", raw.size, "size of the array without a surface [64x64]")->type_name("WxH");
+}
+
+void define_run(CLI::App& run, Raw& raw) {
+  common(run, raw);
+  run.add_option("--shm", raw.options.surface, "drive the surface of this name, and take its size")
+      ->type_name("NAME");
+  run.add_option("--ticks", raw.options.ticks, "stop after so many surface.step")->type_name("N");
+  run.add_option("--set", raw.sets, "value of a slider or switch")
+      ->type_name("NAME=VALUE")
+      ->allow_extra_args(false);
+  run.add_option("--threads", raw.options.threads, "threads for large arrays; they change no result [1]")
+      ->type_name("N")
+      ->check(CLI::Range(1, 256).description(""));
+  run.add_flag("--reconnect", raw.options.reconnect,
+               "when the surface is lost, wait for a new one and start the program afresh");
+  run.add_option("--wait", raw.options.wait_s, "how long to wait for the surface to appear [5]")
+      ->type_name("SECONDS")
+      ->check(CLI::Range(0.0, 1e6).description(""));
+  run.add_flag("--window", raw.window)->group("");
+  run.add_option("--profile", raw.profile)->group("");
+}
+
+void check_run(Raw& raw) {
+  for (const auto& [option, given] :
+       {std::pair{"--window", raw.window}, std::pair{"--profile", !raw.profile.empty()}})
+    if (given) throw CLI::ValidationError(option, "not available in this version");
+  if (!raw.size.empty() && !raw.options.surface.empty())
+    throw CLI::ValidationError("--size",
+                               "a program takes the size of the surface that --shm names; give one of them");
+  for (const std::string& set : raw.sets) set_parameter(raw, set);
+}
+
+}  // namespace
+
+ParsedOptions parse_options(int argc, char** argv) {
+  CLI::App app("APRON: array-processing programs, on their own or on a smart surface", "apron");
+  app.set_version_flag("--version", "apron " SMARTSURF_VERSION);
+  app.require_subcommand(1);
+  app.footer(kFooter);
+  Raw raw;
+  CLI::App& run = *app.add_subcommand("run", "run a program");
+  define_run(run, raw);
+  CLI::App& check = *app.add_subcommand("check", "say what is wrong with a program");
+  common(check, raw);
+  check.add_option("--profile", raw.profile, "local: name what a purely local array could not execute")
+      ->type_name("local");
+  CLI::App& disassemble = *app.add_subcommand("disasm", "list a program's instructions");
+  common(disassemble, raw);
+  CLI::App& format = *app.add_subcommand("fmt", "")->group("")->allow_extras();
+  try {
+    app.parse(argc, argv);
+    if (format.parsed()) throw CLI::ValidationError("fmt", "not available in this version");
+    if (!raw.size.empty()) set_size(raw);
+    if (run.parsed()) check_run(raw);
+    if (check.parsed() && !raw.profile.empty() && raw.profile != "local")
+      throw CLI::ValidationError("--profile", "'" + raw.profile + "' is unknown; there is: local");
+    raw.options.local_profile = check.parsed() && !raw.profile.empty();
+    raw.options.command = run.parsed()     ? Command::kRun
+                          : check.parsed() ? Command::kCheck
+                                           : Command::kDisassemble;
+    return {raw.options, std::nullopt};
+  } catch (const CLI::Success& success) {
+    return {raw.options, app.exit(success)};
+  } catch (const CLI::ParseError& error) {
+    std::cerr << "apron: error: " << error.what() << " (apron --help lists what there is)\n";
+    return {raw.options, kWrongInput};
+  }
+}
+
+}  // namespace apron::run

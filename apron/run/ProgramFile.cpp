@@ -1,0 +1,38 @@
+#include "apron/run/ProgramFile.h"
+
+#include <filesystem>
+#include <iostream>
+
+#include "apron/compiler/Compiler.h"
+#include "apron/syntax/Diagnostic.h"
+#include "apron/syntax/FileReader.h"
+
+namespace apron::run {
+namespace {
+
+// The library beside the installed executable (../share/smartsurf/apron), else the source tree's.
+std::string library_path() {
+  std::error_code error;
+  const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", error);
+  const std::filesystem::path installed = self.parent_path().parent_path() / "share" / "smartsurf" / "apron";
+  if (!error && std::filesystem::is_directory(installed, error)) return installed.string();
+  return APRON_SOURCE_LIBRARY;
+}
+
+}  // namespace
+
+std::optional<program::Program> compile_file(const Options& options, std::uint32_t width,
+                                             std::uint32_t height) {
+  compiler::CompileOptions how;
+  how.file = options.program;
+  how.width = width;
+  how.height = height;
+  how.include_paths = options.include_paths;
+  how.library_path = library_path();
+  syntax::DiskReader reader;
+  compiler::CompileResult result = compiler::compile(how, reader);
+  if (!result.program) std::cerr << syntax::format(result.diagnostics, result.sources);
+  return std::move(result.program);
+}
+
+}  // namespace apron::run

@@ -1,0 +1,15 @@
+// A program file compiled for an array's size; what is wrong with it is printed on stderr.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "apron/program/Program.h"
+#include "apron/run/Options.h"
+
+namespace apron::run {
+
+std::optional<program::Program> compile_file(const Options& options, std::uint32_t width,
+                                             std::uint32_t height);
+
+}  // namespace apron::run

@@ -1,0 +1,72 @@
+// JPEG and BMP through Sean Barrett's single-header libraries, compiled here and seen nowhere else.
+#include <cstring>
+#include <memory>
+
+#include "apron/run/ImageCodec.h"
+#include "apron/run/MediaError.h"
+#include "apron/run/MediaFile.h"
+
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wall"
+#pragma GCC diagnostic ignored "-Wextra"
+#pragma GCC diagnostic ignored "-Wshadow"
+#pragma GCC diagnostic ignored "-Wunused-function"
+#pragma GCC diagnostic ignored "-Wmissing-field-initializers"
+#define STB_IMAGE_STATIC
+#define STB_IMAGE_IMPLEMENTATION
+#define STBI_ONLY_JPEG
+#define STBI_ONLY_BMP
+#define STBI_NO_STDIO
+#include <stb/stb_image.h>
+#define STB_IMAGE_WRITE_STATIC
+#define STB_IMAGE_WRITE_IMPLEMENTATION
+#define STBI_WRITE_NO_STDIO
+#include <stb/stb_image_write.h>
+#pragma GCC diagnostic pop
+
+namespace apron::run {
+namespace {
+
+constexpr int kJpegQuality = 95;
+
+void append(void* bytes, void* data, int size) {
+  static_cast<std::string*>(bytes)->append(static_cast<const char*>(data), static_cast<std::size_t>(size));
+}
+
+std::string checked(const std::string& path, int written, std::string bytes) {
+  if (written == 0) throw MediaError(vm::HostStatus::kFailed, "cannot encode '" + path + "'");
+  return bytes;
+}
+
+}  // namespace
+
+Grey decode_stb(const std::string& path, std::string_view bytes, const vm::Plane& shape) {
+  const auto* data = reinterpret_cast<const stbi_uc*>(bytes.data());
+  const int size = static_cast<int>(std::min<std::size_t>(bytes.size(), 1U << 30));
+  int width = 0, height = 0, channels = 0;
+  if (stbi_info_from_memory(data, size, &width, &height, &channels) == 0)
+    refuse(path, std::string("is not a JPEG or BMP picture: ") + stbi_failure_reason());
+  require_shape(path, static_cast<std::uint64_t>(width), static_cast<std::uint64_t>(height), shape);
+  const std::unique_ptr<stbi_uc, void (*)(void*)> pixels(
+      stbi_load_from_memory(data, size, &width, &height, &channels, 1), stbi_image_free);
+  if (!pixels) refuse(path, std::string("is not a whole JPEG or BMP picture: ") + stbi_failure_reason());
+  return {pixels.get(), pixels.get() + shape.cells()};
+}
+
+std::string encode_jpeg(const std::string& path, const std::vector<std::uint8_t>& pixels, std::uint32_t width,
+                        std::uint32_t height) {
+  std::string bytes;
+  const int written = stbi_write_jpg_to_func(append, &bytes, static_cast<int>(width),
+                                             static_cast<int>(height), 1, pixels.data(), kJpegQuality);
+  return checked(path, written, std::move(bytes));
+}
+
+std::string encode_bmp(const std::string& path, const std::vector<std::uint8_t>& pixels, std::uint32_t width,
+                       std::uint32_t height) {
+  std::string bytes;
+  const int written = stbi_write_bmp_to_func(append, &bytes, static_cast<int>(width),
+                                             static_cast<int>(height), 1, pixels.data());
+  return checked(path, written, std::move(bytes));
+}
+
+}  // namespace apron::run

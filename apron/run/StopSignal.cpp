@@ -1,0 +1,31 @@
+#include "apron/run/StopSignal.h"
+
+#include <csignal>
+
+namespace apron::run {
+namespace {
+
+std::atomic<bool> stop{false};
+std::atomic<int> signal_number{0};
+static_assert(std::atomic<bool>::is_always_lock_free && std::atomic<int>::is_always_lock_free,
+              "a signal handler may touch nothing else");
+
+void on_signal(int number) {
+  signal_number.store(number);
+  stop.store(true);
+}
+
+}  // namespace
+
+void catch_stop_signals() {
+  struct sigaction action {};
+  action.sa_handler = on_signal;
+  action.sa_flags = static_cast<int>(SA_RESETHAND);
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
+const std::atomic<bool>& stop_flag() noexcept { return stop; }
+int stop_signal() noexcept { return signal_number.load(); }
+
+}  // namespace apron::run

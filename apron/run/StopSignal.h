@@ -1,0 +1,13 @@
+// Ctrl-C and SIGTERM as a flag that the VM and every wait look at, so that the program leaves in order.
+#pragma once
+
+#include <atomic>
+
+namespace apron::run {
+
+// From here on the first SIGINT or SIGTERM raises the flag; a second one ends the process at once.
+void catch_stop_signals();
+const std::atomic<bool>& stop_flag() noexcept;
+int stop_signal() noexcept;  // the one that came, or 0
+
+}  // namespace apron::run

@@ -1,0 +1,66 @@
+// The VM's host on a surface: its channels are the surface's, over the shared-memory protocol.
+#pragma once
+
+#include <atomic>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <shm_protocol/ControllerEndpoint.h>
+
+#include "apron/run/LocalHost.h"
+
+namespace apron::run {
+
+// A channel is named as the surface names it; of a channel with several components a cell, 'name[k]' is
+// component k, counted from 0. Sensor frames are copied into registers; actuator frames are staged here and
+// sent by step(), and a channel that was not staged again is sent as it was (at first its safe value). No
+// allocation after construction but for messages.
+class SurfaceHost final : public LocalHost {
+ public:
+  // The endpoint and the flag must outlive the host.
+  SurfaceHost(shm_protocol::ControllerEndpoint& surface, const std::atomic<bool>& stop,
+              Parameters parameters);
+
+  // Waits for the first sensor frame; the program begins with it.
+  vm::HostStatus begin();
+
+  vm::HostStatus sense(std::string_view channel, vm::Plane to) override;
+  vm::HostStatus actuate(std::string_view channel, vm::ConstPlane from) override;
+  vm::HostStatus actuate(std::string_view channel, float value) override;
+  // Time-step mode: publishes the answer to the frame at hand and waits for the next. Passive: publishes and
+  // takes the newest frame, which may still be the one at hand.
+  vm::HostStatus step() override;
+
+  std::optional<double> time_s() const override;
+  std::optional<double> dt_s() const override;
+  std::optional<double> tick() const override;
+  bool has(std::string_view channel) const override;
+
+ private:
+  // One plane of a channel.
+  struct Target {
+    int channel = -1;
+    std::size_t component = 0;
+  };
+  struct Staged {
+    int channel;
+    std::vector<float> cells;  // components x rows x columns
+  };
+
+  vm::HostStatus find(shm_protocol::Direction direction, std::string_view name, Target& target);
+  std::string no_such_channel(shm_protocol::Direction direction, std::string_view name) const;
+  vm::HostStatus check_shape(std::string_view name, const vm::ConstPlane& plane);
+  template <class T>
+  void copy_sensor(const Target& target, const vm::Plane& to) const;
+  template <class T>
+  void send(const Staged& staged);
+  float* staged_plane(const Target& target);
+  vm::HostStatus outcome(shm_protocol::Status status);
+
+  shm_protocol::ControllerEndpoint& surface_;
+  const std::atomic<bool>& stop_;
+  std::vector<Staged> staged_;  // one an actuator channel
+};
+
+}  // namespace apron::run

@@ -1,0 +1,59 @@
+// Runs kernels over whole planes, by row slices on the VM's threads. Slices never share a row, so the number
+// of threads cannot change a result.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <thread>
+#include <vector>
+
+#include <atomic>
+
+#include "apron/vm/Kernels.h"
+
+namespace apron::vm {
+
+class Executor {
+ public:
+  // threads: at least 1, the caller's included. Planes of fewer than parallel_cells cells stay on the
+  // caller's thread: below that, waking another costs more than it gains.
+  Executor(const KernelTable& kernels, unsigned threads, std::size_t parallel_cells);
+  ~Executor();
+  Executor(const Executor&) = delete;
+  Executor& operator=(const Executor&) = delete;
+
+  const KernelTable& kernels() const noexcept { return kernels_; }
+
+  void run(Kernel kernel, const Block& block) noexcept;
+
+  // work(first, last): rows [first, last) of an array of rows x columns. Blocks until all are done; no
+  // allocation.
+  template <class Work>
+  void rows(std::uint32_t rows, std::uint32_t columns, const Work& work) noexcept {
+    if (workers_.empty() || std::size_t{rows} * columns < parallel_cells_) return work(0U, rows);
+    run_job({[](const void* w, std::uint32_t first, std::uint32_t last) noexcept {
+               (*static_cast<const Work*>(w))(first, last);
+             },
+             &work, rows});
+  }
+
+ private:
+  struct Job {
+    void (*call)(const void*, std::uint32_t, std::uint32_t) noexcept;
+    const void* work;
+    std::uint32_t rows;
+  };
+  void run_job(const Job& job) noexcept;
+  void run_slice(const Job& job, unsigned slice) const noexcept;
+  void serve(unsigned slice) noexcept;
+
+  const KernelTable& kernels_;
+  std::size_t parallel_cells_;
+  std::vector<std::thread> workers_;
+  Job job_{};
+  bool stop_ = false;
+  alignas(128) std::atomic<std::uint32_t> round_{0};    // a new value: a new job, or stop
+  alignas(128) std::atomic<std::uint32_t> pending_{0};  // workers that have not finished it
+};
+
+}  // namespace apron::vm

@@ -1,0 +1,55 @@
+// What the VM asks of the world outside it: the console, media files, parameters and the surface.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "apron/vm/Plane.h"
+
+namespace apron::vm {
+
+enum class HostStatus {
+  kOk,
+  kClosed,       // the surface ended the session in order: the program ends quietly
+  kPeerLost,     // the surface died
+  kInterrupted,  // the user wants to stop
+  kRefused,      // the user's input is wrong: no such file or channel, wrong shape; message() says what
+  kFailed,       // it could not be done: disk full, …; message() says what
+};
+
+// Called by the VM on the thread that runs it, one call at a time. Planes are valid during the call only;
+// reads fill every cell of a plane of exactly the register's shape, or are refused. No call may throw.
+class Host {
+ public:
+  virtual ~Host() = default;
+
+  // One line about the last call that was refused or failed, without a place.
+  virtual std::string message() const { return {}; }
+
+  virtual void print(std::string_view text) = 0;
+
+  // The value that the user gave a slider or switch, if any.
+  virtual std::optional<float> parameter(std::string_view /*name*/) { return std::nullopt; }
+
+  virtual HostStatus open_array(std::string_view file, Plane to) = 0;
+  virtual HostStatus save_array(std::string_view file, ConstPlane from) = 0;
+  virtual HostStatus open_image(std::string_view file, Plane to) = 0;
+  virtual HostStatus save_image(std::string_view file, ConstPlane from) = 0;
+
+  // Latest frame of a sensor channel.
+  virtual HostStatus sense(std::string_view channel, Plane to) = 0;
+  // Stage a frame of an actuator channel: a cell each, or one value for all.
+  virtual HostStatus actuate(std::string_view channel, ConstPlane from) = 0;
+  virtual HostStatus actuate(std::string_view channel, float value) = 0;
+  // Publish what was staged, then have the next sensor frame.
+  virtual HostStatus step() = 0;
+
+  // Of the latest sensor frame; nothing without a surface.
+  virtual std::optional<double> time_s() const = 0;
+  virtual std::optional<double> dt_s() const = 0;
+  virtual std::optional<double> tick() const = 0;
+  virtual bool has(std::string_view channel) const = 0;
+};
+
+}  // namespace apron::vm

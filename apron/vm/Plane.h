@@ -1,0 +1,42 @@
+// A view of one 2-D float array: what the VM, its kernels and the host pass each other.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+
+namespace apron::vm {
+
+// `height` rows of `width` floats, row 0 north, column 0 west; row y begins at data + y * pitch (pitch in
+// floats). Owns nothing.
+template <class Float>
+struct BasicPlane {
+  Float* data = nullptr;
+  std::uint32_t width = 0, height = 0;
+  std::ptrdiff_t pitch = 0;
+
+  Float* row(std::uint32_t y) const noexcept { return data + static_cast<std::ptrdiff_t>(y) * pitch; }
+  std::size_t cells() const noexcept { return std::size_t{width} * height; }
+};
+
+using Plane = BasicPlane<float>;
+
+struct ConstPlane : BasicPlane<const float> {
+  ConstPlane() = default;
+  ConstPlane(const float* d, std::uint32_t w, std::uint32_t h, std::ptrdiff_t p) : BasicPlane{d, w, h, p} {}
+  ConstPlane(const Plane& p)
+      : BasicPlane{p.data, p.width, p.height, p.pitch} {}  // NOLINT: a view of the same cells
+};
+
+template <class A, class B>
+bool same_shape(const A& a, const B& b) noexcept {
+  return a.width == b.width && a.height == b.height;
+}
+
+// "WIDTHxHEIGHT", for messages.
+template <class P>
+std::string shape_text(const P& plane) {
+  return std::to_string(plane.width) + "x" + std::to_string(plane.height);
+}
+
+}  // namespace apron::vm

@@ -1,0 +1,31 @@
+#include "apron/vm/PlaneStore.h"
+
+#include <cassert>
+#include <cstring>
+#include <new>
+
+namespace apron::vm {
+namespace {
+
+constexpr std::size_t kAlignment = 64;
+
+std::size_t round_up(std::size_t n, std::size_t unit) { return (n + unit - 1) / unit * unit; }
+
+}  // namespace
+
+Plane PlaneStore::add(std::uint32_t width, std::uint32_t height) {
+  assert(width > 0 && height > 0);
+  const std::size_t pitch = round_up(width, kLanes) + kLanes;
+  // Large blocks begin on a page. Planes that all begin there would put a cell of every register into one
+  // cache set, so each starts two cache lines later than the one before.
+  const std::size_t lead = kLanes + 2 * kLanes * (blocks_.size() % 31);
+  const std::size_t floats = lead + pitch * height + kLanes;
+  const std::size_t bytes = round_up(floats * sizeof(float), kAlignment);
+  auto* block = static_cast<float*>(std::aligned_alloc(kAlignment, bytes));
+  if (block == nullptr) throw std::bad_alloc();
+  std::memset(block, 0, bytes);
+  blocks_.emplace_back(block);
+  return {block + lead, width, height, static_cast<std::ptrdiff_t>(pitch)};
+}
+
+}  // namespace apron::vm

@@ -1,0 +1,186 @@
+#include "apron/vm/ScalarKernels.h"
+
+#include <cassert>
+#include <cmath>
+
+namespace apron::vm {
+namespace {
+
+using program::Opcode;
+
+// One function pointer per libm function: its overloads and the signature of std::sin(float) vary by library.
+float f_sin(float a) { return std::sin(a); }
+float f_cos(float a) { return std::cos(a); }
+float f_tan(float a) { return std::tan(a); }
+float f_sinh(float a) { return std::sinh(a); }
+float f_cosh(float a) { return std::cosh(a); }
+float f_tanh(float a) { return std::tanh(a); }
+float f_asin(float a) { return std::asin(a); }
+float f_acos(float a) { return std::acos(a); }
+float f_atan(float a) { return std::atan(a); }
+float f_ln(float a) { return std::log(a); }
+float f_log(float a) { return std::log10(a); }
+float f_exp(float a) { return std::exp(a); }
+float f_pow(float a, float b) { return std::pow(a, b); }
+float f_atan2(float a, float b) { return std::atan2(a, b); }
+
+template <bool kMasked, class Cell>
+void each_cell(const Block& block, Cell&& cell) {
+  std::ptrdiff_t row = 0;
+  for (std::uint32_t r = 0; r < block.rows; ++r, row += block.pitch)
+    for (std::ptrdiff_t i = row; i < row + block.columns; ++i) {
+      if (kMasked && !(block.mask[i] != 0.0F)) continue;
+      block.y[i] = cell(i);
+    }
+}
+
+template <float (*kFunction)(float), bool kMasked>
+void run1(const Block& block) noexcept {
+  each_cell<kMasked>(block, [&](std::ptrdiff_t i) {
+    return kFunction(block.source[0] != nullptr ? block.source[0][i] : block.scalar[0]);
+  });
+}
+
+template <float (*kFunction)(float, float), bool kMasked>
+void run2(const Block& block) noexcept {
+  each_cell<kMasked>(block, [&](std::ptrdiff_t i) {
+    return kFunction(block.source[0] != nullptr ? block.source[0][i] : block.scalar[0],
+                     block.source[1] != nullptr ? block.source[1][i] : block.scalar[1]);
+  });
+}
+
+template <float (*kFunction)(float)>
+void fill(KernelTable& table, Opcode op) {
+  for (unsigned scalars = 0; scalars < 2; ++scalars)
+    table.elementwise[static_cast<std::size_t>(op)][scalars] = {run1<kFunction, false>,
+                                                                run1<kFunction, true>};
+}
+
+template <float (*kFunction)(float, float)>
+void fill(KernelTable& table, Opcode op) {
+  for (unsigned scalars = 0; scalars < 4; ++scalars)
+    table.elementwise[static_cast<std::size_t>(op)][scalars] = {run2<kFunction, false>,
+                                                                run2<kFunction, true>};
+}
+
+float number(bool truth) { return truth ? 1.0F : 0.0F; }
+bool truth(float a) { return a != 0.0F; }
+float smaller(float a, float b) { return a < b ? a : b; }
+float larger(float a, float b) { return a > b ? a : b; }
+
+}  // namespace
+
+void add_scalar_kernels(KernelTable& table) {
+  fill<f_sin>(table, Opcode::kSin);
+  fill<f_cos>(table, Opcode::kCos);
+  fill<f_tan>(table, Opcode::kTan);
+  fill<f_sinh>(table, Opcode::kSinh);
+  fill<f_cosh>(table, Opcode::kCosh);
+  fill<f_tanh>(table, Opcode::kTanh);
+  fill<f_asin>(table, Opcode::kAsin);
+  fill<f_acos>(table, Opcode::kAcos);
+  fill<f_atan>(table, Opcode::kAtan);
+  fill<f_ln>(table, Opcode::kLn);
+  fill<f_log>(table, Opcode::kLog);
+  fill<f_exp>(table, Opcode::kExp);
+  fill<f_pow>(table, Opcode::kPow);
+  fill<f_atan2>(table, Opcode::kAtan2);
+}
+
+float evaluate(Opcode op, float a, float b, float c) noexcept {
+  switch (op) {
+    case Opcode::kCopy:
+      return a;
+    case Opcode::kAdd:
+      return a + b;
+    case Opcode::kSub:
+      return a - b;
+    case Opcode::kMul:
+      return a * b;
+    case Opcode::kDiv:
+      return a / b;
+    case Opcode::kMod:
+      return a - b * std::floor(a / b);
+    case Opcode::kMin:
+      return smaller(a, b);
+    case Opcode::kMax:
+      return larger(a, b);
+    case Opcode::kPow:
+      return f_pow(a, b);
+    case Opcode::kAtan2:
+      return f_atan2(a, b);
+    case Opcode::kAbs:
+      return std::fabs(a);
+    case Opcode::kNeg:
+      return -a;
+    case Opcode::kSign:
+      return number(a > 0.0F) - number(a < 0.0F);
+    case Opcode::kClamp:
+      return larger(b, smaller(c, a));
+    case Opcode::kMac:
+      return c + a * b;
+    case Opcode::kSelect:
+      return truth(a) ? b : c;
+    case Opcode::kLt:
+      return number(a < b);
+    case Opcode::kLe:
+      return number(a <= b);
+    case Opcode::kGt:
+      return number(a > b);
+    case Opcode::kGe:
+      return number(a >= b);
+    case Opcode::kEq:
+      return number(a == b);
+    case Opcode::kNe:
+      return number(a != b);
+    case Opcode::kAnd:
+      return number(truth(a) && truth(b));
+    case Opcode::kOr:
+      return number(truth(a) || truth(b));
+    case Opcode::kXor:
+      return number(truth(a) != truth(b));
+    case Opcode::kNand:
+      return number(!(truth(a) && truth(b)));
+    case Opcode::kNor:
+      return number(!(truth(a) || truth(b)));
+    case Opcode::kNot:
+      return number(!truth(a));
+    case Opcode::kSin:
+      return f_sin(a);
+    case Opcode::kCos:
+      return f_cos(a);
+    case Opcode::kTan:
+      return f_tan(a);
+    case Opcode::kSinh:
+      return f_sinh(a);
+    case Opcode::kCosh:
+      return f_cosh(a);
+    case Opcode::kTanh:
+      return f_tanh(a);
+    case Opcode::kAsin:
+      return f_asin(a);
+    case Opcode::kAcos:
+      return f_acos(a);
+    case Opcode::kAtan:
+      return f_atan(a);
+    case Opcode::kLn:
+      return f_ln(a);
+    case Opcode::kLog:
+      return f_log(a);
+    case Opcode::kExp:
+      return f_exp(a);
+    case Opcode::kSqrt:
+      return std::sqrt(a);
+    case Opcode::kFloor:
+      return std::floor(a);
+    case Opcode::kCeil:
+      return std::ceil(a);
+    case Opcode::kRound:
+      return std::round(a);
+    default:
+      assert(false && "not an element-wise opcode");
+      return 0.0F;
+  }
+}
+
+}  // namespace apron::vm

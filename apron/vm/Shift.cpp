@@ -1,0 +1,118 @@
+#include "apron/vm/Shift.h"
+
+#include <algorithm>
+
+#include "apron/vm/PlaneStore.h"
+
+namespace apron::vm {
+namespace {
+
+using program::BoundaryRule;
+using program::Opcode;
+
+constexpr std::int64_t kOutside = -1;
+
+// The cell that index i of an axis of n cells reads, or kOutside for the edge's value.
+std::int64_t inside(std::int64_t i, std::int64_t n, BoundaryRule rule) noexcept {
+  if (i >= 0 && i < n) return i;
+  switch (rule) {
+    case BoundaryRule::kReplicate:
+      return i < 0 ? 0 : n - 1;
+    case BoundaryRule::kWrap:
+      return ((i % n) + n) % n;
+    case BoundaryRule::kReflect: {
+      if (n == 1) return 0;
+      const std::int64_t period = 2 * (n - 1);
+      const std::int64_t p = ((i % period) + period) % period;
+      return p < n ? p : period - p;
+    }
+    case BoundaryRule::kZero:
+    case BoundaryRule::kValue:
+      break;
+  }
+  return kOutside;
+}
+
+struct Shifter {
+  const KernelTable& kernels;
+  Plane y;
+  ConstPlane a;
+  const float* mask;
+  Offset by;
+  BoundaryRule rule;
+  float fill;
+
+  std::int64_t width() const { return y.width; }
+  std::int64_t height() const { return y.height; }
+
+  void copy(std::int64_t row, std::int64_t rows, std::int64_t column, std::int64_t columns,
+            const float* from) const {
+    const std::ptrdiff_t at = row * y.pitch + column;
+    Block block;
+    block.y = y.data + at;
+    block.source[0] = from;
+    block.scalar[0] = fill;
+    block.mask = mask != nullptr ? mask + at : nullptr;
+    block.pitch = y.pitch;
+    block.rows = static_cast<std::uint32_t>(rows);
+    block.columns = static_cast<std::uint32_t>(columns);
+    kernels.kernel(Opcode::kCopy, from == nullptr ? 1U : 0U, mask != nullptr)(block);
+  }
+
+  // Columns [first, last) of the rows, which nothing inside the array moves into.
+  void edge(std::int64_t row, std::int64_t rows, std::int64_t source_row, std::int64_t first,
+            std::int64_t last) const {
+    for (std::int64_t x = first; x < last; ++x) {
+      const std::int64_t from = inside(x - by.dx, width(), rule);
+      const float* source = from == kOutside ? &fill : a.data + source_row * a.pitch + from;
+      const std::ptrdiff_t source_pitch = from == kOutside ? 0 : a.pitch;
+      const std::ptrdiff_t at = row * y.pitch + x;
+      if (mask == nullptr) {
+        float* to = y.data + at;
+        for (std::int64_t r = 0; r < rows; ++r, to += y.pitch, source += source_pitch) *to = *source;
+      } else {
+        for (std::ptrdiff_t i = at, end = at + rows * y.pitch; i < end; i += y.pitch, source += source_pitch)
+          if (mask[i] != 0.0F) y.data[i] = *source;
+      }
+    }
+  }
+
+  // Rows [row, row + rows), which read rows [source_row, …). Whole vectors first, over a little of the
+  // neighbouring padding where that keeps them aligned, then the columns beyond the edge.
+  void move_rows(std::int64_t row, std::int64_t rows, std::int64_t source_row) const {
+    const std::int64_t west = std::clamp<std::int64_t>(by.dx, 0, width());
+    const std::int64_t east = std::clamp<std::int64_t>(width() + by.dx, 0, width());
+    if (west < east) {
+      const std::int64_t first = west / kLanes * kLanes;
+      copy(row, rows, first, east - first, a.data + source_row * a.pitch + first - by.dx);
+    }
+    edge(row, rows, source_row, 0, west);
+    edge(row, rows, source_row, std::max(east, west), width());
+  }
+
+  void row_beyond(std::int64_t row) const {
+    const std::int64_t source_row = inside(row - by.dy, height(), rule);
+    if (source_row == kOutside)
+      copy(row, 1, 0, width(), nullptr);
+    else
+      move_rows(row, 1, source_row);
+  }
+
+  void operator()(std::int64_t first, std::int64_t last) const {
+    const std::int64_t north = std::clamp<std::int64_t>(by.dy, first, last);
+    const std::int64_t south = std::clamp<std::int64_t>(height() + by.dy, north, last);
+    for (std::int64_t row = first; row < north; ++row) row_beyond(row);
+    if (north < south) move_rows(north, south - north, north - by.dy);
+    for (std::int64_t row = south; row < last; ++row) row_beyond(row);
+  }
+};
+
+}  // namespace
+
+void shift(Executor& executor, Plane y, ConstPlane a, Offset offset, Edge edge, const float* mask) noexcept {
+  const float fill = edge.rule == BoundaryRule::kValue ? edge.value : 0.0F;
+  const Shifter shifter{executor.kernels(), y, a, mask, offset, edge.rule, fill};
+  executor.rows(y.height, y.width, [&](std::uint32_t first, std::uint32_t last) { shifter(first, last); });
+}
+
+}  // namespace apron::vm

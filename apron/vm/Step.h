@@ -1,0 +1,51 @@
+// An instruction with everything looked up that can be before the run: kernels, addresses, jump targets.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string_view>
+
+#include "apron/program/Program.h"
+#include "apron/vm/Kernels.h"
+#include "apron/vm/Plane.h"
+#include "apron/vm/Shift.h"
+
+namespace apron::vm {
+
+enum class Action : std::uint8_t {
+  kElementwise,  // register destination
+  kScalar,       // element-wise on variables
+  kShift,
+  kMask,
+  kReduce,
+  kCell,
+  kFlow,
+  kHost,
+};
+
+struct Step {
+  program::Opcode op = program::Opcode::kNop;
+  Action action = Action::kFlow;
+  bool masked = false;
+  std::uint32_t target = 0;         // of a jump
+  std::array<Kernel, 2> kernels{};  // plain, masked
+  Plane y{};                        // destination or, of the instructions that only read one, the register
+  float* variable = nullptr;        // destination
+  std::array<ConstPlane, program::kMaxSources> planes{};     // register sources
+  std::array<const float*, program::kMaxSources> scalars{};  // variable and literal sources
+  Offset offset{};
+  Edge edge{};
+  Plane scratch{};  // where a host's read goes first when a mask is on
+  std::string_view text{};
+  float initial = 0.0F;  // of a parameter
+};
+
+// Where a program's operands live.
+struct Storage {
+  std::vector<Plane> registers;
+  std::vector<float> scalars;  // variables, then literals
+};
+
+Step decode(const program::Program&, const program::Instruction&, Storage&, const KernelTable&);
+
+}  // namespace apron::vm

@@ -1,0 +1,73 @@
+-- The case study of the paper: a 64×64 surface of pins, a wall around it, and spheres of two sizes dropped at random.
+-- Small spheres belong in the western half, large ones in the eastern. Run it with sort.aps as the controller.
+
+local small_count  = option('small', 20, 'number of small spheres')
+local large_count  = option('large', 20, 'number of large spheres')
+local small_radius = option('small_radius', 2.0, 'radius of the small spheres')
+local large_radius = option('large_radius', 4.0, 'radius of the large spheres')
+local hold         = option('hold', 5.0, 'seconds of sortedness after which the run ends; 0 = run on')
+
+local rows, columns, up, wall = 64, 64, 4.0, 6.0
+
+world { gravity = -9.81, dt = 1/240, iterations = 10, control_period = 1/60 }
+
+material { name = 'plastic', friction = 0.25, rolling_friction = 0.01, restitution = 0.1, density = 1.0 }
+
+surface { rows = rows, columns = columns, pitch = 1.0,
+          actuator = pin { top = {0.8, 0.8}, length = 2.0, range = {0, wall}, max_speed = 20, max_acceleration = 400 },
+          sensors  = { proximity { range = 8 } },
+          border   = { height = wall },
+          material = 'plastic' }
+
+record { objects = true, every = 2 }
+
+-- Drop the spheres where none overlaps another; the crowded ones from a layer higher.
+local placed = {}
+local function free(x, y, z, r)
+  for _, p in ipairs(placed) do
+    local dx, dy, dz, gap = p.x - x, p.y - y, p.z - z, p.r + r + 0.2
+    if dx*dx + dy*dy + dz*dz < gap*gap then return false end
+  end
+  return true
+end
+
+local function drop(radius, label, colour)
+  local low, x_high, y_high = 1.0 + radius, columns - 2.0 - radius, rows - 2.0 - radius
+  local z, tries = up + radius + 1.0, 0
+  local x, y
+  repeat
+    x, y = random(low, x_high), random(low, y_high)
+    tries = tries + 1
+    if tries % 500 == 0 then z = z + 2 * radius + 1 end
+  until free(x, y, z, radius)
+  placed[#placed + 1] = { x = x, y = y, z = z, r = radius }
+  sphere { radius = radius, position = {x, y, z}, material = 'plastic', colour = colour, label = label }
+end
+
+for _ = 1, large_count do drop(large_radius, 'large', '#2f6fb5') end
+for _ = 1, small_count do drop(small_radius, 'small', '#d1495b') end
+
+-- Purity: the share of spheres in their own half. Sorted: at least 0.95, for `hold` seconds on end.
+local middle = (columns - 1) / 2
+local function purity()
+  local right, all = 0, 0
+  for label, sign in pairs { small = -1, large = 1 } do
+    for _, o in ipairs(objects { label = label }) do
+      all = all + 1
+      local x, y, z = o:position()
+      if sign * (x - middle) > 0 and z > 0 then right = right + 1 end
+    end
+  end
+  return all > 0 and right / all or 0
+end
+
+if hold > 0 then
+  local since
+  on_tick(function(t)
+    if purity() < 0.95 then since = nil else since = since or t end
+    if since and t - since >= hold + 0.1 then
+      print(string.format('sorted at %.1f s', since))
+      stop()
+    end
+  end)
+end

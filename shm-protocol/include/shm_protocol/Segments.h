@@ -1,0 +1,33 @@
+// Which segments lie in /dev/shm, whose they are, and the removal of those whose surface is dead.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace shm_protocol {
+
+enum class Ownership {
+  kLiving,   // its surface runs
+  kOrphan,   // its surface is dead: it may be removed
+  kForeign,  // not a segment of this protocol, or not readable by this user: it is left alone
+};
+
+struct SegmentInfo {
+  std::string name;  // as given to SurfaceConfig; the file is /dev/shm/smartsurf.NAME
+  std::uint64_t bytes = 0;
+  Ownership ownership = Ownership::kForeign;
+  std::uint16_t version_major = 0, version_minor = 0;
+  std::uint32_t surface_pid = 0;
+  std::uint32_t controller_pid = 0;  // 0: none, or dead
+};
+
+// All files of this protocol in /dev/shm, by name.
+std::vector<SegmentInfo> list_segments();
+
+// Removes every orphan whose name begins with `prefix` and returns those removed. A segment is removed only
+// while it is locked and after its surface was found dead under that lock, so that two cleaners, or a cleaner
+// and a starting surface, cannot take away a living surface's segment.
+std::vector<SegmentInfo> remove_orphans(const std::string& prefix = "");
+
+}  // namespace shm_protocol

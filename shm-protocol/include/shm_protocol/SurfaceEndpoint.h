@@ -1,0 +1,94 @@
+// The surface's end of the protocol: owns the segment, publishes sensors, takes in actuators.
+//
+// One thread at a time may use an endpoint. Only create() allocates and throws; everything on the tick path
+// is noexcept. A channel number is an index into description().channels.
+//
+//   auto surface = SurfaceEndpoint::create(config);
+//   for (std::uint64_t tick = 0;; ++tick) {
+//     fill(surface.sensor(proximity));
+//     if (surface.publish(tick, time_s) != Status::kOk) …
+//     if (surface.await_actuators(tick) == Status::kOk) use(surface.actuator(height));
+//     …
+//   }
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "shm_protocol/Array.h"
+#include "shm_protocol/Description.h"
+#include "shm_protocol/Error.h"
+#include "shm_protocol/Wait.h"
+
+namespace shm_protocol {
+
+class SurfaceEndpoint {
+ public:
+  // Creates /dev/shm/smartsurf.NAME with mode 0600, in state ready. A segment that a dead surface left under
+  // that name is reclaimed. Throws Error: kBadConfig, kSurfaceLives, kForeign, kSystem.
+  static SurfaceEndpoint create(const SurfaceConfig&);
+  // Marks the surface closing, wakes the controller and removes the segment.
+  ~SurfaceEndpoint();
+  SurfaceEndpoint(SurfaceEndpoint&&) noexcept;
+  SurfaceEndpoint& operator=(SurfaceEndpoint&&) noexcept;
+
+  const Description& description() const noexcept;
+
+  // The sensor array of the frame that publish() will send next: components × rows × columns, in place in
+  // shared memory. It moves to another slot at every publish() and then holds an old frame's values: write
+  // all of it.
+  template <class T = float>
+  std::span<T> sensor(int channel) noexcept {
+    return as_array<T>(sensor_bytes(channel, dtype_of<T>()));
+  }
+
+  // Publishes the sensor frame and wakes the controller. In time-step mode an attached controller must have
+  // answered the frame before: otherwise kOutOfTurn, and nothing is published.
+  [[nodiscard]] Status publish(std::uint64_t tick, double time_s, std::uint32_t status = 0) noexcept;
+
+  // Time-step: waits until the controller has answered the frame published last, whose tick this must be, and
+  // takes its frame in: kOk. Else kTimeout, kInterrupted, kTorn, kOutOfTurn, kNoController (at once),
+  // kControllerDead, kControllerClosed; the frame before, or the safe one, then stands.
+  [[nodiscard]] Status await_actuators(std::uint64_t tick, const WaitOptions& = {}) noexcept;
+
+  // Passive: takes in the newest whole actuator frame without waiting: kOk, kRepeated, kTorn, kNoController,
+  // kControllerDead, kControllerClosed.
+  [[nodiscard]] Status latest_actuators() noexcept;
+
+  // Waits until a controller is attached: kOk, kTimeout, kInterrupted.
+  [[nodiscard]] Status await_controller(const WaitOptions& = {}) noexcept;
+
+  // The actuator array that stands: the newest frame taken in, or the safe one. It lies in the endpoint's own
+  // memory, checked: f32 NaN became the channel's safe value, everything else lies within the channel's
+  // range. Valid until the next call that takes a frame in.
+  template <class T = float>
+  std::span<const T> actuator(int channel) const noexcept {
+    return as_array<const T>(actuator_bytes(channel, dtype_of<T>()));
+  }
+  // Of the frame that actuator() shows; frame 0 while that is the safe one and none was ever taken in.
+  const FrameInfo& actuator_info() const noexcept;
+
+  // kRunning and kPaused are for the onlookers; kClosing makes the controller's waits end with
+  // kSurfaceClosed.
+  void set_state(State) noexcept;
+
+  bool has_controller() const noexcept;
+  std::uint32_t controller_pid() const noexcept;  // 0: none
+  State controller_state() const noexcept;
+  std::uint32_t controllers_seen() const noexcept;  // attachments in this session
+  Counters counters() const noexcept;
+  Counters controller_counters() const noexcept;
+
+ private:
+  struct Impl;
+  explicit SurfaceEndpoint(std::unique_ptr<Impl>);
+
+  std::span<std::byte> sensor_bytes(int channel, DType) noexcept;
+  std::span<const std::byte> actuator_bytes(int channel, DType) const noexcept;
+
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace shm_protocol

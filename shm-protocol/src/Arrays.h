@@ -1,0 +1,37 @@
+// The arrays of one frame in memory of one's own, laid out as in a slot without its header.
+#pragma once
+
+#include <cstddef>
+#include <cstring>
+#include <memory>
+#include <new>
+#include <span>
+
+#include "shm_protocol/layout.h"
+
+namespace shm_protocol {
+
+class Arrays {
+ public:
+  Arrays() = default;
+  explicit Arrays(std::size_t bytes)
+      : memory_(static_cast<std::byte*>(::operator new[](bytes + 1, kAlignment))) {
+    std::memset(memory_.get(), 0, bytes);
+  }
+
+  std::byte* array(const ssp_channel& c) const noexcept {
+    return memory_.get() + (c.offset - sizeof(ssp_slot));
+  }
+  std::span<std::byte> bytes(const ssp_channel& c) const noexcept {
+    return {array(c), static_cast<std::size_t>(c.bytes)};
+  }
+
+ private:
+  static constexpr std::align_val_t kAlignment{SSP_ARRAY_ALIGNMENT};
+  struct Free {
+    void operator()(std::byte* memory) const noexcept { ::operator delete[](memory, kAlignment); }
+  };
+  std::unique_ptr<std::byte[], Free> memory_;
+};
+
+}  // namespace shm_protocol

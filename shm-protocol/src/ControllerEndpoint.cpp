@@ -1,0 +1,303 @@
+#include "shm_protocol/ControllerEndpoint.h"
+
+#include <unistd.h>
+
+#include <cassert>
+#include <thread>
+#include <utility>
+
+#include "Arrays.h"
+#include "FrameCopy.h"
+#include "Geometry.h"
+#include "Process.h"
+#include "Ring.h"
+#include "Segment.h"
+#include "Waiting.h"
+
+namespace shm_protocol {
+namespace {
+
+constexpr std::chrono::milliseconds kAttachPoll{10};
+
+}  // namespace
+
+struct ControllerEndpoint::Impl {
+  Impl(Segment mapped, Geometry checked, ProcessWord self)
+      : geometry(std::move(checked)),
+        segment(std::move(mapped)),
+        header(*reinterpret_cast<ssp_header*>(segment.bytes().data())),
+        sensors(Ring::of_sensors(geometry, segment.bytes().data())),
+        actuators(Ring::of_actuators(geometry, segment.bytes().data())),
+        description(describe(geometry, segment.bytes())),
+        passive(description.mode == Mode::kPassive),
+        own(self) {
+    if (passive) copy = Arrays(geometry.sensor_array_bytes());
+  }
+  ~Impl() { detach(); }
+
+  static std::unique_ptr<Impl> attach(const std::string& name, const AttachOptions&);
+  // Nothing, and why, while there is no surface to attach to.
+  static std::unique_ptr<Impl> try_attach(const std::string& name, std::string& why);
+  void claim();
+  void take_over() noexcept;
+  void detach() noexcept;
+
+  Status await_sensors(const WaitOptions&) noexcept;
+  Status latest_sensors() noexcept;
+  bool is_new(std::uint32_t newest) const noexcept;
+  Status take(std::uint32_t newest) noexcept;
+  Status copy_newest() noexcept;
+  Status publish() noexcept;
+  Status surface_status(bool look_up) noexcept;
+
+  Geometry geometry;
+  Segment segment;
+  ssp_header& header;
+  Ring sensors, actuators;
+  Description description;
+  bool passive;
+  ProcessWord own;
+  pid_t owner = ::getpid();
+  bool claimed = false;
+
+  std::uint32_t word = 0;  // of the sensor frame taken last
+  FrameInfo info;
+  bool pending = false;        // time-step: the frame taken last waits for its answer
+  std::uint64_t answered = 0;  // the newest sensor frame that any controller of this session answered
+  std::uint64_t frame = 0;     // actuator frame published last
+  Arrays copy;                 // passive: the sensor frame taken last
+  Counters counters;
+  LivenessClock liveness;
+};
+
+void ControllerEndpoint::Impl::claim() {
+  for (int attempt = 0; attempt < 100; ++attempt) {
+    const ProcessWord holder = load_sequential(header.claim.controller_process);
+    if (holder != 0 && is_alive(holder))
+      throw Error(ErrorCode::kControllerLives,
+                  "surface \"" + description.name + "\" already has a controller: process " +
+                      std::to_string(pid_of(holder)) + "; end it first",
+                  pid_of(holder));
+    if (exchange_if(header.claim.controller_process, holder, own)) {
+      claimed = true;
+      return take_over();
+    }
+  }
+  throw Error(ErrorCode::kControllerLives,
+              "surface \"" + description.name + "\": others keep taking the controller's place");
+}
+
+// Goes on where the predecessor stopped. Only its last whole frame counts: it may have been killed between
+// any two stores, so its publication line may be half of a later one.
+void ControllerEndpoint::Impl::take_over() noexcept {
+  store_relaxed(header.controller_waiting.flag, 0);
+  const std::uint32_t last = load_acquire(header.actuators.word);
+  const FrameInfo whole = actuators.stamp(last);
+  frame = whole.frame != 0 ? whole.frame : last;
+  answered = whole.answers;
+  store_relaxed(header.actuators.cpu, current_cpu());
+  store_relaxed(header.controller.skipped, std::uint64_t{0});
+  store_relaxed(header.controller.repeated, std::uint64_t{0});
+  store_relaxed(header.controller.clamped, std::uint64_t{0});
+  store_relaxed(header.controller.state, static_cast<std::uint32_t>(State::kReady));
+  actuators.open(frame + 1);
+  increment(header.claim.attached);
+  if (load_sequential(header.surface_waiting.flag)) futex_wake(header.claim.attached);
+}
+
+void ControllerEndpoint::Impl::detach() noexcept {
+  if (!claimed || owner != ::getpid()) return;  // a forked child holds no claim
+  claimed = false;
+  store_relaxed(header.controller.state, static_cast<std::uint32_t>(State::kClosing));
+  increment(header.claim.detached);
+  exchange_if(header.claim.controller_process, own, 0);
+  // Not lost in general, but possible between the surface's look and its sleep; then its slice ends it.
+  if (load_sequential(header.surface_waiting.flag)) futex_wake(header.actuators.word);
+}
+
+std::unique_ptr<ControllerEndpoint::Impl> ControllerEndpoint::Impl::try_attach(const std::string& name,
+                                                                               std::string& why) {
+  auto segment = Segment::open(name);
+  if (!segment) {
+    why = "there is no surface \"" + name + "\" (no " + path_of(name) + ")";
+    return nullptr;
+  }
+  auto geometry = read_fixed_part(segment->bytes(), path_of(name));
+  if (!geometry) {
+    why = path_of(name) + " never became ready";
+    return nullptr;
+  }
+  const ProcessWord surface = geometry->identity.surface_process;
+  if (!is_alive(surface)) {
+    why = "surface \"" + name + "\" is dead: process " + std::to_string(pid_of(surface)) +
+          " is gone and left " + path_of(name);
+    return nullptr;
+  }
+  auto impl = std::make_unique<Impl>(std::move(*segment), std::move(*geometry), own_process_word());
+  if (load_acquire(impl->header.surface.state) == SSP_STATE_CLOSING) {
+    why = "surface \"" + name + "\" is closing";
+    return nullptr;
+  }
+  impl->claim();
+  return impl;
+}
+
+std::unique_ptr<ControllerEndpoint::Impl> ControllerEndpoint::Impl::attach(const std::string& name,
+                                                                           const AttachOptions& options) {
+  check_name(name);
+  const auto start = Clock::now();
+  for (std::string why;;) {
+    if (auto impl = try_attach(name, why)) return impl;
+    if (options.stop && options.stop->load(std::memory_order_relaxed))
+      throw Error(ErrorCode::kInterrupted, "interrupted while waiting: " + why);
+    if (Clock::now() - start >= options.timeout) throw Error(ErrorCode::kNotFound, why);
+    std::this_thread::sleep_for(kAttachPoll);
+  }
+}
+
+Status ControllerEndpoint::Impl::surface_status(bool look_up) noexcept {
+  const std::uint32_t state = load_acquire(header.surface.state);
+  if (state == SSP_STATE_CLOSING) return Status::kSurfaceClosed;
+  if (state == SSP_STATE_DEAD) return Status::kSurfaceDead;
+  return look_up && !is_alive(geometry.identity.surface_process) ? Status::kSurfaceDead : Status::kOk;
+}
+
+// In time-step mode a frame that a predecessor answered is not new; one that it left unanswered is.
+bool ControllerEndpoint::Impl::is_new(std::uint32_t newest) const noexcept {
+  if (newest == word) return false;
+  return passive || load_relaxed(header.sensors.frame) != answered;
+}
+
+Status ControllerEndpoint::Impl::copy_newest() noexcept {
+  for (int attempt = 0; attempt < 3; ++attempt) {
+    const std::uint32_t newest = load_acquire(header.sensors.word);
+    const FrameInfo taken = sensors.stamp(newest);
+    if (taken.frame == 0) continue;
+    for (const auto& c : geometry.channels)
+      if (c.direction == SSP_SENSOR) copy_frame(copy.array(c), sensors.array(newest, c).data(), c.bytes);
+    if (!sensors.still_whole(taken)) continue;
+    // Frames before the first one taken are no loss: this controller was not there yet.
+    if (word != 0) counters.skipped += newest - word - 1;
+    store_relaxed(header.controller.skipped, counters.skipped);
+    word = newest;
+    info = taken;
+    return Status::kOk;
+  }
+  return Status::kTorn;
+}
+
+Status ControllerEndpoint::Impl::take(std::uint32_t newest) noexcept {
+  if (load_acquire(header.controller.state) == SSP_STATE_READY)
+    store_relaxed(header.controller.state, static_cast<std::uint32_t>(State::kRunning));
+  if (passive) return copy_newest();
+  // The surface leaves the line and the slot alone until the answer, so the slot's own line need not travel.
+  const FrameInfo taken = announced(header.sensors);
+  fence_acquire();
+  if (load_relaxed(header.sensors.word) != newest || static_cast<std::uint32_t>(taken.frame) != newest)
+    return Status::kTorn;
+  word = newest;
+  info = taken;
+  pending = true;
+  return Status::kOk;
+}
+
+Status ControllerEndpoint::Impl::await_sensors(const WaitOptions& options) noexcept {
+  std::uint32_t newest = load_acquire(header.sensors.word);
+  if (pending && newest == word) return Status::kOutOfTurn;
+  pending = false;
+  const auto ready = [&]() noexcept {
+    newest = load_acquire(header.sensors.word);
+    return is_new(newest);
+  };
+  const auto peer = [&](bool look_up) noexcept { return surface_status(look_up); };
+  const Doorbell bell{header.sensors.word, header.controller_waiting.flag, header.sensors.cpu};
+  // More than once only when a surface that did not know of us yet published on, just as we looked.
+  for (int attempt = 0; attempt < 3; ++attempt) {
+    if (const Status s = wait_until(bell, options, liveness, ready, peer); s != Status::kOk) return s;
+    if (take(newest) == Status::kOk) return Status::kOk;
+  }
+  return Status::kTorn;
+}
+
+Status ControllerEndpoint::Impl::latest_sensors() noexcept {
+  const std::uint32_t newest = load_acquire(header.sensors.word);
+  if (is_new(newest)) {
+    pending = false;
+    return take(newest);
+  }
+  if (const Status s = surface_status(liveness.due()); s != Status::kOk) return s;
+  store_relaxed(header.controller.repeated, ++counters.repeated);
+  return Status::kRepeated;
+}
+
+Status ControllerEndpoint::Impl::publish() noexcept {
+  if (!passive) {
+    if (!pending) return Status::kOutOfTurn;
+    pending = false;
+    if (load_acquire(header.sensors.word) != word) return Status::kTorn;
+    answered = info.frame;
+  }
+  ++frame;
+  const FrameInfo now{frame, info.tick, info.time_s, info.frame, 0};
+  actuators.close(now);
+  announce(header.actuators, now, current_cpu());
+  ring(header.actuators.word, static_cast<std::uint32_t>(frame), header.surface_waiting.flag);
+  actuators.open(frame + 1);
+  return Status::kOk;
+}
+
+ControllerEndpoint::ControllerEndpoint(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+ControllerEndpoint::ControllerEndpoint(ControllerEndpoint&&) noexcept = default;
+ControllerEndpoint& ControllerEndpoint::operator=(ControllerEndpoint&&) noexcept = default;
+ControllerEndpoint::~ControllerEndpoint() = default;
+
+ControllerEndpoint ControllerEndpoint::attach(const std::string& name, const AttachOptions& options) {
+  return ControllerEndpoint(Impl::attach(name, options));
+}
+
+void ControllerEndpoint::reconnect(const AttachOptions& options) {
+  impl_->detach();
+  auto next = Impl::attach(impl_->description.name, options);
+  if (next->description.layout_hash != impl_->description.layout_hash)
+    throw Error(ErrorCode::kLayoutChanged,
+                "surface \"" + next->description.name +
+                    "\" came back with another size or other channels; start anew");
+  impl_ = std::move(next);
+}
+
+const Description& ControllerEndpoint::description() const noexcept { return impl_->description; }
+
+std::span<const std::byte> ControllerEndpoint::sensor_bytes(int channel,
+                                                            [[maybe_unused]] DType dtype) const noexcept {
+  const auto& c = impl_->geometry.channels[static_cast<std::size_t>(channel)];
+  assert(c.direction == SSP_SENSOR && c.dtype == static_cast<std::uint32_t>(dtype));
+  if (impl_->passive) return impl_->copy.bytes(c);
+  return impl_->sensors.array(impl_->word, c);
+}
+
+std::span<std::byte> ControllerEndpoint::actuator_bytes(int channel, [[maybe_unused]] DType dtype) noexcept {
+  const auto& c = impl_->geometry.channels[static_cast<std::size_t>(channel)];
+  assert(c.direction == SSP_ACTUATOR && c.dtype == static_cast<std::uint32_t>(dtype));
+  return impl_->actuators.array(impl_->frame + 1, c);
+}
+
+Status ControllerEndpoint::await_sensors(const WaitOptions& options) noexcept {
+  return impl_->await_sensors(options);
+}
+Status ControllerEndpoint::latest_sensors() noexcept { return impl_->latest_sensors(); }
+Status ControllerEndpoint::publish() noexcept { return impl_->publish(); }
+Status ControllerEndpoint::surface_status() noexcept { return impl_->surface_status(true); }
+const FrameInfo& ControllerEndpoint::sensor_info() const noexcept { return impl_->info; }
+void ControllerEndpoint::set_state(State state) noexcept {
+  store_release(impl_->header.controller.state, static_cast<std::uint32_t>(state));
+}
+State ControllerEndpoint::surface_state() const noexcept {
+  return static_cast<State>(load_acquire(impl_->header.surface.state));
+}
+Counters ControllerEndpoint::counters() const noexcept { return impl_->counters; }
+Counters ControllerEndpoint::surface_counters() const noexcept {
+  const ssp_side& side = impl_->header.surface;
+  return {load_relaxed(side.skipped), load_relaxed(side.repeated), load_relaxed(side.clamped)};
+}
+
+}  // namespace shm_protocol

@@ -1,0 +1,73 @@
+#include "FrameCopy.h"
+
+#include <algorithm>
+#include <cstring>
+
+namespace shm_protocol {
+namespace {
+
+constexpr std::size_t kBlock = 4096;  // bytes copied and then checked while they are in the nearest cache
+
+std::uint64_t check_values(std::span<float> values, float lowest, float highest, float safe) noexcept {
+  std::uint32_t replaced = 0;
+  for (float& value : values) {
+    const float v = value;
+    const bool below = v<lowest, above = v> highest, nan = v != v;
+    value = nan ? safe : below ? lowest : above ? highest : v;
+    replaced += static_cast<std::uint32_t>(nan | below | above);
+  }
+  return replaced;
+}
+
+template <class T>
+std::uint64_t check_values(std::span<T> values, T lowest, T highest) noexcept {
+  std::uint32_t replaced = 0;
+  for (T& value : values) {
+    const T v = value;
+    value = std::clamp(v, lowest, highest);
+    replaced += static_cast<std::uint32_t>(value != v);
+  }
+  return replaced;
+}
+
+std::uint64_t check_block(std::byte* block, std::size_t bytes, const ssp_channel& c) noexcept {
+  if (c.dtype == SSP_F32)
+    return check_values({reinterpret_cast<float*>(block), bytes / sizeof(float)},
+                        static_cast<float>(c.minimum), static_cast<float>(c.maximum),
+                        static_cast<float>(c.safe));
+  if (c.dtype == SSP_U32)
+    return check_values(std::span(reinterpret_cast<std::uint32_t*>(block), bytes / sizeof(std::uint32_t)),
+                        static_cast<std::uint32_t>(c.minimum), static_cast<std::uint32_t>(c.maximum));
+  return check_values(std::span(reinterpret_cast<std::uint8_t*>(block), bytes),
+                      static_cast<std::uint8_t>(c.minimum), static_cast<std::uint8_t>(c.maximum));
+}
+
+}  // namespace
+
+#ifdef __SANITIZE_THREAD__
+// The race is meant: a seqlock's reader. ThreadSanitizer would report it, and it watches memcpy too.
+__attribute__((no_sanitize("thread"))) void copy_frame(std::byte* to, const std::byte* from,
+                                                       std::size_t bytes) noexcept {
+  const volatile std::byte* source = from;
+  for (std::size_t i = 0; i < bytes; ++i) to[i] = source[i];
+}
+#else
+void copy_frame(std::byte* to, const std::byte* from, std::size_t bytes) noexcept {
+  std::memcpy(to, from, bytes);
+}
+#endif
+
+std::uint64_t copy_checked(std::byte* to, const std::byte* from, const ssp_channel& c) noexcept {
+  std::uint64_t replaced = 0;
+  for (std::size_t at = 0; at < c.bytes; at += kBlock) {
+    const std::size_t bytes = std::min(kBlock, static_cast<std::size_t>(c.bytes) - at);
+    copy_frame(to + at, from + at, bytes);
+    // The copy above is complete before the first value is judged: without this the compiler might fetch
+    // again.
+    asm volatile("" ::: "memory");
+    replaced += check_block(to + at, bytes, c);
+  }
+  return replaced;
+}
+
+}  // namespace shm_protocol

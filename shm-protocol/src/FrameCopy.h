@@ -1,0 +1,22 @@
+// Bytes out of a slot that its writer may change meanwhile, into memory of one's own; values checked on the
+// way.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "shm_protocol/layout.h"
+
+namespace shm_protocol {
+
+// Copies each byte once. The copy may be torn; whoever calls finds that out from the slot's sequence
+// afterwards.
+void copy_frame(std::byte* to, const std::byte* from, std::size_t bytes) noexcept;
+
+// Copies an actuator array and makes it safe: an f32 NaN becomes the channel's safe value, ±infinity and
+// whatever else is out of range becomes the nearer end of the range. Returns how many values it replaced. The
+// values are looked at only after they are private, so that what was checked cannot change any more.
+std::uint64_t copy_checked(std::byte* to, const std::byte* from, const ssp_channel&) noexcept;
+
+}  // namespace shm_protocol

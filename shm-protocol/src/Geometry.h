@@ -1,0 +1,44 @@
+// The segment's fixed part: planned from a configuration, written once, and read back only after every size
+// and offset was checked against the real size of the segment. Both sides keep a private copy and never look
+// at the shared one again, so that a peer that changes it later changes nothing.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "shm_protocol/Description.h"
+#include "shm_protocol/layout.h"
+
+namespace shm_protocol {
+
+struct Geometry {
+  ssp_identity identity{};
+  ssp_geometry geometry{};
+  std::vector<ssp_channel> channels;
+
+  std::size_t sensor_array_bytes() const noexcept;  // of one slot, without its header
+  std::size_t actuator_array_bytes() const noexcept;
+};
+
+// Throws Error(kBadConfig) naming the field, its value and what would be right.
+void check_name(const std::string& name);
+Geometry plan(const SurfaceConfig&);
+
+// Lays header, directory, positions and slots into a zeroed segment, all but the version word; every actuator
+// and sensor array is filled with its safe value.
+void write_fixed_part(const Geometry&, const SurfaceConfig&, std::span<std::byte> segment);
+
+// The checked private copy; nothing while the segment is not ready. Throws Error: kForeign, kWrongVersion,
+// kCorrupt; `origin` names the segment in the message.
+std::optional<Geometry> read_fixed_part(std::span<const std::byte> segment, const std::string& origin);
+
+Description describe(const Geometry&, std::span<const std::byte> segment);
+
+// FNV-1a over the geometry line and the directory.
+std::uint64_t layout_hash(const ssp_geometry&, std::span<const std::byte> directory) noexcept;
+
+}  // namespace shm_protocol

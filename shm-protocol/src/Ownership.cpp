@@ -1,0 +1,111 @@
+#include "Ownership.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+
+#include "Segment.h"
+#include "shm_protocol/layout.h"
+
+namespace shm_protocol {
+namespace {
+
+class File {
+ public:
+  explicit File(const std::string& path)
+      : descriptor_(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW)) {}
+  ~File() {
+    if (descriptor_ >= 0) ::close(descriptor_);
+  }
+  File(const File&) = delete;
+  File& operator=(const File&) = delete;
+  explicit operator bool() const { return descriptor_ >= 0; }
+  int descriptor() const { return descriptor_; }
+
+ private:
+  int descriptor_;
+};
+
+SegmentInfo inspect_open(int descriptor, const std::string& file) {
+  SegmentInfo info;
+  info.name = file.substr(std::strlen(kPrefix));
+  struct stat status {};
+  if (::fstat(descriptor, &status) != 0 || !S_ISREG(status.st_mode)) return info;
+  info.bytes = static_cast<std::uint64_t>(status.st_size);
+
+  if (const auto mark = info.name.find(kUnfinished); mark != std::string::npos) {
+    const ProcessWord builder = std::strtoull(info.name.c_str() + mark + 1, nullptr, 10);
+    info.surface_pid = pid_of(builder);
+    info.ownership = is_alive(builder) ? Ownership::kLiving : Ownership::kOrphan;
+    return info;
+  }
+  // Read, not mapped: a file that is shorter than it should be gives fewer bytes here, not a SIGBUS.
+  ssp_header header{};
+  const ssize_t got = ::pread(descriptor, &header, sizeof header, 0);
+  const ssp_identity& id = header.identity;
+  if (got < static_cast<ssize_t>(sizeof id) || id.magic != SSP_MAGIC || id.surface_process == 0) return info;
+  info.version_major = static_cast<std::uint16_t>(id.version >> 16);
+  info.version_minor = static_cast<std::uint16_t>(id.version & 0xFFFF);
+  info.surface_pid = pid_of(id.surface_process);
+  info.ownership = is_alive(id.surface_process) ? Ownership::kLiving : Ownership::kOrphan;
+  if (info.version_major == SSP_VERSION_MAJOR && is_alive(header.claim.controller_process))
+    info.controller_pid = pid_of(header.claim.controller_process);
+  return info;
+}
+
+bool is_still(int descriptor, const std::string& path) {
+  struct stat mine {
+  }, there{};
+  return ::fstat(descriptor, &mine) == 0 && ::lstat(path.c_str(), &there) == 0 &&
+         mine.st_dev == there.st_dev && mine.st_ino == there.st_ino;
+}
+
+}  // namespace
+
+SegmentInfo inspect(const std::string& file) {
+  const File opened(std::string(kFolder) + "/" + file);
+  if (opened) return inspect_open(opened.descriptor(), file);
+  SegmentInfo unknown;
+  unknown.name = file.substr(std::strlen(kPrefix));
+  return unknown;
+}
+
+bool remove_if_orphan(const std::string& file) {
+  const std::string path = std::string(kFolder) + "/" + file;
+  const File opened(path);
+  if (!opened) return false;
+  // Whoever removes holds this lock and has seen that the name still means this file. So between the check
+  // and the unlink nobody else can have removed it and put a living surface's segment in its place.
+  if (::flock(opened.descriptor(), LOCK_EX) != 0) return false;
+  if (!is_still(opened.descriptor(), path)) return false;
+  if (inspect_open(opened.descriptor(), file).ownership != Ownership::kOrphan) return false;
+  return ::unlink(path.c_str()) == 0;
+}
+
+std::vector<SegmentInfo> list_segments() {
+  std::vector<SegmentInfo> found;
+  std::error_code failure;
+  for (const auto& entry : std::filesystem::directory_iterator(kFolder, failure)) {
+    const std::string file = entry.path().filename().string();
+    if (file.starts_with(kPrefix)) found.push_back(inspect(file));
+  }
+  std::sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
+  return found;
+}
+
+std::vector<SegmentInfo> remove_orphans(const std::string& prefix) {
+  std::vector<SegmentInfo> removed;
+  for (const auto& segment : list_segments())
+    if (segment.ownership == Ownership::kOrphan && segment.name.starts_with(prefix) &&
+        remove_if_orphan(kPrefix + segment.name))
+      removed.push_back(segment);
+  return removed;
+}
+
+}  // namespace shm_protocol

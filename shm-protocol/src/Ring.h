@@ -1,0 +1,96 @@
+// One direction's ring of slots: where a frame lies and when it is whole.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "Geometry.h"
+#include "Words.h"
+
+namespace shm_protocol {
+
+class Ring {
+ public:
+  Ring() = default;
+  Ring(std::byte* begin, std::uint32_t slots, std::uint64_t slot_bytes)
+      : begin_(begin), mask_(slots - 1), slot_bytes_(slot_bytes) {}
+
+  static Ring of_sensors(const Geometry& g, std::byte* segment) {
+    return {segment + g.geometry.sensor_ring_offset, g.geometry.sensor_slots, g.geometry.sensor_slot_bytes};
+  }
+  static Ring of_actuators(const Geometry& g, std::byte* segment) {
+    return {segment + g.geometry.actuator_ring_offset, g.geometry.actuator_slots,
+            g.geometry.actuator_slot_bytes};
+  }
+
+  // Only the low bits of the frame count, so its low 32 bits are enough.
+  ssp_slot& slot(std::uint64_t frame) const noexcept {
+    return *reinterpret_cast<ssp_slot*>(begin_ + (frame & mask_) * slot_bytes_);
+  }
+  std::span<std::byte> array(std::uint64_t frame, const ssp_channel& c) const noexcept {
+    return {reinterpret_cast<std::byte*>(&slot(frame)) + c.offset, static_cast<std::size_t>(c.bytes)};
+  }
+
+  // Declares the slot of `frame` to be in the making; the caller then fills its arrays.
+  void open(std::uint64_t frame) const noexcept {
+    store_relaxed(slot(frame).sequence, 2 * frame - 1);
+    // No array byte may become visible before the odd number: a reader that sees the byte must see the number
+    // too.
+    fence_release();
+  }
+
+  // Declares the frame whole.
+  void close(const FrameInfo& info) const noexcept {
+    ssp_slot& s = slot(info.frame);
+    store_relaxed(s.frame, info.frame);
+    store_relaxed(s.tick, info.tick);
+    store_relaxed(s.time_s, info.time_s);
+    store_relaxed(s.answers, info.answers);
+    store_relaxed(s.status, info.status);
+    store_release(s.sequence, 2 * info.frame);
+  }
+
+  // The stamp of the frame whose low 32 bits are `word`; its frame is 0 when the slot holds another one or
+  // half one.
+  FrameInfo stamp(std::uint32_t word) const noexcept {
+    const ssp_slot& s = slot(word);
+    const std::uint64_t sequence = load_acquire(s.sequence);
+    FrameInfo info;
+    if (sequence == 0 || sequence % 2 != 0 || static_cast<std::uint32_t>(sequence / 2) != word) return info;
+    info = {sequence / 2, load_relaxed(s.tick), load_relaxed(s.time_s), load_relaxed(s.answers),
+            load_relaxed(s.status)};
+    return info;
+  }
+
+  // Whether the frame was whole all the time since stamp() returned it. To be called after reading the
+  // arrays.
+  bool still_whole(const FrameInfo& info) const noexcept {
+    // The array reads above may not sink below this load.
+    fence_acquire();
+    return load_relaxed(slot(info.frame).sequence) == 2 * info.frame;
+  }
+
+ private:
+  std::byte* begin_ = nullptr;
+  std::uint64_t mask_ = 0;
+  std::uint64_t slot_bytes_ = 0;
+};
+
+// Announces a whole frame on the direction's publication line; ring() with the frame's low 32 bits comes
+// next.
+inline void announce(ssp_publication& line, const FrameInfo& info, std::uint32_t cpu) noexcept {
+  store_relaxed(line.cpu, cpu);
+  store_relaxed(line.frame, info.frame);
+  store_relaxed(line.tick, info.tick);
+  store_relaxed(line.time_s, info.time_s);
+  store_relaxed(line.answers, info.answers);
+  store_relaxed(line.status, info.status);
+}
+
+inline FrameInfo announced(const ssp_publication& line) noexcept {
+  return {load_relaxed(line.frame), load_relaxed(line.tick), load_relaxed(line.time_s),
+          load_relaxed(line.answers), load_relaxed(line.status)};
+}
+
+}  // namespace shm_protocol

@@ -1,0 +1,156 @@
+#include "Segment.h"
+
+#include <fcntl.h>
+#include <stdio.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <boost/interprocess/mapped_region.hpp>
+#include <boost/interprocess/shared_memory_object.hpp>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+
+#include "Ownership.h"
+#include "shm_protocol/Error.h"
+
+namespace shm_protocol {
+namespace {
+
+namespace bip = boost::interprocess;
+
+[[noreturn]] void system_error(const std::string& what, int number) {
+  throw Error(ErrorCode::kSystem, what + ": " + std::strerror(number));
+}
+
+std::string file_of(const std::string& name) { return kPrefix + name; }
+
+// Removes what killed builders of this name left: its name alone tells whether the builder lives.
+void sweep_unfinished(const std::string& name) {
+  std::error_code failure;
+  for (const auto& entry : std::filesystem::directory_iterator(kFolder, failure)) {
+    const std::string file = entry.path().filename().string();
+    if (file.starts_with(file_of(name) + kUnfinished)) remove_if_orphan(file);
+  }
+}
+
+}  // namespace
+
+struct Segment::Impl {
+  std::string name;      // the real one
+  std::string built_as;  // the private file, while it has not been put in place
+  bip::shared_memory_object object;
+  bip::mapped_region region;
+  pid_t builder = 0;
+
+  int descriptor() const { return object.get_mapping_handle().handle; }
+};
+
+std::string path_of(const std::string& name) { return std::string(kFolder) + "/" + file_of(name); }
+
+Segment::Segment(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+Segment::Segment(Segment&&) noexcept = default;
+Segment& Segment::operator=(Segment&&) noexcept = default;
+
+Segment::~Segment() {
+  if (impl_ && !impl_->built_as.empty() && impl_->builder == ::getpid())
+    ::unlink((std::string(kFolder) + "/" + impl_->built_as).c_str());
+}
+
+Segment Segment::build(const std::string& name, std::size_t bytes, ProcessWord owner) {
+  sweep_unfinished(name);
+  auto impl = std::make_unique<Impl>();
+  impl->name = name;
+  impl->builder = ::getpid();
+  static std::atomic<unsigned> built{0};  // two threads may build under one name; one of them will be refused
+  const std::string file =
+      file_of(name) + kUnfinished + std::to_string(owner) + "." + std::to_string(built++);
+  try {
+    bip::permissions permissions(0600);
+    impl->object = bip::shared_memory_object(bip::create_only, file.c_str(), bip::read_write, permissions);
+    impl->built_as = file;
+  } catch (const bip::interprocess_exception& e) {
+    throw Error(ErrorCode::kSystem, "cannot create " + path_of(name) + ": " + e.what());
+  }
+  Segment segment(std::move(impl));
+  // Reserved now: a full /dev/shm is an error here, not a SIGBUS in the middle of a run.
+  if (const int failure = ::posix_fallocate(segment.impl_->descriptor(), 0, static_cast<off_t>(bytes)))
+    system_error("cannot reserve " + std::to_string(bytes) + " bytes in /dev/shm for " + path_of(name),
+                 failure);
+  try {
+    segment.impl_->region = bip::mapped_region(segment.impl_->object, bip::read_write);
+  } catch (const bip::interprocess_exception& e) {
+    throw Error(ErrorCode::kSystem, "cannot map " + path_of(name) + ": " + e.what());
+  }
+  return segment;
+}
+
+void Segment::put_in_place() {
+  const std::string from = std::string(kFolder) + "/" + impl_->built_as;
+  const std::string to = path_of(impl_->name);
+  for (int attempt = 0; attempt < 100; ++attempt) {
+    reclaim_or_refuse(impl_->name);
+    if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) {
+      impl_->built_as.clear();
+      return;
+    }
+    if (errno != EEXIST) break;
+  }
+  system_error("cannot put " + to + " in place", errno);
+}
+
+void Segment::remove() noexcept {
+  // The lock orders this with a cleaner that has just found the same file (see remove_if_orphan).
+  struct stat mine {
+  }, there{};
+  const int descriptor = impl_->descriptor();
+  const std::string path = path_of(impl_->name);
+  if (::flock(descriptor, LOCK_EX) != 0) return;
+  if (::fstat(descriptor, &mine) == 0 && ::lstat(path.c_str(), &there) == 0 && mine.st_ino == there.st_ino)
+    ::unlink(path.c_str());
+  ::flock(descriptor, LOCK_UN);
+}
+
+std::optional<Segment> Segment::open(const std::string& name) {
+  auto impl = std::make_unique<Impl>();
+  impl->name = name;
+  try {
+    impl->object = bip::shared_memory_object(bip::open_only, file_of(name).c_str(), bip::read_write);
+    bip::offset_t size = 0;
+    if (!impl->object.get_size(size) || size <= 0)
+      throw Error(ErrorCode::kCorrupt, path_of(name) + ": truncated: 0 bytes");
+    impl->region = bip::mapped_region(impl->object, bip::read_write);
+  } catch (const bip::interprocess_exception& e) {
+    if (e.get_error_code() == bip::not_found_error) return std::nullopt;
+    throw Error(ErrorCode::kSystem, "cannot open " + path_of(name) + ": " + e.what());
+  }
+  return Segment(std::move(impl));
+}
+
+std::span<std::byte> Segment::bytes() noexcept {
+  return {static_cast<std::byte*>(impl_->region.get_address()), impl_->region.get_size()};
+}
+
+void reclaim_or_refuse(const std::string& name) {
+  const std::string path = path_of(name);
+  struct stat status {};
+  if (::lstat(path.c_str(), &status) != 0) return;
+  const SegmentInfo found = inspect(file_of(name));
+  if (found.ownership == Ownership::kLiving)
+    throw Error(ErrorCode::kSurfaceLives,
+                "surface \"" + name + "\" is already running as process " +
+                    std::to_string(found.surface_pid) + "; choose another name or end it first",
+                found.surface_pid);
+  if (found.ownership == Ownership::kForeign) {
+    if (::lstat(path.c_str(), &status) != 0) return;  // it went away between the two looks
+    throw Error(ErrorCode::kForeign,
+                path +
+                    " is not a segment of this protocol, or belongs to another user; remove "
+                    "it by hand or choose another name");
+  }
+  remove_if_orphan(file_of(name));
+}
+
+}  // namespace shm_protocol

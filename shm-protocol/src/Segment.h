@@ -1,0 +1,55 @@
+// The file in /dev/shm and its mapping: made whole under a private name, put in place in one step, opened,
+// reclaimed from the dead and removed.
+//
+// A segment appears under its real name only when it is complete: it is built as
+// smartsurf.NAME~PROCESSWORD.COUNT and renamed without replacing. A builder that is killed leaves only a name
+// that says who it was.
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "Process.h"
+
+namespace shm_protocol {
+
+inline constexpr const char* kFolder = "/dev/shm";
+inline constexpr const char* kPrefix = "smartsurf.";  // of every file of this protocol
+inline constexpr char kUnfinished = '~';              // NAME~PROCESSWORD.COUNT: being built
+
+// "/dev/shm/smartsurf.NAME"
+std::string path_of(const std::string& name);
+
+class Segment {
+ public:
+  // A zeroed segment under a private name, with its memory reserved. Throws Error(kSystem).
+  static Segment build(const std::string& name, std::size_t bytes, ProcessWord owner);
+  // Maps an existing segment whole. Nothing when there is none; throws Error(kSystem) when it cannot be
+  // mapped.
+  static std::optional<Segment> open(const std::string& name);
+  ~Segment();  // unmaps; removes only what was never put in place
+  Segment(Segment&&) noexcept;
+  Segment& operator=(Segment&&) noexcept;
+
+  // Gives the built segment its real name, reclaiming one that a dead surface left. Throws Error:
+  // kSurfaceLives, kForeign, kSystem.
+  void put_in_place();
+  // Removes the file if it still is this segment's.
+  void remove() noexcept;
+
+  std::span<std::byte> bytes() noexcept;
+
+ private:
+  struct Impl;
+  explicit Segment(std::unique_ptr<Impl>);
+  std::unique_ptr<Impl> impl_;
+};
+
+// Throws Error(kSurfaceLives) naming the pid, or kForeign, when the name is taken for good; removes the
+// segment of a dead surface.
+void reclaim_or_refuse(const std::string& name);
+
+}  // namespace shm_protocol

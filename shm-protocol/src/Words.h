@@ -1,0 +1,70 @@
+// Access to the words that both processes touch, and the seqlock's two fences.
+//
+// The __atomic builtins, not std::atomic: the words live in mapped memory that holds plain C structs, and a
+// reader may have mapped them read-only, which C++20's atomic_ref does not allow.
+#pragma once
+
+#include <atomic>
+#include <type_traits>
+
+namespace shm_protocol {
+
+template <class T>
+T load_relaxed(const T& word) noexcept {
+  T value;
+  __atomic_load(&word, &value, __ATOMIC_RELAXED);
+  return value;
+}
+
+template <class T>
+T load_acquire(const T& word) noexcept {
+  T value;
+  __atomic_load(&word, &value, __ATOMIC_ACQUIRE);
+  return value;
+}
+
+template <class T>
+T load_sequential(const T& word) noexcept {
+  T value;
+  __atomic_load(&word, &value, __ATOMIC_SEQ_CST);
+  return value;
+}
+
+template <class T>
+void store_relaxed(T& word, std::type_identity_t<T> value) noexcept {
+  __atomic_store(&word, &value, __ATOMIC_RELAXED);
+}
+
+template <class T>
+void store_release(T& word, std::type_identity_t<T> value) noexcept {
+  __atomic_store(&word, &value, __ATOMIC_RELEASE);
+}
+
+template <class T>
+void store_sequential(T& word, std::type_identity_t<T> value) noexcept {
+  __atomic_store(&word, &value, __ATOMIC_SEQ_CST);
+}
+
+// True when the word was `expected` and now is `desired`.
+template <class T>
+bool exchange_if(T& word, std::type_identity_t<T> expected, std::type_identity_t<T> desired) noexcept {
+  return __atomic_compare_exchange(&word, &expected, &desired, false, __ATOMIC_SEQ_CST, __ATOMIC_SEQ_CST);
+}
+
+template <class T>
+void increment(T& word) noexcept {
+  __atomic_fetch_add(&word, T{1}, __ATOMIC_SEQ_CST);
+}
+
+// GCC's ThreadSanitizer does not know fences. The arrays that they order are copied out of its sight
+// (FrameCopy.h), so there a barrier for the compiler alone, on a machine that keeps stores and loads in
+// order, serves.
+#ifdef __SANITIZE_THREAD__
+inline void fence_release() noexcept { asm volatile("" ::: "memory"); }
+inline void fence_acquire() noexcept { asm volatile("" ::: "memory"); }
+#else
+inline void fence_release() noexcept { std::atomic_thread_fence(std::memory_order_release); }
+inline void fence_acquire() noexcept { std::atomic_thread_fence(std::memory_order_acquire); }
+#endif
+
+}  // namespace shm_protocol

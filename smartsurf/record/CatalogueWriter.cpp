@@ -1,0 +1,155 @@
+#include "smartsurf/record/CatalogueWriter.h"
+
+#include <cassert>
+#include <cstdint>
+#include <limits>
+
+namespace smartsurf::record {
+namespace {
+
+struct ShapeName {
+  scene::ShapeKind shape;
+  const char* name;
+};
+constexpr ShapeName kShapeNames[] = {{scene::ShapeKind::kSphere, "sphere"},
+                                     {scene::ShapeKind::kBox, "box"},
+                                     {scene::ShapeKind::kCylinder, "cylinder"}};
+
+constexpr hsize_t kChunkObjects = 64;
+
+Handle copy_of(hid_t type) { return Handle(H5Tcopy(type), H5Tclose, "type"); }
+
+// Columns of one number or a vector an object, in the order of the objects.
+template <class Number, class Value>
+std::vector<Number> column(std::span<const scene::ObjectSpec> objects, Value value) {
+  std::vector<Number> numbers;
+  for (const scene::ObjectSpec& object : objects)
+    for (const auto number : value(object)) numbers.push_back(static_cast<Number>(number));
+  return numbers;
+}
+
+template <class Value>
+std::vector<const char*> texts(std::span<const scene::ObjectSpec> objects, Value value) {
+  std::vector<const char*> characters;
+  for (const scene::ObjectSpec& object : objects) characters.push_back(value(object));
+  return characters;
+}
+
+double radius_of(const scene::ObjectSpec& object) {
+  return object.shape == scene::ShapeKind::kBox ? std::numeric_limits<double>::quiet_NaN() : object.radius;
+}
+
+}  // namespace
+
+const char* name_of(scene::ShapeKind shape) {
+  for (const ShapeName& entry : kShapeNames)
+    if (entry.shape == shape) return entry.name;
+  assert(false);
+  return "";
+}
+
+bool shape_of(const std::string& name, scene::ShapeKind& shape) {
+  for (const ShapeName& entry : kShapeNames)
+    if (entry.name == name) {
+      shape = entry.shape;
+      return true;
+    }
+  return false;
+}
+
+CatalogueWriter::CatalogueWriter(hid_t group, std::vector<scene::Material> materials)
+    : materials_(std::move(materials)) {
+  add_field(group, "id", copy_of(H5T_NATIVE_UINT32), 1);
+  add_field(group, "label", text_type(), 1);
+  add_field(group, "shape", text_type(), 1);
+  add_field(group, "material", text_type(), 1);
+  add_field(group, "radius", copy_of(H5T_NATIVE_DOUBLE), 1);
+  add_field(group, "extents", copy_of(H5T_NATIVE_DOUBLE), 3);
+  add_field(group, "mass", copy_of(H5T_NATIVE_DOUBLE), 1);
+  add_field(group, "fixed", copy_of(H5T_NATIVE_UINT8), 1);
+  add_field(group, "colour", copy_of(H5T_NATIVE_FLOAT), 3);
+  add_field(group, "initial_position", copy_of(H5T_NATIVE_DOUBLE), 3);
+  add_field(group, "initial_orientation", copy_of(H5T_NATIVE_DOUBLE), 4);
+  add_field(group, "initial_velocity", copy_of(H5T_NATIVE_DOUBLE), 3);
+  add_field(group, "initial_angular_velocity", copy_of(H5T_NATIVE_DOUBLE), 3);
+}
+
+void CatalogueWriter::add_field(hid_t group, const char* name, Handle type, int width) {
+  const int rank = width == 1 ? 1 : 2;
+  const std::vector<hsize_t> now{0, static_cast<hsize_t>(width)};
+  const std::vector<hsize_t> most{H5S_UNLIMITED, static_cast<hsize_t>(width)};
+  const Handle space(H5Screate_simple(rank, now.data(), most.data()), H5Sclose, name);
+  std::vector<hsize_t> chunk{kChunkObjects};
+  if (rank == 2) chunk.push_back(static_cast<hsize_t>(width));
+  Handle dataset = create_dataset(group, name, type, space, chunked(chunk));
+  fields_.push_back({name, width, std::move(type), std::move(dataset)});
+}
+
+void CatalogueWriter::write(const char* name, const void* values, hsize_t count) {
+  for (const Field& field : fields_) {
+    if (field.name != name) continue;
+    const int rank = field.width == 1 ? 1 : 2;
+    const hsize_t width = static_cast<hsize_t>(field.width);
+    const hsize_t extent[] = {written_ + count, width}, start[] = {written_, 0}, size[] = {count, width};
+    check(H5Dset_extent(field.dataset, extent), name);
+    const Handle file(H5Dget_space(field.dataset), H5Sclose, name);
+    check(H5Sselect_hyperslab(file, H5S_SELECT_SET, start, nullptr, size, nullptr), name);
+    const Handle memory(H5Screate_simple(rank, size, nullptr), H5Sclose, name);
+    check(H5Dwrite(field.dataset, field.type, memory, file, H5P_DEFAULT, values), name);
+    return;
+  }
+  assert(false);
+}
+
+std::uint64_t CatalogueWriter::most_bytes(std::span<const scene::ObjectSpec> objects) {
+  if (objects.empty()) return 0;
+  constexpr std::uint64_t kBytesAnObject = 512, kBytesAChunkOfAll = kChunkObjects * kBytesAnObject;
+  std::uint64_t bytes = kBytesAChunkOfAll + kBytesAnObject * objects.size();
+  for (const scene::ObjectSpec& object : objects) bytes += 2 * object.label.size();
+  return bytes;
+}
+
+void CatalogueWriter::append(std::span<const scene::ObjectSpec> objects) {
+  using Spec = scene::ObjectSpec;
+  const hsize_t count = objects.size();
+  if (count == 0) return;
+  const auto scalar = [](double v) { return std::vector<double>{v}; };
+  const auto vector = [](const Eigen::Vector3d& v) { return std::vector<double>{v.x(), v.y(), v.z()}; };
+  const auto material = [&](const Spec& o) -> const scene::Material& {
+    return materials_.at(static_cast<std::size_t>(o.material));
+  };
+  const auto mass = [&](const Spec& o) { return o.mass.value_or(material(o).density * o.volume()); };
+
+  std::vector<std::uint32_t> ids(objects.size());
+  for (std::size_t i = 0; i < ids.size(); ++i) ids[i] = static_cast<std::uint32_t>(written_ + i);
+  write("id", ids.data(), count);
+  write("label", texts(objects, [](const Spec& o) { return o.label.c_str(); }).data(), count);
+  write("shape", texts(objects, [](const Spec& o) { return name_of(o.shape); }).data(), count);
+  write("material", texts(objects, [&](const Spec& o) { return material(o).name.c_str(); }).data(), count);
+
+  const auto numbers = [&](const char* name, auto value) {
+    write(name, column<double>(objects, value).data(), count);
+  };
+  numbers("radius", [&](const Spec& o) { return scalar(radius_of(o)); });
+  numbers("extents", [&](const Spec& o) { return vector(2.0 * o.half_extents()); });
+  numbers("mass", [&](const Spec& o) { return scalar(mass(o)); });
+  numbers("initial_position", [&](const Spec& o) { return vector(o.position); });
+  numbers("initial_orientation", [](const Spec& o) {
+    return std::vector<double>{o.orientation.x(), o.orientation.y(), o.orientation.z(), o.orientation.w()};
+  });
+  numbers("initial_velocity", [&](const Spec& o) { return vector(o.velocity); });
+  numbers("initial_angular_velocity", [&](const Spec& o) { return vector(o.angular_velocity); });
+  write("fixed",
+        column<std::uint8_t>(objects, [&](const Spec& o) { return scalar(o.fixed ? 1.0 : 0.0); }).data(),
+        count);
+  write("colour",
+        column<float>(objects,
+                      [](const Spec& o) {
+                        return std::vector<float>{o.colour.r, o.colour.g, o.colour.b};
+                      })
+            .data(),
+        count);
+  written_ += count;
+}
+
+}  // namespace smartsurf::record

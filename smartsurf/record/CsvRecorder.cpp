@@ -1,0 +1,99 @@
+#include "smartsurf/record/CsvRecorder.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <charconv>
+#include <cstring>
+#include <stdexcept>
+#include <utility>
+
+namespace smartsurf::record {
+namespace {
+
+constexpr std::size_t kBufferBytes = 256 * 1024;
+constexpr std::chrono::seconds kLongestWait{1};
+
+template <class Number>
+void append_number(std::string& text, Number number) {
+  char digits[32];
+  const auto end = std::to_chars(digits, digits + sizeof digits, number).ptr;
+  text.append(digits, end);
+}
+
+// RFC 4180: a field with a comma, a quote or a line break is quoted, and its quotes doubled.
+void append_field(std::string& text, const std::string& field) {
+  if (field.find_first_of(",\"\r\n") == std::string::npos) {
+    text += field;
+    return;
+  }
+  text += '"';
+  for (const char c : field) text.append(c == '"' ? 2 : 1, c);
+  text += '"';
+}
+
+}  // namespace
+
+CsvRecorder::CsvRecorder(const std::filesystem::path& path, const scene::SceneSpec& spec)
+    : Recorder(spec.record.every),
+      name_(path.string()),
+      file_(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666)),
+      written_at_(std::chrono::steady_clock::now()) {
+  if (file_ < 0) throw scene::InputError(name_ + ": cannot be written: " + std::strerror(errno));
+  ::flock(file_, LOCK_EX | LOCK_NB);
+  lines_.reserve(2 * kBufferBytes);
+  lines_ = "tick,time,id,label,x,y,z,qx,qy,qz,qw\n";
+  write_lines();
+}
+
+CsvRecorder::~CsvRecorder() {
+  try {
+    close({});
+  } catch (const std::runtime_error&) {  // a destructor has nobody to tell
+  }
+}
+
+void CsvRecorder::close(const Result&) {
+  if (file_ < 0) return;
+  write_lines();
+  const int file = std::exchange(file_, -1);
+  if (::close(file) != 0) throw std::runtime_error(name_ + ": cannot be written: " + std::strerror(errno));
+}
+
+void CsvRecorder::record(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
+                         std::span<const Channel>, std::span<const Channel>) {
+  if (file_ < 0) return;
+  for (std::size_t i = 0; i < snapshot.objects(); ++i) {
+    append_number(lines_, snapshot.tick);
+    lines_ += ',';
+    append_number(lines_, snapshot.time_s);
+    lines_ += ',';
+    append_number(lines_, snapshot.id[i]);
+    lines_ += ',';
+    append_field(lines_, catalogue.at(snapshot.id[i]).label);
+    for (const float v : snapshot.position[i]) append_number(lines_ += ',', v);
+    for (const float v : snapshot.orientation[i]) append_number(lines_ += ',', v);
+    lines_ += '\n';
+  }
+  if (lines_.size() >= kBufferBytes || std::chrono::steady_clock::now() - written_at_ >= kLongestWait)
+    write_lines();
+}
+
+void CsvRecorder::write_lines() {
+  for (std::size_t done = 0; done < lines_.size();) {
+    const ssize_t n = ::write(file_, lines_.data() + done, lines_.size() - done);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) {
+      const std::string reason = std::strerror(errno);
+      ::close(std::exchange(file_, -1));
+      throw std::runtime_error(name_ + ": cannot be written: " + reason);
+    }
+    done += static_cast<std::size_t>(n);
+  }
+  lines_.clear();
+  written_at_ = std::chrono::steady_clock::now();
+}
+
+}  // namespace smartsurf::record

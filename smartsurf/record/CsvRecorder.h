@@ -1,0 +1,29 @@
+// Writes trajectories as CSV: one line an object a frame, `tick,time,id,label,x,y,z,qx,qy,qz,qw`.
+// Numbers are the shortest that read back to the same bits. Sensors, actuators and the run's result have no
+// place in it.
+#pragma once
+
+#include <chrono>
+
+#include "smartsurf/record/Recorder.h"
+
+namespace smartsurf::record {
+
+class CsvRecorder final : public Recorder {
+ public:
+  CsvRecorder(const std::filesystem::path& path, const scene::SceneSpec& spec);
+  ~CsvRecorder() override;
+  void close(const Result& result) override;
+
+ private:
+  void record(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
+              std::span<const Channel> sensors, std::span<const Channel> actuators) override;
+  void write_lines();
+
+  std::string name_;
+  int file_ = -1;      // closed, or given up after a failure, when negative
+  std::string lines_;  // not yet written; always whole lines
+  std::chrono::steady_clock::time_point written_at_;
+};
+
+}  // namespace smartsurf::record

@@ -1,0 +1,81 @@
+// Writes what happens in a run to a file, tick by tick: HDF5 (.h5, .hdf5) or CSV (.csv); docs/recordings.md
+// describes both layouts.
+//
+// Failure: open() throws scene::InputError when the path cannot be a recording (ending, directory,
+// permission, a file that another run is writing); frame() and close() throw std::runtime_error when the file
+// cannot be written any more (disk full), after which every further call does nothing. Frames are buffered
+// and written some 64 at a time or after a second, so that most ticks only copy memory; a killed process
+// leaves a readable file that ends with the last write. frame() allocates at its first call and when objects
+// were added. One thread at a time, and no other HDF5 user beside it: Debian's library is not thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "smartsurf/scene/SceneSpec.h"
+#include "smartsurf/scene/Snapshot.h"
+
+namespace smartsurf::record {
+
+struct NamedText {
+  std::string name, value;
+};
+
+// What the recording says about the run beyond its SceneSpec.
+struct Meta {
+  std::string command_line;
+  std::string mode;          // "time-step" or "passive"
+  std::string program_file;  // the controller's program as the user named it; "" when there is none
+  std::string program_text;  // its source
+  std::vector<NamedText>
+      versions;  // of what computed the run: {"bullet", "3.24"}, …; the recorder adds its own
+};
+
+// One sensor's or actuator's values over the surface.
+struct Channel {
+  std::string_view name;  // no '/'; the same channels in the same order at every frame
+  int rows = 0, columns = 0, components = 1;
+  std::span<const float>
+      values;  // rows × columns × components, row-major, row 0 north; the channel's own unit
+};
+
+// How the run ended.
+struct Result {
+  std::string outcome;           // one line: "done", "stopped by the user", "failed at tick 12: …"
+  std::uint64_t ticks = 0;       // control periods simulated, whether recorded or not
+  double simulated_s = 0.0;      // simulated seconds
+  std::uint64_t state_hash = 0;  // of the final state
+};
+
+class Recorder {
+ public:
+  static std::unique_ptr<Recorder> open(const std::filesystem::path& path, const Meta& meta,
+                                        const scene::SceneSpec& spec);
+  virtual ~Recorder() = default;  // without close(): what is buffered is written, and no result
+  Recorder(const Recorder&) = delete;
+  Recorder& operator=(const Recorder&) = delete;
+
+  // To be called at every tick; keeps the first and then every `spec.record.every`-th.
+  // catalogue: every object ever created, index = id; it only grows.
+  void frame(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
+             std::span<const Channel> sensors = {}, std::span<const Channel> actuators = {}) {
+    if (calls_++ % every_ == 0) record(snapshot, catalogue, sensors, actuators);
+  }
+  virtual void close(const Result& result) = 0;
+
+ protected:
+  explicit Recorder(int every) : every_(every < 1 ? 1 : static_cast<std::uint64_t>(every)) {}
+
+ private:
+  virtual void record(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
+                      std::span<const Channel> sensors, std::span<const Channel> actuators) = 0;
+
+  std::uint64_t every_, calls_ = 0;
+};
+
+}  // namespace smartsurf::record

@@ -1,0 +1,385 @@
+#include "smartsurf/record/Recording.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "smartsurf/record/CatalogueWriter.h"
+#include "smartsurf/record/Hdf5.h"
+
+namespace smartsurf::record {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr auto kNoTick = std::numeric_limits<std::uint64_t>::max();
+constexpr hsize_t kMostCellsAFrame = hsize_t{1} << 28;  // of a channel: 1 GiB; refuse what cannot be meant
+
+Handle open_file(const fs::path& path) {
+  silence_error_stack();
+  std::error_code error;
+  if (!fs::exists(path, error)) throw Hdf5Error("there is no such file");
+  if (!fs::is_regular_file(path, error)) throw Hdf5Error("is not a file");
+  if (path.extension() == ".csv")
+    throw Hdf5Error("is a CSV recording, which only holds trajectories: record to a name ending in .h5");
+  if (H5Fis_hdf5(path.c_str()) <= 0)
+    throw Hdf5Error("is not an HDF5 file: smartsurf run --record writes them");
+  const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose, "file properties");
+  check(H5Pset_file_locking(access, false, true), "file properties");  // a running recorder holds the lock
+  return Handle(H5Fopen(path.c_str(), H5F_ACC_RDONLY, access), H5Fclose, "is damaged or cut short");
+}
+
+Handle open_group(hid_t parent, const char* name) {
+  return Handle(H5Gopen2(parent, name, H5P_DEFAULT), H5Gclose, std::string("has no group ") + name);
+}
+
+Handle open_dataset(hid_t parent, const std::string& name, int rank) {
+  Handle dataset(H5Dopen2(parent, name.c_str(), H5P_DEFAULT), H5Dclose, "has no dataset " + name);
+  if (static_cast<int>(extents(dataset).size()) != rank)
+    throw Hdf5Error("dataset " + name + " has not " + std::to_string(rank) + " axes");
+  return dataset;
+}
+
+// Entries along the first axis that really are in the file: an extent alone may claim anything.
+hsize_t stored_entries(hid_t dataset, std::size_t bytes_an_entry) {
+  return std::min(extents(dataset).at(0), H5Dget_storage_size(dataset) / bytes_an_entry);
+}
+
+template <class Number>
+std::vector<Number> read_block(hid_t dataset, hid_t type, std::vector<hsize_t> start,
+                               const std::vector<hsize_t>& size, const std::string& name) {
+  hsize_t count = 1;
+  for (const hsize_t n : size) count *= n;
+  std::vector<Number> values(count);
+  if (count == 0) return values;
+  const Handle file(H5Dget_space(dataset), H5Sclose, name);
+  check(H5Sselect_hyperslab(file, H5S_SELECT_SET, start.data(), nullptr, size.data(), nullptr),
+        "dataset " + name + " is too short");
+  const Handle memory(H5Screate_simple(static_cast<int>(size.size()), size.data(), nullptr), H5Sclose, name);
+  check(H5Dread(dataset, type, memory, file, H5P_DEFAULT, values.data()),
+        "dataset " + name + " cannot be read");
+  return values;
+}
+
+template <class Number>
+std::vector<Number> read_column(hid_t parent, const std::string& name, hid_t type, hsize_t count,
+                                hsize_t width = 1) {
+  const Handle dataset = open_dataset(parent, name, width == 1 ? 1 : 2);
+  if (width == 1) return read_block<Number>(dataset, type, {0}, {count}, name);
+  if (extents(dataset)[1] != width) throw Hdf5Error("dataset " + name + " has the wrong width");
+  return read_block<Number>(dataset, type, {0, 0}, {count, width}, name);
+}
+
+std::vector<std::string> read_texts(hid_t parent, const std::string& name, hsize_t count) {
+  const Handle dataset = open_dataset(parent, name, 1);
+  const Handle type(H5Dget_type(dataset), H5Tclose, name);
+  if (H5Tis_variable_str(type) <= 0) throw Hdf5Error("dataset " + name + " does not hold texts");
+  std::vector<char*> characters = read_block<char*>(dataset, type, {0}, {count}, name);
+  std::vector<std::string> texts;
+  for (char* text : characters) {
+    texts.emplace_back(text ? text : "");
+    H5free_memory(text);
+  }
+  return texts;
+}
+
+int read_size(hid_t group, const char* name, std::uint64_t most) {
+  std::uint64_t value = 0;
+  read_attribute(group, name, H5T_NATIVE_UINT64, &value);
+  if (value < 1 || value > most)
+    throw Hdf5Error(std::string("attribute ") + name + " = " + std::to_string(value) + " is not in 1 to " +
+                    std::to_string(most));
+  return static_cast<int>(value);
+}
+
+double read_number(hid_t group, const char* name) {
+  double value = 0.0;
+  read_attribute(group, name, H5T_NATIVE_DOUBLE, &value);
+  if (!std::isfinite(value)) throw Hdf5Error(std::string("attribute ") + name + " is not finite");
+  return value;
+}
+
+std::vector<NamedText> read_texts(hid_t parent, const char* group_name) {
+  const Handle group = open_group(parent, group_name);
+  H5O_info_t about;
+  check(H5Oget_info2(group, &about, H5O_INFO_NUM_ATTRS), group_name);
+  std::vector<NamedText> texts;
+  for (hsize_t i = 0; i < about.num_attrs; ++i) {
+    const Handle attribute(
+        H5Aopen_by_idx(group, ".", H5_INDEX_NAME, H5_ITER_INC, i, H5P_DEFAULT, H5P_DEFAULT), H5Aclose,
+        group_name);
+    std::string name(static_cast<std::size_t>(std::max<ssize_t>(H5Aget_name(attribute, 0, nullptr), 0)),
+                     '\0');
+    H5Aget_name(attribute, name.size() + 1, name.data());
+    texts.push_back({name, read_text_attribute(group, name.c_str())});
+  }
+  return texts;
+}
+
+herr_t list_object(hid_t root, const char* name, const H5O_info_t* about, void* list) {
+  if (about->type != H5O_TYPE_DATASET) return 0;
+  const hid_t dataset = H5Dopen2(root, name, H5P_DEFAULT);
+  if (dataset < 0) return -1;
+  const Handle closer(dataset, H5Dclose, name);
+  const std::vector<hsize_t> sizes = extents(dataset);
+  static_cast<std::vector<Recording::Dataset>*>(list)->push_back(
+      {std::string("/") + name, {sizes.begin(), sizes.end()}});
+  return 0;
+}
+
+}  // namespace
+
+struct Recording::Content {
+  explicit Content(const fs::path& where) : path(where), file(open_file(where)) {
+    std::error_code error;
+    bytes = fs::file_size(path, error);
+    read_meta();
+    read_surface();
+    read_frames();
+    read_catalogue();
+    check(H5Ovisit2(file, H5_INDEX_NAME, H5_ITER_INC, list_object, &datasets, H5O_INFO_BASIC), "datasets");
+  }
+
+  void read_meta();
+  void read_result(hid_t group);
+  void read_surface();
+  void read_frames();
+  void read_catalogue();
+  template <class Action>
+  auto reading(Action action) const {
+    try {
+      return action();
+    } catch (const Hdf5Error& error) {
+      throw scene::InputError(path.string() + ": " + error.what());
+    }
+  }
+  std::vector<float> poses(const char* name, hsize_t width, std::size_t first, std::size_t count) const;
+  std::vector<float> grid(const std::string& name, std::size_t frame) const;
+
+  fs::path path;
+  Handle file;
+  std::uint64_t bytes = 0;
+  scene::SceneSpec spec;
+  Meta meta;
+  std::optional<Result> result;
+  std::vector<Dataset> datasets;
+  std::vector<std::uint64_t> tick, hash;
+  std::vector<std::uint32_t> contacts;
+  std::vector<double> time;
+  bool has_objects = false;
+};
+
+void Recording::Content::read_meta() {
+  const Handle group = open_group(file, "meta");
+  if (!has_attribute(group, "format") || read_text_attribute(group, "format") != "smartsurf-recording")
+    throw Hdf5Error("is an HDF5 file, but not a recording of smartsurf");
+  if (const int version = read_size(group, "format_version", 1u << 30); version != 1)
+    throw Hdf5Error("is a recording in format " + std::to_string(version) + "; this program reads format 1");
+  meta.command_line = read_text_attribute(group, "command_line");
+  meta.mode = read_text_attribute(group, "mode");
+  meta.program_file = read_text_attribute(group, "program_file");
+  meta.program_text = read_text_attribute(group, "program");
+  meta.versions = read_texts(group, "versions");
+  spec.file = read_text_attribute(group, "experiment_file");
+  spec.text = read_text_attribute(group, "experiment");
+  for (NamedText& option : read_texts(group, "options"))
+    spec.options.push_back({std::move(option.name), std::move(option.value), ""});
+  scene::WorldSpec& world = spec.world;
+  read_attribute(group, "seed", H5T_NATIVE_UINT64, &world.seed);
+  world.dt_s = read_number(group, "dt_s");
+  world.control_period_s = read_number(group, "control_period_s");
+  world.iterations = read_size(group, "iterations", 1u << 20);
+  read_attribute(group, "gravity", H5T_NATIVE_DOUBLE, world.gravity.data(), 3);
+  world.ground = read_number(group, "ground") != 0.0;
+  spec.record.every = read_size(group, "every", 1u << 30);
+  if (has_attribute(group, "state_hash")) read_result(group);
+}
+
+void Recording::Content::read_result(hid_t group) {
+  result.emplace();
+  result->outcome = read_text_attribute(group, "outcome");
+  read_attribute(group, "ticks", H5T_NATIVE_UINT64, &result->ticks);
+  read_attribute(group, "state_hash", H5T_NATIVE_UINT64, &result->state_hash);
+  result->simulated_s = read_number(group, "simulated_s");
+}
+
+void Recording::Content::read_surface() {
+  const Handle group = open_group(file, "surface");
+  scene::SurfaceSpec& surface = spec.surface;
+  surface.rows = read_size(group, "rows", 1u << 14);
+  surface.columns = read_size(group, "columns", 1u << 14);
+  surface.pitch = read_number(group, "pitch");
+  double top[2] = {}, range[2] = {};
+  read_attribute(group, "top", H5T_NATIVE_DOUBLE, top, 2);
+  read_attribute(group, "range", H5T_NATIVE_DOUBLE, range, 2);
+  scene::PinSpec& pin = surface.pin;
+  pin = {top[0],
+         top[1],
+         read_number(group, "length"),
+         range[0],
+         range[1],
+         read_number(group, "max_speed"),
+         read_number(group, "max_acceleration")};
+  if (has_attribute(group, "border")) surface.border_height = read_number(group, "border");
+  if (const std::string problem = scene::problem_with(surface); !problem.empty()) throw Hdf5Error(problem);
+}
+
+// A kill in the middle of a flush may leave datasets of different lengths, or a tail that is "no value".
+void Recording::Content::read_frames() {
+  if (H5Lexists(file, "tick", H5P_DEFAULT) <= 0) return;  // killed, or ended, before the first frame
+  hsize_t frames = H5S_UNLIMITED;
+  for (const char* name : {"tick", "time", "hash", "contacts"})
+    frames = std::min(frames, stored_entries(open_dataset(file, name, 1), *name == 'c' ? 4 : 8));
+  has_objects =
+      H5Lexists(file, "objects", H5P_DEFAULT) > 0 && H5Lexists(file, "objects/position", H5P_DEFAULT) > 0;
+  if (has_objects)
+    for (const char* name : {"objects/position", "objects/orientation", "objects/velocity"})
+      frames = std::min(frames, extents(open_dataset(file, name, 3)).at(0));
+  tick = read_column<std::uint64_t>(file, "tick", H5T_NATIVE_UINT64, frames);
+  tick.erase(std::find(tick.begin(), tick.end(), kNoTick), tick.end());
+  time = read_column<double>(file, "time", H5T_NATIVE_DOUBLE, tick.size());
+  hash = read_column<std::uint64_t>(file, "hash", H5T_NATIVE_UINT64, tick.size());
+  contacts = read_column<std::uint32_t>(file, "contacts", H5T_NATIVE_UINT32, tick.size());
+  for (std::size_t i = 0; i < time.size(); ++i)
+    if (!std::isfinite(time[i]) || (i > 0 && !(time[i] > time[i - 1])))
+      throw Hdf5Error("dataset time does not ascend at frame " + std::to_string(i));
+}
+
+void Recording::Content::read_catalogue() {
+  const Handle group = open_group(file, "objects");
+  hsize_t n = stored_entries(open_dataset(group, "id", 1), sizeof(std::uint32_t));
+  for (const char* name : {"label", "shape", "material"})  // a killed run may have got only this far
+    n = std::min(n, extents(open_dataset(group, name, 1))[0]);
+  const auto label = read_texts(group, "label", n), shape = read_texts(group, "shape", n),
+             material = read_texts(group, "material", n);
+  const auto numbers = [&](const char* name, hsize_t width) {
+    return read_column<double>(group, name, H5T_NATIVE_DOUBLE, n, width);
+  };
+  const auto radius = numbers("radius", 1), extent = numbers("extents", 3), mass = numbers("mass", 1),
+             fixed = numbers("fixed", 1), colour = numbers("colour", 3), p = numbers("initial_position", 3),
+             q = numbers("initial_orientation", 4), v = numbers("initial_velocity", 3),
+             w = numbers("initial_angular_velocity", 3);
+  const auto vector = [](const std::vector<double>& all, std::size_t i) {
+    return Eigen::Vector3d(all[3 * i], all[3 * i + 1], all[3 * i + 2]);
+  };
+  spec.objects.resize(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    scene::ObjectSpec& object = spec.objects[i];
+    if (!shape_of(shape[i], object.shape)) throw Hdf5Error("object shape '" + shape[i] + "' is unknown");
+    object.size = vector(extent, i);
+    object.height = object.size.z();
+    if (object.shape != scene::ShapeKind::kBox) object.radius = radius[i];
+    object.label = label[i];
+    object.mass = mass[i];
+    object.fixed = fixed[i] != 0.0;
+    object.colour = {static_cast<float>(colour[3 * i]), static_cast<float>(colour[3 * i + 1]),
+                     static_cast<float>(colour[3 * i + 2])};
+    object.position = vector(p, i);
+    object.orientation = Eigen::Quaterniond(q[4 * i + 3], q[4 * i], q[4 * i + 1], q[4 * i + 2]);
+    object.velocity = vector(v, i);
+    object.angular_velocity = vector(w, i);
+    const auto known = std::find_if(spec.materials.begin(), spec.materials.end(),
+                                    [&](const scene::Material& m) { return m.name == material[i]; });
+    object.material = static_cast<int>(known - spec.materials.begin());
+    if (known == spec.materials.end()) spec.materials.push_back({.name = material[i]});
+    if (const std::string problem = scene::problem_with(object); !problem.empty())
+      throw Hdf5Error("object " + std::to_string(i) + ": " + problem);
+  }
+}
+
+// Objects that the file's pose arrays do not reach yet were created after the last frame: they do not exist.
+std::vector<float> Recording::Content::poses(const char* name, hsize_t width, std::size_t first,
+                                             std::size_t count) const {
+  const Handle dataset = open_dataset(file, name, 3);
+  const std::vector<hsize_t> stored = extents(dataset);
+  if (stored[2] != width) throw Hdf5Error(std::string("dataset ") + name + " has the wrong width");
+  const hsize_t objects = spec.objects.size(), columns = std::min(stored[1], objects);
+  const std::vector<float> block =
+      read_block<float>(dataset, H5T_NATIVE_FLOAT, {first, 0, 0}, {count, columns, width}, name);
+  if (columns == objects) return block;
+  std::vector<float> all(count * objects * width, std::numeric_limits<float>::quiet_NaN());
+  for (std::size_t f = 0; f < count; ++f)
+    std::copy_n(block.begin() + static_cast<std::ptrdiff_t>(f * columns * width), columns * width,
+                all.begin() + static_cast<std::ptrdiff_t>(f * objects * width));
+  return all;
+}
+
+std::vector<float> Recording::Content::grid(const std::string& name, std::size_t frame) const {
+  const Handle dataset(H5Dopen2(file, name.c_str(), H5P_DEFAULT), H5Dclose, "has no dataset " + name);
+  std::vector<hsize_t> size = extents(dataset), start(size.size(), 0);
+  if (size.size() < 3 || size.size() > 4 || frame >= size[0])
+    throw Hdf5Error("dataset " + name + " has no frame " + std::to_string(frame));
+  hsize_t cells = 1;
+  for (std::size_t axis = 1; axis < size.size(); ++axis) {
+    if (size[axis] > kMostCellsAFrame / cells) throw Hdf5Error("dataset " + name + " is too large");
+    cells *= size[axis];
+  }
+  size[0] = 1;
+  start[0] = frame;
+  return read_block<float>(dataset, H5T_NATIVE_FLOAT, start, size, name);
+}
+
+Recording::Recording(std::unique_ptr<Content> content) : content_(std::move(content)) {}
+Recording::Recording(Recording&&) noexcept = default;
+Recording& Recording::operator=(Recording&&) noexcept = default;
+Recording::~Recording() = default;
+
+Recording Recording::open(const fs::path& path) {
+  try {
+    return Recording(std::make_unique<Content>(path));
+  } catch (const Hdf5Error& error) {
+    throw scene::InputError(path.string() + ": " + error.what());
+  }
+}
+
+const fs::path& Recording::path() const { return content_->path; }
+std::uint64_t Recording::file_bytes() const { return content_->bytes; }
+const scene::SceneSpec& Recording::spec() const { return content_->spec; }
+const Meta& Recording::meta() const { return content_->meta; }
+const std::optional<Result>& Recording::result() const { return content_->result; }
+const std::vector<Recording::Dataset>& Recording::datasets() const { return content_->datasets; }
+const std::vector<std::uint64_t>& Recording::tick() const { return content_->tick; }
+const std::vector<double>& Recording::time() const { return content_->time; }
+const std::vector<std::uint64_t>& Recording::hash() const { return content_->hash; }
+bool Recording::has_objects() const { return content_->has_objects; }
+
+std::vector<float> Recording::positions(std::size_t first, std::size_t count) const {
+  return content_->reading([&] {
+    if (!has_objects())
+      throw Hdf5Error("has no object poses: the experiment says record { objects = false }");
+    return content_->poses("objects/position", 3, first, count);
+  });
+}
+
+scene::Snapshot Recording::snapshot(std::size_t frame) const {
+  scene::Snapshot shot;
+  shot.tick = tick().at(frame);
+  shot.time_s = time()[frame];
+  shot.state_hash = hash()[frame];
+  shot.contacts = content_->contacts[frame];
+  content_->reading([&] {
+    if (H5Lexists(content_->file, "surface/height", H5P_DEFAULT) > 0)
+      shot.height = content_->grid("surface/height", frame);
+    if (!has_objects()) return;
+    const auto p = content_->poses("objects/position", 3, frame, 1),
+               q = content_->poses("objects/orientation", 4, frame, 1),
+               v = content_->poses("objects/velocity", 3, frame, 1);
+    for (std::size_t i = 0; i < spec().objects.size(); ++i) {
+      if (std::isnan(p[3 * i])) continue;
+      shot.id.push_back(static_cast<scene::ObjectId>(i));
+      shot.position.push_back({p[3 * i], p[3 * i + 1], p[3 * i + 2]});
+      shot.orientation.push_back({q[4 * i], q[4 * i + 1], q[4 * i + 2], q[4 * i + 3]});
+      shot.velocity.push_back({v[3 * i], v[3 * i + 1], v[3 * i + 2]});
+      shot.angular_velocity.push_back({0.0f, 0.0f, 0.0f});
+    }
+  });
+  return shot;
+}
+
+std::vector<float> Recording::channel(const std::string& group, const std::string& name,
+                                      std::size_t frame) const {
+  return content_->reading([&] { return content_->grid(group + "/" + name, frame); });
+}
+
+}  // namespace smartsurf::record

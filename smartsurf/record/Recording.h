@@ -1,0 +1,67 @@
+// Reads a recording back: what smartsurf info, plot and replay work on.
+//
+// Failure: open() throws scene::InputError (one line, beginning with the file's name) when the file is not a
+// recording, is cut short beyond its last flush or lacks a part; so do the reading functions when a part
+// cannot be unpacked. Nothing in the file is trusted: what is loaded at once is bounded by the file's own
+// size. Reads a file that a run is still writing up to its last flush. One thread at a time.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "smartsurf/record/Recorder.h"
+#include "smartsurf/scene/SceneSpec.h"
+#include "smartsurf/scene/Snapshot.h"
+
+namespace smartsurf::record {
+
+class Recording {
+ public:
+  struct Dataset {
+    std::string name;                    // "/objects/position"
+    std::vector<std::uint64_t> extents;  // as stored: a killed run's may be longer than frames()
+  };
+
+  static Recording open(const std::filesystem::path& path);
+  Recording(Recording&&) noexcept;
+  Recording& operator=(Recording&&) noexcept;
+  ~Recording();
+
+  const std::filesystem::path& path() const;
+  std::uint64_t file_bytes() const;
+
+  // The scene as it was when the run began, as far as the recording tells (no sensors; materials by name
+  // only), except that `objects` holds every object ever created, index = id.
+  const scene::SceneSpec& spec() const;
+  const Meta& meta() const;
+  const std::optional<Result>& result() const;  // none when the run did not come to its end
+  const std::vector<Dataset>& datasets() const;
+
+  std::size_t frames() const { return tick().size(); }
+  const std::vector<std::uint64_t>& tick() const;  // one entry a frame, ascending
+  const std::vector<double>& time() const;         // seconds, one entry a frame, ascending
+  const std::vector<std::uint64_t>& hash() const;  // state hash, one entry a frame
+
+  bool has_objects() const;  // false when the experiment recorded no objects: then there are no poses
+  // frames [first, first + count) × objects × 3, u; NaN where the object did not exist.
+  std::vector<float> positions(std::size_t first, std::size_t count) const;
+  // One frame as the run saw it. Angular velocities are not recorded and are 0; heights are empty unless the
+  // experiment recorded its actuators.
+  scene::Snapshot snapshot(std::size_t frame) const;
+  // One frame of a channel, rows × columns × components: group "sensors" or "actuators".
+  std::vector<float> channel(const std::string& group, const std::string& name, std::size_t frame) const;
+
+ private:
+  struct Content;
+  explicit Recording(std::unique_ptr<Content> content);
+  std::unique_ptr<Content> content_;
+};
+
+// What `smartsurf info` prints: several lines, each ended by '\n'.
+std::string info(const Recording& recording);
+
+}  // namespace smartsurf::record

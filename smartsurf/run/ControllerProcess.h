@@ -1,0 +1,36 @@
+// The controller as a child process: started with the run, watched, and ended with it.
+#pragma once
+
+#include <sys/types.h>
+
+#include <chrono>
+#include <optional>
+#include <string>
+
+namespace smartsurf::run {
+
+class ControllerProcess {
+ public:
+  // Starts `controller`: a program of ours when it ends in .aps (run by the apron beside this executable), else a
+  // shell command in which {shm} stands for the segment's name; SMARTSURF_SHM holds it too. Throws
+  // scene::InputError when the program does not exist or apron is not there.
+  ControllerProcess(const std::string& controller, const std::string& shm_name);
+  // Asks it to end, waits, and kills it if it will not.
+  ~ControllerProcess();
+  ControllerProcess(const ControllerProcess&) = delete;
+  ControllerProcess& operator=(const ControllerProcess&) = delete;
+
+  // How it ended, once it has: its exit status, or 128 + signal.
+  std::optional<int> exit_status();
+  // Waits up to `patience` for its own end.
+  std::optional<int> wait_for_exit(std::chrono::milliseconds patience);
+
+ private:
+  pid_t pid_ = -1;
+  std::optional<int> status_;
+};
+
+// The command that attaches a controller to a waiting surface, for the user to copy.
+std::string attach_command(const std::string& shm_name);
+
+}  // namespace smartsurf::run

@@ -1,0 +1,64 @@
+// The window and the pictures of a run: draws snapshots, and turns what the user does into Controls.
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "smartsurf/run/RunOptions.h"
+#include "smartsurf/run/Simulation.h"
+
+namespace smartsurf::view {
+class Window;
+class OffscreenView;
+}  // namespace smartsurf::view
+
+namespace smartsurf::run {
+
+// What the user of the window asked for; the run obeys.
+struct Controls {
+  bool paused = false;
+  int single_steps = 0;  // to take although paused
+  bool quit = false;
+  bool pace_changed = false;
+  std::optional<double> pace;
+};
+
+// What the window tells besides the scene.
+struct DisplayStatus {
+  double real_time_factor = 0.0;
+  std::optional<double> requested_pace;
+  RunMode mode = RunMode::kTimeStep;
+  std::string controller;  // one phrase: "apron, process 4711", "waiting for a controller"
+  double physics_ms = 0.0;
+  std::optional<double> purity;
+};
+
+class Display {
+ public:
+  // Opens the window if asked to. Throws scene::InputError when there is no display.
+  Display(const RunOptions&, const scene::SceneSpec&);
+  ~Display();
+
+  bool has_window() const { return window_ != nullptr; }
+  // Draws one frame if the last is old enough for it, and reads the user's input. Does nothing without a window.
+  void refresh(const Simulation&, const DisplayStatus&, Controls&);
+
+  // Writes the screenshots that are due at this time (all that are left when `at_end`).
+  void take_screenshots(const Simulation&, bool at_end);
+  const std::vector<std::string>& pictures() const { return pictures_; }
+
+ private:
+  void write_picture(const Simulation&, const std::string& file);
+
+  scene::SceneSpec scene_;
+  std::vector<Screenshot> pending_;
+  std::vector<std::string> pictures_;
+  std::unique_ptr<view::Window> window_;
+  std::unique_ptr<view::OffscreenView> offscreen_;
+  std::chrono::steady_clock::time_point next_frame_{};
+};
+
+}  // namespace smartsurf::run

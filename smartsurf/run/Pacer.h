@@ -1,0 +1,40 @@
+// Holds simulated time to a multiple of wall time, and measures the multiple that is really reached.
+#pragma once
+
+#include <chrono>
+#include <optional>
+
+namespace smartsurf::run {
+
+class Pacer {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  // Simulated seconds per wall second; nullopt: as fast as possible.
+  explicit Pacer(std::optional<double> factor) : factor_(factor) {}
+
+  std::optional<double> factor() const noexcept { return factor_; }
+  void set_factor(std::optional<double> factor) noexcept {
+    factor_ = factor;
+    anchored_ = false;
+  }
+  // Forgets the past: after a pause nothing is caught up.
+  void restart() noexcept { anchored_ = false; }
+
+  // When the state of that simulated time is due; in the past when the run is late or unpaced.
+  Clock::time_point due(double simulated_s) noexcept;
+  // Real-time factor over about the last half second.
+  double measured(double simulated_s) noexcept;
+
+ private:
+  std::optional<double> factor_;
+  bool anchored_ = false;
+  Clock::time_point anchor_{};
+  double anchor_simulated_s_ = 0.0;
+
+  Clock::time_point window_start_{};
+  double window_simulated_s_ = 0.0;
+  double measured_ = 0.0;
+};
+
+}  // namespace smartsurf::run

@@ -1,0 +1,379 @@
+#include "smartsurf/run/Run.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <fstream>
+#include <sstream>
+#include <thread>
+
+namespace smartsurf::run {
+namespace {
+
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+using shm_protocol::Status;
+
+constexpr auto kFrameSlice = 8ms;      // how long a wait may keep the window from drawing
+constexpr auto kHeadlessSlice = 100ms;  // … and a headless run from looking after its child
+
+script::LoadOptions load_options(const RunOptions& options) {
+  script::LoadOptions load;
+  load.set = options.set;
+  load.seed = options.seed;
+  load.unsafe = options.unsafe;
+  return load;
+}
+
+std::string text_of(const std::string& file) {
+  std::ifstream in(file, std::ios::binary);
+  std::ostringstream out;
+  out << in.rdbuf();
+  return out.str();
+}
+
+std::optional<std::uint64_t> last_tick(const RunOptions& options, const scene::WorldSpec& world) {
+  if (options.ticks) return options.ticks;
+  if (!options.until_s) return std::nullopt;
+  return static_cast<std::uint64_t>(std::ceil(*options.until_s / world.control_period_s - 1e-9));
+}
+
+std::string segment_name(const RunOptions& options) {
+  if (!options.shm.empty()) return options.shm;
+  // A controller of our own needs no name that a person can type.
+  return options.controller.empty() ? "surface" : fmt::format("run-{}", getpid());
+}
+
+}  // namespace
+
+Run::Run(const RunOptions& options, const std::atomic<bool>& stop)
+    : options_(options),
+      stop_(stop),
+      experiment_(script::Experiment::load(options.experiment, load_options(options))),
+      simulation_(experiment_, options.threads, options.no_controller),
+      display_(options, experiment_.scene()),
+      pacer_(options.pace),
+      purity_(experiment_.scene().surface),
+      last_tick_(last_tick(options, experiment_.scene().world)) {
+  if (!options.no_controller)
+    link_ = std::make_unique<SurfaceLink>(segment_name(options), options.mode, experiment_.scene());
+  open_recordings();
+  if (link_ && !options.controller.empty())
+    child_ = std::make_unique<ControllerProcess>(options.controller, link_->name());
+}
+
+Run::~Run() = default;
+
+void Run::open_recordings() {
+  record::Meta meta;
+  meta.command_line = options_.command_line;
+  meta.mode = options_.mode == RunMode::kTimeStep ? "time-step" : "passive";
+  meta.program_file = options_.controller;
+  if (options_.controller.ends_with(".aps")) meta.program_text = text_of(options_.controller);
+  meta.versions = {{"bullet", world::physics_version()}};
+  for (const auto& file : options_.recordings)
+    recorders_.push_back(record::Recorder::open(file, meta, experiment_.scene()));
+}
+
+int Run::execute() {
+  try {
+    begin();
+    while (!ending_ && hold_pace() && tick()) {
+    }
+    experiment_.finish();
+  } catch (const scene::InputError& mistake) {
+    end(kUserError, mistake.what());
+    finish();
+    throw;
+  }
+  finish();
+  return ending_->exit_status;
+}
+
+// The state before the first tick is frame 0: what the controller answers first, and the recording's first line.
+void Run::begin() {
+  started_ = Clock::now();
+  purity_.add(simulation_.snapshot(), simulation_.catalogue());
+  if (link_) {
+    link_->endpoint().set_state(shm_protocol::State::kRunning);
+    if (options_.mode == RunMode::kTimeStep || child_)
+      if (!link_->endpoint().has_controller() && !replace_controller()) return;
+    if (!publish()) return;
+  }
+  times_.start();
+  record();
+  started_ = Clock::now();
+}
+
+// One tick is one list of phases.
+bool Run::tick() {
+  times_.start();
+  simulation_.run_script();
+  times_.lap(Phase::kActuate);
+  if (link_) {
+    if (!receive_actuators()) return false;
+    simulation_.actuate(link_->heights());
+    times_.lap(Phase::kActuate);
+  }
+  if (!advance_physics()) return false;
+  simulation_.look();
+  times_.lap(Phase::kPhysics);
+  simulation_.sense();
+  times_.lap(Phase::kSense);
+  if (link_ && !publish()) return false;
+  record();
+  times_.end_tick();
+  obey_script();
+  return !ending_;
+}
+
+bool Run::advance_physics() {
+  const int steps = simulation_.scene().world.steps_per_tick();
+  for (int i = 0; i < steps; ++i) {
+    simulation_.plan_pins();
+    times_.lap(Phase::kActuate);
+    simulation_.step_physics();
+    times_.lap(Phase::kPhysics);
+    simulation_.move_pins();
+    times_.lap(Phase::kActuate);
+  }
+  if (const auto bad = simulation_.first_not_finite()) {
+    end(kFailed, fmt::format("failed at tick {}: object {} has a position or velocity that is not finite",
+                             simulation_.snapshot().tick + 1, *bad));
+    say(ending_->outcome);
+    return false;
+  }
+  return true;
+}
+
+bool Run::receive_actuators() {
+  while (true) {
+    const auto slice = display_.has_window() ? kFrameSlice : kHeadlessSlice;
+    const Status status = link_->receive(simulation_.snapshot().tick, slice, stop_);
+    times_.lap(Phase::kWait);
+    switch (status) {
+      case Status::kOk: had_controller_ = true; return true;
+      case Status::kRepeated: return true;
+      case Status::kTimeout:
+      case Status::kTorn: break;
+      case Status::kNoController:
+      case Status::kControllerDead:
+      case Status::kControllerClosed:
+        if (options_.mode == RunMode::kPassive) return fly_on_without_controller(status);
+        if (child_ended() || !replace_controller()) return false;
+        break;
+      default: break;  // interrupted: the stop flag is looked at below
+    }
+    refresh_display();
+    if (stop_) end(kDone, "stopped by the user");
+    if (controls_.quit) end(kDone, "stopped by the user");
+    if (ending_) return false;
+  }
+}
+
+// Passive: physics does not wait; the pins keep their last targets.
+bool Run::fly_on_without_controller(Status status) {
+  if (status != Status::kNoController) say(fmt::format("{}; the pins keep their last heights", text(status)));
+  return !child_ || !child_ended();
+}
+
+// Our own controller's end is the run's end: in good order, or as its exit status says.
+bool Run::child_ended() {
+  if (!child_) return false;
+  const auto status = child_->wait_for_exit(2000ms);
+  if (!status) {
+    end(kPeerLost, "the controller let go of the surface without ending");
+  } else if (*status == 0) {
+    end(kDone, "the controller's program ended");
+  } else if (*status > 128) {
+    end(kPeerLost, fmt::format("the controller was lost (signal {})", *status - 128));
+  } else {
+    end(*status == kUserError || *status == kPeerLost ? *status : kFailed,
+        fmt::format("the controller ended with exit status {}", *status));
+  }
+  if (ending_->exit_status != kDone) say(ending_->outcome);
+  return true;
+}
+
+// Waits for a controller to attach: the first, or one that takes over from one that died or left.
+bool Run::replace_controller() {
+  if (had_controller_) {
+    say("the controller is gone; the surface holds still");
+    announced_waiting_ = false;
+    had_controller_ = false;
+  }
+  if (!child_ && !announced_waiting_) {
+    say(fmt::format("waiting for a controller; attach one with: {}", attach_command(link_->name())));
+    announced_waiting_ = true;
+  }
+  while (true) {
+    const auto slice = display_.has_window() ? kFrameSlice : kHeadlessSlice;
+    if (link_->endpoint().await_controller({slice, &stop_}) == Status::kOk) {
+      if (announced_waiting_) say(fmt::format("controller attached (process {})", link_->endpoint().controller_pid()));
+      return true;
+    }
+    refresh_display();
+    if (stop_ || controls_.quit) end(kDone, "stopped by the user");
+    if (child_ && child_->exit_status()) child_ended();
+    if (ending_) return false;
+  }
+}
+
+bool Run::publish() {
+  const scene::Snapshot& snapshot = simulation_.snapshot();
+  const Status status = link_->publish(snapshot.tick, snapshot.time_s, simulation_.sensors());
+  times_.lap(Phase::kPublish);
+  if (status == Status::kOk) return true;
+  end(kFailed, fmt::format("failed at tick {}: cannot publish the sensor frame: {}", snapshot.tick, text(status)));
+  say(ending_->outcome);
+  return false;
+}
+
+void Run::record() {
+  const scene::Snapshot& snapshot = simulation_.snapshot();
+  for (const auto& r : recorders_)
+    r->frame(snapshot, simulation_.catalogue(),
+             simulation_.scene().record.sensors ? simulation_.sensors() : std::span<const record::Channel>{},
+             simulation_.scene().record.actuators ? simulation_.actuators() : std::span<const record::Channel>{});
+  times_.lap(Phase::kRecord);
+  purity_.add(snapshot, simulation_.catalogue());
+  display_.take_screenshots(simulation_, false);
+  times_.lap(Phase::kRender);
+  if (last_tick_ && snapshot.tick >= *last_tick_) end(kDone, "done");
+}
+
+void Run::obey_script() {
+  const ScriptRequests requests = simulation_.take_requests();
+  if (requests.pace_changed) pacer_.set_factor(requests.pace);
+  if (requests.pause && display_.has_window()) controls_.paused = true;
+  if (requests.stop || requests.quit) end(kDone, "stopped by the script");
+}
+
+bool Run::hold_pace() {
+  const auto due = pacer_.due(simulation_.snapshot().time_s);
+  while (true) {
+    refresh_display();
+    show_progress(false);
+    if (stop_ || controls_.quit) end(kDone, "stopped by the user");
+    if (ending_) return false;
+    if (controls_.paused) {
+      pacer_.restart();
+      if (controls_.single_steps > 0) {
+        --controls_.single_steps;
+        return true;
+      }
+      std::this_thread::sleep_for(kFrameSlice);
+      continue;
+    }
+    const auto now = Clock::now();
+    if (now >= due) return true;
+    // The last stretch is short, so that neither the window nor a signal waits for a slow pace.
+    std::this_thread::sleep_for(std::min<Clock::duration>(due - now, kFrameSlice));
+  }
+}
+
+void Run::refresh_display() {
+  if (!display_.has_window()) return;
+  DisplayStatus status;
+  status.real_time_factor = pacer_.measured(simulation_.snapshot().time_s);
+  status.requested_pace = pacer_.factor();
+  status.mode = options_.mode;
+  status.controller = controller_phrase();
+  status.physics_ms = times_.last_ms(Phase::kPhysics);
+  if (std::isfinite(purity_.value())) status.purity = purity_.value();
+  const bool was_paused = controls_.paused;
+  display_.refresh(simulation_, status, controls_);
+  if (std::exchange(controls_.pace_changed, false)) pacer_.set_factor(controls_.pace);
+  if (link_ && was_paused != controls_.paused)
+    link_->endpoint().set_state(controls_.paused ? shm_protocol::State::kPaused : shm_protocol::State::kRunning);
+  times_.lap(Phase::kRender);
+}
+
+std::string Run::controller_phrase() {
+  if (!link_) return "none: the script drives";
+  if (!link_->endpoint().has_controller()) return "waiting for one on '" + link_->name() + "'";
+  return fmt::format("process {}, {}", link_->endpoint().controller_pid(), text(link_->endpoint().controller_state()));
+}
+
+void Run::show_progress(bool last) {
+  static const bool terminal = isatty(STDERR_FILENO) != 0;
+  if (!terminal || display_.has_window() || (last && !progress_shown_)) return;
+  const auto now = Clock::now();
+  if (!last && now < next_progress_) return;
+  next_progress_ = now + 250ms;
+  progress_shown_ = true;
+  const double simulated = simulation_.snapshot().time_s;
+  const double factor = simulated / std::max(1e-9, std::chrono::duration<double>(now - started_).count());
+  std::string left;
+  if (last_tick_ && factor > 0.0) {
+    const double seconds = static_cast<double>(*last_tick_) * simulation_.scene().world.control_period_s - simulated;
+    left = fmt::format("   at most {:.0f} s left", seconds / factor);
+  }
+  fmt::print(stderr, "\r{:9.2f} s simulated   {:6.1f}x real time{}\033[K{}", simulated, factor, left, last ? "\n" : "");
+}
+
+void Run::say(const std::string& message) {
+  if (progress_shown_) fmt::print(stderr, "\r\033[K");
+  fmt::print(stderr, "smartsurf: {}\n", message);
+}
+
+void Run::end(int exit_status, std::string outcome) {
+  if (!ending_) ending_ = Ending{exit_status, std::move(outcome)};
+}
+
+void Run::finish() {
+  wall_s_ = std::chrono::duration<double>(Clock::now() - started_).count();
+  show_progress(true);
+  const scene::Snapshot& snapshot = simulation_.snapshot();
+  display_.take_screenshots(simulation_, true);
+  for (const auto& r : recorders_) r->close({ending_->outcome, snapshot.tick, snapshot.time_s, snapshot.state_hash});
+  if (!options_.stats_file.empty()) write_stats();
+  // The controller sees the surface close, and ends by itself; only then is it made to.
+  link_.reset();
+  if (child_) child_->wait_for_exit(2000ms);
+  child_.reset();
+}
+
+RunSummary Run::summary() const {
+  const scene::Snapshot& snapshot = simulation_.snapshot();
+  const scene::WorldSpec& world = simulation_.scene().world;
+  const scene::SurfaceSpec& surface = simulation_.scene().surface;
+  RunSummary s;
+  s.experiment = options_.experiment;
+  s.mode = options_.mode == RunMode::kTimeStep ? "time-step" : "passive";
+  s.outcome = ending_->outcome;
+  s.seed = world.seed;
+  s.ticks = snapshot.tick;
+  s.physics_steps = snapshot.tick * static_cast<std::uint64_t>(world.steps_per_tick());
+  s.simulated_s = snapshot.time_s;
+  s.wall_s = wall_s_;
+  s.objects = snapshot.objects();
+  s.contacts = snapshot.contacts;
+  s.state_hash = snapshot.state_hash;
+  if (std::isfinite(purity_.value())) s.purity = purity_.value();
+  s.sorted_at_s = purity_.sorted_at();
+  for (const auto& p : snapshot.position) {
+    const double half = surface.pitch / 2.0;
+    const bool over = p[0] > -half && p[0] < (surface.columns - 1) * surface.pitch + half && p[1] > -half &&
+                      p[1] < (surface.rows - 1) * surface.pitch + half && p[2] > surface.pin.min_height;
+    s.off_surface += !over;
+  }
+  if (link_) {
+    s.sensor_frames_skipped = link_->endpoint().controller_counters().skipped;
+    s.actuator_frames_repeated = link_->endpoint().counters().repeated;
+    s.actuator_values_clamped = link_->endpoint().counters().clamped;
+  }
+  return s;
+}
+
+void Run::write_stats() const {
+  const std::string part = options_.stats_file + ".part";
+  std::ofstream out(part, std::ios::binary);
+  out << to_json(summary(), times_);
+  out.close();
+  if (!out || std::rename(part.c_str(), options_.stats_file.c_str()) != 0)
+    throw scene::InputError(fmt::format("--stats {}: cannot write the file", options_.stats_file));
+}
+
+}  // namespace smartsurf::run

@@ -1,0 +1,40 @@
+// What the command line of `smartsurf run` asks for.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace smartsurf::run {
+
+enum class RunMode { kTimeStep, kPassive };
+
+struct Screenshot {
+  std::string file;
+  std::optional<double> at_s;  // nullopt: at the end of the run
+};
+
+struct RunOptions {
+  std::string experiment;
+  std::string command_line;  // as typed, for the recording
+  bool window = false;
+  RunMode mode = RunMode::kTimeStep;
+  // Simulated seconds per wall second; nullopt: as fast as possible.
+  std::optional<double> pace;
+  std::optional<std::uint64_t> ticks;  // nullopt: until somebody stops
+  std::optional<double> until_s;
+  std::string shm;         // "" = choose
+  std::string controller;  // "" = wait for one to attach
+  bool no_controller = false;
+  std::optional<std::uint64_t> seed;
+  std::vector<std::pair<std::string, std::string>> set;
+  int threads = 1;
+  std::vector<std::string> recordings;
+  std::string stats_file;
+  std::vector<Screenshot> screenshots;
+  bool unsafe = false;
+};
+
+}  // namespace smartsurf::run

@@ -1,0 +1,45 @@
+// The simulated surface as a surface on the shared-memory protocol: its channels, its lock-step, its controller.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <optional>
+#include <shm_protocol/SurfaceEndpoint.h>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "smartsurf/record/Recorder.h"
+#include "smartsurf/run/RunOptions.h"
+#include "smartsurf/scene/SceneSpec.h"
+
+namespace smartsurf::run {
+
+class SurfaceLink {
+ public:
+  // Sensor channels: each sensor's distance "NAME" and hit mask "NAME_hit" (both f32); actuator channel "height".
+  // Throws scene::InputError when the name cannot be had.
+  SurfaceLink(const std::string& name, RunMode, const scene::SceneSpec&);
+
+  // Writes the frames into shared memory and publishes them.
+  [[nodiscard]] shm_protocol::Status publish(std::uint64_t tick, double time_s,
+                                             std::span<const record::Channel> sensors) noexcept;
+
+  // Time-step: waits for the answer to the frame published last. Passive: takes the newest there is.
+  [[nodiscard]] shm_protocol::Status receive(std::uint64_t tick, std::chrono::nanoseconds patience,
+                                             const std::atomic<bool>& stop) noexcept;
+
+  // rows × columns: the frame received last; the safe heights before the first.
+  std::span<const float> heights() const noexcept { return endpoint_.actuator<float>(height_channel_); }
+
+  shm_protocol::SurfaceEndpoint& endpoint() noexcept { return endpoint_; }
+  const std::string& name() const noexcept { return name_; }
+
+ private:
+  std::string name_;
+  RunMode mode_;
+  shm_protocol::SurfaceEndpoint endpoint_;
+  int height_channel_;
+};
+
+}  // namespace smartsurf::run

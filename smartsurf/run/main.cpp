@@ -1,0 +1,3 @@
+#include "smartsurf/run/CommandLine.h"
+
+int main(int argc, char** argv) { return smartsurf::run::main(argc, argv); }

@@ -1,0 +1,24 @@
+// The motion of one object, and a change of it: what scripts ask for and the world answers.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <optional>
+
+namespace smartsurf::scene {
+
+struct ObjectState {
+  Eigen::Vector3d position{0.0, 0.0, 0.0};  // centre of mass, u
+  Eigen::Quaterniond orientation{1.0, 0.0, 0.0, 0.0};
+  Eigen::Vector3d velocity{0.0, 0.0, 0.0};          // u/s
+  Eigen::Vector3d angular_velocity{0.0, 0.0, 0.0};  // rad/s, world frame
+};
+
+// What a placement changes; an absent value stays as it is.
+struct Placement {
+  std::optional<Eigen::Vector3d> position;
+  std::optional<Eigen::Quaterniond> orientation;
+  std::optional<Eigen::Vector3d> velocity;
+  std::optional<Eigen::Vector3d> angular_velocity;
+};
+
+}  // namespace smartsurf::scene

@@ -1,0 +1,67 @@
+// One experiment script: loads it into a SceneSpec and runs its timed functions while the simulation goes on.
+//
+// A script runs in a sandbox (docs/experiments.md): no processes, no native code, files only beside the
+// script and in the output folder, bounded instructions and memory. The same script, options and seed give
+// the same calls to the host, in the same order, on every run. Not thread-safe: all calls on one Experiment
+// from one thread at a time. Allocates on every call.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "smartsurf/scene/SceneSpec.h"
+#include "smartsurf/script/Host.h"
+
+namespace smartsurf::script {
+
+struct LoadOptions {
+  std::vector<std::pair<std::string, std::string>>
+      set;                            // --set name=value, in order; the last of a name wins
+  std::optional<std::uint64_t> seed;  // --seed: wins over world.seed; at most 2^63 - 1
+  bool unsafe = false;  // --unsafe: the whole of Lua's standard library, native modules included
+  std::filesystem::path output_folder;          // where the script may write files; empty = nowhere
+  std::function<void(std::string_view)> print;  // takes what print and io.write say; stdout where absent
+
+  std::uint64_t load_budget = 500'000'000;     // Lua instructions to load the script
+  std::uint64_t callback_budget = 50'000'000;  // and in one call of a timed function
+  std::size_t memory_bytes = std::size_t{1} << 30;
+};
+
+class Experiment {
+ public:
+  // Runs the script at `path` once, which declares the scene. Throws scene::InputError, one line
+  // "FILE:LINE: message", for any mistake in the script or in `options`.
+  static Experiment load(const std::filesystem::path& path, LoadOptions options = {});
+
+  Experiment(Experiment&&) noexcept;
+  Experiment& operator=(Experiment&&) noexcept;
+  ~Experiment();
+
+  const scene::SceneSpec& scene() const;  // of the load; does not change while the experiment runs
+  bool has_events() const;                // whether tick() or finish() would ever call the script
+
+  // Before the first tick: `host` holds the objects of scene(), and outlives the calls of tick and finish.
+  void start(Host& host);
+  // Once a control period, before actuators and physics move; t_s is the simulated time then, 0 for the
+  // first. Runs what is due: at and every in order of their times (in order of registration where equal),
+  // then on_tick. Throws scene::InputError for a mistake in the script; the experiment is then over, but
+  // finish() may be called.
+  void tick(double t_s, std::uint64_t tick);
+  // After the last tick: runs on_finish. A second call does nothing.
+  void finish();
+
+ private:
+  struct Parts;
+  explicit Experiment(std::unique_ptr<Parts>);
+  std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace smartsurf::script

@@ -1,0 +1,126 @@
+#include "smartsurf/view/Camera.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace smartsurf::view {
+namespace {
+
+constexpr double kOrbitPerPixel = 0.006;    // rad
+constexpr double kZoomPerNotch = 0.88;      // factor of the distance
+constexpr double kFramingMargin = 1.06;     // of the half picture
+constexpr double kIsoElevation = 0.70;      // rad, 40°
+constexpr double kSideElevation = 0.10;     // rad
+
+std::array<Eigen::Vector3d, 8> corners(const Eigen::AlignedBox3d& box) {
+  std::array<Eigen::Vector3d, 8> result;
+  for (int i = 0; i < 8; ++i)
+    result[i] = {(i & 1) ? box.max().x() : box.min().x(), (i & 2) ? box.max().y() : box.min().y(),
+                 (i & 4) ? box.max().z() : box.min().z()};
+  return result;
+}
+
+// One side of the frustum pair left/right or bottom/top. With the eye at (e, d), d towards the viewer, a point
+// (p, z) is inside when |p − e| ≤ k·(d − z): the nearest d and the centred e that hold for all points.
+struct Fit {
+  double low = -std::numeric_limits<double>::infinity();
+  double high = -std::numeric_limits<double>::infinity();
+  void add(double p, double z, double k) {
+    high = std::max(high, p + k * z);
+    low = std::max(low, -p + k * z);
+  }
+  double offset() const { return 0.5 * (high - low); }
+  double distance(double k) const { return 0.5 * (high + low) / k; }
+};
+
+}  // namespace
+
+Eigen::AlignedBox3d Camera::extent(const scene::SurfaceSpec& s) {
+  const double half = s.pitch / 2.0;
+  const double top = std::max(s.pin.max_height, s.border_height.value_or(s.pin.max_height));
+  return {Eigen::Vector3d(-half, -half, s.pin.min_height - s.pin.length),
+          Eigen::Vector3d((s.columns - 1) * s.pitch + half, (s.rows - 1) * s.pitch + half, top)};
+}
+
+Camera Camera::framing(const scene::SurfaceSpec& surface, Preset preset, double aspect) {
+  Camera camera;
+  camera.azimuth_ = 0.0;
+  camera.elevation_ = preset == Preset::kTop   ? kMaxElevation
+                      : preset == Preset::kIso ? kIsoElevation
+                                               : kSideElevation;
+  const Eigen::AlignedBox3d box = extent(surface);
+  camera.scene_radius_ = 0.5 * box.diagonal().norm();
+  const double k_y = std::tan(camera.field_of_view_ / 2.0) / kFramingMargin;
+  const double k_x = k_y * aspect;
+  Fit x, y;
+  for (const Eigen::Vector3d& corner : corners(box)) {
+    const double depth = -corner.dot(camera.forward());
+    x.add(corner.dot(camera.right()), depth, k_x);
+    y.add(corner.dot(camera.up()), depth, k_y);
+  }
+  const double eye_depth = std::max(x.distance(k_x), y.distance(k_y));
+  const double target_depth = -box.center().dot(camera.forward());
+  camera.distance_ = camera.home_distance_ = eye_depth - target_depth;
+  camera.target_ = camera.right() * x.offset() + camera.up() * y.offset() - camera.forward() * target_depth;
+  return camera;
+}
+
+void Camera::orbit(double dx, double dy) {
+  azimuth_ = std::remainder(azimuth_ - dx * kOrbitPerPixel, 2.0 * std::numbers::pi);
+  elevation_ = std::clamp(elevation_ + dy * kOrbitPerPixel, kMinElevation, kMaxElevation);
+}
+
+void Camera::pan(double dx, double dy, double height) {
+  const double per_pixel = 2.0 * distance_ * std::tan(field_of_view_ / 2.0) / std::max(height, 1.0);
+  target_ += (up() * dy - right() * dx) * per_pixel;
+}
+
+void Camera::zoom(double notches) {
+  distance_ = std::clamp(distance_ * std::pow(kZoomPerNotch, notches), home_distance_ / 200.0,
+                         home_distance_ * 5.0);
+}
+
+Eigen::Vector3d Camera::forward() const {
+  const double c = std::cos(elevation_);
+  return {-c * std::sin(azimuth_), c * std::cos(azimuth_), -std::sin(elevation_)};
+}
+
+Eigen::Vector3d Camera::right() const { return {std::cos(azimuth_), std::sin(azimuth_), 0.0}; }
+
+Eigen::Vector3d Camera::up() const { return right().cross(forward()); }
+
+Eigen::Vector3d Camera::eye() const { return target_ - forward() * distance_; }
+
+Eigen::Matrix4d Camera::view_matrix() const {
+  Eigen::Matrix4d m = Eigen::Matrix4d::Identity();
+  m.block<1, 3>(0, 0) = right().transpose();
+  m.block<1, 3>(1, 0) = up().transpose();
+  m.block<1, 3>(2, 0) = -forward().transpose();
+  m.block<3, 1>(0, 3) = -m.block<3, 3>(0, 0) * eye();
+  return m;
+}
+
+Eigen::Matrix4d Camera::projection_matrix(double aspect) const {
+  // The planes follow the distance, so that close-ups are not cut and depth keeps its precision far away.
+  const double near_plane = std::max(0.02 * distance_, distance_ - 8.0 * scene_radius_);
+  const double far_plane = distance_ + 20.0 * scene_radius_;
+  const double f = 1.0 / std::tan(field_of_view_ / 2.0);
+  Eigen::Matrix4d m = Eigen::Matrix4d::Zero();
+  m(0, 0) = f / aspect;
+  m(1, 1) = f;
+  m(2, 2) = (far_plane + near_plane) / (near_plane - far_plane);
+  m(2, 3) = 2.0 * far_plane * near_plane / (near_plane - far_plane);
+  m(3, 2) = -1.0;
+  return m;
+}
+
+Eigen::Vector3d Camera::project(const Eigen::Vector3d& point, double width, double height) const {
+  const Eigen::Vector4d clip =
+      projection_matrix(width / height) * (view_matrix() * Eigen::Vector4d(point.x(), point.y(), point.z(), 1.0));
+  return {(clip.x() / clip.w() + 1.0) * 0.5 * width, (1.0 - clip.y() / clip.w()) * 0.5 * height, clip.w()};
+}
+
+}  // namespace smartsurf::view

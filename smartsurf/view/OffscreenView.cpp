@@ -1,0 +1,62 @@
+#include "smartsurf/view/OffscreenView.h"
+
+#include <cstring>
+
+#include "smartsurf/view/GlObjects.h"
+#include "smartsurf/view/OffscreenContext.h"
+#include "smartsurf/view/ReadPixels.h"
+#include "smartsurf/view/Renderer.h"
+
+namespace smartsurf::view {
+namespace {
+
+constexpr int kMaxEdge = 8192;
+
+}  // namespace
+
+struct OffscreenView::State {
+  explicit State(const scene::SceneSpec& spec)
+      : renderer(std::make_unique<Renderer>(spec, Quality::fine())),
+        target(std::make_unique<Canvas>()),
+        driver(reinterpret_cast<const char*>(glGetString(GL_RENDERER))) {
+    context.release();
+  }
+  ~State() {
+    context.make_current();
+    renderer.reset();
+    target.reset();
+  }
+
+  OffscreenContext context;
+  std::unique_ptr<Renderer> renderer;
+  std::unique_ptr<Canvas> target;
+  std::string driver;
+};
+
+OffscreenView::OffscreenView(const scene::SceneSpec& spec) : state_(std::make_unique<State>(spec)) {}
+
+OffscreenView::~OffscreenView() = default;
+
+Image OffscreenView::draw(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
+                          const Camera& camera, const DrawOptions& options, int width, int height) {
+  if (width < 1 || height < 1 || width > kMaxEdge || height > kMaxEdge)
+    throw scene::InputError("picture of " + std::to_string(width) + "x" + std::to_string(height) +
+                            " pixels: each edge must be 1 to " + std::to_string(kMaxEdge));
+  State& s = *state_;
+  s.context.make_current();
+  s.target->resize(width, height);
+  s.renderer->draw(snapshot, catalogue, camera, options, s.target->framebuffer.id(), width, height);
+  Image image = read_pixels(s.target->framebuffer.id(), width, height);
+  s.context.release();
+  return image;
+}
+
+std::string OffscreenView::driver() const { return state_->driver; }
+
+Image render_image(const scene::SceneSpec& spec, const scene::Snapshot& snapshot,
+                   const std::vector<scene::ObjectSpec>& catalogue, const Camera& camera,
+                   const DrawOptions& options, int width, int height) {
+  return OffscreenView(spec).draw(snapshot, catalogue, camera, options, width, height);
+}
+
+}  // namespace smartsurf::view

@@ -1,0 +1,17 @@
+// Colours for numbers, and the conversion between a screen's colours and linear light.
+#pragma once
+
+#include <array>
+
+namespace smartsurf::view {
+
+using Rgb = std::array<float, 3>;  // [0, 1] each
+
+// The perceptually uniform palette "viridis" (CC0; S. van der Walt, N. Smith), dark violet at t = 0 to yellow at
+// t = 1, as a screen shows it; t is clamped and a NaN gives grey. Within 0.01 of the original table.
+Rgb viridis(float t);
+
+// A screen's colour (gamma 2.2) as linear light, in which lighting is computed.
+Rgb linear_light(const Rgb& screen);
+
+}  // namespace smartsurf::view

@@ -1,0 +1,57 @@
+// What the graphics card needs to know of each pin, one record a pin: its height, colour and how much of the sky
+// it sees. The surface is a height field, so occlusion by neighbours and by objects overhead is cheap and smooth
+// when computed here, once a pin, instead of once a pixel.
+//
+// No OpenGL here. Nothing is allocated after the first frame.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "smartsurf/scene/SceneSpec.h"
+#include "smartsurf/scene/Snapshot.h"
+#include "smartsurf/view/DrawOptions.h"
+
+namespace smartsurf::view {
+
+struct PinInstance {
+  float height;                            // z of the top, u
+  std::array<std::uint8_t, 4> colour;      // linear light, 255 = 1; [3] is 255 for a pin of the border
+  std::array<std::uint8_t, 4> corner_sky;  // share of the sky that the top's corners SW, SE, NW, NE see; 255 = all
+  std::array<float, 4> neighbour;          // z of the tops of the pins to the west, east, south, north, u
+};
+
+class PinShading {
+ public:
+  explicit PinShading(const scene::SurfaceSpec& surface);
+
+  // One record a pin, in drawing order: rows from the south to the north unless north_first, in each row from
+  // the west to the east unless east_first. Valid until the next call.
+  std::span<const PinInstance> update(const scene::Snapshot& snapshot,
+                                      const std::vector<scene::ObjectSpec>& catalogue,
+                                      const DrawOptions& options, bool north_first, bool east_first);
+
+  // Mean height of the pins around an object that reaches that far from its centre; the table's base beside it.
+  float rim_height(const scene::Snapshot& snapshot, float x, float y, float reach) const;
+
+ private:
+  using Corners = std::array<float, 4>;
+
+  float height_at(const scene::Snapshot& snapshot, int row, int column) const;
+  Corners sky_of(const scene::Snapshot& snapshot, int row, int column) const;
+  void darken_under(const scene::Snapshot& snapshot, const std::array<float, 3>& centre, float radius);
+  std::array<std::uint8_t, 4> colour_of(const scene::Snapshot& snapshot, const DrawOptions& options, int row,
+                                        int column) const;
+
+  scene::SurfaceSpec surface_;
+  float base_;                 // z of the table, u
+  std::vector<Corners> sky_;   // rows × columns, row-major, row 0 north
+  std::vector<PinInstance> pins_;
+};
+
+// z of the ground on which the pins stand, u.
+double ground_height(const scene::SurfaceSpec& surface);
+
+}  // namespace smartsurf::view

@@ -1,0 +1,233 @@
+#include "smartsurf/view/Renderer.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <stdexcept>
+
+#include "smartsurf/view/Layers.h"
+#include "smartsurf/view/Palette.h"
+#include "smartsurf/view/ShadowMap.h"
+
+namespace smartsurf::view {
+namespace {
+
+// Mirrors the block "Frame" in Shaders.cpp (std140).
+struct FrameUniforms {
+  Eigen::Matrix4f clip_from_world, shadow_from_world;
+  std::array<float, 4> eye, ray, light, fog, table;
+};
+static_assert(sizeof(FrameUniforms) == 2 * 64 + 5 * 16);
+
+constexpr Rgb kBoard{0.42f, 0.44f, 0.47f}, kRed{0.80f, 0.16f, 0.14f}, kGreen{0.16f, 0.58f, 0.22f},
+    kBlue{0.14f, 0.32f, 0.82f};
+
+std::array<float, 3> floats(const Eigen::Vector3d& v) {
+  return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
+}
+
+std::array<float, 4> with_w(const Eigen::Vector3d& v, double w) {
+  return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z()), static_cast<float>(w)};
+}
+
+ObjectInstance upright_box(const Eigen::Vector3d& low, const Eigen::Vector3d& high, const Rgb& screen) {
+  const Rgb c = linear_light(screen);
+  return {floats((low + high) / 2.0), floats((high - low) / 2.0), {0, 0, 0, 1}, {c[0], c[1], c[2], -1e9f}};
+}
+
+}  // namespace
+
+struct Renderer::State {
+  State(const scene::SceneSpec& s, const Quality& q)
+      : spec(s),
+        quality(q),
+        colour_pass(q.soft_shadows ? Pass::kColourFine : Pass::kColour),
+        shading(s.surface),
+        shadow(q.shadow_size),
+        pins(s.surface, colour_pass),
+        objects(colour_pass),
+        ground(s.surface, colour_pass),
+        frame(make_buffer()) {
+    const auto source = average_shaders();
+    average = link_program("average", source.vertex, source.fragment);
+    empty_array = make_vertex_array();
+  }
+
+  void upload(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
+              const Camera& camera, const DrawOptions& options);
+  void add_furniture(const DrawOptions& options);
+  ObjectInstance instance_of(const scene::Snapshot& snapshot, std::size_t i, const scene::ObjectSpec& object);
+  void set_frame(const FrameUniforms& uniforms);
+  FrameUniforms light_frame() const;
+  FrameUniforms eye_frame(const Camera& camera, int width, int height) const;
+  void draw_shadows();
+  void draw_colour(const DrawOptions& options, int width, int height);
+
+  scene::SceneSpec spec;
+  Quality quality;
+  Pass colour_pass;
+  PinShading shading;
+  ShadowMap shadow;
+  PinLayer pins;
+  ObjectLayer objects;
+  GroundLayer ground;
+  Buffer frame;
+  ShaderProgram average;
+  VertexArray empty_array;
+  Canvas canvas;
+  std::array<std::vector<ObjectInstance>, 3> instances;  // by ShapeKind
+  std::size_t furniture = 0;                              // boxes that are no objects, first among them
+};
+
+void Renderer::State::add_furniture(const DrawOptions& options) {
+  auto& boxes = instances[static_cast<std::size_t>(scene::ShapeKind::kBox)];
+  const Eigen::AlignedBox3d box = Camera::extent(spec.surface);
+  const double rim = 0.6 * spec.surface.pitch, thick = 0.12 * spec.surface.pitch;
+  const Eigen::Vector3d low = box.min() - Eigen::Vector3d(rim, rim, 0.0);
+  boxes.push_back(upright_box(low, {box.max().x() + rim, box.max().y() + rim, low.z() + thick}, kBoard));
+  if (options.axes) {
+    const double length = 0.10 * std::max(box.sizes().x(), box.sizes().y()), half = 0.018 * length + 0.04 * rim;
+    const Eigen::Vector3d o = low - Eigen::Vector3d(rim, rim, 0.0), h = Eigen::Vector3d::Constant(half);
+    boxes.push_back(upright_box(o - h, o + h + Eigen::Vector3d(length, 0, 0), kRed));
+    boxes.push_back(upright_box(o - h, o + h + Eigen::Vector3d(0, length, 0), kGreen));
+    boxes.push_back(upright_box(o - h, o + h + Eigen::Vector3d(0, 0, length), kBlue));
+  }
+  furniture = boxes.size();
+}
+
+ObjectInstance Renderer::State::instance_of(const scene::Snapshot& snapshot, std::size_t i,
+                                            const scene::ObjectSpec& object) {
+  const Rgb c = linear_light({object.colour.r, object.colour.g, object.colour.b});
+  const std::array<float, 3> half = floats(object.half_extents());
+  const auto& p = snapshot.position[i];
+  const float rim = shading.rim_height(snapshot, p[0], p[1], 1.25f * std::max(half[0], half[1]));
+  return {p, half, snapshot.orientation[i], {c[0], c[1], c[2], rim}};
+}
+
+void Renderer::State::upload(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
+                             const Camera& camera, const DrawOptions& options) {
+  // Near rows first: what is hidden behind them is then never shaded.
+  const bool north_first = camera.forward().y() < 0.0, east_first = camera.forward().x() < 0.0;
+  pins.upload(shading.update(snapshot, catalogue, options, north_first, east_first), north_first, east_first);
+  for (auto& list : instances) list.clear();
+  add_furniture(options);
+  Eigen::AlignedBox3d lit = Camera::extent(spec.surface);
+  const Eigen::AlignedBox3d near = {lit.min() - lit.sizes() * 0.1, lit.max() + lit.sizes() * 0.1};
+  for (std::size_t i = 0; i < snapshot.objects(); ++i) {
+    const scene::ObjectSpec& object = catalogue[snapshot.id[i]];
+    instances[static_cast<std::size_t>(object.shape)].push_back(instance_of(snapshot, i, object));
+    const auto& p = snapshot.position[i];
+    const double radius = object.half_extents().norm();
+    const Eigen::Vector3d at(p[0], p[1], std::min<double>(p[2] + radius, near.max().z() + lit.sizes().maxCoeff()));
+    if (at.x() > near.min().x() && at.x() < near.max().x() && at.y() > near.min().y() && at.y() < near.max().y() &&
+        std::isfinite(at.z()))
+      lit.extend(at);
+  }
+  for (const auto shape : {scene::ShapeKind::kSphere, scene::ShapeKind::kBox, scene::ShapeKind::kCylinder})
+    objects.upload(shape, instances[static_cast<std::size_t>(shape)]);
+  shadow.fit(lit, spec.surface.pitch);
+}
+
+void Renderer::State::set_frame(const FrameUniforms& uniforms) {
+  glBindBuffer(GL_UNIFORM_BUFFER, frame.id());
+  glBufferData(GL_UNIFORM_BUFFER, sizeof(uniforms), &uniforms, GL_STREAM_DRAW);
+  glBindBufferBase(GL_UNIFORM_BUFFER, 0, frame.id());
+}
+
+FrameUniforms Renderer::State::light_frame() const {
+  FrameUniforms u{};
+  u.clip_from_world = shadow.clip_from_world();
+  u.ray = with_w(-ShadowMap::towards_light(), 0.0);
+  return u;
+}
+
+FrameUniforms Renderer::State::eye_frame(const Camera& camera, int width, int height) const {
+  FrameUniforms u{};
+  const double aspect = static_cast<double>(width) / height;
+  u.clip_from_world = (camera.projection_matrix(aspect) * camera.view_matrix()).cast<float>();
+  u.shadow_from_world = shadow.texture_from_world();
+  u.eye = with_w(camera.eye(), 1.0);
+  u.ray = with_w(camera.forward(), shadow.softness());
+  u.light = with_w(ShadowMap::towards_light(), shadow.texel());
+  const Eigen::AlignedBox3d box = Camera::extent(spec.surface);
+  const double radius = 0.5 * box.diagonal().norm();
+  u.fog = {static_cast<float>(camera.distance() + 1.5 * radius),
+           static_cast<float>(camera.distance() + 9.0 * radius), static_cast<float>(width),
+           static_cast<float>(height)};
+  u.table = {static_cast<float>(box.min().x()), static_cast<float>(box.min().y()),
+             static_cast<float>(box.max().x()), static_cast<float>(box.max().y())};
+  return u;
+}
+
+void Renderer::State::draw_shadows() {
+  set_frame(light_frame());
+  shadow.begin();
+  pins.draw(Pass::kShadow);
+  objects.draw(Pass::kShadow);
+  shadow.end();
+}
+
+void Renderer::State::draw_colour(const DrawOptions& options, int width, int height) {
+  glViewport(0, 0, width, height);
+  glClear(GL_DEPTH_BUFFER_BIT);
+  shadow.bind(0);
+  pins.draw(colour_pass);
+  if (options.style == Style::kSolid) objects.draw(colour_pass);
+  else objects.draw_solid_boxes(colour_pass, static_cast<int>(furniture));
+  if (spec.world.ground) ground.draw_ground(options.grid);
+  glDepthFunc(GL_LEQUAL);
+  ground.draw_backdrop();
+  glDepthFunc(GL_LESS);
+  if (options.style == Style::kWireframe) {
+    glEnable(GL_BLEND);
+    glBlendFunc(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA);
+    objects.draw_wires(static_cast<float>(quality.supersample), static_cast<int>(furniture));
+    glDisable(GL_BLEND);
+  }
+}
+
+Renderer::Renderer(const scene::SceneSpec& spec, const Quality& quality) {
+  if (epoxy_gl_version() < 33)
+    throw std::runtime_error("OpenGL 3.3 is needed and this driver offers less; the packages libgl1-mesa-dri "
+                             "libegl1 bring a software one");
+  state_ = std::make_unique<State>(spec, quality);
+}
+
+Renderer::~Renderer() = default;
+
+void Renderer::draw(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
+                    const Camera& camera, const DrawOptions& options, unsigned framebuffer, int width, int height) {
+  State& s = *state_;
+  assert(snapshot.height.size() == static_cast<std::size_t>(s.spec.surface.cells()));
+  assert(options.cell_values.empty() || options.cell_values.size() == snapshot.height.size());
+  const int block = s.quality.supersample;
+  s.upload(snapshot, catalogue, camera, options);
+  glEnable(GL_DEPTH_TEST);
+  glDepthFunc(GL_LESS);
+  glDepthMask(GL_TRUE);
+  glDisable(GL_BLEND);
+  glDisable(GL_CULL_FACE);
+  glDisable(GL_SCISSOR_TEST);
+  s.draw_shadows();
+  if (block > 1) s.canvas.resize(width * block, height * block);
+  glBindFramebuffer(GL_FRAMEBUFFER, block > 1 ? s.canvas.framebuffer.id() : framebuffer);
+  s.set_frame(s.eye_frame(camera, width * block, height * block));
+  s.draw_colour(options, width * block, height * block);
+  if (block > 1) {
+    glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
+    glViewport(0, 0, width, height);
+    glDisable(GL_DEPTH_TEST);
+    glActiveTexture(GL_TEXTURE1);
+    glBindTexture(GL_TEXTURE_2D, s.canvas.colour.id());
+    glUseProgram(s.average.id());
+    glUniform1i(glGetUniformLocation(s.average.id(), "picture"), 1);
+    glUniform1i(glGetUniformLocation(s.average.id(), "block"), block);
+    glBindVertexArray(s.empty_array.id());
+    glDrawArrays(GL_TRIANGLES, 0, 3);
+    glActiveTexture(GL_TEXTURE0);
+  }
+  glBindVertexArray(0);
+  assert(glGetError() == GL_NO_ERROR);
+}
+
+}  // namespace smartsurf::view

@@ -1,0 +1,41 @@
+// A small surface with a world on it, for experiments whose outcome is known in closed form.
+#pragma once
+
+#include <functional>
+#include <memory>
+
+#include "smartsurf/scene/Snapshot.h"
+#include "smartsurf/surface/PinField.h"
+#include "smartsurf/world/World.h"
+
+namespace physics_bench {
+
+class PhysicsBench {
+ public:
+  // A level 32 × 32 surface at height 0 without a border; change `scene` before the first step or object.
+  PhysicsBench();
+
+  smartsurf::scene::SceneSpec scene;
+
+  smartsurf::scene::ObjectId add(const smartsurf::scene::ObjectSpec&);
+  void run(double seconds, const std::function<void()>& after_each_step = {});
+  const smartsurf::scene::Snapshot& look();
+
+  smartsurf::surface::PinField& field();
+  smartsurf::world::World& world();
+
+  Eigen::Vector3f position(smartsurf::scene::ObjectId);
+  Eigen::Vector3f velocity(smartsurf::scene::ObjectId);
+  Eigen::Vector3f angular_velocity(smartsurf::scene::ObjectId);
+
+ private:
+  std::unique_ptr<smartsurf::surface::PinField> field_;
+  std::unique_ptr<smartsurf::world::World> world_;
+  smartsurf::scene::Snapshot snapshot_;
+};
+
+smartsurf::scene::ObjectSpec sphere(double radius, const Eigen::Vector3d& position);
+smartsurf::scene::ObjectSpec box(const Eigen::Vector3d& size, const Eigen::Vector3d& position);
+smartsurf::scene::ObjectSpec cylinder(double radius, double height, const Eigen::Vector3d& position);
+
+}  // namespace physics_bench

@@ -1,0 +1,152 @@
+#include <gtest/gtest.h>
+
+#include "tests/property/PhysicsBench.h"
+
+using namespace physics_bench;
+
+namespace {
+void raise(PhysicsBench& bench, float height) {
+  std::vector<float> targets(bench.field().height().size(), height);
+  bench.field().set_targets(targets);
+}
+}  // namespace
+
+TEST(Pins, SphereRidesUpAndDown) {
+  PhysicsBench bench;
+  bench.scene.surface.pin.max_speed = 2;
+  bench.scene.surface.pin.max_acceleration = 4;  // below g: the sphere never leaves the pins
+  const auto id = bench.add(sphere(1.5, {15.3, 15.2, 1.5}));
+  bench.run(0.5);
+  double deepest = 0;
+  auto watch = [&] {
+    const double top = bench.field().height()[0];
+    deepest = std::max(deepest, top + 1.5 - static_cast<double>(bench.position(id).z()));
+  };
+  raise(bench, 4);
+  bench.run(4.0, watch);
+  EXPECT_NEAR(bench.position(id).z(), 5.5, 0.01);
+  raise(bench, 1);
+  bench.run(4.0, watch);
+  EXPECT_NEAR(bench.position(id).z(), 2.5, 0.01);
+  EXPECT_LT(deepest, 0.03) << "the sphere sinks into moving pins";
+  EXPECT_NEAR(bench.position(id).x(), 15.3, 0.05);
+}
+
+TEST(Pins, ThrowAtTheirSpeed) {
+  // Pins that stop abruptly let go of the sphere at the speed they had: it flies v²/2g higher.
+  PhysicsBench bench;
+  bench.scene.surface.pin.max_speed = 10;
+  bench.scene.surface.pin.max_acceleration = 1e4;
+  const auto id = bench.add(sphere(1.0, {15.3, 15.2, 1.0}));
+  bench.run(0.5);
+  raise(bench, 6);
+  double apex = 0;
+  bench.run(2.0, [&] { apex = std::max(apex, static_cast<double>(bench.position(id).z())); });
+  EXPECT_NEAR(apex, 7 + 100 / (2 * 9.81), 0.15);
+}
+
+TEST(Pins, FollowTheLimitsOfTheirMotion) {
+  using namespace smartsurf;
+  scene::SurfaceSpec spec;
+  spec.rows = spec.columns = 3;
+  spec.pin.max_speed = 20;
+  spec.pin.max_acceleration = 400;
+  surface::PinField field(spec);
+  field.set_target(1, 1, 4.0F);
+  const double dt = 1.0 / 240;
+  float last_speed = 0;
+  int steps = 0;
+  while (field.height()[4] != 4.0F && steps < 1000) {
+    field.plan(dt);
+    const float v = field.speed()[4];
+    EXPECT_LE(v, 20.0F);
+    EXPECT_GE(v, 0.0F) << "overshoot";
+    EXPECT_LE(std::abs(v - last_speed), 400.0F * dt * 1.0001) << "step " << steps;
+    last_speed = v;
+    field.commit(dt);
+    ++steps;
+  }
+  // Trapezoid: 4 u at 20 u/s and 400 u/s² take 4/20 + 20/400 s.
+  EXPECT_NEAR(steps * dt, 0.25, 0.015);
+  field.plan(dt);
+  EXPECT_NEAR(field.speed()[4], 0.0F, 1e-4F);
+  field.commit(dt);
+  field.plan(dt);
+  EXPECT_EQ(field.speed()[4], 0.0F);
+  EXPECT_EQ(field.height()[4], 4.0F);
+  EXPECT_EQ(field.height()[0], 0.0F);
+}
+
+TEST(Pins, ReversingMidwayNeverBreaksTheLimits) {
+  using namespace smartsurf;
+  scene::SurfaceSpec spec;
+  spec.rows = spec.columns = 1;
+  surface::PinField field(spec);
+  const double dt = 1.0 / 240;
+  float last = 0;
+  for (int i = 0; i < 5000; ++i) {
+    if (i % 17 == 0) field.set_target(0, 0, static_cast<float>((i * 7919) % 61) / 10.0F);
+    field.plan(dt);
+    EXPECT_LE(std::abs(field.speed()[0] - last), 400.0F * dt * 1.001);
+    EXPECT_LE(std::abs(field.speed()[0]), 20.0F);
+    last = field.speed()[0];
+    field.commit(dt);
+    EXPECT_GE(field.height()[0], -1e-4F);
+    EXPECT_LE(field.height()[0], 6.0001F);
+  }
+}
+
+TEST(Pins, SphereInAPocketIsHeldFromAllSides) {
+  PhysicsBench bench;
+  auto& field = bench.field();
+  for (int r = 0; r < 32; ++r)
+    for (int c = 0; c < 32; ++c) {
+      const double dx = c - 15, dy = (31 - r) - 15;
+      field.set_target(r, c, dx * dx + dy * dy <= 4.1 ? 0.0F : 4.0F);
+    }
+  bench.run(1.0);
+  const auto id = bench.add(sphere(2.0, {15.2, 14.9, 7}));
+  bench.run(4.0);
+  EXPECT_NEAR(bench.position(id).x(), 15, 0.5);
+  EXPECT_NEAR(bench.position(id).y(), 15, 0.5);
+  EXPECT_GT(bench.position(id).z(), 1.9);
+  EXPECT_LT(bench.velocity(id).norm(), 0.02);
+}
+
+TEST(Pins, ARaisedRowStopsARollingSphere) {
+  PhysicsBench bench;
+  for (int r = 0; r < 32; ++r) bench.field().set_target(r, 20, 4.0F);
+  bench.run(1.0);
+  auto object = sphere(1.5, {8, 15.3, 1.5});
+  object.velocity = {8, 0, 0};
+  object.angular_velocity = {0, 8 / 1.5, 0};
+  const auto id = bench.add(object);
+  float farthest = 0;
+  bench.run(3.0, [&] { farthest = std::max(farthest, bench.position(id).x()); });
+  EXPECT_NEAR(farthest, 20 - 0.4 - 1.5, 0.03);
+}
+
+TEST(Pins, BoxLiesOnOneRaisedPatch) {
+  PhysicsBench bench;
+  for (int r = 14; r <= 16; ++r)
+    for (int c = 14; c <= 16; ++c) bench.field().set_target(r, c, 2.0F);
+  bench.run(1.0);
+  const auto id = bench.add(box({5, 5, 1}, {15, 16, 2.6}));
+  bench.run(3.0);
+  EXPECT_NEAR(bench.position(id).z(), 2.5, 0.02);
+  EXPECT_LT(bench.velocity(id).norm(), 0.01);
+  EXPECT_LT(bench.angular_velocity(id).norm(), 0.01);
+}
+
+TEST(Pins, CylinderStandsAndLies) {
+  PhysicsBench bench;
+  const auto standing = bench.add(cylinder(1.5, 3, {8, 15.3, 1.6}));
+  auto lying_spec = cylinder(1.0, 4, {20, 15.3, 1.1});
+  lying_spec.orientation = Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitY());
+  const auto lying = bench.add(lying_spec);
+  bench.run(4.0);
+  EXPECT_NEAR(bench.position(standing).z(), 1.5, 0.02);
+  EXPECT_NEAR(bench.position(lying).z(), 1.0, 0.02);
+  EXPECT_LT(bench.velocity(standing).norm(), 0.02);
+  EXPECT_LT(bench.velocity(lying).norm(), 0.02);
+}

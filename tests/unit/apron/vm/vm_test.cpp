@@ -1,0 +1,277 @@
+// Flow, calls, errors, the host, interruption, and that threads change nothing.
+#include <gtest/gtest.h>
+
+#include "Build.h"
+#include "apron/vm/NumberText.h"
+
+namespace apron::vm::test {
+namespace {
+
+TEST(Flow, EveryConditionalJumpIncludingNaN) {
+  const struct {
+    Opcode op;
+    bool less, equal, greater, nan;
+  } kCases[] = {{Opcode::kJumpLt, true, false, false, false}, {Opcode::kJumpLe, true, true, false, false},
+                {Opcode::kJumpGt, false, false, true, false}, {Opcode::kJumpGe, false, true, true, false},
+                {Opcode::kJumpEq, false, true, false, false}, {Opcode::kJumpNe, true, false, true, true},
+                {Opcode::kUnlessLt, false, true, true, true}, {Opcode::kUnlessLe, false, false, true, true},
+                {Opcode::kUnlessGt, true, true, false, true}, {Opcode::kUnlessGe, true, false, false, true}};
+  const auto jumps = [](Opcode op, float x, float y) {
+    Build b;
+    const Operand stayed = b.var();
+    b.add(op, {}, b.lit(x), b.lit(y), Build::label(2));
+    b.add(Opcode::kCopy, stayed, b.lit(1));
+    FakeHost host;
+    Vm vm(b.done(), {}, host);
+    EXPECT_EQ(vm.run(), Status::kEnded);
+    return vm.variable(stayed.index) == 0.0F;
+  };
+  for (const auto& c : kCases) {
+    EXPECT_EQ(jumps(c.op, 1, 2), c.less) << program::info(c.op).mnemonic;
+    EXPECT_EQ(jumps(c.op, 2, 2), c.equal) << program::info(c.op).mnemonic;
+    EXPECT_EQ(jumps(c.op, 3, 2), c.greater) << program::info(c.op).mnemonic;
+    EXPECT_EQ(jumps(c.op, NAN, 2), c.nan) << program::info(c.op).mnemonic;
+  }
+}
+
+TEST(Flow, CallsReturnToAfterTheCall) {
+  Build b;
+  const Operand v = b.var();
+  b.add(Opcode::kCall, {}, Build::label(4));  // 0
+  b.add(Opcode::kMul, v, v, b.lit(10));       // 1
+  b.add(Opcode::kCall, {}, Build::label(4));  // 2
+  b.add(Opcode::kEnd);                        // 3
+  b.add(Opcode::kAdd, v, v, b.lit(1));        // 4
+  b.add(Opcode::kReturn);                     // 5
+  FakeHost host;
+  Vm vm(b.done(), {}, host);
+  EXPECT_EQ(vm.run(), Status::kEnded);
+  EXPECT_EQ(vm.variable(v.index), 11.0F);
+}
+
+TEST(Flow, ReturnOutsideACallEndsTheProgram) {
+  Build b;
+  const Operand v = b.var();
+  b.add(Opcode::kReturn);
+  b.add(Opcode::kCopy, v, b.lit(1));
+  FakeHost host;
+  Vm vm(b.done(), {}, host);
+  EXPECT_EQ(vm.run(), Status::kEnded);
+  EXPECT_EQ(vm.variable(v.index), 0.0F);
+}
+
+TEST(Flow, EndlessRecursionIsAnError) {
+  Build b;
+  b.add(Opcode::kNop);
+  b.add(Opcode::kCall, {}, Build::label(1));
+  FakeHost host;
+  Vm vm(b.done(), {}, host);
+  EXPECT_EQ(vm.run(), Status::kFailed);
+  EXPECT_EQ(vm.error(),
+            "test.aps:2: error: calls are nested more than 256 deep: does a routine call itself?");
+  EXPECT_EQ(vm.run(), Status::kFailed);
+}
+
+TEST(Flow, WhereInEndlessRecursionIsAnErrorAndNotACrash) {
+  Build b;
+  const Operand m = b.reg(3, 3);
+  b.add(Opcode::kMaskPush, {}, m);
+  b.add(Opcode::kCall, {}, Build::label(0));
+  FakeHost host;
+  Vm vm(b.done(), {}, host);
+  EXPECT_EQ(vm.run(), Status::kFailed);
+  EXPECT_EQ(vm.error(), "test.aps:1: error: where is nested more than 64 deep");
+}
+
+TEST(Flow, BudgetStopsAndGoesOn) {
+  Build b;
+  const Operand v = b.var();
+  b.add(Opcode::kAdd, v, v, b.lit(1));
+  b.add(Opcode::kJump, {}, Build::label(0));
+  FakeHost host;
+  Vm vm(b.done(), {}, host);
+  EXPECT_EQ(vm.run(5), Status::kBudget);
+  EXPECT_EQ(vm.variable(v.index), 3.0F);
+  EXPECT_EQ(vm.next(), 1U);
+  EXPECT_EQ(vm.run(1), Status::kBudget);
+  EXPECT_EQ(vm.next(), 0U);
+  EXPECT_EQ(vm.executed(), 6U);
+}
+
+TEST(Flow, AStopFlagEndsAnEndlessLoop) {
+  Build b;
+  b.add(Opcode::kJump, {}, Build::label(0));
+  FakeHost host;
+  std::atomic<bool> stop{false};
+  VmOptions options;
+  options.stop = &stop;
+  Vm vm(b.done(), options, host);
+  EXPECT_EQ(vm.run(1000), Status::kBudget);
+  std::thread other([&] { stop = true; });
+  EXPECT_EQ(vm.run(), Status::kInterrupted);
+  other.join();
+}
+
+TEST(Pixel, ReadsWritesAndRefusesOutside) {
+  Build b;
+  const Operand v = b.var(), a = b.reg(3, 2), x = b.var(2), y = b.var(1);
+  b.add(Opcode::kPixelSet, a, x, y, b.lit(5));
+  b.add(Opcode::kPixelGet, v, a, x, y);
+  b.add(Opcode::kPixelGet, v, a, b.lit(3), y);
+  FakeHost host;
+  Vm vm(b.done(), {}, host);
+  EXPECT_EQ(vm.run(), Status::kFailed);
+  EXPECT_EQ(vm.variable(v.index), 5.0F);
+  EXPECT_EQ(read(vm.plane(a.index)), (Cells{0, 0, 0, 0, 0, 5}));
+  EXPECT_EQ(vm.error(), "test.aps:3: error: pixel.get at column 3, row 1 is outside a register of 3x2");
+  for (const float bad : {-1.0F, 2.0F, NAN, INFINITY}) {
+    Build c;
+    const Operand r = c.reg(3, 2);
+    c.add(Opcode::kPixelSet, r, c.lit(0), c.lit(bad), c.lit(1));
+    Vm other(c.done(), {}, host);
+    EXPECT_EQ(other.run(), Status::kFailed) << bad;
+  }
+}
+
+TEST(Host, PrintsTextsNumbersAndRegisters) {
+  Build b;
+  const Operand a = b.reg(2, 2);
+  b.add(Opcode::kPrintText, {}, b.text("v = "));
+  b.add(Opcode::kPrintValue, {}, b.lit(0.1F));
+  b.add(Opcode::kPrintLine);
+  b.add(Opcode::kPrintValue, {}, a);
+  b.add(Opcode::kPrintLine);
+  FakeHost host;
+  Vm vm(b.done(), {}, host);
+  write(vm.plane(a.index), {1, -2.5F, NAN, 1e6F});
+  EXPECT_EQ(vm.run(), Status::kEnded);
+  EXPECT_EQ(host.console, "v = 0.1\n1 -2.5\nnan 1000000\n");
+}
+
+TEST(Host, NumbersReadBackAsTheSameFloat) {
+  EXPECT_EQ(number_text(0.1F), "0.1");
+  EXPECT_EQ(number_text(-3.0F), "-3");
+  EXPECT_EQ(number_text(1e20F), "1e+20");
+  EXPECT_EQ(number_text(0.001F), "0.001");
+  EXPECT_EQ(number_text(-INFINITY), "-inf");
+  EXPECT_EQ(number_text(-NAN), "nan");
+  for (const float v : {1.0F / 3.0F, 16777216.0F, 1.17549435e-38F, 3.4028235e38F, 123456.789F})
+    EXPECT_EQ(std::stof(number_text(v)), v);
+}
+
+TEST(Host, ParametersFallBackToTheirDefault) {
+  Build b;
+  const Operand speed = b.var(), gain = b.var();
+  b.program.parameters = {{"speed", 2.5F, 0, 10}, {"gain", 1.0F, 0, 1}};
+  b.add(Opcode::kParameter, speed, b.text("speed"));
+  b.add(Opcode::kParameter, gain, b.text("gain"));
+  FakeHost host;
+  host.parameters["gain"] = 0.25F;
+  Vm vm(b.done(), {}, host);
+  EXPECT_EQ(vm.run(), Status::kEnded);
+  EXPECT_EQ(vm.variable(speed.index), 2.5F);
+  EXPECT_EQ(vm.variable(gain.index), 0.25F);
+}
+
+TEST(Host, SurfaceLoopSensesActuatesAndStopsAtEachTick) {
+  Build b;
+  const Operand d = b.reg(2, 1), time = b.var(), dt = b.var(), tick = b.var(), has = b.var(),
+                has_not = b.var();
+  b.add(Opcode::kSurfaceHas, has, b.text("proximity"));
+  b.add(Opcode::kSurfaceHas, has_not, b.text("pressure"));
+  const std::size_t loop = b.here();
+  b.add(Opcode::kSurfaceSense, d, b.text("proximity"));
+  b.add(Opcode::kAdd, d, d, b.lit(1));
+  b.add(Opcode::kSurfaceActuate, {}, b.text("height"), d);
+  b.add(Opcode::kSurfaceActuate, {}, b.text("speed"), b.lit(3));
+  b.add(Opcode::kSurfaceStep);
+  b.add(Opcode::kSurfaceTime, time);
+  b.add(Opcode::kSurfaceDt, dt);
+  b.add(Opcode::kSurfaceTick, tick);
+  b.add(Opcode::kJump, {}, Build::label(loop));
+  FakeHost host;
+  host.sensors["proximity"] = {4, 6};
+  Vm vm(b.done(), {}, host);
+  EXPECT_EQ(vm.run(), Status::kTick);
+  EXPECT_EQ(host.steps, 1);
+  EXPECT_EQ(host.actuators["height"], (Cells{5, 7}));
+  EXPECT_EQ(host.actuators["speed"], (Cells{3}));
+  EXPECT_EQ(vm.run(), Status::kTick);
+  EXPECT_EQ(vm.variable(time.index), 0.5F);
+  EXPECT_EQ(vm.variable(dt.index), 0.5F);
+  EXPECT_EQ(vm.variable(tick.index), 1.0F);
+  EXPECT_EQ(vm.variable(has.index), 1.0F);
+  EXPECT_EQ(vm.variable(has_not.index), 0.0F);
+  for (const auto& [given, want] : {std::pair{HostStatus::kInterrupted, Status::kInterrupted},
+                                    std::pair{HostStatus::kClosed, Status::kClosed}}) {
+    host.step_status = given;
+    EXPECT_EQ(vm.run(), want);
+  }
+}
+
+TEST(Host, ARefusalNamesThePlaceInTheProgram) {
+  Build b;
+  const Operand d = b.reg(2, 1);
+  b.add(Opcode::kNop);
+  b.add(Opcode::kSurfaceSense, d, b.text("smell"));
+  FakeHost host;
+  Vm vm(b.done(), {}, host);
+  EXPECT_EQ(vm.run(), Status::kRefused);
+  EXPECT_EQ(vm.error(), "test.aps:2: error: no channel smell");
+}
+
+// A long random straight-line program over large registers: all registers equal to the bit for any thread
+// count and instruction set.
+TEST(Threads, ChangeNothing) {
+  const Size size{100, 37};
+  const auto run = [&](unsigned threads, const KernelTable* kernels) {
+    std::mt19937 rng(11);
+    Build b;
+    std::vector<Operand> r;
+    for (int i = 0; i < 6; ++i) r.push_back(b.reg(size.width, size.height));
+    const Operand v = b.var();
+    const Opcode kOps[] = {Opcode::kAdd, Opcode::kSub, Opcode::kMul,    Opcode::kMin, Opcode::kMax,
+                           Opcode::kLt,  Opcode::kMac, Opcode::kSelect, Opcode::kSin, Opcode::kXor};
+    for (int i = 0; i < 300; ++i) {
+      const Operand y = r[rng() % 6], a = r[rng() % 6], c = r[rng() % 6];
+      const Opcode op = kOps[rng() % std::size(kOps)];
+      const std::size_t arity = program::info(op).signature.size() - 1;
+      b.add(op, y, a, arity > 1 ? (rng() % 2 ? c : v) : Operand{}, arity > 2 ? r[rng() % 6] : Operand{});
+      if (i % 7 == 0 && y != a) b.add(Opcode::kShift, y, a, b.lit(static_cast<float>(i % 5 - 2)), b.lit(1));
+      if (i % 11 == 0) b.add(Opcode::kGlobalMean, v, y);
+      if (i % 30 == 3) b.add(Opcode::kMaskOn, {}, r[rng() % 6]);
+      if (i % 30 == 20) b.add(Opcode::kMaskOff);
+    }
+    FakeHost host;
+    VmOptions options;
+    options.threads = threads;
+    options.parallel_cells = 1;
+    options.kernels = kernels;
+    Vm vm(b.done(), options, host);
+    std::mt19937 data(12);
+    std::uniform_real_distribution<float> real(-2, 2);
+    Cells all;
+    for (const Operand& o : r) {
+      Cells cells(std::size_t{size.width} * size.height);
+      for (float& c : cells) c = real(data);
+      write(vm.plane(o.index), cells);
+    }
+    EXPECT_EQ(vm.run(), Status::kEnded);
+    for (const Operand& o : r) {
+      const Cells cells = read(vm.plane(o.index));
+      all.insert(all.end(), cells.begin(), cells.end());
+    }
+    return all;
+  };
+  const Cells one = run(1, nullptr);
+  const auto expect_same = [&](const Cells& other, std::string_view what) {
+    ASSERT_EQ(one.size(), other.size());
+    for (std::size_t i = 0; i < one.size(); ++i) ASSERT_TRUE(same(one[i], other[i])) << what << " cell " << i;
+  };
+  expect_same(run(2, nullptr), "two threads");
+  expect_same(run(3, nullptr), "three threads");
+  for (const NamedKernelTable& target : kernel_tables()) expect_same(run(2, target.table), target.name);
+}
+
+}  // namespace
+}  // namespace apron::vm::test

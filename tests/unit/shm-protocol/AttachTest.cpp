@@ -1,0 +1,164 @@
+// What a controller finds out, and when it is refused.
+#include <gtest/gtest.h>
+#include <shm_protocol/ControllerEndpoint.h>
+
+#include <thread>
+
+#include "tests/unit/shm-protocol/RawSegment.h"
+
+namespace shm_protocol {
+namespace {
+
+using namespace std::chrono_literals;
+
+TEST(Attach, FindsOutAllThatTheSurfaceHas) {
+  auto config = small_surface(unique_name("discover"));
+  config.positions.resize(35);
+  config.positions[34] = {1.0f, 2.0f, 3.0f};
+  auto surface = SurfaceEndpoint::create(config);
+  auto controller = ControllerEndpoint::attach(config.name);
+  const auto& d = controller.description();
+  EXPECT_EQ(d.name, config.name);
+  EXPECT_EQ(d.rows, 5u);
+  EXPECT_EQ(d.columns, 7u);
+  EXPECT_EQ(d.pitch, 1.5);
+  EXPECT_EQ(d.period_ns, config.period_ns);
+  EXPECT_EQ(d.mode, Mode::kTimeStep);
+  EXPECT_EQ(d.surface_pid, static_cast<std::uint32_t>(::getpid()));
+  EXPECT_EQ(d.session, surface.description().session);
+  ASSERT_EQ(d.channels.size(), config.channels.size());
+  for (std::size_t i = 0; i < d.channels.size(); ++i) {
+    EXPECT_EQ(d.channels[i].name, config.channels[i].name);
+    EXPECT_EQ(d.channels[i].direction, config.channels[i].direction);
+    EXPECT_EQ(d.channels[i].dtype, config.channels[i].dtype);
+    EXPECT_EQ(d.channels[i].components, config.channels[i].components);
+    EXPECT_EQ(d.channels[i].unit, config.channels[i].unit);
+    EXPECT_EQ(d.channels[i].minimum, config.channels[i].minimum);
+    EXPECT_EQ(d.channels[i].maximum, config.channels[i].maximum);
+    EXPECT_EQ(d.channels[i].safe, config.channels[i].safe);
+  }
+  ASSERT_EQ(d.positions.size(), 35u);
+  EXPECT_EQ(d.positions[34], (std::array{1.0f, 2.0f, 3.0f}));
+  EXPECT_EQ(d.channel(Direction::kActuator, "lamp"), kLamp);
+  EXPECT_EQ(d.channel(Direction::kSensor, "lamp"), -1);
+}
+
+TEST(Attach, ToNothingIsNotFound) {
+  std::string message;
+  const std::string name = unique_name("nothing");
+  EXPECT_EQ(error_of([&] { ControllerEndpoint::attach(name); }, &message), ErrorCode::kNotFound);
+  EXPECT_NE(message.find(name), std::string::npos) << message;
+  EXPECT_EQ(error_of([&] { ControllerEndpoint::attach("no/slash"); }), ErrorCode::kBadConfig);
+}
+
+TEST(Attach, WaitsForTheSurfaceToAppear) {
+  const auto config = small_surface(unique_name("late"));
+  std::thread later([&] {
+    std::this_thread::sleep_for(50ms);
+    auto surface = SurfaceEndpoint::create(config);
+    EXPECT_EQ(surface.await_controller({.timeout = 20s}), Status::kOk);
+  });
+  auto controller = ControllerEndpoint::attach(config.name, {.timeout = 20s});
+  later.join();
+  EXPECT_EQ(controller.surface_status(), Status::kSurfaceClosed);
+}
+
+TEST(Attach, StopsWaitingWhenToldTo) {
+  const std::atomic<bool> stop{true};
+  EXPECT_EQ(
+      error_of([&] { ControllerEndpoint::attach(unique_name("stop"), {.timeout = 20s, .stop = &stop}); }),
+      ErrorCode::kInterrupted);
+}
+
+TEST(Attach, SecondControllerIsRefusedWithTheFirstOnesPid) {
+  const auto config = small_surface(unique_name("second"));
+  auto surface = SurfaceEndpoint::create(config);
+  {
+    auto first = ControllerEndpoint::attach(config.name);
+    EXPECT_EQ(surface.controller_pid(), static_cast<std::uint32_t>(::getpid()));
+    std::string message;
+    std::uint32_t pid = 0;
+    EXPECT_EQ(error_of([&] { ControllerEndpoint::attach(config.name, {.timeout = 1s}); }, &message, &pid),
+              ErrorCode::kControllerLives);
+    EXPECT_EQ(pid, static_cast<std::uint32_t>(::getpid()));
+    EXPECT_NE(message.find(std::to_string(::getpid())), std::string::npos) << message;
+  }
+  EXPECT_FALSE(surface.has_controller());
+  EXPECT_NO_THROW(ControllerEndpoint::attach(config.name));
+  EXPECT_EQ(surface.controllers_seen(), 2u);
+}
+
+TEST(Attach, PlaceOfADeadControllerIsTaken) {
+  const auto config = small_surface(unique_name("heir"));
+  auto surface = SurfaceEndpoint::create(config);
+  RawSegment raw(config.name);
+  raw.header().claim.controller_process = raw.header().identity.surface_process - (std::uint64_t{1} << 22);
+  auto controller = ControllerEndpoint::attach(config.name);
+  EXPECT_EQ(raw.header().claim.controller_process, raw.header().identity.surface_process);
+}
+
+TEST(Attach, OtherMajorVersionIsRefusedNamingBoth) {
+  const auto config = small_surface(unique_name("major"));
+  auto surface = SurfaceEndpoint::create(config);
+  RawSegment(config.name).header().identity.version = (7u << 16) | 3u;
+  std::string message;
+  EXPECT_EQ(error_of([&] { ControllerEndpoint::attach(config.name); }, &message), ErrorCode::kWrongVersion);
+  EXPECT_NE(message.find("7.3"), std::string::npos) << message;
+  EXPECT_NE(message.find("1.0"), std::string::npos) << message;
+}
+
+TEST(Attach, NewerMinorVersionIsAccepted) {
+  const auto config = small_surface(unique_name("minor"));
+  auto surface = SurfaceEndpoint::create(config);
+  RawSegment raw(config.name);
+  raw.header().identity.version = SSP_VERSION + 9;
+  raw.header().reserved[100] = 1;  // something that a newer minor put where 1.0 has nothing
+  auto controller = ControllerEndpoint::attach(config.name);
+  EXPECT_EQ(controller.description().version_minor, 9);
+  ASSERT_EQ(surface.publish(3, 0.0), Status::kOk);
+  EXPECT_EQ(controller.await_sensors(), Status::kOk);
+  EXPECT_EQ(controller.sensor_info().tick, 3u);
+}
+
+TEST(Attach, NotBeforeTheVersionWordIsThere) {
+  const auto config = small_surface(unique_name("unready"));
+  auto surface = SurfaceEndpoint::create(config);
+  RawSegment raw(config.name);
+  raw.header().identity.version = 0;
+  EXPECT_EQ(error_of([&] { ControllerEndpoint::attach(config.name, {.timeout = 30ms}); }),
+            ErrorCode::kNotFound);
+  raw.header().identity.version = SSP_VERSION;
+  EXPECT_NO_THROW(ControllerEndpoint::attach(config.name));
+}
+
+TEST(Attach, ToADeadSurfaceIsNotFoundAndSaysWhy) {
+  const auto config = small_surface(unique_name("dead"));
+  auto surface = SurfaceEndpoint::create(config);
+  RawSegment raw(config.name);
+  raw.header().identity.surface_process -= std::uint64_t{1} << 22;
+  std::string message;
+  EXPECT_EQ(error_of([&] { ControllerEndpoint::attach(config.name); }, &message), ErrorCode::kNotFound);
+  EXPECT_NE(message.find("dead"), std::string::npos) << message;
+}
+
+TEST(Attach, ReconnectTakesTheNewSessionOfTheSameLayoutOnly) {
+  auto config = small_surface(unique_name("again"));
+  auto surface = std::make_unique<SurfaceEndpoint>(SurfaceEndpoint::create(config));
+  auto controller = ControllerEndpoint::attach(config.name);
+  const auto first = controller.description().session;
+  surface.reset();
+  EXPECT_EQ(controller.await_sensors(), Status::kSurfaceClosed);
+  EXPECT_EQ(error_of([&] { controller.reconnect({.timeout = 20ms}); }), ErrorCode::kNotFound);
+  surface = std::make_unique<SurfaceEndpoint>(SurfaceEndpoint::create(config));
+  controller.reconnect({.timeout = 5s});
+  EXPECT_NE(controller.description().session, first);
+  EXPECT_TRUE(surface->has_controller());
+  surface.reset();
+  config.rows = 6;
+  surface = std::make_unique<SurfaceEndpoint>(SurfaceEndpoint::create(config));
+  EXPECT_EQ(error_of([&] { controller.reconnect({.timeout = 5s}); }), ErrorCode::kLayoutChanged);
+  EXPECT_FALSE(surface->has_controller());
+}
+
+}  // namespace
+}  // namespace shm_protocol

@@ -1,0 +1,262 @@
+// Time-step mode, one process playing both sides: whose turn it is, what is replaced, what a successor
+// inherits.
+#include <gtest/gtest.h>
+#include <shm_protocol/ControllerEndpoint.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "tests/unit/shm-protocol/RawSegment.h"
+
+namespace shm_protocol {
+namespace {
+
+using namespace std::chrono_literals;
+constexpr WaitOptions kAtOnce{.timeout = 0ns};
+
+struct Pair {
+  explicit Pair(const std::string& what, bool hold = true) : name(unique_name(what)) {
+    auto config = small_surface(name);
+    config.hold_last_frame = hold;
+    surface = std::make_unique<SurfaceEndpoint>(SurfaceEndpoint::create(config));
+  }
+  void attach() { controller = std::make_unique<ControllerEndpoint>(ControllerEndpoint::attach(name)); }
+  void fill_actuators(float height) {
+    std::ranges::fill(controller->actuator(kHeight), height);
+    std::ranges::fill(controller->actuator<std::uint8_t>(kLamp), std::uint8_t{1});
+    std::ranges::fill(controller->actuator<std::uint32_t>(kValve), 12u);
+  }
+  // The controller is gone without a word, as after kill -9.
+  void forget_controller() {
+    RawSegment raw(name);
+    const auto process = raw.header().claim.controller_process;
+    const auto detached = raw.header().claim.detached;
+    controller.reset();
+    raw.header().claim.detached = detached;
+    raw.header().claim.controller_process = process - (std::uint64_t{1} << 22);
+  }
+
+  std::string name;
+  std::unique_ptr<SurfaceEndpoint> surface;
+  std::unique_ptr<ControllerEndpoint> controller;
+};
+
+TEST(Lockstep, OneTick) {
+  Pair p("tick");
+  p.attach();
+  EXPECT_EQ(p.controller->await_sensors(kAtOnce), Status::kTimeout);
+  p.surface->sensor(kDistance)[3] = 2.5f;
+  p.surface->sensor<std::uint8_t>(kColour)[104] = 9;
+  ASSERT_EQ(p.surface->publish(10, 0.25, 77), Status::kOk);
+  EXPECT_EQ(p.surface->await_actuators(10, kAtOnce), Status::kTimeout);
+  ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+  EXPECT_EQ(p.controller->sensor_info().tick, 10u);
+  EXPECT_EQ(p.controller->sensor_info().time_s, 0.25);
+  EXPECT_EQ(p.controller->sensor_info().status, 77u);
+  EXPECT_EQ(p.controller->sensor(kDistance)[3], 2.5f);
+  EXPECT_EQ(p.controller->sensor<std::uint8_t>(kColour)[104], 9);
+  p.fill_actuators(3.5f);
+  ASSERT_EQ(p.controller->publish(), Status::kOk);
+  ASSERT_EQ(p.surface->await_actuators(10, kAtOnce), Status::kOk);
+  EXPECT_EQ(p.surface->actuator(kHeight)[34], 3.5f);
+  EXPECT_EQ(p.surface->actuator<std::uint32_t>(kValve)[69], 12u);
+  EXPECT_EQ(p.surface->actuator_info().tick, 10u);
+  EXPECT_EQ(p.surface->actuator_info().answers, 1u);
+  EXPECT_EQ(p.surface->counters().clamped, 0u);
+}
+
+TEST(Lockstep, NeitherSideRunsAhead) {
+  Pair p("ahead");
+  p.attach();
+  EXPECT_EQ(p.controller->publish(), Status::kOutOfTurn);
+  EXPECT_EQ(p.surface->await_actuators(0, kAtOnce), Status::kOutOfTurn);
+  ASSERT_EQ(p.surface->publish(0, 0.0), Status::kOk);
+  EXPECT_EQ(p.surface->publish(1, 0.0), Status::kOutOfTurn);
+  EXPECT_EQ(p.surface->await_actuators(5, kAtOnce), Status::kOutOfTurn);
+  ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+  EXPECT_EQ(p.controller->await_sensors(kAtOnce), Status::kOutOfTurn);
+  ASSERT_EQ(p.controller->publish(), Status::kOk);
+  EXPECT_EQ(p.controller->publish(), Status::kOutOfTurn);
+  EXPECT_EQ(p.controller->await_sensors(kAtOnce), Status::kTimeout);
+  EXPECT_EQ(p.surface->publish(1, 0.0), Status::kOutOfTurn);
+  ASSERT_EQ(p.surface->await_actuators(0, kAtOnce), Status::kOk);
+  EXPECT_EQ(p.surface->await_actuators(0, kAtOnce), Status::kOk);
+  EXPECT_EQ(p.surface->publish(1, 0.0), Status::kOk);
+}
+
+TEST(Lockstep, BadValuesAreReplacedAndCounted) {
+  Pair p("clamp");
+  p.attach();
+  ASSERT_EQ(p.surface->publish(0, 0.0), Status::kOk);
+  ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+  p.fill_actuators(1.0f);
+  auto height = p.controller->actuator(kHeight);
+  height[0] = std::numeric_limits<float>::quiet_NaN();
+  height[1] = INFINITY;
+  height[2] = -INFINITY;
+  height[3] = 4.0001f;
+  height[4] = -1.0001f;
+  height[5] = 4.0f;
+  height[6] = -1.0f;
+  height[34] = -std::numeric_limits<float>::quiet_NaN();
+  auto lamp = p.controller->actuator<std::uint8_t>(kLamp);
+  lamp[34] = 101;
+  auto valve = p.controller->actuator<std::uint32_t>(kValve);
+  valve[0] = 9;
+  valve[69] = 4'000'000'000u;
+  ASSERT_EQ(p.controller->publish(), Status::kOk);
+  ASSERT_EQ(p.surface->await_actuators(0, kAtOnce), Status::kOk);
+  const auto seen = p.surface->actuator(kHeight);
+  const float expected[] = {0.5f, 4.0f, -1.0f, 4.0f, -1.0f, 4.0f, -1.0f, 1.0f};
+  for (std::size_t i = 0; i < 8; ++i) EXPECT_EQ(seen[i], expected[i]) << i;
+  EXPECT_EQ(seen[34], 0.5f);
+  EXPECT_EQ(p.surface->actuator<std::uint8_t>(kLamp)[34], 100);
+  EXPECT_EQ(p.surface->actuator<std::uint32_t>(kValve)[0], 10u);
+  EXPECT_EQ(p.surface->actuator<std::uint32_t>(kValve)[69], 20u);
+  EXPECT_EQ(p.surface->counters().clamped, 9u);
+  EXPECT_EQ(p.controller->surface_counters().clamped, 9u);
+}
+
+TEST(Lockstep, WhatWasTakenInDoesNotChangeUnderTheSurface) {
+  Pair p("private");
+  p.attach();
+  ASSERT_EQ(p.surface->publish(0, 0.0), Status::kOk);
+  ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+  p.fill_actuators(1.0f);
+  auto height = p.controller->actuator(kHeight);
+  ASSERT_EQ(p.controller->publish(), Status::kOk);
+  ASSERT_EQ(p.surface->await_actuators(0, kAtOnce), Status::kOk);
+  height[0] = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_EQ(p.surface->actuator(kHeight)[0], 1.0f);
+}
+
+TEST(Lockstep, SafeFrameStandsUntilTheFirstOne) {
+  Pair p("safe");
+  EXPECT_EQ(p.surface->actuator(kHeight)[0], 0.5f);
+  EXPECT_EQ(p.surface->actuator<std::uint8_t>(kLamp)[34], 7);
+  EXPECT_EQ(p.surface->actuator<std::uint32_t>(kValve)[1], 11u);
+  EXPECT_EQ(p.surface->actuator_info().frame, 0u);
+  ASSERT_EQ(p.surface->publish(0, 0.0), Status::kOk);
+  EXPECT_EQ(p.surface->await_actuators(0, kAtOnce), Status::kNoController);
+  EXPECT_EQ(p.surface->publish(1, 0.0), Status::kOk);  // given up: the surface may go on by itself
+}
+
+TEST(Lockstep, AfterTheControllersDeathItsLastFrameOrTheSafeOneStands) {
+  for (const bool hold : {true, false}) {
+    Pair p("death", hold);
+    p.attach();
+    ASSERT_EQ(p.surface->publish(0, 0.0), Status::kOk);
+    ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+    p.fill_actuators(3.0f);
+    ASSERT_EQ(p.controller->publish(), Status::kOk);
+    ASSERT_EQ(p.surface->await_actuators(0, kAtOnce), Status::kOk);
+    ASSERT_EQ(p.surface->publish(1, 0.0), Status::kOk);
+    p.forget_controller();
+    EXPECT_EQ(p.surface->await_actuators(1), Status::kControllerDead);  // no deadline: must end by itself
+    EXPECT_EQ(p.surface->actuator(kHeight)[0], hold ? 3.0f : 0.5f);
+    EXPECT_EQ(p.surface->actuator<std::uint8_t>(kLamp)[34], hold ? 1 : 7);
+    EXPECT_EQ(p.surface->await_actuators(1), Status::kNoController);
+    EXPECT_FALSE(p.surface->has_controller());
+  }
+}
+
+TEST(Lockstep, OrderlyDepartureIsToldApartFromDeath) {
+  Pair p("leave", false);
+  p.attach();
+  ASSERT_EQ(p.surface->publish(0, 0.0), Status::kOk);
+  EXPECT_EQ(p.surface->await_actuators(0, kAtOnce), Status::kTimeout);
+  p.controller.reset();
+  EXPECT_EQ(p.surface->await_actuators(0), Status::kControllerClosed);
+  EXPECT_EQ(p.surface->await_actuators(0), Status::kNoController);
+  EXPECT_EQ(p.surface->await_controller({.timeout = 10ms}), Status::kTimeout);
+  p.attach();
+  EXPECT_EQ(p.surface->await_controller(), Status::kOk);
+  ASSERT_EQ(p.controller->await_sensors(kAtOnce),
+            Status::kOk);  // the frame that the first one left unanswered
+  p.fill_actuators(2.0f);
+  ASSERT_EQ(p.controller->publish(), Status::kOk);
+  EXPECT_EQ(p.surface->await_actuators(0, kAtOnce), Status::kOk);
+  EXPECT_EQ(p.surface->actuator(kHeight)[0], 2.0f);
+}
+
+TEST(Lockstep, SuccessorDoesNotAnswerTwice) {
+  Pair p("twice");
+  p.attach();
+  ASSERT_EQ(p.surface->publish(0, 0.0), Status::kOk);
+  ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+  ASSERT_EQ(p.controller->publish(), Status::kOk);
+  p.controller.reset();
+  p.attach();
+  EXPECT_EQ(p.controller->await_sensors(kAtOnce), Status::kTimeout);
+  ASSERT_EQ(p.surface->await_actuators(0, kAtOnce), Status::kOk);
+  ASSERT_EQ(p.surface->publish(1, 0.0), Status::kOk);
+  EXPECT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+}
+
+TEST(Lockstep, SuccessorIsNotFooledByAHalfWrittenPublication) {
+  Pair p("half");
+  p.attach();
+  ASSERT_EQ(p.surface->publish(0, 0.0), Status::kOk);
+  ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+  // Killed after all of its publication but the word.
+  p.forget_controller();
+  {
+    RawSegment raw(p.name);
+    raw.header().actuators.frame = 1;
+    raw.header().actuators.answers = 1;
+    raw.actuator_slot(1).sequence = 2;
+    raw.actuator_slot(1).answers = 1;
+  }
+  p.attach();
+  ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);  // or both would wait for ever
+  p.fill_actuators(1.5f);
+  ASSERT_EQ(p.controller->publish(), Status::kOk);
+  ASSERT_EQ(p.surface->await_actuators(0, kAtOnce), Status::kOk);
+  EXPECT_EQ(p.surface->actuator(kHeight)[0], 1.5f);
+}
+
+TEST(Lockstep, AnswerToAFrameThatWasGivenUpIsRefused) {
+  Pair p("late");
+  ASSERT_EQ(p.surface->publish(0, 0.0), Status::kOk);
+  ASSERT_EQ(p.surface->await_actuators(0, kAtOnce), Status::kNoController);
+  p.attach();
+  ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+  ASSERT_EQ(p.surface->publish(1, 0.0), Status::kOk);  // decided before the controller came
+  EXPECT_EQ(p.controller->publish(), Status::kTorn);
+  ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+  EXPECT_EQ(p.controller->sensor_info().tick, 1u);
+  ASSERT_EQ(p.controller->publish(), Status::kOk);
+  EXPECT_EQ(p.surface->await_actuators(1, kAtOnce), Status::kOk);
+}
+
+TEST(Lockstep, StatesAreSeenAcross) {
+  Pair p("states");
+  p.attach();
+  EXPECT_EQ(p.controller->surface_state(), State::kReady);
+  EXPECT_EQ(p.surface->controller_state(), State::kReady);
+  ASSERT_EQ(p.surface->publish(0, 0.0), Status::kOk);
+  EXPECT_EQ(p.controller->surface_state(), State::kRunning);
+  p.surface->set_state(State::kPaused);
+  EXPECT_EQ(p.controller->surface_state(), State::kPaused);
+  EXPECT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+  p.controller->set_state(State::kPaused);
+  EXPECT_EQ(p.surface->controller_state(), State::kPaused);
+  EXPECT_EQ(p.surface->await_actuators(0, {.timeout = 120ms}), Status::kTimeout);  // alive, however long
+  p.surface.reset();
+  EXPECT_EQ(p.controller->publish(), Status::kOk);
+  EXPECT_EQ(p.controller->await_sensors(), Status::kSurfaceClosed);
+}
+
+TEST(Lockstep, StopFlagEndsEveryWait) {
+  Pair p("stop");
+  const std::atomic<bool> stop{true};
+  EXPECT_EQ(p.surface->await_controller({.stop = &stop}), Status::kInterrupted);
+  p.attach();
+  EXPECT_EQ(p.controller->await_sensors({.stop = &stop}), Status::kInterrupted);
+  ASSERT_EQ(p.surface->publish(0, 0.0), Status::kOk);
+  EXPECT_EQ(p.surface->await_actuators(0, {.stop = &stop}), Status::kInterrupted);
+}
+
+}  // namespace
+}  // namespace shm_protocol

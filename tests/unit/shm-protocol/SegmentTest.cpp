@@ -1,0 +1,185 @@
+// Creation, refusal, reclaiming and removal of segments, and the listing of orphans.
+#include <gtest/gtest.h>
+#include <shm_protocol/ControllerEndpoint.h>
+#include <shm_protocol/Segments.h>
+#include <signal.h>
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "tests/unit/shm-protocol/RawSegment.h"
+
+namespace shm_protocol {
+namespace {
+
+// A surface whose process is killed: leaves its segment. Reaped or still a zombie.
+pid_t leave_orphan(const SurfaceConfig& config, bool reap) {
+  int ready[2];
+  EXPECT_EQ(::pipe(ready), 0);
+  const pid_t child = ::fork();
+  if (child == 0) {
+    auto surface = SurfaceEndpoint::create(config);
+    if (::write(ready[1], "x", 1) != 1) ::_exit(1);
+    for (;;) ::pause();
+  }
+  char byte;
+  EXPECT_EQ(::read(ready[0], &byte, 1), 1);
+  ::close(ready[0]);
+  ::close(ready[1]);
+  ::kill(child, SIGKILL);
+  siginfo_t info;
+  ::waitid(P_PID, static_cast<id_t>(child), &info, WEXITED | (reap ? 0 : WNOWAIT));
+  return child;
+}
+
+const SegmentInfo* find(const std::vector<SegmentInfo>& list, const std::string& name) {
+  const auto it = std::find_if(list.begin(), list.end(), [&](const auto& s) { return s.name == name; });
+  return it == list.end() ? nullptr : &*it;
+}
+
+TEST(Segment, IsPrivateToTheUserAndGoneWithItsSurface) {
+  const auto config = small_surface(unique_name("mode"));
+  {
+    auto surface = SurfaceEndpoint::create(config);
+    struct stat status {};
+    ASSERT_EQ(::stat(file_path(config.name).c_str(), &status), 0);
+    EXPECT_EQ(status.st_mode & 0777, 0600u);
+  }
+  EXPECT_FALSE(exists(file_path(config.name)));
+  for (const auto& s : list_segments()) EXPECT_EQ(s.name.find(config.name), std::string::npos) << s.name;
+}
+
+TEST(Segment, OfALivingSurfaceIsRefusedWithItsPid) {
+  const auto config = small_surface(unique_name("lives"));
+  auto surface = SurfaceEndpoint::create(config);
+  std::string message;
+  std::uint32_t pid = 0;
+  EXPECT_EQ(error_of([&] { SurfaceEndpoint::create(config); }, &message, &pid), ErrorCode::kSurfaceLives);
+  EXPECT_EQ(pid, static_cast<std::uint32_t>(::getpid()));
+  EXPECT_NE(message.find(std::to_string(::getpid())), std::string::npos) << message;
+  EXPECT_EQ(surface.publish(0, 0.0), Status::kOk);
+  EXPECT_TRUE(exists(file_path(config.name)));
+}
+
+TEST(Segment, OfAKilledSurfaceIsReclaimed) {
+  for (const bool reap : {true, false}) {
+    const auto config = small_surface(unique_name("stale"));
+    const pid_t dead = leave_orphan(config, reap);
+    ASSERT_TRUE(exists(file_path(config.name)));
+    {
+      auto surface = SurfaceEndpoint::create(config);
+      EXPECT_EQ(surface.description().surface_pid, static_cast<std::uint32_t>(::getpid()));
+    }
+    if (!reap) ::waitpid(dead, nullptr, 0);
+  }
+}
+
+TEST(Segment, OfARecycledPidIsReclaimed) {
+  const auto config = small_surface(unique_name("recycled"));
+  std::vector<std::uint8_t> bytes;
+  {
+    auto surface = SurfaceEndpoint::create(config);
+    RawSegment raw(config.name);
+    raw.header().identity.surface_process -= std::uint64_t{1}
+                                             << 22;  // our pid, started one clock tick earlier
+    bytes = raw.copy();
+  }
+  ForgedSegment forged(config.name, bytes);
+  EXPECT_EQ(find(list_segments(), config.name)->ownership, Ownership::kOrphan);
+  EXPECT_NO_THROW(SurfaceEndpoint::create(config));
+}
+
+TEST(Segment, ForeignFileUnderTheNameIsRefusedAndLeftAlone) {
+  const std::string name = unique_name("foreign");
+  ForgedSegment forged(name, std::vector<std::uint8_t>(8192, 0x5A));
+  EXPECT_EQ(error_of([&] { SurfaceEndpoint::create(small_surface(name)); }), ErrorCode::kForeign);
+  EXPECT_EQ(error_of([&] { ControllerEndpoint::attach(name); }), ErrorCode::kForeign);
+  EXPECT_TRUE(remove_orphans(name).empty());
+  EXPECT_TRUE(exists(file_path(name)));
+}
+
+TEST(Segment, ForkedChildThatEndsTakesNothingAway) {
+  const auto config = small_surface(unique_name("fork"));
+  auto surface = SurfaceEndpoint::create(config);
+  auto controller = ControllerEndpoint::attach(config.name);
+  const pid_t child = ::fork();
+  if (child == 0) {
+    {
+      auto mine = std::move(surface);
+      auto also = std::move(controller);
+    }
+    ::_exit(0);
+  }
+  ::waitpid(child, nullptr, 0);
+  EXPECT_TRUE(exists(file_path(config.name)));
+  EXPECT_TRUE(surface.has_controller());
+  EXPECT_EQ(controller.surface_status(), Status::kOk);
+}
+
+TEST(Segment, OrphansAreListedAndOnlyTheyAreRemoved) {
+  const auto living = small_surface(unique_name("clean") + "-living");
+  const auto orphan = small_surface(unique_name("clean") + "-orphan");
+  auto surface = SurfaceEndpoint::create(living);
+  auto controller = ControllerEndpoint::attach(living.name);
+  const pid_t dead = leave_orphan(orphan, true);
+  // What a builder leaves that is killed before its segment is in place.
+  ForgedSegment unfinished(unique_name("clean") + "~" + std::to_string(dead) + ".0",
+                           std::vector<std::uint8_t>(100));
+
+  auto list = list_segments();
+  ASSERT_NE(find(list, living.name), nullptr);
+  EXPECT_EQ(find(list, living.name)->ownership, Ownership::kLiving);
+  EXPECT_EQ(find(list, living.name)->surface_pid, static_cast<std::uint32_t>(::getpid()));
+  EXPECT_EQ(find(list, living.name)->controller_pid, static_cast<std::uint32_t>(::getpid()));
+  EXPECT_EQ(find(list, living.name)->version_major, 1);
+  ASSERT_NE(find(list, orphan.name), nullptr);
+  EXPECT_EQ(find(list, orphan.name)->ownership, Ownership::kOrphan);
+  EXPECT_EQ(find(list, orphan.name)->surface_pid, static_cast<std::uint32_t>(dead));
+  EXPECT_EQ(find(list, unfinished.name())->ownership, Ownership::kOrphan);
+
+  EXPECT_TRUE(remove_orphans(unique_name("clean") + "-living").empty());
+  const auto removed = remove_orphans(unique_name("clean"));
+  EXPECT_NE(find(removed, orphan.name), nullptr);
+  EXPECT_EQ(find(removed, living.name), nullptr);
+  EXPECT_FALSE(exists(file_path(orphan.name)));
+  EXPECT_FALSE(exists(file_path(unfinished.name())));
+  EXPECT_TRUE(exists(file_path(living.name)));
+}
+
+TEST(Segment, LargerThanAllMemoryIsAnErrorNotACrash) {
+  auto config = small_surface(unique_name("huge"));
+  config.rows = config.columns = 65536;
+  config.channels[kColour].components = 64;
+  EXPECT_EQ(error_of([&] { SurfaceEndpoint::create(config); }), ErrorCode::kSystem);
+  for (const auto& s : list_segments()) EXPECT_EQ(s.name.find(config.name), std::string::npos) << s.name;
+}
+
+TEST(Segment, ImpossibleConfigurationsNameTheField) {
+  const auto expect = [](const std::string& word, auto change) {
+    auto config = small_surface(unique_name("bad"));
+    change(config);
+    std::string message;
+    EXPECT_EQ(error_of([&] { SurfaceEndpoint::create(config); }, &message), ErrorCode::kBadConfig);
+    EXPECT_NE(message.find(word), std::string::npos) << message;
+  };
+  expect("name", [](auto& c) { c.name = "../x"; });
+  expect("name", [](auto& c) { c.name = ""; });
+  expect("rows", [](auto& c) { c.rows = 0; });
+  expect("columns", [](auto& c) { c.columns = 65537; });
+  expect("pitch", [](auto& c) { c.pitch = std::nan(""); });
+  expect("period_ns", [](auto& c) { c.period_ns = 0; });
+  expect("slots", [](auto& c) { c.slots = 6; });
+  expect("channels", [](auto& c) { c.channels.clear(); });
+  expect("positions", [](auto& c) { c.positions.resize(3); });
+  expect("named twice", [](auto& c) { c.channels[1].name = "distance"; });
+  expect("range", [](auto& c) { c.channels[kHeight].maximum = INFINITY; });
+  expect("range", [](auto& c) { c.channels[kHeight].minimum = NAN; });
+  expect("range", [](auto& c) { c.channels[kLamp].maximum = 256; });
+  expect("safe", [](auto& c) { c.channels[kHeight].safe = 4.5; });
+  expect("components", [](auto& c) { c.channels[kHeight].components = 0; });
+  expect("unit", [](auto& c) { c.channels[kHeight].unit = "sixteen letters!"; });
+}
+
+}  // namespace
+}  // namespace shm_protocol

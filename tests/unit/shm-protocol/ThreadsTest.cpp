@@ -1,0 +1,117 @@
+// Both sides in two threads of one process, where ThreadSanitizer can watch; and no allocation while they
+// run.
+#include <gtest/gtest.h>
+#include <shm_protocol/ControllerEndpoint.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cstdlib>
+#include <new>
+#include <thread>
+
+#include "tests/unit/shm-protocol/RawSegment.h"
+
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#define COUNTS_ALLOCATIONS 1
+static std::atomic<std::size_t> allocations{0};
+void* operator new(std::size_t bytes) {
+  allocations.fetch_add(1, std::memory_order_relaxed);
+  if (void* memory = std::malloc(bytes)) return memory;
+  throw std::bad_alloc();
+}
+void operator delete(void* memory) noexcept { std::free(memory); }
+void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+#endif
+
+namespace shm_protocol {
+namespace {
+
+using namespace std::chrono_literals;
+constexpr WaitOptions kPatient{.timeout = 60s};
+
+TEST(Threads, LockstepWithEveryValueChecked) {
+  constexpr std::uint64_t kTicks = 3000;
+  const auto config = small_surface(unique_name("threads"));
+  auto surface = SurfaceEndpoint::create(config);
+  std::uint64_t answered = 0;
+  std::thread other([&] {
+    auto controller = ControllerEndpoint::attach(config.name);
+    while (controller.await_sensors(kPatient) == Status::kOk) {
+      const auto in = controller.sensor(kDistance);
+      const auto expected = static_cast<float>(controller.sensor_info().tick % 1000);
+      if (std::ranges::count(in, expected) != std::ranges::ssize(in)) break;
+      std::ranges::fill(controller.actuator(kHeight), expected / 1000.0f);
+      if (controller.publish() != Status::kOk) break;
+      ++answered;
+      if (answered == kTicks) break;
+    }
+  });
+  ASSERT_EQ(surface.await_controller(kPatient), Status::kOk);
+  for (std::uint64_t tick = 0; tick < kTicks; ++tick) {
+    std::ranges::fill(surface.sensor(kDistance), static_cast<float>(tick % 1000));
+    ASSERT_EQ(surface.publish(tick, 0.0), Status::kOk);
+    ASSERT_EQ(surface.await_actuators(tick, kPatient), Status::kOk);
+    const float expected = static_cast<float>(tick % 1000) / 1000.0f;
+    for (const float v : surface.actuator(kHeight)) ASSERT_EQ(v, expected);
+  }
+  other.join();
+  EXPECT_EQ(answered, kTicks);
+}
+
+TEST(Threads, PassiveFramesAreNeverMixed) {
+  auto config = small_surface(unique_name("mixed"), Mode::kPassive);
+  config.rows = config.columns = 48;
+  auto surface = SurfaceEndpoint::create(config);
+  std::atomic<bool> enough{false};
+  std::atomic<int> attached{0};
+  std::uint64_t frames = 0, mixed = 0;
+  std::thread other([&] {
+    auto controller = ControllerEndpoint::attach(config.name);
+    attached = 1;
+    while (!enough) {
+      const Status s = controller.latest_sensors();
+      if (s != Status::kOk) continue;
+      ++frames;
+      const auto in = controller.sensor(kDistance);
+      const auto expected = static_cast<float>(controller.sensor_info().tick);
+      if (std::ranges::count(in, expected) != std::ranges::ssize(in)) ++mixed;
+      std::ranges::fill(controller.actuator(kHeight), static_cast<float>(frames % 4));
+      if (controller.publish() != Status::kOk) ++mixed;
+    }
+  });
+  while (!attached) std::this_thread::yield();
+  std::uint64_t taken = 0;
+  for (std::uint64_t tick = 0; tick < 20000; ++tick) {
+    std::ranges::fill(surface.sensor(kDistance), static_cast<float>(tick));
+    ASSERT_EQ(surface.publish(tick, 0.0), Status::kOk);
+    if (surface.latest_actuators() != Status::kOk) continue;
+    ++taken;
+    const auto in = surface.actuator(kHeight);
+    ASSERT_EQ(std::ranges::count(in, in[0]), std::ranges::ssize(in));
+  }
+  enough = true;
+  other.join();
+  EXPECT_EQ(mixed, 0u);
+  EXPECT_GT(frames, 0u);
+  EXPECT_GT(taken, 0u);
+}
+
+#ifdef COUNTS_ALLOCATIONS
+TEST(Threads, TickPathDoesNotAllocate) {
+  const auto config = small_surface(unique_name("allocate"));
+  auto surface = SurfaceEndpoint::create(config);
+  auto controller = ControllerEndpoint::attach(config.name);
+  const std::size_t before = allocations;
+  for (std::uint64_t tick = 0; tick < 50; ++tick) {
+    ASSERT_EQ(surface.publish(tick, 0.0), Status::kOk);
+    ASSERT_EQ(surface.await_actuators(tick, {.timeout = tick == 7 ? 120ms : 0ms}), Status::kTimeout);
+    ASSERT_EQ(controller.await_sensors(kPatient), Status::kOk);
+    ASSERT_EQ(controller.publish(), Status::kOk);
+    ASSERT_EQ(surface.await_actuators(tick, kPatient), Status::kOk);
+  }
+  EXPECT_EQ(allocations, before);
+}
+#endif
+
+}  // namespace
+}  // namespace shm_protocol

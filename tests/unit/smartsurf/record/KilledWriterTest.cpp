@@ -1,0 +1,105 @@
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <csignal>
+#include <cstdlib>
+
+#include "smartsurf/record/Recorder.h"
+#include "smartsurf/record/Recording.h"
+#include "tests/unit/smartsurf/record/SyntheticRun.h"
+
+namespace smartsurf::record {
+namespace {
+
+// Writes in another process, which says after each frame that it has got so far, until it is killed. After
+// `most_frames` it waits for that with the file open.
+class Writer {
+ public:
+  Writer(const std::filesystem::path& path, const SyntheticRun& run, std::uint64_t most_frames = 1u << 30) {
+    EXPECT_EQ(::pipe(pipe_), 0);
+    child_ = ::fork();
+    if (child_ == 0) write(path, run, most_frames);
+    ::close(pipe_[1]);
+  }
+  ~Writer() { ::close(pipe_[0]); }
+
+  void wait_for_frames(int frames) {
+    for (char c; frames > 0; --frames) ASSERT_EQ(::read(pipe_[0], &c, 1), 1);
+  }
+  void kill() {
+    ::kill(child_, SIGKILL);
+    int status = 0;
+    ::waitpid(child_, &status, 0);
+    EXPECT_TRUE(WIFSIGNALED(status));
+  }
+
+ private:
+  [[noreturn]] void write(const std::filesystem::path& path, const SyntheticRun& run,
+                          std::uint64_t most_frames) {
+    ::close(pipe_[0]);
+    const auto recorder = Recorder::open(path, run.meta, run.spec);
+    std::vector<float> values(24);
+    for (std::uint64_t t = 0;; ++t) {
+      if (t == most_frames) ::pause();
+      for (std::size_t i = 0; i < values.size(); ++i)
+        values[i] = static_cast<float>((t * 7919 + i * i) % 1000);
+      const Channel channel[] = {{"proximity", 4, 6, 1, values}};
+      recorder->frame(run.at(t, {0, 1, 2}), run.spec.objects, channel);
+      if (::write(pipe_[1], "x", 1) != 1) std::abort();
+    }
+  }
+
+  int pipe_[2] = {};
+  pid_t child_ = -1;
+};
+
+void expect_sound(const std::filesystem::path& path, std::size_t least_frames) {
+  const Recording recording = Recording::open(path);
+  EXPECT_FALSE(recording.result());
+  ASSERT_GE(recording.frames(), least_frames);
+  const std::vector<float> p = recording.positions(0, recording.frames());
+  for (std::size_t f = 0; f < recording.frames(); ++f) {
+    ASSERT_EQ(recording.tick()[f], f);
+    ASSERT_EQ(recording.hash()[f], 0x8000000000000000u + f);
+    ASSERT_EQ(p[9 * f + 3], SyntheticRun::x(f, 1));
+    ASSERT_EQ(recording.channel("sensors", "proximity", f)[2], static_cast<float>((f * 7919 + 4) % 1000));
+  }
+}
+
+TEST(KilledWriter, LeavesAReadableFileUpToItsLastFlush) {
+  const OutputFolder out;
+  SyntheticRun run;
+  run.spec.record.sensors = true;
+  Writer writer(out / "run.h5", run);
+  writer.wait_for_frames(200);
+  writer.kill();
+  expect_sound(out / "run.h5", 192);  // three buffers of 64
+}
+
+TEST(KilledWriter, CanBeReadWhileItWrites) {
+  const OutputFolder out;
+  SyntheticRun run;
+  Writer writer(out / "run.h5", run, 130);
+  writer.wait_for_frames(130);
+  EXPECT_GE(Recording::open(out / "run.h5").frames(), 128u);
+  writer.kill();
+}
+
+// The moment is left to the machine's scheduler: many kills hit many places, inside flushes too.
+TEST(KilledWriter, LeavesAReadableFileWheneverItIsKilled) {
+  const OutputFolder out;
+  SyntheticRun run;
+  run.spec.record.sensors = true;
+  const char* more = std::getenv("RECORD_TEST_KILLS");
+  const int kills = more ? std::atoi(more) : 25;
+  for (int i = 0; i < kills && !HasFatalFailure(); ++i) {
+    const int frames = 64 + (i * 37) % 200;
+    Writer writer(out / "run.h5", run);
+    writer.wait_for_frames(frames);
+    writer.kill();
+    expect_sound(out / "run.h5", static_cast<std::size_t>(frames / 64 * 64));
+  }
+}
+
+}  // namespace
+}  // namespace smartsurf::record

@@ -1,0 +1,345 @@
+#include "smartsurf/record/Recorder.h"
+
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+
+#include <array>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+
+#include "smartsurf/record/Recording.h"
+#include "tests/unit/smartsurf/record/SyntheticRun.h"
+
+namespace smartsurf::record {
+namespace {
+
+using scene::InputError;
+
+std::string error_of(const std::filesystem::path& path, const SyntheticRun& run) {
+  try {
+    Recorder::open(path, run.meta, run.spec);
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+void record_ticks(Recorder& recorder, const SyntheticRun& run, std::uint64_t ticks) {
+  for (std::uint64_t t = 0; t < ticks; ++t) recorder.frame(run.at(t, {0, 1, 2}), run.spec.objects);
+}
+
+TEST(Recorder, WritesEveryFrameOfTheRun) {
+  const OutputFolder out;
+  const SyntheticRun run;
+  const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
+  record_ticks(*recorder, run, 150);  // two full buffers and a rest
+  recorder->close({.outcome = "done", .ticks = 150, .simulated_s = 2.5, .state_hash = 77});
+
+  const Recording recording = Recording::open(out / "run.h5");
+  ASSERT_EQ(recording.frames(), 150u);
+  for (const std::uint64_t t : {0u, 63u, 64u, 149u}) {
+    const scene::Snapshot expected = run.at(t, {0, 1, 2}), read = recording.snapshot(t);
+    EXPECT_EQ(read.tick, expected.tick);
+    EXPECT_EQ(read.time_s, expected.time_s);
+    EXPECT_EQ(read.state_hash, expected.state_hash);
+    EXPECT_EQ(read.contacts, expected.contacts);
+    EXPECT_EQ(read.id, expected.id);
+    EXPECT_EQ(read.position, expected.position);
+    EXPECT_EQ(read.orientation, expected.orientation);
+    EXPECT_EQ(read.velocity, expected.velocity);
+    EXPECT_TRUE(read.height.empty());  // actuators were not asked for
+  }
+}
+
+TEST(Recorder, WritesWhatTheRunWas) {
+  const OutputFolder out;
+  SyntheticRun run;
+  run.meta.program_text = std::string(300000, 'p');  // longer than an HDF5 attribute of fixed size may be
+  Recorder::open(out / "run.hdf5", run.meta, run.spec)
+      ->close({.outcome = "stopped", .ticks = 9, .simulated_s = 0.15, .state_hash = 0xABCDEF0123456789u});
+
+  const Recording recording = Recording::open(out / "run.hdf5");
+  EXPECT_EQ(recording.meta().command_line, run.meta.command_line);
+  EXPECT_EQ(recording.meta().mode, "time-step");
+  EXPECT_EQ(recording.meta().program_file, "sort.aps");
+  EXPECT_EQ(recording.meta().program_text, run.meta.program_text);
+  EXPECT_EQ(recording.meta().versions.size(), 3u);  // smartsurf and hdf5 besides bullet
+  EXPECT_EQ(recording.spec().file, run.spec.file);
+  EXPECT_EQ(recording.spec().text, run.spec.text);
+  EXPECT_EQ(recording.spec().world.seed, run.spec.world.seed);
+  EXPECT_EQ(recording.spec().world.dt_s, run.spec.world.dt_s);
+  EXPECT_EQ(recording.spec().world.gravity, run.spec.world.gravity);
+  EXPECT_EQ(recording.spec().surface.rows, 4);
+  EXPECT_EQ(recording.spec().surface.columns, 6);
+  EXPECT_EQ(recording.spec().surface.pin.top_x, 1.5);
+  EXPECT_EQ(recording.spec().surface.border_height, 5.0);
+  ASSERT_EQ(recording.spec().options.size(), 2u);
+  EXPECT_EQ(recording.spec().options[0].value, "3");
+  ASSERT_TRUE(recording.result());
+  EXPECT_EQ(recording.result()->outcome, "stopped");
+  EXPECT_EQ(recording.result()->ticks, 9u);
+  EXPECT_EQ(recording.result()->state_hash, 0xABCDEF0123456789u);
+}
+
+TEST(Recorder, WritesTheCatalogueWithItsStartConditions) {
+  const OutputFolder out;
+  const SyntheticRun run;
+  Recorder::open(out / "run.h5", run.meta, run.spec)->close({});
+  const std::vector<scene::ObjectSpec> read = Recording::open(out / "run.h5").spec().objects;
+  ASSERT_EQ(read.size(), 3u);
+  EXPECT_EQ(read[0].label, "small");
+  EXPECT_EQ(read[0].radius, 2.0);
+  EXPECT_DOUBLE_EQ(*read[0].mass, 2.0 * run.spec.objects[0].volume());  // density of steel × volume
+  EXPECT_EQ(read[1].shape, scene::ShapeKind::kCylinder);
+  EXPECT_EQ(read[1].radius, 4.0);
+  EXPECT_EQ(read[1].height, 3.0);
+  EXPECT_EQ(read[2].shape, scene::ShapeKind::kBox);
+  EXPECT_EQ(read[2].size, Eigen::Vector3d(1.0, 2.0, 3.0));
+  EXPECT_EQ(read[2].label, "");
+  EXPECT_EQ(read[2].position, Eigen::Vector3d(3.0, 2.0, 8.0));
+  EXPECT_EQ(read[2].velocity, Eigen::Vector3d(0.0, 0.25, 0.0));
+  EXPECT_EQ(read[2].colour.g, 0.25f);
+}
+
+TEST(Recorder, MarksUnbornAndRemovedObjectsByNaN) {
+  const OutputFolder out;
+  SyntheticRun run;
+  const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
+  for (std::uint64_t t = 0; t < 200; ++t) {
+    if (t == 70) run.add(scene::ShapeKind::kSphere, "late", 1.0);
+    std::vector<scene::ObjectId> live = t < 70 ? std::vector<scene::ObjectId>{0, 1, 2}
+                                               : std::vector<scene::ObjectId>{1, 2, 3};  // 0 is removed at 70
+    if (t >= 140) live = {3};
+    recorder->frame(run.at(t, live), run.spec.objects);
+  }
+  recorder->close({});
+
+  const Recording recording = Recording::open(out / "run.h5");
+  ASSERT_EQ(recording.spec().objects.size(), 4u);
+  EXPECT_EQ(recording.spec().objects[3].label, "late");
+  const std::vector<float> p = recording.positions(0, 200);
+  const auto x = [&](std::size_t frame, std::size_t id) { return p[3 * (4 * frame + id)]; };
+  for (std::size_t t = 0; t < 200; ++t) {
+    EXPECT_EQ(std::isnan(x(t, 0)), t >= 70) << t;
+    EXPECT_EQ(std::isnan(x(t, 2)), t >= 140) << t;
+    EXPECT_EQ(std::isnan(x(t, 3)), t < 70) << t;
+  }
+  EXPECT_EQ(x(69, 0), SyntheticRun::x(69, 0));
+  EXPECT_EQ(x(70, 3), SyntheticRun::x(70, 3));
+  EXPECT_EQ(x(199, 3), SyntheticRun::x(199, 3));
+  EXPECT_EQ(recording.snapshot(199).id, std::vector<scene::ObjectId>{3});
+}
+
+TEST(Recorder, StartsWithoutObjectsAndTakesWhatIsAddedLater) {
+  const OutputFolder out;
+  SyntheticRun run;
+  run.spec.objects.clear();
+  const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
+  for (std::uint64_t t = 0; t < 70; ++t) recorder->frame(run.at(t, {}), run.spec.objects);
+  for (int i = 0; i < 40; ++i) run.add(scene::ShapeKind::kSphere, "rain", 1.0);
+  recorder->frame(run.at(70, {0, 39}), run.spec.objects);
+  recorder->close({});
+  const Recording recording = Recording::open(out / "run.h5");
+  ASSERT_EQ(recording.frames(), 71u);
+  EXPECT_EQ(recording.snapshot(69).objects(), 0u);
+  EXPECT_EQ(recording.snapshot(70).position, run.at(70, {0, 39}).position);
+}
+
+TEST(Recorder, KeepsTheFirstAndThenEveryNth) {
+  const OutputFolder out;
+  SyntheticRun run;
+  run.spec.record.every = 3;
+  const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
+  for (std::uint64_t t = 1; t <= 8; ++t) recorder->frame(run.at(t, {0}), run.spec.objects);
+  recorder->close({});
+  EXPECT_EQ(Recording::open(out / "run.h5").tick(), (std::vector<std::uint64_t>{1, 4, 7}));
+}
+
+// Channels of 24 and 72 values whose numbers tell tick and place.
+struct Channels {
+  explicit Channels(std::uint64_t tick) : proximity(24), colour(72) {
+    for (std::size_t i = 0; i < 24; ++i) proximity[i] = static_cast<float>(100 * tick + i);
+    for (std::size_t i = 0; i < 72; ++i) colour[i] = static_cast<float>(tick) - static_cast<float>(i);
+  }
+  std::vector<float> proximity, colour;
+  std::array<Channel, 2> sensors() const {
+    return {Channel{"proximity", 4, 6, 1, proximity}, Channel{"colour", 4, 6, 3, colour}};
+  }
+};
+
+TEST(Recorder, WritesTheChannelsThatTheExperimentAsksFor) {
+  const OutputFolder out;
+  SyntheticRun run;
+  run.spec.record.sensors = run.spec.record.actuators = true;
+  const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
+  for (std::uint64_t t = 0; t < 100; ++t) {
+    const Channels values(t);
+    const Channel actuators[] = {{"height", 4, 6, 1, values.proximity}};
+    recorder->frame(run.at(t, {0}), run.spec.objects, values.sensors(), actuators);
+  }
+  recorder->close({});
+  const Recording recording = Recording::open(out / "run.h5");
+  for (const std::size_t t : {0u, 63u, 64u, 99u}) {
+    EXPECT_EQ(recording.channel("sensors", "proximity", t), Channels(t).proximity);
+    EXPECT_EQ(recording.channel("sensors", "colour", t), Channels(t).colour);
+    EXPECT_EQ(recording.channel("actuators", "height", t), Channels(t).proximity);
+    EXPECT_EQ(recording.snapshot(t).height, run.at(t, {}).height);
+  }
+  EXPECT_THROW(recording.channel("sensors", "pressure", 0), InputError);
+  EXPECT_THROW(recording.channel("sensors", "proximity", 100), InputError);
+}
+
+TEST(Recorder, LeavesOutWhatTheExperimentDoesNotAskFor) {
+  const OutputFolder out;
+  SyntheticRun run;
+  run.spec.record.objects = false;
+  const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
+  const Channels values(0);
+  recorder->frame(run.at(0, {0}), run.spec.objects, values.sensors());
+  recorder->close({});
+  const Recording recording = Recording::open(out / "run.h5");
+  EXPECT_EQ(recording.frames(), 1u);
+  EXPECT_FALSE(recording.has_objects());
+  EXPECT_THROW(recording.positions(0, 1), InputError);
+  EXPECT_THROW(recording.channel("sensors", "proximity", 0), InputError);
+}
+
+TEST(Recorder, GivesTheSameBytesForTheSameRun) {
+  const OutputFolder out;
+  const SyntheticRun run;
+  std::array<std::string, 2> bytes;
+  for (std::size_t i = 0; i < 2; ++i) {
+    const auto path = out / ("run" + std::to_string(i) + ".h5");
+    const auto recorder = Recorder::open(path, run.meta, run.spec);
+    record_ticks(*recorder, run, 100);
+    recorder->close({.outcome = "done"});
+    std::ifstream file(path, std::ios::binary);
+    bytes[i].assign(std::istreambuf_iterator<char>(file), {});
+    if (i == 0) ::sleep(1);  // another second: dates in the file would differ
+  }
+  EXPECT_GT(bytes[0].size(), 1000u);
+  EXPECT_TRUE(bytes[0] == bytes[1]);
+}
+
+TEST(Recorder, WritesWhatIsBufferedWhenItIsNotClosed) {
+  const OutputFolder out;
+  const SyntheticRun run;
+  record_ticks(*Recorder::open(out / "run.h5", run.meta, run.spec), run, 5);
+  const Recording recording = Recording::open(out / "run.h5");
+  EXPECT_EQ(recording.frames(), 5u);
+  EXPECT_FALSE(recording.result());
+}
+
+TEST(Recorder, OpensInPythonWithoutOurCode) {
+  const std::string python = DEBIAN_PYTHON;
+  if (python.empty() || std::system((python + " -c 'import h5py' 2>/dev/null").c_str()) != 0)
+    GTEST_SKIP() << "needs Debian's python3-h5py";
+  const OutputFolder out;
+  SyntheticRun run;
+  run.spec.record.sensors = true;
+  const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
+  for (std::uint64_t t = 0; t < 10; ++t) {
+    const Channels values(t);
+    recorder->frame(run.at(t, {0, 1, 2}), run.spec.objects, values.sensors());
+  }
+  recorder->close({});
+  const std::string command = python + " " + READ_RECORDING_PY + " " + (out / "run.h5").string();
+  std::FILE* pipe = ::popen(command.c_str(), "r");
+  std::string printed;
+  for (int c; (c = std::fgetc(pipe)) != EOF;) printed += static_cast<char>(c);
+  EXPECT_EQ(::pclose(pipe), 0);
+  std::string proximity;
+  for (int row = 0; row < 4; ++row) {
+    proximity += row == 0 ? "[[" : ", [";
+    for (int i = 0; i < 6; ++i) proximity += (i ? ", " : "") + std::to_string(500 + 6 * row + i) + ".0";
+    proximity += "]";
+  }
+  EXPECT_EQ(printed,
+            "smartsurf run scripts/experiment.lua --seed 7\n"
+            "18446744073709551601 -- α\n"
+            "{'count': '3', 'speed': '0.5'}\n"
+            "(10,) uint64 uint64 9223372036854775811\n"
+            "(10, 3, 3) float32 1.2999999523162842\n"
+            "[0.0, 0.6000000238418579, 0.0, 0.800000011920929]\n"
+            "['small', 'large', ''] ['sphere', 'cylinder', 'box']\n"
+            "[2.0, 4.0, nan] 67.020643\n"
+            "(10, 4, 6) gzip True\n" +
+                proximity + "]\n4 5.0 [1.5, 0.8]\n");
+}
+
+TEST(RecorderErrors, NameWhatIsWrongAndWhatIsRight) {
+  const OutputFolder out;
+  const SyntheticRun run;
+  EXPECT_NE(
+      error_of(out / "run.mat", run).find("run.mat: unknown kind of recording '.mat': the name must end in"),
+      std::string::npos);
+  EXPECT_NE(error_of(out / "run", run).find("must end in .h5"), std::string::npos);
+  EXPECT_NE(error_of(out / "none/run.h5", run).find("there is no directory"), std::string::npos);
+  std::filesystem::create_directory(out / "folder.h5");
+  EXPECT_NE(error_of(out / "folder.h5", run).find("is a directory"), std::string::npos);
+  EXPECT_NE(error_of("/proc/run.h5", run).find("cannot be written"), std::string::npos);
+  SyntheticRun slash;
+  slash.spec.record.sensors = true;
+  const std::vector<float> values(24);
+  const Channel bad[] = {{"a/b", 4, 6, 1, values}};
+  EXPECT_THROW(
+      Recorder::open(out / "slash.h5", run.meta, slash.spec)->frame(run.at(0, {}), run.spec.objects, bad),
+      InputError);
+}
+
+TEST(RecorderErrors, SparesAFileThatAnotherRunWrites) {
+  const OutputFolder out;
+  const SyntheticRun run;
+  for (const std::string name : {"run.h5", "run.csv"}) {
+    const auto first = Recorder::open(out / name, run.meta, run.spec);
+    record_ticks(*first, run, 70);
+    EXPECT_NE(error_of(out / name, run).find("another process is writing it"), std::string::npos);
+    first->close({});
+  }
+  EXPECT_EQ(Recording::open(out / "run.h5").frames(), 70u);
+  EXPECT_EQ(error_of(out / "run.h5", run), "");
+}
+
+// In a process of its own, because a limit on the size of files stays. Exit status 0: the failure was
+// reported, and what follows it is quiet.
+int report_of_full_disk(const std::filesystem::path& path, const SyntheticRun& run) {
+  const pid_t child = ::fork();
+  if (child == 0) {
+    std::signal(SIGXFSZ, SIG_IGN);
+    auto recorder = Recorder::open(path, run.meta, run.spec);
+    record_ticks(*recorder, run, 64);
+    const rlimit limit{200000, 200000};
+    ::setrlimit(RLIMIT_FSIZE, &limit);
+    int status = 1;
+    try {
+      record_ticks(*recorder, run, 100000);
+    } catch (const InputError&) {
+      status = 2;
+    } catch (const std::runtime_error& error) {
+      const std::string text = error.what();
+      status = text.find("cannot be written") != text.npos && text.find('\n') == text.npos ? 0 : 3;
+    }
+    record_ticks(*recorder, run, 1000);
+    recorder->close({});
+    recorder.reset();
+    std::exit(status);  // the library's own clean-up at exit included
+  }
+  int status = -1;
+  ::waitpid(child, &status, 0);
+  return status;
+}
+
+TEST(RecorderErrors, ReportAFullDiskOnceAndKeepWhatWasWritten) {
+  const OutputFolder out;
+  const SyntheticRun run;
+  EXPECT_EQ(report_of_full_disk(out / "run.csv", run), 0);
+  EXPECT_EQ(report_of_full_disk(out / "run.h5", run), 0);
+  EXPECT_GE(Recording::open(out / "run.h5").frames(), 64u);
+}
+
+}  // namespace
+}  // namespace smartsurf::record

@@ -1,0 +1,104 @@
+#include "smartsurf/run/Simulation.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+
+using namespace smartsurf;
+
+namespace {
+
+// An experiment from a script's text.
+class SimulationTest : public testing::Test {
+ protected:
+  script::Experiment load(const std::string& text) {
+    const auto path = std::filesystem::temp_directory_path() / ("simulation_test_" + std::to_string(getpid()) + ".lua");
+    std::ofstream(path) << text;
+    auto experiment = script::Experiment::load(path);
+    std::filesystem::remove(path);
+    return experiment;
+  }
+  static void tick(run::Simulation& s) {
+    s.run_script();
+    for (int i = 0; i < s.scene().world.steps_per_tick(); ++i) {
+      s.plan_pins();
+      s.step_physics();
+      s.move_pins();
+    }
+    s.look();
+    s.sense();
+  }
+};
+
+const std::string kTable = R"(
+world { control_period = 1/60, dt = 1/240 }
+surface { rows = 16, columns = 16, actuator = pin {}, sensors = { proximity { range = 8 } } }
+)";
+
+}  // namespace
+
+TEST_F(SimulationTest, ScriptSpawnsPushesRemovesAndSeesIt) {
+  auto experiment = load(kTable + R"(
+local id = sphere { radius = 1, position = {8, 8, 1}, label = 'a' }
+at(0.1, function() other = box { size = {1, 1, 1}, position = {3, 3, 0.5}, label = 'b' } end)
+at(0.2, function() object(id):push { force = {100, 0, 0}, seconds = 0.5 } end)
+at(1.0, function() object(other):remove() end)
+)");
+  run::Simulation s(experiment, 1, true);
+  EXPECT_EQ(s.snapshot().objects(), 1u);
+  for (int i = 0; i < 8; ++i) tick(s);
+  EXPECT_EQ(s.snapshot().objects(), 2u);
+  EXPECT_EQ(s.catalogue()[1].label, "b");
+  for (int i = 0; i < 30; ++i) tick(s);
+  EXPECT_GT(s.snapshot().velocity[0][0], 1.0F);
+  for (int i = 0; i < 30; ++i) tick(s);
+  EXPECT_EQ(s.snapshot().objects(), 1u);
+  EXPECT_EQ(s.snapshot().id[0], 0u);
+  EXPECT_EQ(s.catalogue().size(), 2u);
+}
+
+TEST_F(SimulationTest, ScriptDrivesCellsOnlyWithoutAController) {
+  const std::string script = kTable + "on_tick(function() cells:target('height', 1, 16, 3.5) end)\n";
+  auto experiment = load(script);
+  run::Simulation free(experiment, 1, true);
+  for (int i = 0; i < 60; ++i) tick(free);
+  EXPECT_EQ(free.snapshot().height[15], 3.5F);
+  EXPECT_EQ(free.snapshot().height[0], 0.0F);
+
+  auto again = load(script);
+  run::Simulation driven(again, 1, false);
+  EXPECT_THROW(tick(driven), scene::InputError);
+}
+
+TEST_F(SimulationTest, ScriptReadsSensorsCountingFromOne) {
+  auto experiment = load(kTable + R"(
+sphere { radius = 1, position = {3, 15 - 4, 1}, fixed = true }
+at(0.0, function()
+  assert(math.abs(cells:sense('proximity', 5, 4)) < 1e-6)
+  assert(cells:sense('proximity_hit', 5, 4) == 1)
+  assert(cells:sense('proximity', 1, 1) == 8)
+  stop()
+end)
+)");
+  run::Simulation s(experiment, 1, true);
+  tick(s);
+  EXPECT_TRUE(s.take_requests().stop);
+  EXPECT_FALSE(s.take_requests().stop);
+}
+
+TEST_F(SimulationTest, ThreadsDoNotChangeAnything) {
+  const std::string script = kTable + R"(
+for i = 1, 12 do sphere { radius = 0.8 + i / 20, position = {random(2, 13), random(2, 13), 3 + 2 * i} } end
+on_tick(function(t, tick) cells:target('height', 1 + tick % 16, 1 + (tick * 7) % 16, 2 * (tick % 3)) end)
+)";
+  std::uint64_t hash[2];
+  for (const int threads : {1, 2}) {
+    auto experiment = load(script);
+    run::Simulation s(experiment, threads, true);
+    for (int i = 0; i < 240; ++i) tick(s);
+    hash[threads - 1] = s.snapshot().state_hash;
+  }
+  EXPECT_EQ(hash[0], hash[1]);
+}

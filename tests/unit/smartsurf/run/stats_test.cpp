@@ -1,0 +1,38 @@
+#include "smartsurf/run/Stats.h"
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+using namespace smartsurf::run;
+using namespace std::chrono_literals;
+
+TEST(DurationHistogram, QuantilesAreWithinTwoPercent) {
+  DurationHistogram h;
+  for (int i = 1; i <= 10000; ++i) h.add(std::chrono::microseconds(i));
+  EXPECT_EQ(h.count(), 10000u);
+  EXPECT_NEAR(h.quantile_ms(0.5), 5.0, 0.11);
+  EXPECT_NEAR(h.quantile_ms(0.99), 9.9, 0.22);
+  EXPECT_NEAR(h.total_s(), 50.005, 1e-6);
+}
+
+TEST(DurationHistogram, EmptyAndExtremes) {
+  DurationHistogram h;
+  EXPECT_EQ(h.quantile_ms(0.5), 0.0);
+  h.add(0ns);
+  h.add(std::chrono::hours(24 * 365));
+  EXPECT_EQ(h.count(), 2u);
+}
+
+TEST(Stats, JsonHasTheDocumentedKeys) {
+  RunSummary s;
+  s.state_hash = 0xabcdef;
+  s.simulated_s = 10;
+  s.wall_s = 2;
+  const auto json = nlohmann::json::parse(to_json(s, PhaseTimes{}));
+  EXPECT_EQ(json["state_hash"], "0000000000abcdef");
+  EXPECT_EQ(json["real_time_factor"], 5.0);
+  EXPECT_TRUE(json["purity"].is_null());
+  for (const char* phase : {"wait", "actuate", "physics", "sense", "publish", "record", "render"})
+    for (const char* key : {"median", "p99", "total_s"}) EXPECT_TRUE(json["ms_per_tick"][phase].contains(key)) << phase;
+}
