@@ -67,8 +67,12 @@ Value Lowering::lower_name(const Expression& name) {
       throw Failure{name.at, fmt::format("'{}' is read before it is written", shown(name.text))};
     }
     if (written_.count(name.text) == 0) {
+      std::vector<std::string> known = other_names_;
+      for (const std::string& one : written_) {
+        if (!is_macro_name(one)) known.push_back(one);
+      }
       throw Failure{name.at, fmt::format("'{}' is not a register, and no line writes it as a scalar{}",
-                                         name.text, names_.suggestion(name.text, other_names_))};
+                                         name.text, names_.suggestion(name.text, known))};
     }
     Symbol fresh{
         {Value::Kind::kVariable, emitter_.add_variable(name.text), 0.0F, false}, name.at, true, name.text};
@@ -77,7 +81,7 @@ Value Lowering::lower_name(const Expression& name) {
   }
   Value value = symbol->value;
   if (value.kind == Value::Kind::kNothing) throw Failure{name.at, {}};
-  if (value.kind == Value::Kind::kVariable && !value.temporary) {
+  if (value.kind == Value::Kind::kVariable && !value.temporary && !symbol->declared) {
     reads_.push_back({value.index, emitter_.position(), name.at});
   }
   value.temporary = false;  // whoever made it releases it
@@ -171,7 +175,7 @@ Value Lowering::new_scalar(const Expression& place, bool is_register) {
 
 // A macro's own name takes the kind of what is first written to it, and lives until the macro ends.
 Value Lowering::local_target(const Expression& place, bool is_register, Shape shape) {
-  Symbol fresh{{}, place.at, true, shown(place.text)};
+  Symbol fresh{{}, place.at, true, shown(place.text), false};
   if (is_register) {
     check_where(shape, place.at);
     fresh.value = emitter_.temporary(shape);

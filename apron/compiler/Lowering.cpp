@@ -95,12 +95,12 @@ void Lowering::dispatch(const Statement& one) {
 
 // What a line with an error would have opened, closed or written, so that the error does not cause others.
 void Lowering::invalid(const Statement& one) {
-  const bool assigns = one.kind == StatementKind::kAssign || !one.value.text.empty();
+  const bool assigns = one.kind == StatementKind::kAssign || one.assigns;
   const bool is_call = one.kind == StatementKind::kCall;
   const std::string name = is_call ? one.value.text : one.target.text;
-  if (assigns && !is_call) {
+  if (assigns) {
     if (one.target.kind == ExpressionKind::kElement) return;
-    if (names_.find(name) == nullptr) names_.add(name, {{}, one.at, true, shown(name)});
+    if (names_.find(name) == nullptr) names_.add(name, {{}, one.at, true, shown(name), false});
     return;
   }
   if (one.kind != StatementKind::kInvalid && !is_call) return;
@@ -143,13 +143,12 @@ void Lowering::declare(const syntax::Declaration& wanted) {
   if (both && builtin != nullptr && builtin->least == 0) {
     throw Failure{wanted.at, fmt::format("'{}' is the name of an instruction", wanted.name)};
   }
-  Symbol symbol{{}, wanted.at, true, shown(wanted.name)};
+  Symbol symbol{{}, wanted.at, true, shown(wanted.name), true};
   symbol.value.kind = variables ? Value::Kind::kVariable : Value::Kind::kRegister;
   symbol.value.index = variables ? emitter_.add_variable(symbol.name)
                                  : emitter_.add_register(symbol.name, {wanted.width, wanted.height});
   names_.add_element(class_name, wanted.name, symbol, wanted.at);
   if (both) names_.add(wanted.name, symbol);
-  if (variables) emitter_.program().variables.back().initial = 0.0F;
 }
 
 void Lowering::assign(const Expression& target, const Expression& value) {
@@ -170,7 +169,7 @@ void Lowering::enter(const syntax::MacroExpansion& expansion) {
   Scope& scope = scopes_[expansion.id];
   for (const syntax::Binding& binding : expansion.bindings) {
     shape_of(binding.value, hint_);
-    Symbol symbol{{}, binding.value.at, false, shown(binding.name)};
+    Symbol symbol{{}, binding.value.at, false, shown(binding.name), false};
     scope.names.push_back(binding.name);
     try {
       symbol.value = lower(binding.value);
@@ -263,10 +262,10 @@ void Lowering::check_jumps() {
     if (!target.placed) {
       std::vector<std::string> known;
       for (const auto& [name, label] : labels_) {
-        if (label.placed && !is_macro_name(name)) known.push_back(name);
+        if (label.placed && !is_macro_name(name)) known.push_back(fmt::format("#{}", name));
       }
       diagnostics_.error(site.at, fmt::format("there is no label '#{}'{}", shown(site.name),
-                                              syntax::did_you_mean(site.name, known)));
+                                              syntax::did_you_mean(fmt::format("#{}", site.name), known)));
     } else if (site.call ? target.where_part != 0 : target.where_part != site.where_part) {
       diagnostics_.error(site.at,
                          fmt::format("a {} may not cross the edge of a 'where'", site.call ? "call" : "jump"),

@@ -44,7 +44,11 @@ const Symbol& Names::element(const std::string& class_name, const std::string& n
   if (found != group.elements.end()) return found->second;
   const Symbol* bare = group.of_variables && canonical == "VARIABLE" ? find(name) : nullptr;
   if (bare != nullptr && !bare->value.is_register()) return *bare;
-  const std::string hint = syntax::did_you_mean(name, group.order);
+  std::vector<std::string> known;
+  for (const std::string& one : group.order) {
+    if (!is_macro_name(one)) known.push_back(one);
+  }
+  const std::string hint = syntax::did_you_mean(name, known);
   throw Failure{
       at, fmt::format("the class {} has no element '{}'{}", canonical, shown(name),
                       hint.empty() ? fmt::format("; create it with !create('{}', {})", shown(name), canonical)

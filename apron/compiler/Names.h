@@ -12,10 +12,11 @@
 namespace apron::compiler {
 
 struct Symbol {
-  Value value;           // kNothing: an error was reported for it already
-  syntax::Location at;   // of its declaration or first write
-  bool writable = true;  // not a macro's argument
-  std::string name;      // as shown to the user
+  Value value;            // kNothing: an error was reported for it already
+  syntax::Location at;    // of its declaration or first write
+  bool writable = true;   // not a macro's argument
+  std::string name;       // as shown to the user
+  bool declared = false;  // by !create: may be read before it is written, and is 0 then
 };
 
 class Names {

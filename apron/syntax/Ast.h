@@ -54,7 +54,7 @@ enum class StatementKind : std::uint8_t {
   kDeclare,  // declaration
   kEnter,    // a macro's body begins: expansion has its bindings, its body follows in the list
   kLeave,    // and ends
-  kInvalid,  // reported already; target.text is its first word, value.text "=" if it was an assignment
+  kInvalid,  // reported already; target.text is its first word, assigns if it had a '='
 };
 
 struct Statement {
@@ -65,6 +65,7 @@ struct Statement {
   std::shared_ptr<Declaration> declaration;
   std::shared_ptr<MacroExpansion> expansion;
   std::uint32_t expansion_id = 0;  // of kEnter and kLeave
+  bool assigns = false;            // of kInvalid
 };
 
 struct MacroExpansion {

@@ -14,10 +14,10 @@
 namespace apron::syntax {
 namespace {
 
-const std::vector<std::string> kDirectives = {"include", "define",    "if",          "else",
-                                              "endif",   "macro_def", "macro_begin", "macro_end",
-                                              "object",  "create",    "operator",    "default_palette",
-                                              "module",  "max_addr",  "register"};
+const std::vector<std::string> kDirectives = {"!include", "!define",    "!if",          "!else",
+                                              "!endif",   "!macro_def", "!macro_begin", "!macro_end",
+                                              "!object",  "!create",    "!operator",    "!default_palette",
+                                              "!module",  "!max_addr",  "!register"};
 
 constexpr std::string_view kOperators[] = {
     "+", "-", "*", "/", "%", "<", "<=", ">", ">=", "==", "!=", "&&", "||", "and", "or", "xor", "nand", "nor"};
@@ -133,7 +133,7 @@ bool Preprocessor::directive(Line& line, Item& item) {
     diagnostics_.error(word.at, fmt::format("this '!{}' has no '!macro_def'", word.text));
   } else {
     diagnostics_.error(word.at, fmt::format("there is no directive '!{}'{}", word.text,
-                                            did_you_mean(word.text, kDirectives)));
+                                            did_you_mean(spell(word), kDirectives)));
   }
   return false;
 }

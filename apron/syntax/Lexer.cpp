@@ -76,7 +76,7 @@ class Lexer {
   }
 
   void finish_line() {
-    if (!tokens_.empty()) lines_.push_back({std::move(tokens_), bad_});
+    if (!tokens_.empty()) lines_.push_back({tokens_.front().at, std::move(tokens_), bad_});
     tokens_.clear();
     bad_ = false;
   }

@@ -39,6 +39,13 @@ bool is_element(const Tokens& words) {
   return words.size() == 4 && words[0].kind == TokenKind::kName && words[1].is("[") && words[3].is("]");
 }
 
+std::vector<Expression> pair(Expression left, Expression right) {
+  std::vector<Expression> both;
+  both.push_back(std::move(left));
+  both.push_back(std::move(right));
+  return both;
+}
+
 bool is_numeric(const Tokens& words) {
   return std::all_of(words.begin(), words.end(), [](const Token& token) {
     return token.kind == TokenKind::kNumber || token.kind == TokenKind::kSymbol;
@@ -227,33 +234,26 @@ Expression Parser::argument() {
 Expression Parser::combine(const Token& op, Expression left, Expression right) {
   const bool constant = left.kind == ExpressionKind::kNumber && right.kind == ExpressionKind::kNumber;
   const std::string target = constant ? "" : preprocessor_.operator_target(op.text);
-  std::vector<Expression> both;
-  if (!target.empty()) {
+  const MacroTable::Handle macro = preprocessor_.macros().find(target, 2, true);
+  const bool in_its_own_body = macro != nullptr && preprocessor_.expanding(macro);
+  if (!target.empty() && !in_its_own_body) {
     Token call = op;
     call.kind = TokenKind::kName;
     call.text = target;
-    if (const MacroTable::Handle macro = preprocessor_.find(target, 2, true)) {
+    if (macro != nullptr) {
       std::vector<Argument> arguments(2);
       arguments[0].value = std::move(left);
       arguments[1].value = std::move(right);
       return expand(macro, call, std::move(arguments));
     }
-    const bool inside =
-        preprocessor_.macros().find(target, 2, true) != nullptr;  // its own body: the operator
-    if (!inside && !preprocessor_.is_builtin(target)) {
+    if (!preprocessor_.is_builtin(target)) {
       throw Failure{op.at,
                     fmt::format("'{}' stands for '{}', which is not an instruction or macro of two arguments",
                                 op.text, target)};
     }
-    if (!inside) {
-      both.push_back(std::move(left));
-      both.push_back(std::move(right));
-      return make(ExpressionKind::kCall, call, std::move(both));
-    }
+    return make(ExpressionKind::kCall, call, pair(std::move(left), std::move(right)));
   }
-  both.push_back(std::move(left));
-  both.push_back(std::move(right));
-  return make(ExpressionKind::kBinary, op, std::move(both));
+  return make(ExpressionKind::kBinary, op, pair(std::move(left), std::move(right)));
 }
 
 std::vector<Parser::Argument> Parser::read_arguments(const Token& call, const std::vector<Tokens>& list) {

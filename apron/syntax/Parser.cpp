@@ -9,9 +9,9 @@
 namespace apron::syntax {
 namespace {
 
-Tokens::const_iterator find_equals(const Tokens& tokens) {
+Tokens::const_iterator find_equals(Tokens::const_iterator first, Tokens::const_iterator last) {
   int depth = 0;
-  return std::find_if(tokens.begin(), tokens.end(), [&](const Token& token) {
+  return std::find_if(first, last, [&](const Token& token) {
     if (token.is("(") || token.is("[")) ++depth;
     if (token.is(")") || token.is("]")) --depth;
     return depth == 0 && token.is("=");
@@ -60,7 +60,8 @@ void Parser::declare(Declaration declaration, std::vector<Statement>& out) const
 
 void Parser::line(const Line& line, std::vector<Statement>& out) {
   if (line.bad) return out.push_back(invalid(line));
-  const auto outer = std::make_tuple(at_, end_, last_, depth_);
+  const auto outer = std::make_tuple(at_, end_, last_, begin_, depth_);
+  begin_ = line.at;
   at_ = line.tokens.begin();
   end_ = line.tokens.end();
   last_ = line.tokens.back().at;
@@ -71,33 +72,28 @@ void Parser::line(const Line& line, std::vector<Statement>& out) {
     if (!failure.text.empty()) diagnostics_.error(failure.at, failure.text);
     out.push_back(invalid(line));
   }
-  std::tie(at_, end_, last_, depth_) = outer;
+  std::tie(at_, end_, last_, begin_, depth_) = outer;
 }
 
 Statement Parser::invalid(const Line& line) const {
   Statement statement;
-  statement.at = line.tokens.front().at;
+  statement.at = line.at;
   statement.target.text = line.tokens.front().text;
-  if (find_equals(line.tokens) != line.tokens.end()) statement.value.text = "=";
+  statement.assigns = find_equals(line.tokens.begin(), line.tokens.end()) != line.tokens.end();
   return statement;
 }
 
 Statement Parser::statement() {
   const Token& first = *at_;
   Statement result;
-  result.at = first.at;
+  result.at = begin_;
   if (first.kind == TokenKind::kLabel) {
     result.kind = StatementKind::kLabel;
     result.target = make(ExpressionKind::kLabel, first);
     if (++at_ != end_) fail("a label stands alone on its line");
     return result;
   }
-  int depth = 0;
-  const Cursor equals = std::find_if(at_, end_, [&](const Token& token) {
-    if (token.is("(") || token.is("[")) ++depth;
-    if (token.is(")") || token.is("]")) --depth;
-    return depth == 0 && token.is("=");
-  });
+  const Cursor equals = find_equals(at_, end_);
   if (equals != end_) return assignment(equals);
   if (first.kind == TokenKind::kParameter || first.kind == TokenKind::kLocal) whole(at_, end_, last_);
   if (first.kind != TokenKind::kName) fail(fmt::format("a line cannot begin with '{}'", spell(first)));
@@ -125,7 +121,7 @@ Statement Parser::assignment(Cursor equals) {
   if (auto macro = macro_statement(equals + 1, last, Tokens(first, equals))) return std::move(*macro);
   Statement result;
   result.kind = StatementKind::kAssign;
-  result.at = first->at;
+  result.at = begin_;
   result.target = whole(first, equals, equals->at);
   const ExpressionKind kind = result.target.kind;
   if (kind != ExpressionKind::kName && kind != ExpressionKind::kElement) {
@@ -155,7 +151,7 @@ std::optional<Statement> Parser::macro_statement(Cursor first, Cursor last, Toke
   std::vector<Tokens> places = bind(*expansion, *macro, std::move(arguments), first->at);
   Statement statement;
   statement.kind = StatementKind::kEnter;
-  statement.at = first->at;
+  statement.at = begin_;
   statement.expansion_id = expansion->id;
   statement.expansion = std::move(expansion);
   if (!preprocessor_.enter(macro, statement.expansion_id, std::move(result), std::move(places))) {

@@ -67,7 +67,7 @@ class Parser {
   Sources& sources_;
   Diagnostics& diagnostics_;
   Cursor at_, end_;
-  Location last_;  // where the line ends
+  Location begin_, last_;  // where the line begins and ends
   std::size_t depth_ = 0;
 };
 

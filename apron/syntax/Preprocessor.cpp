@@ -91,6 +91,7 @@ void Preprocessor::leave(Item& item) {
 bool Preprocessor::step(Item& item) {
   Frame& frame = frames_.back();
   Line line = (*frame.lines)[frame.next++];
+  line.at.expansion = frame.expansion;
   const bool is_directive = line.tokens.front().kind == TokenKind::kDirective;
   if (is_directive && condition_directive(line.tokens)) return false;
   if (!active()) return false;
@@ -108,13 +109,15 @@ bool Preprocessor::step(Item& item) {
   return true;
 }
 
+bool Preprocessor::expanding(const MacroTable::Handle& macro) const {
+  return std::any_of(frames_.begin(), frames_.end(),
+                     [&](const Frame& frame) { return frame.macro == macro; });
+}
+
 MacroTable::Handle Preprocessor::find(const std::string& name, std::size_t arguments, bool result) const {
   MacroTable::Handle macro = macros_.find(name, arguments, result);
-  if (macro == nullptr || !is_builtin(name)) return macro;
-  const bool inside = std::any_of(frames_.begin(), frames_.end(), [&](const Frame& frame) {
-    return frame.macro != nullptr && frame.macro->name == name;
-  });
-  return inside ? nullptr : macro;
+  if (macro != nullptr && is_builtin(name) && expanding(macro)) return nullptr;
+  return macro;
 }
 
 bool Preprocessor::enter(const MacroTable::Handle& macro, std::uint32_t expansion, Tokens result,

@@ -64,8 +64,10 @@ class Preprocessor {
   Item next(std::size_t floor = 0);
   std::size_t depth() const noexcept { return frames_.size(); }
 
-  // The macro that a call means here: none while it is being expanded itself and the language has that name.
+  // The macro that a call means here: none while it is being expanded itself and the language has an
+  // instruction of that name.
   MacroTable::Handle find(const std::string& name, std::size_t arguments, bool result) const;
+  bool expanding(const MacroTable::Handle&) const;
   const MacroTable& macros() const noexcept { return macros_; }
   bool is_builtin(std::string_view name) const { return options_.is_builtin && options_.is_builtin(name); }
 

@@ -43,7 +43,7 @@ std::size_t score(std::string_view name, std::string_view candidate) {
   if (candidate == name) return SIZE_MAX;
   if (lower(candidate) == lower(name)) return 0;
   if (ends_in(candidate, name)) return 1;
-  const std::size_t allowed = name.size() <= 2 ? 1 : name.size() <= 4 ? 1 : name.size() <= 8 ? 2 : 3;
+  const std::size_t allowed = name.size() <= 1 ? 0 : name.size() <= 4 ? 1 : name.size() <= 8 ? 2 : 3;
   if (candidate.size() > name.size() + allowed || name.size() > candidate.size() + allowed) return SIZE_MAX;
   const std::size_t edits = distance(name, candidate);
   const bool nothing_left = edits >= std::max(name.size(), candidate.size());

@@ -35,6 +35,7 @@ struct Token {
 using Tokens = std::vector<Token>;
 
 struct Line {
+  Location at;       // where it begins in its text, whatever takes its words' places
   Tokens tokens;     // never empty
   bool bad = false;  // reported already; the tokens end where the trouble began
 };
