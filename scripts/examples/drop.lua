@@ -20,7 +20,7 @@ for i = 0, 2 do
 end
 cylinder { radius = 1, height = 2, position = { 6, 15, height }, material = 'wood', colour = 'blue', label = 'drum' }
 
--- Until it lands, the ball's centre is at height - g t² / 2.
+-- Until it lands, the ball's centre is at height - g t² / 2, but for the error of the finite step, g t dt / 2.
 local landing = math.sqrt(2 * (height - 1) / 9.81)
 at(0.9 * landing, function(t)
   local _, _, z = object(ball):position()

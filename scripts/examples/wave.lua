@@ -10,7 +10,7 @@ surface { rows = 16, columns = 48,
 local wavelength = option('wavelength', 12, 'distance between two crests, u')
 local speed = option('speed', 3, 'of the crests, u/s')
 local amplitude = option('amplitude', 1, 'half the height of the wave, u')
-local seconds = option('seconds', 15, 'how long the run lasts, s')
+local seconds = option('seconds', 10, 'how long the run lasts, s')
 
 for i = 1, option('count', 6, 'number of spheres') do
   sphere { radius = 1.2, position = { 4, 2 + 12 * (i - 0.5) / 6, 5 }, colour = 'red', label = 'passenger' }

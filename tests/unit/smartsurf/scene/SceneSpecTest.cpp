@@ -81,6 +81,20 @@ TEST(SurfaceSpec, ProblemsNameTheField) {
   EXPECT_EQ(problem_with(s), "border.height = nan: must be in [-1000000, 1000000]");
 }
 
+TEST(SurfaceSpec, ASensorHasTwoChannels) {
+  SurfaceSpec s;
+  s.sensors = {{.name = "a"}, {.name = "b"}};
+  EXPECT_EQ(s.sensor_channels(), (std::vector<std::string>{"a", "a_hit", "b", "b_hit"}));
+  EXPECT_EQ(problem_with(s), "");
+  s.sensors[1].name = "a";
+  EXPECT_EQ(problem_with(s), "surface.sensors: two channels are called 'a': give a sensor another name");
+  s.sensors[1].name = "b c";
+  EXPECT_EQ(problem_with(s),
+            "surface.sensors: channel 'b c': must be 1 to 31 letters, digits, '_', '.' and '-'");
+  s.sensors.assign(16, {});
+  EXPECT_EQ(problem_with(s), "surface.sensors: 16 sensors: must be at most 15");
+}
+
 TEST(Material, ProblemsNameTheField) {
   Material m;
   EXPECT_EQ(problem_with(m), "");

@@ -76,6 +76,19 @@ TEST_F(DeclarationTest, WhatIsNotSaidKeepsItsDefault) {
   EXPECT_EQ(spec.materials.size(), 1u);
 }
 
+TEST_F(DeclarationTest, TheLongestSensorNameAndTheMostSensorsFitTheChannels) {
+  const std::string name(27, 'n');
+  EXPECT_EQ(
+      load("surface{sensors = {proximity{name = '" + name + "'}}}").scene().surface.sensor_channels()[1],
+      name + "_hit");
+  load("local s = {} for i = 1, 15 do s[i] = proximity{name = 's' .. i} end surface{sensors = s}");
+  EXPECT_EQ(
+      error_of("local s = {} for i = 1, 16 do s[i] = proximity{name = 's' .. i} end surface{sensors = s}"),
+      "t.lua:1: surface.sensors: more than 15 sensors");
+  EXPECT_EQ(error_of("surface{sensors = {proximity{}, proximity{name = 'proximity_hit'}}}"),
+            "t.lua:1: surface.sensors: two channels are called 'proximity_hit': give a sensor another name");
+}
+
 TEST_F(DeclarationTest, OneNumberIsASquareTopAndOneSensorNeedsNoList) {
   const Experiment e = load("surface{actuator = pin{top = 0.5}, sensors = proximity{}}");
   EXPECT_EQ(e.scene().surface.pin.top_x, 0.5);

@@ -110,7 +110,7 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"surface{sensors = {proximity{range = 0}}}",
                 "t.lua:1: proximity.range = 0: must be in (0, 1000000]"},
         Mistake{"surface{sensors = {proximity{name = 'a b'}}}",
-                "t.lua:1: proximity.name = 'a b': must be 1 to 31 letters, digits and _, a letter first"},
+                "t.lua:1: proximity.name = 'a b': must be 1 to 27 letters, digits and _, a letter first"},
         Mistake{"surface{border = 6}",
                 "t.lua:1: surface.border: takes a table of fields, surface.border{height = "
                 "...}, not 6"},
@@ -246,7 +246,7 @@ TEST_F(ErrorTest, AtRunTime) {
   EXPECT_EQ(run_error_of("cells:targets('height', {{1, 2}, {}, {}, {}})"),
             "t.lua:2: cells:targets: values[1]: a list of 2 values: must be 6");
   EXPECT_EQ(run_error_of("cells:sense('presure', 1, 1)"),
-            "t.lua:2: cells:sense: no channel 'presure'; known: proximity");
+            "t.lua:2: cells:sense: no channel 'presure'; known: proximity, proximity_hit");
   EXPECT_EQ(run_error_of("at(-1, print)"), "t.lua:2: at: seconds = -1: must be from 0 to 1e9");
 }
 
