@@ -13,8 +13,8 @@ constexpr GLubyte kTriangles[18] = {0, 1, 2, 0, 2, 3, 4, 5, 6, 4, 6, 7, 8, 9, 10
 
 void attribute(GLuint location, GLint size, GLenum type, std::size_t offset) {
   glEnableVertexAttribArray(location);
-  glVertexAttribPointer(location, size, type, type == GL_UNSIGNED_BYTE ? GL_TRUE : GL_FALSE, sizeof(PinInstance),
-                        reinterpret_cast<const void*>(offset));
+  glVertexAttribPointer(location, size, type, type == GL_UNSIGNED_BYTE ? GL_TRUE : GL_FALSE,
+                        sizeof(PinInstance), reinterpret_cast<const void*>(offset));
   glVertexAttribDivisor(location, 1);
 }
 

@@ -160,8 +160,8 @@ void main() {
 }
 )";
 
-// The light sees a sphere as a flat disc through its centre: the same outline, and no point that the light can
-// reach lies behind it. So no depth need be computed a pixel.
+// The light sees a sphere as a flat disc through its centre: the same outline, and no point that the light
+// can reach lies behind it. So no depth need be computed a pixel.
 constexpr const char* kSphereShadowFragment = R"(
 in vec3 world;
 flat in vec4 ball;
@@ -273,9 +273,7 @@ void main() {
 }
 )";
 
-std::string defines(Pass pass) {
-  return pass == Pass::kColourFine ? "#define FINE\n" : "";
-}
+std::string defines(Pass pass) { return pass == Pass::kColourFine ? "#define FINE\n" : ""; }
 
 std::string head(Pass pass) { return kFrame + defines(pass); }
 
@@ -285,7 +283,8 @@ constexpr const char* kEmptyFragment = "void main() {}\n";
 
 ShaderSources pin_shaders(Pass pass) {
   return {head(pass) + kPinVertex,
-          head(pass) + (pass == Pass::kShadow ? std::string(kEmptyFragment) : std::string(kLighting) + kPinFragment)};
+          head(pass) +
+              (pass == Pass::kShadow ? std::string(kEmptyFragment) : std::string(kLighting) + kPinFragment)};
 }
 
 ShaderSources sphere_shaders(Pass pass) {
