@@ -21,7 +21,7 @@ class PinLayer {
 
  private:
   std::array<float, 4> pin_;
-  float base_;
+  float base_, sunk_;
   std::array<GLint, 4> grid_;
   VertexArray array_;
   Buffer corners_, triangles_, instances_;

@@ -20,7 +20,7 @@ struct FrameUniforms {
 };
 static_assert(sizeof(FrameUniforms) == 2 * 64 + 5 * 16);
 
-constexpr Rgb kBoard{0.42f, 0.44f, 0.47f};
+constexpr Rgb kBoard{0.20f, 0.21f, 0.23f};
 constexpr Rgb kAxis[3] = {{0.80f, 0.16f, 0.14f}, {0.16f, 0.58f, 0.22f}, {0.14f, 0.32f, 0.82f}};
 
 std::array<float, 3> floats(const Eigen::Vector3d& v) {
