@@ -117,6 +117,15 @@ class Desktop {
   GLFWwindow* window_ = nullptr;
 };
 
+// The window's context is current only while it is needed: EGL refuses to make another one current beside it.
+class Current {
+ public:
+  explicit Current(GLFWwindow* window) { glfwMakeContextCurrent(window); }
+  ~Current() { glfwMakeContextCurrent(nullptr); }
+  Current(const Current&) = delete;
+  Current& operator=(const Current&) = delete;
+};
+
 class Gui {
  public:
   Gui(GLFWwindow* window, float scale) {
@@ -143,7 +152,11 @@ struct Window::State {
         controls(s.surface),
         scale(content_scale()),
         gui(listen(), scale),
-        renderer(s, drawn_in_software() ? Quality::fast() : Quality{2, 4096, true}) {}
+        renderer(s, drawn_in_software() ? Quality::fast() : Quality{2, 4096, true}) {
+    glfwGetFramebufferSize(desktop.window(), &width, &height);
+    if (width > 0 && height > 0) controls.resize(static_cast<double>(width) / height);
+    glfwMakeContextCurrent(nullptr);
+  }
 
   float content_scale() const {
     float x = 1.0f, y = 1.0f;
@@ -230,7 +243,7 @@ bool Window::State::show(const scene::Snapshot& snapshot, const std::vector<scen
   if (width < 1 || height < 1 || glfwGetWindowAttrib(desktop.window(), GLFW_ICONIFIED) == GLFW_TRUE)
     return false;
   const auto start = Clock::now();
-  glfwMakeContextCurrent(desktop.window());
+  const Current current(desktop.window());
   controls.resize(static_cast<double>(width) / height);
   renderer.draw(snapshot, catalogue, controls.camera(), options(overlay), 0, width, height);
   draw_panels(snapshot, overlay.axes);
@@ -262,7 +275,7 @@ void Window::State::draw_panels(const scene::Snapshot& snapshot, bool axes) {
 Image Window::State::fine_picture(const scene::Snapshot& snapshot,
                                   const std::vector<scene::ObjectSpec>& catalogue, const DrawOptions& shown,
                                   int picture_width, int picture_height) {
-  glfwMakeContextCurrent(desktop.window());
+  const Current current(desktop.window());
   if (!fine_renderer) fine_renderer = std::make_unique<Renderer>(spec, Quality::fine());
   Canvas canvas;
   canvas.resize(picture_width, picture_height);

@@ -86,6 +86,26 @@ TEST_F(Pictures, RowZeroIsAtTheTopAndColumnZeroAtTheLeftFromAbove) {
   EXPECT_LT(where.y(), kHeight / 2);
 }
 
+TEST_F(Pictures, APinStaysInItsPlaceFromWhereverTheEyeLooks) {
+  Scene scene(16, 16, 0.0f);
+  const auto& surface = scene.spec.surface;
+  std::vector<float> values(surface.cells(), 0.0f);
+  values[surface.index(3, 5)] = 1.0f;
+  DrawOptions options;
+  options.cell_values = values;
+  const Eigen::Vector2d centre = surface.centre(3, 5);
+  OffscreenView view(scene.spec);
+  for (int quarter = 0; quarter < 4; ++quarter) {
+    Camera turned = camera(scene);
+    turned.orbit(quarter * EIGEN_PI / 2.0 / 0.006 + 30.0, 0.0);
+    const Image image = view.draw(scene.snapshot, {}, turned, options, kWidth, kHeight);
+    const Eigen::Vector3d p = turned.project({centre.x(), centre.y(), 0.0}, kWidth, kHeight);
+    const std::uint8_t* pixel = image.pixel(static_cast<int>(p.x()), static_cast<int>(p.y()));
+    EXPECT_GT(pixel[0], 120) << "azimuth " << turned.azimuth();
+    EXPECT_LT(pixel[2], 100) << "azimuth " << turned.azimuth();
+  }
+}
+
 TEST_F(Pictures, AnObjectThrowsAShadowAwayFromTheLightInTheSouthWest) {
   Scene scene(32, 32, 0.0f);
   const Image bare = draw(scene, Preset::kTop);

@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <stdexcept>
 
+#include "smartsurf/view/OffscreenView.h"
 #include "tests/unit/smartsurf/view/Scenes.h"
 
 namespace smartsurf::view {
@@ -55,6 +56,18 @@ TEST_F(WindowTest, ShowsTheSceneAndItsPanelAndHelp) {
   EXPECT_GT(different_pixels(image, bare), 5000) << "no panel";
   window.press(Key::kHelp);
   EXPECT_GT(different_pixels(image, shown()), 20000) << "no help";
+}
+
+TEST_F(WindowTest, LivesBesidePicturesWithoutADisplay) {
+  Scene scene(8, 8);
+  scene.add_sphere(3.5, 3.5, 6.0, 2.0, {0.86f, 0.12f, 0.10f});
+  Window window(scene.spec, "test", 400, 300);
+  const Camera camera = Camera::framing(scene.spec.surface, Preset::kIso, 4.0 / 3.0);
+  const Image of_window = window.picture(scene.snapshot, scene.spec.objects, 400, 300);
+  const Image alone = render_image(scene.spec, scene.snapshot, scene.spec.objects, camera, {}, 400, 300);
+  Image again = window.picture(scene.snapshot, scene.spec.objects, 400, 300);
+  EXPECT_EQ(of_window.rgb, again.rgb);
+  EXPECT_LT(different_pixels(alone, again), 400) << "the window's camera begins with the same view";
 }
 
 TEST_F(WindowTest, HandsTheUsersWishesToTheCaller) {
