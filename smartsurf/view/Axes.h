@@ -1,4 +1,5 @@
-// Where the coordinate axes are drawn: beside the table's south-west corner, on the ground. Internal to the room.
+// Where the coordinate axes are drawn: beside the table's south-west corner, on the ground. Internal to the
+// room.
 #pragma once
 
 #include <algorithm>
@@ -16,7 +17,7 @@ struct Axes {
 
 inline Axes axes_of(const scene::SurfaceSpec& surface) {
   const Eigen::AlignedBox3d box = Camera::extent(surface);
-  const double out = 2.0 * kBoardRim * surface.pitch;
+  const double out = 2.2 * kBoardRim * surface.pitch;
   const double length = 0.08 * std::max(box.sizes().x(), box.sizes().y());
   return {box.min() - Eigen::Vector3d(out, out, 0.0), length, 0.018 * length + 0.02 * surface.pitch};
 }

@@ -6,14 +6,16 @@
 #include <limits>
 #include <numbers>
 
+#include "smartsurf/view/Axes.h"
+
 namespace smartsurf::view {
 namespace {
 
-constexpr double kOrbitPerPixel = 0.006;    // rad
-constexpr double kZoomPerNotch = 0.88;      // factor of the distance
-constexpr double kFramingMargin = 1.06;     // of the half picture
-constexpr double kIsoElevation = 0.70;      // rad, 40°
-constexpr double kSideElevation = 0.10;     // rad
+constexpr double kOrbitPerPixel = 0.006;  // rad
+constexpr double kZoomPerNotch = 0.88;    // factor of the distance
+constexpr double kFramingMargin = 1.06;   // of the half picture
+constexpr double kIsoElevation = 0.70;    // rad, 40°
+constexpr double kSideElevation = 0.10;   // rad
 
 std::array<Eigen::Vector3d, 8> corners(const Eigen::AlignedBox3d& box) {
   std::array<Eigen::Vector3d, 8> result;
@@ -23,8 +25,8 @@ std::array<Eigen::Vector3d, 8> corners(const Eigen::AlignedBox3d& box) {
   return result;
 }
 
-// One side of the frustum pair left/right or bottom/top. With the eye at (e, d), d towards the viewer, a point
-// (p, z) is inside when |p − e| ≤ k·(d − z): the nearest d and the centred e that hold for all points.
+// One side of the frustum pair left/right or bottom/top. With the eye at (e, d), d towards the viewer, a
+// point (p, z) is inside when |p − e| ≤ k·(d − z): the nearest d and the centred e that hold for all points.
 struct Fit {
   double low = -std::numeric_limits<double>::infinity();
   double high = -std::numeric_limits<double>::infinity();
@@ -56,11 +58,15 @@ Camera Camera::framing(const scene::SurfaceSpec& surface, Preset preset, double 
   const double k_y = std::tan(camera.field_of_view_ / 2.0) / kFramingMargin;
   const double k_x = k_y * aspect;
   Fit x, y;
-  for (const Eigen::Vector3d& corner : corners(box)) {
-    const double depth = -corner.dot(camera.forward());
-    x.add(corner.dot(camera.right()), depth, k_x);
-    y.add(corner.dot(camera.up()), depth, k_y);
-  }
+  const auto include = [&](const Eigen::Vector3d& point) {
+    const double depth = -point.dot(camera.forward());
+    x.add(point.dot(camera.right()), depth, k_x);
+    y.add(point.dot(camera.up()), depth, k_y);
+  };
+  for (const Eigen::Vector3d& corner : corners(box)) include(corner);
+  const Axes axes = axes_of(surface);
+  include(axes.origin);
+  for (int i = 0; i < 3; ++i) include(axes.origin + axes.length * Eigen::Vector3d::Unit(i));
   const double eye_depth = std::max(x.distance(k_x), y.distance(k_y));
   const double target_depth = -box.center().dot(camera.forward());
   camera.distance_ = camera.home_distance_ = eye_depth - target_depth;
@@ -79,8 +85,8 @@ void Camera::pan(double dx, double dy, double height) {
 }
 
 void Camera::zoom(double notches) {
-  distance_ = std::clamp(distance_ * std::pow(kZoomPerNotch, notches), home_distance_ / 200.0,
-                         home_distance_ * 5.0);
+  distance_ =
+      std::clamp(distance_ * std::pow(kZoomPerNotch, notches), home_distance_ / 200.0, home_distance_ * 5.0);
 }
 
 Eigen::Vector3d Camera::forward() const {
@@ -118,8 +124,8 @@ Eigen::Matrix4d Camera::projection_matrix(double aspect) const {
 }
 
 Eigen::Vector3d Camera::project(const Eigen::Vector3d& point, double width, double height) const {
-  const Eigen::Vector4d clip =
-      projection_matrix(width / height) * (view_matrix() * Eigen::Vector4d(point.x(), point.y(), point.z(), 1.0));
+  const Eigen::Vector4d clip = projection_matrix(width / height) *
+                               (view_matrix() * Eigen::Vector4d(point.x(), point.y(), point.z(), 1.0));
   return {(clip.x() / clip.w() + 1.0) * 0.5 * width, (1.0 - clip.y() / clip.w()) * 0.5 * height, clip.w()};
 }
 

@@ -14,22 +14,24 @@ enum class Preset { kTop, kIso, kSide };
 
 class Camera {
  public:
-  static constexpr double kMinElevation = 0.02;   // rad: never below the table
+  static constexpr double kMinElevation = 0.02;    // rad: never below the table
   static constexpr double kMaxElevation = 1.5700;  // rad: just short of straight down
 
-  // The whole surface (its table, its pins from the lowest to the highest place they can take) fills a picture
-  // of that aspect ratio (width / height) with a small margin. kTop has north up; kIso looks north from the
-  // south at 40° above the horizon; kSide looks north from just above the table.
+  // The whole table (its pins from the lowest to the highest place they can take, and the axes beside it)
+  // fills a picture of that aspect ratio (width / height) with a small margin. kTop has north up; kIso looks
+  // north from the south at 40° above the horizon; kSide looks north from just above the table.
   static Camera framing(const scene::SurfaceSpec& surface, Preset preset, double aspect);
 
-  // The box that framing() frames, u.
+  // The box of the table and its pins, u.
   static Eigen::AlignedBox3d extent(const scene::SurfaceSpec& surface);
 
   // dx, dy: pointer movement in pixels, y down. Dragging to the right turns the scene to the right.
   void orbit(double dx, double dy);
-  // Moves the target in the picture's plane so that it stays under the pointer. height: of the picture, pixels.
+  // Moves the target in the picture's plane so that it stays under the pointer. height: of the picture,
+  // pixels.
   void pan(double dx, double dy, double height);
-  // notches > 0 comes closer, by the same factor each; the distance stays within 1/200 and 5 times the framed one.
+  // notches > 0 comes closer, by the same factor each; the distance stays within 1/200 and 5 times the framed
+  // one.
   void zoom(double notches);
 
   Eigen::Vector3d eye() const;
@@ -46,7 +48,8 @@ class Camera {
   Eigen::Matrix4d view_matrix() const;
   // Eye → clip coordinates as OpenGL has them (depth −1 … 1).
   Eigen::Matrix4d projection_matrix(double aspect) const;
-  // Pixel of a world point in a picture of that size, y down from the top edge; z is the depth along forward().
+  // Pixel of a world point in a picture of that size, y down from the top edge; z is the depth along
+  // forward().
   Eigen::Vector3d project(const Eigen::Vector3d& point, double width, double height) const;
 
  private:

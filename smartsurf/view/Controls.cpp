@@ -26,26 +26,54 @@ double Controls::slower(double pace) {
 void Controls::press(Key key, const Status& status) {
   const double pace = commands_.pace.value_or(status.requested_pace);
   switch (key) {
-    case Key::kPause: commands_.toggle_pause = !commands_.toggle_pause; break;
-    case Key::kStep: ++commands_.steps; break;
-    case Key::kFaster: commands_.pace = faster(pace); break;
-    case Key::kSlower: commands_.pace = slower(pace); break;
-    case Key::kMaxPace: commands_.pace = pace > 0.0 ? 0.0 : 1.0; break;
-    case Key::kTop: frame(Preset::kTop); break;
-    case Key::kIso: frame(Preset::kIso); break;
-    case Key::kSide: frame(Preset::kSide); break;
-    case Key::kWireframe: style_ = style_ == Style::kSolid ? Style::kWireframe : Style::kSolid; break;
-    case Key::kGrid: grid_ = !grid_; break;
-    case Key::kPicture: picture_ = true; break;
-    case Key::kHelp: help_ = !help_; break;
-    case Key::kQuit: commands_.quit = true; break;
+    case Key::kPause:
+      commands_.toggle_pause = !commands_.toggle_pause;
+      break;
+    case Key::kStep:
+      ++commands_.steps;
+      break;
+    case Key::kFaster:
+      commands_.pace = faster(pace);
+      break;
+    case Key::kSlower:
+      commands_.pace = slower(pace);
+      break;
+    case Key::kMaxPace:
+      commands_.pace = pace > 0.0 ? 0.0 : 1.0;
+      break;
+    case Key::kTop:
+      frame(Preset::kTop);
+      break;
+    case Key::kIso:
+      frame(Preset::kIso);
+      break;
+    case Key::kSide:
+      frame(Preset::kSide);
+      break;
+    case Key::kWireframe:
+      style_ = style_ == Style::kSolid ? Style::kWireframe : Style::kSolid;
+      break;
+    case Key::kGrid:
+      grid_ = !grid_;
+      break;
+    case Key::kPicture:
+      picture_ = true;
+      break;
+    case Key::kHelp:
+      help_ = !help_;
+      break;
+    case Key::kQuit:
+      commands_.quit = true;
+      break;
   }
 }
 
 void Controls::drag(Drag kind, double dx, double dy, double height) {
   camera_touched_ = true;
-  if (kind == Drag::kOrbit) camera_.orbit(dx, dy);
-  else camera_.pan(dx, dy, height);
+  if (kind == Drag::kOrbit)
+    camera_.orbit(dx, dy);
+  else
+    camera_.pan(dx, dy, height);
 }
 
 void Controls::wheel(double notches) {

@@ -1,5 +1,5 @@
-// What the user does with mouse and keys, turned into camera movements and wishes for the simulator. No window
-// and no OpenGL here: events come in as plain calls.
+// What the user does with mouse and keys, turned into camera movements and wishes for the simulator. No
+// window and no OpenGL here: events come in as plain calls.
 #pragma once
 
 #include <optional>
@@ -13,25 +13,39 @@ namespace smartsurf::view {
 
 // What the simulator tells the user besides the snapshot.
 struct Status {
-  std::string mode;                // "time-step" or "passive"
-  std::string controller;          // who drives the surface: name, process id and state in a few words; or ""
+  std::string mode;        // "time-step" or "passive"
+  std::string controller;  // who drives the surface: name, process id and state in a few words; or ""
   bool paused = false;
-  double requested_pace = 1.0;     // simulated seconds a second of wall-clock; 0: as fast as possible
-  double actual_pace = 0.0;        // measured
-  double physics_ms = 0.0;         // wall-clock of one tick's physics
-  std::optional<double> purity;    // [0, 1], when the experiment has such a measure
+  double requested_pace = 1.0;   // simulated seconds a second of wall-clock; 0: as fast as possible
+  double actual_pace = 0.0;      // measured
+  double physics_ms = 0.0;       // wall-clock of one tick's physics
+  std::optional<double> purity;  // [0, 1], when the experiment has such a measure
 };
 
 // What the user asked for since the last frame.
 struct Commands {
   bool toggle_pause = false;
-  int steps = 0;                // single ticks, to run while paused
-  std::optional<double> pace;   // new pace, as Status::requested_pace
+  int steps = 0;               // single ticks, to run while paused
+  std::optional<double> pace;  // new pace, as Status::requested_pace
   bool quit = false;
-  std::string screenshot;       // path of a picture that was just written, or ""
+  std::string screenshot;  // path of a picture that was just written, or ""
 };
 
-enum class Key { kPause, kStep, kFaster, kSlower, kMaxPace, kTop, kIso, kSide, kWireframe, kGrid, kPicture, kHelp, kQuit };
+enum class Key {
+  kPause,
+  kStep,
+  kFaster,
+  kSlower,
+  kMaxPace,
+  kTop,
+  kIso,
+  kSide,
+  kWireframe,
+  kGrid,
+  kPicture,
+  kHelp,
+  kQuit
+};
 enum class Drag { kOrbit, kPan };
 
 class Controls {

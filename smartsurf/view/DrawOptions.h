@@ -13,8 +13,9 @@ enum class Style {
 struct DrawOptions {
   Style style = Style::kSolid;
 
-  // Colours the pins by one channel instead of by height: rows × columns values, row-major, row 0 north, in the
-  // channel's unit; low and high take the ends of the palette. Empty: none. Must outlive the call it is given to.
+  // Colours the pins by one channel instead of by height: rows × columns values, row-major, row 0 north, in
+  // the channel's unit. low takes the palette's dark end and high its bright one; for distances, where near
+  // should be bright, low may be the larger. Empty: none. Must outlive the call it is given to.
   std::span<const float> cell_values;
   float low = 0.0f, high = 1.0f;
 

@@ -18,7 +18,8 @@ class Shader {
     std::array<char, 2048> log{};
     glGetShaderInfoLog(id_, static_cast<GLsizei>(log.size()), nullptr, log.data());
     glDeleteShader(id_);
-    throw std::runtime_error("OpenGL: the shader '" + std::string(name) + "' does not compile: " + log.data());
+    throw std::runtime_error("OpenGL: the shader '" + std::string(name) +
+                             "' does not compile: " + log.data());
   }
   Shader(const Shader&) = delete;
   ~Shader() { glDeleteShader(id_); }
@@ -31,7 +32,8 @@ class Shader {
 }  // namespace
 
 ShaderProgram link_program(std::string_view name, const std::string& vertex, const std::string& fragment) {
-  const Shader vertex_shader(GL_VERTEX_SHADER, name, vertex), fragment_shader(GL_FRAGMENT_SHADER, name, fragment);
+  const Shader vertex_shader(GL_VERTEX_SHADER, name, vertex),
+      fragment_shader(GL_FRAGMENT_SHADER, name, fragment);
   ShaderProgram program(glCreateProgram());
   glAttachShader(program.id(), vertex_shader.id());
   glAttachShader(program.id(), fragment_shader.id());
@@ -68,8 +70,8 @@ void Canvas::resize(int new_width, int new_height) {
   glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, colour.id(), 0);
   glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, depth.id());
   if (glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
-    throw std::runtime_error("OpenGL: the driver cannot draw a picture of " + std::to_string(new_width) + " × " +
-                             std::to_string(new_height) + " pixels");
+    throw std::runtime_error("OpenGL: the driver cannot draw a picture of " + std::to_string(new_width) +
+                             " × " + std::to_string(new_height) + " pixels");
   width = new_width;
   height = new_height;
 }

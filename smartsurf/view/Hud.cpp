@@ -21,8 +21,10 @@ const ImVec4 kFaint(0.36f, 0.40f, 0.46f, 1.0f);
 std::string pace_text(double pace) {
   char text[32];
   if (pace <= 0.0) return "max";
-  if (pace < 1.0) std::snprintf(text, sizeof(text), "1/%.3g×", 1.0 / pace);
-  else std::snprintf(text, sizeof(text), "%.3g×", pace);
+  if (pace < 1.0)
+    std::snprintf(text, sizeof(text), "1/%.3g×", 1.0 / pace);
+  else
+    std::snprintf(text, sizeof(text), "%.3g×", pace);
   return text;
 }
 
@@ -84,8 +86,8 @@ void set_up_hud(float scale) {
   style.ScaleAllSizes(scale);
 }
 
-void draw_hud(const scene::Snapshot& snapshot, const Status& status, const HudState& state, Controls& controls,
-              float scale) {
+void draw_hud(const scene::Snapshot& snapshot, const Status& status, const HudState& state,
+              Controls& controls, float scale) {
   ImGui::SetNextWindowPos({12.0f * scale, 12.0f * scale});
   ImGui::SetNextWindowBgAlpha(0.82f);
   ImGui::Begin("run", nullptr, kPanel);
@@ -99,7 +101,8 @@ void draw_hud(const scene::Snapshot& snapshot, const Status& status, const HudSt
   ImGui::TextColored(kFaint, "F1: help");
   ImGui::End();
   if (!status.paused) return;
-  ImGui::SetNextWindowPos({ImGui::GetIO().DisplaySize.x / 2.0f, 12.0f * scale}, ImGuiCond_Always, {0.5f, 0.0f});
+  ImGui::SetNextWindowPos({ImGui::GetIO().DisplaySize.x / 2.0f, 12.0f * scale}, ImGuiCond_Always,
+                          {0.5f, 0.0f});
   ImGui::SetNextWindowBgAlpha(0.82f);
   ImGui::Begin("paused", nullptr, kPanel | ImGuiWindowFlags_NoInputs);
   ImGui::TextUnformatted("Paused");
@@ -108,18 +111,12 @@ void draw_hud(const scene::Snapshot& snapshot, const Status& status, const HudSt
 
 void draw_help(float scale) {
   static constexpr const char* kHelp[][2] = {
-      {"Left drag", "turn"},
-      {"Right or middle drag, Shift + left", "move"},
-      {"Wheel", "zoom"},
-      {"1   2   3", "from above, whole table, from the side"},
-      {"Space", "pause and run"},
-      {"Right arrow", "one tick, when paused"},
-      {"+   -", "faster, slower"},
-      {"M", "as fast as possible, and back to real time"},
-      {"W", "objects as wires"},
-      {"G", "grid"},
-      {"P", "write a picture"},
-      {"F1", "this help"},
+      {"Left drag", "turn"},       {"Right or middle drag, Shift + left", "move"},
+      {"Wheel", "zoom"},           {"1   2   3", "from above, whole table, from the side"},
+      {"Space", "pause and run"},  {"Right arrow", "one tick, when paused"},
+      {"+   -", "faster, slower"}, {"M", "as fast as possible, and back to real time"},
+      {"W", "objects as wires"},   {"G", "grid"},
+      {"P", "write a picture"},    {"F1", "this help"},
       {"Esc   Q", "quit"}};
   const ImVec2 size = ImGui::GetIO().DisplaySize;
   ImGui::SetNextWindowPos({size.x / 2.0f, size.y / 2.0f}, ImGuiCond_Always, {0.5f, 0.5f});

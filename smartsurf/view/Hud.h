@@ -18,8 +18,8 @@ struct HudState {
 void set_up_hud(float scale);
 
 // The panel's buttons press keys on the controls.
-void draw_hud(const scene::Snapshot& snapshot, const Status& status, const HudState& state, Controls& controls,
-              float scale);
+void draw_hud(const scene::Snapshot& snapshot, const Status& status, const HudState& state,
+              Controls& controls, float scale);
 void draw_help(float scale);
 // Letters at the ends of the axes.
 void draw_axis_names(const scene::SurfaceSpec& surface, const Camera& camera, float width, float height);

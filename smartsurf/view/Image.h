@@ -9,9 +9,12 @@ namespace smartsurf::view {
 
 struct Image {
   int width = 0, height = 0;
-  std::vector<std::uint8_t> rgb;  // height × width × 3, row-major, row 0 is the top edge; as a screen shows them
+  std::vector<std::uint8_t>
+      rgb;  // height × width × 3, row-major, row 0 is the top edge; as a screen shows them
 
-  const std::uint8_t* pixel(int x, int y) const { return &rgb[(static_cast<std::size_t>(y) * width + x) * 3]; }
+  const std::uint8_t* pixel(int x, int y) const {
+    return &rgb[(static_cast<std::size_t>(y) * width + x) * 3];
+  }
 };
 
 // Writes the file whole or not at all: first beside it as PATH.part, then renamed.

@@ -1,5 +1,5 @@
-// The three kinds of things that a picture consists of, each drawn by one call a kind. Internal to the room; an
-// OpenGL context must be current wherever one of these is made, used or destroyed.
+// The three kinds of things that a picture consists of, each drawn by one call a kind. Internal to the room;
+// an OpenGL context must be current wherever one of these is made, used or destroyed.
 #pragma once
 
 #include <array>
@@ -21,7 +21,7 @@ class PinLayer {
 
  private:
   std::array<float, 4> pin_;
-  float base_;
+  float base_, sunk_;
   std::array<GLint, 4> grid_;
   VertexArray array_;
   Buffer corners_, triangles_, instances_;

@@ -21,7 +21,8 @@ std::vector<EGLDisplay> displays() {
     std::array<EGLDeviceEXT, 16> devices{};
     EGLint count = 0;
     if (eglQueryDevicesEXT(static_cast<EGLint>(devices.size()), devices.data(), &count))
-      for (EGLint i = 0; i < count; ++i) add(eglGetPlatformDisplayEXT(EGL_PLATFORM_DEVICE_EXT, devices[i], nullptr));
+      for (EGLint i = 0; i < count; ++i)
+        add(eglGetPlatformDisplayEXT(EGL_PLATFORM_DEVICE_EXT, devices[i], nullptr));
   }
   add(eglGetDisplay(EGL_DEFAULT_DISPLAY));
   return found;
@@ -39,11 +40,15 @@ OffscreenContext::OffscreenContext() {
 
 bool OffscreenContext::open(void* display) {
   if (!eglInitialize(display, nullptr, nullptr)) return false;
-  static constexpr EGLint kVersion[] = {EGL_CONTEXT_MAJOR_VERSION, 3, EGL_CONTEXT_MINOR_VERSION, 3,
-                                        EGL_CONTEXT_OPENGL_PROFILE_MASK, EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT,
+  static constexpr EGLint kVersion[] = {EGL_CONTEXT_MAJOR_VERSION,
+                                        3,
+                                        EGL_CONTEXT_MINOR_VERSION,
+                                        3,
+                                        EGL_CONTEXT_OPENGL_PROFILE_MASK,
+                                        EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT,
                                         EGL_NONE};
-  static constexpr EGLint kAnyConfig[] = {EGL_SURFACE_TYPE, EGL_DONT_CARE, EGL_RENDERABLE_TYPE, EGL_OPENGL_BIT,
-                                          EGL_NONE};
+  static constexpr EGLint kAnyConfig[] = {EGL_SURFACE_TYPE, EGL_DONT_CARE, EGL_RENDERABLE_TYPE,
+                                          EGL_OPENGL_BIT, EGL_NONE};
   EGLConfig config = EGL_NO_CONFIG_KHR;  // enough where the framebuffers are our own
   EGLint count = 0;
   if (!epoxy_has_egl_extension(display, "EGL_KHR_no_config_context"))

@@ -1,7 +1,8 @@
 // Pictures without a window or a display: OpenGL through plain EGL into memory.
 //
-// The same snapshot, camera, options and size give the same bytes on the same driver. Used from one thread at a
-// time, any thread; it leaves no context current behind, so that it can live beside a Window of the same process.
+// The same snapshot, camera, options and size give the same bytes on the same driver. Used from one thread at
+// a time, any thread; it leaves no context current behind, so that it can live beside a Window of the same
+// process.
 #pragma once
 
 #include <memory>
@@ -22,8 +23,8 @@ class OffscreenView {
   explicit OffscreenView(const scene::SceneSpec& spec);
   ~OffscreenView();
 
-  // catalogue: every object ever made, index = object id. width, height: 1 to 8192 pixels; beyond that, or where
-  // the driver draws no picture so large, throws scene::InputError.
+  // catalogue: every object ever made, index = object id. width, height: 1 to 8192 pixels; beyond that, or
+  // where the driver draws no picture so large, throws scene::InputError.
   Image draw(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
              const Camera& camera, const DrawOptions& options, int width, int height);
 

@@ -7,8 +7,8 @@ namespace smartsurf::view {
 
 using Rgb = std::array<float, 3>;  // [0, 1] each
 
-// The perceptually uniform palette "viridis" (CC0; S. van der Walt, N. Smith), dark violet at t = 0 to yellow at
-// t = 1, as a screen shows it; t is clamped and a NaN gives grey. Within 0.01 of the original table.
+// The perceptually uniform palette "viridis" (CC0; S. van der Walt, N. Smith), dark violet at t = 0 to yellow
+// at t = 1, as a screen shows it; t is clamped and a NaN gives grey. Within 0.01 of the original table.
 Rgb viridis(float t);
 
 // A screen's colour (gamma 2.2) as linear light, in which lighting is computed.

@@ -8,21 +8,25 @@
 namespace smartsurf::view {
 namespace {
 
-constexpr float kReach = 1.6f;       // an object darkens pins within this many radii
-constexpr float kOverhead = 0.8f;    // strength of that shade
-constexpr float kCorner = 0.62f;     // strength of the shade in a corner of walls as high as a pin is wide
+constexpr float kReach = 1.6f;     // an object darkens pins within this many radii
+constexpr float kOverhead = 0.8f;  // strength of that shade
+constexpr float kCorner = 0.62f;   // strength of the shade in a corner of walls as high as a pin is wide
 
 // As a screen shows them: pins that are down, pins that are up, and the border.
 constexpr Rgb kLow{0.36f, 0.42f, 0.50f}, kHigh{0.86f, 0.87f, 0.88f}, kBorder{0.31f, 0.34f, 0.39f};
 
-std::uint8_t byte(float value) { return static_cast<std::uint8_t>(std::clamp(value, 0.0f, 1.0f) * 255.0f + 0.5f); }
+std::uint8_t byte(float value) {
+  return static_cast<std::uint8_t>(std::clamp(value, 0.0f, 1.0f) * 255.0f + 0.5f);
+}
 
 // How much a wall of that height, in pins' widths, hides of the sky from a point at its foot: 0 … 1.
 float hidden_by(float wall) { return wall <= 0.0f ? 0.0f : wall / std::sqrt(1.0f + wall * wall); }
 
 }  // namespace
 
-double ground_height(const scene::SurfaceSpec& surface) { return surface.pin.min_height - surface.pin.length; }
+double ground_height(const scene::SurfaceSpec& surface) {
+  return surface.pin.min_height - surface.pin.length;
+}
 
 PinShading::PinShading(const scene::SurfaceSpec& surface)
     : surface_(surface),
@@ -46,18 +50,20 @@ PinShading::Corners PinShading::sky_of(const scene::Snapshot& snapshot, int row,
   const auto corner = [](float side_a, float side_b, float diagonal) {
     return 1.0f - kCorner * (side_a + side_b + std::max(diagonal, std::min(side_a, side_b))) / 3.0f;
   };
-  return {corner(south, west, wall(1, -1)), corner(south, east, wall(1, 1)), corner(north, west, wall(-1, -1)),
-          corner(north, east, wall(-1, 1))};
+  return {corner(south, west, wall(1, -1)), corner(south, east, wall(1, 1)),
+          corner(north, west, wall(-1, -1)), corner(north, east, wall(-1, 1))};
 }
 
-void PinShading::darken_under(const scene::Snapshot& snapshot, const std::array<float, 3>& centre, float radius) {
+void PinShading::darken_under(const scene::Snapshot& snapshot, const std::array<float, 3>& centre,
+                              float radius) {
   const float pitch = static_cast<float>(surface_.pitch), reach = kReach * radius + pitch;
   const auto cell = [pitch](float metres) { return metres / pitch; };
   const float south_row = static_cast<float>(surface_.rows - 1);
   const float limit = 2.0f * static_cast<float>(std::max(surface_.rows, surface_.columns));
   if (!(std::abs(cell(centre[0])) < limit) || !(std::abs(cell(centre[1])) < limit)) return;
   const int first_column = std::max(0, static_cast<int>(std::ceil(cell(centre[0] - reach))));
-  const int last_column = std::min(surface_.columns - 1, static_cast<int>(std::floor(cell(centre[0] + reach))));
+  const int last_column =
+      std::min(surface_.columns - 1, static_cast<int>(std::floor(cell(centre[0] + reach))));
   const int first_row = std::max(0, static_cast<int>(std::ceil(south_row - cell(centre[1] + reach))));
   const int last_row =
       std::min(surface_.rows - 1, static_cast<int>(std::floor(south_row - cell(centre[1] - reach))));
@@ -113,7 +119,8 @@ PinShading::Bytes PinShading::colour_of(const scene::Snapshot& snapshot, const D
 
 std::span<const PinInstance> PinShading::update(const scene::Snapshot& snapshot,
                                                 const std::vector<scene::ObjectSpec>& catalogue,
-                                                const DrawOptions& options, bool north_first, bool east_first) {
+                                                const DrawOptions& options, bool north_first,
+                                                bool east_first) {
   for (int row = 0; row < surface_.rows; ++row)
     for (int column = 0; column < surface_.columns; ++column)
       sky_[surface_.index(row, column)] = sky_of(snapshot, row, column);
@@ -147,7 +154,8 @@ float PinShading::rim_height(const scene::Snapshot& snapshot, float x, float y, 
   float sum = 0.0f;
   for (const auto& direction : kRing) {
     const int column = static_cast<int>(std::floor((x + direction[0] * reach) / pitch + 0.5f));
-    const int row = surface_.rows - 1 - static_cast<int>(std::floor((y + direction[1] * reach) / pitch + 0.5f));
+    const int row =
+        surface_.rows - 1 - static_cast<int>(std::floor((y + direction[1] * reach) / pitch + 0.5f));
     sum += height_at(snapshot, row, column);
   }
   return sum / 8.0f;

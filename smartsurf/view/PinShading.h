@@ -1,6 +1,6 @@
-// What the graphics card needs to know of each pin, one record a pin: its height, colour and how much of the sky
-// it sees. The surface is a height field, so occlusion by neighbours and by objects overhead is cheap and smooth
-// when computed here, once a pin, instead of once a pixel.
+// What the graphics card needs to know of each pin, one record a pin: its height, colour and how much of the
+// sky it sees. The surface is a height field, so occlusion by neighbours and by objects overhead is cheap and
+// smooth when computed here, once a pin, instead of once a pixel.
 //
 // No OpenGL here. Nothing is allocated after the first frame.
 #pragma once
@@ -17,10 +17,11 @@
 namespace smartsurf::view {
 
 struct PinInstance {
-  float height;                            // z of the top, u
-  std::array<std::uint8_t, 4> colour;      // linear light, 255 = 1; [3] is 0
-  std::array<std::uint8_t, 4> corner_sky;  // share of the sky that the top's corners SW, SE, NW, NE see; 255 = all
-  std::array<float, 4> neighbour;          // z of the tops of the pins to the west, east, south, north, u
+  float height;                        // z of the top, u
+  std::array<std::uint8_t, 4> colour;  // linear light, 255 = 1; [3] is 0
+  std::array<std::uint8_t, 4>
+      corner_sky;                  // share of the sky that the top's corners SW, SE, NW, NE see; 255 = all
+  std::array<float, 4> neighbour;  // z of the tops of the pins to the west, east, south, north, u
 };
 
 class PinShading {
@@ -33,7 +34,8 @@ class PinShading {
                                       const std::vector<scene::ObjectSpec>& catalogue,
                                       const DrawOptions& options, bool north_first, bool east_first);
 
-  // Mean height of the pins around an object that reaches that far from its centre; the table's base beside it.
+  // Mean height of the pins around an object that reaches that far from its centre; the table's base beside
+  // it.
   float rim_height(const scene::Snapshot& snapshot, float x, float y, float reach) const;
 
  private:
@@ -51,7 +53,7 @@ class PinShading {
   Bytes colour_of(const scene::Snapshot& snapshot, const DrawOptions& options, int row, int column) const;
 
   scene::SurfaceSpec surface_;
-  float base_;                // z of the table, u
+  float base_;  // z of the table, u
   Tints tints_;
   std::vector<Corners> sky_;  // rows × columns, row-major, row 0 north
   std::vector<PinInstance> pins_;

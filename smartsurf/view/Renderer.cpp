@@ -20,7 +20,7 @@ struct FrameUniforms {
 };
 static_assert(sizeof(FrameUniforms) == 2 * 64 + 5 * 16);
 
-constexpr Rgb kBoard{0.42f, 0.44f, 0.47f};
+constexpr Rgb kBoard{0.20f, 0.21f, 0.23f};
 constexpr Rgb kAxis[3] = {{0.80f, 0.16f, 0.14f}, {0.16f, 0.58f, 0.22f}, {0.14f, 0.32f, 0.82f}};
 
 std::array<float, 3> floats(const Eigen::Vector3d& v) {
@@ -28,7 +28,8 @@ std::array<float, 3> floats(const Eigen::Vector3d& v) {
 }
 
 std::array<float, 4> with_w(const Eigen::Vector3d& v, double w) {
-  return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z()), static_cast<float>(w)};
+  return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z()),
+          static_cast<float>(w)};
 }
 
 ObjectInstance upright_box(const Eigen::Vector3d& low, const Eigen::Vector3d& high, const Rgb& screen) {
@@ -77,7 +78,7 @@ struct Renderer::State {
   VertexArray empty_array;
   Canvas canvas;
   std::array<std::vector<ObjectInstance>, 3> instances;  // by ShapeKind
-  std::size_t furniture = 0;                              // boxes that are no objects, first among them
+  std::size_t furniture = 0;                             // boxes that are no objects, first among them
 };
 
 void Renderer::State::add_furniture(const DrawOptions& options) {
@@ -119,9 +120,10 @@ void Renderer::State::upload(const scene::Snapshot& snapshot, const std::vector<
     instances[static_cast<std::size_t>(object.shape)].push_back(instance_of(snapshot, i, object));
     const auto& p = snapshot.position[i];
     const double radius = object.half_extents().norm();
-    const Eigen::Vector3d at(p[0], p[1], std::min<double>(p[2] + radius, near.max().z() + lit.sizes().maxCoeff()));
-    if (at.x() > near.min().x() && at.x() < near.max().x() && at.y() > near.min().y() && at.y() < near.max().y() &&
-        std::isfinite(at.z()))
+    const Eigen::Vector3d at(p[0], p[1],
+                             std::min<double>(p[2] + radius, near.max().z() + lit.sizes().maxCoeff()));
+    if (at.x() > near.min().x() && at.x() < near.max().x() && at.y() > near.min().y() &&
+        at.y() < near.max().y() && std::isfinite(at.z()))
       lit.extend(at);
   }
   for (const auto shape : {scene::ShapeKind::kSphere, scene::ShapeKind::kBox, scene::ShapeKind::kCylinder})
@@ -164,8 +166,10 @@ void Renderer::State::draw_shadows(const DrawOptions& options) {
   set_frame(light_frame());
   shadow.begin();
   pins.draw(Pass::kShadow);
-  if (options.style == Style::kSolid) objects.draw(Pass::kShadow);
-  else objects.draw_solid_boxes(Pass::kShadow, static_cast<int>(furniture));
+  if (options.style == Style::kSolid)
+    objects.draw(Pass::kShadow);
+  else
+    objects.draw_solid_boxes(Pass::kShadow, static_cast<int>(furniture));
   shadow.end();
 }
 
@@ -174,8 +178,10 @@ void Renderer::State::draw_colour(const DrawOptions& options, int width, int hei
   glClear(GL_DEPTH_BUFFER_BIT);
   shadow.bind(0);
   pins.draw(colour_pass);
-  if (options.style == Style::kSolid) objects.draw(colour_pass);
-  else objects.draw_solid_boxes(colour_pass, static_cast<int>(furniture));
+  if (options.style == Style::kSolid)
+    objects.draw(colour_pass);
+  else
+    objects.draw_solid_boxes(colour_pass, static_cast<int>(furniture));
   if (spec.world.ground) ground.draw_ground(options.grid);
   glDepthFunc(GL_LEQUAL);
   ground.draw_backdrop();
@@ -190,15 +196,17 @@ void Renderer::State::draw_colour(const DrawOptions& options, int width, int hei
 
 Renderer::Renderer(const scene::SceneSpec& spec, const Quality& quality) {
   if (epoxy_gl_version() < 33)
-    throw std::runtime_error("OpenGL 3.3 is needed and this driver offers less; the packages libgl1-mesa-dri "
-                             "libegl1 bring a software one");
+    throw std::runtime_error(
+        "OpenGL 3.3 is needed and this driver offers less; the packages libgl1-mesa-dri "
+        "libegl1 bring a software one");
   state_ = std::make_unique<State>(spec, quality);
 }
 
 Renderer::~Renderer() = default;
 
 void Renderer::draw(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
-                    const Camera& camera, const DrawOptions& options, unsigned framebuffer, int width, int height) {
+                    const Camera& camera, const DrawOptions& options, unsigned framebuffer, int width,
+                    int height) {
   State& s = *state_;
   assert(snapshot.height.size() == static_cast<std::size_t>(s.spec.surface.cells()));
   assert(options.cell_values.empty() || options.cell_values.size() == snapshot.height.size());

@@ -1,8 +1,8 @@
-// Draws one snapshot with OpenGL 3.3 core into a framebuffer. Internal to the room: callers use OffscreenView or
-// Window.
+// Draws one snapshot with OpenGL 3.3 core into a framebuffer. Internal to the room: callers use OffscreenView
+// or Window.
 //
-// A context must be current, the same one, in every call; not thread-safe. draw() allocates only when the number
-// of objects or the size of the picture grows.
+// A context must be current, the same one, in every call; not thread-safe. draw() allocates only when the
+// number of objects or the size of the picture grows.
 #pragma once
 
 #include <memory>
@@ -31,8 +31,8 @@ class Renderer {
   ~Renderer();
 
   // catalogue: every object ever made, index = object id. width, height: of the framebuffer, pixels.
-  void draw(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue, const Camera& camera,
-            const DrawOptions& options, unsigned framebuffer, int width, int height);
+  void draw(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
+            const Camera& camera, const DrawOptions& options, unsigned framebuffer, int width, int height);
 
  private:
   struct State;

@@ -73,6 +73,7 @@ layout(location = 4) in vec4 neighbour;
 uniform ivec4 grid;     // rows, columns, north first, east first
 uniform vec4 pin;       // half top x, half top y, length, pitch
 uniform float base;
+uniform float sunk;     // how far below its neighbour's top a side is drawn
 out vec3 world;
 flat out vec3 normal;
 flat out vec3 albedo;
@@ -87,11 +88,13 @@ void main() {
   vec2 towards = eye.w > 0.5 ? eye.xy - centre : -ray.xy;
   vec2 s = vec2(towards.x < 0.0 ? -1.0 : 1.0, towards.y < 0.0 ? -1.0 : 1.0);
   vec2 at = corner.xy * s;
-  world = vec3(centre + at * pin.xy, corner.z > 0.5 ? height : min(base, height));
   normal = corner.w < 0.5 ? vec3(0, 0, 1) : corner.w < 1.5 ? vec3(s.x, 0, 0) : vec3(0, s.y, 0);
   albedo = colour.rgb;
   float beside = corner.w < 1.5 ? (s.x < 0.0 ? neighbour.x : neighbour.y)
                                 : (s.y < 0.0 ? neighbour.z : neighbour.w);
+  bool outermost = north == 0 || east == 0 || north == grid.x - 1 || east == grid.y - 1;
+  float foot = outermost ? base : max(base, min(beside, height) - sunk);
+  world = vec3(centre + at * pin.xy, corner.z > 0.5 ? height : min(foot, height));
   levels = vec2(height - pin.z, corner.w < 0.5 ? -1e30 : beside);
   sky = at.y < 0.0 ? (at.x < 0.0 ? corner_sky.x : corner_sky.y) : (at.x < 0.0 ? corner_sky.z : corner_sky.w);
   gl_Position = clip_from_world * vec4(world, 1.0);
@@ -160,8 +163,8 @@ void main() {
 }
 )";
 
-// The light sees a sphere as a flat disc through its centre: the same outline, and no point that the light can
-// reach lies behind it. So no depth need be computed a pixel.
+// The light sees a sphere as a flat disc through its centre: the same outline, and no point that the light
+// can reach lies behind it. So no depth need be computed a pixel.
 constexpr const char* kSphereShadowFragment = R"(
 in vec3 world;
 flat in vec4 ball;
@@ -273,9 +276,7 @@ void main() {
 }
 )";
 
-std::string defines(Pass pass) {
-  return pass == Pass::kColourFine ? "#define FINE\n" : "";
-}
+std::string defines(Pass pass) { return pass == Pass::kColourFine ? "#define FINE\n" : ""; }
 
 std::string head(Pass pass) { return kFrame + defines(pass); }
 
@@ -285,7 +286,8 @@ constexpr const char* kEmptyFragment = "void main() {}\n";
 
 ShaderSources pin_shaders(Pass pass) {
   return {head(pass) + kPinVertex,
-          head(pass) + (pass == Pass::kShadow ? std::string(kEmptyFragment) : std::string(kLighting) + kPinFragment)};
+          head(pass) +
+              (pass == Pass::kShadow ? std::string(kEmptyFragment) : std::string(kLighting) + kPinFragment)};
 }
 
 ShaderSources sphere_shaders(Pass pass) {

@@ -3,9 +3,9 @@
 #include <epoxy/gl.h>
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
-#include <imgui.h>
 #include <backends/imgui_impl_glfw.h>
 #include <backends/imgui_impl_opengl3.h>
+#include <imgui.h>
 
 #include <algorithm>
 #include <chrono>
@@ -38,27 +38,50 @@ bool drawn_in_software() {
 // By the character typed, so that the keys are where the user's keyboard has them.
 std::optional<Key> key_of_character(unsigned character) {
   switch (character) {
-    case ' ': return Key::kPause;
-    case '+': case '=': return Key::kFaster;
-    case '-': case '_': return Key::kSlower;
-    case 'm': case 'M': return Key::kMaxPace;
-    case '1': return Key::kTop;
-    case '2': return Key::kIso;
-    case '3': return Key::kSide;
-    case 'w': case 'W': return Key::kWireframe;
-    case 'g': case 'G': return Key::kGrid;
-    case 'p': case 'P': return Key::kPicture;
-    case 'q': case 'Q': return Key::kQuit;
-    default: return std::nullopt;
+    case ' ':
+      return Key::kPause;
+    case '+':
+    case '=':
+      return Key::kFaster;
+    case '-':
+    case '_':
+      return Key::kSlower;
+    case 'm':
+    case 'M':
+      return Key::kMaxPace;
+    case '1':
+      return Key::kTop;
+    case '2':
+      return Key::kIso;
+    case '3':
+      return Key::kSide;
+    case 'w':
+    case 'W':
+      return Key::kWireframe;
+    case 'g':
+    case 'G':
+      return Key::kGrid;
+    case 'p':
+    case 'P':
+      return Key::kPicture;
+    case 'q':
+    case 'Q':
+      return Key::kQuit;
+    default:
+      return std::nullopt;
   }
 }
 
 std::optional<Key> key_of_code(int code) {
   switch (code) {
-    case GLFW_KEY_RIGHT: return Key::kStep;
-    case GLFW_KEY_F1: return Key::kHelp;
-    case GLFW_KEY_ESCAPE: return Key::kQuit;
-    default: return std::nullopt;
+    case GLFW_KEY_RIGHT:
+      return Key::kStep;
+    case GLFW_KEY_F1:
+      return Key::kHelp;
+    case GLFW_KEY_ESCAPE:
+      return Key::kQuit;
+    default:
+      return std::nullopt;
   }
 }
 
@@ -66,7 +89,8 @@ std::optional<Key> key_of_code(int code) {
 class Desktop {
  public:
   Desktop(const std::string& title, int width, int height) {
-    if (!glfwInit()) throw std::runtime_error("no display to open a window on: set DISPLAY, or run with --headless");
+    if (!glfwInit())
+      throw std::runtime_error("no display to open a window on: set DISPLAY, or run with --headless");
     glfwWindowHint(GLFW_CONTEXT_VERSION_MAJOR, 3);
     glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 3);
     glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
@@ -75,7 +99,8 @@ class Desktop {
     if (!window_) {
       glfwTerminate();
       throw std::runtime_error(
-          "the display offers no OpenGL 3.3: install the packages libgl1-mesa-dri libegl1, or run with --headless");
+          "the display offers no OpenGL 3.3: install the packages libgl1-mesa-dri libegl1, or run with "
+          "--headless");
     }
     glfwMakeContextCurrent(window_);
     glfwSwapInterval(0);  // the simulation must never wait for the display
@@ -90,6 +115,15 @@ class Desktop {
 
  private:
   GLFWwindow* window_ = nullptr;
+};
+
+// The window's context is current only while it is needed: EGL refuses to make another one current beside it.
+class Current {
+ public:
+  explicit Current(GLFWwindow* window) { glfwMakeContextCurrent(window); }
+  ~Current() { glfwMakeContextCurrent(nullptr); }
+  Current(const Current&) = delete;
+  Current& operator=(const Current&) = delete;
 };
 
 class Gui {
@@ -112,13 +146,17 @@ class Gui {
 }  // namespace
 
 struct Window::State {
-  State(const scene::SceneSpec& s, const std::string& title, int width, int height)
+  State(const scene::SceneSpec& s, const std::string& title, int window_width, int window_height)
       : spec(s),
-        desktop(title, width, height),
+        desktop(title, window_width, window_height),
         controls(s.surface),
         scale(content_scale()),
         gui(listen(), scale),
-        renderer(s, drawn_in_software() ? Quality::fast() : Quality{2, 4096, true}) {}
+        renderer(s, drawn_in_software() ? Quality::fast() : Quality{2, 4096, true}) {
+    glfwGetFramebufferSize(desktop.window(), &width, &height);
+    if (width > 0 && height > 0) controls.resize(static_cast<double>(width) / height);
+    glfwMakeContextCurrent(nullptr);
+  }
 
   float content_scale() const {
     float x = 1.0f, y = 1.0f;
@@ -128,12 +166,15 @@ struct Window::State {
   GLFWwindow* listen();  // before ImGui does, which then passes events on
   void on_pointer(double x, double y);
   Commands take();
-  void draw(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
-            const DrawOptions& overlay, int width, int height);
-  void write_picture(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue, int width,
-                     int height, Commands& commands);
+  // False when there is nothing to draw on. copy: where to keep what is shown, or null.
+  bool show(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
+            const Status& new_status, const DrawOptions& overlay, Image* copy);
+  DrawOptions options(const DrawOptions& overlay) const;
+  void draw_panels(const scene::Snapshot& snapshot, bool axes);
+  void write_picture(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
+                     Commands& commands);
   Image fine_picture(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
-                     const DrawOptions& options, int width, int height);
+                     const DrawOptions& shown, int picture_width, int picture_height);
 
   scene::SceneSpec spec;
   Desktop desktop;
@@ -141,6 +182,7 @@ struct Window::State {
   Status status;
   HudState hud;
   double pointer_x = 0.0, pointer_y = 0.0;
+  int width = 0, height = 0;  // of the framebuffer, pixels
   float scale;
   Gui gui;
   Renderer renderer;
@@ -153,7 +195,8 @@ GLFWwindow* Window::State::listen() {
   glfwSetKeyCallback(window, [](GLFWwindow* w, int code, int, int action, int) {
     State& s = *static_cast<State*>(glfwGetWindowUserPointer(w));
     const auto key = key_of_code(code);
-    if (key && (action == GLFW_PRESS || (action == GLFW_REPEAT && *key == Key::kStep))) s.controls.press(*key, s.status);
+    if (key && (action == GLFW_PRESS || (action == GLFW_REPEAT && *key == Key::kStep)))
+      s.controls.press(*key, s.status);
   });
   glfwSetCharCallback(window, [](GLFWwindow* w, unsigned character) {
     State& s = *static_cast<State*>(glfwGetWindowUserPointer(w));
@@ -178,12 +221,13 @@ void Window::State::on_pointer(double x, double y) {
   const auto down = [window](int button) { return glfwGetMouseButton(window, button) == GLFW_PRESS; };
   const bool shift = glfwGetKey(window, GLFW_KEY_LEFT_SHIFT) == GLFW_PRESS ||
                      glfwGetKey(window, GLFW_KEY_RIGHT_SHIFT) == GLFW_PRESS;
-  int width = 1, height = 1;
-  glfwGetWindowSize(window, &width, &height);
-  if (down(GLFW_MOUSE_BUTTON_RIGHT) || down(GLFW_MOUSE_BUTTON_MIDDLE) || (down(GLFW_MOUSE_BUTTON_LEFT) && shift))
-    controls.drag(Drag::kPan, dx, dy, height);
+  int window_width = 1, window_height = 1;
+  glfwGetWindowSize(window, &window_width, &window_height);
+  if (down(GLFW_MOUSE_BUTTON_RIGHT) || down(GLFW_MOUSE_BUTTON_MIDDLE) ||
+      (down(GLFW_MOUSE_BUTTON_LEFT) && shift))
+    controls.drag(Drag::kPan, dx, dy, window_height);
   else if (down(GLFW_MOUSE_BUTTON_LEFT))
-    controls.drag(Drag::kOrbit, dx, dy, height);
+    controls.drag(Drag::kOrbit, dx, dy, window_height);
 }
 
 Commands Window::State::take() {
@@ -191,48 +235,66 @@ Commands Window::State::take() {
   return controls.take();
 }
 
-void Window::State::draw(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
-                         const DrawOptions& overlay, int width, int height) {
+bool Window::State::show(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
+                         const Status& new_status, const DrawOptions& overlay, Image* copy) {
+  status = new_status;
+  glfwPollEvents();
+  glfwGetFramebufferSize(desktop.window(), &width, &height);
+  if (width < 1 || height < 1 || glfwGetWindowAttrib(desktop.window(), GLFW_ICONIFIED) == GLFW_TRUE)
+    return false;
+  const auto start = Clock::now();
+  const Current current(desktop.window());
+  controls.resize(static_cast<double>(width) / height);
+  renderer.draw(snapshot, catalogue, controls.camera(), options(overlay), 0, width, height);
+  draw_panels(snapshot, overlay.axes);
+  if (copy) *copy = read_pixels(0, width, height);
+  glfwSwapBuffers(desktop.window());
+  hud.render_ms += 0.2 * (milliseconds_since(start) - hud.render_ms);
+  return true;
+}
+
+DrawOptions Window::State::options(const DrawOptions& overlay) const {
   DrawOptions options = overlay;
   if (controls.style() == Style::kWireframe) options.style = Style::kWireframe;
   options.grid = overlay.grid && controls.grid_shown();
-  renderer.draw(snapshot, catalogue, controls.camera(), options, 0, width, height);
+  return options;
+}
+
+void Window::State::draw_panels(const scene::Snapshot& snapshot, bool axes) {
   ImGui_ImplOpenGL3_NewFrame();
   ImGui_ImplGlfw_NewFrame();
   ImGui::NewFrame();
   const ImVec2 size = ImGui::GetIO().DisplaySize;
-  if (options.axes) draw_axis_names(spec.surface, controls.camera(), size.x, size.y);
+  if (axes) draw_axis_names(spec.surface, controls.camera(), size.x, size.y);
   draw_hud(snapshot, status, hud, controls, scale);
   if (controls.help_shown()) draw_help(scale);
   ImGui::Render();
   ImGui_ImplOpenGL3_RenderDrawData(ImGui::GetDrawData());
-  glfwSwapBuffers(desktop.window());
 }
 
-Image Window::State::fine_picture(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
-                                  const DrawOptions& options, int width, int height) {
-  glfwMakeContextCurrent(desktop.window());
+Image Window::State::fine_picture(const scene::Snapshot& snapshot,
+                                  const std::vector<scene::ObjectSpec>& catalogue, const DrawOptions& shown,
+                                  int picture_width, int picture_height) {
+  const Current current(desktop.window());
   if (!fine_renderer) fine_renderer = std::make_unique<Renderer>(spec, Quality::fine());
   Canvas canvas;
-  canvas.resize(width, height);
-  fine_renderer->draw(snapshot, catalogue, controls.camera(), options, canvas.framebuffer.id(), width, height);
-  Image image = read_pixels(canvas.framebuffer.id(), width, height);
+  canvas.resize(picture_width, picture_height);
+  fine_renderer->draw(snapshot, catalogue, controls.camera(), shown, canvas.framebuffer.id(), picture_width,
+                      picture_height);
+  Image image = read_pixels(canvas.framebuffer.id(), picture_width, picture_height);
   glBindFramebuffer(GL_FRAMEBUFFER, 0);
   return image;
 }
 
-void Window::State::write_picture(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
-                                  int width, int height, Commands& commands) {
+void Window::State::write_picture(const scene::Snapshot& snapshot,
+                                  const std::vector<scene::ObjectSpec>& catalogue, Commands& commands) {
   char number[16];
   std::snprintf(number, sizeof(number), "-%06llu", static_cast<unsigned long long>(snapshot.tick));
   std::string name = std::filesystem::path(spec.file).stem().string();
   if (name.empty()) name = "smartsurf";
   const std::string path = name + number + ".png";
-  DrawOptions options;
-  options.style = controls.style();
-  options.grid = controls.grid_shown();
   try {
-    write_png(path, fine_picture(snapshot, catalogue, options, width, height));
+    write_png(path, fine_picture(snapshot, catalogue, options({}), width, height));
     commands.screenshot = path;
     hud.message = "wrote " + path;
   } catch (const std::runtime_error& error) {
@@ -262,36 +324,21 @@ Commands Window::poll(const Status& status) {
 Commands Window::frame(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
                        const Status& status, const DrawOptions& overlay) {
   State& s = *state_;
-  s.status = status;
-  glfwPollEvents();
-  int width = 0, height = 0;
-  glfwGetFramebufferSize(s.desktop.window(), &width, &height);
-  if (width > 0 && height > 0 && glfwGetWindowAttrib(s.desktop.window(), GLFW_ICONIFIED) == GLFW_FALSE) {
-    const auto start = Clock::now();
-    glfwMakeContextCurrent(s.desktop.window());
-    s.controls.resize(static_cast<double>(width) / height);
-    s.draw(snapshot, catalogue, overlay, width, height);
-    s.hud.render_ms += 0.2 * (milliseconds_since(start) - s.hud.render_ms);
-  }
+  const bool shown = s.show(snapshot, catalogue, status, overlay, nullptr);
   Commands commands = s.take();
-  if (s.controls.take_picture_request() && width > 0 && height > 0)
-    s.write_picture(snapshot, catalogue, width, height, commands);
+  if (shown && s.controls.take_picture_request()) s.write_picture(snapshot, catalogue, commands);
   return commands;
 }
 
-Image Window::picture(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue, int width,
-                      int height) {
+Image Window::picture(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
+                      int width, int height) {
   return state_->fine_picture(snapshot, catalogue, {}, width, height);
 }
 
-Image Window::contents() const {
-  int width = 0, height = 0;
-  glfwMakeContextCurrent(state_->desktop.window());
-  glfwGetFramebufferSize(state_->desktop.window(), &width, &height);
-  glBindFramebuffer(GL_READ_FRAMEBUFFER, 0);
-  glReadBuffer(GL_FRONT);
-  Image image = read_pixels(0, width, height);
-  glReadBuffer(GL_BACK);
+Image Window::show(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
+                   const Status& status, const DrawOptions& overlay) {
+  Image image;
+  state_->show(snapshot, catalogue, status, overlay, &image);
   return image;
 }
 

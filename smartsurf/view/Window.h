@@ -1,8 +1,8 @@
 // The simulator's window: the scene, a small panel with the run's state, and the user's wishes.
 //
-// GLFW asks for one thread: make it, call it and destroy it on the process's main thread. Nothing here waits: a
-// frame takes as long as drawing takes (about 30 ms without a graphics card), and how often frames are drawn is
-// the caller's choice. One window a process.
+// GLFW asks for one thread: make it, call it and destroy it on the process's main thread. Nothing here waits:
+// a frame takes as long as drawing takes (about 30 ms without a graphics card), and how often frames are
+// drawn is the caller's choice. One window a process.
 #pragma once
 
 #include <memory>
@@ -28,8 +28,8 @@ class Window {
 
   // Takes in what the user did, draws one frame (nothing while the window is minimised) and shows it.
   // catalogue: every object ever made, index = object id. cell_values: see DrawOptions; may be empty.
-  // A picture the user asks for is written into the current folder as NAME-TICK.png, NAME the experiment's; if
-  // that fails, the panel says so.
+  // A picture the user asks for is written into the current folder as NAME-TICK.png, NAME the experiment's;
+  // if that fails, the panel says so.
   Commands frame(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
                  const Status& status, const DrawOptions& overlay = {});
 
@@ -40,8 +40,11 @@ class Window {
   Image picture(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue, int width,
                 int height);
 
-  // What the window shows, panel included; in pixels, which on a scaled display are more than the window's size.
-  Image contents() const;
+  // Draws and shows one frame and returns it, panel included; in pixels, which on a scaled display are more
+  // than the window's size. Empty while the window is minimised. Leaves the user's wishes for the next
+  // frame().
+  Image show(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
+             const Status& status, const DrawOptions& overlay = {});
 
   // As if the user had pressed that key.
   void press(Key key);

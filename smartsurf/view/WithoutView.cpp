@@ -1,4 +1,5 @@
-// Stands in for drawing in a build with -DSMARTSURF_VIEW=OFF: the same interface, which says that it is left out.
+// Stands in for drawing in a build with -DSMARTSURF_VIEW=OFF: the same interface, which says that it is left
+// out.
 #include <stdexcept>
 
 #include "smartsurf/view/OffscreenView.h"
@@ -37,7 +38,10 @@ Commands Window::frame(const scene::Snapshot&, const std::vector<scene::ObjectSp
 }
 Commands Window::poll(const Status&) { left_out(); }
 Image Window::picture(const scene::Snapshot&, const std::vector<scene::ObjectSpec>&, int, int) { left_out(); }
-Image Window::contents() const { left_out(); }
+Image Window::show(const scene::Snapshot&, const std::vector<scene::ObjectSpec>&, const Status&,
+                   const DrawOptions&) {
+  left_out();
+}
 void Window::press(Key) { left_out(); }
 
 }  // namespace smartsurf::view

@@ -23,8 +23,8 @@ class Pictures : public testing::Test {
     return Camera::framing(scene.spec.surface, preset, static_cast<double>(kWidth) / kHeight);
   }
   static Image draw(const Scene& scene, Preset preset = Preset::kIso, const DrawOptions& options = {}) {
-    return render_image(scene.spec, scene.snapshot, scene.spec.objects, camera(scene, preset), options, kWidth,
-                        kHeight);
+    return render_image(scene.spec, scene.snapshot, scene.spec.objects, camera(scene, preset), options,
+                        kWidth, kHeight);
   }
   // The pixel of a point of the scene.
   static const std::uint8_t* at(const Image& image, const Scene& scene, const Eigen::Vector3d& point,
@@ -33,7 +33,9 @@ class Pictures : public testing::Test {
     return image.pixel(static_cast<int>(p.x()), static_cast<int>(p.y()));
   }
   static bool is_red(const std::uint8_t* p) { return p[0] > 110 && p[0] > 2 * p[1] && p[0] > 2 * p[2]; }
-  static bool is_grey(const std::uint8_t* p) { return std::abs(p[0] - p[1]) < 25 && std::abs(p[1] - p[2]) < 40; }
+  static bool is_grey(const std::uint8_t* p) {
+    return std::abs(p[0] - p[1]) < 25 && std::abs(p[1] - p[2]) < 40;
+  }
   static int sum(const std::uint8_t* p) { return p[0] + p[1] + p[2]; }
 };
 
@@ -53,7 +55,8 @@ TEST_F(Pictures, ARaisedPinHidesWhatIsBehindIt) {
   scene.add_sphere(8.0, 8.0, 1.0, 1.0, kRed);
   const Eigen::Vector3d top_of_sphere(8.0, 8.0, 1.9);
   EXPECT_TRUE(is_red(at(draw(scene), scene, top_of_sphere)));
-  for (int column = 6; column <= 10; ++column) scene.snapshot.height[scene.spec.surface.index(9, column)] = 6.0f;
+  for (int column = 6; column <= 10; ++column)
+    scene.snapshot.height[scene.spec.surface.index(9, column)] = 6.0f;
   EXPECT_FALSE(is_red(at(draw(scene), scene, top_of_sphere)));  // row 9 is just south of the sphere
 }
 
@@ -83,13 +86,33 @@ TEST_F(Pictures, RowZeroIsAtTheTopAndColumnZeroAtTheLeftFromAbove) {
   EXPECT_LT(where.y(), kHeight / 2);
 }
 
+TEST_F(Pictures, APinStaysInItsPlaceFromWhereverTheEyeLooks) {
+  Scene scene(16, 16, 0.0f);
+  const auto& surface = scene.spec.surface;
+  std::vector<float> values(surface.cells(), 0.0f);
+  values[surface.index(3, 5)] = 1.0f;
+  DrawOptions options;
+  options.cell_values = values;
+  const Eigen::Vector2d centre = surface.centre(3, 5);
+  OffscreenView view(scene.spec);
+  for (int quarter = 0; quarter < 4; ++quarter) {
+    Camera turned = camera(scene);
+    turned.orbit(quarter * EIGEN_PI / 2.0 / 0.006 + 30.0, 0.0);
+    const Image image = view.draw(scene.snapshot, {}, turned, options, kWidth, kHeight);
+    const Eigen::Vector3d p = turned.project({centre.x(), centre.y(), 0.0}, kWidth, kHeight);
+    const std::uint8_t* pixel = image.pixel(static_cast<int>(p.x()), static_cast<int>(p.y()));
+    EXPECT_GT(pixel[0], 120) << "azimuth " << turned.azimuth();
+    EXPECT_LT(pixel[2], 100) << "azimuth " << turned.azimuth();
+  }
+}
+
 TEST_F(Pictures, AnObjectThrowsAShadowAwayFromTheLightInTheSouthWest) {
   Scene scene(32, 32, 0.0f);
   const Image bare = draw(scene, Preset::kTop);
-  scene.add_sphere(15.5, 15.5, 8.0, 2.0, kRed);
+  scene.add_sphere(15.0, 15.0, 8.0, 2.0, kRed);
   const Image image = draw(scene, Preset::kTop);
   // At the height of the table the shadow's centre lies 8/0.80 times (0.52, 0.30) further.
-  const Eigen::Vector3d shaded(15.5 + 5.2, 15.5 + 3.0, 0.0), lit(15.5 - 5.2, 15.5 - 3.0, 0.0);
+  const Eigen::Vector3d shaded(20.0, 18.0, 0.0), lit(10.0, 12.0, 0.0);  // both on a pin, not in a gap
   const auto darkening = [&](const Eigen::Vector3d& point) {
     return sum(at(bare, scene, point, Preset::kTop)) - sum(at(image, scene, point, Preset::kTop));
   };
@@ -137,7 +160,8 @@ TEST_F(Pictures, WiresLetTheCellsUnderAnObjectBeSeen) {
       for (int x = 0; x < kWidth; ++x) count += is_red(image.pixel(x, y)) ? 1 : 0;
     return count;
   };
-  const int wires = red_pixels(draw(scene, Preset::kTop, options)), solid = red_pixels(draw(scene, Preset::kTop));
+  const int wires = red_pixels(draw(scene, Preset::kTop, options)),
+            solid = red_pixels(draw(scene, Preset::kTop));
   EXPECT_GT(wires, 20);
   EXPECT_LT(wires, solid / 2);
 }

@@ -30,7 +30,8 @@ TEST(PinShading, APinInAPocketSeesLessSkyAndADeeperOneLessStill) {
 
 TEST(PinShading, OnlyTheCornersBesideAWallAreDarker) {
   Scene scene(5, 5, 0.0f);
-  for (int column = 0; column < 5; ++column) scene.snapshot.height[scene.spec.surface.index(1, column)] = 6.0f;
+  for (int column = 0; column < 5; ++column)
+    scene.snapshot.height[scene.spec.surface.index(1, column)] = 6.0f;
   PinShading shading(scene.spec.surface);
   const PinInstance pin = shading.update(scene.snapshot, {}, {}, true, false)[scene.spec.surface.index(2, 2)];
   EXPECT_EQ(pin.corner_sky[0], 255);  // south-west
@@ -55,7 +56,8 @@ TEST(PinShading, ASphereDarkensWhatIsUnderItAndNothingFarAway) {
 
 TEST(PinShading, ObjectsFarOffOrNotFiniteAreHarmless) {
   Scene scene(5, 5);
-  const double nan = std::numeric_limits<double>::quiet_NaN(), infinite = std::numeric_limits<double>::infinity();
+  const double nan = std::numeric_limits<double>::quiet_NaN(),
+               infinite = std::numeric_limits<double>::infinity();
   scene.add_sphere(1e30, -1e30, 6.0, 2.0, {});
   scene.add_sphere(nan, nan, nan, 2.0, {});
   scene.add_sphere(2.0, 2.0, nan, 2.0, {});
