@@ -86,7 +86,7 @@ Value Lowering::register_size(const Builtin& builtin, const Expressions& argumen
 
 void Lowering::pixel_set(const Expressions& arguments, Location at) {
   const Expression& place = arguments[0];
-  Destination destination{&place, false, {}};
+  Destination destination{&place, false};
   const bool named = place.kind == ExpressionKind::kName || place.kind == ExpressionKind::kElement;
   if (!named || !array(place, "'pixel.set'").is_register()) {
     throw Failure{place.at, "'pixel.set' writes its first argument: expected a register"};

@@ -210,7 +210,7 @@ void Lowering::open_for(const Expressions& arguments, Location at) {
   }
   const bool is_name = variable.kind == ExpressionKind::kName || variable.kind == ExpressionKind::kElement;
   if (!is_name) throw Failure{variable.at, "expected the scalar that counts: for(i, from, to)"};
-  Destination destination{&variable, false, {}};
+  Destination destination{&variable, false};
   const Value counter = target(destination, false, {});
   if (counter.is_register()) throw Failure{variable.at, "'for' counts in a scalar, and this is a register"};
   emitter_.emit(Opcode::kCopy, emitter_.operand(counter), {emitter_.operand(from)});

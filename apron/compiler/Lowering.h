@@ -43,7 +43,6 @@ class Lowering {
   struct Destination {
     const Expression* expression = nullptr;
     bool used = false;
-    Value value;  // once used
   };
 
   enum class BlockKind : std::uint8_t { kIf, kWhile, kFor, kRepeat, kWhere };
@@ -98,13 +97,14 @@ class Lowering {
 
   // LowerExpression.cpp
   Value lower(const Expression&, Destination* = nullptr);
-  Value lower_name(const Expression&);
+  Value lower_name(const Expression&, Destination* = nullptr);
   Value lower_expansion(const Expression&);
   Value lower_binary(const Expression&, Destination*);
   Value lower_unary(const Expression&, Destination*);
   Value elementwise(program::Opcode, const std::vector<Value>&, Location, Destination*);
   const Symbol& element(const Expression&) const;
   Value target(Destination&, bool is_register, Shape);
+  Value place_for(const Expression&, bool is_register, Shape);
   Value local_target(const Expression&, bool is_register, Shape);
   Value new_scalar(const Expression&, bool is_register);
   Value scalar(const Expression&, std::string_view what);
