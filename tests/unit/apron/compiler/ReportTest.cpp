@@ -1,8 +1,11 @@
 // Several errors in one run, and what stands below them.
 #include <gtest/gtest.h>
 
+#include <fstream>
+#include <sstream>
 #include <string>
 
+#include "apron/compiler/Builtins.h"
 #include "apron/program/LocalProfile.h"
 #include "tests/unit/apron/compiler/CompileText.h"
 
@@ -95,6 +98,18 @@ TEST(LocalProfile, NamesWhatALocalArrayCannotDo) {
             "6: rotate by (0, -1) joins opposite edges of the array\n"
             "7: globalsum needs the whole array\n"
             "9: pixel.set needs the whole array\n");
+}
+
+TEST(Manual, NamesEveryInstruction) {
+  std::ifstream stream(APRON_MANUAL);
+  std::stringstream text;
+  text << stream.rdbuf();
+  for (const std::string& name : builtin_names()) {
+    const bool there = text.str().find('`' + name + '`') != std::string::npos ||
+                       text.str().find('`' + name + '(') != std::string::npos ||
+                       text.str().find(' ' + name + '(') != std::string::npos;
+    EXPECT_TRUE(there) << name;
+  }
 }
 
 }  // namespace
