@@ -121,16 +121,18 @@ class Lowering {
 
   // LowerCall.cpp
   Value lower_call(const Builtin&, const Expression& call, const Expressions& arguments, Destination*);
+  Value pixel_get(const Expressions&, Destination*);
+  Value parameter(const Expression&, Destination*);
   Value comparison(const Expressions&, Location, Destination*);
-  Value to_variable(program::Opcode, std::vector<program::Operand>, Location, Destination*);
-  Value to_register(program::Opcode, std::vector<program::Operand>, Location, Destination*);
+  Value to_variable(program::Opcode, std::vector<program::Operand>, Destination*);
+  Value to_register(program::Opcode, std::vector<program::Operand>, Destination*);
 
   // LowerArray.cpp
   Value move(program::Opcode, const Value& source, int dx, int dy, Destination*, Location);
   Value shift(const Builtin&, const Expressions&, Location, Destination*);
   Value near(const Builtin&, const Expressions&, Location, Destination*);
-  Value register_size(const Builtin&, const Expressions&, Location);
-  void pixel_set(const Expressions&, Location);
+  Value register_size(const Builtin&, const Expressions&);
+  void pixel_set(const Expressions&);
 
   // LowerFlow.cpp
   bool flow(const Builtin&, const Expression& call, const Expressions&);
@@ -142,6 +144,8 @@ class Lowering {
   void open_if(const Expressions&, Location);
   void open_while(const Expressions&, Location);
   void open_for(const Expressions&, Location);
+  Value held(const Value&);
+  void test_for(const Block&);
   void open_repeat(const Expressions&, Location);
   void open_where(const Expressions&, Location);
   void turn_if(Location);

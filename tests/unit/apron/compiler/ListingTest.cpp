@@ -112,7 +112,7 @@ TEST(Listing, Loops) {
   EXPECT_EQ(compiled("for(i, 3, 1, -1)\nnop\nendfor"),
             "copy i, 3\nunless.ge i, 1, @5\nnop\nadd i, i, -1\njump @1\n");
   EXPECT_EQ(compiled("s = 2\nfor(i, 0, 8, s)\nnop\nendfor"),
-            "copy s, 2\ncopy i, 0\ncopy $0, s\nsub $1, 8, i\nmul $1, $1, $0\nunless.ge $1, 0, @9\nnop\nadd "
+            "copy s, 2\ncopy $0, s\ncopy i, 0\nsub $1, 8, i\nmul $1, $1, $0\nunless.ge $1, 0, @9\nnop\nadd "
             "i, i, $0\n"
             "jump @3\n");
   // The bound is taken once, and its temporary is not lost to the body.
