@@ -5,16 +5,19 @@ local small_count  = option('small', 20, 'number of small spheres')
 local large_count  = option('large', 20, 'number of large spheres')
 local small_radius = option('small_radius', 2.0, 'radius of the small spheres')
 local large_radius = option('large_radius', 4.0, 'radius of the large spheres')
+local pin_speed    = option('pin_speed', 20.0, 'greatest speed of a pin')
+local pin_acceleration = option('pin_acceleration', 400.0, 'greatest acceleration of a pin')
+local friction = option('friction', 0.25, '')
 local hold         = option('hold', 5.0, 'seconds of sortedness after which the run ends; 0 = run on')
 
 local rows, columns, up, wall = 64, 64, 4.0, 6.0
 
 world { gravity = -9.81, dt = 1/240, iterations = 10, control_period = 1/60 }
 
-material { name = 'plastic', friction = 0.25, rolling_friction = 0.01, restitution = 0.1, density = 1.0 }
+material { name = 'plastic', friction = friction, rolling_friction = 0.01, restitution = 0.1, density = 1.0 }
 
 surface { rows = rows, columns = columns, pitch = 1.0,
-          actuator = pin { top = {0.8, 0.8}, length = 2.0, range = {0, wall}, max_speed = 20, max_acceleration = 400 },
+          actuator = pin { top = {0.8, 0.8}, length = 2.0, range = {0, wall}, max_speed = pin_speed, max_acceleration = pin_acceleration },
           sensors  = { proximity { range = 8 } },
           border   = { height = wall },
           material = 'plastic' }

@@ -1,6 +1,7 @@
 #include "FrameCopy.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 
 namespace shm_protocol {
@@ -8,13 +9,34 @@ namespace {
 
 constexpr std::size_t kBlock = 4096;  // bytes copied and then checked while they are in the nearest cache
 
+// Four floats at once in any build, by the compilers' vector extension.
+using Floats = float __attribute__((vector_size(16)));
+using Masks = std::int32_t __attribute__((vector_size(16)));
+
+// Whether every value is within the range; false with any NaN. Reads only, so that the usual case, nothing to
+// replace, costs little more than the copy.
+bool all_within(std::span<const float> values, float lowest, float highest) noexcept {
+  const Floats low = {lowest, lowest, lowest, lowest}, high = {highest, highest, highest, highest};
+  Masks inside[4] = {{-1, -1, -1, -1}, {-1, -1, -1, -1}, {-1, -1, -1, -1}, {-1, -1, -1, -1}};
+  std::size_t i = 0;
+  for (; i + 16 <= values.size(); i += 16) {
+    Floats v[4];
+    std::memcpy(v, &values[i], sizeof v);
+    for (int k = 0; k < 4; ++k) inside[k] &= (v[k] >= low) & (v[k] <= high);
+  }
+  const Masks all = inside[0] & inside[1] & inside[2] & inside[3];
+  bool rest = (all[0] & all[1] & all[2] & all[3]) != 0;
+  for (; i < values.size(); ++i) rest &= values[i] >= lowest && values[i] <= highest;
+  return rest;
+}
+
 std::uint64_t check_values(std::span<float> values, float lowest, float highest, float safe) noexcept {
-  std::uint32_t replaced = 0;
+  if (all_within(values, lowest, highest)) return 0;
+  std::uint64_t replaced = 0;
   for (float& value : values) {
-    const float v = value;
-    const bool below = v<lowest, above = v> highest, nan = v != v;
-    value = nan ? safe : below ? lowest : above ? highest : v;
-    replaced += static_cast<std::uint32_t>(nan | below | above);
+    if (value >= lowest && value <= highest) continue;
+    value = std::isnan(value) ? safe : value < lowest ? lowest : highest;
+    ++replaced;
   }
   return replaced;
 }

@@ -7,6 +7,7 @@
 
 #include "smartsurf/record/CatalogueWriter.h"
 #include "smartsurf/record/Hdf5.h"
+#include "smartsurf/record/ReadingTrial.h"
 
 namespace smartsurf::record {
 namespace {
@@ -326,11 +327,22 @@ Recording& Recording::operator=(Recording&&) noexcept = default;
 Recording::~Recording() = default;
 
 Recording Recording::open(const fs::path& path) {
-  try {
-    return Recording(std::make_unique<Content>(path));
-  } catch (const Hdf5Error& error) {
-    throw scene::InputError(path.string() + ": " + error.what());
-  }
+  const auto read = [&] {
+    try {
+      return Recording(std::make_unique<Content>(path));
+    } catch (const Hdf5Error& error) {
+      throw scene::InputError(path.string() + ": " + error.what());
+    }
+  };
+  const auto read_ends = [&] {
+    const Recording recording = read();
+    if (recording.frames() == 0) return;
+    recording.snapshot(0);
+    recording.snapshot(recording.frames() - 1);
+  };
+  if (!ends_without_crash(read_ends))
+    throw scene::InputError(path.string() + ": is damaged: the HDF5 library cannot read it");
+  return read();
 }
 
 const fs::path& Recording::path() const { return content_->path; }

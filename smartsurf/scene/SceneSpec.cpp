@@ -80,8 +80,10 @@ std::string problem_with_names(const std::vector<std::string>& channels) {
   if (channels.size() > 30)
     return "surface.sensors: " + std::to_string(channels.size() / 2) + " sensors: must be at most 15";
   for (std::size_t i = 0; i < channels.size(); ++i) {
-    if (channels[i].empty() || channels[i].size() > 31 || channels[i].find_first_not_of(kPlain) != std::string::npos)
-      return "surface.sensors: channel '" + channels[i] + "': must be 1 to 31 letters, digits, '_', '.' and '-'";
+    if (channels[i].empty() || channels[i].size() > 31 ||
+        channels[i].find_first_not_of(kPlain) != std::string::npos)
+      return "surface.sensors: channel '" + channels[i] +
+             "': must be 1 to 31 letters, digits, '_', '.' and '-'";
     if (std::count(channels.begin(), channels.end(), channels[i]) > 1)
       return "surface.sensors: two channels are called '" + channels[i] + "': give a sensor another name";
   }

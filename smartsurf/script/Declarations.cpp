@@ -13,8 +13,9 @@ namespace smartsurf::script {
 namespace {
 
 constexpr std::size_t kMostMaterials = 1000;
-constexpr std::size_t kMostSensors = 30;
-constexpr std::size_t kLongestChannelName = 31;  // the shared memory's directory holds no more
+// Each sensor has two channels, NAME and NAME_hit, in a directory of 32 channels with names of 31 characters.
+constexpr std::size_t kMostSensors = 15;
+constexpr std::size_t kLongestSensorName = 27;
 
 // What pin{} and proximity{} return; Lua owns the bytes, so they are plain.
 constexpr const char* kPinType = "pin";
@@ -22,7 +23,7 @@ constexpr const char* kProximityType = "proximity";
 
 struct ProximityValue {
   double range = 0.0;
-  char name[kLongestChannelName + 1] = {};
+  char name[kLongestSensorName + 1] = {};
 };
 
 void check(const std::string& problem) {
@@ -116,8 +117,8 @@ int pin(Session& session, lua_State* L) {
   return 1;
 }
 
-bool is_channel_name(const std::string& name) {
-  return !name.empty() && name.size() <= kLongestChannelName &&
+bool is_sensor_name(const std::string& name) {
+  return !name.empty() && name.size() <= kLongestSensorName &&
          std::isalpha(static_cast<unsigned char>(name[0])) &&
          std::all_of(name.begin(), name.end(),
                      [](unsigned char c) { return c < 0x80 && (std::isalnum(c) || c == '_'); });
@@ -130,7 +131,7 @@ int proximity(Session& session, lua_State* L) {
   fields.read("range", sensor.range);
   fields.with("name", [&](int i, const std::string& name) {
     sensor.name = text_at(L, i, name);
-    if (!is_channel_name(sensor.name)) must_be(L, i, name, "1 to 31 letters, digits and _, a letter first");
+    if (!is_sensor_name(sensor.name)) must_be(L, i, name, "1 to 27 letters, digits and _, a letter first");
   });
   scene::SurfaceSpec alone;
   alone.sensors = {sensor};
@@ -158,7 +159,7 @@ void read_sensors(lua_State* L, int index, const std::string& name, std::vector<
   }
   if (lua_type(L, index) != LUA_TTABLE) must_be(L, index, name, "a list of sensors, {proximity{...}}");
   const lua_Unsigned count = lua_rawlen(L, index);
-  if (count > kMostSensors) throw Problem(name + ": more than 30 sensors");
+  if (count > kMostSensors) throw Problem(name + ": more than 15 sensors");
   lua_Unsigned pairs = 0;
   for (lua_pushnil(L); lua_next(L, index) != 0; lua_pop(L, 1)) ++pairs;
   if (pairs != count) throw Problem(name + ": must be a list of sensors without names, {proximity{...}}");

@@ -50,6 +50,7 @@ class Interpreter {
 
   // Takes instructions off the budget of the running call; throws nothing, raises the Lua error on `L`.
   void charge(lua_State* L, std::uint64_t instructions);
+  bool budget_exceeded() const { return budget_exceeded_; }
   // Keeps an exception that is no mistake of the script, to be thrown again by call().
   void keep(std::exception_ptr e) { kept_ = std::move(e); }
 

@@ -29,11 +29,13 @@ void wrap_in(lua_State* L, const char* library, const char* name, lua_CFunction 
   lua_pop(L, 1);
 }
 
-// Calls the wrapped function with the arguments on the stack.
+int all_results(lua_State* L, int, lua_KContext) { return lua_gettop(L); }
+
+// Calls the wrapped function with the arguments on the stack; coroutines may yield inside.
 int call_wrapped(lua_State* L) {
   lua_pushvalue(L, lua_upvalueindex(1));
   lua_insert(L, 1);
-  lua_call(L, lua_gettop(L) - 1, LUA_MULTRET);
+  lua_callk(L, lua_gettop(L) - 1, LUA_MULTRET, 0, all_results);
   return lua_gettop(L);
 }
 
@@ -90,9 +92,72 @@ int setmetatable(Session&, lua_State* L) {
   return call_wrapped(L);
 }
 
-int new_coroutine(Session& session, lua_State* L) {
+// Lua calls the handler of xpcall from inside the instruction count's hook, with the count switched off: when
+// the budget is spent, it must not run. Upvalue: the script's handler.
+int on_xpcall_error(Session& session, lua_State* L) {
+  if (session.interpreter->budget_exceeded()) return 1;
+  lua_pushvalue(L, lua_upvalueindex(1));
+  lua_insert(L, 1);
+  lua_call(L, lua_gettop(L) - 1, 1);
+  return 1;
+}
+
+int xpcall(Session&, lua_State* L) {
+  luaL_checktype(L, 2, LUA_TFUNCTION);
+  lua_pushvalue(L, 2);
+  lua_pushcclosure(L, guarded<on_xpcall_error>, 1);
+  lua_replace(L, 2);
+  return call_wrapped(L);
+}
+
+int coroutine_create(Session& session, lua_State* L) {
   session.interpreter->charge(L, kCoroutineCost);
   return call_wrapped(L);
+}
+
+// A coroutine that an error ended stays uncounted where its budget's end was the error, and closing it would
+// run the script's __close functions: so neither of these two closes such a coroutine.
+int coroutine_close(Session&, lua_State* L) {
+  lua_State* const other = lua_tothread(L, 1);
+  if (other == nullptr || lua_status(other) == LUA_OK || lua_status(other) == LUA_YIELD)
+    return call_wrapped(L);
+  lua_pushboolean(L, 0);
+  lua_pushliteral(L, "the coroutine ended with an error");
+  return 2;
+}
+
+// Upvalues: Lua's coroutine.resume, the coroutine.
+int resume_wrapped(Session&, lua_State* L) {
+  lua_pushvalue(L, lua_upvalueindex(1));
+  lua_insert(L, 1);
+  lua_pushvalue(L, lua_upvalueindex(2));
+  lua_insert(L, 2);
+  lua_call(L, lua_gettop(L) - 1, LUA_MULTRET);
+  if (lua_toboolean(L, 1) == 0) return lua_error(L);
+  return lua_gettop(L) - 1;
+}
+
+// coroutine.wrap; upvalues: Lua's coroutine.create and coroutine.resume.
+int coroutine_wrap(Session& session, lua_State* L) {
+  session.interpreter->charge(L, kCoroutineCost);
+  lua_settop(L, 1);
+  lua_pushvalue(L, lua_upvalueindex(2));
+  lua_pushvalue(L, lua_upvalueindex(1));
+  lua_pushvalue(L, 1);
+  lua_call(L, 1, 1);
+  lua_pushcclosure(L, guarded<resume_wrapped>, 2);
+  return 1;
+}
+
+void bind_coroutines(lua_State* L) {
+  lua_getglobal(L, LUA_COLIBNAME);
+  lua_getfield(L, -1, "create");
+  lua_getfield(L, -2, "resume");
+  lua_pushcclosure(L, guarded<coroutine_wrap>, 2);
+  lua_setfield(L, -2, "wrap");
+  wrap(L, "create", guarded<coroutine_create>);
+  wrap(L, "close", guarded<coroutine_close>);
+  lua_pop(L, 1);
 }
 
 // string.rep and table.move loop in C, as long as they are told to.
@@ -201,9 +266,9 @@ void open_safe(lua_State* L) {
   wrap(L, "load", guarded<load>);
   wrap(L, "setmetatable", guarded<setmetatable>);
   wrap(L, "collectgarbage", guarded<collectgarbage>);
+  wrap(L, "xpcall", guarded<xpcall>);
   lua_pop(L, 1);
-  wrap_in(L, LUA_COLIBNAME, "create", guarded<new_coroutine>);
-  wrap_in(L, LUA_COLIBNAME, "wrap", guarded<new_coroutine>);
+  bind_coroutines(L);
   wrap_in(L, LUA_STRLIBNAME, "rep", guarded<counted_rep>);
   wrap_in(L, LUA_TABLIBNAME, "move", guarded<counted_move>);
 }

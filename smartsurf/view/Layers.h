@@ -48,11 +48,12 @@ class ObjectLayer {
  private:
   struct Kind {
     VertexArray array, wire_array;
-    Buffer mesh, wire, instances;
-    GLsizei vertices = 0, wire_vertices = 0, count = 0;
+    Buffer mesh, triangles, wire, instances;
+    GLsizei indices = 0, wire_vertices = 0, count = 0;
     ShaderProgram shadow, colour;
   };
-  void set_up(Kind& kind, int floats_a_corner, const std::vector<float>& mesh, const std::vector<float>& wire);
+  void set_up(Kind& kind, int floats_a_corner, const std::vector<float>& mesh,
+              const std::vector<GLushort>& triangles, const std::vector<float>& wire);
 
   std::array<Kind, 3> kinds_;  // by ShapeKind
   ShaderProgram wires_;

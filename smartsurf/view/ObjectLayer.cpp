@@ -9,7 +9,6 @@ namespace smartsurf::view {
 namespace {
 
 using scene::ShapeKind;
-constexpr int kRoundSegments = 40;
 
 std::array<float, 2> on_circle(int step, int steps) {
   const double angle = 2.0 * std::numbers::pi * step / steps;
@@ -18,18 +17,26 @@ std::array<float, 2> on_circle(int step, int steps) {
 
 struct Mesh {
   std::vector<float> floats;
+  std::vector<GLushort> triangles;
   void corner(float x, float y, float z) { floats.insert(floats.end(), {x, y, z}); }
-  void corner(float x, float y, float z, float nx, float ny, float nz) {
+  GLushort corner(float x, float y, float z, float nx, float ny, float nz) {
     floats.insert(floats.end(), {x, y, z, nx, ny, nz});
+    return static_cast<GLushort>(floats.size() / 6 - 1);
+  }
+  void triangle(int a, int b, int c) {
+    for (int corner : {a, b, c}) triangles.push_back(static_cast<GLushort>(corner));
   }
 };
 
+Mesh quad_mesh() { return {{-1, -1, 1, -1, 1, 1, -1, 1}, {0, 1, 2, 0, 2, 3}}; }
+
 // All meshes fill the cube from −1 to 1; the instance's half extents scale them.
-std::vector<float> box_mesh() {
+Mesh box_mesh() {
   Mesh mesh;
-  static constexpr float kQuad[6][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, -1}, {1, 1}, {-1, 1}};
+  static constexpr float kQuad[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
   for (int axis = 0; axis < 3; ++axis)
-    for (float side : {-1.0f, 1.0f})
+    for (float side : {-1.0f, 1.0f}) {
+      const int first = static_cast<int>(mesh.floats.size() / 6);
       for (const auto& q : kQuad) {
         std::array<float, 3> p{}, n{};
         p[axis] = n[axis] = side;
@@ -37,27 +44,27 @@ std::vector<float> box_mesh() {
         p[(axis + 2) % 3] = q[1];
         mesh.corner(p[0], p[1], p[2], n[0], n[1], n[2]);
       }
-  return mesh.floats;
+      mesh.triangle(first, first + 1, first + 2);
+      mesh.triangle(first, first + 2, first + 3);
+    }
+  return mesh;
 }
 
-std::vector<float> cylinder_mesh() {
+Mesh cylinder_mesh(int segments) {
   Mesh mesh;
-  for (int i = 0; i < kRoundSegments; ++i) {
-    const auto [ax, ay] = on_circle(i, kRoundSegments);
-    const auto [bx, by] = on_circle(i + 1, kRoundSegments);
-    mesh.corner(ax, ay, -1, ax, ay, 0);
-    mesh.corner(bx, by, -1, bx, by, 0);
-    mesh.corner(bx, by, 1, bx, by, 0);
-    mesh.corner(ax, ay, -1, ax, ay, 0);
-    mesh.corner(bx, by, 1, bx, by, 0);
-    mesh.corner(ax, ay, 1, ax, ay, 0);
-    for (float side : {-1.0f, 1.0f}) {
-      mesh.corner(0, 0, side, 0, 0, side);
-      mesh.corner(ax, ay, side, 0, 0, side);
-      mesh.corner(bx, by, side, 0, 0, side);
-    }
+  for (int i = 0; i < segments; ++i) {
+    const auto [x, y] = on_circle(i, segments);
+    const int low = mesh.corner(x, y, -1, x, y, 0), next = (low + 4) % (4 * segments);
+    mesh.corner(x, y, 1, x, y, 0);
+    mesh.corner(x, y, -1, 0, 0, -1);
+    mesh.corner(x, y, 1, 0, 0, 1);
+    mesh.triangle(low, next, next + 1);
+    mesh.triangle(low, next + 1, low + 1);
+    if (i == 0 || i + 1 == segments) continue;
+    mesh.triangle(2, low + 2, next + 2);  // the caps are fans around the first corner
+    mesh.triangle(3, low + 3, next + 3);
   }
-  return mesh.floats;
+  return mesh;
 }
 
 void add_ring(Mesh& mesh, float radius, float z, int steps) {
@@ -152,26 +159,32 @@ ObjectLayer::ObjectLayer(Pass colour_pass) {
     kind.shadow = link_program(ball ? "sphere shadow" : "mesh shadow", shadow.vertex, shadow.fragment);
     kind.colour = link_program(ball ? "sphere" : "mesh", colour.vertex, colour.fragment);
   }
-  set_up(kinds_[0], 2, {-1, -1, 1, -1, 1, 1, -1, -1, 1, 1, -1, 1}, sphere_wire());
-  set_up(kinds_[1], 6, box_mesh(), box_wire());
-  set_up(kinds_[2], 6, cylinder_mesh(), cylinder_wire());
+  const Mesh quad = quad_mesh(), box = box_mesh(),
+             cylinder = cylinder_mesh(colour_pass == Pass::kColourFine ? 64 : 24);
+  set_up(kinds_[0], 2, quad.floats, quad.triangles, sphere_wire());
+  set_up(kinds_[1], 6, box.floats, box.triangles, box_wire());
+  set_up(kinds_[2], 6, cylinder.floats, cylinder.triangles, cylinder_wire());
   const auto wires = wire_shaders();
   wires_ = link_program("wires", wires.vertex, wires.fragment);
 }
 
 void ObjectLayer::set_up(Kind& kind, int floats_a_corner, const std::vector<float>& mesh,
-                         const std::vector<float>& wire) {
+                         const std::vector<GLushort>& triangles, const std::vector<float>& wire) {
   kind.array = make_vertex_array();
   kind.wire_array = make_vertex_array();
   kind.mesh = make_buffer();
   kind.wire = make_buffer();
   kind.instances = make_buffer();
-  kind.vertices = static_cast<GLsizei>(mesh.size()) / floats_a_corner;
+  kind.triangles = make_buffer();
+  kind.indices = static_cast<GLsizei>(triangles.size());
   kind.wire_vertices = static_cast<GLsizei>(wire.size()) / 3;
   glBindVertexArray(kind.array.id());
   load(kind.mesh.id(), mesh);
   mesh_attribute(0, floats_a_corner == 2 ? 2 : 3, floats_a_corner, 0);
   if (floats_a_corner == 6) mesh_attribute(5, 3, floats_a_corner, 3);
+  glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, kind.triangles.id());
+  glBufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(triangles.size() * sizeof(GLushort)),
+               triangles.data(), GL_STATIC_DRAW);
   bind_instances(kind.instances.id());
   glBindVertexArray(kind.wire_array.id());
   load(kind.wire.id(), wire);
@@ -193,7 +206,7 @@ void ObjectLayer::draw(Pass pass) const {
     if (kind.count == 0) continue;
     glUseProgram(pass == Pass::kShadow ? kind.shadow.id() : kind.colour.id());
     glBindVertexArray(kind.array.id());
-    glDrawArraysInstanced(GL_TRIANGLES, 0, kind.vertices, kind.count);
+    glDrawElementsInstanced(GL_TRIANGLES, kind.indices, GL_UNSIGNED_SHORT, nullptr, kind.count);
   }
 }
 
@@ -201,7 +214,7 @@ void ObjectLayer::draw_solid_boxes(Pass pass, GLsizei solid_boxes) const {
   const Kind& boxes = kinds_[static_cast<std::size_t>(ShapeKind::kBox)];
   glUseProgram(pass == Pass::kShadow ? boxes.shadow.id() : boxes.colour.id());
   glBindVertexArray(boxes.array.id());
-  glDrawArraysInstanced(GL_TRIANGLES, 0, boxes.vertices, solid_boxes);
+  glDrawElementsInstanced(GL_TRIANGLES, boxes.indices, GL_UNSIGNED_SHORT, nullptr, solid_boxes);
 }
 
 void ObjectLayer::draw_wires(float line_width, GLsizei solid_boxes) const {

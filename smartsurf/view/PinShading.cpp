@@ -27,6 +27,7 @@ double ground_height(const scene::SurfaceSpec& surface) { return surface.pin.min
 PinShading::PinShading(const scene::SurfaceSpec& surface)
     : surface_(surface),
       base_(static_cast<float>(ground_height(surface))),
+      tints_(tints()),
       sky_(surface.cells()),
       pins_(surface.cells()) {}
 
@@ -78,24 +79,36 @@ void PinShading::darken_under(const scene::Snapshot& snapshot, const std::array<
     }
 }
 
-std::array<std::uint8_t, 4> PinShading::colour_of(const scene::Snapshot& snapshot, const DrawOptions& options,
-                                                  int row, int column) const {
-  const int index = surface_.index(row, column);
-  const bool border = surface_.border_height && surface_.is_border(row, column);
-  Rgb screen;
-  if (!options.cell_values.empty() && !border) {
-    screen = viridis((options.cell_values[index] - options.low) / (options.high - options.low));
-  } else if (border) {
-    screen = kBorder;
-  } else {
-    const float low = static_cast<float>(surface_.pin.min_height);
-    const float range = static_cast<float>(surface_.pin.max_height) - low;
-    const float t = range > 0.0f ? std::clamp((snapshot.height[index] - low) / range, 0.0f, 1.0f) : 1.0f;
+PinShading::Tints PinShading::tints() {
+  Tints t;
+  const auto bytes = [](const Rgb& screen) {
+    const Rgb light = linear_light(screen);
+    return Bytes{byte(light[0]), byte(light[1]), byte(light[2]), 0};
+  };
+  for (int i = 0; i < 256; ++i) {
+    const float share = static_cast<float>(i) / 255.0f;
+    Rgb screen;
     // The travel that programs use is often a part of the pin's range: the square root brightens it early.
-    for (int c = 0; c < 3; ++c) screen[c] = kLow[c] + (kHigh[c] - kLow[c]) * std::sqrt(t);
+    for (int c = 0; c < 3; ++c) screen[c] = kLow[c] + (kHigh[c] - kLow[c]) * std::sqrt(share);
+    t.height[i] = bytes(screen);
+    t.value[i] = bytes(viridis(share));
   }
-  const Rgb light = linear_light(screen);
-  return {byte(light[0]), byte(light[1]), byte(light[2]), static_cast<std::uint8_t>(border ? 255 : 0)};
+  t.border = bytes(kBorder);
+  t.unknown = bytes(viridis(std::nanf("")));
+  return t;
+}
+
+PinShading::Bytes PinShading::colour_of(const scene::Snapshot& snapshot, const DrawOptions& options, int row,
+                                        int column) const {
+  const int index = surface_.index(row, column);
+  if (surface_.border_height && surface_.is_border(row, column)) return tints_.border;
+  if (!options.cell_values.empty()) {
+    const float t = (options.cell_values[index] - options.low) / (options.high - options.low);
+    return std::isnan(t) ? tints_.unknown : tints_.value[byte(t)];
+  }
+  const float low = static_cast<float>(surface_.pin.min_height);
+  const float range = static_cast<float>(surface_.pin.max_height) - low;
+  return tints_.height[range > 0.0f ? byte((snapshot.height[index] - low) / range) : 255];
 }
 
 std::span<const PinInstance> PinShading::update(const scene::Snapshot& snapshot,

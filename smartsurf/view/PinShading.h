@@ -18,7 +18,7 @@ namespace smartsurf::view {
 
 struct PinInstance {
   float height;                            // z of the top, u
-  std::array<std::uint8_t, 4> colour;      // linear light, 255 = 1; [3] is 255 for a pin of the border
+  std::array<std::uint8_t, 4> colour;      // linear light, 255 = 1; [3] is 0
   std::array<std::uint8_t, 4> corner_sky;  // share of the sky that the top's corners SW, SE, NW, NE see; 255 = all
   std::array<float, 4> neighbour;          // z of the tops of the pins to the west, east, south, north, u
 };
@@ -38,16 +38,22 @@ class PinShading {
 
  private:
   using Corners = std::array<float, 4>;
+  using Bytes = std::array<std::uint8_t, 4>;
+  struct Tints {
+    std::array<Bytes, 256> height, value;  // from the lowest to the highest
+    Bytes border, unknown;
+  };
+  static Tints tints();
 
   float height_at(const scene::Snapshot& snapshot, int row, int column) const;
   Corners sky_of(const scene::Snapshot& snapshot, int row, int column) const;
   void darken_under(const scene::Snapshot& snapshot, const std::array<float, 3>& centre, float radius);
-  std::array<std::uint8_t, 4> colour_of(const scene::Snapshot& snapshot, const DrawOptions& options, int row,
-                                        int column) const;
+  Bytes colour_of(const scene::Snapshot& snapshot, const DrawOptions& options, int row, int column) const;
 
   scene::SurfaceSpec surface_;
-  float base_;                 // z of the table, u
-  std::vector<Corners> sky_;   // rows × columns, row-major, row 0 north
+  float base_;                // z of the table, u
+  Tints tints_;
+  std::vector<Corners> sky_;  // rows × columns, row-major, row 0 north
   std::vector<PinInstance> pins_;
 };
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "smartsurf/view/Axes.h"
 #include "smartsurf/view/Layers.h"
 #include "smartsurf/view/Palette.h"
 #include "smartsurf/view/ShadowMap.h"
@@ -19,8 +20,8 @@ struct FrameUniforms {
 };
 static_assert(sizeof(FrameUniforms) == 2 * 64 + 5 * 16);
 
-constexpr Rgb kBoard{0.42f, 0.44f, 0.47f}, kRed{0.80f, 0.16f, 0.14f}, kGreen{0.16f, 0.58f, 0.22f},
-    kBlue{0.14f, 0.32f, 0.82f};
+constexpr Rgb kBoard{0.42f, 0.44f, 0.47f};
+constexpr Rgb kAxis[3] = {{0.80f, 0.16f, 0.14f}, {0.16f, 0.58f, 0.22f}, {0.14f, 0.32f, 0.82f}};
 
 std::array<float, 3> floats(const Eigen::Vector3d& v) {
   return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
@@ -60,7 +61,7 @@ struct Renderer::State {
   void set_frame(const FrameUniforms& uniforms);
   FrameUniforms light_frame() const;
   FrameUniforms eye_frame(const Camera& camera, int width, int height) const;
-  void draw_shadows();
+  void draw_shadows(const DrawOptions& options);
   void draw_colour(const DrawOptions& options, int width, int height);
 
   scene::SceneSpec spec;
@@ -82,15 +83,15 @@ struct Renderer::State {
 void Renderer::State::add_furniture(const DrawOptions& options) {
   auto& boxes = instances[static_cast<std::size_t>(scene::ShapeKind::kBox)];
   const Eigen::AlignedBox3d box = Camera::extent(spec.surface);
-  const double rim = 0.6 * spec.surface.pitch, thick = 0.12 * spec.surface.pitch;
+  const double pitch = spec.surface.pitch, rim = kBoardRim * pitch, thick = 0.12 * pitch;
   const Eigen::Vector3d low = box.min() - Eigen::Vector3d(rim, rim, 0.0);
   boxes.push_back(upright_box(low, {box.max().x() + rim, box.max().y() + rim, low.z() + thick}, kBoard));
   if (options.axes) {
-    const double length = 0.10 * std::max(box.sizes().x(), box.sizes().y()), half = 0.018 * length + 0.04 * rim;
-    const Eigen::Vector3d o = low - Eigen::Vector3d(rim, rim, 0.0), h = Eigen::Vector3d::Constant(half);
-    boxes.push_back(upright_box(o - h, o + h + Eigen::Vector3d(length, 0, 0), kRed));
-    boxes.push_back(upright_box(o - h, o + h + Eigen::Vector3d(0, length, 0), kGreen));
-    boxes.push_back(upright_box(o - h, o + h + Eigen::Vector3d(0, 0, length), kBlue));
+    const Axes axes = axes_of(spec.surface);
+    const Eigen::Vector3d half = Eigen::Vector3d::Constant(axes.half_width);
+    for (int i = 0; i < 3; ++i)
+      boxes.push_back(upright_box(axes.origin - half,
+                                  axes.origin + half + axes.length * Eigen::Vector3d::Unit(i), kAxis[i]));
   }
   furniture = boxes.size();
 }
@@ -159,11 +160,12 @@ FrameUniforms Renderer::State::eye_frame(const Camera& camera, int width, int he
   return u;
 }
 
-void Renderer::State::draw_shadows() {
+void Renderer::State::draw_shadows(const DrawOptions& options) {
   set_frame(light_frame());
   shadow.begin();
   pins.draw(Pass::kShadow);
-  objects.draw(Pass::kShadow);
+  if (options.style == Style::kSolid) objects.draw(Pass::kShadow);
+  else objects.draw_solid_boxes(Pass::kShadow, static_cast<int>(furniture));
   shadow.end();
 }
 
@@ -181,7 +183,7 @@ void Renderer::State::draw_colour(const DrawOptions& options, int width, int hei
   if (options.style == Style::kWireframe) {
     glEnable(GL_BLEND);
     glBlendFunc(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA);
-    objects.draw_wires(static_cast<float>(quality.supersample), static_cast<int>(furniture));
+    objects.draw_wires(1.3f * static_cast<float>(quality.supersample), static_cast<int>(furniture));
     glDisable(GL_BLEND);
   }
 }
@@ -208,7 +210,7 @@ void Renderer::draw(const scene::Snapshot& snapshot, const std::vector<scene::Ob
   glDisable(GL_BLEND);
   glDisable(GL_CULL_FACE);
   glDisable(GL_SCISSOR_TEST);
-  s.draw_shadows();
+  s.draw_shadows(options);
   if (block > 1) s.canvas.resize(width * block, height * block);
   glBindFramebuffer(GL_FRAMEBUFFER, block > 1 ? s.canvas.framebuffer.id() : framebuffer);
   s.set_frame(s.eye_frame(camera, width * block, height * block));

@@ -20,7 +20,7 @@ struct Quality {
   int shadow_size = 2048;
   bool soft_shadows = false;
 
-  static Quality fast() { return {1, 2048, false}; }
+  static Quality fast() { return {1, 1024, false}; }
   static Quality fine() { return {3, 4096, true}; }
 };
 

@@ -18,38 +18,47 @@ layout(std140) uniform Frame {
 
 constexpr const char* kLighting = R"(
 uniform sampler2DShadow shadow_map;
-const vec3 kSun = vec3(1.02, 0.99, 0.93) * 1.05;
+const vec3 kSun = vec3(1.02, 0.99, 0.93) * 0.96;
 const vec3 kSky = vec3(0.56, 0.62, 0.72) * 0.82;
 const vec3 kBounce = vec3(0.34, 0.32, 0.30) * 0.8;
 
 float sun_visibility(vec3 p, vec3 n) {
   // Along the normal, by more where the light grazes: else a face shades itself.
   float slope = 1.0 - max(dot(n, light.xyz), 0.0);
-  vec4 s = shadow_from_world * vec4(p + n * light.w * (1.0 + 2.5 * slope), 1.0);
-  if (any(lessThan(s.xyz, vec3(0.0))) || any(greaterThan(s.xyz, vec3(1.0)))) return 1.0;
+  vec3 s = (shadow_from_world * vec4(p + n * light.w * (1.0 + 2.5 * slope), 1.0)).xyz;
+  if (any(lessThan(s, vec3(0.0))) || any(greaterThan(s, vec3(1.0)))) return 1.0;
 #ifdef FINE
   const vec2 kDisc[12] = vec2[](vec2(-0.326,-0.406), vec2(-0.840,-0.074), vec2(-0.696,0.457), vec2(-0.203,0.621),
     vec2(0.962,-0.195), vec2(0.473,-0.480), vec2(0.519,0.767), vec2(0.185,-0.893), vec2(0.507,0.064),
     vec2(0.896,0.412), vec2(-0.322,-0.933), vec2(-0.792,-0.598));
-  float radius = ray.w / light.w / float(textureSize(shadow_map, 0).x);
+  // The samples lie in the plane of the face: a wide edge then needs no wide margin against self-shading.
+  vec3 along = normalize(abs(n.x) < 0.9 ? cross(n, vec3(1, 0, 0)) : cross(n, vec3(0, 1, 0)));
+  vec3 u = mat3(shadow_from_world) * along * ray.w, v = mat3(shadow_from_world) * cross(n, along) * ray.w;
   float sum = 0.0;
-  for (int i = 0; i < 12; ++i) sum += texture(shadow_map, vec3(s.xy + kDisc[i] * radius, s.z));
+  for (int i = 0; i < 12; ++i) sum += texture(shadow_map, s + kDisc[i].x * u + kDisc[i].y * v);
   return sum / 12.0;
 #else
-  return texture(shadow_map, s.xyz);
+  return texture(shadow_map, s);
 #endif
 }
 
 vec3 to_screen(vec3 c) { return pow(min(c, vec3(1.0)), vec3(1.0 / 2.2)); }
 
-vec3 lit(vec3 albedo, vec3 n, vec3 p, float sky, float gloss) {
+vec3 lit(vec3 albedo, vec3 n, vec3 p, float sky) {
+  vec3 c = mix(kBounce, kSky, 0.5 + 0.5 * n.z) * sky;
+  float facing = dot(n, light.xyz);
+  if (facing > 0.0) c += kSun * facing * sun_visibility(p, n) * (0.35 + 0.65 * sky);
+  c *= albedo;
+  return to_screen(c / (1.0 + 0.12 * c));
+}
+
+vec3 lit_glossy(vec3 albedo, vec3 n, vec3 p, float sky, float gloss) {
   vec3 c = mix(kBounce, kSky, 0.5 + 0.5 * n.z) * sky * albedo;
   float facing = dot(n, light.xyz);
   if (facing > 0.0) {
     float sun = sun_visibility(p, n) * (0.35 + 0.65 * sky);
-    c += kSun * albedo * facing * sun;
-    vec3 h = normalize(light.xyz + normalize(eye.xyz - p));
-    c += kSun * gloss * pow(max(dot(n, h), 0.0), 48.0) * sun;
+    float shine = max(dot(n, normalize(light.xyz + normalize(eye.xyz - p))), 0.0);
+    c += kSun * (albedo * facing + gloss * pow(shine, 48.0)) * sun;
   }
   return to_screen(c / (1.0 + 0.12 * c));
 }
@@ -106,7 +115,7 @@ void main() {
     open *= below > 0.0 ? 0.55 / (1.0 + 3.0 * below) : clamp(0.55 - 0.35 * below, 0.55, 1.0);
     if (world.z < levels.x) c *= 0.55;                             // the shaft under the pin
   }
-  pixel = vec4(lit(c, normal, world, open, 0.02), 1.0);
+  pixel = vec4(lit(c, normal, world, open), 1.0);
 }
 )";
 
@@ -151,6 +160,17 @@ void main() {
 }
 )";
 
+// The light sees a sphere as a flat disc through its centre: the same outline, and no point that the light can
+// reach lies behind it. So no depth need be computed a pixel.
+constexpr const char* kSphereShadowFragment = R"(
+in vec3 world;
+flat in vec4 ball;
+void main() {
+  vec3 offset = world - ball.xyz;
+  if (dot(offset, offset) > ball.w * ball.w) discard;
+}
+)";
+
 constexpr const char* kSphereFragment = R"(
 in vec3 world;
 flat in vec4 ball;
@@ -159,7 +179,7 @@ flat in vec4 spin;
 out vec4 pixel;
 vec3 unrotate(vec4 q, vec3 v) { return v + 2.0 * cross(-q.xyz, cross(-q.xyz, v) + q.w * v); }
 void main() {
-  vec3 direction = eye.w > 0.5 ? normalize(world - eye.xyz) : ray.xyz;
+  vec3 direction = normalize(world - eye.xyz);
   vec3 offset = world - ball.xyz;
   float b = dot(offset, direction);
   float under = b * b - dot(offset, offset) + ball.w * ball.w;
@@ -167,13 +187,11 @@ void main() {
   vec3 hit = world - direction * (b + sqrt(under));
   vec4 clip = clip_from_world * vec4(hit, 1.0);
   gl_FragDepth = 0.5 + 0.5 * clip.z / clip.w;
-#ifndef SHADOW
   vec3 n = (hit - ball.xyz) / ball.w;
   // A thin lighter band around the equator shows how the ball rolls.
   float latitude = abs(unrotate(spin, n).z);
-  vec3 c = mix(paint.rgb, vec3(1.0), 0.30 * (1.0 - smoothstep(0.05, 0.09, latitude)));
-  pixel = vec4(lit(c, n, hit, pocket_sky(hit, paint.w, 1.6 * ball.w), 0.22), 1.0);
-#endif
+  vec3 c = mix(paint.rgb, vec3(1.0), 0.22 * (1.0 - smoothstep(0.04, 0.07, latitude)));
+  pixel = vec4(lit_glossy(c, n, hit, pocket_sky(hit, paint.w, 1.6 * ball.w), 0.22), 1.0);
 }
 )";
 
@@ -200,7 +218,7 @@ flat in vec4 paint;
 flat in float size;
 out vec4 pixel;
 void main() {
-  pixel = vec4(lit(paint.rgb, normalize(normal), world, pocket_sky(world, paint.w, 2.0 * size), 0.12), 1.0);
+  pixel = vec4(lit_glossy(paint.rgb, normalize(normal), world, pocket_sky(world, paint.w, 2.0 * size), 0.12), 1.0);
 }
 )";
 
@@ -244,7 +262,7 @@ void main() {
   vec3 n = vec3(0, 0, 1);
   vec2 out_of_table = max(max(table.xy - world.xy, world.xy - table.zw), 0.0);
   float sky = 0.62 + 0.38 * smoothstep(0.0, 6.0, length(out_of_table));
-  vec3 c = lit(vec3(0.66, 0.675, 0.70), n, world, sky, 0.0);
+  vec3 c = lit(vec3(0.66, 0.675, 0.70), n, world, sky);
   if (spacing > 0.0) {
     vec2 at = world.xy / spacing;
     float fine = max(line(at.x, 0.0), line(at.y, 0.0)) * (1.0 - smoothstep(0.08, 0.35, max(fwidth(at.x), fwidth(at.y))));
@@ -256,7 +274,6 @@ void main() {
 )";
 
 std::string defines(Pass pass) {
-  if (pass == Pass::kShadow) return "#define SHADOW\n";
   return pass == Pass::kColourFine ? "#define FINE\n" : "";
 }
 
@@ -272,8 +289,9 @@ ShaderSources pin_shaders(Pass pass) {
 }
 
 ShaderSources sphere_shaders(Pass pass) {
-  const std::string lighting = pass == Pass::kShadow ? "" : std::string(kLighting) + kPocket;
-  return {head(pass) + kObjectInputs + kSphereVertex, head(pass) + lighting + kSphereFragment};
+  return {head(pass) + kObjectInputs + kSphereVertex,
+          head(pass) + (pass == Pass::kShadow ? std::string(kSphereShadowFragment)
+                                              : std::string(kLighting) + kPocket + kSphereFragment)};
 }
 
 ShaderSources mesh_shaders(Pass pass) {

@@ -14,7 +14,7 @@ enum class Ownership {
 };
 
 struct SegmentInfo {
-  std::string name;  // as given to SurfaceConfig; the file is /dev/shm/smartsurf.NAME
+  std::string name;  // the file is /dev/shm/smartsurf.NAME; NAME~… is one being built
   std::uint64_t bytes = 0;
   Ownership ownership = Ownership::kForeign;
   std::uint16_t version_major = 0, version_minor = 0;

@@ -14,13 +14,14 @@
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 #define COUNTS_ALLOCATIONS 1
 static std::atomic<std::size_t> allocations{0};
-void* operator new(std::size_t bytes) {
+// Not inlined, or the compiler would see malloc meet delete.
+__attribute__((noinline)) void* operator new(std::size_t bytes) {
   allocations.fetch_add(1, std::memory_order_relaxed);
   if (void* memory = std::malloc(bytes)) return memory;
   throw std::bad_alloc();
 }
-void operator delete(void* memory) noexcept { std::free(memory); }
-void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+__attribute__((noinline)) void operator delete(void* memory) noexcept { std::free(memory); }
+__attribute__((noinline)) void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
 #endif
 
 namespace shm_protocol {
@@ -94,6 +95,38 @@ TEST(Threads, PassiveFramesAreNeverMixed) {
   EXPECT_EQ(mixed, 0u);
   EXPECT_GT(frames, 0u);
   EXPECT_GT(taken, 0u);
+}
+
+// A surface that comes round the ring many times while the controller copies one frame.
+TEST(Threads, FrameOverwrittenDuringTheCopyIsNeverTaken) {
+  auto config = small_surface(unique_name("lapped"), Mode::kPassive);
+  config.rows = config.columns = 256;
+  config.channels[kDistance].maximum = 1e9;
+  auto surface = SurfaceEndpoint::create(config);
+  auto controller = ControllerEndpoint::attach(config.name);
+  std::atomic<bool> enough{false};
+  std::thread other([&] {
+    auto deadline = std::chrono::steady_clock::now();
+    for (std::uint64_t tick = 0; !enough; ++tick) {
+      auto out = surface.sensor(kDistance);
+      out.front() = out.back() = static_cast<float>(tick % 1'000'000);
+      if (surface.publish(tick, 0.0) != Status::kOk) break;
+      if (tick % 100 != 0) continue;
+      deadline = std::chrono::steady_clock::now() + 100us;  // now and then there is time for a whole copy
+      while (std::chrono::steady_clock::now() < deadline) std::this_thread::yield();
+    }
+  });
+  std::uint64_t whole = 0, mixed = 0;
+  while (whole < 300) {
+    if (controller.latest_sensors() != Status::kOk) continue;
+    ++whole;
+    const auto in = controller.sensor(kDistance);
+    const auto expected = static_cast<float>(controller.sensor_info().tick % 1'000'000);
+    if (in.front() != expected || in.back() != expected) ++mixed;
+  }
+  enough = true;
+  other.join();
+  EXPECT_EQ(mixed, 0u);
 }
 
 #ifdef COUNTS_ALLOCATIONS

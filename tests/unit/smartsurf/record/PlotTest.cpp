@@ -10,6 +10,9 @@
 #include "smartsurf/record/TrajectoryPlot.h"
 #include "tests/unit/smartsurf/record/SyntheticRun.h"
 
+// Fontconfig, which finds Cairo's fonts, keeps its tables to the end of the process.
+extern "C" const char* __lsan_default_suppressions() { return "leak:libfontconfig"; }
+
 namespace smartsurf::record {
 namespace {
 

@@ -1,0 +1,54 @@
+// The simulator's window: the scene, a small panel with the run's state, and the user's wishes.
+//
+// GLFW asks for one thread: make it, call it and destroy it on the process's main thread. Nothing here waits: a
+// frame takes as long as drawing takes (about 30 ms without a graphics card), and how often frames are drawn is
+// the caller's choice. One window a process.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "smartsurf/scene/SceneSpec.h"
+#include "smartsurf/scene/Snapshot.h"
+#include "smartsurf/view/Controls.h"
+#include "smartsurf/view/Image.h"
+
+namespace smartsurf::view {
+
+class Window {
+ public:
+  // Whether a window can be opened here. False as well in a build without the view.
+  static bool display_available();
+
+  // width, height in screen coordinates (pixels, unless the display is scaled).
+  // Throws std::runtime_error, one line, when there is no display or no OpenGL 3.3.
+  Window(const scene::SceneSpec& spec, const std::string& title, int width = 1280, int height = 720);
+  ~Window();
+
+  // Takes in what the user did, draws one frame (nothing while the window is minimised) and shows it.
+  // catalogue: every object ever made, index = object id. cell_values: see DrawOptions; may be empty.
+  // A picture the user asks for is written into the current folder as NAME-TICK.png, NAME the experiment's; if
+  // that fails, the panel says so.
+  Commands frame(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
+                 const Status& status, const DrawOptions& overlay = {});
+
+  // What the user asked for, without drawing: to be called between frames that are far apart.
+  Commands poll(const Status& status);
+
+  // The scene from the window's camera in the quality of OffscreenView, without the panel.
+  Image picture(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue, int width,
+                int height);
+
+  // What the window shows, panel included; in pixels, which on a scaled display are more than the window's size.
+  Image contents() const;
+
+  // As if the user had pressed that key.
+  void press(Key key);
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace smartsurf::view

@@ -1,0 +1,43 @@
+// Stands in for drawing in a build with -DSMARTSURF_VIEW=OFF: the same interface, which says that it is left out.
+#include <stdexcept>
+
+#include "smartsurf/view/OffscreenView.h"
+#include "smartsurf/view/Window.h"
+
+namespace smartsurf::view {
+namespace {
+
+[[noreturn]] void left_out() {
+  throw std::runtime_error("this program was built without the view: configure with -DSMARTSURF_VIEW=ON");
+}
+
+}  // namespace
+
+struct OffscreenView::State {};
+OffscreenView::OffscreenView(const scene::SceneSpec&) { left_out(); }
+OffscreenView::~OffscreenView() = default;
+Image OffscreenView::draw(const scene::Snapshot&, const std::vector<scene::ObjectSpec>&, const Camera&,
+                          const DrawOptions&, int, int) {
+  left_out();
+}
+std::string OffscreenView::driver() const { left_out(); }
+
+Image render_image(const scene::SceneSpec&, const scene::Snapshot&, const std::vector<scene::ObjectSpec>&,
+                   const Camera&, const DrawOptions&, int, int) {
+  left_out();
+}
+
+struct Window::State {};
+bool Window::display_available() { return false; }
+Window::Window(const scene::SceneSpec&, const std::string&, int, int) { left_out(); }
+Window::~Window() = default;
+Commands Window::frame(const scene::Snapshot&, const std::vector<scene::ObjectSpec>&, const Status&,
+                       const DrawOptions&) {
+  left_out();
+}
+Commands Window::poll(const Status&) { left_out(); }
+Image Window::picture(const scene::Snapshot&, const std::vector<scene::ObjectSpec>&, int, int) { left_out(); }
+Image Window::contents() const { left_out(); }
+void Window::press(Key) { left_out(); }
+
+}  // namespace smartsurf::view

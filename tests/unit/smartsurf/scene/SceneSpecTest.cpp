@@ -1,0 +1,147 @@
+#include "smartsurf/scene/SceneSpec.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace smartsurf::scene {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+TEST(NearestName, FindsDroppedAddedChangedAndSwappedLetters) {
+  const std::vector<std::string> known{"radius", "position", "size", "colour", "mass"};
+  EXPECT_EQ(nearest_name("raduis", known), "radius");
+  EXPECT_EQ(nearest_name("psition", known), "position");
+  EXPECT_EQ(nearest_name("color", known), "colour");
+  EXPECT_EQ(nearest_name("szie", known), "size");
+  EXPECT_EQ(nearest_name("sise", known), "size");
+}
+
+TEST(NearestName, SaysNothingWhenNothingIsNear) {
+  EXPECT_EQ(nearest_name("gravity", {"radius", "size"}), "");
+  EXPECT_EQ(nearest_name("ab", {"xy"}), "");
+  EXPECT_EQ(nearest_name("", {}), "");
+}
+
+TEST(WorldSpec, CountsStepsInATick) {
+  WorldSpec w;
+  EXPECT_EQ(w.steps_per_tick(), 4);
+  w.dt_s = w.control_period_s = 0.01;
+  EXPECT_EQ(w.steps_per_tick(), 1);
+}
+
+TEST(WorldSpec, ProblemsNameTheField) {
+  WorldSpec w;
+  EXPECT_EQ(problem_with(w), "");
+  w.gravity.y() = kNan;
+  EXPECT_EQ(problem_with(w), "world.gravity[2] = nan: must be in [-1000000, 1000000]");
+  w = {};
+  w.dt_s = -0.5;
+  EXPECT_EQ(problem_with(w), "world.dt = -0.5: must be in [1e-05, 0.1] seconds");
+  w = {};
+  w.dt_s = 0.01;
+  w.control_period_s = 0.015;
+  EXPECT_EQ(problem_with(w),
+            "world.control_period = 0.015: must be an integer number of physics steps, world.dt = 0.01");
+}
+
+TEST(SurfaceSpec, IndexAndCentreAgreeWithTheConvention) {
+  SurfaceSpec s;
+  s.rows = 3;
+  s.columns = 5;
+  s.pitch = 2.0;
+  EXPECT_EQ(s.cells(), 15);
+  EXPECT_EQ(s.index(1, 2), 7);
+  EXPECT_EQ(s.centre(2, 0), Eigen::Vector2d(0, 0));  // the south-west cell is the origin
+  EXPECT_EQ(s.centre(0, 4), Eigen::Vector2d(8, 4));
+  EXPECT_TRUE(s.is_border(0, 2) && s.is_border(2, 2) && s.is_border(1, 0) && s.is_border(1, 4));
+  EXPECT_FALSE(s.is_border(1, 2));
+}
+
+TEST(SurfaceSpec, ProblemsNameTheField) {
+  SurfaceSpec s;
+  EXPECT_EQ(problem_with(s), "");
+  s.pin.top_x = 1.5;
+  EXPECT_EQ(problem_with(s), "pin.top[1] = 1.5: must be in [0.001, pitch], the pitch is 1");
+  s = {};
+  s.pin.max_height = kInfinity;
+  EXPECT_EQ(problem_with(s), "pin.range[2] = inf: must be in [-1000000, 1000000]");
+  s = {};
+  s.columns = 5000;
+  EXPECT_EQ(problem_with(s), "surface.columns = 5000: must be 1 to 4096");
+  s = {};
+  s.sensors.push_back({.range = -1.0});
+  EXPECT_EQ(problem_with(s), "proximity.range = -1: must be in (0, 1000000]");
+  s = {};
+  s.border_height = kNan;
+  EXPECT_EQ(problem_with(s), "border.height = nan: must be in [-1000000, 1000000]");
+}
+
+TEST(SurfaceSpec, ASensorHasTwoChannels) {
+  SurfaceSpec s;
+  s.sensors = {{.name = "a"}, {.name = "b"}};
+  EXPECT_EQ(s.sensor_channels(), (std::vector<std::string>{"a", "a_hit", "b", "b_hit"}));
+  EXPECT_EQ(problem_with(s), "");
+  s.sensors[1].name = "a";
+  EXPECT_EQ(problem_with(s), "surface.sensors: two channels are called 'a': give a sensor another name");
+  s.sensors[1].name = "b c";
+  EXPECT_EQ(problem_with(s),
+            "surface.sensors: channel 'b c': must be 1 to 31 letters, digits, '_', '.' and '-'");
+  s.sensors.assign(16, {});
+  EXPECT_EQ(problem_with(s), "surface.sensors: 16 sensors: must be at most 15");
+}
+
+TEST(Material, ProblemsNameTheField) {
+  Material m;
+  EXPECT_EQ(problem_with(m), "");
+  m.friction = kNan;
+  EXPECT_EQ(problem_with(m), "material.friction = nan: must be in [0, 1000000]");
+  m = {};
+  m.density = 0.0;
+  EXPECT_EQ(problem_with(m), "material.density = 0: must be in [1e-09, 1000000]");
+  m = {};
+  m.name = "";
+  EXPECT_EQ(problem_with(m), "material.name is missing");
+}
+
+TEST(ObjectSpec, VolumesAndExtentsAreThoseOfTheShapes) {
+  ObjectSpec o;
+  o.radius = 2.0;
+  EXPECT_DOUBLE_EQ(o.volume(), 32.0 / 3.0 * std::numbers::pi);
+  EXPECT_EQ(o.half_extents(), Eigen::Vector3d(2, 2, 2));
+  o.shape = ShapeKind::kCylinder;
+  o.height = 3.0;
+  EXPECT_DOUBLE_EQ(o.volume(), 12.0 * std::numbers::pi);
+  EXPECT_EQ(o.half_extents(), Eigen::Vector3d(2, 2, 1.5));
+  o.shape = ShapeKind::kBox;
+  o.size = {1, 2, 3};
+  EXPECT_DOUBLE_EQ(o.volume(), 6.0);
+  EXPECT_EQ(o.half_extents(), Eigen::Vector3d(0.5, 1, 1.5));
+}
+
+TEST(ObjectSpec, ProblemsNameTheField) {
+  ObjectSpec o;
+  EXPECT_EQ(problem_with(o), "");
+  o.radius = kNan;
+  EXPECT_EQ(problem_with(o), "radius = nan: must be in [0.001, 1000000]");
+  o = {};
+  o.position.z() = -kInfinity;
+  EXPECT_EQ(problem_with(o), "position[3] = -inf: must be in [-1000000, 1000000]");
+  o = {};
+  o.orientation.coeffs().setZero();
+  EXPECT_EQ(problem_with(o), "orientation: must be a rotation");
+  o = {};
+  o.mass = -1.0;
+  EXPECT_EQ(problem_with(o), "mass = -1: must be in [1e-09, 1e+12]");
+  o = {};
+  o.shape = ShapeKind::kBox;
+  o.size.x() = 0.0;
+  EXPECT_EQ(problem_with(o), "size[1] = 0: must be in [0.001, 1000000]");
+}
+
+}  // namespace
+}  // namespace smartsurf::scene

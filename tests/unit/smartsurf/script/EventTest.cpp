@@ -1,0 +1,179 @@
+#include "ScriptFixture.h"
+#include "smartsurf/script/Schedule.h"
+
+namespace smartsurf::script {
+namespace {
+
+using Log = std::vector<std::string>;
+
+class EventTest : public ScriptTest {
+ protected:
+  // Loads, starts and runs ticks 0 to `last`.
+  void run(const std::string& text, std::uint64_t last) {
+    experiment.emplace(load_on_surface(text));
+    host.emplace(experiment->scene());
+    experiment->start(*host);
+    run_ticks(*experiment, 0, last);
+  }
+  std::optional<Experiment> experiment;
+  std::optional<FakeHost> host;
+};
+
+TEST(ScheduleTest, RunsInOrderOfTimeThenOfRegistration) {
+  Schedule s;
+  s.at(2.0, 1);
+  s.at(1.0, 2);
+  s.every(0.0, 1.0, 3);
+  s.at(1.0, 4);
+  std::vector<int> ran;
+  s.run_due(1.5, [&](const Event& e) { return ran.push_back(e.callback), true; });
+  EXPECT_EQ(ran, (std::vector<int>{2, 3, 4}));
+  s.run_due(3.0, [&](const Event& e) { return ran.push_back(e.callback), true; });
+  EXPECT_EQ(ran, (std::vector<int>{2, 3, 4, 1, 3, 3}));
+  EXPECT_EQ(s.size(), 1u);
+}
+
+TEST(ScheduleTest, WhatIsRegisteredMeanwhileWaits) {
+  Schedule s;
+  int calls = 0;
+  s.at(0.0, 0);
+  const auto again = [&](const Event&) {
+    ++calls;
+    s.at(0.0, 0);
+    return false;
+  };
+  s.run_due(0.0, again);
+  EXPECT_EQ(calls, 1);
+  s.run_due(0.0, again);
+  EXPECT_EQ(calls, 2);
+}
+
+TEST_F(EventTest, AtRunsAtTheFirstTickThatIsNotBeforeItsTime) {
+  run("at(0, function(t, n) print('zero', n) end) at(0.5, function(t, n) print('half', t, n) end) "
+      "at(0.51, function(t, n) print('later', n) end)",
+      59);
+  EXPECT_EQ(printed, "zero\t0\nhalf\t0.5\t30\nlater\t31\n");
+}
+
+TEST_F(EventTest, EveryBeginsAfterOnePeriodAndDoesNotDrift) {
+  run("every(0.1, function(t, n) print(n) end)", 60);
+  EXPECT_EQ(printed, "6\n12\n18\n24\n30\n36\n42\n48\n54\n60\n");
+}
+
+TEST_F(EventTest, AClockThatSumsUpItsStepsDelaysNothing) {
+  Experiment e = load_on_surface(
+      "count = 0; every(0.1, function(t, n) count = count + 1; assert(n == 6 * count) end) "
+      "on_finish(function() print(count) end)");
+  FakeHost fake(e.scene());
+  e.start(fake);
+  double t_s = 0.0;
+  for (std::uint64_t tick = 0; tick <= 60000; ++tick, t_s += 1.0 / 60.0) e.tick(t_s, tick);
+  e.finish();
+  EXPECT_EQ(printed, "10000\n");
+}
+
+TEST_F(EventTest, APeriodShorterThanATickRunsSeveralTimesATick) {
+  run("n = 0; every(1/240, function() n = n + 1 end) on_tick(function() print(n) end)", 2);
+  EXPECT_EQ(printed, "0\n4\n8\n");
+}
+
+TEST_F(EventTest, OrderWithinATickIsByTimeThenRegistrationThenOnTick) {
+  run("on_tick(function(t, n) if n == 1 then print('tick') end end) "
+      "at(1/60, function() print('b') end) every(1/60, function() print('c') end) "
+      "at(0.016, function() print('a') end) at(1/60, function() print('d') end)",
+      1);
+  EXPECT_EQ(printed, "a\nb\nc\nd\ntick\n");
+}
+
+TEST_F(EventTest, OnTickGetsTimeAndTick) {
+  run("on_tick(function(t, n) print(t * 60, math.type(n), n) assert(time() == t) end)", 2);
+  EXPECT_EQ(printed, "0.0\tinteger\t0\n1.0\tinteger\t1\n2.0\tinteger\t2\n");
+}
+
+TEST_F(EventTest, FalseEndsEveryAndOnTick) {
+  run("a = 0; every(1/60, function() a = a + 1; return a < 3 end) "
+      "b = 0; on_tick(function() b = b + 1; return b < 2 end) "
+      "on_tick(function(t, n) if n == 9 then print(a, b) end end)",
+      9);
+  EXPECT_EQ(printed, "3\t2\n");
+}
+
+TEST_F(EventTest, FunctionsMayRegisterFunctions) {
+  run("at(0, function() every(1/60, function(t, n) print('e', n) return n < 2 end) "
+      "at(2/60, function(t, n) print('a', n) end) on_tick(function(t, n) print('t', n) return false end) "
+      "end)",
+      4);
+  EXPECT_EQ(printed, "t\t0\ne\t1\ne\t2\na\t2\n");
+}
+
+TEST_F(EventTest, AFunctionThatRegistersItselfForNowRunsOnceATick) {
+  run("local function f(t, n) print(n) at(t, f) end at(0, f)", 3);
+  EXPECT_EQ(printed, "0\n1\n2\n3\n");
+}
+
+TEST_F(EventTest, ATimeThatIsOverIsRefused) {
+  EXPECT_EQ(caught([&] { run("on_tick(function(t) if t > 0 then at(0, print) end end)", 1); }),
+            "t.lua:2: at: seconds = 0: is over, the simulated time is 0.016666666666667");
+}
+
+TEST_F(EventTest, HasEventsSaysWhetherTheScriptIsEverCalled) {
+  EXPECT_FALSE(load_on_surface("sphere{radius = 1, position = {0, 0, 9}}").has_events());
+  EXPECT_TRUE(load_on_surface("at(1, print)").has_events());
+  EXPECT_TRUE(load_on_surface("every(1, print)").has_events());
+  EXPECT_TRUE(load_on_surface("on_tick(print)").has_events());
+  EXPECT_TRUE(load_on_surface("on_finish(print)").has_events());
+}
+
+TEST_F(EventTest, ObjectsAreSpawnedReadMovedPushedAndRemoved) {
+  run(R"(
+    local first = sphere{radius = 1, position = {1, 2, 3}, velocity = {4, 5, 6}, label = 'small'}
+    at(0, function()
+      local id = box{size = {1, 1, 1}, position = {7, 8, 9}, label = 'big',
+                     orientation = {x = 0, y = 0, z = 1, w = 0}, angular_velocity = {0, 0, 2}}
+      local o = object(id)
+      print(first, id, o:id(), o, o:label(), o == object(id), o == object(first), o:alive())
+      print(object(first):position())
+      print(object(first):velocity())
+      print(o:orientation())
+      print(o:angular_velocity())
+      o:push{force = {1, 0, 0}}
+      o:push{force = {1, 0, 0}, point = {7, 8, 10}, seconds = 0.5}
+      o:teleport{position = {0, 0, 5}, velocity = {1, 0, 0}}
+      print(o:position())
+      print(#objects(), #objects{label = 'small'}, objects{label = 'big'}[1]:id(), #objects{label = 'none'})
+      for _, each in ipairs(objects{label = 'small'}) do each:remove() end
+      print(object(first):alive())
+    end))",
+      0);
+  EXPECT_EQ(printed,
+            "0\t1\t1\tobject 1\tbig\ttrue\tfalse\ttrue\n1.0\t2.0\t3.0\n4.0\t5.0\t6.0\n0.0\t0.0\t1.0\t0.0\n"
+            "0.0\t0.0\t2.0\n0.0\t0.0\t5.0\n2\t1\t1\t0\nfalse\n");
+  EXPECT_EQ(host->log, (Log{"spawn 1", "push 1 1 0 0 at centre for 0.0166667",
+                            "push 1 1 0 0 at  7  8 10 for 0.5", "place 1", "remove 0"}));
+}
+
+TEST_F(EventTest, CellsCountFromOneInLuaAndFromZeroForTheHost) {
+  run("at(0, function() cells:target('height', 1, 6, 2.5) print(cells:sense('proximity', 4, 2)) end)", 0);
+  EXPECT_EQ(host->log, (Log{"target height 0 5 2.5"}));
+  EXPECT_EQ(printed, "90301.0\n");
+}
+
+TEST_F(EventTest, TargetsTakesAListOrRows) {
+  const std::string list = "local v = {} for i = 1, 24 do v[i] = i end ";
+  const std::string rows =
+      "local w = {} for r = 1, 4 do w[r] = {} for c = 1, 6 do w[r][c] = (r-1)*6 + c end end ";
+  std::vector<float> expected;
+  for (int i = 1; i <= 24; ++i) expected.push_back(static_cast<float>(i));
+  run("at(0, function() " + list + "cells:targets('height', v) end)", 0);
+  EXPECT_EQ(host->last_targets, expected);
+  run("at(0, function() " + rows + "cells:targets('height', w) end)", 0);
+  EXPECT_EQ(host->last_targets, expected);
+}
+
+TEST_F(EventTest, ProcessControl) {
+  run("pace('max') pause() at(0, function() pace(2) pace('realtime') pause() stop() quit() end)", 0);
+  EXPECT_EQ(host->log, (Log{"pace max", "pause", "pace 2", "pace 1", "pause", "stop", "quit"}));
+}
+
+}  // namespace
+}  // namespace smartsurf::script

@@ -1,0 +1,49 @@
+// The experiments that ship as examples load and run.
+#include <algorithm>
+
+#include "ScriptFixture.h"
+
+namespace smartsurf::script {
+namespace {
+
+class ExampleTest : public ScriptTest {
+ protected:
+  void run(const std::string& name, std::uint64_t ticks) {
+    experiment.emplace(Experiment::load(std::filesystem::path(SMARTSURF_EXAMPLES) / name, options));
+    host.emplace(experiment->scene());
+    experiment->start(*host);
+    run_ticks(*experiment, 0, ticks);
+    experiment->finish();
+  }
+  std::optional<Experiment> experiment;
+  std::optional<FakeHost> host;
+};
+
+TEST_F(ExampleTest, Drop) {
+  run("drop.lua", 300);
+  EXPECT_GE(experiment->scene().objects.size(), 3u);
+}
+
+TEST_F(ExampleTest, WaveTravelsEast) {
+  run("wave.lua", 60);
+  const std::vector<float> before = host->last_targets;
+  experiment->tick(61.0 / 60.0, 61);
+  const int columns = experiment->scene().surface.columns;
+  ASSERT_EQ(before.size(), static_cast<std::size_t>(experiment->scene().surface.cells()));
+  const auto crest = [&](const std::vector<float>& row) {
+    return std::max_element(row.begin() + columns, row.begin() + 2 * columns) - row.begin() - columns;
+  };
+  EXPECT_NE(before, host->last_targets);
+  EXPECT_GE(crest(host->last_targets), crest(before));
+}
+
+TEST_F(ExampleTest, RainFallsAsOftenAsItsOptionSays) {
+  options.set = {{"rate", "10"}, {"count", "25"}};
+  run("rain.lua", 60 * 5);
+  const auto drops = std::count_if(host->log.begin(), host->log.end(),
+                                   [](const std::string& entry) { return entry.starts_with("spawn"); });
+  EXPECT_EQ(drops, 25);
+}
+
+}  // namespace
+}  // namespace smartsurf::script

@@ -1,0 +1,115 @@
+#include "smartsurf/script/Random.h"
+
+#include <algorithm>
+#include <array>
+
+#include "ScriptFixture.h"
+
+namespace smartsurf::script {
+namespace {
+
+// The published outputs of SplitMix64 for seed 1234567.
+TEST(Random, IsSplitMix64) {
+  Random r(1234567);
+  for (const std::uint64_t expected : {6457827717110365317u, 3203168211198807973u, 9817491932198370423u,
+                                       4593380528125082431u, 16408922859458223821u})
+    EXPECT_EQ(r.next(), expected);
+}
+
+TEST(Random, StaysInItsBounds) {
+  Random r(3);
+  double lowest = 1.0, highest = 0.0;
+  for (int i = 0; i < 100000; ++i) {
+    const double v = r.between(-2.0, 3.0);
+    ASSERT_GE(v, -2.0);
+    ASSERT_LT(v, 3.0);
+    lowest = std::min(lowest, v), highest = std::max(highest, v);
+  }
+  EXPECT_LT(lowest, -1.999);
+  EXPECT_GT(highest, 2.999);
+  EXPECT_EQ(r.between(5.0, 5.0), 5.0);
+  const double big = r.between(-1e308, 1e308);
+  EXPECT_TRUE(big >= -1e308 && big <= 1e308);
+}
+
+TEST(Random, IntegersAreEvenlySpread) {
+  Random r(9);
+  std::array<int, 6> counts{};
+  for (int i = 0; i < 60000; ++i) ++counts[static_cast<std::size_t>(r.integer(1, 6) - 1)];
+  for (const int count : counts) EXPECT_NEAR(count, 10000, 400);
+  EXPECT_EQ(r.integer(-4, -4), -4);
+  r.integer(INT64_MIN, INT64_MAX);
+}
+
+class ScriptRandomTest : public ScriptTest {
+ protected:
+  std::string draws(const std::string& text) {
+    printed.clear();
+    load_on_surface(text);
+    return printed;
+  }
+};
+
+TEST_F(ScriptRandomTest, TheSameSeedGivesTheSameNumbers) {
+  const std::string text =
+      "world{seed = 5} print(string.format('%.17g %.17g', random(0, 10), math.random()), "
+      "math.random(6), math.random(10, 20))";
+  const std::string first = draws(text);
+  EXPECT_EQ(draws(text), first);
+  EXPECT_EQ(first, "3.8676804598393399 0.7523070158382239\t6\t10\n");
+  EXPECT_NE(draws("world{seed = 6} print(string.format('%.17g', random(0, 10)))"), first);
+}
+
+TEST_F(ScriptRandomTest, WithoutAWorldTheSeedIsOne) {
+  EXPECT_EQ(draws("print(random())"), draws("world{seed = 1} print(random())"));
+}
+
+TEST_F(ScriptRandomTest, TheCommandLinesSeedWins) {
+  const std::string seven = draws("world{seed = 7} print(random())");
+  options.seed = 7;
+  EXPECT_EQ(draws("world{seed = 5} print(random())"), seven);
+  EXPECT_EQ(draws("print(random()) world{seed = 5}"), seven);
+  EXPECT_EQ(load_on_surface("world{seed = 5}").scene().world.seed, 7u);
+}
+
+TEST_F(ScriptRandomTest, ASeedAfterTheFirstDrawIsRefused) {
+  EXPECT_EQ(error_of("local x = random()\n\nworld{seed = 5}"),
+            "t.lua:3: world.seed = 5: random numbers were already drawn with seed 1 at t.lua:1; put world{} "
+            "before");
+  EXPECT_EQ(error_of("surface{} local x = random()\nworld{dt = 1/120}"), "");
+}
+
+TEST_F(ScriptRandomTest, PairsAndNextGoInAnOrderOfTheirOwn) {
+  const std::string text = R"(
+    local t = {zebra = 1, apple = 2, mango = 3, [3] = 'c', [1] = 'a', [2] = 'b', [2.5] = 'h', [-1] = 'n',
+               [true] = 't', [false] = 'f', [print] = 'p'}
+    local s, u = '', ''
+    for k, v in pairs(t) do s = s .. v end
+    for k, v in next, t do u = u .. v end
+    print(s, u, next({}), (next{7})))";
+  EXPECT_EQ(draws(text), "nabhc231ftp\tnabhc231ftp\tnil\t1\n");
+}
+
+TEST_F(ScriptRandomTest, PairsAllowsTheFieldsToGoAndRespectsMetamethods) {
+  EXPECT_EQ(draws("local t = {1, 2, 3, x = 4, y = 5} for k in pairs(t) do t[k] = nil; t.y = nil end "
+                  "print((next(t)))"),
+            "nil\n");
+  EXPECT_EQ(
+      draws("local t = {1, 2, 3, 4} local n = 0 for k in pairs(t) do n = n + 1; t[k + 1] = nil end print(n)"),
+      "2\n");
+  EXPECT_EQ(
+      draws(
+          "local t = setmetatable({}, {__pairs = function() return function(_, k) if not k then return 1 end "
+          "end, nil, nil end}) for k in pairs(t) do print(k) end"),
+      "1\n");
+}
+
+TEST_F(ScriptRandomTest, PairsRefusesKeysWithoutAnOrder) {
+  EXPECT_EQ(error_of("\nfor k in pairs{[{}] = 1, [{}] = 2} do end"),
+            "t.lua:2: pairs: the table has several keys that are a table or the like; their order would "
+            "differ from "
+            "run to run: use a list, or numbers or texts as keys");
+}
+
+}  // namespace
+}  // namespace smartsurf::script

@@ -1,0 +1,163 @@
+// A folder of its own for each test, scripts written into it, and a host that writes down what it is asked
+// for.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <optional>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "smartsurf/script/Experiment.h"
+
+namespace smartsurf::script {
+
+class FakeHost : public Host {
+ public:
+  explicit FakeHost(const scene::SceneSpec& spec) {
+    for (const auto& object : spec.objects) spawn(object);
+    log.clear();
+  }
+
+  scene::ObjectId spawn(const scene::ObjectSpec& object) override {
+    const auto id = static_cast<scene::ObjectId>(next_id_++);
+    objects_[id] = object;
+    note() << "spawn " << id;
+    return id;
+  }
+  void remove(scene::ObjectId id) override {
+    objects_.erase(id);
+    note() << "remove " << id;
+  }
+  bool alive(scene::ObjectId id) const override { return objects_.contains(id); }
+  ObjectState state(scene::ObjectId id) const override {
+    const auto& o = objects_.at(id);
+    return {o.position, o.orientation, o.velocity, o.angular_velocity};
+  }
+  std::string label(scene::ObjectId id) const override { return objects_.at(id).label; }
+  std::vector<scene::ObjectId> objects(const std::optional<std::string>& label) const override {
+    std::vector<scene::ObjectId> ids;
+    for (const auto& [id, object] : objects_)
+      if (!label || object.label == *label) ids.push_back(id);
+    return ids;
+  }
+  void push(scene::ObjectId id, const Eigen::Vector3d& f, const std::optional<Eigen::Vector3d>& p,
+            double s) override {
+    note() << "push " << id << " " << f.transpose() << " at "
+           << (p ? (std::ostringstream() << p->transpose()).str() : "centre") << " for " << s;
+  }
+  void place(scene::ObjectId id, const Placement& p) override {
+    auto& o = objects_.at(id);
+    if (p.position) o.position = *p.position;
+    if (p.orientation) o.orientation = *p.orientation;
+    if (p.velocity) o.velocity = *p.velocity;
+    if (p.angular_velocity) o.angular_velocity = *p.angular_velocity;
+    note() << "place " << id;
+  }
+  void target(const std::string& channel, int row, int column, float value) override {
+    if (controller_attached)
+      throw scene::InputError("cells:target: a controller is attached and sets the targets");
+    note() << "target " << channel << " " << row << " " << column << " " << value;
+  }
+  void targets(const std::string& channel, std::span<const float> values) override {
+    last_targets.assign(values.begin(), values.end());
+    note() << "targets " << channel << " " << values.size();
+  }
+  float sense(const std::string& channel, int row, int column) const override {
+    return static_cast<float>(channel.size() * 10000) + static_cast<float>(row * 100 + column);
+  }
+  void stop() override { note() << "stop"; }
+  void quit() override { note() << "quit"; }
+  void pause() override {
+    if (broken) throw std::runtime_error("the pipe burst");
+    note() << "pause";
+  }
+  void pace(std::optional<double> factor) override {
+    if (factor)
+      note() << "pace " << *factor;
+    else
+      note() << "pace max";
+  }
+
+  std::vector<std::string> log;
+  std::vector<float> last_targets;
+  bool controller_attached = false, broken = false;
+
+ private:
+  // One entry of the log, written when the statement ends.
+  struct Note : std::ostringstream {
+    explicit Note(std::vector<std::string>& to) : log(to) {}
+    ~Note() override { log.push_back(str()); }
+    std::vector<std::string>& log;
+  };
+  Note note() { return Note(log); }
+
+  std::map<scene::ObjectId, scene::ObjectSpec> objects_;
+  unsigned next_id_ = 0;
+};
+
+class ScriptTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    const auto* info = testing::UnitTest::GetInstance()->current_test_info();
+    folder = std::filesystem::path(testing::TempDir()) / "smartsurf-script" /
+             (std::string(info->test_suite_name()) + "." + info->name());
+    std::filesystem::remove_all(folder);
+    std::filesystem::create_directories(folder);
+    options.print = [this](std::string_view text) { printed += text; };
+  }
+  void TearDown() override { std::filesystem::remove_all(folder); }
+
+  std::filesystem::path write(const std::string& name, const std::string& text) {
+    std::ofstream(folder / name, std::ios::binary) << text;
+    return folder / name;
+  }
+  Experiment load(const std::string& text) { return Experiment::load(write("t.lua", text), options); }
+  // With a small surface declared in line 1, before the text that begins in line 2.
+  Experiment load_on_surface(const std::string& text) {
+    return load("surface{rows = 4, columns = 6, sensors = {proximity{range = 8}}}\n" + text);
+  }
+
+  // The message without the folder, or "" when nothing is thrown.
+  std::string error_of(const std::string& text) {
+    return caught([&] { load(text); });
+  }
+  // The error of a function body that runs in the first tick; its first line is line 2.
+  std::string run_error_of(const std::string& body) {
+    return caught([&] {
+      Experiment e = load_on_surface("at(0, function() " + body + "\nend)");
+      FakeHost host(e.scene());
+      e.start(host);
+      e.tick(0.0, 0);
+    });
+  }
+  template <typename F>
+  std::string caught(F f) {
+    try {
+      f();
+    } catch (const scene::InputError& e) {
+      std::string message = e.what();
+      EXPECT_EQ(message.find_first_of("\r\n"), std::string::npos) << message;
+      const std::string prefix = folder.string() + "/";
+      for (auto at = message.find(prefix); at != std::string::npos; at = message.find(prefix))
+        message.erase(at, prefix.size());
+      return message;
+    }
+    return "";
+  }
+
+  std::filesystem::path folder;
+  LoadOptions options;
+  std::string printed;
+};
+
+// Runs ticks from `first` to `last` inclusive, of 1/60 s.
+inline void run_ticks(Experiment& e, std::uint64_t first, std::uint64_t last) {
+  for (std::uint64_t tick = first; tick <= last; ++tick) e.tick(static_cast<double>(tick) / 60.0, tick);
+}
+
+}  // namespace smartsurf::script

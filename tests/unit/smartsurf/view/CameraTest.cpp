@@ -1,0 +1,118 @@
+#include "smartsurf/view/Camera.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+namespace smartsurf::view {
+namespace {
+
+constexpr double kAspects[] = {0.4, 1.0, 4.0 / 3.0, 16.0 / 9.0, 3.2};
+constexpr Preset kPresets[] = {Preset::kTop, Preset::kIso, Preset::kSide};
+
+scene::SurfaceSpec surface(int rows, int columns) {
+  scene::SurfaceSpec s;
+  s.rows = rows;
+  s.columns = columns;
+  return s;
+}
+
+// The largest |x| and |y| of the table's corners in a picture whose half edges are 1.
+Eigen::Vector2d reach_of(const Camera& camera, const scene::SurfaceSpec& s, double aspect) {
+  const Eigen::AlignedBox3d box = Camera::extent(s);
+  Eigen::Vector2d reach(0.0, 0.0);
+  for (int i = 0; i < 8; ++i) {
+    const Eigen::Vector3d corner((i & 1) ? box.max().x() : box.min().x(), (i & 2) ? box.max().y() : box.min().y(),
+                                 (i & 4) ? box.max().z() : box.min().z());
+    const Eigen::Vector4d clip =
+        camera.projection_matrix(aspect) * camera.view_matrix() * corner.homogeneous();
+    EXPECT_GT(clip.w(), 0.0);
+    EXPECT_LT(std::abs(clip.z()), clip.w()) << "cut by a clipping plane";
+    reach = reach.cwiseMax(clip.head<2>().cwiseAbs() / clip.w());
+  }
+  return reach;
+}
+
+TEST(Camera, FramesTheWholeTableWithASmallMarginInAnyAspect) {
+  for (const auto& s : {surface(64, 64), surface(16, 200), surface(200, 16), surface(1, 1)})
+    for (double aspect : kAspects)
+      for (Preset preset : kPresets) {
+        const double reach = reach_of(Camera::framing(s, preset, aspect), s, aspect).maxCoeff();
+        EXPECT_LT(reach, 1.0);
+        EXPECT_GT(reach, 0.9) << "the table is smaller than it could be";
+      }
+}
+
+TEST(Camera, IsoLooksNorthFromTheSouthAtFortyDegrees) {
+  const Camera camera = Camera::framing(surface(64, 64), Preset::kIso, 16.0 / 9.0);
+  EXPECT_NEAR(camera.elevation() * 180.0 / std::numbers::pi, 40.0, 0.2);
+  EXPECT_LT(camera.eye().y(), -0.5);
+  EXPECT_NEAR(camera.forward().x(), 0.0, 1e-12);
+  EXPECT_NEAR(camera.eye().x(), 31.5, 1e-9);  // the middle of 64 columns
+}
+
+TEST(Camera, TopHasNorthUpAndEastRight) {
+  const Camera camera = Camera::framing(surface(64, 64), Preset::kTop, 1.0);
+  const Eigen::Vector3d middle = camera.project({31.5, 31.5, 0.0}, 800, 800);
+  EXPECT_NEAR(middle.x(), 400.0, 1.0);
+  EXPECT_LT(camera.project({31.5, 60.0, 0.0}, 800, 800).y(), middle.y() - 300.0);
+  EXPECT_GT(camera.project({60.0, 31.5, 0.0}, 800, 800).x(), middle.x() + 300.0);
+}
+
+TEST(Camera, OrbitKeepsTheDistanceAndTheTarget) {
+  Camera camera = Camera::framing(surface(64, 64), Preset::kIso, 1.5);
+  const Eigen::Vector3d target = camera.target();
+  const double distance = (camera.eye() - target).norm();
+  camera.orbit(123.0, -45.0);
+  EXPECT_TRUE(camera.target().isApprox(target));
+  EXPECT_NEAR((camera.eye() - target).norm(), distance, 1e-9);
+  EXPECT_NEAR(camera.forward().norm(), 1.0, 1e-12);
+  EXPECT_NEAR(camera.right().dot(camera.forward()), 0.0, 1e-12);
+  EXPECT_GT(camera.up().z(), 0.0);
+}
+
+TEST(Camera, DraggingRightMovesTheNearSideRight) {
+  Camera camera = Camera::framing(surface(64, 64), Preset::kIso, 1.0);
+  const Eigen::Vector3d near_point = camera.target() - Eigen::Vector3d(0.0, 20.0, 0.0);
+  const double before = camera.project(near_point, 800, 800).x();
+  camera.orbit(50.0, 0.0);
+  EXPECT_GT(camera.project(near_point, 800, 800).x(), before + 20.0);
+}
+
+TEST(Camera, NeverGoesBelowTheTableNorOverThePole) {
+  Camera camera = Camera::framing(surface(64, 64), Preset::kIso, 1.5);
+  camera.orbit(0.0, 1e6);
+  EXPECT_DOUBLE_EQ(camera.elevation(), Camera::kMaxElevation);
+  camera.orbit(0.0, -1e6);
+  EXPECT_DOUBLE_EQ(camera.elevation(), Camera::kMinElevation);
+}
+
+TEST(Camera, PanKeepsThePointUnderThePointer) {
+  Camera camera = Camera::framing(surface(64, 64), Preset::kIso, 1.25);
+  const Eigen::Vector3d point = camera.target();
+  const Eigen::Vector3d before = camera.project(point, 1000, 800);
+  camera.pan(37.0, -21.0, 800);
+  const Eigen::Vector3d after = camera.project(point, 1000, 800);
+  EXPECT_NEAR(after.x() - before.x(), 37.0, 1e-6);
+  EXPECT_NEAR(after.y() - before.y(), -21.0, 1e-6);
+}
+
+TEST(Camera, ZoomComesCloserByEqualFactorsWithinLimits) {
+  Camera camera = Camera::framing(surface(64, 64), Preset::kIso, 1.5);
+  const double d0 = camera.distance();
+  camera.zoom(1.0);
+  const double d1 = camera.distance();
+  camera.zoom(1.0);
+  EXPECT_LT(d1, d0);
+  EXPECT_NEAR(camera.distance() / d1, d1 / d0, 1e-12);
+  camera.zoom(-2.0);
+  EXPECT_NEAR(camera.distance(), d0, 1e-9);
+  camera.zoom(1e4);
+  EXPECT_NEAR(camera.distance(), d0 / 200.0, 1e-9);
+  camera.zoom(-1e4);
+  EXPECT_NEAR(camera.distance(), d0 * 5.0, 1e-9);
+}
+
+}  // namespace
+}  // namespace smartsurf::view

@@ -1,0 +1,84 @@
+#include "smartsurf/view/Controls.h"
+
+#include <gtest/gtest.h>
+
+namespace smartsurf::view {
+namespace {
+
+TEST(Controls, KeysBecomeWishesThatAreTakenOnce) {
+  Controls controls{scene::SurfaceSpec{}};
+  const Status status;
+  controls.press(Key::kPause, status);
+  controls.press(Key::kStep, status);
+  controls.press(Key::kStep, status);
+  controls.press(Key::kQuit, status);
+  const Commands commands = controls.take();
+  EXPECT_TRUE(commands.toggle_pause);
+  EXPECT_EQ(commands.steps, 2);
+  EXPECT_TRUE(commands.quit);
+  EXPECT_FALSE(commands.pace.has_value());
+  const Commands again = controls.take();
+  EXPECT_FALSE(again.toggle_pause);
+  EXPECT_EQ(again.steps, 0);
+  EXPECT_FALSE(again.quit);
+}
+
+TEST(Controls, TwoPausesInOneFrameCancelOut) {
+  Controls controls{scene::SurfaceSpec{}};
+  controls.press(Key::kPause, {});
+  controls.press(Key::kPause, {});
+  EXPECT_FALSE(controls.take().toggle_pause);
+}
+
+TEST(Controls, PaceClimbsALadderOfPowersOfTwoUpToMax) {
+  EXPECT_DOUBLE_EQ(Controls::faster(1.0), 2.0);
+  EXPECT_DOUBLE_EQ(Controls::slower(1.0), 0.5);
+  EXPECT_DOUBLE_EQ(Controls::faster(0.3), 0.5);
+  EXPECT_DOUBLE_EQ(Controls::slower(0.3), 0.25);
+  EXPECT_DOUBLE_EQ(Controls::faster(32.0), 0.0);
+  EXPECT_DOUBLE_EQ(Controls::slower(0.0), 32.0);
+  EXPECT_DOUBLE_EQ(Controls::faster(0.0), 0.0);
+  EXPECT_DOUBLE_EQ(Controls::slower(1.0 / 16.0), 1.0 / 16.0);
+  EXPECT_DOUBLE_EQ(Controls::faster(1e-5), 1.0 / 16.0);
+}
+
+TEST(Controls, PressesOfOneFrameAddUp) {
+  Controls controls{scene::SurfaceSpec{}};
+  Status status;
+  status.requested_pace = 1.0;
+  controls.press(Key::kFaster, status);
+  controls.press(Key::kFaster, status);
+  EXPECT_DOUBLE_EQ(controls.take().pace.value(), 4.0);
+  controls.press(Key::kMaxPace, status);
+  EXPECT_DOUBLE_EQ(controls.take().pace.value(), 0.0);
+  status.requested_pace = 0.0;
+  controls.press(Key::kMaxPace, status);
+  EXPECT_DOUBLE_EQ(controls.take().pace.value(), 1.0);
+}
+
+TEST(Controls, AnUntouchedPresetIsFramedAnewWhenTheWindowChangesShape) {
+  const scene::SurfaceSpec surface;
+  Controls controls{surface};
+  controls.resize(0.5);
+  EXPECT_DOUBLE_EQ(controls.camera().distance(), Camera::framing(surface, Preset::kIso, 0.5).distance());
+  controls.press(Key::kTop, {});
+  controls.drag(Drag::kOrbit, 10.0, 0.0, 700.0);
+  const double distance = controls.camera().distance();
+  controls.resize(3.0);
+  EXPECT_DOUBLE_EQ(controls.camera().distance(), distance) << "the user's own view was thrown away";
+}
+
+TEST(Controls, DragsAndWheelMoveTheCamera) {
+  Controls controls{scene::SurfaceSpec{}};
+  const Camera start = controls.camera();
+  controls.drag(Drag::kOrbit, 100.0, 0.0, 700.0);
+  EXPECT_NE(controls.camera().azimuth(), start.azimuth());
+  EXPECT_TRUE(controls.camera().target().isApprox(start.target()));
+  controls.drag(Drag::kPan, 100.0, 0.0, 700.0);
+  EXPECT_FALSE(controls.camera().target().isApprox(start.target()));
+  controls.wheel(2.0);
+  EXPECT_LT(controls.camera().distance(), start.distance());
+}
+
+}  // namespace
+}  // namespace smartsurf::view

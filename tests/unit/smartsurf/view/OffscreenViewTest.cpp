@@ -1,0 +1,178 @@
+#include "smartsurf/view/OffscreenView.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+
+#include "tests/unit/smartsurf/view/Scenes.h"
+
+namespace smartsurf::view {
+namespace {
+
+constexpr int kWidth = 320, kHeight = 240;
+const scene::Colour kRed{0.86f, 0.12f, 0.10f};
+
+class Pictures : public testing::Test {
+ protected:
+  // Neither a display nor a window system: what a compute node has.
+  static void SetUpTestSuite() {
+    unsetenv("DISPLAY");
+    unsetenv("WAYLAND_DISPLAY");
+  }
+  static Camera camera(const Scene& scene, Preset preset = Preset::kIso) {
+    return Camera::framing(scene.spec.surface, preset, static_cast<double>(kWidth) / kHeight);
+  }
+  static Image draw(const Scene& scene, Preset preset = Preset::kIso, const DrawOptions& options = {}) {
+    return render_image(scene.spec, scene.snapshot, scene.spec.objects, camera(scene, preset), options, kWidth,
+                        kHeight);
+  }
+  // The pixel of a point of the scene.
+  static const std::uint8_t* at(const Image& image, const Scene& scene, const Eigen::Vector3d& point,
+                                Preset preset = Preset::kIso) {
+    const Eigen::Vector3d p = camera(scene, preset).project(point, kWidth, kHeight);
+    return image.pixel(static_cast<int>(p.x()), static_cast<int>(p.y()));
+  }
+  static bool is_red(const std::uint8_t* p) { return p[0] > 110 && p[0] > 2 * p[1] && p[0] > 2 * p[2]; }
+  static bool is_grey(const std::uint8_t* p) { return std::abs(p[0] - p[1]) < 25 && std::abs(p[1] - p[2]) < 40; }
+  static int sum(const std::uint8_t* p) { return p[0] + p[1] + p[2]; }
+};
+
+TEST_F(Pictures, ShowARedSphereInTheMiddleOfAGreyTableBeforeABrightBackground) {
+  Scene scene(16, 16);
+  scene.add_sphere(7.5, 7.5, 6.0, 2.0, kRed);
+  const Image image = draw(scene);
+  ASSERT_EQ(image.rgb.size(), static_cast<std::size_t>(kWidth * kHeight * 3));
+  EXPECT_TRUE(is_red(at(image, scene, {7.5, 7.5, 7.0})));
+  EXPECT_TRUE(is_grey(at(image, scene, {2.0, 3.0, 4.0})));
+  EXPECT_TRUE(is_grey(image.pixel(3, 3)));
+  EXPECT_GT(sum(image.pixel(3, 3)), 3 * 200);
+}
+
+TEST_F(Pictures, ARaisedPinHidesWhatIsBehindIt) {
+  Scene scene(16, 16, 0.0f);
+  scene.add_sphere(8.0, 8.0, 1.0, 1.0, kRed);
+  const Eigen::Vector3d top_of_sphere(8.0, 8.0, 1.9);
+  EXPECT_TRUE(is_red(at(draw(scene), scene, top_of_sphere)));
+  for (int column = 6; column <= 10; ++column) scene.snapshot.height[scene.spec.surface.index(9, column)] = 6.0f;
+  EXPECT_FALSE(is_red(at(draw(scene), scene, top_of_sphere)));  // row 9 is just south of the sphere
+}
+
+TEST_F(Pictures, ThePartOfASphereInsideTheTableIsHidden) {
+  Scene scene(16, 16);
+  scene.add_sphere(8.0, 8.0, 4.0, 2.0, kRed);  // its lower half is in the pins
+  const Image image = draw(scene);
+  EXPECT_TRUE(is_red(at(image, scene, {8.0, 7.6, 5.0})));
+  EXPECT_FALSE(is_red(at(image, scene, {8.0, 6.0, 3.0})));
+}
+
+TEST_F(Pictures, RowZeroIsAtTheTopAndColumnZeroAtTheLeftFromAbove) {
+  Scene scene(16, 16, 0.0f);
+  const auto& surface = scene.spec.surface;
+  std::vector<float> values(surface.cells(), 0.0f);
+  values[surface.index(1, 2)] = 1.0f;  // near the north-west corner
+  DrawOptions options;
+  options.cell_values = values;
+  const Image image = draw(scene, Preset::kTop, options);
+  const Eigen::Vector2d centre = surface.centre(1, 2);
+  const std::uint8_t* p = at(image, scene, {centre.x(), centre.y(), 0.0}, Preset::kTop);
+  EXPECT_GT(p[0], 150);  // the palette's yellow
+  EXPECT_LT(p[2], 100);
+  const Eigen::Vector3d where =
+      camera(scene, Preset::kTop).project({centre.x(), centre.y(), 0.0}, kWidth, kHeight);
+  EXPECT_LT(where.x(), kWidth / 2);
+  EXPECT_LT(where.y(), kHeight / 2);
+}
+
+TEST_F(Pictures, AnObjectThrowsAShadowAwayFromTheLightInTheSouthWest) {
+  Scene scene(32, 32, 0.0f);
+  const Image bare = draw(scene, Preset::kTop);
+  scene.add_sphere(15.5, 15.5, 8.0, 2.0, kRed);
+  const Image image = draw(scene, Preset::kTop);
+  // At the height of the table the shadow's centre lies 8/0.80 times (0.52, 0.30) further.
+  const Eigen::Vector3d shaded(15.5 + 5.2, 15.5 + 3.0, 0.0), lit(15.5 - 5.2, 15.5 - 3.0, 0.0);
+  const auto darkening = [&](const Eigen::Vector3d& point) {
+    return sum(at(bare, scene, point, Preset::kTop)) - sum(at(image, scene, point, Preset::kTop));
+  };
+  EXPECT_GT(darkening(shaded), 60);
+  EXPECT_LT(darkening(lit), 10);
+}
+
+TEST_F(Pictures, BoxesAndCylindersStandWhereTheirPosesSay) {
+  Scene scene(32, 32, 0.0f);
+  scene::ObjectSpec box;
+  box.shape = scene::ShapeKind::kBox;
+  box.size = {8.0, 1.0, 1.0};
+  box.position = {16.0, 16.0, 2.0};
+  box.orientation = Eigen::AngleAxisd(EIGEN_PI / 2.0, Eigen::Vector3d::UnitZ());  // now along y
+  box.colour = kRed;
+  scene.add(box);
+  scene::ObjectSpec cylinder;
+  cylinder.shape = scene::ShapeKind::kCylinder;
+  cylinder.radius = 0.6;
+  cylinder.height = 8.0;
+  cylinder.position = {6.0, 6.0, 2.0};
+  cylinder.orientation = Eigen::AngleAxisd(EIGEN_PI / 2.0, Eigen::Vector3d::UnitY());  // now along x
+  cylinder.colour = kRed;
+  scene.add(cylinder);
+  const Image image = draw(scene, Preset::kTop);
+  const auto red = [&](double x, double y) { return is_red(at(image, scene, {x, y, 2.3}, Preset::kTop)); };
+  EXPECT_TRUE(red(16.0, 13.0));
+  EXPECT_TRUE(red(16.0, 19.0));
+  EXPECT_FALSE(red(19.0, 16.0));
+  EXPECT_TRUE(red(3.0, 6.0));
+  EXPECT_TRUE(red(9.0, 6.0));
+  EXPECT_FALSE(red(6.0, 9.0));
+}
+
+TEST_F(Pictures, WiresLetTheCellsUnderAnObjectBeSeen) {
+  Scene scene(16, 16, 0.0f);
+  scene.add_sphere(7.5, 7.5, 3.0, 3.0, kRed);
+  std::vector<float> values(256, 0.5f);
+  DrawOptions options;
+  options.style = Style::kWireframe;
+  options.cell_values = values;
+  const auto red_pixels = [&](const Image& image) {
+    int count = 0;
+    for (int y = 0; y < kHeight; ++y)
+      for (int x = 0; x < kWidth; ++x) count += is_red(image.pixel(x, y)) ? 1 : 0;
+    return count;
+  };
+  const int wires = red_pixels(draw(scene, Preset::kTop, options)), solid = red_pixels(draw(scene, Preset::kTop));
+  EXPECT_GT(wires, 20);
+  EXPECT_LT(wires, solid / 2);
+}
+
+TEST_F(Pictures, AreTheSameBytesTwice) {
+  Scene scene(16, 16);
+  scene.add_sphere(7.5, 7.5, 6.0, 2.0, kRed);
+  OffscreenView view(scene.spec);
+  const auto again = [&] {
+    return view.draw(scene.snapshot, scene.spec.objects, camera(scene), {}, kWidth, kHeight).rgb;
+  };
+  const auto first = again();
+  EXPECT_EQ(first, again());
+  EXPECT_EQ(first, draw(scene).rgb) << "another context of the same driver";
+}
+
+TEST_F(Pictures, RemovedObjectsAreNotDrawnAndIdsKeepTheirColours) {
+  Scene scene(16, 16);
+  scene.add_sphere(4.0, 7.5, 6.0, 2.0, {0.1f, 0.1f, 0.9f});
+  scene.add_sphere(11.0, 7.5, 6.0, 2.0, kRed);
+  for (auto* array : {&scene.snapshot.position, &scene.snapshot.velocity, &scene.snapshot.angular_velocity})
+    array->erase(array->begin());
+  scene.snapshot.orientation.erase(scene.snapshot.orientation.begin());
+  scene.snapshot.id.erase(scene.snapshot.id.begin());
+  const Image image = draw(scene);
+  EXPECT_TRUE(is_red(at(image, scene, {11.0, 7.5, 7.0})));
+  EXPECT_TRUE(is_grey(at(image, scene, {4.0, 7.5, 5.0})));
+}
+
+TEST_F(Pictures, RefuseASizeThatIsNone) {
+  Scene scene(4, 4);
+  OffscreenView view(scene.spec);
+  EXPECT_THROW(view.draw(scene.snapshot, {}, camera(scene), {}, 0, 100), scene::InputError);
+  EXPECT_THROW(view.draw(scene.snapshot, {}, camera(scene), {}, 100, 100000), scene::InputError);
+}
+
+}  // namespace
+}  // namespace smartsurf::view
