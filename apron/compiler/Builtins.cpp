@@ -119,11 +119,6 @@ constexpr Builtin kTable[] = {
     {"sim.slider.get", Form::kParameterGet, 1, 1, Op::kParameter},
     {"sim.switch.add", Form::kSwitchAdd, 1, 2},
     {"sim.switch.get", Form::kParameterGet, 1, 1, Op::kParameter},
-    {"timer.start", Form::kNoEffect, 0, kAnyNumber},
-    {"timer.stop", Form::kNoEffect, 0, kAnyNumber},
-    {"timer.reset", Form::kNoEffect, 0, kAnyNumber},
-    {"timer.show", Form::kNoEffect, 0, kAnyNumber},
-    {"timer.get", Form::kZero, 0, 1},
     {"nop", Form::kPlain, 0, 0, Op::kNop},
     {"end", Form::kPlain, 0, 0, Op::kEnd},
     {"return", Form::kReturn, 0, 0, Op::kReturn},
@@ -146,6 +141,9 @@ constexpr Builtin kTable[] = {
     {"elsewhere", Form::kElsewhere, 0, 0},
     {"endwhere", Form::kEndWhere, 0, 0},
 };
+
+// Timers are for windows: as statements they do nothing, as values they are 0.
+constexpr Builtin kTimer = {"timer.", Form::kZero, 0, kAnyNumber};
 
 constexpr std::string_view kLater[] = {"flood",
                                        "distance",
@@ -182,6 +180,7 @@ const Builtin* find_exact(std::string_view name) {
 
 const Builtin* find_builtin(std::string_view name) {
   constexpr std::string_view kCore = "core.";
+  if (starts_with(name, kTimer.name)) return &kTimer;
   if (!starts_with(name, kCore)) return find_exact(name);
   const Builtin* builtin = find_exact(name.substr(kCore.size()));
   return builtin != nullptr && has_core_form(*builtin) ? builtin : nullptr;

@@ -146,12 +146,27 @@ void Emitter::emit(program::Opcode op, Operand destination, std::vector<Operand>
   program_.code.push_back(instruction);
 }
 
+bool Emitter::redirect(const Value& temporary, const Value& place) {
+  if (!temporary.temporary || program_.code.empty() || last_target_ == position()) return false;
+  program::Instruction& last = program_.code.back();
+  const Operand wanted = operand(place);
+  const bool fits = last.destination == operand(temporary) && temporary.kind == place.kind;
+  const bool moves = last.op == program::Opcode::kShift || last.op == program::Opcode::kRotate;
+  if (!fits || last.op == program::Opcode::kPixelSet || (moves && last.operands[0] == wanted)) return false;
+  last.destination = wanted;
+  last.masked = true;
+  return true;
+}
+
 Emitter::Label Emitter::new_label() {
   labels_.push_back(0);
   return static_cast<Label>(labels_.size() - 1);
 }
 
-void Emitter::place(Label label) { labels_[label] = static_cast<std::uint32_t>(program_.code.size()); }
+void Emitter::place(Label label) {
+  labels_[label] = static_cast<std::uint32_t>(program_.code.size());
+  last_target_ = program_.code.size();
+}
 
 Operand Emitter::label(Label label) const { return {OperandKind::kLabel, label}; }
 

@@ -64,6 +64,9 @@ class Emitter {
 
   void emit(program::Opcode, program::Operand destination = {}, std::vector<program::Operand> = {},
             bool masked = true);
+  // Lets the last instruction write `place` instead of the temporary that it wrote, if it wrote that one, all
+  // of it, is always the one before this point, and does not shift `place`. Whether it could.
+  bool redirect(const Value& temporary, const Value& place);
   std::size_t position() const noexcept { return program_.code.size(); }
 
   Label new_label();
@@ -90,6 +93,7 @@ class Emitter {
   std::vector<Value> live_;
   std::vector<std::uint32_t> labels_;
   std::size_t temporaries_ = 0;
+  std::size_t last_target_ = 0;  // the latest position that a label was placed at
 };
 
 }  // namespace apron::compiler

@@ -73,9 +73,8 @@ Value Lowering::near(const Builtin& builtin, const Expressions& arguments, Locat
   return elementwise(builtin.op, {sides, ends}, at, destination);
 }
 
-Value Lowering::register_size(const Builtin& builtin, const Expressions& arguments, Location at) {
+Value Lowering::register_size(const Builtin& builtin, const Expressions& arguments) {
   const Value value = array(arguments[0], "this");
-  static_cast<void>(at);
   emitter_.release(value);
   const Shape shape = emitter_.shape(value);
   const std::uint32_t number = builtin.form == Form::kRegisterWidth    ? shape.width
@@ -84,9 +83,9 @@ Value Lowering::register_size(const Builtin& builtin, const Expressions& argumen
   return {Value::Kind::kConstant, 0, static_cast<float>(number), false};
 }
 
-void Lowering::pixel_set(const Expressions& arguments, Location at) {
+void Lowering::pixel_set(const Expressions& arguments) {
   const Expression& place = arguments[0];
-  Destination destination{&place, false, {}};
+  Destination destination{&place, false};
   const bool named = place.kind == ExpressionKind::kName || place.kind == ExpressionKind::kElement;
   if (!named || !array(place, "'pixel.set'").is_register()) {
     throw Failure{place.at, "'pixel.set' writes its first argument: expected a register"};
@@ -95,7 +94,6 @@ void Lowering::pixel_set(const Expressions& arguments, Location at) {
   const Value y = scalar(arguments[2], "'pixel.set'");
   const Value value = scalar(arguments[3], "'pixel.set'");
   const Value wanted = target(destination, true, emitter_.shape(lower(place)));
-  static_cast<void>(at);
   emitter_.emit(Opcode::kPixelSet, emitter_.operand(wanted),
                 {emitter_.operand(x), emitter_.operand(y), emitter_.operand(value)});
 }

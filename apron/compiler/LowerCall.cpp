@@ -39,49 +39,52 @@ Value Lowering::lower_call(const Builtin& builtin, const Expression& call, const
     case Form::kGlobal: {
       const Value source = array(arguments[0], quoted);
       emitter_.release(source);
-      return to_variable(builtin.op, {emitter_.operand(source)}, call.at, destination);
+      return to_variable(builtin.op, {emitter_.operand(source)}, destination);
     }
-    case Form::kPixelGet: {
-      const Value source = array(arguments[0], quoted);
-      const Value x = scalar(arguments[1], quoted);
-      const Value y = scalar(arguments[2], quoted);
-      for (const Value& value : {source, x, y}) emitter_.release(value);
-      return to_variable(builtin.op, {emitter_.operand(source), emitter_.operand(x), emitter_.operand(y)},
-                         call.at, destination);
-    }
+    case Form::kPixelGet:
+      return pixel_get(arguments, destination);
     case Form::kCell:
-      return to_register(builtin.op, {}, call.at, destination);
+      return to_register(builtin.op, {}, destination);
     case Form::kRegisterWidth:
     case Form::kRegisterHeight:
     case Form::kRegisterId:
-      return register_size(builtin, arguments, call.at);
+      return register_size(builtin, arguments);
     case Form::kSurfaceScalar:
-      return to_variable(builtin.op, {}, call.at, destination);
+      return to_variable(builtin.op, {}, destination);
     case Form::kHas:
-      return to_variable(builtin.op, {emitter_.text(text(arguments[0], "a channel's name"))}, call.at,
-                         destination);
+      return to_variable(builtin.op, {emitter_.text(text(arguments[0], "a channel's name"))}, destination);
     case Form::kSense:
-      return to_register(builtin.op, {emitter_.text(text(arguments[0], "a channel's name"))}, call.at,
-                         destination);
+      return to_register(builtin.op, {emitter_.text(text(arguments[0], "a channel's name"))}, destination);
     case Form::kOpen:
-      return to_register(builtin.op, {emitter_.text(text(arguments[0], "a file name"))}, call.at,
-                         destination);
-    case Form::kParameterGet: {
-      const std::string& name = text(arguments[0], "a name");
-      std::vector<std::string> known;
-      for (const program::Parameter& parameter : emitter_.program().parameters)
-        known.push_back(parameter.name);
-      if (std::find(known.begin(), known.end(), name) == known.end()) {
-        throw Failure{arguments[0].at, fmt::format("no slider or switch '{}' was added before{}", name,
-                                                   syntax::did_you_mean(name, known))};
-      }
-      return to_variable(builtin.op, {emitter_.text(name)}, call.at, destination);
-    }
+      return to_register(builtin.op, {emitter_.text(text(arguments[0], "a file name"))}, destination);
+    case Form::kParameterGet:
+      return parameter(arguments[0], destination);
     case Form::kZero:
       return {Value::Kind::kConstant, 0, 0.0F, false};
     default:
       throw Failure{call.at, fmt::format("'{}' gives no value", call.text)};
   }
+}
+
+Value Lowering::pixel_get(const Expressions& arguments, Destination* destination) {
+  constexpr std::string_view kWhat = "'pixel.get'";
+  const Value source = array(arguments[0], kWhat);
+  const Value x = scalar(arguments[1], kWhat);
+  const Value y = scalar(arguments[2], kWhat);
+  for (const Value& value : {source, x, y}) emitter_.release(value);
+  return to_variable(Opcode::kPixelGet, {emitter_.operand(source), emitter_.operand(x), emitter_.operand(y)},
+                     destination);
+}
+
+Value Lowering::parameter(const Expression& argument, Destination* destination) {
+  const std::string& name = text(argument, "a name");
+  std::vector<std::string> known;
+  for (const program::Parameter& parameter : emitter_.program().parameters) known.push_back(parameter.name);
+  if (std::find(known.begin(), known.end(), name) == known.end()) {
+    throw Failure{argument.at, fmt::format("no slider or switch '{}' was added before{}", name,
+                                           syntax::did_you_mean(name, known))};
+  }
+  return to_variable(Opcode::kParameter, {emitter_.text(name)}, destination);
 }
 
 // (a, op, b), or one expression as a truth of 0 or 1.
@@ -99,7 +102,7 @@ Value Lowering::comparison(const Expressions& arguments, Location at, Destinatio
 }
 
 // For instructions that write a scalar only: into a register it goes by way of a scalar.
-Value Lowering::to_variable(Opcode op, std::vector<Operand> operands, Location at, Destination* destination) {
+Value Lowering::to_variable(Opcode op, std::vector<Operand> operands, Destination* destination) {
   Value place;
   if (destination != nullptr) {
     const Value wanted = target(*destination, false, {});
@@ -114,15 +117,13 @@ Value Lowering::to_variable(Opcode op, std::vector<Operand> operands, Location a
   } else {
     place = emitter_.temporary_variable();
   }
-  static_cast<void>(at);
   emitter_.emit(op, emitter_.operand(place), std::move(operands));
   return place;
 }
 
 // For instructions that fill a register from nothing of its shape.
-Value Lowering::to_register(Opcode op, std::vector<Operand> operands, Location at, Destination* destination) {
+Value Lowering::to_register(Opcode op, std::vector<Operand> operands, Destination* destination) {
   const Value place = destination != nullptr ? target(*destination, true, hint_) : emitter_.temporary(hint_);
-  static_cast<void>(at);
   emitter_.emit(op, emitter_.operand(place), std::move(operands), destination != nullptr);
   return place;
 }

@@ -28,7 +28,7 @@ Value Lowering::lower(const Expression& expression, Destination* destination) {
     case ExpressionKind::kNumber:
       return constant_value(expression.number);
     case ExpressionKind::kName:
-      return lower_name(expression);
+      return lower_name(expression, destination);
     case ExpressionKind::kElement: {
       const Symbol& symbol = element(expression);
       return symbol.value;
@@ -54,11 +54,11 @@ Value Lowering::lower(const Expression& expression, Destination* destination) {
   return {};
 }
 
-Value Lowering::lower_name(const Expression& name) {
+Value Lowering::lower_name(const Expression& name, Destination* destination) {
   const Symbol* symbol = names_.find(name.text);
   if (symbol == nullptr) {
     const Builtin* builtin = find_builtin(name.text);
-    if (builtin != nullptr && builtin->least == 0) return lower_call(*builtin, name, {}, nullptr);
+    if (builtin != nullptr && builtin->least == 0) return lower_call(*builtin, name, {}, destination);
     if (builtin != nullptr) {
       throw Failure{name.at, fmt::format("'{}' is an instruction and needs its arguments", name.text)};
     }
@@ -137,12 +137,17 @@ Value Lowering::elementwise(Opcode op, const std::vector<Value>& values, Locatio
 // The register or scalar that a statement writes, made by its first write if need be.
 Value Lowering::target(Destination& destination, bool is_register, Shape shape) {
   const Expression& place = *destination.expression;
+  destination.used = true;
+  Value value = place_for(place, is_register, shape);
+  value.temporary = false;  // a macro's own names live as long as the macro
+  return value;
+}
+
+Value Lowering::place_for(const Expression& place, bool is_register, Shape shape) {
   const bool is_element = place.kind == ExpressionKind::kElement;
   const Symbol* symbol = is_element ? &element(place) : names_.find(place.text);
-  destination.used = true;
-  if (symbol == nullptr && is_macro_name(place.text))
-    return destination.value = local_target(place, is_register, shape);
-  if (symbol == nullptr) return destination.value = new_scalar(place, is_register);
+  if (symbol == nullptr && is_macro_name(place.text)) return local_target(place, is_register, shape);
+  if (symbol == nullptr) return new_scalar(place, is_register);
   if (symbol->value.kind == Value::Kind::kNothing) throw Failure{place.at, {}};
   if (!symbol->writable) {
     throw Failure{place.at, fmt::format("'{}' is a value here and cannot be written", symbol->name)};
@@ -152,7 +157,7 @@ Value Lowering::target(Destination& destination, bool is_register, Shape shape) 
                                         show(shape))};
   }
   if (symbol->value.is_register()) check_where(emitter_.shape(symbol->value), place.at);
-  return destination.value = symbol->value;
+  return symbol->value;
 }
 
 Value Lowering::new_scalar(const Expression& place, bool is_register) {
@@ -184,7 +189,7 @@ Value Lowering::local_target(const Expression& place, bool is_register, Shape sh
       emitter_.emit(Opcode::kCopy, emitter_.operand(fresh.value), {emitter_.literal(0.0F)}, false);
     }
   } else {
-    fresh.value = {Value::Kind::kVariable, emitter_.add_variable(place.text), 0.0F, false};
+    fresh.value = kept(emitter_.temporary_variable());
   }
   names_.add(place.text, fresh);
   if (is_local(place.text)) {

@@ -197,48 +197,53 @@ void Lowering::open_while(const Expressions& arguments, Location at) {
 
 void Lowering::open_for(const Expressions& arguments, Location at) {
   const Expression& variable = arguments[0];
+  const bool is_name = variable.kind == ExpressionKind::kName || variable.kind == ExpressionKind::kElement;
+  if (!is_name) throw Failure{variable.at, "expected the scalar that counts: for(i, from, to)"};
   const Value from = scalar(arguments[1], "'for'");
-  const Value to = kept(scalar(arguments[2], "'for'"));
-  const Value step = arguments.size() == 4 ? kept(scalar(arguments[3], "'for'")) : number(1.0F);
+  const Value bound = held(scalar(arguments[2], "'for'"));
+  const Value step = arguments.size() == 4 ? held(scalar(arguments[3], "'for'")) : number(1.0F);
   if (step.is_constant() && !(step.constant > 0.0F || step.constant < 0.0F)) {
     throw Failure{arguments.back().at, "the step of a 'for' cannot be zero"};
   }
-  for (const Value& end : {from, to}) {
+  for (const Value& end : {from, bound}) {
     if (end.is_constant() && std::abs(end.constant) > kMaxCount) {
       throw Failure{at, fmt::format("'for' counts up to {} at most", kMaxCount)};
     }
   }
-  const bool is_name = variable.kind == ExpressionKind::kName || variable.kind == ExpressionKind::kElement;
-  if (!is_name) throw Failure{variable.at, "expected the scalar that counts: for(i, from, to)"};
-  Destination destination{&variable, false, {}};
+  Destination destination{&variable, false};
   const Value counter = target(destination, false, {});
   if (counter.is_register()) throw Failure{variable.at, "'for' counts in a scalar, and this is a register"};
   emitter_.emit(Opcode::kCopy, emitter_.operand(counter), {emitter_.operand(from)});
-  Value bound = to;
-  if (to.kind == Value::Kind::kVariable && !to.temporary) {  // the loop may change it
-    bound = kept(emitter_.temporary_variable());
-    emitter_.emit(Opcode::kCopy, emitter_.operand(bound), {emitter_.operand(to)});
-  }
-  Value stride = step;
-  if (step.kind == Value::Kind::kVariable && !step.temporary) {
-    stride = kept(emitter_.temporary_variable());
-    emitter_.emit(Opcode::kCopy, emitter_.operand(stride), {emitter_.operand(step)});
-  }
   open(BlockKind::kFor, at);
   Block& block = blocks_.back();
   block.counter = counter;
   block.bound = bound;
-  block.step = stride;
+  block.step = step;
   emitter_.place(block.top);
-  if (stride.is_constant()) {
-    Value limit = bound;
-    limit.temporary = false;  // kept until the loop ends
-    return jump_unless({stride.constant > 0.0F ? Opcode::kLe : Opcode::kGe, counter, limit}, block.end);
+  test_for(block);
+}
+
+// A value that no statement of a loop's body can change, until it is released.
+Value Lowering::held(const Value& value) {
+  if (value.is_constant() || value.temporary) return kept(value);
+  const Value copy = kept(emitter_.temporary_variable());
+  emitter_.emit(Opcode::kCopy, emitter_.operand(copy), {emitter_.operand(value)});
+  return copy;
+}
+
+void Lowering::test_for(const Block& block) {
+  if (block.step.is_constant()) {
+    Value limit = block.bound;
+    limit.temporary = false;  // released when the loop ends
+    return jump_unless({block.step.constant > 0.0F ? Opcode::kLe : Opcode::kGe, block.counter, limit},
+                       block.end);
   }
   // Goes on while (bound - counter) * step >= 0, whichever way the step goes.
   const Value ahead = emitter_.temporary_variable();
-  emitter_.emit(Opcode::kSub, emitter_.operand(ahead), {emitter_.operand(bound), emitter_.operand(counter)});
-  emitter_.emit(Opcode::kMul, emitter_.operand(ahead), {emitter_.operand(ahead), emitter_.operand(stride)});
+  emitter_.emit(Opcode::kSub, emitter_.operand(ahead),
+                {emitter_.operand(block.bound), emitter_.operand(block.counter)});
+  emitter_.emit(Opcode::kMul, emitter_.operand(ahead),
+                {emitter_.operand(ahead), emitter_.operand(block.step)});
   jump_unless({Opcode::kGe, ahead, number(0.0F)}, block.end);
 }
 

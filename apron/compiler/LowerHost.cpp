@@ -21,7 +21,7 @@ bool Lowering::host(const Builtin& builtin, const Expression& call, const Expres
       emitter_.emit(builtin.op, {}, {emitter_.operand(array(arguments[0], "'mask.on'"))});
       return true;
     case Form::kPixelSet:
-      return pixel_set(arguments, call.at), true;
+      return pixel_set(arguments), true;
     case Form::kSave:
       emitter_.emit(builtin.op, {},
                     {emitter_.operand(array(arguments[0], fmt::format("'{}'", call.text))),

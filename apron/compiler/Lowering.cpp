@@ -153,7 +153,7 @@ void Lowering::declare(const syntax::Declaration& wanted) {
 
 void Lowering::assign(const Expression& target, const Expression& value) {
   if (!shape_of(target, hint_)) shape_of(value, hint_);
-  Destination destination{&target, false, {}};
+  Destination destination{&target, false};
   const Value result = lower(value, &destination);
   if (!destination.used) store(destination, result, value.at);
 }
@@ -162,6 +162,7 @@ void Lowering::store(Destination& destination, const Value& value, Location at) 
   check_shapes({value}, at);
   const Value place = target(destination, value.is_register(), emitter_.shape(value));
   if (value.is_register()) check_shapes({place, value}, at);
+  if (emitter_.redirect(value, place)) return;
   emitter_.emit(program::Opcode::kCopy, emitter_.operand(place), {emitter_.operand(value)});
 }
 
@@ -243,7 +244,7 @@ void Lowering::call_statement(const Expression& call) {
       if (shape_of(argument, hint_)) break;
     }
   }
-  Destination destination{&place, false, {}};
+  Destination destination{&place, false};
   const Value result = lower_call(*builtin, call, arguments, &destination);
   if (!destination.used) store(destination, result, call.at);
 }

@@ -43,7 +43,6 @@ class Lowering {
   struct Destination {
     const Expression* expression = nullptr;
     bool used = false;
-    Value value;  // once used
   };
 
   enum class BlockKind : std::uint8_t { kIf, kWhile, kFor, kRepeat, kWhere };
@@ -98,13 +97,14 @@ class Lowering {
 
   // LowerExpression.cpp
   Value lower(const Expression&, Destination* = nullptr);
-  Value lower_name(const Expression&);
+  Value lower_name(const Expression&, Destination* = nullptr);
   Value lower_expansion(const Expression&);
   Value lower_binary(const Expression&, Destination*);
   Value lower_unary(const Expression&, Destination*);
   Value elementwise(program::Opcode, const std::vector<Value>&, Location, Destination*);
   const Symbol& element(const Expression&) const;
   Value target(Destination&, bool is_register, Shape);
+  Value place_for(const Expression&, bool is_register, Shape);
   Value local_target(const Expression&, bool is_register, Shape);
   Value new_scalar(const Expression&, bool is_register);
   Value scalar(const Expression&, std::string_view what);
@@ -121,16 +121,18 @@ class Lowering {
 
   // LowerCall.cpp
   Value lower_call(const Builtin&, const Expression& call, const Expressions& arguments, Destination*);
+  Value pixel_get(const Expressions&, Destination*);
+  Value parameter(const Expression&, Destination*);
   Value comparison(const Expressions&, Location, Destination*);
-  Value to_variable(program::Opcode, std::vector<program::Operand>, Location, Destination*);
-  Value to_register(program::Opcode, std::vector<program::Operand>, Location, Destination*);
+  Value to_variable(program::Opcode, std::vector<program::Operand>, Destination*);
+  Value to_register(program::Opcode, std::vector<program::Operand>, Destination*);
 
   // LowerArray.cpp
   Value move(program::Opcode, const Value& source, int dx, int dy, Destination*, Location);
   Value shift(const Builtin&, const Expressions&, Location, Destination*);
   Value near(const Builtin&, const Expressions&, Location, Destination*);
-  Value register_size(const Builtin&, const Expressions&, Location);
-  void pixel_set(const Expressions&, Location);
+  Value register_size(const Builtin&, const Expressions&);
+  void pixel_set(const Expressions&);
 
   // LowerFlow.cpp
   bool flow(const Builtin&, const Expression& call, const Expressions&);
@@ -142,6 +144,8 @@ class Lowering {
   void open_if(const Expressions&, Location);
   void open_while(const Expressions&, Location);
   void open_for(const Expressions&, Location);
+  Value held(const Value&);
+  void test_for(const Block&);
   void open_repeat(const Expressions&, Location);
   void open_where(const Expressions&, Location);
   void turn_if(Location);

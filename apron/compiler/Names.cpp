@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "apron/syntax/Suggestion.h"
+#include "apron/syntax/Token.h"
 
 namespace apron::compiler {
 
@@ -116,10 +117,6 @@ bool is_macro_name(const std::string& name) { return name.find(':') != std::stri
 
 bool is_local(const std::string& name) { return is_macro_name(name) && name.front() != '$'; }
 
-std::string shown(const std::string& name) {
-  const std::size_t colon = name.find(':');
-  if (colon == std::string::npos) return name;
-  return is_local(name) ? fmt::format(":{}", name.substr(0, colon)) : name.substr(0, colon);
-}
+std::string shown(const std::string& name) { return syntax::written(name); }
 
 }  // namespace apron::compiler

@@ -54,7 +54,7 @@ class Names {
   std::map<std::string, std::string> aliases_;  // classes by themselves too
 };
 
-// Without what makes a macro's own names unique: "t:7" is ":t" to the user, "$a:7" is "$a".
+// syntax::written: without what makes a macro's own names unique.
 std::string shown(const std::string& name);
 bool is_local(const std::string& name);
 bool is_macro_name(const std::string& name);

@@ -60,7 +60,8 @@ class Evaluator {
     if (precedence(op) == 1) return of(a.truth() || b.truth() ? 1.0 : 0.0);
     if (precedence(op) == 2) return of(a.truth() && b.truth() ? 1.0 : 0.0);
     if (a.is_text || b.is_text) {
-      throw Failure{op.at, fmt::format("'{}' is not a constant number", a.is_text ? a.text : b.text)};
+      throw Failure{op.at,
+                    fmt::format("'{}' is not a constant number", written(a.is_text ? a.text : b.text))};
     }
     switch (op.text.front()) {
       case '+':
@@ -91,7 +92,7 @@ class Evaluator {
     Constant value;
     if (take("-")) {
       value = unary();
-      if (value.is_text) fail(fmt::format("'{}' is not a constant number", value.text));
+      if (value.is_text) fail(fmt::format("'{}' is not a constant number", written(value.text)));
       value.number = -value.number;
     } else if (take("+")) {
       value = unary();

@@ -79,7 +79,7 @@ bool Preprocessor::holds(const Tokens& tokens) {
     diagnostics_.error(list[1].empty() ? at : list[1].front().at,
                        left->is_text || right->is_text
                            ? fmt::format("'{}' is not a number: texts and names compare by == and != only",
-                                         left->is_text ? left->text : right->text)
+                                         written(left->is_text ? left->text : right->text))
                            : "expected one of < <= > >= == !=");
   }
   return result.value_or(false);

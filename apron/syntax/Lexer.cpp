@@ -306,9 +306,18 @@ std::string spell(const Token& token) {
       return fmt::format(":#{}", token.text);
     case TokenKind::kDirective:
       return fmt::format("!{}", token.text);
+    case TokenKind::kName:
+      return written(token.text);
     default:
       return token.text;
   }
+}
+
+std::string written(const std::string& name) {
+  const std::size_t colon = name.find(':');
+  if (colon == std::string::npos) return name;
+  const std::string plain = name.substr(0, colon);
+  return plain.front() == '$' ? plain : fmt::format(":{}", plain);
 }
 
 std::vector<Line> lex(const Sources& sources, std::uint32_t file, Diagnostics& diagnostics) {

@@ -180,8 +180,10 @@ bool Preprocessor::substitute(const Token& token, const Frame& frame, Tokens& ou
   } else {
     Token text = token;
     text.text.clear();
-    for (const Token& part : found->second)
-      text.text += part.kind == TokenKind::kText ? part.text : spell(part);
+    for (const Token& part : found->second) {
+      const bool as_is = part.kind == TokenKind::kText || part.kind == TokenKind::kName;
+      text.text += as_is ? part.text : spell(part);
+    }
     out.push_back(std::move(text));
   }
   return true;

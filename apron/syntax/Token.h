@@ -43,4 +43,7 @@ struct Line {
 // As the user would write it.
 std::string spell(const Token&);
 
+// A macro's own names carry the expansion's number to be unique: "t:7" is ":t" to the user, "$a:7" is "$a".
+std::string written(const std::string& name);
+
 }  // namespace apron::syntax

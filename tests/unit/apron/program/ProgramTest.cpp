@@ -1,0 +1,196 @@
+// The verifier's refusals, the disassembly and the localities, on programs made by hand.
+#include "apron/program/Program.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "apron/program/LocalProfile.h"
+
+namespace apron::program {
+namespace {
+
+Operand reg(std::uint32_t index) { return {OperandKind::kRegister, index}; }
+Operand var(std::uint32_t index) { return {OperandKind::kVariable, index}; }
+Operand lit(std::uint32_t index) { return {OperandKind::kLiteral, index}; }
+Operand txt(std::uint32_t index) { return {OperandKind::kText, index}; }
+Operand label(std::uint32_t index) { return {OperandKind::kLabel, index}; }
+
+Instruction make(Opcode op, Operand destination = {}, Operand a = {}, Operand b = {}, Operand c = {}) {
+  Instruction instruction;
+  instruction.op = op;
+  instruction.destination = destination;
+  instruction.operands = {a, b, c};
+  return instruction;
+}
+
+// Registers 0 and 1 of one shape and 2 of another; literals 0, 1, 0.5.
+Program with(std::vector<Instruction> code) {
+  Program program;
+  program.registers = {{"A", 4, 3}, {"B", 4, 3}, {"C", 2, 2}};
+  program.variables = {{"x", 0.0F}, {"y", 0.0F}};
+  program.literals = {0.0F, 1.0F, 0.5F};
+  program.texts = {"gain", "height"};
+  program.parameters = {{"gain", 0.0F, 0.0F, 1.0F}};
+  program.files = {"p.aps"};
+  program.sources = {{0, 7, 1}};
+  program.code = std::move(code);
+  program.code.push_back(make(Opcode::kEnd));
+  return program;
+}
+
+TEST(Verify, AcceptsOneOfEachKind) {
+  EXPECT_EQ(verify(with({})), "");
+  EXPECT_EQ(
+      verify(with({make(Opcode::kAdd, reg(0), reg(0), lit(1)), make(Opcode::kAdd, var(0), var(1), lit(1)),
+                   make(Opcode::kShift, reg(0), reg(1), lit(1), lit(0)), make(Opcode::kMaskPush, {}, reg(0)),
+                   make(Opcode::kCopy, reg(1), lit(0)), make(Opcode::kMaskElse), make(Opcode::kMaskPop),
+                   make(Opcode::kGlobalSum, var(0), reg(2)), make(Opcode::kParameter, var(0), txt(0)),
+                   make(Opcode::kJumpLt, {}, var(0), lit(0), label(0))})),
+      "");
+}
+
+TEST(Verify, RefusesOperands) {
+  const std::string at = "instruction 0 ";
+  EXPECT_EQ(verify(with({make(Opcode::kAdd, reg(9), reg(0), lit(0))})),
+            at + "(add): the destination is out of range");
+  EXPECT_EQ(verify(with({make(Opcode::kAdd, lit(0), reg(0), lit(0))})),
+            at + "(add): the destination is not of kind 'D'");
+  EXPECT_EQ(verify(with({make(Opcode::kAdd, reg(0), reg(0))})), at + "(add): operand 2 is not of kind 'x'");
+  EXPECT_EQ(verify(with({make(Opcode::kAbs, reg(0), reg(0), reg(1))})),
+            at + "(abs): operand 2 is not of kind '-'");
+  EXPECT_EQ(verify(with({make(Opcode::kAdd, var(0), reg(0), lit(0))})),
+            at + "(add): a register cannot go into a variable");
+  EXPECT_EQ(verify(with({make(Opcode::kAdd, reg(0), reg(1), reg(2))})),
+            at + "(add): its registers differ in shape");
+  EXPECT_EQ(verify(with({make(Opcode::kCopy, reg(2), reg(1))})),
+            at + "(copy): its registers differ in shape");
+  EXPECT_EQ(verify(with({make(Opcode::kJump, {}, label(2))})), at + "(jump): operand 1 is out of range");
+  EXPECT_EQ(verify(with({make(Opcode::kGlobalSum, reg(0), reg(1))})),
+            at + "(globalsum): the destination is not of kind 'V'");
+  EXPECT_EQ(verify(with({make(Opcode::kShift, reg(0), reg(0), lit(1), lit(0))})),
+            at + "(shift): it is not out of place");
+  EXPECT_EQ(verify(with({make(Opcode::kShift, reg(0), reg(1), lit(2), lit(0))})),
+            at + "(shift): its offsets are not whole literals");
+  EXPECT_EQ(verify(with({make(Opcode::kRotate, reg(0), reg(1), var(0), lit(0))})),
+            at + "(rotate): its offsets are not whole literals");
+  EXPECT_EQ(verify(with({make(Opcode::kBoundary, {}, lit(2), lit(0))})),
+            at + "(boundary): its rule is not a whole literal");
+  EXPECT_EQ(verify(with({make(Opcode::kParameter, var(0), txt(1))})),
+            at + "(parameter): no parameter is called 'height'");
+}
+
+TEST(Verify, RefusesPrograms) {
+  Program program = with({});
+  program.code.clear();
+  EXPECT_EQ(verify(program), "the program has no instructions");
+  program.code = {make(Opcode::kNop)};
+  EXPECT_EQ(verify(program), "the program does not end with 'end'");
+  program.code = {make(static_cast<Opcode>(250)), make(Opcode::kEnd)};
+  EXPECT_EQ(verify(program), "instruction 0: unknown opcode");
+  program = with({});
+  program.registers[1].height = 0;
+  EXPECT_EQ(verify(program), "register 'B' has no cells");
+  program.registers[1] = {"B", 1U << 20U, 1U << 20U};
+  EXPECT_EQ(verify(program), "register 'B' has more than 67108864 cells");
+  program.registers.assign(40, {"B", 1U << 13U, 1U << 13U});
+  EXPECT_EQ(verify(program), "the registers take more than 8589934592 bytes");
+  program = with({make(Opcode::kNop)});
+  program.code[0].source = 3;
+  EXPECT_EQ(verify(program), "instruction 0 (nop): its source is out of range");
+}
+
+TEST(Verify, FollowsMasksAlongEveryPath) {
+  const Instruction push = make(Opcode::kMaskPush, {}, reg(0));
+  const Instruction pop = make(Opcode::kMaskPop);
+  const Instruction turn = make(Opcode::kMaskElse);
+  EXPECT_EQ(verify(with({pop})), "instruction 0 (mask.pop): no mask is open");
+  EXPECT_EQ(verify(with({turn})), "instruction 0 (mask.else): no mask is open that it could turn round");
+  EXPECT_EQ(verify(with({push, turn, turn, pop})),
+            "instruction 2 (mask.else): no mask is open that it could turn round");
+  // One path pushes, the other does not.
+  EXPECT_EQ(verify(with({make(Opcode::kJumpLt, {}, var(0), lit(0), label(2)), push, make(Opcode::kNop)})),
+            "instruction 2 (nop): masks do not balance on every path to it");
+  // A loop that pushes each time round.
+  EXPECT_EQ(verify(with({push, make(Opcode::kJump, {}, label(0))})),
+            "instruction 0 (mask.push): masks do not balance on every path to it");
+  // Unreachable code may be anything.
+  EXPECT_EQ(verify(with({make(Opcode::kJump, {}, label(2)), pop})), "");
+  EXPECT_EQ(verify(with({push, make(Opcode::kReturn)})), "instruction 1 (return): a mask is still open");
+  std::vector<Instruction> deep(kMaxMaskDepth, push);
+  EXPECT_EQ(verify(with(deep)), "");
+  deep.push_back(push);
+  EXPECT_EQ(verify(with(deep)), "instruction 64 (mask.push): more than 64 masks are open");
+}
+
+TEST(Verify, MasksHaveTheShapeOfWhatTheyGuard) {
+  const Instruction push = make(Opcode::kMaskPush, {}, reg(0));
+  EXPECT_EQ(verify(with({push, make(Opcode::kCopy, reg(2), lit(0))})),
+            "instruction 1 (copy): its destination differs in shape from the open mask");
+  Instruction unmasked = make(Opcode::kCopy, reg(2), lit(0));
+  unmasked.masked = false;
+  EXPECT_EQ(verify(with({push, unmasked})), "");
+  EXPECT_EQ(verify(with({push, make(Opcode::kMaskPush, {}, reg(2))})),
+            "instruction 1 (mask.push): its shape differs from the open mask's");
+  // Through a call.
+  EXPECT_EQ(verify(with({push, make(Opcode::kCall, {}, label(4)), make(Opcode::kMaskPop), make(Opcode::kEnd),
+                         make(Opcode::kCopy, reg(2), lit(0)), make(Opcode::kReturn)})),
+            "instruction 4: the routine here is called under a mask of another shape");
+}
+
+TEST(Verify, RoutinesAddTheirMasksToTheirCallers) {
+  const Instruction push = make(Opcode::kMaskPush, {}, reg(0));
+  const Instruction pop = make(Opcode::kMaskPop);
+  const Instruction back = make(Opcode::kReturn);
+  EXPECT_EQ(verify(with({push, make(Opcode::kCall, {}, label(4)), pop, make(Opcode::kEnd), push, pop, back})),
+            "");
+  EXPECT_EQ(verify(with({make(Opcode::kCall, {}, label(2)), make(Opcode::kEnd), pop, back})),
+            "instruction 2 (mask.pop): no mask is open");
+  // A routine that calls itself inside its mask could open any number.
+  EXPECT_EQ(verify(with({make(Opcode::kCall, {}, label(2)), make(Opcode::kEnd), push,
+                         make(Opcode::kCall, {}, label(2)), pop, back})),
+            "instruction 2: calls from here may open more than 64 masks");
+  EXPECT_EQ(verify(with({make(Opcode::kCall, {}, label(2)), make(Opcode::kEnd),
+                         make(Opcode::kCall, {}, label(2)), back})),
+            "");
+}
+
+TEST(Disassemble, NamesOperandsAndPlaces) {
+  const Program program =
+      with({make(Opcode::kMac, reg(0), reg(1), lit(2), var(0)),
+            make(Opcode::kJumpLe, {}, var(1), lit(1), label(0)), make(Opcode::kPrintText, {}, txt(1))});
+  EXPECT_EQ(disassemble(program),
+            "    0  mac             A, B, 0.5, x                     ; p.aps:7\n"
+            "    1  jump.le         y, 1, @0                         ; p.aps:7\n"
+            "    2  print.text      'height'                         ; p.aps:7\n"
+            "    3  end                                              ; p.aps:7\n");
+  EXPECT_EQ(disassemble(program, 1), "    1  jump.le         y, 1, @0                         ; p.aps:7");
+}
+
+TEST(Locality, ShiftsAreJudgedByTheirOffsets) {
+  Program program = with({});
+  program.literals = {0.0F, 1.0F, -1.0F, 2.0F};
+  const auto of = [&](std::uint32_t dx, std::uint32_t dy) {
+    return locality(program, make(Opcode::kShift, reg(0), reg(1), lit(dx), lit(dy)));
+  };
+  EXPECT_EQ(of(1, 0), Locality::News);
+  EXPECT_EQ(of(0, 2), Locality::News);
+  EXPECT_EQ(of(0, 0), Locality::News);
+  EXPECT_EQ(of(1, 2), Locality::Far);
+  EXPECT_EQ(of(3, 0), Locality::Far);
+  EXPECT_EQ(locality(program, make(Opcode::kAdd, reg(0), reg(1), lit(1))), Locality::Cell);
+  EXPECT_EQ(locality(program, make(Opcode::kRotate, reg(0), reg(1), lit(1), lit(0))), Locality::Far);
+}
+
+TEST(Locality, EveryOpcodeHasAWellFormedSignature) {
+  for (std::size_t i = 0; i < opcode_count(); ++i) {
+    const OpcodeInfo& one = info(static_cast<Opcode>(i));
+    ASSERT_FALSE(one.signature.empty()) << one.mnemonic;
+    EXPECT_NE(std::string("RVD-").find(one.signature.front()), std::string::npos) << one.mnemonic;
+    EXPECT_LE(one.signature.size(), kMaxSources + 1) << one.mnemonic;
+    EXPECT_EQ(one.signature.substr(1).find_first_not_of("rsxtl"), std::string_view::npos) << one.mnemonic;
+  }
+}
+
+}  // namespace
+}  // namespace apron::program
