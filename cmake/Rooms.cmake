@@ -15,7 +15,7 @@ target_include_directories(house_rules INTERFACE ${PROJECT_SOURCE_DIR})
 target_compile_definitions(house_rules INTERFACE SMARTSURF_VERSION="${PROJECT_VERSION}")
 if(SMARTSURF_SANITIZE)
   target_compile_options(house_rules INTERFACE -fsanitize=${SMARTSURF_SANITIZE} -fno-omit-frame-pointer
-    $<$<STREQUAL:${SMARTSURF_SANITIZE},address$<COMMA>undefined>:-fno-sanitize-recover=undefined>)
+    -fno-sanitize-recover=all)
   target_link_options(house_rules INTERFACE -fsanitize=${SMARTSURF_SANITIZE})
 endif()
 
