@@ -12,8 +12,10 @@ target_compile_options(house_rules INTERFACE
 target_include_directories(house_rules INTERFACE ${PROJECT_SOURCE_DIR})
 target_compile_definitions(house_rules INTERFACE SMARTSURF_VERSION="${PROJECT_VERSION}")
 if(SMARTSURF_SANITIZE)
-  target_compile_options(house_rules INTERFACE -fsanitize=${SMARTSURF_SANITIZE} -fno-omit-frame-pointer
-    $<$<STREQUAL:${SMARTSURF_SANITIZE},address$<COMMA>undefined>:-fno-sanitize-recover=undefined>)
+  target_compile_options(house_rules INTERFACE -fsanitize=${SMARTSURF_SANITIZE} -fno-omit-frame-pointer)
+  if(SMARTSURF_SANITIZE MATCHES "undefined")
+    target_compile_options(house_rules INTERFACE -fno-sanitize-recover=undefined)
+  endif()
   target_link_options(house_rules INTERFACE -fsanitize=${SMARTSURF_SANITIZE})
 endif()
 
