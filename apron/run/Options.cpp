@@ -89,7 +89,7 @@ void define_run(CLI::App& run, Raw& raw) {
       ->type_name("NAME");
   run.add_option("--ticks", raw.options.ticks, "stop after so many surface.step")
       ->type_name("N")
-      ->check(whole_number(0, std::numeric_limits<std::uint64_t>::max()));
+      ->check(whole_number(1, std::numeric_limits<std::uint64_t>::max()));
   run.add_option("--set", raw.sets, "value of a slider or switch")
       ->type_name("NAME=VALUE")
       ->allow_extra_args(false);
