@@ -4,6 +4,7 @@
 #include <charconv>
 #include <cmath>
 #include <iostream>
+#include <limits>
 
 #include "apron/program/Program.h"
 
@@ -21,6 +22,25 @@ template <class Number>
 bool parse_number(std::string_view text, Number& value) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   return error == std::errc{} && end == text.data() + text.size() && !text.empty();
+}
+
+CLI::Validator whole_number(std::uint64_t least, std::uint64_t most) {
+  return {[=](std::string& text) {
+            std::uint64_t value = 0;
+            if (parse_number(text, value) && value >= least && value <= most) return std::string();
+            return "'" + text + "' is not a whole number from " + std::to_string(least) + " to " +
+                   std::to_string(most);
+          },
+          ""};
+}
+
+CLI::Validator seconds() {
+  return {[](std::string& text) {
+            double value = 0;
+            if (parse_number(text, value) && value >= 0.0 && value <= 1e6) return std::string();
+            return "'" + text + "' is not a time in seconds from 0 to 1000000";
+          },
+          ""};
 }
 
 // As the user typed them, before they are checked.
@@ -67,18 +87,20 @@ void define_run(CLI::App& run, Raw& raw) {
   common(run, raw);
   run.add_option("--shm", raw.options.surface, "drive the surface of this name, and take its size")
       ->type_name("NAME");
-  run.add_option("--ticks", raw.options.ticks, "stop after so many surface.step")->type_name("N");
+  run.add_option("--ticks", raw.options.ticks, "stop after so many surface.step")
+      ->type_name("N")
+      ->check(whole_number(1, std::numeric_limits<std::uint64_t>::max()));
   run.add_option("--set", raw.sets, "value of a slider or switch")
       ->type_name("NAME=VALUE")
       ->allow_extra_args(false);
   run.add_option("--threads", raw.options.threads, "threads for large arrays; they change no result [1]")
       ->type_name("N")
-      ->check(CLI::Range(1, 256).description(""));
+      ->check(whole_number(1, 256));
   run.add_flag("--reconnect", raw.options.reconnect,
                "when the surface is lost, wait for a new one and start the program afresh");
   run.add_option("--wait", raw.options.wait_s, "how long to wait for the surface to appear [5]")
       ->type_name("SECONDS")
-      ->check(CLI::Range(0.0, 1e6).description(""));
+      ->check(seconds());
   run.add_flag("--window", raw.window)->group("");
   run.add_option("--profile", raw.profile)->group("");
 }

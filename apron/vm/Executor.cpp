@@ -30,7 +30,7 @@ Executor::~Executor() {
   for (std::thread& worker : workers_) worker.join();
 }
 
-void Executor::run(Kernel kernel, const Block& block) noexcept {
+void Executor::run_sliced(Kernel kernel, const Block& block) noexcept {
   rows(block.rows, block.columns, [&](std::uint32_t first, std::uint32_t last) {
     Block slice = block;
     const std::ptrdiff_t offset = static_cast<std::ptrdiff_t>(first) * block.pitch;

@@ -24,13 +24,16 @@ class Executor {
 
   const KernelTable& kernels() const noexcept { return kernels_; }
 
-  void run(Kernel kernel, const Block& block) noexcept;
+  void run(Kernel kernel, const Block& block) noexcept {
+    if (stays_here(block.rows, block.columns)) return kernel(block);
+    run_sliced(kernel, block);
+  }
 
   // work(first, last): rows [first, last) of an array of rows x columns. Blocks until all are done; no
   // allocation.
   template <class Work>
   void rows(std::uint32_t rows, std::uint32_t columns, const Work& work) noexcept {
-    if (workers_.empty() || std::size_t{rows} * columns < parallel_cells_) return work(0U, rows);
+    if (stays_here(rows, columns)) return work(0U, rows);
     run_job({[](const void* w, std::uint32_t first, std::uint32_t last) noexcept {
                (*static_cast<const Work*>(w))(first, last);
              },
@@ -43,6 +46,10 @@ class Executor {
     const void* work;
     std::uint32_t rows;
   };
+  bool stays_here(std::uint32_t rows, std::uint32_t columns) const noexcept {
+    return workers_.empty() || std::size_t{rows} * columns < parallel_cells_;
+  }
+  void run_sliced(Kernel kernel, const Block& block) noexcept;
   void run_job(const Job& job) noexcept;
   void run_slice(const Job& job, unsigned slice) const noexcept;
   void serve(unsigned slice) noexcept;

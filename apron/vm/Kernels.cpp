@@ -55,6 +55,7 @@ HWY_INLINE V round_half_away(V a) {
 
 #define APRON_KERNEL(name, arity, expression)                                                     \
   struct name {                                                                                   \
+    static constexpr program::Opcode kOpcode = program::Opcode::k##name;                          \
     static constexpr unsigned kArity = arity;                                                     \
     static HWY_INLINE V apply([[maybe_unused]] V a, [[maybe_unused]] V b, [[maybe_unused]] V c) { \
       return expression;                                                                          \
@@ -126,11 +127,11 @@ void run(const Block& block) noexcept {
 }
 
 template <class Op, unsigned kScalars = 0>
-void fill(KernelTable& table, program::Opcode op) {
-  auto& entry = table.elementwise[static_cast<std::size_t>(op)][kScalars];
+void fill(KernelTable& table) {
+  auto& entry = table.elementwise[static_cast<std::size_t>(Op::kOpcode)][kScalars];
   entry[0] = run<Op, kScalars, false>;
   entry[1] = run<Op, kScalars, true>;
-  if constexpr (kScalars + 1 < (1U << Op::kArity)) fill<Op, kScalars + 1>(table, op);
+  if constexpr (kScalars + 1 < (1U << Op::kArity)) fill<Op, kScalars + 1>(table);
 }
 
 // ---- reductions: always 16 partial results, however many lanes a vector has
@@ -183,19 +184,16 @@ void reduce(const float* a, std::ptrdiff_t pitch, std::uint32_t rows, std::uint3
   for (std::uint32_t r = 0; r < rows; ++r, a += pitch) to[r] = reduce_row<Op>(a, columns);
 }
 
+template <class... Ops>
+void fill_all(KernelTable& table) {
+  (fill<Ops>(table), ...);
+}
+
 KernelTable make_table() {
   KernelTable table;
-#define APRON_FILL(name) fill<name>(table, program::Opcode::k##name);
-  APRON_FILL(Copy)
-  APRON_FILL(Add)
-  APRON_FILL(Sub)
-  APRON_FILL(Mul) APRON_FILL(Div) APRON_FILL(Mod) APRON_FILL(Min) APRON_FILL(Max) APRON_FILL(Abs)
-      APRON_FILL(Neg) APRON_FILL(Sign) APRON_FILL(Clamp) APRON_FILL(Mac) APRON_FILL(Select) APRON_FILL(Lt)
-          APRON_FILL(Le) APRON_FILL(Gt) APRON_FILL(Ge) APRON_FILL(Eq) APRON_FILL(Ne) APRON_FILL(And)
-              APRON_FILL(Or) APRON_FILL(Xor) APRON_FILL(Nand) APRON_FILL(Nor) APRON_FILL(Not) APRON_FILL(Sqrt)
-                  APRON_FILL(Floor) APRON_FILL(Ceil) APRON_FILL(Round)
-#undef APRON_FILL
-                      table.reductions = {reduce<SumOp>, reduce<MinOp>, reduce<MaxOp>, reduce<CountOp>};
+  fill_all<Copy, Add, Sub, Mul, Div, Mod, Min, Max, Abs, Neg, Sign, Clamp, Mac, Select>(table);
+  fill_all<Lt, Le, Gt, Ge, Eq, Ne, And, Or, Xor, Nand, Nor, Not, Sqrt, Floor, Ceil, Round>(table);
+  table.reductions = {reduce<SumOp>, reduce<MinOp>, reduce<MaxOp>, reduce<CountOp>};
   add_scalar_kernels(table);
   return table;
 }

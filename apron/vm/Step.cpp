@@ -55,6 +55,7 @@ struct Decoder {
     switch (operand.kind) {
       case OperandKind::kRegister:
         step.planes[k] = storage.registers[operand.index];
+        step.registers[k] = step.planes[k].data;
         break;
       case OperandKind::kVariable:
         step.scalars[k] = &storage.scalars[operand.index];

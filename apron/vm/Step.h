@@ -24,15 +24,19 @@ enum class Action : std::uint8_t {
 };
 
 struct Step {
+  // What an element-wise instruction needs, together: a program of a few hundred steps should stay in the
+  // cache beside its registers.
   program::Opcode op = program::Opcode::kNop;
   Action action = Action::kFlow;
   bool masked = false;
-  std::uint32_t target = 0;         // of a jump
-  std::array<Kernel, 2> kernels{};  // plain, masked
-  Plane y{};                        // destination or, of the instructions that only read one, the register
-  float* variable = nullptr;        // destination
-  std::array<ConstPlane, program::kMaxSources> planes{};     // register sources
-  std::array<const float*, program::kMaxSources> scalars{};  // variable and literal sources
+  std::uint32_t target = 0;                                    // of a jump
+  std::array<Kernel, 2> kernels{};                             // plain, masked
+  Plane y{};                                                   // register destination
+  std::array<const float*, program::kMaxSources> registers{};  // sources: a register's first cell,
+  std::array<const float*, program::kMaxSources> scalars{};    // or a variable or literal
+
+  float* variable = nullptr;                              // destination
+  std::array<ConstPlane, program::kMaxSources> planes{};  // register sources with their shapes
   Offset offset{};
   Edge edge{};
   Plane scratch{};  // where a host's read goes first when a mask is on

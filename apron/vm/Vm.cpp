@@ -113,10 +113,9 @@ Status Vm::elementwise(const Step& step) {
   block.pitch = step.y.pitch;
   block.rows = step.y.height;
   block.columns = step.y.width;
-  for (std::size_t k = 0; k < program::kMaxSources; ++k) {
-    block.source[k] = step.planes[k].data;
+  block.source = step.registers;
+  for (std::size_t k = 0; k < program::kMaxSources; ++k)
     if (step.scalars[k] != nullptr) block.scalar[k] = *step.scalars[k];
-  }
   executor_.run(step.kernels[block.mask != nullptr ? 1 : 0], block);
   return Status::kBudget;
 }

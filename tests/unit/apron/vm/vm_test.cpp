@@ -220,57 +220,67 @@ TEST(Host, ARefusalNamesThePlaceInTheProgram) {
   EXPECT_EQ(vm.error(), "test.aps:2: error: no channel smell");
 }
 
-// A long random straight-line program over large registers: all registers equal to the bit for any thread
-// count and instruction set.
-TEST(Threads, ChangeNothing) {
+// Short random programs over fresh data (long ones end in constants): every register equal to the bit for any
+// number of threads and instruction set.
+Cells run_random(unsigned seed, unsigned threads, const KernelTable* kernels) {
   const Size size{100, 37};
-  const auto run = [&](unsigned threads, const KernelTable* kernels) {
-    std::mt19937 rng(11);
-    Build b;
-    std::vector<Operand> r;
-    for (int i = 0; i < 6; ++i) r.push_back(b.reg(size.width, size.height));
-    const Operand v = b.var();
-    const Opcode kOps[] = {Opcode::kAdd, Opcode::kSub, Opcode::kMul,    Opcode::kMin, Opcode::kMax,
-                           Opcode::kLt,  Opcode::kMac, Opcode::kSelect, Opcode::kSin, Opcode::kXor};
-    for (int i = 0; i < 300; ++i) {
-      const Operand y = r[rng() % 6], a = r[rng() % 6], c = r[rng() % 6];
-      const Opcode op = kOps[rng() % std::size(kOps)];
-      const std::size_t arity = program::info(op).signature.size() - 1;
-      b.add(op, y, a, arity > 1 ? (rng() % 2 ? c : v) : Operand{}, arity > 2 ? r[rng() % 6] : Operand{});
-      if (i % 7 == 0 && y != a) b.add(Opcode::kShift, y, a, b.lit(static_cast<float>(i % 5 - 2)), b.lit(1));
-      if (i % 11 == 0) b.add(Opcode::kGlobalMean, v, y);
-      if (i % 30 == 3) b.add(Opcode::kMaskOn, {}, r[rng() % 6]);
-      if (i % 30 == 20) b.add(Opcode::kMaskOff);
-    }
-    FakeHost host;
-    VmOptions options;
-    options.threads = threads;
-    options.parallel_cells = 1;
-    options.kernels = kernels;
-    Vm vm(b.done(), options, host);
-    std::mt19937 data(12);
-    std::uniform_real_distribution<float> real(-2, 2);
-    Cells all;
-    for (const Operand& o : r) {
-      Cells cells(std::size_t{size.width} * size.height);
-      for (float& c : cells) c = real(data);
-      write(vm.plane(o.index), cells);
-    }
-    EXPECT_EQ(vm.run(), Status::kEnded);
-    for (const Operand& o : r) {
-      const Cells cells = read(vm.plane(o.index));
-      all.insert(all.end(), cells.begin(), cells.end());
-    }
-    return all;
-  };
-  const Cells one = run(1, nullptr);
-  const auto expect_same = [&](const Cells& other, std::string_view what) {
-    ASSERT_EQ(one.size(), other.size());
-    for (std::size_t i = 0; i < one.size(); ++i) ASSERT_TRUE(same(one[i], other[i])) << what << " cell " << i;
-  };
-  expect_same(run(2, nullptr), "two threads");
-  expect_same(run(3, nullptr), "three threads");
-  for (const NamedKernelTable& target : kernel_tables()) expect_same(run(2, target.table), target.name);
+  std::mt19937 rng(seed);
+  Build b;
+  std::vector<Operand> r;
+  for (int i = 0; i < 6; ++i) r.push_back(b.reg(size.width, size.height));
+  const Operand mask = b.reg(size.width, size.height), v = b.var(0.75F);
+  const Opcode kOps[] = {Opcode::kAdd, Opcode::kSub, Opcode::kMul,    Opcode::kMin, Opcode::kMax,
+                         Opcode::kLt,  Opcode::kMac, Opcode::kSelect, Opcode::kSin, Opcode::kXor};
+  for (int i = 0; i < 24; ++i) {
+    const Operand y = r[rng() % 6], a = r[rng() % 6], c = r[rng() % 6];
+    const Opcode op = kOps[rng() % std::size(kOps)];
+    const std::size_t arity = program::info(op).signature.size() - 1;
+    b.add(op, y, a, arity > 1 ? (rng() % 2 ? c : v) : Operand{}, arity > 2 ? r[rng() % 6] : Operand{});
+    if (i % 5 == 0 && y != a) b.add(Opcode::kShift, y, a, b.lit(static_cast<float>(i % 7 - 3)), b.lit(1));
+    if (i % 11 == 7) b.add(Opcode::kGlobalMean, v, y);
+    if (i == 4) b.add(Opcode::kMaskOn, {}, mask);
+    if (i == 8) b.add(Opcode::kMaskPush, {}, a);
+    if (i == 14) b.add(Opcode::kMaskElse);
+    if (i == 18) b.add(Opcode::kMaskPop);
+  }
+  FakeHost host;
+  VmOptions options;
+  options.threads = threads;
+  options.parallel_cells = 1;
+  options.kernels = kernels;
+  Vm vm(b.done(), options, host);
+  std::mt19937 data(seed + 1000);
+  std::uniform_real_distribution<float> real(-2, 2);
+  const std::size_t n = std::size_t{size.width} * size.height;
+  for (const Operand& o : r) {
+    Cells cells(n);
+    for (float& c : cells) c = std::max(real(data), 0.0F);  // half are zero
+    write(vm.plane(o.index), cells);
+  }
+  write(vm.plane(mask.index), random_mask(n, data));
+  EXPECT_EQ(vm.run(), Status::kEnded);
+  Cells all;
+  for (const Operand& o : r) {
+    const Cells cells = read(vm.plane(o.index));
+    all.insert(all.end(), cells.begin(), cells.end());
+  }
+  return all;
+}
+
+TEST(Threads, ChangeNothing) {
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    const Cells one = run_random(seed, 1, nullptr);
+    const auto expect_same = [&](const Cells& other, std::string_view what) {
+      ASSERT_EQ(one.size(), other.size());
+      for (std::size_t i = 0; i < one.size(); ++i)
+        ASSERT_TRUE(same(one[i], other[i])) << what << " seed " << seed << " cell " << i;
+    };
+    expect_same(run_random(seed, 2, nullptr), "two threads");
+    expect_same(run_random(seed, 3, nullptr), "three threads");
+    for (const NamedKernelTable& target : kernel_tables())
+      expect_same(run_random(seed, 2, target.table), target.name);
+    if (HasFatalFailure()) return;
+  }
 }
 
 }  // namespace
