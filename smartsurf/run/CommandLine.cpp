@@ -68,6 +68,13 @@ struct RunFlags {
   int threads = 1;
 };
 
+void add_script_flags(CLI::App& app, RunFlags& f) {
+  app.add_option("--seed", f.seed, "Seed of everything random, instead of the script's")->type_name("N");
+  app.add_option("--set", f.set, "Value of an option that the script makes")
+      ->type_name("NAME=VALUE")
+      ->allow_extra_args(false);
+}
+
 void add_run_flags(CLI::App& app, RunFlags& f) {
   app.set_help_flag();  // our own, that also lists the experiment's options
   app.add_flag("-h,--help", f.help, "Show this help; with an experiment also the options that its script makes");
@@ -86,8 +93,7 @@ void add_run_flags(CLI::App& app, RunFlags& f) {
                  "is the surface's name")
       ->type_name("PROGRAM.aps|COMMAND");
   app.add_flag("--no-controller", f.no_controller, "Run without a controller: the script sets the actuators");
-  app.add_option("--seed", f.seed, "Seed of everything random, instead of the script's")->type_name("N");
-  app.add_option("--set", f.set, "Value of an option that the script makes")->type_name("NAME=VALUE")->allow_extra_args(false);
+  add_script_flags(app, f);
   app.add_option("--threads", f.threads, "Threads for actuators and sensors; changes no result")
       ->check(CLI::Range(1, 256))
       ->type_name("N");
@@ -112,6 +118,28 @@ std::optional<double> pace_of(const RunFlags& f) {
   return clocked ? std::optional(1.0) : std::nullopt;
 }
 
+using NameValues = std::vector<std::pair<std::string, std::string>>;
+
+NameValues pairs_of(const std::vector<std::string>& settings) {
+  NameValues pairs;
+  for (const auto& text : settings) {
+    const auto equals = text.find('=');
+    if (equals == std::string::npos || equals == 0)
+      throw scene::InputError(fmt::format("--set {}: must be NAME=VALUE", text));
+    pairs.emplace_back(text.substr(0, equals), text.substr(equals + 1));
+  }
+  return pairs;
+}
+
+// For looking at an experiment without running it: what the script prints is not asked for.
+script::Experiment load_silently(const std::string& file, NameValues set, std::optional<std::uint64_t> seed) {
+  script::LoadOptions options;
+  options.set = std::move(set);
+  options.seed = seed;
+  options.print = [](std::string_view) {};
+  return script::Experiment::load(file, options);
+}
+
 RunOptions judge(const RunFlags& f, const std::string& command_line) {
   auto reject_both = [](bool both, const char* what) {
     if (both) throw scene::InputError(fmt::format("{}: choose one", what));
@@ -134,12 +162,7 @@ RunOptions judge(const RunFlags& f, const std::string& command_line) {
   o.controller = f.controller;
   o.no_controller = f.no_controller;
   o.seed = f.seed;
-  for (const auto& pair : f.set) {
-    const auto equals = pair.find('=');
-    if (equals == std::string::npos || equals == 0)
-      throw scene::InputError(fmt::format("--set {}: must be NAME=VALUE", pair));
-    o.set.emplace_back(pair.substr(0, equals), pair.substr(equals + 1));
-  }
+  o.set = pairs_of(f.set);
   o.threads = f.threads;
   o.recordings = f.record;
   o.stats_file = f.stats;
@@ -160,7 +183,7 @@ void print_options(const scene::SceneSpec& scene) {
 int run_command(CLI::App& app, const RunFlags& flags, const std::string& command_line) {
   if (flags.help) {
     fmt::print("{}\n", app.help());
-    if (!flags.experiment.empty()) print_options(script::Experiment::load(flags.experiment).scene());
+    if (!flags.experiment.empty()) print_options(load_silently(flags.experiment, pairs_of(flags.set), flags.seed).scene());
     return kDone;
   }
   catch_signals();
@@ -169,8 +192,9 @@ int run_command(CLI::App& app, const RunFlags& flags, const std::string& command
   return status == kDone && stop_signal != 0 ? 128 + stop_signal : status;
 }
 
-int check_command(const std::string& file) {
-  const auto experiment = script::Experiment::load(file);
+int check_command(const RunFlags& flags) {
+  const auto experiment = load_silently(flags.experiment, pairs_of(flags.set), flags.seed);
+  const std::string& file = flags.experiment;
   const auto& scene = experiment.scene();
   fmt::print("{}: ok: {} x {} cells, {} objects, {} options\n", file, scene.surface.rows, scene.surface.columns,
              scene.objects.size(), scene.options.size());
@@ -205,7 +229,8 @@ int parse_and_run(int argc, char** argv) {
   plot->add_option("-o,--output", output, "The figure, .svg or .png")->required()->type_name("FIG.svg|FIG.png");
   plot->add_option("--what", what, fmt::format("One of: {}", fmt::join(record::plot_kinds(), ", ")))->type_name("KIND");
   CLI::App* check = app.add_subcommand("check", "Find the mistakes in an experiment without running it");
-  check->add_option("experiment", file, "The experiment")->required()->type_name("EXPERIMENT.lua");
+  check->add_option("experiment", flags.experiment, "The experiment")->required()->type_name("EXPERIMENT.lua");
+  add_script_flags(*check, flags);
   CLI::App* clean = app.add_subcommand("clean", "Remove shared-memory segments that dead processes left");
   CLI::App* replay = app.add_subcommand("replay", "Not available in this version");
   replay->allow_extras();
@@ -226,7 +251,7 @@ int parse_and_run(int argc, char** argv) {
     record::plot(record::Recording::open(file), kind, output);
     return kDone;
   }
-  if (check->parsed()) return check_command(file);
+  if (check->parsed()) return check_command(flags);
   if (clean->parsed()) return clean_command();
   throw scene::InputError("replay: not available in this version");
 }

@@ -43,19 +43,17 @@ class Display {
   ~Display();
 
   bool has_window() const { return window_ != nullptr; }
-  // Draws one frame if the last is old enough for it, and reads the user's input. Does nothing without a window.
+  // Reads the user's input, and draws a frame if the last is old enough. Does nothing without a window.
   void refresh(const Simulation&, const DisplayStatus&, Controls&);
 
   // Writes the screenshots that are due at this time (all that are left when `at_end`).
   void take_screenshots(const Simulation&, bool at_end);
-  const std::vector<std::string>& pictures() const { return pictures_; }
 
  private:
   void write_picture(const Simulation&, const std::string& file);
 
   scene::SceneSpec scene_;
   std::vector<Screenshot> pending_;
-  std::vector<std::string> pictures_;
   std::unique_ptr<view::Window> window_;
   std::unique_ptr<view::OffscreenView> offscreen_;
   std::chrono::steady_clock::time_point next_frame_{};

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <cmath>
+#include <filesystem>
 #include <fstream>
 #include <sstream>
 #include <thread>
@@ -23,6 +24,11 @@ script::LoadOptions load_options(const RunOptions& options) {
   load.set = options.set;
   load.seed = options.seed;
   load.unsafe = options.unsafe;
+  // Where a script may write: beside the run's other output, else nowhere.
+  if (!options.recordings.empty()) {
+    const std::filesystem::path folder = std::filesystem::path(options.recordings.front()).parent_path();
+    load.output_folder = folder.empty() ? "." : folder;
+  }
   return load;
 }
 
@@ -95,14 +101,15 @@ int Run::execute() {
 void Run::begin() {
   started_ = Clock::now();
   purity_.add(simulation_.snapshot(), simulation_.catalogue());
+  times_.start();
   if (link_) {
     link_->endpoint().set_state(shm_protocol::State::kRunning);
     if (options_.mode == RunMode::kTimeStep || child_)
       if (!link_->endpoint().has_controller() && !replace_controller()) return;
     if (!publish()) return;
   }
-  times_.start();
   record();
+  times_ = {};
   started_ = Clock::now();
 }
 
@@ -275,6 +282,7 @@ bool Run::hold_pace() {
 
 void Run::refresh_display() {
   if (!display_.has_window()) return;
+  times_.start();
   DisplayStatus status;
   status.real_time_factor = pacer_.measured(simulation_.snapshot().time_s);
   status.requested_pace = pacer_.factor();

@@ -25,7 +25,7 @@ class InputError : public std::runtime_error {
 std::string nearest_name(const std::string& word, const std::vector<std::string>& known);
 
 struct Colour {
-  float r = 0.7f, g = 0.7f, b = 0.7f;  // linear in the range [0, 1]
+  float r = 0.7f, g = 0.7f, b = 0.7f;  // [0, 1], as a screen shows them (sRGB)
 };
 
 // Two materials in contact combine as the geometric mean of their frictions and the larger of their restitutions.
