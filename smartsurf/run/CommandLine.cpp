@@ -4,6 +4,7 @@
 #include <signal.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <atomic>
 #include <charconv>
 #include <cmath>
@@ -210,6 +211,16 @@ int clean_command() {
   return kDone;
 }
 
+void require_command(CLI::App& app, const std::string& name) {
+  std::vector<std::string> known;
+  for (const CLI::App* command : app.get_subcommands([](CLI::App*) { return true; })) known.push_back(command->get_name());
+  if (std::ranges::find(known, name) != known.end()) return;
+  const std::string near = scene::nearest_name(name, known);
+  throw scene::InputError(fmt::format("no command '{}'{}; known: {}", name,
+                                      near.empty() ? "" : fmt::format(" (did you mean '{}'?)", near),
+                                      fmt::join(known, ", ")));
+}
+
 int parse_and_run(int argc, char** argv) {
   CLI::App app{"Simulates a smart surface: a table of actuators and sensors that moves the objects on it.", "smartsurf"};
   app.set_version_flag("--version", "smartsurf " SMARTSURF_VERSION);
@@ -235,6 +246,7 @@ int parse_and_run(int argc, char** argv) {
   CLI::App* replay = app.add_subcommand("replay", "Not available in this version");
   replay->allow_extras();
 
+  if (argc > 1 && argv[1][0] != '-') require_command(app, argv[1]);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
