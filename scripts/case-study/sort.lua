@@ -47,8 +47,8 @@ local function drop(radius, label, colour)
   sphere { radius = radius, position = {x, y, z}, material = 'plastic', colour = colour, label = label }
 end
 
-for _ = 1, large_count do drop(large_radius, 'large', '#2f6fb5') end
-for _ = 1, small_count do drop(small_radius, 'small', '#d1495b') end
+for _ = 1, large_count do drop(large_radius, 'large', '#d55e00') end
+for _ = 1, small_count do drop(small_radius, 'small', '#0072b2') end
 
 -- Purity: the share of spheres in their own half. Sorted: at least 0.95, for `hold` seconds on end.
 local middle = (columns - 1) / 2
