@@ -103,7 +103,7 @@ void add_run_flags(CLI::App& app, RunFlags& f) {
   app.add_option("--screenshot", f.screenshot, "Write a picture at a simulated time, or at the end")
       ->type_name("FILE.png[@SECONDS]")
       ->allow_extra_args(false);
-  app.add_option("--video", f.video, "Not available in this version")->type_name("FILE.mp4");
+  app.add_option("--video", f.video, "Write a video, 30 pictures a simulated second; needs ffmpeg, no display")->type_name("FILE.mp4");
   app.add_flag("--unsafe", f.unsafe, "Give the script the whole of Lua: processes, files, native modules");
 }
 
@@ -150,7 +150,6 @@ RunOptions judge(const RunFlags& f, const std::string& command_line) {
   reject_both(f.no_controller && !f.controller.empty(), "--controller and --no-controller");
   reject_both(f.no_controller && !f.shm.empty(), "--shm and --no-controller");
   reject_both(!f.until.empty() && f.ticks, "--until and --ticks");
-  if (!f.video.empty()) throw scene::InputError("--video: not available in this version; --screenshot is");
   RunOptions o;
   o.experiment = f.experiment;
   o.command_line = command_line;
@@ -168,6 +167,7 @@ RunOptions judge(const RunFlags& f, const std::string& command_line) {
   o.recordings = f.record;
   o.stats_file = f.stats;
   for (const auto& text : f.screenshot) o.screenshots.push_back(screenshot_of(text));
+  o.video_file = f.video;
   o.unsafe = f.unsafe;
   return o;
 }

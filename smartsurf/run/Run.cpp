@@ -245,7 +245,7 @@ void Run::record() {
              simulation_.scene().record.actuators ? simulation_.actuators() : std::span<const record::Channel>{});
   times_.lap(Phase::kRecord);
   purity_.add(snapshot, simulation_.catalogue());
-  display_.take_screenshots(simulation_, false);
+  display_.take_pictures(simulation_);
   times_.lap(Phase::kRender);
   if (last_tick_ && snapshot.tick >= *last_tick_) end(kDone, "done");
 }
@@ -334,7 +334,7 @@ void Run::finish() {
   wall_s_ = std::chrono::duration<double>(Clock::now() - started_).count();
   show_progress(true);
   const scene::Snapshot& snapshot = simulation_.snapshot();
-  display_.take_screenshots(simulation_, true);
+  display_.take_last_pictures(simulation_);
   for (const auto& r : recorders_) r->close({ending_->outcome, snapshot.tick, snapshot.time_s, snapshot.state_hash});
   if (!options_.stats_file.empty()) write_stats();
   // The controller sees the surface close, and ends by itself; only then is it made to.

@@ -1,4 +1,6 @@
 """The paper's case study: two processes sort spheres by size."""
+import shutil
+
 from programs import *
 
 
@@ -93,6 +95,14 @@ class Products(ProgramTest):
             self.assertEqual((self.folder / picture).read_bytes()[:8], b"\x89PNG\r\n\x1a\n")
         self.assertNotEqual((self.folder / "early.png").read_bytes(), (self.folder / "end.png").read_bytes())
         self.assertIn("tick,time,id,label", (self.folder / "sort.csv").read_text()[:100])
+
+
+    @unittest.skipUnless(shutil.which("ffmpeg"), "ffmpeg is not installed")
+    def test_video(self):
+        video = self.folder / "sort.mp4"
+        self.run_sort("--until", "0.4", "--video", str(video))
+        self.assertEqual(video.read_bytes()[4:8], b"ftyp")
+        self.assertFalse(list(self.folder.glob("*.part*")))
 
 
 if __name__ == "__main__":

@@ -55,6 +55,8 @@ class Mistakes(ProgramTest):
         self.refused(run + ["--stats", "/nowhere/run.json"], "/nowhere")
         self.refused(run + ["--screenshot", "a.jpg"], "a.jpg", ".png")
         self.refused(run + ["--screenshot", "a.png@late"], "late")
+        self.refused(run + ["--video", "a.avi"], "a.avi", ".mp4")
+        self.refused(run + ["--video", "/nowhere/a.mp4"], "/nowhere")
         self.refused([SMARTSURF, "run", path, "--until", "nan"], "--until")
         self.refused([SMARTSURF, "run", path, "--controller", "none.aps"], "none.aps")
         self.refused([SMARTSURF, "run", path, "--shm", "no/such/name"], "no/such/name")
