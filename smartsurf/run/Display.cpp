@@ -38,7 +38,8 @@ view::Status status_of(const DisplayStatus& s, bool paused) {
 Display::Display(const RunOptions& options, const scene::SceneSpec& scene)
     : scene_(scene), pending_(options.screenshots) {
   if (!options.video_file.empty())
-    video_ = std::make_unique<view::VideoWriter>(options.video_file, kFilmWidth, kFilmHeight, kFilmFramesPerSecond);
+    video_ = std::make_unique<view::VideoWriter>(options.video_file, kFilmWidth, kFilmHeight,
+                                                 kFilmFramesPerSecond);
   if (!options.window) return;
   if (!view::Window::display_available())
     throw scene::InputError("--window: there is no display here; run without it, or set DISPLAY");
@@ -58,7 +59,8 @@ void Display::refresh(const Simulation& simulation, const DisplayStatus& told, C
     commands = window_->frame(simulation.snapshot(), simulation.catalogue(), status);
     // Counted from the frame's end: drawing never takes more than about half of the time.
     const auto drawn = std::chrono::steady_clock::now();
-    next_frame_ = drawn + std::max<std::chrono::steady_clock::duration>(kFrameInterval - (drawn - now), drawn - now);
+    next_frame_ =
+        drawn + std::max<std::chrono::steady_clock::duration>(kFrameInterval - (drawn - now), drawn - now);
   }
   if (commands.toggle_pause) controls.paused = !controls.paused;
   controls.single_steps += commands.steps;
@@ -98,8 +100,9 @@ void Display::write_picture(const Simulation& simulation, const std::string& fil
 void Display::film(const Simulation& simulation) {
   if (simulation.snapshot().time_s * kFilmFramesPerSecond < static_cast<double>(film_frames_) - 1e-6) return;
   if (!film_) film_ = std::make_unique<view::OffscreenView>(scene_, view::Detail::kVideo);
-  const view::Image image = film_->draw(simulation.snapshot(), simulation.catalogue(),
-                                        framing(scene_, kFilmWidth, kFilmHeight), {}, kFilmWidth, kFilmHeight);
+  const view::Image image =
+      film_->draw(simulation.snapshot(), simulation.catalogue(), framing(scene_, kFilmWidth, kFilmHeight), {},
+                  kFilmWidth, kFilmHeight);
   // A control period longer than a frame shows the same picture for as many frames as it lasts.
   while (simulation.snapshot().time_s * kFilmFramesPerSecond >= static_cast<double>(film_frames_) - 1e-6) {
     video_->add(image);

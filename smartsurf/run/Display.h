@@ -39,8 +39,8 @@ struct DisplayStatus {
 
 class Display {
  public:
-  // Opens the window and begins the video if asked to. Throws scene::InputError when there is no display, or the
-  // video cannot be made.
+  // Opens the window and begins the video if asked to. Throws scene::InputError when there is no display, or
+  // the video cannot be made.
   Display(const RunOptions&, const scene::SceneSpec&);
   ~Display();
 
@@ -48,8 +48,8 @@ class Display {
   // Reads the user's input, and draws a frame if the last is old enough. Does nothing without a window.
   void refresh(const Simulation&, const DisplayStatus&, Controls&);
 
-  // Writes the screenshots and the video's pictures that are due at this time; at the end all screenshots that are
-  // left, and the video's last words.
+  // Writes the screenshots and the video's pictures that are due at this time; at the end all screenshots
+  // that are left, and the video's last words.
   void take_pictures(const Simulation&);
   void take_last_pictures(const Simulation&);
 

@@ -21,9 +21,31 @@ namespace {
 namespace fs = std::filesystem;
 
 std::vector<std::string> command(const fs::path& part, int width, int height, int frames_per_second) {
-  return {"ffmpeg", "-nostdin", "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s",
-          std::to_string(width) + "x" + std::to_string(height), "-r", std::to_string(frames_per_second), "-i", "pipe:0",
-          "-an", "-c:v", "libx264", "-preset", "veryfast", "-crf", "20", "-pix_fmt", "yuv420p", part.string()};
+  return {"ffmpeg",
+          "-nostdin",
+          "-loglevel",
+          "error",
+          "-y",
+          "-f",
+          "rawvideo",
+          "-pix_fmt",
+          "rgb24",
+          "-s",
+          std::to_string(width) + "x" + std::to_string(height),
+          "-r",
+          std::to_string(frames_per_second),
+          "-i",
+          "pipe:0",
+          "-an",
+          "-c:v",
+          "libx264",
+          "-preset",
+          "veryfast",
+          "-crf",
+          "20",
+          "-pix_fmt",
+          "yuv420p",
+          part.string()};
 }
 
 // Whether the program is somewhere on PATH.
@@ -80,11 +102,14 @@ struct VideoWriter::Pipe {
 VideoWriter::VideoWriter(const fs::path& file, int width, int height, int frames_per_second)
     : pipe_(std::make_unique<Pipe>()) {
   assert(width % 2 == 0 && height % 2 == 0);
-  if (file.extension() != ".mp4") throw scene::InputError(file.string() + ": a video's name must end in .mp4");
+  if (file.extension() != ".mp4")
+    throw scene::InputError(file.string() + ": a video's name must end in .mp4");
   const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
-  if (!fs::is_directory(folder)) throw scene::InputError(file.string() + ": there is no folder " + folder.string());
+  if (!fs::is_directory(folder))
+    throw scene::InputError(file.string() + ": there is no folder " + folder.string());
   if (!installed("ffmpeg"))
-    throw scene::InputError(file.string() + ": a video needs ffmpeg, which is not installed (apt-get install ffmpeg)");
+    throw scene::InputError(file.string() +
+                            ": a video needs ffmpeg, which is not installed (apt-get install ffmpeg)");
   pipe_->file = file;
   pipe_->part = file.string() + ".part.mp4";
   pipe_->width = width;
