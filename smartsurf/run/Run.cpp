@@ -105,8 +105,10 @@ void Run::begin() {
   times_.start();
   if (link_) {
     link_->endpoint().set_state(shm_protocol::State::kRunning);
-    if (options_.mode == RunMode::kTimeStep || child_)
-      if (!link_->endpoint().has_controller() && !replace_controller()) return;
+    if (options_.mode == RunMode::kPassive && !child_)
+      say(fmt::format("running; a controller may attach with: {}", attach_command(link_->name())));
+    else if (!link_->endpoint().has_controller() && !replace_controller())
+      return;
     if (!publish()) return;
   }
   record();
