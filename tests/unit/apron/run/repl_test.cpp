@@ -55,7 +55,7 @@ TEST(Repl, Commands) {
             "A 3x2\nn = 2\nA 3x2\nn = 2\n!register(A)\nn = 2\n");
   EXPECT_EQ(session(":clear\n:nonsense\n:quit\nprintln('never')\n"),
             "there is no command ':nonsense'; :help lists them\n");
-  EXPECT_EQ(session("!register(A)\nA = cell.x\n:show A\n", 4, 2), " -+@\n -+@\n4x2, 0 to 3\n");
+  EXPECT_EQ(session("!register(A)\nA = cell.x\n:show A\n", 4, 2), " -*@\n -*@\n4x2, 0 to 3\n");
   EXPECT_EQ(session("end\nprintln(1)\n"),
             "the program ends before this line; :undo takes the last entry back\n");
 }
