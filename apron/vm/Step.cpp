@@ -54,8 +54,7 @@ struct Decoder {
   void source(std::size_t k, program::Operand operand) {
     switch (operand.kind) {
       case OperandKind::kRegister:
-        step.planes[k] = storage.registers[operand.index];
-        step.registers[k] = step.planes[k].data;
+        step.planes[k] = &storage.registers[operand.index];
         break;
       case OperandKind::kVariable:
         step.scalars[k] = &storage.scalars[operand.index];
@@ -77,7 +76,7 @@ struct Decoder {
   }
 
   void destination(program::Operand operand) {
-    if (operand.kind == OperandKind::kRegister) step.y = storage.registers[operand.index];
+    if (operand.kind == OperandKind::kRegister) step.y = &storage.registers[operand.index];
     if (operand.kind == OperandKind::kVariable) step.variable = &storage.scalars[operand.index];
   }
 };

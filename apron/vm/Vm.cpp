@@ -30,7 +30,7 @@ Vm::Vm(program::Program program, VmOptions options, Host& host)
   steps_.reserve(program_.code.size());
   for (const program::Instruction& i : program_.code) {
     Step& step = steps_.emplace_back(decode(program_, i, storage_, executor_.kernels()));
-    if (step.action == Action::kHost && step.masked && step.y.data != nullptr) step.scratch = scratch(step.y);
+    if (step.action == Action::kHost && step.masked && step.y != nullptr) step.scratch = scratch(*step.y);
   }
   calls_.reserve(program::kMaxCallDepth);
   reserve_masks();
@@ -46,9 +46,9 @@ Plane Vm::scratch(const Plane& like) {
 void Vm::reserve_masks() {
   std::map<std::pair<std::uint32_t, std::uint32_t>, std::size_t> planes;
   for (const Step& step : steps_) {
-    const ConstPlane& condition = step.planes[0];
-    if (step.action != Action::kMask || condition.data == nullptr) continue;
-    std::size_t& count = planes[{condition.width, condition.height}];
+    const Plane* condition = step.planes[0];
+    if (step.action != Action::kMask || condition == nullptr) continue;
+    std::size_t& count = planes[{condition->width, condition->height}];
     if (count == 0) count = 2;  // the base, and the base with a condition
     if (step.op == Opcode::kMaskPush) count = std::min(count + 1, program::kMaxMaskDepth + 2);
   }
@@ -100,7 +100,7 @@ Vm::Gate Vm::gate(const Step& step, const float*& mask) const noexcept {
   mask = nullptr;
   if (!step.masked || masks_.active() == MaskStack::Active::kAll) return Gate::kOpen;
   if (masks_.active() == MaskStack::Active::kNone) return Gate::kShut;
-  if (!same_shape(masks_.mask(), step.y)) return Gate::kMismatch;
+  if (!same_shape(masks_.mask(), *step.y)) return Gate::kMismatch;
   mask = masks_.mask().data;
   return Gate::kOpen;
 }
@@ -108,14 +108,15 @@ Vm::Gate Vm::gate(const Step& step, const float*& mask) const noexcept {
 Status Vm::elementwise(const Step& step) {
   Block block;
   const Gate open = gate(step, block.mask);
-  if (open != Gate::kOpen) return open == Gate::kShut ? Status::kBudget : wrong_mask(step.y);
-  block.y = step.y.data;
-  block.pitch = step.y.pitch;
-  block.rows = step.y.height;
-  block.columns = step.y.width;
-  block.source = step.registers;
-  for (std::size_t k = 0; k < program::kMaxSources; ++k)
+  if (open != Gate::kOpen) return open == Gate::kShut ? Status::kBudget : wrong_mask(*step.y);
+  block.y = step.y->data;
+  block.set_pitch(step.y->pitch);
+  block.rows = step.y->height;
+  block.columns = step.y->width;
+  for (std::size_t k = 0; k < program::kMaxSources; ++k) {
+    if (step.planes[k] != nullptr) block.source[k] = step.planes[k]->data;
     if (step.scalars[k] != nullptr) block.scalar[k] = *step.scalars[k];
+  }
   executor_.run(step.kernels[block.mask != nullptr ? 1 : 0], block);
   return Status::kBudget;
 }
@@ -123,14 +124,14 @@ Status Vm::elementwise(const Step& step) {
 Status Vm::shift_image(const Step& step) {
   const float* mask = nullptr;
   const Gate open = gate(step, mask);
-  if (open != Gate::kOpen) return open == Gate::kShut ? Status::kBudget : wrong_mask(step.y);
+  if (open != Gate::kOpen) return open == Gate::kShut ? Status::kBudget : wrong_mask(*step.y);
   const Edge wrap{program::BoundaryRule::kWrap, 0.0F};
-  shift(executor_, step.y, step.planes[0], step.offset, step.op == Opcode::kRotate ? wrap : edge_, mask);
+  shift(executor_, *step.y, *step.planes[0], step.offset, step.op == Opcode::kRotate ? wrap : edge_, mask);
   return Status::kBudget;
 }
 
 Status Vm::reduce(const Step& step) {
-  const ConstPlane& a = step.planes[0];
+  const ConstPlane a = *step.planes[0];
   const Reduction kind = step.op == Opcode::kGlobalSum || step.op == Opcode::kGlobalMean ? Reduction::kSum
                          : step.op == Opcode::kGlobalMin                                 ? Reduction::kMin
                          : step.op == Opcode::kGlobalMax                                 ? Reduction::kMax
@@ -157,7 +158,7 @@ Status Vm::reduce(const Step& step) {
 }
 
 Status Vm::change_mask(const Step& step) {
-  const ConstPlane& plane = step.planes[0];
+  const ConstPlane plane = step.planes[0] != nullptr ? ConstPlane(*step.planes[0]) : ConstPlane();
   switch (step.op) {
     case Opcode::kMaskOn:
       if (!masks_.set_base(plane))
@@ -190,35 +191,35 @@ Status Vm::change_mask(const Step& step) {
 Status Vm::pixel(const Step& step) {
   const bool get = step.op == Opcode::kPixelGet;
   const float x = *step.scalars[get ? 1 : 0], y = *step.scalars[get ? 2 : 1];
-  const auto width = static_cast<float>(get ? step.planes[0].width : step.y.width);
-  const auto height = static_cast<float>(get ? step.planes[0].height : step.y.height);
+  const auto width = static_cast<float>(get ? step.planes[0]->width : step.y->width);
+  const auto height = static_cast<float>(get ? step.planes[0]->height : step.y->height);
   if (!(x >= 0.0F && x < width && y >= 0.0F && y < height))
     return fail(Status::kFailed, (get ? "pixel.get" : "pixel.set") + std::string(" at column ") +
                                      number_text(x) + ", row " + number_text(y) +
                                      " is outside a register of " +
-                                     shape_text(get ? step.planes[0] : ConstPlane(step.y)));
+                                     shape_text(get ? *step.planes[0] : *step.y));
   const auto column = static_cast<std::uint32_t>(x), row = static_cast<std::uint32_t>(y);
   if (get) {
-    *step.variable = step.planes[0].row(row)[column];
+    *step.variable = step.planes[0]->row(row)[column];
     return Status::kBudget;
   }
   const float* mask = nullptr;
   const Gate open = gate(step, mask);
-  if (open == Gate::kMismatch) return wrong_mask(step.y);
-  float* cell = &step.y.row(row)[column];
-  if (open == Gate::kOpen && (mask == nullptr || mask[cell - step.y.data] != 0.0F)) *cell = *step.scalars[2];
+  if (open == Gate::kMismatch) return wrong_mask(*step.y);
+  float* cell = &step.y->row(row)[column];
+  if (open == Gate::kOpen && (mask == nullptr || mask[cell - step.y->data] != 0.0F)) *cell = *step.scalars[2];
   return Status::kBudget;
 }
 
 Status Vm::coordinates(const Step& step) {
   const float* mask = nullptr;
   const Gate open = gate(step, mask);
-  if (open != Gate::kOpen) return open == Gate::kShut ? Status::kBudget : wrong_mask(step.y);
+  if (open != Gate::kOpen) return open == Gate::kShut ? Status::kBudget : wrong_mask(*step.y);
   const bool column = step.op == Opcode::kCellX;
-  for (std::uint32_t y = 0; y < step.y.height; ++y) {
-    float* row = step.y.row(y);
-    for (std::uint32_t x = 0; x < step.y.width; ++x)
-      if (mask == nullptr || mask[row - step.y.data + x] != 0.0F) row[x] = static_cast<float>(column ? x : y);
+  for (std::uint32_t y = 0; y < step.y->height; ++y) {
+    float* row = step.y->row(y);
+    for (std::uint32_t x = 0; x < step.y->width; ++x)
+      if (mask == nullptr || mask[row - step.y->data + x] != 0.0F) row[x] = static_cast<float>(column ? x : y);
   }
   return Status::kBudget;
 }

@@ -27,12 +27,12 @@ Status Vm::host_call(const Step& step) {
     case Opcode::kSurfaceSense:
       return read_plane(step);
     case Opcode::kArraySave:
-      return outcome(host_.save_array(step.text, step.planes[0]));
+      return outcome(host_.save_array(step.text, *step.planes[0]));
     case Opcode::kImageSave:
-      return outcome(host_.save_image(step.text, step.planes[0]));
+      return outcome(host_.save_image(step.text, *step.planes[0]));
     case Opcode::kSurfaceActuate:
       return outcome(step.scalars[1] != nullptr ? host_.actuate(step.text, *step.scalars[1])
-                                                : host_.actuate(step.text, step.planes[1]));
+                                                : host_.actuate(step.text, *step.planes[1]));
     case Opcode::kSurfaceStep: {
       const HostStatus status = host_.step();
       return status == HostStatus::kOk ? Status::kTick : outcome(status);
@@ -55,21 +55,21 @@ Status Vm::host_call(const Step& step) {
 Status Vm::read_plane(const Step& step) {
   const float* mask = nullptr;
   const Gate open = gate(step, mask);
-  if (open == Gate::kMismatch) return wrong_mask(step.y);
+  if (open == Gate::kMismatch) return wrong_mask(*step.y);
   // A masked read goes through a scratch plane; with every cell off the host is still asked, so that a wrong
   // name is reported whatever the data.
   const bool direct = open == Gate::kOpen && mask == nullptr;
-  const Plane to = direct ? step.y : step.scratch;
+  const Plane to = direct ? *step.y : step.scratch;
   const HostStatus status = step.op == Opcode::kArrayOpen   ? host_.open_array(step.text, to)
                             : step.op == Opcode::kImageOpen ? host_.open_image(step.text, to)
                                                             : host_.sense(step.text, to);
   if (status != HostStatus::kOk) return outcome(status);
   if (mask != nullptr) {
     Block block;
-    block.y = step.y.data;
+    block.y = step.y->data;
     block.source[0] = to.data;
     block.mask = mask;
-    block.pitch = to.pitch;
+    block.set_pitch(to.pitch);
     block.rows = to.height;
     block.columns = to.width;
     executor_.run(executor_.kernels().kernel(Opcode::kCopy, 0, true), block);
@@ -80,7 +80,7 @@ Status Vm::read_plane(const Step& step) {
 void Vm::print_value(const Step& step) {
   NumberBuffer buffer;
   if (step.scalars[0] != nullptr) return host_.print(number_text(*step.scalars[0], buffer));
-  const ConstPlane& plane = step.planes[0];
+  const ConstPlane plane = *step.planes[0];
   for (std::uint32_t y = 0; y < plane.height; ++y) {
     if (y > 0) host_.print("\n");
     for (std::uint32_t x = 0; x < plane.width; ++x) {
