@@ -15,8 +15,9 @@
 namespace apron::vm {
 
 // A block of `rows` x `columns` cells of y, a, b, c and mask, each with its own start and pitch (in floats; 0
-// reads one row again and again). y and mask start on 64 bytes; a, b and c anywhere. Kernels may read and write columns up to
-// the next multiple of kLanes. y may be a, b, c or mask; it may not overlap them otherwise.
+// reads one row again and again). y and mask start on 64 bytes; a, b and c anywhere. Kernels may read and
+// write columns up to the next multiple of kLanes. y may be a, b, c or mask; it may not overlap them
+// otherwise.
 struct Block {
   float* y = nullptr;
   std::array<const float*, program::kMaxSources> source{};  // null where the operand is a scalar

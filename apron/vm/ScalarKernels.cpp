@@ -40,8 +40,8 @@ float operand(const Block& block, std::size_t k, std::ptrdiff_t r, std::ptrdiff_
 
 template <float (*kFunction)(float), bool kMasked>
 void run1(const Block& block) noexcept {
-  each_cell<kMasked>(
-      block, [&](std::ptrdiff_t r, std::ptrdiff_t x) { return kFunction(operand(block, 0, r, x)); });
+  each_cell<kMasked>(block,
+                     [&](std::ptrdiff_t r, std::ptrdiff_t x) { return kFunction(operand(block, 0, r, x)); });
 }
 
 template <float (*kFunction)(float, float), bool kMasked>

@@ -83,6 +83,33 @@ struct Decoder {
 
 }  // namespace
 
+bool is_conditional_jump(Opcode op) noexcept { return op >= Opcode::kJumpLt && op <= Opcode::kUnlessGe; }
+
+bool jumps(Opcode op, float a, float b) noexcept {
+  switch (op) {
+    case Opcode::kJumpLt:
+      return a < b;
+    case Opcode::kJumpLe:
+      return a <= b;
+    case Opcode::kJumpGt:
+      return a > b;
+    case Opcode::kJumpGe:
+      return a >= b;
+    case Opcode::kJumpEq:
+      return a == b;
+    case Opcode::kJumpNe:
+      return a != b;
+    case Opcode::kUnlessLt:
+      return !(a < b);
+    case Opcode::kUnlessLe:
+      return !(a <= b);
+    case Opcode::kUnlessGt:
+      return !(a > b);
+    default:
+      return !(a >= b);
+  }
+}
+
 Step decode(const program::Program& program, const program::Instruction& instruction, Storage& storage,
             const KernelTable& kernels) {
   Decoder d{program, storage};

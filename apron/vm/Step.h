@@ -49,6 +49,10 @@ struct Storage {
   std::vector<float> scalars;  // variables, then literals
 };
 
+// jump.lt … unless.ge: whether the jump is taken.
+bool is_conditional_jump(program::Opcode op) noexcept;
+bool jumps(program::Opcode op, float a, float b) noexcept;
+
 Step decode(const program::Program&, const program::Instruction&, Storage&, const KernelTable&);
 
 }  // namespace apron::vm

@@ -34,6 +34,8 @@ Vm::Vm(program::Program program, VmOptions options, Host& host)
   }
   calls_.reserve(program::kMaxCallDepth);
   reserve_masks();
+  segments_ = std::make_unique<Segments>(program_, steps_, storage_, executor_, options.fuse,
+                                         std::max(options.threads, 1U), options.parallel_cells);
 }
 
 Plane Vm::scratch(const Plane& like) {
@@ -59,6 +61,13 @@ Status Vm::run(std::uint64_t budget) {
   if (final_ != Status::kBudget) return final_;
   for (; budget > 0; --budget) {
     if (stop_ != nullptr && stop_->load(std::memory_order_relaxed)) return Status::kInterrupted;
+    if (Segment* fused = segment(budget)) {
+      fused->run(masks_.mask());
+      next_ = fused->exit();
+      executed_ += fused->steps();
+      budget -= fused->steps() - 1;
+      continue;
+    }
     const std::size_t at = next_;
     const Status status = execute(steps_[next_++]);
     ++executed_;
@@ -69,6 +78,15 @@ Status Vm::run(std::uint64_t budget) {
     return status;
   }
   return Status::kBudget;
+}
+
+// The segment that begins here, unless it would go beyond the budget or come to a limit that its steps check.
+Segment* Vm::segment(std::uint64_t budget) const noexcept {
+  Segment* fused = segments_->at(static_cast<std::uint32_t>(next_), masks_);
+  if (fused == nullptr || fused->steps() > budget) return nullptr;
+  const bool room = masks_.depth() + fused->masks() <= program::kMaxMaskDepth &&
+                    calls_.size() + fused->calls() <= program::kMaxCallDepth;
+  return room ? fused : nullptr;
 }
 
 Status Vm::execute(const Step& step) {
@@ -219,14 +237,13 @@ Status Vm::coordinates(const Step& step) {
   for (std::uint32_t y = 0; y < step.y->height; ++y) {
     float* row = step.y->row(y);
     for (std::uint32_t x = 0; x < step.y->width; ++x)
-      if (mask == nullptr || mask[row - step.y->data + x] != 0.0F) row[x] = static_cast<float>(column ? x : y);
+      if (mask == nullptr || mask[row - step.y->data + x] != 0.0F)
+        row[x] = static_cast<float>(column ? x : y);
   }
   return Status::kBudget;
 }
 
 Status Vm::flow(const Step& step) {
-  const auto a = [&] { return *step.scalars[0]; };
-  const auto b = [&] { return *step.scalars[1]; };
   bool jump = false;
   switch (step.op) {
     case Opcode::kNop:
@@ -246,39 +263,10 @@ Status Vm::flow(const Step& step) {
     case Opcode::kJump:
       jump = true;
       break;
-    case Opcode::kJumpLt:
-      jump = a() < b();
-      break;
-    case Opcode::kJumpLe:
-      jump = a() <= b();
-      break;
-    case Opcode::kJumpGt:
-      jump = a() > b();
-      break;
-    case Opcode::kJumpGe:
-      jump = a() >= b();
-      break;
-    case Opcode::kJumpEq:
-      jump = a() == b();
-      break;
-    case Opcode::kJumpNe:
-      jump = a() != b();
-      break;
-    case Opcode::kUnlessLt:
-      jump = !(a() < b());
-      break;
-    case Opcode::kUnlessLe:
-      jump = !(a() <= b());
-      break;
-    case Opcode::kUnlessGt:
-      jump = !(a() > b());
-      break;
-    case Opcode::kUnlessGe:
-      jump = !(a() >= b());
-      break;
     default:
-      assert(false && "an opcode without an action");
-      return Status::kFailed;
+      assert(is_conditional_jump(step.op) && "an opcode without an action");
+      jump = jumps(step.op, *step.scalars[0], *step.scalars[1]);
+      break;
   }
   if (jump) next_ = step.target;
   return Status::kBudget;

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -13,6 +14,7 @@
 #include "apron/vm/MaskStack.h"
 #include "apron/vm/Plane.h"
 #include "apron/vm/PlaneStore.h"
+#include "apron/vm/Segments.h"
 #include "apron/vm/Step.h"
 
 namespace apron::vm {
@@ -25,6 +27,8 @@ struct VmOptions {
   const std::atomic<bool>* stop = nullptr;
   // Null: the best that this CPU has.
   const KernelTable* kernels = nullptr;
+  // How instructions are run together; nothing here changes a result.
+  FuseOptions fuse{};
 };
 
 enum class Status {
@@ -67,6 +71,7 @@ class Vm {
 
  private:
   void reserve_masks();
+  Segment* segment(std::uint64_t budget) const noexcept;
   Plane scratch(const Plane& like);
 
   // What a write to the step's destination must obey.
@@ -102,6 +107,7 @@ class Vm {
   std::vector<float> row_results_;
   MaskStack masks_;
   std::vector<Step> steps_;
+  std::unique_ptr<Segments> segments_;
   std::vector<std::uint32_t> calls_;  // return addresses
   Edge edge_{};
   std::size_t next_ = 0;
