@@ -73,11 +73,39 @@ constexpr Builtin kTable[] = {
     {"west", Form::kShift, 1, 1, Op::kShift, 1, 0},
     {"shift", Form::kShiftBy, 3, 3, Op::kShift},
     {"rotate", Form::kShiftBy, 3, 3, Op::kRotate},
-    {"near.sum", Form::kNear, 1, 2, Op::kAdd},
-    {"near.min", Form::kNear, 1, 2, Op::kMin},
-    {"near.max", Form::kNear, 1, 2, Op::kMax},
-    {"near.any", Form::kNear, 1, 2, Op::kOr},
-    {"near.all", Form::kNear, 1, 2, Op::kAnd},
+    {"near.sum", Form::kNear, 1, 2, Op::kNearSum},
+    {"near.min", Form::kNear, 1, 2, Op::kNearMin},
+    {"near.max", Form::kNear, 1, 2, Op::kNearMax},
+    {"near.any", Form::kNear, 1, 2, Op::kNearAny},
+    {"near.all", Form::kNear, 1, 2, Op::kNearAll},
+    {"flood", Form::kPropagate, 2, 2, Op::kFlood},
+    {"distance", Form::kPropagate, 1, 1, Op::kDistance},
+    {"spread.max", Form::kPropagate, 2, 2, Op::kSpreadMax},
+    {"filter.create", Form::kFilterCreate, 3, 3},
+    {"filter.setElement", Form::kFilterSet, 4, 4, Op::kFilterSet},
+    {"filter.fill3x3", Form::kFilterFill, 10, 10},
+    {"filter.fill5x5", Form::kFilterFill, 26, 26},
+    {"filter.do", Form::kFilterDo, 2, 2, Op::kFilterDo},
+    {"filter.gauss.fast", Form::kFilterGauss, 2, 2},
+    {"filter.gauss.ani", Form::kFilterGaussAni, 4, 4},
+    {"filter.kernel.gabor", Form::kFilterGabor, 4, 6},
+    {"filter.stock3x3.edge", Form::kFilterEdge, 1, 1},
+    {"random.float.rand", Form::kRandom, 2, 2, Op::kRandomFloat},
+    {"random.float.gauss", Form::kRandom, 2, 2, Op::kRandomGauss},
+    {"random.float.white", Form::kRandomWhite, 0, 0, Op::kRandomFloat},
+    {"random.int.rand", Form::kRandom, 2, 2, Op::kRandomInt},
+    {"random.int.gauss", Form::kRandomRounded, 2, 2, Op::kRandomGauss},
+    {"random.int.white", Form::kRandomWhite, 0, 0, Op::kRandomInt},
+    {"random.seed", Form::kRandomSeed, 1, 1, Op::kRandomSeed},
+    {"stack.push_reg", Form::kStackPush, 1, 1, Op::kStackPush},
+    {"stack.pop_reg", Form::kStackPop, 0, 0, Op::kStackPop},
+    {"stack.clear", Form::kPlain, 0, 0, Op::kStackClear},
+    {"res.getvar", Form::kResGet, 2, 2, Op::kResGetVar},
+    {"res.setvar", Form::kResSet, 3, 3, Op::kResSetVar},
+    {"res.getreg", Form::kResGet, 2, 2, Op::kResGetReg},
+    {"res.setreg", Form::kResSet, 3, 3, Op::kResSetReg},
+    {"res.match", Form::kResMatch, 2, 2},
+    {"plugin", Form::kPlugin, 2, 2 + program::kMaxPluginArguments, Op::kPlugin},
     {"globalsum", Form::kGlobal, 1, 1, Op::kGlobalSum},
     {"globalmean", Form::kGlobal, 1, 1, Op::kGlobalMean},
     {"globalmin", Form::kGlobal, 1, 1, Op::kGlobalMin},
@@ -93,8 +121,8 @@ constexpr Builtin kTable[] = {
     {"reg.getWidth", Form::kRegisterWidth, 1, 1},
     {"reg.getHeight", Form::kRegisterHeight, 1, 1},
     {"reg.getID", Form::kRegisterId, 1, 1},
-    {"reg.setPalette", Form::kNoEffect, 1, kAnyNumber},
-    {"reg.setScale", Form::kNoEffect, 1, kAnyNumber},
+    {"reg.setPalette", Form::kSetPalette, 2, 3, Op::kSetPalette},
+    {"reg.setScale", Form::kSetScale, 2, 3, Op::kSetScale},
     {"mask.on", Form::kMaskOn, 1, 1, Op::kMaskOn},
     {"mask.off", Form::kPlain, 0, 0, Op::kMaskOff},
     {"boundary", Form::kBoundary, 1, 1, Op::kBoundary},
@@ -109,9 +137,17 @@ constexpr Builtin kTable[] = {
     {"io.array.save", Form::kSave, 2, 2, Op::kArraySave},
     {"io.image.open", Form::kOpen, 1, 1, Op::kImageOpen},
     {"io.image.save", Form::kSave, 2, 2, Op::kImageSave},
+    {"io.image.opencount", Form::kOpenCount, 2, 2, Op::kImageOpenCount},
+    {"io.image.savecount", Form::kSaveCount, 3, 3, Op::kImageSaveCount},
+    {"video.clip.open", Form::kClipOpen, 1, 1, Op::kClipOpen},
+    {"video.clip.read", Form::kRead, 0, 0, Op::kClipRead},
+    {"video.clip.close", Form::kPlain, 0, 0, Op::kClipClose},
+    {"webcam.open", Form::kWebcamOpen, 0, 1, Op::kWebcamOpen},
+    {"webcam.read", Form::kRead, 0, 0, Op::kWebcamRead},
+    {"webcam.close", Form::kPlain, 0, 0, Op::kWebcamClose},
     {"print", Form::kPrint, 0, kAnyNumber},
     {"println", Form::kPrint, 0, kAnyNumber, Op::kPrintLine},
-    {"sim.show", Form::kNoEffect, 0, kAnyNumber},
+    {"sim.show", Form::kShow, 1, 2, Op::kShow},
     {"sim.display", Form::kNoEffect, 0, kAnyNumber},
     {"sim.tile", Form::kNoEffect, 0, kAnyNumber},
     {"sim.label", Form::kNoEffect, 0, kAnyNumber},
@@ -145,21 +181,6 @@ constexpr Builtin kTable[] = {
 // Timers are for windows: as statements they do nothing, as values they are 0.
 constexpr Builtin kTimer = {"timer.", Form::kZero, 0, kAnyNumber};
 
-constexpr std::string_view kLater[] = {"flood",
-                                       "distance",
-                                       "spread.max",
-                                       "plugin",
-                                       "plugin.",
-                                       "filter.",
-                                       "random.",
-                                       "stack.",
-                                       "res.",
-                                       "video.",
-                                       "webcam.",
-                                       "io.image.opencount",
-                                       "io.image.savecount",
-                                       "io.video."};
-
 bool starts_with(std::string_view text, std::string_view prefix) {
   return text.substr(0, prefix.size()) == prefix;
 }
@@ -190,12 +211,6 @@ std::vector<std::string> builtin_names() {
   std::vector<std::string> names;
   for (const Builtin& builtin : kTable) names.emplace_back(builtin.name);
   return names;
-}
-
-bool is_unavailable(std::string_view name) {
-  return std::any_of(std::begin(kLater), std::end(kLater), [&](std::string_view later) {
-    return later.back() == '.' ? starts_with(name, later) : name == later;
-  });
 }
 
 program::Opcode infix_opcode(std::string_view op) {

@@ -32,7 +32,34 @@ enum class Form : std::uint8_t {
   kOpen,
   kParameterGet,
   kZero,
+  kPropagate,
+  kFilterDo,
+  kFilterGauss,
+  kFilterGaussAni,
+  kFilterEdge,
+  kRandom,
+  kRandomWhite,
+  kRandomRounded,
+  kStackPop,
+  kResGet,
+  kResMatch,
+  kPlugin,
+  kOpenCount,
+  kRead,
   // statements
+  kFilterCreate,
+  kFilterSet,
+  kFilterFill,
+  kFilterGabor,
+  kRandomSeed,
+  kStackPush,
+  kResSet,
+  kSaveCount,
+  kClipOpen,
+  kWebcamOpen,
+  kShow,
+  kSetPalette,
+  kSetScale,
   kPixelSet,
   kSave,
   kActuate,
@@ -71,7 +98,7 @@ struct Builtin {
   program::Opcode op = program::Opcode::kNop;
   std::int8_t dx = 0, dy = 0;  // of one step of a shift: cells east and south
 
-  bool gives_value() const noexcept { return form <= Form::kZero; }
+  bool gives_value() const noexcept { return form <= Form::kRead; }
 };
 
 inline constexpr std::uint8_t kAnyNumber = 255;
@@ -79,9 +106,6 @@ inline constexpr std::uint8_t kAnyNumber = 255;
 // nullptr for an unknown name.
 const Builtin* find_builtin(std::string_view name);
 std::vector<std::string> builtin_names();
-
-// Part of the language, but of a later version of this tool.
-bool is_unavailable(std::string_view name);
 
 // The comparison or logical or arithmetic instruction behind an infix operator; kNop if there is none.
 program::Opcode infix_opcode(std::string_view op);

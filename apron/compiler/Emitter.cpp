@@ -151,8 +151,9 @@ bool Emitter::redirect(const Value& temporary, const Value& place) {
   program::Instruction& last = program_.code.back();
   const Operand wanted = operand(place);
   const bool fits = last.destination == operand(temporary) && temporary.kind == place.kind;
-  const bool moves = last.op == program::Opcode::kShift || last.op == program::Opcode::kRotate;
-  if (!fits || last.op == program::Opcode::kPixelSet || (moves && last.operands[0] == wanted)) return false;
+  const bool reads_it = std::find(last.operands.begin(), last.operands.end(), wanted) != last.operands.end();
+  const bool clashes = reads_it && program::is_out_of_place(last.op);
+  if (!fits || last.op == program::Opcode::kPixelSet || clashes) return false;
   last.destination = wanted;
   last.masked = true;
   return true;

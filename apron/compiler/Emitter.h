@@ -74,6 +74,7 @@ class Emitter {
   program::Operand label(Label) const;
 
   program::Program& program() noexcept { return program_; }
+  const program::Program& program() const noexcept { return program_; }
   // Ends the code with kEnd and resolves the labels.
   program::Program finish();
 

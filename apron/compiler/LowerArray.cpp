@@ -1,6 +1,7 @@
 // Shifts, neighbourhoods and single cells.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "apron/compiler/Lowering.h"
@@ -48,8 +49,7 @@ Value Lowering::shift(const Builtin& builtin, const Expressions& arguments, Loca
   return moved;
 }
 
-// The neighbours only, never the own cell. The eight are reached by way of the rows: west and east first,
-// then the row sums (minima, …) from north and south, so that every step is one to a direct neighbour.
+// The neighbours only, never the own cell.
 Value Lowering::near(const Builtin& builtin, const Expressions& arguments, Location at,
                      Destination* destination) {
   const int count = arguments.size() == 2 ? whole(arguments[1], "the neighbourhood") : 4;
@@ -57,29 +57,45 @@ Value Lowering::near(const Builtin& builtin, const Expressions& arguments, Locat
     throw Failure{arguments[1].at, fmt::format("a neighbourhood is 4 or 8 cells, not {}", count)};
   }
   const Value own = array(arguments[0], "a neighbourhood");
-  const Value from_west = move(Opcode::kShift, own, 1, 0, nullptr, at);
-  const Value from_east = move(Opcode::kShift, own, -1, 0, nullptr, at);
-  const Value sides = elementwise(builtin.op, {from_west, from_east}, at, nullptr);
-  Value row = own;
-  if (count == 8) {
-    row = emitter_.temporary(emitter_.shape(own));
-    emitter_.emit(builtin.op, emitter_.operand(row), {emitter_.operand(sides), emitter_.operand(own)}, false);
+  return apart(builtin.op, {own}, {emitter_.literal(static_cast<float>(count))}, destination, at);
+}
+
+Value Lowering::apart(Opcode op, const std::vector<Value>& sources, std::vector<program::Operand> more,
+                      Destination* destination, Location at) {
+  check_shapes(sources, at);
+  const Shape shape = emitter_.shape(sources.front());
+  Value place;
+  bool direct = false;
+  if (destination != nullptr) {
+    place = target(*destination, true, shape);
+    check_shapes({place, sources.front()}, at);
+    direct = std::none_of(sources.begin(), sources.end(),
+                          [&](const Value& source) { return source.index == place.index; });
+    destination->used = direct;
   }
-  const Value from_north = move(Opcode::kShift, row, 0, 1, nullptr, at);
-  const Value from_south = move(Opcode::kShift, row, 0, -1, nullptr, at);
-  const Value ends = elementwise(builtin.op, {from_north, from_south}, at, nullptr);
-  if (count == 8) emitter_.release(row);
-  emitter_.release(own);
-  return elementwise(builtin.op, {sides, ends}, at, destination);
+  if (!direct) place = emitter_.temporary(shape);
+  std::vector<program::Operand> operands;
+  for (const Value& source : sources) operands.push_back(emitter_.operand(source));
+  operands.insert(operands.end(), more.begin(), more.end());
+  emitter_.emit(op, emitter_.operand(place), std::move(operands), direct);
+  for (const Value& source : sources) emitter_.release(source);
+  return place;
+}
+
+std::uint32_t Lowering::register_number(const Value& value, Location at) const {
+  const auto number = names_.register_number(value.index);
+  if (!number) throw Failure{at, "only a register that was created has a number"};
+  return static_cast<std::uint32_t>(*number);
 }
 
 Value Lowering::register_size(const Builtin& builtin, const Expressions& arguments) {
   const Value value = array(arguments[0], "this");
   emitter_.release(value);
   const Shape shape = emitter_.shape(value);
-  const std::uint32_t number = builtin.form == Form::kRegisterWidth    ? shape.width
-                               : builtin.form == Form::kRegisterHeight ? shape.height
-                                                                       : value.index;
+  const std::uint32_t number = builtin.form == Form::kRegisterWidth ? shape.width
+                               : builtin.form == Form::kRegisterHeight
+                                   ? shape.height
+                                   : register_number(value, arguments[0].at);
   return {Value::Kind::kConstant, 0, static_cast<float>(number), false};
 }
 

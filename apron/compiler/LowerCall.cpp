@@ -59,6 +59,35 @@ Value Lowering::lower_call(const Builtin& builtin, const Expression& call, const
       return to_register(builtin.op, {emitter_.text(text(arguments[0], "a file name"))}, destination);
     case Form::kParameterGet:
       return parameter(arguments[0], destination);
+    case Form::kPropagate: {
+      std::vector<Value> sources;
+      for (const Expression& argument : arguments) sources.push_back(array(argument, quoted));
+      return apart(builtin.op, sources, {}, destination, call.at);
+    }
+    case Form::kFilterDo:
+    case Form::kFilterGauss:
+    case Form::kFilterGaussAni:
+    case Form::kFilterEdge:
+      return filtered(builtin, arguments, call.at, destination);
+    case Form::kRandom:
+    case Form::kRandomWhite:
+    case Form::kRandomRounded:
+      return random(builtin, arguments, call.at, destination);
+    case Form::kStackPop:
+    case Form::kRead:
+      return to_register(builtin.op, {}, destination);
+    case Form::kResGet:
+      return get_element(builtin, arguments, call.at, destination);
+    case Form::kResMatch:
+      return match(arguments);
+    case Form::kPlugin:
+      return plugin(arguments, destination);
+    case Form::kOpenCount: {
+      const std::string& name = text(arguments[0], "a file name");
+      const Value number = scalar(arguments[1], quoted);
+      emitter_.release(number);
+      return to_register(builtin.op, {emitter_.text(name), emitter_.operand(number)}, destination);
+    }
     case Form::kZero:
       return {Value::Kind::kConstant, 0, 0.0F, false};
     default:

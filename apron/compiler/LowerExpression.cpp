@@ -50,6 +50,8 @@ Value Lowering::lower(const Expression& expression, Destination* destination) {
       throw Failure{expression.at, "a comparison sign alone is for conditions: if(a, <, b)"};
     case ExpressionKind::kLabel:
       throw Failure{expression.at, "a label has no value"};
+    case ExpressionKind::kModule:
+      throw Failure{expression.at, "'?' stands for a module: plugin(?, n, …)"};
   }
   return {};
 }
@@ -62,7 +64,6 @@ Value Lowering::lower_name(const Expression& name, Destination* destination) {
     if (builtin != nullptr) {
       throw Failure{name.at, fmt::format("'{}' is an instruction and needs its arguments", name.text)};
     }
-    if (is_unavailable(name.text)) unknown_call(name);
     if (is_macro_name(name.text)) {
       throw Failure{name.at, fmt::format("'{}' is read before it is written", shown(name.text))};
     }

@@ -48,8 +48,9 @@ void Lowering::survey_call(const Expression& call) {
   uses_where_ = uses_where_ || builtin->form == Form::kWhere;
   uses_call_ = uses_call_ || builtin->form == Form::kCall || builtin->form == Form::kCallIf;
   const bool writes = builtin->gives_value() || builtin->form == Form::kFor;
-  if (writes && !call.children.empty() && call.children[0].kind == ExpressionKind::kName) {
-    written_.insert(call.children[0].text);
+  const std::size_t place = builtin->form == Form::kPlugin ? 2 : 0;
+  if (writes && call.children.size() > place && call.children[place].kind == ExpressionKind::kName) {
+    written_.insert(call.children[place].text);
   }
 }
 
@@ -63,6 +64,7 @@ void Lowering::survey(const Expression& expression) {
 void Lowering::statement(const Statement& one) {
   const std::size_t mark = emitter_.mark();
   const Shape outer_hint = hint_;
+  const bool outer_array = in_array_;
   if (one.at.line > 0) emitter_.at(one.at, sources_.file(one.at.file).name);
   try {
     dispatch(one);
@@ -72,6 +74,7 @@ void Lowering::statement(const Statement& one) {
   }
   emitter_.release_to(mark);
   hint_ = outer_hint;
+  in_array_ = outer_array;
 }
 
 void Lowering::dispatch(const Statement& one) {
@@ -149,10 +152,15 @@ void Lowering::declare(const syntax::Declaration& wanted) {
                                  : emitter_.add_register(symbol.name, {wanted.width, wanted.height});
   names_.add_element(class_name, wanted.name, symbol, wanted.at);
   if (both) names_.add(wanted.name, symbol);
+  if (variables || wanted.palette.empty()) return;
+  const program::Operand place = emitter_.operand(symbol.value);
+  emitter_.emit(program::Opcode::kSetPalette, {}, {place, emitter_.text(wanted.palette)});
+  emitter_.emit(program::Opcode::kSetScale, {},
+                {place, emitter_.literal(0.0F), emitter_.literal(wanted.scale)});
 }
 
 void Lowering::assign(const Expression& target, const Expression& value) {
-  if (!shape_of(target, hint_)) shape_of(value, hint_);
+  in_array_ = shape_of(target, hint_) || shape_of(value, hint_);
   Destination destination{&target, false};
   const Value result = lower(value, &destination);
   if (!destination.used) store(destination, result, value.at);
@@ -192,9 +200,6 @@ void Lowering::leave(std::uint32_t expansion) {
 }
 
 void Lowering::unknown_call(const Expression& call) const {
-  if (is_unavailable(call.text)) {
-    throw Failure{call.at, fmt::format("'{}' is not available in this version", call.text)};
-  }
   std::vector<std::string> known = builtin_names();
   known.insert(known.end(), other_names_.begin(), other_names_.end());
   throw Failure{call.at, fmt::format("there is no instruction or macro '{}'{}", call.text,
@@ -226,6 +231,10 @@ void Lowering::call_statement(const Expression& call) {
     return perform(*builtin, call);
   }
   if (builtin->form == Form::kZero) return no_effect(call.children);
+  if (builtin->form == Form::kPlugin) {
+    if (count < builtin->least || count > builtin->most) wrong_count(*builtin, call);
+    return plugin_statement(call);
+  }
   const bool accumulates = builtin->form == Form::kMac && count == 3;
   if (!accumulates && (count < 1U + builtin->least || count > 1U + builtin->most)) {
     if (count < builtin->least || count > builtin->most) wrong_count(*builtin, call);
@@ -239,22 +248,28 @@ void Lowering::call_statement(const Expression& call) {
   }
   Expressions arguments(call.children.begin() + 1, call.children.end());
   if (accumulates) arguments.push_back(place);
-  if (!shape_of(place, hint_)) {
-    for (const Expression& argument : arguments) {
-      if (shape_of(argument, hint_)) break;
-    }
-  }
+  in_array_ = shape_of(place, hint_);
+  for (std::size_t i = 0; i < arguments.size() && !in_array_; ++i) in_array_ = shape_of(arguments[i], hint_);
   Destination destination{&place, false};
   const Value result = lower_call(*builtin, call, arguments, &destination);
   if (!destination.used) store(destination, result, call.at);
 }
 
 void Lowering::perform(const Builtin& builtin, const Expression& call) {
+  in_array_ = builtin.form == Form::kWhere || builtin.form == Form::kActuate;
   for (const Expression& argument : call.children) {
-    if (shape_of(argument, hint_)) break;
+    if (!shape_of(argument, hint_)) continue;
+    in_array_ = true;
+    break;
   }
   if (builtin.form == Form::kPlain) return emitter_.emit(builtin.op);
   if (flow(builtin, call, call.children) || host(builtin, call, call.children)) return;
+  if (!filter_statement(builtin, call, call.children)) data_statement(builtin, call, call.children);
+}
+
+program::Program Lowering::finish() {
+  for (const auto& [name, index] : groups_) emitter_.program().groups[index].elements = names_.numbers(name);
+  return emitter_.finish();
 }
 
 void Lowering::check_jumps() {

@@ -29,7 +29,7 @@ class Lowering {
   Lowering(Shape surface, const syntax::Sources&, syntax::Diagnostics&, std::vector<std::string> other_names);
 
   void run(const std::vector<syntax::Statement>&);
-  program::Program finish() { return emitter_.finish(); }
+  program::Program finish();
   const std::vector<ScalarRead>& scalar_reads() const noexcept { return reads_; }
 
  private:
@@ -132,7 +132,38 @@ class Lowering {
   Value shift(const Builtin&, const Expressions&, Location, Destination*);
   Value near(const Builtin&, const Expressions&, Location, Destination*);
   Value register_size(const Builtin&, const Expressions&);
+  std::uint32_t register_number(const Value&, Location) const;
   void pixel_set(const Expressions&);
+
+  // What reads other cells than its own: its destination is none of its sources.
+  Value apart(program::Opcode, const std::vector<Value>& sources, std::vector<program::Operand> more,
+              Destination*, Location);
+
+  // LowerFilter.cpp
+  Value filtered(const Builtin&, const Expressions&, Location, Destination*);
+  bool filter_statement(const Builtin&, const Expression& call, const Expressions&);
+  std::uint32_t find_filter(const Expression& name) const;
+  std::uint32_t add_filter(program::Filter);
+  Value gauss(const Expressions&, Location, Destination*);
+  void set_element(const Expressions&);
+  void gabor(const Expressions&);
+  double real(const Expression&, std::string_view what, double low);
+  int radius_of(double width, Location) const;
+  program::Operand filter(std::uint32_t index) const { return {program::OperandKind::kFilter, index}; }
+
+  // LowerData.cpp
+  bool data_statement(const Builtin&, const Expression& call, const Expressions&);
+  Value random(const Builtin&, const Expressions&, Location, Destination*);
+  Value draw(program::Opcode, const Value& a, const Value& b, Destination*);
+  program::Operand group(const Expression& class_name, bool of_variables);
+  const std::string& class_of(const Expression&) const;
+  Value get_element(const Builtin&, const Expressions&, Location, Destination*);
+  Value match(const Expressions&);
+  program::Operand module(const Expression&);
+  void plugin_arguments(const Expressions&, std::size_t first);
+  Value plugin(const Expressions&, Destination*);
+  void plugin_statement(const Expression& call);
+  void set_colours(const Builtin&, const Expressions&, Location);
 
   // LowerFlow.cpp
   bool flow(const Builtin&, const Expression& call, const Expressions&);
@@ -183,7 +214,9 @@ class Lowering {
   std::vector<JumpSite> jumps_;
   std::vector<ScalarRead> reads_;
   std::uint32_t where_parts_ = 0;
-  Shape hint_;  // for cell.x and the like, which have no shape of their own
+  std::map<std::string, std::uint32_t> groups_;  // classes that are taken from by number
+  bool in_array_ = false;                        // the statement has registers: random numbers are one a cell
+  Shape hint_;                                   // for cell.x and the like, which have no shape of their own
 };
 
 }  // namespace apron::compiler

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -86,6 +87,29 @@ void Names::add_class(const syntax::Declaration& wanted) {
   classes_[wanted.name] = {wanted.of_variables, wanted.at, {}, {}};
   aliases_[wanted.name] = wanted.name;
   aliases_[wanted.alias] = wanted.name;
+}
+
+std::vector<std::uint32_t> Names::numbers(const std::string& class_name) const {
+  const Class& group = classes_.at(class_name);
+  std::vector<std::uint32_t> indices;
+  for (const std::string& name : group.order) indices.push_back(group.elements.at(name).value.index);
+  return indices;
+}
+
+std::optional<std::size_t> Names::number(const std::string& class_name, const std::string& element) const {
+  const std::vector<std::string>& order = classes_.at(class_name).order;
+  const auto found = std::find(order.begin(), order.end(), element);
+  if (found == order.end()) return std::nullopt;
+  return static_cast<std::size_t>(found - order.begin());
+}
+
+std::optional<std::size_t> Names::register_number(std::uint32_t index) const {
+  for (const auto& [name, group] : classes_) {
+    if (group.of_variables) continue;
+    for (std::size_t i = 0; i < group.order.size(); ++i)
+      if (group.elements.at(group.order[i]).value.index == index) return i;
+  }
+  return std::nullopt;
 }
 
 std::string Names::suggestion(const std::string& name, const std::vector<std::string>& also) const {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -34,6 +35,15 @@ class Names {
   // Fail if the name is taken.
   void add_element(const std::string& class_name, const std::string& name, Symbol, syntax::Location);
   void add_class(const syntax::Declaration&);
+  // Of the class: its name, and its elements so far in the order of their numbers.
+  const std::string& class_name(const std::string& name_or_alias, syntax::Location at) const {
+    return class_of(name_or_alias, at);
+  }
+  std::vector<std::uint32_t> numbers(const std::string& class_name) const;
+  // The number of an element, or nothing.
+  std::optional<std::size_t> number(const std::string& class_name, const std::string& element) const;
+  // The number that a register has in its class.
+  std::optional<std::size_t> register_number(std::uint32_t index) const;
   bool holds_variables(const std::string& class_name, syntax::Location) const;
 
   // "; did you mean 'r[A]'?" and the like, or "".

@@ -21,6 +21,12 @@ std::string name_of(const Program& program, const Operand& operand) {
       return fmt::format("'{}'", program.texts.at(operand.index));
     case OperandKind::kLabel:
       return fmt::format("@{}", operand.index);
+    case OperandKind::kFilter:
+      return fmt::format("filter '{}'", program.filters.at(operand.index).name);
+    case OperandKind::kGroup:
+      return program.groups.at(operand.index).name;
+    case OperandKind::kModule:
+      return fmt::format("module '{}'", program.modules.at(operand.index));
   }
   return "?";
 }

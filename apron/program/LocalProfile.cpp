@@ -23,12 +23,24 @@ std::string reason(const Program& program, const Instruction& instruction) {
     }
     return fmt::format("shift by ({}, {}) reaches beyond the north, east, south and west neighbours", dx, dy);
   }
+  if (instruction.op == Opcode::kFilterDo) {
+    const Filter& filter = program.filters[instruction.operands[1].index];
+    return fmt::format("a filter of {}x{} reaches beyond the neighbours", filter.width, filter.height);
+  }
+  if (info(instruction.op).locality == Locality::Far) {
+    return fmt::format("{} propagates through the array until nothing changes", mnemonic);
+  }
   return fmt::format("{} needs the whole array", mnemonic);
 }
 
 }  // namespace
 
+// A filter of 3x3 is a sum of steps to direct neighbours, as near.sum of 8 is.
 Locality locality(const Program& program, const Instruction& instruction) noexcept {
+  if (instruction.op == Opcode::kFilterDo) {
+    const Filter& filter = program.filters[instruction.operands[1].index];
+    return filter.width <= 3 && filter.height <= 3 ? Locality::News : Locality::Far;
+  }
   if (instruction.op != Opcode::kShift) return info(instruction.op).locality;
   const float steps = std::fabs(literal(program, instruction.operands[1])) +
                       std::fabs(literal(program, instruction.operands[2]));

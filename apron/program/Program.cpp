@@ -11,6 +11,12 @@ constexpr OpcodeInfo kTable[] = {
 }  // namespace
 
 const OpcodeInfo& info(Opcode op) noexcept { return kTable[static_cast<std::size_t>(op)]; }
+bool is_out_of_place(Opcode op) noexcept {
+  return op == Opcode::kShift || op == Opcode::kRotate ||
+         (op >= Opcode::kNearSum && op <= Opcode::kNearAll) || op == Opcode::kFilterDo ||
+         op == Opcode::kFlood || op == Opcode::kDistance || op == Opcode::kSpreadMax;
+}
+
 std::size_t opcode_count() noexcept { return std::size(kTable); }
 
 }  // namespace apron::program

@@ -1,5 +1,6 @@
 // A compiled APRON program: an immutable list of instructions over registers (2-D float arrays), variables
-// (scalars), literals and texts. The compiler makes it, verify() proves it safe to run, the VM runs it unchecked.
+// (scalars), literals and texts. The compiler makes it, verify() proves it safe to run, the VM runs it
+// unchecked.
 #pragma once
 
 #include <array>
@@ -32,11 +33,23 @@ std::size_t opcode_count() noexcept;
 // Edge rule of the shifts, the first operand of kBoundary as a literal.
 enum class BoundaryRule : std::uint8_t { kZero, kReplicate, kWrap, kReflect, kValue };
 
-enum class OperandKind : std::uint8_t { kNone, kRegister, kVariable, kLiteral, kText, kLabel };
+enum class OperandKind : std::uint8_t {
+  kNone,
+  kRegister,
+  kVariable,
+  kLiteral,
+  kText,
+  kLabel,
+  kFilter,
+  kGroup,
+  kModule,
+};
 
 struct Operand {
   OperandKind kind = OperandKind::kNone;
-  std::uint32_t index = 0;  // into registers, variables, literals, texts; for a label: the instruction's index
+  // Into registers, variables, literals, texts, filters, groups, modules; for a label: the instruction's
+  // index.
+  std::uint32_t index = 0;
 
   bool operator==(const Operand&) const = default;
 };
@@ -66,9 +79,23 @@ struct Parameter {
   float initial = 0.0F, low = 0.0F, high = 1.0F;
 };
 
+// Elements row by row, as they are before the program runs.
+struct Filter {
+  std::string name;
+  std::uint32_t width = 0, height = 0;
+  std::vector<float> elements;
+};
+
+// The elements of a class in their order, for instructions that take one by its number.
+struct Group {
+  std::string name;
+  bool of_variables = false;
+  std::vector<std::uint32_t> elements;  // indices into registers or variables
+};
+
 // Where an instruction came from.
 struct Source {
-  std::uint32_t file = 0;  // index into Program::files
+  std::uint32_t file = 0;              // index into Program::files
   std::uint32_t line = 0, column = 0;  // from 1
 };
 
@@ -79,6 +106,9 @@ struct Program {
   std::vector<float> literals;
   std::vector<std::string> texts;
   std::vector<Parameter> parameters;
+  std::vector<Filter> filters;
+  std::vector<Group> groups;
+  std::vector<std::string> modules;  // shared objects by name, for the host to find
   std::vector<Source> sources;
   std::vector<std::string> files;  // as shown to the user
 };
@@ -90,15 +120,22 @@ inline constexpr std::size_t kMaxCells = std::size_t{1} << 26;   // of one regis
 inline constexpr std::size_t kMaxMemory = std::size_t{1} << 33;  // bytes of all registers
 inline constexpr std::size_t kMaxCallDepth = 256;
 inline constexpr std::size_t kMaxMaskDepth = 64;
+inline constexpr std::size_t kMaxFilterSide = 255;      // columns or rows
+inline constexpr std::size_t kMaxStackDepth = 256;      // registers pushed
+inline constexpr std::size_t kMaxPluginArguments = 16;  // of one call
 
 // "" if every operand is in range and of the kind that its opcode's signature takes, the registers of one
-// instruction share a shape, shifts are out of place, labels are inside the code, masks balance on every path
-// and the code ends with kEnd; else one line that names the instruction and what is wrong with it.
+// instruction share a shape, what reads neighbours is out of place, labels are inside the code, masks balance
+// on every path and the code ends with kEnd; else one line that names the instruction and what is wrong with
+// it.
 std::string verify(const Program&);
 
 // One line an instruction: index, mnemonic, operands by name, source line.
 std::string disassemble(const Program&);
 std::string disassemble(const Program&, std::size_t instruction);
+
+// Whether the destination may not be a source too: what reads other cells than its own.
+bool is_out_of_place(Opcode) noexcept;
 
 // What an instruction needs of the array: opcode's locality, with shifts judged by their offsets.
 Locality locality(const Program&, const Instruction&) noexcept;

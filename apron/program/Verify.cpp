@@ -46,6 +46,12 @@ class OperandCheck {
         return program_.texts.size();
       case Kind::kLabel:
         return program_.code.size();
+      case Kind::kFilter:
+        return program_.filters.size();
+      case Kind::kGroup:
+        return program_.groups.size();
+      case Kind::kModule:
+        return program_.modules.size();
     }
     return 0;
   }
@@ -59,6 +65,7 @@ class OperandCheck {
       case 'V':
         return kind == Kind::kVariable;
       case 'D':
+      case 'E':
         return kind == Kind::kRegister || kind == Kind::kVariable;
       case 's':
         return scalar;
@@ -68,6 +75,12 @@ class OperandCheck {
         return kind == Kind::kText;
       case 'l':
         return kind == Kind::kLabel;
+      case 'k':
+        return kind == Kind::kFilter;
+      case 'g':
+        return kind == Kind::kGroup;
+      case 'm':
+        return kind == Kind::kModule;
       default:
         return kind == Kind::kNone;
     }
@@ -110,10 +123,13 @@ class OperandCheck {
   }
 
   std::string special() const {
+    if (is_out_of_place(in_.op) &&
+        std::find(in_.operands.begin(), in_.operands.end(), in_.destination) != in_.operands.end()) {
+      return "it is not out of place";
+    }
     switch (in_.op) {
       case Opcode::kShift:
       case Opcode::kRotate:
-        if (in_.operands[0] == in_.destination) return "it is not out of place";
         if (!whole_literal(in_.operands[1]) || !whole_literal(in_.operands[2])) {
           return "its offsets are not whole literals";
         }
@@ -122,6 +138,18 @@ class OperandCheck {
         return boundary();
       case Opcode::kParameter:
         return parameter();
+      case Opcode::kNearSum:
+      case Opcode::kNearMin:
+      case Opcode::kNearMax:
+      case Opcode::kNearAny:
+      case Opcode::kNearAll:
+        return neighbours();
+      case Opcode::kResGetVar:
+      case Opcode::kResSetVar:
+        return group(true);
+      case Opcode::kResGetReg:
+      case Opcode::kResSetReg:
+        return group(false);
       default:
         return {};
     }
@@ -132,6 +160,19 @@ class OperandCheck {
     const float rule = program_.literals[in_.operands[0].index];
     const bool known = rule >= 0.0F && rule <= static_cast<float>(BoundaryRule::kValue);
     return known ? "" : "its rule is unknown";
+  }
+
+  std::string neighbours() const {
+    const Operand& count = in_.operands[1];
+    if (!whole_literal(count)) return "its neighbourhood is not a whole literal";
+    const float value = program_.literals[count.index];
+    return value == 4.0F || value == 8.0F ? "" : "its neighbourhood is not 4 or 8";
+  }
+
+  std::string group(bool of_variables) const {
+    return program_.groups[in_.operands[0].index].of_variables == of_variables
+               ? ""
+               : "its class is of another kind";
   }
 
   std::string parameter() const {
@@ -160,6 +201,23 @@ std::string verify_registers(const Program& program) {
   return memory > kMaxMemory ? fmt::format("the registers take more than {} bytes", kMaxMemory) : "";
 }
 
+std::string verify_tables(const Program& program) {
+  for (const Filter& filter : program.filters) {
+    const std::size_t side = std::max(filter.width, filter.height);
+    if (side == 0 || side > kMaxFilterSide ||
+        filter.elements.size() != std::size_t{filter.width} * filter.height) {
+      return fmt::format("the filter '{}' is not of 1x1 to {}x{} elements", filter.name, kMaxFilterSide,
+                         kMaxFilterSide);
+    }
+  }
+  for (const Group& group : program.groups) {
+    const std::size_t limit = group.of_variables ? program.variables.size() : program.registers.size();
+    for (const std::uint32_t element : group.elements)
+      if (element >= limit) return fmt::format("the class '{}' has an element out of range", group.name);
+  }
+  return {};
+}
+
 }  // namespace
 
 std::string verify(const Program& program) {
@@ -168,6 +226,7 @@ std::string verify(const Program& program) {
     return fmt::format("the program has more than {} instructions", kMaxInstructions);
   }
   if (auto wrong = verify_registers(program); !wrong.empty()) return wrong;
+  if (auto wrong = verify_tables(program); !wrong.empty()) return wrong;
   for (const Source& source : program.sources) {
     if (source.line > 0 && source.file >= program.files.size()) return "a source names a file out of range";
   }

@@ -74,7 +74,9 @@ int run_on(const Options& options, std::uint32_t width, std::uint32_t height, co
   if (!program) return kWrongInput;
   if (const std::string unknown = unknown_parameter(options, *program); !unknown.empty())
     return complain(kWrongInput, unknown);
-  return with_host([&](vm::Host& host) {
+  return with_host([&](LocalHost& host) {
+    if (const std::string wrong = host.load_modules(program->modules, module_paths(options)); !wrong.empty())
+      return complain(kWrongInput, "error: " + wrong);
     vm::VmOptions how;
     how.threads = options.threads;
     how.stop = &stop_flag();

@@ -55,6 +55,31 @@ HostStatus LocalHost::save_image(std::string_view file, vm::ConstPlane from) {
   return media([&] { write_image(std::string(file), from); });
 }
 
+HostStatus LocalHost::open_clip(std::string_view file) {
+  return media([&] { clip_ = std::make_unique<VideoClip>(std::string(file)); });
+}
+HostStatus LocalHost::read_clip(vm::Plane to) {
+  if (clip_ == nullptr) return report(HostStatus::kRefused, "no video is open: video.clip.open('file.y4m')");
+  return media([&] { clip_->read(to); });
+}
+HostStatus LocalHost::open_camera(int) { return report(HostStatus::kRefused, "this host has no camera"); }
+HostStatus LocalHost::read_camera(vm::Plane) {
+  return report(HostStatus::kRefused, "this host has no camera");
+}
+
+std::string LocalHost::load_modules(const std::vector<std::string>& names,
+                                    const std::vector<std::string>& directories) {
+  for (const std::string& name : names)
+    if (std::string wrong = modules_.load(name, directories); !wrong.empty()) return wrong;
+  return {};
+}
+
+HostStatus LocalHost::call_plugin(std::string_view module, int operation,
+                                  std::span<const vm::PluginArgument> arguments, vm::Plane to, float* value) {
+  std::string wrong = modules_.call(module, operation, arguments, to, value);
+  return wrong.empty() ? HostStatus::kOk : report(HostStatus::kFailed, std::move(wrong));
+}
+
 HostStatus LocalHost::sense(std::string_view, vm::Plane) { return report(HostStatus::kRefused, kNoSurface); }
 HostStatus LocalHost::actuate(std::string_view, vm::ConstPlane) {
   return report(HostStatus::kRefused, kNoSurface);

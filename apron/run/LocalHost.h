@@ -3,8 +3,11 @@
 #pragma once
 
 #include <map>
+#include <memory>
 #include <string>
 
+#include "apron/run/PluginModules.h"
+#include "apron/run/VideoClip.h"
 #include "apron/vm/Host.h"
 
 namespace apron::run {
@@ -23,6 +26,20 @@ class LocalHost : public vm::Host {
   vm::HostStatus save_array(std::string_view file, vm::ConstPlane from) override;
   vm::HostStatus open_image(std::string_view file, vm::Plane to) override;
   vm::HostStatus save_image(std::string_view file, vm::ConstPlane from) override;
+
+  vm::HostStatus open_clip(std::string_view file) override;
+  vm::HostStatus read_clip(vm::Plane to) override;
+  void close_clip() override { clip_.reset(); }
+  // Refused: no camera is read.
+  vm::HostStatus open_camera(int number) override;
+  vm::HostStatus read_camera(vm::Plane to) override;
+
+  // Before the run: the modules that the program names. "" or what is wrong.
+  std::string load_modules(const std::vector<std::string>& names,
+                           const std::vector<std::string>& directories);
+  vm::HostStatus call_plugin(std::string_view module, int operation,
+                             std::span<const vm::PluginArgument> arguments, vm::Plane to,
+                             float* value) override;
 
   // All refused: there is no surface.
   vm::HostStatus sense(std::string_view channel, vm::Plane to) override;
@@ -45,6 +62,8 @@ class LocalHost : public vm::Host {
 
   Parameters parameters_;
   std::string message_;
+  std::unique_ptr<VideoClip> clip_;
+  PluginModules modules_;
 };
 
 }  // namespace apron::run

@@ -35,4 +35,11 @@ std::optional<program::Program> compile_file(const Options& options, std::uint32
   return std::move(result.program);
 }
 
+std::vector<std::string> module_paths(const Options& options) {
+  std::vector<std::string> paths{std::filesystem::path(options.program).parent_path().string()};
+  paths.insert(paths.end(), options.include_paths.begin(), options.include_paths.end());
+  paths.push_back(library_path());
+  return paths;
+}
+
 }  // namespace apron::run

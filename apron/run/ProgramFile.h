@@ -3,6 +3,8 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "apron/program/Program.h"
 #include "apron/run/Options.h"
@@ -11,5 +13,8 @@ namespace apron::run {
 
 std::optional<program::Program> compile_file(const Options& options, std::uint32_t width,
                                              std::uint32_t height);
+
+// Where modules are looked for: beside the program, then in the -I paths, then in the library.
+std::vector<std::string> module_paths(const Options& options);
 
 }  // namespace apron::run

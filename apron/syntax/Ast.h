@@ -26,6 +26,7 @@ enum class ExpressionKind : std::uint8_t {
   kBinary,     // text is the operator
   kOperator,   // a comparison sign as an argument: if(a,<,b)
   kLabel,      // #text
+  kModule,     // ? : text is the current module's name
   kExpansion,  // a macro with a result
 };
 

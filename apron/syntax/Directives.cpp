@@ -124,12 +124,9 @@ bool Preprocessor::directive(Line& line, Item& item) {
   if (word.text == "object") return object(line.tokens, item);
   if (word.text == "operator") return bind_operator(line.tokens), false;
   if (word.text == "max_addr") return limit_addresses(line.tokens), false;
-  if (word.text == "default_palette") {
-    Arguments list;
-    arguments(line.tokens, 1, 2, list);
-  } else if (word.text == "module") {
-    diagnostics_.error(word.at, "'!module' is not available in this version");
-  } else if (word.text == "macro_begin" || word.text == "macro_end") {
+  if (word.text == "default_palette") return default_palette(line.tokens), false;
+  if (word.text == "module") return load_module(line.tokens), false;
+  if (word.text == "macro_begin" || word.text == "macro_end") {
     diagnostics_.error(word.at, fmt::format("this '!{}' has no '!macro_def'", word.text));
   } else {
     diagnostics_.error(word.at, fmt::format("there is no directive '!{}'{}", word.text,
@@ -263,6 +260,10 @@ bool Preprocessor::read_body(Macro& macro, Location at) {
     depth += word() == "macro_def" ? 1 : word() == "macro_end" ? -1 : 0;
     if (depth == 0) return ++frame.next, true;
     macro.body.push_back((*frame.lines)[frame.next]);
+    if (module_.empty()) continue;
+    for (Token& token : macro.body.back().tokens) {
+      if (token.is("?")) token = {TokenKind::kText, token.at, module_, 0.0F};
+    }
   }
   diagnostics_.error(at, "this macro has no '!macro_end'");
   return false;
@@ -282,6 +283,8 @@ void Preprocessor::register_directive(const Tokens& tokens) {
     declaration.name = word.text;
     declaration.width = options_.width;
     declaration.height = options_.height;
+    declaration.palette = palette_;
+    declaration.scale = scale_;
     pending_.push_back(std::move(declaration));
   }
 }
@@ -299,8 +302,16 @@ bool Preprocessor::size_argument(const Tokens& tokens, Location at, std::uint32_
 bool Preprocessor::create(const Tokens& tokens, Item& item) {
   Arguments list;
   Declaration& wanted = item.declaration;
-  wanted = {
-      Declaration::Kind::kElement, tokens.front().at, {}, {}, {}, false, options_.width, options_.height};
+  wanted = {Declaration::Kind::kElement,
+            tokens.front().at,
+            {},
+            {},
+            {},
+            false,
+            options_.width,
+            options_.height,
+            palette_,
+            scale_};
   if (!arguments(tokens, 2, 4, list) || !text_argument(list[0], wanted.name, "a name")) return false;
   if (list.size() == 3)
     return diagnostics_.error(wanted.at, "'!create' takes a width and a height, or neither"), false;
@@ -322,7 +333,16 @@ bool Preprocessor::object(const Tokens& tokens, Item& item) {
   Arguments list;
   std::string kind;
   Declaration& wanted = item.declaration;
-  wanted = {Declaration::Kind::kClass, tokens.front().at, {}, {}, {}, false, options_.width, options_.height};
+  wanted = {Declaration::Kind::kClass,
+            tokens.front().at,
+            {},
+            {},
+            {},
+            false,
+            options_.width,
+            options_.height,
+            {},
+            0.0F};
   if (!arguments(tokens, 4, 4, list) || !text_argument(list[0], wanted.name, "a class name") ||
       !text_argument(list[1], wanted.alias, "an alias") ||
       !text_argument(list[3], kind, "'SIM_REGISTER' or 'SIM_VARIABLE'")) {
@@ -362,6 +382,26 @@ void Preprocessor::limit_addresses(const Tokens& tokens) {
     return;
   }
   max_addr_ = static_cast<std::size_t>(value->number);
+}
+
+void Preprocessor::default_palette(const Tokens& tokens) {
+  Arguments list;
+  std::string name;
+  if (!arguments(tokens, 2, 2, list) || !text_argument(list[1], name, "a palette's name")) return;
+  const std::optional<Constant> scale = evaluate(list[0], tokens.front().at, diagnostics_);
+  if (!scale) return;
+  if (scale->is_text || !std::isfinite(scale->number)) {
+    diagnostics_.error(list[0].front().at, "expected a number: the value that has the palette's last colour");
+    return;
+  }
+  palette_ = name;
+  scale_ = static_cast<float>(scale->number);
+}
+
+void Preprocessor::load_module(const Tokens& tokens) {
+  Arguments list;
+  std::string name;
+  if (arguments(tokens, 1, 1, list) && text_argument(list[0], name, "a module's name")) module_ = name;
 }
 
 }  // namespace apron::syntax

@@ -228,7 +228,18 @@ Expression Parser::argument() {
   const bool alone = !at_end() && (at_ + 1 == end_ || at_[1].is(",") || at_[1].is(")"));
   if (alone && is_comparison(*at_)) return make(ExpressionKind::kOperator, *at_++);
   if (!at_end() && at_->kind == TokenKind::kLabel) return make(ExpressionKind::kLabel, *at_++);
+  if (!at_end() && at_->is("?")) return module();
   return binary(1);
+}
+
+// In a macro's body it is the module that was current where the macro was defined.
+Expression Parser::module() {
+  Token token = *at_;
+  if (preprocessor_.module().empty())
+    fail("'?' stands for the module loaded last, and there is no '!module' before");
+  ++at_;
+  token.text = preprocessor_.module();
+  return make(ExpressionKind::kModule, token);
 }
 
 Expression Parser::combine(const Token& op, Expression left, Expression right) {

@@ -50,6 +50,7 @@ class Parser {
   Expression call(const Token& name);
   Expression element(const Token& name);
   Expression argument();
+  Expression module();
   Expression combine(const Token& op, Expression left, Expression right);
   Expression expand(const MacroTable::Handle&, const Token& call, std::vector<Argument>);
   std::vector<Argument> read_arguments(const Token& call, const std::vector<Tokens>&);

@@ -46,6 +46,8 @@ struct Declaration {
   std::string alias;       // of a class
   bool of_variables = false;
   std::uint32_t width = 0, height = 0;  // cells
+  std::string palette;                  // `!default_palette` in force; "" for none
+  float scale = 0.0F;
 };
 
 struct Item {
@@ -78,6 +80,8 @@ class Preprocessor {
 
   // "" unless `!operator` rebound it.
   std::string operator_target(const std::string& symbol) const;
+  // Of the last `!module`; "" before it. In a macro's body, of where the macro was defined.
+  const std::string& module() const noexcept { return module_; }
   std::size_t max_addr() const noexcept { return max_addr_; }
   // Every define, for suggestions.
   std::vector<std::string> define_names() const;
@@ -129,6 +133,8 @@ class Preprocessor {
   bool size_argument(const Tokens&, Location at, std::uint32_t& size);
   void bind_operator(const Tokens&);
   void limit_addresses(const Tokens&);
+  void default_palette(const Tokens&);
+  void load_module(const Tokens&);
 
   PreprocessorOptions options_;
   FileReader& reader_;
@@ -139,6 +145,9 @@ class Preprocessor {
   std::map<std::string, Tokens> defines_;
   std::map<std::string, std::string> operators_;
   MacroTable macros_;
+  std::string module_;
+  std::string palette_;
+  float scale_ = 0.0F;
   std::size_t includes_ = 0;
   std::size_t lines_ = 0;
   std::size_t max_addr_ = SIZE_MAX;

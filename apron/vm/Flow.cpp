@@ -29,8 +29,8 @@ bool overwrites(const Instruction& in, bool has_masks) {
   if (in.destination.kind != OperandKind::kRegister || (in.masked && has_masks)) return false;
   if (in.op == Opcode::kPixelSet) return false;
   const char letter = program::info(in.op).signature.front();
-  const bool whole = in.op == Opcode::kShift || in.op == Opcode::kRotate || in.op == Opcode::kCellX ||
-                     in.op == Opcode::kCellY || in.op == Opcode::kSurfaceSense;
+  if (program::is_out_of_place(in.op)) return true;
+  const bool whole = in.op == Opcode::kCellX || in.op == Opcode::kCellY || in.op == Opcode::kSurfaceSense;
   return letter == 'D' || whole;
 }
 
@@ -112,6 +112,10 @@ void Flow::find_live(bool keep_registers) {
   std::vector<std::uint64_t> always(n, 0);
   for (std::size_t r = 0; keep_registers && r < program_.registers.size(); ++r)
     if (program_.registers[r].name.substr(0, 1) != "$") always[r / 64] |= std::uint64_t{1} << (r % 64);
+  // Reached by number at run time.
+  for (const program::Group& group : program_.groups)
+    for (std::size_t i = 0; !group.of_variables && i < group.elements.size(); ++i)
+      always[group.elements[i] / 64] |= std::uint64_t{1} << (group.elements[i] % 64);
   live_.assign(program_.code.size() * n, 0);
   for (int pass = 0; pass < kMaxPasses; ++pass)
     if (!live_pass(n, always)) return;

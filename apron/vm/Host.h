@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -16,6 +17,12 @@ enum class HostStatus {
   kInterrupted,  // the user wants to stop
   kRefused,      // the user's input is wrong: no such file or channel, wrong shape; message() says what
   kFailed,       // it could not be done: disk full, …; message() says what
+};
+
+// A register or a number.
+struct PluginArgument {
+  ConstPlane plane{};  // without cells: a number
+  float value = 0.0F;
 };
 
 // Called by the VM on the thread that runs it, one call at a time. Planes are valid during the call only;
@@ -36,6 +43,27 @@ class Host {
   virtual HostStatus save_array(std::string_view file, ConstPlane from) = 0;
   virtual HostStatus open_image(std::string_view file, Plane to) = 0;
   virtual HostStatus save_image(std::string_view file, ConstPlane from) = 0;
+
+  // Refused unless the host has videos or a camera.
+  virtual HostStatus open_clip(std::string_view /*file*/) { return HostStatus::kRefused; }
+  virtual HostStatus read_clip(Plane /*to*/) { return HostStatus::kRefused; }
+  virtual void close_clip() {}
+  virtual HostStatus open_camera(int /*number*/) { return HostStatus::kRefused; }
+  virtual HostStatus read_camera(Plane /*to*/) { return HostStatus::kRefused; }
+  virtual void close_camera() {}
+
+  // For windows; without one nothing is done. The register's name is that of the program.
+  virtual void show(std::string_view /*reg*/, std::string_view /*title*/) {}
+  virtual void set_palette(std::string_view /*reg*/, std::string_view /*name*/) {}
+  virtual void set_scale(std::string_view /*reg*/, float /*low*/, float /*high*/) {}
+
+  // An operation of a module: `to` holds the destination's cells and takes the new ones (without cells: there
+  // is no such destination), `value` the same for a number (null: none). `to` is none of the arguments.
+  virtual HostStatus call_plugin(std::string_view /*module*/, int /*operation*/,
+                                 std::span<const PluginArgument> /*arguments*/, Plane /*to*/,
+                                 float* /*value*/) {
+    return HostStatus::kRefused;
+  }
 
   // Latest frame of a sensor channel.
   virtual HostStatus sense(std::string_view channel, Plane to) = 0;

@@ -12,27 +12,6 @@ using program::Opcode;
 
 constexpr std::int64_t kOutside = -1;
 
-// The cell that index i of an axis of n cells reads, or kOutside for the edge's value.
-std::int64_t inside(std::int64_t i, std::int64_t n, BoundaryRule rule) noexcept {
-  if (i >= 0 && i < n) return i;
-  switch (rule) {
-    case BoundaryRule::kReplicate:
-      return i < 0 ? 0 : n - 1;
-    case BoundaryRule::kWrap:
-      return ((i % n) + n) % n;
-    case BoundaryRule::kReflect: {
-      if (n == 1) return 0;
-      const std::int64_t period = 2 * (n - 1);
-      const std::int64_t p = ((i % period) + period) % period;
-      return p < n ? p : period - p;
-    }
-    case BoundaryRule::kZero:
-    case BoundaryRule::kValue:
-      break;
-  }
-  return kOutside;
-}
-
 struct Shifter {
   const KernelTable& kernels;
   Plane y;
@@ -63,7 +42,7 @@ struct Shifter {
   void edge(std::int64_t row, std::int64_t rows, std::int64_t source_row, std::int64_t first,
             std::int64_t last) const {
     for (std::int64_t x = first; x < last; ++x) {
-      const std::int64_t from = inside(x - by.dx, width(), rule);
+      const std::int64_t from = cell_read(x - by.dx, width(), rule);
       const float* source = from == kOutside ? &fill : a.data + source_row * a.pitch + from;
       const std::ptrdiff_t source_pitch = from == kOutside ? 0 : a.pitch;
       const std::ptrdiff_t at = row * y.pitch + x;
@@ -91,7 +70,7 @@ struct Shifter {
   }
 
   void row_beyond(std::int64_t row) const {
-    const std::int64_t source_row = inside(row - by.dy, height(), rule);
+    const std::int64_t source_row = cell_read(row - by.dy, height(), rule);
     if (source_row == kOutside)
       copy(row, 1, 0, width(), nullptr);
     else
@@ -108,6 +87,26 @@ struct Shifter {
 };
 
 }  // namespace
+
+std::int64_t cell_read(std::int64_t i, std::int64_t n, BoundaryRule rule) noexcept {
+  if (i >= 0 && i < n) return i;
+  switch (rule) {
+    case BoundaryRule::kReplicate:
+      return i < 0 ? 0 : n - 1;
+    case BoundaryRule::kWrap:
+      return ((i % n) + n) % n;
+    case BoundaryRule::kReflect: {
+      if (n == 1) return 0;
+      const std::int64_t period = 2 * (n - 1);
+      const std::int64_t p = ((i % period) + period) % period;
+      return p < n ? p : period - p;
+    }
+    case BoundaryRule::kZero:
+    case BoundaryRule::kValue:
+      break;
+  }
+  return kOutside;
+}
 
 void shift(Executor& executor, Plane y, ConstPlane a, Offset offset, Edge edge, const float* mask) noexcept {
   const float fill = edge.rule == BoundaryRule::kValue ? edge.value : 0.0F;

@@ -33,6 +33,28 @@ Action action_of(Opcode op, const KernelTable& kernels) {
     case Opcode::kCellX:
     case Opcode::kCellY:
       return Action::kCell;
+    case Opcode::kNearSum:
+    case Opcode::kNearMin:
+    case Opcode::kNearMax:
+    case Opcode::kNearAny:
+    case Opcode::kNearAll:
+    case Opcode::kFilterDo:
+    case Opcode::kFilterSet:
+    case Opcode::kFlood:
+    case Opcode::kDistance:
+    case Opcode::kSpreadMax:
+    case Opcode::kRandomFloat:
+    case Opcode::kRandomGauss:
+    case Opcode::kRandomInt:
+    case Opcode::kRandomSeed:
+    case Opcode::kStackPush:
+    case Opcode::kStackPop:
+    case Opcode::kStackClear:
+    case Opcode::kResGetVar:
+    case Opcode::kResSetVar:
+    case Opcode::kResGetReg:
+    case Opcode::kResSetReg:
+      return Action::kArray;
     default:
       break;
   }
@@ -69,6 +91,11 @@ struct Decoder {
         break;
       case OperandKind::kLabel:
         step.target = operand.index;
+        break;
+      case OperandKind::kFilter:
+      case OperandKind::kGroup:
+      case OperandKind::kModule:
+        step.table = operand.index;
         break;
       case OperandKind::kNone:
         break;

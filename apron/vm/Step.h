@@ -19,6 +19,7 @@ enum class Action : std::uint8_t {
   kMask,
   kReduce,
   kCell,
+  kArray,  // neighbourhoods, filters, propagation, random, stack, indirection
   kFlow,
   kHost,
 };
@@ -40,7 +41,8 @@ struct Step {
   Edge edge{};
   Plane scratch{};  // where a host's read goes first when a mask is on
   std::string_view text{};
-  float initial = 0.0F;  // of a parameter
+  std::uint32_t table = 0;  // index of a filter, group or module
+  float initial = 0.0F;     // of a parameter
 };
 
 // Where a program's operands live.

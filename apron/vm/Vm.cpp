@@ -30,9 +30,13 @@ Vm::Vm(program::Program program, VmOptions options, Host& host)
   steps_.reserve(program_.code.size());
   for (const program::Instruction& i : program_.code) {
     Step& step = steps_.emplace_back(decode(program_, i, storage_, executor_.kernels()));
-    if (step.action == Action::kHost && step.masked && step.y != nullptr) step.scratch = scratch(*step.y);
+    const bool goes_by_scratch = step.action == Action::kHost || step.action == Action::kArray;
+    if (goes_by_scratch && step.y != nullptr && (step.masked || step.op == Opcode::kPlugin)) {
+      step.scratch = scratch(*step.y);
+    }
   }
   calls_.reserve(program::kMaxCallDepth);
+  plugin_arguments_.reserve(program::kMaxPluginArguments);
   reserve_masks();
   segments_ = std::make_unique<Segments>(program_, steps_, storage_, executor_, options.fuse,
                                          std::max(options.threads, 1U), options.parallel_cells);
@@ -106,6 +110,8 @@ Status Vm::execute(const Step& step) {
       return reduce(step);
     case Action::kCell:
       return step.op == Opcode::kCellX || step.op == Opcode::kCellY ? coordinates(step) : pixel(step);
+    case Action::kArray:
+      return array_step(step);
     case Action::kFlow:
       return flow(step);
     case Action::kHost:

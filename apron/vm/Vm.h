@@ -14,6 +14,7 @@
 #include "apron/vm/MaskStack.h"
 #include "apron/vm/Plane.h"
 #include "apron/vm/PlaneStore.h"
+#include "apron/vm/Random.h"
 #include "apron/vm/Segments.h"
 #include "apron/vm/Step.h"
 
@@ -44,8 +45,8 @@ enum class Status {
 
 // The result depends on the program and on what the host gives, and on nothing else: not on the number of
 // threads, nor on the CPU (a NaN's sign and payload aside). Not thread-safe: one thread at a time may call
-// it. Memory is allocated by the constructor only, except for messages and for a routine that recurses inside
-// a `where`.
+// it. Memory is allocated by the constructor only, except for messages, names of numbered pictures, for a
+// routine that recurses inside a `where`, and for a stack of registers that grows deeper than before.
 class Vm {
  public:
   // program must have passed program::verify(). host must outlive the VM. Throws std::bad_alloc.
@@ -86,6 +87,15 @@ class Vm {
   Status change_mask(const Step& step);
   Status pixel(const Step& step);
   Status coordinates(const Step& step);
+  Status array_step(const Step& step);
+  Status neighbourhood(const Step& step);
+  void copy(Plane y, ConstPlane a, const float* mask) noexcept;
+  Status set_filter(const Step& step);
+  Status random(const Step& step);
+  Status push(const Step& step);
+  Status pop(const Step& step);
+  Status element(const Step& step);
+  Status element_register(const Step& step, Plane reg);
   Status flow(const Step& step);
   Status call(const Step& step);
   Status host_call(const Step& step);
@@ -93,6 +103,11 @@ class Vm {
   Status surface_value(const Step& step, std::optional<double> value);
   Status outcome(HostStatus status);
   void print_value(const Step& step);
+  HostStatus read(const Step& step, Plane to);
+  Status save_numbered(const Step& step);
+  std::string_view register_name(const Step& step) const;
+  Status plugin_with(const Step& step);
+  Status plugin(const Step& step);
 
   Status wrong_mask(const Plane& plane);
   Status fail(Status status, const std::string& text);
@@ -103,13 +118,17 @@ class Vm {
   Executor executor_;
   PlaneStore store_;
   Storage storage_;
-  std::vector<Plane> scratch_;  // one per shape that a host fills under a mask
+  std::vector<Plane> scratch_;  // one per shape that is filled before a mask is applied
   std::vector<float> row_results_;
   MaskStack masks_;
   std::vector<Step> steps_;
   std::unique_ptr<Segments> segments_;
   std::vector<std::uint32_t> calls_;  // return addresses
   Edge edge_{};
+  Draw draw_{};
+  std::vector<Plane> stack_, free_stack_;
+  std::size_t stack_bytes_ = 0;
+  std::vector<PluginArgument> plugin_arguments_;
   std::size_t next_ = 0;
   std::uint64_t executed_ = 0;
   Status final_ = Status::kBudget;  // set once the program can go no further

@@ -1,5 +1,7 @@
 // The VM's instructions that call the host.
 #include <cassert>
+#include <cmath>
+#include <string>
 
 #include "apron/vm/NumberText.h"
 #include "apron/vm/Vm.h"
@@ -7,6 +9,27 @@
 namespace apron::vm {
 
 using program::Opcode;
+
+namespace {
+
+// The name of picture n of a sequence: n in place of the '#'s, with at least as many digits; without any,
+// before the ending.
+std::string numbered(std::string_view name, float n) {
+  std::string digits(number_text(n));
+  std::size_t first = name.find('#');
+  std::size_t last = first;
+  if (first == std::string_view::npos) {
+    first = name.find_last_of("./");
+    if (first == std::string_view::npos || name[first] == '/') first = name.size();
+    last = first;
+  } else {
+    while (last < name.size() && name[last] == '#') ++last;
+  }
+  if (digits.size() < last - first) digits.insert(0, last - first - digits.size(), '0');
+  return std::string(name.substr(0, first)) + digits + std::string(name.substr(last));
+}
+
+}  // namespace
 
 Status Vm::host_call(const Step& step) {
   switch (step.op) {
@@ -24,8 +47,39 @@ Status Vm::host_call(const Step& step) {
       return Status::kBudget;
     case Opcode::kArrayOpen:
     case Opcode::kImageOpen:
+    case Opcode::kImageOpenCount:
+    case Opcode::kClipRead:
+    case Opcode::kWebcamRead:
     case Opcode::kSurfaceSense:
       return read_plane(step);
+    case Opcode::kImageSaveCount:
+      return save_numbered(step);
+    case Opcode::kClipOpen:
+      return outcome(host_.open_clip(step.text));
+    case Opcode::kClipClose:
+      host_.close_clip();
+      return Status::kBudget;
+    case Opcode::kWebcamOpen: {
+      const float number = *step.scalars[0];
+      return outcome(host_.open_camera(number >= 0.0F && number < 1e6F ? static_cast<int>(number) : -1));
+    }
+    case Opcode::kWebcamClose:
+      host_.close_camera();
+      return Status::kBudget;
+    case Opcode::kShow:
+      host_.show(register_name(step), step.text);
+      return Status::kBudget;
+    case Opcode::kSetPalette:
+      host_.set_palette(register_name(step), step.text);
+      return Status::kBudget;
+    case Opcode::kSetScale:
+      host_.set_scale(register_name(step), *step.scalars[1], *step.scalars[2]);
+      return Status::kBudget;
+    case Opcode::kPluginWith:
+      return plugin_with(step);
+    case Opcode::kPlugin:
+    case Opcode::kPluginDo:
+      return plugin(step);
     case Opcode::kArraySave:
       return outcome(host_.save_array(step.text, *step.planes[0]));
     case Opcode::kImageSave:
@@ -60,20 +114,66 @@ Status Vm::read_plane(const Step& step) {
   // name is reported whatever the data.
   const bool direct = open == Gate::kOpen && mask == nullptr;
   const Plane to = direct ? *step.y : step.scratch;
-  const HostStatus status = step.op == Opcode::kArrayOpen   ? host_.open_array(step.text, to)
-                            : step.op == Opcode::kImageOpen ? host_.open_image(step.text, to)
-                                                            : host_.sense(step.text, to);
+  const HostStatus status = read(step, to);
   if (status != HostStatus::kOk) return outcome(status);
-  if (mask != nullptr) {
-    Block block;
-    block.y = step.y->data;
-    block.source[0] = to.data;
-    block.mask = mask;
-    block.set_pitch(to.pitch);
-    block.rows = to.height;
-    block.columns = to.width;
-    executor_.run(executor_.kernels().kernel(Opcode::kCopy, 0, true), block);
+  if (mask != nullptr) copy(*step.y, to, mask);
+  return Status::kBudget;
+}
+
+HostStatus Vm::read(const Step& step, Plane to) {
+  switch (step.op) {
+    case Opcode::kArrayOpen:
+      return host_.open_array(step.text, to);
+    case Opcode::kImageOpen:
+      return host_.open_image(step.text, to);
+    case Opcode::kImageOpenCount:
+      return host_.open_image(numbered(step.text, *step.scalars[1]), to);
+    case Opcode::kClipRead:
+      return host_.read_clip(to);
+    case Opcode::kWebcamRead:
+      return host_.read_camera(to);
+    default:
+      return host_.sense(step.text, to);
   }
+}
+
+Status Vm::save_numbered(const Step& step) {
+  return outcome(host_.save_image(numbered(step.text, *step.scalars[2]), *step.planes[0]));
+}
+
+std::string_view Vm::register_name(const Step& step) const {
+  return program_.registers[program_.code[static_cast<std::size_t>(&step - steps_.data())].operands[0].index]
+      .name;
+}
+
+Status Vm::plugin_with(const Step& step) {
+  if (plugin_arguments_.size() == program::kMaxPluginArguments)
+    return fail(Status::kFailed,
+                "a plugin takes at most " + std::to_string(program::kMaxPluginArguments) + " arguments");
+  plugin_arguments_.push_back({step.planes[0] != nullptr ? ConstPlane(*step.planes[0]) : ConstPlane(),
+                               step.scalars[0] != nullptr ? *step.scalars[0] : 0.0F});
+  return Status::kBudget;
+}
+
+Status Vm::plugin(const Step& step) {
+  const std::string& module = program_.modules[step.table];
+  const float number = *step.scalars[1];
+  if (!(number >= 0.0F && number < 1e9F && number == std::floor(number)))
+    return fail(Status::kFailed, "a plugin's operation is a whole number from 0, not " + number_text(number));
+  const float* mask = nullptr;
+  const Gate open = step.y != nullptr ? gate(step, mask) : Gate::kOpen;
+  if (open == Gate::kMismatch) return wrong_mask(*step.y);
+  // Always by way of a plane of its own: the destination may be an argument.
+  Plane to{};
+  if (step.y != nullptr) {
+    to = step.scratch;
+    copy(to, *step.y, nullptr);
+  }
+  const HostStatus status =
+      host_.call_plugin(module, static_cast<int>(number), plugin_arguments_, to, step.variable);
+  plugin_arguments_.clear();
+  if (status != HostStatus::kOk) return outcome(status);
+  if (step.y != nullptr && open == Gate::kOpen) copy(*step.y, to, mask);
   return Status::kBudget;
 }
 

@@ -3,7 +3,8 @@
 //   // expect: text            the next line of standard output; all of it must be expected
 //   // expect-exit: 2          the exit status, 0 if not given
 //   // expect-error: text      part of what stands on standard error, which must else be empty
-// Usage: apron_golden APRON SCRIPT. The script runs in an empty directory that is removed afterwards.
+// Usage: apron_golden APRON SCRIPT [ARGUMENT…]. The script runs in an empty directory that is removed
+// afterwards.
 #include <fcntl.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -79,13 +80,14 @@ int run(std::vector<std::string> arguments, const fs::path& directory) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (argc != 3) return 2;
+  if (argc < 3) return 2;
   const fs::path script = fs::absolute(argv[2]);
   const Expectation want = read_expectation(script);
   std::string name = (fs::temp_directory_path() / "apron_golden_XXXXXX").string();
   if (mkdtemp(name.data()) == nullptr) return 2;
   const fs::path directory = name;
   std::vector<std::string> arguments = {fs::absolute(argv[1]).string(), "run", script.string()};
+  arguments.insert(arguments.end(), argv + 3, argv + argc);
   arguments.insert(arguments.end(), want.arguments.begin(), want.arguments.end());
   const int status = run(arguments, directory);
   const std::string output = read_text(directory / "stdout"), error = read_text(directory / "stderr");

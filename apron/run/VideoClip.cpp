@@ -1,0 +1,86 @@
+#include "apron/run/VideoClip.h"
+
+#include <charconv>
+#include <sstream>
+#include <vector>
+
+#include "apron/run/MediaFile.h"
+
+namespace apron::run {
+namespace {
+
+constexpr std::size_t kMaxHeader = 1024;  // bytes of a line
+constexpr std::uint32_t kMaxSide = 65536;
+
+std::uint32_t side(const std::string& word) {
+  std::uint32_t value = 0;
+  const auto [end, error] = std::from_chars(word.data() + 1, word.data() + word.size(), value);
+  return error == std::errc{} && end == word.data() + word.size() && value <= kMaxSide ? value : 0;
+}
+
+// Bytes of both colour planes, or -1 for a format that is not one of eight bits.
+std::int64_t colour_bytes(const std::string& format, std::uint32_t width, std::uint32_t height) {
+  const std::int64_t columns = (width + 1) / 2, rows = (height + 1) / 2;
+  if (format == "mono") return 0;
+  if (format == "444") return std::int64_t{2} * width * height;
+  if (format == "422") return 2 * columns * height;
+  if (format == "420" || format == "420jpeg" || format == "420mpeg2" || format == "420paldv")
+    return 2 * columns * rows;
+  return -1;
+}
+
+bool read_line(std::ifstream& file, std::string& line) {
+  line.clear();
+  for (int c = file.get(); c != '\n'; c = file.get()) {
+    if (c == std::ifstream::traits_type::eof() || line.size() == kMaxHeader) return false;
+    line.push_back(static_cast<char>(c));
+  }
+  return true;
+}
+
+}  // namespace
+
+VideoClip::VideoClip(const std::string& path) : path_(path) {
+  if (extension(path) != "y4m") refuse(path, "is no video that can be read: the name must end in .y4m");
+  file_.open(path, std::ios::binary);
+  if (!file_) refuse(path, "cannot be read");
+  std::string line, word, format = "420";
+  if (!read_line(file_, line)) refuse(path, "is no YUV4MPEG2 file");
+  std::istringstream words(line);
+  words >> word;
+  if (word != "YUV4MPEG2") refuse(path, "is no YUV4MPEG2 file");
+  while (words >> word) {
+    if (word[0] == 'W') width_ = side(word);
+    if (word[0] == 'H') height_ = side(word);
+    if (word[0] == 'C') format = word.substr(1);
+  }
+  if (width_ == 0 || height_ == 0) refuse(path, "does not say its width and height");
+  const std::int64_t colours = colour_bytes(format, width_, height_);
+  if (colours < 0) refuse(path, "has colours in the format '" + format + "', which is not read");
+  colour_bytes_ = static_cast<std::size_t>(colours);
+  first_frame_ = file_.tellg();
+}
+
+bool VideoClip::frame_header() {
+  std::string line;
+  return read_line(file_, line) && line.compare(0, 5, "FRAME") == 0;
+}
+
+void VideoClip::read(const vm::Plane& to) {
+  require_shape(path_, width_, height_, to);
+  if (!frame_header()) {
+    file_.clear();
+    file_.seekg(first_frame_);
+    if (!frame_header()) refuse(path_, "has no frame");
+  }
+  std::vector<char> row(width_);
+  for (std::uint32_t y = 0; y < height_; ++y) {
+    file_.read(row.data(), static_cast<std::streamsize>(row.size()));
+    for (std::uint32_t x = 0; x < width_; ++x)
+      to.row(y)[x] = static_cast<float>(static_cast<unsigned char>(row[x]));
+  }
+  file_.ignore(static_cast<std::streamsize>(colour_bytes_));
+  if (!file_) refuse(path_, "ends inside a frame");
+}
+
+}  // namespace apron::run

@@ -1,0 +1,52 @@
+// Compiles the scripts that test the language and names each instruction that none of them has.
+// Usage: apron_example_coverage SCRIPTS LIBRARY
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <set>
+#include <string>
+
+#include "apron/compiler/Compiler.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+using namespace apron;
+
+// Only scripts with an expectation count: the others test nothing.
+bool expects_something(const fs::path& script) {
+  std::ifstream file(script);
+  for (std::string line; std::getline(file, line);)
+    if (line.find("// expect") != std::string::npos) return true;
+  return false;
+}
+
+void collect(const fs::path& script, const std::string& library, std::set<program::Opcode>& seen) {
+  compiler::CompileOptions how;
+  how.file = script.string();
+  how.width = how.height = 8;
+  how.library_path = library;
+  syntax::DiskReader reader;
+  const compiler::CompileResult result = compiler::compile(how, reader);
+  if (!result.program) return;  // those of errors
+  for (const program::Instruction& instruction : result.program->code) seen.insert(instruction.op);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc != 3) return 2;
+  std::set<program::Opcode> seen;
+  for (const fs::directory_entry& entry : fs::directory_iterator(argv[1]))
+    if (entry.path().extension() == ".aps" && expects_something(entry.path()))
+      collect(entry.path(), argv[2], seen);
+  int missing = 0;
+  for (std::size_t i = 0; i < program::opcode_count(); ++i) {
+    const auto op = static_cast<program::Opcode>(i);
+    if (seen.count(op) > 0) continue;
+    std::cout << "no script in " << argv[1] << " has the instruction " << program::info(op).mnemonic << '\n';
+    ++missing;
+  }
+  return missing == 0 ? 0 : 1;
+}
