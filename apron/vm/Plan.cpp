@@ -182,23 +182,64 @@ class Planner {
     plan_.border = round_up(most, kLanes);
   }
 
-  // Rows of a value that must be kept: from the oldest that a stage still reads to the newest.
-  std::uint32_t window(std::uint32_t node, std::uint32_t block_rows) const {
-    const std::uint32_t lag = plan_.stages[stage_of_[node]].lag;
-    std::uint32_t most = 0;
+  // The last block in which a row of the value is read, as a lag: rows further behind are free.
+  std::uint32_t last_need(std::uint32_t node) const {
+    std::uint32_t last = plan_.stages[stage_of_[node]].lag;
     for (const Use& use : users_[node])
       if (use.stage != stage_of_[node])
-        most =
-            std::max(most, plan_.stages[use.stage].lag - lag + static_cast<std::uint32_t>(std::abs(use.dy)));
-    return std::min(block_rows + most, plan_.height);
+        last = std::max(last, plan_.stages[use.stage].lag + static_cast<std::uint32_t>(std::abs(use.dy)));
+    return last;
   }
 
-  std::size_t ring_floats(std::uint32_t columns, std::uint32_t block_rows) const {
-    const std::uint32_t border = columns < plan_.width ? plan_.border : 0;
-    std::size_t rows = 0;
-    for (std::uint32_t i = 0; i < graph_.nodes.size(); ++i)
-      if (computed(i) && crosses(i)) rows += window(i, block_rows);
-    return rows * (columns + 2 * border + 3 * kLanes);
+  // Values whose rows follow each other through the same memory: when a stage writes row r of the later one,
+  // row r of the earlier one has been read for the last time.
+  struct Ring {
+    std::uint32_t first_lag = 0, last_need = 0, newest = 0;
+  };
+
+  bool may_follow(std::uint32_t old, std::uint32_t value) const {
+    const std::uint32_t writer = stage_of_[value], lag = plan_.stages[writer].lag;
+    if (stage_of_[old] >= writer || copied(old)) return false;
+    return std::all_of(users_[old].begin(), users_[old].end(), [&](const Use& use) {
+      if (use.stage == writer) return use.dx == 0 && use.dy == 0;
+      return use.stage < writer &&
+             lag >= plan_.stages[use.stage].lag + static_cast<std::uint32_t>(std::abs(use.dy));
+    });
+  }
+
+  // The rings of all values that are kept in one, and which value is in which.
+  std::vector<Ring> share_rings(const std::vector<std::uint32_t>& values,
+                                std::vector<std::uint32_t>& ring_of) const {
+    std::vector<Ring> rings;
+    for (const std::uint32_t value : values) {
+      const auto place = std::find_if(rings.begin(), rings.end(),
+                                      [&](const Ring& ring) { return may_follow(ring.newest, value); });
+      ring_of.push_back(static_cast<std::uint32_t>(place - rings.begin()));
+      const std::uint32_t need = last_need(value);
+      if (place == rings.end()) {
+        rings.push_back({plan_.stages[stage_of_[value]].lag, need, value});
+      } else {
+        place->last_need = std::max(place->last_need, need);
+        place->newest = value;
+      }
+    }
+    return rings;
+  }
+
+  std::uint32_t capacity(const Ring& ring, std::uint32_t block_rows) const {
+    return std::min(block_rows + ring.last_need - ring.first_lag, plan_.height);
+  }
+
+  bool copied(std::uint32_t node) const {
+    return std::any_of(copies_.begin(), copies_.end(), [&](const auto& c) { return c.first == node; });
+  }
+
+  std::vector<std::uint32_t> crossing_values() const {
+    std::vector<std::uint32_t> values;
+    for (const Group& group : groups_)
+      for (const std::uint32_t node : group)
+        if (crosses(node)) values.push_back(node);
+    return values;
   }
 
   void choose_tiles() {
@@ -207,13 +248,17 @@ class Planner {
     plan_.strip_columns = whole;
     plan_.block_rows = plan_.height;
     if (plan_.stages.size() > 1) {
-      std::uint32_t rows = std::clamp(8192U / std::min(whole, 1024U), 4U, 16U);
+      plan_.block_rows = std::clamp(8192U / std::min(whole, 1024U), 4U, 64U);
+      std::vector<std::uint32_t> ring_of;
+      std::size_t rows = 0;
+      for (const Ring& ring : share_rings(crossing_values(), ring_of))
+        rows += capacity(ring, plan_.block_rows);
       for (const std::uint32_t columns : {whole, 2048U, 1024U, 512U, 256U}) {
         if (columns > whole) continue;
         plan_.strip_columns = columns;
-        if (ring_floats(columns, rows) <= kCacheFloats) break;
+        const std::uint32_t border = columns < whole ? plan_.border : 0;
+        if (rows * (columns + 2 * border + 3 * kLanes) <= kCacheFloats) break;
       }
-      plan_.block_rows = rows;
     }
     if (options_.strip_columns > 0)
       plan_.strip_columns = std::min(round_up(options_.strip_columns, kLanes), whole);
@@ -335,18 +380,25 @@ class Planner {
         stage.results.push_back({op_of[node], stream(stage, store, 0)});
   }
 
-  // Each ring has its own memory; a worker keeps nothing else.
   void size_rings() {
     plan_.ring_pitch = round_up(plan_.strip_columns, kLanes) + 2 * plan_.border + 2 * kLanes;
+    std::vector<std::uint32_t> values, ring_of;
+    for (const Group& group : groups_)
+      for (const std::uint32_t node : group)
+        if (store_of_[node] != kNowhere && plan_.stores[store_of_[node]].kind == Store::Kind::kRing)
+          values.push_back(node);
+    std::vector<std::size_t> offsets;
     std::size_t offset = 0;
-    for (std::uint32_t i = 0; i < graph_.nodes.size(); ++i) {
-      if (store_of_[i] == kNowhere) continue;
-      Store& store = plan_.stores[store_of_[i]];
-      if (store.kind != Store::Kind::kRing) continue;
-      store.capacity = window(i, plan_.block_rows);
-      store.offset = offset;
+    const std::vector<Ring> rings = share_rings(values, ring_of);
+    for (const Ring& ring : rings) {
+      offsets.push_back(offset);
       // Rings that all began on one page's start would share cache sets.
-      offset += std::size_t{store.capacity} * plan_.ring_pitch + 5 * kLanes;
+      offset += std::size_t{capacity(ring, plan_.block_rows)} * plan_.ring_pitch + 5 * kLanes;
+    }
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      Store& store = plan_.stores[store_of_[values[i]]];
+      store.capacity = capacity(rings[ring_of[i]], plan_.block_rows);
+      store.offset = offsets[ring_of[i]];
     }
     plan_.worker_floats = offset + 2 * kLanes;
   }

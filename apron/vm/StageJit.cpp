@@ -1,5 +1,6 @@
 // A stage as one loop over vectors of 16 cells, with everything between its loads and its stores in
 // registers.
+#include "apron/vm/PlaneStore.h"
 #include "apron/vm/StageCode.h"
 
 #if defined(__x86_64__) && defined(APRON_HAVE_XBYAK)
@@ -25,6 +26,7 @@ using Xbyak::Zmm;
 constexpr std::size_t kFirstCode = 4096;
 constexpr int kVectors = 32;
 constexpr int kMasks = 8;      // k0 cannot be a predicate
+constexpr std::size_t kMaxRolling = 4;  // streams whose neighbouring vectors are kept
 constexpr int kMaxFixed = 10;  // vectors that hold scalars and constants throughout
 constexpr int kVectorBytes = 64;
 
@@ -46,6 +48,7 @@ class Compiler final : public StageJit, private Xbyak::CodeGenerator {
   explicit Compiler(const Stage& stage) : CodeGenerator(kFirstCode, Xbyak::AutoGrow), stage_(stage) {
     count_uses();
     choose_fixed();
+    choose_rolling();
     prologue();
     body();
     epilogue();
@@ -59,6 +62,9 @@ class Compiler final : public StageJit, private Xbyak::CodeGenerator {
     int vector = -1;
     int mask = -1;
     std::size_t uses = 0;  // to come
+  };
+  struct Rolling {
+    int west = -1, own = -1, east = -1;
   };
   using StreamKey = std::pair<std::uint32_t, int>;  // stream, dx
 
@@ -94,6 +100,19 @@ class Compiler final : public StageJit, private Xbyak::CodeGenerator {
     for (int k = 1; k < kMasks; ++k) free_masks_.push_back(k);
   }
 
+  // A row that is read to the west or east too passes through three vectors, one load for each of its own: a load
+  // that straddles two cache lines costs two.
+  void choose_rolling() {
+    for (const auto& [key, load] : loads_) {
+      if (key.second == 0 || rolling_.count(key.first) > 0 || rolling_.size() == kMaxRolling) continue;
+      Rolling& r = rolling_[key.first];
+      for (int* v : {&r.west, &r.own, &r.east}) {
+        *v = free_.front();
+        free_.erase(free_.begin());
+      }
+    }
+  }
+
   template <class Take>
   static void take_once(Value& value, const Take& take) {
     if (value.vector < 0) take(value);
@@ -122,13 +141,22 @@ class Compiler final : public StageJit, private Xbyak::CodeGenerator {
   void body() {
     Xbyak::Label row, column;
     L(row);
+    for (const auto& [stream, r] : rolling_) {
+      vmovups(Zmm(r.west), ptr[kPointers[stream] - kVectorBytes]);
+      vmovups(Zmm(r.own), ptr[kPointers[stream]]);
+    }
     xor_(ecx, ecx);
     L(column);
+    for (const auto& [stream, r] : rolling_) vmovups(Zmm(r.east), ptr[kPointers[stream] + kColumn + kVectorBytes]);
     for (std::size_t i = 0; i < stage_.ops.size(); ++i) operation(i);
     for (const Stage::Result& result : stage_.results) {
       const Zmm v = vector({MicroArg::Kind::kTemp, 0, result.op});
       vmovups(ptr[kPointers[result.stream] + kColumn], v);
       used({MicroArg::Kind::kTemp, 0, result.op});
+    }
+    for (const auto& [stream, r] : rolling_) {
+      vmovaps(Zmm(r.west), Zmm(r.own));
+      vmovaps(Zmm(r.own), Zmm(r.east));
     }
     add(kColumn, kVectorBytes);
     cmp(kColumn, kRowBytes);
@@ -193,6 +221,23 @@ class Compiler final : public StageJit, private Xbyak::CodeGenerator {
     return ptr[kPointers[arg.index] + kColumn + arg.dx * static_cast<int>(sizeof(float))];
   }
 
+  int loaded(const MicroArg& arg) {
+    Value& load = loads_.at({arg.index, arg.dx});
+    const auto rolling = rolling_.find(arg.index);
+    if (rolling != rolling_.end() && arg.dx == 0) return rolling->second.own;
+    if (load.vector >= 0) return load.vector;
+    const Zmm to = new_vector();
+    load.vector = to.getIdx();
+    if (rolling == rolling_.end()) {
+      vmovups(to, address(arg));
+    } else {
+      const Rolling& r = rolling->second;
+      const bool west = arg.dx < 0;
+      valignd(to, Zmm(west ? r.own : r.east), Zmm(west ? r.west : r.own), west ? kLanes + arg.dx : arg.dx);
+    }
+    return load.vector;
+  }
+
   // The operand in a vector register.
   Zmm vector(const MicroArg& arg) {
     int v = -1;
@@ -201,13 +246,7 @@ class Compiler final : public StageJit, private Xbyak::CodeGenerator {
       if (temp.vector < 0) as_vector(temp);
       v = temp.vector;
     } else if (arg.kind == MicroArg::Kind::kStream) {
-      Value& load = loads_.at({arg.index, arg.dx});
-      if (load.vector < 0) {
-        const Zmm to = new_vector();
-        vmovups(to, address(arg));
-        load.vector = to.getIdx();
-      }
-      v = load.vector;
+      v = loaded(arg);
     } else {
       Value& scalar = scalars_.at(arg.index);
       v = scalar.vector;
@@ -227,7 +266,7 @@ class Compiler final : public StageJit, private Xbyak::CodeGenerator {
   void with_operand(const MicroArg& arg, const Emit& emit) {
     if (arg.kind == MicroArg::Kind::kStream) {
       const Value& load = loads_.at({arg.index, arg.dx});
-      if (load.vector < 0 && load.uses == 1) return emit(address(arg));
+      if (load.vector < 0 && load.uses == 1 && rolling_.count(arg.index) == 0) return emit(address(arg));
     }
     if (arg.kind == MicroArg::Kind::kScalar && scalars_.at(arg.index).vector < 0)
       return emit(ptr_b[kSlots + arg.index * sizeof(float)]);
@@ -458,6 +497,7 @@ class Compiler final : public StageJit, private Xbyak::CodeGenerator {
   const Stage& stage_;
   std::vector<Value> temps_;
   std::map<StreamKey, Value> loads_;
+  std::map<std::uint32_t, Rolling> rolling_;  // by stream
   std::map<std::uint32_t, Value> scalars_, constants_;
   std::vector<int> free_, free_masks_;
   std::vector<int> pinned_, pinned_masks_;  // by the operation at hand

@@ -33,8 +33,13 @@ StageTiles::StageTiles(const Stage& stage, const std::vector<Store>& stores, con
     ops_.push_back(op);
   }
   for (const Stage::Result& result : stage.results) {
-    // A register's own rows may be read until the last operation is done.
-    const bool at_once = stores[stage.streams[result.stream].store].kind != Store::Kind::kInPlace;
+    // Rows in whose place others lie may be read until the last operation is done.
+    const Store& to = stores[stage.streams[result.stream].store];
+    const bool shared = std::any_of(stage.streams.begin(), stage.streams.end(), [&](const Stream& other) {
+      const Store& store = stores[other.store];
+      return &store != &to && store.kind == Store::Kind::kRing && store.offset == to.offset;
+    });
+    const bool at_once = to.kind == Store::Kind::kFresh || (to.kind == Store::Kind::kRing && !shared);
     if (at_once && ops_[result.op].stream == kNone) {
       ops_[result.op].stream = result.stream;
     } else {
