@@ -125,6 +125,18 @@ class Builder {
     return a;
   }
 
+  // In the order that opcodes.def declares.
+  Arg near(Opcode op, Arg a, bool eight) {
+    const Opcode join = op == Opcode::kNearSum   ? Opcode::kAdd
+                        : op == Opcode::kNearMin ? Opcode::kMin
+                        : op == Opcode::kNearMax ? Opcode::kMax
+                        : op == Opcode::kNearAny ? Opcode::kOr
+                                                 : Opcode::kAnd;
+    const Arg sides = compute(join, shifted(a, {1, 0}), shifted(a, {-1, 0}));
+    const Arg row = eight ? compute(join, sides, a) : a;
+    return compute(join, sides, compute(join, shifted(row, {0, 1}), shifted(row, {0, -1})));
+  }
+
   // ---- masks ----
   MaybeArg both(const MaybeArg& a, const MaybeArg& b) {
     if (!a) return b;
@@ -173,6 +185,9 @@ class Builder {
         break;
       case Action::kMask:
         mask_step(step, in);
+        break;
+      case Action::kArray:
+        write(in, near(step.op, version(in.operands[0].index), *step.scalars[1] == 8.0F));
         break;
       default:
         break;  // jumps: the trace went their way

@@ -76,6 +76,9 @@ class Follower {
       case Action::kMask:
         if (!mask(step)) return false;
         break;
+      case Action::kArray:
+        if (!neighbours(step) || !fits(step)) return false;
+        break;
       case Action::kFlow:
         return jump(step);
       default:
@@ -106,6 +109,14 @@ class Follower {
       return d >= -kMaxReach && d <= kMaxReach && (d < 0 ? -d : d) < static_cast<std::int64_t>(n);
     };
     return short_way(step.offset.dx, step.y->width) && short_way(step.offset.dy, step.y->height);
+  }
+
+  // near.sum … near.all. Of 8 with a value beyond the edge, the rows' sums would not be that value there.
+  bool neighbours(const Step& step) const {
+    if (step.op < Opcode::kNearSum || step.op > Opcode::kNearAll) return false;
+    if (!edge_ || edge_->rule == BoundaryRule::kWrap || step.y->width < 2 || step.y->height < 2) return false;
+    const bool rows = *step.scalars[1] == 8.0F && edge_->rule == BoundaryRule::kValue;
+    return !rows || step.op == Opcode::kNearMin || step.op == Opcode::kNearMax;
   }
 
   bool mask(const Step& step) {
