@@ -34,6 +34,8 @@ Vm::Vm(program::Program program, VmOptions options, Host& host)
     if (goes_by_scratch && step.y != nullptr && (step.masked || step.op == Opcode::kPlugin)) {
       step.scratch = scratch(*step.y);
     }
+    if (step.op == Opcode::kFlood || step.op == Opcode::kSpreadMax)
+      objects_.reserve(step.y->width, step.y->height);
   }
   calls_.reserve(program::kMaxCallDepth);
   plugin_arguments_.reserve(program::kMaxPluginArguments);

@@ -14,6 +14,7 @@
 #include "apron/vm/MaskStack.h"
 #include "apron/vm/Plane.h"
 #include "apron/vm/PlaneStore.h"
+#include "apron/vm/Propagation.h"
 #include "apron/vm/Random.h"
 #include "apron/vm/Segments.h"
 #include "apron/vm/Step.h"
@@ -126,6 +127,7 @@ class Vm {
   std::vector<std::uint32_t> calls_;  // return addresses
   Edge edge_{};
   Draw draw_{};
+  Objects objects_;
   std::vector<Plane> stack_, free_stack_;
   std::size_t stack_bytes_ = 0;
   std::vector<PluginArgument> plugin_arguments_;

@@ -55,13 +55,13 @@ Status Vm::neighbourhood(const Step& step) {
       return Status::kBudget;
     }
     case Opcode::kFlood:
-      flood(to, a, *step.planes[1]);
+      objects_.flood(to, a, *step.planes[1]);
       break;
     case Opcode::kDistance:
       distance(to, a);
       break;
     case Opcode::kSpreadMax:
-      spread_max(to, a, *step.planes[1]);
+      objects_.spread_max(to, a, *step.planes[1], executor_.kernels());
       break;
     default:
       near(executor_, step.op, *step.scalars[1] == 8.0F, *step.y, a, edge_, mask);
