@@ -196,6 +196,7 @@ Status ControllerEndpoint::Impl::latest_sensors() noexcept {
 }
 
 Status ControllerEndpoint::Impl::publish() noexcept {
+  if (!claimed) return Status::kOutOfTurn;  // detached: the place may be another's by now
   if (!passive) {
     if (!pending) return Status::kOutOfTurn;
     pending = false;
@@ -229,6 +230,8 @@ void ControllerEndpoint::reconnect(const AttachOptions& options) {
                     "\" came back with another size or other channels; start anew");
   impl_ = std::move(next);
 }
+
+void ControllerEndpoint::detach() noexcept { impl_->detach(); }
 
 const Description& ControllerEndpoint::description() const noexcept { return impl_->description; }
 

@@ -35,6 +35,9 @@ class ControllerEndpoint {
   ControllerEndpoint(ControllerEndpoint&&) noexcept;
   ControllerEndpoint& operator=(ControllerEndpoint&&) noexcept;
 
+  // What the destructor does, but the mapping and so all spans stay until then. Only reconnect() may follow.
+  void detach() noexcept;
+
   const Description& description() const noexcept;
 
   // Waits for a sensor frame that was not read yet and takes the newest one: kOk, kTimeout, kInterrupted,

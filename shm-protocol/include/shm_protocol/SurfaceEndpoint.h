@@ -34,6 +34,10 @@ class SurfaceEndpoint {
   SurfaceEndpoint(SurfaceEndpoint&&) noexcept;
   SurfaceEndpoint& operator=(SurfaceEndpoint&&) noexcept;
 
+  // What the destructor does, but the mapping and so all spans stay until then. Nothing may be published any
+  // more.
+  void close() noexcept;
+
   const Description& description() const noexcept;
 
   // The sensor array of the frame that publish() will send next: components × rows × columns, in place in

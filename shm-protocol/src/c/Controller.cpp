@@ -23,6 +23,9 @@ ssp_result ssp_controller_attach(const char* name, int64_t timeout_ns, const ssp
   });
 }
 
+void ssp_controller_leave(ssp_controller* controller) {
+  if (controller) controller->endpoint.detach();
+}
 void ssp_controller_detach(ssp_controller* controller) { delete controller; }
 
 ssp_result ssp_controller_reconnect(ssp_controller* k, int64_t timeout_ns, const ssp_stop* stop) {

@@ -64,6 +64,9 @@ ssp_result ssp_surface_create(const ssp_surface_config* config, ssp_surface** ou
   });
 }
 
+void ssp_surface_close(ssp_surface* surface) {
+  if (surface) surface->endpoint.close();
+}
 void ssp_surface_destroy(ssp_surface* surface) { delete surface; }
 
 ssp_result ssp_surface_describe(const ssp_surface* s, ssp_description* out) { return c::describe(s, out); }
