@@ -18,7 +18,7 @@ __attribute__((format(printf, 1, 2))) std::string line(const char* format, ...) 
   return text;
 }
 
-std::string range_text(const ChannelSpec& c) { return line("%.5g … %.5g", c.minimum, c.maximum); }
+std::string range_text(const ChannelSpec& c) { return line("%.4g … %.4g", c.minimum, c.maximum); }
 
 // Pads to `width` characters: printf counts bytes, and "…" has three.
 std::string padded(std::string text, std::size_t width) {
@@ -48,13 +48,13 @@ std::string counter_line(const char* who, const Counters& c, const std::optional
 }
 
 std::string channel_line(const ChannelSpec& c, const ObserverEndpoint& observer, int number, bool has_frame) {
-  std::string out = line("%-17s%-9s%-4s ", printable(c.name).c_str(), text(c.direction), text(c.dtype));
+  std::string out = line("%-15s %-9s%-4s ", printable(c.name).c_str(), text(c.direction), text(c.dtype));
   out += padded(shape_text(c, observer.description()), 14);
-  out += padded(range_text(c) + (c.unit.empty() ? "" : " " + printable(c.unit)), 17);
+  out += padded(range_text(c) + (c.unit.empty() ? "" : " " + printable(c.unit)), 15) + " ";
   if (!has_frame) return out + "-\n";
   const Spread s = spread(values(observer, number));
   out += line("%.4g … %.4g", s.smallest, s.largest);
-  if (s.odd) out += line(", %zu not finite", s.odd);
+  if (s.odd) out += line(", %zu NaN/∞", s.odd);
   return out + "\n";
 }
 
@@ -155,7 +155,7 @@ std::string text_report(const Look& look, const ObserverEndpoint& observer, cons
   };
   out += counter_line("surface", look.surface_counters, hz(&Rates::sensors_hz));
   out += counter_line("controller", look.controller_counters, hz(&Rates::actuators_hz));
-  out += line("\n%-17s%-9s%-4s %-14s%-17s%s\n", "channel", "", "type", "shape", "range", "now");
+  out += line("\n%-15s %-9s%-4s %-14s%-16s%s\n", "channel", "", "type", "shape", "range", "now");
   for (std::size_t i = 0; i < d.channels.size(); ++i)
     out += channel_line(d.channels[i], observer, static_cast<int>(i),
                         look.frame(d.channels[i].direction).frame != 0);

@@ -3,35 +3,14 @@
 #include <shm_protocol/ObserverEndpoint.h>
 
 #include <filesystem>
-#include <fstream>
 #include <random>
 
 #include "tests/system/shm-protocol/Peer.h"
+#include "tests/system/shm-protocol/Watch.h"
 #include "tests/unit/shm-protocol/RawSegment.h"
 
 namespace shm_protocol {
 namespace {
-
-// Looks until the surface ends; every frame whole and right, their numbers ascending. 0: all was well.
-int watch(const std::string& name, std::uint64_t& seen) {
-  auto observer = ObserverEndpoint::attach(name, {.timeout = 20s});
-  std::uint64_t last[2] = {};
-  for (;;) {
-    for (const Direction d : {Direction::kSensor, Direction::kActuator}) {
-      const bool sensor = d == Direction::kSensor;
-      const Status s = observer.look(d);
-      if (s == Status::kSurfaceClosed || s == Status::kSurfaceDead) return 0;
-      if (s != Status::kOk) continue;
-      ++seen;
-      const FrameInfo& info = observer.info(d);
-      if (info.frame <= last[sensor]) return 2;
-      last[sensor] = info.frame;
-      const bool right = sensor ? holds(observer.array(0), info.tick, sensed)
-                                : holds(observer.array(1), info.tick, commanded);
-      if (!right) return 3;
-    }
-  }
-}
 
 TEST(ObserverPair, ComingStoppedAndKilledTheyDisturbNobody) {
   const auto config = pair_config("watched");

@@ -104,7 +104,7 @@ class Dump(unittest.TestCase):
         with Frozen(8, 8, 11) as pair:
             text = dump(pair.name)
             # The controller's frame as it wrote it, and what the surface made of it.
-            self.assertRegex(text, r"height +actuator +f32 +2 x 8 x 8 +-1 … 1 m +-0.5 … 0.5, 1 not finite")
+            self.assertRegex(text, r"height +actuator +f32 +2 x 8 x 8 +-1 … 1 m +-0.5 … 0.5, 1 NaN/∞")
             self.assertRegex(text, r"surface +0 +0 +11 +0 ")
             self.assertRegex(text, rf"controller +pid {pair.process.pid} +running +frame 11 +tick 10 +0.100 s")
             look = json.loads(dump(pair.name, "-j", "-n"))
