@@ -75,6 +75,7 @@ struct SurfaceEndpoint::Impl {
   Ring sensors, actuators;
   Description description;
   pid_t owner = ::getpid();
+  bool closed = false;
 
   State state = State::kNone;
   std::uint64_t frame = 0;  // published last
@@ -137,7 +138,7 @@ Status SurfaceEndpoint::Impl::controller_status(bool look_up) noexcept {
 }
 
 Status SurfaceEndpoint::Impl::publish(std::uint64_t at_tick, double time_s, std::uint32_t status) noexcept {
-  if (description.mode == Mode::kTimeStep && !settled) return Status::kOutOfTurn;
+  if (closed || (description.mode == Mode::kTimeStep && !settled)) return Status::kOutOfTurn;
   if (state == State::kReady) set_state(State::kRunning);
   tick = at_tick;
   ++frame;
@@ -260,7 +261,12 @@ SurfaceEndpoint SurfaceEndpoint::create(const SurfaceConfig& config) {
 }
 
 SurfaceEndpoint::~SurfaceEndpoint() {
-  if (!impl_ || impl_->owner != ::getpid()) return;  // a forked child owns nothing
+  if (impl_) close();
+}
+
+void SurfaceEndpoint::close() noexcept {
+  if (impl_->closed || impl_->owner != ::getpid()) return;  // a forked child owns nothing
+  impl_->closed = true;
   impl_->set_state(State::kClosing);
   futex_wake(impl_->header.sensors.word);
   impl_->segment.remove();
@@ -306,8 +312,10 @@ State SurfaceEndpoint::controller_state() const noexcept {
 }
 Counters SurfaceEndpoint::counters() const noexcept { return impl_->counters; }
 Counters SurfaceEndpoint::controller_counters() const noexcept {
-  const ssp_side& side = impl_->header.controller;
-  return {load_relaxed(side.skipped), load_relaxed(side.repeated), load_relaxed(side.clamped)};
+  return counters_of(impl_->header.controller);
+}
+void SurfaceEndpoint::miss_deadline() noexcept {
+  store_relaxed(impl_->header.surface.deadline_misses, ++impl_->counters.deadline_misses);
 }
 
 }  // namespace shm_protocol

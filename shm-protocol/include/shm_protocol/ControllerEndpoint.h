@@ -11,7 +11,6 @@
 //   }
 #pragma once
 
-#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -25,12 +24,6 @@
 
 namespace shm_protocol {
 
-struct AttachOptions {
-  // How long to wait for a surface of that name to appear; 0: it must be there.
-  std::chrono::nanoseconds timeout{0};
-  const std::atomic<bool>* stop = nullptr;
-};
-
 class ControllerEndpoint {
  public:
   // Maps the segment, checks all of its header and claims the controller's place. Throws Error: kBadConfig
@@ -41,6 +34,9 @@ class ControllerEndpoint {
   ~ControllerEndpoint();
   ControllerEndpoint(ControllerEndpoint&&) noexcept;
   ControllerEndpoint& operator=(ControllerEndpoint&&) noexcept;
+
+  // What the destructor does, but the mapping and so all spans stay until then. Only reconnect() may follow.
+  void detach() noexcept;
 
   const Description& description() const noexcept;
 

@@ -34,6 +34,10 @@ class SurfaceEndpoint {
   SurfaceEndpoint(SurfaceEndpoint&&) noexcept;
   SurfaceEndpoint& operator=(SurfaceEndpoint&&) noexcept;
 
+  // What the destructor does, but the mapping and so all spans stay until then. Nothing may be published any
+  // more.
+  void close() noexcept;
+
   const Description& description() const noexcept;
 
   // The sensor array of the frame that publish() will send next: components × rows × columns, in place in
@@ -73,6 +77,9 @@ class SurfaceEndpoint {
   // kRunning and kPaused are for the onlookers; kClosing makes the controller's waits end with
   // kSurfaceClosed.
   void set_state(State) noexcept;
+
+  // Counts a control period whose answer came late (hardware): readable by everybody in counters().
+  void miss_deadline() noexcept;
 
   bool has_controller() const noexcept;
   std::uint32_t controller_pid() const noexcept;  // 0: none

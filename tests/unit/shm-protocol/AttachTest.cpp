@@ -97,6 +97,25 @@ TEST(Attach, PlaceOfADeadControllerIsTaken) {
   EXPECT_EQ(raw.header().claim.controller_process, raw.header().identity.surface_process);
 }
 
+TEST(Attach, PlaceOfAControllerWhosePidWasRecycledIsTaken) {
+  const auto config = small_surface(unique_name("recycled"));
+  auto surface = SurfaceEndpoint::create(config);
+  // This living process's pid, but started at another time.
+  RawSegment(config.name).header().claim.controller_process =
+      (std::uint64_t{12345} << SSP_PID_BITS) | static_cast<std::uint32_t>(::getpid());
+  auto controller = ControllerEndpoint::attach(config.name);
+  EXPECT_EQ(surface.controller_pid(), static_cast<std::uint32_t>(::getpid()));
+}
+
+TEST(Attach, AControllerWhosePidWasRecycledIsFoundDead) {
+  const auto config = small_surface(unique_name("recycled-dead"));
+  auto surface = SurfaceEndpoint::create(config);
+  RawSegment(config.name).header().claim.controller_process =
+      (std::uint64_t{12345} << SSP_PID_BITS) | static_cast<std::uint32_t>(::getpid());
+  ASSERT_EQ(surface.publish(0, 0.0), Status::kOk);
+  EXPECT_EQ(surface.await_actuators(0, {.timeout = std::chrono::seconds(60)}), Status::kControllerDead);
+}
+
 TEST(Attach, OtherMajorVersionIsRefusedNamingBoth) {
   const auto config = small_surface(unique_name("major"));
   auto surface = SurfaceEndpoint::create(config);
