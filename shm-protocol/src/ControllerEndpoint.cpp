@@ -3,10 +3,10 @@
 #include <unistd.h>
 
 #include <cassert>
-#include <thread>
 #include <utility>
 
 #include "Arrays.h"
+#include "Attaching.h"
 #include "FrameCopy.h"
 #include "Geometry.h"
 #include "Process.h"
@@ -15,12 +15,6 @@
 #include "Waiting.h"
 
 namespace shm_protocol {
-namespace {
-
-constexpr std::chrono::milliseconds kAttachPoll{10};
-
-}  // namespace
-
 struct ControllerEndpoint::Impl {
   Impl(Segment mapped, Geometry checked, ProcessWord self)
       : geometry(std::move(checked)),
@@ -36,8 +30,6 @@ struct ControllerEndpoint::Impl {
   ~Impl() { detach(); }
 
   static std::unique_ptr<Impl> attach(const std::string& name, const AttachOptions&);
-  // Nothing, and why, while there is no surface to attach to.
-  static std::unique_ptr<Impl> try_attach(const std::string& name, std::string& why);
   void claim();
   void take_over() noexcept;
   void detach() noexcept;
@@ -99,6 +91,7 @@ void ControllerEndpoint::Impl::take_over() noexcept {
   store_relaxed(header.controller.skipped, std::uint64_t{0});
   store_relaxed(header.controller.repeated, std::uint64_t{0});
   store_relaxed(header.controller.clamped, std::uint64_t{0});
+  store_relaxed(header.controller.deadline_misses, std::uint64_t{0});
   store_relaxed(header.controller.state, static_cast<std::uint32_t>(State::kReady));
   actuators.open(frame + 1);
   increment(header.claim.attached);
@@ -115,44 +108,16 @@ void ControllerEndpoint::Impl::detach() noexcept {
   if (load_sequential(header.surface_waiting.flag)) futex_wake(header.actuators.word);
 }
 
-std::unique_ptr<ControllerEndpoint::Impl> ControllerEndpoint::Impl::try_attach(const std::string& name,
-                                                                               std::string& why) {
-  auto segment = Segment::open(name);
-  if (!segment) {
-    why = "there is no surface \"" + name + "\" (no " + path_of(name) + ")";
-    return nullptr;
-  }
-  auto geometry = read_fixed_part(segment->bytes(), path_of(name));
-  if (!geometry) {
-    why = path_of(name) + " never became ready";
-    return nullptr;
-  }
-  const ProcessWord surface = geometry->identity.surface_process;
-  if (!is_alive(surface)) {
-    why = "surface \"" + name + "\" is dead: process " + std::to_string(pid_of(surface)) +
-          " is gone and left " + path_of(name);
-    return nullptr;
-  }
-  auto impl = std::make_unique<Impl>(std::move(*segment), std::move(*geometry), own_process_word());
-  if (load_acquire(impl->header.surface.state) == SSP_STATE_CLOSING) {
-    why = "surface \"" + name + "\" is closing";
-    return nullptr;
-  }
-  impl->claim();
-  return impl;
-}
-
 std::unique_ptr<ControllerEndpoint::Impl> ControllerEndpoint::Impl::attach(const std::string& name,
                                                                            const AttachOptions& options) {
-  check_name(name);
-  const auto start = Clock::now();
-  for (std::string why;;) {
-    if (auto impl = try_attach(name, why)) return impl;
-    if (options.stop && options.stop->load(std::memory_order_relaxed))
-      throw Error(ErrorCode::kInterrupted, "interrupted while waiting: " + why);
-    if (Clock::now() - start >= options.timeout) throw Error(ErrorCode::kNotFound, why);
-    std::this_thread::sleep_for(kAttachPoll);
-  }
+  return attach_until(name, options, [&](std::string& why) -> std::unique_ptr<Impl> {
+    auto found = find_surface(name, Access::kReadWrite, why);
+    if (!found) return nullptr;
+    auto impl =
+        std::make_unique<Impl>(std::move(found->segment), std::move(found->geometry), own_process_word());
+    impl->claim();
+    return impl;
+  });
 }
 
 Status ControllerEndpoint::Impl::surface_status(bool look_up) noexcept {
@@ -295,9 +260,6 @@ State ControllerEndpoint::surface_state() const noexcept {
   return static_cast<State>(load_acquire(impl_->header.surface.state));
 }
 Counters ControllerEndpoint::counters() const noexcept { return impl_->counters; }
-Counters ControllerEndpoint::surface_counters() const noexcept {
-  const ssp_side& side = impl_->header.surface;
-  return {load_relaxed(side.skipped), load_relaxed(side.repeated), load_relaxed(side.clamped)};
-}
+Counters ControllerEndpoint::surface_counters() const noexcept { return counters_of(impl_->header.surface); }
 
 }  // namespace shm_protocol

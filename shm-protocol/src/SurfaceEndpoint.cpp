@@ -306,8 +306,10 @@ State SurfaceEndpoint::controller_state() const noexcept {
 }
 Counters SurfaceEndpoint::counters() const noexcept { return impl_->counters; }
 Counters SurfaceEndpoint::controller_counters() const noexcept {
-  const ssp_side& side = impl_->header.controller;
-  return {load_relaxed(side.skipped), load_relaxed(side.repeated), load_relaxed(side.clamped)};
+  return counters_of(impl_->header.controller);
+}
+void SurfaceEndpoint::miss_deadline() noexcept {
+  store_relaxed(impl_->header.surface.deadline_misses, ++impl_->counters.deadline_misses);
 }
 
 }  // namespace shm_protocol

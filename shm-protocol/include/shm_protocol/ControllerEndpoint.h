@@ -11,7 +11,6 @@
 //   }
 #pragma once
 
-#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -24,12 +23,6 @@
 #include "shm_protocol/Wait.h"
 
 namespace shm_protocol {
-
-struct AttachOptions {
-  // How long to wait for a surface of that name to appear; 0: it must be there.
-  std::chrono::nanoseconds timeout{0};
-  const std::atomic<bool>* stop = nullptr;
-};
 
 class ControllerEndpoint {
  public:

@@ -74,6 +74,9 @@ class SurfaceEndpoint {
   // kSurfaceClosed.
   void set_state(State) noexcept;
 
+  // Counts a control period whose answer came late (hardware): readable by everybody in counters().
+  void miss_deadline() noexcept;
+
   bool has_controller() const noexcept;
   std::uint32_t controller_pid() const noexcept;  // 0: none
   State controller_state() const noexcept;
