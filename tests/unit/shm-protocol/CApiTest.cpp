@@ -139,7 +139,7 @@ TEST_F(CApi, PassiveModeCounts) {
   EXPECT_EQ(ssp_controller_latest(controller), SSP_REPEATED);
   for (std::uint64_t tick = 0; tick < 3; ++tick) {
     ASSERT_EQ(ssp_surface_publish(surface, tick, 0.0, 0), SSP_OK);
-    if (tick == 0) ASSERT_EQ(ssp_controller_latest(controller), SSP_OK);
+    if (tick == 0) { ASSERT_EQ(ssp_controller_latest(controller), SSP_OK); }
   }
   ASSERT_EQ(ssp_controller_latest(controller), SSP_OK);
   ASSERT_EQ(ssp_controller_publish(controller), SSP_OK);

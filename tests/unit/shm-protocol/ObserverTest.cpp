@@ -160,7 +160,7 @@ TEST(Threads, ObserverOfARunningPairSeesWholeFramesOnly) {
   std::thread watcher([&] {
     auto observer = ObserverEndpoint::attach(config.name);
     while (!over) {
-      for (const auto [d, channel] :
+      for (const auto& [d, channel] :
            {std::pair{Direction::kSensor, kDistance}, {Direction::kActuator, kHeight}}) {
         if (observer.look(d) != Status::kOk) continue;
         ++frames;
