@@ -33,12 +33,12 @@ Executor::~Executor() {
 void Executor::run_sliced(Kernel kernel, const Block& block) noexcept {
   rows(block.rows, block.columns, [&](std::uint32_t first, std::uint32_t last) {
     Block slice = block;
-    const std::ptrdiff_t offset = static_cast<std::ptrdiff_t>(first) * block.pitch;
+    const auto rows_down = static_cast<std::ptrdiff_t>(first);
     slice.rows = last - first;
-    slice.y += offset;
-    for (const float*& source : slice.source)
-      if (source != nullptr) source += offset;
-    if (slice.mask != nullptr) slice.mask += offset;
+    slice.y += rows_down * block.pitch;
+    for (std::size_t k = 0; k < slice.source.size(); ++k)
+      if (slice.source[k] != nullptr) slice.source[k] += rows_down * block.source_pitch[k];
+    if (slice.mask != nullptr) slice.mask += rows_down * block.mask_pitch;
     kernel(slice);
   });
 }

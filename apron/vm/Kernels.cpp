@@ -105,7 +105,8 @@ void run(const Block& block) noexcept {
   float* y_row = block.y;
   const float *a_row = block.source[0], *b_row = block.source[1], *c_row = block.source[2];
   const float* mask_row = block.mask;
-  const std::ptrdiff_t pitch = block.pitch;
+  const std::ptrdiff_t pitch = block.pitch, mask_pitch = block.mask_pitch;
+  [[maybe_unused]] const auto [a_pitch, b_pitch, c_pitch] = block.source_pitch;
   const std::size_t columns = block.columns;
   for (std::uint32_t rows = block.rows; rows > 0; --rows) {
     for (std::size_t x = 0; x < columns; x += hn::Lanes(d)) {
@@ -119,10 +120,10 @@ void run(const Block& block) noexcept {
       hn::Store(y, d, y_row + x);
     }
     y_row += pitch;
-    if constexpr ((kRegisters & 1U) != 0) a_row += pitch;
-    if constexpr ((kRegisters & 2U) != 0) b_row += pitch;
-    if constexpr ((kRegisters & 4U) != 0) c_row += pitch;
-    if constexpr (kMasked) mask_row += pitch;
+    if constexpr ((kRegisters & 1U) != 0) a_row += a_pitch;
+    if constexpr ((kRegisters & 2U) != 0) b_row += b_pitch;
+    if constexpr ((kRegisters & 4U) != 0) c_row += c_pitch;
+    if constexpr (kMasked) mask_row += mask_pitch;
   }
 }
 

@@ -14,16 +14,24 @@
 
 namespace apron::vm {
 
-// A block of `rows` x `columns` cells of y, a, b, c and mask, each with its own start and all with one pitch
-// (in floats). y and mask start on 64 bytes; a, b and c anywhere. Kernels may read and write columns up to
-// the next multiple of kLanes. y may be a, b, c or mask; it may not overlap them otherwise.
+// A block of `rows` x `columns` cells of y, a, b, c and mask, each with its own start and pitch (in floats; 0
+// reads one row again and again). y and mask start on 64 bytes; a, b and c anywhere. Kernels may read and
+// write columns up to the next multiple of kLanes. y may be a, b, c or mask; it may not overlap them
+// otherwise.
 struct Block {
   float* y = nullptr;
   std::array<const float*, program::kMaxSources> source{};  // null where the operand is a scalar
   std::array<float, program::kMaxSources> scalar{};         // used where the operand is a scalar
   const float* mask = nullptr;                              // masked kernels write only where it is non-zero
-  std::ptrdiff_t pitch = 0;
+  std::ptrdiff_t pitch = 0;                                 // of y
+  std::array<std::ptrdiff_t, program::kMaxSources> source_pitch{};
+  std::ptrdiff_t mask_pitch = 0;
   std::uint32_t rows = 0, columns = 0;
+
+  void set_pitch(std::ptrdiff_t of_all) noexcept {
+    pitch = mask_pitch = of_all;
+    source_pitch.fill(of_all);
+  }
 };
 
 using Kernel = void (*)(const Block&) noexcept;

@@ -26,7 +26,7 @@ void MaskStack::run(Opcode op, Plane y, ConstPlane a, ConstPlane b) {
   Block block;
   block.y = y.data;
   block.source = {a.data, b.data, nullptr};
-  block.pitch = y.pitch;
+  block.set_pitch(y.pitch);
   block.rows = y.height;
   block.columns = y.width;
   executor_.run(executor_.kernels().kernel(op, b.data == nullptr && op != Opcode::kCopy ? 2U : 0U, false),

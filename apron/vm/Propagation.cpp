@@ -1,84 +1,137 @@
 #include "apron/vm/Propagation.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 
 namespace apron::vm {
-namespace {
 
-// Visits the cells north to south, then south to north, each with the two neighbours visited before it, until
-// a pair of sweeps changes nothing. visit(y's cell, neighbour's value) may raise the cell and says whether it
-// did.
-template <class Visit>
-void sweep_until_stable(Plane y, const Visit& visit) noexcept {
-  const std::int64_t width = y.width, height = y.height;
-  const auto cell = [&](std::int64_t row, std::int64_t x) { return row * y.pitch + x; };
-  for (bool changed = true; changed;) {
-    changed = false;
-    for (std::int64_t row = 0; row < height; ++row)
-      for (std::int64_t x = 0; x < width; ++x) {
-        if (row > 0) changed |= visit(row, x, y.data[cell(row - 1, x)]);
-        if (x > 0) changed |= visit(row, x, y.data[cell(row, x - 1)]);
-      }
-    for (std::int64_t row = height - 1; row >= 0; --row)
-      for (std::int64_t x = width - 1; x >= 0; --x) {
-        if (row + 1 < height) changed |= visit(row, x, y.data[cell(row + 1, x)]);
-        if (x + 1 < width) changed |= visit(row, x, y.data[cell(row, x + 1)]);
-      }
+void Objects::reserve(std::uint32_t width, std::uint32_t height) {
+  runs_.reserve(std::max(runs_.capacity(), (std::size_t{width} + 1) / 2 * height));
+  rows_.reserve(std::max(rows_.capacity(), std::size_t{height} + 1));
+}
+
+std::uint32_t Objects::root(std::uint32_t run) noexcept {
+  while (runs_[run].parent != run) {
+    runs_[run].parent = runs_[runs_[run].parent].parent;
+    run = runs_[run].parent;
+  }
+  return run;
+}
+
+// Joins the runs from `here` to the end with those from `above` to `here` that they touch.
+void Objects::join_above(std::uint32_t above, std::uint32_t here) noexcept {
+  const auto end = static_cast<std::uint32_t>(runs_.size());
+  for (std::uint32_t a = above, b = here; a < here && b < end;) {
+    if (runs_[a].last > runs_[b].first && runs_[b].last > runs_[a].first) {
+      const std::uint32_t ra = root(a), rb = root(b);
+      // The earlier run is the root: objects keep theirs as they grow south.
+      const std::uint32_t to = std::min(ra, rb), from = std::max(ra, rb);
+      runs_[to].value = std::max(runs_[ra].value, runs_[rb].value);
+      runs_[from].parent = to;
+    }
+    if (runs_[a].last < runs_[b].last)
+      ++a;
+    else
+      ++b;
   }
 }
 
-template <class First>
-void fill(Plane y, const First& first) noexcept {
-  for (std::uint32_t row = 0; row < y.height; ++row)
-    for (std::uint32_t x = 0; x < y.width; ++x) y.row(row)[x] = first(row, x);
+template <class Value>
+void Objects::find(ConstPlane mask, const Value& value) noexcept {
+  runs_.clear();
+  rows_.clear();
+  std::uint32_t above = 0;
+  for (std::uint32_t y = 0; y < mask.height; ++y) {
+    const auto here = static_cast<std::uint32_t>(runs_.size());
+    rows_.push_back(here);
+    const float* row = mask.row(y);
+    for (std::uint32_t x = 0; x < mask.width;) {
+      if (!(row[x] != 0.0F)) {
+        ++x;
+        continue;
+      }
+      const std::uint32_t first = x;
+      while (x < mask.width && row[x] != 0.0F) ++x;
+      const auto self = static_cast<std::uint32_t>(runs_.size());
+      runs_.push_back({first, x, self, value(y, first, x)});
+    }
+    join_above(above, here);
+    above = here;
+  }
+  rows_.push_back(static_cast<std::uint32_t>(runs_.size()));
+}
+
+void Objects::write(Plane y) noexcept {
+  for (std::uint32_t row = 0; row < y.height; ++row) {
+    float* to = y.row(row);
+    std::fill_n(to, y.width, 0.0F);
+    for (std::uint32_t run = rows_[row]; run < rows_[row + 1]; ++run)
+      std::fill(to + runs_[run].first, to + runs_[run].last, runs_[root(run)].value);
+  }
+}
+
+void Objects::flood(Plane y, ConstPlane seed, ConstPlane mask) noexcept {
+  find(mask, [&](std::uint32_t row, std::uint32_t first, std::uint32_t last) {
+    const float* s = seed.row(row);
+    return std::any_of(s + first, s + last, [](float v) { return v != 0.0F; }) ? 1.0F : 0.0F;
+  });
+  write(y);
+}
+
+void Objects::spread_max(Plane y, ConstPlane a, ConstPlane mask, const KernelTable& kernels) noexcept {
+  const RowReduction largest = kernels.reduction(Reduction::kMax);  // passes over NaN
+  find(mask, [&](std::uint32_t row, std::uint32_t first, std::uint32_t last) {
+    float value = 0.0F;
+    largest(a.row(row) + first, 0, 1, last - first, &value);
+    return value + 0.0F;
+  });
+  write(y);
+}
+
+namespace {
+
+// Distances along the rows, several rows at once: each cell waits for the one before it in its own row only.
+template <std::uint32_t kRows>
+void along_rows(Plane y, std::uint32_t row) noexcept {
+  const auto width = static_cast<std::int64_t>(y.width);
+  std::int32_t near[kRows] = {};
+  const auto step = [&](std::int64_t x) {
+    for (std::uint32_t r = 0; r < kRows; ++r) {
+      float& cell = y.row(row + r)[x];
+      near[r] = std::min(near[r] + 1, static_cast<std::int32_t>(cell));
+      cell = static_cast<float>(near[r]);
+    }
+  };
+  for (std::int64_t x = 0; x < width; ++x) step(x);
+  std::fill_n(near, kRows, 0);
+  for (std::int64_t x = width - 1; x >= 0; --x) step(x);
 }
 
 }  // namespace
 
-void flood(Plane y, ConstPlane seed, ConstPlane mask) noexcept {
-  fill(y, [&](std::uint32_t row, std::uint32_t x) {
-    return seed.row(row)[x] != 0.0F && mask.row(row)[x] != 0.0F ? 1.0F : 0.0F;
-  });
-  sweep_until_stable(y, [&](std::int64_t row, std::int64_t x, float neighbour) {
-    float& own = y.data[row * y.pitch + x];
-    if (own != 0.0F || !(neighbour != 0.0F) || !(mask.data[row * mask.pitch + x] != 0.0F)) return false;
-    own = 1.0F;
-    return true;
-  });
-}
-
+// The nearest 0 is so many rows and so many columns away: first the rows, for all columns at once.
 void distance(Plane y, ConstPlane a) noexcept {
-  fill(y, [&](std::uint32_t row, std::uint32_t x) {
-    if (!(a.row(row)[x] != 0.0F)) return 0.0F;
-    return static_cast<float>(1 + std::min(std::min(row, y.height - 1 - row), std::min(x, y.width - 1 - x)));
-  });
-  sweep_until_stable(y, [&](std::int64_t row, std::int64_t x, float neighbour) {
-    float& own = y.data[row * y.pitch + x];
-    if (!(neighbour + 1.0F < own)) return false;
-    own = neighbour + 1.0F;
-    return true;
-  });
-}
-
-void spread_max(Plane y, ConstPlane a, ConstPlane mask) noexcept {
-  constexpr float kOut = std::numeric_limits<float>::quiet_NaN();  // loses every comparison
-  fill(y, [&](std::uint32_t row, std::uint32_t x) {
-    const float value = a.row(row)[x];
-    if (!(mask.row(row)[x] != 0.0F)) return kOut;
-    return std::isnan(value) ? -std::numeric_limits<float>::infinity() : value + 0.0F;
-  });
-  sweep_until_stable(y, [&](std::int64_t row, std::int64_t x, float neighbour) {
-    float& own = y.data[row * y.pitch + x];
-    if (!(neighbour > own)) return false;
-    own = neighbour;
-    return true;
-  });
-  fill(y, [&](std::uint32_t row, std::uint32_t x) {
-    const float value = y.row(row)[x];
-    return std::isnan(value) ? 0.0F : value;
-  });
+  for (std::uint32_t row = 0; row < y.height; ++row) {
+    float* to = y.row(row);
+    const float* from = a.row(row);
+    const float* above = row > 0 ? y.row(row - 1) : nullptr;
+    for (std::uint32_t x = 0; x < y.width; ++x) {
+      const float next = above != nullptr ? above[x] + 1.0F : 1.0F;
+      to[x] = from[x] != 0.0F ? next : 0.0F;
+    }
+  }
+  for (std::uint32_t row = y.height; row-- > 0;) {
+    float* to = y.row(row);
+    const float* below = row + 1 < y.height ? y.row(row + 1) : nullptr;
+    for (std::uint32_t x = 0; x < y.width; ++x) {
+      const float next = below != nullptr ? below[x] + 1.0F : 1.0F;
+      to[x] = next < to[x] ? next : to[x];
+    }
+  }
+  constexpr std::uint32_t kRows = 4;
+  std::uint32_t row = 0;
+  for (; row + kRows <= y.height; row += kRows) along_rows<kRows>(y, row);
+  for (; row < y.height; ++row) along_rows<1>(y, row);
 }
 
 }  // namespace apron::vm

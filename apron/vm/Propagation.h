@@ -1,18 +1,44 @@
-// flood, distance and spread.max: one-step rules of the four direct neighbours at their fixed point, found in
-// fewer steps than by iterating them. Nothing beyond the edge takes part, but that distance counts it as
-// background.
+// flood, distance and spread.max: what their one-step rule (opcodes.def) comes to when nothing changes any
+// more, in a few passes over the array however far it has to go.
 #pragma once
 
+#include <cstdint>
+#include <vector>
+
+#include "apron/vm/Kernels.h"
 #include "apron/vm/Plane.h"
 
 namespace apron::vm {
 
-// All planes have one shape; y is none of the sources, and all its cells are written. No allocation.
-// 1 in the cells of mask that are 4-connected within it to a cell where seed is non-zero too, else 0.
-void flood(Plane y, ConstPlane seed, ConstPlane mask) noexcept;
-// Steps to the nearest cell where a is 0, or to beyond the edge.
+// The connected objects of a mask: runs of neighbouring cells in a row, joined where runs of two rows touch.
+class Objects {
+ public:
+  // Makes room for every mask of this shape; what follows allocates nothing.
+  void reserve(std::uint32_t width, std::uint32_t height);
+
+  // y = 1 in the objects of the mask that hold a non-zero cell of seed, else 0. y may be seed or mask.
+  void flood(Plane y, ConstPlane seed, ConstPlane mask) noexcept;
+  // y = the largest a of each object of the mask, -0 as 0 and NaN as -infinity, and 0 outside. y may be a or
+  // mask.
+  void spread_max(Plane y, ConstPlane a, ConstPlane mask, const KernelTable& kernels) noexcept;
+
+ private:
+  struct Run {
+    std::uint32_t first, last;  // columns, last excluded
+    std::uint32_t parent;       // a run of the same object; itself at its root
+    float value;                // of the object, at the root
+  };
+  template <class Value>
+  void find(ConstPlane mask, const Value& value) noexcept;
+  void join_above(std::uint32_t above, std::uint32_t here) noexcept;
+  std::uint32_t root(std::uint32_t run) noexcept;
+  void write(Plane y) noexcept;
+
+  std::vector<Run> runs_;
+  std::vector<std::uint32_t> rows_;  // first run of each row, and the end
+};
+
+// y = steps to the nearest cell that is 0, through the 4 neighbours; beyond the edge all are 0. y may be a.
 void distance(Plane y, ConstPlane a) noexcept;
-// The largest a of the 4-connected part of mask that the cell is in; 0 outside mask.
-void spread_max(Plane y, ConstPlane a, ConstPlane mask) noexcept;
 
 }  // namespace apron::vm

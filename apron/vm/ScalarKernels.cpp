@@ -26,26 +26,28 @@ float f_atan2(float a, float b) { return std::atan2(a, b); }
 
 template <bool kMasked, class Cell>
 void each_cell(const Block& block, Cell&& cell) {
-  std::ptrdiff_t row = 0;
-  for (std::uint32_t r = 0; r < block.rows; ++r, row += block.pitch)
-    for (std::ptrdiff_t i = row; i < row + block.columns; ++i) {
-      if (kMasked && !(block.mask[i] != 0.0F)) continue;
-      block.y[i] = cell(i);
-    }
+  for (std::ptrdiff_t r = 0; r < block.rows; ++r) {
+    float* y = block.y + r * block.pitch;
+    const float* mask = block.mask + (kMasked ? r * block.mask_pitch : 0);
+    for (std::ptrdiff_t x = 0; x < block.columns; ++x)
+      if (!kMasked || mask[x] != 0.0F) y[x] = cell(r, x);
+  }
+}
+
+float operand(const Block& block, std::size_t k, std::ptrdiff_t r, std::ptrdiff_t x) {
+  return block.source[k] != nullptr ? block.source[k][r * block.source_pitch[k] + x] : block.scalar[k];
 }
 
 template <float (*kFunction)(float), bool kMasked>
 void run1(const Block& block) noexcept {
-  each_cell<kMasked>(block, [&](std::ptrdiff_t i) {
-    return kFunction(block.source[0] != nullptr ? block.source[0][i] : block.scalar[0]);
-  });
+  each_cell<kMasked>(block,
+                     [&](std::ptrdiff_t r, std::ptrdiff_t x) { return kFunction(operand(block, 0, r, x)); });
 }
 
 template <float (*kFunction)(float, float), bool kMasked>
 void run2(const Block& block) noexcept {
-  each_cell<kMasked>(block, [&](std::ptrdiff_t i) {
-    return kFunction(block.source[0] != nullptr ? block.source[0][i] : block.scalar[0],
-                     block.source[1] != nullptr ? block.source[1][i] : block.scalar[1]);
+  each_cell<kMasked>(block, [&](std::ptrdiff_t r, std::ptrdiff_t x) {
+    return kFunction(operand(block, 0, r, x), operand(block, 1, r, x));
   });
 }
 

@@ -32,7 +32,7 @@ struct Shifter {
     block.source[0] = from;
     block.scalar[0] = fill;
     block.mask = mask != nullptr ? mask + at : nullptr;
-    block.pitch = y.pitch;
+    block.set_pitch(y.pitch);
     block.rows = static_cast<std::uint32_t>(rows);
     block.columns = static_cast<std::uint32_t>(columns);
     kernels.kernel(Opcode::kCopy, from == nullptr ? 1U : 0U, mask != nullptr)(block);

@@ -76,8 +76,7 @@ struct Decoder {
   void source(std::size_t k, program::Operand operand) {
     switch (operand.kind) {
       case OperandKind::kRegister:
-        step.planes[k] = storage.registers[operand.index];
-        step.registers[k] = step.planes[k].data;
+        step.planes[k] = &storage.registers[operand.index];
         break;
       case OperandKind::kVariable:
         step.scalars[k] = &storage.scalars[operand.index];
@@ -104,12 +103,39 @@ struct Decoder {
   }
 
   void destination(program::Operand operand) {
-    if (operand.kind == OperandKind::kRegister) step.y = storage.registers[operand.index];
+    if (operand.kind == OperandKind::kRegister) step.y = &storage.registers[operand.index];
     if (operand.kind == OperandKind::kVariable) step.variable = &storage.scalars[operand.index];
   }
 };
 
 }  // namespace
+
+bool is_conditional_jump(Opcode op) noexcept { return op >= Opcode::kJumpLt && op <= Opcode::kUnlessGe; }
+
+bool jumps(Opcode op, float a, float b) noexcept {
+  switch (op) {
+    case Opcode::kJumpLt:
+      return a < b;
+    case Opcode::kJumpLe:
+      return a <= b;
+    case Opcode::kJumpGt:
+      return a > b;
+    case Opcode::kJumpGe:
+      return a >= b;
+    case Opcode::kJumpEq:
+      return a == b;
+    case Opcode::kJumpNe:
+      return a != b;
+    case Opcode::kUnlessLt:
+      return !(a < b);
+    case Opcode::kUnlessLe:
+      return !(a <= b);
+    case Opcode::kUnlessGt:
+      return !(a > b);
+    default:
+      return !(a >= b);
+  }
+}
 
 Step decode(const program::Program& program, const program::Instruction& instruction, Storage& storage,
             const KernelTable& kernels) {

@@ -30,14 +30,13 @@ struct Step {
   program::Opcode op = program::Opcode::kNop;
   Action action = Action::kFlow;
   bool masked = false;
-  std::uint32_t target = 0;                                    // of a jump
-  std::array<Kernel, 2> kernels{};                             // plain, masked
-  Plane y{};                                                   // register destination
-  std::array<const float*, program::kMaxSources> registers{};  // sources: a register's first cell,
-  std::array<const float*, program::kMaxSources> scalars{};    // or a variable or literal
+  std::uint32_t target = 0;                                  // of a jump
+  std::array<Kernel, 2> kernels{};                           // plain, masked
+  const Plane* y = nullptr;                                  // register destination; looked up at each use,
+  std::array<const Plane*, program::kMaxSources> planes{};   // and so are register sources: they may move
+  std::array<const float*, program::kMaxSources> scalars{};  // sources that are variables or literals
 
-  float* variable = nullptr;                              // destination
-  std::array<ConstPlane, program::kMaxSources> planes{};  // register sources with their shapes
+  float* variable = nullptr;  // destination
   Offset offset{};
   Edge edge{};
   Plane scratch{};  // where a host's read goes first when a mask is on
@@ -51,6 +50,10 @@ struct Storage {
   std::vector<Plane> registers;
   std::vector<float> scalars;  // variables, then literals
 };
+
+// jump.lt … unless.ge: whether the jump is taken.
+bool is_conditional_jump(program::Opcode op) noexcept;
+bool jumps(program::Opcode op, float a, float b) noexcept;
 
 Step decode(const program::Program&, const program::Instruction&, Storage&, const KernelTable&);
 

@@ -31,13 +31,17 @@ Vm::Vm(program::Program program, VmOptions options, Host& host)
   for (const program::Instruction& i : program_.code) {
     Step& step = steps_.emplace_back(decode(program_, i, storage_, executor_.kernels()));
     const bool goes_by_scratch = step.action == Action::kHost || step.action == Action::kArray;
-    if (goes_by_scratch && step.y.data != nullptr && (step.masked || step.op == Opcode::kPlugin)) {
-      step.scratch = scratch(step.y);
+    if (goes_by_scratch && step.y != nullptr && (step.masked || step.op == Opcode::kPlugin)) {
+      step.scratch = scratch(*step.y);
     }
+    if (step.op == Opcode::kFlood || step.op == Opcode::kSpreadMax)
+      objects_.reserve(step.y->width, step.y->height);
   }
   calls_.reserve(program::kMaxCallDepth);
   plugin_arguments_.reserve(program::kMaxPluginArguments);
   reserve_masks();
+  segments_ = std::make_unique<Segments>(program_, steps_, storage_, executor_, options.fuse,
+                                         std::max(options.threads, 1U), options.parallel_cells);
 }
 
 Plane Vm::scratch(const Plane& like) {
@@ -50,9 +54,9 @@ Plane Vm::scratch(const Plane& like) {
 void Vm::reserve_masks() {
   std::map<std::pair<std::uint32_t, std::uint32_t>, std::size_t> planes;
   for (const Step& step : steps_) {
-    const ConstPlane& condition = step.planes[0];
-    if (step.action != Action::kMask || condition.data == nullptr) continue;
-    std::size_t& count = planes[{condition.width, condition.height}];
+    const Plane* condition = step.planes[0];
+    if (step.action != Action::kMask || condition == nullptr) continue;
+    std::size_t& count = planes[{condition->width, condition->height}];
     if (count == 0) count = 2;  // the base, and the base with a condition
     if (step.op == Opcode::kMaskPush) count = std::min(count + 1, program::kMaxMaskDepth + 2);
   }
@@ -63,6 +67,13 @@ Status Vm::run(std::uint64_t budget) {
   if (final_ != Status::kBudget) return final_;
   for (; budget > 0; --budget) {
     if (stop_ != nullptr && stop_->load(std::memory_order_relaxed)) return Status::kInterrupted;
+    if (Segment* fused = segment(budget)) {
+      fused->run(masks_.mask());
+      next_ = fused->exit();
+      executed_ += fused->steps();
+      budget -= fused->steps() - 1;
+      continue;
+    }
     const std::size_t at = next_;
     const Status status = execute(steps_[next_++]);
     ++executed_;
@@ -73,6 +84,15 @@ Status Vm::run(std::uint64_t budget) {
     return status;
   }
   return Status::kBudget;
+}
+
+// The segment that begins here, unless it would go beyond the budget or come to a limit that its steps check.
+Segment* Vm::segment(std::uint64_t budget) const noexcept {
+  Segment* fused = segments_->at(static_cast<std::uint32_t>(next_), masks_);
+  if (fused == nullptr || fused->steps() > budget) return nullptr;
+  const bool room = masks_.depth() + fused->masks() <= program::kMaxMaskDepth &&
+                    calls_.size() + fused->calls() <= program::kMaxCallDepth;
+  return room ? fused : nullptr;
 }
 
 Status Vm::execute(const Step& step) {
@@ -106,7 +126,7 @@ Vm::Gate Vm::gate(const Step& step, const float*& mask) const noexcept {
   mask = nullptr;
   if (!step.masked || masks_.active() == MaskStack::Active::kAll) return Gate::kOpen;
   if (masks_.active() == MaskStack::Active::kNone) return Gate::kShut;
-  if (!same_shape(masks_.mask(), step.y)) return Gate::kMismatch;
+  if (!same_shape(masks_.mask(), *step.y)) return Gate::kMismatch;
   mask = masks_.mask().data;
   return Gate::kOpen;
 }
@@ -114,14 +134,15 @@ Vm::Gate Vm::gate(const Step& step, const float*& mask) const noexcept {
 Status Vm::elementwise(const Step& step) {
   Block block;
   const Gate open = gate(step, block.mask);
-  if (open != Gate::kOpen) return open == Gate::kShut ? Status::kBudget : wrong_mask(step.y);
-  block.y = step.y.data;
-  block.pitch = step.y.pitch;
-  block.rows = step.y.height;
-  block.columns = step.y.width;
-  block.source = step.registers;
-  for (std::size_t k = 0; k < program::kMaxSources; ++k)
+  if (open != Gate::kOpen) return open == Gate::kShut ? Status::kBudget : wrong_mask(*step.y);
+  block.y = step.y->data;
+  block.set_pitch(step.y->pitch);
+  block.rows = step.y->height;
+  block.columns = step.y->width;
+  for (std::size_t k = 0; k < program::kMaxSources; ++k) {
+    if (step.planes[k] != nullptr) block.source[k] = step.planes[k]->data;
     if (step.scalars[k] != nullptr) block.scalar[k] = *step.scalars[k];
+  }
   executor_.run(step.kernels[block.mask != nullptr ? 1 : 0], block);
   return Status::kBudget;
 }
@@ -129,14 +150,14 @@ Status Vm::elementwise(const Step& step) {
 Status Vm::shift_image(const Step& step) {
   const float* mask = nullptr;
   const Gate open = gate(step, mask);
-  if (open != Gate::kOpen) return open == Gate::kShut ? Status::kBudget : wrong_mask(step.y);
+  if (open != Gate::kOpen) return open == Gate::kShut ? Status::kBudget : wrong_mask(*step.y);
   const Edge wrap{program::BoundaryRule::kWrap, 0.0F};
-  shift(executor_, step.y, step.planes[0], step.offset, step.op == Opcode::kRotate ? wrap : edge_, mask);
+  shift(executor_, *step.y, *step.planes[0], step.offset, step.op == Opcode::kRotate ? wrap : edge_, mask);
   return Status::kBudget;
 }
 
 Status Vm::reduce(const Step& step) {
-  const ConstPlane& a = step.planes[0];
+  const ConstPlane a = *step.planes[0];
   const Reduction kind = step.op == Opcode::kGlobalSum || step.op == Opcode::kGlobalMean ? Reduction::kSum
                          : step.op == Opcode::kGlobalMin                                 ? Reduction::kMin
                          : step.op == Opcode::kGlobalMax                                 ? Reduction::kMax
@@ -163,7 +184,7 @@ Status Vm::reduce(const Step& step) {
 }
 
 Status Vm::change_mask(const Step& step) {
-  const ConstPlane& plane = step.planes[0];
+  const ConstPlane plane = step.planes[0] != nullptr ? ConstPlane(*step.planes[0]) : ConstPlane();
   switch (step.op) {
     case Opcode::kMaskOn:
       if (!masks_.set_base(plane))
@@ -196,42 +217,41 @@ Status Vm::change_mask(const Step& step) {
 Status Vm::pixel(const Step& step) {
   const bool get = step.op == Opcode::kPixelGet;
   const float x = *step.scalars[get ? 1 : 0], y = *step.scalars[get ? 2 : 1];
-  const auto width = static_cast<float>(get ? step.planes[0].width : step.y.width);
-  const auto height = static_cast<float>(get ? step.planes[0].height : step.y.height);
+  const auto width = static_cast<float>(get ? step.planes[0]->width : step.y->width);
+  const auto height = static_cast<float>(get ? step.planes[0]->height : step.y->height);
   if (!(x >= 0.0F && x < width && y >= 0.0F && y < height))
     return fail(Status::kFailed, (get ? "pixel.get" : "pixel.set") + std::string(" at column ") +
                                      number_text(x) + ", row " + number_text(y) +
                                      " is outside a register of " +
-                                     shape_text(get ? step.planes[0] : ConstPlane(step.y)));
+                                     shape_text(get ? *step.planes[0] : *step.y));
   const auto column = static_cast<std::uint32_t>(x), row = static_cast<std::uint32_t>(y);
   if (get) {
-    *step.variable = step.planes[0].row(row)[column];
+    *step.variable = step.planes[0]->row(row)[column];
     return Status::kBudget;
   }
   const float* mask = nullptr;
   const Gate open = gate(step, mask);
-  if (open == Gate::kMismatch) return wrong_mask(step.y);
-  float* cell = &step.y.row(row)[column];
-  if (open == Gate::kOpen && (mask == nullptr || mask[cell - step.y.data] != 0.0F)) *cell = *step.scalars[2];
+  if (open == Gate::kMismatch) return wrong_mask(*step.y);
+  float* cell = &step.y->row(row)[column];
+  if (open == Gate::kOpen && (mask == nullptr || mask[cell - step.y->data] != 0.0F)) *cell = *step.scalars[2];
   return Status::kBudget;
 }
 
 Status Vm::coordinates(const Step& step) {
   const float* mask = nullptr;
   const Gate open = gate(step, mask);
-  if (open != Gate::kOpen) return open == Gate::kShut ? Status::kBudget : wrong_mask(step.y);
+  if (open != Gate::kOpen) return open == Gate::kShut ? Status::kBudget : wrong_mask(*step.y);
   const bool column = step.op == Opcode::kCellX;
-  for (std::uint32_t y = 0; y < step.y.height; ++y) {
-    float* row = step.y.row(y);
-    for (std::uint32_t x = 0; x < step.y.width; ++x)
-      if (mask == nullptr || mask[row - step.y.data + x] != 0.0F) row[x] = static_cast<float>(column ? x : y);
+  for (std::uint32_t y = 0; y < step.y->height; ++y) {
+    float* row = step.y->row(y);
+    for (std::uint32_t x = 0; x < step.y->width; ++x)
+      if (mask == nullptr || mask[row - step.y->data + x] != 0.0F)
+        row[x] = static_cast<float>(column ? x : y);
   }
   return Status::kBudget;
 }
 
 Status Vm::flow(const Step& step) {
-  const auto a = [&] { return *step.scalars[0]; };
-  const auto b = [&] { return *step.scalars[1]; };
   bool jump = false;
   switch (step.op) {
     case Opcode::kNop:
@@ -251,39 +271,10 @@ Status Vm::flow(const Step& step) {
     case Opcode::kJump:
       jump = true;
       break;
-    case Opcode::kJumpLt:
-      jump = a() < b();
-      break;
-    case Opcode::kJumpLe:
-      jump = a() <= b();
-      break;
-    case Opcode::kJumpGt:
-      jump = a() > b();
-      break;
-    case Opcode::kJumpGe:
-      jump = a() >= b();
-      break;
-    case Opcode::kJumpEq:
-      jump = a() == b();
-      break;
-    case Opcode::kJumpNe:
-      jump = a() != b();
-      break;
-    case Opcode::kUnlessLt:
-      jump = !(a() < b());
-      break;
-    case Opcode::kUnlessLe:
-      jump = !(a() <= b());
-      break;
-    case Opcode::kUnlessGt:
-      jump = !(a() > b());
-      break;
-    case Opcode::kUnlessGe:
-      jump = !(a() >= b());
-      break;
     default:
-      assert(false && "an opcode without an action");
-      return Status::kFailed;
+      assert(is_conditional_jump(step.op) && "an opcode without an action");
+      jump = jumps(step.op, *step.scalars[0], *step.scalars[1]);
+      break;
   }
   if (jump) next_ = step.target;
   return Status::kBudget;

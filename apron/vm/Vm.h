@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -13,7 +14,9 @@
 #include "apron/vm/MaskStack.h"
 #include "apron/vm/Plane.h"
 #include "apron/vm/PlaneStore.h"
+#include "apron/vm/Propagation.h"
 #include "apron/vm/Random.h"
+#include "apron/vm/Segments.h"
 #include "apron/vm/Step.h"
 
 namespace apron::vm {
@@ -26,6 +29,8 @@ struct VmOptions {
   const std::atomic<bool>* stop = nullptr;
   // Null: the best that this CPU has.
   const KernelTable* kernels = nullptr;
+  // How instructions are run together; nothing here changes a result.
+  FuseOptions fuse{};
 };
 
 enum class Status {
@@ -68,6 +73,7 @@ class Vm {
 
  private:
   void reserve_masks();
+  Segment* segment(std::uint64_t budget) const noexcept;
   Plane scratch(const Plane& like);
 
   // What a write to the step's destination must obey.
@@ -117,9 +123,11 @@ class Vm {
   std::vector<float> row_results_;
   MaskStack masks_;
   std::vector<Step> steps_;
+  std::unique_ptr<Segments> segments_;
   std::vector<std::uint32_t> calls_;  // return addresses
   Edge edge_{};
   Draw draw_{};
+  Objects objects_;
   std::vector<Plane> stack_, free_stack_;
   std::size_t stack_bytes_ = 0;
   std::vector<PluginArgument> plugin_arguments_;

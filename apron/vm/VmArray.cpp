@@ -45,29 +45,29 @@ Status Vm::array_step(const Step& step) {
 Status Vm::neighbourhood(const Step& step) {
   const float* mask = nullptr;
   const Gate open = gate(step, mask);
-  if (open != Gate::kOpen) return open == Gate::kShut ? Status::kBudget : wrong_mask(step.y);
-  const ConstPlane& a = step.planes[0];
-  const Plane to = mask == nullptr ? step.y : step.scratch;
+  if (open != Gate::kOpen) return open == Gate::kShut ? Status::kBudget : wrong_mask(*step.y);
+  const ConstPlane a = *step.planes[0];
+  const Plane to = mask == nullptr ? *step.y : step.scratch;
   switch (step.op) {
     case Opcode::kFilterDo: {
       const program::Filter& with = program_.filters[step.table];
-      filter(executor_, {with.width, with.height, with.elements.data()}, step.y, a, edge_, mask);
+      filter(executor_, {with.width, with.height, with.elements.data()}, *step.y, a, edge_, mask);
       return Status::kBudget;
     }
     case Opcode::kFlood:
-      flood(to, a, step.planes[1]);
+      objects_.flood(to, a, *step.planes[1]);
       break;
     case Opcode::kDistance:
       distance(to, a);
       break;
     case Opcode::kSpreadMax:
-      spread_max(to, a, step.planes[1]);
+      objects_.spread_max(to, a, *step.planes[1], executor_.kernels());
       break;
     default:
-      near(executor_, step.op, *step.scalars[1] == 8.0F, step.y, a, edge_, mask);
+      near(executor_, step.op, *step.scalars[1] == 8.0F, *step.y, a, edge_, mask);
       return Status::kBudget;
   }
-  if (mask != nullptr) copy(step.y, to, mask);
+  if (mask != nullptr) copy(*step.y, to, mask);
   return Status::kBudget;
 }
 
@@ -77,7 +77,7 @@ void Vm::copy(Plane y, ConstPlane a, const float* mask) noexcept {
   block.y = y.data;
   block.source[0] = a.data;
   block.mask = mask;
-  block.pitch = y.pitch;
+  block.set_pitch(y.pitch);
   block.rows = y.height;
   block.columns = y.width;
   executor_.run(executor_.kernels().kernel(Opcode::kCopy, 0, mask != nullptr), block);
@@ -104,12 +104,12 @@ Status Vm::random(const Step& step) {
   }
   const float* mask = nullptr;
   const Gate open = gate(step, mask);
-  if (open != Gate::kOpen) return open == Gate::kShut ? Status::kBudget : wrong_mask(step.y);
-  executor_.rows(step.y.height, step.y.width, [&](std::uint32_t first, std::uint32_t last) {
+  if (open != Gate::kOpen) return open == Gate::kShut ? Status::kBudget : wrong_mask(*step.y);
+  executor_.rows(step.y->height, step.y->width, [&](std::uint32_t first, std::uint32_t last) {
     for (std::uint32_t row = first; row < last; ++row) {
-      float* to = step.y.row(row);
-      const float* on = mask != nullptr ? mask + (to - step.y.data) : nullptr;
-      for (std::uint32_t x = 0; x < step.y.width; ++x)
+      float* to = step.y->row(row);
+      const float* on = mask != nullptr ? mask + (to - step.y->data) : nullptr;
+      for (std::uint32_t x = 0; x < step.y->width; ++x)
         if (on == nullptr || on[x] != 0.0F) to[x] = draw(step.op, x, row, a, b);
     }
   });
@@ -117,7 +117,7 @@ Status Vm::random(const Step& step) {
 }
 
 Status Vm::push(const Step& step) {
-  const ConstPlane& a = step.planes[0];
+  const ConstPlane a = *step.planes[0];
   if (stack_.size() == program::kMaxStackDepth)
     return fail(Status::kFailed,
                 "more than " + std::to_string(program::kMaxStackDepth) + " registers are on the stack");
@@ -143,13 +143,13 @@ Status Vm::push(const Step& step) {
 Status Vm::pop(const Step& step) {
   if (stack_.empty()) return fail(Status::kFailed, "stack.pop_reg finds the stack empty");
   const Plane top = stack_.back();
-  if (!same_shape(top, step.y))
+  if (!same_shape(top, *step.y))
     return fail(Status::kFailed, "stack.pop_reg finds a register of " + shape_text(top) +
-                                     ", and the destination is " + shape_text(step.y));
+                                     ", and the destination is " + shape_text(*step.y));
   const float* mask = nullptr;
   const Gate open = gate(step, mask);
-  if (open == Gate::kMismatch) return wrong_mask(step.y);
-  if (open == Gate::kOpen) copy(step.y, top, mask);
+  if (open == Gate::kMismatch) return wrong_mask(*step.y);
+  if (open == Gate::kOpen) copy(*step.y, top, mask);
   stack_.pop_back();
   free_stack_.push_back(top);
   return Status::kBudget;
@@ -175,14 +175,16 @@ Status Vm::element(const Step& step) {
 
 Status Vm::element_register(const Step& step, Plane reg) {
   const bool get = step.op == Opcode::kResGetReg;
-  const Plane y = get ? step.y : reg;
-  const ConstPlane a = get ? ConstPlane(reg) : step.planes[2];
+  const Plane y = get ? *step.y : reg;
+  const ConstPlane a = get                         ? ConstPlane(reg)
+                       : step.planes[2] != nullptr ? ConstPlane(*step.planes[2])
+                                                   : ConstPlane();
   if (a.data != nullptr && !same_shape(y, a))
     return fail(Status::kFailed,
                 "a register of " + shape_text(a) + " does not go into one of " + shape_text(y));
   const float* mask = nullptr;
   Step write = step;
-  write.y = y;
+  write.y = &y;
   const Gate open = gate(write, mask);
   if (open != Gate::kOpen) return open == Gate::kShut ? Status::kBudget : wrong_mask(y);
   if (a.data != nullptr) {
@@ -193,7 +195,7 @@ Status Vm::element_register(const Step& step, Plane reg) {
   block.y = y.data;
   block.scalar[0] = *step.scalars[2];
   block.mask = mask;
-  block.pitch = y.pitch;
+  block.set_pitch(y.pitch);
   block.rows = y.height;
   block.columns = y.width;
   executor_.run(executor_.kernels().kernel(Opcode::kCopy, 1, mask != nullptr), block);

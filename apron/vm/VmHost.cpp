@@ -81,12 +81,12 @@ Status Vm::host_call(const Step& step) {
     case Opcode::kPluginDo:
       return plugin(step);
     case Opcode::kArraySave:
-      return outcome(host_.save_array(step.text, step.planes[0]));
+      return outcome(host_.save_array(step.text, *step.planes[0]));
     case Opcode::kImageSave:
-      return outcome(host_.save_image(step.text, step.planes[0]));
+      return outcome(host_.save_image(step.text, *step.planes[0]));
     case Opcode::kSurfaceActuate:
       return outcome(step.scalars[1] != nullptr ? host_.actuate(step.text, *step.scalars[1])
-                                                : host_.actuate(step.text, step.planes[1]));
+                                                : host_.actuate(step.text, *step.planes[1]));
     case Opcode::kSurfaceStep: {
       const HostStatus status = host_.step();
       return status == HostStatus::kOk ? Status::kTick : outcome(status);
@@ -109,14 +109,14 @@ Status Vm::host_call(const Step& step) {
 Status Vm::read_plane(const Step& step) {
   const float* mask = nullptr;
   const Gate open = gate(step, mask);
-  if (open == Gate::kMismatch) return wrong_mask(step.y);
+  if (open == Gate::kMismatch) return wrong_mask(*step.y);
   // A masked read goes through a scratch plane; with every cell off the host is still asked, so that a wrong
   // name is reported whatever the data.
   const bool direct = open == Gate::kOpen && mask == nullptr;
-  const Plane to = direct ? step.y : step.scratch;
+  const Plane to = direct ? *step.y : step.scratch;
   const HostStatus status = read(step, to);
   if (status != HostStatus::kOk) return outcome(status);
-  if (mask != nullptr) copy(step.y, to, mask);
+  if (mask != nullptr) copy(*step.y, to, mask);
   return Status::kBudget;
 }
 
@@ -138,7 +138,7 @@ HostStatus Vm::read(const Step& step, Plane to) {
 }
 
 Status Vm::save_numbered(const Step& step) {
-  return outcome(host_.save_image(numbered(step.text, *step.scalars[2]), step.planes[0]));
+  return outcome(host_.save_image(numbered(step.text, *step.scalars[2]), *step.planes[0]));
 }
 
 std::string_view Vm::register_name(const Step& step) const {
@@ -150,7 +150,8 @@ Status Vm::plugin_with(const Step& step) {
   if (plugin_arguments_.size() == program::kMaxPluginArguments)
     return fail(Status::kFailed,
                 "a plugin takes at most " + std::to_string(program::kMaxPluginArguments) + " arguments");
-  plugin_arguments_.push_back({step.planes[0], step.scalars[0] != nullptr ? *step.scalars[0] : 0.0F});
+  plugin_arguments_.push_back({step.planes[0] != nullptr ? ConstPlane(*step.planes[0]) : ConstPlane(),
+                               step.scalars[0] != nullptr ? *step.scalars[0] : 0.0F});
   return Status::kBudget;
 }
 
@@ -160,26 +161,26 @@ Status Vm::plugin(const Step& step) {
   if (!(number >= 0.0F && number < 1e9F && number == std::floor(number)))
     return fail(Status::kFailed, "a plugin's operation is a whole number from 0, not " + number_text(number));
   const float* mask = nullptr;
-  const Gate open = step.y.data != nullptr ? gate(step, mask) : Gate::kOpen;
-  if (open == Gate::kMismatch) return wrong_mask(step.y);
+  const Gate open = step.y != nullptr ? gate(step, mask) : Gate::kOpen;
+  if (open == Gate::kMismatch) return wrong_mask(*step.y);
   // Always by way of a plane of its own: the destination may be an argument.
   Plane to{};
-  if (step.y.data != nullptr) {
+  if (step.y != nullptr) {
     to = step.scratch;
-    copy(to, step.y, nullptr);
+    copy(to, *step.y, nullptr);
   }
   const HostStatus status =
       host_.call_plugin(module, static_cast<int>(number), plugin_arguments_, to, step.variable);
   plugin_arguments_.clear();
   if (status != HostStatus::kOk) return outcome(status);
-  if (step.y.data != nullptr && open == Gate::kOpen) copy(step.y, to, mask);
+  if (step.y != nullptr && open == Gate::kOpen) copy(*step.y, to, mask);
   return Status::kBudget;
 }
 
 void Vm::print_value(const Step& step) {
   NumberBuffer buffer;
   if (step.scalars[0] != nullptr) return host_.print(number_text(*step.scalars[0], buffer));
-  const ConstPlane& plane = step.planes[0];
+  const ConstPlane plane = *step.planes[0];
   for (std::uint32_t y = 0; y < plane.height; ++y) {
     if (y > 0) host_.print("\n");
     for (std::uint32_t x = 0; x < plane.width; ++x) {

@@ -1,0 +1,90 @@
+// How a graph of values is computed piece by piece in the cache: stages (operations that run together over
+// one row after another), each some rows behind those it reads from, in column strips with a border that
+// neighbouring strips compute twice.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "apron/program/Program.h"
+#include "apron/vm/Graph.h"
+
+namespace apron::vm {
+
+// Where the rows of a value are.
+struct Store {
+  enum class Kind : std::uint8_t {
+    kRegister,  // as it was at entry
+    kMask,      // the mask in force at entry
+    kInPlace,   // a register's own rows, written
+    kFresh,     // rows that become a register's when the segment is through
+    kRing,      // `capacity` rows of a worker's own, row r in place r mod capacity
+  };
+  Kind kind = Kind::kRing;
+  std::uint32_t reg = 0;
+  std::uint32_t capacity = 0;
+  std::uint32_t pads = 0;  // columns read beyond its west and east edge
+  std::size_t offset = 0;  // kRing: of its first row, floats from the start of a worker's memory
+};
+
+// The rows that a stage reads or writes, at its own row plus dy.
+struct Stream {
+  std::uint32_t store = 0;
+  std::int8_t dy = 0;
+  auto operator<=>(const Stream&) const = default;
+};
+
+struct MicroArg {
+  enum class Kind : std::uint8_t { kNone, kTemp, kStream, kScalar };
+  Kind kind = Kind::kNone;
+  std::int8_t dx = 0;       // kStream
+  std::uint32_t index = 0;  // an earlier operation of the stage, a stream, a scalar slot
+  auto operator<=>(const MicroArg&) const = default;
+};
+
+struct MicroOp {
+  program::Opcode op = program::Opcode::kCopy;
+  std::array<MicroArg, program::kMaxSources> args{};
+};
+
+struct Stage {
+  std::vector<Stream> streams;
+  std::vector<MicroOp> ops;
+  struct Result {
+    std::uint32_t op = 0, stream = 0;
+  };
+  std::vector<Result> results;               // written when all operations have read; streams with dy 0
+  std::uint32_t lag = 0;                     // rows behind the first stage
+  std::uint32_t border_x = 0, border_y = 0;  // columns and rows needed beyond a strip's or slice's own
+};
+
+inline constexpr std::size_t kMaxStreams = 10;  // of a stage
+inline constexpr std::size_t kMaxResults = 6;
+
+struct PlanOptions {
+  unsigned slices = 1;              // by rows, one for each thread
+  std::uint32_t strip_columns = 0;  // 0: chosen; else rounded up to whole vectors
+  std::uint32_t block_rows = 0;     // 0: chosen
+};
+
+struct Plan {
+  std::uint32_t width = 0, height = 0;
+  Edge edge{};
+  std::vector<Store> stores;
+  std::vector<Stage> stages;
+  unsigned slices = 1;
+  std::uint32_t strip_columns = 0;  // a multiple of 16, or the whole width
+  std::uint32_t block_rows = 0;
+  std::uint32_t border = 0;       // columns beyond a strip's own in the rings, a multiple of 16
+  std::uint32_t ring_pitch = 0;   // floats from one row of a ring to the next
+  std::size_t worker_floats = 0;  // memory of a worker for all rings
+  std::uint32_t lag = 0;          // the largest
+};
+
+Plan make_plan(const Graph& graph, std::uint32_t width, std::uint32_t height, const PlanOptions& options);
+
+// Whether operations of this opcode may share a stage with others.
+bool joins_stages(program::Opcode op) noexcept;
+
+}  // namespace apron::vm

@@ -1,0 +1,106 @@
+#include <Eigen/Core>
+
+#include "tests/bench/arrays/Peers.h"
+
+namespace arrays {
+namespace {
+
+using Array = Eigen::Array<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+struct Machine {
+  explicit Machine(int size) : n(size) {
+    for (Array& p : padded) p = Array::Zero(n + 2, n + 2);
+    for (Array& w : whole) w = Array::Zero(n, n);
+  }
+  int n;
+  Array padded[7], whole[4];
+
+  auto in(Array& p) const { return p.block(1, 1, n, n); }
+  auto north(Array& p) const { return p.block(0, 1, n, n); }
+  auto south(Array& p) const { return p.block(2, 1, n, n); }
+  auto east(Array& p) const { return p.block(1, 2, n, n); }
+  auto west(Array& p) const { return p.block(1, 0, n, n); }
+
+  void chain() {
+    Array &a = whole[0], &b = whole[1], &c = whole[2], &d = whole[3];
+    d = (a + b) * 0.5F;
+    b = (d > a).select(d, b);
+    c = a.max(b);
+    a = a.min(b);
+    d = c - a;
+    c = c * d;
+  }
+  void morphology() {
+    Array &a = padded[0], &h = padded[1], &e = padded[2], &g = padded[3];
+    in(h) = east(a).min(west(a)).min(in(a));
+    in(e) = north(h).min(south(h)).min(in(h));
+    in(g) = east(e).max(west(e)).max(in(e));
+    whole[1] = north(g).max(south(g)).max(in(g));
+  }
+  void life() {
+    Array &a = padded[0], &h = padded[1];
+    in(h) = east(a) + west(a) + in(a);
+    whole[0] = north(h) + south(h) + in(h);
+    whole[1] = (whole[0] == 3.0F || (whole[0] == 4.0F && in(a) != 0.0F)).cast<float>();
+  }
+  void diffusion() {
+    for (int t = 0; t < 16; ++t) {
+      Array &x = t == 0 ? padded[0] : padded[1 + t % 2], &y = padded[2 - t % 2];
+      in(y) = ((north(x) + south(x)) + (east(x) + west(x))) * 0.2F + in(x)*0.2F;
+    }
+    whole[1] = in(padded[1]);
+  }
+  void case_study() {
+    Array &a = padded[0], &h = padded[1], &e = padded[2];
+    in(h) = east(a).min(west(a)).min(in(a));
+    in(e) = north(h).min(south(h)).min(in(h));
+    padded[3] = e;
+    for (int t = 0; t < 8; ++t) {
+      Array &x = padded[3 + t % 2], &y = padded[4 - t % 2];
+      in(y) = (in(e) != 0.0F).select(north(x).min(south(x)).min(east(x).min(west(x))) + 1.0F, in(x));
+    }
+    padded[5] = padded[3];
+    for (int t = 0; t < 16; ++t) {
+      Array &x = padded[5 + t % 2], &y = padded[6 - t % 2];
+      in(y) = (in(e) != 0.0F).select(north(x).max(south(x)).max(east(x).max(west(x))).max(in(x)), in(x));
+    }
+    Array &d = padded[3], &m = padded[5], &c = padded[4];
+    in(c) = (in(d) >= in(m)).cast<float>() * in(e);
+    in(h) = east(c).max(west(c)).max(in(c));
+    whole[1] = (north(h).max(south(h)).max(in(h)) != 0.0F).select(in(m), 0.0F);
+  }
+};
+
+double checksum(const Array& a) {
+  Image image(static_cast<int>(a.rows()));
+  for (int r = 0; r < image.n(); ++r)
+    for (int c = 0; c < image.n(); ++c) image.row(r)[c] = a(r, c);
+  return image.checksum();
+}
+
+}  // namespace
+
+std::optional<Job> eigen_job(int workload, int n) {
+  auto m = std::make_shared<Machine>(n);
+  for (int i = 0; i < (workload == 2 ? 2 : 1); ++i) {
+    const Image image = input(workload, n, i);
+    for (int r = 0; r < n; ++r)
+      for (int c = 0; c < n; ++c)
+        (workload == 2 ? m->whole[i](r, c) : m->padded[0](r + 1, c + 1)) = image.row(r)[c];
+  }
+  const auto run = [m, workload] {
+    if (workload == 2) m->chain();
+    if (workload == 3) m->morphology();
+    if (workload == 4) m->life();
+    if (workload == 5) m->diffusion();
+    if (workload == 6) m->case_study();
+  };
+  return Job{run, [m, workload] {
+               double sum = 0;
+               for (int i = 0; i < 4; ++i)
+                 if (workload == 2 || i == 1) sum += checksum(m->whole[i]);
+               return sum;
+             }};
+}
+
+}  // namespace arrays

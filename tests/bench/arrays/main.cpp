@@ -1,0 +1,120 @@
+// bench_arrays [WORKLOADS [SIZES [REPETITIONS]]], such as bench_arrays 2,6 64,1024 9: every peer on every
+// workload, in turns, with equal checksums. Times are microseconds for one run over the whole array, minimum
+// and median.
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <sstream>
+#include <vector>
+
+#include "tests/bench/arrays/Peers.h"
+
+namespace {
+
+using arrays::Job;
+using Clock = std::chrono::steady_clock;
+
+struct Figures {
+  std::string peer;
+  double least_us = 0, median_us = 0, checksum = 0;
+};
+
+struct Runner {
+  std::string peer;
+  Job job;
+  double checksum = 0;
+  long count = 1;
+  std::vector<double> times_us{};
+
+  double once_us() const {
+    const auto start = Clock::now();
+    for (long i = 0; i < count; ++i) job.run();
+    return std::chrono::duration<double, std::micro>(Clock::now() - start).count() /
+           static_cast<double>(count);
+  }
+};
+
+std::vector<int> numbers(const char* text, std::vector<int> otherwise) {
+  if (text == nullptr) return otherwise;
+  otherwise.clear();
+  std::stringstream list(text);
+  for (std::string one; std::getline(list, one, ',');) otherwise.push_back(std::stoi(one));
+  return otherwise;
+}
+
+// Turn by turn, so that a busy moment of the machine hits all alike.
+std::vector<Figures> measure(std::vector<Runner>& runners, int repetitions) {
+  for (Runner& r : runners) {
+    r.job.run();
+    r.checksum = r.job.checksum();
+    r.count = std::max(1L, static_cast<long>(3000.0 / std::max(r.once_us(), 1e-3)));
+    r.once_us();
+  }
+  for (int i = 0; i < repetitions; ++i)
+    for (Runner& r : runners) r.times_us.push_back(r.once_us());
+  std::vector<Figures> all;
+  for (Runner& r : runners) {
+    std::sort(r.times_us.begin(), r.times_us.end());
+    all.push_back({r.peer, r.times_us.front(), r.times_us[r.times_us.size() / 2], r.checksum});
+  }
+  return all;
+}
+
+std::optional<Figures> numpy(int workload, int n) {
+  const std::string command = std::string(ARRAYS_PYTHON " " ARRAYS_SOURCE_DIR "/numpy_peer.py ") +
+                              std::to_string(workload) + " " + std::to_string(n) + " 2>/dev/null";
+  FILE* pipe = popen(command.c_str(), "r");
+  if (pipe == nullptr) return std::nullopt;
+  Figures f{"numpy"};
+  const int fields = std::fscanf(pipe, "%lf %lf %lf", &f.least_us, &f.median_us, &f.checksum);
+  return pclose(pipe) == 0 && fields == 3 ? std::optional(f) : std::nullopt;
+}
+
+// True if the checksums agree. They are sums of floats' exact values; a fused multiply-add in a peer may
+// change a last bit here and there.
+bool compare(int workload, int n, int repetitions) {
+  std::vector<Runner> runners;
+  std::string missing;
+  const auto add = [&](const char* peer, std::optional<Job> job) {
+    if (job)
+      runners.push_back({peer, std::move(*job)});
+    else
+      missing += std::string(" ") + peer;
+  };
+  add("apron", arrays::apron_job(workload, n, 1));
+  add("apron, 2 threads", arrays::apron_job(workload, n, 2));
+  add("hand-fused", arrays::hand_job(workload, n));
+  add("halide", arrays::halide_job(workload, n));
+  add("eigen", arrays::eigen_job(workload, n));
+  add("unfused", arrays::unfused_job(workload, n));
+  std::vector<Figures> all = measure(runners, repetitions);
+  if (const auto f = numpy(workload, n))
+    all.push_back(*f);
+  else
+    missing += " numpy";
+  bool equal = true;
+  for (const Figures& f : all) {
+    const bool same = std::fabs(f.checksum - all[0].checksum) <= 1e-6 * std::fabs(all[0].checksum);
+    equal = equal && same;
+    std::printf("W%d %4d  %-17s %11.3f %11.3f  apron is %5.2f x  checksum %.9g%s\n", workload, n,
+                f.peer.c_str(), f.least_us, f.median_us, f.least_us / all[0].least_us, f.checksum,
+                same ? "" : "  DIFFERS");
+  }
+  if (!missing.empty()) std::printf("W%d %4d  not here:%s\n", workload, n, missing.c_str());
+  std::fflush(stdout);
+  return equal;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const std::vector<int> workloads = numbers(argc > 1 ? argv[1] : nullptr, {2, 3, 4, 5, 6});
+  const std::vector<int> sizes = numbers(argc > 2 ? argv[2] : nullptr, {64, 256, 1024, 4096});
+  const int repetitions = argc > 3 ? std::atoi(argv[3]) : 9;
+  bool equal = true;
+  std::printf("           peer                min us   median us\n");
+  for (const int n : sizes)
+    for (const int w : workloads) equal = compare(w, n, repetitions) && equal;
+  return equal ? 0 : 1;
+}

@@ -1,0 +1,293 @@
+// Random programs run as segments and one instruction at a time: every register and variable equal to the
+// bit, whatever the tiles, the number of threads and the instruction set.
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "tests/unit/apron/vm/Build.h"
+
+namespace apron::vm::test {
+namespace {
+
+using program::BoundaryRule;
+
+class RandomProgram : public Build {
+ public:
+  RandomProgram(unsigned seed, Size size) : rng_(seed) {
+    // Half of the registers are temporaries, which need not be up to date in the end.
+    for (int i = 0; i < kRegisters; ++i) {
+      registers.push_back(reg(size.width, size.height));
+      if (i >= kRegisters / 2) program.registers.back().name[0] = '$';
+    }
+    for (int i = 0; i < 3; ++i) variables.push_back(var(static_cast<float>(i) - 0.5F));
+    if (chance(2)) {
+      const auto rule = static_cast<float>(rng_() % 5);
+      add(Opcode::kBoundary, {}, lit(rule), lit(1.75F));
+    }
+    block(static_cast<int>(rng_() % 40) + 10, 0);
+    // What is left in the temporaries must not have been needed: read them all.
+    for (int i = kRegisters / 2; i < kRegisters; ++i)
+      add(Opcode::kAdd, registers[0], registers[0], registers[i]);
+  }
+
+  std::vector<Operand> registers, variables;
+
+ private:
+  static constexpr int kRegisters = 8;
+
+  bool chance(unsigned one_in) { return rng_() % one_in == 0; }
+  Operand any() { return registers[rng_() % registers.size()]; }
+  Operand number() { return lit(static_cast<float>(static_cast<int>(rng_() % 9)) * 0.5F - 2.0F); }
+  Operand scalar() { return chance(2) ? variables[rng_() % variables.size()] : number(); }
+  Operand operand() { return chance(5) ? scalar() : any(); }
+
+  void block(int length, int depth) {
+    for (int i = 0; i < length; ++i) instruction(depth);
+  }
+
+  void instruction(int depth) {
+    switch (rng_() % 16) {
+      case 0:
+        return scalar_operation();
+      case 1:
+      case 2:
+      case 3:
+      case 4:
+        return shift();
+      case 5:
+        return depth < 3 ? where(depth) : elementwise();
+      case 6:
+        return depth < 2 ? loop(depth) : elementwise();
+      case 7:
+        return other();
+      case 8:
+        return near();
+      default:
+        return elementwise();
+    }
+  }
+
+  void elementwise() {
+    static const Opcode kOps[] = {
+        Opcode::kCopy, Opcode::kAdd,    Opcode::kSub,    Opcode::kMul,    Opcode::kMin,  Opcode::kMax,
+        Opcode::kDiv,  Opcode::kMod,    Opcode::kAbs,    Opcode::kNeg,    Opcode::kSign, Opcode::kClamp,
+        Opcode::kMac,  Opcode::kSelect, Opcode::kLt,     Opcode::kLe,     Opcode::kGt,   Opcode::kGe,
+        Opcode::kEq,   Opcode::kNe,     Opcode::kAnd,    Opcode::kOr,     Opcode::kXor,  Opcode::kNand,
+        Opcode::kNor,  Opcode::kNot,    Opcode::kSqrt,   Opcode::kFloor,  Opcode::kCeil, Opcode::kRound,
+        Opcode::kSin,  Opcode::kAtan2,  Opcode::kMin,    Opcode::kMax,    Opcode::kAdd,  Opcode::kMul,
+        Opcode::kSub,  Opcode::kAdd,    Opcode::kSelect, Opcode::kSelect, Opcode::kMin,  Opcode::kMax};
+    const Opcode op = kOps[rng_() % std::size(kOps)];
+    const std::size_t arity = program::info(op).signature.size() - 1;
+    Operand from[3] = {};
+    for (std::size_t k = 0; k < arity; ++k) from[k] = operand();
+    add(op, any(), from[0], from[1], from[2], !chance(3));
+  }
+
+  void shift() {
+    const Operand y = any(), a = any();
+    if (y == a) return elementwise();
+    static const int kFar[] = {1, 1, 1, -1, -1, -1, 0, 0, 2, -2, 3, 8, -8, 9, -17};
+    const int dx = kFar[rng_() % std::size(kFar)], dy = chance(3) ? kFar[rng_() % std::size(kFar)] : 0;
+    const bool turned = chance(2);
+    add(chance(12) ? Opcode::kRotate : Opcode::kShift, y, a, lit(static_cast<float>(turned ? dy : dx)),
+        lit(static_cast<float>(turned ? dx : dy)), !chance(3));
+  }
+
+  void near() {
+    const Operand y = any(), a = any();
+    if (y == a) return elementwise();
+    const auto op = static_cast<Opcode>(static_cast<unsigned>(Opcode::kNearSum) + rng_() % 5);
+    add(op, y, a, lit(chance(2) ? 4.0F : 8.0F), {}, !chance(3));
+  }
+
+  void scalar_operation() {
+    static const Opcode kOps[] = {Opcode::kCopy, Opcode::kAdd, Opcode::kSub, Opcode::kMul, Opcode::kMin};
+    const Opcode op = kOps[rng_() % std::size(kOps)];
+    add(op, variables[rng_() % variables.size()], scalar(), op == Opcode::kCopy ? Operand{} : scalar());
+  }
+
+  void where(int depth) {
+    add(Opcode::kMaskPush, {}, any());
+    block(static_cast<int>(rng_() % 6), depth + 1);
+    if (chance(2)) {
+      add(Opcode::kMaskElse);
+      block(static_cast<int>(rng_() % 5), depth + 1);
+    }
+    add(Opcode::kMaskPop);
+  }
+
+  // repeat(n): its counter set to a number, or to a variable that only the run knows.
+  void loop(int depth) {
+    const Operand counter = var();
+    if (chance(3))
+      add(Opcode::kMin, counter, scalar(), lit(3));
+    else
+      add(Opcode::kCopy, counter, lit(static_cast<float>(rng_() % 5)));
+    const std::size_t top = add(Opcode::kUnlessGt, {}, counter, lit(0), label(0));
+    block(static_cast<int>(rng_() % 6) + 1, depth + 1);
+    add(Opcode::kSub, counter, counter, lit(1));
+    add(Opcode::kJump, {}, label(top));
+    program.code[top].operands[2] = label(here());
+  }
+
+  void other() {
+    switch (rng_() % 7) {
+      case 0:
+        add(Opcode::kMaskOn, {}, any());
+        break;
+      case 1:
+        add(Opcode::kMaskOff);
+        break;
+      case 2:
+        add(Opcode::kGlobalSum, variables[0], any());
+        break;
+      case 3:
+        add(Opcode::kBoundary, {}, lit(static_cast<float>(rng_() % 5)), scalar());
+        break;
+      case 4:
+        add(Opcode::kMaskPush, {}, scalar());
+        elementwise();
+        add(Opcode::kMaskPop);
+        break;
+      case 5:
+        add(Opcode::kCellX, any());
+        break;
+      default:
+        add(Opcode::kPixelSet, any(), lit(0), lit(0), scalar());
+        break;
+    }
+  }
+
+  std::mt19937 rng_;
+};
+
+struct Way {
+  std::string name;
+  VmOptions options;
+};
+
+std::vector<Way> ways() {
+  std::vector<Way> all;
+  const auto add = [&](std::string name, unsigned threads, std::uint32_t strip, std::uint32_t rows,
+                       bool jit) {
+    Way& way = all.emplace_back();
+    way.name = std::move(name);
+    way.options.threads = threads;
+    way.options.parallel_cells = 1;
+    way.options.fuse.strip_columns = strip;
+    way.options.fuse.block_rows = rows;
+    way.options.fuse.jit = jit;
+    return &way;
+  };
+  add("whole", 1, 0, 0, true);
+  add("rows of 1", 1, 0, 1, true);
+  add("strips of 16, rows of 3", 1, 16, 3, true);
+  add("strips of 48, three threads", 3, 48, 8, true);
+  add("two threads", 2, 0, 5, true);
+  add("tiles", 1, 0, 0, false);
+  add("tiles, strips of 32, rows of 2, two threads", 2, 32, 2, false);
+  add("short traces", 1, 0, 4, true)->options.fuse.trace_steps = 7;
+  for (const NamedKernelTable& target : kernel_tables()) {
+    Way* way = add("tiles of " + std::string(target.name), 1, 16, 7, false);
+    way->options.kernels = target.table;
+  }
+  return all;
+}
+
+// Whole numbers in every other program, for NaN spreads and hides much.
+Cells input(std::size_t n, unsigned seed, std::mt19937& rng) {
+  if (rng() % 3 == 0) return random_mask(n, rng);
+  if (seed % 3 == 0) return random_cells(n, rng);
+  Cells cells(n);
+  for (float& c : cells) c = static_cast<float>(rng() % 64) * 0.125F - 3.0F;
+  return cells;
+}
+
+struct Result {
+  std::vector<Cells> registers;
+  Cells variables;
+  std::uint64_t executed = 0;
+};
+
+Result run(const RandomProgram& random, const program::Program& program, const VmOptions& options,
+           unsigned seed) {
+  FakeHost host;
+  Vm vm(program, options, host);
+  std::mt19937 rng(seed);
+  for (const Operand& r : random.registers) {
+    const Plane plane = vm.plane(r.index);
+    write(plane, input(plane.cells(), seed, rng));
+  }
+  EXPECT_EQ(vm.run(), Status::kEnded) << vm.error();
+  Result result;
+  for (const Operand& r : random.registers) result.registers.push_back(read(vm.plane(r.index)));
+  for (std::size_t v = 0; v < program.variables.size(); ++v) result.variables.push_back(vm.variable(v));
+  result.executed = vm.executed();
+  return result;
+}
+
+void compare(const Result& want, const Result& got, const RandomProgram& random, const std::string& what) {
+  ASSERT_EQ(want.executed, got.executed) << what;
+  for (std::size_t v = 0; v < want.variables.size(); ++v)
+    ASSERT_TRUE(same(want.variables[v], got.variables[v])) << what << " variable " << v;
+  for (std::size_t r = 0; r < want.registers.size(); ++r) {
+    const program::Register& reg = random.program.registers[random.registers[r].index];
+    if (reg.name[0] == '$') continue;
+    for (std::size_t i = 0; i < want.registers[r].size(); ++i)
+      ASSERT_TRUE(same(want.registers[r][i], got.registers[r][i]))
+          << what << " register " << reg.name << " column " << i % reg.width << " row " << i / reg.width
+          << ": " << got.registers[r][i] << ", not " << want.registers[r][i];
+  }
+}
+
+TEST(Fusion, EqualsOneInstructionAtATime) {
+  const Size kShapes[] = {{64, 64}, {1, 1}, {3, 5}, {17, 33}, {100, 7}, {16, 2}, {1, 40}, {130, 37}, {33, 9}};
+  const std::vector<Way> all = ways();
+  for (unsigned seed = 0; seed < 180; ++seed) {
+    RandomProgram random(seed, kShapes[seed % std::size(kShapes)]);
+    const program::Program program = random.done();
+    ASSERT_EQ(program::verify(program), "") << seed;
+    VmOptions plain;
+    plain.fuse.on = false;
+    const Result want = run(random, program, plain, seed);
+    for (const Way& way : all) {
+      compare(want, run(random, program, way.options, seed), random,
+              "seed " + std::to_string(seed) + ", " + way.name);
+      if (HasFatalFailure()) return;
+    }
+  }
+}
+
+// The budget counts instructions, and a debugger that steps sees each: segments neither overrun it nor are
+// entered in their middle.
+TEST(Fusion, BudgetsCutAnywhere) {
+  for (unsigned seed = 300; seed < 330; ++seed) {
+    RandomProgram random(seed, {20, 6});
+    const program::Program program = random.done();
+    VmOptions plain;
+    plain.fuse.on = false;
+    const Result want = run(random, program, plain, seed);
+    FakeHost host;
+    Vm vm(program, {}, host);
+    std::mt19937 rng(seed);
+    for (const Operand& r : random.registers) {
+      const Plane plane = vm.plane(r.index);
+      write(plane, input(plane.cells(), seed, rng));
+    }
+    std::uint64_t done = 0, budget = 1 + seed % 5;
+    for (Status status = Status::kBudget; status == Status::kBudget;
+         done += budget, budget = 1 + (budget * 7) % 90) {
+      ASSERT_EQ(vm.executed(), done);
+      status = vm.run(budget);
+    }
+    Result got;
+    for (const Operand& r : random.registers) got.registers.push_back(read(vm.plane(r.index)));
+    for (std::size_t v = 0; v < program.variables.size(); ++v) got.variables.push_back(vm.variable(v));
+    got.executed = vm.executed();
+    compare(want, got, random, "seed " + std::to_string(seed));
+    if (HasFatalFailure()) return;
+  }
+}
+
+}  // namespace
+}  // namespace apron::vm::test
