@@ -248,7 +248,11 @@ Value Lowering::kept(Value value) {
 Value Lowering::scalar(const Expression& expression, std::string_view what) {
   const Value value = lower(expression);
   if (value.is_register()) {
-    throw Failure{expression.at, fmt::format("{} takes a scalar, and this is a register", what)};
+    const std::string_view advice =
+        what == "a condition"
+            ? "; write where(…) to act on the cells where it holds, or take one value of all: globalany(A)"
+            : "";
+    throw Failure{expression.at, fmt::format("{} takes a scalar, and this is a register{}", what, advice)};
   }
   return value;
 }

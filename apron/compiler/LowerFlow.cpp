@@ -376,7 +376,11 @@ void Lowering::finish_blocks(std::size_t floor) {
   while (blocks_.size() > floor) {
     const Block& block = blocks_.back();
     const std::string_view name = word(static_cast<int>(block.kind));
-    diagnostics_.error(block.at, fmt::format("this '{0}' has no 'end{0}'", name));
+    diagnostics_.error(
+        block.at,
+        fmt::format(
+            "this '{0}' has no 'end{0}'; write it on a line of its own after the last line of the '{0}'",
+            name));
     blocks_.pop_back();
   }
 }

@@ -200,6 +200,21 @@ void Lowering::leave(std::uint32_t expansion) {
 }
 
 void Lowering::unknown_call(const Expression& call) const {
+  static const std::map<std::string, std::string> kForeign = {
+      {"elseif", "write 'else', and an 'if' with its own 'endif' after it"},
+      {"elif", "write 'else', and an 'if' with its own 'endif' after it"},
+      {"register", "directives begin with '!': !register(A)"},
+      {"create", "directives begin with '!': !create('A', REGISTER)"},
+      {"include", "directives begin with '!': !include('file.aps')"},
+      {"define", "directives begin with '!': !define(NAME, words)"},
+      {"goto", "write jump(#label)"},
+      {"printf", "write print('text', a)"},
+      {"wend", "write endwhile"},
+      {"next", "write endfor"}};
+  if (const auto found = kForeign.find(call.text); found != kForeign.end()) {
+    throw Failure{call.at,
+                  fmt::format("there is no instruction or macro '{}'; {}", call.text, found->second)};
+  }
   std::vector<std::string> known = builtin_names();
   known.insert(known.end(), other_names_.begin(), other_names_.end());
   throw Failure{call.at, fmt::format("there is no instruction or macro '{}'{}", call.text,

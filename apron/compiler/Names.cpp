@@ -29,6 +29,10 @@ void Names::remove(const std::string& name) { bare_.erase(name); }
 const std::string& Names::class_of(const std::string& name, syntax::Location at) const {
   const auto found = aliases_.find(name);
   if (found != aliases_.end()) return found->second;
+  if (const Symbol* symbol = find(name); symbol != nullptr && symbol->value.is_register()) {
+    throw Failure{
+        at, fmt::format("'{0}' is a register, not a class; one cell is pixel.get({0}, x, y)", shown(name))};
+  }
   std::vector<std::string> known;
   for (const auto& [alias, target] : aliases_) known.push_back(alias);
   throw Failure{at, fmt::format("there is no class '{}'{}", name, syntax::did_you_mean(name, known))};

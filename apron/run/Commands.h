@@ -1,5 +1,5 @@
-// What `apron run`, `check` and `disasm` do. Each prints its result or what is wrong, and returns the exit
-// status.
+// What `apron run`, `check`, `disasm` and `fmt` do. Each prints its result or what is wrong, and returns the
+// exit status.
 #pragma once
 
 #include "apron/run/Options.h"
@@ -9,5 +9,6 @@ namespace apron::run {
 int run_program(const Options& options);
 int check_program(const Options& options);
 int disassemble_program(const Options& options);
+int format_programs(const Options& options);
 
 }  // namespace apron::run

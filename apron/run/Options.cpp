@@ -73,14 +73,31 @@ void set_parameter(Raw& raw, const std::string& text) {
   raw.options.parameters[text.substr(0, equals)] = value;
 }
 
-void common(CLI::App& command, Raw& raw) {
-  command.add_option("program", raw.options.program, "APRON program")->type_name("FILE")->required();
+void common(CLI::App& command, Raw& raw, bool takes_program = true) {
+  if (takes_program)
+    command.add_option("program", raw.options.program, "APRON program")->type_name("FILE")->required();
   command
       .add_option("-I", raw.options.include_paths,
                   "look for included files here too, before the installed library")
       ->type_name("DIR")
       ->allow_extra_args(false);
   command.add_option("--size", raw.size, "size of the array without a surface [64x64]")->type_name("WxH");
+}
+
+void settings(CLI::App& run, Raw& raw) {
+  run.add_option("--set", raw.sets, "value of a slider or switch")
+      ->type_name("NAME=VALUE")
+      ->allow_extra_args(false);
+  run.add_option("--threads", raw.options.threads, "threads for large arrays; they change no result [1]")
+      ->type_name("N")
+      ->check(whole_number(1, 256));
+}
+
+void define_format(CLI::App& format, Raw& raw) {
+  format.add_option("programs", raw.options.files, "APRON programs")->type_name("FILE")->required();
+  format.add_flag("--write", raw.options.write, "change the files, instead of writing to the output");
+  format.add_flag("--check", raw.options.only_check,
+                  "only name the files that would change, with exit status 1");
 }
 
 void define_run(CLI::App& run, Raw& raw) {
@@ -90,12 +107,7 @@ void define_run(CLI::App& run, Raw& raw) {
   run.add_option("--ticks", raw.options.ticks, "stop after so many surface.step")
       ->type_name("N")
       ->check(whole_number(1, std::numeric_limits<std::uint64_t>::max()));
-  run.add_option("--set", raw.sets, "value of a slider or switch")
-      ->type_name("NAME=VALUE")
-      ->allow_extra_args(false);
-  run.add_option("--threads", raw.options.threads, "threads for large arrays; they change no result [1]")
-      ->type_name("N")
-      ->check(whole_number(1, 256));
+  settings(run, raw);
   run.add_flag("--reconnect", raw.options.reconnect,
                "when the surface is lost, wait for a new one and start the program afresh");
   run.add_option("--wait", raw.options.wait_s, "how long to wait for the surface to appear [5]")
@@ -131,18 +143,25 @@ ParsedOptions parse_options(int argc, char** argv) {
       ->type_name("local");
   CLI::App& disassemble = *app.add_subcommand("disasm", "list a program's instructions");
   common(disassemble, raw);
-  CLI::App& format = *app.add_subcommand("fmt", "")->group("")->allow_extras();
+  CLI::App& format = *app.add_subcommand("fmt", "write programs in the usual layout");
+  define_format(format, raw);
+  CLI::App& repl = *app.add_subcommand("repl", "type a program line by line and look at its registers");
+  common(repl, raw, false);
+  settings(repl, raw);
   try {
     app.parse(argc, argv);
-    if (format.parsed()) throw CLI::ValidationError("fmt", "not available in this version");
     if (!raw.size.empty()) set_size(raw);
     if (run.parsed()) check_run(raw);
     if (check.parsed() && !raw.profile.empty() && raw.profile != "local")
       throw CLI::ValidationError("--profile", "'" + raw.profile + "' is unknown; there is: local");
     raw.options.local_profile = check.parsed() && !raw.profile.empty();
-    raw.options.command = run.parsed()     ? Command::kRun
-                          : check.parsed() ? Command::kCheck
-                                           : Command::kDisassemble;
+    raw.options.command = run.parsed()      ? Command::kRun
+                          : check.parsed()  ? Command::kCheck
+                          : format.parsed() ? Command::kFormat
+                          : repl.parsed()   ? Command::kRepl
+                                            : Command::kDisassemble;
+    if (repl.parsed())
+      for (const std::string& set : raw.sets) set_parameter(raw, set);
     return {raw.options, std::nullopt};
   } catch (const CLI::Success& success) {
     return {raw.options, app.exit(success)};

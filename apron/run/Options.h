@@ -18,7 +18,7 @@ enum ExitStatus {
   kSignalled = 128
 };  // plus the signal
 
-enum class Command { kRun, kCheck, kDisassemble };
+enum class Command { kRun, kCheck, kDisassemble, kFormat, kRepl };
 
 struct Options {
   Command command = Command::kRun;
@@ -32,6 +32,8 @@ struct Options {
   bool local_profile = false;
   std::vector<std::string> include_paths;
   double wait_s = 5.0;
+  std::vector<std::string> files;  // of fmt
+  bool write = false, only_check = false;
 };
 
 // Reads the command line. When there is nothing to run, because help was asked for or the line is wrong,

@@ -21,16 +21,20 @@ std::string library_path() {
 
 }  // namespace
 
-std::optional<program::Program> compile_file(const Options& options, std::uint32_t width,
-                                             std::uint32_t height) {
+compiler::CompileOptions compile_options(const Options& options, std::uint32_t width, std::uint32_t height) {
   compiler::CompileOptions how;
   how.file = options.program;
   how.width = width;
   how.height = height;
   how.include_paths = options.include_paths;
   how.library_path = library_path();
+  return how;
+}
+
+std::optional<program::Program> compile_file(const Options& options, std::uint32_t width,
+                                             std::uint32_t height) {
   syntax::DiskReader reader;
-  compiler::CompileResult result = compiler::compile(how, reader);
+  compiler::CompileResult result = compiler::compile(compile_options(options, width, height), reader);
   if (!result.program) std::cerr << syntax::format(result.diagnostics, result.sources);
   return std::move(result.program);
 }

@@ -6,10 +6,13 @@
 #include <string>
 #include <vector>
 
+#include "apron/compiler/Compiler.h"
 #include "apron/program/Program.h"
 #include "apron/run/Options.h"
 
 namespace apron::run {
+
+compiler::CompileOptions compile_options(const Options& options, std::uint32_t width, std::uint32_t height);
 
 std::optional<program::Program> compile_file(const Options& options, std::uint32_t width,
                                              std::uint32_t height);

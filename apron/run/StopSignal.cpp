@@ -25,6 +25,12 @@ void catch_stop_signals() {
   sigaction(SIGTERM, &action, nullptr);
 }
 
+void clear_stop_signal() {
+  signal_number.store(0);
+  stop.store(false);
+  catch_stop_signals();
+}
+
 const std::atomic<bool>& stop_flag() noexcept { return stop; }
 int stop_signal() noexcept { return signal_number.load(); }
 

@@ -1,4 +1,5 @@
 #include "apron/run/Commands.h"
+#include "apron/run/Repl.h"
 
 int main(int argc, char** argv) {
   using namespace apron::run;
@@ -11,6 +12,10 @@ int main(int argc, char** argv) {
       return check_program(parsed.options);
     case Command::kDisassemble:
       return disassemble_program(parsed.options);
+    case Command::kFormat:
+      return format_programs(parsed.options);
+    case Command::kRepl:
+      return run_repl(parsed.options);
   }
   return kRunFailed;
 }

@@ -64,6 +64,7 @@ std::vector<std::string> chain_of(const Location& start, const Sources& sources)
 
 void Diagnostics::error(Location at, std::string text, std::vector<Note> notes) {
   if (full_) return;
+  full_ = ++reports_ >= kMaxReports;
   for (const Diagnostic& known : list_) {
     if (place(known.at) == place(at) && known.text == text) return;
   }

@@ -21,6 +21,8 @@ struct Diagnostic {
 };
 
 inline constexpr std::size_t kMaxErrors = 20;
+// Of the same ones again too, as from a macro with an error that is expanded over and over.
+inline constexpr std::size_t kMaxReports = 2000;
 
 class Diagnostics {
  public:
@@ -33,6 +35,7 @@ class Diagnostics {
 
  private:
   std::vector<Diagnostic> list_;
+  std::size_t reports_ = 0;
   bool full_ = false;
 };
 

@@ -48,6 +48,25 @@ bool is_foreign_letter(std::uint32_t code) {
   return !blank_or_sign;
 }
 
+// What to write for a sign of other languages.
+std::string_view foreign_sign(char c) {
+  switch (c) {
+    case ';':
+      return ": a statement ends with its line";
+    case '{':
+    case '}':
+      return ": blocks end with a word, as in if(…) … endif";
+    case '^':
+      return ": a power is pow(a, b), an exclusive or is 'xor'";
+    case '&':
+      return ": write 'and'";
+    case '|':
+      return ": write 'or'";
+    default:
+      return "";
+  }
+}
+
 class Lexer {
  public:
   Lexer(const Sources& sources, std::uint32_t file, Diagnostics& diagnostics)
@@ -165,7 +184,10 @@ class Lexer {
       kind = TokenKind::kLocalLabel;
     }
     std::string text = name();
-    if (text.empty()) return fail(at, fmt::format("expected a name after '{}'", c));
+    if (text.empty()) {
+      return fail(
+          at, fmt::format("expected a name after '{}'{}", c, c == '#' ? "; a comment begins with '//'" : ""));
+    }
     add(kind, at, std::move(text));
   }
 
@@ -272,7 +294,7 @@ class Lexer {
     } else if (c.code < 0x20 || c.code == 0x7F) {
       fail(at, fmt::format("unexpected control character U+{:04X}", c.code));
     } else if (c.code < 0x80) {
-      fail(at, fmt::format("unexpected character '{}'", peek()));
+      fail(at, fmt::format("unexpected character '{}'{}", peek(), foreign_sign(peek())));
     } else {
       fail(at, fmt::format("unexpected character '{}' (U+{:04X})", text_.substr(at_, c.bytes), c.code));
     }

@@ -217,8 +217,9 @@ Expression Parser::call(const Token& name) {
       arguments.push_back(argument());
     } while (take(","));
     if (!take(")")) {
-      fail(at_end() ? "expected ')' before the end of the line"
-                    : fmt::format("expected ',' or ')', not '{}'", spell(*at_)));
+      fail(at_end()       ? "expected ')' before the end of the line"
+           : at_->is("=") ? "'=' gives a value to a name; to compare, write '=='"
+                          : fmt::format("expected ',' or ')', not '{}'", spell(*at_)));
     }
   }
   return make(ExpressionKind::kCall, name, std::move(arguments));

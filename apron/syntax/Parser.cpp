@@ -18,6 +18,19 @@ Tokens::const_iterator find_equals(Tokens::const_iterator first, Tokens::const_i
   });
 }
 
+// What to write instead of a line as other languages have it, or "".
+std::string advice(const Token& first, const Token& odd) {
+  if (odd.is("==")) return "; to give a value, write '='";
+  if (odd.is("+") || odd.is("-") || odd.is("*") || odd.is("/")) {
+    return fmt::format("; write {0} = {0} {1} …", spell(first), odd.text);
+  }
+  if (first.is_name("goto")) return fmt::format("; write jump(#{})", spell(odd));
+  const bool wants_brackets = first.is_name("if") || first.is_name("while") || first.is_name("for") ||
+                              first.is_name("repeat") || first.is_name("where") || first.is_name("print") ||
+                              first.is_name("println");
+  return wants_brackets ? fmt::format("; write {}(…)", first.text) : "";
+}
+
 }  // namespace
 
 Parser::Parser(Preprocessor& preprocessor, Sources& sources, Diagnostics& diagnostics)
@@ -102,7 +115,7 @@ Statement Parser::statement() {
   if (!is_call) {
     const Cursor odd = at_[1].is("(") ? closing(at_ + 1) + 1 : at_ + 1;
     at_ = odd;
-    fail(fmt::format("expected '=' or the end of the line, not '{}'", spell(*odd)));
+    fail(fmt::format("expected '=' or the end of the line, not '{}'{}", spell(*odd), advice(first, *odd)));
   }
   result.kind = StatementKind::kCall;
   if (at_ + 1 == end_) {
@@ -118,6 +131,12 @@ Statement Parser::assignment(Cursor equals) {
   const Cursor first = at_;
   const Cursor last = end_;
   if (equals == first) fail("expected a name before '='");
+  const bool updates = equals - first > 1 && equals[-1].kind == TokenKind::kSymbol &&
+                       equals[-1].at.line == equals->at.line && equals[-1].text.find_first_of("+-*/%") == 0;
+  if (updates) {
+    throw Failure{equals[-1].at,
+                  fmt::format("there is no '{0}='; write {1} = {1} {0} …", equals[-1].text, spell(*first))};
+  }
   if (auto macro = macro_statement(equals + 1, last, Tokens(first, equals))) return std::move(*macro);
   Statement result;
   result.kind = StatementKind::kAssign;

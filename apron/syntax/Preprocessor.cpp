@@ -207,9 +207,15 @@ bool Preprocessor::replace_defines(const Tokens& tokens, Tokens& out, std::set<s
   if (level > kMaxDefineDepth) return false;
   for (const Token& token : tokens) {
     if (out.size() > kMaxLineTokens) return false;
-    const auto found = token.kind == TokenKind::kName ? defines_.find(token.text) : defines_.end();
-    if (found == defines_.end() || hidden.count(token.text) > 0) {
+    const bool wanted = token.kind == TokenKind::kName && !token.done;
+    const auto found = wanted ? defines_.find(token.text) : defines_.end();
+    if (found == defines_.end()) {
       out.push_back(token);
+      continue;
+    }
+    if (hidden.count(token.text) > 0) {
+      out.push_back(token);
+      out.back().done = true;
       continue;
     }
     Tokens body = found->second;

@@ -27,6 +27,7 @@ struct Token {
   Location at;
   std::string text;  // of a name, text or symbol; without the sigil of the others
   float number = 0.0F;
+  bool done = false;  // a name that came out of its own define, which does not replace it again
 
   bool is(std::string_view symbol) const { return kind == TokenKind::kSymbol && text == symbol; }
   bool is_name(std::string_view name) const { return kind == TokenKind::kName && text == name; }

@@ -72,13 +72,10 @@ TEST(Listing, AShiftIsNeverInPlace) {
   EXPECT_EQ(compiled("A = shift.north(A + B) * 2"), "add $0, A, B\nshift $1, $0, 0, -1\nmul A, $1, 2\n");
 }
 
-TEST(Listing, NeighbourhoodsLeaveTheOwnCellOut) {
-  EXPECT_EQ(compiled("A = near.max(A, 4)"),
-            "shift $0, A, 1, 0\nshift $1, A, -1, 0\nmax $0, $0, $1\n"
-            "shift $1, A, 0, 1\nshift $2, A, 0, -1\nmax $1, $1, $2\nmax A, $0, $1\n");
-  EXPECT_EQ(compiled("A = near.sum(B, 8)"),
-            "shift $0, B, 1, 0\nshift $1, B, -1, 0\nadd $0, $0, $1\nadd $1, $0, B\n"
-            "shift $2, $1, 0, 1\nshift $3, $1, 0, -1\nadd $2, $2, $3\nadd A, $0, $2\n");
+TEST(Listing, NeighbourhoodsAreNeverInPlace) {
+  EXPECT_EQ(compiled("A = near.max(B, 4)"), "near.max A, B, 4\n");
+  EXPECT_EQ(compiled("A = near.sum(A, 8)"), "near.sum $0, A, 8\ncopy A, $0\n");
+  EXPECT_EQ(compiled("A = A + near.any(A)"), "near.any $0, A, 4\nadd A, A, $0\n");
 }
 
 TEST(Listing, TemporariesAreUsedAgain) {
@@ -159,7 +156,7 @@ TEST(Listing, SurfaceHostAndCells) {
       "io.array.open A, 'in.npy'\nio.image.open B, 'in.png'\nadd $0, A, B\nio.array.save $0, 'out.csv'\n");
   EXPECT_EQ(compiled("sim.slider.add('gain', 0, 2, 1)\nsim.switch.add('on')\nx = sim.slider.get('gain') * 2\n"
                      "sim.show(A)\nsim.label('text', x)\ntimer.start"),
-            "parameter $0, 'gain'\nmul x, $0, 2\n");
+            "parameter $0, 'gain'\nmul x, $0, 2\nsim.show A, ''\n");
   EXPECT_EQ(compiled("boundary('reflect')\nboundary(2.5)"), "boundary 3, 0\nboundary 4, 2.5\n");
 }
 
@@ -176,6 +173,44 @@ TEST(Listing, ReadsBeforeWritesAreFollowedAlongThePaths) {
             "call @3\ncopy y, x\nend\ncopy x, 1\nreturn\n");
   EXPECT_NE(compiled("call(#f)\nend\n#g\nx = 1\nend\n#f\ny = x\nreturn").find("call"), std::string::npos);
   EXPECT_NE(compiled("y = x\nend\nx = 1").find("the scalar 'x' is read here"), std::string::npos);
+}
+
+TEST(Listing, FiltersAndPropagation) {
+  EXPECT_EQ(compiled("A = flood(A, B)"), "flood $0, A, B\ncopy A, $0\n");
+  EXPECT_EQ(compiled("distance(A, B > 0)"), "gt $0, B, 0\ndistance A, $0\n");
+  EXPECT_EQ(
+      compiled("filter.create('k', 3, 2)\nx = 1\nfilter.setElement('k', x, 1, 5)\nfilter.do(A, B, 'k')"),
+      "copy x, 1\nadd $0, 3, x\nfilter.set filter 'k', $0, 5\nfilter.do A, B, filter 'k'\n");
+  EXPECT_EQ(compiled("A = filter.gauss.fast(B, 1)"),
+            "filter.do $0, B, filter '$gauss 1'\nfilter.do A, $0, filter '$gauss 1'\n");
+}
+
+// A random number is one a cell where the statement has a register.
+TEST(Listing, RandomNumbersTakeTheKindOfTheirStatement) {
+  EXPECT_EQ(compiled("A = random.float.white"), "random.float.rand A, -1, 1\n");
+  EXPECT_EQ(compiled("x = random.int.rand(1, 6)"), "random.int.rand x, 1, 6\n");
+  EXPECT_EQ(compiled("A = B * random.float.rand(0, 1)"), "random.float.rand $0, 0, 1\nmul A, B, $0\n");
+  EXPECT_EQ(compiled("x = 2 * random.float.rand(0, 1)"), "random.float.rand $0, 0, 1\nmul x, 2, $0\n");
+  EXPECT_EQ(compiled("A = random.int.gauss(0, 2)"), "random.float.gauss $0, 0, 2\nround A, $0\n");
+  EXPECT_EQ(compiled("where(random.int.white)\nA = 1\nendwhere"),
+            "random.int.rand $0, 0, 1\nmask.push $0\ncopy A, 1\nmask.pop\n");
+}
+
+TEST(Listing, ElementsByNumberAndPlugins) {
+  EXPECT_EQ(compiled("A = res.getreg(r, 2)\nres.setreg(REGISTER, 0, 1)\nx = res.match(r, 'B')"),
+            "res.getreg A, REGISTER, 2\nres.setreg REGISTER, 0, 1\ncopy x, 1\n");
+  EXPECT_EQ(compiled("!module('m')\nA = plugin(?, 3, B + 1, 2)\nplugin(?, 4, x, A)\nplugin(?, 5)"),
+            "add $0, B, 1\nplugin.with $0\nplugin.with 2\nplugin A, module 'm', 3\nplugin.with A\n"
+            "plugin x, module 'm', 4\nplugin.do module 'm', 5\n");
+  // In a macro '?' is the module of its library, whatever was loaded since.
+  EXPECT_EQ(compiled("!module('m')\n!macro_def\n$y = f($a)\n!macro_begin\nplugin(?, 1, $y, $a)\n!macro_end\n"
+                     "!module('n')\nA = f(B)"),
+            "plugin.with B\nplugin A, module 'm', 1\n");
+}
+
+TEST(Listing, RegistersTakeTheDefaultPalette) {
+  EXPECT_EQ(compiled("!default_palette(255, 'jet')\n!register(D)\nD = A"),
+            "reg.setPalette D, 'jet'\nreg.setScale D, 0, 255\ncopy D, A\n");
 }
 
 TEST(Listing, SourcesNameTheLines) {

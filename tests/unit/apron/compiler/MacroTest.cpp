@@ -33,6 +33,14 @@ TEST(Macro, AnInstructionSetInTheOriginalsStyle) {
             "add X, Y, 1\nadd X, X, Y\nunless.ge n, 2, @4\njump @5\ncopy X, 0\ncopy n, 3\nend\n");
 }
 
+// A define may have its own name in it, and stays what it is on its way through macros.
+TEST(Macro, ADefineIsNotReplacedInItself) {
+  EXPECT_EQ(compiled("!object('pe', 'p', 1, 'SIM_REGISTER')\n!create('D', pe)\n!define(D, p[D])\n" +
+                     macro("$r = pe.add($a, $b)", "$r = core.add($a, $b)") +
+                     macro("pe.add($a, $b)", "$a = pe.add($a, $b)") + "pe.add(D, 1)\nD = pe.add(D, D)"),
+            "add D, D, 1\nadd D, D, D\nend\n");
+}
+
 TEST(Macro, TakesPrecedenceAndMeansTheInstructionInside) {
   const std::string clipped = macro("$y = add($a, $b)", "$y = min(add($a, $b), 127)");
   EXPECT_EQ(compiled(clipped + "A = add(A, B)"), "add $0, A, B\nmin A, $0, 127\nend\n");

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <string>
 
 #include "apron/program/LocalProfile.h"
@@ -180,6 +181,53 @@ TEST(Locality, ShiftsAreJudgedByTheirOffsets) {
   EXPECT_EQ(of(3, 0), Locality::Far);
   EXPECT_EQ(locality(program, make(Opcode::kAdd, reg(0), reg(1), lit(1))), Locality::Cell);
   EXPECT_EQ(locality(program, make(Opcode::kRotate, reg(0), reg(1), lit(1), lit(0))), Locality::Far);
+}
+
+TEST(Verify, RefusesNeighbourhoodsTablesAndClasses) {
+  const auto wrong = [](Instruction instruction, const std::function<void(Program&)>& change = {}) {
+    Program program = with({std::move(instruction)});
+    program.filters = {{"k", 3, 1, {1, 2, 3}}};
+    program.groups = {{"pe", false, {0, 1}}, {"n", true, {0}}};
+    program.modules = {"m"};
+    if (change) change(program);
+    return verify(program);
+  };
+  const Operand filter{OperandKind::kFilter, 0}, no_filter{OperandKind::kFilter, 1};
+  const Operand registers{OperandKind::kGroup, 0}, scalars{OperandKind::kGroup, 1};
+  EXPECT_EQ(wrong(make(Opcode::kFilterDo, reg(0), reg(1), filter)), "");
+  EXPECT_EQ(wrong(make(Opcode::kFilterDo, reg(0), reg(0), filter)),
+            "instruction 0 (filter.do): it is not out of place");
+  EXPECT_EQ(wrong(make(Opcode::kFilterDo, reg(0), reg(1), no_filter)),
+            "instruction 0 (filter.do): operand 2 is out of range");
+  EXPECT_EQ(wrong(make(Opcode::kFlood, reg(0), reg(1), reg(0))),
+            "instruction 0 (flood): it is not out of place");
+  EXPECT_EQ(wrong(make(Opcode::kFlood, reg(0), reg(1), reg(2))),
+            "instruction 0 (flood): its registers differ in shape");
+  EXPECT_EQ(wrong(make(Opcode::kNearSum, reg(0), reg(1), lit(1))),
+            "instruction 0 (near.sum): its neighbourhood is not 4 or 8");
+  EXPECT_EQ(wrong(make(Opcode::kNearSum, reg(0), reg(1), var(0))),
+            "instruction 0 (near.sum): its neighbourhood is not a whole literal");
+  EXPECT_EQ(wrong(make(Opcode::kResGetReg, reg(0), registers, var(0))), "");
+  EXPECT_EQ(wrong(make(Opcode::kResGetReg, reg(0), scalars, var(0))),
+            "instruction 0 (res.getreg): its class is of another kind");
+  EXPECT_EQ(wrong(make(Opcode::kNop), [](Program& p) { p.groups[0].elements.push_back(3); }),
+            "the class 'pe' has an element out of range");
+  EXPECT_EQ(wrong(make(Opcode::kNop), [](Program& p) { p.filters[0].width = 2; }),
+            "the filter 'k' is not of 1x1 to 255x255 elements");
+  EXPECT_EQ(wrong(make(Opcode::kPlugin, var(0), {OperandKind::kModule, 1}, lit(0))),
+            "instruction 0 (plugin): operand 1 is out of range");
+}
+
+TEST(Locality, FiltersReachAsFarAsTheirSize) {
+  Program program =
+      with({make(Opcode::kFilterDo, reg(0), reg(1), {OperandKind::kFilter, 0}),
+            make(Opcode::kFilterDo, reg(0), reg(1), {OperandKind::kFilter, 1}),
+            make(Opcode::kDistance, reg(0), reg(1)), make(Opcode::kNearSum, reg(0), reg(1), lit(1))});
+  program.filters = {{"near", 3, 3, std::vector<float>(9)}, {"far", 5, 1, std::vector<float>(5)}};
+  const std::vector<NonLocal> beyond = beyond_local(program);
+  ASSERT_EQ(beyond.size(), 2U);
+  EXPECT_EQ(beyond[0].reason, "a filter of 5x1 reaches beyond the neighbours");
+  EXPECT_EQ(beyond[1].reason, "distance propagates through the array until nothing changes");
 }
 
 TEST(Locality, EveryOpcodeHasAWellFormedSignature) {
