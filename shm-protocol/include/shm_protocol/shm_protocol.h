@@ -165,9 +165,9 @@ typedef struct ssp_frame_info {
 } ssp_frame_info;
 
 typedef struct ssp_counters {
-  uint64_t skipped;  /* frames of the peer that this side never saw */
-  uint64_t repeated; /* times this side looked and found no newer frame */
-  uint64_t clamped;  /* values of the peer that this side replaced: NaN, infinite or out of range */
+  uint64_t skipped;         /* frames of the peer that this side never saw */
+  uint64_t repeated;        /* times this side looked and found no newer frame */
+  uint64_t clamped;         /* values of the peer that this side replaced: NaN, infinite or out of range */
   uint64_t deadline_misses; /* periods whose answer came late: counted by a surface of real hardware */
   uint64_t reserved[4];
 } ssp_counters;
@@ -228,8 +228,8 @@ typedef struct ssp_controller ssp_controller;
  * error. */
 SSP_API ssp_result ssp_controller_attach(const char* name, int64_t timeout_ns, const ssp_stop*,
                                          ssp_controller** out);
-/* Ends the attachment: tells the surface that the controller leaves in good order. What was mapped stays readable
- * until the handle is freed; for languages whose arrays may outlive the attachment. */
+/* Ends the attachment: tells the surface that the controller leaves in good order. What was mapped stays
+ * readable until the handle is freed; for languages whose arrays may outlive the attachment. */
 SSP_API void ssp_controller_leave(ssp_controller*);
 /* Leaves, unless that is done, and frees the handle. All pointers end. Null: nothing. */
 SSP_API void ssp_controller_detach(ssp_controller*);
