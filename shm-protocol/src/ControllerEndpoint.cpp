@@ -66,7 +66,7 @@ struct ControllerEndpoint::Impl {
   Counters counters;
   Patience patience;
 
-  PieceWriter writer{header.actuator_progress};
+  PieceWriter writer{header.actuator_progress, header.actuators.word, header.surface_waiting.flag};
   PieceReader pieces{header.sensor_progress};
 };
 
@@ -154,8 +154,10 @@ void ControllerEndpoint::Impl::copy_arrays(std::uint32_t of, std::size_t from, s
 
 // While the surface still writes the next frame.
 void ControllerEndpoint::Impl::copy_along() noexcept {
-  pieces.look(word + 1, 0, geometry.geometry.sensor_slot_bytes,
-              [&](std::size_t from, std::size_t to) { copy_arrays(word + 1, from, to); });
+  pieces.look(word + 1, 0, geometry.geometry.sensor_slot_bytes, [&](std::size_t from, std::size_t to) {
+    ++patience.pieces;
+    copy_arrays(word + 1, from, to);
+  });
 }
 
 Status ControllerEndpoint::Impl::copy_newest() noexcept {

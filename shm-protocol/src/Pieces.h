@@ -11,6 +11,7 @@
 #include <span>
 
 #include "FrameCopy.h"
+#include "Waiting.h"
 #include "Words.h"
 #include "shm_protocol/layout.h"
 
@@ -26,7 +27,9 @@ constexpr std::uint64_t progress_word(std::uint64_t frame, std::uint64_t bytes) 
 
 class PieceWriter {
  public:
-  explicit PieceWriter(ssp_progress& line) : line_(line) {}
+  // `word` is the direction's publication word, on which a reader sleeps while `reader_waiting` is set.
+  PieceWriter(ssp_progress& line, const std::uint32_t& word, const std::uint32_t& reader_waiting)
+      : line_(line), word_(word), reader_waiting_(reader_waiting) {}
 
   // Copies `values` to byte `at` of the channel's array in `slot`, which holds `frame`.
   void write(std::byte* slot, std::uint64_t frame, const ssp_channel& c, std::size_t at,
@@ -39,12 +42,17 @@ class PieceWriter {
       // Only what lies without a gap behind what was final before; up to 63 bytes between arrays are padding.
       if (begin + done > end_ + SSP_ARRAY_ALIGNMENT - 1) continue;
       end_ = std::max(end_, begin + done + bytes);
-      if (end_ >= kLargeFrame) store_release(line_.ready, progress_word(frame, end_));
+      if (end_ < kLargeFrame) continue;
+      store_sequential(line_.ready, progress_word(frame, end_));
+      if (load_sequential(reader_waiting_))
+        futex_wake(word_);  // it wakes, copies what is there, and spins on
     }
   }
 
  private:
   ssp_progress& line_;
+  const std::uint32_t& word_;
+  const std::uint32_t& reader_waiting_;
   std::uint64_t frame_ = 0;
   std::size_t end_ = 0;  // the slot's bytes up to here are final
 };

@@ -99,7 +99,7 @@ struct SurfaceEndpoint::Impl {
   std::uint32_t detachments = 0;  // counted when we adopted it
   Patience patience;
 
-  PieceWriter writer{header.sensor_progress};
+  PieceWriter writer{header.sensor_progress, header.sensors.word, header.controller_waiting.flag};
   PieceReader pieces{header.actuator_progress};
   bool large = false;  // actuator frames are
 };
@@ -179,6 +179,7 @@ void SurfaceEndpoint::Impl::copy_along() noexcept {
   pieces.look(word + 1, load_acquire(header.claim.attached), geometry.geometry.actuator_slot_bytes,
               [&](std::size_t from, std::size_t to) {
                 if (from == sizeof(ssp_slot)) replaced = 0;
+                ++patience.pieces;
                 copy_arrays(word + 1, from, to);
               });
 }

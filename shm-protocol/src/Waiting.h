@@ -68,6 +68,7 @@ class Pace {
 struct Patience {
   LivenessClock liveness;
   Pace pace;
+  std::uint64_t pieces = 0;  // of large frames, taken while waiting: counted by ready()
 };
 
 // The CPU the caller runs on.
@@ -112,6 +113,19 @@ bool spin_until(const Doorbell& bell, Clock::time_point end, Clock::time_point& 
   return false;
 }
 
+// Spins for `length`, and on while pieces keep coming in: bounded, whatever the peer does.
+template <class Ready>
+bool spin_while_pieces_come(const Doorbell& bell, std::chrono::nanoseconds length, Clock::time_point deadline,
+                            const Patience& patience, Clock::time_point& now, Ready&& ready) noexcept {
+  for (int rounds = 0; rounds < 1000; ++rounds) {
+    const std::uint64_t before = patience.pieces;
+    if (spin_until(bell, std::min(deadline, now + length), now, ready)) return true;
+    if (patience.pieces == before || now >= deadline) return false;
+    length = kSpin;
+  }
+  return false;
+}
+
 // Waits until ready() (kOk), or until the deadline, the stop flag or peer(look_up) ends it; peer() says kOk
 // while the wait makes sense, and looks the process up when told to.
 template <class Ready, class Peer>
@@ -122,7 +136,7 @@ Status wait_until(const Doorbell& bell, const WaitOptions& options, Patience& pa
   const bool for_ever = options.timeout >= WaitOptions::kForever - start.time_since_epoch();
   const auto deadline = for_ever ? Clock::time_point::max() : start + options.timeout;
   auto latest = start;
-  if (spin_until(bell, std::min(deadline, start + patience.pace.spin()), latest, ready)) {
+  if (spin_while_pieces_come(bell, patience.pace.spin(), deadline, patience, latest, ready)) {
     patience.pace.took(latest - start);
     return Status::kOk;
   }
@@ -131,13 +145,19 @@ Status wait_until(const Doorbell& bell, const WaitOptions& options, Patience& pa
     if (const Status s = peer(false); s != Status::kOk) return ready() ? Status::kOk : s;
     const auto now = Clock::now();
     const auto left = std::min<std::chrono::nanoseconds>(kSlice, deadline - now);
+    const std::uint64_t pieces = patience.pieces;
     if (left > left.zero()) {
       store_sequential(bell.waiting, 1);
       const std::uint32_t seen = load_sequential(bell.word);
       if (!ready()) futex_wait(bell.word, seen, left);
       store_relaxed(bell.waiting, 0);
     }
-    if (ready()) {
+    bool there = ready();
+    if (!there && patience.pieces != pieces) {
+      latest = Clock::now();
+      there = spin_while_pieces_come(bell, kSpin, deadline, patience, latest, ready);
+    }
+    if (there) {
       patience.pace.took(Clock::now() - start);
       return Status::kOk;
     }

@@ -27,7 +27,7 @@ class Daemon {
            "[[segment.mempool]]\nsize = 4194560\ncount = 16\n";
     pid_ = ::fork();
     if (pid_ == 0) {
-      ::prctl(PR_SET_PDEATHSIG, SIGTERM);
+      ::prctl(PR_SET_PDEATHSIG, SIGKILL);
       const int nowhere = ::open("/dev/null", O_WRONLY);
       ::dup2(nowhere, 1);
       ::dup2(nowhere, 2);
@@ -39,6 +39,9 @@ class Daemon {
   }
   ~Daemon() {
     ::kill(pid_, SIGTERM);
+    // It waits for its clients; one that was killed never says that it left.
+    for (int i = 0; i < 30 && ::waitpid(pid_, nullptr, WNOHANG) == 0; ++i) ::usleep(100'000);
+    ::kill(pid_, SIGKILL);
     ::waitpid(pid_, nullptr, 0);
   }
 

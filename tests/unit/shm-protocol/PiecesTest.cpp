@@ -87,7 +87,8 @@ TEST(Pieces, ReaderFollowsTheWriterExactly) {
   a.offset = 128, a.bytes = 100'001;
   b.offset = 100'160, b.bytes = 250'000;
   const std::vector<std::byte> values(250'000, std::byte{7});
-  PieceWriter writer(line);
+  const std::uint32_t word = 0, waiting = 0;
+  PieceWriter writer(line, word, waiting);
   PieceReader reader(line);
   std::vector<std::pair<std::size_t, std::size_t>> taken;
   const auto look = [&](std::uint32_t frame) {
