@@ -70,6 +70,17 @@ void* ssp_controller_actuator(ssp_controller* k, int channel, size_t* bytes) {
   if (!spec || spec->direction != Direction::kActuator) return nullptr;
   return c::address_of(spec->dtype, bytes, [&]<class T>() { return k->endpoint.actuator<T>(channel); });
 }
+ssp_result ssp_controller_write(ssp_controller* k, int channel, size_t at, const void* values, size_t bytes) {
+  if (!k) return c::null_argument();
+  return c::write(k->endpoint, channel, Direction::kActuator, at, values, bytes);
+}
+ssp_result ssp_controller_take_copies(ssp_controller* k) {
+  if (!k) return c::null_argument();
+  return c::guarded([&] {
+    k->endpoint.take_copies();
+    return SSP_OK;
+  });
+}
 ssp_result ssp_controller_publish(ssp_controller* k) {
   return k ? c::result_of(k->endpoint.publish()) : c::null_argument();
 }

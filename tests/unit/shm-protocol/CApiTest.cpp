@@ -103,6 +103,27 @@ TEST_F(CApi, OneTickThroughAllThreeRoles) {
   EXPECT_EQ(ssp_observer_surface_state(observer), static_cast<std::uint32_t>(SSP_STATE_RUNNING));
 }
 
+TEST_F(CApi, WritesWithinTheArrayOnly) {
+  start("c-write");
+  const float values[12] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 7, 6, 5};
+  ASSERT_EQ(ssp_surface_write(surface, 0, 0, values, 16), SSP_OK);
+  ASSERT_EQ(ssp_surface_write(surface, 0, 16, values + 4, 32), SSP_OK);
+  EXPECT_EQ(ssp_surface_write(surface, 0, 16, values, 36), SSP_E_ARGUMENT);  // beyond the end
+  EXPECT_EQ(ssp_surface_write(surface, 0, SIZE_MAX - 3, values, 8), SSP_E_ARGUMENT);
+  EXPECT_EQ(ssp_surface_write(surface, 0, 2, values, 4), SSP_E_ARGUMENT);  // within an element
+  EXPECT_EQ(ssp_surface_write(surface, 1, 0, values, 4), SSP_E_ARGUMENT);  // an actuator
+  EXPECT_EQ(ssp_surface_write(surface, 0, 0, nullptr, 4), SSP_E_ARGUMENT);
+  ASSERT_EQ(ssp_controller_take_copies(controller), SSP_OK);
+  ASSERT_EQ(ssp_surface_publish(surface, 0, 0.0, 0), SSP_OK);
+  ASSERT_EQ(ssp_controller_await(controller, 0, nullptr), SSP_OK);
+  EXPECT_EQ(std::memcmp(ssp_controller_sensor(controller, 0, nullptr), values, sizeof values), 0);
+  const std::vector<std::uint8_t> lamp(24, 9);
+  ASSERT_EQ(ssp_controller_write(controller, 1, 0, lamp.data(), lamp.size()), SSP_OK);
+  ASSERT_EQ(ssp_controller_publish(controller), SSP_OK);
+  ASSERT_EQ(ssp_surface_await(surface, 0, SSP_FOREVER, nullptr), SSP_OK);
+  EXPECT_EQ(static_cast<const std::uint8_t*>(ssp_surface_actuator(surface, 1, nullptr))[23], 9);
+}
+
 TEST_F(CApi, DescribesTheSurfaceToEveryRole) {
   start("c-describe");
   ssp_description of[3];
@@ -139,7 +160,9 @@ TEST_F(CApi, PassiveModeCounts) {
   EXPECT_EQ(ssp_controller_latest(controller), SSP_REPEATED);
   for (std::uint64_t tick = 0; tick < 3; ++tick) {
     ASSERT_EQ(ssp_surface_publish(surface, tick, 0.0, 0), SSP_OK);
-    if (tick == 0) { ASSERT_EQ(ssp_controller_latest(controller), SSP_OK); }
+    if (tick == 0) {
+      ASSERT_EQ(ssp_controller_latest(controller), SSP_OK);
+    }
   }
   ASSERT_EQ(ssp_controller_latest(controller), SSP_OK);
   ASSERT_EQ(ssp_controller_publish(controller), SSP_OK);

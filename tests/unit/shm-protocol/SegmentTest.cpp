@@ -152,18 +152,24 @@ TEST(Segment, OrphansAreListedAndOnlyTheyAreRemoved) {
   EXPECT_TRUE(exists(file_path(living.name)));
 }
 
-// Runs `body` in a child with a /dev/shm of its own, of so many bytes; false where that is not allowed.
+// A /dev/shm of this process's own, of so many bytes; false where that is not allowed.
+bool mount_own_shm(std::size_t bytes) {
+  const std::string user = "0 " + std::to_string(::getuid()) + " 1",
+                    group = "0 " + std::to_string(::getgid()) + " 1";
+  if (::unshare(CLONE_NEWUSER | CLONE_NEWNS) != 0) return false;
+  std::ofstream("/proc/self/setgroups") << "deny";
+  std::ofstream("/proc/self/uid_map") << user;
+  std::ofstream("/proc/self/gid_map") << group;
+  const std::string size = "size=" + std::to_string(bytes);
+  return ::mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) == 0 &&
+         ::mount("tmpfs", "/dev/shm", "tmpfs", 0, size.c_str()) == 0;
+}
+
+// Runs `body` in a child with such a /dev/shm; false where that is not allowed.
 template <class Body>
 bool with_own_shm(std::size_t bytes, Body&& body, int& status) {
   const pid_t child = ::fork();
-  if (child == 0) {
-    const std::string size = "size=" + std::to_string(bytes);
-    if (::unshare(CLONE_NEWUSER | CLONE_NEWNS) != 0 ||
-        ::mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) != 0 ||
-        ::mount("tmpfs", "/dev/shm", "tmpfs", 0, size.c_str()) != 0)
-      ::_exit(77);
-    ::_exit(body());
-  }
+  if (child == 0) ::_exit(mount_own_shm(bytes) ? body() : 77);
   ::waitpid(child, &status, 0);
   return !(WIFEXITED(status) && WEXITSTATUS(status) == 77);
 }
@@ -198,7 +204,7 @@ TEST(Segment, TooSmallShmIsAnErrorNotASigbus) {
 TEST(Segment, FullShmIsAnErrorNotASigbusAndRoomMadeIsUsed) {
   int status = 0;
   const auto body = [] {
-    const std::vector<char> much(7 * 1024 * 1024, 1);
+    const std::vector<char> much(8 * 1024 * 1024 - 200 * 1024, 1);
     std::ofstream("/dev/shm/other", std::ios::binary)
         .write(much.data(), static_cast<std::streamsize>(much.size()));
     if (const int wrong = refused_for_lack_of_space(1)) return wrong;
