@@ -101,7 +101,7 @@ TEST(Bridge, OnAGoodLineEveryFrameIsRight) {
     EXPECT_EQ(checker.controller.description().period_ns, 5'000'000u);
     while (checker.controller.surface_state() != shm_protocol::State::kClosing && checker.frames < 150)
       checker.tick();
-    EXPECT_GT(checker.echoed, 100u);
+    EXPECT_GT(checker.echoed, 20u);
   }
   EXPECT_EQ(bridge.wait(), 0) << bridge.output();  // goes on without a controller
   EXPECT_EQ(bridge.figure("frames"), 200u);
@@ -143,55 +143,57 @@ INSTANTIATE_TEST_SUITE_P(Modes, BadLine, testing::Values("time-step", "passive")
 
 TEST(Bridge, ASilentDeviceIsHeldSafeAndSpeaksAgain) {
   const std::string name = surface_name("bridge-silent");
-  Device device({"--pty", line_path("silent"), "--size", kSize, "--period-ms", "5", "--silent-at", "200",
-                 "--silent-for", "300"});
+  Device device({"--pty", line_path("silent"), "--size", kSize, "--period-ms", "5", "--silent-for", "200"});
   Program bridge({SURFACE_BRIDGE, device.name, "--shm", name, "--silence", "0.2"});
   Checker checker(name);
+  while (checker.echoed < 20) checker.tick();
+  device.program.signal(SIGUSR1);
+  // Our last frame before the silence was none of zeros; the bridge's safe frames are.
   do checker.tick();
-  while (!(checker.controller.sensor_info().status & kAfterSilence));
-  EXPECT_GT(checker.echoed, 0u);
-  EXPECT_TRUE(checker.safe);  // though our last frame before the silence was none of zeros
-  EXPECT_NE(bridge.output().find("silent for 0.2 s"), std::string::npos) << bridge.output();
+  while (!(checker.controller.sensor_info().status & kAfterSilence) || !checker.safe);
+  EXPECT_NE(bridge.output().find("silent for 0.2 s; it is sent the safe frame"), std::string::npos)
+      << bridge.output();
   const auto before = checker.echoed;
   while (checker.echoed < before + 20) checker.tick();
   bridge.signal(SIGTERM);
   EXPECT_EQ(bridge.wait(), 143);
-  EXPECT_EQ(bridge.figure("silences"), 1u);
+  EXPECT_GE(bridge.figure("silences"), 1u);
 }
 
-TEST(Bridge, AnUnpluggedDeviceComesBackInTheSameSession) {
-  const std::string name = surface_name("bridge-unplug");
-  for (const std::string kind : {"--pty", "--tcp"}) {
-    // A server needs its port again.
-    const std::string where =
-        kind == "--pty" ? line_path("unplug") : std::to_string(20000 + ::getpid() % 20000);
-    Device device({kind, where, "--size", kSize, "--period-ms", "5", "--unplug-at", "250", "--unplug-for",
-                   "60", "--restart"});
-    Program bridge({SURFACE_BRIDGE, device.name, "--shm", name});
-    Checker checker(name);
-    const auto session = checker.controller.description().session;
-    for (;;) {
-      ASSERT_EQ(checker.controller.await_sensors({.timeout = 100s}), Status::kOk);
-      if (checker.controller.sensor_info().status & kAfterSilence) break;
-      checker.look();
-      checker.answer();
-    }
-    EXPECT_EQ(checker.controller.sensor_info().tick, checker.last_tick + 1);
-    checker.forget_offset();  // the device began anew
-    for (auto& offset : std::exchange(checker.offsets, {})) checker.offsets.insert(offset - 3000);
+class Unplugged : public testing::TestWithParam<std::string> {};
+
+TEST_P(Unplugged, TheDeviceComesBackInTheSameSession) {
+  const std::string name = surface_name("bridge-unplug" + GetParam());
+  const std::string where = GetParam() == "pty" ? line_path("unplug") : "0";
+  Device device(
+      {"--" + GetParam(), where, "--size", kSize, "--period-ms", "5", "--unplug-for", "60", "--restart"});
+  Program bridge({SURFACE_BRIDGE, device.name, "--shm", name, "--silence", "20"});
+  Checker checker(name);
+  const auto session = checker.controller.description().session;
+  while (checker.echoed < 20) checker.tick();
+  device.program.signal(SIGUSR2);
+  for (;;) {
+    ASSERT_EQ(checker.controller.await_sensors({.timeout = 100s}), Status::kOk);
+    if (checker.controller.sensor_info().status & kAfterSilence) break;
     checker.look();
-    EXPECT_TRUE(checker.safe);
     checker.answer();
-    const auto before = checker.echoed;
-    while (checker.echoed < before + 20) checker.tick();
-    EXPECT_EQ(checker.controller.description().session, session);
-    bridge.signal(SIGINT);
-    EXPECT_EQ(bridge.wait(), 130);
-    EXPECT_EQ(bridge.figure("reconnections"), 1u);
-    EXPECT_NE(bridge.output().find("the device was restarted"), std::string::npos);
-    EXPECT_FALSE(segment_exists(name));
   }
+  EXPECT_EQ(checker.controller.sensor_info().tick, checker.last_tick + 1);
+  checker.forget_offset();  // the device began anew
+  for (const auto offset : std::exchange(checker.offsets, {})) checker.offsets.insert(offset - 3000);
+  checker.look();
+  EXPECT_TRUE(checker.safe);
+  checker.answer();
+  const auto before = checker.echoed;
+  while (checker.echoed < before + 20) checker.tick();
+  EXPECT_EQ(checker.controller.description().session, session);
+  bridge.signal(SIGINT);
+  EXPECT_EQ(bridge.wait(), 130);
+  EXPECT_EQ(bridge.figure("reconnections"), 1u);
+  EXPECT_NE(bridge.output().find("the device was restarted"), std::string::npos);
+  EXPECT_FALSE(segment_exists(name));
 }
+INSTANTIATE_TEST_SUITE_P(Lines, Unplugged, testing::Values("pty", "tcp"));
 
 TEST(Bridge, ADeviceThatStaysAwayEndsItWithThree) {
   const std::string name = surface_name("bridge-gone");

@@ -10,7 +10,7 @@ TEST(Chain, TheUnchangedCaseStudyRunsOnADeviceBehindABadLine) {
   const std::string name = surface_name("chain");
   Device device({"--pty", line_path("chain"), "--size", "24x24", "--period-ms", "5", "--drop", "0.0001",
                  "--corrupt", "0.0001", "--delay-ms", "7", "--seed", "3"});
-  Program bridge({SURFACE_BRIDGE, device.name, "--shm", name});
+  Program bridge({SURFACE_BRIDGE, device.name, "--shm", name, "--silence", "20"});
   bridge.await_output("controllers attach");
   Program apron({APRON, "run", CASE_STUDY, "--shm", name, "--ticks", "300"});
   EXPECT_EQ(apron.wait(), 0) << apron.output();
