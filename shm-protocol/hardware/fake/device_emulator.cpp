@@ -38,9 +38,10 @@ constexpr const char* kUsage =
     "  --silent-at N    say nothing from the Nth period on, for --silent-for N periods [50]\n"
     "  --unplug-at N    cut the line at the Nth period, for --unplug-for N periods [50]\n"
     "  --restart        the device starts anew while it is unplugged\n"
+    "SIGUSR1 makes it silent, and SIGUSR2 cuts the line, from the next period on.\n"
     "Exit status: 0 done, also on SIGINT and SIGTERM; 1 failed; 2 wrong input.\n";
 
-std::atomic<bool> stop{false};
+std::atomic<bool> stop{false}, fall_silent{false}, cut{false};
 
 struct Options {
   std::string link;
@@ -173,6 +174,8 @@ class Emulator {
 
   void next_period() {
     ++period_;
+    if (fall_silent.exchange(false)) o_.silent_at = period_;
+    if (cut.exchange(false)) o_.unplug_at = period_;
     if (within(o_.unplug_at, o_.unplug_for)) {
       line_.unplug();
       from_host_.clear();
@@ -203,9 +206,10 @@ int main(int argc, char** argv) {
       return 0;
     }
     struct sigaction action {};
-    action.sa_handler = [](int) { stop.store(true); };
-    sigaction(SIGINT, &action, nullptr);
-    sigaction(SIGTERM, &action, nullptr);
+    action.sa_handler = [](int number) {
+      (number == SIGUSR1 ? fall_silent : number == SIGUSR2 ? cut : stop).store(true);
+    };
+    for (const int number : {SIGINT, SIGTERM, SIGUSR1, SIGUSR2}) sigaction(number, &action, nullptr);
     std::make_unique<Emulator>(o)->run();
     return 0;
   } catch (const std::invalid_argument& e) {
