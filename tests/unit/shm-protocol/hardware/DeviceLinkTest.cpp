@@ -33,8 +33,8 @@ std::vector<float> command(std::uint64_t tick) {
 }
 
 struct Pair {
-  Pair()
-      : device(kRows, kColumns, 10'000,
+  explicit Pair(std::uint16_t rows = kRows, std::uint16_t columns = kColumns)
+      : device(rows, columns, 10'000,
                [this](const std::uint8_t* b, std::size_t n) { up.insert(up.end(), b, b + n); }) {}
 
   // Carries what lies on the line; the events of the host, without those that mean nothing.
@@ -126,16 +126,52 @@ TEST(DeviceLink, ValuesOutsideTheRangeAreBroughtIn) {
   EXPECT_EQ(heights[5], 50);
 }
 
+// The packets of a stream: between them two zeros.
+std::vector<Bytes> packets_of(const Bytes& stream) {
+  std::vector<Bytes> packets;
+  for (const std::uint8_t b : stream) {
+    if (packets.empty() || (packets.back().size() > 1 && packets.back().back() == 0)) packets.emplace_back();
+    packets.back().push_back(b);
+  }
+  return packets;
+}
+
+Bytes joined(const std::vector<Bytes>& packets) {
+  Bytes stream;
+  for (const Bytes& p : packets) stream.insert(stream.end(), p.begin(), p.end());
+  return stream;
+}
+
+// As many elements as a frame has are no frame when one piece came twice and another not at all.
+TEST(DeviceLink, APieceInAnothersPlaceIsNotUsedByEitherSide) {
+  Pair pair;
+  pair.start();
+  pair.device.period();
+  auto packets = packets_of(pair.up);
+  ASSERT_EQ(packets[4].size(), packets[5].size());  // of pin_height
+  packets[5] = packets[4];
+  pair.up = joined(packets);
+  EXPECT_TRUE(pair.carry().empty());
+
+  Pair larger(40, 30);
+  larger.start();
+  larger.device.period();
+  larger.carry();
+  larger.link.write_frame(1, std::vector<float>(1200, 2.0F), larger.down);
+  packets = packets_of(larger.down);
+  ASSERT_EQ(packets[2].size(), packets[3].size());
+  packets[3] = packets[2];
+  larger.down = joined(packets);
+  larger.carry();
+  larger.device.period();
+  EXPECT_EQ(larger.device.heights()[0], 0);
+}
+
 TEST(DeviceLink, AFrameWithAnyPacketMissingIsGivenUp) {
   Pair whole;
   whole.start();
   whole.device.period();
-  // The packets of one frame: between them two zeros.
-  std::vector<Bytes> packets;
-  for (const std::uint8_t b : whole.up) {
-    if (packets.empty() || (packets.back().size() > 1 && packets.back().back() == 0)) packets.emplace_back();
-    packets.back().push_back(b);
-  }
+  const std::vector<Bytes> packets = packets_of(whole.up);
   ASSERT_GT(packets.size(), 8u);
   for (std::size_t missing = 0; missing < packets.size(); ++missing) {
     Pair pair;
