@@ -257,7 +257,7 @@ class Planner {
         if (columns > whole) continue;
         plan_.strip_columns = columns;
         const std::uint32_t border = columns < whole ? plan_.border : 0;
-        if (rows * (columns + 2 * border + 3 * kLanes) <= kCacheFloats) break;
+        if (rows * (columns + 2 * border + kLanes) <= kCacheFloats) break;
       }
     }
     if (options_.strip_columns > 0)
@@ -381,7 +381,8 @@ class Planner {
   }
 
   void size_rings() {
-    plan_.ring_pitch = round_up(plan_.strip_columns, kLanes) + 2 * plan_.border + 2 * kLanes;
+    // What lies east of a row and west of the next share the floats between them, as in every plane.
+    plan_.ring_pitch = round_up(plan_.strip_columns, kLanes) + 2 * plan_.border + kLanes;
     std::vector<std::uint32_t> values, ring_of;
     for (const Group& group : groups_)
       for (const std::uint32_t node : group)
@@ -391,9 +392,12 @@ class Planner {
     std::size_t offset = 0;
     const std::vector<Ring> rings = share_rings(values, ring_of);
     for (const Ring& ring : rings) {
+      // Rows at the same place of a page as the rows just written wait for them: rings begin apart.
+      constexpr std::size_t kPage = 1024, kApart = 336;
+      const std::size_t wanted = offsets.size() * kApart % kPage;
+      offset += (wanted + kPage - offset % kPage) % kPage;
       offsets.push_back(offset);
-      // Rings that all began on one page's start would share cache sets.
-      offset += std::size_t{capacity(ring, plan_.block_rows)} * plan_.ring_pitch + 5 * kLanes;
+      offset += std::size_t{capacity(ring, plan_.block_rows)} * plan_.ring_pitch;
     }
     for (std::size_t i = 0; i < values.size(); ++i) {
       Store& store = plan_.stores[store_of_[values[i]]];
