@@ -5,10 +5,12 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <fstream>
 #include <iostream>
 #include <new>
 
 #include "apron/program/LocalProfile.h"
+#include "apron/run/ProfileFile.h"
 #include "apron/run/ProgramFile.h"
 #include "apron/run/StopSignal.h"
 #include "apron/run/SurfaceHost.h"
@@ -36,14 +38,21 @@ std::string unknown_parameter(const Options& options, const program::Program& pr
   return {};
 }
 
-vm::Status run_to_end(vm::Vm& vm, const Options& options) {
-  std::uint64_t ticks = 0;
+vm::Status run_to_end(vm::Vm& vm, const Options& options, std::uint64_t& ticks) {
   while (!options.ticks || ticks < *options.ticks) {
     const vm::Status status = vm.run();
     if (status != vm::Status::kTick) return status;
     ++ticks;
   }
   return vm::Status::kEnded;
+}
+
+bool write_profile(const vm::Vm& vm, std::uint64_t ticks, const std::optional<CostModel>& model,
+                   const Options& options) {
+  std::ofstream file(options.profile);
+  file << profile_json(vm.program(), vm.spent(), ticks, model) << std::flush;
+  if (!file) complain(kRunFailed, "error: cannot write '" + options.profile + "'");
+  return static_cast<bool>(file);
 }
 
 int exit_status(vm::Status status, const std::string& error, const Options& options) {
@@ -74,15 +83,27 @@ int run_on(const Options& options, std::uint32_t width, std::uint32_t height, co
   if (!program) return kWrongInput;
   if (const std::string unknown = unknown_parameter(options, *program); !unknown.empty())
     return complain(kWrongInput, unknown);
+  std::optional<CostModel> model;
+  if (std::string wrong; !options.cost_model.empty()) {
+    model = read_cost_model(options.cost_model, wrong);
+    if (!model) {
+      std::cerr << wrong << '\n';
+      return kWrongInput;
+    }
+  }
   return with_host([&](LocalHost& host) {
     if (const std::string wrong = host.load_modules(program->modules, module_paths(options)); !wrong.empty())
       return complain(kWrongInput, "error: " + wrong);
     vm::VmOptions how;
     how.threads = options.threads;
     how.stop = &stop_flag();
+    how.profile = !options.profile.empty();
+    how.fuse.keep_registers = false;  // nobody looks at them but the program
     vm::Vm vm(std::move(*program), how, host);
-    const vm::Status status = run_to_end(vm, options);
-    return exit_status(status, vm.error(), options);
+    std::uint64_t ticks = 0;
+    const vm::Status status = run_to_end(vm, options, ticks);
+    const int exit = exit_status(status, vm.error(), options);
+    return how.profile && !write_profile(vm, ticks, model, options) ? std::max<int>(exit, kRunFailed) : exit;
   });
 }
 

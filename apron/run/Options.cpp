@@ -114,13 +114,18 @@ void define_run(CLI::App& run, Raw& raw) {
       ->type_name("SECONDS")
       ->check(seconds());
   run.add_flag("--window", raw.window)->group("");
-  run.add_option("--profile", raw.profile)->group("");
+  run.add_option("--profile", raw.options.profile,
+                 "write counts and times by instruction and line to this file, as JSON")
+      ->type_name("FILE");
+  run.add_option("--cost-model", raw.options.cost_model,
+                 "and what they would take on the processor array that this file describes")
+      ->type_name("FILE");
 }
 
 void check_run(Raw& raw) {
-  for (const auto& [option, given] :
-       {std::pair{"--window", raw.window}, std::pair{"--profile", !raw.profile.empty()}})
-    if (given) throw CLI::ValidationError(option, "not available in this version");
+  if (raw.window) throw CLI::ValidationError("--window", "not available in this version");
+  if (!raw.options.cost_model.empty() && raw.options.profile.empty())
+    throw CLI::ValidationError("--cost-model", "goes with --profile FILE, where the estimate is written");
   if (!raw.size.empty() && !raw.options.surface.empty())
     throw CLI::ValidationError("--size",
                                "a program takes the size of the surface that --shm names; give one of them");

@@ -32,6 +32,7 @@ struct Options {
   bool local_profile = false;
   std::vector<std::string> include_paths;
   double wait_s = 5.0;
+  std::string profile, cost_model;  // files; "" for none
   std::vector<std::string> files;  // of fmt
   bool write = false, only_check = false;
 };

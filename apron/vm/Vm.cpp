@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <chrono>
 #include <map>
 
 #include "apron/vm/NumberText.h"
@@ -40,6 +41,10 @@ Vm::Vm(program::Program program, VmOptions options, Host& host)
   calls_.reserve(program::kMaxCallDepth);
   plugin_arguments_.reserve(program::kMaxPluginArguments);
   reserve_masks();
+  if (options.profile) {
+    options.fuse.on = false;
+    spent_.resize(program_.code.size());
+  }
   segments_ = std::make_unique<Segments>(program_, steps_, storage_, executor_, options.fuse,
                                          std::max(options.threads, 1U), options.parallel_cells);
 }
@@ -75,7 +80,7 @@ Status Vm::run(std::uint64_t budget) {
       continue;
     }
     const std::size_t at = next_;
-    const Status status = execute(steps_[next_++]);
+    const Status status = spent_.empty() ? execute(steps_[next_++]) : measure(next_++);
     ++executed_;
     if (status == Status::kBudget) continue;
     if (status == Status::kTick) return status;
@@ -84,6 +89,16 @@ Status Vm::run(std::uint64_t budget) {
     return status;
   }
   return Status::kBudget;
+}
+
+Status Vm::measure(std::size_t at) {
+  using Clock = std::chrono::steady_clock;
+  const Clock::time_point start = Clock::now();
+  const Status status = execute(steps_[at]);
+  const auto took = std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now() - start);
+  ++spent_[at].count;
+  spent_[at].nanoseconds += static_cast<std::uint64_t>(took.count());
+  return status;
 }
 
 // The segment that begins here, unless it would go beyond the budget or come to a limit that its steps check.

@@ -31,6 +31,13 @@ struct VmOptions {
   const KernelTable* kernels = nullptr;
   // How instructions are run together; nothing here changes a result.
   FuseOptions fuse{};
+  // Count and time every instruction; they run one at a time then.
+  bool profile = false;
+};
+
+// What one instruction of the program took so far.
+struct Spent {
+  std::uint64_t count = 0, nanoseconds = 0;
 };
 
 enum class Status {
@@ -67,6 +74,8 @@ class Vm {
   const program::Program& program() const noexcept { return program_; }
   std::size_t next() const noexcept { return next_; }  // index of the instruction to come
   std::uint64_t executed() const noexcept { return executed_; }
+  // By instruction; empty without VmOptions::profile.
+  const std::vector<Spent>& spent() const noexcept { return spent_; }
   std::size_t call_depth() const noexcept { return calls_.size(); }
   Plane plane(std::size_t register_index) const noexcept { return storage_.registers[register_index]; }
   float& variable(std::size_t index) noexcept { return storage_.scalars[index]; }
@@ -82,6 +91,7 @@ class Vm {
 
   // Each returns kBudget to go on with the instruction at next_.
   Status execute(const Step& step);
+  Status measure(std::size_t at);
   Status elementwise(const Step& step);
   Status shift_image(const Step& step);
   Status reduce(const Step& step);
@@ -133,6 +143,7 @@ class Vm {
   std::vector<PluginArgument> plugin_arguments_;
   std::size_t next_ = 0;
   std::uint64_t executed_ = 0;
+  std::vector<Spent> spent_;
   Status final_ = Status::kBudget;  // set once the program can go no further
   std::string error_;
 };

@@ -132,7 +132,8 @@ TEST_F(Cli, AWrongCommandLineIsOneLineAndStatus2) {
       {"run", good, "--shm", "s", "--size", "4x4"},
       {"run", good, "--shm", "no_such_surface", "--wait", "0"},
       {"run", good, "--window"},
-      {"run", good, "--profile", "cost.json"},
+      {"run", good, "--cost-model", "cost.json"},  // without --profile
+      {"run", good, "--profile", "/dev/null", "--cost-model", path("none.json")},
       {"fmt"},
       {"fmt", path("none.aps")},
       {"repl", "--size", "0x1"},

@@ -1,0 +1,98 @@
+// The profile's counts, sums and estimates, and what is said of a wrong cost model.
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "apron/run/ProfileFile.h"
+#include "tests/unit/apron/vm/Build.h"
+
+namespace apron::run {
+namespace {
+
+using nlohmann::json;
+using program::Opcode;
+using program::Operand;
+using vm::test::Build;
+
+// Line 2 adds 3 times, line 4 loops, line 5 prints nothing; 4x2 cells.
+Build looping() {
+  Build b;
+  const Operand a = b.reg(4, 2), i = b.var(3);
+  b.add(Opcode::kCopy, a, b.lit(1));
+  b.add(Opcode::kAdd, a, a, b.lit(1));
+  b.add(Opcode::kSub, i, i, b.lit(1));
+  b.add(Opcode::kJumpGt, {}, i, b.lit(0), Build::label(1));
+  return b;
+}
+
+json profile(const std::optional<CostModel>& model, std::uint64_t steps) {
+  vm::test::FakeHost host;
+  vm::VmOptions options;
+  options.profile = true;
+  vm::Vm vm(looping().done(), options, host);
+  EXPECT_EQ(vm.run(), vm::Status::kEnded);
+  return json::parse(profile_json(vm.program(), vm.spent(), steps, model));
+}
+
+TEST(Profile, CountsByInstructionAndLine) {
+  const json p = profile(std::nullopt, 0);
+  EXPECT_EQ(p["all"]["count"], 1 + 3 * 3 + 1);
+  EXPECT_EQ(p["instructions"]["copy"]["count"], 1);
+  EXPECT_EQ(p["instructions"]["add"]["count"], 3);
+  EXPECT_EQ(p["instructions"]["jump.gt"]["count"], 3);
+  ASSERT_EQ(p["lines"].size(), 5U);
+  EXPECT_EQ(p["lines"][1]["line"], 2);
+  EXPECT_EQ(p["lines"][1]["count"], 3);
+  EXPECT_EQ(p["program"][2]["instruction"], "sub");
+  EXPECT_FALSE(p.contains("estimate"));
+  std::uint64_t ns = 0;
+  for (const json& one : p["program"]) ns += one["time_ns"].get<std::uint64_t>();
+  EXPECT_EQ(p["all"]["time_ns"], ns);
+}
+
+TEST(Profile, EstimatesWhatTheModelSays) {
+  CostModel model;
+  model.clock_hz = 100;
+  model.idle_w = 2;
+  model.otherwise.cycles = 1;
+  model.instructions["add"] = {5, 0.5, 1, 0.25};
+  const json p = profile(model, 2);
+  // 3 adds of 5 + 0.5 * 8 cycles, 8 others of 1; 3 * (1 + 0.25 * 8) joules and 2 watts all the time.
+  EXPECT_DOUBLE_EQ(p["estimate"]["cycles"], 35.0);
+  EXPECT_DOUBLE_EQ(p["estimate"]["time_s"], 0.35);
+  EXPECT_DOUBLE_EQ(p["estimate"]["energy_j"], 9.7);
+  EXPECT_DOUBLE_EQ(p["estimate"]["per_frame"]["cycles"], 17.5);
+  EXPECT_DOUBLE_EQ(p["lines"][1]["cycles"], 27.0);
+}
+
+TEST(Profile, TheExampleModelIsOne) {
+  std::string wrong;
+  const auto model = read_cost_model(APRON_EXAMPLE_MODEL, wrong);
+  ASSERT_TRUE(model) << wrong;
+  EXPECT_GT(model->clock_hz, 0);
+  EXPECT_EQ(model->instructions.at("shift").cycles, 2);
+}
+
+TEST(Profile, AWrongModelIsNamed) {
+  const std::string file = ::testing::TempDir() + "apron_model.json";
+  const std::pair<const char*, const char*> kWrong[] = {
+      {"{", "not JSON"},
+      {"[]", "an object"},
+      {"{}", "clock_hz"},
+      {R"({"clock_hz": -1})", "'clock_hz' is -1"},
+      {R"({"clock_hz": 1, "clock": 2})", "'clock' is unknown"},
+      {R"({"clock_hz": 1, "instructions": {"ad": {}}})", "no instruction 'ad'"},
+      {R"({"clock_hz": 1, "instructions": {"add": {"cycles": "two"}}})", "'add': 'cycles' is \"two\""},
+      {R"({"clock_hz": 1, "instructions": {"add": 2}})", "'add': an object"}};
+  for (const auto& [text, what] : kWrong) {
+    std::ofstream(file) << text;
+    std::string wrong;
+    EXPECT_FALSE(read_cost_model(file, wrong)) << text;
+    EXPECT_NE(wrong.find(what), std::string::npos) << wrong;
+    EXPECT_EQ(wrong.find('\n'), std::string::npos) << wrong;
+  }
+}
+
+}  // namespace
+}  // namespace apron::run
