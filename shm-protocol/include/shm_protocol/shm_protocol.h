@@ -98,8 +98,7 @@ SSP_API void ssp_stop_raise(ssp_stop*);
 SSP_API void ssp_stop_lower(ssp_stop*);
 SSP_API void ssp_stop_destroy(ssp_stop*); /* null: nothing */
 
-/* ---- what is exchanged
- * ------------------------------------------------------------------------------------------ */
+/* ---- what is exchanged ---- */
 
 typedef struct ssp_channel_spec {
   const char* name;    /* 1 to 31 of A-Z a-z 0-9 _ . -; unique within its direction */
@@ -166,23 +165,23 @@ typedef struct ssp_frame_info {
 } ssp_frame_info;
 
 typedef struct ssp_counters {
-  uint64_t skipped;  /* frames of the peer that this side never saw */
-  uint64_t repeated; /* times this side looked and found no newer frame */
-  uint64_t clamped;  /* values of the peer that this side replaced: NaN, infinite or out of range */
-  uint64_t
-      deadline_misses; /* control periods whose answer came late: counted by a surface of real hardware */
+  uint64_t skipped;         /* frames of the peer that this side never saw */
+  uint64_t repeated;        /* times this side looked and found no newer frame */
+  uint64_t clamped;         /* values of the peer that this side replaced: NaN, infinite or out of range */
+  uint64_t deadline_misses; /* periods whose answer came late: counted by a surface of real hardware */
   uint64_t reserved[4];
 } ssp_counters;
 
-/* ---- surface
- * ---------------------------------------------------------------------------------------------------- */
+/* ---- surface ---- */
 
 typedef struct ssp_surface ssp_surface;
 
 /* Creates /dev/shm/smartsurf.NAME, reclaiming what a dead surface left there. *out is null after an error. */
 SSP_API ssp_result ssp_surface_create(const ssp_surface_config*, ssp_surface** out);
-/* Tells the controller that the surface is closing and removes the segment. All pointers into it end. Null:
- * nothing. */
+/* Ends the session: tells the controller that the surface is closing and removes the segment. What was mapped
+ * stays readable until the handle is destroyed; for languages whose arrays may outlive the session. */
+SSP_API void ssp_surface_close(ssp_surface*);
+/* Closes, unless that is done, and frees the handle. All pointers end. Null: nothing. */
 SSP_API void ssp_surface_destroy(ssp_surface*);
 
 SSP_API ssp_result ssp_surface_describe(const ssp_surface*, ssp_description*);
@@ -194,6 +193,10 @@ SSP_API int ssp_surface_find(const ssp_surface*, uint32_t direction, const char*
  * publish and then holds an old frame's values, so write all of it. Null: that is no sensor channel. `bytes`
  * may be null. */
 SSP_API void* ssp_surface_sensor(ssp_surface*, int channel, size_t* bytes);
+/* Copies `bytes` to the same array from byte `at` on: for arrays of 16 KiB and more faster than writing in
+ * place, as it goes past the caches; in ascending order, 64 KiB to 256 KiB at a time, the controller may copy
+ * along. What was written so is final for this frame. SSP_E_ARGUMENT: no such place, or half an element. */
+SSP_API ssp_result ssp_surface_write(ssp_surface*, int channel, size_t at, const void* values, size_t bytes);
 /* Publishes the sensor frame and wakes the controller. Time-step: SSP_OUT_OF_TURN while the controller has
  * not answered the frame before. */
 SSP_API ssp_result ssp_surface_publish(ssp_surface*, uint64_t tick, double time_s, uint32_t status);
@@ -221,8 +224,7 @@ SSP_API uint32_t ssp_surface_controller_pid(const ssp_surface*);   /* 0: none */
 SSP_API uint32_t ssp_surface_controller_state(const ssp_surface*); /* enum ssp_state */
 SSP_API ssp_result ssp_surface_counters(const ssp_surface*, ssp_counters* surface, ssp_counters* controller);
 
-/* ---- controller
- * ------------------------------------------------------------------------------------------------- */
+/* ---- controller ---- */
 
 typedef struct ssp_controller ssp_controller;
 
@@ -230,7 +232,10 @@ typedef struct ssp_controller ssp_controller;
  * error. */
 SSP_API ssp_result ssp_controller_attach(const char* name, int64_t timeout_ns, const ssp_stop*,
                                          ssp_controller** out);
-/* Tells the surface that the controller leaves in good order. All pointers end. Null: nothing. */
+/* Ends the attachment: tells the surface that the controller leaves in good order. What was mapped stays
+ * readable until the handle is freed; for languages whose arrays may outlive the attachment. */
+SSP_API void ssp_controller_leave(ssp_controller*);
+/* Leaves, unless that is done, and frees the handle. All pointers end. Null: nothing. */
 SSP_API void ssp_controller_detach(ssp_controller*);
 /* After SSP_SURFACE_DEAD or SSP_SURFACE_CLOSED: waits for a new surface under the same name and attaches to
  * it. All pointers end. After an error the handle may only be detached, or this call tried again. */
@@ -254,6 +259,12 @@ SSP_API ssp_result ssp_controller_frame(const ssp_controller*, ssp_frame_info*);
 /* The actuator array that publish will send next, in place in shared memory: it moves at every publish and
  * then holds an old frame's values, so write all of it. Null: that is no actuator channel. */
 SSP_API void* ssp_controller_actuator(ssp_controller*, int channel, size_t* bytes);
+/* As ssp_surface_write. */
+SSP_API ssp_result ssp_controller_write(ssp_controller*, int channel, size_t at, const void* values,
+                                        size_t bytes);
+/* Time-step: ssp_controller_sensor shows private copies from the next frame on, made while the surface still
+ * writes: for frames of a megabyte and more that it writes with ssp_surface_write. */
+SSP_API ssp_result ssp_controller_take_copies(ssp_controller*);
 /* Publishes the actuator frame as the answer to the sensor frame taken last. SSP_OUT_OF_TURN: time-step, and
  * no unanswered frame was taken. SSP_TORN: time-step, and the surface has given that frame up; await the next
  * one. */
@@ -266,8 +277,7 @@ SSP_API uint32_t ssp_controller_surface_state(const ssp_controller*); /* enum ss
 SSP_API ssp_result ssp_controller_counters(const ssp_controller*, ssp_counters* surface,
                                            ssp_counters* controller);
 
-/* ---- observer
- * --------------------------------------------------------------------------------------------------- */
+/* ---- observer ---- */
 
 /* Maps a segment read-only and writes nothing, nowhere: it cannot slow or disturb surface and controller. */
 typedef struct ssp_observer ssp_observer;
@@ -297,8 +307,7 @@ SSP_API uint32_t ssp_observer_controller_pid(const ssp_observer*);   /* 0: none 
 SSP_API ssp_result ssp_observer_counters(const ssp_observer*, ssp_counters* surface,
                                          ssp_counters* controller);
 
-/* ---- what lies in /dev/shm
- * -------------------------------------------------------------------------------------- */
+/* ---- what lies in /dev/shm ---- */
 
 enum ssp_ownership {
   SSP_LIVING = 0, /* its surface runs */

@@ -23,6 +23,9 @@ ssp_result ssp_controller_attach(const char* name, int64_t timeout_ns, const ssp
   });
 }
 
+void ssp_controller_leave(ssp_controller* controller) {
+  if (controller) controller->endpoint.detach();
+}
 void ssp_controller_detach(ssp_controller* controller) { delete controller; }
 
 ssp_result ssp_controller_reconnect(ssp_controller* k, int64_t timeout_ns, const ssp_stop* stop) {
@@ -66,6 +69,17 @@ void* ssp_controller_actuator(ssp_controller* k, int channel, size_t* bytes) {
   const ChannelSpec* spec = k ? c::channel_of(k->endpoint.description(), channel) : nullptr;
   if (!spec || spec->direction != Direction::kActuator) return nullptr;
   return c::address_of(spec->dtype, bytes, [&]<class T>() { return k->endpoint.actuator<T>(channel); });
+}
+ssp_result ssp_controller_write(ssp_controller* k, int channel, size_t at, const void* values, size_t bytes) {
+  if (!k) return c::null_argument();
+  return c::write(k->endpoint, channel, Direction::kActuator, at, values, bytes);
+}
+ssp_result ssp_controller_take_copies(ssp_controller* k) {
+  if (!k) return c::null_argument();
+  return c::guarded([&] {
+    k->endpoint.take_copies();
+    return SSP_OK;
+  });
 }
 ssp_result ssp_controller_publish(ssp_controller* k) {
   return k ? c::result_of(k->endpoint.publish()) : c::null_argument();

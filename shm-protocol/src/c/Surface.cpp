@@ -64,6 +64,9 @@ ssp_result ssp_surface_create(const ssp_surface_config* config, ssp_surface** ou
   });
 }
 
+void ssp_surface_close(ssp_surface* surface) {
+  if (surface) surface->endpoint.close();
+}
 void ssp_surface_destroy(ssp_surface* surface) { delete surface; }
 
 ssp_result ssp_surface_describe(const ssp_surface* s, ssp_description* out) { return c::describe(s, out); }
@@ -81,6 +84,10 @@ void* ssp_surface_sensor(ssp_surface* s, int channel, size_t* bytes) {
   return c::address_of(spec->dtype, bytes, [&]<class T>() { return s->endpoint.sensor<T>(channel); });
 }
 
+ssp_result ssp_surface_write(ssp_surface* s, int channel, size_t at, const void* values, size_t bytes) {
+  if (!s) return c::null_argument();
+  return c::write(s->endpoint, channel, Direction::kSensor, at, values, bytes);
+}
 ssp_result ssp_surface_publish(ssp_surface* s, uint64_t tick, double time_s, uint32_t status) {
   return s ? c::result_of(s->endpoint.publish(tick, time_s, status)) : c::null_argument();
 }

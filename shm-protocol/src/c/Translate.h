@@ -80,6 +80,26 @@ auto* address_of(DType dtype, std::size_t* bytes, Access&& access) noexcept {
   }
 }
 
+// endpoint.write() of the channel's element type, checked first.
+template <class Endpoint>
+ssp_result write(Endpoint& endpoint, int channel, Direction direction, std::size_t at, const void* values,
+                 std::size_t bytes) noexcept {
+  const Description& d = endpoint.description();
+  const ChannelSpec* spec = channel_of(d, channel);
+  if (!spec || spec->direction != direction) return wrong_channel();
+  if (!values && bytes) return null_argument();
+  const std::size_t element = spec->dtype == DType::kU8 ? 1 : 4, all = d.cells() * spec->components * element;
+  if (at > all || bytes > all - at || at % element || bytes % element)
+    return fail(SSP_E_ARGUMENT, "that place is not within the array, or not of whole elements");
+  const auto write_as = [&]<class T>() {
+    endpoint.template write<T>(channel, at / element, {static_cast<const T*>(values), bytes / element});
+  };
+  if (spec->dtype == DType::kF32) write_as.template operator()<float>();
+  if (spec->dtype == DType::kU32) write_as.template operator()<std::uint32_t>();
+  if (spec->dtype == DType::kU8) write_as.template operator()<std::uint8_t>();
+  return SSP_OK;
+}
+
 // The three roles describe themselves alike.
 template <class Handle>
 ssp_result describe(const Handle* handle, ssp_description* out) noexcept {
