@@ -16,7 +16,9 @@ TEST(Chain, TheUnchangedCaseStudyRunsOnADeviceBehindABadLine) {
   EXPECT_EQ(apron.wait(), 0) << apron.output();
   bridge.signal(SIGINT);
   EXPECT_EQ(bridge.wait(), 130) << bridge.output();
-  EXPECT_GE(bridge.figure("answers"), 300u);
+  // The very first answer may be to a frame that the bridge had given up, because it looked just before apron
+  // attached.
+  EXPECT_GE(bridge.figure("answers"), 299u);
   EXPECT_GT(bridge.figure("missed"), 0u);
   EXPECT_GT(bridge.figure("damaged_packets"), 0u);
   EXPECT_FALSE(segment_exists(name));
