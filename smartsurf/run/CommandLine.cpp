@@ -213,12 +213,12 @@ int check_command(const RunFlags& flags) {
   return kDone;
 }
 
-int clean_command() {
-  for (const auto& segment : shm_protocol::remove_orphans())
+int clean_command(const std::string& prefix) {
+  for (const auto& segment : shm_protocol::remove_orphans(prefix))
     fmt::print("removed {} ({} bytes, left by process {})\n", segment.name, segment.bytes,
                segment.surface_pid);
   for (const auto& segment : shm_protocol::list_segments())
-    if (segment.ownership == shm_protocol::Ownership::kLiving)
+    if (segment.ownership == shm_protocol::Ownership::kLiving && segment.name.starts_with(prefix))
       fmt::print("kept {}: process {} lives\n", segment.name, segment.surface_pid);
   return kDone;
 }
@@ -246,7 +246,7 @@ int parse_and_run(int argc, char** argv) {
   CLI::App* run = app.add_subcommand("run", "Run an experiment");
   add_run_flags(*run, flags);
 
-  std::string file, output, what = "trajectories";
+  std::string file, output, what = "trajectories", prefix;
   CLI::App* info = app.add_subcommand("info", "Say what a recording holds");
   info->add_option("recording", file, "The recording")->required()->type_name("FILE.h5");
   CLI::App* plot = app.add_subcommand("plot", "Draw a figure from a recording");
@@ -262,6 +262,7 @@ int parse_and_run(int argc, char** argv) {
       ->type_name("EXPERIMENT.lua");
   add_script_flags(*check, flags);
   CLI::App* clean = app.add_subcommand("clean", "Remove shared-memory segments that dead processes left");
+  clean->add_option("prefix", prefix, "Only those whose names begin with this")->type_name("NAME");
   CLI::App* replay = app.add_subcommand("replay", "Not available in this version");
   replay->allow_extras();
 
@@ -283,7 +284,7 @@ int parse_and_run(int argc, char** argv) {
     return kDone;
   }
   if (check->parsed()) return check_command(flags);
-  if (clean->parsed()) return clean_command();
+  if (clean->parsed()) return clean_command(prefix);
   throw scene::InputError("replay: not available in this version");
 }
 

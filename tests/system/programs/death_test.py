@@ -88,7 +88,7 @@ class Death(ProgramTest):
         self.assertTrue(self.segment().exists())
         status, out, err = self.run_program(SMARTSURF, "info", str(recording))
         self.assertEqual(status, 0, err)
-        status, out, err = self.run_program(SMARTSURF, "clean")
+        status, out, err = self.run_program(SMARTSURF, "clean", self.shm)
         self.assertEqual(status, 0, err)
         self.assertFalse(self.segment().exists())
 
