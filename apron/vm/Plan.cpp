@@ -139,7 +139,10 @@ class Planner {
   void find_users() {
     users_.resize(graph_.nodes.size());
     for (std::uint32_t i = 0; i < graph_.nodes.size(); ++i)
-      each_value(i, [&](const Arg& arg) { users_[arg.index].push_back({i, stage_of_[i], arg.dx, arg.dy}); });
+      each_value(i, [&](const Arg& arg) {
+        users_[arg.index].push_back({i, stage_of_[i], arg.dx, arg.dy});
+        farthest_ = std::max(farthest_, static_cast<std::uint32_t>(std::abs(arg.dy)));
+      });
   }
 
   bool crosses(std::uint32_t node) const {
@@ -224,6 +227,12 @@ class Planner {
       }
     }
     return rings;
+  }
+
+  // Rows that the edge rule makes the same for good; only worth it where few rows share a call.
+  std::uint32_t margin(const Ring& ring) const {
+    const bool constant = graph_.edge.rule == BoundaryRule::kZero || graph_.edge.rule == BoundaryRule::kValue;
+    return constant && capacity(ring, plan_.block_rows) == plan_.height ? farthest_ : 0;
   }
 
   std::uint32_t capacity(const Ring& ring, std::uint32_t block_rows) const {
@@ -396,13 +405,15 @@ class Planner {
       constexpr std::size_t kPage = 1024, kApart = 336;
       const std::size_t wanted = offsets.size() * kApart % kPage;
       offset += (wanted + kPage - offset % kPage) % kPage;
-      offsets.push_back(offset);
-      offset += std::size_t{capacity(ring, plan_.block_rows)} * plan_.ring_pitch;
+      const std::size_t above = std::size_t{margin(ring)} * plan_.ring_pitch;
+      offsets.push_back(offset + above);
+      offset += std::size_t{capacity(ring, plan_.block_rows)} * plan_.ring_pitch + 2 * above;
     }
     for (std::size_t i = 0; i < values.size(); ++i) {
       Store& store = plan_.stores[store_of_[values[i]]];
       store.capacity = capacity(rings[ring_of[i]], plan_.block_rows);
       store.offset = offsets[ring_of[i]];
+      store.margin = margin(rings[ring_of[i]]);
     }
     plan_.worker_floats = offset + 2 * kLanes;
   }
@@ -415,6 +426,7 @@ class Planner {
   std::vector<std::vector<Use>> users_;
   std::vector<std::vector<std::uint32_t>> results_;              // stores of each value
   std::vector<std::pair<std::uint32_t, std::uint32_t>> copies_;  // value, store
+  std::uint32_t farthest_ = 0;                                   // rows that any operand is away
   Plan plan_;
 };
 
