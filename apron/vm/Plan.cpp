@@ -31,8 +31,8 @@ class Planner {
   }
 
   Plan run() {
-    group_by_level();
     find_users();
+    group_by_level();
     find_lags();
     find_borders();
     choose_tiles();
@@ -44,6 +44,10 @@ class Planner {
 
  private:
   using Group = std::vector<std::uint32_t>;  // nodes, in order
+  struct Use {
+    std::uint32_t node;
+    std::int8_t dx, dy;
+  };
 
   bool computed(std::uint32_t node) const { return graph_.nodes[node].kind == Node::Kind::kCompute; }
 
@@ -55,29 +59,58 @@ class Planner {
 
   // A value read from the own cell can stay in a vector register; one read from a neighbour's needs its rows
   // done.
-  void group_by_level() {
+  std::vector<std::uint32_t> levels() const {
     std::vector<std::uint32_t> level(graph_.nodes.size(), 0);
-    std::map<std::uint32_t, Group> joined;
-    std::map<std::uint32_t, std::vector<Group>> alone;
-    for (std::uint32_t i = 0; i < graph_.nodes.size(); ++i) {
-      if (!computed(i)) continue;
-      const bool joins = joins_stages(graph_.nodes[i].op);
+    for (std::uint32_t i = 0; i < graph_.nodes.size(); ++i)
+      if (computed(i))
+        each_value(i, [&](const Arg& arg) {
+          if (!computed(arg.index)) return;
+          const bool after = arg.shifted() || !joins(i) || !joins(arg.index);
+          level[i] = std::max(level[i], level[arg.index] + (after ? 1U : 0U));
+        });
+    return level;
+  }
+
+  bool joins(std::uint32_t node) const { return joins_stages(graph_.nodes[node].op); }
+
+  // What only a later level reads is computed there, if its operands are kept until then anyway: one value
+  // less goes through memory.
+  void sink(std::vector<std::uint32_t>& level) const {
+    for (auto i = static_cast<std::uint32_t>(graph_.nodes.size()); i-- > 0;) {
+      if (!computed(i) || !joins(i) || outputs_of_[i] > 0 || users_[i].empty()) continue;
+      std::uint32_t to = kNowhere;
+      bool free = true;
+      for (const Use& use : users_[i]) {
+        to = std::min(to, level[use.node]);
+        free = free && use.dx == 0 && use.dy == 0 && joins(use.node);
+      }
       each_value(i, [&](const Arg& arg) {
-        if (!computed(arg.index)) return;
-        const bool after = arg.shifted() || !joins || !joins_stages(graph_.nodes[arg.index].op);
-        level[i] = std::max(level[i], level[arg.index] + (after ? 1U : 0U));
+        const auto keeps = [&](const Use& use) { return use.node != i && level[use.node] >= to; };
+        free = free && (!computed(arg.index) ||
+                        (level[arg.index] < to &&
+                         std::any_of(users_[arg.index].begin(), users_[arg.index].end(), keeps)));
       });
-      if (joins)
-        joined[level[i]].push_back(i);
-      else
-        alone[level[i]].push_back({i});
-      joined.try_emplace(level[i]);
+      if (free && to > level[i]) level[i] = to;
     }
+  }
+
+  void group_by_level() {
     outputs_of_.assign(graph_.nodes.size(), 0);
     for (const Graph::Output& output : graph_.outputs) ++outputs_of_[output.value];
-    for (const auto& [at, group] : joined) {
-      if (!group.empty()) split(group);
-      for (const Group& one : alone[at]) groups_.push_back(one);
+    std::vector<std::uint32_t> level = levels();
+    sink(level);
+    std::map<std::uint32_t, std::pair<Group, std::vector<Group>>> at_level;  // joined, and each by itself
+    for (std::uint32_t i = 0; i < graph_.nodes.size(); ++i) {
+      if (!computed(i)) continue;
+      auto& [joined, alone] = at_level[level[i]];
+      if (joins(i))
+        joined.push_back(i);
+      else
+        alone.push_back({i});
+    }
+    for (const auto& [at, groups] : at_level) {
+      if (!groups.first.empty()) split(groups.first);
+      groups_.insert(groups_.end(), groups.second.begin(), groups.second.end());
     }
     for (std::uint32_t s = 0; s < groups_.size(); ++s)
       for (const std::uint32_t node : groups_[s]) stage_of_[node] = s;
@@ -131,20 +164,18 @@ class Planner {
     return false;
   }
 
-  struct Use {
-    std::uint32_t node, stage;
-    std::int8_t dx, dy;
-  };
-
   void find_users() {
     users_.resize(graph_.nodes.size());
     for (std::uint32_t i = 0; i < graph_.nodes.size(); ++i)
-      each_value(i, [&](const Arg& arg) { users_[arg.index].push_back({i, stage_of_[i], arg.dx, arg.dy}); });
+      each_value(i, [&](const Arg& arg) {
+        users_[arg.index].push_back({i, arg.dx, arg.dy});
+        farthest_ = std::max(farthest_, static_cast<std::uint32_t>(std::abs(arg.dy)));
+      });
   }
 
   bool crosses(std::uint32_t node) const {
     return std::any_of(users_[node].begin(), users_[node].end(),
-                       [&](const Use& use) { return use.stage != stage_of_[node]; });
+                       [&](const Use& use) { return stage_of_[use.node] != stage_of_[node]; });
   }
 
   std::uint32_t ahead(int dy) const {
@@ -186,8 +217,9 @@ class Planner {
   std::uint32_t last_need(std::uint32_t node) const {
     std::uint32_t last = plan_.stages[stage_of_[node]].lag;
     for (const Use& use : users_[node])
-      if (use.stage != stage_of_[node])
-        last = std::max(last, plan_.stages[use.stage].lag + static_cast<std::uint32_t>(std::abs(use.dy)));
+      if (stage_of_[use.node] != stage_of_[node])
+        last = std::max(last,
+                        plan_.stages[stage_of_[use.node]].lag + static_cast<std::uint32_t>(std::abs(use.dy)));
     return last;
   }
 
@@ -201,9 +233,9 @@ class Planner {
     const std::uint32_t writer = stage_of_[value], lag = plan_.stages[writer].lag;
     if (stage_of_[old] >= writer || copied(old)) return false;
     return std::all_of(users_[old].begin(), users_[old].end(), [&](const Use& use) {
-      if (use.stage == writer) return use.dx == 0 && use.dy == 0;
-      return use.stage < writer &&
-             lag >= plan_.stages[use.stage].lag + static_cast<std::uint32_t>(std::abs(use.dy));
+      if (stage_of_[use.node] == writer) return use.dx == 0 && use.dy == 0;
+      return stage_of_[use.node] < writer &&
+             lag >= plan_.stages[stage_of_[use.node]].lag + static_cast<std::uint32_t>(std::abs(use.dy));
     });
   }
 
@@ -224,6 +256,12 @@ class Planner {
       }
     }
     return rings;
+  }
+
+  // Rows that the edge rule makes the same for good; only worth it where few rows share a call.
+  std::uint32_t margin(const Ring& ring) const {
+    const bool constant = graph_.edge.rule == BoundaryRule::kZero || graph_.edge.rule == BoundaryRule::kValue;
+    return constant && capacity(ring, plan_.block_rows) == plan_.height ? farthest_ : 0;
   }
 
   std::uint32_t capacity(const Ring& ring, std::uint32_t block_rows) const {
@@ -330,9 +368,9 @@ class Planner {
     const std::uint32_t writer = stage_of_[value];
     if (overlaps(plan_.stages[writer])) return false;
     return std::all_of(users_[input].begin(), users_[input].end(), [&](const Use& use) {
-      const Stage& reader = plan_.stages[use.stage];
-      return use.dx == 0 && use.dy == 0 && use.stage <= writer && reader.lag <= plan_.stages[writer].lag &&
-             !overlaps(reader);
+      const Stage& reader = plan_.stages[stage_of_[use.node]];
+      return use.dx == 0 && use.dy == 0 && stage_of_[use.node] <= writer &&
+             reader.lag <= plan_.stages[writer].lag && !overlaps(reader);
     });
   }
 
@@ -396,13 +434,15 @@ class Planner {
       constexpr std::size_t kPage = 1024, kApart = 336;
       const std::size_t wanted = offsets.size() * kApart % kPage;
       offset += (wanted + kPage - offset % kPage) % kPage;
-      offsets.push_back(offset);
-      offset += std::size_t{capacity(ring, plan_.block_rows)} * plan_.ring_pitch;
+      const std::size_t above = std::size_t{margin(ring)} * plan_.ring_pitch;
+      offsets.push_back(offset + above);
+      offset += std::size_t{capacity(ring, plan_.block_rows)} * plan_.ring_pitch + 2 * above;
     }
     for (std::size_t i = 0; i < values.size(); ++i) {
       Store& store = plan_.stores[store_of_[values[i]]];
       store.capacity = capacity(rings[ring_of[i]], plan_.block_rows);
       store.offset = offsets[ring_of[i]];
+      store.margin = margin(rings[ring_of[i]]);
     }
     plan_.worker_floats = offset + 2 * kLanes;
   }
@@ -415,6 +455,7 @@ class Planner {
   std::vector<std::vector<Use>> users_;
   std::vector<std::vector<std::uint32_t>> results_;              // stores of each value
   std::vector<std::pair<std::uint32_t, std::uint32_t>> copies_;  // value, store
+  std::uint32_t farthest_ = 0;                                   // rows that any operand is away
   Plan plan_;
 };
 

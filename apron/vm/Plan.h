@@ -25,6 +25,8 @@ struct Store {
   std::uint32_t reg = 0;
   std::uint32_t capacity = 0;
   std::uint32_t pads = 0;  // columns read beyond its west and east edge
+  std::uint32_t margin =
+      0;  // kRing with a place for every row: rows of what lies beyond the edge, above and below
   std::size_t offset = 0;  // kRing: of its first row, floats from the start of a worker's memory
 };
 

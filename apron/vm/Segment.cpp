@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <numeric>
 
 #include "apron/vm/ScalarKernels.h"
 
@@ -30,7 +31,7 @@ Segment::Segment(const Trace& trace, Graph graph, Plan plan, const Machine& mach
       fresh_(machine.fresh),
       clean_pads_(machine.clean_pads) {
   for (const Stage& stage : plan_.stages) {
-    jits_.push_back(machine.jit ? StageJit::make(stage) : nullptr);
+    jits_.push_back(machine.jit ? StageJit::make(stage, common_vectors(stage)) : nullptr);
     tiles_.emplace_back(stage, plan_.stores, executor_.kernels());
   }
   allocate_workers();
@@ -53,12 +54,13 @@ void Segment::allocate_workers() {
   const float value = plan_.edge.rule == BoundaryRule::kValue ? plan_.edge.value : 0.0F;
   std::fill_n(outside_, columns, value);
   outside_ += 2 * kLanes;
+  for (Worker& worker : workers_) {
+    find_places(worker, {});
+    fill_margins(worker);
+  }
   // With one strip the edges of the rings stay where they are.
   if (constant_edge() && plan_.strip_columns == plan_.width)
-    for (Worker& worker : workers_) {
-      find_places(worker, {});
-      pad_rings(worker, {0, plan_.width, 0});
-    }
+    for (const Worker& worker : workers_) pad_rings(worker, {0, plan_.width, 0});
 }
 
 std::vector<std::uint32_t> Segment::fresh_registers() const {
@@ -93,6 +95,32 @@ void Segment::run(const ConstPlane& mask) noexcept {
   for (const auto& [variable, slot] : graph_.stores) *variable = graph_.slots[slot];
 }
 
+void Segment::columns_of(const Stage& stage, const Strip& strip, std::int64_t& west,
+                         std::int64_t& east) const noexcept {
+  west = std::max<std::int64_t>(0, lanes_down(strip.first - stage.border_x + kLane) - kLane);
+  east = std::min<std::int64_t>(plan_.width, strip.last + stage.border_x);
+}
+
+// The largest number of vectors that divides the stage's columns in every strip.
+std::uint32_t Segment::common_vectors(const Stage& stage) const noexcept {
+  std::int64_t common = 0;
+  for (std::int64_t column = 0; column < plan_.width; column += plan_.strip_columns) {
+    std::int64_t west = 0, east = 0;
+    columns_of(stage, {column, std::min<std::int64_t>(column + plan_.strip_columns, plan_.width), 0}, west,
+               east);
+    common = std::gcd(common, lanes_up(east - west) / kLane);
+  }
+  return static_cast<std::uint32_t>(common);
+}
+
+void Segment::fill_margins(const Worker& worker) noexcept {
+  const float value = plan_.edge.rule == BoundaryRule::kValue ? plan_.edge.value : 0.0F;
+  for (const Place& place : worker.places)
+    for (std::int64_t k = 1; k <= place.margin; ++k)
+      for (const std::int64_t row : {-k, static_cast<std::int64_t>(plan_.height) - 1 + k})
+        std::fill_n(place.data + row * place.pitch - kLane, place.pitch, value);
+}
+
 void Segment::scalars() noexcept {
   for (const auto& [slot, variable] : graph_.loads) graph_.slots[slot] = *variable;
   for (const ScalarStep& step : graph_.scalar_steps)
@@ -107,18 +135,18 @@ void Segment::find_places(Worker& worker, const ConstPlane& mask) const noexcept
     switch (store.kind) {
       case Store::Kind::kRegister:
       case Store::Kind::kInPlace:
-        place = {storage_.registers[store.reg].data, storage_.registers[store.reg].pitch, 0};
+        place = {storage_.registers[store.reg].data, storage_.registers[store.reg].pitch, 0, 0};
         break;
       case Store::Kind::kFresh:
-        if (!fresh_.empty()) place = {fresh_[store.reg].data, fresh_[store.reg].pitch, 0};
+        if (!fresh_.empty()) place = {fresh_[store.reg].data, fresh_[store.reg].pitch, 0, 0};
         break;
       case Store::Kind::kMask:
         // Only read: results never go to a mask.
-        place = {const_cast<float*>(mask.data), mask.pitch, 0};
+        place = {const_cast<float*>(mask.data), mask.pitch, 0, 0};
         break;
       case Store::Kind::kRing:
         place = {worker.rings + store.offset + kLanes, static_cast<std::ptrdiff_t>(plan_.ring_pitch),
-                 store.capacity};
+                 store.capacity, store.margin};
         break;
     }
   }
@@ -190,9 +218,8 @@ void Segment::run_slice(unsigned slice) noexcept {
 void Segment::run_stage(std::size_t index, const Worker& worker, const Strip& strip, std::int64_t first,
                         std::int64_t last) noexcept {
   const Stage& stage = plan_.stages[index];
-  const std::int64_t west =
-      std::max<std::int64_t>(0, lanes_down(strip.first - stage.border_x + kLane) - kLane);
-  const std::int64_t east = std::min<std::int64_t>(plan_.width, strip.last + stage.border_x);
+  std::int64_t west = 0, east = 0;
+  columns_of(stage, strip, west, east);
   StageCall call;
   call.slots = graph_.slots.data();
   call.row_bytes = lanes_up(east - west) * static_cast<std::int64_t>(sizeof(float));
@@ -228,7 +255,13 @@ std::int64_t Segment::locate(const Stream& stream, const Worker& worker, const S
     const auto at = static_cast<std::uint32_t>(row);
     const std::uint32_t turn = at < place.capacity ? at : at % place.capacity;
     first = place.data + static_cast<std::ptrdiff_t>(turn) * place.pitch + (column - strip.ring_first);
-    return std::min<std::int64_t>(height - row, place.capacity - turn);
+    // A ring with a margin holds every row.
+    return place.margin > 0 ? height + place.margin - row
+                            : std::min<std::int64_t>(height - row, place.capacity - turn);
+  }
+  if (row >= -place.margin && row < height + place.margin) {
+    first = place.data + row * place.pitch + (column - strip.ring_first);
+    return height + place.margin - row;
   }
   switch (plan_.edge.rule) {
     case BoundaryRule::kReplicate:

@@ -46,6 +46,7 @@ class Segment {
     float* data = nullptr;  // of row 0, column 0 of the array or, of a ring, of the strip
     std::ptrdiff_t pitch = 0;
     std::uint32_t capacity = 0;  // of a ring, else 0
+    std::int64_t margin = 0;     // rows beyond the edge that it holds
   };
   struct Worker {
     float* rings = nullptr;
@@ -58,6 +59,10 @@ class Segment {
   };
 
   void allocate_workers();
+  std::uint32_t common_vectors(const Stage& stage) const noexcept;
+  void columns_of(const Stage& stage, const Strip& strip, std::int64_t& west,
+                  std::int64_t& east) const noexcept;
+  void fill_margins(const Worker& worker) noexcept;
   void scalars() noexcept;
   void find_places(Worker& worker, const ConstPlane& mask) const noexcept;
   void fill_input_pads() noexcept;

@@ -28,7 +28,8 @@ class StageJit {
  public:
   virtual ~StageJit() = default;
   // Null where the CPU, the library or the stage does not allow it.
-  static std::unique_ptr<StageJit> make(const Stage& stage);
+  // vectors: the vectors of kLanes columns in every row it will be called for are a multiple of this.
+  static std::unique_ptr<StageJit> make(const Stage& stage, std::uint32_t vectors);
 
   void run(const StageCall& call) const noexcept { code_(&call); }
 

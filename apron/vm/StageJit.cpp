@@ -25,10 +25,11 @@ using Xbyak::Zmm;
 
 constexpr std::size_t kFirstCode = 4096;
 constexpr int kVectors = 32;
-constexpr int kMasks = 8;      // k0 cannot be a predicate
+constexpr int kMasks = 8;               // k0 cannot be a predicate
 constexpr std::size_t kMaxRolling = 4;  // streams whose neighbouring vectors are kept
-constexpr int kMaxFixed = 10;  // vectors that hold scalars and constants throughout
+constexpr int kMaxFixed = 10;           // vectors that hold scalars and constants throughout
 constexpr int kVectorBytes = 64;
+constexpr std::uint32_t kMaxUnroll = 8;
 
 // Predicates of vcmpps. A NaN is true: NEQ_UQ.
 enum Compare : std::uint8_t {
@@ -45,7 +46,9 @@ struct DoesNotFit {};
 
 class Compiler final : public StageJit, private Xbyak::CodeGenerator {
  public:
-  explicit Compiler(const Stage& stage) : CodeGenerator(kFirstCode, Xbyak::AutoGrow), stage_(stage) {
+  Compiler(const Stage& stage, std::uint32_t vectors)
+      : CodeGenerator(kFirstCode, Xbyak::AutoGrow), stage_(stage), unroll_(unroll(vectors)) {
+    temps_.resize(stage_.ops.size());
     count_uses();
     choose_fixed();
     choose_rolling();
@@ -72,7 +75,6 @@ class Compiler final : public StageJit, private Xbyak::CodeGenerator {
   const std::array<Reg64, kMaxStreams> kPointers{rax, rbx, rbp, r8, r9, r10, r11, r12, r13, r14};
 
   void count_uses() {
-    temps_.resize(stage_.ops.size());
     for (const MicroOp& op : stage_.ops)
       for (const MicroArg& arg : op.args) {
         if (arg.kind == MicroArg::Kind::kTemp) ++temps_[arg.index].uses;
@@ -100,8 +102,8 @@ class Compiler final : public StageJit, private Xbyak::CodeGenerator {
     for (int k = 1; k < kMasks; ++k) free_masks_.push_back(k);
   }
 
-  // A row that is read to the west or east too passes through three vectors, one load for each of its own: a load
-  // that straddles two cache lines costs two.
+  // A row that is read to the west or east too passes through three vectors, one load for each of its own: a
+  // load that straddles two cache lines costs two.
   void choose_rolling() {
     for (const auto& [key, load] : loads_) {
       if (key.second == 0 || rolling_.count(key.first) > 0 || rolling_.size() == kMaxRolling) continue;
@@ -147,24 +149,54 @@ class Compiler final : public StageJit, private Xbyak::CodeGenerator {
     }
     xor_(ecx, ecx);
     L(column);
-    for (const auto& [stream, r] : rolling_) vmovups(Zmm(r.east), ptr[kPointers[stream] + kColumn + kVectorBytes]);
-    for (std::size_t i = 0; i < stage_.ops.size(); ++i) operation(i);
-    for (const Stage::Result& result : stage_.results) {
-      const Zmm v = vector({MicroArg::Kind::kTemp, 0, result.op});
-      vmovups(ptr[kPointers[result.stream] + kColumn], v);
-      used({MicroArg::Kind::kTemp, 0, result.op});
+    const std::map<std::uint32_t, Rolling> at_start = rolling_;
+    for (std::uint32_t i = 0; i < unroll_; ++i) {
+      ahead_ = static_cast<int>(i) * kVectorBytes;
+      if (i > 0) count_uses();
+      one_vector();
     }
-    for (const auto& [stream, r] : rolling_) {
-      vmovaps(Zmm(r.west), Zmm(r.own));
-      vmovaps(Zmm(r.own), Zmm(r.east));
-    }
-    add(kColumn, kVectorBytes);
+    for (const auto& [stream, r] : at_start) restore(r, rolling_.at(stream));
+    rolling_ = at_start;
+    add(kColumn, static_cast<int>(unroll_) * kVectorBytes);
     cmp(kColumn, kRowBytes);
     jb(column, T_NEAR);
     for (std::size_t s = 0; s < stage_.streams.size(); ++s)
       add(kPointers[s], ptr[kCall + offsetof(StageCall, pitch_bytes) + s * sizeof(std::ptrdiff_t)]);
     dec(kRows);
     jnz(row, T_NEAR);
+  }
+
+  void one_vector() {
+    for (const auto& [stream, r] : rolling_)
+      vmovups(Zmm(r.east), ptr[kPointers[stream] + kColumn + (ahead_ + kVectorBytes)]);
+    for (std::size_t i = 0; i < stage_.ops.size(); ++i) operation(i);
+    for (const Stage::Result& result : stage_.results) {
+      const Zmm v = vector({MicroArg::Kind::kTemp, 0, result.op});
+      vmovups(ptr[kPointers[result.stream] + kColumn + ahead_], v);
+      used({MicroArg::Kind::kTemp, 0, result.op});
+      pinned_.clear();
+    }
+    for (auto& [stream, r] : rolling_) r = {r.own, r.east, r.west};
+  }
+
+  // West and own of the next vector to where the loop's start has them; `now` has turned some times.
+  void restore(const Rolling& start, const Rolling& now) {
+    if (now.own == start.own) return;  // whole turns
+    if (now.west == start.own) {       // one turn: own is where east was
+      vmovaps(Zmm(start.west), Zmm(now.west));
+      vmovaps(Zmm(start.own), Zmm(now.own));
+    } else {  // two turns: own is where west was
+      vmovaps(Zmm(start.own), Zmm(now.own));
+      vmovaps(Zmm(start.west), Zmm(now.west));
+    }
+  }
+
+  // Short rows are one piece of code, longer ones loops over four vectors.
+  static std::uint32_t unroll(std::uint32_t vectors) {
+    if (vectors <= kMaxUnroll) return std::max(vectors, 1U);
+    for (const std::uint32_t n : {4U, 3U, 2U})
+      if (vectors % n == 0) return n;
+    return 1;
   }
 
   void epilogue() {
@@ -218,7 +250,7 @@ class Compiler final : public StageJit, private Xbyak::CodeGenerator {
   }
 
   Address address(const MicroArg& arg) {
-    return ptr[kPointers[arg.index] + kColumn + arg.dx * static_cast<int>(sizeof(float))];
+    return ptr[kPointers[arg.index] + kColumn + (ahead_ + arg.dx * static_cast<int>(sizeof(float)))];
   }
 
   int loaded(const MicroArg& arg) {
@@ -495,6 +527,8 @@ class Compiler final : public StageJit, private Xbyak::CodeGenerator {
   }
 
   const Stage& stage_;
+  const std::uint32_t unroll_;  // vectors that one turn of the inner loop makes
+  int ahead_ = 0;               // bytes from the column register to the vector at hand
   std::vector<Value> temps_;
   std::map<StreamKey, Value> loads_;
   std::map<std::uint32_t, Rolling> rolling_;  // by stream
@@ -514,12 +548,12 @@ bool cpu_fits() {
 
 }  // namespace
 
-std::unique_ptr<StageJit> StageJit::make(const Stage& stage) {
+std::unique_ptr<StageJit> StageJit::make(const Stage& stage, std::uint32_t vectors) {
   if (!cpu_fits()) return nullptr;
   for (const MicroOp& op : stage.ops)
     if (!joins_stages(op.op)) return nullptr;
   try {
-    return std::make_unique<Compiler>(stage);
+    return std::make_unique<Compiler>(stage, vectors);
   } catch (const DoesNotFit&) {
     return nullptr;
   } catch (const Xbyak::Error&) {
@@ -533,7 +567,7 @@ std::unique_ptr<StageJit> StageJit::make(const Stage& stage) {
 
 namespace apron::vm {
 
-std::unique_ptr<StageJit> StageJit::make(const Stage&) { return nullptr; }
+std::unique_ptr<StageJit> StageJit::make(const Stage&, std::uint32_t) { return nullptr; }
 
 }  // namespace apron::vm
 
