@@ -1,0 +1,36 @@
+// The usual way to build a pin surface with Bullet: a kinematic box a pin, a ray a sensor. The yardstick.
+#pragma once
+
+#include <btBulletDynamicsCommon.h>
+
+#include <memory>
+#include <vector>
+
+#include "tests/bench/PinScene.h"
+
+class NaivePins {
+ public:
+  explicit NaivePins(const pin_scene::Workload& w);
+  ~NaivePins();
+
+  // Heights of all pins, row 0 north.
+  void step(const std::vector<float>& heights);
+  void sense(const std::vector<float>& heights);
+  btVector3 position(std::size_t object) const { return objects_[object]->getWorldTransform().getOrigin(); }
+
+ private:
+  btRigidBody* add(btCollisionShape*, const btVector3& at, float mass, int group, int mask);
+  bool border(int cell) const;
+  btVector3 top_of(int cell, float height) const;
+
+  pin_scene::Workload w_;
+  btDefaultCollisionConfiguration configuration_;
+  btCollisionDispatcher dispatcher_;
+  btDbvtBroadphase broadphase_;
+  btSequentialImpulseConstraintSolver solver_;
+  btDiscreteDynamicsWorld world_;
+  std::vector<std::unique_ptr<btCollisionShape>> shapes_;
+  std::vector<std::unique_ptr<btRigidBody>> bodies_;
+  std::vector<btRigidBody*> pins_, objects_;
+  std::vector<float> distance_;
+};

@@ -1,0 +1,116 @@
+// The workload of the physics benchmarks: n × n pins moving as a travelling wave under k objects, inside
+// walls.
+#pragma once
+
+#include <cmath>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "smartsurf/scene/SceneSpec.h"
+
+namespace pin_scene {
+
+enum class Shapes { kSpheres, kHalfMixed };
+enum class Field { kWave, kStill };
+
+struct Workload {
+  int n = 64, objects = 100;
+  Shapes shapes = Shapes::kSpheres;
+  Field field = Field::kWave;
+  std::string name() const {
+    return std::to_string(n) + "x" + std::to_string(n) + " " + std::to_string(objects) +
+           (shapes == Shapes::kHalfMixed ? " mixed" : "") + (field == Field::kStill ? " still" : "");
+  }
+};
+
+constexpr double kStep = 1.0 / 60, kSensorRange = 4.0, kBorder = 6.0, kPinSpeed = 4.0, kPitch = 6.1;
+
+inline int layers(const Workload& w) {
+  const int side = static_cast<int>((w.n - 2) / kPitch);
+  return (w.objects + side * side - 1) / (side * side);
+}
+// Steps until the objects, dropped in layers, have settled.
+inline int settling_steps(const Workload& w) {
+  const double height = (layers(w) - 1) * kPitch * 0.55;
+  const double settled_s = std::max(2.0, std::sqrt(2 * height / 10.0) + 1.5);
+  return static_cast<int>((w.field == Field::kStill ? settled_s + 40 : settled_s) / kStep);
+}
+
+// Targets of all pins, row 0 north.
+inline void wave(const Workload& w, double time_s, std::vector<float>& out) {
+  out.resize(static_cast<std::size_t>(w.n) * static_cast<std::size_t>(w.n));
+  for (int c = 0; c < w.n; ++c) {
+    const double x = c - (w.n - 1) * 0.5;
+    const auto z =
+        static_cast<float>(w.field == Field::kStill ? 1.0 : 1.0 + std::sin(0.3 * x + 0.2 * time_s));
+    for (int r = 0; r < w.n; ++r) out[static_cast<std::size_t>(r * w.n + c)] = z;
+  }
+}
+
+// Spheres of radius 1.5–3, or every other one a box or a cylinder of such a size, stacked in loose layers.
+inline std::vector<smartsurf::scene::ObjectSpec> objects(const Workload& w) {
+  using smartsurf::scene::ShapeKind;
+  std::vector<smartsurf::scene::ObjectSpec> out;
+  std::mt19937 random(12345);
+  std::uniform_real_distribution<double> u(0, 1);
+  const int side = static_cast<int>((w.n - 2) / kPitch);
+  const double first = (w.n - 1) * 0.5 - (side - 1) * kPitch * 0.5;
+  for (int i = 0; i < w.objects; ++i) {
+    const int layer = i / (side * side), place = i % (side * side);
+    smartsurf::scene::ObjectSpec o;
+    o.radius = 1.5 + 1.5 * u(random);
+    const double x = first + (place % side) * kPitch + 0.02 * (u(random) - 0.5);
+    const double y = first + (place / side) * kPitch + 0.02 * (u(random) - 0.5);
+    o.position = {x, y, 5.1 + layer * kPitch};
+    if (w.shapes == Shapes::kHalfMixed && i % 4 == 1) {
+      o.shape = ShapeKind::kBox;
+      o.size = Eigen::Vector3d(1.2, 1.6, 1.0) * o.radius;
+    } else if (w.shapes == Shapes::kHalfMixed && i % 4 == 3) {
+      o.shape = ShapeKind::kCylinder;
+      o.height = 1.2 * o.radius;
+      o.radius *= 0.7;
+    }
+    out.push_back(o);
+  }
+  return out;
+}
+
+// The four walls around the table, tall enough for every layer: centre and half extents.
+struct Wall {
+  Eigen::Vector3d centre, half;
+};
+inline std::vector<Wall> walls(const Workload& w) {
+  const double h = w.n * 0.5, m = (w.n - 1) * 0.5;
+  return {{{m + h + 2, m, 50}, {2, h + 4, 100}},
+          {{m - h - 2, m, 50}, {2, h + 4, 100}},
+          {{m, m + h + 2, 50}, {h + 4, 2, 100}},
+          {{m, m - h - 2, 50}, {h + 4, 2, 100}}};
+}
+
+inline smartsurf::scene::SceneSpec scene_of(const Workload& w) {
+  smartsurf::scene::SceneSpec s;
+  s.world.gravity = {0, 0, -10};
+  s.world.dt_s = s.world.control_period_s = kStep;
+  s.materials[0].friction = 0.25;
+  // Without resistance to rolling a pile of spheres never comes to rest: it flows on, ever slower.
+  s.materials[0].rolling_friction = w.field == Field::kStill ? 0.01 : 0.0;
+  s.materials[0].restitution = 0.0;
+  s.surface.rows = s.surface.columns = w.n;
+  s.surface.pin.max_height = kBorder;
+  s.surface.pin.max_speed = kPinSpeed;
+  s.surface.pin.max_acceleration = 1e4;
+  s.surface.border_height = kBorder;
+  s.objects = objects(w);
+  for (const Wall& wall : walls(w)) {
+    smartsurf::scene::ObjectSpec o;
+    o.shape = smartsurf::scene::ShapeKind::kBox;
+    o.size = 2 * wall.half;
+    o.position = wall.centre;
+    o.fixed = true;
+    s.objects.push_back(o);
+  }
+  return s;
+}
+
+}  // namespace pin_scene

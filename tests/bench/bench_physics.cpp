@@ -1,0 +1,189 @@
+// Physics and sensors, on one thread unless said: the World and its Proximity beside naive Bullet, on the
+// same scenes in one run.
+//   bench_physics [--steps N] [--no-naive] [--only "64x64 100"] [--threads N]
+// Prints medians in milliseconds of a 1/60 s step, the ratio of the totals, and how truly each holds its
+// objects apart: the largest overlap of two spheres and the deepest penetration of a sphere into a pin.
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <cstring>
+#include <functional>
+
+#include "smartsurf/surface/Proximity.h"
+#include "smartsurf/surface/WorkerPool.h"
+#include "smartsurf/world/World.h"
+#include "tests/bench/NaivePins.h"
+
+using namespace smartsurf;
+using namespace pin_scene;
+
+namespace {
+
+struct Options {
+  int steps = 120;
+  bool naive = true;
+  int threads = 1;
+  std::string only;
+};
+
+struct Result {
+  double physics_ms = 0, sensors_ms = 0, look_ms = 0, overlap = 0, penetration = 0;
+  int lost = 0;
+};
+
+double timed_ms(const std::function<void()>& work) {
+  const auto start = std::chrono::steady_clock::now();
+  work();
+  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+}
+
+double median(std::vector<double> v) {
+  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
+  return v[v.size() / 2];
+}
+
+struct Ball {
+  Eigen::Vector3d centre;
+  double radius;
+};
+
+double deepest_in_pins(const Workload& w, const Ball& b, const std::vector<float>& heights) {
+  double deepest = 0;
+  auto cell = [&w](double at) { return std::clamp(static_cast<int>(at), 0, w.n - 1); };
+  for (int y = cell(b.centre.y() - b.radius); y <= cell(b.centre.y() + b.radius + 1); ++y)
+    for (int x = cell(b.centre.x() - b.radius); x <= cell(b.centre.x() + b.radius + 1); ++x) {
+      const double top = heights[static_cast<std::size_t>((w.n - 1 - y) * w.n + x)];
+      const Eigen::Vector3d gap(std::max(0.0, std::abs(b.centre.x() - x) - 0.4),
+                                std::max(0.0, std::abs(b.centre.y() - y) - 0.4),
+                                std::max(0.0, b.centre.z() - top));
+      deepest = std::max(deepest, b.radius - gap.norm());
+    }
+  return deepest;
+}
+
+// Over the spheres; what left the table is counted as lost.
+void judge(const Workload& w, std::vector<Ball> balls, const std::vector<float>& heights, Result& out) {
+  std::sort(balls.begin(), balls.end(),
+            [](const Ball& a, const Ball& b) { return a.centre.x() < b.centre.x(); });
+  for (std::size_t i = 0; i < balls.size(); ++i) {
+    const Ball& a = balls[i];
+    if (a.centre.z() < 0 || a.centre.x() < -1 || a.centre.x() > w.n || a.centre.y() < -1 ||
+        a.centre.y() > w.n) {
+      ++out.lost;
+      continue;
+    }
+    out.penetration = std::max(out.penetration, deepest_in_pins(w, a, heights));
+    for (std::size_t j = i + 1; j < balls.size() && balls[j].centre.x() - a.centre.x() < 6; ++j)
+      out.overlap = std::max(out.overlap, a.radius + balls[j].radius - (a.centre - balls[j].centre).norm());
+  }
+}
+
+struct Timer {
+  std::vector<double> physics, sensors, look;
+};
+
+Result run_ours(const Workload& w, const Options& options) {
+  const scene::SceneSpec spec = scene_of(w);
+  surface::PinField field(spec.surface);
+  surface::WorkerPool pool(options.threads);
+  world::World world(spec, field);
+  surface::Proximity proximity(spec.surface, kSensorRange);
+  scene::Snapshot snapshot;
+  std::vector<float> targets;
+  Timer timer;
+  const int settle = settling_steps(w);
+  for (int i = 0; i < settle + options.steps; ++i) {
+    wave(w, i * kStep, targets);
+    field.set_targets(targets);
+    field.plan(kStep);
+    const double physics = timed_ms([&] { world.step(); });
+    field.commit(kStep);
+    const double look = timed_ms([&] { world.snapshot(snapshot); });
+    const double sensors = timed_ms([&] { proximity.sense(snapshot, spec.objects, pool); });
+    if (i < settle) continue;
+    timer.physics.push_back(physics);
+    timer.sensors.push_back(sensors);
+    timer.look.push_back(look);
+  }
+  Result r{median(timer.physics), median(timer.sensors), median(timer.look)};
+  std::vector<Ball> balls;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(w.objects); ++i)
+    if (spec.objects[i].shape == scene::ShapeKind::kSphere)
+      balls.push_back({Eigen::Vector3f(snapshot.position[i].data()).cast<double>(), spec.objects[i].radius});
+  judge(w, balls, snapshot.height, r);
+  return r;
+}
+
+Result run_naive(const Workload& w, const Options& options) {
+  const scene::SceneSpec spec = scene_of(w);
+  surface::PinField field(spec.surface);
+  NaivePins naive(w);
+  std::vector<float> targets, heights;
+  Timer timer;
+  const int settle = settling_steps(w);
+  double spent_ms = 0;
+  for (int i = 0; i < settle + options.steps && (i <= settle + 5 || spent_ms < 12e3); ++i) {
+    wave(w, i * kStep, targets);
+    field.set_targets(targets);
+    field.plan(kStep);
+    field.commit(kStep);
+    heights.assign(field.height().begin(), field.height().end());
+    const double physics = timed_ms([&] { naive.step(heights); });
+    if (i < settle) continue;
+    timer.physics.push_back(physics);
+    timer.sensors.push_back(timed_ms([&] { naive.sense(heights); }));
+    spent_ms += physics + timer.sensors.back();
+  }
+  Result r{median(timer.physics), median(timer.sensors)};
+  std::vector<Ball> balls;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(w.objects); ++i) {
+    const btVector3 p = naive.position(i);
+    if (spec.objects[i].shape == scene::ShapeKind::kSphere)
+      balls.push_back({Eigen::Vector3f(p.x(), p.y(), p.z()).cast<double>(), spec.objects[i].radius});
+  }
+  judge(w, balls, heights, r);
+  return r;
+}
+
+void report(const char* who, const Workload& w, const Result& r) {
+  std::printf(
+      "%-22s %-6s physics %8.3f  sensors %7.3f  snapshot %6.3f  total %8.3f ms   overlap %.4f  pins %.4f  "
+      "lost %d\n",
+      w.name().c_str(), who, r.physics_ms, r.sensors_ms, r.look_ms, r.physics_ms + r.sensors_ms, r.overlap,
+      r.penetration, r.lost);
+  std::fflush(stdout);
+}
+
+Options read_options(int argc, char** argv) {
+  Options o;
+  for (int i = 1; i < argc; ++i) {
+    if (!std::strcmp(argv[i], "--no-naive")) o.naive = false;
+    if (!std::strcmp(argv[i], "--steps") && i + 1 < argc) o.steps = std::max(1, std::atoi(argv[++i]));
+    if (!std::strcmp(argv[i], "--threads") && i + 1 < argc) o.threads = std::max(1, std::atoi(argv[++i]));
+    if (!std::strcmp(argv[i], "--only") && i + 1 < argc) o.only = argv[++i];
+  }
+  return o;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const Options options = read_options(argc, argv);
+  using enum Shapes;
+  using enum Field;
+  const Workload ladder[] = {
+      {64, 100, kSpheres, kWave},     {64, 1000, kSpheres, kWave},    {128, 1000, kSpheres, kWave},
+      {128, 5000, kSpheres, kWave},   {256, 10000, kSpheres, kWave},  {1024, 10000, kSpheres, kWave},
+      {128, 1000, kHalfMixed, kWave}, {128, 5000, kHalfMixed, kWave}, {128, 5000, kSpheres, kStill},
+  };
+  for (const Workload& w : ladder) {
+    if (!options.only.empty() && w.name() != options.only) continue;
+    const Result ours = run_ours(w, options);
+    report("ours", w, ours);
+    if (!options.naive || w.n > 256 || w.field == Field::kStill) continue;
+    const Result naive = run_naive(w, options);
+    report("naive", w, naive);
+    std::printf("%-22s ratio of totals %.1f\n", "",
+                (naive.physics_ms + naive.sensors_ms) / (ours.physics_ms + ours.sensors_ms));
+  }
+}
