@@ -35,7 +35,7 @@ PRIVATE = [
     (r"^(epoxy|GLFW|EGL|GL|imgui)", {"smartsurf/view", "apron/ui"}),
     (r"^(hdf5|H5)", {"smartsurf/record"}),
     (r"^boost/", {"shm-protocol"}),
-    (r"^hwy/", {"apron/vm"}),
+    (r"^(hwy|xbyak)/", {"apron/vm"}),
     (r"^CLI/", {"smartsurf/run", "apron/run"}),
 ]
 
