@@ -269,6 +269,18 @@ bool Preprocessor::read_body(Macro& macro, Location at) {
   return false;
 }
 
+// Of the default size and palette.
+Declaration Preprocessor::declaration(Declaration::Kind kind, Location at) const {
+  Declaration wanted;
+  wanted.kind = kind;
+  wanted.at = at;
+  wanted.width = options_.width;
+  wanted.height = options_.height;
+  wanted.palette = palette_;
+  wanted.scale = scale_;
+  return wanted;
+}
+
 void Preprocessor::register_directive(const Tokens& tokens) {
   Arguments list;
   if (!arguments(tokens, 1, SIZE_MAX, list)) return;
@@ -278,14 +290,8 @@ void Preprocessor::register_directive(const Tokens& tokens) {
       diagnostics_.error(word.at, "'!register' takes names: !register(A, B)");
       continue;
     }
-    Declaration declaration;
-    declaration.at = word.at;
-    declaration.name = word.text;
-    declaration.width = options_.width;
-    declaration.height = options_.height;
-    declaration.palette = palette_;
-    declaration.scale = scale_;
-    pending_.push_back(std::move(declaration));
+    pending_.push_back(declaration(Declaration::Kind::kRegister, word.at));
+    pending_.back().name = word.text;
   }
 }
 
@@ -302,16 +308,7 @@ bool Preprocessor::size_argument(const Tokens& tokens, Location at, std::uint32_
 bool Preprocessor::create(const Tokens& tokens, Item& item) {
   Arguments list;
   Declaration& wanted = item.declaration;
-  wanted = {Declaration::Kind::kElement,
-            tokens.front().at,
-            {},
-            {},
-            {},
-            false,
-            options_.width,
-            options_.height,
-            palette_,
-            scale_};
+  wanted = declaration(Declaration::Kind::kElement, tokens.front().at);
   if (!arguments(tokens, 2, 4, list) || !text_argument(list[0], wanted.name, "a name")) return false;
   if (list.size() == 3)
     return diagnostics_.error(wanted.at, "'!create' takes a width and a height, or neither"), false;
@@ -333,16 +330,7 @@ bool Preprocessor::object(const Tokens& tokens, Item& item) {
   Arguments list;
   std::string kind;
   Declaration& wanted = item.declaration;
-  wanted = {Declaration::Kind::kClass,
-            tokens.front().at,
-            {},
-            {},
-            {},
-            false,
-            options_.width,
-            options_.height,
-            {},
-            0.0F};
+  wanted = declaration(Declaration::Kind::kClass, tokens.front().at);
   if (!arguments(tokens, 4, 4, list) || !text_argument(list[0], wanted.name, "a class name") ||
       !text_argument(list[1], wanted.alias, "an alias") ||
       !text_argument(list[3], kind, "'SIM_REGISTER' or 'SIM_VARIABLE'")) {

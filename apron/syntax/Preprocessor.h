@@ -127,6 +127,7 @@ class Preprocessor {
   void define_macro(const Tokens&);
   bool read_pattern(const Tokens&, Macro&);
   bool read_body(Macro&, Location at);
+  Declaration declaration(Declaration::Kind, Location) const;
   void register_directive(const Tokens&);
   bool create(const Tokens&, Item&);
   bool object(const Tokens&, Item&);

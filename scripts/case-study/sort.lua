@@ -5,19 +5,19 @@ local small_count  = option('small', 20, 'number of small spheres')
 local large_count  = option('large', 20, 'number of large spheres')
 local small_radius = option('small_radius', 2.0, 'radius of the small spheres')
 local large_radius = option('large_radius', 4.0, 'radius of the large spheres')
-local pin_speed    = option('pin_speed', 20.0, 'greatest speed of a pin')
-local pin_acceleration = option('pin_acceleration', 400.0, 'greatest acceleration of a pin')
-local friction = option('friction', 0.25, '')
+local pin_speed    = option('pin_speed', 6.0, 'greatest speed of a pin, u/s')
+local pin_acceleration = option('pin_acceleration', 60.0, 'greatest acceleration of a pin, u/s²')
 local hold         = option('hold', 5.0, 'seconds of sortedness after which the run ends; 0 = run on')
 
 local rows, columns, up, wall = 64, 64, 4.0, 6.0
 
 world { gravity = -9.81, dt = 1/240, iterations = 10, control_period = 1/60 }
 
-material { name = 'plastic', friction = friction, rolling_friction = 0.01, restitution = 0.1, density = 1.0 }
+material { name = 'plastic', friction = 0.25, rolling_friction = 0.01, restitution = 0.1, density = 1.0 }
 
 surface { rows = rows, columns = columns, pitch = 1.0,
-          actuator = pin { top = {0.8, 0.8}, length = 2.0, range = {0, wall}, max_speed = pin_speed, max_acceleration = pin_acceleration },
+          actuator = pin { top = {0.8, 0.8}, length = 2.0, range = {0, wall},
+                           max_speed = pin_speed, max_acceleration = pin_acceleration },
           sensors  = { proximity { range = 8 } },
           border   = { height = wall },
           material = 'plastic' }
@@ -47,8 +47,8 @@ local function drop(radius, label, colour)
   sphere { radius = radius, position = {x, y, z}, material = 'plastic', colour = colour, label = label }
 end
 
-for _ = 1, large_count do drop(large_radius, 'large', '#2f6fb5') end
-for _ = 1, small_count do drop(small_radius, 'small', '#d1495b') end
+for _ = 1, large_count do drop(large_radius, 'large', '#d55e00') end
+for _ = 1, small_count do drop(small_radius, 'small', '#0072b2') end
 
 -- Purity: the share of spheres in their own half. Sorted: at least 0.95, for `hold` seconds on end.
 local middle = (columns - 1) / 2
@@ -58,7 +58,8 @@ local function purity()
     for _, o in ipairs(objects { label = label }) do
       all = all + 1
       local x, y, z = o:position()
-      if sign * (x - middle) > 0 and z > 0 then right = right + 1 end
+      local on_surface = x > -0.5 and x < columns - 0.5 and y > -0.5 and y < rows - 0.5 and z > 0
+      if on_surface and sign * (x - middle) > 0 then right = right + 1 end
     end
   end
   return all > 0 and right / all or 0

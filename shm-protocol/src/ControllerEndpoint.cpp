@@ -3,24 +3,19 @@
 #include <unistd.h>
 
 #include <cassert>
-#include <thread>
 #include <utility>
 
 #include "Arrays.h"
+#include "Attaching.h"
 #include "FrameCopy.h"
 #include "Geometry.h"
+#include "Pieces.h"
 #include "Process.h"
 #include "Ring.h"
 #include "Segment.h"
 #include "Waiting.h"
 
 namespace shm_protocol {
-namespace {
-
-constexpr std::chrono::milliseconds kAttachPoll{10};
-
-}  // namespace
-
 struct ControllerEndpoint::Impl {
   Impl(Segment mapped, Geometry checked, ProcessWord self)
       : geometry(std::move(checked)),
@@ -32,12 +27,11 @@ struct ControllerEndpoint::Impl {
         passive(description.mode == Mode::kPassive),
         own(self) {
     if (passive) copy = Arrays(geometry.sensor_array_bytes());
+    copies = passive;
   }
   ~Impl() { detach(); }
 
   static std::unique_ptr<Impl> attach(const std::string& name, const AttachOptions&);
-  // Nothing, and why, while there is no surface to attach to.
-  static std::unique_ptr<Impl> try_attach(const std::string& name, std::string& why);
   void claim();
   void take_over() noexcept;
   void detach() noexcept;
@@ -47,6 +41,8 @@ struct ControllerEndpoint::Impl {
   bool is_new(std::uint32_t newest) const noexcept;
   Status take(std::uint32_t newest) noexcept;
   Status copy_newest() noexcept;
+  void copy_arrays(std::uint32_t of, std::size_t from, std::size_t to) noexcept;
+  void copy_along() noexcept;
   Status publish() noexcept;
   Status surface_status(bool look_up) noexcept;
 
@@ -65,9 +61,13 @@ struct ControllerEndpoint::Impl {
   bool pending = false;        // time-step: the frame taken last waits for its answer
   std::uint64_t answered = 0;  // the newest sensor frame that any controller of this session answered
   std::uint64_t frame = 0;     // actuator frame published last
-  Arrays copy;                 // passive: the sensor frame taken last
+  bool copies = false;         // sensor() shows `copy`: always so in passive mode
+  Arrays copy;                 // the sensor frame taken last
   Counters counters;
-  LivenessClock liveness;
+  Patience patience;
+
+  PieceWriter writer{header.actuator_progress, header.actuators.word, header.surface_waiting.flag};
+  PieceReader pieces{header.sensor_progress};
 };
 
 void ControllerEndpoint::Impl::claim() {
@@ -91,6 +91,7 @@ void ControllerEndpoint::Impl::claim() {
 // any two stores, so its publication line may be half of a later one.
 void ControllerEndpoint::Impl::take_over() noexcept {
   store_relaxed(header.controller_waiting.flag, 0);
+  store_relaxed(header.actuator_progress.ready, 0);
   const std::uint32_t last = load_acquire(header.actuators.word);
   const FrameInfo whole = actuators.stamp(last);
   frame = whole.frame != 0 ? whole.frame : last;
@@ -99,6 +100,7 @@ void ControllerEndpoint::Impl::take_over() noexcept {
   store_relaxed(header.controller.skipped, std::uint64_t{0});
   store_relaxed(header.controller.repeated, std::uint64_t{0});
   store_relaxed(header.controller.clamped, std::uint64_t{0});
+  store_relaxed(header.controller.deadline_misses, std::uint64_t{0});
   store_relaxed(header.controller.state, static_cast<std::uint32_t>(State::kReady));
   actuators.open(frame + 1);
   increment(header.claim.attached);
@@ -115,44 +117,16 @@ void ControllerEndpoint::Impl::detach() noexcept {
   if (load_sequential(header.surface_waiting.flag)) futex_wake(header.actuators.word);
 }
 
-std::unique_ptr<ControllerEndpoint::Impl> ControllerEndpoint::Impl::try_attach(const std::string& name,
-                                                                               std::string& why) {
-  auto segment = Segment::open(name);
-  if (!segment) {
-    why = "there is no surface \"" + name + "\" (no " + path_of(name) + ")";
-    return nullptr;
-  }
-  auto geometry = read_fixed_part(segment->bytes(), path_of(name));
-  if (!geometry) {
-    why = path_of(name) + " never became ready";
-    return nullptr;
-  }
-  const ProcessWord surface = geometry->identity.surface_process;
-  if (!is_alive(surface)) {
-    why = "surface \"" + name + "\" is dead: process " + std::to_string(pid_of(surface)) +
-          " is gone and left " + path_of(name);
-    return nullptr;
-  }
-  auto impl = std::make_unique<Impl>(std::move(*segment), std::move(*geometry), own_process_word());
-  if (load_acquire(impl->header.surface.state) == SSP_STATE_CLOSING) {
-    why = "surface \"" + name + "\" is closing";
-    return nullptr;
-  }
-  impl->claim();
-  return impl;
-}
-
 std::unique_ptr<ControllerEndpoint::Impl> ControllerEndpoint::Impl::attach(const std::string& name,
                                                                            const AttachOptions& options) {
-  check_name(name);
-  const auto start = Clock::now();
-  for (std::string why;;) {
-    if (auto impl = try_attach(name, why)) return impl;
-    if (options.stop && options.stop->load(std::memory_order_relaxed))
-      throw Error(ErrorCode::kInterrupted, "interrupted while waiting: " + why);
-    if (Clock::now() - start >= options.timeout) throw Error(ErrorCode::kNotFound, why);
-    std::this_thread::sleep_for(kAttachPoll);
-  }
+  return attach_until(name, options, [&](std::string& why) -> std::unique_ptr<Impl> {
+    auto found = find_surface(name, Access::kReadWrite, why);
+    if (!found) return nullptr;
+    auto impl =
+        std::make_unique<Impl>(std::move(found->segment), std::move(found->geometry), own_process_word());
+    impl->claim();
+    return impl;
+  });
 }
 
 Status ControllerEndpoint::Impl::surface_status(bool look_up) noexcept {
@@ -168,13 +142,30 @@ bool ControllerEndpoint::Impl::is_new(std::uint32_t newest) const noexcept {
   return passive || load_relaxed(header.sensors.frame) != answered;
 }
 
+// Bytes `from` to `to` of that frame's slot.
+void ControllerEndpoint::Impl::copy_arrays(std::uint32_t of, std::size_t from, std::size_t to) noexcept {
+  for (const auto& c : geometry.channels) {
+    if (c.direction != SSP_SENSOR) continue;
+    part_of(c, from, to, [&](std::size_t at, std::size_t bytes) {
+      copy_frame(copy.array(c) + at, sensors.array(of, c).data() + at, bytes);
+    });
+  }
+}
+
+// While the surface still writes the next frame.
+void ControllerEndpoint::Impl::copy_along() noexcept {
+  pieces.look(word + 1, 0, geometry.geometry.sensor_slot_bytes, [&](std::size_t from, std::size_t to) {
+    ++patience.pieces;
+    copy_arrays(word + 1, from, to);
+  });
+}
+
 Status ControllerEndpoint::Impl::copy_newest() noexcept {
   for (int attempt = 0; attempt < 3; ++attempt) {
     const std::uint32_t newest = load_acquire(header.sensors.word);
     const FrameInfo taken = sensors.stamp(newest);
     if (taken.frame == 0) continue;
-    for (const auto& c : geometry.channels)
-      if (c.direction == SSP_SENSOR) copy_frame(copy.array(c), sensors.array(newest, c).data(), c.bytes);
+    copy_arrays(newest, sizeof(ssp_slot), geometry.geometry.sensor_slot_bytes);
     if (!sensors.still_whole(taken)) continue;
     // Frames before the first one taken are no loss: this controller was not there yet.
     if (word != 0) counters.skipped += newest - word - 1;
@@ -192,6 +183,7 @@ Status ControllerEndpoint::Impl::take(std::uint32_t newest) noexcept {
   if (passive) return copy_newest();
   // The surface leaves the line and the slot alone until the answer, so the slot's own line need not travel.
   const FrameInfo taken = announced(header.sensors);
+  if (copies) copy_arrays(newest, pieces.finish(newest, 0), geometry.geometry.sensor_slot_bytes);
   fence_acquire();
   if (load_relaxed(header.sensors.word) != newest || static_cast<std::uint32_t>(taken.frame) != newest)
     return Status::kTorn;
@@ -205,15 +197,18 @@ Status ControllerEndpoint::Impl::await_sensors(const WaitOptions& options) noexc
   std::uint32_t newest = load_acquire(header.sensors.word);
   if (pending && newest == word) return Status::kOutOfTurn;
   pending = false;
+  const bool along = copies && !passive && geometry.sensor_array_bytes() >= kLargeFrame;
   const auto ready = [&]() noexcept {
     newest = load_acquire(header.sensors.word);
-    return is_new(newest);
+    if (is_new(newest)) return true;
+    if (along) copy_along();
+    return false;
   };
   const auto peer = [&](bool look_up) noexcept { return surface_status(look_up); };
   const Doorbell bell{header.sensors.word, header.controller_waiting.flag, header.sensors.cpu};
   // More than once only when a surface that did not know of us yet published on, just as we looked.
   for (int attempt = 0; attempt < 3; ++attempt) {
-    if (const Status s = wait_until(bell, options, liveness, ready, peer); s != Status::kOk) return s;
+    if (const Status s = wait_until(bell, options, patience, ready, peer); s != Status::kOk) return s;
     if (take(newest) == Status::kOk) return Status::kOk;
   }
   return Status::kTorn;
@@ -225,12 +220,13 @@ Status ControllerEndpoint::Impl::latest_sensors() noexcept {
     pending = false;
     return take(newest);
   }
-  if (const Status s = surface_status(liveness.due()); s != Status::kOk) return s;
+  if (const Status s = surface_status(patience.liveness.due()); s != Status::kOk) return s;
   store_relaxed(header.controller.repeated, ++counters.repeated);
   return Status::kRepeated;
 }
 
 Status ControllerEndpoint::Impl::publish() noexcept {
+  if (!claimed) return Status::kOutOfTurn;  // detached: the place may be another's by now
   if (!passive) {
     if (!pending) return Status::kOutOfTurn;
     pending = false;
@@ -265,13 +261,15 @@ void ControllerEndpoint::reconnect(const AttachOptions& options) {
   impl_ = std::move(next);
 }
 
+void ControllerEndpoint::detach() noexcept { impl_->detach(); }
+
 const Description& ControllerEndpoint::description() const noexcept { return impl_->description; }
 
 std::span<const std::byte> ControllerEndpoint::sensor_bytes(int channel,
                                                             [[maybe_unused]] DType dtype) const noexcept {
   const auto& c = impl_->geometry.channels[static_cast<std::size_t>(channel)];
   assert(c.direction == SSP_SENSOR && c.dtype == static_cast<std::uint32_t>(dtype));
-  if (impl_->passive) return impl_->copy.bytes(c);
+  if (impl_->copies) return impl_->copy.bytes(c);
   return impl_->sensors.array(impl_->word, c);
 }
 
@@ -279,6 +277,23 @@ std::span<std::byte> ControllerEndpoint::actuator_bytes(int channel, [[maybe_unu
   const auto& c = impl_->geometry.channels[static_cast<std::size_t>(channel)];
   assert(c.direction == SSP_ACTUATOR && c.dtype == static_cast<std::uint32_t>(dtype));
   return impl_->actuators.array(impl_->frame + 1, c);
+}
+
+void ControllerEndpoint::take_copies() {
+  if (impl_->copies) return;
+  impl_->copy = Arrays(impl_->geometry.sensor_array_bytes());
+  impl_->copies = true;
+}
+
+void ControllerEndpoint::write_bytes(int channel, [[maybe_unused]] DType dtype, std::size_t at,
+                                     std::span<const std::byte> values) noexcept {
+  const auto& c = impl_->geometry.channels[static_cast<std::size_t>(channel)];
+  assert(c.direction == SSP_ACTUATOR && c.dtype == static_cast<std::uint32_t>(dtype));
+  assert(at <= c.bytes && values.size() <= c.bytes - at);
+  const std::uint64_t next = impl_->frame + 1;
+  auto* slot = reinterpret_cast<std::byte*>(&impl_->actuators.slot(next));
+  impl_->writer.write(slot, next, c, at, values,
+                      values.size() >= kStreamed && is_elsewhere(impl_->header.sensors.cpu));
 }
 
 Status ControllerEndpoint::await_sensors(const WaitOptions& options) noexcept {
@@ -295,9 +310,6 @@ State ControllerEndpoint::surface_state() const noexcept {
   return static_cast<State>(load_acquire(impl_->header.surface.state));
 }
 Counters ControllerEndpoint::counters() const noexcept { return impl_->counters; }
-Counters ControllerEndpoint::surface_counters() const noexcept {
-  const ssp_side& side = impl_->header.surface;
-  return {load_relaxed(side.skipped), load_relaxed(side.repeated), load_relaxed(side.clamped)};
-}
+Counters ControllerEndpoint::surface_counters() const noexcept { return counters_of(impl_->header.surface); }
 
 }  // namespace shm_protocol

@@ -4,6 +4,10 @@
 #include <cmath>
 #include <cstring>
 
+#ifdef __SSE2__
+#include <emmintrin.h>
+#endif
+
 namespace shm_protocol {
 namespace {
 
@@ -79,10 +83,33 @@ void copy_frame(std::byte* to, const std::byte* from, std::size_t bytes) noexcep
 }
 #endif
 
-std::uint64_t copy_checked(std::byte* to, const std::byte* from, const ssp_channel& c) noexcept {
+#if defined(__SSE2__) && !defined(__SANITIZE_THREAD__)
+void stream_frame(std::byte* to, const std::byte* from, std::size_t bytes, bool past_caches) noexcept {
+  if (!past_caches || bytes < 128) {
+    std::memcpy(to, from, bytes);
+    return;
+  }
+  const std::size_t head = (64 - reinterpret_cast<std::uintptr_t>(to) % 64) % 64;
+  std::memcpy(to, from, head);
+  std::size_t at = head;
+  for (; at + 64 <= bytes; at += 64)
+    for (std::size_t k = 0; k < 64; k += sizeof(__m128i))
+      _mm_stream_si128(reinterpret_cast<__m128i*>(to + at + k),
+                       _mm_loadu_si128(reinterpret_cast<const __m128i*>(from + at + k)));
+  std::memcpy(to + at, from + at, bytes - at);
+  _mm_sfence();  // streaming stores are ordered by nothing else, the release store that follows included
+}
+#else
+void stream_frame(std::byte* to, const std::byte* from, std::size_t bytes, bool) noexcept {
+  copy_frame(to, from, bytes);
+}
+#endif
+
+std::uint64_t copy_checked(std::byte* to, const std::byte* from, std::size_t all,
+                           const ssp_channel& c) noexcept {
   std::uint64_t replaced = 0;
-  for (std::size_t at = 0; at < c.bytes; at += kBlock) {
-    const std::size_t bytes = std::min(kBlock, static_cast<std::size_t>(c.bytes) - at);
+  for (std::size_t at = 0; at < all; at += kBlock) {
+    const std::size_t bytes = std::min(kBlock, all - at);
     copy_frame(to + at, from + at, bytes);
     // The copy above is complete before the first value is judged: without this the compiler might fetch
     // again.

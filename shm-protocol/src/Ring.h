@@ -10,45 +10,26 @@
 
 namespace shm_protocol {
 
-class Ring {
+// What a reader may do: it needs no more than a read-only mapping.
+class RingView {
  public:
-  Ring() = default;
-  Ring(std::byte* begin, std::uint32_t slots, std::uint64_t slot_bytes)
+  RingView(const std::byte* begin, std::uint32_t slots, std::uint64_t slot_bytes)
       : begin_(begin), mask_(slots - 1), slot_bytes_(slot_bytes) {}
 
-  static Ring of_sensors(const Geometry& g, std::byte* segment) {
+  static RingView of_sensors(const Geometry& g, const std::byte* segment) {
     return {segment + g.geometry.sensor_ring_offset, g.geometry.sensor_slots, g.geometry.sensor_slot_bytes};
   }
-  static Ring of_actuators(const Geometry& g, std::byte* segment) {
+  static RingView of_actuators(const Geometry& g, const std::byte* segment) {
     return {segment + g.geometry.actuator_ring_offset, g.geometry.actuator_slots,
             g.geometry.actuator_slot_bytes};
   }
 
   // Only the low bits of the frame count, so its low 32 bits are enough.
-  ssp_slot& slot(std::uint64_t frame) const noexcept {
-    return *reinterpret_cast<ssp_slot*>(begin_ + (frame & mask_) * slot_bytes_);
+  const ssp_slot& slot(std::uint64_t frame) const noexcept {
+    return *reinterpret_cast<const ssp_slot*>(begin_ + (frame & mask_) * slot_bytes_);
   }
-  std::span<std::byte> array(std::uint64_t frame, const ssp_channel& c) const noexcept {
-    return {reinterpret_cast<std::byte*>(&slot(frame)) + c.offset, static_cast<std::size_t>(c.bytes)};
-  }
-
-  // Declares the slot of `frame` to be in the making; the caller then fills its arrays.
-  void open(std::uint64_t frame) const noexcept {
-    store_relaxed(slot(frame).sequence, 2 * frame - 1);
-    // No array byte may become visible before the odd number: a reader that sees the byte must see the number
-    // too.
-    fence_release();
-  }
-
-  // Declares the frame whole.
-  void close(const FrameInfo& info) const noexcept {
-    ssp_slot& s = slot(info.frame);
-    store_relaxed(s.frame, info.frame);
-    store_relaxed(s.tick, info.tick);
-    store_relaxed(s.time_s, info.time_s);
-    store_relaxed(s.answers, info.answers);
-    store_relaxed(s.status, info.status);
-    store_release(s.sequence, 2 * info.frame);
+  std::span<const std::byte> array(std::uint64_t frame, const ssp_channel& c) const noexcept {
+    return {reinterpret_cast<const std::byte*>(&slot(frame)) + c.offset, static_cast<std::size_t>(c.bytes)};
   }
 
   // The stamp of the frame whose low 32 bits are `word`; its frame is 0 when the slot holds another one or
@@ -72,9 +53,48 @@ class Ring {
   }
 
  private:
-  std::byte* begin_ = nullptr;
-  std::uint64_t mask_ = 0;
-  std::uint64_t slot_bytes_ = 0;
+  const std::byte* begin_;
+  std::uint64_t mask_;
+  std::uint64_t slot_bytes_;
+};
+
+class Ring : public RingView {
+ public:
+  Ring(std::byte* begin, std::uint32_t slots, std::uint64_t slot_bytes)
+      : RingView(begin, slots, slot_bytes) {}
+
+  static Ring of_sensors(const Geometry& g, std::byte* segment) {
+    return {segment + g.geometry.sensor_ring_offset, g.geometry.sensor_slots, g.geometry.sensor_slot_bytes};
+  }
+  static Ring of_actuators(const Geometry& g, std::byte* segment) {
+    return {segment + g.geometry.actuator_ring_offset, g.geometry.actuator_slots,
+            g.geometry.actuator_slot_bytes};
+  }
+
+  // Writable: a Ring is made only over a writable mapping.
+  ssp_slot& slot(std::uint64_t frame) const noexcept { return const_cast<ssp_slot&>(RingView::slot(frame)); }
+  std::span<std::byte> array(std::uint64_t frame, const ssp_channel& c) const noexcept {
+    return {reinterpret_cast<std::byte*>(&slot(frame)) + c.offset, static_cast<std::size_t>(c.bytes)};
+  }
+
+  // Declares the slot of `frame` to be in the making; the caller then fills its arrays.
+  void open(std::uint64_t frame) const noexcept {
+    store_relaxed(slot(frame).sequence, 2 * frame - 1);
+    // No array byte may become visible before the odd number: a reader that sees the byte must see the number
+    // too.
+    fence_release();
+  }
+
+  // Declares the frame whole.
+  void close(const FrameInfo& info) const noexcept {
+    ssp_slot& s = slot(info.frame);
+    store_relaxed(s.frame, info.frame);
+    store_relaxed(s.tick, info.tick);
+    store_relaxed(s.time_s, info.time_s);
+    store_relaxed(s.answers, info.answers);
+    store_relaxed(s.status, info.status);
+    store_release(s.sequence, 2 * info.frame);
+  }
 };
 
 // Announces a whole frame on the direction's publication line; ring() with the frame's low 32 bits comes
@@ -91,6 +111,11 @@ inline void announce(ssp_publication& line, const FrameInfo& info, std::uint32_t
 inline FrameInfo announced(const ssp_publication& line) noexcept {
   return {load_relaxed(line.frame), load_relaxed(line.tick), load_relaxed(line.time_s),
           load_relaxed(line.answers), load_relaxed(line.status)};
+}
+
+inline Counters counters_of(const ssp_side& side) noexcept {
+  return {load_relaxed(side.skipped), load_relaxed(side.repeated), load_relaxed(side.clamped),
+          load_relaxed(side.deadline_misses)};
 }
 
 }  // namespace shm_protocol

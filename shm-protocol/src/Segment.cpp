@@ -113,15 +113,16 @@ void Segment::remove() noexcept {
   ::flock(descriptor, LOCK_UN);
 }
 
-std::optional<Segment> Segment::open(const std::string& name) {
+std::optional<Segment> Segment::open(const std::string& name, Access access) {
+  const bip::mode_t mode = access == Access::kReadOnly ? bip::read_only : bip::read_write;
   auto impl = std::make_unique<Impl>();
   impl->name = name;
   try {
-    impl->object = bip::shared_memory_object(bip::open_only, file_of(name).c_str(), bip::read_write);
+    impl->object = bip::shared_memory_object(bip::open_only, file_of(name).c_str(), mode);
     bip::offset_t size = 0;
     if (!impl->object.get_size(size) || size <= 0)
       throw Error(ErrorCode::kCorrupt, path_of(name) + ": truncated: 0 bytes");
-    impl->region = bip::mapped_region(impl->object, bip::read_write);
+    impl->region = bip::mapped_region(impl->object, mode);
   } catch (const bip::interprocess_exception& e) {
     if (e.get_error_code() == bip::not_found_error) return std::nullopt;
     throw Error(ErrorCode::kSystem, "cannot open " + path_of(name) + ": " + e.what());

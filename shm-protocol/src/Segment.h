@@ -23,13 +23,15 @@ inline constexpr char kUnfinished = '~';              // NAME~PROCESSWORD.COUNT:
 // "/dev/shm/smartsurf.NAME"
 std::string path_of(const std::string& name);
 
+enum class Access { kReadWrite, kReadOnly };
+
 class Segment {
  public:
   // A zeroed segment under a private name, with its memory reserved. Throws Error(kSystem).
   static Segment build(const std::string& name, std::size_t bytes, ProcessWord owner);
   // Maps an existing segment whole. Nothing when there is none; throws Error(kSystem) when it cannot be
   // mapped.
-  static std::optional<Segment> open(const std::string& name);
+  static std::optional<Segment> open(const std::string& name, Access = Access::kReadWrite);
   ~Segment();  // unmaps; removes only what was never put in place
   Segment(Segment&&) noexcept;
   Segment& operator=(Segment&&) noexcept;
@@ -40,7 +42,7 @@ class Segment {
   // Removes the file if it still is this segment's.
   void remove() noexcept;
 
-  std::span<std::byte> bytes() noexcept;
+  std::span<std::byte> bytes() noexcept;  // writing to what was opened read-only ends the process
 
  private:
   struct Impl;

@@ -11,6 +11,7 @@
 #include "Arrays.h"
 #include "FrameCopy.h"
 #include "Geometry.h"
+#include "Pieces.h"
 #include "Process.h"
 #include "Ring.h"
 #include "Segment.h"
@@ -42,6 +43,7 @@ struct SurfaceEndpoint::Impl {
     write_fixed_part(geometry, config, segment.bytes());
     description = describe(geometry, segment.bytes());
     show_safe_frame();
+    large = geometry.actuator_array_bytes() >= kLargeFrame;
     store_relaxed(header.sensors.cpu, current_cpu());
     set_state(State::kReady);
     sensors.open(1);
@@ -65,7 +67,9 @@ struct SurfaceEndpoint::Impl {
   void adopt() noexcept;
   Status lose(Status how) noexcept;
   bool take_in(std::uint32_t word) noexcept;
-  void copy_arrays(std::uint32_t word) noexcept;
+  void copy_arrays(std::uint32_t word, std::size_t from, std::size_t to) noexcept;
+  void copy_all(std::uint32_t word) noexcept;
+  void copy_along() noexcept;
   void accept(const FrameInfo&) noexcept;
   void show_safe_frame() noexcept;
 
@@ -75,6 +79,7 @@ struct SurfaceEndpoint::Impl {
   Ring sensors, actuators;
   Description description;
   pid_t owner = ::getpid();
+  bool closed = false;
 
   State state = State::kNone;
   std::uint64_t frame = 0;  // published last
@@ -92,7 +97,11 @@ struct SurfaceEndpoint::Impl {
 
   ProcessWord controller = 0;     // whom we know
   std::uint32_t detachments = 0;  // counted when we adopted it
-  LivenessClock liveness;
+  Patience patience;
+
+  PieceWriter writer{header.sensor_progress, header.sensors.word, header.controller_waiting.flag};
+  PieceReader pieces{header.actuator_progress};
+  bool large = false;  // actuator frames are
 };
 
 void SurfaceEndpoint::Impl::show_safe_frame() noexcept {
@@ -137,7 +146,7 @@ Status SurfaceEndpoint::Impl::controller_status(bool look_up) noexcept {
 }
 
 Status SurfaceEndpoint::Impl::publish(std::uint64_t at_tick, double time_s, std::uint32_t status) noexcept {
-  if (description.mode == Mode::kTimeStep && !settled) return Status::kOutOfTurn;
+  if (closed || (description.mode == Mode::kTimeStep && !settled)) return Status::kOutOfTurn;
   if (state == State::kReady) set_state(State::kRunning);
   tick = at_tick;
   ++frame;
@@ -150,11 +159,29 @@ Status SurfaceEndpoint::Impl::publish(std::uint64_t at_tick, double time_s, std:
   return Status::kOk;
 }
 
-void SurfaceEndpoint::Impl::copy_arrays(std::uint32_t from) noexcept {
+// Bytes `from` to `to` of that frame's slot.
+void SurfaceEndpoint::Impl::copy_arrays(std::uint32_t of, std::size_t from, std::size_t to) noexcept {
+  for (const auto& c : geometry.channels) {
+    if (c.direction != SSP_ACTUATOR) continue;
+    part_of(c, from, to, [&](std::size_t at, std::size_t bytes) {
+      replaced += copy_checked(frames[1 - shown].array(c) + at, actuators.array(of, c).data() + at, bytes, c);
+    });
+  }
+}
+
+void SurfaceEndpoint::Impl::copy_all(std::uint32_t of) noexcept {
   replaced = 0;
-  for (const auto& c : geometry.channels)
-    if (c.direction == SSP_ACTUATOR)
-      replaced += copy_checked(frames[1 - shown].array(c), actuators.array(from, c).data(), c);
+  copy_arrays(of, sizeof(ssp_slot), geometry.geometry.actuator_slot_bytes);
+}
+
+// While the controller still writes the next frame.
+void SurfaceEndpoint::Impl::copy_along() noexcept {
+  pieces.look(word + 1, load_acquire(header.claim.attached), geometry.geometry.actuator_slot_bytes,
+              [&](std::size_t from, std::size_t to) {
+                if (from == sizeof(ssp_slot)) replaced = 0;
+                ++patience.pieces;
+                copy_arrays(word + 1, from, to);
+              });
 }
 
 void SurfaceEndpoint::Impl::accept(const FrameInfo& taken) noexcept {
@@ -170,7 +197,9 @@ void SurfaceEndpoint::Impl::accept(const FrameInfo& taken) noexcept {
 bool SurfaceEndpoint::Impl::take_in(std::uint32_t from) noexcept {
   word = from;
   const FrameInfo taken = announced(header.actuators);
-  copy_arrays(from);
+  const std::size_t rest = pieces.finish(from, load_acquire(header.claim.attached));
+  if (rest == sizeof(ssp_slot)) replaced = 0;
+  copy_arrays(from, rest, geometry.geometry.actuator_slot_bytes);
   fence_acquire();
   if (load_relaxed(header.actuators.word) != from || static_cast<std::uint32_t>(taken.frame) != from)
     return false;
@@ -184,10 +213,12 @@ Status SurfaceEndpoint::Impl::await_actuators(std::uint64_t at_tick, const WaitO
   std::uint32_t newest = word;
   const auto ready = [&]() noexcept {
     newest = load_acquire(header.actuators.word);
-    return newest != word && load_relaxed(header.actuators.answers) == frame;
+    if (newest != word && load_relaxed(header.actuators.answers) == frame) return true;
+    if (large) copy_along();
+    return false;
   };
   const Doorbell bell{header.actuators.word, header.surface_waiting.flag, header.actuators.cpu};
-  const Status status = wait_until(bell, options, liveness, ready,
+  const Status status = wait_until(bell, options, patience, ready,
                                    [&](bool look_up) noexcept { return controller_status(look_up); });
   switch (status) {
     case Status::kOk:
@@ -205,7 +236,7 @@ Status SurfaceEndpoint::Impl::await_actuators(std::uint64_t at_tick, const WaitO
 }
 
 Status SurfaceEndpoint::Impl::latest_actuators() noexcept {
-  const Status peer = controller_status(liveness.due());
+  const Status peer = controller_status(patience.liveness.due());
   if (peer != Status::kOk) {
     word =
         load_acquire(header.actuators.word);  // what a lost controller left unread is not acted upon any more
@@ -219,7 +250,7 @@ Status SurfaceEndpoint::Impl::latest_actuators() noexcept {
     }
     const FrameInfo taken = actuators.stamp(newest);
     if (taken.frame == 0) continue;
-    copy_arrays(newest);
+    copy_all(newest);
     if (!actuators.still_whole(taken)) continue;
     counters.skipped += newest - word - 1;
     store_relaxed(header.surface.skipped, counters.skipped);
@@ -235,7 +266,7 @@ Status SurfaceEndpoint::Impl::await_controller(const WaitOptions& options) noexc
   const auto ready = [&]() noexcept { return load_acquire(header.claim.controller_process) != 0; };
   for (;;) {
     // Without a controller only the deadline or the stop flag may end the wait.
-    const Status s = wait_until(bell, options, liveness, ready, [](bool) noexcept { return Status::kOk; });
+    const Status s = wait_until(bell, options, patience, ready, [](bool) noexcept { return Status::kOk; });
     if (s != Status::kOk) return s;
     const Status who = controller_status(true);
     if (who == Status::kOk) return who;
@@ -260,7 +291,12 @@ SurfaceEndpoint SurfaceEndpoint::create(const SurfaceConfig& config) {
 }
 
 SurfaceEndpoint::~SurfaceEndpoint() {
-  if (!impl_ || impl_->owner != ::getpid()) return;  // a forked child owns nothing
+  if (impl_) close();
+}
+
+void SurfaceEndpoint::close() noexcept {
+  if (impl_->closed || impl_->owner != ::getpid()) return;  // a forked child owns nothing
+  impl_->closed = true;
   impl_->set_state(State::kClosing);
   futex_wake(impl_->header.sensors.word);
   impl_->segment.remove();
@@ -279,6 +315,17 @@ std::span<const std::byte> SurfaceEndpoint::actuator_bytes(int channel,
   const auto& c = impl_->geometry.channels[static_cast<std::size_t>(channel)];
   assert(c.direction == SSP_ACTUATOR && c.dtype == static_cast<std::uint32_t>(dtype));
   return impl_->frames[impl_->shown].bytes(c);
+}
+
+void SurfaceEndpoint::write_bytes(int channel, [[maybe_unused]] DType dtype, std::size_t at,
+                                  std::span<const std::byte> values) noexcept {
+  const auto& c = impl_->geometry.channels[static_cast<std::size_t>(channel)];
+  assert(c.direction == SSP_SENSOR && c.dtype == static_cast<std::uint32_t>(dtype));
+  assert(at <= c.bytes && values.size() <= c.bytes - at);
+  const std::uint64_t next = impl_->frame + 1;
+  auto* slot = reinterpret_cast<std::byte*>(&impl_->sensors.slot(next));
+  impl_->writer.write(slot, next, c, at, values,
+                      values.size() >= kStreamed && is_elsewhere(impl_->header.actuators.cpu));
 }
 
 Status SurfaceEndpoint::publish(std::uint64_t tick, double time_s, std::uint32_t status) noexcept {
@@ -306,8 +353,10 @@ State SurfaceEndpoint::controller_state() const noexcept {
 }
 Counters SurfaceEndpoint::counters() const noexcept { return impl_->counters; }
 Counters SurfaceEndpoint::controller_counters() const noexcept {
-  const ssp_side& side = impl_->header.controller;
-  return {load_relaxed(side.skipped), load_relaxed(side.repeated), load_relaxed(side.clamped)};
+  return counters_of(impl_->header.controller);
+}
+void SurfaceEndpoint::miss_deadline() noexcept {
+  store_relaxed(impl_->header.surface.deadline_misses, ++impl_->counters.deadline_misses);
 }
 
 }  // namespace shm_protocol

@@ -2,6 +2,7 @@
 
 #include <linux/futex.h>
 #include <sched.h>
+#include <sys/resource.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
@@ -24,6 +25,14 @@ bool LivenessClock::due() noexcept {
   if (now - last_ < kSlice) return false;
   last_ = now;
   return true;
+}
+
+// Preempted while waiting: another one wants this core, and spinning would keep it from the work.
+void Pace::look_for_a_crowd() noexcept {
+  rusage use{};
+  if (::getrusage(RUSAGE_THREAD, &use) != 0) return;
+  if (preemptions_ >= 0 && use.ru_nivcsw > preemptions_) crowded_ = 64;
+  preemptions_ = use.ru_nivcsw;
 }
 
 std::uint32_t current_cpu() noexcept {

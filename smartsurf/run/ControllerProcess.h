@@ -11,8 +11,8 @@ namespace smartsurf::run {
 
 class ControllerProcess {
  public:
-  // Starts `controller`: a program of ours when it ends in .aps (run by the apron beside this executable), else a
-  // shell command in which {shm} stands for the segment's name; SMARTSURF_SHM holds it too. Throws
+  // Starts `controller`: a program of ours when it ends in .aps (run by the apron beside this executable),
+  // else a shell command in which {shm} stands for the segment's name; SMARTSURF_SHM holds it too. Throws
   // scene::InputError when the program does not exist or apron is not there.
   ControllerProcess(const std::string& controller, const std::string& shm_name);
   // Asks it to end, waits, and kills it if it will not.

@@ -13,6 +13,7 @@
 namespace smartsurf::view {
 class Window;
 class OffscreenView;
+class VideoWriter;
 }  // namespace smartsurf::view
 
 namespace smartsurf::run {
@@ -38,26 +39,30 @@ struct DisplayStatus {
 
 class Display {
  public:
-  // Opens the window if asked to. Throws scene::InputError when there is no display.
+  // Opens the window and begins the video if asked to. Throws scene::InputError when there is no display, or
+  // the video cannot be made.
   Display(const RunOptions&, const scene::SceneSpec&);
   ~Display();
 
   bool has_window() const { return window_ != nullptr; }
-  // Draws one frame if the last is old enough for it, and reads the user's input. Does nothing without a window.
+  // Reads the user's input, and draws a frame if the last is old enough. Does nothing without a window.
   void refresh(const Simulation&, const DisplayStatus&, Controls&);
 
-  // Writes the screenshots that are due at this time (all that are left when `at_end`).
-  void take_screenshots(const Simulation&, bool at_end);
-  const std::vector<std::string>& pictures() const { return pictures_; }
+  // Writes the screenshots and the video's pictures that are due at this time; at the end all screenshots
+  // that are left, and the video's last words.
+  void take_pictures(const Simulation&);
+  void take_last_pictures(const Simulation&);
 
  private:
   void write_picture(const Simulation&, const std::string& file);
+  void film(const Simulation&);
 
   scene::SceneSpec scene_;
   std::vector<Screenshot> pending_;
-  std::vector<std::string> pictures_;
   std::unique_ptr<view::Window> window_;
-  std::unique_ptr<view::OffscreenView> offscreen_;
+  std::unique_ptr<view::OffscreenView> pictures_, film_;
+  std::unique_ptr<view::VideoWriter> video_;
+  long film_frames_ = 0;
   std::chrono::steady_clock::time_point next_frame_{};
 };
 

@@ -32,7 +32,8 @@ double Pacer::measured(double simulated_s) noexcept {
     window_start_ = now;
     window_simulated_s_ = simulated_s;
   } else if (now - window_start_ >= kMeasureWindow) {
-    measured_ = (simulated_s - window_simulated_s_) / std::chrono::duration<double>(now - window_start_).count();
+    measured_ =
+        (simulated_s - window_simulated_s_) / std::chrono::duration<double>(now - window_start_).count();
     window_start_ = now;
     window_simulated_s_ = simulated_s;
   }

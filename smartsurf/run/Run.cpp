@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <cmath>
+#include <filesystem>
 #include <fstream>
 #include <sstream>
 #include <thread>
@@ -15,7 +16,7 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 using shm_protocol::Status;
 
-constexpr auto kFrameSlice = 8ms;      // how long a wait may keep the window from drawing
+constexpr auto kFrameSlice = 8ms;       // how long a wait may keep the window from drawing
 constexpr auto kHeadlessSlice = 100ms;  // … and a headless run from looking after its child
 
 script::LoadOptions load_options(const RunOptions& options) {
@@ -23,6 +24,11 @@ script::LoadOptions load_options(const RunOptions& options) {
   load.set = options.set;
   load.seed = options.seed;
   load.unsafe = options.unsafe;
+  // Where a script may write: beside the run's other output, else nowhere.
+  if (!options.recordings.empty()) {
+    const std::filesystem::path folder = std::filesystem::path(options.recordings.front()).parent_path();
+    load.output_folder = folder.empty() ? "." : folder;
+  }
   return load;
 }
 
@@ -91,18 +97,22 @@ int Run::execute() {
   return ending_->exit_status;
 }
 
-// The state before the first tick is frame 0: what the controller answers first, and the recording's first line.
+// The state before the first tick is frame 0: what the controller answers first, and the recording's first
+// line.
 void Run::begin() {
   started_ = Clock::now();
   purity_.add(simulation_.snapshot(), simulation_.catalogue());
+  times_.start();
   if (link_) {
     link_->endpoint().set_state(shm_protocol::State::kRunning);
-    if (options_.mode == RunMode::kTimeStep || child_)
-      if (!link_->endpoint().has_controller() && !replace_controller()) return;
+    if (options_.mode == RunMode::kPassive && !child_)
+      say(fmt::format("running; a controller may attach with: {}", attach_command(link_->name())));
+    else if (!link_->endpoint().has_controller() && !replace_controller())
+      return;
     if (!publish()) return;
   }
-  times_.start();
   record();
+  times_ = {};
   started_ = Clock::now();
 }
 
@@ -153,17 +163,22 @@ bool Run::receive_actuators() {
     const Status status = link_->receive(simulation_.snapshot().tick, slice, stop_);
     times_.lap(Phase::kWait);
     switch (status) {
-      case Status::kOk: had_controller_ = true; return true;
-      case Status::kRepeated: return true;
+      case Status::kOk:
+        had_controller_ = true;
+        return true;
+      case Status::kRepeated:
+        return true;
       case Status::kTimeout:
-      case Status::kTorn: break;
+      case Status::kTorn:
+        break;
       case Status::kNoController:
       case Status::kControllerDead:
       case Status::kControllerClosed:
         if (options_.mode == RunMode::kPassive) return fly_on_without_controller(status);
         if (child_ended() || !replace_controller()) return false;
         break;
-      default: break;  // interrupted: the stop flag is looked at below
+      default:
+        break;  // interrupted: the stop flag is looked at below
     }
     refresh_display();
     if (stop_) end(kDone, "stopped by the user");
@@ -210,7 +225,8 @@ bool Run::replace_controller() {
   while (true) {
     const auto slice = display_.has_window() ? kFrameSlice : kHeadlessSlice;
     if (link_->endpoint().await_controller({slice, &stop_}) == Status::kOk) {
-      if (announced_waiting_) say(fmt::format("controller attached (process {})", link_->endpoint().controller_pid()));
+      if (announced_waiting_)
+        say(fmt::format("controller attached (process {})", link_->endpoint().controller_pid()));
       return true;
     }
     refresh_display();
@@ -225,7 +241,8 @@ bool Run::publish() {
   const Status status = link_->publish(snapshot.tick, snapshot.time_s, simulation_.sensors());
   times_.lap(Phase::kPublish);
   if (status == Status::kOk) return true;
-  end(kFailed, fmt::format("failed at tick {}: cannot publish the sensor frame: {}", snapshot.tick, text(status)));
+  end(kFailed,
+      fmt::format("failed at tick {}: cannot publish the sensor frame: {}", snapshot.tick, text(status)));
   say(ending_->outcome);
   return false;
 }
@@ -233,12 +250,13 @@ bool Run::publish() {
 void Run::record() {
   const scene::Snapshot& snapshot = simulation_.snapshot();
   for (const auto& r : recorders_)
-    r->frame(snapshot, simulation_.catalogue(),
-             simulation_.scene().record.sensors ? simulation_.sensors() : std::span<const record::Channel>{},
-             simulation_.scene().record.actuators ? simulation_.actuators() : std::span<const record::Channel>{});
+    r->frame(
+        snapshot, simulation_.catalogue(),
+        simulation_.scene().record.sensors ? simulation_.sensors() : std::span<const record::Channel>{},
+        simulation_.scene().record.actuators ? simulation_.actuators() : std::span<const record::Channel>{});
   times_.lap(Phase::kRecord);
   purity_.add(snapshot, simulation_.catalogue());
-  display_.take_screenshots(simulation_, false);
+  display_.take_pictures(simulation_);
   times_.lap(Phase::kRender);
   if (last_tick_ && snapshot.tick >= *last_tick_) end(kDone, "done");
 }
@@ -275,6 +293,7 @@ bool Run::hold_pace() {
 
 void Run::refresh_display() {
   if (!display_.has_window()) return;
+  times_.start();
   DisplayStatus status;
   status.real_time_factor = pacer_.measured(simulation_.snapshot().time_s);
   status.requested_pace = pacer_.factor();
@@ -286,14 +305,16 @@ void Run::refresh_display() {
   display_.refresh(simulation_, status, controls_);
   if (std::exchange(controls_.pace_changed, false)) pacer_.set_factor(controls_.pace);
   if (link_ && was_paused != controls_.paused)
-    link_->endpoint().set_state(controls_.paused ? shm_protocol::State::kPaused : shm_protocol::State::kRunning);
+    link_->endpoint().set_state(controls_.paused ? shm_protocol::State::kPaused
+                                                 : shm_protocol::State::kRunning);
   times_.lap(Phase::kRender);
 }
 
 std::string Run::controller_phrase() {
   if (!link_) return "none: the script drives";
   if (!link_->endpoint().has_controller()) return "waiting for one on '" + link_->name() + "'";
-  return fmt::format("process {}, {}", link_->endpoint().controller_pid(), text(link_->endpoint().controller_state()));
+  return fmt::format("process {}, {}", link_->endpoint().controller_pid(),
+                     text(link_->endpoint().controller_state()));
 }
 
 void Run::show_progress(bool last) {
@@ -307,10 +328,12 @@ void Run::show_progress(bool last) {
   const double factor = simulated / std::max(1e-9, std::chrono::duration<double>(now - started_).count());
   std::string left;
   if (last_tick_ && factor > 0.0) {
-    const double seconds = static_cast<double>(*last_tick_) * simulation_.scene().world.control_period_s - simulated;
+    const double seconds =
+        static_cast<double>(*last_tick_) * simulation_.scene().world.control_period_s - simulated;
     left = fmt::format("   at most {:.0f} s left", seconds / factor);
   }
-  fmt::print(stderr, "\r{:9.2f} s simulated   {:6.1f}x real time{}\033[K{}", simulated, factor, left, last ? "\n" : "");
+  fmt::print(stderr, "\r{:9.2f} s simulated   {:6.1f}x real time{}\033[K{}", simulated, factor, left,
+             last ? "\n" : "");
 }
 
 void Run::say(const std::string& message) {
@@ -326,8 +349,9 @@ void Run::finish() {
   wall_s_ = std::chrono::duration<double>(Clock::now() - started_).count();
   show_progress(true);
   const scene::Snapshot& snapshot = simulation_.snapshot();
-  display_.take_screenshots(simulation_, true);
-  for (const auto& r : recorders_) r->close({ending_->outcome, snapshot.tick, snapshot.time_s, snapshot.state_hash});
+  display_.take_last_pictures(simulation_);
+  for (const auto& r : recorders_)
+    r->close({ending_->outcome, snapshot.tick, snapshot.time_s, snapshot.state_hash});
   if (!options_.stats_file.empty()) write_stats();
   // The controller sees the surface close, and ends by itself; only then is it made to.
   link_.reset();

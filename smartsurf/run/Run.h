@@ -1,5 +1,5 @@
-// `smartsurf run`: one experiment from its first tick to its last, with everything around it: the controller, the
-// clock, the window, the recordings and the figures about the run.
+// `smartsurf run`: one experiment from its first tick to its last, with everything around it: the controller,
+// the clock, the window, the recordings and the figures about the run.
 #pragma once
 
 #include <atomic>
@@ -29,8 +29,8 @@ class Run {
   Run(const RunOptions&, const std::atomic<bool>& stop);
   ~Run();
 
-  // Runs to the end and returns the exit status. Throws scene::InputError for a mistake in the script's events,
-  // after everything recorded has been kept.
+  // Runs to the end and returns the exit status. Throws scene::InputError for a mistake in the script's
+  // events, after everything recorded has been kept.
   int execute();
 
  private:

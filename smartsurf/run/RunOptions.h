@@ -34,6 +34,7 @@ struct RunOptions {
   std::vector<std::string> recordings;
   std::string stats_file;
   std::vector<Screenshot> screenshots;
+  std::string video_file;
   bool unsafe = false;
 };
 

@@ -31,7 +31,9 @@ void Simulation::list_channels() {
 
 void Simulation::run_script() { experiment_.tick(snapshot_.time_s, snapshot_.tick); }
 
-void Simulation::actuate(std::span<const float> height_targets) noexcept { field_.set_targets(height_targets); }
+void Simulation::actuate(std::span<const float> height_targets) noexcept {
+  field_.set_targets(height_targets);
+}
 
 void Simulation::plan_pins() noexcept { field_.plan(scene().world.dt_s); }
 void Simulation::step_physics() { world_.step(); }
@@ -71,12 +73,14 @@ std::vector<scene::ObjectId> Simulation::objects(const std::optional<std::string
   return found;
 }
 
-void Simulation::push(scene::ObjectId id, const Eigen::Vector3d& force, const std::optional<Eigen::Vector3d>& point,
-                      double seconds) {
+void Simulation::push(scene::ObjectId id, const Eigen::Vector3d& force,
+                      const std::optional<Eigen::Vector3d>& point, double seconds) {
   world_.push(id, force, point, seconds);
 }
 
-void Simulation::place(scene::ObjectId id, const script::Placement& placement) { world_.place(id, placement); }
+void Simulation::place(scene::ObjectId id, const script::Placement& placement) {
+  world_.place(id, placement);
+}
 
 void Simulation::require_scripted_actuators() const {
   if (!scripted_actuators_)

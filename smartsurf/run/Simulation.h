@@ -1,5 +1,6 @@
-// The simulated surface, advancing one control period at a time: script, actuators, physics, snapshot, sensors.
-// It knows neither clocks nor windows nor shared memory; whoever drives it calls the phases in order.
+// The simulated surface, advancing one control period at a time: script, actuators, physics, snapshot,
+// sensors. It knows neither clocks nor windows nor shared memory; whoever drives it calls the phases in
+// order.
 #pragma once
 
 #include <memory>
@@ -32,8 +33,9 @@ class Simulation final : public script::Host {
 
   const scene::SceneSpec& scene() const { return experiment_.scene(); }
 
-  // ---- the phases of a tick, in this order -----------------------------------------------------------------
-  // Throws scene::InputError for a mistake in the script.
+  // ---- the phases of a tick, in this order
+  // ----------------------------------------------------------------- Throws scene::InputError for a mistake
+  // in the script.
   void run_script();
   void actuate(std::span<const float> height_targets) noexcept;  // rows × columns
   void plan_pins() noexcept;                                     // these three once a physics step
@@ -44,7 +46,8 @@ class Simulation final : public script::Host {
 
   std::optional<scene::ObjectId> first_not_finite() const { return world_.first_not_finite(); }
 
-  // ---- what there is after the last tick --------------------------------------------------------------------
+  // ---- what there is after the last tick
+  // --------------------------------------------------------------------
   const scene::Snapshot& snapshot() const noexcept { return snapshot_; }
   // Every object ever created, index = id.
   const std::vector<scene::ObjectSpec>& catalogue() const noexcept { return catalogue_; }
@@ -52,7 +55,8 @@ class Simulation final : public script::Host {
   std::span<const record::Channel> actuators() const noexcept { return actuators_; }
   ScriptRequests take_requests() noexcept;
 
-  // ---- script::Host -------------------------------------------------------------------------------------------
+  // ---- script::Host
+  // -------------------------------------------------------------------------------------------
   scene::ObjectId spawn(const scene::ObjectSpec&) override;
   void remove(scene::ObjectId) override;
   bool alive(scene::ObjectId) const override;

@@ -46,7 +46,8 @@ std::string to_json(const RunSummary& run, const PhaseTimes& times) {
   ordered_json phases;
   for (std::size_t i = 0; i < kPhases; ++i) {
     const DurationHistogram& h = times.of(static_cast<Phase>(i));
-    phases[kNames[i]] = {{"median", h.quantile_ms(0.5)}, {"p99", h.quantile_ms(0.99)}, {"total_s", h.total_s()}};
+    phases[kNames[i]] = {
+        {"median", h.quantile_ms(0.5)}, {"p99", h.quantile_ms(0.99)}, {"total_s", h.total_s()}};
   }
   ordered_json json{{"experiment", run.experiment},
                     {"mode", run.mode},

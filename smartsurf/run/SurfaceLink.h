@@ -1,10 +1,11 @@
-// The simulated surface as a surface on the shared-memory protocol: its channels, its lock-step, its controller.
+// The simulated surface as a surface on the shared-memory protocol: its channels, its lock-step, its
+// controller.
 #pragma once
 
+#include <shm_protocol/SurfaceEndpoint.h>
 #include <atomic>
 #include <chrono>
 #include <optional>
-#include <shm_protocol/SurfaceEndpoint.h>
 #include <span>
 #include <string>
 #include <vector>
@@ -17,8 +18,8 @@ namespace smartsurf::run {
 
 class SurfaceLink {
  public:
-  // Sensor channels: each sensor's distance "NAME" and hit mask "NAME_hit" (both f32); actuator channel "height".
-  // Throws scene::InputError when the name cannot be had.
+  // Sensor channels: each sensor's distance "NAME" and hit mask "NAME_hit" (both f32); actuator channel
+  // "height". Throws scene::InputError when the name cannot be had.
   SurfaceLink(const std::string& name, RunMode, const scene::SceneSpec&);
 
   // Writes the frames into shared memory and publishes them.

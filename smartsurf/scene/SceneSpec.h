@@ -1,8 +1,8 @@
 // The immutable description of one experiment: plain values that every other room reads and none changes.
 //
 // Units: lengths in the experiment's arbitrary unit "u", time in seconds, angles in radians, masses in
-// density·u³. x points east, y north, z up; the origin is the centre of the south-west cell with its pin fully
-// down. Cell (row r, column c), row 0 at the north, stands at x = c·pitch, y = (rows − 1 − r)·pitch.
+// density·u³. x points east, y north, z up; the origin is the centre of the south-west cell with its pin
+// fully down. Cell (row r, column c), row 0 at the north, stands at x = c·pitch, y = (rows − 1 − r)·pitch.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -25,10 +25,11 @@ class InputError : public std::runtime_error {
 std::string nearest_name(const std::string& word, const std::vector<std::string>& known);
 
 struct Colour {
-  float r = 0.7f, g = 0.7f, b = 0.7f;  // linear in the range [0, 1]
+  float r = 0.7f, g = 0.7f, b = 0.7f;  // [0, 1], as a screen shows them (sRGB)
 };
 
-// Two materials in contact combine as the geometric mean of their frictions and the larger of their restitutions.
+// Two materials in contact combine as the geometric mean of their frictions and the larger of their
+// restitutions.
 struct Material {
   std::string name = "default";
   double friction = 0.5;           // Coulomb coefficient, ≥ 0
@@ -53,9 +54,9 @@ enum class ShapeKind { kSphere, kBox, kCylinder };
 
 struct ObjectSpec {
   ShapeKind shape = ShapeKind::kSphere;
-  double radius = 1.0;                     // sphere, cylinder
-  double height = 1.0;                     // cylinder, along its own z axis
-  Eigen::Vector3d size{1.0, 1.0, 1.0};     // box: full edge lengths
+  double radius = 1.0;                      // sphere, cylinder
+  double height = 1.0;                      // cylinder, along its own z axis
+  Eigen::Vector3d size{1.0, 1.0, 1.0};      // box: full edge lengths
   Eigen::Vector3d position{0.0, 0.0, 0.0};  // centre of mass
   Eigen::Quaterniond orientation{1.0, 0.0, 0.0, 0.0};
   Eigen::Vector3d velocity{0.0, 0.0, 0.0};
@@ -86,7 +87,7 @@ enum class SensorKind { kProximity };
 struct SensorSpec {
   SensorKind kind = SensorKind::kProximity;
   std::string name = "proximity";
-  double range = 8.0;              // of the segment, straight up from the pin's top
+  double range = 8.0;  // of the segment, straight up from the pin's top
 };
 
 struct SurfaceSpec {

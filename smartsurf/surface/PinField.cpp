@@ -5,6 +5,20 @@
 #include <cmath>
 
 namespace smartsurf::surface {
+namespace {
+
+// The largest of n values; eight running maxima, because the compiler may not reorder one.
+float largest(const float* values, std::size_t n) noexcept {
+  float lane[8];
+  std::fill_n(lane, 8, values[0]);
+  std::size_t i = 0;
+  for (; i + 8 <= n; i += 8)
+    for (std::size_t k = 0; k < 8; ++k) lane[k] = lane[k] < values[i + k] ? values[i + k] : lane[k];
+  for (; i < n; ++i) lane[0] = std::max(lane[0], values[i]);
+  return *std::max_element(lane, lane + 8);
+}
+
+}  // namespace
 
 PinField::PinField(const scene::SurfaceSpec& spec)
     : rows_(spec.rows),
@@ -20,7 +34,9 @@ PinField::PinField(const scene::SurfaceSpec& spec)
       height_(static_cast<std::size_t>(spec.cells()), low_),
       speed_(height_.size(), 0.0F),
       target_(height_),
-      moving_(static_cast<std::size_t>(spec.rows), 0) {
+      moving_(static_cast<std::size_t>(spec.rows), 0),
+      row_height_(moving_.size()),
+      row_speed_(moving_.size(), 0.0F) {
   if (has_border_)
     for (int r = 0; r < rows_; ++r)
       for (int c = 0; c < columns_; ++c)
@@ -28,7 +44,9 @@ PinField::PinField(const scene::SurfaceSpec& spec)
           const auto i = static_cast<std::size_t>(spec.index(r, c));
           height_[i] = target_[i] = static_cast<float>(*spec.border_height);
         }
-  max_height_ = *std::max_element(height_.begin(), height_.end());
+  for (std::size_t r = 0; r < row_height_.size(); ++r)
+    row_height_[r] = largest(&height_[r * static_cast<std::size_t>(columns_)], static_cast<std::size_t>(columns_));
+  max_height_ = largest(row_height_.data(), row_height_.size());
 }
 
 void PinField::set_targets(std::span<const float> targets) noexcept {
@@ -55,47 +73,65 @@ void PinField::set_target(int row, int column, float height) noexcept {
 }
 
 void PinField::plan(double dt_s) noexcept {
-  for (int r = 0; r < rows_; ++r)
-    if (moving_[static_cast<std::size_t>(r)]) plan_row(r, static_cast<float>(dt_s));
-  max_height_ = *std::max_element(height_.begin(), height_.end());
-  max_speed_ = 0.0F;
-  for (const float v : speed_) max_speed_ = std::max(max_speed_, std::abs(v));
+  for (std::size_t r = 0; r < moving_.size(); ++r)
+    if (moving_[r]) plan_row(r, static_cast<float>(dt_s));
+  max_height_ = largest(row_height_.data(), row_height_.size());
+  max_speed_ = largest(row_speed_.data(), row_speed_.size());
 }
 
 // A pin that brakes by s = a·dt every step from k·s + f (f < s) covers ((k+1)·f + s·k·(k+1)/2)·dt before it rests.
 // Solved for the distance left, that is the fastest speed from which it still stops exactly on its target.
-void PinField::plan_row(int row, float dt_s) noexcept {
-  const std::size_t first = static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_);
+void PinField::plan_row(std::size_t row, float dt_s) noexcept {
+  const auto columns = static_cast<std::size_t>(columns_);
+  const float* __restrict target = &target_[row * columns];
+  const float* __restrict height = &height_[row * columns];
+  float* __restrict speed = &speed_[row * columns];
   const float s = acceleration_limit_ * dt_s;
-  const float inverse_dt = 1.0F / dt_s, inverse_s = 1.0F / s;
+  const float inverse_dt = 1.0F / dt_s, inverse_s = 1.0F / s, limit = speed_limit_;
   // Beyond this the speed limit binds; it keeps k small enough for an int.
-  const float steps_left_limit = std::min(speed_limit_ * inverse_s, 1e6F) + 1.0F;
+  const float steps_left_limit = std::min(limit * inverse_s, 1e6F) + 1.0F;
   const float far = (steps_left_limit + 1.0F) * (steps_left_limit + 2.0F);
-  float activity = 0.0F;
-  for (std::size_t i = first; i < first + static_cast<std::size_t>(columns_); ++i) {
-    const float distance = target_[i] - height_[i];
+  int moving = 0;
+  for (std::size_t i = 0; i < columns; ++i) {
+    const float distance = target[i] - height[i];
     const float per_step = std::abs(distance) * inverse_dt;  // speed that would arrive in this very step
-    const float units = std::min(per_step * inverse_s, far);
+    const float units = per_step * inverse_s < far ? per_step * inverse_s : far;
     const auto k = static_cast<float>(static_cast<int>(0.5F * (std::sqrt(1.0F + 8.0F * units) - 1.0F)));
     const float stoppable = k * s + (per_step - 0.5F * s * k * (k + 1.0F)) / (k + 1.0F);
-    const float wanted = std::copysign(std::min(stoppable, speed_limit_), distance);
-    speed_[i] = std::min(std::max(wanted, speed_[i] - s), speed_[i] + s);
-    activity = std::max(activity, std::max(per_step, std::abs(speed_[i])));
+    const float wanted = std::copysign(stoppable < limit ? stoppable : limit, distance);
+    const float low = speed[i] - s, high = speed[i] + s;
+    const float raised = wanted > low ? wanted : low;
+    speed[i] = raised < high ? raised : high;
+    moving |= static_cast<int>(distance != 0.0F) | static_cast<int>(speed[i] != 0.0F);
   }
-  moving_[static_cast<std::size_t>(row)] = activity > 0.0F;
+  moving_[row] = moving != 0;
+  float fastest[8] = {};
+  std::size_t i = 0;
+  for (; i + 8 <= columns; i += 8)
+    for (std::size_t k = 0; k < 8; ++k)
+      fastest[k] = fastest[k] < std::abs(speed[i + k]) ? std::abs(speed[i + k]) : fastest[k];
+  for (; i < columns; ++i) fastest[0] = std::max(fastest[0], std::abs(speed[i]));
+  row_speed_[row] = *std::max_element(fastest, fastest + 8);
 }
 
 void PinField::commit(double dt_s) noexcept {
-  const auto dt = static_cast<float>(dt_s);
-  for (int r = 0; r < rows_; ++r) {
-    if (!moving_[static_cast<std::size_t>(r)]) continue;
-    const std::size_t first = static_cast<std::size_t>(r) * static_cast<std::size_t>(columns_);
-    for (std::size_t i = first; i < first + static_cast<std::size_t>(columns_); ++i) {
-      const float next = height_[i] + speed_[i] * dt;
-      // Rounding must not leave a pin an ulp beside its target for ever.
-      height_[i] = std::abs(target_[i] - next) <= 1e-6F * std::max(1.0F, std::abs(next)) ? target_[i] : next;
-    }
+  for (std::size_t r = 0; r < moving_.size(); ++r)
+    if (moving_[r]) commit_row(r, static_cast<float>(dt_s));
+}
+
+void PinField::commit_row(std::size_t row, float dt_s) noexcept {
+  const auto columns = static_cast<std::size_t>(columns_);
+  const float* __restrict target = &target_[row * columns];
+  const float* __restrict speed = &speed_[row * columns];
+  float* __restrict height = &height_[row * columns];
+  for (std::size_t i = 0; i < columns; ++i) {
+    const float next = height[i] + speed[i] * dt_s;
+    // Rounding must not leave a pin an ulp beside its target for ever.
+    const float goal = target[i];
+    const float magnitude = std::abs(next), size = magnitude > 1.0F ? magnitude : 1.0F;
+    height[i] = std::abs(goal - next) <= 1e-6F * size ? goal : next;
   }
+  row_height_[row] = largest(height, columns);
 }
 
 }  // namespace smartsurf::surface

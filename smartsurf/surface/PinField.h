@@ -43,14 +43,17 @@ class PinField {
   float max_speed() const noexcept { return max_speed_; }
 
  private:
-  void plan_row(int row, float dt_s) noexcept;
+  void plan_row(std::size_t row, float dt_s) noexcept;
+  void commit_row(std::size_t row, float dt_s) noexcept;
 
   int rows_, columns_;
   double pitch_, half_top_x_, half_top_y_;
   float low_, high_, speed_limit_, acceleration_limit_;
   bool has_border_;
   std::vector<float> height_, speed_, target_;
-  std::vector<std::uint8_t> moving_;  // one a row: any pin not resting on its target
+  // One a row, so that a row whose pins all rest on their targets costs nothing.
+  std::vector<std::uint8_t> moving_;
+  std::vector<float> row_height_, row_speed_;  // the row's highest top and greatest |speed|
   float max_height_ = 0.0F, max_speed_ = 0.0F;
 };
 

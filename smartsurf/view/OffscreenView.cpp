@@ -15,8 +15,8 @@ constexpr int kMaxEdge = 8192;
 }  // namespace
 
 struct OffscreenView::State {
-  explicit State(const scene::SceneSpec& spec)
-      : renderer(std::make_unique<Renderer>(spec, Quality::fine())),
+  State(const scene::SceneSpec& spec, Detail detail)
+      : renderer(std::make_unique<Renderer>(spec, detail == Detail::kPicture ? Quality::fine() : Quality::video())),
         target(std::make_unique<Canvas>()),
         driver(reinterpret_cast<const char*>(glGetString(GL_RENDERER))) {
     context.release();
@@ -33,7 +33,8 @@ struct OffscreenView::State {
   std::string driver;
 };
 
-OffscreenView::OffscreenView(const scene::SceneSpec& spec) : state_(std::make_unique<State>(spec)) {}
+OffscreenView::OffscreenView(const scene::SceneSpec& spec, Detail detail)
+    : state_(std::make_unique<State>(spec, detail)) {}
 
 OffscreenView::~OffscreenView() = default;
 

@@ -17,10 +17,13 @@
 
 namespace smartsurf::view {
 
+// kPicture: the finest there is, about a second a picture without a graphics card. kVideo: a tenth of that.
+enum class Detail { kPicture, kVideo };
+
 class OffscreenView {
  public:
   // Throws std::runtime_error, one line that names the packages, when this machine has no OpenGL 3.3.
-  explicit OffscreenView(const scene::SceneSpec& spec);
+  explicit OffscreenView(const scene::SceneSpec& spec, Detail detail = Detail::kPicture);
   ~OffscreenView();
 
   // catalogue: every object ever made, index = object id. width, height: 1 to 8192 pixels; beyond that, or

@@ -21,6 +21,7 @@ struct Quality {
   bool soft_shadows = false;
 
   static Quality fast() { return {1, 1024, false}; }
+  static Quality video() { return {2, 2048, false}; }
   static Quality fine() { return {3, 4096, true}; }
 };
 

@@ -15,7 +15,7 @@ namespace {
 }  // namespace
 
 struct OffscreenView::State {};
-OffscreenView::OffscreenView(const scene::SceneSpec&) { left_out(); }
+OffscreenView::OffscreenView(const scene::SceneSpec&, Detail) { left_out(); }
 OffscreenView::~OffscreenView() = default;
 Image OffscreenView::draw(const scene::Snapshot&, const std::vector<scene::ObjectSpec>&, const Camera&,
                           const DrawOptions&, int, int) {

@@ -1,91 +1,34 @@
 // Round trips of two processes in lock-step: our endpoints beside a raw ping-pong on two words of shared
-// memory (the limit) and a pair of POSIX semaphores. In each, both sides write all of their payload and read
-// all of the other's.
+// memory (the limit), POSIX semaphores, and what else there is to connect two processes. In each, both sides
+// write all of their payload and read all of the other's.
 //
 //   bench_lockstep            two cores
-//   bench_lockstep one-core   both processes on one core (without the raw ping-pong, which cannot work there)
-#include <sched.h>
+//   bench_lockstep one-core   both processes on one core
+//   bench_lockstep NAME       only the ways whose name begins so
 #include <semaphore.h>
 #include <shm_protocol/ControllerEndpoint.h>
 #include <shm_protocol/SurfaceEndpoint.h>
 #include <sys/mman.h>
-#include <sys/prctl.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
-#include <algorithm>
 #include <atomic>
-#include <chrono>
-#include <csignal>
-#include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <functional>
-#include <span>
 #include <string>
-#include <vector>
+
+#include "RoundTrip.h"
 
 namespace {
 
-using namespace std::chrono_literals;
+using bench::Case;
+using bench::consume;
+using bench::Figures;
+using bench::measure;
+using bench::pin_to;
+using bench::produce;
+using bench::start_peer;
 using shm_protocol::ControllerEndpoint;
 using shm_protocol::Status;
 using shm_protocol::SurfaceEndpoint;
-
-struct Case {
-  const char* label;
-  std::uint32_t side;  // the payload is side × side f32 each way; 1 stands for empty
-  int rounds;
-};
-
-struct Figures {
-  double median_us = 0, p99_us = 0;
-};
-
-volatile float g_sink;
-
-void produce(std::span<float> values, int round) { std::ranges::fill(values, static_cast<float>(round % 7)); }
-
-void consume(std::span<const float> values) {
-  float sums[16] = {};
-  std::size_t i = 0;
-  for (; i + 16 <= values.size(); i += 16)
-    for (std::size_t k = 0; k < 16; ++k) sums[k] += values[i + k];
-  for (; i < values.size(); ++i) sums[0] += values[i];
-  float total = 0;
-  for (const float s : sums) total += s;
-  g_sink = total;
-}
-
-void pin_to(int cpu) {
-  cpu_set_t set;
-  CPU_ZERO(&set);
-  CPU_SET(cpu, &set);
-  if (::sched_setaffinity(0, sizeof set, &set) != 0) std::perror("sched_setaffinity");
-}
-
-pid_t start_peer(int cpu, const std::function<void()>& body) {
-  const pid_t pid = ::fork();
-  if (pid != 0) return pid;
-  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-  pin_to(cpu);
-  body();
-  ::_exit(0);
-}
-
-// Times `round`, after a tenth of the rounds to warm up.
-Figures measure(int rounds, const std::function<void(int)>& round) {
-  std::vector<double> times;
-  const int warm = rounds / 10 + 5;
-  for (int i = 1; i <= rounds + warm; ++i) {
-    const auto start = std::chrono::steady_clock::now();
-    round(i);
-    const std::chrono::duration<double, std::micro> took = std::chrono::steady_clock::now() - start;
-    if (i > warm) times.push_back(took.count());
-  }
-  std::ranges::sort(times);
-  return {times[times.size() / 2], times[times.size() * 99 / 100]};
-}
 
 // What both processes of the two peers share: one array each way, and a word or a semaphore each way.
 struct Shared {
@@ -154,7 +97,7 @@ void require(Status s) {
   std::exit(1);
 }
 
-Figures endpoints(const Case& c, int peer_cpu) {
+shm_protocol::SurfaceConfig config_of(const Case& c) {
   using namespace shm_protocol;
   SurfaceConfig config;
   config.name = "bench-" + std::to_string(::getpid());
@@ -162,6 +105,12 @@ Figures endpoints(const Case& c, int peer_cpu) {
   config.period_ns = 1'000'000;
   config.channels = {{"in", Direction::kSensor, DType::kF32, 1, "", 0, 10, 0},
                      {"out", Direction::kActuator, DType::kF32, 1, "", 0, 10, 0}};
+  return config;
+}
+
+// Arrays written and read in place.
+Figures endpoints(const Case& c, int peer_cpu) {
+  const auto config = config_of(c);
   auto surface = SurfaceEndpoint::create(config);
   const pid_t peer = start_peer(peer_cpu, [&] {
     auto controller = ControllerEndpoint::attach(config.name);
@@ -184,6 +133,44 @@ Figures endpoints(const Case& c, int peer_cpu) {
   return figures;
 }
 
+// Computes 64 KiB at a time in a buffer of its own and hands that to write().
+template <class Endpoint>
+void produce_in_pieces(Endpoint& to, int channel, std::size_t cells, std::span<float> buffer, int round) {
+  for (std::size_t at = 0; at < cells; at += buffer.size()) {
+    const auto piece = buffer.first(std::min(buffer.size(), cells - at));
+    produce(piece, round);
+    to.write(channel, at, std::span<const float>(piece));
+  }
+}
+
+// write() on both sides, copies on both sides.
+Figures endpoints_in_pieces(const Case& c, int peer_cpu) {
+  const auto config = config_of(c);
+  const std::size_t cells = std::size_t{c.side} * c.side;
+  auto surface = SurfaceEndpoint::create(config);
+  std::vector<float> buffer(16 * 1024);
+  const pid_t peer = start_peer(peer_cpu, [&] {
+    auto controller = ControllerEndpoint::attach(config.name);
+    if (cells * sizeof(float) > 256 * 1024) controller.take_copies();
+    for (int i = 1; controller.await_sensors() == Status::kOk; ++i) {
+      consume(controller.sensor(0));
+      produce_in_pieces(controller, 1, cells, buffer, i);
+      require(controller.publish());
+    }
+  });
+  require(surface.await_controller());
+  const Figures figures = measure(c.rounds, [&](int i) {
+    const auto tick = static_cast<std::uint64_t>(i);
+    produce_in_pieces(surface, 0, cells, buffer, i);
+    require(surface.publish(tick, 0.0));
+    require(surface.await_actuators(tick));
+    consume(surface.actuator(1));
+  });
+  ::kill(peer, SIGKILL);
+  ::waitpid(peer, nullptr, 0);
+  return figures;
+}
+
 std::vector<int> usable_cpus() {
   cpu_set_t set;
   ::sched_getaffinity(0, sizeof set, &set);
@@ -197,24 +184,59 @@ std::vector<int> usable_cpus() {
 
 int main(int argc, char** argv) {
   const auto cpus = usable_cpus();
-  const bool one_core = cpus.size() == 1 || (argc > 1 && std::string(argv[1]) == "one-core");
+  bool one_core = cpus.size() == 1;
+  std::string only;
+  for (int i = 1; i < argc; ++i) {
+    if (std::string(argv[i]) == "one-core")
+      one_core = true;
+    else
+      only = argv[i];
+  }
   const int peer_cpu = one_core ? cpus.front() : cpus.back();
   pin_to(cpus.front());
-  const Case cases[] = {{"empty", 1, 100'000}, {"64x64 f32", 64, 20'000}, {"1024x1024 f32", 1024, 300}};
-  std::printf("round trips, us, median / p99, both processes on %s\n", one_core ? "one core" : "a core each");
-  std::printf("%-14s %18s %18s %18s %12s %12s\n", "each way", "raw ping-pong", "endpoints", "semaphores",
-              "ours / raw", "sem / ours");
-  for (const Case& c : cases) {
-    const Figures raw = one_core ? Figures{} : raw_spin(c, peer_cpu);
-    const Figures ours = endpoints(c, peer_cpu);
-    const Figures sem = semaphores(c, peer_cpu);
-    const auto cell = [](const Figures& f) {
-      char text[64];
-      std::snprintf(text, sizeof text, "%.2f / %.2f", f.median_us, f.p99_us);
-      return std::string(text);
-    };
-    const std::string ratio = one_core ? "-" : std::to_string(ours.median_us / raw.median_us).substr(0, 5);
-    std::printf("%-14s %18s %18s %18s %12s %12.2f\n", c.label, one_core ? "-" : cell(raw).c_str(),
-                cell(ours).c_str(), cell(sem).c_str(), ratio.c_str(), sem.median_us / ours.median_us);
+  const Case cases[] = {{"empty", 1, 50'000}, {"64x64 f32", 64, 10'000}, {"1024x1024 f32", 1024, 300}};
+  struct Way {
+    const char* name;
+    std::function<Figures(const Case&, int)> measure;
+    const char* missing;
+  };
+  const std::vector<Way> ways = {
+      {"raw ping-pong", raw_spin, one_core ? "cannot work on one core" : nullptr},
+      {"endpoints", endpoints, nullptr},
+      {"endpoints, write()", endpoints_in_pieces, nullptr},
+      {"POSIX semaphores", semaphores, nullptr},
+      {"Unix socket", bench::unix_socket, nullptr},
+      {"Boost message_queue", bench::message_queue, nullptr},
+      {"ZeroMQ (ipc)", bench::zeromq, bench::zeromq_missing()},
+      {"iceoryx (waiting)", bench::iceoryx, bench::iceoryx_missing()},
+  };
+  std::printf(
+      "round trips in us, median / p99, and the median over that of `endpoints` (the faster way of the "
+      "two)\n");
+  std::printf("payload each way, all of it written and read; both processes on %s\n\n%-21s",
+              one_core ? "one core" : "a core each", "");
+  for (const Case& c : cases) std::printf("%26s", c.label);
+  std::puts("");
+  std::vector<double> ours(std::size(cases), 1e300);
+  std::vector<std::vector<Figures>> table;
+  for (const Way& way : ways) {
+    table.emplace_back();
+    if (way.missing || !std::string(way.name).starts_with(only)) continue;
+    for (std::size_t i = 0; i < std::size(cases); ++i) {
+      table.back().push_back(way.measure(cases[i], peer_cpu));
+      if (std::string(way.name).starts_with("endpoints"))
+        ours[i] = std::min(ours[i], table.back().back().median_us);
+    }
+  }
+  for (std::size_t w = 0; w < ways.size(); ++w) {
+    std::printf("%-21s", ways[w].name);
+    if (ways[w].missing && only.empty()) std::printf("  skipped: %s", ways[w].missing);
+    for (std::size_t i = 0; i < table[w].size(); ++i) {
+      char cell[64];
+      std::snprintf(cell, sizeof cell, "%.2f / %.1f  x%.2f", table[w][i].median_us, table[w][i].p99_us,
+                    table[w][i].median_us / ours[i]);
+      std::printf("%26s", cell);
+    }
+    std::puts("");
   }
 }

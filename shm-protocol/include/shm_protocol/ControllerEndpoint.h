@@ -11,7 +11,6 @@
 //   }
 #pragma once
 
-#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -25,12 +24,6 @@
 
 namespace shm_protocol {
 
-struct AttachOptions {
-  // How long to wait for a surface of that name to appear; 0: it must be there.
-  std::chrono::nanoseconds timeout{0};
-  const std::atomic<bool>* stop = nullptr;
-};
-
 class ControllerEndpoint {
  public:
   // Maps the segment, checks all of its header and claims the controller's place. Throws Error: kBadConfig
@@ -41,6 +34,9 @@ class ControllerEndpoint {
   ~ControllerEndpoint();
   ControllerEndpoint(ControllerEndpoint&&) noexcept;
   ControllerEndpoint& operator=(ControllerEndpoint&&) noexcept;
+
+  // What the destructor does, but the mapping and so all spans stay until then. Only reconnect() may follow.
+  void detach() noexcept;
 
   const Description& description() const noexcept;
 
@@ -62,11 +58,23 @@ class ControllerEndpoint {
   }
   const FrameInfo& sensor_info() const noexcept;
 
+  // Time-step: sensor() shows private copies from the next frame on, instead of the shared memory. That pays
+  // for frames of a megabyte and more that the surface write()s, because they are copied while it still
+  // writes. Allocates.
+  void take_copies();
+
   // The actuator array that publish() will send next, in place in shared memory. It moves to another slot at
   // every publish() and then holds an old frame's values: write all of it.
   template <class T = float>
   std::span<T> actuator(int channel) noexcept {
     return as_array<T>(actuator_bytes(channel, dtype_of<T>()));
+  }
+
+  // Writes `values` to the cells of the same array from `first` on (counted through all components): the
+  // faster way for large arrays, as SurfaceEndpoint::write() is; the surface copies along.
+  template <class T>
+  void write(int channel, std::size_t first, std::span<const T> values) noexcept {
+    write_bytes(channel, dtype_of<T>(), first * sizeof(T), std::as_bytes(values));
   }
 
   // Publishes the actuator frame as the answer to the sensor frame taken last. kOutOfTurn: time-step, and no
@@ -93,6 +101,7 @@ class ControllerEndpoint {
 
   std::span<const std::byte> sensor_bytes(int channel, DType) const noexcept;
   std::span<std::byte> actuator_bytes(int channel, DType) noexcept;
+  void write_bytes(int channel, DType, std::size_t at, std::span<const std::byte> values) noexcept;
 
   std::unique_ptr<Impl> impl_;
 };

@@ -71,6 +71,7 @@ struct Counters {
   std::uint64_t skipped = 0;   // frames of the peer that this side never saw
   std::uint64_t repeated = 0;  // times this side looked and found no newer frame
   std::uint64_t clamped = 0;   // values of the peer that this side replaced: NaN, infinite or out of range
+  std::uint64_t deadline_misses = 0;  // periods whose answer came late: counted by a surface of real hardware
 };
 
 // Of one frame, as its writer stamped it.

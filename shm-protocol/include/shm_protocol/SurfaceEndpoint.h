@@ -34,6 +34,10 @@ class SurfaceEndpoint {
   SurfaceEndpoint(SurfaceEndpoint&&) noexcept;
   SurfaceEndpoint& operator=(SurfaceEndpoint&&) noexcept;
 
+  // What the destructor does, but the mapping and so all spans stay until then. Nothing may be published any
+  // more.
+  void close() noexcept;
+
   const Description& description() const noexcept;
 
   // The sensor array of the frame that publish() will send next: components × rows × columns, in place in
@@ -42,6 +46,15 @@ class SurfaceEndpoint {
   template <class T = float>
   std::span<T> sensor(int channel) noexcept {
     return as_array<T>(sensor_bytes(channel, dtype_of<T>()));
+  }
+
+  // Writes `values` to the cells of the same array from `first` on (counted through all components). For
+  // large arrays this is faster than writing in place: it goes past the caches, and a controller with
+  // take_copies() copies along while the rest is being written, if it is done in ascending order: pieces of
+  // 64 KiB to 256 KiB are best. What was written so is final for this frame.
+  template <class T>
+  void write(int channel, std::size_t first, std::span<const T> values) noexcept {
+    write_bytes(channel, dtype_of<T>(), first * sizeof(T), std::as_bytes(values));
   }
 
   // Publishes the sensor frame and wakes the controller. In time-step mode an attached controller must have
@@ -74,6 +87,9 @@ class SurfaceEndpoint {
   // kSurfaceClosed.
   void set_state(State) noexcept;
 
+  // Counts a control period whose answer came late (hardware): readable by everybody in counters().
+  void miss_deadline() noexcept;
+
   bool has_controller() const noexcept;
   std::uint32_t controller_pid() const noexcept;  // 0: none
   State controller_state() const noexcept;
@@ -87,6 +103,7 @@ class SurfaceEndpoint {
 
   std::span<std::byte> sensor_bytes(int channel, DType) noexcept;
   std::span<const std::byte> actuator_bytes(int channel, DType) const noexcept;
+  void write_bytes(int channel, DType, std::size_t at, std::span<const std::byte> values) noexcept;
 
   std::unique_ptr<Impl> impl_;
 };

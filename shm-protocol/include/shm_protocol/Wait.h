@@ -31,4 +31,10 @@ struct WaitOptions {
   const std::atomic<bool>* stop = nullptr;
 };
 
+struct AttachOptions {
+  // How long to wait for a surface of that name to appear; 0: it must be there.
+  std::chrono::nanoseconds timeout{0};
+  const std::atomic<bool>* stop = nullptr;
+};
+
 }  // namespace shm_protocol

@@ -27,7 +27,7 @@ extern "C" {
 #define SSP_MAGIC UINT64_C(0x4652555354524D53)
 
 #define SSP_VERSION_MAJOR 1u
-#define SSP_VERSION_MINOR 0u
+#define SSP_VERSION_MINOR 1u
 #define SSP_VERSION ((SSP_VERSION_MAJOR << 16) | SSP_VERSION_MINOR)
 
 #define SSP_LINE 128u /* bytes that one writer owns: two cache lines, because they are fetched in pairs */
@@ -102,7 +102,8 @@ typedef struct ssp_side {
   uint64_t skipped;  /* frames of the peer that this side never saw */
   uint64_t repeated; /* times this side looked and found no newer frame */
   uint64_t clamped;  /* values of the peer that this side replaced, being NaN, infinite or out of range */
-  uint64_t deadline_misses; /* reserved, for hardware */
+  uint64_t
+      deadline_misses; /* control periods whose answer came late: a surface of real hardware counts them */
   uint64_t reserved[11];
 } ssp_side;
 
@@ -136,9 +137,12 @@ typedef struct ssp_waiting {
   uint64_t reserved[15];
 } ssp_waiting;
 
-/* Lines 9 and 10: reserved for publication of a large frame piece by piece. */
+/* Lines 9 and 10: how far the writer is with a large frame. Written by that side only; ignoring it is right.
+ */
 typedef struct ssp_progress {
-  uint64_t reserved[16];
+  uint64_t ready; /* low 24 bits of the frame in the making << 40 | bytes from the slot's beginning that are
+                     final */
+  uint64_t reserved[15];
 } ssp_progress;
 
 typedef struct ssp_header {
@@ -239,6 +243,7 @@ SSP_ASSERT(sizeof(ssp_publication) == SSP_LINE);
 
 SSP_ASSERT(offsetof(ssp_waiting, flag) == 0);
 SSP_ASSERT(sizeof(ssp_waiting) == SSP_LINE);
+SSP_ASSERT(offsetof(ssp_progress, ready) == 0);
 SSP_ASSERT(sizeof(ssp_progress) == SSP_LINE);
 
 SSP_ASSERT(offsetof(ssp_header, identity) == 0);

@@ -97,6 +97,25 @@ TEST(Attach, PlaceOfADeadControllerIsTaken) {
   EXPECT_EQ(raw.header().claim.controller_process, raw.header().identity.surface_process);
 }
 
+TEST(Attach, PlaceOfAControllerWhosePidWasRecycledIsTaken) {
+  const auto config = small_surface(unique_name("recycled"));
+  auto surface = SurfaceEndpoint::create(config);
+  // This living process's pid, but started at another time.
+  RawSegment(config.name).header().claim.controller_process =
+      (std::uint64_t{12345} << SSP_PID_BITS) | static_cast<std::uint32_t>(::getpid());
+  auto controller = ControllerEndpoint::attach(config.name);
+  EXPECT_EQ(surface.controller_pid(), static_cast<std::uint32_t>(::getpid()));
+}
+
+TEST(Attach, AControllerWhosePidWasRecycledIsFoundDead) {
+  const auto config = small_surface(unique_name("recycled-dead"));
+  auto surface = SurfaceEndpoint::create(config);
+  RawSegment(config.name).header().claim.controller_process =
+      (std::uint64_t{12345} << SSP_PID_BITS) | static_cast<std::uint32_t>(::getpid());
+  ASSERT_EQ(surface.publish(0, 0.0), Status::kOk);
+  EXPECT_EQ(surface.await_actuators(0, {.timeout = std::chrono::seconds(60)}), Status::kControllerDead);
+}
+
 TEST(Attach, OtherMajorVersionIsRefusedNamingBoth) {
   const auto config = small_surface(unique_name("major"));
   auto surface = SurfaceEndpoint::create(config);
@@ -104,7 +123,7 @@ TEST(Attach, OtherMajorVersionIsRefusedNamingBoth) {
   std::string message;
   EXPECT_EQ(error_of([&] { ControllerEndpoint::attach(config.name); }, &message), ErrorCode::kWrongVersion);
   EXPECT_NE(message.find("7.3"), std::string::npos) << message;
-  EXPECT_NE(message.find("1.0"), std::string::npos) << message;
+  EXPECT_NE(message.find("program 1.1"), std::string::npos) << message;
 }
 
 TEST(Attach, NewerMinorVersionIsAccepted) {
@@ -114,7 +133,7 @@ TEST(Attach, NewerMinorVersionIsAccepted) {
   raw.header().identity.version = SSP_VERSION + 9;
   raw.header().reserved[100] = 1;  // something that a newer minor put where 1.0 has nothing
   auto controller = ControllerEndpoint::attach(config.name);
-  EXPECT_EQ(controller.description().version_minor, 9);
+  EXPECT_EQ(controller.description().version_minor, SSP_VERSION_MINOR + 9);
   ASSERT_EQ(surface.publish(3, 0.0), Status::kOk);
   EXPECT_EQ(controller.await_sensors(), Status::kOk);
   EXPECT_EQ(controller.sensor_info().tick, 3u);

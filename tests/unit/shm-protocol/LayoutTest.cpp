@@ -27,7 +27,7 @@ TEST(Layout, IdentityAndGeometryStandAtTheirOffsets) {
   auto surface = SurfaceEndpoint::create(config);
   RawSegment raw(config.name);
   EXPECT_EQ(std::memcmp(raw.data(), "SMRTSURF", 8), 0);
-  EXPECT_EQ(at<std::uint32_t>(raw, 8), 0x00010000u);
+  EXPECT_EQ(at<std::uint32_t>(raw, 8), 0x00010001u);
   EXPECT_EQ(at<std::uint32_t>(raw, 12), 4096u);
   EXPECT_EQ(at<std::uint64_t>(raw, 16), raw.size());
   EXPECT_EQ(at<std::uint64_t>(raw, 24) & 0x3FFFFF, static_cast<std::uint64_t>(::getpid()));

@@ -1,12 +1,17 @@
 // Creation, refusal, reclaiming and removal of segments, and the listing of orphans.
 #include <gtest/gtest.h>
+#include <sched.h>
 #include <shm_protocol/ControllerEndpoint.h>
 #include <shm_protocol/Segments.h>
 #include <signal.h>
+#include <sys/mount.h>
 #include <sys/wait.h>
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <vector>
 
 #include "tests/unit/shm-protocol/RawSegment.h"
 
@@ -145,6 +150,78 @@ TEST(Segment, OrphansAreListedAndOnlyTheyAreRemoved) {
   EXPECT_FALSE(exists(file_path(orphan.name)));
   EXPECT_FALSE(exists(file_path(unfinished.name())));
   EXPECT_TRUE(exists(file_path(living.name)));
+}
+
+// A /dev/shm of this process's own, of so many bytes; false where that is not allowed.
+bool mount_own_shm(std::size_t bytes) {
+  const std::string user = "0 " + std::to_string(::getuid()) + " 1",
+                    group = "0 " + std::to_string(::getgid()) + " 1";
+  if (::unshare(CLONE_NEWUSER | CLONE_NEWNS) != 0) return false;
+  std::ofstream("/proc/self/setgroups") << "deny";
+  std::ofstream("/proc/self/uid_map") << user;
+  std::ofstream("/proc/self/gid_map") << group;
+  const std::string size = "size=" + std::to_string(bytes);
+  return ::mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) == 0 &&
+         ::mount("tmpfs", "/dev/shm", "tmpfs", 0, size.c_str()) == 0;
+}
+
+// Runs `body` in a child with such a /dev/shm; false where that is not allowed.
+template <class Body>
+bool with_own_shm(std::size_t bytes, Body&& body, int& status) {
+  const pid_t child = ::fork();
+  if (child == 0) ::_exit(mount_own_shm(bytes) ? body() : 77);
+  ::waitpid(child, &status, 0);
+  return !(WIFEXITED(status) && WEXITSTATUS(status) == 77);
+}
+
+// 0: refused with one clear line and nothing left behind; otherwise what was wrong.
+int refused_for_lack_of_space(std::size_t files_before) {
+  auto config = small_surface("no-space");
+  config.rows = config.columns = 64;
+  try {
+    SurfaceEndpoint::create(config);
+    return 1;
+  } catch (const Error& e) {
+    const std::string what = e.what();
+    if (e.code() != ErrorCode::kSystem) return 2;
+    if (what.find("bytes in /dev/shm") == std::string::npos ||
+        what.find("No space left") == std::string::npos)
+      return 3;
+  }
+  const auto left = std::distance(std::filesystem::directory_iterator("/dev/shm"), {});
+  return static_cast<std::size_t>(left) == files_before ? 0 : 4;
+}
+
+TEST(Segment, TooSmallShmIsAnErrorNotASigbus) {
+  int status = 0;
+  if (!with_own_shm(
+          64 * 1024, [] { return refused_for_lack_of_space(0); }, status))
+    GTEST_SKIP() << "no user namespaces here";
+  EXPECT_TRUE(WIFEXITED(status)) << "signal " << WTERMSIG(status);
+  EXPECT_EQ(WEXITSTATUS(status), 0);
+}
+
+TEST(Segment, FullShmIsAnErrorNotASigbusAndRoomMadeIsUsed) {
+  int status = 0;
+  const auto body = [] {
+    const std::vector<char> much(8 * 1024 * 1024 - 200 * 1024, 1);
+    std::ofstream("/dev/shm/other", std::ios::binary)
+        .write(much.data(), static_cast<std::streamsize>(much.size()));
+    if (const int wrong = refused_for_lack_of_space(1)) return wrong;
+    std::filesystem::remove("/dev/shm/other");
+    auto config = small_surface("no-space");
+    config.rows = config.columns = 64;
+    auto surface = SurfaceEndpoint::create(config);
+    for (std::uint64_t tick = 0; tick < 8; ++tick) {
+      std::ranges::fill(surface.sensor(kDistance), 1.0f);
+      if (surface.publish(tick, 0.0) != Status::kOk) return 5;
+      if (surface.await_actuators(tick) != Status::kNoController) return 6;
+    }
+    return 0;
+  };
+  if (!with_own_shm(8 * 1024 * 1024, body, status)) GTEST_SKIP() << "no user namespaces here";
+  EXPECT_TRUE(WIFEXITED(status)) << "signal " << WTERMSIG(status);
+  EXPECT_EQ(WEXITSTATUS(status), 0);
 }
 
 TEST(Segment, LargerThanAllMemoryIsAnErrorNotACrash) {

@@ -65,7 +65,7 @@ TEST(Threads, PassiveFramesAreNeverMixed) {
   auto surface = SurfaceEndpoint::create(config);
   std::atomic<bool> enough{false};
   std::atomic<int> attached{0};
-  std::uint64_t frames = 0, mixed = 0;
+  std::atomic<std::uint64_t> frames{0}, mixed{0};
   std::thread other([&] {
     auto controller = ControllerEndpoint::attach(config.name);
     attached = 1;
@@ -82,7 +82,8 @@ TEST(Threads, PassiveFramesAreNeverMixed) {
   });
   while (!attached) std::this_thread::yield();
   std::uint64_t taken = 0;
-  for (std::uint64_t tick = 0; tick < 20000; ++tick) {
+  // On a busy machine the other thread may not run at all during the first 20 000.
+  for (std::uint64_t tick = 0; tick < 20'000 || frames < 10 || taken < 10; ++tick) {
     std::ranges::fill(surface.sensor(kDistance), static_cast<float>(tick));
     ASSERT_EQ(surface.publish(tick, 0.0), Status::kOk);
     if (surface.latest_actuators() != Status::kOk) continue;
@@ -93,8 +94,6 @@ TEST(Threads, PassiveFramesAreNeverMixed) {
   enough = true;
   other.join();
   EXPECT_EQ(mixed, 0u);
-  EXPECT_GT(frames, 0u);
-  EXPECT_GT(taken, 0u);
 }
 
 // A surface that comes round the ring many times while the controller copies one frame.

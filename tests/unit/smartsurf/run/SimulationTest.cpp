@@ -14,7 +14,8 @@ namespace {
 class SimulationTest : public testing::Test {
  protected:
   script::Experiment load(const std::string& text) {
-    const auto path = std::filesystem::temp_directory_path() / ("simulation_test_" + std::to_string(getpid()) + ".lua");
+    const auto path =
+        std::filesystem::temp_directory_path() / ("simulation_test_" + std::to_string(getpid()) + ".lua");
     std::ofstream(path) << text;
     auto experiment = script::Experiment::load(path);
     std::filesystem::remove(path);

@@ -34,5 +34,6 @@ TEST(Stats, JsonHasTheDocumentedKeys) {
   EXPECT_EQ(json["real_time_factor"], 5.0);
   EXPECT_TRUE(json["purity"].is_null());
   for (const char* phase : {"wait", "actuate", "physics", "sense", "publish", "record", "render"})
-    for (const char* key : {"median", "p99", "total_s"}) EXPECT_TRUE(json["ms_per_tick"][phase].contains(key)) << phase;
+    for (const char* key : {"median", "p99", "total_s"})
+      EXPECT_TRUE(json["ms_per_tick"][phase].contains(key)) << phase;
 }

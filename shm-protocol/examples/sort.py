@@ -1,0 +1,113 @@
+"""The case study (scripts/case-study/sort.aps) in NumPy: the same stages under the same names, bit for bit the same.
+
+    smartsurf run scripts/case-study/sort.lua        python3 sort.py [SURFACE]
+"""
+import sys
+
+import numpy as np
+import shm_protocol
+
+UP, DOWN = np.float32(4), np.float32(0)
+THRESHOLD, MAX_STEPS, MAX_SIZE, MAX_QUEUE = 2, 8, 16, 24
+CYCLE, GIVE_WAY = 480, 360
+
+
+def moved(image, south, east):
+    """The image, moved by so many cells; zero comes in. Row 0 is north."""
+    out = np.zeros_like(image)
+    rows, columns = image.shape
+    out[max(0, south):rows + min(0, south), max(0, east):columns + min(0, east)] = \
+        image[max(0, -south):rows - max(0, south), max(0, -east):columns - max(0, east)]
+    return out
+
+
+# What each cell finds at its neighbour.
+def north(image): return moved(image, 1, 0)
+def south(image): return moved(image, -1, 0)
+def east(image): return moved(image, 0, -1)
+def west(image): return moved(image, 0, 1)
+
+
+shift_west, shift_east = east, west
+
+
+def least(image):
+    return np.minimum(np.minimum(north(image), south(image)), np.minimum(east(image), west(image)))
+
+
+def greatest(image):
+    return np.maximum(np.maximum(north(image), south(image)), np.maximum(east(image), west(image)))
+
+
+def as_number(truth):
+    return truth.astype(np.float32)
+
+
+class Sort:
+    def __init__(self, shape):
+        # The border ring is a wall. Its cells know it: they miss a neighbour.
+        self.inside = least(np.ones(shape, np.float32))
+        self.ahead = np.zeros(shape, np.float32)
+
+    def heights(self, proximity_hit, tick):
+        inside = self.inside
+
+        # (a) Sensor data: the footprint of whatever lies on the surface.
+        sensed = proximity_hit * inside
+
+        # (b) Erosion by one cell, so that objects that touch come apart.
+        eroded = np.minimum(sensed, least(sensed))
+
+        # (c) Count the steps from the rim to the centre: peel off ring after ring, and number the rings.
+        steps, rest = np.zeros_like(sensed), eroded
+        for ring in range(1, MAX_STEPS + 1):
+            inner = np.minimum(rest, least(rest))
+            steps = steps + np.float32(ring) * (rest - inner)
+            rest = inner
+
+        # (d) The largest number of steps in an object is its size: spread it to all of the object's cells.
+        size = steps
+        for _ in range(MAX_SIZE):
+            size = np.maximum(size, greatest(size)) * eroded
+
+        # (e) Dilation by one cell, back to the whole footprint. What is too thin to survive the erosion is small.
+        found = np.maximum(size, greatest(size))
+        found = sensed * np.maximum(found, np.float32(1))
+
+        # (f) Small objects move west, large ones east.
+        small = as_number((found > 0) & (found <= THRESHOLD))
+        large = as_number(found > THRESHOLD)
+
+        # Whoever has arrived at the wall halts, and so does the queue behind it: pushed on, they would climb out.
+        halt_small = small * (west(inside) == 0)
+        halt_large = large * (east(inside) == 0)
+
+        # Large objects give way: a small one sends a signal west, one cell a tick, that halts the large ones it meets.
+        self.ahead = np.maximum(small, east(self.ahead)) * inside
+        if tick % CYCLE < GIVE_WAY:
+            halt_large = np.maximum(halt_large, large * self.ahead)
+        for _ in range(MAX_QUEUE):
+            halt_small = np.maximum(halt_small, greatest(halt_small)) * small
+            halt_large = np.maximum(halt_large, greatest(halt_large)) * large
+
+        # (g) Actuators: pockets go down, everything else up. Who moves has a pocket that runs ahead of its footprint
+        # by one cell, so that the pins behind it push; who halts sinks into one that surrounds it.
+        halt = np.maximum(halt_small, halt_large)
+        move_small, move_large = small - halt_small, large - halt_large
+        pocket = np.maximum(halt, greatest(halt))
+        for moving, ahead in ((move_small, shift_west), (move_large, shift_east)):
+            reach = np.maximum(np.maximum(moving, ahead(moving)), np.maximum(north(moving), south(moving)))
+            pocket = np.maximum(pocket, ahead(reach))
+        return np.where(pocket != 0, DOWN, UP)
+
+
+def run(name, timeout=10.0):
+    with shm_protocol.Controller(name, timeout) as table:
+        sort = Sort((table.description.rows, table.description.columns))
+        while table.wait():
+            table.actuators["height"][:] = sort.heights(table.sensors["proximity_hit"], table.tick)
+            table.publish()
+
+
+if __name__ == "__main__":
+    run(sys.argv[1] if len(sys.argv) > 1 else "surface")

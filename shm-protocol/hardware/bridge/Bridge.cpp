@@ -1,0 +1,391 @@
+#include "shm-protocol/hardware/bridge/Bridge.h"
+
+#include <poll.h>
+
+#include <algorithm>
+#include <array>
+#include <thread>
+#include <utility>
+
+namespace hardware {
+
+using shm_protocol::Direction;
+using shm_protocol::DType;
+using shm_protocol::Mode;
+using shm_protocol::State;
+using shm_protocol::Status;
+using std::chrono::milliseconds;
+
+namespace {
+
+constexpr milliseconds kAskAgain{200};  // between questions to a device that does not speak
+constexpr milliseconds kIdle{20};       // the stop flag is looked at so often
+constexpr milliseconds kPatience{1};    // for the controller, before the line is looked at again
+
+// A raw value that is the value needs no f32 on its way to the controller.
+bool is_plain_u8(const DeviceChannel& c) {
+  return c.dtype == SSW_U8 && c.scale == 1 && c.offset == 0 && c.minimum >= 0 && c.maximum <= 255;
+}
+
+std::string seconds(milliseconds t) {
+  const std::string text = std::to_string(static_cast<double>(t.count()) * 1e-3);
+  return text.substr(0, text.find('.') + 2) + " s";
+}
+
+}  // namespace
+
+Bridge::Bridge(BridgeOptions options, const std::atomic<bool>& stop, Log log)
+    : options_(std::move(options)), stop_(stop), log_(std::move(log)) {}
+
+Outcome Bridge::run() {
+  std::optional<Outcome> end = connect();
+  if (!end) {
+    create_surface();
+    last_wake_ = {};
+    wake_device();
+    last_frame_ = Clock::now();
+    while (!end) end = serve_once();
+    say_goodbye();
+  }
+  surface_.reset();
+  return *end;
+}
+
+// ---- connecting
+// ------------------------------------------------------------------------------------------------- Nothing
+// once the device is described.
+std::optional<Outcome> Bridge::connect() {
+  const auto start = Clock::now();
+  std::string why = options_.port.text + " does not answer";
+  while (!link_.described()) {
+    if (stop_.load()) return Outcome::kStopped;
+    if (Clock::now() - start > options_.connect) {
+      log_("error: the device does not come: " + why);
+      return Outcome::kDeviceLost;
+    }
+    if (!port_ && !(port_ = Port::open(options_.port, why))) {
+      std::this_thread::sleep_for(kAskAgain / 4);
+      continue;
+    }
+    why = options_.port.text + " is open, but no device describes itself there";
+    wake_device();
+    pump(kIdle);
+    if (!fault_.empty()) {
+      log_("error: " + fault_);
+      return Outcome::kFailed;
+    }
+  }
+  return std::nullopt;
+}
+
+// The line was cut. The session stands still until the same device is back.
+std::optional<Outcome> Bridge::reconnect() {
+  const auto start = Clock::now();
+  std::string why;
+  while (!port_ || !link_.described()) {
+    if (stop_.load()) return Outcome::kStopped;
+    if (options_.replug && Clock::now() - start > *options_.replug) {
+      log_("error: the device is gone");
+      return Outcome::kDeviceLost;
+    }
+    if (!port_ && !(port_ = Port::open(options_.port, why))) {
+      std::this_thread::sleep_for(kAskAgain / 4);
+      continue;
+    }
+    wake_device();
+    pump(kIdle);
+    if (!fault_.empty()) {
+      log_("error: " + fault_);
+      return Outcome::kFailed;
+    }
+  }
+  ++counters_.reconnections;
+  log_("the device is back");
+  last_wake_ = {};
+  wake_device();
+  return std::nullopt;
+}
+
+void Bridge::lose_line(const std::string& why) {
+  port_.reset();
+  link_.reset();
+  out_.clear();
+  seen_frame_ = false;
+  fresh_ = false;
+  if (!surface_) return;
+  fall_silent();
+  log_(why + "; the session waits for the device");
+}
+
+// What was computed from a frame before a silence comes too late for whatever happened in it.
+void Bridge::fall_silent() {
+  silent_ = true;
+  status_ |= kAfterSilence;
+  if (counters_.frames != 0) stale_ = tick_;
+  surface_->set_state(State::kPaused);
+}
+
+bool Bridge::may_send(std::uint64_t answered_tick) const {
+  return !silent_ && port_ && link_.described() && (!stale_ || answered_tick > *stale_);
+}
+
+void Bridge::create_surface() {
+  shm_protocol::SurfaceConfig config;
+  config.name = options_.surface;
+  config.rows = device_->rows;
+  config.columns = device_->columns;
+  config.pitch = static_cast<double>(device_->pitch);
+  config.period_ns = std::uint64_t{device_->period_us} * 1000;
+  config.mode = options_.mode;
+  config.hold_last_frame = options_.hold;
+  for (const DeviceChannel& c : device_->channels)
+    config.channels.push_back({c.name, c.sensor ? Direction::kSensor : Direction::kActuator,
+                               is_plain_u8(c) ? DType::kU8 : DType::kF32, c.components, c.unit,
+                               static_cast<double>(c.minimum), static_cast<double>(c.maximum),
+                               static_cast<double>(c.safe)});
+  surface_.emplace(shm_protocol::SurfaceEndpoint::create(config));
+  actuators_.assign(link_.actuator_elements(), 0.0F);
+  log_("device '" + device_->name + "', " + std::to_string(device_->columns) + "x" +
+       std::to_string(device_->rows) + " cells, every " + std::to_string(device_->period_us) +
+       " us; controllers attach to '" + options_.surface + "'");
+}
+
+// ---- the line
+// -----------------------------------------------------------------------------------------------------
+bool Bridge::flush() {
+  if (!port_ || out_.empty()) return true;
+  const auto written = port_->write(out_);
+  if (!written) return false;
+  out_.erase(out_.begin(), out_.begin() + static_cast<std::ptrdiff_t>(*written));
+  return true;
+}
+
+// Waits for bytes of the device at most so long, and takes them in; sends what is to be sent. False: the line
+// is cut.
+bool Bridge::pump(milliseconds wait) {
+  if (!port_) return false;
+  bool stands = flush();
+  pollfd line{port_->descriptor(), static_cast<short>(POLLIN | (out_.empty() ? 0 : POLLOUT)), 0};
+  if (stands && ::poll(&line, 1, static_cast<int>(wait.count())) > 0) {
+    std::array<std::uint8_t, 4096> bytes;
+    const auto got = port_->read(bytes);
+    stands = got.has_value() && flush();
+    if (got) take_bytes({bytes.data(), *got});
+  }
+  if (!stands) lose_line("the line to the device is cut");
+  return stands;
+}
+
+void Bridge::take_bytes(std::span<const std::uint8_t> bytes) {
+  for (const std::uint8_t byte : bytes) on_event(link_.receive(byte));
+  counters_.damaged_packets = link_.damaged_packets();
+  counters_.lost_packets = link_.lost_packets();
+}
+
+void Bridge::on_event(DeviceLink::Event event) {
+  switch (event) {
+    case DeviceLink::Event::kNothing:
+    case DeviceLink::Event::kAlive:
+      return;
+    case DeviceLink::Event::kDescribed:
+      return on_described();
+    case DeviceLink::Event::kRefused:
+      fault_ = link_.message();
+      return;
+    case DeviceLink::Event::kFault:
+      return log_("the device reports: " + link_.message());
+    case DeviceLink::Event::kFrame:
+      return on_frame();
+  }
+}
+
+void Bridge::on_described() {
+  if (!device_) {
+    device_ = link_.description();
+    boot_ = device_->boot;
+  } else if (!link_.description().same_as(*device_)) {
+    fault_ = "another device came back: it has other cells or channels; start anew";
+  } else if (link_.description().boot != boot_) {
+    boot_ = link_.description().boot;
+    seen_frame_ = false;  // its ticks begin anew
+    if (surface_) log_("the device was restarted");
+  }
+}
+
+void Bridge::wake_device() {
+  const auto now = Clock::now();
+  if (now - last_wake_ < kAskAgain || out_.size() > 4096) return;
+  last_wake_ = now;
+  link_.write(SSW_DESCRIBE, device_tick_, out_);
+  if (!surface_ || !link_.described()) return;
+  link_.write(SSW_START, device_tick_, out_);
+  if (!silent_) return;
+  fill_actuators(true);
+  link_.write_frame(device_tick_, actuators_, out_);
+}
+
+void Bridge::say_goodbye() {
+  if (!port_) return;
+  out_.clear();
+  link_.write(SSW_STOP, device_tick_, out_);
+  for (int attempt = 0; attempt < 50 && !out_.empty() && flush(); ++attempt)
+    if (!out_.empty()) std::this_thread::sleep_for(kPatience);
+}
+
+// ---- the session
+// --------------------------------------------------------------------------------------------------
+std::optional<Outcome> Bridge::serve_once() {
+  if (stop_.load()) return Outcome::kStopped;
+  if (options_.ticks && counters_.frames >= *options_.ticks && !awaiting_) return Outcome::kDone;
+  if (!port_) {
+    if (const auto end = reconnect()) return end;
+    last_frame_ = Clock::now();
+  }
+  const bool passive = options_.mode == Mode::kPassive;
+  pump(awaiting_ ? milliseconds(0) : passive ? kPatience : kIdle);
+  if (!fault_.empty()) {
+    log_("error: " + fault_);
+    return Outcome::kFailed;
+  }
+  if (fresh_ && !awaiting_) publish();
+  if (awaiting_) take_answer();
+  if (passive) take_latest();
+  watch_silence();
+  return std::nullopt;
+}
+
+// The device counts its missed deadlines itself: only it knows when its periods end.
+void Bridge::count_misses(const SensorFrame& frame) {
+  const std::uint32_t more = seen_frame_ ? frame.missed - missed_base_ : 0;
+  missed_base_ = frame.missed;
+  // A device cannot miss more deadlines than it had periods.
+  const std::uint32_t periods = seen_frame_ ? frame.tick - device_tick_ : 0;
+  for (std::uint32_t i = 0; i < std::min(more, periods); ++i) surface_->miss_deadline();
+  counters_.missed += std::min(more, periods);
+  if (more != 0) status_ |= kMissedDeadline;
+}
+
+void Bridge::on_frame() {
+  if (!surface_) return;
+  const SensorFrame& frame = link_.frame();
+  last_frame_ = Clock::now();
+  count_misses(frame);
+  const std::uint32_t step = seen_frame_ ? frame.tick - device_tick_ : 1;
+  if (step > 1) {
+    counters_.lost += step - 1;
+    status_ |= kFramesLost;
+  }
+  if (frame.flags & SSW_SAFE) status_ |= kSafeInForce;
+  tick_ += seen_frame_ || counters_.frames != 0 ? step : 0;
+  device_tick_ = frame.tick;
+  seen_frame_ = true;
+  if (silent_) log_("the device speaks again");
+  silent_ = false;
+  if (fresh_ || awaiting_) {
+    ++counters_.passed_over;
+    status_ |= kFramesLost;
+    // The host is well, only the controller takes its time: the device need not fall back on its safe values.
+    link_.write(SSW_HEARTBEAT, device_tick_, out_);
+  }
+  fresh_ = true;
+}
+
+void Bridge::publish() {
+  fresh_ = false;
+  const SensorFrame& frame = link_.frame();
+  const auto& channels = device_->channels;
+  for (std::size_t i = 0; i < channels.size(); ++i) {
+    const DeviceChannel& c = channels[i];
+    if (!c.sensor) continue;
+    const std::span<const float> from(frame.values.data() + c.first, c.elements);
+    if (is_plain_u8(c))
+      std::ranges::transform(from, surface_->sensor<std::uint8_t>(static_cast<int>(i)).begin(),
+                             [](float v) { return static_cast<std::uint8_t>(v); });
+    else
+      std::ranges::copy(from, surface_->sensor<float>(static_cast<int>(i)).begin());
+  }
+  const double time_s = static_cast<double>(tick_) * device_->period_us * 1e-6;
+  if (surface_->publish(tick_, time_s, status_) != Status::kOk) return;
+  surface_->set_state(State::kRunning);
+  ++counters_.frames;
+  status_ = 0;
+  awaiting_ = options_.mode == Mode::kTimeStep;
+  published_tick_ = tick_;
+  published_device_tick_ = device_tick_;
+  if (!awaiting_) link_.write(SSW_HEARTBEAT, device_tick_, out_);
+}
+
+void Bridge::take_answer() {
+  const Status answer = surface_->await_actuators(published_tick_, {kPatience, &stop_});
+  switch (answer) {
+    case Status::kTimeout:
+    case Status::kInterrupted:
+    case Status::kTorn:
+      return;
+    case Status::kControllerDead:
+    case Status::kControllerClosed:
+      log_(std::string(shm_protocol::text(answer)) +
+           (options_.hold ? "; its last frame stands" : "; safe values stand"));
+      break;
+    case Status::kOk:
+      if (may_send(published_tick_)) ++counters_.answers;
+      break;
+    default:
+      break;
+  }
+  awaiting_ = false;
+  if (may_send(published_tick_)) send_actuators(published_device_tick_);
+}
+
+void Bridge::take_latest() {
+  const Status newest = surface_->latest_actuators();
+  if (newest == Status::kControllerDead || newest == Status::kControllerClosed) {
+    log_(std::string(shm_protocol::text(newest)) +
+         (options_.hold ? "; its last frame stands" : "; safe values stand"));
+  } else if (newest != Status::kOk) {
+    return;
+  }
+  const std::uint64_t answered = newest == Status::kOk ? surface_->actuator_info().tick : tick_;
+  if (!may_send(answered)) return;
+  if (newest == Status::kOk) ++counters_.answers;
+  send_actuators(device_tick_ - static_cast<std::uint32_t>(tick_ - answered));
+}
+
+void Bridge::fill_actuators(bool safe) {
+  const auto& channels = device_->channels;
+  for (std::size_t i = 0; i < channels.size(); ++i) {
+    const DeviceChannel& c = channels[i];
+    if (c.sensor) continue;
+    const auto to = actuators_.begin() + static_cast<std::ptrdiff_t>(c.first);
+    const int channel = static_cast<int>(i);
+    if (safe)
+      std::fill_n(to, c.elements, c.safe);
+    else if (is_plain_u8(c))
+      std::ranges::copy(surface_->actuator<std::uint8_t>(channel), to);
+    else
+      std::ranges::copy(surface_->actuator<float>(channel), to);
+  }
+}
+
+void Bridge::send_actuators(std::uint32_t device_tick) {
+  if (!out_.empty() && (!flush() || !out_.empty())) {
+    ++counters_.unsent;
+    return;
+  }
+  fill_actuators(false);
+  link_.write_frame(device_tick, actuators_, out_);
+  flush();
+}
+
+void Bridge::watch_silence() {
+  const auto now = Clock::now();
+  if (now - last_frame_ <= options_.silence) return;
+  if (!silent_) {
+    fall_silent();
+    ++counters_.silences;
+    log_("the device has been silent for " + seconds(options_.silence) + "; it is sent the safe frame");
+  }
+  wake_device();
+}
+
+}  // namespace hardware

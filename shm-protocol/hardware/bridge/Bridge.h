@@ -1,0 +1,122 @@
+// The surface role for a physical device: its sensor frames go to the controller, the controller's frames go
+// to it, and its clock drives both.
+//
+// One thread. What is said on the way goes line by line to the Log.
+#pragma once
+
+#include <shm_protocol/SurfaceEndpoint.h>
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "shm-protocol/hardware/bridge/DeviceLink.h"
+#include "shm-protocol/hardware/bridge/Port.h"
+
+namespace hardware {
+
+// FrameInfo::status of the sensor frames that a bridge publishes.
+enum FrameStatus : std::uint32_t {
+  kMissedDeadline = 1,  // a control period before this frame ended without the controller's answer
+  kFramesLost =
+      2,  // the device sent frames before this one that did not arrive, or were not asked for in time
+  kSafeInForce = 4,  // the device holds its safe values
+  kAfterSilence = 8  // the first frame after the device was silent or unplugged
+};
+
+struct BridgeOptions {
+  PortName port;
+  std::string surface = "surface";
+  shm_protocol::Mode mode = shm_protocol::Mode::kTimeStep;
+  std::optional<std::uint64_t> ticks;         // frames to publish; nothing: for ever
+  std::chrono::milliseconds silence{500};     // without a sensor frame for so long, the device is silent
+  std::chrono::milliseconds connect{10'000};  // to wait for the device at the start
+  std::optional<std::chrono::milliseconds> replug;  // to wait for it when it was lost; nothing: for ever
+  bool hold = false;  // without a controller the device keeps the last frame; else it gets the safe one
+};
+
+struct BridgeCounters {
+  std::uint64_t frames = 0;         // sensor frames published
+  std::uint64_t answers = 0;        // actuator frames of a controller sent to the device
+  std::uint64_t lost = 0;           // sensor frames that did not arrive whole
+  std::uint64_t passed_over = 0;    // whole ones that came while the controller was at work on an older one
+  std::uint64_t missed = 0;         // deadlines
+  std::uint64_t unsent = 0;         // actuator frames given up: the line is too slow
+  std::uint64_t silences = 0;       // times the device fell silent
+  std::uint64_t reconnections = 0;  // times the line was cut and came back
+  std::uint64_t damaged_packets = 0, lost_packets = 0;
+};
+
+enum class Outcome { kDone, kStopped, kDeviceLost, kFailed };
+
+class Bridge {
+ public:
+  using Clock = std::chrono::steady_clock;
+  using Log = std::function<void(const std::string&)>;
+
+  Bridge(BridgeOptions, const std::atomic<bool>& stop, Log);
+
+  // Connects, creates the surface, and serves until the ticks are over (kDone), the stop flag was raised
+  // (kStopped), the device did not come, or not come back, in time (kDeviceLost), or it is not usable
+  // (kFailed). The last two are logged. Throws shm_protocol::Error when the surface cannot be created. In the
+  // end the device is told to hold its safe values.
+  Outcome run();
+
+  const BridgeCounters& counters() const { return counters_; }
+
+ private:
+  std::optional<Outcome> connect();
+  std::optional<Outcome> reconnect();
+  void create_surface();
+  std::optional<Outcome> serve_once();
+  bool pump(std::chrono::milliseconds wait);
+  void take_bytes(std::span<const std::uint8_t>);
+  void on_event(DeviceLink::Event);
+  void on_described();
+  void on_frame();
+  void count_misses(const SensorFrame&);
+  void publish();
+  void take_answer();
+  void take_latest();
+  void send_actuators(std::uint32_t device_tick);
+  void watch_silence();
+  void wake_device();
+  void lose_line(const std::string& why);
+  void fall_silent();
+  bool may_send(std::uint64_t answered_tick) const;
+  void say_goodbye();
+  void fill_actuators(bool safe);
+  bool flush();
+
+  BridgeOptions options_;
+  const std::atomic<bool>& stop_;
+  Log log_;
+  std::optional<Port> port_;
+  DeviceLink link_;
+  std::optional<DeviceDescription> device_;  // as it was at first
+  std::optional<shm_protocol::SurfaceEndpoint> surface_;
+  std::vector<std::uint8_t> out_;  // bytes not yet taken by the line
+  std::vector<float> actuators_;   // a frame on its way to the device
+  std::string fault_;              // what makes the device unusable
+
+  bool seen_frame_ = false;        // since the line was opened
+  std::uint32_t device_tick_ = 0;  // of the newest sensor frame
+  std::uint64_t tick_ = 0;         // the session's number of it
+  std::uint32_t boot_ = 0;
+  std::uint32_t missed_base_ = 0;  // the device's count of missed deadlines when we looked last
+  std::uint32_t status_ = 0;       // FrameStatus of the next frame
+  bool fresh_ = false;             // a frame waits to be published
+  bool awaiting_ = false;          // time-step: the frame published last is unanswered
+  std::uint64_t published_tick_ = 0;
+  std::uint32_t published_device_tick_ = 0;
+  bool silent_ = false;
+  std::optional<std::uint64_t> stale_;  // answers to this tick and to older ones are not sent any more
+  Clock::time_point last_frame_{}, last_wake_{};
+  BridgeCounters counters_;
+};
+
+}  // namespace hardware

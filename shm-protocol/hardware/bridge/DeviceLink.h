@@ -1,0 +1,116 @@
+// The host's end of the byte protocol, without any input or output: bytes go in, descriptions and sensor
+// frames come out, and the other way round.
+//
+// One thread at a time. receive() and write_…() allocate nothing once the device is described, but for the
+// growth of the caller's buffer.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "shm-protocol/hardware/firmware/wire.h"
+
+namespace hardware {
+
+struct DeviceChannel {
+  std::string name, unit;
+  bool sensor = true;
+  std::uint8_t dtype = SSW_U8;  // ssw_dtype: how its elements travel
+  std::uint32_t components = 1;
+  float minimum = 0, maximum = 1, safe = 0;
+  float scale = 1, offset = 0;  // value = offset + scale × raw
+  std::size_t elements = 0;     // components × rows × columns
+  std::size_t first = 0;        // its first element's number in a frame of its direction
+
+  bool operator==(const DeviceChannel&) const = default;
+};
+
+struct DeviceDescription {
+  std::string name;
+  std::uint32_t rows = 0, columns = 0;
+  std::uint32_t period_us = 0;
+  float pitch = 1;
+  std::uint32_t boot = 0;  // another one after each start of the device
+  std::vector<DeviceChannel> channels;
+
+  // Whether it is the same kind of device: all but `boot`.
+  bool same_as(const DeviceDescription&) const;
+};
+
+struct SensorFrame {
+  std::uint32_t tick = 0;
+  std::uint32_t flags = 0;            // SSW_MISSED, SSW_SAFE
+  std::uint32_t missed = 0;           // deadlines, since the device started
+  std::uint32_t in_force = SSW_NONE;  // tick that the actuator frame in force answers
+  // All sensor channels one after the other, in the device's order; values, not raw.
+  std::vector<float> values;
+};
+
+class DeviceLink {
+ public:
+  enum class Event {
+    kNothing,
+    kAlive,      // a good packet without consequences
+    kDescribed,  // description() is new
+    kRefused,    // the device's description is impossible or of another version: message() says how
+    kFrame,      // frame() is new
+    kFault       // the device reports a fault: message()
+  };
+
+  DeviceLink();
+
+  // Takes one byte of the device.
+  Event receive(std::uint8_t byte);
+
+  bool described() const { return described_; }
+  const DeviceDescription& description() const { return description_; }
+  const SensorFrame& frame() const { return frame_; }
+  const std::string& message() const { return message_; }
+  // Forgets the description and all that is half received: the line was cut.
+  void reset();
+
+  // Appends a packet without payload: SSW_DESCRIBE, SSW_START, SSW_STOP, SSW_HEARTBEAT.
+  void write(std::uint8_t type, std::uint32_t tick, std::vector<std::uint8_t>& to);
+  // Appends an actuator frame that answers the sensor frame of that tick. `values`: all actuator channels one
+  // after the other, in the device's order; each is brought into its channel's range and rounded to the
+  // nearest raw value.
+  void write_frame(std::uint32_t tick, std::span<const float> values, std::vector<std::uint8_t>& to);
+
+  std::size_t sensor_elements() const { return sensor_elements_; }
+  std::size_t actuator_elements() const { return actuator_elements_; }
+
+  std::uint64_t damaged_packets() const { return receiver_.damaged; }
+  std::uint64_t lost_packets() const { return lost_; }            // by gaps in the sequence, modulo 256
+  std::uint64_t broken_frames() const { return broken_frames_; }  // begun, and given up
+
+ private:
+  Event take(const ssw_packet&);
+  Event take_hello(const ssw_packet&);
+  Event take_channel(const ssw_packet&);
+  Event take_data(const ssw_packet&);
+  Event take_end(const ssw_packet&);
+  Event refuse(const std::string& why);
+  void count_sequence(std::uint8_t sequence);
+  void give_frame_up();
+  void append(const ssw_packet&, std::vector<std::uint8_t>& to);
+
+  ssw_receiver receiver_{};
+  DeviceDescription description_, coming_;
+  std::size_t channels_to_come_ = 0;
+  bool described_ = false;
+  std::size_t sensor_elements_ = 0, actuator_elements_ = 0;
+
+  SensorFrame frame_, half_;
+  std::size_t half_elements_ = 0;
+  bool in_frame_ = false;
+
+  std::string message_;
+  std::uint8_t sequence_ = 0, expected_ = 0;
+  bool any_packet_ = false;
+  std::uint64_t lost_ = 0, broken_frames_ = 0;
+};
+
+}  // namespace hardware

@@ -1,0 +1,164 @@
+#include "shm-protocol/hardware/bridge/Port.h"
+
+#include <fcntl.h>
+#include <netdb.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <poll.h>
+#include <sys/ioctl.h>
+#include <sys/socket.h>
+#include <termios.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <stdexcept>
+#include <utility>
+
+namespace hardware {
+namespace {
+
+struct Speed {
+  unsigned baud;
+  speed_t code;
+};
+constexpr Speed kSpeeds[] = {{9600, B9600},       {19200, B19200},     {38400, B38400},
+                             {57600, B57600},     {115200, B115200},   {230400, B230400},
+                             {460800, B460800},   {921600, B921600},   {1000000, B1000000},
+                             {2000000, B2000000}, {3000000, B3000000}, {4000000, B4000000}};
+
+std::optional<speed_t> speed_of(unsigned baud) {
+  for (const Speed& s : kSpeeds)
+    if (s.baud == baud) return s.code;
+  return std::nullopt;
+}
+
+// Every byte as it is, at the speed; modem lines are ignored.
+bool make_raw(int terminal, speed_t speed) {
+  termios settings{};
+  if (::tcgetattr(terminal, &settings) != 0) return false;
+  ::cfmakeraw(&settings);
+  settings.c_cflag |= CLOCAL | CREAD;
+  settings.c_cflag &= ~static_cast<tcflag_t>(CRTSCTS | HUPCL);
+  settings.c_cc[VMIN] = 0;
+  settings.c_cc[VTIME] = 0;
+  if (::cfsetispeed(&settings, speed) != 0 || ::cfsetospeed(&settings, speed) != 0) return false;
+  return ::tcsetattr(terminal, TCSANOW, &settings) == 0;
+}
+
+int open_terminal(const PortName& name, std::string& why) {
+  const int terminal = ::open(name.text.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+  if (terminal < 0) {
+    why = "cannot open " + name.text + ": " + std::strerror(errno);
+    return -1;
+  }
+  if (!make_raw(terminal, *speed_of(name.baud))) {
+    why = name.text + (::isatty(terminal) ? ": the line cannot be set up: " : " is no serial line: ") +
+          std::strerror(errno);
+    ::close(terminal);
+    return -1;
+  }
+  ::ioctl(terminal,
+          TIOCEXCL);  // two bridges on one line would garble each other; no harm where it is not known
+  ::tcflush(terminal, TCIFLUSH);
+  return terminal;
+}
+
+bool connects(int socket, const addrinfo& to) {
+  if (::connect(socket, to.ai_addr, to.ai_addrlen) == 0) return true;
+  if (errno != EINPROGRESS) return false;
+  pollfd ready{socket, POLLOUT, 0};
+  if (::poll(&ready, 1, 1000) != 1) {
+    errno = ETIMEDOUT;
+    return false;
+  }
+  int failure = 0;
+  socklen_t size = sizeof failure;
+  ::getsockopt(socket, SOL_SOCKET, SO_ERROR, &failure, &size);
+  errno = failure;
+  return failure == 0;
+}
+
+int open_tcp(const PortName& name, std::string& why) {
+  addrinfo hints{}, *found = nullptr;
+  hints.ai_socktype = SOCK_STREAM;
+  if (const int failure = ::getaddrinfo(name.host.c_str(), name.service.c_str(), &hints, &found);
+      failure != 0) {
+    why = name.text + ": " + ::gai_strerror(failure);
+    return -1;
+  }
+  int connected = -1;
+  for (const addrinfo* to = found; to && connected < 0; to = to->ai_next) {
+    const int s = ::socket(to->ai_family, to->ai_socktype | SOCK_NONBLOCK | SOCK_CLOEXEC, to->ai_protocol);
+    if (s >= 0 && connects(s, *to)) {
+      connected = s;
+      break;
+    }
+    why = "cannot connect to " + name.text + ": " + std::strerror(errno);
+    if (s >= 0) ::close(s);
+  }
+  ::freeaddrinfo(found);
+  const int yes = 1;
+  if (connected >= 0) ::setsockopt(connected, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
+  return connected;
+}
+
+bool is_only_busy(int error) { return error == EAGAIN || error == EWOULDBLOCK || error == EINTR; }
+
+}  // namespace
+
+PortName PortName::parse(const std::string& text, unsigned baud) {
+  PortName name;
+  name.text = text;
+  name.baud = baud;
+  if (!speed_of(baud))
+    throw std::invalid_argument("--baud: " + std::to_string(baud) +
+                                " is not a usual speed; 9600, 115200, 921600 and 4000000 are some");
+  if (text.empty()) throw std::invalid_argument("the device is missing: a serial line or tcp:HOST:PORT");
+  if (!text.starts_with("tcp:")) return name;
+  const std::size_t colon = text.rfind(':');
+  name.host = colon > 4 ? text.substr(4, colon - 4) : "";
+  name.service = text.substr(colon + 1);
+  if (name.host.size() > 2 && name.host.front() == '[' && name.host.back() == ']')
+    name.host = name.host.substr(1, name.host.size() - 2);
+  if (name.host.empty() || name.service.empty() ||
+      name.service.find_first_not_of("0123456789") != std::string::npos)
+    throw std::invalid_argument("'" + text + "' is not tcp:HOST:PORT, such as tcp:127.0.0.1:5000");
+  return name;
+}
+
+std::optional<Port> Port::open(const PortName& name, std::string& why) {
+  const int descriptor = name.tcp() ? open_tcp(name, why) : open_terminal(name, why);
+  if (descriptor < 0) return std::nullopt;
+  return Port(descriptor, name.tcp());
+}
+
+Port::~Port() {
+  if (descriptor_ >= 0) ::close(descriptor_);
+}
+Port::Port(Port&& other) noexcept : descriptor_(std::exchange(other.descriptor_, -1)), tcp_(other.tcp_) {}
+Port& Port::operator=(Port&& other) noexcept {
+  std::swap(descriptor_, other.descriptor_);
+  std::swap(tcp_, other.tcp_);
+  return *this;
+}
+
+std::optional<std::size_t> Port::read(std::span<std::uint8_t> to) {
+  const ssize_t got = ::read(descriptor_, to.data(), to.size());
+  if (got > 0) return static_cast<std::size_t>(got);
+  if (got < 0) return is_only_busy(errno) ? std::optional<std::size_t>(0) : std::nullopt;
+  if (tcp_) return std::nullopt;  // the other end closed
+  // A terminal says 0 both when there is nothing and when it was hung up.
+  pollfd line{descriptor_, POLLIN, 0};
+  if (::poll(&line, 1, 0) == 1 && (line.revents & (POLLHUP | POLLERR | POLLNVAL))) return std::nullopt;
+  return 0;
+}
+
+std::optional<std::size_t> Port::write(std::span<const std::uint8_t> from) {
+  const ssize_t put = tcp_ ? ::send(descriptor_, from.data(), from.size(), MSG_NOSIGNAL)
+                           : ::write(descriptor_, from.data(), from.size());
+  if (put >= 0) return static_cast<std::size_t>(put);
+  return is_only_busy(errno) ? std::optional<std::size_t>(0) : std::nullopt;
+}
+
+}  // namespace hardware

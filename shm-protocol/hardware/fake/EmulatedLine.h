@@ -1,0 +1,45 @@
+// The device's end of a line that can be unplugged: a pseudo-terminal under a stable path, or a TCP server.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace hardware {
+
+class EmulatedLine {
+ public:
+  // `link`: a symbolic link that will lead to the terminal, as /dev/ttyUSB0 would. Throws std::runtime_error.
+  static EmulatedLine terminal(const std::string& link) { return EmulatedLine(link, 0, false); }
+  // On 127.0.0.1; port 0: any free one.
+  static EmulatedLine tcp(std::uint16_t port) { return EmulatedLine({}, port, true); }
+  ~EmulatedLine() { unplug(); }
+  EmulatedLine(const EmulatedLine&) = delete;
+  EmulatedLine& operator=(const EmulatedLine&) = delete;
+
+  void plug();
+  void unplug();
+  bool plugged() const { return line_ >= 0 || listener_ >= 0; }
+
+  // What surface_bridge takes as DEVICE.
+  std::string name() const;
+  int descriptor() const { return line_ >= 0 ? line_ : listener_; }
+
+  // Takes in what came; accepts the host when it connects.
+  void read(std::vector<std::uint8_t>& to);
+  // Sends what the line takes now and keeps the rest.
+  void write(const std::vector<std::uint8_t>& bytes);
+
+ private:
+  EmulatedLine(std::string link, std::uint16_t port, bool tcp);
+  void open_terminal();
+  void open_listener();
+
+  std::string link_;
+  std::uint16_t port_;
+  bool tcp_;
+  int line_ = -1, listener_ = -1;
+  std::vector<std::uint8_t> pending_;
+};
+
+}  // namespace hardware

@@ -1,0 +1,76 @@
+// A bad line: bytes get lost, change and come late, all by a seeded random generator.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <random>
+#include <vector>
+
+namespace hardware {
+
+struct NoiseOptions {
+  double drop = 0, corrupt = 0;        // probability for each byte
+  std::chrono::microseconds delay{0};  // at most, for each piece; the order is kept
+  std::uint64_t seed = 1;
+};
+
+// One direction of the line. Times are the caller's, and only have to ascend.
+class NoisyLine {
+ public:
+  using Time = std::chrono::nanoseconds;
+
+  explicit NoisyLine(const NoiseOptions& options) : options_(options), random_(options.seed) {}
+
+  void put(const std::uint8_t* bytes, std::size_t count, Time now) {
+    Piece piece{std::max(now + late(), last_), {}};
+    for (std::size_t i = 0; i < count; ++i) {
+      if (chance(options_.drop)) {
+        ++dropped;
+        continue;
+      }
+      std::uint8_t byte = bytes[i];
+      if (chance(options_.corrupt)) {
+        byte ^= static_cast<std::uint8_t>(1u << (random_() & 7u));
+        ++corrupted;
+      }
+      piece.bytes.push_back(byte);
+    }
+    last_ = piece.due;
+    pieces_.push_back(std::move(piece));
+  }
+
+  // Appends to `to` what has arrived by now.
+  void get(Time now, std::vector<std::uint8_t>& to) {
+    for (; !pieces_.empty() && pieces_.front().due <= now; pieces_.pop_front())
+      to.insert(to.end(), pieces_.front().bytes.begin(), pieces_.front().bytes.end());
+  }
+  // When the next piece arrives.
+  std::optional<Time> next() const {
+    return pieces_.empty() ? std::nullopt : std::optional(pieces_.front().due);
+  }
+  void clear() { pieces_.clear(); }
+
+  std::uint64_t dropped = 0, corrupted = 0;
+
+ private:
+  struct Piece {
+    Time due;
+    std::vector<std::uint8_t> bytes;
+  };
+
+  // Of the generator's own bits, not of a distribution: the same on every standard library.
+  bool chance(double p) { return p > 0 && static_cast<double>(random_() >> 11) * 0x1p-53 < p; }
+  Time late() {
+    const auto most = static_cast<std::uint64_t>(options_.delay.count());
+    return most == 0 ? Time(0) : std::chrono::microseconds(random_() % (most + 1));
+  }
+
+  NoiseOptions options_;
+  std::mt19937_64 random_;
+  std::deque<Piece> pieces_;
+  Time last_{0};
+};
+
+}  // namespace hardware

@@ -1,0 +1,197 @@
+#include "wire.h"
+
+#include <string.h>
+
+uint32_t ssw_crc32(const uint8_t* bytes, size_t count) {
+  /* By half bytes: 64 bytes of table instead of 1024, for small memories. */
+  static const uint32_t table[16] = {
+      0x00000000u, 0x1DB71064u, 0x3B6E20C8u, 0x26D930ACu, 0x76DC4190u, 0x6B6B51F4u, 0x4DB26158u, 0x5005713Cu,
+      0xEDB88320u, 0xF00F9344u, 0xD6D6A3E8u, 0xCB61B38Cu, 0x9B64C2B0u, 0x86D3D2D4u, 0xA00AE278u, 0xBDBDF21Cu};
+  uint32_t crc = 0xFFFFFFFFu;
+  size_t i;
+  for (i = 0; i < count; ++i) {
+    crc ^= bytes[i];
+    crc = (crc >> 4) ^ table[crc & 15u];
+    crc = (crc >> 4) ^ table[crc & 15u];
+  }
+  return ~crc;
+}
+
+size_t ssw_cobs_encode(const uint8_t* from, size_t count, uint8_t* to) {
+  size_t code_at = 0, written = 1, i;
+  uint8_t code = 1;
+  for (i = 0; i < count; ++i) {
+    if (from[i] != 0) {
+      to[written++] = from[i];
+      ++code;
+    }
+    if (from[i] == 0 || (code == 0xFF && i + 1 < count)) {
+      to[code_at] = code;
+      code_at = written++;
+      code = 1;
+    }
+  }
+  to[code_at] = code;
+  return written;
+}
+
+size_t ssw_cobs_decode(const uint8_t* from, size_t count, uint8_t* to) {
+  size_t read = 0, written = 0;
+  while (read < count) {
+    const size_t code = from[read++];
+    if (code == 0 || read + code - 1 > count) return 0;
+    memmove(to + written, from + read, code - 1);
+    read += code - 1;
+    written += code - 1;
+    if (code != 0xFF && read < count) to[written++] = 0;
+  }
+  return written;
+}
+
+void ssw_put_u16(uint8_t* to, uint16_t value) {
+  to[0] = (uint8_t)(value & 0xFFu);
+  to[1] = (uint8_t)(value >> 8);
+}
+
+void ssw_put_u32(uint8_t* to, uint32_t value) {
+  ssw_put_u16(to, (uint16_t)(value & 0xFFFFu));
+  ssw_put_u16(to + 2, (uint16_t)(value >> 16));
+}
+
+void ssw_put_f32(uint8_t* to, float value) {
+  uint32_t bits;
+  memcpy(&bits, &value, sizeof bits);
+  ssw_put_u32(to, bits);
+}
+
+uint16_t ssw_get_u16(const uint8_t* from) { return (uint16_t)(from[0] | ((unsigned)from[1] << 8)); }
+
+uint32_t ssw_get_u32(const uint8_t* from) {
+  return (uint32_t)ssw_get_u16(from) | ((uint32_t)ssw_get_u16(from + 2) << 16);
+}
+
+float ssw_get_f32(const uint8_t* from) {
+  const uint32_t bits = ssw_get_u32(from);
+  float value;
+  memcpy(&value, &bits, sizeof value);
+  return value;
+}
+
+size_t ssw_write(const ssw_packet* packet, uint8_t* to) {
+  uint8_t raw[SSW_MAX_PACKET];
+  size_t count = SSW_HEADER + packet->payload_bytes, encoded;
+  if (packet->payload_bytes > SSW_MAX_PAYLOAD) return 0;
+  raw[0] = packet->type;
+  raw[1] = packet->sequence;
+  ssw_put_u32(raw + 2, packet->tick);
+  if (packet->payload_bytes != 0) memcpy(raw + SSW_HEADER, packet->payload, packet->payload_bytes);
+  ssw_put_u32(raw + count, ssw_crc32(raw, count));
+  count += SSW_CRC;
+  to[0] = 0; /* ends whatever noise the line picked up while it was idle */
+  encoded = ssw_cobs_encode(raw, count, to + 1);
+  to[1 + encoded] = 0;
+  return encoded + 2;
+}
+
+void ssw_receiver_init(ssw_receiver* r) { memset(r, 0, sizeof *r); }
+
+/* The run of bytes between two zeros is over. */
+static int finish(ssw_receiver* r, ssw_packet* packet) {
+  const size_t encoded = r->count;
+  const int overlong = r->overlong;
+  size_t count;
+  r->count = 0;
+  r->overlong = 0;
+  if (encoded == 0 && !overlong) return 0; /* two zeros in a row */
+  count = overlong ? 0 : ssw_cobs_decode(r->bytes, encoded, r->bytes);
+  if (count < SSW_HEADER + SSW_CRC || count > SSW_MAX_PACKET ||
+      ssw_get_u32(r->bytes + count - SSW_CRC) != ssw_crc32(r->bytes, count - SSW_CRC)) {
+    ++r->damaged;
+    return 0;
+  }
+  ++r->packets;
+  packet->type = r->bytes[0];
+  packet->sequence = r->bytes[1];
+  packet->tick = ssw_get_u32(r->bytes + 2);
+  packet->payload = r->bytes + SSW_HEADER;
+  packet->payload_bytes = count - SSW_HEADER - SSW_CRC;
+  return 1;
+}
+
+int ssw_receive(ssw_receiver* r, uint8_t byte, ssw_packet* packet) {
+  if (byte == 0) return finish(r, packet);
+  if (r->count == sizeof r->bytes)
+    r->overlong = 1;
+  else
+    r->bytes[r->count++] = byte;
+  return 0;
+}
+
+void ssw_put_hello(const ssw_hello* hello, uint8_t to[SSW_HELLO_BYTES]) {
+  to[0] = hello->version;
+  to[1] = hello->channels;
+  ssw_put_u16(to + 2, hello->rows);
+  ssw_put_u16(to + 4, hello->columns);
+  ssw_put_u32(to + 6, hello->period_us);
+  ssw_put_f32(to + 10, hello->pitch);
+  ssw_put_u32(to + 14, hello->boot);
+  memcpy(to + 18, hello->name, sizeof hello->name);
+}
+
+int ssw_get_hello(const ssw_packet* packet, ssw_hello* hello) {
+  const uint8_t* from = packet->payload;
+  if (packet->type != SSW_HELLO || packet->payload_bytes != SSW_HELLO_BYTES) return 0;
+  hello->version = from[0];
+  hello->channels = from[1];
+  hello->rows = ssw_get_u16(from + 2);
+  hello->columns = ssw_get_u16(from + 4);
+  hello->period_us = ssw_get_u32(from + 6);
+  hello->pitch = ssw_get_f32(from + 10);
+  hello->boot = ssw_get_u32(from + 14);
+  memcpy(hello->name, from + 18, sizeof hello->name);
+  return 1;
+}
+
+void ssw_put_channel(const ssw_channel* channel, uint8_t to[SSW_CHANNEL_BYTES]) {
+  to[0] = channel->index;
+  to[1] = channel->direction;
+  to[2] = channel->dtype;
+  to[3] = channel->components;
+  ssw_put_f32(to + 4, channel->minimum);
+  ssw_put_f32(to + 8, channel->maximum);
+  ssw_put_f32(to + 12, channel->safe);
+  ssw_put_f32(to + 16, channel->scale);
+  ssw_put_f32(to + 20, channel->offset);
+  memcpy(to + 24, channel->name, sizeof channel->name);
+  memcpy(to + 56, channel->unit, sizeof channel->unit);
+}
+
+int ssw_get_channel(const ssw_packet* packet, ssw_channel* channel) {
+  const uint8_t* from = packet->payload;
+  if (packet->type != SSW_CHANNEL || packet->payload_bytes != SSW_CHANNEL_BYTES) return 0;
+  channel->index = from[0];
+  channel->direction = from[1];
+  channel->dtype = from[2];
+  channel->components = from[3];
+  channel->minimum = ssw_get_f32(from + 4);
+  channel->maximum = ssw_get_f32(from + 8);
+  channel->safe = ssw_get_f32(from + 12);
+  channel->scale = ssw_get_f32(from + 16);
+  channel->offset = ssw_get_f32(from + 20);
+  memcpy(channel->name, from + 24, sizeof channel->name);
+  memcpy(channel->unit, from + 56, sizeof channel->unit);
+  return 1;
+}
+
+size_t ssw_dtype_bytes(uint8_t dtype) {
+  switch (dtype) {
+    case SSW_F32:
+      return 4;
+    case SSW_U16:
+      return 2;
+    case SSW_U8:
+      return 1;
+    default:
+      return 0;
+  }
+}

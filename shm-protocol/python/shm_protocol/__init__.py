@@ -1,0 +1,16 @@
+"""The shared-memory protocol between a surface and its controller, for Python.
+
+    with shm_protocol.Controller("surface", timeout=10) as table:
+        while table.wait():
+            table.actuators["height"][:] = 4 * (table.sensors["proximity_hit"] == 0)
+            table.publish()
+
+The arrays are NumPy arrays over the mapped memory itself. Surface and Observer are the other two roles;
+SurfaceEnv wraps a controller as a Gymnasium-style environment, and can start the simulator.
+"""
+from ._roles import (Channel, Controller, Counters, Description, Error, Frame, NotFound, Observer, Result, Segment,
+                     Surface, SurfaceDied, clean, list_surfaces)
+from .environment import SurfaceEnv
+
+__all__ = ["Channel", "Controller", "Counters", "Description", "Error", "Frame", "NotFound", "Observer", "Result",
+           "Segment", "Surface", "SurfaceDied", "SurfaceEnv", "clean", "list_surfaces"]

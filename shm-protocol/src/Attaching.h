@@ -1,0 +1,42 @@
+// What controllers and observers do alike: find a living surface's segment, and try again until a deadline.
+#pragma once
+
+#include <chrono>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "Geometry.h"
+#include "Process.h"
+#include "Segment.h"
+#include "Waiting.h"
+#include "shm_protocol/Error.h"
+#include "shm_protocol/Wait.h"
+
+namespace shm_protocol {
+
+struct FoundSurface {
+  Segment segment;
+  Geometry geometry;
+};
+
+// The checked segment of a living surface that is not closing. Nothing, and why, while there is none. Throws
+// Error: kWrongVersion, kCorrupt, kForeign, kSystem.
+std::optional<FoundSurface> find_surface(const std::string& name, Access, std::string& why);
+
+// Calls attempt(why) until it returns something: else Error kNotFound with the last `why`, or kInterrupted.
+template <class Attempt>
+auto attach_until(const std::string& name, const AttachOptions& options, Attempt&& attempt) {
+  constexpr std::chrono::milliseconds kPoll{10};
+  check_name(name);
+  const auto start = Clock::now();
+  for (std::string why;;) {
+    if (auto result = attempt(why)) return result;
+    if (options.stop && options.stop->load(std::memory_order_relaxed))
+      throw Error(ErrorCode::kInterrupted, "interrupted while waiting: " + why);
+    if (Clock::now() - start >= options.timeout) throw Error(ErrorCode::kNotFound, why);
+    std::this_thread::sleep_for(kPoll);
+  }
+}
+
+}  // namespace shm_protocol

@@ -1,0 +1,107 @@
+#include <utility>
+
+#include "Translate.h"
+#include "shm_protocol/ControllerEndpoint.h"
+
+using namespace shm_protocol;
+
+struct ssp_controller {
+  explicit ssp_controller(ControllerEndpoint made) : endpoint(std::move(made)) {}
+  ControllerEndpoint endpoint;
+};
+
+extern "C" {
+
+ssp_result ssp_controller_attach(const char* name, int64_t timeout_ns, const ssp_stop* stop,
+                                 ssp_controller** out) {
+  if (!out) return c::null_argument();
+  *out = nullptr;
+  if (!name) return c::null_argument();
+  return c::guarded([&] {
+    *out = new ssp_controller(ControllerEndpoint::attach(name, c::attach_of(timeout_ns, stop)));
+    return SSP_OK;
+  });
+}
+
+void ssp_controller_leave(ssp_controller* controller) {
+  if (controller) controller->endpoint.detach();
+}
+void ssp_controller_detach(ssp_controller* controller) { delete controller; }
+
+ssp_result ssp_controller_reconnect(ssp_controller* k, int64_t timeout_ns, const ssp_stop* stop) {
+  if (!k) return c::null_argument();
+  return c::guarded([&] {
+    k->endpoint.reconnect(c::attach_of(timeout_ns, stop));
+    return SSP_OK;
+  });
+}
+
+ssp_result ssp_controller_describe(const ssp_controller* k, ssp_description* out) {
+  return c::describe(k, out);
+}
+ssp_result ssp_controller_channel(const ssp_controller* k, int channel, ssp_channel_info* out) {
+  return c::describe_channel(k, channel, out);
+}
+int ssp_controller_find(const ssp_controller* k, uint32_t direction, const char* name) {
+  return c::find(k, direction, name);
+}
+
+ssp_result ssp_controller_await(ssp_controller* k, int64_t timeout_ns, const ssp_stop* stop) {
+  return k ? c::result_of(k->endpoint.await_sensors(c::wait_of(timeout_ns, stop))) : c::null_argument();
+}
+ssp_result ssp_controller_latest(ssp_controller* k) {
+  return k ? c::result_of(k->endpoint.latest_sensors()) : c::null_argument();
+}
+
+const void* ssp_controller_sensor(const ssp_controller* k, int channel, size_t* bytes) {
+  if (bytes) *bytes = 0;
+  const ChannelSpec* spec = k ? c::channel_of(k->endpoint.description(), channel) : nullptr;
+  if (!spec || spec->direction != Direction::kSensor || k->endpoint.sensor_info().frame == 0) return nullptr;
+  return c::address_of(spec->dtype, bytes, [&]<class T>() { return k->endpoint.sensor<T>(channel); });
+}
+ssp_result ssp_controller_frame(const ssp_controller* k, ssp_frame_info* out) {
+  if (!k || !out) return c::null_argument();
+  c::fill(*out, k->endpoint.sensor_info());
+  return SSP_OK;
+}
+void* ssp_controller_actuator(ssp_controller* k, int channel, size_t* bytes) {
+  if (bytes) *bytes = 0;
+  const ChannelSpec* spec = k ? c::channel_of(k->endpoint.description(), channel) : nullptr;
+  if (!spec || spec->direction != Direction::kActuator) return nullptr;
+  return c::address_of(spec->dtype, bytes, [&]<class T>() { return k->endpoint.actuator<T>(channel); });
+}
+ssp_result ssp_controller_write(ssp_controller* k, int channel, size_t at, const void* values, size_t bytes) {
+  if (!k) return c::null_argument();
+  return c::write(k->endpoint, channel, Direction::kActuator, at, values, bytes);
+}
+ssp_result ssp_controller_take_copies(ssp_controller* k) {
+  if (!k) return c::null_argument();
+  return c::guarded([&] {
+    k->endpoint.take_copies();
+    return SSP_OK;
+  });
+}
+ssp_result ssp_controller_publish(ssp_controller* k) {
+  return k ? c::result_of(k->endpoint.publish()) : c::null_argument();
+}
+
+ssp_result ssp_controller_set_state(ssp_controller* k, uint32_t state) {
+  if (!k) return c::null_argument();
+  if (state < SSP_STATE_LOADING || state > SSP_STATE_CLOSING) return c::fail(SSP_E_ARGUMENT, "no such state");
+  k->endpoint.set_state(static_cast<State>(state));
+  return SSP_OK;
+}
+ssp_result ssp_controller_surface_status(ssp_controller* k) {
+  return k ? c::result_of(k->endpoint.surface_status()) : c::null_argument();
+}
+uint32_t ssp_controller_surface_state(const ssp_controller* k) {
+  return k ? static_cast<uint32_t>(k->endpoint.surface_state()) : uint32_t{SSP_STATE_NONE};
+}
+ssp_result ssp_controller_counters(const ssp_controller* k, ssp_counters* surface, ssp_counters* controller) {
+  if (!k) return c::null_argument();
+  c::fill(surface, k->endpoint.surface_counters());
+  c::fill(controller, k->endpoint.counters());
+  return SSP_OK;
+}
+
+}  // extern "C"

@@ -1,0 +1,81 @@
+#include <utility>
+
+#include "Translate.h"
+#include "shm_protocol/ObserverEndpoint.h"
+
+using namespace shm_protocol;
+
+struct ssp_observer {
+  explicit ssp_observer(ObserverEndpoint made) : endpoint(std::move(made)) {}
+  ObserverEndpoint endpoint;
+};
+
+namespace {
+
+bool is_direction(uint32_t direction) { return direction == SSP_SENSOR || direction == SSP_ACTUATOR; }
+
+ssp_result wrong_direction() { return c::fail(SSP_E_ARGUMENT, "no such direction"); }
+
+}  // namespace
+
+extern "C" {
+
+ssp_result ssp_observer_open(const char* name, int64_t timeout_ns, const ssp_stop* stop, ssp_observer** out) {
+  if (!out) return c::null_argument();
+  *out = nullptr;
+  if (!name) return c::null_argument();
+  return c::guarded([&] {
+    *out = new ssp_observer(ObserverEndpoint::attach(name, c::attach_of(timeout_ns, stop)));
+    return SSP_OK;
+  });
+}
+
+void ssp_observer_close(ssp_observer* observer) { delete observer; }
+
+ssp_result ssp_observer_describe(const ssp_observer* o, ssp_description* out) { return c::describe(o, out); }
+ssp_result ssp_observer_channel(const ssp_observer* o, int channel, ssp_channel_info* out) {
+  return c::describe_channel(o, channel, out);
+}
+int ssp_observer_find(const ssp_observer* o, uint32_t direction, const char* name) {
+  return c::find(o, direction, name);
+}
+
+ssp_result ssp_observer_look(ssp_observer* o, uint32_t direction) {
+  if (!o) return c::null_argument();
+  if (!is_direction(direction)) return wrong_direction();
+  return c::result_of(o->endpoint.look(static_cast<Direction>(direction)));
+}
+ssp_result ssp_observer_await(ssp_observer* o, uint32_t direction, int64_t timeout_ns, const ssp_stop* stop) {
+  if (!o) return c::null_argument();
+  if (!is_direction(direction)) return wrong_direction();
+  return c::result_of(o->endpoint.await(static_cast<Direction>(direction), c::wait_of(timeout_ns, stop)));
+}
+
+const void* ssp_observer_array(const ssp_observer* o, int channel, size_t* bytes) {
+  if (bytes) *bytes = 0;
+  const ChannelSpec* spec = o ? c::channel_of(o->endpoint.description(), channel) : nullptr;
+  if (!spec) return nullptr;
+  return c::address_of(spec->dtype, bytes, [&]<class T>() { return o->endpoint.array<T>(channel); });
+}
+ssp_result ssp_observer_frame(const ssp_observer* o, uint32_t direction, ssp_frame_info* out) {
+  if (!o || !out) return c::null_argument();
+  if (!is_direction(direction)) return wrong_direction();
+  c::fill(*out, o->endpoint.info(static_cast<Direction>(direction)));
+  return SSP_OK;
+}
+
+uint32_t ssp_observer_surface_state(const ssp_observer* o) {
+  return o ? static_cast<uint32_t>(o->endpoint.surface_state()) : uint32_t{SSP_STATE_NONE};
+}
+uint32_t ssp_observer_controller_state(const ssp_observer* o) {
+  return o ? static_cast<uint32_t>(o->endpoint.controller_state()) : uint32_t{SSP_STATE_NONE};
+}
+uint32_t ssp_observer_controller_pid(const ssp_observer* o) { return o ? o->endpoint.controller_pid() : 0; }
+ssp_result ssp_observer_counters(const ssp_observer* o, ssp_counters* surface, ssp_counters* controller) {
+  if (!o) return c::null_argument();
+  c::fill(surface, o->endpoint.surface_counters());
+  c::fill(controller, o->endpoint.controller_counters());
+  return SSP_OK;
+}
+
+}  // extern "C"

@@ -1,0 +1,50 @@
+#include "shm_protocol/Segments.h"
+
+#include <algorithm>
+#include <vector>
+
+#include "Translate.h"
+
+using namespace shm_protocol;
+
+static_assert(static_cast<int>(Ownership::kLiving) == SSP_LIVING &&
+              static_cast<int>(Ownership::kOrphan) == SSP_ORPHAN &&
+              static_cast<int>(Ownership::kForeign) == SSP_FOREIGN);
+
+namespace {
+
+ssp_result hand_out(const std::vector<SegmentInfo>& from, ssp_segment_info* to, size_t capacity,
+                    size_t* count) {
+  *count = from.size();
+  for (std::size_t i = 0; i < std::min(capacity, from.size()); ++i) {
+    const SegmentInfo& s = from[i];
+    to[i] = {};
+    std::memcpy(to[i].name, s.name.data(), std::min(s.name.size(), sizeof to[i].name - 1));
+    to[i].bytes = s.bytes;
+    to[i].ownership = static_cast<uint32_t>(s.ownership);
+    to[i].version_major = s.version_major;
+    to[i].version_minor = s.version_minor;
+    to[i].surface_pid = s.surface_pid;
+    to[i].controller_pid = s.controller_pid;
+  }
+  return SSP_OK;
+}
+
+}  // namespace
+
+extern "C" {
+
+ssp_result ssp_list(ssp_segment_info* found, size_t capacity, size_t* count) {
+  if (!count || (capacity && !found)) return c::null_argument();
+  *count = 0;
+  return c::guarded([&] { return hand_out(list_segments(), found, capacity, count); });
+}
+
+ssp_result ssp_clean(const char* prefix, ssp_segment_info* removed, size_t capacity, size_t* count) {
+  if (!count) return c::null_argument();
+  *count = 0;
+  return c::guarded(
+      [&] { return hand_out(remove_orphans(prefix ? prefix : ""), removed, removed ? capacity : 0, count); });
+}
+
+}  // extern "C"

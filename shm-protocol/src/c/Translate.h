@@ -1,0 +1,129 @@
+// Between the C interface and the C++ endpoints: results, errors, descriptions and arrays.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <exception>
+#include <new>
+#include <string>
+#include <utility>
+
+#include "shm_protocol/Description.h"
+#include "shm_protocol/Error.h"
+#include "shm_protocol/Wait.h"
+#include "shm_protocol/shm_protocol.h"
+
+struct ssp_stop {
+  std::atomic<bool> raised{false};
+};
+
+namespace shm_protocol::c {
+
+// Keeps the line for ssp_last_error() and returns `code`.
+ssp_result fail(ssp_result code, const char* what, std::uint32_t pid = 0) noexcept;
+// The exception in flight as a result, its line kept.
+ssp_result fail_with_current_exception() noexcept;
+inline ssp_result null_argument() noexcept { return fail(SSP_E_ARGUMENT, "a pointer is null"); }
+inline ssp_result wrong_channel() noexcept { return fail(SSP_E_ARGUMENT, "no such channel"); }
+
+inline ssp_result result_of(Status s) noexcept { return static_cast<ssp_result>(s); }
+
+// Runs what may throw.
+template <class Body>
+ssp_result guarded(Body&& body) noexcept {
+  try {
+    return std::forward<Body>(body)();
+  } catch (...) {
+    return fail_with_current_exception();
+  }
+}
+
+inline std::chrono::nanoseconds timeout_of(std::int64_t ns) noexcept {
+  return ns < 0 ? WaitOptions::kForever : std::chrono::nanoseconds(ns);
+}
+inline WaitOptions wait_of(std::int64_t timeout_ns, const ssp_stop* stop) noexcept {
+  return {timeout_of(timeout_ns), stop ? &stop->raised : nullptr};
+}
+inline AttachOptions attach_of(std::int64_t timeout_ns, const ssp_stop* stop) noexcept {
+  return {timeout_of(timeout_ns), stop ? &stop->raised : nullptr};
+}
+
+void fill(ssp_description&, const Description&) noexcept;
+void fill(ssp_channel_info&, const Description&, const ChannelSpec&) noexcept;
+void fill(ssp_frame_info&, const FrameInfo&) noexcept;
+void fill(ssp_counters*, const Counters&) noexcept;  // null: nothing
+
+// Null when there is no such channel.
+inline const ChannelSpec* channel_of(const Description& d, int channel) noexcept {
+  if (channel < 0 || static_cast<std::size_t>(channel) >= d.channels.size()) return nullptr;
+  return &d.channels[static_cast<std::size_t>(channel)];
+}
+
+// access.operator()<T>() for the element type of `dtype`, as an address and a number of bytes.
+template <class Access>
+auto* address_of(DType dtype, std::size_t* bytes, Access&& access) noexcept {
+  const auto give = [&](auto span) {
+    if (bytes) *bytes = span.size_bytes();
+    using Byte = std::conditional_t<std::is_const_v<typename decltype(span)::element_type>, const void, void>;
+    return static_cast<Byte*>(span.data());
+  };
+  switch (dtype) {
+    case DType::kU32:
+      return give(access.template operator()<std::uint32_t>());
+    case DType::kU8:
+      return give(access.template operator()<std::uint8_t>());
+    default:
+      return give(access.template operator()<float>());
+  }
+}
+
+// endpoint.write() of the channel's element type, checked first.
+template <class Endpoint>
+ssp_result write(Endpoint& endpoint, int channel, Direction direction, std::size_t at, const void* values,
+                 std::size_t bytes) noexcept {
+  const Description& d = endpoint.description();
+  const ChannelSpec* spec = channel_of(d, channel);
+  if (!spec || spec->direction != direction) return wrong_channel();
+  if (!values && bytes) return null_argument();
+  const std::size_t element = spec->dtype == DType::kU8 ? 1 : 4, all = d.cells() * spec->components * element;
+  if (at > all || bytes > all - at || at % element || bytes % element)
+    return fail(SSP_E_ARGUMENT, "that place is not within the array, or not of whole elements");
+  const auto write_as = [&]<class T>() {
+    endpoint.template write<T>(channel, at / element, {static_cast<const T*>(values), bytes / element});
+  };
+  if (spec->dtype == DType::kF32) write_as.template operator()<float>();
+  if (spec->dtype == DType::kU32) write_as.template operator()<std::uint32_t>();
+  if (spec->dtype == DType::kU8) write_as.template operator()<std::uint8_t>();
+  return SSP_OK;
+}
+
+// The three roles describe themselves alike.
+template <class Handle>
+ssp_result describe(const Handle* handle, ssp_description* out) noexcept {
+  if (!handle || !out) return null_argument();
+  fill(*out, handle->endpoint.description());
+  return SSP_OK;
+}
+template <class Handle>
+ssp_result describe_channel(const Handle* handle, int channel, ssp_channel_info* out) noexcept {
+  if (!handle || !out) return null_argument();
+  const Description& d = handle->endpoint.description();
+  const ChannelSpec* spec = channel_of(d, channel);
+  if (!spec) return wrong_channel();
+  fill(*out, d, *spec);
+  return SSP_OK;
+}
+template <class Handle>
+int find(const Handle* handle, std::uint32_t direction, const char* name) noexcept {
+  if (!handle || !name) return -1;
+  const auto& channels = handle->endpoint.description().channels;
+  for (std::size_t i = 0; i < channels.size(); ++i)
+    if (static_cast<std::uint32_t>(channels[i].direction) == direction && channels[i].name == name)
+      return static_cast<int>(i);
+  return -1;
+}
+
+}  // namespace shm_protocol::c

@@ -1,0 +1,44 @@
+#include "Look.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace shm_protocol::dump {
+
+std::vector<double> values(const ObserverEndpoint& observer, int channel) {
+  const auto all = [](auto span) { return std::vector<double>(span.begin(), span.end()); };
+  switch (observer.description().channels[static_cast<std::size_t>(channel)].dtype) {
+    case DType::kU32:
+      return all(observer.array<std::uint32_t>(channel));
+    case DType::kU8:
+      return all(observer.array<std::uint8_t>(channel));
+    default:
+      return all(observer.array<float>(channel));
+  }
+}
+
+Spread spread(const std::vector<double>& numbers) {
+  Spread s;
+  std::size_t finite = 0;
+  for (const double v : numbers) {
+    if (!std::isfinite(v)) {
+      ++s.odd;
+      continue;
+    }
+    s.smallest = finite ? std::min(s.smallest, v) : v;
+    s.largest = finite ? std::max(s.largest, v) : v;
+    s.mean += v;
+    ++finite;
+  }
+  if (finite) s.mean /= static_cast<double>(finite);
+  return s;
+}
+
+std::string printable(const std::string& text) {
+  std::string out = text;
+  for (char& c : out)
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F) c = '?';
+  return out;
+}
+
+}  // namespace shm_protocol::dump

@@ -1,0 +1,41 @@
+// One look at a surface: all that shm_dump shows, taken by an observer.
+#pragma once
+
+#include <shm_protocol/ObserverEndpoint.h>
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace shm_protocol::dump {
+
+struct Rates {
+  double sensors_hz = 0, actuators_hz = 0;
+};
+
+struct Look {
+  const Description* description = nullptr;  // lives as long as the observer
+  State surface = State::kNone, controller = State::kNone;
+  std::uint32_t controller_pid = 0, controllers_seen = 0;
+  Counters surface_counters, controller_counters;
+  FrameInfo sensors, actuators;
+  bool sensors_torn = false, actuators_torn = false;
+  std::optional<Rates> rates;
+
+  const FrameInfo& frame(Direction d) const { return d == Direction::kSensor ? sensors : actuators; }
+};
+
+// One channel's array as numbers, in the array's order.
+std::vector<double> values(const ObserverEndpoint&, int channel);
+
+// Smallest, mean and largest of the finite ones; `odd` counts NaN and infinities.
+struct Spread {
+  double smallest = 0, mean = 0, largest = 0;
+  std::size_t odd = 0;
+};
+Spread spread(const std::vector<double>&);
+
+// Text out of a header that nobody has to trust: what a terminal might obey becomes '?'.
+std::string printable(const std::string&);
+
+}  // namespace shm_protocol::dump

@@ -1,0 +1,36 @@
+// What shm_dump prints, as text for a terminal of 80 columns and as JSON.
+#pragma once
+
+#include <shm_protocol/Segments.h>
+
+#include <string>
+#include <vector>
+
+#include "Look.h"
+
+namespace shm_protocol::dump {
+
+enum class Arrays { kNone, kNumbers, kMap };
+
+struct Format {
+  Arrays arrays = Arrays::kNone;
+  std::vector<std::string> channels;  // of which arrays are shown; empty: of all
+  bool all_numbers = false;           // else a large array is cut to its corners
+  bool colour = false;
+  std::size_t width = 80;
+};
+
+std::string text_report(const Look&, const ObserverEndpoint&, const Format&);
+// One object; on one line when `compact`.
+std::string json_report(const Look&, const ObserverEndpoint&, const Format&, bool compact);
+
+std::string text_list(const std::vector<SegmentInfo>&);
+std::string json_list(const std::vector<SegmentInfo>&);
+
+// "64 x 64", "3 x 64 x 64": components only where there are several.
+std::string shape_text(const ChannelSpec&, const Description&);
+// 1536 → "1.5 KiB"
+std::string size_text(std::uint64_t bytes);
+bool is_wanted(const Format&, const ChannelSpec&);
+
+}  // namespace shm_protocol::dump

@@ -1,0 +1,293 @@
+// shm_dump: shows what passes through a surface's shared memory, lists surfaces, removes what dead ones left.
+#include <getopt.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <charconv>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <stdexcept>
+#include <thread>
+
+#include "Report.h"
+
+namespace {
+
+using namespace shm_protocol;
+using namespace std::chrono_literals;
+using dump::Look;
+
+enum Exit { kDone = 0, kFailed = 1, kUserError = 2, kPeerLost = 3 };
+
+constexpr const char* kHelp = R"(shm_dump - look at the shared memory between a surface and its controller
+
+  shm_dump NAME [options]    header, channels, states, counters and rates of surface NAME
+  shm_dump --list            all surfaces of this machine, living and dead
+  shm_dump --clean[=PREFIX]  remove the segments that dead surfaces left (their owners are
+                             checked first); with PREFIX only names that begin so
+
+  -n, --numbers              the arrays of the newest frames, as numbers
+  -m, --map                  the same as heat maps
+  -c, --channel CHANNEL      only this channel's array (may be given again); implies --map
+                             unless --numbers is given
+  -a, --all                  large arrays of numbers in full
+  -f, --follow[=SECONDS]     look again and again, every 0.5 s or as said, until the surface ends
+  -k, --count N              end after N looks (with --follow)
+  -w, --wait SECONDS         wait so long for the surface to appear
+      --colour=WHEN          auto (default), always, never
+  -j, --json                 JSON; with --follow one object a line
+  -h, --help                 this text
+  -V, --version              version
+
+It maps the segment read-only and never slows or disturbs the two.
+Exit status: 0 done, 1 failed, 2 wrong input, 3 no such surface, or it died.
+)";
+
+struct Options {
+  std::string name, clean_prefix, colour = "auto";
+  bool list = false, clean = false, json = false, follow = false;
+  double every_s = 0.5, wait_s = 0;
+  long count = 0;  // 0: no end
+  dump::Format format;
+};
+
+struct UserError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+std::atomic<bool> stop{false};
+
+double number_of(const char* option, const char* text, double least) {
+  double value = 0;
+  const char* end = text + std::string_view(text).size();
+  const auto [next, error] = std::from_chars(text, end, value);
+  // Written so that a NaN fails.
+  if (error != std::errc{} || next != end || !(value >= least && value <= 1e9))
+    throw UserError(std::string(option) + " " + text + ": must be a number from " +
+                    (least == 1   ? "1"
+                     : least == 0 ? "0"
+                                  : "0.001") +
+                    " to 1e9");
+  return value;
+}
+
+Options parse(int argc, char** argv) {
+  enum { kList = 1000, kClean, kColour };
+  static const option kLong[] = {
+      {"list", no_argument, nullptr, kList},        {"clean", optional_argument, nullptr, kClean},
+      {"numbers", no_argument, nullptr, 'n'},       {"map", no_argument, nullptr, 'm'},
+      {"channel", required_argument, nullptr, 'c'}, {"all", no_argument, nullptr, 'a'},
+      {"follow", optional_argument, nullptr, 'f'},  {"count", required_argument, nullptr, 'k'},
+      {"wait", required_argument, nullptr, 'w'},    {"colour", required_argument, nullptr, kColour},
+      {"json", no_argument, nullptr, 'j'},          {"help", no_argument, nullptr, 'h'},
+      {"version", no_argument, nullptr, 'V'},       {nullptr, 0, nullptr, 0}};
+  Options o;
+  ::opterr = 0;
+  for (int c; (c = ::getopt_long(argc, argv, "nmc:af::k:w:jhV", kLong, nullptr)) != -1;) {
+    switch (c) {
+      case kList:
+        o.list = true;
+        break;
+      case kClean:
+        o.clean = true;
+        if (optarg) o.clean_prefix = optarg;
+        break;
+      case 'n':
+        o.format.arrays = dump::Arrays::kNumbers;
+        break;
+      case 'm':
+        o.format.arrays = dump::Arrays::kMap;
+        break;
+      case 'c':
+        o.format.channels.emplace_back(optarg);
+        break;
+      case 'a':
+        o.format.all_numbers = true;
+        break;
+      case 'f':
+        o.follow = true;
+        if (optarg) o.every_s = number_of("--follow", optarg, 0.001);
+        break;
+      case 'k':
+        o.count = static_cast<long>(number_of("--count", optarg, 1));
+        break;
+      case 'w':
+        o.wait_s = number_of("--wait", optarg, 0);
+        break;
+      case kColour:
+        o.colour = optarg;
+        break;
+      case 'j':
+        o.json = true;
+        break;
+      case 'h':
+        std::fputs(kHelp, stdout);
+        std::exit(kDone);
+      case 'V':
+        std::puts("shm_dump " SMARTSURF_VERSION);
+        std::exit(kDone);
+      default:
+        throw UserError(std::string(argv[optind - 1]) +
+                        ": not an option, or it lacks its value; see shm_dump --help");
+    }
+  }
+  if (optind < argc) o.name = argv[optind++];
+  if (optind < argc) throw UserError(std::string(argv[optind]) + ": one surface at a time");
+  if (o.list + o.clean + !o.name.empty() != 1)
+    throw UserError("give the name of a surface, or --list, or --clean; see shm_dump --help");
+  if (o.count && !o.follow) throw UserError("--count: only with --follow");
+  if (o.colour != "auto" && o.colour != "always" && o.colour != "never")
+    throw UserError("--colour " + o.colour + ": must be auto, always or never");
+  if (!o.format.channels.empty() && o.format.arrays == dump::Arrays::kNone)
+    o.format.arrays = dump::Arrays::kMap;
+  return o;
+}
+
+void fit_to_terminal(Options& o) {
+  const bool terminal = ::isatty(STDOUT_FILENO) != 0;
+  const char* no_colour = std::getenv("NO_COLOR");
+  o.format.colour = o.colour == "always" || (o.colour == "auto" && terminal && !(no_colour && *no_colour));
+  winsize size{};
+  if (terminal && ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col >= 40)
+    o.format.width = std::min<std::size_t>(size.ws_col, 256);
+}
+
+void check_channels(const Options& o, const Description& d) {
+  for (const std::string& wanted : o.format.channels)
+    if (d.channel(Direction::kSensor, wanted) < 0 && d.channel(Direction::kActuator, wanted) < 0) {
+      std::string have;
+      for (const ChannelSpec& c : d.channels) have += (have.empty() ? "" : ", ") + dump::printable(c.name);
+      throw UserError("--channel " + wanted + ": surface " + dump::printable(d.name) + " has " + have);
+    }
+}
+
+// Takes the newest frames in; says whether the surface has ended.
+Status take(ObserverEndpoint& observer, Look& look) {
+  look.description = &observer.description();
+  const Status sensors = observer.look(Direction::kSensor), actuators = observer.look(Direction::kActuator);
+  look.sensors_torn = sensors == Status::kTorn;
+  look.actuators_torn = actuators == Status::kTorn;
+  look.sensors = observer.info(Direction::kSensor);
+  look.actuators = observer.info(Direction::kActuator);
+  look.surface = observer.surface_state();
+  look.controller = observer.controller_state();
+  look.controller_pid = observer.controller_pid();
+  look.controllers_seen = observer.controllers_seen();
+  look.surface_counters = observer.surface_counters();
+  look.controller_counters = observer.controller_counters();
+  if (look.surface == State::kDead) return Status::kSurfaceDead;
+  return look.surface == State::kClosing ? Status::kSurfaceClosed : Status::kOk;
+}
+
+class RateMeter {
+ public:
+  explicit RateMeter(const ObserverEndpoint& observer) : observer_(observer) { restart(); }
+  dump::Rates read() {
+    const auto sensors = sensors_, actuators = actuators_;
+    const auto since = since_;
+    restart();
+    const double s = std::max(1e-9, std::chrono::duration<double>(since_ - since).count());
+    return {static_cast<std::uint32_t>(sensors_ - sensors) / s,
+            static_cast<std::uint32_t>(actuators_ - actuators) / s};
+  }
+
+ private:
+  void restart() {
+    since_ = std::chrono::steady_clock::now();
+    sensors_ = observer_.published(Direction::kSensor);
+    actuators_ = observer_.published(Direction::kActuator);
+  }
+  const ObserverEndpoint& observer_;
+  std::chrono::steady_clock::time_point since_;
+  std::uint32_t sensors_ = 0, actuators_ = 0;
+};
+
+void pause_for(double seconds) {
+  const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+  while (!stop && std::chrono::steady_clock::now() < end)
+    std::this_thread::sleep_for(
+        std::min<std::chrono::duration<double>>(50ms, end - std::chrono::steady_clock::now()));
+}
+
+int show(Options& o) {
+  const auto wait =
+      std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::duration<double>(o.wait_s));
+  auto observer = ObserverEndpoint::attach(o.name, {.timeout = wait, .stop = &stop});
+  check_channels(o, observer.description());
+  RateMeter meter(observer);
+  const bool repaint = o.follow && !o.json && ::isatty(STDOUT_FILENO) != 0;
+  for (long looks = 1;; ++looks) {
+    pause_for(o.follow ? (looks == 1 ? 0.0 : o.every_s) : 0.1);
+    Look look;
+    const Status ended = take(observer, look);
+    if (looks > 1 || !o.follow) look.rates = meter.read();
+    if (repaint) std::fputs("\033[H\033[2J", stdout);
+    std::fputs((o.json ? dump::json_report(look, observer, o.format, o.follow)
+                       : dump::text_report(look, observer, o.format))
+                   .c_str(),
+               stdout);
+    if (o.follow && !o.json && !repaint) std::fputs("\n", stdout);
+    if (std::fflush(stdout) != 0) return kFailed;
+    if (ended != Status::kOk) {
+      std::fprintf(stderr, "shm_dump: %s: %s\n", o.name.c_str(), text(ended));
+      return ended == Status::kSurfaceDead ? kPeerLost : kDone;
+    }
+    if (!o.follow || stop || (o.count && looks >= o.count)) return kDone;
+  }
+}
+
+int list(const Options& o) {
+  const auto segments = list_segments();
+  std::fputs((o.json ? dump::json_list(segments) : dump::text_list(segments)).c_str(), stdout);
+  return kDone;
+}
+
+int clean(const Options& o) {
+  const auto removed = remove_orphans(o.clean_prefix);
+  if (o.json) {
+    std::fputs(dump::json_list(removed).c_str(), stdout);
+    return kDone;
+  }
+  for (const SegmentInfo& s : removed)
+    std::printf("removed %s: process %u is gone\n", dump::printable(s.name).c_str(), s.surface_pid);
+  if (removed.empty()) std::puts("nothing to remove");
+  return kDone;
+}
+
+int exit_status_of(const Error& e) {
+  switch (e.code()) {
+    case ErrorCode::kNotFound:
+      return kPeerLost;
+    case ErrorCode::kBadConfig:
+      return kUserError;
+    default:
+      return kFailed;
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  struct sigaction action {};
+  action.sa_handler = [](int) { stop = true; };
+  ::sigaction(SIGINT, &action, nullptr);
+  ::sigaction(SIGTERM, &action, nullptr);
+  try {
+    Options o = parse(argc, argv);
+    fit_to_terminal(o);
+    return o.list ? list(o) : o.clean ? clean(o) : show(o);
+  } catch (const UserError& e) {
+    std::fprintf(stderr, "shm_dump: %s\n", e.what());
+    return kUserError;
+  } catch (const Error& e) {
+    std::fprintf(stderr, "shm_dump: %s\n", e.what());
+    return exit_status_of(e);
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "shm_dump: %s\n", e.what());
+    return kFailed;
+  }
+}

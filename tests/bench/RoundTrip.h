@@ -1,0 +1,85 @@
+// What every way of a round trip is measured with: the payload's making and reading, the peer, the clock.
+#pragma once
+
+#include <sched.h>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <cstdio>
+#include <functional>
+#include <span>
+#include <vector>
+
+namespace bench {
+
+struct Case {
+  const char* label;
+  std::uint32_t side;  // the payload is side × side f32 each way; 1 stands for empty
+  int rounds;
+};
+
+struct Figures {
+  double median_us = 0, p99_us = 0;
+};
+
+inline volatile float g_sink;
+
+inline void produce(std::span<float> values, int round) {
+  std::ranges::fill(values, static_cast<float>(round % 7));
+}
+
+inline void consume(std::span<const float> values) {
+  float sums[16] = {};
+  std::size_t i = 0;
+  for (; i + 16 <= values.size(); i += 16)
+    for (std::size_t k = 0; k < 16; ++k) sums[k] += values[i + k];
+  for (; i < values.size(); ++i) sums[0] += values[i];
+  float total = 0;
+  for (const float s : sums) total += s;
+  g_sink = total;
+}
+
+inline void pin_to(int cpu) {
+  cpu_set_t set;
+  CPU_ZERO(&set);
+  CPU_SET(cpu, &set);
+  if (::sched_setaffinity(0, sizeof set, &set) != 0) std::perror("sched_setaffinity");
+}
+
+inline pid_t start_peer(int cpu, const std::function<void()>& body) {
+  const pid_t pid = ::fork();
+  if (pid != 0) return pid;
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+  pin_to(cpu);
+  body();
+  ::_exit(0);
+}
+
+// Times `round`, after a tenth of the rounds to warm up.
+inline Figures measure(int rounds, const std::function<void(int)>& round) {
+  std::vector<double> times;
+  const int warm = rounds / 10 + 5;
+  for (int i = 1; i <= rounds + warm; ++i) {
+    const auto start = std::chrono::steady_clock::now();
+    round(i);
+    const std::chrono::duration<double, std::micro> took = std::chrono::steady_clock::now() - start;
+    if (i > warm) times.push_back(took.count());
+  }
+  std::ranges::sort(times);
+  return {times[times.size() / 2], times[times.size() * 99 / 100]};
+}
+
+// The peers, each in a file of its own. The second tells why one is not there; null: it is.
+Figures unix_socket(const Case&, int peer_cpu);
+Figures message_queue(const Case&, int peer_cpu);
+Figures zeromq(const Case&, int peer_cpu);
+const char* zeromq_missing();
+Figures iceoryx(const Case&, int peer_cpu);
+const char* iceoryx_missing();
+
+}  // namespace bench

@@ -1,0 +1,261 @@
+// surface_bridge and an emulated device: good lines, bad lines, silence, unplugging, ends.
+#include <gtest/gtest.h>
+#include <shm_protocol/ControllerEndpoint.h>
+#include <shm_protocol/ObserverEndpoint.h>
+
+#include <algorithm>
+#include <set>
+#include <utility>
+
+#include "shm-protocol/hardware/fake/toy.h"
+#include "tests/system/hardware/Program.h"
+
+namespace hardware {
+namespace {
+
+using namespace std::chrono_literals;
+using shm_protocol::ControllerEndpoint;
+using shm_protocol::Direction;
+using shm_protocol::Status;
+
+constexpr std::uint32_t kRows = 12, kColumns = 20, kCells = kRows * kColumns;
+constexpr const char* kSize = "20x12";
+// FrameInfo::status, as docs/hardware.md has it.
+constexpr std::uint32_t kMissed = 1, kLost = 2, kAfterSilence = 8;
+
+std::uint32_t commanded(std::uint64_t tick, std::uint32_t cell) {
+  return static_cast<std::uint32_t>((tick * 5 + cell * 3) % 200 + 1);
+}
+
+// A controller that checks all it sees. The device's ticks run ahead of the session's by a number that it
+// learns.
+class Checker {
+ public:
+  explicit Checker(const std::string& name)
+      : controller(ControllerEndpoint::attach(name, {.timeout = 60s})),
+        hit(controller.description().channel(Direction::kSensor, "proximity_hit")),
+        echo(controller.description().channel(Direction::kSensor, "target_echo")),
+        height(controller.description().channel(Direction::kActuator, "height")) {
+    forget_offset();
+  }
+
+  void forget_offset() {
+    for (std::uint64_t offset = 0; offset < 3000; ++offset) offsets.insert(offset);
+  }
+
+  // Waits for a frame, checks it and answers it.
+  void tick() {
+    ASSERT_EQ(controller.await_sensors({.timeout = 100s}), Status::kOk);
+    look();
+    answer();
+  }
+
+  void look() {
+    const auto& info = controller.sensor_info();
+    if (frames != 0) {
+      EXPECT_GT(info.tick, last_tick);
+      // Ticks are left out by the line, which the frame says, or (passive) by us, which we count.
+      const auto skipped_before = std::exchange(skipped, controller.counters().skipped);
+      if (info.tick != last_tick + 1) {
+        EXPECT_TRUE((info.status & kLost) || skipped != skipped_before);
+      }
+    }
+    last_tick = info.tick;
+    ++frames;
+    const auto hits = controller.sensor<std::uint8_t>(hit);
+    std::erase_if(offsets, [&](std::uint64_t offset) {
+      for (std::uint32_t c = 0; c < kCells; ++c)
+        if (hits[c] != toy_hit(kRows, kColumns, info.tick + offset, c / kColumns, c % kColumns)) return true;
+      return false;
+    });
+    EXPECT_FALSE(offsets.empty()) << "frame " << info.tick << " shows what no tick shows";
+    check_echo();
+  }
+
+  // What the device had in force is safe, or one whole frame of ours.
+  void check_echo() {
+    const auto raw = controller.sensor<std::uint8_t>(echo);
+    safe = std::ranges::all_of(raw, [](std::uint8_t r) { return r == 0; });
+    if (safe) return;
+    ++echoed;
+    const std::uint32_t phase = raw[0] - 1u;
+    for (std::uint32_t c = 0; c < kCells; ++c) ASSERT_EQ(raw[c], (phase + c * 3) % 200 + 1);
+  }
+
+  void answer() {
+    const auto to = controller.actuator(height);
+    for (std::uint32_t c = 0; c < kCells; ++c) to[c] = static_cast<float>(commanded(last_tick, c)) * 0.02F;
+    ASSERT_EQ(controller.publish(), Status::kOk);
+  }
+
+  ControllerEndpoint controller;
+  int hit, echo, height;
+  std::set<std::uint64_t> offsets;
+  std::uint64_t last_tick = 0, frames = 0, echoed = 0, skipped = 0;
+  bool safe = false;
+};
+
+TEST(Bridge, OnAGoodLineEveryFrameIsRight) {
+  const std::string name = surface_name("bridge-good");
+  Device device({"--pty", line_path("good"), "--size", kSize, "--period-ms", "5"});
+  Program bridge({SURFACE_BRIDGE, device.name, "--shm", name, "--ticks", "200"});
+  {
+    Checker checker(name);
+    EXPECT_EQ(checker.controller.description().period_ns, 5'000'000u);
+    while (checker.controller.surface_state() != shm_protocol::State::kClosing && checker.frames < 150)
+      checker.tick();
+    EXPECT_GT(checker.echoed, 20u);
+  }
+  EXPECT_EQ(bridge.wait(), 0) << bridge.output();  // goes on without a controller
+  EXPECT_EQ(bridge.figure("frames"), 200u);
+  EXPECT_EQ(bridge.figure("damaged_packets"), 0u);
+  EXPECT_FALSE(segment_exists(name));
+}
+
+class BadLine : public testing::TestWithParam<std::string> {};
+
+TEST_P(BadLine, FramesThatArriveAreRightAndMissesAreCounted) {
+  const bool passive = GetParam() == "passive";
+  const std::string name = surface_name("bridge-bad-" + GetParam());
+  Device device({"--tcp", "0", "--size", kSize, "--period-ms", "5", "--drop", "0.0002", "--corrupt", "0.0002",
+                 "--delay-ms", "8", "--seed", "7"});
+  Program bridge({SURFACE_BRIDGE, device.name, "--shm", name, "--mode", GetParam()});
+  {
+    Checker checker(name);
+    std::uint32_t seen = 0;
+    while (checker.frames < 300) {
+      checker.tick();
+      seen |= checker.controller.sensor_info().status;
+    }
+    EXPECT_GT(checker.echoed, 20u);
+    EXPECT_TRUE(seen & kMissed);
+    EXPECT_TRUE(seen & kLost);
+    EXPECT_GT(checker.controller.surface_counters().deadline_misses, 0u);
+    if (passive) {
+      EXPECT_EQ(checker.controller.description().mode, shm_protocol::Mode::kPassive);
+    }
+  }
+  bridge.signal(SIGINT);
+  EXPECT_EQ(bridge.wait(), 130) << bridge.output();
+  EXPECT_GT(bridge.figure("damaged_packets"), 0u);
+  EXPECT_GT(bridge.figure("missed"), 0u);
+  EXPECT_GT(bridge.figure("lost"), 0u);
+  EXPECT_FALSE(segment_exists(name));
+}
+INSTANTIATE_TEST_SUITE_P(Modes, BadLine, testing::Values("time-step", "passive"));
+
+TEST(Bridge, ASilentDeviceIsHeldSafeAndSpeaksAgain) {
+  const std::string name = surface_name("bridge-silent");
+  Device device({"--pty", line_path("silent"), "--size", kSize, "--period-ms", "5", "--silent-for", "200"});
+  Program bridge({SURFACE_BRIDGE, device.name, "--shm", name, "--silence", "0.2"});
+  Checker checker(name);
+  while (checker.echoed < 20) checker.tick();
+  device.program.signal(SIGUSR1);
+  // Our last frame before the silence was none of zeros; the bridge's safe frames are.
+  do checker.tick();
+  while (!(checker.controller.sensor_info().status & kAfterSilence) || !checker.safe);
+  EXPECT_NE(bridge.output().find("silent for 0.2 s; it is sent the safe frame"), std::string::npos)
+      << bridge.output();
+  const auto before = checker.echoed;
+  while (checker.echoed < before + 20) checker.tick();
+  bridge.signal(SIGTERM);
+  EXPECT_EQ(bridge.wait(), 143);
+  EXPECT_GE(bridge.figure("silences"), 1u);
+}
+
+class Unplugged : public testing::TestWithParam<std::string> {};
+
+TEST_P(Unplugged, TheDeviceComesBackInTheSameSession) {
+  const std::string name = surface_name("bridge-unplug" + GetParam());
+  const std::string where = GetParam() == "pty" ? line_path("unplug") : "0";
+  Device device(
+      {"--" + GetParam(), where, "--size", kSize, "--period-ms", "5", "--unplug-for", "60", "--restart"});
+  Program bridge({SURFACE_BRIDGE, device.name, "--shm", name, "--silence", "20"});
+  Checker checker(name);
+  const auto session = checker.controller.description().session;
+  while (checker.echoed < 20) checker.tick();
+  device.program.signal(SIGUSR2);
+  for (;;) {
+    ASSERT_EQ(checker.controller.await_sensors({.timeout = 100s}), Status::kOk);
+    if (checker.controller.sensor_info().status & kAfterSilence) break;
+    checker.look();
+    checker.answer();
+  }
+  EXPECT_EQ(checker.controller.sensor_info().tick, checker.last_tick + 1);
+  checker.forget_offset();  // the device began anew
+  for (const auto offset : std::exchange(checker.offsets, {})) checker.offsets.insert(offset - 3000);
+  checker.look();
+  EXPECT_TRUE(checker.safe);
+  checker.answer();
+  const auto before = checker.echoed;
+  while (checker.echoed < before + 20) checker.tick();
+  EXPECT_EQ(checker.controller.description().session, session);
+  bridge.signal(SIGINT);
+  EXPECT_EQ(bridge.wait(), 130);
+  EXPECT_EQ(bridge.figure("reconnections"), 1u);
+  EXPECT_NE(bridge.output().find("the device was restarted"), std::string::npos);
+  EXPECT_FALSE(segment_exists(name));
+}
+INSTANTIATE_TEST_SUITE_P(Lines, Unplugged, testing::Values("pty", "tcp"));
+
+TEST(Bridge, ADeviceThatStaysAwayEndsItWithThree) {
+  const std::string name = surface_name("bridge-gone");
+  Device device({"--pty", line_path("gone"), "--size", kSize, "--period-ms", "5"});
+  Program bridge({SURFACE_BRIDGE, device.name, "--shm", name, "--replug", "0.1"});
+  bridge.await_output("controllers attach");
+  device.program.signal(SIGKILL);
+  EXPECT_EQ(bridge.wait(), 3) << bridge.output();
+  EXPECT_FALSE(segment_exists(name));
+  Program never({SURFACE_BRIDGE, line_path("never"), "--shm", name, "--connect", "0.1"});
+  EXPECT_EQ(never.wait(), 3);
+}
+
+TEST(Bridge, AKilledControllerLeavesTheDeviceSafe) {
+  const std::string name = surface_name("bridge-killed");
+  Device device({"--pty", line_path("killed"), "--size", kSize, "--period-ms", "5"});
+  Program bridge({SURFACE_BRIDGE, device.name, "--shm", name});
+  bridge.await_output("controllers attach");
+  auto onlooker = shm_protocol::ObserverEndpoint::attach(name, {.timeout = 60s});
+  const int echo = onlooker.description().channel(Direction::kSensor, "target_echo");
+  // A frame of which all cells, or not all, are at rest; the test's own time-out ends a wait for ever.
+  const auto await_rest = [&](bool rest) {
+    do ASSERT_EQ(onlooker.await(Direction::kSensor, {.timeout = 100s}), Status::kOk);
+    while (std::ranges::all_of(onlooker.array<std::uint8_t>(echo), [](std::uint8_t r) { return r == 0; }) !=
+           rest);
+  };
+  Program apron({APRON, "run", CASE_STUDY, "--shm", name});
+  await_rest(false);
+  apron.signal(SIGKILL);
+  apron.wait();
+  bridge.await_output("the controller died; safe values stand");
+  await_rest(true);
+  {
+    Checker next(name);
+    while (next.echoed < 20) next.tick();
+  }
+  bridge.signal(SIGINT);
+  EXPECT_EQ(bridge.wait(), 130);
+  EXPECT_FALSE(segment_exists(name));
+}
+
+TEST(Bridge, WrongInputIsSaidInOneLine) {
+  for (const std::vector<std::string>& flags : {std::vector<std::string>{},
+                                                {"a", "b"},
+                                                {"tcp:nowhere"},
+                                                {"/dev/null", "--baud", "1"},
+                                                {"x", "--mode", "fast"},
+                                                {"x", "--ticks", "0"},
+                                                {"x", "--silence", "-1"}}) {
+    std::vector<std::string> words{SURFACE_BRIDGE};
+    words.insert(words.end(), flags.begin(), flags.end());
+    Program bridge(words);
+    EXPECT_EQ(bridge.wait(), 2) << bridge.output();
+    const std::string said = bridge.output();
+    EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;
+  }
+  Program help({SURFACE_BRIDGE, "--help"});
+  EXPECT_EQ(help.wait(), 0);
+}
+
+}  // namespace
+}  // namespace hardware

@@ -1,0 +1,109 @@
+"""The paper's case study: two processes sort spheres by size."""
+import shutil
+
+from programs import *
+
+
+class Sorting(ProgramTest):
+    def check_seed(self, seed):
+        stats = self.run_sort("--until", "120", seed=seed)
+        self.assertEqual(stats["outcome"], "stopped by the script")
+        self.assertGreaterEqual(stats["purity"], 0.95)
+        self.assertIsNotNone(stats["sorted_at_s"])
+        self.assertLessEqual(stats["sorted_at_s"], 115)
+        self.assertGreaterEqual(stats["simulated_s"], stats["sorted_at_s"] + 5.0)
+        self.assertEqual(stats["objects"], 40)
+        self.assertEqual(stats["off_surface"], 0)
+
+    def test_seed_1(self):
+        self.check_seed(1)
+
+    def test_seed_2(self):
+        self.check_seed(2)
+
+    def test_seed_3(self):
+        self.check_seed(3)
+
+
+class Determinism(ProgramTest):
+    def test_two_runs_are_equal_to_the_bit(self):
+        flags = ["--ticks", "600"]
+        hashes = {self.run_sort(*flags)["state_hash"] for _ in range(2)}
+        self.assertEqual(len(hashes), 1)
+
+    def test_threads_and_pace_change_nothing(self):
+        hashes = {self.run_sort("--ticks", "300", *flags)["state_hash"]
+                  for flags in ([], ["--threads", "2"], ["--pace", "10"])}
+        self.assertEqual(len(hashes), 1)
+
+    def test_the_seed_changes_the_run(self):
+        self.assertNotEqual(self.run_sort("--ticks", "60", seed=1)["state_hash"],
+                            self.run_sort("--ticks", "60", seed=2)["state_hash"])
+
+    def test_stopping_either_side_for_a_while_changes_nothing(self):
+        expected = self.run_sort("--ticks", "900")["state_hash"]
+        stats = self.folder / "stats.json"
+        surface = self.start(SMARTSURF, "run", SORT_LUA, "--seed", "1", "--shm", self.shm, "--ticks", "900",
+                             "--stats", str(stats))
+        self.wait_for(self.segment().exists, "the segment")
+        controller = self.start(APRON, "run", SORT_APS, "--shm", self.shm)
+        for child in (controller, surface, controller):
+            time.sleep(0.15)
+            if child.poll() is None:
+                child.send_signal(signal.SIGSTOP)
+                time.sleep(0.4)
+                child.send_signal(signal.SIGCONT)
+        self.assertEqual(self.finish(surface)[0], 0)
+        self.assertEqual(self.finish(controller)[0], 0)
+        self.assertEqual(json.loads(stats.read_text())["state_hash"], expected)
+
+
+class Modes(ProgramTest):
+    def test_the_same_program_runs_in_passive_mode(self):
+        stats = self.run_sort("--mode", "passive", "--until", "3")
+        self.assertEqual(stats["mode"], "passive")
+        self.assertEqual(stats["ticks"], 180)
+        self.assertLess(stats["actuator_frames_repeated"], 170, "the controller hardly ever answered")
+
+    def test_the_program_is_purely_local(self):
+        status, out, err = self.run_program(APRON, "check", "--profile", "local", SORT_APS)
+        self.assertEqual(status, 0, err)
+        self.assertIn("every instruction is local", out)
+
+    def test_options_change_the_experiment(self):
+        stats = self.run_sort("--ticks", "30", "--set", "small=3", "--set", "large=2")
+        self.assertEqual(stats["objects"], 5)
+
+
+class Products(ProgramTest):
+    def test_recording_figures_and_pictures(self):
+        recording = str(self.folder / "sort.h5")
+        self.run_sort("--until", "6", "--record", recording, "--record", str(self.folder / "sort.csv"),
+                      "--screenshot", str(self.folder / "early.png") + "@0.5",
+                      "--screenshot", str(self.folder / "end.png"))
+        status, out, err = self.run_program(SMARTSURF, "info", recording)
+        self.assertEqual(status, 0, err)
+        for fact in ("64 rows", "20 'large'", "20 'small'", "seed        1"):
+            self.assertIn(fact, out)
+        for what in ("trajectories", "purity"):
+            for kind in ("svg", "png"):
+                figure = self.folder / f"{what}.{kind}"
+                status, _, err = self.run_program(SMARTSURF, "plot", recording, "--what", what, "-o", str(figure))
+                self.assertEqual(status, 0, err)
+                self.assertGreater(figure.stat().st_size, 2000)
+        for picture in ("early.png", "end.png"):
+            self.assertEqual((self.folder / picture).read_bytes()[:8], b"\x89PNG\r\n\x1a\n")
+        self.assertNotEqual((self.folder / "early.png").read_bytes(), (self.folder / "end.png").read_bytes())
+        self.assertIn("tick,time,id,label", (self.folder / "sort.csv").read_text()[:100])
+
+
+    @unittest.skipUnless(shutil.which("ffmpeg"), "ffmpeg is not installed")
+    def test_video(self):
+        video = self.folder / "sort.mp4"
+        self.run_sort("--until", "0.4", "--video", str(video))
+        self.assertEqual(video.read_bytes()[4:8], b"ftyp")
+        self.assertFalse(list(self.folder.glob("*.part*")))
+
+
+if __name__ == "__main__":
+    unittest.main()

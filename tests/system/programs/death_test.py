@@ -1,0 +1,107 @@
+"""Either program is stopped or killed at any moment: no hang, no unusable segment, one line that says so."""
+import random
+
+from programs import *
+
+
+class Death(ProgramTest):
+    def start_surface(self, *flags):
+        surface = self.start(SMARTSURF, "run", SORT_LUA, "--shm", self.shm, *flags)
+        self.wait_for(self.segment().exists, "the segment")
+        return surface
+
+    def start_pair(self, *flags):
+        surface = self.start_surface(*flags)
+        return surface, self.start(APRON, "run", SORT_APS, "--shm", self.shm, "--wait", "30")
+
+    def test_killed_surface_ends_the_controller_with_status_3(self):
+        for delay in (0.05, 0.2, 0.5):
+            surface, controller = self.start_pair("--until", "600")
+            time.sleep(0.3 + delay)
+            surface.kill()
+            surface.communicate()
+            status, _, err = self.finish(controller, 20)
+            self.assertEqual(status, 3, err)
+            self.assertEqual(len(err.strip().splitlines()), 1, err)
+            # The next surface takes the name over without anybody cleaning up.
+            again, second = self.start_pair("--ticks", "60")
+            self.assertEqual(self.finish(again)[0], 0)
+            self.assertEqual(self.finish(second)[0], 0)
+            self.assertFalse(self.segment().exists())
+
+    def test_a_killed_controller_is_replaced_in_the_same_session(self):
+        chance = random.Random(5)
+        surface, controller = self.start_pair("--until", "30")
+        for _ in range(4):
+            time.sleep(0.25 + 0.3 * chance.random())
+            if surface.poll() is not None:
+                break
+            controller.kill()
+            controller.communicate()
+            controller = self.start(APRON, "run", SORT_APS, "--shm", self.shm)
+        status, _, err = self.finish(surface)
+        self.assertEqual(status, 0, err)
+        self.assertIn("the controller is gone", err)
+        self.assertIn("controller attached", err)
+        self.assertEqual(self.finish(controller)[0], 0)
+
+    def test_our_own_controller_killed_is_status_3(self):
+        surface = self.start(SMARTSURF, "run", SORT_LUA, "--controller", "exec sleep 600", "--until", "600")
+        time.sleep(0.5)
+        subprocess.run(["pkill", "-9", "-P", str(surface.pid)], check=False)
+        status, _, err = self.finish(surface, 20)
+        self.assertEqual(status, 3, err)
+        self.assertIn("signal 9", err)
+
+    def test_ctrl_c_leaves_nothing_behind(self):
+        for victim in (0, 1):
+            pair = self.start_pair("--until", "600")
+            time.sleep(0.6)
+            pair[victim].send_signal(signal.SIGINT)
+            self.assertEqual(self.finish(pair[victim], 20)[0], 130)
+            pair[0].send_signal(signal.SIGINT)  # the surface waits for another controller
+            self.finish(pair[0], 20)
+            self.finish(pair[1], 20)
+            self.assertFalse(self.segment().exists())
+
+    def test_terminating_the_simulator_ends_its_controller(self):
+        recording = self.folder / "run.h5"
+        surface = self.start(SMARTSURF, "run", SORT_LUA, "--controller", SORT_APS, "--until", "6000",
+                             "--record", str(recording), "--set", "hold=0")
+        time.sleep(1.5)
+        before = set(pathlib.Path("/dev/shm").glob(f"smartsurf.run-{surface.pid}*"))
+        self.assertTrue(before)
+        surface.send_signal(signal.SIGTERM)
+        self.assertEqual(self.finish(surface, 20)[0], 143)
+        self.assertFalse(set(pathlib.Path("/dev/shm").glob(f"smartsurf.run-{surface.pid}*")))
+        status, out, err = self.run_program(SMARTSURF, "info", str(recording))
+        self.assertEqual(status, 0, err)
+        self.assertIn("stopped by the user", out)
+
+    def test_a_killed_run_leaves_a_readable_recording_and_clean_removes_the_segment(self):
+        recording = self.folder / "run.h5"
+        surface, controller = self.start_pair("--until", "6000", "--record", str(recording), "--set", "hold=0")
+        time.sleep(2.0)
+        surface.kill()
+        surface.communicate()
+        self.assertEqual(self.finish(controller, 20)[0], 3)
+        self.assertTrue(self.segment().exists())
+        status, out, err = self.run_program(SMARTSURF, "info", str(recording))
+        self.assertEqual(status, 0, err)
+        status, out, err = self.run_program(SMARTSURF, "clean", self.shm)
+        self.assertEqual(status, 0, err)
+        self.assertFalse(self.segment().exists())
+
+    def test_a_second_surface_and_a_second_controller_are_refused_with_the_first_ones_process(self):
+        surface, controller = self.start_pair("--until", "6000", "--set", "hold=0")
+        time.sleep(1.0)
+        status, _, err = self.run_program(SMARTSURF, "run", SORT_LUA, "--shm", self.shm)
+        self.assertEqual(status, 2)
+        self.assertIn(str(surface.pid), err)
+        status, _, err = self.run_program(APRON, "run", SORT_APS, "--shm", self.shm)
+        self.assertEqual(status, 2)
+        self.assertIn(str(controller.pid), err)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,55 @@
+"""Every command that the README and the guides show works as shown."""
+import re
+
+from programs import *
+
+PAGES = ["README.md"] + sorted(str(p.relative_to(ROOT)) for p in (ROOT / "docs").glob("*.md"))
+
+
+def commands(page):
+    """The indented lines of a page that call our programs in the build folder; a trailing backslash joins lines."""
+    text = re.sub(r"\\\n\s*", "", (ROOT / page).read_text())
+    for line in text.splitlines():
+        match = re.match(r"    build/release/bin/(smartsurf|apron) ([^#]*)", line)
+        if match:
+            yield match.group(1), match.group(2).split()
+
+
+class Docs(ProgramTest):
+    def test_the_commands_of_the_pages_run_in_the_order_shown(self):
+        # Each page is followed in a folder of its own that holds the checkout's scripts.
+        total = 0
+        for page in PAGES:
+            folder = self.folder / page.replace("/", "_")
+            folder.mkdir()
+            (folder / "scripts").symlink_to(ROOT / "scripts")
+            waiting = None
+            for program, arguments in commands(page):
+                total += 1
+                if "--window" in arguments:
+                    arguments[arguments.index("--window")] = "--headless"
+                child = subprocess.Popen([str(BIN / program), *arguments], cwd=folder, text=True,
+                                         stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+                self.children.append(child)
+                # A surface without a controller waits for the command that follows it.
+                if program == "smartsurf" and arguments[0] == "run" and not {
+                        "--controller", "--no-controller", "--help"} & set(arguments):
+                    waiting = child
+                    continue
+                status, _, err = self.finish(child)
+                self.assertEqual(status, 0, f"{page}: {program} {' '.join(arguments)}\n{err}")
+                if waiting:
+                    self.assertEqual(self.finish(waiting)[0], 0, page)
+                    waiting = None
+        self.assertGreaterEqual(total, 6)
+
+    def test_links_between_the_pages_lead_somewhere(self):
+        for page in PAGES + ["shm-protocol/PROTOCOL.md"]:
+            # Code is not prose: a C++ lambda looks like a link.
+            prose = re.sub(r"```.*?```|^    .*?$", "", (ROOT / page).read_text(), flags=re.DOTALL | re.MULTILINE)
+            for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", prose):
+                self.assertTrue(((ROOT / page).parent / target).exists(), f"{page} links to {target}")
+
+
+if __name__ == "__main__":
+    unittest.main()

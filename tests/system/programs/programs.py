@@ -1,0 +1,77 @@
+"""The two programs as a user runs them: what the tests of this folder share."""
+import json
+import os
+import pathlib
+import signal
+import subprocess
+import tempfile
+import time
+import unittest
+
+ROOT = pathlib.Path(__file__).resolve().parents[3]
+BIN = pathlib.Path(os.environ.get("SMARTSURF_BIN", ROOT / "build/release/bin"))
+SMARTSURF, APRON = str(BIN / "smartsurf"), str(BIN / "apron")
+SORT_LUA, SORT_APS = str(ROOT / "scripts/case-study/sort.lua"), str(ROOT / "scripts/case-study/sort.aps")
+# Far beyond what any of these runs needs: a test that waits so long has found a hang.
+PATIENCE = 120
+
+
+class ProgramTest(unittest.TestCase):
+    """A test with a scratch folder, whose children never outlive it."""
+
+    def setUp(self):
+        self._folder = tempfile.TemporaryDirectory(prefix="smartsurf-test-")
+        self.folder = pathlib.Path(self._folder.name)
+        self.children = []
+        # One name a test, so that tests can run side by side.
+        self.shm = f"test-{os.getpid()}-{self._testMethodName}"[:48]
+
+    def tearDown(self):
+        for child in self.children:
+            if child.poll() is None:
+                child.kill()
+            child.communicate()
+        self._folder.cleanup()
+
+    def write(self, name, text):
+        path = self.folder / name
+        path.write_text(text)
+        return str(path)
+
+    def start(self, *command):
+        child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=self.folder)
+        self.children.append(child)
+        return child
+
+    def finish(self, child, patience=PATIENCE):
+        """(status, stdout, stderr) once the child has ended; fails if it hangs."""
+        try:
+            out, err = child.communicate(timeout=patience)
+        except subprocess.TimeoutExpired:
+            self.fail(f"hangs: {child.args}")
+        return child.returncode, out, err
+
+    def run_program(self, *command):
+        return self.finish(self.start(*command))
+
+    def run_sort(self, *flags, seed=1):
+        """Runs the case study and returns its statistics."""
+        stats = self.folder / f"stats-{time.monotonic_ns()}.json"
+        status, _, err = self.run_program(SMARTSURF, "run", SORT_LUA, "--controller", SORT_APS, "--seed", str(seed),
+                                          "--stats", str(stats), *flags)
+        self.assertEqual(status, 0, err)
+        return json.loads(stats.read_text())
+
+    def wait_for(self, condition, what):
+        deadline = time.monotonic() + PATIENCE
+        while not condition():
+            if time.monotonic() > deadline:
+                self.fail(f"never happened: {what}")
+            time.sleep(0.01)
+
+    def segment(self, name=None):
+        return pathlib.Path("/dev/shm") / f"smartsurf.{name or self.shm}"
+
+
+__all__ = ["APRON", "BIN", "ProgramTest", "ROOT", "SMARTSURF", "SORT_APS", "SORT_LUA", "json", "os", "pathlib",
+           "signal", "subprocess", "time", "unittest"]

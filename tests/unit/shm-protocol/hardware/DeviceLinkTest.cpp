@@ -1,0 +1,320 @@
+// The bridge's side against the reference firmware, byte by byte, on good lines and on bad ones.
+#include "shm-protocol/hardware/bridge/DeviceLink.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <random>
+
+#include "shm-protocol/hardware/fake/Noise.h"
+#include "shm-protocol/hardware/fake/ToyDevice.h"
+#include "shm-protocol/hardware/fake/toy.h"
+
+namespace hardware {
+namespace {
+
+using Event = DeviceLink::Event;
+using Bytes = std::vector<std::uint8_t>;
+
+constexpr std::uint16_t kRows = 20, kColumns = 30;
+constexpr std::size_t kCells = std::size_t{kRows} * kColumns;
+
+// Raw heights that tell their tick.
+std::uint8_t commanded(std::uint64_t tick, std::size_t cell) {
+  return static_cast<std::uint8_t>((tick * 5 + cell * 3) % 200 + 1);
+}
+std::vector<float> command(std::uint64_t tick) {
+  std::vector<float> values(kCells);
+  for (std::size_t i = 0; i < kCells; ++i) values[i] = static_cast<float>(commanded(tick, i)) * 0.02F;
+  // Of the range 0 … 4 and steps of 0.02: 200 is the highest raw value.
+  return values;
+}
+
+struct Pair {
+  explicit Pair(std::uint16_t rows = kRows, std::uint16_t columns = kColumns)
+      : device(rows, columns, 10'000,
+               [this](const std::uint8_t* b, std::size_t n) { up.insert(up.end(), b, b + n); }) {}
+
+  // Carries what lies on the line; the events of the host, without those that mean nothing.
+  std::vector<Event> carry() {
+    std::vector<Event> events;
+    for (const std::uint8_t b : std::exchange(down, {})) device.receive(b);
+    for (const std::uint8_t b : std::exchange(up, {}))
+      if (const Event e = link.receive(b); e != Event::kNothing && e != Event::kAlive) events.push_back(e);
+    return events;
+  }
+  void start() {
+    link.write(SSW_DESCRIBE, 0, down);
+    link.write(SSW_START, 0, down);
+    ASSERT_EQ(carry(), std::vector<Event>{Event::kDescribed});
+  }
+
+  Bytes up, down;
+  ToyDevice device;
+  DeviceLink link;
+};
+
+// The frame is the one of its tick.
+bool is_right(const SensorFrame& frame) {
+  for (std::uint32_t row = 0, cell = 0; row < kRows; ++row)
+    for (std::uint32_t column = 0; column < kColumns; ++column, ++cell)
+      if (frame.values[cell] != static_cast<float>(toy_hit(kRows, kColumns, frame.tick, row, column)))
+        return false;
+  return true;
+}
+
+TEST(DeviceLink, LearnsWhatTheDeviceIs) {
+  Pair pair;
+  pair.start();
+  const DeviceDescription& d = pair.link.description();
+  EXPECT_EQ(d.name, "toy");
+  EXPECT_EQ(d.rows, kRows);
+  EXPECT_EQ(d.columns, kColumns);
+  EXPECT_EQ(d.period_us, 10'000u);
+  ASSERT_EQ(d.channels.size(), 4u);
+  EXPECT_EQ(d.channels[1].name, "pin_height");
+  EXPECT_EQ(d.channels[1].unit, "u");
+  EXPECT_EQ(d.channels[1].dtype, SSW_U16);
+  EXPECT_FLOAT_EQ(d.channels[1].scale, 0.001F);
+  EXPECT_TRUE(d.channels[2].sensor);
+  EXPECT_FALSE(d.channels[3].sensor);
+  EXPECT_EQ(pair.link.sensor_elements(), 3 * kCells);
+  EXPECT_EQ(pair.link.actuator_elements(), kCells);
+}
+
+TEST(DeviceLink, FramesGoBothWaysInStep) {
+  Pair pair;
+  pair.start();
+  for (std::uint32_t tick = 1; tick <= 50; ++tick) {
+    pair.device.period();
+    ASSERT_EQ(pair.carry(), std::vector<Event>{Event::kFrame});
+    const SensorFrame& frame = pair.link.frame();
+    EXPECT_EQ(frame.tick, tick);
+    EXPECT_TRUE(is_right(frame));
+    EXPECT_EQ(frame.missed, 0u);
+    EXPECT_EQ(frame.in_force, tick == 1 ? SSW_NONE : tick - 1);
+    EXPECT_EQ(frame.flags, tick == 1 ? SSW_SAFE : 0u);
+    pair.link.write_frame(tick, command(tick), pair.down);
+    pair.carry();
+  }
+  pair.device.period();
+  for (std::size_t i = 0; i < kCells; ++i) ASSERT_EQ(pair.device.heights()[i], commanded(50, i));
+}
+
+TEST(DeviceLink, ValuesOutsideTheRangeAreBroughtIn) {
+  Pair pair;
+  pair.start();
+  pair.device.period();
+  pair.carry();
+  std::vector<float> values(kCells, 1.0F);
+  values[0] = std::numeric_limits<float>::quiet_NaN();
+  values[1] = std::numeric_limits<float>::infinity();
+  values[2] = -7.0F;
+  values[3] = 0.0299F;
+  values[4] = 0.0301F;
+  pair.link.write_frame(1, values, pair.down);
+  pair.carry();
+  pair.device.period();
+  const auto& heights = pair.device.heights();
+  EXPECT_EQ(heights[0], 0);
+  EXPECT_EQ(heights[1], 200);
+  EXPECT_EQ(heights[2], 0);
+  EXPECT_EQ(heights[3], 1);
+  EXPECT_EQ(heights[4], 2);
+  EXPECT_EQ(heights[5], 50);
+}
+
+// The packets of a stream: between them two zeros.
+std::vector<Bytes> packets_of(const Bytes& stream) {
+  std::vector<Bytes> packets;
+  for (const std::uint8_t b : stream) {
+    if (packets.empty() || (packets.back().size() > 1 && packets.back().back() == 0)) packets.emplace_back();
+    packets.back().push_back(b);
+  }
+  return packets;
+}
+
+Bytes joined(const std::vector<Bytes>& packets) {
+  Bytes stream;
+  for (const Bytes& p : packets) stream.insert(stream.end(), p.begin(), p.end());
+  return stream;
+}
+
+// As many elements as a frame has are no frame when one piece came twice and another not at all.
+TEST(DeviceLink, APieceInAnothersPlaceIsNotUsedByEitherSide) {
+  Pair pair;
+  pair.start();
+  pair.device.period();
+  auto packets = packets_of(pair.up);
+  ASSERT_EQ(packets[4].size(), packets[5].size());  // of pin_height
+  packets[5] = packets[4];
+  pair.up = joined(packets);
+  EXPECT_TRUE(pair.carry().empty());
+
+  Pair larger(40, 30);
+  larger.start();
+  larger.device.period();
+  larger.carry();
+  larger.link.write_frame(1, std::vector<float>(1200, 2.0F), larger.down);
+  packets = packets_of(larger.down);
+  ASSERT_EQ(packets[2].size(), packets[3].size());
+  packets[3] = packets[2];
+  larger.down = joined(packets);
+  larger.carry();
+  larger.device.period();
+  EXPECT_EQ(larger.device.heights()[0], 0);
+}
+
+TEST(DeviceLink, AFrameWithAnyPacketMissingIsGivenUp) {
+  Pair whole;
+  whole.start();
+  whole.device.period();
+  const std::vector<Bytes> packets = packets_of(whole.up);
+  ASSERT_GT(packets.size(), 8u);
+  for (std::size_t missing = 0; missing < packets.size(); ++missing) {
+    Pair pair;
+    pair.start();
+    pair.device.period();
+    pair.up.clear();
+    for (std::size_t i = 0; i < packets.size(); ++i)
+      if (i != missing) pair.up.insert(pair.up.end(), packets[i].begin(), packets[i].end());
+    EXPECT_TRUE(pair.carry().empty()) << "without packet " << missing;
+    EXPECT_EQ(pair.link.lost_packets(), missing + 1 < packets.size() ? 1u : 0u);
+    pair.device.period();
+    ASSERT_EQ(pair.carry(), std::vector<Event>{Event::kFrame}) << "after packet " << missing;
+    EXPECT_EQ(pair.link.frame().tick, 2u);
+    EXPECT_TRUE(is_right(pair.link.frame()));
+  }
+}
+
+// A long run over bad lines in both directions. Nothing wrong may come through, on either side, and much
+// must.
+TEST(DeviceLink, WhatComesThroughNoiseIsRight) {
+  Pair pair;
+  pair.start();
+  NoiseOptions noise{2e-4, 2e-4, {}, 11};
+  NoisyLine to_device(noise);
+  noise.seed = 12;
+  NoisyLine to_host(noise);
+  int frames = 0, commands = 0;
+  std::uint32_t missed = 0;
+  for (std::uint32_t tick = 1; tick <= 3000; ++tick) {
+    pair.device.period();
+    to_host.put(pair.up.data(), pair.up.size(), {});
+    pair.up.clear();
+    to_host.get({}, pair.up);
+    for (const Event e : pair.carry()) {
+      ASSERT_EQ(e, Event::kFrame);
+      const SensorFrame& frame = pair.link.frame();
+      ASSERT_EQ(frame.tick, tick);
+      ASSERT_TRUE(is_right(frame));
+      ++frames;
+      missed = frame.missed;
+      Bytes answer;
+      pair.link.write_frame(frame.tick, command(tick), answer);
+      to_device.put(answer.data(), answer.size(), {});
+      to_device.get({}, pair.down);
+    }
+    for (const std::uint8_t b : std::exchange(pair.down, {})) pair.device.receive(b);
+    const std::uint32_t in_force = pair.device.firmware().in_force;
+    for (std::size_t i = 0; i < kCells; ++i)
+      ASSERT_EQ(pair.device.heights()[i], in_force == SSW_NONE ? 0 : commanded(in_force, i));
+    commands += in_force == tick - 1;
+  }
+  EXPECT_GT(frames, 300);
+  EXPECT_LT(frames, 3000);
+  EXPECT_GT(commands, 100);
+  EXPECT_GT(missed, 100u);
+  EXPECT_GT(pair.link.damaged_packets(), 100u);
+}
+
+// Anything at all, and well-formed packets with senseless content: no crash (the sanitizers watch), and no
+// frame.
+TEST(DeviceLink, SenselessPacketsChangeNothing) {
+  std::mt19937 random(21);
+  Pair pair;
+  pair.start();
+  pair.device.period();
+  ASSERT_EQ(pair.carry(), std::vector<Event>{Event::kFrame});
+  const auto before = pair.link.frame().values;
+  for (int i = 0; i < 200'000; ++i) {
+    std::uint8_t payload[SSW_MAX_PAYLOAD], bytes[SSW_MAX_ENCODED + 2];
+    const std::size_t length = random() % 3 == 0 ? 6 + random() % 12 : random() % (SSW_MAX_PAYLOAD + 1);
+    for (std::size_t b = 0; b < length; ++b)
+      payload[b] = static_cast<std::uint8_t>(random() % 4 == 0 ? random() : 0);
+    const std::uint8_t types[] = {SSW_CHANNEL,       SSW_SENSOR_DATA,  SSW_SENSOR_END,
+                                  SSW_ACTUATOR_DATA, SSW_ACTUATOR_END, 0x77};
+    const ssw_packet packet{types[random() % 6], 0, static_cast<std::uint32_t>(random() % 4), payload,
+                            length};
+    const std::size_t count = ssw_write(&packet, bytes);
+    for (std::size_t b = 0; b < count; ++b) {
+      ASSERT_NE(pair.link.receive(bytes[b]), Event::kFrame);
+      pair.device.receive(bytes[b]);
+    }
+  }
+  EXPECT_EQ(pair.link.frame().values, before);
+  pair.up.clear();
+  pair.device.period();
+  EXPECT_EQ(pair.carry(), std::vector<Event>{Event::kFrame});
+}
+
+// The link's answer to a description of one channel.
+Event describe(DeviceLink& link, ssw_hello hello, ssw_channel channel) {
+  std::uint8_t payload[SSW_CHANNEL_BYTES], bytes[SSW_MAX_ENCODED + 2];
+  Event last = Event::kNothing;
+  const auto send = [&](std::uint8_t type, std::size_t length) {
+    const ssw_packet packet{type, 0, 0, payload, length};
+    const std::size_t count = ssw_write(&packet, bytes);
+    for (std::size_t b = 0; b < count; ++b)
+      if (const Event e = link.receive(bytes[b]); e != Event::kNothing) last = e;
+  };
+  ssw_put_hello(&hello, payload);
+  send(SSW_HELLO, SSW_HELLO_BYTES);
+  if (last == Event::kRefused) return last;
+  ssw_put_channel(&channel, payload);
+  send(SSW_CHANNEL, SSW_CHANNEL_BYTES);
+  return last;
+}
+
+TEST(DeviceLink, ImpossibleDescriptionsAreRefused) {
+  const ssw_hello hello{SSW_VERSION, 1, 4, 4, 1000, 1, 0, "x"};
+  const ssw_channel channel{0, SSW_ACTUATOR, SSW_U8, 1, 0, 4, 0, 0.02F, 0, "height", "u"};
+  const auto outcome = [&](auto change) {
+    ssw_hello h = hello;
+    ssw_channel c = channel;
+    change(h, c);
+    DeviceLink link;
+    const Event e = describe(link, h, c);
+    EXPECT_EQ(link.message().empty(), e != Event::kRefused);
+    return e;
+  };
+  EXPECT_EQ(outcome([](auto&, auto&) {}), Event::kDescribed);
+  EXPECT_EQ(outcome([](auto& h, auto&) { h.version = 2; }), Event::kRefused);
+  EXPECT_EQ(outcome([](auto& h, auto&) { h.channels = 0; }), Event::kRefused);
+  EXPECT_EQ(outcome([](auto& h, auto&) { h.channels = 9; }), Event::kRefused);
+  EXPECT_EQ(outcome([](auto& h, auto&) { h.rows = 0; }), Event::kRefused);
+  EXPECT_EQ(outcome([](auto& h, auto&) { h.rows = h.columns = 65535; }), Event::kRefused);
+  EXPECT_EQ(outcome([](auto& h, auto&) { h.period_us = 0; }), Event::kRefused);
+  EXPECT_EQ(outcome([](auto& h, auto&) { h.pitch = NAN; }), Event::kRefused);
+  EXPECT_EQ(outcome([](auto&, auto& c) { c.direction = 3; }), Event::kRefused);
+  EXPECT_EQ(outcome([](auto&, auto& c) { c.dtype = 0; }), Event::kRefused);
+  EXPECT_EQ(outcome([](auto&, auto& c) { c.components = 0; }), Event::kRefused);
+  EXPECT_EQ(outcome([](auto&, auto& c) { c.minimum = 4; }), Event::kRefused);
+  EXPECT_EQ(outcome([](auto&, auto& c) { c.maximum = INFINITY; }), Event::kRefused);
+  EXPECT_EQ(outcome([](auto&, auto& c) { c.safe = 5; }), Event::kRefused);
+  EXPECT_EQ(outcome([](auto&, auto& c) { c.scale = 0; }), Event::kRefused);
+  EXPECT_EQ(outcome([](auto&, auto& c) { c.dtype = SSW_F32; }), Event::kRefused);
+  EXPECT_EQ(outcome([](auto&, auto& c) { c.index = 1; }), Event::kAlive);  // waits for the first one
+}
+
+TEST(DeviceLink, FaultsAreReported) {
+  Pair pair;
+  pair.device.report("pin 3 is stuck\x01");
+  ASSERT_EQ(pair.carry(), std::vector<Event>{Event::kFault});
+  EXPECT_EQ(pair.link.message(), "pin 3 is stuck?");
+}
+
+}  // namespace
+}  // namespace hardware

@@ -1,0 +1,159 @@
+// What the reference firmware does when the host is late, silent or half understood.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "shm-protocol/hardware/bridge/DeviceLink.h"
+#include "shm-protocol/hardware/fake/ToyDevice.h"
+
+namespace hardware {
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+struct Bench {
+  Bench()
+      : device(4, 5, 1000,
+               [this](const std::uint8_t* b, std::size_t n) { out.insert(out.end(), b, b + n); }) {
+    link.write(SSW_DESCRIBE, 0, in);
+    link.write(SSW_START, 0, in);
+    deliver();
+  }
+  void deliver() {
+    for (const std::uint8_t b : std::exchange(in, {})) device.receive(b);
+    for (const std::uint8_t b : std::exchange(out, {}))
+      frames += link.receive(b) == DeviceLink::Event::kFrame;
+  }
+  void answer(std::uint32_t tick, float height) {
+    link.write_frame(tick, std::vector<float>(20, height), in);
+    deliver();
+  }
+  const SensorFrame& period() {
+    device.period();
+    deliver();
+    return link.frame();
+  }
+  bool all(std::uint8_t raw) const {
+    return std::ranges::all_of(device.heights(), [=](std::uint8_t h) { return h == raw; });
+  }
+
+  Bytes in, out;
+  ToyDevice device;
+  DeviceLink link;
+  int frames = 0;
+};
+
+TEST(Firmware, SaysNothingBeforeItIsStarted) {
+  Bytes out;
+  ToyDevice device(4, 5, 1000,
+                   [&](const std::uint8_t* b, std::size_t n) { out.insert(out.end(), b, b + n); });
+  for (int i = 0; i < 5; ++i) device.period();
+  EXPECT_TRUE(out.empty());
+}
+
+TEST(Firmware, AnAnswerTakesForceAtTheEndOfItsPeriod) {
+  Bench b;
+  EXPECT_EQ(b.period().tick, 1u);
+  b.answer(1, 2.0F);
+  EXPECT_TRUE(b.all(0));
+  EXPECT_EQ(b.period().flags, 0u);
+  EXPECT_TRUE(b.all(100));
+  EXPECT_EQ(b.link.frame().in_force, 1u);
+}
+
+TEST(Firmware, AMissedDeadlineIsMarkedAndTheFrameBeforeStands) {
+  Bench b;
+  b.period();
+  b.answer(1, 2.0F);
+  b.period();
+  EXPECT_EQ(b.period().flags, SSW_MISSED);
+  EXPECT_EQ(b.link.frame().missed, 1u);
+  EXPECT_EQ(b.link.frame().in_force, 1u);
+  EXPECT_TRUE(b.all(100));
+  b.answer(2, 3.0F);  // late, yet newer than what is in force
+  EXPECT_EQ(b.period().flags, SSW_MISSED);
+  EXPECT_EQ(b.link.frame().missed, 2u);
+  EXPECT_EQ(b.link.frame().in_force, 2u);
+  EXPECT_TRUE(b.all(150));
+}
+
+TEST(Firmware, HalfAFrameIsNotUsed) {
+  Bench b;
+  b.period();
+  Bytes whole;
+  b.link.write_frame(1, std::vector<float>(20, 2.0F), whole);
+  b.in.assign(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(whole.size() - 8));
+  b.deliver();
+  EXPECT_EQ(b.period().flags, SSW_MISSED | SSW_SAFE);
+  EXPECT_TRUE(b.all(0));
+}
+
+TEST(Firmware, TakesTheSafeValuesWhenTheHostIsSilent) {
+  Bench b;
+  b.period();
+  b.answer(1, 2.0F);
+  b.period();
+  for (unsigned i = 0; i + 2 < SSD_PATIENCE; ++i) EXPECT_EQ(b.period().flags & SSW_SAFE, 0u) << i;
+  EXPECT_TRUE(b.all(100));
+  EXPECT_EQ(b.period().flags & SSW_SAFE, SSW_SAFE);
+  EXPECT_TRUE(b.all(0));
+  b.answer(b.link.frame().tick, 1.0F);
+  EXPECT_EQ(b.period().flags & SSW_SAFE, 0u);
+  EXPECT_TRUE(b.all(50));
+}
+
+TEST(Firmware, AHeartbeatKeepsTheLastFrameInForce) {
+  Bench b;
+  b.period();
+  b.answer(1, 2.0F);
+  for (int i = 0; i < 100; ++i) {
+    b.link.write(SSW_HEARTBEAT, 0, b.in);
+    b.deliver();
+    EXPECT_EQ(b.period().flags & SSW_SAFE, 0u);
+  }
+  EXPECT_TRUE(b.all(100));
+}
+
+TEST(Firmware, StopTakesTheSafeValuesAtOnceAndEndsTheFrames) {
+  Bench b;
+  b.period();
+  b.answer(1, 2.0F);
+  b.period();
+  EXPECT_TRUE(b.all(100));
+  b.link.write(SSW_STOP, 0, b.in);
+  b.deliver();
+  EXPECT_TRUE(b.all(0));
+  const int before = b.frames;
+  b.period();
+  EXPECT_EQ(b.frames, before);
+}
+
+TEST(Firmware, ARestartIsSeenByAnotherBootNumber) {
+  Bench b;
+  const auto boot = b.link.description().boot;
+  b.period();
+  b.device.restart();
+  b.link.write(SSW_DESCRIBE, 0, b.in);
+  b.deliver();
+  EXPECT_NE(b.link.description().boot, boot);
+}
+
+// Values that are not a multiple of their size lie anywhere in memory, and the safe value of a scaled channel
+// is raw.
+TEST(Firmware, SafeValuesAreScaledForEachType) {
+  std::uint8_t memory[64] = {};
+  ssd_channel channels[] = {
+      {{0, SSW_ACTUATOR, SSW_F32, 1, -1, 1, 0.25F, 1, 0, "a", ""}, memory + 1, memory + 5},
+      {{0, SSW_ACTUATOR, SSW_U16, 1, -10, 10, 2.5F, 0.01F, -10, "b", ""}, memory + 9, memory + 11},
+      {{0, SSW_ACTUATOR, SSW_U8, 1, 0, 4, 1, 0.02F, 0, "c", ""}, memory + 13, memory + 14}};
+  const ssw_hello hello{0, 0, 1, 1, 1000, 1, 0, "odd"};
+  ssd_device device;
+  ssd_init(
+      &device, &hello, channels, 3, [](void*, const std::uint8_t*, std::size_t) {}, nullptr);
+  EXPECT_EQ(ssw_get_f32(memory + 1), 0.25F);
+  EXPECT_EQ(ssw_get_u16(memory + 9), 1250);
+  EXPECT_EQ(memory[13], 50);
+}
+
+}  // namespace
+}  // namespace hardware

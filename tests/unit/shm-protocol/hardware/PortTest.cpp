@@ -1,0 +1,83 @@
+// What a DEVICE may be, and what a line says when it is cut.
+#include "shm-protocol/hardware/bridge/Port.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <stdexcept>
+#include <vector>
+
+#include "shm-protocol/hardware/fake/EmulatedLine.h"
+
+namespace hardware {
+namespace {
+
+TEST(PortName, TellsTerminalsFromServers) {
+  EXPECT_FALSE(PortName::parse("/dev/ttyUSB0", 115200).tcp());
+  const PortName tcp = PortName::parse("tcp:[::1]:5000", 115200);
+  EXPECT_TRUE(tcp.tcp());
+  EXPECT_EQ(tcp.host, "::1");
+  EXPECT_EQ(tcp.service, "5000");
+  EXPECT_EQ(PortName::parse("tcp:host.example:1", 9600).host, "host.example");
+}
+
+TEST(PortName, RefusesWhatCannotBeOne) {
+  for (const char* text : {"", "tcp:", "tcp:host", "tcp::5000", "tcp:host:", "tcp:host:http"})
+    EXPECT_THROW(PortName::parse(text, 115200), std::invalid_argument) << text;
+  EXPECT_THROW(PortName::parse("/dev/ttyUSB0", 12345), std::invalid_argument);
+}
+
+TEST(Port, AFileIsNoLine) {
+  std::string why;
+  EXPECT_FALSE(Port::open(PortName::parse("/proc/self/status", 115200), why));
+  EXPECT_FALSE(why.empty());
+  why.clear();
+  EXPECT_FALSE(Port::open(PortName::parse("/dev/no-such-line", 115200), why));
+  EXPECT_NE(why.find("No such file"), std::string::npos) << why;
+}
+
+// Reads until something came or the line says that it is cut.
+std::optional<std::size_t> read_some(Port& port, std::span<std::uint8_t> to) {
+  for (;;) {
+    const auto got = port.read(to);
+    if (!got || *got != 0) return got;
+    ::usleep(1000);
+  }
+}
+
+void exchange_and_cut(EmulatedLine& line) {
+  std::string why;
+  auto port = Port::open(PortName::parse(line.name(), 115200), why);
+  ASSERT_TRUE(port) << why;
+  std::vector<std::uint8_t> all(256), got;
+  for (std::size_t i = 0; i < all.size(); ++i) all[i] = static_cast<std::uint8_t>(i);
+  ASSERT_EQ(port->write(all), all.size());
+  while (got.size() < all.size()) line.read(got);
+  EXPECT_EQ(got, all);  // every byte as it is: no terminal magic
+  line.write(all);
+  std::vector<std::uint8_t> back;
+  while (back.size() < all.size()) {
+    std::uint8_t bytes[300];
+    const auto n = read_some(*port, bytes);
+    ASSERT_TRUE(n);
+    back.insert(back.end(), bytes, bytes + *n);
+  }
+  EXPECT_EQ(back, all);
+  line.unplug();
+  std::uint8_t byte;
+  EXPECT_EQ(read_some(*port, {&byte, 1}), std::nullopt);
+}
+
+TEST(Port, CarriesEveryByteOverATerminalAndNoticesTheCut) {
+  const std::string link = ::testing::TempDir() + "port-test-" + std::to_string(::getpid());
+  const auto line = std::unique_ptr<EmulatedLine>(new EmulatedLine(EmulatedLine::terminal(link)));
+  exchange_and_cut(*line);
+}
+
+TEST(Port, CarriesEveryByteOverTcpAndNoticesTheCut) {
+  const auto line = std::unique_ptr<EmulatedLine>(new EmulatedLine(EmulatedLine::tcp(0)));
+  exchange_and_cut(*line);
+}
+
+}  // namespace
+}  // namespace hardware
