@@ -52,15 +52,18 @@ class Executor {
   void run_sliced(Kernel kernel, const Block& block) noexcept;
   void run_job(const Job& job) noexcept;
   void run_slice(const Job& job, unsigned slice) const noexcept;
-  void serve(unsigned slice) noexcept;
+  void take_slices(std::uint32_t round) noexcept;
+  void serve() noexcept;
+  std::uint32_t slices() const noexcept { return static_cast<std::uint32_t>(workers_.size() + 1); }
 
   const KernelTable& kernels_;
   std::size_t parallel_cells_;
   std::vector<std::thread> workers_;
   Job job_{};
-  bool stop_ = false;
-  alignas(128) std::atomic<std::uint32_t> round_{0};    // a new value: a new job, or stop
-  alignas(128) std::atomic<std::uint32_t> pending_{0};  // workers that have not finished it
+  std::atomic<bool> stop_{false};
+  alignas(128) std::atomic<std::uint32_t> round_{0};  // a new value: a new job, or stop
+  alignas(128) std::atomic<std::uint64_t> claim_{0};  // its round, and the next slice that nobody has taken
+  alignas(128) std::atomic<std::uint32_t> unfinished_{0};  // slices
 };
 
 }  // namespace apron::vm
