@@ -186,8 +186,11 @@ TEST_F(CApi, ErrorsAreNamedAndNameTheProcess) {
   EXPECT_EQ(ssp_surface_create(&config->config, &again), SSP_E_SURFACE_LIVES);
   EXPECT_EQ(ssp_controller_attach("no-such-surface", 0, nullptr, &second), SSP_E_NOT_FOUND);
   EXPECT_EQ(ssp_last_error_pid(), 0u);
-  EXPECT_EQ(ssp_observer_open("not/a/name", 0, nullptr, &observer), SSP_E_BAD_CONFIG);
-  ASSERT_EQ(ssp_observer_open(config->config.name, 0, nullptr, &observer), SSP_OK);
+  ssp_observer* onlooker = observer;
+  EXPECT_EQ(ssp_observer_open("not/a/name", 0, nullptr, &onlooker), SSP_E_BAD_CONFIG);
+  EXPECT_EQ(onlooker, nullptr);
+  ASSERT_EQ(ssp_observer_open(config->config.name, 0, nullptr, &onlooker), SSP_OK);
+  ssp_observer_close(onlooker);
   Config bad(unique_name("c-bad"));
   bad.channels[0].maximum = -1;
   EXPECT_EQ(ssp_surface_create(&bad.config, &again), SSP_E_BAD_CONFIG);
@@ -202,8 +205,9 @@ TEST_F(CApi, ErrorsAreNamedAndNameTheProcess) {
 TEST_F(CApi, NullsAndWrongChannelsAreRefused) {
   start("c-null");
   EXPECT_EQ(ssp_surface_create(nullptr, nullptr), SSP_E_ARGUMENT);
-  EXPECT_EQ(ssp_controller_attach(nullptr, 0, nullptr, &controller), SSP_E_ARGUMENT);
-  ASSERT_EQ(controller, nullptr);
+  ssp_controller* refused = controller;
+  EXPECT_EQ(ssp_controller_attach(nullptr, 0, nullptr, &refused), SSP_E_ARGUMENT);
+  ASSERT_EQ(refused, nullptr);
   EXPECT_EQ(ssp_controller_publish(nullptr), SSP_E_ARGUMENT);
   EXPECT_EQ(ssp_controller_find(nullptr, SSP_SENSOR, "x"), -1);
   std::size_t bytes = 5;
