@@ -31,6 +31,7 @@ class ProgramTest(unittest.TestCase):
             if child.poll() is None:
                 child.kill()
             child.communicate()
+        self.segment().unlink(missing_ok=True)  # a surface that was killed just now leaves its segment
         self._folder.cleanup()
 
     def write(self, name, text):
