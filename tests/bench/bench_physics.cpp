@@ -1,5 +1,5 @@
-// Physics and sensors, on one thread unless said: the World and its Proximity beside naive Bullet, on the
-// same scenes in one run.
+// Physics on one thread, sensors on --threads: the World and its Proximity beside naive Bullet, on the same
+// scenes in one run.
 //   bench_physics [--steps N] [--no-naive] [--only "64x64 100"] [--threads N]
 // Prints medians in milliseconds of a 1/60 s step, the ratio of the totals, and how truly each holds its
 // objects apart: the largest overlap of two spheres and the deepest penetration of a sphere into a pin.
