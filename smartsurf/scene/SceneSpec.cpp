@@ -124,6 +124,12 @@ double ObjectSpec::volume() const {
       return size.prod();
     case ShapeKind::kCylinder:
       return std::numbers::pi * radius * radius * height;
+    case ShapeKind::kCapsule:
+      return std::numbers::pi * radius * radius * (height - 2.0 / 3.0 * radius);
+    case ShapeKind::kCone:
+      return std::numbers::pi * radius * radius * height / 3.0;
+    case ShapeKind::kSolid:
+      return solid->volume;
   }
   return 0.0;
 }
@@ -135,7 +141,12 @@ Eigen::Vector3d ObjectSpec::half_extents() const {
     case ShapeKind::kBox:
       return size / 2.0;
     case ShapeKind::kCylinder:
+    case ShapeKind::kCapsule:
       return {radius, radius, height / 2.0};
+    case ShapeKind::kCone:
+      return {radius, radius, 0.75 * height};
+    case ShapeKind::kSolid:
+      return solid->low.cwiseAbs().cwiseMax(solid->high.cwiseAbs()).cast<double>();
   }
   return Eigen::Vector3d::Zero();
 }
@@ -181,8 +192,11 @@ std::string problem_with(const SurfaceSpec& s) {
 }
 
 std::string problem_with(const ObjectSpec& o) {
-  if (o.shape != ShapeKind::kBox && !is_size(o.radius)) return clause("radius", o.radius, kSizeRule);
-  if (o.shape == ShapeKind::kCylinder && !is_size(o.height)) return clause("height", o.height, kSizeRule);
+  const bool round = o.shape != ShapeKind::kBox && o.shape != ShapeKind::kSolid;
+  if (round && !is_size(o.radius)) return clause("radius", o.radius, kSizeRule);
+  if (round && o.shape != ShapeKind::kSphere && !is_size(o.height)) return clause("height", o.height, kSizeRule);
+  if (o.shape == ShapeKind::kCapsule && o.height < 2.0 * o.radius)
+    return clause("height", o.height, "at least twice the radius, " + number(2.0 * o.radius));
   if (o.shape == ShapeKind::kBox)
     for (int i = 0; i < 3; ++i)
       if (!is_size(o.size[i])) return clause("size[" + std::to_string(i + 1) + "]", o.size[i], kSizeRule);

@@ -7,10 +7,13 @@
 
 #include <Eigen/Geometry>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
+
+#include "smartsurf/scene/Solid.h"
 
 namespace smartsurf::scene {
 
@@ -50,13 +53,17 @@ struct WorldSpec {
   int steps_per_tick() const;
 };
 
-enum class ShapeKind { kSphere, kBox, kCylinder };
+// Capsules, cylinders and cones stand along their own z axis, a cone with its tip up. kSolid: a convex hull, or a mesh
+// in convex pieces.
+enum class ShapeKind { kSphere, kBox, kCylinder, kCapsule, kCone, kSolid };
+inline constexpr int kShapeKinds = 6;
 
 struct ObjectSpec {
   ShapeKind shape = ShapeKind::kSphere;
-  double radius = 1.0;                      // sphere, cylinder
-  double height = 1.0;                      // cylinder, along its own z axis
+  double radius = 1.0;                      // sphere, cylinder, capsule, cone (of its base)
+  double height = 1.0;                      // cylinder, capsule (caps included), cone
   Eigen::Vector3d size{1.0, 1.0, 1.0};      // box: full edge lengths
+  std::shared_ptr<const Solid> solid;       // kSolid; never changed, shared between objects
   Eigen::Vector3d position{0.0, 0.0, 0.0};  // centre of mass
   Eigen::Quaterniond orientation{1.0, 0.0, 0.0, 0.0};
   Eigen::Vector3d velocity{0.0, 0.0, 0.0};
@@ -68,7 +75,7 @@ struct ObjectSpec {
   std::string label;
 
   double volume() const;
-  // Half extents of the box, in the object's own frame, that encloses the shape.
+  // Half extents of the box about the centre of mass, in the object's own frame, that encloses the shape.
   Eigen::Vector3d half_extents() const;
 };
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
 namespace smartsurf::world {
 namespace {
@@ -25,6 +26,7 @@ std::unique_ptr<btConvexShape> make_shape(const scene::ObjectSpec& o) {
     case scene::ShapeKind::kSphere: return std::make_unique<btSphereShape>(half.x());
     case scene::ShapeKind::kBox: shape = std::make_unique<btBoxShape>(half); break;
     case scene::ShapeKind::kCylinder: shape = std::make_unique<btCylinderShapeZ>(half); break;
+    default: throw std::logic_error("no collision for this shape yet");
   }
   // GJK rounds edges by the margin: small against the body, whatever its size.
   shape->setMargin(std::min(0.02F, 0.05F * std::min({half.x(), half.y(), half.z()})));
@@ -47,6 +49,7 @@ btVector3 inertia_of(const scene::ObjectSpec& o, double mass) {
       const double across = mass * (3.0 * r2 + o.height * o.height) / 12.0;
       return to_bullet(Eigen::Vector3d(across, across, 0.5 * mass * r2));
     }
+    default: break;
   }
   return {0, 0, 0};
 }
