@@ -374,6 +374,7 @@ RunSummary Run::summary() const {
   s.wall_s = wall_s_;
   s.objects = snapshot.objects();
   s.contacts = snapshot.contacts;
+  s.metrics = experiment_.metrics();
   s.state_hash = snapshot.state_hash;
   if (std::isfinite(purity_.value())) s.purity = purity_.value();
   s.sorted_at_s = purity_.sorted_at();

@@ -49,6 +49,8 @@ std::string to_json(const RunSummary& run, const PhaseTimes& times) {
     phases[kNames[i]] = {
         {"median", h.quantile_ms(0.5)}, {"p99", h.quantile_ms(0.99)}, {"total_s", h.total_s()}};
   }
+  ordered_json metrics = ordered_json::object();
+  for (const auto& [name, value] : run.metrics) metrics[name] = value;
   ordered_json json{{"experiment", run.experiment},
                     {"mode", run.mode},
                     {"outcome", run.outcome},
@@ -67,7 +69,8 @@ std::string to_json(const RunSummary& run, const PhaseTimes& times) {
                     {"sorted_at_s", run.sorted_at_s ? ordered_json(*run.sorted_at_s) : ordered_json(nullptr)},
                     {"sensor_frames_skipped", run.sensor_frames_skipped},
                     {"actuator_frames_repeated", run.actuator_frames_repeated},
-                    {"actuator_values_clamped", run.actuator_values_clamped}};
+                    {"actuator_values_clamped", run.actuator_values_clamped},
+                    {"metrics", metrics}};
   return json.dump(2) + "\n";
 }
 

@@ -59,6 +59,7 @@ struct RunSummary {
   std::uint64_t state_hash = 0;
   std::optional<double> purity, sorted_at_s;
   std::uint64_t sensor_frames_skipped = 0, actuator_frames_repeated = 0, actuator_values_clamped = 0;
+  std::vector<std::pair<std::string, double>> metrics;  // of the script's metric()
   std::size_t off_surface = 0;  // objects that are not over the surface any more
 
   double real_time_factor() const { return wall_s > 0.0 ? simulated_s / wall_s : 0.0; }

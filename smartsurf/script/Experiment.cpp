@@ -141,6 +141,8 @@ Experiment Experiment::load(const std::filesystem::path& path, LoadOptions optio
 
 const scene::SceneSpec& Experiment::scene() const { return parts_->session.spec; }
 
+const std::vector<std::pair<std::string, double>>& Experiment::metrics() const { return parts_->session.metrics; }
+
 bool Experiment::has_events() const {
   const Session& session = parts_->session;
   return session.schedule.size() > 0 || !session.on_tick.empty() || !session.on_finish.empty();

@@ -48,6 +48,9 @@ class Experiment {
   const scene::SceneSpec& scene() const;  // of the load; does not change while the experiment runs
   bool has_events() const;                // whether tick() or finish() would ever call the script
 
+  // What the script has measured so far with metric(name, value), in the order of its names' first use.
+  const std::vector<std::pair<std::string, double>>& metrics() const;
+
   // Before the first tick: `host` holds the objects of scene(), and outlives the calls of tick and finish.
   void start(Host& host);
   // Once a control period, before actuators and physics move; t_s is the simulated time then, 0 for the

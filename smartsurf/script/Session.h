@@ -50,6 +50,8 @@ struct Session {
   std::vector<int> on_tick, on_finish;
   std::vector<std::function<void(Host&)>> at_start;  // pace and pause asked for while loading
 
+  std::vector<std::pair<std::string, double>> metrics;  // in the order in which each was first given
+
   std::vector<float> targets;  // scratch of cells:targets
 
   // The generator, seeded at its first use: from then on the seed is settled.
@@ -64,7 +66,7 @@ int material_at(const Session&, lua_State* L, int index, const std::string& name
 void bind_declarations(lua_State* L);  // world, material, surface, pin, proximity, record
 void bind_options(lua_State* L);       // option, random, math.random
 void bind_objects(lua_State* L);       // sphere, box, cylinder
-void bind_events(lua_State* L);        // at, every, on_tick, on_finish, time, stop, quit, pause, pace
+void bind_events(lua_State* L);        // at, every, on_tick, on_finish, time, metric, stop, quit, pause, pace
 void bind_handles(lua_State* L);       // object, objects
 void bind_cells(lua_State* L);         // cells
 // Lua's own libraries, as far as the sandbox lets them in: before the others.

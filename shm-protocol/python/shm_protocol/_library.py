@@ -14,7 +14,9 @@ def _candidates():
         return
     here = pathlib.Path(__file__).resolve()
     for folder in here.parents:
-        yield str(folder / _NAME)  # installed: LIBDIR/python3/dist-packages/shm_protocol
+        yield str(folder / _NAME)  # installed: lib/python3/dist-packages/shm_protocol …
+        if folder.name == "lib":
+            yield from map(str, folder.glob(f"*/{_NAME}"))  # … beside lib/x86_64-linux-gnu
         for preset in ("release", "ci", "debug"):
             yield str(folder / "build" / preset / "shm-protocol" / _NAME)  # in the source tree
     yield _NAME  # wherever the loader looks

@@ -75,4 +75,4 @@ class ProgramTest(unittest.TestCase):
 
 
 __all__ = ["APRON", "BIN", "ProgramTest", "ROOT", "SMARTSURF", "SORT_APS", "SORT_LUA", "json", "os", "pathlib",
-           "signal", "subprocess", "time", "unittest"]
+           "signal", "subprocess", "tempfile", "time", "unittest"]

@@ -36,6 +36,8 @@ INSTANTIATE_TEST_SUITE_P(
                 "t.lua:1: sphere.position[2] = inf: must be finite"},
         Mistake{"sphere{radius = 1, position = {0, 1e300, 0}}",
                 "t.lua:1: sphere.position[2] = 1e+300: must be in [-1000000, 1000000]"},
+        Mistake{"metric('error', 'small')", "t.lua:1: metric: value = 'small': must be a number"},
+        Mistake{"metric('', 1)", "t.lua:1: metric: name = '': must be a text of 1 to 64 characters"},
         Mistake{"sphere{radius = 1, position = {1, 2}}",
                 "t.lua:1: sphere.position = a table of 2 values: must be three numbers {x, y, z}"},
         Mistake{"sphere{radius = 1, position = 3}",
