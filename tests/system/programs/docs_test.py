@@ -6,13 +6,14 @@ from programs import *
 PAGES = ["README.md"] + sorted(str(p.relative_to(ROOT)) for p in (ROOT / "docs").glob("*.md"))
 
 
-def commands(page):
-    """The indented lines of a page that call our programs in the build folder; a trailing backslash joins lines."""
+def steps(page):
+    """What a reader of the page does, in order: ("write", file, text) where a line `file`: stands before a block of
+    code, and (program, arguments) for the indented lines that call our programs; a trailing backslash joins lines."""
     text = re.sub(r"\\\n\s*", "", (ROOT / page).read_text())
-    for line in text.splitlines():
-        match = re.match(r"    build/release/bin/(smartsurf|apron) ([^#]*)", line)
-        if match:
-            yield match.group(1), match.group(2).split()
+    for match in re.finditer(r"^`([\w-]+\.(?:lua|aps|py))`:\n\n```\w*\n(.*?)^```$|^    build/release/bin/(smartsurf|apron) ([^#\n]*)",
+                             text, re.DOTALL | re.MULTILINE):
+        file, content, program, arguments = match.groups()
+        yield ("write", (file, content)) if file else (program, arguments.split())
 
 
 class Docs(ProgramTest):
@@ -24,7 +25,10 @@ class Docs(ProgramTest):
             folder.mkdir()
             (folder / "scripts").symlink_to(ROOT / "scripts")
             waiting = None
-            for program, arguments in commands(page):
+            for program, arguments in steps(page):
+                if program == "write":
+                    (folder / arguments[0]).write_text(arguments[1])
+                    continue
                 total += 1
                 if "--window" in arguments:
                     arguments[arguments.index("--window")] = "--headless"
