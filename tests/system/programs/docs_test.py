@@ -47,6 +47,18 @@ class Docs(ProgramTest):
                     waiting = None
         self.assertGreaterEqual(total, 6)
 
+    def test_the_messages_of_the_troubleshooting_page_are_in_the_programs(self):
+        sources = "".join(p.read_text() for house in ("smartsurf", "apron", "shm-protocol")
+                          for p in sorted((ROOT / house).rglob("*.cpp")))
+        sources = re.sub(r'"\s*\n?\s*"', "", sources)  # texts that go on in the next line
+        page = (ROOT / "docs/troubleshooting.md").read_text()
+        messages = re.findall(r"^\| `([^`]+)`", page, re.MULTILINE)
+        self.assertGreaterEqual(len(messages), 8)
+        for message in messages:
+            # What a program fills in is left out: names, numbers, and the ellipsis.
+            for part in re.split(r"\bNAME\b|\bN\b|\bP\b|…|\"|'\w+'", message):
+                self.assertIn(part.strip(" ?()'"), sources, message)
+
     def test_links_between_the_pages_lead_somewhere(self):
         for page in PAGES + ["shm-protocol/PROTOCOL.md"]:
             # Code is not prose: a C++ lambda looks like a link.
