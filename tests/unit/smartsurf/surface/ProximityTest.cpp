@@ -41,6 +41,7 @@ bool inside(const scene::ObjectSpec& o, const Eigen::Vector3d& world) {
     case scene::ShapeKind::kSphere: return p.norm() <= o.radius;
     case scene::ShapeKind::kBox: return (p.cwiseAbs() - o.size / 2).maxCoeff() <= 0;
     case scene::ShapeKind::kCylinder: return p.head<2>().norm() <= o.radius && std::abs(p.z()) <= o.height / 2;
+    default: return false;
   }
   return false;
 }
