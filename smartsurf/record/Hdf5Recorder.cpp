@@ -5,6 +5,7 @@
 #include <cassert>
 #include <cstring>
 #include <limits>
+#include <mutex>
 
 namespace smartsurf::record {
 namespace {
@@ -284,8 +285,19 @@ void Hdf5Recorder::Content::write() {
   written_at = std::chrono::steady_clock::now();
 }
 
+namespace {
+
+// Debian's library keeps its tables without locks: recorders of several worlds take turns in it.
+std::mutex& library_turn() {
+  static std::mutex turn;
+  return turn;
+}
+
+}  // namespace
+
 template <class Action>
 void Hdf5Recorder::guarded(Action action) {
+  const std::lock_guard turn(library_turn());
   if (!content_) return;
   try {
     action(*content_);
@@ -297,6 +309,7 @@ void Hdf5Recorder::guarded(Action action) {
 
 Hdf5Recorder::Hdf5Recorder(const std::filesystem::path& path, const Meta& meta, const scene::SceneSpec& spec)
     : Recorder(spec.record.every), name_(path.string()) {
+  const std::lock_guard turn(library_turn());
   try {
     content_ = std::make_unique<Content>(path, meta, spec);
   } catch (const Hdf5Error& error) {
@@ -309,6 +322,8 @@ Hdf5Recorder::~Hdf5Recorder() {
     guarded([](Content& content) { content.write(); });
   } catch (const std::runtime_error&) {  // a destructor has nobody to tell
   }
+  const std::lock_guard turn(library_turn());
+  content_.reset();
 }
 
 void Hdf5Recorder::record(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
@@ -334,8 +349,8 @@ void Hdf5Recorder::close(const Result& result) {
     write_attribute(meta, "simulated_s", result.simulated_s);
     write_attribute(meta, "state_hash", result.state_hash);
     content.flush();
+    content_.reset();
   });
-  content_.reset();
 }
 
 }  // namespace smartsurf::record

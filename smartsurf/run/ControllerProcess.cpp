@@ -47,7 +47,8 @@ std::vector<std::string> command_for(const std::string& controller, const std::s
   return {"/bin/sh", "-c", command};
 }
 
-[[noreturn]] void become(const std::vector<std::string>& command) {
+[[noreturn]] void become(const std::vector<std::string>& command, const std::string& shm_name) {
+  setenv("SMARTSURF_SHM", shm_name.c_str(), 1);  // here, in the child: several worlds share the parent's environment
   // If the simulator is killed outright, the controller must not outlive it for long.
   prctl(PR_SET_PDEATHSIG, SIGTERM);
   std::vector<char*> arguments;
@@ -62,10 +63,9 @@ std::vector<std::string> command_for(const std::string& controller, const std::s
 
 ControllerProcess::ControllerProcess(const std::string& controller, const std::string& shm_name) {
   const std::vector<std::string> command = command_for(controller, shm_name);
-  setenv("SMARTSURF_SHM", shm_name.c_str(), 1);
   pid_ = fork();
   if (pid_ < 0) throw std::system_error(errno, std::generic_category(), "cannot start the controller");
-  if (pid_ == 0) become(command);
+  if (pid_ == 0) become(command, shm_name);
 }
 
 ControllerProcess::~ControllerProcess() {

@@ -319,7 +319,7 @@ std::string Run::controller_phrase() {
 
 void Run::show_progress(bool last) {
   static const bool terminal = isatty(STDERR_FILENO) != 0;
-  if (!terminal || display_.has_window() || (last && !progress_shown_)) return;
+  if (!terminal || options_.world || display_.has_window() || (last && !progress_shown_)) return;
   const auto now = Clock::now();
   if (!last && now < next_progress_) return;
   next_progress_ = now + 250ms;
@@ -338,7 +338,8 @@ void Run::show_progress(bool last) {
 
 void Run::say(const std::string& message) {
   if (progress_shown_) fmt::print(stderr, "\r\033[K");
-  fmt::print(stderr, "smartsurf: {}\n", message);
+  const std::string who = options_.world ? fmt::format("world {}: ", *options_.world) : "";
+  fmt::print(stderr, "smartsurf: {}{}\n", who, message);
 }
 
 void Run::end(int exit_status, std::string outcome) {
@@ -392,13 +393,15 @@ RunSummary Run::summary() const {
   return s;
 }
 
-void Run::write_stats() const {
-  const std::string part = options_.stats_file + ".part";
+void Run::write_stats() const { write_whole_file("--stats", options_.stats_file, stats_json()); }
+
+void write_whole_file(const std::string& flag, const std::string& file, const std::string& text) {
+  const std::string part = file + ".part";
   std::ofstream out(part, std::ios::binary);
-  out << to_json(summary(), times_);
+  out << text;
   out.close();
-  if (!out || std::rename(part.c_str(), options_.stats_file.c_str()) != 0)
-    throw scene::InputError(fmt::format("--stats {}: cannot write the file", options_.stats_file));
+  if (!out || std::rename(part.c_str(), file.c_str()) != 0)
+    throw scene::InputError(fmt::format("{} {}: cannot write the file", flag, file));
 }
 
 }  // namespace smartsurf::run
