@@ -123,7 +123,8 @@ bool Run::tick() {
   times_.lap(Phase::kActuate);
   if (link_) {
     if (!receive_actuators()) return false;
-    simulation_.actuate(link_->heights());
+    for (int channel = 0; channel < link_->actuator_channels(); ++channel)
+      simulation_.actuate(channel, link_->targets(channel));
     times_.lap(Phase::kActuate);
   }
   if (!advance_physics()) return false;
@@ -141,11 +142,11 @@ bool Run::tick() {
 bool Run::advance_physics() {
   const int steps = simulation_.scene().world.steps_per_tick();
   for (int i = 0; i < steps; ++i) {
-    simulation_.plan_pins();
+    simulation_.plan_cells();
     times_.lap(Phase::kActuate);
     simulation_.step_physics();
     times_.lap(Phase::kPhysics);
-    simulation_.move_pins();
+    simulation_.move_cells();
     times_.lap(Phase::kActuate);
   }
   if (const auto bad = simulation_.first_not_finite()) {
@@ -187,9 +188,9 @@ bool Run::receive_actuators() {
   }
 }
 
-// Passive: physics does not wait; the pins keep their last targets.
+// Passive: physics does not wait; the actuators keep their last targets.
 bool Run::fly_on_without_controller(Status status) {
-  if (status != Status::kNoController) say(fmt::format("{}; the pins keep their last heights", text(status)));
+  if (status != Status::kNoController) say(fmt::format("{}; the actuators keep their last targets", text(status)));
   return !child_ || !child_ended();
 }
 

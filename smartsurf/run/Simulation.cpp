@@ -4,17 +4,29 @@
 #include <cassert>
 
 namespace smartsurf::run {
+namespace {
+
+surface::FaultMap fault_map(const scene::SurfaceSpec& surface) {
+  if (!surface.faults.map) return {};
+  surface::FaultMap map(*surface.faults.map, surface.rows, surface.columns);
+  std::vector<std::string> channels = surface.sensor_channels();
+  for (const auto& channel : surface.actuator_channels()) channels.push_back(channel.name);
+  map.require_channels(channels);
+  return map;
+}
+
+}  // namespace
 
 Simulation::Simulation(script::Experiment& experiment, int threads, bool scripted_actuators)
     : experiment_(experiment),
       scripted_actuators_(scripted_actuators),
       pool_(threads),
-      field_(experiment.scene().surface),
-      world_(experiment.scene(), field_),
+      cells_(experiment.scene().surface, fault_map(experiment.scene().surface), experiment.scene().world.seed),
+      world_(experiment.scene(), cells_.field()),
       catalogue_(experiment.scene().objects) {
   for (const auto& sensor : scene().surface.sensors) proximity_.emplace_back(scene().surface, sensor.range);
   list_channels();
-  world_.snapshot(snapshot_);
+  take_snapshot();
   sense();
   experiment_.start(*this);
 }
@@ -26,21 +38,37 @@ void Simulation::list_channels() {
     sensors_.push_back({sensor_names_[2 * i], surface.rows, surface.columns, 1, proximity_[i].distance()});
     sensors_.push_back({sensor_names_[2 * i + 1], surface.rows, surface.columns, 1, proximity_[i].hit()});
   }
-  actuators_.push_back({"height", surface.rows, surface.columns, 1, field_.target()});
+  for (std::size_t k = 0; k < cells_.channels().size(); ++k)
+    actuators_.push_back(
+        {cells_.channels()[k].name, surface.rows, surface.columns, 1, cells_.targets(static_cast<int>(k))});
 }
 
 void Simulation::run_script() { experiment_.tick(snapshot_.time_s, snapshot_.tick); }
 
-void Simulation::actuate(std::span<const float> height_targets) noexcept {
-  field_.set_targets(height_targets);
+void Simulation::actuate(int channel, std::span<const float> targets) noexcept {
+  cells_.set_targets(channel, targets);
 }
 
-void Simulation::plan_pins() noexcept { field_.plan(scene().world.dt_s); }
-void Simulation::step_physics() { world_.step(); }
-void Simulation::move_pins() noexcept { field_.commit(scene().world.dt_s); }
+void Simulation::plan_cells() noexcept {
+  if (!std::exchange(tick_began_, true)) cells_.begin_tick();
+  cells_.plan(scene().world.dt_s);
+}
+
+void Simulation::step_physics() {
+  if (cells_.exerts_forces()) cells_.forces(scene().world.dt_s, world_.bodies(), catalogue_, world_.wrenches());
+  world_.step();
+}
+
+void Simulation::move_cells() noexcept { cells_.commit(scene().world.dt_s); }
+
+void Simulation::take_snapshot() {
+  world_.snapshot(snapshot_);
+  cells_.show(snapshot_.motion);
+}
 
 void Simulation::look() {
-  world_.snapshot(snapshot_);
+  take_snapshot();
+  tick_began_ = false;
   ++snapshot_.tick;
   // Counted, not summed: the same time at the same tick, however long the run.
   snapshot_.time_s = static_cast<double>(snapshot_.tick) * scene().world.control_period_s;
@@ -88,14 +116,20 @@ void Simulation::require_scripted_actuators() const {
         "the controller drives the actuators: cells:target and cells:targets need --no-controller");
 }
 
-void Simulation::target(const std::string&, int row, int column, float value) {
-  require_scripted_actuators();
-  field_.set_target(row, column, value);
+int Simulation::actuator_channel(const std::string& name) const {
+  const auto it = std::ranges::find(actuators_, name, &record::Channel::name);
+  if (it == actuators_.end()) throw scene::InputError("no actuator channel '" + name + "'");
+  return static_cast<int>(it - actuators_.begin());
 }
 
-void Simulation::targets(const std::string&, std::span<const float> values) {
+void Simulation::target(const std::string& channel, int row, int column, float value) {
   require_scripted_actuators();
-  field_.set_targets(values);
+  cells_.set_target(actuator_channel(channel), row, column, value);
+}
+
+void Simulation::targets(const std::string& channel, std::span<const float> values) {
+  require_scripted_actuators();
+  cells_.set_targets(actuator_channel(channel), values);
 }
 
 float Simulation::sense(const std::string& channel, int row, int column) const {

@@ -12,7 +12,7 @@
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/script/Experiment.h"
 #include "smartsurf/script/Host.h"
-#include "smartsurf/surface/PinField.h"
+#include "smartsurf/surface/ActuatorArray.h"
 #include "smartsurf/surface/Proximity.h"
 #include "smartsurf/surface/WorkerPool.h"
 #include "smartsurf/world/World.h"
@@ -37,10 +37,10 @@ class Simulation final : public script::Host {
   // ----------------------------------------------------------------- Throws scene::InputError for a mistake
   // in the script.
   void run_script();
-  void actuate(std::span<const float> height_targets) noexcept;  // rows × columns
-  void plan_pins() noexcept;                                     // these three once a physics step
+  void actuate(int channel, std::span<const float> targets) noexcept;  // of actuators(); rows × columns
+  void plan_cells() noexcept;                                          // these three once a physics step
   void step_physics();
-  void move_pins() noexcept;
+  void move_cells() noexcept;
   void look();   // counts the tick and takes the snapshot
   void sense();  // sensor frames of that snapshot
 
@@ -77,15 +77,18 @@ class Simulation final : public script::Host {
  private:
   void require_scripted_actuators() const;
   void list_channels();
+  void take_snapshot();
+  int actuator_channel(const std::string& name) const;
 
   script::Experiment& experiment_;
   bool scripted_actuators_;
   surface::WorkerPool pool_;
-  surface::PinField field_;
+  surface::ActuatorArray cells_;
   world::World world_;
   std::vector<surface::Proximity> proximity_;  // one a sensor of the scene
   std::vector<scene::ObjectSpec> catalogue_;
   scene::Snapshot snapshot_;
+  bool tick_began_ = false;  // whether the actuators know of the tick that runs
   std::vector<std::string> sensor_names_;
   std::vector<record::Channel> sensors_, actuators_;
   ScriptRequests requests_;

@@ -21,9 +21,9 @@ shm_protocol::SurfaceConfig describe(const std::string& name, RunMode mode, cons
     config.channels.push_back({names[2 * i], Direction::kSensor, DType::kF32, 1, "u", 0.0, range, range});
     config.channels.push_back({names[2 * i + 1], Direction::kSensor, DType::kF32, 1, "", 0.0, 1.0, 0.0});
   }
-  const auto& pin = scene.surface.pin;
-  config.channels.push_back(
-      {"height", Direction::kActuator, DType::kF32, 1, "u", pin.min_height, pin.max_height, pin.min_height});
+  for (const scene::ActuatorChannel& channel : scene.surface.actuator_channels())
+    config.channels.push_back({channel.name, Direction::kActuator, DType::kF32, 1, channel.unit, channel.minimum,
+                               channel.maximum, channel.safe});
   return config;
 }
 
@@ -42,7 +42,9 @@ SurfaceLink::SurfaceLink(const std::string& name, RunMode mode, const scene::Sce
     : name_(name),
       mode_(mode),
       endpoint_(open(describe(name, mode, scene))),
-      height_channel_(endpoint_.description().channel(shm_protocol::Direction::kActuator, "height")) {}
+      // describe() lists the sensors first.
+      first_actuator_(static_cast<int>(scene.surface.sensor_channels().size())),
+      actuator_channels_(static_cast<int>(scene.surface.actuator_channels().size())) {}
 
 shm_protocol::Status SurfaceLink::publish(std::uint64_t tick, double time_s,
                                           std::span<const record::Channel> sensors) noexcept {

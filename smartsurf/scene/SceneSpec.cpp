@@ -27,17 +27,8 @@ int edit_distance(const std::string& a, const std::string& b) {
   return above[b.size()];
 }
 
-std::string number(double value) {
-  if (std::isnan(value)) return "nan";  // without a sign
-  std::ostringstream out;
-  out.imbue(std::locale::classic());
-  out.precision(12);
-  out << value;
-  return out.str();
-}
-
 std::string clause(const std::string& field, double value, const std::string& rule) {
-  return field + " = " + number(value) + ": must be " + rule;
+  return field + " = " + text_of(value) + ": must be " + rule;
 }
 
 bool positive(double v) { return std::isfinite(v) && v > 0.0; }
@@ -60,14 +51,14 @@ std::string problem_with_vector(const std::string& field, const Eigen::Vector3d&
 
 std::string problem_with(const PinSpec& pin, double pitch) {
   if (!is_size(pin.top_x) || pin.top_x > pitch)
-    return clause("pin.top[1]", pin.top_x, "in [0.001, pitch], the pitch is " + number(pitch));
+    return clause("pin.top[1]", pin.top_x, "in [0.001, pitch], the pitch is " + text_of(pitch));
   if (!is_size(pin.top_y) || pin.top_y > pitch)
-    return clause("pin.top[2]", pin.top_y, "in [0.001, pitch], the pitch is " + number(pitch));
+    return clause("pin.top[2]", pin.top_y, "in [0.001, pitch], the pitch is " + text_of(pitch));
   if (!is_size(pin.length)) return clause("pin.length", pin.length, kSizeRule);
   if (!is_coordinate(pin.min_height)) return clause("pin.range[1]", pin.min_height, kCoordinateRule);
   if (!is_coordinate(pin.max_height)) return clause("pin.range[2]", pin.max_height, kCoordinateRule);
   if (pin.max_height < pin.min_height)
-    return clause("pin.range[2]", pin.max_height, "not below pin.range[1] = " + number(pin.min_height));
+    return clause("pin.range[2]", pin.max_height, "not below pin.range[1] = " + text_of(pin.min_height));
   if (!positive(pin.max_speed)) return clause("pin.max_speed", pin.max_speed, "greater than 0");
   if (!positive(pin.max_acceleration))
     return clause("pin.max_acceleration", pin.max_acceleration, "greater than 0");
@@ -99,6 +90,15 @@ std::vector<std::string> SurfaceSpec::sensor_channels() const {
     names.push_back(sensor.name + "_hit");
   }
   return names;
+}
+
+std::string text_of(double value) {
+  if (std::isnan(value)) return "nan";  // without a sign
+  std::ostringstream out;
+  out.imbue(std::locale::classic());
+  out.precision(12);
+  out << value;
+  return out.str();
 }
 
 std::string nearest_name(const std::string& word, const std::vector<std::string>& known) {
@@ -151,6 +151,35 @@ Eigen::Vector3d ObjectSpec::half_extents() const {
   return Eigen::Vector3d::Zero();
 }
 
+ActuatorSpec pin_actuator(const PinSpec& pin) {
+  ActuatorSpec spec = find_actuator_kind("pin")->standard();
+  spec.values["top"] = {pin.top_x, pin.top_y};
+  spec.values["length"] = {pin.length};
+  spec.values["range"] = {pin.min_height, pin.max_height};
+  spec.values["max_speed"] = {pin.max_speed};
+  spec.values["max_acceleration"] = {pin.max_acceleration};
+  return spec;
+}
+
+std::vector<ActuatorSpec> SurfaceSpec::mechanisms() const {
+  return actuators.empty() ? std::vector<ActuatorSpec>{pin_actuator(pin)} : actuators;
+}
+
+std::vector<ActuatorChannel> SurfaceSpec::actuator_channels() const {
+  std::vector<ActuatorChannel> all;
+  for (const ActuatorSpec& actuator : mechanisms())
+    for (const ActuatorChannel& channel : find_actuator_kind(actuator.model)->channels(actuator)) {
+      const auto same = std::ranges::find(all, channel.name, &ActuatorChannel::name);
+      if (same == all.end()) {
+        all.push_back(channel);
+        continue;
+      }
+      same->minimum = std::min(same->minimum, channel.minimum);
+      same->maximum = std::max(same->maximum, channel.maximum);
+    }
+  return all;
+}
+
 std::string problem_with(const WorldSpec& w) {
   if (auto p = problem_with_vector("world.gravity", w.gravity); !p.empty()) return p;
   if (!(w.dt_s >= 1e-5 && w.dt_s <= 0.1)) return clause("world.dt", w.dt_s, "in [1e-05, 0.1] seconds");
@@ -160,7 +189,7 @@ std::string problem_with(const WorldSpec& w) {
   const double steps = w.control_period_s / w.dt_s;
   if (std::abs(steps - std::round(steps)) > 1e-6 * steps || std::round(steps) < 1.0)
     return clause("world.control_period", w.control_period_s,
-                  "an integer number of physics steps, world.dt = " + number(w.dt_s));
+                  "an integer number of physics steps, world.dt = " + text_of(w.dt_s));
   return "";
 }
 
@@ -196,7 +225,7 @@ std::string problem_with(const ObjectSpec& o) {
   if (round && !is_size(o.radius)) return clause("radius", o.radius, kSizeRule);
   if (round && o.shape != ShapeKind::kSphere && !is_size(o.height)) return clause("height", o.height, kSizeRule);
   if (o.shape == ShapeKind::kCapsule && o.height < 2.0 * o.radius)
-    return clause("height", o.height, "at least twice the radius, " + number(2.0 * o.radius));
+    return clause("height", o.height, "at least twice the radius, " + text_of(2.0 * o.radius));
   if (o.shape == ShapeKind::kBox)
     for (int i = 0; i < 3; ++i)
       if (!is_size(o.size[i])) return clause("size[" + std::to_string(i + 1) + "]", o.size[i], kSizeRule);

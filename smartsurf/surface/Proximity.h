@@ -2,11 +2,11 @@
 // object. Exact for every shape; cost follows the cells under objects, not the cells that exist.
 #pragma once
 
+#include <cstdint>
 #include <span>
 #include <vector>
 
 #include "smartsurf/scene/Snapshot.h"
-#include "smartsurf/surface/PinField.h"
 
 namespace smartsurf::surface {
 

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "smartsurf/surface/PinField.h"
+#include "smartsurf/surface/Field.h"
 
 namespace smartsurf::world {
 
@@ -34,13 +34,13 @@ struct CellRange {
 class Columns {
  public:
   // Objects narrower than `width` fall between the pins, so that nothing is bridged for them.
-  Columns(const surface::PinField& field, float width)
-      : height_(field.height().data()),
-        rows_(field.rows()),
-        columns_(field.columns()),
-        pitch_(static_cast<float>(field.pitch())),
-        half_x_(static_cast<float>(field.half_top_x())),
-        half_y_(static_cast<float>(field.half_top_y())),
+  Columns(const surface::Field& field, float width)
+      : height_(field.height.data()),
+        rows_(field.rows),
+        columns_(field.columns),
+        pitch_(field.pitch),
+        half_x_(field.half_top_x),
+        half_y_(field.half_top_y),
         bridges_x_(width > pitch_ - 2.0F * half_x_),
         bridges_y_(width > pitch_ - 2.0F * half_y_) {}
 

@@ -37,7 +37,7 @@ class FieldAlgorithm final : public btActivatingCollisionAlgorithm {
 
     // Speculative: everything that body and pins can reach within the step.
     const auto reach = static_cast<float>(tag.spec.half_extents().norm());
-    const float approach = body->getLinearVelocity().length() + shape.field().max_speed() +
+    const float approach = body->getLinearVelocity().length() + shape.field().max_speed +
                            (tag.spec.shape == scene::ShapeKind::kSphere ? 0.0F
                                                                         : body->getAngularVelocity().length() * reach);
     const float margin = std::max(kRestMargin, approach * shape.dt_s());
@@ -100,13 +100,13 @@ FieldAlgorithmCreator body_then_field(false), field_then_body(true);
 
 }  // namespace
 
-FieldShape::FieldShape(const surface::PinField& field, float floor, float max_height, float dt_s)
+FieldShape::FieldShape(const surface::Field& field, float floor, float max_height, float dt_s)
     : field_(field), dt_s_(dt_s) {
   m_shapeType = CUSTOM_CONCAVE_SHAPE_TYPE;
-  const auto pitch = static_cast<float>(field.pitch());
+  const auto pitch = field.pitch;
   low_.setValue(-0.5F * pitch, -0.5F * pitch, floor);
-  high_.setValue((static_cast<float>(field.columns()) - 0.5F) * pitch,
-                 (static_cast<float>(field.rows()) - 0.5F) * pitch, max_height);
+  high_.setValue((static_cast<float>(field.columns) - 0.5F) * pitch,
+                 (static_cast<float>(field.rows) - 0.5F) * pitch, max_height);
 }
 
 void FieldShape::getAabb(const btTransform&, btVector3& low, btVector3& high) const {

@@ -4,7 +4,7 @@
 #include <btBulletDynamicsCommon.h>
 
 #include "smartsurf/scene/Snapshot.h"
-#include "smartsurf/surface/PinField.h"
+#include "smartsurf/surface/Field.h"
 
 namespace smartsurf::world {
 
@@ -21,9 +21,9 @@ inline constexpr int kFieldPart = 0x50494e53;
 class FieldShape final : public btConcaveShape {
  public:
   // Contacts may be asked for up to `max_height` above the origin and down to `floor`.
-  FieldShape(const surface::PinField&, float floor, float max_height, float dt_s);
+  FieldShape(const surface::Field&, float floor, float max_height, float dt_s);
 
-  const surface::PinField& field() const { return field_; }
+  const surface::Field& field() const { return field_; }
   float dt_s() const { return dt_s_; }
 
   void getAabb(const btTransform&, btVector3& low, btVector3& high) const override;
@@ -31,10 +31,10 @@ class FieldShape final : public btConcaveShape {
   void calculateLocalInertia(btScalar, btVector3& inertia) const override { inertia.setZero(); }
   void setLocalScaling(const btVector3&) override {}
   const btVector3& getLocalScaling() const override { return scaling_; }
-  const char* getName() const override { return "PinField"; }
+  const char* getName() const override { return "Field"; }
 
  private:
-  const surface::PinField& field_;
+  const surface::Field& field_;
   float dt_s_;
   btVector3 low_, high_;
   btVector3 scaling_{1, 1, 1};

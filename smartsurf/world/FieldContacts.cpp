@@ -276,18 +276,18 @@ class ConvexContacts {
 
 }  // namespace
 
-FieldContactSet find_field_contacts(const surface::PinField& field, const scene::ObjectSpec& object,
+FieldContactSet find_field_contacts(const surface::Field& field, const scene::ObjectSpec& object,
                                     const btConvexShape& shape, const btTransform& pose, float margin) {
   const btVector3& centre = pose.getOrigin();
   const auto width = static_cast<float>(2.0 * object.half_extents().minCoeff());
   const Columns columns(field, width);
   if (object.shape == scene::ShapeKind::kSphere) {
     const auto radius = static_cast<float>(object.radius);
-    if (centre.z() - radius - margin > field.max_height()) return {};
+    if (centre.z() - radius - margin > field.max_height) return {};
     return sphere_contacts(columns, radius, centre, margin);
   }
   const auto reach = static_cast<float>(object.half_extents().norm());
-  if (centre.z() - reach - margin > field.max_height()) return {};
+  if (centre.z() - reach - margin > field.max_height) return {};
   return ConvexContacts(columns, object, shape, pose, margin).find();
 }
 

@@ -12,7 +12,7 @@
 #include <cstdint>
 
 #include "smartsurf/scene/SceneSpec.h"
-#include "smartsurf/surface/PinField.h"
+#include "smartsurf/surface/Field.h"
 
 namespace smartsurf::world {
 
@@ -31,7 +31,7 @@ struct FieldContactSet {
 
 // `margin`: contacts up to that distance are found before they touch (speculative contacts), ≥ 0.
 // `shape` is the object's Bullet shape, used for edges against edges only. Does not allocate.
-FieldContactSet find_field_contacts(const surface::PinField&, const scene::ObjectSpec&, const btConvexShape& shape,
+FieldContactSet find_field_contacts(const surface::Field&, const scene::ObjectSpec&, const btConvexShape& shape,
                                     const btTransform& pose, float margin);
 
 }  // namespace smartsurf::world

@@ -17,19 +17,27 @@ float rebound(float relative_speed, float restitution, float threshold) {
 void SurfaceVelocitySolver::convertContacts(btPersistentManifold** manifolds, int count,
                                             const btContactSolverInfo& info) {
   btSequentialImpulseConstraintSolver::convertContacts(manifolds, count, info);
-  const float* speed = field_.speed().data();
   const int friction_rows = info.m_solverMode & SOLVER_USE_2_FRICTION_DIRECTIONS ? 2 : 1;
   for (int i = 0; i < m_tmpSolverContactConstraintPool.size(); ++i) {
     btSolverConstraint& contact = m_tmpSolverContactConstraintPool[i];
     const auto& point = *static_cast<const btManifoldPoint*>(contact.m_originalContactPoint);
     if (point.m_partId1 != kFieldPart) continue;
-    const btVector3 surface_velocity(0, 0, speed[point.m_index1]);
-    move_with_surface(contact, point, surface_velocity, info);
+    const auto cell = static_cast<std::size_t>(point.m_index1);
+    const btVector3 rise(0, 0, field_.speed[cell]);
+    move_with_surface(contact, point, rise, info);
+    const btVector3 surface_velocity = rise + drag_at(cell, point.m_positionWorldOnB);
     for (int k = 0; k < friction_rows; ++k) {
       btSolverConstraint& friction = m_tmpSolverContactFrictionConstraintPool[contact.m_frictionIndex + k];
       friction.m_rhs += friction.m_contactNormal1.dot(surface_velocity) * friction.m_jacDiagABInv;
     }
   }
+}
+
+btVector3 SurfaceVelocitySolver::drag_at(std::size_t cell, const btVector3& point) const {
+  if (!field_.drags()) return {0, 0, 0};
+  const Eigen::Vector2f arm = Eigen::Vector2f(point.x(), point.y()) - field_.centre(static_cast<int>(cell));
+  const float spin = field_.spin[cell];
+  return {field_.drag_x[cell] - spin * arm.y(), field_.drag_y[cell] + spin * arm.x(), 0};
 }
 
 // Bullet set the row up for a field at rest: target velocity = rebound − relative speed − gap/dt. Two things change.

@@ -44,13 +44,13 @@ bool finite(const btVector3& v) { return std::isfinite(v.x()) && std::isfinite(v
 }  // namespace
 
 struct World::State {
-  State(const scene::SceneSpec& scene, const surface::PinField& pin_field)
+  State(const scene::SceneSpec& scene, surface::Field& surface_field)
       : materials(scene.materials),
-        field(pin_field),
+        field(surface_field),
         dt_s(static_cast<btScalar>(scene.world.dt_s)),
         configuration(pool_sizes()),
         dispatcher(&configuration),
-        solver(pin_field),
+        solver(surface_field),
         dynamics(&dispatcher, &broadphase, &solver, &configuration) {
     install_material_rule();
     register_field_collision(dispatcher);
@@ -98,7 +98,7 @@ struct World::State {
   }
 
   std::vector<scene::Material> materials;
-  const surface::PinField& field;
+  surface::Field& field;
   btScalar dt_s;
   btDefaultCollisionConfiguration configuration;
   btCollisionDispatcher dispatcher;
@@ -111,14 +111,67 @@ struct World::State {
   std::vector<Body> bodies;  // ascending by id
   scene::ObjectId next_id = 0;
   std::vector<Push> pushes;
+
+  void apply_wrenches();
+  void weigh_cells();
+  void list_bodies();
+
+  // What actuators see, and what they do.
+  struct {
+    std::vector<scene::ObjectId> id;
+    std::vector<std::array<float, 3>> position, velocity, angular_velocity;
+    std::vector<std::array<float, 4>> orientation;
+    std::vector<float> mass;
+  } seen;
+  std::vector<surface::Wrench> wrenches;
 };
+
+void World::State::apply_wrenches() {
+  for (std::size_t i = 0; i < std::min(wrenches.size(), bodies.size()); ++i) {
+    const surface::Wrench& w = wrenches[i];
+    bodies[i].rigid->applyCentralForce({w.force.x(), w.force.y(), w.force.z()});
+    bodies[i].rigid->applyTorque({w.torque.x(), w.torque.y(), w.torque.z()});
+  }
+  std::ranges::fill(wrenches, surface::Wrench{});
+}
+
+void World::State::weigh_cells() {
+  std::ranges::fill(field.impulse, 0.0F);
+  for (int i = 0; i < dispatcher.getNumManifolds(); ++i) {
+    const btPersistentManifold& manifold = *dispatcher.getManifoldByIndexInternal(i);
+    for (int k = 0; k < manifold.getNumContacts(); ++k) {
+      const btManifoldPoint& point = manifold.getContactPoint(k);
+      if (point.m_partId1 == kFieldPart) field.impulse[static_cast<std::size_t>(point.m_index1)] += point.m_appliedImpulse;
+    }
+  }
+}
+
+void World::State::list_bodies() {
+  const std::size_t n = bodies.size();
+  seen.id.resize(n);
+  seen.position.resize(n);
+  seen.orientation.resize(n);
+  seen.velocity.resize(n);
+  seen.angular_velocity.resize(n);
+  seen.mass.resize(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    const btRigidBody& rigid = *bodies[i].rigid;
+    const btQuaternion q = rigid.getWorldTransform().getRotation();
+    seen.id[i] = bodies[i].tag->id;
+    seen.position[i] = array_of(rigid.getWorldTransform().getOrigin());
+    seen.orientation[i] = {q.x(), q.y(), q.z(), q.w()};
+    seen.velocity[i] = array_of(rigid.getLinearVelocity());
+    seen.angular_velocity[i] = array_of(rigid.getAngularVelocity());
+    seen.mass[i] = rigid.getInvMass() > 0.0F ? 1.0F / rigid.getInvMass() : 0.0F;
+  }
+}
 
 std::string physics_version() {
   const int version = btGetVersion();
   return std::to_string(version / 100) + "." + std::to_string(version % 100);
 }
 
-World::World(const scene::SceneSpec& scene, const surface::PinField& field)
+World::World(const scene::SceneSpec& scene, surface::Field& field)
     : state_(std::make_unique<State>(scene, field)) {
   for (const auto& object : scene.objects) add(object);
 }
@@ -197,7 +250,20 @@ void World::step() {
     --p.steps_left;
   }
   std::erase_if(state_->pushes, [](const Push& p) { return p.steps_left == 0; });
+  state_->apply_wrenches();
   state_->dynamics.stepSimulation(state_->dt_s, 0);
+  state_->weigh_cells();
+}
+
+surface::Bodies World::bodies() const {
+  state_->list_bodies();
+  const auto& seen = state_->seen;
+  return {seen.id, seen.position, seen.orientation, seen.velocity, seen.angular_velocity, seen.mass};
+}
+
+std::span<surface::Wrench> World::wrenches() {
+  state_->wrenches.resize(state_->bodies.size());
+  return state_->wrenches;
 }
 
 void World::snapshot(scene::Snapshot& out) const {
@@ -223,9 +289,14 @@ void World::snapshot(scene::Snapshot& out) const {
     hash.add(out.velocity[i]);
     hash.add(out.angular_velocity[i]);
   }
-  out.height.assign(state_->field.height().begin(), state_->field.height().end());
-  hash.add(state_->field.height());
-  hash.add(state_->field.speed());
+  out.height = state_->field.height;
+  hash.add(state_->field.height);
+  hash.add(state_->field.speed);
+  if (state_->field.drags()) {
+    hash.add(state_->field.drag_x);
+    hash.add(state_->field.drag_y);
+    hash.add(state_->field.spin);
+  }
   out.state_hash = hash.value();
   out.contacts = 0;
   for (int i = 0; i < state_->dispatcher.getNumManifolds(); ++i)

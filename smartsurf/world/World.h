@@ -13,7 +13,8 @@
 
 #include "smartsurf/scene/ObjectState.h"
 #include "smartsurf/scene/Snapshot.h"
-#include "smartsurf/surface/PinField.h"
+#include "smartsurf/surface/BodyForces.h"
+#include "smartsurf/surface/Field.h"
 
 namespace smartsurf::world {
 
@@ -22,8 +23,8 @@ std::string physics_version();
 
 class World {
  public:
-  // `field` must outlive the world; it is read during step() only. The objects of the scene get the ids 0, 1, ….
-  World(const scene::SceneSpec&, const surface::PinField& field);
+  // `field` must outlive the world; it is read, and its impulses are written, during step() only. The objects of the scene get the ids 0, 1, ….
+  World(const scene::SceneSpec&, surface::Field& field);
   ~World();
   World(const World&) = delete;
   World& operator=(const World&) = delete;
@@ -43,8 +44,13 @@ class World {
   // The object must be alive.
   scene::ObjectState state(scene::ObjectId) const;
 
-  // One fixed physics step against the field as planned (PinField::plan); the caller commits the field after it.
+  // One fixed physics step against the field as planned (ActuatorArray::plan); the caller commits the field after it.
   void step();
+
+  // The objects as actuators see them; valid until the next step, or change of the objects.
+  surface::Bodies bodies() const;
+  // One entry a body of bodies(), for actuators to add to; the next step applies them and sets them to zero.
+  std::span<surface::Wrench> wrenches();
 
   // Copies poses, velocities, heights and counters; keeps the vectors' memory. tick and time are the caller's.
   void snapshot(scene::Snapshot&) const;

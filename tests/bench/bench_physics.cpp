@@ -9,6 +9,7 @@
 #include <cstring>
 #include <functional>
 
+#include "smartsurf/surface/ActuatorArray.h"
 #include "smartsurf/surface/Proximity.h"
 #include "smartsurf/surface/WorkerPool.h"
 #include "smartsurf/world/World.h"
@@ -84,9 +85,9 @@ struct Timer {
 
 Result run_ours(const Workload& w, const Options& options) {
   const scene::SceneSpec spec = scene_of(w);
-  surface::PinField field(spec.surface);
+  surface::ActuatorArray cells(spec.surface);
   surface::WorkerPool pool(options.threads);
-  world::World world(spec, field);
+  world::World world(spec, cells.field());
   surface::Proximity proximity(spec.surface, kSensorRange);
   scene::Snapshot snapshot;
   std::vector<float> targets;
@@ -94,10 +95,10 @@ Result run_ours(const Workload& w, const Options& options) {
   const int settle = settling_steps(w);
   for (int i = 0; i < settle + options.steps; ++i) {
     wave(w, i * kStep, targets);
-    field.set_targets(targets);
-    field.plan(kStep);
+    cells.set_targets(0, targets);
+    cells.plan(kStep);
     const double physics = timed_ms([&] { world.step(); });
-    field.commit(kStep);
+    cells.commit(kStep);
     const double look = timed_ms([&] { world.snapshot(snapshot); });
     const double sensors = timed_ms([&] { proximity.sense(snapshot, spec.objects, pool); });
     if (i < settle) continue;
@@ -116,7 +117,7 @@ Result run_ours(const Workload& w, const Options& options) {
 
 Result run_naive(const Workload& w, const Options& options) {
   const scene::SceneSpec spec = scene_of(w);
-  surface::PinField field(spec.surface);
+  surface::ActuatorArray cells(spec.surface);
   NaivePins naive(w);
   std::vector<float> targets, heights;
   Timer timer;
@@ -124,10 +125,10 @@ Result run_naive(const Workload& w, const Options& options) {
   double spent_ms = 0;
   for (int i = 0; i < settle + options.steps && (i <= settle + 5 || spent_ms < 12e3); ++i) {
     wave(w, i * kStep, targets);
-    field.set_targets(targets);
-    field.plan(kStep);
-    field.commit(kStep);
-    heights.assign(field.height().begin(), field.height().end());
+    cells.set_targets(0, targets);
+    cells.plan(kStep);
+    cells.commit(kStep);
+    heights = cells.field().height;
     const double physics = timed_ms([&] { naive.step(heights); });
     if (i < settle) continue;
     timer.physics.push_back(physics);

@@ -24,9 +24,9 @@ class SimulationTest : public testing::Test {
   static void tick(run::Simulation& s) {
     s.run_script();
     for (int i = 0; i < s.scene().world.steps_per_tick(); ++i) {
-      s.plan_pins();
+      s.plan_cells();
       s.step_physics();
-      s.move_pins();
+      s.move_cells();
     }
     s.look();
     s.sense();
