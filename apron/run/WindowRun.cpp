@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdio>
 #include <filesystem>
 #include <map>
 
@@ -84,6 +85,7 @@ class WindowLoop {
         asked_ = false;
       }
       if (!window_.frame(bench_)) return;
+      std::fflush(stdout);  // a program without a surface never waits
       if (bench_.take_reload() || files_.changed()) reload();
       for (ui::Workbench::Order& order : bench_.take_orders()) runner_.post(std::move(order));
       if (!asked_) runner_.ask(bench_.request());

@@ -33,9 +33,10 @@ void state_text(Stage& stage) {
   if (bench.look().time_s) n += std::snprintf(text + n, sizeof text - n, "   %.2f s", *bench.look().time_s);
   if (bench.running() && bench.ticks_per_s() > 0.0)
     std::snprintf(text + n, sizeof text - n, "   %.0f ticks/s", bench.ticks_per_s());
+  const float width = ImGui::CalcTextSize(text).x;
   ImGui::SameLine();
-  const float room = ImGui::GetContentRegionAvail().x, width = ImGui::CalcTextSize(text).x;
-  if (room < width) return;
+  const float room = ImGui::GetContentRegionAvail().x;
+  if (room < width) return ImGui::NewLine();
   ImGui::SetCursorPosX(ImGui::GetCursorPosX() + room - width);
   ImGui::TextColored(ImGui::ColorConvertU32ToFloat4(theme::kFaint), "%s", text);
 }
@@ -75,7 +76,10 @@ void draw_controls(Stage& stage) {
   if (button("Reset", "Begin again (R)")) bench.reset();
   if (button("Reload", "Read the program again; done by itself when it is saved")) bench.reload = true;
   if (button("?", "Mouse and keys (F1)")) bench.help_shown = !bench.help_shown;
-  gap(stage);
+  if (is_wide(stage))
+    gap(stage);
+  else
+    ImGui::NewLine();
   state_text(stage);
   messages(stage);
 }

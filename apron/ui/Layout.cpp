@@ -18,8 +18,8 @@ struct Sizes {
 
 Sizes sizes(const Stage& stage, ImVec2 room) {
   Sizes s;
-  const bool wide = room.x >= stage.px(1060);
-  s.list = wide ? stage.px(292) : stage.px(146);
+  const bool wide = is_wide(stage);
+  s.list = wide ? std::clamp(room.x * 0.175F, stage.px(292), stage.px(420)) : stage.px(146);
   s.program = wide ? std::clamp(room.x * 0.37F, stage.px(400), stage.px(680)) : 0.0F;
   s.bottom = std::clamp(room.y * 0.28F, stage.px(190), stage.px(320));
   s.values = wide ? stage.px(300) : stage.px(220);
@@ -64,6 +64,8 @@ std::string short_number(double value) {
   std::snprintf(text, sizeof text, "%.6g", value);
   return text;
 }
+
+bool is_wide(const Stage& stage) { return ImGui::GetIO().DisplaySize.x >= stage.px(1060); }
 
 void draw_window(Stage& stage) {
   take_keys(stage.bench);

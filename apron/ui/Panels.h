@@ -19,6 +19,8 @@ struct Stage {
   float px(float points) const { return points * gui.scale(); }
 };
 
+// Whether there is room for three columns.
+bool is_wide(const Stage& stage);
 // All of the window, as large as the display.
 void draw_window(Stage& stage);
 // Space, arrows and letters, unless the person is typing.

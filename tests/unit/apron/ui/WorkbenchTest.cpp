@@ -37,7 +37,7 @@ TEST(Workbench, OrdersReachTheSession) {
   desk.bench.step(debugger::Unit::kTick);
   desk.obey();
   EXPECT_EQ(desk.bench.look().ticks, 1U);
-  EXPECT_EQ(desk.bench.state(), "Held at main.aps:4");
+  EXPECT_EQ(desk.bench.state(), "Held at main.aps:9");
   desk.bench.toggle();
   desk.obey();
   EXPECT_EQ(desk.bench.state(), "Running");
