@@ -284,6 +284,10 @@ void Lowering::perform(const Builtin& builtin, const Expression& call) {
 
 program::Program Lowering::finish() {
   for (const auto& [name, index] : groups_) emitter_.program().groups[index].elements = names_.numbers(name);
+  for (std::uint32_t i = 0; sources_.expansion_count() > 1 && i < sources_.expansion_count(); ++i) {
+    const syntax::Expansion& one = sources_.expansion(i);
+    emitter_.add_expansion(one.macro, one.call, sources_.file(one.call.file).name);
+  }
   return emitter_.finish();
 }
 

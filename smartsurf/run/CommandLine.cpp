@@ -85,7 +85,9 @@ void add_run_flags(CLI::App& app, RunFlags& f) {
                "Show this help; with an experiment also the options that its script makes");
   app.add_option("experiment", f.experiment, "The experiment, a Lua script")->type_name("EXPERIMENT.lua");
   app.add_flag("--headless", f.headless, "Run without a window (the default)");
-  app.add_flag("--window", f.window, "Open a window; runs in real time unless --pace says otherwise");
+  app.add_flag("--window", f.window,
+               "Open a window, and that of an APRON program beside it; runs in real time unless --pace says "
+               "otherwise");
   app.add_option("--mode", f.mode,
                  "time-step: physics waits for the controller; passive: it follows the clock")
       ->check(CLI::IsMember({"time-step", "passive"}))

@@ -66,7 +66,7 @@ Run::Run(const RunOptions& options, const std::atomic<bool>& stop)
     link_ = std::make_unique<SurfaceLink>(segment_name(options), options.mode, experiment_.scene());
   open_recordings();
   if (link_ && !options.controller.empty())
-    child_ = std::make_unique<ControllerProcess>(options.controller, link_->name());
+    child_ = std::make_unique<ControllerProcess>(options.controller, link_->name(), options.window);
 }
 
 Run::~Run() = default;
