@@ -169,6 +169,10 @@ struct SurfaceSpec {
   }
 };
 
+// Sets `pin` to what the surface's actuators have in common: the body, and the heights that their tops can have. Does
+// nothing where `actuators` is empty but for the base.
+void fit_body(SurfaceSpec&);
+
 // A pin with the limits and the body of `pin`.
 ActuatorSpec pin_actuator(const PinSpec& pin);
 

@@ -210,7 +210,7 @@ int deny_field(Session&, lua_State* L) {
 struct Later {
   std::string_view name, kind, instead;
 };
-constexpr std::array<Later, 18> kLater{{
+constexpr std::array<Later, 10> kLater{{
     {"capsule", "shape", "sphere, box, cylinder"},
     {"cone", "shape", "sphere, box, cylinder"},
     {"mesh", "shape", "sphere, box, cylinder"},
@@ -220,14 +220,6 @@ constexpr std::array<Later, 18> kLater{{
     {"object_type", "sensor", "proximity"},
     {"light", "sensor", "proximity"},
     {"camera", "sensor", "proximity"},
-    {"ball", "actuator", "pin"},
-    {"wheels", "actuator", "pin"},
-    {"rotor", "actuator", "pin"},
-    {"force_field", "actuator", "pin"},
-    {"magnet", "actuator", "pin"},
-    {"air_jet", "actuator", "pin"},
-    {"tile", "actuator", "pin"},
-    {"faults", "declaration", "world, material, surface, record, option"},
     {"package", "library", "require() of a file beside the script"},
 }};
 
