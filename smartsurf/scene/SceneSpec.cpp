@@ -79,17 +79,17 @@ std::string problem_with_actuators(const SurfaceSpec& s) {
   for (std::size_t i = 0; i < s.base.size(); ++i)
     if (!is_coordinate(static_cast<double>(s.base[i])))
       return clause("surface.base of cell " + std::to_string(i + 1), static_cast<double>(s.base[i]), kCoordinateRule);
-  const std::size_t channels = s.actuator_channels().size() + s.sensor_channels().size();
-  if (channels > 32)
-    return "surface: " + std::to_string(channels) + " channels of actuators and sensors: must be at most 32";
   return "";
 }
 
 // The channels must fit into the shared-memory protocol: names of at most 31 plain characters, all different.
-std::string problem_with_names(const std::vector<std::string>& channels) {
+std::string problem_with_names(const std::vector<std::string>& channels, std::size_t actuator_channels) {
+  constexpr std::size_t kMostChannels = 32;
   static const std::string kPlain = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.-";
-  if (channels.size() > 30)
-    return "surface.sensors: " + std::to_string(channels.size() / 2) + " sensors: must be at most 15";
+  if (channels.size() + actuator_channels > kMostChannels)
+    return "surface.sensors: " + std::to_string(channels.size()) + " sensor channels beside " +
+           std::to_string(actuator_channels) + " of actuators: must be at most " + std::to_string(kMostChannels) +
+           " together";
   for (std::size_t i = 0; i < channels.size(); ++i) {
     if (channels[i].empty() || channels[i].size() > 31 ||
         channels[i].find_first_not_of(kPlain) != std::string::npos)
@@ -105,10 +105,7 @@ std::string problem_with_names(const std::vector<std::string>& channels) {
 
 std::vector<std::string> SurfaceSpec::sensor_channels() const {
   std::vector<std::string> names;
-  for (const SensorSpec& sensor : sensors) {
-    names.push_back(sensor.name);
-    names.push_back(sensor.name + "_hit");
-  }
+  for (const SensorChannel& channel : channels_of(sensors)) names.push_back(channel.name);
   return names;
 }
 
@@ -255,9 +252,8 @@ std::string problem_with(const SurfaceSpec& s) {
   if (auto p = problem_with(s.pin, s.pitch, s.actuators.empty() ? "pin" : s.actuators[0].model); !p.empty()) return p;
   if (auto p = problem_with_actuators(s); !p.empty()) return p;
   for (const auto& sensor : s.sensors)
-    if (!positive(sensor.range) || sensor.range > kLargest)
-      return clause(sensor.name + ".range", sensor.range, "in (0, 1000000]");
-  if (auto p = problem_with_names(s.sensor_channels()); !p.empty()) return p;
+    if (auto p = find_sensor_kind(sensor.model)->problem_with(sensor); !p.empty()) return p;
+  if (auto p = problem_with_names(s.sensor_channels(), s.actuator_channels().size()); !p.empty()) return p;
   if (s.border_height && !is_coordinate(*s.border_height))
     return clause("border.height", *s.border_height, kCoordinateRule);
   return "";

@@ -25,6 +25,7 @@ int bind_all(Session& session, lua_State* L) {
   bind_pairs(L);
   bind_declarations(L);
   bind_actuators(L);
+  bind_sensors(L);
   bind_options(L);
   bind_objects(L);
   bind_events(L);

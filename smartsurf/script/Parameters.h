@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "smartsurf/scene/ActuatorSpec.h"
+#include "smartsurf/scene/SensorSpec.h"
 #include "smartsurf/script/Fields.h"
 
 namespace smartsurf::script {

@@ -35,7 +35,8 @@ PRIVATE = [
     (r"^(epoxy|GLFW|EGL|GL|imgui)", {"smartsurf/view", "apron/ui"}),
     (r"^(hdf5|H5)", {"smartsurf/record"}),
     (r"^boost/", {"shm-protocol"}),
-    (r"^(hwy|xbyak)/", {"apron/vm"}),
+    (r"^hwy/", {"apron/vm", "smartsurf/surface"}),
+    (r"^xbyak/", {"apron/vm"}),
     (r"^CLI/", {"smartsurf/run", "apron/run"}),
 ]
 
