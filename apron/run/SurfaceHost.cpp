@@ -16,6 +16,23 @@ using shm_protocol::Mode;
 using shm_protocol::Status;
 using vm::HostStatus;
 
+namespace {
+
+// "[k]", or ".r", ".g", ".b" of three.
+bool is_component(std::string_view text, std::uint32_t components, std::size_t& component) {
+  constexpr std::string_view kColours = "rgb";
+  if (text.size() == 2 && text[0] == '.' && components == 3) {
+    component = kColours.find(text[1]);
+    return component != std::string_view::npos;
+  }
+  if (text.size() < 3 || text.front() != '[' || text.back() != ']') return false;
+  const char* const end = text.data() + text.size() - 1;
+  const auto [next, error] = std::from_chars(text.data() + 1, end, component);
+  return error == std::errc{} && next == end && component < components;
+}
+
+}  // namespace
+
 SurfaceHost::SurfaceHost(shm_protocol::ControllerEndpoint& surface, const std::atomic<bool>& stop,
                          Parameters parameters)
     : LocalHost(std::move(parameters)), surface_(surface), stop_(stop) {
@@ -93,21 +110,21 @@ HostStatus SurfaceHost::outcome(Status status) {
 
 // ---- channels
 // ---------------------------------------------------------------------------------------------------
+// 'name', 'name[k]', or of three components 'name.r', '.g', '.b'. A channel may have a dot in its own name.
 HostStatus SurfaceHost::find(Direction direction, std::string_view name, Target& target) {
   std::string_view channel = name;
-  const std::size_t bracket = name.find('[');
-  if (bracket != std::string_view::npos) channel = name.substr(0, bracket);
+  std::string_view component;
   target.channel = surface_.description().channel(direction, std::string(channel));
+  if (target.channel < 0) {
+    const std::size_t bracket = name.find('['), cut = bracket != name.npos ? bracket : name.rfind('.');
+    if (cut != std::string_view::npos) channel = name.substr(0, cut), component = name.substr(cut);
+    target.channel = surface_.description().channel(direction, std::string(channel));
+  }
   if (target.channel < 0) return report(HostStatus::kRefused, no_such_channel(direction, channel));
   const std::uint32_t components =
       surface_.description().channels[static_cast<std::size_t>(target.channel)].components;
-  bool good = components == 1 && bracket == std::string_view::npos;
-  if (bracket != std::string_view::npos) {
-    const char* end = name.data() + name.size();
-    const auto [next, error] = std::from_chars(name.data() + bracket + 1, end, target.component);
-    good = error == std::errc{} && end - next == 1 && *next == ']' && target.component < components;
-  }
-  if (good) return HostStatus::kOk;
+  if (component.empty() ? components == 1 : is_component(component, components, target.component))
+    return HostStatus::kOk;
   return report(HostStatus::kRefused, "channel '" + std::string(channel) + "' has " +
                                           std::to_string(components) + " components a cell, not '" +
                                           std::string(name) + "': name one as '" + std::string(channel) +

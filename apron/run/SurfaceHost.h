@@ -13,7 +13,7 @@
 namespace apron::run {
 
 // A channel is named as the surface names it; of a channel with several components a cell, 'name[k]' is
-// component k, counted from 0. Sensor frames are copied into registers; actuator frames are staged here and
+// component k, counted from 0, and of three components 'name.r', 'name.g' and 'name.b'. Sensor frames are copied into registers; actuator frames are staged here and
 // sent by step(), and a channel that was not staged again is sent as it was (at first its safe value). No
 // allocation after construction but for messages.
 class SurfaceHost final : public LocalHost {

@@ -81,6 +81,14 @@ bool good_channel_name(std::string_view name) {
   return !name.empty() && name != "." && name.find('/') == name.npos && name.find('\0') == name.npos;
 }
 
+// Planes of components in, cells with all their components out: files are read by cell.
+void interleave(const Channel& channel, std::span<float> cells) {
+  const auto components = static_cast<std::size_t>(channel.components);
+  const std::size_t plane = cells.size() / components;
+  for (std::size_t k = 0; k < components; ++k)
+    for (std::size_t i = 0; i < plane; ++i) cells[i * components + k] = channel.values[k * plane + i];
+}
+
 }  // namespace
 
 struct Hdf5Recorder::Content {
@@ -225,7 +233,7 @@ void Hdf5Recorder::Content::buffer_channels(std::span<const Channel> channels,
   for (std::size_t i = 0; i < series.size(); ++i) {
     const std::span<float> row = series[i].row<float>(buffered);
     assert(channels[i].values.size() == row.size());
-    std::copy(channels[i].values.begin(), channels[i].values.end(), row.begin());
+    interleave(channels[i], row);
   }
 }
 

@@ -42,7 +42,7 @@ struct Channel {
   std::string_view name;  // no '/'; the same channels in the same order at every frame
   int rows = 0, columns = 0, components = 1;
   std::span<const float>
-      values;  // rows × columns × components, row-major, row 0 north; the channel's own unit
+      values;  // components × rows × columns, each component a whole plane, row 0 north; the channel's own unit
 };
 
 // How the run ended.

@@ -14,6 +14,7 @@
 #include "smartsurf/record/Recording.h"
 #include "smartsurf/run/Run.h"
 #include "smartsurf/run/Worlds.h"
+#include "smartsurf/run/Simulation.h"
 
 namespace smartsurf::run {
 namespace {
@@ -220,6 +221,7 @@ int check_command(const RunFlags& flags) {
   const auto experiment = load_silently(flags.experiment, pairs_of(flags.set), flags.seed);
   const std::string& file = flags.experiment;
   const auto& scene = experiment.scene();
+  check_surface(scene);
   fmt::print("{}: ok: {} x {} cells, {} objects, {} options\n", file, scene.surface.rows,
              scene.surface.columns, scene.objects.size(), scene.options.size());
   return kDone;

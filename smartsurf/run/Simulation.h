@@ -13,7 +13,7 @@
 #include "smartsurf/script/Experiment.h"
 #include "smartsurf/script/Host.h"
 #include "smartsurf/surface/ActuatorArray.h"
-#include "smartsurf/surface/Proximity.h"
+#include "smartsurf/surface/SensorArray.h"
 #include "smartsurf/surface/WorkerPool.h"
 #include "smartsurf/world/World.h"
 
@@ -25,6 +25,9 @@ struct ScriptRequests {
   bool pace_changed = false;
   std::optional<double> pace;  // nullopt: as fast as possible
 };
+
+// Reads the tables that the experiment names: throws scene::InputError where one does not fit the surface.
+void check_surface(const scene::SceneSpec&);
 
 class Simulation final : public script::Host {
  public:
@@ -68,7 +71,8 @@ class Simulation final : public script::Host {
   void place(scene::ObjectId, const script::Placement&) override;
   void target(const std::string& channel, int row, int column, float value) override;
   void targets(const std::string& channel, std::span<const float> values) override;
-  float sense(const std::string& channel, int row, int column) const override;
+  float sense(const std::string& channel, int row, int column, int component) const override;
+  float truth(const std::string& channel, int row, int column, int component) const override;
   void stop() override { requests_.stop = true; }
   void quit() override { requests_.quit = true; }
   void pause() override { requests_.pause = true; }
@@ -79,17 +83,18 @@ class Simulation final : public script::Host {
   void list_channels();
   void take_snapshot();
   int actuator_channel(const std::string& name) const;
+  int sensor_channel(const std::string& name) const;
+  std::size_t place_in_planes(int row, int column, int component) const;
 
   script::Experiment& experiment_;
   bool scripted_actuators_;
   surface::WorkerPool pool_;
   surface::ActuatorArray cells_;
+  surface::SensorArray senses_;
   world::World world_;
-  std::vector<surface::Proximity> proximity_;  // one a sensor of the scene
   std::vector<scene::ObjectSpec> catalogue_;
   scene::Snapshot snapshot_;
   bool tick_began_ = false;  // whether the actuators know of the tick that runs
-  std::vector<std::string> sensor_names_;
   std::vector<record::Channel> sensors_, actuators_;
   ScriptRequests requests_;
 };

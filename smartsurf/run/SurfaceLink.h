@@ -18,8 +18,7 @@ namespace smartsurf::run {
 
 class SurfaceLink {
  public:
-  // Sensor channels: each sensor's distance "NAME" and hit mask "NAME_hit" (both f32); actuator channels: those of the
-  // surface. Throws scene::InputError when the name cannot be had.
+  // Its channels are those of the surface's sensors, then those of its actuators. Throws scene::InputError when the name cannot be had.
   SurfaceLink(const std::string& name, RunMode, const scene::SceneSpec&);
 
   // Writes the frames into shared memory and publishes them.

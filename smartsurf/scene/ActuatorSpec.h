@@ -17,6 +17,7 @@ struct Parameter {
   enum class Type {
     kNumber,
     kCount,   // an integer
+    kFlag,    // true or false: 1 or 0
     kSize,    // two numbers along x and y; a user may give one for both
     kRange,   // {lowest, highest}
     kVector,  // {x, y, z}
@@ -43,10 +44,12 @@ struct ActuatorChannel {
   double safe = 0.0;  // what a cell aims at before the first command, and a dead one for ever
 };
 
+using ParameterValues = std::map<std::string, std::vector<double>, std::less<>>;
+
 // One actuator as the user set it: a model by name, and the values of all its parameters that have one.
 struct ActuatorSpec {
   std::string model = "pin";
-  std::map<std::string, std::vector<double>, std::less<>> values;
+  ParameterValues values;
 
   bool has(std::string_view parameter) const { return values.contains(parameter); }
   // Preconditions: the parameter has a value.

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "smartsurf/scene/ActuatorSpec.h"
+#include "smartsurf/scene/SensorSpec.h"
 #include "smartsurf/scene/Solid.h"
 
 namespace smartsurf::scene {
@@ -120,16 +121,8 @@ struct FaultMapFile {
 
 struct FaultSpec {
   ActuatorFaultSpec actuator;
+  ParameterValues sensor;  // imperfections() of all sensors that say nothing else themselves
   std::optional<FaultMapFile> map;
-};
-
-enum class SensorKind { kProximity };
-
-// A sensor has two channels: NAME, its distances, and NAME_hit, 1 where something is within the range.
-struct SensorSpec {
-  SensorKind kind = SensorKind::kProximity;
-  std::string name = "proximity";
-  double range = 8.0;  // of the segment, straight up from the pin's top
 };
 
 struct SurfaceSpec {
@@ -148,7 +141,7 @@ struct SurfaceSpec {
   FaultSpec faults;
 
   int cells() const { return rows * columns; }
-  // Names of the sensor channels: two a sensor, in the order of the sensors.
+  // Names of the sensor channels, in the order of the sensors.
   std::vector<std::string> sensor_channels() const;
   // The actuators there are: at least one.
   std::vector<ActuatorSpec> mechanisms() const;
@@ -168,6 +161,10 @@ struct SurfaceSpec {
     return {place.x, place.y};
   }
 };
+
+// Sets `pin` to what the surface's actuators have in common: the body, and the heights that their tops can have. Does
+// nothing where `actuators` is empty but for the base.
+void fit_body(SurfaceSpec&);
 
 // A pin with the limits and the body of `pin`.
 ActuatorSpec pin_actuator(const PinSpec& pin);

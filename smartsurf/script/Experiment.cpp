@@ -24,6 +24,8 @@ int bind_all(Session& session, lua_State* L) {
   }
   bind_pairs(L);
   bind_declarations(L);
+  bind_actuators(L);
+  bind_sensors(L);
   bind_options(L);
   bind_objects(L);
   bind_events(L);
@@ -37,6 +39,14 @@ int run_script(Session& session, lua_State* L) {
   session.interpreter->compile(L, session.spec.text, session.spec.file);
   lua_call(L, 0, 0);
   return 0;
+}
+
+// The table's axes stay x, y and z: what turns is gravity, the other way.
+Eigen::Vector3d turned(const Eigen::Vector3d& gravity, const Eigen::Vector2d& tilt_rad) {
+  if (tilt_rad.isZero(0.0)) return gravity;
+  const Eigen::Quaterniond table = Eigen::AngleAxisd(tilt_rad.y(), Eigen::Vector3d::UnitY()) *
+                                   Eigen::AngleAxisd(tilt_rad.x(), Eigen::Vector3d::UnitX());
+  return table.conjugate() * gravity;
 }
 
 void check_whole(const Session& session) {
@@ -75,6 +85,7 @@ struct Experiment::Parts {
     lua_pushcfunction(L, guarded<run_script>);
     interpreter.call(0, 0, session.options.load_budget, session.spec.file);
     check_whole(session);
+    session.spec.world.gravity = turned(session.spec.world.gravity, session.spec.surface.tilt_rad);
   }
 
   // Calls one function of the script with the time and the tick; whether it wants to be called again.

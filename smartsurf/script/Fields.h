@@ -50,6 +50,8 @@ class Fields {
  public:
   Fields(lua_State* L, int index, std::string what, std::initializer_list<std::string_view> known,
          std::initializer_list<LaterField> later = {});
+  Fields(lua_State* L, int index, std::string what, const std::vector<std::string>& known,
+         std::initializer_list<LaterField> later = {});
 
   bool has(std::string_view field) const;
   void require(std::string_view field) const;

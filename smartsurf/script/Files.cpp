@@ -174,6 +174,14 @@ std::optional<std::string> read_script(const fs::path& path, std::string& proble
   return text;
 }
 
+NamedText text_of_file(const Session& session, const std::string& what, const std::string& path) {
+  const fs::path real = session.options.unsafe ? session.folder / path : readable(session, what, path);
+  std::string problem;
+  std::optional<std::string> text = read_script(real, problem);
+  if (!text) refuse(what, path, problem);
+  return {one_line(shown_name(session, path)), std::move(*text)};
+}
+
 void bind_files(lua_State* L) {
   lua_register(L, "dofile", guarded<dofile>);
   lua_register(L, "require", guarded<require>);

@@ -18,6 +18,8 @@ void read_common(const Session& session, lua_State* L, const Fields& fields, sce
   fields.read("mass", object.mass);
   fields.read("fixed", object.fixed);
   fields.read("colour", object.colour);
+  fields.read("pole", object.pole);
+  fields.read("moment", object.moment);
   fields.with("material",
               [&](int i, const std::string& name) { object.material = material_at(session, L, i, name); });
   fields.with("label", [&](int i, const std::string& name) {
@@ -46,7 +48,7 @@ int add(Session& session, lua_State* L, const std::string& what, const scene::Ob
 int sphere(Session& session, lua_State* L) {
   const Fields fields(L, 1, "sphere",
                       {"radius", "position", "orientation", "velocity", "angular_velocity", "mass", "fixed",
-                       "material", "colour", "label"});
+                       "material", "colour", "label", "pole", "moment"});
   scene::ObjectSpec object;
   object.shape = scene::ShapeKind::kSphere;
   fields.require("radius");
@@ -59,7 +61,7 @@ int sphere(Session& session, lua_State* L) {
 int box(Session& session, lua_State* L) {
   const Fields fields(L, 1, "box",
                       {"size", "position", "orientation", "velocity", "angular_velocity", "mass", "fixed",
-                       "material", "colour", "label"});
+                       "material", "colour", "label", "pole", "moment"});
   scene::ObjectSpec object;
   object.shape = scene::ShapeKind::kBox;
   fields.require("size");
@@ -72,7 +74,7 @@ int box(Session& session, lua_State* L) {
 int cylinder(Session& session, lua_State* L) {
   const Fields fields(L, 1, "cylinder",
                       {"radius", "height", "position", "orientation", "velocity", "angular_velocity", "mass",
-                       "fixed", "material", "colour", "label"});
+                       "fixed", "material", "colour", "label", "pole", "moment"});
   scene::ObjectSpec object;
   object.shape = scene::ShapeKind::kCylinder;
   fields.require("radius");

@@ -106,10 +106,9 @@ void FirstHit::sweep(std::span<const SensedBody> bodies, std::span<const float> 
             .pin_mark = pin_mark};
   if (strips_ || !upright() || !pins_.empty()) {
     pool.for_rows(rows_, [this, &pass](int begin, int end) { find_extremes(pass.height, begin, end); });
-    const bool any = !row_lowest_.empty();
-    pass.job.lowest = segment_.origin.z() + (segment_.from_top && any ? std::ranges::min(row_lowest_) : 0.0F);
-    pass.job.highest =
-        segment_.origin.z() + (segment_.from_top && any ? std::ranges::max(row_highest_) : 0.0F);
+    pass.highest_pin = std::ranges::max(row_highest_);
+    pass.job.lowest = segment_.origin.z() + (segment_.from_top ? std::ranges::min(row_lowest_) : 0.0F);
+    pass.job.highest = segment_.origin.z() + (segment_.from_top ? pass.highest_pin : 0.0F);
   }
   if (strips_) {
     sweep_strips(pass, pool);
@@ -172,6 +171,8 @@ void FirstHit::meet_pins_of_rows(const Pass& pass, int begin, int end) noexcept 
     const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(r) * columns_;
     const float lowest = lift + (segment_.from_top ? row_lowest_[static_cast<std::size_t>(r)] : 0.0F);
     for (const PinStep& step : pins_) {
+      if (rise >= 0.0F && !(lowest + rise * step.enter < pass.highest_pin))
+        break;  // above all pins from here on
       const int passed = r + step.row_offset;
       if (passed < 0 || passed >= rows_) continue;
       const float reached = rise * (rise < 0.0F ? step.leave : step.enter);

@@ -61,6 +61,7 @@ class FirstHit {
     SweepJob job;
     const float* height;
     float pin_mark;
+    float highest_pin = 0.0F;
   };
   bool upright() const noexcept;
   bool clears_its_own_pin() const noexcept;

@@ -9,6 +9,9 @@
 namespace smartsurf::surface {
 namespace {
 
+// Of pins, in pitches: the lists of all cells must not grow with the square of the table.
+constexpr float kFarthest = 32.0F;
+
 struct Turn {
   float cosine, sine;
   explicit Turn(float angle) : cosine(std::cos(angle)), sine(std::sin(angle)) {}
@@ -76,11 +79,14 @@ void FirstHit::list_strips(const Field& field) {
 void FirstHit::list_pins_of_each_cell(const Field& field) {
   const StripLayout& s = *strips_;
   const float half = std::hypot(field.half_top_x, field.half_top_y);
+  const float level = segment_.direction.head<2>().norm();
+  const float range =
+      level * segment_.range > kFarthest * pitch_ ? kFarthest * pitch_ / level : segment_.range;
   const float margin =
       half + 2.0F * segment_.origin.head<2>().norm();  // a pin's centre is not where its segment starts
   first_passed_.push_back(0);
   for (std::size_t k = 0; k < s.cell.size(); ++k) {
-    const float to_x = s.x[k] + s.dx[k] * segment_.range, to_y = s.y[k] + s.dy[k] * segment_.range;
+    const float to_x = s.x[k] + s.dx[k] * range, to_y = s.y[k] + s.dy[k] * range;
     const float low_y = std::min(s.y[k], to_y) - margin, high_y = std::max(s.y[k], to_y) + margin;
     const float low_x = std::min(s.x[k], to_x) - margin, high_x = std::max(s.x[k], to_x) + margin;
     const auto begin = passed_.size();
@@ -94,7 +100,7 @@ void FirstHit::list_pins_of_each_cell(const Field& field) {
         if (cell == s.cell[k] && clears_its_own_pin()) continue;
         const Turn back(-angle_of(field, i));
         const float px = s.x[k] - field.x[i], py = s.y[k] - field.y[i];
-        PassedPin p{cell, 0.0F, segment_.range};
+        PassedPin p{cell, 0.0F, range};
         if (clip(back.x(px, py), back.x(s.dx[k], s.dy[k]), field.half_top_x, p.enter, p.leave) &&
             clip(back.y(px, py), back.y(s.dx[k], s.dy[k]), field.half_top_y, p.enter, p.leave))
           passed_.push_back(p);

@@ -119,8 +119,8 @@ struct World::State {
   // What actuators see, and what they do.
   struct {
     std::vector<scene::ObjectId> id;
-    std::vector<std::array<float, 3>> position, velocity, angular_velocity;
-    std::vector<std::array<float, 4>> orientation;
+    std::vector<Eigen::Vector3f> position, velocity, angular_velocity;
+    std::vector<Eigen::Quaternionf> orientation;
     std::vector<float> mass;
   } seen;
   std::vector<surface::Wrench> wrenches;
@@ -158,10 +158,10 @@ void World::State::list_bodies() {
     const btRigidBody& rigid = *bodies[i].rigid;
     const btQuaternion q = rigid.getWorldTransform().getRotation();
     seen.id[i] = bodies[i].tag->id;
-    seen.position[i] = array_of(rigid.getWorldTransform().getOrigin());
-    seen.orientation[i] = {q.x(), q.y(), q.z(), q.w()};
-    seen.velocity[i] = array_of(rigid.getLinearVelocity());
-    seen.angular_velocity[i] = array_of(rigid.getAngularVelocity());
+    seen.position[i] = from_bullet(rigid.getWorldTransform().getOrigin()).cast<float>();
+    seen.orientation[i] = {q.w(), q.x(), q.y(), q.z()};
+    seen.velocity[i] = from_bullet(rigid.getLinearVelocity()).cast<float>();
+    seen.angular_velocity[i] = from_bullet(rigid.getAngularVelocity()).cast<float>();
     seen.mass[i] = rigid.getInvMass() > 0.0F ? 1.0F / rigid.getInvMass() : 0.0F;
   }
 }

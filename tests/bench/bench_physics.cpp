@@ -1,4 +1,4 @@
-// Physics on one thread, sensors on --threads: the World and its Proximity beside naive Bullet, on the same
+// Physics on one thread, sensors on --threads: the World and its proximity sensors beside naive Bullet, on the same
 // scenes in one run.
 //   bench_physics [--steps N] [--no-naive] [--only "64x64 100"] [--threads N]
 // Prints medians in milliseconds of a 1/60 s step, the ratio of the totals, and how truly each holds its
@@ -10,7 +10,7 @@
 #include <functional>
 
 #include "smartsurf/surface/ActuatorArray.h"
-#include "smartsurf/surface/Proximity.h"
+#include "smartsurf/surface/SensorArray.h"
 #include "smartsurf/surface/WorkerPool.h"
 #include "smartsurf/world/World.h"
 #include "tests/bench/NaivePins.h"
@@ -84,11 +84,13 @@ struct Timer {
 };
 
 Result run_ours(const Workload& w, const Options& options) {
-  const scene::SceneSpec spec = scene_of(w);
+  scene::SceneSpec spec = scene_of(w);
+  spec.surface.sensors = {scene::find_sensor_kind("proximity")->standard()};
+  spec.surface.sensors[0].values["range"] = {kSensorRange};
   surface::ActuatorArray cells(spec.surface);
   surface::WorkerPool pool(options.threads);
   world::World world(spec, cells.field());
-  surface::Proximity proximity(spec.surface, kSensorRange);
+  surface::SensorArray sensing(spec, cells.field());
   scene::Snapshot snapshot;
   std::vector<float> targets;
   Timer timer;
@@ -100,7 +102,7 @@ Result run_ours(const Workload& w, const Options& options) {
     const double physics = timed_ms([&] { world.step(); });
     cells.commit(kStep);
     const double look = timed_ms([&] { world.snapshot(snapshot); });
-    const double sensors = timed_ms([&] { proximity.sense(snapshot, spec.objects, pool); });
+    const double sensors = timed_ms([&] { sensing.sense(snapshot, spec.objects, pool); });
     if (i < settle) continue;
     timer.physics.push_back(physics);
     timer.sensors.push_back(sensors);
