@@ -11,10 +11,12 @@ Simulation::Simulation(script::Experiment& experiment, int threads, bool scripte
       pool_(threads),
       field_(experiment.scene().surface),
       world_(experiment.scene(), field_),
-      catalogue_(experiment.scene().objects) {
+      catalogue_(experiment.scene().objects),
+      table_(experiment.scene().surface) {
   for (const auto& sensor : scene().surface.sensors) proximity_.emplace_back(scene().surface, sensor.range);
   list_channels();
   world_.snapshot(snapshot_);
+  table_.watch(snapshot_, catalogue_);
   sense();
   experiment_.start(*this);
 }
@@ -29,7 +31,12 @@ void Simulation::list_channels() {
   actuators_.push_back({"height", surface.rows, surface.columns, 1, field_.target()});
 }
 
-void Simulation::run_script() { experiment_.tick(snapshot_.time_s, snapshot_.tick); }
+void Simulation::run_script() {
+  experiment_.leave(snapshot_.time_s, snapshot_.tick, table_.left());
+  if (scene().world.off_table == scene::OffTable::kRemove)
+    for (const scene::ObjectId id : table_.left()) world_.remove(id);
+  experiment_.tick(snapshot_.time_s, snapshot_.tick);
+}
 
 void Simulation::actuate(std::span<const float> height_targets) noexcept {
   field_.set_targets(height_targets);
@@ -44,6 +51,7 @@ void Simulation::look() {
   ++snapshot_.tick;
   // Counted, not summed: the same time at the same tick, however long the run.
   snapshot_.time_s = static_cast<double>(snapshot_.tick) * scene().world.control_period_s;
+  table_.watch(snapshot_, catalogue_);
 }
 
 void Simulation::sense() {
@@ -53,8 +61,8 @@ void Simulation::sense() {
 ScriptRequests Simulation::take_requests() noexcept { return std::exchange(requests_, {}); }
 
 scene::ObjectId Simulation::spawn(const scene::ObjectSpec& spec) {
-  catalogue_.push_back(spec);
   const scene::ObjectId id = world_.add(spec);
+  catalogue_.push_back(spec);
   assert(id + 1 == catalogue_.size());
   return id;
 }

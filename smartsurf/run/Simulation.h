@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "smartsurf/record/Recorder.h"
+#include "smartsurf/run/TableWatch.h"
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/script/Experiment.h"
 #include "smartsurf/script/Host.h"
@@ -51,6 +52,7 @@ class Simulation final : public script::Host {
   const scene::Snapshot& snapshot() const noexcept { return snapshot_; }
   // Every object ever created, index = id.
   const std::vector<scene::ObjectSpec>& catalogue() const noexcept { return catalogue_; }
+  const TableWatch& table() const noexcept { return table_; }
   std::span<const record::Channel> sensors() const noexcept { return sensors_; }
   std::span<const record::Channel> actuators() const noexcept { return actuators_; }
   ScriptRequests take_requests() noexcept;
@@ -85,6 +87,7 @@ class Simulation final : public script::Host {
   world::World world_;
   std::vector<surface::Proximity> proximity_;  // one a sensor of the scene
   std::vector<scene::ObjectSpec> catalogue_;
+  TableWatch table_;
   scene::Snapshot snapshot_;
   std::vector<std::string> sensor_names_;
   std::vector<record::Channel> sensors_, actuators_;

@@ -199,7 +199,7 @@ Eigen::Quaterniond orientation_at(lua_State* L, int index, const std::string& na
   return from_quaternion(Fields(L, index, name, {"x", "y", "z", "w"}), name);
 }
 
-Fields::Fields(lua_State* L, int index, std::string what, std::initializer_list<std::string_view> known,
+Fields::Fields(lua_State* L, int index, std::string what, std::span<const std::string_view> known,
                std::initializer_list<LaterField> later)
     : L_(L), index_(lua_absindex(L, index)), what_(std::move(what)) {
   if (lua_type(L, index_) != LUA_TTABLE)

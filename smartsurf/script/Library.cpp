@@ -210,11 +210,7 @@ int deny_field(Session&, lua_State* L) {
 struct Later {
   std::string_view name, kind, instead;
 };
-constexpr std::array<Later, 18> kLater{{
-    {"capsule", "shape", "sphere, box, cylinder"},
-    {"cone", "shape", "sphere, box, cylinder"},
-    {"mesh", "shape", "sphere, box, cylinder"},
-    {"hull", "shape", "sphere, box, cylinder"},
+constexpr std::array<Later, 14> kLater{{
     {"pressure", "sensor", "proximity"},
     {"colour", "sensor", "proximity"},
     {"object_type", "sensor", "proximity"},

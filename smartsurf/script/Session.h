@@ -47,7 +47,7 @@ struct Session {
   Schedule schedule;
   std::vector<Callback> callbacks;  // Event::callback is an index here
   std::vector<int> free_callbacks;
-  std::vector<int> on_tick, on_finish;
+  std::vector<int> on_tick, on_leave, on_finish;
   std::vector<std::function<void(Host&)>> at_start;  // pace and pause asked for while loading
 
   std::vector<float> targets;  // scratch of cells:targets
@@ -63,8 +63,8 @@ int material_at(const Session&, lua_State* L, int index, const std::string& name
 // Declares the functions of each group as globals. What they do and take: docs/experiments.md.
 void bind_declarations(lua_State* L);  // world, material, surface, pin, proximity, record
 void bind_options(lua_State* L);       // option, random, math.random
-void bind_objects(lua_State* L);       // sphere, box, cylinder
-void bind_events(lua_State* L);        // at, every, on_tick, on_finish, time, stop, quit, pause, pace
+void bind_objects(lua_State* L);       // sphere, box, cylinder, capsule, cone, hull, mesh
+void bind_events(lua_State* L);        // at, every, on_tick, on_leave, on_finish, time, stop, quit, pause, pace
 void bind_handles(lua_State* L);       // object, objects
 void bind_cells(lua_State* L);         // cells
 // Lua's own libraries, as far as the sandbox lets them in: before the others.
