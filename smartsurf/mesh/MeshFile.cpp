@@ -9,6 +9,7 @@
 #include <cctype>
 #include <cmath>
 #include <cstring>
+#include <fstream>
 #include <system_error>
 
 #include "smartsurf/mesh/Isolated.h"
@@ -56,6 +57,17 @@ void check_readable(const fs::path& file) {
   if (!fs::exists(file, error)) refuse("does not exist");
   if (!fs::is_regular_file(file, error)) refuse("is no plain file");
   if (fs::file_size(file, error) > kLargestFile) refuse("is larger than 256 MiB");
+}
+
+// The importer looks for the end of such a header for ever, whatever the file is called.
+void check_header(const fs::path& file) {
+  std::string start(16384, '\0');
+  std::ifstream in(file, std::ios::binary);
+  in.read(start.data(), static_cast<std::streamsize>(start.size()));
+  start.resize(static_cast<std::size_t>(in.gcount()));
+  if (start.starts_with("ply") && start.find("end_header\n") == start.npos &&
+      start.find("end_header\r") == start.npos)
+    refuse("is damaged: its header has no end");
 }
 
 std::string one_line(std::string text) {
@@ -146,6 +158,7 @@ TriangleMesh read_mesh(const fs::path& file) {
   constexpr double kLongestRead_s = 20.0;  // of the processor
   check_kind(file);
   check_readable(file);
+  check_header(file);
   const auto bytes = isolated(
       [&]() -> std::string {
         try {

@@ -133,6 +133,8 @@ TEST_F(MeshFileTest, BadFilesGetOneLine) {
       EXPECT_NE(error, "") << name << text;
       EXPECT_EQ(error.find('\n'), std::string::npos);
     }
+  EXPECT_EQ(refused("h.ply", "ply\nformat ascii 1.0\nelement vertex 9\n"),
+            "is damaged: its header has no end");
   EXPECT_NE(refused("n.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").find("not finite"), std::string::npos);
 }
 
