@@ -97,7 +97,7 @@ struct Hdf5Recorder::Content {
     write_meta(file, meta, spec);
     surface_group = write_surface(file, spec.surface);
     objects_group = create_group(file, "objects");
-    catalogue.emplace(objects_group, spec.materials);
+    catalogue.emplace(file, objects_group, spec.materials);
     catalogue->append(spec.objects);
     objects = spec.objects.size();
     flush();
@@ -273,7 +273,7 @@ void Hdf5Recorder::Content::flush() {
 // A frame exists once it has its tick: the ticks are written and flushed when everything else already is, so
 // that a kill in the middle cannot leave a frame that is half there.
 void Hdf5Recorder::Content::write() {
-  std::uint64_t most_bytes = kMetadataBytes + CatalogueWriter::most_bytes(newcomers);
+  std::uint64_t most_bytes = kMetadataBytes + catalogue->most_bytes(newcomers);
   if (buffered > 0) {
     with_series([&](const FrameSeries& series) { most_bytes += series.most_bytes(); });
     most_bytes += tick->most_bytes();

@@ -10,6 +10,7 @@
 #include <cmath>
 
 #include "shm_protocol/Segments.h"
+#include "smartsurf/mesh/SolidLibrary.h"
 #include "smartsurf/record/Plot.h"
 #include "smartsurf/record/Recording.h"
 #include "smartsurf/run/Run.h"
@@ -156,6 +157,7 @@ script::Experiment load_silently(const std::string& file, NameValues set, std::o
   options.set = std::move(set);
   options.seed = seed;
   options.print = [](std::string_view) {};
+  options.solids = std::make_shared<mesh::SolidLibrary>();
   return script::Experiment::load(file, options);
 }
 

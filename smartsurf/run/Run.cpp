@@ -9,6 +9,8 @@
 #include <sstream>
 #include <thread>
 
+#include "smartsurf/mesh/SolidLibrary.h"
+
 namespace smartsurf::run {
 namespace {
 
@@ -24,6 +26,7 @@ script::LoadOptions load_options(const RunOptions& options) {
   load.set = options.set;
   load.seed = options.seed;
   load.unsafe = options.unsafe;
+  load.solids = std::make_shared<mesh::SolidLibrary>();
   // Where a script may write: beside the run's other output, else nowhere.
   if (!options.recordings.empty()) {
     const std::filesystem::path folder = std::filesystem::path(options.recordings.front()).parent_path();
@@ -364,7 +367,6 @@ void Run::finish() {
 RunSummary Run::summary() const {
   const scene::Snapshot& snapshot = simulation_.snapshot();
   const scene::WorldSpec& world = simulation_.scene().world;
-  const scene::SurfaceSpec& surface = simulation_.scene().surface;
   RunSummary s;
   s.experiment = options_.experiment;
   s.mode = options_.mode == RunMode::kTimeStep ? "time-step" : "passive";
@@ -380,12 +382,8 @@ RunSummary Run::summary() const {
   s.state_hash = snapshot.state_hash;
   if (std::isfinite(purity_.value())) s.purity = purity_.value();
   s.sorted_at_s = purity_.sorted_at();
-  for (const auto& p : snapshot.position) {
-    const double half = surface.pitch / 2.0;
-    const bool over = p[0] > -half && p[0] < (surface.columns - 1) * surface.pitch + half && p[1] > -half &&
-                      p[1] < (surface.rows - 1) * surface.pitch + half && p[2] > surface.pin.min_height;
-    s.off_surface += !over;
-  }
+  s.off_surface = simulation_.table().off();
+  s.left_table = simulation_.table().left_so_far();
   if (link_) {
     s.sensor_frames_skipped = link_->endpoint().controller_counters().skipped;
     s.actuator_frames_repeated = link_->endpoint().counters().repeated;

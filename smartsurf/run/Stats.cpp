@@ -63,6 +63,7 @@ std::string to_json(const RunSummary& run, const PhaseTimes& times) {
                     {"ms_per_tick", phases},
                     {"objects", run.objects},
                     {"off_surface", run.off_surface},
+                    {"left_table", run.left_table},
                     {"contacts", run.contacts},
                     {"state_hash", fmt::format("{:016x}", run.state_hash)},
                     {"purity", run.purity ? ordered_json(*run.purity) : ordered_json(nullptr)},

@@ -268,6 +268,7 @@ std::string problem_with(const ObjectSpec& o) {
   if (o.shape == ShapeKind::kBox)
     for (int i = 0; i < 3; ++i)
       if (!is_size(o.size[i])) return clause("size[" + std::to_string(i + 1) + "]", o.size[i], kSizeRule);
+  if (o.shape == ShapeKind::kSolid && !o.solid) return "solid: is missing";
   if (auto p = problem_with_vector("position", o.position); !p.empty()) return p;
   if (auto p = problem_with_vector("velocity", o.velocity); !p.empty()) return p;
   if (auto p = problem_with_vector("angular_velocity", o.angular_velocity); !p.empty()) return p;

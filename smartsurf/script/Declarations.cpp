@@ -19,7 +19,7 @@ void check(const std::string& problem) {
 
 int world(Session& session, lua_State* L) {
   declare_once(session, L, "world");
-  const Fields fields(L, 1, "world", {"gravity", "dt", "iterations", "control_period", "seed", "ground"});
+  const Fields fields(L, 1, "world", {"gravity", "dt", "iterations", "control_period", "seed", "ground", "off_table"});
   scene::WorldSpec& spec = session.spec.world;
   fields.with("gravity", [&](int i, const std::string& name) {
     if (lua_type(L, i) == LUA_TNUMBER)
@@ -33,6 +33,11 @@ int world(Session& session, lua_State* L) {
   fields.read("iterations", spec.iterations, 1, 1000);
   fields.read("control_period", spec.control_period_s);
   fields.read("ground", spec.ground);
+  fields.with("off_table", [&](int i, const std::string& name) {
+    const std::string wanted = text_at(L, i, name);
+    if (wanted != "keep" && wanted != "remove") must_be(L, i, name, "'keep' or 'remove'");
+    spec.off_table = wanted == "keep" ? scene::OffTable::kKeep : scene::OffTable::kRemove;
+  });
   fields.with("seed", [&](int i, const std::string& name) {
     const auto seed = static_cast<std::uint64_t>(integer_at(L, i, name, 0, INT64_MAX));
     if (session.options.seed) return;  // --seed wins

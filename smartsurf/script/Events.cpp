@@ -1,4 +1,5 @@
-// at, every, on_tick, on_finish: functions that wait. metric: what comes of the run. stop, quit, pause, pace: how the run goes on.
+// at, every, on_tick, on_leave, on_finish: functions that wait. metric: what comes of the run. stop, quit, pause, pace:
+// how the run goes on.
 #include <algorithm>
 #include <string>
 
@@ -51,6 +52,11 @@ int every(Session& session, lua_State* L) {
 
 int on_tick(Session& session, lua_State* L) {
   session.on_tick.push_back(keep_callback(session, L, 1, "on_tick: function"));
+  return 0;
+}
+
+int on_leave(Session& session, lua_State* L) {
+  session.on_leave.push_back(keep_callback(session, L, 1, "on_leave: function"));
   return 0;
 }
 
@@ -128,6 +134,7 @@ void bind_events(lua_State* L) {
   lua_register(L, "at", guarded<at>);
   lua_register(L, "every", guarded<every>);
   lua_register(L, "on_tick", guarded<on_tick>);
+  lua_register(L, "on_leave", guarded<on_leave>);
   lua_register(L, "on_finish", guarded<on_finish>);
   lua_register(L, "time", guarded<time>);
   lua_register(L, "metric", guarded<metric>);

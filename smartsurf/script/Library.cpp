@@ -210,11 +210,7 @@ int deny_field(Session&, lua_State* L) {
 struct Later {
   std::string_view name, kind, instead;
 };
-constexpr std::array<Later, 5> kLater{{
-    {"capsule", "shape", "sphere, box, cylinder"},
-    {"cone", "shape", "sphere, box, cylinder"},
-    {"mesh", "shape", "sphere, box, cylinder"},
-    {"hull", "shape", "sphere, box, cylinder"},
+constexpr std::array<Later, 1> kLater{{
     {"package", "library", "require() of a file beside the script"},
 }};
 

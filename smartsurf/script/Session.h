@@ -51,7 +51,7 @@ struct Session {
   Schedule schedule;
   std::vector<Callback> callbacks;  // Event::callback is an index here
   std::vector<int> free_callbacks;
-  std::vector<int> on_tick, on_finish;
+  std::vector<int> on_tick, on_leave, on_finish;
   std::vector<std::function<void(Host&)>> at_start;  // pace and pause asked for while loading
 
   std::vector<std::pair<std::string, double>> metrics;  // in the order in which each was first given
@@ -89,8 +89,8 @@ void bind_declarations(lua_State* L);  // world, material, surface, faults, reco
 void bind_actuators(lua_State* L);     // one a kind of actuator
 void bind_sensors(lua_State* L);       // one a kind of sensor
 void bind_options(lua_State* L);       // option, random, math.random
-void bind_objects(lua_State* L);       // sphere, box, cylinder
-void bind_events(lua_State* L);        // at, every, on_tick, on_finish, time, metric, stop, quit, pause, pace
+void bind_objects(lua_State* L);       // sphere, box, cylinder, capsule, cone, hull, mesh
+void bind_events(lua_State* L);        // at, every, on_tick, on_leave, on_finish, time, metric, stop, quit, pause, pace
 void bind_handles(lua_State* L);       // object, objects
 void bind_cells(lua_State* L);         // cells
 // Lua's own libraries, as far as the sandbox lets them in: before the others.

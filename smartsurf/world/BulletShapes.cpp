@@ -26,7 +26,7 @@ std::unique_ptr<btConvexShape> make_shape(const scene::ObjectSpec& o) {
     case scene::ShapeKind::kSphere: return std::make_unique<btSphereShape>(half.x());
     case scene::ShapeKind::kBox: shape = std::make_unique<btBoxShape>(half); break;
     case scene::ShapeKind::kCylinder: shape = std::make_unique<btCylinderShapeZ>(half); break;
-    default: throw std::logic_error("no collision for this shape yet");
+    default: throw scene::InputError("the physics has no collision for capsules, cones, hulls and meshes");
   }
   // GJK rounds edges by the margin: small against the body, whatever its size.
   shape->setMargin(std::min(0.02F, 0.05F * std::min({half.x(), half.y(), half.z()})));
