@@ -133,39 +133,49 @@ Figures endpoints(const Case& c, int peer_cpu) {
   return figures;
 }
 
-// Computes 64 KiB at a time in a buffer of its own and hands that to write().
-template <class Endpoint>
-void produce_in_pieces(Endpoint& to, int channel, std::size_t cells, std::span<float> buffer, int round) {
-  for (std::size_t at = 0; at < cells; at += buffer.size()) {
-    const auto piece = buffer.first(std::min(buffer.size(), cells - at));
-    produce(piece, round);
-    to.write(channel, at, std::span<const float>(piece));
+// Cells computed at once in a buffer of one's own, then handed to write(): up to 64 KiB.
+constexpr std::size_t kPieceCells = 16 * 1024;
+
+// As a streaming pair does: each piece is answered as soon as it has come, and taken in while the next one is
+// being made.
+void answer_in_pieces(ControllerEndpoint& controller, std::span<float> buffer) {
+  for (int i = 1;; ++i) {
+    std::size_t at = 0;
+    for (auto in = controller.next_cells(0); !in.empty(); in = controller.next_cells(0)) {
+      consume(in);
+      const auto out = buffer.first(in.size());
+      produce(out, i);
+      controller.write(1, at, std::span<const float>(out));
+      at += in.size();
+    }
+    if (controller.await_sensors() != Status::kOk) return;
+    require(controller.publish());
   }
 }
 
-// write() on both sides, copies on both sides.
+void tick_in_pieces(SurfaceEndpoint& surface, std::span<float> buffer, int i) {
+  const std::size_t cells = surface.description().cells();
+  for (std::size_t at = 0; at < cells; at += buffer.size()) {
+    const auto out = buffer.first(std::min(buffer.size(), cells - at));
+    produce(out, i);
+    surface.write(0, at, std::span<const float>(out));
+    consume(surface.next_cells(1));
+  }
+  require(surface.publish(static_cast<std::uint64_t>(i), 0.0));
+  for (auto in = surface.next_cells(1); !in.empty(); in = surface.next_cells(1)) consume(in);
+  require(surface.await_actuators(static_cast<std::uint64_t>(i)));
+}
+
 Figures endpoints_in_pieces(const Case& c, int peer_cpu) {
   const auto config = config_of(c);
-  const std::size_t cells = std::size_t{c.side} * c.side;
   auto surface = SurfaceEndpoint::create(config);
-  std::vector<float> buffer(16 * 1024);
+  std::vector<float> buffer(kPieceCells);
   const pid_t peer = start_peer(peer_cpu, [&] {
     auto controller = ControllerEndpoint::attach(config.name);
-    if (cells * sizeof(float) > 256 * 1024) controller.take_copies();
-    for (int i = 1; controller.await_sensors() == Status::kOk; ++i) {
-      consume(controller.sensor(0));
-      produce_in_pieces(controller, 1, cells, buffer, i);
-      require(controller.publish());
-    }
+    answer_in_pieces(controller, buffer);
   });
   require(surface.await_controller());
-  const Figures figures = measure(c.rounds, [&](int i) {
-    const auto tick = static_cast<std::uint64_t>(i);
-    produce_in_pieces(surface, 0, cells, buffer, i);
-    require(surface.publish(tick, 0.0));
-    require(surface.await_actuators(tick));
-    consume(surface.actuator(1));
-  });
+  const Figures figures = measure(c.rounds, [&](int i) { tick_in_pieces(surface, buffer, i); });
   ::kill(peer, SIGKILL);
   ::waitpid(peer, nullptr, 0);
   return figures;
@@ -203,7 +213,7 @@ int main(int argc, char** argv) {
   const std::vector<Way> ways = {
       {"raw ping-pong", raw_spin, one_core ? "cannot work on one core" : nullptr},
       {"endpoints", endpoints, nullptr},
-      {"endpoints, write()", endpoints_in_pieces, nullptr},
+      {"endpoints, in pieces", endpoints_in_pieces, nullptr},
       {"POSIX semaphores", semaphores, nullptr},
       {"Unix socket", bench::unix_socket, nullptr},
       {"Boost message_queue", bench::message_queue, nullptr},

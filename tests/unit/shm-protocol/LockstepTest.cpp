@@ -230,6 +230,43 @@ TEST(Lockstep, AnswerToAFrameThatWasGivenUpIsRefused) {
   EXPECT_EQ(p.surface->await_actuators(1, kAtOnce), Status::kOk);
 }
 
+// A controller that the surface did not know of has answered a frame that was given up; while it announces the
+// answer to the next one, the line already says `answers` of that, the word still means the first.
+TEST(Lockstep, FirstAnswerIsNotTakenForTheSecond) {
+  Pair p("first-second");
+  ASSERT_EQ(p.surface->publish(0, 0.0), Status::kOk);
+  ASSERT_EQ(p.surface->await_actuators(0, kAtOnce), Status::kNoController);
+  p.attach();
+  ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+  p.fill_actuators(1);
+  ASSERT_EQ(p.controller->publish(), Status::kOk);
+  ASSERT_EQ(p.surface->publish(1, 0.0), Status::kOk);
+  RawSegment raw(p.name);
+  for (const std::uint64_t line_frame : {2, 1}) {  // as far as one may see it who does not keep to the order
+    raw.header().actuators.frame = line_frame;
+    raw.header().actuators.answers = 2;
+    EXPECT_NE(p.surface->await_actuators(1, kAtOnce), Status::kOk) << line_frame;
+  }
+  ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+  p.fill_actuators(2);
+  ASSERT_EQ(p.controller->publish(), Status::kOk);
+  ASSERT_EQ(p.surface->await_actuators(1, kAtOnce), Status::kOk);
+  EXPECT_EQ(p.surface->actuator(kHeight)[0], 2.0f);
+}
+
+TEST(Lockstep, ControllerThatIsAdoptedWhileItLeavesIsNotCalledDead) {
+  Pair p("leaver");
+  ASSERT_EQ(p.surface->publish(0, 0.0), Status::kOk);
+  p.attach();
+  RawSegment raw(p.name);
+  const auto process = raw.header().claim.controller_process;
+  p.controller.reset();
+  raw.header().claim.controller_process = process;  // it has not come to that yet
+  EXPECT_EQ(p.surface->await_actuators(0, kAtOnce), Status::kTimeout);
+  raw.header().claim.controller_process = 0;
+  EXPECT_EQ(p.surface->await_actuators(0, kAtOnce), Status::kControllerClosed);
+}
+
 TEST(Lockstep, StatesAreSeenAcross) {
   Pair p("states");
   p.attach();
