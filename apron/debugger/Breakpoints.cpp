@@ -47,7 +47,8 @@ std::optional<std::size_t> Breakpoints::met(const vm::Vm& vm, std::size_t last) 
   // A line has many instructions: it is met where another line, or another use of its macro, is left for it.
   const program::Source &here = program.sources[program.code[next].source],
                         &before = program.sources[program.code[last].source];
-  const bool same = here.file == before.file && here.line == before.line && here.expansion == before.expansion;
+  const bool same =
+      here.file == before.file && here.line == before.line && here.expansion == before.expansion;
   if (same && next > last) return std::nullopt;
   return static_cast<std::size_t>(at_[next]);
 }

@@ -27,7 +27,8 @@ struct Breakpoint {
 class Breakpoints {
  public:
   Breakpoints() = default;
-  // questions: of the conditions in their order, one each (see Condition). world must outlive this, program too.
+  // questions: of the conditions in their order, one each (see Condition). world must outlive this, program
+  // too.
   Breakpoints(std::vector<Breakpoint> list, std::vector<program::Program> questions,
               const program::Program& program, const vm::Host& world);
 

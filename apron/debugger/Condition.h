@@ -17,9 +17,9 @@ inline constexpr const char* kAnswer = "condition.answer";
 
 class Condition {
  public:
-  // `question`: a verified program whose registers and scalars of the watched program's names and shapes stand
-  // for those. Allocates, as a Vm does. world: what surface.time, .dt, .tick and .has ask; it must outlive this,
-  // the program that is watched too.
+  // `question`: a verified program whose registers and scalars of the watched program's names and shapes
+  // stand for those. Allocates, as a Vm does. world: what surface.time, .dt, .tick and .has ask; it must
+  // outlive this, the program that is watched too.
   Condition(program::Program question, const program::Program& watched, const vm::Host& world);
   ~Condition();
   Condition(Condition&&) noexcept;

@@ -21,7 +21,6 @@ struct Appearance {
   std::string title;
   std::optional<Palette> palette;
   std::optional<Range> range;  // else found out from the cells
-
 };
 
 class FrontPanel {
@@ -31,7 +30,7 @@ class FrontPanel {
   struct State {
     std::deque<std::string> console;  // whole lines, the oldest first, and last the one being written
     std::uint64_t lines = 0;          // ever begun
-    std::vector<std::pair<std::string, std::string>> labels;  // name and text, in order of appearance
+    std::vector<std::pair<std::string, std::string>> labels;     // name and text, in order of appearance
     std::map<std::string, Appearance, std::less<>> appearances;  // by register
     std::string latest_shown;                                    // register
   };

@@ -34,7 +34,7 @@ Listing::Listing(const program::Program& program, const std::vector<SourceText>&
     place_.emplace_back(node_of(at), at.line);
     for (Place place = place_.back();;) {
       code_[place] = true;
-      if (!nodes_[place.first].parent || nodes_[place.first].title.find("macro ") != 0) break;
+      if (!nodes_[place.first].parent || nodes_[place.first].macro.empty()) break;
       place = *nodes_[place.first].parent;
     }
   }
@@ -46,7 +46,7 @@ void Listing::add_files(const std::vector<SourceText>& texts) {
     names_.push_back(texts[i].name);
     lines_.push_back(split(texts[i].text));
     node_of_text_.push_back(static_cast<std::uint32_t>(nodes_.size()));
-    Node node{i, 1, static_cast<std::uint32_t>(lines_.back().size()), texts[i].name, std::nullopt};
+    Node node{i, 1, static_cast<std::uint32_t>(lines_.back().size()), {}, std::nullopt};
     if (texts[i].included_in && *texts[i].included_in < i) {
       node.parent = Place{node_of_text_[*texts[i].included_in], texts[i].included_at};
       children_[*node.parent].push_back(node_of_text_.back());
@@ -62,7 +62,7 @@ void Listing::add_expansions(const program::Program& program) {
     const program::Expansion& one = program.expansions[e];
     const Place parent{node_of(one.call), one.call.line};
     node_of_expansion_[e] = static_cast<std::uint32_t>(nodes_.size());
-    nodes_.push_back({0, kNowhere, 0, "macro " + one.macro, parent});
+    nodes_.push_back({0, kNowhere, 0, one.macro, parent});
   }
   for (const program::Source& at : program.sources)
     if (at.expansion > 0) stretch(node_of_expansion_[at.expansion], at);
@@ -113,12 +113,17 @@ void Listing::emit(std::uint32_t node, std::uint32_t depth) {
                      code_.count(place) > 0, node});
     if (!open) continue;
     for (const std::uint32_t child : below->second) {
-      const bool macro = nodes_[child].title != names_[nodes_[child].text];
-      rows_.push_back({macro ? nodes_[child].title + "  (" + names_[nodes_[child].text] + ")" : nodes_[child].title,
-                       names_[nodes_[child].text], 0, depth + 1, Fold::kNone, false, child});
+      rows_.push_back(
+          {title(nodes_[child]), names_[nodes_[child].text], 0, depth + 1, Fold::kNone, false, child});
       emit(child, depth + 1);
     }
   }
+}
+
+std::string Listing::title(const Node& node) const {
+  const std::string& path = names_[node.text];
+  const std::string file = path.substr(path.find_last_of('/') + 1);
+  return node.macro.empty() ? file : "macro " + node.macro + ", " + file;
 }
 
 // Of the innermost line around it that is shown.

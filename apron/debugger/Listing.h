@@ -1,4 +1,5 @@
-// A program's text as rows to show, in which included files and uses of macros unfold below the line that has them.
+// A program's text as rows to show, in which included files and uses of macros unfold below the line that has
+// them.
 #pragma once
 
 #include <cstdint>
@@ -25,13 +26,13 @@ class Listing {
  public:
   enum class Fold : std::uint8_t { kNone, kClosed, kOpen };
   struct Row {
-    std::string text;          // of a title: what follows
-    std::string file;          // as Program::files has it
-    std::uint32_t line = 0;    // from 1; 0: a title
-    std::uint32_t depth = 0;   // how many folds it is in
-    Fold fold = Fold::kNone;   // closed: something below it is hidden
-    bool code = false;         // has instructions
-    std::uint32_t node = 0;    // internal
+    std::string text;         // of a title: what follows
+    std::string file;         // as Program::files has it
+    std::uint32_t line = 0;   // from 1; 0: a title
+    std::uint32_t depth = 0;  // how many folds it is in
+    Fold fold = Fold::kNone;  // closed: something below it is hidden
+    bool code = false;        // has instructions
+    std::uint32_t node = 0;   // internal
   };
 
   Listing() = default;
@@ -55,7 +56,7 @@ class Listing {
   struct Node {
     std::size_t text = 0;
     std::uint32_t first = 0, last = 0;  // lines; none if first > last
-    std::string title;
+    std::string macro;                  // "": the whole file
     std::optional<Place> parent;
   };
 
@@ -65,6 +66,7 @@ class Listing {
   std::uint32_t node_of(const program::Source& at) const;
   void rebuild();
   void emit(std::uint32_t node, std::uint32_t depth);
+  std::string title(const Node& node) const;
   std::uint32_t row_of(const Place& place) const;
   std::string line_text(std::size_t text, std::uint32_t line) const;
 

@@ -12,7 +12,7 @@
 namespace apron::debugger {
 
 enum class Mode : std::uint8_t {
-  kHeld,      // until somebody says otherwise
+  kHeld,  // until somebody says otherwise
   kRunning,
   kStepping,  // a step is not complete, for the surface has not answered yet
   kWalking,   // line by line
@@ -27,8 +27,8 @@ struct LookRequest {
   bool cell = false, profile = false;
 };
 
-// Some or all cells of a register, row by row from the north-west. Of a larger one each cell stands for a square
-// of step x step, of which it is the north-western one.
+// Some or all cells of a register, row by row from the north-west. Of a larger one each cell stands for a
+// square of step x step, of which it is the north-western one.
 struct Shot {
   std::size_t reg = 0;
   std::uint32_t width = 0, height = 0, step = 1;
@@ -48,9 +48,9 @@ struct Look {
   std::optional<Shot> large;
   std::vector<Shot> small;
   Cell cell;
-  std::vector<Around> around;           // of the cell, by register
-  std::vector<Probe::Record> history;   // of the cell
-  std::vector<vm::Spent> spent;         // by instruction
+  std::vector<Around> around;          // of the cell, by register
+  std::vector<Probe::Record> history;  // of the cell
+  std::vector<vm::Spent> spent;        // by instruction
 };
 
 }  // namespace apron::debugger

@@ -106,9 +106,8 @@ std::string_view name(Palette palette) noexcept { return kNames[static_cast<std:
 
 Palette palette(std::string_view name) noexcept {
   const auto same = [&](std::string_view known) {
-    return std::equal(name.begin(), name.end(), known.begin(), known.end(), [](char a, char b) {
-      return std::tolower(static_cast<unsigned char>(a)) == b;
-    });
+    return std::equal(name.begin(), name.end(), known.begin(), known.end(),
+                      [](char a, char b) { return std::tolower(static_cast<unsigned char>(a)) == b; });
   };
   const auto found = std::find_if(kNames.begin(), kNames.end(), same);
   return found == kNames.end() ? Palette::kGrey : static_cast<Palette>(found - kNames.begin());
@@ -125,13 +124,15 @@ Colour colour(Palette palette, const Range& range, float value) noexcept {
 void paint(Palette palette, const Range& range, const std::vector<float>& values,
            std::vector<std::uint8_t>& rgba) {
   std::array<Colour, kShades> shades;
-  for (std::size_t i = 0; i < kShades; ++i) shades[i] = colour(palette, static_cast<float>(i) / (kShades - 1));
+  for (std::size_t i = 0; i < kShades; ++i)
+    shades[i] = colour(palette, static_cast<float>(i) / (kShades - 1));
   rgba.resize(values.size() * 4);
   std::uint8_t* to = rgba.data();
   for (const float value : values) {
     const float t = place(palette, range, value);
-    const Colour c = std::isnan(t) ? kNotANumber
-                                   : shades[static_cast<std::size_t>(std::clamp(t, 0.0F, 1.0F) * (kShades - 1) + 0.5F)];
+    const Colour c = std::isnan(t)
+                         ? kNotANumber
+                         : shades[static_cast<std::size_t>(std::clamp(t, 0.0F, 1.0F) * (kShades - 1) + 0.5F)];
     *to++ = c.red;
     *to++ = c.green;
     *to++ = c.blue;

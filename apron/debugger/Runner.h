@@ -14,8 +14,8 @@
 
 namespace apron::debugger {
 
-// All functions are for one other thread, and none of them waits for the program. What is posted and asked for is
-// done between two ticks, or in the middle of one that takes longer than 50 ms, which then goes on.
+// All functions are for one other thread, and none of them waits for the program. What is posted and asked
+// for is done between two ticks, or in the middle of one that takes longer than 50 ms, which then goes on.
 class Runner {
  public:
   // interrupt: the stop flag of the session's VM and host. Both must outlive this.
@@ -49,8 +49,8 @@ class Runner {
   LookRequest request_;
   Look look_;
   bool asked_ = false, answered_ = false, quit_ = false;
-  Clock::time_point since_;            // of the oldest order or request
-  std::atomic<bool> wanted_{false};    // there are orders, a request, or the end
+  Clock::time_point since_;          // of the oldest order or request
+  std::atomic<bool> wanted_{false};  // there are orders, a request, or the end
   std::thread thread_;
 };
 

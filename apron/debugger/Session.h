@@ -25,8 +25,8 @@ using Groups = std::vector<std::uint32_t>;
 // Held at first. Not thread-safe. What it is told to do is done by advance().
 class Session {
  public:
-  // host must outlive it. on_hold(true) is called when the program is held or over, and at once, on_hold(false)
-  // when it goes on. The program must have passed verify(). Throws std::bad_alloc.
+  // host must outlive it. on_hold(true) is called when the program is held or over, and at once,
+  // on_hold(false) when it goes on. The program must have passed verify(). Throws std::bad_alloc.
   Session(program::Program program, const vm::VmOptions& options, vm::Host& host,
           std::function<void(bool)> on_hold = {});
 
@@ -45,8 +45,8 @@ class Session {
   void watch(const Cell& cell) { probe_.watch(cell); }
   void profile(bool on);
 
-  // Goes on until a tick is complete, the step is, or something stops it. When the stop flag of the options was
-  // raised it comes back in the mode it was in, and the next call goes on.
+  // Goes on until a tick is complete, the step is, or something stops it. When the stop flag of the options
+  // was raised it comes back in the mode it was in, and the next call goes on.
   void advance();
 
   Mode mode() const noexcept { return mode_; }

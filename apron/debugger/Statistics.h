@@ -22,7 +22,8 @@ struct Statistics {
 
 Statistics statistics(const std::vector<float>& cells) noexcept;
 
-// The range in which a palette shows all of them: from 0 or the least to 0 or the largest; 0 to 1 if all are 0.
+// The range in which a palette shows all of them: from 0 or the least to 0 or the largest; 0 to 1 if all are
+// 0.
 Range automatic_range(const Statistics&) noexcept;
 Range automatic_range(const std::vector<float>& cells) noexcept;
 

@@ -16,7 +16,8 @@ vm::VmOptions vm_options(const Options& options) {
 }
 
 ui::Workbench::Ask asker(const DrawnRun& run) {
-  return [width = run.width, height = run.height](const std::string& condition, const program::Program& watched) {
+  return [width = run.width, height = run.height](const std::string& condition,
+                                                  const program::Program& watched) {
     ui::Workbench::Question question;
     question.program = compile_question(condition, watched, width, height, question.wrong);
     return question;
@@ -53,7 +54,8 @@ DrawnOutcome run_drawn(DrawnRun run) {
     outcome.wrong = error.what();
   }
   // Closing the window or a signal ends a program that could go on.
-  outcome.status = drawn.session.mode() == debugger::Mode::kOver ? drawn.session.status() : vm::Status::kEnded;
+  outcome.status =
+      drawn.session.mode() == debugger::Mode::kOver ? drawn.session.status() : vm::Status::kEnded;
   if (stop_flag()) outcome.status = vm::Status::kInterrupted;
   outcome.error = drawn.session.vm().error();
   outcome.ticks = drawn.session.ticks();

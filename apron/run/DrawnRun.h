@@ -23,9 +23,9 @@ struct DrawnRun {
 
 struct DrawnOutcome {
   vm::Status status = vm::Status::kEnded;
-  std::string error;           // of the program
-  std::string wrong;           // one line: a file that cannot be written, no OpenGL; "" for nothing
-  std::uint64_t ticks = 0;     // with the next one, for --profile
+  std::string error;        // of the program
+  std::string wrong;        // one line: a file that cannot be written, no OpenGL; "" for nothing
+  std::uint64_t ticks = 0;  // with the next one, for --profile
   std::vector<vm::Spent> spent;
 };
 

@@ -18,7 +18,8 @@ bool names(const std::string& text, const std::string& name) {
   if (name.empty() || name.front() == '$' || name.find(':') != std::string::npos) return false;
   for (std::size_t at = text.find(name); at != std::string::npos; at = text.find(name, at + 1)) {
     const std::size_t end = at + name.size();
-    if ((at == 0 || !is_name_character(text[at - 1])) && (end == text.size() || !is_name_character(text[end])))
+    if ((at == 0 || !is_name_character(text[at - 1])) &&
+        (end == text.size() || !is_name_character(text[end])))
       return true;
   }
   return false;
@@ -29,7 +30,8 @@ std::string question(const std::string& condition, const program::Program& watch
   std::string text;
   std::vector<std::string> declared;
   const auto fresh = [&](const std::string& name) {
-    if (!names(condition, name) || std::find(declared.begin(), declared.end(), name) != declared.end()) return false;
+    if (!names(condition, name) || std::find(declared.begin(), declared.end(), name) != declared.end())
+      return false;
     declared.push_back(name);
     return true;
   };
@@ -38,7 +40,8 @@ std::string question(const std::string& condition, const program::Program& watch
     if (r.width == width && r.height == height)
       text += "!register(" + r.name + ")\n";
     else
-      text += "!create('" + r.name + "', REGISTER, " + std::to_string(r.width) + ", " + std::to_string(r.height) + ")\n";
+      text += "!create('" + r.name + "', REGISTER, " + std::to_string(r.width) + ", " +
+              std::to_string(r.height) + ")\n";
   }
   for (const program::Variable& v : watched.variables)
     if (fresh(v.name)) text += "!create('" + v.name + "', VARIABLE)\n";
@@ -47,8 +50,9 @@ std::string question(const std::string& condition, const program::Program& watch
 
 }  // namespace
 
-std::optional<program::Program> compile_question(const std::string& condition, const program::Program& watched,
-                                                 std::uint32_t width, std::uint32_t height, std::string& wrong) {
+std::optional<program::Program> compile_question(const std::string& condition,
+                                                 const program::Program& watched, std::uint32_t width,
+                                                 std::uint32_t height, std::string& wrong) {
   if (condition.find_first_of("\r\n\\") != std::string::npos || condition.find("//") != std::string::npos) {
     wrong = "a condition is one line, without a comment";
     return std::nullopt;

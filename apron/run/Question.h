@@ -9,7 +9,8 @@
 namespace apron::run {
 
 // width, height: the default size of the program's registers. Without a program, `wrong` is one line.
-std::optional<program::Program> compile_question(const std::string& condition, const program::Program& watched,
-                                                 std::uint32_t width, std::uint32_t height, std::string& wrong);
+std::optional<program::Program> compile_question(const std::string& condition,
+                                                 const program::Program& watched, std::uint32_t width,
+                                                 std::uint32_t height, std::string& wrong);
 
 }  // namespace apron::run

@@ -101,7 +101,8 @@ class WindowLoop {
     return "APRON  " + name + (options.surface.empty() ? "" : "  on " + options.surface);
   }
 
-  // At most 60 frames a second; where drawing is slow, most of the time is left to the program and the simulator.
+  // At most 60 frames a second; where drawing is slow, most of the time is left to the program and the
+  // simulator.
   void pause(Clock::time_point start) {
     const double drawing = std::chrono::duration<double>(Clock::now() - start).count();
     const double frame = bench_.running() || !calm_ ? std::max(kFrame_s, 3.0 * drawing) : kIdleFrame_s;
@@ -122,7 +123,8 @@ class WindowLoop {
     bench_.notice.clear();
     for (ui::Workbench::Order& order : bench_.take_orders()) runner_.post(std::move(order));
     runner_.post([this, program = compiled->program](debugger::Session& session) {
-      const std::string missing = drawn_.run.host.load_modules(program.modules, module_paths(drawn_.run.options));
+      const std::string missing =
+          drawn_.run.host.load_modules(program.modules, module_paths(drawn_.run.options));
       if (!missing.empty()) return drawn_.panel.note("not reloaded: " + missing);
       drawn_.panel.clear_program();
       session.replace(program);

@@ -122,8 +122,9 @@ void draw_help(Stage& stage) {
   ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, {stage.px(18), stage.px(14)});
   ImGui::PushStyleVar(ImGuiStyleVar_WindowRounding, stage.px(8));
   ImGui::PushStyleColor(ImGuiCol_WindowBg, IM_COL32(252, 253, 255, 250));
-  ImGui::Begin("help", nullptr,
-               ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoSavedSettings);
+  ImGui::Begin(
+      "help", nullptr,
+      ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoSavedSettings);
   ImGui::TextUnformatted("Mouse and keys");
   ImGui::Separator();
   if (ImGui::BeginTable("keys", 2, ImGuiTableFlags_SizingFixedFit)) {

@@ -31,10 +31,31 @@ bool on_path(const std::string& program) {
 
 std::vector<std::string> command(const fs::path& file, int width, int height, int frames_per_second) {
   const std::string size = std::to_string(width) + "x" + std::to_string(height);
-  return {"ffmpeg", "-nostdin", "-loglevel", "error",     "-y",      "-f",     "rawvideo",
-          "-pix_fmt", "rgb24",  "-s",        size,        "-r",      std::to_string(frames_per_second),
-          "-i",     "pipe:0",   "-an",       "-c:v",      "libx264", "-preset", "veryfast",
-          "-crf",   "18",       "-pix_fmt",  "yuv420p",   file.string()};
+  return {"ffmpeg",
+          "-nostdin",
+          "-loglevel",
+          "error",
+          "-y",
+          "-f",
+          "rawvideo",
+          "-pix_fmt",
+          "rgb24",
+          "-s",
+          size,
+          "-r",
+          std::to_string(frames_per_second),
+          "-i",
+          "pipe:0",
+          "-an",
+          "-c:v",
+          "libx264",
+          "-preset",
+          "veryfast",
+          "-crf",
+          "18",
+          "-pix_fmt",
+          "yuv420p",
+          file.string()};
 }
 
 }  // namespace

@@ -11,9 +11,9 @@ namespace apron::ui {
 
 class Film {
  public:
-  // All pictures will have that size, both edges even. The file appears under its name when finish() succeeds;
-  // until then it is FILE.part.mp4. Throws PictureError when ffmpeg is missing, the name does not end in .mp4,
-  // or there is no such folder.
+  // All pictures will have that size, both edges even. The file appears under its name when finish()
+  // succeeds; until then it is FILE.part.mp4. Throws PictureError when ffmpeg is missing, the name does not
+  // end in .mp4, or there is no such folder.
   Film(const std::filesystem::path& file, int width, int height, int frames_per_second);
   ~Film();  // without finish(): nothing is left behind
   Film(const Film&) = delete;

@@ -1,7 +1,7 @@
 #include "apron/ui/Gui.h"
 
-#include <epoxy/gl.h>
 #include <backends/imgui_impl_opengl3.h>
+#include <epoxy/gl.h>
 
 #include <algorithm>
 #include <cmath>
@@ -16,8 +16,8 @@ constexpr const char* kCode = "/usr/share/fonts/truetype/dejavu/DejaVuSansMono.t
 constexpr float kTextPixels = 15.0F, kCodePixels = 14.0F, kSmallPixels = 12.0F;
 
 // Latin, Greek, punctuation, arrows, minus, geometric shapes.
-constexpr ImWchar kGlyphs[] = {0x20,   0x17F,  0x370,  0x3FF,  0x2010, 0x2030, 0x2190,
-                               0x2195, 0x2212, 0x2212, 0x2264, 0x2265, 0x25A0, 0x25CF, 0};
+constexpr ImWchar kGlyphs[] = {0x20,   0x17F,  0x370,  0x3FF,  0x2010, 0x2030, 0x2190, 0x2195,
+                               0x2212, 0x2212, 0x2264, 0x2265, 0x25A0, 0x25CF, 0};
 
 ImFont* load(const char* file, float pixels) {
   ImFontAtlas& fonts = *ImGui::GetIO().Fonts;
@@ -81,8 +81,9 @@ Gui::~Gui() {
 }
 
 Image read_pixels(int width, int height) {
-  Image image{width, height,
-              std::vector<std::uint8_t>(static_cast<std::size_t>(width) * static_cast<std::size_t>(height) * 3)};
+  Image image{
+      width, height,
+      std::vector<std::uint8_t>(static_cast<std::size_t>(width) * static_cast<std::size_t>(height) * 3)};
   glPixelStorei(GL_PACK_ALIGNMENT, 1);
   glReadPixels(0, 0, width, height, GL_RGB, GL_UNSIGNED_BYTE, image.rgb.data());
   // OpenGL's first row is the bottom one.

@@ -19,7 +19,9 @@ struct Image {
   std::vector<std::uint8_t> rgb;  // height x width x 3, row by row from the top edge; as a screen shows them
 
   const std::uint8_t* pixel(int x, int y) const {
-    return &rgb[(static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)) * 3];
+    return &rgb[(static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
+                 static_cast<std::size_t>(x)) *
+                3];
   }
 };
 

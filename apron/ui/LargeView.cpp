@@ -23,7 +23,8 @@ struct Field {
 
   std::optional<Cell> at(ImVec2 p) const {
     const float x = (p.x - origin.x) / cell, y = (p.y - origin.y) / cell;
-    const bool inside = p.x >= corner.x && p.y >= corner.y && p.x < corner.x + size.x && p.y < corner.y + size.y;
+    const bool inside =
+        p.x >= corner.x && p.y >= corner.y && p.x < corner.x + size.x && p.y < corner.y + size.y;
     if (!inside || x < 0.0F || y < 0.0F || x >= static_cast<float>(width) || y >= static_cast<float>(height))
       return std::nullopt;
     return Cell{static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y)};
@@ -48,8 +49,7 @@ void draw_style(Stage& stage, std::size_t reg) {
   ImGui::SameLine();
   if (ImGui::Checkbox("Auto", &style.automatic)) {
     changed = true;
-    if (!style.automatic && bench.look().large)
-      style.range = debugger::automatic_range(bench.statistics());
+    if (!style.automatic && bench.look().large) style.range = debugger::automatic_range(bench.statistics());
   }
   if (ImGui::IsItemHovered()) ImGui::SetTooltip("The palette spans what the cells hold, and 0");
   if (!style.automatic) {
@@ -95,10 +95,11 @@ Field field_in(const Stage& stage, ImVec2 corner, ImVec2 room, const debugger::S
 
 void take_mouse(Workbench& bench, const Field& field, const std::optional<Cell>& under) {
   const ImGuiIO& io = ImGui::GetIO();
-  const ImVec2 whole{field.cell * static_cast<float>(field.width), field.cell * static_cast<float>(field.height)};
+  const ImVec2 whole{field.cell * static_cast<float>(field.width),
+                     field.cell * static_cast<float>(field.height)};
   if (ImGui::IsItemHovered() && io.MouseWheel != 0.0F)
-    bench.view.zoom_about((io.MousePos.x - field.origin.x) / whole.x, (io.MousePos.y - field.origin.y) / whole.y,
-                          std::pow(1.25F, io.MouseWheel));
+    bench.view.zoom_about((io.MousePos.x - field.origin.x) / whole.x,
+                          (io.MousePos.y - field.origin.y) / whole.y, std::pow(1.25F, io.MouseWheel));
   if (ImGui::IsItemActive() && ImGui::IsMouseDragging(0, 4.0F)) {
     bench.view.pan(-io.MouseDelta.x / whole.x, -io.MouseDelta.y / whole.y);
   }
@@ -109,11 +110,14 @@ void take_mouse(Workbench& bench, const Field& field, const std::optional<Cell>&
 }
 
 // Values in the cells, once these are large enough.
-void draw_values_in_cells(const Stage& stage, ImDrawList& list, const Field& field, const debugger::Shot& shot,
-                          const Style& style, const Range& range) {
+void draw_values_in_cells(const Stage& stage, ImDrawList& list, const Field& field,
+                          const debugger::Shot& shot, const Style& style, const Range& range) {
   if (field.cell < stage.px(46)) return;
-  const auto first = [&](float at) { return static_cast<std::uint32_t>(std::max(0.0F, std::floor(at / field.cell))); };
-  const std::uint32_t x0 = first(field.corner.x - field.origin.x), y0 = first(field.corner.y - field.origin.y);
+  const auto first = [&](float at) {
+    return static_cast<std::uint32_t>(std::max(0.0F, std::floor(at / field.cell)));
+  };
+  const std::uint32_t x0 = first(field.corner.x - field.origin.x),
+                      y0 = first(field.corner.y - field.origin.y);
   const auto columns = static_cast<std::uint32_t>(field.size.x / field.cell) + 2,
              rows = static_cast<std::uint32_t>(field.size.y / field.cell) + 2;
   for (std::uint32_t y = y0; y < std::min(y0 + rows, shot.height); ++y)
@@ -125,7 +129,8 @@ void draw_values_in_cells(const Stage& stage, ImDrawList& list, const Field& fie
       std::snprintf(text, sizeof text, "%.4g", static_cast<double>(value));
       const ImVec2 size = ImGui::CalcTextSize(text);
       const ImVec2 middle = field.place(static_cast<float>(x) + 0.5F, static_cast<float>(y) + 0.5F);
-      list.AddText({middle.x - size.x / 2.0F, middle.y - size.y / 2.0F}, dark ? IM_COL32_WHITE : IM_COL32_BLACK, text);
+      list.AddText({middle.x - size.x / 2.0F, middle.y - size.y / 2.0F},
+                   dark ? IM_COL32_WHITE : IM_COL32_BLACK, text);
     }
 }
 
@@ -139,19 +144,24 @@ void frame(ImDrawList& list, const Field& field, const Cell& cell, ImU32 colour,
 
 // Numbers of columns above and rows at the left, those of the first and last that are seen.
 void draw_axes(const Stage& stage, ImDrawList& list, const Field& field) {
-  const auto number = [&](float at) { return std::to_string(static_cast<int>(std::floor(at / field.cell + 1e-3F))); };
+  const auto number = [&](float at) {
+    return std::to_string(static_cast<int>(std::floor(at / field.cell + 1e-3F)));
+  };
   const std::string west = number(field.corner.x - field.origin.x),
                     east = number(field.corner.x + field.size.x - field.origin.x - 1.0F),
                     north = number(field.corner.y - field.origin.y),
                     south = number(field.corner.y + field.size.y - field.origin.y - 1.0F);
   const float line = ImGui::GetTextLineHeight(), gap = stage.px(4);
   const ImVec2 c = field.corner, s = field.size;
-  const auto text = [&](float x, float y, const std::string& t) { list.AddText({x, y}, theme::kFaint, t.c_str()); };
+  const auto text = [&](float x, float y, const std::string& t) {
+    list.AddText({x, y}, theme::kFaint, t.c_str());
+  };
   text(c.x, c.y - line - 1.0F, west);
   text(c.x + s.x - ImGui::CalcTextSize(east.c_str()).x, c.y - line - 1.0F, east);
   text(c.x - gap - ImGui::CalcTextSize(north.c_str()).x, c.y, north);
   text(c.x - gap - ImGui::CalcTextSize(south.c_str()).x, c.y + s.y - line, south);
   const char* up = "north \u2191";
+  if (s.x < 3.0F * ImGui::CalcTextSize(up).x) return;
   text(c.x + (s.x - ImGui::CalcTextSize(up).x) / 2.0F, c.y - line - 1.0F, up);
 }
 
@@ -160,7 +170,8 @@ void draw_legend(const Stage& stage, ImDrawList& list, ImVec2 corner, float heig
   constexpr int kSteps = 64;
   const float width = stage.px(14), line = ImGui::GetTextLineHeight();
   for (int i = 0; i < kSteps; ++i) {
-    const debugger::Colour c = debugger::colour(style.palette, 1.0F - (static_cast<float>(i) + 0.5F) / kSteps);
+    const debugger::Colour c =
+        debugger::colour(style.palette, 1.0F - (static_cast<float>(i) + 0.5F) / kSteps);
     list.AddRectFilled({corner.x, corner.y + height * static_cast<float>(i) / kSteps},
                        {corner.x + width, corner.y + height * static_cast<float>(i + 1) / kSteps},
                        IM_COL32(c.red, c.green, c.blue, 255));
@@ -171,7 +182,8 @@ void draw_legend(const Stage& stage, ImDrawList& list, ImVec2 corner, float heig
   list.AddText({x, corner.y + height - line}, theme::kFaint, short_number(range.low).c_str());
 }
 
-void draw_field(Stage& stage, const debugger::Shot& shot, std::size_t reg, ImVec2 room, std::optional<Cell>& under) {
+void draw_field(Stage& stage, const debugger::Shot& shot, std::size_t reg, ImVec2 room,
+                std::optional<Cell>& under) {
   Workbench& bench = stage.bench;
   const Style style = bench.style(reg);
   const Range range = bench.range(style, shot.cells);
@@ -186,8 +198,8 @@ void draw_field(Stage& stage, const debugger::Shot& shot, std::size_t reg, ImVec
   ImDrawList& list = *ImGui::GetWindowDrawList();
   const ImVec2 end{field.corner.x + field.size.x, field.corner.y + field.size.y};
   list.PushClipRect(field.corner, end, true);
-  list.AddImage(reinterpret_cast<ImTextureID>(static_cast<std::intptr_t>(
-                    stage.textures.of(shot, true, style, range, bench.serial()))),
+  list.AddImage(reinterpret_cast<ImTextureID>(
+                    static_cast<std::intptr_t>(stage.textures.of(shot, true, style, range, bench.serial()))),
                 field.origin, field.place(static_cast<float>(shot.width), static_cast<float>(shot.height)));
   draw_values_in_cells(stage, list, field, shot, style, range);
   if (bench.cell_shown) frame(list, field, bench.cell, theme::kAccent, stage.px(2));
@@ -210,11 +222,14 @@ void draw_histogram(Stage& stage, std::size_t reg, ImVec2 size) {
   for (std::size_t i = 0; i < debugger::kBins && most > 0; ++i) {
     if (s.histogram[i] == 0) continue;
     // By logarithm: a few cells of an object matter beside a whole empty background.
-    const float tall = size.y * std::log1p(static_cast<float>(s.histogram[i])) / std::log1p(static_cast<float>(most));
-    const float x = static_cast<float>(i) / debugger::kBins, next = static_cast<float>(i + 1) / debugger::kBins;
+    const float tall =
+        size.y * std::log1p(static_cast<float>(s.histogram[i])) / std::log1p(static_cast<float>(most));
+    const float x = static_cast<float>(i) / debugger::kBins,
+                next = static_cast<float>(i + 1) / debugger::kBins;
     const float value = s.min + (s.max - s.min) * (x + next) / 2.0F;
     const debugger::Colour c = colour(style.palette, range, value);
-    const ImVec2 a{at.x + x * size.x, at.y + size.y - std::max(2.0F, tall)}, b{at.x + next * size.x, at.y + size.y};
+    const ImVec2 a{at.x + x * size.x, at.y + size.y - std::max(2.0F, tall)},
+        b{at.x + next * size.x, at.y + size.y};
     list.AddRectFilled(a, b, IM_COL32(c.red, c.green, c.blue, 255));
     list.AddRect(a, b, IM_COL32(90, 100, 115, 110));
   }
@@ -230,7 +245,8 @@ void draw_histogram(Stage& stage, std::size_t reg, ImVec2 size) {
 void draw_figures(Stage& stage, const std::optional<Cell>& under) {
   const debugger::Statistics& s = stage.bench.statistics();
   if (under && stage.bench.value(*under))
-    ImGui::Text("column %u  row %u  =  %s", under->x, under->y, short_number(*stage.bench.value(*under)).c_str());
+    ImGui::Text("column %u  row %u  =  %s", under->x, under->y,
+                short_number(*stage.bench.value(*under)).c_str());
   else
     ImGui::TextColored(ImGui::ColorConvertU32ToFloat4(theme::kFaint), "Point at a cell to read it");
   std::string text = "min " + short_number(s.min) + "   max " + short_number(s.max) + "   mean " +
@@ -249,7 +265,8 @@ void draw_large(Stage& stage) {
   const debugger::Look& look = bench.look();
   if (!look.large || look.large->reg != reg) return;  // it comes with the next look
   const float histogram = stage.px(46);
-  const float below = histogram + 2.0F * ImGui::GetTextLineHeightWithSpacing() + 4.0F * ImGui::GetStyle().ItemSpacing.y;
+  const float below =
+      histogram + 2.0F * ImGui::GetTextLineHeightWithSpacing() + 4.0F * ImGui::GetStyle().ItemSpacing.y;
   const ImVec2 room = ImGui::GetContentRegionAvail();
   std::optional<Cell> under;
   draw_field(stage, *look.large, reg, {room.x, std::max(room.y - below, stage.px(60))}, under);

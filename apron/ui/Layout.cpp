@@ -9,8 +9,8 @@ namespace apron::ui {
 namespace {
 
 constexpr ImGuiWindowFlags kFixed = ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove |
-                                    ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoBringToFrontOnFocus |
-                                    ImGuiWindowFlags_NoNav;
+                                    ImGuiWindowFlags_NoSavedSettings |
+                                    ImGuiWindowFlags_NoBringToFrontOnFocus | ImGuiWindowFlags_NoNav;
 
 struct Sizes {
   float list = 0.0F, program = 0.0F, bottom = 0.0F, values = 0.0F;  // program 0: it is one of the tabs
@@ -19,10 +19,10 @@ struct Sizes {
 Sizes sizes(const Stage& stage, ImVec2 room) {
   Sizes s;
   const bool wide = is_wide(stage);
-  s.list = wide ? std::clamp(room.x * 0.175F, stage.px(292), stage.px(420)) : stage.px(146);
+  s.list = wide ? std::clamp(room.x * 0.175F, stage.px(292), stage.px(420)) : stage.px(176);
   s.program = wide ? std::clamp(room.x * 0.37F, stage.px(400), stage.px(680)) : 0.0F;
-  s.bottom = std::clamp(room.y * 0.28F, stage.px(190), stage.px(320));
-  s.values = wide ? stage.px(300) : stage.px(220);
+  s.bottom = wide ? std::clamp(room.y * 0.28F, stage.px(190), stage.px(320)) : room.y * 0.38F;
+  s.values = wide ? stage.px(300) : stage.px(176);
   return s;
 }
 

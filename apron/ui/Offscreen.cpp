@@ -1,7 +1,7 @@
 #include "apron/ui/Offscreen.h"
 
-#include <epoxy/gl.h>
 #include <backends/imgui_impl_opengl3.h>
+#include <epoxy/gl.h>
 
 #include <vector>
 
@@ -28,8 +28,8 @@ struct Offscreen::State {
     glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
     glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_RENDERBUFFER, colour);
     if (glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
-      throw PictureError("this machine draws no picture of " + std::to_string(width) + "x" + std::to_string(height) +
-                         " pixels");
+      throw PictureError("this machine draws no picture of " + std::to_string(width) + "x" +
+                         std::to_string(height) + " pixels");
     ImGuiIO& io = ImGui::GetIO();
     io.DisplaySize = {static_cast<float>(width), static_cast<float>(height)};
     io.DeltaTime = 1.0F / 60.0F;  // and not the clock's: the same input, the same picture

@@ -1,7 +1,7 @@
 // The window's picture without a window or a display: OpenGL through EGL into memory.
 //
-// The same workbench and size give the same bytes on the same driver. One thread; one at a time, and none beside a
-// Window, for there is one Dear ImGui context a process.
+// The same workbench and size give the same bytes on the same driver. One thread; one at a time, and none
+// beside a Window, for there is one Dear ImGui context a process.
 #pragma once
 
 #include <memory>
@@ -14,8 +14,8 @@ namespace apron::ui {
 
 class Offscreen {
  public:
-  // Pixels; scale: of texts and gaps. Throws PictureError when this machine has no OpenGL 3.3, or no picture so
-  // large.
+  // Pixels; scale: of texts and gaps. Throws PictureError when this machine has no OpenGL 3.3, or no picture
+  // so large.
   Offscreen(int width, int height, float scale = 1.0F);
   ~Offscreen();
 

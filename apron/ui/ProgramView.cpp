@@ -35,25 +35,29 @@ void code_text(ImDrawList& list, ImVec2 at, const std::string& text) {
 }
 
 void triangle(ImDrawList& list, ImVec2 middle, float r, bool open) {
-  const ImVec2 &m = middle;
+  const ImVec2& m = middle;
   if (open)
-    list.AddTriangleFilled({m.x - r, m.y - r * 0.6F}, {m.x + r, m.y - r * 0.6F}, {m.x, m.y + r * 0.8F}, theme::kAccent);
+    list.AddTriangleFilled({m.x - r, m.y - r * 0.6F}, {m.x + r, m.y - r * 0.6F}, {m.x, m.y + r * 0.8F},
+                           theme::kAccent);
   else
-    list.AddTriangleFilled({m.x - r * 0.6F, m.y - r}, {m.x + r * 0.8F, m.y}, {m.x - r * 0.6F, m.y + r}, theme::kAccent);
+    list.AddTriangleFilled({m.x - r * 0.6F, m.y - r}, {m.x + r * 0.8F, m.y}, {m.x - r * 0.6F, m.y + r},
+                           theme::kAccent);
 }
 
-void spent_text(ImDrawList& list, const Stage& stage, ImVec2 row, float right, float height, const vm::Spent& spent,
-                double share) {
+void spent_text(ImDrawList& list, const Stage& stage, ImVec2 row, float right, float height,
+                const vm::Spent& spent, double share) {
   if (spent.count == 0) return;
   const float bar = stage.px(46) * static_cast<float>(share);
-  list.AddRectFilled({right - stage.px(46), row.y + 2.0F}, {right - stage.px(46) + bar, row.y + height - 2.0F},
-                     IM_COL32(235, 120, 60, 150));
+  list.AddRectFilled({right - stage.px(46), row.y + 2.0F},
+                     {right - stage.px(46) + bar, row.y + height - 2.0F}, IM_COL32(235, 120, 60, 150));
   char text[48];
-  std::snprintf(text, sizeof text, "%llu\u00d7  %4.1f%%", static_cast<unsigned long long>(spent.count), share * 100.0);
+  std::snprintf(text, sizeof text, "%llu\u00d7  %4.1f%%", static_cast<unsigned long long>(spent.count),
+                share * 100.0);
   list.AddText({right - ImGui::CalcTextSize(text).x - stage.px(2), row.y + 1.0F}, theme::kFaint, text);
 }
 
-void gutter(Stage& stage, ImDrawList& list, ImVec2 at, float height, std::size_t number, const Columns& columns) {
+void gutter(Stage& stage, ImDrawList& list, ImVec2 at, float height, std::size_t number,
+            const Columns& columns) {
   Workbench& bench = stage.bench;
   const Listing::Row& row = bench.listing().rows()[number];
   const ImVec2 dot{at.x + stage.px(9), at.y + height / 2.0F};
@@ -111,17 +115,19 @@ void follow_current(Workbench& bench, float height) {
   if (!bench.follow || bench.look().mode == debugger::Mode::kRunning) return;
   const float at = static_cast<float>(bench.current_row()) * height;
   const float view = ImGui::GetWindowHeight(), top = ImGui::GetScrollY();
-  if (at < top + 2.0F * height || at > top + view - 4.0F * height) ImGui::SetScrollY(std::max(0.0F, at - view * 0.4F));
+  if (at < top + 2.0F * height || at > top + view - 4.0F * height)
+    ImGui::SetScrollY(std::max(0.0F, at - view * 0.4F));
 }
 
 void draw_head(Stage& stage) {
   Workbench& bench = stage.bench;
   ImGui::AlignTextToFramePadding();
-  ImGui::TextUnformatted("Program");
+  ImGui::TextUnformatted(is_wide(stage) ? "Program" : "");
   const float box = ImGui::GetFrameHeight() + ImGui::CalcTextSize("Profile").x + stage.px(10);
   ImGui::SameLine(std::max(ImGui::GetCursorPosX(), ImGui::GetWindowContentRegionMax().x - box));
   if (ImGui::Checkbox("Profile", &bench.profile_shown)) bench.set_profiling(bench.profile_shown);
-  if (ImGui::IsItemHovered()) ImGui::SetTooltip("How often each line ran and its share of the time, from now on");
+  if (ImGui::IsItemHovered())
+    ImGui::SetTooltip("How often each line ran and its share of the time, from now on");
 }
 
 Columns columns_of(const Stage& stage) {
@@ -155,8 +161,8 @@ void draw_program(Stage& stage) {
   ImGui::SetNextWindowContentSize({text_width(bench.listing(), columns), 0.0F});
   ImGui::BeginChild("text", {0.0F, 0.0F}, false, ImGuiWindowFlags_HorizontalScrollbar);
   const float height = std::floor(ImGui::GetTextLineHeight() + stage.px(3));
-  const std::vector<vm::Spent> spent = bench.profile_shown ? bench.listing().by_row(bench.look().spent)
-                                                           : std::vector<vm::Spent>();
+  const std::vector<vm::Spent> spent =
+      bench.profile_shown ? bench.listing().by_row(bench.look().spent) : std::vector<vm::Spent>();
   double total = 0.0;
   for (const vm::Spent& one : spent) total += static_cast<double>(one.nanoseconds);
   ImGui::PushStyleVar(ImGuiStyleVar_ItemSpacing, {0.0F, 0.0F});

@@ -20,7 +20,8 @@ const debugger::Shot* shot_of(const Workbench& bench, std::size_t reg) {
 std::string title(const Workbench& bench, std::size_t reg) {
   const std::string& name = bench.program().registers[reg].name;
   const auto wanted = bench.panel().appearances.find(name);
-  return wanted == bench.panel().appearances.end() || wanted->second.title.empty() ? name : wanted->second.title;
+  return wanted == bench.panel().appearances.end() || wanted->second.title.empty() ? name
+                                                                                   : wanted->second.title;
 }
 
 // The text as far as it fits.
@@ -64,8 +65,8 @@ void thumbnail(Stage& stage, std::size_t reg, float edge) {
   const program::Register& r = bench.program().registers[reg];
   const float top = corner.y + edge + stage.px(3);
   fitted_text(list, {corner.x, top}, edge, ImGui::GetColorU32(ImGuiCol_Text), title(bench, reg));
-  const std::string about =
-      std::to_string(r.width) + "\u00d7" + std::to_string(r.height) + " " + std::string(name(bench.style(reg).palette));
+  const std::string about = std::to_string(r.width) + "\u00d7" + std::to_string(r.height) + " " +
+                            std::string(name(bench.style(reg).palette));
   ImGui::PushFont(stage.gui.small());
   fitted_text(list, {corner.x, top + line}, edge, theme::kFaint, about);
   ImGui::PopFont();
@@ -79,10 +80,11 @@ void draw_registers(Stage& stage) {
   ImGui::TextUnformatted("Registers");
   ImGui::BeginChild("all", {0.0F, -ImGui::GetFrameHeightWithSpacing()});
   bench.small_visible.clear();
-  const float width = ImGui::GetContentRegionAvail().x, gap = stage.px(8);
-  const int wanted = bench.listed().size() > kManyRegisters ? 3 : 2;
-  const int columns = width > stage.px(180) ? wanted : 1;
-  const float edge = std::floor((width - gap * static_cast<float>(columns - 1)) / static_cast<float>(columns));
+  // Room for the scroll bar, whether it is there or not: sizes must not depend on it.
+  const float width = ImGui::GetWindowWidth() - ImGui::GetStyle().ScrollbarSize, gap = stage.px(8);
+  const int columns = (is_wide(stage) ? 2 : 1) + (bench.listed().size() > kManyRegisters ? 1 : 0);
+  const float edge =
+      std::floor((width - gap * static_cast<float>(columns - 1)) / static_cast<float>(columns));
   const float height = edge + 2.0F * ImGui::GetTextLineHeight() + stage.px(8);
   int column = 0;
   for (const std::size_t reg : bench.listed()) {

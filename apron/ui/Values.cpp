@@ -1,5 +1,5 @@
-// Numbers and words: variables, sliders, switches and labels; the console; one cell through all registers; the
-// list of breakpoints.
+// Numbers and words: variables, sliders, switches and labels; the console; one cell through all registers;
+// the list of breakpoints.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -168,8 +168,8 @@ void draw_cell(Stage& stage) {
   ImGui::Text("Column %u, row %u", bench.cell.x, bench.cell.y);
   ImGui::SameLine();
   ImGui::TextColored(faint(), "with its neighbours, and over the latest %zu ticks", debugger::Probe::kTicks);
-  constexpr ImGuiTableFlags kFlags =
-      ImGuiTableFlags_RowBg | ImGuiTableFlags_ScrollY | ImGuiTableFlags_BordersInnerH | ImGuiTableFlags_SizingFixedFit;
+  constexpr ImGuiTableFlags kFlags = ImGuiTableFlags_RowBg | ImGuiTableFlags_ScrollY |
+                                     ImGuiTableFlags_BordersInnerH | ImGuiTableFlags_SizingFixedFit;
   if (!ImGui::BeginTable("cell", 4, kFlags)) return;
   ImGui::TableSetupScrollFreeze(0, 1);
   ImGui::TableSetupColumn("Register", ImGuiTableColumnFlags_WidthFixed, stage.px(110));
@@ -213,7 +213,8 @@ void draw_breakpoints(Stage& stage) {
     }
   }
   if (bench.breakpoints().empty())
-    ImGui::TextColored(faint(), "Click left of a line's number to stop there; a condition stops when it becomes true.");
+    ImGui::TextColored(
+        faint(), "Click left of a line's number to stop there; a condition stops when it becomes true.");
 }
 
 }  // namespace apron::ui

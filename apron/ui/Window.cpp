@@ -35,7 +35,8 @@ class Desktop {
  public:
   Desktop(const std::string& title, const Placement& wanted) {
     if (glfwInit() == GLFW_FALSE)
-      throw PictureError("there is no display to open a window on: set DISPLAY, or use --screenshot or --video");
+      throw PictureError(
+          "there is no display to open a window on: set DISPLAY, or use --screenshot or --video");
     glfwWindowHint(GLFW_CONTEXT_VERSION_MAJOR, 3);
     glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 3);
     glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);

@@ -1,6 +1,7 @@
 // The window on a desktop.
 //
-// GLFW asks for one thread: make it, call it and destroy it on the process's main thread. One window a process.
+// GLFW asks for one thread: make it, call it and destroy it on the process's main thread. One window a
+// process.
 #pragma once
 
 #include <memory>

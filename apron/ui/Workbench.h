@@ -27,7 +27,8 @@ struct Style {
   bool by_person = false;  // what the program asks for no longer counts
 };
 
-// Where in the large register the person looks: a cell at the view's middle, and how much larger than fitting.
+// Where in the large register the person looks: a cell at the view's middle, and how much larger than
+// fitting.
 struct Viewpoint {
   float x = 0.5F, y = 0.5F;  // of the register's width and height
   float zoom = 1.0F;         // 1: all of it is seen
@@ -111,11 +112,12 @@ class Workbench {
   // ---- the window's own state ----
   Viewpoint view;
   debugger::Cell cell;  // watched
-  bool cell_shown = false, profile_shown = false, temporaries_shown = false, help_shown = false, reload = false;
-  bool follow = true;  // scroll to the current line
-  bool clocked = true;  // how fast it runs is shown
-  int lines_per_s = 4;  // of a walk
-  std::string notice;   // one line in red, such as what is wrong with a changed program
+  bool cell_shown = false, profile_shown = false, temporaries_shown = false, help_shown = false,
+       reload = false;
+  bool follow = true;                      // scroll to the current line
+  bool clocked = true;                     // how fast it runs is shown
+  int lines_per_s = 4;                     // of a walk
+  std::string notice;                      // one line in red, such as what is wrong with a changed program
   std::vector<std::size_t> small_visible;  // registers whose thumbnails are in sight
 
  private:

@@ -1,5 +1,5 @@
-// A person holds and steps a program whose surface is another process: the surface stands still for as long, and
-// takes nobody for dead.
+// A person holds and steps a program whose surface is another process: the surface stands still for as long,
+// and takes nobody for dead.
 #include <gtest/gtest.h>
 #include <shm_protocol/ControllerEndpoint.h>
 #include <shm_protocol/SurfaceEndpoint.h>
@@ -26,7 +26,8 @@ using shm_protocol::State;
 using shm_protocol::Status;
 
 constexpr const char* kEcho =
-    "!register(A)\nwhile(1)\n  A = surface.sense('in')\n  surface.actuate('out', A + 1)\n  surface.step\nendwhile\n";
+    "!register(A)\nwhile(1)\n  A = surface.sense('in')\n  surface.actuate('out', A + 1)\n  "
+    "surface.step\nendwhile\n";
 
 // What the person's process does on a letter: r run, h hold, t tick, 0 reset, q quit.
 void obey(debugger::Runner& runner, int orders) {
@@ -78,8 +79,9 @@ class HoldTest : public testing::Test {
     config.name = name;
     config.rows = config.columns = 2;
     config.period_ns = 20'000'000;
-    config.channels = {{"in", shm_protocol::Direction::kSensor, shm_protocol::DType::kF32, 1, "", -1e6, 1e6, 0},
-                       {"out", shm_protocol::Direction::kActuator, shm_protocol::DType::kF32, 1, "", -1e6, 1e6, 0}};
+    config.channels = {
+        {"in", shm_protocol::Direction::kSensor, shm_protocol::DType::kF32, 1, "", -1e6, 1e6, 0},
+        {"out", shm_protocol::Direction::kActuator, shm_protocol::DType::kF32, 1, "", -1e6, 1e6, 0}};
     surface = std::make_unique<shm_protocol::SurfaceEndpoint>(shm_protocol::SurfaceEndpoint::create(config));
     std::array<int, 2> ends{};
     ASSERT_EQ(pipe(ends.data()), 0);
@@ -106,7 +108,9 @@ class HoldTest : public testing::Test {
     for (float& cell : surface->sensor(0)) cell = static_cast<float>(tick);
     ASSERT_EQ(surface->publish(tick, 0.02 * static_cast<double>(tick)), Status::kOk);
   }
-  Status await(std::chrono::nanoseconds patience) { return surface->await_actuators(tick, {.timeout = patience}); }
+  Status await(std::chrono::nanoseconds patience) {
+    return surface->await_actuators(tick, {.timeout = patience});
+  }
   void expect_answer() {
     ASSERT_EQ(await(60s), Status::kOk);
     EXPECT_EQ(surface->actuator(1)[0], static_cast<float>(tick + 1));

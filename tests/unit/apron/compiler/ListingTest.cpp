@@ -183,7 +183,7 @@ TEST(Listing, SurfaceHostAndCells) {
       "io.array.open A, 'in.npy'\nio.image.open B, 'in.png'\nadd $0, A, B\nio.array.save $0, 'out.csv'\n");
   EXPECT_EQ(compiled("sim.slider.add('gain', 0, 2, 1)\nsim.switch.add('on')\nx = sim.slider.get('gain') * 2\n"
                      "sim.show(A)\nsim.label('text', x)\ntimer.start"),
-            "parameter $0, 'gain'\nmul x, $0, 2\nsim.show A, ''\n");
+            "parameter $0, 'gain'\nmul x, $0, 2\nsim.show A, ''\nsim.label 'text', x\n");
   EXPECT_EQ(compiled("boundary('reflect')\nboundary(2.5)"), "boundary 3, 0\nboundary 4, 2.5\n");
 }
 

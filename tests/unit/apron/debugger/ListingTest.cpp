@@ -70,13 +70,13 @@ TEST(Listing, UnfoldsAnIncludedFileAndAMacroInsideAMacro) {
   EXPECT_EQ(listing.rows().size(), 6U);
 
   listing.toggle(row_with(listing, "B = four(B)"));
-  ASSERT_EQ(texts(listing)[5], ">macro four  (lib.aps)");
+  ASSERT_EQ(texts(listing)[5], ">macro four, lib.aps");
   EXPECT_EQ(texts(listing)[6], ">:half = twice($a)");
   EXPECT_EQ(texts(listing)[7], ">$y = twice(:half)");
   EXPECT_EQ(listing.rows()[6].line, 11U);
   EXPECT_EQ(listing.rows()[6].fold, Listing::Fold::kClosed);
   listing.toggle(6);
-  EXPECT_EQ(texts(listing)[7], ">>macro twice  (lib.aps)");
+  EXPECT_EQ(texts(listing)[7], ">>macro twice, lib.aps");
   EXPECT_EQ(texts(listing)[8], ">>:t = $a + $a");
   // What is unfolded has its instructions; the line above it keeps none of them.
   EXPECT_GT(std::count(listing.groups().begin(), listing.groups().end(), 8U), 0);
@@ -91,7 +91,8 @@ TEST(Listing, RevealsAnInstructionAndAddsUpWhatRowsTook) {
   for (const vm::Spent& row : listing.by_row(spent)) all += row.count;
   folded = listing.by_row(spent)[4].count;
   EXPECT_EQ(all, spent.size());
-  const auto inside = std::find(listing.groups().begin(), listing.groups().end(), 4U) - listing.groups().begin();
+  const auto inside =
+      std::find(listing.groups().begin(), listing.groups().end(), 4U) - listing.groups().begin();
   listing.reveal(static_cast<std::size_t>(inside));
   const std::size_t row = listing.groups()[static_cast<std::size_t>(inside)];
   EXPECT_EQ(listing.rows()[row].text, ":t = $a + $a");

@@ -13,7 +13,8 @@ class SessionTest : public testing::Test {
   void begin(const std::string& text) {
     code = compiled(text);
     listing = Listing(code.program, code.texts);
-    session = std::make_unique<Session>(code.program, vm::VmOptions{}, host, [this](bool held) { holds.push_back(held); });
+    session = std::make_unique<Session>(code.program, vm::VmOptions{}, host,
+                                        [this](bool held) { holds.push_back(held); });
   }
   std::uint32_t line() const { return listing.rows()[listing.groups()[session->vm().next()]].line; }
   void advance(int times = 1) {
@@ -68,8 +69,8 @@ TEST_F(SessionTest, IsHeldAtFirstAndStepsByTickLineAndInstruction) {
   session->step(Unit::kInstruction);
   advance();
   EXPECT_EQ(session->vm().next(), next + 1);
-  EXPECT_EQ(holds, (std::vector<bool>{true, false, true, false, true, false, true, false, true, false, true, false,
-                                      true, false, true, false, true}));
+  EXPECT_EQ(holds, (std::vector<bool>{true, false, true, false, true, false, true, false, true, false, true,
+                                      false, true, false, true, false, true}));
 }
 
 TEST_F(SessionTest, RunsUntilItIsHeldAndStopsAtItsLimit) {

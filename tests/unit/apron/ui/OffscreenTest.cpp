@@ -94,6 +94,15 @@ TEST_F(OffscreenTest, TheSamePictureHasTheSameBytes) {
   }
 }
 
+TEST_F(OffscreenTest, ComesToRestInEverySize) {
+  Desk desk(debugger::test::kCounting);
+  for (int height = 360; height < 700; height += 20) {
+    Offscreen screen(640, height);
+    const Image first = screen.settle(desk.bench);
+    EXPECT_EQ(screen.draw(desk.bench).rgb, first.rgb) << height;
+  }
+}
+
 TEST_F(OffscreenTest, AClickOnASmallRegisterShowsItLarge) {
   Desk desk(kCorner);
   Offscreen screen(kWidth, kHeight);

@@ -42,7 +42,8 @@ TEST_F(WindowTest, ShowsWhatThePicturesShow) {
   Offscreen screen(640, 480);
   const Image wanted = screen.settle(desk.bench);
   int different = 0;
-  for (std::size_t i = 0; i < shown.rgb.size(); ++i) different += std::abs(shown.rgb[i] - wanted.rgb[i]) > 16 ? 1 : 0;
+  for (std::size_t i = 0; i < shown.rgb.size(); ++i)
+    different += std::abs(shown.rgb[i] - wanted.rgb[i]) > 16 ? 1 : 0;
   EXPECT_LT(different, 3000);
 }
 

@@ -120,8 +120,10 @@ TEST(Workbench, KeepsWhatItCanWhenTheProgramChanges) {
 }
 
 TEST(Workbench, ShowsWhatTheScriptWantsUntilThePersonChooses) {
-  Desk desk("!register(A, B)\nreg.setPalette(B, 'magma')\nreg.setScale(B, 0, 9)\nsim.show(B)\nsurface.step\nsim.show(A)\n"
-            "surface.step\n");
+  Desk desk(
+      "!register(A, B)\nreg.setPalette(B, 'magma')\nreg.setScale(B, 0, "
+      "9)\nsim.show(B)\nsurface.step\nsim.show(A)\n"
+      "surface.step\n");
   desk.bench.step(debugger::Unit::kTick);
   desk.obey();
   EXPECT_EQ(desk.bench.selected(), std::size_t{1});
