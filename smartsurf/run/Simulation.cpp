@@ -10,7 +10,7 @@ Simulation::Simulation(script::Experiment& experiment, int threads, bool scripte
       scripted_actuators_(scripted_actuators),
       pool_(threads),
       field_(experiment.scene().surface),
-      world_(experiment.scene(), field_),
+      world_(experiment.scene(), field_.field(), &pool_),
       catalogue_(experiment.scene().objects) {
   for (const auto& sensor : scene().surface.sensors) proximity_.emplace_back(scene().surface, sensor.range);
   list_channels();

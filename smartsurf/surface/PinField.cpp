@@ -18,6 +18,20 @@ float largest(const float* values, std::size_t n) noexcept {
   return *std::max_element(lane, lane + 8);
 }
 
+Field resting_field(const scene::SurfaceSpec& spec) {
+  Field f;
+  const auto cells = static_cast<std::size_t>(spec.cells());
+  f.rows = spec.rows;
+  f.columns = spec.columns;
+  f.pitch = static_cast<float>(spec.pitch);
+  f.half_top_x = static_cast<float>(spec.pin.top_x / 2.0);
+  f.half_top_y = static_cast<float>(spec.pin.top_y / 2.0);
+  f.height.assign(cells, static_cast<float>(spec.pin.min_height));
+  f.speed.assign(cells, 0.0F);
+  f.impulse.assign(cells, 0.0F);
+  return f;
+}
+
 }  // namespace
 
 PinField::PinField(const scene::SurfaceSpec& spec)
@@ -31,9 +45,8 @@ PinField::PinField(const scene::SurfaceSpec& spec)
       speed_limit_(static_cast<float>(spec.pin.max_speed)),
       acceleration_limit_(static_cast<float>(spec.pin.max_acceleration)),
       has_border_(spec.border_height.has_value()),
-      height_(static_cast<std::size_t>(spec.cells()), low_),
-      speed_(height_.size(), 0.0F),
-      target_(height_),
+      field_(resting_field(spec)),
+      target_(field_.height),
       moving_(static_cast<std::size_t>(spec.rows), 0),
       row_height_(moving_.size()),
       row_speed_(moving_.size(), 0.0F) {
@@ -42,11 +55,11 @@ PinField::PinField(const scene::SurfaceSpec& spec)
       for (int c = 0; c < columns_; ++c)
         if (spec.is_border(r, c)) {
           const auto i = static_cast<std::size_t>(spec.index(r, c));
-          height_[i] = target_[i] = static_cast<float>(*spec.border_height);
+          field_.height[i] = target_[i] = static_cast<float>(*spec.border_height);
         }
   for (std::size_t r = 0; r < row_height_.size(); ++r)
-    row_height_[r] = largest(&height_[r * static_cast<std::size_t>(columns_)], static_cast<std::size_t>(columns_));
-  max_height_ = largest(row_height_.data(), row_height_.size());
+    row_height_[r] = largest(&field_.height[r * static_cast<std::size_t>(columns_)], static_cast<std::size_t>(columns_));
+  field_.max_height = largest(row_height_.data(), row_height_.size());
 }
 
 void PinField::set_targets(std::span<const float> targets) noexcept {
@@ -59,7 +72,7 @@ void PinField::set_targets(std::span<const float> targets) noexcept {
       const float wanted = targets[i];
       if (std::isnan(wanted)) continue;
       target_[i] = std::clamp(wanted, low_, high_);
-      moving |= target_[i] != height_[i];
+      moving |= target_[i] != field_.height[i];
     }
     moving_[static_cast<std::size_t>(r)] = moving;
   }
@@ -75,8 +88,8 @@ void PinField::set_target(int row, int column, float height) noexcept {
 void PinField::plan(double dt_s) noexcept {
   for (std::size_t r = 0; r < moving_.size(); ++r)
     if (moving_[r]) plan_row(r, static_cast<float>(dt_s));
-  max_height_ = largest(row_height_.data(), row_height_.size());
-  max_speed_ = largest(row_speed_.data(), row_speed_.size());
+  field_.max_height = largest(row_height_.data(), row_height_.size());
+  field_.max_speed = largest(row_speed_.data(), row_speed_.size());
 }
 
 // A pin that brakes by s = a·dt every step from k·s + f (f < s) covers ((k+1)·f + s·k·(k+1)/2)·dt before it rests.
@@ -84,8 +97,8 @@ void PinField::plan(double dt_s) noexcept {
 void PinField::plan_row(std::size_t row, float dt_s) noexcept {
   const auto columns = static_cast<std::size_t>(columns_);
   const float* __restrict target = &target_[row * columns];
-  const float* __restrict height = &height_[row * columns];
-  float* __restrict speed = &speed_[row * columns];
+  const float* __restrict height = &field_.height[row * columns];
+  float* __restrict speed = &field_.speed[row * columns];
   const float s = acceleration_limit_ * dt_s;
   const float inverse_dt = 1.0F / dt_s, inverse_s = 1.0F / s, limit = speed_limit_;
   // Beyond this the speed limit binds; it keeps k small enough for an int.
@@ -122,8 +135,8 @@ void PinField::commit(double dt_s) noexcept {
 void PinField::commit_row(std::size_t row, float dt_s) noexcept {
   const auto columns = static_cast<std::size_t>(columns_);
   const float* __restrict target = &target_[row * columns];
-  const float* __restrict speed = &speed_[row * columns];
-  float* __restrict height = &height_[row * columns];
+  const float* __restrict speed = &field_.speed[row * columns];
+  float* __restrict height = &field_.height[row * columns];
   for (std::size_t i = 0; i < columns; ++i) {
     const float next = height[i] + speed[i] * dt_s;
     // Rounding must not leave a pin an ulp beside its target for ever.

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "smartsurf/scene/SceneSpec.h"
+#include "smartsurf/surface/Field.h"
 
 namespace smartsurf::surface {
 
@@ -17,6 +18,9 @@ class PinField {
   // All pins stand still at the bottom of their range, the border ring at its own height.
   explicit PinField(const scene::SurfaceSpec&);
 
+  // The pins as the physics meets them; the physics writes its impulses there.
+  Field& field() noexcept { return field_; }
+
   int rows() const noexcept { return rows_; }
   int columns() const noexcept { return columns_; }
   double pitch() const noexcept { return pitch_; }
@@ -24,8 +28,8 @@ class PinField {
   double half_top_y() const noexcept { return half_top_y_; }
 
   // rows × columns, row-major, row 0 north.
-  std::span<const float> height() const noexcept { return height_; }  // z of the top, u
-  std::span<const float> speed() const noexcept { return speed_; }    // upward, u/s, of the step being taken
+  std::span<const float> height() const noexcept { return field_.height; }  // z of the top, u
+  std::span<const float> speed() const noexcept { return field_.speed; }    // upward, u/s, of the step being taken
   std::span<const float> target() const noexcept { return target_; }  // u, within the range
 
   // Every cell's target at once; values are clamped to the range, a NaN keeps the cell's old target, border
@@ -39,8 +43,8 @@ class PinField {
   void commit(double dt_s) noexcept;
 
   // The highest top and the greatest speed |u/s| in the field, as of the last plan().
-  float max_height() const noexcept { return max_height_; }
-  float max_speed() const noexcept { return max_speed_; }
+  float max_height() const noexcept { return field_.max_height; }
+  float max_speed() const noexcept { return field_.max_speed; }
 
  private:
   void plan_row(std::size_t row, float dt_s) noexcept;
@@ -50,11 +54,11 @@ class PinField {
   double pitch_, half_top_x_, half_top_y_;
   float low_, high_, speed_limit_, acceleration_limit_;
   bool has_border_;
-  std::vector<float> height_, speed_, target_;
+  Field field_;
+  std::vector<float> target_;
   // One a row, so that a row whose pins all rest on their targets costs nothing.
   std::vector<std::uint8_t> moving_;
   std::vector<float> row_height_, row_speed_;  // the row's highest top and greatest |speed|
-  float max_height_ = 0.0F, max_speed_ = 0.0F;
 };
 
 }  // namespace smartsurf::surface

@@ -86,7 +86,7 @@ Result run_ours(const Workload& w, const Options& options) {
   const scene::SceneSpec spec = scene_of(w);
   surface::PinField field(spec.surface);
   surface::WorkerPool pool(options.threads);
-  world::World world(spec, field);
+  world::World world(spec, field.field(), &pool);
   surface::Proximity proximity(spec.surface, kSensorRange);
   scene::Snapshot snapshot;
   std::vector<float> targets;
