@@ -80,7 +80,7 @@ void Run::open_recordings() {
   meta.mode = options_.mode == RunMode::kTimeStep ? "time-step" : "passive";
   meta.program_file = options_.controller;
   if (options_.controller.ends_with(".aps")) meta.program_text = text_of(options_.controller);
-  meta.versions = {{"bullet", world::physics_version()}};
+  meta.versions = {{"physics", world::physics_version()}};
   for (const auto& file : options_.recordings)
     recorders_.push_back(record::Recorder::open(file, meta, experiment_.scene()));
 }

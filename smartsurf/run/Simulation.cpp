@@ -37,7 +37,7 @@ Simulation::Simulation(script::Experiment& experiment, int threads, bool scripte
       cells_(experiment.scene().surface, fault_map(experiment.scene().surface),
              experiment.scene().world.seed),
       senses_(experiment.scene(), cells_.field(), fault_map(experiment.scene().surface)),
-      world_(experiment.scene(), cells_.field()),
+      world_(experiment.scene(), cells_.field(), &pool_),
       catalogue_(experiment.scene().objects),
       table_(experiment.scene().surface) {
   list_channels();

@@ -175,7 +175,7 @@ std::optional<std::string> read_script(const fs::path& path, std::string& proble
 }
 
 NamedText text_of_file(const Session& session, const std::string& what, const std::string& path) {
-  const fs::path real = session.options.unsafe ? session.folder / path : readable(session, what, path);
+  const fs::path real = session.options.unsafe ? session.folder / path : readable_file(session, what, path);
   std::string problem;
   std::optional<std::string> text = read_script(real, problem);
   if (!text) refuse(what, path, problem);

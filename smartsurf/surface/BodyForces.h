@@ -27,6 +27,8 @@ struct Bodies {
 struct Wrench {
   Eigen::Vector3f force{0.0F, 0.0F, 0.0F};   // mass·u/s²
   Eigen::Vector3f torque{0.0F, 0.0F, 0.0F};  // mass·u²/s²
+
+  bool zero() const { return force.isZero(0.0F) && torque.isZero(0.0F); }
 };
 
 }  // namespace smartsurf::surface
