@@ -51,7 +51,7 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{
             "sphere{1, 2}",
             "t.lua:1: sphere: a value without a field name; known: radius, position, orientation, velocity, "
-            "angular_velocity, mass, fixed, material, colour, label"},
+            "angular_velocity, mass, fixed, material, colour, label, pole, moment"},
         Mistake{"sphere{radius = 1, position = {0, 0, 0}, fixed = 1}",
                 "t.lua:1: sphere.fixed = 1: must be true or false"},
         Mistake{"sphere{radius = 1, position = {0, 0, 0}, label = 3}",
@@ -166,15 +166,6 @@ INSTANTIATE_TEST_SUITE_P(
                 "t.lua:1: pace = 'fast': must be 'max', 'realtime' or a factor greater than 0"},
         Mistake{"print(cells.rows)", "t.lua:1: cells.rows: no surface{} is declared so far"},
         Mistake{"cells:tagret()", "t.lua:1: cells: has no 'tagret' (did you mean 'target'?)"}));
-
-INSTANTIATE_TEST_SUITE_P(
-    OfALaterVersion, MistakeTest,
-    testing::Values(
-        Mistake{"surface{actuator = ball{}}",
-                "t.lua:1: actuator 'ball': not available in this version; available: pin"},
-        Mistake{"surface{layout = 'hex'}",
-                "t.lua:1: surface: not available in this version: 'layout'; available: "
-                "rows, columns and pitch, a rectangular layout"}));
 
 TEST_F(ErrorTest, AMissingFileAndAFolder) {
   EXPECT_EQ(caught([&] { Experiment::load(folder / "none.lua"); }),
