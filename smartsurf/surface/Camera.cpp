@@ -30,7 +30,7 @@ Camera::Camera(const Field& field, const scene::SensorSpec& spec)
 }
 
 void Camera::sense(const Moment& moment, WorkerPool& pool) {
-  const std::span<const float> marks = numbered(moment.bodies.size(), marks_);
+  const std::span<const float> marks = numbered(moment.bodies, marks_);
   for (std::size_t pixel = 0; pixel < rays_.size(); ++pixel) {
     rays_[pixel].sweep(moment.bodies, marks, kPin, moment.snapshot.height, pool);
     struct {
@@ -54,7 +54,7 @@ void Camera::paint(const Moment& moment, std::size_t pixel, int first, int last)
     const float mark = ray.mark()[i];
     scene::Colour seen{0.0F, 0.0F, 0.0F};
     if (mark == kPin) seen = kPinColour;
-    if (mark > 0.0F) seen = moment.catalogue[moment.bodies[static_cast<std::size_t>(mark) - 1].id].colour;
+    if (mark > 0.0F) seen = moment.catalogue[moment.snapshot.id[static_cast<std::size_t>(mark) - 1]].colour;
     red[i] = seen.r;
     red[cells_ + i] = seen.g;
     red[2 * cells_ + i] = seen.b;

@@ -16,7 +16,7 @@ Colour::Colour(const Field& field, const scene::SensorSpec& spec)
       planes_(3 * cells_, 0.0F) {}
 
 void Colour::sense(const Moment& moment, WorkerPool& pool) {
-  first_.sweep(moment.bodies, numbered(moment.bodies.size(), marks_), kPin, moment.snapshot.height, pool);
+  first_.sweep(moment.bodies, numbered(moment.bodies, marks_), kPin, moment.snapshot.height, pool);
   pool.for_rows(rows_, [this, &moment](int begin, int end) {
     first_.for_changed(begin, end, [this, &moment](int first, int last) { paint(moment, first, last); });
   });
@@ -27,7 +27,7 @@ void Colour::paint(const Moment& moment, int first, int last) noexcept {
     const float mark = first_.mark()[i];
     scene::Colour seen{0.0F, 0.0F, 0.0F};
     if (mark == kPin) seen = kPinColour;
-    if (mark > 0.0F) seen = moment.catalogue[moment.bodies[static_cast<std::size_t>(mark) - 1].id].colour;
+    if (mark > 0.0F) seen = moment.catalogue[moment.snapshot.id[static_cast<std::size_t>(mark) - 1]].colour;
     planes_[i] = seen.r;
     planes_[cells_ + i] = seen.g;
     planes_[2 * cells_ + i] = seen.b;

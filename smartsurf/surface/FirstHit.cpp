@@ -120,9 +120,10 @@ void FirstHit::sweep(std::span<const SensedBody> bodies, std::span<const float> 
   pass.job.touched = touched_.data();
   pass.job.x = x_.data();
   pool.for_rows(rows_, [this, &pass](int begin, int end) {
-    clear_rows(begin, end);
-    meet_pins_of_rows(pass, begin, end);
-    sweep_rows(pass.job, begin, end);
+    sweep_rows(pass.job, begin, end, [this, &pass](int first, int last) {
+      clear_rows(first, last);
+      meet_pins_of_rows(pass, first, last);
+    });
   });
 }
 

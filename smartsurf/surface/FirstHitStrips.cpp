@@ -128,7 +128,7 @@ void FirstHit::sweep_strips(Pass& pass, WorkerPool& pool) {
       strip_mark_[k] = 0.0F;
       if (!first_passed_.empty()) meet_pins_of_cell(pass, k);
     }
-    sweep_rows(pass.job, begin, end);
+    sweep_rows(pass.job, begin, end, [](int, int) {});
     for (std::size_t k = first; k < last; ++k) {
       distance_[static_cast<std::size_t>(s.cell[k])] = strip_distance_[k];
       mark_[static_cast<std::size_t>(s.cell[k])] = strip_mark_[k];

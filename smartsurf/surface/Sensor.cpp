@@ -45,9 +45,4 @@ Segment segment_of(const scene::SensorSpec& spec) {
           .pins = spec.number("pins") != 0.0};
 }
 
-std::span<const float> numbered(std::size_t bodies, std::vector<float>& marks) {
-  while (marks.size() < bodies) marks.push_back(static_cast<float>(marks.size() + 1));
-  return {marks.data(), bodies};
-}
-
 }  // namespace smartsurf::surface

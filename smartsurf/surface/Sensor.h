@@ -18,7 +18,7 @@ class WorkerPool;
 struct Moment {
   const scene::Snapshot& snapshot;               // objects, and the heights of the cells
   std::span<const scene::ObjectSpec> catalogue;  // every object ever created, index = id
-  std::span<const SensedBody> bodies;  // the snapshot's objects, in its order, as segments meet them
+  std::span<const SensedBody> bodies;            // the snapshot's objects as segments meet them
   // rows × columns: normal impulse on each cell in the tick that ended, mass·u/s. Empty unless a sensor
   // feels().
   std::span<const float> impulse;
@@ -56,8 +56,5 @@ std::unique_ptr<Sensor> make_sensor(const Field&, const scene::SensorSpec&);
 
 // What `range`, `direction`, `origin` and `pins` of a sensor say.
 Segment segment_of(const scene::SensorSpec&);
-
-// Marks for FirstHit that tell the object met: 1 + its place in the snapshot; up to 16 million objects.
-std::span<const float> numbered(std::size_t bodies, std::vector<float>& marks);
 
 }  // namespace smartsurf::surface

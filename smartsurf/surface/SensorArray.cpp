@@ -3,9 +3,17 @@
 #include <algorithm>
 
 namespace smartsurf::surface {
+namespace {
+
+SensedBodies bodies_over(const Field& field) {
+  if (field.rectangular()) return {0.0F, static_cast<float>(field.rows - 1) * field.pitch};
+  return {*std::ranges::min_element(field.y), *std::ranges::max_element(field.y)};
+}
+
+}  // namespace
 
 SensorArray::SensorArray(const scene::SceneSpec& scene, const Field& field, const FaultMap& map)
-    : period_s_(scene.world.control_period_s) {
+    : period_s_(scene.world.control_period_s), bodies_(bodies_over(field)) {
   const scene::SurfaceSpec& surface = scene.surface;
   for (const scene::SensorSpec& spec : surface.sensors) {
     Fitted fitted{make_sensor(field, spec), Imperfections(spec, scene, map), {}};

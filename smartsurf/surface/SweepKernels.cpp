@@ -7,6 +7,7 @@
 #define HWY_DISABLED_TARGETS HWY_SSSE3
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "smartsurf/surface/SweepKernels.cpp"
+#include <hwy/cache_control.h>
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
 
@@ -18,12 +19,15 @@ namespace HWY_NAMESPACE {
 namespace {
 
 // A footprint is a few cells wide: wider vectors would mostly compute what nobody reads.
-constexpr int kWide = 8;
+using Wide = hn::CappedTag<float, 8>;
+using Narrow = hn::CappedTag<float, 1>;
 
 // A stretch of cells that lie side by side in memory, with what is the same for all of them.
 struct Stretch {
-  const float *x, *y, *dx, *dy, *height;  // y, dx, dy, height: null where one value serves all
-  float y0;
+  const float* x;
+  // Null where one value serves all.
+  const float *y = nullptr, *dx = nullptr, *dy = nullptr, *height = nullptr;
+  float y0 = 0.0F;
   float *distance, *mark;
 };
 
@@ -110,14 +114,15 @@ HWY_INLINE bool meet(const SweepJob& job, const Stretch& stretch, int i, const S
 template <class Touch>
 HWY_INLINE void meet_stretch(const SweepJob& job, const Stretch& stretch, int first, int last, int count,
                              const SensedBody& body, float mark, bool upright, Touch touch) {
-  if (count >= kWide) {
-    for (int i = first; i < last; i += kWide) {
-      const int at = std::min(i, count - kWide);
-      if (meet<hn::CappedTag<float, kWide>>(job, stretch, at, body, mark, upright)) touch(at, at + kWide - 1);
+  const int wide = static_cast<int>(hn::Lanes(Wide()));
+  if (count >= wide) {
+    for (int i = first; i < last; i += wide) {
+      const int at = std::min(i, count - wide);
+      if (meet<Wide>(job, stretch, at, body, mark, upright)) touch(at, at + wide - 1);
     }
   } else {
     for (int i = first; i < last; ++i)
-      if (meet<hn::CappedTag<float, 1>>(job, stretch, i, body, mark, upright)) touch(i, i);
+      if (meet<Narrow>(job, stretch, i, body, mark, upright)) touch(i, i);
   }
 }
 
@@ -151,39 +156,67 @@ int end_at(float u, int most) {
   return static_cast<int>(std::floor(std::clamp(u, -1.0F, static_cast<float>(most - 1)))) + 1;
 }
 
-void sweep_grid(const SweepJob& job, const SensedBody& b, float mark, bool upright, int begin, int end) {
+// The part of t in which segments that start at y are beside the body, as seen from the south.
+Range beside(const SweepJob& job, const SensedBody& b, float y, const Range& t) {
+  if (std::abs(job.direction.y()) < kParallel) return t;
+  const float reach = b.reach_y + 1e-5F * (std::abs(y) + std::abs(b.centre.y()) + b.reach_y);
+  const float near = (b.centre.y() - reach - y) / job.direction.y();
+  const float far = (b.centre.y() + reach - y) / job.direction.y();
+  return {std::max(t.low, std::min(near, far)), std::min(t.high, std::max(near, far))};
+}
+
+struct Columns {
+  int first, end;
+};
+Columns columns_within(const SweepJob& job, const SensedBody& b, const Range& t) {
+  const Range xs = starts(b.centre.x() - job.origin.x(), b.reach_x, job.direction.x(), t);
+  return {first_from(xs.low / job.pitch, job.columns), end_at(xs.high / job.pitch, job.columns)};
+}
+
+void sweep_row(const SweepJob& job, const SensedBody& b, float mark, bool upright, int r, float y,
+               Columns columns) {
+  const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(r) * job.columns;
+  const Stretch stretch{.x = job.x,
+                        .height = job.height != nullptr ? job.height + row : nullptr,
+                        .y0 = y,
+                        .distance = job.distance + row,
+                        .mark = job.mark + row};
+  std::uint8_t* const touched = job.touched + static_cast<std::ptrdiff_t>(r) * job.blocks;
+  meet_stretch(job, stretch, columns.first, columns.end, job.columns, b, mark, upright,
+               [touched](int from, int to) {
+                 for (int block = from / kBlock; block <= to / kBlock; ++block) touched[block] |= 1;
+               });
+}
+
+// Rows that are ready for bodies, from the first of a band.
+struct Ready {
+  int until;
+  const PrepareRows& prepare;
+
+  void reach(int row) {
+    if (row <= until) return;
+    prepare(until, row);
+    until = row;
+  }
+};
+
+void sweep_grid(const SweepJob& job, const SensedBody& b, float mark, bool upright, int begin, int end,
+                Ready& ready) {
   const Range t = upright ? Range{0.0F, 0.0F} : heights_met(job, b);
   if (t.empty()) return;
   const float north = static_cast<float>(job.rows - 1) * job.pitch + job.origin.y();
   const Range ys = starts(b.centre.y(), b.reach_y, job.direction.y(), t);
   const int r0 = std::max(begin, first_from((north - ys.high) / job.pitch, job.rows));
   const int r1 = std::min(end, end_at((north - ys.low) / job.pitch, job.rows));
+  if (r0 < r1) ready.reach(r1);
+  const Columns all = columns_within(job, b, t);
   for (int r = r0; r < r1; ++r) {
     const float y = static_cast<float>(job.rows - 1 - r) * job.pitch + job.origin.y();
-    Range here = t;
-    if (!upright && std::abs(job.direction.y()) > kParallel) {
-      const float reach = b.reach_y + 1e-5F * (std::abs(y) + std::abs(b.centre.y()) + b.reach_y);
-      const float p = (b.centre.y() - reach - y) / job.direction.y(),
-                  q = (b.centre.y() + reach - y) / job.direction.y();
-      here = {std::max(t.low, std::min(p, q)), std::min(t.high, std::max(p, q))};
-      if (here.empty()) continue;
+    if (upright) {
+      sweep_row(job, b, mark, true, r, y, all);
+    } else if (const Range here = beside(job, b, y, t); !here.empty()) {
+      sweep_row(job, b, mark, false, r, y, columns_within(job, b, here));
     }
-    const Range xs = starts(b.centre.x() - job.origin.x(), b.reach_x, job.direction.x(), here);
-    const int c0 = first_from(xs.low / job.pitch, job.columns);
-    const int c1 = end_at(xs.high / job.pitch, job.columns);
-    const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(r) * job.columns;
-    const Stretch stretch{job.x,
-                          nullptr,
-                          nullptr,
-                          nullptr,
-                          job.height != nullptr ? job.height + row : nullptr,
-                          y,
-                          job.distance + row,
-                          job.mark + row};
-    std::uint8_t* const touched = job.touched + static_cast<std::ptrdiff_t>(r) * job.blocks;
-    meet_stretch(job, stretch, c0, c1, job.columns, b, mark, upright, [touched](int from, int to) {
-      for (int block = from / kBlock; block <= to / kBlock; ++block) touched[block] |= 1;
-    });
   }
 }
 
@@ -203,28 +236,46 @@ void sweep_strips(const SweepJob& job, const SensedBody& b, float mark, int begi
     const int count = last - first;
     const int c0 = static_cast<int>(std::lower_bound(x, x + count, xs.low) - x);
     const int c1 = static_cast<int>(std::upper_bound(x, x + count, xs.high) - x);
-    const Stretch stretch{x,
-                          s.y.data() + first,
-                          s.dx.data() + first,
-                          s.dy.data() + first,
-                          job.height != nullptr ? job.height + first : nullptr,
-                          0.0F,
-                          job.distance + first,
-                          job.mark + first};
+    const Stretch stretch{.x = x,
+                          .y = s.y.data() + first,
+                          .dx = s.dx.data() + first,
+                          .dy = s.dy.data() + first,
+                          .height = job.height != nullptr ? job.height + first : nullptr,
+                          .distance = job.distance + first,
+                          .mark = job.mark + first};
     meet_stretch(job, stretch, c0, c1, count, b, mark, false, [](int, int) {});
   }
 }
 
-void sweep_rows_of_target(const SweepJob& job, int begin, int end) {
+// Asks for the memory that upright segments under the body will touch.
+void fetch_ahead(const SweepJob& job, const SensedBody& b) {
+  const auto row_of = [&](float y) { return static_cast<float>(job.rows - 1) - y / job.pitch; };
+  const int r0 = first_from(row_of(b.centre.y() + b.reach_y), job.rows);
+  const int r1 = end_at(row_of(b.centre.y() - b.reach_y), job.rows);
+  const int column =
+      std::min(first_from((b.centre.x() - b.reach_x) / job.pitch, job.columns), job.columns - 1);
+  for (int r = r0; r < r1; ++r) {
+    const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(r) * job.columns + column;
+    hwy::Prefetch(job.distance + at);
+    hwy::Prefetch(job.mark + at);
+    if (job.height != nullptr) hwy::Prefetch(job.height + at);
+  }
+}
+
+void sweep_rows_of_target(const SweepJob& job, int begin, int end, const PrepareRows& prepare) {
+  constexpr std::size_t kAhead = 6;  // bodies: about what a trip to memory takes
   const bool upright = job.direction.x() == 0.0F && job.direction.y() == 0.0F && job.strips == nullptr;
+  Ready ready{begin, prepare};
   for (std::size_t k = 0; k < job.bodies.size(); ++k) {
     const SensedBody& body = job.bodies[k];
     if (body.nowhere()) continue;
+    if (upright && k + kAhead < job.bodies.size()) fetch_ahead(job, job.bodies[k + kAhead]);
     if (job.strips != nullptr)
       sweep_strips(job, body, job.marks[k], begin, end);
     else
-      sweep_grid(job, body, job.marks[k], upright, begin, end);
+      sweep_grid(job, body, job.marks[k], upright, begin, end, ready);
   }
+  ready.reach(end);
 }
 
 // The pin is a bottomless column. Touching its top is not meeting it: a segment may begin there.
@@ -248,12 +299,12 @@ HWY_INLINE bool meet_pin(const PinRow& row, const PinStep& step, int i, float ri
 }
 
 bool meet_pins_of_target(const PinRow& row, const PinStep& step, float rise, float range, float mark) {
-  using Wide = hn::ScalableTag<float>;
-  const int lanes = static_cast<int>(hn::Lanes(Wide()));
+  using Widest = hn::ScalableTag<float>;
+  const int lanes = static_cast<int>(hn::Lanes(Widest()));
   bool any = false;
   int i = 0;
-  for (; i + lanes <= row.count; i += lanes) any |= meet_pin<Wide>(row, step, i, rise, range, mark);
-  for (; i < row.count; ++i) any |= meet_pin<hn::CappedTag<float, 1>>(row, step, i, rise, range, mark);
+  for (; i + lanes <= row.count; i += lanes) any |= meet_pin<Widest>(row, step, i, rise, range, mark);
+  for (; i < row.count; ++i) any |= meet_pin<Narrow>(row, step, i, rise, range, mark);
   return any;
 }
 
@@ -268,8 +319,8 @@ namespace smartsurf::surface {
 HWY_EXPORT(sweep_rows_of_target);
 HWY_EXPORT(meet_pins_of_target);
 
-void sweep_rows(const SweepJob& job, int begin, int end) noexcept {
-  HWY_DYNAMIC_DISPATCH(sweep_rows_of_target)(job, begin, end);
+void sweep_rows(const SweepJob& job, int begin, int end, const PrepareRows& prepare) noexcept {
+  HWY_DYNAMIC_DISPATCH(sweep_rows_of_target)(job, begin, end, prepare);
 }
 
 bool meet_pins(const PinRow& row, const PinStep& step, float rise, float range, float mark) noexcept {

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -42,8 +43,11 @@ struct SweepJob {
   const StripLayout* strips = nullptr;
 };
 
-// Meets the segments that start in these rows (of the grid from the north, or strips) with all bodies.
-void sweep_rows(const SweepJob&, int begin, int end) noexcept;
+// Meets the segments that start in these rows (of the grid from the north, or strips) with all bodies. Before
+// a body that may concern rows of a grid which none did before, prepare(first, last) makes those [first,
+// last) ready: close to their use, for what it writes to be still at hand. In the end all are.
+using PrepareRows = std::function<void(int first, int last)>;
+void sweep_rows(const SweepJob&, int begin, int end, const PrepareRows& prepare) noexcept;
 
 // A pin is a bottomless column; touching its top is not meeting it, for a segment may begin there. In a
 // rectangular grid the pin that lies a given number of rows and columns away is passed at the same distances

@@ -3,6 +3,9 @@
 // forms.
 #include <gtest/gtest.h>
 
+#define HWY_DISABLED_TARGETS HWY_SSSE3  // as in the kernels
+#include <hwy/highway.h>
+
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -214,9 +217,9 @@ Scene random_scene(std::mt19937& random, int rows, int columns, bool free) {
   return s;
 }
 
-std::vector<float> marks_of(const Scene& s) {
+std::vector<float> marks_of(const surface::SensedBodies& bodies) {
   std::vector<float> marks;
-  for (std::size_t k = 0; k < s.snapshot.objects(); ++k) marks.push_back(static_cast<float>(k + 1));
+  surface::numbered(bodies.all(), marks);
   return marks;
 }
 
@@ -225,10 +228,10 @@ struct Tally {
 };
 void compare(const Scene& s, const Segment& segment, Tally& tally, const std::string& what) {
   surface::WorkerPool pool(1);
-  surface::SensedBodies bodies;
+  surface::SensedBodies bodies(0, static_cast<float>(s.field.rows - 1));
   bodies.update(s.snapshot, s.objects, pool);
   FirstHit sweep(s.field, segment);
-  sweep.sweep(bodies.all(), marks_of(s), 1000, s.field.height, pool);
+  sweep.sweep(bodies.all(), marks_of(bodies), 1000, s.field.height, pool);
   for (int cell = 0; cell < s.field.cells(); ++cell) {
     const auto i = static_cast<std::size_t>(cell);
     const Expected e = brute_force(s, segment, cell);
@@ -306,8 +309,7 @@ TEST(Footprint, ForgetsWhatMovedAwayAndNamesTheCellsThatMayHaveChanged) {
   std::mt19937 random(8);
   surface::WorkerPool pool(1);
   Scene s = random_scene(random, 40, 50, false);
-  surface::SensedBodies bodies;
-  const auto marks = marks_of(s);
+  surface::SensedBodies bodies(0, 39);
   for (const Eigen::Vector3f& direction : {Eigen::Vector3f(0, 0, 1), Eigen::Vector3f(1, 1, 1)}) {
     const Segment segment = segment_along(direction, 8, true);
     FirstHit kept(s.field, segment);
@@ -317,8 +319,8 @@ TEST(Footprint, ForgetsWhatMovedAwayAndNamesTheCellsThatMayHaveChanged) {
       if (step == 4) s.snapshot.position[0][1] = std::numeric_limits<float>::quiet_NaN();
       bodies.update(s.snapshot, s.objects, pool);
       FirstHit fresh(s.field, segment);
-      kept.sweep(bodies.all(), marks, 1000, s.field.height, pool);
-      fresh.sweep(bodies.all(), marks, 1000, s.field.height, pool);
+      kept.sweep(bodies.all(), marks_of(bodies), 1000, s.field.height, pool);
+      fresh.sweep(bodies.all(), marks_of(bodies), 1000, s.field.height, pool);
       ASSERT_TRUE(std::ranges::equal(kept.distance(), fresh.distance())) << step;
       ASSERT_TRUE(std::ranges::equal(kept.mark(), fresh.mark())) << step;
       kept.for_changed(0, 40, [&](int first, int last) {
@@ -341,10 +343,33 @@ TEST(Footprint, HasTheSameBitsForAnyNumberOfThreads) {
         surface::SensedBodies bodies;
         bodies.update(s.snapshot, s.objects, pool);
         FirstHit sweep(s.field, segment_along(direction, 6, true));
-        sweep.sweep(bodies.all(), marks_of(s), 1000, s.field.height, pool);
+        sweep.sweep(bodies.all(), marks_of(bodies), 1000, s.field.height, pool);
         if (threads == 1) first.assign(sweep.distance().begin(), sweep.distance().end());
         ASSERT_TRUE(std::ranges::equal(first, sweep.distance())) << direction.transpose();
       }
+    }
+  }
+}
+
+TEST(Footprint, HasTheSameBitsOnEveryInstructionSet) {
+  std::mt19937 random(10);
+  surface::WorkerPool pool(1);
+  for (const bool free : {false, true}) {
+    const Scene s = random_scene(random, 21, 23, free);
+    surface::SensedBodies bodies;
+    bodies.update(s.snapshot, s.objects, pool);
+    for (const auto& direction : kDirections) {
+      std::vector<float> first;
+      for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+        hwy::SetSupportedTargetsForTest(target);
+        hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+        FirstHit sweep(s.field, segment_along(direction, 6, true));
+        sweep.sweep(bodies.all(), marks_of(bodies), 1000, s.field.height, pool);
+        if (first.empty()) first.assign(sweep.distance().begin(), sweep.distance().end());
+        EXPECT_TRUE(std::ranges::equal(first, sweep.distance())) << hwy::TargetName(target);
+      }
+      hwy::SetSupportedTargetsForTest(0);
+      hwy::GetChosenTarget().Update(hwy::SupportedTargets());
     }
   }
 }
