@@ -114,6 +114,9 @@ void define_run(CLI::App& run, Raw& raw) {
       ->type_name("SECONDS")
       ->check(seconds());
   run.add_flag("--window", raw.window)->group("");
+  run.add_option("--watch", raw.options.watch,
+                 "draw this register in the terminal as the program runs; once, at its end, elsewhere")
+      ->type_name("REGISTER");
   run.add_option("--profile", raw.options.profile,
                  "write counts and times by instruction and line to this file, as JSON")
       ->type_name("FILE");

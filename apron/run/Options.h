@@ -34,6 +34,7 @@ struct Options {
   double wait_s = 5.0;
   std::string profile, cost_model;  // files; "" for none
   std::vector<std::string> files;  // of fmt
+  std::string watch;               // a register to show; "" for none
   bool write = false, only_check = false;
 };
 
