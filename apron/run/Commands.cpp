@@ -16,6 +16,7 @@
 #include "apron/run/ProgramFile.h"
 #include "apron/run/StopSignal.h"
 #include "apron/run/SurfaceHost.h"
+#include "apron/run/Watch.h"
 #include "apron/vm/Vm.h"
 
 namespace apron::run {
@@ -40,11 +41,19 @@ std::string unknown_parameter(const Options& options, const program::Program& pr
   return {};
 }
 
+// Instructions between two looks at a register; more than any segment has.
+constexpr std::uint64_t kLookEvery = 8192;
+
 vm::Status run_to_end(vm::Vm& vm, const Options& options, std::uint64_t& ticks) {
+  std::optional<Watch> watch;
+  if (!options.watch.empty()) watch.emplace(vm, options.watch);
   while (!options.ticks || ticks < *options.ticks) {
-    const vm::Status status = vm.run();
-    if (status != vm::Status::kTick) return status;
-    ++ticks;
+    const vm::Status status = watch ? vm.run(kLookEvery) : vm.run();
+    if (watch) watch->look();
+    if (status == vm::Status::kTick)
+      ++ticks;
+    else if (status != vm::Status::kBudget)
+      return status;
   }
   return vm::Status::kEnded;
 }
@@ -91,7 +100,7 @@ Ran run_plainly(const Options& options, program::Program program, LocalHost& hos
   how.threads = options.threads;
   how.stop = &stop_flag();
   how.profile = !options.profile.empty();
-  how.fuse.keep_registers = false;  // nobody looks at them but the program
+  how.fuse.keep_registers = !options.watch.empty();  // else nobody looks at them but the program
   vm::Vm vm(std::move(program), how, host);
   Ran ran;
   ran.status = run_to_end(vm, options, ran.ticks);
@@ -112,6 +121,9 @@ int run_on(const Options& options, std::uint32_t width, std::uint32_t height, co
   const program::Program& program = compiled->program;
   if (const std::string unknown = unknown_parameter(options, program); !unknown.empty())
     return complain(kWrongInput, unknown);
+  if (const std::string unknown = options.watch.empty() ? "" : Watch::unknown(program, options.watch);
+      !unknown.empty())
+    return complain(kWrongInput, "error: " + unknown);
   std::optional<CostModel> model;
   if (std::string wrong; !options.cost_model.empty()) {
     model = read_cost_model(options.cost_model, wrong);

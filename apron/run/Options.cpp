@@ -125,6 +125,12 @@ void define_run(CLI::App& run, Raw& raw) {
       ->allow_extra_args(false);
   run.add_option("--video", raw.options.video, "a video of the window, 30 pictures a simulated second")
       ->type_name("FILE.mp4");
+  run.add_option("--watch", raw.options.watch,
+                 "draw this register in the terminal as the program runs; once, at its end, elsewhere")
+      ->type_name("REGISTER")
+      ->excludes("--window")
+      ->excludes("--screenshot")
+      ->excludes("--video");
   run.add_option("--profile", raw.options.profile,
                  "write counts and times by instruction and line to this file, as JSON")
       ->type_name("FILE");

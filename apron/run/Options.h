@@ -53,6 +53,7 @@ struct Options {
   std::vector<Screenshot> screenshots;
   std::string video;               // a file; "" for none
   std::vector<std::string> files;  // of fmt
+  std::string watch;               // a register to show in the terminal; "" for none
 
   bool draws() const { return window || !screenshots.empty() || !video.empty(); }
   bool write = false, only_check = false;

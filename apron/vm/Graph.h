@@ -26,7 +26,7 @@ struct Arg {
 };
 
 struct Node {
-  enum class Kind : std::uint8_t { kCompute, kRegister, kMask };
+  enum class Kind : std::uint8_t { kCompute, kRegister, kMask, kColumn, kRow };  // kColumn, kRow: its number
   Kind kind = Kind::kCompute;
   program::Opcode op = program::Opcode::kNop;  // kCompute: element-wise
   std::uint32_t reg = 0;                       // kRegister: its value at entry

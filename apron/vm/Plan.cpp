@@ -11,9 +11,10 @@ namespace {
 using program::BoundaryRule;
 using program::Opcode;
 
-constexpr std::size_t kCacheFloats = 640 * 1024 / sizeof(float);  // for the rings, of the second-level cache
-constexpr std::size_t kMaxOps = 48;                               // of a stage
-constexpr std::size_t kMaxAlive = 18;                             // values of a stage alive at once
+constexpr std::size_t kCacheFloats = 800 * 1024 / sizeof(float);  // for the rings, of the second-level cache
+constexpr std::size_t kAllCachesFloats = 32 * 1024 * 1024 / sizeof(float);
+constexpr std::size_t kMaxOps = 48;    // of a stage
+constexpr std::size_t kMaxAlive = 18;  // values of a stage alive at once
 constexpr std::uint32_t kNowhere = UINT32_MAX;
 
 std::uint32_t round_up(std::uint32_t n, std::uint32_t unit) { return (n + unit - 1) / unit * unit; }
@@ -39,6 +40,7 @@ class Planner {
     place_values();
     write_stages();
     size_rings();
+    write_around_caches();
     return std::move(plan_);
   }
 
@@ -300,6 +302,9 @@ class Planner {
     }
     if (options_.strip_columns > 0)
       plan_.strip_columns = std::min(round_up(options_.strip_columns, kLanes), whole);
+    // Short rows are in the first-level cache, where a load costs less than finding the rows to share it.
+    plan_.rows_at_once = plan_.strip_columns < 256 ? 1 : 4;
+    if (options_.rows_at_once > 0) plan_.rows_at_once = options_.rows_at_once;
     if (options_.block_rows > 0) plan_.block_rows = std::min(options_.block_rows, plan_.height);
     if (plan_.strip_columns >= whole) {
       plan_.strip_columns = whole;
@@ -320,6 +325,19 @@ class Planner {
            (plan_.slices > 1 && stage.border_y > 0);
   }
 
+  static Store::Kind store_kind(Node::Kind kind) {
+    switch (kind) {
+      case Node::Kind::kMask:
+        return Store::Kind::kMask;
+      case Node::Kind::kColumn:
+        return Store::Kind::kColumns;
+      case Node::Kind::kRow:
+        return Store::Kind::kRows;
+      default:
+        return Store::Kind::kRegister;
+    }
+  }
+
   void place_values() {
     std::map<std::uint32_t, std::uint32_t> inputs;  // register: its node
     for (std::uint32_t i = 0; i < graph_.nodes.size(); ++i) {
@@ -327,7 +345,7 @@ class Planner {
       if (node.kind == Node::Kind::kRegister) inputs[node.reg] = i;
       Store store;
       store.reg = node.reg;
-      store.kind = node.kind == Node::Kind::kMask ? Store::Kind::kMask : Store::Kind::kRegister;
+      store.kind = store_kind(node.kind);
       if (!computed(i)) store_of_[i] = add_store(store);
     }
     results_.resize(graph_.nodes.size());
@@ -445,6 +463,39 @@ class Planner {
       store.margin = margin(rings[ring_of[i]]);
     }
     plan_.worker_floats = offset + 2 * kLanes;
+  }
+
+  bool is_read(const Stage& stage, std::uint32_t stream) const {
+    return std::any_of(stage.ops.begin(), stage.ops.end(), [&](const MicroOp& op) {
+      return std::any_of(op.args.begin(), op.args.end(), [&](const MicroArg& arg) {
+        return arg.kind == MicroArg::Kind::kStream && arg.index == stream;
+      });
+    });
+  }
+
+  // Whether a stage reads what is written to the plane, or what was there before.
+  bool is_read(const Store& plane) const {
+    for (const Stage& stage : plan_.stages)
+      for (std::uint32_t s = 0; s < stage.streams.size(); ++s) {
+        const Store& store = plan_.stores[stage.streams[s].store];
+        const bool old = plane.kind == Store::Kind::kInPlace && store.kind == Store::Kind::kRegister;
+        if (store.reg == plane.reg && (old || store.kind == plane.kind) && is_read(stage, s)) return true;
+      }
+    return false;
+  }
+
+  // Planes that no cache holds until somebody reads them need not be fetched to be overwritten. A single
+  // stage only streams, and gains nothing.
+  void write_around_caches() {
+    const auto planes = std::count_if(plan_.stores.begin(), plan_.stores.end(),
+                                      [](const Store& store) { return store.kind != Store::Kind::kRing; });
+    const std::size_t floats = static_cast<std::size_t>(planes) * plan_.width * plan_.height;
+    if (floats <= kAllCachesFloats || plan_.stages.size() < 2) return;
+    for (Stage& stage : plan_.stages)
+      for (Stage::Result& result : stage.results) {
+        const Store& to = plan_.stores[stage.streams[result.stream].store];
+        result.around_caches = to.kind != Store::Kind::kRing && !is_read(to);
+      }
   }
 
   const Graph& graph_;

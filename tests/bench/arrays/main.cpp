@@ -92,7 +92,8 @@ bool compare(int workload, int n, int repetitions, const std::string& without) {
   add("eigen", arrays::eigen_job);
   add("unfused", arrays::unfused_job);
   std::vector<Figures> all = measure(runners, repetitions);
-  if (const auto f = numpy(workload, n))
+  const bool wanted = without.find("numpy") == std::string::npos;
+  if (const auto f = wanted ? numpy(workload, n) : std::nullopt)
     all.push_back(*f);
   else
     missing += " numpy";

@@ -197,6 +197,17 @@ TEST_F(Cli, SetOverridesASlider) {
   EXPECT_NE(wrong.err.find("it has speed"), std::string::npos) << wrong.err;
 }
 
+// Not a terminal: the register once, as it is in the end, without a control character.
+TEST_F(Cli, WatchShowsARegisterAtTheEnd) {
+  const std::string program = file("watch.aps", "!register(A)\nprintln('begins')\nA = cell.x * 1\n");
+  const Result r = run({"run", program, "--size", "10x2", "--watch", "A"});
+  EXPECT_EQ(r.status, 0) << r.err;
+  EXPECT_EQ(r.out, "begins\nA 10x2\n .:-=+*#%@\n .:-=+*#%@\n");
+  const Result wrong = run({"run", program, "--watch", "a"});
+  EXPECT_EQ(wrong.status, 2);
+  EXPECT_EQ(wrong.err, "apron: error: --watch: the program has no register 'a'; did you mean 'A'?\n");
+}
+
 TEST_F(Cli, CtrlCStopsAnEndlessLoop) {
   const pid_t child = start({"run", file("a.aps", "#again\njump(#again)\n")});
   std::this_thread::sleep_for(300ms);
