@@ -12,6 +12,9 @@ constexpr ImGuiWindowFlags kFixed = ImGuiWindowFlags_NoDecoration | ImGuiWindowF
                                     ImGuiWindowFlags_NoSavedSettings |
                                     ImGuiWindowFlags_NoBringToFrontOnFocus | ImGuiWindowFlags_NoNav;
 
+// Points, from which on the program has a column of its own.
+constexpr float kWide = 1200.0F;
+
 struct Sizes {
   float list = 0.0F, program = 0.0F, bottom = 0.0F, values = 0.0F;  // program 0: it is one of the tabs
 };
@@ -19,10 +22,11 @@ struct Sizes {
 Sizes sizes(const Stage& stage, ImVec2 room) {
   Sizes s;
   const bool wide = is_wide(stage);
-  s.list = wide ? std::clamp(room.x * 0.175F, stage.px(292), stage.px(420)) : stage.px(176);
+  s.list = wide ? std::clamp(room.x * 0.175F, stage.px(292), stage.px(420))
+                : std::clamp(room.x * 0.2F, stage.px(176), stage.px(292));
   s.program = wide ? std::clamp(room.x * 0.37F, stage.px(400), stage.px(680)) : 0.0F;
   s.bottom = wide ? std::clamp(room.y * 0.28F, stage.px(190), stage.px(320)) : room.y * 0.38F;
-  s.values = wide ? stage.px(300) : stage.px(176);
+  s.values = wide ? stage.px(300) : std::clamp(room.x * 0.2F, stage.px(176), stage.px(300));
   return s;
 }
 
@@ -65,7 +69,7 @@ std::string short_number(double value) {
   return text;
 }
 
-bool is_wide(const Stage& stage) { return ImGui::GetIO().DisplaySize.x >= stage.px(1060); }
+bool is_wide(const Stage& stage) { return ImGui::GetIO().DisplaySize.x >= stage.px(kWide); }
 
 void draw_window(Stage& stage) {
   take_keys(stage.bench);

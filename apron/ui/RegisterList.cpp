@@ -70,7 +70,7 @@ void thumbnail(Stage& stage, std::size_t reg, float edge) {
   ImGui::PushFont(stage.gui.small());
   fitted_text(list, {corner.x, top + line}, edge, theme::kFaint, about);
   ImGui::PopFont();
-  if (hovered) ImGui::SetTooltip("%s  %ux%u", r.name.c_str(), r.width, r.height);
+  if (hovered) ImGui::SetTooltip("%s  %u\u00d7%u", r.name.c_str(), r.width, r.height);
 }
 
 }  // namespace
@@ -82,7 +82,8 @@ void draw_registers(Stage& stage) {
   bench.small_visible.clear();
   // Room for the scroll bar, whether it is there or not: sizes must not depend on it.
   const float width = ImGui::GetWindowWidth() - ImGui::GetStyle().ScrollbarSize, gap = stage.px(8);
-  const int columns = (is_wide(stage) ? 2 : 1) + (bench.listed().size() > kManyRegisters ? 1 : 0);
+  const float least = stage.px(bench.listed().size() > kManyRegisters ? 74 : 130);
+  const int columns = std::clamp(static_cast<int>(width / least), 1, 3);
   const float edge =
       std::floor((width - gap * static_cast<float>(columns - 1)) / static_cast<float>(columns));
   const float height = edge + 2.0F * ImGui::GetTextLineHeight() + stage.px(8);

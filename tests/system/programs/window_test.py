@@ -81,7 +81,7 @@ class ApronWindow(ProgramTest):
         child = self.start(APRON, "run", program, "--window", "--size", "4x4", "--geometry", "640x480+10+10")
         self.assertEqual(self.read_line(child), "one")
         time.sleep(0.05)  # file times are that fine
-        self.write("a.aps", ENDLESS.replace("one", "wrong("))
+        self.write("a.aps", ENDLESS.replace("one')", "one'"))  # is not taken
         time.sleep(1)
         self.write("a.aps", ENDLESS.replace("one", "two"))
         self.assertEqual(self.read_line(child), "two")
