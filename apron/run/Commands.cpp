@@ -46,7 +46,10 @@ constexpr std::uint64_t kLookEvery = 8192;
 
 vm::Status run_to_end(vm::Vm& vm, const Options& options, std::uint64_t& ticks) {
   std::optional<Watch> watch;
-  if (!options.watch.empty()) watch.emplace(vm, options.watch);
+  if (!options.watch.empty()) {
+    watch.emplace(vm, options.watch);
+    watch->look();  // the screen is ready before anything is printed
+  }
   while (!options.ticks || ticks < *options.ticks) {
     const vm::Status status = watch ? vm.run(kLookEvery) : vm.run();
     if (watch) watch->look();

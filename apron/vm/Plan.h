@@ -91,7 +91,4 @@ struct Plan {
 
 Plan make_plan(const Graph& graph, std::uint32_t width, std::uint32_t height, const PlanOptions& options);
 
-// Whether operations of this opcode may share a stage with others.
-bool joins_stages(program::Opcode op) noexcept;
-
 }  // namespace apron::vm

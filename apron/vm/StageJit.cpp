@@ -8,6 +8,7 @@
 #include <set>
 
 #include "apron/vm/StageAssembler.h"
+#include "apron/vm/Stages.h"
 
 namespace apron::vm {
 namespace {
