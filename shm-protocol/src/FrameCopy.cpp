@@ -83,21 +83,34 @@ void copy_frame(std::byte* to, const std::byte* from, std::size_t bytes) noexcep
 #endif
 
 #if defined(__SSE2__) && !defined(__SANITIZE_THREAD__)
+namespace {
+
 // Lines of 64 bytes to a multiple of 64.
-static void stream_lines(std::byte* to, const std::byte* from, std::size_t lines) noexcept {
+void stream_lines(std::byte* to, const std::byte* from, std::size_t lines) noexcept {
   for (std::size_t at = 0; at < 64 * lines; at += sizeof(__m128i))
     _mm_stream_si128(reinterpret_cast<__m128i*>(to + at),
                      _mm_loadu_si128(reinterpret_cast<const __m128i*>(from + at)));
 }
-__attribute__((target("avx512f"))) static void stream_wide_lines(std::byte* to, const std::byte* from,
-                                                                 std::size_t lines) noexcept {
-  for (std::size_t at = 0; at < 64 * lines; at += sizeof(__m512i))
-    _mm512_stream_si512(reinterpret_cast<__m512i*>(to + at),
-                        _mm512_loadu_si512(reinterpret_cast<const void*>(from + at)));
+void copy_lines(std::byte* to, const std::byte* from, std::size_t lines) noexcept {
+  std::memcpy(to, from, 64 * lines);
 }
 
+// The same a line at a time.
+__attribute__((target("avx512f"))) void stream_wide_lines(std::byte* to, const std::byte* from,
+                                                          std::size_t lines) noexcept {
+  for (std::size_t at = 0; at < 64 * lines; at += sizeof(__m512i))
+    _mm512_stream_si512(reinterpret_cast<__m512i*>(to + at), _mm512_loadu_si512(from + at));
+}
+__attribute__((target("avx512f"))) void copy_wide_lines(std::byte* to, const std::byte* from,
+                                                        std::size_t lines) noexcept {
+  for (std::size_t at = 0; at < 64 * lines; at += sizeof(__m512i))
+    _mm512_store_si512(to + at, _mm512_loadu_si512(from + at));
+}
+
+}  // namespace
+
 void stream_frame(std::byte* to, const std::byte* from, std::size_t bytes, bool past_caches) noexcept {
-  if (!past_caches || bytes < 128) {
+  if (bytes < 128) {
     std::memcpy(to, from, bytes);
     return;
   }
@@ -105,9 +118,12 @@ void stream_frame(std::byte* to, const std::byte* from, std::size_t bytes, bool 
   const std::size_t head = (64 - reinterpret_cast<std::uintptr_t>(to) % 64) % 64;
   const std::size_t lines = (bytes - head) / 64, end = head + 64 * lines;
   std::memcpy(to, from, head);
-  (wide ? stream_wide_lines : stream_lines)(to + head, from + head, lines);
+  if (past_caches)
+    (wide ? stream_wide_lines : stream_lines)(to + head, from + head, lines);
+  else
+    (wide ? copy_wide_lines : copy_lines)(to + head, from + head, lines);
   std::memcpy(to + end, from + end, bytes - end);
-  _mm_sfence();  // streaming stores are ordered by nothing else, the release store that follows included
+  if (past_caches) _mm_sfence();  // they are ordered by nothing else, the release store that follows included
 }
 #else
 void stream_frame(std::byte* to, const std::byte* from, std::size_t bytes, bool) noexcept {

@@ -1,6 +1,5 @@
 #include "smartsurf/run/SurfaceLink.h"
 
-#include <algorithm>
 #include <cmath>
 
 namespace smartsurf::run {
@@ -48,7 +47,7 @@ shm_protocol::Status SurfaceLink::publish(std::uint64_t tick, double time_s,
                                           std::span<const record::Channel> sensors) noexcept {
   // The simulation lists its channels in the order in which describe() declared them.
   for (std::size_t i = 0; i < sensors.size(); ++i)
-    std::ranges::copy(sensors[i].values, endpoint_.sensor<float>(static_cast<int>(i)).begin());
+    endpoint_.write(static_cast<int>(i), 0, std::span<const float>(sensors[i].values));
   return endpoint_.publish(tick, time_s);
 }
 

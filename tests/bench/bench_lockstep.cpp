@@ -279,7 +279,8 @@ int main(int argc, char** argv) {
   std::erase_if(ways, [&](const Way& way) { return !std::string(way.name).starts_with(only); });
   const auto table = measure_all(ways, peer_cpu);
   std::printf(
-      "round trips in us, median / p99 of the middle one of %d passes, and the median over that of `endpoints` "
+      "round trips in us, median / p99 of the middle one of %d passes, and the median over that of "
+      "`endpoints` "
       "(the faster way of the two)\npayload each way, all of it written and read; both processes on %s\n\n",
       kPasses, one_core ? "one core" : "a core each");
   print(ways, table);

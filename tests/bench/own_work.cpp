@@ -29,8 +29,7 @@ class Work {
   BENCH_WIDE void operator()(std::span<const float> in, std::span<float> out) {
     std::copy(in.begin(), in.end(), a_.begin() + 1);
     for (int t = 0; t < times_; ++t) {
-      for (std::size_t i = 1; i <= kCells; ++i)
-        b_[i] = 0.5F * a_[i] + 0.25F * (a_[i - 1] + a_[i + 1]);
+      for (std::size_t i = 1; i <= kCells; ++i) b_[i] = 0.5F * a_[i] + 0.25F * (a_[i - 1] + a_[i + 1]);
       std::swap(a_, b_);
     }
     std::copy_n(a_.begin() + 1, out.size(), out.begin());
@@ -68,8 +67,8 @@ struct Cost {
 
 Cost measure_pair(int times, int peer_cpu) {
   const auto config = config_of();
-  auto* controllers = static_cast<std::atomic<double>*>(
-      ::mmap(nullptr, sizeof(std::atomic<double>), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0));
+  auto* controllers = static_cast<std::atomic<double>*>(::mmap(
+      nullptr, sizeof(std::atomic<double>), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0));
   auto surface = SurfaceEndpoint::create(config);
   const pid_t peer = start_peer(peer_cpu, [&] {
     Work work(times);
@@ -103,8 +102,9 @@ Cost measure_pair(int times, int peer_cpu) {
 }  // namespace
 
 void print_own_work(int peer_cpu) {
-  std::printf("\na tick at 64x64 f32 each way, both sides with work of their own, medians in us\n%12s%12s%12s%22s\n",
-              "surface", "controller", "tick", "tick less both works");
+  std::printf(
+      "\na tick at 64x64 f32 each way, both sides with work of their own, medians in us\n%12s%12s%12s%22s\n",
+      "surface", "controller", "tick", "tick less both works");
   for (const int times : {20, 50, 100, 200}) {
     const Cost c = measure_pair(times, peer_cpu);
     std::printf("%12.2f%12.2f%12.2f%22.2f\n", c.surface_us, c.controller_us, c.tick_us,

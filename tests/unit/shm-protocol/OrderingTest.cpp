@@ -1,5 +1,5 @@
-// What the models take for granted and a machine that reorders could break: two threads run against each other
-// over many independent copies of the words, as litmus tests do.
+// What the models take for granted and a machine that reorders could break: two threads run against each
+// other over many independent copies of the words, as litmus tests do.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -85,7 +85,10 @@ TEST(Ordering, WhoSeesTheAnswerSeesItsFrame) {
   std::vector<ssp_publication> lines(20'000);
   std::size_t mixed = 0;
   race(
-      lines.size(), [&](std::size_t i) { announce(lines[i], {9, 1, 0.0, 5, 0}, 0); },
+      lines.size(),
+      [&](std::size_t i) {
+        announce(lines[i], {9, 1, 0.0, 5, 0}, 0);
+      },
       [&](std::size_t i) {
         mixed += load_acquire(lines[i].answers) == 5 && load_relaxed(lines[i].frame) != 9;
       });
