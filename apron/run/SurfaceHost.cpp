@@ -222,10 +222,10 @@ HostStatus SurfaceHost::actuate(std::string_view channel, float value) {
 
 template <class T>
 void SurfaceHost::send(const Staged& staged) {
-  const auto to = surface_.actuator<T>(staged.channel);
   if constexpr (std::is_same_v<T, float>) {
-    std::copy(staged.cells.begin(), staged.cells.end(), to.begin());
+    surface_.write(staged.channel, 0, std::span<const float>(staged.cells));
   } else {
+    const auto to = surface_.actuator<T>(staged.channel);
     const ChannelSpec& channel = surface_.description().channels[static_cast<std::size_t>(staged.channel)];
     constexpr double kMost = std::numeric_limits<T>::max();
     std::transform(staged.cells.begin(), staged.cells.end(), to.begin(), [&](float value) {

@@ -19,7 +19,8 @@
 
 namespace shm_protocol {
 
-constexpr std::size_t kStreamed = 4 * 1024;  // bytes of a piece from which a way past the caches is considered
+constexpr std::size_t kStreamed =
+    4 * 1024;  // bytes of a piece from which a way past the caches is considered
 constexpr std::size_t kSmallestPiece = 8 * 1024, kLargestPiece = 64 * 1024;
 
 // Array bytes of a frame from which progress is worth looking at.
@@ -94,7 +95,7 @@ class PieceWriter {
   std::size_t last_;   // where the slot's arrays end
   std::size_t piece_;  // bytes announced at once
   std::uint64_t frame_ = 0;
-  std::size_t end_ = 0;  // the slot's bytes up to here are final
+  std::size_t end_ = 0;          // the slot's bytes up to here are final
   std::uint64_t announced_ = 0;  // the frame that the progress line speaks of
   StoreChoice choice_;
 };

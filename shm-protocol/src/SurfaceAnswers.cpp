@@ -89,8 +89,7 @@ Status SurfaceEndpoint::Impl::await_actuators(std::uint64_t at_tick, const WaitO
 // While the controller still writes that frame.
 void SurfaceEndpoint::Impl::copy_along(std::uint32_t of) noexcept {
   const std::uint32_t attached = load_acquire(header.claim.attached);  // before the progress line
-  const std::size_t end =
-      final_bytes(header.actuator_progress, of, geometry.geometry.actuator_slot_bytes);
+  const std::size_t end = final_bytes(header.actuator_progress, of, geometry.geometry.actuator_slot_bytes);
   if (end > 0 && copy_piece(of, attached, end)) ++patience.pieces;
 }
 

@@ -87,9 +87,9 @@ struct SurfaceEndpoint::Impl {
   std::uint64_t replaced = 0;  // values, in the copy made last
   Counters counters;
 
-  ProcessWord controller = 0;     // whom we know
-  std::uint32_t detachments = 0;  // counted when we adopted it
-  bool leaving = false;           // it was about to leave then
+  ProcessWord controller = 0;            // whom we know
+  std::uint32_t detachments = 0;         // counted when we adopted it
+  bool leaving = false;                  // it was about to leave then
   Patience patience, patience_for_more;  // for an answer; for its second piece and all that follow
 
   PieceWriter writer{header.sensor_progress, header.sensors.word, header.controller_waiting.flag,

@@ -64,7 +64,7 @@ shm_protocol::Status SurfaceLink::publish(std::uint64_t tick, double time_s,
       std::ranges::transform(sensors[i].values, endpoint_.sensor<std::uint32_t>(channel).begin(),
                              [](float value) { return static_cast<std::uint32_t>(value); });
     else
-      std::ranges::copy(sensors[i].values, endpoint_.sensor<float>(channel).begin());
+      endpoint_.write(channel, 0, std::span<const float>(sensors[i].values));
   }
   return endpoint_.publish(tick, time_s);
 }

@@ -88,6 +88,8 @@ Figures message_queue(const Case&, int peer_cpu);
 Figures zeromq(const Case&, int peer_cpu);
 const char* zeromq_missing();
 Figures iceoryx(const Case&, int peer_cpu);
+// Prints what a tick costs beyond the work of both sides.
+void print_own_work(int peer_cpu);
 const char* iceoryx_missing();
 
 }  // namespace bench

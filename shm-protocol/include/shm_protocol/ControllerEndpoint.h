@@ -58,12 +58,12 @@ class ControllerEndpoint {
   }
   const FrameInfo& sensor_info() const noexcept;
 
-  // Time-step: the next cells of that channel in the frame to come, in place, as far as the surface has written
-  // them: in ascending order, through all components, at most 64 KiB at a time. Waits until there are some.
-  // Empty: that was the last of the channel, or none will come in time or at all. Then call await_sensors():
-  // only its kOk says that all that was handed out is of one whole frame, and kTorn that it was not. The
-  // answer may be written meanwhile, and is published after that. Pays for arrays of 16 KiB and more which
-  // the surface write()s.
+  // Time-step: the next cells of that channel in the frame to come, in place, as far as the surface has
+  // written them: in ascending order, through all components, at most 64 KiB at a time. Waits until there are
+  // some. Empty: that was the last of the channel, or none will come in time or at all. Then call
+  // await_sensors(): only its kOk says that all that was handed out is of one whole frame, and kTorn that it
+  // was not. The answer may be written meanwhile, and is published after that. Pays for arrays of 16 KiB and
+  // more which the surface write()s.
   template <class T = float>
   std::span<const T> next_cells(int channel, const WaitOptions& options = {}) noexcept {
     return as_array<const T>(next_bytes(channel, dtype_of<T>(), options));

@@ -67,9 +67,9 @@ class SurfaceEndpoint {
   [[nodiscard]] Status await_actuators(std::uint64_t tick, const WaitOptions& = {}) noexcept;
 
   // Time-step: the next cells of that actuator channel in the answer to come, checked copies as actuator()
-  // shows them, as far as the controller has written them: in ascending order, through all components, at most
-  // 64 KiB at a time. Waits until there are some; before the frame to be answered is published it only looks.
-  // Empty: that was the last of the channel, or none will come in time or at all. Then call
+  // shows them, as far as the controller has written them: in ascending order, through all components, at
+  // most 64 KiB at a time. Waits until there are some; before the frame to be answered is published it only
+  // looks. Empty: that was the last of the channel, or none will come in time or at all. Then call
   // await_actuators(): only its kOk says that all that was handed out is of the frame taken in; after kTorn
   // the next call begins anew. The cells stay valid until then.
   template <class T = float>

@@ -108,9 +108,8 @@ const void* next(Handle* handle, int channel, Direction direction, const WaitOpt
   *bytes = 0;
   const ChannelSpec* spec = handle ? channel_of(handle->endpoint.description(), channel) : nullptr;
   if (!spec || spec->direction != direction) return nullptr;
-  return address_of(spec->dtype, bytes, [&]<class T>() {
-    return handle->endpoint.template next_cells<T>(channel, options);
-  });
+  return address_of(spec->dtype, bytes,
+                    [&]<class T>() { return handle->endpoint.template next_cells<T>(channel, options); });
 }
 
 // The three roles describe themselves alike.

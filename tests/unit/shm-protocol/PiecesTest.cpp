@@ -142,15 +142,17 @@ TEST(Pieces, AreAnsweredWhileTheRestIsStillToCome) {
 struct LargePair {
   explicit LargePair(const std::string& what)
       : config(large_surface(what)), surface(SurfaceEndpoint::create(config)) {}
-  void attach() { controller = std::make_unique<ControllerEndpoint>(ControllerEndpoint::attach(config.name)); }
+  void attach() {
+    controller = std::make_unique<ControllerEndpoint>(ControllerEndpoint::attach(config.name));
+  }
   // The first `cells` of the channel.
   void answer(float value, std::size_t cells) {
     controller->write(2, 0, std::span<const float>(std::vector<float>(cells, value)));
   }
   void answer_whole(float value) {
     answer(value, surface.description().cells());
-    controller->write(3, 0, std::span<const std::uint8_t>(
-                                std::vector<std::uint8_t>(3 * surface.description().cells(), 1)));
+    controller->write(
+        3, 0, std::span<const std::uint8_t>(std::vector<std::uint8_t>(3 * surface.description().cells(), 1)));
   }
   bool shows(float value) {
     const auto all = surface.actuator(2);
