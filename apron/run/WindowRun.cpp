@@ -125,7 +125,7 @@ class WindowLoop {
     runner_.post([this, program = compiled->program](debugger::Session& session) {
       const std::string missing =
           drawn_.run.host.load_modules(program.modules, module_paths(drawn_.run.options));
-      if (!missing.empty()) return drawn_.panel.note("not reloaded: " + missing);
+      if (!missing.empty()) drawn_.panel.note(missing);  // and calling it fails
       drawn_.panel.clear_program();
       session.replace(program);
     });

@@ -23,7 +23,7 @@ Sizes sizes(const Stage& stage, ImVec2 room) {
   Sizes s;
   const bool wide = is_wide(stage);
   s.list = wide ? std::clamp(room.x * 0.175F, stage.px(292), stage.px(420))
-                : std::clamp(room.x * 0.2F, stage.px(176), stage.px(292));
+                : std::clamp(room.x * 0.24F, stage.px(176), stage.px(292));
   s.program = wide ? std::clamp(room.x * 0.37F, stage.px(400), stage.px(680)) : 0.0F;
   s.bottom = wide ? std::clamp(room.y * 0.28F, stage.px(190), stage.px(320)) : room.y * 0.38F;
   s.values = wide ? stage.px(300) : std::clamp(room.x * 0.2F, stage.px(176), stage.px(300));

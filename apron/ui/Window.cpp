@@ -122,11 +122,8 @@ struct Window::State {
   int width = 0, height = 0;  // pixels
 };
 
-bool Window::display_available() {
-  if (glfwInit() == GLFW_FALSE) return false;
-  glfwTerminate();
-  return true;
-}
+// Stays connected: some displays begin again when the last program leaves, and refuse the next one meanwhile.
+bool Window::display_available() { return glfwInit() == GLFW_TRUE; }
 
 Window::Window(const std::string& title, const Placement& placement)
     : state_(std::make_unique<State>(title, placement)) {}
