@@ -35,6 +35,10 @@ class Detector {
   struct Chunk {
     ContactList pairs, world;
   };
+  // Where a chunk's lists begin in the joined ones.
+  struct Start {
+    std::size_t pair_manifolds, pair_contacts, world_manifolds, world_contacts;
+  };
 
   void find_large_size(const BodyStore&);
   void reach_out(const BodyStore&);
@@ -60,6 +64,7 @@ class Detector {
   std::vector<std::int32_t> old_first_, old_next_;  // manifolds of pairs by their body a
   std::vector<std::int32_t> old_of_body_;           // manifolds with the world
   std::vector<Chunk> chunk_;
+  std::vector<Start> start_;
 };
 
 }  // namespace smartsurf::world

@@ -54,4 +54,9 @@ class Candidates {
   int count_ = 0;
 };
 
+// Adds the points where two features that face each other along a normal (unit, from b to a) come within the margin:
+// the patch that two faces share, the ends of an edge over a face or along another edge. None where only a corner or
+// two crossing edges meet. `tag` goes with the points.
+void add_patch(const Feature& on_a, const Feature& on_b, const Vec3& normal, float margin, int tag, Candidates& out);
+
 }  // namespace smartsurf::world

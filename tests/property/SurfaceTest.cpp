@@ -54,7 +54,7 @@ TEST(Surface, ATurningCellTurnsWhatStandsOnIt) {
     for (int c = 0; c < 32; ++c) bench.field().set_target(r, c, r == 16 && c == 15 ? 1.0F : 0.0F);
   bench.run(1.0);
   field.spin[16 * 32 + 15] = 2.0F;
-  const auto id = bench.add(box({0.7, 0.7, 0.5}, {15, 15, 1.25}));
+  const auto id = bench.add(box({0.5, 0.5, 0.4}, {15, 15, 1.2}));
   bench.run(1.0);
   EXPECT_NEAR(bench.angular_velocity(id).z(), 2.0, 0.05);
 }
