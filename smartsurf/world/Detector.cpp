@@ -163,7 +163,9 @@ void Detector::touch_world(const BodyStore& bodies, std::size_t i, ContactList& 
   const auto first = static_cast<std::int32_t>(out.contacts.size());
   const Vec3& centre = bodies.position[i];
   const float margin = std::max(kRestMargin, margin_[i] + field_.max_speed * dt_s_);
-  if (bodies.round[i]) {
+  if (loose_) {
+    loose_->touch(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
+  } else if (bodies.round[i]) {
     touch_field_with_sphere(field_, centre, bodies.reach[i], margin, out.contacts);
   } else {
     touch_field_with_shape(field_, *bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);

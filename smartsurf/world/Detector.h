@@ -1,12 +1,14 @@
 // Finds all contacts of a step: bodies against the field, the ground, fixed bodies and each other.
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "smartsurf/surface/Field.h"
 #include "smartsurf/world/Bodies.h"
 #include "smartsurf/world/Contact.h"
 #include "smartsurf/world/Grid.h"
+#include "smartsurf/world/LooseField.h"
 #include "smartsurf/world/Team.h"
 
 namespace smartsurf::world {
@@ -14,7 +16,9 @@ namespace smartsurf::world {
 class Detector {
  public:
   // `ground`: the height of the endless floor, or −infinity.
-  Detector(const surface::Field& field, float dt_s, float ground) : field_(field), dt_s_(dt_s), ground_(ground) {}
+  Detector(const surface::Field& field, float dt_s, float ground) : field_(field), dt_s_(dt_s), ground_(ground) {
+    if (!field.rectangular()) loose_ = std::make_unique<LooseField>(field);
+  }
 
   // Sorts the bodies into the grid, as they are now. First in a step.
   void arrange(const BodyStore&);
@@ -53,6 +57,7 @@ class Detector {
   int chunks() const;
 
   const surface::Field& field_;
+  std::unique_ptr<LooseField> loose_;  // for a layout that is not rectangular
   float dt_s_, ground_;
   float large_ = -1.0F;  // bodies with more reach are few and large; < 0: not known
   Grid grid_;

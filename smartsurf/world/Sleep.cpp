@@ -102,8 +102,10 @@ void Sleep::wake_on_moving_cells(BodyStore& b) {
     look(field_.spin);
     row_moves_[r] = moving != 0;
   }
+  // Where rows and columns tell nothing of places, any motion may be near.
+  const bool anywhere = !field_.rectangular() && std::count(row_moves_.begin(), row_moves_.end(), 1) > 0;
   for (std::size_t i = 0; i < b.asleep.size(); ++i)
-    if (b.asleep[i] && cells_move(cells_[i])) wake(b, i);
+    if (b.asleep[i] && (anywhere || cells_move(cells_[i]))) wake(b, i);
 }
 
 bool Sleep::cells_move(const Cells& cells) const {
