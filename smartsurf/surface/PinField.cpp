@@ -58,7 +58,8 @@ PinField::PinField(const scene::SurfaceSpec& spec)
           field_.height[i] = target_[i] = static_cast<float>(*spec.border_height);
         }
   for (std::size_t r = 0; r < row_height_.size(); ++r)
-    row_height_[r] = largest(&field_.height[r * static_cast<std::size_t>(columns_)], static_cast<std::size_t>(columns_));
+    row_height_[r] =
+        largest(&field_.height[r * static_cast<std::size_t>(columns_)], static_cast<std::size_t>(columns_));
   field_.max_height = largest(row_height_.data(), row_height_.size());
 }
 
@@ -92,8 +93,9 @@ void PinField::plan(double dt_s) noexcept {
   field_.max_speed = largest(row_speed_.data(), row_speed_.size());
 }
 
-// A pin that brakes by s = a·dt every step from k·s + f (f < s) covers ((k+1)·f + s·k·(k+1)/2)·dt before it rests.
-// Solved for the distance left, that is the fastest speed from which it still stops exactly on its target.
+// A pin that brakes by s = a·dt every step from k·s + f (f < s) covers ((k+1)·f + s·k·(k+1)/2)·dt before it
+// rests. Solved for the distance left, that is the fastest speed from which it still stops exactly on its
+// target.
 void PinField::plan_row(std::size_t row, float dt_s) noexcept {
   const auto columns = static_cast<std::size_t>(columns_);
   const float* __restrict target = &target_[row * columns];

@@ -1,4 +1,5 @@
-// The pins of the surface as flat arrays: each follows its target height within limits of speed and acceleration.
+// The pins of the surface as flat arrays: each follows its target height within limits of speed and
+// acceleration.
 //
 // One physics step is plan(dt), then the collision sees the pins at their old heights moving at speed(), then
 // commit(dt) moves them: detecting at the new heights as well would count the motion twice.
@@ -29,7 +30,9 @@ class PinField {
 
   // rows × columns, row-major, row 0 north.
   std::span<const float> height() const noexcept { return field_.height; }  // z of the top, u
-  std::span<const float> speed() const noexcept { return field_.speed; }    // upward, u/s, of the step being taken
+  std::span<const float> speed() const noexcept {
+    return field_.speed;
+  }                                                                   // upward, u/s, of the step being taken
   std::span<const float> target() const noexcept { return target_; }  // u, within the range
 
   // Every cell's target at once; values are clamped to the range, a NaN keeps the cell's old target, border

@@ -17,8 +17,8 @@ using scene::ShapeKind;
 constexpr float kLeanTolerance = 0.05F;
 constexpr int kRim = 8;
 
-// Calls each(point) for the points that touch a plane first: corners, the tip, and eight points of each rim, one of
-// them the lowest. A capsule has none.
+// Calls each(point) for the points that touch a plane first: corners, the tip, and eight points of each rim,
+// one of them the lowest. A capsule has none.
 template <class Each>
 void for_feature_points(const Piece& piece, const Vec3& centre, const Mat3& axes, Each each) {
   const Shape& s = piece.shape;
@@ -34,7 +34,9 @@ void for_feature_points(const Piece& piece, const Vec3& centre, const Mat3& axes
     }
   };
   switch (s.kind) {
-    case ShapeKind::kSphere: case ShapeKind::kCapsule: break;
+    case ShapeKind::kSphere:
+    case ShapeKind::kCapsule:
+      break;
     case ShapeKind::kBox:
       for (int i = 0; i < 8; ++i)
         own(s.half.cwiseProduct(Vec3(i & 1 ? 1.0F : -1.0F, i & 2 ? 1.0F : -1.0F, i & 4 ? 1.0F : -1.0F)));
@@ -67,7 +69,12 @@ struct Way {
 class PieceOnField {
  public:
   PieceOnField(const Columns& columns, const Piece& piece, const Vec3& centre, const Mat3& axes, float margin)
-      : columns_(columns), piece_(piece), centre_(centre), axes_(axes), core_(piece, centre, axes), margin_(margin) {
+      : columns_(columns),
+        piece_(piece),
+        centre_(centre),
+        axes_(axes),
+        core_(piece, centre, axes),
+        margin_(margin) {
     for (int i = 0; i < 3; ++i) {
       const Vec3 unit = Vec3::Unit(i);
       low_[i] = core_.farthest_outside(-unit)[i] - margin;
@@ -104,12 +111,13 @@ class PieceOnField {
       const Vec3 at = centre_ + axes_.col(2) * z;
       touching.clear();
       touch_field_with_sphere(columns_.field(), at, s.radius, margin_, touching);
-      for (const Contact& c : touching) candidates_.add({at - (s.radius + c.gap) * c.normal, c.normal, c.gap, c.key});
+      for (const Contact& c : touching)
+        candidates_.add({at - (s.radius + c.gap) * c.normal, c.normal, c.gap, c.key});
     }
   }
 
-  // Calls each(plateau) for the cells under the piece that reach up to it, level neighbours in a column of cells taken
-  // as one. Cells inside a level patch add nothing to what the piece's own points say.
+  // Calls each(plateau) for the cells under the piece that reach up to it, level neighbours in a column of
+  // cells taken as one. Cells inside a level patch add nothing to what the piece's own points say.
   template <class Each>
   void for_plateaus(Each each) const {
     const CellRange cells = columns_.covering(low_.x(), high_.x(), low_.y(), high_.y());
@@ -141,14 +149,15 @@ class PieceOnField {
     if (found.count() == 0) add_nearest(p, way);
   }
 
-  // The axis of least overlap, or of the widest gap, of two shapes with flat faces; false when they are further apart
-  // than the margin, or when the only way out leads over a bridge.
+  // The axis of least overlap, or of the widest gap, of two shapes with flat faces; false when they are
+  // further apart than the margin, or when the only way out leads over a bridge.
   bool find_way_between_faces(const Column& q, Way& best) const {
     best.gap = -std::numeric_limits<float>::max();
     bool apart = false;
     auto attempt = [&](const Vec3& n, float handicap) {
       if (apart || n.z() < -0.01F) return;
-      const float top = (n.x() > 0 ? q.east : q.west) * n.x() + (n.y() > 0 ? q.north : q.south) * n.y() + q.top * n.z();
+      const float top =
+          (n.x() > 0 ? q.east : q.west) * n.x() + (n.y() > 0 ? q.north : q.south) * n.y() + q.top * n.z();
       const float gap = n.dot(core_.farthest_outside(-n)) - top;
       apart = gap > margin_;
       if (gap - handicap <= best.gap || q.leans_over_bridge(n.x(), n.y(), kLeanTolerance)) return;
@@ -220,8 +229,8 @@ class PieceOnField {
     box.rounding = kColumnRounding;
     const Vec3 at(0.5F * (q.west + q.east), 0.5F * (q.south + q.north), q.top - 0.5F * depth);
     const Mat3 upright = Mat3::Identity();
-    return nearest_points(core_, Core(Piece{box, nullptr}, at, upright), margin_ + core_.rounding + kColumnRounding,
-                          Vec3(0, 0, 1));
+    return nearest_points(core_, Core(Piece{box, nullptr}, at, upright),
+                          margin_ + core_.rounding + kColumnRounding, Vec3(0, 0, 1));
   }
 
   // The column's top, or the side that the normal leaves it by, as far down as the piece reaches.
@@ -247,8 +256,10 @@ class PieceOnField {
 
   // The cell of the plateau that the point is on.
   void add(const Plateau& p, const Vec3& point, const Vec3& normal, float gap) {
-    const int row = static_cast<int>(std::lround(columns_.y(0) / columns_.pitch() - point.y() / columns_.pitch()));
-    candidates_.add({point, normal, gap, columns_.index(std::clamp(row, p.row_begin, p.row_end - 1), p.column_begin)});
+    const int row =
+        static_cast<int>(std::lround(columns_.y(0) / columns_.pitch() - point.y() / columns_.pitch()));
+    candidates_.add(
+        {point, normal, gap, columns_.index(std::clamp(row, p.row_begin, p.row_end - 1), p.column_begin)});
   }
 
   static constexpr float kColumnRounding = 0.01F;
@@ -264,8 +275,8 @@ class PieceOnField {
 
 }  // namespace
 
-void touch_field_with_shape(const surface::Field& field, const Shape& shape, const Vec3& centre, const Mat3& axes,
-                            float margin, std::vector<Contact>& out) {
+void touch_field_with_shape(const surface::Field& field, const Shape& shape, const Vec3& centre,
+                            const Mat3& axes, float margin, std::vector<Contact>& out) {
   const float low = centre.z() - (axes.cwiseAbs() * shape.half).z();
   if (low - margin > field.max_height) return;
   const Columns columns(field, shape.width);

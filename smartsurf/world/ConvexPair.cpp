@@ -76,8 +76,8 @@ void touch_pieces(const Core& a, const Core& b, float margin, const Vec3& centre
   });
 }
 
-// Of a box that is far larger than the other body only the part around it: GJK loses its precision on long thin
-// simplices, and the corners far away tell nothing.
+// Of a box that is far larger than the other body only the part around it: GJK loses its precision on long
+// thin simplices, and the corners far away tell nothing.
 struct Trimmed {
   Shape shape;
   Vec3 centre;

@@ -47,7 +47,8 @@ void Detector::arrange(const BodyStore& bodies) {
   grid_.build(bodies.position, reach_, large_);
 }
 
-void Detector::sleepers_near(const BodyStore& bodies, std::size_t body, std::vector<std::int32_t>& out) const {
+void Detector::sleepers_near(const BodyStore& bodies, std::size_t body,
+                             std::vector<std::int32_t>& out) const {
   const Vec3 half = Vec3::Constant(reach_[body]);
   auto consider = [&](std::int32_t other) {
     const auto j = static_cast<std::size_t>(other);
@@ -69,7 +70,8 @@ void Detector::detect(const BodyStore& bodies, ContactList& pairs, ContactList& 
   constexpr int kWorthSharing = 4;
   team.run(chunks() >= kWorthSharing, [&](const Member& member) {
     const Range share = member.share(chunks());
-    for (int c = share.begin; c < share.end; ++c) detect_chunk(bodies, c, chunk_[static_cast<std::size_t>(c)]);
+    for (int c = share.begin; c < share.end; ++c)
+      detect_chunk(bodies, c, chunk_[static_cast<std::size_t>(c)]);
     if (member.first()) detect_large(bodies, chunk_[static_cast<std::size_t>(chunks())]);
     member.wait();
     gather(pairs, world, member);
@@ -78,7 +80,8 @@ void Detector::detect(const BodyStore& bodies, ContactList& pairs, ContactList& 
 
 int Detector::chunks() const { return (grid_.sorted() + kChunk - 1) / kChunk; }
 
-// Most bodies decide what is large; a few that are much larger must not make the cells of all the others wide.
+// Most bodies decide what is large; a few that are much larger must not make the cells of all the others
+// wide.
 void Detector::find_large_size(const BodyStore& bodies) {
   std::vector<float> reach;
   for (std::size_t i = 0; i < bodies.reach.size(); ++i)
@@ -110,10 +113,12 @@ void Detector::look_around_large(const BodyStore& bodies) {
   for (const std::int32_t l : grid_.large()) {
     const auto i = static_cast<std::size_t>(l);
     const Vec3 half = bodies.axes[i].cwiseAbs() * bodies.shape[i]->half + Vec3::Constant(margin_[i]);
-    grid_.for_box(bodies.position[i] - half, bodies.position[i] + half,
-                  [&](std::int32_t body) { near_.push_back({body, l}); });
+    grid_.for_box(bodies.position[i] - half, bodies.position[i] + half, [&](std::int32_t body) {
+      near_.push_back({body, l});
+    });
   }
-  std::stable_sort(near_.begin(), near_.end(), [](const NearLarge& a, const NearLarge& b) { return a.body < b.body; });
+  std::stable_sort(near_.begin(), near_.end(),
+                   [](const NearLarge& a, const NearLarge& b) { return a.body < b.body; });
   first_near_.assign(static_cast<std::size_t>(bodies.size()) + 1, 0);
   for (const NearLarge& n : near_) ++first_near_[static_cast<std::size_t>(n.body) + 1];
   for (std::size_t i = 1; i < first_near_.size(); ++i) first_near_[i] += first_near_[i - 1];
@@ -179,7 +184,8 @@ void Detector::touch_world(const BodyStore& bodies, std::size_t i, ContactList& 
     }
   } else {
     for (const std::int32_t large : grid_.large())
-      if (bodies.fixed(static_cast<std::size_t>(large))) touch_fixed(bodies, i, static_cast<std::size_t>(large), out);
+      if (bodies.fixed(static_cast<std::size_t>(large)))
+        touch_fixed(bodies, i, static_cast<std::size_t>(large), out);
   }
   const auto count = static_cast<std::int32_t>(out.contacts.size()) - first;
   if (count == 0) return;
@@ -187,7 +193,8 @@ void Detector::touch_world(const BodyStore& bodies, std::size_t i, ContactList& 
   inherit(out, out.manifolds.back(), old_world_, old_of_body_[i], 0.15F * bodies.reach[i]);
 }
 
-void Detector::touch_fixed(const BodyStore& bodies, std::size_t i, std::size_t fixed, ContactList& out) const {
+void Detector::touch_fixed(const BodyStore& bodies, std::size_t i, std::size_t fixed,
+                           ContactList& out) const {
   const std::size_t first = out.contacts.size();
   touch_bodies(bodies, i, fixed, margin_[i], dt_s_, out.contacts);
   for (std::size_t k = first; k < out.contacts.size(); ++k)
@@ -233,7 +240,8 @@ void Detector::gather(ContactList& pairs, ContactList& world, const Member& memb
   auto copy = [](ContactList& to, const ContactList& from, std::size_t manifold, std::size_t contact) {
     for (const Manifold& m : from.manifolds)
       to.manifolds[manifold++] = {m.a, m.b, m.first + static_cast<std::int32_t>(contact), m.count};
-    std::copy(from.contacts.begin(), from.contacts.end(), to.contacts.begin() + static_cast<std::ptrdiff_t>(contact));
+    std::copy(from.contacts.begin(), from.contacts.end(),
+              to.contacts.begin() + static_cast<std::ptrdiff_t>(contact));
   };
   const Range share = member.share(count);
   for (int c = share.begin; c < share.end; ++c) {

@@ -16,7 +16,8 @@ namespace smartsurf::world {
 class Detector {
  public:
   // `ground`: the height of the endless floor, or −infinity.
-  Detector(const surface::Field& field, float dt_s, float ground) : field_(field), dt_s_(dt_s), ground_(ground) {
+  Detector(const surface::Field& field, float dt_s, float ground)
+      : field_(field), dt_s_(dt_s), ground_(ground) {
     if (!field.rectangular()) loose_ = std::make_unique<LooseField>(field);
   }
 
@@ -25,11 +26,12 @@ class Detector {
   // The sleepers that a body is within reach of in this step.
   void sleepers_near(const BodyStore&, std::size_t body, std::vector<std::int32_t>& out) const;
 
-  // Contacts of what moves, in an order that depends on the bodies alone. On entry the lists hold the last step's
-  // contacts, whose impulses are handed on to the new ones.
+  // Contacts of what moves, in an order that depends on the bodies alone. On entry the lists hold the last
+  // step's contacts, whose impulses are handed on to the new ones.
   void detect(const BodyStore&, ContactList& pairs, ContactList& world, Team&);
 
-  // A body was added or removed: the sizes must be looked at again, and contacts of the one removed forgotten.
+  // A body was added or removed: the sizes must be looked at again, and contacts of the one removed
+  // forgotten.
   void bodies_changed() { large_ = -1.0F; }
 
  private:

@@ -58,7 +58,8 @@ Outward of_cone(const Vec3& p, const Shape& s) {
   // Along the mantle from the rim, 0 … slant.
   const float along = (s.radius - m.r) * nz + (m.z - s.low) * nr;
   if (over_mantle <= 0.0F && over_base <= 0.0F)
-    return over_mantle > over_base ? Outward{m.in_space(nr, nz), over_mantle} : Outward{Vec3(0, 0, -1), over_base};
+    return over_mantle > over_base ? Outward{m.in_space(nr, nz), over_mantle}
+                                   : Outward{Vec3(0, 0, -1), over_base};
   if (over_base > 0.0F && m.r <= s.radius) return {Vec3(0, 0, -1), over_base};
   if (along >= 0.0F && along <= slant) return {m.in_space(nr, nz), over_mantle};
   const float r = along < 0.0F ? m.r - s.radius : m.r, z = along < 0.0F ? m.z - s.low : m.z - s.high;
@@ -108,12 +109,18 @@ Outward of_hull(const Vec3& p, const scene::ConvexPiece& piece) {
 Outward outward_of(const Piece& piece, const Vec3& p) {
   const Shape& s = piece.shape;
   switch (s.kind) {
-    case ShapeKind::kSphere: return {unit_or(p, Vec3(0, 0, 1)), p.norm() - s.radius};
-    case ShapeKind::kBox: return of_box(p, s.half);
-    case ShapeKind::kCylinder: return of_cylinder(p, s.radius, s.high);
-    case ShapeKind::kCapsule: return of_capsule(p, s.radius, s.high);
-    case ShapeKind::kCone: return of_cone(p, s);
-    case ShapeKind::kSolid: return of_hull(p, *piece.hull->piece);
+    case ShapeKind::kSphere:
+      return {unit_or(p, Vec3(0, 0, 1)), p.norm() - s.radius};
+    case ShapeKind::kBox:
+      return of_box(p, s.half);
+    case ShapeKind::kCylinder:
+      return of_cylinder(p, s.radius, s.high);
+    case ShapeKind::kCapsule:
+      return of_capsule(p, s.radius, s.high);
+    case ShapeKind::kCone:
+      return of_cone(p, s);
+    case ShapeKind::kSolid:
+      return of_hull(p, *piece.hull->piece);
   }
   return {Vec3(0, 0, 1), 0.0F};
 }

@@ -52,7 +52,8 @@ void add_hull_face(Builder& b, const scene::ConvexPiece& piece, const Vec3& d) {
     if (face.normal.dot(d) > best->normal.dot(d)) best = &face;
   // A face with very many corners is thinned out.
   const std::uint32_t stride = (best->count + Feature::kMost / 2 - 1) / (Feature::kMost / 2);
-  for (std::uint32_t i = 0; i < best->count; i += stride) b.add(piece.corners[piece.face_corners[best->first + i]]);
+  for (std::uint32_t i = 0; i < best->count; i += stride)
+    b.add(piece.corners[piece.face_corners[best->first + i]]);
   b.f.normal = b.axes * best->normal;
 }
 
@@ -83,8 +84,12 @@ Feature feature_towards(const Piece& piece, const Vec3& centre, const Mat3& axes
   const float across = length_of(d.x(), d.y());
   const Vec3 radial = across > 1e-9F ? Vec3(d.x() / across, d.y() / across, 0) : Vec3(1, 0, 0);
   switch (s.kind) {
-    case ShapeKind::kSphere: b.add(s.radius * d); break;
-    case ShapeKind::kBox: add_box_face(b, s.half, d); break;
+    case ShapeKind::kSphere:
+      b.add(s.radius * d);
+      break;
+    case ShapeKind::kBox:
+      add_box_face(b, s.half, d);
+      break;
     case ShapeKind::kCylinder:
       if (std::abs(d.z()) > across) {
         add_disc(b, s.radius, std::copysign(s.high, d.z()), std::copysign(1.0F, d.z()), d);
@@ -108,7 +113,9 @@ Feature feature_towards(const Piece& piece, const Vec3& centre, const Mat3& axes
         b.add({0, 0, s.high});
       }
       break;
-    case ShapeKind::kSolid: add_hull_face(b, *piece.hull->piece, d); break;
+    case ShapeKind::kSolid:
+      add_hull_face(b, *piece.hull->piece, d);
+      break;
   }
   return b.f;
 }
@@ -138,7 +145,8 @@ Feature clipped(const Feature& what, const Feature& face) {
   return now;
 }
 
-void add_patch(const Feature& on_a, const Feature& on_b, const Vec3& normal, float margin, int tag, Candidates& out) {
+void add_patch(const Feature& on_a, const Feature& on_b, const Vec3& normal, float margin, int tag,
+               Candidates& out) {
   const float aligned_a = on_a.flat() ? -on_a.normal.dot(normal) : 0.0F;
   const float aligned_b = on_b.flat() ? on_b.normal.dot(normal) : 0.0F;
   if (std::max(aligned_a, aligned_b) <= kAligned) {

@@ -17,19 +17,24 @@ Vec3 farthest_own(const Piece& piece, float inset, const Vec3& d) {
     return across > 1e-12F ? Vec3(d.x() * radius / across, d.y() * radius / across, z) : Vec3(radius, 0, z);
   };
   switch (s.kind) {
-    case ShapeKind::kSphere: return Vec3::Zero();
+    case ShapeKind::kSphere:
+      return Vec3::Zero();
     case ShapeKind::kBox:
       return {std::copysign(s.half.x() - inset, d.x()), std::copysign(s.half.y() - inset, d.y()),
               std::copysign(s.half.z() - inset, d.z())};
-    case ShapeKind::kCylinder: return rim(s.radius - inset, std::copysign(s.high - inset, d.z()));
-    case ShapeKind::kCapsule: return {0, 0, std::copysign(std::max(0.0F, s.high - s.radius), d.z())};
+    case ShapeKind::kCylinder:
+      return rim(s.radius - inset, std::copysign(s.high - inset, d.z()));
+    case ShapeKind::kCapsule:
+      return {0, 0, std::copysign(std::max(0.0F, s.high - s.radius), d.z())};
     case ShapeKind::kCone: {
       const float height = s.high - s.low, slant = length_of(height, s.radius);
       const float nr = height / slant, nz = s.radius / slant;
-      const Vec3 tip(0, 0, s.high - inset / nz), base = rim(s.radius - inset * (1.0F + nz) / nr, s.low + inset);
+      const Vec3 tip(0, 0, s.high - inset / nz),
+          base = rim(s.radius - inset * (1.0F + nz) / nr, s.low + inset);
       return d.dot(tip) > d.dot(base) ? tip : base;
     }
-    case ShapeKind::kSolid: break;
+    case ShapeKind::kSolid:
+      break;
   }
   const Vec3* best = piece.hull->core.data();
   float farthest = d.dot(*best);
@@ -90,7 +95,8 @@ void reduce_sliver(Simplex& s) {
 void reduce_triangle(Simplex& s) {
   const Vec3 &a = s.v[0].w, &b = s.v[1].w, &c = s.v[2].w;
   const Vec3 ab = b - a, ac = c - a;
-  const float d1 = -ab.dot(a), d2 = -ac.dot(a), d3 = -ab.dot(b), d4 = -ac.dot(b), d5 = -ab.dot(c), d6 = -ac.dot(c);
+  const float d1 = -ab.dot(a), d2 = -ac.dot(a), d3 = -ab.dot(b), d4 = -ac.dot(b), d5 = -ab.dot(c),
+              d6 = -ac.dot(c);
   if (d1 <= 0 && d2 <= 0) return s.keep({{0, 1.0F}});
   if (d3 >= 0 && d4 <= d3) return s.keep({{1, 1.0F}});
   if (d6 >= 0 && d5 <= d6) return s.keep({{2, 1.0F}});
@@ -132,10 +138,17 @@ bool reduce_tetrahedron(Simplex& s) {
 
 bool reduce(Simplex& s) {
   switch (s.count) {
-    case 1: s.v[0].weight = 1.0F; return true;
-    case 2: reduce_segment(s); return true;
-    case 3: reduce_triangle(s); return true;
-    default: return reduce_tetrahedron(s);
+    case 1:
+      s.v[0].weight = 1.0F;
+      return true;
+    case 2:
+      reduce_segment(s);
+      return true;
+    case 3:
+      reduce_triangle(s);
+      return true;
+    default:
+      return reduce_tetrahedron(s);
   }
 }
 

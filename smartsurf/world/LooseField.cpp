@@ -11,7 +11,7 @@
 namespace smartsurf::world {
 namespace {
 
-constexpr int kMiddle = 4;  // of three by three
+constexpr int kMiddle = 4;              // of three by three
 constexpr int kSide[4] = {3, 5, 1, 7};  // west, east, north, south of it
 constexpr float kOut[4][2] = {{-1, 0}, {1, 0}, {0, 1}, {0, -1}};
 
@@ -53,7 +53,8 @@ void LooseField::for_cells(const Vec3& low, const Vec3& high, Each each) const {
   for (int y = bucket(low.y() - half_diagonal_, 1); y <= y1; ++y)
     for (int x = bucket(low.x() - half_diagonal_, 0); x <= x1; ++x) {
       const auto b = static_cast<std::size_t>(y * count_[0] + x);
-      for (int k = first_[b]; k < first_[b + 1]; ++k) each(static_cast<std::size_t>(order_[static_cast<std::size_t>(k)]));
+      for (int k = first_[b]; k < first_[b + 1]; ++k)
+        each(static_cast<std::size_t>(order_[static_cast<std::size_t>(k)]));
     }
 }
 
@@ -64,7 +65,8 @@ int LooseField::cell_at(float x, float y, float grown) const {
   for_cells(at - reach, at + reach, [&](std::size_t i) {
     const float angle = field_.angle.empty() ? 0.0F : field_.angle[i];
     const Vec3 p = turned(at - Vec3(field_.x[i], field_.y[i], 0), -std::sin(angle), std::cos(angle));
-    if (found < 0 && std::abs(p.x()) <= field_.half_top_x + grown && std::abs(p.y()) <= field_.half_top_y + grown)
+    if (found < 0 && std::abs(p.x()) <= field_.half_top_x + grown &&
+        std::abs(p.y()) <= field_.half_top_y + grown)
       found = static_cast<int>(i);
   });
   return found;
@@ -82,7 +84,8 @@ LooseField::Neighbours LooseField::neighbours_of(std::size_t cell) const {
       const float aside = (k ? 0.5F : -0.5F) * (along_x ? field_.half_top_y : field_.half_top_x);
       const float out = half + 0.75F * gap + 1e-3F;
       const Vec3 local = along_x ? Vec3(kOut[side][0] * out, aside, 0) : Vec3(aside, kOut[side][1] * out, 0);
-      const Vec3 at = Vec3(field_.x[cell], field_.y[cell], 0) + turned(local, std::sin(angle), std::cos(angle));
+      const Vec3 at =
+          Vec3(field_.x[cell], field_.y[cell], 0) + turned(local, std::sin(angle), std::cos(angle));
       n.cell[side][k] = cell_at(at.x(), at.y(), 0.5F * gap);
       if (n.cell[side][k] == static_cast<int>(cell)) n.cell[side][k] = -1;
     }
@@ -92,7 +95,8 @@ LooseField::Neighbours LooseField::neighbours_of(std::size_t cell) const {
 
 bool LooseField::bridged(std::size_t cell, int side) const {
   for (const std::int32_t n : neighbours_[cell].cell[side])
-    if (n < 0 || !(std::abs(field_.height[static_cast<std::size_t>(n)] - field_.height[cell]) <= kLevelTolerance))
+    if (n < 0 ||
+        !(std::abs(field_.height[static_cast<std::size_t>(n)] - field_.height[cell]) <= kLevelTolerance))
       return false;
   return true;
 }
@@ -113,7 +117,8 @@ void LooseField::look_at(std::size_t cell, surface::Field& f) const {
   f.max_height = f.height[kMiddle] = field_.height[cell];
   f.speed[kMiddle] = field_.speed[cell];
   for (int side = 0; side < 4; ++side)
-    f.height[static_cast<std::size_t>(kSide[side])] = bridged(cell, side) ? field_.height[cell] : surface::kNoCell;
+    f.height[static_cast<std::size_t>(kSide[side])] =
+        bridged(cell, side) ? field_.height[cell] : surface::kNoCell;
   if (!field_.drags()) return;
   const float angle = field_.angle.empty() ? 0.0F : field_.angle[cell];
   const Vec3 drag = turned({field_.drag_x[cell], field_.drag_y[cell], 0}, -std::sin(angle), std::cos(angle));
@@ -122,8 +127,8 @@ void LooseField::look_at(std::size_t cell, surface::Field& f) const {
   f.spin[kMiddle] = field_.spin.empty() ? 0.0F : field_.spin[cell];
 }
 
-void LooseField::touch_cell(std::size_t cell, const Shape& shape, const Vec3& centre, const Mat3& axes, float margin,
-                            surface::Field& f, std::vector<Contact>& out) const {
+void LooseField::touch_cell(std::size_t cell, const Shape& shape, const Vec3& centre, const Mat3& axes,
+                            float margin, surface::Field& f, std::vector<Contact>& out) const {
   look_at(cell, f);
   const float angle = field_.angle.empty() ? 0.0F : field_.angle[cell];
   const float sine = std::sin(angle), cosine = std::cos(angle);

@@ -1,7 +1,7 @@
 // A field whose cells stand anywhere, each turned about the vertical: the slower way to the same contacts.
 //
-// Each cell near a body is looked at in its own frame, as the middle of a rectangular field of three by three; level
-// neighbours across a side bridge the gap there, as they do in a rectangular layout.
+// Each cell near a body is looked at in its own frame, as the middle of a rectangular field of three by
+// three; level neighbours across a side bridge the gap there, as they do in a rectangular layout.
 #pragma once
 
 #include <vector>
@@ -18,7 +18,8 @@ class LooseField {
   explicit LooseField(const surface::Field&);
 
   // Appends the contacts of a shape, chosen as in a rectangular layout.
-  void touch(const Shape&, const Vec3& centre, const Mat3& axes, float margin, std::vector<Contact>& out) const;
+  void touch(const Shape&, const Vec3& centre, const Mat3& axes, float margin,
+             std::vector<Contact>& out) const;
 
  private:
   // The cells across the west, east, north and south side, as seen from two points of it; −1: none.

@@ -167,7 +167,8 @@ TEST(LooseLayout, CellsHoldAndPushFromWhereTheyStand) {
   scatter(bench);
   auto& field = bench.field().field();
   // Two cells change places, far apart.
-  const auto near = static_cast<std::size_t>(field.index(16, 15)), far = static_cast<std::size_t>(field.index(2, 2));
+  const auto near = static_cast<std::size_t>(field.index(16, 15)),
+             far = static_cast<std::size_t>(field.index(2, 2));
   std::swap(field.x[near], field.x[far]);
   std::swap(field.y[near], field.y[far]);
   const auto id = bench.add(sphere(0.6, {15, 15, 0.6}));

@@ -31,8 +31,8 @@ float distance(const Body& a, const Body& b) {
   return n.distance - ca.rounding - cb.rounding;
 }
 
-const scene::ShapeKind kKinds[] = {scene::ShapeKind::kBox, scene::ShapeKind::kCylinder, scene::ShapeKind::kCapsule,
-                                   scene::ShapeKind::kCone};
+const scene::ShapeKind kKinds[] = {scene::ShapeKind::kBox, scene::ShapeKind::kCylinder,
+                                   scene::ShapeKind::kCapsule, scene::ShapeKind::kCone};
 
 }  // namespace
 
@@ -47,7 +47,8 @@ TEST(Gjk, AgreesWithTheClosedFormsForPoints) {
       const Body ball = body(scene::ShapeKind::kSphere, at, Quat::Identity());
       const Outward o = outward_of({solid.shape, nullptr}, solid.axes.transpose() * at);
       // The core rounds edges off: it may stand back by a part of its rounding there.
-      EXPECT_NEAR(distance(ball, solid), o.distance - 0.6F, 0.9F * solid.shape.rounding * (kind != scene::ShapeKind::kCapsule) + 1e-3F)
+      EXPECT_NEAR(distance(ball, solid), o.distance - 0.6F,
+                  0.9F * solid.shape.rounding * (kind != scene::ShapeKind::kCapsule) + 1e-3F)
           << static_cast<int>(kind);
     }
 }

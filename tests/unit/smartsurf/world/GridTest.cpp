@@ -23,7 +23,8 @@ struct Cloud {
   }
   bool meet(int i, int j) const {
     const float both = reach[static_cast<std::size_t>(i)] + reach[static_cast<std::size_t>(j)];
-    return (position[static_cast<std::size_t>(i)] - position[static_cast<std::size_t>(j)]).squaredNorm() < both * both;
+    return (position[static_cast<std::size_t>(i)] - position[static_cast<std::size_t>(j)]).squaredNorm() <
+           both * both;
   }
 };
 
