@@ -34,7 +34,7 @@ struct Meta {
   std::string program_file;  // the controller's program as the user named it; "" when there is none
   std::string program_text;  // its source
   std::vector<NamedText>
-      versions;  // of what computed the run: {"bullet", "3.24"}, …; the recorder adds its own
+      versions;  // of what computed the run: {"physics", "0.1.0"}, …; the recorder adds its own
 };
 
 // One sensor's or actuator's values over the surface.

@@ -26,7 +26,8 @@ void BodyStore::add(scene::ObjectId new_id, const scene::ObjectSpec& spec, const
   reach.push_back(shape.back()->reach);
   round.push_back(shape.back()->round());
   friction_root.push_back(std::sqrt(static_cast<float>(material.friction)));
-  rolling_root.push_back(shape.back()->rolls ? std::sqrt(static_cast<float>(material.rolling_friction)) : 0.0F);
+  rolling_root.push_back(shape.back()->rolls ? std::sqrt(static_cast<float>(material.rolling_friction))
+                                             : 0.0F);
   restitution.push_back(static_cast<float>(material.restitution));
   const bool moves = mass.back() > 0.0F;
   own_inertia.push_back(moves ? inertia_of(spec, mass.back()) : Mat3::Zero());
@@ -97,10 +98,15 @@ void BodyStore::settle(std::size_t i, float dt_s) {
   const Vec3 momentum = own * w;
   Mat3 cross_w, cross_momentum;
   cross_w << 0, -w.z(), w.y(), w.z(), 0, -w.x(), -w.y(), w.x(), 0;
-  cross_momentum << 0, -momentum.z(), momentum.y(), momentum.z(), 0, -momentum.x(), -momentum.y(), momentum.x(), 0;
+  cross_momentum << 0, -momentum.z(), momentum.y(), momentum.z(), 0, -momentum.x(), -momentum.y(),
+      momentum.x(), 0;
   const Mat3 slope = own + dt_s * (cross_w * own - cross_momentum);
-  const Vec3 next = r * (w - slope.inverse() * (dt_s * w.cross(momentum)));
-  put(motion[i].spin, next);
+  Vec3 next = w - slope.inverse() * (dt_s * w.cross(momentum));
+  // The step's matrix has a pole at a very fast turn about the middle axis; energy must never come from
+  // there.
+  const float energy = w.dot(momentum), next_energy = next.dot(own * next);
+  if (!(next_energy <= energy)) next = next_energy > 0.0F ? Vec3(next * std::sqrt(energy / next_energy)) : w;
+  put(motion[i].spin, r * next);
   turn_axes(i);
 }
 

@@ -1,4 +1,5 @@
-// The field as the collision sees it: columns with heights, and which of their sides are bridged to a level neighbour.
+// The field as the collision sees it: columns with heights, and which of their sides are bridged to a level
+// neighbour.
 #pragma once
 
 #include <algorithm>
@@ -12,7 +13,8 @@ namespace smartsurf::world {
 // Tops that differ by less count as level, u.
 inline constexpr float kLevelTolerance = 1e-3F;
 
-// One cell as a bottomless column: a rectangle, grown to the middle of the gap on each bridged side, and its top.
+// One cell as a bottomless column: a rectangle, grown to the middle of the gap on each bridged side, and its
+// top.
 struct Column {
   float west, east, south, north, top;
   bool bridged_west, bridged_east, bridged_south, bridged_north;

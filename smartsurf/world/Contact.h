@@ -13,13 +13,14 @@ inline constexpr std::int32_t kField = -1, kGround = -2, kGone = -3;
 
 // One point of contact. A gap below 0 is a depth of penetration.
 struct Contact {
-  Vec3 normal;              // unit, from the other side towards a
-  Vec3 arm;                 // from a's centre of mass to the point, world axes
-  float gap = 0.0F;         // along the normal, u
-  std::int32_t other = 0;   // against the world: kField, kGround, or the index of a fixed body
-  std::int32_t key = 0;     // tells the points of one manifold apart from step to step: the cell, where it is the field
-  Vec3 surface{0, 0, 0};    // velocity of the world's surface there, u/s
-  float surface_spin = 0;   // its turning about the vertical, rad/s
+  Vec3 normal;             // unit, from the other side towards a
+  Vec3 arm;                // from a's centre of mass to the point, world axes
+  float gap = 0.0F;        // along the normal, u
+  std::int32_t other = 0;  // against the world: kField, kGround, or the index of a fixed body
+  std::int32_t key =
+      0;  // tells the points of one manifold apart from step to step: the cell, where it is the field
+  Vec3 surface{0, 0, 0};   // velocity of the world's surface there, u/s
+  float surface_spin = 0;  // its turning about the vertical, rad/s
   // Impulses of the last substep, which start the next one, and the sum of `push` over the step (mass·u/s).
   float push = 0.0F;
   Vec3 drag{0, 0, 0};

@@ -66,7 +66,8 @@ struct Lanes {
   Side a, b;
   Symmetric inertia_a, inertia_b;
 
-  HWY_INLINE Lanes(const Octet& o, int first, const BodyRows& rows) : octet(o), lane(first), motion(rows.motion) {
+  HWY_INLINE Lanes(const Octet& o, int first, const BodyRows& rows)
+      : octet(o), lane(first), motion(rows.motion) {
     a = load_side(rows.motion, &o.a[first]);
     if constexpr (kPair) b = load_side(rows.motion, &o.b[first]);
     if constexpr (!kRound) {
@@ -160,10 +161,12 @@ HWY_INLINE void prepare_point(const Lanes<kPair, kRound>& l, const At& q) {
     }
   } else {
     along = l.yielding(q, n, n, straight);
-    // The larger eigenvalue of the 2 × 2 matrix across the normal: friction then pulls straight against the slip.
+    // The larger eigenvalue of the 2 × 2 matrix across the normal: friction then pulls straight against the
+    // slip.
     V3 t, u;
     tangents(n, t, u);
-    const V tt = l.yielding(q, t, t, straight), uu = l.yielding(q, u, u, straight), tu = l.yielding(q, t, u, zero());
+    const V tt = l.yielding(q, t, t, straight), uu = l.yielding(q, u, u, straight),
+            tu = l.yielding(q, t, u, zero());
     const V half = (tt - uu) * set(0.5F);
     across = (tt + uu) * set(0.5F) + hn::Sqrt(half * half + tu * tu);
     turning = sum3(l.inertia_a.xx, l.inertia_a.yy, l.inertia_a.zz);
@@ -191,16 +194,19 @@ HWY_INLINE V3 limited(const V3& u, V limit) {
 }
 
 template <bool kPair, bool kRound>
-HWY_INLINE void rub_and_roll(Lanes<kPair, kRound>& l, const At& q, const V3& n, const V3& velocity, V speed, V pressing) {
+HWY_INLINE void rub_and_roll(Lanes<kPair, kRound>& l, const At& q, const V3& n, const V3& velocity, V speed,
+                             V pressing) {
   const int at = l.lane;
   const V3 slip = velocity - n * speed;
   const V3 old_drag = load3(q.point.drag, at);
-  const V3 drag = limited(old_drag - slip * load(q.point.tangent_mass, at), load(q.point.friction, at) * pressing);
+  const V3 drag =
+      limited(old_drag - slip * load(q.point.tangent_mass, at), load(q.point.friction, at) * pressing);
   store3(drag, q.point.drag, at);
   l.push(q, drag - old_drag, n, false);
   if (!l.octet.rolls) return;
   const V3 old_roll = load3(q.detail.roll, at);
-  const V3 roll = limited(old_roll - l.relative_spin(q) * load(q.detail.rolling_mass, at), load(q.detail.rolling, at) * pressing);
+  const V3 roll = limited(old_roll - l.relative_spin(q) * load(q.detail.rolling_mass, at),
+                          load(q.detail.rolling, at) * pressing);
   store3(roll, q.detail.roll, at);
   l.twist(roll - old_roll);
 }
@@ -271,7 +277,8 @@ HWY_INLINE void rebound_point(Lanes<kPair, kRound>& l, const At& q, const Pass& 
   const V3 n = load3(q.point.normal, at);
   const V speed = dot(n, l.relative_velocity(q, n));
   const V approach = load(q.point.approach, at);
-  const auto hit = hn::And(hn::Lt(approach, set(-pass.bounce_threshold)), hn::Gt(load(q.point.total, at), zero()));
+  const auto hit =
+      hn::And(hn::Lt(approach, set(-pass.bounce_threshold)), hn::Gt(load(q.point.total, at), zero()));
   const V wanted = zero() - load(q.detail.restitution, at) * approach;
   const V push = hn::Max((wanted - speed) * load(q.point.normal_mass, at), zero());
   const V impulse = hn::IfThenElseZero(hit, push);
@@ -309,7 +316,8 @@ struct Kernels {
                             [&](L& l, const At& q) HWY_ATTR { solve_point<false>(l, q, rows, pass); });
   }
   static void rebound(const Octet* o, int n, Points p, const BodyRows& rows, const Pass& pass) {
-    for_each<kPair, kRound>(o, n, p, rows, true, [&](L& l, const At& q) HWY_ATTR { rebound_point(l, q, pass); });
+    for_each<kPair, kRound>(o, n, p, rows, true,
+                            [&](L& l, const At& q) HWY_ATTR { rebound_point(l, q, pass); });
   }
   static void enter(KernelTable& t, ContactKind kind) {
     t.prepare[kind] = prepare;

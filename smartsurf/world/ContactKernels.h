@@ -1,5 +1,5 @@
-// The inner loops of the solver: eight manifolds at a time, one a SIMD lane, none of whose moving bodies is in two
-// lanes. Written once, compiled for each instruction set; every one of them gives the same bits.
+// The inner loops of the solver: eight manifolds at a time, one a SIMD lane, none of whose moving bodies is
+// in two lanes. Written once, compiled for each instruction set; every one of them gives the same bits.
 #pragma once
 
 #include <cstdint>
@@ -41,7 +41,8 @@ struct alignas(64) Point {
   float normal[3][kLanes];
   float radius_a[kLanes], radius_b[kLanes];  // of spheres
   float push[kLanes], drag[3][kLanes], total[kLanes];
-  float gap[kLanes], slowest[kLanes];  // the lowest relative speed along the normal that the relaxing pass allows
+  float gap[kLanes],
+      slowest[kLanes];  // the lowest relative speed along the normal that the relaxing pass allows
   float normal_mass[kLanes], tangent_mass[kLanes], friction[kLanes];
   float approach[kLanes];  // the relative speed along the normal as the step began
 };
@@ -58,10 +59,10 @@ struct Points {
 
 struct Pass {
   float h_s, inverse_h;
-  float elapsed_s;                          // since the step began
-  float rate, mass_scale, impulse_scale;    // the softness of the push that ends an overlap
-  float fastest_push;                       // u/s
-  float bounce_threshold;                   // u/s
+  float elapsed_s;                        // since the step began
+  float rate, mass_scale, impulse_scale;  // the softness of the push that ends an overlap
+  float fastest_push;                     // u/s
+  float bounce_threshold;                 // u/s
 };
 
 // Which of the four kinds an octet is of: against another body or the world; spheres only or any shapes.

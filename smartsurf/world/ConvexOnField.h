@@ -9,10 +9,10 @@
 
 namespace smartsurf::world {
 
-// Appends at most four contacts for each convex piece, chosen to hold it: the deepest first, then those that widen the
-// support. Cells are bottomless columns, bridged as for spheres (SphereOnField.h).
-void touch_field_with_shape(const surface::Field&, const Shape&, const Vec3& centre, const Mat3& axes, float margin,
-                            std::vector<Contact>& out);
+// Appends at most four contacts for each convex piece, chosen to hold it: the deepest first, then those that
+// widen the support. Cells are bottomless columns, bridged as for spheres (SphereOnField.h).
+void touch_field_with_shape(const surface::Field&, const Shape&, const Vec3& centre, const Mat3& axes,
+                            float margin, std::vector<Contact>& out);
 
 // The endless floor at height `ground`; any shape.
 void touch_ground(const Shape&, const Vec3& centre, const Mat3& axes, float ground, float margin,

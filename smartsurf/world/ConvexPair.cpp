@@ -11,9 +11,6 @@ namespace {
 
 using scene::ShapeKind;
 
-// A face this much in line with the normal takes part with its whole area.
-constexpr float kAligned = 0.99F;
-
 struct Touching {
   Vec3 normal;  // from b to a
   float gap;
@@ -52,7 +49,7 @@ Touching deepest(const Core& a, const Core& b) {
 }
 
 bool find(const Core& a, const Core& b, float margin, Touching& out) {
-  const NearestPoints near = nearest_points(a, b);
+  const NearestPoints near = nearest_points(a, b, margin + a.rounding + b.rounding, a.centre - b.centre);
   if (!near.apart) {
     out = deepest(a, b);
     return true;
@@ -63,45 +60,13 @@ bool find(const Core& a, const Core& b, float margin, Touching& out) {
   return out.gap <= margin;
 }
 
-// Edges that run side by side touch at both ends of what they share.
-void add_parallel_edges(const Feature& a, const Feature& b, const Vec3& normal, float margin, Candidates& out) {
-  const Vec3 along_a = a.point[1] - a.point[0], along_b = b.point[1] - b.point[0];
-  const float length = along_a.norm(), length_b = along_b.norm();
-  if (length < 1e-6F || length_b < 1e-6F || along_a.cross(along_b).norm() > 0.05F * length * length_b) return;
-  const Vec3 u = along_a / length;
-  const float s0 = u.dot(b.point[0] - a.point[0]), s1 = u.dot(b.point[1] - a.point[0]);
-  const float low = std::max(0.0F, std::min(s0, s1)), high = std::min(length, std::max(s0, s1));
-  if (low >= high) return;
-  for (const float s : {low, high}) {
-    const Vec3 on_a = a.point[0] + s * u;
-    const Vec3 on_b = b.point[0] + along_b * ((s - s0) / (s1 - s0));
-    const float gap = normal.dot(on_a - on_b);
-    if (gap <= margin) out.add({0.5F * (on_a + on_b), normal, gap, 0});
-  }
-}
-
 void touch_pieces(const Core& a, const Core& b, float margin, const Vec3& centre, std::vector<Contact>& out) {
   Touching t;
   if (!find(a, b, margin, t)) return;
   const Feature on_a = feature_towards(a.piece, a.centre, a.axes, -t.normal);
   const Feature on_b = feature_towards(b.piece, b.centre, b.axes, t.normal);
-  const float aligned_a = on_a.flat() ? -on_a.normal.dot(t.normal) : 0.0F;
-  const float aligned_b = on_b.flat() ? on_b.normal.dot(t.normal) : 0.0F;
   Candidates candidates;
-  if (std::max(aligned_a, aligned_b) > kAligned) {
-    // The smaller index wins a draw, or the choice would change from step to step.
-    const bool from_a = aligned_a > aligned_b + 1e-3F;
-    const Feature &face = from_a ? on_a : on_b, &other = from_a ? on_b : on_a;
-    const Feature patch = clipped(other, face);
-    const Vec3 normal = from_a ? Vec3(-face.normal) : face.normal;
-    for (int i = 0; i < patch.count; ++i) {
-      const Vec3& p = patch.point[static_cast<std::size_t>(i)];
-      const float gap = face.normal.dot(p - face.point[0]);
-      if (gap <= margin) candidates.add({p, normal, gap, 0});
-    }
-  } else if (on_a.count == 2 && on_b.count == 2) {
-    add_parallel_edges(on_a, on_b, t.normal, margin, candidates);
-  }
+  add_patch(on_a, on_b, t.normal, margin, 0, candidates);
   if (candidates.count() == 0) candidates.add({t.point, t.normal, t.gap, 0});
   candidates.pick([&](const Candidate& c) {
     Contact& contact = out.emplace_back();
@@ -111,11 +76,46 @@ void touch_pieces(const Core& a, const Core& b, float margin, const Vec3& centre
   });
 }
 
+// Of a box that is far larger than the other body only the part around it: GJK loses its precision on long
+// thin simplices, and the corners far away tell nothing.
+struct Trimmed {
+  Shape shape;
+  Vec3 centre;
+  bool near = true;
+};
+bool far_larger(const Placed& box, const Placed& other) {
+  return box.shape.kind == ShapeKind::kBox && box.shape.half.maxCoeff() > 6.0F * other.shape.reach;
+}
+Trimmed trimmed(const Placed& box, const Placed& other, float margin) {
+  const Vec3 at = box.axes.transpose() * (other.centre - box.centre);
+  const Vec3 around = Vec3::Constant(2.0F * other.shape.reach + std::min(margin, other.shape.reach));
+  const Vec3 low = (at - around).cwiseMax(-box.shape.half), high = (at + around).cwiseMin(box.shape.half);
+  Trimmed t{Shape{}, box.centre + box.axes * (0.5F * (low + high)), true};
+  t.shape.kind = ShapeKind::kBox;
+  t.shape.half = 0.5F * (high - low);
+  t.shape.rounding = std::min(box.shape.rounding, 0.1F * t.shape.half.minCoeff());
+  t.near = t.shape.half.minCoeff() > 0.0F;
+  return t;
+}
+
 }  // namespace
 
 void touch_convex(const Placed& a, const Placed& b, float margin, std::vector<Contact>& out) {
   const Vec3 reach_a = a.axes.cwiseAbs() * a.shape.half, reach_b = b.axes.cwiseAbs() * b.shape.half;
   if (((a.centre - b.centre).cwiseAbs() - reach_a - reach_b).maxCoeff() > margin) return;
+  if (far_larger(a, b) || far_larger(b, a)) {
+    const bool a_large = far_larger(a, b);
+    const Trimmed t = a_large ? trimmed(a, b, margin) : trimmed(b, a, margin);
+    if (!t.near) return;
+    const std::size_t first = out.size();
+    if (a_large)
+      touch_convex({t.shape, t.centre, a.axes}, b, margin, out);
+    else
+      touch_convex(a, {t.shape, t.centre, b.axes}, margin, out);
+    if (a_large)
+      for (std::size_t i = first; i < out.size(); ++i) out[i].arm += t.centre - a.centre;
+    return;
+  }
   for_pieces(a.shape, [&](const Piece& piece_a) {
     for_pieces(b.shape, [&](const Piece& piece_b) {
       touch_pieces({piece_a, a.centre, a.axes}, {piece_b, b.centre, b.axes}, margin, a.centre, out);

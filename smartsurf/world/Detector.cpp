@@ -16,21 +16,27 @@ constexpr int kChunk = 128;  // bodies
 
 bool moves(const BodyStore& b, std::size_t i) { return !b.fixed(i) && !b.asleep[i]; }
 
-// Hands on the impulses of the old contact nearest to it, of the same partner.
-void inherit(Contact& c, const ContactList& old, int manifold, float tolerance) {
+// Hands the impulses of old contacts on to the nearest new ones with the same partner, each once.
+void inherit(ContactList& list, const Manifold& now, const ContactList& old, int manifold, float tolerance) {
   if (manifold < 0) return;
-  const Manifold& m = old.manifolds[static_cast<std::size_t>(manifold)];
-  const Contact* best = nullptr;
-  float nearest = tolerance * tolerance;
-  for (int k = m.first; k < m.first + m.count; ++k) {
-    const Contact& o = old.contacts[static_cast<std::size_t>(k)];
-    const float square = (o.arm - c.arm).squaredNorm();
-    if (o.other == c.other && square < nearest) nearest = square, best = &o;
+  const Manifold& before = old.manifolds[static_cast<std::size_t>(manifold)];
+  std::uint64_t taken = 0;
+  for (int k = now.first; k < now.first + now.count; ++k) {
+    Contact& c = list.contacts[static_cast<std::size_t>(k)];
+    int best = -1;
+    float nearest = tolerance * tolerance;
+    for (int j = 0; j < std::min(before.count, 64); ++j) {
+      const Contact& o = old.contacts[static_cast<std::size_t>(before.first + j)];
+      const float square = (o.arm - c.arm).squaredNorm();
+      if (o.other == c.other && square < nearest && !(taken >> j & 1U)) nearest = square, best = j;
+    }
+    if (best < 0) continue;
+    taken |= std::uint64_t{1} << best;
+    const Contact& o = old.contacts[static_cast<std::size_t>(before.first + best)];
+    c.push = o.push;
+    c.drag = o.drag - c.normal * c.normal.dot(o.drag);
+    c.roll = o.roll;
   }
-  if (!best) return;
-  c.push = best->push;
-  c.drag = best->drag - c.normal * c.normal.dot(best->drag);
-  c.roll = best->roll;
 }
 
 }  // namespace
@@ -41,7 +47,8 @@ void Detector::arrange(const BodyStore& bodies) {
   grid_.build(bodies.position, reach_, large_);
 }
 
-void Detector::sleepers_near(const BodyStore& bodies, std::size_t body, std::vector<std::int32_t>& out) const {
+void Detector::sleepers_near(const BodyStore& bodies, std::size_t body,
+                             std::vector<std::int32_t>& out) const {
   const Vec3 half = Vec3::Constant(reach_[body]);
   auto consider = [&](std::int32_t other) {
     const auto j = static_cast<std::size_t>(other);
@@ -63,7 +70,8 @@ void Detector::detect(const BodyStore& bodies, ContactList& pairs, ContactList& 
   constexpr int kWorthSharing = 4;
   team.run(chunks() >= kWorthSharing, [&](const Member& member) {
     const Range share = member.share(chunks());
-    for (int c = share.begin; c < share.end; ++c) detect_chunk(bodies, c, chunk_[static_cast<std::size_t>(c)]);
+    for (int c = share.begin; c < share.end; ++c)
+      detect_chunk(bodies, c, chunk_[static_cast<std::size_t>(c)]);
     if (member.first()) detect_large(bodies, chunk_[static_cast<std::size_t>(chunks())]);
     member.wait();
     gather(pairs, world, member);
@@ -72,7 +80,8 @@ void Detector::detect(const BodyStore& bodies, ContactList& pairs, ContactList& 
 
 int Detector::chunks() const { return (grid_.sorted() + kChunk - 1) / kChunk; }
 
-// Most bodies decide what is large; a few that are much larger must not make the cells of all the others wide.
+// Most bodies decide what is large; a few that are much larger must not make the cells of all the others
+// wide.
 void Detector::find_large_size(const BodyStore& bodies) {
   std::vector<float> reach;
   for (std::size_t i = 0; i < bodies.reach.size(); ++i)
@@ -104,10 +113,12 @@ void Detector::look_around_large(const BodyStore& bodies) {
   for (const std::int32_t l : grid_.large()) {
     const auto i = static_cast<std::size_t>(l);
     const Vec3 half = bodies.axes[i].cwiseAbs() * bodies.shape[i]->half + Vec3::Constant(margin_[i]);
-    grid_.for_box(bodies.position[i] - half, bodies.position[i] + half,
-                  [&](std::int32_t body) { near_.push_back({body, l}); });
+    grid_.for_box(bodies.position[i] - half, bodies.position[i] + half, [&](std::int32_t body) {
+      near_.push_back({body, l});
+    });
   }
-  std::stable_sort(near_.begin(), near_.end(), [](const NearLarge& a, const NearLarge& b) { return a.body < b.body; });
+  std::stable_sort(near_.begin(), near_.end(),
+                   [](const NearLarge& a, const NearLarge& b) { return a.body < b.body; });
   first_near_.assign(static_cast<std::size_t>(bodies.size()) + 1, 0);
   for (const NearLarge& n : near_) ++first_near_[static_cast<std::size_t>(n.body) + 1];
   for (std::size_t i = 1; i < first_near_.size(); ++i) first_near_[i] += first_near_[i - 1];
@@ -157,7 +168,9 @@ void Detector::touch_world(const BodyStore& bodies, std::size_t i, ContactList& 
   const auto first = static_cast<std::int32_t>(out.contacts.size());
   const Vec3& centre = bodies.position[i];
   const float margin = std::max(kRestMargin, margin_[i] + field_.max_speed * dt_s_);
-  if (bodies.round[i]) {
+  if (loose_) {
+    loose_->touch(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
+  } else if (bodies.round[i]) {
     touch_field_with_sphere(field_, centre, bodies.reach[i], margin, out.contacts);
   } else {
     touch_field_with_shape(field_, *bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
@@ -171,16 +184,17 @@ void Detector::touch_world(const BodyStore& bodies, std::size_t i, ContactList& 
     }
   } else {
     for (const std::int32_t large : grid_.large())
-      if (bodies.fixed(static_cast<std::size_t>(large))) touch_fixed(bodies, i, static_cast<std::size_t>(large), out);
+      if (bodies.fixed(static_cast<std::size_t>(large)))
+        touch_fixed(bodies, i, static_cast<std::size_t>(large), out);
   }
   const auto count = static_cast<std::int32_t>(out.contacts.size()) - first;
   if (count == 0) return;
   out.manifolds.push_back({static_cast<std::int32_t>(i), kField, first, count});
-  for (std::int32_t k = first; k < first + count; ++k)
-    inherit(out.contacts[static_cast<std::size_t>(k)], old_world_, old_of_body_[i], 0.15F * bodies.reach[i]);
+  inherit(out, out.manifolds.back(), old_world_, old_of_body_[i], 0.15F * bodies.reach[i]);
 }
 
-void Detector::touch_fixed(const BodyStore& bodies, std::size_t i, std::size_t fixed, ContactList& out) const {
+void Detector::touch_fixed(const BodyStore& bodies, std::size_t i, std::size_t fixed,
+                           ContactList& out) const {
   const std::size_t first = out.contacts.size();
   touch_bodies(bodies, i, fixed, margin_[i], dt_s_, out.contacts);
   for (std::size_t k = first; k < out.contacts.size(); ++k)
@@ -200,26 +214,41 @@ void Detector::touch_pair(const BodyStore& bodies, std::size_t i, std::size_t j,
     old = old_next_[static_cast<std::size_t>(old)];
   // A sphere has one contact with each of the others: its arm may turn far in one step.
   const float tolerance = bodies.round[a] || bodies.round[b] ? bodies.reach[a] : 0.15F * bodies.reach[a];
-  for (std::int32_t k = first; k < first + count; ++k)
-    inherit(out.contacts[static_cast<std::size_t>(k)], old_pairs_, old, tolerance);
+  inherit(out, out.manifolds.back(), old_pairs_, old, tolerance);
 }
 
-// The chunks' lists one after the other.
+// The chunks' lists one after the other; each member copies its share.
 void Detector::gather(ContactList& pairs, ContactList& world, const Member& member) {
-  if (!member.first()) return;
-  pairs.clear();
-  world.clear();
-  auto append = [](ContactList& to, const ContactList& from) {
-    const auto base = static_cast<std::int32_t>(to.contacts.size());
-    for (Manifold m : from.manifolds) {
-      m.first += base;
-      to.manifolds.push_back(m);
+  const int count = chunks() + 1;
+  if (member.first()) {
+    start_.resize(static_cast<std::size_t>(count));
+    Start at{0, 0, 0, 0};
+    for (int c = 0; c < count; ++c) {
+      const Chunk& chunk = chunk_[static_cast<std::size_t>(c)];
+      start_[static_cast<std::size_t>(c)] = at;
+      at.pair_manifolds += chunk.pairs.manifolds.size();
+      at.pair_contacts += chunk.pairs.contacts.size();
+      at.world_manifolds += chunk.world.manifolds.size();
+      at.world_contacts += chunk.world.contacts.size();
     }
-    to.contacts.insert(to.contacts.end(), from.contacts.begin(), from.contacts.end());
+    pairs.manifolds.resize(at.pair_manifolds);
+    pairs.contacts.resize(at.pair_contacts);
+    world.manifolds.resize(at.world_manifolds);
+    world.contacts.resize(at.world_contacts);
+  }
+  member.wait();
+  auto copy = [](ContactList& to, const ContactList& from, std::size_t manifold, std::size_t contact) {
+    for (const Manifold& m : from.manifolds)
+      to.manifolds[manifold++] = {m.a, m.b, m.first + static_cast<std::int32_t>(contact), m.count};
+    std::copy(from.contacts.begin(), from.contacts.end(),
+              to.contacts.begin() + static_cast<std::ptrdiff_t>(contact));
   };
-  for (int c = 0; c <= chunks(); ++c) {
-    append(pairs, chunk_[static_cast<std::size_t>(c)].pairs);
-    append(world, chunk_[static_cast<std::size_t>(c)].world);
+  const Range share = member.share(count);
+  for (int c = share.begin; c < share.end; ++c) {
+    const Chunk& chunk = chunk_[static_cast<std::size_t>(c)];
+    const Start& at = start_[static_cast<std::size_t>(c)];
+    copy(pairs, chunk.pairs, at.pair_manifolds, at.pair_contacts);
+    copy(world, chunk.world, at.world_manifolds, at.world_contacts);
   }
 }
 

@@ -1,12 +1,14 @@
 // Finds all contacts of a step: bodies against the field, the ground, fixed bodies and each other.
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "smartsurf/surface/Field.h"
 #include "smartsurf/world/Bodies.h"
 #include "smartsurf/world/Contact.h"
 #include "smartsurf/world/Grid.h"
+#include "smartsurf/world/LooseField.h"
 #include "smartsurf/world/Team.h"
 
 namespace smartsurf::world {
@@ -14,18 +16,22 @@ namespace smartsurf::world {
 class Detector {
  public:
   // `ground`: the height of the endless floor, or −infinity.
-  Detector(const surface::Field& field, float dt_s, float ground) : field_(field), dt_s_(dt_s), ground_(ground) {}
+  Detector(const surface::Field& field, float dt_s, float ground)
+      : field_(field), dt_s_(dt_s), ground_(ground) {
+    if (!field.rectangular()) loose_ = std::make_unique<LooseField>(field);
+  }
 
   // Sorts the bodies into the grid, as they are now. First in a step.
   void arrange(const BodyStore&);
   // The sleepers that a body is within reach of in this step.
   void sleepers_near(const BodyStore&, std::size_t body, std::vector<std::int32_t>& out) const;
 
-  // Contacts of what moves, in an order that depends on the bodies alone. On entry the lists hold the last step's
-  // contacts, whose impulses are handed on to the new ones.
+  // Contacts of what moves, in an order that depends on the bodies alone. On entry the lists hold the last
+  // step's contacts, whose impulses are handed on to the new ones.
   void detect(const BodyStore&, ContactList& pairs, ContactList& world, Team&);
 
-  // A body was added or removed: the sizes must be looked at again, and contacts of the one removed forgotten.
+  // A body was added or removed: the sizes must be looked at again, and contacts of the one removed
+  // forgotten.
   void bodies_changed() { large_ = -1.0F; }
 
  private:
@@ -34,6 +40,10 @@ class Detector {
   };
   struct Chunk {
     ContactList pairs, world;
+  };
+  // Where a chunk's lists begin in the joined ones.
+  struct Start {
+    std::size_t pair_manifolds, pair_contacts, world_manifolds, world_contacts;
   };
 
   void find_large_size(const BodyStore&);
@@ -49,6 +59,7 @@ class Detector {
   int chunks() const;
 
   const surface::Field& field_;
+  std::unique_ptr<LooseField> loose_;  // for a layout that is not rectangular
   float dt_s_, ground_;
   float large_ = -1.0F;  // bodies with more reach are few and large; < 0: not known
   Grid grid_;
@@ -60,6 +71,7 @@ class Detector {
   std::vector<std::int32_t> old_first_, old_next_;  // manifolds of pairs by their body a
   std::vector<std::int32_t> old_of_body_;           // manifolds with the world
   std::vector<Chunk> chunk_;
+  std::vector<Start> start_;
 };
 
 }  // namespace smartsurf::world

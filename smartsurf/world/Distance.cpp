@@ -29,7 +29,7 @@ Outward of_box(const Vec3& p, const Vec3& half) {
 struct Meridian {
   float r, z;
   Vec3 radial;
-  explicit Meridian(const Vec3& p) : r(std::hypot(p.x(), p.y())), z(p.z()) {
+  explicit Meridian(const Vec3& p) : r(length_of(p.x(), p.y())), z(p.z()) {
     radial = r > 1e-9F ? Vec3(p.x() / r, p.y() / r, 0) : Vec3(1, 0, 0);
   }
   Vec3 in_space(float along_r, float along_z) const { return radial * along_r + Vec3(0, 0, along_z); }
@@ -40,7 +40,7 @@ Outward of_cylinder(const Vec3& p, float radius, float half_height) {
   const float side = std::copysign(1.0F, m.z);
   const float over_r = m.r - radius, over_z = std::abs(m.z) - half_height;
   const float out_r = std::max(0.0F, over_r), out_z = std::max(0.0F, over_z);
-  if (const float d = std::hypot(out_r, out_z); d > 1e-6F) return {m.in_space(out_r / d, side * out_z / d), d};
+  if (const float d = length_of(out_r, out_z); d > 1e-6F) return {m.in_space(out_r / d, side * out_z / d), d};
   return over_r > over_z ? Outward{m.radial, over_r} : Outward{Vec3(0, 0, side), over_z};
 }
 
@@ -52,17 +52,18 @@ Outward of_capsule(const Vec3& p, float radius, float half_height) {
 
 Outward of_cone(const Vec3& p, const Shape& s) {
   const Meridian m(p);
-  const float height = s.high - s.low, slant = std::hypot(height, s.radius);
+  const float height = s.high - s.low, slant = length_of(height, s.radius);
   const float nr = height / slant, nz = s.radius / slant;  // outward normal of the mantle
   const float over_mantle = (m.r - s.radius) * nr + (m.z - s.low) * nz, over_base = s.low - m.z;
   // Along the mantle from the rim, 0 … slant.
   const float along = (s.radius - m.r) * nz + (m.z - s.low) * nr;
   if (over_mantle <= 0.0F && over_base <= 0.0F)
-    return over_mantle > over_base ? Outward{m.in_space(nr, nz), over_mantle} : Outward{Vec3(0, 0, -1), over_base};
+    return over_mantle > over_base ? Outward{m.in_space(nr, nz), over_mantle}
+                                   : Outward{Vec3(0, 0, -1), over_base};
   if (over_base > 0.0F && m.r <= s.radius) return {Vec3(0, 0, -1), over_base};
   if (along >= 0.0F && along <= slant) return {m.in_space(nr, nz), over_mantle};
   const float r = along < 0.0F ? m.r - s.radius : m.r, z = along < 0.0F ? m.z - s.low : m.z - s.high;
-  const float d = std::hypot(r, z);
+  const float d = length_of(r, z);
   return d > 1e-6F ? Outward{m.in_space(r / d, z / d), d} : Outward{m.in_space(nr, nz), 0.0F};
 }
 
@@ -108,12 +109,18 @@ Outward of_hull(const Vec3& p, const scene::ConvexPiece& piece) {
 Outward outward_of(const Piece& piece, const Vec3& p) {
   const Shape& s = piece.shape;
   switch (s.kind) {
-    case ShapeKind::kSphere: return {unit_or(p, Vec3(0, 0, 1)), p.norm() - s.radius};
-    case ShapeKind::kBox: return of_box(p, s.half);
-    case ShapeKind::kCylinder: return of_cylinder(p, s.radius, s.high);
-    case ShapeKind::kCapsule: return of_capsule(p, s.radius, s.high);
-    case ShapeKind::kCone: return of_cone(p, s);
-    case ShapeKind::kSolid: return of_hull(p, *piece.hull->piece);
+    case ShapeKind::kSphere:
+      return {unit_or(p, Vec3(0, 0, 1)), p.norm() - s.radius};
+    case ShapeKind::kBox:
+      return of_box(p, s.half);
+    case ShapeKind::kCylinder:
+      return of_cylinder(p, s.radius, s.high);
+    case ShapeKind::kCapsule:
+      return of_capsule(p, s.radius, s.high);
+    case ShapeKind::kCone:
+      return of_cone(p, s);
+    case ShapeKind::kSolid:
+      return of_hull(p, *piece.hull->piece);
   }
   return {Vec3(0, 0, 1), 0.0F};
 }

@@ -9,6 +9,8 @@ namespace {
 
 using scene::ShapeKind;
 
+// A face this much in line with the normal takes part with its whole area.
+constexpr float kAligned = 0.99F;
 constexpr int kRim = 8;  // points that stand for a round rim, one of them towards the direction
 
 struct Builder {
@@ -50,8 +52,27 @@ void add_hull_face(Builder& b, const scene::ConvexPiece& piece, const Vec3& d) {
     if (face.normal.dot(d) > best->normal.dot(d)) best = &face;
   // A face with very many corners is thinned out.
   const std::uint32_t stride = (best->count + Feature::kMost / 2 - 1) / (Feature::kMost / 2);
-  for (std::uint32_t i = 0; i < best->count; i += stride) b.add(piece.corners[piece.face_corners[best->first + i]]);
+  for (std::uint32_t i = 0; i < best->count; i += stride)
+    b.add(piece.corners[piece.face_corners[best->first + i]]);
   b.f.normal = b.axes * best->normal;
+}
+
+// Edges that run side by side touch at both ends of what they share.
+void add_parallel_edges(const Feature& a, const Feature& b, const Vec3& normal, float margin, int tag,
+                        Candidates& out) {
+  const Vec3 along_a = a.point[1] - a.point[0], along_b = b.point[1] - b.point[0];
+  const float length = along_a.norm(), length_b = along_b.norm();
+  if (length < 1e-6F || length_b < 1e-6F || along_a.cross(along_b).norm() > 0.05F * length * length_b) return;
+  const Vec3 u = along_a / length;
+  const float s0 = u.dot(b.point[0] - a.point[0]), s1 = u.dot(b.point[1] - a.point[0]);
+  const float low = std::max(0.0F, std::min(s0, s1)), high = std::min(length, std::max(s0, s1));
+  if (low >= high) return;
+  for (const float s : {low, high}) {
+    const Vec3 on_a = a.point[0] + s * u;
+    const Vec3 on_b = b.point[0] + along_b * ((s - s0) / (s1 - s0));
+    const float gap = normal.dot(on_a - on_b);
+    if (gap <= margin) out.add({0.5F * (on_a + on_b), normal, gap, tag});
+  }
 }
 
 }  // namespace
@@ -60,11 +81,15 @@ Feature feature_towards(const Piece& piece, const Vec3& centre, const Mat3& axes
   const Shape& s = piece.shape;
   const Vec3 d = axes.transpose() * direction;
   Builder b{centre, axes, {}};
-  const float across = std::hypot(d.x(), d.y());
+  const float across = length_of(d.x(), d.y());
   const Vec3 radial = across > 1e-9F ? Vec3(d.x() / across, d.y() / across, 0) : Vec3(1, 0, 0);
   switch (s.kind) {
-    case ShapeKind::kSphere: b.add(s.radius * d); break;
-    case ShapeKind::kBox: add_box_face(b, s.half, d); break;
+    case ShapeKind::kSphere:
+      b.add(s.radius * d);
+      break;
+    case ShapeKind::kBox:
+      add_box_face(b, s.half, d);
+      break;
     case ShapeKind::kCylinder:
       if (std::abs(d.z()) > across) {
         add_disc(b, s.radius, std::copysign(s.high, d.z()), std::copysign(1.0F, d.z()), d);
@@ -88,7 +113,9 @@ Feature feature_towards(const Piece& piece, const Vec3& centre, const Mat3& axes
         b.add({0, 0, s.high});
       }
       break;
-    case ShapeKind::kSolid: add_hull_face(b, *piece.hull->piece, d); break;
+    case ShapeKind::kSolid:
+      add_hull_face(b, *piece.hull->piece, d);
+      break;
   }
   return b.f;
 }
@@ -116,6 +143,26 @@ Feature clipped(const Feature& what, const Feature& face) {
     now = next;
   }
   return now;
+}
+
+void add_patch(const Feature& on_a, const Feature& on_b, const Vec3& normal, float margin, int tag,
+               Candidates& out) {
+  const float aligned_a = on_a.flat() ? -on_a.normal.dot(normal) : 0.0F;
+  const float aligned_b = on_b.flat() ? on_b.normal.dot(normal) : 0.0F;
+  if (std::max(aligned_a, aligned_b) <= kAligned) {
+    if (on_a.count == 2 && on_b.count == 2) add_parallel_edges(on_a, on_b, normal, margin, tag, out);
+    return;
+  }
+  // b wins a draw, or the choice would change from step to step.
+  const bool from_a = aligned_a > aligned_b + 1e-3F;
+  const Feature &face = from_a ? on_a : on_b, &other = from_a ? on_b : on_a;
+  const Feature patch = clipped(other, face);
+  const Vec3 upright = from_a ? Vec3(-face.normal) : face.normal;
+  for (int i = 0; i < patch.count; ++i) {
+    const Vec3& p = patch.point[static_cast<std::size_t>(i)];
+    const float gap = face.normal.dot(p - face.point[0]);
+    if (gap <= margin) out.add({p, upright, gap, tag});
+  }
 }
 
 void Candidates::add(const Candidate& c) {

@@ -1,5 +1,5 @@
-// What a convex piece turns towards a direction: a face, an edge or a corner. And the choice of the points that hold
-// a body best.
+// What a convex piece turns towards a direction: a face, an edge or a corner. And the choice of the points
+// that hold a body best.
 #pragma once
 
 #include <array>
@@ -36,8 +36,8 @@ class Candidates {
   // When the list is full, the widest gap gives way.
   void add(const Candidate&);
   int count() const { return count_; }
-  // At most four: the deepest, the one farthest from it, the one farthest from their line, and the one that widens
-  // them most.
+  // At most four: the deepest, the one farthest from it, the one farthest from their line, and the one that
+  // widens them most.
   template <class Take>
   void pick(Take take) const {
     int chosen[4];
@@ -53,5 +53,11 @@ class Candidates {
   Candidate list_[kCapacity];
   int count_ = 0;
 };
+
+// Adds the points where two features that face each other along a normal (unit, from b to a) come within the
+// margin: the patch that two faces share, the ends of an edge over a face or along another edge. None where
+// only a corner or two crossing edges meet. `tag` goes with the points.
+void add_patch(const Feature& on_a, const Feature& on_b, const Vec3& normal, float margin, int tag,
+               Candidates& out);
 
 }  // namespace smartsurf::world

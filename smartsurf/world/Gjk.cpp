@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace smartsurf::world {
 namespace {
@@ -12,23 +13,28 @@ using scene::ShapeKind;
 Vec3 farthest_own(const Piece& piece, float inset, const Vec3& d) {
   const Shape& s = piece.shape;
   auto rim = [&d](float radius, float z) {
-    const float across = std::hypot(d.x(), d.y());
+    const float across = length_of(d.x(), d.y());
     return across > 1e-12F ? Vec3(d.x() * radius / across, d.y() * radius / across, z) : Vec3(radius, 0, z);
   };
   switch (s.kind) {
-    case ShapeKind::kSphere: return Vec3::Zero();
+    case ShapeKind::kSphere:
+      return Vec3::Zero();
     case ShapeKind::kBox:
       return {std::copysign(s.half.x() - inset, d.x()), std::copysign(s.half.y() - inset, d.y()),
               std::copysign(s.half.z() - inset, d.z())};
-    case ShapeKind::kCylinder: return rim(s.radius - inset, std::copysign(s.high - inset, d.z()));
-    case ShapeKind::kCapsule: return {0, 0, std::copysign(std::max(0.0F, s.high - s.radius), d.z())};
+    case ShapeKind::kCylinder:
+      return rim(s.radius - inset, std::copysign(s.high - inset, d.z()));
+    case ShapeKind::kCapsule:
+      return {0, 0, std::copysign(std::max(0.0F, s.high - s.radius), d.z())};
     case ShapeKind::kCone: {
-      const float height = s.high - s.low, slant = std::hypot(height, s.radius);
+      const float height = s.high - s.low, slant = length_of(height, s.radius);
       const float nr = height / slant, nz = s.radius / slant;
-      const Vec3 tip(0, 0, s.high - inset / nz), base = rim(s.radius - inset * (1.0F + nz) / nr, s.low + inset);
+      const Vec3 tip(0, 0, s.high - inset / nz),
+          base = rim(s.radius - inset * (1.0F + nz) / nr, s.low + inset);
       return d.dot(tip) > d.dot(base) ? tip : base;
     }
-    case ShapeKind::kSolid: break;
+    case ShapeKind::kSolid:
+      break;
   }
   const Vec3* best = piece.hull->core.data();
   float farthest = d.dot(*best);
@@ -65,16 +71,32 @@ void reduce_segment(Simplex& s) {
   const Vec3 &a = s.v[0].w, ab = s.v[1].w - a;
   const float t = -a.dot(ab), length = ab.squaredNorm();
   if (t <= 0.0F) return s.keep({{0, 1.0F}});
-  if (t >= length) return s.keep({{1, 1.0F}});
+  if (!(t < length)) return s.keep({{1, 1.0F}});
   s.v[1].weight = t / length;
   s.v[0].weight = 1.0F - s.v[1].weight;
+}
+
+// Of a triangle that is hardly one: its nearest edge.
+void reduce_sliver(Simplex& s) {
+  Simplex best;
+  float nearest = std::numeric_limits<float>::max();
+  for (int i = 0; i < 3; ++i) {
+    Simplex edge;
+    edge.count = 2;
+    edge.v[0] = s.v[i];
+    edge.v[1] = s.v[(i + 1) % 3];
+    reduce_segment(edge);
+    if (const float square = edge.nearest().squaredNorm(); square < nearest) nearest = square, best = edge;
+  }
+  s = best;
 }
 
 // The region of a triangle nearest to the origin (Ericson 2005).
 void reduce_triangle(Simplex& s) {
   const Vec3 &a = s.v[0].w, &b = s.v[1].w, &c = s.v[2].w;
   const Vec3 ab = b - a, ac = c - a;
-  const float d1 = -ab.dot(a), d2 = -ac.dot(a), d3 = -ab.dot(b), d4 = -ac.dot(b), d5 = -ab.dot(c), d6 = -ac.dot(c);
+  const float d1 = -ab.dot(a), d2 = -ac.dot(a), d3 = -ab.dot(b), d4 = -ac.dot(b), d5 = -ab.dot(c),
+              d6 = -ac.dot(c);
   if (d1 <= 0 && d2 <= 0) return s.keep({{0, 1.0F}});
   if (d3 >= 0 && d4 <= d3) return s.keep({{1, 1.0F}});
   if (d6 >= 0 && d5 <= d6) return s.keep({{2, 1.0F}});
@@ -85,10 +107,12 @@ void reduce_triangle(Simplex& s) {
     const float t = (d4 - d3) / ((d4 - d3) + (d5 - d6));
     return s.keep({{1, 1 - t}, {2, t}});
   }
-  const float sum = 1.0F / (va + vb + vc);
-  s.v[1].weight = vb * sum;
-  s.v[2].weight = vc * sum;
-  s.v[0].weight = 1.0F - s.v[1].weight - s.v[2].weight;
+  const float sum = va + vb + vc;
+  // Rounding may leave a sliver outside of every region: weights beyond [0, 1] would tell points far away.
+  if (!(va >= 0.0F && vb >= 0.0F && vc >= 0.0F && sum > 0.0F)) return reduce_sliver(s);
+  s.v[1].weight = vb / sum;
+  s.v[2].weight = vc / sum;
+  s.v[0].weight = va / sum;
 }
 
 // False when the origin is inside.
@@ -114,10 +138,17 @@ bool reduce_tetrahedron(Simplex& s) {
 
 bool reduce(Simplex& s) {
   switch (s.count) {
-    case 1: s.v[0].weight = 1.0F; return true;
-    case 2: reduce_segment(s); return true;
-    case 3: reduce_triangle(s); return true;
-    default: return reduce_tetrahedron(s);
+    case 1:
+      s.v[0].weight = 1.0F;
+      return true;
+    case 2:
+      reduce_segment(s);
+      return true;
+    case 3:
+      reduce_triangle(s);
+      return true;
+    default:
+      return reduce_tetrahedron(s);
   }
 }
 
@@ -127,24 +158,27 @@ Vec3 Core::farthest(const Vec3& direction) const {
   return centre + axes * farthest_own(piece, rounding, axes.transpose() * direction);
 }
 
-NearestPoints nearest_points(const Core& a, const Core& b) {
+NearestPoints nearest_points(const Core& a, const Core& b, float limit, const Vec3& towards_a) {
   constexpr int kMostRounds = 20;
+  // Distances are told to a ten-thousandth, relative or of a unit.
   constexpr float kOverlap = 1e-10F, kPrecision = 1e-4F;
+  const NearestPoints overlap{Vec3::Zero(), Vec3::Zero(), Vec3(0, 0, 1), 0.0F, false};
   Simplex s;
-  Vec3 nearest = a.centre - b.centre;
+  Vec3 nearest = towards_a;
   if (nearest.squaredNorm() < kOverlap) nearest = Vec3(0, 0, 1);
   for (int round = 0; round < kMostRounds; ++round) {
     Vertex v;
     v.a = a.farthest(-nearest);
     v.b = b.farthest(nearest);
     v.w = v.a - v.b;
-    const float square = nearest.squaredNorm();
+    const float square = nearest.squaredNorm(), length = std::sqrt(square), along = nearest.dot(v.w);
+    if (along > limit * length) return {Vec3::Zero(), Vec3::Zero(), nearest / length, along / length, true};
     // No vertex lies noticeably nearer to the origin than what is there.
-    if (s.count > 0 && square - nearest.dot(v.w) <= kPrecision * square) break;
+    if (s.count > 0 && square - along <= kPrecision * (square + length)) break;
     s.v[s.count++] = v;
-    if (!reduce(s)) return {Vec3::Zero(), Vec3::Zero(), Vec3(0, 0, 1), 0.0F, false};
+    if (!reduce(s)) return overlap;
     nearest = s.nearest();
-    if (nearest.squaredNorm() < kOverlap) return {Vec3::Zero(), Vec3::Zero(), Vec3(0, 0, 1), 0.0F, false};
+    if (nearest.squaredNorm() < kOverlap) return overlap;
   }
   NearestPoints out{Vec3::Zero(), Vec3::Zero(), Vec3(0, 0, 1), nearest.norm(), true};
   out.normal = nearest / out.distance;

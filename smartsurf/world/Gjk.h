@@ -5,8 +5,8 @@
 
 namespace smartsurf::world {
 
-// A convex piece where it stands. Its core is the piece drawn in by `rounding`: shapes that overlap a little have
-// cores that do not.
+// A convex piece where it stands. Its core is the piece drawn in by `rounding`: shapes that overlap a little
+// have cores that do not.
 struct Core {
   Piece piece;
   const Vec3& centre;
@@ -27,6 +27,8 @@ struct NearestPoints {
   float distance;  // between the cores
   bool apart;      // false: the cores overlap, and nothing else is known
 };
-NearestPoints nearest_points(const Core& a, const Core& b);
+// When the cores are further apart than `limit`, a distance beyond it is all that is told. `towards_a`: a
+// guess at the direction from b to a, of any length.
+NearestPoints nearest_points(const Core& a, const Core& b, float limit, const Vec3& towards_a);
 
 }  // namespace smartsurf::world

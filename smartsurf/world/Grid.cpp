@@ -30,10 +30,12 @@ void Grid::build(std::span<const Vec3> position, std::span<const float> reach, f
   inverse_size_ = 1.0F / (2.0F * widest);
   const float most = static_cast<float>(kFewestCells + kCellsPerBody * static_cast<int>(small_.size()));
   float cells[3];
-  for (int k = 0; k < 3; ++k) cells[k] = small_.empty() ? 1.0F : std::floor((high[k] - low[k]) * inverse_size_) + 1.0F;
+  for (int k = 0; k < 3; ++k)
+    cells[k] = small_.empty() ? 1.0F : std::floor((high[k] - low[k]) * inverse_size_) + 1.0F;
   // Too many: the far ones share the last cells.
   for (int k = 0; k < 3; ++k) count_[k] = static_cast<int>(std::min(cells[k], 1024.0F));
-  for (int k = 2; static_cast<float>(count_[0]) * static_cast<float>(count_[1]) * static_cast<float>(count_[2]) > most;
+  for (int k = 2;
+       static_cast<float>(count_[0]) * static_cast<float>(count_[1]) * static_cast<float>(count_[2]) > most;
        k = (k + 2) % 3)
     count_[k] = std::max(1, count_[k] / 2);
 

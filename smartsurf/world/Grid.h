@@ -1,7 +1,7 @@
 // The broad phase: a uniform grid over bodies of similar size; the few much larger ones look into its cells.
 //
-// Bodies are sorted by cell, so that three neighbouring cells of a row are one run of memory. The order of what it
-// finds depends on positions and indices alone.
+// Bodies are sorted by cell, so that three neighbouring cells of a row are one run of memory. The order of
+// what it finds depends on positions and indices alone.
 #pragma once
 
 #include <cstdint>

@@ -120,7 +120,8 @@ HWY_INLINE void store_row(V value, float* rows, const std::int32_t* index, int c
   if (lane < count) hn::Store(value, D(), low);
 #endif
 }
-HWY_INLINE void store_rows(V a, V b, V c, V d, float* rows, const std::int32_t* index, int count, int column) {
+HWY_INLINE void store_rows(V a, V b, V c, V d, float* rows, const std::int32_t* index, int count,
+                           int column) {
   transpose(a, b, c, d);
   rows += column;
   store_row(a, rows, index, count, 0);

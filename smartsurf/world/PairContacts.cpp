@@ -30,8 +30,8 @@ void touch_spheres(const BodyStore& bodies, std::size_t a, std::size_t b, float 
 }
 
 // A sphere against anything else, in either order.
-void touch_sphere(const BodyStore& bodies, std::size_t sphere, std::size_t other, bool sphere_is_a, float margin,
-                  float dt_s, std::vector<Contact>& out) {
+void touch_sphere(const BodyStore& bodies, std::size_t sphere, std::size_t other, bool sphere_is_a,
+                  float margin, float dt_s, std::vector<Contact>& out) {
   const float radius = bodies.reach[sphere];
   const Vec3 centre = bodies.axes[other].transpose() * (bodies.position[sphere] - bodies.position[other]);
   for_pieces(*bodies.shape[other], [&](const Piece& piece) {

@@ -54,7 +54,8 @@ void Schedule::sort_pairs(const BodyStore& bodies, const ContactList& pairs) {
   key_.resize(pairs.manifolds.size());
   for (std::size_t i = 0; i < key_.size(); ++i) {
     const Manifold& m = pairs.manifolds[i];
-    const bool any = !bodies.round[static_cast<std::size_t>(m.a)] || !bodies.round[static_cast<std::size_t>(m.b)];
+    const bool any =
+        !bodies.round[static_cast<std::size_t>(m.a)] || !bodies.round[static_cast<std::size_t>(m.b)];
     key_[i] = (colour_[i] * 2 + (any ? 1 : 0)) * kCounts + by_count(m);
   }
   sort_by_key(kKeys, 0);

@@ -1,5 +1,5 @@
-// The order in which manifolds are solved: coloured, so that within one colour no moving body is in two manifolds,
-// and packed into octets for the kernels. It depends on the manifolds alone, not on threads.
+// The order in which manifolds are solved: coloured, so that within one colour no moving body is in two
+// manifolds, and packed into octets for the kernels. It depends on the manifolds alone, not on threads.
 #pragma once
 
 #include <vector>
@@ -19,8 +19,8 @@ class Schedule {
  public:
   void build(const BodyStore&, const ContactList& pairs, const ContactList& world);
 
-  // Colours one after the other; the octets of one colour in any order. The last may hold what found no colour:
-  // one lane an octet, to be taken in order.
+  // Colours one after the other; the octets of one colour in any order. The last may hold what found no
+  // colour: one lane an octet, to be taken in order.
   struct Colour {
     OctetRun round, any;
     bool in_order = false;

@@ -27,7 +27,8 @@ float least_width(const scene::ConvexPiece& piece) {
   float least = std::numeric_limits<float>::max();
   for (const auto& face : piece.faces) {
     float deepest = 0.0F;
-    for (const Vec3& corner : piece.corners) deepest = std::max(deepest, face.offset - face.normal.dot(corner));
+    for (const Vec3& corner : piece.corners)
+      deepest = std::max(deepest, face.offset - face.normal.dot(corner));
     least = std::min(least, deepest);
   }
   return least;
@@ -56,9 +57,15 @@ Shape make_shape(const scene::ObjectSpec& o) {
   s.rolls = o.shape != ShapeKind::kBox && o.shape != ShapeKind::kSolid;
   const auto height = static_cast<float>(o.height);
   switch (o.shape) {
-    case ShapeKind::kSphere: s.reach = s.rounding = s.radius; break;
-    case ShapeKind::kBox: s.reach = s.half.norm(); break;
-    case ShapeKind::kCylinder: s.reach = std::hypot(s.radius, s.high); break;
+    case ShapeKind::kSphere:
+      s.reach = s.rounding = s.radius;
+      break;
+    case ShapeKind::kBox:
+      s.reach = s.half.norm();
+      break;
+    case ShapeKind::kCylinder:
+      s.reach = std::hypot(s.radius, s.high);
+      break;
     case ShapeKind::kCapsule:
       s.reach = s.high;
       s.rounding = s.radius;
@@ -86,7 +93,8 @@ Mat3 inertia_of(const scene::ObjectSpec& o, float mass) {
   const double r2 = o.radius * o.radius, h2 = o.height * o.height;
   Eigen::Vector3d per_mass = Eigen::Vector3d::Constant(0.4 * r2);
   switch (o.shape) {
-    case ShapeKind::kSphere: break;
+    case ShapeKind::kSphere:
+      break;
     case ShapeKind::kBox: {
       const Eigen::Vector3d s = o.size.cwiseAbs2();
       per_mass = Eigen::Vector3d(s.y() + s.z(), s.x() + s.z(), s.x() + s.y()) / 12.0;
@@ -99,8 +107,8 @@ Mat3 inertia_of(const scene::ObjectSpec& o, float mass) {
       // A cylinder of length l and two half balls, by volume.
       const double l = std::max(0.0, o.height - 2.0 * o.radius), ball = 4.0 / 3.0 * o.radius;
       const double tube = l / (l + ball), caps = ball / (l + ball);
-      const double across = tube * (3.0 * r2 + l * l) / 12.0 +
-                            caps * (0.4 * r2 + 0.25 * l * l + 0.375 * l * o.radius);
+      const double across =
+          tube * (3.0 * r2 + l * l) / 12.0 + caps * (0.4 * r2 + 0.25 * l * l + 0.375 * l * o.radius);
       per_mass = {across, across, tube * 0.5 * r2 + caps * 0.4 * r2};
       break;
     }

@@ -19,12 +19,12 @@ struct HullPiece {
 struct Shape {
   scene::ShapeKind kind = scene::ShapeKind::kSphere;
   float radius = 0.0F;
-  Vec3 half{0, 0, 0};        // half extents about the centre of mass, own axes
-  float low = 0, high = 0;   // ends along the own z axis, from the centre of mass
-  float reach = 0.0F;        // of the farthest point from the centre of mass
-  float width = 0.0F;        // what is narrower than a gap of the surface falls into it
-  float rounding = 0.0F;     // GJK works on the shape drawn in by this much, u
-  bool rolls = false;        // whether rolling friction acts on it
+  Vec3 half{0, 0, 0};       // half extents about the centre of mass, own axes
+  float low = 0, high = 0;  // ends along the own z axis, from the centre of mass
+  float reach = 0.0F;       // of the farthest point from the centre of mass
+  float width = 0.0F;       // what is narrower than a gap of the surface falls into it
+  float rounding = 0.0F;    // GJK works on the shape drawn in by this much, u
+  bool rolls = false;       // whether rolling friction acts on it
   std::shared_ptr<const scene::Solid> solid;
   std::vector<HullPiece> hulls;  // of a solid
 

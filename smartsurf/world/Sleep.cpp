@@ -6,11 +6,13 @@
 namespace smartsurf::world {
 namespace {
 
-constexpr float kRestSpeed = 0.06F;     // hardly moving: slower than this, at the surface too, u/s
-constexpr float kRestTime_s = 0.5F;     // for so long
-constexpr float kFastSpeed = 0.6F;      // what moves faster wakes all that is connected with what it meets
+constexpr float kRestSpeed = 0.06F;  // hardly moving: slower than this, at the surface too, u/s
+constexpr float kRestTime_s = 0.5F;  // for so long
+constexpr float kFastSpeed = 0.6F;   // what moves faster wakes all that is connected with what it meets
 
-float fastest_point(const BodyStore& b, std::size_t i) { return b.velocity(i).norm() + b.spin(i).norm() * b.reach[i]; }
+float fastest_point(const BodyStore& b, std::size_t i) {
+  return b.velocity(i).norm() + b.spin(i).norm() * b.reach[i];
+}
 
 // Moves manifolds for which `chosen` holds from one list to another.
 template <class Chosen>
@@ -70,6 +72,9 @@ void Sleep::wake_connected(BodyStore& b, std::size_t body) {
 
 void Sleep::disturb(BodyStore& b, std::size_t body, const ContactList& pairs, const ContactList& world) {
   const auto index = static_cast<std::int32_t>(body);
+  // What is fixed finds no contacts of its own: whatever it may meet must look for them.
+  if (b.fixed(body))
+    for (std::size_t i = 0; i < b.asleep.size(); ++i) wake(b, i);
   wake(b, body);
   for (const ContactList* list : {&pairs, &static_cast<const ContactList&>(pairs_)})
     for (const Manifold& m : list->manifolds)
@@ -77,7 +82,8 @@ void Sleep::disturb(BodyStore& b, std::size_t body, const ContactList& pairs, co
   for (const ContactList* list : {&world, &static_cast<const ContactList&>(world_)})
     for (const Manifold& m : list->manifolds)
       for (int k = m.first; k < m.first + m.count; ++k)
-        if (list->contacts[static_cast<std::size_t>(k)].other == index) wake(b, static_cast<std::size_t>(m.a));
+        if (list->contacts[static_cast<std::size_t>(k)].other == index)
+          wake(b, static_cast<std::size_t>(m.a));
 }
 
 void Sleep::wake_what_is_pushed(BodyStore& b) {
@@ -102,8 +108,10 @@ void Sleep::wake_on_moving_cells(BodyStore& b) {
     look(field_.spin);
     row_moves_[r] = moving != 0;
   }
+  // Where rows and columns tell nothing of places, any motion may be near.
+  const bool anywhere = !field_.rectangular() && std::count(row_moves_.begin(), row_moves_.end(), 1) > 0;
   for (std::size_t i = 0; i < b.asleep.size(); ++i)
-    if (b.asleep[i] && cells_move(cells_[i])) wake(b, i);
+    if (b.asleep[i] && (anywhere || cells_move(cells_[i]))) wake(b, i);
 }
 
 bool Sleep::cells_move(const Cells& cells) const {
@@ -189,8 +197,10 @@ void Sleep::lay_down(BodyStore& b, std::size_t i) {
 // One cell more on every side: a neighbour that moves will soon be under it.
 Sleep::Cells Sleep::cells_around(const BodyStore& b, std::size_t i) const {
   const Vec3 half = b.axes[i].cwiseAbs() * b.shape[i]->half;
-  const Vec3 &at = b.position[i];
-  auto clamped = [](float u, int most) { return std::clamp(static_cast<int>(std::clamp(u, -1e6F, 1e6F)), 0, most); };
+  const Vec3& at = b.position[i];
+  auto clamped = [](float u, int most) {
+    return std::clamp(static_cast<int>(std::clamp(u, -1e6F, 1e6F)), 0, most);
+  };
   const float p = field_.pitch, south = static_cast<float>(field_.rows - 1);
   return {clamped(std::floor(south - (at.y() + half.y()) / p) - 1.0F, field_.rows),
           clamped(std::ceil(south - (at.y() - half.y()) / p) + 2.0F, field_.rows),

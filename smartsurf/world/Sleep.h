@@ -1,9 +1,9 @@
 // Which bodies rest, and what wakes them.
 //
-// A body falls asleep when it and all that it touches have hardly moved for a while, on cells that do not move. Asleep
-// it has no mass to the solver, so that nothing moves it, and costs nothing; its contacts are kept, with their impulses.
-// It wakes when a cell under or beside it moves, when a force is put on it, when a neighbour moves, goes or is about to
-// hit it; a hit wakes all that is connected with it.
+// A body falls asleep when it and all that it touches have hardly moved for a while, on cells that do not
+// move. Asleep it has no mass to the solver, so that nothing moves it, and costs nothing; its contacts are
+// kept, with their impulses. It wakes when a cell under or beside it moves, when a force is put on it, when a
+// neighbour moves, goes or is about to hit it; a hit wakes all that is connected with it.
 #pragma once
 
 #include <vector>
@@ -16,7 +16,8 @@ namespace smartsurf::world {
 
 class Sleep {
  public:
-  Sleep(const surface::Field& field, float dt_s, const Vec3& gravity) : field_(field), dt_s_(dt_s), gravity_(gravity) {}
+  Sleep(const surface::Field& field, float dt_s, const Vec3& gravity)
+      : field_(field), dt_s_(dt_s), gravity_(gravity) {}
 
   bool any() const { return sleepers_ > 0; }
   int sleepers() const { return sleepers_; }
@@ -37,7 +38,8 @@ class Sleep {
   void return_contacts(const BodyStore&, ContactList& pairs, ContactList& world);
 
   // ---- after a step
-  void update(BodyStore&, const std::vector<std::int32_t>& moving, const ContactList& pairs, const ContactList& world);
+  void update(BodyStore&, const std::vector<std::int32_t>& moving, const ContactList& pairs,
+              const ContactList& world);
   void forget_body(std::int32_t body);
 
   // Whether it moves so fast that what it hits must move with it.
@@ -60,9 +62,9 @@ class Sleep {
   unsigned changes_ = 0;
   bool woken_ = false;  // since the contacts were last sorted
   ContactList pairs_, world_;
-  std::vector<char> restless_;        // has a neighbour that moves
-  std::vector<char> held_;            // touches something, or nothing pulls it
-  std::vector<Cells> cells_;          // under and beside each sleeper
+  std::vector<char> restless_;  // has a neighbour that moves
+  std::vector<char> held_;      // touches something, or nothing pulls it
+  std::vector<Cells> cells_;    // under and beside each sleeper
   std::vector<std::uint8_t> row_moves_;
 };
 

@@ -8,10 +8,11 @@
 namespace smartsurf::world {
 namespace {
 
-// How overlaps are pushed apart: as a damped spring of this frequency, at most a quarter of the substeps', and ratio.
+// How overlaps are pushed apart: as a damped spring of this frequency, at most a quarter of the substeps',
+// and ratio.
 constexpr float kPairHz = 60.0F, kWorldHz = 120.0F, kDampingRatio = 5.0F;
-constexpr float kFastestPush = 4.0F;       // u/s
-constexpr float kBounceThreshold = 0.2F;   // nothing rebounds from slower, u/s
+constexpr float kFastestPush = 4.0F;      // u/s
+constexpr float kBounceThreshold = 0.2F;  // nothing rebounds from slower, u/s
 constexpr float kWideGap = 1e6F;
 
 Pass softness(float h_s, float hertz) {
@@ -41,14 +42,15 @@ struct Solver::Job {
   bool bounces;
 };
 
-void Solver::step(BodyStore& bodies, const std::vector<std::int32_t>& moving, ContactList& pairs, ContactList& world,
-                  Team& team) {
+void Solver::step(BodyStore& bodies, const std::vector<std::int32_t>& moving, ContactList& pairs,
+                  ContactList& world, Team& team) {
   const float h_s = settings_.dt_s / static_cast<float>(settings_.substeps);
   schedule_.build(bodies, pairs, world);
   point_.resize(static_cast<std::size_t>(schedule_.points()));
   detail_.resize(point_.size());
-  const bool bounces = settings_.field_restitution > 0.0F ||
-                       std::any_of(bodies.restitution.begin(), bodies.restitution.end(), [](float e) { return e > 0; });
+  const bool bounces =
+      settings_.field_restitution > 0.0F ||
+      std::any_of(bodies.restitution.begin(), bodies.restitution.end(), [](float e) { return e > 0; });
   Job job{bodies,
           moving,
           pairs,
@@ -100,7 +102,8 @@ void Solver::fill(Job& job, int index) {
   const bool pair = schedule_.pair(index);
   const ContactList& list = pair ? job.pairs : job.world;
   for (int lane = 0; lane < o.count; ++lane)
-    fill_lane(job, o, lane, list.manifolds[static_cast<std::size_t>(schedule_.manifold(index, lane))], list.contacts);
+    fill_lane(job, o, lane, list.manifolds[static_cast<std::size_t>(schedule_.manifold(index, lane))],
+              list.contacts);
   for (int k = 0; k < o.points; ++k) {
     const PointDetail& d = detail_[static_cast<std::size_t>(o.first + k)];
     for (int lane = 0; lane < o.count; ++lane) o.rolls |= d.rolling[lane] > 0.0F;
@@ -121,7 +124,8 @@ void Solver::clear_points(const Octet& o) {
   for (std::size_t k = first; k < first + count; ++k) std::fill_n(point_[k].gap, kLanes, kWideGap);
 }
 
-void Solver::fill_lane(Job& job, const Octet& o, int lane, const Manifold& m, const std::vector<Contact>& contacts) {
+void Solver::fill_lane(Job& job, const Octet& o, int lane, const Manifold& m,
+                       const std::vector<Contact>& contacts) {
   const BodyStore& bodies = job.bodies;
   const auto a = static_cast<std::size_t>(m.a), b = static_cast<std::size_t>(std::max(m.b, 0));
   const bool pair = m.b >= 0;
@@ -177,8 +181,8 @@ void Solver::read_back(Job& job, int index) {
 
 // ---- bodies through a substep
 
-// Contacts act alike from substep to substep, because their normals and arms stay: what they gave each body in the
-// last one, they give it again to start with.
+// Contacts act alike from substep to substep, because their normals and arms stay: what they gave each body
+// in the last one, they give it again to start with.
 void Solver::begin_substep(Job& job, Range range, bool first) {
   BodyStore& b = job.bodies;
   const float h_s = job.pair_pass.h_s;
@@ -190,8 +194,9 @@ void Solver::begin_substep(Job& job, Range range, bool first) {
     b.start_spin[i] = vec(m.spin);
     if (!w.torque.isZero(0.0F)) {
       const Inertia& q = b.inertia[i];
-      b.start_spin[i] += h_s * Vec3(Vec3(q.xx, q.xy, q.xz).dot(w.torque), Vec3(q.xy, q.yy, q.yz).dot(w.torque),
-                                    Vec3(q.xz, q.yz, q.zz).dot(w.torque));
+      b.start_spin[i] +=
+          h_s * Vec3(Vec3(q.xx, q.xy, q.xz).dot(w.torque), Vec3(q.xy, q.yy, q.yz).dot(w.torque),
+                     Vec3(q.xz, q.yz, q.zz).dot(w.torque));
     }
     if (first) {
       b.shift[i] = {};
@@ -233,7 +238,8 @@ void Solver::sweep(Job& job, const Member& member, const Kernel (&kernel)[kConta
   pair.elapsed_s = world.elapsed_s = elapsed_s;
   auto run = [&](ContactKind kind, const OctetRun& octets, Range part, const Pass& pass) {
     if (part.begin < part.end)
-      kernel[kind](schedule_.octets_from(octets.first + part.begin), part.end - part.begin, points(), job.rows, pass);
+      kernel[kind](schedule_.octets_from(octets.first + part.begin), part.end - part.begin, points(),
+                   job.rows, pass);
   };
   for (const Schedule::Colour& c : schedule_.colours()) {
     if (!c.in_order) {

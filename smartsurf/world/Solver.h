@@ -1,8 +1,9 @@
 // Solves the contacts of one step and moves the bodies by it: sequential impulses over a few short substeps.
 //
-// In each substep every contact is solved once towards the gap that it will have at the substep's end, overlaps being
-// pushed apart softly, then the bodies move, then every contact is relaxed once, so that the push leaves no speed
-// behind. Impulses carry over from substep to substep and from step to step. The rebound comes last.
+// In each substep every contact is solved once towards the gap that it will have at the substep's end,
+// overlaps being pushed apart softly, then the bodies move, then every contact is relaxed once, so that the
+// push leaves no speed behind. Impulses carry over from substep to substep and from step to step. The rebound
+// comes last.
 #pragma once
 
 #include <memory>
@@ -18,7 +19,7 @@ namespace smartsurf::world {
 struct StepSettings {
   float dt_s;
   int substeps;
-  Vec3 gravity;                             // u/s²
+  Vec3 gravity;                                                      // u/s²
   float field_friction_root, field_rolling_root, field_restitution;  // of the surface and the ground
 };
 
@@ -26,9 +27,10 @@ class Solver {
  public:
   explicit Solver(const StepSettings& settings) : settings_(settings) {}
 
-  // One step. `moving`: the bodies that move, each once, ascending. The lists come back with the impulses of the
-  // last substep and the sums of the step; positions and orientations are those at its end.
-  void step(BodyStore&, const std::vector<std::int32_t>& moving, ContactList& pairs, ContactList& world, Team&);
+  // One step. `moving`: the bodies that move, each once, ascending. The lists come back with the impulses of
+  // the last substep and the sums of the step; positions and orientations are those at its end.
+  void step(BodyStore&, const std::vector<std::int32_t>& moving, ContactList& pairs, ContactList& world,
+            Team&);
 
  private:
   struct Job;

@@ -1,5 +1,7 @@
 #include "smartsurf/world/SphereOnField.h"
 
+#include "smartsurf/world/QuadrantPicker.h"
+
 namespace smartsurf::world {
 namespace {
 
@@ -9,32 +11,8 @@ struct Touch {
   int row, column;
 };
 
-class QuadrantPicker {
- public:
-  void offer(const Touch& t) {
-    const bool below = t.normal.z() > 0.9999F;
-    const int slot = below ? 4 : (t.normal.x() >= 0 ? 1 : 0) + (t.normal.y() >= 0 ? 2 : 0);
-    if (!used_[slot] || t.gap < best_[slot].gap) best_[slot] = t, used_[slot] = true;
-  }
-  template <class Take>
-  void pick(Take take) const {
-    int skip = -1;
-    if (used_[0] && used_[1] && used_[2] && used_[3] && used_[4]) {
-      skip = 0;
-      for (int i = 1; i < 5; ++i)
-        if (best_[i].gap > best_[skip].gap) skip = i;
-    }
-    for (int i = 0; i < 5; ++i)
-      if (used_[i] && i != skip) take(best_[i]);
-  }
-
- private:
-  Touch best_[5];
-  bool used_[5] = {};
-};
-
 void touch_column(const Columns& columns, int row, int column, const Vec3& centre, float radius, float reach,
-                  QuadrantPicker& picker) {
+                  QuadrantPicker<Touch>& picker) {
   const Column q = columns.at(row, column);
   const Vec3 nearest(std::clamp(centre.x(), q.west, q.east), std::clamp(centre.y(), q.south, q.north),
                      std::min(centre.z(), q.top));
@@ -75,7 +53,7 @@ void touch_field_with_sphere(const surface::Field& field, const Vec3& centre, fl
   const CellRange cells =
       columns.covering(centre.x() - reach, centre.x() + reach, centre.y() - reach, centre.y() + reach);
   const float half = 0.5F * columns.pitch(), square = reach * reach;
-  QuadrantPicker picker;
+  QuadrantPicker<Touch> picker;
   for (int r = cells.row_begin; r < cells.row_end; ++r) {
     const float dy = std::max(0.0F, std::abs(centre.y() - columns.y(r)) - half);
     for (int c = cells.column_begin; c < cells.column_end; ++c) {

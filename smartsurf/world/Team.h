@@ -1,5 +1,5 @@
-// The threads of a pool working through one step together: each takes its share of every phase and waits at a barrier
-// for the others. Shares depend on the number of threads, results may not.
+// The threads of a pool working through one step together: each takes its share of every phase and waits at a
+// barrier for the others. Shares depend on the number of threads, results may not.
 #pragma once
 
 #include <atomic>
@@ -64,7 +64,9 @@ class Team {
       return;
     }
     // Two rows a thread: the pool keeps anything smaller on the caller.
-    const std::function<void(int, int)> band = [&](int begin, int) { work(Member{begin / 2, members, barrier}); };
+    const std::function<void(int, int)> band = [&](int begin, int) {
+      work(Member{begin / 2, members, barrier});
+    };
     pool_->for_rows(2 * members, band);
   }
 

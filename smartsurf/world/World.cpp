@@ -92,6 +92,7 @@ scene::ObjectId World::add(const scene::ObjectSpec& spec) {
   State& s = *state_;
   s.bodies.add(s.next_id, spec, s.materials[static_cast<std::size_t>(spec.material)]);
   s.detector.bodies_changed();
+  s.sleep.disturb(s.bodies, s.bodies.id.size() - 1, s.pairs, s.world);
   return s.next_id++;
 }
 
@@ -118,14 +119,15 @@ bool World::place(scene::ObjectId id, const scene::Placement& placement) {
   return true;
 }
 
-bool World::push(scene::ObjectId id, const Eigen::Vector3d& force, const std::optional<Eigen::Vector3d>& point,
-                 double duration_s) {
+bool World::push(scene::ObjectId id, const Eigen::Vector3d& force,
+                 const std::optional<Eigen::Vector3d>& point, double duration_s) {
   const int index = state_->bodies.find(id);
   if (index < 0) return false;
   const auto i = static_cast<std::size_t>(index);
   const long steps = std::max(1L, std::lround(duration_s / static_cast<double>(state_->settings.dt_s)));
   const Quat& q = state_->bodies.orientation[i];
-  const Vec3 arm = point ? Vec3(q.conjugate() * (point->cast<float>() - state_->bodies.position[i])) : Vec3(0, 0, 0);
+  const Vec3 arm =
+      point ? Vec3(q.conjugate() * (point->cast<float>() - state_->bodies.position[i])) : Vec3(0, 0, 0);
   state_->pushes.push_back({id, force.cast<float>(), arm, steps});
   return true;
 }
@@ -203,7 +205,8 @@ void World::State::wake_what_is_hit() {
   if (!sleep.any()) return;
   near.clear();
   for (const std::int32_t i : moving)
-    if (Sleep::fast(bodies, static_cast<std::size_t>(i))) detector.sleepers_near(bodies, static_cast<std::size_t>(i), near);
+    if (Sleep::fast(bodies, static_cast<std::size_t>(i)))
+      detector.sleepers_near(bodies, static_cast<std::size_t>(i), near);
   for (const std::int32_t i : near) sleep.wake_connected(bodies, static_cast<std::size_t>(i));
   if (!near.empty()) list_moving();
 }
@@ -236,7 +239,8 @@ std::vector<ContactPoint> World::contacts() const {
     for (const Manifold& m : list->manifolds)
       for (int k = m.first; k < m.first + m.count; ++k) {
         const Contact& c = list->contacts[static_cast<std::size_t>(k)];
-        if (c.total > 0.0F) out.push_back({s.bodies.position[static_cast<std::size_t>(m.a)] + c.arm, c.normal, c.total});
+        if (c.total > 0.0F)
+          out.push_back({s.bodies.position[static_cast<std::size_t>(m.a)] + c.arm, c.normal, c.total});
       }
   return out;
 }

@@ -1,7 +1,8 @@
 // The physics: rigid objects on the field of cells, stepped in fixed steps.
 //
-// The cells are not bodies: the field is an array, whose contacts are found by grid arithmetic and closed forms, so
-// cost follows the contacts and not the cells. The same inputs give the same bits, whatever the number of threads.
+// The cells are not bodies: the field is an array, whose contacts are found by grid arithmetic and closed
+// forms, so cost follows the contacts and not the cells. The same inputs give the same bits, whatever the
+// number of threads.
 #pragma once
 
 #include <Eigen/Core>
@@ -46,8 +47,8 @@ class World {
   bool remove(scene::ObjectId);
   // Changes what has a value, keeps the rest.
   bool place(scene::ObjectId, const scene::Placement&);
-  // A constant force (mass·u/s²) through the next `duration_s` of simulated time, at least one step; at `point`
-  // (world frame, fixed to the body from now on) or at the centre of mass.
+  // A constant force (mass·u/s²) through the next `duration_s` of simulated time, at least one step; at
+  // `point` (world frame, fixed to the body from now on) or at the centre of mass.
   bool push(scene::ObjectId, const Eigen::Vector3d& force, const std::optional<Eigen::Vector3d>& point,
             double duration_s);
   // The object must be alive.
@@ -55,11 +56,12 @@ class World {
 
   // The objects as actuators see them; valid until the next step, or change of the objects.
   surface::Bodies bodies() const;
-  // What acts on each body during the next step, in the order of bodies(); zero again after it. A wrench that is
-  // not zero wakes its body.
+  // What acts on each body during the next step, in the order of bodies(); zero again after it. A wrench that
+  // is not zero wakes its body.
   std::span<surface::Wrench> wrenches();
 
-  // One fixed physics step against the field as planned (Field::speed); the caller commits the field after it.
+  // One fixed physics step against the field as planned (Field::speed); the caller commits the field after
+  // it.
   void step();
 
   // The contacts of the last step that bore any load. Allocates.
@@ -67,7 +69,8 @@ class World {
   // How many bodies are asleep: at rest on cells that do not move, and not computed.
   int asleep() const;
 
-  // Copies poses, velocities, heights and counters; keeps the vectors' memory. tick and time are the caller's.
+  // Copies poses, velocities, heights and counters; keeps the vectors' memory. tick and time are the
+  // caller's.
   void snapshot(scene::Snapshot&) const;
 
   // The first object whose state is not finite, if any.

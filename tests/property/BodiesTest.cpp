@@ -27,9 +27,9 @@ TEST(Collision, KeepsMomentumAndEnergy) {
 }
 
 TEST(Collision, EveryPairOfShapesBouncesApart) {
-  const std::vector<smartsurf::scene::ObjectSpec> shapes = {sphere(1, {0, 0, 0}), box({2, 2, 2}, {0, 0, 0}),
-                                                            cylinder(1, 2, {0, 0, 0}), capsule(1, 3, {0, 0, 0}),
-                                                            cone(1.2, 3, {0, 0, 0}), wedge({0, 0, 0})};
+  const std::vector<smartsurf::scene::ObjectSpec> shapes = {
+      sphere(1, {0, 0, 0}),     box({2, 2, 2}, {0, 0, 0}), cylinder(1, 2, {0, 0, 0}),
+      capsule(1, 3, {0, 0, 0}), cone(1.2, 3, {0, 0, 0}),   wedge({0, 0, 0})};
   for (const auto& left : shapes)
     for (const auto& right : shapes) {
       PhysicsBench bench;
@@ -41,11 +41,13 @@ TEST(Collision, EveryPairOfShapesBouncesApart) {
       b.position = {18, 15.05, 20.02};
       a.velocity = {3, 0, 0};
       const auto ia = bench.add(a), ib = bench.add(b);
-      const auto names = ::testing::Message() << static_cast<int>(a.shape) << " on " << static_cast<int>(b.shape);
+      const auto names = ::testing::Message()
+                         << static_cast<int>(a.shape) << " on " << static_cast<int>(b.shape);
       bench.run(3.0);
       const auto sa = bench.world().state(ia), sb = bench.world().state(ib);
       const double ma = bench.world().bodies().mass[0], mb = bench.world().bodies().mass[1];
-      EXPECT_LT((ma * sa.velocity + mb * sb.velocity - Eigen::Vector3d(3 * ma, 0, 0)).norm(), 0.02 * ma) << names;
+      EXPECT_LT((ma * sa.velocity + mb * sb.velocity - Eigen::Vector3d(3 * ma, 0, 0)).norm(), 0.02 * ma)
+          << names;
       EXPECT_GT(sb.velocity.x(), 0.5) << names;
       EXPECT_GT(sb.position.x() - sa.position.x(), 1.2) << names;
     }
@@ -67,8 +69,9 @@ TEST(Stacking, TenBoxesStandForAMinute) {
 }
 
 TEST(Stacking, AllShapesRestOnABox) {
-  const std::vector<smartsurf::scene::ObjectSpec> shapes = {box({1, 1, 1}, {0, 0, 0.5}), cylinder(0.8, 1, {0, 0, 0.5}),
-                                                            cone(0.9, 2, {0, 0, 0.5}), wedge({0, 0, std::sqrt(3.0) / 3})};
+  const std::vector<smartsurf::scene::ObjectSpec> shapes = {
+      box({1, 1, 1}, {0, 0, 0.5}), cylinder(0.8, 1, {0, 0, 0.5}), cone(0.9, 2, {0, 0, 0.5}),
+      wedge({0, 0, std::sqrt(3.0) / 3})};
   for (const auto& shape : shapes) {
     PhysicsBench bench;
     bench.add(box({4, 4, 1}, {15, 15, 0.5}));
@@ -100,9 +103,9 @@ TEST(Tipping, ABoxTipsWhenGravityLeavesItsBase) {
 }
 
 TEST(Falling, NoShapeTunnels) {
-  const std::vector<smartsurf::scene::ObjectSpec> shapes = {box({1, 1, 1}, {0, 0, 0}), cylinder(0.5, 1, {0, 0, 0}),
-                                                            capsule(0.4, 1.4, {0, 0, 0}), cone(0.7, 1.5, {0, 0, 0}),
-                                                            wedge({0, 0, 0})};
+  const std::vector<smartsurf::scene::ObjectSpec> shapes = {
+      box({1, 1, 1}, {0, 0, 0}), cylinder(0.5, 1, {0, 0, 0}), capsule(0.4, 1.4, {0, 0, 0}),
+      cone(0.7, 1.5, {0, 0, 0}), wedge({0, 0, 0})};
   for (const auto& shape : shapes)
     for (const double speed : {30.0, 300.0}) {
       PhysicsBench bench;

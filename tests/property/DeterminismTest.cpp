@@ -19,7 +19,8 @@ std::uint64_t hash_after(double seconds, double nudge = 0.0, int threads = 1) {
   int step = 0;
   bench.run(seconds, [&] {
     if (++step % 16 == 0)
-      for (int c = 0; c < 32; ++c) bench.cells().set_target(0, step / 16 % 32, c, static_cast<float>((c + step) % 3));
+      for (int c = 0; c < 32; ++c)
+        bench.cells().set_target(0, step / 16 % 32, c, static_cast<float>((c + step) % 3));
   });
   return bench.look().state_hash;
 }

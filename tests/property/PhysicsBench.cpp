@@ -46,8 +46,12 @@ const scene::Snapshot& PhysicsBench::look() {
   return snapshot_;
 }
 
-Eigen::Vector3f PhysicsBench::position(scene::ObjectId id) { return Eigen::Vector3f(look().position[id].data()); }
-Eigen::Vector3f PhysicsBench::velocity(scene::ObjectId id) { return Eigen::Vector3f(look().velocity[id].data()); }
+Eigen::Vector3f PhysicsBench::position(scene::ObjectId id) {
+  return Eigen::Vector3f(look().position[id].data());
+}
+Eigen::Vector3f PhysicsBench::velocity(scene::ObjectId id) {
+  return Eigen::Vector3f(look().velocity[id].data());
+}
 Eigen::Vector3f PhysicsBench::angular_velocity(scene::ObjectId id) {
   return Eigen::Vector3f(look().angular_velocity[id].data());
 }
@@ -93,8 +97,8 @@ namespace {
 using Corners = std::vector<Eigen::Vector3f>;
 using Faces = std::vector<std::vector<std::uint16_t>>;
 
-scene::ObjectSpec solid_of(const Corners& corners, const Faces& faces, double volume, const Eigen::Vector3d& moments,
-                           const Eigen::Vector3d& position) {
+scene::ObjectSpec solid_of(const Corners& corners, const Faces& faces, double volume,
+                           const Eigen::Vector3d& moments, const Eigen::Vector3d& position) {
   auto solid = std::make_shared<scene::Solid>();
   scene::ConvexPiece piece;
   piece.corners = solid->vertices = corners;
@@ -130,16 +134,19 @@ scene::ObjectSpec solid_of(const Corners& corners, const Faces& faces, double vo
 scene::ObjectSpec cube(const Eigen::Vector3d& position) {
   Corners corners;
   for (int i = 0; i < 8; ++i) corners.emplace_back(i & 1 ? 1 : -1, i & 2 ? 1 : -1, i & 4 ? 1 : -1);
-  return solid_of(corners, {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}}, 8,
+  return solid_of(corners,
+                  {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}}, 8,
                   Eigen::Vector3d::Constant(2.0 / 3.0), position);
 }
 
 scene::ObjectSpec wedge(const Eigen::Vector3d& position) {
-  // An equilateral triangle of edge 2 in the x-z plane, drawn out along y. Its centre is at a third of the height.
+  // An equilateral triangle of edge 2 in the x-z plane, drawn out along y. Its centre is at a third of the
+  // height.
   const auto height = static_cast<float>(std::sqrt(3.0)), low = -height / 3, high = 2 * height / 3;
-  const Corners corners = {{-1, -1, low}, {1, -1, low}, {0, -1, high}, {-1, 1, low}, {1, 1, low}, {0, 1, high}};
-  auto o = solid_of(corners, {{0, 1, 2}, {3, 5, 4}, {0, 3, 4, 1}, {1, 4, 5, 2}, {0, 2, 5, 3}}, 2 * std::sqrt(3.0),
-                    {1.0 / 6 + 1.0 / 3, 1.0 / 3, 1.0 / 6 + 1.0 / 3}, position);
+  const Corners corners = {{-1, -1, low}, {1, -1, low}, {0, -1, high},
+                           {-1, 1, low},  {1, 1, low},  {0, 1, high}};
+  auto o = solid_of(corners, {{0, 1, 2}, {3, 5, 4}, {0, 3, 4, 1}, {1, 4, 5, 2}, {0, 2, 5, 3}},
+                    2 * std::sqrt(3.0), {1.0 / 6 + 1.0 / 3, 1.0 / 3, 1.0 / 6 + 1.0 / 3}, position);
   return o;
 }
 

@@ -144,7 +144,8 @@ TEST(Sleep, APileComesToRest) {
   bench.scene.surface.border_height = 6.0;
   bench.scene.materials[0].rolling_friction = 0.01;
   for (int i = 0; i < 40; ++i)
-    bench.add(sphere(0.8 + 0.02 * (i % 20), {4.0 + (i % 4) * 2.5, 4.0 + (i / 4 % 4) * 2.5, 3.0 + (i / 16) * 2.5}));
+    bench.add(
+        sphere(0.8 + 0.02 * (i % 20), {4.0 + (i % 4) * 2.5, 4.0 + (i / 4 % 4) * 2.5, 3.0 + (i / 16) * 2.5}));
   bench.run(25.0);
   EXPECT_EQ(bench.world().asleep(), 40);
 }

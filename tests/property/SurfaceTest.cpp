@@ -54,7 +54,7 @@ TEST(Surface, ATurningCellTurnsWhatStandsOnIt) {
     for (int c = 0; c < 32; ++c) bench.cells().set_target(0, r, c, r == 16 && c == 15 ? 1.0F : 0.0F);
   bench.run(1.0);
   field.spin[16 * 32 + 15] = 2.0F;
-  const auto id = bench.add(box({0.7, 0.7, 0.5}, {15, 15, 1.25}));
+  const auto id = bench.add(box({0.5, 0.5, 0.4}, {15, 15, 1.2}));
   bench.run(1.0);
   EXPECT_NEAR(bench.angular_velocity(id).z(), 2.0, 0.05);
 }
@@ -127,4 +127,55 @@ TEST(Surface, TheGroundCatchesWhatFallsOff) {
   bench.run(3.0);
   EXPECT_NEAR(bench.position(ball).z(), -1.0, 0.01);
   EXPECT_NEAR(bench.position(brick).z(), -1.5, 0.01);
+}
+
+namespace {
+
+// The same square field, its cells given one by one: every second row turned by a quarter.
+void scatter(PhysicsBench& bench) {
+  auto& field = bench.cells().field();
+  for (int r = 0; r < field.rows; ++r)
+    for (int c = 0; c < field.columns; ++c) {
+      field.x.push_back(static_cast<float>(c));
+      field.y.push_back(static_cast<float>(field.rows - 1 - r));
+      field.angle.push_back(r % 2 ? 1.5707963F : 0.0F);
+    }
+}
+
+}  // namespace
+
+TEST(LooseLayout, ALevelFieldIsAPlaneThere) {
+  PhysicsBench bench;
+  scatter(bench);
+  auto ball = sphere(1.5, {6, 15.3, 1.5});
+  ball.velocity = {3, 0.4, 0};
+  ball.angular_velocity = {-0.4 / 1.5, 3 / 1.5, 0};
+  const auto rolling = bench.add(ball);
+  auto brick = box({2, 2, 1}, {6, 24.2, 0.5});
+  brick.velocity = {4, 0, 0};
+  const auto sliding = bench.add(brick);
+  double highest = 0;
+  bench.run(4.0, [&] { highest = std::max(highest, static_cast<double>(bench.position(rolling).z())); });
+  EXPECT_NEAR(bench.position(rolling).x(), 18, 0.1);
+  EXPECT_NEAR(bench.position(rolling).y(), 16.9, 0.1);
+  EXPECT_LT(highest, 1.505);
+  EXPECT_NEAR(bench.position(sliding).x() - 6, 16 / (2 * 0.5 * 9.81), 0.05);
+}
+
+TEST(LooseLayout, CellsHoldAndPushFromWhereTheyStand) {
+  PhysicsBench bench;
+  scatter(bench);
+  auto& field = bench.cells().field();
+  // Two cells change places, far apart.
+  const auto near = static_cast<std::size_t>(field.index(16, 15)),
+             far = static_cast<std::size_t>(field.index(2, 2));
+  std::swap(field.x[near], field.x[far]);
+  std::swap(field.y[near], field.y[far]);
+  const auto id = bench.add(sphere(0.6, {15, 15, 0.6}));
+  bench.run(1.0);
+  bench.cells().set_target(0, 2, 2, 3.0F);
+  bench.run(1.0);
+  EXPECT_GT(field.height[far], 2.9F);
+  // It stood on the cell that rose, and rolled off it.
+  EXPECT_GT((bench.position(id) - Eigen::Vector3f(15, 15, 0.6F)).norm(), 0.5F);
 }
