@@ -6,6 +6,7 @@ from programs import *
 
 LUA = (ROOT / "scripts/examples/sensors.lua").read_text()
 READER = """
+!register(R, B, T, H, P, L)
 for(i, 0, 65)
   surface.step
 endfor
