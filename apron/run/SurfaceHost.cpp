@@ -49,8 +49,11 @@ HostStatus SurfaceHost::begin() {
   return outcome(surface_.await_sensors({.stop = &stop_}));
 }
 
-HostStatus SurfaceHost::step() {
-  flush();
+void SurfaceHost::show_paused(bool paused) noexcept {
+  surface_.set_state(paused ? shm_protocol::State::kPaused : shm_protocol::State::kRunning);
+}
+
+Status SurfaceHost::publish_staged() {
   for (const Staged& staged : staged_) {
     switch (surface_.description().channels[static_cast<std::size_t>(staged.channel)].dtype) {
       case DType::kF32:
@@ -64,11 +67,25 @@ HostStatus SurfaceHost::step() {
         break;
     }
   }
-  const Status published = surface_.publish();
-  // Torn: the surface no longer waits for an answer to this frame; there will be another.
-  if (published != Status::kOk && published != Status::kTorn) return outcome(published);
-  if (surface_.description().mode == Mode::kTimeStep)
-    return outcome(surface_.await_sensors({.stop = &stop_}));
+  return surface_.publish();
+}
+
+HostStatus SurfaceHost::arrive() {
+  const Status arrived = surface_.await_sensors({.stop = &stop_});
+  answered_ = arrived == Status::kInterrupted;
+  return outcome(arrived);
+}
+
+HostStatus SurfaceHost::step() {
+  flush();
+  if (!answered_) {
+    const Status published = publish_staged();
+    // Torn: the surface no longer waits for an answer to this frame; there will be another.
+    if (published != Status::kOk && published != Status::kTorn) return outcome(published);
+  }
+  if (surface_.description().mode == Mode::kTimeStep) {
+    return arrive();
+  }
   const Status latest = surface_.latest_sensors();
   if (latest != Status::kRepeated && latest != Status::kTorn) return outcome(latest);
   std::this_thread::yield();  // nothing new: let the surface run if it shares this core
@@ -159,7 +176,9 @@ void SurfaceHost::copy_sensor(const Target& target, const vm::Plane& to) const {
 
 HostStatus SurfaceHost::sense(std::string_view channel, vm::Plane to) {
   Target target;
-  HostStatus status = find(Direction::kSensor, channel, target);
+  // A program that began again in the middle of a step: the old frame is no longer ours to read.
+  HostStatus status = answered_ ? arrive() : HostStatus::kOk;
+  if (status == HostStatus::kOk) status = find(Direction::kSensor, channel, target);
   if (status == HostStatus::kOk) status = check_shape(channel, to);
   if (status != HostStatus::kOk) return status;
   switch (surface_.description().channels[static_cast<std::size_t>(target.channel)].dtype) {
@@ -203,10 +222,10 @@ HostStatus SurfaceHost::actuate(std::string_view channel, float value) {
 
 template <class T>
 void SurfaceHost::send(const Staged& staged) {
-  const auto to = surface_.actuator<T>(staged.channel);
   if constexpr (std::is_same_v<T, float>) {
-    std::copy(staged.cells.begin(), staged.cells.end(), to.begin());
+    surface_.write(staged.channel, 0, std::span<const float>(staged.cells));
   } else {
+    const auto to = surface_.actuator<T>(staged.channel);
     const ChannelSpec& channel = surface_.description().channels[static_cast<std::size_t>(staged.channel)];
     constexpr double kMost = std::numeric_limits<T>::max();
     std::transform(staged.cells.begin(), staged.cells.end(), to.begin(), [&](float value) {

@@ -6,7 +6,8 @@
 // cannot be written any more (disk full), after which every further call does nothing. Frames are buffered
 // and written some 64 at a time or after a second, so that most ticks only copy memory; a killed process
 // leaves a readable file that ends with the last write. frame() allocates at its first call and when objects
-// were added. One thread at a time, and no other HDF5 user beside it: Debian's library is not thread-safe.
+// were added. One recorder is one thread's at a time; several take
+// turns in the HDF5 library, which Debian builds without locks; no other HDF5 user may run beside them.
 #pragma once
 
 #include <cstdint>
@@ -33,7 +34,7 @@ struct Meta {
   std::string program_file;  // the controller's program as the user named it; "" when there is none
   std::string program_text;  // its source
   std::vector<NamedText>
-      versions;  // of what computed the run: {"bullet", "3.24"}, …; the recorder adds its own
+      versions;  // of what computed the run: {"physics", "0.1.0"}, …; the recorder adds its own
 };
 
 // One sensor's or actuator's values over the surface.

@@ -37,10 +37,12 @@ Simulation::Simulation(script::Experiment& experiment, int threads, bool scripte
       cells_(experiment.scene().surface, fault_map(experiment.scene().surface),
              experiment.scene().world.seed),
       senses_(experiment.scene(), cells_.field(), fault_map(experiment.scene().surface)),
-      world_(experiment.scene(), cells_.field()),
-      catalogue_(experiment.scene().objects) {
+      world_(experiment.scene(), cells_.field(), &pool_),
+      catalogue_(experiment.scene().objects),
+      table_(experiment.scene().surface) {
   list_channels();
   take_snapshot();
+  table_.watch(snapshot_, catalogue_);
   sense();
   experiment_.start(*this);
 }
@@ -57,7 +59,12 @@ void Simulation::list_channels() {
         {cells_.channels()[k].name, surface.rows, surface.columns, 1, cells_.targets(static_cast<int>(k))});
 }
 
-void Simulation::run_script() { experiment_.tick(snapshot_.time_s, snapshot_.tick); }
+void Simulation::run_script() {
+  experiment_.leave(snapshot_.time_s, snapshot_.tick, table_.left());
+  if (scene().world.off_table == scene::OffTable::kRemove)
+    for (const scene::ObjectId id : table_.left()) world_.remove(id);
+  experiment_.tick(snapshot_.time_s, snapshot_.tick);
+}
 
 void Simulation::actuate(int channel, std::span<const float> targets) noexcept {
   cells_.set_targets(channel, targets);
@@ -88,6 +95,7 @@ void Simulation::look() {
   ++snapshot_.tick;
   // Counted, not summed: the same time at the same tick, however long the run.
   snapshot_.time_s = static_cast<double>(snapshot_.tick) * scene().world.control_period_s;
+  table_.watch(snapshot_, catalogue_);
 }
 
 void Simulation::sense() { senses_.sense(snapshot_, catalogue_, pool_); }
@@ -95,8 +103,8 @@ void Simulation::sense() { senses_.sense(snapshot_, catalogue_, pool_); }
 ScriptRequests Simulation::take_requests() noexcept { return std::exchange(requests_, {}); }
 
 scene::ObjectId Simulation::spawn(const scene::ObjectSpec& spec) {
-  catalogue_.push_back(spec);
   const scene::ObjectId id = world_.add(spec);
+  catalogue_.push_back(spec);
   assert(id + 1 == catalogue_.size());
   return id;
 }

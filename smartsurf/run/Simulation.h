@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "smartsurf/record/Recorder.h"
+#include "smartsurf/run/TableWatch.h"
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/script/Experiment.h"
 #include "smartsurf/script/Host.h"
@@ -54,6 +55,7 @@ class Simulation final : public script::Host {
   const scene::Snapshot& snapshot() const noexcept { return snapshot_; }
   // Every object ever created, index = id.
   const std::vector<scene::ObjectSpec>& catalogue() const noexcept { return catalogue_; }
+  const TableWatch& table() const noexcept { return table_; }
   std::span<const record::Channel> sensors() const noexcept { return sensors_; }
   std::span<const record::Channel> actuators() const noexcept { return actuators_; }
   ScriptRequests take_requests() noexcept;
@@ -93,6 +95,7 @@ class Simulation final : public script::Host {
   surface::SensorArray senses_;
   world::World world_;
   std::vector<scene::ObjectSpec> catalogue_;
+  TableWatch table_;
   scene::Snapshot snapshot_;
   bool tick_began_ = false;  // whether the actuators know of the tick that runs
   std::vector<record::Channel> sensors_, actuators_;

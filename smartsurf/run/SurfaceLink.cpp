@@ -6,6 +6,15 @@
 namespace smartsurf::run {
 namespace {
 
+// None for a regular grid. An empty cell of a free layout stands at the origin; its height there is the lowest.
+std::vector<std::array<float, 3>> positions(const scene::SurfaceSpec& surface) {
+  std::vector<std::array<float, 3>> all;
+  for (std::size_t i = 0; i < surface.places.size(); ++i)
+    all.push_back({static_cast<float>(surface.places[i].x), static_cast<float>(surface.places[i].y),
+                   surface.base.empty() ? 0.0F : surface.base[i]});
+  return all;
+}
+
 shm_protocol::SurfaceConfig describe(const std::string& name, RunMode mode, const scene::SceneSpec& scene) {
   using namespace shm_protocol;
   SurfaceConfig config;
@@ -23,6 +32,7 @@ shm_protocol::SurfaceConfig describe(const std::string& name, RunMode mode, cons
   for (const scene::ActuatorChannel& channel : scene.surface.actuator_channels())
     config.channels.push_back({channel.name, Direction::kActuator, DType::kF32, 1, channel.unit,
                                channel.minimum, channel.maximum, channel.safe});
+  config.positions = positions(scene.surface);
   return config;
 }
 
@@ -54,7 +64,7 @@ shm_protocol::Status SurfaceLink::publish(std::uint64_t tick, double time_s,
       std::ranges::transform(sensors[i].values, endpoint_.sensor<std::uint32_t>(channel).begin(),
                              [](float value) { return static_cast<std::uint32_t>(value); });
     else
-      std::ranges::copy(sensors[i].values, endpoint_.sensor<float>(channel).begin());
+      endpoint_.write(channel, 0, std::span<const float>(sensors[i].values));
   }
   return endpoint_.publish(tick, time_s);
 }

@@ -49,11 +49,11 @@ std::string problem_with_vector(const std::string& field, const Eigen::Vector3d&
   return "";
 }
 
-std::string problem_with(const PinSpec& pin, double pitch) {
+std::string problem_with(const PinSpec& pin, double pitch, const std::string& model) {
   if (!is_size(pin.top_x) || pin.top_x > pitch)
-    return clause("pin.top[1]", pin.top_x, "in [0.001, pitch], the pitch is " + text_of(pitch));
+    return clause(model + ".top[1]", pin.top_x, "in [0.001, pitch], the pitch is " + text_of(pitch));
   if (!is_size(pin.top_y) || pin.top_y > pitch)
-    return clause("pin.top[2]", pin.top_y, "in [0.001, pitch], the pitch is " + text_of(pitch));
+    return clause(model + ".top[2]", pin.top_y, "in [0.001, pitch], the pitch is " + text_of(pitch));
   if (!is_size(pin.length)) return clause("pin.length", pin.length, kSizeRule);
   if (!is_coordinate(pin.min_height)) return clause("pin.range[1]", pin.min_height, kCoordinateRule);
   if (!is_coordinate(pin.max_height)) return clause("pin.range[2]", pin.max_height, kCoordinateRule);
@@ -62,6 +62,23 @@ std::string problem_with(const PinSpec& pin, double pitch) {
   if (!positive(pin.max_speed)) return clause("pin.max_speed", pin.max_speed, "greater than 0");
   if (!positive(pin.max_acceleration))
     return clause("pin.max_acceleration", pin.max_acceleration, "greater than 0");
+  return "";
+}
+
+std::string problem_with_actuators(const SurfaceSpec& s) {
+  for (const ActuatorSpec& a : s.actuators) {
+    const auto& top = a.numbers("top");
+    if (top[0] != s.pin.top_x || top[1] != s.pin.top_y)
+      return a.model + ".top: {" + text_of(top[0]) + ", " + text_of(top[1]) + "}: must be that of the surface's " +
+             s.actuators[0].model + ", {" + text_of(s.pin.top_x) + ", " + text_of(s.pin.top_y) +
+             "}: all cells are of one size";
+  }
+  for (std::size_t i = 0; i < s.places.size(); ++i)
+    if (!is_coordinate(s.places[i].x) || !is_coordinate(s.places[i].y))
+      return "surface.positions[" + std::to_string(i + 1) + "]: must be " + kCoordinateRule;
+  for (std::size_t i = 0; i < s.base.size(); ++i)
+    if (!is_coordinate(static_cast<double>(s.base[i])))
+      return clause("surface.base of cell " + std::to_string(i + 1), static_cast<double>(s.base[i]), kCoordinateRule);
   return "";
 }
 
@@ -161,6 +178,28 @@ ActuatorSpec pin_actuator(const PinSpec& pin) {
   return spec;
 }
 
+void fit_body(SurfaceSpec& s) {
+  const PinSpec usual = s.pin;
+  double low = usual.min_height, high = usual.max_height;
+  for (std::size_t i = 0; i < s.actuators.size(); ++i) {
+    const ActuatorSpec& a = s.actuators[i];
+    const auto heights = find_actuator_kind(a.model)->heights_of(a);
+    low = i == 0 ? heights[0] : std::min(low, heights[0]);
+    high = i == 0 ? heights[1] : std::max(high, heights[1]);
+    if (i == 0) s.pin.top_x = a.numbers("top")[0], s.pin.top_y = a.numbers("top")[1];
+    s.pin.length = i == 0 ? a.number("length") : std::max(s.pin.length, a.number("length"));
+  }
+  for (const ActuatorSpec& a : s.actuators) {
+    if (a.model != "pin") continue;
+    s.pin.max_speed = a.number("max_speed");
+    s.pin.max_acceleration = a.number("max_acceleration");
+    break;
+  }
+  const auto [lowest, highest] = std::ranges::minmax(s.base.empty() ? std::vector<float>{0.0F} : s.base);
+  s.pin.min_height = low + static_cast<double>(lowest);
+  s.pin.max_height = high + static_cast<double>(highest);
+}
+
 std::vector<ActuatorSpec> SurfaceSpec::mechanisms() const {
   return actuators.empty() ? std::vector<ActuatorSpec>{pin_actuator(pin)} : actuators;
 }
@@ -210,7 +249,8 @@ std::string problem_with(const SurfaceSpec& s) {
   if (s.rows < 1 || s.rows > 4096) return clause("surface.rows", s.rows, "1 to 4096");
   if (s.columns < 1 || s.columns > 4096) return clause("surface.columns", s.columns, "1 to 4096");
   if (!is_size(s.pitch)) return clause("surface.pitch", s.pitch, kSizeRule);
-  if (auto p = problem_with(s.pin, s.pitch); !p.empty()) return p;
+  if (auto p = problem_with(s.pin, s.pitch, s.actuators.empty() ? "pin" : s.actuators[0].model); !p.empty()) return p;
+  if (auto p = problem_with_actuators(s); !p.empty()) return p;
   for (const auto& sensor : s.sensors)
     if (auto p = find_sensor_kind(sensor.model)->problem_with(sensor); !p.empty()) return p;
   if (auto p = problem_with_names(s.sensor_channels(), s.actuator_channels().size()); !p.empty()) return p;
@@ -228,9 +268,12 @@ std::string problem_with(const ObjectSpec& o) {
   if (o.shape == ShapeKind::kBox)
     for (int i = 0; i < 3; ++i)
       if (!is_size(o.size[i])) return clause("size[" + std::to_string(i + 1) + "]", o.size[i], kSizeRule);
+  if (o.shape == ShapeKind::kSolid && !o.solid) return "solid: is missing";
   if (auto p = problem_with_vector("position", o.position); !p.empty()) return p;
   if (auto p = problem_with_vector("velocity", o.velocity); !p.empty()) return p;
   if (auto p = problem_with_vector("angular_velocity", o.angular_velocity); !p.empty()) return p;
+  if (!is_coordinate(o.pole)) return clause("pole", o.pole, kCoordinateRule);
+  if (auto p = problem_with_vector("moment", o.moment); !p.empty()) return p;
   if (!o.orientation.coeffs().allFinite() || o.orientation.norm() < 1e-6)
     return "orientation: must be a rotation";
   if (o.mass && !(*o.mass >= kSmallestMass && *o.mass <= 1e12))

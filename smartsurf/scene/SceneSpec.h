@@ -33,7 +33,7 @@ std::string nearest_name(const std::string& word, const std::vector<std::string>
 std::string text_of(double);
 
 struct Colour {
-  float r = 0.7f, g = 0.7f, b = 0.7f;  // [0, 1], as a screen shows them (sRGB)
+  float r = 0.93f, g = 0.62f, b = 0.22f;  // [0, 1], as a screen shows them (sRGB); amber, seen on any surface
 };
 
 // Two materials in contact combine as the geometric mean of their frictions and the larger of their
@@ -46,6 +46,8 @@ struct Material {
   double density = 1.0;            // mass per u³, > 0
 };
 
+enum class OffTable { kKeep, kRemove };
+
 struct WorldSpec {
   Eigen::Vector3d gravity{0.0, 0.0, -9.81};  // u/s²
   double dt_s = 1.0 / 240.0;                 // one fixed physics step
@@ -53,6 +55,7 @@ struct WorldSpec {
   double control_period_s = 1.0 / 60.0;      // an integer number of physics steps
   std::uint64_t seed = 1;
   bool ground = true;  // an endless floor under the table, that catches what falls off
+  OffTable off_table = OffTable::kKeep;  // what becomes of objects that leave the table
 
   // Physics steps in one control period (≥ 1).
   int steps_per_tick() const;
@@ -161,6 +164,10 @@ struct SurfaceSpec {
     return {place.x, place.y};
   }
 };
+
+// Sets `pin` to what the surface's actuators have in common: the body, and the heights that their tops can have. Does
+// nothing where `actuators` is empty but for the base.
+void fit_body(SurfaceSpec&);
 
 // A pin with the limits and the body of `pin`.
 ActuatorSpec pin_actuator(const PinSpec& pin);

@@ -35,7 +35,11 @@ std::string channel_at(lua_State* L, const std::vector<std::string>& known, cons
   throw Problem(method + ": no channel " + show(L, 2) + (near.empty() ? all : near));
 }
 
-std::vector<std::string> actuator_channels() { return {"height"}; }
+std::vector<std::string> actuator_channels(const Session& session) {
+  std::vector<std::string> names;
+  for (const scene::ActuatorChannel& channel : session.spec.surface.actuator_channels()) names.push_back(channel.name);
+  return names;
+}
 
 float target_value(lua_State* L, int index, const std::string& name) {
   const double value = number_at(L, index, name);
@@ -47,7 +51,7 @@ int target(Session& session, lua_State* L) {
   const std::string method = "cells:target";
   require_running(session, method);
   require_cells(L, method);
-  const std::string channel = channel_at(L, actuator_channels(), method);
+  const std::string channel = channel_at(L, actuator_channels(session), method);
   const int row = row_at(session, L, 3, method), column = column_at(session, L, 4, method);
   session.host->target(channel, row, column, target_value(L, 5, method + ": value"));
   return 0;
@@ -73,7 +77,7 @@ int targets(Session& session, lua_State* L) {
   const std::string method = "cells:targets";
   require_running(session, method);
   require_cells(L, method);
-  const std::string channel = channel_at(L, actuator_channels(), method);
+  const std::string channel = channel_at(L, actuator_channels(session), method);
   const scene::SurfaceSpec& surface = session.spec.surface;
   const std::string rule = "a list of " + std::to_string(surface.cells()) + " numbers, or of " +
                            std::to_string(surface.rows) + " rows";

@@ -1,4 +1,4 @@
-// world, material, surface, pin, faults, record: what a script declares once, while it loads.
+// world, material, surface, faults, record: what a script declares once, while it loads.
 #include <algorithm>
 #include <string>
 #include <vector>
@@ -12,23 +12,14 @@ namespace smartsurf::script {
 namespace {
 
 constexpr std::size_t kMostMaterials = 1000;
-// What pin{} returns; Lua owns the bytes, so they are plain.
-constexpr const char* kPinType = "pin";
 
 void check(const std::string& problem) {
   if (!problem.empty()) throw Problem(problem);
 }
 
-template <typename T>
-void push_value(lua_State* L, const char* type, const T& value) {
-  static_assert(std::is_trivially_destructible_v<T>);
-  new (lua_newuserdatauv(L, sizeof(T), 0)) T(value);
-  luaL_setmetatable(L, type);
-}
-
 int world(Session& session, lua_State* L) {
   declare_once(session, L, "world");
-  const Fields fields(L, 1, "world", {"gravity", "dt", "iterations", "control_period", "seed", "ground"});
+  const Fields fields(L, 1, "world", {"gravity", "dt", "iterations", "control_period", "seed", "ground", "off_table"});
   scene::WorldSpec& spec = session.spec.world;
   fields.with("gravity", [&](int i, const std::string& name) {
     if (lua_type(L, i) == LUA_TNUMBER)
@@ -42,6 +33,11 @@ int world(Session& session, lua_State* L) {
   fields.read("iterations", spec.iterations, 1, 1000);
   fields.read("control_period", spec.control_period_s);
   fields.read("ground", spec.ground);
+  fields.with("off_table", [&](int i, const std::string& name) {
+    const std::string wanted = text_at(L, i, name);
+    if (wanted != "keep" && wanted != "remove") must_be(L, i, name, "'keep' or 'remove'");
+    spec.off_table = wanted == "keep" ? scene::OffTable::kKeep : scene::OffTable::kRemove;
+  });
   fields.with("seed", [&](int i, const std::string& name) {
     const auto seed = static_cast<std::uint64_t>(integer_at(L, i, name, 0, INT64_MAX));
     if (session.options.seed) return;  // --seed wins
@@ -77,52 +73,17 @@ int material(Session& session, lua_State* L) {
   return 0;
 }
 
-int pin(Session& session, lua_State* L) {
-  require_loading(session, "pin");
-  const Fields fields(L, 1, "pin", {"top", "length", "range", "max_speed", "max_acceleration"});
-  scene::PinSpec spec;
-  fields.with("top", [&](int i, const std::string& name) {
-    if (lua_type(L, i) == LUA_TNUMBER) {
-      spec.top_x = spec.top_y = number_at(L, i, name);
-      return;
-    }
-    const auto top = numbers_at(L, i, name, 2, "a number or {x, y}, the edges of the pin's top");
-    spec.top_x = top[0];
-    spec.top_y = top[1];
-  });
-  fields.with("range", [&](int i, const std::string& name) {
-    const auto range = numbers_at(L, i, name, 2, "{lowest, highest}, the heights of the pin's top");
-    spec.min_height = range[0];
-    spec.max_height = range[1];
-  });
-  fields.read("length", spec.length);
-  fields.read("max_speed", spec.max_speed);
-  fields.read("max_acceleration", spec.max_acceleration);
-  scene::SurfaceSpec alone;  // all rules but that of the pitch, which surface{} knows
-  alone.pin = spec;
-  alone.pitch = std::clamp(std::max(spec.top_x, spec.top_y), 1.0, 1e6);
-  check(problem_with(alone));
-  push_value(L, kPinType, spec);
-  return 1;
-}
-
 int surface(Session& session, lua_State* L) {
   declare_once(session, L, "surface");
   const Fields fields(L, 1, "surface",
-                      {"rows", "columns", "pitch", "actuator", "sensors", "border", "material"},
-                      {{"layout", "rows, columns and pitch, a rectangular layout"},
-                       {"positions", "rows, columns and pitch, a rectangular layout"},
-                       {"modules", "rows, columns and pitch, one module"},
-                       {"tilt", "a level surface; world.gravity takes {x, y, z}"}});
+                      {"rows", "columns", "pitch", "actuator", "actuators", "cells", "mask", "layout", "positions",
+                       "modules", "base", "tilt", "sensors", "border", "material"});
   scene::SurfaceSpec& spec = session.spec.surface;
   fields.read("rows", spec.rows, 1, 4096);
   fields.read("columns", spec.columns, 1, 4096);
   fields.read("pitch", spec.pitch);
-  fields.with("actuator", [&](int i, const std::string& name) {
-    const auto* const value = static_cast<const scene::PinSpec*>(luaL_testudata(L, i, kPinType));
-    if (value == nullptr) must_be(L, i, name, "an actuator, pin{...}");
-    spec.pin = *value;
-  });
+  if (!(spec.pitch > 0.0)) check(problem_with(spec));
+  read_layout(session, L, fields, spec);
   fields.with("sensors", [&](int i, const std::string& name) { read_sensors(session, L, i, name, spec.sensors); });
   fields.with("border", [&](int i, const std::string& name) {
     const Fields border(L, i, name, {"height"});
@@ -138,8 +99,9 @@ int surface(Session& session, lua_State* L) {
 
 int faults(Session& session, lua_State* L) {
   declare_once(session, L, "faults");
-  const Fields fields(L, 1, "faults", {"sensor", "map"});
+  const Fields fields(L, 1, "faults", {"actuator", "sensor", "map"});
   scene::FaultSpec& spec = session.spec.surface.faults;
+  fields.with("actuator", [&](int i, const std::string& name) { read_actuator_faults(L, i, name, spec.actuator); });
   fields.with("sensor", [&](int i, const std::string& name) { read_sensor_faults(L, i, name, spec.sensor); });
   fields.with("map", [&](int i, const std::string& name) {
     NamedText file = text_of_file(session, name, text_at(L, i, name));
@@ -175,10 +137,8 @@ int material_at(const Session& session, lua_State* L, int index, const std::stri
 }
 
 void bind_declarations(lua_State* L) {
-  make_type(L, kPinType, {});
   lua_register(L, "world", guarded<world>);
   lua_register(L, "material", guarded<material>);
-  lua_register(L, "pin", guarded<pin>);
   lua_register(L, "surface", guarded<surface>);
   lua_register(L, "faults", guarded<faults>);
   lua_register(L, "record", guarded<record>);

@@ -199,7 +199,7 @@ Eigen::Quaterniond orientation_at(lua_State* L, int index, const std::string& na
   return from_quaternion(Fields(L, index, name, {"x", "y", "z", "w"}), name);
 }
 
-Fields::Fields(lua_State* L, int index, std::string what, std::initializer_list<std::string_view> known,
+Fields::Fields(lua_State* L, int index, std::string what, std::span<const std::string_view> known,
                std::initializer_list<LaterField> later)
     : Fields(L, index, std::move(what), std::vector<std::string>(known.begin(), known.end()), later) {}
 

@@ -210,18 +210,7 @@ int deny_field(Session&, lua_State* L) {
 struct Later {
   std::string_view name, kind, instead;
 };
-constexpr std::array<Later, 12> kLater{{
-    {"capsule", "shape", "sphere, box, cylinder"},
-    {"cone", "shape", "sphere, box, cylinder"},
-    {"mesh", "shape", "sphere, box, cylinder"},
-    {"hull", "shape", "sphere, box, cylinder"},
-    {"ball", "actuator", "pin"},
-    {"wheels", "actuator", "pin"},
-    {"rotor", "actuator", "pin"},
-    {"force_field", "actuator", "pin"},
-    {"magnet", "actuator", "pin"},
-    {"air_jet", "actuator", "pin"},
-    {"tile", "actuator", "pin"},
+constexpr std::array<Later, 1> kLater{{
     {"package", "library", "require() of a file beside the script"},
 }};
 

@@ -43,7 +43,7 @@ void AirJets::forces(double dt_s, const Field& field, const Bodies& bodies,
                      std::span<const scene::ObjectSpec> catalogue, std::span<Wrench> wrenches) noexcept {
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     if (bodies.mass[b] <= 0.0F) continue;
-    const Vector3f velocity(bodies.velocity[b].data()), turning(bodies.angular_velocity[b].data());
+    const Vector3f &velocity = bodies.velocity[b], &turning = bodies.angular_velocity[b];
     Wrench sum;
     float resistance = 0.0F;  // −∂force/∂velocity
     for_covered(cells_, field, bodies, b, catalogue[bodies.id[b]], reach_,

@@ -1,8 +1,7 @@
 // How actuators that act at a distance reach the objects: what they see of them, and what they do to them.
 #pragma once
 
-#include <Eigen/Core>
-#include <array>
+#include <Eigen/Geometry>
 #include <cstdint>
 #include <span>
 
@@ -14,10 +13,10 @@ namespace smartsurf::surface {
 // an object; the physics owns them, and they are valid until its next step.
 struct Bodies {
   std::span<const scene::ObjectId> id;
-  std::span<const std::array<float, 3>> position;          // centre of mass, u
-  std::span<const std::array<float, 4>> orientation;       // unit quaternion, x y z w
-  std::span<const std::array<float, 3>> velocity;          // u/s
-  std::span<const std::array<float, 3>> angular_velocity;  // rad/s, world frame
+  std::span<const Eigen::Vector3f> position;          // centre of mass, u
+  std::span<const Eigen::Quaternionf> orientation;   // unit
+  std::span<const Eigen::Vector3f> velocity;          // u/s
+  std::span<const Eigen::Vector3f> angular_velocity;  // rad/s, world frame
   std::span<const float> mass;                             // 0: never moves
 
   std::size_t size() const { return id.size(); }
@@ -28,6 +27,8 @@ struct Bodies {
 struct Wrench {
   Eigen::Vector3f force{0.0F, 0.0F, 0.0F};   // mass·u/s²
   Eigen::Vector3f torque{0.0F, 0.0F, 0.0F};  // mass·u²/s²
+
+  bool zero() const { return force.isZero(0.0F) && torque.isZero(0.0F); }
 };
 
 }  // namespace smartsurf::surface

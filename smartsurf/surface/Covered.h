@@ -12,7 +12,7 @@ namespace smartsurf::surface {
 template <class Visit>
 void for_covered(const CellFinder& cells, const Field& field, const Bodies& bodies, std::size_t body,
                  const scene::ObjectSpec& object, float reach, Visit visit) {
-  const Eigen::Vector3f centre(bodies.position[body].data());
+  const Eigen::Vector3f& centre = bodies.position[body];
   const CrossedObject crossed(object, bodies.orientation[body]);
   if (!centre.allFinite() || centre.z() - object.half_extents().norm() > field.max_height + reach) return;
   cells.near(centre.x(), centre.y(), crossed.reach(), [&](int cell, float x, float y) {

@@ -89,9 +89,9 @@ Crossing polyhedron(const Vector3f& o, const Vector3f& d, const scene::ConvexPie
 
 }  // namespace
 
-CrossedObject::CrossedObject(const scene::ObjectSpec& object, const std::array<float, 4>& q)
+CrossedObject::CrossedObject(const scene::ObjectSpec& object, const Eigen::Quaternionf& orientation)
     : object_(object), half_(object.half_extents().cast<float>()) {
-  const Eigen::Matrix3f to_world = Eigen::Quaternionf(q[3], q[0], q[1], q[2]).toRotationMatrix();
+  const Eigen::Matrix3f to_world = orientation.toRotationMatrix();
   to_local_ = to_world.transpose();
   const Vector3f extent =
       object.shape == scene::ShapeKind::kSphere ? half_ : Vector3f(to_world.cwiseAbs() * half_);

@@ -1,8 +1,7 @@
 // Where a vertical line crosses an object: for actuators that act on what covers their cells.
 #pragma once
 
-#include <Eigen/Core>
-#include <array>
+#include <Eigen/Geometry>
 #include <limits>
 
 #include "smartsurf/scene/SceneSpec.h"
@@ -18,8 +17,7 @@ struct Crossing {
 // One object in its place, prepared for many lines. Keeps a reference to the object.
 class CrossedObject {
  public:
-  // orientation: x y z w.
-  CrossedObject(const scene::ObjectSpec&, const std::array<float, 4>& orientation);
+  CrossedObject(const scene::ObjectSpec&, const Eigen::Quaternionf& orientation);
 
   // The line that passes the centre of mass at (dx, dy). Of a solid in several pieces: from its lowest to its
   // highest point.

@@ -30,9 +30,8 @@ void Magnets::forces(double, const Field& field, const Bodies& bodies,
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     const scene::ObjectSpec& object = catalogue[bodies.id[b]];
     if (object.pole == 0.0 && object.moment.isZero(0.0)) continue;
-    const Vector3f centre(bodies.position[b].data());
-    const auto& q = bodies.orientation[b];
-    const Vector3f moment = Eigen::Quaternionf(q[3], q[0], q[1], q[2]) * object.moment.cast<float>();
+    const Vector3f& centre = bodies.position[b];
+    const Vector3f moment = bodies.orientation[b] * object.moment.cast<float>();
     if (!centre.allFinite()) continue;
     cells_.near(centre.x(), centre.y(), reach_, [&](int cell, float x, float y) {
       if (current_[cell] == 0.0F) return;

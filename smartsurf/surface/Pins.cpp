@@ -31,6 +31,7 @@ Pins::Pins(const Place& place)
     : runs_(place.runs),
       speed_limit_(static_cast<float>(place.spec.number("max_speed"))),
       acceleration_limit_(static_cast<float>(place.spec.number("max_acceleration"))),
+      lowest_(static_cast<float>(place.spec.numbers("range")[0])),
       base_(place.field.height),
       target_(place.field.height),
       moving_(runs_.size(), 0),
@@ -71,9 +72,14 @@ void Pins::measure(std::size_t run, const Field& field) noexcept {
 
 void Pins::weigh(float dt_s, const Field& field) noexcept {
   const float share = 1.0F - std::exp(-dt_s / kLoadLag), inverse_dt = 1.0F / dt_s;
-  for (const Run& run : runs_)
-    for (auto i = static_cast<std::size_t>(run.begin); i < static_cast<std::size_t>(run.end); ++i)
+  for (std::size_t r = 0; r < runs_.size(); ++r) {
+    bool overloaded = false;
+    for (auto i = static_cast<std::size_t>(runs_[r].begin); i < static_cast<std::size_t>(runs_[r].end); ++i) {
       load_[i] += (field.impulse[i] * inverse_dt - load_[i]) * share;
+      overloaded |= load_[i] > *force_limit_;
+    }
+    moving_[r] |= static_cast<std::uint8_t>(overloaded);
+  }
 }
 
 void Pins::plan(double dt_s, Field& field) noexcept {
@@ -101,18 +107,24 @@ void Pins::plan_run(std::size_t run, float dt_s, Field& field) noexcept {
       moving |= static_cast<int>(distance != 0.0F) | static_cast<int>(speed[i] != 0.0F);
     }
   } else {
-    // The motor's line: as fast as it may without a load, standing still at the greatest load. It holds what
-    // it cannot lift.
-    const float per_load = 1.0F / *force_limit_;
     for (std::size_t i = 0; i < n; ++i) {
       const float distance = target[i] - height[i];
-      const float left = std::max(0.0F, 1.0F - load_[begin + i] * per_load);
-      speed[i] = approach(distance, speed[i], distance > 0.0F ? speed_limit_ * left : speed_limit_);
+      speed[i] = loaded_speed(begin + i, distance, approach, dt_s, field);
       moving |= static_cast<int>(distance != 0.0F) | static_cast<int>(speed[i] != 0.0F);
     }
   }
   moving_[run] = moving != 0;
   run_speed_[run] = largest(n, [speed](std::size_t i) { return std::abs(speed[i]); });
+}
+
+// The motor's line, v = max_speed·(1 − load/max_force): as fast as it may without a load, standing at the greatest one,
+// pushed back by more, down to the lower stop.
+float Pins::loaded_speed(std::size_t cell, float distance, const Approach& approach, float dt_s,
+                         const Field& field) const noexcept {
+  const float speed = field.speed[cell], left = 1.0F - load_[cell] / *force_limit_;
+  if (left >= 0.0F) return approach(distance, speed, distance > 0.0F ? speed_limit_ * left : speed_limit_);
+  const float to_stop = (base_[cell] + lowest_ - field.height[cell]) / dt_s;  // ≤ 0
+  return std::max(to_stop, std::max(speed - acceleration_limit_ * dt_s, speed_limit_ * std::max(left, -1.0F)));
 }
 
 void Pins::commit(double dt_s, Field& field) noexcept {

@@ -1,4 +1,4 @@
-// Pins: each follows its target height within limits of speed and acceleration, and stalls under a load that
+// Pins: each follows its target height within limits of speed and acceleration, and yields to a load that
 // it cannot lift.
 #pragma once
 
@@ -8,6 +8,8 @@
 #include "smartsurf/surface/Actuator.h"
 
 namespace smartsurf::surface {
+
+class Approach;
 
 class Pins final : public Actuator {
  public:
@@ -20,11 +22,13 @@ class Pins final : public Actuator {
 
  private:
   void plan_run(std::size_t run, float dt_s, Field&) noexcept;
+  float loaded_speed(std::size_t cell, float distance, const Approach&, float dt_s, const Field&) const noexcept;
   void weigh(float dt_s, const Field&) noexcept;
   void measure(std::size_t run, const Field&) noexcept;
 
   std::vector<Run> runs_;
   float speed_limit_, acceleration_limit_;
+  float lowest_;  // of the range, over the base
   std::optional<float> force_limit_;
   std::vector<float> base_, target_;  // rows × columns; target: z of the top, base included
   std::vector<float> load_;           // rows × columns, mass·u/s², smoothed; empty without a force limit

@@ -89,7 +89,7 @@ Result run_ours(const Workload& w, const Options& options) {
   spec.surface.sensors[0].values["range"] = {kSensorRange};
   surface::ActuatorArray cells(spec.surface);
   surface::WorkerPool pool(options.threads);
-  world::World world(spec, cells.field());
+  world::World world(spec, cells.field(), &pool);
   surface::SensorArray sensing(spec, cells.field());
   scene::Snapshot snapshot;
   std::vector<float> targets;

@@ -21,6 +21,9 @@ class PhysicsBench {
   void run(double seconds, const std::function<void()>& after_each_step = {});
   const smartsurf::scene::Snapshot& look();
 
+  // Worker threads; set before the first step or object.
+  int threads = 1;
+
   smartsurf::surface::ActuatorArray& cells();
   smartsurf::world::World& world();
 
@@ -31,6 +34,7 @@ class PhysicsBench {
  private:
   std::unique_ptr<smartsurf::surface::ActuatorArray> cells_;
   std::vector<smartsurf::scene::ObjectSpec> catalogue_;
+  std::unique_ptr<smartsurf::surface::WorkerPool> pool_;
   std::unique_ptr<smartsurf::world::World> world_;
   smartsurf::scene::Snapshot snapshot_;
 };
@@ -38,5 +42,10 @@ class PhysicsBench {
 smartsurf::scene::ObjectSpec sphere(double radius, const Eigen::Vector3d& position);
 smartsurf::scene::ObjectSpec box(const Eigen::Vector3d& size, const Eigen::Vector3d& position);
 smartsurf::scene::ObjectSpec cylinder(double radius, double height, const Eigen::Vector3d& position);
+smartsurf::scene::ObjectSpec capsule(double radius, double height, const Eigen::Vector3d& position);
+smartsurf::scene::ObjectSpec cone(double radius, double height, const Eigen::Vector3d& position);
+// Solids bounded by faces: a cube of edge 2, and a triangular prism of edge 2 lying on one side.
+smartsurf::scene::ObjectSpec cube(const Eigen::Vector3d& position);
+smartsurf::scene::ObjectSpec wedge(const Eigen::Vector3d& position);
 
 }  // namespace physics_bench
