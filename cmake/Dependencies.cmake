@@ -10,6 +10,8 @@ find_package(HDF5 REQUIRED COMPONENTS C)
 find_package(PNG REQUIRED)
 # The C++ build of Lua unwinds C++ destructors when luaL_error is raised; the C build longjmps over them.
 pkg_check_modules(LUA REQUIRED IMPORTED_TARGET lua5.4-c++)
+pkg_check_modules(ASSIMP REQUIRED IMPORTED_TARGET assimp)
+pkg_check_modules(QHULL REQUIRED IMPORTED_TARGET qhull_r)
 if(SMARTSURF_VIEW)
   find_package(glfw3 REQUIRED)
   pkg_check_modules(EPOXY REQUIRED IMPORTED_TARGET epoxy)

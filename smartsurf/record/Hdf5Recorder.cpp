@@ -5,6 +5,7 @@
 #include <cassert>
 #include <cstring>
 #include <limits>
+#include <mutex>
 
 namespace smartsurf::record {
 namespace {
@@ -80,6 +81,14 @@ bool good_channel_name(std::string_view name) {
   return !name.empty() && name != "." && name.find('/') == name.npos && name.find('\0') == name.npos;
 }
 
+// Planes of components in, cells with all their components out: files are read by cell.
+void interleave(const Channel& channel, std::span<float> cells) {
+  const auto components = static_cast<std::size_t>(channel.components);
+  const std::size_t plane = cells.size() / components;
+  for (std::size_t k = 0; k < components; ++k)
+    for (std::size_t i = 0; i < plane; ++i) cells[i * components + k] = channel.values[k * plane + i];
+}
+
 }  // namespace
 
 struct Hdf5Recorder::Content {
@@ -88,7 +97,7 @@ struct Hdf5Recorder::Content {
     write_meta(file, meta, spec);
     surface_group = write_surface(file, spec.surface);
     objects_group = create_group(file, "objects");
-    catalogue.emplace(objects_group, spec.materials);
+    catalogue.emplace(file, objects_group, spec.materials);
     catalogue->append(spec.objects);
     objects = spec.objects.size();
     flush();
@@ -224,7 +233,7 @@ void Hdf5Recorder::Content::buffer_channels(std::span<const Channel> channels,
   for (std::size_t i = 0; i < series.size(); ++i) {
     const std::span<float> row = series[i].row<float>(buffered);
     assert(channels[i].values.size() == row.size());
-    std::copy(channels[i].values.begin(), channels[i].values.end(), row.begin());
+    interleave(channels[i], row);
   }
 }
 
@@ -264,7 +273,7 @@ void Hdf5Recorder::Content::flush() {
 // A frame exists once it has its tick: the ticks are written and flushed when everything else already is, so
 // that a kill in the middle cannot leave a frame that is half there.
 void Hdf5Recorder::Content::write() {
-  std::uint64_t most_bytes = kMetadataBytes + CatalogueWriter::most_bytes(newcomers);
+  std::uint64_t most_bytes = kMetadataBytes + catalogue->most_bytes(newcomers);
   if (buffered > 0) {
     with_series([&](const FrameSeries& series) { most_bytes += series.most_bytes(); });
     most_bytes += tick->most_bytes();
@@ -284,8 +293,19 @@ void Hdf5Recorder::Content::write() {
   written_at = std::chrono::steady_clock::now();
 }
 
+namespace {
+
+// Debian's library keeps its tables without locks: recorders of several worlds take turns in it.
+std::mutex& library_turn() {
+  static std::mutex turn;
+  return turn;
+}
+
+}  // namespace
+
 template <class Action>
 void Hdf5Recorder::guarded(Action action) {
+  const std::lock_guard turn(library_turn());
   if (!content_) return;
   try {
     action(*content_);
@@ -297,6 +317,7 @@ void Hdf5Recorder::guarded(Action action) {
 
 Hdf5Recorder::Hdf5Recorder(const std::filesystem::path& path, const Meta& meta, const scene::SceneSpec& spec)
     : Recorder(spec.record.every), name_(path.string()) {
+  const std::lock_guard turn(library_turn());
   try {
     content_ = std::make_unique<Content>(path, meta, spec);
   } catch (const Hdf5Error& error) {
@@ -309,6 +330,8 @@ Hdf5Recorder::~Hdf5Recorder() {
     guarded([](Content& content) { content.write(); });
   } catch (const std::runtime_error&) {  // a destructor has nobody to tell
   }
+  const std::lock_guard turn(library_turn());
+  content_.reset();
 }
 
 void Hdf5Recorder::record(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
@@ -334,8 +357,8 @@ void Hdf5Recorder::close(const Result& result) {
     write_attribute(meta, "simulated_s", result.simulated_s);
     write_attribute(meta, "state_hash", result.state_hash);
     content.flush();
+    content_.reset();
   });
-  content_.reset();
 }
 
 }  // namespace smartsurf::record

@@ -10,9 +10,12 @@
 #include <cmath>
 
 #include "shm_protocol/Segments.h"
+#include "smartsurf/mesh/SolidLibrary.h"
 #include "smartsurf/record/Plot.h"
 #include "smartsurf/record/Recording.h"
 #include "smartsurf/run/Run.h"
+#include "smartsurf/run/Worlds.h"
+#include "smartsurf/run/Simulation.h"
 
 namespace smartsurf::run {
 namespace {
@@ -68,6 +71,7 @@ struct RunFlags {
   std::optional<std::uint64_t> seed, ticks;
   std::string until;
   int threads = 1;
+  int worlds = 0;  // 0: not asked for
 };
 
 void add_script_flags(CLI::App& app, RunFlags& f) {
@@ -83,7 +87,9 @@ void add_run_flags(CLI::App& app, RunFlags& f) {
                "Show this help; with an experiment also the options that its script makes");
   app.add_option("experiment", f.experiment, "The experiment, a Lua script")->type_name("EXPERIMENT.lua");
   app.add_flag("--headless", f.headless, "Run without a window (the default)");
-  app.add_flag("--window", f.window, "Open a window; runs in real time unless --pace says otherwise");
+  app.add_flag("--window", f.window,
+               "Open a window, and that of an APRON program beside it; runs in real time unless --pace says "
+               "otherwise");
   app.add_option("--mode", f.mode,
                  "time-step: physics waits for the controller; passive: it follows the clock")
       ->check(CLI::IsMember({"time-step", "passive"}))
@@ -101,6 +107,10 @@ void add_run_flags(CLI::App& app, RunFlags& f) {
   add_script_flags(app, f);
   app.add_option("--threads", f.threads, "Threads for actuators and sensors; changes no result")
       ->check(CLI::Range(1, 256))
+      ->type_name("N");
+  app.add_option("--worlds", f.worlds,
+                 "So many copies at once, with seeds counting up; NAME-0, NAME-1 … are their surfaces and files")
+      ->check(CLI::Range(1, kMostWorlds))
       ->type_name("N");
   app.add_option("--record", f.record, "Record the run, as HDF5 or CSV")
       ->type_name("FILE.h5|FILE.csv")
@@ -147,6 +157,7 @@ script::Experiment load_silently(const std::string& file, NameValues set, std::o
   options.set = std::move(set);
   options.seed = seed;
   options.print = [](std::string_view) {};
+  options.solids = std::make_shared<mesh::SolidLibrary>();
   return script::Experiment::load(file, options);
 }
 
@@ -159,6 +170,9 @@ RunOptions judge(const RunFlags& f, const std::string& command_line) {
   reject_both(f.no_controller && !f.controller.empty(), "--controller and --no-controller");
   reject_both(f.no_controller && !f.shm.empty(), "--shm and --no-controller");
   reject_both(!f.until.empty() && f.ticks, "--until and --ticks");
+  const bool pictures = f.window || !f.screenshot.empty() || !f.video.empty();
+  if (f.worlds > 0 && pictures)
+    throw scene::InputError("--worlds: many worlds have no window, screenshot or video; record them");
   RunOptions o;
   o.experiment = f.experiment;
   o.command_line = command_line;
@@ -199,8 +213,9 @@ int run_command(CLI::App& app, const RunFlags& flags, const std::string& command
     return kDone;
   }
   catch_signals();
-  Run run(judge(flags, command_line), stop_requested);
-  const int status = run.execute();
+  const RunOptions options = judge(flags, command_line);
+  const int status = flags.worlds > 0 ? run_worlds(options, flags.worlds, stop_requested)
+                                      : Run(options, stop_requested).execute();
   return status == kDone && stop_signal != 0 ? 128 + stop_signal : status;
 }
 
@@ -208,6 +223,7 @@ int check_command(const RunFlags& flags) {
   const auto experiment = load_silently(flags.experiment, pairs_of(flags.set), flags.seed);
   const std::string& file = flags.experiment;
   const auto& scene = experiment.scene();
+  check_surface(scene);
   fmt::print("{}: ok: {} x {} cells, {} objects, {} options\n", file, scene.surface.rows,
              scene.surface.columns, scene.objects.size(), scene.options.size());
   return kDone;

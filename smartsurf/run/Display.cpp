@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "smartsurf/run/ControllerProcess.h"
 #include "smartsurf/view/OffscreenView.h"
 #include "smartsurf/view/VideoWriter.h"
 #include "smartsurf/view/Window.h"
@@ -43,7 +44,9 @@ Display::Display(const RunOptions& options, const scene::SceneSpec& scene)
   if (!options.window) return;
   if (!view::Window::display_available())
     throw scene::InputError("--window: there is no display here; run without it, or set DISPLAY");
-  window_ = std::make_unique<view::Window>(scene_, "smartsurf: " + options.experiment);
+  const bool beside_another = is_apron_program(options.controller);
+  window_ = std::make_unique<view::Window>(scene_, "smartsurf: " + options.experiment, 1280, 720,
+                                           beside_another ? view::Place::kLeft : view::Place::kAnywhere);
 }
 
 Display::~Display() = default;

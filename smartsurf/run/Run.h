@@ -23,11 +23,17 @@ namespace smartsurf::run {
 // Exit statuses of the program.
 enum ExitStatus { kDone = 0, kFailed = 1, kUserError = 2, kPeerLost = 3 };
 
+// Writes a file in one piece or not at all. Throws scene::InputError that names the flag and the file.
+void write_whole_file(const std::string& flag, const std::string& file, const std::string& text);
+
 class Run {
  public:
   // `stop` is raised by SIGINT and SIGTERM. Throws scene::InputError for whatever the user got wrong.
   Run(const RunOptions&, const std::atomic<bool>& stop);
   ~Run();
+
+  // The figures about the run so far, as --stats writes them.
+  std::string stats_json() const { return to_json(summary(), times_); }
 
   // Runs to the end and returns the exit status. Throws scene::InputError for a mistake in the script's
   // events, after everything recorded has been kept.

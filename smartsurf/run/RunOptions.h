@@ -36,6 +36,7 @@ struct RunOptions {
   std::vector<Screenshot> screenshots;
   std::string video_file;
   bool unsafe = false;
+  std::optional<int> world;  // which of several in this process; nullopt: the only one
 };
 
 }  // namespace smartsurf::run

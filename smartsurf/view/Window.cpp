@@ -85,16 +85,37 @@ std::optional<Key> key_of_code(int code) {
   }
 }
 
+// In screen coordinates.
+struct Area {
+  int x = 0, y = 0, width = 1280, height = 720;
+};
+
+// Of the screen's width, from the left, when another program's window has the rest.
+constexpr double kLeftShare = 0.42;
+
+Area left_part() {
+  Area area;
+  if (GLFWmonitor* monitor = glfwGetPrimaryMonitor())
+    glfwGetMonitorWorkarea(monitor, &area.x, &area.y, &area.width, &area.height);
+  area.width = static_cast<int>(area.width * kLeftShare);
+  return area;
+}
+
 // GLFW, the window with its context, and ImGui: each undone in reverse when a later one fails.
 class Desktop {
  public:
-  Desktop(const std::string& title, int width, int height) {
+  Desktop(const std::string& title, int width, int height, Place place) {
     if (!glfwInit())
       throw std::runtime_error("no display to open a window on: set DISPLAY, or run with --headless");
     glfwWindowHint(GLFW_CONTEXT_VERSION_MAJOR, 3);
     glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 3);
     glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
-    glfwWindowHint(GLFW_SCALE_TO_MONITOR, GLFW_TRUE);
+    glfwWindowHint(GLFW_SCALE_TO_MONITOR, place == Place::kAnywhere ? GLFW_TRUE : GLFW_FALSE);
+    const Area left = left_part();
+    if (place == Place::kLeft) {
+      width = left.width;
+      height = left.height;
+    }
     window_ = glfwCreateWindow(width, height, title.c_str(), nullptr, nullptr);
     if (!window_) {
       glfwTerminate();
@@ -102,6 +123,7 @@ class Desktop {
           "the display offers no OpenGL 3.3: install the packages libgl1-mesa-dri libegl1, or run with "
           "--headless");
     }
+    if (place == Place::kLeft) glfwSetWindowPos(window_, left.x, left.y);
     glfwMakeContextCurrent(window_);
     glfwSwapInterval(0);  // the simulation must never wait for the display
   }
@@ -146,9 +168,9 @@ class Gui {
 }  // namespace
 
 struct Window::State {
-  State(const scene::SceneSpec& s, const std::string& title, int window_width, int window_height)
+  State(const scene::SceneSpec& s, const std::string& title, int window_width, int window_height, Place place)
       : spec(s),
-        desktop(title, window_width, window_height),
+        desktop(title, window_width, window_height, place),
         controls(s.surface),
         scale(content_scale()),
         gui(listen(), scale),
@@ -308,8 +330,8 @@ bool Window::display_available() {
   return true;
 }
 
-Window::Window(const scene::SceneSpec& spec, const std::string& title, int width, int height)
-    : state_(std::make_unique<State>(spec, title, width, height)) {}
+Window::Window(const scene::SceneSpec& spec, const std::string& title, int width, int height, Place place)
+    : state_(std::make_unique<State>(spec, title, width, height, place)) {}
 
 Window::~Window() {
   if (state_) glfwMakeContextCurrent(state_->desktop.window());

@@ -16,14 +16,18 @@
 
 namespace smartsurf::view {
 
+// kLeft: the left part of the screen, beside another program's window on its right.
+enum class Place { kAnywhere, kLeft };
+
 class Window {
  public:
   // Whether a window can be opened here. False as well in a build without the view.
   static bool display_available();
 
-  // width, height in screen coordinates (pixels, unless the display is scaled).
+  // width, height in screen coordinates (pixels, unless the display is scaled); not used with kLeft.
   // Throws std::runtime_error, one line, when there is no display or no OpenGL 3.3.
-  Window(const scene::SceneSpec& spec, const std::string& title, int width = 1280, int height = 720);
+  Window(const scene::SceneSpec& spec, const std::string& title, int width = 1280, int height = 720,
+         Place place = Place::kAnywhere);
   ~Window();
 
   // Takes in what the user did, draws one frame (nothing while the window is minimised) and shows it.

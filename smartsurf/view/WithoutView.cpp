@@ -30,7 +30,7 @@ Image render_image(const scene::SceneSpec&, const scene::Snapshot&, const std::v
 
 struct Window::State {};
 bool Window::display_available() { return false; }
-Window::Window(const scene::SceneSpec&, const std::string&, int, int) { left_out(); }
+Window::Window(const scene::SceneSpec&, const std::string&, int, int, Place) { left_out(); }
 Window::~Window() = default;
 Commands Window::frame(const scene::Snapshot&, const std::vector<scene::ObjectSpec>&, const Status&,
                        const DrawOptions&) {

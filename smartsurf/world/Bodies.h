@@ -9,7 +9,7 @@
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/world/ContactKernels.h"
 #include "smartsurf/world/Shape.h"
-#include "smartsurf/world/Wrench.h"
+#include "smartsurf/surface/BodyForces.h"
 
 namespace smartsurf::world {
 
@@ -25,7 +25,7 @@ struct BodyStore {
   // Square roots, so that a product of two is their geometric mean.
   std::vector<float> friction_root, rolling_root, restitution;
   std::vector<Mat3> own_inertia, own_inverse_inertia;  // in own axes
-  std::vector<Wrench> wrench;                          // of the step to come
+  std::vector<surface::Wrench> wrench;                          // of the step to come
   std::vector<char> asleep;
   std::vector<float> still_s;  // how long it has hardly moved
 

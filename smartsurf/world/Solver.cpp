@@ -189,7 +189,7 @@ void Solver::begin_substep(Job& job, Range range, bool first) {
   for (int k = range.begin; k < range.end; ++k) {
     const auto i = static_cast<std::size_t>(job.moving[static_cast<std::size_t>(k)]);
     Motion& m = b.motion[i];
-    const Wrench& w = b.wrench[i];
+    const surface::Wrench& w = b.wrench[i];
     b.start_velocity[i] = vec(m.velocity) + h_s * (settings_.gravity + m.inverse_mass * w.force);
     b.start_spin[i] = vec(m.spin);
     if (!w.torque.isZero(0.0F)) {

@@ -139,7 +139,7 @@ scene::ObjectState World::state(scene::ObjectId id) const {
           b.spin(i).cast<double>()};
 }
 
-Bodies World::bodies() const {
+surface::Bodies World::bodies() const {
   const State& s = *state_;
   s.velocity.resize(s.bodies.id.size());
   s.spin.resize(s.bodies.id.size());
@@ -150,7 +150,7 @@ Bodies World::bodies() const {
   return {s.bodies.id, s.bodies.position, s.bodies.orientation, s.velocity, s.spin, s.bodies.mass};
 }
 
-std::span<Wrench> World::wrenches() {
+std::span<surface::Wrench> World::wrenches() {
   state_->wrenches_given = true;
   return state_->bodies.wrench;
 }
@@ -228,7 +228,7 @@ void World::step() {
     s.sleep.update(s.bodies, s.moving, s.pairs, s.world);
   }
   s.write_impulses();
-  if (s.wrenches_given) std::fill(s.bodies.wrench.begin(), s.bodies.wrench.end(), Wrench{});
+  if (s.wrenches_given) std::fill(s.bodies.wrench.begin(), s.bodies.wrench.end(), surface::Wrench{});
   s.wrenches_given = false;
 }
 

@@ -15,24 +15,14 @@
 
 #include "smartsurf/scene/ObjectState.h"
 #include "smartsurf/scene/Snapshot.h"
+#include "smartsurf/surface/BodyForces.h"
 #include "smartsurf/surface/Field.h"
 #include "smartsurf/surface/WorkerPool.h"
-#include "smartsurf/world/Wrench.h"
 
 namespace smartsurf::world {
 
 // The name and version of what computes the physics, for recordings.
 std::string physics_version();
-
-// All live bodies, ascending by id; one entry a body. Valid until the world changes.
-struct Bodies {
-  std::span<const scene::ObjectId> id;
-  std::span<const Eigen::Vector3f> position;  // centre of mass, u
-  std::span<const Eigen::Quaternionf> orientation;
-  std::span<const Eigen::Vector3f> velocity;          // u/s
-  std::span<const Eigen::Vector3f> angular_velocity;  // rad/s, world axes
-  std::span<const float> mass;                        // 0: fixed
-};
 
 // A point where bodies touched in the last step.
 struct ContactPoint {
@@ -64,10 +54,11 @@ class World {
   // The object must be alive.
   scene::ObjectState state(scene::ObjectId) const;
 
-  Bodies bodies() const;
+  // The objects as actuators see them; valid until the next step, or change of the objects.
+  surface::Bodies bodies() const;
   // What acts on each body during the next step, in the order of bodies(); zero again after it. A wrench that
   // is not zero wakes its body.
-  std::span<Wrench> wrenches();
+  std::span<surface::Wrench> wrenches();
 
   // One fixed physics step against the field as planned (Field::speed); the caller commits the field after
   // it.

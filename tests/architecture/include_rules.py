@@ -11,12 +11,13 @@ import sys
 ROOMS = {
     "shm-protocol": set(),
     "smartsurf/scene": set(),
+    "smartsurf/mesh": {"smartsurf/scene"},
     "smartsurf/script": {"smartsurf/scene"},
     "smartsurf/surface": {"smartsurf/scene"},
     "smartsurf/world": {"smartsurf/scene", "smartsurf/surface"},
     "smartsurf/record": {"smartsurf/scene"},
     "smartsurf/view": {"smartsurf/scene"},
-    "smartsurf/run": {"smartsurf/scene", "smartsurf/script", "smartsurf/surface", "smartsurf/world",
+    "smartsurf/run": {"smartsurf/scene", "smartsurf/mesh", "smartsurf/script", "smartsurf/surface", "smartsurf/world",
                       "smartsurf/record", "smartsurf/view", "shm-protocol"},
     "apron/program": set(),
     "apron/syntax": set(),
@@ -34,8 +35,9 @@ PRIVATE = [
     (r"^(bt[A-Z]|Bullet|LinearMath/)", set()),  # the physics is our own; benchmarks alone compare it with Bullet
     (r"^(epoxy|GLFW|EGL|GL|imgui)", {"smartsurf/view", "apron/ui"}),
     (r"^(hdf5|H5)", {"smartsurf/record"}),
+    (r"^(assimp|libqhull)", {"smartsurf/mesh"}),
     (r"^boost/", {"shm-protocol"}),
-    (r"^hwy/", {"apron/vm", "smartsurf/world"}),
+    (r"^hwy/", {"apron/vm", "smartsurf/surface", "smartsurf/world"}),
     (r"^xbyak/", {"apron/vm"}),
     (r"^CLI/", {"smartsurf/run", "apron/run"}),
 ]

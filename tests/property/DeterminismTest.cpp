@@ -20,7 +20,7 @@ std::uint64_t hash_after(double seconds, double nudge = 0.0, int threads = 1) {
   bench.run(seconds, [&] {
     if (++step % 16 == 0)
       for (int c = 0; c < 32; ++c)
-        bench.field().set_target(step / 16 % 32, c, static_cast<float>((c + step) % 3));
+        bench.cells().set_target(0, step / 16 % 32, c, static_cast<float>((c + step) % 3));
   });
   return bench.look().state_hash;
 }
@@ -50,7 +50,7 @@ std::uint64_t crowd_hash(int threads) {
     ++step;
     for (int r = 0; r < 48; ++r)
       for (int c = 0; c < 48; ++c)
-        bench.field().set_target(r, c, static_cast<float>(1.0 + std::sin(0.4 * c + 0.05 * step)));
+        bench.cells().set_target(0, r, c, static_cast<float>(1.0 + std::sin(0.4 * c + 0.05 * step)));
   });
   return bench.look().state_hash;
 }

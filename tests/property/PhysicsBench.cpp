@@ -13,25 +13,30 @@ PhysicsBench::PhysicsBench() {
   scene.materials[0].restitution = 0.0;
 }
 
-surface::PinField& PhysicsBench::field() {
-  if (!field_) field_ = std::make_unique<surface::PinField>(scene.surface);
-  return *field_;
+surface::ActuatorArray& PhysicsBench::cells() {
+  if (!cells_) cells_ = std::make_unique<surface::ActuatorArray>(scene.surface);
+  return *cells_;
 }
 
 world::World& PhysicsBench::world() {
   if (!pool_) pool_ = std::make_unique<surface::WorkerPool>(threads);
-  if (!world_) world_ = std::make_unique<world::World>(scene, field().field(), pool_.get());
+  if (!world_) world_ = std::make_unique<world::World>(scene, cells().field(), pool_.get());
   return *world_;
 }
 
-scene::ObjectId PhysicsBench::add(const scene::ObjectSpec& o) { return world().add(o); }
+scene::ObjectId PhysicsBench::add(const scene::ObjectSpec& o) {
+  catalogue_.push_back(o);
+  return world().add(o);
+}
 
 void PhysicsBench::run(double seconds, const std::function<void()>& after_each_step) {
   const long steps = std::lround(seconds / scene.world.dt_s);
   for (long i = 0; i < steps; ++i) {
-    field().plan(scene.world.dt_s);
+    cells().plan(scene.world.dt_s);
+    if (cells().exerts_forces())
+      cells().forces(scene.world.dt_s, world().bodies(), catalogue_, world().wrenches());
     world().step();
-    field().commit(scene.world.dt_s);
+    cells().commit(scene.world.dt_s);
     if (after_each_step) after_each_step();
   }
 }

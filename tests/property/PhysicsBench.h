@@ -5,7 +5,7 @@
 #include <memory>
 
 #include "smartsurf/scene/Snapshot.h"
-#include "smartsurf/surface/PinField.h"
+#include "smartsurf/surface/ActuatorArray.h"
 #include "smartsurf/world/World.h"
 
 namespace physics_bench {
@@ -24,7 +24,7 @@ class PhysicsBench {
   // Worker threads; set before the first step or object.
   int threads = 1;
 
-  smartsurf::surface::PinField& field();
+  smartsurf::surface::ActuatorArray& cells();
   smartsurf::world::World& world();
 
   Eigen::Vector3f position(smartsurf::scene::ObjectId);
@@ -32,7 +32,8 @@ class PhysicsBench {
   Eigen::Vector3f angular_velocity(smartsurf::scene::ObjectId);
 
  private:
-  std::unique_ptr<smartsurf::surface::PinField> field_;
+  std::unique_ptr<smartsurf::surface::ActuatorArray> cells_;
+  std::vector<smartsurf::scene::ObjectSpec> catalogue_;
   std::unique_ptr<smartsurf::surface::WorkerPool> pool_;
   std::unique_ptr<smartsurf::world::World> world_;
   smartsurf::scene::Snapshot snapshot_;

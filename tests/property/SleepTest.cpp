@@ -40,7 +40,7 @@ TEST(Sleep, EveryShapeFallsAsleep) {
 
 TEST(Sleep, ACellThatRisesUnderIt) {
   Sleeper bench;
-  for (int c = 14; c <= 16; ++c) bench.field().set_target(16, c, 1.0F);
+  for (int c = 14; c <= 16; ++c) bench.cells().set_target(0, 16, c, 1.0F);
   bench.run(2.0);
   EXPECT_GT(bench.position(bench.id).z(), 1.3);
 }
@@ -48,20 +48,20 @@ TEST(Sleep, ACellThatRisesUnderIt) {
 TEST(Sleep, ACellThatSinksAwayUnderIt) {
   PhysicsBench bench;
   std::vector<float> targets(32 * 32, 2.0F);
-  bench.field().set_targets(targets);
+  bench.cells().set_targets(0, targets);
   bench.run(1.0);
   const auto id = bench.add(sphere(1.5, {15.0, 15.0, 3.5}));
   bench.run(2.0);
   ASSERT_EQ(bench.world().asleep(), 1);
   targets.assign(targets.size(), 0.0F);
-  bench.field().set_targets(targets);
+  bench.cells().set_targets(0, targets);
   bench.run(2.0);
   EXPECT_NEAR(bench.position(id).z(), 1.5, 0.01);
 }
 
 TEST(Sleep, AMovingCellFarAwayDoesNot) {
   Sleeper bench;
-  bench.field().set_target(2, 2, 1.0F);
+  bench.cells().set_target(0, 2, 2, 1.0F);
   bench.run(0.2);
   EXPECT_EQ(bench.world().asleep(), 1);
 }
@@ -155,7 +155,7 @@ TEST(Sleep, TheSurfaceStillFeelsTheWeight) {
   const double dt = bench.scene.world.dt_s, weight = 8 * 9.81;
   bench.run(dt);
   double sum = 0;
-  for (const float impulse : bench.field().field().impulse) sum += static_cast<double>(impulse);
+  for (const float impulse : bench.cells().field().impulse) sum += static_cast<double>(impulse);
   ASSERT_EQ(bench.world().asleep(), 1);
   EXPECT_NEAR(sum / dt, weight, 0.01 * weight);
 }

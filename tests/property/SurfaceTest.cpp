@@ -11,14 +11,14 @@ namespace {
 
 // All cells drag eastward like wheels of that surface speed.
 void drag(PhysicsBench& bench, float speed) {
-  auto& field = bench.field().field();
+  auto& field = bench.cells().field();
   field.drag_x.assign(field.height.size(), speed);
   field.drag_y.assign(field.height.size(), 0.0F);
 }
 
 double pressure(PhysicsBench& bench) {
   double sum = 0;
-  for (const float impulse : bench.field().field().impulse) sum += static_cast<double>(impulse);
+  for (const float impulse : bench.cells().field().impulse) sum += static_cast<double>(impulse);
   return sum / bench.scene.world.dt_s;
 }
 
@@ -47,11 +47,11 @@ TEST(Surface, ASphereOnAConveyorTakesTwoSeventhsOfItsSpeed) {
 
 TEST(Surface, ATurningCellTurnsWhatStandsOnIt) {
   PhysicsBench bench;
-  auto& field = bench.field().field();
+  auto& field = bench.cells().field();
   field.drag_x.assign(field.height.size(), 0.0F);
   field.drag_y = field.spin = field.drag_x;
   for (int r = 0; r < 32; ++r)
-    for (int c = 0; c < 32; ++c) bench.field().set_target(r, c, r == 16 && c == 15 ? 1.0F : 0.0F);
+    for (int c = 0; c < 32; ++c) bench.cells().set_target(0, r, c, r == 16 && c == 15 ? 1.0F : 0.0F);
   bench.run(1.0);
   field.spin[16 * 32 + 15] = 2.0F;
   const auto id = bench.add(box({0.5, 0.5, 0.4}, {15, 15, 1.2}));
@@ -74,7 +74,7 @@ TEST(Surface, PressureIsNothingWhereNothingLies) {
   PhysicsBench bench;
   bench.add(sphere(1.5, {5, 5.3, 1.5}));
   bench.run(0.5);
-  const auto& field = bench.field().field();
+  const auto& field = bench.cells().field();
   EXPECT_GT(field.impulse[static_cast<std::size_t>(field.index(31 - 5, 5))], 0.0F);
   EXPECT_EQ(field.impulse[static_cast<std::size_t>(field.index(20, 20))], 0.0F);
 }
@@ -98,9 +98,9 @@ TEST(Surface, ABoxCrossesTheGapsOfALevelFieldWithoutSnagging) {
 
 TEST(Surface, WhatIsNarrowerThanAGapFallsIn) {
   PhysicsBench bench;
-  bench.field();
+  bench.cells();
   std::vector<float> targets(32 * 32, 2.0F);
-  bench.field().set_targets(targets);
+  bench.cells().set_targets(0, targets);
   bench.run(1.0);
   const auto id = bench.add(sphere(0.08, {15.5, 15.5, 2.5}));
   bench.run(1.0);
@@ -109,7 +109,7 @@ TEST(Surface, WhatIsNarrowerThanAGapFallsIn) {
 
 TEST(Surface, NoCellNoSupport) {
   PhysicsBench bench;
-  auto& field = bench.field().field();
+  auto& field = bench.cells().field();
   for (int r = 10; r < 22; ++r)
     for (int c = 10; c < 22; ++c)
       field.height[static_cast<std::size_t>(field.index(r, c))] = smartsurf::surface::kNoCell;
@@ -133,7 +133,7 @@ namespace {
 
 // The same square field, its cells given one by one: every second row turned by a quarter.
 void scatter(PhysicsBench& bench) {
-  auto& field = bench.field().field();
+  auto& field = bench.cells().field();
   for (int r = 0; r < field.rows; ++r)
     for (int c = 0; c < field.columns; ++c) {
       field.x.push_back(static_cast<float>(c));
@@ -165,7 +165,7 @@ TEST(LooseLayout, ALevelFieldIsAPlaneThere) {
 TEST(LooseLayout, CellsHoldAndPushFromWhereTheyStand) {
   PhysicsBench bench;
   scatter(bench);
-  auto& field = bench.field().field();
+  auto& field = bench.cells().field();
   // Two cells change places, far apart.
   const auto near = static_cast<std::size_t>(field.index(16, 15)),
              far = static_cast<std::size_t>(field.index(2, 2));
@@ -173,7 +173,7 @@ TEST(LooseLayout, CellsHoldAndPushFromWhereTheyStand) {
   std::swap(field.y[near], field.y[far]);
   const auto id = bench.add(sphere(0.6, {15, 15, 0.6}));
   bench.run(1.0);
-  bench.field().set_target(2, 2, 3.0F);
+  bench.cells().set_target(0, 2, 2, 3.0F);
   bench.run(1.0);
   EXPECT_GT(field.height[far], 2.9F);
   // It stood on the cell that rose, and rolled off it.
