@@ -38,7 +38,12 @@ class Simulation final : public script::Host {
   // in the script.
   void run_script();
   void actuate(std::span<const float> height_targets) noexcept;  // rows × columns
-  void plan_pins() noexcept;                                     // these three once a physics step
+  // By hand: what one cell is told, whoever drives the others; and what it was told last.
+  void hold_cell(int row, int column, float height) noexcept { field_.set_target(row, column, height); }
+  float told(int row, int column) const noexcept {
+    return field_.target()[static_cast<std::size_t>(scene().surface.index(row, column))];
+  }
+  void plan_pins() noexcept;  // these three once a physics step
   void step_physics();
   void move_pins() noexcept;
   void look();   // counts the tick and takes the snapshot

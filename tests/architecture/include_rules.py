@@ -16,8 +16,9 @@ ROOMS = {
     "smartsurf/world": {"smartsurf/scene", "smartsurf/surface"},
     "smartsurf/record": {"smartsurf/scene"},
     "smartsurf/view": {"smartsurf/scene"},
+    "smartsurf/web": {"smartsurf/scene", "smartsurf/record"},
     "smartsurf/run": {"smartsurf/scene", "smartsurf/script", "smartsurf/surface", "smartsurf/world",
-                      "smartsurf/record", "smartsurf/view", "shm-protocol"},
+                      "smartsurf/record", "smartsurf/view", "smartsurf/web", "shm-protocol"},
     "apron/program": set(),
     "apron/syntax": set(),
     "apron/compiler": {"apron/syntax", "apron/program"},
@@ -36,6 +37,7 @@ PRIVATE = [
     (r"^(hdf5|H5)", {"smartsurf/record"}),
     (r"^boost/", {"shm-protocol"}),
     (r"^(hwy|xbyak)/", {"apron/vm"}),
+    (r"^zlib", {"smartsurf/web"}),
     (r"^CLI/", {"smartsurf/run", "apron/run"}),
 ]
 

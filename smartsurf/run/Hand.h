@@ -1,0 +1,43 @@
+// What a person does to a running simulation with the mouse, carried out tick by tick.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "smartsurf/run/Simulation.h"
+#include "smartsurf/view/Tools.h"
+
+namespace smartsurf::run {
+
+// Wishes that wait for the next tick; pull and poke hold for as long as they are there.
+struct HandWishes {
+  std::optional<view::Pull> pull;
+  std::optional<view::Poke> poke;
+  std::vector<scene::ObjectSpec> drops;
+  std::vector<view::Fault> faults;
+};
+
+class Hand {
+ public:
+  // After the actuators were told what the controller wants, before the physics. Takes the drops and faults
+  // out of the wishes. True when anything was done: then the run cannot be run again from its recording.
+  bool apply(HandWishes& wishes, Simulation& simulation);
+
+ private:
+  struct Held {
+    int row, column;
+    float before;  // what the cell was told when nobody held it
+  };
+  bool hold(const std::optional<view::Poke>& poke, Simulation& simulation);
+  void break_cell(const view::Fault& fault, Simulation& simulation);
+
+  std::optional<Held> held_;
+  struct Broken {
+    int row, column;
+    float command;  // what the cell takes every command for
+    float before;
+  };
+  std::vector<Broken> broken_;
+};
+
+}  // namespace smartsurf::run
