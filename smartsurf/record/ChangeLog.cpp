@@ -1,5 +1,6 @@
 #include "smartsurf/record/ChangeLog.h"
 
+#include <algorithm>
 #include <bit>
 #include <cassert>
 
@@ -10,7 +11,8 @@ namespace {
 
 constexpr hsize_t kChunkChanges = 8192, kChunkRows = 1024;
 constexpr std::uint64_t kBlockChanges = 1u << 16;  // read at once
-constexpr std::size_t kRowsBetweenKept = 256;
+constexpr std::size_t kLeastRowsBetweenKept = 256, kMostKeptBytes = std::size_t{64} << 20;
+constexpr std::uint64_t kMostPacked = 1100 / sizeof(std::uint32_t);  // changes a stored byte, at most
 
 Handle growing(hid_t group, const char* name, hid_t type, hsize_t chunk, bool compress) {
   const hsize_t now = 0, most = H5S_UNLIMITED;
@@ -82,17 +84,21 @@ ChangeReader::ChangeReader(hid_t parent, const char* name, std::size_t cells)
     : name_(name),
       group_(open_group(parent, name)),
       cell_set_(open_dataset(group_, "cell", 1)),
-      value_set_(open_dataset(group_, "value", 1)),
-      values_(cells) {
+      value_set_(open_dataset(group_, "value", 1)) {
   const Handle ends = open_dataset(group_, "end", 1);
   end_ = read_block<std::uint64_t>(ends, H5T_NATIVE_UINT64, {0}, {stored_entries(ends, 8)}, name_ + "/end");
   const std::uint64_t changes = std::min(extents(cell_set_)[0], extents(value_set_)[0]);
+  // An extent may claim anything, but nothing packs better than a thousandfold.
+  if (changes / kMostPacked > H5Dget_storage_size(cell_set_) + kChunkChanges)
+    throw Hdf5Error("dataset " + name_ + "/cell claims more than it holds");
   // A kill in the middle of a write may leave rows whose changes are not there.
   while (!end_.empty() && end_.back() > changes) end_.pop_back();
   std::uint64_t before = 0;
   for (std::size_t row = 0; row < end_.size(); before = end_[row++])
     if (end_[row] < before || end_[row] - before > cells || (row == 0 && end_[row] != cells))
       throw Hdf5Error("dataset " + name_ + "/end: row " + std::to_string(row) + " cannot be");
+  if (!end_.empty()) values_.resize(cells);
+  rows_between_kept_ = std::max(kLeastRowsBetweenKept, rows() * cells / (kMostKeptBytes / sizeof(float)) + 1);
 }
 
 std::span<const float> ChangeReader::at(std::size_t row) {
@@ -100,7 +106,7 @@ std::span<const float> ChangeReader::at(std::size_t row) {
   if (next_row_ > row + 1) go_back(row);
   while (next_row_ <= row) {
     apply(next_row_ == 0 ? 0 : end_[next_row_ - 1], end_[next_row_]);
-    if (next_row_ % kRowsBetweenKept == 0 && next_row_ / kRowsBetweenKept == kept_.size())
+    if (next_row_ % rows_between_kept_ == 0 && next_row_ / rows_between_kept_ == kept_.size())
       kept_.push_back(values_);
     ++next_row_;
   }
@@ -108,9 +114,9 @@ std::span<const float> ChangeReader::at(std::size_t row) {
 }
 
 void ChangeReader::go_back(std::size_t row) {
-  const std::size_t kept = row / kRowsBetweenKept;
+  const std::size_t kept = row / rows_between_kept_;
   values_ = kept_.at(kept);
-  next_row_ = kept * kRowsBetweenKept + 1;
+  next_row_ = kept * rows_between_kept_ + 1;
 }
 
 void ChangeReader::load_block(std::uint64_t change) {

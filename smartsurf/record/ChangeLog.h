@@ -55,7 +55,8 @@ class ChangeReader {
   std::vector<std::uint64_t> end_;
   std::vector<float> values_;
   std::size_t next_row_ = 0;  // values_ holds the row before it
-  std::vector<std::vector<float>> kept_;
+  std::size_t rows_between_kept_ = 1;
+  std::vector<std::vector<float>> kept_;  // whole rows, one in so many
   std::uint64_t block_first_ = 0;
   std::vector<std::uint32_t> block_cell_;
   std::vector<float> block_value_;

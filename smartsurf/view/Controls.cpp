@@ -56,23 +56,30 @@ void Controls::press(Key key, const Status& status) {
     case Key::kMaxPace:
       commands_.pace = pace > 0.0 ? 0.0 : 1.0;
       break;
+    case Key::kReset:
+      commands_.reset = status.resettable;
+      break;
+    case Key::kQuit:
+      commands_.quit = true;
+      break;
+    default:
+      change_view(key);
+  }
+}
+
+void Controls::change_view(Key key) {
+  switch (key) {
     case Key::kTop:
-      frame(Preset::kTop);
-      break;
+      return frame(Preset::kTop);
     case Key::kIso:
-      frame(Preset::kIso);
-      break;
+      return frame(Preset::kIso);
     case Key::kSide:
-      frame(Preset::kSide);
-      break;
+      return frame(Preset::kSide);
     case Key::kPicture:
       picture_ = true;
       break;
     case Key::kFilm:
       film_ = true;
-      break;
-    case Key::kReset:
-      commands_.reset = status.resettable;
       break;
     case Key::kFollow:
       if (followed_)
@@ -84,9 +91,6 @@ void Controls::press(Key key, const Status& status) {
       help_ = false;
       followed_.reset();
       tools_.escape();
-      break;
-    case Key::kQuit:
-      commands_.quit = true;
       break;
     default:
       toggle_panels_and_layers(key);
@@ -105,6 +109,8 @@ void Controls::toggle_panels_and_layers(Key key) {
       return toggle(help_);
     case Key::kPanels:
       return toggle(panels_);
+    case Key::kLabels:
+      return toggle(labels_);
     case Key::kTrails:
       return toggle(overlay_.trails);
     case Key::kForces:

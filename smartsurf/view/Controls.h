@@ -33,10 +33,11 @@ struct Status {
   double physics_ms = 0.0;       // wall-clock of one tick's physics
   std::optional<double> purity;  // [0, 1], when the experiment has such a measure
   std::optional<Timeline> timeline;
-  std::string notice;       // one line that matters for as long as it is there
-  bool touchable = false;   // a simulation that takes pulls, pokes and new objects
-  bool breakable = false;   // and faults
-  bool resettable = false;  // and may begin anew
+  std::string notice;         // one line that matters for as long as it is there
+  bool forces_known = false;  // the moments tell contacts
+  bool touchable = false;     // a simulation that takes pulls, pokes and new objects
+  bool breakable = false;     // and faults
+  bool resettable = false;    // and may begin anew
 };
 
 // What the user asked for since the last frame.
@@ -79,6 +80,7 @@ enum class Key {
   kSide,
   kWireframe,
   kGrid,
+  kLabels,
   kTrails,
   kForces,
   kSegments,
@@ -129,6 +131,7 @@ class Controls {
   Style style() const { return style_; }
   bool grid_shown() const { return grid_; }
   bool panels_shown() const { return panels_; }
+  bool labels_shown() const { return labels_; }
   Tools& tools() { return tools_; }
   const Tools& tools() const { return tools_; }
   OverlaySettings& overlay() { return overlay_; }
@@ -141,6 +144,7 @@ class Controls {
 
  private:
   void frame(Preset preset);
+  void change_view(Key key);
   void toggle_panels_and_layers(Key key);
   void next_channel();
   Ray ray(const PointerEvent& event, double width, double height) const;
@@ -150,7 +154,7 @@ class Controls {
   Preset preset_ = Preset::kIso;
   double aspect_ = 16.0 / 9.0;
   bool camera_touched_ = false, help_ = false, grid_ = true, picture_ = false;
-  bool film_ = false, panels_ = true;
+  bool film_ = false, panels_ = true, labels_ = false;
   Style style_ = Style::kSolid;
   Commands commands_;
   Tools tools_;

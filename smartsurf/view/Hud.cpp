@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <string>
 
 #include "smartsurf/view/Axes.h"
 #include "smartsurf/view/Panels.h"
@@ -143,7 +144,7 @@ void draw_run_panel(const Moment& moment, const Status& status, HudState& state,
   }
   ImGui::Spacing();
   buttons(status, controls);
-  draw_show_section(moment, controls);
+  draw_show_section(moment, status, controls);
   draw_tools_section(status, controls);
   draw_options_section(status, state.edits, controls);
   if (!status.notice.empty()) ImGui::TextColored(kWarning, "%s", status.notice.c_str());
@@ -190,7 +191,7 @@ void draw_help(float scale) {
                                              {"Backspace", "begin anew"},
                                              {"W   G", "objects as wires, grid"},
                                              {"H", "next channel on the cells"},
-                                             {"T   F   S", "trails, contact forces, sensors"},
+                                             {"T   S   L", "trails, what the sensors see, labels"},
                                              {"O", "follow the picked object"},
                                              {"P   V", "write a picture, a video"},
                                              {"Tab   F1", "panels, this help"},
@@ -213,6 +214,28 @@ void draw_help(float scale) {
     ImGui::EndTable();
   }
   ImGui::End();
+}
+
+void draw_labels(const Moment& moment, const Camera& camera, float width, float height) {
+  constexpr std::size_t kMostLabels = 1000;
+  constexpr ImU32 kInk = IM_COL32(25, 30, 38, 255), kHalo = IM_COL32(255, 255, 255, 190);
+  constexpr ImVec2 kAround[] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
+  const scene::Snapshot& snapshot = moment.snapshot;
+  for (std::size_t i = 0; i < std::min(snapshot.objects(), kMostLabels); ++i) {
+    const scene::ObjectSpec& object = moment.catalogue[snapshot.id[i]];
+    const auto& p = snapshot.position[i];
+    const Eigen::Vector3d top(p[0], p[1], p[2] + object.half_extents().maxCoeff());
+    const Eigen::Vector3d at = camera.project(top, width, height);
+    if (!(at.z() > 0.0)) continue;
+    const std::string text = object.label.empty() ? std::to_string(snapshot.id[i])
+                                                  : object.label + " " + std::to_string(snapshot.id[i]);
+    const ImVec2 size = ImGui::CalcTextSize(text.c_str());
+    const ImVec2 corner(static_cast<float>(at.x()) - size.x / 2.0f, static_cast<float>(at.y()) - size.y);
+    ImDrawList* const paper = ImGui::GetBackgroundDrawList();
+    for (const ImVec2& side : kAround)
+      paper->AddText({corner.x + side.x, corner.y + side.y}, kHalo, text.c_str());
+    paper->AddText(corner, kInk, text.c_str());
+  }
 }
 
 bool over_panel(double x, double y) {

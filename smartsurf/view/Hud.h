@@ -27,6 +27,8 @@ void set_up_hud(float scale);
 void draw_hud(const Moment& moment, const Status& status, const std::optional<HeatScale>& heat,
               HudState& state, Controls& controls, float scale);
 void draw_help(float scale);
+// The label and number above every object.
+void draw_labels(const Moment& moment, const Camera& camera, float width, float height);
 // Whether a panel that takes the pointer covers that place, as drawn last.
 bool over_panel(double x, double y);
 // Letters at the ends of the axes.

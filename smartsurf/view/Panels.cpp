@@ -81,7 +81,7 @@ void edit_option(OptionEdit& edit) {
 
 }  // namespace
 
-void draw_show_section(const Moment& moment, Controls& controls) {
+void draw_show_section(const Moment& moment, const Status& status, Controls& controls) {
   if (!ImGui::CollapsingHeader("Show")) return;
   OverlaySettings& overlay = controls.overlay();
   choose_channel(moment, overlay);
@@ -95,9 +95,13 @@ void draw_show_section(const Moment& moment, Controls& controls) {
     ImGui::SameLine();
     slider("##trail", overlay.trail_s, 0.5, 30.0, "%.1f s");
   }
-  ImGui::Checkbox("forces (F)", &overlay.contacts);
-  ImGui::SameLine();
+  if (status.forces_known) {
+    ImGui::Checkbox("forces (F)", &overlay.contacts);
+    ImGui::SameLine();
+  }
   ImGui::Checkbox("sensors (S)", &overlay.sensor_segments);
+  bool labels = controls.labels_shown();
+  if (ImGui::Checkbox("labels (L)", &labels)) controls.press(Key::kLabels, {});
 }
 
 void draw_tools_section(const Status& status, Controls& controls) {

@@ -10,7 +10,7 @@
 namespace smartsurf::view {
 
 // Sections of the panel at the left, that open and close.
-void draw_show_section(const Moment& moment, Controls& controls);
+void draw_show_section(const Moment& moment, const Status& status, Controls& controls);
 void draw_tools_section(const Status& status, Controls& controls);
 // changed values take effect with the reset that the section's button asks for.
 void draw_options_section(const Status& status, std::vector<OptionEdit>& edits, Controls& controls);

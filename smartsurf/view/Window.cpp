@@ -266,6 +266,7 @@ void Window::State::draw_panels(const Moment& moment) {
   ImGui::NewFrame();
   const ImVec2 size = ImGui::GetIO().DisplaySize;
   draw_axis_names(spec.surface, controls.camera(), size.x, size.y);
+  if (controls.labels_shown()) draw_labels(moment, controls.camera(), size.x, size.y);
   draw_hud(moment, status, overlay.heat(), hud, controls, scale);
   if (controls.help_shown()) draw_help(scale);
   ImGui::Render();

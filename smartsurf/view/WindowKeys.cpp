@@ -12,11 +12,11 @@ struct CharacterKey {
 };
 // By the character typed, so that the keys are where the user's keyboard has them.
 constexpr CharacterKey kCharacterKeys[] = {
-    {' ', Key::kPause},   {'+', Key::kFaster},    {'=', Key::kFaster},      {'-', Key::kSlower},
-    {'_', Key::kSlower},  {'m', Key::kMaxPace},   {'1', Key::kTop},         {'2', Key::kIso},
-    {'3', Key::kSide},    {'w', Key::kWireframe}, {'g', Key::kGrid},        {'t', Key::kTrails},
-    {'f', Key::kForces},  {'s', Key::kSegments},  {'h', Key::kNextChannel}, {'o', Key::kFollow},
-    {'p', Key::kPicture}, {'v', Key::kFilm},      {'q', Key::kQuit}};
+    {' ', Key::kPause},  {'+', Key::kFaster},    {'=', Key::kFaster},      {'-', Key::kSlower},
+    {'_', Key::kSlower}, {'m', Key::kMaxPace},   {'1', Key::kTop},         {'2', Key::kIso},
+    {'3', Key::kSide},   {'w', Key::kWireframe}, {'g', Key::kGrid},        {'t', Key::kTrails},
+    {'f', Key::kForces}, {'s', Key::kSegments},  {'h', Key::kNextChannel}, {'l', Key::kLabels},
+    {'o', Key::kFollow}, {'p', Key::kPicture},   {'v', Key::kFilm},        {'q', Key::kQuit}};
 
 struct CodeKey {
   int code;

@@ -78,6 +78,19 @@ class Replay(ProgramTest):
         self.assertEqual(status, 2)
         self.assertIn("the recording ends at 1 s", err)
 
+    def test_pictures_show_what_the_flags_say(self):
+        recording = self.record_wave()
+        pictures = set()
+        for flags in ([], ["--wires", "--cells", "height", "--palette", "flame"], ["--camera", "top", "--trails", "1"]):
+            picture = self.folder / "look.png"
+            status, _, err = self.run_program(SMARTSURF, "replay", recording, "--screenshot", f"{picture}@1", *flags)
+            self.assertEqual(status, 0, err)
+            pictures.add(picture.read_bytes())
+        self.assertEqual(len(pictures), 3)
+        status, _, err = self.run_program(SMARTSURF, "replay", recording, "--screenshot", "x.png", "--cells", "heigth")
+        self.assertEqual(status, 2)
+        self.assertEqual(err, "smartsurf: --cells heigth: no such channel (did you mean 'height'?); known: height\n")
+
     @unittest.skipUnless(shutil.which("ffmpeg"), "ffmpeg is not installed")
     def test_video(self):
         recording = self.record_wave("--until", "0.2")
