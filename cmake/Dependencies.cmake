@@ -8,10 +8,10 @@ find_package(nlohmann_json REQUIRED)
 find_package(CLI11 REQUIRED)
 find_package(HDF5 REQUIRED COMPONENTS C)
 find_package(PNG REQUIRED)
-# CONFIG mode of Debian's Bullet gives relative include paths; pkg-config does not.
-pkg_check_modules(BULLET REQUIRED IMPORTED_TARGET bullet)
 # The C++ build of Lua unwinds C++ destructors when luaL_error is raised; the C build longjmps over them.
 pkg_check_modules(LUA REQUIRED IMPORTED_TARGET lua5.4-c++)
+pkg_check_modules(ASSIMP REQUIRED IMPORTED_TARGET assimp)
+pkg_check_modules(QHULL REQUIRED IMPORTED_TARGET qhull_r)
 if(SMARTSURF_VIEW)
   find_package(glfw3 REQUIRED)
   pkg_check_modules(EPOXY REQUIRED IMPORTED_TARGET epoxy)

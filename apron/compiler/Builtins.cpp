@@ -150,7 +150,7 @@ constexpr Builtin kTable[] = {
     {"sim.show", Form::kShow, 1, 2, Op::kShow},
     {"sim.display", Form::kNoEffect, 0, kAnyNumber},
     {"sim.tile", Form::kNoEffect, 0, kAnyNumber},
-    {"sim.label", Form::kNoEffect, 0, kAnyNumber},
+    {"sim.label", Form::kLabelShow, 0, kAnyNumber},
     {"sim.slider.add", Form::kSliderAdd, 3, 4},
     {"sim.slider.get", Form::kParameterGet, 1, 1, Op::kParameter},
     {"sim.switch.add", Form::kSwitchAdd, 1, 2},

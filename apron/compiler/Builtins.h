@@ -69,6 +69,7 @@ enum class Form : std::uint8_t {
   kPrint,
   kSliderAdd,
   kSwitchAdd,
+  kLabelShow,
   kNoEffect,
   kJump,
   kJumpIf,

@@ -11,16 +11,21 @@ namespace apron::compiler {
 using program::Operand;
 using program::OperandKind;
 
-void Emitter::at(const syntax::Location& at, const std::string& file) {
-  here_ = at;
+program::Source Emitter::source(const syntax::Location& at, const std::string& file) {
   const auto [found, added] =
       file_index_.try_emplace(file, static_cast<std::uint32_t>(program_.files.size()));
   if (added) program_.files.push_back(file);
-  const program::Source source{found->second, at.line, at.column};
-  const bool same = !program_.sources.empty() && program_.sources.back().file == source.file &&
-                    program_.sources.back().line == source.line &&
-                    program_.sources.back().column == source.column;
-  if (!same) program_.sources.push_back(source);
+  return {found->second, at.line, at.column, at.expansion};
+}
+
+void Emitter::at(const syntax::Location& at, const std::string& file) {
+  here_ = at;
+  const program::Source wanted = source(at, file);
+  if (program_.sources.empty() || program_.sources.back() != wanted) program_.sources.push_back(wanted);
+}
+
+void Emitter::add_expansion(const std::string& macro, const syntax::Location& call, const std::string& file) {
+  program_.expansions.push_back({macro, source(call, file)});
 }
 
 std::uint32_t Emitter::add_register(std::string name, Shape shape) {

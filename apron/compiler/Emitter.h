@@ -43,6 +43,8 @@ class Emitter {
   // Instructions from here on come from this place.
   void at(const syntax::Location& at, const std::string& file);
   const syntax::Location& here() const noexcept { return here_; }
+  // In the order of their numbers, from 0.
+  void add_expansion(const std::string& macro, const syntax::Location& call, const std::string& file);
 
   // Fail when one of the limits of program/Program.h is hit.
   std::uint32_t add_register(std::string name, Shape);
@@ -82,6 +84,7 @@ class Emitter {
   struct Pool {
     std::vector<std::uint32_t> free;
   };
+  program::Source source(const syntax::Location& at, const std::string& file);
   void drop_live(const Value&);
 
   program::Program program_;

@@ -72,8 +72,11 @@ Value Lowering::lower_name(const Expression& name, Destination* destination) {
       for (const std::string& one : written_) {
         if (!is_macro_name(one)) known.push_back(one);
       }
+      std::string advice = names_.suggestion(name.text, known);
+      if (advice.empty())
+        advice = fmt::format("; before it is read, !register({0}) or {0} = 0 makes it one", name.text);
       throw Failure{name.at, fmt::format("'{}' is not a register, and no line writes it as a scalar{}",
-                                         name.text, names_.suggestion(name.text, known))};
+                                         name.text, advice)};
     }
     Symbol fresh{
         {Value::Kind::kVariable, emitter_.add_variable(name.text), 0.0F, false}, name.at, true, name.text};
@@ -154,8 +157,10 @@ Value Lowering::place_for(const Expression& place, bool is_register, Shape shape
     throw Failure{place.at, fmt::format("'{}' is a value here and cannot be written", symbol->name)};
   }
   if (is_register && !symbol->value.is_register()) {
-    throw Failure{place.at, fmt::format("'{}' is a scalar, and the value is a register of {}", symbol->name,
-                                        show(shape))};
+    throw Failure{place.at,
+                  fmt::format("'{}' is a scalar, and the value is a register of {}; globalsum(…) and the "
+                              "like make a number of it",
+                              symbol->name, show(shape))};
   }
   if (symbol->value.is_register()) check_where(emitter_.shape(symbol->value), place.at);
   return symbol->value;

@@ -41,6 +41,8 @@ bool Lowering::host(const Builtin& builtin, const Expression& call, const Expres
       return add_slider(arguments, call.at), true;
     case Form::kSwitchAdd:
       return add_switch(arguments, call.at), true;
+    case Form::kLabelShow:
+      return show_label(arguments), true;
     case Form::kNoEffect:
       return no_effect(arguments), true;
     default:
@@ -104,10 +106,26 @@ void Lowering::add_slider(const Expressions& arguments, Location at) {
 
 void Lowering::add_switch(const Expressions& arguments, Location at) {
   program::Parameter wanted;
+  wanted.is_switch = true;
   wanted.name = text(arguments[0], "a name");
   if (arguments.size() == 2)
     wanted.initial = constant(arguments[1], "a switch's first value") != 0.0F ? 1.0F : 0.0F;
   add_parameter(std::move(wanted), at);
+}
+
+// sim.label('text'), sim.label('name', 'text') and sim.label('name', number); other forms have no effect.
+void Lowering::show_label(const Expressions& arguments) {
+  const bool named =
+      !arguments.empty() && arguments.size() <= 2 && arguments[0].kind == ExpressionKind::kText;
+  if (!named) return no_effect(arguments);
+  const program::Operand name = emitter_.text(arguments[0].text);
+  if (arguments.size() == 1 || arguments[1].kind == ExpressionKind::kText) {
+    const program::Operand text = emitter_.text(arguments.size() == 2 ? arguments[1].text : "");
+    return emitter_.emit(Opcode::kLabelText, {}, {name, text});
+  }
+  const Value value = lower(arguments[1]);
+  if (!value.is_register()) emitter_.emit(Opcode::kLabel, {}, {name, emitter_.operand(value)});
+  emitter_.release(value);
 }
 
 // Windows and timers: nothing is done, but the names must exist.

@@ -284,6 +284,10 @@ void Lowering::perform(const Builtin& builtin, const Expression& call) {
 
 program::Program Lowering::finish() {
   for (const auto& [name, index] : groups_) emitter_.program().groups[index].elements = names_.numbers(name);
+  for (std::uint32_t i = 0; sources_.expansion_count() > 1 && i < sources_.expansion_count(); ++i) {
+    const syntax::Expansion& one = sources_.expansion(i);
+    emitter_.add_expansion(one.macro, one.call, sources_.file(one.call.file).name);
+  }
   return emitter_.finish();
 }
 
@@ -295,8 +299,9 @@ void Lowering::check_jumps() {
       for (const auto& [name, label] : labels_) {
         if (label.placed && !is_macro_name(name)) known.push_back(fmt::format("#{}", name));
       }
-      diagnostics_.error(site.at, fmt::format("there is no label '#{}'{}", shown(site.name),
-                                              syntax::did_you_mean(fmt::format("#{}", site.name), known)));
+      std::string advice = syntax::did_you_mean(fmt::format("#{}", site.name), known);
+      if (advice.empty()) advice = fmt::format("; a line '#{}' makes one", shown(site.name));
+      diagnostics_.error(site.at, fmt::format("there is no label '#{}'{}", shown(site.name), advice));
     } else if (site.call ? target.where_part != 0 : target.where_part != site.where_part) {
       diagnostics_.error(site.at,
                          fmt::format("a {} may not cross the edge of a 'where'", site.call ? "call" : "jump"),

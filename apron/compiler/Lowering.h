@@ -198,6 +198,7 @@ class Lowering {
   void add_slider(const Expressions&, Location);
   void add_switch(const Expressions&, Location);
   void add_parameter(program::Parameter, Location);
+  void show_label(const Expressions&);
   void no_effect(const Expressions&);
 
   Shape surface_;

@@ -17,9 +17,47 @@ std::optional<std::size_t> find(const std::vector<Named>& all, std::string_view 
 
 }  // namespace
 
+vm::Status Debugger::count(vm::Status status) {
+  if (status == vm::Status::kTick) ++ticks_;
+  return status;
+}
+
 vm::Status Debugger::step() {
-  const vm::Status status = vm_.run(1);
+  const vm::Status status = count(vm_.run(1));
   return can_go_on(status) ? vm::Status::kBudget : status;
+}
+
+vm::Status Debugger::run_one(Breakpoints& breakpoints) {
+  const std::size_t last = vm_.next();
+  const vm::Status status = count(vm_.run(1));
+  if (can_go_on(status)) hit_ = breakpoints.met(vm_, last);
+  if (status == vm::Status::kTick && !hit_) hit_ = breakpoints.met_tick(ticks_);
+  return status;
+}
+
+vm::Status Debugger::run(Breakpoints& breakpoints) {
+  hit_.reset();
+  vm::Status status = vm::Status::kBudget;
+  if (!breakpoints.fine_grained()) {
+    status = count(vm_.run());
+    if (status == vm::Status::kTick) hit_ = breakpoints.met_tick(ticks_);
+    return status;
+  }
+  while (status == vm::Status::kBudget && !hit_) status = run_one(breakpoints);
+  return status;
+}
+
+vm::Status Debugger::step_group(const std::vector<std::uint32_t>& groups, Breakpoints& breakpoints,
+                                std::uint64_t budget) {
+  hit_.reset();
+  const auto group = [&] { return vm_.next() < groups.size() ? groups[vm_.next()] : 0U; };
+  const std::uint32_t start = group();
+  vm::Status status = vm::Status::kBudget;
+  while (status == vm::Status::kBudget && !hit_ && budget-- > 0) {
+    status = run_one(breakpoints);
+    if (group() != start) break;
+  }
+  return status;
 }
 
 vm::Status Debugger::step_line() {
@@ -40,7 +78,7 @@ vm::Status Debugger::run_to_line(std::string_view file, std::uint32_t line, std:
 
 vm::Status Debugger::run_ticks(std::uint64_t ticks) {
   vm::Status status = vm::Status::kTick;
-  while (ticks-- > 0 && status == vm::Status::kTick) status = vm_.run();
+  while (ticks-- > 0 && status == vm::Status::kTick) status = count(vm_.run());
   return status;
 }
 

@@ -6,6 +6,7 @@
 #include <string>
 #include <string_view>
 
+#include "apron/debugger/Breakpoints.h"
 #include "apron/vm/Vm.h"
 
 namespace apron::debugger {
@@ -32,6 +33,18 @@ class Debugger {
   // Until `ticks` more surface.step are complete: then kTick.
   vm::Status run_ticks(std::uint64_t ticks);
 
+  // Until a tick is complete (kTick) or a breakpoint is met (kBudget, or kTick with the tick that met it); hit()
+  // tells which. At full speed as long as no breakpoint needs a look at every instruction.
+  vm::Status run(Breakpoints& breakpoints);
+  // The same until the program comes to an instruction of another group than the one to come, at most `budget`
+  // instructions: then kBudget. groups: by instruction, such as the rows of a listing.
+  vm::Status step_group(const std::vector<std::uint32_t>& groups, Breakpoints& breakpoints,
+                        std::uint64_t budget = kUnlimited);
+  // The breakpoint that ended the last call of these two, if one did.
+  const std::optional<std::size_t>& hit() const noexcept { return hit_; }
+  // surface.step completed by these two and by step().
+  std::uint64_t ticks() const noexcept { return ticks_; }
+
   Place place() const;
   // By the name in the source; nothing if there is none of that name. The plane is live: it may be written.
   std::optional<vm::Plane> find_register(std::string_view name) const;
@@ -43,8 +56,12 @@ class Debugger {
 
  private:
   bool at(std::string_view file, std::uint32_t line) const;
+  vm::Status run_one(Breakpoints& breakpoints);
+  vm::Status count(vm::Status status);
 
   vm::Vm& vm_;
+  std::optional<std::size_t> hit_;
+  std::uint64_t ticks_ = 0;
 };
 
 }  // namespace apron::debugger

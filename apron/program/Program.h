@@ -77,6 +77,7 @@ struct Variable {
 struct Parameter {
   std::string name;
   float initial = 0.0F, low = 0.0F, high = 1.0F;
+  bool is_switch = false;
 };
 
 // Elements row by row, as they are before the program runs.
@@ -97,6 +98,15 @@ struct Group {
 struct Source {
   std::uint32_t file = 0;              // index into Program::files
   std::uint32_t line = 0, column = 0;  // from 1
+  std::uint32_t expansion = 0;         // index into Program::expansions; 0: not inside a macro
+
+  bool operator==(const Source&) const = default;
+};
+
+// A use of a macro.
+struct Expansion {
+  std::string macro;
+  Source call;  // inside another one, perhaps
 };
 
 struct Program {
@@ -110,7 +120,8 @@ struct Program {
   std::vector<Group> groups;
   std::vector<std::string> modules;  // shared objects by name, for the host to find
   std::vector<Source> sources;
-  std::vector<std::string> files;  // as shown to the user
+  std::vector<std::string> files;      // as shown to the user
+  std::vector<Expansion> expansions;   // empty without macros; the first stands for none
 };
 
 // Limits, named in the error when hit.

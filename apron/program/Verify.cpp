@@ -218,6 +218,21 @@ std::string verify_tables(const Program& program) {
   return {};
 }
 
+std::string verify_sources(const Program& program) {
+  const auto bad_file = [&](const Source& s) { return s.line > 0 && s.file >= program.files.size(); };
+  for (const Source& source : program.sources) {
+    if (bad_file(source)) return "a source names a file out of range";
+    if (source.expansion > 0 && source.expansion >= program.expansions.size())
+      return "a source names an expansion out of range";
+  }
+  for (std::size_t i = 1; i < program.expansions.size(); ++i) {
+    const Source& call = program.expansions[i].call;
+    // Each lies inside an earlier one, so that the way out ends.
+    if (bad_file(call) || call.expansion >= i) return "an expansion's call is out of range";
+  }
+  return {};
+}
+
 }  // namespace
 
 std::string verify(const Program& program) {
@@ -227,9 +242,7 @@ std::string verify(const Program& program) {
   }
   if (auto wrong = verify_registers(program); !wrong.empty()) return wrong;
   if (auto wrong = verify_tables(program); !wrong.empty()) return wrong;
-  for (const Source& source : program.sources) {
-    if (source.line > 0 && source.file >= program.files.size()) return "a source names a file out of range";
-  }
+  if (auto wrong = verify_sources(program); !wrong.empty()) return wrong;
   for (std::size_t i = 0; i < program.code.size(); ++i) {
     const Instruction& instruction = program.code[i];
     if (static_cast<std::size_t>(instruction.op) >= opcode_count()) {

@@ -6,14 +6,17 @@
 #include <chrono>
 #include <cstdio>
 #include <fstream>
+#include <functional>
 #include <iostream>
 #include <new>
 
 #include "apron/program/LocalProfile.h"
+#include "apron/run/DrawnRun.h"
 #include "apron/run/ProfileFile.h"
 #include "apron/run/ProgramFile.h"
 #include "apron/run/StopSignal.h"
 #include "apron/run/SurfaceHost.h"
+#include "apron/run/Watch.h"
 #include "apron/vm/Vm.h"
 
 namespace apron::run {
@@ -38,19 +41,30 @@ std::string unknown_parameter(const Options& options, const program::Program& pr
   return {};
 }
 
+// Instructions between two looks at a register; more than any segment has.
+constexpr std::uint64_t kLookEvery = 8192;
+
 vm::Status run_to_end(vm::Vm& vm, const Options& options, std::uint64_t& ticks) {
+  std::optional<Watch> watch;
+  if (!options.watch.empty()) {
+    watch.emplace(vm, options.watch);
+    watch->look();  // the screen is ready before anything is printed
+  }
   while (!options.ticks || ticks < *options.ticks) {
-    const vm::Status status = vm.run();
-    if (status != vm::Status::kTick) return status;
-    ++ticks;
+    const vm::Status status = watch ? vm.run(kLookEvery) : vm.run();
+    if (watch) watch->look();
+    if (status == vm::Status::kTick)
+      ++ticks;
+    else if (status != vm::Status::kBudget)
+      return status;
   }
   return vm::Status::kEnded;
 }
 
-bool write_profile(const vm::Vm& vm, std::uint64_t ticks, const std::optional<CostModel>& model,
-                   const Options& options) {
+bool write_profile(const program::Program& program, const std::vector<vm::Spent>& spent, std::uint64_t ticks,
+                   const std::optional<CostModel>& model, const Options& options) {
   std::ofstream file(options.profile);
-  file << profile_json(vm.program(), vm.spent(), ticks, model) << std::flush;
+  file << profile_json(program, spent, ticks, model) << std::flush;
   if (!file) complain(kRunFailed, "error: cannot write '" + options.profile + "'");
   return static_cast<bool>(file);
 }
@@ -76,13 +90,43 @@ int exit_status(vm::Status status, const std::string& error, const Options& opti
   return status == vm::Status::kRefused ? kWrongInput : kRunFailed;
 }
 
-// Compiles for the array's size and runs on the host that make_host() gives and begin() readies.
-template <class MakeHost>
-int run_on(const Options& options, std::uint32_t width, std::uint32_t height, const MakeHost& with_host) {
-  std::optional<program::Program> program = compile_file(options, width, height);
-  if (!program) return kWrongInput;
-  if (const std::string unknown = unknown_parameter(options, *program); !unknown.empty())
+// What came of a run, with a window or without.
+struct Ran {
+  vm::Status status = vm::Status::kEnded;
+  std::string error;
+  std::uint64_t ticks = 0;
+  std::vector<vm::Spent> spent;
+};
+
+Ran run_plainly(const Options& options, program::Program program, LocalHost& host) {
+  vm::VmOptions how;
+  how.threads = options.threads;
+  how.stop = &stop_flag();
+  how.profile = !options.profile.empty();
+  how.fuse.keep_registers = !options.watch.empty();  // else nobody looks at them but the program
+  vm::Vm vm(std::move(program), how, host);
+  Ran ran;
+  ran.status = run_to_end(vm, options, ran.ticks);
+  ran.error = vm.error();
+  ran.spent = vm.spent();
+  return ran;
+}
+
+using OnHold = std::function<void(bool)>;
+
+// Compiles for the array's size and runs on the host that with_host() gives.
+template <class WithHost>
+int run_on(const Options& options, std::uint32_t width, std::uint32_t height, const WithHost& with_host) {
+  std::string wrong_program;
+  const std::optional<Compiled> compiled = compile_texts(options, width, height, wrong_program);
+  std::cerr << wrong_program;
+  if (!compiled) return kWrongInput;
+  const program::Program& program = compiled->program;
+  if (const std::string unknown = unknown_parameter(options, program); !unknown.empty())
     return complain(kWrongInput, unknown);
+  if (const std::string unknown = options.watch.empty() ? "" : Watch::unknown(program, options.watch);
+      !unknown.empty())
+    return complain(kWrongInput, "error: " + unknown);
   std::optional<CostModel> model;
   if (std::string wrong; !options.cost_model.empty()) {
     model = read_cost_model(options.cost_model, wrong);
@@ -91,26 +135,28 @@ int run_on(const Options& options, std::uint32_t width, std::uint32_t height, co
       return kWrongInput;
     }
   }
-  return with_host([&](LocalHost& host) {
-    if (const std::string wrong = host.load_modules(program->modules, module_paths(options)); !wrong.empty())
+  return with_host([&](LocalHost& host, const OnHold& on_hold) {
+    if (const std::string wrong = host.load_modules(program.modules, module_paths(options)); !wrong.empty())
       return complain(kWrongInput, "error: " + wrong);
-    vm::VmOptions how;
-    how.threads = options.threads;
-    how.stop = &stop_flag();
-    how.profile = !options.profile.empty();
-    how.fuse.keep_registers = false;  // nobody looks at them but the program
-    vm::Vm vm(std::move(*program), how, host);
-    std::uint64_t ticks = 0;
-    const vm::Status status = run_to_end(vm, options, ticks);
-    const int exit = exit_status(status, vm.error(), options);
-    return how.profile && !write_profile(vm, ticks, model, options) ? std::max<int>(exit, kRunFailed) : exit;
+    Ran ran;
+    if (options.draws()) {
+      DrawnOutcome drawn = run_drawn({options, *compiled, width, height, host, on_hold});
+      if (!drawn.wrong.empty()) return complain(kWrongInput, "error: " + drawn.wrong);
+      ran = {drawn.status, std::move(drawn.error), drawn.ticks, std::move(drawn.spent)};
+    } else {
+      ran = run_plainly(options, program, host);
+    }
+    const int exit = exit_status(ran.status, ran.error, options);
+    const bool written =
+        options.profile.empty() || write_profile(program, ran.spent, ran.ticks, model, options);
+    return written ? exit : std::max<int>(exit, kRunFailed);
   });
 }
 
 int run_alone(const Options& options) {
   return run_on(options, options.width, options.height, [&](const auto& go) {
     LocalHost host(options.parameters);
-    return go(host);
+    return go(host, {});
   });
 }
 
@@ -121,10 +167,10 @@ int run_session(const Options& options, std::chrono::nanoseconds wait) {
       ControllerEndpoint::attach(options.surface, {.timeout = wait, .stop = &stop_flag()});
   const shm_protocol::Description& size = surface.description();
   return run_on(options, size.columns, size.rows, [&](const auto& go) {
-    SurfaceHost host(surface, stop_flag(), options.parameters);
+    SurfaceHost host(surface, options.draws() ? interrupt_flag() : stop_flag(), options.parameters);
     switch (host.begin()) {
       case vm::HostStatus::kOk:
-        return go(host);
+        return go(host, [&host](bool held) { host.show_paused(held); });
       case vm::HostStatus::kClosed:
         return static_cast<int>(kDone);
       case vm::HostStatus::kInterrupted:
@@ -160,6 +206,9 @@ int run_on_surface(const Options& options) {
 
 int run_program(const Options& options) {
   catch_stop_signals();
+  if (options.draws())
+    if (const std::string why = drawing_unavailable(options); !why.empty())
+      return complain(kWrongInput, "error: " + why);
   try {
     return options.surface.empty() ? run_alone(options) : run_on_surface(options);
   } catch (const shm_protocol::Error& error) {

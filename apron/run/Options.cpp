@@ -48,7 +48,8 @@ struct Raw {
   Options options;
   std::string size, profile;
   std::vector<std::string> sets;
-  bool window = false;
+  std::string geometry;
+  std::vector<std::string> screenshots;
 };
 
 void set_size(Raw& raw) {
@@ -113,7 +114,23 @@ void define_run(CLI::App& run, Raw& raw) {
   run.add_option("--wait", raw.options.wait_s, "how long to wait for the surface to appear [5]")
       ->type_name("SECONDS")
       ->check(seconds());
-  run.add_flag("--window", raw.window)->group("");
+  run.add_flag("--window", raw.options.window, "open a window with registers, program and controls");
+  run.add_flag("--hold", raw.options.hold, "with --window: wait before the first line");
+  run.add_option("--geometry", raw.geometry,
+                 "size of the window or picture, and the window's place, or 'beside' the simulator's window")
+      ->type_name("WxH[+X+Y]");
+  run.add_option("--show", raw.options.show, "the register that is shown large at first")->type_name("REGISTER");
+  run.add_option("--screenshot", raw.screenshots, "a picture of the window after that tick, or at the end")
+      ->type_name("FILE.png[@TICK]")
+      ->allow_extra_args(false);
+  run.add_option("--video", raw.options.video, "a video of the window, 30 pictures a simulated second")
+      ->type_name("FILE.mp4");
+  run.add_option("--watch", raw.options.watch,
+                 "draw this register in the terminal as the program runs; once, at its end, elsewhere")
+      ->type_name("REGISTER")
+      ->excludes("--window")
+      ->excludes("--screenshot")
+      ->excludes("--video");
   run.add_option("--profile", raw.options.profile,
                  "write counts and times by instruction and line to this file, as JSON")
       ->type_name("FILE");
@@ -122,8 +139,65 @@ void define_run(CLI::App& run, Raw& raw) {
       ->type_name("FILE");
 }
 
+void set_geometry(Raw& raw) {
+  Geometry& g = raw.options.geometry;
+  if (raw.geometry.empty()) return;
+  if (raw.geometry == "beside") {
+    g.beside = true;
+    return;
+  }
+  std::string_view rest = raw.geometry;
+  const auto number = [&](char before, int& value) {
+    if (before != '\0') {
+      if (rest.empty() || rest.front() != before) return false;
+      rest.remove_prefix(1);
+    }
+    const auto [end, error] = std::from_chars(rest.data(), rest.data() + rest.size(), value);
+    rest.remove_prefix(static_cast<std::size_t>(end - rest.data()));
+    return error == std::errc{} && value >= 0 && value <= 8192;
+  };
+  int x = 0, y = 0;
+  bool good = number('\0', g.width) && number('x', g.height) && g.width >= 320 && g.height >= 240;
+  if (good && !rest.empty()) {
+    good = number('+', x) && number('+', y) && rest.empty();
+    g.at = {x, y};
+  }
+  if (!good)
+    throw CLI::ValidationError("--geometry", "'" + raw.geometry +
+                                                 "' is not WIDTHxHEIGHT or WIDTHxHEIGHT+X+Y in pixels, such as "
+                                                 "1280x800+600+0, from 320x240 to 8192x8192");
+}
+
+void add_screenshot(Raw& raw, const std::string& text) {
+  Screenshot one{text, std::nullopt};
+  if (const std::size_t at = text.rfind('@'); at != std::string::npos) {
+    std::uint64_t tick = 0;
+    if (!parse_number(std::string_view(text).substr(at + 1), tick))
+      throw CLI::ValidationError("--screenshot", "'" + text + "' is not FILE.png or FILE.png@TICK with a whole number");
+    one = {text.substr(0, at), tick};
+  }
+  if (!std::string_view(one.file).ends_with(".png"))
+    throw CLI::ValidationError("--screenshot", "'" + one.file + "': a picture's name must end in .png");
+  raw.options.screenshots.push_back(std::move(one));
+}
+
+void check_pictures(Raw& raw) {
+  const Options& o = raw.options;
+  set_geometry(raw);
+  for (const std::string& text : raw.screenshots) add_screenshot(raw, text);
+  if (o.window && (!o.screenshots.empty() || !o.video.empty()))
+    throw CLI::ValidationError("--window", "does not go with --screenshot and --video, which need no display");
+  if (o.window && o.reconnect) throw CLI::ValidationError("--window", "does not go with --reconnect");
+  if (o.hold && !o.window) throw CLI::ValidationError("--hold", "goes with --window");
+  if (!o.draws() && (!raw.geometry.empty() || !o.show.empty()))
+    throw CLI::ValidationError(raw.geometry.empty() ? "--show" : "--geometry",
+                               "goes with --window, --screenshot or --video");
+  if (!o.video.empty() && o.surface.empty())
+    throw CLI::ValidationError("--video", "goes with --shm NAME: without a surface there is no simulated time");
+}
+
 void check_run(Raw& raw) {
-  if (raw.window) throw CLI::ValidationError("--window", "not available in this version");
+  check_pictures(raw);
   if (!raw.options.cost_model.empty() && raw.options.profile.empty())
     throw CLI::ValidationError("--cost-model", "goes with --profile FILE, where the estimate is written");
   if (!raw.size.empty() && !raw.options.surface.empty())

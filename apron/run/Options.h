@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "apron/run/LocalHost.h"
@@ -20,6 +21,19 @@ enum ExitStatus {
 
 enum class Command { kRun, kCheck, kDisassemble, kFormat, kRepl };
 
+// A picture of the window's contents, made without a display.
+struct Screenshot {
+  std::string file;
+  std::optional<std::uint64_t> tick;  // nothing: at the end of the run
+};
+
+// The window's size and place; 0: chosen.
+struct Geometry {
+  int width = 0, height = 0;
+  std::optional<std::pair<int, int>> at;  // on the screen
+  bool beside = false;                    // the simulator's window, on its right
+};
+
 struct Options {
   Command command = Command::kRun;
   std::string program;
@@ -33,7 +47,15 @@ struct Options {
   std::vector<std::string> include_paths;
   double wait_s = 5.0;
   std::string profile, cost_model;  // files; "" for none
+  bool window = false, hold = false;
+  Geometry geometry;
+  std::string show;  // a register
+  std::vector<Screenshot> screenshots;
+  std::string video;               // a file; "" for none
   std::vector<std::string> files;  // of fmt
+  std::string watch;               // a register to show in the terminal; "" for none
+
+  bool draws() const { return window || !screenshots.empty() || !video.empty(); }
   bool write = false, only_check = false;
 };
 

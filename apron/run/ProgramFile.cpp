@@ -31,12 +31,31 @@ compiler::CompileOptions compile_options(const Options& options, std::uint32_t w
   return how;
 }
 
-std::optional<program::Program> compile_file(const Options& options, std::uint32_t width,
-                                             std::uint32_t height) {
+std::optional<Compiled> compile_texts(const Options& options, std::uint32_t width, std::uint32_t height,
+                                      std::string& wrong) {
   syntax::DiskReader reader;
   compiler::CompileResult result = compiler::compile(compile_options(options, width, height), reader);
-  if (!result.program) std::cerr << syntax::format(result.diagnostics, result.sources);
-  return std::move(result.program);
+  if (!result.program) {
+    wrong = syntax::format(result.diagnostics, result.sources);
+    return std::nullopt;
+  }
+  Compiled compiled{std::move(*result.program), {}};
+  for (std::uint32_t i = 0; i < result.sources.file_count(); ++i) {
+    const syntax::SourceFile& file = result.sources.file(i);
+    debugger::SourceText text{file.name, file.text, std::nullopt, file.included_from.line};
+    if (file.included_from.line > 0) text.included_in = file.included_from.file;
+    compiled.texts.push_back(std::move(text));
+  }
+  return compiled;
+}
+
+std::optional<program::Program> compile_file(const Options& options, std::uint32_t width,
+                                             std::uint32_t height) {
+  std::string wrong;
+  std::optional<Compiled> compiled = compile_texts(options, width, height, wrong);
+  std::cerr << wrong;
+  if (!compiled) return std::nullopt;
+  return std::move(compiled->program);
 }
 
 std::vector<std::string> module_paths(const Options& options) {

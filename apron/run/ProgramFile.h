@@ -7,12 +7,21 @@
 #include <vector>
 
 #include "apron/compiler/Compiler.h"
+#include "apron/debugger/Listing.h"
 #include "apron/program/Program.h"
 #include "apron/run/Options.h"
 
 namespace apron::run {
 
 compiler::CompileOptions compile_options(const Options& options, std::uint32_t width, std::uint32_t height);
+
+struct Compiled {
+  program::Program program;
+  std::vector<debugger::SourceText> texts;  // the main file first
+};
+// Without a program, `wrong` has the diagnostics as text.
+std::optional<Compiled> compile_texts(const Options& options, std::uint32_t width, std::uint32_t height,
+                                      std::string& wrong);
 
 std::optional<program::Program> compile_file(const Options& options, std::uint32_t width,
                                              std::uint32_t height);

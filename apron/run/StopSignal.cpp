@@ -5,7 +5,7 @@
 namespace apron::run {
 namespace {
 
-std::atomic<bool> stop{false};
+std::atomic<bool> stop{false}, interrupt{false};
 std::atomic<int> signal_number{0};
 static_assert(std::atomic<bool>::is_always_lock_free && std::atomic<int>::is_always_lock_free,
               "a signal handler may touch nothing else");
@@ -13,6 +13,7 @@ static_assert(std::atomic<bool>::is_always_lock_free && std::atomic<int>::is_alw
 void on_signal(int number) {
   signal_number.store(number);
   stop.store(true);
+  interrupt.store(true);
 }
 
 }  // namespace
@@ -32,6 +33,7 @@ void clear_stop_signal() {
 }
 
 const std::atomic<bool>& stop_flag() noexcept { return stop; }
+std::atomic<bool>& interrupt_flag() noexcept { return interrupt; }
 int stop_signal() noexcept { return signal_number.load(); }
 
 }  // namespace apron::run

@@ -8,6 +8,8 @@ namespace apron::run {
 // From here on the first SIGINT or SIGTERM raises the flag; a second one ends the process at once.
 void catch_stop_signals();
 const std::atomic<bool>& stop_flag() noexcept;
+// Raised along with the stop flag, and by whoever wants to interrupt the program for a moment.
+std::atomic<bool>& interrupt_flag() noexcept;
 // Lowers the flag again and catches the next signal.
 void clear_stop_signal();
 int stop_signal() noexcept;  // the one that came, or 0

@@ -16,6 +16,23 @@ using shm_protocol::Mode;
 using shm_protocol::Status;
 using vm::HostStatus;
 
+namespace {
+
+// "[k]", or ".r", ".g", ".b" of three.
+bool is_component(std::string_view text, std::uint32_t components, std::size_t& component) {
+  constexpr std::string_view kColours = "rgb";
+  if (text.size() == 2 && text[0] == '.' && components == 3) {
+    component = kColours.find(text[1]);
+    return component != std::string_view::npos;
+  }
+  if (text.size() < 3 || text.front() != '[' || text.back() != ']') return false;
+  const char* const end = text.data() + text.size() - 1;
+  const auto [next, error] = std::from_chars(text.data() + 1, end, component);
+  return error == std::errc{} && next == end && component < components;
+}
+
+}  // namespace
+
 SurfaceHost::SurfaceHost(shm_protocol::ControllerEndpoint& surface, const std::atomic<bool>& stop,
                          Parameters parameters)
     : LocalHost(std::move(parameters)), surface_(surface), stop_(stop) {
@@ -32,8 +49,11 @@ HostStatus SurfaceHost::begin() {
   return outcome(surface_.await_sensors({.stop = &stop_}));
 }
 
-HostStatus SurfaceHost::step() {
-  flush();
+void SurfaceHost::show_paused(bool paused) noexcept {
+  surface_.set_state(paused ? shm_protocol::State::kPaused : shm_protocol::State::kRunning);
+}
+
+Status SurfaceHost::publish_staged() {
   for (const Staged& staged : staged_) {
     switch (surface_.description().channels[static_cast<std::size_t>(staged.channel)].dtype) {
       case DType::kF32:
@@ -47,11 +67,25 @@ HostStatus SurfaceHost::step() {
         break;
     }
   }
-  const Status published = surface_.publish();
-  // Torn: the surface no longer waits for an answer to this frame; there will be another.
-  if (published != Status::kOk && published != Status::kTorn) return outcome(published);
-  if (surface_.description().mode == Mode::kTimeStep)
-    return outcome(surface_.await_sensors({.stop = &stop_}));
+  return surface_.publish();
+}
+
+HostStatus SurfaceHost::arrive() {
+  const Status arrived = surface_.await_sensors({.stop = &stop_});
+  answered_ = arrived == Status::kInterrupted;
+  return outcome(arrived);
+}
+
+HostStatus SurfaceHost::step() {
+  flush();
+  if (!answered_) {
+    const Status published = publish_staged();
+    // Torn: the surface no longer waits for an answer to this frame; there will be another.
+    if (published != Status::kOk && published != Status::kTorn) return outcome(published);
+  }
+  if (surface_.description().mode == Mode::kTimeStep) {
+    return arrive();
+  }
   const Status latest = surface_.latest_sensors();
   if (latest != Status::kRepeated && latest != Status::kTorn) return outcome(latest);
   std::this_thread::yield();  // nothing new: let the surface run if it shares this core
@@ -76,21 +110,21 @@ HostStatus SurfaceHost::outcome(Status status) {
 
 // ---- channels
 // ---------------------------------------------------------------------------------------------------
+// 'name', 'name[k]', or of three components 'name.r', '.g', '.b'. A channel may have a dot in its own name.
 HostStatus SurfaceHost::find(Direction direction, std::string_view name, Target& target) {
   std::string_view channel = name;
-  const std::size_t bracket = name.find('[');
-  if (bracket != std::string_view::npos) channel = name.substr(0, bracket);
+  std::string_view component;
   target.channel = surface_.description().channel(direction, std::string(channel));
+  if (target.channel < 0) {
+    const std::size_t bracket = name.find('['), cut = bracket != name.npos ? bracket : name.rfind('.');
+    if (cut != std::string_view::npos) channel = name.substr(0, cut), component = name.substr(cut);
+    target.channel = surface_.description().channel(direction, std::string(channel));
+  }
   if (target.channel < 0) return report(HostStatus::kRefused, no_such_channel(direction, channel));
   const std::uint32_t components =
       surface_.description().channels[static_cast<std::size_t>(target.channel)].components;
-  bool good = components == 1 && bracket == std::string_view::npos;
-  if (bracket != std::string_view::npos) {
-    const char* end = name.data() + name.size();
-    const auto [next, error] = std::from_chars(name.data() + bracket + 1, end, target.component);
-    good = error == std::errc{} && end - next == 1 && *next == ']' && target.component < components;
-  }
-  if (good) return HostStatus::kOk;
+  if (component.empty() ? components == 1 : is_component(component, components, target.component))
+    return HostStatus::kOk;
   return report(HostStatus::kRefused, "channel '" + std::string(channel) + "' has " +
                                           std::to_string(components) + " components a cell, not '" +
                                           std::string(name) + "': name one as '" + std::string(channel) +
@@ -142,7 +176,9 @@ void SurfaceHost::copy_sensor(const Target& target, const vm::Plane& to) const {
 
 HostStatus SurfaceHost::sense(std::string_view channel, vm::Plane to) {
   Target target;
-  HostStatus status = find(Direction::kSensor, channel, target);
+  // A program that began again in the middle of a step: the old frame is no longer ours to read.
+  HostStatus status = answered_ ? arrive() : HostStatus::kOk;
+  if (status == HostStatus::kOk) status = find(Direction::kSensor, channel, target);
   if (status == HostStatus::kOk) status = check_shape(channel, to);
   if (status != HostStatus::kOk) return status;
   switch (surface_.description().channels[static_cast<std::size_t>(target.channel)].dtype) {
@@ -186,10 +222,10 @@ HostStatus SurfaceHost::actuate(std::string_view channel, float value) {
 
 template <class T>
 void SurfaceHost::send(const Staged& staged) {
-  const auto to = surface_.actuator<T>(staged.channel);
   if constexpr (std::is_same_v<T, float>) {
-    std::copy(staged.cells.begin(), staged.cells.end(), to.begin());
+    surface_.write(staged.channel, 0, std::span<const float>(staged.cells));
   } else {
+    const auto to = surface_.actuator<T>(staged.channel);
     const ChannelSpec& channel = surface_.description().channels[static_cast<std::size_t>(staged.channel)];
     constexpr double kMost = std::numeric_limits<T>::max();
     std::transform(staged.cells.begin(), staged.cells.end(), to.begin(), [&](float value) {

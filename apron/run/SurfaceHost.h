@@ -13,7 +13,7 @@
 namespace apron::run {
 
 // A channel is named as the surface names it; of a channel with several components a cell, 'name[k]' is
-// component k, counted from 0. Sensor frames are copied into registers; actuator frames are staged here and
+// component k, counted from 0, and of three components 'name.r', 'name.g' and 'name.b'. Sensor frames are copied into registers; actuator frames are staged here and
 // sent by step(), and a channel that was not staged again is sent as it was (at first its safe value). No
 // allocation after construction but for messages.
 class SurfaceHost final : public LocalHost {
@@ -28,9 +28,12 @@ class SurfaceHost final : public LocalHost {
   vm::HostStatus sense(std::string_view channel, vm::Plane to) override;
   vm::HostStatus actuate(std::string_view channel, vm::ConstPlane from) override;
   vm::HostStatus actuate(std::string_view channel, float value) override;
-  // Time-step mode: publishes the answer to the frame at hand and waits for the next. Passive: publishes and
-  // takes the newest frame, which may still be the one at hand.
+  // Time-step mode: publishes the answer to the frame at hand and waits for the next; after kInterrupted the
+  // next call goes on waiting. Passive: publishes and takes the newest frame, which may still be the one at
+  // hand.
   vm::HostStatus step() override;
+  // Tells onlookers whether a person holds the program still. The surface waits in either case.
+  void show_paused(bool paused) noexcept;
 
   std::optional<double> time_s() const override;
   std::optional<double> dt_s() const override;
@@ -48,6 +51,8 @@ class SurfaceHost final : public LocalHost {
     std::vector<float> cells;  // components x rows x columns
   };
 
+  shm_protocol::Status publish_staged();
+  vm::HostStatus arrive();
   vm::HostStatus find(shm_protocol::Direction direction, std::string_view name, Target& target);
   std::string no_such_channel(shm_protocol::Direction direction, std::string_view name) const;
   vm::HostStatus check_shape(std::string_view name, const vm::ConstPlane& plane);
@@ -61,6 +66,7 @@ class SurfaceHost final : public LocalHost {
   shm_protocol::ControllerEndpoint& surface_;
   const std::atomic<bool>& stop_;
   std::vector<Staged> staged_;  // one an actuator channel
+  bool answered_ = false;       // the frame at hand, by a step that was interrupted before the next came
 };
 
 }  // namespace apron::run

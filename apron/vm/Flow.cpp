@@ -37,7 +37,10 @@ bool overwrites(const Instruction& in, bool has_masks) {
 }  // namespace
 
 Flow::Flow(const program::Program& program, bool keep_registers)
-    : program_(program), target_(program.code.size(), false), edge_(program.code.size()) {
+    : program_(program),
+      target_(program.code.size(), false),
+      edge_(program.code.size()),
+      filter_set_(program.filters.size(), false) {
   find_targets();
   // A return goes on after every call: with very many of both, nothing is known.
   const auto returns =
@@ -58,6 +61,7 @@ void Flow::find_targets() {
     }
     const std::string_view name = program::info(in.op).mnemonic;
     has_masks_ = has_masks_ || name.substr(0, 5) == "mask.";
+    if (in.op == Opcode::kFilterSet) filter_set_[in.operands[0].index] = true;
     if (in.op == Opcode::kBoundary && program_.literals[in.operands[0].index] != 0.0F)
       only_zero_edges_ = false;
   }

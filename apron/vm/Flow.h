@@ -26,6 +26,8 @@ class Flow {
   // Every shift of the program fills in zero.
   bool only_zero_edges() const { return only_zero_edges_; }
   bool has_masks() const { return has_masks_; }
+  // No instruction changes the filter's elements.
+  bool fixed_filter(std::uint32_t filter) const { return !filter_set_[filter]; }
 
   // Calls go(next) for every instruction that may come after the one at `at`.
   template <class Go>
@@ -54,6 +56,7 @@ class Flow {
   std::vector<std::uint64_t> live_;  // a bit a register, words() words an instruction; empty: all are
   bool only_zero_edges_ = true;
   bool has_masks_ = false;
+  std::vector<bool> filter_set_;
 };
 
 }  // namespace apron::vm

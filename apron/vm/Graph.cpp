@@ -1,6 +1,7 @@
 #include "apron/vm/Graph.h"
 
 #include <algorithm>
+#include <bit>
 #include <map>
 #include <optional>
 #include <tuple>
@@ -137,6 +138,37 @@ class Builder {
     return compute(join, sides, compute(join, shifted(row, {0, 1}), shifted(row, {0, -1})));
   }
 
+  // In the order that opcodes.def declares.
+  Arg filtered(Arg a, const program::Filter& filter) {
+    Arg sum{Arg::Kind::kScalar, 0, 0, zero_slot()};
+    bool empty = true;
+    for (std::uint32_t i = 0; i < filter.elements.size(); ++i) {
+      if (filter.elements[i] == 0.0F) continue;
+      const Offset by{(static_cast<std::int64_t>(filter.width) - 1) / 2 - i % filter.width,
+                      (static_cast<std::int64_t>(filter.height) - 1) / 2 - i / filter.width};
+      sum = compute(Opcode::kMac, shifted(a, by),
+                    {Arg::Kind::kScalar, 0, 0, element_slot(filter.elements[i])}, sum);
+      empty = false;
+    }
+    return empty ? compute(Opcode::kCopy, sum) : sum;
+  }
+
+  std::uint32_t element_slot(float value) {
+    const auto [place, added] = element_slots_.try_emplace(std::bit_cast<std::uint32_t>(value), 0);
+    if (added) place->second = new_slot(value);
+    return place->second;
+  }
+
+  Arg number(Node::Kind kind) {
+    const auto [place, added] = numbers_.try_emplace(kind, 0);
+    if (added) {
+      Node node;
+      node.kind = kind;
+      place->second = add(node);
+    }
+    return value_arg(place->second);
+  }
+
   // ---- masks ----
   MaybeArg both(const MaybeArg& a, const MaybeArg& b) {
     if (!a) return b;
@@ -186,8 +218,14 @@ class Builder {
       case Action::kMask:
         mask_step(step, in);
         break;
+      case Action::kCell:
+        write(in, number(step.op == Opcode::kCellX ? Node::Kind::kColumn : Node::Kind::kRow));
+        break;
       case Action::kArray:
-        write(in, near(step.op, version(in.operands[0].index), *step.scalars[1] == 8.0F));
+        if (step.op == Opcode::kFilterDo)
+          write(in, filtered(version(in.operands[0].index), program_.filters[step.table]));
+        else
+          write(in, near(step.op, version(in.operands[0].index), *step.scalars[1] == 8.0F));
         break;
       default:
         break;  // jumps: the trace went their way
@@ -239,6 +277,8 @@ class Builder {
   std::unordered_map<const float*, std::uint32_t> slots_;
   std::map<float*, std::uint32_t> written_;
   std::optional<std::uint32_t> zero_slot_;
+  std::map<std::uint32_t, std::uint32_t> element_slots_;  // by bits
+  std::map<Node::Kind, std::uint32_t> numbers_;
   Graph graph_;
 };
 

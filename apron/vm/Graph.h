@@ -26,11 +26,19 @@ struct Arg {
 };
 
 struct Node {
-  enum class Kind : std::uint8_t { kCompute, kRegister, kMask };
+  enum class Kind : std::uint8_t { kCompute, kRegister, kMask, kColumn, kRow };  // kColumn, kRow: its number
   Kind kind = Kind::kCompute;
   program::Opcode op = program::Opcode::kNop;  // kCompute: element-wise
   std::uint32_t reg = 0;                       // kRegister: its value at entry
   std::array<Arg, program::kMaxSources> args{};
+
+  bool computed() const { return kind == Kind::kCompute; }
+  // with(arg) for each operand that is a value.
+  template <class With>
+  void each_value(const With& with) const {
+    for (const Arg& arg : args)
+      if (arg.kind == Arg::Kind::kValue) with(arg);
+  }
 };
 
 // A scalar instruction, on slots.

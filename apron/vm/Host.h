@@ -54,6 +54,8 @@ class Host {
 
   // For windows; without one nothing is done. The register's name is that of the program.
   virtual void show(std::string_view /*reg*/, std::string_view /*title*/) {}
+  // Replaces what the label of that name said.
+  virtual void label(std::string_view /*name*/, std::string_view /*text*/) {}
   virtual void set_palette(std::string_view /*reg*/, std::string_view /*name*/) {}
   virtual void set_scale(std::string_view /*reg*/, float /*low*/, float /*high*/) {}
 

@@ -4,16 +4,17 @@
 #include <map>
 
 #include "apron/vm/PlaneStore.h"
+#include "apron/vm/Stages.h"
 
 namespace apron::vm {
 namespace {
 
 using program::BoundaryRule;
 using program::Opcode;
+using Group = Stages::Group;
 
-constexpr std::size_t kCacheFloats = 640 * 1024 / sizeof(float);  // for the rings, of the second-level cache
-constexpr std::size_t kMaxOps = 48;                               // of a stage
-constexpr std::size_t kMaxAlive = 18;                             // values of a stage alive at once
+constexpr std::size_t kCacheFloats = 800 * 1024 / sizeof(float);  // for the rings, of the second-level cache
+constexpr std::size_t kAllCachesFloats = 32 * 1024 * 1024 / sizeof(float);
 constexpr std::uint32_t kNowhere = UINT32_MAX;
 
 std::uint32_t round_up(std::uint32_t n, std::uint32_t unit) { return (n + unit - 1) / unit * unit; }
@@ -23,154 +24,35 @@ class Planner {
   Planner(const Graph& graph, std::uint32_t width, std::uint32_t height, const PlanOptions& options)
       : graph_(graph),
         options_(options),
-        stage_of_(graph.nodes.size(), kNowhere),
+        stages_(find_stages(graph)),
+        groups_(stages_.groups),
+        stage_of_(stages_.stage_of),
+        users_(stages_.users),
         store_of_(graph.nodes.size(), kNowhere) {
     plan_.width = width;
     plan_.height = height;
     plan_.edge = graph.edge;
+    for (const std::vector<Use>& users : users_)
+      for (const Use& use : users)
+        farthest_ = std::max(farthest_, static_cast<std::uint32_t>(std::abs(use.dy)));
   }
 
   Plan run() {
-    find_users();
-    group_by_level();
     find_lags();
     find_borders();
     choose_tiles();
     place_values();
     write_stages();
     size_rings();
+    write_around_caches();
     return std::move(plan_);
   }
 
  private:
-  using Group = std::vector<std::uint32_t>;  // nodes, in order
-  struct Use {
-    std::uint32_t node;
-    std::int8_t dx, dy;
-  };
-
-  bool computed(std::uint32_t node) const { return graph_.nodes[node].kind == Node::Kind::kCompute; }
-
-  template <class Do>
-  void each_value(std::uint32_t node, const Do& with) const {
-    for (const Arg& arg : graph_.nodes[node].args)
-      if (arg.kind == Arg::Kind::kValue) with(arg);
-  }
-
-  // A value read from the own cell can stay in a vector register; one read from a neighbour's needs its rows
-  // done.
-  std::vector<std::uint32_t> levels() const {
-    std::vector<std::uint32_t> level(graph_.nodes.size(), 0);
-    for (std::uint32_t i = 0; i < graph_.nodes.size(); ++i)
-      if (computed(i))
-        each_value(i, [&](const Arg& arg) {
-          if (!computed(arg.index)) return;
-          const bool after = arg.shifted() || !joins(i) || !joins(arg.index);
-          level[i] = std::max(level[i], level[arg.index] + (after ? 1U : 0U));
-        });
-    return level;
-  }
-
-  bool joins(std::uint32_t node) const { return joins_stages(graph_.nodes[node].op); }
-
-  // What only a later level reads is computed there, if its operands are kept until then anyway: one value
-  // less goes through memory.
-  void sink(std::vector<std::uint32_t>& level) const {
-    for (auto i = static_cast<std::uint32_t>(graph_.nodes.size()); i-- > 0;) {
-      if (!computed(i) || !joins(i) || outputs_of_[i] > 0 || users_[i].empty()) continue;
-      std::uint32_t to = kNowhere;
-      bool free = true;
-      for (const Use& use : users_[i]) {
-        to = std::min(to, level[use.node]);
-        free = free && use.dx == 0 && use.dy == 0 && joins(use.node);
-      }
-      each_value(i, [&](const Arg& arg) {
-        const auto keeps = [&](const Use& use) { return use.node != i && level[use.node] >= to; };
-        free = free && (!computed(arg.index) ||
-                        (level[arg.index] < to &&
-                         std::any_of(users_[arg.index].begin(), users_[arg.index].end(), keeps)));
-      });
-      if (free && to > level[i]) level[i] = to;
-    }
-  }
-
-  void group_by_level() {
-    outputs_of_.assign(graph_.nodes.size(), 0);
-    for (const Graph::Output& output : graph_.outputs) ++outputs_of_[output.value];
-    std::vector<std::uint32_t> level = levels();
-    sink(level);
-    std::map<std::uint32_t, std::pair<Group, std::vector<Group>>> at_level;  // joined, and each by itself
-    for (std::uint32_t i = 0; i < graph_.nodes.size(); ++i) {
-      if (!computed(i)) continue;
-      auto& [joined, alone] = at_level[level[i]];
-      if (joins(i))
-        joined.push_back(i);
-      else
-        alone.push_back({i});
-    }
-    for (const auto& [at, groups] : at_level) {
-      if (!groups.first.empty()) split(groups.first);
-      groups_.insert(groups_.end(), groups.second.begin(), groups.second.end());
-    }
-    for (std::uint32_t s = 0; s < groups_.size(); ++s)
-      for (const std::uint32_t node : groups_[s]) stage_of_[node] = s;
-  }
-
-  void split(const Group& group) {
-    if (group.size() == 1 || fits(group)) {
-      groups_.push_back(group);
-      return;
-    }
-    const auto middle = group.begin() + static_cast<std::ptrdiff_t>(group.size() / 2);
-    split(Group(group.begin(), middle));
-    split(Group(middle, group.end()));
-  }
-
-  bool fits(const Group& group) const {
-    if (group.size() > kMaxOps) return false;
-    const std::uint32_t last = static_cast<std::uint32_t>(graph_.nodes.size());
-    std::map<std::uint32_t, std::uint32_t> last_use;  // of the group's own values
-    for (const std::uint32_t node : group) last_use[node] = node;
-    std::vector<std::pair<std::uint32_t, int>> reads;
-    for (const std::uint32_t node : group)
-      each_value(node, [&](const Arg& arg) {
-        if (const auto own = last_use.find(arg.index); own != last_use.end() && !arg.shifted())
-          own->second = node;
-        else if (std::find(reads.begin(), reads.end(), std::pair{arg.index, int{arg.dy}}) == reads.end())
-          reads.emplace_back(arg.index, arg.dy);
-      });
-    std::size_t written = 0;
-    for (const std::uint32_t node : group)
-      if (leaves(node, group)) {
-        written += std::max<std::size_t>(1, outputs_of_[node]);
-        last_use[node] = last;
-      }
-    std::size_t most = 0;
-    for (const std::uint32_t node : group) {
-      const auto alive = [&](const auto& use) { return use.first <= node && use.second > node; };
-      most = std::max(most, static_cast<std::size_t>(std::count_if(last_use.begin(), last_use.end(), alive)));
-    }
-    return reads.size() + written <= kMaxStreams && written <= kMaxResults && most <= kMaxAlive;
-  }
-
-  bool leaves(std::uint32_t node, const Group& group) const {
-    if (outputs_of_[node] > 0) return true;
-    for (std::uint32_t i = node + 1; i < graph_.nodes.size(); ++i) {
-      if (std::binary_search(group.begin(), group.end(), i)) continue;
-      bool reads = false;
-      each_value(i, [&](const Arg& arg) { reads = reads || arg.index == node; });
-      if (reads) return true;
-    }
-    return false;
-  }
-
-  void find_users() {
-    users_.resize(graph_.nodes.size());
-    for (std::uint32_t i = 0; i < graph_.nodes.size(); ++i)
-      each_value(i, [&](const Arg& arg) {
-        users_[arg.index].push_back({i, arg.dx, arg.dy});
-        farthest_ = std::max(farthest_, static_cast<std::uint32_t>(std::abs(arg.dy)));
-      });
+  bool computed(std::uint32_t node) const { return graph_.nodes[node].computed(); }
+  template <class With>
+  void each_value(std::uint32_t node, const With& with) const {
+    graph_.nodes[node].each_value(with);
   }
 
   bool crosses(std::uint32_t node) const {
@@ -300,6 +182,9 @@ class Planner {
     }
     if (options_.strip_columns > 0)
       plan_.strip_columns = std::min(round_up(options_.strip_columns, kLanes), whole);
+    // Short rows are in the first-level cache, where a load costs less than finding the rows to share it.
+    plan_.rows_at_once = plan_.strip_columns < 256 ? 1 : 4;
+    if (options_.rows_at_once > 0) plan_.rows_at_once = options_.rows_at_once;
     if (options_.block_rows > 0) plan_.block_rows = std::min(options_.block_rows, plan_.height);
     if (plan_.strip_columns >= whole) {
       plan_.strip_columns = whole;
@@ -320,6 +205,19 @@ class Planner {
            (plan_.slices > 1 && stage.border_y > 0);
   }
 
+  static Store::Kind store_kind(Node::Kind kind) {
+    switch (kind) {
+      case Node::Kind::kMask:
+        return Store::Kind::kMask;
+      case Node::Kind::kColumn:
+        return Store::Kind::kColumns;
+      case Node::Kind::kRow:
+        return Store::Kind::kRows;
+      default:
+        return Store::Kind::kRegister;
+    }
+  }
+
   void place_values() {
     std::map<std::uint32_t, std::uint32_t> inputs;  // register: its node
     for (std::uint32_t i = 0; i < graph_.nodes.size(); ++i) {
@@ -327,7 +225,7 @@ class Planner {
       if (node.kind == Node::Kind::kRegister) inputs[node.reg] = i;
       Store store;
       store.reg = node.reg;
-      store.kind = node.kind == Node::Kind::kMask ? Store::Kind::kMask : Store::Kind::kRegister;
+      store.kind = store_kind(node.kind);
       if (!computed(i)) store_of_[i] = add_store(store);
     }
     results_.resize(graph_.nodes.size());
@@ -348,9 +246,7 @@ class Planner {
     }
     for (std::uint32_t i = 0; i < graph_.nodes.size(); ++i) {
       if (!computed(i) || store_of_[i] != kNowhere) continue;
-      const bool copied =
-          std::any_of(copies_.begin(), copies_.end(), [&](const auto& c) { return c.first == i; });
-      if (!crosses(i) && !copied) continue;
+      if (!crosses(i) && !copied(i)) continue;
       store_of_[i] = add_store({});
       results_[i].push_back(store_of_[i]);
     }
@@ -447,12 +343,46 @@ class Planner {
     plan_.worker_floats = offset + 2 * kLanes;
   }
 
+  bool is_read(const Stage& stage, std::uint32_t stream) const {
+    return std::any_of(stage.ops.begin(), stage.ops.end(), [&](const MicroOp& op) {
+      return std::any_of(op.args.begin(), op.args.end(), [&](const MicroArg& arg) {
+        return arg.kind == MicroArg::Kind::kStream && arg.index == stream;
+      });
+    });
+  }
+
+  // Whether a stage reads what is written to the plane, or what was there before.
+  bool is_read(const Store& plane) const {
+    for (const Stage& stage : plan_.stages)
+      for (std::uint32_t s = 0; s < stage.streams.size(); ++s) {
+        const Store& store = plan_.stores[stage.streams[s].store];
+        const bool old = plane.kind == Store::Kind::kInPlace && store.kind == Store::Kind::kRegister;
+        if (store.reg == plane.reg && (old || store.kind == plane.kind) && is_read(stage, s)) return true;
+      }
+    return false;
+  }
+
+  // Planes that no cache holds until somebody reads them need not be fetched to be overwritten. A single
+  // stage only streams, and gains nothing.
+  void write_around_caches() {
+    const auto planes = std::count_if(plan_.stores.begin(), plan_.stores.end(),
+                                      [](const Store& store) { return store.kind != Store::Kind::kRing; });
+    const std::size_t floats = static_cast<std::size_t>(planes) * plan_.width * plan_.height;
+    if (floats <= kAllCachesFloats || plan_.stages.size() < 2) return;
+    for (Stage& stage : plan_.stages)
+      for (Stage::Result& result : stage.results) {
+        const Store& to = plan_.stores[stage.streams[result.stream].store];
+        result.around_caches = to.kind != Store::Kind::kRing && !is_read(to);
+      }
+  }
+
   const Graph& graph_;
   const PlanOptions& options_;
-  std::vector<Group> groups_;
-  std::vector<std::uint32_t> stage_of_, store_of_;
-  std::vector<std::size_t> outputs_of_;
-  std::vector<std::vector<Use>> users_;
+  const Stages stages_;
+  const std::vector<Group>& groups_;
+  const std::vector<std::uint32_t>& stage_of_;
+  const std::vector<std::vector<Use>>& users_;
+  std::vector<std::uint32_t> store_of_;
   std::vector<std::vector<std::uint32_t>> results_;              // stores of each value
   std::vector<std::pair<std::uint32_t, std::uint32_t>> copies_;  // value, store
   std::uint32_t farthest_ = 0;                                   // rows that any operand is away
@@ -460,17 +390,6 @@ class Planner {
 };
 
 }  // namespace
-
-bool joins_stages(Opcode op) noexcept {
-  switch (op) {
-    case Opcode::kPow:
-    case Opcode::kAtan2:
-    case Opcode::kRound:
-      return false;
-    default:
-      return op < Opcode::kSin || op == Opcode::kSqrt || op == Opcode::kFloor || op == Opcode::kCeil;
-  }
-}
 
 Plan make_plan(const Graph& graph, std::uint32_t width, std::uint32_t height, const PlanOptions& options) {
   return Planner(graph, width, height, options).run();

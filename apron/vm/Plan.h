@@ -17,6 +17,8 @@ struct Store {
   enum class Kind : std::uint8_t {
     kRegister,  // as it was at entry
     kMask,      // the mask in force at entry
+    kColumns,   // one row for all: the columns' numbers
+    kRows,      // the rows' numbers
     kInPlace,   // a register's own rows, written
     kFresh,     // rows that become a register's when the segment is through
     kRing,      // `capacity` rows of a worker's own, row r in place r mod capacity
@@ -55,6 +57,7 @@ struct Stage {
   std::vector<MicroOp> ops;
   struct Result {
     std::uint32_t op = 0, stream = 0;
+    bool around_caches = false;  // nobody reads it while it would stay there
   };
   std::vector<Result> results;               // written when all operations have read; streams with dy 0
   std::uint32_t lag = 0;                     // rows behind the first stage
@@ -68,6 +71,7 @@ struct PlanOptions {
   unsigned slices = 1;              // by rows, one for each thread
   std::uint32_t strip_columns = 0;  // 0: chosen; else rounded up to whole vectors
   std::uint32_t block_rows = 0;     // 0: chosen
+  std::uint32_t rows_at_once = 0;   // 0: chosen
 };
 
 struct Plan {
@@ -78,15 +82,13 @@ struct Plan {
   unsigned slices = 1;
   std::uint32_t strip_columns = 0;  // a multiple of 16, or the whole width
   std::uint32_t block_rows = 0;
-  std::uint32_t border = 0;       // columns beyond a strip's own in the rings, a multiple of 16
-  std::uint32_t ring_pitch = 0;   // floats from one row of a ring to the next
-  std::size_t worker_floats = 0;  // memory of a worker for all rings
-  std::uint32_t lag = 0;          // the largest
+  std::uint32_t rows_at_once = 1;  // that machine code may compute together
+  std::uint32_t border = 0;        // columns beyond a strip's own in the rings, a multiple of 16
+  std::uint32_t ring_pitch = 0;    // floats from one row of a ring to the next
+  std::size_t worker_floats = 0;   // memory of a worker for all rings
+  std::uint32_t lag = 0;           // the largest
 };
 
 Plan make_plan(const Graph& graph, std::uint32_t width, std::uint32_t height, const PlanOptions& options);
-
-// Whether operations of this opcode may share a stage with others.
-bool joins_stages(program::Opcode op) noexcept;
 
 }  // namespace apron::vm

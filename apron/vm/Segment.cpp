@@ -31,7 +31,8 @@ Segment::Segment(const Trace& trace, Graph graph, Plan plan, const Machine& mach
       fresh_(machine.fresh),
       clean_pads_(machine.clean_pads) {
   for (const Stage& stage : plan_.stages) {
-    jits_.push_back(machine.jit ? StageJit::make(stage, common_vectors(stage)) : nullptr);
+    jits_.push_back(machine.jit ? StageJit::make(stage, common_vectors(stage), plan_.rows_at_once)
+                                : std::nullopt);
     tiles_.emplace_back(stage, plan_.stores, executor_.kernels());
   }
   allocate_workers();
@@ -40,7 +41,7 @@ Segment::Segment(const Trace& trace, Graph graph, Plan plan, const Machine& mach
 void Segment::allocate_workers() {
   std::size_t scratch = 0;
   for (std::size_t s = 0; s < tiles_.size(); ++s)
-    if (jits_[s] == nullptr) scratch = std::max(scratch, tiles_[s].scratch_floats());
+    if (!jits_[s]) scratch = std::max(scratch, tiles_[s].scratch_floats());
   const std::size_t rings = (plan_.worker_floats + 2 * kLanes + kLanes - 1) / kLanes * kLanes;
   worker_floats_ = rings + scratch + kLanes;
   workers_.resize(plan_.slices);
@@ -54,6 +55,7 @@ void Segment::allocate_workers() {
   const float value = plan_.edge.rule == BoundaryRule::kValue ? plan_.edge.value : 0.0F;
   std::fill_n(outside_, columns, value);
   outside_ += 2 * kLanes;
+  number_cells();
   for (Worker& worker : workers_) {
     find_places(worker, {});
     fill_margins(worker);
@@ -63,6 +65,20 @@ void Segment::allocate_workers() {
     for (const Worker& worker : workers_) pad_rings(worker, {0, plan_.width, 0});
 }
 
+void Segment::number_cells() {
+  for (const Store& store : plan_.stores) {
+    const bool columns = store.kind == Store::Kind::kColumns;
+    if (!columns && store.kind != Store::Kind::kRows) continue;
+    Plane& plane = columns ? columns_ : rows_;
+    plane = memory_.add(plan_.width, columns ? 1 : plan_.height);
+    for (std::uint32_t y = 0; y < plane.height; ++y) {
+      for (std::uint32_t x = 0; x < plane.width; ++x) plane.row(y)[x] = static_cast<float>(columns ? x : y);
+      pad_row(plane.row(y), store.pads, true, true);
+    }
+    number_floats_ += plane.cells();
+  }
+}
+
 std::vector<std::uint32_t> Segment::fresh_registers() const {
   std::vector<std::uint32_t> registers;
   for (const Store& store : plan_.stores)
@@ -70,7 +86,9 @@ std::vector<std::uint32_t> Segment::fresh_registers() const {
   return registers;
 }
 
-std::size_t Segment::memory_bytes() const noexcept { return worker_floats_ * plan_.slices * sizeof(float); }
+std::size_t Segment::memory_bytes() const noexcept {
+  return (worker_floats_ * plan_.slices + number_floats_) * sizeof(float);
+}
 
 // What lies beyond the edges of a ring is the same whatever the stages write: their rows are whole vectors.
 bool Segment::constant_edge() const noexcept {
@@ -118,7 +136,7 @@ void Segment::fill_margins(const Worker& worker) noexcept {
   for (const Place& place : worker.places)
     for (std::int64_t k = 1; k <= place.margin; ++k)
       for (const std::int64_t row : {-k, static_cast<std::int64_t>(plan_.height) - 1 + k})
-        std::fill_n(place.data + row * place.pitch - kLane, place.pitch, value);
+        std::fill_n(place.data + row * place.pitch - kLane, place.pitch + kLane, value);
 }
 
 void Segment::scalars() noexcept {
@@ -143,6 +161,12 @@ void Segment::find_places(Worker& worker, const ConstPlane& mask) const noexcept
       case Store::Kind::kMask:
         // Only read: results never go to a mask.
         place = {const_cast<float*>(mask.data), mask.pitch, 0, 0};
+        break;
+      case Store::Kind::kColumns:
+        place = {columns_.data, 0, 0, 0};
+        break;
+      case Store::Kind::kRows:
+        place = {rows_.data, rows_.pitch, 0, 0};
         break;
       case Store::Kind::kRing:
         place = {worker.rings + store.offset + kLanes, static_cast<std::ptrdiff_t>(plan_.ring_pitch),
@@ -224,21 +248,32 @@ void Segment::run_stage(std::size_t index, const Worker& worker, const Strip& st
   call.slots = graph_.slots.data();
   call.row_bytes = lanes_up(east - west) * static_cast<std::int64_t>(sizeof(float));
   while (first < last) {
-    std::int64_t rows = last - first;
-    for (std::size_t s = 0; s < stage.streams.size(); ++s) {
-      std::ptrdiff_t pitch = 0;
-      rows = std::min(rows, locate(stage.streams[s], worker, strip, first + stage.streams[s].dy, west,
-                                   call.first[s], pitch));
-      call.pitch_bytes[s] = pitch * static_cast<std::ptrdiff_t>(sizeof(float));
-    }
-    call.rows = rows;
-    if (jits_[index] != nullptr)
-      jits_[index]->run(call);
+    const StageJit::Code* code = jits_[index] ? &jits_[index]->code(last - first) : nullptr;
+    const std::uint32_t rows = code != nullptr ? code->rows : 1;
+    const std::vector<Stream>& lines = code != nullptr ? code->lines : stage.streams;
+    call.turns = std::min((last - first) / rows, begin_turns(lines, rows, worker, strip, first, west, call));
+    if (code != nullptr)
+      code->run(&call);
     else
       tiles_[index].run(call, worker.tile);
-    pad_results(stage, worker, strip, first, first + rows, west, east);
-    first += rows;
+    pad_results(stage, worker, strip, first, first + call.turns * rows, west, east);
+    first += call.turns * rows;
   }
+}
+
+// Where the lines of a turn that begins at this row are; how many turns follow at the same steps.
+std::int64_t Segment::begin_turns(const std::vector<Stream>& lines, std::uint32_t rows, const Worker& worker,
+                                  const Strip& strip, std::int64_t row, std::int64_t column,
+                                  StageCall& call) const noexcept {
+  std::int64_t turns = std::numeric_limits<std::int64_t>::max();
+  for (std::size_t s = 0; s < lines.size(); ++s) {
+    std::ptrdiff_t pitch = 0;
+    const std::int64_t follow =
+        locate(lines[s], worker, strip, row + lines[s].dy, column, call.first[s], pitch);
+    turns = std::min(turns, (follow - 1) / rows + 1);
+    call.step_bytes[s] = pitch * rows * static_cast<std::ptrdiff_t>(sizeof(float));
+  }
+  return turns;
 }
 
 // Where the row is; the number of rows that follow at the same pitch.

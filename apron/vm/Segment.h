@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "apron/vm/Executor.h"
@@ -62,6 +63,7 @@ class Segment {
   std::uint32_t common_vectors(const Stage& stage) const noexcept;
   void columns_of(const Stage& stage, const Strip& strip, std::int64_t& west,
                   std::int64_t& east) const noexcept;
+  void number_cells();
   void fill_margins(const Worker& worker) noexcept;
   void scalars() noexcept;
   void find_places(Worker& worker, const ConstPlane& mask) const noexcept;
@@ -69,6 +71,9 @@ class Segment {
   void run_slice(unsigned slice) noexcept;
   void run_stage(std::size_t stage, const Worker& worker, const Strip& strip, std::int64_t first,
                  std::int64_t last) noexcept;
+  std::int64_t begin_turns(const std::vector<Stream>& lines, std::uint32_t rows, const Worker& worker,
+                           const Strip& strip, std::int64_t row, std::int64_t column,
+                           StageCall& call) const noexcept;
   std::int64_t locate(const Stream& stream, const Worker& worker, const Strip& strip, std::int64_t row,
                       std::int64_t column, float*& first, std::ptrdiff_t& pitch) const noexcept;
   float* cell(const Place& place, const Strip& strip, std::int64_t row, std::int64_t column) const noexcept;
@@ -88,12 +93,13 @@ class Segment {
   Storage& storage_;
   std::vector<Plane>& fresh_;
   bool clean_pads_;
-  std::vector<std::unique_ptr<StageJit>> jits_;  // null where a stage runs as tiles
+  std::vector<std::optional<StageJit>> jits_;  // nothing where a stage runs as tiles
   std::vector<StageTiles> tiles_;
   PlaneStore memory_;
   std::vector<Worker> workers_;
   float* outside_ = nullptr;  // a row of what lies beyond the edge
-  std::size_t worker_floats_ = 0;
+  Plane columns_, rows_;      // one row of the columns' numbers; every row's number in all its cells
+  std::size_t worker_floats_ = 0, number_floats_ = 0;
 };
 
 }  // namespace apron::vm

@@ -58,6 +58,7 @@ struct Segments::Builder {
     how.slices = large ? threads : 1;
     how.strip_columns = options.strip_columns;
     how.block_rows = options.block_rows;
+    how.rows_at_once = options.rows_at_once;
     Plan plan = make_plan(graph, trace.width, trace.height, how);
     Segment::Machine machine{executor, storage, all.fresh_, options.jit,
                              flow.only_zero_edges() && trace.width % kLanes == 0};

@@ -16,6 +16,7 @@ struct FuseOptions {
   bool keep_registers = true;  // off: registers that the program does not read again need not be up to date
   bool jit = true;
   std::uint32_t strip_columns = 0, block_rows = 0;  // of a tile; 0: chosen
+  std::uint32_t rows_at_once = 0;                   // of machine code; 0: chosen
   std::size_t trace_steps = 400;                    // array instructions of a segment at most
 };
 

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "apron/vm/Kernels.h"
@@ -13,31 +14,43 @@
 
 namespace apron::vm {
 
-// The rectangle: for each stream its first cell and the distance of its rows. Rows begin on 64 bytes (streams
-// that are read with dx too); columns up to the next multiple of kLanes may be read and written.
+// The rectangle, turn by turn of one or more rows: for each line (a row that a turn reads or writes) its
+// first cell and the distance to the next turn's. Rows begin on 64 bytes; columns up to the next multiple of
+// kLanes may be read and written.
+inline constexpr std::size_t kMaxLines = 14;
 struct StageCall {
-  std::array<float*, kMaxStreams> first{};
-  std::array<std::ptrdiff_t, kMaxStreams> pitch_bytes{};
-  std::int64_t rows = 0;
+  std::array<float*, kMaxLines> first{};
+  std::array<std::ptrdiff_t, kMaxLines> step_bytes{};
+  std::int64_t turns = 0;
   std::int64_t row_bytes = 0;    // columns rounded up to kLanes, in bytes
   const float* slots = nullptr;  // of the scalars
 };
 
-// Machine code of one stage. Owns its memory.
+// Machine code of one stage.
 class StageJit {
  public:
-  virtual ~StageJit() = default;
-  // Null where the CPU, the library or the stage does not allow it.
+  struct Code {
+    std::uint32_t rows = 1;     // of a turn
+    std::vector<Stream> lines;  // dy: from the turn's first row
+    void (*run)(const StageCall*) = nullptr;
+    std::shared_ptr<const void> memory;  // that the code lies in
+  };
+
+  // Nothing where the CPU, the library or the stage does not allow it.
   // vectors: the vectors of kLanes columns in every row it will be called for are a multiple of this.
-  static std::unique_ptr<StageJit> make(const Stage& stage, std::uint32_t vectors);
+  // rows: of a turn, where it pays; at least 1.
+  static std::optional<StageJit> make(const Stage& stage, std::uint32_t vectors, std::uint32_t rows);
 
-  void run(const StageCall& call) const noexcept { code_(&call); }
+  // The one with the most rows to a turn that so many rows have. rows: at least 1.
+  const Code& code(std::int64_t rows) const noexcept {
+    return codes_.front().rows <= rows ? codes_.front() : codes_.back();
+  }
 
- protected:
-  void (*code_)(const StageCall*) = nullptr;
+ private:
+  std::vector<Code> codes_;  // the last one takes one row
 };
 
-// The stage by means of the kernel table.
+// The stage by means of the kernel table. A turn is one row, its lines are the stage's streams.
 class StageTiles {
  public:
   StageTiles(const Stage& stage, const std::vector<Store>& stores, const KernelTable& kernels);

@@ -14,7 +14,7 @@ struct StageTiles::Rectangle {
     return call.first[stream] + row * pitch(call, stream) + column;
   }
   static std::ptrdiff_t pitch(const StageCall& call, std::uint32_t stream) {
-    return call.pitch_bytes[stream] / static_cast<std::ptrdiff_t>(sizeof(float));
+    return call.step_bytes[stream] / static_cast<std::ptrdiff_t>(sizeof(float));
   }
 };
 
@@ -65,10 +65,10 @@ void StageTiles::run(const StageCall& call, float* tile) const noexcept {
   const std::int64_t columns = call.row_bytes / static_cast<std::int64_t>(sizeof(float));
   constexpr auto kCells = static_cast<std::int64_t>(kTileCells);
   const std::int64_t rows_at_once = std::max<std::int64_t>(1, kCells / columns);
-  for (std::int64_t row = 0; row < call.rows; row += rows_at_once)
+  for (std::int64_t row = 0; row < call.turns; row += rows_at_once)
     for (std::int64_t column = 0; column < columns; column += kCells)
       run_tile(call,
-               {row, std::min(rows_at_once, call.rows - row), column, std::min(kCells, columns - column)},
+               {row, std::min(rows_at_once, call.turns - row), column, std::min(kCells, columns - column)},
                tile);
 }
 

@@ -15,6 +15,9 @@ using program::Opcode;
 using program::Operand;
 using program::OperandKind;
 
+constexpr std::size_t kMaxNumberedCells = std::size_t{1} << 22;
+constexpr std::size_t kMaxFilterElements = 25;  // that are not 0
+
 class Follower {
  public:
   Follower(const program::Program& program, const std::vector<Step>& steps, const Flow& flow,
@@ -77,7 +80,10 @@ class Follower {
         if (!mask(step)) return false;
         break;
       case Action::kArray:
-        if (!neighbours(step) || !fits(step)) return false;
+        if (!(step.op == Opcode::kFilterDo ? filter(step) : neighbours(step)) || !fits(step)) return false;
+        break;
+      case Action::kCell:
+        if (!numbers(step) || !fits(step)) return false;
         break;
       case Action::kFlow:
         return jump(step);
@@ -117,6 +123,21 @@ class Follower {
     if (!edge_ || edge_->rule == BoundaryRule::kWrap || step.y->width < 2 || step.y->height < 2) return false;
     const bool rows = *step.scalars[1] == 8.0F && edge_->rule == BoundaryRule::kValue;
     return !rows || step.op == Opcode::kNearMin || step.op == Opcode::kNearMax;
+  }
+
+  // The rows' numbers take a plane of memory for each segment that uses them.
+  static bool numbers(const Step& step) {
+    return step.op == Opcode::kCellX || (step.op == Opcode::kCellY && step.y->cells() <= kMaxNumberedCells);
+  }
+
+  // A small one, whose elements are known.
+  bool filter(const Step& step) const {
+    const program::Filter& f = program_.filters[step.table];
+    const auto elements =
+        f.elements.size() - static_cast<std::size_t>(std::count(f.elements.begin(), f.elements.end(), 0.0F));
+    const bool small = f.width <= kMaxReach && f.height <= kMaxReach && elements <= kMaxFilterElements &&
+                       f.width / 2 < step.y->width && f.height / 2 < step.y->height;
+    return small && flow_.fixed_filter(step.table) && edge_ && edge_->rule != BoundaryRule::kWrap;
   }
 
   bool mask(const Step& step) {

@@ -43,7 +43,7 @@ Vm::Vm(program::Program program, VmOptions options, Host& host)
   reserve_masks();
   if (options.profile) {
     options.fuse.on = false;
-    spent_.resize(program_.code.size());
+    set_profiling(true);
   }
   segments_ = std::make_unique<Segments>(program_, steps_, storage_, executor_, options.fuse,
                                          std::max(options.threads, 1U), options.parallel_cells);
@@ -68,11 +68,16 @@ void Vm::reserve_masks() {
   for (const auto& [shape, count] : planes) masks_.reserve(shape.first, shape.second, count);
 }
 
+void Vm::set_profiling(bool on) {
+  profiling_ = on;
+  if (on) spent_.resize(program_.code.size());
+}
+
 Status Vm::run(std::uint64_t budget) {
   if (final_ != Status::kBudget) return final_;
   for (; budget > 0; --budget) {
     if (stop_ != nullptr && stop_->load(std::memory_order_relaxed)) return Status::kInterrupted;
-    if (Segment* fused = segment(budget)) {
+    if (Segment* fused = profiling_ ? nullptr : segment(budget)) {
       fused->run(masks_.mask());
       next_ = fused->exit();
       executed_ += fused->steps();
@@ -80,7 +85,7 @@ Status Vm::run(std::uint64_t budget) {
       continue;
     }
     const std::size_t at = next_;
-    const Status status = spent_.empty() ? execute(steps_[next_++]) : measure(next_++);
+    const Status status = profiling_ ? measure(next_++) : execute(steps_[next_++]);
     ++executed_;
     if (status == Status::kBudget) continue;
     if (status == Status::kTick) return status;

@@ -31,7 +31,7 @@ struct VmOptions {
   const KernelTable* kernels = nullptr;
   // How instructions are run together; nothing here changes a result.
   FuseOptions fuse{};
-  // Count and time every instruction; they run one at a time then.
+  // Count and time every instruction; they run one at a time then. See Vm::set_profiling().
   bool profile = false;
 };
 
@@ -74,11 +74,14 @@ class Vm {
   const program::Program& program() const noexcept { return program_; }
   std::size_t next() const noexcept { return next_; }  // index of the instruction to come
   std::uint64_t executed() const noexcept { return executed_; }
-  // By instruction; empty without VmOptions::profile.
+  // By instruction; empty if it was never profiled.
   const std::vector<Spent>& spent() const noexcept { return spent_; }
+  // From here on; what was counted stays. Allocates the first time.
+  void set_profiling(bool on);
   std::size_t call_depth() const noexcept { return calls_.size(); }
   Plane plane(std::size_t register_index) const noexcept { return storage_.registers[register_index]; }
   float& variable(std::size_t index) noexcept { return storage_.scalars[index]; }
+  float variable(std::size_t index) const noexcept { return storage_.scalars[index]; }
 
  private:
   void reserve_masks();
@@ -143,6 +146,7 @@ class Vm {
   std::vector<PluginArgument> plugin_arguments_;
   std::size_t next_ = 0;
   std::uint64_t executed_ = 0;
+  bool profiling_ = false;
   std::vector<Spent> spent_;
   Status final_ = Status::kBudget;  // set once the program can go no further
   std::string error_;

@@ -69,6 +69,16 @@ Status Vm::host_call(const Step& step) {
     case Opcode::kShow:
       host_.show(register_name(step), step.text);
       return Status::kBudget;
+    case Opcode::kLabel: {
+      NumberBuffer buffer;
+      host_.label(step.text, number_text(*step.scalars[1], buffer));
+      return Status::kBudget;
+    }
+    case Opcode::kLabelText: {
+      const program::Instruction& label = program_.code[static_cast<std::size_t>(&step - steps_.data())];
+      host_.label(program_.texts[label.operands[0].index], program_.texts[label.operands[1].index]);
+      return Status::kBudget;
+    }
     case Opcode::kSetPalette:
       host_.set_palette(register_name(step), step.text);
       return Status::kBudget;

@@ -5,7 +5,8 @@
  * at most (handshake.pml has them whole), so that waiting is looking again and again. Each step is one load, one store
  * or one atomic exchange of the protocol; what lies between is private.
  *
- * Variants that must fail: LINE_UNCHECKED, TRUST_LINE, FORGET_PREDECESSOR, PID_ONLY, STORE_CLAIM, NO_LIVENESS.
+ * Variants that must fail: LINE_UNCHECKED, TRUST_LINE, FORGET_PREDECESSOR, PID_ONLY, STORE_CLAIM, NO_LIVENESS,
+ * LEAVING_UNSEEN.
  */
 #ifndef kSurfaces
 #define kSurfaces 1
@@ -23,7 +24,7 @@
 
 /* Controllers are 1 … kControllers, surfaces 1 … kSurfaces; 0 is nobody. */
 bool killed_controller[4], killed_surface[3];
-bool left_in_order[4], ended[4]; /* controllers */
+bool ended[4]; /* controllers */
 byte kills;
 
 #ifdef PID_ONLY
@@ -37,6 +38,7 @@ byte name;
 
 /* One segment for each surface: [surface]. */
 byte claim[3], detached[3];
+bool says_closing[3]; /* the controller's state */
 bool closing[3];
 byte sensor_word[3];
 byte actuator_word[3], line_frame[3], line_answers[3];
@@ -69,20 +71,24 @@ inline look_at_controller() {
      do
      :: departures = detached[me];
         known = claim[me];
-        if :: detached[me] == departures -> break :: else fi
+#ifndef LEAVING_UNSEEN
+        leaving = says_closing[me];
+#endif
+        if
+        :: claim[me] == known -> if :: detached[me] == departures -> break :: else fi
+        :: else
+        fi
      od
   :: else
   fi;
   if
-  :: known == 0 -> status = NO_CONTROLLER
+  :: d_step { known == 0 -> status = NO_CONTROLLER; departures = 0; leaving = false }
   :: else ->
      if
      :: claim[me] != known ->
-        status = (detached[me] != departures -> CONTROLLER_LEFT : CONTROLLER_DIED);
-        /* None is called dead that neither died nor began to leave. (Adopted between the two steps of its leaving, it
-         * is called dead; nothing but the message depends on it.) */
-        assert(status == CONTROLLER_LEFT || killed_controller[known] || left_in_order[known]);
-        d_step { known = 0; departures = 0 }
+        status = (leaving || detached[me] != departures -> CONTROLLER_LEFT : CONTROLLER_DIED);
+        assert(status == CONTROLLER_LEFT || killed_controller[known]); /* none is called dead that did not die */
+        d_step { known = 0; departures = 0; leaving = false }
 #ifndef NO_LIVENESS
      :: claim[me] == known && DEAD(known) ->
 #ifdef STORE_CLAIM
@@ -91,7 +97,7 @@ inline look_at_controller() {
         d_step { if :: claim[me] == known -> claim[me] = 0 :: else fi };
 #endif
         status = CONTROLLER_DIED;
-        d_step { known = 0; departures = 0 }
+        d_step { known = 0; departures = 0; leaving = false }
 #endif
      :: else
      fi
@@ -103,7 +109,7 @@ inline look_at_controller() {
 
 proctype surface(byte me) {
   byte frame, taken, known, departures, status;
-  bool settled = true;
+  bool settled = true, leaving;
   {
     /* A living owner refuses; a dead one's segment is reclaimed (names.pml). Here the second starts after the first. */
     (me == 1 || surfaces_over == me - 1);
@@ -172,6 +178,7 @@ inline attach() {
 
 /* Goes on where the predecessor stopped: only what its last whole slot says. */
 inline take_over() {
+  says_closing[to] = false;
   frame = actuator_word[to];
 #ifdef FORGET_PREDECESSOR
   answered = 0;
@@ -207,7 +214,8 @@ inline publish_answer() {
 }
 
 inline detach() {
-  d_step { detached[to]++; left_in_order[me] = true };
+  says_closing[to] = true;
+  detached[to]++;
   d_step { if :: claim[to] == me -> claim[to] = 0 :: else fi }
 }
 

@@ -27,7 +27,6 @@ struct ControllerEndpoint::Impl {
         passive(description.mode == Mode::kPassive),
         own(self) {
     if (passive) copy = Arrays(geometry.sensor_array_bytes());
-    copies = passive;
   }
   ~Impl() { detach(); }
 
@@ -41,8 +40,9 @@ struct ControllerEndpoint::Impl {
   bool is_new(std::uint32_t newest) const noexcept;
   Status take(std::uint32_t newest) noexcept;
   Status copy_newest() noexcept;
-  void copy_arrays(std::uint32_t of, std::size_t from, std::size_t to) noexcept;
-  void copy_along() noexcept;
+  std::span<const std::byte> next_cells(int number, const WaitOptions&) noexcept;
+  bool next_now(int number, const ssp_channel&, std::span<const std::byte>& cells) noexcept;
+  void give_answer_up() noexcept;
   Status publish() noexcept;
   Status surface_status(bool look_up) noexcept;
 
@@ -61,13 +61,13 @@ struct ControllerEndpoint::Impl {
   bool pending = false;        // time-step: the frame taken last waits for its answer
   std::uint64_t answered = 0;  // the newest sensor frame that any controller of this session answered
   std::uint64_t frame = 0;     // actuator frame published last
-  bool copies = false;         // sensor() shows `copy`: always so in passive mode
-  Arrays copy;                 // the sensor frame taken last
+  Arrays copy;                 // passive: the sensor frame taken last
   Counters counters;
-  Patience patience;
+  Patience patience, patience_for_more;  // for a frame; for its second piece and all that follow
 
-  PieceWriter writer{header.actuator_progress, header.actuators.word, header.surface_waiting.flag};
-  PieceReader pieces{header.sensor_progress};
+  PieceWriter writer{header.actuator_progress, header.actuators.word, header.surface_waiting.flag,
+                     geometry.actuator_array_bytes()};
+  Handout handout;
 };
 
 void ControllerEndpoint::Impl::claim() {
@@ -101,7 +101,8 @@ void ControllerEndpoint::Impl::take_over() noexcept {
   store_relaxed(header.controller.repeated, std::uint64_t{0});
   store_relaxed(header.controller.clamped, std::uint64_t{0});
   store_relaxed(header.controller.deadline_misses, std::uint64_t{0});
-  store_relaxed(header.controller.state, static_cast<std::uint32_t>(State::kReady));
+  // Released: who sees this state sees that the place is no longer the predecessor's.
+  store_release(header.controller.state, static_cast<std::uint32_t>(State::kReady));
   actuators.open(frame + 1);
   increment(header.claim.attached);
   if (load_sequential(header.surface_waiting.flag)) futex_wake(header.claim.attached);
@@ -142,30 +143,13 @@ bool ControllerEndpoint::Impl::is_new(std::uint32_t newest) const noexcept {
   return passive || load_relaxed(header.sensors.frame) != answered;
 }
 
-// Bytes `from` to `to` of that frame's slot.
-void ControllerEndpoint::Impl::copy_arrays(std::uint32_t of, std::size_t from, std::size_t to) noexcept {
-  for (const auto& c : geometry.channels) {
-    if (c.direction != SSP_SENSOR) continue;
-    part_of(c, from, to, [&](std::size_t at, std::size_t bytes) {
-      copy_frame(copy.array(c) + at, sensors.array(of, c).data() + at, bytes);
-    });
-  }
-}
-
-// While the surface still writes the next frame.
-void ControllerEndpoint::Impl::copy_along() noexcept {
-  pieces.look(word + 1, 0, geometry.geometry.sensor_slot_bytes, [&](std::size_t from, std::size_t to) {
-    ++patience.pieces;
-    copy_arrays(word + 1, from, to);
-  });
-}
-
 Status ControllerEndpoint::Impl::copy_newest() noexcept {
   for (int attempt = 0; attempt < 3; ++attempt) {
     const std::uint32_t newest = load_acquire(header.sensors.word);
     const FrameInfo taken = sensors.stamp(newest);
     if (taken.frame == 0) continue;
-    copy_arrays(newest, sizeof(ssp_slot), geometry.geometry.sensor_slot_bytes);
+    for (const auto& c : geometry.channels)
+      if (c.direction == SSP_SENSOR) copy_frame(copy.array(c), sensors.array(newest, c).data(), c.bytes);
     if (!sensors.still_whole(taken)) continue;
     // Frames before the first one taken are no loss: this controller was not there yet.
     if (word != 0) counters.skipped += newest - word - 1;
@@ -181,15 +165,20 @@ Status ControllerEndpoint::Impl::take(std::uint32_t newest) noexcept {
   if (load_acquire(header.controller.state) == SSP_STATE_READY)
     store_relaxed(header.controller.state, static_cast<std::uint32_t>(State::kRunning));
   if (passive) return copy_newest();
+  if (!handout.fits(newest, 0)) {
+    give_answer_up();
+    return Status::kTorn;
+  }
   // The surface leaves the line and the slot alone until the answer, so the slot's own line need not travel.
   const FrameInfo taken = announced(header.sensors);
-  if (copies) copy_arrays(newest, pieces.finish(newest, 0), geometry.geometry.sensor_slot_bytes);
   fence_acquire();
   if (load_relaxed(header.sensors.word) != newest || static_cast<std::uint32_t>(taken.frame) != newest)
     return Status::kTorn;
   word = newest;
   info = taken;
   pending = true;
+  handout.restart();
+  writer.answered();
   return Status::kOk;
 }
 
@@ -197,19 +186,18 @@ Status ControllerEndpoint::Impl::await_sensors(const WaitOptions& options) noexc
   std::uint32_t newest = load_acquire(header.sensors.word);
   if (pending && newest == word) return Status::kOutOfTurn;
   pending = false;
-  const bool along = copies && !passive && geometry.sensor_array_bytes() >= kLargeFrame;
   const auto ready = [&]() noexcept {
     newest = load_acquire(header.sensors.word);
-    if (is_new(newest)) return true;
-    if (along) copy_along();
-    return false;
+    return is_new(newest);
   };
   const auto peer = [&](bool look_up) noexcept { return surface_status(look_up); };
   const Doorbell bell{header.sensors.word, header.controller_waiting.flag, header.sensors.cpu};
   // More than once only when a surface that did not know of us yet published on, just as we looked.
   for (int attempt = 0; attempt < 3; ++attempt) {
     if (const Status s = wait_until(bell, options, patience, ready, peer); s != Status::kOk) return s;
+    const bool in_pieces = !handout.fits(newest, 0);
     if (take(newest) == Status::kOk) return Status::kOk;
+    if (in_pieces) break;  // its user has to hear of it
   }
   return Status::kTorn;
 }
@@ -225,16 +213,57 @@ Status ControllerEndpoint::Impl::latest_sensors() noexcept {
   return Status::kRepeated;
 }
 
+// Hands out what is there of the frame to come, or of the one that has just come. True: there was some, or
+// what was handed out before is of another frame.
+bool ControllerEndpoint::Impl::next_now(int number, const ssp_channel& c,
+                                        std::span<const std::byte>& cells) noexcept {
+  const std::uint32_t newest = load_acquire(header.sensors.word);
+  const bool whole = is_new(newest);
+  const std::uint32_t of = whole ? newest : newest + 1;
+  if (!handout.fits(of, 0)) return true;
+  const std::size_t slot_bytes = geometry.geometry.sensor_slot_bytes;
+  const std::size_t end = whole ? slot_bytes : final_bytes(header.sensor_progress, of, slot_bytes);
+  cells = handout.next(of, 0, number, c, end, sensors.array(of, c));
+  return !cells.empty();
+}
+
+std::span<const std::byte> ControllerEndpoint::Impl::next_cells(int number,
+                                                                const WaitOptions& options) noexcept {
+  const auto& c = geometry.channels[static_cast<std::size_t>(number)];
+  if (passive || pending || handout.is_over(number, c)) return {};
+  std::span<const std::byte> cells;
+  // Asked again after it said yes, it must not hand out the next piece as well.
+  const auto ready = [&]() noexcept { return !cells.empty() || next_now(number, c, cells); };
+  const auto peer = [&](bool look_up) noexcept { return surface_status(look_up); };
+  const Doorbell bell{header.sensors.word, header.controller_waiting.flag, header.sensors.cpu};
+  // Why it ended, if there are none, await_sensors() will find out for itself.
+  (void)wait_until(bell, options, handout.has_begun() ? patience_for_more : patience, ready, peer);
+  return cells;
+}
+
+// What was written of an answer that will not be published may have been read already: the next one gets a
+// number of its own, so that nobody takes the two for one.
+void ControllerEndpoint::Impl::give_answer_up() noexcept {
+  handout.restart();
+  if (!writer.has_announced(frame + 1)) return;
+  ++frame;
+  actuators.open(frame + 1);
+}
+
 Status ControllerEndpoint::Impl::publish() noexcept {
   if (!claimed) return Status::kOutOfTurn;  // detached: the place may be another's by now
   if (!passive) {
     if (!pending) return Status::kOutOfTurn;
     pending = false;
-    if (load_acquire(header.sensors.word) != word) return Status::kTorn;
+    if (load_acquire(header.sensors.word) != word) {
+      give_answer_up();
+      return Status::kTorn;
+    }
     answered = info.frame;
   }
   ++frame;
   const FrameInfo now{frame, info.tick, info.time_s, info.frame, 0};
+  writer.finish(frame);
   actuators.close(now);
   announce(header.actuators, now, current_cpu());
   ring(header.actuators.word, static_cast<std::uint32_t>(frame), header.surface_waiting.flag);
@@ -269,7 +298,7 @@ std::span<const std::byte> ControllerEndpoint::sensor_bytes(int channel,
                                                             [[maybe_unused]] DType dtype) const noexcept {
   const auto& c = impl_->geometry.channels[static_cast<std::size_t>(channel)];
   assert(c.direction == SSP_SENSOR && c.dtype == static_cast<std::uint32_t>(dtype));
-  if (impl_->copies) return impl_->copy.bytes(c);
+  if (impl_->passive) return impl_->copy.bytes(c);
   return impl_->sensors.array(impl_->word, c);
 }
 
@@ -279,10 +308,11 @@ std::span<std::byte> ControllerEndpoint::actuator_bytes(int channel, [[maybe_unu
   return impl_->actuators.array(impl_->frame + 1, c);
 }
 
-void ControllerEndpoint::take_copies() {
-  if (impl_->copies) return;
-  impl_->copy = Arrays(impl_->geometry.sensor_array_bytes());
-  impl_->copies = true;
+std::span<const std::byte> ControllerEndpoint::next_bytes(int channel, [[maybe_unused]] DType dtype,
+                                                          const WaitOptions& options) noexcept {
+  [[maybe_unused]] const auto& c = impl_->geometry.channels[static_cast<std::size_t>(channel)];
+  assert(c.direction == SSP_SENSOR && c.dtype == static_cast<std::uint32_t>(dtype));
+  return impl_->next_cells(channel, options);
 }
 
 void ControllerEndpoint::write_bytes(int channel, [[maybe_unused]] DType dtype, std::size_t at,
@@ -292,8 +322,7 @@ void ControllerEndpoint::write_bytes(int channel, [[maybe_unused]] DType dtype, 
   assert(at <= c.bytes && values.size() <= c.bytes - at);
   const std::uint64_t next = impl_->frame + 1;
   auto* slot = reinterpret_cast<std::byte*>(&impl_->actuators.slot(next));
-  impl_->writer.write(slot, next, c, at, values,
-                      values.size() >= kStreamed && is_elsewhere(impl_->header.sensors.cpu));
+  impl_->writer.write(slot, next, c, at, values, is_elsewhere(impl_->header.sensors.cpu));
 }
 
 Status ControllerEndpoint::await_sensors(const WaitOptions& options) noexcept {

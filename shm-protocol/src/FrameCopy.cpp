@@ -5,7 +5,7 @@
 #include <cstring>
 
 #ifdef __SSE2__
-#include <emmintrin.h>
+#include <immintrin.h>
 #endif
 
 namespace shm_protocol {
@@ -13,29 +13,28 @@ namespace {
 
 constexpr std::size_t kBlock = 4096;  // bytes copied and then checked while they are in the nearest cache
 
-// Four floats at once in any build, by the compilers' vector extension.
-using Floats = float __attribute__((vector_size(16)));
-using Masks = std::int32_t __attribute__((vector_size(16)));
+// Functions compiled for several machines; the one that fits is chosen when the program is loaded. Not with
+// sanitizers, which are not ready that early.
+#if defined(__x86_64__) && !defined(__clang__) && !defined(__SANITIZE_THREAD__) && \
+    !defined(__SANITIZE_ADDRESS__)
+#define FOR_EACH_MACHINE __attribute__((target_clones("default", "avx2", "avx512f")))
+#else
+#define FOR_EACH_MACHINE
+#endif
 
 // Whether every value is within the range; false with any NaN. Reads only, so that the usual case, nothing to
 // replace, costs little more than the copy.
-bool all_within(std::span<const float> values, float lowest, float highest) noexcept {
-  const Floats low = {lowest, lowest, lowest, lowest}, high = {highest, highest, highest, highest};
-  Masks inside[4] = {{-1, -1, -1, -1}, {-1, -1, -1, -1}, {-1, -1, -1, -1}, {-1, -1, -1, -1}};
-  std::size_t i = 0;
-  for (; i + 16 <= values.size(); i += 16) {
-    Floats v[4];
-    std::memcpy(v, &values[i], sizeof v);
-    for (int k = 0; k < 4; ++k) inside[k] &= (v[k] >= low) & (v[k] <= high);
-  }
-  const Masks all = inside[0] & inside[1] & inside[2] & inside[3];
-  bool rest = (all[0] & all[1] & all[2] & all[3]) != 0;
-  for (; i < values.size(); ++i) rest &= values[i] >= lowest && values[i] <= highest;
-  return rest;
+FOR_EACH_MACHINE bool all_within(const float* values, std::size_t count, float lowest,
+                                 float highest) noexcept {
+  std::int32_t outside = 0;
+  for (std::size_t i = 0; i < count; ++i)
+    outside |= static_cast<std::int32_t>(!(values[i] >= lowest)) |
+               static_cast<std::int32_t>(!(values[i] <= highest));
+  return outside == 0;
 }
 
 std::uint64_t check_values(std::span<float> values, float lowest, float highest, float safe) noexcept {
-  if (all_within(values, lowest, highest)) return 0;
+  if (all_within(values.data(), values.size(), lowest, highest)) return 0;
   std::uint64_t replaced = 0;
   for (float& value : values) {
     if (value >= lowest && value <= highest) continue;
@@ -84,20 +83,47 @@ void copy_frame(std::byte* to, const std::byte* from, std::size_t bytes) noexcep
 #endif
 
 #if defined(__SSE2__) && !defined(__SANITIZE_THREAD__)
+namespace {
+
+// Lines of 64 bytes to a multiple of 64.
+void stream_lines(std::byte* to, const std::byte* from, std::size_t lines) noexcept {
+  for (std::size_t at = 0; at < 64 * lines; at += sizeof(__m128i))
+    _mm_stream_si128(reinterpret_cast<__m128i*>(to + at),
+                     _mm_loadu_si128(reinterpret_cast<const __m128i*>(from + at)));
+}
+void copy_lines(std::byte* to, const std::byte* from, std::size_t lines) noexcept {
+  std::memcpy(to, from, 64 * lines);
+}
+
+// The same a line at a time.
+__attribute__((target("avx512f"))) void stream_wide_lines(std::byte* to, const std::byte* from,
+                                                          std::size_t lines) noexcept {
+  for (std::size_t at = 0; at < 64 * lines; at += sizeof(__m512i))
+    _mm512_stream_si512(reinterpret_cast<__m512i*>(to + at), _mm512_loadu_si512(from + at));
+}
+__attribute__((target("avx512f"))) void copy_wide_lines(std::byte* to, const std::byte* from,
+                                                        std::size_t lines) noexcept {
+  for (std::size_t at = 0; at < 64 * lines; at += sizeof(__m512i))
+    _mm512_store_si512(to + at, _mm512_loadu_si512(from + at));
+}
+
+}  // namespace
+
 void stream_frame(std::byte* to, const std::byte* from, std::size_t bytes, bool past_caches) noexcept {
-  if (!past_caches || bytes < 128) {
+  if (bytes < 128) {
     std::memcpy(to, from, bytes);
     return;
   }
+  static const bool wide = __builtin_cpu_supports("avx512f");
   const std::size_t head = (64 - reinterpret_cast<std::uintptr_t>(to) % 64) % 64;
+  const std::size_t lines = (bytes - head) / 64, end = head + 64 * lines;
   std::memcpy(to, from, head);
-  std::size_t at = head;
-  for (; at + 64 <= bytes; at += 64)
-    for (std::size_t k = 0; k < 64; k += sizeof(__m128i))
-      _mm_stream_si128(reinterpret_cast<__m128i*>(to + at + k),
-                       _mm_loadu_si128(reinterpret_cast<const __m128i*>(from + at + k)));
-  std::memcpy(to + at, from + at, bytes - at);
-  _mm_sfence();  // streaming stores are ordered by nothing else, the release store that follows included
+  if (past_caches)
+    (wide ? stream_wide_lines : stream_lines)(to + head, from + head, lines);
+  else
+    (wide ? copy_wide_lines : copy_lines)(to + head, from + head, lines);
+  std::memcpy(to + end, from + end, bytes - end);
+  if (past_caches) _mm_sfence();  // they are ordered by nothing else, the release store that follows included
 }
 #else
 void stream_frame(std::byte* to, const std::byte* from, std::size_t bytes, bool) noexcept {

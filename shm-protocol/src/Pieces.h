@@ -1,83 +1,120 @@
-// Large frames piece by piece: the writer streams its arrays past the caches and says how far it is; a reader
-// that copies anyway copies along, instead of beginning when all is there. Nothing depends on it: a reader
-// that never looks at the progress line finds the whole frame when it is announced.
+// Large frames piece by piece: the writer says how far it is, and a reader may take what is final while the
+// rest is still being written. Nothing depends on it: a reader that never looks at the progress line finds
+// the whole frame when it is announced, and what was taken early counts only once the frame is whole.
 //
 // The progress word: the frame's low 24 bits << 40 | bytes from the slot's beginning that are final.
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
 
 #include "FrameCopy.h"
+#include "StoreChoice.h"
 #include "Waiting.h"
 #include "Words.h"
 #include "shm_protocol/layout.h"
 
 namespace shm_protocol {
 
-constexpr std::size_t kLargeFrame = 64 * 1024;  // array bytes from which progress is worth looking at
-constexpr std::size_t kStreamed = 16 * 1024;    // bytes of a write from which it goes past the caches
-constexpr std::size_t kPiece = 128 * 1024;      // is announced
+constexpr std::size_t kStreamed =
+    4 * 1024;  // bytes of a piece from which a way past the caches is considered
+constexpr std::size_t kSmallestPiece = 8 * 1024, kLargestPiece = 64 * 1024;
+
+// Array bytes of a frame from which progress is worth looking at.
+constexpr std::size_t kLargeFrame = 2 * kSmallestPiece;
 
 constexpr std::uint64_t progress_word(std::uint64_t frame, std::uint64_t bytes) noexcept {
   return (frame & 0xFFFFFF) << 40 | bytes;
 }
 
+// How many bytes of `frame` are final, counted from its slot's beginning: whole lines, so that no element is
+// split. The writer may claim anything; no more than the slot is believed.
+inline std::size_t final_bytes(const ssp_progress& line, std::uint32_t frame,
+                               std::size_t slot_bytes) noexcept {
+  const std::uint64_t word = load_acquire(line.ready);
+  if (word >> 40 != (frame & 0xFFFFFF)) return 0;
+  return std::min<std::uint64_t>(word & ((std::uint64_t{1} << 40) - 1), slot_bytes) / 64 * 64;
+}
+
 class PieceWriter {
  public:
   // `word` is the direction's publication word, on which a reader sleeps while `reader_waiting` is set.
-  PieceWriter(ssp_progress& line, const std::uint32_t& word, const std::uint32_t& reader_waiting)
-      : line_(line), word_(word), reader_waiting_(reader_waiting) {}
+  PieceWriter(ssp_progress& line, const std::uint32_t& word, const std::uint32_t& reader_waiting,
+              std::size_t array_bytes)
+      : line_(line),
+        word_(word),
+        reader_waiting_(reader_waiting),
+        last_(sizeof(ssp_slot) + array_bytes),
+        piece_(std::clamp(array_bytes / 2 / 64 * 64, kSmallestPiece, kLargestPiece)) {}
 
   // Copies `values` to byte `at` of the channel's array in `slot`, which holds `frame`.
   void write(std::byte* slot, std::uint64_t frame, const ssp_channel& c, std::size_t at,
-             std::span<const std::byte> values, bool past_caches) noexcept {
+             std::span<const std::byte> values, bool reader_is_elsewhere) noexcept {
     if (frame != frame_) frame_ = frame, end_ = sizeof(ssp_slot);
+    const bool streamed = reader_is_elsewhere && values.size() >= kStreamed;
+    if (streamed) choice_.begin();
     const std::size_t begin = c.offset + at;
-    for (std::size_t done = 0; done < values.size(); done += kPiece) {
-      const std::size_t bytes = std::min(kPiece, values.size() - done);
-      stream_frame(slot + begin + done, values.data() + done, bytes, past_caches);
+    for (std::size_t done = 0; done < values.size(); done += piece_) {
+      const std::size_t bytes = std::min(piece_, values.size() - done);
+      stream_frame(slot + begin + done, values.data() + done, bytes, streamed && choice_.past_caches());
       // Only what lies without a gap behind what was final before; up to 63 bytes between arrays are padding.
       if (begin + done > end_ + SSP_ARRAY_ALIGNMENT - 1) continue;
       end_ = std::max(end_, begin + done + bytes);
-      if (end_ < kLargeFrame) continue;
-      store_sequential(line_.ready, progress_word(frame, end_));
-      if (load_sequential(reader_waiting_))
-        futex_wake(word_);  // it wakes, copies what is there, and spins on
+      if (end_ - sizeof(ssp_slot) >= kSmallestPiece && end_ + SSP_LINE <= last_) announce();
     }
   }
 
+  // Whether a reader may have taken pieces of that frame.
+  bool has_announced(std::uint64_t frame) const noexcept { return announced_ == frame; }
+
+  // To be called before `frame` is published: nothing may be left that could be taken for a later frame of
+  // the same 24 bits.
+  void finish(std::uint64_t frame) noexcept {
+    if (announced_ == frame || announced_ == 0) return;
+    announced_ = 0;
+    store_release(line_.ready, 0);
+  }
+
+  // The peer answered the frame published last.
+  void answered() noexcept { choice_.end(); }
+
  private:
+  // The end of the frame needs no announcement of its own: it is published next.
+  void announce() noexcept {
+    announced_ = frame_;
+    store_sequential(line_.ready, progress_word(frame_, end_));
+    if (load_sequential(reader_waiting_)) futex_wake(word_);  // it wakes, takes what is there, and spins on
+  }
+
   ssp_progress& line_;
   const std::uint32_t& word_;
   const std::uint32_t& reader_waiting_;
+  std::size_t last_;   // where the slot's arrays end
+  std::size_t piece_;  // bytes announced at once
   std::uint64_t frame_ = 0;
-  std::size_t end_ = 0;  // the slot's bytes up to here are final
+  std::size_t end_ = 0;          // the slot's bytes up to here are final
+  std::uint64_t announced_ = 0;  // the frame that the progress line speaks of
+  StoreChoice choice_;
 };
 
-// What a reader has copied of the frame to come.
+// What a reader has copied of the frame to come. `writer` tells two writers of one frame number apart.
 class PieceReader {
  public:
-  explicit PieceReader(const ssp_progress& line) : line_(line) {}
-
-  // Calls copy(from, to), byte positions in the slot, for what has become final of `frame` since the last
-  // call. `writer` tells two writers of one frame number apart.
+  // Calls copy(from, to), byte positions in the slot, for what lies below `end` and was not copied yet, a
+  // piece at most. True: there was some.
   template <class Copy>
-  void look(std::uint32_t frame, std::uint32_t writer, std::size_t slot_bytes, Copy&& copy) noexcept {
-    const std::uint64_t word = load_acquire(line_.ready);
-    if (word >> 40 != (frame & 0xFFFFFF)) return;
-    // Whole lines: an element is never split. The writer may claim anything; no more than the slot is
-    // believed.
-    const std::size_t end =
-        std::min<std::uint64_t>(word & ((std::uint64_t{1} << 40) - 1), slot_bytes) / 64 * 64;
+  bool follow(std::uint32_t frame, std::uint32_t writer, std::size_t end, Copy&& copy) noexcept {
     if (frame_ != frame || writer_ != writer) restart(frame, writer);
-    if (end <= copied_) return;
-    const std::size_t to = std::min(end, copied_ + kPiece);  // and then look at the word again
+    if (end <= copied_) return false;
+    const std::size_t to = std::min(end, copied_ + kLargestPiece);  // and then look again
     copy(copied_, to);
     copied_ = to;
+    return true;
   }
+  std::size_t copied() const noexcept { return copied_; }
 
   // From where on `frame` of `writer` is still to be copied; forgets it.
   std::size_t finish(std::uint32_t frame, std::uint32_t writer) noexcept {
@@ -91,9 +128,42 @@ class PieceReader {
     frame_ = frame, writer_ = writer, copied_ = sizeof(ssp_slot);
   }
 
-  const ssp_progress& line_;
   std::uint32_t frame_ = 0, writer_ = 0;
   std::size_t copied_ = sizeof(ssp_slot);
+};
+
+// What the user of an endpoint was given of the frame to come, channel by channel.
+class Handout {
+ public:
+  // Whether all that was given, if anything was, is of that frame of that writer.
+  bool fits(std::uint32_t frame, std::uint32_t writer) const noexcept {
+    return !begun_ || (frame_ == frame && writer_ == writer);
+  }
+  bool has_begun() const noexcept { return begun_; }
+  bool is_over(int number, const ssp_channel& c) const noexcept {
+    return begun_ && given_[static_cast<std::size_t>(number)] == c.bytes;
+  }
+  void restart() noexcept {
+    if (begun_) given_.fill(0);
+    begun_ = false;
+  }
+
+  // The part of `array` that lies below `end` of the slot and was not given yet, a piece at most.
+  std::span<const std::byte> next(std::uint32_t frame, std::uint32_t writer, int number, const ssp_channel& c,
+                                  std::size_t end, std::span<const std::byte> array) noexcept {
+    std::size_t& given = given_[static_cast<std::size_t>(number)];
+    const std::size_t there = std::min<std::size_t>(std::max<std::size_t>(end, c.offset) - c.offset, c.bytes);
+    if (there <= given) return {};
+    const auto part = array.subspan(given, std::min(there - given, kLargestPiece));
+    given += part.size();
+    begun_ = true, frame_ = frame, writer_ = writer;
+    return part;
+  }
+
+ private:
+  bool begun_ = false;
+  std::uint32_t frame_ = 0, writer_ = 0;
+  std::array<std::size_t, SSP_MAX_CHANNELS> given_{};  // bytes
 };
 
 // The part of the channel's array that lies in [from, to) of the slot: calls part(byte in the array, bytes).

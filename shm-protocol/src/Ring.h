@@ -98,14 +98,14 @@ class Ring : public RingView {
 };
 
 // Announces a whole frame on the direction's publication line; ring() with the frame's low 32 bits comes
-// next.
+// next. `answers` comes after `frame`: who sees it there sees the frame that it is of.
 inline void announce(ssp_publication& line, const FrameInfo& info, std::uint32_t cpu) noexcept {
   store_relaxed(line.cpu, cpu);
   store_relaxed(line.frame, info.frame);
   store_relaxed(line.tick, info.tick);
   store_relaxed(line.time_s, info.time_s);
-  store_relaxed(line.answers, info.answers);
   store_relaxed(line.status, info.status);
+  store_release(line.answers, info.answers);
 }
 
 inline FrameInfo announced(const ssp_publication& line) noexcept {

@@ -52,7 +52,7 @@ class Pace {
   }
   void took(std::chrono::nanoseconds wait) noexcept {
     usual_ += (std::min<std::chrono::nanoseconds>(wait, 10 * kLongestSpin) - usual_) / 8;
-    if (crowded_ > 0) --crowded_;
+    if (crowded_ > 0 && --crowded_ > 0) return;
     if (wait > kSpin) look_for_a_crowd();
   }
 
@@ -62,6 +62,7 @@ class Pace {
   std::chrono::nanoseconds usual_{0};
   long preemptions_ = -1;  // of this thread, counted last
   int crowded_ = 0;        // so many waits without a stretched spin
+  int penalty_ = 0;        // the crowd's, when it was seen last
 };
 
 // What a side remembers from one wait to the next.

@@ -13,7 +13,11 @@ struct ShapeName {
 };
 constexpr ShapeName kShapeNames[] = {{scene::ShapeKind::kSphere, "sphere"},
                                      {scene::ShapeKind::kBox, "box"},
-                                     {scene::ShapeKind::kCylinder, "cylinder"}};
+                                     {scene::ShapeKind::kCylinder, "cylinder"},
+                                     {scene::ShapeKind::kCapsule, "capsule"},
+                                     {scene::ShapeKind::kCone, "cone"},
+                                     {scene::ShapeKind::kSolid, "solid"}};
+static_assert(std::size(kShapeNames) == scene::kShapeKinds);
 
 constexpr hsize_t kChunkObjects = 64;
 
@@ -36,7 +40,14 @@ std::vector<const char*> texts(std::span<const scene::ObjectSpec> objects, Value
 }
 
 double radius_of(const scene::ObjectSpec& object) {
-  return object.shape == scene::ShapeKind::kBox ? std::numeric_limits<double>::quiet_NaN() : object.radius;
+  const bool round = object.shape != scene::ShapeKind::kBox && object.shape != scene::ShapeKind::kSolid;
+  return round ? object.radius : std::numeric_limits<double>::quiet_NaN();
+}
+
+double height_of(const scene::ObjectSpec& object) {
+  const bool tall = object.shape == scene::ShapeKind::kCylinder || object.shape == scene::ShapeKind::kCapsule ||
+                    object.shape == scene::ShapeKind::kCone;
+  return tall ? object.height : std::numeric_limits<double>::quiet_NaN();
 }
 
 }  // namespace
@@ -57,13 +68,15 @@ bool shape_of(const std::string& name, scene::ShapeKind& shape) {
   return false;
 }
 
-CatalogueWriter::CatalogueWriter(hid_t group, std::vector<scene::Material> materials)
-    : materials_(std::move(materials)) {
+CatalogueWriter::CatalogueWriter(hid_t file, hid_t group, std::vector<scene::Material> materials)
+    : materials_(std::move(materials)), solids_(file) {
   add_field(group, "id", copy_of(H5T_NATIVE_UINT32), 1);
   add_field(group, "label", text_type(), 1);
   add_field(group, "shape", text_type(), 1);
   add_field(group, "material", text_type(), 1);
   add_field(group, "radius", copy_of(H5T_NATIVE_DOUBLE), 1);
+  add_field(group, "height", copy_of(H5T_NATIVE_DOUBLE), 1);
+  add_field(group, "solid", copy_of(H5T_NATIVE_INT32), 1);
   add_field(group, "extents", copy_of(H5T_NATIVE_DOUBLE), 3);
   add_field(group, "mass", copy_of(H5T_NATIVE_DOUBLE), 1);
   add_field(group, "fixed", copy_of(H5T_NATIVE_UINT8), 1);
@@ -101,18 +114,19 @@ void CatalogueWriter::write(const char* name, const void* values, hsize_t count)
   assert(false);
 }
 
-std::uint64_t CatalogueWriter::most_bytes(std::span<const scene::ObjectSpec> objects) {
+std::uint64_t CatalogueWriter::most_bytes(std::span<const scene::ObjectSpec> objects) const {
   if (objects.empty()) return 0;
   constexpr std::uint64_t kBytesAnObject = 512, kBytesAChunkOfAll = kChunkObjects * kBytesAnObject;
   std::uint64_t bytes = kBytesAChunkOfAll + kBytesAnObject * objects.size();
   for (const scene::ObjectSpec& object : objects) bytes += 2 * object.label.size();
-  return bytes;
+  return bytes + solids_.most_bytes(objects);
 }
 
 void CatalogueWriter::append(std::span<const scene::ObjectSpec> objects) {
   using Spec = scene::ObjectSpec;
   const hsize_t count = objects.size();
   if (count == 0) return;
+  solids_.add(objects);
   const auto scalar = [](double v) { return std::vector<double>{v}; };
   const auto vector = [](const Eigen::Vector3d& v) { return std::vector<double>{v.x(), v.y(), v.z()}; };
   const auto material = [&](const Spec& o) -> const scene::Material& {
@@ -131,6 +145,9 @@ void CatalogueWriter::append(std::span<const scene::ObjectSpec> objects) {
     write(name, column<double>(objects, value).data(), count);
   };
   numbers("radius", [&](const Spec& o) { return scalar(radius_of(o)); });
+  numbers("height", [&](const Spec& o) { return scalar(height_of(o)); });
+  const auto solid = [&](const Spec& o) { return std::vector{solids_.number_of(o.solid)}; };
+  write("solid", column<std::int32_t>(objects, solid).data(), count);
   numbers("extents", [&](const Spec& o) { return vector(2.0 * o.half_extents()); });
   numbers("mass", [&](const Spec& o) { return scalar(mass(o)); });
   numbers("initial_position", [&](const Spec& o) { return vector(o.position); });

@@ -8,16 +8,18 @@
 #include <vector>
 
 #include "smartsurf/record/Hdf5.h"
+#include "smartsurf/record/Solids.h"
 #include "smartsurf/scene/SceneSpec.h"
 
 namespace smartsurf::record {
 
 class CatalogueWriter {
  public:
-  CatalogueWriter(hid_t group, std::vector<scene::Material> materials);
+  // `group` is /objects of `file`.
+  CatalogueWriter(hid_t file, hid_t group, std::vector<scene::Material> materials);
   void append(std::span<const scene::ObjectSpec> objects);
   // The most that append() can add to the file.
-  static std::uint64_t most_bytes(std::span<const scene::ObjectSpec> objects);
+  std::uint64_t most_bytes(std::span<const scene::ObjectSpec> objects) const;
 
  private:
   struct Field {
@@ -29,6 +31,7 @@ class CatalogueWriter {
   void write(const char* name, const void* values, hsize_t count);
 
   std::vector<scene::Material> materials_;
+  SolidWriter solids_;
   std::vector<Field> fields_;
   hsize_t written_ = 0;
 };

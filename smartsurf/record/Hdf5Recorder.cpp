@@ -5,6 +5,9 @@
 #include <cassert>
 #include <cstring>
 #include <limits>
+#include <mutex>
+
+#include "smartsurf/record/Hdf5Meta.h"
 
 namespace smartsurf::record {
 namespace {
@@ -31,61 +34,16 @@ Handle create_file(const std::filesystem::path& path) {
   return Handle(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, creation, H5P_DEFAULT), H5Fclose, "cannot be written");
 }
 
-void write_meta(hid_t file, const Meta& meta, const scene::SceneSpec& spec) {
-  const Handle group = create_group(file, "meta");
-  write_attribute(group, "format", std::string("smartsurf-recording"));
-  write_attribute(group, "format_version", std::uint64_t{1});
-  write_attribute(group, "version", std::string(SMARTSURF_VERSION));
-  write_attribute(group, "command_line", meta.command_line);
-  write_attribute(group, "mode", meta.mode);
-  write_attribute(group, "experiment_file", spec.file);
-  write_attribute(group, "experiment", spec.text);
-  write_attribute(group, "program_file", meta.program_file);
-  write_attribute(group, "program", meta.program_text);
-  write_attribute(group, "driver", meta.driver);
-  write_attribute(group, "unsafe", std::uint64_t{meta.unsafe});
-  write_attribute(group, "seed", spec.world.seed);
-  write_attribute(group, "dt_s", spec.world.dt_s);
-  write_attribute(group, "control_period_s", spec.world.control_period_s);
-  write_attribute(group, "iterations", static_cast<std::uint64_t>(spec.world.iterations));
-  write_attribute(group, "gravity", H5T_NATIVE_DOUBLE, spec.world.gravity.data(), 3);
-  write_attribute(group, "ground", std::uint64_t{spec.world.ground});
-  write_attribute(group, "every", static_cast<std::uint64_t>(spec.record.every));
-  const Handle options = create_group(group, "options");
-  for (const scene::OptionSpec& option : spec.options)
-    write_attribute(options, option.name.c_str(), option.value);
-  const Handle set = create_group(group, "set");
-  for (const NamedText& setting : meta.set) {
-    if (has_attribute(set, setting.name.c_str())) H5Adelete(set, setting.name.c_str());  // the last counts
-    write_attribute(set, setting.name.c_str(), setting.value);
-  }
-  const Handle versions = create_group(group, "versions");
-  write_attribute(versions, "smartsurf", std::string(SMARTSURF_VERSION));
-  write_attribute(versions, "hdf5", std::string(H5_VERS_INFO).substr(std::strlen("HDF5 library version: ")));
-  for (const NamedText& version : meta.versions)
-    if (!has_attribute(versions, version.name.c_str()))
-      write_attribute(versions, version.name.c_str(), version.value);
-}
-
-Handle write_surface(hid_t file, const scene::SurfaceSpec& surface) {
-  Handle group = create_group(file, "surface");
-  const scene::PinSpec& pin = surface.pin;
-  const double top[] = {pin.top_x, pin.top_y}, range[] = {pin.min_height, pin.max_height};
-  write_attribute(group, "rows", static_cast<std::uint64_t>(surface.rows));
-  write_attribute(group, "columns", static_cast<std::uint64_t>(surface.columns));
-  write_attribute(group, "pitch", surface.pitch);
-  write_attribute(group, "actuator", std::string("pin"));
-  write_attribute(group, "top", H5T_NATIVE_DOUBLE, top, 2);
-  write_attribute(group, "length", pin.length);
-  write_attribute(group, "range", H5T_NATIVE_DOUBLE, range, 2);
-  write_attribute(group, "max_speed", pin.max_speed);
-  write_attribute(group, "max_acceleration", pin.max_acceleration);
-  if (surface.border_height) write_attribute(group, "border", *surface.border_height);
-  return group;
-}
-
 bool good_channel_name(std::string_view name) {
   return !name.empty() && name != "." && name.find('/') == name.npos && name.find('\0') == name.npos;
+}
+
+// Planes of components in, cells with all their components out: files are read by cell.
+void interleave(const Channel& channel, std::span<float> cells) {
+  const auto components = static_cast<std::size_t>(channel.components);
+  const std::size_t plane = cells.size() / components;
+  for (std::size_t k = 0; k < components; ++k)
+    for (std::size_t i = 0; i < plane; ++i) cells[i * components + k] = channel.values[k * plane + i];
 }
 
 }  // namespace
@@ -96,7 +54,7 @@ struct Hdf5Recorder::Content {
     write_meta(file, meta, spec);
     surface_group = write_surface(file, spec.surface);
     objects_group = create_group(file, "objects");
-    catalogue.emplace(objects_group, spec.materials);
+    catalogue.emplace(file, objects_group, spec.materials);
     catalogue->append(spec.objects);
     objects = spec.objects.size();
     flush();
@@ -236,7 +194,7 @@ void Hdf5Recorder::Content::buffer_channels(std::span<const Channel> channels,
   for (std::size_t i = 0; i < series.size(); ++i) {
     const std::span<float> row = series[i].row<float>(buffered);
     assert(channels[i].values.size() == row.size());
-    std::copy(channels[i].values.begin(), channels[i].values.end(), row.begin());
+    interleave(channels[i], row);
   }
 }
 
@@ -299,7 +257,7 @@ void Hdf5Recorder::Content::flush() {
 // A frame exists once it has its tick: the ticks are written and flushed when everything else already is, so
 // that a kill in the middle cannot leave a frame that is half there.
 void Hdf5Recorder::Content::write() {
-  std::uint64_t most_bytes = kMetadataBytes + CatalogueWriter::most_bytes(newcomers);
+  std::uint64_t most_bytes = kMetadataBytes + catalogue->most_bytes(newcomers);
   if (buffered > 0) {
     with_series([&](const FrameSeries& series) { most_bytes += series.most_bytes(); });
     most_bytes += tick->most_bytes();
@@ -323,8 +281,19 @@ void Hdf5Recorder::Content::write() {
   written_at = std::chrono::steady_clock::now();
 }
 
+namespace {
+
+// Debian's library keeps its tables without locks: recorders of several worlds take turns in it.
+std::mutex& library_turn() {
+  static std::mutex turn;
+  return turn;
+}
+
+}  // namespace
+
 template <class Action>
 void Hdf5Recorder::guarded(Action action) {
+  const std::lock_guard turn(library_turn());
   if (!content_) return;
   try {
     action(*content_);
@@ -336,6 +305,7 @@ void Hdf5Recorder::guarded(Action action) {
 
 Hdf5Recorder::Hdf5Recorder(const std::filesystem::path& path, const Meta& meta, const scene::SceneSpec& spec)
     : Recorder(spec.record.every), name_(path.string()) {
+  const std::lock_guard turn(library_turn());
   try {
     content_ = std::make_unique<Content>(path, meta, spec);
   } catch (const Hdf5Error& error) {
@@ -348,6 +318,8 @@ Hdf5Recorder::~Hdf5Recorder() {
     guarded([](Content& content) { content.write(); });
   } catch (const std::runtime_error&) {  // a destructor has nobody to tell
   }
+  const std::lock_guard turn(library_turn());
+  content_.reset();
 }
 
 void Hdf5Recorder::record(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
@@ -392,8 +364,8 @@ void Hdf5Recorder::close(const Result& result) {
     write_attribute(meta, "simulated_s", result.simulated_s);
     write_attribute(meta, "state_hash", result.state_hash);
     content.flush();
+    content_.reset();
   });
-  content_.reset();
 }
 
 }  // namespace smartsurf::record

@@ -65,7 +65,10 @@ class Share {
 }  // namespace
 
 double size_of(const scene::ObjectSpec& object) {
-  return object.shape == scene::ShapeKind::kBox ? (object.size.x() + object.size.y()) / 4.0 : object.radius;
+  if (object.shape == scene::ShapeKind::kBox) return (object.size.x() + object.size.y()) / 4.0;
+  if (object.shape != scene::ShapeKind::kSolid) return object.radius;
+  const Eigen::Vector3f edges = object.solid->high - object.solid->low;
+  return static_cast<double>(edges.x() + edges.y()) / 4.0;
 }
 
 std::vector<SizeClass> size_classes(const std::vector<scene::ObjectSpec>& catalogue) {

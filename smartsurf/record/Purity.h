@@ -7,7 +7,8 @@
 //   smaller mean size is "small" (at equal sizes: the one that comes first in the alphabet) and objects
 //   without a label belong to none. Otherwise, by size: below the middle between the smallest and the largest
 //   size an object is small, else large; when all are of one size there are no classes, and no purity. Size:
-//   the radius of a sphere or cylinder; of a box half the mean of its x and y edges. Standing in its own
+//   the radius of a sphere, cylinder, capsule or cone; of a box, or the box around a solid, half the mean of its
+//   x and y edges. Standing in its own
 //   half: the centre of mass lies, in x and y, within the outline of the surface's cells, and on its side of
 //   x = (columns − 1)·pitch/2. On the line, or fallen off the surface, is in no half. Sorted: purity ≥ 0.95
 //   now and at every later sample for 5 s; sorted_at is the first such time.

@@ -6,7 +6,8 @@
 // cannot be written any more (disk full), after which every further call does nothing. Frames are buffered
 // and written some 64 at a time or after a second, so that most ticks only copy memory; a killed process
 // leaves a readable file that ends with the last write. frame() allocates at its first call and when objects
-// were added. One thread at a time, and no other HDF5 user beside it: Debian's library is not thread-safe.
+// were added. One recorder is one thread's at a time; several take
+// turns in the HDF5 library, which Debian builds without locks; no other HDF5 user may run beside them.
 #pragma once
 
 #include <cstdint>
@@ -36,7 +37,7 @@ struct Meta {
   std::vector<NamedText> set;  // --set NAME=VALUE, in order
   bool unsafe = false;         // --unsafe
   std::vector<NamedText>
-      versions;  // of what computed the run: {"bullet", "3.24"}, …; the recorder adds its own
+      versions;  // of what computed the run: {"physics", "0.1.0"}, …; the recorder adds its own
 };
 
 // One sensor's or actuator's values over the surface.
@@ -44,7 +45,7 @@ struct Channel {
   std::string_view name;  // no '/'; the same channels in the same order at every frame
   int rows = 0, columns = 0, components = 1;
   std::span<const float>
-      values;  // rows × columns × components, row-major, row 0 north; the channel's own unit
+      values;  // components × rows × columns, each component a whole plane, row 0 north; the channel's own unit
 };
 
 // How the run ended.

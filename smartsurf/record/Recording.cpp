@@ -9,6 +9,7 @@
 #include "smartsurf/record/ChangeLog.h"
 #include "smartsurf/record/Hdf5Reading.h"
 #include "smartsurf/record/ReadingTrial.h"
+#include "smartsurf/record/Solids.h"
 
 namespace smartsurf::record {
 namespace {
@@ -187,6 +188,10 @@ void Recording::Content::read_catalogue() {
   hsize_t n = stored_entries(open_dataset(group, "id", 1), sizeof(std::uint32_t));
   for (const char* name : {"label", "shape", "material"})  // a killed run may have got only this far
     n = std::min(n, extents(open_dataset(group, name, 1))[0]);
+  const auto solids = read_solids(file);
+  const bool has_shapes = H5Lexists(group, "height", H5P_DEFAULT) > 0;  // older recordings know none with a solid
+  std::vector<std::int32_t> solid(n, -1);
+  if (has_shapes) solid = read_column<std::int32_t>(group, "solid", H5T_NATIVE_INT32, n);
   const auto label = read_texts(group, "label", n), shape = read_texts(group, "shape", n),
              material = read_texts(group, "material", n);
   const auto numbers = [&](const char* name, hsize_t width) {
@@ -196,6 +201,9 @@ void Recording::Content::read_catalogue() {
              fixed = numbers("fixed", 1), colour = numbers("colour", 3), p = numbers("initial_position", 3),
              q = numbers("initial_orientation", 4), v = numbers("initial_velocity", 3),
              w = numbers("initial_angular_velocity", 3);
+  std::vector<double> height(n);
+  for (hsize_t i = 0; i < n; ++i) height[i] = extent[3 * i + 2];
+  if (has_shapes) height = numbers("height", 1);
   const auto vector = [](const std::vector<double>& all, std::size_t i) {
     return Eigen::Vector3d(all[3 * i], all[3 * i + 1], all[3 * i + 2]);
   };
@@ -204,8 +212,13 @@ void Recording::Content::read_catalogue() {
     scene::ObjectSpec& object = spec.objects[i];
     if (!shape_of(shape[i], object.shape)) throw Hdf5Error("object shape '" + shape[i] + "' is unknown");
     object.size = vector(extent, i);
-    object.height = object.size.z();
+    object.height = height[i];
     if (object.shape != scene::ShapeKind::kBox) object.radius = radius[i];
+    if (object.shape == scene::ShapeKind::kSolid) {
+      if (solid[i] < 0 || static_cast<std::size_t>(solid[i]) >= solids.size())
+        throw Hdf5Error("object " + std::to_string(i) + " is a solid that is not in the file");
+      object.solid = solids[static_cast<std::size_t>(solid[i])];
+    }
     object.label = label[i];
     object.mass = mass[i];
     object.fixed = fixed[i] != 0.0;

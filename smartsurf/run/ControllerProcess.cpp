@@ -22,10 +22,6 @@ namespace {
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 
-bool is_apron_program(const std::string& controller) {
-  return controller.ends_with(".aps") && controller.find_first_of(" \t;|&<>$") == std::string::npos;
-}
-
 // The apron that was built or installed with this smartsurf; else whatever PATH has.
 std::string apron_executable() {
   std::error_code error;
@@ -34,11 +30,14 @@ std::string apron_executable() {
   return !error && access(beside.c_str(), X_OK) == 0 ? beside.string() : "apron";
 }
 
-std::vector<std::string> command_for(const std::string& controller, const std::string& shm_name) {
+std::vector<std::string> command_for(const std::string& controller, const std::string& shm_name,
+                                     bool with_window) {
   if (is_apron_program(controller)) {
     if (!fs::is_regular_file(controller))
       throw scene::InputError(fmt::format("--controller {}: no such program", controller));
-    return {apron_executable(), "run", controller, "--shm", shm_name};
+    std::vector<std::string> command = {apron_executable(), "run", controller, "--shm", shm_name};
+    if (with_window) command.insert(command.end(), {"--window", "--geometry", "beside"});
+    return command;
   }
   std::string command = controller;
   static const std::string kPlace = "{shm}";
@@ -47,7 +46,9 @@ std::vector<std::string> command_for(const std::string& controller, const std::s
   return {"/bin/sh", "-c", command};
 }
 
-[[noreturn]] void become(const std::vector<std::string>& command) {
+[[noreturn]] void become(const std::vector<std::string>& command, const std::string& shm_name) {
+  setenv("SMARTSURF_SHM", shm_name.c_str(),
+         1);  // here, in the child: several worlds share the parent's environment
   // If the simulator is killed outright, the controller must not outlive it for long.
   prctl(PR_SET_PDEATHSIG, SIGTERM);
   std::vector<char*> arguments;
@@ -60,12 +61,16 @@ std::vector<std::string> command_for(const std::string& controller, const std::s
 
 }  // namespace
 
-ControllerProcess::ControllerProcess(const std::string& controller, const std::string& shm_name) {
-  const std::vector<std::string> command = command_for(controller, shm_name);
-  setenv("SMARTSURF_SHM", shm_name.c_str(), 1);
+bool is_apron_program(const std::string& controller) {
+  return controller.ends_with(".aps") && controller.find_first_of(" \t;|&<>$") == std::string::npos;
+}
+
+ControllerProcess::ControllerProcess(const std::string& controller, const std::string& shm_name,
+                                     bool with_window) {
+  const std::vector<std::string> command = command_for(controller, shm_name, with_window);
   pid_ = fork();
   if (pid_ < 0) throw std::system_error(errno, std::generic_category(), "cannot start the controller");
-  if (pid_ == 0) become(command);
+  if (pid_ == 0) become(command, shm_name);
 }
 
 ControllerProcess::~ControllerProcess() {

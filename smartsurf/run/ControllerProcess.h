@@ -14,7 +14,8 @@ class ControllerProcess {
   // Starts `controller`: a program of ours when it ends in .aps (run by the apron beside this executable),
   // else a shell command in which {shm} stands for the segment's name; SMARTSURF_SHM holds it too. Throws
   // scene::InputError when the program does not exist or apron is not there.
-  ControllerProcess(const std::string& controller, const std::string& shm_name);
+  // with_window: a program of ours opens its window too, on the right of the screen.
+  ControllerProcess(const std::string& controller, const std::string& shm_name, bool with_window = false);
   // Asks it to end, waits, and kills it if it will not.
   ~ControllerProcess();
   ControllerProcess(const ControllerProcess&) = delete;
@@ -29,6 +30,9 @@ class ControllerProcess {
   pid_t pid_ = -1;
   std::optional<int> status_;
 };
+
+// Whether this --controller is a program of ours, which can have a window.
+bool is_apron_program(const std::string& controller);
 
 // The command that attaches a controller to a waiting surface, for the user to copy.
 std::string attach_command(const std::string& shm_name);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "smartsurf/run/ControllerProcess.h"
 #include "smartsurf/view/Window.h"
 
 namespace smartsurf::run {
@@ -21,7 +22,9 @@ Display::Display(const RunOptions& options, const scene::SceneSpec& scene) : sce
   if (!options.window) return;
   if (!view::Window::display_available())
     throw scene::InputError("--window: there is no display here; run without it, or set DISPLAY");
-  window_ = std::make_unique<view::Window>(scene_, "smartsurf: " + options.experiment);
+  const bool beside_another = is_apron_program(options.controller);
+  window_ = std::make_unique<view::Window>(scene_, "smartsurf: " + options.experiment, 1280, 720,
+                                           beside_another ? view::Place::kLeft : view::Place::kAnywhere);
 }
 
 Display::~Display() = default;
@@ -47,6 +50,7 @@ view::Status Display::status_of(const DisplayStatus& s, bool paused) const {
   status.actual_pace = s.real_time_factor;
   status.physics_ms = s.physics_ms;
   status.purity = s.purity;
+  status.forces_known = !looking_;
   status.touchable = status.breakable = !looking_ && !s.over;
   status.resettable = s.resettable;
   status.notice = s.notice;
@@ -68,7 +72,13 @@ void Display::refresh(const Simulation& simulation, const DisplayStatus& told, C
     commands = window_->poll(status);
   } else {
     const scene::Snapshot& shown = looking_ ? past_.at(*looking_) : simulation.snapshot();
-    commands = window_->frame({shown, simulation.catalogue(), channels_.of(simulation, shown)}, status);
+    // Of the past nobody knows the forces.
+    if (!looking_ && window_->wants_contacts())
+      contacts_ = contact_marks(simulation);
+    else
+      contacts_.clear();
+    commands =
+        window_->frame({shown, simulation.catalogue(), channels_.of(simulation, shown), contacts_}, status);
     const auto drawn = std::chrono::steady_clock::now();
     // A run that wants all the time it can get has at least as much of it as the drawing.
     const bool hurried =

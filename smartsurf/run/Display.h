@@ -69,6 +69,7 @@ class Display {
   LookBack past_;
   std::optional<std::size_t> looking_;  // at this state of the past
   ViewChannels channels_;
+  std::vector<view::ContactMark> contacts_;
   std::chrono::steady_clock::time_point next_frame_{};
 };
 

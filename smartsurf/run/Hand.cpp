@@ -3,10 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <string_view>
+#include <utility>
 
 namespace smartsurf::run {
 namespace {
 
+constexpr std::string_view kHeight = "height";
 constexpr double kSpringFrequency_Hz = 1.5;
 constexpr double kMostAcceleration = 400.0;  // u/s²: a jump of the pointer must not shoot the object away
 
@@ -47,38 +50,58 @@ bool Hand::apply(HandWishes& wishes, Simulation& simulation) {
   for (const view::Fault& fault : wishes.faults) break_cell(fault, simulation);
   touched |= !wishes.faults.empty() || !broken_.empty();
   wishes.faults.clear();
-  for (const Broken& cell : broken_) simulation.hold_cell(cell.row, cell.column, cell.command);
+  for (const Held& cell : broken_) tell(cell, cell.commands, simulation);
   return touched;
 }
 
-// Stuck: it stays where it is. Dead: it falls to where cells are that nobody drives.
-void Hand::break_cell(const view::Fault& fault, Simulation& simulation) {
-  float before = simulation.told(fault.row, fault.column);
-  std::erase_if(broken_, [&](const Broken& cell) {
-    const bool same = cell.row == fault.row && cell.column == fault.column;
-    if (same) before = cell.before;
-    return same;
-  });
-  const scene::SurfaceSpec& surface = simulation.scene().surface;
-  const auto cell = static_cast<std::size_t>(surface.index(fault.row, fault.column));
-  if (fault.kind == view::FaultKind::kNone)
-    simulation.hold_cell(fault.row, fault.column, before);
-  else
-    broken_.push_back({fault.row, fault.column,
-                       fault.kind == view::FaultKind::kStuck ? simulation.snapshot().height[cell]
-                                                             : static_cast<float>(surface.pin.min_height),
-                       before});
+Hand::Held Hand::hold_as_told(int row, int column, const Simulation& simulation) {
+  Held cell{row, column, {}, {}};
+  const int channels = static_cast<int>(simulation.actuators().size());
+  for (int k = 0; k < channels; ++k) cell.before.push_back(simulation.told(k, row, column));
+  cell.commands = cell.before;
+  return cell;
 }
 
+void Hand::tell(const Held& cell, const std::vector<float>& commands, Simulation& simulation) {
+  for (std::size_t k = 0; k < commands.size(); ++k)
+    simulation.hold_cell(static_cast<int>(k), cell.row, cell.column, commands[k]);
+}
+
+// Stuck: it stays as it is. Dead: it goes where cells go that nobody drives.
+void Hand::break_cell(const view::Fault& fault, Simulation& simulation) {
+  Held cell = hold_as_told(fault.row, fault.column, simulation);
+  std::erase_if(broken_, [&](const Held& other) {
+    const bool same = other.row == fault.row && other.column == fault.column;
+    if (same) cell.before = other.before;
+    return same;
+  });
+  if (fault.kind == view::FaultKind::kNone) return tell(cell, cell.before, simulation);
+  const scene::SurfaceSpec& surface = simulation.scene().surface;
+  const std::vector<scene::ActuatorChannel> channels = surface.actuator_channels();
+  const float height =
+      simulation.snapshot().height[static_cast<std::size_t>(surface.index(fault.row, fault.column))];
+  for (std::size_t k = 0; k < channels.size(); ++k) {
+    if (fault.kind == view::FaultKind::kDead)
+      cell.commands[k] = static_cast<float>(channels[k].safe);
+    else if (channels[k].name == kHeight)
+      cell.commands[k] = height;
+  }
+  broken_.push_back(std::move(cell));
+}
+
+// Only cells that have a height can be poked.
 bool Hand::hold(const std::optional<view::Poke>& poke, Simulation& simulation) {
   const bool same = poke && held_ && held_->row == poke->row && held_->column == poke->column;
   if (held_ && !same) {
-    simulation.hold_cell(held_->row, held_->column, held_->before);
+    tell(*held_, held_->before, simulation);
     held_.reset();
   }
-  if (!poke) return false;
-  if (!held_) held_ = Held{poke->row, poke->column, simulation.told(poke->row, poke->column)};
-  simulation.hold_cell(poke->row, poke->column, static_cast<float>(poke->height));
+  const auto channels = simulation.actuators();
+  const auto height = std::ranges::find(channels, kHeight, &record::Channel::name);
+  if (!poke || height == channels.end()) return false;
+  if (!held_) held_ = hold_as_told(poke->row, poke->column, simulation);
+  simulation.hold_cell(static_cast<int>(height - channels.begin()), poke->row, poke->column,
+                       static_cast<float>(poke->height));
   return true;
 }
 

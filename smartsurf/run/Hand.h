@@ -24,20 +24,18 @@ class Hand {
   bool apply(HandWishes& wishes, Simulation& simulation);
 
  private:
+  // A cell that takes these for its commands, one a channel; before: what it was told when nobody held it.
   struct Held {
     int row, column;
-    float before;  // what the cell was told when nobody held it
+    std::vector<float> commands, before;
   };
+  static Held hold_as_told(int row, int column, const Simulation& simulation);
+  static void tell(const Held& cell, const std::vector<float>& commands, Simulation& simulation);
   bool hold(const std::optional<view::Poke>& poke, Simulation& simulation);
   void break_cell(const view::Fault& fault, Simulation& simulation);
 
   std::optional<Held> held_;
-  struct Broken {
-    int row, column;
-    float command;  // what the cell takes every command for
-    float before;
-  };
-  std::vector<Broken> broken_;
+  std::vector<Held> broken_;
 };
 
 }  // namespace smartsurf::run

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <utility>
 
 namespace smartsurf::run {
 namespace {
@@ -13,7 +14,11 @@ using Clock = std::chrono::steady_clock;
 
 }  // namespace
 
-Progress::Progress() : terminal_(isatty(STDERR_FILENO) != 0), started_(Clock::now()), next_(started_) {}
+Progress::Progress(std::string who)
+    : who_(std::move(who)),
+      terminal_(who_.empty() && isatty(STDERR_FILENO) != 0),
+      started_(Clock::now()),
+      next_(started_) {}
 
 void Progress::restart() { started_ = Clock::now(); }
 
@@ -41,7 +46,7 @@ void Progress::draw(double simulated_s, std::optional<double> until_s, const cha
 
 void Progress::say(const std::string& message) {
   if (shown_) fmt::print(stderr, "\r\033[K");
-  fmt::print(stderr, "smartsurf: {}\n", message);
+  fmt::print(stderr, "smartsurf: {}{}{}\n", who_, who_.empty() ? "" : ": ", message);
 }
 
 }  // namespace smartsurf::run

@@ -10,7 +10,8 @@ namespace smartsurf::run {
 
 class Progress {
  public:
-  Progress();
+  // who: stands before every message, as "world 3"; such a one of many shows no line.
+  explicit Progress(std::string who = "");
 
   // Redraws the line, four times a second at most. until_s: the simulated time at which the work ends at the
   // latest.
@@ -24,6 +25,7 @@ class Progress {
  private:
   void draw(double simulated_s, std::optional<double> until_s, const char* end);
 
+  std::string who_;
   bool terminal_, shown_ = false;
   std::chrono::steady_clock::time_point started_, next_;
 };

@@ -9,6 +9,8 @@
 #include <sstream>
 #include <thread>
 
+#include "smartsurf/mesh/SolidLibrary.h"
+
 namespace smartsurf::run {
 namespace {
 
@@ -24,6 +26,7 @@ script::LoadOptions load_options(const RunOptions& options) {
   load.set = options.set;
   load.seed = options.seed;
   load.unsafe = options.unsafe;
+  load.solids = std::make_shared<mesh::SolidLibrary>();
   // Where a script may write: beside the run's other output, else nowhere.
   if (!options.recordings.empty()) {
     const std::filesystem::path folder = std::filesystem::path(options.recordings.front()).parent_path();
@@ -72,6 +75,7 @@ Run::Run(const RunOptions& options, const std::atomic<bool>& stop, script::Exper
       simulation_(experiment_, options.threads, options.no_controller),
       display_(display_for(options, experiment_.scene(), std::move(display))),
       pictures_(options.screenshots, options.video_file, options.look, experiment_.scene()),
+      progress_(options.world ? fmt::format("world {}", *options.world) : ""),
       pacer_(options.pace),
       purity_(experiment_.scene().surface),
       last_tick_(last_tick(options, experiment_.scene().world)) {
@@ -80,7 +84,7 @@ Run::Run(const RunOptions& options, const std::atomic<bool>& stop, script::Exper
   open_recordings();
   controls_.paused = options.paused && display_->has_window();
   if (link_ && !options.controller.empty())
-    child_ = std::make_unique<ControllerProcess>(options.controller, link_->name());
+    child_ = std::make_unique<ControllerProcess>(options.controller, link_->name(), options.window);
 }
 
 Run::~Run() = default;
@@ -94,7 +98,7 @@ void Run::open_recordings() {
   meta.driver = options_.no_controller ? "script" : "controller";
   for (const auto& [name, value] : options_.set) meta.set.push_back({name, value});
   meta.unsafe = options_.unsafe;
-  meta.versions = {{"bullet", world::physics_version()}};
+  meta.versions = {{"physics", world::physics_version()}};
   for (const auto& file : options_.recordings)
     recorders_.push_back(record::Recorder::open(file, meta, experiment_.scene()));
 }
@@ -142,7 +146,8 @@ bool Run::tick() {
   times_.lap(Phase::kActuate);
   if (link_) {
     if (!receive_actuators()) return false;
-    simulation_.actuate(link_->heights());
+    for (int channel = 0; channel < link_->actuator_channels(); ++channel)
+      simulation_.actuate(channel, link_->targets(channel));
     times_.lap(Phase::kActuate);
   }
   obey_hand();
@@ -161,11 +166,11 @@ bool Run::tick() {
 bool Run::advance_physics() {
   const int steps = simulation_.scene().world.steps_per_tick();
   for (int i = 0; i < steps; ++i) {
-    simulation_.plan_pins();
+    simulation_.plan_cells();
     times_.lap(Phase::kActuate);
     simulation_.step_physics();
     times_.lap(Phase::kPhysics);
-    simulation_.move_pins();
+    simulation_.move_cells();
     times_.lap(Phase::kActuate);
   }
   if (const auto bad = simulation_.first_not_finite()) {
@@ -207,10 +212,10 @@ bool Run::receive_actuators() {
   }
 }
 
-// Passive: physics does not wait; the pins keep their last targets.
+// Passive: physics does not wait; the actuators keep their last targets.
 bool Run::fly_on_without_controller(Status status) {
   if (status != Status::kNoController)
-    progress_.say(fmt::format("{}; the pins keep their last heights", text(status)));
+    progress_.say(fmt::format("{}; the actuators keep their last targets", text(status)));
   return !child_ || !child_ended();
 }
 
@@ -347,7 +352,6 @@ void Run::finish() {
 RunSummary Run::summary() const {
   const scene::Snapshot& snapshot = simulation_.snapshot();
   const scene::WorldSpec& world = simulation_.scene().world;
-  const scene::SurfaceSpec& surface = simulation_.scene().surface;
   RunSummary s;
   s.experiment = options_.experiment;
   s.mode = options_.mode == RunMode::kTimeStep ? "time-step" : "passive";
@@ -359,15 +363,12 @@ RunSummary Run::summary() const {
   s.wall_s = wall_s_;
   s.objects = snapshot.objects();
   s.contacts = snapshot.contacts;
+  s.metrics = experiment_.metrics();
   s.state_hash = snapshot.state_hash;
   if (std::isfinite(purity_.value())) s.purity = purity_.value();
   s.sorted_at_s = purity_.sorted_at();
-  for (const auto& p : snapshot.position) {
-    const double half = surface.pitch / 2.0;
-    const bool over = p[0] > -half && p[0] < (surface.columns - 1) * surface.pitch + half && p[1] > -half &&
-                      p[1] < (surface.rows - 1) * surface.pitch + half && p[2] > surface.pin.min_height;
-    s.off_surface += !over;
-  }
+  s.off_surface = simulation_.table().off();
+  s.left_table = simulation_.table().left_so_far();
   if (link_) {
     s.sensor_frames_skipped = link_->endpoint().controller_counters().skipped;
     s.actuator_frames_repeated = link_->endpoint().counters().repeated;
@@ -376,13 +377,15 @@ RunSummary Run::summary() const {
   return s;
 }
 
-void Run::write_stats() const {
-  const std::string part = options_.stats_file + ".part";
+void Run::write_stats() const { write_whole_file("--stats", options_.stats_file, stats_json()); }
+
+void write_whole_file(const std::string& flag, const std::string& file, const std::string& text) {
+  const std::string part = file + ".part";
   std::ofstream out(part, std::ios::binary);
-  out << to_json(summary(), times_);
+  out << text;
   out.close();
-  if (!out || std::rename(part.c_str(), options_.stats_file.c_str()) != 0)
-    throw scene::InputError(fmt::format("--stats {}: cannot write the file", options_.stats_file));
+  if (!out || std::rename(part.c_str(), file.c_str()) != 0)
+    throw scene::InputError(fmt::format("{} {}: cannot write the file", flag, file));
 }
 
 }  // namespace smartsurf::run

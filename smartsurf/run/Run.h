@@ -23,6 +23,9 @@
 
 namespace smartsurf::run {
 
+// Writes a file in one piece or not at all. Throws scene::InputError that names the flag and the file.
+void write_whole_file(const std::string& flag, const std::string& file, const std::string& text);
+
 class Run {
  public:
   // What a run that the user wants to begin anew hands to the next.
@@ -38,6 +41,9 @@ class Run {
   Run(const RunOptions&, const std::atomic<bool>& stop, script::Experiment,
       std::unique_ptr<Display> display = nullptr);
   ~Run();
+
+  // The figures about the run so far, as --stats writes them.
+  std::string stats_json() const { return to_json(summary(), times_); }
 
   // Runs to the end and returns the exit status. Throws scene::InputError for a mistake in the script's
   // events, after everything recorded has been kept.

@@ -4,10 +4,13 @@
 #include <CLI/CLI.hpp>
 #include <memory>
 
+#include "smartsurf/mesh/SolidLibrary.h"
 #include "smartsurf/run/Flags.h"
 #include "smartsurf/run/Run.h"
+#include "smartsurf/run/Simulation.h"
 #include "smartsurf/run/StopSignals.h"
 #include "smartsurf/run/Subcommands.h"
+#include "smartsurf/run/Worlds.h"
 
 namespace smartsurf::run {
 namespace {
@@ -21,6 +24,7 @@ struct RunFlags {
   std::optional<std::uint64_t> seed, ticks;
   std::string until;
   int threads = 1;
+  int worlds = 0;  // 0: not asked for
 };
 
 void add_script_flags(CLI::App& app, RunFlags& f) {
@@ -36,7 +40,9 @@ void add_run_flags(CLI::App& app, RunFlags& f) {
                "Show this help; with an experiment also the options that its script makes");
   app.add_option("experiment", f.experiment, "The experiment, a Lua script")->type_name("EXPERIMENT.lua");
   app.add_flag("--headless", f.headless, "Run without a window (the default)");
-  app.add_flag("--window", f.window, "Open a window; runs in real time unless --pace says otherwise");
+  app.add_flag("--window", f.window,
+               "Open a window, and that of an APRON program beside it; runs in real time unless --pace says "
+               "otherwise");
   app.add_flag("--paused", f.paused, "Begin paused, in the window");
   app.add_option("--mode", f.mode,
                  "time-step: physics waits for the controller; passive: it follows the clock")
@@ -55,6 +61,11 @@ void add_run_flags(CLI::App& app, RunFlags& f) {
   add_script_flags(app, f);
   app.add_option("--threads", f.threads, "Threads for actuators and sensors; changes no result")
       ->check(CLI::Range(1, 256))
+      ->type_name("N");
+  app.add_option(
+         "--worlds", f.worlds,
+         "So many copies at once, with seeds counting up; NAME-0, NAME-1 … are their surfaces and files")
+      ->check(CLI::Range(1, kMostWorlds))
       ->type_name("N");
   app.add_option("--record", f.record, "Record the run, as HDF5 or CSV")
       ->type_name("FILE.h5|FILE.csv")
@@ -91,6 +102,7 @@ script::Experiment load_silently(const std::string& file,
   options.set = std::move(set);
   options.seed = seed;
   options.print = [](std::string_view) {};
+  options.solids = std::make_shared<mesh::SolidLibrary>();
   return script::Experiment::load(file, options);
 }
 
@@ -101,6 +113,9 @@ RunOptions judge(const RunFlags& f, const std::string& command_line) {
   reject_both(f.no_controller && !f.controller.empty(), "--controller and --no-controller");
   reject_both(f.no_controller && !f.shm.empty(), "--shm and --no-controller");
   reject_both(!f.until.empty() && f.ticks, "--until and --ticks");
+  const bool pictures = f.window || !f.screenshot.empty() || !f.video.empty();
+  if (f.worlds > 0 && pictures)
+    throw scene::InputError("--worlds: many worlds have no window, screenshot or video; record them");
   RunOptions o;
   o.experiment = f.experiment;
   o.command_line = command_line;
@@ -158,13 +173,16 @@ int run_command(CLI::App& app, const RunFlags& flags, const std::string& command
       print_options(load_silently(flags.experiment, pairs_of(flags.set), flags.seed).scene());
     return kDone;
   }
-  return status_after_signals(run_until_done(judge(flags, command_line)));
+  const RunOptions options = judge(flags, command_line);
+  return status_after_signals(flags.worlds > 0 ? run_worlds(options, flags.worlds, catch_stop_signals())
+                                               : run_until_done(options));
 }
 
 int check_command(const RunFlags& flags) {
   const auto experiment = load_silently(flags.experiment, pairs_of(flags.set), flags.seed);
   const std::string& file = flags.experiment;
   const auto& scene = experiment.scene();
+  check_surface(scene);
   fmt::print("{}: ok: {} x {} cells, {} objects, {} options\n", file, scene.surface.rows,
              scene.surface.columns, scene.objects.size(), scene.options.size());
   return kDone;

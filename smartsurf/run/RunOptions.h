@@ -40,6 +40,7 @@ struct RunOptions {
   std::string video_file;
   Look look;
   bool unsafe = false;
+  std::optional<int> world;  // which of several in this process; nullopt: the only one
 };
 
 }  // namespace smartsurf::run

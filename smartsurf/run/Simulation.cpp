@@ -4,57 +4,107 @@
 #include <cassert>
 
 namespace smartsurf::run {
+namespace {
+
+surface::FaultMap fault_map(const scene::SurfaceSpec& surface) {
+  if (!surface.faults.map) return {};
+  surface::FaultMap map(*surface.faults.map, surface.rows, surface.columns);
+  std::vector<std::string> channels = surface.sensor_channels();
+  for (const auto& channel : surface.actuator_channels()) channels.push_back(channel.name);
+  map.require_channels(channels);
+  // What an entry says of every channel of its cell, sensors and actuators each pass over where it is not
+  // theirs.
+  static const std::vector<std::string> kFaults{"stuck",     "dead",       "weak", "late",
+                                                "stuck_low", "stuck_high", "gain", "offset"};
+  for (const surface::FaultEntry& entry : map.entries())
+    if (entry.channel.empty() && std::ranges::find(kFaults, entry.fault) == kFaults.end())
+      map.refuse(entry, "fault '" + entry.fault.substr(0, 40) + "': no fault of an actuator or a sensor");
+  return map;
+}
+
+}  // namespace
+
+void check_surface(const scene::SceneSpec& scene) {
+  const surface::FaultMap map = fault_map(scene.surface);
+  const surface::ActuatorArray cells(scene.surface, map, scene.world.seed);
+  const surface::SensorArray senses(scene, cells.field(), map);
+}
 
 Simulation::Simulation(script::Experiment& experiment, int threads, bool scripted_actuators)
     : experiment_(experiment),
       scripted_actuators_(scripted_actuators),
       pool_(threads),
-      field_(experiment.scene().surface),
-      world_(experiment.scene(), field_),
-      catalogue_(experiment.scene().objects) {
-  for (const auto& sensor : scene().surface.sensors) proximity_.emplace_back(scene().surface, sensor.range);
+      cells_(experiment.scene().surface, fault_map(experiment.scene().surface),
+             experiment.scene().world.seed),
+      senses_(experiment.scene(), cells_.field(), fault_map(experiment.scene().surface)),
+      world_(experiment.scene(), cells_.field(), &pool_),
+      catalogue_(experiment.scene().objects),
+      table_(experiment.scene().surface) {
   list_channels();
-  world_.snapshot(snapshot_);
+  take_snapshot();
+  table_.watch(snapshot_, catalogue_);
   sense();
   experiment_.start(*this);
 }
 
 void Simulation::list_channels() {
   const auto& surface = scene().surface;
-  sensor_names_ = surface.sensor_channels();
-  for (std::size_t i = 0; i < proximity_.size(); ++i) {
-    sensors_.push_back({sensor_names_[2 * i], surface.rows, surface.columns, 1, proximity_[i].distance()});
-    sensors_.push_back({sensor_names_[2 * i + 1], surface.rows, surface.columns, 1, proximity_[i].hit()});
+  for (std::size_t k = 0; k < senses_.channels().size(); ++k) {
+    const scene::SensorChannel& channel = senses_.channels()[k];
+    sensors_.push_back({channel.name, surface.rows, surface.columns, channel.components,
+                        senses_.readings(static_cast<int>(k))});
   }
-  actuators_.push_back({"height", surface.rows, surface.columns, 1, field_.target()});
+  for (std::size_t k = 0; k < cells_.channels().size(); ++k)
+    actuators_.push_back(
+        {cells_.channels()[k].name, surface.rows, surface.columns, 1, cells_.targets(static_cast<int>(k))});
 }
 
-void Simulation::run_script() { experiment_.tick(snapshot_.time_s, snapshot_.tick); }
-
-void Simulation::actuate(std::span<const float> height_targets) noexcept {
-  field_.set_targets(height_targets);
+void Simulation::run_script() {
+  experiment_.leave(snapshot_.time_s, snapshot_.tick, table_.left());
+  if (scene().world.off_table == scene::OffTable::kRemove)
+    for (const scene::ObjectId id : table_.left()) world_.remove(id);
+  experiment_.tick(snapshot_.time_s, snapshot_.tick);
 }
 
-void Simulation::plan_pins() noexcept { field_.plan(scene().world.dt_s); }
-void Simulation::step_physics() { world_.step(); }
-void Simulation::move_pins() noexcept { field_.commit(scene().world.dt_s); }
+void Simulation::actuate(int channel, std::span<const float> targets) noexcept {
+  cells_.set_targets(channel, targets);
+}
+
+void Simulation::plan_cells() noexcept {
+  if (!std::exchange(tick_began_, true)) cells_.begin_tick();
+  cells_.plan(scene().world.dt_s);
+}
+
+void Simulation::step_physics() {
+  if (cells_.exerts_forces())
+    cells_.forces(scene().world.dt_s, world_.bodies(), catalogue_, world_.wrenches());
+  world_.step();
+  senses_.feel(cells_.field().impulse);
+}
+
+void Simulation::move_cells() noexcept { cells_.commit(scene().world.dt_s); }
+
+void Simulation::take_snapshot() {
+  world_.snapshot(snapshot_);
+  cells_.show(snapshot_.motion);
+}
 
 void Simulation::look() {
-  world_.snapshot(snapshot_);
+  take_snapshot();
+  tick_began_ = false;
   ++snapshot_.tick;
   // Counted, not summed: the same time at the same tick, however long the run.
   snapshot_.time_s = static_cast<double>(snapshot_.tick) * scene().world.control_period_s;
+  table_.watch(snapshot_, catalogue_);
 }
 
-void Simulation::sense() {
-  for (auto& p : proximity_) p.sense(snapshot_, catalogue_, pool_);
-}
+void Simulation::sense() { senses_.sense(snapshot_, catalogue_, pool_); }
 
 ScriptRequests Simulation::take_requests() noexcept { return std::exchange(requests_, {}); }
 
 scene::ObjectId Simulation::spawn(const scene::ObjectSpec& spec) {
-  catalogue_.push_back(spec);
   const scene::ObjectId id = world_.add(spec);
+  catalogue_.push_back(spec);
   assert(id + 1 == catalogue_.size());
   return id;
 }
@@ -88,20 +138,40 @@ void Simulation::require_scripted_actuators() const {
         "the controller drives the actuators: cells:target and cells:targets need --no-controller");
 }
 
-void Simulation::target(const std::string&, int row, int column, float value) {
-  require_scripted_actuators();
-  field_.set_target(row, column, value);
+int Simulation::actuator_channel(const std::string& name) const {
+  const auto it = std::ranges::find(actuators_, name, &record::Channel::name);
+  if (it == actuators_.end()) throw scene::InputError("no actuator channel '" + name + "'");
+  return static_cast<int>(it - actuators_.begin());
 }
 
-void Simulation::targets(const std::string&, std::span<const float> values) {
+void Simulation::target(const std::string& channel, int row, int column, float value) {
   require_scripted_actuators();
-  field_.set_targets(values);
+  cells_.set_target(actuator_channel(channel), row, column, value);
 }
 
-float Simulation::sense(const std::string& channel, int row, int column) const {
-  for (const auto& c : sensors_)
-    if (c.name == channel) return c.values[static_cast<std::size_t>(row * c.columns + column)];
-  throw scene::InputError("no sensor channel '" + channel + "'");
+void Simulation::targets(const std::string& channel, std::span<const float> values) {
+  require_scripted_actuators();
+  cells_.set_targets(actuator_channel(channel), values);
+}
+
+int Simulation::sensor_channel(const std::string& name) const {
+  const auto it = std::ranges::find(sensors_, name, &record::Channel::name);
+  if (it == sensors_.end()) throw scene::InputError("no sensor channel '" + name + "'");
+  return static_cast<int>(it - sensors_.begin());
+}
+
+std::size_t Simulation::place_in_planes(int row, int column, int component) const {
+  const auto& surface = scene().surface;
+  return static_cast<std::size_t>(component) * static_cast<std::size_t>(surface.cells()) +
+         static_cast<std::size_t>(surface.index(row, column));
+}
+
+float Simulation::sense(const std::string& channel, int row, int column, int component) const {
+  return senses_.readings(sensor_channel(channel))[place_in_planes(row, column, component)];
+}
+
+float Simulation::truth(const std::string& channel, int row, int column, int component) const {
+  return senses_.truth(sensor_channel(channel))[place_in_planes(row, column, component)];
 }
 
 void Simulation::pace(std::optional<double> factor) {

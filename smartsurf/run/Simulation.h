@@ -9,11 +9,12 @@
 #include <vector>
 
 #include "smartsurf/record/Recorder.h"
+#include "smartsurf/run/TableWatch.h"
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/script/Experiment.h"
 #include "smartsurf/script/Host.h"
-#include "smartsurf/surface/PinField.h"
-#include "smartsurf/surface/Proximity.h"
+#include "smartsurf/surface/ActuatorArray.h"
+#include "smartsurf/surface/SensorArray.h"
 #include "smartsurf/surface/WorkerPool.h"
 #include "smartsurf/world/World.h"
 
@@ -26,6 +27,9 @@ struct ScriptRequests {
   std::optional<double> pace;  // nullopt: as fast as possible
 };
 
+// Reads the tables that the experiment names: throws scene::InputError where one does not fit the surface.
+void check_surface(const scene::SceneSpec&);
+
 class Simulation final : public script::Host {
  public:
   // With `scripted_actuators` the script sets the actuators; otherwise its cells:target is refused.
@@ -37,15 +41,17 @@ class Simulation final : public script::Host {
   // ----------------------------------------------------------------- Throws scene::InputError for a mistake
   // in the script.
   void run_script();
-  void actuate(std::span<const float> height_targets) noexcept;  // rows × columns
-  // By hand: what one cell is told, whoever drives the others; and what it was told last.
-  void hold_cell(int row, int column, float height) noexcept { field_.set_target(row, column, height); }
-  float told(int row, int column) const noexcept {
-    return field_.target()[static_cast<std::size_t>(scene().surface.index(row, column))];
+  void actuate(int channel, std::span<const float> targets) noexcept;  // of actuators(); rows × columns
+  // By hand: what one cell of the channel is told, whoever drives the others; and what it was told last.
+  void hold_cell(int channel, int row, int column, float target) noexcept {
+    cells_.set_target(channel, row, column, target);
   }
-  void plan_pins() noexcept;  // these three once a physics step
+  float told(int channel, int row, int column) const noexcept {
+    return cells_.targets(channel)[static_cast<std::size_t>(scene().surface.index(row, column))];
+  }
+  void plan_cells() noexcept;  // these three once a physics step
   void step_physics();
-  void move_pins() noexcept;
+  void move_cells() noexcept;
   void look();   // counts the tick and takes the snapshot
   void sense();  // sensor frames of that snapshot
 
@@ -56,6 +62,9 @@ class Simulation final : public script::Host {
   const scene::Snapshot& snapshot() const noexcept { return snapshot_; }
   // Every object ever created, index = id.
   const std::vector<scene::ObjectSpec>& catalogue() const noexcept { return catalogue_; }
+  // The contacts of the last physics step that bore any load. Allocates.
+  std::vector<world::ContactPoint> contacts() const { return world_.contacts(); }
+  const TableWatch& table() const noexcept { return table_; }
   std::span<const record::Channel> sensors() const noexcept { return sensors_; }
   std::span<const record::Channel> actuators() const noexcept { return actuators_; }
   ScriptRequests take_requests() noexcept;
@@ -73,7 +82,8 @@ class Simulation final : public script::Host {
   void place(scene::ObjectId, const script::Placement&) override;
   void target(const std::string& channel, int row, int column, float value) override;
   void targets(const std::string& channel, std::span<const float> values) override;
-  float sense(const std::string& channel, int row, int column) const override;
+  float sense(const std::string& channel, int row, int column, int component) const override;
+  float truth(const std::string& channel, int row, int column, int component) const override;
   void stop() override { requests_.stop = true; }
   void quit() override { requests_.quit = true; }
   void pause() override { requests_.pause = true; }
@@ -82,16 +92,21 @@ class Simulation final : public script::Host {
  private:
   void require_scripted_actuators() const;
   void list_channels();
+  void take_snapshot();
+  int actuator_channel(const std::string& name) const;
+  int sensor_channel(const std::string& name) const;
+  std::size_t place_in_planes(int row, int column, int component) const;
 
   script::Experiment& experiment_;
   bool scripted_actuators_;
   surface::WorkerPool pool_;
-  surface::PinField field_;
+  surface::ActuatorArray cells_;
+  surface::SensorArray senses_;
   world::World world_;
-  std::vector<surface::Proximity> proximity_;  // one a sensor of the scene
   std::vector<scene::ObjectSpec> catalogue_;
+  TableWatch table_;
   scene::Snapshot snapshot_;
-  std::vector<std::string> sensor_names_;
+  bool tick_began_ = false;  // whether the actuators know of the tick that runs
   std::vector<record::Channel> sensors_, actuators_;
   ScriptRequests requests_;
 };

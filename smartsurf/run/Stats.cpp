@@ -49,6 +49,8 @@ std::string to_json(const RunSummary& run, const PhaseTimes& times) {
     phases[kNames[i]] = {
         {"median", h.quantile_ms(0.5)}, {"p99", h.quantile_ms(0.99)}, {"total_s", h.total_s()}};
   }
+  ordered_json metrics = ordered_json::object();
+  for (const auto& [name, value] : run.metrics) metrics[name] = value;
   ordered_json json{{"experiment", run.experiment},
                     {"mode", run.mode},
                     {"outcome", run.outcome},
@@ -61,13 +63,15 @@ std::string to_json(const RunSummary& run, const PhaseTimes& times) {
                     {"ms_per_tick", phases},
                     {"objects", run.objects},
                     {"off_surface", run.off_surface},
+                    {"left_table", run.left_table},
                     {"contacts", run.contacts},
                     {"state_hash", fmt::format("{:016x}", run.state_hash)},
                     {"purity", run.purity ? ordered_json(*run.purity) : ordered_json(nullptr)},
                     {"sorted_at_s", run.sorted_at_s ? ordered_json(*run.sorted_at_s) : ordered_json(nullptr)},
                     {"sensor_frames_skipped", run.sensor_frames_skipped},
                     {"actuator_frames_repeated", run.actuator_frames_repeated},
-                    {"actuator_values_clamped", run.actuator_values_clamped}};
+                    {"actuator_values_clamped", run.actuator_values_clamped},
+                    {"metrics", metrics}};
   return json.dump(2) + "\n";
 }
 

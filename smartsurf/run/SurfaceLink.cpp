@@ -6,6 +6,16 @@
 namespace smartsurf::run {
 namespace {
 
+// None for a regular grid. An empty cell of a free layout stands at the origin; its height there is the
+// lowest.
+std::vector<std::array<float, 3>> positions(const scene::SurfaceSpec& surface) {
+  std::vector<std::array<float, 3>> all;
+  for (std::size_t i = 0; i < surface.places.size(); ++i)
+    all.push_back({static_cast<float>(surface.places[i].x), static_cast<float>(surface.places[i].y),
+                   surface.base.empty() ? 0.0F : surface.base[i]});
+  return all;
+}
+
 shm_protocol::SurfaceConfig describe(const std::string& name, RunMode mode, const scene::SceneSpec& scene) {
   using namespace shm_protocol;
   SurfaceConfig config;
@@ -15,15 +25,15 @@ shm_protocol::SurfaceConfig describe(const std::string& name, RunMode mode, cons
   config.pitch = scene.surface.pitch;
   config.period_ns = static_cast<std::uint64_t>(std::llround(scene.world.control_period_s * 1e9));
   config.mode = mode == RunMode::kTimeStep ? Mode::kTimeStep : Mode::kPassive;
-  const std::vector<std::string> names = scene.surface.sensor_channels();
-  for (std::size_t i = 0; i < scene.surface.sensors.size(); ++i) {
-    const double range = scene.surface.sensors[i].range;
-    config.channels.push_back({names[2 * i], Direction::kSensor, DType::kF32, 1, "u", 0.0, range, range});
-    config.channels.push_back({names[2 * i + 1], Direction::kSensor, DType::kF32, 1, "", 0.0, 1.0, 0.0});
-  }
-  const auto& pin = scene.surface.pin;
-  config.channels.push_back(
-      {"height", Direction::kActuator, DType::kF32, 1, "u", pin.min_height, pin.max_height, pin.min_height});
+  for (const scene::SensorChannel& channel : scene::channels_of(scene.surface.sensors))
+    config.channels.push_back({channel.name, Direction::kSensor,
+                               channel.type == scene::SensorChannel::Type::kCount ? DType::kU32 : DType::kF32,
+                               static_cast<std::uint32_t>(channel.components), channel.unit, channel.minimum,
+                               channel.maximum, channel.none});
+  for (const scene::ActuatorChannel& channel : scene.surface.actuator_channels())
+    config.channels.push_back({channel.name, Direction::kActuator, DType::kF32, 1, channel.unit,
+                               channel.minimum, channel.maximum, channel.safe});
+  config.positions = positions(scene.surface);
   return config;
 }
 
@@ -42,13 +52,21 @@ SurfaceLink::SurfaceLink(const std::string& name, RunMode mode, const scene::Sce
     : name_(name),
       mode_(mode),
       endpoint_(open(describe(name, mode, scene))),
-      height_channel_(endpoint_.description().channel(shm_protocol::Direction::kActuator, "height")) {}
+      // describe() lists the sensors first.
+      first_actuator_(static_cast<int>(scene.surface.sensor_channels().size())),
+      actuator_channels_(static_cast<int>(scene.surface.actuator_channels().size())) {}
 
 shm_protocol::Status SurfaceLink::publish(std::uint64_t tick, double time_s,
                                           std::span<const record::Channel> sensors) noexcept {
   // The simulation lists its channels in the order in which describe() declared them.
-  for (std::size_t i = 0; i < sensors.size(); ++i)
-    std::ranges::copy(sensors[i].values, endpoint_.sensor<float>(static_cast<int>(i)).begin());
+  for (std::size_t i = 0; i < sensors.size(); ++i) {
+    const int channel = static_cast<int>(i);
+    if (endpoint_.description().channels[i].dtype == shm_protocol::DType::kU32)
+      std::ranges::transform(sensors[i].values, endpoint_.sensor<std::uint32_t>(channel).begin(),
+                             [](float value) { return static_cast<std::uint32_t>(value); });
+    else
+      endpoint_.write(channel, 0, std::span<const float>(sensors[i].values));
+  }
   return endpoint_.publish(tick, time_s);
 }
 

@@ -18,8 +18,8 @@ namespace smartsurf::run {
 
 class SurfaceLink {
  public:
-  // Sensor channels: each sensor's distance "NAME" and hit mask "NAME_hit" (both f32); actuator channel
-  // "height". Throws scene::InputError when the name cannot be had.
+  // Its channels are those of the surface's sensors, then those of its actuators. Throws scene::InputError
+  // when the name cannot be had.
   SurfaceLink(const std::string& name, RunMode, const scene::SceneSpec&);
 
   // Writes the frames into shared memory and publishes them.
@@ -30,8 +30,11 @@ class SurfaceLink {
   [[nodiscard]] shm_protocol::Status receive(std::uint64_t tick, std::chrono::nanoseconds patience,
                                              const std::atomic<bool>& stop) noexcept;
 
-  // rows × columns: the frame received last; the safe heights before the first.
-  std::span<const float> heights() const noexcept { return endpoint_.actuator<float>(height_channel_); }
+  int actuator_channels() const noexcept { return actuator_channels_; }
+  // Of the n-th actuator channel, rows × columns: the frame received last; the safe values before the first.
+  std::span<const float> targets(int channel) const noexcept {
+    return endpoint_.actuator<float>(first_actuator_ + channel);
+  }
 
   shm_protocol::SurfaceEndpoint& endpoint() noexcept { return endpoint_; }
   const std::string& name() const noexcept { return name_; }
@@ -40,7 +43,7 @@ class SurfaceLink {
   std::string name_;
   RunMode mode_;
   shm_protocol::SurfaceEndpoint endpoint_;
-  int height_channel_;
+  int first_actuator_, actuator_channels_;
 };
 
 }  // namespace smartsurf::run

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <filesystem>
 
+#include "smartsurf/mesh/SolidLibrary.h"
 #include "smartsurf/run/Simulation.h"
 
 namespace smartsurf::run {
@@ -61,17 +62,27 @@ script::Experiment load_again(const record::Recording& recording, const fs::path
   load.unsafe = recording.meta().unsafe;
   load.text = recording.spec().text;
   load.output_folder = scratch;
-  load.print = [](std::string_view) {};
+  load.solids = std::make_shared<mesh::SolidLibrary>();
+  load.print = load.note = [](std::string_view) {};
   return script::Experiment::load(recording.spec().file, std::move(load));
+}
+
+// All channels one after another, as they were recorded.
+void actuate(Simulation& simulation, std::span<const float> inputs) {
+  int channel = 0;
+  for (const record::Channel& told : simulation.actuators()) {
+    simulation.actuate(channel++, inputs.first(told.values.size()));
+    inputs = inputs.subspan(told.values.size());
+  }
 }
 
 void advance(Simulation& simulation, std::optional<std::span<const float>> inputs) {
   simulation.run_script();
-  if (inputs) simulation.actuate(*inputs);
+  if (inputs) actuate(simulation, *inputs);
   for (int i = simulation.scene().world.steps_per_tick(); i > 0; --i) {
-    simulation.plan_pins();
+    simulation.plan_cells();
     simulation.step_physics();
-    simulation.move_pins();
+    simulation.move_cells();
   }
   simulation.look();
   simulation.sense();

@@ -11,19 +11,22 @@ view::Channel height_channel(const scene::SurfaceSpec& surface) {
 }
 
 view::Channel sensor_channel(const scene::SurfaceSpec& surface, const std::string& name) {
-  const std::vector<std::string> names = surface.sensor_channels();
-  for (std::size_t i = 0; i < surface.sensors.size(); ++i) {
-    if (name == names[2 * i]) return {name, "u", {}, 0.0F, static_cast<float>(surface.sensors[i].range)};
-    if (name == names[2 * i + 1]) return {name, "", {}, 0.0F, 1.0F};
-  }
+  for (const scene::SensorChannel& channel : scene::channels_of(surface.sensors))
+    if (channel.name == name)
+      return {
+          name, channel.unit, {}, static_cast<float>(channel.minimum), static_cast<float>(channel.maximum)};
   return {name, "", {}, 0.0F, 0.0F};
 }
 
 view::Channel actuator_channel(const scene::SurfaceSpec& surface, const std::string& name) {
-  view::Channel channel{"command: " + name, "", {}, 0.0F, 0.0F};
-  if (name != "height") return channel;
-  const view::Channel height = height_channel(surface);
-  return {channel.name, height.unit, {}, height.low, height.high};
+  for (const scene::ActuatorChannel& channel : surface.actuator_channels())
+    if (channel.name == name)
+      return {"command: " + name,
+              channel.unit,
+              {},
+              static_cast<float>(channel.minimum),
+              static_cast<float>(channel.maximum)};
+  return {"command: " + name, "", {}, 0.0F, 0.0F};
 }
 
 void ViewChannels::name(const Simulation& simulation) {
@@ -45,6 +48,14 @@ std::span<const view::Channel> ViewChannels::of(const Simulation& simulation, co
     channels_[1 + i].values = now && channel.components == 1 ? channel.values : std::span<const float>{};
   }
   return channels_;
+}
+
+std::vector<view::ContactMark> contact_marks(const Simulation& simulation) {
+  const auto dt_s = static_cast<float>(simulation.scene().world.dt_s);
+  std::vector<view::ContactMark> marks;
+  for (const world::ContactPoint& contact : simulation.contacts())
+    marks.push_back({contact.point, contact.normal * (contact.impulse / dt_s)});
+  return marks;
 }
 
 }  // namespace smartsurf::run

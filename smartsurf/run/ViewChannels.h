@@ -22,6 +22,9 @@ class ViewChannels {
   std::vector<view::Channel> channels_;
 };
 
+// The contacts that bear a load, with the mean force of the last physics step.
+std::vector<view::ContactMark> contact_marks(const Simulation&);
+
 // A channel's name and range; without values.
 view::Channel height_channel(const scene::SurfaceSpec&);
 view::Channel sensor_channel(const scene::SurfaceSpec&, const std::string& name);

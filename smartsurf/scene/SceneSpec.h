@@ -13,6 +13,8 @@
 #include <string>
 #include <vector>
 
+#include "smartsurf/scene/ActuatorSpec.h"
+#include "smartsurf/scene/SensorSpec.h"
 #include "smartsurf/scene/Solid.h"
 
 namespace smartsurf::scene {
@@ -27,8 +29,11 @@ class InputError : public std::runtime_error {
 // The nearest of `known` to `word` by edit distance, or "" when nothing is near enough to suggest.
 std::string nearest_name(const std::string& word, const std::vector<std::string>& known);
 
+// A number as messages show it: short, in the C locale.
+std::string text_of(double);
+
 struct Colour {
-  float r = 0.7f, g = 0.7f, b = 0.7f;  // [0, 1], as a screen shows them (sRGB)
+  float r = 0.93f, g = 0.62f, b = 0.22f;  // [0, 1], as a screen shows them (sRGB); amber, seen on any surface
 };
 
 // Two materials in contact combine as the geometric mean of their frictions and the larger of their
@@ -41,6 +46,8 @@ struct Material {
   double density = 1.0;            // mass per u³, > 0
 };
 
+enum class OffTable { kKeep, kRemove };
+
 struct WorldSpec {
   Eigen::Vector3d gravity{0.0, 0.0, -9.81};  // u/s²
   double dt_s = 1.0 / 240.0;                 // one fixed physics step
@@ -48,6 +55,7 @@ struct WorldSpec {
   double control_period_s = 1.0 / 60.0;      // an integer number of physics steps
   std::uint64_t seed = 1;
   bool ground = true;  // an endless floor under the table, that catches what falls off
+  OffTable off_table = OffTable::kKeep;  // what becomes of objects that leave the table
 
   // Physics steps in one control period (≥ 1).
   int steps_per_tick() const;
@@ -73,47 +81,96 @@ struct ObjectSpec {
   int material = 0;            // index into SceneSpec::materials
   Colour colour;
   std::string label;
+  // What magnets act on, in the object's own frame. Units: those of a magnet's `strength`; 0: not magnetic.
+  double pole = 0.0;                           // a single pole at the centre of mass
+  Eigen::Vector3d moment{0.0, 0.0, 0.0};       // a dipole there
 
   double volume() const;
   // Half extents of the box about the centre of mass, in the object's own frame, that encloses the shape.
   Eigen::Vector3d half_extents() const;
 };
 
-// One cell of the surface: a rectangular pin with one degree of freedom, moving up and down.
+// The body of every cell, a rectangular pin, and how far and fast those cells move that are pins.
 struct PinSpec {
-  double top_x = 0.8, top_y = 0.8;  // edges of the pin's top, ≤ pitch
+  double top_x = 0.8, top_y = 0.8;  // edges of the top, ≤ pitch
   double length = 2.0;
-  double min_height = 0.0, max_height = 6.0;  // z of the top; commands are clamped to it
+  double min_height = 0.0, max_height = 6.0;  // z of the top: the lowest and the highest of all cells
   double max_speed = 20.0;                    // u/s
   double max_acceleration = 400.0;            // u/s²
 };
 
-enum class SensorKind { kProximity };
+// Where a cell of a free layout stands.
+struct CellPlace {
+  double x = 0.0, y = 0.0;  // centre of its top, u
+  double angle = 0.0;       // its turn about z, rad
+};
 
-// A sensor has two channels: NAME, its distances, and NAME_hit, 1 where something is within the range.
-struct SensorSpec {
-  SensorKind kind = SensorKind::kProximity;
-  std::string name = "proximity";
-  double range = 8.0;  // of the segment, straight up from the pin's top
+inline constexpr std::int8_t kEmptyCell = -1;
+
+// What is wrong with some actuators. Fractions are of all cells; who is hit is drawn with the world's seed, each
+// cell at most once.
+struct ActuatorFaultSpec {
+  double stuck = 0.0;                            // fraction of cells whose channels hold a random value
+  double dead = 0.0;                             // … hold their safe value
+  double weak_fraction = 0.0, weak_gain = 1.0;   // … move only so much of the way from it
+  int latency = 0;                               // control periods by which every command is late
+};
+
+// Faults of single cells, as a table that a user measured: surface/FaultMap.h reads it.
+struct FaultMapFile {
+  std::string name;  // as the user gave it
+  std::string text;  // what is in it
+};
+
+struct FaultSpec {
+  ActuatorFaultSpec actuator;
+  ParameterValues sensor;  // imperfections() of all sensors that say nothing else themselves
+  std::optional<FaultMapFile> map;
 };
 
 struct SurfaceSpec {
   int rows = 64, columns = 64;
   double pitch = 1.0;
   PinSpec pin;
+  std::vector<ActuatorSpec> actuators;  // empty: one, a pin as `pin` says
+  // rows × columns, row-major, row 0 north; each may be empty.
+  std::vector<std::int8_t> actuator_of_cell;  // index of `actuators`, or kEmptyCell; empty: 0 everywhere
+  std::vector<CellPlace> places;              // empty: a rectangular grid
+  std::vector<float> base;                    // added to the height of each cell's top, u; empty: 0 everywhere
+  Eigen::Vector2d tilt_rad{0.0, 0.0};         // of the whole table about x, then y; gravity is turned by it
   std::vector<SensorSpec> sensors;
   std::optional<double> border_height;  // the outermost ring of cells is held at this height
   int material = 0;
+  FaultSpec faults;
 
   int cells() const { return rows * columns; }
-  // Names of the sensor channels: two a sensor, in the order of the sensors.
+  // Names of the sensor channels, in the order of the sensors.
   std::vector<std::string> sensor_channels() const;
+  // The actuators there are: at least one.
+  std::vector<ActuatorSpec> mechanisms() const;
+  // Their channels. Actuators with a channel of one name share it; its range is then the widest of theirs.
+  std::vector<ActuatorChannel> actuator_channels() const;
   int index(int row, int column) const { return row * columns + column; }
   bool is_border(int row, int column) const {
     return row == 0 || column == 0 || row == rows - 1 || column == columns - 1;
   }
-  Eigen::Vector2d centre(int row, int column) const { return {column * pitch, (rows - 1 - row) * pitch}; }
+  bool is_empty(int row, int column) const {
+    return !actuator_of_cell.empty() &&
+           actuator_of_cell[static_cast<std::size_t>(index(row, column))] == kEmptyCell;
+  }
+  Eigen::Vector2d centre(int row, int column) const {
+    if (places.empty()) return {column * pitch, (rows - 1 - row) * pitch};
+    const CellPlace& place = places[static_cast<std::size_t>(index(row, column))];
+    return {place.x, place.y};
+  }
 };
+
+// Sets `pin` to what the surface's actuators have in common: the body, and the heights that their tops can have. Does
+// nothing where `actuators` is empty but for the base.
+void fit_body(SurfaceSpec&);
+
+// A pin with the limits and the body of `pin`.
+ActuatorSpec pin_actuator(const PinSpec& pin);
 
 struct RecordSpec {
   bool objects = true, sensors = false, actuators = false;

@@ -12,6 +12,15 @@ namespace smartsurf::scene {
 
 using ObjectId = std::uint32_t;  // counts from 0 in the order of creation; never used again after removal
 
+// What a cell's mechanism looks like, for drawing. By model:
+//   ball         a, b: turned about x and about y, rad          wheels   a, b: turned, rad
+//   rotor        a: turned about its axis, rad                  magnet   level: current, of the greatest, in [−1, 1]
+//   force_field  a, b, level: force along x, y, z, of the greatest, in [−1, 1]
+//   air_jet      level: flow, of the greatest; a: direction, rad          tile   level: amplitude, of the greatest
+struct CellMotion {
+  float a = 0.0F, b = 0.0F, level = 0.0F;
+};
+
 struct Snapshot {
   std::uint64_t tick = 0;
   double time_s = 0.0;
@@ -23,7 +32,8 @@ struct Snapshot {
   std::vector<std::array<float, 3>> velocity;          // u/s
   std::vector<std::array<float, 3>> angular_velocity;  // rad/s, world frame
 
-  std::vector<float> height;  // rows × columns, row-major, row 0 north: z of each pin's top, u
+  std::vector<float> height;  // rows × columns, row-major, row 0 north: z of each cell's top, u; -inf: no cell
+  std::vector<CellMotion> motion;  // the same; empty where every cell is a pin
 
   std::uint32_t contacts = 0;    // contact points in the last physics step
   std::uint64_t state_hash = 0;  // of every body's pose and velocities and every pin's height and speed

@@ -1,12 +1,14 @@
-// A body bounded by flat faces: the triangles that are seen, and the convex pieces that collide and are sensed.
+// A body bounded by flat faces: the triangles that are seen, and the convex pieces that collide and are
+// sensed.
 //
-// All points are in the body's own frame: its origin is the centre of mass, its axes are those of the file or the
-// description it came from (not turned to the principal axes), lengths in u.
+// All points are in the body's own frame: its origin is the centre of mass, its axes are those of the file or
+// the description it came from (not turned to the principal axes), lengths in u.
 #pragma once
 
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -15,19 +17,26 @@ namespace smartsurf::scene {
 // One convex polyhedron. Faces are polygons, counter-clockwise seen from outside; each edge is listed once.
 struct ConvexPiece {
   struct Face {
-    Eigen::Vector3f normal;         // unit, outward
-    float offset = 0.0F;            // normal · x = offset on the face
-    std::uint32_t first = 0;        // its corners are face_corners[first .. first + count)
+    Eigen::Vector3f normal{0, 0, 1};  // unit, outward
+    float offset = 0.0F;              // normal · x = offset on the face
+    std::uint32_t first = 0;          // its corners are face_corners[first .. first + count)
     std::uint32_t count = 0;
   };
   std::vector<Eigen::Vector3f> corners;
   std::vector<Face> faces;
   std::vector<std::uint16_t> face_corners;
   std::vector<std::array<std::uint16_t, 2>> edges;
-  Eigen::Vector3f low, high;  // bounds
+  Eigen::Vector3f low{0, 0, 0}, high{0, 0, 0};  // bounds
   // Parallel faces or edges once: the directions to try for a separating axis.
   std::vector<Eigen::Vector3f> face_normals, edge_directions;
 };
+
+// The piece with these corners and faces: `loops` holds the corners of each face in turn, counter-clockwise
+// seen from outside, `sizes` how many each face has (≥ 3). Normals, offsets, edges, bounds and directions
+// follow from them, so that the same corners and faces give the same piece to the bit. The faces must be
+// those of a convex polyhedron.
+ConvexPiece make_piece(std::vector<Eigen::Vector3f> corners, std::vector<std::uint16_t> loops,
+                       std::span<const std::uint32_t> sizes);
 
 struct Solid {
   std::string source;  // the file it was read from, or what made it ("cone")
@@ -36,8 +45,11 @@ struct Solid {
   std::vector<ConvexPiece> pieces;                      // ≥ 1; together they fill the solid
   double volume = 0.0;                                  // u³
   Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();    // about the centre of mass, for density 1
-  Eigen::Vector3f low, high;                            // bounds
+  Eigen::Vector3f low{0, 0, 0}, high{0, 0, 0};          // bounds
   float reach = 0.0F;                                   // the farthest point's distance from the origin
 };
+
+// Sets low, high and reach to those of the vertices (≥ 1).
+void set_bounds(Solid&);
 
 }  // namespace smartsurf::scene

@@ -1,4 +1,5 @@
 // cells: the surface's actuators and sensors, for a script that plays the controller.
+#include <algorithm>
 #include <array>
 #include <string>
 #include <vector>
@@ -34,7 +35,11 @@ std::string channel_at(lua_State* L, const std::vector<std::string>& known, cons
   throw Problem(method + ": no channel " + show(L, 2) + (near.empty() ? all : near));
 }
 
-std::vector<std::string> actuator_channels() { return {"height"}; }
+std::vector<std::string> actuator_channels(const Session& session) {
+  std::vector<std::string> names;
+  for (const scene::ActuatorChannel& channel : session.spec.surface.actuator_channels()) names.push_back(channel.name);
+  return names;
+}
 
 float target_value(lua_State* L, int index, const std::string& name) {
   const double value = number_at(L, index, name);
@@ -46,7 +51,7 @@ int target(Session& session, lua_State* L) {
   const std::string method = "cells:target";
   require_running(session, method);
   require_cells(L, method);
-  const std::string channel = channel_at(L, actuator_channels(), method);
+  const std::string channel = channel_at(L, actuator_channels(session), method);
   const int row = row_at(session, L, 3, method), column = column_at(session, L, 4, method);
   session.host->target(channel, row, column, target_value(L, 5, method + ": value"));
   return 0;
@@ -72,7 +77,7 @@ int targets(Session& session, lua_State* L) {
   const std::string method = "cells:targets";
   require_running(session, method);
   require_cells(L, method);
-  const std::string channel = channel_at(L, actuator_channels(), method);
+  const std::string channel = channel_at(L, actuator_channels(session), method);
   const scene::SurfaceSpec& surface = session.spec.surface;
   const std::string rule = "a list of " + std::to_string(surface.cells()) + " numbers, or of " +
                            std::to_string(surface.rows) + " rows";
@@ -99,14 +104,30 @@ int targets(Session& session, lua_State* L) {
   return 0;
 }
 
-int sense(Session& session, lua_State* L) {
-  const std::string method = "cells:sense";
+// As many numbers as the channel has components.
+template <typename Read>
+int read_cell(Session& session, lua_State* L, const std::string& method, Read read) {
   require_running(session, method);
   require_cells(L, method);
-  const std::string channel = channel_at(L, session.spec.surface.sensor_channels(), method);
+  std::vector<std::string> names;
+  for (const scene::SensorChannel& c : session.channels) names.push_back(c.name);
+  const std::string channel = channel_at(L, names, method);
   const int row = row_at(session, L, 3, method), column = column_at(session, L, 4, method);
-  lua_pushnumber(L, static_cast<double>(session.host->sense(channel, row, column)));
-  return 1;
+  const int components = std::ranges::find(session.channels, channel, &scene::SensorChannel::name)->components;
+  for (int k = 0; k < components; ++k) lua_pushnumber(L, static_cast<double>(read(channel, row, column, k)));
+  return components;
+}
+
+int sense(Session& session, lua_State* L) {
+  return read_cell(session, L, "cells:sense", [&](const std::string& channel, int row, int column, int component) {
+    return session.host->sense(channel, row, column, component);
+  });
+}
+
+int truth(Session& session, lua_State* L) {
+  return read_cell(session, L, "cells:truth", [&](const std::string& channel, int row, int column, int component) {
+    return session.host->truth(channel, row, column, component);
+  });
 }
 
 void require_surface(const Session& session, const std::string& what) {
@@ -143,9 +164,10 @@ int property(Session& session, lua_State* L) {
 }  // namespace
 
 void bind_cells(lua_State* L) {
-  constexpr std::array<luaL_Reg, 4> kMethods{{{"target", guarded<target>},
+  constexpr std::array<luaL_Reg, 5> kMethods{{{"target", guarded<target>},
                                               {"targets", guarded<targets>},
                                               {"sense", guarded<sense>},
+                                              {"truth", guarded<truth>},
                                               {"centre", guarded<centre>}}};
   make_type(L, kType, kMethods, guarded<property>);
   lua_newuserdatauv(L, 0, 0);

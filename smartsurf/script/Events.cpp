@@ -1,4 +1,6 @@
-// at, every, on_tick, on_finish: functions that wait. stop, quit, pause, pace: how the run goes on.
+// at, every, on_tick, on_leave, on_finish: functions that wait. metric: what comes of the run. stop, quit, pause, pace:
+// how the run goes on.
+#include <algorithm>
 #include <string>
 
 #include "smartsurf/script/Fields.h"
@@ -8,6 +10,7 @@ namespace smartsurf::script {
 namespace {
 
 constexpr std::size_t kMostWaiting = 1'000'000;
+constexpr std::size_t kMostMetrics = 1000;
 constexpr double kShortestPeriod_s = 1e-4;
 constexpr double kLongestTime_s = 1e9;
 
@@ -52,6 +55,11 @@ int on_tick(Session& session, lua_State* L) {
   return 0;
 }
 
+int on_leave(Session& session, lua_State* L) {
+  session.on_leave.push_back(keep_callback(session, L, 1, "on_leave: function"));
+  return 0;
+}
+
 int on_finish(Session& session, lua_State* L) {
   session.on_finish.push_back(keep_callback(session, L, 1, "on_finish: function"));
   return 0;
@@ -60,6 +68,21 @@ int on_finish(Session& session, lua_State* L) {
 int time(Session& session, lua_State* L) {
   lua_pushnumber(L, session.time_s);
   return 1;
+}
+
+// metric('error', 0.3): what the experiment measures; the last value of a name counts.
+int metric(Session& session, lua_State* L) {
+  const std::string name = text_at(L, 1, "metric: name");
+  if (name.empty() || name.size() > 64) must_be(L, 1, "metric: name", "a text of 1 to 64 characters");
+  const double value = number_at(L, 2, "metric: value");
+  const auto known = std::ranges::find(session.metrics, name, &std::pair<std::string, double>::first);
+  if (known != session.metrics.end())
+    known->second = value;
+  else if (session.metrics.size() < kMostMetrics)
+    session.metrics.emplace_back(name, value);
+  else
+    throw Problem("metric: more than 1000 names");
+  return 0;
 }
 
 int stop(Session& session, lua_State*) {
@@ -111,8 +134,10 @@ void bind_events(lua_State* L) {
   lua_register(L, "at", guarded<at>);
   lua_register(L, "every", guarded<every>);
   lua_register(L, "on_tick", guarded<on_tick>);
+  lua_register(L, "on_leave", guarded<on_leave>);
   lua_register(L, "on_finish", guarded<on_finish>);
   lua_register(L, "time", guarded<time>);
+  lua_register(L, "metric", guarded<metric>);
   lua_register(L, "stop", guarded<stop>);
   lua_register(L, "quit", guarded<quit>);
   lua_register(L, "pause", guarded<pause>);

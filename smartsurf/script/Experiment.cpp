@@ -24,6 +24,8 @@ int bind_all(Session& session, lua_State* L) {
   }
   bind_pairs(L);
   bind_declarations(L);
+  bind_actuators(L);
+  bind_sensors(L);
   bind_options(L);
   bind_objects(L);
   bind_events(L);
@@ -37,6 +39,14 @@ int run_script(Session& session, lua_State* L) {
   session.interpreter->compile(L, session.spec.text, session.spec.file);
   lua_call(L, 0, 0);
   return 0;
+}
+
+// The table's axes stay x, y and z: what turns is gravity, the other way.
+Eigen::Vector3d turned(const Eigen::Vector3d& gravity, const Eigen::Vector2d& tilt_rad) {
+  if (tilt_rad.isZero(0.0)) return gravity;
+  const Eigen::Quaterniond table = Eigen::AngleAxisd(tilt_rad.y(), Eigen::Vector3d::UnitY()) *
+                                   Eigen::AngleAxisd(tilt_rad.x(), Eigen::Vector3d::UnitX());
+  return table.conjugate() * gravity;
 }
 
 void check_whole(const Session& session) {
@@ -75,17 +85,20 @@ struct Experiment::Parts {
     lua_pushcfunction(L, guarded<run_script>);
     interpreter.call(0, 0, session.options.load_budget, session.spec.file);
     check_whole(session);
+    session.spec.world.gravity = turned(session.spec.world.gravity, session.spec.surface.tilt_rad);
   }
 
-  // Calls one function of the script with the time and the tick; whether it wants to be called again.
-  bool call(int callback) {
+  // Calls one function of the script with the time and the tick, behind the object's id where there is one; whether it
+  // wants to be called again.
+  bool call(int callback, std::optional<scene::ObjectId> object = {}) {
     lua_State* const L = interpreter.lua();
     const auto& [reference, place] = session.callbacks[static_cast<std::size_t>(callback)];
     const std::string registered_at = place;  // the call may move the list
     lua_rawgeti(L, LUA_REGISTRYINDEX, reference);
+    if (object) lua_pushinteger(L, static_cast<lua_Integer>(*object));
     lua_pushnumber(L, session.time_s);
     lua_pushinteger(L, static_cast<lua_Integer>(session.tick));
-    interpreter.call(2, 1, session.options.callback_budget, registered_at);
+    interpreter.call(object ? 3 : 2, 1, session.options.callback_budget, registered_at);
     const bool again = !(lua_isboolean(L, -1) && lua_toboolean(L, -1) == 0);
     lua_pop(L, 1);
     return again;
@@ -97,13 +110,14 @@ struct Experiment::Parts {
     session.free_callbacks.push_back(callback);
   }
 
-  void run_on_tick() {
-    const std::size_t count = session.on_tick.size();  // those that a function adds wait for the next tick
+  // Calls all of `functions` that are there now; those that one of them adds wait for the next time.
+  void run_all(std::vector<int>& functions, std::optional<scene::ObjectId> object = {}) {
+    const std::size_t count = functions.size();
     std::vector<int> over;
     for (std::size_t i = 0; i < count; ++i)
-      if (!call(session.on_tick[i])) over.push_back(session.on_tick[i]);
+      if (!call(functions[i], object)) over.push_back(functions[i]);
     for (const int callback : over) {
-      std::erase(session.on_tick, callback);
+      std::erase(functions, callback);
       forget(callback);
     }
   }
@@ -141,9 +155,11 @@ Experiment Experiment::load(const std::filesystem::path& path, LoadOptions optio
 
 const scene::SceneSpec& Experiment::scene() const { return parts_->session.spec; }
 
+const std::vector<std::pair<std::string, double>>& Experiment::metrics() const { return parts_->session.metrics; }
+
 bool Experiment::has_events() const {
   const Session& session = parts_->session;
-  return session.schedule.size() > 0 || !session.on_tick.empty() || !session.on_finish.empty();
+  return session.schedule.size() > 0 || !session.on_tick.empty() || !session.on_leave.empty() || !session.on_finish.empty();
 }
 
 void Experiment::start(Host& host) {
@@ -153,6 +169,15 @@ void Experiment::start(Host& host) {
   session.host = &host;
   for (const auto& request : session.at_start) request(host);
   session.at_start.clear();
+}
+
+void Experiment::leave(double t_s, std::uint64_t tick, std::span<const scene::ObjectId> left) {
+  Session& session = parts_->session;
+  assert(session.phase == Phase::kRunning);
+  session.time_s = t_s;
+  session.tick = tick;
+  for (const scene::ObjectId id : left)
+    if (session.host->alive(id)) parts_->run_all(session.on_leave, id);
 }
 
 void Experiment::tick(double t_s, std::uint64_t tick) {
@@ -166,7 +191,7 @@ void Experiment::tick(double t_s, std::uint64_t tick) {
     if (!again) parts_->forget(event.callback);
     return again;
   });
-  parts_->run_on_tick();
+  parts_->run_all(session.on_tick);
 }
 
 void Experiment::finish() {

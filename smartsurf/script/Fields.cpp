@@ -199,13 +199,16 @@ Eigen::Quaterniond orientation_at(lua_State* L, int index, const std::string& na
   return from_quaternion(Fields(L, index, name, {"x", "y", "z", "w"}), name);
 }
 
-Fields::Fields(lua_State* L, int index, std::string what, std::initializer_list<std::string_view> known,
+Fields::Fields(lua_State* L, int index, std::string what, std::span<const std::string_view> known,
+               std::initializer_list<LaterField> later)
+    : Fields(L, index, std::move(what), std::vector<std::string>(known.begin(), known.end()), later) {}
+
+Fields::Fields(lua_State* L, int index, std::string what, const std::vector<std::string>& names,
                std::initializer_list<LaterField> later)
     : L_(L), index_(lua_absindex(L, index)), what_(std::move(what)) {
   if (lua_type(L, index_) != LUA_TTABLE)
-    throw Problem(what_ + ": takes a table of fields, " + what_ + "{" + std::string(*known.begin()) +
-                  " = ...}, not " + show(L, index_));
-  const std::vector<std::string> names(known.begin(), known.end());
+    throw Problem(what_ + ": takes a table of fields, " + what_ + "{" + names.front() + " = ...}, not " +
+                  show(L, index_));
   const NamedFields fields = fields_of(L, index_, what_);
   for (const std::string& name : fields.names) {
     if (std::find(names.begin(), names.end(), name) != names.end()) continue;

@@ -7,8 +7,10 @@
 #include <cstdint>
 #include <initializer_list>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "smartsurf/scene/SceneSpec.h"
@@ -49,6 +51,11 @@ struct LaterField {
 class Fields {
  public:
   Fields(lua_State* L, int index, std::string what, std::initializer_list<std::string_view> known,
+         std::initializer_list<LaterField> later = {})
+      : Fields(L, index, std::move(what), std::span(known.begin(), known.size()), later) {}
+  Fields(lua_State* L, int index, std::string what, std::span<const std::string_view> known,
+         std::initializer_list<LaterField> later = {});
+  Fields(lua_State* L, int index, std::string what, const std::vector<std::string>& known,
          std::initializer_list<LaterField> later = {});
 
   bool has(std::string_view field) const;

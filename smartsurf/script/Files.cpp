@@ -35,21 +35,6 @@ fs::path resolved(const fs::path& path) {
   throw Problem(what + ": '" + one_line(path) + "' " + rule);
 }
 
-// A file the script may read; it need not exist, but is nothing else than a file.
-fs::path readable(const Session& session, const std::string& what, const std::string& path) {
-  const fs::path output =
-      session.options.output_folder.empty() ? fs::path() : resolved(session.options.output_folder);
-  fs::path real = resolved(session.folder / path);
-  std::error_code error;
-  if (!fs::exists(real, error) && !output.empty() && fs::exists(resolved(output / path), error))
-    real = resolved(output / path);
-  const bool inside =
-      !real.empty() && (is_within(real, session.folder) || (!output.empty() && is_within(real, output)));
-  if (!inside) refuse(what, path, "is outside the script's folder and the output folder; --unsafe allows it");
-  if (fs::exists(real, error) && !fs::is_regular_file(real, error)) refuse(what, path, "is no plain file");
-  return real;
-}
-
 fs::path writable(const Session& session, const std::string& what, const std::string& path) {
   if (session.options.output_folder.empty())
     refuse(what, path, "cannot be written: this run has no output folder");
@@ -72,7 +57,7 @@ int io_open(Session& session, lua_State* L) {
   const std::string path = text_at(L, 1, "io.open: path");
   const std::string mode = lua_isnil(L, 2) ? "r" : text_at(L, 2, "io.open: mode");
   const bool reads = mode == "r" || mode == "rb";
-  const fs::path real = reads ? readable(session, "io.open", path) : writable(session, "io.open", path);
+  const fs::path real = reads ? readable_file(session, "io.open", path) : writable(session, "io.open", path);
   lua_pushvalue(L, lua_upvalueindex(1));
   push_path(L, real);
   lua_pushlstring(L, mode.data(), mode.size());
@@ -82,7 +67,7 @@ int io_open(Session& session, lua_State* L) {
 
 // io.lines(path, …); upvalue: Lua's own.
 int io_lines(Session& session, lua_State* L) {
-  const fs::path real = readable(session, "io.lines", text_at(L, 1, "io.lines: path"));
+  const fs::path real = readable_file(session, "io.lines", text_at(L, 1, "io.lines: path"));
   const int count = lua_gettop(L);
   push_path(L, real);
   lua_replace(L, 1);
@@ -99,7 +84,7 @@ std::string shown_name(const Session& session, const std::string& relative) {
 
 // Leaves the compiled function on the stack.
 void compile_file(Session& session, lua_State* L, const std::string& what, const std::string& path) {
-  const fs::path real = readable(session, what, path);
+  const fs::path real = readable_file(session, what, path);
   std::error_code error;
   if (!fs::exists(real, error)) refuse(what, path, "is not beside the script");
   std::string problem;
@@ -147,6 +132,21 @@ int require(Session& session, lua_State* L) {
 
 }  // namespace
 
+fs::path readable_file(const Session& session, const std::string& what, const std::string& path) {
+  if (session.options.unsafe) return session.folder / path;
+  const fs::path output =
+      session.options.output_folder.empty() ? fs::path() : resolved(session.options.output_folder);
+  fs::path real = resolved(session.folder / path);
+  std::error_code error;
+  if (!fs::exists(real, error) && !output.empty() && fs::exists(resolved(output / path), error))
+    real = resolved(output / path);
+  const bool inside =
+      !real.empty() && (is_within(real, session.folder) || (!output.empty() && is_within(real, output)));
+  if (!inside) refuse(what, path, "is outside the script's folder and the output folder; --unsafe allows it");
+  if (fs::exists(real, error) && !fs::is_regular_file(real, error)) refuse(what, path, "is no plain file");
+  return real;
+}
+
 std::optional<std::string> read_script(const fs::path& path, std::string& problem) {
   std::error_code error;
   if (fs::is_directory(path, error)) {
@@ -172,6 +172,14 @@ std::optional<std::string> read_script(const fs::path& path, std::string& proble
     }
   }
   return text;
+}
+
+NamedText text_of_file(const Session& session, const std::string& what, const std::string& path) {
+  const fs::path real = session.options.unsafe ? session.folder / path : readable_file(session, what, path);
+  std::string problem;
+  std::optional<std::string> text = read_script(real, problem);
+  if (!text) refuse(what, path, problem);
+  return {one_line(shown_name(session, path)), std::move(*text)};
 }
 
 void bind_files(lua_State* L) {

@@ -1,4 +1,4 @@
-// Reading script files. Internal to the room.
+// Reading files beside the script. Internal to the room.
 #pragma once
 
 #include <filesystem>
@@ -7,7 +7,19 @@
 
 namespace smartsurf::script {
 
+struct Session;
+
 // The file's text; nullopt, and in `problem` what is wrong with it ("does not exist"), when it cannot be had.
 std::optional<std::string> read_script(const std::filesystem::path& path, std::string& problem);
+
+struct NamedText {
+  std::string name;  // as messages call the file
+  std::string text;
+};
+// The text of a file that a script names, where its sandbox lets it read. Throws Problem, naming `what`.
+NamedText text_of_file(const Session&, const std::string& what, const std::string& path);
+// Where a file is that the script may read; it need not exist, but is nothing else than a file. Throws Problem, which
+// begins with `what`, where the sandbox refuses.
+std::filesystem::path readable_file(const Session&, const std::string& what, const std::string& path);
 
 }  // namespace smartsurf::script

@@ -210,24 +210,7 @@ int deny_field(Session&, lua_State* L) {
 struct Later {
   std::string_view name, kind, instead;
 };
-constexpr std::array<Later, 18> kLater{{
-    {"capsule", "shape", "sphere, box, cylinder"},
-    {"cone", "shape", "sphere, box, cylinder"},
-    {"mesh", "shape", "sphere, box, cylinder"},
-    {"hull", "shape", "sphere, box, cylinder"},
-    {"pressure", "sensor", "proximity"},
-    {"colour", "sensor", "proximity"},
-    {"object_type", "sensor", "proximity"},
-    {"light", "sensor", "proximity"},
-    {"camera", "sensor", "proximity"},
-    {"ball", "actuator", "pin"},
-    {"wheels", "actuator", "pin"},
-    {"rotor", "actuator", "pin"},
-    {"force_field", "actuator", "pin"},
-    {"magnet", "actuator", "pin"},
-    {"air_jet", "actuator", "pin"},
-    {"tile", "actuator", "pin"},
-    {"faults", "declaration", "world, material, surface, record, option"},
+constexpr std::array<Later, 1> kLater{{
     {"package", "library", "require() of a file beside the script"},
 }};
 

@@ -38,6 +38,10 @@ struct Session {
   double time_s = 0.0;
   std::uint64_t tick = 0;
 
+  std::vector<scene::ActuatorSpec> actuators;  // that the script made, whether in use or not
+  std::vector<scene::SensorSpec> sensors;  // that the script made, whether in use or not
+  std::vector<scene::SensorChannel> channels;  // of the surface's sensors
+
   // Where each was declared ("FILE:LINE"), for the message about a second declaration.
   std::map<std::string, std::string> declared_at;
 
@@ -47,8 +51,10 @@ struct Session {
   Schedule schedule;
   std::vector<Callback> callbacks;  // Event::callback is an index here
   std::vector<int> free_callbacks;
-  std::vector<int> on_tick, on_finish;
+  std::vector<int> on_tick, on_leave, on_finish;
   std::vector<std::function<void(Host&)>> at_start;  // pace and pause asked for while loading
+
+  std::vector<std::pair<std::string, double>> metrics;  // in the order in which each was first given
 
   std::vector<float> targets;  // scratch of cells:targets
 
@@ -60,11 +66,31 @@ struct Session {
 // none.
 int material_at(const Session&, lua_State* L, int index, const std::string& name);
 
+// The actuators of surface{} with the names by which its cells choose them. All throw Problem.
+struct NamedActuator {
+  std::string name;
+  scene::ActuatorSpec spec;
+};
+using NamedActuators = std::vector<NamedActuator>;
+NamedActuators one_actuator_at(const Session&, lua_State* L, int index, const std::string& name);
+NamedActuators actuators_at(const Session&, lua_State* L, int index, const std::string& name);
+// Reads those fields of surface{} that say where its cells stand and what is in each; rows, columns and pitch are there.
+class Fields;
+void read_layout(Session&, lua_State* L, const Fields&, scene::SurfaceSpec&);
+// The actuators' part of faults{}.
+void read_actuator_faults(lua_State* L, int index, const std::string& name, scene::ActuatorFaultSpec&);
+
+// The sensor, or the list of sensors, at `index`; and the sensors' part of faults{}. Both throw Problem.
+void read_sensors(const Session&, lua_State* L, int index, const std::string& name, std::vector<scene::SensorSpec>&);
+void read_sensor_faults(lua_State* L, int index, const std::string& name, scene::ParameterValues&);
+
 // Declares the functions of each group as globals. What they do and take: docs/experiments.md.
-void bind_declarations(lua_State* L);  // world, material, surface, pin, proximity, record
+void bind_declarations(lua_State* L);  // world, material, surface, faults, record
+void bind_actuators(lua_State* L);     // one a kind of actuator
+void bind_sensors(lua_State* L);       // one a kind of sensor
 void bind_options(lua_State* L);       // option, random, math.random
-void bind_objects(lua_State* L);       // sphere, box, cylinder
-void bind_events(lua_State* L);        // at, every, on_tick, on_finish, time, stop, quit, pause, pace
+void bind_objects(lua_State* L);       // sphere, box, cylinder, capsule, cone, hull, mesh
+void bind_events(lua_State* L);        // at, every, on_tick, on_leave, on_finish, time, metric, stop, quit, pause, pace
 void bind_handles(lua_State* L);       // object, objects
 void bind_cells(lua_State* L);         // cells
 // Lua's own libraries, as far as the sandbox lets them in: before the others.

@@ -5,6 +5,7 @@
 // steps against that, the models commit their motion.
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 #include <limits>
 #include <vector>
@@ -35,6 +36,11 @@ struct Field {
 
   int cells() const { return rows * columns; }
   int index(int row, int column) const { return row * columns + column; }
+  Eigen::Vector2f centre(int cell) const {
+    if (!rectangular()) return {x[static_cast<std::size_t>(cell)], y[static_cast<std::size_t>(cell)]};
+    return {static_cast<float>(cell % columns) * pitch, static_cast<float>(rows - 1 - cell / columns) * pitch};
+  }
+  float angle_of(int cell) const { return rectangular() ? 0.0F : angle[static_cast<std::size_t>(cell)]; }
   bool rectangular() const { return x.empty(); }
   bool drags() const { return !drag_x.empty(); }
 };

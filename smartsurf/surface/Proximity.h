@@ -1,45 +1,28 @@
-// The proximity sensors of a surface: for each cell the distance from its top's centre, straight up, to the first
-// object. Exact for every shape; cost follows the cells under objects, not the cells that exist.
+// Distance along a segment from each cell to what it meets first, and whether it meets anything.
 #pragma once
 
-#include <span>
 #include <vector>
 
-#include "smartsurf/scene/Snapshot.h"
-#include "smartsurf/surface/PinField.h"
+#include "smartsurf/surface/Sensor.h"
 
 namespace smartsurf::surface {
 
-class WorkerPool;
-
-class Proximity {
+class Proximity final : public Sensor {
  public:
-  Proximity(const scene::SurfaceSpec&, double range);
+  Proximity(const Field& field, const scene::SensorSpec& spec) : first_(field, segment_of(spec)) {}
 
-  // catalogue[id] is the shape of the object `id` of the snapshot. Allocates only when the number of objects grows.
-  void sense(const scene::Snapshot&, std::span<const scene::ObjectSpec> catalogue, WorkerPool&);
-
-  // rows × columns, row-major, row 0 north. Nothing within the range reads as the range itself, with hit 0.
-  std::span<const float> distance() const noexcept { return distance_; }  // u, in [0, range]
-  std::span<const float> hit() const noexcept { return hit_; }            // 0 or 1
-  float range() const noexcept { return range_; }
+  void sense(const Moment& moment, WorkerPool& pool) override {
+    if (met_.size() < moment.bodies.size()) met_.resize(moment.bodies.size(), 1.0F);
+    first_.sweep(moment.bodies, {met_.data(), moment.bodies.size()}, 1.0F, moment.snapshot.height, pool);
+  }
+  // 0: the distance, u; the range where nothing is met. 1: 1 where something is, else 0.
+  std::span<const float> values(int channel) const noexcept override {
+    return channel == 0 ? first_.distance() : first_.mark();
+  }
 
  private:
-  // An object with the rectangle of cells that it may cover.
-  struct Footprint {
-    scene::ShapeKind shape;
-    Eigen::Vector3f centre;
-    Eigen::Matrix3f to_local;  // world → object axes
-    Eigen::Vector3f extent;    // box: half edges; sphere: radius; cylinder: radius, radius, half height
-    int row_begin, row_end, column_begin, column_end;
-  };
-  void sense_rows(const scene::Snapshot&, int begin, int end);
-
-  scene::SurfaceSpec spec_;
-  float range_;
-  std::vector<float> distance_, hit_;
-  std::vector<std::uint8_t> dirty_;  // one a row: holds a hit from the last sweep
-  std::vector<Footprint> footprints_;
+  FirstHit first_;
+  std::vector<float> met_;  // 1 for every body
 };
 
 }  // namespace smartsurf::surface

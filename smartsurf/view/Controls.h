@@ -135,6 +135,7 @@ class Controls {
   Tools& tools() { return tools_; }
   const Tools& tools() const { return tools_; }
   OverlaySettings& overlay() { return overlay_; }
+  const OverlaySettings& overlay() const { return overlay_; }
   // The names that kNextChannel goes through.
   void set_channels(std::span<const Channel> channels);
 

@@ -179,24 +179,25 @@ void draw_hud(const Moment& moment, const Status& status, const std::optional<He
 }
 
 void draw_help(float scale) {
-  static constexpr const char* kHelp[][2] = {{"Left drag", "turn"},
-                                             {"Right or middle drag, Shift + left", "move"},
-                                             {"Wheel", "zoom"},
-                                             {"Click", "pick an object or a cell"},
-                                             {"Ctrl + drag", "pull an object with a spring"},
-                                             {"1   2   3", "from above, whole table, from the side"},
-                                             {"Space", "pause and run"},
-                                             {"Left, right arrow", "one tick back, on"},
-                                             {"+   -   M", "faster, slower, as fast as possible"},
-                                             {"Backspace", "begin anew"},
-                                             {"W   G", "objects as wires, grid"},
-                                             {"H", "next channel on the cells"},
-                                             {"T   S   L", "trails, what the sensors see, labels"},
-                                             {"O", "follow the picked object"},
-                                             {"P   V", "write a picture, a video"},
-                                             {"Tab   F1", "panels, this help"},
-                                             {"Esc", "put down the tool, free the camera"},
-                                             {"Q", "quit"}};
+  static constexpr const char* kHelp[][2] = {
+      {"Left drag", "turn"},
+      {"Right or middle drag, Shift + left", "move"},
+      {"Wheel", "zoom"},
+      {"Click", "pick an object or a cell"},
+      {"Ctrl + drag", "pull an object with a spring"},
+      {"1   2   3", "from above, whole table, from the side"},
+      {"Space", "pause and run"},
+      {"Left, right arrow", "one tick back, on"},
+      {"+   -   M", "faster, slower, as fast as possible"},
+      {"Backspace", "begin anew"},
+      {"W   G", "objects as wires, grid"},
+      {"H", "next channel on the cells"},
+      {"T   F   S   L", "trails, contact forces, what the sensors see, labels"},
+      {"O", "follow the picked object"},
+      {"P   V", "write a picture, a video"},
+      {"Tab   F1", "panels, this help"},
+      {"Esc", "put down the tool, free the camera"},
+      {"Q", "quit"}};
   const ImVec2 size = ImGui::GetIO().DisplaySize;
   ImGui::SetNextWindowPos({size.x / 2.0f, size.y / 2.0f}, ImGuiCond_Always, {0.5f, 0.5f});
   ImGui::SetNextWindowBgAlpha(0.94f);

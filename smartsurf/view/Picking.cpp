@@ -134,6 +134,27 @@ std::optional<Hit> pick_cell(const Ray& ray, const scene::SurfaceSpec& s, const 
   return std::nullopt;
 }
 
+// Of cells that stand anywhere, turned: each by itself.
+std::optional<Hit> pick_free_cell(const Ray& ray, const scene::SurfaceSpec& s,
+                                  const scene::Snapshot& snapshot) {
+  std::optional<Hit> first;
+  const double base = Camera::extent(s).min().z();
+  for (int row = 0; row < s.rows; ++row)
+    for (int column = 0; column < s.columns; ++column) {
+      const auto cell = static_cast<std::size_t>(s.index(row, column));
+      const double height = snapshot.height[cell];
+      if (!std::isfinite(height)) continue;
+      const scene::CellPlace& place = s.places[cell];
+      const Eigen::AngleAxisd back(-place.angle, Eigen::Vector3d::UnitZ());
+      const Ray local{back * (ray.origin - Eigen::Vector3d(place.x, place.y, 0.0)), back * ray.direction};
+      const auto t = enter_box(local, {-s.pin.top_x / 2.0, -s.pin.top_y / 2.0, base},
+                               {s.pin.top_x / 2.0, s.pin.top_y / 2.0, height});
+      if (t && (!first || *t < first->distance))
+        first = Hit{{Thing::Kind::kCell, 0, row, column}, *t, ray.origin + *t * ray.direction};
+    }
+  return first;
+}
+
 }  // namespace
 
 std::optional<double> enter(const ObjectSpec& object, const Ray& ray) {
@@ -159,7 +180,8 @@ std::optional<double> enter(const ObjectSpec& object, const Ray& ray) {
 
 std::optional<Hit> pick(const Ray& ray, const scene::SurfaceSpec& surface, const Moment& moment) {
   const scene::Snapshot& snapshot = moment.snapshot;
-  std::optional<Hit> first = pick_cell(ray, surface, snapshot);
+  std::optional<Hit> first =
+      surface.places.empty() ? pick_cell(ray, surface, snapshot) : pick_free_cell(ray, surface, snapshot);
   for (std::size_t i = 0; i < snapshot.objects(); ++i) {
     const ObjectSpec& object = moment.catalogue[snapshot.id[i]];
     const auto& q = snapshot.orientation[i];

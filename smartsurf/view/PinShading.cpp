@@ -138,7 +138,9 @@ std::span<const PinInstance> PinShading::update(const scene::Snapshot& snapshot,
       if (!std::isfinite(snapshot.height[surface_.index(row, column)])) continue;
       PinInstance& pin = pins_[next++];
       const Eigen::Vector2f centre = surface_.centre(row, column).cast<float>();
-      pin.place = {centre.x(), centre.y(), 0.0f};
+      const auto place = static_cast<std::size_t>(surface_.index(row, column));
+      pin.place = {centre.x(), centre.y(),
+                   surface_.places.empty() ? 0.0f : static_cast<float>(surface_.places[place].angle)};
       pin.height = height_at(snapshot, row, column);
       pin.colour = colour_of(snapshot, options, row, column);
       pin.colour[3] = surface_.is_border(row, column) ? 255 : 0;

@@ -40,16 +40,37 @@ bool drawn_in_software() {
          driver.find("SWR") != driver.npos;
 }
 
+// In screen coordinates.
+struct Area {
+  int x = 0, y = 0, width = 1280, height = 720;
+};
+
+// Of the screen's width, from the left, when another program's window has the rest.
+constexpr double kLeftShare = 0.42;
+
+Area left_part() {
+  Area area;
+  if (GLFWmonitor* monitor = glfwGetPrimaryMonitor())
+    glfwGetMonitorWorkarea(monitor, &area.x, &area.y, &area.width, &area.height);
+  area.width = static_cast<int>(area.width * kLeftShare);
+  return area;
+}
+
 // GLFW, the window with its context, and ImGui: each undone in reverse when a later one fails.
 class Desktop {
  public:
-  Desktop(const std::string& title, int width, int height) {
+  Desktop(const std::string& title, int width, int height, Place place) {
     if (!glfwInit())
       throw std::runtime_error("no display to open a window on: set DISPLAY, or run with --headless");
     glfwWindowHint(GLFW_CONTEXT_VERSION_MAJOR, 3);
     glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 3);
     glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
-    glfwWindowHint(GLFW_SCALE_TO_MONITOR, GLFW_TRUE);
+    glfwWindowHint(GLFW_SCALE_TO_MONITOR, place == Place::kAnywhere ? GLFW_TRUE : GLFW_FALSE);
+    const Area left = left_part();
+    if (place == Place::kLeft) {
+      width = left.width;
+      height = left.height;
+    }
     window_ = glfwCreateWindow(width, height, title.c_str(), nullptr, nullptr);
     if (!window_) {
       glfwTerminate();
@@ -57,6 +78,7 @@ class Desktop {
           "the display offers no OpenGL 3.3: install the packages libgl1-mesa-dri libegl1, or run with "
           "--headless");
     }
+    if (place == Place::kLeft) glfwSetWindowPos(window_, left.x, left.y);
     glfwMakeContextCurrent(window_);
     watch_display();
     glfwSwapInterval(0);  // the simulation must never wait for the display
@@ -102,9 +124,9 @@ class Gui {
 }  // namespace
 
 struct Window::State {
-  State(const scene::SceneSpec& s, const std::string& title, int window_width, int window_height)
+  State(const scene::SceneSpec& s, const std::string& title, int window_width, int window_height, Place place)
       : spec(s),
-        desktop(title, window_width, window_height),
+        desktop(title, window_width, window_height, place),
         controls(s.surface),
         overlay(s.surface),
         scale(content_scale()),
@@ -338,8 +360,8 @@ bool Window::display_available() {
   return true;
 }
 
-Window::Window(const scene::SceneSpec& spec, const std::string& title, int width, int height)
-    : state_(std::make_unique<State>(spec, title, width, height)) {}
+Window::Window(const scene::SceneSpec& spec, const std::string& title, int width, int height, Place place)
+    : state_(std::make_unique<State>(spec, title, width, height, place)) {}
 
 Window::~Window() {
   // Nothing of a lost display can be given back: its driver would wait for answers that do not come.
@@ -374,6 +396,7 @@ Image Window::show(const Moment& moment, const Status& status) {
   return image;
 }
 
+bool Window::wants_contacts() const { return state_->controls.overlay().contacts; }
 void Window::press(Key key) { state_->controls.press(key, state_->status); }
 void Window::point(const PointerEvent& event) { state_->pointer.push_back(event); }
 void Window::set_scene(const scene::SceneSpec& spec) { state_->set_scene(spec); }

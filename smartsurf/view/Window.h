@@ -17,14 +17,18 @@
 
 namespace smartsurf::view {
 
+// kLeft: the left part of the screen, beside another program's window on its right.
+enum class Place { kAnywhere, kLeft };
+
 class Window {
  public:
   // Whether a window can be opened here. False as well in a build without the view.
   static bool display_available();
 
-  // width, height in screen coordinates (pixels, unless the display is scaled).
+  // width, height in screen coordinates (pixels, unless the display is scaled); not used with kLeft.
   // Throws std::runtime_error, one line, when there is no display or no OpenGL 3.3.
-  Window(const scene::SceneSpec& spec, const std::string& title, int width = 1280, int height = 720);
+  Window(const scene::SceneSpec& spec, const std::string& title, int width = 1280, int height = 720,
+         Place place = Place::kAnywhere);
   ~Window();
 
   // Goes on with another scene: a run that begins anew. The user's view and choices stay as far as they fit.
@@ -46,6 +50,8 @@ class Window {
   // frame().
   Image show(const Moment& moment, const Status& status);
 
+  // Whether the user has asked to see contacts: then moments should hold them.
+  bool wants_contacts() const;
   // As if the user had pressed that key, or moved the pointer so, in pixels of the framebuffer; taken in by
   // the next frame.
   void press(Key key);

@@ -1,19 +1,20 @@
-// The field as the collision sees it: columns with heights, and which of their sides are bridged to a level neighbour.
+// The field as the collision sees it: columns with heights, and which of their sides are bridged to a level
+// neighbour.
 #pragma once
-
-#include <LinearMath/btVector3.h>
 
 #include <algorithm>
 #include <cmath>
 
-#include "smartsurf/surface/PinField.h"
+#include "smartsurf/surface/Field.h"
+#include "smartsurf/world/Vec.h"
 
 namespace smartsurf::world {
 
 // Tops that differ by less count as level, u.
 inline constexpr float kLevelTolerance = 1e-3F;
 
-// One pin as a bottomless column: a rectangle, grown to the middle of the gap on each bridged side, and its top.
+// One cell as a bottomless column: a rectangle, grown to the middle of the gap on each bridged side, and its
+// top.
 struct Column {
   float west, east, south, north, top;
   bool bridged_west, bridged_east, bridged_south, bridged_north;
@@ -33,14 +34,15 @@ struct CellRange {
 
 class Columns {
  public:
-  // Objects narrower than `width` fall between the pins, so that nothing is bridged for them.
-  Columns(const surface::PinField& field, float width)
-      : height_(field.height().data()),
-        rows_(field.rows()),
-        columns_(field.columns()),
-        pitch_(static_cast<float>(field.pitch())),
-        half_x_(static_cast<float>(field.half_top_x())),
-        half_y_(static_cast<float>(field.half_top_y())),
+  // Objects narrower than `width` fall between the cells, so that nothing is bridged for them.
+  Columns(const surface::Field& field, float width)
+      : field_(field),
+        height_(field.height.data()),
+        rows_(field.rows),
+        columns_(field.columns),
+        pitch_(field.pitch),
+        half_x_(field.half_top_x),
+        half_y_(field.half_top_y),
         bridges_x_(width > pitch_ - 2.0F * half_x_),
         bridges_y_(width > pitch_ - 2.0F * half_y_) {}
 
@@ -54,7 +56,11 @@ class Columns {
             std::min(columns_, static_cast<int>(std::floor(cell(x_high) + 0.5F)) + 1)};
   }
 
+  const surface::Field& field() const { return field_; }
+  float pitch() const { return pitch_; }
   int index(int row, int column) const { return row * columns_ + column; }
+  float x(int column) const { return static_cast<float>(column) * pitch_; }
+  float y(int row) const { return static_cast<float>(rows_ - 1 - row) * pitch_; }
   float top(int row, int column) const { return height_[index(row, column)]; }
 
   Column at(int row, int column) const {
@@ -69,16 +75,16 @@ class Columns {
     q.bridged_east = bridges_x_ && level(column < columns_ - 1, i + 1);
     q.bridged_north = bridges_y_ && level(row > 0, i - columns_);
     q.bridged_south = bridges_y_ && level(row < rows_ - 1, i + columns_);
-    const float x = static_cast<float>(column) * pitch_, y = static_cast<float>(rows_ - 1 - row) * pitch_;
     const float half_pitch = 0.5F * pitch_;
-    q.west = x - (q.bridged_west ? half_pitch : half_x_);
-    q.east = x + (q.bridged_east ? half_pitch : half_x_);
-    q.south = y - (q.bridged_south ? half_pitch : half_y_);
-    q.north = y + (q.bridged_north ? half_pitch : half_y_);
+    q.west = x(column) - (q.bridged_west ? half_pitch : half_x_);
+    q.east = x(column) + (q.bridged_east ? half_pitch : half_x_);
+    q.south = y(row) - (q.bridged_south ? half_pitch : half_y_);
+    q.north = y(row) + (q.bridged_north ? half_pitch : half_y_);
     return q;
   }
 
  private:
+  const surface::Field& field_;
   const float* height_;
   int rows_, columns_;
   float pitch_, half_x_, half_y_;
@@ -88,13 +94,13 @@ class Columns {
 // Signed distance from a point to a column and the way out, for a point inside the column's rectangle: up, or
 // sideways through a side that no level neighbour closes, whichever is nearer. Positive above the top.
 struct WayOut {
-  btVector3 normal;
+  Vec3 normal;
   float distance;
 };
-inline WayOut way_out(const Column& q, const btVector3& p) {
+inline WayOut way_out(const Column& q, const Vec3& p) {
   WayOut best{{0, 0, 1}, p.z() - q.top};
   if (best.distance >= 0.0F) return best;
-  auto consider = [&best](bool bridged, float depth, const btVector3& normal) {
+  auto consider = [&best](bool bridged, float depth, const Vec3& normal) {
     if (!bridged && -depth > best.distance) best = {normal, -depth};
   };
   consider(q.bridged_west, p.x() - q.west, {-1, 0, 0});

@@ -1,243 +1,286 @@
 #include "smartsurf/world/World.h"
 
-#include <btBulletDynamicsCommon.h>
-
 #include <algorithm>
-#include <cassert>
 #include <cmath>
-#include <vector>
+#include <limits>
 
-#include "smartsurf/world/BulletShapes.h"
-#include "smartsurf/world/FieldCollision.h"
+#include "smartsurf/world/Bodies.h"
+#include "smartsurf/world/Detector.h"
+#include "smartsurf/world/Sleep.h"
+#include "smartsurf/world/Solver.h"
 #include "smartsurf/world/StateHash.h"
-#include "smartsurf/world/SurfaceVelocitySolver.h"
 
 namespace smartsurf::world {
 namespace {
 
-struct Body {
-  std::unique_ptr<BodyTag> tag;  // at a fixed address: the rigid body's user pointer
-  std::unique_ptr<btConvexShape> shape;
-  std::unique_ptr<btRigidBody> rigid;
-};
-
 struct Push {
   scene::ObjectId id;
-  btVector3 force, arm;  // arm: where it acts, in the body's own frame
+  Vec3 force, arm;  // arm: where it acts, in the body's own axes
   long steps_left;
 };
 
-btDefaultCollisionConstructionInfo pool_sizes() {
-  btDefaultCollisionConstructionInfo info;
-  info.m_customCollisionAlgorithmMaxElementSize = field_algorithm_size();
-  return info;
+float ground_height(const scene::SceneSpec& s) {
+  return s.world.ground ? static_cast<float>(s.surface.pin.min_height - s.surface.pin.length)
+                        : -std::numeric_limits<float>::infinity();
 }
 
-Eigen::Vector3d from_bullet(const btVector3& v) {
-  return Eigen::Vector3f(v.x(), v.y(), v.z()).cast<double>();
+StepSettings settings_of(const scene::SceneSpec& s) {
+  const scene::Material& m = s.materials[static_cast<std::size_t>(s.surface.material)];
+  StepSettings settings;
+  settings.dt_s = static_cast<float>(s.world.dt_s);
+  settings.substeps = std::max(1, (s.world.iterations + 1) / 2);
+  settings.gravity = s.world.gravity.cast<float>();
+  settings.field_friction_root = std::sqrt(static_cast<float>(m.friction));
+  settings.field_rolling_root = std::sqrt(static_cast<float>(m.rolling_friction));
+  settings.field_restitution = static_cast<float>(m.restitution);
+  return settings;
 }
 
-std::array<float, 3> array_of(const btVector3& v) { return {v.x(), v.y(), v.z()}; }
-
-bool finite(const btVector3& v) { return std::isfinite(v.x()) && std::isfinite(v.y()) && std::isfinite(v.z()); }
+std::array<float, 3> array_of(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
 
 }  // namespace
 
 struct World::State {
-  State(const scene::SceneSpec& scene, const surface::PinField& pin_field)
+  State(const scene::SceneSpec& scene, surface::Field& cells, surface::WorkerPool* pool)
       : materials(scene.materials),
-        field(pin_field),
-        dt_s(static_cast<btScalar>(scene.world.dt_s)),
-        configuration(pool_sizes()),
-        dispatcher(&configuration),
-        solver(pin_field),
-        dynamics(&dispatcher, &broadphase, &solver, &configuration) {
-    install_material_rule();
-    register_field_collision(dispatcher);
-    dynamics.setGravity(to_bullet(scene.world.gravity));
-    // Pairs in an order that does not depend on the broadphase's history.
-    dynamics.getDispatchInfo().m_deterministicOverlappingPairs = true;
-    btContactSolverInfo& info = dynamics.getSolverInfo();
-    info.m_numIterations = scene.world.iterations;
-    info.m_solverMode |= SOLVER_USE_2_FRICTION_DIRECTIONS;  // one direction alone lets resting bodies creep
-    info.m_splitImpulsePenetrationThreshold = 0.0F;         // push apart without adding momentum, at any depth
-    add_field(scene);
-    if (scene.world.ground) add_ground(scene);
+        field(cells),
+        settings(settings_of(scene)),
+        team(pool),
+        sleep(cells, settings.dt_s, settings.gravity),
+        detector(cells, settings.dt_s, ground_height(scene)),
+        solver(settings) {
+    field.impulse.assign(field.height.size(), 0.0F);
   }
 
-  ~State() {
-    for (auto& body : bodies) dynamics.removeRigidBody(body.rigid.get());
-    for (auto& fixture : fixtures) dynamics.removeRigidBody(fixture.get());
-  }
-
-  static float floor_height(const scene::SceneSpec& scene) {
-    return static_cast<float>(scene.surface.pin.min_height - scene.surface.pin.length);
-  }
-
-  void add_field(const scene::SceneSpec& scene) {
-    const double highest = std::max(scene.surface.pin.max_height, scene.surface.border_height.value_or(0.0));
-    field_shape = std::make_unique<FieldShape>(field, floor_height(scene), static_cast<float>(highest) + 0.1F, dt_s);
-    add_fixture(*field_shape, scene.materials[static_cast<std::size_t>(scene.surface.material)]);
-  }
-
-  void add_ground(const scene::SceneSpec& scene) {
-    ground_shape = std::make_unique<btStaticPlaneShape>(btVector3(0, 0, 1), floor_height(scene));
-    add_fixture(*ground_shape, scene.materials[static_cast<std::size_t>(scene.surface.material)]);
-  }
-
-  void add_fixture(btCollisionShape& shape, const scene::Material& material) {
-    fixtures.push_back(std::make_unique<btRigidBody>(btRigidBody::btRigidBodyConstructionInfo(0, nullptr, &shape)));
-    set_material(*fixtures.back(), material, true);
-    dynamics.addRigidBody(fixtures.back().get());
-  }
-
-  Body* find(scene::ObjectId id) {
-    const auto it = std::lower_bound(bodies.begin(), bodies.end(), id,
-                                     [](const Body& b, scene::ObjectId wanted) { return b.tag->id < wanted; });
-    return it != bodies.end() && it->tag->id == id ? &*it : nullptr;
-  }
+  void apply_pushes();
+  void list_moving();
+  void wake();
+  void wake_what_is_hit();
+  void write_impulses();
 
   std::vector<scene::Material> materials;
-  const surface::PinField& field;
-  btScalar dt_s;
-  btDefaultCollisionConfiguration configuration;
-  btCollisionDispatcher dispatcher;
-  btDbvtBroadphase broadphase;
-  SurfaceVelocitySolver solver;
-  btDiscreteDynamicsWorld dynamics;
-  std::unique_ptr<FieldShape> field_shape;
-  std::unique_ptr<btStaticPlaneShape> ground_shape;
-  std::vector<std::unique_ptr<btRigidBody>> fixtures;
-  std::vector<Body> bodies;  // ascending by id
+  surface::Field& field;
+  StepSettings settings;
+  Team team;
+  BodyStore bodies;
   scene::ObjectId next_id = 0;
   std::vector<Push> pushes;
+  std::vector<std::int32_t> moving;
+  ContactList pairs, world;
+  Sleep sleep;
+  Detector detector;
+  Solver solver;
+  bool wrenches_given = false;  // since the last step
+  // Cells with an impulse of the last step, and what the sleepers press on each.
+  std::vector<std::int32_t> pressed;
+  std::vector<float> rest_impulse;
+  unsigned rest_impulse_of = 0;  // Sleep::changes()
+  std::vector<std::int32_t> near;
+  mutable std::vector<Vec3> velocity, spin;  // for bodies()
 };
 
-std::string physics_version() {
-  const int version = btGetVersion();
-  return std::to_string(version / 100) + "." + std::to_string(version % 100);
-}
+std::string physics_version() { return SMARTSURF_VERSION; }
 
-World::World(const scene::SceneSpec& scene, const surface::PinField& field)
-    : state_(std::make_unique<State>(scene, field)) {
+World::World(const scene::SceneSpec& scene, surface::Field& field, surface::WorkerPool* pool)
+    : state_(std::make_unique<State>(scene, field, pool)) {
   for (const auto& object : scene.objects) add(object);
 }
 
 World::~World() = default;
 
 scene::ObjectId World::add(const scene::ObjectSpec& spec) {
-  const scene::Material& material = state_->materials[static_cast<std::size_t>(spec.material)];
-  Body body;
-  body.tag = std::make_unique<BodyTag>(BodyTag{spec, state_->next_id++});
-  body.shape = make_shape(spec);
-  const double mass = mass_of(spec, material);
-  btRigidBody::btRigidBodyConstructionInfo info(static_cast<btScalar>(mass), nullptr, body.shape.get(),
-                                                inertia_of(spec, mass));
-  info.m_startWorldTransform = btTransform(to_bullet(spec.orientation), to_bullet(spec.position));
-  body.rigid = std::make_unique<btRigidBody>(info);
-  body.rigid->setUserPointer(body.tag.get());
-  set_material(*body.rigid, material, spec.shape != scene::ShapeKind::kBox);
-  body.rigid->setLinearVelocity(to_bullet(spec.velocity));
-  body.rigid->setAngularVelocity(to_bullet(spec.angular_velocity));
-  // A body asleep would not feel a pin rising under it.
-  body.rigid->setActivationState(DISABLE_DEACTIVATION);
-  state_->dynamics.addRigidBody(body.rigid.get());
-  state_->bodies.push_back(std::move(body));
-  return state_->bodies.back().tag->id;
+  State& s = *state_;
+  s.bodies.add(s.next_id, spec, s.materials[static_cast<std::size_t>(spec.material)]);
+  s.detector.bodies_changed();
+  s.sleep.disturb(s.bodies, s.bodies.id.size() - 1, s.pairs, s.world);
+  return s.next_id++;
 }
 
-bool World::alive(scene::ObjectId id) const { return state_->find(id) != nullptr; }
+bool World::alive(scene::ObjectId id) const { return state_->bodies.find(id) >= 0; }
 
 bool World::remove(scene::ObjectId id) {
-  Body* body = state_->find(id);
-  if (!body) return false;
-  state_->dynamics.removeRigidBody(body->rigid.get());
-  state_->bodies.erase(state_->bodies.begin() + (body - state_->bodies.data()));
+  const int index = state_->bodies.find(id);
+  if (index < 0) return false;
+  state_->sleep.disturb(state_->bodies, static_cast<std::size_t>(index), state_->pairs, state_->world);
+  state_->bodies.erase(static_cast<std::size_t>(index));
+  forget(state_->pairs, index);
+  forget(state_->world, index);
+  state_->sleep.forget_body(index);
+  state_->detector.bodies_changed();
   std::erase_if(state_->pushes, [id](const Push& p) { return p.id == id; });
   return true;
 }
 
 bool World::place(scene::ObjectId id, const scene::Placement& placement) {
-  const Body* body = state_->find(id);
-  if (!body) return false;
-  btRigidBody& rigid = *body->rigid;
-  btTransform pose = rigid.getWorldTransform();
-  if (placement.position) pose.setOrigin(to_bullet(*placement.position));
-  if (placement.orientation) pose.setRotation(to_bullet(*placement.orientation));
-  rigid.setWorldTransform(pose);
-  rigid.setInterpolationWorldTransform(pose);
-  if (placement.velocity) rigid.setLinearVelocity(to_bullet(*placement.velocity));
-  if (placement.angular_velocity) rigid.setAngularVelocity(to_bullet(*placement.angular_velocity));
-  rigid.updateInertiaTensor();
+  const int index = state_->bodies.find(id);
+  if (index < 0) return false;
+  state_->sleep.disturb(state_->bodies, static_cast<std::size_t>(index), state_->pairs, state_->world);
+  state_->bodies.place(static_cast<std::size_t>(index), placement);
   return true;
 }
 
-bool World::push(scene::ObjectId id, const Eigen::Vector3d& force, const std::optional<Eigen::Vector3d>& point,
-                 double duration_s) {
-  const Body* body = state_->find(id);
-  if (!body) return false;
-  const long steps = std::max(1L, std::lround(duration_s / static_cast<double>(state_->dt_s)));
-  const btTransform& pose = body->rigid->getWorldTransform();
-  const btVector3 arm = point ? pose.invXform(to_bullet(*point)) : btVector3(0, 0, 0);
-  state_->pushes.push_back({id, to_bullet(force), arm, steps});
+bool World::push(scene::ObjectId id, const Eigen::Vector3d& force,
+                 const std::optional<Eigen::Vector3d>& point, double duration_s) {
+  const int index = state_->bodies.find(id);
+  if (index < 0) return false;
+  const auto i = static_cast<std::size_t>(index);
+  const long steps = std::max(1L, std::lround(duration_s / static_cast<double>(state_->settings.dt_s)));
+  const Quat& q = state_->bodies.orientation[i];
+  const Vec3 arm =
+      point ? Vec3(q.conjugate() * (point->cast<float>() - state_->bodies.position[i])) : Vec3(0, 0, 0);
+  state_->pushes.push_back({id, force.cast<float>(), arm, steps});
   return true;
 }
 
 scene::ObjectState World::state(scene::ObjectId id) const {
-  const btRigidBody& body = *state_->find(id)->rigid;
-  const btQuaternion q = body.getWorldTransform().getRotation();
-  return {from_bullet(body.getWorldTransform().getOrigin()), Eigen::Quaterniond(q.w(), q.x(), q.y(), q.z()),
-          from_bullet(body.getLinearVelocity()), from_bullet(body.getAngularVelocity())};
+  const BodyStore& b = state_->bodies;
+  const auto i = static_cast<std::size_t>(b.find(id));
+  return {b.position[i].cast<double>(), b.orientation[i].cast<double>(), b.velocity(i).cast<double>(),
+          b.spin(i).cast<double>()};
+}
+
+surface::Bodies World::bodies() const {
+  const State& s = *state_;
+  s.velocity.resize(s.bodies.id.size());
+  s.spin.resize(s.bodies.id.size());
+  for (std::size_t i = 0; i < s.velocity.size(); ++i) {
+    s.velocity[i] = s.bodies.velocity(i);
+    s.spin[i] = s.bodies.spin(i);
+  }
+  return {s.bodies.id, s.bodies.position, s.bodies.orientation, s.velocity, s.spin, s.bodies.mass};
+}
+
+std::span<surface::Wrench> World::wrenches() {
+  state_->wrenches_given = true;
+  return state_->bodies.wrench;
+}
+
+void World::State::apply_pushes() {
+  for (Push& p : pushes) {
+    const auto i = static_cast<std::size_t>(bodies.find(p.id));
+    wrenches_given = true;
+    bodies.wrench[i].force += p.force;
+    bodies.wrench[i].torque += Vec3(bodies.orientation[i] * p.arm).cross(p.force);
+    --p.steps_left;
+  }
+  std::erase_if(pushes, [](const Push& p) { return p.steps_left == 0; });
+}
+
+void World::State::list_moving() {
+  moving.clear();
+  for (std::size_t i = 0; i < bodies.id.size(); ++i)
+    if (!bodies.fixed(i) && !bodies.asleep[i]) moving.push_back(static_cast<std::int32_t>(i));
+}
+
+// Sleepers press on as they did when they fell asleep.
+void World::State::write_impulses() {
+  if (rest_impulse_of != sleep.changes()) {
+    rest_impulse_of = sleep.changes();
+    rest_impulse.assign(field.impulse.size(), 0.0F);
+    for (const Contact& c : sleep.world().contacts)
+      if (c.other == kField) rest_impulse[static_cast<std::size_t>(c.key)] += c.total;
+    field.impulse = rest_impulse;
+    pressed.clear();
+  }
+  auto rest = [this](std::int32_t cell) {
+    return rest_impulse.empty() ? 0.0F : rest_impulse[static_cast<std::size_t>(cell)];
+  };
+  for (const std::int32_t cell : pressed) field.impulse[static_cast<std::size_t>(cell)] = rest(cell);
+  pressed.clear();
+  for (const Contact& c : world.contacts) {
+    if (c.other != kField || c.total == 0.0F) continue;
+    field.impulse[static_cast<std::size_t>(c.key)] += c.total;
+    pressed.push_back(c.key);
+  }
+}
+
+void World::State::wake() {
+  if (!sleep.any()) return;
+  if (wrenches_given) sleep.wake_what_is_pushed(bodies);
+  sleep.wake_on_moving_cells(bodies);
+}
+
+// What is about to hit a sleeper wakes it, so that the blow moves it.
+void World::State::wake_what_is_hit() {
+  if (!sleep.any()) return;
+  near.clear();
+  for (const std::int32_t i : moving)
+    if (Sleep::fast(bodies, static_cast<std::size_t>(i)))
+      detector.sleepers_near(bodies, static_cast<std::size_t>(i), near);
+  for (const std::int32_t i : near) sleep.wake_connected(bodies, static_cast<std::size_t>(i));
+  if (!near.empty()) list_moving();
 }
 
 void World::step() {
-  for (Push& p : state_->pushes) {
-    btRigidBody& body = *state_->find(p.id)->rigid;
-    body.applyForce(p.force, body.getWorldTransform().getBasis() * p.arm);
-    --p.steps_left;
+  State& s = *state_;
+  s.apply_pushes();
+  s.wake();
+  s.list_moving();
+  if (s.moving.empty()) {
+    s.pairs.clear();
+    s.world.clear();
+  } else {
+    s.detector.arrange(s.bodies);
+    s.wake_what_is_hit();
+    s.sleep.return_contacts(s.bodies, s.pairs, s.world);
+    s.detector.detect(s.bodies, s.pairs, s.world, s.team);
+    s.solver.step(s.bodies, s.moving, s.pairs, s.world, s.team);
+    s.sleep.update(s.bodies, s.moving, s.pairs, s.world);
   }
-  std::erase_if(state_->pushes, [](const Push& p) { return p.steps_left == 0; });
-  state_->dynamics.stepSimulation(state_->dt_s, 0);
+  s.write_impulses();
+  if (s.wrenches_given) std::fill(s.bodies.wrench.begin(), s.bodies.wrench.end(), surface::Wrench{});
+  s.wrenches_given = false;
 }
 
+std::vector<ContactPoint> World::contacts() const {
+  const State& s = *state_;
+  std::vector<ContactPoint> out;
+  for (const ContactList* list : {&s.pairs, &s.world, &s.sleep.pairs(), &s.sleep.world()})
+    for (const Manifold& m : list->manifolds)
+      for (int k = m.first; k < m.first + m.count; ++k) {
+        const Contact& c = list->contacts[static_cast<std::size_t>(k)];
+        if (c.total > 0.0F)
+          out.push_back({s.bodies.position[static_cast<std::size_t>(m.a)] + c.arm, c.normal, c.total});
+      }
+  return out;
+}
+
+int World::asleep() const { return state_->sleep.sleepers(); }
+
 void World::snapshot(scene::Snapshot& out) const {
-  const std::size_t n = state_->bodies.size();
-  out.id.resize(n);
+  const BodyStore& b = state_->bodies;
+  const std::size_t n = b.id.size();
+  out.id = b.id;
   out.position.resize(n);
   out.orientation.resize(n);
   out.velocity.resize(n);
   out.angular_velocity.resize(n);
   StateHash hash;
   for (std::size_t i = 0; i < n; ++i) {
-    const Body& body = state_->bodies[i];
-    const btTransform& pose = body.rigid->getWorldTransform();
-    const btQuaternion q = pose.getRotation();
-    out.id[i] = body.tag->id;
-    out.position[i] = array_of(pose.getOrigin());
+    const Quat& q = b.orientation[i];
+    out.position[i] = array_of(b.position[i]);
     out.orientation[i] = {q.x(), q.y(), q.z(), q.w()};
-    out.velocity[i] = array_of(body.rigid->getLinearVelocity());
-    out.angular_velocity[i] = array_of(body.rigid->getAngularVelocity());
+    out.velocity[i] = array_of(b.velocity(i));
+    out.angular_velocity[i] = array_of(b.spin(i));
     hash.add(out.id[i]);
     hash.add(out.position[i]);
     hash.add(out.orientation[i]);
     hash.add(out.velocity[i]);
     hash.add(out.angular_velocity[i]);
   }
-  out.height.assign(state_->field.height().begin(), state_->field.height().end());
-  hash.add(state_->field.height());
-  hash.add(state_->field.speed());
+  out.height.assign(state_->field.height.begin(), state_->field.height.end());
+  hash.add(state_->field.height);
+  hash.add(state_->field.speed);
   out.state_hash = hash.value();
-  out.contacts = 0;
-  for (int i = 0; i < state_->dispatcher.getNumManifolds(); ++i)
-    out.contacts += static_cast<std::uint32_t>(state_->dispatcher.getManifoldByIndexInternal(i)->getNumContacts());
+  const Sleep& sleep = state_->sleep;
+  out.contacts = static_cast<std::uint32_t>(state_->pairs.contacts.size() + state_->world.contacts.size() +
+                                            sleep.pairs().contacts.size() + sleep.world().contacts.size());
 }
 
 std::optional<scene::ObjectId> World::first_not_finite() const {
-  for (const Body& body : state_->bodies) {
-    const btRigidBody& b = *body.rigid;
-    if (!finite(b.getWorldTransform().getOrigin()) || !finite(b.getLinearVelocity()) || !finite(b.getAngularVelocity()))
-      return body.tag->id;
-  }
+  const BodyStore& b = state_->bodies;
+  for (std::size_t i = 0; i < b.id.size(); ++i)
+    if (!b.position[i].allFinite() || !b.velocity(i).allFinite() || !b.spin(i).allFinite()) return b.id[i];
   return std::nullopt;
 }
 

@@ -1,29 +1,40 @@
-// The physics: rigid objects on the field of pins, stepped by Bullet in fixed steps.
+// The physics: rigid objects on the field of cells, stepped in fixed steps.
 //
-// The pins are not bodies: the whole field is one collision object, whose contacts are found by grid arithmetic and
-// closed forms (FieldContacts.h), so cost follows the contacts and not the pins. Single-threaded; the same inputs
-// give the same bits. One World may live in each thread.
+// The cells are not bodies: the field is an array, whose contacts are found by grid arithmetic and closed
+// forms, so cost follows the contacts and not the cells. The same inputs give the same bits, whatever the
+// number of threads.
 #pragma once
 
 #include <Eigen/Core>
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
+#include <vector>
 
 #include "smartsurf/scene/ObjectState.h"
 #include "smartsurf/scene/Snapshot.h"
-#include "smartsurf/surface/PinField.h"
+#include "smartsurf/surface/BodyForces.h"
+#include "smartsurf/surface/Field.h"
+#include "smartsurf/surface/WorkerPool.h"
 
 namespace smartsurf::world {
 
-// The physics library's version, for recordings: "3.24".
+// The name and version of what computes the physics, for recordings.
 std::string physics_version();
+
+// A point where bodies touched in the last step.
+struct ContactPoint {
+  Eigen::Vector3f point, normal;  // world frame
+  float impulse;                  // along the normal over the step, mass·u/s
+};
 
 class World {
  public:
-  // `field` must outlive the world; it is read during step() only. The objects of the scene get the ids 0, 1, ….
-  World(const scene::SceneSpec&, const surface::PinField& field);
+  // `field` and `pool` must outlive the world. step() reads what the cells do and writes Field::impulse.
+  // The objects of the scene get the ids 0, 1, …. Without a pool everything runs on the caller.
+  World(const scene::SceneSpec&, surface::Field& field, surface::WorkerPool* pool = nullptr);
   ~World();
   World(const World&) = delete;
   World& operator=(const World&) = delete;
@@ -36,17 +47,30 @@ class World {
   bool remove(scene::ObjectId);
   // Changes what has a value, keeps the rest.
   bool place(scene::ObjectId, const scene::Placement&);
-  // A constant force (mass·u/s²) through the next `duration_s` of simulated time, at least one step; at `point`
-  // (world frame, fixed to the body from now on) or at the centre of mass.
+  // A constant force (mass·u/s²) through the next `duration_s` of simulated time, at least one step; at
+  // `point` (world frame, fixed to the body from now on) or at the centre of mass.
   bool push(scene::ObjectId, const Eigen::Vector3d& force, const std::optional<Eigen::Vector3d>& point,
             double duration_s);
   // The object must be alive.
   scene::ObjectState state(scene::ObjectId) const;
 
-  // One fixed physics step against the field as planned (PinField::plan); the caller commits the field after it.
+  // The objects as actuators see them; valid until the next step, or change of the objects.
+  surface::Bodies bodies() const;
+  // What acts on each body during the next step, in the order of bodies(); zero again after it. A wrench that
+  // is not zero wakes its body.
+  std::span<surface::Wrench> wrenches();
+
+  // One fixed physics step against the field as planned (Field::speed); the caller commits the field after
+  // it.
   void step();
 
-  // Copies poses, velocities, heights and counters; keeps the vectors' memory. tick and time are the caller's.
+  // The contacts of the last step that bore any load. Allocates.
+  std::vector<ContactPoint> contacts() const;
+  // How many bodies are asleep: at rest on cells that do not move, and not computed.
+  int asleep() const;
+
+  // Copies poses, velocities, heights and counters; keeps the vectors' memory. tick and time are the
+  // caller's.
   void snapshot(scene::Snapshot&) const;
 
   // The first object whose state is not finite, if any.

@@ -15,6 +15,12 @@
 #include <span>
 #include <vector>
 
+#if defined(__x86_64__) && !defined(__clang__)
+#define BENCH_WIDE __attribute__((target_clones("default", "avx2", "avx512f")))
+#else
+#define BENCH_WIDE
+#endif
+
 namespace bench {
 
 struct Case {
@@ -29,15 +35,17 @@ struct Figures {
 
 inline volatile float g_sink;
 
-inline void produce(std::span<float> values, int round) {
-  std::ranges::fill(values, static_cast<float>(round % 7));
+// Both as fast as the machine can, so that little but the exchange is measured.
+BENCH_WIDE inline void produce(std::span<float> values, int round) {
+  const auto value = static_cast<float>(round % 7);
+  for (float& v : values) v = value;
 }
 
-inline void consume(std::span<const float> values) {
-  float sums[16] = {};
+BENCH_WIDE inline void consume(std::span<const float> values) {
+  float sums[64] = {};
   std::size_t i = 0;
-  for (; i + 16 <= values.size(); i += 16)
-    for (std::size_t k = 0; k < 16; ++k) sums[k] += values[i + k];
+  for (; i + 64 <= values.size(); i += 64)
+    for (std::size_t k = 0; k < 64; ++k) sums[k] += values[i + k];
   for (; i < values.size(); ++i) sums[0] += values[i];
   float total = 0;
   for (const float s : sums) total += s;
@@ -80,6 +88,8 @@ Figures message_queue(const Case&, int peer_cpu);
 Figures zeromq(const Case&, int peer_cpu);
 const char* zeromq_missing();
 Figures iceoryx(const Case&, int peer_cpu);
+// Prints what a tick costs beyond the work of both sides.
+void print_own_work(int peer_cpu);
 const char* iceoryx_missing();
 
 }  // namespace bench

@@ -1,4 +1,4 @@
-// Physics on one thread, sensors on --threads: the World and its Proximity beside naive Bullet, on the same
+// Physics on one thread, sensors on --threads: the World and its proximity sensors beside naive Bullet, on the same
 // scenes in one run.
 //   bench_physics [--steps N] [--no-naive] [--only "64x64 100"] [--threads N]
 // Prints medians in milliseconds of a 1/60 s step, the ratio of the totals, and how truly each holds its
@@ -9,7 +9,8 @@
 #include <cstring>
 #include <functional>
 
-#include "smartsurf/surface/Proximity.h"
+#include "smartsurf/surface/ActuatorArray.h"
+#include "smartsurf/surface/SensorArray.h"
 #include "smartsurf/surface/WorkerPool.h"
 #include "smartsurf/world/World.h"
 #include "tests/bench/NaivePins.h"
@@ -83,23 +84,25 @@ struct Timer {
 };
 
 Result run_ours(const Workload& w, const Options& options) {
-  const scene::SceneSpec spec = scene_of(w);
-  surface::PinField field(spec.surface);
+  scene::SceneSpec spec = scene_of(w);
+  spec.surface.sensors = {scene::find_sensor_kind("proximity")->standard()};
+  spec.surface.sensors[0].values["range"] = {kSensorRange};
+  surface::ActuatorArray cells(spec.surface);
   surface::WorkerPool pool(options.threads);
-  world::World world(spec, field);
-  surface::Proximity proximity(spec.surface, kSensorRange);
+  world::World world(spec, cells.field(), &pool);
+  surface::SensorArray sensing(spec, cells.field());
   scene::Snapshot snapshot;
   std::vector<float> targets;
   Timer timer;
   const int settle = settling_steps(w);
   for (int i = 0; i < settle + options.steps; ++i) {
     wave(w, i * kStep, targets);
-    field.set_targets(targets);
-    field.plan(kStep);
+    cells.set_targets(0, targets);
+    cells.plan(kStep);
     const double physics = timed_ms([&] { world.step(); });
-    field.commit(kStep);
+    cells.commit(kStep);
     const double look = timed_ms([&] { world.snapshot(snapshot); });
-    const double sensors = timed_ms([&] { proximity.sense(snapshot, spec.objects, pool); });
+    const double sensors = timed_ms([&] { sensing.sense(snapshot, spec.objects, pool); });
     if (i < settle) continue;
     timer.physics.push_back(physics);
     timer.sensors.push_back(sensors);
@@ -116,7 +119,7 @@ Result run_ours(const Workload& w, const Options& options) {
 
 Result run_naive(const Workload& w, const Options& options) {
   const scene::SceneSpec spec = scene_of(w);
-  surface::PinField field(spec.surface);
+  surface::ActuatorArray cells(spec.surface);
   NaivePins naive(w);
   std::vector<float> targets, heights;
   Timer timer;
@@ -124,10 +127,10 @@ Result run_naive(const Workload& w, const Options& options) {
   double spent_ms = 0;
   for (int i = 0; i < settle + options.steps && (i <= settle + 5 || spent_ms < 12e3); ++i) {
     wave(w, i * kStep, targets);
-    field.set_targets(targets);
-    field.plan(kStep);
-    field.commit(kStep);
-    heights.assign(field.height().begin(), field.height().end());
+    cells.set_targets(0, targets);
+    cells.plan(kStep);
+    cells.commit(kStep);
+    heights = cells.field().height;
     const double physics = timed_ms([&] { naive.step(heights); });
     if (i < settle) continue;
     timer.physics.push_back(physics);

@@ -13,24 +13,30 @@ PhysicsBench::PhysicsBench() {
   scene.materials[0].restitution = 0.0;
 }
 
-surface::PinField& PhysicsBench::field() {
-  if (!field_) field_ = std::make_unique<surface::PinField>(scene.surface);
-  return *field_;
+surface::ActuatorArray& PhysicsBench::cells() {
+  if (!cells_) cells_ = std::make_unique<surface::ActuatorArray>(scene.surface);
+  return *cells_;
 }
 
 world::World& PhysicsBench::world() {
-  if (!world_) world_ = std::make_unique<world::World>(scene, field());
+  if (!pool_) pool_ = std::make_unique<surface::WorkerPool>(threads);
+  if (!world_) world_ = std::make_unique<world::World>(scene, cells().field(), pool_.get());
   return *world_;
 }
 
-scene::ObjectId PhysicsBench::add(const scene::ObjectSpec& o) { return world().add(o); }
+scene::ObjectId PhysicsBench::add(const scene::ObjectSpec& o) {
+  catalogue_.push_back(o);
+  return world().add(o);
+}
 
 void PhysicsBench::run(double seconds, const std::function<void()>& after_each_step) {
   const long steps = std::lround(seconds / scene.world.dt_s);
   for (long i = 0; i < steps; ++i) {
-    field().plan(scene.world.dt_s);
+    cells().plan(scene.world.dt_s);
+    if (cells().exerts_forces())
+      cells().forces(scene.world.dt_s, world().bodies(), catalogue_, world().wrenches());
     world().step();
-    field().commit(scene.world.dt_s);
+    cells().commit(scene.world.dt_s);
     if (after_each_step) after_each_step();
   }
 }
@@ -40,8 +46,12 @@ const scene::Snapshot& PhysicsBench::look() {
   return snapshot_;
 }
 
-Eigen::Vector3f PhysicsBench::position(scene::ObjectId id) { return Eigen::Vector3f(look().position[id].data()); }
-Eigen::Vector3f PhysicsBench::velocity(scene::ObjectId id) { return Eigen::Vector3f(look().velocity[id].data()); }
+Eigen::Vector3f PhysicsBench::position(scene::ObjectId id) {
+  return Eigen::Vector3f(look().position[id].data());
+}
+Eigen::Vector3f PhysicsBench::velocity(scene::ObjectId id) {
+  return Eigen::Vector3f(look().velocity[id].data());
+}
 Eigen::Vector3f PhysicsBench::angular_velocity(scene::ObjectId id) {
   return Eigen::Vector3f(look().angular_velocity[id].data());
 }
@@ -67,6 +77,76 @@ scene::ObjectSpec cylinder(double radius, double height, const Eigen::Vector3d& 
   o.radius = radius;
   o.height = height;
   o.position = position;
+  return o;
+}
+
+scene::ObjectSpec capsule(double radius, double height, const Eigen::Vector3d& position) {
+  scene::ObjectSpec o = cylinder(radius, height, position);
+  o.shape = scene::ShapeKind::kCapsule;
+  return o;
+}
+
+scene::ObjectSpec cone(double radius, double height, const Eigen::Vector3d& position) {
+  scene::ObjectSpec o = cylinder(radius, height, position);
+  o.shape = scene::ShapeKind::kCone;
+  return o;
+}
+
+namespace {
+
+using Corners = std::vector<Eigen::Vector3f>;
+using Faces = std::vector<std::vector<std::uint16_t>>;
+
+scene::ObjectSpec solid_of(const Corners& corners, const Faces& faces, double volume,
+                           const Eigen::Vector3d& moments, const Eigen::Vector3d& position) {
+  auto solid = std::make_shared<scene::Solid>();
+  scene::ConvexPiece piece;
+  piece.corners = solid->vertices = corners;
+  piece.low = piece.high = corners[0];
+  for (const auto& corner : corners) {
+    piece.low = piece.low.cwiseMin(corner);
+    piece.high = piece.high.cwiseMax(corner);
+    solid->reach = std::max(solid->reach, corner.norm());
+  }
+  for (const auto& face : faces) {
+    scene::ConvexPiece::Face f;
+    f.normal = (corners[face[1]] - corners[face[0]]).cross(corners[face[2]] - corners[face[0]]).normalized();
+    f.offset = f.normal.dot(corners[face[0]]);
+    f.first = static_cast<std::uint32_t>(piece.face_corners.size());
+    f.count = static_cast<std::uint32_t>(face.size());
+    piece.faces.push_back(f);
+    piece.face_corners.insert(piece.face_corners.end(), face.begin(), face.end());
+  }
+  solid->low = piece.low;
+  solid->high = piece.high;
+  solid->pieces = {piece};
+  solid->volume = volume;
+  solid->inertia = (volume * moments).asDiagonal();
+  scene::ObjectSpec o;
+  o.shape = scene::ShapeKind::kSolid;
+  o.solid = solid;
+  o.position = position;
+  return o;
+}
+
+}  // namespace
+
+scene::ObjectSpec cube(const Eigen::Vector3d& position) {
+  Corners corners;
+  for (int i = 0; i < 8; ++i) corners.emplace_back(i & 1 ? 1 : -1, i & 2 ? 1 : -1, i & 4 ? 1 : -1);
+  return solid_of(corners,
+                  {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}}, 8,
+                  Eigen::Vector3d::Constant(2.0 / 3.0), position);
+}
+
+scene::ObjectSpec wedge(const Eigen::Vector3d& position) {
+  // An equilateral triangle of edge 2 in the x-z plane, drawn out along y. Its centre is at a third of the
+  // height.
+  const auto height = static_cast<float>(std::sqrt(3.0)), low = -height / 3, high = 2 * height / 3;
+  const Corners corners = {{-1, -1, low}, {1, -1, low}, {0, -1, high},
+                           {-1, 1, low},  {1, 1, low},  {0, 1, high}};
+  auto o = solid_of(corners, {{0, 1, 2}, {3, 5, 4}, {0, 3, 4, 1}, {1, 4, 5, 2}, {0, 2, 5, 3}},
+                    2 * std::sqrt(3.0), {1.0 / 6 + 1.0 / 3, 1.0 / 3, 1.0 / 6 + 1.0 / 3}, position);
   return o;
 }
 

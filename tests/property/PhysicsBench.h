@@ -5,7 +5,7 @@
 #include <memory>
 
 #include "smartsurf/scene/Snapshot.h"
-#include "smartsurf/surface/PinField.h"
+#include "smartsurf/surface/ActuatorArray.h"
 #include "smartsurf/world/World.h"
 
 namespace physics_bench {
@@ -21,7 +21,10 @@ class PhysicsBench {
   void run(double seconds, const std::function<void()>& after_each_step = {});
   const smartsurf::scene::Snapshot& look();
 
-  smartsurf::surface::PinField& field();
+  // Worker threads; set before the first step or object.
+  int threads = 1;
+
+  smartsurf::surface::ActuatorArray& cells();
   smartsurf::world::World& world();
 
   Eigen::Vector3f position(smartsurf::scene::ObjectId);
@@ -29,7 +32,9 @@ class PhysicsBench {
   Eigen::Vector3f angular_velocity(smartsurf::scene::ObjectId);
 
  private:
-  std::unique_ptr<smartsurf::surface::PinField> field_;
+  std::unique_ptr<smartsurf::surface::ActuatorArray> cells_;
+  std::vector<smartsurf::scene::ObjectSpec> catalogue_;
+  std::unique_ptr<smartsurf::surface::WorkerPool> pool_;
   std::unique_ptr<smartsurf::world::World> world_;
   smartsurf::scene::Snapshot snapshot_;
 };
@@ -37,5 +42,10 @@ class PhysicsBench {
 smartsurf::scene::ObjectSpec sphere(double radius, const Eigen::Vector3d& position);
 smartsurf::scene::ObjectSpec box(const Eigen::Vector3d& size, const Eigen::Vector3d& position);
 smartsurf::scene::ObjectSpec cylinder(double radius, double height, const Eigen::Vector3d& position);
+smartsurf::scene::ObjectSpec capsule(double radius, double height, const Eigen::Vector3d& position);
+smartsurf::scene::ObjectSpec cone(double radius, double height, const Eigen::Vector3d& position);
+// Solids bounded by faces: a cube of edge 2, and a triangular prism of edge 2 lying on one side.
+smartsurf::scene::ObjectSpec cube(const Eigen::Vector3d& position);
+smartsurf::scene::ObjectSpec wedge(const Eigen::Vector3d& position);
 
 }  // namespace physics_bench

@@ -6,8 +6,8 @@ using namespace physics_bench;
 
 namespace {
 void raise(PhysicsBench& bench, float height) {
-  std::vector<float> targets(bench.field().height().size(), height);
-  bench.field().set_targets(targets);
+  std::vector<float> targets(bench.cells().field().height.size(), height);
+  bench.cells().set_targets(0, targets);
 }
 }  // namespace
 
@@ -19,7 +19,7 @@ TEST(Pins, SphereRidesUpAndDown) {
   bench.run(0.5);
   double deepest = 0;
   auto watch = [&] {
-    const double top = bench.field().height()[0];
+    const double top = bench.cells().field().height[0];
     deepest = std::max(deepest, top + 1.5 - static_cast<double>(bench.position(id).z()));
   };
   raise(bench, 4);
@@ -51,58 +51,60 @@ TEST(Pins, FollowTheLimitsOfTheirMotion) {
   spec.rows = spec.columns = 3;
   spec.pin.max_speed = 20;
   spec.pin.max_acceleration = 400;
-  surface::PinField field(spec);
-  field.set_target(1, 1, 4.0F);
+  surface::ActuatorArray cells(spec);
+  const surface::Field& field = cells.field();
+  cells.set_target(0, 1, 1, 4.0F);
   const double dt = 1.0 / 240;
   float last_speed = 0;
   int steps = 0;
-  while (field.height()[4] != 4.0F && steps < 1000) {
-    field.plan(dt);
-    const float v = field.speed()[4];
+  while (field.height[4] != 4.0F && steps < 1000) {
+    cells.plan(dt);
+    const float v = field.speed[4];
     EXPECT_LE(v, 20.0F);
     EXPECT_GE(v, 0.0F) << "overshoot";
     EXPECT_LE(std::abs(v - last_speed), 400.0F * dt * 1.0001) << "step " << steps;
     last_speed = v;
-    field.commit(dt);
+    cells.commit(dt);
     ++steps;
   }
   // Trapezoid: 4 u at 20 u/s and 400 u/s² take 4/20 + 20/400 s.
   EXPECT_NEAR(steps * dt, 0.25, 0.015);
-  field.plan(dt);
-  EXPECT_NEAR(field.speed()[4], 0.0F, 1e-4F);
-  field.commit(dt);
-  field.plan(dt);
-  EXPECT_EQ(field.speed()[4], 0.0F);
-  EXPECT_EQ(field.height()[4], 4.0F);
-  EXPECT_EQ(field.height()[0], 0.0F);
+  cells.plan(dt);
+  EXPECT_NEAR(field.speed[4], 0.0F, 1e-4F);
+  cells.commit(dt);
+  cells.plan(dt);
+  EXPECT_EQ(field.speed[4], 0.0F);
+  EXPECT_EQ(field.height[4], 4.0F);
+  EXPECT_EQ(field.height[0], 0.0F);
 }
 
 TEST(Pins, ReversingMidwayNeverBreaksTheLimits) {
   using namespace smartsurf;
   scene::SurfaceSpec spec;
   spec.rows = spec.columns = 1;
-  surface::PinField field(spec);
+  surface::ActuatorArray cells(spec);
+  const surface::Field& field = cells.field();
   const double dt = 1.0 / 240;
   float last = 0;
   for (int i = 0; i < 5000; ++i) {
-    if (i % 17 == 0) field.set_target(0, 0, static_cast<float>((i * 7919) % 61) / 10.0F);
-    field.plan(dt);
-    EXPECT_LE(std::abs(field.speed()[0] - last), 400.0F * dt * 1.001);
-    EXPECT_LE(std::abs(field.speed()[0]), 20.0F);
-    last = field.speed()[0];
-    field.commit(dt);
-    EXPECT_GE(field.height()[0], -1e-4F);
-    EXPECT_LE(field.height()[0], 6.0001F);
+    if (i % 17 == 0) cells.set_target(0, 0, 0, static_cast<float>((i * 7919) % 61) / 10.0F);
+    cells.plan(dt);
+    EXPECT_LE(std::abs(field.speed[0] - last), 400.0F * dt * 1.001);
+    EXPECT_LE(std::abs(field.speed[0]), 20.0F);
+    last = field.speed[0];
+    cells.commit(dt);
+    EXPECT_GE(field.height[0], -1e-4F);
+    EXPECT_LE(field.height[0], 6.0001F);
   }
 }
 
 TEST(Pins, SphereInAPocketIsHeldFromAllSides) {
   PhysicsBench bench;
-  auto& field = bench.field();
+  auto& cells = bench.cells();
   for (int r = 0; r < 32; ++r)
     for (int c = 0; c < 32; ++c) {
       const double dx = c - 15, dy = (31 - r) - 15;
-      field.set_target(r, c, dx * dx + dy * dy <= 4.1 ? 0.0F : 4.0F);
+      cells.set_target(0, r, c, dx * dx + dy * dy <= 4.1 ? 0.0F : 4.0F);
     }
   bench.run(1.0);
   const auto id = bench.add(sphere(2.0, {15.2, 14.9, 7}));
@@ -115,7 +117,7 @@ TEST(Pins, SphereInAPocketIsHeldFromAllSides) {
 
 TEST(Pins, ARaisedRowStopsARollingSphere) {
   PhysicsBench bench;
-  for (int r = 0; r < 32; ++r) bench.field().set_target(r, 20, 4.0F);
+  for (int r = 0; r < 32; ++r) bench.cells().set_target(0, r, 20, 4.0F);
   bench.run(1.0);
   auto object = sphere(1.5, {8, 15.3, 1.5});
   object.velocity = {8, 0, 0};
@@ -129,7 +131,7 @@ TEST(Pins, ARaisedRowStopsARollingSphere) {
 TEST(Pins, BoxLiesOnOneRaisedPatch) {
   PhysicsBench bench;
   for (int r = 14; r <= 16; ++r)
-    for (int c = 14; c <= 16; ++c) bench.field().set_target(r, c, 2.0F);
+    for (int c = 14; c <= 16; ++c) bench.cells().set_target(0, r, c, 2.0F);
   bench.run(1.0);
   const auto id = bench.add(box({5, 5, 1}, {15, 16, 2.6}));
   bench.run(3.0);

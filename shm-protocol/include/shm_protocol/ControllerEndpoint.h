@@ -58,10 +58,16 @@ class ControllerEndpoint {
   }
   const FrameInfo& sensor_info() const noexcept;
 
-  // Time-step: sensor() shows private copies from the next frame on, instead of the shared memory. That pays
-  // for frames of a megabyte and more that the surface write()s, because they are copied while it still
-  // writes. Allocates.
-  void take_copies();
+  // Time-step: the next cells of that channel in the frame to come, in place, as far as the surface has
+  // written them: in ascending order, through all components, at most 64 KiB at a time. Waits until there are
+  // some. Empty: that was the last of the channel, or none will come in time or at all. Then call
+  // await_sensors(): only its kOk says that all that was handed out is of one whole frame, and kTorn that it
+  // was not. The answer may be written meanwhile, and is published after that. Pays for arrays of 16 KiB and
+  // more which the surface write()s.
+  template <class T = float>
+  std::span<const T> next_cells(int channel, const WaitOptions& options = {}) noexcept {
+    return as_array<const T>(next_bytes(channel, dtype_of<T>(), options));
+  }
 
   // The actuator array that publish() will send next, in place in shared memory. It moves to another slot at
   // every publish() and then holds an old frame's values: write all of it.
@@ -71,7 +77,8 @@ class ControllerEndpoint {
   }
 
   // Writes `values` to the cells of the same array from `first` on (counted through all components): the
-  // faster way for large arrays, as SurfaceEndpoint::write() is; the surface copies along.
+  // faster way for large arrays, as SurfaceEndpoint::write() is; the surface copies along. Final for this
+  // frame, unless await_sensors() or publish() says kTorn.
   template <class T>
   void write(int channel, std::size_t first, std::span<const T> values) noexcept {
     write_bytes(channel, dtype_of<T>(), first * sizeof(T), std::as_bytes(values));
@@ -100,6 +107,7 @@ class ControllerEndpoint {
   explicit ControllerEndpoint(std::unique_ptr<Impl>);
 
   std::span<const std::byte> sensor_bytes(int channel, DType) const noexcept;
+  std::span<const std::byte> next_bytes(int channel, DType, const WaitOptions&) noexcept;
   std::span<std::byte> actuator_bytes(int channel, DType) noexcept;
   void write_bytes(int channel, DType, std::size_t at, std::span<const std::byte> values) noexcept;
 

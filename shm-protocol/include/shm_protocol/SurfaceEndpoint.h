@@ -49,9 +49,9 @@ class SurfaceEndpoint {
   }
 
   // Writes `values` to the cells of the same array from `first` on (counted through all components). For
-  // large arrays this is faster than writing in place: it goes past the caches, and a controller with
-  // take_copies() copies along while the rest is being written, if it is done in ascending order: pieces of
-  // 64 KiB to 256 KiB are best. What was written so is final for this frame.
+  // large arrays this is faster than writing in place: it goes past the caches where that is the faster way,
+  // and the controller may take the cells with next_cells() while the rest is being written, if it is done in
+  // ascending order: pieces of 16 KiB to 64 KiB are best. What was written so is final for this frame.
   template <class T>
   void write(int channel, std::size_t first, std::span<const T> values) noexcept {
     write_bytes(channel, dtype_of<T>(), first * sizeof(T), std::as_bytes(values));
@@ -65,6 +65,17 @@ class SurfaceEndpoint {
   // takes its frame in: kOk. Else kTimeout, kInterrupted, kTorn, kOutOfTurn, kNoController (at once),
   // kControllerDead, kControllerClosed; the frame before, or the safe one, then stands.
   [[nodiscard]] Status await_actuators(std::uint64_t tick, const WaitOptions& = {}) noexcept;
+
+  // Time-step: the next cells of that actuator channel in the answer to come, checked copies as actuator()
+  // shows them, as far as the controller has written them: in ascending order, through all components, at
+  // most 64 KiB at a time. Waits until there are some; before the frame to be answered is published it only
+  // looks. Empty: that was the last of the channel, or none will come in time or at all. Then call
+  // await_actuators(): only its kOk says that all that was handed out is of the frame taken in; after kTorn
+  // the next call begins anew. The cells stay valid until then.
+  template <class T = float>
+  std::span<const T> next_cells(int channel, const WaitOptions& options = {}) noexcept {
+    return as_array<const T>(next_bytes(channel, dtype_of<T>(), options));
+  }
 
   // Passive: takes in the newest whole actuator frame without waiting: kOk, kRepeated, kTorn, kNoController,
   // kControllerDead, kControllerClosed.
@@ -103,6 +114,7 @@ class SurfaceEndpoint {
 
   std::span<std::byte> sensor_bytes(int channel, DType) noexcept;
   std::span<const std::byte> actuator_bytes(int channel, DType) const noexcept;
+  std::span<const std::byte> next_bytes(int channel, DType, const WaitOptions&) noexcept;
   void write_bytes(int channel, DType, std::size_t at, std::span<const std::byte> values) noexcept;
 
   std::unique_ptr<Impl> impl_;

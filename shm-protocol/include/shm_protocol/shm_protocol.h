@@ -194,8 +194,8 @@ SSP_API int ssp_surface_find(const ssp_surface*, uint32_t direction, const char*
  * may be null. */
 SSP_API void* ssp_surface_sensor(ssp_surface*, int channel, size_t* bytes);
 /* Copies `bytes` to the same array from byte `at` on: for arrays of 16 KiB and more faster than writing in
- * place, as it goes past the caches; in ascending order, 64 KiB to 256 KiB at a time, the controller may copy
- * along. What was written so is final for this frame. SSP_E_ARGUMENT: no such place, or half an element. */
+ * place, as it goes past the caches where that pays; in ascending order, 16 KiB to 64 KiB at a time, the
+ * controller may read along. What was written so is final for this frame. SSP_E_ARGUMENT: no such place, or half an element. */
 SSP_API ssp_result ssp_surface_write(ssp_surface*, int channel, size_t at, const void* values, size_t bytes);
 /* Publishes the sensor frame and wakes the controller. Time-step: SSP_OUT_OF_TURN while the controller has
  * not answered the frame before. */
@@ -204,6 +204,12 @@ SSP_API ssp_result ssp_surface_publish(ssp_surface*, uint64_t tick, double time_
  * SSP_OK, SSP_TIMEOUT, SSP_INTERRUPTED, SSP_TORN, SSP_OUT_OF_TURN, SSP_NO_CONTROLLER (at once),
  * SSP_CONTROLLER_DEAD, SSP_CONTROLLER_CLOSED. */
 SSP_API ssp_result ssp_surface_await(ssp_surface*, uint64_t tick, int64_t timeout_ns, const ssp_stop*);
+/* Time-step: the next part of that actuator channel in the answer to come, checked, as far as the controller
+ * has written it: as ssp_controller_next. Before the frame to be answered is published it only looks. When
+ * there is no more call ssp_surface_await: only its SSP_OK says that all of it is of the frame taken in; after
+ * SSP_TORN the next call begins anew. */
+SSP_API const void* ssp_surface_next(ssp_surface*, int channel, int64_t timeout_ns, const ssp_stop*,
+                                     size_t* bytes);
 /* Passive: takes in the newest whole actuator frame without waiting: SSP_OK, SSP_REPEATED, SSP_TORN,
  * SSP_NO_CONTROLLER, SSP_CONTROLLER_DEAD, SSP_CONTROLLER_CLOSED. */
 SSP_API ssp_result ssp_surface_latest(ssp_surface*);
@@ -262,9 +268,13 @@ SSP_API void* ssp_controller_actuator(ssp_controller*, int channel, size_t* byte
 /* As ssp_surface_write. */
 SSP_API ssp_result ssp_controller_write(ssp_controller*, int channel, size_t at, const void* values,
                                         size_t bytes);
-/* Time-step: ssp_controller_sensor shows private copies from the next frame on, made while the surface still
- * writes: for frames of a megabyte and more that it writes with ssp_surface_write. */
-SSP_API ssp_result ssp_controller_take_copies(ssp_controller*);
+/* Time-step: the next part of that channel's array in the sensor frame to come, in place, as far as the
+ * surface has written it with ssp_surface_write: in ascending order, at most 64 KiB. Waits until there is
+ * some. Null: that was the last of the channel, or no more will come in time or at all. Then call
+ * ssp_controller_await: only its SSP_OK says that all of it was of one whole frame, and SSP_TORN that it was
+ * not. The answer may be written meanwhile. `bytes` may not be null. */
+SSP_API const void* ssp_controller_next(ssp_controller*, int channel, int64_t timeout_ns, const ssp_stop*,
+                                        size_t* bytes);
 /* Publishes the actuator frame as the answer to the sensor frame taken last. SSP_OUT_OF_TURN: time-step, and
  * no unanswered frame was taken. SSP_TORN: time-step, and the surface has given that frame up; await the next
  * one. */

@@ -14,7 +14,9 @@ def _candidates():
         return
     here = pathlib.Path(__file__).resolve()
     for folder in here.parents:
-        yield str(folder / _NAME)  # installed: LIBDIR/python3/dist-packages/shm_protocol
+        yield str(folder / _NAME)  # installed: lib/python3/dist-packages/shm_protocol …
+        if folder.name == "lib":
+            yield from map(str, folder.glob(f"*/{_NAME}"))  # … beside lib/x86_64-linux-gnu
         for preset in ("release", "ci", "debug"):
             yield str(folder / "build" / preset / "shm-protocol" / _NAME)  # in the source tree
     yield _NAME  # wherever the loader looks
@@ -93,6 +95,9 @@ def _declare(lib):
         say(f"ssp_{role}_describe", result, handle, pointer(Description))
         say(f"ssp_{role}_channel", result, handle, c.c_int, pointer(ChannelInfo))
         say(f"ssp_{role}_counters", result, handle, pointer(Counters), pointer(Counters))
+    for role in ("surface", "controller"):
+        say(f"ssp_{role}_write", result, handle, c.c_int, c.c_size_t, c.c_void_p, c.c_size_t)
+        say(f"ssp_{role}_next", c.c_void_p, handle, c.c_int, c.c_int64, c.c_void_p, pointer(c.c_size_t))
     say("ssp_surface_create", result, pointer(SurfaceConfig), pointer(handle))
     say("ssp_surface_close", None, handle)
     say("ssp_surface_destroy", None, handle)

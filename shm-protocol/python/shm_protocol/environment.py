@@ -6,7 +6,7 @@ import uuid
 
 import numpy as np
 
-from ._roles import Controller
+from ._controller import Controller
 
 try:
     import gymnasium as _gymnasium

@@ -74,12 +74,9 @@ ssp_result ssp_controller_write(ssp_controller* k, int channel, size_t at, const
   if (!k) return c::null_argument();
   return c::write(k->endpoint, channel, Direction::kActuator, at, values, bytes);
 }
-ssp_result ssp_controller_take_copies(ssp_controller* k) {
-  if (!k) return c::null_argument();
-  return c::guarded([&] {
-    k->endpoint.take_copies();
-    return SSP_OK;
-  });
+const void* ssp_controller_next(ssp_controller* k, int channel, int64_t timeout_ns, const ssp_stop* stop,
+                                size_t* bytes) {
+  return c::next(k, channel, Direction::kSensor, c::wait_of(timeout_ns, stop), bytes);
 }
 ssp_result ssp_controller_publish(ssp_controller* k) {
   return k ? c::result_of(k->endpoint.publish()) : c::null_argument();

@@ -95,6 +95,10 @@ ssp_result ssp_surface_await(ssp_surface* s, uint64_t tick, int64_t timeout_ns, 
   return s ? c::result_of(s->endpoint.await_actuators(tick, c::wait_of(timeout_ns, stop)))
            : c::null_argument();
 }
+const void* ssp_surface_next(ssp_surface* s, int channel, int64_t timeout_ns, const ssp_stop* stop,
+                             size_t* bytes) {
+  return c::next(s, channel, Direction::kActuator, c::wait_of(timeout_ns, stop), bytes);
+}
 ssp_result ssp_surface_latest(ssp_surface* s) {
   return s ? c::result_of(s->endpoint.latest_actuators()) : c::null_argument();
 }

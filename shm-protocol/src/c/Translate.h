@@ -100,6 +100,18 @@ ssp_result write(Endpoint& endpoint, int channel, Direction direction, std::size
   return SSP_OK;
 }
 
+// endpoint.next_cells() of the channel's element type; null when there are none.
+template <class Handle>
+const void* next(Handle* handle, int channel, Direction direction, const WaitOptions& options,
+                 std::size_t* bytes) noexcept {
+  if (!bytes) return nullptr;
+  *bytes = 0;
+  const ChannelSpec* spec = handle ? channel_of(handle->endpoint.description(), channel) : nullptr;
+  if (!spec || spec->direction != direction) return nullptr;
+  return address_of(spec->dtype, bytes,
+                    [&]<class T>() { return handle->endpoint.template next_cells<T>(channel, options); });
+}
+
 // The three roles describe themselves alike.
 template <class Handle>
 ssp_result describe(const Handle* handle, ssp_description* out) noexcept {

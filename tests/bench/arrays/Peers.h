@@ -1,4 +1,4 @@
-// What the array benchmark compares: the workloads W2 to W6 (the .aps files here) by one way of writing them
+// What the array benchmark compares: the workloads W1 to W6 (the .aps files here) by one way of writing them
 // each.
 #pragma once
 
@@ -36,7 +36,8 @@ class Image {
 float uniform(int row, int column, int which);  // 0.1 to 1
 float blob(int row, int column);                // 0 or 1: discs some cells across
 float soup(int row, int column);                // 0 or 1: 3/8 alive
-Image input(int workload, int n, int which);    // W2: 0 and 1; the others: 0
+int inputs(int workload);                       // how many images it reads
+Image input(int workload, int n, int which);
 
 struct Job {
   std::function<void()> run;         // once over the whole array

@@ -64,10 +64,9 @@ std::optional<Job> apron_job(int workload, int n, unsigned threads) {
   options.threads = threads;
   options.fuse.keep_registers = false;
   auto machine = std::make_shared<Machine>(std::move(*result.program), options);
-  const int inputs = workload == 2 ? 2 : 1;
-  for (int i = 0; i < inputs; ++i) {
+  for (int i = 0; i < inputs(workload); ++i) {
     const Image image = input(workload, n, i);
-    const Plane plane = machine->plane(i == 0 ? "A" : "B");
+    const Plane plane = machine->plane(i == 0 ? "A" : workload == 1 ? "C" : "B");
     for (int r = 0; r < n; ++r) std::copy_n(image.row(r), n, plane.row(static_cast<std::uint32_t>(r)));
   }
   return Job{[machine] { machine->vm.run(); },

@@ -82,13 +82,15 @@ double checksum(const Array& a) {
 
 std::optional<Job> eigen_job(int workload, int n) {
   auto m = std::make_shared<Machine>(n);
-  for (int i = 0; i < (workload == 2 ? 2 : 1); ++i) {
+  for (int i = 0; i < inputs(workload); ++i) {
     const Image image = input(workload, n, i);
     for (int r = 0; r < n; ++r)
       for (int c = 0; c < n; ++c)
-        (workload == 2 ? m->whole[i](r, c) : m->padded[0](r + 1, c + 1)) = image.row(r)[c];
+        (workload <= 2 ? m->whole[workload == 1 ? 2 * i : i](r, c) : m->padded[0](r + 1, c + 1)) =
+            image.row(r)[c];
   }
   const auto run = [m, workload] {
+    if (workload == 1) m->whole[1] = m->whole[0] + m->whole[2];
     if (workload == 2) m->chain();
     if (workload == 3) m->morphology();
     if (workload == 4) m->life();

@@ -70,6 +70,14 @@ struct Machine {
   Ring h, e, g;
   Image zero;
 
+  void addition() {
+    for (int r = 0; r < n; ++r) {
+      const float *a = image[0].row(r), *c = image[2].row(r);
+      float* to = image[1].row(r);
+      for (int i = 0; i < n; i += 16) store(to + i, sum(load(a + i), load(c + i)));
+    }
+  }
+
   void chain() {
     const V half = _mm512_set1_ps(0.5F);
     for (int r = 0; r < n; ++r) {
@@ -243,8 +251,9 @@ struct Machine {
 std::optional<Job> hand_job(int workload, int n) {
   auto m = std::make_shared<Machine>(n);
   m->image[0] = input(workload, n, 0);
-  if (workload == 2) m->image[1] = input(workload, n, 1);
+  if (inputs(workload) == 2) m->image[workload == 1 ? 2 : 1] = input(workload, n, 1);
   const auto run = [m, workload] {
+    if (workload == 1) m->addition();
     if (workload == 2) m->chain();
     if (workload == 3) m->morphology();
     if (workload == 4) m->life();

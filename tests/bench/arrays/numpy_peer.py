@@ -65,6 +65,11 @@ def nine(op, a, h, o):
     op(o[I], h[I], out=o[I])
 
 
+def addition(n):
+    r = [uniform(n, 0), uniform(n, 1), np.empty((n, n), f)]
+    return lambda: np.add(r[0], r[1], out=r[2]), lambda: r[2:]
+
+
 def chain(n):
     r = [uniform(n, 0), uniform(n, 1), np.empty((n, n), f), np.empty((n, n), f)]
     on = np.empty((n, n), bool)
@@ -161,7 +166,7 @@ def checksum(arrays):
 
 def main():
     workload, n = int(sys.argv[1]), int(sys.argv[2])
-    run, results = {2: chain, 3: morphology, 4: life, 5: diffusion, 6: case_study}[workload](n)
+    run, results = {1: addition, 2: chain, 3: morphology, 4: life, 5: diffusion, 6: case_study}[workload](n)
     run()
     total = checksum(results())
     start = time.perf_counter()

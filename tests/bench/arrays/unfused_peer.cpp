@@ -125,8 +125,9 @@ void case_study(Machine& m) {
 std::optional<Job> unfused_job(int workload, int n) {
   auto m = std::make_shared<Machine>(n);
   m->images[0] = input(workload, n, 0);
-  if (workload == 2) m->images[1] = input(workload, n, 1);
+  if (inputs(workload) == 2) m->images[workload == 1 ? 2 : 1] = input(workload, n, 1);
   const auto run = [m, workload] {
+    if (workload == 1) m->op(1, 0, 2, kSum);
     if (workload == 2) chain(*m);
     if (workload == 3) m->nine(0, 8, smaller), m->nine(8, 1, larger);
     if (workload == 4) life(*m);

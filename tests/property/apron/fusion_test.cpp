@@ -20,6 +20,7 @@ class RandomProgram : public Build {
       if (i >= kRegisters / 2) program.registers.back().name[0] = '$';
     }
     for (int i = 0; i < 3; ++i) variables.push_back(var(static_cast<float>(i) - 0.5F));
+    for (const std::uint32_t side : {3U, 4U, 5U}) filters.push_back(filter(side, chance(2) ? side : 2));
     if (chance(2)) {
       const auto rule = static_cast<float>(rng_() % 5);
       add(Opcode::kBoundary, {}, lit(rule), lit(1.75F));
@@ -30,7 +31,7 @@ class RandomProgram : public Build {
       add(Opcode::kAdd, registers[0], registers[0], registers[i]);
   }
 
-  std::vector<Operand> registers, variables;
+  std::vector<Operand> registers, variables, filters;
 
  private:
   static constexpr int kRegisters = 8;
@@ -46,7 +47,9 @@ class RandomProgram : public Build {
   }
 
   void instruction(int depth) {
-    switch (rng_() % 16) {
+    switch (rng_() % 17) {
+      case 16:
+        return filtered();
       case 0:
         return scalar_operation();
       case 1:
@@ -100,6 +103,22 @@ class RandomProgram : public Build {
     add(op, y, a, lit(chance(2) ? 4.0F : 8.0F), {}, !chance(3));
   }
 
+  Operand filter(std::uint32_t width, std::uint32_t height) {
+    program::Filter f{"f", width, height, {}};
+    for (std::uint32_t i = 0; i < width * height; ++i)
+      f.elements.push_back(static_cast<float>(static_cast<int>(rng_() % 5)) * 0.25F - 0.5F);
+    program.filters.push_back(f);
+    return {program::OperandKind::kFilter, static_cast<std::uint32_t>(program.filters.size() - 1)};
+  }
+
+  // The last filter changes while the program runs.
+  void filtered() {
+    const Operand y = any(), a = any();
+    if (y == a) return elementwise();
+    if (chance(6)) add(Opcode::kFilterSet, {}, filters.back(), lit(static_cast<float>(rng_() % 5)), scalar());
+    add(Opcode::kFilterDo, y, a, filters[rng_() % filters.size()], {}, !chance(3));
+  }
+
   void scalar_operation() {
     static const Opcode kOps[] = {Opcode::kCopy, Opcode::kAdd, Opcode::kSub, Opcode::kMul, Opcode::kMin};
     const Opcode op = kOps[rng_() % std::size(kOps)];
@@ -150,7 +169,7 @@ class RandomProgram : public Build {
         add(Opcode::kMaskPop);
         break;
       case 5:
-        add(Opcode::kCellX, any());
+        add(chance(2) ? Opcode::kCellX : Opcode::kCellY, any());
         break;
       default:
         add(Opcode::kPixelSet, any(), lit(0), lit(0), scalar());
@@ -184,6 +203,9 @@ std::vector<Way> ways() {
   add("strips of 16, rows of 3", 1, 16, 3, true);
   add("strips of 48, three threads", 3, 48, 8, true);
   add("two threads", 2, 0, 5, true);
+  add("four rows at once", 1, 0, 0, true)->options.fuse.rows_at_once = 4;
+  add("four rows at once of 7, strips of 32", 1, 32, 7, true)->options.fuse.rows_at_once = 4;
+  add("two rows at once of 5, two threads", 2, 0, 5, true)->options.fuse.rows_at_once = 2;
   add("tiles", 1, 0, 0, false);
   add("tiles, strips of 32, rows of 2, two threads", 2, 32, 2, false);
   add("short traces", 1, 0, 4, true)->options.fuse.trace_steps = 7;
@@ -256,6 +278,33 @@ TEST(Fusion, EqualsOneInstructionAtATime) {
       if (HasFatalFailure()) return;
     }
   }
+}
+
+// Results that go past the caches are those of any other size.
+TEST(Fusion, OfArraysBeyondTheCachesToo) {
+  Build build;
+  const Operand a = build.reg(2100, 1400), h = build.reg(2100, 1400), y = build.reg(2100, 1400);
+  for (const auto& [to, from, dx, dy] : {std::tuple{h, a, 1, 0}, {y, h, 0, 1}}) {
+    build.add(Opcode::kShift, to, from, build.lit(static_cast<float>(dx)), build.lit(static_cast<float>(dy)));
+    build.add(Opcode::kAdd, to, to, from);
+  }
+  build.program.registers[h.index].name[0] = '$';
+  const program::Program program = build.done();
+  ASSERT_EQ(program::verify(program), "");
+  std::vector<Cells> results;
+  for (const bool fused : {false, true}) {
+    FakeHost host;
+    VmOptions options;
+    options.fuse.on = fused;
+    Vm vm(program, options, host);
+    std::mt19937 rng(5);
+    const Plane plane = vm.plane(a.index);
+    for (std::uint32_t row = 0; row < plane.height; ++row)
+      for (std::uint32_t x = 0; x < plane.width; ++x) plane.row(row)[x] = static_cast<float>(rng() % 64);
+    ASSERT_EQ(vm.run(), Status::kEnded) << vm.error();
+    results.push_back(read(vm.plane(y.index)));
+  }
+  EXPECT_EQ(results[0], results[1]);
 }
 
 // The budget counts instructions, and a debugger that steps sees each: segments neither overrun it nor are

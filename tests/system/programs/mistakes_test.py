@@ -14,6 +14,7 @@ class Mistakes(ProgramTest):
             self.assertIn(fact, lines[0])
 
     def test_experiments(self):
+        self.write("open.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\n")
         for text, *facts in [
             (TABLE + "spere { radius = 1, position = {1, 1, 1} }", ":2:", "spere", "sphere"),
             (TABLE + "sphere { raduis = 1, position = {1, 1, 1} }", ":2:", "raduis", "radius"),
@@ -23,6 +24,10 @@ class Mistakes(ProgramTest):
             (TABLE + "world { dt = 'fast' }", ":2:", "dt", "fast"),
             (TABLE + "if then", ":2:"),
             (TABLE + "while true do end", ":2:", "instructions"),
+            (TABLE + "mesh { file = 'none.stl', position = {1, 1, 1} }", ":2:", "none.stl", "does not exist"),
+            (TABLE + "mesh { file = 'wrong.lua', position = {1, 1, 1} }", ":2:", "wrong.lua", ".stl"),
+            (TABLE + "mesh { file = 'open.obj', position = {1, 1, 1} }", ":2:", "open.obj", "3 edges", "(1, 0, 0)"),
+            (TABLE + "hull { points = {{0, 0, 0}}, position = {1, 1, 1} }", ":2:", "points", "four"),
             ("world {}\n", "surface"),
         ]:
             path = self.write("wrong.lua", text)

@@ -24,7 +24,7 @@ class ProgramTest(unittest.TestCase):
         self.folder = pathlib.Path(self._folder.name)
         self.children = []
         # One name a test, so that tests can run side by side.
-        self.shm = f"test-{os.getpid()}-{self._testMethodName}"[:48]
+        self.shm = f"test-{os.getpid()}-{self._testMethodName}"[:44]
 
     def tearDown(self):
         for child in self.children:
@@ -75,4 +75,4 @@ class ProgramTest(unittest.TestCase):
 
 
 __all__ = ["APRON", "BIN", "ProgramTest", "ROOT", "SMARTSURF", "SORT_APS", "SORT_LUA", "json", "os", "pathlib",
-           "signal", "subprocess", "time", "unittest"]
+           "signal", "subprocess", "tempfile", "time", "unittest"]

@@ -1,77 +1,118 @@
-"""The simulator's window on a virtual display: what it survives, and how it ends."""
+"""The APRON window and its pictures, as a user meets them; windows on a virtual display."""
 import shutil
 
 from programs import *
 
-RAIN = str(ROOT / "scripts/examples/rain.lua")
+ENDLESS = "println('one')\nwhile(1)\nendwhile\n"
+PNG = b"\x89PNG\r\n\x1a\n"
 
 
-@unittest.skipUnless(shutil.which("Xvfb"), "Xvfb is not installed")
-class Windows(ProgramTest):
-    def open_display(self):
-        """Starts a display of this test's own; returns its process."""
+class ApronPictures(ProgramTest):
+    def pictures_of_a_run(self, *flags):
+        surface = self.start(SMARTSURF, "run", SORT_LUA, "--shm", self.shm, "--ticks", "30")
+        status, _, err = self.run_program(APRON, "run", SORT_APS, "--shm", self.shm, *flags)
+        self.assertEqual((status, err), (0, ""))
+        self.assertEqual(self.finish(surface)[0], 0)
+
+    def test_the_same_run_gives_the_same_pictures(self):
+        seen = []
+        for _ in range(2):
+            self.pictures_of_a_run("--screenshot", "early.png@10", "--screenshot", "end.png", "--geometry", "800x600")
+            seen.append([(self.folder / name).read_bytes() for name in ("early.png", "end.png")])
+        self.assertEqual(seen[0], seen[1])
+        early, end = seen[0]
+        self.assertTrue(early.startswith(PNG))
+        self.assertNotEqual(early, end)
+        self.assertEqual(int.from_bytes(early[16:20], "big"), 800)
+        self.assertEqual(sorted(p.name for p in self.folder.iterdir()), ["early.png", "end.png"])
+
+    @unittest.skipUnless(shutil.which("ffmpeg"), "no ffmpeg")
+    def test_a_video_plays_by_the_simulated_clock(self):
+        self.pictures_of_a_run("--video", "run.mp4", "--geometry", "400x300")
+        told = subprocess.run(["ffprobe", "-v", "error", "-count_frames", "-show_entries", "stream=nb_read_frames",
+                               "-of", "csv=p=0", "run.mp4"], cwd=self.folder, capture_output=True, text=True)
+        # 30 ticks of 1/60 s at 30 pictures a second.
+        self.assertIn(int(told.stdout.strip().strip(",")), (15, 16))
+
+    def test_a_picture_without_a_surface_is_that_of_the_end(self):
+        program = self.write("a.aps", "!register(A)\nA = cell.x\n")
+        status, _, err = self.run_program(APRON, "run", program, "--screenshot", "a.png")
+        self.assertEqual((status, err), (0, ""))
+        self.assertTrue((self.folder / "a.png").read_bytes().startswith(PNG))
+
+    def test_mistakes_get_one_line_and_leave_no_file(self):
+        program = self.write("a.aps", "!register(A)\nA = 1\n")
+        for flags, word in ((["--screenshot", "a.jpg"], ".png"), (["--screenshot", "a.png@x"], "TICK"),
+                            (["--screenshot", "no/such/a.png"], "no folder"), (["--video", "a.mp4"], "--shm"),
+                            (["--hold"], "--window"), (["--show", "A"], "--window"),
+                            (["--screenshot", "a.png", "--show", "B"], "no register 'B'"),
+                            (["--screenshot", "a.png", "--geometry", "7"], "1280x800"),
+                            (["--window", "--screenshot", "a.png"], "display")):
+            status, _, err = self.run_program(APRON, "run", program, *flags)
+            self.assertEqual(status, 2, flags)
+            self.assertEqual(len(err.strip().splitlines()), 1, err)
+            self.assertIn(word, err)
+        self.assertEqual([p.name for p in self.folder.iterdir()], ["a.aps"])
+
+
+@unittest.skipUnless(shutil.which("Xvfb"), "no virtual display")
+class ApronWindow(ProgramTest):
+    def setUp(self):
+        super().setUp()
         read, write = os.pipe()
-        server = subprocess.Popen(["Xvfb", "-displayfd", str(write), "-screen", "0", "640x480x24", "-nolisten", "tcp"],
-                                  pass_fds=(write,), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        # Without -noreset it begins again whenever its last client leaves, and refuses those that come meanwhile.
+        self.display = subprocess.Popen(["Xvfb", "-displayfd", str(write), "-screen", "0", "1280x800x24", "-noreset"],
+                                        pass_fds=[write], stderr=subprocess.DEVNULL)
         os.close(write)
-        self.addCleanup(lambda: (server.kill(), server.wait()))
-        with os.fdopen(read) as numbers:
-            self.display = ":" + numbers.readline().strip()
-        return server
+        with os.fdopen(read) as number:
+            os.environ["DISPLAY"] = ":" + number.readline().strip()
 
-    def start_window(self, *flags):
-        environment = {**os.environ, "DISPLAY": self.display}
-        child = subprocess.Popen([SMARTSURF, "run", RAIN, "--no-controller", "--window", *flags], text=True,
-                                 stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=self.folder, env=environment)
-        self.children.append(child)
-        return child
+    def tearDown(self):
+        super().tearDown()
+        self.display.kill()
+        self.display.wait()
+        os.environ.pop("DISPLAY")
 
-    def wait_for_recording(self, recording):
-        self.wait_for(lambda: recording.exists() and recording.stat().st_size > 20_000, "the run goes on")
+    def read_line(self, child):
+        line = child.stdout.readline()
+        return line.strip()
 
-    def test_a_run_with_an_end_goes_on_without_its_display(self):
-        server = self.open_display()
-        recording = self.folder / "run.h5"
-        child = self.start_window("--until", "3", "--record", str(recording))
-        self.wait_for_recording(recording)
-        server.kill()
-        server.wait()
+    def test_a_saved_program_is_run_anew_and_a_signal_ends_it(self):
+        program = self.write("a.aps", ENDLESS)
+        child = self.start(APRON, "run", program, "--window", "--size", "4x4", "--geometry", "640x480+10+10")
+        self.assertEqual(self.read_line(child), "one")
+        time.sleep(0.05)  # file times are that fine
+        self.write("a.aps", ENDLESS.replace("one')", "one'"))  # is not taken
+        time.sleep(1)
+        self.write("a.aps", ENDLESS.replace("one", "two"))
+        self.assertEqual(self.read_line(child), "two")
+        child.send_signal(signal.SIGTERM)
+        status, out, err = self.finish(child)
+        self.assertEqual((status, out, err), (143, "", ""))
+
+    def test_a_held_program_waits_and_a_lost_display_ends_it(self):
+        program = self.write("a.aps", ENDLESS)
+        child = self.start(APRON, "run", program, "--window", "--hold", "--size", "4x4")
+        time.sleep(1)
+        self.assertIsNone(child.poll())
+        self.display.kill()
+        status, out, _ = self.finish(child, 30)
+        self.assertNotEqual(status, 0)
+        self.assertEqual(out, "")
+
+    def test_both_windows_open_side_by_side_and_end_with_the_run(self):
+        child = self.start(SMARTSURF, "run", SORT_LUA, "--controller", SORT_APS, "--window", "--pace", "max",
+                           "--ticks", "40", "--shm", self.shm)
         status, _, err = self.finish(child)
         self.assertEqual(status, 0, err)
-        self.assertIn("the display is lost; the run goes on without its window", err)
-        self.assertIn("done after 180 ticks", self.run_program(SMARTSURF, "info", str(recording))[1])
+        self.assertFalse(self.segment().exists())
 
-    def test_a_run_without_an_end_ends_with_its_display(self):
-        server = self.open_display()
-        recording = self.folder / "run.h5"
-        child = self.start_window("--record", str(recording), "--set", "count=100000")
-        self.wait_for_recording(recording)
-        server.kill()
-        server.wait()
-        status, _, err = self.finish(child)
-        self.assertEqual(status, 1, err)
-        self.assertIn("the display is lost: the run ends", err)
-        self.assertIn("the display was lost", self.run_program(SMARTSURF, "info", str(recording))[1])
-
-    def test_a_display_that_is_not_there_is_one_line(self):
-        self.display = ":4711"
-        status, _, err = self.finish(self.start_window("--until", "1"))
+    def test_no_display_is_said_in_one_line(self):
+        os.environ["DISPLAY"] = ":987"
+        status, _, err = self.run_program(APRON, "run", self.write("a.aps", ENDLESS), "--window")
         self.assertEqual(status, 2)
-        self.assertEqual(err.count("\n"), 1, err)
-
-    @unittest.skipUnless(shutil.which("xdotool"), "xdotool is not installed")
-    def test_q_ends_the_run_in_good_order(self):
-        self.open_display()
-        recording = self.folder / "run.h5"
-        child = self.start_window("--record", str(recording))
-        self.wait_for_recording(recording)
-        environment = {**os.environ, "DISPLAY": self.display}
-        while child.poll() is None:  # the window has no focus before its first frame
-            subprocess.run(["xdotool", "key", "q"], env=environment, check=False)
-            time.sleep(0.2)
-        status, _, err = self.finish(child)
-        self.assertEqual(status, 0, err)
-        self.assertIn("stopped by the user", self.run_program(SMARTSURF, "info", str(recording))[1])
+        self.assertEqual(len(err.strip().splitlines()), 1, err)
+        self.assertIn("no display", err)
 
 
 if __name__ == "__main__":

@@ -2,8 +2,10 @@
 #include <gtest/gtest.h>
 #include <shm_protocol/Segments.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <random>
+#include <vector>
 
 #include "tests/system/shm-protocol/Peer.h"
 #include "tests/unit/shm-protocol/RawSegment.h"
@@ -136,6 +138,96 @@ TEST(Death, SurfacesKilledWhileTheyAreBuiltLeaveTheNameUsable) {
   }
   remove_orphans(config.name);
   for (const auto& s : list_segments()) EXPECT_FALSE(s.name.starts_with(config.name)) << s.name;
+}
+
+// The controller answers each piece as it comes; half the answer is in the surface's hands when it is killed.
+Status serve_in_pieces(ControllerEndpoint& controller, std::vector<float>& out) {
+  for (;;) {
+    std::size_t at = 0;
+    for (auto in = controller.next_cells(0); !in.empty(); in = controller.next_cells(0)) {
+      const auto piece = std::span(out).subspan(at, in.size());
+      std::ranges::transform(in, piece.begin(), [](float value) { return value + 1; });
+      controller.write(1, at, std::span<const float>(piece));
+      at += in.size();
+    }
+    if (const Status s = controller.await_sensors({.timeout = 100s}); s != Status::kOk) return s;
+    if (const Status s = controller.publish(); s != Status::kOk) return s;
+  }
+}
+
+TEST(Death, OfAControllerInTheMiddleOfAnAnswerLeavesNoMixture) {
+  auto config = pair_config("pieces");
+  config.rows = config.columns = 200;
+  config.channels[0].maximum = config.channels[1].maximum = 1e6;
+  auto surface = SurfaceEndpoint::create(config);
+  std::mt19937 random(46);
+  const std::size_t cells = surface.description().cells();
+  std::vector<float> out(cells);
+  std::uint64_t tick = 0, whole = 0;
+  for (int life = 0; life < 25; ++life) {
+    Peer controller([&] {
+      auto mine = ControllerEndpoint::attach(config.name, {.timeout = 20s});
+      return static_cast<int>(serve_in_pieces(mine, out));
+    });
+    ASSERT_EQ(surface.await_controller({.timeout = 20s}), Status::kOk);
+    Peer killer = killer_of(controller, static_cast<unsigned>(random() % 2000));
+    Status s = tick == 0 ? Status::kOk : surface.await_actuators(tick - 1, {.timeout = 100s});
+    for (; s == Status::kOk; ++tick) {
+      // The values tell the life, too: an answer to an older frame, or of two lives, would show.
+      const auto value = static_cast<float>(tick);
+      std::ranges::fill(out, value);
+      for (std::size_t at = 0; at < cells; at += 4096)
+        surface.write(0, at,
+                      std::span<const float>(out).subspan(at, std::min<std::size_t>(4096, cells - at)));
+      ASSERT_EQ(surface.publish(tick, 0.0), Status::kOk);
+      std::size_t taken = 0;
+      bool good = true;
+      for (auto in = surface.next_cells(1); !in.empty(); in = surface.next_cells(1)) {
+        good &= std::ranges::count(in, value + 1) == std::ranges::ssize(in);
+        taken += in.size();
+      }
+      s = surface.await_actuators(tick, {.timeout = 100s});
+      if (s != Status::kOk) break;
+      const auto all = surface.actuator(1);
+      ASSERT_TRUE(good && taken == cells) << tick;
+      ASSERT_EQ(std::ranges::count(all, value + 1), std::ranges::ssize(all)) << tick;
+      ++whole;
+    }
+    ++tick;
+    EXPECT_EQ(s, Status::kControllerDead) << text(s);
+    const auto all = surface.actuator(1);
+    EXPECT_EQ(std::ranges::count(all, all[0]), std::ranges::ssize(all));  // a whole frame stands
+  }
+  EXPECT_GT(whole, 25u);
+}
+
+// Whoever is killed, a wait of one second ends with that and not with its deadline.
+TEST(Death, OfEitherSideIsNoticedWithinASecond) {
+  const auto config = pair_config("second");
+  auto surface = std::make_unique<SurfaceEndpoint>(SurfaceEndpoint::create(config));
+  {
+    Peer controller([&] {
+      auto mine = ControllerEndpoint::attach(config.name, {.timeout = 20s});
+      return static_cast<int>(serve(mine, kForEver));
+    });
+    ASSERT_EQ(surface->await_controller({.timeout = 20s}), Status::kOk);
+    ASSERT_EQ(turn(*surface, 0), Status::kOk);
+    controller.signal(SIGKILL);
+    controller.wait();
+    ASSERT_EQ(surface->publish(1, 0.0), Status::kOk);
+    EXPECT_EQ(surface->await_actuators(1, {.timeout = 1s}), Status::kControllerDead);
+  }
+  surface.reset();
+  Peer other([&] {
+    auto own = SurfaceEndpoint::create(config);
+    ::pause();
+    return 0;
+  });
+  auto controller = ControllerEndpoint::attach(config.name, {.timeout = 20s});
+  other.signal(SIGKILL);
+  other.wait();
+  EXPECT_EQ(controller.await_sensors({.timeout = 1s}), Status::kSurfaceDead);
+  remove_orphans(config.name);
 }
 
 TEST(Death, KilledWhileStoppedIsNoticedToo) {

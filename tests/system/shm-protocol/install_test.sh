@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# Installs the protocol into a temporary prefix and builds and runs C programs outside the tree with what is there:
-# once by the CMake package, once by pkg-config.
-#   install_test.sh CMAKE BUILD SOURCE CC
+# Installs the protocol into a temporary prefix and builds and runs programs outside the tree with what is there: in C
+# and C++ by the CMake package, in C by pkg-config.
+#   install_test.sh CMAKE BUILD SOURCE CC CXX
 set -euo pipefail
-cmake=$1 build=$2 source=$3 cc=$4
+cmake=$1 build=$2 source=$3 cc=$4 cxx=$5
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 prefix=$work/prefix
@@ -15,27 +15,31 @@ others=$(nm -D --defined-only "$library" | awk '$2 != "A" && $3 !~ /^ssp_/')
 [ -z "$others" ] || { echo "exported, but not of the C interface: $others"; exit 1; }
 
 # In place, as a stranger would have them.
-cp "$source"/shm-protocol/examples/{surface,controller}.c "$work"
-run_pair() {
+cp "$source"/shm-protocol/examples/{surface.c,controller.c,controller.cpp} "$work"
+run_pair() {  # FOLDER NAME [CONTROLLER]
   "$1/surface" "$2" &
   local peer=$!
-  "$1/controller" "$2" || { kill "$peer"; return 1; }
+  "$1/${3:-controller}" "$2" || { kill "$peer"; return 1; }
   wait "$peer"
 }
 
 cat >"$work/CMakeLists.txt" <<'END'
 cmake_minimum_required(VERSION 3.25)
-project(outside LANGUAGES C)
+project(outside LANGUAGES C CXX)
 set(CMAKE_C_STANDARD 11)
 find_package(shm_protocol 1.0 REQUIRED)
 foreach(program surface controller)
   add_executable(${program} ${program}.c)
   target_link_libraries(${program} PRIVATE shm_protocol::shm_protocol)
 endforeach()
+add_executable(controller_cpp controller.cpp)
+target_link_libraries(controller_cpp PRIVATE shm_protocol::endpoints)
 END
-"$cmake" -S "$work" -B "$work/by-cmake" -DCMAKE_PREFIX_PATH="$prefix" -DCMAKE_C_COMPILER="$cc" >"$work/log" 2>&1 &&
+"$cmake" -S "$work" -B "$work/by-cmake" -DCMAKE_PREFIX_PATH="$prefix" -DCMAKE_C_COMPILER="$cc" \
+    -DCMAKE_CXX_COMPILER="$cxx" >"$work/log" 2>&1 &&
   "$cmake" --build "$work/by-cmake" >>"$work/log" 2>&1 || { cat "$work/log"; exit 1; }
 run_pair "$work/by-cmake" "install-cmake-$$"
+run_pair "$work/by-cmake" "install-cpp-$$" controller_cpp
 
 mkdir "$work/by-pkg-config"
 PKG_CONFIG_PATH=$(dirname "$(find "$prefix" -name shm_protocol.pc)")

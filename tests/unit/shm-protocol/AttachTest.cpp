@@ -43,6 +43,28 @@ TEST(Attach, FindsOutAllThatTheSurfaceHas) {
   EXPECT_EQ(d.channel(Direction::kSensor, "lamp"), -1);
 }
 
+TEST(Attach, FindsThirtyTwoChannels) {
+  auto config = small_surface(unique_name("many"));
+  config.channels.clear();
+  for (int i = 0; i < 32; ++i)
+    config.channels.push_back({"c" + std::to_string(i), i % 2 ? Direction::kSensor : Direction::kActuator,
+                               static_cast<DType>(1 + i % 3), 1u + static_cast<std::uint32_t>(i), "u", 0,
+                               200.0 + i, static_cast<double>(i)});
+  auto surface = SurfaceEndpoint::create(config);
+  const auto controller = ControllerEndpoint::attach(config.name);
+  ASSERT_EQ(controller.description().channels.size(), 32u);
+  for (int i = 0; i < 32; ++i) {
+    const auto& c = controller.description().channels[static_cast<std::size_t>(i)];
+    EXPECT_EQ(c.name, "c" + std::to_string(i));
+    EXPECT_EQ(c.components, 1u + static_cast<std::uint32_t>(i));
+    EXPECT_EQ(c.maximum, 200.0 + i);
+  }
+  config.name += "-more";
+  config.channels.push_back(config.channels[0]);
+  config.channels.back().name = "one too many";
+  EXPECT_EQ(error_of([&] { SurfaceEndpoint::create(config); }), ErrorCode::kBadConfig);
+}
+
 TEST(Attach, ToNothingIsNotFound) {
   std::string message;
   const std::string name = unique_name("nothing");

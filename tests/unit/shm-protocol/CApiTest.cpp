@@ -113,13 +113,22 @@ TEST_F(CApi, WritesWithinTheArrayOnly) {
   EXPECT_EQ(ssp_surface_write(surface, 0, 2, values, 4), SSP_E_ARGUMENT);  // within an element
   EXPECT_EQ(ssp_surface_write(surface, 1, 0, values, 4), SSP_E_ARGUMENT);  // an actuator
   EXPECT_EQ(ssp_surface_write(surface, 0, 0, nullptr, 4), SSP_E_ARGUMENT);
-  ASSERT_EQ(ssp_controller_take_copies(controller), SSP_OK);
   ASSERT_EQ(ssp_surface_publish(surface, 0, 0.0, 0), SSP_OK);
+  std::size_t bytes = 1;
+  EXPECT_EQ(ssp_controller_next(controller, 1, 0, nullptr, &bytes), nullptr);  // an actuator
+  EXPECT_EQ(bytes, 0u);
+  const void* cells = ssp_controller_next(controller, 0, 0, nullptr, &bytes);
+  ASSERT_EQ(bytes, sizeof values);
+  EXPECT_EQ(std::memcmp(cells, values, sizeof values), 0);
+  EXPECT_EQ(ssp_controller_next(controller, 0, SSP_FOREVER, nullptr, &bytes), nullptr);  // that was all
   ASSERT_EQ(ssp_controller_await(controller, 0, nullptr), SSP_OK);
   EXPECT_EQ(std::memcmp(ssp_controller_sensor(controller, 0, nullptr), values, sizeof values), 0);
   const std::vector<std::uint8_t> lamp(24, 9);
   ASSERT_EQ(ssp_controller_write(controller, 1, 0, lamp.data(), lamp.size()), SSP_OK);
   ASSERT_EQ(ssp_controller_publish(controller), SSP_OK);
+  cells = ssp_surface_next(surface, 1, SSP_FOREVER, nullptr, &bytes);
+  ASSERT_EQ(bytes, lamp.size());
+  EXPECT_EQ(static_cast<const std::uint8_t*>(cells)[23], 9);
   ASSERT_EQ(ssp_surface_await(surface, 0, SSP_FOREVER, nullptr), SSP_OK);
   EXPECT_EQ(static_cast<const std::uint8_t*>(ssp_surface_actuator(surface, 1, nullptr))[23], 9);
 }

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "tests/unit/shm-protocol/RawSegment.h"
 
@@ -228,6 +229,46 @@ TEST(Lockstep, AnswerToAFrameThatWasGivenUpIsRefused) {
   EXPECT_EQ(p.controller->sensor_info().tick, 1u);
   ASSERT_EQ(p.controller->publish(), Status::kOk);
   EXPECT_EQ(p.surface->await_actuators(1, kAtOnce), Status::kOk);
+}
+
+// A controller that the surface did not know of has answered a frame that was given up; while it announces
+// the answer to the next one, the line already says `answers` of that, the word still means the first.
+TEST(Lockstep, FirstAnswerIsNotTakenForTheSecond) {
+  // What may be seen of the line while it is written: frame first, or, by one who does not keep to the order,
+  // answers.
+  const std::pair<std::uint64_t, Status> cases[] = {{2, Status::kTimeout}, {1, Status::kTorn}};
+  for (const auto& [line_frame, expected] : cases) {
+    Pair p("first-second");
+    ASSERT_EQ(p.surface->publish(0, 0.0), Status::kOk);
+    ASSERT_EQ(p.surface->await_actuators(0, kAtOnce), Status::kNoController);
+    p.attach();
+    ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+    p.fill_actuators(1);
+    ASSERT_EQ(p.controller->publish(), Status::kOk);
+    ASSERT_EQ(p.surface->publish(1, 0.0), Status::kOk);
+    RawSegment raw(p.name);
+    raw.header().actuators.frame = line_frame;
+    raw.header().actuators.answers = 2;
+    EXPECT_EQ(p.surface->await_actuators(1, kAtOnce), expected) << line_frame;
+    ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+    p.fill_actuators(2);
+    ASSERT_EQ(p.controller->publish(), Status::kOk);
+    ASSERT_EQ(p.surface->await_actuators(1, kAtOnce), Status::kOk);
+    EXPECT_EQ(p.surface->actuator(kHeight)[0], 2.0f);
+  }
+}
+
+TEST(Lockstep, ControllerThatIsAdoptedWhileItLeavesIsNotCalledDead) {
+  Pair p("leaver");
+  ASSERT_EQ(p.surface->publish(0, 0.0), Status::kOk);
+  p.attach();
+  RawSegment raw(p.name);
+  const auto process = raw.header().claim.controller_process;
+  p.controller.reset();
+  raw.header().claim.controller_process = process;  // it has not come to that yet
+  EXPECT_EQ(p.surface->await_actuators(0, kAtOnce), Status::kTimeout);
+  raw.header().claim.controller_process = 0;
+  EXPECT_EQ(p.surface->await_actuators(0, kAtOnce), Status::kControllerClosed);
 }
 
 TEST(Lockstep, StatesAreSeenAcross) {

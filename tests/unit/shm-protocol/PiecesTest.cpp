@@ -4,7 +4,9 @@
 #include <shm_protocol/ObserverEndpoint.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
+#include <memory>
 #include <numeric>
 #include <thread>
 
@@ -15,6 +17,7 @@ namespace shm_protocol {
 namespace {
 
 using namespace std::chrono_literals;
+constexpr WaitOptions kAtOnce{.timeout = 0ns};
 
 SurfaceConfig large_surface(const std::string& what) {
   SurfaceConfig config;
@@ -42,7 +45,6 @@ TEST(Pieces, AreCopiedAlongAndEndAsTheWholeFrame) {
   constexpr std::uint64_t kTicks = 200;
   std::thread other([&] {
     auto controller = ControllerEndpoint::attach(config.name);
-    controller.take_copies();
     for (std::uint64_t tick = 0; tick < kTicks; ++tick) {
       ASSERT_EQ(controller.await_sensors({.timeout = 60s}), Status::kOk);
       ASSERT_TRUE(std::ranges::equal(controller.sensor(0), ramp(cells, static_cast<float>(tick))));
@@ -79,8 +81,200 @@ TEST(Pieces, AreCopiedAlongAndEndAsTheWholeFrame) {
   other.join();
 }
 
-// Each piece is taken as soon as it is announced, none twice and none past what was announced.
-TEST(Pieces, ReaderFollowsTheWriterExactly) {
+// Both sides stream: the controller answers each piece as it comes, the surface takes answers in while it
+// still writes.
+TEST(Pieces, AreAnsweredWhileTheRestIsStillToCome) {
+  const auto config = large_surface("streaming");
+  auto surface = SurfaceEndpoint::create(config);
+  const std::size_t cells = surface.description().cells();
+  constexpr std::uint64_t kTicks = 100;
+  std::thread other([&] {
+    auto controller = ControllerEndpoint::attach(config.name);
+    std::vector<float> out(cells);
+    for (std::uint64_t tick = 0; tick < kTicks; ++tick) {
+      std::size_t at = 0;
+      for (auto in = controller.next_cells(0); !in.empty(); in = controller.next_cells(0)) {
+        for (std::size_t i = 0; i < in.size(); ++i) {
+          ASSERT_EQ(in[i], static_cast<float>(tick + at + i));
+          out[i] = in[i] == static_cast<float>(tick + 5) ? NAN : 2 * in[i];
+        }
+        controller.write(2, at, std::span<const float>(out).first(in.size()));
+        at += in.size();
+      }
+      ASSERT_EQ(at, cells);
+      ASSERT_EQ(controller.await_sensors({.timeout = 60s}), Status::kOk);
+      ASSERT_EQ(controller.sensor_info().tick, tick);
+      ASSERT_TRUE(controller.next_cells(0).empty());  // it was taken
+      const std::vector<std::uint8_t> four(3 * cells, static_cast<std::uint8_t>(tick));
+      controller.write(3, 0, std::span(four));
+      ASSERT_EQ(controller.publish(), Status::kOk);
+    }
+  });
+  ASSERT_EQ(surface.await_controller({.timeout = 60s}), Status::kOk);
+  for (std::uint64_t tick = 0; tick < kTicks; ++tick) {
+    const auto one = ramp(cells, static_cast<float>(tick));
+    std::size_t taken = 0;
+    const auto take = [&](std::span<const float> in) {
+      for (const float v : in) {
+        ASSERT_EQ(v, taken == 5 ? 3.0f : static_cast<float>(2 * (tick + taken)));
+        ++taken;
+      }
+    };
+    for (std::size_t at = 0; at < cells; at += 4096) {
+      surface.write(0, at, std::span(one).subspan(at, std::min<std::size_t>(4096, cells - at)));
+      take(surface.next_cells(2));
+    }
+    const std::vector<std::uint8_t> two(cells, 1);
+    surface.write(1, 0, std::span(two));
+    ASSERT_EQ(surface.publish(tick, 0.0), Status::kOk);
+    for (auto in = surface.next_cells(2); !in.empty(); in = surface.next_cells(2)) take(in);
+    ASSERT_EQ(taken, cells);
+    ASSERT_EQ(surface.await_actuators(tick, {.timeout = 60s}), Status::kOk);
+    ASSERT_EQ(surface.actuator(2)[5], 3.0f);
+    ASSERT_EQ(surface.actuator(2)[cells - 1], static_cast<float>(2 * (tick + cells - 1)));
+    ASSERT_EQ(surface.actuator<std::uint8_t>(3)[3 * cells - 1], tick);
+    ASSERT_EQ(surface.counters().clamped, tick + 1);
+  }
+  other.join();
+}
+
+// One process plays both sides of a large surface.
+struct LargePair {
+  explicit LargePair(const std::string& what)
+      : config(large_surface(what)), surface(SurfaceEndpoint::create(config)) {}
+  void attach() {
+    controller = std::make_unique<ControllerEndpoint>(ControllerEndpoint::attach(config.name));
+  }
+  // The first `cells` of the channel.
+  void answer(float value, std::size_t cells) {
+    controller->write(2, 0, std::span<const float>(std::vector<float>(cells, value)));
+  }
+  void answer_whole(float value) {
+    answer(value, surface.description().cells());
+    controller->write(
+        3, 0, std::span<const std::uint8_t>(std::vector<std::uint8_t>(3 * surface.description().cells(), 1)));
+  }
+  bool shows(float value) {
+    const auto all = surface.actuator(2);
+    return std::ranges::count(all, value) == std::ranges::ssize(all);
+  }
+
+  SurfaceConfig config;
+  SurfaceEndpoint surface;
+  std::unique_ptr<ControllerEndpoint> controller;
+};
+
+TEST(Pieces, OfARefusedAnswerAreNotTakenForTheNextOne) {
+  LargePair p("refused");
+  ASSERT_EQ(p.surface.publish(0, 0.0), Status::kOk);
+  ASSERT_EQ(p.surface.await_actuators(0, kAtOnce), Status::kNoController);
+  p.attach();
+  ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+  ASSERT_EQ(p.surface.publish(1, 0.0), Status::kOk);  // decided before the controller came
+  p.answer(7, 40'000);
+  ASSERT_EQ(p.surface.await_actuators(1, kAtOnce), Status::kTimeout);  // copies them along
+  ASSERT_EQ(p.controller->publish(), Status::kTorn);
+  ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+  p.answer_whole(8);
+  ASSERT_EQ(p.controller->publish(), Status::kOk);
+  ASSERT_EQ(p.surface.await_actuators(1, kAtOnce), Status::kOk);
+  EXPECT_TRUE(p.shows(8));
+}
+
+TEST(Pieces, OfAControllerThatLeftAreNotTakenForTheNextOnes) {
+  LargePair p("successor");
+  p.attach();
+  ASSERT_EQ(p.surface.await_controller(kAtOnce), Status::kOk);
+  ASSERT_EQ(p.surface.publish(0, 0.0), Status::kOk);
+  ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+  p.answer(7, 40'000);
+  const auto early = p.surface.next_cells(2, kAtOnce);
+  ASSERT_EQ(early.size(), 16'384u);
+  EXPECT_EQ(early[0], 7);
+  p.controller.reset();
+  while (!p.surface.next_cells(2).empty()) {
+  }  // what is there; nobody will write the rest, so it does not wait
+  EXPECT_EQ(p.surface.await_actuators(0, kAtOnce), Status::kControllerClosed);
+  EXPECT_TRUE(p.shows(3));  // the safe frame
+  p.attach();
+  ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+  p.answer_whole(8);
+  ASSERT_EQ(p.controller->publish(), Status::kOk);
+  ASSERT_EQ(p.surface.await_actuators(0, kAtOnce), Status::kOk);
+  EXPECT_TRUE(p.shows(8));
+}
+
+// The predecessor's pieces are in the user's hands when the successor's whole frame is there.
+TEST(Pieces, ThatWereHandedOutInVainAreToldOf) {
+  LargePair p("vain");
+  p.attach();
+  ASSERT_EQ(p.surface.await_controller(kAtOnce), Status::kOk);
+  ASSERT_EQ(p.surface.publish(0, 0.0), Status::kOk);
+  ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+  p.answer(7, 40'000);
+  ASSERT_EQ(p.surface.next_cells(2, kAtOnce)[0], 7);
+  p.controller.reset();
+  p.attach();
+  ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+  p.answer_whole(8);
+  ASSERT_EQ(p.controller->publish(), Status::kOk);
+  EXPECT_EQ(p.surface.await_actuators(0, kAtOnce), Status::kTorn);
+  EXPECT_EQ(p.surface.next_cells(2, kAtOnce)[0], 8);  // from the beginning
+  ASSERT_EQ(p.surface.await_actuators(0, kAtOnce), Status::kOk);
+  EXPECT_TRUE(p.shows(8));
+}
+
+TEST(Pieces, OfASensorFrameThatWasGivenUpAreToldOf) {
+  LargePair p("given-up");
+  const std::vector<float> ones(p.surface.description().cells(), 1), twos(ones.size(), 2);
+  p.surface.write(0, 0, std::span(ones).first(40'000));
+  p.attach();
+  const auto early = p.controller->next_cells(0, kAtOnce);
+  ASSERT_EQ(early.size(), 16'384u);
+  EXPECT_EQ(early[0], 1);
+  p.answer(7, 40'000);
+  p.surface.write(0, 40'000, std::span(ones).subspan(40'000));
+  ASSERT_EQ(p.surface.publish(0, 0.0), Status::kOk);
+  {  // As if the surface had not seen the controller before it went on.
+    RawSegment raw(p.config.name);
+    const auto process = raw.header().claim.controller_process;
+    raw.header().claim.controller_process = 0;
+    ASSERT_EQ(p.surface.await_actuators(0, kAtOnce), Status::kNoController);
+    raw.header().claim.controller_process = process;
+  }
+  p.surface.write(0, 0, std::span<const float>(twos));
+  ASSERT_EQ(p.surface.publish(1, 0.0), Status::kOk);
+  EXPECT_TRUE(p.controller->next_cells(0).empty());
+  EXPECT_EQ(p.controller->await_sensors(kAtOnce), Status::kTorn);
+  EXPECT_EQ(p.controller->next_cells(0, kAtOnce)[0], 2);  // from the beginning
+  ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+  EXPECT_EQ(p.controller->sensor_info().tick, 1u);
+  p.answer_whole(8);
+  ASSERT_EQ(p.controller->publish(), Status::kOk);
+  ASSERT_EQ(p.surface.await_actuators(1, kAtOnce), Status::kOk);
+  EXPECT_TRUE(p.shows(8));
+}
+
+TEST(Pieces, AreNotHandedOutOutOfTurnOrInPassiveMode) {
+  LargePair p("turns");
+  p.attach();
+  EXPECT_TRUE(p.controller->next_cells(0, kAtOnce).empty());  // there is no frame
+  EXPECT_TRUE(p.surface.next_cells(2).empty());               // nothing was published: it does not wait
+  ASSERT_EQ(p.surface.publish(0, 0.0), Status::kOk);
+  EXPECT_EQ(p.controller->next_cells(0, kAtOnce).size(), 16'384u);  // written in place: all of it is there
+  ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+  EXPECT_TRUE(p.controller->next_cells(0).empty());  // the next one waits for our answer
+  auto config = large_surface("pieces-passive");
+  config.mode = Mode::kPassive;
+  auto surface = SurfaceEndpoint::create(config);
+  auto controller = ControllerEndpoint::attach(config.name);
+  ASSERT_EQ(surface.publish(0, 0.0), Status::kOk);
+  EXPECT_TRUE(controller.next_cells(0).empty());
+  EXPECT_TRUE(surface.next_cells(2).empty());
+}
+
+// Each piece is told of as soon as it is final, and nothing past it.
+TEST(Pieces, ProgressIsWhatIsFinal) {
   ssp_progress line{};
   alignas(64) static std::byte slot[400'000];
   ssp_channel a{}, b{};
@@ -88,47 +282,44 @@ TEST(Pieces, ReaderFollowsTheWriterExactly) {
   b.offset = 100'160, b.bytes = 250'000;
   const std::vector<std::byte> values(250'000, std::byte{7});
   const std::uint32_t word = 0, waiting = 0;
-  PieceWriter writer(line, word, waiting);
-  PieceReader reader(line);
-  std::vector<std::pair<std::size_t, std::size_t>> taken;
-  const auto look = [&](std::uint32_t frame) {
-    reader.look(frame, 1, sizeof slot,
-                [&](std::size_t from, std::size_t to) { taken.emplace_back(from, to); });
-  };
-  look(9);
-  EXPECT_TRUE(taken.empty());
+  PieceWriter writer(line, word, waiting, 350'032);
+  const auto end = [&](std::uint32_t frame) { return final_bytes(line, frame, sizeof slot); };
+  EXPECT_EQ(end(9), 0u);
   writer.write(slot, 9, a, 0, std::span(values).first(100'001), false);
-  look(8);
-  EXPECT_TRUE(taken.empty());  // another frame
-  look(9);
-  look(9);
-  EXPECT_EQ(taken, (std::vector<std::pair<std::size_t, std::size_t>>{{128, 100'096}}));
-  writer.write(slot, 9, b, 150'000, std::span(values).first(100'000), false);  // leaves a gap: says nothing
-  look(9);
-  EXPECT_EQ(taken.size(), 1u);
+  EXPECT_EQ(end(8), 0u);  // another frame
+  EXPECT_EQ(end(9), 100'129u / 64 * 64);
+  writer.write(slot, 9, b, 150'000, std::span(values).first(90'000), false);  // leaves a gap: says nothing
+  EXPECT_EQ(end(9), 100'129u / 64 * 64);
   writer.write(slot, 9, b, 0, std::span(values).first(150'000), false);
-  look(9);
-  look(9);
-  look(9);
-  EXPECT_EQ(taken.back().second, 250'160u / 64 * 64);
-  EXPECT_EQ(taken.front().second, taken[1].first);
-  EXPECT_EQ(reader.finish(9, 1), 250'160u / 64 * 64);
-  EXPECT_EQ(reader.finish(9, 1), sizeof(ssp_slot));
+  EXPECT_EQ(end(9), 250'160u / 64 * 64);
+  writer.finish(9);
+  EXPECT_EQ(end(9), 250'160u / 64 * 64);
+  writer.finish(10);  // which was written in place
+  EXPECT_EQ(end(9), 0u);
+  EXPECT_EQ(end(9 + (1u << 24)), 0u);
+  line.ready = progress_word(4, ~std::uint64_t{0} >> 24);  // more than there is
+  EXPECT_EQ(end(4), sizeof slot);
 }
 
-TEST(Pieces, OfAnotherWriterOrFrameAreNotKept) {
-  ssp_progress line{progress_word(4, 200'000), {}};
-  PieceReader reader(line);
-  int looks = 0;
-  reader.look(4, 1, 400'000, [&](std::size_t, std::size_t) { ++looks; });
-  EXPECT_EQ(looks, 1);
-  EXPECT_EQ(reader.finish(4, 2), sizeof(ssp_slot));
-  reader.look(4, 1, 400'000, [&](std::size_t, std::size_t) { ++looks; });
-  EXPECT_EQ(reader.finish(5, 1), sizeof(ssp_slot));
-  line.ready = progress_word(4, ~std::uint64_t{0} >> 24);  // more than there is
-  std::size_t end = 0;
-  for (int i = 0; i < 9; ++i) reader.look(4, 1, 400'000, [&](std::size_t, std::size_t to) { end = to; });
-  EXPECT_EQ(end, 400'000u);
+TEST(Pieces, ReaderCopiesEachByteOnce) {
+  PieceReader reader;
+  std::vector<std::pair<std::size_t, std::size_t>> taken;
+  const auto follow = [&](std::uint32_t frame, std::uint32_t writer, std::size_t end) {
+    return reader.follow(frame, writer, end,
+                         [&](std::size_t from, std::size_t to) { taken.emplace_back(from, to); });
+  };
+  EXPECT_FALSE(follow(4, 1, 0));
+  EXPECT_TRUE(follow(4, 1, 100'096));
+  EXPECT_TRUE(follow(4, 1, 100'096));
+  EXPECT_FALSE(follow(4, 1, 100'096));
+  EXPECT_EQ(taken, (std::vector<std::pair<std::size_t, std::size_t>>{{128, 65'664}, {65'664, 100'096}}));
+  EXPECT_EQ(reader.finish(4, 1), 100'096u);
+  EXPECT_EQ(reader.finish(4, 1), sizeof(ssp_slot));
+  EXPECT_TRUE(follow(4, 1, 1024));
+  EXPECT_TRUE(follow(4, 2, 1024));  // another writer: from the beginning
+  EXPECT_EQ(reader.finish(4, 1), sizeof(ssp_slot));
+  EXPECT_TRUE(follow(4, 2, 1024));
+  EXPECT_EQ(reader.finish(5, 2), sizeof(ssp_slot));
 }
 
 }  // namespace

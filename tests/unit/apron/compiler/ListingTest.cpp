@@ -1,6 +1,7 @@
 // Small programs and the instructions they become.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <string>
 
 #include "tests/unit/apron/compiler/CompileText.h"
@@ -31,6 +32,32 @@ TEST(Listing, FormsOfOneInstruction) {
   EXPECT_EQ(compiled("core.load(A, B)"), "copy A, B\n");
   EXPECT_EQ(compiled("mac(A, B, 2)"), "mac A, B, 2, A\n");
   EXPECT_EQ(compiled("A = mac(B, 2, C)"), "mac A, B, 2, C\n");
+}
+
+TEST(Listing, LabelsSayATextOrANumberAndOtherFormsNothing) {
+  EXPECT_EQ(compiled("sim.label('stage')"), "sim.label.text 'stage', ''\n");
+  EXPECT_EQ(compiled("sim.label('stage', 'two')"), "sim.label.text 'stage', 'two'\n");
+  EXPECT_EQ(compiled("n = 2\nsim.label('n', n)"), "copy n, 2\nsim.label 'n', n\n");
+  EXPECT_EQ(compiled("sim.label(1, 2, 'three', A)\nsim.label('map', A)"), "");
+}
+
+TEST(Listing, UsesOfMacrosAreKeptWithTheirPlaces) {
+  const CompileResult result = compile_text(
+      "!register(A)\n!macro_def\n$y = one($a)\n!macro_begin\n$y = $a + 1\n!macro_end\n"
+      "!macro_def\ntwo($a)\n!macro_begin\n$a = one($a)\n!macro_end\nA = 0\ntwo(A)\n");
+  ASSERT_TRUE(result.program) << errors(result);
+  const program::Program& program = *result.program;
+  ASSERT_EQ(program.expansions.size(), 3U);
+  EXPECT_EQ(program.expansions[1].macro, "two");
+  EXPECT_EQ(program.expansions[1].call.line, 13U);
+  EXPECT_EQ(program.expansions[2].macro, "one");
+  EXPECT_EQ(program.expansions[2].call.line, 10U);
+  EXPECT_EQ(program.expansions[2].call.expansion, 1U);
+  const auto add = std::find_if(program.code.begin(), program.code.end(),
+                                [](const program::Instruction& i) { return i.op == program::Opcode::kAdd; });
+  ASSERT_NE(add, program.code.end());
+  EXPECT_EQ(program.sources[add->source].line, 5U);
+  EXPECT_EQ(program.sources[add->source].expansion, 2U);
 }
 
 TEST(Listing, PrecedenceAndAssociation) {
@@ -156,7 +183,7 @@ TEST(Listing, SurfaceHostAndCells) {
       "io.array.open A, 'in.npy'\nio.image.open B, 'in.png'\nadd $0, A, B\nio.array.save $0, 'out.csv'\n");
   EXPECT_EQ(compiled("sim.slider.add('gain', 0, 2, 1)\nsim.switch.add('on')\nx = sim.slider.get('gain') * 2\n"
                      "sim.show(A)\nsim.label('text', x)\ntimer.start"),
-            "parameter $0, 'gain'\nmul x, $0, 2\nsim.show A, ''\n");
+            "parameter $0, 'gain'\nmul x, $0, 2\nsim.show A, ''\nsim.label 'text', x\n");
   EXPECT_EQ(compiled("boundary('reflect')\nboundary(2.5)"), "boundary 3, 0\nboundary 4, 2.5\n");
 }
 

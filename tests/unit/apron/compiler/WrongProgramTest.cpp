@@ -29,7 +29,8 @@ constexpr Wrong kWrong[] = {
     {"!register(Image)|Image = Imgae + 1",
      "main.aps:2:9: error: 'Imgae' is not a register, and no line writes it as a scalar; did you mean 'Image'?"},
     {"x = y",
-     "main.aps:1:5: error: 'y' is not a register, and no line writes it as a scalar"},
+     "main.aps:1:5: error: 'y' is not a register, and no line writes it as a scalar; before it is read, "
+     "!register(y) or y = 0 makes it one"},
     {"y = countr + 1|count = 2",
      "main.aps:1:5: error: 'countr' is not a register, and no line writes it as a scalar; did you mean 'count'?"},
     {"x = x + 1",
@@ -87,7 +88,10 @@ constexpr Wrong kWrong[] = {
     {"continue",
      "main.aps:1:1: error: 'continue' stands outside of a loop"},
     {"jump(#nowhere)",
-     "main.aps:1:6: error: there is no label '#nowhere'"},
+     "main.aps:1:6: error: there is no label '#nowhere'; a line '#nowhere' makes one"},
+    {"!register(A)|x = 1|x = A",
+     "main.aps:3:1: error: 'x' is a scalar, and the value is a register of 8x6; globalsum(…) and the like make a "
+     "number of it"},
     {"#here|#hree|jump(#heer)",
      "main.aps:3:6: error: there is no label '#heer'; did you mean '#here'?"},
     {"#a|#a",

@@ -218,6 +218,23 @@ TEST(Verify, RefusesNeighbourhoodsTablesAndClasses) {
             "instruction 0 (plugin): operand 1 is out of range");
 }
 
+TEST(Verify, PlacesAreInRangeAndExpansionsEnd) {
+  const auto wrong = [](const std::function<void(Program&)>& change) {
+    Program program = with({make(Opcode::kNop)});
+    change(program);
+    return verify(program);
+  };
+  EXPECT_EQ(wrong([](Program& p) { p.sources.push_back({99, 1, 1, 0}); }), "a source names a file out of range");
+  EXPECT_EQ(wrong([](Program& p) { p.sources.push_back({0, 0, 0, 2}); }),
+            "a source names an expansion out of range");
+  const auto expands = [](std::uint32_t within) {
+    return [within](Program& p) { p.expansions = {{}, {"m", {0, 0, 0, within}}}; };
+  };
+  EXPECT_EQ(wrong(expands(0)), "");
+  EXPECT_EQ(wrong(expands(1)), "an expansion's call is out of range");
+  EXPECT_EQ(wrong(expands(7)), "an expansion's call is out of range");
+}
+
 TEST(Locality, FiltersReachAsFarAsTheirSize) {
   Program program =
       with({make(Opcode::kFilterDo, reg(0), reg(1), {OperandKind::kFilter, 0}),

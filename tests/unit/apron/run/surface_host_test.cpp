@@ -97,6 +97,8 @@ TEST_F(SurfaceHostTest, LockStepsFrameByFrame) {
     ASSERT_EQ(p.row(2)[4], static_cast<float>(tick));
     ASSERT_EQ(host.sense("force[2]", p), HostStatus::kOk);
     ASSERT_EQ(p.row(1)[1], 2.0F);
+    ASSERT_EQ(host.sense("force.g", p), HostStatus::kOk);
+    ASSERT_EQ(p.row(1)[1], 1.0F);
     if (tick > 0) {
       for (std::uint32_t i = 0; i < kRows * kColumns; ++i)
         p.row(i / kColumns)[i % kColumns] = static_cast<float>(tick) / 10;

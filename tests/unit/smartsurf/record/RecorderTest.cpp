@@ -159,7 +159,7 @@ TEST(Recorder, KeepsTheFirstAndThenEveryNth) {
   EXPECT_EQ(Recording::open(out / "run.h5").tick(), (std::vector<std::uint64_t>{1, 4, 7}));
 }
 
-// Channels of 24 and 72 values whose numbers tell tick and place.
+// Channels of 24 and 72 values whose numbers tell tick and place; the second has three components, in planes.
 struct Channels {
   explicit Channels(std::uint64_t tick) : proximity(24), colour(72) {
     for (std::size_t i = 0; i < 24; ++i) proximity[i] = static_cast<float>(100 * tick + i);
@@ -185,7 +185,9 @@ TEST(Recorder, WritesTheChannelsThatTheExperimentAsksFor) {
   const Recording recording = Recording::open(out / "run.h5");
   for (const std::size_t t : {0u, 63u, 64u, 99u}) {
     EXPECT_EQ(recording.channel("sensors", "proximity", t), Channels(t).proximity);
-    EXPECT_EQ(recording.channel("sensors", "colour", t), Channels(t).colour);
+    const std::vector<float> colour = recording.channel("sensors", "colour", t);
+    for (std::size_t cell = 0; cell < 24; ++cell)
+      for (std::size_t k = 0; k < 3; ++k) EXPECT_EQ(colour[3 * cell + k], Channels(t).colour[24 * k + cell]);
     EXPECT_EQ(recording.channel("actuators", "height", t), Channels(t).proximity);
     EXPECT_EQ(recording.snapshot(t).height, run.at(t, {}).height);
   }

@@ -139,6 +139,115 @@ TEST(Recording, TellsWhatItHolds) {
     EXPECT_NE(text.find(part), std::string::npos) << part << " is missing in\n" << text;
 }
 
+// A wedge and a box side by side, of which nothing is true but the faces.
+std::shared_ptr<const scene::Solid> two_pieces() {
+  scene::Solid solid;
+  solid.source = "part.stl";
+  solid.volume = 1.5;
+  solid.inertia << 1, 0.25, 0, 0.25, 2, 0, 0, 0, 3;
+  solid.vertices = {{-1, -1, -1}, {2, -1, -1}, {-1, 1, -1}, {-1, -1, 4}};
+  solid.triangles = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}};
+  solid.pieces.push_back(scene::make_piece(solid.vertices, {0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3},
+                                           std::vector<std::uint32_t>{3, 3, 3, 3}));
+  std::vector<Eigen::Vector3f> box;
+  for (int i = 0; i < 8; ++i) box.emplace_back(i & 1, (i >> 1) & 1, i >> 2);
+  solid.pieces.push_back(scene::make_piece(
+      box, {0, 2, 3, 1, 4, 5, 7, 6, 0, 1, 5, 4, 2, 6, 7, 3, 0, 4, 6, 2, 1, 3, 7, 5}, std::vector<std::uint32_t>(6, 4)));
+  scene::set_bounds(solid);
+  return std::make_shared<const scene::Solid>(solid);
+}
+
+void write_shapes(const std::filesystem::path& path) {
+  SyntheticRun run;
+  run.add(scene::ShapeKind::kCapsule, "pill", 0.5);
+  run.add(scene::ShapeKind::kCone, "hat", 1.5);
+  run.spec.objects[4].height = 4.0;
+  const auto solid = two_pieces();
+  for (int i = 0; i < 2; ++i) {
+    run.add(scene::ShapeKind::kSolid, "part", 1.0);
+    run.spec.objects.back().solid = solid;
+  }
+  const auto recorder = Recorder::open(path, run.meta, run.spec);
+  std::vector<scene::ObjectSpec> all = run.spec.objects;
+  recorder->frame(run.at(0, {0, 1, 2, 3, 4, 5, 6}), all);
+  all.push_back(all.back());  // while the run goes on: one of a solid that is there, one of a new one
+  all.push_back(all.back());
+  all.back().solid = two_pieces();
+  recorder->frame(run.at(1, {0, 1, 2, 3, 4, 5, 6, 7, 8}), all);
+  recorder->close({});
+}
+
+TEST(Recording, KeepsEveryShapeAndEachSolidOnce) {
+  const OutputFolder out;
+  write_shapes(out / "run.h5");
+  const Recording recording = Recording::open(out / "run.h5");
+  const auto& objects = recording.spec().objects;
+  ASSERT_EQ(objects.size(), 9U);
+  EXPECT_EQ(objects[3].shape, scene::ShapeKind::kCapsule);
+  EXPECT_EQ(objects[3].radius, 0.5);
+  EXPECT_EQ(objects[3].height, 3.0);
+  EXPECT_EQ(objects[4].shape, scene::ShapeKind::kCone);
+  EXPECT_EQ(objects[4].height, 4.0);
+  ASSERT_EQ(objects[5].shape, scene::ShapeKind::kSolid);
+  EXPECT_EQ(objects[5].solid, objects[6].solid);
+  EXPECT_EQ(objects[5].solid, objects[7].solid);
+  EXPECT_NE(objects[5].solid, objects[8].solid);
+  EXPECT_EQ(objects[0].solid, nullptr);
+
+  const auto right = two_pieces();
+  const scene::Solid& solid = *objects[8].solid;
+  EXPECT_EQ(solid.source, "part.stl");
+  EXPECT_EQ(solid.volume, 1.5);
+  EXPECT_EQ(solid.inertia, right->inertia);
+  EXPECT_EQ(solid.vertices, right->vertices);
+  EXPECT_EQ(solid.triangles, right->triangles);
+  EXPECT_EQ(solid.reach, right->reach);
+  ASSERT_EQ(solid.pieces.size(), 2U);
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_EQ(solid.pieces[i].corners, right->pieces[i].corners);
+    EXPECT_EQ(solid.pieces[i].face_corners, right->pieces[i].face_corners);
+    EXPECT_EQ(solid.pieces[i].edges, right->pieces[i].edges);
+    EXPECT_EQ(solid.pieces[i].face_normals, right->pieces[i].face_normals);
+    EXPECT_EQ(solid.pieces[i].faces[1].offset, right->pieces[i].faces[1].offset);
+  }
+  const std::string text = info(recording);
+  EXPECT_NE(text.find("4 'part' (solid, size 1.25 u)"), std::string::npos) << text;
+  EXPECT_NE(text.find("1 'hat' (cone, size 1.5 u), 1 'large'"), std::string::npos) << text;
+}
+
+TEST(Recording, RefusesSolidsThatNoRecorderWrote) {
+  const OutputFolder out;
+  const auto damage = [&](const char* name, hid_t type, const void* value) {
+    write_shapes(out / "run.h5");
+    const hid_t file = H5Fopen((out / "run.h5").c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
+    const hid_t dataset = H5Dopen2(file, name, H5P_DEFAULT), space = H5Dget_space(dataset);
+    const hsize_t first[] = {0, 0}, one[] = {1, 1};
+    H5Sselect_hyperslab(space, H5S_SELECT_SET, first, nullptr, one, nullptr);
+    const hid_t memory = H5Screate_simple(1, one, nullptr);
+    EXPECT_GE(H5Dwrite(dataset, type, memory, space, H5P_DEFAULT, value), 0);
+    H5Sclose(memory);
+    H5Sclose(space);
+    H5Dclose(dataset);
+    H5Fclose(file);
+  };
+  const std::uint32_t many = 4000000000U;
+  const std::uint16_t far = 60000;
+  const float nan = NAN;
+  const int none = -1;
+  damage("solids/0/triangles", H5T_NATIVE_UINT32, &many);
+  expect_error(out / "run.h5", "names a vertex that is not there");
+  damage("solids/0/vertices", H5T_NATIVE_FLOAT, &nan);
+  expect_error(out / "run.h5", "not finite");
+  for (const char* count : {"solids/0/corner_count", "solids/0/face_count", "solids/0/face_size"}) {
+    damage(count, H5T_NATIVE_UINT32, &many);
+    expect_error(out / "run.h5", "not all there");
+  }
+  damage("solids/1/face_corners", H5T_NATIVE_UINT16, &far);
+  expect_error(out / "run.h5", "no polyhedron");
+  damage("objects/solid", H5T_NATIVE_INT32, &none);  // of a sphere: does not matter
+  EXPECT_EQ(Recording::open(out / "run.h5").spec().objects.size(), 9U);
+}
+
 TEST(Recording, TellsOfARunWithoutFrames) {
   const OutputFolder out;
   write_run(out / "run.h5", 0);

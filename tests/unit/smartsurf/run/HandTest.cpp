@@ -22,9 +22,9 @@ struct HandTest : testing::Test {
     simulation.run_script();
     const bool touched = hand.apply(wishes, simulation);
     for (int i = 0; i < simulation.scene().world.steps_per_tick(); ++i) {
-      simulation.plan_pins();
+      simulation.plan_cells();
       simulation.step_physics();
-      simulation.move_pins();
+      simulation.move_cells();
     }
     simulation.look();
     return touched;

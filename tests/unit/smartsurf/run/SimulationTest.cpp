@@ -24,9 +24,9 @@ class SimulationTest : public testing::Test {
   static void tick(run::Simulation& s) {
     s.run_script();
     for (int i = 0; i < s.scene().world.steps_per_tick(); ++i) {
-      s.plan_pins();
+      s.plan_cells();
       s.step_physics();
-      s.move_pins();
+      s.move_cells();
     }
     s.look();
     s.sense();
@@ -102,4 +102,22 @@ on_tick(function(t, tick) cells:target('height', 1 + tick % 16, 1 + (tick * 7) %
     hash[threads - 1] = s.snapshot().state_hash;
   }
   EXPECT_EQ(hash[0], hash[1]);
+}
+
+TEST_F(SimulationTest, ObjectsThatLeaveTheTableAreKeptOrRemoved) {
+  for (const bool remove : {false, true}) {
+    auto experiment = load(std::string("world { off_table = '") + (remove ? "remove" : "keep") + R"(' }
+surface { rows = 8, columns = 8, actuator = pin {} }
+gone = {}
+local rolls = sphere { radius = 0.5, position = {7, 4, 0.5}, velocity = {6, 0, 0} }
+local stays = sphere { radius = 0.5, position = {2, 2, 0.5} }
+on_leave(function(id) gone[#gone + 1] = id; assert(object(id):position() > 7.5) end)
+at(0.5, function() assert(#gone == 1 and gone[1] == rolls and object(stays):alive()) end)
+)");
+    run::Simulation s(experiment, 1, true);
+    for (int i = 0; i < 36; ++i) tick(s);
+    EXPECT_EQ(s.snapshot().objects(), remove ? 1U : 2U);
+    EXPECT_EQ(s.table().left_so_far(), 1U);
+    EXPECT_EQ(s.table().off(), remove ? 0U : 1U);
+  }
 }

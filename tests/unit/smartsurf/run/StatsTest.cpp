@@ -29,10 +29,12 @@ TEST(Stats, JsonHasTheDocumentedKeys) {
   s.state_hash = 0xabcdef;
   s.simulated_s = 10;
   s.wall_s = 2;
+  s.metrics = {{"error", 0.25}};
   const auto json = nlohmann::json::parse(to_json(s, PhaseTimes{}));
   EXPECT_EQ(json["state_hash"], "0000000000abcdef");
   EXPECT_EQ(json["real_time_factor"], 5.0);
   EXPECT_TRUE(json["purity"].is_null());
+  EXPECT_EQ(json["metrics"]["error"], 0.25);
   for (const char* phase : {"wait", "actuate", "physics", "sense", "publish", "record", "render"})
     for (const char* key : {"median", "p99", "total_s"})
       EXPECT_TRUE(json["ms_per_tick"][phase].contains(key)) << phase;

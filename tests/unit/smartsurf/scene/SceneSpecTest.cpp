@@ -74,16 +74,20 @@ TEST(SurfaceSpec, ProblemsNameTheField) {
   s.columns = 5000;
   EXPECT_EQ(problem_with(s), "surface.columns = 5000: must be 1 to 4096");
   s = {};
-  s.sensors.push_back({.range = -1.0});
-  EXPECT_EQ(problem_with(s), "proximity.range = -1: must be in (0, 1000000]");
+  s.sensors.push_back(find_sensor_kind("proximity")->standard());
+  s.sensors[0].values["range"] = {-1.0};
+  EXPECT_EQ(problem_with(s), "proximity.range = -1: must be greater than 0");
   s = {};
   s.border_height = kNan;
   EXPECT_EQ(problem_with(s), "border.height = nan: must be in [-1000000, 1000000]");
 }
 
-TEST(SurfaceSpec, ASensorHasTwoChannels) {
+TEST(SurfaceSpec, TheChannelsOfAllSensorsHaveNamesOfTheirOwn) {
   SurfaceSpec s;
-  s.sensors = {{.name = "a"}, {.name = "b"}};
+  const SensorSpec proximity = find_sensor_kind("proximity")->standard();
+  s.sensors = {proximity, proximity};
+  s.sensors[0].name = "a";
+  s.sensors[1].name = "b";
   EXPECT_EQ(s.sensor_channels(), (std::vector<std::string>{"a", "a_hit", "b", "b_hit"}));
   EXPECT_EQ(problem_with(s), "");
   s.sensors[1].name = "a";
@@ -91,8 +95,9 @@ TEST(SurfaceSpec, ASensorHasTwoChannels) {
   s.sensors[1].name = "b c";
   EXPECT_EQ(problem_with(s),
             "surface.sensors: channel 'b c': must be 1 to 31 letters, digits, '_', '.' and '-'");
-  s.sensors.assign(16, {});
-  EXPECT_EQ(problem_with(s), "surface.sensors: 16 sensors: must be at most 15");
+  s.sensors.assign(16, proximity);
+  EXPECT_EQ(problem_with(s),
+            "surface.sensors: 32 sensor channels beside 1 of actuators: must be at most 32 together");
 }
 
 TEST(Material, ProblemsNameTheField) {

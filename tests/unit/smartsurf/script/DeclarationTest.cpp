@@ -47,9 +47,9 @@ TEST_F(DeclarationTest, SurfaceOfTheCaseStudy) {
   EXPECT_EQ(s.pin.max_acceleration, 200.0);
   ASSERT_EQ(s.sensors.size(), 2u);
   EXPECT_EQ(s.sensors[0].name, "proximity");
-  EXPECT_EQ(s.sensors[0].range, 6.0);
+  EXPECT_EQ(s.sensors[0].number("range"), 6.0);
   EXPECT_EQ(s.sensors[1].name, "far");
-  EXPECT_EQ(s.sensors[1].range, 20.0);
+  EXPECT_EQ(s.sensors[1].number("range"), 20.0);
   EXPECT_EQ(s.border_height, 6.0);
   ASSERT_EQ(s.material, 1);
   const scene::Material& m = e.scene().materials[1];
@@ -84,7 +84,9 @@ TEST_F(DeclarationTest, TheLongestSensorNameAndTheMostSensorsFitTheChannels) {
   load("local s = {} for i = 1, 15 do s[i] = proximity{name = 's' .. i} end surface{sensors = s}");
   EXPECT_EQ(
       error_of("local s = {} for i = 1, 16 do s[i] = proximity{name = 's' .. i} end surface{sensors = s}"),
-      "t.lua:1: surface.sensors: more than 15 sensors");
+      "t.lua:1: surface.sensors: 32 sensor channels beside 1 of actuators: must be at most 32 together");
+  EXPECT_EQ(error_of("local s = {} for i = 1, 33 do s[i] = pressure{name = 's' .. i} end surface{sensors = s}"),
+            "t.lua:1: surface.sensors: more than 32 sensors");
   EXPECT_EQ(error_of("surface{sensors = {proximity{}, proximity{name = 'proximity_hit'}}}"),
             "t.lua:1: surface.sensors: two channels are called 'proximity_hit': give a sensor another name");
 }

@@ -55,6 +55,15 @@ TEST_F(EventTest, AtRunsAtTheFirstTickThatIsNotBeforeItsTime) {
   EXPECT_EQ(printed, "zero\t0\nhalf\t0.5\t30\nlater\t31\n");
 }
 
+TEST_F(EventTest, TheLastValueOfEachMetricCounts) {
+  run("metric('tries', 1) on_tick(function(t, n) metric('error', 1 / (n + 1)) end) "
+      "on_finish(function() metric('tries', 3) end)",
+      3);
+  experiment->finish();
+  const std::vector<std::pair<std::string, double>> expected{{"tries", 3.0}, {"error", 0.25}};
+  EXPECT_EQ(experiment->metrics(), expected);
+}
+
 TEST_F(EventTest, EveryBeginsAfterOnePeriodAndDoesNotDrift) {
   run("every(0.1, function(t, n) print(n) end)", 60);
   EXPECT_EQ(printed, "6\n12\n18\n24\n30\n36\n42\n48\n54\n60\n");

@@ -24,6 +24,12 @@ TEST_F(ExampleTest, Drop) {
   EXPECT_GE(experiment->scene().objects.size(), 3u);
 }
 
+TEST_F(ExampleTest, Sensors) {
+  run("sensors.lua", 70);
+  EXPECT_EQ(experiment->scene().surface.sensors.size(), 7u);
+  EXPECT_EQ(host->log, (std::vector<std::string>{"stop"}));
+}
+
 TEST_F(ExampleTest, WaveTravelsEast) {
   run("wave.lua", 60);
   const std::vector<float> before = host->last_targets;

@@ -67,8 +67,12 @@ class FakeHost : public Host {
     last_targets.assign(values.begin(), values.end());
     note() << "targets " << channel << " " << values.size();
   }
-  float sense(const std::string& channel, int row, int column) const override {
-    return static_cast<float>(channel.size() * 10000) + static_cast<float>(row * 100 + column);
+  float sense(const std::string& channel, int row, int column, int component) const override {
+    return static_cast<float>(channel.size() * 10000) + static_cast<float>(row * 100 + column) +
+           0.25F * static_cast<float>(component);
+  }
+  float truth(const std::string& channel, int row, int column, int component) const override {
+    return -sense(channel, row, column, component);
   }
   void stop() override { note() << "stop"; }
   void quit() override { note() << "quit"; }

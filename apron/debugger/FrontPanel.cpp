@@ -1,0 +1,105 @@
+#include "apron/debugger/FrontPanel.h"
+
+#include <algorithm>
+
+namespace apron::debugger {
+namespace {
+
+// A program that prints without line ends must not fill the memory.
+constexpr std::size_t kMaxColumns = 4000;
+
+}  // namespace
+
+void FrontPanel::append(std::string_view text) {
+  for (const char c : text) {
+    if (c == '\n' || state_.console.back().size() >= kMaxColumns) {
+      state_.console.emplace_back();
+      ++state_.lines;
+      if (state_.console.size() > kMaxLines) state_.console.pop_front();
+    }
+    if (c != '\n') state_.console.back() += c;
+  }
+  ++revision_;
+}
+
+void FrontPanel::print(std::string_view text) {
+  const std::lock_guard lock(mutex_);
+  append(text);
+}
+
+void FrontPanel::note(std::string_view text) {
+  const std::lock_guard lock(mutex_);
+  if (!state_.console.back().empty()) append("\n");
+  append("- ");
+  append(text);
+  append("\n");
+}
+
+void FrontPanel::label(std::string_view name, std::string_view text) {
+  const std::lock_guard lock(mutex_);
+  const auto found = std::find_if(state_.labels.begin(), state_.labels.end(),
+                                  [&](const auto& known) { return known.first == name; });
+  if (found == state_.labels.end())
+    state_.labels.emplace_back(name, text);
+  else if (found->second == text)
+    return;
+  else
+    found->second = text;
+  ++revision_;
+}
+
+Appearance& FrontPanel::of(std::string_view reg) {
+  const auto found = state_.appearances.find(reg);
+  return found != state_.appearances.end() ? found->second : state_.appearances[std::string(reg)];
+}
+
+void FrontPanel::show(std::string_view reg, std::string_view title) {
+  const std::lock_guard lock(mutex_);
+  Appearance& one = of(reg);
+  if (one.shown && one.title == title) return;  // a program shows the same ones in every round
+  one.shown = true;
+  one.title = title;
+  state_.latest_shown = reg;
+  ++revision_;
+}
+
+void FrontPanel::set_palette(std::string_view reg, std::string_view name) {
+  const std::lock_guard lock(mutex_);
+  of(reg).palette = palette(name);
+  ++revision_;
+}
+
+void FrontPanel::set_scale(std::string_view reg, float low, float high) {
+  const std::lock_guard lock(mutex_);
+  of(reg).range = Range{low, high};
+  ++revision_;
+}
+
+std::optional<float> FrontPanel::parameter(std::string_view name) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = parameters_.find(name);
+  return found == parameters_.end() ? std::nullopt : std::optional(found->second);
+}
+
+void FrontPanel::set_parameter(std::string_view name, float value) {
+  const std::lock_guard lock(mutex_);
+  parameters_.insert_or_assign(std::string(name), value);
+}
+
+bool FrontPanel::read(std::uint64_t& revision, State& state) const {
+  const std::lock_guard lock(mutex_);
+  if (revision == revision_) return false;
+  revision = revision_;
+  state = state_;
+  return true;
+}
+
+void FrontPanel::clear_program() {
+  const std::lock_guard lock(mutex_);
+  state_.labels.clear();
+  state_.appearances.clear();
+  state_.latest_shown.clear();
+  ++revision_;
+}
+
+}  // namespace apron::debugger

@@ -1,0 +1,47 @@
+#include "apron/debugger/Statistics.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace apron::debugger {
+namespace {
+
+// Extremes and counts, without mean and histogram.
+Statistics extremes(const std::vector<float>& cells) noexcept {
+  Statistics s;
+  for (const float value : cells) {
+    s.non_zero += value != 0.0F ? 1 : 0;
+    if (!std::isfinite(value)) continue;
+    s.min = s.finite == 0 ? value : std::min(s.min, value);
+    s.max = s.finite == 0 ? value : std::max(s.max, value);
+    ++s.finite;
+  }
+  s.others = cells.size() - s.finite;
+  return s;
+}
+
+}  // namespace
+
+Statistics statistics(const std::vector<float>& cells) noexcept {
+  Statistics s = extremes(cells);
+  // In double: the largest float less the smallest is more than a float holds.
+  const double width = double{s.max} - double{s.min};
+  double sum = 0.0;
+  for (const float value : cells) {
+    if (!std::isfinite(value)) continue;
+    sum += value;
+    const double place = width > 0.0 ? (double{value} - double{s.min}) / width * kBins : 0.0;
+    ++s.histogram[std::min(static_cast<std::size_t>(place), kBins - 1)];
+  }
+  if (s.finite > 0) s.mean = sum / static_cast<double>(s.finite);
+  return s;
+}
+
+Range automatic_range(const Statistics& s) noexcept {
+  const Range range{std::min(0.0F, s.min), std::max(0.0F, s.max)};
+  return range.low == range.high ? Range{0.0F, 1.0F} : range;
+}
+
+Range automatic_range(const std::vector<float>& cells) noexcept { return automatic_range(extremes(cells)); }
+
+}  // namespace apron::debugger

@@ -1,0 +1,42 @@
+// The parts of the window, in Dear ImGui: between ImGui::NewFrame and ImGui::Render. Internal to the room.
+#pragma once
+
+#include <imgui.h>
+
+#include <string>
+
+#include "apron/ui/Gui.h"
+#include "apron/ui/Textures.h"
+#include "apron/ui/Workbench.h"
+
+namespace apron::ui {
+
+struct Stage {
+  Workbench& bench;
+  Textures& textures;
+  const Gui& gui;
+
+  float px(float points) const { return points * gui.scale(); }
+};
+
+// Whether there is room for three columns.
+bool is_wide(const Stage& stage);
+// All of the window, as large as the display.
+void draw_window(Stage& stage);
+// Space, arrows and letters, unless the person is typing.
+void take_keys(Workbench& bench);
+
+void draw_controls(Stage& stage);
+void draw_registers(Stage& stage);
+void draw_large(Stage& stage);
+void draw_program(Stage& stage);
+void draw_values(Stage& stage);
+void draw_console(Stage& stage);
+void draw_cell(Stage& stage);
+void draw_breakpoints(Stage& stage);
+void draw_help(Stage& stage);
+
+// "0.25", "1e-07", "12345.7": at most six digits.
+std::string short_number(double value);
+
+}  // namespace apron::ui

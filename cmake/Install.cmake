@@ -1,0 +1,44 @@
+# What `cmake --install` and `cpack -G DEB` carry home. The protocol's own part, which other programs build on, is the
+# component shm_protocol (shm-protocol/CMakeLists.txt).
+include(GNUInstallDirs)
+
+# The one program here that links the shared library finds it beside itself, wherever the tree is put.
+set_target_properties(fake_surface PROPERTIES INSTALL_RPATH "$ORIGIN/../${CMAKE_INSTALL_LIBDIR}")
+install(TARGETS smartsurf apron surface_bridge fake_surface device_emulator)
+install(PROGRAMS scripts/doctor DESTINATION ${CMAKE_INSTALL_BINDIR} RENAME smartsurf-doctor)
+
+# Where an installed apron looks for its library: ../share/smartsurf/apron (apron/run/ProgramFile.cpp).
+install(DIRECTORY scripts/apron scripts/case-study scripts/examples DESTINATION ${CMAKE_INSTALL_DATADIR}/smartsurf)
+install(DIRECTORY shm-protocol/examples/ DESTINATION ${CMAKE_INSTALL_DATADIR}/smartsurf/controllers
+  PATTERN __pycache__ EXCLUDE)
+install(DIRECTORY shm-protocol/hardware/firmware DESTINATION ${CMAKE_INSTALL_DATADIR}/smartsurf)
+install(FILES apron/run/apron_plugin.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/apron)
+
+install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR} FILES_MATCHING PATTERN "*.md" PATTERN "*.png" PATTERN "*.svg")
+install(FILES shm-protocol/PROTOCOL.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
+file(GLOB man_pages CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/packaging/man/*.1)
+install(FILES ${man_pages} DESTINATION ${CMAKE_INSTALL_MANDIR}/man1)
+install(FILES packaging/smartsurf.bash-completion
+  DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME smartsurf)
+foreach(program apron shm_dump)
+  install(FILES packaging/smartsurf.bash-completion
+    DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME ${program})
+endforeach()
+install(FILES packaging/smartsurf.desktop packaging/apron.desktop DESTINATION ${CMAKE_INSTALL_DATADIR}/applications)
+
+set(CPACK_PACKAGE_NAME smartsurf)
+set(CPACK_PACKAGE_VENDOR "The SmartSurf developers")
+set(CPACK_PACKAGE_CONTACT "The SmartSurf developers <smartsurf@localhost>")
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "${PROJECT_DESCRIPTION}")
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_GENERATOR DEB)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PACKAGE_DEPENDS "libegl1, libgl1-mesa-dri, fonts-dejavu-core")
+set(CPACK_DEBIAN_PACKAGE_RECOMMENDS "ffmpeg, python3-numpy")
+# The shared library lies where the loader looks; the package says so, as Debian's own do.
+set(CPACK_DEBIAN_PACKAGE_GENERATE_SHLIBS ON)
+set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
+include(CPack)

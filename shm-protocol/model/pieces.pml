@@ -1,0 +1,129 @@
+/* A large actuator frame in two pieces: the controller says how far it is, the surface copies along and hands pieces
+ * out before the frame is whole. Two controllers, one after the other, each killed at any step or not at all; an answer
+ * may be refused, because the surface has given the sensor frame up, when its pieces have been copied already.
+ *
+ * Every attempt to answer writes a number of its own into both pieces, so that a mixture shows.
+ * Variants that must fail: NO_RESET, NO_LABEL, REUSE_NUMBER, EARLY_PROGRESS, HANDED_UNCHECKED, HALF_IS_WHOLE.
+ */
+#define kSlots 4
+#define kControllers 2
+#define kAttempts 2
+#define AT(frame, piece) (((frame) % kSlots) * 2 + (piece))
+
+byte data[8];                    /* [AT(frame, piece)] */
+byte word, attached;
+byte ready_frame, ready_pieces;  /* one word: line 10 */
+
+/* For the properties only. */
+bool killed[3];
+byte attempts_made, over, published, accepted;
+byte whole[8]; /* [frame] the attempt that was published as this frame */
+
+inline say_ready(n) { d_step { ready_frame = n; ready_pieces = 1 } }
+
+proctype controller(byte me) {
+  byte frame, attempt, made;
+  {
+    (over == me - 1);
+#ifndef NO_RESET
+    d_step { ready_frame = 0; ready_pieces = 0 };
+#endif
+    frame = word;
+    attached++;
+    do
+    :: made == kAttempts -> break
+    :: made < kAttempts && published == accepted -> /* lock-step: the answer before was taken in */
+       d_step { made++; attempts_made++; attempt = attempts_made };
+#ifdef EARLY_PROGRESS
+       say_ready(frame + 1);
+#endif
+       data[AT(frame + 1, 0)] = attempt;
+#ifndef EARLY_PROGRESS
+       say_ready(frame + 1);
+#endif
+#ifdef HALF_IS_WHOLE
+       d_step { whole[frame + 1] = attempt; word = frame + 1; published++ };
+       data[AT(frame + 1, 1)] = attempt;
+       frame++
+#else
+       data[AT(frame + 1, 1)] = attempt;
+       if
+       :: d_step { whole[frame + 1] = attempt; word = frame + 1; published++ }; frame++
+       :: /* refused */
+#ifdef REUSE_NUMBER
+          skip
+#else
+          frame++ /* the number is given up with it */
+#endif
+       fi
+#endif
+    od
+  } unless { killed[me] };
+  over++
+}
+
+#ifdef NO_LABEL
+#define WHO 0
+#else
+#define WHO attached
+#endif
+
+proctype surface() {
+  byte taken, newest, who, coming, ready;
+  byte copy_frame, copy_who, copied, first, second; /* what was copied along, and of whose frame */
+  byte given, given_frame, given_who;               /* the piece in the user's hands, 0: none */
+  do
+  :: newest = word;
+     if
+     :: newest == taken ->
+        who = WHO; /* before the progress line */
+        d_step { coming = ready_frame; ready = ready_pieces };
+        if
+        :: ready != 0 && coming == newest + 1 ->
+           d_step {
+             if
+             :: copy_frame != coming || copy_who != who -> copy_frame = coming; copy_who = who; copied = 0
+             :: else
+             fi
+           };
+           if
+           :: copied == 0 -> first = data[AT(coming, 0)]; copied = 1
+           :: else
+           fi;
+           if
+           :: given == 0 -> d_step { given = first; given_frame = coming; given_who = who }
+           :: skip
+           fi
+        :: else -> if :: over == kControllers && word == taken -> break :: else fi
+        fi
+     :: else ->
+        who = WHO;
+        if
+#ifndef HANDED_UNCHECKED
+        :: given != 0 && (given_frame != newest || given_who != who) -> given = 0 /* the user is told: torn */
+#endif
+        :: else ->
+           if
+           :: copied == 1 && copy_frame == newest && copy_who == who
+           :: else -> first = data[AT(newest, 0)]
+           fi;
+           second = data[AT(newest, 1)];
+           assert(word == newest);
+           assert(first == whole[newest] && second == whole[newest]); /* whole frames only */
+           assert(given == 0 || given == whole[newest]);              /* what was handed out is of that frame */
+           d_step { taken = newest; given = 0; copied = 0; copy_frame = 0; copy_who = 0; accepted++ }
+        fi
+     fi
+  od
+}
+
+proctype killer() {
+end:
+  do
+  :: atomic { !killed[1] -> killed[1] = true }
+  :: atomic { !killed[2] -> killed[2] = true }
+  :: break
+  od
+}
+
+init { atomic { run surface(); run controller(1); run controller(2); run killer() } }

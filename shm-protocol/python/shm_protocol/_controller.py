@@ -1,0 +1,89 @@
+"""The controller's role."""
+import ctypes
+
+from . import _library as _c
+from ._endpoint import Endpoint, check, in_attach_slices, in_slices, text
+from ._values import STATES, Error, Result, SurfaceDied
+
+_lib = _c.lib
+
+
+class Controller(Endpoint):
+    """Reads sensors, publishes actuators.
+
+    sensors, actuators: mappings from a channel's name to its array, over the shared memory itself. A sensor array is
+    read-only and holds the frame taken last until that is answered. An actuator array is writable until publish(),
+    and is to be written whole: afterwards it is the surface's, and read-only. Take arrays anew for each frame.
+    """
+    _role = "controller"
+    _writes = "actuator"
+
+    def __init__(self, name, timeout=0.0):
+        pointer = ctypes.c_void_p()
+        result = in_attach_slices(_lib.ssp_controller_attach, name, timeout, pointer)
+        check(result)
+        self._name = name
+        self._adopt(pointer.value)
+
+    def _adopt(self, pointer):
+        self._open(pointer, _lib.ssp_controller_detach)
+        self.sensors = self._arrays("sensor", _lib.ssp_controller_sensor, False)
+        self.actuators = self._arrays("actuator", _lib.ssp_controller_actuator, True)
+
+    def wait(self, timeout=None):
+        """Waits for a sensor frame that was not read yet. True: there is one. False: the surface is closing.
+        Raises TimeoutError after `timeout` seconds (None: never) and SurfaceDied."""
+        result = in_slices(timeout, lambda ns: self._call("await", ns, None))
+        return self._taken(result, "no frame came")
+
+    def latest(self):
+        """Takes the newest frame without waiting. True: it is new. False: it is the one before, or the surface is
+        closing (surface_state tells)."""
+        return self._taken(Result(self._call("latest")), "")
+
+    def _taken(self, result, late):
+        if result == Result.OK:
+            return True
+        if result in (Result.SURFACE_CLOSED, Result.REPEATED, Result.TORN):
+            return False
+        if result == Result.TIMEOUT:
+            raise TimeoutError(late)
+        if result == Result.SURFACE_DEAD:
+            raise SurfaceDied(result, f"the surface {self._name} died", self.description.surface_pid)
+        if result == Result.OUT_OF_TURN:
+            raise Error(result, "the frame taken last has to be answered first: publish()")
+        raise Error(result, text(_lib.ssp_text(result)))
+
+    def publish(self):
+        """Publishes the actuator arrays as the answer to the frame taken last. False: the surface has given that
+        frame up."""
+        result = Result(self._call("publish"))
+        if result == Result.OUT_OF_TURN:
+            raise Error(result, "there is no frame to answer: wait() first")
+        self.actuators.freeze()
+        return result == Result.OK
+
+    frame = property(Endpoint._frame, doc="The Frame taken last.")
+    tick = property(lambda self: self.frame.tick)
+    time = property(lambda self: self.frame.time, doc="Simulated seconds of the frame taken last.")
+    surface_state = property(lambda self: self._state("surface"))
+
+    def set_state(self, state):
+        check(self._call("set_state", STATES[state]))
+
+    def reconnect(self, timeout=0.0):
+        """Attaches to a new surface under the same name, which must have the same layout. All arrays end."""
+        layout = self.description.layout_hash
+        self.close()
+        pointer = ctypes.c_void_p()
+        check(in_attach_slices(_lib.ssp_controller_attach, self._name, timeout, pointer))
+        self._adopt(pointer.value)
+        if self.description.layout_hash != layout:
+            self.close()
+            raise Error(Result.LAYOUT_CHANGED, f"surface {self._name} came back with another size or other channels")
+
+    def close(self):
+        """Tells the surface that this controller leaves. Arrays stay readable."""
+        if self._p is not None:
+            _lib.ssp_controller_leave(self._p)
+            self._p = None

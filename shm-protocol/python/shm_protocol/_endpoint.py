@@ -1,0 +1,131 @@
+"""What the three roles have in common."""
+import ctypes
+import time as _time
+
+import numpy as np
+
+from . import _library as _c
+from ._arrays import DTYPES, Arrays, Handle, array_at
+from ._values import DIRECTIONS, MODES, Channel, Counters, Description, Error, Frame, NotFound, Result
+
+_lib = _c.lib
+_SLICE_NS = 100_000_000  # a wait returns to Python this often, so that Ctrl-C ends it
+
+
+def check(result):
+    if result >= 0:
+        return Result(result)
+    message = _lib.ssp_last_error().decode(errors="replace")
+    kind = NotFound if result == Result.NOT_FOUND else Error
+    raise kind(result, message, _lib.ssp_last_error_pid())
+
+
+def text(raw):
+    return raw.decode(errors="replace")
+
+
+def in_slices(timeout, call):
+    """call(nanoseconds) until it says something else than TIMEOUT, or `timeout` seconds (None: for ever) passed."""
+    end = None if timeout is None else _time.monotonic() + timeout
+    while True:
+        left = _SLICE_NS if end is None else max(0, int((end - _time.monotonic()) * 1e9))
+        result = call(min(left, _SLICE_NS))
+        if result != Result.TIMEOUT or (end is not None and _time.monotonic() >= end):
+            return Result(result)
+
+
+def in_attach_slices(attach, name, timeout, pointer):
+    end = _time.monotonic() + (timeout if timeout is not None else float("inf"))
+    while True:
+        left = min(0.1, max(0.0, end - _time.monotonic()))
+        result = attach(name.encode(), int(left * 1e9), None, ctypes.byref(pointer))
+        if result != Result.NOT_FOUND or _time.monotonic() >= end:
+            return result
+
+
+class Endpoint:
+    """What the three roles have in common."""
+    _role = ""
+    _writes = ""  # the direction of the channels that this role publishes
+
+    def _open(self, pointer, free):
+        self._handle = Handle(pointer, free)
+        self._p = pointer
+        raw = _c.Description()
+        check(self._call("describe", ctypes.byref(raw)))
+        channels = tuple(self._channel(i) for i in range(raw.channel_count))
+        positions = None
+        if raw.positions:
+            positions = np.ctypeslib.as_array(raw.positions, (raw.rows, raw.columns, 3)).copy()
+        self.description = Description(
+            text(raw.name), (raw.version_major, raw.version_minor), raw.session, raw.layout_hash, raw.rows, raw.columns,
+            raw.pitch, raw.period_ns * 1e-9, {v: k for k, v in MODES.items()}[raw.mode], raw.surface_pid, channels,
+            positions)
+
+    def _channel(self, number):
+        raw = _c.ChannelInfo()
+        check(self._call("channel", number, ctypes.byref(raw)))
+        direction = {v: k for k, v in DIRECTIONS.items()}[raw.direction]
+        return Channel(text(raw.name), raw.minimum, raw.maximum, raw.safe, DTYPES[raw.dtype], raw.components,
+                       text(raw.unit), direction, number)
+
+    def _arrays(self, direction, address_of, writable):
+        channels = [c for c in self.description.channels if c.direction == direction]
+        return Arrays(self._handle, channels, self.description.rows, self.description.columns, address_of, writable)
+
+    def _call(self, name, *arguments):
+        if self._p is None:
+            raise Error(Result.ARGUMENT, f"this {self._role} is closed")
+        return getattr(_lib, f"ssp_{self._role}_{name}")(self._p, *arguments)
+
+    def write(self, name, values, first=0):
+        """Copies values to the cells of the array to be published from `first` on, counted through all components:
+        in ascending order, the other side may read along. Final for this frame."""
+        channel = self._named(name, self._writes)
+        values = np.ascontiguousarray(values, dtype=channel.dtype)
+        check(self._call("write", channel.number, first * channel.dtype.itemsize, values.ctypes.data, values.nbytes))
+
+    def next_cells(self, name, timeout=None):
+        """Time-step: the next cells of that channel in the frame to come, flat and read-only, as far as the other
+        side has written them. None: no more of this channel, or none in time. Then wait(): only if that says True
+        was all of it of one whole frame."""
+        channel = self._named(name, "actuator" if self._writes == "sensor" else "sensor")
+        nbytes, address = ctypes.c_size_t(), None
+
+        def call(ns):
+            nonlocal address
+            begun = _time.monotonic_ns()
+            address = self._call("next", channel.number, ns, None, ctypes.byref(nbytes))
+            # None before its time: there will be no more.
+            return Result.OK if address or _time.monotonic_ns() - begun < ns else Result.TIMEOUT
+
+        in_slices(timeout, call)
+        return array_at(self._handle, address, nbytes.value, channel.dtype, (-1,), False) if address else None
+
+    def _named(self, name, direction):
+        for channel in self.description.channels:
+            if channel.name == name and channel.direction == direction:
+                return channel
+        raise KeyError(name)
+
+    def _frame(self, *arguments):
+        raw = _c.FrameInfo()
+        check(self._call("frame", *arguments, ctypes.byref(raw)))
+        return Frame(raw.frame, raw.tick, raw.time_s, raw.answers, raw.status)
+
+    @property
+    def counters(self):
+        """{"surface": Counters, "controller": Counters}, as both sides see them."""
+        both = _c.Counters(), _c.Counters()
+        check(self._call("counters", *(ctypes.byref(b) for b in both)))
+        return {who: Counters(b.skipped, b.repeated, b.clamped, b.deadline_misses)
+                for who, b in zip(("surface", "controller"), both)}
+
+    def _state(self, who):
+        return text(_lib.ssp_state_text(self._call(f"{who}_state")))
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()

@@ -1,0 +1,51 @@
+"""The observer's role."""
+import ctypes
+
+from . import _library as _c
+from ._endpoint import Endpoint, check, in_attach_slices, in_slices
+from ._values import DIRECTIONS, Result, SurfaceDied
+
+_lib = _c.lib
+
+
+class Observer(Endpoint):
+    """Looks at a running pair through a read-only mapping. sensors and actuators hold the frame copied last; a
+    look that copies a new one ends the arrays handed out before it."""
+    _role = "observer"
+
+    def __init__(self, name, timeout=0.0):
+        pointer = ctypes.c_void_p()
+        check(in_attach_slices(_lib.ssp_observer_open, name, timeout, pointer))
+        self._name = name
+        self._open(pointer.value, _lib.ssp_observer_close)
+        self.sensors = self._arrays("sensor", _lib.ssp_observer_array, False)
+        self.actuators = self._arrays("actuator", _lib.ssp_observer_array, False)
+
+    def look(self, direction="sensor"):
+        """Copies the newest whole frame. True: it is new. False: none newer, or it was overwritten while it was
+        copied. Raises SurfaceDied; False as well when the surface has closed (surface_state tells)."""
+        return self._seen(Result(self._call("look", DIRECTIONS[direction])))
+
+    def wait(self, direction="sensor", timeout=None):
+        """Looks until there is a new frame. True: there is. False: the surface has closed."""
+        number = DIRECTIONS[direction]
+        return self._seen(in_slices(timeout, lambda ns: self._call("await", number, ns, None)))
+
+    def _seen(self, result):
+        if result == Result.TIMEOUT:
+            raise TimeoutError("no frame came")
+        if result == Result.SURFACE_DEAD:
+            raise SurfaceDied(result, f"the surface {self._name} died", self.description.surface_pid)
+        return result == Result.OK
+
+    def frame(self, direction="sensor"):
+        return self._frame(DIRECTIONS[direction])
+
+    surface_state = property(lambda self: self._state("surface"))
+    controller_state = property(lambda self: self._state("controller"))
+    controller_pid = property(lambda self: self._call("controller_pid"))
+
+    def close(self):
+        """Arrays stay readable; the mapping goes with the last of them."""
+        self._p = None
+        self._handle = None

@@ -1,0 +1,94 @@
+"""The surface's role."""
+import ctypes
+import dataclasses
+
+import numpy as np
+
+from . import _library as _c
+from ._arrays import DTYPES
+from ._endpoint import Endpoint, check, in_slices
+from ._values import DIRECTIONS, MODES, STATES, Error, Result
+
+_lib = _c.lib
+
+
+class Surface(Endpoint):
+    """Owns the segment: publishes sensors, takes in actuators. sensors are writable until publish(), actuators
+    are read-only: checked copies, within their channels' ranges."""
+    _role = "surface"
+    _writes = "sensor"
+
+    def __init__(self, name, rows, columns, period, sensors=(), actuators=(), mode="time-step", pitch=1.0,
+                 positions=None, slots=4, safe_when_alone=False):
+        channels = [dataclasses.replace(c, direction="sensor") for c in sensors]
+        channels += [dataclasses.replace(c, direction="actuator") for c in actuators]
+        specs = (_c.ChannelSpec * max(1, len(channels)))()
+        codes = {dtype: code for code, dtype in DTYPES.items()}
+        for spec, c in zip(specs, channels):
+            dtype = np.dtype(c.dtype)
+            if dtype not in codes:
+                raise ValueError(f"channel {c.name}: dtype {dtype}: must be float32, uint32 or uint8")
+            spec.name, spec.unit = c.name.encode(), c.unit.encode()
+            spec.direction, spec.dtype, spec.components = DIRECTIONS[c.direction], codes[dtype], c.components
+            spec.minimum, spec.maximum, spec.safe = c.minimum, c.maximum, c.safe
+        config = _c.SurfaceConfig(name=name.encode(), rows=rows, columns=columns, pitch=pitch,
+                                  period_ns=round(period * 1e9), mode=MODES[mode], slots=slots, channels=specs,
+                                  channel_count=len(channels), safe_when_alone=bool(safe_when_alone))
+        if positions is not None:
+            positions = np.ascontiguousarray(positions, dtype=np.float32)
+            if positions.shape != (rows, columns, 3):
+                raise ValueError(f"positions have shape {positions.shape}: must be {(rows, columns, 3)}")
+            config.positions = positions.ctypes.data_as(ctypes.POINTER(ctypes.c_float))
+        pointer = ctypes.c_void_p()
+        check(_lib.ssp_surface_create(ctypes.byref(config), ctypes.byref(pointer)))
+        self._open(pointer.value, _lib.ssp_surface_destroy)
+        self._tick = 0
+        self.result = Result.OK
+        self.sensors = self._arrays("sensor", _lib.ssp_surface_sensor, True)
+        self.actuators = self._arrays("actuator", _lib.ssp_surface_actuator, False)
+
+    def publish(self, tick, time, status=0):
+        """Publishes the sensor arrays. Raises Error (OUT_OF_TURN) while the controller owes an answer."""
+        result = Result(self._call("publish", tick, time, status))
+        if result != Result.OK:
+            raise Error(result, "time-step: the frame before has not been answered")
+        self._tick = tick
+        self.sensors.freeze()
+
+    def wait(self, timeout=None):
+        """Time-step: waits for the answer to the frame published last. True: it is here. False: there is no
+        controller, or it left or died (result tells which). Raises TimeoutError."""
+        return self._taken(in_slices(timeout, lambda ns: self._call("await", self._tick, ns, None)))
+
+    def latest(self):
+        """Passive: takes the newest actuator frame in without waiting. True: it is new."""
+        return self._taken(Result(self._call("latest")))
+
+    def wait_for_controller(self, timeout=None):
+        """True once a controller is attached; False after `timeout` seconds."""
+        return in_slices(timeout, lambda ns: self._call("await_controller", ns, None)) == Result.OK
+
+    def _taken(self, result):
+        self.result = result
+        if result == Result.TIMEOUT:
+            raise TimeoutError("the controller did not answer")
+        if result == Result.OUT_OF_TURN:
+            raise Error(result, "time-step: publish() first")
+        return result == Result.OK
+
+    frame = property(Endpoint._frame, doc="The actuator Frame that stands; frame 0: nobody sent one yet.")
+    controller_pid = property(lambda self: self._call("controller_pid"))
+    controller_state = property(lambda self: self._state("controller"))
+
+    def set_state(self, state):
+        check(self._call("set_state", STATES[state]))
+
+    def miss_deadline(self):
+        check(self._call("miss_deadline"))
+
+    def close(self):
+        """Ends the session and removes the segment. Arrays stay readable."""
+        if self._p is not None:
+            self.sensors.freeze()
+            _lib.ssp_surface_close(self._p)
+            self._p = None

@@ -1,0 +1,35 @@
+// Volume, centre of mass and inertia of what closed triangles enclose, exact but for rounding.
+//
+// Each triangle (a, b, c) stands for the tetrahedron it spans with the origin, whose integrals of 1, x and
+// x·xᵀ have closed forms (B. Mirtich, "Fast and accurate computation of polyhedral mass properties", J.
+// Graphics Tools 1(2), 1996; D. Eberly, "Polyhedral mass properties (revisited)", 2002); what lies outside
+// cancels.
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+
+#include "smartsurf/mesh/TriangleMesh.h"
+#include "smartsurf/scene/Solid.h"
+
+namespace smartsurf::mesh {
+
+class MassProperties {
+ public:
+  // Triangles counter-clockwise seen from outside. Rounding is least when the origin lies near them.
+  void add(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eigen::Vector3d& c);
+  void add(const TriangleMesh&);
+  void add(const scene::ConvexPiece&);
+
+  double volume() const { return volume_; }
+  Eigen::Vector3d centre() const { return first_ / volume_; }
+  // About a point, for density 1.
+  Eigen::Matrix3d inertia(const Eigen::Vector3d& about) const;
+
+ private:
+  double volume_ = 0.0;
+  Eigen::Vector3d first_ = Eigen::Vector3d::Zero();   // ∫ x dV
+  Eigen::Matrix3d second_ = Eigen::Matrix3d::Zero();  // ∫ x·xᵀ dV
+};
+
+}  // namespace smartsurf::mesh

@@ -1,0 +1,176 @@
+#include "smartsurf/mesh/MeshFile.h"
+
+#include <assimp/postprocess.h>
+#include <assimp/scene.h>
+
+#include <assimp/DefaultIOSystem.h>
+#include <algorithm>
+#include <assimp/Importer.hpp>
+#include <cctype>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <system_error>
+
+#include "smartsurf/mesh/Isolated.h"
+#include "smartsurf/scene/SceneSpec.h"
+
+namespace smartsurf::mesh {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::uintmax_t kLargestFile = 256U << 20;
+constexpr std::size_t kMostTriangles = 1'000'000;
+
+[[noreturn]] void refuse(const std::string& clause) { throw scene::InputError(clause); }
+
+// A mesh file may name others (materials, buffers): none outside its folder, whatever the links.
+class FolderOnly final : public Assimp::DefaultIOSystem {
+ public:
+  explicit FolderOnly(fs::path folder) : folder_(std::move(folder)) {}
+  bool Exists(const char* file) const override { return allowed(file) && DefaultIOSystem::Exists(file); }
+  Assimp::IOStream* Open(const char* file, const char* mode) override {
+    return allowed(file) && mode[0] == 'r' ? DefaultIOSystem::Open(file, mode) : nullptr;
+  }
+
+ private:
+  bool allowed(const char* file) const {
+    std::error_code error;
+    const fs::path real = fs::weakly_canonical(file, error);
+    return !error && real.parent_path() == folder_ && fs::is_regular_file(real, error);
+  }
+  fs::path folder_;
+};
+
+void check_kind(const fs::path& file) {
+  std::string ending = file.extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(),
+                 [](unsigned char c) { return std::tolower(c); });
+  for (const char* known : {".stl", ".obj", ".ply", ".gltf", ".glb", ".3mf"})
+    if (ending == known) return;
+  refuse("is no mesh by its name: must end in .stl, .obj, .ply, .gltf, .glb or .3mf");
+}
+
+void check_readable(const fs::path& file) {
+  std::error_code error;
+  if (!fs::exists(file, error)) refuse("does not exist");
+  if (!fs::is_regular_file(file, error)) refuse("is no plain file");
+  if (fs::file_size(file, error) > kLargestFile) refuse("is larger than 256 MiB");
+}
+
+// The importer looks for the end of such a header for ever, whatever the file is called.
+void check_header(const fs::path& file) {
+  std::string start(16384, '\0');
+  std::ifstream in(file, std::ios::binary);
+  in.read(start.data(), static_cast<std::streamsize>(start.size()));
+  start.resize(static_cast<std::size_t>(in.gcount()));
+  if (start.starts_with("ply") && start.find("end_header\n") == start.npos &&
+      start.find("end_header\r") == start.npos)
+    refuse("is damaged: its header has no end");
+}
+
+std::string one_line(std::string text) {
+  std::replace_if(
+      text.begin(), text.end(), [](unsigned char c) { return c < 0x20; }, ' ');
+  return text.substr(0, 200);
+}
+
+void add(TriangleMesh& mesh, const aiMesh& part, const aiMatrix4x4& pose) {
+  const auto first = static_cast<std::uint32_t>(mesh.points.size());
+  for (unsigned i = 0; i < part.mNumVertices; ++i) {
+    const aiVector3D p = pose * part.mVertices[i];
+    if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z))
+      refuse("has a vertex that is not finite: number " + std::to_string(mesh.points.size() + 1));
+    mesh.points.emplace_back(p.x, p.y, p.z);
+  }
+  const bool mirrored = pose.Determinant() < 0;
+  for (unsigned f = 0; f < part.mNumFaces; ++f) {
+    const aiFace& face = part.mFaces[f];
+    if (face.mNumIndices != 3) continue;
+    const unsigned* i = face.mIndices;
+    if (std::max({i[0], i[1], i[2]}) >= part.mNumVertices)
+      refuse("is damaged: a face names a vertex that is not there");
+    mesh.triangles.push_back({first + i[0], first + i[mirrored ? 2 : 1], first + i[mirrored ? 1 : 2]});
+  }
+  if (mesh.triangles.size() > kMostTriangles) refuse("has more than a million triangles: make a coarser one");
+}
+
+void add(TriangleMesh& mesh, const aiScene& scene, const aiNode& node, const aiMatrix4x4& above) {
+  const aiMatrix4x4 pose = above * node.mTransformation;
+  for (unsigned i = 0; i < node.mNumMeshes; ++i) add(mesh, *scene.mMeshes[node.mMeshes[i]], pose);
+  for (unsigned i = 0; i < node.mNumChildren; ++i) add(mesh, scene, *node.mChildren[i], pose);
+}
+
+TriangleMesh import(const fs::path& file) {
+  Assimp::Importer importer;
+  importer.SetIOHandler(new FolderOnly(fs::weakly_canonical(file).parent_path()));  // the importer owns it
+  // All but the shape is left out first: otherwise points with different normals stay different.
+  importer.SetPropertyInteger(AI_CONFIG_PP_RVC_FLAGS,
+                              aiComponent_NORMALS | aiComponent_TANGENTS_AND_BITANGENTS | aiComponent_COLORS |
+                                  aiComponent_TEXCOORDS | aiComponent_BONEWEIGHTS | aiComponent_ANIMATIONS |
+                                  aiComponent_TEXTURES | aiComponent_LIGHTS | aiComponent_CAMERAS);
+  const aiScene* scene = nullptr;
+  try {
+    scene = importer.ReadFile(file.string(), aiProcess_RemoveComponent | aiProcess_Triangulate);
+  } catch (const std::exception& e) {
+    refuse("cannot be read: " + one_line(e.what()));
+  }
+  if (scene == nullptr || scene->mRootNode == nullptr)
+    refuse("cannot be read: " + one_line(importer.GetErrorString()));
+  TriangleMesh mesh;
+  add(mesh, *scene, *scene->mRootNode, aiMatrix4x4());
+  if (mesh.points.empty()) refuse("holds no vertices");
+  return mesh;
+}
+
+// A mesh, or why there is none, as bytes: first 'm' or 'e', then two counts and the arrays, or the text.
+template <typename T>
+void append(std::string& bytes, const T* values, std::size_t count) {
+  bytes.append(reinterpret_cast<const char*>(values), count * sizeof(T));
+}
+
+std::string to_bytes(const TriangleMesh& mesh) {
+  const std::uint64_t counts[] = {mesh.points.size(), mesh.triangles.size()};
+  std::string bytes = "m";
+  append(bytes, counts, 2);
+  append(bytes, mesh.points.data(), mesh.points.size());
+  append(bytes, mesh.triangles.data(), mesh.triangles.size());
+  return bytes;
+}
+
+TriangleMesh from_bytes(const std::string& bytes) {
+  TriangleMesh mesh;
+  std::uint64_t counts[2];
+  std::memcpy(counts, bytes.data() + 1, sizeof counts);
+  mesh.points.resize(counts[0]);
+  mesh.triangles.resize(counts[1]);
+  const char* at = bytes.data() + 1 + sizeof counts;
+  const std::size_t point_bytes = mesh.points.size() * sizeof(Eigen::Vector3d);
+  std::memcpy(static_cast<void*>(mesh.points.data()), at, point_bytes);
+  std::memcpy(mesh.triangles.data(), at + point_bytes, mesh.triangles.size() * sizeof(mesh.triangles[0]));
+  return mesh;
+}
+
+}  // namespace
+
+TriangleMesh read_mesh(const fs::path& file) {
+  constexpr double kLongestRead_s = 20.0;  // of the processor
+  check_kind(file);
+  check_readable(file);
+  check_header(file);
+  const auto bytes = isolated(
+      [&]() -> std::string {
+        try {
+          return to_bytes(import(file));
+        } catch (const scene::InputError& e) {
+          return std::string("e") + e.what();
+        }
+      },
+      kLongestRead_s);
+  if (!bytes || bytes->empty()) refuse("is damaged, or too large: the library that reads it gave up");
+  if (bytes->front() == 'e') refuse(bytes->substr(1));
+  return from_bytes(*bytes);
+}
+
+}  // namespace smartsurf::mesh

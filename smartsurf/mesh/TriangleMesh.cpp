@@ -1,0 +1,107 @@
+#include "smartsurf/mesh/TriangleMesh.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+
+namespace smartsurf::mesh {
+namespace {
+
+std::uint32_t root_of(std::vector<std::uint32_t>& parent, std::uint32_t i) {
+  while (parent[i] != i) i = parent[i] = parent[parent[i]];
+  return i;
+}
+
+// For each point the lowest number among those it is one with.
+std::vector<std::uint32_t> same_points(const std::vector<Eigen::Vector3d>& points, double distance) {
+  // Near points are near along any direction: along a crooked one, few others are.
+  const Eigen::Vector3d along = Eigen::Vector3d(0.5377, 0.6873, 0.4886).normalized();
+  std::vector<double> place(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) place[i] = along.dot(points[i]);
+  std::vector<std::uint32_t> order(points.size()), parent(points.size());
+  std::iota(order.begin(), order.end(), 0U);
+  std::iota(parent.begin(), parent.end(), 0U);
+  std::sort(order.begin(), order.end(),
+            [&](auto a, auto b) { return place[a] != place[b] ? place[a] < place[b] : a < b; });
+  for (std::size_t i = 0; i < order.size(); ++i)
+    for (std::size_t j = i + 1; j < order.size() && place[order[j]] - place[order[i]] <= distance; ++j) {
+      if ((points[order[i]] - points[order[j]]).norm() > distance) continue;
+      const std::uint32_t a = root_of(parent, order[i]), b = root_of(parent, order[j]);
+      parent[std::max(a, b)] = std::min(a, b);
+    }
+  for (std::uint32_t i = 0; i < parent.size(); ++i) parent[i] = root_of(parent, i);
+  return parent;
+}
+
+// The same triangle, begun at its lowest point: turns of one triangle become equal, its back does not.
+std::array<std::uint32_t, 3> from_lowest(std::array<std::uint32_t, 3> t) {
+  std::rotate(t.begin(), std::min_element(t.begin(), t.end()), t.end());
+  return t;
+}
+
+void drop_repeated(std::vector<std::array<std::uint32_t, 3>>& triangles) {
+  std::vector<std::uint32_t> order(triangles.size());
+  std::iota(order.begin(), order.end(), 0U);
+  const auto key = [&](std::uint32_t i) { return from_lowest(triangles[i]); };
+  std::sort(order.begin(), order.end(),
+            [&](auto a, auto b) { return key(a) != key(b) ? key(a) < key(b) : a < b; });
+  std::vector<char> repeated(triangles.size(), 0);
+  for (std::size_t i = 1; i < order.size(); ++i) repeated[order[i]] = key(order[i]) == key(order[i - 1]);
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < triangles.size(); ++i)
+    if (repeated[i] == 0) triangles[kept++] = triangles[i];
+  triangles.resize(kept);
+}
+
+void drop_unused_points(TriangleMesh& mesh) {
+  std::vector<std::uint32_t> number(mesh.points.size(), 0);
+  for (const auto& t : mesh.triangles)
+    for (const std::uint32_t p : t) number[p] = 1;
+  std::uint32_t kept = 0;
+  for (std::size_t i = 0; i < number.size(); ++i) {
+    if (number[i] == 0) continue;
+    mesh.points[kept] = mesh.points[i];
+    number[i] = kept++;
+  }
+  mesh.points.resize(kept);
+  for (auto& t : mesh.triangles)
+    for (std::uint32_t& p : t) p = number[p];
+}
+
+// Twice the tangent of half the solid angle is what the arctangent gets (A. Van Oosterom, J. Strackee, "The
+// solid angle of a plane triangle", IEEE Trans. Biomed. Eng. 30, 1983).
+double solid_angle(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eigen::Vector3d& c) {
+  const double la = a.norm(), lb = b.norm(), lc = c.norm();
+  return 2.0 * std::atan2(a.dot(b.cross(c)), la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb);
+}
+
+}  // namespace
+
+double diagonal(const TriangleMesh& mesh) {
+  if (mesh.points.empty()) return 0.0;
+  Eigen::Vector3d low = mesh.points.front(), high = low;
+  for (const auto& p : mesh.points) {
+    low = low.cwiseMin(p);
+    high = high.cwiseMax(p);
+  }
+  return (high - low).norm();
+}
+
+void join_points(TriangleMesh& mesh, double distance) {
+  const std::vector<std::uint32_t> same = same_points(mesh.points, distance);
+  for (auto& t : mesh.triangles)
+    for (std::uint32_t& p : t) p = same[p];
+  std::erase_if(mesh.triangles, [](const auto& t) { return t[0] == t[1] || t[1] == t[2] || t[2] == t[0]; });
+  drop_repeated(mesh.triangles);
+  drop_unused_points(mesh);
+}
+
+double winding_number(const TriangleMesh& mesh, const Eigen::Vector3d& point) {
+  double angle = 0.0;
+  for (const auto& t : mesh.triangles)
+    angle += solid_angle(mesh.points[t[0]] - point, mesh.points[t[1]] - point, mesh.points[t[2]] - point);
+  return angle / (4.0 * std::numbers::pi);
+}
+
+}  // namespace smartsurf::mesh

@@ -1,0 +1,23 @@
+// `smartsurf run --worlds N`: N copies of one experiment side by side in one process, each with a seed, a
+// segment, files and a thread of its own. Nothing that one of them does changes another: world k of N is the
+// run with its seed alone.
+#pragma once
+
+#include <atomic>
+
+#include "smartsurf/run/RunOptions.h"
+
+namespace smartsurf::run {
+
+inline constexpr int kMostWorlds = 1024;
+
+// The options of world `index` of several, 0 for the first: `first_seed` + index; "-index" after the
+// segment's name and before the extension of what it records.
+RunOptions options_of_world(const RunOptions& all, int index, std::uint64_t first_seed);
+
+// Runs all of them to their ends; a world that fails does not stop the others. Returns the first exit status
+// in order of worlds that is not kDone. With --stats one file tells of all. Throws scene::InputError, after
+// all have ended, for what the first world that met a mistake of the user's says of it.
+int run_worlds(const RunOptions& all, int count, const std::atomic<bool>& stop);
+
+}  // namespace smartsurf::run

@@ -1,0 +1,12 @@
+// The parameters and channels of the actuators that come with the program. Internal to the room.
+#pragma once
+
+#include <vector>
+
+#include "smartsurf/scene/ActuatorSpec.h"
+
+namespace smartsurf::scene {
+
+std::vector<ActuatorKind> built_in_actuators();
+
+}  // namespace smartsurf::scene

@@ -1,0 +1,12 @@
+// The parameters and channels of the sensors that come with the program. Internal to the room.
+#pragma once
+
+#include <vector>
+
+#include "smartsurf/scene/SensorSpec.h"
+
+namespace smartsurf::scene {
+
+std::vector<SensorKind> built_in_sensors();
+
+}  // namespace smartsurf::scene

@@ -1,0 +1,302 @@
+// Where the cells of surface{} stand and what is in each: actuators, cells, mask, layout, positions, modules,
+// base, tilt.
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <numbers>
+#include <string>
+
+#include "smartsurf/script/Fields.h"
+#include "smartsurf/script/Session.h"
+
+namespace smartsurf::script {
+namespace {
+
+// Gets the value of a cell on the top of the stack.
+using VisitCell = std::function<void(int row, int column, int index, const std::string& name)>;
+
+std::string cell_name(const std::string& name, int row, int column) {
+  return name + " at (" + std::to_string(row + 1) + ", " + std::to_string(column + 1) + ")";
+}
+
+// The characters of a pattern, row by row; '.' and ' ' are nil. It repeats over the surface.
+void visit_pattern(lua_State* L, int index, const std::string& name, const scene::SurfaceSpec& s,
+                   const VisitCell& visit) {
+  std::vector<std::string> rows;
+  for (lua_Integer i = 1; i <= static_cast<lua_Integer>(lua_rawlen(L, index)); ++i) {
+    lua_rawgeti(L, index, i);
+    rows.push_back(text_at(L, -1, name + "[" + std::to_string(i) + "]"));
+    lua_pop(L, 1);
+    if (rows.back().empty() || rows.back().size() != rows.front().size())
+      throw Problem(name + "[" + std::to_string(i) + "]: " + std::to_string(rows.back().size()) +
+                    " characters: must be as many as in the first row, " +
+                    std::to_string(rows.front().size()));
+  }
+  const int height = static_cast<int>(rows.size()), width = static_cast<int>(rows.front().size());
+  if (s.rows % height != 0 || s.columns % width != 0)
+    throw Problem(name + ": a pattern of " + std::to_string(height) + " × " + std::to_string(width) +
+                  " does not repeat evenly on " + std::to_string(s.rows) + " × " + std::to_string(s.columns) +
+                  " cells");
+  for (int r = 0; r < s.rows; ++r)
+    for (int c = 0; c < s.columns; ++c) {
+      const char key = rows[static_cast<std::size_t>(r % height)][static_cast<std::size_t>(c % width)];
+      if (key == '.' || key == ' ')
+        lua_pushnil(L);
+      else
+        lua_pushlstring(L, &key, 1);
+      visit(r, c, lua_gettop(L), cell_name(name, r, c));
+      lua_pop(L, 1);
+    }
+}
+
+void visit_function(lua_State* L, int index, const std::string& name, const scene::SurfaceSpec& s,
+                    const VisitCell& visit) {
+  for (int r = 0; r < s.rows; ++r)
+    for (int c = 0; c < s.columns; ++c) {
+      lua_pushvalue(L, index);
+      lua_pushinteger(L, r + 1);
+      lua_pushinteger(L, c + 1);
+      lua_call(L, 2, 1);
+      visit(r, c, lua_gettop(L), cell_name(name, r, c));
+      lua_pop(L, 1);
+    }
+}
+
+void visit_rows(lua_State* L, int index, const std::string& name, const scene::SurfaceSpec& s,
+                const VisitCell& visit) {
+  if (lua_rawlen(L, index) != static_cast<lua_Unsigned>(s.rows))
+    throw Problem(name + ": " + std::to_string(lua_rawlen(L, index)) + " rows: must be " +
+                  std::to_string(s.rows));
+  for (int r = 0; r < s.rows; ++r) {
+    lua_rawgeti(L, index, r + 1);
+    const std::string row_name = name + "[" + std::to_string(r + 1) + "]";
+    if (lua_type(L, -1) != LUA_TTABLE || lua_rawlen(L, -1) != static_cast<lua_Unsigned>(s.columns))
+      must_be(L, -1, row_name, "a list of " + std::to_string(s.columns) + " values");
+    for (int c = 0; c < s.columns; ++c) {
+      lua_rawgeti(L, -1, c + 1);
+      visit(r, c, lua_gettop(L), cell_name(name, r, c));
+      lua_pop(L, 1);
+    }
+    lua_pop(L, 1);
+  }
+}
+
+// A value for each cell: a function of row and column, a list of rows, or a pattern of characters.
+void visit_cells(Session& session, lua_State* L, int index, const std::string& name,
+                 const scene::SurfaceSpec& s, const VisitCell& visit) {
+  index = lua_absindex(L, index);
+  session.interpreter->charge(L, static_cast<std::uint64_t>(s.cells()));
+  if (lua_type(L, index) == LUA_TFUNCTION) return visit_function(L, index, name, s, visit);
+  if (lua_type(L, index) != LUA_TTABLE || lua_rawlen(L, index) == 0)
+    must_be(L, index, name, "a function of row and column, a list of rows, or a pattern of texts");
+  lua_rawgeti(L, index, 1);
+  const bool pattern = lua_type(L, -1) == LUA_TSTRING;
+  lua_pop(L, 1);
+  (pattern ? visit_pattern : visit_rows)(L, index, name, s, visit);
+}
+
+std::vector<std::string> names_of(const NamedActuators& actuators) {
+  std::vector<std::string> names;
+  for (const NamedActuator& a : actuators) names.push_back(a.name);
+  return names;
+}
+
+// The actuator that a script names by its letter, its number, or by true where there is but one; nil and
+// false: none.
+std::int8_t chosen(lua_State* L, int index, const std::string& name, const std::vector<std::string>& names) {
+  if (lua_isnil(L, index) || (lua_isboolean(L, index) && !lua_toboolean(L, index))) return scene::kEmptyCell;
+  if (lua_isboolean(L, index) && names.size() == 1) return 0;
+  std::string key;
+  if (lua_isinteger(L, index)) key = std::to_string(lua_tointeger(L, index));
+  if (lua_type(L, index) == LUA_TSTRING) key = lua_tostring(L, index);
+  const auto it = std::ranges::find(names, key);
+  if (it == names.end()) must_be(L, index, name, "one of " + list_of(names) + ", or nil for an empty cell");
+  return static_cast<std::int8_t>(it - names.begin());
+}
+
+void read_hex(scene::SurfaceSpec& s) {
+  const double row_distance = s.pitch * std::sqrt(3.0) / 2.0;
+  for (int r = 0; r < s.rows; ++r)
+    for (int c = 0; c < s.columns; ++c) {
+      const int from_south = s.rows - 1 - r;
+      s.places.push_back({(c + 0.5 * (from_south % 2)) * s.pitch, from_south * row_distance, 0.0});
+    }
+}
+
+scene::CellPlace place_at(lua_State* L, int index, const std::string& name) {
+  const std::string rule = "{x, y} or {x, y, angle}";
+  if (lua_type(L, index) != LUA_TTABLE) must_be(L, index, name, rule);
+  scene::CellPlace place;
+  if (lua_rawlen(L, index) > 0) {
+    const int count = lua_rawlen(L, index) == 3 ? 3 : 2;
+    const std::vector<double> v = numbers_at(L, index, name, count, rule);
+    return {v[0], v[1], count == 3 ? v[2] : 0.0};
+  }
+  const Fields fields(L, index, name, {"x", "y", "angle"});
+  fields.require("x");
+  fields.require("y");
+  fields.read("x", place.x);
+  fields.read("y", place.y);
+  fields.read("angle", place.angle);
+  return place;
+}
+
+// A list in the order of the array; false: no cell. Without rows and columns the array is one row.
+void read_positions(lua_State* L, int index, const std::string& name, bool sized, scene::SurfaceSpec& s,
+                    std::vector<bool>& there) {
+  if (lua_type(L, index) != LUA_TTABLE || lua_rawlen(L, index) == 0)
+    must_be(L, index, name, "a list of {x, y, angle}");
+  const auto count = static_cast<lua_Integer>(lua_rawlen(L, index));
+  if (!sized) {
+    if (count > 4096) throw Problem(name + ": more than 4096 cells in one row: give rows and columns");
+    s.rows = 1;
+    s.columns = static_cast<int>(count);
+  }
+  if (count > s.cells())
+    throw Problem(name + ": " + std::to_string(count) +
+                  " positions: must be at most rows × columns = " + std::to_string(s.cells()));
+  s.places.assign(static_cast<std::size_t>(s.cells()), {});
+  there.assign(s.places.size(), false);
+  for (lua_Integer i = 1; i <= count; ++i) {
+    lua_rawgeti(L, index, i);
+    const auto cell = static_cast<std::size_t>(i - 1);
+    there[cell] = !(lua_isboolean(L, -1) && !lua_toboolean(L, -1));
+    if (there[cell]) s.places[cell] = place_at(L, lua_gettop(L), name + "[" + std::to_string(i) + "]");
+    lua_pop(L, 1);
+  }
+}
+
+// Blocks of rows × columns cells, set side by side as the map says.
+struct Modules {
+  int rows = 0, columns = 0;  // of one
+  double gap = 0.0;           // between two, u
+  std::vector<std::string> map;
+};
+
+Modules modules_at(lua_State* L, int index, const std::string& name) {
+  const Fields fields(L, index, name, {"size", "map", "gap"});
+  fields.require("size");
+  fields.require("map");
+  Modules m;
+  fields.with("size", [&](int i, const std::string& size_name) {
+    const auto size = numbers_at(L, i, size_name, 2, "{rows, columns} of one module");
+    for (const double v : size)
+      if (v != std::floor(v) || v < 1 || v > 4096)
+        must_be(L, i, size_name, "{rows, columns}, integers from 1 to 4096");
+    m.rows = static_cast<int>(size[0]);
+    m.columns = static_cast<int>(size[1]);
+  });
+  fields.with("map", [&](int i, const std::string& map_name) {
+    const std::string rule = "a list of texts, a character for each module, '.' for none";
+    if (lua_type(L, i) != LUA_TTABLE || lua_rawlen(L, i) == 0) must_be(L, i, map_name, rule);
+    for (lua_Integer k = 1; k <= static_cast<lua_Integer>(lua_rawlen(L, i)); ++k) {
+      lua_rawgeti(L, i, k);
+      m.map.push_back(text_at(L, -1, map_name + "[" + std::to_string(k) + "]"));
+      lua_pop(L, 1);
+      if (m.map.back().empty() || m.map.back().size() != m.map.front().size()) must_be(L, i, map_name, rule);
+    }
+  });
+  fields.read("gap", m.gap);
+  if (m.gap < 0.0) throw Problem(name + ".gap = " + show(m.gap) + ": must be 0 or more");
+  return m;
+}
+
+void place_modules(const Modules& m, const std::string& name, bool sized,
+                   const std::vector<std::string>& names, scene::SurfaceSpec& s) {
+  const auto down = static_cast<int>(m.map.size()), across = static_cast<int>(m.map.front().size());
+  if (m.rows * down > 4096 || m.columns * across > 4096)
+    throw Problem(name + ": more than 4096 rows or columns");
+  if (sized && (s.rows != m.rows * down || s.columns != m.columns * across))
+    throw Problem(name + ": the modules have " + std::to_string(m.rows * down) + " rows and " +
+                  std::to_string(m.columns * across) +
+                  " columns together; leave out surface.rows and surface.columns");
+  s.rows = m.rows * down;
+  s.columns = m.columns * across;
+  for (int r = 0; r < s.rows; ++r)
+    for (int c = 0; c < s.columns; ++c) {
+      const char key = m.map[static_cast<std::size_t>(r / m.rows)][static_cast<std::size_t>(c / m.columns)];
+      const auto it = std::ranges::find(names, std::string(1, key));
+      if (key != '.' && key != ' ' && key != '#' && it == names.end())
+        throw Problem(name + ".map: '" + std::string(1, key) + "': must be one of " + list_of(names) +
+                      ", # or .");
+      const bool none = key == '.' || key == ' ';
+      const auto which = static_cast<std::int8_t>(it == names.end() ? 0 : it - names.begin());
+      s.actuator_of_cell.push_back(none ? scene::kEmptyCell : which);
+      const int module_from_south = down - 1 - r / m.rows;
+      if (m.gap > 0.0)
+        s.places.push_back(
+            {c * s.pitch + c / m.columns * m.gap, (s.rows - 1 - r) * s.pitch + module_from_south * m.gap, 0});
+    }
+}
+
+void read_tilt(lua_State* L, int index, const std::string& name, scene::SurfaceSpec& s) {
+  const auto degrees = numbers_at(L, index, name, 2, "{degrees about x, degrees about y}");
+  for (const double d : degrees)
+    if (std::abs(d) > 90.0) throw Problem(name + ": " + show(d) + " degrees: must be in [-90, 90]");
+  s.tilt_rad = Eigen::Vector2d(degrees[0], degrees[1]) * std::numbers::pi / 180.0;
+}
+
+}  // namespace
+
+void read_layout(Session& session, lua_State* L, const Fields& fields, scene::SurfaceSpec& s) {
+  const bool sized = fields.has("rows") || fields.has("columns");
+  int arrangements = 0;
+  for (const char* const field : {"layout", "positions", "modules"}) arrangements += fields.has(field);
+  if (arrangements > 1) throw Problem("surface: give one of layout, positions and modules");
+  if (fields.has("actuator") && fields.has("actuators"))
+    throw Problem("surface: give actuator or actuators, not both");
+
+  NamedActuators actuators;
+  for (const char* const field : {"actuator", "actuators"})
+    fields.with(field, [&](int i, const std::string& name) {
+      actuators = field == std::string_view("actuators") ? actuators_at(session, L, i, name)
+                                                         : one_actuator_at(session, L, i, name);
+    });
+  for (const NamedActuator& a : actuators) s.actuators.push_back(a.spec);
+  const std::vector<std::string> names =
+      actuators.empty() ? std::vector<std::string>{"1"} : names_of(actuators);
+
+  std::vector<bool> there;
+  fields.with("layout", [&](int i, const std::string& name) {
+    const std::string layout = lua_type(L, i) == LUA_TSTRING ? lua_tostring(L, i) : "";
+    if (layout != "hex" && layout != "rectangular") must_be(L, i, name, "'rectangular' or 'hex'");
+    if (layout == "hex") read_hex(s);
+  });
+  fields.with("positions",
+              [&](int i, const std::string& name) { read_positions(L, i, name, sized, s, there); });
+  fields.with("modules", [&](int i, const std::string& name) {
+    place_modules(modules_at(L, i, name), name, sized, names, s);
+  });
+
+  auto cells = [&]() -> std::vector<std::int8_t>& {
+    if (s.actuator_of_cell.empty()) s.actuator_of_cell.assign(static_cast<std::size_t>(s.cells()), 0);
+    return s.actuator_of_cell;
+  };
+  if (names.size() > 1 && !fields.has("cells") && !fields.has("modules"))
+    throw Problem("surface.actuators: " + std::to_string(names.size()) +
+                  " actuators need surface.cells, which says where each stands");
+  fields.with("cells", [&](int i, const std::string& name) {
+    visit_cells(session, L, i, name, s, [&](int r, int c, int value, const std::string& cell) {
+      std::int8_t& which = cells()[static_cast<std::size_t>(s.index(r, c))];
+      const std::int8_t wanted = chosen(L, value, cell, names);
+      if (which != scene::kEmptyCell) which = wanted;
+    });
+  });
+  fields.with("mask", [&](int i, const std::string& name) {
+    visit_cells(session, L, i, name, s, [&](int r, int c, int value, const std::string&) {
+      if (!lua_toboolean(L, value)) cells()[static_cast<std::size_t>(s.index(r, c))] = scene::kEmptyCell;
+    });
+  });
+  for (std::size_t i = 0; i < there.size(); ++i)
+    if (!there[i]) cells()[i] = scene::kEmptyCell;
+  fields.with("base", [&](int i, const std::string& name) {
+    s.base.assign(static_cast<std::size_t>(s.cells()), 0.0F);
+    visit_cells(session, L, i, name, s, [&](int r, int c, int value, const std::string& cell) {
+      s.base[static_cast<std::size_t>(s.index(r, c))] = static_cast<float>(number_at(L, value, cell));
+    });
+  });
+  fields.with("tilt", [&](int i, const std::string& name) { read_tilt(L, i, name, s); });
+  fit_body(s);
+}
+
+}  // namespace smartsurf::script

@@ -1,0 +1,97 @@
+// All actuators of the surface as one: commands by channel in, the field's motion and forces on the objects
+// out.
+//
+// A command goes through three hands: it is clamped to the channel's range and kept; the cell's faults and
+// delays make of it what the cell feels; its model follows that.
+//
+// Of every physics step: plan(), then forces() where exerts_forces(), then the physics against field(), then
+// commit(). The collision sees the cells at their old heights moving at their speed: detecting at the new
+// heights as well would count the motion twice.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "smartsurf/surface/Actuator.h"
+#include "smartsurf/surface/ActuatorFaults.h"
+#include "smartsurf/surface/FaultMap.h"
+
+namespace smartsurf::surface {
+
+class ActuatorArray {
+ public:
+  // All cells at rest at their channels' safe values, the border at its height. `seed` draws the faults.
+  // Throws scene::InputError for a fault map that does not fit, or an actuator of an unknown model.
+  explicit ActuatorArray(const scene::SurfaceSpec&, const FaultMap& = {}, std::uint64_t seed = 1);
+  ~ActuatorArray();
+
+  Field& field() noexcept { return field_; }
+  const Field& field() const noexcept { return field_; }
+
+  std::span<const scene::ActuatorChannel> channels() const noexcept { return channels_; }
+  // What was commanded last: rows × columns, row-major, row 0 north, within the channel's range.
+  std::span<const float> targets(int channel) const noexcept {
+    return commands_[static_cast<std::size_t>(channel)].values;
+  }
+
+  // Every cell's command at once: clamped to the range; a NaN keeps the cell's old one; cells without this
+  // channel keep theirs. targets.size() must be rows × columns.
+  void set_targets(int channel, std::span<const float> targets) noexcept;
+  void set_target(int channel, int row, int column, float target) noexcept;
+
+  // Once a control period, before its first plan(): the commands are on their way from here.
+  void begin_tick() noexcept;
+
+  void plan(double dt_s) noexcept;
+  void commit(double dt_s) noexcept;
+
+  bool exerts_forces() const noexcept;
+  void forces(double dt_s, const Bodies&, std::span<const scene::ObjectSpec> catalogue,
+              std::span<Wrench>) noexcept;
+
+  // rows × columns; empty where every cell is a pin.
+  void show(std::vector<scene::CellMotion>&) const;
+
+ private:
+  struct Commands {
+    std::vector<float> values;
+    std::vector<Run> runs;  // cells that have the channel
+    bool fresh = false;     // changed since they were handed on
+  };
+  // The way of one channel's commands to one model.
+  struct Route {
+    Actuator* model = nullptr;
+    int model_channel = 0, channel = 0;
+    float low = 0.0F, high = 0.0F;  // of the model
+    int latency = 0;                // of the model, control periods
+    std::vector<Run> runs;
+    bool direct = true;                           // commands pass as they are
+    std::vector<std::vector<float>> frames = {};  // what the cells feel, the last few periods in a ring
+    std::size_t newest = 0;
+    std::vector<float> out = {};  // each cell's own period of them; empty where nobody is late
+  };
+
+  void shape(const scene::SurfaceSpec&);
+  void place_cells(const scene::SurfaceSpec&);
+  void add_routes(const scene::SurfaceSpec&, const FaultMap&, std::uint64_t seed);
+  void start();
+  void feel(Route&) noexcept;
+  void deliver(Route&) noexcept;
+
+  Field field_;
+  float resting_height_ = 0.0F;  // the highest top that no model moves
+  std::vector<scene::ActuatorChannel> channels_;
+  std::vector<Commands> commands_;  // one a channel
+  struct Model {
+    scene::ActuatorSpec spec;
+    std::vector<Run> runs;
+    std::unique_ptr<Actuator> actuator;
+  };
+  std::vector<Model> models_;
+  std::unique_ptr<ActuatorFaults> faults_;
+  std::vector<Route> routes_;
+};
+
+}  // namespace smartsurf::surface

@@ -1,0 +1,94 @@
+#include "smartsurf/surface/CsvTable.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <optional>
+
+#include "smartsurf/scene/SceneSpec.h"
+
+namespace smartsurf::surface {
+namespace {
+
+std::string_view trimmed(std::string_view text) {
+  constexpr std::string_view kBlank = " \t\r\"";
+  const auto begin = text.find_first_not_of(kBlank);
+  if (begin == text.npos) return {};
+  return text.substr(begin, text.find_last_not_of(kBlank) - begin + 1);
+}
+
+std::vector<std::string> cut(std::string_view text) {
+  std::vector<std::string> fields;
+  for (std::size_t begin = 0; begin <= text.size();) {
+    const std::size_t end = std::min(text.find(',', begin), text.size());
+    fields.emplace_back(trimmed(text.substr(begin, end - begin)));
+    begin = end + 1;
+  }
+  return fields;
+}
+
+template <class Number>
+std::optional<Number> number_of(const std::string& text) {
+  Number value{};
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
+
+}  // namespace
+
+std::string quoted(std::string_view text) {
+  std::string shown(text.substr(0, 40));
+  for (char& c : shown)
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
+  return "'" + shown + "'";
+}
+
+void CsvLine::refuse(const std::string& clause) const {
+  throw scene::InputError(file_ + ":" + std::to_string(number_) + ": " + clause);
+}
+
+int CsvLine::index(std::size_t column, const char* name, int count) const {
+  const auto value = number_of<int>(fields_[column]);
+  if (!value || *value < 0 || *value >= count)
+    refuse(std::string(name) + " = " + quoted(fields_[column]) + ": must be 0 to " +
+           std::to_string(count - 1));
+  return *value;
+}
+
+double CsvLine::number(std::size_t column, const char* name) const {
+  const auto value = number_of<double>(fields_[column]);
+  if (!value || !std::isfinite(*value))
+    refuse(std::string(name) + " = " + quoted(fields_[column]) + ": must be a finite number");
+  return *value;
+}
+
+std::vector<CsvLine> read_csv(const std::string& file, std::string_view text, std::string_view header,
+                              std::size_t optional) {
+  if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);
+  const std::vector<std::string> names = cut(header);
+  std::vector<CsvLine> lines;
+  bool has_header = false;
+  for (int number = 1; !text.empty(); ++number) {
+    const std::size_t end = std::min(text.find('\n'), text.size());
+    const std::string_view content = trimmed(text.substr(0, end));
+    text.remove_prefix(std::min(end + 1, text.size()));
+    if (content.empty() || content.starts_with('#')) continue;
+    std::vector<std::string> fields = cut(content);
+    const std::size_t count = fields.size();
+    const bool is_header = fields == names;
+    fields.resize(names.size());
+    CsvLine line(std::move(fields), file, number);
+    if (!has_header && !is_header) line.refuse("the first line must be the header " + std::string(header));
+    if (count > names.size() || count + optional < names.size())
+      line.refuse(std::to_string(count) + " values: must be " + std::to_string(names.size()) + ", " +
+                  std::string(header));
+    if (has_header) lines.push_back(std::move(line));
+    has_header = true;
+  }
+  if (!has_header)
+    throw scene::InputError(file + ": no header; the first line must be " + std::string(header));
+  return lines;
+}
+
+}  // namespace smartsurf::surface

@@ -1,0 +1,196 @@
+#include "smartsurf/surface/FirstHit.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "smartsurf/surface/WorkerPool.h"
+
+namespace smartsurf::surface {
+namespace {
+
+constexpr float kFar = std::numeric_limits<float>::infinity();
+
+// Between which distances a ray is within a rectangle about the origin; enter > leave where it passes by.
+struct Passage {
+  float enter, leave;
+};
+void clip(float from, float along, float half, Passage& p) {
+  if (along == 0.0F) {
+    if (std::abs(from) > half) p.leave = -kFar;
+    return;
+  }
+  const float a = (-half - from) / along, b = (half - from) / along;
+  p.enter = std::max(p.enter, std::min(a, b));
+  p.leave = std::min(p.leave, std::max(a, b));
+}
+
+// The numbers of the cells, from the one that the segment starts in, whose centre's coordinate lies in [low,
+// high].
+std::pair<int, int> cells_between(float low, float high, float pitch, int most) {
+  const auto limit = static_cast<float>(most);
+  return {static_cast<int>(std::ceil(std::clamp(low / pitch, -limit, limit))),
+          static_cast<int>(std::floor(std::clamp(high / pitch, -limit, limit)))};
+}
+
+}  // namespace
+
+FirstHit::FirstHit(const Field& field, const Segment& segment)
+    : rows_(field.rows),
+      columns_(field.columns),
+      blocks_((field.columns + kBlock - 1) / kBlock),
+      pitch_(field.pitch),
+      segment_(segment),
+      distance_(static_cast<std::size_t>(field.cells()), segment.range),
+      mark_(distance_.size(), 0.0F),
+      touched_(static_cast<std::size_t>(rows_) * static_cast<std::size_t>(blocks_),
+               field.rectangular() ? 0 : 1),
+      row_lowest_(static_cast<std::size_t>(rows_)),
+      row_highest_(row_lowest_.size()) {
+  if (!field.rectangular()) {
+    list_strips(field);
+    if (segment.pins) list_pins_of_each_cell(field);
+    return;
+  }
+  for (int c = 0; c < columns_; ++c) x_.push_back(static_cast<float>(c) * pitch_ + segment.origin.x());
+  if (segment.pins) list_pins(field);
+}
+
+bool FirstHit::upright() const noexcept {
+  return segment_.direction.x() == 0.0F && segment_.direction.y() == 0.0F;
+}
+
+// Whether a segment from a cell's own top can never come below it.
+bool FirstHit::clears_its_own_pin() const noexcept {
+  return segment_.from_top && segment_.direction.z() >= 0.0F && segment_.origin.z() >= 0.0F;
+}
+
+// Row by row of pins: between which distances the segment is over that row, and over which columns then.
+void FirstHit::list_pins(const Field& field) {
+  const Eigen::Vector3f& o = segment_.origin;
+  const Eigen::Vector3f& d = segment_.direction;
+  const float reach = segment_.range * std::abs(d.y()) + field.half_top_y;
+  const auto [south, north] = cells_between(o.y() - reach, o.y() + reach, pitch_, rows_ - 1);
+  for (int j = south; j <= north; ++j) {
+    Passage row{0.0F, segment_.range};
+    clip(o.y() - static_cast<float>(j) * pitch_, d.y(), field.half_top_y, row);
+    if (row.enter > row.leave) continue;
+    const float a = o.x() + d.x() * row.enter, b = o.x() + d.x() * row.leave;
+    const auto [west, east] = cells_between(std::min(a, b) - field.half_top_x,
+                                            std::max(a, b) + field.half_top_x, pitch_, columns_ - 1);
+    for (int i = west; i <= east; ++i) {
+      if (i == 0 && j == 0 && clears_its_own_pin()) continue;
+      Passage pin = row;
+      clip(o.x() - static_cast<float>(i) * pitch_, d.x(), field.half_top_x, pin);
+      if (pin.enter <= pin.leave) pins_.push_back({-j, i, pin.enter, pin.leave});
+    }
+  }
+  std::ranges::stable_sort(pins_, {}, &PinStep::enter);
+}
+
+void FirstHit::sweep(std::span<const SensedBody> bodies, std::span<const float> marks, float pin_mark,
+                     std::span<const float> height, WorkerPool& pool) {
+  assert(height.size() == distance_.size() && marks.size() == bodies.size());
+  Pass pass{.job = {.bodies = bodies,
+                    .marks = marks,
+                    .origin = segment_.origin,
+                    .direction = segment_.direction,
+                    .range = segment_.range,
+                    .rows = rows_,
+                    .columns = columns_,
+                    .blocks = blocks_,
+                    .pitch = pitch_},
+            .height = height.data(),
+            .pin_mark = pin_mark};
+  if (strips_ || !upright() || !pins_.empty()) {
+    pool.for_rows(rows_, [this, &pass](int begin, int end) { find_extremes(pass.height, begin, end); });
+    pass.highest_pin = std::ranges::max(row_highest_);
+    pass.job.lowest = segment_.origin.z() + (segment_.from_top ? std::ranges::min(row_lowest_) : 0.0F);
+    pass.job.highest = segment_.origin.z() + (segment_.from_top ? pass.highest_pin : 0.0F);
+  }
+  if (strips_) {
+    sweep_strips(pass, pool);
+    return;
+  }
+  pass.job.height = segment_.from_top ? height.data() : nullptr;
+  pass.job.distance = distance_.data();
+  pass.job.mark = mark_.data();
+  pass.job.touched = touched_.data();
+  pass.job.x = x_.data();
+  pool.for_rows(rows_, [this, &pass](int begin, int end) {
+    sweep_rows(pass.job, begin, end, [this, &pass](int first, int last) {
+      clear_rows(first, last);
+      meet_pins_of_rows(pass, first, last);
+    });
+  });
+}
+
+void FirstHit::find_extremes(const float* height, int begin, int end) noexcept {
+  for (int r = begin; r < end; ++r) {
+    const float* const h = height + static_cast<std::ptrdiff_t>(r) * columns_;
+    float low = kFar, high = -kFar;
+    for (int c = 0; c < columns_; ++c) {
+      const float there = h[c] > -kFar ? h[c] : kFar;
+      low = there < low ? there : low;
+      high = h[c] > high ? h[c] : high;
+    }
+    row_lowest_[static_cast<std::size_t>(r)] = low;
+    row_highest_[static_cast<std::size_t>(r)] = high;
+  }
+}
+
+void FirstHit::clear_rows(int begin, int end) noexcept {
+  constexpr std::size_t kWord = sizeof(std::uint64_t);
+  for (int r = begin; r < end; ++r) {
+    std::uint8_t* const touched = touched_.data() + static_cast<std::ptrdiff_t>(r) * blocks_;
+    const std::size_t row = static_cast<std::size_t>(r) * static_cast<std::size_t>(columns_);
+    for (std::size_t b = 0; b < static_cast<std::size_t>(blocks_);) {
+      std::uint64_t next = 0;
+      if (b + kWord <= static_cast<std::size_t>(blocks_)) std::memcpy(&next, touched + b, kWord);
+      if (b + kWord <= static_cast<std::size_t>(blocks_) && next == 0) {
+        b += kWord;
+        continue;
+      }
+      if ((touched[b] & 1) != 0) {
+        const std::size_t first = b * kBlock;
+        const std::size_t count = std::min<std::size_t>(kBlock, static_cast<std::size_t>(columns_) - first);
+        std::fill_n(distance_.begin() + static_cast<std::ptrdiff_t>(row + first), count, segment_.range);
+        std::fill_n(mark_.begin() + static_cast<std::ptrdiff_t>(row + first), count, 0.0F);
+      }
+      touched[b] = static_cast<std::uint8_t>((touched[b] & 1) << 1);
+      ++b;
+    }
+  }
+}
+
+void FirstHit::meet_pins_of_rows(const Pass& pass, int begin, int end) noexcept {
+  const float rise = segment_.direction.z(), lift = segment_.origin.z();
+  for (int r = begin; r < end; ++r) {
+    bool any = false;
+    const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(r) * columns_;
+    const float lowest = lift + (segment_.from_top ? row_lowest_[static_cast<std::size_t>(r)] : 0.0F);
+    for (const PinStep& step : pins_) {
+      if (rise >= 0.0F && !(lowest + rise * step.enter < pass.highest_pin))
+        break;  // above all pins from here on
+      const int passed = r + step.row_offset;
+      if (passed < 0 || passed >= rows_) continue;
+      const float reached = rise * (rise < 0.0F ? step.leave : step.enter);
+      if (!(lowest + reached < row_highest_[static_cast<std::size_t>(passed)])) continue;
+      const int first = std::max(0, -step.column_offset), last = columns_ - std::max(0, step.column_offset);
+      const float* const pins = pass.height + static_cast<std::ptrdiff_t>(passed) * columns_;
+      const PinRow cells{segment_.from_top ? pass.height + row + first : nullptr,
+                         lift,
+                         pins + first + step.column_offset,
+                         distance_.data() + row + first,
+                         mark_.data() + row + first,
+                         last - first};
+      any |= meet_pins(cells, step, rise, segment_.range, pass.pin_mark);
+    }
+    if (any)
+      for (int b = 0; b < blocks_; ++b) touched_[static_cast<std::size_t>(r * blocks_ + b)] |= 1;
+  }
+}
+
+}  // namespace smartsurf::surface

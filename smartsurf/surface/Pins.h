@@ -1,0 +1,40 @@
+// Pins: each follows its target height within limits of speed and acceleration, and yields to a load that
+// it cannot lift.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "smartsurf/surface/Actuator.h"
+
+namespace smartsurf::surface {
+
+class Approach;
+
+class Pins final : public Actuator {
+ public:
+  explicit Pins(const Place&);
+
+  void set_targets(int channel, std::span<const float> targets) noexcept override;
+  void settle(Field&) noexcept override;
+  void plan(double dt_s, Field&) noexcept override;
+  void commit(double dt_s, Field&) noexcept override;
+
+ private:
+  void plan_run(std::size_t run, float dt_s, Field&) noexcept;
+  float loaded_speed(std::size_t cell, float distance, const Approach&, float dt_s, const Field&) const noexcept;
+  void weigh(float dt_s, const Field&) noexcept;
+  void measure(std::size_t run, const Field&) noexcept;
+
+  std::vector<Run> runs_;
+  float speed_limit_, acceleration_limit_;
+  float lowest_;  // of the range, over the base
+  std::optional<float> force_limit_;
+  std::vector<float> base_, target_;  // rows × columns; target: z of the top, base included
+  std::vector<float> load_;           // rows × columns, mass·u/s², smoothed; empty without a force limit
+  // One a run, so that a run whose pins all rest on their targets costs nothing.
+  std::vector<std::uint8_t> moving_;
+  std::vector<float> run_height_, run_speed_;  // the run's highest top and greatest |speed|
+};
+
+}  // namespace smartsurf::surface

@@ -1,0 +1,77 @@
+#include "smartsurf/surface/SensedBodies.h"
+
+#include <Eigen/Geometry>
+#include <array>
+#include <numeric>
+
+#include "smartsurf/surface/WorkerPool.h"
+
+namespace smartsurf::surface {
+namespace {
+
+Eigen::Vector3f extent_of(const scene::ObjectSpec& o) {
+  if (o.shape == scene::ShapeKind::kCone)
+    return {static_cast<float>(o.radius), static_cast<float>(o.height), 0.0F};
+  return o.half_extents().cast<float>();
+}
+
+}  // namespace
+
+void SensedBodies::update(const scene::Snapshot& snapshot, std::span<const scene::ObjectSpec> catalogue,
+                          WorkerPool& pool) {
+  for (std::size_t id = forms_.size(); id < catalogue.size(); ++id) {
+    const scene::ObjectSpec& o = catalogue[id];
+    forms_.push_back({extent_of(o), o.half_extents().cast<float>(), o.shape, o.solid.get()});
+  }
+  bodies_.resize(snapshot.objects());
+  order_.resize(snapshot.objects());
+  sort(snapshot);
+  const auto work = [this, &snapshot](int begin, int end) {
+    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k)
+      set(snapshot, k, bodies_[order_[k]]);
+  };
+  pool.for_rows(static_cast<int>(snapshot.objects()), work);
+}
+
+// By counting: the strips' sizes, then where each strip begins, then everybody's place.
+void SensedBodies::sort(const scene::Snapshot& snapshot) noexcept {
+  std::array<std::uint32_t, kStrips + 1> next{};
+  for (std::size_t k = 0; k < order_.size(); ++k) {
+    const float share = (north_ - snapshot.position[k][1]) * per_u_;
+    const float inside = share > 0.0F ? std::min(share, 1.0F) : 0.0F;  // 0 for a NaN
+    order_[k] = static_cast<std::uint32_t>(inside * static_cast<float>(kStrips - 1));
+    ++next[order_[k] + 1];
+  }
+  std::partial_sum(next.begin(), next.end(), next.begin());
+  for (std::uint32_t& place : order_) place = next[place]++;
+}
+
+void SensedBodies::set(const scene::Snapshot& snapshot, std::size_t k, SensedBody& body) const noexcept {
+  const std::uint32_t id = snapshot.id[k];
+  const Form& form = forms_[id];
+  body.centre = Eigen::Vector3f(snapshot.position[k].data());
+  body.shape = form.shape;
+  body.id = id;
+  body.place = static_cast<std::uint32_t>(k);
+  body.extent = form.extent;
+  Eigen::Vector3f reach = form.half_extents;
+  if (form.shape != scene::ShapeKind::kSphere) {
+    const auto& q = snapshot.orientation[k];
+    const Eigen::Matrix3f to_world = Eigen::Quaternionf(q[3], q[0], q[1], q[2]).toRotationMatrix();
+    body.to_local = to_world.transpose();
+    body.solid = form.solid;
+    reach = to_world.cwiseAbs() * form.half_extents;
+  }
+  const bool somewhere = body.centre.allFinite() && reach.allFinite();
+  body.reach_x = somewhere ? reach.x() : -1.0F;
+  body.reach_y = somewhere ? reach.y() : -1.0F;
+  body.reach_z = somewhere ? reach.z() : -1.0F;
+}
+
+std::span<const float> numbered(std::span<const SensedBody> bodies, std::vector<float>& memory) {
+  memory.resize(bodies.size());
+  for (std::size_t k = 0; k < bodies.size(); ++k) memory[k] = static_cast<float>(bodies[k].place + 1);
+  return memory;
+}
+
+}  // namespace smartsurf::surface

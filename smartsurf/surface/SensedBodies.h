@@ -1,0 +1,69 @@
+// The objects of one moment as sensors meet them: flat, with bounds, from north to south, so that sweeps
+// touch the table in the order of memory.
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "smartsurf/scene/Snapshot.h"
+
+namespace smartsurf::surface {
+
+class WorkerPool;
+
+// A sphere has no orientation: of its `to_local` nothing may be read.
+struct SensedBody {
+  Eigen::Vector3f centre;  // of mass, u
+  float reach_x, reach_y,
+      reach_z;  // half edges of a box about the centre, along the world's axes, that encloses it
+  scene::ShapeKind shape;
+  std::uint32_t id, place;   // of the object; index in the snapshot
+  Eigen::Vector3f extent;    // box: half edges; cylinder, capsule: radius, radius, half height; cone: radius,
+                             // its own height, unused; sphere: the radius
+  Eigen::Matrix3f to_local;  // world → object axes
+  const scene::Solid* solid;
+
+  // Never met by anything: its position was not a number.
+  bool nowhere() const { return !(reach_x >= 0.0F); }
+};
+
+class SensedBodies {
+ public:
+  SensedBodies() = default;
+  // Of a table that lies between these two y.
+  SensedBodies(float south, float north) : north_(north), per_u_(1.0F / std::max(north - south, 1.0F)) {}
+
+  // catalogue[id] is the object `id`; it only grows from one call to the next, and its solids live as long as
+  // this. Allocates only when there are more objects than before.
+  void update(const scene::Snapshot&, std::span<const scene::ObjectSpec> catalogue, WorkerPool&);
+
+  // One an object of the snapshot: by strips of the table from north to south, in the snapshot's order within
+  // each.
+  std::span<const SensedBody> all() const noexcept { return bodies_; }
+
+ private:
+  // What never changes of an object.
+  struct Form {
+    Eigen::Vector3f extent, half_extents;
+    scene::ShapeKind shape;
+    const scene::Solid* solid;
+  };
+  static constexpr std::size_t kStrips = 256;
+
+  void sort(const scene::Snapshot&) noexcept;
+  void set(const scene::Snapshot&, std::size_t k, SensedBody&) const noexcept;
+
+  float north_ = 0.0F, per_u_ = 1.0F;
+  std::vector<Form> forms_;           // index = id
+  std::vector<std::uint32_t> order_;  // of the snapshot's objects: where each goes
+  std::vector<SensedBody> bodies_;
+};
+
+// Marks for FirstHit that tell the object met: 1 + its index in the snapshot, of up to 16 million objects.
+// They lie in `memory`, which grows with the number of objects.
+std::span<const float> numbered(std::span<const SensedBody>, std::vector<float>& memory);
+
+}  // namespace smartsurf::surface

@@ -1,0 +1,331 @@
+// Compiled once per instruction set: foreach_target.h includes this file again for each.
+#include "smartsurf/surface/SweepKernels.h"
+
+#include <algorithm>
+#include <cmath>
+
+#define HWY_DISABLED_TARGETS HWY_SSSE3
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "smartsurf/surface/SweepKernels.cpp"
+#include <hwy/cache_control.h>
+#include <hwy/foreach_target.h>  // must come before highway.h
+#include <hwy/highway.h>
+
+#include "smartsurf/surface/LineCrossing-inl.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace smartsurf::surface {
+namespace HWY_NAMESPACE {
+namespace {
+
+// A footprint is a few cells wide: wider vectors would mostly compute what nobody reads.
+using Wide = hn::CappedTag<float, 8>;
+using Narrow = hn::CappedTag<float, 1>;
+
+// A stretch of cells that lie side by side in memory, with what is the same for all of them.
+struct Stretch {
+  const float* x;
+  // Null where one value serves all.
+  const float *y = nullptr, *dx = nullptr, *dy = nullptr, *height = nullptr;
+  float y0 = 0.0F;
+  float *distance, *mark;
+};
+
+// Writes distance and mark where something is within the range and nearer than what was met before; whether
+// it was, anywhere.
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE bool keep_nearer(float* distance, float* marks, V reached, hn::Mask<D> ok, float range,
+                            float mark) {
+  const D d;
+  const V before = hn::LoadU(d, distance), mark_before = hn::LoadU(d, marks);
+  const auto nearer =
+      hn::Or(hn::Lt(reached, before), hn::And(hn::Eq(reached, before), hn::Eq(mark_before, hn::Zero(d))));
+  const auto take = hn::And(hn::And(ok, hn::Le(reached, hn::Set(d, range))), nearer);
+  if (hn::AllFalse(d, take)) return false;
+  hn::StoreU(hn::IfThenElse(take, reached, before), d, distance);
+  hn::StoreU(hn::IfThenElse(take, hn::Set(d, mark), mark_before), d, marks);
+  return true;
+}
+
+// Upright segments and a ball: the commonest case, and a short one.
+template <class D>
+HWY_INLINE bool meet_ball(const SweepJob& job, const Stretch& stretch, int i, const SensedBody& body,
+                          float mark) {
+  const D d;
+  const auto dx = hn::Sub(hn::LoadU(d, stretch.x + i), hn::Set(d, body.centre.x()));
+  const float dy = stretch.y0 - body.centre.y();
+  const float radius = body.extent.x();
+  const auto square = hn::Sub(hn::Sub(hn::Set(d, radius * radius), hn::Mul(dx, dx)), hn::Set(d, dy * dy));
+  const auto half = hn::Sqrt(square);  // NaN where the segment passes by
+  const auto height = stretch.height != nullptr ? hn::LoadU(d, stretch.height + i) : hn::Zero(d);
+  const auto start = hn::Sub(hn::Add(height, hn::Set(d, job.origin.z())), hn::Set(d, body.centre.z()));
+  const auto shift = hn::Mul(start, hn::Set(d, -job.direction.z()));
+  const auto low = hn::Sub(shift, half), high = hn::Add(half, shift);
+  return keep_nearer<D>(stretch.distance + i, stretch.mark + i, hn::Max(low, hn::Zero(d)),
+                        hn::Ge(high, hn::Zero(d)), job.range, mark);
+}
+
+template <class D>
+HWY_INLINE bool meet_any(const SweepJob& job, const Stretch& stretch, int i, const SensedBody& body,
+                         float mark) {
+  const D d;
+  using V = hn::Vec<D>;
+  const V dx = stretch.dx != nullptr ? hn::LoadU(d, stretch.dx + i) : hn::Set(d, job.direction.x());
+  const V dy = stretch.dy != nullptr ? hn::LoadU(d, stretch.dy + i) : hn::Set(d, job.direction.y());
+  const V dz = hn::Set(d, job.direction.z());
+  const V height = stretch.height != nullptr ? hn::LoadU(d, stretch.height + i) : hn::Zero(d);
+  const V x = hn::Sub(hn::LoadU(d, stretch.x + i), hn::Set(d, body.centre.x()));
+  const V y = hn::Sub(stretch.y != nullptr ? hn::LoadU(d, stretch.y + i) : hn::Set(d, stretch.y0),
+                      hn::Set(d, body.centre.y()));
+  const V z = hn::Sub(hn::Add(height, hn::Set(d, job.origin.z())), hn::Set(d, body.centre.z()));
+  // The line's point nearest to the centre, so that nothing cancels in the closed forms.
+  const V shift = hn::Neg(dot<D>(x, y, z, dx, dy, dz));
+  const V nx = hn::Add(x, hn::Mul(shift, dx)), ny = hn::Add(y, hn::Mul(shift, dy)),
+          nz = hn::Add(z, hn::Mul(shift, dz));
+  Lines<D> line{nx, ny, nz, dx, dy, dz};
+  if (body.shape != scene::ShapeKind::kSphere) {
+    const Eigen::Matrix3f& m = body.to_local;
+    const auto along = [&](int k, V a, V b, V c) {
+      return dot<D>(hn::Set(d, m(k, 0)), hn::Set(d, m(k, 1)), hn::Set(d, m(k, 2)), a, b, c);
+    };
+    line = {along(0, nx, ny, nz), along(1, nx, ny, nz), along(2, nx, ny, nz),
+            along(0, dx, dy, dz), along(1, dx, dy, dz), along(2, dx, dy, dz)};
+  }
+  const auto there = hn::Gt(height, hn::Set(d, -std::numeric_limits<float>::infinity()));
+  bool any = false;
+  cross_body<D>(body, line, [&](const Interval<D>& t) {
+    const V low = hn::Add(t.low, shift), high = hn::Add(t.high, shift);
+    const auto ok = hn::And(there, hn::And(hn::Le(t.low, t.high), hn::Ge(high, hn::Zero(d))));
+    any |= keep_nearer<D>(stretch.distance + i, stretch.mark + i, hn::Max(low, hn::Zero(d)), ok, job.range,
+                          mark);
+  });
+  return any;
+}
+
+template <class D>
+HWY_INLINE bool meet(const SweepJob& job, const Stretch& stretch, int i, const SensedBody& body, float mark,
+                     bool upright) {
+  return upright && body.shape == scene::ShapeKind::kSphere ? meet_ball<D>(job, stretch, i, body, mark)
+                                                            : meet_any<D>(job, stretch, i, body, mark);
+}
+
+// Cells [first, last) of a stretch of `count`. The last group is moved back, to end with it: cells that are
+// computed twice, or that the body's bounds do not cover, get what they would have got.
+template <class Touch>
+HWY_INLINE void meet_stretch(const SweepJob& job, const Stretch& stretch, int first, int last, int count,
+                             const SensedBody& body, float mark, bool upright, Touch touch) {
+  const int wide = static_cast<int>(hn::Lanes(Wide()));
+  if (count >= wide) {
+    for (int i = first; i < last; i += wide) {
+      const int at = std::min(i, count - wide);
+      if (meet<Wide>(job, stretch, at, body, mark, upright)) touch(at, at + wide - 1);
+    }
+  } else {
+    for (int i = first; i < last; ++i)
+      if (meet<Narrow>(job, stretch, i, body, mark, upright)) touch(i, i);
+  }
+}
+
+struct Range {
+  float low, high;
+  bool empty() const { return !(low <= high); }
+};
+
+// Between which distances a segment can be as high as the body.
+Range heights_met(const SweepJob& job, const SensedBody& b) {
+  const float dz = job.direction.z(), top = b.centre.z() + b.reach_z, bottom = b.centre.z() - b.reach_z;
+  if (std::abs(dz) < kParallel)
+    return job.highest >= bottom && job.lowest <= top ? Range{0.0F, job.range} : Range{1.0F, 0.0F};
+  const float near = dz > 0.0F ? (bottom - job.highest) / dz : (top - job.lowest) / dz;
+  const float far = dz > 0.0F ? (top - job.lowest) / dz : (bottom - job.highest) / dz;
+  return {std::max(0.0F, near), std::min(job.range, far)};
+}
+
+// Where along one axis a segment must start to be within `reach` of the centre at a distance in t.
+Range starts(float centre, float reach, float along, const Range& t) {
+  const float a = along * t.low, b = along * t.high;
+  const float slack = 1e-5F * (std::abs(centre) + std::abs(a) + std::abs(b) + reach);
+  return {centre - reach - std::max(a, b) - slack, centre + reach - std::min(a, b) + slack};
+}
+
+// The first index at or after u, and one more than the last at or before it, within [0, most].
+int first_from(float u, int most) {
+  return static_cast<int>(std::ceil(std::clamp(u, 0.0F, static_cast<float>(most))));
+}
+int end_at(float u, int most) {
+  return static_cast<int>(std::floor(std::clamp(u, -1.0F, static_cast<float>(most - 1)))) + 1;
+}
+
+// The part of t in which segments that start at y are beside the body, as seen from the south.
+Range beside(const SweepJob& job, const SensedBody& b, float y, const Range& t) {
+  if (std::abs(job.direction.y()) < kParallel) return t;
+  const float reach = b.reach_y + 1e-5F * (std::abs(y) + std::abs(b.centre.y()) + b.reach_y);
+  const float near = (b.centre.y() - reach - y) / job.direction.y();
+  const float far = (b.centre.y() + reach - y) / job.direction.y();
+  return {std::max(t.low, std::min(near, far)), std::min(t.high, std::max(near, far))};
+}
+
+struct Columns {
+  int first, end;
+};
+Columns columns_within(const SweepJob& job, const SensedBody& b, const Range& t) {
+  const Range xs = starts(b.centre.x() - job.origin.x(), b.reach_x, job.direction.x(), t);
+  return {first_from(xs.low / job.pitch, job.columns), end_at(xs.high / job.pitch, job.columns)};
+}
+
+void sweep_row(const SweepJob& job, const SensedBody& b, float mark, bool upright, int r, float y,
+               Columns columns) {
+  const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(r) * job.columns;
+  const Stretch stretch{.x = job.x,
+                        .height = job.height != nullptr ? job.height + row : nullptr,
+                        .y0 = y,
+                        .distance = job.distance + row,
+                        .mark = job.mark + row};
+  std::uint8_t* const touched = job.touched + static_cast<std::ptrdiff_t>(r) * job.blocks;
+  meet_stretch(job, stretch, columns.first, columns.end, job.columns, b, mark, upright,
+               [touched](int from, int to) {
+                 for (int block = from / kBlock; block <= to / kBlock; ++block) touched[block] |= 1;
+               });
+}
+
+// Rows that are ready for bodies, from the first of a band.
+struct Ready {
+  int until;
+  const PrepareRows& prepare;
+
+  void reach(int row) {
+    if (row <= until) return;
+    prepare(until, row);
+    until = row;
+  }
+};
+
+void sweep_grid(const SweepJob& job, const SensedBody& b, float mark, bool upright, int begin, int end,
+                Ready& ready) {
+  const Range t = upright ? Range{0.0F, 0.0F} : heights_met(job, b);
+  if (t.empty()) return;
+  const float north = static_cast<float>(job.rows - 1) * job.pitch + job.origin.y();
+  const Range ys = starts(b.centre.y(), b.reach_y, job.direction.y(), t);
+  const int r0 = std::max(begin, first_from((north - ys.high) / job.pitch, job.rows));
+  const int r1 = std::min(end, end_at((north - ys.low) / job.pitch, job.rows));
+  if (r0 < r1) ready.reach(r1);
+  const Columns all = columns_within(job, b, t);
+  for (int r = r0; r < r1; ++r) {
+    const float y = static_cast<float>(job.rows - 1 - r) * job.pitch + job.origin.y();
+    if (upright) {
+      sweep_row(job, b, mark, true, r, y, all);
+    } else if (const Range here = beside(job, b, y, t); !here.empty()) {
+      sweep_row(job, b, mark, false, r, y, columns_within(job, b, here));
+    }
+  }
+}
+
+void sweep_strips(const SweepJob& job, const SensedBody& b, float mark, int begin, int end) {
+  const StripLayout& s = *job.strips;
+  const Range t = heights_met(job, b);
+  if (t.empty()) return;
+  const Range ys = starts(b.centre.y(), b.reach_y + s.longest_y * t.high, 0.0F, t);
+  const Range xs = starts(b.centre.x(), b.reach_x + s.longest_x * t.high, 0.0F, t);
+  const int strips = static_cast<int>(s.first.size()) - 1;
+  const int s0 = std::max(begin, first_from((ys.low - s.south) / s.height - 1.0F, strips));
+  const int s1 = std::min(end, end_at((ys.high - s.south) / s.height, strips));
+  for (int strip = s0; strip < s1; ++strip) {
+    const int first = s.first[static_cast<std::size_t>(strip)],
+              last = s.first[static_cast<std::size_t>(strip) + 1];
+    const float* const x = s.x.data() + first;
+    const int count = last - first;
+    const int c0 = static_cast<int>(std::lower_bound(x, x + count, xs.low) - x);
+    const int c1 = static_cast<int>(std::upper_bound(x, x + count, xs.high) - x);
+    const Stretch stretch{.x = x,
+                          .y = s.y.data() + first,
+                          .dx = s.dx.data() + first,
+                          .dy = s.dy.data() + first,
+                          .height = job.height != nullptr ? job.height + first : nullptr,
+                          .distance = job.distance + first,
+                          .mark = job.mark + first};
+    meet_stretch(job, stretch, c0, c1, count, b, mark, false, [](int, int) {});
+  }
+}
+
+// Asks for the memory that upright segments under the body will touch.
+void fetch_ahead(const SweepJob& job, const SensedBody& b) {
+  const auto row_of = [&](float y) { return static_cast<float>(job.rows - 1) - y / job.pitch; };
+  const int r0 = first_from(row_of(b.centre.y() + b.reach_y), job.rows);
+  const int r1 = end_at(row_of(b.centre.y() - b.reach_y), job.rows);
+  const int column =
+      std::min(first_from((b.centre.x() - b.reach_x) / job.pitch, job.columns), job.columns - 1);
+  for (int r = r0; r < r1; ++r) {
+    const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(r) * job.columns + column;
+    hwy::Prefetch(job.distance + at);
+    hwy::Prefetch(job.mark + at);
+    if (job.height != nullptr) hwy::Prefetch(job.height + at);
+  }
+}
+
+void sweep_rows_of_target(const SweepJob& job, int begin, int end, const PrepareRows& prepare) {
+  constexpr std::size_t kAhead = 6;  // bodies: about what a trip to memory takes
+  const bool upright = job.direction.x() == 0.0F && job.direction.y() == 0.0F && job.strips == nullptr;
+  Ready ready{begin, prepare};
+  for (std::size_t k = 0; k < job.bodies.size(); ++k) {
+    const SensedBody& body = job.bodies[k];
+    if (body.nowhere()) continue;
+    if (upright && k + kAhead < job.bodies.size()) fetch_ahead(job, job.bodies[k + kAhead]);
+    if (job.strips != nullptr)
+      sweep_strips(job, body, job.marks[k], begin, end);
+    else
+      sweep_grid(job, body, job.marks[k], upright, begin, end, ready);
+  }
+  ready.reach(end);
+}
+
+// The pin is a bottomless column. Touching its top is not meeting it: a segment may begin there.
+template <class D>
+HWY_INLINE bool meet_pin(const PinRow& row, const PinStep& step, int i, float rise, float range, float mark) {
+  const D d;
+  using V = hn::Vec<D>;
+  const V height = row.height != nullptr ? hn::LoadU(d, row.height + i) : hn::Zero(d);
+  const V start = hn::Add(height, hn::Set(d, row.lift));
+  const V pin = hn::LoadU(d, row.pin + i);
+  const auto side = hn::Lt(hn::Add(start, hn::Set(d, rise * step.enter)), pin);
+  V reached = hn::Set(d, step.enter);
+  auto met = side;
+  if (rise < 0.0F) {
+    const V down = hn::Div(hn::Sub(pin, start), hn::Set(d, rise));
+    met = hn::Or(side, hn::Lt(hn::Add(start, hn::Set(d, rise * step.leave)), pin));
+    reached = hn::IfThenElse(side, reached, hn::Max(reached, down));
+  }
+  const auto there = hn::Gt(height, hn::Set(d, -std::numeric_limits<float>::infinity()));
+  return keep_nearer<D>(row.distance + i, row.mark + i, reached, hn::And(there, met), range, mark);
+}
+
+bool meet_pins_of_target(const PinRow& row, const PinStep& step, float rise, float range, float mark) {
+  using Widest = hn::ScalableTag<float>;
+  const int lanes = static_cast<int>(hn::Lanes(Widest()));
+  bool any = false;
+  int i = 0;
+  for (; i + lanes <= row.count; i += lanes) any |= meet_pin<Widest>(row, step, i, rise, range, mark);
+  for (; i < row.count; ++i) any |= meet_pin<Narrow>(row, step, i, rise, range, mark);
+  return any;
+}
+
+}  // namespace
+}  // namespace HWY_NAMESPACE
+}  // namespace smartsurf::surface
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace smartsurf::surface {
+
+HWY_EXPORT(sweep_rows_of_target);
+HWY_EXPORT(meet_pins_of_target);
+
+void sweep_rows(const SweepJob& job, int begin, int end, const PrepareRows& prepare) noexcept {
+  HWY_DYNAMIC_DISPATCH(sweep_rows_of_target)(job, begin, end, prepare);
+}
+
+bool meet_pins(const PinRow& row, const PinStep& step, float rise, float range, float mark) noexcept {
+  return HWY_DYNAMIC_DISPATCH(meet_pins_of_target)(row, step, rise, range, mark);
+}
+
+}  // namespace smartsurf::surface
+#endif

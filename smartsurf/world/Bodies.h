@@ -1,0 +1,57 @@
+// All bodies of a world as flat arrays, ascending by id: what moves, what it is made of, how it has moved.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "smartsurf/scene/ObjectState.h"
+#include "smartsurf/scene/Snapshot.h"
+#include "smartsurf/world/ContactKernels.h"
+#include "smartsurf/world/Shape.h"
+#include "smartsurf/surface/BodyForces.h"
+
+namespace smartsurf::world {
+
+struct BodyStore {
+  std::vector<scene::ObjectId> id;
+  std::vector<Vec3> position;  // of the centre of mass
+  std::vector<Quat> orientation;
+  std::vector<Motion> motion;
+  std::vector<float> mass;  // 0: fixed
+  std::vector<std::unique_ptr<const Shape>> shape;
+  std::vector<float> reach;
+  std::vector<char> round;  // whether it is a sphere
+  // Square roots, so that a product of two is their geometric mean.
+  std::vector<float> friction_root, rolling_root, restitution;
+  std::vector<Mat3> own_inertia, own_inverse_inertia;  // in own axes
+  std::vector<surface::Wrench> wrench;                          // of the step to come
+  std::vector<char> asleep;
+  std::vector<float> still_s;  // how long it has hardly moved
+
+  // ---- derived for each step
+  std::vector<Mat3> axes;  // of what is no sphere
+  std::vector<Shift> shift;
+  std::vector<Inertia> inertia;
+  std::vector<Vec3> start_velocity, start_spin;  // before the contacts of the substep
+  std::vector<Vec3> velocity_gain, spin_gain;    // by the contacts of the last substep
+
+  int size() const { return static_cast<int>(id.size()); }
+  bool fixed(std::size_t i) const { return mass[i] == 0.0F; }
+  Vec3 velocity(std::size_t i) const { return Vec3(motion[i].velocity); }
+  Vec3 spin(std::size_t i) const { return Vec3(motion[i].spin); }
+
+  void add(scene::ObjectId, const scene::ObjectSpec&, const scene::Material&);
+  void erase(std::size_t index);
+  // Its index, or −1.
+  int find(scene::ObjectId) const;
+  void place(std::size_t index, const scene::Placement&);
+  // Brings axes and inertia up to the orientation.
+  void turn_axes(std::size_t index);
+  // Moves and turns it as far as it got during the step, gyroscopic effect included.
+  void settle(std::size_t index, float dt_s);
+
+  BodyRows rows() { return {motion.data(), shift.data(), inertia.data()}; }
+};
+
+}  // namespace smartsurf::world

@@ -1,0 +1,49 @@
+// Where bodies touch: what the narrow phase finds and the solver works on.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "smartsurf/world/Vec.h"
+
+namespace smartsurf::world {
+
+// What a body touches, where that is no moving body.
+inline constexpr std::int32_t kField = -1, kGround = -2, kGone = -3;
+
+// One point of contact. A gap below 0 is a depth of penetration.
+struct Contact {
+  Vec3 normal;             // unit, from the other side towards a
+  Vec3 arm;                // from a's centre of mass to the point, world axes
+  float gap = 0.0F;        // along the normal, u
+  std::int32_t other = 0;  // against the world: kField, kGround, or the index of a fixed body
+  std::int32_t key =
+      0;  // tells the points of one manifold apart from step to step: the cell, where it is the field
+  Vec3 surface{0, 0, 0};   // velocity of the world's surface there, u/s
+  float surface_spin = 0;  // its turning about the vertical, rad/s
+  // Impulses of the last substep, which start the next one, and the sum of `push` over the step (mass·u/s).
+  float push = 0.0F;
+  Vec3 drag{0, 0, 0};
+  Vec3 roll{0, 0, 0};
+  float total = 0.0F;
+};
+
+// The contacts of one pair of bodies, or all those of one body with the world (b < 0).
+struct Manifold {
+  std::int32_t a, b;
+  std::int32_t first, count;
+};
+
+struct ContactList {
+  std::vector<Manifold> manifolds;
+  std::vector<Contact> contacts;
+  void clear() {
+    manifolds.clear();
+    contacts.clear();
+  }
+};
+
+// Takes out the manifolds of a body that is about to go, and closes the gap that it leaves among the indices.
+void forget(ContactList&, std::int32_t body);
+
+}  // namespace smartsurf::world

@@ -1,0 +1,126 @@
+#include "smartsurf/world/ConvexPair.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "smartsurf/world/Feature.h"
+#include "smartsurf/world/Gjk.h"
+
+namespace smartsurf::world {
+namespace {
+
+using scene::ShapeKind;
+
+struct Touching {
+  Vec3 normal;  // from b to a
+  float gap;
+  Vec3 point;
+};
+
+// Directions in which the piece may be left on the shortest way, world frame.
+template <class Try>
+void for_ways_out(const Core& c, const Vec3& towards, Try attempt) {
+  if (c.piece.hull) {
+    for (const auto& face : c.piece.hull->piece->faces) attempt(Vec3(c.axes * face.normal));
+    return;
+  }
+  const bool box = c.piece.shape.kind == ShapeKind::kBox;
+  for (int axis = box ? 0 : 2; axis < 3; ++axis) {
+    attempt(Vec3(c.axes.col(axis)));
+    attempt(Vec3(-c.axes.col(axis)));
+  }
+  if (box) return;
+  const Vec3 across = towards - c.axes.col(2) * c.axes.col(2).dot(towards);
+  if (const float length = across.norm(); length > 1e-6F) attempt(Vec3(across / length));
+}
+
+// Cores that overlap: the way out among those of the faces of both.
+Touching deepest(const Core& a, const Core& b) {
+  Touching best{{0, 0, 1}, -std::numeric_limits<float>::max(), {}};
+  auto attempt = [&](const Vec3& n) {
+    const Vec3 on_a = a.farthest_outside(-n), on_b = b.farthest_outside(n);
+    if (const float gap = n.dot(on_a - on_b); gap > best.gap) best = {n, gap, 0.5F * (on_a + on_b)};
+  };
+  const Vec3 apart = a.centre - b.centre;
+  for_ways_out(b, apart, attempt);
+  for_ways_out(a, -apart, [&](const Vec3& n) { attempt(-n); });
+  if (const float length = apart.norm(); length > 1e-6F) attempt(apart / length);
+  return best;
+}
+
+bool find(const Core& a, const Core& b, float margin, Touching& out) {
+  const NearestPoints near = nearest_points(a, b, margin + a.rounding + b.rounding, a.centre - b.centre);
+  if (!near.apart) {
+    out = deepest(a, b);
+    return true;
+  }
+  out.gap = near.distance - a.rounding - b.rounding;
+  out.normal = near.normal;
+  out.point = 0.5F * (near.on_a - a.rounding * near.normal + near.on_b + b.rounding * near.normal);
+  return out.gap <= margin;
+}
+
+void touch_pieces(const Core& a, const Core& b, float margin, const Vec3& centre, std::vector<Contact>& out) {
+  Touching t;
+  if (!find(a, b, margin, t)) return;
+  const Feature on_a = feature_towards(a.piece, a.centre, a.axes, -t.normal);
+  const Feature on_b = feature_towards(b.piece, b.centre, b.axes, t.normal);
+  Candidates candidates;
+  add_patch(on_a, on_b, t.normal, margin, 0, candidates);
+  if (candidates.count() == 0) candidates.add({t.point, t.normal, t.gap, 0});
+  candidates.pick([&](const Candidate& c) {
+    Contact& contact = out.emplace_back();
+    contact.normal = c.normal;
+    contact.arm = c.point - centre;
+    contact.gap = c.gap;
+  });
+}
+
+// Of a box that is far larger than the other body only the part around it: GJK loses its precision on long
+// thin simplices, and the corners far away tell nothing.
+struct Trimmed {
+  Shape shape;
+  Vec3 centre;
+  bool near = true;
+};
+bool far_larger(const Placed& box, const Placed& other) {
+  return box.shape.kind == ShapeKind::kBox && box.shape.half.maxCoeff() > 6.0F * other.shape.reach;
+}
+Trimmed trimmed(const Placed& box, const Placed& other, float margin) {
+  const Vec3 at = box.axes.transpose() * (other.centre - box.centre);
+  const Vec3 around = Vec3::Constant(2.0F * other.shape.reach + std::min(margin, other.shape.reach));
+  const Vec3 low = (at - around).cwiseMax(-box.shape.half), high = (at + around).cwiseMin(box.shape.half);
+  Trimmed t{Shape{}, box.centre + box.axes * (0.5F * (low + high)), true};
+  t.shape.kind = ShapeKind::kBox;
+  t.shape.half = 0.5F * (high - low);
+  t.shape.rounding = std::min(box.shape.rounding, 0.1F * t.shape.half.minCoeff());
+  t.near = t.shape.half.minCoeff() > 0.0F;
+  return t;
+}
+
+}  // namespace
+
+void touch_convex(const Placed& a, const Placed& b, float margin, std::vector<Contact>& out) {
+  const Vec3 reach_a = a.axes.cwiseAbs() * a.shape.half, reach_b = b.axes.cwiseAbs() * b.shape.half;
+  if (((a.centre - b.centre).cwiseAbs() - reach_a - reach_b).maxCoeff() > margin) return;
+  if (far_larger(a, b) || far_larger(b, a)) {
+    const bool a_large = far_larger(a, b);
+    const Trimmed t = a_large ? trimmed(a, b, margin) : trimmed(b, a, margin);
+    if (!t.near) return;
+    const std::size_t first = out.size();
+    if (a_large)
+      touch_convex({t.shape, t.centre, a.axes}, b, margin, out);
+    else
+      touch_convex(a, {t.shape, t.centre, b.axes}, margin, out);
+    if (a_large)
+      for (std::size_t i = first; i < out.size(); ++i) out[i].arm += t.centre - a.centre;
+    return;
+  }
+  for_pieces(a.shape, [&](const Piece& piece_a) {
+    for_pieces(b.shape, [&](const Piece& piece_b) {
+      touch_pieces({piece_a, a.centre, a.axes}, {piece_b, b.centre, b.axes}, margin, a.centre, out);
+    });
+  });
+}
+
+}  // namespace smartsurf::world

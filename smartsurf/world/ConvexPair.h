@@ -1,0 +1,20 @@
+// Where two convex shapes, neither a sphere, touch.
+#pragma once
+
+#include <vector>
+
+#include "smartsurf/world/Contact.h"
+#include "smartsurf/world/Shape.h"
+
+namespace smartsurf::world {
+
+struct Placed {
+  const Shape& shape;
+  const Vec3& centre;
+  const Mat3& axes;
+};
+
+// Appends up to four points for each pair of pieces, the normal pointing from b to a, gaps up to `margin`.
+void touch_convex(const Placed& a, const Placed& b, float margin, std::vector<Contact>& out);
+
+}  // namespace smartsurf::world

@@ -1,0 +1,255 @@
+#include "smartsurf/world/Detector.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "smartsurf/world/ConvexOnField.h"
+#include "smartsurf/world/PairContacts.h"
+#include "smartsurf/world/SphereOnField.h"
+
+namespace smartsurf::world {
+namespace {
+
+// Contacts this near are kept even when nothing moves, so that resting contacts do not flicker, u.
+constexpr float kRestMargin = 0.02F;
+constexpr int kChunk = 128;  // bodies
+
+bool moves(const BodyStore& b, std::size_t i) { return !b.fixed(i) && !b.asleep[i]; }
+
+// Hands the impulses of old contacts on to the nearest new ones with the same partner, each once.
+void inherit(ContactList& list, const Manifold& now, const ContactList& old, int manifold, float tolerance) {
+  if (manifold < 0) return;
+  const Manifold& before = old.manifolds[static_cast<std::size_t>(manifold)];
+  std::uint64_t taken = 0;
+  for (int k = now.first; k < now.first + now.count; ++k) {
+    Contact& c = list.contacts[static_cast<std::size_t>(k)];
+    int best = -1;
+    float nearest = tolerance * tolerance;
+    for (int j = 0; j < std::min(before.count, 64); ++j) {
+      const Contact& o = old.contacts[static_cast<std::size_t>(before.first + j)];
+      const float square = (o.arm - c.arm).squaredNorm();
+      if (o.other == c.other && square < nearest && !(taken >> j & 1U)) nearest = square, best = j;
+    }
+    if (best < 0) continue;
+    taken |= std::uint64_t{1} << best;
+    const Contact& o = old.contacts[static_cast<std::size_t>(before.first + best)];
+    c.push = o.push;
+    c.drag = o.drag - c.normal * c.normal.dot(o.drag);
+    c.roll = o.roll;
+  }
+}
+
+}  // namespace
+
+void Detector::arrange(const BodyStore& bodies) {
+  if (large_ < 0.0F) find_large_size(bodies);
+  reach_out(bodies);
+  grid_.build(bodies.position, reach_, large_);
+}
+
+void Detector::sleepers_near(const BodyStore& bodies, std::size_t body,
+                             std::vector<std::int32_t>& out) const {
+  const Vec3 half = Vec3::Constant(reach_[body]);
+  auto consider = [&](std::int32_t other) {
+    const auto j = static_cast<std::size_t>(other);
+    if (!bodies.asleep[j]) return;
+    const float reach = reach_[body] + reach_[j];
+    if ((bodies.position[body] - bodies.position[j]).squaredNorm() < reach * reach) out.push_back(other);
+  };
+  grid_.for_box(bodies.position[body] - half, bodies.position[body] + half, consider);
+  for (const std::int32_t large : grid_.large()) consider(large);
+}
+
+void Detector::detect(const BodyStore& bodies, ContactList& pairs, ContactList& world, Team& team) {
+  std::swap(old_pairs_, pairs);
+  std::swap(old_world_, world);
+  index_old(bodies, old_pairs_, old_world_);
+  look_around_large(bodies);
+  if (static_cast<int>(chunk_.size()) < chunks() + 1) chunk_.resize(static_cast<std::size_t>(chunks()) + 1);
+  for (auto& c : chunk_) c.pairs.clear(), c.world.clear();
+  constexpr int kWorthSharing = 4;
+  team.run(chunks() >= kWorthSharing, [&](const Member& member) {
+    const Range share = member.share(chunks());
+    for (int c = share.begin; c < share.end; ++c)
+      detect_chunk(bodies, c, chunk_[static_cast<std::size_t>(c)]);
+    if (member.first()) detect_large(bodies, chunk_[static_cast<std::size_t>(chunks())]);
+    member.wait();
+    gather(pairs, world, member);
+  });
+}
+
+int Detector::chunks() const { return (grid_.sorted() + kChunk - 1) / kChunk; }
+
+// Most bodies decide what is large; a few that are much larger must not make the cells of all the others
+// wide.
+void Detector::find_large_size(const BodyStore& bodies) {
+  std::vector<float> reach;
+  for (std::size_t i = 0; i < bodies.reach.size(); ++i)
+    if (!bodies.fixed(i)) reach.push_back(bodies.reach[i]);
+  large_ = 1.0F;
+  if (reach.empty()) return;
+  const auto middle = reach.begin() + static_cast<std::ptrdiff_t>(reach.size() / 2);
+  std::nth_element(reach.begin(), middle, reach.end());
+  large_ = 4.0F * *middle;
+}
+
+void Detector::reach_out(const BodyStore& bodies) {
+  reach_.resize(bodies.reach.size());
+  margin_.resize(bodies.reach.size());
+  for (std::size_t i = 0; i < reach_.size(); ++i) {
+    float travel = 0.0F;
+    if (moves(bodies, i)) {
+      travel = bodies.velocity(i).norm();
+      if (!bodies.round[i]) travel += bodies.spin(i).norm() * bodies.reach[i];
+    }
+    margin_[i] = std::max(kRestMargin, travel * dt_s_);
+    // Fixed bodies count as large: they are looked up, and have no contacts of their own.
+    reach_[i] = bodies.fixed(i) ? 1e30F : bodies.reach[i] + std::min(margin_[i], bodies.reach[i]);
+  }
+}
+
+void Detector::look_around_large(const BodyStore& bodies) {
+  near_.clear();
+  for (const std::int32_t l : grid_.large()) {
+    const auto i = static_cast<std::size_t>(l);
+    const Vec3 half = bodies.axes[i].cwiseAbs() * bodies.shape[i]->half + Vec3::Constant(margin_[i]);
+    grid_.for_box(bodies.position[i] - half, bodies.position[i] + half, [&](std::int32_t body) {
+      near_.push_back({body, l});
+    });
+  }
+  std::stable_sort(near_.begin(), near_.end(),
+                   [](const NearLarge& a, const NearLarge& b) { return a.body < b.body; });
+  first_near_.assign(static_cast<std::size_t>(bodies.size()) + 1, 0);
+  for (const NearLarge& n : near_) ++first_near_[static_cast<std::size_t>(n.body) + 1];
+  for (std::size_t i = 1; i < first_near_.size(); ++i) first_near_[i] += first_near_[i - 1];
+}
+
+void Detector::index_old(const BodyStore& bodies, const ContactList& pairs, const ContactList& world) {
+  old_first_.assign(static_cast<std::size_t>(bodies.size()), -1);
+  old_of_body_.assign(static_cast<std::size_t>(bodies.size()), -1);
+  old_next_.resize(pairs.manifolds.size());
+  for (std::size_t m = 0; m < pairs.manifolds.size(); ++m) {
+    std::int32_t& first = old_first_[static_cast<std::size_t>(pairs.manifolds[m].a)];
+    old_next_[m] = first;
+    first = static_cast<std::int32_t>(m);
+  }
+  for (std::size_t m = 0; m < world.manifolds.size(); ++m)
+    old_of_body_[static_cast<std::size_t>(world.manifolds[m].a)] = static_cast<std::int32_t>(m);
+}
+
+void Detector::detect_chunk(const BodyStore& bodies, int chunk, Chunk& out) const {
+  const int begin = chunk * kChunk, end = std::min(begin + kChunk, grid_.sorted());
+  for (int k = begin; k < end; ++k) {
+    const auto i = static_cast<std::size_t>(grid_.body(k));
+    if (moves(bodies, i)) touch_world(bodies, i, out.world);
+    for (int n = first_near_[i]; n < first_near_[i + 1]; ++n) {
+      const auto large = static_cast<std::size_t>(near_[static_cast<std::size_t>(n)].large);
+      if (!bodies.fixed(large)) touch_pair(bodies, i, large, out.pairs);
+    }
+  }
+  grid_.for_pairs(begin, end, [&](std::int32_t i, std::int32_t j) {
+    touch_pair(bodies, static_cast<std::size_t>(i), static_cast<std::size_t>(j), out.pairs);
+  });
+}
+
+void Detector::detect_large(const BodyStore& bodies, Chunk& out) const {
+  const auto large = grid_.large();
+  for (std::size_t k = 0; k < large.size(); ++k) {
+    const auto i = static_cast<std::size_t>(large[k]);
+    if (moves(bodies, i)) touch_world(bodies, i, out.world);
+    for (std::size_t other = k + 1; other < large.size(); ++other) {
+      const auto j = static_cast<std::size_t>(large[other]);
+      if (!bodies.fixed(i) && !bodies.fixed(j)) touch_pair(bodies, i, j, out.pairs);
+    }
+  }
+}
+
+void Detector::touch_world(const BodyStore& bodies, std::size_t i, ContactList& out) const {
+  const auto first = static_cast<std::int32_t>(out.contacts.size());
+  const Vec3& centre = bodies.position[i];
+  const float margin = std::max(kRestMargin, margin_[i] + field_.max_speed * dt_s_);
+  if (loose_) {
+    loose_->touch(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
+  } else if (bodies.round[i]) {
+    touch_field_with_sphere(field_, centre, bodies.reach[i], margin, out.contacts);
+  } else {
+    touch_field_with_shape(field_, *bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
+  }
+  if (centre.z() - bodies.reach[i] - margin < ground_)
+    touch_ground(*bodies.shape[i], centre, bodies.axes[i], ground_, margin, out.contacts);
+  if (reach_[i] <= large_) {
+    for (int n = first_near_[i]; n < first_near_[i + 1]; ++n) {
+      const auto large = static_cast<std::size_t>(near_[static_cast<std::size_t>(n)].large);
+      if (bodies.fixed(large)) touch_fixed(bodies, i, large, out);
+    }
+  } else {
+    for (const std::int32_t large : grid_.large())
+      if (bodies.fixed(static_cast<std::size_t>(large)))
+        touch_fixed(bodies, i, static_cast<std::size_t>(large), out);
+  }
+  const auto count = static_cast<std::int32_t>(out.contacts.size()) - first;
+  if (count == 0) return;
+  out.manifolds.push_back({static_cast<std::int32_t>(i), kField, first, count});
+  inherit(out, out.manifolds.back(), old_world_, old_of_body_[i], 0.15F * bodies.reach[i]);
+}
+
+void Detector::touch_fixed(const BodyStore& bodies, std::size_t i, std::size_t fixed,
+                           ContactList& out) const {
+  const std::size_t first = out.contacts.size();
+  touch_bodies(bodies, i, fixed, margin_[i], dt_s_, out.contacts);
+  for (std::size_t k = first; k < out.contacts.size(); ++k)
+    out.contacts[k].other = static_cast<std::int32_t>(fixed);
+}
+
+void Detector::touch_pair(const BodyStore& bodies, std::size_t i, std::size_t j, ContactList& out) const {
+  if (!moves(bodies, i) && !moves(bodies, j)) return;
+  const std::size_t a = std::min(i, j), b = std::max(i, j);
+  const auto first = static_cast<std::int32_t>(out.contacts.size());
+  touch_bodies(bodies, a, b, kRestMargin, dt_s_, out.contacts);
+  const auto count = static_cast<std::int32_t>(out.contacts.size()) - first;
+  if (count == 0) return;
+  out.manifolds.push_back({static_cast<std::int32_t>(a), static_cast<std::int32_t>(b), first, count});
+  int old = old_first_[a];
+  while (old >= 0 && old_pairs_.manifolds[static_cast<std::size_t>(old)].b != static_cast<std::int32_t>(b))
+    old = old_next_[static_cast<std::size_t>(old)];
+  // A sphere has one contact with each of the others: its arm may turn far in one step.
+  const float tolerance = bodies.round[a] || bodies.round[b] ? bodies.reach[a] : 0.15F * bodies.reach[a];
+  inherit(out, out.manifolds.back(), old_pairs_, old, tolerance);
+}
+
+// The chunks' lists one after the other; each member copies its share.
+void Detector::gather(ContactList& pairs, ContactList& world, const Member& member) {
+  const int count = chunks() + 1;
+  if (member.first()) {
+    start_.resize(static_cast<std::size_t>(count));
+    Start at{0, 0, 0, 0};
+    for (int c = 0; c < count; ++c) {
+      const Chunk& chunk = chunk_[static_cast<std::size_t>(c)];
+      start_[static_cast<std::size_t>(c)] = at;
+      at.pair_manifolds += chunk.pairs.manifolds.size();
+      at.pair_contacts += chunk.pairs.contacts.size();
+      at.world_manifolds += chunk.world.manifolds.size();
+      at.world_contacts += chunk.world.contacts.size();
+    }
+    pairs.manifolds.resize(at.pair_manifolds);
+    pairs.contacts.resize(at.pair_contacts);
+    world.manifolds.resize(at.world_manifolds);
+    world.contacts.resize(at.world_contacts);
+  }
+  member.wait();
+  auto copy = [](ContactList& to, const ContactList& from, std::size_t manifold, std::size_t contact) {
+    for (const Manifold& m : from.manifolds)
+      to.manifolds[manifold++] = {m.a, m.b, m.first + static_cast<std::int32_t>(contact), m.count};
+    std::copy(from.contacts.begin(), from.contacts.end(),
+              to.contacts.begin() + static_cast<std::ptrdiff_t>(contact));
+  };
+  const Range share = member.share(count);
+  for (int c = share.begin; c < share.end; ++c) {
+    const Chunk& chunk = chunk_[static_cast<std::size_t>(c)];
+    const Start& at = start_[static_cast<std::size_t>(c)];
+    copy(pairs, chunk.pairs, at.pair_manifolds, at.pair_contacts);
+    copy(world, chunk.world, at.world_manifolds, at.world_contacts);
+  }
+}
+
+}  // namespace smartsurf::world

@@ -1,0 +1,77 @@
+// Finds all contacts of a step: bodies against the field, the ground, fixed bodies and each other.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "smartsurf/surface/Field.h"
+#include "smartsurf/world/Bodies.h"
+#include "smartsurf/world/Contact.h"
+#include "smartsurf/world/Grid.h"
+#include "smartsurf/world/LooseField.h"
+#include "smartsurf/world/Team.h"
+
+namespace smartsurf::world {
+
+class Detector {
+ public:
+  // `ground`: the height of the endless floor, or −infinity.
+  Detector(const surface::Field& field, float dt_s, float ground)
+      : field_(field), dt_s_(dt_s), ground_(ground) {
+    if (!field.rectangular()) loose_ = std::make_unique<LooseField>(field);
+  }
+
+  // Sorts the bodies into the grid, as they are now. First in a step.
+  void arrange(const BodyStore&);
+  // The sleepers that a body is within reach of in this step.
+  void sleepers_near(const BodyStore&, std::size_t body, std::vector<std::int32_t>& out) const;
+
+  // Contacts of what moves, in an order that depends on the bodies alone. On entry the lists hold the last
+  // step's contacts, whose impulses are handed on to the new ones.
+  void detect(const BodyStore&, ContactList& pairs, ContactList& world, Team&);
+
+  // A body was added or removed: the sizes must be looked at again, and contacts of the one removed
+  // forgotten.
+  void bodies_changed() { large_ = -1.0F; }
+
+ private:
+  struct NearLarge {
+    std::int32_t body, large;
+  };
+  struct Chunk {
+    ContactList pairs, world;
+  };
+  // Where a chunk's lists begin in the joined ones.
+  struct Start {
+    std::size_t pair_manifolds, pair_contacts, world_manifolds, world_contacts;
+  };
+
+  void find_large_size(const BodyStore&);
+  void reach_out(const BodyStore&);
+  void look_around_large(const BodyStore&);
+  void index_old(const BodyStore&, const ContactList& pairs, const ContactList& world);
+  void detect_chunk(const BodyStore&, int chunk, Chunk& out) const;
+  void detect_large(const BodyStore&, Chunk& out) const;
+  void touch_world(const BodyStore&, std::size_t body, ContactList& out) const;
+  void touch_fixed(const BodyStore&, std::size_t body, std::size_t fixed, ContactList& out) const;
+  void touch_pair(const BodyStore&, std::size_t i, std::size_t j, ContactList& out) const;
+  void gather(ContactList& pairs, ContactList& world, const Member&);
+  int chunks() const;
+
+  const surface::Field& field_;
+  std::unique_ptr<LooseField> loose_;  // for a layout that is not rectangular
+  float dt_s_, ground_;
+  float large_ = -1.0F;  // bodies with more reach are few and large; < 0: not known
+  Grid grid_;
+  std::vector<float> reach_, margin_;
+  std::vector<NearLarge> near_;
+  std::vector<std::int32_t> first_near_;  // of each body, in near_
+  // The last step's contacts, by body.
+  ContactList old_pairs_, old_world_;
+  std::vector<std::int32_t> old_first_, old_next_;  // manifolds of pairs by their body a
+  std::vector<std::int32_t> old_of_body_;           // manifolds with the world
+  std::vector<Chunk> chunk_;
+  std::vector<Start> start_;
+};
+
+}  // namespace smartsurf::world

@@ -1,0 +1,128 @@
+#include "smartsurf/world/Distance.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace smartsurf::world {
+namespace {
+
+using scene::ShapeKind;
+
+Vec3 unit_or(const Vec3& v, const Vec3& fallback) {
+  const float length = v.norm();
+  return length > 1e-9F ? Vec3(v / length) : fallback;
+}
+
+Outward of_box(const Vec3& p, const Vec3& half) {
+  const Vec3 over = p.cwiseAbs() - half;
+  const Vec3 sign(std::copysign(1.0F, p.x()), std::copysign(1.0F, p.y()), std::copysign(1.0F, p.z()));
+  const Vec3 outside = over.cwiseMax(0.0F);
+  if (const float d = outside.norm(); d > 1e-6F) return {outside.cwiseProduct(sign) / d, d};
+  Eigen::Index axis = 0;
+  const float nearest = over.maxCoeff(&axis);
+  Vec3 outward = Vec3::Zero();
+  outward[axis] = sign[axis];
+  return {outward, nearest};
+}
+
+// In the half plane of a shape of revolution: r across, z along. Back in space, r points along `radial`.
+struct Meridian {
+  float r, z;
+  Vec3 radial;
+  explicit Meridian(const Vec3& p) : r(length_of(p.x(), p.y())), z(p.z()) {
+    radial = r > 1e-9F ? Vec3(p.x() / r, p.y() / r, 0) : Vec3(1, 0, 0);
+  }
+  Vec3 in_space(float along_r, float along_z) const { return radial * along_r + Vec3(0, 0, along_z); }
+};
+
+Outward of_cylinder(const Vec3& p, float radius, float half_height) {
+  const Meridian m(p);
+  const float side = std::copysign(1.0F, m.z);
+  const float over_r = m.r - radius, over_z = std::abs(m.z) - half_height;
+  const float out_r = std::max(0.0F, over_r), out_z = std::max(0.0F, over_z);
+  if (const float d = length_of(out_r, out_z); d > 1e-6F) return {m.in_space(out_r / d, side * out_z / d), d};
+  return over_r > over_z ? Outward{m.radial, over_r} : Outward{Vec3(0, 0, side), over_z};
+}
+
+Outward of_capsule(const Vec3& p, float radius, float half_height) {
+  const float end = std::max(0.0F, half_height - radius);
+  const Vec3 from(p.x(), p.y(), p.z() - std::clamp(p.z(), -end, end));
+  return {unit_or(from, Vec3(1, 0, 0)), from.norm() - radius};
+}
+
+Outward of_cone(const Vec3& p, const Shape& s) {
+  const Meridian m(p);
+  const float height = s.high - s.low, slant = length_of(height, s.radius);
+  const float nr = height / slant, nz = s.radius / slant;  // outward normal of the mantle
+  const float over_mantle = (m.r - s.radius) * nr + (m.z - s.low) * nz, over_base = s.low - m.z;
+  // Along the mantle from the rim, 0 … slant.
+  const float along = (s.radius - m.r) * nz + (m.z - s.low) * nr;
+  if (over_mantle <= 0.0F && over_base <= 0.0F)
+    return over_mantle > over_base ? Outward{m.in_space(nr, nz), over_mantle}
+                                   : Outward{Vec3(0, 0, -1), over_base};
+  if (over_base > 0.0F && m.r <= s.radius) return {Vec3(0, 0, -1), over_base};
+  if (along >= 0.0F && along <= slant) return {m.in_space(nr, nz), over_mantle};
+  const float r = along < 0.0F ? m.r - s.radius : m.r, z = along < 0.0F ? m.z - s.low : m.z - s.high;
+  const float d = length_of(r, z);
+  return d > 1e-6F ? Outward{m.in_space(r / d, z / d), d} : Outward{m.in_space(nr, nz), 0.0F};
+}
+
+// The nearest point of a convex polygon's outline or inside, for a point beyond its plane.
+Vec3 nearest_on_face(const scene::ConvexPiece& piece, const scene::ConvexPiece::Face& face, const Vec3& p) {
+  const Vec3 foot = p - face.normal * (face.normal.dot(p) - face.offset);
+  Vec3 best = foot;
+  float nearest = -1.0F;
+  for (std::uint32_t i = 0; i < face.count; ++i) {
+    const Vec3& a = piece.corners[piece.face_corners[face.first + i]];
+    const Vec3& b = piece.corners[piece.face_corners[face.first + (i + 1) % face.count]];
+    const Vec3 edge = b - a;
+    if (edge.cross(face.normal).dot(foot - a) <= 0.0F) continue;  // inside of this edge
+    const float t = std::clamp(edge.dot(foot - a) / edge.squaredNorm(), 0.0F, 1.0F);
+    const Vec3 on_edge = a + t * edge;
+    const float square = (on_edge - foot).squaredNorm();
+    if (nearest < 0.0F || square < nearest) nearest = square, best = on_edge;
+  }
+  return best;
+}
+
+Outward of_hull(const Vec3& p, const scene::ConvexPiece& piece) {
+  float highest = -std::numeric_limits<float>::max();
+  const scene::ConvexPiece::Face* top = nullptr;
+  for (const auto& face : piece.faces) {
+    const float over = face.normal.dot(p) - face.offset;
+    if (over > highest) highest = over, top = &face;
+  }
+  if (highest <= 0.0F) return {top->normal, highest};
+  float nearest = std::numeric_limits<float>::max();
+  Vec3 best = p;
+  for (const auto& face : piece.faces) {
+    if (face.normal.dot(p) - face.offset <= 0.0F) continue;
+    const Vec3 q = nearest_on_face(piece, face, p);
+    const float square = (p - q).squaredNorm();
+    if (square < nearest) nearest = square, best = q;
+  }
+  return {unit_or(p - best, top->normal), std::sqrt(nearest)};
+}
+
+}  // namespace
+
+Outward outward_of(const Piece& piece, const Vec3& p) {
+  const Shape& s = piece.shape;
+  switch (s.kind) {
+    case ShapeKind::kSphere:
+      return {unit_or(p, Vec3(0, 0, 1)), p.norm() - s.radius};
+    case ShapeKind::kBox:
+      return of_box(p, s.half);
+    case ShapeKind::kCylinder:
+      return of_cylinder(p, s.radius, s.high);
+    case ShapeKind::kCapsule:
+      return of_capsule(p, s.radius, s.high);
+    case ShapeKind::kCone:
+      return of_cone(p, s);
+    case ShapeKind::kSolid:
+      return of_hull(p, *piece.hull->piece);
+  }
+  return {Vec3(0, 0, 1), 0.0F};
+}
+
+}  // namespace smartsurf::world

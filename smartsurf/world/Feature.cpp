@@ -1,0 +1,208 @@
+#include "smartsurf/world/Feature.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace smartsurf::world {
+namespace {
+
+using scene::ShapeKind;
+
+// A face this much in line with the normal takes part with its whole area.
+constexpr float kAligned = 0.99F;
+constexpr int kRim = 8;  // points that stand for a round rim, one of them towards the direction
+
+struct Builder {
+  const Vec3& centre;
+  const Mat3& axes;
+  Feature f;
+  void add(const Vec3& own) { f.add(centre + axes * own); }
+};
+
+void add_box_face(Builder& b, const Vec3& half, const Vec3& d) {
+  Eigen::Index axis = 0;
+  d.cwiseAbs().maxCoeff(&axis);
+  const float side = std::copysign(1.0F, d[axis]);
+  const Eigen::Index u = (axis + 1) % 3, v = (axis + 2) % 3;
+  static constexpr float kCorner[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
+  for (int i = 0; i < 4; ++i) {
+    const auto& corner = kCorner[side > 0 ? i : 3 - i];
+    Vec3 p;
+    p[axis] = side * half[axis];
+    p[u] = corner[0] * half[u];
+    p[v] = corner[1] * half[v];
+    b.add(p);
+  }
+  b.f.normal = b.axes.col(axis) * side;
+}
+
+void add_disc(Builder& b, float radius, float z, float side, const Vec3& d) {
+  const float start = std::atan2(d.y(), d.x());
+  for (int i = 0; i < kRim; ++i) {
+    const float angle = start + side * static_cast<float>(i) * (2.0F * static_cast<float>(M_PI) / kRim);
+    b.add({radius * std::cos(angle), radius * std::sin(angle), z});
+  }
+  b.f.normal = b.axes.col(2) * side;
+}
+
+void add_hull_face(Builder& b, const scene::ConvexPiece& piece, const Vec3& d) {
+  const scene::ConvexPiece::Face* best = &piece.faces.front();
+  for (const auto& face : piece.faces)
+    if (face.normal.dot(d) > best->normal.dot(d)) best = &face;
+  // A face with very many corners is thinned out.
+  const std::uint32_t stride = (best->count + Feature::kMost / 2 - 1) / (Feature::kMost / 2);
+  for (std::uint32_t i = 0; i < best->count; i += stride)
+    b.add(piece.corners[piece.face_corners[best->first + i]]);
+  b.f.normal = b.axes * best->normal;
+}
+
+// Edges that run side by side touch at both ends of what they share.
+void add_parallel_edges(const Feature& a, const Feature& b, const Vec3& normal, float margin, int tag,
+                        Candidates& out) {
+  const Vec3 along_a = a.point[1] - a.point[0], along_b = b.point[1] - b.point[0];
+  const float length = along_a.norm(), length_b = along_b.norm();
+  if (length < 1e-6F || length_b < 1e-6F || along_a.cross(along_b).norm() > 0.05F * length * length_b) return;
+  const Vec3 u = along_a / length;
+  const float s0 = u.dot(b.point[0] - a.point[0]), s1 = u.dot(b.point[1] - a.point[0]);
+  const float low = std::max(0.0F, std::min(s0, s1)), high = std::min(length, std::max(s0, s1));
+  if (low >= high) return;
+  for (const float s : {low, high}) {
+    const Vec3 on_a = a.point[0] + s * u;
+    const Vec3 on_b = b.point[0] + along_b * ((s - s0) / (s1 - s0));
+    const float gap = normal.dot(on_a - on_b);
+    if (gap <= margin) out.add({0.5F * (on_a + on_b), normal, gap, tag});
+  }
+}
+
+}  // namespace
+
+Feature feature_towards(const Piece& piece, const Vec3& centre, const Mat3& axes, const Vec3& direction) {
+  const Shape& s = piece.shape;
+  const Vec3 d = axes.transpose() * direction;
+  Builder b{centre, axes, {}};
+  const float across = length_of(d.x(), d.y());
+  const Vec3 radial = across > 1e-9F ? Vec3(d.x() / across, d.y() / across, 0) : Vec3(1, 0, 0);
+  switch (s.kind) {
+    case ShapeKind::kSphere:
+      b.add(s.radius * d);
+      break;
+    case ShapeKind::kBox:
+      add_box_face(b, s.half, d);
+      break;
+    case ShapeKind::kCylinder:
+      if (std::abs(d.z()) > across) {
+        add_disc(b, s.radius, std::copysign(s.high, d.z()), std::copysign(1.0F, d.z()), d);
+      } else {
+        b.add(radial * s.radius + Vec3(0, 0, s.low));
+        b.add(radial * s.radius + Vec3(0, 0, s.high));
+      }
+      break;
+    case ShapeKind::kCapsule: {
+      const float end = std::max(0.0F, s.high - s.radius);
+      b.add(Vec3(0, 0, -end) + s.radius * d);
+      b.add(Vec3(0, 0, end) + s.radius * d);
+      break;
+    }
+    case ShapeKind::kCone:
+      // The base from where its rim no longer shows the mantle.
+      if (-d.z() > across) {
+        add_disc(b, s.radius, s.low, -1.0F, d);
+      } else {
+        b.add(radial * s.radius + Vec3(0, 0, s.low));
+        b.add({0, 0, s.high});
+      }
+      break;
+    case ShapeKind::kSolid:
+      add_hull_face(b, *piece.hull->piece, d);
+      break;
+  }
+  return b.f;
+}
+
+Feature clipped(const Feature& what, const Feature& face) {
+  Feature now = what;
+  for (int i = 0; i < face.count && now.count > 0; ++i) {
+    const Vec3& a = face.point[static_cast<std::size_t>(i)];
+    const Vec3& b = face.point[static_cast<std::size_t>((i + 1) % face.count)];
+    const Vec3 out = (b - a).cross(face.normal);
+    Feature next;
+    next.normal = what.normal;
+    // An edge has one side to cut, a face as many as corners.
+    const int sides = now.count > 2 ? now.count : now.count - 1;
+    for (int k = 0; k < now.count; ++k) {
+      const Vec3& p = now.point[static_cast<std::size_t>(k)];
+      const float over_p = out.dot(p - a);
+      if (over_p <= 0.0F) next.add(p);
+      if (k >= sides) continue;
+      const Vec3& q = now.point[static_cast<std::size_t>((k + 1) % now.count)];
+      const float over_q = out.dot(q - a);
+      if ((over_p < 0.0F && over_q > 0.0F) || (over_p > 0.0F && over_q < 0.0F))
+        next.add(p + (q - p) * (over_p / (over_p - over_q)));
+    }
+    now = next;
+  }
+  return now;
+}
+
+void add_patch(const Feature& on_a, const Feature& on_b, const Vec3& normal, float margin, int tag,
+               Candidates& out) {
+  const float aligned_a = on_a.flat() ? -on_a.normal.dot(normal) : 0.0F;
+  const float aligned_b = on_b.flat() ? on_b.normal.dot(normal) : 0.0F;
+  if (std::max(aligned_a, aligned_b) <= kAligned) {
+    if (on_a.count == 2 && on_b.count == 2) add_parallel_edges(on_a, on_b, normal, margin, tag, out);
+    return;
+  }
+  // b wins a draw, or the choice would change from step to step.
+  const bool from_a = aligned_a > aligned_b + 1e-3F;
+  const Feature &face = from_a ? on_a : on_b, &other = from_a ? on_b : on_a;
+  const Feature patch = clipped(other, face);
+  const Vec3 upright = from_a ? Vec3(-face.normal) : face.normal;
+  for (int i = 0; i < patch.count; ++i) {
+    const Vec3& p = patch.point[static_cast<std::size_t>(i)];
+    const float gap = face.normal.dot(p - face.point[0]);
+    if (gap <= margin) out.add({p, upright, gap, tag});
+  }
+}
+
+void Candidates::add(const Candidate& c) {
+  if (count_ < kCapacity) {
+    list_[count_++] = c;
+    return;
+  }
+  int worst = 0;
+  for (int i = 1; i < kCapacity; ++i)
+    if (list_[i].gap > list_[worst].gap) worst = i;
+  if (c.gap < list_[worst].gap) list_[worst] = c;
+}
+
+int Candidates::choose(int (&chosen)[4]) const {
+  if (count_ == 0) return 0;
+  chosen[0] = 0;
+  for (int i = 1; i < count_; ++i)
+    if (list_[i].gap < list_[chosen[0]].gap) chosen[0] = i;
+  for (int n = 1; n < 4; ++n) {
+    int best = -1;
+    float widest = 1e-3F;
+    for (int i = 0; i < count_; ++i) {
+      const float gain = spread(list_[i].point, chosen, n) - std::max(0.0F, list_[i].gap);
+      if (gain > widest) widest = gain, best = i;
+    }
+    if (best < 0) return n;
+    chosen[n] = best;
+  }
+  return 4;
+}
+
+// How far p lies from the points chosen so far: from the point, from the line, from the nearest of them.
+float Candidates::spread(const Vec3& p, const int* chosen, int n) const {
+  const Vec3& a = list_[chosen[0]].point;
+  if (n == 1) return (p - a).norm();
+  const Vec3& b = list_[chosen[1]].point;
+  if (n == 2) return (p - a).cross(b - a).norm() / std::max(1e-6F, (b - a).norm());
+  float nearest = std::numeric_limits<float>::max();
+  for (int i = 0; i < n; ++i) nearest = std::min(nearest, (p - list_[chosen[i]].point).norm());
+  return nearest;
+}
+
+}  // namespace smartsurf::world

@@ -1,0 +1,63 @@
+// What a convex piece turns towards a direction: a face, an edge or a corner. And the choice of the points
+// that hold a body best.
+#pragma once
+
+#include <array>
+
+#include "smartsurf/world/Distance.h"
+
+namespace smartsurf::world {
+
+struct Feature {
+  static constexpr int kMost = 24;
+  std::array<Vec3, kMost> point;  // counter-clockwise seen from outside, world frame
+  int count = 0;                  // 1: a corner, 2: an edge, more: a face
+  Vec3 normal{0, 0, 1};           // of a face: unit, outward
+  bool flat() const { return count > 2; }
+  void add(const Vec3& p) {
+    if (count < kMost) point[static_cast<std::size_t>(count++)] = p;
+  }
+};
+// `direction`: unit, world frame.
+Feature feature_towards(const Piece&, const Vec3& centre, const Mat3& axes, const Vec3& direction);
+
+// Cuts a face or an edge to what lies over a face.
+Feature clipped(const Feature& what, const Feature& face);
+
+struct Candidate {
+  Vec3 point, normal;
+  float gap;
+  int tag;
+};
+
+// Candidates in a list of fixed size, from which those that hold a body best are chosen.
+class Candidates {
+ public:
+  // When the list is full, the widest gap gives way.
+  void add(const Candidate&);
+  int count() const { return count_; }
+  // At most four: the deepest, the one farthest from it, the one farthest from their line, and the one that
+  // widens them most.
+  template <class Take>
+  void pick(Take take) const {
+    int chosen[4];
+    const int n = choose(chosen);
+    for (int i = 0; i < n; ++i) take(list_[chosen[i]]);
+  }
+
+ private:
+  int choose(int (&chosen)[4]) const;
+  float spread(const Vec3& p, const int* chosen, int n) const;
+
+  static constexpr int kCapacity = 96;
+  Candidate list_[kCapacity];
+  int count_ = 0;
+};
+
+// Adds the points where two features that face each other along a normal (unit, from b to a) come within the
+// margin: the patch that two faces share, the ends of an edge over a face or along another edge. None where
+// only a corner or two crossing edges meet. `tag` goes with the points.
+void add_patch(const Feature& on_a, const Feature& on_b, const Vec3& normal, float margin, int tag,
+               Candidates& out);
+
+}  // namespace smartsurf::world

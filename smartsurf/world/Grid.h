@@ -1,0 +1,97 @@
+// The broad phase: a uniform grid over bodies of similar size; the few much larger ones look into its cells.
+//
+// Bodies are sorted by cell, so that three neighbouring cells of a row are one run of memory. The order of
+// what it finds depends on positions and indices alone.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "smartsurf/world/Vec.h"
+
+namespace smartsurf::world {
+
+class Grid {
+ public:
+  // Sorts the bodies in. `reach[i]`: radius about position[i] within which body i can touch anything.
+  // Ones with reach above `large` are kept apart.
+  void build(std::span<const Vec3> position, std::span<const float> reach, float large);
+
+  std::int32_t body(int sorted) const { return order_[static_cast<std::size_t>(sorted)]; }
+  int sorted() const { return static_cast<int>(order_.size()); }
+  std::span<const std::int32_t> large() const { return large_; }
+
+  // Calls found(i, j), i ≠ j, for every pair of small bodies whose spheres meet, the earlier of which is at
+  // [begin, end) in sorted order. Each pair once.
+  template <class Found>
+  void for_pairs(int begin, int end, Found found) const;
+  // Calls found(i) for every small body whose sphere meets the box.
+  template <class Found>
+  void for_box(const Vec3& low, const Vec3& high, Found found) const;
+
+ private:
+  struct Entry {
+    float x, y, z, reach;
+  };
+  int cell_of(float u, int axis) const {
+    const float c = (u - origin_[axis]) * inverse_size_;
+    return c <= 0.0F ? 0 : c >= static_cast<float>(count_[axis] - 1) ? count_[axis] - 1 : static_cast<int>(c);
+  }
+  int index(int x, int y, int z) const { return (z * count_[1] + y) * count_[0] + x; }
+  template <class Found>
+  void scan(int self, int from, int to, Found& found) const {
+    const Entry a = entry_[static_cast<std::size_t>(self)];
+    for (int k = from; k < to; ++k) {
+      const Entry& b = entry_[static_cast<std::size_t>(k)];
+      const float dx = a.x - b.x, dy = a.y - b.y, dz = a.z - b.z, reach = a.reach + b.reach;
+      if (dx * dx + dy * dy + dz * dz < reach * reach)
+        found(order_[static_cast<std::size_t>(self)], order_[static_cast<std::size_t>(k)]);
+    }
+  }
+
+  Vec3 origin_{0, 0, 0};
+  float inverse_size_ = 1.0F;
+  int count_[3] = {1, 1, 1};
+  std::vector<std::int32_t> first_;          // of each cell, in sorted order; one more at the end
+  std::vector<std::int32_t> order_, large_;  // body indices
+  std::vector<std::int32_t> cell_;           // of each sorted body
+  std::vector<Entry> entry_;                 // of each sorted body
+  std::vector<std::int32_t> small_, small_cell_;
+};
+
+template <class Found>
+void Grid::for_pairs(int begin, int end, Found found) const {
+  for (int self = begin; self < end; ++self) {
+    const int cell = cell_[static_cast<std::size_t>(self)];
+    const int cx = cell % count_[0], cy = cell / count_[0] % count_[1], cz = cell / count_[0] / count_[1];
+    const int x0 = cx > 0 ? cx - 1 : 0, x1 = cx + 1 < count_[0] ? cx + 1 : cx;
+    scan(self, self + 1, first_[static_cast<std::size_t>(index(x1, cy, cz)) + 1], found);
+    for (int z = cz; z <= cz + 1 && z < count_[2]; ++z)
+      for (int y = z == cz ? cy + 1 : cy - 1; y <= cy + 1; ++y)
+        if (y >= 0 && y < count_[1])
+          scan(self, first_[static_cast<std::size_t>(index(x0, y, z))],
+               first_[static_cast<std::size_t>(index(x1, y, z)) + 1], found);
+  }
+}
+
+template <class Found>
+void Grid::for_box(const Vec3& low, const Vec3& high, Found found) const {
+  if (order_.empty()) return;
+  // Bodies of a cell reach out of it by no more than half its size.
+  const float out = 0.5F / inverse_size_;
+  int from[3], to[3];
+  for (int k = 0; k < 3; ++k) from[k] = cell_of(low[k] - out, k), to[k] = cell_of(high[k] + out, k);
+  for (int z = from[2]; z <= to[2]; ++z)
+    for (int y = from[1]; y <= to[1]; ++y) {
+      const int last = first_[static_cast<std::size_t>(index(to[0], y, z)) + 1];
+      for (int k = first_[static_cast<std::size_t>(index(from[0], y, z))]; k < last; ++k) {
+        const Entry& e = entry_[static_cast<std::size_t>(k)];
+        const bool meets = e.x + e.reach > low.x() && e.x - e.reach < high.x() && e.y + e.reach > low.y() &&
+                           e.y - e.reach < high.y() && e.z + e.reach > low.z() && e.z - e.reach < high.z();
+        if (meets) found(order_[static_cast<std::size_t>(k)]);
+      }
+    }
+}
+
+}  // namespace smartsurf::world

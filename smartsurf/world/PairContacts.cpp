@@ -1,0 +1,66 @@
+#include "smartsurf/world/PairContacts.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "smartsurf/world/ConvexPair.h"
+#include "smartsurf/world/Distance.h"
+
+namespace smartsurf::world {
+namespace {
+
+using scene::ShapeKind;
+
+// How far the two close in on each other along the normal within one step.
+float closing(const BodyStore& bodies, std::size_t a, std::size_t b, const Vec3& normal, float dt_s) {
+  return std::max(0.0F, -normal.dot(bodies.velocity(a) - bodies.velocity(b))) * dt_s;
+}
+
+void touch_spheres(const BodyStore& bodies, std::size_t a, std::size_t b, float margin, float dt_s,
+                   std::vector<Contact>& out) {
+  const Vec3 apart = bodies.position[a] - bodies.position[b];
+  const float distance = apart.norm();
+  const Vec3 normal = distance > 1e-6F ? Vec3(apart / distance) : Vec3(0, 0, 1);
+  const float gap = distance - bodies.reach[a] - bodies.reach[b];
+  if (gap > margin && gap > margin + closing(bodies, a, b, normal, dt_s)) return;
+  Contact& c = out.emplace_back();
+  c.normal = normal;
+  c.arm = -bodies.reach[a] * normal;
+  c.gap = gap;
+}
+
+// A sphere against anything else, in either order.
+void touch_sphere(const BodyStore& bodies, std::size_t sphere, std::size_t other, bool sphere_is_a,
+                  float margin, float dt_s, std::vector<Contact>& out) {
+  const float radius = bodies.reach[sphere];
+  const Vec3 centre = bodies.axes[other].transpose() * (bodies.position[sphere] - bodies.position[other]);
+  for_pieces(*bodies.shape[other], [&](const Piece& piece) {
+    const Outward o = outward_of(piece, centre);
+    const Vec3 normal = bodies.axes[other] * o.normal;
+    const float gap = o.distance - radius;
+    if (gap > margin && gap > margin + closing(bodies, sphere, other, normal, dt_s)) return;
+    Contact& c = out.emplace_back();
+    c.normal = sphere_is_a ? normal : Vec3(-normal);
+    c.gap = gap;
+    c.arm = sphere_is_a ? Vec3(-radius * normal)
+                        : Vec3(bodies.position[sphere] - (radius + gap) * normal - bodies.position[other]);
+  });
+}
+
+}  // namespace
+
+void touch_bodies(const BodyStore& bodies, std::size_t a, std::size_t b, float margin, float dt_s,
+                  std::vector<Contact>& out) {
+  const bool round_a = bodies.round[a], round_b = bodies.round[b];
+  if (round_a && round_b) return touch_spheres(bodies, a, b, margin, dt_s, out);
+  if (round_a) return touch_sphere(bodies, a, b, true, margin, dt_s, out);
+  if (round_b) return touch_sphere(bodies, b, a, false, margin, dt_s, out);
+  const Vec3 apart = bodies.position[a] - bodies.position[b];
+  const float distance = apart.norm();
+  const Vec3 normal = distance > 1e-6F ? Vec3(apart / distance) : Vec3(0, 0, 1);
+  touch_convex({*bodies.shape[a], bodies.position[a], bodies.axes[a]},
+               {*bodies.shape[b], bodies.position[b], bodies.axes[b]},
+               margin + closing(bodies, a, b, normal, dt_s), out);
+}
+
+}  // namespace smartsurf::world

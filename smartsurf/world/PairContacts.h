@@ -1,0 +1,16 @@
+// Where two bodies touch.
+#pragma once
+
+#include <vector>
+
+#include "smartsurf/world/Bodies.h"
+#include "smartsurf/world/Contact.h"
+
+namespace smartsurf::world {
+
+// Appends the contacts of body a with body b, the normal pointing from b to a: all with gaps up to `margin`,
+// and those whose gap the two would close within one step at their speed. Does not look at sleep or mass.
+void touch_bodies(const BodyStore&, std::size_t a, std::size_t b, float margin, float dt_s,
+                  std::vector<Contact>& out);
+
+}  // namespace smartsurf::world

@@ -1,0 +1,124 @@
+#include "smartsurf/world/Shape.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace smartsurf::world {
+namespace {
+
+using scene::ShapeKind;
+
+// Draws each corner in so that all its faces move by `depth`: least squares where more than three meet.
+std::vector<Vec3> drawn_in(const scene::ConvexPiece& piece, float depth) {
+  std::vector<Mat3> squares(piece.corners.size(), Mat3::Identity() * 1e-4F);
+  std::vector<Vec3> sums(piece.corners.size(), Vec3::Zero());
+  for (const auto& face : piece.faces)
+    for (std::uint32_t i = 0; i < face.count; ++i) {
+      const std::size_t corner = piece.face_corners[face.first + i];
+      squares[corner] += face.normal * face.normal.transpose();
+      sums[corner] -= depth * face.normal;
+    }
+  std::vector<Vec3> core(piece.corners);
+  for (std::size_t i = 0; i < core.size(); ++i) core[i] += squares[i].ldlt().solve(sums[i]);
+  return core;
+}
+
+float least_width(const scene::ConvexPiece& piece) {
+  float least = std::numeric_limits<float>::max();
+  for (const auto& face : piece.faces) {
+    float deepest = 0.0F;
+    for (const Vec3& corner : piece.corners)
+      deepest = std::max(deepest, face.offset - face.normal.dot(corner));
+    least = std::min(least, deepest);
+  }
+  return least;
+}
+
+void add_hulls(Shape& shape) {
+  for (const auto& piece : shape.solid->pieces) {
+    const float width = least_width(piece);
+    const float rounding = std::min(0.03F, 0.1F * width);
+    shape.hulls.push_back({&piece, drawn_in(piece, rounding), rounding});
+    shape.width = shape.hulls.size() == 1 ? width : std::max(shape.width, width);
+  }
+}
+
+}  // namespace
+
+Shape make_shape(const scene::ObjectSpec& o) {
+  Shape s;
+  s.kind = o.shape;
+  s.radius = static_cast<float>(o.radius);
+  s.half = o.half_extents().cast<float>();
+  s.high = s.half.z();
+  s.low = -s.high;
+  s.width = 2.0F * s.half.minCoeff();
+  s.rounding = std::min(0.03F, 0.1F * s.half.minCoeff());
+  s.rolls = o.shape != ShapeKind::kBox && o.shape != ShapeKind::kSolid;
+  const auto height = static_cast<float>(o.height);
+  switch (o.shape) {
+    case ShapeKind::kSphere:
+      s.reach = s.rounding = s.radius;
+      break;
+    case ShapeKind::kBox:
+      s.reach = s.half.norm();
+      break;
+    case ShapeKind::kCylinder:
+      s.reach = std::hypot(s.radius, s.high);
+      break;
+    case ShapeKind::kCapsule:
+      s.reach = s.high;
+      s.rounding = s.radius;
+      break;
+    case ShapeKind::kCone:
+      s.low = -0.25F * height;
+      s.high = 0.75F * height;
+      s.reach = std::max(s.high, std::hypot(s.radius, s.low));
+      s.rounding = std::min(0.03F, 0.05F * std::min(s.radius, height));
+      break;
+    case ShapeKind::kSolid:
+      s.solid = o.solid;
+      s.reach = o.solid->reach;
+      add_hulls(s);
+      break;
+  }
+  return s;
+}
+
+float mass_of(const scene::ObjectSpec& o, const scene::Material& m) {
+  return o.fixed ? 0.0F : static_cast<float>(o.mass.value_or(m.density * o.volume()));
+}
+
+Mat3 inertia_of(const scene::ObjectSpec& o, float mass) {
+  const double r2 = o.radius * o.radius, h2 = o.height * o.height;
+  Eigen::Vector3d per_mass = Eigen::Vector3d::Constant(0.4 * r2);
+  switch (o.shape) {
+    case ShapeKind::kSphere:
+      break;
+    case ShapeKind::kBox: {
+      const Eigen::Vector3d s = o.size.cwiseAbs2();
+      per_mass = Eigen::Vector3d(s.y() + s.z(), s.x() + s.z(), s.x() + s.y()) / 12.0;
+      break;
+    }
+    case ShapeKind::kCylinder:
+      per_mass = {(3.0 * r2 + h2) / 12.0, (3.0 * r2 + h2) / 12.0, 0.5 * r2};
+      break;
+    case ShapeKind::kCapsule: {
+      // A cylinder of length l and two half balls, by volume.
+      const double l = std::max(0.0, o.height - 2.0 * o.radius), ball = 4.0 / 3.0 * o.radius;
+      const double tube = l / (l + ball), caps = ball / (l + ball);
+      const double across =
+          tube * (3.0 * r2 + l * l) / 12.0 + caps * (0.4 * r2 + 0.25 * l * l + 0.375 * l * o.radius);
+      per_mass = {across, across, tube * 0.5 * r2 + caps * 0.4 * r2};
+      break;
+    }
+    case ShapeKind::kCone:
+      per_mass = {0.15 * r2 + 0.0375 * h2, 0.15 * r2 + 0.0375 * h2, 0.3 * r2};
+      break;
+    case ShapeKind::kSolid:
+      return (o.solid->inertia * (static_cast<double>(mass) / o.solid->volume)).cast<float>();
+  }
+  return (per_mass * static_cast<double>(mass)).cast<float>().asDiagonal();
+}
+
+}  // namespace smartsurf::world

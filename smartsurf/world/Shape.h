@@ -1,0 +1,41 @@
+// The shape of one kind of body: what the physics needs to know of an ObjectSpec, prepared once.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "smartsurf/scene/SceneSpec.h"
+#include "smartsurf/world/Vec.h"
+
+namespace smartsurf::world {
+
+// A convex piece of a solid and its core: the corners drawn in so far that every face moves by `rounding`.
+struct HullPiece {
+  const scene::ConvexPiece* piece = nullptr;
+  std::vector<Vec3> core;
+  float rounding = 0.0F;
+};
+
+struct Shape {
+  scene::ShapeKind kind = scene::ShapeKind::kSphere;
+  float radius = 0.0F;
+  Vec3 half{0, 0, 0};       // half extents about the centre of mass, own axes
+  float low = 0, high = 0;  // ends along the own z axis, from the centre of mass
+  float reach = 0.0F;       // of the farthest point from the centre of mass
+  float width = 0.0F;       // what is narrower than a gap of the surface falls into it
+  float rounding = 0.0F;    // GJK works on the shape drawn in by this much, u
+  bool rolls = false;       // whether rolling friction acts on it
+  std::shared_ptr<const scene::Solid> solid;
+  std::vector<HullPiece> hulls;  // of a solid
+
+  bool round() const { return kind == scene::ShapeKind::kSphere; }
+};
+
+Shape make_shape(const scene::ObjectSpec&);
+
+// Of a body of this density or mass; 0 when it is fixed.
+float mass_of(const scene::ObjectSpec&, const scene::Material&);
+// Moments of inertia about the centre of mass in own axes, closed forms.
+Mat3 inertia_of(const scene::ObjectSpec&, float mass);
+
+}  // namespace smartsurf::world

@@ -1,0 +1,76 @@
+#include "smartsurf/world/SphereOnField.h"
+
+#include "smartsurf/world/QuadrantPicker.h"
+
+namespace smartsurf::world {
+namespace {
+
+struct Touch {
+  Vec3 normal;
+  float gap;
+  int row, column;
+};
+
+void touch_column(const Columns& columns, int row, int column, const Vec3& centre, float radius, float reach,
+                  QuadrantPicker<Touch>& picker) {
+  const Column q = columns.at(row, column);
+  const Vec3 nearest(std::clamp(centre.x(), q.west, q.east), std::clamp(centre.y(), q.south, q.north),
+                     std::min(centre.z(), q.top));
+  const Vec3 offset = centre - nearest;
+  const float square = offset.squaredNorm();
+  if (square > reach * reach) return;
+  if (square > 1e-12F) {
+    // Out over a bridged side the neighbour is nearer: its contact is the true one.
+    if (q.leans_over_bridge(offset.x(), offset.y(), 0.0F)) return;
+    const float length = std::sqrt(square);
+    picker.offer({offset / length, length - radius, row, column});
+  } else {
+    const WayOut out = way_out(q, centre);
+    picker.offer({out.normal, out.distance - radius, row, column});
+  }
+}
+
+}  // namespace
+
+void move_with_cell(const Columns& columns, int row, int column, const Vec3& point, Contact& c) {
+  const surface::Field& f = columns.field();
+  const auto i = static_cast<std::size_t>(columns.index(row, column));
+  c.surface = {0, 0, f.speed[i]};
+  if (!f.drags()) return;
+  const float spin = f.spin.empty() ? 0.0F : f.spin[i];
+  const Vec3 drag(f.drag_x[i] - spin * (point.y() - columns.y(row)),
+                  f.drag_y[i] + spin * (point.x() - columns.x(column)), 0);
+  // Only along the surface: the cell itself stays where it is.
+  c.surface += drag - c.normal * c.normal.dot(drag);
+  c.surface_spin = spin;
+}
+
+void touch_field_with_sphere(const surface::Field& field, const Vec3& centre, float radius, float margin,
+                             std::vector<Contact>& out) {
+  const float reach = radius + margin;
+  if (centre.z() - reach > field.max_height) return;
+  const Columns columns(field, 2.0F * radius);
+  const CellRange cells =
+      columns.covering(centre.x() - reach, centre.x() + reach, centre.y() - reach, centre.y() + reach);
+  const float half = 0.5F * columns.pitch(), square = reach * reach;
+  QuadrantPicker<Touch> picker;
+  for (int r = cells.row_begin; r < cells.row_end; ++r) {
+    const float dy = std::max(0.0F, std::abs(centre.y() - columns.y(r)) - half);
+    for (int c = cells.column_begin; c < cells.column_end; ++c) {
+      const float dx = std::max(0.0F, std::abs(centre.x() - columns.x(c)) - half);
+      const float dz = std::max(0.0F, centre.z() - columns.top(r, c));
+      if (dx * dx + dy * dy + dz * dz <= square) touch_column(columns, r, c, centre, radius, reach, picker);
+    }
+  }
+  picker.pick([&](const Touch& t) {
+    Contact& contact = out.emplace_back();
+    contact.normal = t.normal;
+    contact.arm = -radius * t.normal;
+    contact.gap = t.gap;
+    contact.other = kField;
+    contact.key = columns.index(t.row, t.column);
+    move_with_cell(columns, t.row, t.column, centre - (radius + t.gap) * t.normal, contact);
+  });
+}
+
+}  // namespace smartsurf::world

@@ -1,0 +1,85 @@
+"""What `cmake --install` puts somewhere works from there, and knows nothing of the checkout."""
+import re
+import shutil
+
+from programs import *
+
+CMAKE = os.environ.get("SMARTSURF_CMAKE", "cmake")
+
+
+class Packaging(ProgramTest):
+    @classmethod
+    def setUpClass(cls):
+        cls._prefix = tempfile.TemporaryDirectory(prefix="smartsurf-prefix-")
+        cls.prefix = pathlib.Path(cls._prefix.name)
+        subprocess.run([CMAKE, "--install", str(BIN.parent), "--prefix", str(cls.prefix)], check=True,
+                       stdout=subprocess.DEVNULL)
+        cls.share = cls.prefix / "share/smartsurf"
+
+    @classmethod
+    def tearDownClass(cls):
+        cls._prefix.cleanup()
+
+    def installed(self, program, *arguments):
+        return self.run_program(str(self.prefix / "bin" / program), *map(str, arguments))
+
+    def test_the_case_study_runs_from_where_it_was_installed(self):
+        status, _, err = self.installed("smartsurf", "run", self.share / "case-study/sort.lua", "--controller",
+                                        self.share / "case-study/sort.aps", "--ticks", 20, "--stats", "stats.json")
+        self.assertEqual(status, 0, err)
+        self.assertEqual(json.loads((self.folder / "stats.json").read_text())["ticks"], 20)
+
+    def test_programs_find_the_installed_library(self):
+        # A changed copy of the library shows which one is read.
+        library = self.share / "apron/apron.aps"
+        library.write_text(library.read_text() + "\n!define(INSTALLED_HERE, 7)\n")
+        program = self.write("p.aps", "!include('apron.aps')\nprint(INSTALLED_HERE)\n")
+        status, out, err = self.installed("apron", "run", program)
+        self.assertEqual((status, out.strip()), (0, "7"), err)
+
+    def test_the_fake_hardware_finds_the_shared_library(self):
+        status, out, err = self.installed("fake_surface", "--help")
+        self.assertEqual(status, 0, err)
+        self.assertIn("fake_surface", out + err)
+
+    def test_every_flag_of_a_program_is_in_its_manual_page(self):
+        pages = sorted((self.prefix / "share/man/man1").glob("*.1"))
+        self.assertEqual(sorted(p.stem for p in pages),
+                         ["apron", "device_emulator", "fake_surface", "shm_dump", "smartsurf", "smartsurf-doctor", "surface_bridge"])
+        for page in pages:
+            text = page.read_text().replace("\\-", "-")
+            helps = [self.installed(page.stem, "--help")[1]]
+            for command in re.findall(r"^  ([a-z]+) {2,}", helps[0], re.MULTILINE):
+                if page.stem in ("smartsurf", "apron"):
+                    helps.append(self.installed(page.stem, command, "--help")[1])
+            flags = set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", " ".join(helps)))
+            self.assertTrue(flags or page.stem == 'smartsurf-doctor', page)
+            self.assertEqual(sorted(f for f in flags if f not in text), [], page)
+
+    def test_completion_offers_commands_and_flags(self):
+        script = self.prefix / "share/bash-completion/completions/smartsurf"
+        ask = ("source {0}; PATH={1}:$PATH; COMP_WORDS=({2}); COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1)); _smartsurf; "
+               "echo ${{COMPREPLY[*]}}")
+        for typed, expected in (("smartsurf re", "replay"), ("smartsurf run --scr", "--screenshot"),
+                                ("smartsurf run --mode p", "passive"), ("apron di", "disasm")):
+            out = subprocess.run(["bash", "-c", ask.format(script, self.prefix / "bin", typed)], text=True,
+                                 stdout=subprocess.PIPE, check=True).stdout
+            self.assertEqual(out.strip(), expected)
+
+    def test_the_doctor_finds_a_healthy_machine_and_a_missing_program(self):
+        status, out, err = self.installed("smartsurf-doctor")
+        self.assertEqual(status, 0, out + err)
+        self.assertIn(str(self.prefix / "bin/smartsurf"), out)
+        lonely = self.folder / "bin"
+        lonely.mkdir()
+        shutil.copy(self.prefix / "bin/smartsurf-doctor", lonely / "doctor")
+        shutil.copy(self.prefix / "bin/smartsurf", lonely / "smartsurf")
+        status, out, _ = self.finish(subprocess.Popen(
+            [str(lonely / "doctor")], env={**os.environ, "PATH": "/usr/bin:/bin"}, text=True,
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE))
+        self.assertEqual(status, 1, out)
+        self.assertRegex(out, r"WRONG apron +not found")
+
+
+if __name__ == "__main__":
+    unittest.main()

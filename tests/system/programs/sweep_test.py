@@ -1,0 +1,83 @@
+"""scripts/sweep: every point of the grid once, results in one table, interrupted work taken up again."""
+import csv
+import shutil
+
+from programs import *
+
+SWEEP = str(ROOT / "scripts/sweep")
+
+TABLE = """
+local weight, seed_digit = option('weight', 1.0, 'a number'), random(0, 1)
+surface { rows = 4, columns = 4, actuator = pin {} }
+if weight < 0 then error('no such weight') end
+on_finish(function() metric('product', weight * 10) metric('chance', seed_digit) end)
+"""
+
+
+@unittest.skipUnless(shutil.which("parallel"), "GNU parallel is not installed")
+class Sweep(ProgramTest):
+    def sweep(self, *arguments):
+        return self.run_program(SWEEP, self.experiment, "--smartsurf", SMARTSURF, "--until", "0.1", "-o", "out",
+                                *arguments)
+
+    def setUp(self):
+        super().setUp()
+        self.experiment = self.write("table.lua", TABLE)
+
+    def results(self):
+        with open(self.folder / "out/results.csv", newline="") as file:
+            return list(csv.DictReader(file))
+
+    def test_every_point_has_its_line(self):
+        status, out, err = self.sweep("--set", "weight=1,2.5", "--seeds", "1-2,7")
+        self.assertEqual(status, 0, out + err)
+        rows = self.results()
+        self.assertEqual([(r["weight"], r["seed"], r["exit_status"], float(r["product"])) for r in rows],
+                         [("1", "1", "0", 10), ("1", "2", "0", 10), ("1", "7", "0", 10),
+                          ("2.5", "1", "0", 25), ("2.5", "2", "0", 25), ("2.5", "7", "0", 25)])
+        # Seeds differ, and the same seed is the same chance whatever the option.
+        self.assertEqual(len({r["chance"] for r in rows}), 3)
+        self.assertEqual(rows[0]["chance"], rows[3]["chance"])
+
+    def test_what_is_done_is_not_done_again_and_what_failed_is(self):
+        self.assertEqual(self.sweep("--set", "weight=1", "--seeds", "1-3")[0], 0)
+        runs = self.folder / "out/runs"
+        (runs / "weight=1,seed=1/status").unlink()          # as if interrupted
+        (runs / "weight=1,seed=2/status").write_text("1")   # as if failed
+        untouched = (runs / "weight=1,seed=3/stats.json").stat().st_mtime_ns
+        status, out, err = self.sweep("--set", "weight=1", "--seeds", "1-3")
+        self.assertEqual(status, 0, err)
+        self.assertIn("3 runs, 1 done before", out)
+        self.assertEqual(untouched, (runs / "weight=1,seed=3/stats.json").stat().st_mtime_ns)
+        self.assertEqual([r["exit_status"] for r in self.results()], ["0", "0", "0"])
+
+    def test_a_failing_point_is_named_and_the_others_are_kept(self):
+        status, _, err = self.sweep("--set", "weight=1,-1", "--seeds", "1")
+        self.assertEqual(status, 1)
+        self.assertIn("weight=-1,seed=1", err)
+        self.assertIn("no such weight", err)
+        self.assertEqual([r["exit_status"] for r in self.results()], ["0", "2"])
+
+    @unittest.skipUnless(shutil.which("gnuplot"), "gnuplot is not installed")
+    def test_the_plot_shows_the_figure(self):
+        status, _, err = self.sweep("--set", "weight=1,2,3", "--seeds", "1-2", "--y", "product")
+        self.assertEqual(status, 0, err)
+        drawing = (self.folder / "out/results.svg").read_text()
+        self.assertIn("product", drawing)
+        self.assertIn("median", drawing)
+
+    def test_mistakes_get_one_line(self):
+        for arguments, message in (
+                (("--seeds", "3-1"), "sweep: --seeds 3-1: must be like 1-10 or 1,2,5"),
+                (("--set", "weight"), "sweep: --set weight: must be NAME=VALUE or NAME=VALUE,VALUE,…"),
+                (("--jobs", "0"), "sweep: --jobs 0: must be a whole number from 1"),
+                (("--set", "weigth=1"), "did you mean 'weight'?"),
+                (("--x", "size"), "sweep: --x size: must be seed or one of the options of --set (none given)")):
+            status, _, err = self.sweep(*arguments)
+            self.assertEqual(status, 2, arguments)
+            self.assertIn(message, err)
+            self.assertEqual(len(err.strip().splitlines()), 1, err)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,112 @@
+#include "apron/debugger/Listing.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/unit/apron/debugger/Programs.h"
+
+namespace apron::debugger::test {
+namespace {
+
+const char* const kMain = R"(!include('lib.aps')
+!register(A, B)
+A = 1
+B = twice(A)
+B = four(B)
+A = B
+)";
+const std::map<std::string, std::string> kFiles = {{"lib.aps", R"(// doubles
+!macro_def
+$y = twice($a)
+!macro_begin
+:t = $a + $a
+$y = :t
+!macro_end
+!macro_def
+$y = four($a)
+!macro_begin
+:half = twice($a)
+$y = twice(:half)
+!macro_end
+)"}};
+
+std::vector<std::string> texts(const Listing& listing) {
+  std::vector<std::string> all;
+  for (const Listing::Row& row : listing.rows()) all.push_back(std::string(row.depth, '>') + row.text);
+  return all;
+}
+std::size_t row_with(const Listing& listing, const std::string& text) {
+  for (std::size_t i = 0; i < listing.rows().size(); ++i)
+    if (listing.rows()[i].text == text) return i;
+  ADD_FAILURE() << "no row " << text;
+  return 0;
+}
+
+TEST(Listing, IsTheMainFileWhenAllIsFolded) {
+  const Compiled c = compiled(kMain, kFiles);
+  const Listing listing(c.program, c.texts);
+  EXPECT_EQ(texts(listing), (std::vector<std::string>{"!include('lib.aps')", "!register(A, B)", "A = 1",
+                                                      "B = twice(A)", "B = four(B)", "A = B"}));
+  EXPECT_EQ(listing.rows()[0].fold, Listing::Fold::kClosed);
+  EXPECT_EQ(listing.rows()[2].fold, Listing::Fold::kNone);
+  EXPECT_EQ(listing.rows()[3].fold, Listing::Fold::kClosed);
+  EXPECT_FALSE(listing.rows()[1].code);
+  for (const std::size_t row : {2, 3, 4, 5}) EXPECT_TRUE(listing.rows()[row].code) << row;
+  // Every instruction is shown on a line of the main file, in order.
+  ASSERT_EQ(listing.groups().size(), c.program.code.size());
+  EXPECT_TRUE(std::is_sorted(listing.groups().begin(), listing.groups().end()));
+  EXPECT_EQ(listing.groups().front(), 2U);
+  EXPECT_EQ(std::count(listing.groups().begin(), listing.groups().end(), 3U) > 0, true);
+}
+
+TEST(Listing, UnfoldsAnIncludedFileAndAMacroInsideAMacro) {
+  const Compiled c = compiled(kMain, kFiles);
+  Listing listing(c.program, c.texts);
+  listing.toggle(0);
+  EXPECT_EQ(listing.rows()[1].text, "lib.aps");  // a title, then its lines
+  EXPECT_EQ(listing.rows()[1].line, 0U);
+  EXPECT_EQ(listing.rows()[2].text, "// doubles");
+  EXPECT_EQ(listing.rows()[2].depth, 1U);
+  listing.toggle(0);
+  EXPECT_EQ(listing.rows().size(), 6U);
+
+  listing.toggle(row_with(listing, "B = four(B)"));
+  ASSERT_EQ(texts(listing)[5], ">macro four, lib.aps");
+  EXPECT_EQ(texts(listing)[6], ">:half = twice($a)");
+  EXPECT_EQ(texts(listing)[7], ">$y = twice(:half)");
+  EXPECT_EQ(listing.rows()[6].line, 11U);
+  EXPECT_EQ(listing.rows()[6].fold, Listing::Fold::kClosed);
+  listing.toggle(6);
+  EXPECT_EQ(texts(listing)[7], ">>macro twice, lib.aps");
+  EXPECT_EQ(texts(listing)[8], ">>:t = $a + $a");
+  // What is unfolded has its instructions; the line above it keeps none of them.
+  EXPECT_GT(std::count(listing.groups().begin(), listing.groups().end(), 8U), 0);
+  EXPECT_EQ(std::count(listing.groups().begin(), listing.groups().end(), 4U), 0);
+}
+
+TEST(Listing, RevealsAnInstructionAndAddsUpWhatRowsTook) {
+  const Compiled c = compiled(kMain, kFiles);
+  Listing listing(c.program, c.texts);
+  std::vector<vm::Spent> spent(c.program.code.size(), {1, 10});
+  std::uint64_t folded = 0, all = 0;
+  for (const vm::Spent& row : listing.by_row(spent)) all += row.count;
+  folded = listing.by_row(spent)[4].count;
+  EXPECT_EQ(all, spent.size());
+  const auto inside =
+      std::find(listing.groups().begin(), listing.groups().end(), 4U) - listing.groups().begin();
+  listing.reveal(static_cast<std::size_t>(inside));
+  const std::size_t row = listing.groups()[static_cast<std::size_t>(inside)];
+  EXPECT_EQ(listing.rows()[row].text, ":t = $a + $a");
+  EXPECT_EQ(listing.rows()[row].depth, 2U);
+  EXPECT_LT(listing.by_row(spent)[row].count, folded);
+}
+
+TEST(Listing, OfNothingIsEmpty) {
+  Listing listing;
+  EXPECT_TRUE(listing.rows().empty());
+  listing.toggle(3);
+  listing.reveal(3);
+  EXPECT_TRUE(Listing(program::Program{}, {}).rows().empty());
+}
+
+}  // namespace
+}  // namespace apron::debugger::test

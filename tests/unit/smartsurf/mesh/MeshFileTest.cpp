@@ -1,0 +1,181 @@
+#include "smartsurf/mesh/MeshFile.h"
+
+#include <assimp/scene.h>
+#include <gtest/gtest.h>
+
+#include <assimp/Exporter.hpp>
+#include <atomic>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+
+#include "smartsurf/mesh/Isolated.h"
+#include "smartsurf/mesh/SolidLibrary.h"
+#include "tests/unit/smartsurf/mesh/Meshes.h"
+
+namespace smartsurf::mesh {
+namespace {
+
+namespace fs = std::filesystem;
+
+class MeshFileTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder = fs::path(testing::TempDir()) / "smartsurf-mesh" /
+             testing::UnitTest::GetInstance()->current_test_info()->name();
+    fs::remove_all(folder);
+    fs::create_directories(folder);
+  }
+  void TearDown() override { fs::remove_all(folder); }
+
+  fs::path write(const std::string& name, const std::string& text) {
+    std::ofstream(folder / name, std::ios::binary) << text;
+    return folder / name;
+  }
+  std::string bytes_of(const fs::path& file) {
+    std::ifstream in(file, std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), {}};
+  }
+
+  // Through assimp's exporters, which know the formats better than this test.
+  fs::path exported(const TriangleMesh& mesh, const std::string& format, const std::string& name) {
+    aiScene scene;
+    scene.mRootNode = new aiNode("root");
+    aiNode* node = new aiNode("part");  // the 3MF exporter looks at the root's children only
+    node->mNumMeshes = 1;
+    node->mMeshes = new unsigned[1]{0};
+    scene.mRootNode->addChildren(1, &node);
+    scene.mNumMaterials = 1;
+    scene.mMaterials = new aiMaterial* [1] { new aiMaterial };
+    scene.mNumMeshes = 1;
+    auto* const part = new aiMesh;
+    scene.mMeshes = new aiMesh* [1] { part };
+    part->mPrimitiveTypes = aiPrimitiveType_TRIANGLE;
+    part->mNumVertices = static_cast<unsigned>(mesh.points.size());
+    part->mVertices = new aiVector3D[mesh.points.size()];
+    for (std::size_t i = 0; i < mesh.points.size(); ++i) {
+      const Eigen::Vector3f p = mesh.points[i].cast<float>();
+      part->mVertices[i] = {p.x(), p.y(), p.z()};
+    }
+    part->mNumFaces = static_cast<unsigned>(mesh.triangles.size());
+    part->mFaces = new aiFace[mesh.triangles.size()];
+    for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+      const auto& t = mesh.triangles[i];
+      part->mFaces[i].mNumIndices = 3;
+      part->mFaces[i].mIndices = new unsigned[3]{t[0], t[1], t[2]};
+    }
+    Assimp::Exporter exporter;
+    EXPECT_EQ(exporter.Export(&scene, format, (folder / name).string()), AI_SUCCESS)
+        << exporter.GetErrorString();
+    return folder / name;
+  }
+
+  fs::path folder;
+};
+
+constexpr const char* kOpenCube =
+    "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 0 0 1\nv 1 0 1\nv 0 1 1\nv 1 1 1\n"
+    "f 1 3 4 2\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+
+TEST_F(MeshFileTest, EveryFormatGivesTheSameSolid) {
+  struct Format {
+    const char *exporter, *name;
+  };
+  for (const Format& f : {Format{"stl", "a.stl"}, Format{"stlb", "b.stl"}, Format{"obj", "c.obj"},
+                          Format{"ply", "d.ply"}, Format{"plyb", "e.ply"}, Format{"gltf2", "f.gltf"},
+                          Format{"glb2", "g.glb"}, Format{"3mf", "h.3mf"}}) {
+    SCOPED_TRACE(f.name);
+    const fs::path file = exported(l_mesh(), f.exporter, f.name);
+    SolidLibrary library;
+    const scene::SolidAnswer made = library.mesh({.file = file, .name = f.name});
+    EXPECT_TRUE(made.notes.empty());
+    EXPECT_NEAR(made.solid->volume, 5.0, 1e-5);
+    EXPECT_EQ(made.solid->vertices.size(), 12U);
+    EXPECT_EQ(made.solid->pieces.size(), 2U);
+    EXPECT_LT((made.solid->high - Eigen::Vector3f(1.9F, 1.9F, 0.5F)).norm(), 1e-5F);
+  }
+}
+
+TEST_F(MeshFileTest, EqualRequestsShareOneSolid) {
+  const fs::path file = exported(l_mesh(), "stl", "l.stl");
+  SolidLibrary library;
+  const auto first = library.mesh({.file = file, .name = "l.stl"}).solid;
+  EXPECT_EQ(library.mesh({.file = file, .name = "l.stl"}).solid, first);
+  EXPECT_NE(library.mesh({.file = file, .name = "l.stl", .scale = 2.0}).solid, first);
+  EXPECT_NE(library.hull({.file = file, .name = "l.stl"}).solid, first);
+  EXPECT_NEAR(library.mesh({.file = file, .name = "l.stl", .scale = 2.0}).solid->volume, 40.0, 1e-4);
+  const std::vector<Eigen::Vector3d> points{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+  EXPECT_EQ(library.hull(points, "hull").solid, library.hull(points, "hull").solid);
+}
+
+TEST_F(MeshFileTest, TheHullOfAFileNeedsNoClosedMesh) {
+  SolidLibrary library;
+  const fs::path file = write("open.obj", kOpenCube);
+  EXPECT_NEAR(library.hull({.file = file, .name = "open.obj"}).solid->volume, 1.0, 1e-6);
+  EXPECT_EQ(error_of([&] { library.mesh({.file = file, .name = "open.obj"}); })
+                .find("'open.obj': the mesh is open: 4 edges have one triangle only, the first from (1, 0, "
+                      "1) to (0, 0, 1)"),
+            0U);
+}
+
+TEST_F(MeshFileTest, BadFilesGetOneLine) {
+  const auto refused = [&](const std::string& name, const std::string& text) {
+    return error_of([&] { read_mesh(write(name, text)); });
+  };
+  EXPECT_EQ(error_of([&] { read_mesh(folder / "none.stl"); }), "does not exist");
+  EXPECT_EQ(refused("a.txt", ""),
+            "is no mesh by its name: must end in .stl, .obj, .ply, .gltf, .glb or .3mf");
+  for (const char* name : {"a.stl", "a.obj", "a.ply", "a.gltf", "a.glb", "a.3mf"})
+    for (const char* text :
+         {"", "solid", "garbage\n\n\x01\xff", "ply\nformat ascii 1.0\nelement vertex 9\n"}) {
+      const std::string error = refused(name, text);
+      EXPECT_NE(error, "") << name << text;
+      EXPECT_EQ(error.find('\n'), std::string::npos);
+    }
+  EXPECT_EQ(refused("h.ply", "ply\nformat ascii 1.0\nelement vertex 9\n"),
+            "is damaged: its header has no end");
+  EXPECT_NE(refused("n.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").find("not finite"), std::string::npos);
+}
+
+TEST_F(MeshFileTest, DamagedFilesAreRefusedOrReadButNeverCrash) {
+  for (const auto& [format, name] : std::map<std::string, std::string>{{"stl", "a.stl"},
+                                                                       {"stlb", "b.stl"},
+                                                                       {"obj", "c.obj"},
+                                                                       {"ply", "d.ply"},
+                                                                       {"plyb", "e.ply"},
+                                                                       {"glb2", "g.glb"}}) {
+    const std::string whole = bytes_of(exported(tetrahedron(), format, name));
+    for (std::size_t keep = 0; keep < whole.size(); keep += 1 + whole.size() / 20) {
+      write(name, whole.substr(0, keep));
+      EXPECT_NO_FATAL_FAILURE(error_of([&] { read_mesh(folder / name); }));
+    }
+  }
+}
+
+TEST(Isolated, GivesTheBytesOrNoneAfterACrashAnExceptionOrALoop) {
+  EXPECT_EQ(isolated([] { return std::string(300000, 'x'); }, 10), std::string(300000, 'x'));
+  EXPECT_EQ(isolated([]() -> std::string { std::abort(); }, 10), std::nullopt);
+  EXPECT_EQ(isolated([]() -> std::string { throw std::runtime_error("no"); }, 10), std::nullopt);
+  EXPECT_EQ(isolated(
+                []() -> std::string {
+                  std::atomic<int> count = 0;
+                  while (count >= 0) count = 1;
+                  return "";
+                },
+                0.05),
+            std::nullopt);
+}
+
+TEST_F(MeshFileTest, AFileThatRefersOutsideItsFolderGetsNothingFromThere) {
+  const fs::path file = exported(tetrahedron(), "gltf2", "part.gltf");
+  ASSERT_TRUE(fs::exists(folder / "part.bin"));
+  EXPECT_EQ(read_mesh(file).triangles.size(), 4U);
+  fs::create_directories(folder / "inner");
+  fs::copy(file, folder / "inner" / "part.gltf");
+  fs::create_symlink(folder / "part.bin", folder / "inner" / "part.bin");
+  EXPECT_NE(error_of([&] { read_mesh(folder / "inner" / "part.gltf"); }), "");
+}
+
+}  // namespace
+}  // namespace smartsurf::mesh

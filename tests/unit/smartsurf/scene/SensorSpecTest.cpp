@@ -1,0 +1,65 @@
+#include "smartsurf/scene/SensorSpec.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "smartsurf/scene/SceneSpec.h"
+
+using namespace smartsurf::scene;
+
+namespace {
+
+std::string problem(const std::string& model, const ParameterValues& values) {
+  SensorSpec spec = find_sensor_kind(model)->standard();
+  for (const auto& [name, value] : values) spec.values[name] = value;
+  return find_sensor_kind(model)->problem_with(spec);
+}
+
+}  // namespace
+
+TEST(SensorKind, EveryBuiltInOneIsGoodAsItStands) {
+  ASSERT_GE(sensor_kinds().size(), 6u);
+  for (const SensorKind& kind : sensor_kinds()) {
+    EXPECT_EQ(kind.problem_with(kind.standard()), "");
+    const std::vector<SensorChannel> channels = kind.channels(kind.standard());
+    ASSERT_FALSE(channels.empty());
+    EXPECT_EQ(channels[0].name, kind.name);
+    EXPECT_LT(kind.mask, static_cast<int>(channels.size()));
+    for (const SensorChannel& c : channels) {
+      EXPECT_LT(c.minimum, c.maximum) << c.name;
+      EXPECT_TRUE(c.none >= c.minimum && c.none <= c.maximum) << c.name;
+      EXPECT_TRUE(c.components >= 1 && c.components <= 64) << c.name;
+      EXPECT_LE(c.unit.size(), 15u) << c.name;
+    }
+  }
+}
+
+TEST(SensorKind, ProblemsNameTheField) {
+  EXPECT_EQ(problem("proximity", {{"direction", {0, 0, 0}}}), "proximity.direction: must not be of length 0");
+  EXPECT_EQ(problem("colour", {{"origin", {0, 1e9, 0}}}),
+            "colour.origin[2] = 1000000000: must be in [-1000000, 1000000]");
+  EXPECT_EQ(problem("light", {{"direction", {1, 0, 0}}}),
+            "light.direction: must point up, to the light: its third number must be > 0");
+  EXPECT_EQ(problem("light", {{"size", {2}}}), "light.size = 2: must be in [0, 0.785398163397]");
+  EXPECT_EQ(problem("pressure", {{"range", {0}}}), "pressure.range = 0: must be greater than 0");
+  EXPECT_EQ(problem("camera", {{"resolution", {5}}}), "camera.resolution = 5: must be in [1, 4]");
+  EXPECT_EQ(problem("camera", {{"floor", {200}}}), "camera.floor = 200: must be below the height, 100");
+  EXPECT_EQ(problem("proximity", {{"noise", {-1}}}), "proximity.noise = -1: must be in [0, 1000000]");
+  EXPECT_EQ(problem("proximity", {{"dropout", {1.5}}}), "proximity.dropout = 1.5: must be in [0, 1]");
+  EXPECT_EQ(problem("proximity", {{"dead", {0.5}}, {"stuck_low", {0.6}}}),
+            "proximity: stuck_low, stuck_high and dead are 1.1 together: must be at most 1");
+}
+
+TEST(SensorKind, OneMayBeAddedOrReplaced) {
+  const auto count = sensor_kinds().size();
+  add_sensor_kind({.name = "smell", .channels = [](const SensorSpec& s) -> std::vector<SensorChannel> {
+                     return {{.name = s.name}};
+                   }});
+  ASSERT_EQ(sensor_kinds().size(), count + 1);
+  EXPECT_EQ(channels_of(std::vector<SensorSpec>{find_sensor_kind("smell")->standard()})[0].name, "smell");
+  add_sensor_kind({.name = "smell", .mask = 3});
+  EXPECT_EQ(sensor_kinds().size(), count + 1);
+  EXPECT_EQ(find_sensor_kind("smell")->mask, 3);
+  EXPECT_EQ(find_sensor_kind("taste"), nullptr);
+}

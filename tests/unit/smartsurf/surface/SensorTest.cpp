@@ -1,0 +1,258 @@
+#include "smartsurf/surface/Sensor.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <numbers>
+
+#include "tests/unit/smartsurf/surface/Table.h"
+
+using namespace smartsurf;
+using surface::SensorArray;
+using surface::Table;
+
+namespace {
+
+const scene::Colour kRed{0.9F, 0.1F, 0.2F};
+
+}  // namespace
+
+TEST(Proximity, OverABallIsItsHeightAndElsewhereTheRange) {
+  Table t;
+  t.add_ball(5, 7, 6, 2);
+  t.height(5, 7) = 1.5F;
+  t.add_sensor("proximity");
+  SensorArray s = t.sensors();
+  s.sense(t.snapshot, t.catalogue, t.pool);
+  EXPECT_FLOAT_EQ(s.readings(0)[t.cell(5, 7)], 2.5F);  // 6 − 2 − 1.5
+  EXPECT_EQ(s.readings(1)[t.cell(5, 7)], 1.0F);
+  EXPECT_EQ(s.readings(0)[t.cell(0, 0)], 8.0F);
+  EXPECT_EQ(s.readings(1)[t.cell(0, 0)], 0.0F);
+  EXPECT_EQ(std::ranges::count(s.readings(1), 1.0F), 13);  // cells with dx² + dy² ≤ 4
+}
+
+TEST(Proximity, TouchedFromInsideIsZero) {
+  Table t;
+  t.add_ball(5, 7, 1, 2);
+  t.add_sensor("proximity");
+  SensorArray s = t.sensors();
+  s.sense(t.snapshot, t.catalogue, t.pool);
+  EXPECT_EQ(s.readings(0)[t.cell(5, 7)], 0.0F);
+  EXPECT_EQ(s.readings(1)[t.cell(5, 7)], 1.0F);
+}
+
+TEST(Proximity, LooksAlongAnyDirectionFromAnyPlace) {
+  Table t;
+  t.add_ball(9, 7, 0.5, 1);
+  t.add_sensor("proximity", {{"direction", {3, 0, 0}}, {"origin", {0, 0, 0.5}}}).name = "east";
+  t.add_sensor("proximity", {{"direction", {0, 0, -1}}, {"origin", {0, 0, 5}}}).name = "down";
+  SensorArray s = t.sensors();
+  s.sense(t.snapshot, t.catalogue, t.pool);
+  EXPECT_FLOAT_EQ(s.readings(0)[t.cell(4, 7)], 4.0F);
+  EXPECT_EQ(s.readings(1)[t.cell(11, 7)], 0.0F);              // it looks away
+  EXPECT_EQ(s.readings(0)[t.cell(9, 7)], 0.0F);               // it is inside
+  EXPECT_FLOAT_EQ(s.readings(2)[t.cell(9, 7)], 5.0F - 1.5F);  // the ball's top
+  EXPECT_FLOAT_EQ(s.readings(2)[t.cell(1, 1)], 5.0F);         // its own pin
+}
+
+TEST(Proximity, NeighboursThatStandHigherAreInTheWayUnlessTheyAreLeftOut) {
+  Table t;
+  t.add_ball(9, 7, 0.5, 1);
+  t.height(7, 7) = 2;
+  t.add_sensor("proximity", {{"direction", {1, 0, 0}}, {"origin", {0, 0, 0.5}}}).name = "sees";
+  t.add_sensor("proximity", {{"direction", {1, 0, 0}}, {"origin", {0, 0, 0.5}}, {"pins", {0}}}).name =
+      "ignores";
+  t.add_sensor("object_type", {{"direction", {1, 0, 0}}, {"origin", {0, 0, 0.5}}}).name = "type";
+  t.add_sensor("colour", {{"direction", {1, 0, 0}}, {"origin", {0, 0, 0.5}}}).name = "colour";
+  SensorArray s = t.sensors();
+  s.sense(t.snapshot, t.catalogue, t.pool);
+  EXPECT_FLOAT_EQ(s.readings(0)[t.cell(4, 7)], 2.6F);  // the side of the pin at 7
+  EXPECT_FLOAT_EQ(s.readings(2)[t.cell(4, 7)], 4.0F);
+  EXPECT_EQ(s.readings(4)[t.cell(4, 7)], 0.0F);  // a pin is no object
+  EXPECT_EQ(s.readings(4)[t.cell(7, 7)], 0.0F);  // from its own raised top it looks over the ball
+  EXPECT_EQ(s.readings(5)[t.cell(4, 7)], scene::Colour{}.r);
+}
+
+TEST(Proximity, OnALevelFieldNoPinIsInTheWay) {
+  Table t;
+  t.add_sensor("proximity", {{"direction", {1, 0.5, 0}}});
+  SensorArray s = t.sensors();
+  s.sense(t.snapshot, t.catalogue, t.pool);
+  EXPECT_EQ(std::ranges::count(s.readings(1), 0.0F), t.spec.cells());
+}
+
+TEST(ObjectType, CountsLabelsInTheOrderOfTheirAppearance) {
+  Table t;
+  t.add_ball(2, 2, 3, 1, "b");
+  t.add_ball(6, 2, 3, 1, "a");
+  t.add_ball(10, 2, 3, 1);
+  t.add_ball(14, 2, 3, 1, "b");
+  t.add_sensor("object_type");
+  SensorArray s = t.sensors();
+  s.sense(t.snapshot, t.catalogue, t.pool);
+  EXPECT_EQ(s.readings(0)[t.cell(2, 2)], 1.0F);
+  EXPECT_EQ(s.readings(0)[t.cell(6, 2)], 2.0F);
+  EXPECT_EQ(s.readings(0)[t.cell(10, 2)], 3.0F);
+  EXPECT_EQ(s.readings(0)[t.cell(14, 2)], 1.0F);
+  EXPECT_EQ(s.readings(0)[t.cell(4, 8)], 0.0F);
+  EXPECT_EQ(s.channels()[0].type, scene::SensorChannel::Type::kCount);
+  // A label stays what it was when others come and objects go.
+  t.add_ball(2, 9, 3, 1, "c");
+  t.snapshot.id.erase(t.snapshot.id.begin());
+  t.snapshot.position.erase(t.snapshot.position.begin());
+  t.snapshot.orientation.erase(t.snapshot.orientation.begin());
+  s.sense(t.snapshot, t.catalogue, t.pool);
+  EXPECT_EQ(s.readings(0)[t.cell(2, 2)], 0.0F);
+  EXPECT_EQ(s.readings(0)[t.cell(6, 2)], 2.0F);
+  EXPECT_EQ(s.readings(0)[t.cell(2, 9)], 4.0F);
+}
+
+TEST(Colour, IsThatOfTheNearestObjectInThreePlanes) {
+  Table t;
+  t.add_ball(5, 5, 6, 1, "", {0.0F, 1.0F, 0.0F});
+  t.add_ball(5, 5, 3, 1, "", kRed);
+  t.add_sensor("colour");
+  SensorArray s = t.sensors();
+  s.sense(t.snapshot, t.catalogue, t.pool);
+  const auto cells = static_cast<std::size_t>(t.spec.cells());
+  ASSERT_EQ(s.readings(0).size(), 3 * cells);
+  EXPECT_EQ(s.readings(0)[t.cell(5, 5)], kRed.r);
+  EXPECT_EQ(s.readings(0)[cells + t.cell(5, 5)], kRed.g);
+  EXPECT_EQ(s.readings(0)[2 * cells + t.cell(5, 5)], kRed.b);
+  EXPECT_EQ(s.readings(0)[cells + t.cell(9, 9)], 0.0F);
+  t.snapshot.position[1][0] = 12;  // the nearer one goes away
+  s.sense(t.snapshot, t.catalogue, t.pool);
+  EXPECT_EQ(s.readings(0)[t.cell(5, 5)], 0.0F);
+  EXPECT_EQ(s.readings(0)[cells + t.cell(5, 5)], 1.0F);
+  EXPECT_EQ(s.readings(0)[t.cell(12, 5)], kRed.r);
+}
+
+TEST(Light, IsGoneInTheShadowOfBallsAndPins) {
+  Table t;
+  t.add_ball(8, 8, 10, 1);
+  t.height(3, 3) = 4;
+  t.add_sensor("light", {{"direction", {1, 0, 1}}});
+  SensorArray s = t.sensors();
+  s.sense(t.snapshot, t.catalogue, t.pool);
+  // Nothing but the ball's shadow 10 to the west, at x = −2, off the table: and the pin's, 4 to the west of
+  // it.
+  EXPECT_EQ(s.readings(0)[t.cell(2, 3)], 0.0F);
+  EXPECT_EQ(s.readings(0)[t.cell(0, 3)], 0.0F);
+  EXPECT_EQ(s.readings(0)[t.cell(3, 3)], 1.0F);
+  EXPECT_EQ(s.readings(0)[t.cell(4, 3)], 1.0F);
+  t.snapshot.position[0] = {14, 8, 10};
+  s.sense(t.snapshot, t.catalogue, t.pool);
+  EXPECT_EQ(s.readings(0)[t.cell(4, 8)], 0.0F);
+  EXPECT_EQ(s.readings(0)[t.cell(8, 8)], 1.0F);
+}
+
+TEST(Light, OfASizeCastsHalfShadows) {
+  Table t;
+  scene::ObjectSpec screen;  // covers everything east of x = 10
+  screen.shape = scene::ShapeKind::kBox;
+  screen.size = {20, 40, 0.1};
+  screen.position = {20, 8, 10};
+  t.add(screen);
+  t.add_sensor("light", {{"size", {0.3}}, {"samples", {64}}});
+  SensorArray s = t.sensors();
+  s.sense(t.snapshot, t.catalogue, t.pool);
+  EXPECT_EQ(s.readings(0)[t.cell(2, 8)], 1.0F);
+  EXPECT_EQ(s.readings(0)[t.cell(18, 8)], 0.0F);
+  EXPECT_NEAR(s.readings(0)[t.cell(10, 8)], 0.5F, 0.05F);
+  // The edge is seen at (10 − x) / 10 from the middle, of a face of radius tan 0.3: the share of a disc
+  // beyond a chord.
+  const double d = 0.2 / std::tan(0.3);
+  EXPECT_NEAR(s.readings(0)[t.cell(8, 8)], 1 - (std::acos(d) - d * std::sqrt(1 - d * d)) / std::numbers::pi,
+              0.05);
+}
+
+TEST(Pressure, IsTheImpulsePerTickAndEndsAtItsRange) {
+  Table t;
+  t.add_sensor("pressure", {{"range", {50}}});
+  SensorArray s = t.sensors();
+  std::vector<float> impulse(static_cast<std::size_t>(t.spec.cells()), 0.0F);
+  impulse[t.cell(3, 4)] = 0.1F;
+  impulse[t.cell(4, 4)] = 1.0F;
+  for (int step = 0; step < 4; ++step) s.feel(impulse);
+  s.sense(t.snapshot, t.catalogue, t.pool);
+  EXPECT_FLOAT_EQ(s.readings(0)[t.cell(3, 4)], 24.0F);  // 4 · 0.1 in 1/60 s
+  EXPECT_EQ(s.readings(0)[t.cell(4, 4)], 50.0F);
+  EXPECT_EQ(s.readings(0)[t.cell(5, 4)], 0.0F);
+  s.sense(t.snapshot, t.catalogue, t.pool);  // nothing felt since
+  EXPECT_EQ(s.readings(0)[t.cell(3, 4)], 0.0F);
+}
+
+TEST(Camera, SeesWhatIsTopmostAtEveryPixel) {
+  Table t;
+  scene::ObjectSpec tile;
+  tile.shape = scene::ShapeKind::kBox;
+  tile.size = {0.9, 0.4, 0.2};
+  tile.position = {5, 5.25, 3};
+  tile.colour = kRed;
+  t.add(tile);
+  t.height(8, 8) = 1.5F;
+  t.add_sensor("camera", {{"resolution", {2}}});
+  SensorArray s = t.sensors();
+  s.sense(t.snapshot, t.catalogue, t.pool);
+  const auto cells = static_cast<std::size_t>(t.spec.cells());
+  ASSERT_EQ(s.readings(0).size(), 12 * cells);
+  ASSERT_EQ(s.readings(1).size(), 4 * cells);
+  // Pixels 0 and 1 are the northern ones; the tile lies over those of its cell.
+  EXPECT_NEAR(s.readings(1)[0 * cells + t.cell(5, 5)], 3.1F, 1e-4F);
+  EXPECT_NEAR(s.readings(1)[1 * cells + t.cell(5, 5)], 3.1F, 1e-4F);
+  EXPECT_NEAR(s.readings(1)[2 * cells + t.cell(5, 5)], 0.0F, 1e-4F);
+  EXPECT_EQ(s.readings(0)[0 * cells + t.cell(5, 5)], kRed.r);
+  EXPECT_EQ(s.readings(0)[5 * cells + t.cell(5, 5)], kRed.b);
+  EXPECT_EQ(s.readings(0)[6 * cells + t.cell(5, 5)], scene::Colour{}.r);  // a pin's
+  EXPECT_NEAR(s.readings(1)[t.cell(8, 8)], 1.5F, 1e-4F);
+}
+
+TEST(Camera, LooksThroughTheGapsToTheFloor) {
+  Table t;
+  t.field.half_top_x = t.field.half_top_y = 0.1F;
+  t.add_sensor("camera", {{"resolution", {2}}, {"floor", {-3}}});
+  SensorArray s = t.sensors();
+  s.sense(t.snapshot, t.catalogue, t.pool);
+  EXPECT_EQ(std::ranges::count(s.readings(1), -3.0F), 4 * t.spec.cells());
+  EXPECT_EQ(std::ranges::count(s.readings(0), 0.0F), 12 * t.spec.cells());
+}
+
+TEST(SensorArray, GivesTheSameBitsForAnyNumberOfThreads) {
+  Table t(33, 37);
+  for (int k = 0; k < 40; ++k) {
+    scene::ObjectSpec o;
+    o.shape = static_cast<scene::ShapeKind>(k % 5);
+    o.position = {1.0 * ((k * 7) % 37), 1.0 * ((k * 11) % 33), 2.5};
+    o.size = {3, 2, 1};
+    o.height = 3;
+    o.orientation = Eigen::AngleAxisd(k, Eigen::Vector3d(1, 2, 3).normalized());
+    t.add(o);
+  }
+  t.add_sensor("proximity", {{"noise", {0.1}}, {"drift", {0.2}}, {"dropout", {0.1}}});
+  t.add_sensor("colour", {{"direction", {1, 1, 1}}, {"noise", {0.1}}, {"latency", {2}}});
+  t.add_sensor("light", {{"size", {0.1}}, {"direction", {0.2, 0, 1}}});
+  t.add_sensor("camera", {{"resolution", {2}}});
+  std::vector<std::vector<float>> first;
+  for (const int threads : {1, 2, 5}) {
+    surface::WorkerPool pool(threads);
+    SensorArray s = t.sensors();
+    for (int tick = 0; tick < 4; ++tick) s.sense(t.snapshot, t.catalogue, pool);
+    for (std::size_t k = 0; k < s.channels().size(); ++k) {
+      const auto readings = s.readings(static_cast<int>(k));
+      if (threads == 1) first.emplace_back(readings.begin(), readings.end());
+      EXPECT_TRUE(std::ranges::equal(first[k], readings))
+          << s.channels()[k].name << ", " << threads << " threads";
+    }
+  }
+}
+
+TEST(SensorArray, RefusesAnUnknownModel) {
+  Table t;
+  t.add_sensor("proximity");
+  EXPECT_EQ(surface::refusal([&] {
+              scene::SensorSpec spec = t.spec.sensors[0];
+              spec.model = "smell";
+              surface::make_sensor(t.field, spec);
+            }),
+            "no sensor is called 'smell'");
+}

@@ -1,0 +1,84 @@
+#include "smartsurf/world/Gjk.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+using namespace smartsurf;
+using namespace smartsurf::world;
+
+namespace {
+
+struct Body {
+  Shape shape;
+  Vec3 centre;
+  Mat3 axes;
+};
+
+Body body(scene::ShapeKind kind, const Vec3& centre, const Quat& turn) {
+  scene::ObjectSpec o;
+  o.shape = kind;
+  o.radius = 0.6;
+  o.height = 2.0;
+  o.size = {1.0, 1.4, 0.8};
+  return {make_shape(o), centre, turn.normalized().toRotationMatrix()};
+}
+
+float distance(const Body& a, const Body& b) {
+  const Core ca({a.shape, nullptr}, a.centre, a.axes), cb({b.shape, nullptr}, b.centre, b.axes);
+  const NearestPoints n = nearest_points(ca, cb, 100.0F, a.centre - b.centre);
+  EXPECT_TRUE(n.apart);
+  return n.distance - ca.rounding - cb.rounding;
+}
+
+const scene::ShapeKind kKinds[] = {scene::ShapeKind::kBox, scene::ShapeKind::kCylinder,
+                                   scene::ShapeKind::kCapsule, scene::ShapeKind::kCone};
+
+}  // namespace
+
+// A sphere's distance is known in closed form: outward_of its centre, less the radius.
+TEST(Gjk, AgreesWithTheClosedFormsForPoints) {
+  std::mt19937 random(11);
+  std::uniform_real_distribution<float> u(-1, 1);
+  for (const auto kind : kKinds)
+    for (int i = 0; i < 200; ++i) {
+      const Body solid = body(kind, {0, 0, 0}, Quat(u(random), u(random), u(random), u(random)));
+      const Vec3 at = Vec3(u(random), u(random), u(random)).normalized() * (3.2F + u(random));
+      const Body ball = body(scene::ShapeKind::kSphere, at, Quat::Identity());
+      const Outward o = outward_of({solid.shape, nullptr}, solid.axes.transpose() * at);
+      // The core rounds edges off: it may stand back by a part of its rounding there.
+      EXPECT_NEAR(distance(ball, solid), o.distance - 0.6F,
+                  0.9F * solid.shape.rounding * (kind != scene::ShapeKind::kCapsule) + 1e-3F)
+          << static_cast<int>(kind);
+    }
+}
+
+TEST(Gjk, IsSymmetricAndFallsByWhatOneIsMoved) {
+  std::mt19937 random(12);
+  std::uniform_real_distribution<float> u(-1, 1);
+  for (const auto first : kKinds)
+    for (const auto second : kKinds) {
+      const Body a = body(first, {0, 0, 0}, Quat(u(random), u(random), u(random), u(random)));
+      Body b = body(second, {3, 2, 1}, Quat(u(random), u(random), u(random), u(random)));
+      const float apart = distance(a, b);
+      EXPECT_NEAR(distance(b, a), apart, 1e-3F);
+      const Core ca({a.shape, nullptr}, a.centre, a.axes), cb({b.shape, nullptr}, b.centre, b.axes);
+      b.centre += 0.5F * apart * nearest_points(ca, cb, 100.0F, a.centre - b.centre).normal;
+      EXPECT_NEAR(distance(a, b), 0.5F * apart, 2e-3F);
+    }
+}
+
+TEST(Gjk, OutwardPointsLeadOut) {
+  std::mt19937 random(13);
+  std::uniform_real_distribution<float> u(-1, 1);
+  for (const auto kind : kKinds) {
+    const Body solid = body(kind, {0, 0, 0}, Quat::Identity());
+    for (int i = 0; i < 300; ++i) {
+      const Vec3 p(u(random), u(random), 1.5F * u(random));
+      const Outward o = outward_of({solid.shape, nullptr}, p);
+      EXPECT_NEAR(o.normal.norm(), 1.0F, 1e-4F);
+      // Back to the surface along the normal, and nothing is left.
+      EXPECT_NEAR(outward_of({solid.shape, nullptr}, p - o.distance * o.normal).distance, 0.0F, 2e-3F);
+    }
+  }
+}

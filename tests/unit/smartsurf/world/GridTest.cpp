@@ -1,0 +1,79 @@
+#include "smartsurf/world/Grid.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+#include <set>
+
+using namespace smartsurf::world;
+
+namespace {
+
+struct Cloud {
+  std::vector<Vec3> position;
+  std::vector<float> reach;
+  explicit Cloud(int n, float size, unsigned seed) {
+    std::mt19937 random(seed);
+    std::uniform_real_distribution<float> u(0, 1);
+    for (int i = 0; i < n; ++i) {
+      position.emplace_back(size * u(random), size * u(random), 0.3F * size * u(random));
+      reach.push_back(0.3F + u(random));
+    }
+  }
+  bool meet(int i, int j) const {
+    const float both = reach[static_cast<std::size_t>(i)] + reach[static_cast<std::size_t>(j)];
+    return (position[static_cast<std::size_t>(i)] - position[static_cast<std::size_t>(j)]).squaredNorm() <
+           both * both;
+  }
+};
+
+using Pairs = std::multiset<std::pair<int, int>>;
+
+}  // namespace
+
+TEST(Grid, FindsEveryPairOnce) {
+  for (const float size : {0.5F, 6.0F, 40.0F}) {
+    Cloud cloud(300, size, 7);
+    cloud.position[3] = {1e4F, -1e4F, 5.0F};  // far away from all others
+    Grid grid;
+    grid.build(cloud.position, cloud.reach, 10.0F);
+    ASSERT_EQ(grid.sorted(), 300);
+    Pairs found, expected;
+    grid.for_pairs(0, grid.sorted(), [&](int i, int j) { found.insert(std::minmax(i, j)); });
+    for (int i = 0; i < 300; ++i)
+      for (int j = i + 1; j < 300; ++j)
+        if (cloud.meet(i, j)) expected.insert({i, j});
+    EXPECT_EQ(found, expected) << size;
+  }
+}
+
+TEST(Grid, PartsOfTheOrderGiveAllPairsTogether) {
+  const Cloud cloud(200, 10.0F, 3);
+  Grid grid;
+  grid.build(cloud.position, cloud.reach, 10.0F);
+  Pairs whole, parts;
+  grid.for_pairs(0, 200, [&](int i, int j) { whole.insert(std::minmax(i, j)); });
+  for (const auto& [begin, end] : {std::pair{0, 50}, {50, 51}, {51, 200}})
+    grid.for_pairs(begin, end, [&](int i, int j) { parts.insert(std::minmax(i, j)); });
+  EXPECT_EQ(parts, whole);
+}
+
+TEST(Grid, KeepsLargeBodiesApartAndFindsWhatTheirBoxMeets) {
+  Cloud cloud(200, 12.0F, 5);
+  cloud.reach[17] = 50.0F;
+  Grid grid;
+  grid.build(cloud.position, cloud.reach, 10.0F);
+  ASSERT_EQ(grid.large().size(), 1u);
+  EXPECT_EQ(grid.large()[0], 17);
+  const Vec3 low(2, 3, 0), high(7, 5, 2);
+  std::set<int> found, expected;
+  grid.for_box(low, high, [&](int i) { found.insert(i); });
+  for (int i = 0; i < 200; ++i) {
+    const Vec3& p = cloud.position[static_cast<std::size_t>(i)];
+    const float r = cloud.reach[static_cast<std::size_t>(i)];
+    const bool meets = ((p.array() + r) > low.array()).all() && ((p.array() - r) < high.array()).all();
+    if (i != 17 && meets) expected.insert(i);
+  }
+  EXPECT_EQ(found, expected);
+}
