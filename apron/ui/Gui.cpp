@@ -37,6 +37,7 @@ void set_colours(ImGuiStyle& style) {
   style.Colors[ImGuiCol_Button] = {0.86F, 0.89F, 0.93F, 1.0F};
   style.Colors[ImGuiCol_ButtonHovered] = {0.76F, 0.84F, 0.94F, 1.0F};
   style.Colors[ImGuiCol_ButtonActive] = {0.62F, 0.76F, 0.93F, 1.0F};
+  style.Colors[ImGuiCol_SliderGrab] = {0.45F, 0.66F, 0.93F, 0.55F};  // the number is above it
   style.Colors[ImGuiCol_FrameBg] = {0.91F, 0.93F, 0.95F, 1.0F};
   style.Colors[ImGuiCol_Header] = {0.80F, 0.88F, 0.97F, 1.0F};
   style.Colors[ImGuiCol_Tab] = {0.88F, 0.90F, 0.93F, 1.0F};

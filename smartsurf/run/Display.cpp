@@ -80,10 +80,10 @@ void Display::refresh(const Simulation& simulation, const DisplayStatus& told, C
     commands =
         window_->frame({shown, simulation.catalogue(), channels_.of(simulation, shown), contacts_}, status);
     const auto drawn = std::chrono::steady_clock::now();
-    // A run that wants all the time it can get has at least as much of it as the drawing.
+    // A run that wants all the time it can get has at least half as much of it as the drawing.
     const bool hurried =
         !controls.paused && (!told.requested_pace || told.real_time_factor < kOnTime * *told.requested_pace);
-    const std::chrono::steady_clock::duration least = hurried ? drawn - now : 0ms;
+    const std::chrono::steady_clock::duration least = hurried ? (drawn - now) / 2 : 0ms;
     next_frame_ =
         drawn + std::max<std::chrono::steady_clock::duration>(kFrameInterval - (drawn - now), least);
   }

@@ -78,6 +78,9 @@ struct Renderer::State {
   ShaderProgram average;
   VertexArray empty_array;
   Canvas canvas;
+  bool shadows_due() const { return frames % quality.frames_a_shadow == 0; }
+
+  long frames = 0;            // drawn
   std::size_t furniture = 0;  // boxes that are no objects, first among them
 };
 
@@ -128,7 +131,7 @@ void Renderer::State::upload(const scene::Snapshot& snapshot, const std::vector<
   }
   objects.upload();
   lines.upload(options.lines);
-  shadow.fit(lit, spec.surface.pitch);
+  if (shadows_due()) shadow.fit(lit, spec.surface.pitch);
 }
 
 void Renderer::State::set_frame(const FrameUniforms& uniforms) {
@@ -219,7 +222,8 @@ void Renderer::draw(const scene::Snapshot& snapshot, const std::vector<scene::Ob
   glDisable(GL_BLEND);
   glDisable(GL_CULL_FACE);
   glDisable(GL_SCISSOR_TEST);
-  s.draw_shadows(options);
+  if (s.shadows_due()) s.draw_shadows(options);
+  ++s.frames;
   if (block > 1) s.canvas.resize(width * block, height * block);
   glBindFramebuffer(GL_FRAMEBUFFER, block > 1 ? s.canvas.framebuffer.id() : framebuffer);
   s.set_frame(s.eye_frame(camera, width * block, height * block));

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
+#include <fstream>
 
 #include "apron/ui/Film.h"
 #include "tests/unit/apron/ui/Desk.h"
@@ -48,6 +49,12 @@ surface.step
 )";
 constexpr int kListEnd = 302;       // x where the list of registers ends
 constexpr int kHistogramTop = 440;  // y, or above it
+
+long resident_pages() {
+  long all = 0, resident = 0;
+  std::ifstream("/proc/self/statm") >> all >> resident;
+  return resident;
+}
 
 class OffscreenTest : public testing::Test {
  protected:
@@ -96,7 +103,7 @@ TEST_F(OffscreenTest, TheSamePictureHasTheSameBytes) {
 
 TEST_F(OffscreenTest, ComesToRestInEverySize) {
   Desk desk(debugger::test::kCounting);
-  for (int height = 360; height < 700; height += 20) {
+  for (int height = 360; height < 700; height += 50) {
     Offscreen screen(640, height);
     const Image first = screen.settle(desk.bench);
     EXPECT_EQ(screen.draw(desk.bench).rgb, first.rgb) << height;
@@ -188,11 +195,16 @@ TEST_F(OffscreenTest, EverySizeAndScaleIsDrawnWithoutAnError) {
 
 TEST_F(OffscreenTest, AThousandFramesLeaveNothingBehind) {
   Desk desk(kCorner);
-  Offscreen screen(320, 240);
-  for (int i = 0; i < 1000; ++i) {
-    if (i % 10 == 0) desk.obey(0);
-    screen.draw(desk.bench);
-  }
+  Offscreen screen(160, 120);
+  const auto frames = [&](int count) {
+    for (int i = 0; i < count; ++i) {
+      if (i % 10 == 0) desk.obey(0);
+      screen.draw(desk.bench);
+    }
+    return resident_pages();
+  };
+  const long begun = frames(100);
+  EXPECT_LT(frames(1000) - begun, 512) << "pages of 4 KiB";
   EXPECT_EQ(screen.take_error(), 0U);
 }
 
