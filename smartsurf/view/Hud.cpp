@@ -220,7 +220,7 @@ void draw_help(float scale) {
 void draw_labels(const Moment& moment, const Camera& camera, float width, float height) {
   constexpr std::size_t kMostLabels = 1000;
   constexpr ImU32 kInk = IM_COL32(25, 30, 38, 255), kHalo = IM_COL32(255, 255, 255, 190);
-  constexpr ImVec2 kAround[] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
+  static const ImVec2 kAround[] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
   const scene::Snapshot& snapshot = moment.snapshot;
   for (std::size_t i = 0; i < std::min(snapshot.objects(), kMostLabels); ++i) {
     const scene::ObjectSpec& object = moment.catalogue[snapshot.id[i]];
