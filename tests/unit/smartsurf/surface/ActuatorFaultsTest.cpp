@@ -1,0 +1,153 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <set>
+
+#include "smartsurf/surface/ActuatorArray.h"
+
+using namespace smartsurf;
+
+namespace {
+
+constexpr double kDt = 1.0 / 240;
+
+scene::SurfaceSpec pins(int rows, int columns) {
+  scene::SurfaceSpec s;
+  s.rows = rows;
+  s.columns = columns;
+  s.pin.min_height = 1;
+  s.pin.max_height = 5;
+  s.pin.max_acceleration = 1e5;
+  s.pin.max_speed = 1e3;
+  return s;
+}
+
+// Heights some time after all pins were told to go to `target`.
+std::vector<float> heights(const scene::SurfaceSpec& s, float target, std::uint64_t seed = 1,
+                           const std::string& csv = "") {
+  const surface::FaultMap map =
+      csv.empty() ? surface::FaultMap() : surface::FaultMap({"faults.csv", csv}, s.rows, s.columns);
+  surface::ActuatorArray cells(s, map, seed);
+  cells.set_targets(0, std::vector<float>(static_cast<std::size_t>(s.cells()), target));
+  for (int i = 0; i < 60; ++i) {
+    cells.begin_tick();
+    cells.plan(kDt);
+    cells.commit(kDt);
+  }
+  return cells.field().height;
+}
+
+std::set<std::size_t> others(const std::vector<float>& heights, float than) {
+  std::set<std::size_t> found;
+  for (std::size_t i = 0; i < heights.size(); ++i)
+    if (heights[i] != than) found.insert(i);
+  return found;
+}
+
+std::string message(const std::string& csv) {
+  try {
+    const scene::SurfaceSpec s = pins(4, 5);
+    const surface::FaultMap map({"faults.csv", csv}, 4, 5);
+    map.require_channels({"height", "proximity"});
+    surface::ActuatorArray(s, map, 1);
+  } catch (const scene::InputError& e) {
+    return e.what();
+  }
+  return "";
+}
+
+const std::string kHeader = "row,column,channel,fault,value\n";
+
+}  // namespace
+
+TEST(ActuatorFaults, HitTheAskedShareOfTheCells) {
+  scene::SurfaceSpec s = pins(20, 20);
+  s.faults.actuator.dead = 0.05;
+  EXPECT_EQ(others(heights(s, 4), 4).size(), 20u);
+  s.faults.actuator.weak_fraction = 0.1;
+  s.faults.actuator.weak_gain = 0.5;
+  const std::vector<float> h = heights(s, 4);
+  EXPECT_EQ(std::ranges::count(h, 1.0F), 20);
+  EXPECT_EQ(std::ranges::count(h, 2.5F), 40) << "half the way from 1 to 4";
+}
+
+TEST(ActuatorFaults, FollowTheSeedAndGrowWithTheShare) {
+  scene::SurfaceSpec s = pins(20, 20);
+  s.faults.actuator.stuck = 0.1;
+  const auto some = others(heights(s, 4), 4);
+  EXPECT_EQ(heights(s, 4), heights(s, 4));
+  EXPECT_NE(some, others(heights(s, 4, 2), 4));
+  s.faults.actuator.stuck = 0.2;
+  const auto more = others(heights(s, 4), 4);
+  EXPECT_EQ(more.size(), 80u);
+  EXPECT_TRUE(std::ranges::includes(more, some));
+}
+
+TEST(ActuatorFaults, StuckCellsStandSomewhereInTheRangeFromTheBeginning) {
+  scene::SurfaceSpec s = pins(20, 20);
+  s.faults.actuator.stuck = 1.0;
+  const surface::ActuatorArray cells(s);
+  const auto [low, high] = std::ranges::minmax(cells.field().height);
+  EXPECT_GE(low, 1.0F);
+  EXPECT_LE(high, 5.0F);
+  EXPECT_GT(high - low, 3.5F);
+}
+
+TEST(ActuatorFaults, LatencyDelaysEveryCell) {
+  scene::SurfaceSpec s = pins(1, 1);
+  s.faults.actuator.latency = 2;
+  surface::ActuatorArray cells(s);
+  std::vector<float> seen;
+  for (int tick = 0; tick < 5; ++tick) {
+    cells.set_target(0, 0, 0, 3);
+    cells.begin_tick();
+    for (int i = 0; i < 4; ++i) {
+      cells.plan(kDt);
+      cells.commit(kDt);
+    }
+    seen.push_back(cells.field().height[0]);
+  }
+  EXPECT_EQ(seen, (std::vector<float>{1, 1, 3, 3, 3}));
+}
+
+TEST(FaultMap, SaysWhatIsWrongWithSingleCells) {
+  const scene::SurfaceSpec s = pins(4, 5);
+  const auto h = heights(
+      s, 4, 1,
+      "# measured on Tuesday\n" + kHeader +
+          "0,1,height,stuck,2.5\r\n 1 , 2 , height , dead ,\n2,3,,weak,0.5\n\n3,4,height,late,1000\n");
+  EXPECT_EQ(others(h, 4), (std::set<std::size_t>{1, 7, 13, 19}));
+  EXPECT_EQ(h[1], 2.5F);
+  EXPECT_EQ(h[7], 1.0F);
+  EXPECT_EQ(h[13], 2.5F);
+  EXPECT_EQ(h[19], 1.0F) << "still waiting";
+}
+
+TEST(FaultMap, RefusesWithOneClearLine) {
+  EXPECT_EQ(message(""), "faults.csv: no header; the first line must be row,column,channel,fault,value");
+  EXPECT_EQ(message("0,1,height,dead,\n"),
+            "faults.csv:1: the first line must be the header row,column,channel,fault,value");
+  EXPECT_EQ(message(kHeader + "4,0,height,dead,\n"), "faults.csv:2: row = '4': must be 0 to 3");
+  EXPECT_EQ(message(kHeader + "0,x,height,dead,\n"), "faults.csv:2: column = 'x': must be 0 to 4");
+  EXPECT_EQ(message(kHeader + "0,0,hight,dead,\n"),
+            "faults.csv:2: channel 'hight': no such channel (did you mean 'height'?)");
+  EXPECT_EQ(message(kHeader + "0,0,height,ded,\n"),
+            "faults.csv:2: fault 'ded': no fault of an actuator (did you mean 'dead'?)");
+  EXPECT_EQ(message(kHeader + "0,0,height,stuck,\n"),
+            "faults.csv:2: value of 'stuck' is missing: must be in [1, 5]");
+  EXPECT_EQ(message(kHeader + "0,0,height,stuck,nan\n"),
+            "faults.csv:2: value = 'nan': must be a finite number");
+  EXPECT_EQ(message(kHeader + "0,0\n"), "faults.csv:2: 2 values: must be 5, row,column,channel,fault,value");
+}
+
+TEST(FaultMap, SurvivesAnyBytes) {
+  std::uint32_t state = 1;
+  for (int i = 0; i < 2000; ++i) {
+    std::string csv = i % 2 ? kHeader : "";
+    for (int k = 0; k < 40; ++k) {
+      state = state * 1664525u + 1013904223u;
+      csv += "0123,.\n\r#-e\"weakstuck\xff"[state >> 27];
+    }
+    message(csv);
+  }
+}

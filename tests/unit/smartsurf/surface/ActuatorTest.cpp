@@ -1,0 +1,348 @@
+// What each model does to the field, and with which forces, against the closed forms of docs/actuators.md.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "smartsurf/surface/ActuatorArray.h"
+
+using namespace smartsurf;
+
+namespace {
+
+constexpr double kDt = 1.0 / 240;
+constexpr auto kPi = static_cast<float>(std::numbers::pi);
+
+scene::ActuatorSpec actuator(const std::string& model, const scene::ParameterValues& values = {}) {
+  scene::ActuatorSpec spec = scene::find_actuator_kind(model)->standard();
+  for (const auto& [name, value] : values) spec.values[name] = value;
+  EXPECT_EQ(scene::find_actuator_kind(model)->problem_with(spec), "");
+  return spec;
+}
+
+scene::SurfaceSpec surface_of(std::vector<scene::ActuatorSpec> actuators, int rows = 4, int columns = 6) {
+  scene::SurfaceSpec s;
+  s.rows = rows;
+  s.columns = columns;
+  s.actuators = std::move(actuators);
+  fit_body(s);
+  return s;
+}
+
+// An array with the same command in all cells, after some time.
+class Cells {
+ public:
+  explicit Cells(const scene::SurfaceSpec& s) : array(s) {}
+  void command(int channel, float value) {
+    array.set_targets(channel, std::vector<float>(array.field().height.size(), value));
+  }
+  void run(double seconds) {
+    for (long i = 0; i < std::lround(seconds / kDt); ++i) {
+      array.plan(kDt);
+      array.commit(kDt);
+    }
+  }
+  // The forces on one body at rest there.
+  surface::Wrench wrench(const scene::ObjectSpec& object, const Eigen::Vector3f& at,
+                         const Eigen::Vector3f& velocity = Eigen::Vector3f::Zero(), float mass = 1.0F) {
+    const scene::ObjectId id = 0;
+    const Eigen::Quaternionf upright = Eigen::Quaternionf::Identity();
+    const Eigen::Vector3f still = Eigen::Vector3f::Zero();
+    const surface::Bodies bodies{{&id, 1}, {&at, 1}, {&upright, 1}, {&velocity, 1}, {&still, 1}, {&mass, 1}};
+    surface::Wrench w;
+    array.forces(kDt, bodies, {&object, 1}, {&w, 1});
+    return w;
+  }
+  const surface::Field& field() const { return array.field(); }
+
+  surface::ActuatorArray array;
+};
+
+scene::ObjectSpec box(double x, double y, double z) {
+  scene::ObjectSpec o;
+  o.shape = scene::ShapeKind::kBox;
+  o.size = {x, y, z};
+  return o;
+}
+
+}  // namespace
+
+TEST(Ball, TopMovesAtSpinCrossRadius) {
+  Cells cells(surface_of({actuator("ball", {{"radius", {0.25}}, {"max_acceleration", {1e6}}})}));
+  cells.command(0, 8);
+  cells.command(1, -4);
+  cells.run(0.1);
+  // ω × r·ẑ = (ω_y·r, −ω_x·r)
+  EXPECT_FLOAT_EQ(cells.field().drag_x[9], -1.0F);
+  EXPECT_FLOAT_EQ(cells.field().drag_y[9], -2.0F);
+  EXPECT_EQ(cells.field().speed[9], 0.0F);
+}
+
+TEST(Ball, SpinsUpWithinItsAccelerationAndItsLag) {
+  Cells limited(surface_of({actuator("ball", {{"max_acceleration", {100}}, {"radius", {1}}})}));
+  limited.command(1, 50);
+  limited.run(0.25);
+  EXPECT_NEAR(limited.field().drag_x[0], 25.0F, 0.01F);
+  Cells lagging(
+      surface_of({actuator("ball", {{"max_acceleration", {1e6}}, {"lag", {0.1}}, {"radius", {1}}})}));
+  lagging.command(1, 50);
+  lagging.run(0.2);
+  EXPECT_NEAR(lagging.field().drag_x[0], 50 * (1 - std::exp(-2.0)), 0.02);
+}
+
+TEST(Wheels, EachDrivesAlongItsDirectionAndTheirSumAnyway) {
+  Cells cells(surface_of({actuator(
+      "wheels", {{"radius", {0.5}}, {"angle", {std::numbers::pi / 4}}, {"max_acceleration", {1e6}}})}));
+  cells.command(0, 4);
+  cells.run(0.1);
+  EXPECT_NEAR(cells.field().drag_x[5], std::sqrt(2.0F), 1e-5F);  // north-east at 2 u/s
+  EXPECT_NEAR(cells.field().drag_y[5], std::sqrt(2.0F), 1e-5F);
+  cells.command(1, 4);  // and north-west: together north
+  cells.run(0.1);
+  EXPECT_NEAR(cells.field().drag_x[5], 0.0F, 1e-5F);
+  EXPECT_NEAR(cells.field().drag_y[5], 2.0F * std::sqrt(2.0F), 1e-5F);
+}
+
+TEST(Wheels, TurnWithTheirCell) {
+  scene::SurfaceSpec s =
+      surface_of({actuator("wheels", {{"radius", {0.5}}, {"max_acceleration", {1e6}}})}, 1, 2);
+  s.places = {{0, 0, 0}, {3, 0, std::numbers::pi / 2}};
+  Cells cells(s);
+  cells.command(0, 2);
+  cells.run(0.1);
+  EXPECT_NEAR(cells.field().drag_x[0], 1.0F, 1e-6F);
+  EXPECT_NEAR(cells.field().drag_x[1], 0.0F, 1e-6F);
+  EXPECT_NEAR(cells.field().drag_y[1], 1.0F, 1e-6F);
+}
+
+TEST(Rotor, EllipseLiftsAndDragsAsItsSupportSays) {
+  const double a = 0.5, c = 0.3;
+  Cells cells(surface_of({actuator(
+      "rotor",
+      {{"half_axes", {a, 0.4, c}}, {"axle", {-0.2}}, {"max_rate", {3}}, {"max_acceleration", {1e6}}})}));
+  cells.command(0, 3);
+  for (int i = 1; i <= 100; ++i) {
+    cells.run(kDt);
+    const double angle = 3 * i * kDt;
+    const double support =
+        std::sqrt(a * a * std::pow(std::sin(angle), 2) + c * c * std::pow(std::cos(angle), 2));
+    ASSERT_NEAR(cells.field().height[0], -0.2 + support, 1e-5) << i;
+    ASSERT_NEAR(cells.field().drag_x[0], 3 * support, 1e-4) << i;
+    ASSERT_NEAR(cells.field().drag_y[0], 0.0, 1e-6);
+  }
+}
+
+TEST(Rotor, SquareCamByAngleStopsOnIt) {
+  // A square of half edge h turned by φ ≤ 45° reaches up to h·(cos φ + sin φ).
+  const std::vector<double> square{-0.3, 0, -0.3, 0.3, 0, -0.3, 0.3, 0, 0.3, -0.3, 0, 0.3};
+  Cells cells(surface_of({actuator("rotor", {{"command", {1}}, {"points", square}, {"axle", {0}}})}));
+  EXPECT_NEAR(cells.field().height[0], 0.3F, 1e-6F);
+  cells.command(0, kPi / 4);
+  cells.run(1.0);
+  EXPECT_NEAR(cells.field().height[0], 0.3F * std::sqrt(2.0F), 1e-5F);
+  EXPECT_EQ(cells.field().speed[0], 0.0F);
+  EXPECT_EQ(cells.field().drag_x[0], 0.0F);
+}
+
+TEST(Rotor, AVerticalAxleIsATurntable) {
+  Cells cells(surface_of({actuator("rotor", {{"axis", {0, 0, 1}}, {"max_acceleration", {1e6}}})}));
+  cells.command(0, 5);
+  cells.run(0.1);
+  EXPECT_FLOAT_EQ(cells.field().spin[7], 5.0F);
+  EXPECT_NEAR(cells.field().drag_x[7], 0.0F, 1e-6F);
+  EXPECT_NEAR(cells.field().speed[7], 0.0F, 1e-6F);
+}
+
+TEST(ForceField, PushesByTheCoveredAreaAndFallsOffWithTheGap) {
+  Cells cells(surface_of({actuator("force_field", {{"reach", {0.5}}})}, 8, 8));
+  cells.command(0, 2);
+  cells.command(2, 1);
+  cells.run(0.1);
+  // 3 × 2 cells under the box, half a reach above them.
+  const surface::Wrench w = cells.wrench(box(3, 2, 1), {3, 3.5F, 0.75F});
+  EXPECT_NEAR(w.force.x(), 6 * 2 * 0.5F, 1e-4F);
+  EXPECT_NEAR(w.force.y(), 0.0F, 1e-6F);
+  EXPECT_NEAR(w.force.z(), 6 * 1 * 0.5F, 1e-4F);
+  EXPECT_NEAR(w.torque.y(), -0.5F * w.force.x(), 1e-4F);  // the force acts on the underside
+  EXPECT_EQ(cells.wrench(box(3, 2, 1), {3, 3.5F, 1.1F}).force.norm(), 0.0F);
+}
+
+TEST(ForceField, AFieldThatDiffersTurnsTheObject) {
+  Cells cells(surface_of({actuator("force_field", {{"fall_off", {1}}})}, 8, 8));
+  std::vector<float> fy(64, 0.0F);
+  for (std::size_t i = 0; i < 64; ++i) fy[i] = i % 8 < 4 ? -1.0F : 1.0F;
+  cells.array.set_targets(1, fy);
+  cells.run(0.1);
+  // The middle between the columns 3 and 4: eight cells at ±0.5 and ±1.5 in two rows.
+  const surface::Wrench w = cells.wrench(box(4, 2, 1), {3.5F, 3.5F, 0.5F});
+  EXPECT_NEAR(w.torque.z(), 2 * 2 * (0.5F + 1.5F), 1e-4F);
+  EXPECT_NEAR(w.force.norm(), 0.0F, 1e-5F);
+}
+
+TEST(Magnet, DipoleAboveADipole) {
+  // Coaxial dipoles attract with 6·k·I·m/r⁴.
+  Cells cells(surface_of({actuator("magnet", {{"strength", {2}}, {"depth", {1}}, {"lag", {0}}})}, 1, 1));
+  cells.command(0, 0.5);
+  cells.run(kDt);
+  scene::ObjectSpec magnet = box(1, 1, 1);
+  magnet.moment = {0, 0, 3};
+  EXPECT_NEAR(cells.wrench(magnet, {0, 0, 1}).force.z(), -6 * 2 * 0.5 * 3 / 16.0, 1e-5);
+  cells.command(0, -0.5);
+  cells.run(kDt);
+  EXPECT_NEAR(cells.wrench(magnet, {0, 0, 1}).force.z(), 6 * 2 * 0.5 * 3 / 16.0, 1e-5);
+  // Beside the coil the field points down and turns a lying moment: |m × B| = m·k·I/r³.
+  magnet.moment = {3, 0, 0};
+  EXPECT_NEAR(std::abs(cells.wrench(magnet, {2, 0, -1}).torque.y()), 3 * 2 * 0.5 / 8.0, 1e-5);
+}
+
+TEST(Magnet, ForceIsTheGradientOfTheEnergy) {
+  // F = ∇(m·B), by differences of m·B, which the torque m × B gives for moments along the axes.
+  for (const double law : {0.0, 1.0}) {
+    Cells cells(surface_of({actuator("magnet", {{"strength", {5}}, {"lag", {0}}, {"law", {law}}})}, 1, 1));
+    cells.command(0, 1);
+    cells.run(kDt);
+    scene::ObjectSpec probe = box(1, 1, 1), magnet = probe;
+    probe.pole = 1;  // feels B itself
+    magnet.moment = {0.3, -0.7, 1.1};
+    const Eigen::Vector3f m = magnet.moment.cast<float>(), at(0.8F, -0.5F, 0.9F);
+    constexpr float kStep = 0.01F;
+    const Eigen::Vector3f force = cells.wrench(magnet, at).force;
+    for (int i = 0; i < 3; ++i) {
+      const Eigen::Vector3f d = kStep * Eigen::Vector3f::Unit(i);
+      const float slope =
+          (m.dot(cells.wrench(probe, at + d).force) - m.dot(cells.wrench(probe, at - d).force)) / (2 * kStep);
+      EXPECT_NEAR(force[i], slope, 2e-3F * force.norm()) << "law " << law << " axis " << i;
+    }
+  }
+}
+
+TEST(Magnet, PolesRepelAttractAndLeaveTheRest) {
+  Cells cells(surface_of({actuator("magnet", {{"law", {1}}, {"strength", {8}}, {"lag", {0}}})}, 1, 1));
+  cells.command(0, 1);
+  cells.run(kDt);
+  scene::ObjectSpec object = box(1, 1, 1);
+  EXPECT_EQ(cells.wrench(object, {0, 0, 1}).force.norm(), 0.0F);
+  object.pole = 1;
+  EXPECT_NEAR(cells.wrench(object, {0, 0, 1}).force.z(), 8.0F / 4, 1e-5F);
+  object.pole = -1;
+  EXPECT_NEAR(cells.wrench(object, {0, 0, 1}).force.z(), -8.0F / 4, 1e-5F);
+  EXPECT_EQ(cells.wrench(object, {0, 0, 20}).force.norm(), 0.0F) << "beyond the reach";
+}
+
+TEST(AirJet, LiftsByTheDragOfTheSlowedAir) {
+  Cells cells(surface_of(
+      {actuator("air_jet",
+                {{"density", {0.01}}, {"drag", {1}}, {"area", {0.5}}, {"decay", {2}}, {"lag", {0}}})},
+      8, 8));
+  cells.command(0, 30);
+  cells.run(kDt);
+  const float k = 0.5F * 0.01F * 0.5F, air = 30.0F / (1 + 1.0F / 2);
+  const surface::Wrench w = cells.wrench(box(2, 2, 0.2), {3.5F, 3.5F, 1.1F}, Eigen::Vector3f::Zero(), 1e6F);
+  EXPECT_NEAR(w.force.z(), 4 * k * air * air, 1e-3F);
+  EXPECT_NEAR(w.force.head<2>().norm(), 0.0F, 1e-6F);
+  // What goes with the air feels nothing.
+  EXPECT_NEAR(cells.wrench(box(2, 2, 0.2), {3.5F, 3.5F, 1.1F}, {0, 0, air}).force.norm(), 0.0F, 1e-4F);
+}
+
+TEST(AirJet, NeverPushesALightBodyPastTheAir) {
+  Cells cells(surface_of({actuator("air_jet", {{"density", {1}}, {"lag", {0}}})}, 8, 8));
+  cells.command(0, 100);
+  cells.run(kDt);
+  const float mass = 1e-3F,
+              gained =
+                  cells.wrench(box(2, 2, 0.2), {3.5F, 3.5F, 0.1F}, Eigen::Vector3f::Zero(), mass).force.z() *
+                  static_cast<float>(kDt) / mass;
+  EXPECT_GT(gained, 90.0F);
+  EXPECT_LE(gained, 100.0F);
+}
+
+TEST(Tile, ATravellingWaveDragsItsCrestsBackwards) {
+  const double amplitude = 0.1, frequency = 4, skin = 0.3, thickness = 2, k = 2 * std::numbers::pi / 8;
+  scene::SurfaceSpec s = surface_of(
+      {actuator("tile",
+                {{"frequency", {frequency}}, {"skin", {skin}}, {"thickness", {thickness}}, {"lag", {0}}})},
+      6, 64);
+  Cells cells(s);
+  std::vector<float> phase(6 * 64);
+  for (std::size_t i = 0; i < phase.size(); ++i)
+    phase[i] = static_cast<float>(k * static_cast<double>(i % 64));
+  cells.array.set_targets(0, phase);
+  cells.command(1, static_cast<float>(amplitude));
+  cells.run(0.5);
+  // On the skin: neighbours across the wave are in step, those along it smooth it.
+  const double smoothed = amplitude * ((1 - skin) + skin * (1 + std::cos(k)) / 2);
+  const double omega = 2 * std::numbers::pi * frequency;
+  const double slope = std::sin(k);  // of the central difference, instead of k
+  float top = 0, fastest = 0;
+  for (int c = 8; c < 56; ++c) {
+    const auto i = static_cast<std::size_t>(2 * 64 + c);
+    const double z = smoothed * std::sin(omega * 0.5 - k * c);
+    EXPECT_NEAR(cells.field().height[i], z, 2e-4);
+    if (cells.field().height[i] > top) top = cells.field().height[i], fastest = cells.field().drag_x[i];
+  }
+  EXPECT_NEAR(fastest, -thickness / 2 * smoothed * omega * slope, 0.1);
+}
+
+TEST(Tile, ComesToRestFlat) {
+  Cells cells(surface_of({actuator("tile", {{"lag", {0}}})}, 6, 6));
+  cells.command(1, 0.3F);
+  cells.run(0.3);
+  EXPECT_GT(cells.field().max_speed, 0.0F);
+  cells.command(1, 0);
+  cells.run(0.1);
+  for (std::size_t i = 0; i < 36; ++i) {
+    EXPECT_EQ(cells.field().height[i], 0.0F);
+    EXPECT_EQ(cells.field().speed[i], 0.0F);
+    EXPECT_EQ(cells.field().drag_x[i], 0.0F);
+  }
+}
+
+TEST(ActuatorArray, MixesModelsAndLeavesCellsEmpty) {
+  scene::SurfaceSpec s = surface_of({actuator("pin"), actuator("ball", {{"height", {1}}})}, 1, 4);
+  s.actuator_of_cell = {0, 1, scene::kEmptyCell, 0};
+  s.base = {0, 0, 0, 0.5F};
+  Cells cells(s);
+  ASSERT_EQ(cells.array.channels().size(), 3u);
+  for (int k = 0; k < 3; ++k) cells.command(k, 2);
+  cells.run(1);
+  EXPECT_EQ(cells.field().height, (std::vector<float>{2.0F, 1.0F, surface::kNoCell, 2.5F}));
+  EXPECT_EQ(cells.field().drag_x[0], 0.0F);
+  EXPECT_GT(cells.field().drag_x[1], 0.0F);
+  EXPECT_EQ(cells.field().max_height, 2.5F);
+  EXPECT_EQ(cells.array.targets(0)[1], 0.0F) << "a ball took a pin's command";
+}
+
+TEST(ActuatorArray, CommandsWaitForTheLatency) {
+  scene::SurfaceSpec s =
+      surface_of({actuator("ball", {{"latency", {3}}, {"max_acceleration", {1e6}}, {"radius", {1}}})}, 1, 1);
+  Cells cells(s);
+  std::vector<float> seen;
+  for (int tick = 0; tick < 6; ++tick) {
+    cells.command(1, tick == 0 ? 7.0F : 0.0F);
+    cells.array.begin_tick();
+    cells.run(kDt);
+    seen.push_back(cells.field().drag_x[0]);
+  }
+  EXPECT_EQ(seen, (std::vector<float>{0, 0, 0, 7, 0, 0}));
+}
+
+TEST(ActuatorArray, ClampsCommandsAndKeepsTheOldOneForNan) {
+  Cells cells(surface_of({actuator("pin", {{"range", {1, 3}}})}, 1, 2));
+  cells.array.set_targets(0, std::vector<float>{9.0F, 2.0F});
+  cells.array.set_targets(0, std::vector<float>{std::nanf(""), -1.0F});
+  EXPECT_EQ(cells.array.targets(0)[0], 3.0F);
+  EXPECT_EQ(cells.array.targets(0)[1], 1.0F);
+}
+
+TEST(Pin, YieldsToALoadThatItCannotLift) {
+  Cells cells(surface_of({actuator("pin", {{"max_force", {10}}, {"max_speed", {2}}})}, 1, 3));
+  cells.command(0, 4);
+  for (int i = 0; i < 540; ++i) {
+    cells.array.plan(kDt);
+    cells.array.commit(kDt);
+    cells.array.field().impulse = {0.0F, static_cast<float>(5 * kDt), static_cast<float>(12 * kDt)};
+  }
+  EXPECT_EQ(cells.field().height[2], 0.0F) << "more than its force: it stays at the lower stop";
+  EXPECT_EQ(cells.field().height[0], 4.0F);
+  EXPECT_NEAR(cells.field().height[1], 2.25F, 0.1F) << "half its force: half its speed, for 2.25 s";
+}
