@@ -1,5 +1,5 @@
 -- Pins lift a ball over a step and stall under a weight that is too heavy for them. Run with pin.aps.
-surface { rows = 16, columns = 24, actuator = pin { range = {0, 4}, max_speed = 6, max_force = 40 } }
+surface { rows = 16, columns = 24, actuator = pin { range = {0, 4}, max_speed = 6, max_acceleration = 40, max_force = 40 } }
 sphere { radius = 1.5, position = {3, 7.5, 1.5}, colour = 'red', label = 'ball' }
 box { size = {4, 4, 4}, position = {18.5, 7.5, 2}, mass = 300, colour = 'grey', label = 'weight' }
 

@@ -1,0 +1,76 @@
+#!/usr/bin/env python3
+"""Each mechanism of the paper moves an object as the paper describes, driven by an APRON program."""
+import re
+
+from programs import *
+
+
+class Mechanisms(ProgramTest):
+    def run_example(self, name, seconds):
+        """The numbers that the example prints at its end, in order."""
+        base = str(ROOT / "scripts/examples" / name)
+        status, out, err = self.run_program(SMARTSURF, "run", base + ".lua", "--controller", base + ".aps", "--headless",
+                                            "--until", str(seconds))
+        self.assertEqual(status, 0, err)
+        return [float(number) for number in re.findall(r"-?\d+\.\d+", out)]
+
+    def test_pins_roll_a_ball_and_stall_under_a_weight(self):
+        ball, weight = self.run_example("pin", 3)
+        self.assertGreater(ball, 1.0)
+        self.assertLess(abs(weight), 0.5)
+
+    def test_balls_carry_a_parcel(self):
+        east, north = self.run_example("ball", 3)
+        self.assertGreater(east, 4.0)
+        self.assertLess(abs(north), 0.2)
+
+    def test_wheels_turn_the_route_of_parcels(self):
+        places = self.run_example("wheels", 3.7)
+        for x in places[0::2]:
+            self.assertGreater(x, 11.0)
+        self.assertGreater(places[-1], 16.0)  # it went straight until the lane, then north
+
+    def test_rotors_lift_and_drag(self):
+        self.assertGreater(self.run_example("rotor", 3)[0], 3.0)
+
+    def test_a_force_field_squeezes_a_rod_into_line(self):
+        distance, turned = self.run_example("force_field", 6)
+        self.assertLess(abs(distance), 0.5)
+        self.assertLess(abs(turned), 0.1)
+
+    def test_magnets_pull_one_pole_and_push_the_other(self):
+        pulled, _, pushed, _, plain_x, plain_y = self.run_example("magnet", 3)
+        self.assertGreater(pulled, 6.5)
+        self.assertGreater(pushed, 11.0)
+        self.assertEqual((plain_x, plain_y), (2.0, 12.0))
+
+    def test_air_carries_a_sheet_without_contact(self):
+        x, y, lowest = self.run_example("air_jet", 6)
+        self.assertLess(abs(x - 9.5) + abs(y - 9.5), 3.0)
+        self.assertGreater(lowest, 0.2)
+
+    def test_a_wave_carries_a_plate_against_itself(self):
+        self.assertGreater(self.run_example("tile", 3)[0], 2.0)
+
+    def test_a_mixed_surface_on_a_slope(self):
+        status, out, err = self.run_program(SMARTSURF, "run", str(ROOT / "scripts/examples/mixed.lua"), "--no-controller",
+                                            "--headless", "--until", "4")
+        self.assertEqual(status, 0, err)
+        self.assertGreater(float(re.search(r"-?\d+\.\d+", out)[0]), 5.0)
+
+    def test_every_channel_is_recorded_with_its_commands(self):
+        base = str(ROOT / "scripts/examples/wheels")
+        experiment = self.write("recorded.lua", pathlib.Path(base + ".lua").read_text() + "\nrecord { actuators = true }\n")
+        recording = str(self.folder / "wheels.h5")
+        status, _, err = self.run_program(SMARTSURF, "run", experiment, "--controller", base + ".aps", "--headless",
+                                          "--ticks", "5", "--record", recording)
+        self.assertEqual(status, 0, err)
+        import h5py
+        with h5py.File(recording) as file:
+            self.assertEqual(sorted(file["actuators"]), ["spin_a", "spin_b"])
+            last = file["actuators/spin_b"][-1]
+            self.assertEqual((last[0, 0], last[0, 15]), (-10.0, 10.0))
+
+
+if __name__ == "__main__":
+    unittest.main()
