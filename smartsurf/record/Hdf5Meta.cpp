@@ -40,6 +40,18 @@ void write_meta(hid_t file, const Meta& meta, const scene::SceneSpec& spec) {
       write_attribute(versions, version.name.c_str(), version.value);
 }
 
+namespace {
+
+// "pin", "pin, wheels".
+std::string actuator_names(const scene::SurfaceSpec& surface) {
+  std::string names;
+  for (const scene::ActuatorSpec& actuator : surface.mechanisms())
+    names += (names.empty() ? "" : ", ") + actuator.model;
+  return names;
+}
+
+}  // namespace
+
 Handle write_surface(hid_t file, const scene::SurfaceSpec& surface) {
   Handle group = create_group(file, "surface");
   const scene::PinSpec& pin = surface.pin;
@@ -47,7 +59,7 @@ Handle write_surface(hid_t file, const scene::SurfaceSpec& surface) {
   write_attribute(group, "rows", static_cast<std::uint64_t>(surface.rows));
   write_attribute(group, "columns", static_cast<std::uint64_t>(surface.columns));
   write_attribute(group, "pitch", surface.pitch);
-  write_attribute(group, "actuator", std::string("pin"));
+  write_attribute(group, "actuator", actuator_names(surface));
   write_attribute(group, "top", H5T_NATIVE_DOUBLE, top, 2);
   write_attribute(group, "length", pin.length);
   write_attribute(group, "range", H5T_NATIVE_DOUBLE, range, 2);

@@ -37,8 +37,7 @@ PinShading::PinShading(const scene::SurfaceSpec& surface)
 
 float PinShading::height_at(const scene::Snapshot& snapshot, int row, int column) const {
   if (row < 0 || column < 0 || row >= surface_.rows || column >= surface_.columns) return base_;
-  const float height = snapshot.height[surface_.index(row, column)];
-  return height > base_ ? height : base_;  // a cell that is not there is at −∞
+  return std::max(base_, snapshot.height[surface_.index(row, column)]);  // an empty cell is a hole to the ground
 }
 
 PinShading::Corners PinShading::sky_of(const scene::Snapshot& snapshot, int row, int column) const {
@@ -73,7 +72,7 @@ void PinShading::darken_under(const scene::Snapshot& snapshot, const std::array<
   for (int row = first_row; row <= last_row; ++row)
     for (int column = first_column; column <= last_column; ++column) {
       const int index = surface_.index(row, column);
-      const float dz = centre[2] - snapshot.height[index];
+      const float dz = centre[2] - height_at(snapshot, row, column);
       if (!(dz > 0.0f)) continue;
       for (int corner = 0; corner < 4; ++corner) {
         const float dx = static_cast<float>(column) * pitch + ((corner & 1) ? half_x : -half_x) - centre[0];
