@@ -45,6 +45,12 @@ NaivePins::NaivePins(const Workload& w)
     if (o.shape == ShapeKind::kSphere) s = shape(std::make_unique<btSphereShape>(half.x()));
     if (o.shape == ShapeKind::kBox) s = shape(std::make_unique<btBoxShape>(half));
     if (o.shape == ShapeKind::kCylinder) s = shape(std::make_unique<btCylinderShapeZ>(half));
+    if (o.shape == ShapeKind::kSolid) {
+      auto hull = std::make_unique<btConvexHullShape>();
+      for (const auto& corner : o.solid->vertices) hull->addPoint(vec(corner.cast<double>()), false);
+      hull->recalcLocalAabb();
+      s = shape(std::move(hull));
+    }
     objects_.push_back(add(s, vec(o.position), static_cast<float>(o.volume()), kObjects, kEverything));
   }
 }
@@ -65,9 +71,11 @@ btRigidBody* NaivePins::add(btCollisionShape* shape, const btVector3& at, float 
   return bodies_.back().get();
 }
 
-bool NaivePins::border(int cell) const {
-  const int r = cell / w_.n, c = cell % w_.n;
-  return r == 0 || c == 0 || r == w_.n - 1 || c == w_.n - 1;
+bool NaivePins::border(int cell) const { return w_.border(cell / w_.n, cell % w_.n); }
+
+Eigen::Vector3d NaivePins::position(std::size_t object) const {
+  const btVector3& p = objects_[object]->getWorldTransform().getOrigin();
+  return Eigen::Vector3f(p.x(), p.y(), p.z()).cast<double>();
 }
 
 btVector3 NaivePins::top_of(int cell, float height) const {

@@ -6,17 +6,16 @@
 #include <memory>
 #include <vector>
 
-#include "tests/bench/PinScene.h"
+#include "tests/bench/PinEngine.h"
 
-class NaivePins {
+class NaivePins final : public PinEngine {
  public:
   explicit NaivePins(const pin_scene::Workload& w);
-  ~NaivePins();
+  ~NaivePins() override;
 
-  // Heights of all pins, row 0 north.
-  void step(const std::vector<float>& heights);
-  void sense(const std::vector<float>& heights);
-  btVector3 position(std::size_t object) const { return objects_[object]->getWorldTransform().getOrigin(); }
+  void step(const std::vector<float>& heights) override;
+  void sense(const std::vector<float>& heights) override;
+  Eigen::Vector3d position(std::size_t object) const override;
 
  private:
   btRigidBody* add(btCollisionShape*, const btVector3& at, float mass, int group, int mask);

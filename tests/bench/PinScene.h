@@ -2,11 +2,15 @@
 // walls.
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <memory>
 #include <random>
 #include <string>
 #include <vector>
 
+#include "smartsurf/mesh/MakeSolid.h"
 #include "smartsurf/scene/SceneSpec.h"
 
 namespace pin_scene {
@@ -18,6 +22,9 @@ struct Workload {
   int n = 64, objects = 100;
   Shapes shapes = Shapes::kSpheres;
   Field field = Field::kWave;
+  bool border(int row, int column) const {
+    return row == 0 || column == 0 || row == n - 1 || column == n - 1;
+  }
   std::string name() const {
     return std::to_string(n) + "x" + std::to_string(n) + " " + std::to_string(objects) +
            (shapes == Shapes::kHalfMixed ? " mixed" : "") + (field == Field::kStill ? " still" : "");
@@ -48,7 +55,25 @@ inline void wave(const Workload& w, double time_s, std::vector<float>& out) {
   }
 }
 
-// Spheres of radius 1.5–3, or every other one a box or a cylinder of such a size, stacked in loose layers.
+// A convex hull of twelve corners at the given radius. There are eight sizes, so that solids are shared, as
+// in experiments.
+inline std::shared_ptr<const smartsurf::scene::Solid> pebble(double radius) {
+  static std::array<std::shared_ptr<const smartsurf::scene::Solid>, 8> made;
+  const int size = std::clamp(static_cast<int>((radius - 1.5) / 0.1875), 0, 7);
+  auto& solid = made[static_cast<std::size_t>(size)];
+  if (solid) return solid;
+  std::mt19937 random(7);
+  std::normal_distribution<double> normal;
+  std::vector<Eigen::Vector3d> corners(12);
+  for (auto& corner : corners) {
+    for (double& along : corner) along = normal(random);
+    corner *= (1.5 + 0.1875 * size) / corner.norm();
+  }
+  return solid = std::make_shared<smartsurf::scene::Solid>(smartsurf::mesh::hull_solid(corners));
+}
+
+// Spheres of radius 1.5–3, or every other one a box, a cylinder or a convex hull of such a size, stacked in
+// loose layers.
 inline std::vector<smartsurf::scene::ObjectSpec> objects(const Workload& w) {
   using smartsurf::scene::ShapeKind;
   std::vector<smartsurf::scene::ObjectSpec> out;
@@ -63,13 +88,17 @@ inline std::vector<smartsurf::scene::ObjectSpec> objects(const Workload& w) {
     const double x = first + (place % side) * kPitch + 0.02 * (u(random) - 0.5);
     const double y = first + (place / side) * kPitch + 0.02 * (u(random) - 0.5);
     o.position = {x, y, 5.1 + layer * kPitch};
-    if (w.shapes == Shapes::kHalfMixed && i % 4 == 1) {
+    const int kind = w.shapes == Shapes::kHalfMixed ? i % 6 : 0;
+    if (kind == 1) {
       o.shape = ShapeKind::kBox;
       o.size = Eigen::Vector3d(1.2, 1.6, 1.0) * o.radius;
-    } else if (w.shapes == Shapes::kHalfMixed && i % 4 == 3) {
+    } else if (kind == 3) {
       o.shape = ShapeKind::kCylinder;
       o.height = 1.2 * o.radius;
       o.radius *= 0.7;
+    } else if (kind == 5) {
+      o.shape = ShapeKind::kSolid;
+      o.solid = pebble(o.radius);
     }
     out.push_back(o);
   }

@@ -1,8 +1,9 @@
-// Physics on one thread, sensors on --threads: the World and its proximity sensors beside naive Bullet, on the same
-// scenes in one run.
-//   bench_physics [--steps N] [--no-naive] [--only "64x64 100"] [--threads N]
-// Prints medians in milliseconds of a 1/60 s step, the ratio of the totals, and how truly each holds its
+// The World and its proximity sensors beside naive Bullet, MuJoCo and ODE, on the same scenes in one run.
+//   bench_physics [--steps N] [--only "64x64 100"] [--threads N] [--peers naive,mujoco,ode | none]
+// The peers run on one thread, each where it can; MuJoCo and ODE are left out where they are not installed.
+// Prints medians in milliseconds of a 1/60 s step, a peer's total over ours, and how truly each holds its
 // objects apart: the largest overlap of two spheres and the deepest penetration of a sphere into a pin.
+// "pins" is the time in which our pins follow their commands; it is not in the total.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -22,14 +23,15 @@ namespace {
 
 struct Options {
   int steps = 120;
-  bool naive = true;
   int threads = 1;
-  std::string only;
+  std::string only, peers = "naive,mujoco,ode";
+  bool with(const char* peer) const { return peers.find(peer) != std::string::npos; }
 };
 
 struct Result {
-  double physics_ms = 0, sensors_ms = 0, look_ms = 0, overlap = 0, penetration = 0;
-  int lost = 0;
+  double physics_ms = 0, sensors_ms = 0, look_ms = 0, pins_ms = 0, overlap = 0, penetration = 0;
+  int lost = 0, asleep = 0;
+  double total_ms() const { return physics_ms + sensors_ms; }
 };
 
 double timed_ms(const std::function<void()>& work) {
@@ -80,7 +82,7 @@ void judge(const Workload& w, std::vector<Ball> balls, const std::vector<float>&
 }
 
 struct Timer {
-  std::vector<double> physics, sensors, look;
+  std::vector<double> physics, sensors, look, pins;
 };
 
 Result run_ours(const Workload& w, const Options& options) {
@@ -97,18 +99,22 @@ Result run_ours(const Workload& w, const Options& options) {
   const int settle = settling_steps(w);
   for (int i = 0; i < settle + options.steps; ++i) {
     wave(w, i * kStep, targets);
-    cells.set_targets(0, targets);
-    cells.plan(kStep);
+    const double plan = timed_ms([&] {
+      cells.set_targets(0, targets);
+      cells.plan(kStep);
+    });
     const double physics = timed_ms([&] { world.step(); });
-    cells.commit(kStep);
+    const double commit = timed_ms([&] { cells.commit(kStep); });
     const double look = timed_ms([&] { world.snapshot(snapshot); });
     const double sensors = timed_ms([&] { sensing.sense(snapshot, spec.objects, pool); });
     if (i < settle) continue;
     timer.physics.push_back(physics);
     timer.sensors.push_back(sensors);
     timer.look.push_back(look);
+    timer.pins.push_back(plan + commit);
   }
-  Result r{median(timer.physics), median(timer.sensors), median(timer.look)};
+  Result r{median(timer.physics), median(timer.sensors), median(timer.look), median(timer.pins)};
+  r.asleep = world.asleep();
   std::vector<Ball> balls;
   for (std::size_t i = 0; i < static_cast<std::size_t>(w.objects); ++i)
     if (spec.objects[i].shape == scene::ShapeKind::kSphere)
@@ -117,10 +123,10 @@ Result run_ours(const Workload& w, const Options& options) {
   return r;
 }
 
-Result run_naive(const Workload& w, const Options& options) {
+// Measures fewer steps where a step takes long, at least six.
+Result run_peer(PinEngine& peer, const Workload& w, const Options& options) {
   const scene::SceneSpec spec = scene_of(w);
   surface::ActuatorArray cells(spec.surface);
-  NaivePins naive(w);
   std::vector<float> targets, heights;
   Timer timer;
   const int settle = settling_steps(w);
@@ -131,39 +137,58 @@ Result run_naive(const Workload& w, const Options& options) {
     cells.plan(kStep);
     cells.commit(kStep);
     heights = cells.field().height;
-    const double physics = timed_ms([&] { naive.step(heights); });
+    const double physics = timed_ms([&] { peer.step(heights); });
     if (i < settle) continue;
     timer.physics.push_back(physics);
-    timer.sensors.push_back(timed_ms([&] { naive.sense(heights); }));
+    timer.sensors.push_back(timed_ms([&] { peer.sense(heights); }));
     spent_ms += physics + timer.sensors.back();
   }
   Result r{median(timer.physics), median(timer.sensors)};
   std::vector<Ball> balls;
-  for (std::size_t i = 0; i < static_cast<std::size_t>(w.objects); ++i) {
-    const btVector3 p = naive.position(i);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(w.objects); ++i)
     if (spec.objects[i].shape == scene::ShapeKind::kSphere)
-      balls.push_back({Eigen::Vector3f(p.x(), p.y(), p.z()).cast<double>(), spec.objects[i].radius});
-  }
+      balls.push_back({peer.position(i), spec.objects[i].radius});
   judge(w, balls, heights, r);
   return r;
 }
 
 void report(const char* who, const Workload& w, const Result& r) {
-  std::printf(
-      "%-22s %-6s physics %8.3f  sensors %7.3f  snapshot %6.3f  total %8.3f ms   overlap %.4f  pins %.4f  "
-      "lost %d\n",
-      w.name().c_str(), who, r.physics_ms, r.sensors_ms, r.look_ms, r.physics_ms + r.sensors_ms, r.overlap,
-      r.penetration, r.lost);
+  std::printf("%-18s %-6s physics %8.3f  sensors %7.3f  total %8.3f ms  overlap %.4f  pins %.4f  lost %d",
+              w.name().c_str(), who, r.physics_ms, r.sensors_ms, r.total_ms(), r.overlap, r.penetration,
+              r.lost);
+}
+
+void compare(const char* who, PinEngine& peer, const Workload& w, const Options& options,
+             const Result& ours) {
+  const Result theirs = run_peer(peer, w, options);
+  report(who, w, theirs);
+  std::printf("  × %.1f\n", theirs.total_ms() / ours.total_ms());
   std::fflush(stdout);
+}
+
+void run(const Workload& w, const Options& options) {
+  const Result ours = run_ours(w, options);
+  report("ours", w, ours);
+  std::printf("  snapshot %.3f  pins %.3f ms  asleep %d\n", ours.look_ms, ours.pins_ms, ours.asleep);
+  std::fflush(stdout);
+  if (w.n > 256 || w.field == Field::kStill) return;
+  if (options.with("naive")) {
+    NaivePins naive(w);
+    compare("naive", naive, w, options, ours);
+  }
+  if (options.with("mujoco"))
+    if (const auto mujoco = make_mujoco_pins(w)) compare("MuJoCo", *mujoco, w, options, ours);
+  if (options.with("ode"))
+    if (const auto ode = make_ode_pins(w)) compare("ODE", *ode, w, options, ours);
 }
 
 Options read_options(int argc, char** argv) {
   Options o;
-  for (int i = 1; i < argc; ++i) {
-    if (!std::strcmp(argv[i], "--no-naive")) o.naive = false;
-    if (!std::strcmp(argv[i], "--steps") && i + 1 < argc) o.steps = std::max(1, std::atoi(argv[++i]));
-    if (!std::strcmp(argv[i], "--threads") && i + 1 < argc) o.threads = std::max(1, std::atoi(argv[++i]));
-    if (!std::strcmp(argv[i], "--only") && i + 1 < argc) o.only = argv[++i];
+  for (int i = 1; i + 1 < argc; i += 2) {
+    if (!std::strcmp(argv[i], "--steps")) o.steps = std::max(1, std::atoi(argv[i + 1]));
+    if (!std::strcmp(argv[i], "--threads")) o.threads = std::max(1, std::atoi(argv[i + 1]));
+    if (!std::strcmp(argv[i], "--only")) o.only = argv[i + 1];
+    if (!std::strcmp(argv[i], "--peers")) o.peers = argv[i + 1];
   }
   return o;
 }
@@ -179,14 +204,6 @@ int main(int argc, char** argv) {
       {128, 5000, kSpheres, kWave},   {256, 10000, kSpheres, kWave},  {1024, 10000, kSpheres, kWave},
       {128, 1000, kHalfMixed, kWave}, {128, 5000, kHalfMixed, kWave}, {128, 5000, kSpheres, kStill},
   };
-  for (const Workload& w : ladder) {
-    if (!options.only.empty() && w.name() != options.only) continue;
-    const Result ours = run_ours(w, options);
-    report("ours", w, ours);
-    if (!options.naive || w.n > 256 || w.field == Field::kStill) continue;
-    const Result naive = run_naive(w, options);
-    report("naive", w, naive);
-    std::printf("%-22s ratio of totals %.1f\n", "",
-                (naive.physics_ms + naive.sensors_ms) / (ours.physics_ms + ours.sensors_ms));
-  }
+  for (const Workload& w : ladder)
+    if (options.only.empty() || w.name() == options.only) run(w, options);
 }

@@ -1,0 +1,96 @@
+// MuJoCo with its conjugate-gradient solver: a mocap box a pin, a ray a sensor.
+#include "tests/bench/PinEngine.h"
+
+#ifdef BENCH_MUJOCO
+
+#include <fmt/format.h>
+
+#include "tests/peers/Mujoco.h"
+
+using namespace pin_scene;
+
+namespace {
+
+constexpr double kHalfLength = 1.0;
+
+std::string fixed_box(const Eigen::Vector3d& half, const Eigen::Vector3d& at) {
+  return fmt::format(
+      "<geom type='box' size='{} {} {}' pos='{} {} {}' contype='2' conaffinity='1' friction='.25 0 0'/>",
+      half.x(), half.y(), half.z(), at.x(), at.y(), at.z());
+}
+
+std::string description(const Workload& w) {
+  std::string out = fmt::format(
+      "<mujoco><option timestep='{}' gravity='0 0 -10' solver='CG' iterations='10' jacobian='sparse'/>"
+      "<size njmax='{}' nconmax='{}' nstack='{}'/><worldbody>",
+      kStep, w.objects * 40 + 2000, w.objects * 10 + 500, 20000000 + w.objects * 200000);
+  for (const Wall& wall : walls(w)) out += fixed_box(wall.half, wall.centre);
+  for (int r = 0; r < w.n; ++r)
+    for (int c = 0; c < w.n; ++c) {
+      const double x = c, y = w.n - 1 - r;
+      if (w.border(r, c))
+        out += fixed_box({0.4, 0.4, 3.5}, {x, y, kBorder - 3.5});
+      else
+        out += fmt::format("<body mocap='true' pos='{} {} {}'>", x, y, -kHalfLength) +
+               fixed_box({0.4, 0.4, kHalfLength}, {0, 0, 0}) + "</body>";
+    }
+  for (const auto& o : objects(w))
+    out += fmt::format(
+        "<body pos='{} {} {}'><freejoint/><geom type='sphere' size='{}' density='1' friction='.25 0 0' "
+        "group='2'/></body>",
+        o.position.x(), o.position.y(), o.position.z(), o.radius);
+  return out + "</worldbody></mujoco>";
+}
+
+class MujocoPins final : public PinEngine {
+ public:
+  explicit MujocoPins(const Workload& w) : w_(w), peer_(description(w)) {
+    first_object_ = peer_.model().nbody - w.objects;
+  }
+
+  void step(const std::vector<float>& heights) override {
+    mjtNum* z = peer_.data().mocap_pos + 2;
+    for (int r = 1; r < w_.n - 1; ++r)
+      for (int c = 1; c < w_.n - 1; ++c, z += 3)
+        *z = static_cast<double>(heights[static_cast<std::size_t>(r * w_.n + c)]) - kHalfLength;
+    peer_.step();
+  }
+
+  void sense(const std::vector<float>& heights) override {
+    const mjtByte groups[mjNGROUP] = {0, 0, 1, 0, 0, 0};
+    const mjtNum up[3] = {0, 0, 1};
+    distance_.resize(heights.size());
+    for (int i = 0; i < w_.n * w_.n; ++i) {
+      const auto cell = static_cast<std::size_t>(i);
+      const mjtNum from[3] = {static_cast<double>(i % w_.n), static_cast<double>(w_.n - 1 - i / w_.n),
+                              static_cast<double>(heights[cell]) + 1e-3};
+      int geom = -1;
+      const mjtNum met = mj_ray(&peer_.model(), &peer_.data(), from, up, groups, 0, -1, &geom);
+      distance_[cell] = met <= kSensorRange ? met : -1.0;
+    }
+  }
+
+  Eigen::Vector3d position(std::size_t object) const override {
+    return Eigen::Vector3d(peer_.position(first_object_ + static_cast<int>(object)));
+  }
+
+ private:
+  Workload w_;
+  peers::Mujoco peer_;
+  int first_object_ = 0;
+  std::vector<double> distance_;
+};
+
+}  // namespace
+
+// Beyond 64 × 64 pins it runs out of its own memory, or takes seconds a step.
+std::unique_ptr<PinEngine> make_mujoco_pins(const Workload& w) {
+  if (w.shapes != Shapes::kSpheres || w.n > 64) return nullptr;
+  return std::make_unique<MujocoPins>(w);
+}
+
+#else
+
+std::unique_ptr<PinEngine> make_mujoco_pins(const pin_scene::Workload&) { return nullptr; }
+
+#endif

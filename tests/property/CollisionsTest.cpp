@@ -1,0 +1,96 @@
+// Two bodies in free flight: what remains of their velocities after they have met.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/property/PhysicsBench.h"
+
+using namespace physics_bench;
+
+namespace {
+
+struct Meeting {
+  double restitution = 1.0;
+  double mass_ratio = 1.0;  // of the second
+  double offset = 0.0;      // of the second's centre from the first's path, u
+};
+
+struct Outcome {
+  Eigen::Vector3d first, second;
+};
+
+// A sphere at 5 u/s against one at rest, both of radius 1, without gravity and friction.
+Outcome meet(const Meeting& m) {
+  PhysicsBench bench;
+  bench.scene.world.gravity = {0, 0, 0};
+  bench.scene.materials[0].restitution = m.restitution;
+  bench.scene.materials[0].friction = 0.0;
+  auto one = sphere(1.0, {10, 15, 20}), two = sphere(1.0, {16, 15 + m.offset, 20});
+  one.velocity = {5, 0, 0};
+  one.mass = 2.0;
+  two.mass = 2.0 * m.mass_ratio;
+  const auto a = bench.add(one), b = bench.add(two);
+  bench.run(1.5);
+  return {bench.world().state(a).velocity, bench.world().state(b).velocity};
+}
+
+// The impulse acts along the line of centres at the moment of contact.
+Outcome closed_form(const Meeting& m) {
+  const double sine = m.offset / 2.0;
+  const Eigen::Vector3d normal(std::sqrt(1 - sine * sine), sine, 0);
+  const double approach = 5 * normal.x();
+  const double gained = (1 + m.restitution) * approach / (1 + m.mass_ratio);
+  return {Eigen::Vector3d(5, 0, 0) - m.mass_ratio * gained * normal, gained * normal};
+}
+
+void expect_closed_form(const Meeting& m) {
+  const Outcome is = meet(m), should = closed_form(m);
+  const auto name = testing::Message()
+                    << "e " << m.restitution << ", masses 1:" << m.mass_ratio << ", offset " << m.offset;
+  EXPECT_LT((is.first - should.first).norm(), 0.05) << name << ": " << is.first.transpose();
+  EXPECT_LT((is.second - should.second).norm(), 0.05) << name << ": " << is.second.transpose();
+  const Eigen::Vector3d momentum = is.first + m.mass_ratio * is.second;
+  EXPECT_LT((momentum - Eigen::Vector3d(5, 0, 0)).norm(), 1e-4) << name;
+  const double energy = is.first.squaredNorm() + m.mass_ratio * is.second.squaredNorm();
+  const double expected = should.first.squaredNorm() + m.mass_ratio * should.second.squaredNorm();
+  EXPECT_NEAR(energy, expected, 0.01 * 25) << name;
+}
+
+}  // namespace
+
+TEST(Collision, EqualMassesHeadOnExchangeTheirVelocities) {
+  const Outcome is = meet({});
+  EXPECT_LT(is.first.norm(), 1e-3);
+  EXPECT_LT((is.second - Eigen::Vector3d(5, 0, 0)).norm(), 1e-3);
+}
+
+TEST(Collision, UnequalMassesHeadOn) {
+  for (const double ratio : {0.1, 0.5, 3.0, 20.0})
+    for (const double e : {0.0, 0.5, 1.0}) expect_closed_form({e, ratio, 0});
+}
+
+TEST(Collision, ObliqueBlowsActAlongTheLineOfCentres) {
+  for (const double offset : {0.3, 0.8, 1.2, 1.6})
+    for (const double ratio : {1.0, 4.0})
+      for (const double e : {0.5, 1.0}) expect_closed_form({e, ratio, offset});
+}
+
+TEST(Collision, EqualMassesPartAtARightAngle) {
+  const Outcome is = meet({1.0, 1.0, 1.0});
+  EXPECT_NEAR(is.first.normalized().dot(is.second.normalized()), 0.0, 0.02);
+}
+
+TEST(Collision, ABlowPassesThroughARow) {
+  // Newton's cradle, with gaps: the last one leaves at the first one's speed.
+  PhysicsBench bench;
+  bench.scene.world.gravity = {0, 0, 0};
+  bench.scene.materials[0].restitution = 1.0;
+  std::vector<smartsurf::scene::ObjectId> row;
+  for (int i = 0; i < 5; ++i) {
+    auto o = sphere(1.0, {5 + 2.2 * i, 15, 20});
+    if (i == 0) o.velocity = {4, 0, 0};
+    row.push_back(bench.add(o));
+  }
+  bench.run(1.0);
+  for (const auto id : row) EXPECT_NEAR(bench.velocity(id).x(), id == row.back() ? 4.0 : 0.0, 0.02) << id;
+}
