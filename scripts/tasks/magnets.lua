@@ -1,0 +1,23 @@
+-- Two discs of opposite polarity and one that is not magnetic on an 8×8 workbench of electromagnets, 2 u apart.
+surface { rows = 8, columns = 8, pitch = 2,
+          actuator = magnet { top = 1.6, strength = 150, depth = 1, law = 'pole' } }
+local function disc(label, pole, x, y)
+  return cylinder { radius = 0.9, height = 0.6, pole = pole, label = label,
+                    colour = ({ [1] = 'red', [0] = 'grey', [-1] = 'blue' })[pole],
+                    position = { x + random(-0.4, 0.4), y + random(-0.4, 0.4), 0.3 } }
+end
+local goal_x, goal_y = 8, 6
+local pulled, pushed, plain = disc('pulled', 1, 2, 6), disc('pushed', -1, 10, 6), disc('plain', 0, 2, 12)
+local start = { object = nil }
+
+local function from_goal(id)
+  local x, y = object(id):position()
+  return math.sqrt((x - goal_x)^2 + (y - goal_y)^2)
+end
+local pushed_from, plain_from
+at(0, function() pushed_from, plain_from = from_goal(pushed), from_goal(plain) end)
+on_finish(function()
+  metric('pulled_error_u', from_goal(pulled))
+  metric('pushed_away_u', from_goal(pushed) - pushed_from)
+  metric('plain_moved_u', math.abs(from_goal(plain) - plain_from))
+end)
