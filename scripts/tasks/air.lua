@@ -14,6 +14,7 @@ on_tick(function(t)
   within = error_u() < 1 and (within or t) or nil
 end)
 on_finish(function()
+  metric('success', within and lowest > 0 and 1 or 0)
   metric('error_u', error_u())
   if within then metric('time_s', within) end
   metric('least_gap_u', lowest)

@@ -20,6 +20,6 @@ on_finish(function(t)
     if arrived[id] then done = done + 1 end
     speed = speed + (object(id):position() - start[id]) / (arrived[id] or t) / count
   end
-  metric('arrived', done / count)
+  metric('success', done == count and 1 or 0)
   metric('speed_u_s', speed)
 end)

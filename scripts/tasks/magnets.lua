@@ -8,7 +8,6 @@ local function disc(label, pole, x, y)
 end
 local goal_x, goal_y = 8, 6
 local pulled, pushed, plain = disc('pulled', 1, 2, 6), disc('pushed', -1, 10, 6), disc('plain', 0, 2, 12)
-local start = { object = nil }
 
 local function from_goal(id)
   local x, y = object(id):position()
@@ -17,7 +16,10 @@ end
 local pushed_from, plain_from
 at(0, function() pushed_from, plain_from = from_goal(pushed), from_goal(plain) end)
 on_finish(function()
-  metric('pulled_error_u', from_goal(pulled))
-  metric('pushed_away_u', from_goal(pushed) - pushed_from)
-  metric('plain_moved_u', math.abs(from_goal(plain) - plain_from))
+  local pulled_error, pushed_by = from_goal(pulled), from_goal(pushed) - pushed_from
+  local moved = math.abs(from_goal(plain) - plain_from)
+  metric('success', pulled_error < 0.5 and pushed_by > 4 and moved < 0.1 and 1 or 0)
+  metric('pulled_error_u', pulled_error)
+  metric('pushed_away_u', pushed_by)
+  metric('plain_moved_u', moved)
 end)

@@ -44,6 +44,7 @@ end)
 on_finish(function()
   local sum = 0
   for _, s in ipairs(took) do sum = sum + s end
+  metric('success', #took == count and 1 or 0)
   metric('delivered', #took / count)
   if #took > 0 then metric('mean_delivery_s', sum / #took) end
   metric('wrong_exit', missed)

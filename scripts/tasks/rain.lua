@@ -17,6 +17,7 @@ on_leave(function(id, t)
   if left >= 0.95 * count then shed_at = shed_at or t end
 end)
 on_finish(function()
+  metric('success', shed_at and 1 or 0)
   metric('shed', left / count)
   if shed_at then metric('time_to_95_s', shed_at) end
 end)

@@ -22,7 +22,13 @@ on_tick(function(t)
   count[path] = count[path] + 1
 end)
 on_finish(function()
+  local worst = 0
   for path, n in pairs(count) do
-    if n > 0 then metric('rms_' .. path .. '_u', math.sqrt(sum[path] / n)) end
+    if n > 0 then
+      local rms = math.sqrt(sum[path] / n)
+      metric('rms_' .. path .. '_u', rms)
+      worst = math.max(worst, rms)
+    end
   end
+  metric('success', worst < 0.5 and 1 or 0)
 end)
