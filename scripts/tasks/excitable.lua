@@ -7,19 +7,21 @@ for i = 1, 3 do
            position = { random(5, 9), 5 * i - 0.5 + random(-0.5, 0.5), 3 } }
 end
 
-local goal, count, start, arrived = 34, 3, {}, {}
+local goal, start, speed, arrived = 34, {}, {}, 0
 at(0, function() for id = 0, 2 do start[id] = object(id):position() end end)
 on_tick(function(t)
-  for id = 0, count - 1 do
-    if not arrived[id] and object(id):position() > goal then arrived[id] = t end
+  for id = 0, 2 do
+    local x = object(id):position()
+    if not speed[id] and x > goal then speed[id], arrived = (x - start[id]) / t, arrived + 1 end
   end
 end)
 on_finish(function(t)
-  local done, speed = 0, 0
-  for id = 0, count - 1 do
-    if arrived[id] then done = done + 1 end
-    speed = speed + (object(id):position() - start[id]) / (arrived[id] or t) / count
+  local sum, on_table = 0, 0
+  for id = 0, 2 do
+    local x, _, z = object(id):position()
+    sum = sum + (speed[id] or (x - start[id]) / t)
+    if z > 0 then on_table = on_table + 1 end
   end
-  metric('success', done == count and 1 or 0)
-  metric('speed_u_s', speed)
+  metric('success', arrived == 3 and on_table == 3 and 1 or 0)
+  metric('speed_u_s', sum / 3)
 end)

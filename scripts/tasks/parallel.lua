@@ -9,8 +9,8 @@ local function ball(label, x, y)
   return sphere { radius = radius, material = 'plastic', colour = label, label = label,
                   position = { x + random(-1, 1), y + random(-1, 1), 6.5 } }
 end
--- The two lanes pass the bystander with a cell or more to spare; the green one's column is free.
-local travellers = { ball('red', 5, 27.5), ball('blue', 34, 11.5), ball('green', 30, 5), ball('green', 9, 16) }
+-- The lanes of red and blue pass the bystander with three cells to spare.
+local travellers = { ball('red', 5, 27.5), ball('blue', 34, 11.5), ball('green', 30, 17), ball('green', 9, 16) }
 local bystander = ball('grey', 19.5, 19.5)
 
 local function arrived(id)

@@ -5,7 +5,7 @@ local two_kinds = {}
 function two_kinds.scatter(n, count, reach, make)
   local side = math.ceil(math.sqrt(2 * count))
   local square, free = (n - 3) / side, {}
-  if square < 2 * reach then error('too many objects for the table: at most one in each square of ' .. 2 * reach .. ' u') end
+  if square < 2 * reach then error('too many objects: each needs a square of ' .. 2 * reach .. ' u') end
   for i = 0, side * side - 1 do free[#free + 1] = i end
   for i = 1, 2 * count do
     local place = table.remove(free, math.floor(random(1, #free + 1)))
