@@ -3,7 +3,7 @@ local leg = 20
 
 material { name = 'felt', friction = 0.6, rolling_friction = 0.05, restitution = 0 }
 surface { rows = 24, columns = 24, material = 'felt',
-          actuator = pin { range = {0, 6}, max_speed = 12, max_acceleration = 200 } }
+          actuator = pin { range = {0, 6}, max_speed = 6, max_acceleration = 60 } }
 sphere { radius = 1.5, position = { 11.5 + random(-2, 2), 11.5 + random(-2, 2), 3 }, colour = 'cyan', material = 'felt' }
 
 local function point(t)

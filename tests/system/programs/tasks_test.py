@@ -27,6 +27,11 @@ class Tasks(ProgramTest):
             strategy = (TASKS / f"{name}.aps").read_text().splitlines()[:3]
             self.assertTrue(strategy[0].startswith("// Strategy:") and strategy[2].startswith("//"), name)
 
+    def test_every_program_is_local(self):
+        for program in sorted(TASKS.glob("*.aps")):
+            status, out, err = self.run_program(APRON, "check", "--profile", "local", str(program))
+            self.assertEqual((status, "every instruction is local" in out), (0, True), f"{program.name}: {err}")
+
     def test_balls_are_sorted_by_size(self):
         metrics = self.run_task("size_sort", 40, "n=32", "count=2")
         self.assertEqual((metrics["purity"], metrics["success"]), (1, 1))
