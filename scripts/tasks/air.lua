@@ -1,7 +1,8 @@
 -- A light sheet floats over 40×40 jets of air to a goal, without ever touching the table.
 local goal_x, goal_y = 30, 22
 surface { rows = 40, columns = 40, actuator = air_jet { lean = 0.35, max_flow = 60 } }
-local sheet = box { size = {6, 6, 0.2}, position = { random(6, 20), random(6, 33), 0.8 }, mass = 1.7, colour = 'yellow' }
+local sheet = box { size = {6, 6, 0.2}, mass = 1.7, colour = 'yellow',
+                    position = { random(6, 20), random(6, 33), 0.8 } }
 
 local function error_u()
   local x, y = object(sheet):position()

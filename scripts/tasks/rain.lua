@@ -9,7 +9,8 @@ local fallen, left, shed_at = 0, 0, nil
 on_tick(function(t)
   while fallen < count and fallen < count * t / seconds do
     fallen = fallen + 1
-    sphere { radius = random(0.6, 1), position = { random(1, n - 2), random(1, n - 2), random(8, 12) }, colour = 'cyan' }
+    sphere { radius = random(0.6, 1), colour = 'cyan',
+             position = { random(1, n - 2), random(1, n - 2), random(8, 12) } }
   end
 end)
 on_leave(function(id, t)

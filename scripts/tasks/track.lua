@@ -4,7 +4,8 @@ local leg = 20
 material { name = 'felt', friction = 0.6, rolling_friction = 0.05, restitution = 0 }
 surface { rows = 24, columns = 24, material = 'felt',
           actuator = pin { range = {0, 6}, max_speed = 6, max_acceleration = 60 } }
-sphere { radius = 1.5, position = { 11.5 + random(-2, 2), 11.5 + random(-2, 2), 3 }, colour = 'cyan', material = 'felt' }
+sphere { radius = 1.5, colour = 'cyan', material = 'felt',
+         position = { 11.5 + random(-2, 2), 11.5 + random(-2, 2), 3 } }
 
 local function point(t)
   local a = 2 * math.pi * (t / leg % 1)
