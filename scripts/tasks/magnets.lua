@@ -9,15 +9,18 @@ end
 local goal_x, goal_y = 8, 6
 local pulled, pushed, plain = disc('pulled', 1, 2, 6), disc('pushed', -1, 10, 6), disc('plain', 0, 2, 12)
 
-local function from_goal(id)
+local function far(id, x0, y0)
   local x, y = object(id):position()
-  return math.sqrt((x - goal_x)^2 + (y - goal_y)^2)
+  return math.sqrt((x - x0)^2 + (y - y0)^2)
 end
-local pushed_from, plain_from
-at(0, function() pushed_from, plain_from = from_goal(pushed), from_goal(plain) end)
+local pushed_from, plain_x, plain_y
+at(0, function()
+  pushed_from = far(pushed, goal_x, goal_y)
+  plain_x, plain_y = object(plain):position()
+end)
 on_finish(function()
-  local pulled_error, pushed_by = from_goal(pulled), from_goal(pushed) - pushed_from
-  local moved = math.abs(from_goal(plain) - plain_from)
+  local pulled_error, pushed_by = far(pulled, goal_x, goal_y), far(pushed, goal_x, goal_y) - pushed_from
+  local moved = far(plain, plain_x, plain_y)
   metric('success', pulled_error < 0.5 and pushed_by > 4 and moved < 0.1 and 1 or 0)
   metric('pulled_error_u', pulled_error)
   metric('pushed_away_u', pushed_by)
