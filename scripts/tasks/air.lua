@@ -12,7 +12,8 @@ end
 local function gap_u()
   local _, _, z = object(sheet):position()
   local qx, qy, qz, qw = object(sheet):orientation()
-  return z - 3 * math.abs(2 * (qx * qz - qw * qy)) - 3 * math.abs(2 * (qy * qz + qw * qx)) - 0.1 * (1 - 2 * (qx^2 + qy^2))
+  local pitch, roll = 2 * (qx * qz - qw * qy), 2 * (qy * qz + qw * qx)
+  return z - 3 * math.abs(pitch) - 3 * math.abs(roll) - 0.1
 end
 local lowest, within = math.huge, nil
 on_tick(function(t)
