@@ -1,0 +1,92 @@
+#!/usr/bin/env python3
+"""Every task of scripts/tasks, at small size: its program does what the task is about, and its metrics say so."""
+from programs import *
+
+TASKS = ROOT / "scripts/tasks"
+
+
+class Tasks(ProgramTest):
+    def run_task(self, name, seconds, *options, seed=1):
+        """The task's metrics."""
+        stats = self.folder / "stats.json"
+        settings = [word for option in options for word in ("--set", option)]
+        status, _, err = self.run_program(SMARTSURF, "run", str(TASKS / f"{name}.lua"), "--controller",
+                                          str(TASKS / f"{name}.aps"), "--shm", self.shm, "--seed", str(seed), "--until",
+                                          str(seconds), "--stats", str(stats), *settings)
+        self.assertEqual(status, 0, err)
+        return json.loads(stats.read_text())["metrics"]
+
+    def test_every_task_is_tested_and_described(self):
+        page = (ROOT / "docs/tasks.md").read_text()
+        here = pathlib.Path(__file__).read_text()
+        names = [path.stem for path in TASKS.glob("*.lua") if path.with_suffix(".aps").exists()]
+        self.assertGreaterEqual(len(names), 13)
+        for name in names:
+            self.assertIn(f"| `{name}` |", page)
+            self.assertIn(f'run_task("{name}"', here)
+            strategy = (TASKS / f"{name}.aps").read_text().splitlines()[:3]
+            self.assertTrue(strategy[0].startswith("// Strategy:") and strategy[2].startswith("//"), name)
+
+    def test_every_program_is_local(self):
+        for program in sorted(TASKS.glob("*.aps")):
+            status, out, err = self.run_program(APRON, "check", "--profile", "local", str(program))
+            self.assertEqual((status, "every instruction is local" in out), (0, True), f"{program.name}: {err}")
+
+    def test_balls_are_sorted_by_size(self):
+        metrics = self.run_task("size_sort", 40, "n=32", "count=2")
+        self.assertEqual((metrics["purity"], metrics["success"]), (1, 1))
+        self.assertAlmostEqual(metrics["objects_per_minute"], 60 * 4 / metrics["time_to_95_s"])
+
+    def test_balls_are_sorted_by_colour(self):
+        self.assertEqual(self.run_task("colour_sort", 40, "n=24", "count=3")["purity"], 1)
+
+    def test_flat_parts_are_sorted_by_shape(self):
+        self.assertEqual(self.run_task("part_sort", 30, "n=30", "count=2")["purity"], 1)
+
+    def test_a_ball_goes_to_the_goal_unless_pins_stand_in_its_way(self):
+        self.assertLess(self.run_task("relocate", 25)["error_u"], 0.5)
+        self.assertGreater(self.run_task("relocate", 25, "stuck=0.3")["error_u"], 0.5)
+
+    def test_a_ball_follows_three_paths(self):
+        metrics = self.run_task("track", 60)
+        for path in ("line", "circle", "eight"):
+            self.assertLess(metrics[f"rms_{path}_u"], 0.5)
+
+    def test_a_plate_goes_faster_at_a_higher_frequency(self):
+        slow = self.run_task("waves", 3, "frequency=2")["speed_u_s"]
+        fast = self.run_task("waves", 3, "frequency=6")["speed_u_s"]
+        self.assertGreater(slow, 0.3)
+        self.assertGreater(fast, 2 * slow)
+
+    def test_balls_move_in_parallel_past_a_bystander(self):
+        metrics = self.run_task("parallel", 30)
+        self.assertEqual(metrics["success"], 1)
+        self.assertLess(metrics["bystander_moved_u"], 0.1)
+
+    def test_packages_leave_by_their_exits(self):
+        metrics = self.run_task("packages", 14, "count=6")
+        self.assertEqual((metrics["delivered"], metrics["wrong_exit"], metrics["collisions"]), (1, 0, 0))
+
+    def test_a_sheet_floats_to_the_goal(self):
+        metrics = self.run_task("air", 30)
+        self.assertLess(metrics["error_u"], 1)
+        self.assertGreater(metrics["least_gap_u"], 0.1)
+
+    def test_magnets_pull_one_polarity_and_push_the_other(self):
+        self.assertEqual(self.run_task("magnets", 6)["success"], 1)
+
+    def test_a_rod_ends_in_one_pose_without_a_sensor(self):
+        for seed in (1, 2):
+            self.assertEqual(self.run_task("squeeze", 30, seed=seed)["success"], 1)
+
+    def test_an_excitable_medium_carries_balls(self):
+        metrics = self.run_task("excitable", 15)
+        self.assertEqual(metrics["success"], 1)
+        self.assertGreater(metrics["speed_u_s"], 2)
+
+    def test_rain_is_shed(self):
+        self.assertGreater(self.run_task("rain", 20, "count=100", "n=24")["shed"], 0.9)
+
+
+if __name__ == "__main__":
+    unittest.main()
