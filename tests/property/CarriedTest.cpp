@@ -89,7 +89,9 @@ TEST(Carried, NothingSinksIntoARisingField) {
         });
         EXPECT_LT(deepest, 0.01) << static_cast<int>(shape.shape) << " at " << speed << " u/s, dt " << dt_s;
         // At 20 u/s it was thrown, and is still in the air.
-        if (speed < 5) EXPECT_NEAR(bench.position(id).z(), 6.0, 0.01) << static_cast<int>(shape.shape);
+        if (speed < 5) {
+          EXPECT_NEAR(bench.position(id).z(), 6.0, 0.01) << static_cast<int>(shape.shape);
+        }
       }
 }
 
