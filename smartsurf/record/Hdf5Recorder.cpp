@@ -7,12 +7,15 @@
 #include <limits>
 #include <mutex>
 
+#include "smartsurf/record/Hdf5Meta.h"
+
 namespace smartsurf::record {
 namespace {
 
 constexpr std::size_t kMostBufferFrames = 64;
-constexpr std::size_t kMostBufferBytes = 16u << 20;   // of all channels together
-constexpr std::size_t kMostChunkBytes = 256u << 10;   // of a channel: what one frame's reader unpacks
+constexpr std::size_t kMostBufferBytes = 16u << 20;  // of all channels together
+constexpr std::size_t kMostChunkBytes = 256u << 10;  // of a channel: what one frame's reader unpacks
+constexpr std::size_t kMostBufferedChanges = 1u << 20;
 constexpr std::uint64_t kMetadataBytes = 256u << 10;  // more than one write adds to the library's own tables
 constexpr std::chrono::seconds kLongestWait{1};
 constexpr float kNoNumber = std::numeric_limits<float>::quiet_NaN();
@@ -29,52 +32,6 @@ Handle create_file(const std::filesystem::path& path) {
   const Handle creation(H5Pcreate(H5P_FILE_CREATE), H5Pclose, "file properties");
   check(H5Pset_obj_track_times(creation, false), "file properties");
   return Handle(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, creation, H5P_DEFAULT), H5Fclose, "cannot be written");
-}
-
-void write_meta(hid_t file, const Meta& meta, const scene::SceneSpec& spec) {
-  const Handle group = create_group(file, "meta");
-  write_attribute(group, "format", std::string("smartsurf-recording"));
-  write_attribute(group, "format_version", std::uint64_t{1});
-  write_attribute(group, "version", std::string(SMARTSURF_VERSION));
-  write_attribute(group, "command_line", meta.command_line);
-  write_attribute(group, "mode", meta.mode);
-  write_attribute(group, "experiment_file", spec.file);
-  write_attribute(group, "experiment", spec.text);
-  write_attribute(group, "program_file", meta.program_file);
-  write_attribute(group, "program", meta.program_text);
-  write_attribute(group, "seed", spec.world.seed);
-  write_attribute(group, "dt_s", spec.world.dt_s);
-  write_attribute(group, "control_period_s", spec.world.control_period_s);
-  write_attribute(group, "iterations", static_cast<std::uint64_t>(spec.world.iterations));
-  write_attribute(group, "gravity", H5T_NATIVE_DOUBLE, spec.world.gravity.data(), 3);
-  write_attribute(group, "ground", std::uint64_t{spec.world.ground});
-  write_attribute(group, "every", static_cast<std::uint64_t>(spec.record.every));
-  const Handle options = create_group(group, "options");
-  for (const scene::OptionSpec& option : spec.options)
-    write_attribute(options, option.name.c_str(), option.value);
-  const Handle versions = create_group(group, "versions");
-  write_attribute(versions, "smartsurf", std::string(SMARTSURF_VERSION));
-  write_attribute(versions, "hdf5", std::string(H5_VERS_INFO).substr(std::strlen("HDF5 library version: ")));
-  for (const NamedText& version : meta.versions)
-    if (!has_attribute(versions, version.name.c_str()))
-      write_attribute(versions, version.name.c_str(), version.value);
-}
-
-Handle write_surface(hid_t file, const scene::SurfaceSpec& surface) {
-  Handle group = create_group(file, "surface");
-  const scene::PinSpec& pin = surface.pin;
-  const double top[] = {pin.top_x, pin.top_y}, range[] = {pin.min_height, pin.max_height};
-  write_attribute(group, "rows", static_cast<std::uint64_t>(surface.rows));
-  write_attribute(group, "columns", static_cast<std::uint64_t>(surface.columns));
-  write_attribute(group, "pitch", surface.pitch);
-  write_attribute(group, "actuator", std::string("pin"));
-  write_attribute(group, "top", H5T_NATIVE_DOUBLE, top, 2);
-  write_attribute(group, "length", pin.length);
-  write_attribute(group, "range", H5T_NATIVE_DOUBLE, range, 2);
-  write_attribute(group, "max_speed", pin.max_speed);
-  write_attribute(group, "max_acceleration", pin.max_acceleration);
-  if (surface.border_height) write_attribute(group, "border", *surface.border_height);
-  return group;
 }
 
 bool good_channel_name(std::string_view name) {
@@ -116,6 +73,7 @@ struct Hdf5Recorder::Content {
   void buffer_channels(std::span<const Channel> channels, std::vector<FrameSeries>& series);
   void buffer(const scene::Snapshot& snapshot, std::span<const Channel> sensors,
               std::span<const Channel> actuators);
+  void log_inputs(std::span<const Channel> actuators);
   void write();
 
   scene::RecordSpec record;
@@ -131,6 +89,8 @@ struct Hdf5Recorder::Content {
   bool ready = false;  // the series exist
   std::optional<FrameSeries> tick, time, hash, contacts, position, orientation, velocity, height;
   std::vector<FrameSeries> sensor_series, actuator_series;
+  std::optional<ChangeWriter> inputs, heights;
+  bool touched = false;
   std::size_t buffer_frames = 0, buffered = 0;
   hsize_t written = 0;
   std::chrono::steady_clock::time_point written_at = std::chrono::steady_clock::now();
@@ -196,6 +156,7 @@ void Hdf5Recorder::Content::create_series(std::span<const Channel> sensors,
     orientation.emplace(poses("orientation", 4));
     velocity.emplace(poses("velocity", 3));
   }
+  heights.emplace(surface_group, "changes", static_cast<std::size_t>(surface.cells()));
   if (record.sensors) create_channels("sensors", sensors, sensor_series);
   if (record.actuators) {
     create_channels("actuators", actuators, actuator_series);
@@ -251,6 +212,8 @@ void Hdf5Recorder::Content::buffer(const scene::Snapshot& snapshot, std::span<co
     assert(snapshot.height.size() == row.size());
     std::copy(snapshot.height.begin(), snapshot.height.end(), row.begin());
   }
+  heights->add(snapshot.height, 0);
+  heights->end_row();
   ++buffered;
 }
 
@@ -261,6 +224,27 @@ void Hdf5Recorder::Content::with_series(Action action) {
   for (FrameSeries& series : sensor_series) action(series);
   for (FrameSeries& series : actuator_series) action(series);
   for (auto* series : {&contacts, &hash, &time}) action(**series);
+}
+
+void Hdf5Recorder::Content::log_inputs(std::span<const Channel> actuators) {
+  if (!inputs) {
+    std::uint64_t values = 0;
+    std::string names;
+    for (const Channel& channel : actuators) {
+      values += channel.values.size();
+      names += (names.empty() ? "" : ",") + std::string(channel.name);
+    }
+    const Handle group = create_group(file, "inputs");
+    write_attribute(group, "values", values);
+    write_attribute(group, "channels", names);
+    inputs.emplace(group, "changes", values);
+  }
+  std::size_t first = 0;
+  for (const Channel& channel : actuators) {
+    inputs->add(channel.values, first);
+    first += channel.values.size();
+  }
+  inputs->end_row();
 }
 
 void Hdf5Recorder::Content::flush() {
@@ -278,9 +262,13 @@ void Hdf5Recorder::Content::write() {
     with_series([&](const FrameSeries& series) { most_bytes += series.most_bytes(); });
     most_bytes += tick->most_bytes();
   }
+  for (auto* changes : {&inputs, &heights})
+    if (*changes) most_bytes += (*changes)->most_bytes();
   reserve.reserve(most_bytes);
   catalogue->append(newcomers);
   newcomers.clear();
+  for (auto* changes : {&inputs, &heights})
+    if (*changes) (*changes)->write();
   if (buffered > 0) {
     with_series([&](FrameSeries& series) { series.write(written, buffered, first_live, end_live); });
     check(H5Fflush(file, H5F_SCOPE_LOCAL), "flush");
@@ -342,8 +330,27 @@ void Hdf5Recorder::record(const scene::Snapshot& snapshot, const std::vector<sce
     content.buffer(snapshot, sensors, actuators);
     // Whole chunks, also after a write that did not wait for the buffer to be full.
     if ((content.written + content.buffered) % content.buffer_frames == 0 ||
+        content.heights->buffered_changes() > kMostBufferedChanges ||
         std::chrono::steady_clock::now() - content.written_at >= kLongestWait)
       content.write();
+  });
+}
+
+void Hdf5Recorder::inputs(std::span<const Channel> actuators) {
+  guarded([&](Content& content) {
+    content.log_inputs(actuators);
+    // Frames may be far apart.
+    if (content.inputs->buffered_changes() > kMostBufferedChanges) content.write();
+  });
+}
+
+void Hdf5Recorder::touched(std::uint64_t tick) {
+  guarded([&](Content& content) {
+    if (std::exchange(content.touched, true)) return;
+    content.reserve.reserve(kMetadataBytes);
+    const Handle meta(H5Gopen2(content.file, "meta", H5P_DEFAULT), H5Gclose, "group meta");
+    write_attribute(meta, "touched_by_hand", tick);
+    content.flush();
   });
 }
 

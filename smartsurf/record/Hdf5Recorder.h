@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "smartsurf/record/CatalogueWriter.h"
+#include "smartsurf/record/ChangeLog.h"
 #include "smartsurf/record/FileReserve.h"
 #include "smartsurf/record/FrameSeries.h"
 #include "smartsurf/record/Hdf5.h"
@@ -21,6 +22,8 @@ class Hdf5Recorder final : public Recorder {
  public:
   Hdf5Recorder(const std::filesystem::path& path, const Meta& meta, const scene::SceneSpec& spec);
   ~Hdf5Recorder() override;
+  void inputs(std::span<const Channel> actuators) override;
+  void touched(std::uint64_t tick) override;
   void close(const Result& result) override;
 
  private:

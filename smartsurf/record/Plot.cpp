@@ -10,7 +10,9 @@
 #include <memory>
 #include <stdexcept>
 
+#include "smartsurf/record/CurvePlot.h"
 #include "smartsurf/record/PurityPlot.h"
+#include "smartsurf/record/TimeSpentPlot.h"
 #include "smartsurf/record/TrajectoryPlot.h"
 
 namespace smartsurf::record {
@@ -20,21 +22,31 @@ namespace fs = std::filesystem;
 
 constexpr double kPixelsAPoint = 2.0;
 
-using MakeFigure = std::unique_ptr<Figure> (*)(const Recording&);
-
-template <class Kind>
-std::unique_ptr<Figure> make(const Recording& recording) {
-  return std::make_unique<Kind>(recording);
+// KIND:ARGUMENT:…, in its parts.
+std::vector<std::string> parts_of(const std::string& what) {
+  std::vector<std::string> parts(1);
+  for (const char c : what)
+    if (c == ':')
+      parts.emplace_back();
+    else
+      parts.back() += c;
+  return parts;
 }
 
-struct Definition {
-  PlotKind kind;
-  const char* name;
-  MakeFigure make;
-};
-// A new figure is a Figure and a line here.
-constexpr Definition kDefinitions[] = {{PlotKind::kTrajectories, "trajectories", make<TrajectoryPlot>},
-                                       {PlotKind::kPurity, "purity", make<PurityPlot>}};
+std::unique_ptr<Figure> figure_of(const Recording& recording, const std::string& what) {
+  std::vector<std::string> arguments = parts_of(what);
+  const std::string kind = arguments.front();
+  arguments.erase(arguments.begin());
+  if (arguments.size() > (kind == "time-spent" ? 1u : 0u) &&
+      (kind == "trajectories" || kind == "purity" || kind == "time-spent"))
+    throw scene::InputError("--what " + what + ": " + kind + " takes nothing after '" +
+                            (kind == "time-spent" ? kind + ":" + arguments[0] : kind) + "'");
+  if (kind == "trajectories") return std::make_unique<TrajectoryPlot>(recording);
+  if (kind == "purity") return std::make_unique<PurityPlot>(recording);
+  if (kind == "time-spent")
+    return std::make_unique<TimeSpentPlot>(recording, arguments.empty() ? "" : arguments[0]);
+  return std::make_unique<CurvePlot>(recording, scalar(recording, kind, arguments));
+}
 
 cairo_status_t append(void* text, const unsigned char* bytes, unsigned length) {
   static_cast<std::string*>(text)->append(reinterpret_cast<const char*>(bytes), length);
@@ -102,22 +114,12 @@ void write_whole(const fs::path& path, const std::string& bytes) {
 }  // namespace
 
 std::vector<std::string> plot_kinds() {
-  std::vector<std::string> names;
-  for (const Definition& definition : kDefinitions) names.emplace_back(definition.name);
-  return names;
+  std::vector<std::string> kinds = {"trajectories", "purity", "time-spent[:LABEL]"};
+  for (std::string& form : scalar_kinds()) kinds.push_back(std::move(form));
+  return kinds;
 }
 
-PlotKind plot_kind(const std::string& name) {
-  for (const Definition& definition : kDefinitions)
-    if (name == definition.name) return definition.kind;
-  std::string known;
-  for (const std::string& each : plot_kinds()) known += (known.empty() ? "" : ", ") + each;
-  const std::string near = scene::nearest_name(name, plot_kinds());
-  throw scene::InputError("unknown plot '" + name + "': known are " + known +
-                          (near.empty() ? "" : "; did you mean '" + near + "'?"));
-}
-
-void plot(const Recording& recording, PlotKind kind, const fs::path& path) {
+void plot(const Recording& recording, const std::string& what, const fs::path& path) {
   const std::string ending = path.extension().string();
   if (ending != ".svg" && ending != ".png")
     throw scene::InputError(path.string() + ": unknown kind of picture '" + ending +
@@ -126,11 +128,8 @@ void plot(const Recording& recording, PlotKind kind, const fs::path& path) {
     throw scene::InputError(recording.path().string() +
                             ": has no object poses: the run recorded no frame, or its "
                             "experiment says record { objects = false }");
-  for (const Definition& definition : kDefinitions) {
-    if (definition.kind != kind) continue;
-    const std::unique_ptr<Figure> figure = definition.make(recording);
-    write_whole(path, ending == ".svg" ? as_svg(*figure) : as_png(*figure));
-  }
+  const std::unique_ptr<Figure> figure = figure_of(recording, what);
+  write_whole(path, ending == ".svg" ? as_svg(*figure) : as_png(*figure));
 }
 
 }  // namespace smartsurf::record

@@ -12,13 +12,10 @@
 
 namespace smartsurf::record {
 
-enum class PlotKind {
-  kTrajectories,  // top view: the objects' ways over the surface, O where they start, X where they end
-  kPurity         // purity over time, and when the surface was sorted
-};
-
-std::vector<std::string> plot_kinds();        // the names that --what takes
-PlotKind plot_kind(const std::string& name);  // throws scene::InputError that lists the names
-void plot(const Recording& recording, PlotKind kind, const std::filesystem::path& path);
+// What --what takes: "trajectories", "purity", "time-spent[:LABEL]", and numbers over time: "speed[:ID…]",
+// "height:ROW,COLUMN…", …; besides, NAME:ROW,COLUMN… of any channel that was recorded. Rows and columns count
+// from 0, row 0 north.
+std::vector<std::string> plot_kinds();
+void plot(const Recording& recording, const std::string& what, const std::filesystem::path& path);
 
 }  // namespace smartsurf::record

@@ -30,9 +30,12 @@ struct NamedText {
 // What the recording says about the run beyond its SceneSpec.
 struct Meta {
   std::string command_line;
-  std::string mode;          // "time-step" or "passive"
-  std::string program_file;  // the controller's program as the user named it; "" when there is none
-  std::string program_text;  // its source
+  std::string mode;            // "time-step" or "passive"
+  std::string program_file;    // the controller's program as the user named it; "" when there is none
+  std::string program_text;    // its source
+  std::string driver;          // who sets the actuators: "script" or "controller"
+  std::vector<NamedText> set;  // --set NAME=VALUE, in order
+  bool unsafe = false;         // --unsafe
   std::vector<NamedText>
       versions;  // of what computed the run: {"physics", "0.1.0"}, …; the recorder adds its own
 };
@@ -60,6 +63,12 @@ class Recorder {
   virtual ~Recorder() = default;  // without close(): what is buffered is written, and no result
   Recorder(const Recorder&) = delete;
   Recorder& operator=(const Recorder&) = delete;
+
+  // What the actuators are told, all channels: to be called at every tick, before frame(). With it the run
+  // can be run again without whoever drove it.
+  virtual void inputs(std::span<const Channel>) {}
+  // Somebody touches the run by hand after this tick: it cannot be run again. The first call counts.
+  virtual void touched(std::uint64_t) {}
 
   // To be called at every tick; keeps the first and then every `spec.record.every`-th.
   // catalogue: every object ever created, index = id; it only grows.

@@ -6,7 +6,8 @@
 #include <limits>
 
 #include "smartsurf/record/CatalogueWriter.h"
-#include "smartsurf/record/Hdf5.h"
+#include "smartsurf/record/ChangeLog.h"
+#include "smartsurf/record/Hdf5Reading.h"
 #include "smartsurf/record/ReadingTrial.h"
 #include "smartsurf/record/Solids.h"
 
@@ -18,52 +19,6 @@ namespace fs = std::filesystem;
 constexpr auto kNoTick = std::numeric_limits<std::uint64_t>::max();
 constexpr hsize_t kMostCellsAFrame = hsize_t{1} << 28;  // of a channel: 1 GiB; refuse what cannot be meant
 
-Handle open_file(const fs::path& path) {
-  silence_error_stack();
-  std::error_code error;
-  if (!fs::exists(path, error)) throw Hdf5Error("there is no such file");
-  if (!fs::is_regular_file(path, error)) throw Hdf5Error("is not a file");
-  if (path.extension() == ".csv")
-    throw Hdf5Error("is a CSV recording, which only holds trajectories: record to a name ending in .h5");
-  if (H5Fis_hdf5(path.c_str()) <= 0)
-    throw Hdf5Error("is not an HDF5 file: smartsurf run --record writes them");
-  const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose, "file properties");
-  check(H5Pset_file_locking(access, false, true), "file properties");  // a running recorder holds the lock
-  return Handle(H5Fopen(path.c_str(), H5F_ACC_RDONLY, access), H5Fclose, "is damaged or cut short");
-}
-
-Handle open_group(hid_t parent, const char* name) {
-  return Handle(H5Gopen2(parent, name, H5P_DEFAULT), H5Gclose, std::string("has no group ") + name);
-}
-
-Handle open_dataset(hid_t parent, const std::string& name, int rank) {
-  Handle dataset(H5Dopen2(parent, name.c_str(), H5P_DEFAULT), H5Dclose, "has no dataset " + name);
-  if (static_cast<int>(extents(dataset).size()) != rank)
-    throw Hdf5Error("dataset " + name + " has not " + std::to_string(rank) + " axes");
-  return dataset;
-}
-
-// Entries along the first axis that really are in the file: an extent alone may claim anything.
-hsize_t stored_entries(hid_t dataset, std::size_t bytes_an_entry) {
-  return std::min(extents(dataset).at(0), H5Dget_storage_size(dataset) / bytes_an_entry);
-}
-
-template <class Number>
-std::vector<Number> read_block(hid_t dataset, hid_t type, std::vector<hsize_t> start,
-                               const std::vector<hsize_t>& size, const std::string& name) {
-  hsize_t count = 1;
-  for (const hsize_t n : size) count *= n;
-  std::vector<Number> values(count);
-  if (count == 0) return values;
-  const Handle file(H5Dget_space(dataset), H5Sclose, name);
-  check(H5Sselect_hyperslab(file, H5S_SELECT_SET, start.data(), nullptr, size.data(), nullptr),
-        "dataset " + name + " is too short");
-  const Handle memory(H5Screate_simple(static_cast<int>(size.size()), size.data(), nullptr), H5Sclose, name);
-  check(H5Dread(dataset, type, memory, file, H5P_DEFAULT, values.data()),
-        "dataset " + name + " cannot be read");
-  return values;
-}
-
 template <class Number>
 std::vector<Number> read_column(hid_t parent, const std::string& name, hid_t type, hsize_t count,
                                 hsize_t width = 1) {
@@ -71,19 +26,6 @@ std::vector<Number> read_column(hid_t parent, const std::string& name, hid_t typ
   if (width == 1) return read_block<Number>(dataset, type, {0}, {count}, name);
   if (extents(dataset)[1] != width) throw Hdf5Error("dataset " + name + " has the wrong width");
   return read_block<Number>(dataset, type, {0, 0}, {count, width}, name);
-}
-
-std::vector<std::string> read_texts(hid_t parent, const std::string& name, hsize_t count) {
-  const Handle dataset = open_dataset(parent, name, 1);
-  const Handle type(H5Dget_type(dataset), H5Tclose, name);
-  if (H5Tis_variable_str(type) <= 0) throw Hdf5Error("dataset " + name + " does not hold texts");
-  std::vector<char*> characters = read_block<char*>(dataset, type, {0}, {count}, name);
-  std::vector<std::string> texts;
-  for (char* text : characters) {
-    texts.emplace_back(text ? text : "");
-    H5free_memory(text);
-  }
-  return texts;
 }
 
 int read_size(hid_t group, const char* name, std::uint64_t most) {
@@ -102,23 +44,6 @@ double read_number(hid_t group, const char* name) {
   return value;
 }
 
-std::vector<NamedText> read_texts(hid_t parent, const char* group_name) {
-  const Handle group = open_group(parent, group_name);
-  H5O_info_t about;
-  check(H5Oget_info2(group, &about, H5O_INFO_NUM_ATTRS), group_name);
-  std::vector<NamedText> texts;
-  for (hsize_t i = 0; i < about.num_attrs; ++i) {
-    const Handle attribute(
-        H5Aopen_by_idx(group, ".", H5_INDEX_NAME, H5_ITER_INC, i, H5P_DEFAULT, H5P_DEFAULT), H5Aclose,
-        group_name);
-    std::string name(static_cast<std::size_t>(std::max<ssize_t>(H5Aget_name(attribute, 0, nullptr), 0)),
-                     '\0');
-    H5Aget_name(attribute, name.size() + 1, name.data());
-    texts.push_back({name, read_text_attribute(group, name.c_str())});
-  }
-  return texts;
-}
-
 herr_t list_object(hid_t root, const char* name, const H5O_info_t* about, void* list) {
   if (about->type != H5O_TYPE_DATASET) return 0;
   const hid_t dataset = H5Dopen2(root, name, H5P_DEFAULT);
@@ -133,13 +58,14 @@ herr_t list_object(hid_t root, const char* name, const H5O_info_t* about, void* 
 }  // namespace
 
 struct Recording::Content {
-  explicit Content(const fs::path& where) : path(where), file(open_file(where)) {
+  explicit Content(const fs::path& where) : path(where), file(open_for_reading(where)) {
     std::error_code error;
     bytes = fs::file_size(path, error);
     read_meta();
     read_surface();
     read_frames();
     read_catalogue();
+    read_changes();
     check(H5Ovisit2(file, H5_INDEX_NAME, H5_ITER_INC, list_object, &datasets, H5O_INFO_BASIC), "datasets");
   }
 
@@ -148,6 +74,7 @@ struct Recording::Content {
   void read_surface();
   void read_frames();
   void read_catalogue();
+  void read_changes();
   template <class Action>
   auto reading(Action action) const {
     try {
@@ -157,6 +84,7 @@ struct Recording::Content {
     }
   }
   std::vector<float> poses(const char* name, hsize_t width, std::size_t first, std::size_t count) const;
+  std::vector<float> vectors(const char* name, std::size_t first, std::size_t count) const;
   std::vector<float> grid(const std::string& name, std::size_t frame) const;
 
   fs::path path;
@@ -170,6 +98,8 @@ struct Recording::Content {
   std::vector<std::uint32_t> contacts;
   std::vector<double> time;
   bool has_objects = false;
+  std::optional<std::uint64_t> touched;
+  std::optional<ChangeReader> inputs, heights;
 };
 
 void Recording::Content::read_meta() {
@@ -182,10 +112,16 @@ void Recording::Content::read_meta() {
   meta.mode = read_text_attribute(group, "mode");
   meta.program_file = read_text_attribute(group, "program_file");
   meta.program_text = read_text_attribute(group, "program");
-  meta.versions = read_texts(group, "versions");
+  meta.versions = read_named_texts(group, "versions");
+  if (has_attribute(group, "driver")) meta.driver = read_text_attribute(group, "driver");
+  if (has_link(group, "set")) meta.set = read_named_texts(group, "set");
+  if (has_attribute(group, "unsafe")) meta.unsafe = read_number(group, "unsafe") != 0.0;
+  if (has_attribute(group, "touched_by_hand")) {
+    read_attribute(group, "touched_by_hand", H5T_NATIVE_UINT64, &touched.emplace());
+  }
   spec.file = read_text_attribute(group, "experiment_file");
   spec.text = read_text_attribute(group, "experiment");
-  for (NamedText& option : read_texts(group, "options"))
+  for (NamedText& option : read_named_texts(group, "options"))
     spec.options.push_back({std::move(option.name), std::move(option.value), ""});
   scene::WorldSpec& world = spec.world;
   read_attribute(group, "seed", H5T_NATIVE_UINT64, &world.seed);
@@ -229,12 +165,11 @@ void Recording::Content::read_surface() {
 
 // A kill in the middle of a flush may leave datasets of different lengths, or a tail that is "no value".
 void Recording::Content::read_frames() {
-  if (H5Lexists(file, "tick", H5P_DEFAULT) <= 0) return;  // killed, or ended, before the first frame
+  if (!has_link(file, "tick")) return;  // killed, or ended, before the first frame
   hsize_t frames = H5S_UNLIMITED;
   for (const char* name : {"tick", "time", "hash", "contacts"})
     frames = std::min(frames, stored_entries(open_dataset(file, name, 1), *name == 'c' ? 4 : 8));
-  has_objects =
-      H5Lexists(file, "objects", H5P_DEFAULT) > 0 && H5Lexists(file, "objects/position", H5P_DEFAULT) > 0;
+  has_objects = has_link(file, "objects") && has_link(file, "objects/position");
   if (has_objects)
     for (const char* name : {"objects/position", "objects/orientation", "objects/velocity"})
       frames = std::min(frames, extents(open_dataset(file, name, 3)).at(0));
@@ -302,6 +237,18 @@ void Recording::Content::read_catalogue() {
   }
 }
 
+void Recording::Content::read_changes() {
+  const std::size_t cells = static_cast<std::size_t>(spec.surface.cells());
+  if (has_link(file, "inputs")) {
+    const Handle group = open_group(file, "inputs");
+    std::uint64_t values = 0;
+    read_attribute(group, "values", H5T_NATIVE_UINT64, &values);
+    if (values > kMostCellsAFrame) throw Hdf5Error("inputs are too many");
+    inputs.emplace(file, "inputs/changes", values);
+  }
+  if (has_link(file, "surface/changes")) heights.emplace(file, "surface/changes", cells);
+}
+
 // Objects that the file's pose arrays do not reach yet were created after the last frame: they do not exist.
 std::vector<float> Recording::Content::poses(const char* name, hsize_t width, std::size_t first,
                                              std::size_t count) const {
@@ -317,6 +264,13 @@ std::vector<float> Recording::Content::poses(const char* name, hsize_t width, st
     std::copy_n(block.begin() + static_cast<std::ptrdiff_t>(f * columns * width), columns * width,
                 all.begin() + static_cast<std::ptrdiff_t>(f * objects * width));
   return all;
+}
+
+std::vector<float> Recording::Content::vectors(const char* name, std::size_t first, std::size_t count) const {
+  return reading([&] {
+    if (!has_objects) throw Hdf5Error("has no object poses: the experiment says record { objects = false }");
+    return poses(name, 3, first, count);
+  });
 }
 
 std::vector<float> Recording::Content::grid(const std::string& name, std::size_t frame) const {
@@ -367,14 +321,20 @@ const std::vector<Recording::Dataset>& Recording::datasets() const { return cont
 const std::vector<std::uint64_t>& Recording::tick() const { return content_->tick; }
 const std::vector<double>& Recording::time() const { return content_->time; }
 const std::vector<std::uint64_t>& Recording::hash() const { return content_->hash; }
+std::optional<std::uint64_t> Recording::touched_by_hand() const { return content_->touched; }
+bool Recording::has_heights() const { return content_->heights.has_value(); }
 bool Recording::has_objects() const { return content_->has_objects; }
 
 std::vector<float> Recording::positions(std::size_t first, std::size_t count) const {
-  return content_->reading([&] {
-    if (!has_objects())
-      throw Hdf5Error("has no object poses: the experiment says record { objects = false }");
-    return content_->poses("objects/position", 3, first, count);
-  });
+  return content_->vectors("objects/position", first, count);
+}
+std::vector<float> Recording::velocities(std::size_t first, std::size_t count) const {
+  return content_->vectors("objects/velocity", first, count);
+}
+const std::vector<std::uint32_t>& Recording::contacts() const { return content_->contacts; }
+
+std::span<const float> Recording::heights(std::size_t frame) const {
+  return content_->reading([&] { return content_->heights->at(frame); });
 }
 
 scene::Snapshot Recording::snapshot(std::size_t frame) const {
@@ -384,8 +344,10 @@ scene::Snapshot Recording::snapshot(std::size_t frame) const {
   shot.state_hash = hash()[frame];
   shot.contacts = content_->contacts[frame];
   content_->reading([&] {
-    if (H5Lexists(content_->file, "surface/height", H5P_DEFAULT) > 0)
-      shot.height = content_->grid("surface/height", frame);
+    if (content_->heights && frame < content_->heights->rows()) {
+      const std::span<const float> heights = content_->heights->at(frame);
+      shot.height.assign(heights.begin(), heights.end());
+    }
     if (!has_objects()) return;
     const auto p = content_->poses("objects/position", 3, frame, 1),
                q = content_->poses("objects/orientation", 4, frame, 1),
@@ -402,9 +364,38 @@ scene::Snapshot Recording::snapshot(std::size_t frame) const {
   return shot;
 }
 
+std::size_t Recording::input_ticks() const { return content_->inputs ? content_->inputs->rows() : 0; }
+
+std::span<const float> Recording::inputs(std::size_t tick) const {
+  return content_->reading([&] { return content_->inputs->at(tick); });
+}
+
+std::vector<std::string> Recording::channels(const std::string& group) const {
+  std::vector<std::string> names;
+  for (const Dataset& dataset : datasets())
+    if (dataset.name.starts_with("/" + group + "/") && dataset.extents.size() >= 3)
+      names.push_back(dataset.name.substr(group.size() + 2));
+  return names;
+}
+
 std::vector<float> Recording::channel(const std::string& group, const std::string& name,
                                       std::size_t frame) const {
   return content_->reading([&] { return content_->grid(group + "/" + name, frame); });
+}
+
+std::vector<float> Recording::history(const std::string& group, const std::string& name, int row,
+                                      int column) const {
+  return content_->reading([&] {
+    const std::string path = group + "/" + name;
+    const Handle dataset(H5Dopen2(content_->file, path.c_str(), H5P_DEFAULT), H5Dclose,
+                         "has no dataset " + path);
+    const std::size_t axes = extents(dataset).size();
+    std::vector<hsize_t> start = {0, static_cast<hsize_t>(row), static_cast<hsize_t>(column), 0},
+                         size = {frames(), 1, 1, 1};
+    start.resize(axes);
+    size.resize(axes);
+    return read_block<float>(dataset, H5T_NATIVE_FLOAT, start, size, path);
+  });
 }
 
 }  // namespace smartsurf::record

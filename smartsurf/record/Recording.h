@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -46,14 +47,31 @@ class Recording {
   const std::vector<double>& time() const;         // seconds, one entry a frame, ascending
   const std::vector<std::uint64_t>& hash() const;  // state hash, one entry a frame
 
+  // The tick before which somebody first touched the run by hand: it cannot be run again.
+  std::optional<std::uint64_t> touched_by_hand() const;
+
+  // What the actuators were told, tick by tick: [0] before the first tick, [t] in the tick that ended as tick
+  // t.
+  std::size_t input_ticks() const;  // that are there; 0 in a recording that does not hold them
+  // All actuator channels in their order, each rows × columns × components; valid until the next call.
+  std::span<const float> inputs(std::size_t tick) const;
+
+  bool has_heights() const;
   bool has_objects() const;  // false when the experiment recorded no objects: then there are no poses
   // frames [first, first + count) × objects × 3, u; NaN where the object did not exist.
   std::vector<float> positions(std::size_t first, std::size_t count) const;
-  // One frame as the run saw it. Angular velocities are not recorded and are 0; heights are empty unless the
-  // experiment recorded its actuators.
+  std::vector<float> velocities(std::size_t first, std::size_t count) const;  // likewise, u/s
+  const std::vector<std::uint32_t>& contacts() const;                         // points, one entry a frame
+  // Pin heights of a frame, rows × columns, u; valid until the next call. Requires has_heights().
+  std::span<const float> heights(std::size_t frame) const;
+  // One frame as the run saw it. Angular velocities are not recorded and are 0; heights are empty when
+  // !has_heights(). Frames one after another are cheaper than in any other order.
   scene::Snapshot snapshot(std::size_t frame) const;
+  std::vector<std::string> channels(const std::string& group) const;  // their names
   // One frame of a channel, rows × columns × components: group "sensors" or "actuators".
   std::vector<float> channel(const std::string& group, const std::string& name, std::size_t frame) const;
+  // All frames of the channel's first component at one cell.
+  std::vector<float> history(const std::string& group, const std::string& name, int row, int column) const;
 
  private:
   struct Content;

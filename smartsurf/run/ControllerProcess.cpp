@@ -47,7 +47,8 @@ std::vector<std::string> command_for(const std::string& controller, const std::s
 }
 
 [[noreturn]] void become(const std::vector<std::string>& command, const std::string& shm_name) {
-  setenv("SMARTSURF_SHM", shm_name.c_str(), 1);  // here, in the child: several worlds share the parent's environment
+  setenv("SMARTSURF_SHM", shm_name.c_str(),
+         1);  // here, in the child: several worlds share the parent's environment
   // If the simulator is killed outright, the controller must not outlive it for long.
   prctl(PR_SET_PDEATHSIG, SIGTERM);
   std::vector<char*> arguments;

@@ -1,11 +1,10 @@
 #include "smartsurf/run/Display.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
-#include <utility>
 
 #include "smartsurf/run/ControllerProcess.h"
-#include "smartsurf/view/OffscreenView.h"
-#include "smartsurf/view/VideoWriter.h"
 #include "smartsurf/view/Window.h"
 
 namespace smartsurf::run {
@@ -13,34 +12,13 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr int kPictureWidth = 1600, kPictureHeight = 1000;
-constexpr int kFilmWidth = 1280, kFilmHeight = 720, kFilmFramesPerSecond = 30;
-// Drawing may take tens of milliseconds without a graphics card: leave most of the time to the simulation.
-constexpr auto kFrameInterval = 40ms;
-
-view::Camera framing(const scene::SceneSpec& scene, int width, int height) {
-  return view::Camera::framing(scene.surface, view::Preset::kIso, static_cast<double>(width) / height);
-}
-
-view::Status status_of(const DisplayStatus& s, bool paused) {
-  view::Status status;
-  status.mode = s.mode == RunMode::kTimeStep ? "time-step" : "passive";
-  status.controller = s.controller;
-  status.paused = paused;
-  status.requested_pace = s.requested_pace.value_or(0.0);
-  status.actual_pace = s.real_time_factor;
-  status.physics_ms = s.physics_ms;
-  status.purity = s.purity;
-  return status;
-}
+constexpr auto kFrameInterval = 33ms;
+constexpr double kOnTime =
+    0.97;  // of the requested pace: a run that reaches it has time to spare for drawing
 
 }  // namespace
 
-Display::Display(const RunOptions& options, const scene::SceneSpec& scene)
-    : scene_(scene), pending_(options.screenshots) {
-  if (!options.video_file.empty())
-    video_ = std::make_unique<view::VideoWriter>(options.video_file, kFilmWidth, kFilmHeight,
-                                                 kFilmFramesPerSecond);
+Display::Display(const RunOptions& options, const scene::SceneSpec& scene) : scene_(scene) {
   if (!options.window) return;
   if (!view::Window::display_available())
     throw scene::InputError("--window: there is no display here; run without it, or set DISPLAY");
@@ -51,6 +29,40 @@ Display::Display(const RunOptions& options, const scene::SceneSpec& scene)
 
 Display::~Display() = default;
 
+void Display::begin_anew(const scene::SceneSpec& scene) {
+  scene_ = scene;
+  past_.clear();
+  looking_.reset();
+  channels_ = {};
+  if (window_) window_->set_scene(scene_);
+}
+
+void Display::remember(const Simulation& simulation) {
+  if (window_) past_.add(simulation.snapshot());
+}
+
+view::Status Display::status_of(const DisplayStatus& s, bool paused) const {
+  view::Status status;
+  status.mode = s.mode == RunMode::kTimeStep ? "time-step" : "passive";
+  status.controller = s.controller;
+  status.paused = paused;
+  status.requested_pace = s.requested_pace.value_or(0.0);
+  status.actual_pace = s.real_time_factor;
+  status.physics_ms = s.physics_ms;
+  status.purity = s.purity;
+  status.forces_known = !looking_;
+  status.touchable = status.breakable = !looking_ && !s.over;
+  status.resettable = s.resettable;
+  status.notice = s.notice;
+  if (past_.size() == 0) return status;
+  const std::size_t last = past_.size() - 1;
+  status.timeline =
+      view::Timeline{past_.size(), looking_.value_or(last), past_.at(0).time_s, past_.at(last).time_s, false};
+  if (looking_)
+    status.notice = fmt::format("looking back; the run stands at {:.2f} s", past_.at(last).time_s);
+  return status;
+}
+
 void Display::refresh(const Simulation& simulation, const DisplayStatus& told, Controls& controls) {
   if (!window_) return;
   const view::Status status = status_of(told, controls.paused);
@@ -59,58 +71,59 @@ void Display::refresh(const Simulation& simulation, const DisplayStatus& told, C
   if (now < next_frame_) {
     commands = window_->poll(status);
   } else {
-    commands = window_->frame(simulation.snapshot(), simulation.catalogue(), status);
-    // Counted from the frame's end: drawing never takes more than about half of the time.
+    const scene::Snapshot& shown = looking_ ? past_.at(*looking_) : simulation.snapshot();
+    // Of the past nobody knows the forces.
+    if (!looking_ && window_->wants_contacts())
+      contacts_ = contact_marks(simulation);
+    else
+      contacts_.clear();
+    commands =
+        window_->frame({shown, simulation.catalogue(), channels_.of(simulation, shown), contacts_}, status);
     const auto drawn = std::chrono::steady_clock::now();
+    // A run that wants all the time it can get has at least half as much of it as the drawing.
+    const bool hurried =
+        !controls.paused && (!told.requested_pace || told.real_time_factor < kOnTime * *told.requested_pace);
+    const std::chrono::steady_clock::duration least = hurried ? (drawn - now) / 2 : 0ms;
     next_frame_ =
-        drawn + std::max<std::chrono::steady_clock::duration>(kFrameInterval - (drawn - now), drawn - now);
+        drawn + std::max<std::chrono::steady_clock::duration>(kFrameInterval - (drawn - now), least);
   }
-  if (commands.toggle_pause) controls.paused = !controls.paused;
-  controls.single_steps += commands.steps;
+  obey(commands, controls);
+}
+
+void Display::obey(const view::Commands& commands, Controls& controls) {
+  const std::size_t last = past_.size() > 0 ? past_.size() - 1 : 0;
+  const auto look = [&](std::ptrdiff_t at) {
+    const auto frame = static_cast<std::size_t>(std::max<std::ptrdiff_t>(at, 0));
+    looking_ = frame < last ? std::optional(frame) : std::nullopt;
+    controls.paused = true;
+  };
+  if (commands.toggle_pause) {
+    controls.paused = !controls.paused;
+    looking_.reset();
+  }
+  if (commands.seek) look(static_cast<std::ptrdiff_t>(*commands.seek));
+  if (commands.steps < 0 || (commands.steps > 0 && looking_))
+    look(static_cast<std::ptrdiff_t>(looking_.value_or(last)) + commands.steps);
+  else if (commands.steps > 0 && !controls.paused)
+    controls.paused = true;
+  else
+    controls.single_steps += commands.steps;
   controls.quit |= commands.quit;
   if (commands.pace) {
     controls.pace_changed = true;
     controls.pace = *commands.pace > 0.0 ? commands.pace : std::nullopt;
   }
-}
-
-void Display::take_pictures(const Simulation& simulation) {
-  if (video_) film(simulation);
-  if (pending_.empty()) return;
-  const double now_s = simulation.snapshot().time_s;
-  std::erase_if(pending_, [&](const Screenshot& shot) {
-    const bool due = shot.at_s && now_s >= *shot.at_s - 1e-9;
-    if (due) write_picture(simulation, shot.file);
-    return due;
-  });
-}
-
-void Display::take_last_pictures(const Simulation& simulation) {
-  for (const Screenshot& shot : std::exchange(pending_, {})) write_picture(simulation, shot.file);
-  if (!video_) return;
-  video_->finish();
-  video_.reset();
-}
-
-void Display::write_picture(const Simulation& simulation, const std::string& file) {
-  if (!pictures_) pictures_ = std::make_unique<view::OffscreenView>(scene_);
-  view::write_png(file, pictures_->draw(simulation.snapshot(), simulation.catalogue(),
-                                        framing(scene_, kPictureWidth, kPictureHeight), {}, kPictureWidth,
-                                        kPictureHeight));
-}
-
-// The video's frame rate counts simulated time, so that it plays in real time whatever the pace of the run.
-void Display::film(const Simulation& simulation) {
-  if (simulation.snapshot().time_s * kFilmFramesPerSecond < static_cast<double>(film_frames_) - 1e-6) return;
-  if (!film_) film_ = std::make_unique<view::OffscreenView>(scene_, view::Detail::kVideo);
-  const view::Image image =
-      film_->draw(simulation.snapshot(), simulation.catalogue(), framing(scene_, kFilmWidth, kFilmHeight), {},
-                  kFilmWidth, kFilmHeight);
-  // A control period longer than a frame shows the same picture for as many frames as it lasts.
-  while (simulation.snapshot().time_s * kFilmFramesPerSecond >= static_cast<double>(film_frames_) - 1e-6) {
-    video_->add(image);
-    ++film_frames_;
+  controls.hand.pull = commands.pull;
+  controls.hand.poke = commands.poke;
+  if (commands.drop) controls.hand.drops.push_back(*commands.drop);
+  if (commands.fault) controls.hand.faults.push_back(*commands.fault);
+  if (commands.reset) {
+    controls.reset = true;
+    controls.options = commands.options;
   }
+  if (!commands.display_lost) return;
+  controls.display_lost = true;
+  window_.reset();
 }
 
 }  // namespace smartsurf::run

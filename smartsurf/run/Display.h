@@ -1,4 +1,4 @@
-// The window and the pictures of a run: draws snapshots, and turns what the user does into Controls.
+// The window of a run: draws snapshots, and turns what the user does into Controls.
 #pragma once
 
 #include <chrono>
@@ -7,19 +7,25 @@
 #include <string>
 #include <vector>
 
+#include "smartsurf/run/Hand.h"
+#include "smartsurf/run/LookBack.h"
 #include "smartsurf/run/RunOptions.h"
 #include "smartsurf/run/Simulation.h"
+#include "smartsurf/run/ViewChannels.h"
+#include "smartsurf/view/Controls.h"
 
 namespace smartsurf::view {
 class Window;
-class OffscreenView;
-class VideoWriter;
 }  // namespace smartsurf::view
 
 namespace smartsurf::run {
 
 // What the user of the window asked for; the run obeys.
 struct Controls {
+  HandWishes hand;
+  bool reset = false;  // begin anew, with these options changed:
+  std::vector<view::NamedValue> options;
+  bool display_lost = false;
   bool paused = false;
   int single_steps = 0;  // to take although paused
   bool quit = false;
@@ -35,34 +41,35 @@ struct DisplayStatus {
   std::string controller;  // one phrase: "apron, process 4711", "waiting for a controller"
   double physics_ms = 0.0;
   std::optional<double> purity;
+  bool resettable = false;
+  std::string notice;
+  bool over = false;  // nothing can be touched any more
 };
 
 class Display {
  public:
-  // Opens the window and begins the video if asked to. Throws scene::InputError when there is no display, or
-  // the video cannot be made.
+  // Opens the window if asked to. Throws scene::InputError when there is no display.
   Display(const RunOptions&, const scene::SceneSpec&);
   ~Display();
 
   bool has_window() const { return window_ != nullptr; }
+  // The same window for another run.
+  void begin_anew(const scene::SceneSpec&);
+  // A state to look back on. Does nothing without a window.
+  void remember(const Simulation&);
   // Reads the user's input, and draws a frame if the last is old enough. Does nothing without a window.
   void refresh(const Simulation&, const DisplayStatus&, Controls&);
 
-  // Writes the screenshots and the video's pictures that are due at this time; at the end all screenshots
-  // that are left, and the video's last words.
-  void take_pictures(const Simulation&);
-  void take_last_pictures(const Simulation&);
-
  private:
-  void write_picture(const Simulation&, const std::string& file);
-  void film(const Simulation&);
+  void obey(const view::Commands&, Controls&);
+  view::Status status_of(const DisplayStatus&, bool paused) const;
 
   scene::SceneSpec scene_;
-  std::vector<Screenshot> pending_;
   std::unique_ptr<view::Window> window_;
-  std::unique_ptr<view::OffscreenView> pictures_, film_;
-  std::unique_ptr<view::VideoWriter> video_;
-  long film_frames_ = 0;
+  LookBack past_;
+  std::optional<std::size_t> looking_;  // at this state of the past
+  ViewChannels channels_;
+  std::vector<view::ContactMark> contacts_;
   std::chrono::steady_clock::time_point next_frame_{};
 };
 

@@ -54,20 +54,35 @@ std::string segment_name(const RunOptions& options) {
   return options.controller.empty() ? "surface" : fmt::format("run-{}", getpid());
 }
 
+std::unique_ptr<Display> display_for(const RunOptions& options, const scene::SceneSpec& scene,
+                                     std::unique_ptr<Display> before) {
+  if (!before) return std::make_unique<Display>(options, scene);
+  before->begin_anew(scene);
+  return before;
+}
+
 }  // namespace
 
-Run::Run(const RunOptions& options, const std::atomic<bool>& stop)
+script::Experiment Run::load(const RunOptions& options) {
+  return script::Experiment::load(options.experiment, load_options(options));
+}
+
+Run::Run(const RunOptions& options, const std::atomic<bool>& stop, script::Experiment experiment,
+         std::unique_ptr<Display> display)
     : options_(options),
       stop_(stop),
-      experiment_(script::Experiment::load(options.experiment, load_options(options))),
+      experiment_(std::move(experiment)),
       simulation_(experiment_, options.threads, options.no_controller),
-      display_(options, experiment_.scene()),
+      display_(display_for(options, experiment_.scene(), std::move(display))),
+      pictures_(options.screenshots, options.video_file, options.look, experiment_.scene()),
+      progress_(options.world ? fmt::format("world {}", *options.world) : ""),
       pacer_(options.pace),
       purity_(experiment_.scene().surface),
       last_tick_(last_tick(options, experiment_.scene().world)) {
   if (!options.no_controller)
     link_ = std::make_unique<SurfaceLink>(segment_name(options), options.mode, experiment_.scene());
   open_recordings();
+  controls_.paused = options.paused && display_->has_window();
   if (link_ && !options.controller.empty())
     child_ = std::make_unique<ControllerProcess>(options.controller, link_->name(), options.window);
 }
@@ -80,6 +95,9 @@ void Run::open_recordings() {
   meta.mode = options_.mode == RunMode::kTimeStep ? "time-step" : "passive";
   meta.program_file = options_.controller;
   if (options_.controller.ends_with(".aps")) meta.program_text = text_of(options_.controller);
+  meta.driver = options_.no_controller ? "script" : "controller";
+  for (const auto& [name, value] : options_.set) meta.set.push_back({name, value});
+  meta.unsafe = options_.unsafe;
   meta.versions = {{"physics", world::physics_version()}};
   for (const auto& file : options_.recordings)
     recorders_.push_back(record::Recorder::open(file, meta, experiment_.scene()));
@@ -97,6 +115,7 @@ int Run::execute() {
     throw;
   }
   finish();
+  linger();
   return ending_->exit_status;
 }
 
@@ -109,7 +128,7 @@ void Run::begin() {
   if (link_) {
     link_->endpoint().set_state(shm_protocol::State::kRunning);
     if (options_.mode == RunMode::kPassive && !child_)
-      say(fmt::format("running; a controller may attach with: {}", attach_command(link_->name())));
+      progress_.say(fmt::format("running; a controller may attach with: {}", attach_command(link_->name())));
     else if (!link_->endpoint().has_controller() && !replace_controller())
       return;
     if (!publish()) return;
@@ -117,6 +136,7 @@ void Run::begin() {
   record();
   times_ = {};
   started_ = Clock::now();
+  progress_.restart();
 }
 
 // One tick is one list of phases.
@@ -130,6 +150,7 @@ bool Run::tick() {
       simulation_.actuate(channel, link_->targets(channel));
     times_.lap(Phase::kActuate);
   }
+  obey_hand();
   if (!advance_physics()) return false;
   simulation_.look();
   times_.lap(Phase::kPhysics);
@@ -155,7 +176,7 @@ bool Run::advance_physics() {
   if (const auto bad = simulation_.first_not_finite()) {
     end(kFailed, fmt::format("failed at tick {}: object {} has a position or velocity that is not finite",
                              simulation_.snapshot().tick + 1, *bad));
-    say(ending_->outcome);
+    progress_.say(ending_->outcome);
     return false;
   }
   return true;
@@ -163,7 +184,7 @@ bool Run::advance_physics() {
 
 bool Run::receive_actuators() {
   while (true) {
-    const auto slice = display_.has_window() ? kFrameSlice : kHeadlessSlice;
+    const auto slice = display_->has_window() ? kFrameSlice : kHeadlessSlice;
     const Status status = link_->receive(simulation_.snapshot().tick, slice, stop_);
     times_.lap(Phase::kWait);
     switch (status) {
@@ -193,7 +214,8 @@ bool Run::receive_actuators() {
 
 // Passive: physics does not wait; the actuators keep their last targets.
 bool Run::fly_on_without_controller(Status status) {
-  if (status != Status::kNoController) say(fmt::format("{}; the actuators keep their last targets", text(status)));
+  if (status != Status::kNoController)
+    progress_.say(fmt::format("{}; the actuators keep their last targets", text(status)));
   return !child_ || !child_ended();
 }
 
@@ -211,26 +233,27 @@ bool Run::child_ended() {
     end(*status == kUserError || *status == kPeerLost ? *status : kFailed,
         fmt::format("the controller ended with exit status {}", *status));
   }
-  if (ending_->exit_status != kDone) say(ending_->outcome);
+  if (ending_->exit_status != kDone) progress_.say(ending_->outcome);
   return true;
 }
 
 // Waits for a controller to attach: the first, or one that takes over from one that died or left.
 bool Run::replace_controller() {
   if (had_controller_) {
-    say("the controller is gone; the surface holds still");
+    progress_.say("the controller is gone; the surface holds still");
     announced_waiting_ = false;
     had_controller_ = false;
   }
   if (!child_ && !announced_waiting_) {
-    say(fmt::format("waiting for a controller; attach one with: {}", attach_command(link_->name())));
+    progress_.say(
+        fmt::format("waiting for a controller; attach one with: {}", attach_command(link_->name())));
     announced_waiting_ = true;
   }
   while (true) {
-    const auto slice = display_.has_window() ? kFrameSlice : kHeadlessSlice;
+    const auto slice = display_->has_window() ? kFrameSlice : kHeadlessSlice;
     if (link_->endpoint().await_controller({slice, &stop_}) == Status::kOk) {
       if (announced_waiting_)
-        say(fmt::format("controller attached (process {})", link_->endpoint().controller_pid()));
+        progress_.say(fmt::format("controller attached (process {})", link_->endpoint().controller_pid()));
       return true;
     }
     refresh_display();
@@ -247,36 +270,49 @@ bool Run::publish() {
   if (status == Status::kOk) return true;
   end(kFailed,
       fmt::format("failed at tick {}: cannot publish the sensor frame: {}", snapshot.tick, text(status)));
-  say(ending_->outcome);
+  progress_.say(ending_->outcome);
   return false;
 }
 
 void Run::record() {
   const scene::Snapshot& snapshot = simulation_.snapshot();
-  for (const auto& r : recorders_)
-    r->frame(
-        snapshot, simulation_.catalogue(),
-        simulation_.scene().record.sensors ? simulation_.sensors() : std::span<const record::Channel>{},
-        simulation_.scene().record.actuators ? simulation_.actuators() : std::span<const record::Channel>{});
+  const scene::RecordSpec& kept = simulation_.scene().record;
+  for (const auto& r : recorders_) {
+    r->inputs(simulation_.actuators());
+    r->frame(snapshot, simulation_.catalogue(),
+             kept.sensors ? simulation_.sensors() : std::span<const record::Channel>{},
+             kept.actuators ? simulation_.actuators() : std::span<const record::Channel>{});
+  }
   times_.lap(Phase::kRecord);
   purity_.add(snapshot, simulation_.catalogue());
-  display_.take_pictures(simulation_);
+  display_->remember(simulation_);
+  pictures_.take(moment());
   times_.lap(Phase::kRender);
   if (last_tick_ && snapshot.tick >= *last_tick_) end(kDone, "done");
+}
+
+view::Moment Run::moment() {
+  return {simulation_.snapshot(), simulation_.catalogue(), channels_.of(simulation_, simulation_.snapshot())};
+}
+
+std::optional<double> Run::last_time_s() const {
+  if (!last_tick_) return std::nullopt;
+  return static_cast<double>(*last_tick_) * simulation_.scene().world.control_period_s;
 }
 
 void Run::obey_script() {
   const ScriptRequests requests = simulation_.take_requests();
   if (requests.pace_changed) pacer_.set_factor(requests.pace);
-  if (requests.pause && display_.has_window()) controls_.paused = true;
+  if (requests.pause && display_->has_window()) controls_.paused = true;
   if (requests.stop || requests.quit) end(kDone, "stopped by the script");
+  lingers_ = requests.stop && !requests.quit;
 }
 
 bool Run::hold_pace() {
   const auto due = pacer_.due(simulation_.snapshot().time_s);
   while (true) {
     refresh_display();
-    show_progress(false);
+    if (!display_->has_window()) progress_.show(simulation_.snapshot().time_s, last_time_s());
     if (stop_ || controls_.quit) end(kDone, "stopped by the user");
     if (ending_) return false;
     if (controls_.paused) {
@@ -295,66 +331,15 @@ bool Run::hold_pace() {
   }
 }
 
-void Run::refresh_display() {
-  if (!display_.has_window()) return;
-  times_.start();
-  DisplayStatus status;
-  status.real_time_factor = pacer_.measured(simulation_.snapshot().time_s);
-  status.requested_pace = pacer_.factor();
-  status.mode = options_.mode;
-  status.controller = controller_phrase();
-  status.physics_ms = times_.last_ms(Phase::kPhysics);
-  if (std::isfinite(purity_.value())) status.purity = purity_.value();
-  const bool was_paused = controls_.paused;
-  display_.refresh(simulation_, status, controls_);
-  if (std::exchange(controls_.pace_changed, false)) pacer_.set_factor(controls_.pace);
-  if (link_ && was_paused != controls_.paused)
-    link_->endpoint().set_state(controls_.paused ? shm_protocol::State::kPaused
-                                                 : shm_protocol::State::kRunning);
-  times_.lap(Phase::kRender);
-}
-
-std::string Run::controller_phrase() {
-  if (!link_) return "none: the script drives";
-  if (!link_->endpoint().has_controller()) return "waiting for one on '" + link_->name() + "'";
-  return fmt::format("process {}, {}", link_->endpoint().controller_pid(),
-                     text(link_->endpoint().controller_state()));
-}
-
-void Run::show_progress(bool last) {
-  static const bool terminal = isatty(STDERR_FILENO) != 0;
-  if (!terminal || options_.world || display_.has_window() || (last && !progress_shown_)) return;
-  const auto now = Clock::now();
-  if (!last && now < next_progress_) return;
-  next_progress_ = now + 250ms;
-  progress_shown_ = true;
-  const double simulated = simulation_.snapshot().time_s;
-  const double factor = simulated / std::max(1e-9, std::chrono::duration<double>(now - started_).count());
-  std::string left;
-  if (last_tick_ && factor > 0.0) {
-    const double seconds =
-        static_cast<double>(*last_tick_) * simulation_.scene().world.control_period_s - simulated;
-    left = fmt::format("   at most {:.0f} s left", seconds / factor);
-  }
-  fmt::print(stderr, "\r{:9.2f} s simulated   {:6.1f}x real time{}\033[K{}", simulated, factor, left,
-             last ? "\n" : "");
-}
-
-void Run::say(const std::string& message) {
-  if (progress_shown_) fmt::print(stderr, "\r\033[K");
-  const std::string who = options_.world ? fmt::format("world {}: ", *options_.world) : "";
-  fmt::print(stderr, "smartsurf: {}{}\n", who, message);
-}
-
 void Run::end(int exit_status, std::string outcome) {
   if (!ending_) ending_ = Ending{exit_status, std::move(outcome)};
 }
 
 void Run::finish() {
   wall_s_ = std::chrono::duration<double>(Clock::now() - started_).count();
-  show_progress(true);
+  progress_.finish(simulation_.snapshot().time_s);
   const scene::Snapshot& snapshot = simulation_.snapshot();
-  display_.take_last_pictures(simulation_);
+  pictures_.take_last(moment());
   for (const auto& r : recorders_)
     r->close({ending_->outcome, snapshot.tick, snapshot.time_s, snapshot.state_hash});
   if (!options_.stats_file.empty()) write_stats();

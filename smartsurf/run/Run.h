@@ -12,7 +12,10 @@
 #include "smartsurf/record/Recorder.h"
 #include "smartsurf/run/ControllerProcess.h"
 #include "smartsurf/run/Display.h"
+#include "smartsurf/run/ExitStatus.h"
 #include "smartsurf/run/Pacer.h"
+#include "smartsurf/run/Pictures.h"
+#include "smartsurf/run/Progress.h"
 #include "smartsurf/run/RunOptions.h"
 #include "smartsurf/run/Simulation.h"
 #include "smartsurf/run/Stats.h"
@@ -20,16 +23,23 @@
 
 namespace smartsurf::run {
 
-// Exit statuses of the program.
-enum ExitStatus { kDone = 0, kFailed = 1, kUserError = 2, kPeerLost = 3 };
-
 // Writes a file in one piece or not at all. Throws scene::InputError that names the flag and the file.
 void write_whole_file(const std::string& flag, const std::string& file, const std::string& text);
 
 class Run {
  public:
-  // `stop` is raised by SIGINT and SIGTERM. Throws scene::InputError for whatever the user got wrong.
-  Run(const RunOptions&, const std::atomic<bool>& stop);
+  // What a run that the user wants to begin anew hands to the next.
+  struct Successor {
+    RunOptions options;
+    script::Experiment experiment;
+    std::unique_ptr<Display> display;
+  };
+
+  static script::Experiment load(const RunOptions&);
+  // `stop` is raised by SIGINT and SIGTERM. display: of the run before; none opens one if the options ask for
+  // it. Throws scene::InputError for whatever the user got wrong.
+  Run(const RunOptions&, const std::atomic<bool>& stop, script::Experiment,
+      std::unique_ptr<Display> display = nullptr);
   ~Run();
 
   // The figures about the run so far, as --stats writes them.
@@ -38,6 +48,8 @@ class Run {
   // Runs to the end and returns the exit status. Throws scene::InputError for a mistake in the script's
   // events, after everything recorded has been kept.
   int execute();
+  // After execute(): how the user wants it anew, if so.
+  std::optional<Successor> take_successor();
 
  private:
   // Why a run ends; the outcome is one line for the recording and the stats.
@@ -57,15 +69,19 @@ class Run {
   bool publish();
   void record();
   void obey_script();
+  void obey_hand();
+  void begin_anew();
+  void linger();  // a window stays open after stop(), to look around
+  void go_on_without_display();
   bool hold_pace();  // sleeps or draws until the next tick is due; false: the run is over
   void refresh_display();
-  void show_progress(bool last);
+  view::Moment moment();
+  std::optional<double> last_time_s() const;
   void end(int exit_status, std::string outcome);
   void finish();
   void write_stats() const;
   RunSummary summary() const;
   std::string controller_phrase();
-  void say(const std::string&);
 
   RunOptions options_;
   const std::atomic<bool>& stop_;
@@ -74,16 +90,23 @@ class Run {
   std::unique_ptr<SurfaceLink> link_;  // none with --no-controller
   std::unique_ptr<ControllerProcess> child_;
   std::vector<std::unique_ptr<record::Recorder>> recorders_;
-  Display display_;
+  std::unique_ptr<Display> display_;
+  Pictures pictures_;
+  ViewChannels channels_;
+  Progress progress_;
   Pacer pacer_;
   Controls controls_;
+  Hand hand_;
+  std::optional<std::uint64_t> touched_;  // after this tick
+  std::string notice_;
+  bool lingers_ = false;
+  std::optional<Successor> successor_;
   PhaseTimes times_;
   record::PurityMeter purity_;
   std::optional<std::uint64_t> last_tick_;
   std::optional<Ending> ending_;
-  std::chrono::steady_clock::time_point started_{}, next_progress_{};
+  std::chrono::steady_clock::time_point started_{};
   double wall_s_ = 0.0;
-  bool progress_shown_ = false;
   bool announced_waiting_ = false;
   bool had_controller_ = false;
 };

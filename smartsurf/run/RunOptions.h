@@ -7,6 +7,8 @@
 #include <utility>
 #include <vector>
 
+#include "smartsurf/run/Look.h"
+
 namespace smartsurf::run {
 
 enum class RunMode { kTimeStep, kPassive };
@@ -20,6 +22,7 @@ struct RunOptions {
   std::string experiment;
   std::string command_line;  // as typed, for the recording
   bool window = false;
+  bool paused = false;  // begin paused; with a window only
   RunMode mode = RunMode::kTimeStep;
   // Simulated seconds per wall second; nullopt: as fast as possible.
   std::optional<double> pace;
@@ -35,6 +38,7 @@ struct RunOptions {
   std::string stats_file;
   std::vector<Screenshot> screenshots;
   std::string video_file;
+  Look look;
   bool unsafe = false;
   std::optional<int> world;  // which of several in this process; nullopt: the only one
 };

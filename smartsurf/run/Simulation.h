@@ -42,7 +42,14 @@ class Simulation final : public script::Host {
   // in the script.
   void run_script();
   void actuate(int channel, std::span<const float> targets) noexcept;  // of actuators(); rows × columns
-  void plan_cells() noexcept;                                          // these three once a physics step
+  // By hand: what one cell of the channel is told, whoever drives the others; and what it was told last.
+  void hold_cell(int channel, int row, int column, float target) noexcept {
+    cells_.set_target(channel, row, column, target);
+  }
+  float told(int channel, int row, int column) const noexcept {
+    return cells_.targets(channel)[static_cast<std::size_t>(scene().surface.index(row, column))];
+  }
+  void plan_cells() noexcept;  // these three once a physics step
   void step_physics();
   void move_cells() noexcept;
   void look();   // counts the tick and takes the snapshot
@@ -55,6 +62,8 @@ class Simulation final : public script::Host {
   const scene::Snapshot& snapshot() const noexcept { return snapshot_; }
   // Every object ever created, index = id.
   const std::vector<scene::ObjectSpec>& catalogue() const noexcept { return catalogue_; }
+  // The contacts of the last physics step that bore any load. Allocates.
+  std::vector<world::ContactPoint> contacts() const { return world_.contacts(); }
   const TableWatch& table() const noexcept { return table_; }
   std::span<const record::Channel> sensors() const noexcept { return sensors_; }
   std::span<const record::Channel> actuators() const noexcept { return actuators_; }

@@ -60,8 +60,8 @@ struct RunSummary {
   std::optional<double> purity, sorted_at_s;
   std::uint64_t sensor_frames_skipped = 0, actuator_frames_repeated = 0, actuator_values_clamped = 0;
   std::vector<std::pair<std::string, double>> metrics;  // of the script's metric()
-  std::size_t off_surface = 0;   // objects that are not over the surface at the end
-  std::uint64_t left_table = 0;  // how often an object left it
+  std::size_t off_surface = 0;                          // objects that are not over the surface at the end
+  std::uint64_t left_table = 0;                         // how often an object left it
 
   double real_time_factor() const { return wall_s > 0.0 ? simulated_s / wall_s : 0.0; }
 };

@@ -6,7 +6,8 @@
 namespace smartsurf::run {
 namespace {
 
-// None for a regular grid. An empty cell of a free layout stands at the origin; its height there is the lowest.
+// None for a regular grid. An empty cell of a free layout stands at the origin; its height there is the
+// lowest.
 std::vector<std::array<float, 3>> positions(const scene::SurfaceSpec& surface) {
   std::vector<std::array<float, 3>> all;
   for (std::size_t i = 0; i < surface.places.size(); ++i)

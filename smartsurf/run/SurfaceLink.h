@@ -18,7 +18,8 @@ namespace smartsurf::run {
 
 class SurfaceLink {
  public:
-  // Its channels are those of the surface's sensors, then those of its actuators. Throws scene::InputError when the name cannot be had.
+  // Its channels are those of the surface's sensors, then those of its actuators. Throws scene::InputError
+  // when the name cannot be had.
   SurfaceLink(const std::string& name, RunMode, const scene::SceneSpec&);
 
   // Writes the frames into shared memory and publishes them.

@@ -43,7 +43,7 @@ Outcome run_one(const RunOptions& options, const std::atomic<bool>& stop) {
   Outcome outcome;
   try {
     std::unique_lock lock(making);
-    Run run(options, stop);
+    Run run(options, stop, Run::load(options));
     lock.unlock();
     outcome.status = run.execute();
     outcome.summary = nlohmann::ordered_json::parse(run.stats_json());
@@ -105,7 +105,8 @@ int run_worlds(const RunOptions& all, int count, const std::atomic<bool>& stop) 
   for (int i = 0; i < count; ++i) {
     const Outcome& o = outcomes[static_cast<std::size_t>(i)];
     // What the user got wrong is said once, however many worlds met it.
-    if (o.status == kUserError && !o.message.empty()) throw scene::InputError(fmt::format("world {}: {}", i, o.message));
+    if (o.status == kUserError && !o.message.empty())
+      throw scene::InputError(fmt::format("world {}: {}", i, o.message));
     if (!o.message.empty()) fmt::print(stderr, "smartsurf: world {}: {}\n", i, o.message);
     if (status == kDone) status = o.status;
   }

@@ -134,7 +134,7 @@ Experiment::~Experiment() = default;
 
 Experiment Experiment::load(const std::filesystem::path& path, LoadOptions options) {
   std::string problem;
-  std::optional<std::string> text = read_script(path, problem);
+  std::optional<std::string> text = options.text ? std::move(options.text) : read_script(path, problem);
   if (!text) throw scene::InputError(one_line(path.string()) + ": the experiment " + problem);
   std::unique_ptr<Parts> parts;
   try {

@@ -28,6 +28,7 @@ struct LoadOptions {
   std::vector<std::pair<std::string, std::string>>
       set;                            // --set name=value, in order; the last of a name wins
   std::optional<std::uint64_t> seed;  // --seed: wins over world.seed
+  std::optional<std::string> text;    // the script itself, instead of what its file holds
   std::shared_ptr<scene::SolidSource> solids;  // makes what mesh and hull ask for; none: both are refused
   bool unsafe = false;  // --unsafe: the whole of Lua's standard library, native modules included
   std::filesystem::path output_folder;          // where the script may write files; empty = nowhere

@@ -104,7 +104,9 @@ void FirstHit::sweep(std::span<const SensedBody> bodies, std::span<const float> 
                     .pitch = pitch_},
             .height = height.data(),
             .pin_mark = pin_mark};
-  if (strips_ || !upright() || !pins_.empty()) {
+  // Where many objects lie on top of each other, knowing the heights spares those that nothing reaches.
+  const bool piled = bodies.size() * kBlock > distance_.size();
+  if (strips_ || !upright() || !pins_.empty() || piled) {
     pool.for_rows(rows_, [this, &pass](int begin, int end) { find_extremes(pass.height, begin, end); });
     pass.highest_pin = std::ranges::max(row_highest_);
     pass.job.lowest = segment_.origin.z() + (segment_.from_top ? std::ranges::min(row_lowest_) : 0.0F);

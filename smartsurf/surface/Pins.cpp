@@ -10,6 +10,8 @@ namespace {
 
 // A load is felt through this time constant, so that one impact does not stop a pin, s.
 constexpr float kLoadLag = 0.02F;
+// How long a pin that could not bear its load waits before it tries again, s.
+constexpr float kTripped = 0.5F;
 
 // The largest of n values of f; eight running maxima, because the compiler may not reorder one.
 template <class F>
@@ -40,6 +42,7 @@ Pins::Pins(const Place& place)
   if (place.spec.has("max_force")) {
     force_limit_ = static_cast<float>(place.spec.number("max_force"));
     load_.resize(target_.size(), 0.0F);
+    wait_ = load_;
   }
 }
 
@@ -117,14 +120,18 @@ void Pins::plan_run(std::size_t run, float dt_s, Field& field) noexcept {
   run_speed_[run] = largest(n, [speed](std::size_t i) { return std::abs(speed[i]); });
 }
 
-// The motor's line, v = max_speed·(1 − load/max_force): as fast as it may without a load, standing at the greatest one,
-// pushed back by more, down to the lower stop.
+// The motor's line, v = max_speed·(1 − load/max_force): as fast as it may without a load, standing at the
+// greatest one. More trips the drive: the load pushes the pin back, down to the lower stop, and only after a
+// while it tries again.
 float Pins::loaded_speed(std::size_t cell, float distance, const Approach& approach, float dt_s,
-                         const Field& field) const noexcept {
+                         const Field& field) noexcept {
   const float speed = field.speed[cell], left = 1.0F - load_[cell] / *force_limit_;
-  if (left >= 0.0F) return approach(distance, speed, distance > 0.0F ? speed_limit_ * left : speed_limit_);
-  const float to_stop = (base_[cell] + lowest_ - field.height[cell]) / dt_s;  // ≤ 0
-  return std::max(to_stop, std::max(speed - acceleration_limit_ * dt_s, speed_limit_ * std::max(left, -1.0F)));
+  if (left >= 0.0F && wait_[cell] <= 0.0F)
+    return approach(distance, speed, distance > 0.0F ? speed_limit_ * left : speed_limit_);
+  wait_[cell] = left < 0.0F ? kTripped : wait_[cell] - dt_s;
+  const float to_stop = std::min(0.0F, base_[cell] + lowest_ - field.height[cell]) / dt_s;
+  const float back = speed_limit_ * std::clamp(left, -1.0F, 0.0F);
+  return std::max(to_stop, std::max(speed - acceleration_limit_ * dt_s, back));
 }
 
 void Pins::commit(double dt_s, Field& field) noexcept {

@@ -22,7 +22,7 @@ class Pins final : public Actuator {
 
  private:
   void plan_run(std::size_t run, float dt_s, Field&) noexcept;
-  float loaded_speed(std::size_t cell, float distance, const Approach&, float dt_s, const Field&) const noexcept;
+  float loaded_speed(std::size_t cell, float distance, const Approach&, float dt_s, const Field&) noexcept;
   void weigh(float dt_s, const Field&) noexcept;
   void measure(std::size_t run, const Field&) noexcept;
 
@@ -31,6 +31,7 @@ class Pins final : public Actuator {
   float lowest_;  // of the range, over the base
   std::optional<float> force_limit_;
   std::vector<float> base_, target_;  // rows × columns; target: z of the top, base included
+  std::vector<float> wait_;           // the same, s: of a drive that tripped
   std::vector<float> load_;           // rows × columns, mass·u/s², smoothed; empty without a force limit
   // One a run, so that a run whose pins all rest on their targets costs nothing.
   std::vector<std::uint8_t> moving_;

@@ -134,11 +134,13 @@ struct Range {
 // Between which distances a segment can be as high as the body.
 Range heights_met(const SweepJob& job, const SensedBody& b) {
   const float dz = job.direction.z(), top = b.centre.z() + b.reach_z, bottom = b.centre.z() - b.reach_z;
+  const float slack =
+      1e-5F * (std::abs(top) + std::abs(bottom) + std::abs(job.lowest) + std::abs(job.highest));
+  const float over = bottom - job.highest - slack, under = top - job.lowest + slack;
   if (std::abs(dz) < kParallel)
-    return job.highest >= bottom && job.lowest <= top ? Range{0.0F, job.range} : Range{1.0F, 0.0F};
-  const float near = dz > 0.0F ? (bottom - job.highest) / dz : (top - job.lowest) / dz;
-  const float far = dz > 0.0F ? (top - job.lowest) / dz : (bottom - job.highest) / dz;
-  return {std::max(0.0F, near), std::min(job.range, far)};
+    return over <= 0.0F && under >= 0.0F ? Range{0.0F, job.range} : Range{1.0F, 0.0F};
+  return {std::max(0.0F, dz > 0.0F ? over / dz : under / dz),
+          std::min(job.range, dz > 0.0F ? under / dz : over / dz)};
 }
 
 // Where along one axis a segment must start to be within `reach` of the centre at a distance in t.
@@ -173,6 +175,11 @@ Columns columns_within(const SweepJob& job, const SensedBody& b, const Range& t)
   return {first_from(xs.low / job.pitch, job.columns), end_at(xs.high / job.pitch, job.columns)};
 }
 
+void touch(const SweepJob& job, int row, int from, int to) {
+  std::uint8_t* const touched = job.touched + static_cast<std::ptrdiff_t>(row) * job.blocks;
+  for (int block = from / kBlock; block <= to / kBlock; ++block) touched[block] |= 1;
+}
+
 void sweep_row(const SweepJob& job, const SensedBody& b, float mark, bool upright, int r, float y,
                Columns columns) {
   const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(r) * job.columns;
@@ -181,11 +188,30 @@ void sweep_row(const SweepJob& job, const SensedBody& b, float mark, bool uprigh
                         .y0 = y,
                         .distance = job.distance + row,
                         .mark = job.mark + row};
-  std::uint8_t* const touched = job.touched + static_cast<std::ptrdiff_t>(r) * job.blocks;
   meet_stretch(job, stretch, columns.first, columns.end, job.columns, b, mark, upright,
-               [touched](int from, int to) {
-                 for (int block = from / kBlock; block <= to / kBlock; ++block) touched[block] |= 1;
-               });
+               [&job, r](int from, int to) { touch(job, r, from, to); });
+}
+
+// A ball over no more columns than a vector has lanes, as meet_ball meets it: what is the same for all rows
+// is computed once.
+void sweep_small_ball(const SweepJob& job, const SensedBody& b, float mark, int r0, int r1, int column) {
+  const Wide d;
+  const float radius = b.extent.x();
+  const auto dx = hn::Sub(hn::LoadU(d, job.x + column), hn::Set(d, b.centre.x()));
+  const auto across = hn::Sub(hn::Set(d, radius * radius), hn::Mul(dx, dx));
+  const auto lift = hn::Set(d, job.origin.z()), centre = hn::Set(d, b.centre.z()),
+             down = hn::Set(d, -job.direction.z());
+  for (int r = r0; r < r1; ++r) {
+    const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(r) * job.columns + column;
+    const float dy = static_cast<float>(job.rows - 1 - r) * job.pitch + job.origin.y() - b.centre.y();
+    const auto half = hn::Sqrt(hn::Sub(across, hn::Set(d, dy * dy)));  // NaN where the segment passes by
+    const auto height = job.height != nullptr ? hn::LoadU(d, job.height + at) : hn::Zero(d);
+    const auto shift = hn::Mul(hn::Sub(hn::Add(height, lift), centre), down);
+    const auto low = hn::Sub(shift, half), high = hn::Add(half, shift);
+    if (keep_nearer<Wide>(job.distance + at, job.mark + at, hn::Max(low, hn::Zero(d)),
+                          hn::Ge(high, hn::Zero(d)), job.range, mark))
+      touch(job, r, column, column + static_cast<int>(hn::Lanes(d)) - 1);
+  }
 }
 
 // Rows that are ready for bodies, from the first of a band.
@@ -202,7 +228,7 @@ struct Ready {
 
 void sweep_grid(const SweepJob& job, const SensedBody& b, float mark, bool upright, int begin, int end,
                 Ready& ready) {
-  const Range t = upright ? Range{0.0F, 0.0F} : heights_met(job, b);
+  const Range t = heights_met(job, b);
   if (t.empty()) return;
   const float north = static_cast<float>(job.rows - 1) * job.pitch + job.origin.y();
   const Range ys = starts(b.centre.y(), b.reach_y, job.direction.y(), t);
@@ -210,6 +236,9 @@ void sweep_grid(const SweepJob& job, const SensedBody& b, float mark, bool uprig
   const int r1 = std::min(end, end_at((north - ys.low) / job.pitch, job.rows));
   if (r0 < r1) ready.reach(r1);
   const Columns all = columns_within(job, b, t);
+  const int lanes = static_cast<int>(hn::Lanes(Wide()));
+  if (upright && b.shape == scene::ShapeKind::kSphere && all.end - all.first <= lanes && job.columns >= lanes)
+    return sweep_small_ball(job, b, mark, r0, r1, std::min(all.first, job.columns - lanes));
   for (int r = r0; r < r1; ++r) {
     const float y = static_cast<float>(job.rows - 1 - r) * job.pitch + job.origin.y();
     if (upright) {
@@ -264,12 +293,14 @@ void fetch_ahead(const SweepJob& job, const SensedBody& b) {
 
 void sweep_rows_of_target(const SweepJob& job, int begin, int end, const PrepareRows& prepare) {
   constexpr std::size_t kAhead = 6;  // bodies: about what a trip to memory takes
+  constexpr int kNear = 1 << 17;     // cells whose heights, distances and marks stay in a core's own cache
   const bool upright = job.direction.x() == 0.0F && job.direction.y() == 0.0F && job.strips == nullptr;
+  const bool far = upright && job.rows * job.columns > kNear;
   Ready ready{begin, prepare};
   for (std::size_t k = 0; k < job.bodies.size(); ++k) {
     const SensedBody& body = job.bodies[k];
     if (body.nowhere()) continue;
-    if (upright && k + kAhead < job.bodies.size()) fetch_ahead(job, job.bodies[k + kAhead]);
+    if (far && k + kAhead < job.bodies.size()) fetch_ahead(job, job.bodies[k + kAhead]);
     if (job.strips != nullptr)
       sweep_strips(job, body, job.marks[k], begin, end);
     else

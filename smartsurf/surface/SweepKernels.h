@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -30,8 +31,9 @@ struct SweepJob {
   // All segments start at z = height + origin.z and run along `direction`, unit, for `range`.
   Eigen::Vector3f origin, direction;
   float range = 0.0F;
-  float lowest = 0.0F, highest = 0.0F;  // of all starts' z
-  const float* height = nullptr;        // one a cell; null: 0 for all
+  // Of all starts' z; infinite where nobody knows.
+  float lowest = -std::numeric_limits<float>::infinity(), highest = std::numeric_limits<float>::infinity();
+  const float* height = nullptr;  // one a cell; null: 0 for all
   float* distance = nullptr;
   float* mark = nullptr;
   std::uint8_t* touched = nullptr;  // one a block; null: nobody asks

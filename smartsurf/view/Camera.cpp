@@ -43,8 +43,12 @@ struct Fit {
 Eigen::AlignedBox3d Camera::extent(const scene::SurfaceSpec& s) {
   const double half = s.pitch / 2.0;
   const double top = std::max(s.pin.max_height, s.border_height.value_or(s.pin.max_height));
-  return {Eigen::Vector3d(-half, -half, s.pin.min_height - s.pin.length),
-          Eigen::Vector3d((s.columns - 1) * s.pitch + half, (s.rows - 1) * s.pitch + half, top)};
+  Eigen::AlignedBox2d ground(Eigen::Vector2d(0.0, 0.0),
+                             Eigen::Vector2d((s.columns - 1) * s.pitch, (s.rows - 1) * s.pitch));
+  if (!s.places.empty()) ground.setEmpty();
+  for (const scene::CellPlace& place : s.places) ground.extend(Eigen::Vector2d(place.x, place.y));
+  return {Eigen::Vector3d(ground.min().x() - half, ground.min().y() - half, s.pin.min_height - s.pin.length),
+          Eigen::Vector3d(ground.max().x() + half, ground.max().y() + half, top)};
 }
 
 Camera Camera::framing(const scene::SurfaceSpec& surface, Preset preset, double aspect) {
@@ -127,6 +131,12 @@ Eigen::Vector3d Camera::project(const Eigen::Vector3d& point, double width, doub
   const Eigen::Vector4d clip = projection_matrix(width / height) *
                                (view_matrix() * Eigen::Vector4d(point.x(), point.y(), point.z(), 1.0));
   return {(clip.x() / clip.w() + 1.0) * 0.5 * width, (1.0 - clip.y() / clip.w()) * 0.5 * height, clip.w()};
+}
+
+Ray Camera::ray(double x, double y, double width, double height) const {
+  const double k = std::tan(field_of_view_ / 2.0);
+  const double across = (2.0 * x / width - 1.0) * k * width / height, upward = (1.0 - 2.0 * y / height) * k;
+  return {eye(), (forward() + across * right() + upward * up()).normalized()};
 }
 
 }  // namespace smartsurf::view

@@ -12,6 +12,11 @@ namespace smartsurf::view {
 
 enum class Preset { kTop, kIso, kSide };
 
+// A half-line; the direction is a unit vector.
+struct Ray {
+  Eigen::Vector3d origin, direction;
+};
+
 class Camera {
  public:
   static constexpr double kMinElevation = 0.02;    // rad: never below the table
@@ -48,6 +53,10 @@ class Camera {
   Eigen::Matrix4d view_matrix() const;
   // Eye → clip coordinates as OpenGL has them (depth −1 … 1).
   Eigen::Matrix4d projection_matrix(double aspect) const;
+  // The line of sight through that place of the picture, from the eye; the inverse of project().
+  Ray ray(double x, double y, double width, double height) const;
+  // Looks at another point from the same side and distance.
+  void look_at(const Eigen::Vector3d& target) { target_ = target; }
   // Pixel of a world point in a picture of that size, y down from the top edge; z is the depth along
   // forward().
   Eigen::Vector3d project(const Eigen::Vector3d& point, double width, double height) const;

@@ -1,11 +1,15 @@
 #include "smartsurf/view/Hud.h"
 
 #include <imgui.h>
+#include <imgui_internal.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <string>
 
 #include "smartsurf/view/Axes.h"
+#include "smartsurf/view/Panels.h"
 
 namespace smartsurf::view {
 namespace {
@@ -16,7 +20,7 @@ constexpr float kFontPixels = 14.0f;
 constexpr ImGuiWindowFlags kPanel = ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_AlwaysAutoResize |
                                     ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoFocusOnAppearing |
                                     ImGuiWindowFlags_NoNav | ImGuiWindowFlags_NoMove;
-const ImVec4 kFaint(0.36f, 0.40f, 0.46f, 1.0f);
+const ImVec4 kFaint(0.36f, 0.40f, 0.46f, 1.0f), kWarning(0.75f, 0.25f, 0.05f, 1.0f);
 
 std::string pace_text(double pace) {
   char text[32];
@@ -42,24 +46,64 @@ void state_rows(const scene::Snapshot& snapshot, const Status& status, const Hud
   row("tick", "%llu", static_cast<unsigned long long>(snapshot.tick));
   row("speed", "%.2f×  of  %s", status.actual_pace, pace_text(status.requested_pace).c_str());
   if (!status.mode.empty()) row("mode", "%s", status.mode.c_str());
-  row("controller", "%s", status.controller.empty() ? "none" : status.controller.c_str());
+  if (!status.controller.empty()) row("controller", "%s", status.controller.c_str());
   row("objects", "%zu", snapshot.objects());
   row("contacts", "%u", snapshot.contacts);
   if (status.purity) row("purity", "%.3f", *status.purity);
-  row("physics", "%.2f ms a tick", status.physics_ms);
-  row("drawing", "%.1f ms a frame", state.render_ms);
+  if (status.physics_ms > 0.0) row("physics", "%.2f ms a tick", status.physics_ms);
+  row("drawing", "%.1f ms, %.0f frames/s", state.render_ms, 1000.0 / std::max(state.interval_ms, 1.0));
+}
+
+void button(const char* label, Key key, const Status& status, Controls& controls, const char* tip) {
+  if (ImGui::Button(label)) controls.press(key, status);
+  if (ImGui::IsItemHovered()) ImGui::SetTooltip("%s", tip);
 }
 
 void buttons(const Status& status, Controls& controls) {
-  if (ImGui::Button(status.paused ? "Run" : "Pause")) controls.press(Key::kPause, status);
+  button(status.paused ? "Run" : "Pause", Key::kPause, status, controls, "Space");
   ImGui::SameLine();
-  if (ImGui::Button("Step")) controls.press(Key::kStep, status);
+  button("Step", Key::kStep, status, controls, "Right arrow");
   ImGui::SameLine();
-  if (ImGui::Button("-")) controls.press(Key::kSlower, status);
+  button("-", Key::kSlower, status, controls, "slower: -");
   ImGui::SameLine();
-  if (ImGui::Button("+")) controls.press(Key::kFaster, status);
+  button("+", Key::kFaster, status, controls, "faster: +");
   ImGui::SameLine();
-  if (ImGui::Button(status.requested_pace > 0.0 ? "Max" : "1×")) controls.press(Key::kMaxPace, status);
+  button(status.requested_pace > 0.0 ? "Max" : "1×", Key::kMaxPace, status, controls, "M");
+  if (!status.resettable) return;
+  ImGui::SameLine();
+  button("Reset", Key::kReset, status, controls, "begin anew: Backspace");
+}
+
+// Along the bottom: where on the timeline the picture stands, and the way to elsewhere on it.
+// Returns the y of its upper edge.
+float draw_timeline(const Timeline& line, const Status& status, Controls& controls, float scale) {
+  const ImVec2 size = ImGui::GetIO().DisplaySize;
+  const float width = size.x - 24.0f * scale;
+  ImGui::SetNextWindowPos({12.0f * scale, size.y - 12.0f * scale}, ImGuiCond_Always, {0.0f, 1.0f});
+  ImGui::SetNextWindowSize({width, 0.0f});
+  ImGui::SetNextWindowBgAlpha(0.82f);
+  ImGui::Begin("timeline", nullptr, kPanel);
+  if (ImGui::Button(status.paused ? "Play" : "Pause")) controls.press(Key::kPause, status);
+  ImGui::SameLine();
+  if (ImGui::ArrowButton("back", ImGuiDir_Left)) controls.press(Key::kStepBack, status);
+  ImGui::SameLine();
+  if (ImGui::ArrowButton("forward", ImGuiDir_Right)) controls.press(Key::kStep, status);
+  ImGui::SameLine();
+  char end[48];
+  std::snprintf(end, sizeof(end), line.recorded ? "%.2f s" : "now: %.2f s", line.end_s);
+  ImGui::AlignTextToFramePadding();
+  ImGui::Text("%.2f s", line.begin_s);
+  ImGui::SameLine();
+  ImGui::SetNextItemWidth(-ImGui::CalcTextSize(end).x - 2.0f * ImGui::GetStyle().ItemSpacing.x);
+  int frame = static_cast<int>(line.frame);
+  if (ImGui::SliderInt("##frame", &frame, 0, static_cast<int>(line.frames) - 1, "frame %d",
+                       ImGuiSliderFlags_AlwaysClamp))
+    controls.seek(static_cast<std::size_t>(frame));
+  ImGui::SameLine();
+  ImGui::TextUnformatted(end);
+  const float top = ImGui::GetWindowPos().y;
+  ImGui::End();
+  return top;
 }
 
 }  // namespace
@@ -86,21 +130,32 @@ void set_up_hud(float scale) {
   style.ScaleAllSizes(scale);
 }
 
-void draw_hud(const scene::Snapshot& snapshot, const Status& status, const HudState& state,
-              Controls& controls, float scale) {
+namespace {
+
+void draw_run_panel(const Moment& moment, const Status& status, HudState& state, Controls& controls,
+                    float scale) {
   ImGui::SetNextWindowPos({12.0f * scale, 12.0f * scale});
-  ImGui::SetNextWindowBgAlpha(0.82f);
+  ImGui::SetNextWindowBgAlpha(0.86f);
   ImGui::Begin("run", nullptr, kPanel);
+  ImGui::PushItemWidth(150.0f * scale);
   if (ImGui::BeginTable("state", 2, ImGuiTableFlags_SizingFixedFit)) {
-    state_rows(snapshot, status, state);
+    state_rows(moment.snapshot, status, state);
     ImGui::EndTable();
   }
   ImGui::Spacing();
   buttons(status, controls);
+  draw_show_section(moment, status, controls);
+  draw_tools_section(status, controls);
+  draw_options_section(status, state.edits, controls);
+  if (!status.notice.empty()) ImGui::TextColored(kWarning, "%s", status.notice.c_str());
+  if (state.filming) ImGui::TextColored(kWarning, "filming; V ends it");
   if (!state.message.empty()) ImGui::TextUnformatted(state.message.c_str());
-  ImGui::TextColored(kFaint, "F1: help");
+  ImGui::TextColored(kFaint, "F1: help   Tab: hide panels");
+  ImGui::PopItemWidth();
   ImGui::End();
-  if (!status.paused) return;
+}
+
+void draw_paused(float scale) {
   ImGui::SetNextWindowPos({ImGui::GetIO().DisplaySize.x / 2.0f, 12.0f * scale}, ImGuiCond_Always,
                           {0.5f, 0.0f});
   ImGui::SetNextWindowBgAlpha(0.82f);
@@ -109,15 +164,40 @@ void draw_hud(const scene::Snapshot& snapshot, const Status& status, const HudSt
   ImGui::End();
 }
 
+}  // namespace
+
+void draw_hud(const Moment& moment, const Status& status, const std::optional<HeatScale>& heat,
+              HudState& state, Controls& controls, float scale) {
+  float bottom = ImGui::GetIO().DisplaySize.y - 12.0f * scale;
+  if (controls.panels_shown()) {
+    draw_run_panel(moment, status, state, controls, scale);
+    draw_inspect_panel(moment, state.watch, controls, scale);
+    if (status.timeline) bottom = draw_timeline(*status.timeline, status, controls, scale) - 8.0f * scale;
+    if (status.paused) draw_paused(scale);
+  }
+  if (heat) draw_legend(*heat, bottom, scale);
+}
+
 void draw_help(float scale) {
   static constexpr const char* kHelp[][2] = {
-      {"Left drag", "turn"},       {"Right or middle drag, Shift + left", "move"},
-      {"Wheel", "zoom"},           {"1   2   3", "from above, whole table, from the side"},
-      {"Space", "pause and run"},  {"Right arrow", "one tick, when paused"},
-      {"+   -", "faster, slower"}, {"M", "as fast as possible, and back to real time"},
-      {"W", "objects as wires"},   {"G", "grid"},
-      {"P", "write a picture"},    {"F1", "this help"},
-      {"Esc   Q", "quit"}};
+      {"Left drag", "turn"},
+      {"Right or middle drag, Shift + left", "move"},
+      {"Wheel", "zoom"},
+      {"Click", "pick an object or a cell"},
+      {"Ctrl + drag", "pull an object with a spring"},
+      {"1   2   3", "from above, whole table, from the side"},
+      {"Space", "pause and run"},
+      {"Left, right arrow", "one tick back, on"},
+      {"+   -   M", "faster, slower, as fast as possible"},
+      {"Backspace", "begin anew"},
+      {"W   G", "objects as wires, grid"},
+      {"H", "next channel on the cells"},
+      {"T   F   S   L", "trails, contact forces, what the sensors see, labels"},
+      {"O", "follow the picked object"},
+      {"P   V", "write a picture, a video"},
+      {"Tab   F1", "panels, this help"},
+      {"Esc", "put down the tool, free the camera"},
+      {"Q", "quit"}};
   const ImVec2 size = ImGui::GetIO().DisplaySize;
   ImGui::SetNextWindowPos({size.x / 2.0f, size.y / 2.0f}, ImGuiCond_Always, {0.5f, 0.5f});
   ImGui::SetNextWindowBgAlpha(0.94f);
@@ -135,6 +215,37 @@ void draw_help(float scale) {
     ImGui::EndTable();
   }
   ImGui::End();
+}
+
+void draw_labels(const Moment& moment, const Camera& camera, float width, float height) {
+  constexpr std::size_t kMostLabels = 1000;
+  constexpr ImU32 kInk = IM_COL32(25, 30, 38, 255), kHalo = IM_COL32(255, 255, 255, 190);
+  static const ImVec2 kAround[] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
+  const scene::Snapshot& snapshot = moment.snapshot;
+  for (std::size_t i = 0; i < std::min(snapshot.objects(), kMostLabels); ++i) {
+    const scene::ObjectSpec& object = moment.catalogue[snapshot.id[i]];
+    const auto& p = snapshot.position[i];
+    const Eigen::Vector3d top(p[0], p[1], p[2] + object.half_extents().maxCoeff());
+    const Eigen::Vector3d at = camera.project(top, width, height);
+    if (!(at.z() > 0.0)) continue;
+    const std::string text = object.label.empty() ? std::to_string(snapshot.id[i])
+                                                  : object.label + " " + std::to_string(snapshot.id[i]);
+    const ImVec2 size = ImGui::CalcTextSize(text.c_str());
+    const ImVec2 corner(static_cast<float>(at.x()) - size.x / 2.0f, static_cast<float>(at.y()) - size.y);
+    ImDrawList* const paper = ImGui::GetBackgroundDrawList();
+    for (const ImVec2& side : kAround)
+      paper->AddText({corner.x + side.x, corner.y + side.y}, kHalo, text.c_str());
+    paper->AddText(corner, kInk, text.c_str());
+  }
+}
+
+bool over_panel(double x, double y) {
+  const ImVec2 at(static_cast<float>(x), static_cast<float>(y));
+  for (const ImGuiWindow* window : ImGui::GetCurrentContext()->Windows)
+    if (window->Active && (window->Flags & ImGuiWindowFlags_NoMouseInputs) == 0 &&
+        window->Rect().Contains(at))
+      return true;
+  return false;
 }
 
 void draw_axis_names(const scene::SurfaceSpec& surface, const Camera& camera, float width, float height) {

@@ -3,7 +3,9 @@
 #pragma once
 
 #include <array>
+#include <memory>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "smartsurf/view/GlObjects.h"
@@ -16,13 +18,13 @@ namespace smartsurf::view {
 class PinLayer {
  public:
   PinLayer(const scene::SurfaceSpec& surface, Pass colour_pass);
-  void upload(std::span<const PinInstance> pins, bool north_first, bool east_first);
+  void upload(std::span<const PinInstance> pins);
   void draw(Pass pass) const;
 
  private:
   std::array<float, 4> pin_;
   float base_, sunk_;
-  std::array<GLint, 4> grid_;
+  GLsizei count_ = 0;
   VertexArray array_;
   Buffer corners_, triangles_, instances_;
   ShaderProgram shadow_, colour_;
@@ -35,28 +37,57 @@ struct ObjectInstance {
   std::array<float, 4> colour;       // linear light; [3]: z of the pins around the object, u
 };
 
-// The objects: one draw call a shape.
+// The objects: one draw call a shape, and one a solid. A frame is begin(), add() for each, upload(), then
+// draws.
 class ObjectLayer {
  public:
   explicit ObjectLayer(Pass colour_pass);
-  void upload(scene::ShapeKind shape, std::span<const ObjectInstance> instances);
+  void begin();
+  void add(const scene::ObjectSpec& object, ObjectInstance instance);
+  void add_box(const ObjectInstance& instance);  // furniture: before all objects
+  void upload();
   void draw(Pass pass) const;
   // Of the boxes, the first `solid_boxes` stay solid in a wireframe: the table and the axes.
   void draw_solid_boxes(Pass pass, GLsizei solid_boxes) const;
   void draw_wires(float line_width, GLsizei solid_boxes) const;
 
  private:
+  struct Programs {
+    ShaderProgram shadow, colour, wires;
+    void link(const char* name, const ShaderSources& shadow_source, const ShaderSources& colour_source,
+              const ShaderSources& wire_source);
+  };
   struct Kind {
+    const Programs* programs = nullptr;
     VertexArray array, wire_array;
     Buffer mesh, triangles, wire, instances;
     GLsizei indices = 0, wire_vertices = 0, count = 0;
-    ShaderProgram shadow, colour;
+    std::vector<ObjectInstance> list;
   };
-  void set_up(Kind& kind, int floats_a_corner, const std::vector<float>& mesh,
-              const std::vector<GLushort>& triangles, const std::vector<float>& wire);
+  void set_up(Kind& kind, const Programs& programs, int floats_a_corner, const std::vector<float>& mesh,
+              const std::vector<std::uint32_t>& triangles, const std::vector<float>& wire);
+  template <class Action>
+  void for_each_kind(Action action) const;
 
-  std::array<Kind, 3> kinds_;  // by ShapeKind
-  ShaderProgram wires_;
+  Programs sphere_, mesh_, capsule_;
+  std::array<Kind, 5> kinds_;  // by ShapeKind, but for solids
+  std::vector<std::pair<std::shared_ptr<const scene::Solid>, Kind>>
+      solids_;  // in the order of their first use
+};
+
+// Lines of one width: one draw call.
+class LineLayer {
+ public:
+  LineLayer();
+  void upload(std::span<const Line> lines);
+  // width: in pixels of the picture of that size.
+  void draw(float width, int picture_width, int picture_height) const;
+
+ private:
+  VertexArray array_;
+  Buffer lines_;
+  ShaderProgram program_;
+  GLsizei count_ = 0;
 };
 
 // The ground with its grid, and what is behind everything.

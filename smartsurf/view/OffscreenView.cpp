@@ -1,8 +1,10 @@
 #include "smartsurf/view/OffscreenView.h"
 
+#include <algorithm>
 #include <cstring>
 
 #include "smartsurf/view/GlObjects.h"
+#include "smartsurf/view/LegendGui.h"
 #include "smartsurf/view/OffscreenContext.h"
 #include "smartsurf/view/ReadPixels.h"
 #include "smartsurf/view/Renderer.h"
@@ -11,25 +13,35 @@ namespace smartsurf::view {
 namespace {
 
 constexpr int kMaxEdge = 8192;
+constexpr float kHeightOfScaleOne = 720.0f;  // pixels, at which text has its plain size
 
 }  // namespace
 
 struct OffscreenView::State {
   State(const scene::SceneSpec& spec, Detail detail)
-      : renderer(std::make_unique<Renderer>(spec, detail == Detail::kPicture ? Quality::fine() : Quality::video())),
+      : renderer(std::make_unique<Renderer>(spec,
+                                            detail == Detail::kPicture ? Quality::fine() : Quality::video())),
         target(std::make_unique<Canvas>()),
         driver(reinterpret_cast<const char*>(glGetString(GL_RENDERER))) {
     context.release();
   }
   ~State() {
     context.make_current();
+    legend.reset();
     renderer.reset();
     target.reset();
+  }
+
+  void draw_legend(const HeatScale& heat, int width, int height) {
+    const float scale = std::max(0.5f, static_cast<float>(height) / kHeightOfScaleOne);
+    if (!legend || legend->scale() != scale) legend = std::make_unique<LegendGui>(scale);
+    legend->draw(heat, target->framebuffer.id(), width, height);
   }
 
   OffscreenContext context;
   std::unique_ptr<Renderer> renderer;
   std::unique_ptr<Canvas> target;
+  std::unique_ptr<LegendGui> legend;  // made when the first picture wants one
   std::string driver;
 };
 
@@ -47,6 +59,7 @@ Image OffscreenView::draw(const scene::Snapshot& snapshot, const std::vector<sce
   s.context.make_current();
   s.target->resize(width, height);
   s.renderer->draw(snapshot, catalogue, camera, options, s.target->framebuffer.id(), width, height);
+  if (options.legend) s.draw_legend(*options.legend, width, height);
   Image image = read_pixels(s.target->framebuffer.id(), width, height);
   s.context.release();
   return image;

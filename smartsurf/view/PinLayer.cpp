@@ -35,7 +35,6 @@ PinLayer::PinLayer(const scene::SurfaceSpec& s, Pass colour_pass)
            static_cast<float>(s.pin.length), static_cast<float>(s.pitch)},
       base_(static_cast<float>(ground_height(s))),
       sunk_(sunk_sides(s, colour_pass)),
-      grid_{s.rows, s.columns, 0, 0},
       array_(make_vertex_array()),
       corners_(make_buffer()),
       triangles_(make_buffer()),
@@ -55,12 +54,12 @@ PinLayer::PinLayer(const scene::SurfaceSpec& s, Pass colour_pass)
   attribute(2, 4, GL_UNSIGNED_BYTE, offsetof(PinInstance, colour));
   attribute(3, 4, GL_UNSIGNED_BYTE, offsetof(PinInstance, corner_sky));
   attribute(4, 4, GL_FLOAT, offsetof(PinInstance, neighbour));
+  attribute(5, 3, GL_FLOAT, offsetof(PinInstance, place));
   glBindVertexArray(0);
 }
 
-void PinLayer::upload(std::span<const PinInstance> pins, bool north_first, bool east_first) {
-  grid_[2] = north_first ? 1 : 0;
-  grid_[3] = east_first ? 1 : 0;
+void PinLayer::upload(std::span<const PinInstance> pins) {
+  count_ = static_cast<GLsizei>(pins.size());
   glBindBuffer(GL_ARRAY_BUFFER, instances_.id());
   glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(pins.size_bytes()), pins.data(), GL_STREAM_DRAW);
 }
@@ -68,12 +67,11 @@ void PinLayer::upload(std::span<const PinInstance> pins, bool north_first, bool 
 void PinLayer::draw(Pass pass) const {
   const GLuint program = pass == Pass::kShadow ? shadow_.id() : colour_.id();
   glUseProgram(program);
-  glUniform4iv(glGetUniformLocation(program, "grid"), 1, grid_.data());
   glUniform4fv(glGetUniformLocation(program, "pin"), 1, pin_.data());
   glUniform1f(glGetUniformLocation(program, "base"), base_);
   glUniform1f(glGetUniformLocation(program, "sunk"), sunk_);
   glBindVertexArray(array_.id());
-  glDrawElementsInstanced(GL_TRIANGLES, 18, GL_UNSIGNED_BYTE, nullptr, grid_[0] * grid_[1]);
+  glDrawElementsInstanced(GL_TRIANGLES, 18, GL_UNSIGNED_BYTE, nullptr, count_);
 }
 
 }  // namespace smartsurf::view

@@ -37,7 +37,7 @@ PinShading::PinShading(const scene::SurfaceSpec& surface)
 
 float PinShading::height_at(const scene::Snapshot& snapshot, int row, int column) const {
   if (row < 0 || column < 0 || row >= surface_.rows || column >= surface_.columns) return base_;
-  return snapshot.height[surface_.index(row, column)];
+  return std::max(base_, snapshot.height[surface_.index(row, column)]);  // an empty cell is a hole to the ground
 }
 
 PinShading::Corners PinShading::sky_of(const scene::Snapshot& snapshot, int row, int column) const {
@@ -72,7 +72,7 @@ void PinShading::darken_under(const scene::Snapshot& snapshot, const std::array<
   for (int row = first_row; row <= last_row; ++row)
     for (int column = first_column; column <= last_column; ++column) {
       const int index = surface_.index(row, column);
-      const float dz = centre[2] - snapshot.height[index];
+      const float dz = centre[2] - height_at(snapshot, row, column);
       if (!(dz > 0.0f)) continue;
       for (int corner = 0; corner < 4; ++corner) {
         const float dx = static_cast<float>(column) * pitch + ((corner & 1) ? half_x : -half_x) - centre[0];
@@ -97,7 +97,8 @@ PinShading::Tints PinShading::tints() {
     // The travel that programs use is often a part of the pin's range: the square root brightens it early.
     for (int c = 0; c < 3; ++c) screen[c] = kLow[c] + (kHigh[c] - kLow[c]) * std::sqrt(share);
     t.height[i] = bytes(screen);
-    t.value[i] = bytes(viridis(share));
+    for (std::size_t palette = 0; palette < kPaletteNames.size(); ++palette)
+      t.value[palette][i] = bytes(view::colour_of(static_cast<Palette>(palette), share));
   }
   t.border = bytes(kBorder);
   t.unknown = bytes(viridis(std::nanf("")));
@@ -110,7 +111,7 @@ PinShading::Bytes PinShading::colour_of(const scene::Snapshot& snapshot, const D
   if (surface_.border_height && surface_.is_border(row, column)) return tints_.border;
   if (!options.cell_values.empty()) {
     const float t = (options.cell_values[index] - options.low) / (options.high - options.low);
-    return std::isnan(t) ? tints_.unknown : tints_.value[byte(t)];
+    return std::isnan(t) ? tints_.unknown : tints_.value[static_cast<std::size_t>(options.palette)][byte(t)];
   }
   const float low = static_cast<float>(surface_.pin.min_height);
   const float range = static_cast<float>(surface_.pin.max_height) - low;
@@ -133,15 +134,21 @@ std::span<const PinInstance> PinShading::update(const scene::Snapshot& snapshot,
     for (int c = 0; c < surface_.columns; ++c) {
       const int row = north_first ? r : surface_.rows - 1 - r;
       const int column = east_first ? surface_.columns - 1 - c : c;
+      if (!std::isfinite(snapshot.height[surface_.index(row, column)])) continue;
       PinInstance& pin = pins_[next++];
+      const Eigen::Vector2f centre = surface_.centre(row, column).cast<float>();
+      const auto place = static_cast<std::size_t>(surface_.index(row, column));
+      pin.place = {centre.x(), centre.y(),
+                   surface_.places.empty() ? 0.0f : static_cast<float>(surface_.places[place].angle)};
       pin.height = height_at(snapshot, row, column);
       pin.colour = colour_of(snapshot, options, row, column);
+      pin.colour[3] = surface_.is_border(row, column) ? 255 : 0;
       for (int corner = 0; corner < 4; ++corner)
         pin.corner_sky[corner] = byte(sky_[surface_.index(row, column)][corner]);
       pin.neighbour = {height_at(snapshot, row, column - 1), height_at(snapshot, row, column + 1),
                        height_at(snapshot, row + 1, column), height_at(snapshot, row - 1, column)};
     }
-  return pins_;
+  return std::span<const PinInstance>(pins_).first(next);
 }
 
 float PinShading::rim_height(const scene::Snapshot& snapshot, float x, float y, float reach) const {

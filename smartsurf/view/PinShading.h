@@ -17,8 +17,9 @@
 namespace smartsurf::view {
 
 struct PinInstance {
+  std::array<float, 3> place;          // centre, u, and turn about z, rad
   float height;                        // z of the top, u
-  std::array<std::uint8_t, 4> colour;  // linear light, 255 = 1; [3] is 0
+  std::array<std::uint8_t, 4> colour;  // linear light, 255 = 1; [3]: 255 in the outermost ring, else 0
   std::array<std::uint8_t, 4>
       corner_sky;                  // share of the sky that the top's corners SW, SE, NW, NE see; 255 = all
   std::array<float, 4> neighbour;  // z of the tops of the pins to the west, east, south, north, u
@@ -28,8 +29,8 @@ class PinShading {
  public:
   explicit PinShading(const scene::SurfaceSpec& surface);
 
-  // One record a pin, in drawing order: rows from the south to the north unless north_first, in each row from
-  // the west to the east unless east_first. Valid until the next call.
+  // One record a pin (none for a cell that is not there), in drawing order: rows from the south to the north
+  // unless north_first, in each row from the west to the east unless east_first. Valid until the next call.
   std::span<const PinInstance> update(const scene::Snapshot& snapshot,
                                       const std::vector<scene::ObjectSpec>& catalogue,
                                       const DrawOptions& options, bool north_first, bool east_first);
@@ -42,7 +43,8 @@ class PinShading {
   using Corners = std::array<float, 4>;
   using Bytes = std::array<std::uint8_t, 4>;
   struct Tints {
-    std::array<Bytes, 256> height, value;  // from the lowest to the highest
+    std::array<Bytes, 256> height;  // from the lowest to the highest
+    std::array<std::array<Bytes, 256>, kPaletteNames.size()> value;
     Bytes border, unknown;
   };
   static Tints tints();

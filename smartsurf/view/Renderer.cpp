@@ -73,28 +73,31 @@ struct Renderer::State {
   PinLayer pins;
   ObjectLayer objects;
   GroundLayer ground;
+  LineLayer lines;
   Buffer frame;
   ShaderProgram average;
   VertexArray empty_array;
   Canvas canvas;
-  std::array<std::vector<ObjectInstance>, 3> instances;  // by ShapeKind
-  std::size_t furniture = 0;                             // boxes that are no objects, first among them
+  bool shadows_due() const { return frames % quality.frames_a_shadow == 0; }
+
+  long frames = 0;            // drawn
+  std::size_t furniture = 0;  // boxes that are no objects, first among them
 };
 
 void Renderer::State::add_furniture(const DrawOptions& options) {
-  auto& boxes = instances[static_cast<std::size_t>(scene::ShapeKind::kBox)];
   const Eigen::AlignedBox3d box = Camera::extent(spec.surface);
   const double pitch = spec.surface.pitch, rim = kBoardRim * pitch, thick = 0.12 * pitch;
   const Eigen::Vector3d low = box.min() - Eigen::Vector3d(rim, rim, 0.0);
-  boxes.push_back(upright_box(low, {box.max().x() + rim, box.max().y() + rim, low.z() + thick}, kBoard));
+  objects.add_box(upright_box(low, {box.max().x() + rim, box.max().y() + rim, low.z() + thick}, kBoard));
+  furniture = 1;
   if (options.axes) {
     const Axes axes = axes_of(spec.surface);
     const Eigen::Vector3d half = Eigen::Vector3d::Constant(axes.half_width);
     for (int i = 0; i < 3; ++i)
-      boxes.push_back(upright_box(axes.origin - half,
+      objects.add_box(upright_box(axes.origin - half,
                                   axes.origin + half + axes.length * Eigen::Vector3d::Unit(i), kAxis[i]));
+    furniture += 3;
   }
-  furniture = boxes.size();
 }
 
 ObjectInstance Renderer::State::instance_of(const scene::Snapshot& snapshot, std::size_t i,
@@ -110,14 +113,14 @@ void Renderer::State::upload(const scene::Snapshot& snapshot, const std::vector<
                              const Camera& camera, const DrawOptions& options) {
   // Near rows first: what is hidden behind them is then never shaded.
   const bool north_first = camera.forward().y() < 0.0, east_first = camera.forward().x() < 0.0;
-  pins.upload(shading.update(snapshot, catalogue, options, north_first, east_first), north_first, east_first);
-  for (auto& list : instances) list.clear();
+  pins.upload(shading.update(snapshot, catalogue, options, north_first, east_first));
+  objects.begin();
   add_furniture(options);
   Eigen::AlignedBox3d lit = Camera::extent(spec.surface);
   const Eigen::AlignedBox3d near = {lit.min() - lit.sizes() * 0.1, lit.max() + lit.sizes() * 0.1};
   for (std::size_t i = 0; i < snapshot.objects(); ++i) {
     const scene::ObjectSpec& object = catalogue[snapshot.id[i]];
-    instances[static_cast<std::size_t>(object.shape)].push_back(instance_of(snapshot, i, object));
+    objects.add(object, instance_of(snapshot, i, object));
     const auto& p = snapshot.position[i];
     const double radius = object.half_extents().norm();
     const Eigen::Vector3d at(p[0], p[1],
@@ -126,9 +129,9 @@ void Renderer::State::upload(const scene::Snapshot& snapshot, const std::vector<
         at.y() < near.max().y() && std::isfinite(at.z()))
       lit.extend(at);
   }
-  for (const auto shape : {scene::ShapeKind::kSphere, scene::ShapeKind::kBox, scene::ShapeKind::kCylinder})
-    objects.upload(shape, instances[static_cast<std::size_t>(shape)]);
-  shadow.fit(lit, spec.surface.pitch);
+  objects.upload();
+  lines.upload(options.lines);
+  if (shadows_due()) shadow.fit(lit, spec.surface.pitch);
 }
 
 void Renderer::State::set_frame(const FrameUniforms& uniforms) {
@@ -192,6 +195,7 @@ void Renderer::State::draw_colour(const DrawOptions& options, int width, int hei
     objects.draw_wires(1.3f * static_cast<float>(quality.supersample), static_cast<int>(furniture));
     glDisable(GL_BLEND);
   }
+  lines.draw(options.line_width * static_cast<float>(quality.supersample), width, height);
 }
 
 Renderer::Renderer(const scene::SceneSpec& spec, const Quality& quality) {
@@ -218,7 +222,8 @@ void Renderer::draw(const scene::Snapshot& snapshot, const std::vector<scene::Ob
   glDisable(GL_BLEND);
   glDisable(GL_CULL_FACE);
   glDisable(GL_SCISSOR_TEST);
-  s.draw_shadows(options);
+  if (s.shadows_due()) s.draw_shadows(options);
+  ++s.frames;
   if (block > 1) s.canvas.resize(width * block, height * block);
   glBindFramebuffer(GL_FRAMEBUFFER, block > 1 ? s.canvas.framebuffer.id() : framebuffer);
   s.set_frame(s.eye_frame(camera, width * block, height * block));

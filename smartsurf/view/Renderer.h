@@ -19,8 +19,9 @@ struct Quality {
   int supersample = 1;  // pixels drawn along each edge of a pixel shown
   int shadow_size = 2048;
   bool soft_shadows = false;
+  int frames_a_shadow = 1;  // shadows are drawn anew every so many frames
 
-  static Quality fast() { return {1, 1024, false}; }
+  static Quality fast() { return {1, 1024, false, 2}; }
   static Quality video() { return {2, 2048, false}; }
   static Quality fine() { return {3, 4096, true}; }
 };

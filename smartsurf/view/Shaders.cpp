@@ -70,7 +70,7 @@ layout(location = 1) in float height;
 layout(location = 2) in vec4 colour;
 layout(location = 3) in vec4 corner_sky;
 layout(location = 4) in vec4 neighbour;
-uniform ivec4 grid;     // rows, columns, north first, east first
+layout(location = 5) in vec3 place;       // centre, turn about z
 uniform vec4 pin;       // half top x, half top y, length, pitch
 uniform float base;
 uniform float sunk;     // how far below its neighbour's top a side is drawn
@@ -80,21 +80,18 @@ flat out vec3 albedo;
 flat out vec2 levels;   // z where the pin ends and its shaft begins; z of the top beside this side
 out float sky;
 void main() {
-  int r = gl_InstanceID / grid.y, c = gl_InstanceID - r * grid.y;
-  int north = grid.z == 1 ? grid.x - 1 - r : r;   // row counted from the south
-  int east = grid.w == 1 ? grid.y - 1 - c : c;
-  vec2 centre = vec2(east, north) * pin.w;
+  float cosine = cos(place.z), sine = sin(place.z);
+  mat2 turn = mat2(cosine, sine, -sine, cosine);
   // Only the two sides that can face the eye are drawn.
-  vec2 towards = eye.w > 0.5 ? eye.xy - centre : -ray.xy;
+  vec2 towards = transpose(turn) * (eye.w > 0.5 ? eye.xy - place.xy : -ray.xy);
   vec2 s = vec2(towards.x < 0.0 ? -1.0 : 1.0, towards.y < 0.0 ? -1.0 : 1.0);
   vec2 at = corner.xy * s;
-  normal = corner.w < 0.5 ? vec3(0, 0, 1) : corner.w < 1.5 ? vec3(s.x, 0, 0) : vec3(0, s.y, 0);
+  normal = corner.w < 0.5 ? vec3(0, 0, 1) : vec3(turn * (corner.w < 1.5 ? vec2(s.x, 0) : vec2(0, s.y)), 0);
   albedo = colour.rgb;
   float beside = corner.w < 1.5 ? (s.x < 0.0 ? neighbour.x : neighbour.y)
                                 : (s.y < 0.0 ? neighbour.z : neighbour.w);
-  bool outermost = north == 0 || east == 0 || north == grid.x - 1 || east == grid.y - 1;
-  float foot = outermost ? base : max(base, min(beside, height) - sunk);
-  world = vec3(centre + at * pin.xy, corner.z > 0.5 ? height : min(foot, height));
+  float foot = colour.a > 0.5 ? base : max(base, min(beside, height) - sunk);
+  world = vec3(place.xy + turn * (at * pin.xy), corner.z > 0.5 ? height : min(foot, height));
   levels = vec2(height - pin.z, corner.w < 0.5 ? -1e30 : beside);
   sky = at.y < 0.0 ? (at.x < 0.0 ? corner_sky.x : corner_sky.y) : (at.x < 0.0 ? corner_sky.z : corner_sky.w);
   gl_Position = clip_from_world * vec4(world, 1.0);
@@ -128,6 +125,14 @@ layout(location = 2) in vec3 half_extent;
 layout(location = 3) in vec4 orientation;
 layout(location = 4) in vec4 colour;         // linear light; w: z of the pins around the object
 vec3 rotate(vec4 q, vec3 v) { return v + 2.0 * cross(q.xyz, cross(q.xyz, v) + q.w * v); }
+// A corner of the mesh in the object's own frame.
+vec3 placed(vec3 corner) {
+#ifdef CAPSULE
+  return corner * half_extent.x + vec3(0.0, 0.0, sign(corner.z) * (half_extent.z - half_extent.x));
+#else
+  return corner * half_extent;
+#endif
+}
 )";
 
 // How much of the sky an object's surface sees from inside a pocket whose rim is at z = rim.
@@ -206,8 +211,12 @@ out vec3 normal;
 flat out vec4 paint;
 flat out float size;
 void main() {
-  world = centre + rotate(orientation, corner * half_extent);
+  world = centre + rotate(orientation, placed(corner));
+#ifdef CAPSULE
   normal = rotate(orientation, corner_normal);
+#else
+  normal = rotate(orientation, normalize(corner_normal / half_extent));
+#endif
   paint = colour;
   size = min(half_extent.x, min(half_extent.y, half_extent.z));
   gl_Position = clip_from_world * vec4(world, 1.0);
@@ -229,7 +238,7 @@ constexpr const char* kWireVertex = R"(
 layout(location = 0) in vec3 corner;
 out vec4 paint;
 void main() {
-  vec3 world = centre + rotate(orientation, corner * half_extent);
+  vec3 world = centre + rotate(orientation, placed(corner));
   vec3 out_of_surface = normalize(rotate(orientation, corner));
   // Lines on the far side are fainter, so that the shape reads.
   float near = dot(out_of_surface, normalize(eye.xyz - world)) > 0.0 ? 1.0 : 0.35;
@@ -280,6 +289,8 @@ std::string defines(Pass pass) { return pass == Pass::kColourFine ? "#define FIN
 
 std::string head(Pass pass) { return kFrame + defines(pass); }
 
+std::string shape_define(bool capsule) { return capsule ? "#define CAPSULE\n" : ""; }
+
 constexpr const char* kEmptyFragment = "void main() {}\n";
 
 }  // namespace
@@ -296,14 +307,40 @@ ShaderSources sphere_shaders(Pass pass) {
                                               : std::string(kLighting) + kPocket + kSphereFragment)};
 }
 
-ShaderSources mesh_shaders(Pass pass) {
-  return {head(pass) + kObjectInputs + kMeshVertex,
+ShaderSources mesh_shaders(Pass pass, bool capsule) {
+  return {head(pass) + shape_define(capsule) + kObjectInputs + kMeshVertex,
           head(pass) + (pass == Pass::kShadow ? std::string(kEmptyFragment)
                                               : std::string(kLighting) + kPocket + kMeshFragment)};
 }
 
-ShaderSources wire_shaders() {
-  return {head(Pass::kColour) + kObjectInputs + kWireVertex,
+ShaderSources wire_shaders(bool capsule) {
+  return {head(Pass::kColour) + shape_define(capsule) + kObjectInputs + kWireVertex,
+          "#version 330 core\nin vec4 paint;\nout vec4 pixel;\nvoid main() { pixel = paint; }\n"};
+}
+
+ShaderSources line_shaders() {
+  return {head(Pass::kColour) + R"(
+layout(location = 0) in vec3 from;
+layout(location = 1) in vec3 to;
+layout(location = 2) in vec4 colour;
+uniform vec3 picture;    // its size and the lines' width, in pixels
+out vec4 paint;
+const float kNear = 1e-3;
+void main() {
+  vec4 a = clip_from_world * vec4(from, 1.0), b = clip_from_world * vec4(to, 1.0);
+  // What is behind the eye is cut off before the division by w.
+  if (a.w < kNear && b.w >= kNear) a = mix(a, b, (kNear - a.w) / (b.w - a.w));
+  else if (b.w < kNear && a.w >= kNear) b = mix(b, a, (kNear - b.w) / (a.w - b.w));
+  vec2 along = (b.xy / b.w - a.xy / a.w) * picture.xy;
+  along = dot(along, along) > 1e-8 ? normalize(along) : vec2(1.0, 0.0);
+  vec4 end = gl_VertexID < 2 ? a : b;
+  float side = (gl_VertexID & 1) == 0 ? -1.0 : 1.0;
+  end.xy += vec2(-along.y, along.x) * side * picture.z / picture.xy * end.w;
+  end.z -= 2e-4 * end.w;   // lines that lie on a surface are not half hidden by it
+  paint = colour;
+  gl_Position = end;
+}
+)",
           "#version 330 core\nin vec4 paint;\nout vec4 pixel;\nvoid main() { pixel = paint; }\n"};
 }
 

@@ -18,8 +18,10 @@ struct ShaderSources {
 
 ShaderSources pin_shaders(Pass pass);
 ShaderSources sphere_shaders(Pass pass);  // a ray meets a sphere at every pixel of a quad that faces the eye
-ShaderSources mesh_shaders(Pass pass);    // boxes and cylinders
-ShaderSources wire_shaders();
+// Triangles and wires of Meshes.h. capsule: its caps are pulled apart.
+ShaderSources mesh_shaders(Pass pass, bool capsule);
+ShaderSources wire_shaders(bool capsule);
+ShaderSources line_shaders();  // straight lines as ribbons that face the eye
 ShaderSources ground_shaders(Pass pass);
 ShaderSources backdrop_shaders();
 // Averages blocks of `block` × `block` pixels of the texture at unit 1.

@@ -14,11 +14,16 @@
 #include <optional>
 #include <stdexcept>
 #include <string_view>
+#include <utility>
 
+#include "smartsurf/view/DisplayLoss.h"
+#include "smartsurf/view/Film.h"
 #include "smartsurf/view/GlObjects.h"
 #include "smartsurf/view/Hud.h"
+#include "smartsurf/view/Overlay.h"
 #include "smartsurf/view/ReadPixels.h"
 #include "smartsurf/view/Renderer.h"
+#include "smartsurf/view/WindowKeys.h"
 
 namespace smartsurf::view {
 namespace {
@@ -33,56 +38,6 @@ bool drawn_in_software() {
   const std::string_view driver = reinterpret_cast<const char*>(glGetString(GL_RENDERER));
   return driver.find("llvmpipe") != driver.npos || driver.find("softpipe") != driver.npos ||
          driver.find("SWR") != driver.npos;
-}
-
-// By the character typed, so that the keys are where the user's keyboard has them.
-std::optional<Key> key_of_character(unsigned character) {
-  switch (character) {
-    case ' ':
-      return Key::kPause;
-    case '+':
-    case '=':
-      return Key::kFaster;
-    case '-':
-    case '_':
-      return Key::kSlower;
-    case 'm':
-    case 'M':
-      return Key::kMaxPace;
-    case '1':
-      return Key::kTop;
-    case '2':
-      return Key::kIso;
-    case '3':
-      return Key::kSide;
-    case 'w':
-    case 'W':
-      return Key::kWireframe;
-    case 'g':
-    case 'G':
-      return Key::kGrid;
-    case 'p':
-    case 'P':
-      return Key::kPicture;
-    case 'q':
-    case 'Q':
-      return Key::kQuit;
-    default:
-      return std::nullopt;
-  }
-}
-
-std::optional<Key> key_of_code(int code) {
-  switch (code) {
-    case GLFW_KEY_RIGHT:
-      return Key::kStep;
-    case GLFW_KEY_F1:
-      return Key::kHelp;
-    case GLFW_KEY_ESCAPE:
-      return Key::kQuit;
-    default:
-      return std::nullopt;
-  }
 }
 
 // In screen coordinates.
@@ -125,6 +80,7 @@ class Desktop {
     }
     if (place == Place::kLeft) glfwSetWindowPos(window_, left.x, left.y);
     glfwMakeContextCurrent(window_);
+    watch_display();
     glfwSwapInterval(0);  // the simulation must never wait for the display
   }
   ~Desktop() {
@@ -172,11 +128,14 @@ struct Window::State {
       : spec(s),
         desktop(title, window_width, window_height, place),
         controls(s.surface),
+        overlay(s.surface),
         scale(content_scale()),
         gui(listen(), scale),
-        renderer(s, drawn_in_software() ? Quality::fast() : Quality{2, 4096, true}) {
+        quality(drawn_in_software() ? Quality::fast() : Quality{2, 4096, true}),
+        renderer(std::make_unique<Renderer>(s, quality)) {
     glfwGetFramebufferSize(desktop.window(), &width, &height);
     if (width > 0 && height > 0) controls.resize(static_cast<double>(width) / height);
+    hud.edits = edits_of(spec.options);
     glfwMakeContextCurrent(nullptr);
   }
 
@@ -186,137 +145,208 @@ struct Window::State {
     return std::max(x, y);
   }
   GLFWwindow* listen();  // before ImGui does, which then passes events on
-  void on_pointer(double x, double y);
+  void note_pointer(PointerEvent event, int mods);
+  void set_scene(const scene::SceneSpec& s);
   Commands take();
   // False when there is nothing to draw on. copy: where to keep what is shown, or null.
-  bool show(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
-            const Status& new_status, const DrawOptions& overlay, Image* copy);
-  DrawOptions options(const DrawOptions& overlay) const;
-  void draw_panels(const scene::Snapshot& snapshot, bool axes);
-  void write_picture(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
-                     Commands& commands);
-  Image fine_picture(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
-                     const DrawOptions& shown, int picture_width, int picture_height);
+  bool show(const Moment& moment, const Status& new_status, Image* copy);
+  void handle_pointer(const Moment& moment);
+  DrawOptions options(const Moment& moment, bool marks);
+  void draw_panels(const Moment& moment);
+  std::string file_name(const Moment& moment, const char* ending) const;
+  void write_picture(const Moment& moment, Commands& commands);
+  void film(const Moment& moment);
+  void toggle_film(const Moment& moment);
+  Image fine_picture(const Moment& moment, const DrawOptions& shown, int picture_width, int picture_height);
 
   scene::SceneSpec spec;
   Desktop desktop;
   Controls controls;
+  Overlay overlay;
   Status status;
   HudState hud;
+  std::vector<PointerEvent> pointer;  // not yet taken in
   double pointer_x = 0.0, pointer_y = 0.0;
+  Clock::time_point shown_at = Clock::now();
   int width = 0, height = 0;  // of the framebuffer, pixels
   float scale;
   Gui gui;
-  Renderer renderer;
+  Quality quality;
+  std::unique_ptr<Renderer> renderer;
   std::unique_ptr<Renderer> fine_renderer;  // made when the first picture is asked for
+  std::unique_ptr<Film> film_of_window;
 };
 
 GLFWwindow* Window::State::listen() {
   GLFWwindow* window = desktop.window();
   glfwSetWindowUserPointer(window, this);
+  static constexpr auto state_of = [](GLFWwindow* w) -> State& {
+    return *static_cast<State*>(glfwGetWindowUserPointer(w));
+  };
   glfwSetKeyCallback(window, [](GLFWwindow* w, int code, int, int action, int) {
-    State& s = *static_cast<State*>(glfwGetWindowUserPointer(w));
-    const auto key = key_of_code(code);
-    if (key && (action == GLFW_PRESS || (action == GLFW_REPEAT && *key == Key::kStep)))
-      s.controls.press(*key, s.status);
+    if (ImGui::GetIO().WantTextInput) return;
+    if (const auto key = key_of_code(code, action == GLFW_REPEAT); key && action != GLFW_RELEASE)
+      state_of(w).controls.press(*key, state_of(w).status);
   });
   glfwSetCharCallback(window, [](GLFWwindow* w, unsigned character) {
-    State& s = *static_cast<State*>(glfwGetWindowUserPointer(w));
-    if (const auto key = key_of_character(character)) s.controls.press(*key, s.status);
+    if (ImGui::GetIO().WantTextInput) return;
+    if (const auto key = key_of_character(character)) state_of(w).controls.press(*key, state_of(w).status);
   });
   glfwSetCursorPosCallback(window, [](GLFWwindow* w, double x, double y) {
-    static_cast<State*>(glfwGetWindowUserPointer(w))->on_pointer(x, y);
+    state_of(w).pointer_x = x;
+    state_of(w).pointer_y = y;
+    state_of(w).note_pointer({PointerEvent::Kind::kMove}, 0);
+  });
+  glfwSetMouseButtonCallback(window, [](GLFWwindow* w, int button, int action, int mods) {
+    const bool down = action == GLFW_PRESS;
+    if (down && over_panel(state_of(w).pointer_x, state_of(w).pointer_y)) return;
+    state_of(w).note_pointer(
+        {down ? PointerEvent::Kind::kPress : PointerEvent::Kind::kRelease,
+         button == GLFW_MOUSE_BUTTON_LEFT ? PointerEvent::Button::kLeft : PointerEvent::Button::kOther},
+        mods);
   });
   glfwSetScrollCallback(window, [](GLFWwindow* w, double, double notches) {
-    if (!ImGui::GetIO().WantCaptureMouse)
-      static_cast<State*>(glfwGetWindowUserPointer(w))->controls.wheel(notches);
+    if (!over_panel(state_of(w).pointer_x, state_of(w).pointer_y)) state_of(w).controls.wheel(notches);
   });
   return window;
 }
 
-void Window::State::on_pointer(double x, double y) {
-  GLFWwindow* window = desktop.window();
-  const double dx = x - pointer_x, dy = y - pointer_y;
-  pointer_x = x;
-  pointer_y = y;
-  if (ImGui::GetIO().WantCaptureMouse) return;
-  const auto down = [window](int button) { return glfwGetMouseButton(window, button) == GLFW_PRESS; };
-  const bool shift = glfwGetKey(window, GLFW_KEY_LEFT_SHIFT) == GLFW_PRESS ||
-                     glfwGetKey(window, GLFW_KEY_RIGHT_SHIFT) == GLFW_PRESS;
-  int window_width = 1, window_height = 1;
-  glfwGetWindowSize(window, &window_width, &window_height);
-  if (down(GLFW_MOUSE_BUTTON_RIGHT) || down(GLFW_MOUSE_BUTTON_MIDDLE) ||
-      (down(GLFW_MOUSE_BUTTON_LEFT) && shift))
-    controls.drag(Drag::kPan, dx, dy, window_height);
-  else if (down(GLFW_MOUSE_BUTTON_LEFT))
-    controls.drag(Drag::kOrbit, dx, dy, window_height);
+void Window::State::note_pointer(PointerEvent event, int mods) {
+  event.x = pointer_x;
+  event.y = pointer_y;
+  event.control = (mods & GLFW_MOD_CONTROL) != 0;
+  event.shift = (mods & GLFW_MOD_SHIFT) != 0;
+  pointer.push_back(event);
+}
+
+void Window::State::set_scene(const scene::SceneSpec& s) {
+  const Current current(desktop.window());
+  spec = s;
+  controls.set_surface(s.surface);
+  overlay = Overlay(s.surface);
+  hud.edits = edits_of(s.options);
+  hud.watch = {};
+  fine_renderer.reset();
+  renderer = std::make_unique<Renderer>(s, quality);
 }
 
 Commands Window::State::take() {
   if (glfwWindowShouldClose(desktop.window())) controls.press(Key::kQuit, status);
-  return controls.take();
+  Commands commands = controls.take();
+  if (commands.reset && commands.options.empty()) commands.options = changes(hud.edits);
+  commands.display_lost = display_lost();
+  return commands;
 }
 
-bool Window::State::show(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
-                         const Status& new_status, const DrawOptions& overlay, Image* copy) {
+bool Window::State::show(const Moment& moment, const Status& new_status, Image* copy) {
   status = new_status;
   glfwPollEvents();
+  if (display_lost()) return false;
   glfwGetFramebufferSize(desktop.window(), &width, &height);
   if (width < 1 || height < 1 || glfwGetWindowAttrib(desktop.window(), GLFW_ICONIFIED) == GLFW_TRUE)
     return false;
   const auto start = Clock::now();
   const Current current(desktop.window());
   controls.resize(static_cast<double>(width) / height);
-  renderer.draw(snapshot, catalogue, controls.camera(), options(overlay), 0, width, height);
-  draw_panels(snapshot, overlay.axes);
+  handle_pointer(moment);
+  controls.track(moment.snapshot);
+  controls.set_channels(moment.channels);
+  if (controls.tools().selected()) hud.watch.add(*controls.tools().selected(), spec.surface, moment);
+  renderer->draw(moment.snapshot, moment.catalogue, controls.camera(), options(moment, true), 0, width,
+                 height);
+  film(moment);
+  draw_panels(moment);
   if (copy) *copy = read_pixels(0, width, height);
   glfwSwapBuffers(desktop.window());
   hud.render_ms += 0.2 * (milliseconds_since(start) - hud.render_ms);
+  hud.interval_ms += 0.2 * (std::min(milliseconds_since(shown_at), 1000.0) - hud.interval_ms);
+  shown_at = Clock::now();
   return true;
 }
 
-DrawOptions Window::State::options(const DrawOptions& overlay) const {
-  DrawOptions options = overlay;
-  if (controls.style() == Style::kWireframe) options.style = Style::kWireframe;
-  options.grid = overlay.grid && controls.grid_shown();
+void Window::State::handle_pointer(const Moment& moment) {
+  int window_width = 1, window_height = 1;
+  glfwGetWindowSize(desktop.window(), &window_width, &window_height);
+  for (const PointerEvent& event : std::exchange(pointer, {}))
+    controls.point(event, moment, status, window_width, window_height);
+}
+
+// marks: also the selection and the spring, which belong into no picture.
+DrawOptions Window::State::options(const Moment& moment, bool marks) {
+  DrawOptions options;
+  options.style = controls.style();
+  options.grid = controls.grid_shown();
+  options.line_width = 2.0f * scale;
+  overlay.settings = controls.overlay();
+  overlay.apply(moment, marks ? &controls.tools() : nullptr, options);
   return options;
 }
 
-void Window::State::draw_panels(const scene::Snapshot& snapshot, bool axes) {
+void Window::State::draw_panels(const Moment& moment) {
   ImGui_ImplOpenGL3_NewFrame();
   ImGui_ImplGlfw_NewFrame();
   ImGui::NewFrame();
   const ImVec2 size = ImGui::GetIO().DisplaySize;
-  if (axes) draw_axis_names(spec.surface, controls.camera(), size.x, size.y);
-  draw_hud(snapshot, status, hud, controls, scale);
+  draw_axis_names(spec.surface, controls.camera(), size.x, size.y);
+  if (controls.labels_shown()) draw_labels(moment, controls.camera(), size.x, size.y);
+  draw_hud(moment, status, overlay.heat(), hud, controls, scale);
   if (controls.help_shown()) draw_help(scale);
   ImGui::Render();
   ImGui_ImplOpenGL3_RenderDrawData(ImGui::GetDrawData());
 }
 
-Image Window::State::fine_picture(const scene::Snapshot& snapshot,
-                                  const std::vector<scene::ObjectSpec>& catalogue, const DrawOptions& shown,
-                                  int picture_width, int picture_height) {
+void Window::State::film(const Moment& moment) {
+  if (!film_of_window || !film_of_window->due(moment.snapshot.time_s)) return;
+  try {
+    film_of_window->add(read_pixels(0, width, height), moment.snapshot.time_s);
+  } catch (const std::runtime_error& error) {
+    film_of_window.reset();
+    hud.filming = false;
+    hud.message = error.what();
+  }
+}
+
+void Window::State::toggle_film(const Moment& moment) {
+  try {
+    if (const auto film = std::exchange(film_of_window, nullptr)) {
+      film->finish();
+      hud.message = "wrote " + film->file();
+    } else {
+      film_of_window =
+          std::make_unique<Film>(file_name(moment, ".mp4"), width, height, moment.snapshot.time_s);
+      hud.message.clear();
+    }
+  } catch (const std::runtime_error& error) {
+    hud.message = error.what();
+  }
+  hud.filming = film_of_window != nullptr;
+}
+
+std::string Window::State::file_name(const Moment& moment, const char* ending) const {
+  char number[16];
+  std::snprintf(number, sizeof(number), "-%06llu", static_cast<unsigned long long>(moment.snapshot.tick));
+  std::string name = std::filesystem::path(spec.file).stem().string();
+  if (name.empty()) name = "smartsurf";
+  return name + number + ending;
+}
+
+Image Window::State::fine_picture(const Moment& moment, const DrawOptions& shown, int picture_width,
+                                  int picture_height) {
   const Current current(desktop.window());
   if (!fine_renderer) fine_renderer = std::make_unique<Renderer>(spec, Quality::fine());
   Canvas canvas;
   canvas.resize(picture_width, picture_height);
-  fine_renderer->draw(snapshot, catalogue, controls.camera(), shown, canvas.framebuffer.id(), picture_width,
-                      picture_height);
+  fine_renderer->draw(moment.snapshot, moment.catalogue, controls.camera(), shown, canvas.framebuffer.id(),
+                      picture_width, picture_height);
   Image image = read_pixels(canvas.framebuffer.id(), picture_width, picture_height);
   glBindFramebuffer(GL_FRAMEBUFFER, 0);
   return image;
 }
 
-void Window::State::write_picture(const scene::Snapshot& snapshot,
-                                  const std::vector<scene::ObjectSpec>& catalogue, Commands& commands) {
-  char number[16];
-  std::snprintf(number, sizeof(number), "-%06llu", static_cast<unsigned long long>(snapshot.tick));
-  std::string name = std::filesystem::path(spec.file).stem().string();
-  if (name.empty()) name = "smartsurf";
-  const std::string path = name + number + ".png";
+void Window::State::write_picture(const Moment& moment, Commands& commands) {
+  const std::string path = file_name(moment, ".png");
   try {
-    write_png(path, fine_picture(snapshot, catalogue, options({}), width, height));
+    write_png(path, fine_picture(moment, options(moment, false), width, height));
     commands.screenshot = path;
     hud.message = "wrote " + path;
   } catch (const std::runtime_error& error) {
@@ -334,7 +364,11 @@ Window::Window(const scene::SceneSpec& spec, const std::string& title, int width
     : state_(std::make_unique<State>(spec, title, width, height, place)) {}
 
 Window::~Window() {
-  if (state_) glfwMakeContextCurrent(state_->desktop.window());
+  // Nothing of a lost display can be given back: its driver would wait for answers that do not come.
+  if (display_lost())
+    static_cast<void>(state_.release());
+  else
+    glfwMakeContextCurrent(state_->desktop.window());
 }
 
 Commands Window::poll(const Status& status) {
@@ -343,27 +377,28 @@ Commands Window::poll(const Status& status) {
   return state_->take();
 }
 
-Commands Window::frame(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
-                       const Status& status, const DrawOptions& overlay) {
+Commands Window::frame(const Moment& moment, const Status& status) {
   State& s = *state_;
-  const bool shown = s.show(snapshot, catalogue, status, overlay, nullptr);
+  const bool shown = s.show(moment, status, nullptr);
   Commands commands = s.take();
-  if (shown && s.controls.take_picture_request()) s.write_picture(snapshot, catalogue, commands);
+  if (shown && s.controls.take_picture_request()) s.write_picture(moment, commands);
+  if (shown && s.controls.take_film_request()) s.toggle_film(moment);
   return commands;
 }
 
-Image Window::picture(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
-                      int width, int height) {
-  return state_->fine_picture(snapshot, catalogue, {}, width, height);
+Image Window::picture(const Moment& moment, int width, int height) {
+  return state_->fine_picture(moment, {}, width, height);
 }
 
-Image Window::show(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
-                   const Status& status, const DrawOptions& overlay) {
+Image Window::show(const Moment& moment, const Status& status) {
   Image image;
-  state_->show(snapshot, catalogue, status, overlay, &image);
+  state_->show(moment, status, &image);
   return image;
 }
 
+bool Window::wants_contacts() const { return state_->controls.overlay().contacts; }
 void Window::press(Key key) { state_->controls.press(key, state_->status); }
+void Window::point(const PointerEvent& event) { state_->pointer.push_back(event); }
+void Window::set_scene(const scene::SceneSpec& spec) { state_->set_scene(spec); }
 
 }  // namespace smartsurf::view

@@ -13,6 +13,7 @@
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/view/Controls.h"
 #include "smartsurf/view/Image.h"
+#include "smartsurf/view/Moment.h"
 
 namespace smartsurf::view {
 
@@ -30,28 +31,31 @@ class Window {
          Place place = Place::kAnywhere);
   ~Window();
 
+  // Goes on with another scene: a run that begins anew. The user's view and choices stay as far as they fit.
+  void set_scene(const scene::SceneSpec& spec);
+
   // Takes in what the user did, draws one frame (nothing while the window is minimised) and shows it.
-  // catalogue: every object ever made, index = object id. cell_values: see DrawOptions; may be empty.
-  // A picture the user asks for is written into the current folder as NAME-TICK.png, NAME the experiment's;
-  // if that fails, the panel says so.
-  Commands frame(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
-                 const Status& status, const DrawOptions& overlay = {});
+  // A picture or video the user asks for is written into the current folder as NAME-TICK.png or .mp4, NAME
+  // the experiment's; if that fails, the panel says so. A display that is gone is told once, in the commands.
+  Commands frame(const Moment& moment, const Status& status);
 
   // What the user asked for, without drawing: to be called between frames that are far apart.
   Commands poll(const Status& status);
 
   // The scene from the window's camera in the quality of OffscreenView, without the panel.
-  Image picture(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue, int width,
-                int height);
+  Image picture(const Moment& moment, int width, int height);
 
   // Draws and shows one frame and returns it, panel included; in pixels, which on a scaled display are more
   // than the window's size. Empty while the window is minimised. Leaves the user's wishes for the next
   // frame().
-  Image show(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
-             const Status& status, const DrawOptions& overlay = {});
+  Image show(const Moment& moment, const Status& status);
 
-  // As if the user had pressed that key.
+  // Whether the user has asked to see contacts: then moments should hold them.
+  bool wants_contacts() const;
+  // As if the user had pressed that key, or moved the pointer so, in pixels of the framebuffer; taken in by
+  // the next frame.
   void press(Key key);
+  void point(const PointerEvent& event);
 
  private:
   struct State;

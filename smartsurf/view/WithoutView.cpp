@@ -32,16 +32,13 @@ struct Window::State {};
 bool Window::display_available() { return false; }
 Window::Window(const scene::SceneSpec&, const std::string&, int, int, Place) { left_out(); }
 Window::~Window() = default;
-Commands Window::frame(const scene::Snapshot&, const std::vector<scene::ObjectSpec>&, const Status&,
-                       const DrawOptions&) {
-  left_out();
-}
+Commands Window::frame(const Moment&, const Status&) { left_out(); }
 Commands Window::poll(const Status&) { left_out(); }
-Image Window::picture(const scene::Snapshot&, const std::vector<scene::ObjectSpec>&, int, int) { left_out(); }
-Image Window::show(const scene::Snapshot&, const std::vector<scene::ObjectSpec>&, const Status&,
-                   const DrawOptions&) {
-  left_out();
-}
+Image Window::picture(const Moment&, int, int) { left_out(); }
+Image Window::show(const Moment&, const Status&) { left_out(); }
+bool Window::wants_contacts() const { left_out(); }
 void Window::press(Key) { left_out(); }
+void Window::point(const PointerEvent&) { left_out(); }
+void Window::set_scene(const scene::SceneSpec&) { left_out(); }
 
 }  // namespace smartsurf::view

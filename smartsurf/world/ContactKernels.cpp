@@ -51,9 +51,9 @@ HWY_INLINE void store_side(const Side& s, Motion* rows, const std::int32_t* inde
 
 HWY_INLINE Symmetric load_inertia(const Inertia* rows, const std::int32_t* index) {
   Symmetric s;
-  V unused;
+  V unused, unused_too;
   load_rows(&rows->xx, index, 0, s.xx, s.yy, s.zz, s.xy);
-  load_rows(&rows->xx, index, 4, s.xz, s.yz, unused, unused);
+  load_rows(&rows->xx, index, 4, s.xz, s.yz, unused, unused_too);
   return s;
 }
 

@@ -83,13 +83,26 @@ class PieceOnField {
   }
 
   const Candidates& find() {
-    for_feature_points(piece_, centre_, axes_, [&](const Vec3& p) { touch_point(p); });
+    const float highest = highest_top() + margin_;
+    for_feature_points(piece_, centre_, axes_, [&](const Vec3& p) {
+      if (p.z() <= highest) touch_point(p);
+    });
     if (piece_.shape.kind == ShapeKind::kCapsule) touch_capsule_ends();
-    for_plateaus([&](const Plateau& p) { touch_plateau(p); });
+    if (low_.z() <= highest) for_plateaus([&](const Plateau& p) { touch_plateau(p); });
     return candidates_;
   }
 
  private:
+  // Of the cells under the piece.
+  float highest_top() const {
+    const CellRange cells = columns_.covering(low_.x(), high_.x(), low_.y(), high_.y());
+    float highest = surface::kNoCell;
+    for (int r = cells.row_begin; r < cells.row_end; ++r)
+      for (int c = cells.column_begin; c < cells.column_end; ++c)
+        highest = std::max(highest, columns_.top(r, c));
+    return highest;
+  }
+
   // A point of the piece inside or above a column: the way out of it.
   void touch_point(const Vec3& p) {
     const CellRange cells = columns_.covering(p.x(), p.x(), p.y(), p.y());

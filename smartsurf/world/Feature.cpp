@@ -120,29 +120,38 @@ Feature feature_towards(const Piece& piece, const Vec3& centre, const Mat3& axes
   return b.f;
 }
 
-Feature clipped(const Feature& what, const Feature& face) {
-  Feature now = what;
-  for (int i = 0; i < face.count && now.count > 0; ++i) {
-    const Vec3& a = face.point[static_cast<std::size_t>(i)];
-    const Vec3& b = face.point[static_cast<std::size_t>((i + 1) % face.count)];
-    const Vec3 out = (b - a).cross(face.normal);
-    Feature next;
-    next.normal = what.normal;
-    // An edge has one side to cut, a face as many as corners.
-    const int sides = now.count > 2 ? now.count : now.count - 1;
-    for (int k = 0; k < now.count; ++k) {
-      const Vec3& p = now.point[static_cast<std::size_t>(k)];
-      const float over_p = out.dot(p - a);
-      if (over_p <= 0.0F) next.add(p);
-      if (k >= sides) continue;
-      const Vec3& q = now.point[static_cast<std::size_t>((k + 1) % now.count)];
-      const float over_q = out.dot(q - a);
-      if ((over_p < 0.0F && over_q > 0.0F) || (over_p > 0.0F && over_q < 0.0F))
-        next.add(p + (q - p) * (over_p / (over_p - over_q)));
-    }
-    now = next;
+namespace {
+
+// Cuts off what of a polygon or an edge lies beyond one side of a face.
+void cut(const Feature& now, const Vec3& on_side, const Vec3& out, Feature& next) {
+  next.count = 0;
+  // An edge has one side to cut, a face as many as corners.
+  const int sides = now.count > 2 ? now.count : now.count - 1;
+  for (int k = 0; k < now.count; ++k) {
+    const Vec3& p = now.point[static_cast<std::size_t>(k)];
+    const float over_p = out.dot(p - on_side);
+    if (over_p <= 0.0F) next.add(p);
+    if (k >= sides) continue;
+    const Vec3& q = now.point[static_cast<std::size_t>(k + 1 < now.count ? k + 1 : 0)];
+    const float over_q = out.dot(q - on_side);
+    if ((over_p < 0.0F && over_q > 0.0F) || (over_p > 0.0F && over_q < 0.0F))
+      next.add(p + (q - p) * (over_p / (over_p - over_q)));
   }
-  return now;
+}
+
+}  // namespace
+
+Feature clipped(const Feature& what, const Feature& face) {
+  Feature buffer[2];
+  const Feature* now = &what;
+  for (int i = 0; i < face.count && now->count > 0; ++i) {
+    const Vec3& a = face.point[static_cast<std::size_t>(i)];
+    const Vec3& b = face.point[static_cast<std::size_t>(i + 1 < face.count ? i + 1 : 0)];
+    Feature& next = buffer[i % 2];
+    cut(*now, a, (b - a).cross(face.normal), next);
+    now = &next;
+  }
+  return *now;
 }
 
 void add_patch(const Feature& on_a, const Feature& on_b, const Vec3& normal, float margin, int tag,

@@ -17,8 +17,9 @@ ROOMS = {
     "smartsurf/world": {"smartsurf/scene", "smartsurf/surface"},
     "smartsurf/record": {"smartsurf/scene"},
     "smartsurf/view": {"smartsurf/scene"},
+    "smartsurf/web": {"smartsurf/scene", "smartsurf/record"},
     "smartsurf/run": {"smartsurf/scene", "smartsurf/mesh", "smartsurf/script", "smartsurf/surface", "smartsurf/world",
-                      "smartsurf/record", "smartsurf/view", "shm-protocol"},
+                      "smartsurf/record", "smartsurf/view", "smartsurf/web", "shm-protocol"},
     "apron/program": set(),
     "apron/syntax": set(),
     "apron/compiler": {"apron/syntax", "apron/program"},
@@ -39,6 +40,7 @@ PRIVATE = [
     (r"^boost/", {"shm-protocol"}),
     (r"^hwy/", {"apron/vm", "smartsurf/surface", "smartsurf/world"}),
     (r"^xbyak/", {"apron/vm"}),
+    (r"^zlib", {"smartsurf/web"}),
     (r"^CLI/", {"smartsurf/run", "apron/run"}),
 ]
 

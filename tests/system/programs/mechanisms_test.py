@@ -15,9 +15,10 @@ class Mechanisms(ProgramTest):
         return [float(number) for number in re.findall(r"-?\d+\.\d+", out)]
 
     def test_pins_roll_a_ball_and_stall_under_a_weight(self):
-        ball, weight = self.run_example("pin", 3)
-        self.assertGreater(ball, 2.0)
-        self.assertLess(abs(weight), 0.5)
+        ball, light, heavy = self.run_example("pin", 1.5)
+        self.assertGreater(ball, 0.2)
+        self.assertGreater(light, 1.9)
+        self.assertLess(abs(heavy), 0.1)
 
     def test_balls_carry_a_parcel(self):
         east, north = self.run_example("ball", 3)
@@ -25,10 +26,10 @@ class Mechanisms(ProgramTest):
         self.assertLess(abs(north), 0.2)
 
     def test_wheels_turn_the_route_of_parcels(self):
-        places = self.run_example("wheels", 2.5)
+        places = self.run_example("wheels", 3.7)
         for x in places[0::2]:
             self.assertGreater(x, 11.0)
-        self.assertGreater(places[-1], 15.0)  # it went straight until the lane, then north
+        self.assertGreater(places[-1], 16.0)  # it went straight until the lane, then north
 
     def test_rotors_lift_and_drag(self):
         self.assertGreater(self.run_example("rotor", 3)[0], 3.0)
@@ -39,9 +40,9 @@ class Mechanisms(ProgramTest):
         self.assertLess(abs(turned), 0.1)
 
     def test_magnets_pull_one_pole_and_push_the_other(self):
-        pulled, _, pushed, _, plain_x, plain_y = self.run_example("magnet", 5)
-        self.assertGreater(pulled, 5.0)
-        self.assertGreater(pushed, 9.5)
+        pulled, _, pushed, _, plain_x, plain_y = self.run_example("magnet", 3)
+        self.assertGreater(pulled, 6.5)
+        self.assertGreater(pushed, 11.0)
         self.assertEqual((plain_x, plain_y), (2.0, 12.0))
 
     def test_air_carries_a_sheet_without_contact(self):

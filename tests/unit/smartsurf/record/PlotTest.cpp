@@ -6,7 +6,9 @@
 #include <cmath>
 #include <fstream>
 
+#include "smartsurf/record/CurvePlot.h"
 #include "smartsurf/record/PurityPlot.h"
+#include "smartsurf/record/TimeSpentPlot.h"
 #include "smartsurf/record/TrajectoryPlot.h"
 #include "tests/unit/smartsurf/record/SyntheticRun.h"
 
@@ -64,7 +66,7 @@ class Image {
 TEST(TrajectoryPlot, DrawsSolidSmallAndDashedLargeWays) {
   const OutputFolder out;
   const Recording recording = two_ways(out / "run.h5");
-  plot(recording, PlotKind::kTrajectories, out / "figure.png");
+  plot(recording, "trajectories", out / "figure.png");
   const Image image(out / "figure.png");
   const TrajectoryPlot figure(recording);
   const Chart& chart = figure.chart();
@@ -84,7 +86,7 @@ TEST(TrajectoryPlot, DrawsSolidSmallAndDashedLargeWays) {
 TEST(TrajectoryPlot, MarksStartAndEndAndTheBorder) {
   const OutputFolder out;
   const Recording recording = two_ways(out / "run.h5");
-  plot(recording, PlotKind::kTrajectories, out / "figure.png");
+  plot(recording, "trajectories", out / "figure.png");
   const Image image(out / "figure.png");
   const TrajectoryPlot figure(recording);
   const Chart& chart = figure.chart();
@@ -107,7 +109,7 @@ TEST(PurityPlot, DrawsTheCurveAndWhereItIsHeld) {
   // Both cross x = 15.5 on their 4 s way: 10.5/20 of it, after 2.1 s.
   const double sorted = purity(recording).sorted_at.value();
   EXPECT_NEAR(sorted, 2.1, 1.5 / 60.0);
-  plot(recording, PlotKind::kPurity, out / "figure.png");
+  plot(recording, "purity", out / "figure.png");
   const Image image(out / "figure.png");
   const PurityPlot figure(recording);
   const Chart& chart = figure.chart();
@@ -122,16 +124,78 @@ TEST(PurityPlot, DrawsTheCurveAndWhereItIsHeld) {
   EXPECT_GT(orange, 75);  // half of the 150 samples: the dashed line of 0.95
 }
 
+TEST(TimeSpentPlot, SumsTheSecondsOverEachCell) {
+  const OutputFolder out;
+  const Recording recording = two_ways(out / "run.h5");
+  const TimeSpentPlot small(recording, "small"), all(recording, "");
+  const auto at = [](const TimeSpentPlot& figure, int x, int y) {
+    return figure.seconds()[static_cast<std::size_t>((31 - y) * 32 + x)];
+  };
+  // 20 u in 4 s: 0.2 s a cell on the way; the last 6 s at the end.
+  EXPECT_NEAR(at(small, 16, 10), 0.2, 0.02);
+  EXPECT_NEAR(at(small, 6, 10), 6.0 + 0.1, 0.05);
+  EXPECT_EQ(at(small, 16, 20), 0.0);
+  EXPECT_NEAR(at(all, 16, 20), 0.2, 0.02);
+  double sum = 0.0;
+  for (const double seconds : all.seconds()) sum += seconds;
+  EXPECT_NEAR(sum, 20.0, 1e-9);
+}
+
+TEST(TimeSpentPlot, ShowsNorthOnTopAndTheMostInYellow) {
+  const OutputFolder out;
+  const Recording recording = two_ways(out / "run.h5");
+  plot(recording, "time-spent:small", out / "figure.png");
+  const Image image(out / "figure.png");
+  const TimeSpentPlot figure(recording, "small");
+  const auto red = [&](double x, double y) {
+    return image.at(figure.chart().px(x), figure.chart().py(y)) >> 16;
+  };
+  EXPECT_GT(red(6.0, 10.0), 0xF0u);
+  EXPECT_LT(red(6.0, 21.0), 0x50u) << "upside down";
+}
+
+TEST(CurvePlot, DrawsTheCurveWhereItsValuesAre) {
+  const OutputFolder out;
+  const Recording recording = two_ways(out / "run.h5");
+  plot(recording, "x:0", out / "figure.png");
+  const Image image(out / "figure.png");
+  const CurvePlot figure(recording, scalar(recording, "x", {"0"}));
+  const Chart& chart = figure.chart();
+  for (const double t : {0.5, 1.0, 2.0, 3.5})
+    EXPECT_TRUE(image.blue(chart.px(t), chart.py(26.0 - 5.0 * t))) << t;
+  EXPECT_TRUE(image.blue(chart.px(8.0), chart.py(6.0)));
+  EXPECT_EQ(image.at(chart.px(8.0), chart.py(16.3)), 0xFFFFFFu);
+}
+
+TEST(Scalar, ComesFromTheFrames) {
+  const OutputFolder out;
+  const Recording recording = two_ways(out / "run.h5");
+  const auto only = [&](const std::string& kind, std::vector<std::string> arguments = {}) {
+    const Scalar result = scalar(recording, kind, arguments);
+    EXPECT_EQ(result.curves.size(), std::max<std::size_t>(arguments.size(), 1));
+    EXPECT_EQ(result.curves.back().value.size(), recording.frames());
+    return result.curves.back().value;
+  };
+  EXPECT_DOUBLE_EQ(only("objects")[7], 2.0);
+  EXPECT_DOUBLE_EQ(only("contacts")[7], 2.0);
+  EXPECT_NEAR(only("speed", {"0", "1"})[600], std::sqrt(5.0 + 600.0 * 600.0), 1e-3);
+  EXPECT_DOUBLE_EQ(only("height", {"2,3"})[9], 9.0);
+  EXPECT_NEAR(only("x")[0], 15.5, 1e-6) << "the mean of both";
+}
+
 TEST(Plot, WritesSvg) {
   const OutputFolder out;
   const Recording recording = two_ways(out / "run.h5");
-  for (const std::string& kind : plot_kinds()) {
-    plot(recording, plot_kind(kind), out / (kind + ".svg"));
-    std::ifstream file(out / (kind + ".svg"));
+  for (const std::string kind :
+       {"trajectories", "purity", "time-spent", "time-spent:small", "speed", "speed:0:1", "x:1", "z",
+        "objects", "contacts", "height:0,0", "height:3,4:5,6"}) {
+    SCOPED_TRACE(kind);
+    plot(recording, kind, out / "figure.svg");
+    std::ifstream file(out / "figure.svg");
     const std::string text{std::istreambuf_iterator<char>(file), {}};
     EXPECT_EQ(text.substr(0, 5), "<?xml");
     EXPECT_NE(text.find("</svg>"), std::string::npos);
-    EXPECT_NE(text.find("stroke-dasharray"), std::string::npos);
+    EXPECT_EQ(text.find("stroke-dasharray") != std::string::npos, kind == "trajectories" || kind == "purity");
   }
 }
 
@@ -140,15 +204,25 @@ TEST(Plot, RefusesWhatItCannotDraw) {
   const Recording recording = two_ways(out / "run.h5");
   const auto error_of = [&](const std::string& kind, const std::filesystem::path& path) -> std::string {
     try {
-      plot(recording, plot_kind(kind), path);
+      plot(recording, kind, path);
     } catch (const scene::InputError& error) {
       return error.what();
     }
     return "";
   };
   EXPECT_EQ(error_of("trajectory", out / "a.png"),
-            "unknown plot 'trajectory': known are trajectories, purity; did you mean 'trajectories'?");
-  EXPECT_EQ(error_of("xyz", out / "a.png"), "unknown plot 'xyz': known are trajectories, purity");
+            "--what trajectory: no such figure; known are trajectories, purity, time-spent, speed, x, y, z, "
+            "objects, "
+            "contacts, height; did you mean 'trajectories'?");
+  EXPECT_EQ(error_of("height", out / "a.png"), "--what height: of which cell? height:ROW,COLUMN");
+  EXPECT_EQ(error_of("height:3", out / "a.png"), "--what height:3: must be height:ROW,COLUMN");
+  EXPECT_EQ(error_of("height:3,32", out / "a.png"),
+            "--what height:3,32: the surface has rows 0 to 31 and columns 0 to 31");
+  EXPECT_EQ(error_of("speed:2", out / "a.png"), "--what speed:2: the objects are 0 to 1");
+  EXPECT_EQ(error_of("contacts:1", out / "a.png"), "--what contacts:1: takes nothing after 'contacts'");
+  EXPECT_EQ(error_of("purity:1", out / "a.png"), "--what purity:1: purity takes nothing after 'purity'");
+  EXPECT_EQ(error_of("time-spent:smal", out / "a.png"),
+            "--what time-spent:smal: no object carries this label; did you mean 'small'?");
   EXPECT_NE(error_of("purity", out / "a.pdf").find("a.pdf: unknown kind of picture '.pdf'"),
             std::string::npos);
   EXPECT_NE(error_of("purity", out / "none/a.png").find("No such file or directory"), std::string::npos);
@@ -161,8 +235,8 @@ TEST(Plot, RefusesWhatItCannotDraw) {
   SyntheticRun run;
   Recorder::open(out / "empty.h5", run.meta, run.spec)->close({});
   const Recording empty = Recording::open(out / "empty.h5");
-  for (const std::string& kind : plot_kinds())
-    EXPECT_THROW(plot(empty, plot_kind(kind), out / "a.png"), scene::InputError);
+  for (const std::string kind : {"trajectories", "purity", "time-spent", "speed", "contacts"})
+    EXPECT_THROW(plot(empty, kind, out / "a.png"), scene::InputError);
 }
 
 TEST(Chart, HasRoundNumbers) {

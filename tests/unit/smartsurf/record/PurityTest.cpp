@@ -138,7 +138,8 @@ TEST(Purity, OfARecordingIsThatOfTheMeter) {
   std::vector<double> expected;
   const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
   for (int tick = 0; tick < 200; ++tick) {
-    const scene::Snapshot shot = at(tick * 0.1, {1.0f, tick < 30 ? 2.0f : 7.0f, tick < 100 ? NAN : 8.0f});
+    scene::Snapshot shot = at(tick * 0.1, {1.0f, tick < 30 ? 2.0f : 7.0f, tick < 100 ? NAN : 8.0f});
+    shot.height.assign(static_cast<std::size_t>(surface().cells()), 0.0f);
     recorder->frame(shot, run.spec.objects);
     meter.add(shot, run.spec.objects);
     expected.push_back(meter.value());

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
+#include <memory>
+#include <vector>
 
 #include "tests/unit/smartsurf/view/Scenes.h"
 
@@ -145,6 +147,87 @@ TEST_F(Pictures, BoxesAndCylindersStandWhereTheirPosesSay) {
   EXPECT_TRUE(red(3.0, 6.0));
   EXPECT_TRUE(red(9.0, 6.0));
   EXPECT_FALSE(red(6.0, 9.0));
+}
+
+// A shape of red, seen from the side on level pins, and where it is and is not.
+struct Silhouette {
+  scene::ShapeKind shape;
+  std::vector<Eigen::Vector3d> inside, outside;
+};
+
+TEST_F(Pictures, CapsulesConesAndSolidsHaveTheirShapes) {
+  auto wedge = std::make_shared<scene::Solid>();  // a roof that slopes up to the east
+  wedge->vertices = {{-2, -1, -1}, {2, -1, -1}, {2, 1, -1}, {-2, 1, -1}, {2, -1, 2}, {2, 1, 2}};
+  wedge->triangles = {{0, 2, 1}, {0, 3, 2}, {0, 1, 4}, {3, 5, 2}, {1, 2, 5}, {1, 5, 4}, {0, 4, 5}, {0, 5, 3}};
+  wedge->low = {-2, -1, -1};
+  wedge->high = {2, 1, 2};
+  const Silhouette kinds[] = {
+      {scene::ShapeKind::kCapsule, {{0, -1, 1.5}, {0, -1, 0}, {0, 0, 2.8}}, {{0.9, 0, 2.8}, {1.2, 0, 0}}},
+      {scene::ShapeKind::kCone, {{0, 0, 4.2}, {0.7, -0.5, -1}}, {{0.7, 0, 3.0}, {-0.7, 0, 3.0}}},
+      {scene::ShapeKind::kSolid, {{1.6, -1, 1.0}, {-1, -1, -0.7}}, {{-1, -1, 1.0}, {-1.5, -1, 0.5}}}};
+  for (const Silhouette& kind : kinds) {
+    SCOPED_TRACE(static_cast<int>(kind.shape));
+    Scene scene(16, 16, 0.0f);
+    scene::ObjectSpec object;
+    object.shape = kind.shape;
+    object.radius = 1.0;
+    object.height = 6.0;
+    object.solid = wedge;
+    object.position = {7.5, 7.5, 3.5};
+    object.colour = kRed;
+    scene.add(object);
+    const Image image = draw(scene, Preset::kSide);
+    for (const Eigen::Vector3d& point : kind.inside)
+      EXPECT_TRUE(is_red(at(image, scene, object.position + point, Preset::kSide))) << point.transpose();
+    for (const Eigen::Vector3d& point : kind.outside)
+      EXPECT_FALSE(is_red(at(image, scene, object.position + point, Preset::kSide))) << point.transpose();
+    DrawOptions wires;
+    wires.style = Style::kWireframe;
+    EXPECT_NE(draw(scene, Preset::kSide, wires).rgb, image.rgb);
+  }
+}
+
+TEST_F(Pictures, LinesGoFromPlaceToPlace) {
+  Scene scene(16, 16);
+  const Line lines[] = {{{2, 2, 6}, {13, 13, 6}, {220, 20, 20, 255}}};
+  DrawOptions options;
+  options.lines = lines;
+  options.line_width = 4.0f;
+  const Image image = draw(scene, Preset::kTop, options);
+  for (const double t : {3.0, 7.0, 12.0})
+    EXPECT_TRUE(is_red(at(image, scene, {t, t, 6.0}, Preset::kTop))) << t;
+  EXPECT_FALSE(is_red(at(image, scene, {1.0, 1.0, 6.0}, Preset::kTop)));
+  EXPECT_FALSE(is_red(at(image, scene, {7.0, 9.0, 6.0}, Preset::kTop)));
+}
+
+TEST_F(Pictures, ALegendStandsInTheLowerRightCorner) {
+  Scene scene(16, 16);
+  const std::vector<float> values(256, 0.5f);
+  const HeatScale heat{"proximity", "u", Palette::kSpectrum, 0.0f, 8.0f};
+  DrawOptions plain, with_legend;
+  plain.cell_values = with_legend.cell_values = values;
+  with_legend.legend = &heat;
+  OffscreenView view(scene.spec);
+  const auto draw_big = [&](const DrawOptions& options) {
+    return view.draw(scene.snapshot, scene.spec.objects, camera(scene), options, 640, 480);
+  };
+  const Image bare = draw_big(plain), image = draw_big(with_legend);
+  int changed_corner = 0, changed_elsewhere = 0, blue = 0, red = 0;
+  for (int y = 0; y < 480; ++y)
+    for (int x = 0; x < 640; ++x) {
+      const std::uint8_t *a = bare.pixel(x, y), *b = image.pixel(x, y);
+      const bool changed = std::abs(a[0] - b[0]) + std::abs(a[1] - b[1]) + std::abs(a[2] - b[2]) > 6;
+      const bool corner = x > 400 && y > 400;
+      changed_corner += changed && corner;
+      changed_elsewhere += changed && !corner;
+      blue += corner && b[2] > 150 && b[0] < 60;
+      red += corner && b[0] > 150 && b[2] < 60;
+    }
+  EXPECT_GT(changed_corner, 3000);
+  EXPECT_EQ(changed_elsewhere, 0);
+  EXPECT_GT(blue, 30) << "the dark end";
+  EXPECT_GT(red, 30) << "the bright end";
+  EXPECT_EQ(draw_big(plain).rgb, bare.rgb) << "the legend stays behind";
 }
 
 TEST_F(Pictures, WiresLetTheCellsUnderAnObjectBeSeen) {

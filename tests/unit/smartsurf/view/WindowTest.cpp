@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
+#include <fstream>
 #include <stdexcept>
+#include <string>
 
 #include "smartsurf/view/OffscreenView.h"
 #include "tests/unit/smartsurf/view/Scenes.h"
@@ -42,7 +44,7 @@ TEST_F(WindowTest, ShowsTheSceneAndItsPanelAndHelp) {
   status.mode = "time-step";
   const auto shown = [&] {
     Image image;
-    for (int i = 0; i < 3; ++i) image = window.show(scene.snapshot, scene.spec.objects, status);
+    for (int i = 0; i < 3; ++i) image = window.show({scene.snapshot, scene.spec.objects}, status);
     return image;  // the panel takes a frame to find its size
   };
   const Image image = shown();
@@ -52,7 +54,7 @@ TEST_F(WindowTest, ShowsTheSceneAndItsPanelAndHelp) {
     for (int x = image.width / 4; x < 3 * image.width / 4; ++x)
       red += image.pixel(x, y)[0] > 2 * image.pixel(x, y)[1] ? 1 : 0;
   EXPECT_GT(red, 1000) << "the sphere is not in the middle of the window";
-  const Image bare = window.picture(scene.snapshot, scene.spec.objects, image.width, image.height);
+  const Image bare = window.picture({scene.snapshot, scene.spec.objects}, image.width, image.height);
   EXPECT_GT(different_pixels(image, bare), 5000) << "no panel";
   window.press(Key::kHelp);
   EXPECT_GT(different_pixels(image, shown()), 20000) << "no help";
@@ -63,9 +65,9 @@ TEST_F(WindowTest, LivesBesidePicturesWithoutADisplay) {
   scene.add_sphere(3.5, 3.5, 6.0, 2.0, {0.86f, 0.12f, 0.10f});
   Window window(scene.spec, "test", 400, 300);
   const Camera camera = Camera::framing(scene.spec.surface, Preset::kIso, 4.0 / 3.0);
-  const Image of_window = window.picture(scene.snapshot, scene.spec.objects, 400, 300);
+  const Image of_window = window.picture({scene.snapshot, scene.spec.objects}, 400, 300);
   const Image alone = render_image(scene.spec, scene.snapshot, scene.spec.objects, camera, {}, 400, 300);
-  Image again = window.picture(scene.snapshot, scene.spec.objects, 400, 300);
+  Image again = window.picture({scene.snapshot, scene.spec.objects}, 400, 300);
   EXPECT_EQ(of_window.rgb, again.rgb);
   EXPECT_LT(different_pixels(alone, again), 400) << "the window's camera begins with the same view";
 }
@@ -75,10 +77,80 @@ TEST_F(WindowTest, HandsTheUsersWishesToTheCaller) {
   Window window(scene.spec, "test", 320, 240);
   window.press(Key::kPause);
   window.press(Key::kQuit);
-  const Commands commands = window.frame(scene.snapshot, {}, {});
+  const Commands commands = window.frame({scene.snapshot, scene.spec.objects}, {});
   EXPECT_TRUE(commands.toggle_pause);
   EXPECT_TRUE(commands.quit);
   EXPECT_FALSE(window.poll({}).quit);
+}
+
+std::size_t memory_kB() {
+  std::ifstream status("/proc/self/status");
+  for (std::string word; status >> word;)
+    if (word == "VmRSS:") {
+      std::size_t kilobytes = 0;
+      status >> kilobytes;
+      return kilobytes;
+    }
+  return 0;
+}
+
+TEST_F(WindowTest, ManyFramesTakeNoMoreMemory) {
+  Scene scene(12, 12);
+  for (int i = 0; i < 20; ++i) scene.add_sphere(0.5 * i, 3.0, 6.0, 0.5, {0.2f, 0.6f, 0.9f});
+  Window window(scene.spec, "test", 320, 240);
+  Status status;
+  status.timeline = Timeline{10, 3, 0.0, 1.0, true};
+  window.press(Key::kTrails);
+  window.press(Key::kWireframe);
+  const auto frames = [&](int count) {
+    for (int i = 0; i < count; ++i) {
+      scene.snapshot.tick += 1;
+      scene.snapshot.time_s += 1.0 / 60.0;
+      scene.snapshot.position[0][0] = static_cast<float>(i % 8);
+      window.frame({scene.snapshot, scene.spec.objects}, status);
+    }
+  };
+  frames(100);
+  const std::size_t before = memory_kB();
+  frames(100);
+  EXPECT_LT(memory_kB(), before + 2000) << "a leak of more than 20 kB a frame";
+}
+
+TEST_F(WindowTest, AClickPicksAndADragWithControlPulls) {
+  Scene scene(16, 16);
+  scene.add_sphere(7.5, 7.5, 6.0, 3.0, {0.86f, 0.12f, 0.10f});
+  Window window(scene.spec, "test", 800, 600);
+  Status status;
+  status.touchable = true;
+  const Camera camera = Camera::framing(scene.spec.surface, Preset::kIso, 800.0 / 600.0);
+  const Eigen::Vector3d at = camera.project({7.5, 7.5, 6.0}, 800, 600);
+  const auto point = [&](PointerEvent::Kind kind, double dx, bool control) {
+    window.point({kind, PointerEvent::Button::kLeft, at.x() + dx, at.y(), control, false});
+  };
+  const auto shown = [&] {
+    Image image;
+    for (int i = 0; i < 3; ++i) image = window.show({scene.snapshot, scene.spec.objects}, status);
+    return image;
+  };
+  const Image plain = shown();
+  point(PointerEvent::Kind::kPress, 0, false);
+  point(PointerEvent::Kind::kRelease, 0, false);
+  EXPECT_GT(different_pixels(plain, shown()), 2000) << "no panel for what was picked";
+  point(PointerEvent::Kind::kPress, 0, true);
+  point(PointerEvent::Kind::kMove, 50, true);
+  EXPECT_TRUE(window.frame({scene.snapshot, scene.spec.objects}, status).pull);
+  point(PointerEvent::Kind::kRelease, 50, true);
+  EXPECT_FALSE(window.frame({scene.snapshot, scene.spec.objects}, status).pull);
+}
+
+TEST_F(WindowTest, GoesOnWithAnotherScene) {
+  Scene small(8, 8), large(24, 12);
+  large.add_sphere(5.0, 5.0, 6.0, 2.0, {0.86f, 0.12f, 0.10f});
+  Window window(small.spec, "test", 400, 300);
+  window.frame({small.snapshot, small.spec.objects}, {});
+  window.set_scene(large.spec);
+  const Image image = window.show({large.snapshot, large.spec.objects}, {});
+  EXPECT_EQ(image.width, 400);
 }
 
 }  // namespace

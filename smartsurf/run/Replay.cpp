@@ -1,0 +1,132 @@
+#include "smartsurf/run/Replay.h"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <optional>
+#include <span>
+#include <thread>
+
+#include "smartsurf/run/Pictures.h"
+#include "smartsurf/run/Player.h"
+#include "smartsurf/run/Progress.h"
+#include "smartsurf/run/ViewChannels.h"
+#include "smartsurf/view/Window.h"
+
+namespace smartsurf::run {
+namespace {
+
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+
+void require_poses(const record::Recording& recording) {
+  if (recording.frames() == 0 || !(recording.has_objects() || recording.has_heights()))
+    throw scene::InputError(recording.path().string() + ": holds nothing to show");
+}
+
+// One frame at a time of a recording, with all that the view shows of it.
+class Frame {
+ public:
+  explicit Frame(const record::Recording& recording) : recording_(recording) {
+    const scene::SurfaceSpec& surface = recording.spec().surface;
+    channels_ = {height_channel(surface)};
+    add_channels("sensors", sensor_channel);
+    add_channels("actuators", actuator_channel);
+  }
+  // Valid until the next call.
+  view::Moment at(std::size_t frame) {
+    if (frame_ != frame) load(frame);
+    return {snapshot_, recording_.spec().objects, channels_};
+  }
+
+ private:
+  void add_channels(const char* group,
+                    view::Channel (*describe)(const scene::SurfaceSpec&, const std::string&)) {
+    for (const std::string& name : recording_.channels(group)) {
+      channels_.push_back(describe(recording_.spec().surface, name));
+      sources_.push_back({group, name});
+    }
+  }
+  // A recording without heights is shown with all pins down; channels of several components are not shown.
+  void load(std::size_t frame) {
+    frame_ = frame;
+    snapshot_ = recording_.snapshot(frame);
+    const scene::SurfaceSpec& surface = recording_.spec().surface;
+    const auto cells = static_cast<std::size_t>(surface.cells());
+    if (snapshot_.height.empty()) snapshot_.height.assign(cells, static_cast<float>(surface.pin.min_height));
+    channels_[0].values = snapshot_.height;
+    values_.resize(sources_.size());
+    for (std::size_t i = 0; i < sources_.size(); ++i) {
+      values_[i] = recording_.channel(sources_[i].group, sources_[i].name, frame);
+      channels_[1 + i].values = values_[i].size() == cells ? values_[i] : std::span<const float>{};
+    }
+  }
+
+  struct Source {
+    std::string group, name;
+  };
+  const record::Recording& recording_;
+  std::optional<std::size_t> frame_;
+  scene::Snapshot snapshot_;
+  std::vector<view::Channel> channels_;
+  std::vector<Source> sources_;  // of the channels from the second on
+  std::vector<std::vector<float>> values_;
+};
+
+view::Status status_of(const record::Recording& recording, const Player& player) {
+  view::Status status;
+  status.mode = "recording";
+  status.paused = player.paused();
+  status.requested_pace = player.pace();
+  status.timeline = view::Timeline{recording.frames(), player.frame(), recording.time().front(),
+                                   recording.time().back(), true};
+  if (!recording.has_heights())
+    status.notice = "no pin heights were recorded";
+  else if (const auto tick = recording.touched_by_hand())
+    status.notice = fmt::format("touched by hand after tick {}", *tick);
+  return status;
+}
+
+}  // namespace
+
+bool replay_to_pictures(const record::Recording& recording, const std::vector<Screenshot>& screenshots,
+                        const std::string& video, const Look& look, const std::atomic<bool>& stop) {
+  require_poses(recording);
+  for (const Screenshot& shot : screenshots)
+    if (shot.at_s && *shot.at_s > recording.time().back() + 1e-9)
+      throw scene::InputError(fmt::format("--screenshot {}@{}: the recording ends at {} s", shot.file,
+                                          *shot.at_s, recording.time().back()));
+  Pictures pictures(screenshots, video, look, recording.spec());
+  Progress progress;
+  Frame shown(recording);
+  for (std::size_t frame = 0; frame < recording.frames() && !pictures.all_taken(); ++frame) {
+    if (stop) return false;
+    pictures.take(shown.at(frame));
+    progress.show(recording.time()[frame], recording.time().back());
+  }
+  pictures.take_last(shown.at(recording.frames() - 1));
+  progress.finish(recording.time().back());
+  return true;
+}
+
+void replay_in_window(const record::Recording& recording, double pace, const std::atomic<bool>& stop) {
+  require_poses(recording);
+  if (!view::Window::display_available())
+    throw scene::InputError(
+        "--window: there is no display here; use --video or --screenshot, or set DISPLAY");
+  view::Window window(recording.spec(), "smartsurf: " + recording.path().filename().string());
+  Player player(recording.time(), pace);
+  Frame shown(recording);
+  auto drawn = Clock::now();
+  while (!stop) {
+    const view::Commands commands = window.frame(shown.at(player.frame()), status_of(recording, player));
+    if (commands.quit || commands.display_lost) return;
+    player.obey(commands);
+    const auto now = Clock::now();
+    player.advance(std::chrono::duration<double>(now - drawn).count());
+    drawn = now;
+    std::this_thread::sleep_for(5ms);
+  }
+}
+
+}  // namespace smartsurf::run

@@ -1,0 +1,14 @@
+// The files that every page is made of, compiled into the program. Private to the room.
+#pragma once
+
+#include <string_view>
+
+namespace smartsurf::web {
+
+std::string_view page_html();          // with {{NAME}} where the rest goes
+std::string_view player_js();          // a module that imports 'three' and 'three/orbit'
+std::string_view three_js();           // three.js, a module
+std::string_view orbit_controls_js();  // a module that imports 'three'
+std::string_view three_licence();
+
+}  // namespace smartsurf::web

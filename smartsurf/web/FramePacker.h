@@ -1,0 +1,42 @@
+// Packs frames for the page: numbers rounded to 8 or 16 bits, each frame as its difference from the one
+// before, compressed, as base64. Private to the room.
+//
+// The stream holds its arrays one after another, whole: what packs well stands together.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace smartsurf::web {
+
+// One array of frames × values in the stream.
+struct PackedSeries {
+  double low = 0.0, high = 1.0;  // what 0 and the greatest number stand for
+  int bytes = 2;           // a value: 1 or 2, unsigned, little-endian; the greatest stands for "no value"
+  std::size_t values = 0;  // a frame
+};
+
+// Values below low or above high are rounded to these; a NaN becomes "no value".
+class SeriesPacker {
+ public:
+  explicit SeriesPacker(const PackedSeries& layout) : layout_(layout), last_(layout.values) {}
+
+  // frame.size() must be layout.values.
+  void add(std::span<const float> frame);
+  const PackedSeries& layout() const { return layout_; }
+  const std::vector<std::uint8_t>& bytes() const { return bytes_; }
+
+ private:
+  PackedSeries layout_;
+  std::vector<std::uint16_t> last_;
+  std::vector<std::uint8_t> bytes_;
+};
+
+// zlib's format, which browsers call "deflate".
+std::vector<std::uint8_t> compress(std::span<const std::uint8_t> bytes);
+std::string base64(std::span<const std::uint8_t> bytes);
+
+}  // namespace smartsurf::web

@@ -1,0 +1,293 @@
+// Plays the recording that the page holds.
+import * as THREE from 'three';
+import { OrbitControls } from 'three/orbit';
+
+const byId = (id) => document.getElementById(id);
+const scene = JSON.parse(byId('scene').textContent);
+
+// ---- the frames: whole arrays, each frame the difference from the one before, low bytes before high bytes
+async function unpack() {
+  const text = atob(byId('frames').textContent);
+  const packed = new Uint8Array(text.length);
+  for (let i = 0; i < text.length; ++i) packed[i] = text.charCodeAt(i);
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream('deflate'));
+  const bytes = new Uint8Array(await new Response(stream).arrayBuffer());
+  const series = {};
+  let at = 0;
+  for (const layout of scene.series) {
+    const frames = scene.time.length, n = layout.values, wide = layout.bytes === 2;
+    const all = wide ? new Uint16Array(frames * n) : new Uint8Array(frames * n);
+    for (let f = 0; f < frames; ++f, at += n * layout.bytes)
+      for (let i = 0; i < n; ++i) {
+        const change = bytes[at + i] | (wide ? bytes[at + n + i] << 8 : 0);
+        all[f * n + i] = change + (f > 0 ? all[(f - 1) * n + i] : 0);
+      }
+    const none = wide ? 0xffff : 0xff;
+    series[layout.name] = {
+      ...layout, all, none, scale: (layout.high - layout.low) / (none - 1),
+      value(f, i) { return this.low + this.all[f * n + i] * this.scale; },
+      missing(f, i) { return this.all[f * n + i] === none; },
+    };
+  }
+  return series;
+}
+const series = await unpack();
+
+// ---- colours: "viridis" at equal distances (CC0; S. van der Walt, N. Smith)
+const kViridis = [[0.267, 0.005, 0.329], [0.254, 0.265, 0.53], [0.164, 0.471, 0.558], [0.135, 0.659, 0.518],
+  [0.478, 0.821, 0.318], [0.993, 0.906, 0.144]];
+function viridis(t) {
+  const at = Math.min(Math.max(t, 0), 1) * (kViridis.length - 1), i = Math.min(Math.floor(at), kViridis.length - 2);
+  return kViridis[i].map((c, k) => c + (at - i) * (kViridis[i + 1][k] - c));
+}
+const table = Array.from({ length: 256 }, (_, i) => new THREE.Color().setRGB(...viridis(i / 255), THREE.SRGBColorSpace));
+const kLow = new THREE.Color(0x5c6b80), kHigh = new THREE.Color(0xdbdee0), kBorder = new THREE.Color(0x4f5763);
+const kNoValue = new THREE.Color(0x808080);
+
+// ---- the picture
+const renderer = new THREE.WebGLRenderer({ canvas: byId('view'), antialias: true, preserveDrawingBuffer: true });
+renderer.setPixelRatio(window.devicePixelRatio);
+renderer.shadowMap.enabled = true;
+renderer.shadowMap.type = THREE.PCFSoftShadowMap;
+const world = new THREE.Scene();
+world.background = new THREE.Color(0xe4e7ec);
+const wide = scene.columns * scene.pitch, high = scene.rows * scene.pitch, size = Math.max(wide, high);
+const middle = new THREE.Vector3((scene.columns - 1) * scene.pitch / 2, (scene.rows - 1) * scene.pitch / 2, scene.low);
+const camera = new THREE.PerspectiveCamera(30, 1, size / 100, size * 20);
+camera.up.set(0, 0, 1);
+const controls = new OrbitControls(camera, renderer.domElement);
+controls.maxPolarAngle = Math.PI / 2;
+
+function frameTable() {
+  const aspect = window.innerWidth / window.innerHeight;
+  // Seen from 40° above: the width across, and the depth and the walls' height upward.
+  const tangent = Math.tan(camera.fov * Math.PI / 360), walls = (scene.border ?? scene.high) - base;
+  const across = 1.12 * wide / (2 * tangent * aspect), upward = 1.35 * (0.643 * high + walls) / (2 * tangent);
+  const distance = Math.max(across, upward) + 0.383 * high;
+  controls.target.copy(middle);
+  camera.position.copy(middle).add(new THREE.Vector3(0, -0.766, 0.643).multiplyScalar(distance));
+  controls.update();
+}
+
+world.add(new THREE.HemisphereLight(0xdfe8f5, 0x8a8478, 1.6));
+const sun = new THREE.DirectionalLight(0xfff4e2, 2.2);
+sun.position.copy(middle).add(new THREE.Vector3(-0.52, -0.3, 0.8).multiplyScalar(size * 1.5));
+sun.target.position.copy(middle);
+sun.castShadow = true;
+sun.shadow.mapSize.set(2048, 2048);
+sun.shadow.bias = -0.0006;
+sun.shadow.normalBias = 0.05 * scene.pitch;
+Object.assign(sun.shadow.camera, { left: -0.8 * size, right: 0.8 * size, top: 0.8 * size, bottom: -0.8 * size, near: 0.1, far: size * 4 });
+world.add(sun, sun.target);
+const ground = new THREE.Mesh(new THREE.PlaneGeometry(size * 12, size * 12), new THREE.MeshLambertMaterial({ color: 0xd9dce2 }));
+ground.position.copy(middle).setZ(scene.low - scene.length - 0.02 * size);
+ground.receiveShadow = true;
+world.add(ground);
+
+// ---- the pins: columns down to the table
+const cells = scene.rows * scene.columns, base = scene.low - scene.length;
+const pins = new THREE.InstancedMesh(new THREE.BoxGeometry(1, 1, 1).translate(0, 0, -0.5),
+  new THREE.MeshLambertMaterial(), cells);
+pins.castShadow = pins.receiveShadow = true;
+pins.frustumCulled = false;
+world.add(pins);
+const matrix = new THREE.Matrix4();
+const isBorder = (cell) => {
+  const row = Math.floor(cell / scene.columns), column = cell % scene.columns;
+  return scene.border !== null && (row === 0 || column === 0 || row === scene.rows - 1 || column === scene.columns - 1);
+};
+const shownHeight = new Float32Array(cells).fill(NaN);
+
+function setPins(frame, channel) {
+  const heights = series.height;
+  for (let cell = 0; cell < cells; ++cell) {
+    const height = heights ? heights.value(frame, cell) : scene.low;
+    if (height !== shownHeight[cell]) {
+      shownHeight[cell] = height;
+      const row = Math.floor(cell / scene.columns), column = cell % scene.columns;
+      matrix.makeScale(scene.top[0], scene.top[1], Math.max(height - base, 0.01));
+      matrix.setPosition(column * scene.pitch, (scene.rows - 1 - row) * scene.pitch, height);
+      pins.setMatrixAt(cell, matrix);
+      pins.instanceMatrix.needsUpdate = true;
+    }
+    pins.setColorAt(cell, colourOf(frame, cell, height, channel));
+  }
+  pins.instanceColor.needsUpdate = true;
+}
+
+const scratch = new THREE.Color();
+function colourOf(frame, cell, height, channel) {
+  if (isBorder(cell)) return kBorder;
+  if (!channel) return scratch.lerpColors(kLow, kHigh, Math.sqrt(Math.max(0, (height - scene.low) / (scene.high - scene.low || 1))));
+  if (channel.missing(frame, cell)) return kNoValue;
+  return table[Math.min(255, Math.round(channel.all[frame * channel.values + cell] / (channel.none - 1) * 255))];
+}
+
+// ---- the objects: one instanced mesh a shape
+function geometryOf(object) {
+  switch (object.shape) {
+    case 'sphere': return new THREE.SphereGeometry(1, 32, 20);
+    case 'box': return new THREE.BoxGeometry(2, 2, 2);
+    case 'cylinder': return new THREE.CylinderGeometry(1, 1, 2, 40).rotateX(Math.PI / 2);
+    case 'capsule': return new THREE.CapsuleGeometry(object.radius, Math.max(object.height - 2 * object.radius, 0), 8, 24).rotateX(Math.PI / 2);
+    case 'cone': return new THREE.ConeGeometry(1, 1, 40).rotateX(Math.PI / 2).translate(0, 0, 0.25);
+  }
+  if (!object.vertices) return new THREE.BoxGeometry(2, 2, 2);
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute('position', new THREE.Float32BufferAttribute(object.vertices, 3));
+  geometry.setIndex(object.triangles);
+  const flat = geometry.toNonIndexed();
+  flat.computeVertexNormals();
+  return flat;
+}
+function scaleOf(object) {
+  if (object.shape === 'cone') return [object.radius, object.radius, object.height];
+  if (object.shape === 'capsule' || object.vertices) return [1, 1, 1];
+  return object.half;
+}
+const kinds = new Map();
+scene.objects.forEach((object, id) => {
+  const key = object.shape === 'capsule' ? `capsule ${object.radius} ${object.height}` : object.vertices ? `solid ${id}` : object.shape;
+  if (!kinds.has(key)) kinds.set(key, []);
+  kinds.get(key).push(id);
+});
+const meshes = [...kinds.values()].map((ids) => {
+  const mesh = new THREE.InstancedMesh(geometryOf(scene.objects[ids[0]]),
+    new THREE.MeshStandardMaterial({ roughness: 0.45, metalness: 0 }), ids.length);
+  ids.forEach((id, i) => mesh.setColorAt(i, new THREE.Color().setRGB(...scene.objects[id].colour, THREE.SRGBColorSpace)));
+  mesh.castShadow = mesh.receiveShadow = true;
+  mesh.frustumCulled = false;
+  world.add(mesh);
+  return { mesh, ids };
+});
+const centre = new THREE.Vector3(), turn = new THREE.Quaternion(), scale = new THREE.Vector3();
+const nowhere = new THREE.Matrix4().makeScale(0, 0, 0);
+
+function poseOf(frame, id) {
+  const p = series.position;
+  if (!p || p.missing(frame, 3 * id)) return false;
+  centre.set(p.value(frame, 3 * id), p.value(frame, 3 * id + 1), p.value(frame, 3 * id + 2));
+  const q = series.orientation;
+  turn.set(q.value(frame, 4 * id), q.value(frame, 4 * id + 1), q.value(frame, 4 * id + 2), q.value(frame, 4 * id + 3)).normalize();
+  return true;
+}
+
+function setObjects(frame) {
+  for (const { mesh, ids } of meshes) {
+    ids.forEach((id, i) => {
+      if (poseOf(frame, id)) mesh.setMatrixAt(i, matrix.compose(centre, turn, scale.set(...scaleOf(scene.objects[id]))));
+      else mesh.setMatrixAt(i, nowhere);
+    });
+    mesh.instanceMatrix.needsUpdate = true;
+  }
+}
+
+// ---- labels over the picture
+const paper = byId('labels').getContext('2d');
+function drawLabels(frame) {
+  const ratio = window.devicePixelRatio, canvas = paper.canvas;
+  paper.clearRect(0, 0, canvas.width, canvas.height);
+  if (!byId('names').checked) return;
+  paper.font = `${12 * ratio}px system-ui, "DejaVu Sans", sans-serif`;
+  paper.textAlign = 'center';
+  paper.lineWidth = 3 * ratio;
+  paper.strokeStyle = '#fffc';
+  paper.fillStyle = '#1b2027';
+  scene.objects.forEach((object, id) => {
+    if (!poseOf(frame, id)) return;
+    centre.z += object.half[2];
+    centre.project(camera);
+    if (centre.z > 1) return;
+    const x = (centre.x + 1) / 2 * canvas.width, y = (1 - centre.y) / 2 * canvas.height - 4 * ratio;
+    const text = object.label ? `${object.label} ${id}` : `${id}`;
+    paper.strokeText(text, x, y);
+    paper.fillText(text, x, y);
+  });
+}
+
+// ---- time
+const state = { frame: 0, playing: true, now: scene.time[0], shown: -1 };
+window.player = state;   // what a test looks at
+const last = scene.time.length - 1;
+
+function frameAt(time) {
+  let low = 0, up = last;
+  while (low < up) {
+    const half = Math.ceil((low + up) / 2);
+    if (scene.time[half] <= time + 1e-9) low = half; else up = half - 1;
+  }
+  return low;
+}
+function setPlaying(playing) {
+  if (playing && state.frame === last) seek(0);
+  state.playing = playing;
+  byId('play').textContent = playing ? 'Pause' : 'Play';
+}
+function seek(frame) {
+  state.frame = Math.min(Math.max(frame, 0), last);
+  state.now = scene.time[state.frame];
+}
+
+const channelNames = scene.series.map((s) => s.name).filter((name) => !['position', 'orientation'].includes(name));
+byId('cells').append(new Option('plain', ''), ...channelNames.map((name) => new Option(name.replace('/', ': '), name)));
+function showLegend() {
+  const channel = series[byId('cells').value];
+  byId('legend').hidden = !channel;
+  state.shown = -1;
+  if (!channel) return;
+  byId('legend-name').textContent = byId('cells').selectedOptions[0].text;
+  byId('legend-low').textContent = channel.low.toPrecision(3) / 1;
+  byId('legend-high').textContent = channel.high.toPrecision(3) / 1;
+  const bar = byId('legend').querySelector('canvas').getContext('2d');
+  for (let x = 0; x < 220; ++x) {
+    bar.fillStyle = `rgb(${viridis(x / 219).map((c) => Math.round(255 * c))})`;
+    bar.fillRect(x, 0, 1, 1);
+  }
+}
+
+byId('facts').textContent = `${scene.rows} × ${scene.columns} cells, ${scene.objects.length} objects, seed ${scene.seed}`;
+byId('slider').max = last;
+byId('slider').addEventListener('input', () => { setPlaying(false); seek(Number(byId('slider').value)); });
+byId('play').addEventListener('click', () => setPlaying(!state.playing));
+byId('back').addEventListener('click', () => { setPlaying(false); seek(state.frame - 1); });
+byId('forward').addEventListener('click', () => { setPlaying(false); seek(state.frame + 1); });
+byId('cells').addEventListener('change', showLegend);
+window.addEventListener('keydown', (event) => {
+  if (['SELECT', 'BUTTON', 'INPUT'].includes(event.target.tagName)) return;
+  const actions = { ' ': () => setPlaying(!state.playing), ArrowLeft: () => byId('back').click(), ArrowRight: () => byId('forward').click() };
+  if (!actions[event.key]) return;
+  event.preventDefault();
+  actions[event.key]();
+});
+function resize() {
+  renderer.setSize(window.innerWidth, window.innerHeight, false);
+  camera.aspect = window.innerWidth / window.innerHeight;
+  camera.updateProjectionMatrix();
+  paper.canvas.width = window.innerWidth * window.devicePixelRatio;
+  paper.canvas.height = window.innerHeight * window.devicePixelRatio;
+}
+window.addEventListener('resize', resize);
+resize();
+frameTable();
+
+let before = performance.now();
+renderer.setAnimationLoop((now) => {
+  const passed = Math.min((now - before) / 1000, 0.25);
+  before = now;
+  if (state.playing) {
+    state.now += passed * Number(byId('speed').value);
+    state.frame = frameAt(state.now);
+    if (state.frame === last) setPlaying(false);
+  }
+  if (state.shown !== state.frame) {
+    setPins(state.frame, series[byId('cells').value]);
+    setObjects(state.frame);
+    byId('slider').value = state.frame;
+    byId('clock').textContent = `${scene.time[state.frame].toFixed(2)} of ${scene.time[last].toFixed(2)} s`;
+    state.shown = state.frame;
+  }
+  controls.update();
+  renderer.render(world, camera);
+  drawLabels(state.frame);
+});
+state.ready = true;

@@ -1,0 +1,78 @@
+"""The simulator's window on a virtual display: what it survives, and how it ends."""
+import shutil
+
+from programs import *
+
+RAIN = str(ROOT / "scripts/examples/rain.lua")
+
+
+@unittest.skipUnless(shutil.which("Xvfb"), "Xvfb is not installed")
+class Windows(ProgramTest):
+    def open_display(self):
+        """Starts a display of this test's own; returns its process."""
+        read, write = os.pipe()
+        server = subprocess.Popen(["Xvfb", "-displayfd", str(write), "-screen", "0", "640x480x24", "-nolisten", "tcp"],
+                                  pass_fds=(write,), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        os.close(write)
+        self.addCleanup(lambda: (server.kill(), server.wait()))
+        with os.fdopen(read) as numbers:
+            self.display = ":" + numbers.readline().strip()
+        return server
+
+    def start_window(self, *flags):
+        environment = {**os.environ, "DISPLAY": self.display}
+        child = subprocess.Popen([SMARTSURF, "run", RAIN, "--no-controller", "--window", *flags], text=True,
+                                 stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=self.folder, env=environment)
+        self.children.append(child)
+        return child
+
+    def wait_for_recording(self, recording):
+        self.wait_for(lambda: recording.exists() and recording.stat().st_size > 20_000, "the run goes on")
+
+    def test_a_run_with_an_end_goes_on_without_its_display(self):
+        server = self.open_display()
+        recording = self.folder / "run.h5"
+        child = self.start_window("--until", "3", "--record", str(recording))
+        self.wait_for_recording(recording)
+        server.kill()
+        server.wait()
+        status, _, err = self.finish(child)
+        self.assertEqual(status, 0, err)
+        self.assertIn("the display is lost; the run goes on without its window", err)
+        self.assertIn("done after 180 ticks", self.run_program(SMARTSURF, "info", str(recording))[1])
+
+    def test_a_run_without_an_end_ends_with_its_display(self):
+        server = self.open_display()
+        recording = self.folder / "run.h5"
+        child = self.start_window("--record", str(recording), "--set", "count=100000")
+        self.wait_for_recording(recording)
+        server.kill()
+        server.wait()
+        status, _, err = self.finish(child)
+        self.assertEqual(status, 1, err)
+        self.assertIn("the display is lost: the run ends", err)
+        self.assertIn("the display was lost", self.run_program(SMARTSURF, "info", str(recording))[1])
+
+    def test_a_display_that_is_not_there_is_one_line(self):
+        self.display = ":4711"
+        status, _, err = self.finish(self.start_window("--until", "1"))
+        self.assertEqual(status, 2)
+        self.assertEqual(err.count("\n"), 1, err)
+
+    @unittest.skipUnless(shutil.which("xdotool"), "xdotool is not installed")
+    def test_q_ends_the_run_in_good_order(self):
+        self.open_display()
+        recording = self.folder / "run.h5"
+        child = self.start_window("--record", str(recording))
+        self.wait_for_recording(recording)
+        environment = {**os.environ, "DISPLAY": self.display}
+        while child.poll() is None:  # the window has no focus before its first frame
+            subprocess.run(["xdotool", "key", "q"], env=environment, check=False)
+            time.sleep(0.2)
+        status, _, err = self.finish(child)
+        self.assertEqual(status, 0, err)
+        self.assertIn("stopped by the user", self.run_program(SMARTSURF, "info", str(recording))[1])
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,145 @@
+"""The page that plays a recording, in a real browser: headless Chromium, driven over its debugging pipe."""
+import base64
+import shutil
+
+from programs import *
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+
+
+class Browser:
+    """Speaks the DevTools protocol over a pair of pipes: JSON texts that end in a zero byte."""
+
+    def __init__(self, folder, page):
+        to_browser, self.output = os.pipe()
+        self.input, from_browser = os.pipe()
+
+        def rearrange():  # the browser reads from descriptor 3 and writes to 4
+            os.dup2(to_browser, 13), os.dup2(from_browser, 14)
+            os.dup2(13, 3), os.dup2(14, 4)
+
+        self.process = subprocess.Popen(
+            [CHROMIUM, "--headless=new", "--no-sandbox", "--disable-gpu-sandbox", "--use-gl=angle",
+             "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--remote-debugging-pipe",
+             f"--user-data-dir={folder}/profile", "--window-size=1000,700", "about:blank"],
+            close_fds=False, preexec_fn=rearrange, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        os.close(to_browser), os.close(from_browser)
+        self.buffer, self.last_id, self.session, self.errors = b"", 0, None, []
+        target = self.call("Target.createTarget", url="about:blank")["targetId"]
+        self.session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        for domain in ("Page", "Runtime", "Log"):
+            self.call(f"{domain}.enable")
+        self.call("Page.navigate", url=f"file://{page}")
+
+    def call(self, method, **parameters):
+        self.last_id += 1
+        message = {"id": self.last_id, "method": method, "params": parameters}
+        if self.session:
+            message["sessionId"] = self.session
+        os.write(self.output, json.dumps(message).encode() + b"\0")
+        while True:
+            answer = self.read()
+            if answer.get("id") == self.last_id:
+                if "error" in answer:
+                    raise RuntimeError(f"{method}: {answer['error']}")
+                return answer["result"]
+
+    def read(self):
+        while b"\0" not in self.buffer:
+            part = os.read(self.input, 1 << 16)
+            if not part:
+                raise RuntimeError("the browser has ended")
+            self.buffer += part
+        text, self.buffer = self.buffer.split(b"\0", 1)
+        message = json.loads(text)
+        if message.get("method") == "Runtime.exceptionThrown":
+            self.errors.append(message["params"]["exceptionDetails"])
+        if message.get("method") == "Log.entryAdded" and message["params"]["entry"]["level"] == "error":
+            self.errors.append(message["params"]["entry"])
+        return message
+
+    def value(self, expression):
+        result = self.call("Runtime.evaluate", expression=expression, returnByValue=True)
+        return result["result"].get("value")
+
+    def click(self, selector):
+        box = self.value(f"(r => [r.x + r.width / 2, r.y + r.height / 2])"
+                         f"(document.querySelector('{selector}').getBoundingClientRect())")
+        for kind in ("mousePressed", "mouseReleased"):
+            self.call("Input.dispatchMouseEvent", type=kind, x=box[0], y=box[1], button="left", clickCount=1)
+
+    def drag(self, start, end):
+        self.call("Input.dispatchMouseEvent", type="mousePressed", x=start[0], y=start[1], button="left", clickCount=1)
+        for step in (0.5, 1.0):
+            at = [a + step * (b - a) for a, b in zip(start, end)]
+            self.call("Input.dispatchMouseEvent", type="mouseMoved", x=at[0], y=at[1], button="left", buttons=1)
+        self.call("Input.dispatchMouseEvent", type="mouseReleased", x=end[0], y=end[1], button="left", clickCount=1)
+
+    def screenshot(self):
+        return base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
+
+    def close(self):
+        self.process.kill()
+        self.process.wait()
+        os.close(self.output), os.close(self.input)
+
+
+class Export(ProgramTest):
+    def export(self):
+        recording, page = str(self.folder / "wave.h5"), str(self.folder / "wave.html")
+        experiment = self.write("wave.lua", (ROOT / "scripts/examples/wave.lua").read_text() +
+                                "\nrecord { sensors = true }\n")
+        status, _, err = self.run_program(SMARTSURF, "run", experiment, "--no-controller", "--until", "6",
+                                          "--record", recording)
+        self.assertEqual(status, 0, err)
+        status, _, err = self.run_program(SMARTSURF, "export", recording, "-o", page)
+        self.assertEqual(status, 0, err)
+        return page
+
+    def test_a_page_is_written_or_refused_in_one_line(self):
+        page = pathlib.Path(self.export())
+        self.assertGreater(page.stat().st_size, 700_000)
+        self.assertIn('"name":"sensors/proximity"', page.read_text())
+        status, _, err = self.run_program(SMARTSURF, "export", str(self.folder / "wave.h5"), "-o", "wave.htm")
+        self.assertEqual(status, 2)
+        self.assertIn(".html", err)
+        self.assertEqual(err.count("\n"), 1)
+
+    @unittest.skipUnless(CHROMIUM, "chromium is not installed: the page is not tried in a browser")
+    def test_it_plays_in_a_browser_and_obeys_clicks(self):
+        browser = Browser(self.folder, self.export())
+        try:
+            self.wait_for(lambda: browser.value("!!window.player && player.ready"), "the player is ready")
+            self.wait_for(lambda: browser.value("player.frame") > 2, "it plays by itself")
+            browser.click("#play")
+            self.assertEqual(browser.value("[player.playing, document.getElementById('play').textContent]"),
+                             [False, "Play"])
+            frame = browser.value("player.frame")
+            browser.click("#forward")
+            self.assertEqual(browser.value("player.frame"), frame + 1)
+            browser.value("(s => { s.value = 30; s.dispatchEvent(new Event('input')); })"
+                          "(document.getElementById('slider'))")
+            self.wait_for(lambda: browser.value("player.shown") == 30, "the slider leads to its frame")
+            self.assertIn("1.00 of 6.00 s", browser.value("document.getElementById('clock').textContent"))
+            plain = browser.screenshot()
+            browser.value("(s => { s.value = 'sensors/proximity'; s.dispatchEvent(new Event('change')); })"
+                          "(document.getElementById('cells'))")
+            browser.click("#names")
+            self.wait_for(lambda: browser.value("player.shown") == 30, "the heat map is drawn")
+            self.assertFalse(browser.value("document.getElementById('legend').hidden"))
+            heat = browser.screenshot()
+            self.assertNotEqual(plain, heat)
+            browser.drag((500, 300), (700, 320))
+            time.sleep(0.3)
+            self.assertNotEqual(browser.screenshot(), heat, "the view does not turn")
+            self.assertGreater(len(plain), 30_000, "the picture is empty")
+            if folder := os.environ.get("SMARTSURF_KEEP"):
+                for name, bytes_ in (("plain", plain), ("heat", heat), ("turned", browser.screenshot())):
+                    pathlib.Path(folder, f"{name}.png").write_bytes(bytes_)
+            self.assertEqual(browser.errors, [])
+        finally:
+            browser.close()
+
+
+if __name__ == "__main__":
+    unittest.main()

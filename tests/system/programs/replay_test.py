@@ -1,0 +1,104 @@
+"""Recordings played, drawn and run again."""
+import shutil
+
+import h5py
+import numpy
+
+from programs import *
+
+WAVE = str(ROOT / "scripts/examples/wave.lua")
+
+
+class Replay(ProgramTest):
+    def record_wave(self, *flags):
+        recording = str(self.folder / "wave.h5")
+        status, _, err = self.run_program(SMARTSURF, "run", WAVE, "--no-controller", "--record",
+                                          recording, *(flags if "--until" in flags else ("--until", "1", *flags)))
+        self.assertEqual(status, 0, err)
+        return recording
+
+    def verify(self, recording, *flags):
+        return self.run_program(SMARTSURF, "replay", recording, "--verify", *flags)
+
+    def test_a_scripted_run_comes_out_the_same(self):
+        recording = self.record_wave("--set", "amplitude=0.7", "--seed", "5")
+        for flags in ([], ["--threads", "2"]):
+            status, out, err = self.verify(recording, *flags)
+            self.assertEqual((status, err), (0, ""))
+            self.assertIn("the same in 61 frames, up to tick 60", out)
+
+    def test_a_run_with_a_controller_needs_no_controller_to_run_again(self):
+        for mode in ("time-step", "passive"):
+            recording = str(self.folder / "sort.h5")
+            self.run_sort("--until", "2", "--mode", mode, "--pace", "4", "--record", recording)
+            status, out, err = self.verify(recording)
+            self.assertEqual((status, err), (0, ""))
+            self.assertIn("up to tick 120", out)
+
+    def test_the_first_tick_and_object_that_differ_are_named(self):
+        recording = self.record_wave()
+        with h5py.File(recording, "r+") as file:
+            for frame in (40, 41):
+                file["hash"][frame] = numpy.uint64(1)
+                file["objects/position"][frame, 3, 0] += 0.25
+        status, out, err = self.verify(recording)
+        self.assertEqual((status, out), (1, ""))
+        self.assertIn("differs at tick 40: object 3 ('passenger'): position", err)
+        self.assertEqual(err.count("\n"), 1)
+
+    def test_another_experiment_does_not_pass(self):
+        recording = self.record_wave()
+        with h5py.File(recording, "r+") as file:
+            text = file["meta"].attrs["experiment"]
+            file["meta"].attrs["experiment"] = text.replace("'amplitude', 1", "'amplitude', 1.001")
+        status, _, err = self.verify(recording)
+        self.assertEqual(status, 1)
+        self.assertRegex(err, "differs at tick [1-9]")
+
+    def test_what_cannot_be_run_again_says_why(self):
+        recording = self.record_wave()
+        with h5py.File(recording, "r+") as file:
+            file["meta"].attrs["unsafe"] = numpy.uint64(1)
+        status, _, err = self.verify(recording)
+        self.assertEqual(status, 2)
+        self.assertIn("--unsafe", err)
+        with h5py.File(recording, "r+") as file:
+            file["meta"].attrs["touched_by_hand"] = numpy.uint64(7)
+        status, _, err = self.verify(recording, "--unsafe")
+        self.assertEqual(status, 2)
+        self.assertIn("touched by hand after tick 7", err)
+
+    def test_a_picture_is_the_one_that_the_run_made(self):
+        ours, theirs = self.folder / "run.png", self.folder / "replay.png"
+        recording = self.record_wave("--screenshot", f"{ours}@0.5")
+        status, _, err = self.run_program(SMARTSURF, "replay", recording, "--screenshot", f"{theirs}@0.5")
+        self.assertEqual(status, 0, err)
+        self.assertEqual(ours.read_bytes(), theirs.read_bytes())
+        status, _, err = self.run_program(SMARTSURF, "replay", recording, "--screenshot", f"{theirs}@5")
+        self.assertEqual(status, 2)
+        self.assertIn("the recording ends at 1 s", err)
+
+    def test_pictures_show_what_the_flags_say(self):
+        recording = self.record_wave()
+        pictures = set()
+        for flags in ([], ["--wires", "--cells", "height", "--palette", "flame"], ["--camera", "top", "--trails", "1"]):
+            picture = self.folder / "look.png"
+            status, _, err = self.run_program(SMARTSURF, "replay", recording, "--screenshot", f"{picture}@1", *flags)
+            self.assertEqual(status, 0, err)
+            pictures.add(picture.read_bytes())
+        self.assertEqual(len(pictures), 3)
+        status, _, err = self.run_program(SMARTSURF, "replay", recording, "--screenshot", "x.png", "--cells", "heigth")
+        self.assertEqual(status, 2)
+        self.assertEqual(err, "smartsurf: --cells heigth: no such channel (did you mean 'height'?); known: height\n")
+
+    @unittest.skipUnless(shutil.which("ffmpeg"), "ffmpeg is not installed")
+    def test_video(self):
+        recording = self.record_wave("--until", "0.2")
+        video = self.folder / "wave.mp4"
+        status, _, err = self.run_program(SMARTSURF, "replay", recording, "--video", str(video))
+        self.assertEqual(status, 0, err)
+        self.assertEqual(video.read_bytes()[4:8], b"ftyp")
+
+
+if __name__ == "__main__":
+    unittest.main()

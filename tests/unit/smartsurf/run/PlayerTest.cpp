@@ -1,0 +1,72 @@
+#include "smartsurf/run/Player.h"
+
+#include <gtest/gtest.h>
+
+namespace smartsurf::run {
+namespace {
+
+const std::vector<double> kTime = {0.0, 0.1, 0.2, 0.3, 0.4};
+
+view::Commands steps(int count) {
+  view::Commands commands;
+  commands.steps = count;
+  return commands;
+}
+
+view::Commands toggle() {
+  view::Commands commands;
+  commands.toggle_pause = true;
+  return commands;
+}
+
+TEST(Player, FollowsTheClockAtItsPaceAndPausesAtTheEnd) {
+  Player player(kTime, 2.0);
+  player.advance(0.06);
+  EXPECT_EQ(player.frame(), 1u);
+  player.advance(0.1);
+  EXPECT_EQ(player.frame(), 3u);
+  EXPECT_FALSE(player.paused());
+  player.advance(9.0);
+  EXPECT_EQ(player.frame(), 4u);
+  EXPECT_TRUE(player.paused());
+  player.obey(toggle());
+  EXPECT_EQ(player.frame(), 0u) << "running on from the end begins anew";
+}
+
+TEST(Player, StepsBackAndForthPauseAndStopAtTheEnds) {
+  Player player(kTime, 1.0);
+  player.obey(steps(2));
+  EXPECT_EQ(player.frame(), 2u);
+  EXPECT_TRUE(player.paused());
+  player.obey(steps(-1));
+  EXPECT_EQ(player.frame(), 1u);
+  player.obey(steps(-5));
+  EXPECT_EQ(player.frame(), 0u);
+  player.obey(steps(50));
+  EXPECT_EQ(player.frame(), 4u);
+}
+
+TEST(Player, SeeksAndThenGoesOnFromThere) {
+  Player player(kTime, 1.0);
+  view::Commands commands;
+  commands.seek = 3;
+  player.obey(commands);
+  EXPECT_EQ(player.frame(), 3u);
+  EXPECT_FALSE(player.paused());
+  player.advance(0.05);
+  EXPECT_EQ(player.frame(), 3u);
+  commands.seek = 99;
+  player.obey(commands);
+  EXPECT_EQ(player.frame(), 4u);
+}
+
+TEST(Player, WithoutAPaceShowsEveryFrame) {
+  Player player(kTime, 0.0);
+  for (std::size_t frame = 1; frame < 5; ++frame) {
+    player.advance(100.0);
+    EXPECT_EQ(player.frame(), frame);
+  }
+}
+
+}  // namespace
+}  // namespace smartsurf::run
