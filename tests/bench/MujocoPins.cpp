@@ -5,6 +5,9 @@
 
 #include <fmt/format.h>
 
+#include <cstdio>
+#include <stdexcept>
+
 #include "tests/peers/Mujoco.h"
 
 using namespace pin_scene;
@@ -86,7 +89,12 @@ class MujocoPins final : public PinEngine {
 // Beyond 64 × 64 pins it runs out of its own memory, or takes seconds a step.
 std::unique_ptr<PinEngine> make_mujoco_pins(const Workload& w) {
   if (w.shapes != Shapes::kSpheres || w.n > 64) return nullptr;
-  return std::make_unique<MujocoPins>(w);
+  try {
+    return std::make_unique<MujocoPins>(w);
+  } catch (const std::runtime_error& refusal) {  // too little memory, mostly
+    std::printf("%-18s %s\n", w.name().c_str(), refusal.what());
+    return nullptr;
+  }
 }
 
 #else
