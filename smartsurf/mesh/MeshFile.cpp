@@ -147,8 +147,9 @@ TriangleMesh from_bytes(const std::string& bytes) {
   mesh.triangles.resize(counts[1]);
   const char* at = bytes.data() + 1 + sizeof counts;
   const std::size_t point_bytes = mesh.points.size() * sizeof(Eigen::Vector3d);
-  std::memcpy(static_cast<void*>(mesh.points.data()), at, point_bytes);
-  std::memcpy(mesh.triangles.data(), at + point_bytes, mesh.triangles.size() * sizeof(mesh.triangles[0]));
+  if (!mesh.points.empty()) std::memcpy(static_cast<void*>(mesh.points.data()), at, point_bytes);
+  if (!mesh.triangles.empty())
+    std::memcpy(mesh.triangles.data(), at + point_bytes, mesh.triangles.size() * sizeof(mesh.triangles[0]));
   return mesh;
 }
 
