@@ -199,12 +199,10 @@ Eigen::Quaterniond orientation_at(lua_State* L, int index, const std::string& na
   return from_quaternion(Fields(L, index, name, {"x", "y", "z", "w"}), name);
 }
 
-Fields::Fields(lua_State* L, int index, std::string what, std::span<const std::string_view> known,
-               std::initializer_list<LaterField> later)
-    : Fields(L, index, std::move(what), std::vector<std::string>(known.begin(), known.end()), later) {}
+Fields::Fields(lua_State* L, int index, std::string what, std::span<const std::string_view> known)
+    : Fields(L, index, std::move(what), std::vector<std::string>(known.begin(), known.end())) {}
 
-Fields::Fields(lua_State* L, int index, std::string what, const std::vector<std::string>& names,
-               std::initializer_list<LaterField> later)
+Fields::Fields(lua_State* L, int index, std::string what, const std::vector<std::string>& names)
     : L_(L), index_(lua_absindex(L, index)), what_(std::move(what)) {
   if (lua_type(L, index_) != LUA_TTABLE)
     throw Problem(what_ + ": takes a table of fields, " + what_ + "{" + names.front() + " = ...}, not " +
@@ -212,10 +210,6 @@ Fields::Fields(lua_State* L, int index, std::string what, const std::vector<std:
   const NamedFields fields = fields_of(L, index_, what_);
   for (const std::string& name : fields.names) {
     if (std::find(names.begin(), names.end(), name) != names.end()) continue;
-    for (const LaterField& field : later)
-      if (field.name == name)
-        throw Problem(what_ + ": not available in this version: '" + name +
-                      "'; available: " + std::string(field.instead));
     const std::string near = suggestion(name, names);
     throw Problem(what_ + ": unknown field '" + one_line(name.substr(0, kLongestShown)) + "'" +
                   (near.empty() ? "; known: " + list_of(names) : near));

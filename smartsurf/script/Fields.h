@@ -41,22 +41,14 @@ scene::Colour colour_at(lua_State* L, int index, const std::string& name);
 std::vector<double> numbers_at(lua_State* L, int index, const std::string& name, int count,
                                const std::string& rule);
 
-// A field that is planned but not there yet, and what is there instead.
-struct LaterField {
-  std::string_view name, instead;
-};
-
 // The named fields of the table at `index`. The constructor refuses unknown and positional ones. An absent
 // field leaves the caller's value as it is.
 class Fields {
  public:
-  Fields(lua_State* L, int index, std::string what, std::initializer_list<std::string_view> known,
-         std::initializer_list<LaterField> later = {})
-      : Fields(L, index, std::move(what), std::span(known.begin(), known.size()), later) {}
-  Fields(lua_State* L, int index, std::string what, std::span<const std::string_view> known,
-         std::initializer_list<LaterField> later = {});
-  Fields(lua_State* L, int index, std::string what, const std::vector<std::string>& known,
-         std::initializer_list<LaterField> later = {});
+  Fields(lua_State* L, int index, std::string what, std::initializer_list<std::string_view> known)
+      : Fields(L, index, std::move(what), std::span(known.begin(), known.size())) {}
+  Fields(lua_State* L, int index, std::string what, std::span<const std::string_view> known);
+  Fields(lua_State* L, int index, std::string what, const std::vector<std::string>& known);
 
   bool has(std::string_view field) const;
   void require(std::string_view field) const;
