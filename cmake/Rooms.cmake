@@ -27,6 +27,9 @@ function(add_room house room)
   cmake_parse_arguments(ROOM "" "" "SOURCES;ROOMS;PRIVATE;PUBLIC" ${ARGN})
   set(target ${house}_${room})
   add_library(${target} STATIC ${ROOM_SOURCES})
+  # Highway compiles its file once for each instruction set, which a unity build must not mix with others.
+  list(FILTER ROOM_SOURCES INCLUDE REGEX Kernels)
+  set_source_files_properties(${ROOM_SOURCES} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
   target_link_libraries(${target} PUBLIC house_rules ${ROOM_ROOMS} ${ROOM_PUBLIC} PRIVATE ${ROOM_PRIVATE})
 endfunction()
 
