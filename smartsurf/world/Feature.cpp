@@ -38,10 +38,14 @@ void add_box_face(Builder& b, const Vec3& half, const Vec3& d) {
 }
 
 void add_disc(Builder& b, float radius, float z, float side, const Vec3& d) {
-  const float start = std::atan2(d.y(), d.x());
+  constexpr float kDiagonal = 0.70710678F;
+  static constexpr float kAlong[kRim] = {1, kDiagonal, 0, -kDiagonal, -1, -kDiagonal, 0, kDiagonal};
+  const float across = length_of(d.x(), d.y());
+  const float x = across > 1e-9F ? radius * d.x() / across : radius;
+  const float y = across > 1e-9F ? radius * d.y() / across : 0.0F;
   for (int i = 0; i < kRim; ++i) {
-    const float angle = start + side * static_cast<float>(i) * (2.0F * static_cast<float>(M_PI) / kRim);
-    b.add({radius * std::cos(angle), radius * std::sin(angle), z});
+    const float u = kAlong[i], v = side * kAlong[(i + 6) % kRim];
+    b.add({x * u - y * v, x * v + y * u, z});
   }
   b.f.normal = b.axes.col(2) * side;
 }
@@ -183,6 +187,12 @@ void Candidates::add(const Candidate& c) {
   for (int i = 1; i < kCapacity; ++i)
     if (list_[i].gap > list_[worst].gap) worst = i;
   if (c.gap < list_[worst].gap) list_[worst] = c;
+}
+
+float Candidates::least_gap() const {
+  float least = std::numeric_limits<float>::infinity();
+  for (int i = 0; i < count_; ++i) least = std::min(least, list_[i].gap);
+  return least;
 }
 
 int Candidates::choose(int (&chosen)[4]) const {

@@ -6,6 +6,7 @@
 
 #include "smartsurf/world/Bodies.h"
 #include "smartsurf/world/Detector.h"
+#include "smartsurf/world/FieldStop.h"
 #include "smartsurf/world/Sleep.h"
 #include "smartsurf/world/Solver.h"
 #include "smartsurf/world/StateHash.h"
@@ -56,6 +57,7 @@ struct World::State {
   void list_moving();
   void wake();
   void wake_what_is_hit();
+  void move_bodies();
   void write_impulses();
 
   std::vector<scene::Material> materials;
@@ -172,6 +174,18 @@ void World::State::list_moving() {
     if (!bodies.fixed(i) && !bodies.asleep[i]) moving.push_back(static_cast<std::int32_t>(i));
 }
 
+void World::State::move_bodies() {
+  constexpr std::size_t kWorthSharing = 512;
+  team.run(moving.size() >= kWorthSharing, [this](const Member& member) {
+    const Range share = member.share(static_cast<int>(moving.size()));
+    for (int k = share.begin; k < share.end; ++k) {
+      const auto i = static_cast<std::size_t>(moving[static_cast<std::size_t>(k)]);
+      stop_at_field(detector, bodies, i);
+      bodies.settle(i, settings.dt_s);
+    }
+  });
+}
+
 // Sleepers press on as they did when they fell asleep.
 void World::State::write_impulses() {
   if (rest_impulse_of != sleep.changes()) {
@@ -225,6 +239,7 @@ void World::step() {
     s.sleep.return_contacts(s.bodies, s.pairs, s.world);
     s.detector.detect(s.bodies, s.pairs, s.world, s.team);
     s.solver.step(s.bodies, s.moving, s.pairs, s.world, s.team);
+    s.move_bodies();
     s.sleep.update(s.bodies, s.moving, s.pairs, s.world);
   }
   s.write_impulses();
