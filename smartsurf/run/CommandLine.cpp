@@ -58,7 +58,7 @@ int main(int argc, char** argv) noexcept {
     fmt::print(stderr, "smartsurf: {}\n", mistake.what());
     return kUserError;
   } catch (const std::exception& failure) {
-    fmt::print(stderr, "smartsurf: {}\n", failure.what());
+    fmt::print(stderr, "smartsurf: {}\n", text_of_failure(failure));
     return kFailed;
   }
 }
