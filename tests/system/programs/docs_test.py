@@ -5,6 +5,7 @@ import sys
 from programs import *
 
 PAGES = ["README.md"] + sorted(str(p.relative_to(ROOT)) for p in (ROOT / "docs").glob("*.md"))
+PROGRAMS = ["smartsurf", "apron", "shm_dump", "fake_surface", "device_emulator", "surface_bridge"]
 PYTHON_CLIENT = {**os.environ, "PYTHONPATH": "shm-protocol/python", "PYTHONDONTWRITEBYTECODE": "1",
                  "SHM_PROTOCOL_LIBRARY": str(BIN.parent / "shm-protocol/libshm_protocol_c.so.1")}
 
@@ -15,7 +16,7 @@ def steps(page):
     trailing backslash joins lines, and a trailing & stays among the arguments."""
     text = re.sub(r"\\\n\s*", "", (ROOT / page).read_text())
     for match in re.finditer(r"^`([\w-]+\.(?:lua|aps|py))`:\n\n```\w*\n(.*?)^```$|"
-                             r"^    (?:build/release/bin/(\w+)|PYTHONPATH=shm-protocol/python (python3)) ([^#\n]*)",
+                             r"^    (?:build/release/bin/(" + "|".join(PROGRAMS) + r")|PYTHONPATH=shm-protocol/python (python3)) ([^#\n]*)",
                              text, re.DOTALL | re.MULTILINE):
         file, content, program, python, arguments = match.groups()
         yield ("write", (file, content)) if file else (program or python, arguments.split())

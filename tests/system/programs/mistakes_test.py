@@ -1,5 +1,6 @@
 """Wrong input: one clear line on stderr, exit status 2, and nothing half-written."""
 import resource
+import shutil
 
 from programs import *
 
@@ -112,6 +113,23 @@ class Mistakes(ProgramTest):
             self.assertIn(status, (1, 2), err)
             self.assertRegex(err, f"{name}: cannot be written: File too large$")
         self.assertEqual([p.name for p in self.folder.iterdir()], ["table.lua"])
+
+    def test_a_simulator_without_apron_says_where_it_looked(self):
+        lonely = shutil.copy(SMARTSURF, self.folder / "smartsurf")
+        child = subprocess.Popen([lonely, "run", SORT_LUA, "--controller", SORT_APS, "--ticks", "1"], text=True,
+                                 stderr=subprocess.PIPE, env={**os.environ, "PATH": str(self.folder)})
+        status, _, err = self.finish(child)
+        self.assertEqual(status, 2, err)
+        self.assertIn("cannot start apron: it is neither beside smartsurf nor on PATH", err)
+
+    def test_output_that_nobody_takes_is_said(self):
+        path = self.write("table.lua", TABLE)
+        self.run_program(SMARTSURF, "run", path, "--no-controller", "--ticks", "1", "--record", "run.h5")
+        with open("/dev/full", "w") as full:
+            child = subprocess.Popen([SMARTSURF, "info", "run.h5"], stdout=full, stderr=subprocess.PIPE, text=True,
+                                     cwd=self.folder)
+            status, _, err = self.finish(child)
+        self.assertEqual((status, err), (1, "smartsurf: cannot write the output: No space left on device\n"))
 
     def test_a_surface_larger_than_the_memory_is_one_line(self):
         path = self.write("large.lua", "surface { rows = 4096, columns = 4096, actuator = pin {} }\n")
