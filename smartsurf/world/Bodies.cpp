@@ -75,7 +75,11 @@ void BodyStore::turn_axes(std::size_t i) {
     inertia[i] = {inverse, inverse, inverse, 0, 0, 0, {}};
     return;
   }
-  axes[i] = orientation[i].toRotationMatrix();
+  set_axes(i, orientation[i].toRotationMatrix());
+}
+
+void BodyStore::set_axes(std::size_t i, const Mat3& to) {
+  axes[i] = to;
   const Mat3 world = axes[i] * own_inverse_inertia[i] * axes[i].transpose();
   inertia[i] = {world(0, 0), world(1, 1), world(2, 2), world(0, 1), world(0, 2), world(1, 2), {}};
 }
@@ -110,7 +114,7 @@ void BodyStore::settle(std::size_t i, float dt_s) {
   const float energy = w.dot(momentum), next_energy = next.dot(own * next);
   if (!(next_energy <= energy)) next = next_energy > 0.0F ? Vec3(next * std::sqrt(energy / next_energy)) : w;
   put(motion[i].spin, r * next);
-  turn_axes(i);
+  set_axes(i, r);
 }
 
 }  // namespace smartsurf::world

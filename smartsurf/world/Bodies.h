@@ -51,6 +51,8 @@ struct BodyStore {
   // Moves and turns it as far as it got during the step, gyroscopic effect included.
   void settle(std::size_t index, float dt_s);
 
+  void set_axes(std::size_t index, const Mat3&);
+
   BodyRows rows() { return {motion.data(), shift.data(), inertia.data()}; }
 };
 

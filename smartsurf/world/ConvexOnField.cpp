@@ -17,12 +17,15 @@ using scene::ShapeKind;
 constexpr float kLeanTolerance = 0.05F;
 constexpr int kRim = 8;
 
-// Calls each(point) for the points that touch a plane first: corners, the tip, and eight points of each rim,
-// one of them the lowest. A capsule has none.
+// Calls each(point) for the points up to `highest` that touch a plane first: corners, the tip, and eight
+// points of each rim, one of them the lowest. A capsule has none.
 template <class Each>
-void for_feature_points(const Piece& piece, const Vec3& centre, const Mat3& axes, Each each) {
+void for_feature_points(const Piece& piece, const Vec3& centre, const Mat3& axes, float highest, Each each) {
   const Shape& s = piece.shape;
-  auto own = [&](const Vec3& p) { each(Vec3(centre + axes * p)); };
+  const Vec3 up = axes.row(2);
+  auto own = [&](const Vec3& p) {
+    if (centre.z() + up.dot(p) <= highest) each(Vec3(centre + axes * p));
+  };
   auto rim = [&](float z) {
     Vec3 lowest(-axes(2, 0), -axes(2, 1), 0);
     lowest = lowest.squaredNorm() > 1e-10F ? Vec3(lowest.normalized()) : Vec3(1, 0, 0);
@@ -72,20 +75,14 @@ class PieceOnField {
         axes_(axes),
         core_(piece, centre, axes),
         margin_(margin) {
-    for (int i = 0; i < 3; ++i) {
-      const Vec3 unit = Vec3::Unit(i);
-      low_[i] = core_.farthest_outside(-unit)[i];
-      high_[i] = core_.farthest_outside(unit)[i];
-    }
+    set_bounds();
     under_ = columns_.covering(low_.x() - margin, high_.x() + margin, low_.y() - margin, high_.y() + margin);
   }
 
   const Candidates& find() {
     const float highest = columns_.highest(under_) + margin_;
     if (low_.z() > highest) return candidates_;
-    for_feature_points(piece_, centre_, axes_, [&](const Vec3& p) {
-      if (p.z() <= highest) touch_point(p);
-    });
+    for_feature_points(piece_, centre_, axes_, highest, [&](const Vec3& p) { touch_point(p); });
     if (piece_.shape.kind == ShapeKind::kCapsule) touch_capsule_ends();
     // One for each thread: it keeps its memory from body to body.
     thread_local ColumnAxes directions;
@@ -95,6 +92,25 @@ class PieceOnField {
   }
 
  private:
+  void set_bounds() {
+    const Shape& s = piece_.shape;
+    if (s.kind == ShapeKind::kBox || s.kind == ShapeKind::kCylinder) {
+      Vec3 reach = axes_.cwiseAbs() * s.half;
+      if (s.kind == ShapeKind::kCylinder) {
+        const auto along = axes_.col(2).array();
+        reach = s.high * along.abs() + s.radius * (1.0F - along * along).cwiseMax(0.0F).sqrt();
+      }
+      low_ = centre_ - reach;
+      high_ = centre_ + reach;
+      return;
+    }
+    for (int i = 0; i < 3; ++i) {
+      const Vec3 unit = Vec3::Unit(i);
+      low_[i] = core_.farthest_outside(-unit)[i];
+      high_[i] = core_.farthest_outside(unit)[i];
+    }
+  }
+
   // A point of the piece inside or above a column: the way out of it.
   void touch_point(const Vec3& p) {
     const CellRange cells = columns_.covering(p.x(), p.x(), p.y(), p.y());
@@ -146,15 +162,52 @@ class PieceOnField {
     Way way;
     if (!directions.look(p.column, margin_, way)) return;
     Candidates found;
-    add_shared_patch(p.column, way, found);
+    const Feature over = feature_towards(piece_, centre_, axes_, -way.normal);
+    add_patch(over, feature_of(p.column, way.normal), way.normal, margin_, 0, found);
     const bool flat = piece_.hull || piece_.shape.kind == ShapeKind::kBox;
-    if (flat) {
-      if (found.count() == 0) return add_nearest(p, way);
-    } else if (found.least_gap() > way.gap + kPrecision) {
-      // Between curved sides the gap may be wider than it was told.
-      return touch_by_gjk(p, way.normal);
+    // Between curved sides the gap may be wider than it was told.
+    const bool told = found.count() > 0 && (flat || found.least_gap() <= way.gap + kPrecision);
+    if (!told) {
+      found.clear();
+      if (!add_crossing(over, p.column, way, found))
+        return flat ? add_nearest(p, way) : touch_by_gjk(p, way.normal);
     }
     add(p, found);
+  }
+
+  // An edge of the piece across an edge of the top, both square to the normal: where they cross, the two are
+  // nearest.
+  bool add_crossing(const Feature& over, const Column& q, const Way& way, Candidates& out) const {
+    const Vec3& n = way.normal;
+    const int along = std::abs(n.x()) < std::abs(n.y()) ? 0 : 1;
+    if (std::abs(n[along]) > 1e-4F || over.count < 2) return false;
+    // The two of the feature that reach farthest.
+    int first = 0, second = 1;
+    float least = n.dot(over.point[0]), next = n.dot(over.point[1]);
+    if (next < least) std::swap(first, second), std::swap(least, next);
+    for (int i = 2; i < over.count; ++i) {
+      const float reach = n.dot(over.point[static_cast<std::size_t>(i)]);
+      if (reach < least)
+        next = least, second = first, least = reach, first = i;
+      else if (reach < next)
+        next = reach, second = i;
+    }
+    const float side = along == 0 ? (n.y() > 0 ? q.north : q.south) : (n.x() > 0 ? q.east : q.west);
+    const float edge = n[1 - along] * side + n.z() * q.top;
+    if (next - edge > way.gap + kPrecision) return false;
+    const Vec3 &a = over.point[static_cast<std::size_t>(first)],
+               &b = over.point[static_cast<std::size_t>(second)];
+    // Seen against the normal: where the piece's edge passes over the line of the top's edge.
+    const Vec3 across = n.cross(Vec3::Unit(along));
+    const float from = across.dot(a), to = across.dot(b);
+    const float line = across[1 - along] * side + across.z() * q.top;
+    const float share = (line - from) / (to - from);
+    if (!(share >= 0.0F && share <= 1.0F)) return false;
+    const Vec3 on = a + share * (b - a) - way.gap * n;
+    const float begin = along == 0 ? q.west : q.south, end = along == 0 ? q.east : q.north;
+    if (on[along] < begin || on[along] > end) return false;
+    out.add({on, n, way.gap, 0});
+    return true;
   }
 
   void touch_by_gjk(const Plateau& p, const Vec3& towards_piece) {
@@ -164,15 +217,10 @@ class PieceOnField {
         p.column.leans_over_bridge(way.normal.x(), way.normal.y(), kLeanTolerance))
       return;
     Candidates found;
-    add_shared_patch(p.column, way, found);
+    add_patch(feature_towards(piece_, centre_, axes_, -way.normal), feature_of(p.column, way.normal),
+              way.normal, margin_, 0, found);
     if (found.count() == 0) found.add({near.on_b + kColumnRounding * near.normal, way.normal, way.gap, 0});
     add(p, found);
-  }
-
-  // What the sides of the two that face each other have in common.
-  void add_shared_patch(const Column& q, const Way& way, Candidates& out) const {
-    add_patch(feature_towards(piece_, centre_, axes_, -way.normal), feature_of(q, way.normal), way.normal,
-              margin_, 0, out);
   }
 
   // Where two edges cross, or a corner meets something.

@@ -69,7 +69,7 @@ enum class Answer { kApart, kTouching, kUnknown };
 // The face that the last normal stood on. What lies over it there is the patch; where the patch reaches as
 // near as anything of the other does, the face's normal is the shortest way, and GJK has nothing to add.
 Answer ask_last_face(const Core& a, const Core& b, float margin, const Vec3& last_normal, Candidates& out) {
-  constexpr float kTurned = 0.9F, kPrecision = 2e-4F;
+  constexpr float kTurned = 0.98F, kPrecision = 2e-4F;
   const Feature on_a = feature_towards(a, -last_normal), on_b = feature_towards(b, last_normal);
   const float aligned_a = on_a.flat() ? -on_a.normal.dot(last_normal) : 0.0F;
   const float aligned_b = on_b.flat() ? on_b.normal.dot(last_normal) : 0.0F;

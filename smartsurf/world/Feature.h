@@ -50,7 +50,8 @@ class Candidates {
 
  private:
   int choose(int (&chosen)[4]) const;
-  float spread(const Vec3& p, const int* chosen, int n) const;
+  template <class Spread>
+  int widest(Spread spread) const;
 
   static constexpr int kCapacity = 96;
   Candidate list_[kCapacity];
