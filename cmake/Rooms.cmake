@@ -27,8 +27,9 @@ function(add_room house room)
   cmake_parse_arguments(ROOM "" "" "SOURCES;ROOMS;PRIVATE;PUBLIC" ${ARGN})
   set(target ${house}_${room})
   add_library(${target} STATIC ${ROOM_SOURCES})
-  # Highway compiles its file once for each instruction set, which a unity build must not mix with others.
-  list(FILTER ROOM_SOURCES INCLUDE REGEX Kernels)
+  # Compiled alone where others are compiled in batches (the sanitizers' presets): what Highway compiles once for each
+  # instruction set, and what has local names that another file of its room has as well.
+  list(FILTER ROOM_SOURCES INCLUDE REGEX "Kernels|StageOperations|SensorSpec|MeshFile|Colour|Feature|Plot|Hdf5Recorder|InspectPanel|Trails")
   set_source_files_properties(${ROOM_SOURCES} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
   target_link_libraries(${target} PUBLIC house_rules ${ROOM_ROOMS} ${ROOM_PUBLIC} PRIVATE ${ROOM_PRIVATE})
 endfunction()

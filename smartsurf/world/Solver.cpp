@@ -90,8 +90,6 @@ void Solver::work(Job& job, const Member& member) {
     sweep(job, member, k.rebound, 0.0F);
   }
   for (int i = octets.begin; i < octets.end; ++i) read_back(job, i);
-  for (int i = bodies.begin; i < bodies.end; ++i)
-    job.bodies.settle(static_cast<std::size_t>(job.moving[static_cast<std::size_t>(i)]), settings_.dt_s);
 }
 
 // ---- contacts into lanes, and back

@@ -92,8 +92,8 @@ Result run_ours(const Workload& w, const Options& options) {
   scene::SceneSpec spec = scene_of(w);
   spec.surface.sensors = {scene::find_sensor_kind("proximity")->standard()};
   spec.surface.sensors[0].values["range"] = {kSensorRange};
-  surface::ActuatorArray cells(spec.surface);
   surface::WorkerPool pool(options.threads);
+  surface::ActuatorArray cells(spec.surface, {}, 1, &pool);
   world::World world(spec, cells.field(), &pool);
   surface::SensorArray sensing(spec, cells.field());
   scene::Snapshot snapshot;
