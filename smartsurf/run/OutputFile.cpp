@@ -28,10 +28,11 @@ int write_text(const std::string& file, const std::string& text) {
   return out ? 0 : errno != 0 ? errno : EIO;
 }
 
-// A device, a pipe, the standard output: what is there must not be replaced by a file.
+// A device, a pipe, a link such as /dev/stdout: what is there must not be replaced by a file.
 bool is_special(const std::string& file) {
   std::error_code ignored;
-  return fs::exists(file, ignored) && !fs::is_regular_file(file, ignored);
+  const fs::file_status there = fs::symlink_status(file, ignored);
+  return fs::exists(there) && !fs::is_regular_file(there);
 }
 
 }  // namespace
