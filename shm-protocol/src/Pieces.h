@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <span>
 
+#include "Arrays.h"
 #include "FrameCopy.h"
 #include "StoreChoice.h"
 #include "Waiting.h"
@@ -48,23 +49,36 @@ class PieceWriter {
         word_(word),
         reader_waiting_(reader_waiting),
         last_(sizeof(ssp_slot) + array_bytes),
-        piece_(std::clamp(array_bytes / 2 / 64 * 64, kSmallestPiece, kLargestPiece)) {}
+        piece_(std::clamp(array_bytes / 2 / 64 * 64, kSmallestPiece, kLargestPiece)),
+        staging_(std::min(array_bytes, kLargestPiece)) {}
 
   // Copies `values` to byte `at` of the channel's array in `slot`, which holds `frame`.
   void write(std::byte* slot, std::uint64_t frame, const ssp_channel& c, std::size_t at,
              std::span<const std::byte> values, bool reader_is_elsewhere) noexcept {
-    if (frame != frame_) frame_ = frame, end_ = sizeof(ssp_slot);
-    const bool streamed = reader_is_elsewhere && values.size() >= kStreamed;
-    if (streamed) choice_.begin();
-    const std::size_t begin = c.offset + at;
+    const bool past_caches = begin(frame, values.size(), reader_is_elsewhere);
+    const std::size_t first = c.offset + at;
     for (std::size_t done = 0; done < values.size(); done += piece_) {
       const std::size_t bytes = std::min(piece_, values.size() - done);
-      stream_frame(slot + begin + done, values.data() + done, bytes, streamed && choice_.past_caches());
-      // Only what lies without a gap behind what was final before; up to 63 bytes between arrays are padding.
-      if (begin + done > end_ + SSP_ARRAY_ALIGNMENT - 1) continue;
-      end_ = std::max(end_, begin + done + bytes);
-      if (end_ - sizeof(ssp_slot) >= kSmallestPiece && end_ + SSP_LINE <= last_) announce();
+      stream_frame(slot + first + done, values.data() + done, bytes, past_caches);
+      advance(first + done, bytes);
     }
+  }
+
+  // Where to make `bytes` of the array from byte `at` on, a piece at most: in the slot itself or, where it is
+  // better written past the caches, beside it. commit() makes them final.
+  std::span<std::byte> reserve(std::byte* slot, std::uint64_t frame, const ssp_channel& c, std::size_t at,
+                               std::size_t bytes, bool reader_is_elsewhere) noexcept {
+    bytes = std::min(bytes, kLargestPiece);
+    staged_ = begin(frame, bytes, reader_is_elsewhere);
+    slot_ = slot;
+    reserved_first_ = c.offset + at, reserved_bytes_ = bytes;
+    return {staged_ ? staging_.begin() : slot + reserved_first_, bytes};
+  }
+  void commit() noexcept {
+    if (reserved_bytes_ == 0) return;
+    if (staged_) stream_frame(slot_ + reserved_first_, staging_.begin(), reserved_bytes_, true);
+    advance(reserved_first_, reserved_bytes_);
+    reserved_bytes_ = 0;
   }
 
   // Whether a reader may have taken pieces of that frame.
@@ -73,6 +87,7 @@ class PieceWriter {
   // To be called before `frame` is published: nothing may be left that could be taken for a later frame of
   // the same 24 bits.
   void finish(std::uint64_t frame) noexcept {
+    if (frame == frame_) commit();  // what was reserved last, should that have been forgotten
     if (announced_ == frame || announced_ == 0) return;
     announced_ = 0;
     store_release(line_.ready, 0);
@@ -82,6 +97,22 @@ class PieceWriter {
   void answered() noexcept { choice_.end(); }
 
  private:
+  // Returns whether so many bytes of `frame` go past the caches.
+  bool begin(std::uint64_t frame, std::size_t bytes, bool reader_is_elsewhere) noexcept {
+    if (frame != frame_) frame_ = frame, end_ = sizeof(ssp_slot);
+    if (!reader_is_elsewhere || bytes < kStreamed) return false;
+    choice_.begin();
+    return choice_.past_caches();
+  }
+
+  // The slot's bytes from `first` on are final: they count only without a gap behind what was final before;
+  // up to 63 bytes between arrays are padding.
+  void advance(std::size_t first, std::size_t bytes) noexcept {
+    if (first > end_ + SSP_ARRAY_ALIGNMENT - 1) return;
+    end_ = std::max(end_, first + bytes);
+    if (end_ - sizeof(ssp_slot) >= kSmallestPiece && end_ + SSP_LINE <= last_) announce();
+  }
+
   // The end of the frame needs no announcement of its own: it is published next.
   void announce() noexcept {
     announced_ = frame_;
@@ -98,6 +129,11 @@ class PieceWriter {
   std::size_t end_ = 0;          // the slot's bytes up to here are final
   std::uint64_t announced_ = 0;  // the frame that the progress line speaks of
   StoreChoice choice_;
+
+  Arrays staging_;  // of one piece
+  bool staged_ = false;
+  std::byte* slot_ = nullptr;  // where that piece belongs
+  std::size_t reserved_first_ = 0, reserved_bytes_ = 0;
 };
 
 // What a reader has copied of the frame to come. `writer` tells two writers of one frame number apart.

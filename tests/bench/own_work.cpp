@@ -20,7 +20,7 @@ using shm_protocol::SurfaceEndpoint;
 
 constexpr std::uint32_t kSide = 64;
 constexpr std::size_t kCells = std::size_t{kSide} * kSide;
-constexpr int kRounds = 1500, kAlone = 300;
+constexpr int kRounds = 1500, kAlone = 300, kPasses = 5;
 
 // Reads `in`, smooths it `times` times, and leaves the result in `out`: about a microsecond each time.
 class Work {
@@ -103,12 +103,16 @@ Cost measure_pair(int times, int peer_cpu) {
 
 void print_own_work(int peer_cpu) {
   std::printf(
-      "\na tick at 64x64 f32 each way, both sides with work of their own, medians in us\n%12s%12s%12s%22s\n",
-      "surface", "controller", "tick", "tick less both works");
+      "\na tick at 64x64 f32 each way, both sides with work of their own, medians in "
+      "us\n%12s%12s%12s%22s%22s\n",
+      "surface", "controller", "tick", "tick less both works", "empty ping-pong");
   for (const int times : {20, 50, 100, 200}) {
-    const Cost c = measure_pair(times, peer_cpu);
-    std::printf("%12.2f%12.2f%12.2f%22.2f\n", c.surface_us, c.controller_us, c.tick_us,
-                c.tick_us - c.surface_us - c.controller_us);
+    for (int pass = 0; pass < kPasses; ++pass) {
+      const double before = distance_us(peer_cpu);
+      const Cost c = measure_pair(times, peer_cpu);
+      std::printf("%12.2f%12.2f%12.2f%22.2f%14.2f …%6.2f\n", c.surface_us, c.controller_us, c.tick_us,
+                  c.tick_us - c.surface_us - c.controller_us, before, distance_us(peer_cpu));
+    }
   }
 }
 
