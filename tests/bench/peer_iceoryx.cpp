@@ -103,7 +103,8 @@ class End {
 
 // The daemon remembers those that were killed for a while: each client has a name of its own.
 void join_as(const std::string& who) {
-  iox::log::LogManager::GetLogManager().SetDefaultLogLevel(iox::log::LogLevel::kOff);
+  iox::log::LogManager::GetLogManager().SetDefaultLogLevel(iox::log::LogLevel::kOff,
+                                                           iox::log::LogLevelOutput::kHideLogLevel);
   iox::runtime::PoshRuntime::initRuntime(
       iox::RuntimeName_t(iox::cxx::TruncateToCapacity, who + std::to_string(::getpid())));
 }
@@ -144,7 +145,7 @@ Figures iceoryx(const Case& c, int peer_cpu) {
   const pid_t child = ::fork();
   if (child == 0) {
     ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-    ::alarm(10);  // now and then its start hangs when all of it shares one core
+    ::alarm(10);  // now and then its start hangs
     const Figures figures = run(c, peer_cpu);
     ::_exit(::write(result[1], &figures, sizeof figures) == sizeof figures ? 0 : 1);
   }
