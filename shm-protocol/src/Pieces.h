@@ -24,6 +24,10 @@ constexpr std::size_t kStreamed =
     4 * 1024;  // bytes of a piece from which a way past the caches is considered
 constexpr std::size_t kSmallestPiece = 8 * 1024, kLargestPiece = 64 * 1024;
 
+// How far the announcements of a very large frame stay behind its writer: what it has just written still lies
+// in its own cache, from where another core gets it more slowly than from one that they share.
+constexpr std::size_t kVeryLarge = 2 * 1024 * 1024, kLag = 256 * 1024;
+
 // Array bytes of a frame from which progress is worth looking at.
 constexpr std::size_t kLargeFrame = 2 * kSmallestPiece;
 
@@ -50,6 +54,7 @@ class PieceWriter {
         reader_waiting_(reader_waiting),
         last_(sizeof(ssp_slot) + array_bytes),
         piece_(std::clamp(array_bytes / 2 / 64 * 64, kSmallestPiece, kLargestPiece)),
+        lag_(array_bytes >= kVeryLarge ? kLag : 0),
         staging_(std::min(array_bytes, kLargestPiece)) {}
 
   // Copies `values` to byte `at` of the channel's array in `slot`, which holds `frame`.
@@ -100,9 +105,11 @@ class PieceWriter {
   // Returns whether so many bytes of `frame` go past the caches.
   bool begin(std::uint64_t frame, std::size_t bytes, bool reader_is_elsewhere) noexcept {
     if (frame != frame_) frame_ = frame, end_ = sizeof(ssp_slot);
+    reader_is_elsewhere_ = reader_is_elsewhere;
+    past_caches_ = false;
     if (!reader_is_elsewhere || bytes < kStreamed) return false;
     choice_.begin();
-    return choice_.past_caches();
+    return past_caches_ = choice_.past_caches();
   }
 
   // The slot's bytes from `first` on are final: they count only without a gap behind what was final before;
@@ -110,14 +117,16 @@ class PieceWriter {
   void advance(std::size_t first, std::size_t bytes) noexcept {
     if (first > end_ + SSP_ARRAY_ALIGNMENT - 1) return;
     end_ = std::max(end_, first + bytes);
-    if (end_ - sizeof(ssp_slot) >= kSmallestPiece && end_ + SSP_LINE <= last_) announce();
+    const std::size_t final_end = end_ - std::min(end_, past_caches_ ? 0 : lag_);
+    if (final_end >= sizeof(ssp_slot) + kSmallestPiece && end_ + SSP_LINE <= last_) announce(final_end);
   }
 
-  // The end of the frame needs no announcement of its own: it is published next.
-  void announce() noexcept {
+  // The end of the frame needs no announcement of its own: it is published next. A sleeper elsewhere wakes,
+  // takes what is there, and spins on; one on this core would only take it away.
+  void announce(std::size_t final_end) noexcept {
     announced_ = frame_;
-    store_sequential(line_.ready, progress_word(frame_, end_));
-    if (load_sequential(reader_waiting_)) futex_wake(word_);  // it wakes, takes what is there, and spins on
+    store_sequential(line_.ready, progress_word(frame_, final_end));
+    if (reader_is_elsewhere_ && load_sequential(reader_waiting_)) futex_wake(word_);
   }
 
   ssp_progress& line_;
@@ -125,10 +134,12 @@ class PieceWriter {
   const std::uint32_t& reader_waiting_;
   std::size_t last_;   // where the slot's arrays end
   std::size_t piece_;  // bytes announced at once
+  std::size_t lag_;
   std::uint64_t frame_ = 0;
   std::size_t end_ = 0;          // the slot's bytes up to here are final
   std::uint64_t announced_ = 0;  // the frame that the progress line speaks of
   StoreChoice choice_;
+  bool reader_is_elsewhere_ = false, past_caches_ = false;  // of the piece written last
 
   Arrays staging_;  // of one piece
   bool staged_ = false;

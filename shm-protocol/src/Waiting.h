@@ -44,13 +44,12 @@ class LivenessClock {
 };
 
 // How long the peer usually takes: a sleep costs some 25 µs on top of that, so a wait that usually ends soon
-// is spent spinning for up to 1.2 times as long, while nobody else wants the core.
+// is spent spinning, and a little longer than usual, while nobody else wants the core.
 class Pace {
  public:
   std::chrono::nanoseconds spin() const noexcept {
-    const auto stretched = usual_ + usual_ / 5;
-    return crowded_ > 0 || usual_ > kLongestSpin ? kSpin
-                                                 : std::max<std::chrono::nanoseconds>(kSpin, stretched);
+    if (crowded_ > 0 || usual_ > kLongestSpin) return kSpin;
+    return usual_ + std::max<std::chrono::nanoseconds>(kSpin, usual_ / 5);
   }
   // `preempted`: while it span, somebody else had the core. Once may be chance; again and again, that one is
   // let have it for longer and longer.
