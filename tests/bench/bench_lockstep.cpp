@@ -5,6 +5,7 @@
 //   bench_lockstep            two cores; and what a tick costs beyond the sides' own work
 //   bench_lockstep one-core   both processes on one core
 //   bench_lockstep NAME       only the ways whose name begins so
+//   bench_lockstep … --json   a JSON object a line
 //   bench_lockstep work       only what a tick costs beyond the sides' own work
 #include <semaphore.h>
 #include <shm_protocol/ControllerEndpoint.h>
@@ -15,6 +16,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 
@@ -305,6 +307,66 @@ void print(const std::vector<Way>& ways, std::span<const Case> cases, const Pass
   }
 }
 
+std::size_t passes_in(const Passes& all, const Range& range) {
+  std::size_t count = 0;
+  for (const auto& way : all)
+    for (const auto& one : way)
+      count +=
+          static_cast<std::size_t>(std::ranges::count_if(one, [&](const Pass& p) { return range.has(p); }));
+  return count;
+}
+
+// Of the distance at which most passes were made; of all where one had none of these.
+void print_json(const std::vector<Way>& ways, std::span<const Case> cases, const Passes& all,
+                const std::vector<Range>& ranges, bool one_core) {
+  const Range most = std::ranges::max(ranges, {}, [&](const Range& r) { return passes_in(all, r); });
+  for (std::size_t w = 0; w < ways.size(); ++w)
+    for (std::size_t c = 0; c < cases.size(); ++c) {
+      auto f = middle_of(all[w][c], most);
+      if (!f) f = middle_of(all[w][c], {0, 1e9});
+      if (!f) continue;
+      const nlohmann::ordered_json line{{"benchmark", "lockstep"},   {"case", cases[c].label},
+                                        {"who", ways[w].name},       {"cores", one_core ? 1 : 2},
+                                        {"median_us", f->median_us}, {"p99_us", f->p99_us}};
+      std::puts(line.dump().c_str());
+    }
+}
+
+void print(const std::vector<Way>& ways, std::span<const Case> cases, const Passes& all,
+           const std::vector<Range>& ranges, bool one_core) {
+  std::printf(
+      "round trips in us, median / p99 of the middle one of %d passes, and the median over that of "
+      "`endpoints` (the "
+      "faster way of the two)\npayload each way, all of it written and read; both processes on %s\n",
+      kPasses, one_core ? "one core" : "a core each");
+  for (const Range& range : ranges) {
+    if (ranges.size() > 1)
+      std::printf("\npasses with the cores %s apart: an empty ping-pong of %s than %.2f us\n",
+                  range.from_us == 0 ? "little" : "far", range.from_us == 0 ? "less" : "more",
+                  range.from_us == 0 ? range.to_us : range.from_us);
+    print(ways, cases, all, range);
+  }
+}
+
+struct Asked {
+  bool one_core, json = false;
+  std::string only;
+};
+
+Asked asked_of(int argc, char** argv, bool one_core) {
+  Asked asked{one_core, false, {}};
+  for (int i = 1; i < argc; ++i) {
+    const std::string argument = argv[i];
+    if (argument == "one-core")
+      asked.one_core = true;
+    else if (argument == "--json")
+      asked.json = true;
+    else
+      asked.only = argument;
+  }
+  return asked;
+}
+
 }  // namespace
 
 double bench::distance_us(int peer_cpu) {
@@ -314,33 +376,17 @@ double bench::distance_us(int peer_cpu) {
 
 int main(int argc, char** argv) {
   const auto cpus = usable_cpus();
-  bool one_core = cpus.size() == 1;
-  std::string only;
-  for (int i = 1; i < argc; ++i) {
-    if (std::string(argv[i]) == "one-core")
-      one_core = true;
-    else
-      only = argv[i];
-  }
+  const Asked asked = asked_of(argc, argv, cpus.size() == 1);
+  const bool one_core = asked.one_core;
   const int peer_cpu = one_core ? cpus.front() : cpus.back();
-  const std::span<const Case> cases = one_core ? std::span<const Case>(kOneCore) : kTwoCores;
   pin_to(cpus.front());
-  if (only == "work") return bench::print_own_work(peer_cpu), 0;
+  if (asked.only == "work") return bench::print_own_work(peer_cpu), 0;
   auto ways = all_ways(one_core);
-  std::erase_if(ways, [&](const Way& way) { return !std::string(way.name).starts_with(only); });
+  std::erase_if(ways, [&](const Way& way) { return !std::string(way.name).starts_with(asked.only); });
+  const std::span<const Case> cases = one_core ? std::span<const Case>(kOneCore) : kTwoCores;
   const Passes all = measure_all(ways, cases, peer_cpu, one_core);
-  std::printf(
-      "round trips in us, median / p99 of the middle one of %d passes, and the median over that of "
-      "`endpoints` "
-      "(the faster way of the two)\npayload each way, all of it written and read; both processes on %s\n",
-      kPasses, one_core ? "one core" : "a core each");
   const auto ranges = one_core ? std::vector<Range>{{0, 1e9}} : ranges_of(all);
-  for (const Range& range : ranges) {
-    if (ranges.size() > 1)
-      std::printf("\npasses with the cores %s apart: an empty ping-pong of %s than %.2f us\n",
-                  range.from_us == 0 ? "little" : "far", range.from_us == 0 ? "less" : "more",
-                  range.from_us == 0 ? range.to_us : range.from_us);
-    print(ways, cases, all, range);
-  }
-  if (!one_core && only.empty()) bench::print_own_work(peer_cpu);
+  if (asked.json) return print_json(ways, cases, all, ranges, one_core), 0;
+  print(ways, cases, all, ranges, one_core);
+  if (!one_core && asked.only.empty()) bench::print_own_work(peer_cpu);
 }
