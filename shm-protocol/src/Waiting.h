@@ -51,7 +51,7 @@ class Pace {
     if (crowded_ > 0 || usual_ > kLongestSpin) return kSpin;
     return usual_ + std::max<std::chrono::nanoseconds>(kSpin, usual_ / 5);
   }
-  // `preempted`: while it span, somebody else had the core. Once may be chance; again and again, that one is
+  // `preempted`: while it spun, somebody else had the core. Once may be chance; again and again, that one is
   // let have it for longer and longer.
   void took(std::chrono::nanoseconds wait, bool preempted) noexcept {
     usual_ += (std::min<std::chrono::nanoseconds>(wait, 10 * kLongestSpin) - usual_) / 8;
