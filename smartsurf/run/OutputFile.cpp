@@ -42,7 +42,8 @@ void require_writable(const std::string& flag, const std::string& file) {
   if (fs::is_directory(file, ignored)) refuse(flag, file, "is a folder: give the name of a file in it");
   const fs::path parent = fs::path(file).parent_path(), folder = parent.empty() ? fs::path(".") : parent;
   if (!fs::is_directory(folder, ignored)) refuse(flag, file, "there is no folder " + folder.string());
-  const std::string target = is_special(file) ? file : folder.string();
+  // Through a link that leads nowhere yet a file may be made.
+  const std::string target = fs::exists(file, ignored) && is_special(file) ? file : folder.string();
   if (access(target.c_str(), W_OK) != 0)
     refuse(flag, file, std::string("cannot be written: ") + std::strerror(errno));
 }
