@@ -3,8 +3,10 @@
 #include <shm_protocol/ControllerEndpoint.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <cstdio>
+#include <cstring>
 #include <fstream>
 #include <functional>
 #include <iostream>
@@ -63,9 +65,10 @@ vm::Status run_to_end(vm::Vm& vm, const Options& options, std::uint64_t& ticks) 
 
 bool write_profile(const program::Program& program, const std::vector<vm::Spent>& spent, std::uint64_t ticks,
                    const std::optional<CostModel>& model, const Options& options) {
+  errno = 0;
   std::ofstream file(options.profile);
   file << profile_json(program, spent, ticks, model) << std::flush;
-  if (!file) complain(kRunFailed, "error: cannot write '" + options.profile + "'");
+  if (!file) complain(kRunFailed, "error: cannot write '" + options.profile + "': " + std::strerror(errno));
   return static_cast<bool>(file);
 }
 

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
-#include "smartsurf/surface/Approach.h"
+#include "smartsurf/surface/PinKernels.h"
+#include "smartsurf/surface/WorkerPool.h"
 
 namespace smartsurf::surface {
 namespace {
@@ -13,24 +15,18 @@ constexpr float kLoadLag = 0.02F;
 // How long a pin that could not bear its load waits before it tries again, s.
 constexpr float kTripped = 0.5F;
 
-// The largest of n values of f; eight running maxima, because the compiler may not reorder one.
-template <class F>
-float largest(std::size_t n, F f) noexcept {
-  float lane[8];
-  std::fill_n(lane, 8, f(0));
-  std::size_t i = 0;
-  for (; i + 8 <= n; i += 8)
-    for (std::size_t k = 0; k < 8; ++k) lane[k] = lane[k] < f(i + k) ? f(i + k) : lane[k];
-  for (; i < n; ++i) lane[0] = std::max(lane[0], f(i));
-  return *std::max_element(lane, lane + 8);
-}
+// What one pin costs, about: to get its target or weigh its load, to find its speed, to move.
+constexpr double kRead_ns = 0.4, kSteer_ns = 1.0, kMove_ns = 0.5;
 
 std::size_t length(const Run& run) { return static_cast<std::size_t>(run.end - run.begin); }
+std::size_t first(const Run& run) { return static_cast<std::size_t>(run.begin); }
 
 }  // namespace
 
 Pins::Pins(const Place& place)
     : runs_(place.runs),
+      pool_(place.pool),
+      pins_(std::transform_reduce(runs_.begin(), runs_.end(), std::size_t{0}, std::plus<>(), length)),
       speed_limit_(static_cast<float>(place.spec.number("max_speed"))),
       acceleration_limit_(static_cast<float>(place.spec.number("max_acceleration"))),
       lowest_(static_cast<float>(place.spec.numbers("range")[0])),
@@ -46,105 +42,84 @@ Pins::Pins(const Place& place)
   }
 }
 
+template <class Work>
+void Pins::for_runs(double cost_ns, const Work& work) const {
+  const auto band = [&work](int begin, int end) {
+    for (auto r = static_cast<std::size_t>(begin); r < static_cast<std::size_t>(end); ++r) work(r);
+  };
+  const int runs = static_cast<int>(runs_.size());
+  if (pool_ == nullptr) return band(0, runs);
+  pool_->for_rows(runs, cost_ns * static_cast<double>(pins_), band);
+}
+
+template <class Work>
+void Pins::for_moving_runs(double cost_ns, const Work& work) const {
+  const auto moving = static_cast<double>(std::ranges::count(moving_, 1));
+  if (moving == 0.0) return;
+  for_runs(cost_ns * moving / static_cast<double>(runs_.size()), [this, &work](std::size_t r) {
+    if (moving_[r] != 0) work(r);
+  });
+}
+
 void Pins::set_targets(int, std::span<const float> targets) noexcept {
-  for (std::size_t r = 0; r < runs_.size(); ++r) {
-    bool changed = false;
-    for (auto i = static_cast<std::size_t>(runs_[r].begin); i < static_cast<std::size_t>(runs_[r].end); ++i) {
-      const float goal = base_[i] + targets[i];
-      changed |= goal != target_[i];
-      target_[i] = goal;
-    }
-    moving_[r] |= static_cast<std::uint8_t>(changed);
-  }
+  for_runs(kRead_ns, [this, targets](std::size_t r) {
+    const std::size_t i = first(runs_[r]);
+    if (aim(length(runs_[r]), &base_[i], &targets[i], &target_[i])) moving_[r] = 1;
+  });
 }
 
 void Pins::settle(Field& field) noexcept {
   for (std::size_t r = 0; r < runs_.size(); ++r) {
-    std::copy(&target_[static_cast<std::size_t>(runs_[r].begin)],
-              &target_[static_cast<std::size_t>(runs_[r].begin)] + length(runs_[r]),
-              &field.height[static_cast<std::size_t>(runs_[r].begin)]);
+    const std::span<const float> targets(&target_[first(runs_[r])], length(runs_[r]));
+    std::ranges::copy(targets, &field.height[first(runs_[r])]);
+    run_height_[r] = std::ranges::max(targets);
     moving_[r] = 0;
-    measure(r, field);
-  }
-}
-
-void Pins::measure(std::size_t run, const Field& field) noexcept {
-  const float* height = &field.height[static_cast<std::size_t>(runs_[run].begin)];
-  run_height_[run] = largest(length(runs_[run]), [height](std::size_t i) { return height[i]; });
-}
-
-void Pins::weigh(float dt_s, const Field& field) noexcept {
-  const float share = 1.0F - std::exp(-dt_s / kLoadLag), inverse_dt = 1.0F / dt_s;
-  for (std::size_t r = 0; r < runs_.size(); ++r) {
-    bool overloaded = false;
-    for (auto i = static_cast<std::size_t>(runs_[r].begin); i < static_cast<std::size_t>(runs_[r].end); ++i) {
-      load_[i] += (field.impulse[i] * inverse_dt - load_[i]) * share;
-      overloaded |= load_[i] > *force_limit_;
-    }
-    moving_[r] |= static_cast<std::uint8_t>(overloaded);
   }
 }
 
 void Pins::plan(double dt_s, Field& field) noexcept {
   const auto dt = static_cast<float>(dt_s);
-  if (force_limit_) weigh(dt, field);
-  for (std::size_t r = 0; r < runs_.size(); ++r)
-    if (moving_[r]) plan_run(r, dt, field);
+  if (force_limit_) for_runs(kRead_ns, [&](std::size_t r) { weigh_run(r, dt, field); });
+  const Approach approach(speed_limit_, acceleration_limit_, dt);
+  for_moving_runs(kSteer_ns, [&](std::size_t r) { plan_run(r, approach, dt, field); });
   for (std::size_t r = 0; r < runs_.size(); ++r) {
     field.max_height = std::max(field.max_height, run_height_[r]);
     field.max_speed = std::max(field.max_speed, run_speed_[r]);
   }
 }
 
-void Pins::plan_run(std::size_t run, float dt_s, Field& field) noexcept {
-  const auto begin = static_cast<std::size_t>(runs_[run].begin), n = length(runs_[run]);
-  const float* __restrict target = &target_[begin];
-  const float* __restrict height = &field.height[begin];
-  float* __restrict speed = &field.speed[begin];
-  const Approach approach(speed_limit_, acceleration_limit_, dt_s);
-  int moving = 0;
-  if (!force_limit_) {
-    for (std::size_t i = 0; i < n; ++i) {
-      const float distance = target[i] - height[i];
-      speed[i] = approach(distance, speed[i]);
-      moving |= static_cast<int>(distance != 0.0F) | static_cast<int>(speed[i] != 0.0F);
-    }
-  } else {
-    for (std::size_t i = 0; i < n; ++i) {
-      const float distance = target[i] - height[i];
-      speed[i] = loaded_speed(begin + i, distance, approach, dt_s, field);
-      moving |= static_cast<int>(distance != 0.0F) | static_cast<int>(speed[i] != 0.0F);
-    }
-  }
-  moving_[run] = moving != 0;
-  run_speed_[run] = largest(n, [speed](std::size_t i) { return std::abs(speed[i]); });
+void Pins::weigh_run(std::size_t run, float dt_s, const Field& field) noexcept {
+  const std::size_t i = first(runs_[run]);
+  const float share = 1.0F - std::exp(-dt_s / kLoadLag);
+  if (weigh(length(runs_[run]), &field.impulse[i], 1.0F / dt_s, share, *force_limit_, &load_[i]))
+    moving_[run] = 1;
 }
 
-// The motor's line, v = max_speed·(1 − load/max_force): as fast as it may without a load, standing at the
-// greatest one. More trips the drive: the load pushes the pin back, down to the lower stop, and only after a
-// while it tries again.
-float Pins::loaded_speed(std::size_t cell, float distance, const Approach& approach, float dt_s,
-                         const Field& field) noexcept {
-  const float speed = field.speed[cell], left = 1.0F - load_[cell] / *force_limit_;
-  if (left >= 0.0F && wait_[cell] <= 0.0F)
-    return approach(distance, speed, distance > 0.0F ? speed_limit_ * left : speed_limit_);
-  wait_[cell] = left < 0.0F ? kTripped : wait_[cell] - dt_s;
-  const float to_stop = std::min(0.0F, base_[cell] + lowest_ - field.height[cell]) / dt_s;
-  const float back = speed_limit_ * std::clamp(left, -1.0F, 0.0F);
-  return std::max(to_stop, std::max(speed - acceleration_limit_ * dt_s, back));
+void Pins::plan_run(std::size_t run, const Approach& approach, float dt_s, Field& field) noexcept {
+  const std::size_t i = first(runs_[run]), n = length(runs_[run]);
+  Course course;
+  if (force_limit_)
+    course = steer_loaded(n,
+                          {.base = &base_[i],
+                           .target = &target_[i],
+                           .height = &field.height[i],
+                           .load = &load_[i],
+                           .wait = &wait_[i],
+                           .speed = &field.speed[i]},
+                          approach,
+                          {.limit = *force_limit_, .dt_s = dt_s, .lowest = lowest_, .pause_s = kTripped});
+  else
+    course = steer(n, &target_[i], &field.height[i], approach, &field.speed[i]);
+  moving_[run] = course.moving;
+  run_speed_[run] = course.fastest;
 }
 
 void Pins::commit(double dt_s, Field& field) noexcept {
-  const auto dt = static_cast<float>(dt_s);
-  for (std::size_t r = 0; r < runs_.size(); ++r) {
-    if (!moving_[r]) continue;
-    const auto begin = static_cast<std::size_t>(runs_[r].begin), n = length(runs_[r]);
-    const float* __restrict target = &target_[begin];
-    const float* __restrict speed = &field.speed[begin];
-    float* __restrict height = &field.height[begin];
-    for (std::size_t i = 0; i < n; ++i) height[i] = Approach::arrive(height[i], speed[i], target[i], dt);
-    measure(r, field);
-  }
+  for_moving_runs(kMove_ns, [&](std::size_t r) {
+    const std::size_t i = first(runs_[r]);
+    run_height_[r] =
+        advance(length(runs_[r]), &target_[i], &field.speed[i], static_cast<float>(dt_s), &field.height[i]);
+  });
 }
 
 }  // namespace smartsurf::surface

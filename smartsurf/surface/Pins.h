@@ -21,12 +21,17 @@ class Pins final : public Actuator {
   void commit(double dt_s, Field&) noexcept override;
 
  private:
-  void plan_run(std::size_t run, float dt_s, Field&) noexcept;
-  float loaded_speed(std::size_t cell, float distance, const Approach&, float dt_s, const Field&) noexcept;
-  void weigh(float dt_s, const Field&) noexcept;
-  void measure(std::size_t run, const Field&) noexcept;
+  // Calls work(run) for every run, or for those that move; shared where it is worth it.
+  template <class Work>
+  void for_runs(double cost_ns, const Work& work) const;
+  template <class Work>
+  void for_moving_runs(double cost_ns, const Work& work) const;
+  void plan_run(std::size_t run, const Approach&, float dt_s, Field&) noexcept;
+  void weigh_run(std::size_t run, float dt_s, const Field&) noexcept;
 
   std::vector<Run> runs_;
+  WorkerPool* pool_;
+  std::size_t pins_;
   float speed_limit_, acceleration_limit_;
   float lowest_;  // of the range, over the base
   std::optional<float> force_limit_;

@@ -39,6 +39,11 @@ StepSettings settings_of(const scene::SceneSpec& s) {
 
 std::array<float, 3> array_of(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
 
+template <std::size_t N>
+std::span<const float> numbers_of(const std::vector<std::array<float, N>>& all) {
+  return all.empty() ? std::span<const float>() : std::span(all.front().data(), N * all.size());
+}
+
 }  // namespace
 
 struct World::State {
@@ -290,21 +295,21 @@ void World::snapshot(scene::Snapshot& out) const {
   out.orientation.resize(n);
   out.velocity.resize(n);
   out.angular_velocity.resize(n);
-  StateHash hash;
   for (std::size_t i = 0; i < n; ++i) {
     const Quat& q = b.orientation[i];
     out.position[i] = array_of(b.position[i]);
     out.orientation[i] = {q.x(), q.y(), q.z(), q.w()};
     out.velocity[i] = array_of(b.velocity(i));
     out.angular_velocity[i] = array_of(b.spin(i));
-    hash.add(out.id[i]);
-    hash.add(out.position[i]);
-    hash.add(out.orientation[i]);
-    hash.add(out.velocity[i]);
-    hash.add(out.angular_velocity[i]);
   }
   out.height.assign(state_->field.height.begin(), state_->field.height.end());
-  hash.add(state_->field.height);
+  StateHash hash;
+  for (const scene::ObjectId id : out.id) hash.add(id);
+  hash.add(numbers_of(out.position));
+  hash.add(numbers_of(out.orientation));
+  hash.add(numbers_of(out.velocity));
+  hash.add(numbers_of(out.angular_velocity));
+  hash.add(out.height);
   hash.add(state_->field.speed);
   out.state_hash = hash.value();
   const Sleep& sleep = state_->sleep;

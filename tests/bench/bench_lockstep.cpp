@@ -5,6 +5,7 @@
 //   bench_lockstep            two cores; and what a tick costs beyond the sides' own work
 //   bench_lockstep one-core   both processes on one core
 //   bench_lockstep NAME       only the ways whose name begins so
+//   bench_lockstep … --json   a JSON object a line
 #include <semaphore.h>
 #include <shm_protocol/ControllerEndpoint.h>
 #include <shm_protocol/SurfaceEndpoint.h>
@@ -13,6 +14,7 @@
 #include <atomic>
 #include <cstdlib>
 #include <cstring>
+#include <nlohmann/json.hpp>
 #include <string>
 
 #include "RoundTrip.h"
@@ -261,23 +263,44 @@ void print(const std::vector<Way>& ways, const std::vector<std::vector<Figures>>
   }
 }
 
+void print_json(const std::vector<Way>& ways, const std::vector<std::vector<Figures>>& table, bool one_core) {
+  for (std::size_t w = 0; w < ways.size(); ++w)
+    for (std::size_t i = 0; i < table[w].size(); ++i) {
+      const nlohmann::ordered_json line{{"benchmark", "lockstep"},
+                                        {"case", kCases[i].label},
+                                        {"who", ways[w].name},
+                                        {"cores", one_core ? 1 : 2},
+                                        {"median_us", table[w][i].median_us},
+                                        {"p99_us", table[w][i].p99_us}};
+      std::puts(line.dump().c_str());
+    }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   const auto cpus = usable_cpus();
   bool one_core = cpus.size() == 1;
+  bool json = false;
   std::string only;
   for (int i = 1; i < argc; ++i) {
-    if (std::string(argv[i]) == "one-core")
+    const std::string argument = argv[i];
+    if (argument == "one-core")
       one_core = true;
+    else if (argument == "--json")
+      json = true;
     else
-      only = argv[i];
+      only = argument;
   }
   const int peer_cpu = one_core ? cpus.front() : cpus.back();
   pin_to(cpus.front());
   auto ways = all_ways(one_core);
   std::erase_if(ways, [&](const Way& way) { return !std::string(way.name).starts_with(only); });
   const auto table = measure_all(ways, peer_cpu);
+  if (json) {
+    print_json(ways, table, one_core);
+    return 0;
+  }
   std::printf(
       "round trips in us, median / p99 of the middle one of %d passes, and the median over that of "
       "`endpoints` "
