@@ -38,16 +38,16 @@ void ColumnAxes::set(const Core& core, const Vec3& low, const Vec3& high) {
 
 void ColumnAxes::add_box(const Core& core) {
   const Vec3& half = core.piece.shape.half;
-  auto add_upward = [&](Vec3 n, float handicap) {
-    if (n.z() < 0.0F) n = -n;
-    const float reach = (core.axes.transpose() * n).cwiseAbs().dot(half);
-    add(n, n.dot(core.centre) - reach, handicap);
+  auto add_both_ways = [&](const Vec3& n, float handicap) {
+    const float reach = (core.axes.transpose() * n).cwiseAbs().dot(half), at = n.dot(core.centre);
+    add(n, at - reach, handicap);
+    add(-n, -at - reach, handicap);
   };
-  for (int i = 0; i < 3; ++i) add_upward(core.axes.col(i), 0.0F);
+  for (int i = 0; i < 3; ++i) add_both_ways(core.axes.col(i), 0.0F);
   for (int i = 0; i < 3; ++i)
     for (int k = 0; k < 2; ++k) {
       const Vec3 n = core.axes.col(i).cross(Vec3::Unit(k));
-      if (const float length = n.norm(); length > 0.05F) add_upward(n / length, kEdgeHandicap);
+      if (const float length = n.norm(); length > 0.05F) add_both_ways(n / length, kEdgeHandicap);
     }
 }
 
@@ -77,16 +77,16 @@ void ColumnAxes::add_hull(const Core& core) {
 }
 
 void ColumnAxes::add_round(const Core& core) {
-  auto add_upward = [&](Vec3 n) {
-    const float length = n.norm();
+  auto add_both_ways = [&](const Vec3& along) {
+    const float length = along.norm();
     if (length < 0.05F) return;
-    n /= n.z() < 0.0F ? -length : length;
-    add(n, n.dot(core.farthest_outside(-n)), 0.0F);
+    for (const Vec3& n : {Vec3(along / length), Vec3(along / -length)})
+      if (n.z() >= kLowestZ) add(n, n.dot(core.farthest_outside(-n)), 0.0F);
   };
   const Vec3 along = core.axes.col(2);
-  add_upward(along);
-  add_upward(Vec3::UnitZ() - along * along.z());
-  for (int k = 0; k < 2; ++k) add_upward(along.cross(Vec3::Unit(k)));
+  add_both_ways(along);
+  add_both_ways(Vec3::UnitZ() - along * along.z());
+  for (int k = 0; k < 2; ++k) add_both_ways(along.cross(Vec3::Unit(k)));
 }
 
 float ColumnAxes::gap(const Axis& a, const Column& q) {

@@ -162,8 +162,14 @@ class PieceOnField {
     Way way;
     if (!directions.look(p.column, margin_, way)) return;
     Candidates found;
-    const Feature over = feature_towards(piece_, centre_, axes_, -way.normal);
-    add_patch(over, feature_of(p.column, way.normal), way.normal, margin_, 0, found);
+    // Level tops beside each other face the same side.
+    if (over_ != way.normal)
+      over_ = way.normal, facing_ = feature_towards(piece_, centre_, axes_, -way.normal);
+    const Feature& over = facing_;
+    if (way.normal.z() > 0.9999F)
+      add_above(over, p.column, found);
+    else
+      add_patch(over, feature_of(p.column, way.normal), way.normal, margin_, 0, found);
     const bool flat = piece_.hull || piece_.shape.kind == ShapeKind::kBox;
     // Between curved sides the gap may be wider than it was told.
     const bool told = found.count() > 0 && (flat || found.least_gap() <= way.gap + kPrecision);
@@ -173,6 +179,15 @@ class PieceOnField {
         return flat ? add_nearest(p, way) : touch_by_gjk(p, way.normal);
     }
     add(p, found);
+  }
+
+  // What of a face or an edge lies over the top.
+  void add_above(const Feature& over, const Column& q, Candidates& out) const {
+    const Feature patch = over_rectangle(over, q.west, q.east, q.south, q.north);
+    for (int i = 0; i < patch.count; ++i) {
+      const Vec3& p = patch.point[static_cast<std::size_t>(i)];
+      if (const float gap = p.z() - q.top; gap <= margin_) out.add({p, Vec3::UnitZ(), gap, 0});
+    }
   }
 
   // An edge of the piece across an edge of the top, both square to the normal: where they cross, the two are
@@ -286,6 +301,8 @@ class PieceOnField {
   const float margin_;
   Vec3 low_, high_;  // its bounds
   CellRange under_;
+  Vec3 over_{0, 0, 0};  // the normal against which the piece turns `facing_`
+  Feature facing_;
   Candidates candidates_;
 };
 

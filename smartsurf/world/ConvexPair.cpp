@@ -48,8 +48,9 @@ Touching deepest(const Core& a, const Core& b) {
   return best;
 }
 
-bool find(const Core& a, const Core& b, float margin, const Vec3& towards_a, Touching& out) {
-  const NearestPoints near = nearest_points(a, b, margin + a.rounding + b.rounding, towards_a);
+bool find(const Core& a, const Core& b, float margin, const Vec3* last_normal, Touching& out) {
+  const NearestPoints near = nearest_points(a, b, margin + a.rounding + b.rounding,
+                                            last_normal ? *last_normal : Vec3(a.centre - b.centre));
   if (!near.apart) {
     out = deepest(a, b);
     return true;
@@ -70,12 +71,11 @@ enum class Answer { kApart, kTouching, kUnknown };
 // near as anything of the other does, the face's normal is the shortest way, and GJK has nothing to add.
 Answer ask_last_face(const Core& a, const Core& b, float margin, const Vec3& last_normal, Candidates& out) {
   constexpr float kTurned = 0.98F, kPrecision = 2e-4F;
-  const Feature on_a = feature_towards(a, -last_normal), on_b = feature_towards(b, last_normal);
-  const float aligned_a = on_a.flat() ? -on_a.normal.dot(last_normal) : 0.0F;
-  const float aligned_b = on_b.flat() ? on_b.normal.dot(last_normal) : 0.0F;
+  const float aligned_a = flatness_towards(a.piece, a.axes, -last_normal);
+  const float aligned_b = flatness_towards(b.piece, b.axes, last_normal);
   if (std::max(aligned_a, aligned_b) < kTurned) return Answer::kUnknown;
   const bool from_a = aligned_a > aligned_b + 1e-3F;
-  const Feature& face = from_a ? on_a : on_b;
+  const Feature face = from_a ? feature_towards(a, -last_normal) : feature_towards(b, last_normal);
   const Core& other = from_a ? b : a;
   auto over = [&face](const Vec3& p) { return face.normal.dot(p - face.point[0]); };
   const float gap = over(other.farthest_outside(-face.normal));
@@ -93,6 +93,13 @@ Answer ask_last_face(const Core& a, const Core& b, float margin, const Vec3& las
   return nearest <= gap + kPrecision ? Answer::kTouching : Answer::kUnknown;
 }
 
+// Whether add_patch can find anything.
+bool may_share_patch(const Core& a, const Core& b, const Vec3& normal) {
+  auto has_mantle = [](const Core& c) { return !c.piece.hull && c.piece.shape.kind != ShapeKind::kBox; };
+  return (has_mantle(a) && has_mantle(b)) || flatness_towards(a.piece, a.axes, -normal) > kAligned ||
+         flatness_towards(b.piece, b.axes, normal) > kAligned;
+}
+
 bool find_candidates(const Core& a, const Core& b, float margin, const Vec3* last_normal, Candidates& out) {
   if (last_normal) {
     const Answer answer = ask_last_face(a, b, margin, *last_normal, out);
@@ -100,8 +107,9 @@ bool find_candidates(const Core& a, const Core& b, float margin, const Vec3* las
     out.clear();
   }
   Touching t;
-  if (!find(a, b, margin, last_normal ? *last_normal : Vec3(a.centre - b.centre), t)) return false;
-  add_patch(feature_towards(a, -t.normal), feature_towards(b, t.normal), t.normal, margin, 0, out);
+  if (!find(a, b, margin, last_normal, t)) return false;
+  if (may_share_patch(a, b, t.normal))
+    add_patch(feature_towards(a, -t.normal), feature_towards(b, t.normal), t.normal, margin, 0, out);
   if (out.count() == 0) out.add({t.point, t.normal, t.gap, 0});
   return true;
 }

@@ -47,30 +47,18 @@ void Detector::arrange(const BodyStore& bodies) {
   grid_.build(bodies.position, reach_, large_);
 }
 
-void Detector::sleepers_near(const BodyStore& bodies, std::size_t body,
-                             std::vector<std::int32_t>& out) const {
-  const Vec3 half = Vec3::Constant(reach_[body]);
-  auto consider = [&](std::int32_t other) {
-    const auto j = static_cast<std::size_t>(other);
-    if (!bodies.asleep[j]) return;
-    const float reach = reach_[body] + reach_[j];
-    if ((bodies.position[body] - bodies.position[j]).squaredNorm() < reach * reach) out.push_back(other);
-  };
-  grid_.for_box(bodies.position[body] - half, bodies.position[body] + half, consider);
-  for (const std::int32_t large : grid_.large()) consider(large);
-}
-
 void Detector::detect(const BodyStore& bodies, ContactList& pairs, ContactList& world, Team& team) {
   std::swap(old_pairs_, pairs);
   std::swap(old_world_, world);
-  index_old(bodies, old_pairs_, old_world_);
-  look_around_large(bodies);
   if (static_cast<int>(chunk_.size()) < chunks() + 1) chunk_.resize(static_cast<std::size_t>(chunks()) + 1);
   for (auto& c : chunk_) c.pairs.clear(), c.world.clear();
   constexpr int kWorthSharing = 4;
   team.run(chunks() >= kWorthSharing, [&](const Member& member) {
-    const Range share = member.share(chunks());
-    for (int c = share.begin; c < share.end; ++c)
+    if (member.first()) index_old(bodies, old_pairs_, old_world_);
+    if (member.index + 1 == member.members) look_around_large(bodies);
+    member.wait();
+    // In turn: what lies low meets the field, and chunks go from low to high.
+    for (int c = member.index; c < chunks(); c += member.members)
       detect_chunk(bodies, c, chunk_[static_cast<std::size_t>(c)]);
     if (member.first()) detect_large(bodies, chunk_[static_cast<std::size_t>(chunks())]);
     member.wait();

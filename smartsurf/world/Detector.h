@@ -24,8 +24,9 @@ class Detector {
 
   // Sorts the bodies into the grid, as they are now. First in a step.
   void arrange(const BodyStore&);
-  // The sleepers that a body is within reach of in this step.
-  void sleepers_near(const BodyStore&, std::size_t body, std::vector<std::int32_t>& out) const;
+  // Calls found(other) for the bodies that one may be within reach of in this step; fixed ones left aside.
+  template <class Found>
+  void for_near(const BodyStore&, std::size_t body, Found found) const;
 
   // Contacts of what moves, in an order that depends on the bodies alone. On entry the lists hold the last
   // step's contacts, whose impulses are handed on to the new ones.
@@ -85,5 +86,18 @@ class Detector {
   std::vector<Chunk> chunk_;
   std::vector<Start> start_;
 };
+
+template <class Found>
+void Detector::for_near(const BodyStore& bodies, std::size_t body, Found found) const {
+  auto consider = [&](std::int32_t other) {
+    const auto j = static_cast<std::size_t>(other);
+    if (j == body || bodies.fixed(j)) return;
+    const float reach = reach_[body] + reach_[j];
+    if ((bodies.position[body] - bodies.position[j]).squaredNorm() < reach * reach) found(j);
+  };
+  const Vec3 half = Vec3::Constant(reach_[body]);
+  grid_.for_box(bodies.position[body] - half, bodies.position[body] + half, consider);
+  for (const std::int32_t large : grid_.large()) consider(large);
+}
 
 }  // namespace smartsurf::world

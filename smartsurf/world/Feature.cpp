@@ -9,8 +9,6 @@ namespace {
 
 using scene::ShapeKind;
 
-// A face this much in line with the normal takes part with its whole area.
-constexpr float kAligned = 0.99F;
 constexpr int kRim = 8;  // points that stand for a round rim, one of them towards the direction
 
 struct Builder {
@@ -50,10 +48,9 @@ void add_disc(Builder& b, float radius, float z, float side, const Vec3& d) {
   b.f.normal = b.axes.col(2) * side;
 }
 
-void add_hull_face(Builder& b, const scene::ConvexPiece& piece, const Vec3& d) {
-  const scene::ConvexPiece::Face* best = &piece.faces.front();
-  for (const auto& face : piece.faces)
-    if (face.normal.dot(d) > best->normal.dot(d)) best = &face;
+void add_hull_face(Builder& b, const HullPiece& hull, const Vec3& d) {
+  const scene::ConvexPiece& piece = *hull.piece;
+  const scene::ConvexPiece::Face* best = &piece.faces[hull.face_normals.farthest(d)];
   // A face with very many corners is thinned out.
   const std::uint32_t stride = (best->count + Feature::kMost / 2 - 1) / (Feature::kMost / 2);
   for (std::uint32_t i = 0; i < best->count; i += stride)
@@ -118,10 +115,29 @@ Feature feature_towards(const Piece& piece, const Vec3& centre, const Mat3& axes
       }
       break;
     case ShapeKind::kSolid:
-      add_hull_face(b, *piece.hull->piece, d);
+      add_hull_face(b, *piece.hull, d);
       break;
   }
   return b.f;
+}
+
+float flatness_towards(const Piece& piece, const Mat3& axes, const Vec3& direction) {
+  const Vec3 d = axes.transpose() * direction;
+  const float across = length_of(d.x(), d.y());
+  switch (piece.shape.kind) {
+    case ShapeKind::kSphere:
+    case ShapeKind::kCapsule:
+      return 0.0F;
+    case ShapeKind::kBox:
+      return d.cwiseAbs().maxCoeff();
+    case ShapeKind::kCylinder:
+      return std::abs(d.z()) > across ? std::abs(d.z()) : 0.0F;
+    case ShapeKind::kCone:
+      return -d.z() > across ? -d.z() : 0.0F;
+    case ShapeKind::kSolid:
+      break;
+  }
+  return d.dot(piece.hull->piece->faces[piece.hull->face_normals.farthest(d)].normal);
 }
 
 namespace {
@@ -142,27 +158,51 @@ void cut(const Feature& now, const float* over, Feature& next) {
   }
 }
 
+// What a polygon or an edge is cut to, side by side.
+class Cutter {
+ public:
+  explicit Cutter(const Feature& what) : now_(&what) {}
+  // over(p): how far a point lies beyond the side.
+  template <class Over>
+  void side(Over over) {
+    float beyond[Feature::kMost];
+    float farthest = 0.0F;
+    for (int k = 0; k < now_->count; ++k) {
+      beyond[k] = over(now_->point[static_cast<std::size_t>(k)]);
+      farthest = std::max(farthest, beyond[k]);
+    }
+    if (farthest == 0.0F) return;
+    Feature& next = now_ == &buffer_[0] ? buffer_[1] : buffer_[0];
+    cut(*now_, beyond, next);
+    now_ = &next;
+  }
+  const Feature& rest() const { return *now_; }
+
+ private:
+  Feature buffer_[2];
+  const Feature* now_;
+};
+
 }  // namespace
 
 Feature clipped(const Feature& what, const Feature& face) {
-  Feature buffer[2];
-  const Feature* now = &what;
-  for (int i = 0; i < face.count && now->count > 0; ++i) {
+  Cutter cutter(what);
+  for (int i = 0; i < face.count && cutter.rest().count > 0; ++i) {
     const Vec3& a = face.point[static_cast<std::size_t>(i)];
     const Vec3& b = face.point[static_cast<std::size_t>(i + 1 < face.count ? i + 1 : 0)];
     const Vec3 out = (b - a).cross(face.normal);
-    float over[Feature::kMost];
-    float farthest = 0.0F;
-    for (int k = 0; k < now->count; ++k) {
-      over[k] = out.dot(now->point[static_cast<std::size_t>(k)] - a);
-      farthest = std::max(farthest, over[k]);
-    }
-    if (farthest == 0.0F) continue;
-    Feature& next = now == &buffer[0] ? buffer[1] : buffer[0];
-    cut(*now, over, next);
-    now = &next;
+    cutter.side([&](const Vec3& p) { return out.dot(p - a); });
   }
-  return *now;
+  return cutter.rest();
+}
+
+Feature over_rectangle(const Feature& what, float west, float east, float south, float north) {
+  Cutter cutter(what);
+  cutter.side([west](const Vec3& p) { return west - p.x(); });
+  cutter.side([east](const Vec3& p) { return p.x() - east; });
+  cutter.side([south](const Vec3& p) { return south - p.y(); });
+  cutter.side([north](const Vec3& p) { return p.y() - north; });
+  return cutter.rest();
 }
 
 void add_patch(const Feature& on_a, const Feature& on_b, const Vec3& normal, float margin, int tag,

@@ -21,8 +21,15 @@ struct Feature {
 // `direction`: unit, world frame.
 Feature feature_towards(const Piece&, const Vec3& centre, const Mat3& axes, const Vec3& direction);
 
+// A face this much in line with the normal takes part with its whole area.
+inline constexpr float kAligned = 0.99F;
+// How much in line with the direction the face is that feature_towards gives; 0 where it gives an edge.
+float flatness_towards(const Piece&, const Mat3& axes, const Vec3& direction);
+
 // Cuts a face or an edge to what lies over a face.
 Feature clipped(const Feature& what, const Feature& face);
+// The same for an upright rectangle, seen from above.
+Feature over_rectangle(const Feature& what, float west, float east, float south, float north);
 
 struct Candidate {
   Vec3 point, normal;

@@ -36,11 +36,7 @@ Vec3 farthest_own(const Piece& piece, float inset, const Vec3& d) {
     case ShapeKind::kSolid:
       break;
   }
-  const Vec3* best = piece.hull->core.data();
-  float farthest = d.dot(*best);
-  for (const Vec3& corner : piece.hull->core)
-    if (const float along = d.dot(corner); along > farthest) farthest = along, best = &corner;
-  return *best;
+  return piece.hull->core[piece.hull->core_blocks.farthest(d)];
 }
 
 struct Vertex {
@@ -163,6 +159,18 @@ Vec3 Core::farthest(const Vec3& direction) const {
   return centre + axes * farthest_own(piece, rounding, axes.transpose() * direction);
 }
 
+namespace {
+
+Vertex vertex(const Core& a, const Core& b, const Vec3& towards_a) {
+  Vertex v;
+  v.a = a.farthest(-towards_a);
+  v.b = b.farthest(towards_a);
+  v.w = v.a - v.b;
+  return v;
+}
+
+}  // namespace
+
 NearestPoints nearest_points(const Core& a, const Core& b, float limit, const Vec3& towards_a) {
   constexpr int kMostRounds = 20;
   // Distances are told to a ten-thousandth, relative or of a unit.
@@ -172,10 +180,7 @@ NearestPoints nearest_points(const Core& a, const Core& b, float limit, const Ve
   Vec3 nearest = towards_a;
   if (nearest.squaredNorm() < kOverlap) nearest = Vec3(0, 0, 1);
   for (int round = 0; round < kMostRounds; ++round) {
-    Vertex v;
-    v.a = a.farthest(-nearest);
-    v.b = b.farthest(nearest);
-    v.w = v.a - v.b;
+    const Vertex v = vertex(a, b, nearest);
     const float square = nearest.squaredNorm(), length = std::sqrt(square), along = nearest.dot(v.w);
     if (along > limit * length) return {Vec3::Zero(), Vec3::Zero(), nearest / length, along / length, true};
     // No vertex lies noticeably nearer to the origin than what is there.

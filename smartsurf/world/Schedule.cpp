@@ -85,6 +85,18 @@ void Schedule::sort_world(const BodyStore& bodies, const ContactList& world) {
   any_world_ = pack(world, middle, end, kLanes);
 }
 
+Range Schedule::share(const OctetRun& run, int member, int members) const {
+  if (run.count == 0) return {run.first, run.first};
+  const auto begin = octet_.begin() + run.first, end = begin + run.count;
+  const long before = begin->first, points = (end - 1)->first + (end - 1)->points - before;
+  auto at = [&](int share) {
+    const long from = before + points * share / members;
+    const auto first = std::partition_point(begin, end, [from](const Octet& o) { return o.first < from; });
+    return static_cast<int>(first - octet_.begin());
+  };
+  return {at(member), member + 1 == members ? run.first + run.count : at(member + 1)};
+}
+
 OctetRun Schedule::pack(const ContactList& list, int begin, int end, int lanes) {
   OctetRun run{octets(), 0};
   for (int at = begin; at < end; at += lanes, ++run.count) {

@@ -7,6 +7,7 @@
 #include "smartsurf/world/Bodies.h"
 #include "smartsurf/world/Contact.h"
 #include "smartsurf/world/ContactKernels.h"
+#include "smartsurf/world/Team.h"
 
 namespace smartsurf::world {
 
@@ -29,6 +30,9 @@ class Schedule {
   // Against the world: one manifold a body.
   OctetRun round_world() const { return round_world_; }
   OctetRun any_world() const { return any_world_; }
+
+  // One member's share of a run of octets, by their points: those with many come first.
+  Range share(const OctetRun&, int member, int members) const;
 
   int octets() const { return static_cast<int>(octet_.size()); }
   const Octet* octets_from(int i) const { return octet_.data() + i; }

@@ -1,7 +1,9 @@
 #include "smartsurf/world/Shape.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <limits>
 #include <map>
 
 namespace smartsurf::world {
@@ -56,12 +58,54 @@ void add_hulls(Shape& shape) {
   for (const auto& piece : shape.solid->pieces) {
     const float width = least_width(piece);
     const float rounding = std::min(0.03F, 0.1F * width);
-    shape.hulls.push_back({&piece, drawn_in(piece, rounding), rounding, edges_of(piece)});
+    HullPiece& hull = shape.hulls.emplace_back();
+    hull.piece = &piece;
+    hull.core = drawn_in(piece, rounding);
+    hull.rounding = rounding;
+    hull.core_blocks.assign(hull.core);
+    std::vector<Vec3> normals;
+    for (const auto& face : piece.faces) normals.push_back(face.normal);
+    hull.face_normals.assign(normals);
+    hull.edges = edges_of(piece);
     shape.width = shape.hulls.size() == 1 ? width : std::max(shape.width, width);
   }
 }
 
 }  // namespace
+
+void VectorBlocks::assign(const std::vector<Vec3>& vectors) {
+  blocks_.resize((vectors.size() + kBlock - 1) / kBlock);
+  for (std::size_t i = 0; i < kBlock * blocks_.size(); ++i) {
+    const Vec3& v = i < vectors.size() ? vectors[i] : vectors.front();
+    Block& b = blocks_[i / kBlock];
+    b.x[i % kBlock] = v.x(), b.y[i % kBlock] = v.y(), b.z[i % kBlock] = v.z();
+  }
+}
+
+// Without branches that nobody could foretell: in each of eight lanes the farthest, then the farthest of
+// these.
+std::size_t VectorBlocks::farthest(const Vec3& d) const {
+  const float x = d.x(), y = d.y(), z = d.z();
+  alignas(32) float most[kBlock];
+  alignas(32) std::int32_t block[kBlock];
+  std::fill_n(most, kBlock, -std::numeric_limits<float>::max());
+  std::fill_n(block, kBlock, 0);
+  for (std::size_t k = 0; k < blocks_.size(); ++k) {
+    const Block& b = blocks_[k];
+    const auto here = static_cast<std::int32_t>(k);
+    for (std::size_t i = 0; i < kBlock; ++i) {
+      const float along = b.x[i] * x + b.y[i] * y + b.z[i] * z;
+      block[i] = along > most[i] ? here : block[i];
+      most[i] = along > most[i] ? along : most[i];
+    }
+  }
+  float farthest = most[0];
+  for (std::size_t i = 1; i < kBlock; ++i) farthest = std::max(farthest, most[i]);
+  unsigned lanes = 0;
+  for (std::size_t i = 0; i < kBlock; ++i) lanes |= (most[i] == farthest ? 1U : 0U) << i;
+  const auto lane = static_cast<std::size_t>(std::countr_zero(lanes));
+  return kBlock * static_cast<std::size_t>(block[lane]) + lane;
+}
 
 Shape make_shape(const scene::ObjectSpec& o) {
   Shape s;

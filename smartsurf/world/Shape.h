@@ -10,11 +10,28 @@
 
 namespace smartsurf::world {
 
+// Vectors in blocks of eight, the last one filled up with copies of the first: which of them reaches farthest
+// is found several at a time.
+class VectorBlocks {
+ public:
+  void assign(const std::vector<Vec3>&);
+  // One of those that reach farthest along a direction, finite.
+  std::size_t farthest(const Vec3& direction) const;
+
+ private:
+  static constexpr std::size_t kBlock = 8;
+  struct alignas(32) Block {
+    float x[kBlock], y[kBlock], z[kBlock];
+  };
+  std::vector<Block> blocks_;
+};
+
 // A convex piece of a solid and its core: the corners drawn in so far that every face moves by `rounding`.
 struct HullPiece {
   const scene::ConvexPiece* piece = nullptr;
   std::vector<Vec3> core;
   float rounding = 0.0F;
+  VectorBlocks core_blocks, face_normals;
   struct Edge {
     std::uint16_t corner, left, right;  // one of its corners, and the faces that meet in it
   };

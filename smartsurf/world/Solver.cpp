@@ -65,7 +65,7 @@ void Solver::step(BodyStore& bodies, const std::vector<std::int32_t>& moving, Co
 }
 
 void Solver::work(Job& job, const Member& member) {
-  const Range octets = member.share(schedule_.octets());
+  const Range octets = schedule_.share({0, schedule_.octets()}, member.index, member.members);
   for (int i = octets.begin; i < octets.end; ++i) fill(job, i);
   const Range bodies = member.share(static_cast<int>(job.moving.size()));
   member.wait();
@@ -234,23 +234,32 @@ void Solver::end_substep(Job& job, Range range) {
 void Solver::sweep(Job& job, const Member& member, const Kernel (&kernel)[kContactKinds], float elapsed_s) {
   Pass pair = job.pair_pass, world = job.world_pass;
   pair.elapsed_s = world.elapsed_s = elapsed_s;
-  auto run = [&](ContactKind kind, const OctetRun& octets, Range part, const Pass& pass) {
-    if (part.begin < part.end)
-      kernel[kind](schedule_.octets_from(octets.first + part.begin), part.end - part.begin, points(),
-                   job.rows, pass);
+  auto run = [&](ContactKind kind, Range octets, const Pass& pass) {
+    if (octets.begin < octets.end)
+      kernel[kind](schedule_.octets_from(octets.begin), octets.end - octets.begin, points(), job.rows, pass);
   };
+  auto run_share = [&](ContactKind kind, const OctetRun& octets, const Pass& pass) {
+    run(kind, schedule_.share(octets, member.index, member.members), pass);
+  };
+  bool alone = false;
   for (const Schedule::Colour& c : schedule_.colours()) {
-    if (!c.in_order) {
-      run(kRoundPair, c.round, member.share(c.round.count), pair);
-      run(kAnyPair, c.any, member.share(c.any.count), pair);
+    // Colours too small to share follow each other on one member, without waiting.
+    constexpr int kWorthSharing = 8;
+    const bool share = !c.in_order && c.round.count + c.any.count >= kWorthSharing;
+    if (share && alone) member.wait();
+    alone = !share;
+    if (share) {
+      run_share(kRoundPair, c.round, pair);
+      run_share(kAnyPair, c.any, pair);
+      member.wait();
     } else if (member.first()) {
-      run(kRoundPair, c.round, {0, c.round.count}, pair);
-      run(kAnyPair, c.any, {0, c.any.count}, pair);
+      run(kRoundPair, {c.round.first, c.round.first + c.round.count}, pair);
+      run(kAnyPair, {c.any.first, c.any.first + c.any.count}, pair);
     }
-    member.wait();
   }
-  run(kRoundWorld, schedule_.round_world(), member.share(schedule_.round_world().count), world);
-  run(kAnyWorld, schedule_.any_world(), member.share(schedule_.any_world().count), world);
+  if (alone) member.wait();
+  run_share(kRoundWorld, schedule_.round_world(), world);
+  run_share(kAnyWorld, schedule_.any_world(), world);
   member.wait();
 }
 

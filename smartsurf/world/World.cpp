@@ -62,6 +62,8 @@ struct World::State {
   void list_moving();
   void wake();
   void wake_what_is_hit();
+  void look_around_fast();
+  void look_around_sleepers();
   void move_bodies();
   void write_impulses();
 
@@ -219,13 +221,31 @@ void World::State::wake() {
   sleep.wake_on_moving_cells(bodies);
 }
 
+void World::State::look_around_fast() {
+  for (const std::int32_t i : moving)
+    if (Sleep::fast(bodies, static_cast<std::size_t>(i)))
+      detector.for_near(bodies, static_cast<std::size_t>(i), [this](std::size_t j) {
+        if (bodies.asleep[j]) near.push_back(static_cast<std::int32_t>(j));
+      });
+}
+
+void World::State::look_around_sleepers() {
+  for (std::size_t j = 0; j < bodies.asleep.size(); ++j) {
+    if (!bodies.asleep[j]) continue;
+    bool hit = false;
+    detector.for_near(bodies, j, [&](std::size_t i) { hit |= !bodies.asleep[i] && Sleep::fast(bodies, i); });
+    if (hit) near.push_back(static_cast<std::int32_t>(j));
+  }
+}
+
 // What is about to hit a sleeper wakes it, so that the blow moves it.
 void World::State::wake_what_is_hit() {
   if (!sleep.any()) return;
   near.clear();
-  for (const std::int32_t i : moving)
-    if (Sleep::fast(bodies, static_cast<std::size_t>(i)))
-      detector.sleepers_near(bodies, static_cast<std::size_t>(i), near);
+  if (static_cast<std::size_t>(sleep.sleepers()) < moving.size())
+    look_around_sleepers();
+  else
+    look_around_fast();
   for (const std::int32_t i : near) sleep.wake_connected(bodies, static_cast<std::size_t>(i));
   if (!near.empty()) list_moving();
 }

@@ -94,3 +94,33 @@ TEST(Collision, ABlowPassesThroughARow) {
   bench.run(1.0);
   for (const auto id : row) EXPECT_NEAR(bench.velocity(id).x(), id == row.back() ? 4.0 : 0.0, 0.02) << id;
 }
+
+TEST(Collision, OfARockingSphereWithTheEdgesOfAGroove) {
+  // It swings about one edge until it meets the other; what the blow leaves of its spin follows from the
+  // momentum about the edge that is hit.
+  for (const double radius : {1.2, 1.8}) {
+    PhysicsBench bench;
+    bench.scene.world.dt_s = 1.0 / 960;
+    bench.scene.materials[0].friction = 1.5;
+    for (int r = 0; r < 32; ++r)
+      for (int c = 0; c < 32; ++c) bench.cells().set_target(0, r, c, c == 15 ? 0.0F : 2.0F);
+    bench.run(1.0);
+    const double half = 0.6, lean = std::asin(half / radius), begin = -0.3 * lean;
+    const double level = 2 + radius * std::cos(lean);
+    const double left = std::pow((0.4 + std::cos(2 * lean)) / 1.4, 2);
+    const auto id =
+        bench.add(sphere(radius, {15 + half + radius * std::sin(begin), 15.3, 2 + radius * std::cos(begin)}));
+    double last = bench.position(id).z() - level, height = 0;
+    int blows = 0;
+    bench.run(4.0, [&] {
+      const double above = bench.position(id).z() - level;
+      if (bench.velocity(id).z() > 0) height = std::max(height, above);
+      if (bench.velocity(id).z() > 0 || height == 0) return;
+      if (++blows <= 2) {
+        EXPECT_NEAR(height / last, left, 0.03 * left) << "radius " << radius << ", blow " << blows;
+      }
+      last = height, height = 0;
+    });
+    EXPECT_GT(blows, 2) << radius;
+  }
+}

@@ -77,3 +77,26 @@ TEST(Schedule, EveryBodyMeetsTheWorldOnce) {
         EXPECT_TRUE(bodies.insert(schedule.octet(o).a[lane]).second);
   EXPECT_EQ(bodies.size(), t.world.manifolds.size());
 }
+
+TEST(Schedule, SharesAreWholeAndAsHeavyAsEachOther) {
+  const Tangle t(200, 600);
+  Schedule schedule;
+  schedule.build(t.bodies, t.pairs, t.world);
+  auto points = [&](int begin, int end) {
+    int sum = 0;
+    for (int o = begin; o < end; ++o) sum += schedule.octet(o).points;
+    return sum;
+  };
+  for (const OctetRun& run : {schedule.any_world(), OctetRun{0, schedule.octets()}, OctetRun{3, 0}})
+    for (const int members : {1, 2, 3, 7}) {
+      int next = run.first;
+      for (int member = 0; member < members; ++member) {
+        const Range share = schedule.share(run, member, members);
+        EXPECT_EQ(share.begin, next);
+        next = share.end;
+        const int fair = points(run.first, run.first + run.count) / members;
+        EXPECT_NEAR(points(share.begin, share.end), fair, 6) << member << " of " << members;
+      }
+      EXPECT_EQ(next, run.first + run.count);
+    }
+}

@@ -1,0 +1,112 @@
+#include "smartsurf/world/ConvexPair.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "smartsurf/world/ColumnAxes.h"
+
+using namespace smartsurf;
+using namespace smartsurf::world;
+
+namespace {
+
+struct Body {
+  Shape shape;
+  Vec3 centre;
+  Mat3 axes;
+  Placed placed() const { return {shape, centre, axes}; }
+};
+
+std::shared_ptr<const scene::Solid> block(const Vec3& half) {
+  std::vector<Vec3> corners;
+  for (int i = 0; i < 8; ++i)
+    corners.push_back(
+        half.cwiseProduct(Vec3(i & 1 ? 1.0F : -1.0F, i & 2 ? 1.0F : -1.0F, i & 4 ? 1.0F : -1.0F)));
+  auto solid = std::make_shared<scene::Solid>();
+  const std::uint32_t sizes[] = {4, 4, 4, 4, 4, 4};
+  solid->pieces = {scene::make_piece(
+      corners, {0, 2, 3, 1, 4, 5, 7, 6, 0, 1, 5, 4, 2, 6, 7, 3, 0, 4, 6, 2, 1, 3, 7, 5}, sizes)};
+  solid->vertices = corners;
+  scene::set_bounds(*solid);
+  return solid;
+}
+
+const Vec3 kHalf(0.5F, 0.7F, 0.4F);
+
+Body body(scene::ShapeKind kind, std::mt19937& random, const Vec3& centre) {
+  std::uniform_real_distribution<float> u(-1, 1);
+  scene::ObjectSpec o;
+  o.shape = kind;
+  o.radius = 0.6;
+  o.height = 1.2;
+  o.size = 2 * kHalf.cast<double>();
+  if (kind == scene::ShapeKind::kSolid) o.solid = block(kHalf);
+  return {make_shape(o), centre,
+          Quat(u(random), u(random), u(random), u(random)).normalized().toRotationMatrix()};
+}
+
+float least_gap(const std::vector<Contact>& contacts) {
+  float least = 1e9F;
+  for (const Contact& c : contacts) least = std::min(least, c.gap);
+  return least;
+}
+
+}  // namespace
+
+TEST(ConvexPair, TheLastNormalSavesWorkAndDecidesNothing) {
+  std::mt19937 random(3);
+  std::uniform_real_distribution<float> u(-1, 1);
+  const scene::ShapeKind kinds[] = {scene::ShapeKind::kBox, scene::ShapeKind::kCylinder,
+                                    scene::ShapeKind::kSolid};
+  constexpr float kMargin = 0.05F;
+  int compared = 0;
+  for (int i = 0; i < 3000; ++i) {
+    const Body a = body(kinds[i % 3], random, {0, 0, 0});
+    const Vec3 away = Vec3(u(random), u(random), u(random)).normalized();
+    Body b = body(kinds[i / 3 % 3], random, away * (1.0F + 0.4F * std::abs(u(random))));
+    std::vector<Contact> before, with, without;
+    touch_convex(a.placed(), b.placed(), kMargin, nullptr, before);
+    if (before.empty() || least_gap(before) < -0.03F) continue;
+    b.centre += 0.02F * Vec3(u(random), u(random), u(random));
+    b.axes = Eigen::AngleAxisf(0.03F * u(random), Vec3::UnitX()).toRotationMatrix() * b.axes;
+    touch_convex(a.placed(), b.placed(), kMargin, &before[0].normal, with);
+    touch_convex(a.placed(), b.placed(), kMargin, nullptr, without);
+    if (std::min(least_gap(with), least_gap(without)) > kMargin - 2e-3F)
+      continue;  // either may tell it or not
+    ASSERT_FALSE(with.empty() || without.empty()) << i;
+    if (least_gap(without) < -0.04F) continue;                      // deep: there is more than one way out
+    EXPECT_NEAR(least_gap(with), least_gap(without), 0.025F) << i;  // GJK sees corners rounded off
+    ++compared;
+  }
+  EXPECT_GT(compared, 150);
+}
+
+TEST(ColumnAxes, ABoxAndItsHullAreEquallyFarFromAColumn) {
+  std::mt19937 random(4);
+  std::uniform_real_distribution<float> u(-1, 1);
+  const Column column{-0.4F, 0.4F, -0.4F, 0.4F, 0.0F, false, false, false, false};
+  int near = 0;
+  for (int i = 0; i < 2000; ++i) {
+    Body box = body(scene::ShapeKind::kBox, random, Vec3(u(random), u(random), 0.3F + 0.6F * u(random)));
+    Body hull = body(scene::ShapeKind::kSolid, random, box.centre);
+    hull.axes = box.axes;
+    const Vec3 reach = box.axes.cwiseAbs() * kHalf;
+    ColumnAxes::Widest by_box, by_hull;
+    auto look = [&](const Body& b, ColumnAxes::Widest& out) {
+      ColumnAxes axes;
+      const HullPiece* piece = b.shape.hulls.empty() ? nullptr : &b.shape.hulls[0];
+      axes.set(Core({b.shape, piece}, b.centre, b.axes), b.centre - reach, b.centre + reach);
+      return axes.look(column, 0.1F, out);
+    };
+    const bool box_near = look(box, by_box), hull_near = look(hull, by_hull);
+    if (box_near != hull_near) {
+      EXPECT_NEAR(box_near ? by_box.gap : by_hull.gap, 0.1F, 1e-4F) << i;
+      continue;
+    }
+    if (!box_near) continue;
+    ++near;
+    EXPECT_NEAR(by_box.gap, by_hull.gap, 3e-3F) << i;  // a crossing of edges must win by 0.002
+  }
+  EXPECT_GT(near, 300);
+}
