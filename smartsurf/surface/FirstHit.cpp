@@ -1,9 +1,12 @@
 #include "smartsurf/surface/FirstHit.h"
 
+#include <hwy/cache_control.h>
+
 #include <algorithm>
 #include <cassert>
 #include <cmath>
 #include <cstring>
+#include <functional>
 #include <limits>
 
 #include "smartsurf/surface/WorkerPool.h"
@@ -133,10 +136,11 @@ void FirstHit::sweep(std::span<const SensedBody> bodies, std::span<const float> 
   pass.job.touched = touched_.data();
   pass.job.x = x_.data();
   pool.for_rows(rows_, cost_ns(bodies.size()), [this, &pass](int begin, int end) {
-    sweep_rows(pass.job, begin, end, [this, &pass](int first, int last) {
-      clear_rows(first, last);
+    const auto prepare = [this, &pass, end](int first, int last) {
+      clear_rows(first, last, end);
       meet_pins_of_rows(pass, first, last);
-    });
+    };
+    sweep_rows(pass.job, begin, end, std::cref(prepare));
   });
 }
 
@@ -154,18 +158,35 @@ void FirstHit::find_extremes(const float* height, int begin, int end) noexcept {
   }
 }
 
-void FirstHit::clear_rows(int begin, int end) noexcept {
+// Calls use(b) for every block of a row that was touched, eight at a look.
+template <class Use>
+void FirstHit::for_touched(int row, Use use) noexcept {
   constexpr std::size_t kWord = sizeof(std::uint64_t);
+  const auto blocks = static_cast<std::size_t>(blocks_);
+  const std::uint8_t* const touched = touched_.data() + static_cast<std::size_t>(row) * blocks;
+  for (std::size_t b = 0; b < blocks;) {
+    std::uint64_t next = 1;
+    if (b + kWord <= blocks) std::memcpy(&next, touched + b, kWord);
+    const std::size_t end = std::min(b + kWord, blocks);
+    if (next == 0) b = end;
+    for (; b < end; ++b)
+      if (touched[b] != 0) use(b);
+  }
+}
+
+void FirstHit::clear_rows(int begin, int end, int end_of_band) noexcept {
+  constexpr int kAhead = 2;  // rows: about what a trip to memory takes
   for (int r = begin; r < end; ++r) {
-    std::uint8_t* const touched = touched_.data() + static_cast<std::ptrdiff_t>(r) * blocks_;
     const std::size_t row = static_cast<std::size_t>(r) * static_cast<std::size_t>(columns_);
-    for (std::size_t b = 0; b < static_cast<std::size_t>(blocks_);) {
-      std::uint64_t next = 0;
-      if (b + kWord <= static_cast<std::size_t>(blocks_)) std::memcpy(&next, touched + b, kWord);
-      if (b + kWord <= static_cast<std::size_t>(blocks_) && next == 0) {
-        b += kWord;
-        continue;
-      }
+    if (r + kAhead < end_of_band) {
+      const std::size_t ahead = row + kAhead * static_cast<std::size_t>(columns_);
+      for_touched(r + kAhead, [this, ahead](std::size_t b) {
+        hwy::Prefetch(&distance_[ahead + b * kBlock]);
+        hwy::Prefetch(&mark_[ahead + b * kBlock]);
+      });
+    }
+    std::uint8_t* const touched = touched_.data() + static_cast<std::ptrdiff_t>(r) * blocks_;
+    for_touched(r, [this, row, touched](std::size_t b) {
       if ((touched[b] & 1) != 0) {
         const std::size_t first = b * kBlock;
         const std::size_t count = std::min<std::size_t>(kBlock, static_cast<std::size_t>(columns_) - first);
@@ -173,8 +194,7 @@ void FirstHit::clear_rows(int begin, int end) noexcept {
         std::fill_n(mark_.begin() + static_cast<std::ptrdiff_t>(row + first), count, 0.0F);
       }
       touched[b] = static_cast<std::uint8_t>((touched[b] & 1) << 1);
-      ++b;
-    }
+    });
   }
 }
 

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "smartsurf/surface/Field.h"
+#include "smartsurf/surface/LineVector.h"
 #include "smartsurf/surface/SweepKernels.h"
 
 namespace smartsurf::surface {
@@ -70,7 +71,9 @@ class FirstHit {
   bool clears_its_own_pin() const noexcept;
   void list_pins(const Field&);
   void find_extremes(const float* height, int begin, int end) noexcept;
-  void clear_rows(int begin, int end) noexcept;
+  template <class Use>
+  void for_touched(int row, Use use) noexcept;
+  void clear_rows(int begin, int end, int end_of_band) noexcept;
   void meet_pins_of_rows(const Pass&, int begin, int end) noexcept;
 
   void list_strips(const Field&);
@@ -82,7 +85,7 @@ class FirstHit {
   float pitch_;
   Segment segment_;
   std::vector<float> x_;  // of the segments' starts, one a column
-  std::vector<float> distance_, mark_;
+  LineVector<float> distance_, mark_;
   std::vector<std::uint8_t> touched_;  // a block's bit 0: by the last sweep, bit 1: by the one before
   std::vector<PinStep> pins_;          // that a segment passes, in the order in which it does
   std::vector<float> row_lowest_, row_highest_;  // of the cells that are there

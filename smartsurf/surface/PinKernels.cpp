@@ -19,17 +19,20 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 constexpr std::size_t kWidest = 16;
 
-// Calls step(d, i) for stretches of pins from i on that together are [0, n): as wide as they come, the last
-// ones narrower.
+// Calls step(d, i, done) for vectors of pins from i on, together [0, n). The last one may reach back over
+// pins that are done, which keep what they have; few pins come one by one.
 template <class Step>
-HWY_INLINE void in_stretches(std::size_t n, Step step) {
-  std::size_t i = 0;
+HWY_INLINE void in_vectors(std::size_t n, Step step) {
   const hn::CappedTag<float, kWidest> wide;
-  for (; i + hn::Lanes(wide) <= n; i += hn::Lanes(wide)) step(wide, i);
-  const hn::CappedTag<float, 4> narrow;
-  for (; i + hn::Lanes(narrow) <= n; i += hn::Lanes(narrow)) step(narrow, i);
+  const std::size_t lanes = hn::Lanes(wide);
+  std::size_t i = 0;
+  for (; i + lanes <= n; i += lanes) step(wide, i, hn::FirstN(wide, 0));
+  if (i < n && n >= lanes) {
+    step(wide, n - lanes, hn::FirstN(wide, lanes - (n - i)));
+    return;
+  }
   const hn::CappedTag<float, 1> single;
-  for (; i < n; ++i) step(single, i);
+  for (; i < n; ++i) step(single, i, hn::FirstN(single, 0));
 }
 
 class Greatest {
@@ -63,7 +66,7 @@ HWY_INLINE V approach(D d, const Approach::Constants& c, V distance, V speed, V 
 }
 
 void take_commands_of_target(std::size_t n, const float* commands, float low, float high, float* kept) {
-  in_stretches(n, [=](auto d, std::size_t i) {
+  in_vectors(n, [=](auto d, std::size_t i, auto) {
     const auto command = hn::LoadU(d, commands + i), least = hn::Set(d, low), most = hn::Set(d, high);
     const auto raised = hn::IfThenElse(hn::Lt(command, least), least, command);
     const auto within = hn::IfThenElse(hn::Gt(raised, most), most, raised);
@@ -73,7 +76,7 @@ void take_commands_of_target(std::size_t n, const float* commands, float low, fl
 
 bool aim_of_target(std::size_t n, const float* base, const float* commands, float* target) {
   bool changed = false;
-  in_stretches(n, [&](auto d, std::size_t i) {
+  in_vectors(n, [&](auto d, std::size_t i, auto) {
     const auto goal = hn::Add(hn::LoadU(d, base + i), hn::LoadU(d, commands + i));
     changed |= !hn::AllTrue(d, hn::Eq(goal, hn::LoadU(d, target + i)));
     hn::StoreU(goal, d, target + i);
@@ -86,9 +89,10 @@ Course steer_of_target(std::size_t n, const float* target, const float* height, 
   Course course;
   Greatest fastest(0.0F);
   const Approach::Constants& c = law.constants();
-  in_stretches(n, [&](auto d, std::size_t i) {
+  in_vectors(n, [&](auto d, std::size_t i, auto done) {
     const auto distance = hn::Sub(hn::LoadU(d, target + i), hn::LoadU(d, height + i));
-    const auto speed = approach(d, c, distance, hn::LoadU(d, speeds + i), hn::Set(d, c.limit));
+    const auto before = hn::LoadU(d, speeds + i);
+    const auto speed = hn::IfThenElse(done, before, approach(d, c, distance, before, hn::Set(d, c.limit)));
     hn::StoreU(speed, d, speeds + i);
     const auto rest = hn::And(hn::Eq(distance, hn::Zero(d)), hn::Eq(speed, hn::Zero(d)));
     course.moving |= !hn::AllTrue(d, rest);
@@ -103,7 +107,7 @@ Course steer_loaded_of_target(std::size_t n, const LoadedPins& pins, const Appro
   Course course;
   Greatest fastest(0.0F);
   const Approach::Constants& c = law.constants();
-  in_stretches(n, [&](auto d, std::size_t i) {
+  in_vectors(n, [&](auto d, std::size_t i, auto done) {
     const auto zero = hn::Zero(d), full = hn::Set(d, c.limit), dt = hn::Set(d, drive.dt_s);
     const auto height = hn::LoadU(d, pins.height + i), before = hn::LoadU(d, pins.speed + i);
     const auto wait = hn::LoadU(d, pins.wait + i);
@@ -120,10 +124,10 @@ Course steer_loaded_of_target(std::size_t n, const LoadedPins& pins, const Appro
     const auto back = hn::Mul(full, hn::Max(hn::Set(d, -1.0F), hn::Min(left, zero)));
     const auto yielding = hn::Max(to_stop, hn::Max(hn::Sub(before, hn::Set(d, c.step)), back));
 
-    const auto speed = hn::IfThenElse(works, driven, yielding);
+    const auto speed = hn::IfThenElse(done, before, hn::IfThenElse(works, driven, yielding));
     const auto still = hn::IfThenElse(bears, hn::Sub(wait, dt), hn::Set(d, drive.pause_s));
     hn::StoreU(speed, d, pins.speed + i);
-    hn::StoreU(hn::IfThenElse(works, wait, still), d, pins.wait + i);
+    hn::StoreU(hn::IfThenElse(hn::Or(done, works), wait, still), d, pins.wait + i);
     course.moving |= !hn::AllTrue(d, hn::And(hn::Eq(distance, zero), hn::Eq(speed, zero)));
     fastest.add(d, hn::Abs(speed));
   });
@@ -134,10 +138,11 @@ Course steer_loaded_of_target(std::size_t n, const LoadedPins& pins, const Appro
 bool weigh_of_target(std::size_t n, const float* impulse, float per_dt, float share, float limit,
                      float* loads) {
   bool overloaded = false;
-  in_stretches(n, [&](auto d, std::size_t i) {
+  in_vectors(n, [&](auto d, std::size_t i, auto done) {
     const auto before = hn::LoadU(d, loads + i);
     const auto felt = hn::Mul(hn::LoadU(d, impulse + i), hn::Set(d, per_dt));
-    const auto load = hn::Add(before, hn::Mul(hn::Sub(felt, before), hn::Set(d, share)));
+    const auto next = hn::Add(before, hn::Mul(hn::Sub(felt, before), hn::Set(d, share)));
+    const auto load = hn::IfThenElse(done, before, next);
     overloaded |= !hn::AllFalse(d, hn::Gt(load, hn::Set(d, limit)));
     hn::StoreU(load, d, loads + i);
   });
@@ -146,12 +151,13 @@ bool weigh_of_target(std::size_t n, const float* impulse, float per_dt, float sh
 
 float advance_of_target(std::size_t n, const float* target, const float* speed, float dt_s, float* heights) {
   Greatest highest(-std::numeric_limits<float>::infinity());
-  in_stretches(n, [&](auto d, std::size_t i) {
+  in_vectors(n, [&](auto d, std::size_t i, auto done) {
     const auto goal = hn::LoadU(d, target + i);
-    const auto next = hn::Add(hn::LoadU(d, heights + i), hn::Mul(hn::LoadU(d, speed + i), hn::Set(d, dt_s)));
+    const auto before = hn::LoadU(d, heights + i);
+    const auto next = hn::Add(before, hn::Mul(hn::LoadU(d, speed + i), hn::Set(d, dt_s)));
     const auto size = hn::Max(hn::Abs(next), hn::Set(d, 1.0F));
     const auto arrived = hn::Le(hn::Abs(hn::Sub(goal, next)), hn::Mul(hn::Set(d, 1e-6F), size));
-    const auto height = hn::IfThenElse(arrived, goal, next);
+    const auto height = hn::IfThenElse(done, before, hn::IfThenElse(arrived, goal, next));
     hn::StoreU(height, d, heights + i);
     highest.add(d, height);
   });

@@ -55,7 +55,8 @@ struct WorkerPool::State {
   }
 };
 
-WorkerPool::WorkerPool(int threads) : state_(std::make_unique<State>()) {
+WorkerPool::WorkerPool(int threads, double worth_ns)
+    : state_(std::make_unique<State>()), worth_ns_(worth_ns) {
   const int others = std::max(0, threads - 1);
   if (static_cast<unsigned>(threads) <= std::thread::hardware_concurrency()) state_->turns = kTurns;
   // All are there before any works: a band depends on how many there are.

@@ -11,8 +11,9 @@ class WorkerPool {
   // Waking the others takes some tens of microseconds; less work than this is done before they are up.
   static constexpr double kWorthSharing_ns = 100e3;
 
-  // Starts threads − 1 threads (the caller is one of them); threads ≥ 1.
-  explicit WorkerPool(int threads);
+  // Starts threads − 1 threads (the caller is one of them); threads ≥ 1. They share work that costs at least
+  // worth_ns.
+  explicit WorkerPool(int threads, double worth_ns = kWorthSharing_ns);
   ~WorkerPool();
   WorkerPool(const WorkerPool&) = delete;
   WorkerPool& operator=(const WorkerPool&) = delete;
@@ -31,7 +32,7 @@ class WorkerPool {
   // thread, reckoned from counts of what there is to do, never from a clock.
   template <class Work>
   void for_rows(int rows, double cost_ns, const Work& work) {
-    if (cost_ns >= kWorthSharing_ns)
+    if (cost_ns >= worth_ns_)
       for_rows(rows, work);
     else if (rows > 0)
       work(0, rows);
@@ -46,6 +47,7 @@ class WorkerPool {
   void share(int rows, Job);
 
   std::unique_ptr<State> state_;
+  double worth_ns_;
 };
 
 }  // namespace smartsurf::surface

@@ -7,6 +7,7 @@
 #include "smartsurf/world/Bodies.h"
 #include "smartsurf/world/Detector.h"
 #include "smartsurf/world/FieldStop.h"
+#include "smartsurf/world/FieldCopy.h"
 #include "smartsurf/world/Sleep.h"
 #include "smartsurf/world/Solver.h"
 #include "smartsurf/world/StateHash.h"
@@ -54,7 +55,8 @@ struct World::State {
         team(pool),
         sleep(cells, settings.dt_s, settings.gravity),
         detector(cells, settings.dt_s, ground_height(scene)),
-        solver(settings) {
+        solver(settings),
+        field_copy(pool) {
     field.impulse.assign(field.height.size(), 0.0F);
   }
 
@@ -85,6 +87,7 @@ struct World::State {
   std::vector<float> rest_impulse;
   unsigned rest_impulse_of = 0;  // Sleep::changes()
   std::vector<std::int32_t> near;
+  FieldCopy field_copy;
   mutable std::vector<Vec3> velocity, spin;  // for bodies()
 };
 
@@ -302,15 +305,13 @@ void World::snapshot(scene::Snapshot& out) const {
     out.velocity[i] = array_of(b.velocity(i));
     out.angular_velocity[i] = array_of(b.spin(i));
   }
-  out.height.assign(state_->field.height.begin(), state_->field.height.end());
   StateHash hash;
   for (const scene::ObjectId id : out.id) hash.add(id);
   hash.add(numbers_of(out.position));
   hash.add(numbers_of(out.orientation));
   hash.add(numbers_of(out.velocity));
   hash.add(numbers_of(out.angular_velocity));
-  hash.add(out.height);
-  hash.add(state_->field.speed);
+  state_->field_copy.take(state_->field, out.height, hash);
   out.state_hash = hash.value();
   const Sleep& sleep = state_->sleep;
   out.contacts = static_cast<std::uint32_t>(state_->pairs.contacts.size() + state_->world.contacts.size() +

@@ -421,7 +421,7 @@ TEST(Footprint, HasTheSameBitsForAnyNumberOfThreads) {
     for (const auto& direction : kDirections) {
       std::vector<float> first;
       for (const int threads : {1, 2, 3}) {
-        surface::WorkerPool pool(threads);
+        surface::WorkerPool pool(threads, 0.0);  // shares all there is
         surface::SensedBodies bodies;
         bodies.update(s.snapshot, s.objects, pool);
         FirstHit sweep(s.field, segment_along(direction, 6, true));

@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "smartsurf/surface/ActuatorArray.h"
+#include "smartsurf/surface/WorkerPool.h"
 
 using namespace smartsurf;
 
@@ -65,7 +66,39 @@ scene::ObjectSpec box(double x, double y, double z) {
   return o;
 }
 
+// A wave under uneven loads: after each step every height, and the greatest speed.
+std::vector<float> wave_of_pins(const scene::ParameterValues& drive, int threads) {
+  scene::SurfaceSpec s = surface_of({actuator("pin", drive)}, 19, 37);
+  s.border_height = 3.0;
+  surface::WorkerPool pool(threads, 0.0);  // shares all there is
+  surface::ActuatorArray array(s, {}, 1, &pool);
+  std::vector<float> seen, targets(19 * 37);
+  for (int step = 0; step < 60; ++step) {
+    for (std::size_t i = 0; i < targets.size(); ++i) {
+      targets[i] = 1.0F + std::sin(0.3F * static_cast<float>(i % 37) + 0.02F * static_cast<float>(step));
+      array.field().impulse[i] = static_cast<float>(kDt) * static_cast<float>(i % 5);
+    }
+    array.set_targets(0, targets);
+    array.plan(kDt);
+    array.commit(kDt);
+    seen.insert(seen.end(), array.field().height.begin(), array.field().height.end());
+    seen.push_back(array.field().max_speed);
+  }
+  return seen;
+}
+
 }  // namespace
+
+TEST(Pin, HasTheSameBitsForAnyNumberOfThreads) {
+  for (const double max_force : {0.0, 2.0}) {
+    const scene::ParameterValues drive =
+        max_force > 0.0 ? scene::ParameterValues{{"max_force", {max_force}}} : scene::ParameterValues{};
+    const std::vector<float> alone = wave_of_pins(drive, 1);
+    EXPECT_GT(alone.back(), 0.0F) << "still moving";
+    EXPECT_EQ(wave_of_pins(drive, 2), alone);
+    EXPECT_EQ(wave_of_pins(drive, 3), alone);
+  }
+}
 
 TEST(Ball, TopMovesAtSpinCrossRadius) {
   Cells cells(surface_of({actuator("ball", {{"radius", {0.25}}, {"max_acceleration", {1e6}}})}));

@@ -234,7 +234,7 @@ TEST(SensorArray, GivesTheSameBitsForAnyNumberOfThreads) {
   t.add_sensor("camera", {{"resolution", {2}}});
   std::vector<std::vector<float>> first;
   for (const int threads : {1, 2, 5}) {
-    surface::WorkerPool pool(threads);
+    surface::WorkerPool pool(threads, 0.0);  // shares all there is
     SensorArray s = t.sensors();
     for (int tick = 0; tick < 4; ++tick) s.sense(t.snapshot, t.catalogue, pool);
     for (std::size_t k = 0; k < s.channels().size(); ++k) {
