@@ -150,7 +150,8 @@ TEST_F(WindowTest, KnowsWhetherTheUserDidAnything) {
   Scene scene(4, 4);
   Window window(scene.spec, "test", 320, 240);
   const auto draw = [&] { window.frame({scene.snapshot, scene.spec.objects}, {}); };
-  for (int i = 0; i < 20 && (i < 3 || window.stirred()); ++i) draw();  // what the window system tells at first
+  for (int i = 0; i < 20 && (i < 3 || window.stirred()); ++i)
+    draw();  // what the window system tells at first
   EXPECT_FALSE(window.stirred());
   window.press(Key::kGrid);
   EXPECT_TRUE(window.stirred());
