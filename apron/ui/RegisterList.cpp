@@ -24,10 +24,14 @@ std::string title(const Workbench& bench, std::size_t reg) {
                                                                                    : wanted->second.title;
 }
 
-// The text as far as it fits.
+constexpr float kLeastText = 0.7F;  // of its size: smaller is not legible
+
+// The text, made smaller where it is too long, and cut where that would not be legible.
 void fitted_text(ImDrawList& list, ImVec2 at, float width, ImU32 colour, const std::string& text) {
+  const float full = ImGui::GetFontSize(), long_by = ImGui::CalcTextSize(text.c_str()).x / width;
+  const float size = std::floor(full / std::clamp(long_by, 1.0F, 1.0F / kLeastText));
   list.PushClipRect(at, {at.x + width, at.y + ImGui::GetTextLineHeight() + 2.0F}, true);
-  list.AddText(at, colour, text.c_str());
+  list.AddText(ImGui::GetFont(), size, {at.x, at.y + (full - size) / 2.0F}, colour, text.c_str());
   list.PopClipRect();
 }
 

@@ -118,6 +118,9 @@ std::string Workbench::state() const {
   const std::string place = place_name(program_, look_.instruction);
   switch (look_.mode) {
     case Mode::kRunning:
+      // A surface that is held, or slow: what stands still for half a second has been waiting for it.
+      if (look_.ticks > 0 && look_.ticks == measured_ticks_ && ticks_per_s_ == 0.0)
+        return "Running: waiting for the surface";
       return "Running";
     case Mode::kWalking:
       return "Walking";

@@ -13,6 +13,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto kFrameInterval = 33ms;
+constexpr auto kStillInterval = 100ms;  // where nothing moves and nobody does anything
 constexpr double kOnTime =
     0.97;  // of the requested pace: a run that reaches it has time to spare for drawing
 
@@ -63,12 +64,17 @@ view::Status Display::status_of(const DisplayStatus& s, bool paused) const {
   return status;
 }
 
+bool Display::frame_due(const Simulation& simulation, std::chrono::steady_clock::time_point now) const {
+  const bool still = simulation.snapshot().tick == drawn_tick_ && !window_->stirred();
+  return now >= (still ? std::max(next_frame_, drawn_at_ + kStillInterval) : next_frame_);
+}
+
 void Display::refresh(const Simulation& simulation, const DisplayStatus& told, Controls& controls) {
   if (!window_) return;
   const view::Status status = status_of(told, controls.paused);
   const auto now = std::chrono::steady_clock::now();
   view::Commands commands;
-  if (now < next_frame_) {
+  if (!frame_due(simulation, now)) {
     commands = window_->poll(status);
   } else {
     const scene::Snapshot& shown = looking_ ? past_.at(*looking_) : simulation.snapshot();
@@ -80,6 +86,8 @@ void Display::refresh(const Simulation& simulation, const DisplayStatus& told, C
     commands =
         window_->frame({shown, simulation.catalogue(), channels_.of(simulation, shown), contacts_}, status);
     const auto drawn = std::chrono::steady_clock::now();
+    drawn_at_ = drawn;
+    drawn_tick_ = simulation.snapshot().tick;
     // A run that wants all the time it can get has at least half as much of it as the drawing.
     const bool hurried =
         !controls.paused && (!told.requested_pace || told.real_time_factor < kOnTime * *told.requested_pace);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
@@ -61,6 +62,7 @@ class Display {
   void refresh(const Simulation&, const DisplayStatus&, Controls&);
 
  private:
+  bool frame_due(const Simulation&, std::chrono::steady_clock::time_point now) const;
   void obey(const view::Commands&, Controls&);
   view::Status status_of(const DisplayStatus&, bool paused) const;
 
@@ -70,7 +72,8 @@ class Display {
   std::optional<std::size_t> looking_;  // at this state of the past
   ViewChannels channels_;
   std::vector<view::ContactMark> contacts_;
-  std::chrono::steady_clock::time_point next_frame_{};
+  std::chrono::steady_clock::time_point next_frame_{}, drawn_at_{};
+  std::uint64_t drawn_tick_ = 0;
 };
 
 }  // namespace smartsurf::run

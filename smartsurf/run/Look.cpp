@@ -2,6 +2,9 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cstdio>
+
+#include "smartsurf/scene/SceneSpec.h"
 
 namespace smartsurf::run {
 namespace {
@@ -11,6 +14,20 @@ const std::vector<std::string> kPalettes(view::kPaletteNames.begin(), view::kPal
 
 std::size_t index_in(const std::vector<std::string>& names, const std::string& name) {
   return static_cast<std::size_t>(std::find(names.begin(), names.end(), name) - names.begin());
+}
+
+constexpr int kLeastEdge = 16, kMostEdge = 8192;  // pixels
+
+PictureSize size_of(const std::string& text) {
+  PictureSize size{};
+  int read = 0;
+  const bool whole = std::sscanf(text.c_str(), "%dx%d%n", &size.width, &size.height, &read) == 2 &&
+                     read == static_cast<int>(text.size());
+  if (!whole || std::min(size.width, size.height) < kLeastEdge ||
+      std::max(size.width, size.height) > kMostEdge)
+    throw scene::InputError("--picture-size " + text + ": must be as 1600x1000, each edge from " +
+                            std::to_string(kLeastEdge) + " to " + std::to_string(kMostEdge) + " pixels");
+  return size;
 }
 
 }  // namespace
@@ -28,6 +45,9 @@ void add_look_flags(CLI::App& app, LookFlags& flags) {
   app.add_option("--trails", flags.trails_s, "In pictures and videos: the objects' ways of the last seconds")
       ->check(CLI::Range(0.0, 1e6))
       ->type_name("SECONDS");
+  app.add_option("--picture-size", flags.size,
+                 "Of pictures (1600x1000 if not given) and videos (1280x720), in pixels")
+      ->type_name("WxH");
 }
 
 Look look_of(const LookFlags& flags) {
@@ -38,6 +58,7 @@ Look look_of(const LookFlags& flags) {
   look.overlay.palette = static_cast<view::Palette>(index_in(kPalettes, flags.palette));
   look.overlay.trails = flags.trails_s > 0.0;
   look.overlay.trail_s = flags.trails_s;
+  if (!flags.size.empty()) look.size = size_of(flags.size);
   return look;
 }
 

@@ -33,7 +33,7 @@ class Pictures {
   bool all_taken() const { return pending_.empty() && !video_; }
 
  private:
-  view::Image draw(view::OffscreenView&, const view::Moment&, int width, int height);
+  view::Image draw(view::OffscreenView&, const view::Moment&, const PictureSize&);
   void write_picture(const view::Moment&, const std::string& file);
   void film(const view::Moment&);
 

@@ -1,38 +1,63 @@
+#include <algorithm>
 #include <cmath>
+#include <cstddef>
 
 #include "smartsurf/view/Camera.h"
 #include "smartsurf/view/Layers.h"
 
 namespace smartsurf::view {
+namespace {
+
+// The part beside the table, and four around it.
+constexpr float kCorners[8][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}, {-2, -2}, {2, -2}, {2, 2}, {-2, 2}};
+constexpr GLubyte kTriangles[] = {0, 1, 2, 0, 2, 3, 4, 5, 1, 4, 1, 0, 5, 6, 2,
+                                  5, 2, 1, 6, 7, 3, 6, 3, 2, 7, 4, 0, 7, 0, 3};
+constexpr int kNear = 6, kFar = 24;  // of them
+
+}  // namespace
 
 GroundLayer::GroundLayer(const scene::SurfaceSpec& surface, Pass colour_pass)
     : base_(static_cast<float>(ground_height(surface))),
       reach_(static_cast<float>(20.0 * Camera::extent(surface).diagonal().norm())),
+      beside_(static_cast<float>(2.0 * Camera::extent(surface).sizes().z() + 8.0 * surface.pitch)),
       array_(make_vertex_array()),
-      corners_(make_buffer()) {
+      corners_(make_buffer()),
+      triangles_(make_buffer()) {
   // A line every 1, 10, 100 … pitches, so that some ten of them run along the table.
   const double cells = std::max(surface.rows, surface.columns);
   const double decade = std::pow(10.0, std::max(0.0, std::round(std::log10(cells / 6.0))));
   spacing_ = static_cast<float>(surface.pitch * decade);
-  const auto ground = ground_shaders(colour_pass), backdrop = backdrop_shaders();
-  ground_ = link_program("ground", ground.vertex, ground.fragment);
+  const auto shaded = ground_shaders(colour_pass, true), backdrop = backdrop_shaders();
+  shaded_ = link_program("ground", shaded.vertex, shaded.fragment);
   backdrop_ = link_program("backdrop", backdrop.vertex, backdrop.fragment);
-  static constexpr float kCorners[4][2] = {{-1, -1}, {1, -1}, {-1, 1}, {1, 1}};
+  if (colour_pass == Pass::kColourFast) {
+    const auto sunlit = ground_shaders(colour_pass, false);
+    sunlit_ = link_program("sunlit ground", sunlit.vertex, sunlit.fragment);
+  }
   glBindVertexArray(array_.id());
   glBindBuffer(GL_ARRAY_BUFFER, corners_.id());
   glBufferData(GL_ARRAY_BUFFER, sizeof(kCorners), kCorners, GL_STATIC_DRAW);
   glEnableVertexAttribArray(0);
   glVertexAttribPointer(0, 2, GL_FLOAT, GL_FALSE, 0, nullptr);
+  glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, triangles_.id());
+  glBufferData(GL_ELEMENT_ARRAY_BUFFER, sizeof(kTriangles), kTriangles, GL_STATIC_DRAW);
   glBindVertexArray(0);
 }
 
-void GroundLayer::draw_ground(bool grid) const {
-  glUseProgram(ground_.id());
-  glUniform1f(glGetUniformLocation(ground_.id(), "base"), base_);
-  glUniform1f(glGetUniformLocation(ground_.id(), "reach"), reach_);
-  glUniform1f(glGetUniformLocation(ground_.id(), "spacing"), grid ? spacing_ : 0.0f);
+void GroundLayer::draw_part(const ShaderProgram& program, bool grid, int first, int count) const {
+  glUseProgram(program.id());
+  glUniform1f(glGetUniformLocation(program.id(), "base"), base_);
+  glUniform1f(glGetUniformLocation(program.id(), "reach"), reach_);
+  glUniform1f(glGetUniformLocation(program.id(), "beside"), beside_);
+  glUniform1f(glGetUniformLocation(program.id(), "spacing"), grid ? spacing_ : 0.0f);
   glBindVertexArray(array_.id());
-  glDrawArrays(GL_TRIANGLE_STRIP, 0, 4);
+  glDrawElements(GL_TRIANGLES, count, GL_UNSIGNED_BYTE, reinterpret_cast<const void*>(std::ptrdiff_t{first}));
+}
+
+void GroundLayer::draw_ground(bool grid) const {
+  if (sunlit_.id() == 0) return draw_part(shaded_, grid, 0, kNear + kFar);
+  draw_part(shaded_, grid, 0, kNear);
+  draw_part(sunlit_, grid, kNear, kFar);
 }
 
 void GroundLayer::draw_backdrop() const {

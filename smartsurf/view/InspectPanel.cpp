@@ -52,7 +52,7 @@ void plot(const Watch::Trace& trace, float width) {
   ImGui::TextColored(kFaint, "%s", trace.name.c_str());
   ImGui::SameLine(kNameWidth * ImGui::GetFontSize());
   ImGui::TextUnformatted(now);
-  if (!(low <= high)) return;
+  if (!(low <= high) || trace.values.size() < 2) return;  // a run that is paused: the number is all there is
   const float margin = std::max(0.05f * (high - low), 0.01f);
   ImGui::PushID(trace.name.c_str());
   ImGui::PlotLines("##trace", trace.values.data(), static_cast<int>(trace.values.size()), 0, nullptr,

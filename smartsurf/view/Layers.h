@@ -14,19 +14,26 @@
 
 namespace smartsurf::view {
 
-// All pins of the surface: one draw call.
+// All pins of the surface: one draw call of plain triangles, whose corners fetch their pin's record. As
+// instances of one pin they would cost a software driver a call a pin.
 class PinLayer {
  public:
   PinLayer(const scene::SurfaceSpec& surface, Pass colour_pass);
-  void upload(std::span<const PinInstance> pins);
+  // shadows: kShadow is to be drawn as well.
+  void upload(std::span<const PinInstance> pins, bool shadows);
   void draw(Pass pass) const;
 
  private:
+  void upload_shadows(std::span<const PinInstance> pins);
+
   std::array<float, 4> pin_;
   float base_, sunk_;
-  GLsizei count_ = 0;
-  VertexArray array_;
-  Buffer corners_, triangles_, instances_;
+  bool free_layout_;
+  GLsizei count_ = 0, shadow_indices_ = 0;
+  std::vector<GLuint> shadow_list_;
+  VertexArray array_, shadow_array_;
+  Buffer triangles_, shadow_triangles_, records_;
+  Texture texture_;  // the records, as shaders see them
   ShaderProgram shadow_, colour_;
 };
 
@@ -98,10 +105,13 @@ class GroundLayer {
   void draw_backdrop() const;
 
  private:
-  float base_, reach_, spacing_;
+  void draw_part(const ShaderProgram& program, bool grid, int first, int count) const;
+
+  float base_, reach_, beside_, spacing_;
   VertexArray array_;
-  Buffer corners_;
-  ShaderProgram ground_, backdrop_;
+  Buffer corners_, triangles_;
+  ShaderProgram shaded_, backdrop_;
+  ShaderProgram sunlit_;  // without shadows, beyond their reach: only where pixels are dear
 };
 
 }  // namespace smartsurf::view

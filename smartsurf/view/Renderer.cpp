@@ -4,6 +4,7 @@
 #include <cassert>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 #include "smartsurf/view/Axes.h"
 #include "smartsurf/view/Layers.h"
@@ -43,7 +44,7 @@ struct Renderer::State {
   State(const scene::SceneSpec& s, const Quality& q)
       : spec(s),
         quality(q),
-        colour_pass(q.soft_shadows ? Pass::kColourFine : Pass::kColour),
+        colour_pass(q.light),
         shading(s.surface),
         shadow(q.shadow_size),
         pins(s.surface, colour_pass),
@@ -78,7 +79,11 @@ struct Renderer::State {
   ShaderProgram average;
   VertexArray empty_array;
   Canvas canvas;
+  StageEnd stage_end;
   bool shadows_due() const { return frames % quality.frames_a_shadow == 0; }
+  void end_stage(std::string_view stage) const {
+    if (stage_end) stage_end(stage);
+  }
 
   long frames = 0;            // drawn
   std::size_t furniture = 0;  // boxes that are no objects, first among them
@@ -113,7 +118,7 @@ void Renderer::State::upload(const scene::Snapshot& snapshot, const std::vector<
                              const Camera& camera, const DrawOptions& options) {
   // Near rows first: what is hidden behind them is then never shaded.
   const bool north_first = camera.forward().y() < 0.0, east_first = camera.forward().x() < 0.0;
-  pins.upload(shading.update(snapshot, catalogue, options, north_first, east_first));
+  pins.upload(shading.update(snapshot, catalogue, options, north_first, east_first), shadows_due());
   objects.begin();
   add_furniture(options);
   Eigen::AlignedBox3d lit = Camera::extent(spec.surface);
@@ -181,10 +186,12 @@ void Renderer::State::draw_colour(const DrawOptions& options, int width, int hei
   glClear(GL_DEPTH_BUFFER_BIT);
   shadow.bind(0);
   pins.draw(colour_pass);
+  end_stage("pins");
   if (options.style == Style::kSolid)
     objects.draw(colour_pass);
   else
     objects.draw_solid_boxes(colour_pass, static_cast<int>(furniture));
+  end_stage("objects");
   if (spec.world.ground) ground.draw_ground(options.grid);
   glDepthFunc(GL_LEQUAL);
   ground.draw_backdrop();
@@ -196,6 +203,7 @@ void Renderer::State::draw_colour(const DrawOptions& options, int width, int hei
     glDisable(GL_BLEND);
   }
   lines.draw(options.line_width * static_cast<float>(quality.supersample), width, height);
+  end_stage("ground, wires, lines");
 }
 
 Renderer::Renderer(const scene::SceneSpec& spec, const Quality& quality) {
@@ -208,6 +216,8 @@ Renderer::Renderer(const scene::SceneSpec& spec, const Quality& quality) {
 
 Renderer::~Renderer() = default;
 
+void Renderer::set_stage_end(StageEnd stage_end) { state_->stage_end = std::move(stage_end); }
+
 void Renderer::draw(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
                     const Camera& camera, const DrawOptions& options, unsigned framebuffer, int width,
                     int height) {
@@ -216,6 +226,7 @@ void Renderer::draw(const scene::Snapshot& snapshot, const std::vector<scene::Ob
   assert(options.cell_values.empty() || options.cell_values.size() == snapshot.height.size());
   const int block = s.quality.supersample;
   s.upload(snapshot, catalogue, camera, options);
+  s.end_stage("values");
   glEnable(GL_DEPTH_TEST);
   glDepthFunc(GL_LESS);
   glDepthMask(GL_TRUE);
@@ -223,6 +234,7 @@ void Renderer::draw(const scene::Snapshot& snapshot, const std::vector<scene::Ob
   glDisable(GL_CULL_FACE);
   glDisable(GL_SCISSOR_TEST);
   if (s.shadows_due()) s.draw_shadows(options);
+  s.end_stage("shadows");
   ++s.frames;
   if (block > 1) s.canvas.resize(width * block, height * block);
   glBindFramebuffer(GL_FRAMEBUFFER, block > 1 ? s.canvas.framebuffer.id() : framebuffer);
@@ -240,6 +252,7 @@ void Renderer::draw(const scene::Snapshot& snapshot, const std::vector<scene::Ob
     glBindVertexArray(s.empty_array.id());
     glDrawArrays(GL_TRIANGLES, 0, 3);
     glActiveTexture(GL_TEXTURE0);
+    s.end_stage("average");
   }
   glBindVertexArray(0);
   assert(glGetError() == GL_NO_ERROR);

@@ -5,25 +5,29 @@
 // number of objects or the size of the picture grows.
 #pragma once
 
+#include <functional>
 #include <memory>
+#include <string_view>
 #include <vector>
 
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/view/Camera.h"
 #include "smartsurf/view/DrawOptions.h"
+#include "smartsurf/view/Shaders.h"
 
 namespace smartsurf::view {
 
 struct Quality {
   int supersample = 1;  // pixels drawn along each edge of a pixel shown
   int shadow_size = 2048;
-  bool soft_shadows = false;
+  Pass light = Pass::kColour;
   int frames_a_shadow = 1;  // shadows are drawn anew every so many frames
 
-  static Quality fast() { return {1, 1024, false, 2}; }
-  static Quality video() { return {2, 2048, false}; }
-  static Quality fine() { return {3, 4096, true}; }
+  static Quality fast() { return {1, 1024, Pass::kColourFast, 2}; }  // a window without a graphics card
+  static Quality card() { return {2, 4096, Pass::kColourFine}; }     // and with one
+  static Quality video() { return {2, 2048, Pass::kColour}; }
+  static Quality fine() { return {3, 4096, Pass::kColourFine}; }
 };
 
 class Renderer {
@@ -35,6 +39,11 @@ class Renderer {
   // catalogue: every object ever made, index = object id. width, height: of the framebuffer, pixels.
   void draw(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
             const Camera& camera, const DrawOptions& options, unsigned framebuffer, int width, int height);
+
+  // For measurements: from now on every draw() calls it with the name of each stage that it has handed to the
+  // driver.
+  using StageEnd = std::function<void(std::string_view stage)>;
+  void set_stage_end(StageEnd stage_end);
 
  private:
   struct State;

@@ -7,9 +7,10 @@ namespace smartsurf::view {
 
 // Which picture a program draws, and how carefully.
 enum class Pass {
-  kShadow,     // depth only, from the light
-  kColour,     // lit, one shadow sample: for a window without a graphics card
-  kColourFine  // lit, soft shadows
+  kShadow,      // depth only, from the light
+  kColourFast,  // pins and spheres lit by their corners: for a window without a graphics card
+  kColour,      // lit, one shadow sample a pixel
+  kColourFine   // lit, soft shadows
 };
 
 struct ShaderSources {
@@ -22,7 +23,8 @@ ShaderSources sphere_shaders(Pass pass);  // a ray meets a sphere at every pixel
 ShaderSources mesh_shaders(Pass pass, bool capsule);
 ShaderSources wire_shaders(bool capsule);
 ShaderSources line_shaders();  // straight lines as ribbons that face the eye
-ShaderSources ground_shaders(Pass pass);
+// shaded: with the sun's shadows.
+ShaderSources ground_shaders(Pass pass, bool shaded);
 ShaderSources backdrop_shaders();
 // Averages blocks of `block` × `block` pixels of the texture at unit 1.
 ShaderSources average_shaders();

@@ -13,15 +13,16 @@
 #include <filesystem>
 #include <optional>
 #include <stdexcept>
-#include <string_view>
 #include <utility>
 
+#include "smartsurf/view/Desktop.h"
 #include "smartsurf/view/DisplayLoss.h"
 #include "smartsurf/view/Film.h"
 #include "smartsurf/view/GlObjects.h"
 #include "smartsurf/view/Hud.h"
 #include "smartsurf/view/Overlay.h"
 #include "smartsurf/view/ReadPixels.h"
+#include "smartsurf/view/RenderScale.h"
 #include "smartsurf/view/Renderer.h"
 #include "smartsurf/view/WindowKeys.h"
 
@@ -34,93 +35,6 @@ double milliseconds_since(Clock::time_point start) {
   return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
 }
 
-bool drawn_in_software() {
-  const std::string_view driver = reinterpret_cast<const char*>(glGetString(GL_RENDERER));
-  return driver.find("llvmpipe") != driver.npos || driver.find("softpipe") != driver.npos ||
-         driver.find("SWR") != driver.npos;
-}
-
-// In screen coordinates.
-struct Area {
-  int x = 0, y = 0, width = 1280, height = 720;
-};
-
-// Of the screen's width, from the left, when another program's window has the rest.
-constexpr double kLeftShare = 0.42;
-
-Area left_part() {
-  Area area;
-  if (GLFWmonitor* monitor = glfwGetPrimaryMonitor())
-    glfwGetMonitorWorkarea(monitor, &area.x, &area.y, &area.width, &area.height);
-  area.width = static_cast<int>(area.width * kLeftShare);
-  return area;
-}
-
-// GLFW, the window with its context, and ImGui: each undone in reverse when a later one fails.
-class Desktop {
- public:
-  Desktop(const std::string& title, int width, int height, Place place) {
-    if (!glfwInit())
-      throw std::runtime_error("no display to open a window on: set DISPLAY, or run with --headless");
-    glfwWindowHint(GLFW_CONTEXT_VERSION_MAJOR, 3);
-    glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 3);
-    glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
-    glfwWindowHint(GLFW_SCALE_TO_MONITOR, place == Place::kAnywhere ? GLFW_TRUE : GLFW_FALSE);
-    const Area left = left_part();
-    if (place == Place::kLeft) {
-      width = left.width;
-      height = left.height;
-    }
-    window_ = glfwCreateWindow(width, height, title.c_str(), nullptr, nullptr);
-    if (!window_) {
-      glfwTerminate();
-      throw std::runtime_error(
-          "the display offers no OpenGL 3.3: install the packages libgl1-mesa-dri libegl1, or run with "
-          "--headless");
-    }
-    if (place == Place::kLeft) glfwSetWindowPos(window_, left.x, left.y);
-    glfwMakeContextCurrent(window_);
-    watch_display();
-    glfwSwapInterval(0);  // the simulation must never wait for the display
-  }
-  ~Desktop() {
-    glfwDestroyWindow(window_);
-    glfwTerminate();
-  }
-  Desktop(const Desktop&) = delete;
-  Desktop& operator=(const Desktop&) = delete;
-  GLFWwindow* window() const { return window_; }
-
- private:
-  GLFWwindow* window_ = nullptr;
-};
-
-// The window's context is current only while it is needed: EGL refuses to make another one current beside it.
-class Current {
- public:
-  explicit Current(GLFWwindow* window) { glfwMakeContextCurrent(window); }
-  ~Current() { glfwMakeContextCurrent(nullptr); }
-  Current(const Current&) = delete;
-  Current& operator=(const Current&) = delete;
-};
-
-class Gui {
- public:
-  Gui(GLFWwindow* window, float scale) {
-    ImGui::CreateContext();
-    set_up_hud(scale);
-    ImGui_ImplGlfw_InitForOpenGL(window, true);
-    ImGui_ImplOpenGL3_Init("#version 330 core");
-  }
-  ~Gui() {
-    ImGui_ImplOpenGL3_Shutdown();
-    ImGui_ImplGlfw_Shutdown();
-    ImGui::DestroyContext();
-  }
-  Gui(const Gui&) = delete;
-  Gui& operator=(const Gui&) = delete;
-};
-
 }  // namespace
 
 struct Window::State {
@@ -129,9 +43,10 @@ struct Window::State {
         desktop(title, window_width, window_height, place),
         controls(s.surface),
         overlay(s.surface),
-        scale(content_scale()),
+        scale(desktop.content_scale()),
         gui(listen(), scale),
-        quality(drawn_in_software() ? Quality::fast() : Quality{2, 4096, true}),
+        in_software(drawn_in_software()),
+        quality(in_software ? Quality::fast() : Quality::card()),
         renderer(std::make_unique<Renderer>(s, quality)) {
     glfwGetFramebufferSize(desktop.window(), &width, &height);
     if (width > 0 && height > 0) controls.resize(static_cast<double>(width) / height);
@@ -139,17 +54,14 @@ struct Window::State {
     glfwMakeContextCurrent(nullptr);
   }
 
-  float content_scale() const {
-    float x = 1.0f, y = 1.0f;
-    glfwGetWindowContentScale(desktop.window(), &x, &y);
-    return std::max(x, y);
-  }
   GLFWwindow* listen();  // before ImGui does, which then passes events on
   void note_pointer(PointerEvent event, int mods);
   void set_scene(const scene::SceneSpec& s);
   Commands take();
   // False when there is nothing to draw on. copy: where to keep what is shown, or null.
   bool show(const Moment& moment, const Status& new_status, Image* copy);
+  bool stands_still() const;
+  void draw_scene(const Moment& moment);
   void handle_pointer(const Moment& moment);
   DrawOptions options(const Moment& moment, bool marks);
   void draw_panels(const Moment& moment);
@@ -167,11 +79,15 @@ struct Window::State {
   HudState hud;
   std::vector<PointerEvent> pointer;  // not yet taken in
   double pointer_x = 0.0, pointer_y = 0.0;
+  bool stirred = true;  // by the user or the window system, since the last frame
   Clock::time_point shown_at = Clock::now();
   int width = 0, height = 0;  // of the framebuffer, pixels
   float scale;
   Gui gui;
+  bool in_software;
   Quality quality;
+  RenderScale sharpness;
+  Canvas coarse;  // where the scene is drawn with fewer pixels than are shown
   std::unique_ptr<Renderer> renderer;
   std::unique_ptr<Renderer> fine_renderer;  // made when the first picture is asked for
   std::unique_ptr<Film> film_of_window;
@@ -183,12 +99,15 @@ GLFWwindow* Window::State::listen() {
   static constexpr auto state_of = [](GLFWwindow* w) -> State& {
     return *static_cast<State*>(glfwGetWindowUserPointer(w));
   };
+  glfwSetWindowRefreshCallback(window, [](GLFWwindow* w) { state_of(w).stirred = true; });
   glfwSetKeyCallback(window, [](GLFWwindow* w, int code, int, int action, int) {
+    state_of(w).stirred = true;
     if (ImGui::GetIO().WantTextInput) return;
     if (const auto key = key_of_code(code, action == GLFW_REPEAT); key && action != GLFW_RELEASE)
       state_of(w).controls.press(*key, state_of(w).status);
   });
   glfwSetCharCallback(window, [](GLFWwindow* w, unsigned character) {
+    state_of(w).stirred = true;
     if (ImGui::GetIO().WantTextInput) return;
     if (const auto key = key_of_character(character)) state_of(w).controls.press(*key, state_of(w).status);
   });
@@ -206,12 +125,14 @@ GLFWwindow* Window::State::listen() {
         mods);
   });
   glfwSetScrollCallback(window, [](GLFWwindow* w, double, double notches) {
+    state_of(w).stirred = true;
     if (!over_panel(state_of(w).pointer_x, state_of(w).pointer_y)) state_of(w).controls.wheel(notches);
   });
   return window;
 }
 
 void Window::State::note_pointer(PointerEvent event, int mods) {
+  stirred = true;
   event.x = pointer_x;
   event.y = pointer_y;
   event.control = (mods & GLFW_MOD_CONTROL) != 0;
@@ -241,10 +162,10 @@ Commands Window::State::take() {
 bool Window::State::show(const Moment& moment, const Status& new_status, Image* copy) {
   status = new_status;
   glfwPollEvents();
+  stirred = false;
   if (display_lost()) return false;
   glfwGetFramebufferSize(desktop.window(), &width, &height);
-  if (width < 1 || height < 1 || glfwGetWindowAttrib(desktop.window(), GLFW_ICONIFIED) == GLFW_TRUE)
-    return false;
+  if (width < 1 || height < 1 || desktop.minimised()) return false;
   const auto start = Clock::now();
   const Current current(desktop.window());
   controls.resize(static_cast<double>(width) / height);
@@ -252,16 +173,39 @@ bool Window::State::show(const Moment& moment, const Status& new_status, Image* 
   controls.track(moment.snapshot);
   controls.set_channels(moment.channels);
   if (controls.tools().selected()) hud.watch.add(*controls.tools().selected(), spec.surface, moment);
-  renderer->draw(moment.snapshot, moment.catalogue, controls.camera(), options(moment, true), 0, width,
-                 height);
+  draw_scene(moment);
   film(moment);
   draw_panels(moment);
   if (copy) *copy = read_pixels(0, width, height);
   glfwSwapBuffers(desktop.window());
-  hud.render_ms += 0.2 * (milliseconds_since(start) - hud.render_ms);
+  const double took_ms = milliseconds_since(start);
+  if (in_software && !stands_still()) sharpness.took(took_ms);
+  hud.render_ms += 0.2 * (took_ms - hud.render_ms);
   hud.interval_ms += 0.2 * (std::min(milliseconds_since(shown_at), 1000.0) - hud.interval_ms);
   shown_at = Clock::now();
   return true;
+}
+
+// A held run is drawn in full, and so is what is filmed.
+bool Window::State::stands_still() const { return status.paused || film_of_window; }
+
+void Window::State::draw_scene(const Moment& moment) {
+  const double share = in_software && !stands_still() ? sharpness.value() : 1.0;
+  DrawOptions shown = options(moment, true);
+  if (share >= 1.0) {
+    renderer->draw(moment.snapshot, moment.catalogue, controls.camera(), shown, 0, width, height);
+    return;
+  }
+  const int w = std::max(1, static_cast<int>(share * width)),
+            h = std::max(1, static_cast<int>(share * height));
+  coarse.resize(w, h);
+  shown.line_width *= static_cast<float>(share);
+  renderer->draw(moment.snapshot, moment.catalogue, controls.camera(), shown, coarse.framebuffer.id(), w, h);
+  glBindFramebuffer(GL_READ_FRAMEBUFFER, coarse.framebuffer.id());
+  glBindFramebuffer(GL_DRAW_FRAMEBUFFER, 0);
+  glBlitFramebuffer(0, 0, w, h, 0, 0, width, height, GL_COLOR_BUFFER_BIT, GL_LINEAR);
+  glBindFramebuffer(GL_FRAMEBUFFER, 0);
+  glViewport(0, 0, width, height);
 }
 
 void Window::State::handle_pointer(const Moment& moment) {
@@ -354,11 +298,9 @@ void Window::State::write_picture(const Moment& moment, Commands& commands) {
   }
 }
 
-bool Window::display_available() {
-  if (!glfwInit()) return false;
-  glfwTerminate();
-  return true;
-}
+// What was opened stays open: a display server may begin anew when its last client leaves, and refuse the
+// next.
+bool Window::display_available() { return glfwInit() == GLFW_TRUE; }
 
 Window::Window(const scene::SceneSpec& spec, const std::string& title, int width, int height, Place place)
     : state_(std::make_unique<State>(spec, title, width, height, place)) {}
@@ -396,9 +338,16 @@ Image Window::show(const Moment& moment, const Status& status) {
   return image;
 }
 
+bool Window::stirred() const { return state_->stirred; }
 bool Window::wants_contacts() const { return state_->controls.overlay().contacts; }
-void Window::press(Key key) { state_->controls.press(key, state_->status); }
-void Window::point(const PointerEvent& event) { state_->pointer.push_back(event); }
+void Window::press(Key key) {
+  state_->stirred = true;
+  state_->controls.press(key, state_->status);
+}
+void Window::point(const PointerEvent& event) {
+  state_->stirred = true;
+  state_->pointer.push_back(event);
+}
 void Window::set_scene(const scene::SceneSpec& spec) { state_->set_scene(spec); }
 
 }  // namespace smartsurf::view

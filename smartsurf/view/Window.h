@@ -50,6 +50,8 @@ class Window {
   // frame().
   Image show(const Moment& moment, const Status& status);
 
+  // Whether the user has done anything since the last frame was drawn.
+  bool stirred() const;
   // Whether the user has asked to see contacts: then moments should hold them.
   bool wants_contacts() const;
   // As if the user had pressed that key, or moved the pointer so, in pixels of the framebuffer; taken in by

@@ -36,6 +36,7 @@ Commands Window::frame(const Moment&, const Status&) { left_out(); }
 Commands Window::poll(const Status&) { left_out(); }
 Image Window::picture(const Moment&, int, int) { left_out(); }
 Image Window::show(const Moment&, const Status&) { left_out(); }
+bool Window::stirred() const { left_out(); }
 bool Window::wants_contacts() const { left_out(); }
 void Window::press(Key) { left_out(); }
 void Window::point(const PointerEvent&) { left_out(); }

@@ -146,6 +146,21 @@ TEST_F(WindowTest, AClickPicksAndADragWithControlPulls) {
   EXPECT_FALSE(window.frame({scene.snapshot, scene.spec.objects}, status).pull);
 }
 
+TEST_F(WindowTest, KnowsWhetherTheUserDidAnything) {
+  Scene scene(4, 4);
+  Window window(scene.spec, "test", 320, 240);
+  const auto draw = [&] { window.frame({scene.snapshot, scene.spec.objects}, {}); };
+  for (int i = 0; i < 20 && (i < 3 || window.stirred()); ++i)
+    draw();  // what the window system tells at first
+  EXPECT_FALSE(window.stirred());
+  window.press(Key::kGrid);
+  EXPECT_TRUE(window.stirred());
+  draw();
+  EXPECT_FALSE(window.stirred());
+  window.point({PointerEvent::Kind::kMove, PointerEvent::Button::kLeft, 10, 10, false, false});
+  EXPECT_TRUE(window.stirred());
+}
+
 TEST_F(WindowTest, GoesOnWithAnotherScene) {
   Scene small(8, 8), large(24, 12);
   large.add_sphere(5.0, 5.0, 6.0, 2.0, {0.86f, 0.12f, 0.10f});

@@ -1,0 +1,267 @@
+// What a frame of the simulator's view costs, stage by stage, drawn into memory by whatever OpenGL is there.
+//   bench_view [--cells 64] [--objects 500] [--size 1280x720] [--frames 60] [--pins sorting|wave]
+//              [--quality fast|card|video|fine] [--mixed] [--picture FILE.png]
+// Prints milliseconds of the wall clock and of all processors together, and draw calls. Each stage is waited
+// for, so their sum is a little more than a frame drawn without looking. The stage "values" is the
+// processor's: heights, shades, poses.
+#include <epoxy/gl.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <ctime>
+#include <numeric>
+#include <random>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "smartsurf/view/GlObjects.h"
+#include "smartsurf/view/Image.h"
+#include "smartsurf/view/OffscreenContext.h"
+#include "smartsurf/view/ReadPixels.h"
+#include "smartsurf/view/Renderer.h"
+
+using namespace smartsurf;
+
+namespace {
+
+struct Options {
+  int cells = 64, objects = 500, width = 1280, height = 720, frames = 60;
+  std::string pins = "sorting", quality = "fast", picture;
+  bool mixed = false;
+};
+
+using Clock = std::chrono::steady_clock;
+
+struct Scene {
+  scene::SceneSpec spec;
+  scene::Snapshot snapshot;
+  std::vector<Eigen::Vector3f> rest;  // of each object
+};
+
+// Objects in rows over the whole table, a layer above the other once it is full.
+void add_objects(Scene& s, const Options& options) {
+  const int across = std::max(1, static_cast<int>((options.cells - 4) / 2.6));
+  for (int k = 0; k < options.objects; ++k) {
+    scene::ObjectSpec o;
+    o.radius = k % 3 == 0 ? 1.2 : 0.9;
+    o.colour = k % 3 == 0 ? scene::Colour{0.84f, 0.37f, 0.0f} : scene::Colour{0.0f, 0.45f, 0.7f};
+    if (options.mixed) o.shape = static_cast<scene::ShapeKind>(k % 5);
+    o.height = 2.0;
+    o.size = {1.6, 1.6, 1.6};
+    const float x = 2.5f + 2.6f * static_cast<float>(k % across);
+    const float y = 2.5f + 2.6f * static_cast<float>(k / across % across);
+    s.rest.emplace_back(x, y, 4.0f + 2.4f * static_cast<float>(k / (across * across)));
+    s.snapshot.id.push_back(static_cast<scene::ObjectId>(k));
+    s.snapshot.position.emplace_back();
+    s.snapshot.orientation.push_back({0, 0, 0, 1});
+    s.spec.objects.push_back(o);
+  }
+  s.snapshot.velocity.resize(s.snapshot.objects());
+  s.snapshot.angular_velocity.resize(s.snapshot.objects());
+}
+
+// Sorting: pins up, but for a pocket under each object. Wave: every pin at another height.
+void move(Scene& s, const Options& options, int frame) {
+  const float phase = 0.1f * static_cast<float>(frame);
+  const auto& surface = s.spec.surface;
+  for (int r = 0; r < surface.rows; ++r)
+    for (int c = 0; c < surface.columns; ++c) {
+      const float x = static_cast<float>(c), y = static_cast<float>(r);
+      float& height = s.snapshot.height[surface.index(r, c)];
+      height = surface.is_border(r, c) ? 6.0f : 4.0f;
+      if (options.pins == "wave") height = 3.0f + 1.5f * std::sin(0.7f * x + phase) + std::cos(0.9f * y);
+    }
+  for (std::size_t i = 0; i < s.rest.size(); ++i) {
+    const float x = s.rest[i].x() + 0.8f * std::sin(phase + 0.1f * static_cast<float>(i)), y = s.rest[i].y();
+    s.snapshot.position[i] = {x, y, s.rest[i].z() - (options.pins == "wave" ? -1.0f : 1.5f)};
+    if (options.pins == "wave") continue;
+    for (int dy = -1; dy <= 1; ++dy)
+      for (int dx = -1; dx <= 1; ++dx) {
+        const int c = static_cast<int>(x + 0.5f) + dx, r = surface.rows - 1 - static_cast<int>(y + 0.5f) - dy;
+        if (r > 0 && c > 0 && r < surface.rows - 1 && c < surface.columns - 1)
+          s.snapshot.height[surface.index(r, c)] = 1.0f;
+      }
+  }
+}
+
+Scene scene_of(const Options& options) {
+  Scene s;
+  s.spec.surface.rows = s.spec.surface.columns = options.cells;
+  s.spec.surface.border_height = 6.0;
+  s.snapshot.height.resize(static_cast<std::size_t>(s.spec.surface.cells()));
+  add_objects(s, options);
+  return s;
+}
+
+// A stage, or all of a frame: milliseconds of the clock and of all processors, one of each a frame.
+struct Times {
+  std::string name;
+  std::vector<double> clock_ms, busy_ms;
+};
+
+double median(std::vector<double> values) {
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2),
+                   values.end());
+  return values[values.size() / 2];
+}
+
+double mean(const std::vector<double>& values) {
+  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+}
+
+// Of all threads of this process together.
+double processor_ms() {
+  timespec t{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+  return static_cast<double>(t.tv_sec) * 1e3 + static_cast<double>(t.tv_nsec) * 1e-6;
+}
+
+// OpenGL's draw calls, counted by taking the place of the functions that epoxy has found.
+int draw_calls = 0;
+void count_draw_calls() {
+  static const auto elements = epoxy_glDrawElements;
+  static const auto elements_instanced = epoxy_glDrawElementsInstanced;
+  static const auto arrays = epoxy_glDrawArrays;
+  static const auto arrays_instanced = epoxy_glDrawArraysInstanced;
+  epoxy_glDrawElements = [](GLenum mode, GLsizei count, GLenum type, const void* indices) {
+    ++draw_calls;
+    elements(mode, count, type, indices);
+  };
+  epoxy_glDrawElementsInstanced = [](GLenum mode, GLsizei count, GLenum type, const void* indices,
+                                     GLsizei instances) {
+    ++draw_calls;
+    elements_instanced(mode, count, type, indices, instances);
+  };
+  epoxy_glDrawArrays = [](GLenum mode, GLint first, GLsizei count) {
+    ++draw_calls;
+    arrays(mode, first, count);
+  };
+  epoxy_glDrawArraysInstanced = [](GLenum mode, GLint first, GLsizei count, GLsizei instances) {
+    ++draw_calls;
+    arrays_instanced(mode, first, count, instances);
+  };
+}
+
+view::Quality quality_of(const std::string& name) {
+  if (name == "fast") return view::Quality::fast();
+  if (name == "card") return view::Quality::card();
+  if (name == "video") return view::Quality::video();
+  if (name == "fine") return view::Quality::fine();
+  throw std::invalid_argument("--quality " + name + ": fast, card, video or fine");
+}
+
+// Notes the time from each stage's end to the next's.
+class StageClock {
+ public:
+  void begin() {
+    mark_ = Clock::now();
+    busy_mark_ = processor_ms();
+  }
+  void lap(std::string_view stage) {
+    glFinish();
+    const auto now = Clock::now();
+    const double busy = processor_ms();
+    auto known =
+        std::find_if(stages_.begin(), stages_.end(), [&](const Times& t) { return t.name == stage; });
+    if (known == stages_.end()) known = stages_.insert(known, {std::string(stage), {}, {}});
+    known->clock_ms.push_back(std::chrono::duration<double, std::milli>(now - mark_).count());
+    known->busy_ms.push_back(busy - busy_mark_);
+    mark_ = now;
+    busy_mark_ = busy;
+  }
+  void print() const {
+    for (const Times& t : stages_)
+      std::printf("  %-22s %7.2f  %7.2f  %7.2f\n", t.name.c_str(), median(t.clock_ms), mean(t.clock_ms),
+                  mean(t.busy_ms));
+  }
+
+ private:
+  Clock::time_point mark_{};
+  double busy_mark_ = 0.0;
+  std::vector<Times> stages_;
+};
+
+void measure(const Options& options) {
+  Scene s = scene_of(options);
+  view::OffscreenContext context;
+  std::printf("%s\n%d x %d cells, %d objects, %d x %d pixels, %s, %s\n",
+              reinterpret_cast<const char*>(glGetString(GL_RENDERER)), options.cells, options.cells,
+              options.objects, options.width, options.height, options.pins.c_str(), options.quality.c_str());
+  view::Renderer renderer(s.spec, quality_of(options.quality));
+  view::Canvas canvas;
+  canvas.resize(options.width, options.height);
+  const view::Camera camera = view::Camera::framing(s.spec.surface, view::Preset::kIso,
+                                                    static_cast<double>(options.width) / options.height);
+  const auto draw = [&](int frame) {
+    move(s, options, frame);
+    renderer.draw(s.snapshot, s.spec.objects, camera, {}, canvas.framebuffer.id(), options.width,
+                  options.height);
+  };
+  for (int frame = -4; frame < 0; ++frame) draw(frame);
+  glFinish();
+  StageClock stages, whole;
+  renderer.set_stage_end([&](std::string_view stage) { stages.lap(stage); });
+  for (int frame = 0; frame < options.frames; ++frame) {
+    stages.begin();
+    draw(frame);
+  }
+  renderer.set_stage_end(nullptr);
+  count_draw_calls();
+  for (int frame = 0; frame < options.frames; ++frame) {
+    whole.begin();
+    draw(frame);
+    whole.lap("a frame");
+  }
+  std::printf("  %-22s %7s  %7s  %7s\n", "ms", "median", "mean", "processors, mean");
+  stages.print();
+  whole.print();
+  std::printf("  %.1f draw calls a frame\n", static_cast<double>(draw_calls) / options.frames);
+  if (!options.picture.empty())
+    view::write_png(options.picture,
+                    view::read_pixels(canvas.framebuffer.id(), options.width, options.height));
+}
+
+Options parse(int argc, char** argv) {
+  Options o;
+  const auto fail = [](const std::string& what) { throw std::invalid_argument(what); };
+  for (int i = 1; i < argc; ++i) {
+    const std::string flag = argv[i];
+    if (flag == "--mixed") {
+      o.mixed = true;
+      continue;
+    }
+    if (i + 1 == argc) fail(flag + ": unknown, or without its value");
+    const std::string value = argv[++i];
+    if (flag == "--cells")
+      o.cells = std::stoi(value);
+    else if (flag == "--objects")
+      o.objects = std::stoi(value);
+    else if (flag == "--frames")
+      o.frames = std::max(1, std::stoi(value));
+    else if (flag == "--size" && std::sscanf(value.c_str(), "%dx%d", &o.width, &o.height) != 2)
+      fail("--size " + value + ": give it as 1280x720");
+    else if (flag == "--pins")
+      o.pins = value;
+    else if (flag == "--quality")
+      o.quality = value;
+    else if (flag == "--picture")
+      o.picture = value;
+    else if (flag != "--size")
+      fail(flag + ": unknown");
+  }
+  return o;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    measure(parse(argc, argv));
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "bench_view: %s\n", error.what());
+    return 2;
+  }
+}

@@ -1,0 +1,76 @@
+"""scripts/figures makes every figure that it names, the same bytes each time, and says what it lacks."""
+import shutil
+
+from programs import *
+from programs import PATIENCE
+
+FIGURES_SCRIPT = str(ROOT / "scripts/figures")
+# The page of docs/ shows each figure with its command.
+PAGE = ROOT / "docs/reproducing.md"
+
+
+def size_of(png):
+    head = png.read_bytes()[:24]
+    assert head[:8] == b"\x89PNG\r\n\x1a\n", png
+    return int.from_bytes(head[16:20], "big"), int.from_bytes(head[20:24], "big")
+
+
+class Figures(ProgramTest):
+    def make(self, out, *flags, environment=None):
+        done = subprocess.run([FIGURES_SCRIPT, "--bin", str(BIN), "--out", str(self.folder / out), "--small", *flags],
+                              text=True, capture_output=True, env=environment, timeout=PATIENCE)
+        return done.returncode, done.stderr
+
+    @unittest.skipUnless(shutil.which("ffmpeg") and shutil.which("gnuplot"), "no ffmpeg or no gnuplot")
+    def test_every_figure_is_made(self):
+        self.assertEqual(self.make("a"), (0, ""))
+        made = {p.name: p for p in (self.folder / "a").iterdir()}
+        self.assertEqual(sorted(made), ["figure-1.png", "figure-5.png", "figure-6.png", "figure-7.png", "figure-8.png",
+                                        "figure-8.svg", "figure-9.png", "figure-9.svg"])
+        for n in "1567":  # two pictures of 16 by 10, one above the other, and a gap
+            self.assertEqual(size_of(made[f"figure-{n}.png"]), (320, 2 * 200 + 16))
+        for letter in "abcdefg":
+            self.assertIn(f"({letter})", made["figure-8.svg"].read_text())
+
+    @unittest.skipUnless(shutil.which("ffmpeg") and shutil.which("gnuplot"), "no ffmpeg or no gnuplot")
+    def test_the_same_figure_is_the_same_bytes(self):
+        for out in "ab":
+            self.assertEqual(self.make(out, "--only", "1,8,9"), (0, ""))
+        for name in ("figure-1.png", "figure-8.png", "figure-9.svg"):
+            self.assertEqual((self.folder / "a" / name).read_bytes(), (self.folder / "b" / name).read_bytes(), name)
+
+    def test_what_is_wrong_is_said_in_a_line(self):
+        status, err = self.make("a", "--only", "2")
+        self.assertEqual(status, 2)
+        self.assertIn("--only 2: not among 1, 5, 6, 7, 8, 9", err)
+        (self.folder / "bin").mkdir()
+        python = pathlib.Path(shutil.which("python3")).parent
+        (self.folder / "bin/python3").symlink_to(python / "python3")
+        (self.folder / "bin/env").symlink_to(shutil.which("env"))
+        status, err = self.make("a", "--only", "8", environment={**os.environ, "PATH": str(self.folder / "bin")})
+        self.assertEqual(status, 1)
+        self.assertIn("gnuplot is not installed", err)
+        self.assertEqual(list((self.folder / "a").iterdir()), [])
+
+    def test_pictures_have_the_size_that_was_asked_for(self):
+        wave = [SMARTSURF, "run", str(ROOT / "scripts/examples/wave.lua"), "--no-controller", "--ticks", "2"]
+        self.assertEqual(self.run_program(*wave, "--screenshot", "a.png", "--picture-size", "123x45")[0], 0)
+        self.assertEqual(size_of(self.folder / "a.png"), (123, 45))
+        for size, flag, file in (("123", "--screenshot", "b.png"), ("123x45x", "--screenshot", "b.png"),
+                                 ("8x45", "--screenshot", "b.png"), ("99999x45", "--screenshot", "b.png"),
+                                 ("123x45", "--video", "b.mp4")):
+            status, _, err = self.run_program(*wave, flag, file, "--picture-size", size)
+            self.assertEqual((status, err.count("\n")), (2, 1), err)
+            self.assertIn(f"--picture-size {size}", err)
+            self.assertFalse((self.folder / file).exists())
+
+    def test_the_page_names_every_figure_and_every_picture_is_there(self):
+        page = PAGE.read_text()
+        for n in "156789":
+            self.assertIn(f"scripts/figures --only {n}", page)
+        for name in ("hero.png", "sort.webp", "apron-window.png", "apron-window-narrow.png"):
+            self.assertTrue((ROOT / "docs/images" / name).stat().st_size < 3_000_000, name)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,133 @@
+#include "smartsurf/view/Renderer.h"
+
+#include <epoxy/gl.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+
+#include "smartsurf/view/GlObjects.h"
+#include "smartsurf/view/OffscreenContext.h"
+#include "smartsurf/view/ReadPixels.h"
+#include "tests/unit/smartsurf/view/Scenes.h"
+
+namespace smartsurf::view {
+namespace {
+
+int draw_calls = 0;
+
+// Takes the place of OpenGL's draw calls, which epoxy must have found already, for as long as it lives.
+class CountDrawCalls {
+ public:
+  CountDrawCalls() {
+    draw_calls = 0;
+    epoxy_glDrawElements = [](GLenum mode, GLsizei count, GLenum type, const void* indices) {
+      ++draw_calls;
+      elements(mode, count, type, indices);
+    };
+    epoxy_glDrawElementsInstanced = [](GLenum mode, GLsizei count, GLenum type, const void* indices,
+                                       GLsizei instances) {
+      ++draw_calls;
+      elements_instanced(mode, count, type, indices, instances);
+    };
+    epoxy_glDrawArrays = [](GLenum mode, GLint first, GLsizei count) {
+      ++draw_calls;
+      arrays(mode, first, count);
+    };
+  }
+  ~CountDrawCalls() {
+    epoxy_glDrawElements = elements;
+    epoxy_glDrawElementsInstanced = elements_instanced;
+    epoxy_glDrawArrays = arrays;
+  }
+  CountDrawCalls(const CountDrawCalls&) = delete;
+  CountDrawCalls& operator=(const CountDrawCalls&) = delete;
+
+  static void remember() {
+    elements = epoxy_glDrawElements;
+    elements_instanced = epoxy_glDrawElementsInstanced;
+    arrays = epoxy_glDrawArrays;
+  }
+
+ private:
+  static inline decltype(epoxy_glDrawElements) elements = nullptr;
+  static inline decltype(epoxy_glDrawElementsInstanced) elements_instanced = nullptr;
+  static inline decltype(epoxy_glDrawArrays) arrays = nullptr;
+};
+
+// Objects of all simple shapes in rows over pins at many heights.
+Scene crowd(int cells, int objects) {
+  Scene scene(cells, cells);
+  for (std::size_t i = 0; i < scene.snapshot.height.size(); ++i)
+    scene.snapshot.height[i] =
+        2.0f + std::sin(0.7f * static_cast<float>(i % static_cast<std::size_t>(cells)));
+  const int across = std::max(1, (cells - 2) / 3);
+  for (int k = 0; k < objects; ++k) {
+    scene::ObjectSpec o;
+    o.shape = static_cast<scene::ShapeKind>(k % 5);
+    o.radius = 1.0;
+    o.height = 2.0;
+    o.size = {1.5, 1.5, 1.5};
+    o.colour = {0.8f, 0.3f, 0.1f};
+    o.position = {2.0 + 3.0 * (k % across), 2.0 + 3.0 * (k / across % across), 4.5};
+    scene.add(o);
+  }
+  return scene;
+}
+
+class RendererTest : public testing::Test {
+ protected:
+  static constexpr int kWidth = 480, kHeight = 300;
+  static void SetUpTestSuite() {
+    unsetenv("DISPLAY");
+    unsetenv("WAYLAND_DISPLAY");
+  }
+  void SetUp() override { canvas_.resize(kWidth, kHeight); }
+  void draw(Renderer& renderer, const Scene& scene) {
+    renderer.draw(scene.snapshot, scene.spec.objects,
+                  Camera::framing(scene.spec.surface, Preset::kIso, static_cast<double>(kWidth) / kHeight),
+                  {}, canvas_.framebuffer.id(), kWidth, kHeight);
+  }
+  Image picture(const Scene& scene, const Quality& quality) {
+    Renderer renderer(scene.spec, quality);
+    draw(renderer, scene);
+    return read_pixels(canvas_.framebuffer.id(), kWidth, kHeight);
+  }
+  int calls_of(const Scene& scene) {
+    Renderer renderer(scene.spec, {1, 256, Pass::kColour});
+    draw(renderer, scene);
+    CountDrawCalls::remember();
+    const CountDrawCalls counting;
+    draw(renderer, scene);
+    return draw_calls;
+  }
+
+  OffscreenContext context_;
+  Canvas canvas_;
+};
+
+TEST_F(RendererTest, EveryKindIsOneDrawCallHoweverManyThereAre) {
+  const int few = calls_of(crowd(8, 5)), many = calls_of(crowd(96, 900));
+  EXPECT_EQ(many, few);
+  // Pins and five shapes, in the shadow map and in the picture; the ground and what is behind it.
+  EXPECT_EQ(few, 2 * 6 + 2);
+}
+
+TEST_F(RendererTest, WhatAWindowDrawsOnTheProcessorLooksLikeThePictures) {
+  const Scene scene = crowd(24, 40);
+  const Image cheap = picture(scene, Quality::fast()), full = picture(scene, {1, 2048, Pass::kColour});
+  double sum = 0.0;
+  int far = 0;
+  for (std::size_t i = 0; i < full.rgb.size(); ++i) {
+    const int difference = std::abs(cheap.rgb[i] - full.rgb[i]);
+    sum += difference;
+    far += difference > 60 ? 1 : 0;
+  }
+  const double values = static_cast<double>(full.rgb.size());
+  EXPECT_LT(sum / values, 9.0) << "of 255, on average";
+  EXPECT_LT(far / values, 0.03) << "edges of shadows, of the band around balls";
+  EXPECT_NE(cheap.rgb, full.rgb);
+}
+
+}  // namespace
+}  // namespace smartsurf::view
