@@ -89,6 +89,11 @@ void settings(CLI::App& run, Raw& raw) {
   run.add_option("--set", raw.sets, "value of a slider or switch")
       ->type_name("NAME=VALUE")
       ->allow_extra_args(false);
+  run.add_option("--camera", raw.options.cameras,
+                 "what webcam.open(0) opens: a device [/dev/video0], or a video; given again, what the next "
+                 "number does")
+      ->type_name("DEVICE|FILE.y4m")
+      ->allow_extra_args(false);
   run.add_option("--threads", raw.options.threads, "threads for large arrays; they change no result [1]")
       ->type_name("N")
       ->check(whole_number(1, 256));
@@ -109,6 +114,8 @@ void define_run(CLI::App& run, Raw& raw) {
       ->type_name("N")
       ->check(whole_number(1, std::numeric_limits<std::uint64_t>::max()));
   settings(run, raw);
+  run.add_flag("--timers", raw.options.timers,
+               "timers measure wall time, as with --window; without, they stand at 0");
   run.add_flag("--reconnect", raw.options.reconnect,
                "when the surface is lost, wait for a new one and start the program afresh");
   run.add_option("--wait", raw.options.wait_s, "how long to wait for the surface to appear [5]")
@@ -119,7 +126,8 @@ void define_run(CLI::App& run, Raw& raw) {
   run.add_option("--geometry", raw.geometry,
                  "size of the window or picture, and the window's place, or 'beside' the simulator's window")
       ->type_name("WxH[+X+Y]");
-  run.add_option("--show", raw.options.show, "the register that is shown large at first")->type_name("REGISTER");
+  run.add_option("--show", raw.options.show, "the register that is shown large at first")
+      ->type_name("REGISTER");
   run.add_option("--screenshot", raw.screenshots, "a picture of the window after that tick, or at the end")
       ->type_name("FILE.png[@TICK]")
       ->allow_extra_args(false);
@@ -163,9 +171,10 @@ void set_geometry(Raw& raw) {
     g.at = {x, y};
   }
   if (!good)
-    throw CLI::ValidationError("--geometry", "'" + raw.geometry +
-                                                 "' is not WIDTHxHEIGHT or WIDTHxHEIGHT+X+Y in pixels, such as "
-                                                 "1280x800+600+0, from 320x240 to 8192x8192");
+    throw CLI::ValidationError("--geometry",
+                               "'" + raw.geometry +
+                                   "' is not WIDTHxHEIGHT or WIDTHxHEIGHT+X+Y in pixels, such as "
+                                   "1280x800+600+0, from 320x240 to 8192x8192");
 }
 
 void add_screenshot(Raw& raw, const std::string& text) {
@@ -173,7 +182,8 @@ void add_screenshot(Raw& raw, const std::string& text) {
   if (const std::size_t at = text.rfind('@'); at != std::string::npos) {
     std::uint64_t tick = 0;
     if (!parse_number(std::string_view(text).substr(at + 1), tick))
-      throw CLI::ValidationError("--screenshot", "'" + text + "' is not FILE.png or FILE.png@TICK with a whole number");
+      throw CLI::ValidationError("--screenshot",
+                                 "'" + text + "' is not FILE.png or FILE.png@TICK with a whole number");
     one = {text.substr(0, at), tick};
   }
   if (!std::string_view(one.file).ends_with(".png"))
@@ -186,14 +196,16 @@ void check_pictures(Raw& raw) {
   set_geometry(raw);
   for (const std::string& text : raw.screenshots) add_screenshot(raw, text);
   if (o.window && (!o.screenshots.empty() || !o.video.empty()))
-    throw CLI::ValidationError("--window", "does not go with --screenshot and --video, which need no display");
+    throw CLI::ValidationError("--window",
+                               "does not go with --screenshot and --video, which need no display");
   if (o.window && o.reconnect) throw CLI::ValidationError("--window", "does not go with --reconnect");
   if (o.hold && !o.window) throw CLI::ValidationError("--hold", "goes with --window");
   if (!o.draws() && (!raw.geometry.empty() || !o.show.empty()))
     throw CLI::ValidationError(raw.geometry.empty() ? "--show" : "--geometry",
                                "goes with --window, --screenshot or --video");
   if (!o.video.empty() && o.surface.empty())
-    throw CLI::ValidationError("--video", "goes with --shm NAME: without a surface there is no simulated time");
+    throw CLI::ValidationError("--video",
+                               "goes with --shm NAME: without a surface there is no simulated time");
 }
 
 void check_run(Raw& raw) {
