@@ -17,7 +17,6 @@ namespace {
 
 constexpr float kMaxOffset = 1'000'000.0F;
 
-
 std::string show(Shape shape) { return fmt::format("{}x{}", shape.width, shape.height); }
 
 }  // namespace
