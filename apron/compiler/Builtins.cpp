@@ -148,13 +148,18 @@ constexpr Builtin kTable[] = {
     {"print", Form::kPrint, 0, kAnyNumber},
     {"println", Form::kPrint, 0, kAnyNumber, Op::kPrintLine},
     {"sim.show", Form::kShow, 1, 2, Op::kShow},
-    {"sim.display", Form::kNoEffect, 0, kAnyNumber},
-    {"sim.tile", Form::kNoEffect, 0, kAnyNumber},
+    {"sim.display", Form::kShow, 1, 2, Op::kDisplay},
+    {"sim.tile", Form::kTile, 0, 2, Op::kTile},
     {"sim.label", Form::kLabelShow, 0, kAnyNumber},
     {"sim.slider.add", Form::kSliderAdd, 3, 4},
     {"sim.slider.get", Form::kParameterGet, 1, 1, Op::kParameter},
     {"sim.switch.add", Form::kSwitchAdd, 1, 2},
     {"sim.switch.get", Form::kParameterGet, 1, 1, Op::kParameter},
+    {"timer.start", Form::kTimer, 0, 1, Op::kTimerStart},
+    {"timer.stop", Form::kTimer, 0, 1, Op::kTimerStop},
+    {"timer.reset", Form::kTimer, 0, 1, Op::kTimerReset},
+    {"timer.read", Form::kTimerRead, 0, 1, Op::kTimerRead},
+    {"timer.wait", Form::kTimerWait, 1, 1, Op::kTimerWait},
     {"nop", Form::kPlain, 0, 0, Op::kNop},
     {"end", Form::kPlain, 0, 0, Op::kEnd},
     {"return", Form::kReturn, 0, 0, Op::kReturn},
@@ -178,9 +183,6 @@ constexpr Builtin kTable[] = {
     {"endwhere", Form::kEndWhere, 0, 0},
 };
 
-// Timers are for windows: as statements they do nothing, as values they are 0.
-constexpr Builtin kTimer = {"timer.", Form::kZero, 0, kAnyNumber};
-
 bool starts_with(std::string_view text, std::string_view prefix) {
   return text.substr(0, prefix.size()) == prefix;
 }
@@ -201,7 +203,6 @@ const Builtin* find_exact(std::string_view name) {
 
 const Builtin* find_builtin(std::string_view name) {
   constexpr std::string_view kCore = "core.";
-  if (starts_with(name, kTimer.name)) return &kTimer;
   if (!starts_with(name, kCore)) return find_exact(name);
   const Builtin* builtin = find_exact(name.substr(kCore.size()));
   return builtin != nullptr && has_core_form(*builtin) ? builtin : nullptr;

@@ -88,8 +88,8 @@ Value Lowering::lower_call(const Builtin& builtin, const Expression& call, const
       emitter_.release(number);
       return to_register(builtin.op, {emitter_.text(name), emitter_.operand(number)}, destination);
     }
-    case Form::kZero:
-      return Value::of(0.0F);
+    case Form::kTimerRead:
+      return to_variable(builtin.op, {timer(arguments)}, destination);
     default:
       throw Failure{call.at, fmt::format("'{}' gives no value", call.text)};
   }

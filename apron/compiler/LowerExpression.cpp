@@ -17,7 +17,6 @@ namespace {
 
 constexpr float kMaxOffset = 1'000'000.0F;
 
-
 std::string show(Shape shape) { return fmt::format("{}x{}", shape.width, shape.height); }
 
 }  // namespace
@@ -70,6 +69,10 @@ Value Lowering::lower_name(const Expression& name, Destination* destination) {
       std::vector<std::string> known = other_names_;
       for (const std::string& one : written_) {
         if (!is_macro_name(one)) known.push_back(one);
+      }
+      for (const std::string& one : builtin_names()) {
+        if (const Builtin* value = find_builtin(one); value->gives_value() && value->least == 0)
+          known.push_back(one);
       }
       std::string advice = names_.suggestion(name.text, known);
       if (advice.empty())
@@ -156,10 +159,11 @@ Value Lowering::place_for(const Expression& place, bool is_register, Shape shape
     throw Failure{place.at, fmt::format("'{}' is a value here and cannot be written", symbol->name)};
   }
   if (is_register && !symbol->value.is_register()) {
-    throw Failure{place.at,
-                  fmt::format("'{}' is a scalar, and the value is a register of {}; globalsum(…) and the "
-                              "like make a number of it",
-                              symbol->name, show(shape))};
+    const std::string meant = namesake(place.text);
+    throw Failure{
+        place.at,
+        fmt::format("'{}' is a scalar, and the value is a register of {}{}", symbol->name, show(shape),
+                    meant.empty() ? "; globalsum(…) and the like make a number of it" : meant)};
   }
   if (symbol->value.is_register()) check_where(emitter_.shape(symbol->value), place.at);
   return symbol->value;
@@ -264,9 +268,16 @@ Value Lowering::scalar(const Expression& expression, std::string_view what) {
 Value Lowering::array(const Expression& expression, std::string_view what) {
   const Value value = lower(expression);
   if (!value.is_register()) {
-    throw Failure{expression.at, fmt::format("{} takes a register, and this is a scalar", what)};
+    throw Failure{expression.at, fmt::format("{} takes a register, and this is a scalar{}", what,
+                                             namesake(expression.text))};
   }
   return value;
+}
+
+// What a person may have meant who writes a scalar's name: the element of that name of a class of registers.
+std::string Lowering::namesake(const std::string& name) const {
+  const std::string element = names_.register_element(name);
+  return element.empty() ? "" : fmt::format("; the register of that name is {}", element);
 }
 
 float Lowering::constant(const Expression& expression, std::string_view what) {

@@ -43,8 +43,14 @@ bool Lowering::host(const Builtin& builtin, const Expression& call, const Expres
       return add_switch(arguments, call.at), true;
     case Form::kLabelShow:
       return show_label(arguments), true;
-    case Form::kNoEffect:
-      return no_effect(arguments), true;
+    case Form::kTile:
+      return tile(arguments), true;
+    case Form::kTimer:
+      emitter_.emit(builtin.op, {}, {timer(arguments)});
+      return true;
+    case Form::kTimerWait:
+      emitter_.emit(builtin.op, {}, {emitter_.operand(scalar(arguments[0], "'timer.wait'"))});
+      return true;
     default:
       return false;
   }
@@ -113,11 +119,12 @@ void Lowering::add_switch(const Expressions& arguments, Location at) {
   add_parameter(std::move(wanted), at);
 }
 
-// sim.label('text'), sim.label('name', 'text') and sim.label('name', number); other forms have no effect.
+// sim.label('text'), sim.label('name', 'text') and sim.label('name', number); with more, which would be a
+// place in the original's windows, or of a register it has no effect.
 void Lowering::show_label(const Expressions& arguments) {
   const bool named =
       !arguments.empty() && arguments.size() <= 2 && arguments[0].kind == ExpressionKind::kText;
-  if (!named) return no_effect(arguments);
+  if (!named) return names_exist(arguments);
   const program::Operand name = emitter_.text(arguments[0].text);
   if (arguments.size() == 1 || arguments[1].kind == ExpressionKind::kText) {
     const program::Operand text = emitter_.text(arguments.size() == 2 ? arguments[1].text : "");
@@ -128,12 +135,25 @@ void Lowering::show_label(const Expressions& arguments) {
   emitter_.release(value);
 }
 
-// Windows and timers: nothing is done, but the names must exist.
-void Lowering::no_effect(const Expressions& arguments) {
+void Lowering::names_exist(const Expressions& arguments) {
   for (const Expression& argument : arguments) {
     if (argument.kind == ExpressionKind::kName) lower_name(argument);
     if (argument.kind == ExpressionKind::kElement) element(argument);
   }
+}
+
+// sim.tile, sim.tile(columns) and sim.tile(columns, rows): the rows follow from the number of tiles.
+void Lowering::tile(const Expressions& arguments) {
+  Value columns = Value::of(0.0F);
+  if (!arguments.empty()) columns = scalar(arguments[0], "'sim.tile'");
+  if (arguments.size() == 2) emitter_.release(scalar(arguments[1], "'sim.tile'"));
+  emitter_.emit(Opcode::kTile, {}, {emitter_.operand(columns)});
+  emitter_.release(columns);
+}
+
+// timer.start and timer.start('name'): the timer without a name is one, too.
+program::Operand Lowering::timer(const Expressions& arguments) {
+  return emitter_.text(arguments.empty() ? "" : text(arguments[0], "a timer's name"));
 }
 
 }  // namespace apron::compiler

@@ -215,6 +215,11 @@ void Lowering::unknown_call(const Expression& call) const {
     throw Failure{call.at,
                   fmt::format("there is no instruction or macro '{}'; {}", call.text, found->second)};
   }
+  if (const Symbol* symbol = names_.find(call.text); symbol != nullptr && symbol->value.is_register()) {
+    throw Failure{call.at,
+                  fmt::format("'{0}' is a register and no instruction; one cell is pixel.get({0}, x, y)",
+                              shown(call.text))};
+  }
   std::vector<std::string> known = builtin_names();
   known.insert(known.end(), other_names_.begin(), other_names_.end());
   throw Failure{call.at, fmt::format("there is no instruction or macro '{}'{}", call.text,
@@ -245,7 +250,6 @@ void Lowering::call_statement(const Expression& call) {
     if (count < builtin->least || count > builtin->most) wrong_count(*builtin, call);
     return perform(*builtin, call);
   }
-  if (builtin->form == Form::kZero) return no_effect(call.children);
   if (builtin->form == Form::kPlugin) {
     if (count < builtin->least || count > builtin->most) wrong_count(*builtin, call);
     return plugin_statement(call);

@@ -109,6 +109,7 @@ class Lowering {
   Value new_scalar(const Expression&, bool is_register);
   Value scalar(const Expression&, std::string_view what);
   Value array(const Expression&, std::string_view what);
+  std::string namesake(const std::string& name) const;
   Value kept(Value);
   int whole(const Expression&, std::string_view what);
   float constant(const Expression&, std::string_view what);
@@ -199,7 +200,9 @@ class Lowering {
   void add_switch(const Expressions&, Location);
   void add_parameter(program::Parameter, Location);
   void show_label(const Expressions&);
-  void no_effect(const Expressions&);
+  void names_exist(const Expressions&);
+  void tile(const Expressions&);
+  program::Operand timer(const Expressions&);
 
   Shape surface_;
   const syntax::Sources& sources_;

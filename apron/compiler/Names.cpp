@@ -116,14 +116,26 @@ std::optional<std::size_t> Names::register_number(std::uint32_t index) const {
   return std::nullopt;
 }
 
+// By the shortest name of its class.
+std::string Names::written_element(const std::string& class_name, const std::string& name) const {
+  std::string alias = class_name;
+  for (const auto& [short_name, target] : aliases_) {
+    if (target == class_name && short_name.size() < alias.size()) alias = short_name;
+  }
+  return fmt::format("{}[{}]", alias, name);
+}
+
+std::string Names::register_element(const std::string& name) const {
+  for (const auto& [class_name, group] : classes_) {
+    if (!group.of_variables && group.elements.count(name) > 0) return written_element(class_name, name);
+  }
+  return {};
+}
+
 std::string Names::suggestion(const std::string& name, const std::vector<std::string>& also) const {
   for (const auto& [class_name, group] : classes_) {
-    if (group.elements.count(name) == 0) continue;
-    std::string alias = class_name;
-    for (const auto& [short_name, target] : aliases_) {
-      if (target == class_name && short_name.size() < alias.size()) alias = short_name;
-    }
-    return fmt::format("; did you mean '{}[{}]'?", alias, name);
+    if (group.elements.count(name) > 0)
+      return fmt::format("; did you mean '{}'?", written_element(class_name, name));
   }
   std::vector<std::string> known = also;
   for (const auto& [bare, symbol] : bare_) {

@@ -48,6 +48,8 @@ class Names {
 
   // "; did you mean 'r[A]'?" and the like, or "".
   std::string suggestion(const std::string& name, const std::vector<std::string>& also) const;
+  // "r[A]" if a class of registers has an element A, else "".
+  std::string register_element(const std::string& name) const;
   const Symbol* find_register(std::uint32_t index) const;
 
  private:
@@ -58,6 +60,7 @@ class Names {
     std::vector<std::string> order;
   };
   const std::string& class_of(const std::string& name, syntax::Location) const;
+  std::string written_element(const std::string& class_name, const std::string& name) const;
 
   std::map<std::string, Symbol> bare_;
   std::map<std::string, Class> classes_;

@@ -53,13 +53,36 @@ Appearance& FrontPanel::of(std::string_view reg) {
   return found != state_.appearances.end() ? found->second : state_.appearances[std::string(reg)];
 }
 
-void FrontPanel::show(std::string_view reg, std::string_view title) {
-  const std::lock_guard lock(mutex_);
+// Whether that is news: a program shows the same ones in every round.
+bool FrontPanel::shown(std::string_view reg, std::string_view title) {
   Appearance& one = of(reg);
-  if (one.shown && one.title == title) return;  // a program shows the same ones in every round
+  if (one.shown && one.title == title) return false;
+  if (!one.shown) state_.tiles.emplace_back(reg);
   one.shown = true;
   one.title = title;
+  ++revision_;
+  return true;
+}
+
+void FrontPanel::show(std::string_view reg, std::string_view title) {
+  const std::lock_guard lock(mutex_);
+  const bool news = shown(reg, title);
+  if (!news && of(reg).large) return;
+  of(reg).large = true;
   state_.latest_shown = reg;
+  ++revision_;
+}
+
+void FrontPanel::display(std::string_view reg, std::string_view title) {
+  const std::lock_guard lock(mutex_);
+  shown(reg, title);
+}
+
+void FrontPanel::tile(int columns) {
+  const std::lock_guard lock(mutex_);
+  if (state_.tiled && state_.tile_columns == columns) return;
+  state_.tiled = true;
+  state_.tile_columns = columns;
   ++revision_;
 }
 
@@ -99,6 +122,8 @@ void FrontPanel::clear_program() {
   state_.labels.clear();
   state_.appearances.clear();
   state_.latest_shown.clear();
+  state_.tiles.clear();
+  state_.tiled = false;
   ++revision_;
 }
 

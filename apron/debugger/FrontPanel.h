@@ -17,7 +17,8 @@ namespace apron::debugger {
 
 // How the program wants a register to be shown.
 struct Appearance {
-  bool shown = false;  // by sim.show
+  bool shown = false;  // by sim.show or sim.display
+  bool large = false;  // by sim.show
   std::string title;
   std::optional<Palette> palette;
   std::optional<Range> range;  // else found out from the cells
@@ -28,17 +29,23 @@ class FrontPanel {
   static constexpr std::size_t kMaxLines = 2000;
 
   struct State {
-    std::deque<std::string> console;  // whole lines, the oldest first, and last the one being written
-    std::uint64_t lines = 0;          // ever begun
+    std::deque<std::string> console = {
+        std::string()};       // whole lines, the oldest first, and last the one being written
+    std::uint64_t lines = 1;  // ever begun
     std::vector<std::pair<std::string, std::string>> labels;     // name and text, in order of appearance
     std::map<std::string, Appearance, std::less<>> appearances;  // by register
     std::string latest_shown;                                    // register
+    std::vector<std::string> tiles;                              // registers, in order of appearance
+    bool tiled = false;                                          // the tiles instead of one large register
+    int tile_columns = 0;                                        // 0: as fits
   };
 
   // The program's side.
   void print(std::string_view text);
   void label(std::string_view name, std::string_view text);
   void show(std::string_view reg, std::string_view title);
+  void display(std::string_view reg, std::string_view title);
+  void tile(int columns);
   void set_palette(std::string_view reg, std::string_view name);
   void set_scale(std::string_view reg, float low, float high);
   std::optional<float> parameter(std::string_view name) const;
@@ -55,10 +62,11 @@ class FrontPanel {
  private:
   void append(std::string_view text);
   Appearance& of(std::string_view reg);
+  bool shown(std::string_view reg, std::string_view title);
 
   mutable std::mutex mutex_;
   std::uint64_t revision_ = 1;
-  State state_{{std::string()}, 1, {}, {}, {}};
+  State state_;
   std::map<std::string, float, std::less<>> parameters_;
 };
 

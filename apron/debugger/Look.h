@@ -24,6 +24,8 @@ struct LookRequest {
   std::optional<std::size_t> large;  // a register, all of its cells
   std::vector<std::size_t> small;    // registers, with at most small_edge columns and rows
   std::uint32_t small_edge = 96;
+  std::vector<std::size_t> tiles;  // registers, with at most tile_edge columns and rows
+  std::uint32_t tile_edge = 512;
   bool cell = false, profile = false;
 };
 
@@ -46,7 +48,7 @@ struct Look {
   std::string error;             // one line; of a program that failed
   std::vector<float> variables;  // by number
   std::optional<Shot> large;
-  std::vector<Shot> small;
+  std::vector<Shot> small, tiles;
   Cell cell;
   std::vector<Around> around;          // of the cell, by register
   std::vector<Probe::Record> history;  // of the cell

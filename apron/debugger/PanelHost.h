@@ -40,6 +40,13 @@ class PanelHost final : public vm::Host {
   vm::HostStatus read_camera(vm::Plane to) override { return inner_.read_camera(to); }
   void close_camera() override { inner_.close_camera(); }
   void show(std::string_view reg, std::string_view title) override { panel_.show(reg, title); }
+  void display(std::string_view reg, std::string_view title) override { panel_.display(reg, title); }
+  void tile(int columns) override { panel_.tile(columns); }
+  void start_timer(std::string_view name) override { inner_.start_timer(name); }
+  void stop_timer(std::string_view name) override { inner_.stop_timer(name); }
+  void reset_timer(std::string_view name) override { inner_.reset_timer(name); }
+  double read_timer_s(std::string_view name) override { return inner_.read_timer_s(name); }
+  vm::HostStatus wait(double seconds) override { return inner_.wait(seconds); }
   void label(std::string_view name, std::string_view text) override { panel_.label(name, text); }
   void set_palette(std::string_view reg, std::string_view name) override { panel_.set_palette(reg, name); }
   void set_scale(std::string_view reg, float low, float high) override { panel_.set_scale(reg, low, high); }

@@ -145,6 +145,8 @@ void Session::look(const LookRequest& request, Look& look) const {
     look.large = shot(*vm_, *request.large, std::numeric_limits<std::uint32_t>::max() / 2);
   for (const std::size_t reg : request.small)
     if (there(reg)) look.small.push_back(shot(*vm_, reg, request.small_edge));
+  for (const std::size_t reg : request.tiles)
+    if (there(reg)) look.tiles.push_back(shot(*vm_, reg, request.tile_edge));
   look.cell = probe_.cell();
   if (request.cell) {
     look.around = around(*vm_, probe_.cell());

@@ -157,9 +157,18 @@ int run_on(const Options& options, std::uint32_t width, std::uint32_t height, co
   });
 }
 
+const std::atomic<bool>& end_of_waits(const Options& options) {
+  return options.draws() ? interrupt_flag() : stop_flag();
+}
+
+Surroundings surroundings(const Options& options) {
+  const bool clocked = options.timers || options.window;
+  return {options.cameras, clocked ? Timers::Clock(wall_clock_s) : Timers::Clock()};
+}
+
 int run_alone(const Options& options) {
   return run_on(options, options.width, options.height, [&](const auto& go) {
-    LocalHost host(options.parameters);
+    LocalHost host(options.parameters, end_of_waits(options), surroundings(options));
     return go(host, {});
   });
 }
@@ -171,7 +180,7 @@ int run_session(const Options& options, std::chrono::nanoseconds wait) {
       ControllerEndpoint::attach(options.surface, {.timeout = wait, .stop = &stop_flag()});
   const shm_protocol::Description& size = surface.description();
   return run_on(options, size.columns, size.rows, [&](const auto& go) {
-    SurfaceHost host(surface, options.draws() ? interrupt_flag() : stop_flag(), options.parameters);
+    SurfaceHost host(surface, end_of_waits(options), options.parameters, surroundings(options));
     switch (host.begin()) {
       case vm::HostStatus::kOk:
         return go(host, [&host](bool held) { host.show_paused(held); });

@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "apron/run/GreyFrame.h"
 #include "apron/vm/Plane.h"
 
 namespace apron::run {
@@ -33,6 +34,8 @@ std::string encode_pgm(const std::string& path, const std::vector<std::uint8_t>&
 Grey decode_stb(const std::string& path, std::string_view bytes, const vm::Plane& shape);
 std::string encode_jpeg(const std::string& path, const std::vector<std::uint8_t>& pixels, std::uint32_t width,
                         std::uint32_t height);
+// One frame of motion JPEG, which leaves the usual Huffman tables out; false if it is no whole one.
+bool decode_motion_jpeg(std::span<const std::uint8_t> bytes, GreyFrame& frame);
 std::string encode_bmp(const std::string& path, const std::vector<std::uint8_t>& pixels, std::uint32_t width,
                        std::uint32_t height);
 

@@ -14,6 +14,12 @@ namespace {
 constexpr const char* kNoSurface = "there is no surface: run with --shm NAME";
 }
 
+LocalHost::LocalHost(Parameters parameters, const std::atomic<bool>& stop, Surroundings surroundings)
+    : parameters_(std::move(parameters)),
+      stop_(stop),
+      cameras_(std::move(surroundings.cameras)),
+      timers_(std::move(surroundings.clock_s)) {}
+
 void LocalHost::print(std::string_view text) { std::fwrite(text.data(), 1, text.size(), stdout); }
 
 std::string LocalHost::message() const { return message_.empty() ? kNoSurface : message_; }
@@ -62,9 +68,21 @@ HostStatus LocalHost::read_clip(vm::Plane to) {
   if (clip_ == nullptr) return report(HostStatus::kRefused, "no video is open: video.clip.open('file.y4m')");
   return media([&] { clip_->read(to); });
 }
-HostStatus LocalHost::open_camera(int) { return report(HostStatus::kRefused, "this host has no camera"); }
-HostStatus LocalHost::read_camera(vm::Plane) {
-  return report(HostStatus::kRefused, "this host has no camera");
+HostStatus LocalHost::open_camera(int number) {
+  if (number < 0) return report(HostStatus::kRefused, "a camera's number is a whole number from 0");
+  const auto n = static_cast<std::size_t>(number);
+  const std::string path = n < cameras_.size() ? cameras_[n] : "/dev/video" + std::to_string(number);
+  camera_.reset();  // a camera can be opened only once
+  return media([&] { camera_ = run::open_camera(path); });
+}
+HostStatus LocalHost::read_camera(vm::Plane to) {
+  if (camera_ == nullptr) return report(HostStatus::kRefused, "no camera is open: webcam.open(0)");
+  return media([&] { camera_->read(to, stop_); });
+}
+
+HostStatus LocalHost::wait(double seconds) {
+  flush();
+  return timers_.wait(seconds, stop_);
 }
 
 std::string LocalHost::load_modules(const std::vector<std::string>& names,

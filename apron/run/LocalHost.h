@@ -1,12 +1,15 @@
 // The VM's host on this machine, without a surface: console on stdout, media files relative to the current
-// directory, parameters from the command line.
+// directory, cameras, parameters from the command line.
 #pragma once
 
+#include <atomic>
 #include <map>
 #include <memory>
 #include <string>
 
+#include "apron/run/Camera.h"
 #include "apron/run/PluginModules.h"
+#include "apron/run/Timers.h"
 #include "apron/run/VideoClip.h"
 #include "apron/vm/Host.h"
 
@@ -14,9 +17,16 @@ namespace apron::run {
 
 using Parameters = std::map<std::string, float, std::less<>>;
 
+// What of this machine a program sees besides its files.
+struct Surroundings {
+  std::vector<std::string> cameras;  // in place of /dev/video0, /dev/video1, …: see open_camera()
+  Timers::Clock clock_s;             // of the timers; empty for none
+};
+
 class LocalHost : public vm::Host {
  public:
-  explicit LocalHost(Parameters parameters) : parameters_(std::move(parameters)) {}
+  // stop, which must outlive it, ends every wait.
+  LocalHost(Parameters parameters, const std::atomic<bool>& stop, Surroundings surroundings = {});
 
   std::string message() const override;
   void print(std::string_view text) override;
@@ -30,9 +40,15 @@ class LocalHost : public vm::Host {
   vm::HostStatus open_clip(std::string_view file) override;
   vm::HostStatus read_clip(vm::Plane to) override;
   void close_clip() override { clip_.reset(); }
-  // Refused: no camera is read.
   vm::HostStatus open_camera(int number) override;
   vm::HostStatus read_camera(vm::Plane to) override;
+  void close_camera() override { camera_.reset(); }
+
+  void start_timer(std::string_view name) override { timers_.start(name); }
+  void stop_timer(std::string_view name) override { timers_.stop(name); }
+  void reset_timer(std::string_view name) override { timers_.reset(name); }
+  double read_timer_s(std::string_view name) override { return timers_.read_s(name); }
+  vm::HostStatus wait(double seconds) override;
 
   // Before the run: the modules that the program names. "" or what is wrong.
   std::string load_modules(const std::vector<std::string>& names,
@@ -55,14 +71,19 @@ class LocalHost : public vm::Host {
   vm::HostStatus report(vm::HostStatus status, std::string message);
   // Makes what was printed visible.
   void flush();
+  const std::atomic<bool>& stop() const { return stop_; }
 
  private:
   template <class Media>
   vm::HostStatus media(const Media& work);
 
   Parameters parameters_;
+  const std::atomic<bool>& stop_;
   std::string message_;
   std::unique_ptr<VideoClip> clip_;
+  std::vector<std::string> cameras_;
+  std::unique_ptr<Camera> camera_;
+  Timers timers_;
   PluginModules modules_;
 };
 

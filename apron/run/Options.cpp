@@ -89,6 +89,11 @@ void settings(CLI::App& run, Raw& raw) {
   run.add_option("--set", raw.sets, "value of a slider or switch")
       ->type_name("NAME=VALUE")
       ->allow_extra_args(false);
+  run.add_option("--camera", raw.options.cameras,
+                 "what webcam.open(0) opens: a device [/dev/video0], or a video; given again, what the next "
+                 "number does")
+      ->type_name("DEVICE|FILE.y4m")
+      ->allow_extra_args(false);
   run.add_option("--threads", raw.options.threads, "threads for large arrays; they change no result [1]")
       ->type_name("N")
       ->check(whole_number(1, 256));
@@ -109,6 +114,8 @@ void define_run(CLI::App& run, Raw& raw) {
       ->type_name("N")
       ->check(whole_number(1, std::numeric_limits<std::uint64_t>::max()));
   settings(run, raw);
+  run.add_flag("--timers", raw.options.timers,
+               "timers measure wall time, as with --window; without, they stand at 0");
   run.add_flag("--reconnect", raw.options.reconnect,
                "when the surface is lost, wait for a new one and start the program afresh");
   run.add_option("--wait", raw.options.wait_s, "how long to wait for the surface to appear [5]")

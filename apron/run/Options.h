@@ -55,6 +55,9 @@ struct Options {
   std::vector<std::string> files;  // of fmt
   std::string watch;               // a register to show in the terminal; "" for none
 
+  std::vector<std::string> cameras;  // in place of /dev/video0, /dev/video1, …
+  bool timers = false;               // they have a clock, also without a window
+
   bool draws() const { return window || !screenshots.empty() || !video.empty(); }
   bool write = false, only_check = false;
 };

@@ -42,7 +42,8 @@ constexpr std::string_view kHelp =
 // Silent, and without effect on files, until the marker is printed.
 class ReplHost final : public LocalHost {
  public:
-  ReplHost(Parameters parameters, std::ostream& out) : LocalHost(std::move(parameters)), out_(out) {}
+  ReplHost(const Options& options, std::ostream& out)
+      : LocalHost(options.parameters, stop_flag(), {options.cameras, {}}), out_(out) {}
 
   bool reached() const { return awake_; }
   bool line_open() const { return line_open_; }
@@ -233,7 +234,7 @@ Repl::Outcome Repl::attempt(const std::string& text, std::string& report) {
     report = syntax::format(result.diagnostics, result.sources);
     return Outcome::kWrong;
   }
-  ReplHost host(options_.parameters, out_);
+  ReplHost host(options_, out_);
   if (const std::string wrong = host.load_modules(result.program->modules, module_paths(options_));
       !wrong.empty()) {
     report = "error: " + wrong + "\n";

@@ -28,9 +28,33 @@ namespace apron::run {
 namespace {
 
 constexpr int kJpegQuality = 95;
+constexpr unsigned char kHuffmanTables = 0xC4, kStartOfScan = 0xDA;  // markers
 
 void append(void* bytes, void* data, int size) {
   static_cast<std::string*>(bytes)->append(static_cast<const char*>(data), static_cast<std::size_t>(size));
+}
+
+// The segment of a JPEG file from 0xFF and this marker on; npos without one.
+std::size_t find_segment(std::string_view jpeg, unsigned char marker) {
+  std::size_t at = 2;  // after the start of the image
+  while (at + 4 <= jpeg.size() && jpeg[at] == '\xFF') {
+    const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(jpeg[at + i]); };
+    if (byte(1) == marker) return at;
+    if (byte(1) == kStartOfScan) break;
+    at += 2U + (std::size_t{byte(2)} << 8 | byte(3));
+  }
+  return std::string_view::npos;
+}
+
+// The tables of the JPEG standard's annex K, which the encoder writes into every file.
+const std::string& usual_tables() {
+  static const std::string tables = [] {
+    const std::string jpeg = encode_jpeg("", {128}, 1, 1);
+    const std::size_t at = find_segment(jpeg, kHuffmanTables);
+    const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(jpeg[at + i]); };
+    return jpeg.substr(at, 2U + (std::size_t{byte(2)} << 8 | byte(3)));
+  }();
+  return tables;
 }
 
 std::string checked(const std::string& path, int written, std::string bytes) {
@@ -51,6 +75,25 @@ Grey decode_stb(const std::string& path, std::string_view bytes, const vm::Plane
       stbi_load_from_memory(data, size, &width, &height, &channels, 1), stbi_image_free);
   if (!pixels) refuse(path, std::string("is not a whole JPEG or BMP picture: ") + stbi_failure_reason());
   return {pixels.get(), pixels.get() + shape.cells()};
+}
+
+bool decode_motion_jpeg(std::span<const std::uint8_t> bytes, GreyFrame& frame) {
+  std::string jpeg(bytes.begin(), bytes.end());
+  if (find_segment(jpeg, kHuffmanTables) == std::string::npos) {
+    const std::size_t scan = find_segment(jpeg, kStartOfScan);
+    if (scan == std::string::npos) return false;
+    jpeg.insert(scan, usual_tables());
+  }
+  int width = 0, height = 0, channels = 0;
+  const std::unique_ptr<stbi_uc, void (*)(void*)> pixels(
+      stbi_load_from_memory(reinterpret_cast<const stbi_uc*>(jpeg.data()), static_cast<int>(jpeg.size()),
+                            &width, &height, &channels, 1),
+      stbi_image_free);
+  if (!pixels) return false;
+  frame.width = static_cast<std::uint32_t>(width);
+  frame.height = static_cast<std::uint32_t>(height);
+  frame.pixels.assign(pixels.get(), pixels.get() + std::size_t{frame.width} * frame.height);
+  return true;
 }
 
 std::string encode_jpeg(const std::string& path, const std::vector<std::uint8_t>& pixels, std::uint32_t width,

@@ -34,8 +34,8 @@ bool is_component(std::string_view text, std::uint32_t components, std::size_t& 
 }  // namespace
 
 SurfaceHost::SurfaceHost(shm_protocol::ControllerEndpoint& surface, const std::atomic<bool>& stop,
-                         Parameters parameters)
-    : LocalHost(std::move(parameters)), surface_(surface), stop_(stop) {
+                         Parameters parameters, Surroundings surroundings)
+    : LocalHost(std::move(parameters), stop, std::move(surroundings)), surface_(surface) {
   const std::vector<ChannelSpec>& channels = surface_.description().channels;
   for (std::size_t i = 0; i < channels.size(); ++i)
     if (channels[i].direction == Direction::kActuator)
@@ -46,7 +46,7 @@ SurfaceHost::SurfaceHost(shm_protocol::ControllerEndpoint& surface, const std::a
 
 HostStatus SurfaceHost::begin() {
   surface_.set_state(shm_protocol::State::kRunning);
-  return outcome(surface_.await_sensors({.stop = &stop_}));
+  return outcome(surface_.await_sensors({.stop = &stop()}));
 }
 
 void SurfaceHost::show_paused(bool paused) noexcept {
@@ -71,7 +71,7 @@ Status SurfaceHost::publish_staged() {
 }
 
 HostStatus SurfaceHost::arrive() {
-  const Status arrived = surface_.await_sensors({.stop = &stop_});
+  const Status arrived = surface_.await_sensors({.stop = &stop()});
   answered_ = arrived == Status::kInterrupted;
   return outcome(arrived);
 }

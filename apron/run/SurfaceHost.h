@@ -13,14 +13,15 @@
 namespace apron::run {
 
 // A channel is named as the surface names it; of a channel with several components a cell, 'name[k]' is
-// component k, counted from 0, and of three components 'name.r', 'name.g' and 'name.b'. Sensor frames are copied into registers; actuator frames are staged here and
-// sent by step(), and a channel that was not staged again is sent as it was (at first its safe value). No
-// allocation after construction but for messages.
+// component k, counted from 0, and of three components 'name.r', 'name.g' and 'name.b'. Sensor frames are
+// copied into registers; actuator frames are staged here and sent by step(), and a channel that was not
+// staged again is sent as it was (at first its safe value). No allocation after construction but for
+// messages.
 class SurfaceHost final : public LocalHost {
  public:
   // The endpoint and the flag must outlive the host.
-  SurfaceHost(shm_protocol::ControllerEndpoint& surface, const std::atomic<bool>& stop,
-              Parameters parameters);
+  SurfaceHost(shm_protocol::ControllerEndpoint& surface, const std::atomic<bool>& stop, Parameters parameters,
+              Surroundings surroundings = {});
 
   // Waits for the first sensor frame; the program begins with it.
   vm::HostStatus begin();
@@ -64,7 +65,6 @@ class SurfaceHost final : public LocalHost {
   vm::HostStatus outcome(shm_protocol::Status status);
 
   shm_protocol::ControllerEndpoint& surface_;
-  const std::atomic<bool>& stop_;
   std::vector<Staged> staged_;  // one an actuator channel
   bool answered_ = false;       // the frame at hand, by a step that was interrupted before the next came
 };

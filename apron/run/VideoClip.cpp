@@ -1,8 +1,8 @@
 #include "apron/run/VideoClip.h"
 
+#include <algorithm>
 #include <charconv>
 #include <sstream>
-#include <vector>
 
 #include "apron/run/MediaFile.h"
 
@@ -50,12 +50,12 @@ VideoClip::VideoClip(const std::string& path) : path_(path) {
   words >> word;
   if (word != "YUV4MPEG2") refuse(path, "is no YUV4MPEG2 file");
   while (words >> word) {
-    if (word[0] == 'W') width_ = side(word);
-    if (word[0] == 'H') height_ = side(word);
+    if (word[0] == 'W') frame_.width = side(word);
+    if (word[0] == 'H') frame_.height = side(word);
     if (word[0] == 'C') format = word.substr(1);
   }
-  if (width_ == 0 || height_ == 0) refuse(path, "does not say its width and height");
-  const std::int64_t colours = colour_bytes(format, width_, height_);
+  if (frame_.width == 0 || frame_.height == 0) refuse(path, "does not say its width and height");
+  const std::int64_t colours = colour_bytes(format, frame_.width, frame_.height);
   if (colours < 0) refuse(path, "has colours in the format '" + format + "', which is not read");
   colour_bytes_ = static_cast<std::size_t>(colours);
   first_frame_ = file_.tellg();
@@ -66,21 +66,25 @@ bool VideoClip::frame_header() {
   return read_line(file_, line) && line.compare(0, 5, "FRAME") == 0;
 }
 
-void VideoClip::read(const vm::Plane& to) {
-  require_shape(path_, width_, height_, to);
+const GreyFrame& VideoClip::next() {
   if (!frame_header()) {
     file_.clear();
     file_.seekg(first_frame_);
     if (!frame_header()) refuse(path_, "has no frame");
   }
-  std::vector<char> row(width_);
-  for (std::uint32_t y = 0; y < height_; ++y) {
-    file_.read(row.data(), static_cast<std::streamsize>(row.size()));
-    for (std::uint32_t x = 0; x < width_; ++x)
-      to.row(y)[x] = static_cast<float>(static_cast<unsigned char>(row[x]));
-  }
+  frame_.pixels.resize(std::size_t{frame_.width} * frame_.height);
+  file_.read(reinterpret_cast<char*>(frame_.pixels.data()),
+             static_cast<std::streamsize>(frame_.pixels.size()));
   file_.ignore(static_cast<std::streamsize>(colour_bytes_));
   if (!file_) refuse(path_, "ends inside a frame");
+  return frame_;
+}
+
+void VideoClip::read(const vm::Plane& to) {
+  require_shape(path_, frame_.width, frame_.height, to);
+  const GreyFrame& frame = next();
+  for (std::uint32_t y = 0; y < to.height; ++y)
+    std::copy_n(frame.pixels.begin() + std::ptrdiff_t{y} * to.width, to.width, to.row(y));
 }
 
 }  // namespace apron::run

@@ -4,6 +4,7 @@
 #include <fstream>
 #include <string>
 
+#include "apron/run/GreyFrame.h"
 #include "apron/vm/Plane.h"
 
 namespace apron::run {
@@ -16,6 +17,8 @@ class VideoClip {
   // The next frame's luminance, 0 to 255; after the last the first again. The plane must be of the video's
   // shape.
   void read(const vm::Plane& to);
+  // The same of any shape; valid until the next.
+  const GreyFrame& next();
 
  private:
   bool frame_header();
@@ -23,7 +26,7 @@ class VideoClip {
   std::string path_;
   std::ifstream file_;
   std::streampos first_frame_;
-  std::uint32_t width_ = 0, height_ = 0;
+  GreyFrame frame_;
   std::size_t colour_bytes_ = 0;  // of a frame, after its luminance
 };
 

@@ -33,21 +33,23 @@ std::size_t distance(std::string_view a, std::string_view b) {
   return d[a.size()][b.size()];
 }
 
-bool ends_in(std::string_view candidate, std::string_view name) {
-  return name.size() >= 2 && candidate.size() > name.size() &&
-         candidate.substr(candidate.size() - name.size()) == name &&
-         candidate[candidate.size() - name.size() - 1] == '.';
+// Of core.abs: abs.
+std::string_view last_part(std::string_view name) { return name.substr(name.rfind('.') + 1); }
+
+// The same word in another group, such as math.abs for abs.
+bool same_last_part(std::string_view name, std::string_view candidate) {
+  return last_part(name).size() >= 2 && last_part(name) == last_part(candidate);
 }
 
 std::size_t score(std::string_view name, std::string_view candidate) {
   if (candidate == name) return SIZE_MAX;
   if (lower(candidate) == lower(name)) return 0;
-  if (ends_in(candidate, name)) return 1;
+  if (same_last_part(name, candidate)) return 1;  // better than any edit
   const std::size_t allowed = name.size() <= 1 ? 0 : name.size() <= 4 ? 1 : name.size() <= 8 ? 2 : 3;
   if (candidate.size() > name.size() + allowed || name.size() > candidate.size() + allowed) return SIZE_MAX;
   const std::size_t edits = distance(name, candidate);
   const bool nothing_left = edits >= std::max(name.size(), candidate.size());
-  return edits <= allowed && !nothing_left ? edits : SIZE_MAX;
+  return edits <= allowed && !nothing_left ? 2 * edits : SIZE_MAX;
 }
 
 }  // namespace

@@ -76,6 +76,10 @@ void draw_head(Stage& stage, std::size_t reg) {
     ImGui::SameLine();
     if (ImGui::Button("All")) stage.bench.view = {};
   }
+  if (stage.bench.tiles().size() < 2) return;
+  ImGui::SameLine();
+  if (ImGui::Button("Tiles")) stage.bench.set_tiled(true);
+  if (ImGui::IsItemHovered()) ImGui::SetTooltip("All registers that the program shows");
 }
 
 Field field_in(const Stage& stage, ImVec2 corner, ImVec2 room, const debugger::Shot& shot) {
@@ -198,8 +202,8 @@ void draw_field(Stage& stage, const debugger::Shot& shot, std::size_t reg, ImVec
   ImDrawList& list = *ImGui::GetWindowDrawList();
   const ImVec2 end{field.corner.x + field.size.x, field.corner.y + field.size.y};
   list.PushClipRect(field.corner, end, true);
-  list.AddImage(reinterpret_cast<ImTextureID>(
-                    static_cast<std::intptr_t>(stage.textures.of(shot, true, style, range, bench.serial()))),
+  list.AddImage(reinterpret_cast<ImTextureID>(static_cast<std::intptr_t>(
+                    stage.textures.of(shot, ShotUse::kLarge, style, range, bench.serial()))),
                 field.origin, field.place(static_cast<float>(shot.width), static_cast<float>(shot.height)));
   draw_values_in_cells(stage, list, field, shot, style, range);
   if (bench.cell_shown) frame(list, field, bench.cell, theme::kAccent, stage.px(2));
@@ -259,6 +263,7 @@ void draw_figures(Stage& stage, const std::optional<Cell>& under) {
 
 void draw_large(Stage& stage) {
   Workbench& bench = stage.bench;
+  if (bench.tiled()) return draw_tiles(stage);
   if (!bench.selected()) return ImGui::TextUnformatted("The program has no registers");
   const std::size_t reg = *bench.selected();
   draw_head(stage, reg);

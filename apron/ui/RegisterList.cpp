@@ -11,44 +11,12 @@ namespace {
 // More of them than that are shown smaller.
 constexpr std::size_t kManyRegisters = 8;
 
-const debugger::Shot* shot_of(const Workbench& bench, std::size_t reg) {
-  for (const debugger::Shot& shot : bench.look().small)
-    if (shot.reg == reg) return &shot;
-  return nullptr;
-}
-
-std::string title(const Workbench& bench, std::size_t reg) {
-  const std::string& name = bench.program().registers[reg].name;
-  const auto wanted = bench.panel().appearances.find(name);
-  return wanted == bench.panel().appearances.end() || wanted->second.title.empty() ? name
-                                                                                   : wanted->second.title;
-}
-
 constexpr float kLeastText = 0.7F;  // of its size: smaller is not legible
 
-// The text, made smaller where it is too long, and cut where that would not be legible.
-void fitted_text(ImDrawList& list, ImVec2 at, float width, ImU32 colour, const std::string& text) {
-  const float full = ImGui::GetFontSize(), long_by = ImGui::CalcTextSize(text.c_str()).x / width;
-  const float size = std::floor(full / std::clamp(long_by, 1.0F, 1.0F / kLeastText));
-  list.PushClipRect(at, {at.x + width, at.y + ImGui::GetTextLineHeight() + 2.0F}, true);
-  list.AddText(ImGui::GetFont(), size, {at.x, at.y + (full - size) / 2.0F}, colour, text.c_str());
-  list.PopClipRect();
-}
-
 void picture(Stage& stage, ImVec2 corner, float edge, std::size_t reg) {
-  const debugger::Shot* shot = shot_of(stage.bench, reg);
-  ImDrawList& list = *ImGui::GetWindowDrawList();
-  list.AddRectFilled(corner, {corner.x + edge, corner.y + edge}, theme::kBackdrop);
-  if (shot == nullptr) return;
-  const Style style = stage.bench.style(reg);
-  const unsigned texture =
-      stage.textures.of(*shot, false, style, stage.bench.range(style, shot->cells), stage.bench.serial());
-  const float longer = static_cast<float>(std::max(shot->width, shot->height));
-  const ImVec2 size{edge * static_cast<float>(shot->width) / longer,
-                    edge * static_cast<float>(shot->height) / longer};
-  const ImVec2 at{corner.x + (edge - size.x) / 2.0F, corner.y + (edge - size.y) / 2.0F};
-  list.AddImage(reinterpret_cast<ImTextureID>(static_cast<std::intptr_t>(texture)), at,
-                {at.x + size.x, at.y + size.y});
+  ImGui::GetWindowDrawList()->AddRectFilled(corner, {corner.x + edge, corner.y + edge}, theme::kBackdrop);
+  if (const debugger::Shot* shot = find_shot(stage.bench.look().small, reg))
+    draw_shot(stage, corner, {edge, edge}, *shot, ShotUse::kSmall);
 }
 
 void thumbnail(Stage& stage, std::size_t reg, float edge) {
@@ -78,6 +46,39 @@ void thumbnail(Stage& stage, std::size_t reg, float edge) {
 }
 
 }  // namespace
+
+std::string title(const Workbench& bench, std::size_t reg) {
+  const std::string& name = bench.program().registers[reg].name;
+  const auto wanted = bench.panel().appearances.find(name);
+  return wanted == bench.panel().appearances.end() || wanted->second.title.empty() ? name
+                                                                                   : wanted->second.title;
+}
+
+void fitted_text(ImDrawList& list, ImVec2 at, float width, ImU32 colour, const std::string& text) {
+  const float full = ImGui::GetFontSize(), long_by = ImGui::CalcTextSize(text.c_str()).x / width;
+  const float size = std::floor(full / std::clamp(long_by, 1.0F, 1.0F / kLeastText));
+  list.PushClipRect(at, {at.x + width, at.y + ImGui::GetTextLineHeight() + 2.0F}, true);
+  list.AddText(ImGui::GetFont(), size, {at.x, at.y + (full - size) / 2.0F}, colour, text.c_str());
+  list.PopClipRect();
+}
+
+const debugger::Shot* find_shot(const std::vector<debugger::Shot>& shots, std::size_t reg) {
+  const auto found =
+      std::find_if(shots.begin(), shots.end(), [&](const debugger::Shot& shot) { return shot.reg == reg; });
+  return found == shots.end() ? nullptr : &*found;
+}
+
+void draw_shot(Stage& stage, ImVec2 corner, ImVec2 room, const debugger::Shot& shot, ShotUse use) {
+  const Style style = stage.bench.style(shot.reg);
+  const unsigned texture =
+      stage.textures.of(shot, use, style, stage.bench.range(style, shot.cells), stage.bench.serial());
+  const auto width = static_cast<float>(shot.width), height = static_cast<float>(shot.height);
+  const float cell = std::min(room.x / width, room.y / height);
+  const ImVec2 size{cell * width, cell * height};
+  const ImVec2 at{corner.x + (room.x - size.x) / 2.0F, corner.y + (room.y - size.y) / 2.0F};
+  ImGui::GetWindowDrawList()->AddImage(reinterpret_cast<ImTextureID>(static_cast<std::intptr_t>(texture)), at,
+                                       {at.x + size.x, at.y + size.y});
+}
 
 void draw_registers(Stage& stage) {
   Workbench& bench = stage.bench;

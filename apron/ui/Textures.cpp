@@ -8,9 +8,9 @@ Textures::~Textures() {
   for (const auto& [key, one] : all_) glDeleteTextures(1, &one.id);
 }
 
-unsigned Textures::of(const debugger::Shot& shot, bool large, const Style& style,
+unsigned Textures::of(const debugger::Shot& shot, ShotUse use, const Style& style,
                       const debugger::Range& range, std::uint64_t serial) {
-  One& one = all_[{large ? 0 : shot.reg, large}];
+  One& one = all_[{use == ShotUse::kLarge ? 0 : shot.reg, use}];
   const bool current = one.id != 0 && one.serial == serial && one.palette == style.palette &&
                        one.range.low == range.low && one.range.high == range.high;
   if (current) return one.id;

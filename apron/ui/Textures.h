@@ -11,6 +11,9 @@
 
 namespace apron::ui {
 
+// Where a shot is drawn: the large register shares one texture, the others have one each.
+enum class ShotUse : std::uint8_t { kLarge, kSmall, kTile };
+
 // To be called with the window's context current, the destructor too.
 class Textures {
  public:
@@ -20,7 +23,7 @@ class Textures {
   Textures& operator=(const Textures&) = delete;
 
   // OpenGL's name of the shot's picture, with sharp cells; at most one upload a look and style.
-  unsigned of(const debugger::Shot& shot, bool large, const Style& style, const debugger::Range& range,
+  unsigned of(const debugger::Shot& shot, ShotUse use, const Style& style, const debugger::Range& range,
               std::uint64_t serial);
   std::uint64_t uploads() const { return uploads_; }
 
@@ -34,7 +37,7 @@ class Textures {
   };
   void upload(One& one, const debugger::Shot& shot);
 
-  std::map<std::pair<std::size_t, bool>, One> all_;
+  std::map<std::pair<std::size_t, ShotUse>, One> all_;
   std::vector<std::uint8_t> rgba_;
   std::uint64_t uploads_ = 0;
 };

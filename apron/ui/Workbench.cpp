@@ -98,7 +98,10 @@ void Workbench::measure_speed() {
 
 debugger::LookRequest Workbench::request() const {
   debugger::LookRequest request;
-  request.large = selected_;
+  if (tiled())
+    request.tiles = tiles();
+  else
+    request.large = selected_;
   request.small = small_visible;
   request.cell = cell_shown;
   request.profile = profile_shown;
@@ -175,6 +178,18 @@ void Workbench::select(std::size_t reg) {
   if (!same_shape) view = {};
   selected_ = reg;
   selected_by_person_ = true;
+  if (tiled()) set_tiled(false);
+}
+
+std::vector<std::size_t> Workbench::tiles() const {
+  std::vector<std::size_t> all;
+  for (const std::string& name : panel_state_.tiles)
+    if (const auto reg = find_register(name)) all.push_back(*reg);
+  return all;
+}
+
+bool Workbench::tiled() const {
+  return tiled_by_person_.value_or(panel_state_.tiled) && !panel_state_.tiles.empty();
 }
 
 Style Workbench::style(std::size_t reg) const { return styles_[reg]; }

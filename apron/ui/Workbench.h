@@ -83,6 +83,12 @@ class Workbench {
   // Of the large register's cells.
   const debugger::Statistics& statistics() const { return statistics_; }
   std::optional<float> value(const debugger::Cell& cell) const;  // in the large register
+  // Registers that the program shows, in order of appearance, and whether they stand side by side in place of
+  // the large one: as the program wants it, until the person chooses.
+  std::vector<std::size_t> tiles() const;
+  bool tiled() const;
+  void set_tiled(bool on) { tiled_by_person_ = on; }
+  int tile_columns() const { return panel_state_.tile_columns; }  // 0: as fits
 
   // ---- what the person does ----
   void run();
@@ -136,6 +142,7 @@ class Workbench {
   std::uint64_t panel_revision_ = 0;
   std::optional<std::size_t> selected_;
   bool selected_by_person_ = false;
+  std::optional<bool> tiled_by_person_;
   std::vector<Style> styles_;  // by register
   std::vector<debugger::Breakpoint> breakpoints_;
   std::vector<Order> orders_;

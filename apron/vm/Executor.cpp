@@ -20,7 +20,8 @@ void wait_while(const std::atomic<std::uint32_t>& word, std::uint32_t old) noexc
 
 Executor::Executor(const KernelTable& kernels, unsigned threads, std::size_t parallel_cells)
     : kernels_(kernels), parallel_cells_(parallel_cells) {
-  for (unsigned slice = 1; slice < threads; ++slice) workers_.emplace_back([this] { serve(); });
+  for (unsigned thread = 1; thread < threads; ++thread)
+    workers_.emplace_back([this, thread] { serve(thread); });
 }
 
 Executor::~Executor() {
@@ -43,48 +44,42 @@ void Executor::run_sliced(Kernel kernel, const Block& block) noexcept {
   });
 }
 
-// Slices are taken, not dealt: a thread that the machine is too busy to run holds nobody up, for the caller
-// takes what is left.
+// Pieces are taken, not dealt: a thread that the machine is too busy to run holds nobody up, for the others
+// take what is left.
 void Executor::run_job(const Job& job) noexcept {
   job_ = job;
   const std::uint32_t round = round_.load(std::memory_order_relaxed) + 1;
-  unfinished_.store(slices(), std::memory_order_relaxed);
-  claim_.store(std::uint64_t{round} << 32U, std::memory_order_release);
+  unfinished_.store(job.pieces, std::memory_order_relaxed);
+  claim_.store(std::uint64_t{round} << 32U | job.pieces, std::memory_order_release);
   round_.store(round, std::memory_order_release);
   round_.notify_all();
-  take_slices(round);
+  take_pieces(round, 0);
   for (std::uint32_t left = unfinished_.load(std::memory_order_acquire); left != 0;
        left = unfinished_.load(std::memory_order_acquire))
     wait_while(unfinished_, left);
 }
 
-// Runs slices of this round's job while there are any; job_ stays what it is until all that were taken are
+// Runs pieces of this round's job while there are any; job_ stays what it is until all that were taken are
 // done.
-void Executor::take_slices(std::uint32_t round) noexcept {
+void Executor::take_pieces(std::uint32_t round, unsigned thread) noexcept {
   std::uint64_t claim = claim_.load(std::memory_order_acquire);
   for (;;) {
-    const auto slice = static_cast<std::uint32_t>(claim);
-    if (claim >> 32U != round || slice >= slices()) return;
-    if (!claim_.compare_exchange_weak(claim, claim + 1, std::memory_order_acq_rel)) continue;
-    run_slice(job_, slice);
+    const auto left = static_cast<std::uint32_t>(claim);
+    if (claim >> 32U != round || left == 0) return;
+    if (!claim_.compare_exchange_weak(claim, claim - 1, std::memory_order_acq_rel)) continue;
+    job_.call(job_.work, job_.pieces - left, thread);
     if (unfinished_.fetch_sub(1, std::memory_order_acq_rel) == 1) unfinished_.notify_one();
     claim = claim_.load(std::memory_order_acquire);
   }
 }
 
-void Executor::run_slice(const Job& job, unsigned slice) const noexcept {
-  const auto first = static_cast<std::uint32_t>(std::size_t{job.rows} * slice / slices());
-  const auto last = static_cast<std::uint32_t>(std::size_t{job.rows} * (slice + 1) / slices());
-  if (first < last) job.call(job.work, first, last);
-}
-
-void Executor::serve() noexcept {
+void Executor::serve(unsigned thread) noexcept {
   std::uint32_t round = 0;
   for (;;) {
     wait_while(round_, round);
     round = round_.load(std::memory_order_acquire);
     if (stop_.load(std::memory_order_acquire)) return;
-    take_slices(round);
+    take_pieces(round, thread);
   }
 }
 

@@ -54,10 +54,21 @@ class Host {
 
   // For windows; without one nothing is done. The register's name is that of the program.
   virtual void show(std::string_view /*reg*/, std::string_view /*title*/) {}
+  virtual void display(std::string_view /*reg*/, std::string_view /*title*/) {}
+  // columns 0: as fits.
+  virtual void tile(int /*columns*/) {}
   // Replaces what the label of that name said.
   virtual void label(std::string_view /*name*/, std::string_view /*text*/) {}
   virtual void set_palette(std::string_view /*reg*/, std::string_view /*name*/) {}
   virtual void set_scale(std::string_view /*reg*/, float /*low*/, float /*high*/) {}
+
+  // Timers by name, of wall time: what they say is no function of the program. Without a clock they stand at
+  // 0 and nothing waits.
+  virtual void start_timer(std::string_view /*name*/) {}
+  virtual void stop_timer(std::string_view /*name*/) {}
+  virtual void reset_timer(std::string_view /*name*/) {}
+  virtual double read_timer_s(std::string_view /*name*/) { return 0.0; }
+  virtual HostStatus wait(double /*seconds*/) { return HostStatus::kOk; }
 
   // An operation of a module: `to` holds the destination's cells and takes the new ones (without cells: there
   // is no such destination), `value` the same for a number (null: none). `to` is none of the arguments.

@@ -15,6 +15,9 @@ using Group = Stages::Group;
 
 constexpr std::size_t kCacheFloats = 800 * 1024 / sizeof(float);  // for the rings, of the second-level cache
 constexpr std::size_t kAllCachesFloats = 32 * 1024 * 1024 / sizeof(float);
+// Of a slice: at least so many rows, and so many for each row that a neighbour computes too; so many a
+// thread.
+constexpr std::uint32_t kLeastSliceRows = 128, kSliceBorders = 48, kMostSlicesEach = 4;
 constexpr std::uint32_t kNowhere = UINT32_MAX;
 
 std::uint32_t round_up(std::uint32_t n, std::uint32_t unit) { return (n + unit - 1) / unit * unit; }
@@ -162,9 +165,21 @@ class Planner {
     return values;
   }
 
+  // More slices than threads, for a core is not always there: whoever is ahead takes more. But what slices
+  // share is computed twice, and should be little of them.
+  void choose_slices() {
+    std::uint32_t border = 0;
+    for (const Stage& stage : plan_.stages) border = std::max(border, stage.border_y);
+    const std::uint32_t least_rows = std::max(kLeastSliceRows, kSliceBorders * border);
+    const std::uint32_t each = std::clamp(plan_.height / least_rows / options_.threads, 1U, kMostSlicesEach);
+    const std::uint32_t wanted = options_.threads == 1 ? 1 : options_.threads * each;
+    plan_.threads = options_.threads;
+    plan_.slices = std::clamp(options_.slices > 0 ? options_.slices : wanted, 1U, plan_.height);
+  }
+
   void choose_tiles() {
     const std::uint32_t whole = plan_.width;
-    plan_.slices = std::clamp(options_.slices, 1U, plan_.height);
+    choose_slices();
     plan_.strip_columns = whole;
     plan_.block_rows = plan_.height;
     if (plan_.stages.size() > 1) {

@@ -68,7 +68,8 @@ inline constexpr std::size_t kMaxStreams = 10;  // of a stage
 inline constexpr std::size_t kMaxResults = 6;
 
 struct PlanOptions {
-  unsigned slices = 1;              // by rows, one for each thread
+  unsigned threads = 1;
+  unsigned slices = 0;              // by rows; 0: chosen
   std::uint32_t strip_columns = 0;  // 0: chosen; else rounded up to whole vectors
   std::uint32_t block_rows = 0;     // 0: chosen
   std::uint32_t rows_at_once = 0;   // 0: chosen
@@ -79,7 +80,8 @@ struct Plan {
   Edge edge{};
   std::vector<Store> stores;
   std::vector<Stage> stages;
-  unsigned slices = 1;
+  unsigned threads = 1;
+  unsigned slices = 1;              // by rows, a multiple of the threads where there are rows enough
   std::uint32_t strip_columns = 0;  // a multiple of 16, or the whole width
   std::uint32_t block_rows = 0;
   std::uint32_t rows_at_once = 1;  // that machine code may compute together

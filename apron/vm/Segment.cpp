@@ -44,7 +44,7 @@ void Segment::allocate_workers() {
     if (!jits_[s]) scratch = std::max(scratch, tiles_[s].scratch_floats());
   const std::size_t rings = (plan_.worker_floats + 2 * kLanes + kLanes - 1) / kLanes * kLanes;
   worker_floats_ = rings + scratch + kLanes;
-  workers_.resize(plan_.slices);
+  workers_.resize(plan_.threads);
   for (Worker& worker : workers_) {
     worker.rings = memory_.add(static_cast<std::uint32_t>(worker_floats_), 1).data;
     worker.tile = worker.rings + rings;
@@ -87,7 +87,7 @@ std::vector<std::uint32_t> Segment::fresh_registers() const {
 }
 
 std::size_t Segment::memory_bytes() const noexcept {
-  return (worker_floats_ * plan_.slices + number_floats_) * sizeof(float);
+  return (worker_floats_ * plan_.threads + number_floats_) * sizeof(float);
 }
 
 // What lies beyond the edges of a ring is the same whatever the stages write: their rows are whole vectors.
@@ -101,12 +101,10 @@ void Segment::run(const ConstPlane& mask) noexcept {
   for (Worker& worker : workers_) find_places(worker, mask);
   if (!clean_pads_) fill_input_pads();
   if (workers_.size() == 1) {
-    run_slice(0);
+    for (unsigned slice = 0; slice < plan_.slices; ++slice) run_slice(slice, workers_[0]);
   } else {
-    constexpr std::uint32_t kMany = std::numeric_limits<std::uint32_t>::max();
-    executor_.rows(plan_.slices, kMany, [this](std::uint32_t first, std::uint32_t last) {
-      for (std::uint32_t slice = first; slice < last; ++slice) run_slice(slice);
-    });
+    executor_.pieces(plan_.slices,
+                     [this](std::uint32_t slice, unsigned thread) { run_slice(slice, workers_[thread]); });
   }
   for (const Store& store : plan_.stores)
     if (store.kind == Store::Kind::kFresh) std::swap(storage_.registers[store.reg], fresh_[store.reg]);
@@ -215,8 +213,7 @@ void Segment::pad_rings(const Worker& worker, const Strip& strip) const noexcept
       pad_row(cell(worker.places[i], strip, r, 0), plan_.stores[i].pads, west, east);
 }
 
-void Segment::run_slice(unsigned slice) noexcept {
-  const Worker& worker = workers_[slice];
+void Segment::run_slice(unsigned slice, const Worker& worker) noexcept {
   const auto height = static_cast<std::int64_t>(plan_.height);
   const std::int64_t top = height * slice / plan_.slices, bottom = height * (slice + 1) / plan_.slices;
   std::int64_t border = 0, end = 0;

@@ -68,7 +68,7 @@ class Segment {
   void scalars() noexcept;
   void find_places(Worker& worker, const ConstPlane& mask) const noexcept;
   void fill_input_pads() noexcept;
-  void run_slice(unsigned slice) noexcept;
+  void run_slice(unsigned slice, const Worker& worker) noexcept;
   void run_stage(std::size_t stage, const Worker& worker, const Strip& strip, std::int64_t first,
                  std::int64_t last) noexcept;
   std::int64_t begin_turns(const std::vector<Stream>& lines, std::uint32_t rows, const Worker& worker,

@@ -55,7 +55,8 @@ struct Segments::Builder {
     nodes += graph.nodes.size() + 1;
     PlanOptions how;
     const bool large = std::size_t{trace.width} * trace.height >= parallel_cells;
-    how.slices = large ? threads : 1;
+    how.threads = large ? threads : 1;
+    how.slices = options.slices;
     how.strip_columns = options.strip_columns;
     how.block_rows = options.block_rows;
     how.rows_at_once = options.rows_at_once;

@@ -17,6 +17,7 @@ struct FuseOptions {
   bool jit = true;
   std::uint32_t strip_columns = 0, block_rows = 0;  // of a tile; 0: chosen
   std::uint32_t rows_at_once = 0;                   // of machine code; 0: chosen
+  unsigned slices = 0;                              // by rows, which threads take; 0: chosen
   std::size_t trace_steps = 400;                    // array instructions of a segment at most
 };
 

@@ -160,7 +160,8 @@ Status Vm::element(const Step& step) {
   const float number = *step.scalars[1];
   if (!(number >= 0.0F && number < static_cast<float>(group.elements.size()) && number == std::floor(number)))
     return fail(Status::kFailed, "the class " + group.name + " has " + std::to_string(group.elements.size()) +
-                                     " elements, numbered from 0; there is no number " + number_text(number));
+                                     (group.elements.size() == 1 ? " element" : " elements") +
+                                     ", numbered from 0; there is no number " + number_text(number));
   const std::uint32_t index = group.elements[static_cast<std::size_t>(number)];
   if (step.op == Opcode::kResGetVar) {
     *step.variable = storage_.scalars[index];

@@ -12,6 +12,8 @@ using program::Opcode;
 
 namespace {
 
+constexpr float kMostColumns = 64.0F;  // of tiles
+
 // The name of picture n of a sequence: n in place of the '#'s, with at least as many digits; without any,
 // before the ending.
 std::string numbered(std::string_view name, float n) {
@@ -69,6 +71,28 @@ Status Vm::host_call(const Step& step) {
     case Opcode::kShow:
       host_.show(register_name(step), step.text);
       return Status::kBudget;
+    case Opcode::kDisplay:
+      host_.display(register_name(step), step.text);
+      return Status::kBudget;
+    case Opcode::kTile: {
+      const float columns = *step.scalars[0];
+      host_.tile(columns >= 1.0F ? static_cast<int>(std::fmin(columns, kMostColumns)) : 0);
+      return Status::kBudget;
+    }
+    case Opcode::kTimerStart:
+      host_.start_timer(step.text);
+      return Status::kBudget;
+    case Opcode::kTimerStop:
+      host_.stop_timer(step.text);
+      return Status::kBudget;
+    case Opcode::kTimerReset:
+      host_.reset_timer(step.text);
+      return Status::kBudget;
+    case Opcode::kTimerRead:
+      *step.variable = static_cast<float>(host_.read_timer_s(step.text));
+      return Status::kBudget;
+    case Opcode::kTimerWait:
+      return outcome(host_.wait(*step.scalars[0]));
     case Opcode::kLabel: {
       NumberBuffer buffer;
       host_.label(step.text, number_text(*step.scalars[1], buffer));

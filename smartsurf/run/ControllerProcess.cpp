@@ -31,12 +31,13 @@ std::string apron_executable() {
 }
 
 std::vector<std::string> command_for(const std::string& controller, const std::string& shm_name,
-                                     bool with_window) {
+                                     bool with_window, const std::vector<std::string>& set) {
   if (is_apron_program(controller)) {
     if (!fs::is_regular_file(controller))
       throw scene::InputError(fmt::format("--controller {}: no such program", controller));
     std::vector<std::string> command = {apron_executable(), "run", controller, "--shm", shm_name};
     if (with_window) command.insert(command.end(), {"--window", "--geometry", "beside"});
+    for (const std::string& one : set) command.insert(command.end(), {"--set", one});
     return command;
   }
   std::string command = controller;
@@ -70,8 +71,8 @@ bool is_apron_program(const std::string& controller) {
 }
 
 ControllerProcess::ControllerProcess(const std::string& controller, const std::string& shm_name,
-                                     bool with_window) {
-  const std::vector<std::string> command = command_for(controller, shm_name, with_window);
+                                     bool with_window, const std::vector<std::string>& set) {
+  const std::vector<std::string> command = command_for(controller, shm_name, with_window, set);
   pid_ = fork();
   if (pid_ < 0) throw std::system_error(errno, std::generic_category(), "cannot start the controller");
   if (pid_ == 0) become(command, shm_name);

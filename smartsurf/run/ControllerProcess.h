@@ -6,6 +6,7 @@
 #include <chrono>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace smartsurf::run {
 
@@ -14,8 +15,10 @@ class ControllerProcess {
   // Starts `controller`: a program of ours when it ends in .aps (run by the apron beside this executable),
   // else a shell command in which {shm} stands for the segment's name; SMARTSURF_SHM holds it too. Throws
   // scene::InputError when the program does not exist or apron is not there.
-  // with_window: a program of ours opens its window too, on the right of the screen.
-  ControllerProcess(const std::string& controller, const std::string& shm_name, bool with_window = false);
+  // with_window: a program of ours opens its window too, on the right of the screen. set: NAME=VALUE of its
+  // sliders and switches, which it judges itself.
+  ControllerProcess(const std::string& controller, const std::string& shm_name, bool with_window = false,
+                    const std::vector<std::string>& set = {});
   // Asks it to end, waits, and kills it if it will not.
   ~ControllerProcess();
   ControllerProcess(const ControllerProcess&) = delete;

@@ -85,7 +85,8 @@ Run::Run(const RunOptions& options, const std::atomic<bool>& stop, script::Exper
   open_recordings();
   controls_.paused = options.paused && display_->has_window();
   if (link_ && !options.controller.empty())
-    child_ = std::make_unique<ControllerProcess>(options.controller, link_->name(), options.window);
+    child_ = std::make_unique<ControllerProcess>(options.controller, link_->name(), options.window,
+                                                 options.controller_set);
 }
 
 Run::~Run() = default;

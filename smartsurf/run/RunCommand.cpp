@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "smartsurf/mesh/SolidLibrary.h"
+#include "smartsurf/run/ControllerProcess.h"
 #include "smartsurf/run/Flags.h"
 #include "smartsurf/run/OutputFile.h"
 #include "smartsurf/run/Run.h"
@@ -20,7 +21,7 @@ namespace {
 struct RunFlags {
   std::string experiment, mode = "time-step", pace, controller, shm, stats, video;
   bool window = false, headless = false, paused = false, no_controller = false, unsafe = false, help = false;
-  std::vector<std::string> set, record, screenshot;
+  std::vector<std::string> set, controller_set, record, screenshot;
   LookFlags look;
   std::optional<std::uint64_t> seed, ticks;
   std::string until;
@@ -58,6 +59,9 @@ void add_run_flags(CLI::App& app, RunFlags& f) {
          "Start this controller and end it with the run: an APRON program, or a shell command in which {shm} "
          "is the surface's name")
       ->type_name("PROGRAM.aps|COMMAND");
+  app.add_option("--controller-set", f.controller_set, "Value of a slider or switch of the APRON program")
+      ->type_name("NAME=VALUE")
+      ->allow_extra_args(false);
   app.add_flag("--no-controller", f.no_controller, "Run without a controller: the script sets the actuators");
   add_script_flags(app, f);
   app.add_option("--threads", f.threads, "Threads for actuators and sensors; changes no result")
@@ -112,6 +116,9 @@ RunOptions judge(const RunFlags& f, const std::string& command_line) {
   reject_both(f.window && f.headless, "--window and --headless");
   if (f.paused && !f.window) throw scene::InputError("--paused: needs --window, where it can be ended");
   reject_both(f.no_controller && !f.controller.empty(), "--controller and --no-controller");
+  if (!f.controller_set.empty() && !is_apron_program(f.controller))
+    throw scene::InputError(
+        "--controller-set: goes with --controller PROGRAM.aps, whose sliders and switches it sets");
   reject_both(f.no_controller && !f.shm.empty(), "--shm and --no-controller");
   reject_both(!f.until.empty() && f.ticks, "--until and --ticks");
   const bool pictures = f.window || !f.screenshot.empty() || !f.video.empty();
@@ -130,6 +137,7 @@ RunOptions judge(const RunFlags& f, const std::string& command_line) {
   if (!f.until.empty()) o.until_s = positive_number("--until", f.until);
   o.shm = f.shm;
   o.controller = f.controller;
+  o.controller_set = f.controller_set;
   o.no_controller = f.no_controller;
   o.seed = f.seed;
   o.set = pairs_of(f.set);

@@ -28,8 +28,9 @@ struct RunOptions {
   std::optional<double> pace;
   std::optional<std::uint64_t> ticks;  // nullopt: until somebody stops
   std::optional<double> until_s;
-  std::string shm;         // "" = choose
-  std::string controller;  // "" = wait for one to attach
+  std::string shm;                          // "" = choose
+  std::string controller;                   // "" = wait for one to attach
+  std::vector<std::string> controller_set;  // NAME=VALUE, for a program of ours to judge
   bool no_controller = false;
   std::optional<std::uint64_t> seed;
   std::vector<std::pair<std::string, std::string>> set;

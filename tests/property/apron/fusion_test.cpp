@@ -206,6 +206,8 @@ std::vector<Way> ways() {
   add("four rows at once", 1, 0, 0, true)->options.fuse.rows_at_once = 4;
   add("four rows at once of 7, strips of 32", 1, 32, 7, true)->options.fuse.rows_at_once = 4;
   add("two rows at once of 5, two threads", 2, 0, 5, true)->options.fuse.rows_at_once = 2;
+  add("seven slices on two threads", 2, 0, 4, true)->options.fuse.slices = 7;
+  add("five slices on one thread, strips of 16", 1, 16, 0, true)->options.fuse.slices = 5;
   add("tiles", 1, 0, 0, false);
   add("tiles, strips of 32, rows of 2, two threads", 2, 32, 2, false);
   add("short traces", 1, 0, 4, true)->options.fuse.trace_steps = 7;

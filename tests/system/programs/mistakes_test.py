@@ -58,6 +58,7 @@ class Mistakes(ProgramTest):
         self.refused(run + ["--mode", "both"], "both")
         self.refused(run + ["--set", "x"], "--set", "NAME=VALUE")
         self.refused(run + ["--set", "size=3"], "size")
+        self.refused(run + ["--controller-set", "gain=3"], "--controller-set", "--controller PROGRAM.aps")
         self.refused(run + ["--record", "run.txt"], "run.txt")
         self.refused(run + ["--record", "/nowhere/run.h5"], "/nowhere")
         self.refused(run + ["--stats", "/nowhere/run.json"], "/nowhere")
@@ -146,6 +147,20 @@ class Mistakes(ProgramTest):
         status, err = self.limited(resource.RLIMIT_AS, 256 << 20, SMARTSURF, "run", path, "--no-controller", "--ticks", "1")
         self.assertEqual(status, 1, err)
         self.assertIn("not enough memory", err)
+
+    def test_settings_of_the_controller(self):
+        experiment = self.write("ok.lua", TABLE)
+        program = self.write("gain.aps", "sim.slider.add('gain', 0, 9, 1)\nprintln('gain ', sim.slider.get('gain'))\n")
+        run = [SMARTSURF, "run", experiment, "--controller", program]
+        status, out, err = self.run_program(*run, "--controller-set", "gain=3")
+        self.assertEqual(status, 0, err)
+        self.assertIn("gain 3", out)
+        status, _, err = self.run_program(*run, "--controller-set", "gian=3")
+        self.assertEqual(status, 2)
+        self.assertIn("apron: error: --set: the program has no slider or switch 'gian'; it has gain", err)
+        status, _, err = self.run_program(*run, "--set", "gain=3")
+        self.assertEqual(status, 2)
+        self.assertIn("no option 'gain'", err)
 
     def test_programs(self):
         path = self.write("wrong.aps", "!register(SIGNAL)\nSIGNAL = SIGNL + 1\n")

@@ -182,8 +182,12 @@ TEST(Listing, SurfaceHostAndCells) {
       compiled("io.array.open(A, 'in.npy')\nB = io.image.open('in.png')\nio.array.save(A + B, 'out.csv')"),
       "io.array.open A, 'in.npy'\nio.image.open B, 'in.png'\nadd $0, A, B\nio.array.save $0, 'out.csv'\n");
   EXPECT_EQ(compiled("sim.slider.add('gain', 0, 2, 1)\nsim.switch.add('on')\nx = sim.slider.get('gain') * 2\n"
-                     "sim.show(A)\nsim.label('text', x)\ntimer.start"),
+                     "sim.show(A)\nsim.label('text', x)"),
             "parameter $0, 'gain'\nmul x, $0, 2\nsim.show A, ''\nsim.label 'text', x\n");
+  EXPECT_EQ(compiled("sim.display(A, 'map')\nsim.tile\nsim.tile(3, 2)\ntimer.start\ntimer.start('lap')\n"
+                     "x = timer.read('lap') * 2\ntimer.stop\ntimer.reset\ntimer.wait(x)"),
+            "sim.display A, 'map'\nsim.tile 0\nsim.tile 3\ntimer.start ''\ntimer.start 'lap'\n"
+            "timer.read $0, 'lap'\nmul x, $0, 2\ntimer.stop ''\ntimer.reset ''\ntimer.wait x\n");
   EXPECT_EQ(compiled("boundary('reflect')\nboundary(2.5)"), "boundary 3, 0\nboundary 4, 2.5\n");
 }
 

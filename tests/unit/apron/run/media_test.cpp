@@ -215,7 +215,8 @@ TEST_F(Media, DamagedPicturesAreRefusedByName) {
 }
 
 TEST_F(Media, TheHostReportsInsteadOfThrowing) {
-  LocalHost host({{"speed", 2.0F}});
+  const std::atomic<bool> stop{false};
+  LocalHost host({{"speed", 2.0F}}, stop);
   const Plane p = plane(2, 1);
   EXPECT_EQ(host.open_array(path("none.npy"), p), HostStatus::kRefused);
   EXPECT_NE(host.message().find("none.npy"), std::string::npos);

@@ -8,6 +8,8 @@ namespace {
 TEST(Suggestion, NearestName) {
   EXPECT_EQ(nearest("cuont", {"amount", "count", "c"}), "count");
   EXPECT_EQ(nearest("sqrt", {"math.sqrt", "sort"}), "math.sqrt");
+  EXPECT_EQ(nearest("math.abs", {"math.acos", "abs"}), "abs");
+  EXPECT_EQ(nearest("core.sin", {"core.min", "math.sin"}), "math.sin");
   EXPECT_EQ(nearest("IMAGE", {"Image", "IMAGO"}), "Image");
   EXPECT_EQ(nearest("ba", {"ca", "aa"}), "aa");
   EXPECT_EQ(nearest("xyz", {"abc", "Image"}), "");

@@ -69,6 +69,28 @@ class OffscreenTest : public testing::Test {
   }
 };
 
+// Two tiles side by side; a click on the right one makes it the large one.
+TEST_F(OffscreenTest, TilesStandSideBySide) {
+  Desk desk(
+      "!register(A, B)\nreg.setPalette(A, 'spectrum')\nreg.setScale(A, 0, 1)\nreg.setPalette(B, 'spectrum')\n"
+      "reg.setScale(B, -1, 0)\nsim.display(A, 'low')\nsim.display(B, 'high')\nsim.tile\nsurface.step\n");
+  desk.bench.step(debugger::Unit::kTick);
+  desk.obey();
+  desk.obey();
+  Offscreen screen(kWidth, kHeight);
+  const Image image = screen.settle(desk.bench);
+  const Box blue = find(image, 0, 0, 255, kListEnd), red = find(image, 255, 0, 0, kListEnd);
+  EXPECT_GT(blue.pixels, 20000);
+  EXPECT_EQ(red.pixels, blue.pixels);
+  EXPECT_GT(red.left, blue.right);
+  EXPECT_EQ(red.top, blue.top);
+  click(screen, desk, static_cast<float>(red.left + red.right) / 2.0F,
+        static_cast<float>(red.top + red.bottom) / 2.0F);
+  EXPECT_FALSE(desk.bench.tiled());
+  EXPECT_EQ(desk.bench.selected(), std::size_t{1});
+  EXPECT_EQ(screen.take_error(), 0U);
+}
+
 TEST_F(OffscreenTest, ShowsRowZeroInTheNorthAndColumnZeroInTheWest) {
   Desk desk(kCorner);
   desk.bench.step(debugger::Unit::kTick);

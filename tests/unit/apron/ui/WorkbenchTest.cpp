@@ -135,5 +135,33 @@ TEST(Workbench, ShowsWhatTheScriptWantsUntilThePersonChooses) {
   EXPECT_EQ(desk.bench.selected(), std::size_t{1}) << "the person's choice stands";
 }
 
+TEST(Workbench, TilesWhatTheScriptShowsUntilThePersonChooses) {
+  Desk desk(
+      "!register(A, B, C)\nsim.display(C)\nsim.show(B, 'b')\nsim.display(A)\nsim.show(B, 'b')\nsurface.step\n"
+      "sim.show(C)\nsim.tile(2)\nsurface.step\nsim.tile(2)\nsurface.step\n");
+  const auto tick = [&] {
+    desk.bench.step(debugger::Unit::kTick);
+    desk.obey();
+    desk.obey();  // what is to be seen comes with the next look
+  };
+  tick();
+  EXPECT_FALSE(desk.bench.tiled());
+  EXPECT_EQ(desk.bench.tiles(), (std::vector<std::size_t>{2, 1, 0}));
+  EXPECT_EQ(desk.bench.selected(), std::size_t{1}) << "sim.display does not make it the large one";
+  tick();
+  EXPECT_TRUE(desk.bench.tiled());
+  EXPECT_EQ(desk.bench.tile_columns(), 2);
+  EXPECT_EQ(desk.bench.selected(), std::size_t{2});
+  EXPECT_FALSE(desk.bench.request().large);
+  ASSERT_EQ(desk.bench.look().tiles.size(), 3U);
+  EXPECT_EQ(desk.bench.look().tiles[0].reg, 2U);
+  desk.bench.select(0);
+  tick();
+  EXPECT_FALSE(desk.bench.tiled()) << "the person's choice stands";
+  EXPECT_EQ(desk.bench.look().large->reg, 0U);
+  desk.bench.set_tiled(true);
+  EXPECT_TRUE(desk.bench.tiled());
+}
+
 }  // namespace
 }  // namespace apron::ui::test
