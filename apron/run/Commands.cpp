@@ -32,7 +32,8 @@ int complain(int status, const std::string& text) {
 
 // "" if every --set names a slider or switch of the program.
 std::string unknown_parameter(const Options& options, const program::Program& program) {
-  for (const auto& [name, value] : options.parameters) {
+  for (const auto& parameter : options.parameters) {
+    const std::string& name = parameter.first;
     const auto named = [&](const program::Parameter& p) { return p.name == name; };
     if (std::any_of(program.parameters.begin(), program.parameters.end(), named)) continue;
     std::string there;

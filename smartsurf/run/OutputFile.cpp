@@ -28,10 +28,11 @@ int write_text(const std::string& file, const std::string& text) {
   return out ? 0 : errno != 0 ? errno : EIO;
 }
 
-// A device, a pipe, the standard output: what is there must not be replaced by a file.
+// A device, a pipe, a link such as /dev/stdout: what is there must not be replaced by a file.
 bool is_special(const std::string& file) {
   std::error_code ignored;
-  return fs::exists(file, ignored) && !fs::is_regular_file(file, ignored);
+  const fs::file_status there = fs::symlink_status(file, ignored);
+  return fs::exists(there) && !fs::is_regular_file(there);
 }
 
 }  // namespace
@@ -41,7 +42,8 @@ void require_writable(const std::string& flag, const std::string& file) {
   if (fs::is_directory(file, ignored)) refuse(flag, file, "is a folder: give the name of a file in it");
   const fs::path parent = fs::path(file).parent_path(), folder = parent.empty() ? fs::path(".") : parent;
   if (!fs::is_directory(folder, ignored)) refuse(flag, file, "there is no folder " + folder.string());
-  const std::string target = is_special(file) ? file : folder.string();
+  // Through a link that leads nowhere yet a file may be made.
+  const std::string target = fs::exists(file, ignored) && is_special(file) ? file : folder.string();
   if (access(target.c_str(), W_OK) != 0)
     refuse(flag, file, std::string("cannot be written: ") + std::strerror(errno));
 }

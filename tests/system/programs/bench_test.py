@@ -10,7 +10,7 @@ MACHINE = {"date": "2001-02-03", "processor": "abacus, 2 cores"}
 class Bench(ProgramTest):
     def measured(self, part, lines):
         (self.folder / "out").mkdir(exist_ok=True)
-        (self.folder / f"out/{part}.json").write_text(json.dumps({"machine": MACHINE, "lines": lines}))
+        (self.folder / f"out/{part}.json").write_text(json.dumps({"machine": MACHINE, "runs": [{"command": [], "lines": lines}]}))
 
     def report(self):
         status, out, err = self.run_program(BENCH, "--only", "none", "-o", "out")

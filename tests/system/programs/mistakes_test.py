@@ -114,6 +114,16 @@ class Mistakes(ProgramTest):
             self.assertRegex(err, f"{name}: cannot be written: File too large$")
         self.assertEqual([p.name for p in self.folder.iterdir()], ["table.lua"])
 
+    def test_figures_go_to_the_standard_output_and_through_links(self):
+        path = self.write("table.lua", TABLE)
+        (self.folder / "link.json").symlink_to("real.json")
+        (self.folder / "real.json").write_text("")
+        run = [SMARTSURF, "run", path, "--no-controller", "--ticks", "1", "--stats"]
+        self.assertEqual(json.loads(self.run_program(*run, "/dev/stdout")[1])["ticks"], 1)
+        self.assertEqual(self.run_program(*run, "link.json")[0], 0)
+        self.assertTrue((self.folder / "link.json").is_symlink())
+        self.assertEqual(json.loads((self.folder / "real.json").read_text())["ticks"], 1)
+
     def test_a_simulator_without_apron_says_where_it_looked(self):
         lonely = shutil.copy(SMARTSURF, self.folder / "smartsurf")
         child = subprocess.Popen([lonely, "run", SORT_LUA, "--controller", SORT_APS, "--ticks", "1"], text=True,
