@@ -19,20 +19,15 @@ namespace smartsurf::view {
 class PinLayer {
  public:
   PinLayer(const scene::SurfaceSpec& surface, Pass colour_pass);
-  // shadows: kShadow is to be drawn as well.
-  void upload(std::span<const PinInstance> pins, bool shadows);
+  void upload(std::span<const PinInstance> pins);
   void draw(Pass pass) const;
 
  private:
-  void upload_shadows(std::span<const PinInstance> pins);
-
   std::array<float, 4> pin_;
   float base_, sunk_;
-  bool free_layout_;
-  GLsizei count_ = 0, shadow_indices_ = 0;
-  std::vector<GLuint> shadow_list_;
-  VertexArray array_, shadow_array_;
-  Buffer triangles_, shadow_triangles_, records_;
+  GLsizei count_ = 0;
+  VertexArray array_;
+  Buffer triangles_, records_;
   Texture texture_;  // the records, as shaders see them
   ShaderProgram shadow_, colour_;
 };

@@ -4,7 +4,6 @@
 #include <vector>
 
 #include "smartsurf/view/Layers.h"
-#include "smartsurf/view/ShadowMap.h"
 
 namespace smartsurf::view {
 namespace {
@@ -42,19 +41,14 @@ PinLayer::PinLayer(const scene::SurfaceSpec& s, Pass colour_pass)
            static_cast<float>(s.pin.length), static_cast<float>(s.pitch)},
       base_(static_cast<float>(ground_height(s))),
       sunk_(sunk_sides(s, colour_pass)),
-      free_layout_(!s.places.empty()),
       array_(make_vertex_array()),
-      shadow_array_(make_vertex_array()),
       triangles_(make_buffer()),
-      shadow_triangles_(make_buffer()),
       records_(make_buffer()),
       texture_(make_texture()) {
   const auto shadow = pin_shaders(Pass::kShadow), colour = pin_shaders(colour_pass);
   shadow_ = link_program("pin shadow", shadow.vertex, shadow.fragment);
   colour_ = link_program("pin", colour.vertex, colour.fragment);
   const std::vector<GLuint> triangles = triangles_of(static_cast<std::size_t>(s.cells()));
-  glBindVertexArray(shadow_array_.id());
-  glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, shadow_triangles_.id());
   glBindVertexArray(array_.id());
   glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, triangles_.id());
   glBufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(triangles.size() * sizeof(GLuint)),
@@ -62,33 +56,7 @@ PinLayer::PinLayer(const scene::SurfaceSpec& s, Pass colour_pass)
   glBindVertexArray(0);
 }
 
-// A side that a neighbour hides from the sun throws no shadow: the light would have to come through that
-// neighbour's top, or through a side that is in the list. In a free layout neighbours by number need not be
-// beside each other.
-void PinLayer::upload_shadows(std::span<const PinInstance> pins) {
-  const Eigen::Vector3d sun = ShadowMap::towards_light();
-  const int beside_x = sun.x() < 0.0 ? 0 : 1, beside_y = sun.y() < 0.0 ? 2 : 3;  // of PinInstance::neighbour
-  std::size_t used = 0;
-  shadow_list_.resize(pins.size() * kIndicesAPin);
-  const auto add_face = [&](std::size_t pin, std::size_t face) {
-    for (std::size_t i = 6 * face; i < 6 * face + 6; ++i)
-      shadow_list_[used++] = static_cast<GLuint>(pin) * kCornersAPin + kTriangles[i];
-  };
-  for (std::size_t pin = 0; pin < pins.size(); ++pin) {
-    const PinInstance& p = pins[pin];
-    add_face(pin, 0);
-    if (free_layout_ || p.neighbour[beside_x] < p.height) add_face(pin, 1);
-    if (free_layout_ || p.neighbour[beside_y] < p.height) add_face(pin, 2);
-  }
-  shadow_indices_ = static_cast<GLsizei>(used);
-  glBindVertexArray(shadow_array_.id());
-  glBufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(used * sizeof(GLuint)), shadow_list_.data(),
-               GL_STREAM_DRAW);
-  glBindVertexArray(0);
-}
-
-void PinLayer::upload(std::span<const PinInstance> pins, bool shadows) {
-  if (shadows) upload_shadows(pins);
+void PinLayer::upload(std::span<const PinInstance> pins) {
   count_ = static_cast<GLsizei>(pins.size());
   glBindBuffer(GL_TEXTURE_BUFFER, records_.id());
   glBufferData(GL_TEXTURE_BUFFER, static_cast<GLsizeiptr>(pins.size_bytes()), pins.data(), GL_STREAM_DRAW);
@@ -105,10 +73,8 @@ void PinLayer::draw(Pass pass) const {
   glBindTexture(GL_TEXTURE_BUFFER, texture_.id());
   glTexBuffer(GL_TEXTURE_BUFFER, GL_RGBA32UI, records_.id());
   glActiveTexture(GL_TEXTURE0);
-  const bool shadows = pass == Pass::kShadow;
-  glBindVertexArray(shadows ? shadow_array_.id() : array_.id());
-  glDrawElements(GL_TRIANGLES, shadows ? shadow_indices_ : count_ * static_cast<GLsizei>(kIndicesAPin),
-                 GL_UNSIGNED_INT, nullptr);
+  glBindVertexArray(array_.id());
+  glDrawElements(GL_TRIANGLES, count_ * static_cast<GLsizei>(kIndicesAPin), GL_UNSIGNED_INT, nullptr);
 }
 
 }  // namespace smartsurf::view

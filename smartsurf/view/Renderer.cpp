@@ -118,7 +118,7 @@ void Renderer::State::upload(const scene::Snapshot& snapshot, const std::vector<
                              const Camera& camera, const DrawOptions& options) {
   // Near rows first: what is hidden behind them is then never shaded.
   const bool north_first = camera.forward().y() < 0.0, east_first = camera.forward().x() < 0.0;
-  pins.upload(shading.update(snapshot, catalogue, options, north_first, east_first), shadows_due());
+  pins.upload(shading.update(snapshot, catalogue, options, north_first, east_first));
   objects.begin();
   add_furniture(options);
   Eigen::AlignedBox3d lit = Camera::extent(spec.surface);
