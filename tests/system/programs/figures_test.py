@@ -1,5 +1,6 @@
 """scripts/figures makes every figure that it names, the same bytes each time, and says what it lacks."""
 import shutil
+import sys
 
 from programs import *
 from programs import PATIENCE
@@ -44,8 +45,7 @@ class Figures(ProgramTest):
         self.assertEqual(status, 2)
         self.assertIn("--only 2: not among 1, 5, 6, 7, 8, 9", err)
         (self.folder / "bin").mkdir()
-        python = pathlib.Path(shutil.which("python3")).parent
-        (self.folder / "bin/python3").symlink_to(python / "python3")
+        (self.folder / "bin/python3").symlink_to(sys.executable)
         (self.folder / "bin/env").symlink_to(shutil.which("env"))
         status, err = self.make("a", "--only", "8", environment={**os.environ, "PATH": str(self.folder / "bin")})
         self.assertEqual(status, 1)
