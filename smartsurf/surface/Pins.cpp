@@ -2,16 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "smartsurf/surface/Approach.h"
 
 namespace smartsurf::surface {
 namespace {
 
-// A load is felt through this time constant, so that one impact does not stop a pin, s.
-constexpr float kLoadLag = 0.02F;
-// How long a pin that could not bear its load waits before it tries again, s.
-constexpr float kTripped = 0.5F;
+// How long a pin that was pushed onto its lower stop waits before it tries again, s.
+constexpr float kRetry = 0.1F;
+constexpr float kAtStop = 1e-4F;  // u
 
 // The largest of n values of f; eight running maxima, because the compiler may not reorder one.
 template <class F>
@@ -41,8 +41,8 @@ Pins::Pins(const Place& place)
       run_speed_(runs_.size(), 0.0F) {
   if (place.spec.has("max_force")) {
     force_limit_ = static_cast<float>(place.spec.number("max_force"));
-    load_.resize(target_.size(), 0.0F);
-    wait_ = load_;
+    planned_.resize(target_.size(), 0.0F);
+    wait_ = planned_;
   }
 }
 
@@ -73,23 +73,11 @@ void Pins::measure(std::size_t run, const Field& field) noexcept {
   run_height_[run] = largest(length(runs_[run]), [height](std::size_t i) { return height[i]; });
 }
 
-void Pins::weigh(float dt_s, const Field& field) noexcept {
-  const float share = 1.0F - std::exp(-dt_s / kLoadLag), inverse_dt = 1.0F / dt_s;
-  for (std::size_t r = 0; r < runs_.size(); ++r) {
-    bool overloaded = false;
-    for (auto i = static_cast<std::size_t>(runs_[r].begin); i < static_cast<std::size_t>(runs_[r].end); ++i) {
-      load_[i] += (field.impulse[i] * inverse_dt - load_[i]) * share;
-      overloaded |= load_[i] > *force_limit_;
-    }
-    moving_[r] |= static_cast<std::uint8_t>(overloaded);
-  }
-}
-
 void Pins::plan(double dt_s, Field& field) noexcept {
   const auto dt = static_cast<float>(dt_s);
-  if (force_limit_) weigh(dt, field);
+  // What can be pushed must be looked at in every step.
   for (std::size_t r = 0; r < runs_.size(); ++r)
-    if (moving_[r]) plan_run(r, dt, field);
+    if (moving_[r] || force_limit_) plan_run(r, dt, field);
   for (std::size_t r = 0; r < runs_.size(); ++r) {
     field.max_height = std::max(field.max_height, run_height_[r]);
     field.max_speed = std::max(field.max_speed, run_speed_[r]);
@@ -110,28 +98,28 @@ void Pins::plan_run(std::size_t run, float dt_s, Field& field) noexcept {
       moving |= static_cast<int>(distance != 0.0F) | static_cast<int>(speed[i] != 0.0F);
     }
   } else {
-    for (std::size_t i = 0; i < n; ++i) {
-      const float distance = target[i] - height[i];
-      speed[i] = loaded_speed(begin + i, distance, approach, dt_s, field);
-      moving |= static_cast<int>(distance != 0.0F) | static_cast<int>(speed[i] != 0.0F);
-    }
+    for (std::size_t i = begin; i < begin + n; ++i) field.speed[i] = plan_loaded(i, approach, dt_s, field);
+    moving = 1;
   }
   moving_[run] = moving != 0;
   run_speed_[run] = largest(n, [speed](std::size_t i) { return std::abs(speed[i]); });
 }
 
-// The motor's line, v = max_speed·(1 − load/max_force): as fast as it may without a load, standing at the
-// greatest one. More trips the drive: the load pushes the pin back, down to the lower stop, and only after a
-// while it tries again.
-float Pins::loaded_speed(std::size_t cell, float distance, const Approach& approach, float dt_s,
-                         const Field& field) noexcept {
-  const float speed = field.speed[cell], left = 1.0F - load_[cell] / *force_limit_;
-  if (left >= 0.0F && wait_[cell] <= 0.0F)
-    return approach(distance, speed, distance > 0.0F ? speed_limit_ * left : speed_limit_);
-  wait_[cell] = left < 0.0F ? kTripped : wait_[cell] - dt_s;
-  const float to_stop = std::min(0.0F, base_[cell] + lowest_ - field.height[cell]) / dt_s;
-  const float back = speed_limit_ * std::clamp(left, -1.0F, 0.0F);
-  return std::max(to_stop, std::max(speed - acceleration_limit_ * dt_s, back));
+// The motor's line, force = max_force·(1 − v/max_speed): all of it at rest, none at its greatest speed. What
+// is pushed back goes on from the speed that is left to it. On the lower stop the frame bears the load; a pin
+// that cannot leave it under its load waits there for a while.
+float Pins::plan_loaded(std::size_t i, const Approach& approach, float dt_s, Field& field) noexcept {
+  const float from = std::max(field.speed[i], std::min(planned_[i], 0.0F));
+  const bool on_stop = field.height[i] <= lower_stop(i) + kAtStop;
+  if (on_stop && planned_[i] > 0.0F && field.speed[i] <= 0.0F) wait_[i] = kRetry;
+  planned_[i] = approach(target_[i] - field.height[i], from);
+  if (wait_[i] > 0.0F) {
+    wait_[i] -= dt_s;
+    if (on_stop) planned_[i] = std::min(planned_[i], 0.0F);
+  }
+  const float force = *force_limit_ * std::clamp(1.0F - from / speed_limit_, 0.0F, 1.0F);
+  field.force_limit[i] = on_stop && planned_[i] <= 0.0F ? std::numeric_limits<float>::infinity() : force;
+  return planned_[i];
 }
 
 void Pins::commit(double dt_s, Field& field) noexcept {
@@ -143,6 +131,8 @@ void Pins::commit(double dt_s, Field& field) noexcept {
     const float* __restrict speed = &field.speed[begin];
     float* __restrict height = &field.height[begin];
     for (std::size_t i = 0; i < n; ++i) height[i] = Approach::arrive(height[i], speed[i], target[i], dt);
+    if (force_limit_)
+      for (std::size_t i = 0; i < n; ++i) height[i] = std::max(height[i], lower_stop(begin + i));
     measure(r, field);
   }
 }

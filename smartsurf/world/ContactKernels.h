@@ -33,6 +33,7 @@ struct Octet {
   std::int32_t a[kLanes], b[kLanes];
   std::int32_t first = 0, points = 0, count = 0;  // points[first … first + points)
   bool rolls = false;                             // whether any lane resists rolling
+  bool limited = false;                           // whether any point has a limit
 };
 
 // The k-th point of each of the eight. A lane without one has a zero normal and a wide gap.
@@ -51,6 +52,7 @@ struct alignas(64) PointDetail {
   float surface[3][kLanes], surface_spin[kLanes];
   float rolling[kLanes], rolling_mass[kLanes], roll[3][kLanes];
   float restitution[kLanes];
+  float limit[kLanes];  // of octets with `limited`: the greatest push of a step
 };
 struct Points {
   Point* point;
@@ -61,6 +63,7 @@ struct Pass {
   float h_s, inverse_h;
   float elapsed_s;                        // since the step began
   float rate, mass_scale, impulse_scale;  // the softness of the push that ends an overlap
+  float share;                            // of the substep in the step
   float fastest_push;                     // u/s
   float bounce_threshold;                 // u/s
 };

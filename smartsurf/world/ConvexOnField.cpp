@@ -82,17 +82,46 @@ class PieceOnField {
     }
   }
 
-  const Candidates& find() {
+  // The few contacts that hold the piece.
+  template <class Take>
+  void find(Take take) {
+    if (touch_points()) for_plateaus([&](const Plateau& p) {
+        if (!p.column.all_bridged()) touch_plateau(p, candidates_);
+      });
+    candidates_.pick(take);
+  }
+
+  // The contacts of each cell that bears the piece, one cell after the other: one in the midst of a level
+  // patch, else the few that hold the piece on that cell.
+  template <class Take>
+  void find_on_each_cell(Take take) {
+    if (!touch_points()) return;
+    for_plateaus([&](const Plateau& p) {
+      Candidates here;
+      touch_plateau(p, here);
+      const int cell = columns_.index(p.row_begin, p.column_begin);
+      if (here.count() == 0)
+        candidates_.each([&](const Candidate& c) {
+          if (c.tag == cell) here.add(c);
+        });
+      if (p.column.all_bridged() && here.count() > 2)
+        take(here.mean());
+      else
+        here.pick(take);
+    });
+  }
+
+ private:
+  // What the piece's own points touch. Returns whether it reaches down to any cell.
+  bool touch_points() {
     const float highest = highest_top() + margin_;
     for_feature_points(piece_, centre_, axes_, [&](const Vec3& p) {
       if (p.z() <= highest) touch_point(p);
     });
     if (piece_.shape.kind == ShapeKind::kCapsule) touch_capsule_ends();
-    if (low_.z() <= highest) for_plateaus([&](const Plateau& p) { touch_plateau(p); });
-    return candidates_;
+    return low_.z() <= highest;
   }
 
- private:
   // Of the cells under the piece.
   float highest_top() const {
     const CellRange cells = columns_.covering(low_.x(), high_.x(), low_.y(), high_.y());
@@ -130,15 +159,16 @@ class PieceOnField {
   }
 
   // Calls each(plateau) for the cells under the piece that reach up to it, level neighbours in a column of
-  // cells taken as one. Cells inside a level patch add nothing to what the piece's own points say.
+  // cells taken as one, unless each bears a limited force of its own.
   template <class Each>
   void for_plateaus(Each each) const {
     const CellRange cells = columns_.covering(low_.x(), high_.x(), low_.y(), high_.y());
+    const bool each_cell = columns_.field().yields();
     for (int c = cells.column_begin; c < cells.column_end; ++c)
       for (int r = cells.row_begin; r < cells.row_end; ++r) {
         if (columns_.top(r, c) < low_.z()) continue;
         Plateau p{columns_.at(r, c), r, r + 1, c, c + 1};
-        while (p.row_end < cells.row_end && p.column.bridged_south) {
+        while (!each_cell && p.row_end < cells.row_end && p.column.bridged_south) {
           const Column next = columns_.at(p.row_end, c);
           if (next.bridged_west != p.column.bridged_west || next.bridged_east != p.column.bridged_east) break;
           p.column.south = next.south;
@@ -146,11 +176,11 @@ class PieceOnField {
           ++p.row_end;
         }
         r = p.row_end - 1;
-        if (!p.column.all_bridged()) each(p);
+        each(p);
       }
   }
 
-  void touch_plateau(const Plateau& p) {
+  void touch_plateau(const Plateau& p, Candidates& out) const {
     Way way;
     const bool faces = piece_.hull || piece_.shape.kind == ShapeKind::kBox;
     if (!(faces ? find_way_between_faces(p.column, way) : find_way_by_gjk(p, way))) return;
@@ -158,8 +188,8 @@ class PieceOnField {
     const Feature over = feature_towards(piece_, centre_, axes_, -way.normal);
     Candidates found;
     add_patch(over, under, way.normal, margin_, 0, found);
-    found.pick([&](const Candidate& c) { add(p, c.point, c.normal, c.gap); });
-    if (found.count() == 0) add_nearest(p, way);
+    found.pick([&](const Candidate& c) { add(p, c.point, c.normal, c.gap, out); });
+    if (found.count() == 0) add_nearest(p, way, out);
   }
 
   // The axis of least overlap, or of the widest gap, of two shapes with flat faces; false when they are
@@ -223,15 +253,15 @@ class PieceOnField {
   }
 
   // Where two edges cross, or a corner meets something.
-  void add_nearest(const Plateau& p, const Way& way) {
+  void add_nearest(const Plateau& p, const Way& way, Candidates& out) const {
     const NearestPoints near = nearest_to(p.column);
     if (near.apart && near.distance - core_.rounding - kColumnRounding <= margin_ &&
         near.normal.dot(way.normal) > 0.9F) {
-      add(p, near.on_b + kColumnRounding * near.normal, way.normal, way.gap);
+      add(p, near.on_b + kColumnRounding * near.normal, way.normal, way.gap, out);
       return;
     }
     const Vec3 lowest = core_.farthest_outside(-way.normal);
-    add(p, lowest - way.gap * way.normal, way.normal, way.gap);
+    add(p, lowest - way.gap * way.normal, way.normal, way.gap, out);
   }
 
   NearestPoints nearest_to(const Column& q) const {
@@ -268,10 +298,10 @@ class PieceOnField {
   }
 
   // The cell of the plateau that the point is on.
-  void add(const Plateau& p, const Vec3& point, const Vec3& normal, float gap) {
+  void add(const Plateau& p, const Vec3& point, const Vec3& normal, float gap, Candidates& out) const {
     const int row =
         static_cast<int>(std::lround(columns_.y(0) / columns_.pitch() - point.y() / columns_.pitch()));
-    candidates_.add(
+    out.add(
         {point, normal, gap, columns_.index(std::clamp(row, p.row_begin, p.row_end - 1), p.column_begin)});
   }
 
@@ -295,7 +325,7 @@ void touch_field_with_shape(const surface::Field& field, const Shape& shape, con
   const Columns columns(field, shape.width);
   for_pieces(shape, [&](const Piece& piece) {
     PieceOnField on(columns, piece, centre, axes, margin);
-    on.find().pick([&](const Candidate& c) {
+    const auto take = [&](const Candidate& c) {
       Contact& contact = out.emplace_back();
       contact.normal = c.normal;
       contact.arm = c.point + c.normal * c.gap - centre;
@@ -303,7 +333,11 @@ void touch_field_with_shape(const surface::Field& field, const Shape& shape, con
       contact.other = kField;
       contact.key = c.tag;
       move_with_cell(columns, c.tag / field.columns, c.tag % field.columns, c.point, contact);
-    });
+    };
+    if (field.yields())
+      on.find_on_each_cell(take);
+    else
+      on.find(take);
   });
 }
 

@@ -185,6 +185,17 @@ void Candidates::add(const Candidate& c) {
   if (c.gap < list_[worst].gap) list_[worst] = c;
 }
 
+Candidate Candidates::mean() const {
+  Candidate m = list_[0];
+  for (int i = 1; i < count_; ++i) {
+    m.point += list_[i].point;
+    m.gap += list_[i].gap;
+  }
+  m.point /= static_cast<float>(count_);
+  m.gap /= static_cast<float>(count_);
+  return m;
+}
+
 int Candidates::choose(int (&chosen)[4]) const {
   if (count_ == 0) return 0;
   chosen[0] = 0;

@@ -36,6 +36,12 @@ class Candidates {
   // When the list is full, the widest gap gives way.
   void add(const Candidate&);
   int count() const { return count_; }
+  template <class Each>
+  void each(Each each) const {
+    for (int i = 0; i < count_; ++i) each(list_[i]);
+  }
+  // One in the middle of all, with the first one's normal and tag. There must be any.
+  Candidate mean() const;
   // At most four: the deepest, the one farthest from it, the one farthest from their line, and the one that
   // widens them most.
   template <class Take>
