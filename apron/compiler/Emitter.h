@@ -26,6 +26,7 @@ struct Value {
   float constant = 0.0F;
   bool temporary = false;
 
+  static Value of(float number) noexcept { return {Kind::kConstant, 0, number, false}; }
   bool is_register() const noexcept { return kind == Kind::kRegister; }
   bool is_constant() const noexcept { return kind == Kind::kConstant; }
 };

@@ -96,7 +96,7 @@ Value Lowering::register_size(const Builtin& builtin, const Expressions& argumen
                                : builtin.form == Form::kRegisterHeight
                                    ? shape.height
                                    : register_number(value, arguments[0].at);
-  return {Value::Kind::kConstant, 0, static_cast<float>(number), false};
+  return Value::of(static_cast<float>(number));
 }
 
 void Lowering::pixel_set(const Expressions& arguments) {

@@ -89,7 +89,7 @@ Value Lowering::lower_call(const Builtin& builtin, const Expression& call, const
       return to_register(builtin.op, {emitter_.text(name), emitter_.operand(number)}, destination);
     }
     case Form::kZero:
-      return {Value::Kind::kConstant, 0, 0.0F, false};
+      return Value::of(0.0F);
     default:
       throw Failure{call.at, fmt::format("'{}' gives no value", call.text)};
   }
@@ -119,7 +119,7 @@ Value Lowering::parameter(const Expression& argument, Destination* destination) 
 // (a, op, b), or one expression as a truth of 0 or 1.
 Value Lowering::comparison(const Expressions& arguments, Location at, Destination* destination) {
   if (arguments.size() == 1) {
-    const Value zero{Value::Kind::kConstant, 0, 0.0F, false};
+    const Value zero = Value::of(0.0F);
     return elementwise(Opcode::kNe, {lower(arguments[0]), zero}, at, destination);
   }
   if (arguments.size() != 3 || arguments[1].kind != ExpressionKind::kOperator) {

@@ -15,7 +15,6 @@ using syntax::ExpressionKind;
 
 namespace {
 
-Value number(float value) { return {Value::Kind::kConstant, 0, value, false}; }
 
 }  // namespace
 
@@ -40,7 +39,7 @@ Value Lowering::random(const Builtin& builtin, const Expressions& arguments, Loc
   constexpr std::string_view kWhat = "a random number";
   if (builtin.form == Form::kRandomWhite) {
     const bool is_whole = builtin.op == Opcode::kRandomInt;
-    return draw(builtin.op, number(is_whole ? 0.0F : -1.0F), number(1.0F), destination);
+    return draw(builtin.op, Value::of(is_whole ? 0.0F : -1.0F), Value::of(1.0F), destination);
   }
   const Value a = scalar(arguments[0], kWhat);
   const Value b = scalar(arguments[1], kWhat);
@@ -83,7 +82,7 @@ bool Lowering::data_statement(const Builtin& builtin, const Expression& call, co
       return true;
     case Form::kWebcamOpen:
       emitter_.emit(builtin.op, {},
-                    {emitter_.operand(arguments.empty() ? number(0.0F) : scalar(arguments[0], quoted))});
+                    {emitter_.operand(arguments.empty() ? Value::of(0.0F) : scalar(arguments[0], quoted))});
       return true;
     case Form::kShow: {
       const Value shown_register = array(arguments[0], quoted);
@@ -102,7 +101,7 @@ bool Lowering::data_statement(const Builtin& builtin, const Expression& call, co
 // reg.setPalette(A, 'name') or (A, scale, 'name'); reg.setScale(A, high) or (A, low, high).
 void Lowering::set_colours(const Builtin& builtin, const Expressions& arguments, Location at) {
   const Value place = array(arguments[0], "this");
-  Value low = number(0.0F);
+  Value low = Value::of(0.0F);
   Value high;
   if (builtin.form == Form::kSetPalette) {
     emitter_.emit(Opcode::kSetPalette, {},
@@ -155,7 +154,7 @@ Value Lowering::match(const Expressions& arguments) {
     throw Failure{arguments[1].at, "expected an element's name"};
   }
   const auto found = names_.number(name, arguments[1].text);
-  return number(found ? static_cast<float>(*found) : -1.0F);
+  return Value::of(found ? static_cast<float>(*found) : -1.0F);
 }
 
 Operand Lowering::module(const Expression& expression) {

@@ -17,7 +17,6 @@ namespace {
 
 constexpr float kMaxOffset = 1'000'000.0F;
 
-Value constant_value(float number) { return {Value::Kind::kConstant, 0, number, false}; }
 
 std::string show(Shape shape) { return fmt::format("{}x{}", shape.width, shape.height); }
 
@@ -26,7 +25,7 @@ std::string show(Shape shape) { return fmt::format("{}x{}", shape.width, shape.h
 Value Lowering::lower(const Expression& expression, Destination* destination) {
   switch (expression.kind) {
     case ExpressionKind::kNumber:
-      return constant_value(expression.number);
+      return Value::of(expression.number);
     case ExpressionKind::kName:
       return lower_name(expression, destination);
     case ExpressionKind::kElement: {
@@ -118,7 +117,7 @@ Value Lowering::elementwise(Opcode op, const std::vector<Value>& values, Locatio
   if (std::all_of(values.begin(), values.end(), [](const Value& v) { return v.is_constant(); })) {
     std::array<float, program::kMaxSources> in{};
     for (std::size_t i = 0; i < values.size(); ++i) in[i] = values[i].constant;
-    if (const auto folded = fold(op, in)) return constant_value(*folded);
+    if (const auto folded = fold(op, in)) return Value::of(*folded);
   }
   check_shapes(values, at);
   const auto array_value =

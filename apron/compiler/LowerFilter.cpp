@@ -181,7 +181,7 @@ void Lowering::set_element(const Expressions& arguments) {
   };
   check(x, wanted.width, arguments[1]);
   check(y, wanted.height, arguments[2]);
-  const Value width{Value::Kind::kConstant, 0, static_cast<float>(wanted.width), false};
+  const Value width = Value::of(static_cast<float>(wanted.width));
   const Value above = elementwise(Opcode::kMul, {y, width}, arguments[2].at, nullptr);
   const Value number = elementwise(Opcode::kAdd, {above, x}, arguments[1].at, nullptr);
   const Value value = scalar(arguments[3], kWhat);

@@ -57,7 +57,6 @@ Opcode unless_opcode(Opcode compare) {
 
 bool is_comparison(Opcode op) { return op >= Opcode::kLt && op <= Opcode::kNe; }
 
-Value number(float value) { return {Value::Kind::kConstant, 0, value, false}; }
 
 }  // namespace
 
@@ -139,7 +138,7 @@ Lowering::Condition Lowering::condition(const Expressions& arguments, Location a
 Lowering::Condition Lowering::expression_condition(const Expression& expression) {
   constexpr std::string_view kWhat = "a condition";
   const Opcode op = expression.kind == ExpressionKind::kBinary ? infix_opcode(expression.text) : Opcode::kNop;
-  if (!is_comparison(op)) return {Opcode::kNe, scalar(expression, kWhat), number(0.0F)};
+  if (!is_comparison(op)) return {Opcode::kNe, scalar(expression, kWhat), Value::of(0.0F)};
   const Value left = scalar(expression.children[0], kWhat);
   const Value right = scalar(expression.children[1], kWhat);
   return {op, left, right};
@@ -201,7 +200,7 @@ void Lowering::open_for(const Expressions& arguments, Location at) {
   if (!is_name) throw Failure{variable.at, "expected the scalar that counts: for(i, from, to)"};
   const Value from = scalar(arguments[1], "'for'");
   const Value bound = held(scalar(arguments[2], "'for'"));
-  const Value step = arguments.size() == 4 ? held(scalar(arguments[3], "'for'")) : number(1.0F);
+  const Value step = arguments.size() == 4 ? held(scalar(arguments[3], "'for'")) : Value::of(1.0F);
   if (step.is_constant() && !(step.constant > 0.0F || step.constant < 0.0F)) {
     throw Failure{arguments.back().at, "the step of a 'for' cannot be zero"};
   }
@@ -244,7 +243,7 @@ void Lowering::test_for(const Block& block) {
                 {emitter_.operand(block.bound), emitter_.operand(block.counter)});
   emitter_.emit(Opcode::kMul, emitter_.operand(ahead),
                 {emitter_.operand(ahead), emitter_.operand(block.step)});
-  jump_unless({Opcode::kGe, ahead, number(0.0F)}, block.end);
+  jump_unless({Opcode::kGe, ahead, Value::of(0.0F)}, block.end);
 }
 
 void Lowering::open_repeat(const Expressions& arguments, Location at) {

@@ -66,7 +66,7 @@ void Lowering::print(const Builtin& builtin, const Expressions& arguments) {
 void Lowering::boundary(const Expression& rule) {
   static const std::vector<std::string> kRules = {"zero", "replicate", "wrap", "reflect"};
   BoundaryRule code = BoundaryRule::kValue;
-  Value value{Value::Kind::kConstant, 0, 0.0F, false};
+  Value value = Value::of(0.0F);
   if (rule.kind == ExpressionKind::kText) {
     const auto found = std::find(kRules.begin(), kRules.end(), rule.text);
     if (found == kRules.end()) {

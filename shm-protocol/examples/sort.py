@@ -9,7 +9,7 @@ import shm_protocol
 
 UP, DOWN = np.float32(4), np.float32(0)
 THRESHOLD, MAX_STEPS, MAX_SIZE, MAX_QUEUE = 2, 8, 16, 24
-CYCLE, GIVE_WAY = 480, 360
+CYCLE, WAIT, PUSH, NEAR = 480, 300, 400, 8
 
 
 def moved(image, south, east):
@@ -28,7 +28,7 @@ def east(image): return moved(image, 0, -1)
 def west(image): return moved(image, 0, 1)
 
 
-shift_west, shift_east = east, west
+shift_north, shift_south, shift_west, shift_east = south, north, east, west
 
 
 def least(image):
@@ -37,6 +37,20 @@ def least(image):
 
 def greatest(image):
     return np.maximum(np.maximum(north(image), south(image)), np.maximum(east(image), west(image)))
+
+
+def heard(news, kind, steps):
+    """What a cell hears of in so many steps, from neighbour to neighbour through objects of one kind that touch."""
+    for _ in range(steps):
+        news = np.maximum(news, greatest(news)) * kind
+    return news
+
+
+def pocket_of(moving, ahead):
+    """The pocket of what moves: its footprint one cell wider at the sides, and shifted ahead."""
+    across = (north, south) if ahead in (shift_west, shift_east) else (east, west)
+    reach = np.maximum(np.maximum(moving, ahead(moving)), np.maximum(across[0](moving), across[1](moving)))
+    return ahead(reach)
 
 
 def as_number(truth):
@@ -66,9 +80,7 @@ class Sort:
             rest = inner
 
         # (d) The largest number of steps in an object is its size: spread it to all of the object's cells.
-        size = steps
-        for _ in range(MAX_SIZE):
-            size = np.maximum(size, greatest(size)) * eroded
+        size = heard(steps, eroded, MAX_SIZE)
 
         # (e) Dilation by one cell, back to the whole footprint. What is too thin to survive the erosion is small.
         found = np.maximum(size, greatest(size))
@@ -82,22 +94,32 @@ class Sort:
         halt_small = small * (west(inside) == 0)
         halt_large = large * (east(inside) == 0)
 
-        # Large objects give way: a small one sends a signal west, one cell a tick, that halts the large ones it meets.
+        # Large objects wait for small ones: a small one sends a signal west, one cell a tick, that halts those it meets.
         self.ahead = np.maximum(small, east(self.ahead)) * inside
-        if tick % CYCLE < GIVE_WAY:
+        if tick % CYCLE < WAIT:
             halt_large = np.maximum(halt_large, large * self.ahead)
-        for _ in range(MAX_QUEUE):
-            halt_small = np.maximum(halt_small, greatest(halt_small)) * small
-            halt_large = np.maximum(halt_large, greatest(halt_large)) * large
+        halt_small = heard(halt_small, small, MAX_QUEUE)
+        halt_large = heard(halt_large, large, MAX_QUEUE)
+
+        # Where a small one is shut in, waiting does not help: large ones close to it step aside, by turns north and
+        # south, unless they, or those that they touch, have a wall there.
+        aside = np.zeros_like(small)
+        wall, step_aside = (north, shift_north) if tick % (2 * CYCLE) < CYCLE else (south, shift_south)
+        if tick % CYCLE >= PUSH:
+            aside = small
+            for _ in range(NEAR):
+                aside = np.maximum(aside, east(aside))
+            stop = heard(large * (wall(inside) == 0), large, MAX_QUEUE)
+            aside = heard(aside * large, large, MAX_SIZE) * (1 - stop)
+            halt_large = halt_large * (1 - aside)
 
         # (g) Actuators: pockets go down, everything else up. Who moves has a pocket that runs ahead of its footprint
         # by one cell, so that the pins behind it push; who halts sinks into one that surrounds it.
         halt = np.maximum(halt_small, halt_large)
-        move_small, move_large = small - halt_small, large - halt_large
+        move_small, move_large = small - halt_small, large - np.maximum(halt_large, aside)
         pocket = np.maximum(halt, greatest(halt))
-        for moving, ahead in ((move_small, shift_west), (move_large, shift_east)):
-            reach = np.maximum(np.maximum(moving, ahead(moving)), np.maximum(north(moving), south(moving)))
-            pocket = np.maximum(pocket, ahead(reach))
+        for moving, ahead in ((move_small, shift_west), (move_large, shift_east), (aside, step_aside)):
+            pocket = np.maximum(pocket, pocket_of(moving, ahead))
         return np.where(pocket != 0, DOWN, UP)
 
 

@@ -172,28 +172,28 @@ TEST(Death, OfAControllerInTheMiddleOfAnAnswerLeavesNoMixture) {
     ASSERT_EQ(surface.await_controller({.timeout = 20s}), Status::kOk);
     Peer killer = killer_of(controller, static_cast<unsigned>(random() % 2000));
     Status s = tick == 0 ? Status::kOk : surface.await_actuators(tick - 1, {.timeout = 100s});
-    for (; s == Status::kOk; ++tick) {
+    while (s == Status::kOk) {
+      const std::uint64_t mine = tick++;
       // The values tell the life, too: an answer to an older frame, or of two lives, would show.
-      const auto value = static_cast<float>(tick);
+      const auto value = static_cast<float>(mine);
       std::ranges::fill(out, value);
       for (std::size_t at = 0; at < cells; at += 4096)
         surface.write(0, at,
                       std::span<const float>(out).subspan(at, std::min<std::size_t>(4096, cells - at)));
-      ASSERT_EQ(surface.publish(tick, 0.0), Status::kOk);
+      ASSERT_EQ(surface.publish(mine, 0.0), Status::kOk);
       std::size_t taken = 0;
       bool good = true;
       for (auto in = surface.next_cells(1); !in.empty(); in = surface.next_cells(1)) {
         good &= std::ranges::count(in, value + 1) == std::ranges::ssize(in);
         taken += in.size();
       }
-      s = surface.await_actuators(tick, {.timeout = 100s});
+      s = surface.await_actuators(mine, {.timeout = 100s});
       if (s != Status::kOk) break;
       const auto all = surface.actuator(1);
-      ASSERT_TRUE(good && taken == cells) << tick;
-      ASSERT_EQ(std::ranges::count(all, value + 1), std::ranges::ssize(all)) << tick;
+      ASSERT_TRUE(good && taken == cells) << mine;
+      ASSERT_EQ(std::ranges::count(all, value + 1), std::ranges::ssize(all)) << mine;
       ++whole;
     }
-    ++tick;
     EXPECT_EQ(s, Status::kControllerDead) << text(s);
     const auto all = surface.actuator(1);
     EXPECT_EQ(std::ranges::count(all, all[0]), std::ranges::ssize(all));  // a whole frame stands

@@ -110,10 +110,10 @@ class Environment(unittest.TestCase):
 
 
 class CaseStudy(unittest.TestCase):
-    TICKS = 200
+    TICKS = 1000
 
     def simulate(self, name, **controller):
-        """200 ticks of the case study → the state's hash."""
+        """The first ticks of the case study, through all its phases, → the state's hash."""
         with tempfile.TemporaryDirectory() as folder:
             stats = pathlib.Path(folder) / "stats.json"
             command = [os.environ["SMARTSURF"], "run", str(ROOT / "scripts/case-study/sort.lua"), "--shm", name, "--ticks",
