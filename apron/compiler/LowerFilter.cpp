@@ -12,7 +12,6 @@ namespace apron::compiler {
 
 using program::Filter;
 using program::Opcode;
-using syntax::ExpressionKind;
 
 namespace {
 

@@ -3,8 +3,10 @@
 #include <shm_protocol/ControllerEndpoint.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <cstdio>
+#include <cstring>
 #include <fstream>
 #include <functional>
 #include <iostream>
@@ -30,7 +32,8 @@ int complain(int status, const std::string& text) {
 
 // "" if every --set names a slider or switch of the program.
 std::string unknown_parameter(const Options& options, const program::Program& program) {
-  for (const auto& [name, value] : options.parameters) {
+  for (const auto& parameter : options.parameters) {
+    const std::string& name = parameter.first;
     const auto named = [&](const program::Parameter& p) { return p.name == name; };
     if (std::any_of(program.parameters.begin(), program.parameters.end(), named)) continue;
     std::string there;
@@ -63,9 +66,10 @@ vm::Status run_to_end(vm::Vm& vm, const Options& options, std::uint64_t& ticks) 
 
 bool write_profile(const program::Program& program, const std::vector<vm::Spent>& spent, std::uint64_t ticks,
                    const std::optional<CostModel>& model, const Options& options) {
+  errno = 0;
   std::ofstream file(options.profile);
   file << profile_json(program, spent, ticks, model) << std::flush;
-  if (!file) complain(kRunFailed, "error: cannot write '" + options.profile + "'");
+  if (!file) complain(kRunFailed, "error: cannot write '" + options.profile + "': " + std::strerror(errno));
   return static_cast<bool>(file);
 }
 

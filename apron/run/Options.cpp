@@ -14,8 +14,8 @@ namespace {
 constexpr const char* kFooter =
     "Exit status: 0 done, also when the surface ends the session; 1 the run failed; 2 the input was wrong "
     "(command\n"
-    "line, program, file, channel); 3 the surface was lost; 130 or 143 after Ctrl-C or SIGTERM, cleanly "
-    "detached.\n"
+    "line, program, file, channel); 3 the surface was lost; 128 + n after signal n (130 after Ctrl-C), "
+    "cleanly detached.\n"
     "Files that a program opens or saves are relative to the current directory.";
 
 template <class Number>
@@ -119,7 +119,8 @@ void define_run(CLI::App& run, Raw& raw) {
   run.add_option("--geometry", raw.geometry,
                  "size of the window or picture, and the window's place, or 'beside' the simulator's window")
       ->type_name("WxH[+X+Y]");
-  run.add_option("--show", raw.options.show, "the register that is shown large at first")->type_name("REGISTER");
+  run.add_option("--show", raw.options.show, "the register that is shown large at first")
+      ->type_name("REGISTER");
   run.add_option("--screenshot", raw.screenshots, "a picture of the window after that tick, or at the end")
       ->type_name("FILE.png[@TICK]")
       ->allow_extra_args(false);
@@ -163,9 +164,10 @@ void set_geometry(Raw& raw) {
     g.at = {x, y};
   }
   if (!good)
-    throw CLI::ValidationError("--geometry", "'" + raw.geometry +
-                                                 "' is not WIDTHxHEIGHT or WIDTHxHEIGHT+X+Y in pixels, such as "
-                                                 "1280x800+600+0, from 320x240 to 8192x8192");
+    throw CLI::ValidationError("--geometry",
+                               "'" + raw.geometry +
+                                   "' is not WIDTHxHEIGHT or WIDTHxHEIGHT+X+Y in pixels, such as "
+                                   "1280x800+600+0, from 320x240 to 8192x8192");
 }
 
 void add_screenshot(Raw& raw, const std::string& text) {
@@ -173,7 +175,8 @@ void add_screenshot(Raw& raw, const std::string& text) {
   if (const std::size_t at = text.rfind('@'); at != std::string::npos) {
     std::uint64_t tick = 0;
     if (!parse_number(std::string_view(text).substr(at + 1), tick))
-      throw CLI::ValidationError("--screenshot", "'" + text + "' is not FILE.png or FILE.png@TICK with a whole number");
+      throw CLI::ValidationError("--screenshot",
+                                 "'" + text + "' is not FILE.png or FILE.png@TICK with a whole number");
     one = {text.substr(0, at), tick};
   }
   if (!std::string_view(one.file).ends_with(".png"))
@@ -186,14 +189,16 @@ void check_pictures(Raw& raw) {
   set_geometry(raw);
   for (const std::string& text : raw.screenshots) add_screenshot(raw, text);
   if (o.window && (!o.screenshots.empty() || !o.video.empty()))
-    throw CLI::ValidationError("--window", "does not go with --screenshot and --video, which need no display");
+    throw CLI::ValidationError("--window",
+                               "does not go with --screenshot and --video, which need no display");
   if (o.window && o.reconnect) throw CLI::ValidationError("--window", "does not go with --reconnect");
   if (o.hold && !o.window) throw CLI::ValidationError("--hold", "goes with --window");
   if (!o.draws() && (!raw.geometry.empty() || !o.show.empty()))
     throw CLI::ValidationError(raw.geometry.empty() ? "--show" : "--geometry",
                                "goes with --window, --screenshot or --video");
   if (!o.video.empty() && o.surface.empty())
-    throw CLI::ValidationError("--video", "goes with --shm NAME: without a surface there is no simulated time");
+    throw CLI::ValidationError("--video",
+                               "goes with --shm NAME: without a surface there is no simulated time");
 }
 
 void check_run(Raw& raw) {

@@ -21,10 +21,11 @@ std::string write(const std::string& path, const Image& image) {
   png.width = static_cast<png_uint_32>(image.width);
   png.height = static_cast<png_uint_32>(image.height);
   png.format = PNG_FORMAT_RGB;
+  errno = 0;  // libpng's own word for what went wrong is "Write Error"
   const bool written = png_image_write_to_stdio(&png, file, 0, image.rgb.data(), 0, nullptr) != 0;
   const bool closed = std::fclose(file) == 0;
-  if (!written) return png.message;
-  return closed ? "" : std::strerror(errno);
+  if (written && closed) return "";
+  return errno != 0 ? std::strerror(errno) : png.message;
 }
 
 }  // namespace

@@ -6,8 +6,6 @@
 
 namespace apron::vm {
 
-using Xbyak::util::rsi;
-
 StageAssembler::Zmm StageAssembler::new_vector() {
   if (free_.empty()) evict();
   const int v = free_.back();

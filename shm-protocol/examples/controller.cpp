@@ -4,13 +4,22 @@
 #include <algorithm>
 #include <cstdio>
 
+using namespace shm_protocol;
+
+// The number of that channel, which has to be of float32 with one component; else -1.
+static int find(const Description& table, Direction direction, const char* name) {
+  const int channel = table.channel(direction, name);
+  if (channel < 0) return -1;
+  const ChannelSpec& found = table.channels[static_cast<std::size_t>(channel)];
+  return found.dtype == DType::kF32 && found.components == 1 ? channel : -1;
+}
+
 int main(int argc, char** argv) try {
-  using namespace shm_protocol;
   auto table =
       ControllerEndpoint::attach(argc > 1 ? argv[1] : "surface", {.timeout = std::chrono::seconds(10)});
-  const int hit = table.description().channel(Direction::kSensor, "proximity_hit");
-  const int height = table.description().channel(Direction::kActuator, "height");
-  if (hit < 0 || height < 0) return std::fprintf(stderr, "no proximity_hit or no height\n"), 2;
+  const int hit = find(table.description(), Direction::kSensor, "proximity_hit");
+  const int height = find(table.description(), Direction::kActuator, "height");
+  if (hit < 0 || height < 0) return std::fprintf(stderr, "no float32 proximity_hit or height\n"), 2;
 
   Status status;
   while ((status = table.await_sensors()) == Status::kOk) {
@@ -20,6 +29,6 @@ int main(int argc, char** argv) try {
   }
   std::fprintf(stderr, "%s\n", text(status));
   return status == Status::kSurfaceClosed ? 0 : 3;
-} catch (const shm_protocol::Error& e) {
+} catch (const Error& e) {
   return std::fprintf(stderr, "%s\n", e.what()), 3;
 }

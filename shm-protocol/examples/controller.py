@@ -5,8 +5,11 @@ import numpy as np
 import shm_protocol
 
 name = sys.argv[1] if len(sys.argv) > 1 else "surface"
-with shm_protocol.Controller(name, timeout=10) as table:
-    while table.wait():
-        hit = table.sensors["proximity_hit"]
-        table.actuators["height"][:] = np.where(hit > 0, 0, 4)
-        table.publish()
+try:
+    with shm_protocol.Controller(name, timeout=10) as table:
+        while table.wait():
+            hit = table.sensors["proximity_hit"]
+            table.actuators["height"][:] = np.where(hit > 0, 0, 4)
+            table.publish()
+except shm_protocol.Error as error:
+    sys.exit(error.report())

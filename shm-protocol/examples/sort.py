@@ -132,4 +132,7 @@ def run(name, timeout=10.0):
 
 
 if __name__ == "__main__":
-    run(sys.argv[1] if len(sys.argv) > 1 else "surface")
+    try:
+        run(sys.argv[1] if len(sys.argv) > 1 else "surface")
+    except shm_protocol.Error as error:
+        sys.exit(error.report())

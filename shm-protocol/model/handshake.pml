@@ -9,7 +9,7 @@
  * ANSWER_TWICE, and CLOSING without SLICES. README.md says what each one breaks.
  */
 #define kWrap 8
-#define kSlots 4
+#define kSlots 2
 #define next(n) (((n) + 1) % kWrap)
 
 #define SURFACE 0

@@ -5,7 +5,7 @@
  * Every attempt to answer writes a number of its own into both pieces, so that a mixture shows.
  * Variants that must fail: NO_RESET, NO_LABEL, REUSE_NUMBER, EARLY_PROGRESS, HANDED_UNCHECKED, HALF_IS_WHOLE.
  */
-#define kSlots 4
+#define kSlots 2
 #define kControllers 2
 #define kAttempts 2
 #define AT(frame, piece) (((frame) % kSlots) * 2 + (piece))

@@ -20,7 +20,7 @@
 #ifndef kKills
 #define kKills 1
 #endif
-#define kSlots 4
+#define kSlots 2
 
 /* Controllers are 1 … kControllers, surfaces 1 … kSurfaces; 0 is nobody. */
 bool killed_controller[4], killed_surface[3];

@@ -19,9 +19,8 @@ class Arrays {
     std::memset(memory_.get(), 0, bytes);
   }
 
-  std::byte* array(const ssp_channel& c) const noexcept {
-    return memory_.get() + (c.offset - sizeof(ssp_slot));
-  }
+  std::byte* begin() const noexcept { return memory_.get(); }
+  std::byte* array(const ssp_channel& c) const noexcept { return begin() + (c.offset - sizeof(ssp_slot)); }
   std::span<std::byte> bytes(const ssp_channel& c) const noexcept {
     return {array(c), static_cast<std::size_t>(c.bytes)};
   }

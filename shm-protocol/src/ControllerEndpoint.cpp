@@ -232,8 +232,7 @@ std::span<const std::byte> ControllerEndpoint::Impl::next_cells(int number,
   const auto& c = geometry.channels[static_cast<std::size_t>(number)];
   if (passive || pending || handout.is_over(number, c)) return {};
   std::span<const std::byte> cells;
-  // Asked again after it said yes, it must not hand out the next piece as well.
-  const auto ready = [&]() noexcept { return !cells.empty() || next_now(number, c, cells); };
+  const auto ready = [&]() noexcept { return next_now(number, c, cells); };
   const auto peer = [&](bool look_up) noexcept { return surface_status(look_up); };
   const Doorbell bell{header.sensors.word, header.controller_waiting.flag, header.sensors.cpu};
   // Why it ended, if there are none, await_sensors() will find out for itself.
@@ -314,6 +313,17 @@ std::span<const std::byte> ControllerEndpoint::next_bytes(int channel, [[maybe_u
   assert(c.direction == SSP_SENSOR && c.dtype == static_cast<std::uint32_t>(dtype));
   return impl_->next_cells(channel, options);
 }
+
+std::span<std::byte> ControllerEndpoint::reserve_bytes(int channel, [[maybe_unused]] DType dtype,
+                                                       std::size_t at, std::size_t bytes) noexcept {
+  const auto& c = impl_->geometry.channels[static_cast<std::size_t>(channel)];
+  assert(c.direction == SSP_ACTUATOR && c.dtype == static_cast<std::uint32_t>(dtype));
+  assert(at <= c.bytes && bytes <= c.bytes - at);
+  const std::uint64_t next = impl_->frame + 1;
+  auto* slot = reinterpret_cast<std::byte*>(&impl_->actuators.slot(next));
+  return impl_->writer.reserve(slot, next, c, at, bytes, is_elsewhere(impl_->header.sensors.cpu));
+}
+void ControllerEndpoint::commit() noexcept { impl_->writer.commit(); }
 
 void ControllerEndpoint::write_bytes(int channel, [[maybe_unused]] DType dtype, std::size_t at,
                                      std::span<const std::byte> values) noexcept {

@@ -145,4 +145,8 @@ std::uint64_t copy_checked(std::byte* to, const std::byte* from, std::size_t all
   return replaced;
 }
 
+std::uint64_t check_in_place(std::byte* cells, std::size_t bytes, const ssp_channel& c) noexcept {
+  return check_block(cells, bytes, c);
+}
+
 }  // namespace shm_protocol

@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <span>
 
+#include "Arrays.h"
 #include "FrameCopy.h"
 #include "StoreChoice.h"
 #include "Waiting.h"
@@ -22,6 +23,10 @@ namespace shm_protocol {
 constexpr std::size_t kStreamed =
     4 * 1024;  // bytes of a piece from which a way past the caches is considered
 constexpr std::size_t kSmallestPiece = 8 * 1024, kLargestPiece = 64 * 1024;
+
+// How far the announcements of a very large frame stay behind its writer: what it has just written still lies
+// in its own cache, from where another core gets it more slowly than from one that they share.
+constexpr std::size_t kVeryLarge = 2 * 1024 * 1024, kLag = 256 * 1024;
 
 // Array bytes of a frame from which progress is worth looking at.
 constexpr std::size_t kLargeFrame = 2 * kSmallestPiece;
@@ -48,23 +53,37 @@ class PieceWriter {
         word_(word),
         reader_waiting_(reader_waiting),
         last_(sizeof(ssp_slot) + array_bytes),
-        piece_(std::clamp(array_bytes / 2 / 64 * 64, kSmallestPiece, kLargestPiece)) {}
+        piece_(std::clamp(array_bytes / 2 / 64 * 64, kSmallestPiece, kLargestPiece)),
+        lag_(array_bytes >= kVeryLarge ? kLag : 0),
+        staging_(std::min(array_bytes, kLargestPiece)) {}
 
   // Copies `values` to byte `at` of the channel's array in `slot`, which holds `frame`.
   void write(std::byte* slot, std::uint64_t frame, const ssp_channel& c, std::size_t at,
              std::span<const std::byte> values, bool reader_is_elsewhere) noexcept {
-    if (frame != frame_) frame_ = frame, end_ = sizeof(ssp_slot);
-    const bool streamed = reader_is_elsewhere && values.size() >= kStreamed;
-    if (streamed) choice_.begin();
-    const std::size_t begin = c.offset + at;
+    const bool past_caches = begin(frame, values.size(), reader_is_elsewhere);
+    const std::size_t first = c.offset + at;
     for (std::size_t done = 0; done < values.size(); done += piece_) {
       const std::size_t bytes = std::min(piece_, values.size() - done);
-      stream_frame(slot + begin + done, values.data() + done, bytes, streamed && choice_.past_caches());
-      // Only what lies without a gap behind what was final before; up to 63 bytes between arrays are padding.
-      if (begin + done > end_ + SSP_ARRAY_ALIGNMENT - 1) continue;
-      end_ = std::max(end_, begin + done + bytes);
-      if (end_ - sizeof(ssp_slot) >= kSmallestPiece && end_ + SSP_LINE <= last_) announce();
+      stream_frame(slot + first + done, values.data() + done, bytes, past_caches);
+      advance(first + done, bytes);
     }
+  }
+
+  // Where to make `bytes` of the array from byte `at` on, a piece at most: in the slot itself or, where it is
+  // better written past the caches, beside it. commit() makes them final.
+  std::span<std::byte> reserve(std::byte* slot, std::uint64_t frame, const ssp_channel& c, std::size_t at,
+                               std::size_t bytes, bool reader_is_elsewhere) noexcept {
+    bytes = std::min(bytes, kLargestPiece);
+    staged_ = begin(frame, bytes, reader_is_elsewhere);
+    slot_ = slot;
+    reserved_first_ = c.offset + at, reserved_bytes_ = bytes;
+    return {staged_ ? staging_.begin() : slot + reserved_first_, bytes};
+  }
+  void commit() noexcept {
+    if (reserved_bytes_ == 0) return;
+    if (staged_) stream_frame(slot_ + reserved_first_, staging_.begin(), reserved_bytes_, true);
+    advance(reserved_first_, reserved_bytes_);
+    reserved_bytes_ = 0;
   }
 
   // Whether a reader may have taken pieces of that frame.
@@ -73,6 +92,7 @@ class PieceWriter {
   // To be called before `frame` is published: nothing may be left that could be taken for a later frame of
   // the same 24 bits.
   void finish(std::uint64_t frame) noexcept {
+    if (frame == frame_) commit();  // what was reserved last, should that have been forgotten
     if (announced_ == frame || announced_ == 0) return;
     announced_ = 0;
     store_release(line_.ready, 0);
@@ -82,11 +102,31 @@ class PieceWriter {
   void answered() noexcept { choice_.end(); }
 
  private:
-  // The end of the frame needs no announcement of its own: it is published next.
-  void announce() noexcept {
+  // Returns whether so many bytes of `frame` go past the caches.
+  bool begin(std::uint64_t frame, std::size_t bytes, bool reader_is_elsewhere) noexcept {
+    if (frame != frame_) frame_ = frame, end_ = sizeof(ssp_slot);
+    reader_is_elsewhere_ = reader_is_elsewhere;
+    past_caches_ = false;
+    if (!reader_is_elsewhere || bytes < kStreamed) return false;
+    choice_.begin();
+    return past_caches_ = choice_.past_caches();
+  }
+
+  // The slot's bytes from `first` on are final: they count only without a gap behind what was final before;
+  // up to 63 bytes between arrays are padding.
+  void advance(std::size_t first, std::size_t bytes) noexcept {
+    if (first > end_ + SSP_ARRAY_ALIGNMENT - 1) return;
+    end_ = std::max(end_, first + bytes);
+    const std::size_t final_end = end_ - std::min(end_, past_caches_ ? 0 : lag_);
+    if (final_end >= sizeof(ssp_slot) + kSmallestPiece && end_ + SSP_LINE <= last_) announce(final_end);
+  }
+
+  // The end of the frame needs no announcement of its own: it is published next. A sleeper elsewhere wakes,
+  // takes what is there, and spins on; one on this core would only take it away.
+  void announce(std::size_t final_end) noexcept {
     announced_ = frame_;
-    store_sequential(line_.ready, progress_word(frame_, end_));
-    if (load_sequential(reader_waiting_)) futex_wake(word_);  // it wakes, takes what is there, and spins on
+    store_sequential(line_.ready, progress_word(frame_, final_end));
+    if (reader_is_elsewhere_ && load_sequential(reader_waiting_)) futex_wake(word_);
   }
 
   ssp_progress& line_;
@@ -94,10 +134,17 @@ class PieceWriter {
   const std::uint32_t& reader_waiting_;
   std::size_t last_;   // where the slot's arrays end
   std::size_t piece_;  // bytes announced at once
+  std::size_t lag_;
   std::uint64_t frame_ = 0;
   std::size_t end_ = 0;          // the slot's bytes up to here are final
   std::uint64_t announced_ = 0;  // the frame that the progress line speaks of
   StoreChoice choice_;
+  bool reader_is_elsewhere_ = false, past_caches_ = false;  // of the piece written last
+
+  Arrays staging_;  // of one piece
+  bool staged_ = false;
+  std::byte* slot_ = nullptr;  // where that piece belongs
+  std::size_t reserved_first_ = 0, reserved_bytes_ = 0;
 };
 
 // What a reader has copied of the frame to come. `writer` tells two writers of one frame number apart.

@@ -17,11 +17,17 @@ class RingView {
       : begin_(begin), mask_(slots - 1), slot_bytes_(slot_bytes) {}
 
   static RingView of_sensors(const Geometry& g, const std::byte* segment) {
-    return {segment + g.geometry.sensor_ring_offset, g.geometry.sensor_slots, g.geometry.sensor_slot_bytes};
+    return {segment + g.geometry.sensor_ring_offset, slots_in_use(g, g.geometry.sensor_slots),
+            g.geometry.sensor_slot_bytes};
   }
   static RingView of_actuators(const Geometry& g, const std::byte* segment) {
-    return {segment + g.geometry.actuator_ring_offset, g.geometry.actuator_slots,
+    return {segment + g.geometry.actuator_ring_offset, slots_in_use(g, g.geometry.actuator_slots),
             g.geometry.actuator_slot_bytes};
+  }
+
+  // In lock-step one frame is read while the next is made: two slots, so that large frames stay in the cache.
+  static std::uint32_t slots_in_use(const Geometry& g, std::uint32_t slots) noexcept {
+    return g.identity.mode == SSP_MODE_TIME_STEP ? SSP_TIME_STEP_SLOTS : slots;
   }
 
   // Only the low bits of the frame count, so its low 32 bits are enough.
@@ -64,10 +70,11 @@ class Ring : public RingView {
       : RingView(begin, slots, slot_bytes) {}
 
   static Ring of_sensors(const Geometry& g, std::byte* segment) {
-    return {segment + g.geometry.sensor_ring_offset, g.geometry.sensor_slots, g.geometry.sensor_slot_bytes};
+    return {segment + g.geometry.sensor_ring_offset, slots_in_use(g, g.geometry.sensor_slots),
+            g.geometry.sensor_slot_bytes};
   }
   static Ring of_actuators(const Geometry& g, std::byte* segment) {
-    return {segment + g.geometry.actuator_ring_offset, g.geometry.actuator_slots,
+    return {segment + g.geometry.actuator_ring_offset, slots_in_use(g, g.geometry.actuator_slots),
             g.geometry.actuator_slot_bytes};
   }
 

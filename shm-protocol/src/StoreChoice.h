@@ -1,7 +1,7 @@
 // Whether a large frame is better written through the caches or past them. That depends on how the two cores
-// are connected, which no table of a virtual machine tells, so both are tried: a few frames one way, a few
-// the other, and the way with the shorter time from the first byte to the peer's answer is kept for a while.
-// Only the speed depends on it.
+// are connected, which no table of a virtual machine tells, and it may change while the program runs. So both
+// are tried in turns, and the way with the shorter time from the first byte to the peer's answer is kept for
+// a while. Only the speed depends on it.
 #pragma once
 
 #include <algorithm>
@@ -21,7 +21,7 @@ class StoreChoice {
     if (on_trial()) start_ = Clock::now();
   }
 
-  bool past_caches() const noexcept { return on_trial() ? trial_ < kTrials : past_; }
+  bool past_caches() const noexcept { return on_trial() ? trial_ % 2 == 0 : past_; }
 
   // The peer answered the frame that was begun last. Without answers, as in passive mode, the way past the
   // caches stays.
@@ -35,13 +35,13 @@ class StoreChoice {
   }
 
  private:
-  static constexpr int kTrials = 6;  // frames each way; the best counts, so that a disturbance does not
+  static constexpr int kTrials = 8;  // frames each way; the best counts, so that a disturbance does not
   static constexpr int kFirstTerm = 64, kLongestTerm = 1024;  // frames until it is tried again
 
   bool on_trial() const noexcept { return trial_ < 2 * kTrials; }
 
   void judge(std::chrono::nanoseconds took) noexcept {
-    auto& best = best_[trial_ < kTrials ? 0 : 1];
+    auto& best = best_[trial_ % 2];
     best = std::min(best, took);
     if (++trial_ < 2 * kTrials) return;
     past_ = best_[0] <= best_[1];

@@ -9,7 +9,9 @@ void SurfaceEndpoint::Impl::copy_arrays(std::uint32_t of, std::size_t from, std:
   for (const auto& c : geometry.channels) {
     if (c.direction != SSP_ACTUATOR) continue;
     part_of(c, from, to, [&](std::size_t at, std::size_t bytes) {
-      replaced += copy_checked(frames[1 - shown].array(c) + at, actuators.array(of, c).data() + at, bytes, c);
+      std::byte* const cells = actuators.array(of, c).data() + at;
+      replaced += in_place ? check_in_place(cells, bytes, c)
+                           : copy_checked(frames[1 - shown].array(c) + at, cells, bytes, c);
     });
   }
 }
@@ -29,7 +31,8 @@ bool SurfaceEndpoint::Impl::copy_piece(std::uint32_t of, std::uint32_t attached,
 }
 
 void SurfaceEndpoint::Impl::accept(const FrameInfo& taken) noexcept {
-  shown = 1 - shown;
+  if (!in_place) shown = 1 - shown;
+  shown_in_place = in_place;
   info = taken;
   if (replaced == 0) return;
   counters.clamped += replaced;
@@ -106,7 +109,7 @@ bool SurfaceEndpoint::Impl::next_now(int number, const ssp_channel& c,
   const std::size_t end = whole ? slot_bytes : final_bytes(header.actuator_progress, of, slot_bytes);
   if (end == 0) return false;
   copy_piece(of, attached, end);
-  cells = handout.next(of, attached, number, c, pieces.copied(), frames[1 - shown].bytes(c));
+  cells = handout.next(of, attached, number, c, pieces.copied(), next_shown_cells(of, c));
   return !cells.empty();
 }
 
@@ -119,8 +122,7 @@ std::span<const std::byte> SurfaceEndpoint::Impl::next_cells(int number,
     next_now(number, c, cells);
     return cells;
   }
-  // Asked again after it said yes, it must not hand out the next piece as well.
-  const auto ready = [&]() noexcept { return !cells.empty() || next_now(number, c, cells); };
+  const auto ready = [&]() noexcept { return next_now(number, c, cells); };
   // Only a look, and no loss is told of: await_actuators() will.
   const auto peer = [&](bool look_up) noexcept {
     const ProcessWord now = load_acquire(header.claim.controller_process);

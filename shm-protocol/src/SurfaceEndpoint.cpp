@@ -23,6 +23,7 @@ std::uint64_t random_session() {
 
 void SurfaceEndpoint::Impl::show_safe_frame() noexcept {
   info = {};
+  shown_in_place = false;
   for (const auto& c : geometry.channels) {
     if (c.direction != SSP_ACTUATOR) continue;
     const auto bytes = frames[shown].bytes(c);
@@ -32,6 +33,15 @@ void SurfaceEndpoint::Impl::show_safe_frame() noexcept {
     if (c.dtype == SSP_U8)
       std::ranges::fill(as_array<std::uint8_t>(bytes), static_cast<std::uint8_t>(c.safe));
   }
+}
+
+// The next controller may do with the slots as it likes.
+void SurfaceEndpoint::Impl::keep_shown_frame() noexcept {
+  if (!shown_in_place) return;
+  for (const auto& c : geometry.channels)
+    if (c.direction == SSP_ACTUATOR)
+      (void)copy_checked(frames[shown].array(c), actuators.array(info.frame, c).data(), c.bytes, c);
+  shown_in_place = false;
 }
 
 void SurfaceEndpoint::Impl::adopt() noexcept {
@@ -55,7 +65,10 @@ bool SurfaceEndpoint::Impl::has_left() const noexcept {
 
 Status SurfaceEndpoint::Impl::lose(Status how) noexcept {
   controller = 0;
-  if (!hold_last_frame) show_safe_frame();
+  if (hold_last_frame)
+    keep_shown_frame();
+  else
+    show_safe_frame();
   return how;
 }
 
@@ -145,8 +158,19 @@ std::span<const std::byte> SurfaceEndpoint::actuator_bytes(int channel,
                                                            [[maybe_unused]] DType dtype) const noexcept {
   const auto& c = impl_->geometry.channels[static_cast<std::size_t>(channel)];
   assert(c.direction == SSP_ACTUATOR && c.dtype == static_cast<std::uint32_t>(dtype));
-  return impl_->frames[impl_->shown].bytes(c);
+  return impl_->shown_cells(c);
 }
+
+std::span<std::byte> SurfaceEndpoint::reserve_bytes(int channel, [[maybe_unused]] DType dtype, std::size_t at,
+                                                    std::size_t bytes) noexcept {
+  const auto& c = impl_->geometry.channels[static_cast<std::size_t>(channel)];
+  assert(c.direction == SSP_SENSOR && c.dtype == static_cast<std::uint32_t>(dtype));
+  assert(at <= c.bytes && bytes <= c.bytes - at);
+  const std::uint64_t next = impl_->frame + 1;
+  auto* slot = reinterpret_cast<std::byte*>(&impl_->sensors.slot(next));
+  return impl_->writer.reserve(slot, next, c, at, bytes, is_elsewhere(impl_->header.actuators.cpu));
+}
+void SurfaceEndpoint::commit() noexcept { impl_->writer.commit(); }
 
 void SurfaceEndpoint::write_bytes(int channel, [[maybe_unused]] DType dtype, std::size_t at,
                                   std::span<const std::byte> values) noexcept {

@@ -26,7 +26,9 @@ struct SurfaceEndpoint::Impl {
         sensors(Ring::of_sensors(geometry, segment.bytes().data())),
         actuators(Ring::of_actuators(geometry, segment.bytes().data())),
         hold_last_frame(config.hold_last_frame),
-        frames{Arrays(geometry.actuator_array_bytes()), Arrays(geometry.actuator_array_bytes())} {
+        in_place(config.answers_in_place && config.mode == Mode::kTimeStep),
+        frames{Arrays(geometry.actuator_array_bytes()),
+               in_place ? Arrays() : Arrays(geometry.actuator_array_bytes())} {
     write_fixed_part(geometry, config, segment.bytes());
     description = describe(geometry, segment.bytes());
     show_safe_frame();
@@ -64,6 +66,14 @@ struct SurfaceEndpoint::Impl {
   void copy_along(std::uint32_t of) noexcept;
   void accept(const FrameInfo&) noexcept;
   void show_safe_frame() noexcept;
+  void keep_shown_frame() noexcept;
+  std::span<const std::byte> shown_cells(const ssp_channel& c) const noexcept {
+    return shown_in_place ? actuators.array(info.frame, c) : frames[shown].bytes(c);
+  }
+  // Where the cells of the answer to come are, once they were checked.
+  std::span<const std::byte> next_shown_cells(std::uint32_t of, const ssp_channel& c) const noexcept {
+    return in_place ? actuators.array(of, c) : frames[1 - shown].bytes(c);
+  }
 
   Geometry geometry;
   Segment segment;
@@ -82,7 +92,9 @@ struct SurfaceEndpoint::Impl {
   std::uint32_t word = 0;  // of the actuator frame looked at last
   FrameInfo info;          // of the actuator frame shown
   bool hold_last_frame;
-  std::array<Arrays, 2> frames;  // [shown] is what actuator() shows, the other takes the next frame in
+  bool in_place;                 // answers are checked and shown in their slots
+  bool shown_in_place = false;   // and the one shown is: its slot stays as it is while the next one is made
+  std::array<Arrays, 2> frames;  // else [shown] is what actuator() shows, the other takes the next frame in
   std::size_t shown = 0;
   std::uint64_t replaced = 0;  // values, in the copy made last
   Counters counters;

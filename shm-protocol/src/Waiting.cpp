@@ -2,7 +2,6 @@
 
 #include <linux/futex.h>
 #include <sched.h>
-#include <sys/resource.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
@@ -25,18 +24,6 @@ bool LivenessClock::due() noexcept {
   if (now - last_ < kSlice) return false;
   last_ = now;
   return true;
-}
-
-// Preempted while waiting: another one wants this core, and spinning would keep it from the work. Once may be
-// chance; again and again, it is let have the core for longer and longer.
-void Pace::look_for_a_crowd() noexcept {
-  constexpr int kLongest = 64;
-  rusage use{};
-  if (::getrusage(RUSAGE_THREAD, &use) != 0) return;
-  const bool preempted = preemptions_ >= 0 && use.ru_nivcsw > preemptions_;
-  preemptions_ = use.ru_nivcsw;
-  penalty_ = preempted ? std::min(kLongest, 2 * penalty_ + 4) : penalty_ / 2;
-  if (preempted) crowded_ = penalty_;
 }
 
 std::uint32_t current_cpu() noexcept {

@@ -12,6 +12,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdint>
+#include <utility>
 
 #include "Words.h"
 #include "shm_protocol/Wait.h"
@@ -23,7 +24,8 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::microseconds kSpin{50};
 constexpr std::chrono::microseconds kLongestSpin{2000};
-constexpr std::chrono::milliseconds kSlice{50};  // liveness and the stop flag are looked at this often
+constexpr std::chrono::milliseconds kSlice{50};       // liveness and the stop flag are looked at this often
+constexpr std::chrono::microseconds kTakenAway{300};  // a spinner that misses so much was off its core
 
 // Where a sleeper sleeps and how its peer knows.
 struct Doorbell {
@@ -42,27 +44,28 @@ class LivenessClock {
 };
 
 // How long the peer usually takes: a sleep costs some 25 µs on top of that, so a wait that usually ends soon
-// is spent spinning for up to 1.2 times as long, while nobody else wants the core.
+// is spent spinning, and a little longer than usual, while nobody else wants the core.
 class Pace {
  public:
   std::chrono::nanoseconds spin() const noexcept {
-    const auto stretched = usual_ + usual_ / 5;
-    return crowded_ > 0 || usual_ > kLongestSpin ? kSpin
-                                                 : std::max<std::chrono::nanoseconds>(kSpin, stretched);
+    if (crowded_ > 0 || usual_ > kLongestSpin) return kSpin;
+    return usual_ + std::max<std::chrono::nanoseconds>(kSpin, usual_ / 5);
   }
-  void took(std::chrono::nanoseconds wait) noexcept {
+  // `preempted`: while it spun, somebody else had the core. Once may be chance; again and again, that one is
+  // let have it for longer and longer.
+  void took(std::chrono::nanoseconds wait, bool preempted) noexcept {
     usual_ += (std::min<std::chrono::nanoseconds>(wait, 10 * kLongestSpin) - usual_) / 8;
     if (crowded_ > 0 && --crowded_ > 0) return;
-    if (wait > kSpin) look_for_a_crowd();
+    penalty_ = preempted ? std::min(kLongestPenalty, 2 * penalty_ + 4) : penalty_ / 2;
+    if (preempted) crowded_ = penalty_;
   }
 
  private:
-  void look_for_a_crowd() noexcept;
+  static constexpr int kLongestPenalty = 64;
 
   std::chrono::nanoseconds usual_{0};
-  long preemptions_ = -1;  // of this thread, counted last
-  int crowded_ = 0;        // so many waits without a stretched spin
-  int penalty_ = 0;        // the crowd's, when it was seen last
+  int crowded_ = 0;  // so many waits without a stretched spin
+  int penalty_ = 0;  // the crowd's, when it was seen last
 };
 
 // What a side remembers from one wait to the next.
@@ -99,36 +102,53 @@ inline bool is_elsewhere(const std::uint32_t& peer_cpu) noexcept {
   return peer != SSP_CPU_UNKNOWN && peer != current_cpu();
 }
 
+// What a spinner saw of the time. The clock tells it, at no further cost, whether it lost its core for a
+// while.
+struct Spin {
+  Clock::time_point now;   // what the clock said last
+  bool preempted = false;  // between two looks at the clock more time passed than they take
+
+  void look(bool worked) noexcept {
+    const auto before = std::exchange(now, Clock::now());
+    preempted |= !worked && now - before > kTakenAway;
+  }
+};
+
 // Spinning pays only while the peer runs on another core; on the same core it keeps the peer from running.
-// `now` is what the clock said last.
 template <class Ready>
-bool spin_until(const Doorbell& bell, Clock::time_point end, Clock::time_point& now, Ready&& ready) noexcept {
+bool spin_until(const Doorbell& bell, Clock::time_point end, const Patience& patience, Spin& spin,
+                Ready&& ready) noexcept {
   if (!is_elsewhere(bell.peer_cpu)) return false;
-  do {
-    for (int i = 0; i < 32; ++i) {
-      if (ready()) return true;
-      relax_cpu();
+  bool there = false;
+  for (bool first = true; !there && (first || spin.now < end); first = false) {
+    const std::uint64_t pieces = patience.pieces;
+    // Less eagerly after a while: where two CPUs are threads of one core, the spinner slows its peer down.
+    for (int i = 0; i < (first ? 64 : 16) && !there; ++i) {
+      there = ready();
+      for (int pause = 0; pause < (first ? 1 : 4) && !there; ++pause) relax_cpu();
     }
-    now = Clock::now();
-  } while (now < end);
-  return false;
+    if (!there || !first)
+      spin.look(patience.pieces != pieces);  // a short wait is not made longer by the clock
+  }
+  return there;
 }
 
 // Spins for `length`, and on while pieces keep coming in: bounded, whatever the peer does.
 template <class Ready>
 bool spin_while_pieces_come(const Doorbell& bell, std::chrono::nanoseconds length, Clock::time_point deadline,
-                            const Patience& patience, Clock::time_point& now, Ready&& ready) noexcept {
+                            const Patience& patience, Spin& spin, Ready&& ready) noexcept {
   for (int rounds = 0; rounds < 1000; ++rounds) {
     const std::uint64_t before = patience.pieces;
-    if (spin_until(bell, std::min(deadline, now + length), now, ready)) return true;
-    if (patience.pieces == before || now >= deadline) return false;
+    if (spin_until(bell, std::min(deadline, spin.now + length), patience, spin, ready)) return true;
+    if (patience.pieces == before || spin.now >= deadline) return false;
     length = kSpin;
   }
   return false;
 }
 
 // Waits until ready() (kOk), or until the deadline, the stop flag or peer(look_up) ends it; peer() says kOk
-// while the wait makes sense, and looks the process up when told to.
+// while the wait makes sense, and looks the process up when told to. Once ready() has said yes it is not
+// asked again: it may hand out a piece each time.
 template <class Ready, class Peer>
 Status wait_until(const Doorbell& bell, const WaitOptions& options, Patience& patience, Ready&& ready,
                   Peer&& peer) noexcept {
@@ -136,9 +156,9 @@ Status wait_until(const Doorbell& bell, const WaitOptions& options, Patience& pa
   const auto start = Clock::now();
   const bool for_ever = options.timeout >= WaitOptions::kForever - start.time_since_epoch();
   const auto deadline = for_ever ? Clock::time_point::max() : start + options.timeout;
-  auto latest = start;
-  if (spin_while_pieces_come(bell, patience.pace.spin(), deadline, patience, latest, ready)) {
-    patience.pace.took(latest - start);
+  Spin spin{start};
+  if (spin_while_pieces_come(bell, patience.pace.spin(), deadline, patience, spin, ready)) {
+    patience.pace.took(spin.now - start, spin.preempted);
     return Status::kOk;
   }
   for (;;) {
@@ -147,19 +167,21 @@ Status wait_until(const Doorbell& bell, const WaitOptions& options, Patience& pa
     const auto now = Clock::now();
     const auto left = std::min<std::chrono::nanoseconds>(kSlice, deadline - now);
     const std::uint64_t pieces = patience.pieces;
+    bool there = false;
     if (left > left.zero()) {
       store_sequential(bell.waiting, 1);
       const std::uint32_t seen = load_sequential(bell.word);
-      if (!ready()) futex_wait(bell.word, seen, left);
+      there = ready();
+      if (!there) futex_wait(bell.word, seen, left);
       store_relaxed(bell.waiting, 0);
     }
-    bool there = ready();
+    if (!there) there = ready();
     if (!there && patience.pieces != pieces) {
-      latest = Clock::now();
-      there = spin_while_pieces_come(bell, kSpin, deadline, patience, latest, ready);
+      spin.now = Clock::now();
+      there = spin_while_pieces_come(bell, kSpin, deadline, patience, spin, ready);
     }
     if (there) {
-      patience.pace.took(Clock::now() - start);
+      patience.pace.took(Clock::now() - start, spin.preempted);
       return Status::kOk;
     }
     if (patience.liveness.due()) {

@@ -15,6 +15,12 @@ herr_t keep_first(unsigned depth, const H5E_error2_t* error, void* text) {
   H5Eclear2(H5E_DEFAULT);
   for (char& c : reason)
     if (c == '\n') c = ' ';
+  // Of a failed write the library tells a whole line; what the system said of it is quoted in the middle.
+  static const std::string kQuote = "error message = '";
+  if (const auto quote = reason.find(kQuote); quote != std::string::npos) {
+    const auto begin = quote + kQuote.size();
+    throw Hdf5Error(reason.substr(begin, reason.find('\'', begin) - begin));
+  }
   throw Hdf5Error(reason.empty() ? what : what + " (" + reason + ")");
 }
 

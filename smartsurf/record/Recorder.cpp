@@ -50,8 +50,14 @@ std::unique_ptr<Recorder> Recorder::open(const fs::path& path, const Meta& meta,
     throw scene::InputError(path.string() + ": unknown kind of recording '" + ending +
                             "': the name must end in .h5 or .hdf5 (everything) or .csv (trajectories)");
   check_writable(path);
-  if (hdf5) return std::make_unique<Hdf5Recorder>(path, meta, spec);
-  return std::make_unique<CsvRecorder>(path, spec);
+  try {
+    if (hdf5) return std::make_unique<Hdf5Recorder>(path, meta, spec);
+    return std::make_unique<CsvRecorder>(path, spec);
+  } catch (...) {
+    std::error_code error;
+    if (fs::file_size(path, error) == 0) fs::remove(path, error);  // the disk is full: nothing is in it
+    throw;
+  }
 }
 
 }  // namespace smartsurf::record

@@ -23,11 +23,14 @@ void write_grid(hid_t group, const char* name, hid_t type, const scene::SurfaceS
 }
 
 template <class Number>
-std::vector<Number> read_grid(hid_t group, const char* name, hid_t type, const scene::SurfaceSpec& surface, hsize_t width) {
+std::vector<Number> read_grid(hid_t group, const char* name, hid_t type, const scene::SurfaceSpec& surface,
+                              hsize_t width) {
   const Handle dataset = open_dataset(group, name, width == 1 ? 2 : 3);
-  std::vector<hsize_t> size = {static_cast<hsize_t>(surface.rows), static_cast<hsize_t>(surface.columns), width};
+  std::vector<hsize_t> size = {static_cast<hsize_t>(surface.rows), static_cast<hsize_t>(surface.columns),
+                               width};
   size.resize(width == 1 ? 2 : 3);
-  if (extents(dataset) != size) throw Hdf5Error(std::string("dataset surface/") + name + " has the wrong size");
+  if (extents(dataset) != size)
+    throw Hdf5Error(std::string("dataset surface/") + name + " has the wrong size");
   return read_block<Number>(dataset, type, std::vector<hsize_t>(size.size(), 0), size, name);
 }
 
@@ -53,13 +56,16 @@ scene::ActuatorSpec read_mechanism(hid_t group, const scene::PinSpec& body) {
     const Handle space(H5Aget_space(attribute), H5Sclose, parameter.name);
     const hssize_t count = H5Sget_simple_extent_npoints(space);
     const bool any_number = parameter.type == scene::Parameter::Type::kPoints;
-    if (count < 1 || count > 65536 || (!any_number && spec.has(parameter.name) &&
-                                       static_cast<std::size_t>(count) != spec.numbers(parameter.name).size()))
+    if (count < 1 || count > 65536 ||
+        (!any_number && spec.has(parameter.name) &&
+         static_cast<std::size_t>(count) != spec.numbers(parameter.name).size()))
       throw Hdf5Error("attribute " + parameter.name + " of a mechanism has the wrong size");
     std::vector<double> values(static_cast<std::size_t>(count));
-    read_attribute(group, parameter.name.c_str(), H5T_NATIVE_DOUBLE, values.data(), static_cast<hsize_t>(count));
+    read_attribute(group, parameter.name.c_str(), H5T_NATIVE_DOUBLE, values.data(),
+                   static_cast<hsize_t>(count));
     for (const double value : values)
-      if (!parameter.allows(value)) throw Hdf5Error("attribute " + parameter.name + " of a mechanism is out of its range");
+      if (!parameter.allows(value))
+        throw Hdf5Error("attribute " + parameter.name + " of a mechanism is out of its range");
     spec.values[parameter.name] = std::move(values);
   }
   return spec;
@@ -115,7 +121,8 @@ void flatten(std::span<const scene::CellMotion> motion, std::vector<float>& flat
 
 std::vector<scene::CellMotion> unflatten(std::span<const float> flat) {
   std::vector<scene::CellMotion> motion;
-  for (std::size_t i = 0; i + 2 < flat.size(); i += kMotionNumbers) motion.push_back({flat[i], flat[i + 1], flat[i + 2]});
+  for (std::size_t i = 0; i + 2 < flat.size(); i += kMotionNumbers)
+    motion.push_back({flat[i], flat[i + 1], flat[i + 2]});
   return motion;
 }
 

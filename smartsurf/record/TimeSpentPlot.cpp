@@ -43,8 +43,11 @@ struct Squares {
 Squares squares_of(const scene::SurfaceSpec& s) {
   const scene::Outline outline = scene::outline_of(s);
   if (s.places.empty()) return {outline.west, outline.south, s.columns, s.rows};
-  const auto count = [&s](double length) { return std::max(1, static_cast<int>(std::ceil(length / s.pitch - 1e-6))); };
-  return {outline.west, outline.south, std::min(count(outline.width()), 4096), std::min(count(outline.height()), 4096)};
+  const auto count = [&s](double length) {
+    return std::max(1, static_cast<int>(std::ceil(length / s.pitch - 1e-6)));
+  };
+  return {outline.west, outline.south, std::min(count(outline.width()), 4096),
+          std::min(count(outline.height()), 4096)};
 }
 
 Chart chart_of(const scene::SurfaceSpec& s) {
@@ -129,7 +132,8 @@ void TimeSpentPlot::draw_cells(cairo_t* paper) const {
   // The root: where objects rest they spend far more time than where they pass.
   for (std::size_t i = 0; i < pixels.size(); ++i)
     pixels[i] = rgb(colour_at(most_ > 0.0 ? std::sqrt(seconds_[i] / most_) : 0.0));
-  draw_pixels(paper, chart_.area(), squares_of(surface_).columns, squares_of(surface_).rows, std::move(pixels));
+  draw_pixels(paper, chart_.area(), squares_of(surface_).columns, squares_of(surface_).rows,
+              std::move(pixels));
 }
 
 void TimeSpentPlot::draw_scale(cairo_t* paper) const {

@@ -171,7 +171,8 @@ void TrajectoryPlot::draw_cells(cairo_t* paper) const {
     cairo_new_sub_path(paper);
     for (const auto& [a, b] : {std::pair{-0.5, -0.5}, {0.5, -0.5}, {0.5, 0.5}, {-0.5, 0.5}}) {
       const double x = a * s.pin.top_x, y = b * s.pin.top_y;
-      cairo_line_to(paper, chart_.px(place.x + cosine * x - sine * y), chart_.py(place.y + sine * x + cosine * y));
+      cairo_line_to(paper, chart_.px(place.x + cosine * x - sine * y),
+                    chart_.py(place.y + sine * x + cosine * y));
     }
     cairo_close_path(paper);
   }

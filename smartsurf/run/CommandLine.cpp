@@ -5,6 +5,9 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
 #include <map>
 
 #include "smartsurf/run/Run.h"
@@ -53,12 +56,15 @@ int parse_and_run(int argc, char** argv) {
 
 int main(int argc, char** argv) noexcept {
   try {
-    return parse_and_run(argc, argv);
+    const int status = parse_and_run(argc, argv);
+    if (status != kDone || std::fflush(stdout) == 0) return status;
+    fmt::print(stderr, "smartsurf: cannot write the output: {}\n", std::strerror(errno));
+    return kFailed;
   } catch (const scene::InputError& mistake) {
     fmt::print(stderr, "smartsurf: {}\n", mistake.what());
     return kUserError;
   } catch (const std::exception& failure) {
-    fmt::print(stderr, "smartsurf: {}\n", failure.what());
+    fmt::print(stderr, "smartsurf: {}\n", text_of_failure(failure));
     return kFailed;
   }
 }

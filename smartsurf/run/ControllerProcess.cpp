@@ -55,7 +55,11 @@ std::vector<std::string> command_for(const std::string& controller, const std::s
   for (const auto& word : command) arguments.push_back(const_cast<char*>(word.c_str()));
   arguments.push_back(nullptr);
   execvp(arguments[0], arguments.data());
-  fmt::print(stderr, "smartsurf: cannot start {}: {}\n", command[0], std::strerror(errno));
+  if (errno == ENOENT)
+    fmt::print(stderr, "smartsurf: cannot start {}: it is neither beside smartsurf nor on PATH\n",
+               command[0]);
+  else
+    fmt::print(stderr, "smartsurf: cannot start {}: {}\n", command[0], std::strerror(errno));
   _exit(2);
 }
 

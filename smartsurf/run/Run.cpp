@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "smartsurf/mesh/SolidLibrary.h"
+#include "smartsurf/run/OutputFile.h"
 
 namespace smartsurf::run {
 namespace {
@@ -378,14 +379,5 @@ RunSummary Run::summary() const {
 }
 
 void Run::write_stats() const { write_whole_file("--stats", options_.stats_file, stats_json()); }
-
-void write_whole_file(const std::string& flag, const std::string& file, const std::string& text) {
-  const std::string part = file + ".part";
-  std::ofstream out(part, std::ios::binary);
-  out << text;
-  out.close();
-  if (!out || std::rename(part.c_str(), file.c_str()) != 0)
-    throw scene::InputError(fmt::format("{} {}: cannot write the file", flag, file));
-}
 
 }  // namespace smartsurf::run

@@ -23,9 +23,6 @@
 
 namespace smartsurf::run {
 
-// Writes a file in one piece or not at all. Throws scene::InputError that names the flag and the file.
-void write_whole_file(const std::string& flag, const std::string& file, const std::string& text);
-
 class Run {
  public:
   // What a run that the user wants to begin anew hands to the next.
@@ -36,7 +33,7 @@ class Run {
   };
 
   static script::Experiment load(const RunOptions&);
-  // `stop` is raised by SIGINT and SIGTERM. display: of the run before; none opens one if the options ask for
+  // `stop` is raised by SIGINT, SIGTERM and SIGHUP. display: of the run before; none opens one if the options ask for
   // it. Throws scene::InputError for whatever the user got wrong.
   Run(const RunOptions&, const std::atomic<bool>& stop, script::Experiment,
       std::unique_ptr<Display> display = nullptr);

@@ -6,6 +6,7 @@
 
 #include "smartsurf/mesh/SolidLibrary.h"
 #include "smartsurf/run/Flags.h"
+#include "smartsurf/run/OutputFile.h"
 #include "smartsurf/run/Run.h"
 #include "smartsurf/run/Simulation.h"
 #include "smartsurf/run/StopSignals.h"
@@ -116,6 +117,8 @@ RunOptions judge(const RunFlags& f, const std::string& command_line) {
   const bool pictures = f.window || !f.screenshot.empty() || !f.video.empty();
   if (f.worlds > 0 && pictures)
     throw scene::InputError("--worlds: many worlds have no window, screenshot or video; record them");
+  if (!f.stats.empty()) require_writable("--stats", f.stats);
+  if (!f.video.empty()) require_writable("--video", f.video);
   RunOptions o;
   o.experiment = f.experiment;
   o.command_line = command_line;
@@ -133,7 +136,10 @@ RunOptions judge(const RunFlags& f, const std::string& command_line) {
   o.threads = f.threads;
   o.recordings = f.record;
   o.stats_file = f.stats;
-  for (const auto& text : f.screenshot) o.screenshots.push_back(screenshot_of(text));
+  for (const auto& text : f.screenshot) {
+    o.screenshots.push_back(screenshot_of(text));
+    require_writable("--screenshot", o.screenshots.back().file);
+  }
   o.video_file = f.video;
   o.look = look_of(f.look);
   o.unsafe = f.unsafe;

@@ -20,7 +20,11 @@ extern "C" void on_stop_signal(int signal) {
 const std::atomic<bool>& catch_stop_signals() {
   struct sigaction action {};
   action.sa_handler = on_stop_signal;
-  for (const int s : {SIGINT, SIGTERM, SIGHUP}) sigaction(s, &action, nullptr);
+  for (const int s : {SIGINT, SIGTERM}) sigaction(s, &action, nullptr);
+  // nohup has it ignored, so that the run outlives its terminal.
+  struct sigaction before {};
+  if (sigaction(SIGHUP, nullptr, &before) == 0 && before.sa_handler != SIG_IGN)
+    sigaction(SIGHUP, &action, nullptr);
   signal(SIGPIPE, SIG_IGN);
   return stop_requested;
 }

@@ -18,9 +18,11 @@ std::vector<std::array<float, 3>> positions(const scene::SurfaceSpec& surface) {
 
 // 1 where there is a cell and 0 where there is none; empty where every cell is there.
 std::vector<float> occupancy(const scene::SurfaceSpec& surface) {
-  if (std::ranges::find(surface.actuator_of_cell, scene::kEmptyCell) == surface.actuator_of_cell.end()) return {};
+  if (std::ranges::find(surface.actuator_of_cell, scene::kEmptyCell) == surface.actuator_of_cell.end())
+    return {};
   std::vector<float> mask;
-  for (const std::int8_t actuator : surface.actuator_of_cell) mask.push_back(actuator == scene::kEmptyCell ? 0.0F : 1.0F);
+  for (const std::int8_t actuator : surface.actuator_of_cell)
+    mask.push_back(actuator == scene::kEmptyCell ? 0.0F : 1.0F);
   return mask;
 }
 
@@ -75,7 +77,8 @@ SurfaceLink::SurfaceLink(const std::string& name, RunMode mode, const scene::Sce
       endpoint_(open(describe(name, mode, scene))),
       occupancy_(occupancy(scene.surface)),
       // describe() lists the sensors first, and what there is of the cells after them.
-      first_actuator_(static_cast<int>(scene.surface.sensor_channels().size()) + (occupancy_.empty() ? 0 : 1)),
+      first_actuator_(static_cast<int>(scene.surface.sensor_channels().size()) +
+                      (occupancy_.empty() ? 0 : 1)),
       actuator_channels_(static_cast<int>(scene.surface.actuator_channels().size())) {}
 
 shm_protocol::Status SurfaceLink::publish(std::uint64_t tick, double time_s,
@@ -89,7 +92,8 @@ shm_protocol::Status SurfaceLink::publish(std::uint64_t tick, double time_s,
     else
       endpoint_.write(channel, 0, std::span<const float>(sensors[i].values));
   }
-  if (!occupancy_.empty()) endpoint_.write(static_cast<int>(sensors.size()), 0, std::span<const float>(occupancy_));
+  if (!occupancy_.empty())
+    endpoint_.write(static_cast<int>(sensors.size()), 0, std::span<const float>(occupancy_));
   return endpoint_.publish(tick, time_s);
 }
 

@@ -19,8 +19,8 @@ namespace smartsurf::run {
 class SurfaceLink {
  public:
   // Its channels are those of the surface's sensors; where cells are empty `occupancy`, 1 where there is a
-  // cell and 0 where there is none; then those of its actuators. Throws scene::InputError when the name cannot
-  // be had.
+  // cell and 0 where there is none; then those of its actuators. Throws scene::InputError when the name
+  // cannot be had.
   SurfaceLink(const std::string& name, RunMode, const scene::SceneSpec&);
 
   // Writes the frames into shared memory and publishes them.

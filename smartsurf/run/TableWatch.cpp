@@ -3,13 +3,10 @@
 namespace smartsurf::run {
 
 TableWatch::TableWatch(const scene::SurfaceSpec& surface)
-    : least_(-surface.pitch / 2.0),
-      most_x_((surface.columns - 0.5) * surface.pitch),
-      most_y_((surface.rows - 0.5) * surface.pitch),
-      lowest_(surface.pin.min_height) {}
+    : outline_(surface), lowest_(surface.pin.min_height) {}
 
 bool TableWatch::is_over(const std::array<float, 3>& p) const noexcept {
-  return p[0] > least_ && p[0] < most_x_ && p[1] > least_ && p[1] < most_y_ && p[2] > lowest_;
+  return p[2] > lowest_ && outline_.holds(p[0], p[1]);
 }
 
 void TableWatch::watch(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue) {

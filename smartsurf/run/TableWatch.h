@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "smartsurf/run/TableOutline.h"
 #include "smartsurf/scene/Snapshot.h"
 
 namespace smartsurf::run {
@@ -27,7 +28,8 @@ class TableWatch {
  private:
   bool is_over(const std::array<float, 3>& position) const noexcept;
 
-  double least_, most_x_, most_y_, lowest_;
+  TableOutline outline_;
+  double lowest_;
   std::vector<char> was_over_;  // by id
   std::vector<scene::ObjectId> left_;
   std::uint64_t left_so_far_ = 0;

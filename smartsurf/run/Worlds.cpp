@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "smartsurf/run/OutputFile.h"
 #include "smartsurf/run/Run.h"
 #include "smartsurf/script/Experiment.h"
 
@@ -52,7 +53,7 @@ Outcome run_one(const RunOptions& options, const std::atomic<bool>& stop) {
     outcome.message = mistake.what();
   } catch (const std::exception& failure) {
     outcome.status = kFailed;
-    outcome.message = failure.what();
+    outcome.message = text_of_failure(failure);
   }
   return outcome;
 }

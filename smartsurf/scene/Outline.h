@@ -12,8 +12,8 @@ struct Outline {
   bool contains(double x, double y) const { return x >= west && x <= east && y >= south && y <= north; }
 };
 
-// Around all cells that are there, a cell reaching half a pitch from its centre; of a rectangular grid around all
-// places. A surface has at least one cell.
+// Around all cells that are there, a cell reaching half a pitch from its centre; of a rectangular grid around
+// all places. A surface has at least one cell.
 Outline outline_of(const SurfaceSpec&);
 
 }  // namespace smartsurf::scene

@@ -16,6 +16,8 @@
 
 namespace smartsurf::surface {
 
+class WorkerPool;
+
 // Neighbouring cells [begin, end) of one row.
 struct Run {
   int begin = 0, end = 0;
@@ -27,6 +29,7 @@ struct Place {
   const scene::ActuatorSpec& spec;
   std::vector<Run> runs;  // the model's cells, ascending; none is of the border
   const Field& field;
+  WorkerPool* pool = nullptr;  // for work on many cells; null: the caller does all of it
 };
 
 class Actuator {

@@ -5,8 +5,13 @@
 #include <cmath>
 #include <limits>
 
+#include "smartsurf/surface/PinKernels.h"
+#include "smartsurf/surface/WorkerPool.h"
+
 namespace smartsurf::surface {
 namespace {
+
+constexpr double kCommand_ns = 0.4;  // of one cell
 
 template <class Visit>
 void for_cells(std::span<const Run> runs, Visit visit) {
@@ -42,8 +47,9 @@ int actuator_of(const scene::SurfaceSpec& surface, int row, int column) {
 
 }  // namespace
 
-ActuatorArray::ActuatorArray(const scene::SurfaceSpec& surface, const FaultMap& map, std::uint64_t seed)
-    : channels_(surface.actuator_channels()) {
+ActuatorArray::ActuatorArray(const scene::SurfaceSpec& surface, const FaultMap& map, std::uint64_t seed,
+                             WorkerPool* pool)
+    : pool_(pool), channels_(surface.actuator_channels()) {
   shape(surface);
   const std::vector<scene::ActuatorSpec> mechanisms = surface.mechanisms();
   for (std::size_t m = 0; m < mechanisms.size(); ++m) {
@@ -51,7 +57,8 @@ ActuatorArray::ActuatorArray(const scene::SurfaceSpec& surface, const FaultMap& 
     models_.push_back({mechanisms[m], runs_of(surface, mine), nullptr});
   }
   place_cells(surface);
-  for (Model& model : models_) model.actuator = make_actuator({surface, model.spec, model.runs, field_});
+  for (Model& model : models_)
+    model.actuator = make_actuator({surface, model.spec, model.runs, field_, pool});
   add_routes(surface, map, seed);
   start();
 }
@@ -141,9 +148,19 @@ void ActuatorArray::set_targets(int channel, std::span<const float> targets) noe
   const scene::ActuatorChannel& is = channels_[static_cast<std::size_t>(channel)];
   const auto low = static_cast<float>(is.minimum), high = static_cast<float>(is.maximum);
   Commands& commands = commands_[static_cast<std::size_t>(channel)];
-  for_cells(commands.runs, [&](std::size_t i) {
-    if (!std::isnan(targets[i])) commands.values[i] = std::clamp(targets[i], low, high);
-  });
+  const auto band = [&](int begin, int end) {
+    for (int r = begin; r < end; ++r) {
+      const Run& run = commands.runs[static_cast<std::size_t>(r)];
+      take_commands(static_cast<std::size_t>(run.end - run.begin),
+                    &targets[static_cast<std::size_t>(run.begin)], low, high,
+                    &commands.values[static_cast<std::size_t>(run.begin)]);
+    }
+  };
+  const int runs = static_cast<int>(commands.runs.size());
+  if (pool_ != nullptr)
+    pool_->for_rows(runs, kCommand_ns * static_cast<double>(targets.size()), band);
+  else
+    band(0, runs);
   commands.fresh = true;
 }
 

@@ -23,8 +23,10 @@ namespace smartsurf::surface {
 class ActuatorArray {
  public:
   // All cells at rest at their channels' safe values, the border at its height. `seed` draws the faults.
+  // The pool, if any, shares the work on large surfaces, and lives as long as this.
   // Throws scene::InputError for a fault map that does not fit, or an actuator of an unknown model.
-  explicit ActuatorArray(const scene::SurfaceSpec&, const FaultMap& = {}, std::uint64_t seed = 1);
+  explicit ActuatorArray(const scene::SurfaceSpec&, const FaultMap& = {}, std::uint64_t seed = 1,
+                         WorkerPool* pool = nullptr);
   ~ActuatorArray();
 
   Field& field() noexcept { return field_; }
@@ -80,6 +82,7 @@ class ActuatorArray {
   void feel(Route&) noexcept;
   void deliver(Route&) noexcept;
 
+  WorkerPool* pool_;
   Field field_;
   float resting_height_ = 0.0F;  // the highest top that no model moves
   std::vector<scene::ActuatorChannel> channels_;

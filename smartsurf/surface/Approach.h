@@ -10,27 +10,32 @@ namespace smartsurf::surface {
 // target.
 //
 // A mover that brakes by s = a·dt every step from k·s + f (f < s) covers ((k+1)·f + s·k·(k+1)/2)·dt before it
-// rests. Solved for the distance left, that is the speed of the step to come.
+// rests. Solved for the distance left, that is the speed of the step to come. PinKernels has the same law in
+// lanes.
 class Approach {
  public:
+  struct Constants {
+    float step, inverse_step;  // of the speed: the acceleration over one time step
+    float inverse_dt;
+    float limit;  // of the speed
+    float far;    // beyond so many steps of way the limit binds; it keeps k small
+  };
+
   Approach(float speed_limit, float acceleration_limit, float dt_s)
-      : s_(acceleration_limit * dt_s),
-        inverse_dt_(1.0F / dt_s),
-        inverse_s_(1.0F / s_),
-        limit_(speed_limit),
-        // Beyond this the speed limit binds; it keeps k small enough for an int.
-        far_((steps_left_limit() + 1.0F) * (steps_left_limit() + 2.0F)) {}
+      : c_{acceleration_limit * dt_s, 1.0F / (acceleration_limit * dt_s), 1.0F / dt_s, speed_limit, 0.0F} {
+    const float most = std::min(speed_limit * c_.inverse_step, 1e6F) + 1.0F;
+    c_.far = (most + 1.0F) * (most + 2.0F);
+  }
 
-  float operator()(float distance, float speed) const { return (*this)(distance, speed, limit_); }
+  const Constants& constants() const { return c_; }
 
-  // The same under another limit. Branch-free, so that loops over it vectorise.
-  float operator()(float distance, float speed, float limit) const {
-    const float per_step = std::abs(distance) * inverse_dt_;  // speed that would arrive in this very step
-    const float units = per_step * inverse_s_ < far_ ? per_step * inverse_s_ : far_;
-    const auto k = static_cast<float>(static_cast<int>(0.5F * (std::sqrt(1.0F + 8.0F * units) - 1.0F)));
-    const float stoppable = k * s_ + (per_step - 0.5F * s_ * k * (k + 1.0F)) / (k + 1.0F);
-    const float wanted = std::copysign(stoppable < limit ? stoppable : limit, distance);
-    const float low = speed - s_, high = speed + s_;
+  float operator()(float distance, float speed) const {
+    const float per_step = std::abs(distance) * c_.inverse_dt;  // speed that would arrive in this very step
+    const float units = per_step * c_.inverse_step < c_.far ? per_step * c_.inverse_step : c_.far;
+    const float k = std::trunc(0.5F * (std::sqrt(1.0F + 8.0F * units) - 1.0F));
+    const float stoppable = k * c_.step + (per_step - 0.5F * c_.step * k * (k + 1.0F)) / (k + 1.0F);
+    const float wanted = std::copysign(stoppable < c_.limit ? stoppable : c_.limit, distance);
+    const float low = speed - c_.step, high = speed + c_.step;
     const float raised = wanted > low ? wanted : low;
     return raised < high ? raised : high;
   }
@@ -44,9 +49,7 @@ class Approach {
   }
 
  private:
-  float steps_left_limit() const { return std::min(limit_ * inverse_s_, 1e6F) + 1.0F; }
-
-  float s_, inverse_dt_, inverse_s_, limit_, far_;
+  Constants c_;
 };
 
 }  // namespace smartsurf::surface

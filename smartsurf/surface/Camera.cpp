@@ -33,15 +33,8 @@ void Camera::sense(const Moment& moment, WorkerPool& pool) {
   const std::span<const float> marks = numbered(moment.bodies, marks_);
   for (std::size_t pixel = 0; pixel < rays_.size(); ++pixel) {
     rays_[pixel].sweep(moment.bodies, marks, kPin, moment.snapshot.height, pool);
-    struct {
-      Camera* camera;
-      const Moment* moment;
-      std::size_t pixel;
-    } const picture{this, &moment, pixel};
-    pool.for_rows(rows_, [&picture](int begin, int end) {
-      picture.camera->rays_[picture.pixel].for_changed(begin, end, [&picture](int first, int last) {
-        picture.camera->paint(*picture.moment, picture.pixel, first, last);
-      });
+    pool.for_rows(rows_, rays_[pixel].cost_ns(moment.bodies.size()), [&](int begin, int end) {
+      rays_[pixel].for_changed(begin, end, [&](int first, int last) { paint(moment, pixel, first, last); });
     });
   }
 }

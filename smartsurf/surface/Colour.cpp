@@ -17,7 +17,7 @@ Colour::Colour(const Field& field, const scene::SensorSpec& spec)
 
 void Colour::sense(const Moment& moment, WorkerPool& pool) {
   first_.sweep(moment.bodies, numbered(moment.bodies, marks_), kPin, moment.snapshot.height, pool);
-  pool.for_rows(rows_, [this, &moment](int begin, int end) {
+  pool.for_rows(rows_, first_.cost_ns(moment.bodies.size()), [this, &moment](int begin, int end) {
     first_.for_changed(begin, end, [this, &moment](int first, int last) { paint(moment, first, last); });
   });
 }

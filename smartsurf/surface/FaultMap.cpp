@@ -17,11 +17,11 @@ FaultMap::FaultMap(const scene::FaultMapFile& file, int rows, int columns) : nam
     if (!line.text(4).empty()) value = line.number(4, "value");
     // A cell cannot be stuck and dead at once, nor stuck at two values.
     const std::string kind = line.text(3) == "dead" ? "stuck" : line.text(3);
-    const auto [first, is_new] =
-        seen.try_emplace({line.text(0), line.text(1), line.text(2), kind}, std::pair(line.line(), line.text(3)));
+    const auto [first, is_new] = seen.try_emplace({line.text(0), line.text(1), line.text(2), kind},
+                                                  std::pair(line.line(), line.text(3)));
     if (!is_new)
-      line.refuse("fault " + quoted(line.text(3)) + ": the cell is " + first->second.second + " already, by line " +
-                  std::to_string(first->second.first));
+      line.refuse("fault " + quoted(line.text(3)) + ": the cell is " + first->second.second +
+                  " already, by line " + std::to_string(first->second.first));
     entries_.push_back({line.index(0, "row", rows), line.index(1, "column", columns), line.text(2),
                         line.text(3), value, line.line()});
   }

@@ -43,6 +43,9 @@ class FirstHit {
   std::span<const float> distance() const noexcept { return distance_; }  // u, in [0, range]
   std::span<const float> mark() const noexcept { return mark_; }
 
+  // About what a sweep over so many bodies takes one thread; using what it found costs no more.
+  double cost_ns(std::size_t bodies) const noexcept;
+
   // Calls use(first, last) for the stretches of cells [first, last) of these rows that may differ from what
   // they were before the last sweep.
   template <class Use>

@@ -11,6 +11,8 @@ namespace {
 
 // Of pins, in pitches: the lists of all cells must not grow with the square of the table.
 constexpr float kFarthest = 32.0F;
+// Of one cell into the order of the strips and back.
+constexpr double kGather_ns = 3.0;
 
 struct Turn {
   float cosine, sine;
@@ -118,7 +120,8 @@ void FirstHit::sweep_strips(Pass& pass, WorkerPool& pool) {
   job.height = segment_.from_top ? strip_height_.data() : nullptr;
   job.distance = strip_distance_.data();
   job.mark = strip_mark_.data();
-  pool.for_rows(static_cast<int>(strips_->first.size()) - 1, [this, &pass](int begin, int end) {
+  const double cost = cost_ns(job.bodies.size()) + kGather_ns * static_cast<double>(distance_.size());
+  pool.for_rows(static_cast<int>(strips_->first.size()) - 1, cost, [this, &pass](int begin, int end) {
     const StripLayout& s = *strips_;
     const auto first = static_cast<std::size_t>(s.first[static_cast<std::size_t>(begin)]);
     const auto last = static_cast<std::size_t>(s.first[static_cast<std::size_t>(end)]);

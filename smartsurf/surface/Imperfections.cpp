@@ -15,6 +15,9 @@
 namespace smartsurf::surface {
 namespace {
 
+// Of one number of one channel, about.
+constexpr double kCost_ns = 5.0;
+
 // What a stream of random numbers is for.
 enum Purpose : std::uint64_t { kNoise, kDrift, kDropout, kFaults, kPurposes };
 
@@ -182,7 +185,8 @@ void Imperfections::apply(std::uint64_t tick, std::span<const std::span<const fl
     std::ranges::copy(truth[k], c.past[tick % slots].begin());
     c.truth = c.past[tick < slots ? 0 : (tick + 1) % slots];
   }
-  pool.for_rows(rows_, [this, tick](int begin, int end) {
+  const double cost_ns = kCost_ns * static_cast<double>(cells_ * channels_.size());
+  pool.for_rows(rows_, cost_ns, [this, tick](int begin, int end) {
     const auto columns = static_cast<std::size_t>(columns_);
     read_cells(tick, static_cast<std::size_t>(begin) * columns, static_cast<std::size_t>(end) * columns);
   });

@@ -34,7 +34,8 @@ void Light::sense(const Moment& moment, WorkerPool& pool) {
   if (shade_.size() < moment.bodies.size()) shade_.resize(moment.bodies.size(), 1.0F);
   const std::span<const float> shade(shade_.data(), moment.bodies.size());
   for (FirstHit& ray : rays_) ray.sweep(moment.bodies, shade, 1.0F, moment.snapshot.height, pool);
-  pool.for_rows(rows_, [this](int begin, int end) {
+  const double cost_ns = static_cast<double>(rays_.size()) * rays_.front().cost_ns(moment.bodies.size());
+  pool.for_rows(rows_, cost_ns, [this](int begin, int end) {
     const auto add_up = [this](int first, int last) {
       for (auto i = static_cast<std::size_t>(first); i < static_cast<std::size_t>(last); ++i) {
         float blocked = 0.0F;

@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
-#include "smartsurf/surface/Approach.h"
+#include "smartsurf/surface/PinKernels.h"
+#include "smartsurf/surface/WorkerPool.h"
 
 namespace smartsurf::surface {
 namespace {
@@ -13,24 +15,18 @@ namespace {
 constexpr float kRetry = 0.1F;
 constexpr float kAtStop = 1e-4F;  // u
 
-// The largest of n values of f; eight running maxima, because the compiler may not reorder one.
-template <class F>
-float largest(std::size_t n, F f) noexcept {
-  float lane[8];
-  std::fill_n(lane, 8, f(0));
-  std::size_t i = 0;
-  for (; i + 8 <= n; i += 8)
-    for (std::size_t k = 0; k < 8; ++k) lane[k] = lane[k] < f(i + k) ? f(i + k) : lane[k];
-  for (; i < n; ++i) lane[0] = std::max(lane[0], f(i));
-  return *std::max_element(lane, lane + 8);
-}
+// What one pin costs, about: to get its target, to find its speed, to move.
+constexpr double kRead_ns = 0.4, kSteer_ns = 1.0, kMove_ns = 0.5;
 
 std::size_t length(const Run& run) { return static_cast<std::size_t>(run.end - run.begin); }
+std::size_t first(const Run& run) { return static_cast<std::size_t>(run.begin); }
 
 }  // namespace
 
 Pins::Pins(const Place& place)
     : runs_(place.runs),
+      pool_(place.pool),
+      pins_(std::transform_reduce(runs_.begin(), runs_.end(), std::size_t{0}, std::plus<>(), length)),
       speed_limit_(static_cast<float>(place.spec.number("max_speed"))),
       acceleration_limit_(static_cast<float>(place.spec.number("max_acceleration"))),
       lowest_(static_cast<float>(place.spec.numbers("range")[0])),
@@ -46,63 +42,66 @@ Pins::Pins(const Place& place)
   }
 }
 
+template <class Work>
+void Pins::for_runs(double cost_ns, const Work& work) const {
+  const auto band = [&work](int begin, int end) {
+    for (auto r = static_cast<std::size_t>(begin); r < static_cast<std::size_t>(end); ++r) work(r);
+  };
+  const int runs = static_cast<int>(runs_.size());
+  if (pool_ == nullptr) return band(0, runs);
+  pool_->for_rows(runs, cost_ns * static_cast<double>(pins_), band);
+}
+
+template <class Work>
+void Pins::for_moving_runs(double cost_ns, const Work& work) const {
+  const auto moving = static_cast<double>(std::ranges::count(moving_, 1));
+  if (moving == 0.0) return;
+  for_runs(cost_ns * moving / static_cast<double>(runs_.size()), [this, &work](std::size_t r) {
+    if (moving_[r] != 0) work(r);
+  });
+}
+
 void Pins::set_targets(int, std::span<const float> targets) noexcept {
-  for (std::size_t r = 0; r < runs_.size(); ++r) {
-    bool changed = false;
-    for (auto i = static_cast<std::size_t>(runs_[r].begin); i < static_cast<std::size_t>(runs_[r].end); ++i) {
-      const float goal = base_[i] + targets[i];
-      changed |= goal != target_[i];
-      target_[i] = goal;
-    }
-    moving_[r] |= static_cast<std::uint8_t>(changed);
-  }
+  for_runs(kRead_ns, [this, targets](std::size_t r) {
+    const std::size_t i = first(runs_[r]);
+    if (aim(length(runs_[r]), &base_[i], &targets[i], &target_[i])) moving_[r] = 1;
+  });
 }
 
 void Pins::settle(Field& field) noexcept {
   for (std::size_t r = 0; r < runs_.size(); ++r) {
-    std::copy(&target_[static_cast<std::size_t>(runs_[r].begin)],
-              &target_[static_cast<std::size_t>(runs_[r].begin)] + length(runs_[r]),
-              &field.height[static_cast<std::size_t>(runs_[r].begin)]);
+    const std::span<const float> targets(&target_[first(runs_[r])], length(runs_[r]));
+    std::ranges::copy(targets, &field.height[first(runs_[r])]);
+    run_height_[r] = std::ranges::max(targets);
     moving_[r] = 0;
-    measure(r, field);
   }
-}
-
-void Pins::measure(std::size_t run, const Field& field) noexcept {
-  const float* height = &field.height[static_cast<std::size_t>(runs_[run].begin)];
-  run_height_[run] = largest(length(runs_[run]), [height](std::size_t i) { return height[i]; });
 }
 
 void Pins::plan(double dt_s, Field& field) noexcept {
   const auto dt = static_cast<float>(dt_s);
   // What can be pushed must be looked at in every step.
-  for (std::size_t r = 0; r < runs_.size(); ++r)
-    if (moving_[r] || force_limit_) plan_run(r, dt, field);
+  if (force_limit_) std::ranges::fill(moving_, std::uint8_t{1});
+  const Approach approach(speed_limit_, acceleration_limit_, dt);
+  for_moving_runs(kSteer_ns, [&](std::size_t r) { plan_run(r, approach, dt, field); });
   for (std::size_t r = 0; r < runs_.size(); ++r) {
     field.max_height = std::max(field.max_height, run_height_[r]);
     field.max_speed = std::max(field.max_speed, run_speed_[r]);
   }
 }
 
-void Pins::plan_run(std::size_t run, float dt_s, Field& field) noexcept {
-  const auto begin = static_cast<std::size_t>(runs_[run].begin), n = length(runs_[run]);
-  const float* __restrict target = &target_[begin];
-  const float* __restrict height = &field.height[begin];
-  float* __restrict speed = &field.speed[begin];
-  const Approach approach(speed_limit_, acceleration_limit_, dt_s);
-  int moving = 0;
+void Pins::plan_run(std::size_t run, const Approach& approach, float dt_s, Field& field) noexcept {
+  const std::size_t i = first(runs_[run]), n = length(runs_[run]);
   if (!force_limit_) {
-    for (std::size_t i = 0; i < n; ++i) {
-      const float distance = target[i] - height[i];
-      speed[i] = approach(distance, speed[i]);
-      moving |= static_cast<int>(distance != 0.0F) | static_cast<int>(speed[i] != 0.0F);
-    }
-  } else {
-    for (std::size_t i = begin; i < begin + n; ++i) field.speed[i] = plan_loaded(i, approach, dt_s, field);
-    moving = 1;
+    const Course course = steer(n, &target_[i], &field.height[i], approach, &field.speed[i]);
+    moving_[run] = course.moving;
+    run_speed_[run] = course.fastest;
+    return;
   }
-  moving_[run] = moving != 0;
-  run_speed_[run] = largest(n, [speed](std::size_t i) { return std::abs(speed[i]); });
+  run_speed_[run] = 0.0F;
+  for (std::size_t k = i; k < i + n; ++k) {
+    field.speed[k] = plan_loaded(k, approach, dt_s, field);
+    run_speed_[run] = std::max(run_speed_[run], std::abs(field.speed[k]));
+  }
 }
 
 // The motor's line, force = max_force·(1 − v/max_speed): all of it at rest, none at its greatest speed. What
@@ -123,18 +122,16 @@ float Pins::plan_loaded(std::size_t i, const Approach& approach, float dt_s, Fie
 }
 
 void Pins::commit(double dt_s, Field& field) noexcept {
-  const auto dt = static_cast<float>(dt_s);
-  for (std::size_t r = 0; r < runs_.size(); ++r) {
-    if (!moving_[r]) continue;
-    const auto begin = static_cast<std::size_t>(runs_[r].begin), n = length(runs_[r]);
-    const float* __restrict target = &target_[begin];
-    const float* __restrict speed = &field.speed[begin];
-    float* __restrict height = &field.height[begin];
-    for (std::size_t i = 0; i < n; ++i) height[i] = Approach::arrive(height[i], speed[i], target[i], dt);
-    if (force_limit_)
-      for (std::size_t i = 0; i < n; ++i) height[i] = std::max(height[i], lower_stop(begin + i));
-    measure(r, field);
-  }
+  for_moving_runs(kMove_ns, [&](std::size_t r) {
+    const std::size_t i = first(runs_[r]);
+    run_height_[r] =
+        advance(length(runs_[r]), &target_[i], &field.speed[i], static_cast<float>(dt_s), &field.height[i]);
+    if (!force_limit_) return;
+    for (std::size_t k = i; k < i + length(runs_[r]); ++k) {
+      field.height[k] = std::max(field.height[k], lower_stop(k));
+      run_height_[r] = std::max(run_height_[r], field.height[k]);
+    }
+  });
 }
 
 }  // namespace smartsurf::surface

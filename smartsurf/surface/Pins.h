@@ -1,5 +1,5 @@
-// Pins: each follows its target height within limits of speed and acceleration, and gives way to a load
-// greater than its force.
+// Pins: each follows its target height within limits of speed and acceleration, and yields to a load that
+// it cannot lift.
 #pragma once
 
 #include <cstdint>
@@ -22,12 +22,18 @@ class Pins final : public Actuator {
   bool yields() const noexcept override { return force_limit_.has_value(); }
 
  private:
-  void plan_run(std::size_t run, float dt_s, Field&) noexcept;
+  // Calls work(run) for every run, or for those that move; shared where it is worth it.
+  template <class Work>
+  void for_runs(double cost_ns, const Work& work) const;
+  template <class Work>
+  void for_moving_runs(double cost_ns, const Work& work) const;
+  void plan_run(std::size_t run, const Approach&, float dt_s, Field&) noexcept;
   float plan_loaded(std::size_t cell, const Approach&, float dt_s, Field&) noexcept;
   float lower_stop(std::size_t cell) const { return base_[cell] + lowest_; }
-  void measure(std::size_t run, const Field&) noexcept;
 
   std::vector<Run> runs_;
+  WorkerPool* pool_;
+  std::size_t pins_;
   float speed_limit_, acceleration_limit_;
   float lowest_;  // of the range, over the base
   std::optional<float> force_limit_;

@@ -9,6 +9,8 @@
 namespace smartsurf::surface {
 namespace {
 
+constexpr double kCost_ns = 10.0;  // of one body
+
 Eigen::Vector3f extent_of(const scene::ObjectSpec& o) {
   if (o.shape == scene::ShapeKind::kCone)
     return {static_cast<float>(o.radius), static_cast<float>(o.height), 0.0F};
@@ -24,35 +26,37 @@ void SensedBodies::update(const scene::Snapshot& snapshot, std::span<const scene
     forms_.push_back({extent_of(o), o.half_extents().cast<float>(), o.shape, o.solid.get()});
   }
   bodies_.resize(snapshot.objects());
+  strip_.resize(snapshot.objects());
   order_.resize(snapshot.objects());
   sort(snapshot);
-  const auto work = [this, &snapshot](int begin, int end) {
-    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k)
-      set(snapshot, k, bodies_[order_[k]]);
-  };
-  pool.for_rows(static_cast<int>(snapshot.objects()), work);
+  // By where they go, so that threads write apart from each other.
+  pool.for_rows(static_cast<int>(snapshot.objects()), kCost_ns * static_cast<double>(snapshot.objects()),
+                [this, &snapshot](int begin, int end) {
+                  for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
+                    set(snapshot, order_[i], bodies_[i]);
+                });
 }
 
 // By counting: the strips' sizes, then where each strip begins, then everybody's place.
 void SensedBodies::sort(const scene::Snapshot& snapshot) noexcept {
   std::array<std::uint32_t, kStrips + 1> next{};
-  for (std::size_t k = 0; k < order_.size(); ++k) {
+  for (std::size_t k = 0; k < strip_.size(); ++k) {
     const float share = (north_ - snapshot.position[k][1]) * per_u_;
     const float inside = share > 0.0F ? std::min(share, 1.0F) : 0.0F;  // 0 for a NaN
-    order_[k] = static_cast<std::uint32_t>(inside * static_cast<float>(kStrips - 1));
-    ++next[order_[k] + 1];
+    strip_[k] = static_cast<std::uint32_t>(inside * static_cast<float>(kStrips - 1));
+    ++next[strip_[k] + 1];
   }
   std::partial_sum(next.begin(), next.end(), next.begin());
-  for (std::uint32_t& place : order_) place = next[place]++;
+  for (std::size_t k = 0; k < strip_.size(); ++k) order_[next[strip_[k]]++] = static_cast<std::uint32_t>(k);
 }
 
-void SensedBodies::set(const scene::Snapshot& snapshot, std::size_t k, SensedBody& body) const noexcept {
+void SensedBodies::set(const scene::Snapshot& snapshot, std::uint32_t k, SensedBody& body) const noexcept {
   const std::uint32_t id = snapshot.id[k];
   const Form& form = forms_[id];
   body.centre = Eigen::Vector3f(snapshot.position[k].data());
   body.shape = form.shape;
   body.id = id;
-  body.place = static_cast<std::uint32_t>(k);
+  body.place = k;
   body.extent = form.extent;
   Eigen::Vector3f reach = form.half_extents;
   if (form.shape != scene::ShapeKind::kSphere) {

@@ -54,11 +54,12 @@ class SensedBodies {
   static constexpr std::size_t kStrips = 256;
 
   void sort(const scene::Snapshot&) noexcept;
-  void set(const scene::Snapshot&, std::size_t k, SensedBody&) const noexcept;
+  void set(const scene::Snapshot&, std::uint32_t k, SensedBody&) const noexcept;
 
   float north_ = 0.0F, per_u_ = 1.0F;
   std::vector<Form> forms_;           // index = id
-  std::vector<std::uint32_t> order_;  // of the snapshot's objects: where each goes
+  std::vector<std::uint32_t> strip_;  // of each of the snapshot's objects
+  std::vector<std::uint32_t> order_;  // which of them goes where
   std::vector<SensedBody> bodies_;
 };
 

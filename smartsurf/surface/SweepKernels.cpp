@@ -276,11 +276,12 @@ void sweep_strips(const SweepJob& job, const SensedBody& b, float mark, int begi
   }
 }
 
-// Asks for the memory that upright segments under the body will touch.
-void fetch_ahead(const SweepJob& job, const SensedBody& b) {
+// Asks for the memory that upright segments of these rows under the body will touch. Not for that of others:
+// another thread writes there.
+void fetch_ahead(const SweepJob& job, const SensedBody& b, int begin, int end) {
   const auto row_of = [&](float y) { return static_cast<float>(job.rows - 1) - y / job.pitch; };
-  const int r0 = first_from(row_of(b.centre.y() + b.reach_y), job.rows);
-  const int r1 = end_at(row_of(b.centre.y() - b.reach_y), job.rows);
+  const int r0 = std::max(begin, first_from(row_of(b.centre.y() + b.reach_y), job.rows));
+  const int r1 = std::min(end, end_at(row_of(b.centre.y() - b.reach_y), job.rows));
   const int column =
       std::min(first_from((b.centre.x() - b.reach_x) / job.pitch, job.columns), job.columns - 1);
   for (int r = r0; r < r1; ++r) {
@@ -300,7 +301,7 @@ void sweep_rows_of_target(const SweepJob& job, int begin, int end, const Prepare
   for (std::size_t k = 0; k < job.bodies.size(); ++k) {
     const SensedBody& body = job.bodies[k];
     if (body.nowhere()) continue;
-    if (far && k + kAhead < job.bodies.size()) fetch_ahead(job, job.bodies[k + kAhead]);
+    if (far && k + kAhead < job.bodies.size()) fetch_ahead(job, job.bodies[k + kAhead], begin, end);
     if (job.strips != nullptr)
       sweep_strips(job, body, job.marks[k], begin, end);
     else

@@ -28,6 +28,7 @@ void write_png(const std::filesystem::path& path, const Image& image) {
   png.width = static_cast<png_uint_32>(image.width);
   png.height = static_cast<png_uint_32>(image.height);
   png.format = PNG_FORMAT_RGB;
+  errno = 0;  // libpng's own word for what went wrong is "Write Error"
   const bool written = png_image_write_to_stdio(&png, file, 0, image.rgb.data(), 0, nullptr) != 0;
   const bool closed = std::fclose(file) == 0;
   std::error_code error;
@@ -35,7 +36,7 @@ void write_png(const std::filesystem::path& path, const Image& image) {
     std::filesystem::rename(part, path, error);
     if (!error) return;
   }
-  const std::string reason = !written ? png.message : error ? error.message() : std::strerror(errno);
+  const std::string reason = error ? error.message() : errno != 0 ? std::strerror(errno) : png.message;
   std::filesystem::remove(part, error);
   fail(path, reason);
 }

@@ -13,8 +13,8 @@ void mesh_attribute(GLuint location, GLint size, std::size_t first) {
 
 void instance_attribute(GLuint location, GLint size, GLenum type, std::size_t offset) {
   glEnableVertexAttribArray(location);
-  glVertexAttribPointer(location, size, type, type == GL_UNSIGNED_BYTE ? GL_TRUE : GL_FALSE, sizeof(PartInstance),
-                        reinterpret_cast<const void*>(offset));
+  glVertexAttribPointer(location, size, type, type == GL_UNSIGNED_BYTE ? GL_TRUE : GL_FALSE,
+                        sizeof(PartInstance), reinterpret_cast<const void*>(offset));
   glVertexAttribDivisor(location, 1);
 }
 
@@ -66,8 +66,8 @@ void MechanismLayer::draw(Pass pass, bool translucent) const {
     const PartKind& kind = parts_.kinds()[k];
     if (kind.translucent != translucent || kind.instances.empty()) continue;
     glBindVertexArray(drawn_[k].array.id());
-    glDrawElementsInstanced(GL_TRIANGLES, static_cast<GLsizei>(kind.mesh.triangles.size()), GL_UNSIGNED_INT, nullptr,
-                            static_cast<GLsizei>(kind.instances.size()));
+    glDrawElementsInstanced(GL_TRIANGLES, static_cast<GLsizei>(kind.mesh.triangles.size()), GL_UNSIGNED_INT,
+                            nullptr, static_cast<GLsizei>(kind.instances.size()));
   }
 }
 

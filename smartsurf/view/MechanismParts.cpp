@@ -18,7 +18,9 @@ constexpr float kQuiet = 0.02F;  // what is weaker than this is not drawn
 
 Colour colour(const Rgb& screen, float opaque = 1.0F) {
   const Rgb light = linear_light(screen);
-  const auto byte = [](float v) { return static_cast<std::uint8_t>(std::clamp(v, 0.0F, 1.0F) * 255.0F + 0.5F); };
+  const auto byte = [](float v) {
+    return static_cast<std::uint8_t>(std::clamp(v, 0.0F, 1.0F) * 255.0F + 0.5F);
+  };
   return {byte(light[0]), byte(light[1]), byte(light[2]), byte(opaque)};
 }
 
@@ -44,7 +46,9 @@ Vec vector_of(const std::vector<double>& v, std::size_t first = 0) {
   return Eigen::Vector3d(v[first], v[first + 1], v[first + 2]).cast<float>();
 }
 
-float number(const scene::ActuatorSpec& spec, const char* name) { return static_cast<float>(spec.number(name)); }
+float number(const scene::ActuatorSpec& spec, const char* name) {
+  return static_cast<float>(spec.number(name));
+}
 
 int roundness_for(int cells) { return cells <= 400 ? 24 : cells <= 1600 ? 16 : 12; }
 
@@ -85,7 +89,8 @@ struct MechanismParts::Frame {
 };
 
 MechanismParts::Frame MechanismParts::frame_of(std::size_t cell, const scene::Snapshot& snapshot) const {
-  const int row = static_cast<int>(cell) / surface_.columns, column = static_cast<int>(cell) % surface_.columns;
+  const int row = static_cast<int>(cell) / surface_.columns,
+            column = static_cast<int>(cell) % surface_.columns;
   const Eigen::Vector2f at = surface_.centre(row, column).cast<float>();
   const float angle = surface_.places.empty() ? 0.0F : static_cast<float>(surface_.places[cell].angle);
   return {{at.x(), at.y(), snapshot.height[cell]}, Eigen::AngleAxisf(angle, Vec::UnitZ()).toRotationMatrix()};
@@ -103,7 +108,8 @@ MechanismParts::MechanismParts(const scene::SurfaceSpec& surface)
     for (int row = 0; row < surface.rows; ++row)
       for (int column = 0; column < surface.columns; ++column) {
         const auto cell = static_cast<std::size_t>(surface.index(row, column));
-        const std::size_t is = surface.actuator_of_cell.empty() ? 0 : static_cast<std::size_t>(surface.actuator_of_cell[cell]);
+        const std::size_t is =
+            surface.actuator_of_cell.empty() ? 0 : static_cast<std::size_t>(surface.actuator_of_cell[cell]);
         if (is != m || surface.is_empty(row, column)) continue;
         if (surface.border_height && surface.is_border(row, column)) continue;
         cells_.push_back(cell);
@@ -145,7 +151,8 @@ MechanismParts::Work MechanismParts::balls(const scene::ActuatorSpec& spec) {
   const std::size_t kind = add_kind(painted_ball(roundness_));
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::CellMotion& motion) {
     const Frame f = frame_of(cell, snapshot);
-    const Mat turn = (Eigen::AngleAxisf(motion.b, Vec::UnitY()) * Eigen::AngleAxisf(motion.a, Vec::UnitX())).toRotationMatrix();
+    const Mat turn = (Eigen::AngleAxisf(motion.b, Vec::UnitY()) * Eigen::AngleAxisf(motion.a, Vec::UnitX()))
+                         .toRotationMatrix();
     kinds_[kind].instances.push_back(
         instance(f.top - radius * Vec::UnitZ(), radius * (f.axes * turn), colour(kIvory), colour(kOrange)));
     recess_[cell] = 0.75F * radius;
@@ -198,15 +205,18 @@ MechanismParts::Work MechanismParts::arrows() {
     const float strength = std::min(1.0F, force.norm());
     if (!(strength > kQuiet)) return;
     // No shorter than wide, or its direction would be lost.
-    const float half_length = pitch * (0.16F + 0.30F * strength), half_width = pitch * (0.09F + 0.07F * strength);
+    const float half_length = pitch * (0.16F + 0.30F * strength),
+                half_width = pitch * (0.09F + 0.07F * strength);
     const Vec along = force.normalized();
-    const Vec aside = (std::abs(along.z()) < 0.95F ? Vec::UnitZ().cross(along) : Vec::UnitX().cross(along)).normalized();
+    const Vec aside =
+        (std::abs(along.z()) < 0.95F ? Vec::UnitZ().cross(along) : Vec::UnitX().cross(along)).normalized();
     Mat axes;
     axes << half_length * along, half_width * aside, half_width * along.cross(aside);
     // All of it stands over the top.
     const float over = half_length * std::abs(along.z()) + half_width;
     const Colour paint = colour(between(kPaleArrow, kStrongArrow, strength));
-    kinds_[kind].instances.push_back(instance(frame_of(cell, snapshot).top + over * Vec::UnitZ(), axes, paint, paint));
+    kinds_[kind].instances.push_back(
+        instance(frame_of(cell, snapshot).top + over * Vec::UnitZ(), axes, paint, paint));
   };
 }
 
@@ -218,31 +228,34 @@ MechanismParts::Work MechanismParts::coils() {
     // The root, so that a weak current shows as well.
     const float strength = std::sqrt(std::min(1.0F, std::abs(motion.level)));
     const Rgb core = between(kIron, motion.level < 0.0F ? kBlue : kRed, strength);
-    kinds_[kind].instances.push_back(instance(f.top, f.axes * size.asDiagonal(), colour(core), colour(kCopper)));
+    kinds_[kind].instances.push_back(
+        instance(f.top, f.axes * size.asDiagonal(), colour(core), colour(kCopper)));
   };
 }
 
 MechanismParts::Work MechanismParts::jets(const scene::ActuatorSpec& spec) {
-  const std::size_t nozzle = add_kind(painted_nozzle(roundness_)), plume = add_kind(painted_plume(roundness_), true);
+  const std::size_t nozzle = add_kind(painted_nozzle(roundness_)),
+                    plume = add_kind(painted_plume(roundness_), true);
   const float lean = number(spec, "lean"), pitch = static_cast<float>(surface_.pitch);
   const float highest = std::min(number(spec, "reach"), 2.0F * pitch);
   const Vec size(0.42F * top_, 0.42F * top_, 0.12F * top_);
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::CellMotion& motion) {
     const Frame f = frame_of(cell, snapshot);
     const float flow = std::clamp(motion.level, 0.0F, 1.0F);
-    kinds_[nozzle].instances.push_back(instance(f.top, f.axes * size.asDiagonal(),
-                                                colour(between(kRubber, kAir, flow)), colour(kInk)));
+    kinds_[nozzle].instances.push_back(
+        instance(f.top, f.axes * size.asDiagonal(), colour(between(kRubber, kAir, flow)), colour(kInk)));
     if (flow < kQuiet) return;
     const Vec up(std::sin(lean) * std::cos(motion.a), std::sin(lean) * std::sin(motion.a), std::cos(lean));
     Mat axes;
     axes << 0.45F * pitch * f.axes.col(0), 0.45F * pitch * f.axes.col(1),
         highest * (0.2F + 0.8F * flow) * (f.axes * up);
-    kinds_[plume].instances.push_back(
-        instance(f.top + 0.1F * top_ * Vec::UnitZ(), axes, colour(kAir, 0.15F + 0.4F * flow), colour(kAir, 0.0F)));
+    kinds_[plume].instances.push_back(instance(f.top + 0.1F * top_ * Vec::UnitZ(), axes,
+                                               colour(kAir, 0.15F + 0.4F * flow), colour(kAir, 0.0F)));
   };
 }
 
-float MechanismParts::height_near(std::size_t cell, int row_step, int column_step, const scene::Snapshot& snapshot) const {
+float MechanismParts::height_near(std::size_t cell, int row_step, int column_step,
+                                  const scene::Snapshot& snapshot) const {
   const int row = static_cast<int>(cell) / surface_.columns + row_step;
   const int column = static_cast<int>(cell) % surface_.columns + column_step;
   const float own = snapshot.height[cell];
@@ -257,16 +270,20 @@ MechanismParts::Work MechanismParts::plates() {
   constexpr float kHalfThick = 0.05F, kSteepest = 0.7F;
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::CellMotion& motion) {
     const Frame f = frame_of(cell, snapshot);
-    const auto slope = [&](float low, float high) { return std::clamp(0.5F * (high - low) / pitch, -kSteepest, kSteepest); };
+    const auto slope = [&](float low, float high) {
+      return std::clamp(0.5F * (high - low) / pitch, -kSteepest, kSteepest);
+    };
     const float east = slope(height_near(cell, 0, -1, snapshot), height_near(cell, 0, 1, snapshot));
     const float north = slope(height_near(cell, 1, 0, snapshot), height_near(cell, -1, 0, snapshot));
     const Vec up = Vec(-east, -north, 1).normalized();
     const Vec x = Vec(1, 0, east).normalized();
     Mat axes;
     axes << 0.5F * static_cast<float>(surface_.pin.top_x) * (f.axes * x),
-        0.5F * static_cast<float>(surface_.pin.top_y) * (f.axes * up.cross(x)), kHalfThick * pitch * (f.axes * up);
-    kinds_[kind].instances.push_back(instance(f.top - kHalfThick * pitch * Vec::UnitZ(), axes, colour(kRubber),
-                                              colour(between(kStill, kShaken, std::clamp(motion.level, 0.0F, 1.0F)))));
+        0.5F * static_cast<float>(surface_.pin.top_y) * (f.axes * up.cross(x)),
+        kHalfThick * pitch * (f.axes * up);
+    kinds_[kind].instances.push_back(
+        instance(f.top - kHalfThick * pitch * Vec::UnitZ(), axes, colour(kRubber),
+                 colour(between(kStill, kShaken, std::clamp(motion.level, 0.0F, 1.0F)))));
     recess_[cell] = 3.0F * kHalfThick * pitch;
   };
 }

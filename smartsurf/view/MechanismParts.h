@@ -3,9 +3,9 @@
 // draw call. No OpenGL here. Nothing is allocated after the first frame.
 //
 //   ball         its upper half, in eight fields that turn      wheels   two wheels with spokes, as they turn
-//   rotor        its shape, turned                              magnet   a coil: red repels a positive pole, blue attracts
-//   force_field  an arrow along the force, as long as it is strong
-//   air_jet      a nozzle and its plume, as high as it blows    tile     a plate that leans as the skin does
+//   rotor        its shape, turned                              magnet   a coil: red repels a positive pole,
+//   blue attracts force_field  an arrow along the force, as long as it is strong air_jet      a nozzle and
+//   its plume, as high as it blows    tile     a plate that leans as the skin does
 #pragma once
 
 #include <array>
@@ -20,13 +20,13 @@
 namespace smartsurf::view {
 
 struct PaintedMesh {
-  std::vector<float> corners;            // x y z, the normal's x y z, and how much of the second colour, 0 … 1
+  std::vector<float> corners;  // x y z, the normal's x y z, and how much of the second colour, 0 … 1
   std::vector<std::uint32_t> triangles;  // three corners each
 };
 
 struct PartInstance {
-  std::array<float, 3> x, y, z;  // the mesh's axes, scaled, world frame
-  std::array<float, 3> centre;   // u
+  std::array<float, 3> x, y, z;             // the mesh's axes, scaled, world frame
+  std::array<float, 3> centre;              // u
   std::array<std::uint8_t, 4> paint, mark;  // the two colours: linear light, 255 = 1; [3]: how opaque
 };
 
@@ -63,8 +63,8 @@ class MechanismParts {
   float height_near(std::size_t cell, int row_step, int column_step, const scene::Snapshot&) const;
 
   scene::SurfaceSpec surface_;
-  float top_;       // the shorter edge of a cell's top, u
-  int roundness_;   // segments around a round part: fewer where there are many
+  float top_;      // the shorter edge of a cell's top, u
+  int roundness_;  // segments around a round part: fewer where there are many
   std::vector<PartKind> kinds_;
   std::vector<std::size_t> cells_;  // those with parts, and what makes them
   std::vector<std::size_t> work_of_;

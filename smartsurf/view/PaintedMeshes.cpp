@@ -40,7 +40,8 @@ void add_box(PaintedMesh& mesh, const Vec& low, const Vec& high, float mark) {
   const auto at = [&](int i) {
     return Vec(i & 1 ? high.x() : low.x(), i & 2 ? high.y() : low.y(), i & 4 ? high.z() : low.z());
   };
-  static constexpr int kFaces[6][4] = {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}};
+  static constexpr int kFaces[6][4] = {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4},
+                                       {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}};
   for (const auto& f : kFaces) add_quad(mesh, at(f[0]), at(f[1]), at(f[2]), at(f[3]), mark);
 }
 
@@ -57,9 +58,12 @@ PaintedMesh painted_ball(int segments) {
   for (int ring = 0; ring < up; ++ring)
     for (int step = 0; step < around; ++step) {
       const bool mark = (step / (around / 4) + ring / (up / 2)) % 2 != 0;
-      const Vec a = at(ring, step), b = at(ring, step + 1), c = at(ring + 1, step + 1), d = at(ring + 1, step);
-      for (const Vec* p : {&a, &b, &c}) if (ring > 0) add_corner(mesh, *p, *p, mark);
-      for (const Vec* p : {&a, &c, &d}) if (ring + 1 < up || ring == 0) add_corner(mesh, *p, *p, mark);
+      const Vec a = at(ring, step), b = at(ring, step + 1), c = at(ring + 1, step + 1),
+                d = at(ring + 1, step);
+      for (const Vec* p : {&a, &b, &c})
+        if (ring > 0) add_corner(mesh, *p, *p, mark);
+      for (const Vec* p : {&a, &c, &d})
+        if (ring + 1 < up || ring == 0) add_corner(mesh, *p, *p, mark);
     }
   return mesh;
 }

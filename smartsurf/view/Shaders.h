@@ -22,7 +22,7 @@ ShaderSources sphere_shaders(Pass pass);  // a ray meets a sphere at every pixel
 ShaderSources mesh_shaders(Pass pass, bool capsule);
 ShaderSources wire_shaders(bool capsule);
 ShaderSources part_shaders(Pass pass);  // meshes of two colours, MechanismParts.h
-ShaderSources line_shaders();  // straight lines as ribbons that face the eye
+ShaderSources line_shaders();           // straight lines as ribbons that face the eye
 ShaderSources ground_shaders(Pass pass);
 ShaderSources backdrop_shaders();
 // Averages blocks of `block` × `block` pixels of the texture at unit 1.

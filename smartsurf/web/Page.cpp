@@ -226,7 +226,8 @@ void pack_motion(const Recording& recording, const std::vector<std::size_t>& fra
 void require_room(const Recording& recording, std::size_t frames) {
   std::size_t a_frame = 14 * recording.spec().objects.size();
   const std::size_t cells = static_cast<std::size_t>(recording.spec().surface.cells());
-  a_frame += cells * (1 + (recording.has_motion() ? 6 : 0) + recording.channels("sensors").size() + recording.channels("actuators").size());
+  a_frame += cells * (1 + (recording.has_motion() ? 6 : 0) + recording.channels("sensors").size() +
+                      recording.channels("actuators").size());
   if (a_frame * frames <= kMostBytes) return;
   const double fits = static_cast<double>(kMostBytes) / static_cast<double>(a_frame * frames);
   throw scene::InputError(recording.path().string() + ": " + std::to_string(frames) +

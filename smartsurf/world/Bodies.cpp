@@ -75,21 +75,28 @@ void BodyStore::turn_axes(std::size_t i) {
     inertia[i] = {inverse, inverse, inverse, 0, 0, 0, {}};
     return;
   }
-  axes[i] = orientation[i].toRotationMatrix();
+  set_axes(i, orientation[i].toRotationMatrix());
+}
+
+void BodyStore::set_axes(std::size_t i, const Mat3& to) {
+  axes[i] = to;
   const Mat3 world = axes[i] * own_inverse_inertia[i] * axes[i].transpose();
   inertia[i] = {world(0, 0), world(1, 1), world(2, 2), world(0, 1), world(0, 2), world(1, 2), {}};
 }
 
+Quat turn_by(const Vec3& turn) {
+  const float angle = turn.norm();
+  if (!(angle > 0.0F)) return Quat::Identity();
+  Quat q;
+  q.w() = std::cos(0.5F * angle);
+  q.vec() = turn * (std::sin(0.5F * angle) / angle);
+  return q;
+}
+
 void BodyStore::settle(std::size_t i, float dt_s) {
   position[i] += Vec3(shift[i].by);
-  const Vec3 turned(shift[i].turn);
-  const float angle = turned.norm();
-  if (angle > 0.0F) {
-    Quat turn;
-    turn.w() = std::cos(0.5F * angle);
-    turn.vec() = turned * (std::sin(0.5F * angle) / angle);
-    orientation[i] = (turn * orientation[i]).normalized();
-  }
+  const Vec3 turn(shift[i].turn);
+  if (!turn.isZero(0.0F)) orientation[i] = (turn_by(turn) * orientation[i]).normalized();
   if (shape[i]->round()) return;
   // One Newton step of implicit Euler on Euler's equations, in own axes: stable at any rate of turning.
   const Mat3 r = orientation[i].toRotationMatrix();
@@ -107,7 +114,7 @@ void BodyStore::settle(std::size_t i, float dt_s) {
   const float energy = w.dot(momentum), next_energy = next.dot(own * next);
   if (!(next_energy <= energy)) next = next_energy > 0.0F ? Vec3(next * std::sqrt(energy / next_energy)) : w;
   put(motion[i].spin, r * next);
-  turn_axes(i);
+  set_axes(i, r);
 }
 
 }  // namespace smartsurf::world

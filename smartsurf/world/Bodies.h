@@ -7,9 +7,9 @@
 
 #include "smartsurf/scene/ObjectState.h"
 #include "smartsurf/scene/Snapshot.h"
+#include "smartsurf/surface/BodyForces.h"
 #include "smartsurf/world/ContactKernels.h"
 #include "smartsurf/world/Shape.h"
-#include "smartsurf/surface/BodyForces.h"
 
 namespace smartsurf::world {
 
@@ -25,7 +25,7 @@ struct BodyStore {
   // Square roots, so that a product of two is their geometric mean.
   std::vector<float> friction_root, rolling_root, restitution;
   std::vector<Mat3> own_inertia, own_inverse_inertia;  // in own axes
-  std::vector<surface::Wrench> wrench;                          // of the step to come
+  std::vector<surface::Wrench> wrench;                 // of the step to come
   std::vector<char> asleep;
   std::vector<float> still_s;  // how long it has hardly moved
 
@@ -51,7 +51,12 @@ struct BodyStore {
   // Moves and turns it as far as it got during the step, gyroscopic effect included.
   void settle(std::size_t index, float dt_s);
 
+  void set_axes(std::size_t index, const Mat3&);
+
   BodyRows rows() { return {motion.data(), shift.data(), inertia.data()}; }
 };
+
+// The rotation about an axis by an angle, given as one vector.
+Quat turn_by(const Vec3& turn);
 
 }  // namespace smartsurf::world

@@ -64,8 +64,7 @@ void CellLimits::give_way(const BodyStore& bodies, const ContactList& world, flo
     const float over = (apart + c.normal.dot(moved)) / c.normal.z();
     field.speed[cell] = std::min(field.speed[cell], over / dt_s);
   });
-  for_limited(field, world,
-              [&](const Contact&, const Manifold&, std::size_t cell) { load_[cell] = 0.0F; });
+  for_limited(field, world, [&](const Contact&, const Manifold&, std::size_t cell) { load_[cell] = 0.0F; });
 }
 
 }  // namespace smartsurf::world

@@ -12,8 +12,8 @@ namespace smartsurf::world {
 
 class CellLimits {
  public:
-  // Before the impulses: sets Contact::limit, of contacts that carry the impulses of the last step. Those with
-  // one cell share its force.
+  // Before the impulses: sets Contact::limit, of contacts that carry the impulses of the last step. Those
+  // with one cell share its force.
   void share_out(const surface::Field&, float dt_s, ContactList& world);
 
   // After the impulses, with the shifts of the bodies: a cell that gave all its force moves no faster upward

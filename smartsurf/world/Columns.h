@@ -50,10 +50,15 @@ class Columns {
   CellRange covering(float x_low, float x_high, float y_low, float y_high) const {
     const float inverse = 1.0F / pitch_;
     auto cell = [inverse](float u) { return std::clamp(u * inverse, -1e6F, 1e6F); };
-    return {std::max(0, rows_ - 1 - static_cast<int>(std::floor(cell(y_high) + 0.5F))),
-            std::min(rows_, rows_ - static_cast<int>(std::ceil(cell(y_low) - 0.5F))),
-            std::max(0, static_cast<int>(std::ceil(cell(x_low) - 0.5F))),
-            std::min(columns_, static_cast<int>(std::floor(cell(x_high) + 0.5F)) + 1)};
+    // Without the calls of std::floor and std::ceil.
+    auto floor = [](float u) {
+      const int i = static_cast<int>(u);
+      return i - (static_cast<float>(i) > u ? 1 : 0);
+    };
+    auto ceil = [floor](float u) { return -floor(-u); };
+    return {std::max(0, rows_ - 1 - floor(cell(y_high) + 0.5F)),
+            std::min(rows_, rows_ - ceil(cell(y_low) - 0.5F)), std::max(0, ceil(cell(x_low) - 0.5F)),
+            std::min(columns_, floor(cell(x_high) + 0.5F) + 1)};
   }
 
   const surface::Field& field() const { return field_; }
@@ -62,6 +67,13 @@ class Columns {
   float x(int column) const { return static_cast<float>(column) * pitch_; }
   float y(int row) const { return static_cast<float>(rows_ - 1 - row) * pitch_; }
   float top(int row, int column) const { return height_[index(row, column)]; }
+
+  float highest(const CellRange& cells) const {
+    float highest = surface::kNoCell;
+    for (int r = cells.row_begin; r < cells.row_end; ++r)
+      for (int c = cells.column_begin; c < cells.column_end; ++c) highest = std::max(highest, top(r, c));
+    return highest;
+  }
 
   Column at(int row, int column) const {
     const int i = index(row, column);

@@ -63,9 +63,9 @@ struct Pass {
   float h_s, inverse_h;
   float elapsed_s;                        // since the step began
   float rate, mass_scale, impulse_scale;  // the softness of the push that ends an overlap
-  float share;                            // of the substep in the step
   float fastest_push;                     // u/s
   float bounce_threshold;                 // u/s
+  float share = 1.0F;                     // of the substep in the step
 };
 
 // Which of the four kinds an octet is of: against another body or the world; spheres only or any shapes.

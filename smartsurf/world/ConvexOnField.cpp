@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
+#include "smartsurf/world/ColumnAxes.h"
 #include "smartsurf/world/Feature.h"
 #include "smartsurf/world/Gjk.h"
 #include "smartsurf/world/SphereOnField.h"
@@ -17,12 +17,15 @@ using scene::ShapeKind;
 constexpr float kLeanTolerance = 0.05F;
 constexpr int kRim = 8;
 
-// Calls each(point) for the points that touch a plane first: corners, the tip, and eight points of each rim,
-// one of them the lowest. A capsule has none.
+// Calls each(point) for the points up to `highest` that touch a plane first: corners, the tip, and eight
+// points of each rim, one of them the lowest. A capsule has none.
 template <class Each>
-void for_feature_points(const Piece& piece, const Vec3& centre, const Mat3& axes, Each each) {
+void for_feature_points(const Piece& piece, const Vec3& centre, const Mat3& axes, float highest, Each each) {
   const Shape& s = piece.shape;
-  auto own = [&](const Vec3& p) { each(Vec3(centre + axes * p)); };
+  const Vec3 up = axes.row(2);
+  auto own = [&](const Vec3& p) {
+    if (centre.z() + up.dot(p) <= highest) each(Vec3(centre + axes * p));
+  };
   auto rim = [&](float z) {
     Vec3 lowest(-axes(2, 0), -axes(2, 1), 0);
     lowest = lowest.squaredNorm() > 1e-10F ? Vec3(lowest.normalized()) : Vec3(1, 0, 0);
@@ -61,10 +64,7 @@ struct Plateau {
   int row_begin, row_end, column_begin, column_end;
 };
 
-struct Way {
-  Vec3 normal;  // from the plateau to the piece
-  float gap;
-};
+using Way = ColumnAxes::Widest;
 
 class PieceOnField {
  public:
@@ -75,19 +75,18 @@ class PieceOnField {
         axes_(axes),
         core_(piece, centre, axes),
         margin_(margin) {
-    for (int i = 0; i < 3; ++i) {
-      const Vec3 unit = Vec3::Unit(i);
-      low_[i] = core_.farthest_outside(-unit)[i] - margin;
-      high_[i] = core_.farthest_outside(unit)[i] + margin;
-    }
+    set_bounds();
+    under_ = columns_.covering(low_.x() - margin, high_.x() + margin, low_.y() - margin, high_.y() + margin);
   }
 
   // The few contacts that hold the piece.
   template <class Take>
   void find(Take take) {
-    if (touch_points()) for_plateaus([&](const Plateau& p) {
-        if (!p.column.all_bridged()) touch_plateau(p, candidates_);
-      });
+    if (!touch_points()) return;
+    ColumnAxes& directions = directions_of_piece();
+    for_plateaus([&](const Plateau& p) {
+      if (!p.column.all_bridged()) touch_plateau(p, directions, candidates_);
+    });
     candidates_.pick(take);
   }
 
@@ -96,9 +95,10 @@ class PieceOnField {
   template <class Take>
   void find_on_each_cell(Take take) {
     if (!touch_points()) return;
+    ColumnAxes& directions = directions_of_piece();
     for_plateaus([&](const Plateau& p) {
       Candidates here;
-      touch_plateau(p, here);
+      touch_plateau(p, directions, here);
       const int cell = columns_.index(p.row_begin, p.column_begin);
       if (here.count() == 0)
         candidates_.each([&](const Candidate& c) {
@@ -114,22 +114,37 @@ class PieceOnField {
  private:
   // What the piece's own points touch. Returns whether it reaches down to any cell.
   bool touch_points() {
-    const float highest = highest_top() + margin_;
-    for_feature_points(piece_, centre_, axes_, [&](const Vec3& p) {
-      if (p.z() <= highest) touch_point(p);
-    });
+    const float highest = columns_.highest(under_) + margin_;
+    if (low_.z() > highest) return false;
+    for_feature_points(piece_, centre_, axes_, highest, [&](const Vec3& p) { touch_point(p); });
     if (piece_.shape.kind == ShapeKind::kCapsule) touch_capsule_ends();
-    return low_.z() <= highest;
+    return true;
   }
 
-  // Of the cells under the piece.
-  float highest_top() const {
-    const CellRange cells = columns_.covering(low_.x(), high_.x(), low_.y(), high_.y());
-    float highest = surface::kNoCell;
-    for (int r = cells.row_begin; r < cells.row_end; ++r)
-      for (int c = cells.column_begin; c < cells.column_end; ++c)
-        highest = std::max(highest, columns_.top(r, c));
-    return highest;
+  ColumnAxes& directions_of_piece() const {
+    // One for each thread: it keeps its memory from body to body.
+    thread_local ColumnAxes directions;
+    directions.set(core_, low_, high_);
+    return directions;
+  }
+
+  void set_bounds() {
+    const Shape& s = piece_.shape;
+    if (s.kind == ShapeKind::kBox || s.kind == ShapeKind::kCylinder) {
+      Vec3 reach = axes_.cwiseAbs() * s.half;
+      if (s.kind == ShapeKind::kCylinder) {
+        const auto along = axes_.col(2).array();
+        reach = s.high * along.abs() + s.radius * (1.0F - along * along).cwiseMax(0.0F).sqrt();
+      }
+      low_ = centre_ - reach;
+      high_ = centre_ + reach;
+      return;
+    }
+    for (int i = 0; i < 3; ++i) {
+      const Vec3 unit = Vec3::Unit(i);
+      low_[i] = core_.farthest_outside(-unit)[i];
+      high_[i] = core_.farthest_outside(unit)[i];
+    }
   }
 
   // A point of the piece inside or above a column: the way out of it.
@@ -162,11 +177,11 @@ class PieceOnField {
   // cells taken as one, unless each bears a limited force of its own.
   template <class Each>
   void for_plateaus(Each each) const {
-    const CellRange cells = columns_.covering(low_.x(), high_.x(), low_.y(), high_.y());
+    const CellRange& cells = under_;
     const bool each_cell = columns_.field().yields();
     for (int c = cells.column_begin; c < cells.column_end; ++c)
       for (int r = cells.row_begin; r < cells.row_end; ++r) {
-        if (columns_.top(r, c) < low_.z()) continue;
+        if (columns_.top(r, c) < low_.z() - margin_) continue;
         Plateau p{columns_.at(r, c), r, r + 1, c, c + 1};
         while (!each_cell && p.row_end < cells.row_end && p.column.bridged_south) {
           const Column next = columns_.at(p.row_end, c);
@@ -180,91 +195,82 @@ class PieceOnField {
       }
   }
 
-  void touch_plateau(const Plateau& p, Candidates& out) const {
+  void touch_plateau(const Plateau& p, ColumnAxes& directions, Candidates& out) const {
     Way way;
-    const bool faces = piece_.hull || piece_.shape.kind == ShapeKind::kBox;
-    if (!(faces ? find_way_between_faces(p.column, way) : find_way_by_gjk(p, way))) return;
-    const Feature under = feature_of(p.column, way.normal);
-    const Feature over = feature_towards(piece_, centre_, axes_, -way.normal);
+    if (!directions.look(p.column, margin_, way)) return;
     Candidates found;
-    add_patch(over, under, way.normal, margin_, 0, found);
-    found.pick([&](const Candidate& c) { add(p, c.point, c.normal, c.gap, out); });
-    if (found.count() == 0) add_nearest(p, way, out);
-  }
-
-  // The axis of least overlap, or of the widest gap, of two shapes with flat faces; false when they are
-  // further apart than the margin, or when the only way out leads over a bridge.
-  bool find_way_between_faces(const Column& q, Way& best) const {
-    best.gap = -std::numeric_limits<float>::max();
-    bool apart = false;
-    auto attempt = [&](const Vec3& n, float handicap) {
-      if (apart || n.z() < -0.01F) return;
-      const float top =
-          (n.x() > 0 ? q.east : q.west) * n.x() + (n.y() > 0 ? q.north : q.south) * n.y() + q.top * n.z();
-      const float gap = n.dot(core_.farthest_outside(-n)) - top;
-      apart = gap > margin_;
-      if (gap - handicap <= best.gap || q.leans_over_bridge(n.x(), n.y(), kLeanTolerance)) return;
-      best = {n, gap - handicap};
-    };
-    attempt(Vec3(0, 0, 1), 0.0F);
-    if (!apart) try_faces(attempt);
-    for (int i = 0; i < 2 && !apart; ++i) {
-      attempt(Vec3::Unit(i), 0.0F);
-      attempt(-Vec3::Unit(i), 0.0F);
+    const Feature over = feature_towards(piece_, centre_, axes_, -way.normal);
+    add_patch(over, feature_of(p.column, way.normal), way.normal, margin_, 0, found);
+    const bool flat = piece_.hull || piece_.shape.kind == ShapeKind::kBox;
+    // Between curved sides the gap may be wider than it was told.
+    const bool told = found.count() > 0 && (flat || found.least_gap() <= way.gap + kPrecision);
+    if (!told) {
+      found.clear();
+      if (!add_crossing(over, p.column, way, found))
+        return flat ? add_nearest(p, way, out) : touch_by_gjk(p, way.normal, out);
     }
-    if (!apart) try_edges(attempt);
-    return !apart && best.gap > -std::numeric_limits<float>::max();
+    add(p, found, out);
   }
 
-  template <class Attempt>
-  void try_faces(Attempt& attempt) const {
-    if (piece_.hull) {
-      for (const auto& face : piece_.hull->piece->faces) attempt(Vec3(axes_ * -face.normal), 0.0F);
+  // An edge of the piece across an edge of the top, both square to the normal: where they cross, the two are
+  // nearest.
+  bool add_crossing(const Feature& over, const Column& q, const Way& way, Candidates& out) const {
+    const Vec3& n = way.normal;
+    const int along = std::abs(n.x()) < std::abs(n.y()) ? 0 : 1;
+    if (std::abs(n[along]) > 1e-4F || over.count < 2) return false;
+    // The two of the feature that reach farthest.
+    int first = 0, second = 1;
+    float least = n.dot(over.point[0]), next = n.dot(over.point[1]);
+    if (next < least) std::swap(first, second), std::swap(least, next);
+    for (int i = 2; i < over.count; ++i) {
+      const float reach = n.dot(over.point[static_cast<std::size_t>(i)]);
+      if (reach < least)
+        next = least, second = first, least = reach, first = i;
+      else if (reach < next)
+        next = reach, second = i;
+    }
+    const float side = along == 0 ? (n.y() > 0 ? q.north : q.south) : (n.x() > 0 ? q.east : q.west);
+    const float edge = n[1 - along] * side + n.z() * q.top;
+    if (next - edge > way.gap + kPrecision) return false;
+    const Vec3 &a = over.point[static_cast<std::size_t>(first)],
+               &b = over.point[static_cast<std::size_t>(second)];
+    // Seen against the normal: where the piece's edge passes over the line of the top's edge.
+    const Vec3 across = n.cross(Vec3::Unit(along));
+    const float from = across.dot(a), to = across.dot(b);
+    const float line = across[1 - along] * side + across.z() * q.top;
+    const float share = (line - from) / (to - from);
+    if (!(share >= 0.0F && share <= 1.0F)) return false;
+    const Vec3 on = a + share * (b - a) - way.gap * n;
+    const float begin = along == 0 ? q.west : q.south, end = along == 0 ? q.east : q.north;
+    if (on[along] < begin || on[along] > end) return false;
+    out.add({on, n, way.gap, 0});
+    return true;
+  }
+
+  void touch_by_gjk(const Plateau& p, const Vec3& towards_piece, Candidates& out) const {
+    const NearestPoints near = nearest_to(p.column, towards_piece);
+    const Way way{near.normal, near.distance - core_.rounding - kColumnRounding};
+    if (!near.apart || way.gap > margin_ || way.normal.z() < -0.01F ||
+        p.column.leans_over_bridge(way.normal.x(), way.normal.y(), kLeanTolerance))
       return;
-    }
-    for (int i = 0; i < 3; ++i) attempt(axes_(2, i) > 0.0F ? Vec3(axes_.col(i)) : Vec3(-axes_.col(i)), 0.0F);
-  }
-
-  // Edges against the top's edges. They must win clearly, or the choice would change from step to step.
-  template <class Attempt>
-  void try_edges(Attempt& attempt) const {
-    constexpr float kHandicap = 2e-3F;
-    auto cross = [&](const Vec3& edge) {
-      for (int i = 0; i < 2; ++i) {
-        Vec3 n = edge.cross(Vec3::Unit(i));
-        const float length = n.norm();
-        if (length < 0.05F) continue;
-        n /= n.z() < 0.0F ? -length : length;
-        attempt(n, kHandicap);
-      }
-    };
-    if (!piece_.hull)
-      for (int i = 0; i < 3; ++i) cross(Vec3(axes_.col(i)));
-    else
-      for (const auto& e : piece_.hull->piece->edges)
-        cross(axes_ * (piece_.hull->piece->corners[e[1]] - piece_.hull->piece->corners[e[0]]).normalized());
-  }
-
-  bool find_way_by_gjk(const Plateau& p, Way& way) const {
-    const NearestPoints near = nearest_to(p.column);
-    way = {near.normal, near.distance - core_.rounding - kColumnRounding};
-    return near.apart && way.gap <= margin_ && way.normal.z() >= -0.01F &&
-           !p.column.leans_over_bridge(way.normal.x(), way.normal.y(), kLeanTolerance);
+    Candidates found;
+    add_patch(feature_towards(piece_, centre_, axes_, -way.normal), feature_of(p.column, way.normal),
+              way.normal, margin_, 0, found);
+    if (found.count() == 0) found.add({near.on_b + kColumnRounding * near.normal, way.normal, way.gap, 0});
+    add(p, found, out);
   }
 
   // Where two edges cross, or a corner meets something.
   void add_nearest(const Plateau& p, const Way& way, Candidates& out) const {
-    const NearestPoints near = nearest_to(p.column);
+    const NearestPoints near = nearest_to(p.column, way.normal);
     if (near.apart && near.distance - core_.rounding - kColumnRounding <= margin_ &&
-        near.normal.dot(way.normal) > 0.9F) {
-      add(p, near.on_b + kColumnRounding * near.normal, way.normal, way.gap, out);
-      return;
-    }
+        near.normal.dot(way.normal) > 0.9F)
+      return add(p, Candidate{near.on_b + kColumnRounding * near.normal, way.normal, way.gap, 0}, out);
     const Vec3 lowest = core_.farthest_outside(-way.normal);
-    add(p, lowest - way.gap * way.normal, way.normal, way.gap, out);
+    add(p, Candidate{lowest - way.gap * way.normal, way.normal, way.gap, 0}, out);
   }
 
-  NearestPoints nearest_to(const Column& q) const {
+  NearestPoints nearest_to(const Column& q, const Vec3& towards_piece) const {
     const float depth = std::max(1.0F, q.top - low_.z() + 1.0F);
     Shape box;
     box.kind = ShapeKind::kBox;
@@ -273,7 +279,7 @@ class PieceOnField {
     const Vec3 at(0.5F * (q.west + q.east), 0.5F * (q.south + q.north), q.top - 0.5F * depth);
     const Mat3 upright = Mat3::Identity();
     return nearest_points(core_, Core(Piece{box, nullptr}, at, upright),
-                          margin_ + core_.rounding + kColumnRounding, Vec3(0, 0, 1));
+                          margin_ + core_.rounding + kColumnRounding, towards_piece);
   }
 
   // The column's top, or the side that the normal leaves it by, as far down as the piece reaches.
@@ -297,22 +303,26 @@ class PieceOnField {
     return f;
   }
 
-  // The cell of the plateau that the point is on.
-  void add(const Plateau& p, const Vec3& point, const Vec3& normal, float gap, Candidates& out) const {
+  void add(const Plateau& p, const Candidates& found, Candidates& out) const {
+    found.pick([&](const Candidate& c) { add(p, c, out); });
+  }
+  // On the cell of the plateau where the point is.
+  void add(const Plateau& p, Candidate c, Candidates& out) const {
     const int row =
-        static_cast<int>(std::lround(columns_.y(0) / columns_.pitch() - point.y() / columns_.pitch()));
-    out.add(
-        {point, normal, gap, columns_.index(std::clamp(row, p.row_begin, p.row_end - 1), p.column_begin)});
+        static_cast<int>(std::lround(columns_.y(0) / columns_.pitch() - c.point.y() / columns_.pitch()));
+    c.tag = columns_.index(std::clamp(row, p.row_begin, p.row_end - 1), p.column_begin);
+    out.add(c);
   }
 
-  static constexpr float kColumnRounding = 0.01F;
+  static constexpr float kColumnRounding = 0.01F, kPrecision = 2e-4F;
   const Columns& columns_;
   const Piece& piece_;
   const Vec3& centre_;
   const Mat3& axes_;
   const Core core_;
   const float margin_;
-  Vec3 low_, high_;
+  Vec3 low_, high_;  // its bounds
+  CellRange under_;
   Candidates candidates_;
 };
 
@@ -320,9 +330,12 @@ class PieceOnField {
 
 void touch_field_with_shape(const surface::Field& field, const Shape& shape, const Vec3& centre,
                             const Mat3& axes, float margin, std::vector<Contact>& out) {
-  const float low = centre.z() - (axes.cwiseAbs() * shape.half).z();
-  if (low - margin > field.max_height) return;
+  const Vec3 reach = Vec3(axes.cwiseAbs() * shape.half) + Vec3::Constant(margin);
+  if (centre.z() - reach.z() > field.max_height) return;
   const Columns columns(field, shape.width);
+  const CellRange under = columns.covering(centre.x() - reach.x(), centre.x() + reach.x(),
+                                           centre.y() - reach.y(), centre.y() + reach.y());
+  if (centre.z() - reach.z() > columns.highest(under)) return;
   for_pieces(shape, [&](const Piece& piece) {
     PieceOnField on(columns, piece, centre, axes, margin);
     const auto take = [&](const Candidate& c) {

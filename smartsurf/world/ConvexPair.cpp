@@ -48,8 +48,8 @@ Touching deepest(const Core& a, const Core& b) {
   return best;
 }
 
-bool find(const Core& a, const Core& b, float margin, Touching& out) {
-  const NearestPoints near = nearest_points(a, b, margin + a.rounding + b.rounding, a.centre - b.centre);
+bool find(const Core& a, const Core& b, float margin, const Vec3& towards_a, Touching& out) {
+  const NearestPoints near = nearest_points(a, b, margin + a.rounding + b.rounding, towards_a);
   if (!near.apart) {
     out = deepest(a, b);
     return true;
@@ -60,14 +60,56 @@ bool find(const Core& a, const Core& b, float margin, Touching& out) {
   return out.gap <= margin;
 }
 
-void touch_pieces(const Core& a, const Core& b, float margin, const Vec3& centre, std::vector<Contact>& out) {
+Feature feature_towards(const Core& c, const Vec3& direction) {
+  return feature_towards(c.piece, c.centre, c.axes, direction);
+}
+
+enum class Answer { kApart, kTouching, kUnknown };
+
+// The face that the last normal stood on. What lies over it there is the patch; where the patch reaches as
+// near as anything of the other does, the face's normal is the shortest way, and GJK has nothing to add.
+Answer ask_last_face(const Core& a, const Core& b, float margin, const Vec3& last_normal, Candidates& out) {
+  constexpr float kTurned = 0.98F, kPrecision = 2e-4F;
+  const Feature on_a = feature_towards(a, -last_normal), on_b = feature_towards(b, last_normal);
+  const float aligned_a = on_a.flat() ? -on_a.normal.dot(last_normal) : 0.0F;
+  const float aligned_b = on_b.flat() ? on_b.normal.dot(last_normal) : 0.0F;
+  if (std::max(aligned_a, aligned_b) < kTurned) return Answer::kUnknown;
+  const bool from_a = aligned_a > aligned_b + 1e-3F;
+  const Feature& face = from_a ? on_a : on_b;
+  const Core& other = from_a ? b : a;
+  auto over = [&face](const Vec3& p) { return face.normal.dot(p - face.point[0]); };
+  const float gap = over(other.farthest_outside(-face.normal));
+  if (gap > margin) return Answer::kApart;
+  if (gap < -a.rounding - b.rounding) return Answer::kUnknown;
+  const Feature patch = clipped(feature_towards(other, -face.normal), face);
+  const Vec3 normal = from_a ? Vec3(-face.normal) : face.normal;
+  float nearest = std::numeric_limits<float>::max();
+  for (int i = 0; i < patch.count; ++i) {
+    const Vec3& p = patch.point[static_cast<std::size_t>(i)];
+    const float height = over(p);
+    nearest = std::min(nearest, height);
+    if (height <= margin) out.add({p, normal, height, 0});
+  }
+  return nearest <= gap + kPrecision ? Answer::kTouching : Answer::kUnknown;
+}
+
+bool find_candidates(const Core& a, const Core& b, float margin, const Vec3* last_normal, Candidates& out) {
+  if (last_normal) {
+    const Answer answer = ask_last_face(a, b, margin, *last_normal, out);
+    if (answer != Answer::kUnknown) return answer == Answer::kTouching;
+    out.clear();
+  }
   Touching t;
-  if (!find(a, b, margin, t)) return;
-  const Feature on_a = feature_towards(a.piece, a.centre, a.axes, -t.normal);
-  const Feature on_b = feature_towards(b.piece, b.centre, b.axes, t.normal);
+  if (!find(a, b, margin, last_normal ? *last_normal : Vec3(a.centre - b.centre), t)) return false;
+  add_patch(feature_towards(a, -t.normal), feature_towards(b, t.normal), t.normal, margin, 0, out);
+  if (out.count() == 0) out.add({t.point, t.normal, t.gap, 0});
+  return true;
+}
+
+void touch_pieces(const Core& a, const Core& b, float margin, const Vec3* last_normal, const Vec3& centre,
+                  std::vector<Contact>& out) {
   Candidates candidates;
-  add_patch(on_a, on_b, t.normal, margin, 0, candidates);
-  if (candidates.count() == 0) candidates.add({t.point, t.normal, t.gap, 0});
+  if (!find_candidates(a, b, margin, last_normal, candidates)) return;
   candidates.pick([&](const Candidate& c) {
     Contact& contact = out.emplace_back();
     contact.normal = c.normal;
@@ -100,7 +142,8 @@ Trimmed trimmed(const Placed& box, const Placed& other, float margin) {
 
 }  // namespace
 
-void touch_convex(const Placed& a, const Placed& b, float margin, std::vector<Contact>& out) {
+void touch_convex(const Placed& a, const Placed& b, float margin, const Vec3* last_normal,
+                  std::vector<Contact>& out) {
   const Vec3 reach_a = a.axes.cwiseAbs() * a.shape.half, reach_b = b.axes.cwiseAbs() * b.shape.half;
   if (((a.centre - b.centre).cwiseAbs() - reach_a - reach_b).maxCoeff() > margin) return;
   if (far_larger(a, b) || far_larger(b, a)) {
@@ -109,16 +152,17 @@ void touch_convex(const Placed& a, const Placed& b, float margin, std::vector<Co
     if (!t.near) return;
     const std::size_t first = out.size();
     if (a_large)
-      touch_convex({t.shape, t.centre, a.axes}, b, margin, out);
+      touch_convex({t.shape, t.centre, a.axes}, b, margin, last_normal, out);
     else
-      touch_convex(a, {t.shape, t.centre, b.axes}, margin, out);
+      touch_convex(a, {t.shape, t.centre, b.axes}, margin, last_normal, out);
     if (a_large)
       for (std::size_t i = first; i < out.size(); ++i) out[i].arm += t.centre - a.centre;
     return;
   }
   for_pieces(a.shape, [&](const Piece& piece_a) {
     for_pieces(b.shape, [&](const Piece& piece_b) {
-      touch_pieces({piece_a, a.centre, a.axes}, {piece_b, b.centre, b.axes}, margin, a.centre, out);
+      touch_pieces({piece_a, a.centre, a.axes}, {piece_b, b.centre, b.axes}, margin, last_normal, a.centre,
+                   out);
     });
   });
 }

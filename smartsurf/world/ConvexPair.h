@@ -15,6 +15,8 @@ struct Placed {
 };
 
 // Appends up to four points for each pair of pieces, the normal pointing from b to a, gaps up to `margin`.
-void touch_convex(const Placed& a, const Placed& b, float margin, std::vector<Contact>& out);
+// `last_normal`: of a contact that the two had before, or null. It saves work and decides nothing.
+void touch_convex(const Placed& a, const Placed& b, float margin, const Vec3* last_normal,
+                  std::vector<Contact>& out);
 
 }  // namespace smartsurf::world

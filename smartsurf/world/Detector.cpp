@@ -30,7 +30,8 @@ void inherit(ContactList& list, const Manifold& now, const ContactList& old, int
     for (int j = 0; j < std::min(before.count, kMost); ++j) {
       const Contact& o = old.contacts[static_cast<std::size_t>(before.first + j)];
       const float square = (o.arm - c.arm).squaredNorm();
-      if (o.other == c.other && square < nearest && !taken[static_cast<std::size_t>(j)]) nearest = square, best = j;
+      if (o.other == c.other && square < nearest && !taken[static_cast<std::size_t>(j)])
+        nearest = square, best = j;
     }
     if (best < 0) continue;
     taken.set(static_cast<std::size_t>(best));
@@ -170,13 +171,7 @@ void Detector::touch_world(const BodyStore& bodies, std::size_t i, ContactList& 
   const auto first = static_cast<std::int32_t>(out.contacts.size());
   const Vec3& centre = bodies.position[i];
   const float margin = std::max(kRestMargin, margin_[i] + field_.max_speed * dt_s_);
-  if (loose_) {
-    loose_->touch(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
-  } else if (bodies.round[i]) {
-    touch_field_with_sphere(field_, centre, bodies.reach[i], margin, out.contacts);
-  } else {
-    touch_field_with_shape(field_, *bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
-  }
+  touch_field(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
   if (centre.z() - bodies.reach[i] - margin < ground_)
     touch_ground(*bodies.shape[i], centre, bodies.axes[i], ground_, margin, out.contacts);
   if (reach_[i] <= large_) {
@@ -195,10 +190,27 @@ void Detector::touch_world(const BodyStore& bodies, std::size_t i, ContactList& 
   inherit(out, out.manifolds.back(), old_world_, old_of_body_[i], 0.15F * bodies.reach[i]);
 }
 
+void Detector::touch_field(const Shape& shape, const Vec3& centre, const Mat3& axes, float margin,
+                           std::vector<Contact>& out) const {
+  if (loose_)
+    loose_->touch(shape, centre, axes, margin, out);
+  else if (shape.round())
+    touch_field_with_sphere(field_, centre, shape.reach, margin, out);
+  else
+    touch_field_with_shape(field_, shape, centre, axes, margin, out);
+}
+
+bool Detector::field_reaches(const Vec3& low, const Vec3& high) const {
+  if (low.z() > field_.max_height) return false;
+  if (loose_) return true;
+  const Columns columns(field_, 0.0F);
+  return low.z() <= columns.highest(columns.covering(low.x(), high.x(), low.y(), high.y()));
+}
+
 void Detector::touch_fixed(const BodyStore& bodies, std::size_t i, std::size_t fixed,
                            ContactList& out) const {
   const std::size_t first = out.contacts.size();
-  touch_bodies(bodies, i, fixed, margin_[i], dt_s_, out.contacts);
+  touch_bodies(bodies, i, fixed, margin_[i], dt_s_, old_normal(i, fixed), out.contacts);
   for (std::size_t k = first; k < out.contacts.size(); ++k)
     out.contacts[k].other = static_cast<std::int32_t>(fixed);
 }
@@ -206,17 +218,43 @@ void Detector::touch_fixed(const BodyStore& bodies, std::size_t i, std::size_t f
 void Detector::touch_pair(const BodyStore& bodies, std::size_t i, std::size_t j, ContactList& out) const {
   if (!moves(bodies, i) && !moves(bodies, j)) return;
   const std::size_t a = std::min(i, j), b = std::max(i, j);
+  const bool round = bodies.round[a] || bodies.round[b];
+  int old = -1;
+  const Vec3* last_normal = nullptr;
+  if (!round) {
+    old = old_pair(a, b);
+    if (old >= 0) {
+      const Manifold& m = old_pairs_.manifolds[static_cast<std::size_t>(old)];
+      last_normal = &old_pairs_.contacts[static_cast<std::size_t>(m.first)].normal;
+    }
+  }
   const auto first = static_cast<std::int32_t>(out.contacts.size());
-  touch_bodies(bodies, a, b, kRestMargin, dt_s_, out.contacts);
+  touch_bodies(bodies, a, b, kRestMargin, dt_s_, last_normal, out.contacts);
   const auto count = static_cast<std::int32_t>(out.contacts.size()) - first;
   if (count == 0) return;
   out.manifolds.push_back({static_cast<std::int32_t>(a), static_cast<std::int32_t>(b), first, count});
+  if (round) old = old_pair(a, b);
+  // A sphere has one contact with each of the others: its arm may turn far in one step.
+  const float tolerance = round ? bodies.reach[a] : 0.15F * bodies.reach[a];
+  inherit(out, out.manifolds.back(), old_pairs_, old, tolerance);
+}
+
+int Detector::old_pair(std::size_t a, std::size_t b) const {
   int old = old_first_[a];
   while (old >= 0 && old_pairs_.manifolds[static_cast<std::size_t>(old)].b != static_cast<std::int32_t>(b))
     old = old_next_[static_cast<std::size_t>(old)];
-  // A sphere has one contact with each of the others: its arm may turn far in one step.
-  const float tolerance = bodies.round[a] || bodies.round[b] ? bodies.reach[a] : 0.15F * bodies.reach[a];
-  inherit(out, out.manifolds.back(), old_pairs_, old, tolerance);
+  return old;
+}
+
+const Vec3* Detector::old_normal(std::size_t body, std::size_t fixed) const {
+  const int manifold = old_of_body_[body];
+  if (manifold < 0) return nullptr;
+  const Manifold& m = old_world_.manifolds[static_cast<std::size_t>(manifold)];
+  for (int k = m.first; k < m.first + m.count; ++k) {
+    const Contact& c = old_world_.contacts[static_cast<std::size_t>(k)];
+    if (c.other == static_cast<std::int32_t>(fixed)) return &c.normal;
+  }
+  return nullptr;
 }
 
 // The chunks' lists one after the other; each member copies its share.

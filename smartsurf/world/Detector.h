@@ -1,6 +1,7 @@
 // Finds all contacts of a step: bodies against the field, the ground, fixed bodies and each other.
 #pragma once
 
+#include <algorithm>
 #include <memory>
 #include <vector>
 
@@ -30,6 +31,13 @@ class Detector {
   // step's contacts, whose impulses are handed on to the new ones.
   void detect(const BodyStore&, ContactList& pairs, ContactList& world, Team&);
 
+  // Appends the contacts of a shape with the field, the ground left aside.
+  void touch_field(const Shape&, const Vec3& centre, const Mat3& axes, float margin,
+                   std::vector<Contact>& out) const;
+  // Whether any column under the box may reach up into it.
+  bool field_reaches(const Vec3& low, const Vec3& high) const;
+  float narrowest_half_top() const { return std::min(field_.half_top_x, field_.half_top_y); }
+
   // A body was added or removed: the sizes must be looked at again, and contacts of the one removed
   // forgotten.
   void bodies_changed() { large_ = -1.0F; }
@@ -57,6 +65,10 @@ class Detector {
   void touch_pair(const BodyStore&, std::size_t i, std::size_t j, ContactList& out) const;
   void gather(ContactList& pairs, ContactList& world, const Member&);
   int chunks() const;
+  // The manifold that the two had in the last step, or −1.
+  int old_pair(std::size_t a, std::size_t b) const;
+  // The normal of a contact that a body had with a fixed one in the last step, or null.
+  const Vec3* old_normal(std::size_t body, std::size_t fixed) const;
 
   const surface::Field& field_;
   std::unique_ptr<LooseField> loose_;  // for a layout that is not rectangular

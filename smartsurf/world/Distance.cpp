@@ -67,9 +67,9 @@ Outward of_cone(const Vec3& p, const Shape& s) {
   return d > 1e-6F ? Outward{m.in_space(r / d, z / d), d} : Outward{m.in_space(nr, nz), 0.0F};
 }
 
-// The nearest point of a convex polygon's outline or inside, for a point beyond its plane.
-Vec3 nearest_on_face(const scene::ConvexPiece& piece, const scene::ConvexPiece::Face& face, const Vec3& p) {
-  const Vec3 foot = p - face.normal * (face.normal.dot(p) - face.offset);
+// The nearest point of a convex polygon's outline or inside to a point of its plane.
+Vec3 nearest_on_face(const scene::ConvexPiece& piece, const scene::ConvexPiece::Face& face,
+                     const Vec3& foot) {
   Vec3 best = foot;
   float nearest = -1.0F;
   for (std::uint32_t i = 0; i < face.count; ++i) {
@@ -85,19 +85,23 @@ Vec3 nearest_on_face(const scene::ConvexPiece& piece, const scene::ConvexPiece::
   return best;
 }
 
-Outward of_hull(const Vec3& p, const scene::ConvexPiece& piece) {
+Outward of_hull(const Vec3& p, const scene::ConvexPiece& piece, float limit) {
   float highest = -std::numeric_limits<float>::max();
   const scene::ConvexPiece::Face* top = nullptr;
   for (const auto& face : piece.faces) {
     const float over = face.normal.dot(p) - face.offset;
     if (over > highest) highest = over, top = &face;
   }
-  if (highest <= 0.0F) return {top->normal, highest};
-  float nearest = std::numeric_limits<float>::max();
-  Vec3 best = p;
+  if (highest <= 0.0F || highest > limit) return {top->normal, highest};
+  // Nothing is nearer than the plane that the point lies farthest above.
+  const Vec3 foot = p - top->normal * highest;
+  Vec3 best = nearest_on_face(piece, *top, foot);
+  if (best == foot) return {top->normal, highest};
+  float nearest = (p - best).squaredNorm();
   for (const auto& face : piece.faces) {
-    if (face.normal.dot(p) - face.offset <= 0.0F) continue;
-    const Vec3 q = nearest_on_face(piece, face, p);
+    const float over = face.normal.dot(p) - face.offset;
+    if (over <= 0.0F || &face == top || over * over >= nearest) continue;
+    const Vec3 q = nearest_on_face(piece, face, p - face.normal * over);
     const float square = (p - q).squaredNorm();
     if (square < nearest) nearest = square, best = q;
   }
@@ -106,7 +110,7 @@ Outward of_hull(const Vec3& p, const scene::ConvexPiece& piece) {
 
 }  // namespace
 
-Outward outward_of(const Piece& piece, const Vec3& p) {
+Outward outward_of(const Piece& piece, const Vec3& p, float limit) {
   const Shape& s = piece.shape;
   switch (s.kind) {
     case ShapeKind::kSphere:
@@ -120,7 +124,7 @@ Outward outward_of(const Piece& piece, const Vec3& p) {
     case ShapeKind::kCone:
       return of_cone(p, s);
     case ShapeKind::kSolid:
-      return of_hull(p, *piece.hull->piece);
+      return of_hull(p, *piece.hull->piece, limit);
   }
   return {Vec3(0, 0, 1), 0.0F};
 }

@@ -1,6 +1,8 @@
 // The signed distance from a point to a convex shape, in the shape's own axes, and the way out.
 #pragma once
 
+#include <limits>
+
 #include "smartsurf/world/Shape.h"
 
 namespace smartsurf::world {
@@ -21,6 +23,7 @@ struct Outward {
   Vec3 normal;     // unit
   float distance;  // below 0 inside
 };
-Outward outward_of(const Piece&, const Vec3& point);
+// Of a point farther away than `limit` only that it is.
+Outward outward_of(const Piece&, const Vec3& point, float limit = std::numeric_limits<float>::max());
 
 }  // namespace smartsurf::world

@@ -38,10 +38,14 @@ void add_box_face(Builder& b, const Vec3& half, const Vec3& d) {
 }
 
 void add_disc(Builder& b, float radius, float z, float side, const Vec3& d) {
-  const float start = std::atan2(d.y(), d.x());
+  constexpr float kDiagonal = 0.70710678F;
+  static constexpr float kAlong[kRim] = {1, kDiagonal, 0, -kDiagonal, -1, -kDiagonal, 0, kDiagonal};
+  const float across = length_of(d.x(), d.y());
+  const float x = across > 1e-9F ? radius * d.x() / across : radius;
+  const float y = across > 1e-9F ? radius * d.y() / across : 0.0F;
   for (int i = 0; i < kRim; ++i) {
-    const float angle = start + side * static_cast<float>(i) * (2.0F * static_cast<float>(M_PI) / kRim);
-    b.add({radius * std::cos(angle), radius * std::sin(angle), z});
+    const float u = kAlong[i], v = side * kAlong[(i + 6) % kRim];
+    b.add({x * u - y * v, x * v + y * u, z});
   }
   b.f.normal = b.axes.col(2) * side;
 }
@@ -122,20 +126,19 @@ Feature feature_towards(const Piece& piece, const Vec3& centre, const Mat3& axes
 
 namespace {
 
-// Cuts off what of a polygon or an edge lies beyond one side of a face.
-void cut(const Feature& now, const Vec3& on_side, const Vec3& out, Feature& next) {
+// Cuts off what of a polygon or an edge lies beyond one side of a face: points p with over[p] > 0.
+void cut(const Feature& now, const float* over, Feature& next) {
   next.count = 0;
   // An edge has one side to cut, a face as many as corners.
   const int sides = now.count > 2 ? now.count : now.count - 1;
   for (int k = 0; k < now.count; ++k) {
     const Vec3& p = now.point[static_cast<std::size_t>(k)];
-    const float over_p = out.dot(p - on_side);
-    if (over_p <= 0.0F) next.add(p);
+    if (over[k] <= 0.0F) next.add(p);
     if (k >= sides) continue;
-    const Vec3& q = now.point[static_cast<std::size_t>(k + 1 < now.count ? k + 1 : 0)];
-    const float over_q = out.dot(q - on_side);
-    if ((over_p < 0.0F && over_q > 0.0F) || (over_p > 0.0F && over_q < 0.0F))
-      next.add(p + (q - p) * (over_p / (over_p - over_q)));
+    const int after = k + 1 < now.count ? k + 1 : 0;
+    const Vec3& q = now.point[static_cast<std::size_t>(after)];
+    if ((over[k] < 0.0F && over[after] > 0.0F) || (over[k] > 0.0F && over[after] < 0.0F))
+      next.add(p + (q - p) * (over[k] / (over[k] - over[after])));
   }
 }
 
@@ -147,8 +150,16 @@ Feature clipped(const Feature& what, const Feature& face) {
   for (int i = 0; i < face.count && now->count > 0; ++i) {
     const Vec3& a = face.point[static_cast<std::size_t>(i)];
     const Vec3& b = face.point[static_cast<std::size_t>(i + 1 < face.count ? i + 1 : 0)];
-    Feature& next = buffer[i % 2];
-    cut(*now, a, (b - a).cross(face.normal), next);
+    const Vec3 out = (b - a).cross(face.normal);
+    float over[Feature::kMost];
+    float farthest = 0.0F;
+    for (int k = 0; k < now->count; ++k) {
+      over[k] = out.dot(now->point[static_cast<std::size_t>(k)] - a);
+      farthest = std::max(farthest, over[k]);
+    }
+    if (farthest == 0.0F) continue;
+    Feature& next = now == &buffer[0] ? buffer[1] : buffer[0];
+    cut(*now, over, next);
     now = &next;
   }
   return *now;
@@ -196,33 +207,41 @@ Candidate Candidates::mean() const {
   return m;
 }
 
+float Candidates::least_gap() const {
+  float least = std::numeric_limits<float>::infinity();
+  for (int i = 0; i < count_; ++i) least = std::min(least, list_[i].gap);
+  return least;
+}
+
+// The point that widens most what is there already, less its gap: −1 where none does noticeably.
+template <class Spread>
+int Candidates::widest(Spread spread) const {
+  int best = -1;
+  float most = 1e-3F;
+  for (int i = 0; i < count_; ++i) {
+    const float gain = spread(list_[i].point) - std::max(0.0F, list_[i].gap);
+    if (gain > most) most = gain, best = i;
+  }
+  return best;
+}
+
 int Candidates::choose(int (&chosen)[4]) const {
   if (count_ == 0) return 0;
   chosen[0] = 0;
   for (int i = 1; i < count_; ++i)
     if (list_[i].gap < list_[chosen[0]].gap) chosen[0] = i;
-  for (int n = 1; n < 4; ++n) {
-    int best = -1;
-    float widest = 1e-3F;
-    for (int i = 0; i < count_; ++i) {
-      const float gain = spread(list_[i].point, chosen, n) - std::max(0.0F, list_[i].gap);
-      if (gain > widest) widest = gain, best = i;
-    }
-    if (best < 0) return n;
-    chosen[n] = best;
-  }
-  return 4;
-}
-
-// How far p lies from the points chosen so far: from the point, from the line, from the nearest of them.
-float Candidates::spread(const Vec3& p, const int* chosen, int n) const {
   const Vec3& a = list_[chosen[0]].point;
-  if (n == 1) return (p - a).norm();
+  chosen[1] = widest([&](const Vec3& p) { return (p - a).norm(); });
+  if (chosen[1] < 0) return 1;
   const Vec3& b = list_[chosen[1]].point;
-  if (n == 2) return (p - a).cross(b - a).norm() / std::max(1e-6F, (b - a).norm());
-  float nearest = std::numeric_limits<float>::max();
-  for (int i = 0; i < n; ++i) nearest = std::min(nearest, (p - list_[chosen[i]].point).norm());
-  return nearest;
+  const Vec3 along = (b - a) / std::max(1e-6F, (b - a).norm());
+  chosen[2] = widest([&](const Vec3& p) { return (p - a).cross(along).norm(); });
+  if (chosen[2] < 0) return 2;
+  const Vec3& c = list_[chosen[2]].point;
+  chosen[3] = widest([&](const Vec3& p) {
+    return std::sqrt(std::min({(p - a).squaredNorm(), (p - b).squaredNorm(), (p - c).squaredNorm()}));
+  });
+  return chosen[3] < 0 ? 3 : 4;
 }
 
 }  // namespace smartsurf::world

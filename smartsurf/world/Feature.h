@@ -36,12 +36,15 @@ class Candidates {
   // When the list is full, the widest gap gives way.
   void add(const Candidate&);
   int count() const { return count_; }
+  void clear() { count_ = 0; }
   template <class Each>
   void each(Each each) const {
     for (int i = 0; i < count_; ++i) each(list_[i]);
   }
   // One in the middle of all, with the first one's normal and tag. There must be any.
   Candidate mean() const;
+  // Infinity where there is none.
+  float least_gap() const;
   // At most four: the deepest, the one farthest from it, the one farthest from their line, and the one that
   // widens them most.
   template <class Take>
@@ -53,7 +56,8 @@ class Candidates {
 
  private:
   int choose(int (&chosen)[4]) const;
-  float spread(const Vec3& p, const int* chosen, int n) const;
+  template <class Spread>
+  int widest(Spread spread) const;
 
   static constexpr int kCapacity = 96;
   Candidate list_[kCapacity];

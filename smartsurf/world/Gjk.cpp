@@ -57,21 +57,26 @@ struct Simplex {
     for (int i = 0; i < count; ++i) p += v[i].weight * v[i].w;
     return p;
   }
-  void keep(std::initializer_list<std::pair<int, float>> chosen) {
-    Simplex next;
-    for (const auto& [index, weight] : chosen) {
-      next.v[next.count] = v[index];
-      next.v[next.count++].weight = weight;
-    }
-    *this = next;
+  void keep(int i, float weight) {
+    v[0] = v[i];
+    v[0].weight = weight;
+    count = 1;
+  }
+  // i < j.
+  void keep(int i, float weight_i, int j, float weight_j) {
+    v[0] = v[i];
+    v[1] = v[j];
+    v[0].weight = weight_i;
+    v[1].weight = weight_j;
+    count = 2;
   }
 };
 
 void reduce_segment(Simplex& s) {
   const Vec3 &a = s.v[0].w, ab = s.v[1].w - a;
   const float t = -a.dot(ab), length = ab.squaredNorm();
-  if (t <= 0.0F) return s.keep({{0, 1.0F}});
-  if (!(t < length)) return s.keep({{1, 1.0F}});
+  if (t <= 0.0F) return s.keep(0, 1.0F);
+  if (!(t < length)) return s.keep(1, 1.0F);
   s.v[1].weight = t / length;
   s.v[0].weight = 1.0F - s.v[1].weight;
 }
@@ -97,15 +102,15 @@ void reduce_triangle(Simplex& s) {
   const Vec3 ab = b - a, ac = c - a;
   const float d1 = -ab.dot(a), d2 = -ac.dot(a), d3 = -ab.dot(b), d4 = -ac.dot(b), d5 = -ab.dot(c),
               d6 = -ac.dot(c);
-  if (d1 <= 0 && d2 <= 0) return s.keep({{0, 1.0F}});
-  if (d3 >= 0 && d4 <= d3) return s.keep({{1, 1.0F}});
-  if (d6 >= 0 && d5 <= d6) return s.keep({{2, 1.0F}});
+  if (d1 <= 0 && d2 <= 0) return s.keep(0, 1.0F);
+  if (d3 >= 0 && d4 <= d3) return s.keep(1, 1.0F);
+  if (d6 >= 0 && d5 <= d6) return s.keep(2, 1.0F);
   const float vc = d1 * d4 - d3 * d2, vb = d5 * d2 - d1 * d6, va = d3 * d6 - d5 * d4;
-  if (vc <= 0 && d1 >= 0 && d3 <= 0) return s.keep({{0, 1 - d1 / (d1 - d3)}, {1, d1 / (d1 - d3)}});
-  if (vb <= 0 && d2 >= 0 && d6 <= 0) return s.keep({{0, 1 - d2 / (d2 - d6)}, {2, d2 / (d2 - d6)}});
+  if (vc <= 0 && d1 >= 0 && d3 <= 0) return s.keep(0, 1 - d1 / (d1 - d3), 1, d1 / (d1 - d3));
+  if (vb <= 0 && d2 >= 0 && d6 <= 0) return s.keep(0, 1 - d2 / (d2 - d6), 2, d2 / (d2 - d6));
   if (va <= 0 && d4 >= d3 && d5 >= d6) {
     const float t = (d4 - d3) / ((d4 - d3) + (d5 - d6));
-    return s.keep({{1, 1 - t}, {2, t}});
+    return s.keep(1, 1 - t, 2, t);
   }
   const float sum = va + vb + vc;
   // Rounding may leave a sliver outside of every region: weights beyond [0, 1] would tell points far away.

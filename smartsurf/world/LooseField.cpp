@@ -110,7 +110,8 @@ surface::Field LooseField::make_three_by_three() const {
   f.height.assign(9, surface::kNoCell);
   f.speed.assign(9, 0.0F);
   if (field_.drags()) f.drag_x = f.drag_y = f.spin = f.speed;
-  if (field_.yields()) f.force_limit = f.speed;  // each cell bears its own share: that is all that counts here
+  if (field_.yields())
+    f.force_limit = f.speed;  // each cell bears its own share: that is all that counts here
   return f;
 }
 

@@ -34,8 +34,10 @@ void touch_sphere(const BodyStore& bodies, std::size_t sphere, std::size_t other
                   float margin, float dt_s, std::vector<Contact>& out) {
   const float radius = bodies.reach[sphere];
   const Vec3 centre = bodies.axes[other].transpose() * (bodies.position[sphere] - bodies.position[other]);
+  const float most = radius + margin + (bodies.velocity(sphere) - bodies.velocity(other)).norm() * dt_s;
+  if ((centre.cwiseAbs() - bodies.shape[other]->half).maxCoeff() > most) return;
   for_pieces(*bodies.shape[other], [&](const Piece& piece) {
-    const Outward o = outward_of(piece, centre);
+    const Outward o = outward_of(piece, centre, most);
     const Vec3 normal = bodies.axes[other] * o.normal;
     const float gap = o.distance - radius;
     if (gap > margin && gap > margin + closing(bodies, sphere, other, normal, dt_s)) return;
@@ -50,7 +52,7 @@ void touch_sphere(const BodyStore& bodies, std::size_t sphere, std::size_t other
 }  // namespace
 
 void touch_bodies(const BodyStore& bodies, std::size_t a, std::size_t b, float margin, float dt_s,
-                  std::vector<Contact>& out) {
+                  const Vec3* last_normal, std::vector<Contact>& out) {
   const bool round_a = bodies.round[a], round_b = bodies.round[b];
   if (round_a && round_b) return touch_spheres(bodies, a, b, margin, dt_s, out);
   if (round_a) return touch_sphere(bodies, a, b, true, margin, dt_s, out);
@@ -60,7 +62,7 @@ void touch_bodies(const BodyStore& bodies, std::size_t a, std::size_t b, float m
   const Vec3 normal = distance > 1e-6F ? Vec3(apart / distance) : Vec3(0, 0, 1);
   touch_convex({*bodies.shape[a], bodies.position[a], bodies.axes[a]},
                {*bodies.shape[b], bodies.position[b], bodies.axes[b]},
-               margin + closing(bodies, a, b, normal, dt_s), out);
+               margin + closing(bodies, a, b, normal, dt_s), last_normal, out);
 }
 
 }  // namespace smartsurf::world

@@ -10,7 +10,8 @@ namespace smartsurf::world {
 
 // Appends the contacts of body a with body b, the normal pointing from b to a: all with gaps up to `margin`,
 // and those whose gap the two would close within one step at their speed. Does not look at sleep or mass.
+// `last_normal`: of a contact that the two had in the last step, or null. It saves work and decides nothing.
 void touch_bodies(const BodyStore&, std::size_t a, std::size_t b, float margin, float dt_s,
-                  std::vector<Contact>& out);
+                  const Vec3* last_normal, std::vector<Contact>& out);
 
 }  // namespace smartsurf::world

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 namespace smartsurf::world {
 namespace {
@@ -34,11 +35,28 @@ float least_width(const scene::ConvexPiece& piece) {
   return least;
 }
 
+// Each edge runs one way round one of its faces and the other way round the other.
+std::vector<HullPiece::Edge> edges_of(const scene::ConvexPiece& piece) {
+  std::map<std::pair<std::uint16_t, std::uint16_t>, std::uint16_t> face_along;
+  std::vector<HullPiece::Edge> edges;
+  for (std::size_t f = 0; f < piece.faces.size(); ++f) {
+    const auto& face = piece.faces[f];
+    const auto* corners = &piece.face_corners[face.first];
+    for (std::uint32_t i = 0; i < face.count; ++i) {
+      const std::uint16_t from = corners[i], to = corners[(i + 1) % face.count];
+      face_along[{from, to}] = static_cast<std::uint16_t>(f);
+      if (const auto other = face_along.find({to, from}); other != face_along.end())
+        edges.push_back({from, static_cast<std::uint16_t>(f), other->second});
+    }
+  }
+  return edges;
+}
+
 void add_hulls(Shape& shape) {
   for (const auto& piece : shape.solid->pieces) {
     const float width = least_width(piece);
     const float rounding = std::min(0.03F, 0.1F * width);
-    shape.hulls.push_back({&piece, drawn_in(piece, rounding), rounding});
+    shape.hulls.push_back({&piece, drawn_in(piece, rounding), rounding, edges_of(piece)});
     shape.width = shape.hulls.size() == 1 ? width : std::max(shape.width, width);
   }
 }

@@ -1,6 +1,7 @@
 // The shape of one kind of body: what the physics needs to know of an ObjectSpec, prepared once.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <vector>
 
@@ -14,6 +15,10 @@ struct HullPiece {
   const scene::ConvexPiece* piece = nullptr;
   std::vector<Vec3> core;
   float rounding = 0.0F;
+  struct Edge {
+    std::uint16_t corner, left, right;  // one of its corners, and the faces that meet in it
+  };
+  std::vector<Edge> edges;
 };
 
 struct Shape {

@@ -18,7 +18,8 @@ constexpr float kWideGap = 1e6F;
 Pass softness(float h_s, float hertz, int substeps) {
   const float omega = 2.0F * std::numbers::pi_v<float> * std::min(hertz, 0.25F / h_s);
   const float a = 2.0F * kDampingRatio + h_s * omega, b = h_s * omega * a, scale = 1.0F / (1.0F + b);
-  return {h_s, 1.0F / h_s, 0.0F, omega / a, b * scale, scale, 1.0F / static_cast<float>(substeps), kFastestPush, kBounceThreshold};
+  return {h_s,   1.0F / h_s,   0.0F,             omega / a,                           b * scale,
+          scale, kFastestPush, kBounceThreshold, 1.0F / static_cast<float>(substeps)};
 }
 
 Vec3 vec(const float (&v)[3]) { return Vec3(v); }
@@ -92,8 +93,6 @@ void Solver::work(Job& job, const Member& member) {
     sweep(job, member, k.rebound, 0.0F);
   }
   for (int i = octets.begin; i < octets.end; ++i) read_back(job, i);
-  for (int i = bodies.begin; i < bodies.end; ++i)
-    job.bodies.settle(static_cast<std::size_t>(job.moving[static_cast<std::size_t>(i)]), settings_.dt_s);
 }
 
 // ---- contacts into lanes, and back

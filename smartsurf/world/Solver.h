@@ -1,4 +1,5 @@
-// Solves the contacts of one step and moves the bodies by it: sequential impulses over a few short substeps.
+// Solves the contacts of one step and finds how the bodies move by it: sequential impulses over a few short
+// substeps.
 //
 // In each substep every contact is solved once towards the gap that it will have at the substep's end,
 // overlaps being pushed apart softly, then the bodies move, then every contact is relaxed once, so that the
@@ -28,8 +29,8 @@ class Solver {
   explicit Solver(const StepSettings& settings) : settings_(settings) {}
 
   // One step. `moving`: the bodies that move, each once, ascending. The lists come back with the impulses of
-  // the last substep and the sums of the step; positions and orientations are those at its end. `limited`:
-  // whether any contact has a limit.
+  // the last substep and the sums of the step; velocities are those at its end, and BodyStore::shift says how
+  // far each body gets. `limited`: whether any contact has a limit.
   void step(BodyStore&, const std::vector<std::int32_t>& moving, ContactList& pairs, ContactList& world,
             bool limited, Team&);
 

@@ -1,16 +1,47 @@
+// Compiled once per instruction set: foreach_target.h includes this file again for each.
 #include "smartsurf/world/StateHash.h"
 
-#include <array>
 #include <bit>
 
+#define HWY_DISABLED_TARGETS HWY_SSSE3
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "smartsurf/world/StateHash.cpp"
+#include <hwy/foreach_target.h>  // must come before highway.h
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
 namespace smartsurf::world {
+namespace HWY_NAMESPACE {
 namespace {
 
-// Long arrays go through this many chains side by side: one chain waits for its multiplication at every word.
-constexpr std::size_t kChains = 16;
-constexpr std::uint32_t kOdd = 0x9e3779b1U;
+namespace hn = hwy::HWY_NAMESPACE;
+
+// Takes so many values a chain.
+void mix(const float* values, std::size_t words, std::uint32_t* chains) {
+  using D = hn::CappedTag<std::uint32_t, 16>;
+  constexpr D d;
+  constexpr std::size_t kLanes = hn::MaxLanes(d), kVectors = StateHash::kChains / kLanes;
+  const hn::Rebind<float, D> numbers;
+  const auto odd = hn::Set(d, 0x9e3779b1U);
+  hn::Vec<D> chain[kVectors];
+  for (std::size_t v = 0; v < kVectors; ++v) chain[v] = hn::LoadU(d, chains + v * kLanes);
+  for (std::size_t w = 0; w < words; ++w)
+    for (std::size_t v = 0; v < kVectors; ++v) {
+      const auto word = hn::BitCast(d, hn::LoadU(numbers, values + w * StateHash::kChains + v * kLanes));
+      chain[v] = hn::RotateRight<19>(hn::Mul(hn::Xor(chain[v], word), odd));
+    }
+  for (std::size_t v = 0; v < kVectors; ++v) hn::StoreU(chain[v], d, chains + v * kLanes);
+}
 
 }  // namespace
+}  // namespace HWY_NAMESPACE
+}  // namespace smartsurf::world
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace smartsurf::world {
+
+HWY_EXPORT(mix);
 
 // FNV-1a over 32-bit words, with a rotation so that high bits reach low ones.
 void StateHash::add(std::uint32_t word) noexcept {
@@ -19,17 +50,14 @@ void StateHash::add(std::uint32_t word) noexcept {
 }
 
 void StateHash::add(std::span<const float> values) noexcept {
-  std::size_t i = 0;
-  if (values.size() >= 4 * kChains) {
-    std::array<std::uint32_t, kChains> chain{};
-    for (; i + kChains <= values.size(); i += kChains)
-      for (std::size_t k = 0; k < kChains; ++k) {
-        const std::uint32_t mixed = (chain[k] ^ std::bit_cast<std::uint32_t>(values[i + k])) * kOdd;
-        chain[k] = mixed << 13U | mixed >> 19U;
-      }
-    for (const std::uint32_t c : chain) add(c);
+  std::uint32_t chains[kChains] = {};
+  const std::size_t words = values.size() / kChains;
+  if (words > 0) {
+    HWY_DYNAMIC_DISPATCH(mix)(values.data(), words, chains);
+    for (const std::uint32_t chain : chains) add(chain);
   }
-  for (; i < values.size(); ++i) add(std::bit_cast<std::uint32_t>(values[i]));
+  for (const float value : values.subspan(words * kChains)) add(std::bit_cast<std::uint32_t>(value));
 }
 
 }  // namespace smartsurf::world
+#endif

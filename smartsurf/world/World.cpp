@@ -7,6 +7,7 @@
 #include "smartsurf/world/Bodies.h"
 #include "smartsurf/world/CellLimits.h"
 #include "smartsurf/world/Detector.h"
+#include "smartsurf/world/FieldStop.h"
 #include "smartsurf/world/Sleep.h"
 #include "smartsurf/world/Solver.h"
 #include "smartsurf/world/StateHash.h"
@@ -39,6 +40,11 @@ StepSettings settings_of(const scene::SceneSpec& s) {
 
 std::array<float, 3> array_of(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
 
+template <std::size_t N>
+std::span<const float> numbers_of(const std::vector<std::array<float, N>>& all) {
+  return all.empty() ? std::span<const float>() : std::span(all.front().data(), N * all.size());
+}
+
 }  // namespace
 
 struct World::State {
@@ -57,6 +63,7 @@ struct World::State {
   void list_moving();
   void wake();
   void wake_what_is_hit();
+  void move_bodies();
   void write_impulses();
 
   std::vector<scene::Material> materials;
@@ -174,6 +181,18 @@ void World::State::list_moving() {
     if (!bodies.fixed(i) && !bodies.asleep[i]) moving.push_back(static_cast<std::int32_t>(i));
 }
 
+void World::State::move_bodies() {
+  constexpr std::size_t kWorthSharing = 512;
+  team.run(moving.size() >= kWorthSharing, [this](const Member& member) {
+    const Range share = member.share(static_cast<int>(moving.size()));
+    for (int k = share.begin; k < share.end; ++k) {
+      const auto i = static_cast<std::size_t>(moving[static_cast<std::size_t>(k)]);
+      stop_at_field(detector, bodies, i);
+      bodies.settle(i, settings.dt_s);
+    }
+  });
+}
+
 // Sleepers press on as they did when they fell asleep.
 void World::State::write_impulses() {
   if (rest_impulse_of != sleep.changes()) {
@@ -228,6 +247,7 @@ void World::step() {
     s.detector.detect(s.bodies, s.pairs, s.world, s.team);
     s.limits.share_out(s.field, s.settings.dt_s, s.world);
     s.solver.step(s.bodies, s.moving, s.pairs, s.world, s.field.yields(), s.team);
+    s.move_bodies();
     s.limits.give_way(s.bodies, s.world, s.settings.dt_s, s.field);
     s.sleep.update(s.bodies, s.moving, s.pairs, s.world);
   }
@@ -259,21 +279,21 @@ void World::snapshot(scene::Snapshot& out) const {
   out.orientation.resize(n);
   out.velocity.resize(n);
   out.angular_velocity.resize(n);
-  StateHash hash;
   for (std::size_t i = 0; i < n; ++i) {
     const Quat& q = b.orientation[i];
     out.position[i] = array_of(b.position[i]);
     out.orientation[i] = {q.x(), q.y(), q.z(), q.w()};
     out.velocity[i] = array_of(b.velocity(i));
     out.angular_velocity[i] = array_of(b.spin(i));
-    hash.add(out.id[i]);
-    hash.add(out.position[i]);
-    hash.add(out.orientation[i]);
-    hash.add(out.velocity[i]);
-    hash.add(out.angular_velocity[i]);
   }
   out.height.assign(state_->field.height.begin(), state_->field.height.end());
-  hash.add(state_->field.height);
+  StateHash hash;
+  for (const scene::ObjectId id : out.id) hash.add(id);
+  hash.add(numbers_of(out.position));
+  hash.add(numbers_of(out.orientation));
+  hash.add(numbers_of(out.velocity));
+  hash.add(numbers_of(out.angular_velocity));
+  hash.add(out.height);
   hash.add(state_->field.speed);
   out.state_hash = hash.value();
   const Sleep& sleep = state_->sleep;

@@ -30,7 +30,7 @@ struct Case {
 };
 
 struct Figures {
-  double median_us = 0, p99_us = 0;
+  double median_us = 0, p99_us = 0, quartile_us = 0;
 };
 
 inline volatile float g_sink;
@@ -79,8 +79,13 @@ inline Figures measure(int rounds, const std::function<void(int)>& round) {
     if (i > warm) times.push_back(took.count());
   }
   std::ranges::sort(times);
-  return {times[times.size() / 2], times[times.size() * 99 / 100]};
+  return {times[times.size() / 2], times[times.size() * 99 / 100], times[times.size() / 4]};
 }
+
+// How far apart two CPUs are: the lower quartile of an empty ping-pong on two words, in us. A virtual
+// machine's CPUs may be threads of one core now and belong to two chips a second later; then all figures
+// change.
+double distance_us(int peer_cpu);
 
 // The peers, each in a file of its own. The second tells why one is not there; null: it is.
 Figures unix_socket(const Case&, int peer_cpu);

@@ -5,14 +5,19 @@
 //   bench_lockstep            two cores; and what a tick costs beyond the sides' own work
 //   bench_lockstep one-core   both processes on one core
 //   bench_lockstep NAME       only the ways whose name begins so
+//   bench_lockstep … --json   a JSON object a line
+//   bench_lockstep work       only what a tick costs beyond the sides' own work
 #include <semaphore.h>
 #include <shm_protocol/ControllerEndpoint.h>
 #include <shm_protocol/SurfaceEndpoint.h>
 #include <sys/mman.h>
 
 #include <atomic>
+#include <cmath>
 #include <cstdlib>
 #include <cstring>
+#include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 
 #include "RoundTrip.h"
@@ -70,17 +75,16 @@ Figures ping_pong(const Case& c, int peer_cpu, Post post, Wait wait) {
   return figures;
 }
 
-Figures raw_spin(const Case& c, int peer_cpu) {
-  return ping_pong(
-      c, peer_cpu, [](std::atomic<int>& word, sem_t&, int i) { word.store(i, std::memory_order_release); },
-      [](std::atomic<int>& word, sem_t&, int i) {
-        while (word.load(std::memory_order_acquire) != i) {
+void post_word(std::atomic<int>& word, sem_t&, int i) { word.store(i, std::memory_order_release); }
+void await_word(std::atomic<int>& word, sem_t&, int i) {
+  while (word.load(std::memory_order_acquire) != i) {
 #if defined(__x86_64__)
-          __builtin_ia32_pause();
+    __builtin_ia32_pause();
 #endif
-        }
-      });
+  }
 }
+
+Figures raw_spin(const Case& c, int peer_cpu) { return ping_pong(c, peer_cpu, post_word, await_word); }
 
 Figures semaphores(const Case& c, int peer_cpu) {
   return ping_pong(
@@ -133,32 +137,37 @@ Figures endpoints(const Case& c, int peer_cpu) {
   return figures;
 }
 
-// Cells computed at once in a buffer of one's own, then handed to write(): up to 64 KiB.
+// Cells asked for at once: 64 KiB; two pieces of a small frame.
 constexpr std::size_t kPieceCells = 16 * 1024;
+std::size_t piece_cells(std::size_t cells) { return std::clamp<std::size_t>(cells / 2, 1, kPieceCells); }
 
 // As a streaming pair does: each piece is answered as soon as it has come, and taken in while the next one is
 // being made.
-void answer_in_pieces(ControllerEndpoint& controller, std::span<float> buffer) {
+void answer_in_pieces(ControllerEndpoint& controller) {
   for (int i = 1;; ++i) {
     std::size_t at = 0;
     for (auto in = controller.next_cells(0); !in.empty(); in = controller.next_cells(0)) {
       consume(in);
-      const auto out = buffer.first(in.size());
-      produce(out, i);
-      controller.write(1, at, std::span<const float>(out));
-      at += in.size();
+      const std::size_t end = at + in.size();
+      while (at < end) {
+        const auto out = controller.reserve(1, at, end - at);
+        produce(out, i);
+        controller.commit();
+        at += out.size();
+      }
     }
     if (controller.await_sensors() != Status::kOk) return;
     require(controller.publish());
   }
 }
 
-void tick_in_pieces(SurfaceEndpoint& surface, std::span<float> buffer, int i) {
-  const std::size_t cells = surface.description().cells();
-  for (std::size_t at = 0; at < cells; at += buffer.size()) {
-    const auto out = buffer.first(std::min(buffer.size(), cells - at));
+void tick_in_pieces(SurfaceEndpoint& surface, int i) {
+  const std::size_t cells = surface.description().cells(), piece = piece_cells(cells);
+  for (std::size_t at = 0; at < cells;) {
+    const auto out = surface.reserve(0, at, std::min(piece, cells - at));
     produce(out, i);
-    surface.write(0, at, std::span<const float>(out));
+    surface.commit();
+    at += out.size();
     consume(surface.next_cells(1));
   }
   require(surface.publish(static_cast<std::uint64_t>(i), 0.0));
@@ -167,15 +176,15 @@ void tick_in_pieces(SurfaceEndpoint& surface, std::span<float> buffer, int i) {
 }
 
 Figures endpoints_in_pieces(const Case& c, int peer_cpu) {
-  const auto config = config_of(c);
+  auto config = config_of(c);
+  config.answers_in_place = true;
   auto surface = SurfaceEndpoint::create(config);
-  std::vector<float> buffer(kPieceCells);
   const pid_t peer = start_peer(peer_cpu, [&] {
     auto controller = ControllerEndpoint::attach(config.name);
-    answer_in_pieces(controller, buffer);
+    answer_in_pieces(controller);
   });
   require(surface.await_controller());
-  const Figures figures = measure(c.rounds, [&](int i) { tick_in_pieces(surface, buffer, i); });
+  const Figures figures = measure(c.rounds, [&](int i) { tick_in_pieces(surface, i); });
   ::kill(peer, SIGKILL);
   ::waitpid(peer, nullptr, 0);
   return figures;
@@ -200,89 +209,184 @@ struct Way {
   const char* missing = nullptr;
 };
 
-constexpr Case kCases[] = {{"empty", 1, 20'000}, {"64x64 f32", 64, 4'000}, {"1024x1024 f32", 1024, 120}};
-constexpr int kPasses = 3;
+constexpr Case kTwoCores[] = {{"empty", 1, 8'000}, {"64x64 f32", 64, 3'000}, {"1024x1024 f32", 1024, 60}};
+constexpr Case kOneCore[] = {{"empty", 1, 3'000}, {"64x64 f32", 64, 1'000}, {"1024x1024 f32", 1024, 30}};
+constexpr int kPasses = 7;
 
 std::vector<Way> all_ways(bool one_core) {
   return {
       {"raw ping-pong", raw_spin, one_core ? "cannot work on one core" : nullptr},
-      {"endpoints, in place", endpoints},
+      {"endpoints", endpoints},
       {"endpoints, in pieces", endpoints_in_pieces},
       {"POSIX semaphores", semaphores},
       {"Unix socket", bench::unix_socket},
       {"Boost message_queue", bench::message_queue},
       {"ZeroMQ (ipc)", bench::zeromq, bench::zeromq_missing()},
-      {"iceoryx (waiting)", bench::iceoryx, bench::iceoryx_missing()},
+      {"iceoryx (waiting)", bench::iceoryx,
+       one_core ? "now and then its start hangs on one core" : bench::iceoryx_missing()},
   };
 }
 
-Figures middle_of(std::vector<Figures> passes) {
-  const auto middle = [&](double Figures::*value) {
-    std::ranges::sort(passes, {}, value);
-    return passes[passes.size() / 2].*value;
-  };
-  return {middle(&Figures::median_us), middle(&Figures::p99_us)};
-}
+// One pass, and how far apart the CPUs were before and after it.
+struct Pass {
+  Figures figures;
+  double before_us = 0, after_us = 0;
+};
+// Of each way and each case.
+using Passes = std::vector<std::vector<std::vector<Pass>>>;
 
-// All ways in turn, several times: a virtual machine's cores may move apart and together while they are
-// measured.
-std::vector<std::vector<Figures>> measure_all(const std::vector<Way>& ways, int peer_cpu) {
-  std::vector<std::vector<Figures>> table(ways.size());
-  for (const Case& c : kCases) {
-    std::vector<std::vector<Figures>> passes(ways.size());
+// All ways in turn, several times.
+Passes measure_all(const std::vector<Way>& ways, std::span<const Case> cases, int peer_cpu, bool one_core) {
+  Passes all(ways.size(), std::vector<std::vector<Pass>>(cases.size()));
+  const auto distance = [&] { return one_core ? 0.0 : bench::distance_us(peer_cpu); };
+  for (std::size_t c = 0; c < cases.size(); ++c)
     for (int pass = 0; pass < kPasses; ++pass)
-      for (std::size_t w = 0; w < ways.size(); ++w)
-        if (!ways[w].missing) passes[w].push_back(ways[w].measure(c, peer_cpu));
-    for (std::size_t w = 0; w < ways.size(); ++w)
-      if (!ways[w].missing) table[w].push_back(middle_of(passes[w]));
-  }
-  return table;
+      for (std::size_t w = 0; w < ways.size(); ++w) {
+        if (ways[w].missing) continue;
+        const double before = distance();
+        const Figures figures = ways[w].measure(cases[c], peer_cpu);
+        all[w][c].push_back({figures, before, distance()});
+      }
+  return all;
 }
 
-void print(const std::vector<Way>& ways, const std::vector<std::vector<Figures>>& table) {
-  std::vector<double> ours(std::size(kCases), 1e300);
+// Passes at a distance within the range, both before and after them.
+struct Range {
+  double from_us, to_us;
+  bool has(const Pass& p) const {
+    return std::min(p.before_us, p.after_us) >= from_us && std::max(p.before_us, p.after_us) < to_us;
+  }
+};
+
+// One range, or two when the CPUs moved together or apart meanwhile.
+std::vector<Range> ranges_of(const Passes& all) {
+  double nearest = 1e9, farthest = 0;
+  for (const auto& way : all)
+    for (const auto& one : way)
+      for (const Pass& p : one)
+        for (const double d : {p.before_us, p.after_us})
+          nearest = std::min(nearest, d), farthest = std::max(farthest, d);
+  const double between = std::sqrt(nearest * farthest);
+  if (farthest < 1.8 * nearest) return {{0, 1e9}};
+  return {{0, between}, {between, 1e9}};
+}
+
+std::optional<Figures> middle_of(const std::vector<Pass>& passes, const Range& range) {
+  std::vector<Figures> good;
+  for (const Pass& p : passes)
+    if (range.has(p) && p.figures.median_us > 0) good.push_back(p.figures);
+  if (good.empty()) return std::nullopt;
+  const auto middle = [&](double Figures::*value) {
+    std::ranges::sort(good, {}, value);
+    return good[good.size() / 2].*value;
+  };
+  return Figures{middle(&Figures::median_us), middle(&Figures::p99_us)};
+}
+
+void print(const std::vector<Way>& ways, std::span<const Case> cases, const Passes& all, const Range& range) {
+  std::vector<double> ours(cases.size(), 1e300);
   for (std::size_t w = 0; w < ways.size(); ++w)
-    for (std::size_t i = 0; i < table[w].size(); ++i)
-      if (std::string(ways[w].name).starts_with("endpoints"))
-        ours[i] = std::min(ours[i], table[w][i].median_us);
-  std::printf("%-21s", "");
-  for (const Case& c : kCases) std::printf("%26s", c.label);
+    for (std::size_t c = 0; c < cases.size(); ++c)
+      if (const auto f = middle_of(all[w][c], range); f && std::string(ways[w].name).starts_with("endpoints"))
+        ours[c] = std::min(ours[c], f->median_us);
+  std::printf("\n%-21s", "");
+  for (const Case& c : cases) std::printf("%27s", c.label);
   std::puts("");
   for (std::size_t w = 0; w < ways.size(); ++w) {
     std::printf("%-21s", ways[w].name);
     if (ways[w].missing) std::printf("  skipped: %s", ways[w].missing);
-    for (std::size_t i = 0; i < table[w].size(); ++i) {
-      char cell[64];
-      std::snprintf(cell, sizeof cell, "%.2f / %.1f  x%.2f", table[w][i].median_us, table[w][i].p99_us,
-                    table[w][i].median_us / ours[i]);
-      std::printf("%26s", cell);
+    for (std::size_t c = 0; c < cases.size() && !ways[w].missing; ++c) {
+      const auto f = middle_of(all[w][c], range);
+      char cell[64] = "-";
+      if (f)
+        std::snprintf(cell, sizeof cell, "%.2f / %.1f  x%.2f", f->median_us, f->p99_us,
+                      f->median_us / ours[c]);
+      std::printf("%27s", cell);
     }
     std::puts("");
   }
 }
 
+std::size_t passes_in(const Passes& all, const Range& range) {
+  std::size_t count = 0;
+  for (const auto& way : all)
+    for (const auto& one : way)
+      count +=
+          static_cast<std::size_t>(std::ranges::count_if(one, [&](const Pass& p) { return range.has(p); }));
+  return count;
+}
+
+// Of the distance at which most passes were made; of all where one had none of these.
+void print_json(const std::vector<Way>& ways, std::span<const Case> cases, const Passes& all,
+                const std::vector<Range>& ranges, bool one_core) {
+  const Range most = std::ranges::max(ranges, {}, [&](const Range& r) { return passes_in(all, r); });
+  for (std::size_t w = 0; w < ways.size(); ++w)
+    for (std::size_t c = 0; c < cases.size(); ++c) {
+      auto f = middle_of(all[w][c], most);
+      if (!f) f = middle_of(all[w][c], {0, 1e9});
+      if (!f) continue;
+      const nlohmann::ordered_json line{{"benchmark", "lockstep"},   {"case", cases[c].label},
+                                        {"who", ways[w].name},       {"cores", one_core ? 1 : 2},
+                                        {"median_us", f->median_us}, {"p99_us", f->p99_us}};
+      std::puts(line.dump().c_str());
+    }
+}
+
+void print(const std::vector<Way>& ways, std::span<const Case> cases, const Passes& all,
+           const std::vector<Range>& ranges, bool one_core) {
+  std::printf(
+      "round trips in us, median / p99 of the middle one of %d passes, and the median over that of "
+      "`endpoints` (the "
+      "faster way of the two)\npayload each way, all of it written and read; both processes on %s\n",
+      kPasses, one_core ? "one core" : "a core each");
+  for (const Range& range : ranges) {
+    if (ranges.size() > 1)
+      std::printf("\npasses with the cores %s apart: an empty ping-pong of %s than %.2f us\n",
+                  range.from_us == 0 ? "little" : "far", range.from_us == 0 ? "less" : "more",
+                  range.from_us == 0 ? range.to_us : range.from_us);
+    print(ways, cases, all, range);
+  }
+}
+
+struct Asked {
+  bool one_core, json = false;
+  std::string only;
+};
+
+Asked asked_of(int argc, char** argv, bool one_core) {
+  Asked asked{one_core, false, {}};
+  for (int i = 1; i < argc; ++i) {
+    const std::string argument = argv[i];
+    if (argument == "one-core")
+      asked.one_core = true;
+    else if (argument == "--json")
+      asked.json = true;
+    else
+      asked.only = argument;
+  }
+  return asked;
+}
+
 }  // namespace
+
+double bench::distance_us(int peer_cpu) {
+  const auto pass = [&] { return ping_pong({"", 1, 400}, peer_cpu, post_word, await_word).quartile_us; };
+  return std::min(pass(), pass());
+}
 
 int main(int argc, char** argv) {
   const auto cpus = usable_cpus();
-  bool one_core = cpus.size() == 1;
-  std::string only;
-  for (int i = 1; i < argc; ++i) {
-    if (std::string(argv[i]) == "one-core")
-      one_core = true;
-    else
-      only = argv[i];
-  }
+  const Asked asked = asked_of(argc, argv, cpus.size() == 1);
+  const bool one_core = asked.one_core;
   const int peer_cpu = one_core ? cpus.front() : cpus.back();
   pin_to(cpus.front());
+  if (asked.only == "work") return bench::print_own_work(peer_cpu), 0;
   auto ways = all_ways(one_core);
-  std::erase_if(ways, [&](const Way& way) { return !std::string(way.name).starts_with(only); });
-  const auto table = measure_all(ways, peer_cpu);
-  std::printf(
-      "round trips in us, median / p99 of the middle one of %d passes, and the median over that of "
-      "`endpoints` "
-      "(the faster way of the two)\npayload each way, all of it written and read; both processes on %s\n\n",
-      kPasses, one_core ? "one core" : "a core each");
-  print(ways, table);
-  if (!one_core && only.empty()) bench::print_own_work(peer_cpu);
+  std::erase_if(ways, [&](const Way& way) { return !std::string(way.name).starts_with(asked.only); });
+  const std::span<const Case> cases = one_core ? std::span<const Case>(kOneCore) : kTwoCores;
+  const Passes all = measure_all(ways, cases, peer_cpu, one_core);
+  const auto ranges = one_core ? std::vector<Range>{{0, 1e9}} : ranges_of(all);
+  if (asked.json) return print_json(ways, cases, all, ranges, one_core), 0;
+  print(ways, cases, all, ranges, one_core);
+  if (!one_core && asked.only.empty()) bench::print_own_work(peer_cpu);
 }

@@ -1,14 +1,16 @@
 // The World and its proximity sensors beside naive Bullet, MuJoCo and ODE, on the same scenes in one run.
-//   bench_physics [--steps N] [--only "64x64 100"] [--threads N] [--peers naive,mujoco,ode | none]
+//   bench_physics [--steps N] [--only "64x64 100"] [--threads N] [--peers naive,mujoco,ode | none] [--json]
 // The peers run on one thread, each where it can; MuJoCo and ODE are left out where they are not installed.
 // Prints medians in milliseconds of a 1/60 s step, a peer's total over ours, and how truly each holds its
 // objects apart: the largest overlap of two spheres and the deepest penetration of a sphere into a pin.
-// "pins" is the time in which our pins follow their commands; it is not in the total.
+// "pins" is the time in which our pins follow their commands; it is not in the total. --json: a JSON object a
+// line.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <cstring>
 #include <functional>
+#include <nlohmann/json.hpp>
 
 #include "smartsurf/surface/ActuatorArray.h"
 #include "smartsurf/surface/SensorArray.h"
@@ -24,6 +26,7 @@ namespace {
 struct Options {
   int steps = 120;
   int threads = 1;
+  bool json = false;
   std::string only, peers = "naive,mujoco,ode";
   bool with(const char* peer) const { return peers.find(peer) != std::string::npos; }
 };
@@ -89,8 +92,8 @@ Result run_ours(const Workload& w, const Options& options) {
   scene::SceneSpec spec = scene_of(w);
   spec.surface.sensors = {scene::find_sensor_kind("proximity")->standard()};
   spec.surface.sensors[0].values["range"] = {kSensorRange};
-  surface::ActuatorArray cells(spec.surface);
   surface::WorkerPool pool(options.threads);
+  surface::ActuatorArray cells(spec.surface, {}, 1, &pool);
   world::World world(spec, cells.field(), &pool);
   surface::SensorArray sensing(spec, cells.field());
   scene::Snapshot snapshot;
@@ -158,9 +161,24 @@ void report(const char* who, const Workload& w, const Result& r) {
               r.lost);
 }
 
+void report_json(const char* who, const Workload& w, const Options& options, const Result& r) {
+  const nlohmann::ordered_json line{{"benchmark", "physics"},
+                                    {"case", w.name()},
+                                    {"who", who},
+                                    {"threads", who == std::string("ours") ? options.threads : 1},
+                                    {"physics_ms", r.physics_ms},
+                                    {"sensors_ms", r.sensors_ms},
+                                    {"overlap_u", r.overlap},
+                                    {"in_pins_u", r.penetration},
+                                    {"lost", r.lost}};
+  std::puts(line.dump().c_str());
+  std::fflush(stdout);
+}
+
 void compare(const char* who, PinEngine& peer, const Workload& w, const Options& options,
              const Result& ours) {
   const Result theirs = run_peer(peer, w, options);
+  if (options.json) return report_json(who, w, options, theirs);
   report(who, w, theirs);
   std::printf("  × %.1f\n", theirs.total_ms() / ours.total_ms());
   std::fflush(stdout);
@@ -168,9 +186,13 @@ void compare(const char* who, PinEngine& peer, const Workload& w, const Options&
 
 void run(const Workload& w, const Options& options) {
   const Result ours = run_ours(w, options);
-  report("ours", w, ours);
-  std::printf("  snapshot %.3f  pins %.3f ms  asleep %d\n", ours.look_ms, ours.pins_ms, ours.asleep);
-  std::fflush(stdout);
+  if (options.json) {
+    report_json("ours", w, options, ours);
+  } else {
+    report("ours", w, ours);
+    std::printf("  snapshot %.3f  pins %.3f ms  asleep %d\n", ours.look_ms, ours.pins_ms, ours.asleep);
+    std::fflush(stdout);
+  }
   if (w.n > 256 || w.field == Field::kStill) return;
   if (options.with("naive")) {
     NaivePins naive(w);
@@ -184,7 +206,9 @@ void run(const Workload& w, const Options& options) {
 
 Options read_options(int argc, char** argv) {
   Options o;
-  for (int i = 1; i + 1 < argc; i += 2) {
+  for (int i = 1; i < argc; ++i) {
+    if (!std::strcmp(argv[i], "--json")) o.json = true;
+    if (i + 1 == argc) continue;
     if (!std::strcmp(argv[i], "--steps")) o.steps = std::max(1, std::atoi(argv[i + 1]));
     if (!std::strcmp(argv[i], "--threads")) o.threads = std::max(1, std::atoi(argv[i + 1]));
     if (!std::strcmp(argv[i], "--only")) o.only = argv[i + 1];

@@ -1,13 +1,15 @@
 // The sensors of a surface on the ladder of sizes, each model by itself, beside the plain way: every segment
 // tried with every object.
 //   bench_sensors [--only "256x256 10000"] [--model proximity] [--repeats N] [--threads N] [--no-peer]
+//   [--json]
 // Prints medians in milliseconds of one sweep, and for proximity how many times longer the plain way takes
-// and by how much the two differ at most.
+// and by how much the two differ at most. --json: a JSON object a line.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <cstring>
 #include <functional>
+#include <nlohmann/json.hpp>
 #include <numbers>
 #include <random>
 #include <string>
@@ -22,7 +24,7 @@ namespace {
 struct Options {
   std::string only, model;
   int repeats = 61, threads = 1;
-  bool peer = true;
+  bool peer = true, json = false;
 };
 
 struct Workload {
@@ -141,7 +143,14 @@ double nearest(const Scene& s, int cell, double range) {
   return best;
 }
 
-void compare(Scene& s, double ours_ms, surface::WorkerPool& pool) {
+void print_json(const Workload& w, const std::string& who, double ms) {
+  const nlohmann::ordered_json line{
+      {"benchmark", "sensors"}, {"case", w.name()}, {"who", who}, {"median_ms", ms}};
+  std::puts(line.dump().c_str());
+  std::fflush(stdout);
+}
+
+void compare(Scene& s, const Workload& w, double ours_ms, bool json, surface::WorkerPool& pool) {
   s.spec.surface.sensors = {scene::find_sensor_kind("proximity")->standard()};
   s.spec.surface.sensors[0].values["range"] = {4};
   surface::SensorArray sensors(s.spec, s.field);
@@ -153,6 +162,7 @@ void compare(Scene& s, double ours_ms, surface::WorkerPool& pool) {
       worst = std::max(worst,
                        std::abs(nearest(s, cell, 4) - sensors.readings(0)[static_cast<std::size_t>(cell)]));
   });
+  if (json) return print_json(w, "proximity, every object at every cell", ms * stride);
   std::printf("%-20s every object at every cell %10.1f ms, %.0f times longer; differs by at most %.1e\n", "",
               ms * stride, ms * stride / ours_ms, worst);
 }
@@ -161,6 +171,7 @@ Options read_options(int argc, char** argv) {
   Options o;
   for (int i = 1; i < argc; ++i) {
     if (!std::strcmp(argv[i], "--no-peer")) o.peer = false;
+    if (!std::strcmp(argv[i], "--json")) o.json = true;
     if (i + 1 == argc) continue;
     if (!std::strcmp(argv[i], "--only")) o.only = argv[i + 1];
     if (!std::strcmp(argv[i], "--model")) o.model = argv[i + 1];
@@ -184,9 +195,12 @@ int main(int argc, char** argv) {
     for (const Model& model : kModels) {
       if (!options.model.empty() && model.label != options.model) continue;
       const double ms = run_model(s, model, options, pool);
-      std::printf("%-20s %-18s %8.3f ms\n", w.name().c_str(), model.label.c_str(), ms);
+      if (options.json)
+        print_json(w, model.label, ms);
+      else
+        std::printf("%-20s %-18s %8.3f ms\n", w.name().c_str(), model.label.c_str(), ms);
       std::fflush(stdout);
-      if (options.peer && !w.mixed && model.label == "proximity") compare(s, ms, pool);
+      if (options.peer && !w.mixed && model.label == "proximity") compare(s, w, ms, options.json, pool);
     }
   }
 }

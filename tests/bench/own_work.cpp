@@ -1,9 +1,10 @@
 // What lock-step costs a pair whose sides have work of their own: the time of a tick, less what both sides'
-// work takes alone in the same processes, on the same cores, in the same run.
+// work takes alone in the same processes, on the same cores, between the same ticks.
 #include <shm_protocol/ControllerEndpoint.h>
 #include <shm_protocol/SurfaceEndpoint.h>
 #include <sys/mman.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cstdlib>
 #include <string>
@@ -20,7 +21,8 @@ using shm_protocol::SurfaceEndpoint;
 
 constexpr std::uint32_t kSide = 64;
 constexpr std::size_t kCells = std::size_t{kSide} * kSide;
-constexpr int kRounds = 1500, kAlone = 300;
+constexpr std::uint64_t kRounds = 1600;
+constexpr int kPasses = 5;
 
 // Reads `in`, smooths it `times` times, and leaves the result in `out`: about a microsecond each time.
 class Work {
@@ -40,10 +42,32 @@ class Work {
   std::vector<float> a_, b_;
 };
 
-double alone_us(Work& work) {
-  std::vector<float> in(kCells, 1.0F), out(kCells);
-  return measure(kAlone, [&](int) { work(in, out); }).median_us;
+double middle(std::vector<double> values) {
+  std::ranges::sort(values);
+  return values[values.size() / 2];
 }
+
+// Between the ticks, each side now and then takes the time of its work alone: so both are measured under the
+// same conditions, whatever the cores do meanwhile. Ticks that such a pause may have made longer do not
+// count.
+class Alone {
+ public:
+  static constexpr std::uint64_t kEvery = 16;
+
+  explicit Alone(int times) : work_(times) {}
+  void measure() {
+    const auto start = std::chrono::steady_clock::now();
+    work_(in_, out_);
+    const std::chrono::duration<double, std::micro> took = std::chrono::steady_clock::now() - start;
+    times_.push_back(took.count());
+  }
+  double us() const { return middle(times_); }
+
+ private:
+  Work work_;
+  std::vector<float> in_ = std::vector<float>(kCells, 1.0F), out_ = std::vector<float>(kCells);
+  std::vector<double> times_;
+};
 
 shm_protocol::SurfaceConfig config_of() {
   using namespace shm_protocol;
@@ -65,36 +89,47 @@ struct Cost {
   double surface_us, controller_us, tick_us;
 };
 
+void control(const std::string& name, int times, std::atomic<double>& result) {
+  Work work(times);
+  Alone alone(times);
+  std::vector<float> out(kCells);
+  auto controller = ControllerEndpoint::attach(name);
+  for (std::uint64_t i = 1; controller.await_sensors() == Status::kOk; ++i) {
+    work(controller.sensor(0), out);
+    controller.write(1, 0, std::span<const float>(out));
+    must(controller.publish() == Status::kOk);
+    if (i % Alone::kEvery != Alone::kEvery / 2) continue;
+    alone.measure();
+    result = alone.us();
+  }
+}
+
 Cost measure_pair(int times, int peer_cpu) {
   const auto config = config_of();
   auto* controllers = static_cast<std::atomic<double>*>(::mmap(
       nullptr, sizeof(std::atomic<double>), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0));
   auto surface = SurfaceEndpoint::create(config);
-  const pid_t peer = start_peer(peer_cpu, [&] {
-    Work work(times);
-    std::vector<float> out(kCells);
-    *controllers = alone_us(work);
-    auto controller = ControllerEndpoint::attach(config.name);
-    while (controller.await_sensors() == Status::kOk) {
-      work(controller.sensor(0), out);
-      controller.write(1, 0, std::span<const float>(out));
-      must(controller.publish() == Status::kOk);
-    }
-  });
+  const pid_t peer = start_peer(peer_cpu, [&] { control(config.name, times, *controllers); });
   must(surface.await_controller() == Status::kOk);
   Work work(times);
+  Alone alone(times);
   std::vector<float> out(kCells);
-  const double before = alone_us(work);
-  const Figures tick = measure(kRounds, [&](int i) {
+  std::vector<double> ticks;
+  for (std::uint64_t i = 1; i <= kRounds; ++i) {
+    const auto start = std::chrono::steady_clock::now();
     work(surface.actuator(1), out);
     surface.write(0, 0, std::span<const float>(out));
-    must(surface.publish(static_cast<std::uint64_t>(i), 0.0) == Status::kOk);
-    must(surface.await_actuators(static_cast<std::uint64_t>(i)) == Status::kOk);
-  });
-  const double after = alone_us(work);
+    must(surface.publish(i, 0.0) == Status::kOk);
+    must(surface.await_actuators(i) == Status::kOk);
+    const std::chrono::duration<double, std::micro> took = std::chrono::steady_clock::now() - start;
+    const std::uint64_t phase = i % Alone::kEvery;
+    if (phase > Alone::kEvery / 2 + 2 || (phase > 2 && phase < Alone::kEvery / 2))
+      ticks.push_back(took.count());
+    if (phase == 0) alone.measure();
+  }
   ::kill(peer, SIGKILL);
   ::waitpid(peer, nullptr, 0);
-  const Cost cost{std::min(before, after), *controllers, tick.median_us};
+  const Cost cost{alone.us(), *controllers, middle(ticks)};
   ::munmap(controllers, sizeof(std::atomic<double>));
   return cost;
 }
@@ -103,12 +138,16 @@ Cost measure_pair(int times, int peer_cpu) {
 
 void print_own_work(int peer_cpu) {
   std::printf(
-      "\na tick at 64x64 f32 each way, both sides with work of their own, medians in us\n%12s%12s%12s%22s\n",
-      "surface", "controller", "tick", "tick less both works");
+      "\na tick at 64x64 f32 each way, both sides with work of their own, medians in "
+      "us\n%12s%12s%12s%22s%22s\n",
+      "surface", "controller", "tick", "tick less both works", "empty ping-pong");
   for (const int times : {20, 50, 100, 200}) {
-    const Cost c = measure_pair(times, peer_cpu);
-    std::printf("%12.2f%12.2f%12.2f%22.2f\n", c.surface_us, c.controller_us, c.tick_us,
-                c.tick_us - c.surface_us - c.controller_us);
+    for (int pass = 0; pass < kPasses; ++pass) {
+      const double before = distance_us(peer_cpu);
+      const Cost c = measure_pair(times, peer_cpu);
+      std::printf("%12.2f%12.2f%12.2f%22.2f%14.2f …%6.2f\n", c.surface_us, c.controller_us, c.tick_us,
+                  c.tick_us - c.surface_us - c.controller_us, before, distance_us(peer_cpu));
+    }
   }
 }
 

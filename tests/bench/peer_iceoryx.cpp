@@ -24,7 +24,7 @@ class Daemon {
     std::ofstream(file)
         << "[general]\nversion = 1\n[[segment]]\n[[segment.mempool]]\nsize = 128\ncount = 64\n"
            "[[segment.mempool]]\nsize = 16640\ncount = 64\n"
-           "[[segment.mempool]]\nsize = 4194560\ncount = 16\n";
+           "[[segment.mempool]]\nsize = 4194560\ncount = 32\n";
     pid_ = ::fork();
     if (pid_ == 0) {
       ::prctl(PR_SET_PDEATHSIG, SIGKILL);
@@ -40,7 +40,10 @@ class Daemon {
   ~Daemon() {
     ::kill(pid_, SIGTERM);
     // It waits for its clients; one that was killed never says that it left.
-    for (int i = 0; i < 30 && ::waitpid(pid_, nullptr, WNOHANG) == 0; ++i) ::usleep(100'000);
+    for (int i = 0; i < 30; ++i) {
+      if (::waitpid(pid_, nullptr, WNOHANG) != 0) return;
+      ::usleep(100'000);
+    }
     ::kill(pid_, SIGKILL);
     ::waitpid(pid_, nullptr, 0);
   }
@@ -98,21 +101,27 @@ class End {
   std::size_t bytes_;
 };
 
+// The daemon remembers those that were killed for a while: each client has a name of its own.
+void join_as(const std::string& who) {
+  iox::log::LogManager::GetLogManager().SetDefaultLogLevel(iox::log::LogLevel::kOff,
+                                                           iox::log::LogLevelOutput::kHideLogLevel);
+  iox::runtime::PoshRuntime::initRuntime(
+      iox::RuntimeName_t(iox::cxx::TruncateToCapacity, who + std::to_string(::getpid())));
+}
+
 Figures run(const Case& c, int peer_cpu) {
   const std::size_t bytes = std::size_t{c.side} * c.side * sizeof(float);
   const Text instance(iox::cxx::TruncateToCapacity,
                       std::to_string(::getpid()) + "-" + std::to_string(c.side));
   const pid_t peer = start_peer(peer_cpu, [&] {
-    iox::log::LogManager::GetLogManager().SetDefaultLogLevel(iox::log::LogLevel::kOff);
-    iox::runtime::PoshRuntime::initRuntime("bench-peer");
+    join_as("bench-peer-");
     End end(instance, kHome, kForth, bytes);
     for (int i = 1;; ++i) {
       end.take();
       end.send(i);
     }
   });
-  iox::log::LogManager::GetLogManager().SetDefaultLogLevel(iox::log::LogLevel::kOff);
-  iox::runtime::PoshRuntime::initRuntime("bench-first");
+  join_as("bench-first-");
   End end(instance, kForth, kHome, bytes);
   while (!end.connected()) ::usleep(1000);
   const Figures figures = measure(c.rounds, [&](int i) {
@@ -130,13 +139,13 @@ const char* iceoryx_missing() { return nullptr; }
 
 // In a process of its own: the runtime is made once a process, and its threads may not be forked.
 Figures iceoryx(const Case& c, int peer_cpu) {
-  const Daemon daemon;
+  static const Daemon daemon;
   int result[2];
   if (::pipe(result) != 0) std::abort();
   const pid_t child = ::fork();
   if (child == 0) {
     ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-    ::alarm(60);  // now and then its start hangs when all of it shares one core
+    ::alarm(10);  // now and then its start hangs
     const Figures figures = run(c, peer_cpu);
     ::_exit(::write(result[1], &figures, sizeof figures) == sizeof figures ? 0 : 1);
   }

@@ -51,6 +51,7 @@ Figures zeromq(const Case& c, int peer_cpu) {
   ::zmq_setsockopt(socket, ZMQ_LINGER, &linger, sizeof linger);
   ::zmq_close(socket);
   ::zmq_ctx_term(context);
+  ::unlink(address.c_str() + sizeof "ipc://" - 1);
   return figures;
 }
 

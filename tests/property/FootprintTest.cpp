@@ -189,9 +189,10 @@ scene::ObjectSpec random_object(std::mt19937& random, ShapeKind shape, double wi
   return o;
 }
 
-Scene random_scene(std::mt19937& random, int rows, int columns, bool free) {
+Scene random_scene(std::mt19937& random, int rows, int columns, bool free, float pitch = 1.0F) {
   std::uniform_real_distribution<float> u(0, 1);
   Scene s;
+  s.field.pitch = pitch;
   s.field.rows = rows;
   s.field.columns = columns;
   s.field.half_top_x = 0.4F;
@@ -200,8 +201,8 @@ Scene random_scene(std::mt19937& random, int rows, int columns, bool free) {
     s.field.height.push_back(u(random) < 0.05F ? surface::kNoCell : 2 * u(random));
     if (!free) continue;
     const int r = i / columns;
-    s.field.x.push_back(static_cast<float>(i % columns) + 0.5F * static_cast<float>(r % 2));
-    s.field.y.push_back(0.9F * static_cast<float>(rows - 1 - r));
+    s.field.x.push_back(pitch * (static_cast<float>(i % columns) + 0.5F * static_cast<float>(r % 2)));
+    s.field.y.push_back(pitch * 0.9F * static_cast<float>(rows - 1 - r));
     s.field.angle.push_back(6 * u(random));
   }
   for (int k = 0; k < 2 * scene::kShapeKinds; ++k) {
@@ -215,6 +216,18 @@ Scene random_scene(std::mt19937& random, int rows, int columns, bool free) {
     s.objects.push_back(o);
   }
   return s;
+}
+
+void resize(scene::ObjectSpec& o, double times) {
+  if (o.shape == ShapeKind::kSolid) return;
+  o.radius *= times;
+  o.height *= times;
+  o.size *= times;
+}
+
+void move_to(Scene& s, std::size_t k, const Eigen::Vector3f& place) {
+  s.objects[k].position = place.cast<double>();
+  s.snapshot.position[k] = {place.x(), place.y(), place.z()};
 }
 
 std::vector<float> marks_of(const surface::SensedBodies& bodies) {
@@ -303,6 +316,75 @@ TEST(Footprint, AgreesOnSurfacesNarrowerThanAVectorAndFromAFixedHeight) {
     compare(s, overhead, tally, "from above");
   }
   EXPECT_GT(tally.hits, 100);
+}
+
+// Beside the table and half off it, below the pins' tops and inside pins, from crumbs to boulders; tables of
+// any pitch; segments in all directions, those that are all but upright or all but level included.
+TEST(Footprint, AgreesWhereverObjectsAreAndWhereverSegmentsPoint) {
+  std::mt19937 random(11);
+  std::uniform_real_distribution<float> u(0, 1);
+  std::normal_distribution<float> normal;
+  Tally tally;
+  for (int round = 0; round < 24; ++round) {
+    const float pitch = round % 3 == 0 ? 1.0F : 0.9F + 1.6F * u(random);
+    Scene s = random_scene(random, 6, 7, round % 2 == 1, pitch);
+    for (std::size_t k = 0; k < s.objects.size(); ++k) {
+      const float size = k % 4 == 0 ? 0.2F + 0.1F * u(random) : k % 4 == 1 ? 1.5F : 1.0F;
+      resize(s.objects[k], double{size});
+      move_to(s, k, {pitch * (9 * u(random) - 1.5F), pitch * (8 * u(random) - 1.5F), 6 * u(random) - 2.5F});
+    }
+    Eigen::Vector3f direction(normal(random), normal(random), normal(random));
+    if (round % 6 == 2) direction.head<2>() *= 1e-3F;
+    if (round % 6 == 5) direction.z() *= 1e-3F;
+    Segment segment = segment_along(direction, 1.0F + 7.0F * u(random), round % 4 < 2);
+    segment.from_top = round % 8 != 7;
+    segment.origin = {u(random) - 0.5F, u(random) - 0.5F, segment.from_top ? u(random) - 0.3F : 2.0F};
+    std::ostringstream what;
+    what << "round " << round << ", pitch " << pitch << ", along " << segment.direction.transpose();
+    compare(s, segment, tally, what.str());
+  }
+  EXPECT_GT(tally.hits, tally.cells / 5);
+  EXPECT_LT(tally.unsure, tally.cells / 20);
+}
+
+// One plate over another over a pin: the lower hides the upper, and a wall of pins hides both.
+TEST(Footprint, WhatIsNearerHidesWhatIsBehind) {
+  Scene s;
+  s.field.rows = s.field.columns = 9;
+  s.field.height.assign(81, 0.0F);
+  for (int k = 0; k < 2; ++k) {
+    scene::ObjectSpec plate;
+    plate.shape = ShapeKind::kBox;
+    plate.size = {k == 0 ? 6.0 : 3.0, k == 0 ? 6.0 : 3.0, 0.5};
+    plate.position = {4, 4, k == 0 ? 5.0 : 2.0};
+    s.objects.push_back(plate);
+    s.snapshot.id.push_back(static_cast<scene::ObjectId>(k));
+    s.snapshot.position.push_back({});
+    s.snapshot.orientation.push_back({0, 0, 0, 1});
+    move_to(s, static_cast<std::size_t>(k), plate.position.cast<float>());
+  }
+  surface::WorkerPool pool(1);
+  surface::SensedBodies bodies(0, 8);
+  bodies.update(s.snapshot, s.objects, pool);
+  FirstHit up(s.field, segment_along({0, 0, 1}, 8, true));
+  up.sweep(bodies.all(), marks_of(bodies), 1000, s.field.height, pool);
+  EXPECT_EQ(up.mark()[4 * 9 + 4], 2.0F);
+  EXPECT_FLOAT_EQ(up.distance()[4 * 9 + 4], 1.75F);
+  EXPECT_EQ(up.mark()[2 * 9 + 4], 1.0F) << "beside the lower one";
+  EXPECT_FLOAT_EQ(up.distance()[2 * 9 + 4], 4.75F);
+  EXPECT_EQ(up.mark()[0], 0.0F);
+
+  Segment west = segment_along({-1, 0, 0}, 8, true);
+  west.origin.z() = 2.0F;
+  FirstHit level(s.field, west);
+  level.sweep(bodies.all(), marks_of(bodies), 1000, s.field.height, pool);
+  EXPECT_EQ(level.mark()[4 * 9 + 8], 2.0F);
+  EXPECT_FLOAT_EQ(level.distance()[4 * 9 + 8], 2.5F);
+  s.field.height[4 * 9 + 6] = 2.5F;  // a pin between
+  level.sweep(bodies.all(), marks_of(bodies), 1000, s.field.height, pool);
+  EXPECT_EQ(level.mark()[4 * 9 + 8], 1000.0F);
+  EXPECT_FLOAT_EQ(level.distance()[4 * 9 + 8], 1.6F);
+  EXPECT_EQ(level.mark()[3 * 9 + 8], 2.0F) << "the row beside it sees on";
 }
 
 TEST(Footprint, ForgetsWhatMovedAwayAndNamesTheCellsThatMayHaveChanged) {

@@ -131,12 +131,14 @@ scene::ObjectSpec solid_of(const Corners& corners, const Faces& faces, double vo
 
 }  // namespace
 
-scene::ObjectSpec cube(const Eigen::Vector3d& position) {
+scene::ObjectSpec cube(const Eigen::Vector3d& position, float edge) {
+  const float half = 0.5F * edge;
   Corners corners;
-  for (int i = 0; i < 8; ++i) corners.emplace_back(i & 1 ? 1 : -1, i & 2 ? 1 : -1, i & 4 ? 1 : -1);
+  for (int i = 0; i < 8; ++i)
+    corners.emplace_back(i & 1 ? half : -half, i & 2 ? half : -half, i & 4 ? half : -half);
   return solid_of(corners,
-                  {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}}, 8,
-                  Eigen::Vector3d::Constant(2.0 / 3.0), position);
+                  {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}},
+                  std::pow(edge, 3.0), Eigen::Vector3d::Constant(edge * edge / 6.0), position);
 }
 
 scene::ObjectSpec wedge(const Eigen::Vector3d& position) {

@@ -44,8 +44,8 @@ smartsurf::scene::ObjectSpec box(const Eigen::Vector3d& size, const Eigen::Vecto
 smartsurf::scene::ObjectSpec cylinder(double radius, double height, const Eigen::Vector3d& position);
 smartsurf::scene::ObjectSpec capsule(double radius, double height, const Eigen::Vector3d& position);
 smartsurf::scene::ObjectSpec cone(double radius, double height, const Eigen::Vector3d& position);
-// Solids bounded by faces: a cube of edge 2, and a triangular prism of edge 2 lying on one side.
-smartsurf::scene::ObjectSpec cube(const Eigen::Vector3d& position);
+// Solids bounded by faces: a cube, and a triangular prism of edge 2 lying on one side.
+smartsurf::scene::ObjectSpec cube(const Eigen::Vector3d& position, float edge = 2.0F);
 smartsurf::scene::ObjectSpec wedge(const Eigen::Vector3d& position);
 
 }  // namespace physics_bench

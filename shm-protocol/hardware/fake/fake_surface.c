@@ -201,6 +201,7 @@ int main(int argc, char** argv) {
   struct sigaction action = {.sa_handler = on_signal, .sa_flags = (int)SA_RESETHAND};
   sigaction(SIGINT, &action, NULL);
   sigaction(SIGTERM, &action, NULL);
+  sigaction(SIGHUP, &action, NULL);
 
   const ssp_surface_config config = {.name = t.o.name,
                                      .rows = t.o.rows,

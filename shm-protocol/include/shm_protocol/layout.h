@@ -26,8 +26,8 @@ extern "C" {
 /* "SMRTSURF" as eight bytes in memory. */
 #define SSP_MAGIC UINT64_C(0x4652555354524D53)
 
-#define SSP_VERSION_MAJOR 1u
-#define SSP_VERSION_MINOR 1u
+#define SSP_VERSION_MAJOR 2u
+#define SSP_VERSION_MINOR 0u
 #define SSP_VERSION ((SSP_VERSION_MAJOR << 16) | SSP_VERSION_MINOR)
 
 #define SSP_LINE 128u /* bytes that one writer owns: two cache lines, because they are fetched in pairs */
@@ -35,6 +35,7 @@ extern "C" {
 #define SSP_MAX_CHANNELS 32u
 #define SSP_MIN_SLOTS 4u
 #define SSP_MAX_SLOTS 64u
+#define SSP_TIME_STEP_SLOTS 2u /* of them in use in time-step mode: frame n lies in slot n mod 2 */
 #define SSP_CPU_UNKNOWN UINT32_C(0xFFFFFFFF)
 
 /* A process word names one process for ever: (start time << 22) | pid, where the start time is field 22 of

@@ -1,6 +1,7 @@
 """What calls take and return: results and errors, and the plain values of all three roles."""
 import dataclasses
 import enum
+import sys
 
 import numpy as np
 
@@ -39,6 +40,11 @@ class Error(RuntimeError):
     def __init__(self, result, message, pid=0):
         super().__init__(message)
         self.result, self.pid = Result(result), pid
+
+    def report(self):
+        """Says what happened in one line on stderr. Returns 3, the exit status of a controller without a surface."""
+        print(self, file=sys.stderr)
+        return 3
 
 
 class NotFound(Error):

@@ -2,6 +2,7 @@
 needing Gymnasium."""
 import os
 import subprocess
+import tempfile
 import uuid
 
 import numpy as np
@@ -66,7 +67,7 @@ class SurfaceEnv(_Base):
     """One controller of one surface.
 
     SurfaceEnv(experiment="sort.lua") starts `smartsurf run sort.lua --shm NAME` at each reset and ends it at the
-    next, or at close(). SurfaceEnv(name="table") attaches to a surface that somebody else runs, hardware for one;
+    next, or at close(). What it says on stderr is kept back; when it fails, RuntimeError tells its last line. SurfaceEnv(name="table") attaches to a surface that somebody else runs, hardware for one;
     that cannot be reset to a seed.
 
     An observation is a dict of sensor arrays (copies), an action a dict of actuator arrays, or one array where there
@@ -97,7 +98,8 @@ class SurfaceEnv(_Base):
         if self._experiment is not None:
             name = f"env-{os.getpid()}-{uuid.uuid4().hex[:8]}"
             command = self._command + ["--shm", name] + ([] if seed is None else ["--seed", str(seed)])
-            self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL)
+            self._says = tempfile.TemporaryFile()
+            self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stderr=self._says)
         try:
             self.controller = self._attach(name)
             self._next("the surface closed before its first frame")
@@ -117,8 +119,13 @@ class SurfaceEnv(_Base):
                 if getattr(e, "result", None) != -3 or left <= 0:
                     raise
                 if self._process is not None and self._process.poll() is not None:
-                    raise RuntimeError(f"{' '.join(self._command)} ended with status {self._process.returncode} "
-                                       f"before there was a surface") from None
+                    raise self._failure("before there was a surface") from None
+
+    def _failure(self, when):
+        self._says.seek(0)
+        lines = self._says.read().decode(errors="replace").strip().splitlines()
+        return RuntimeError(f"{' '.join(self._command)} ended with status {self._process.returncode} {when}"
+                            + (f": {lines[-1]}" if lines else ""))
 
     def _next(self, what):
         if not self.controller.wait(self._timeout):
@@ -136,6 +143,7 @@ class SurfaceEnv(_Base):
                 self._process.kill()
                 self._process.wait()
             self._process = None
+            self._says.close()
 
     def reset(self, *, seed=None, options=None):
         """→ observation, info. With an experiment the simulator starts anew, with this seed if one is given."""
@@ -149,13 +157,16 @@ class SurfaceEnv(_Base):
         return self._observation(), self._info()
 
     def step(self, action):
-        """→ observation, reward, terminated, truncated, info. terminated: done() says so, or the surface closed."""
+        """→ observation, reward, terminated, truncated, info. terminated: done() says so, or the surface closed in good
+        order. Raises RuntimeError when the simulator failed."""
         if self.controller is None:
             raise RuntimeError("reset() first")
         self._write(action)
         self._ready = False
         self.controller.publish()
         closed = not self.controller.wait(self._timeout)
+        if closed and self._process is not None and self._process.wait(self._timeout) != 0:
+            raise self._failure(f"after {self._steps} steps")
         self._steps += 1
         observation = self._last if closed else self._observation()
         terminated = closed or bool(self._done(observation))

@@ -1,10 +1,11 @@
 // bench_arrays [WORKLOADS [SIZES [REPETITIONS [WITHOUT]]]], such as bench_arrays 2,6 64,1024 9 eigen: every
 // peer on every workload, in turns, with equal checksums. Times are microseconds for one run over the whole
-// array, minimum and median.
+// array, minimum and median. After a first argument --json: a JSON object a line.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <nlohmann/json.hpp>
 #include <sstream>
 #include <vector>
 
@@ -72,9 +73,25 @@ std::optional<Figures> numpy(int workload, int n) {
   return pclose(pipe) == 0 && fields == 3 ? std::optional(f) : std::nullopt;
 }
 
+void print(int workload, int n, const Figures& f, const Figures& ours, bool same) {
+  std::printf("W%d %4d  %-17s %11.3f %11.3f  apron is %5.2f x  checksum %.9g%s\n", workload, n,
+              f.peer.c_str(), f.least_us, f.median_us, f.least_us / ours.least_us, f.checksum,
+              same ? "" : "  DIFFERS");
+}
+
+void print_json(int workload, int n, const Figures& f, bool same) {
+  const nlohmann::ordered_json line{{"benchmark", "arrays"},
+                                    {"case", "W" + std::to_string(workload) + " " + std::to_string(n)},
+                                    {"who", f.peer},
+                                    {"least_us", f.least_us},
+                                    {"median_us", f.median_us},
+                                    {"checksum_agrees", same}};
+  std::puts(line.dump().c_str());
+}
+
 // True if the checksums agree. They are sums of floats' exact values; a fused multiply-add in a peer may
 // change a last bit here and there.
-bool compare(int workload, int n, int repetitions, const std::string& without) {
+bool compare(int workload, int n, int repetitions, const std::string& without, bool json) {
   std::vector<Runner> runners;
   std::string missing;
   const auto add = [&](const char* peer, const auto& make, auto... more) {
@@ -101,11 +118,12 @@ bool compare(int workload, int n, int repetitions, const std::string& without) {
   for (const Figures& f : all) {
     const bool same = std::fabs(f.checksum - all[0].checksum) <= 1e-6 * std::fabs(all[0].checksum);
     equal = equal && same;
-    std::printf("W%d %4d  %-17s %11.3f %11.3f  apron is %5.2f x  checksum %.9g%s\n", workload, n,
-                f.peer.c_str(), f.least_us, f.median_us, f.least_us / all[0].least_us, f.checksum,
-                same ? "" : "  DIFFERS");
+    if (json)
+      print_json(workload, n, f, same);
+    else
+      print(workload, n, f, all[0], same);
   }
-  if (!missing.empty()) std::printf("W%d %4d  not here:%s\n", workload, n, missing.c_str());
+  if (!missing.empty() && !json) std::printf("W%d %4d  not here:%s\n", workload, n, missing.c_str());
   std::fflush(stdout);
   return equal;
 }
@@ -113,12 +131,14 @@ bool compare(int workload, int n, int repetitions, const std::string& without) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  const bool json = argc > 1 && std::string(argv[1]) == "--json";
+  if (json) --argc, ++argv;
   const std::vector<int> workloads = numbers(argc > 1 ? argv[1] : nullptr, {1, 2, 3, 4, 5, 6});
   const std::vector<int> sizes = numbers(argc > 2 ? argv[2] : nullptr, {64, 256, 1024, 4096});
   const int repetitions = argc > 3 ? std::atoi(argv[3]) : 9;
   bool equal = true;
-  std::printf("           peer                min us   median us\n");
+  if (!json) std::printf("           peer                min us   median us\n");
   for (const int n : sizes)
-    for (const int w : workloads) equal = compare(w, n, repetitions, argc > 4 ? argv[4] : "") && equal;
+    for (const int w : workloads) equal = compare(w, n, repetitions, argc > 4 ? argv[4] : "", json) && equal;
   return equal ? 0 : 1;
 }

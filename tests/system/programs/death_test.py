@@ -64,6 +64,35 @@ class Death(ProgramTest):
             self.finish(pair[1], 20)
             self.assertFalse(self.segment().exists())
 
+    def test_a_closed_terminal_leaves_nothing_behind(self):
+        recording = self.folder / "run.h5"
+        pair = self.start_pair("--until", "6000", "--record", str(recording), "--set", "hold=0")
+        self.wait_for(lambda: recording.exists() and recording.stat().st_size > 100000, "a recording")
+        for child in reversed(pair):
+            child.send_signal(signal.SIGHUP)
+        for child in pair:
+            self.assertEqual(self.finish(child, 20)[0], 129)
+        self.assertFalse(self.segment().exists())
+        status, out, err = self.run_program(SMARTSURF, "info", str(recording))
+        self.assertEqual(status, 0, err)
+        self.assertIn("stopped by the user", out)
+
+    def test_a_closed_terminal_ends_fake_hardware_in_good_order(self):
+        fake = self.start(str(BIN / "fake_surface"), "--shm", self.shm)
+        self.wait_for(self.segment().exists, "the segment")
+        fake.send_signal(signal.SIGHUP)
+        self.assertEqual(self.finish(fake, 20)[0], 129)
+        self.assertFalse(self.segment().exists())
+
+    def test_nohup_outlives_the_terminal(self):
+        pair = (self.start("nohup", SMARTSURF, "run", SORT_LUA, "--shm", self.shm, "--ticks", "120"),
+                self.start("nohup", APRON, "run", SORT_APS, "--shm", self.shm, "--wait", "30"))
+        self.wait_for(self.segment().exists, "the segment")
+        for child in pair:
+            child.send_signal(signal.SIGHUP)
+        for child in pair:
+            self.assertEqual(self.finish(child)[0], 0)
+
     def test_terminating_the_simulator_ends_its_controller(self):
         recording = self.folder / "run.h5"
         surface = self.start(SMARTSURF, "run", SORT_LUA, "--controller", SORT_APS, "--until", "6000",

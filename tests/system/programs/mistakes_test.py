@@ -1,4 +1,7 @@
 """Wrong input: one clear line on stderr, exit status 2, and nothing half-written."""
+import resource
+import shutil
+
 from programs import *
 
 TABLE = "surface { rows = 8, columns = 8, actuator = pin {}, sensors = { proximity {} } }\n"
@@ -70,6 +73,79 @@ class Mistakes(ProgramTest):
         self.refused([APRON, "run", str(self.folder / "none.aps")], "none.aps")
         self.refused([APRON, "run", SORT_APS, "--shm", "nobody", "--wait", "0"], "nobody")
         self.refused([APRON, "run", SORT_APS, "--size", "0x5"], "0x5")
+
+    def test_output_that_cannot_be_written_is_refused_before_the_run(self):
+        path = self.write("says.lua", TABLE + "on_finish(function() print('ran') end)\n")
+        for flag, file, fact in (("--stats", ".", "is a folder"), ("--stats", "none/s.json", "no folder none"),
+                                 ("--screenshot", "none/a.png", "no folder none"), ("--video", "none/a.mp4", "no folder none")):
+            command = [SMARTSURF, "run", path, "--no-controller", "--ticks", "1", flag, file]
+            self.refused(command, flag, file, fact)
+            self.assertEqual(self.run_program(*command)[1], "")
+
+    def limited(self, limit, bytes_, *command):
+        """As run_program, with a limit of the system's on the process: on memory, or on the length of files, which
+        meets a full disk's error handling."""
+        def limit_it():
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+            resource.setrlimit(limit, (bytes_, bytes_))
+        child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=self.folder,
+                                 preexec_fn=limit_it)
+        self.children.append(child)
+        status, out, err = self.finish(child)
+        self.assertEqual(len(err.strip().splitlines()), 1, err)
+        return status, err
+
+    def test_a_disk_that_fills_up_ends_the_run_and_keeps_what_was_recorded(self):
+        recording = self.folder / "run.h5"
+        command = [SMARTSURF, "run", str(ROOT / "scripts/examples/wave.lua"), "--no-controller", "--record", str(recording)]
+        status, err = self.limited(resource.RLIMIT_FSIZE, 2 << 20, *command)
+        self.assertEqual(status, 1, err)
+        self.assertRegex(err, r"^smartsurf: .*run\.h5: cannot be written: File too large$")
+        status, out, err = self.run_program(SMARTSURF, "info", str(recording))
+        self.assertEqual(status, 0, err)
+        self.assertRegex(out, r"frames +[1-9]")
+
+    def test_a_full_disk_leaves_no_empty_file(self):
+        path = self.write("table.lua", TABLE)
+        for flag, name in (("--record", "run.h5"), ("--record", "run.csv"), ("--stats", "stats.json")):
+            status, err = self.limited(resource.RLIMIT_FSIZE, 0, SMARTSURF, "run", path, "--no-controller", "--ticks", "1",
+                                       flag, name)
+            self.assertIn(status, (1, 2), err)
+            self.assertRegex(err, f"{name}: cannot be written: File too large$")
+        self.assertEqual([p.name for p in self.folder.iterdir()], ["table.lua"])
+
+    def test_figures_go_to_the_standard_output_and_through_links(self):
+        path = self.write("table.lua", TABLE)
+        (self.folder / "link.json").symlink_to("real.json")
+        (self.folder / "real.json").write_text("")
+        run = [SMARTSURF, "run", path, "--no-controller", "--ticks", "1", "--stats"]
+        self.assertEqual(json.loads(self.run_program(*run, "/dev/stdout")[1])["ticks"], 1)
+        self.assertEqual(self.run_program(*run, "link.json")[0], 0)
+        self.assertTrue((self.folder / "link.json").is_symlink())
+        self.assertEqual(json.loads((self.folder / "real.json").read_text())["ticks"], 1)
+
+    def test_a_simulator_without_apron_says_where_it_looked(self):
+        lonely = shutil.copy(SMARTSURF, self.folder / "smartsurf")
+        child = subprocess.Popen([lonely, "run", SORT_LUA, "--controller", SORT_APS, "--ticks", "1"], text=True,
+                                 stderr=subprocess.PIPE, env={**os.environ, "PATH": str(self.folder)})
+        status, _, err = self.finish(child)
+        self.assertEqual(status, 2, err)
+        self.assertIn("cannot start apron: it is neither beside smartsurf nor on PATH", err)
+
+    def test_output_that_nobody_takes_is_said(self):
+        path = self.write("table.lua", TABLE)
+        self.run_program(SMARTSURF, "run", path, "--no-controller", "--ticks", "1", "--record", "run.h5")
+        with open("/dev/full", "w") as full:
+            child = subprocess.Popen([SMARTSURF, "info", "run.h5"], stdout=full, stderr=subprocess.PIPE, text=True,
+                                     cwd=self.folder)
+            status, _, err = self.finish(child)
+        self.assertEqual((status, err), (1, "smartsurf: cannot write the output: No space left on device\n"))
+
+    def test_a_surface_larger_than_the_memory_is_one_line(self):
+        path = self.write("large.lua", "surface { rows = 4096, columns = 4096, actuator = pin {} }\n")
+        status, err = self.limited(resource.RLIMIT_AS, 256 << 20, SMARTSURF, "run", path, "--no-controller", "--ticks", "1")
+        self.assertEqual(status, 1, err)
+        self.assertIn("not enough memory", err)
 
     def test_programs(self):
         path = self.write("wrong.aps", "!register(SIGNAL)\nSIGNAL = SIGNL + 1\n")

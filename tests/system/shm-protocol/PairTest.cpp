@@ -148,7 +148,7 @@ TEST(Pair, SurfaceOfAnotherMajorVersionIsRefused) {
   const auto config = pair_config("version");
   Peer surface([&] {
     auto own = SurfaceEndpoint::create(config);
-    RawSegment(config.name).header().identity.version = 2u << 16;
+    RawSegment(config.name).header().identity.version = 3u << 16;
     for (;;) ::pause();
     return 0;
   });
@@ -165,8 +165,8 @@ TEST(Pair, SurfaceOfAnotherMajorVersionIsRefused) {
     }
   }
   EXPECT_EQ(code, ErrorCode::kWrongVersion);
-  EXPECT_NE(message.find("2.0"), std::string::npos) << message;
-  EXPECT_NE(message.find("program 1.1"), std::string::npos) << message;
+  EXPECT_NE(message.find("3.0"), std::string::npos) << message;
+  EXPECT_NE(message.find("program 2.0"), std::string::npos) << message;
   surface.signal(SIGKILL);
   surface.wait();
   EXPECT_EQ(remove_orphans(config.name).size(), 1u);  // whose it is can be told in every version

@@ -325,6 +325,31 @@ time.sleep(100)"""])
             removed = shm_protocol.clean(name)
         self.assertEqual([s.name for s in removed], [name])
 
+    def test_the_example_says_in_one_line_that_its_surface_was_killed(self):
+        name = unique("said")
+        child = subprocess.Popen([sys.executable, "-c", f"""
+import shm_protocol
+from shm_protocol import Channel
+s = shm_protocol.Surface({name!r}, 5, 7, 0.01, [Channel("proximity_hit")], [Channel("height", maximum=6)])
+s.wait_for_controller()
+s.publish(0, 0.0)
+while s.wait():
+    s.publish(s.frame.tick + 1, 0.0)"""])
+        controller = subprocess.Popen([sys.executable, ROOT / "shm-protocol/examples/controller.py", name],
+                                      stderr=subprocess.PIPE, text=True)
+        try:
+            with Observer(name, timeout=20) as observer:
+                while observer.frame().frame < 3:
+                    observer.wait(timeout=20)
+            child.kill()
+            child.wait()
+            _, said = controller.communicate(timeout=20)
+            self.assertEqual((controller.returncode, said), (3, f"the surface {name} died\n"))
+        finally:
+            child.kill()
+            controller.kill()
+            shm_protocol.clean(name)
+
     def test_reconnects_to_a_surface_of_the_same_layout_only(self):
         surface, controller = pair("again")
         with controller:

@@ -93,9 +93,20 @@ class Environment(unittest.TestCase):
 
     @unittest.skipUnless(os.environ.get("SMARTSURF"), "the simulator was not built")
     def test_an_experiment_that_does_not_load_is_an_error(self):
-        with self.assertRaisesRegex(RuntimeError, "status 2"):
+        with self.assertRaisesRegex(RuntimeError, "status 2 before there was a surface: .*at-all.lua"):
             SurfaceEnv("/nowhere/at-all.lua", smartsurf=os.environ["SMARTSURF"])
 
+    @unittest.skipUnless(os.environ.get("SMARTSURF"), "the simulator was not built")
+    def test_a_script_that_fails_later_is_an_error_and_no_end_of_the_episode(self):
+        with tempfile.TemporaryDirectory() as folder:
+            experiment = pathlib.Path(folder) / "fails.lua"
+            experiment.write_text("surface { rows = 4, columns = 4, sensors = { proximity {} } }\n"
+                                  "on_tick(function(t, tick) if tick == 3 then error('far enough') end end)\n")
+            with SurfaceEnv(experiment, smartsurf=os.environ["SMARTSURF"]) as env:
+                env.reset()
+                with self.assertRaisesRegex(RuntimeError, "status 2 after 3 steps: .*fails.lua:2: .*far enough"):
+                    for _ in range(9):
+                        env.step(np.float32(1))
 
     @unittest.skipUnless(os.environ.get("SMARTSURF"), "the simulator was not built")
     def test_the_pages_example_runs_as_it_stands(self):

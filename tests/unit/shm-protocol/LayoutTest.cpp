@@ -1,5 +1,6 @@
 // The bytes of a fresh segment, at the places that PROTOCOL.md promises.
 #include <gtest/gtest.h>
+#include <shm_protocol/ControllerEndpoint.h>
 
 #include "tests/unit/shm-protocol/RawSegment.h"
 
@@ -27,7 +28,7 @@ TEST(Layout, IdentityAndGeometryStandAtTheirOffsets) {
   auto surface = SurfaceEndpoint::create(config);
   RawSegment raw(config.name);
   EXPECT_EQ(std::memcmp(raw.data(), "SMRTSURF", 8), 0);
-  EXPECT_EQ(at<std::uint32_t>(raw, 8), 0x00010001u);
+  EXPECT_EQ(at<std::uint32_t>(raw, 8), 0x00020000u);
   EXPECT_EQ(at<std::uint32_t>(raw, 12), 4096u);
   EXPECT_EQ(at<std::uint64_t>(raw, 16), raw.size());
   EXPECT_EQ(at<std::uint64_t>(raw, 24) & 0x3FFFFF, static_cast<std::uint64_t>(::getpid()));
@@ -74,6 +75,34 @@ TEST(Layout, ArraysAreAlignedAndWrittenInPlace) {
   EXPECT_EQ(reinterpret_cast<const float*>(&slot + 1)[34], 3.25f);
   EXPECT_EQ(raw.header().sensors.word, 1u);
   EXPECT_EQ(raw.sensor_slot(2).sequence, 3u);  // the next one is open
+}
+
+// In lock-step two slots of each ring take turns; in passive mode all do.
+TEST(Layout, TimeStepUsesTwoSlotsOfEachRing) {
+  for (const Mode mode : {Mode::kTimeStep, Mode::kPassive}) {
+    const auto config = small_surface(unique_name("slots"), mode);
+    auto surface = SurfaceEndpoint::create(config);
+    auto controller = ControllerEndpoint::attach(config.name);
+    for (std::uint64_t tick = 0; tick < 9; ++tick) {
+      ASSERT_EQ(surface.publish(tick, 0.0), Status::kOk);
+      ASSERT_EQ(controller.await_sensors(), Status::kOk);
+      ASSERT_EQ(controller.publish(), Status::kOk);
+      if (mode == Mode::kTimeStep) {
+        ASSERT_EQ(surface.await_actuators(tick), Status::kOk);
+      }
+    }
+    RawSegment raw(config.name);
+    const auto& g = raw.header().geometry;
+    EXPECT_EQ(g.sensor_slots, 4u);
+    for (const auto& [ring, bytes] : {std::pair{g.sensor_ring_offset, g.sensor_slot_bytes},
+                                      {g.actuator_ring_offset, g.actuator_slot_bytes}})
+      for (std::uint64_t slot = 0; slot < 4; ++slot) {
+        const auto sequence = reinterpret_cast<const ssp_slot*>(raw.data() + ring + slot * bytes)->sequence;
+        // Frame 9 is whole, frame 10 in the making.
+        const std::uint64_t two[] = {19, 18, 0, 0}, four[] = {16, 18, 19, 14};
+        EXPECT_EQ(sequence, (mode == Mode::kTimeStep ? two : four)[slot]) << slot;
+      }
+  }
 }
 
 TEST(Layout, HashTellsLayoutsApartAndNothingElse) {

@@ -17,9 +17,10 @@ using namespace std::chrono_literals;
 constexpr WaitOptions kAtOnce{.timeout = 0ns};
 
 struct Pair {
-  explicit Pair(const std::string& what, bool hold = true) : name(unique_name(what)) {
+  explicit Pair(const std::string& what, bool hold = true, bool in_place = false) : name(unique_name(what)) {
     auto config = small_surface(name);
     config.hold_last_frame = hold;
+    config.answers_in_place = in_place;
     surface = std::make_unique<SurfaceEndpoint>(SurfaceEndpoint::create(config));
   }
   void attach() { controller = std::make_unique<ControllerEndpoint>(ControllerEndpoint::attach(name)); }
@@ -86,8 +87,13 @@ TEST(Lockstep, NeitherSideRunsAhead) {
   EXPECT_EQ(p.surface->publish(1, 0.0), Status::kOk);
 }
 
-TEST(Lockstep, BadValuesAreReplacedAndCounted) {
-  Pair p("clamp");
+// Whether the surface checks copies of the answers or the answers where they lie.
+class BadValues : public testing::TestWithParam<bool> {};
+INSTANTIATE_TEST_SUITE_P(Lockstep, BadValues, testing::Bool(),
+                         [](const auto& of) { return of.param ? "InPlace" : "Copied"; });
+
+TEST_P(BadValues, AreReplacedAndCounted) {
+  Pair p("clamp", true, GetParam());
   p.attach();
   ASSERT_EQ(p.surface->publish(0, 0.0), Status::kOk);
   ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
@@ -117,6 +123,38 @@ TEST(Lockstep, BadValuesAreReplacedAndCounted) {
   EXPECT_EQ(p.surface->actuator<std::uint32_t>(kValve)[69], 20u);
   EXPECT_EQ(p.surface->counters().clamped, 9u);
   EXPECT_EQ(p.controller->surface_counters().clamped, 9u);
+}
+
+// The answer lies in its slot, and the one before it while the next one is made; what stands when the
+// controller is gone is the surface's own.
+TEST(Lockstep, AnswersInPlaceStandInTheirSlotsUntilTheControllerIsGone) {
+  for (const bool hold : {true, false}) {
+    Pair p("in-place", hold, true);
+    EXPECT_EQ(p.surface->actuator(kHeight)[0], 0.5f);  // the safe frame
+    p.attach();
+    for (std::uint64_t tick = 0; tick < 5; ++tick) {
+      ASSERT_EQ(p.surface->publish(tick, 0.0), Status::kOk);
+      ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+      const auto before = p.surface->actuator(kHeight)[34];
+      p.fill_actuators(static_cast<float>(tick) / 2);
+      EXPECT_EQ(p.surface->actuator(kHeight)[34], before) << tick;
+      auto height = p.controller->actuator(kHeight);
+      ASSERT_EQ(p.controller->publish(), Status::kOk);
+      ASSERT_EQ(p.surface->await_actuators(tick, kAtOnce), Status::kOk);
+      EXPECT_EQ(p.surface->actuator(kHeight)[34], static_cast<float>(tick) / 2);
+      height[34] = 3.75f;  // no copy: one that is trusted not to do so could
+      EXPECT_EQ(p.surface->actuator(kHeight)[34], 3.75f);
+    }
+    ASSERT_EQ(p.surface->publish(5, 0.0), Status::kOk);
+    p.forget_controller();
+    EXPECT_EQ(p.surface->await_actuators(5), Status::kControllerDead);
+    EXPECT_EQ(p.surface->actuator(kHeight)[34], hold ? 3.75f : 0.5f);
+    RawSegment raw(p.name);
+    for (std::uint64_t frame : {5u, 6u})
+      std::memset(static_cast<void*>(&raw.actuator_slot(frame) + 1), 0xFF,
+                  raw.header().geometry.actuator_slot_bytes - sizeof(ssp_slot));
+    EXPECT_EQ(p.surface->actuator(kHeight)[34], hold ? 3.75f : 0.5f);
+  }
 }
 
 TEST(Lockstep, WhatWasTakenInDoesNotChangeUnderTheSurface) {

@@ -30,6 +30,7 @@ class RawSegment {
     ::close(file);
     if (memory_ == MAP_FAILED) throw std::runtime_error("cannot map " + name);
     geometry_ = header().geometry;
+    mode_ = header().identity.mode;
   }
   ~RawSegment() { ::munmap(memory_, bytes_); }
   RawSegment(const RawSegment&) = delete;
@@ -42,18 +43,21 @@ class RawSegment {
   ssp_slot& sensor_slot(std::uint64_t frame) {
     const auto& g = geometry_;
     return *reinterpret_cast<ssp_slot*>(data() + g.sensor_ring_offset +
-                                        frame % g.sensor_slots * g.sensor_slot_bytes);
+                                        frame % in_use(g.sensor_slots) * g.sensor_slot_bytes);
   }
   ssp_slot& actuator_slot(std::uint64_t frame) {
     const auto& g = geometry_;
     return *reinterpret_cast<ssp_slot*>(data() + g.actuator_ring_offset +
-                                        frame % g.actuator_slots * g.actuator_slot_bytes);
+                                        frame % in_use(g.actuator_slots) * g.actuator_slot_bytes);
   }
 
  private:
+  std::uint32_t in_use(std::uint32_t slots) const { return mode_ == SSP_MODE_TIME_STEP ? 2 : slots; }
+
   void* memory_ = nullptr;
   std::size_t bytes_ = 0;
   ssp_geometry geometry_{};  // as it was at first
+  std::uint32_t mode_ = 0;
 };
 
 // A file of these bytes under a segment's name, gone at the end.

@@ -137,7 +137,7 @@ TEST(Segment, OrphansAreListedAndOnlyTheyAreRemoved) {
   EXPECT_EQ(find(list, living.name)->ownership, Ownership::kLiving);
   EXPECT_EQ(find(list, living.name)->surface_pid, static_cast<std::uint32_t>(::getpid()));
   EXPECT_EQ(find(list, living.name)->controller_pid, static_cast<std::uint32_t>(::getpid()));
-  EXPECT_EQ(find(list, living.name)->version_major, 1);
+  EXPECT_EQ(find(list, living.name)->version_major, SSP_VERSION_MAJOR);
   ASSERT_NE(find(list, orphan.name), nullptr);
   EXPECT_EQ(find(list, orphan.name)->ownership, Ownership::kOrphan);
   EXPECT_EQ(find(list, orphan.name)->surface_pid, static_cast<std::uint32_t>(dead));

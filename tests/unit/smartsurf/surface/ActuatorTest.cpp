@@ -335,7 +335,8 @@ TEST(ActuatorArray, ClampsCommandsAndKeepsTheOldOneForNan) {
 }
 
 TEST(Pin, GivesLessForceTheFasterItRisesAndLeavesTheLoadToItsLowerStop) {
-  Cells cells(surface_of({actuator("pin", {{"max_force", {10}}, {"max_speed", {2}}, {"max_acceleration", {60}}})}, 1, 3));
+  Cells cells(surface_of(
+      {actuator("pin", {{"max_force", {10}}, {"max_speed", {2}}, {"max_acceleration", {60}}})}, 1, 3));
   EXPECT_TRUE(std::isinf(cells.field().force_limit[0])) << "on the stop";
   cells.command(0, 4);
   float before = 0.0F;

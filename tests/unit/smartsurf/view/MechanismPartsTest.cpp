@@ -72,7 +72,8 @@ TEST(MechanismParts, ATurnedWheelDrivesAlongItsDirection) {
 }
 
 TEST(MechanismParts, AnArrowPointsAlongTheForceAndGrowsWithIt) {
-  Bench weak("force_field", {0.0F, 0.2F, 0.0F}), strong("force_field", {0.0F, -1.0F, 0.0F}), none("force_field", {});
+  Bench weak("force_field", {0.0F, 0.2F, 0.0F}), strong("force_field", {0.0F, -1.0F, 0.0F}),
+      none("force_field", {});
   const MechanismParts small = weak.parts(), large = strong.parts();
   EXPECT_GT(vec(small.kinds()[0].instances[0].x).y(), 0.1F);
   EXPECT_LT(vec(large.kinds()[0].instances[0].x).y(), -0.4F);
@@ -80,7 +81,9 @@ TEST(MechanismParts, AnArrowPointsAlongTheForceAndGrowsWithIt) {
 }
 
 TEST(MechanismParts, PolesAreRedAndBlueAndPaleWhenWeak) {
-  const auto core = [](float level) { return Bench("magnet", {0, 0, level}).parts().kinds()[0].instances[0].paint; };
+  const auto core = [](float level) {
+    return Bench("magnet", {0, 0, level}).parts().kinds()[0].instances[0].paint;
+  };
   EXPECT_GT(core(1.0F)[0], core(1.0F)[2] + 50);
   EXPECT_GT(core(-1.0F)[2], core(-1.0F)[0] + 50);
   EXPECT_GT(core(0.1F)[1], core(1.0F)[1]);
@@ -100,7 +103,8 @@ TEST(MechanismParts, APlateLeansAsTheSkinDoes) {
   Bench bench("tile", {0, 0, 1});
   for (int row = 0; row < 3; ++row)
     for (int column = 0; column < 3; ++column)
-      bench.scene.snapshot.height[static_cast<std::size_t>(3 * row + column)] = 0.2F * static_cast<float>(column);
+      bench.scene.snapshot.height[static_cast<std::size_t>(3 * row + column)] =
+          0.2F * static_cast<float>(column);
   const MechanismParts parts = bench.parts();
   const Eigen::Vector3f up = vec(parts.kinds()[0].instances[4].z).normalized();
   EXPECT_NEAR(up.x() / up.z(), -0.2F, 1e-4F);

@@ -1,0 +1,8 @@
+# `cmake --build … --target api_docs`: the API pages of the public headers, in api/html of the build folder. A warning of
+# Doxygen's is an error, and a test.
+find_program(DOXYGEN doxygen)
+if(DOXYGEN)
+  configure_file(docs/api/Doxyfile.in ${CMAKE_BINARY_DIR}/api/Doxyfile @ONLY)
+  add_custom_target(api_docs COMMAND ${DOXYGEN} ${CMAKE_BINARY_DIR}/api/Doxyfile
+    COMMENT "Writing ${CMAKE_BINARY_DIR}/api/html" VERBATIM)
+endif()

@@ -1,0 +1,42 @@
+// Tells whether a point is over the table, seen from above: the outline of its cells, whatever their layout.
+//
+// Each cell owns a square as wide as the pitch, turned with it; where cells stand farther apart than that, as
+// wide as most are from their nearest neighbour. Gaps and notches less than two pitches wide between these
+// squares belong to the table, and so does what they surround. A rectangular grid without empty cells is a
+// rectangle, exactly; the outline of every other table is kept as a raster of a quarter of a pitch, coarser
+// for huge ones.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "smartsurf/scene/SceneSpec.h"
+
+namespace smartsurf::run {
+
+class TableOutline {
+ public:
+  explicit TableOutline(const scene::SurfaceSpec&);
+
+  // x, y: u. False for what is not a number.
+  bool holds(double x, double y) const noexcept;
+
+ private:
+  void cover(const scene::CellPlace&, double half);
+  void close_gaps();
+  // Every tile becomes `what` that has such a one at most kGap tiles away, along the rows or along the
+  // columns.
+  void spread(std::uint8_t what, bool along_rows);
+  void fill_holes();
+  std::size_t at(int row, int column) const {
+    return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
+           static_cast<std::size_t>(column);
+  }
+
+  double low_x_, low_y_, high_x_, high_y_;  // of a box around the table, u
+  double tile_ = 0.0;                       // edge of a tile of the raster, u
+  int rows_ = 0, columns_ = 0;
+  std::vector<std::uint8_t> tiles_;  // rows × columns from the south-west; 1: table. Empty: all of the box is
+};
+
+}  // namespace smartsurf::run

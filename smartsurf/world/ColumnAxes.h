@@ -1,0 +1,46 @@
+// The directions that tell how far a convex piece and the upright columns of a field are apart.
+//
+// Two bodies with flat faces are as far apart as the best of these says: the normals of the faces of either,
+// and those of the planes along an edge of each. Of the piece's edges only those count whose two faces look
+// to both sides of the column's edge, a few of a hull. How far the piece reaches down each direction is
+// worked out once, for all columns.
+#pragma once
+
+#include <vector>
+
+#include "smartsurf/world/Columns.h"
+#include "smartsurf/world/Gjk.h"
+
+namespace smartsurf::world {
+
+class ColumnAxes {
+ public:
+  // Of a piece between the corners `low` and `high` of its bounds.
+  void set(const Core&, const Vec3& low, const Vec3& high);
+
+  struct Widest {
+    Vec3 normal{0, 0, 1};  // from the column to the piece
+    float gap = 0.0F;      // the piece and the column are at least that far apart
+  };
+  // The direction of the widest gap, or of the least overlap, that does not lean out over a bridge. False
+  // when some gap exceeds the margin. Of a piece that is round the gap may be wider than told.
+  bool look(const Column&, float margin, Widest& out);
+
+ private:
+  struct Axis {
+    Vec3 normal;
+    float least;     // of normal · p over the points p of the piece
+    float handicap;  // crossing edges must win clearly, or the choice would change from step to step
+  };
+  void add(const Vec3& normal, float least, float handicap);
+  void add_box(const Core&);
+  void add_hull(const Core&);
+  void add_round(const Core&);
+  static float gap(const Axis&, const Column&);
+
+  std::vector<Axis> axis_;
+  std::vector<float> along_[2];  // of the normals of a hull's faces: their parts along x and y
+  std::size_t parted_ = 0;       // the axis that told the last two apart
+};
+
+}  // namespace smartsurf::world

@@ -1,0 +1,51 @@
+"""scripts/bench: the report says what was measured."""
+import shutil
+
+from programs import *
+
+BENCH = str(ROOT / "scripts/bench")
+MACHINE = {"date": "2001-02-03", "processor": "abacus, 2 cores"}
+
+
+class Bench(ProgramTest):
+    def measured(self, part, lines):
+        (self.folder / "out").mkdir(exist_ok=True)
+        (self.folder / f"out/{part}.json").write_text(json.dumps({"machine": MACHINE, "runs": [{"command": [], "lines": lines}]}))
+
+    def report(self):
+        status, out, err = self.run_program(BENCH, "--only", "none", "-o", "out")
+        self.assertEqual(status, 0, out + err)
+        return (self.folder / "out/report.md").read_text()
+
+    def test_figures_ratios_and_gaps_stand_in_tables(self):
+        def line(case, who, physics, sensors):
+            return {"benchmark": "physics", "case": case, "who": who, "threads": 1, "physics_ms": physics,
+                    "sensors_ms": sensors, "overlap_u": 0.02, "in_pins_u": 0.25, "lost": 0}
+        self.measured("physics", [line("8x8 1", "ours", 0.25, 0.75), line("8x8 1", "naive", 2, 10), line("9x9 2", "ours", 1, 1)])
+        text = self.report()
+        self.assertIn("| processor | abacus, 2 cores |", text)
+        self.assertIn("| naive | 2 / 10 | – |", text)
+        self.assertIn("| naive | 12.00 × | – |", text)
+        self.assertIn("| ours | 0.020 / 0.250 | 0.020 / 0.250 |", text)
+        if shutil.which("gnuplot"):
+            self.assertIn("(bench-physics.svg)", text)
+            self.assertIn("</svg>", (self.folder / "out/bench-physics.svg").read_text())
+
+    def test_results_that_differ_are_said_aloud(self):
+        def line(who, us, agrees):
+            return {"benchmark": "arrays", "case": "W2 64", "who": who, "least_us": us, "median_us": us, "checksum_agrees": agrees}
+        self.measured("arrays", [line("apron", 2, True), line("numpy", 9, False)])
+        text = self.report()
+        self.assertIn("**Results differ: numpy on W2 64.**", text)
+        self.assertIn("| numpy | 4.50 × |", text)
+
+    def test_mistakes_are_one_line(self):
+        for arguments, fact in ((["--only", "warp"], "warp"), (["--only", "none"], "nothing was measured yet")):
+            status, _, err = self.run_program(BENCH, *arguments, "-o", "out")
+            self.assertEqual(status, 2)
+            self.assertEqual(len(err.strip().splitlines()), 1, err)
+            self.assertIn(fact, err)
+
+
+if __name__ == "__main__":
+    unittest.main()

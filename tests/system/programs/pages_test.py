@@ -1,0 +1,164 @@
+"""The pages agree with themselves and with the programs: links, files, flags, and every name of the Lua scripts."""
+import re
+
+from programs import *
+
+PAGES = ["README.md", "shm-protocol/PROTOCOL.md"] + sorted(str(p.relative_to(ROOT)) for p in (ROOT / "docs").glob("*.md"))
+# Flags of other programs, in the commands that the pages show.
+FOREIGN = {"--build", "--preset", "--target", "--install", "--prefix", "--component", "--cflags", "--libs", "--shm-size",
+           "--time", "--partition"}
+# What is written when somebody follows the pages.
+MADE = ("build/", "out/")
+
+
+def text_of(page):
+    return (ROOT / page).read_text()
+
+
+def prose_of(page):
+    """Without code: a C++ lambda looks like a link."""
+    return re.sub(r"```.*?```|^    .*?$", "", text_of(page), flags=re.DOTALL | re.MULTILINE)
+
+
+def anchors_of(page):
+    """As the web sites that show Markdown make them of headings."""
+    found = set()
+    for heading in re.findall(r"^#+ +(.*)$", re.sub(r"```.*?```", "", text_of(page), flags=re.DOTALL), re.MULTILINE):
+        plain = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", heading).lower()
+        found.add(re.sub(r"[^\w\- ]", "", plain).replace(" ", "-"))
+    return found
+
+
+class Pages(ProgramTest):
+    def test_links_lead_to_a_file_and_to_a_heading_in_it(self):
+        links = 0
+        for page in PAGES:
+            for target, anchor in re.findall(r"\]\(([^)#:\s]*)(?:#([^)]*))?\)", prose_of(page)):
+                links += 1
+                file = (ROOT / page).parent / target if target else ROOT / page
+                self.assertTrue(file.exists(), f"{page} links to {target}")
+                if anchor:
+                    self.assertIn(anchor, anchors_of(file.resolve().relative_to(ROOT)), f"{page} links to {target}#{anchor}")
+        self.assertGreater(links, 60)
+
+    def test_every_page_is_in_the_index(self):
+        index = text_of("docs/README.md")
+        for page in PAGES[2:]:
+            if page != "docs/README.md":
+                self.assertIn(f"({pathlib.Path(page).name})", index, page)
+
+    def test_files_that_pages_name_are_there(self):
+        for page in PAGES:
+            for path in re.findall(r"(?<![\w./-])((?:scripts|docs|tests|smartsurf|apron|shm-protocol|packaging|cmake)/[\w./-]*\w)",
+                                   text_of(page)):
+                there = (ROOT / path).exists() or list(ROOT.glob(f"{path}.*"))
+                self.assertTrue(there, f"{page} names {path}")
+
+    def test_flags_that_pages_name_are_there(self):
+        known = set(FOREIGN)
+        for program, commands in (("smartsurf", "run replay info plot export check clean"),
+                                  ("apron", "run check disasm fmt repl")):
+            for command in commands.split():
+                known |= self.flags_of(str(BIN / program), command, "--help")
+        for program in ("shm_dump", "fake_surface", "surface_bridge", "device_emulator"):
+            known |= self.flags_of(str(BIN / program), "--help")
+        scripts = [p for p in (ROOT / "scripts").iterdir() if p.is_file()] + list((ROOT / "tests/bench").rglob("*.cpp"))
+        for script in scripts:
+            known |= set(re.findall(r"--[a-z][a-z-]*", script.read_text()))
+        for page in PAGES:
+            named = set(re.findall(r"(?<![\w-])--[a-z][a-z-]*", text_of(page)))
+            self.assertEqual(sorted(named - known), [], page)
+
+    def test_the_command_line_page_has_exactly_the_flags_that_there_are(self):
+        rows = re.findall(r"^\| `(\w+)(?: ([a-z]+))?[^`]*` \|.*\|([^|]*)\|$", text_of("docs/cli.md"), re.MULTILINE)
+        self.assertEqual(len(rows), 16)
+        for program, command, flags in rows:
+            there = self.flags_of(str(BIN / program), *([command] if command else []), "--help")
+            shown = set(re.findall(r"--[a-z][a-z-]*", flags))
+            self.assertEqual(shown - {"--help"}, there - {"--help"}, f"{program} {command}")
+
+    def flags_of(self, *command):
+        status, out, err = self.run_program(*command)
+        self.assertEqual(status, 0, err)
+        return set(re.findall(r"--[a-z][a-z-]*", out))
+
+
+def words_of_code(text):
+    return set(re.findall(r"\w+", " ".join(re.findall(r"`[^`\n]+`|^    .*$|^```.*?^```", text, re.DOTALL | re.MULTILINE))))
+
+
+class RecordingReference(ProgramTest):
+    def test_every_name_in_a_recording_is_documented(self):
+        import h5py
+        path = self.write("all.lua", "surface { rows = 4, columns = 4, sensors = { colour {} }, border = { height = 2 } }\n"
+                                     "record { sensors = true, actuators = true }\nlocal n = option('n', 1)\n"
+                                     "sphere { radius = 1, position = {1, 1, 2} }\n"
+                                     "hull { points = {{0,0,0}, {1,0,0}, {0,1,0}, {0,0,1}}, position = {2, 2, 4} }\n")
+        status, _, err = self.run_program(SMARTSURF, "run", path, "--no-controller", "--ticks", "2", "--record", "all.h5",
+                                          "--set", "n=2")
+        self.assertEqual(status, 0, err)
+        names = set()
+        with h5py.File(self.folder / "all.h5") as file:
+            # What a script or a library names is not ours to list.
+            file.visititems(lambda name, item: names.update(
+                [name.split("/")[-1]] + ([] if name.startswith(("meta/options", "meta/set", "meta/versions")) else list(item.attrs))))
+        names -= {"0", "colour"}
+        self.assertGreater(len(names), 60)
+        self.assertEqual(sorted(names - words_of_code(text_of("docs/recordings.md"))), [])
+
+
+class LuaReference(ProgramTest):
+    """The program itself is asked for the names that it takes: a wrong one makes it list the right ones."""
+
+    PAGES = ("experiments", "actuators", "sensors", "objects")
+    TABLE = "surface { rows = 2, columns = 2 }\n"
+    ACTUATORS = ("pin", "ball", "wheels", "rotor", "force_field", "magnet", "air_jet", "tile")
+    SENSORS = ("proximity", "colour", "object_type", "light", "pressure", "camera")
+
+    def names_known(self, script):
+        path = self.write("asks.lua", script)
+        _, _, err = self.run_program(SMARTSURF, "run", path, "--no-controller", "--ticks", "1")
+        known = re.search(r"'qqqqqq'; known: (.*)$", err.strip())
+        self.assertTrue(known, err)
+        return known[1].split(", ")
+
+    def assert_documented(self, what, names):
+        pages = "".join(text_of(f"docs/{page}.md") for page in self.PAGES)
+        self.assertGreater(len(names), 0)
+        self.assertEqual(sorted(set(names) - words_of_code(pages)), [], what)
+
+    def test_declarations(self):
+        for name in ("world", "material", "surface", "faults", "record"):
+            self.assert_documented(name, self.names_known(f"{name} {{ qqqqqq = 1 }}\n"))
+
+    def test_objects(self):
+        for name in ("sphere", "box", "cylinder", "capsule", "cone", "hull", "mesh"):
+            self.assert_documented(name, self.names_known(f"{self.TABLE}{name} {{ qqqqqq = 1 }}\n"))
+
+    def test_actuators_and_sensors(self):
+        for name in self.ACTUATORS:
+            script = f"surface {{ rows = 2, columns = 2, actuator = {name} {{ qqqqqq = 1 }} }}\n"
+            self.assert_documented(name, self.names_known(script))
+        for name in self.SENSORS:
+            script = f"surface {{ rows = 2, columns = 2, sensors = {{ {name} {{ qqqqqq = 1 }} }} }}\n"
+            self.assert_documented(name, self.names_known(script))
+
+    def test_methods(self):
+        ball = self.TABLE + "sphere { radius = 1, position = {0, 0, 0} }\n"
+        for call in ("cells.qqqqqq", "object(0).qqqqqq", "object(0):push { qqqqqq = 1 }", "object(0):teleport { qqqqqq = 1 }"):
+            self.assert_documented(call, self.names_known(f"{ball}at(0, function() return {call} end)\n"))
+
+    def test_globals(self):
+        path = self.write("globals.lua", self.TABLE + "for name in pairs(_G) do print(name) end\n")
+        status, out, err = self.run_program(SMARTSURF, "run", path, "--no-controller", "--ticks", "1")
+        self.assertEqual(status, 0, err)
+        lua = set("_G _VERSION assert collectgarbage coroutine debug error getmetatable io ipairs load math next os pairs "
+                  "pcall rawequal rawget rawlen rawset select setmetatable string table tonumber tostring type utf8 warn "
+                  "xpcall".split())
+        ours = sorted(set(out.split()) - lua)
+        self.assertLessEqual(set(self.ACTUATORS + self.SENSORS + ("option", "metric", "on_leave")), set(ours))
+        self.assert_documented("globals", ours)
+
+
+if __name__ == "__main__":
+    unittest.main()

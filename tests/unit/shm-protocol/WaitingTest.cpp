@@ -1,0 +1,48 @@
+// The wait itself, with a scripted peer: when it asks, when it sleeps, when it ends.
+#include "shm-protocol/src/Waiting.h"
+
+#include <gtest/gtest.h>
+
+namespace shm_protocol {
+namespace {
+
+using namespace std::chrono_literals;
+
+// A peer of unknown place, so that nobody spins and every question is one of the script's.
+struct Script {
+  std::uint32_t word = 0, flag = 0, peer_cpu = SSP_CPU_UNKNOWN;
+  int yes_at = 0;  // the question that is answered yes
+  int asked = 0, asked_after_yes = 0;
+  Patience patience{};
+
+  Status wait(std::chrono::nanoseconds timeout) {
+    const auto ready = [&]() noexcept {
+      asked_after_yes += asked >= yes_at;
+      return ++asked >= yes_at;
+    };
+    return wait_until(Doorbell{word, flag, peer_cpu}, {.timeout = timeout}, patience, ready,
+                      [](bool) noexcept { return Status::kOk; });
+  }
+};
+
+// A piece is handed out by saying yes: a second yes would hand out another one, and the first would be lost.
+// The questions: at once; before the sleep, with the flag raised; after it; before the next sleep; and so on.
+TEST(Waiting, ReadyIsNotAskedAgainOnceItSaidYes) {
+  for (int question = 1; question <= 4; ++question) {
+    Script script{.yes_at = question};
+    EXPECT_EQ(script.wait(10s), Status::kOk) << question;
+    EXPECT_EQ(script.asked, question);
+    EXPECT_EQ(script.asked_after_yes, 0) << question;
+    EXPECT_EQ(script.flag, 0u) << question;  // nobody is to wake one that does not sleep
+  }
+}
+
+TEST(Waiting, IsOverAtItsDeadlineWhenNobodySaysYes) {
+  Script script{.yes_at = 1 << 30};
+  EXPECT_EQ(script.wait(1ms), Status::kTimeout);
+  EXPECT_EQ(script.flag, 0u);
+  EXPECT_EQ(script.wait(0ns), Status::kTimeout);
+}
+
+}  // namespace
+}  // namespace shm_protocol

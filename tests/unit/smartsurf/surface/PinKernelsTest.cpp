@@ -1,0 +1,130 @@
+#include "smartsurf/surface/PinKernels.h"
+
+#include <gtest/gtest.h>
+
+#define HWY_DISABLED_TARGETS HWY_SSSE3  // as in the kernels
+#include <hwy/highway.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <random>
+#include <vector>
+
+using namespace smartsurf::surface;
+
+namespace {
+
+constexpr float kDt = 1.0F / 240, kTop = 3.0F;
+constexpr std::size_t kMost = 67;  // every width of vector, and what is left over after each
+
+// Pins in all states: at rest, just short of their targets, far away, too fast.
+struct Pins {
+  std::vector<float> base, command, target, height, speed;
+
+  Pins(std::size_t n, unsigned seed) {
+    std::mt19937 random(seed);
+    std::uniform_real_distribution<float> u(0, 1);
+    const auto pick = [&](float a, float b, float c) {
+      return u(random) < 0.3F ? a : u(random) < 0.3F ? b : c;
+    };
+    for (std::size_t i = 0; i < n; ++i) {
+      base.push_back(pick(0, -0.0F, u(random)));
+      command.push_back(kTop * u(random));
+      target.push_back(base[i] + command[i]);
+      height.push_back(pick(target[i], target[i] + 2e-3F * (u(random) - 0.5F), kTop * u(random)));
+      speed.push_back(pick(0, -0.0F, 16 * (u(random) - 0.5F)));
+    }
+  }
+};
+
+bool same_bits(const std::vector<float>& a, const std::vector<float>& b) {
+  return std::ranges::equal(a, b, {}, std::bit_cast<std::uint32_t, float>,
+                            std::bit_cast<std::uint32_t, float>);
+}
+
+void on_every_instruction_set(const std::function<void()>& test) {
+  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    SCOPED_TRACE(hwy::TargetName(target));
+    test();
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+}
+
+struct Limits {
+  float speed, acceleration;
+  Approach law() const { return {speed, acceleration, kDt}; }
+};
+const Limits kLimits[] = {{4.0F, 60.0F}, {6.0F, 1e4F}, {1e9F, 3.0F}, {0.5F, 0.01F}};
+
+}  // namespace
+
+TEST(PinKernels, SteerByTheLawToTheBit) {
+  on_every_instruction_set([] {
+    for (std::size_t n = 1; n <= kMost; ++n)
+      for (const Limits& most : kLimits) {
+        const Approach law = most.law();
+        Pins p(n, static_cast<unsigned>(n));
+        std::vector<float> expected = p.speed;
+        Course course;
+        for (std::size_t i = 0; i < n; ++i) {
+          const float distance = p.target[i] - p.height[i];
+          expected[i] = law(distance, p.speed[i]);
+          course.moving |= distance != 0.0F || expected[i] != 0.0F;
+          course.fastest = std::max(course.fastest, std::abs(expected[i]));
+        }
+        const Course is = steer(n, p.target.data(), p.height.data(), law, p.speed.data());
+        ASSERT_TRUE(same_bits(p.speed, expected)) << n;
+        ASSERT_EQ(is.moving, course.moving) << n;
+        ASSERT_EQ(is.fastest, course.fastest) << n;
+      }
+  });
+}
+
+TEST(PinKernels, AdvanceAndArriveByTheLawToTheBit) {
+  on_every_instruction_set([] {
+    for (std::size_t n = 1; n <= kMost; ++n) {
+      Pins p(n, static_cast<unsigned>(n));
+      for (std::size_t i = 0; i < n; i += 3) p.speed[i] = (p.target[i] - p.height[i]) / kDt;
+      std::vector<float> expected = p.height;
+      for (std::size_t i = 0; i < n; ++i)
+        expected[i] = Approach::arrive(p.height[i], p.speed[i], p.target[i], kDt);
+      const float highest = advance(n, p.target.data(), p.speed.data(), kDt, p.height.data());
+      ASSERT_TRUE(same_bits(p.height, expected)) << n;
+      ASSERT_EQ(highest, *std::ranges::max_element(expected)) << n;
+    }
+  });
+}
+
+TEST(PinKernels, TakeCommandsWithinTheRangeAndPassOverNone) {
+  on_every_instruction_set([] {
+    for (std::size_t n = 1; n <= kMost; ++n) {
+      Pins p(n, static_cast<unsigned>(n));
+      std::vector<float> kept(n, 1.25F), expected = kept;
+      p.command[n / 2] = std::numeric_limits<float>::quiet_NaN();
+      p.command[n / 3] = std::numeric_limits<float>::infinity();
+      for (std::size_t i = 0; i < n; ++i)
+        if (!std::isnan(p.command[i])) expected[i] = std::clamp(p.command[i], 0.5F, 2.0F);
+      take_commands(n, p.command.data(), 0.5F, 2.0F, kept.data());
+      ASSERT_EQ(kept, expected) << n;
+    }
+  });
+}
+
+TEST(PinKernels, AimSaysWhetherAnyTargetChanged) {
+  on_every_instruction_set([] {
+    for (std::size_t n = 1; n <= kMost; ++n) {
+      Pins p(n, static_cast<unsigned>(n));
+      ASSERT_FALSE(aim(n, p.base.data(), p.command.data(), p.target.data())) << n;
+      p.command[n - 1] += 0.5F;
+      ASSERT_TRUE(aim(n, p.base.data(), p.command.data(), p.target.data())) << n;
+      ASSERT_EQ(p.target[n - 1], p.base[n - 1] + p.command[n - 1]) << n;
+      ASSERT_FALSE(aim(n, p.base.data(), p.command.data(), p.target.data())) << n;
+    }
+  });
+}
