@@ -2,6 +2,8 @@
 
 #include <cstring>
 
+#include "smartsurf/record/SurfaceLayout.h"
+
 namespace smartsurf::record {
 
 void write_meta(hid_t file, const Meta& meta, const scene::SceneSpec& spec) {
@@ -66,6 +68,7 @@ Handle write_surface(hid_t file, const scene::SurfaceSpec& surface) {
   write_attribute(group, "max_speed", pin.max_speed);
   write_attribute(group, "max_acceleration", pin.max_acceleration);
   if (surface.border_height) write_attribute(group, "border", *surface.border_height);
+  write_layout(group, surface);
   return group;
 }
 

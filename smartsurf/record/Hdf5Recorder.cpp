@@ -8,6 +8,7 @@
 #include <mutex>
 
 #include "smartsurf/record/Hdf5Meta.h"
+#include "smartsurf/record/SurfaceLayout.h"
 
 namespace smartsurf::record {
 namespace {
@@ -63,7 +64,8 @@ struct Hdf5Recorder::Content {
   void flush();
   template <class Action>
   void with_series(Action action);  // all but the ticks
-  void create_series(std::span<const Channel> sensors, std::span<const Channel> actuators);
+  void create_series(const scene::Snapshot& first, std::span<const Channel> sensors,
+                     std::span<const Channel> actuators);
   void create_channels(const char* group, std::span<const Channel> channels,
                        std::vector<FrameSeries>& series);
   FrameSeries grid(hid_t parent, std::string_view name, int rows, int columns, int components);
@@ -89,7 +91,8 @@ struct Hdf5Recorder::Content {
   bool ready = false;  // the series exist
   std::optional<FrameSeries> tick, time, hash, contacts, position, orientation, velocity, height;
   std::vector<FrameSeries> sensor_series, actuator_series;
-  std::optional<ChangeWriter> inputs, heights;
+  std::optional<ChangeWriter> inputs, heights, motion;
+  std::vector<float> flat_motion;
   bool touched = false;
   std::size_t buffer_frames = 0, buffered = 0;
   hsize_t written = 0;
@@ -130,7 +133,7 @@ void Hdf5Recorder::Content::create_channels(const char* group, std::span<const C
   }
 }
 
-void Hdf5Recorder::Content::create_series(std::span<const Channel> sensors,
+void Hdf5Recorder::Content::create_series(const scene::Snapshot& first, std::span<const Channel> sensors,
                                           std::span<const Channel> actuators) {
   std::size_t bytes = record.objects ? objects * 10 * sizeof(float) : 0;
   if (record.sensors)
@@ -157,6 +160,8 @@ void Hdf5Recorder::Content::create_series(std::span<const Channel> sensors,
     velocity.emplace(poses("velocity", 3));
   }
   heights.emplace(surface_group, "changes", static_cast<std::size_t>(surface.cells()));
+  if (!first.motion.empty())
+    motion.emplace(surface_group, "motion", kMotionNumbers * static_cast<std::size_t>(surface.cells()));
   if (record.sensors) create_channels("sensors", sensors, sensor_series);
   if (record.actuators) {
     create_channels("actuators", actuators, actuator_series);
@@ -214,6 +219,11 @@ void Hdf5Recorder::Content::buffer(const scene::Snapshot& snapshot, std::span<co
   }
   heights->add(snapshot.height, 0);
   heights->end_row();
+  if (motion) {
+    flatten(snapshot.motion, flat_motion);
+    motion->add(flat_motion, 0);
+    motion->end_row();
+  }
   ++buffered;
 }
 
@@ -262,12 +272,12 @@ void Hdf5Recorder::Content::write() {
     with_series([&](const FrameSeries& series) { most_bytes += series.most_bytes(); });
     most_bytes += tick->most_bytes();
   }
-  for (auto* changes : {&inputs, &heights})
+  for (auto* changes : {&inputs, &heights, &motion})
     if (*changes) most_bytes += (*changes)->most_bytes();
   reserve.reserve(most_bytes);
   catalogue->append(newcomers);
   newcomers.clear();
-  for (auto* changes : {&inputs, &heights})
+  for (auto* changes : {&inputs, &heights, &motion})
     if (*changes) (*changes)->write();
   if (buffered > 0) {
     with_series([&](FrameSeries& series) { series.write(written, buffered, first_live, end_live); });
@@ -326,7 +336,7 @@ void Hdf5Recorder::record(const scene::Snapshot& snapshot, const std::vector<sce
                           std::span<const Channel> sensors, std::span<const Channel> actuators) {
   guarded([&](Content& content) {
     if (catalogue.size() > content.objects) content.add_objects(catalogue);
-    if (!content.ready) content.create_series(sensors, actuators);
+    if (!content.ready) content.create_series(snapshot, sensors, actuators);
     content.buffer(snapshot, sensors, actuators);
     // Whole chunks, also after a write that did not wait for the buffer to be full.
     if ((content.written + content.buffered) % content.buffer_frames == 0 ||

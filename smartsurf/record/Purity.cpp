@@ -6,6 +6,7 @@
 #include <map>
 
 #include "smartsurf/record/Recording.h"
+#include "smartsurf/scene/Outline.h"
 
 namespace smartsurf::record {
 namespace {
@@ -44,21 +45,19 @@ std::vector<SizeClass> classes_by_size(const std::vector<scene::ObjectSpec>& cat
 class Share {
  public:
   explicit Share(const scene::SurfaceSpec& surface)
-      : centre_((surface.columns - 1) * surface.pitch / 2.0),
-        least_(-surface.pitch / 2.0),
-        most_x_((surface.columns - 0.5) * surface.pitch),
-        most_y_((surface.rows - 0.5) * surface.pitch) {}
+      : outline_(scene::outline_of(surface)), centre_((outline_.west + outline_.east) / 2.0) {}
 
   void add(SizeClass which, double x, double y) {
     if (which == SizeClass::kNone || std::isnan(x)) return;
     ++all_;
-    if (x < least_ || x > most_x_ || y < least_ || y > most_y_) return;
+    if (!outline_.contains(x, y)) return;
     if (which == SizeClass::kSmall ? x < centre_ : x > centre_) ++own_;
   }
   double value() const { return all_ > 0 ? static_cast<double>(own_) / all_ : kNoValue; }
 
  private:
-  double centre_, least_, most_x_, most_y_;
+  scene::Outline outline_;
+  double centre_;
   int own_ = 0, all_ = 0;
 };
 

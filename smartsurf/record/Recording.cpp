@@ -10,6 +10,7 @@
 #include "smartsurf/record/Hdf5Reading.h"
 #include "smartsurf/record/ReadingTrial.h"
 #include "smartsurf/record/Solids.h"
+#include "smartsurf/record/SurfaceLayout.h"
 
 namespace smartsurf::record {
 namespace {
@@ -99,7 +100,7 @@ struct Recording::Content {
   std::vector<double> time;
   bool has_objects = false;
   std::optional<std::uint64_t> touched;
-  std::optional<ChangeReader> inputs, heights;
+  std::optional<ChangeReader> inputs, heights, motion;
 };
 
 void Recording::Content::read_meta() {
@@ -160,6 +161,7 @@ void Recording::Content::read_surface() {
          read_number(group, "max_speed"),
          read_number(group, "max_acceleration")};
   if (has_attribute(group, "border")) surface.border_height = read_number(group, "border");
+  read_layout(group, surface);
   if (const std::string problem = scene::problem_with(surface); !problem.empty()) throw Hdf5Error(problem);
 }
 
@@ -247,6 +249,7 @@ void Recording::Content::read_changes() {
     inputs.emplace(file, "inputs/changes", values);
   }
   if (has_link(file, "surface/changes")) heights.emplace(file, "surface/changes", cells);
+  if (has_link(file, "surface/motion")) motion.emplace(file, "surface/motion", kMotionNumbers * cells);
 }
 
 // Objects that the file's pose arrays do not reach yet were created after the last frame: they do not exist.
@@ -323,6 +326,7 @@ const std::vector<double>& Recording::time() const { return content_->time; }
 const std::vector<std::uint64_t>& Recording::hash() const { return content_->hash; }
 std::optional<std::uint64_t> Recording::touched_by_hand() const { return content_->touched; }
 bool Recording::has_heights() const { return content_->heights.has_value(); }
+bool Recording::has_motion() const { return content_->motion.has_value(); }
 bool Recording::has_objects() const { return content_->has_objects; }
 
 std::vector<float> Recording::positions(std::size_t first, std::size_t count) const {
@@ -348,6 +352,7 @@ scene::Snapshot Recording::snapshot(std::size_t frame) const {
       const std::span<const float> heights = content_->heights->at(frame);
       shot.height.assign(heights.begin(), heights.end());
     }
+    if (content_->motion && frame < content_->motion->rows()) shot.motion = unflatten(content_->motion->at(frame));
     if (!has_objects()) return;
     const auto p = content_->poses("objects/position", 3, frame, 1),
                q = content_->poses("objects/orientation", 4, frame, 1),

@@ -36,7 +36,8 @@ class Recording {
   std::uint64_t file_bytes() const;
 
   // The scene as it was when the run began, as far as the recording tells (no sensors; materials by name
-  // only), except that `objects` holds every object ever created, index = id.
+  // only; models of actuators that are unknown here stand as pins), except that `objects` holds every object
+  // ever created, index = id.
   const scene::SceneSpec& spec() const;
   const Meta& meta() const;
   const std::optional<Result>& result() const;  // none when the run did not come to its end
@@ -57,6 +58,7 @@ class Recording {
   std::span<const float> inputs(std::size_t tick) const;
 
   bool has_heights() const;
+  bool has_motion() const;   // of mechanisms other than pins
   bool has_objects() const;  // false when the experiment recorded no objects: then there are no poses
   // frames [first, first + count) × objects × 3, u; NaN where the object did not exist.
   std::vector<float> positions(std::size_t first, std::size_t count) const;
@@ -65,7 +67,8 @@ class Recording {
   // Pin heights of a frame, rows × columns, u; valid until the next call. Requires has_heights().
   std::span<const float> heights(std::size_t frame) const;
   // One frame as the run saw it. Angular velocities are not recorded and are 0; heights are empty when
-  // !has_heights(). Frames one after another are cheaper than in any other order.
+  // !has_heights(), and so is motion where none is recorded. Frames one after another are cheaper than in any
+  // other order.
   scene::Snapshot snapshot(std::size_t frame) const;
   std::vector<std::string> channels(const std::string& group) const;  // their names
   // One frame of a channel, rows × columns × components: group "sensors" or "actuators".

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <memory>
 
+#include "smartsurf/scene/Outline.h"
+
 namespace smartsurf::record {
 namespace {
 
@@ -32,11 +34,28 @@ std::uint32_t rgb(const Ink& ink) {
   return byte(ink.r) << 16 | byte(ink.g) << 8 | byte(ink.b);
 }
 
+// Squares of the pitch that cover the surface: its cells, where they stand in a rectangular grid.
+struct Squares {
+  double west, south;
+  int columns, rows;
+};
+
+Squares squares_of(const scene::SurfaceSpec& s) {
+  const scene::Outline outline = scene::outline_of(s);
+  if (s.places.empty()) return {outline.west, outline.south, s.columns, s.rows};
+  const auto count = [&s](double length) {
+    return std::max(1, static_cast<int>(std::ceil(length / s.pitch - 1e-6)));
+  };
+  return {outline.west, outline.south, std::min(count(outline.width()), 4096),
+          std::min(count(outline.height()), 4096)};
+}
+
 Chart chart_of(const scene::SurfaceSpec& s) {
-  const double wide = s.columns * s.pitch, high = s.rows * s.pitch;
+  const Squares all = squares_of(s);
+  const double wide = all.columns * s.pitch, high = all.rows * s.pitch;
   const double points = 600.0 / std::max(wide, high);
   const Area area{66.0, 62.0, std::max(wide * points, 60.0), std::max(high * points, 60.0)};
-  const double x = -s.pitch / 2.0, y = -s.pitch / 2.0;
+  const double x = all.west, y = all.south;
   return {area, {x, x + wide, "x, east [u]"}, {y, y + high, "y, north [u]"}};
 }
 
@@ -65,7 +84,8 @@ TimeSpentPlot::TimeSpentPlot(const Recording& recording, const std::string& labe
              " spent over each cell"),
       subtitle_(subtitle(recording)),
       chart_(chart_of(surface_)),
-      seconds_(static_cast<std::size_t>(surface_.cells())) {
+      seconds_(static_cast<std::size_t>(squares_of(surface_).columns) *
+               static_cast<std::size_t>(squares_of(surface_).rows)) {
   std::vector<bool> counts;
   std::vector<std::string> labels;
   for (const scene::ObjectSpec& object : recording.spec().objects) {
@@ -82,6 +102,7 @@ TimeSpentPlot::TimeSpentPlot(const Recording& recording, const std::string& labe
 }
 
 void TimeSpentPlot::sum_up(const Recording& recording, const std::vector<bool>& counts) {
+  const Squares squares = squares_of(surface_);
   const std::size_t objects = counts.size(), frames = recording.frames();
   const std::size_t block = std::max<std::size_t>(1, kBlockNumbers / std::max<std::size_t>(3 * objects, 1));
   // A frame stands until the next; the last one ends the recording.
@@ -93,11 +114,11 @@ void TimeSpentPlot::sum_up(const Recording& recording, const std::vector<bool>& 
       for (std::size_t id = 0; id < objects; ++id) {
         const float* const at = &p[(f * objects + id) * 3];
         if (!counts[id] || !std::isfinite(at[0]) || !std::isfinite(at[1])) continue;
-        const double column = std::floor(at[0] / surface_.pitch + 0.5),
-                     north = std::floor(at[1] / surface_.pitch + 0.5);
-        if (column < 0.0 || north < 0.0 || column >= surface_.columns || north >= surface_.rows) continue;
-        const int row = surface_.rows - 1 - static_cast<int>(north);
-        seconds_[static_cast<std::size_t>(surface_.index(row, static_cast<int>(column)))] += dt_s;
+        const double column = std::floor((at[0] - squares.west) / surface_.pitch),
+                     north = std::floor((at[1] - squares.south) / surface_.pitch);
+        if (column < 0.0 || north < 0.0 || column >= squares.columns || north >= squares.rows) continue;
+        const int row = squares.rows - 1 - static_cast<int>(north);
+        seconds_[static_cast<std::size_t>(row * squares.columns + static_cast<int>(column))] += dt_s;
       }
     }
   }
@@ -111,7 +132,8 @@ void TimeSpentPlot::draw_cells(cairo_t* paper) const {
   // The root: where objects rest they spend far more time than where they pass.
   for (std::size_t i = 0; i < pixels.size(); ++i)
     pixels[i] = rgb(colour_at(most_ > 0.0 ? std::sqrt(seconds_[i] / most_) : 0.0));
-  draw_pixels(paper, chart_.area(), surface_.columns, surface_.rows, std::move(pixels));
+  draw_pixels(paper, chart_.area(), squares_of(surface_).columns, squares_of(surface_).rows,
+              std::move(pixels));
 }
 
 void TimeSpentPlot::draw_scale(cairo_t* paper) const {

@@ -5,8 +5,10 @@
 #include <map>
 #include <set>
 #include <string>
+#include <utility>
 
 #include "smartsurf/record/Purity.h"
+#include "smartsurf/scene/Outline.h"
 
 namespace smartsurf::record {
 namespace {
@@ -34,8 +36,9 @@ const std::vector<Style>& styles() {
 }
 
 Chart chart_of(const scene::SurfaceSpec& s) {
-  const double wide = s.columns * s.pitch, high = s.rows * s.pitch, margin = kMargin * std::max(wide, high);
-  const double x = -s.pitch / 2.0, y = -s.pitch / 2.0;
+  const scene::Outline outline = scene::outline_of(s);
+  const double wide = outline.width(), high = outline.height(), margin = kMargin * std::max(wide, high);
+  const double x = outline.west, y = outline.south;
   const double all_wide = wide + 2.0 * margin, all_high = high + 2.0 * margin;
   const double points = kLongSide / std::max(all_wide, all_high);
   const Area area{kLeft, kTop, std::max(all_wide * points, kLeastWidth),
@@ -155,23 +158,41 @@ void TrajectoryPlot::follow_objects(const Recording& recording) {
 }
 
 bool TrajectoryPlot::off_surface(const Point& point) const {
+  return !scene::outline_of(spec_.surface).contains(point[0], point[1]);
+}
+
+// The tops of the cells of a layout that is no rectangular grid.
+void TrajectoryPlot::draw_cells(cairo_t* paper) const {
   const scene::SurfaceSpec& s = spec_.surface;
-  return !(point[0] >= -s.pitch / 2.0 && point[0] <= (s.columns - 0.5) * s.pitch &&
-           point[1] >= -s.pitch / 2.0 && point[1] <= (s.rows - 0.5) * s.pitch);
+  for (std::size_t i = 0; i < s.places.size(); ++i) {
+    if (s.is_empty(static_cast<int>(i) / s.columns, static_cast<int>(i) % s.columns)) continue;
+    const scene::CellPlace& place = s.places[i];
+    const double cosine = std::cos(place.angle), sine = std::sin(place.angle);
+    cairo_new_sub_path(paper);
+    for (const auto& [a, b] : {std::pair{-0.5, -0.5}, {0.5, -0.5}, {0.5, 0.5}, {-0.5, 0.5}}) {
+      const double x = a * s.pin.top_x, y = b * s.pin.top_y;
+      cairo_line_to(paper, chart_.px(place.x + cosine * x - sine * y),
+                    chart_.py(place.y + sine * x + cosine * y));
+    }
+    cairo_close_path(paper);
+  }
+  use(paper, kPale);
+  cairo_fill(paper);
 }
 
 void TrajectoryPlot::draw_surface(cairo_t* paper) const {
   const scene::SurfaceSpec& s = spec_.surface;
-  const double west = -s.pitch / 2.0, south = -s.pitch / 2.0, wide = s.columns * s.pitch,
-               high = s.rows * s.pitch;
+  const scene::Outline outline = scene::outline_of(s);
+  const double west = outline.west, south = outline.south, wide = outline.width(), high = outline.height();
   const auto rectangle = [&](double inset) {
     const double x = chart_.px(west + inset), y = chart_.py(south + high - inset);
     cairo_rectangle(paper, x, y, chart_.px(west + wide - inset) - x, chart_.py(south + inset) - y);
   };
   rectangle(0.0);
-  use(paper, s.border_height ? kPale : kWhite);
+  use(paper, s.border_height && s.places.empty() ? kPale : kWhite);
   cairo_fill(paper);
-  if (s.border_height && s.rows > 2 && s.columns > 2) {
+  if (!s.places.empty()) draw_cells(paper);
+  if (s.border_height && s.places.empty() && s.rows > 2 && s.columns > 2) {
     rectangle(s.pitch);
     use(paper, kWhite);
     cairo_fill(paper);
@@ -180,7 +201,7 @@ void TrajectoryPlot::draw_surface(cairo_t* paper) const {
   use(paper, kGrey, 1.2);
   cairo_stroke(paper);
   if (!two_classes_) return;
-  const double centre = chart_.px((s.columns - 1) * s.pitch / 2.0);
+  const double centre = chart_.px((outline.west + outline.east) / 2.0);
   const double dots[] = {1.5, 3.0};
   cairo_set_dash(paper, dots, 2, 0.0);
   use(paper, kGrey, 1.0);

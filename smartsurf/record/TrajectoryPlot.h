@@ -34,6 +34,7 @@ class TrajectoryPlot final : public Figure {
   void find_groups();
   void follow_objects(const Recording& recording);
   bool off_surface(const Point& point) const;
+  void draw_cells(cairo_t* paper) const;
   void draw_surface(cairo_t* paper) const;
   void draw_group(cairo_t* paper, const Group& group) const;
   void draw_marks(cairo_t* paper, const Group& group) const;

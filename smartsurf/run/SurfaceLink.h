@@ -18,8 +18,9 @@ namespace smartsurf::run {
 
 class SurfaceLink {
  public:
-  // Its channels are those of the surface's sensors, then those of its actuators. Throws scene::InputError
-  // when the name cannot be had.
+  // Its channels are those of the surface's sensors; where cells are empty `occupancy`, 1 where there is a
+  // cell and 0 where there is none; then those of its actuators. Throws scene::InputError when the name
+  // cannot be had.
   SurfaceLink(const std::string& name, RunMode, const scene::SceneSpec&);
 
   // Writes the frames into shared memory and publishes them.
@@ -43,6 +44,7 @@ class SurfaceLink {
   std::string name_;
   RunMode mode_;
   shm_protocol::SurfaceEndpoint endpoint_;
+  std::vector<float> occupancy_;  // empty where every cell is there
   int first_actuator_, actuator_channels_;
 };
 

@@ -37,7 +37,8 @@ int bind_all(Session& session, lua_State* L) {
 
 int run_script(Session& session, lua_State* L) {
   session.interpreter->compile(L, session.spec.text, session.spec.file);
-  lua_call(L, 0, 0);
+  lua_call(L, 0, 1);
+  if (!lua_isnil(L, -1)) session.returned = luaL_typename(L, -1);
   return 0;
 }
 
@@ -62,6 +63,9 @@ void check_whole(const Session& session) {
                             ": the script has no option '" + one_line(name) + "'" + suggestion(name, names) +
                             "; options: " + (shown.empty() ? "none" : list_of(shown)));
   }
+  if (!session.declared_at.contains("surface") && !session.returned.empty())
+    throw scene::InputError(file + ": no surface is declared, and it gives back a " + session.returned +
+                            ": it looks like a file that experiments require; check one of those");
   if (!session.declared_at.contains("surface"))
     throw scene::InputError(file +
                             ": no surface is declared; an experiment needs one, surface{rows = 64, columns = "

@@ -289,6 +289,9 @@ void read_layout(Session& session, lua_State* L, const Fields& fields, scene::Su
   });
   for (std::size_t i = 0; i < there.size(); ++i)
     if (!there[i]) cells()[i] = scene::kEmptyCell;
+  if (!s.actuator_of_cell.empty() &&
+      std::ranges::all_of(s.actuator_of_cell, [](std::int8_t a) { return a == scene::kEmptyCell; }))
+    throw Problem("surface: no cell is left: cells, mask and positions leave every one empty");
   fields.with("base", [&](int i, const std::string& name) {
     s.base.assign(static_cast<std::size_t>(s.cells()), 0.0F);
     visit_cells(session, L, i, name, s, [&](int r, int c, int value, const std::string& cell) {

@@ -44,6 +44,7 @@ struct Session {
 
   // Where each was declared ("FILE:LINE"), for the message about a second declaration.
   std::map<std::string, std::string> declared_at;
+  std::string returned;  // the type of what the script gave back, as a file that is required does; "": nothing
 
   std::optional<Random> random;  // from its first use on
   std::string random_used_at;

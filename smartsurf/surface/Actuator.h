@@ -54,6 +54,9 @@ class Actuator {
   // Whether any cell drags what lies on it: then the field has drag and spin.
   virtual bool drags() const noexcept { return false; }
 
+  // Whether its cells bear a limited force: then the field has force_limit, which plan() writes.
+  virtual bool yields() const noexcept { return false; }
+
   // Adds the forces of the step to come. catalogue[id] describes the object `id`; one wrench a body.
   virtual bool exerts_forces() const noexcept { return false; }
   virtual void forces(double /*dt_s*/, const Field&, const Bodies&,

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <limits>
 
 #include "smartsurf/surface/PinKernels.h"
 #include "smartsurf/surface/WorkerPool.h"
@@ -130,6 +131,8 @@ void ActuatorArray::add_routes(const scene::SurfaceSpec& surface, const FaultMap
 void ActuatorArray::start() {
   if (std::ranges::any_of(models_, [](const Model& m) { return m.actuator->drags(); }))
     field_.drag_x = field_.drag_y = field_.spin = std::vector<float>(field_.height.size(), 0.0F);
+  if (std::ranges::any_of(models_, [](const Model& m) { return m.actuator->yields(); }))
+    field_.force_limit.assign(field_.height.size(), std::numeric_limits<float>::infinity());
   for (Route& route : routes_) {
     for (route.newest = 0; route.newest + 1 < route.frames.size(); ++route.newest) feel(route);
     deliver(route);

@@ -71,14 +71,16 @@ std::vector<CsvLine> read_csv(const std::string& file, std::string_view text, st
   bool has_header = false;
   for (int number = 1; !text.empty(); ++number) {
     const std::size_t end = std::min(text.find('\n'), text.size());
-    const std::string_view content = trimmed(text.substr(0, end));
+    const std::string_view whole = text.substr(0, end), content = trimmed(whole);
     text.remove_prefix(std::min(end + 1, text.size()));
     if (content.empty() || content.starts_with('#')) continue;
+    const bool quotes_close = std::ranges::count(whole, '"') % 2 == 0;
     std::vector<std::string> fields = cut(content);
     const std::size_t count = fields.size();
     const bool is_header = fields == names;
     fields.resize(names.size());
     CsvLine line(std::move(fields), file, number);
+    if (!quotes_close) line.refuse("a quotation mark is not closed");
     if (!has_header && !is_header) line.refuse("the first line must be the header " + std::string(header));
     if (count > names.size() || count + optional < names.size())
       line.refuse(std::to_string(count) + " values: must be " + std::to_string(names.size()) + ", " +

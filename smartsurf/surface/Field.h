@@ -30,6 +30,9 @@ struct Field {
   // what drags along whatever lies on it. Empty where no actuator of the surface drags.
   std::vector<float> drag_x, drag_y, spin;
   float max_height = 0.0F, max_speed = 0.0F;  // the highest top, and the greatest |speed|
+  // The greatest upward force that the cell can give, mass·u/s²; infinity: any. Under more it gives way: the
+  // physics then lowers its `speed` to that of what lies on it. Empty where no actuator has such a limit.
+  std::vector<float> force_limit;
 
   // ---- what the objects do to the cells (written by the physics, each step anew)
   std::vector<float> impulse;  // normal impulse on the cell, mass·u/s, ≥ 0
@@ -43,6 +46,7 @@ struct Field {
   float angle_of(int cell) const { return rectangular() ? 0.0F : angle[static_cast<std::size_t>(cell)]; }
   bool rectangular() const { return x.empty(); }
   bool drags() const { return !drag_x.empty(); }
+  bool yields() const { return !force_limit.empty(); }
 };
 
 }  // namespace smartsurf::surface

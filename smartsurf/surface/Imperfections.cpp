@@ -4,6 +4,9 @@
 #include <array>
 #include <cassert>
 #include <cmath>
+#include <map>
+#include <string>
+#include <utility>
 
 #include "smartsurf/surface/CounterRandom.h"
 #include "smartsurf/surface/CsvTable.h"
@@ -148,10 +151,13 @@ void Imperfections::calibrate(std::size_t cell, const Channel& c, std::vector<fl
 }
 
 void Imperfections::read_calibration(const scene::CalibrationFile& file) {
+  std::map<std::pair<std::size_t, std::string>, int> seen;
   for (const CsvLine& line : read_csv(file.name, file.text, "row,column,channel,gain,offset")) {
     const auto cell =
         static_cast<std::size_t>(line.index(0, "row", rows_) * columns_ + line.index(1, "column", columns_));
     const double gain = line.number(3, "gain"), offset = line.number(4, "offset");
+    if (const auto [first, is_new] = seen.try_emplace({cell, line.text(2)}, line.line()); !is_new)
+      line.refuse("the cell's channel is calibrated already, by line " + std::to_string(first->second));
     bool found = false;
     for (Channel& c : channels_) {
       if (c.description.exact || (!line.text(2).empty() && line.text(2) != c.description.name)) continue;

@@ -102,53 +102,6 @@ Course steer_of_target(std::size_t n, const float* target, const float* height, 
   return course;
 }
 
-Course steer_loaded_of_target(std::size_t n, const LoadedPins& pins, const Approach& law,
-                              const Drive& drive) {
-  Course course;
-  Greatest fastest(0.0F);
-  const Approach::Constants& c = law.constants();
-  in_vectors(n, [&](auto d, std::size_t i, auto done) {
-    const auto zero = hn::Zero(d), full = hn::Set(d, c.limit), dt = hn::Set(d, drive.dt_s);
-    const auto height = hn::LoadU(d, pins.height + i), before = hn::LoadU(d, pins.speed + i);
-    const auto wait = hn::LoadU(d, pins.wait + i);
-    const auto distance = hn::Sub(hn::LoadU(d, pins.target + i), height);
-    const auto left =
-        hn::Sub(hn::Set(d, 1.0F), hn::Div(hn::LoadU(d, pins.load + i), hn::Set(d, drive.limit)));
-    const auto bears = hn::Ge(left, zero), works = hn::And(bears, hn::Le(wait, zero));
-
-    const auto limit = hn::IfThenElse(hn::Gt(distance, zero), hn::Mul(full, left), full);
-    const auto driven = approach(d, c, distance, before, limit);
-
-    const auto stop = hn::Add(hn::LoadU(d, pins.base + i), hn::Set(d, drive.lowest));
-    const auto to_stop = hn::Div(hn::Min(zero, hn::Sub(stop, height)), dt);
-    const auto back = hn::Mul(full, hn::Max(hn::Set(d, -1.0F), hn::Min(left, zero)));
-    const auto yielding = hn::Max(to_stop, hn::Max(hn::Sub(before, hn::Set(d, c.step)), back));
-
-    const auto speed = hn::IfThenElse(done, before, hn::IfThenElse(works, driven, yielding));
-    const auto still = hn::IfThenElse(bears, hn::Sub(wait, dt), hn::Set(d, drive.pause_s));
-    hn::StoreU(speed, d, pins.speed + i);
-    hn::StoreU(hn::IfThenElse(hn::Or(done, works), wait, still), d, pins.wait + i);
-    course.moving |= !hn::AllTrue(d, hn::And(hn::Eq(distance, zero), hn::Eq(speed, zero)));
-    fastest.add(d, hn::Abs(speed));
-  });
-  course.fastest = fastest.of_all();
-  return course;
-}
-
-bool weigh_of_target(std::size_t n, const float* impulse, float per_dt, float share, float limit,
-                     float* loads) {
-  bool overloaded = false;
-  in_vectors(n, [&](auto d, std::size_t i, auto done) {
-    const auto before = hn::LoadU(d, loads + i);
-    const auto felt = hn::Mul(hn::LoadU(d, impulse + i), hn::Set(d, per_dt));
-    const auto next = hn::Add(before, hn::Mul(hn::Sub(felt, before), hn::Set(d, share)));
-    const auto load = hn::IfThenElse(done, before, next);
-    overloaded |= !hn::AllFalse(d, hn::Gt(load, hn::Set(d, limit)));
-    hn::StoreU(load, d, loads + i);
-  });
-  return overloaded;
-}
-
 float advance_of_target(std::size_t n, const float* target, const float* speed, float dt_s, float* heights) {
   Greatest highest(-std::numeric_limits<float>::infinity());
   in_vectors(n, [&](auto d, std::size_t i, auto done) {
@@ -175,8 +128,6 @@ namespace smartsurf::surface {
 HWY_EXPORT(take_commands_of_target);
 HWY_EXPORT(aim_of_target);
 HWY_EXPORT(steer_of_target);
-HWY_EXPORT(steer_loaded_of_target);
-HWY_EXPORT(weigh_of_target);
 HWY_EXPORT(advance_of_target);
 
 void take_commands(std::size_t n, const float* commands, float low, float high, float* kept) noexcept {
@@ -190,15 +141,6 @@ bool aim(std::size_t n, const float* base, const float* commands, float* target)
 Course steer(std::size_t n, const float* target, const float* height, const Approach& law,
              float* speed) noexcept {
   return HWY_DYNAMIC_DISPATCH(steer_of_target)(n, target, height, law, speed);
-}
-
-Course steer_loaded(std::size_t n, const LoadedPins& pins, const Approach& law, const Drive& drive) noexcept {
-  return HWY_DYNAMIC_DISPATCH(steer_loaded_of_target)(n, pins, law, drive);
-}
-
-bool weigh(std::size_t n, const float* impulse, float per_dt, float share, float limit,
-           float* load) noexcept {
-  return HWY_DYNAMIC_DISPATCH(weigh_of_target)(n, impulse, per_dt, share, limit, load);
 }
 
 float advance(std::size_t n, const float* target, const float* speed, float dt_s, float* height) noexcept {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "smartsurf/surface/PinKernels.h"
@@ -10,12 +11,11 @@
 namespace smartsurf::surface {
 namespace {
 
-// A load is felt through this time constant, so that one impact does not stop a pin, s.
-constexpr float kLoadLag = 0.02F;
-// How long a pin that could not bear its load waits before it tries again, s.
-constexpr float kTripped = 0.5F;
+// How long a pin that was pushed onto its lower stop waits before it tries again, s.
+constexpr float kRetry = 0.1F;
+constexpr float kAtStop = 1e-4F;  // u
 
-// What one pin costs, about: to get its target or weigh its load, to find its speed, to move.
+// What one pin costs, about: to get its target, to find its speed, to move.
 constexpr double kRead_ns = 0.4, kSteer_ns = 1.0, kMove_ns = 0.5;
 
 std::size_t length(const Run& run) { return static_cast<std::size_t>(run.end - run.begin); }
@@ -37,8 +37,8 @@ Pins::Pins(const Place& place)
       run_speed_(runs_.size(), 0.0F) {
   if (place.spec.has("max_force")) {
     force_limit_ = static_cast<float>(place.spec.number("max_force"));
-    load_.resize(target_.size(), 0.0F);
-    wait_ = load_;
+    planned_.resize(target_.size(), 0.0F);
+    wait_ = planned_;
   }
 }
 
@@ -79,7 +79,8 @@ void Pins::settle(Field& field) noexcept {
 
 void Pins::plan(double dt_s, Field& field) noexcept {
   const auto dt = static_cast<float>(dt_s);
-  if (force_limit_) for_runs(kRead_ns, [&](std::size_t r) { weigh_run(r, dt, field); });
+  // What can be pushed must be looked at in every step.
+  if (force_limit_) std::ranges::fill(moving_, std::uint8_t{1});
   const Approach approach(speed_limit_, acceleration_limit_, dt);
   for_moving_runs(kSteer_ns, [&](std::size_t r) { plan_run(r, approach, dt, field); });
   for (std::size_t r = 0; r < runs_.size(); ++r) {
@@ -88,30 +89,36 @@ void Pins::plan(double dt_s, Field& field) noexcept {
   }
 }
 
-void Pins::weigh_run(std::size_t run, float dt_s, const Field& field) noexcept {
-  const std::size_t i = first(runs_[run]);
-  const float share = 1.0F - std::exp(-dt_s / kLoadLag);
-  if (weigh(length(runs_[run]), &field.impulse[i], 1.0F / dt_s, share, *force_limit_, &load_[i]))
-    moving_[run] = 1;
-}
-
 void Pins::plan_run(std::size_t run, const Approach& approach, float dt_s, Field& field) noexcept {
   const std::size_t i = first(runs_[run]), n = length(runs_[run]);
-  Course course;
-  if (force_limit_)
-    course = steer_loaded(n,
-                          {.base = &base_[i],
-                           .target = &target_[i],
-                           .height = &field.height[i],
-                           .load = &load_[i],
-                           .wait = &wait_[i],
-                           .speed = &field.speed[i]},
-                          approach,
-                          {.limit = *force_limit_, .dt_s = dt_s, .lowest = lowest_, .pause_s = kTripped});
-  else
-    course = steer(n, &target_[i], &field.height[i], approach, &field.speed[i]);
-  moving_[run] = course.moving;
-  run_speed_[run] = course.fastest;
+  if (!force_limit_) {
+    const Course course = steer(n, &target_[i], &field.height[i], approach, &field.speed[i]);
+    moving_[run] = course.moving;
+    run_speed_[run] = course.fastest;
+    return;
+  }
+  run_speed_[run] = 0.0F;
+  for (std::size_t k = i; k < i + n; ++k) {
+    field.speed[k] = plan_loaded(k, approach, dt_s, field);
+    run_speed_[run] = std::max(run_speed_[run], std::abs(field.speed[k]));
+  }
+}
+
+// The motor's line, force = max_force·(1 − v/max_speed): all of it at rest, none at its greatest speed. What
+// is pushed back goes on from the speed that is left to it. On the lower stop the frame bears the load; a pin
+// that cannot leave it under its load waits there for a while.
+float Pins::plan_loaded(std::size_t i, const Approach& approach, float dt_s, Field& field) noexcept {
+  const float from = std::max(field.speed[i], std::min(planned_[i], 0.0F));
+  const bool on_stop = field.height[i] <= lower_stop(i) + kAtStop;
+  if (on_stop && planned_[i] > 0.0F && field.speed[i] <= 0.0F) wait_[i] = kRetry;
+  planned_[i] = approach(target_[i] - field.height[i], from);
+  if (wait_[i] > 0.0F) {
+    wait_[i] -= dt_s;
+    if (on_stop) planned_[i] = std::min(planned_[i], 0.0F);
+  }
+  const float force = *force_limit_ * std::clamp(1.0F - from / speed_limit_, 0.0F, 1.0F);
+  field.force_limit[i] = on_stop && planned_[i] <= 0.0F ? std::numeric_limits<float>::infinity() : force;
+  return planned_[i];
 }
 
 void Pins::commit(double dt_s, Field& field) noexcept {
@@ -119,6 +126,11 @@ void Pins::commit(double dt_s, Field& field) noexcept {
     const std::size_t i = first(runs_[r]);
     run_height_[r] =
         advance(length(runs_[r]), &target_[i], &field.speed[i], static_cast<float>(dt_s), &field.height[i]);
+    if (!force_limit_) return;
+    for (std::size_t k = i; k < i + length(runs_[r]); ++k) {
+      field.height[k] = std::max(field.height[k], lower_stop(k));
+      run_height_[r] = std::max(run_height_[r], field.height[k]);
+    }
   });
 }
 

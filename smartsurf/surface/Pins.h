@@ -19,6 +19,7 @@ class Pins final : public Actuator {
   void settle(Field&) noexcept override;
   void plan(double dt_s, Field&) noexcept override;
   void commit(double dt_s, Field&) noexcept override;
+  bool yields() const noexcept override { return force_limit_.has_value(); }
 
  private:
   // Calls work(run) for every run, or for those that move; shared where it is worth it.
@@ -27,7 +28,8 @@ class Pins final : public Actuator {
   template <class Work>
   void for_moving_runs(double cost_ns, const Work& work) const;
   void plan_run(std::size_t run, const Approach&, float dt_s, Field&) noexcept;
-  void weigh_run(std::size_t run, float dt_s, const Field&) noexcept;
+  float plan_loaded(std::size_t cell, const Approach&, float dt_s, Field&) noexcept;
+  float lower_stop(std::size_t cell) const { return base_[cell] + lowest_; }
 
   std::vector<Run> runs_;
   WorkerPool* pool_;
@@ -36,8 +38,9 @@ class Pins final : public Actuator {
   float lowest_;  // of the range, over the base
   std::optional<float> force_limit_;
   std::vector<float> base_, target_;  // rows × columns; target: z of the top, base included
-  std::vector<float> wait_;           // the same, s: of a drive that tripped
-  std::vector<float> load_;           // rows × columns, mass·u/s², smoothed; empty without a force limit
+  // Of pins with a force limit, rows × columns, empty without: the speed that each was to have, u/s; how long
+  // it does not try to leave the lower stop, s.
+  std::vector<float> planned_, wait_;
   // One a run, so that a run whose pins all rest on their targets costs nothing.
   std::vector<std::uint8_t> moving_;
   std::vector<float> run_height_, run_speed_;  // the run's highest top and greatest |speed|

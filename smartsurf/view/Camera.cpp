@@ -6,6 +6,7 @@
 #include <limits>
 #include <numbers>
 
+#include "smartsurf/scene/Outline.h"
 #include "smartsurf/view/Axes.h"
 
 namespace smartsurf::view {
@@ -41,14 +42,10 @@ struct Fit {
 }  // namespace
 
 Eigen::AlignedBox3d Camera::extent(const scene::SurfaceSpec& s) {
-  const double half = s.pitch / 2.0;
   const double top = std::max(s.pin.max_height, s.border_height.value_or(s.pin.max_height));
-  Eigen::AlignedBox2d ground(Eigen::Vector2d(0.0, 0.0),
-                             Eigen::Vector2d((s.columns - 1) * s.pitch, (s.rows - 1) * s.pitch));
-  if (!s.places.empty()) ground.setEmpty();
-  for (const scene::CellPlace& place : s.places) ground.extend(Eigen::Vector2d(place.x, place.y));
-  return {Eigen::Vector3d(ground.min().x() - half, ground.min().y() - half, s.pin.min_height - s.pin.length),
-          Eigen::Vector3d(ground.max().x() + half, ground.max().y() + half, top)};
+  const scene::Outline ground = scene::outline_of(s);
+  return {Eigen::Vector3d(ground.west, ground.south, s.pin.min_height - s.pin.length),
+          Eigen::Vector3d(ground.east, ground.north, top)};
 }
 
 Camera Camera::framing(const scene::SurfaceSpec& surface, Preset preset, double aspect) {

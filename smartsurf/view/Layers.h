@@ -1,4 +1,4 @@
-// The three kinds of things that a picture consists of, each drawn by one call a kind. Internal to the room;
+// The kinds of things that a picture consists of, each drawn by one call a kind. Internal to the room;
 // an OpenGL context must be current wherever one of these is made, used or destroyed.
 #pragma once
 
@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "smartsurf/view/GlObjects.h"
+#include "smartsurf/view/MechanismParts.h"
 #include "smartsurf/view/PinShading.h"
 #include "smartsurf/view/Shaders.h"
 
@@ -75,6 +76,24 @@ class ObjectLayer {
   std::array<Kind, 5> kinds_;  // by ShapeKind, but for solids
   std::vector<std::pair<std::shared_ptr<const scene::Solid>, Kind>>
       solids_;  // in the order of their first use
+};
+
+// What stands on the cells of mechanisms other than pins: one draw call a kind of part.
+class MechanismLayer {
+ public:
+  MechanismLayer(const scene::SurfaceSpec& surface, Pass colour_pass);
+  // Returns MechanismParts::recess().
+  std::span<const float> upload(const scene::Snapshot& snapshot);
+  void draw(Pass pass, bool translucent) const;
+
+ private:
+  struct Drawn {
+    VertexArray array;
+    Buffer corners, triangles, instances;
+  };
+  MechanismParts parts_;
+  std::vector<Drawn> drawn_;  // as parts_.kinds()
+  ShaderProgram shadow_, colour_;
 };
 
 // Lines of one width: one draw call.

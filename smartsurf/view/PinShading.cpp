@@ -121,7 +121,7 @@ PinShading::Bytes PinShading::colour_of(const scene::Snapshot& snapshot, const D
 std::span<const PinInstance> PinShading::update(const scene::Snapshot& snapshot,
                                                 const std::vector<scene::ObjectSpec>& catalogue,
                                                 const DrawOptions& options, bool north_first,
-                                                bool east_first) {
+                                                bool east_first, std::span<const float> recess) {
   for (int row = 0; row < surface_.rows; ++row)
     for (int column = 0; column < surface_.columns; ++column)
       sky_[surface_.index(row, column)] = sky_of(snapshot, row, column);
@@ -140,7 +140,7 @@ std::span<const PinInstance> PinShading::update(const scene::Snapshot& snapshot,
       const auto place = static_cast<std::size_t>(surface_.index(row, column));
       pin.place = {centre.x(), centre.y(),
                    surface_.places.empty() ? 0.0f : static_cast<float>(surface_.places[place].angle)};
-      pin.height = height_at(snapshot, row, column);
+      pin.height = height_at(snapshot, row, column) - (recess.empty() ? 0.0f : recess[place]);
       pin.colour = colour_of(snapshot, options, row, column);
       pin.colour[3] = surface_.is_border(row, column) ? 255 : 0;
       for (int corner = 0; corner < 4; ++corner)

@@ -33,9 +33,11 @@ class PinShading {
 
   // One record a pin (none for a cell that is not there), in drawing order: rows from the south to the north
   // unless north_first, in each row from the west to the east unless east_first. Valid until the next call.
+  // recess: how far below its top each cell is drawn, u; rows × columns, or empty for 0.
   std::span<const PinInstance> update(const scene::Snapshot& snapshot,
                                       const std::vector<scene::ObjectSpec>& catalogue,
-                                      const DrawOptions& options, bool north_first, bool east_first);
+                                      const DrawOptions& options, bool north_first, bool east_first,
+                                      std::span<const float> recess = {});
 
   // Mean height of the pins around an object that reaches that far from its centre; the table's base beside
   // it.

@@ -48,6 +48,7 @@ struct Renderer::State {
         shading(s.surface),
         shadow(q.shadow_size),
         pins(s.surface, colour_pass),
+        mechanisms(s.surface, colour_pass),
         objects(colour_pass),
         ground(s.surface, colour_pass),
         frame(make_buffer()) {
@@ -65,6 +66,7 @@ struct Renderer::State {
   FrameUniforms eye_frame(const Camera& camera, int width, int height) const;
   void draw_shadows(const DrawOptions& options);
   void draw_colour(const DrawOptions& options, int width, int height);
+  void draw_translucent();
 
   scene::SceneSpec spec;
   Quality quality;
@@ -72,6 +74,7 @@ struct Renderer::State {
   PinShading shading;
   ShadowMap shadow;
   PinLayer pins;
+  MechanismLayer mechanisms;
   ObjectLayer objects;
   GroundLayer ground;
   LineLayer lines;
@@ -118,7 +121,8 @@ void Renderer::State::upload(const scene::Snapshot& snapshot, const std::vector<
                              const Camera& camera, const DrawOptions& options) {
   // Near rows first: what is hidden behind them is then never shaded.
   const bool north_first = camera.forward().y() < 0.0, east_first = camera.forward().x() < 0.0;
-  pins.upload(shading.update(snapshot, catalogue, options, north_first, east_first));
+  const std::span<const float> recess = mechanisms.upload(snapshot);
+  pins.upload(shading.update(snapshot, catalogue, options, north_first, east_first, recess));
   objects.begin();
   add_furniture(options);
   Eigen::AlignedBox3d lit = Camera::extent(spec.surface);
@@ -174,6 +178,7 @@ void Renderer::State::draw_shadows(const DrawOptions& options) {
   set_frame(light_frame());
   shadow.begin();
   pins.draw(Pass::kShadow);
+  mechanisms.draw(Pass::kShadow, false);
   if (options.style == Style::kSolid)
     objects.draw(Pass::kShadow);
   else
@@ -186,6 +191,7 @@ void Renderer::State::draw_colour(const DrawOptions& options, int width, int hei
   glClear(GL_DEPTH_BUFFER_BIT);
   shadow.bind(0);
   pins.draw(colour_pass);
+  mechanisms.draw(colour_pass, false);
   end_stage("pins");
   if (options.style == Style::kSolid)
     objects.draw(colour_pass);
@@ -202,8 +208,19 @@ void Renderer::State::draw_colour(const DrawOptions& options, int width, int hei
     objects.draw_wires(1.3f * static_cast<float>(quality.supersample), static_cast<int>(furniture));
     glDisable(GL_BLEND);
   }
+  draw_translucent();
   lines.draw(options.line_width * static_cast<float>(quality.supersample), width, height);
   end_stage("ground, wires, lines");
+}
+
+// What one sees through hides nothing of its own kind.
+void Renderer::State::draw_translucent() {
+  glEnable(GL_BLEND);
+  glBlendFunc(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA);
+  glDepthMask(GL_FALSE);
+  mechanisms.draw(colour_pass, true);
+  glDepthMask(GL_TRUE);
+  glDisable(GL_BLEND);
 }
 
 Renderer::Renderer(const scene::SceneSpec& spec, const Quality& quality) {

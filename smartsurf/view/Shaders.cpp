@@ -49,6 +49,40 @@ void main() {
 }
 )";
 
+constexpr const char* kPartVertex = R"(
+layout(location = 0) in vec3 corner;
+layout(location = 1) in vec3 corner_normal;
+layout(location = 2) in float weight;      // of the second colour
+layout(location = 3) in vec3 x;            // the part's axes, scaled
+layout(location = 4) in vec3 y;
+layout(location = 5) in vec3 z;
+layout(location = 6) in vec3 centre;
+layout(location = 7) in vec4 paint;
+layout(location = 8) in vec4 mark;
+out vec3 world;
+out vec3 normal;
+out vec4 colour;
+void main() {
+  world = centre + x * corner.x + y * corner.y + z * corner.z;
+  normal = cross(y, z) * corner_normal.x + cross(z, x) * corner_normal.y + cross(x, y) * corner_normal.z;
+  colour = mix(paint, mark, weight);
+  gl_Position = clip_from_world * vec4(world, 1.0);
+}
+)";
+
+constexpr const char* kPartFragment = R"(
+in vec3 world;
+in vec3 normal;
+in vec4 colour;
+out vec4 pixel;
+void main() {
+  if (colour.a < 0.99)
+    pixel = vec4(to_screen(colour.rgb), colour.a);
+  else
+    pixel = vec4(lit_glossy(colour.rgb, normalize(normal), world, 0.95, 0.08), 1.0);
+}
+)";
+
 constexpr const char* kGroundVertex = R"(
 layout(location = 0) in vec2 corner;   // ±1: of the part beside the table; ±2: of the whole
 uniform float base;
@@ -115,6 +149,12 @@ ShaderSources mesh_shaders(Pass pass, bool capsule) {
 ShaderSources wire_shaders(bool capsule) {
   return {shader_head(Pass::kColour) + shape_define(capsule) + kObjectInputs + kWireVertex,
           "#version 330 core\nin vec4 paint;\nout vec4 pixel;\nvoid main() { pixel = paint; }\n"};
+}
+
+ShaderSources part_shaders(Pass pass) {
+  return {shader_head(pass) + kPartVertex,
+          shader_head(pass) +
+              (pass == Pass::kShadow ? std::string(kEmptyFragment) : std::string(kLighting) + kPartFragment)};
 }
 
 ShaderSources line_shaders() {

@@ -22,7 +22,8 @@ ShaderSources sphere_shaders(Pass pass);  // a ray meets a sphere at every pixel
 // Triangles and wires of Meshes.h. capsule: its caps are pulled apart.
 ShaderSources mesh_shaders(Pass pass, bool capsule);
 ShaderSources wire_shaders(bool capsule);
-ShaderSources line_shaders();  // straight lines as ribbons that face the eye
+ShaderSources part_shaders(Pass pass);  // meshes of two colours, MechanismParts.h
+ShaderSources line_shaders();           // straight lines as ribbons that face the eye
 // shaded: with the sun's shadows.
 ShaderSources ground_shaders(Pass pass, bool shaded);
 ShaderSources backdrop_shaders();

@@ -19,6 +19,7 @@
 
 ASSET(page_html, "page.html")
 ASSET(player_js, "player.js")
+ASSET(mechanisms_js, "mechanisms.js")
 ASSET(three_js, "three/three.module.min.js")
 ASSET(orbit_controls_js, "three/OrbitControls.js")
 ASSET(three_licence, "three/LICENSE")

@@ -8,6 +8,7 @@
 #include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <numbers>
 
 #include "smartsurf/web/Assets.h"
 #include "smartsurf/web/FramePacker.h"
@@ -121,6 +122,24 @@ json objects_json(const Recording& recording) {
   return objects;
 }
 
+// Of a layout that is no rectangular grid: x, y and angle of each cell.
+json places_json(const scene::SurfaceSpec& surface) {
+  if (surface.places.empty()) return {};
+  json all = json::array();
+  for (const scene::CellPlace& place : surface.places) all.insert(all.end(), {place.x, place.y, place.angle});
+  return all;
+}
+
+json mechanisms_json(const scene::SurfaceSpec& surface) {
+  json all = json::array();
+  for (const scene::ActuatorSpec& spec : surface.mechanisms()) {
+    json one = {{"model", spec.model}};
+    for (const auto& [name, values] : spec.values) one[name] = values;
+    all.push_back(std::move(one));
+  }
+  return all;
+}
+
 json scene_json(const Recording& recording, const std::vector<std::size_t>& frames) {
   const scene::SurfaceSpec& s = recording.spec().surface;
   json time = json::array();
@@ -135,6 +154,9 @@ json scene_json(const Recording& recording, const std::vector<std::size_t>& fram
           {"low", s.pin.min_height},
           {"high", s.pin.max_height},
           {"border", s.border_height ? json(*s.border_height) : json()},
+          {"place", places_json(s)},
+          {"cell", s.actuator_of_cell.empty() ? json() : json(s.actuator_of_cell)},
+          {"mechanisms", mechanisms_json(s)},
           {"time", std::move(time)},
           {"objects", objects_json(recording)}};
 }
@@ -179,10 +201,33 @@ void pack_cells(const Recording& recording, const std::vector<std::size_t>& fram
   }
 }
 
+// What the mechanisms look like. Turns go round: the page needs where they are, not how often they went.
+void pack_motion(const Recording& recording, const std::vector<std::size_t>& frames, json& series,
+                 std::vector<std::uint8_t>& all) {
+  if (!recording.has_motion()) return;
+  constexpr double kHalfTurn = std::numbers::pi;
+  const std::size_t cells = static_cast<std::size_t>(recording.spec().surface.cells());
+  SeriesPacker packer({-kHalfTurn, kHalfTurn, 2, 3 * cells});
+  std::vector<float> numbers(3 * cells);
+  const auto round = [](float angle) { return std::remainder(angle, 2.0F * static_cast<float>(kHalfTurn)); };
+  for (const std::size_t frame : frames) {
+    const scene::Snapshot shot = recording.snapshot(frame);
+    for (std::size_t i = 0; i < shot.motion.size(); ++i) {
+      numbers[3 * i] = round(shot.motion[i].a);
+      numbers[3 * i + 1] = round(shot.motion[i].b);
+      numbers[3 * i + 2] = shot.motion[i].level;
+    }
+    packer.add(numbers);
+  }
+  series.push_back(series_json("motion", packer.layout()));
+  append(all, packer);
+}
+
 void require_room(const Recording& recording, std::size_t frames) {
   std::size_t a_frame = 14 * recording.spec().objects.size();
   const std::size_t cells = static_cast<std::size_t>(recording.spec().surface.cells());
-  a_frame += cells * (1 + recording.channels("sensors").size() + recording.channels("actuators").size());
+  a_frame += cells * (1 + (recording.has_motion() ? 6 : 0) + recording.channels("sensors").size() +
+                      recording.channels("actuators").size());
   if (a_frame * frames <= kMostBytes) return;
   const double fits = static_cast<double>(kMostBytes) / static_cast<double>(a_frame * frames);
   throw scene::InputError(recording.path().string() + ": " + std::to_string(frames) +
@@ -245,6 +290,7 @@ void write_page(const Recording& recording, const fs::path& path, const PageOpti
   std::vector<std::uint8_t> all;
   pack_objects(recording, frames, series, all);
   pack_cells(recording, frames, series, all);
+  pack_motion(recording, frames, series, all);
   scene["series"] = std::move(series);
   const std::string data = base64(compress(all)), description = script_safe(scene);
   write_whole(path, fill_in(page_html(), {{"TITLE", escaped(scene["title"])},
@@ -253,6 +299,7 @@ void write_page(const Recording& recording, const fs::path& path, const PageOpti
                                           {"LICENCE", three_licence()},
                                           {"THREE", three_js()},
                                           {"ORBIT", orbit_controls_js()},
+                                          {"MECHANISMS", mechanisms_js()},
                                           {"PLAYER", player_js()}}));
 }
 

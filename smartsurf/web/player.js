@@ -1,6 +1,7 @@
 // Plays the recording that the page holds.
 import * as THREE from 'three';
 import { OrbitControls } from 'three/orbit';
+import { makeMechanisms } from 'mechanisms';
 
 const byId = (id) => document.getElementById(id);
 const scene = JSON.parse(byId('scene').textContent);
@@ -51,8 +52,24 @@ renderer.shadowMap.enabled = true;
 renderer.shadowMap.type = THREE.PCFSoftShadowMap;
 const world = new THREE.Scene();
 world.background = new THREE.Color(0xe4e7ec);
-const wide = scene.columns * scene.pitch, high = scene.rows * scene.pitch, size = Math.max(wide, high);
-const middle = new THREE.Vector3((scene.columns - 1) * scene.pitch / 2, (scene.rows - 1) * scene.pitch / 2, scene.low);
+
+// ---- where the cells stand, and what moves them (−1: no cell)
+const places = Array.from({ length: scene.rows * scene.columns }, (_, cell) => {
+  const row = Math.floor(cell / scene.columns), column = cell % scene.columns;
+  const border = scene.border !== null && (row === 0 || column === 0 || row === scene.rows - 1 || column === scene.columns - 1);
+  const mechanism = scene.cell ? scene.cell[cell] : 0, kMechanisms = scene.mechanisms.length;
+  return {
+    x: scene.place ? scene.place[3 * cell] : column * scene.pitch,
+    y: scene.place ? scene.place[3 * cell + 1] : (scene.rows - 1 - row) * scene.pitch,
+    angle: scene.place ? scene.place[3 * cell + 2] : 0,
+    mechanism: border && mechanism >= 0 ? kMechanisms : mechanism,
+  };
+});
+const there = places.filter((place) => place.mechanism >= 0);
+const edge = (axis, sign) => there.reduce((most, place) => Math.max(most, sign * place[axis]), -Infinity) * sign;
+const wide = edge('x', 1) - edge('x', -1) + scene.pitch, high = edge('y', 1) - edge('y', -1) + scene.pitch;
+const size = Math.max(wide, high);
+const middle = new THREE.Vector3((edge('x', 1) + edge('x', -1)) / 2, (edge('y', 1) + edge('y', -1)) / 2, scene.low);
 const camera = new THREE.PerspectiveCamera(30, 1, size / 100, size * 20);
 camera.up.set(0, 0, 1);
 const controls = new OrbitControls(camera, renderer.domElement);
@@ -91,23 +108,25 @@ const pins = new THREE.InstancedMesh(new THREE.BoxGeometry(1, 1, 1).translate(0,
 pins.castShadow = pins.receiveShadow = true;
 pins.frustumCulled = false;
 world.add(pins);
-const matrix = new THREE.Matrix4();
+const matrix = new THREE.Matrix4(), scale = new THREE.Vector3();
 const isBorder = (cell) => {
   const row = Math.floor(cell / scene.columns), column = cell % scene.columns;
   return scene.border !== null && (row === 0 || column === 0 || row === scene.rows - 1 || column === scene.columns - 1);
 };
 const shownHeight = new Float32Array(cells).fill(NaN);
+const mechanisms = makeMechanisms(scene, series, world, (cell) => places[cell]);
+const nowhere = new THREE.Matrix4().makeScale(0, 0, 0);
 
 function setPins(frame, channel) {
   const heights = series.height;
   for (let cell = 0; cell < cells; ++cell) {
-    const height = heights ? heights.value(frame, cell) : scene.low;
+    const height = (heights ? heights.value(frame, cell) : scene.low) - mechanisms.recess[cell];
     if (height !== shownHeight[cell]) {
       shownHeight[cell] = height;
-      const row = Math.floor(cell / scene.columns), column = cell % scene.columns;
-      matrix.makeScale(scene.top[0], scene.top[1], Math.max(height - base, 0.01));
-      matrix.setPosition(column * scene.pitch, (scene.rows - 1 - row) * scene.pitch, height);
-      pins.setMatrixAt(cell, matrix);
+      const place = places[cell];
+      matrix.makeRotationZ(place.angle).scale(scale.set(scene.top[0], scene.top[1], Math.max(height - base, 0.01)));
+      matrix.setPosition(place.x, place.y, height);
+      pins.setMatrixAt(cell, place.mechanism < 0 ? nowhere : matrix);
       pins.instanceMatrix.needsUpdate = true;
     }
     pins.setColorAt(cell, colourOf(frame, cell, height, channel));
@@ -160,8 +179,7 @@ const meshes = [...kinds.values()].map((ids) => {
   world.add(mesh);
   return { mesh, ids };
 });
-const centre = new THREE.Vector3(), turn = new THREE.Quaternion(), scale = new THREE.Vector3();
-const nowhere = new THREE.Matrix4().makeScale(0, 0, 0);
+const centre = new THREE.Vector3(), turn = new THREE.Quaternion();
 
 function poseOf(frame, id) {
   const p = series.position;
@@ -228,7 +246,7 @@ function seek(frame) {
   state.now = scene.time[state.frame];
 }
 
-const channelNames = scene.series.map((s) => s.name).filter((name) => !['position', 'orientation'].includes(name));
+const channelNames = scene.series.map((s) => s.name).filter((name) => !['position', 'orientation', 'motion'].includes(name));
 byId('cells').append(new Option('plain', ''), ...channelNames.map((name) => new Option(name.replace('/', ': '), name)));
 function showLegend() {
   const channel = series[byId('cells').value];
@@ -280,6 +298,7 @@ renderer.setAnimationLoop((now) => {
     if (state.frame === last) setPlaying(false);
   }
   if (state.shown !== state.frame) {
+    mechanisms.set(state.frame);
     setPins(state.frame, series[byId('cells').value]);
     setObjects(state.frame);
     byId('slider').value = state.frame;

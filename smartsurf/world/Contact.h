@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "smartsurf/world/Vec.h"
@@ -21,6 +22,8 @@ struct Contact {
       0;  // tells the points of one manifold apart from step to step: the cell, where it is the field
   Vec3 surface{0, 0, 0};   // velocity of the world's surface there, u/s
   float surface_spin = 0;  // its turning about the vertical, rad/s
+  // The greatest push of a step that the cell can give here, mass·u/s.
+  float limit = std::numeric_limits<float>::infinity();
   // Impulses of the last substep, which start the next one, and the sum of `push` over the step (mass·u/s).
   float push = 0.0F;
   Vec3 drag{0, 0, 0};

@@ -257,9 +257,11 @@ HWY_INLINE void solve_point(Lanes<kPair, kRound>& l, const At& q, const BodyRows
     const V mass = load(q.point.normal_mass, at) * hn::IfThenElse(apart, set(1.0F), set(pass.mass_scale));
     const V yielding = hn::IfThenElseZero(hn::Not(apart), set(pass.impulse_scale));
     push = hn::Max(old_push - mass * (speed + bias) - yielding * old_push, zero());
+    if (!kPair && l.octet.limited) push = hn::Min(push, load(q.detail.limit, at) * set(pass.share));
     store(hn::IfThenElseZero(apart, zero() - closing), q.point.slowest, at);
   } else {
     push = hn::Max(old_push - load(q.point.normal_mass, at) * (speed - load(q.point.slowest, at)), zero());
+    if (!kPair && l.octet.limited) push = hn::Min(push, load(q.detail.limit, at) * set(pass.share));
     store(load(q.point.total, at) + push, q.point.total, at);
   }
   store(push, q.point.push, at);
@@ -281,7 +283,11 @@ HWY_INLINE void rebound_point(Lanes<kPair, kRound>& l, const At& q, const Pass& 
       hn::And(hn::Lt(approach, set(-pass.bounce_threshold)), hn::Gt(load(q.point.total, at), zero()));
   const V wanted = zero() - load(q.detail.restitution, at) * approach;
   const V push = hn::Max((wanted - speed) * load(q.point.normal_mass, at), zero());
-  const V impulse = hn::IfThenElseZero(hit, push);
+  V impulse = hn::IfThenElseZero(hit, push);
+  if (!kPair && l.octet.limited) {
+    const V most = load(q.detail.limit, at) - load(q.point.total, at);
+    impulse = hn::Min(impulse, hn::Max(most, zero()));
+  }
   store(load(q.point.total, at) + impulse, q.point.total, at);
   l.push(q, n * impulse, n, true);
 }

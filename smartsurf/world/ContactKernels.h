@@ -33,6 +33,7 @@ struct Octet {
   std::int32_t a[kLanes], b[kLanes];
   std::int32_t first = 0, points = 0, count = 0;  // points[first … first + points)
   bool rolls = false;                             // whether any lane resists rolling
+  bool limited = false;                           // whether any point has a limit
 };
 
 // The k-th point of each of the eight. A lane without one has a zero normal and a wide gap.
@@ -51,6 +52,7 @@ struct alignas(64) PointDetail {
   float surface[3][kLanes], surface_spin[kLanes];
   float rolling[kLanes], rolling_mass[kLanes], roll[3][kLanes];
   float restitution[kLanes];
+  float limit[kLanes];  // of octets with `limited`: the greatest push of a step
 };
 struct Points {
   Point* point;
@@ -63,6 +65,7 @@ struct Pass {
   float rate, mass_scale, impulse_scale;  // the softness of the push that ends an overlap
   float fastest_push;                     // u/s
   float bounce_threshold;                 // u/s
+  float share = 1.0F;                     // of the substep in the step
 };
 
 // Which of the four kinds an octet is of: against another body or the world; spheres only or any shapes.

@@ -79,19 +79,55 @@ class PieceOnField {
     under_ = columns_.covering(low_.x() - margin, high_.x() + margin, low_.y() - margin, high_.y() + margin);
   }
 
-  const Candidates& find() {
-    const float highest = columns_.highest(under_) + margin_;
-    if (low_.z() > highest) return candidates_;
-    for_feature_points(piece_, centre_, axes_, highest, [&](const Vec3& p) { touch_point(p); });
-    if (piece_.shape.kind == ShapeKind::kCapsule) touch_capsule_ends();
-    // One for each thread: it keeps its memory from body to body.
-    thread_local ColumnAxes directions;
-    directions.set(core_, low_, high_);
-    for_plateaus([&](const Plateau& p) { touch_plateau(p, directions); });
-    return candidates_;
+  // The few contacts that hold the piece.
+  template <class Take>
+  void find(Take take) {
+    if (!touch_points()) return;
+    ColumnAxes& directions = directions_of_piece();
+    for_plateaus([&](const Plateau& p) {
+      if (!p.column.all_bridged()) touch_plateau(p, directions, candidates_);
+    });
+    candidates_.pick(take);
+  }
+
+  // The contacts of each cell that bears the piece, one cell after the other: one in the midst of a level
+  // patch, else the few that hold the piece on that cell.
+  template <class Take>
+  void find_on_each_cell(Take take) {
+    if (!touch_points()) return;
+    ColumnAxes& directions = directions_of_piece();
+    for_plateaus([&](const Plateau& p) {
+      Candidates here;
+      touch_plateau(p, directions, here);
+      const int cell = columns_.index(p.row_begin, p.column_begin);
+      if (here.count() == 0)
+        candidates_.each([&](const Candidate& c) {
+          if (c.tag == cell) here.add(c);
+        });
+      if (p.column.all_bridged() && here.count() > 2)
+        take(here.mean());
+      else
+        here.pick(take);
+    });
   }
 
  private:
+  // What the piece's own points touch. Returns whether it reaches down to any cell.
+  bool touch_points() {
+    const float highest = columns_.highest(under_) + margin_;
+    if (low_.z() > highest) return false;
+    for_feature_points(piece_, centre_, axes_, highest, [&](const Vec3& p) { touch_point(p); });
+    if (piece_.shape.kind == ShapeKind::kCapsule) touch_capsule_ends();
+    return true;
+  }
+
+  ColumnAxes& directions_of_piece() const {
+    // One for each thread: it keeps its memory from body to body.
+    thread_local ColumnAxes directions;
+    directions.set(core_, low_, high_);
+    return directions;
+  }
+
   void set_bounds() {
     const Shape& s = piece_.shape;
     if (s.kind == ShapeKind::kBox || s.kind == ShapeKind::kCylinder) {
@@ -138,15 +174,16 @@ class PieceOnField {
   }
 
   // Calls each(plateau) for the cells under the piece that reach up to it, level neighbours in a column of
-  // cells taken as one. Cells inside a level patch add nothing to what the piece's own points say.
+  // cells taken as one, unless each bears a limited force of its own.
   template <class Each>
   void for_plateaus(Each each) const {
     const CellRange& cells = under_;
+    const bool each_cell = columns_.field().yields();
     for (int c = cells.column_begin; c < cells.column_end; ++c)
       for (int r = cells.row_begin; r < cells.row_end; ++r) {
         if (columns_.top(r, c) < low_.z() - margin_) continue;
         Plateau p{columns_.at(r, c), r, r + 1, c, c + 1};
-        while (p.row_end < cells.row_end && p.column.bridged_south) {
+        while (!each_cell && p.row_end < cells.row_end && p.column.bridged_south) {
           const Column next = columns_.at(p.row_end, c);
           if (next.bridged_west != p.column.bridged_west || next.bridged_east != p.column.bridged_east) break;
           p.column.south = next.south;
@@ -154,11 +191,11 @@ class PieceOnField {
           ++p.row_end;
         }
         r = p.row_end - 1;
-        if (!p.column.all_bridged()) each(p);
+        each(p);
       }
   }
 
-  void touch_plateau(const Plateau& p, ColumnAxes& directions) {
+  void touch_plateau(const Plateau& p, ColumnAxes& directions, Candidates& out) const {
     Way way;
     if (!directions.look(p.column, margin_, way)) return;
     Candidates found;
@@ -176,9 +213,9 @@ class PieceOnField {
     if (!told) {
       found.clear();
       if (!add_crossing(over, p.column, way, found))
-        return flat ? add_nearest(p, way) : touch_by_gjk(p, way.normal);
+        return flat ? add_nearest(p, way, out) : touch_by_gjk(p, way.normal, out);
     }
-    add(p, found);
+    add(p, found, out);
   }
 
   // What of a face or an edge lies over the top.
@@ -225,7 +262,7 @@ class PieceOnField {
     return true;
   }
 
-  void touch_by_gjk(const Plateau& p, const Vec3& towards_piece) {
+  void touch_by_gjk(const Plateau& p, const Vec3& towards_piece, Candidates& out) const {
     const NearestPoints near = nearest_to(p.column, towards_piece);
     const Way way{near.normal, near.distance - core_.rounding - kColumnRounding};
     if (!near.apart || way.gap > margin_ || way.normal.z() < -0.01F ||
@@ -235,17 +272,17 @@ class PieceOnField {
     add_patch(feature_towards(piece_, centre_, axes_, -way.normal), feature_of(p.column, way.normal),
               way.normal, margin_, 0, found);
     if (found.count() == 0) found.add({near.on_b + kColumnRounding * near.normal, way.normal, way.gap, 0});
-    add(p, found);
+    add(p, found, out);
   }
 
   // Where two edges cross, or a corner meets something.
-  void add_nearest(const Plateau& p, const Way& way) {
+  void add_nearest(const Plateau& p, const Way& way, Candidates& out) const {
     const NearestPoints near = nearest_to(p.column, way.normal);
     if (near.apart && near.distance - core_.rounding - kColumnRounding <= margin_ &&
         near.normal.dot(way.normal) > 0.9F)
-      return add(p, {near.on_b + kColumnRounding * near.normal, way.normal, way.gap, 0});
+      return add(p, Candidate{near.on_b + kColumnRounding * near.normal, way.normal, way.gap, 0}, out);
     const Vec3 lowest = core_.farthest_outside(-way.normal);
-    add(p, {lowest - way.gap * way.normal, way.normal, way.gap, 0});
+    add(p, Candidate{lowest - way.gap * way.normal, way.normal, way.gap, 0}, out);
   }
 
   NearestPoints nearest_to(const Column& q, const Vec3& towards_piece) const {
@@ -281,15 +318,15 @@ class PieceOnField {
     return f;
   }
 
-  void add(const Plateau& p, const Candidates& found) {
-    found.pick([&](const Candidate& c) { add(p, c); });
+  void add(const Plateau& p, const Candidates& found, Candidates& out) const {
+    found.pick([&](const Candidate& c) { add(p, c, out); });
   }
   // On the cell of the plateau where the point is.
-  void add(const Plateau& p, Candidate c) {
+  void add(const Plateau& p, Candidate c, Candidates& out) const {
     const int row =
         static_cast<int>(std::lround(columns_.y(0) / columns_.pitch() - c.point.y() / columns_.pitch()));
     c.tag = columns_.index(std::clamp(row, p.row_begin, p.row_end - 1), p.column_begin);
-    candidates_.add(c);
+    out.add(c);
   }
 
   static constexpr float kColumnRounding = 0.01F, kPrecision = 2e-4F;
@@ -318,7 +355,7 @@ void touch_field_with_shape(const surface::Field& field, const Shape& shape, con
   if (centre.z() - reach.z() > columns.highest(under)) return;
   for_pieces(shape, [&](const Piece& piece) {
     PieceOnField on(columns, piece, centre, axes, margin);
-    on.find().pick([&](const Candidate& c) {
+    const auto take = [&](const Candidate& c) {
       Contact& contact = out.emplace_back();
       contact.normal = c.normal;
       contact.arm = c.point + c.normal * c.gap - centre;
@@ -326,7 +363,11 @@ void touch_field_with_shape(const surface::Field& field, const Shape& shape, con
       contact.other = kField;
       contact.key = c.tag;
       move_with_cell(columns, c.tag / field.columns, c.tag % field.columns, c.point, contact);
-    });
+    };
+    if (field.yields())
+      on.find_on_each_cell(take);
+    else
+      on.find(take);
   });
 }
 

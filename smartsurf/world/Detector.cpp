@@ -1,6 +1,7 @@
 #include "smartsurf/world/Detector.h"
 
 #include <algorithm>
+#include <bitset>
 #include <cmath>
 
 #include "smartsurf/world/ConvexOnField.h"
@@ -20,18 +21,20 @@ bool moves(const BodyStore& b, std::size_t i) { return !b.fixed(i) && !b.asleep[
 void inherit(ContactList& list, const Manifold& now, const ContactList& old, int manifold, float tolerance) {
   if (manifold < 0) return;
   const Manifold& before = old.manifolds[static_cast<std::size_t>(manifold)];
-  std::uint64_t taken = 0;
+  constexpr int kMost = 1024;
+  std::bitset<kMost> taken;
   for (int k = now.first; k < now.first + now.count; ++k) {
     Contact& c = list.contacts[static_cast<std::size_t>(k)];
     int best = -1;
     float nearest = tolerance * tolerance;
-    for (int j = 0; j < std::min(before.count, 64); ++j) {
+    for (int j = 0; j < std::min(before.count, kMost); ++j) {
       const Contact& o = old.contacts[static_cast<std::size_t>(before.first + j)];
       const float square = (o.arm - c.arm).squaredNorm();
-      if (o.other == c.other && square < nearest && !(taken >> j & 1U)) nearest = square, best = j;
+      if (o.other == c.other && square < nearest && !taken[static_cast<std::size_t>(j)])
+        nearest = square, best = j;
     }
     if (best < 0) continue;
-    taken |= std::uint64_t{1} << best;
+    taken.set(static_cast<std::size_t>(best));
     const Contact& o = old.contacts[static_cast<std::size_t>(before.first + best)];
     c.push = o.push;
     c.drag = o.drag - c.normal * c.normal.dot(o.drag);

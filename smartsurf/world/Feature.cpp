@@ -236,6 +236,17 @@ void Candidates::add(const Candidate& c) {
   if (c.gap < list_[worst].gap) list_[worst] = c;
 }
 
+Candidate Candidates::mean() const {
+  Candidate m = list_[0];
+  for (int i = 1; i < count_; ++i) {
+    m.point += list_[i].point;
+    m.gap += list_[i].gap;
+  }
+  m.point /= static_cast<float>(count_);
+  m.gap /= static_cast<float>(count_);
+  return m;
+}
+
 float Candidates::least_gap() const {
   float least = std::numeric_limits<float>::infinity();
   for (int i = 0; i < count_; ++i) least = std::min(least, list_[i].gap);

@@ -44,6 +44,12 @@ class Candidates {
   void add(const Candidate&);
   int count() const { return count_; }
   void clear() { count_ = 0; }
+  template <class Each>
+  void each(Each each) const {
+    for (int i = 0; i < count_; ++i) each(list_[i]);
+  }
+  // One in the middle of all, with the first one's normal and tag. There must be any.
+  Candidate mean() const;
   // Infinity where there is none.
   float least_gap() const;
   // At most four: the deepest, the one farthest from it, the one farthest from their line, and the one that

@@ -110,6 +110,8 @@ surface::Field LooseField::make_three_by_three() const {
   f.height.assign(9, surface::kNoCell);
   f.speed.assign(9, 0.0F);
   if (field_.drags()) f.drag_x = f.drag_y = f.spin = f.speed;
+  if (field_.yields())
+    f.force_limit = f.speed;  // each cell bears its own share: that is all that counts here
   return f;
 }
 
@@ -169,6 +171,10 @@ void LooseField::touch(const Shape& shape, const Vec3& centre, const Mat3& axes,
     QuadrantPicker<Contact> picker;
     for (const Contact& c : all) picker.offer(c);
     picker.pick([&](const Contact& c) { out.push_back(c); });
+    return;
+  }
+  if (field_.yields()) {
+    out.insert(out.end(), all.begin(), all.end());
     return;
   }
   Candidates candidates;

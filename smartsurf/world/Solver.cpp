@@ -15,10 +15,11 @@ constexpr float kFastestPush = 4.0F;      // u/s
 constexpr float kBounceThreshold = 0.2F;  // nothing rebounds from slower, u/s
 constexpr float kWideGap = 1e6F;
 
-Pass softness(float h_s, float hertz) {
+Pass softness(float h_s, float hertz, int substeps) {
   const float omega = 2.0F * std::numbers::pi_v<float> * std::min(hertz, 0.25F / h_s);
   const float a = 2.0F * kDampingRatio + h_s * omega, b = h_s * omega * a, scale = 1.0F / (1.0F + b);
-  return {h_s, 1.0F / h_s, 0.0F, omega / a, b * scale, scale, kFastestPush, kBounceThreshold};
+  return {h_s,   1.0F / h_s,   0.0F,             omega / a,                           b * scale,
+          scale, kFastestPush, kBounceThreshold, 1.0F / static_cast<float>(substeps)};
 }
 
 Vec3 vec(const float (&v)[3]) { return Vec3(v); }
@@ -40,10 +41,11 @@ struct Solver::Job {
   Pass pair_pass, world_pass;
   const KernelTable& kernels;
   bool bounces;
+  bool limited;  // whether any cell is limited in force
 };
 
 void Solver::step(BodyStore& bodies, const std::vector<std::int32_t>& moving, ContactList& pairs,
-                  ContactList& world, Team& team) {
+                  ContactList& world, bool limited, Team& team) {
   const float h_s = settings_.dt_s / static_cast<float>(settings_.substeps);
   schedule_.build(bodies, pairs, world);
   point_.resize(static_cast<std::size_t>(schedule_.points()));
@@ -56,10 +58,11 @@ void Solver::step(BodyStore& bodies, const std::vector<std::int32_t>& moving, Co
           pairs,
           world,
           bodies.rows(),
-          softness(h_s, kPairHz),
-          softness(h_s, kWorldHz),
+          softness(h_s, kPairHz, settings_.substeps),
+          softness(h_s, kWorldHz, settings_.substeps),
           contact_kernels(),
-          bounces};
+          bounces,
+          limited};
   constexpr int kWorthSharing = 256;
   team.run(schedule_.octets() > kWorthSharing, [&](const Member& member) { work(job, member); });
 }
@@ -102,6 +105,7 @@ void Solver::fill(Job& job, int index) {
   for (int lane = 0; lane < o.count; ++lane)
     fill_lane(job, o, lane, list.manifolds[static_cast<std::size_t>(schedule_.manifold(index, lane))],
               list.contacts);
+  if (!pair && job.limited) fill_limits(o, index, list);
   for (int k = 0; k < o.points; ++k) {
     const PointDetail& d = detail_[static_cast<std::size_t>(o.first + k)];
     for (int lane = 0; lane < o.count; ++lane) o.rolls |= d.rolling[lane] > 0.0F;
@@ -158,6 +162,21 @@ void Solver::fill_lane(Job& job, const Octet& o, int lane, const Manifold& m,
     if (pair) continue;
     put(d.surface, lane, c.surface);
     d.surface_spin[lane] = c.surface_spin;
+  }
+}
+
+void Solver::fill_limits(Octet& o, int index, const ContactList& list) {
+  constexpr float kAny = 1e30F;
+  for (int k = o.first; k < o.first + o.points; ++k)
+    std::fill_n(detail_[static_cast<std::size_t>(k)].limit, kLanes, kAny);
+  for (int lane = 0; lane < o.count; ++lane) {
+    const Manifold& m = list.manifolds[static_cast<std::size_t>(schedule_.manifold(index, lane))];
+    for (int k = 0; k < m.count; ++k) {
+      const float limit = list.contacts[static_cast<std::size_t>(m.first + k)].limit;
+      if (std::isinf(limit)) continue;
+      detail_[static_cast<std::size_t>(o.first + k)].limit[lane] = limit;
+      o.limited = true;
+    }
   }
 }
 

@@ -30,9 +30,9 @@ class Solver {
 
   // One step. `moving`: the bodies that move, each once, ascending. The lists come back with the impulses of
   // the last substep and the sums of the step; velocities are those at its end, and BodyStore::shift says how
-  // far each body gets.
+  // far each body gets. `limited`: whether any contact has a limit.
   void step(BodyStore&, const std::vector<std::int32_t>& moving, ContactList& pairs, ContactList& world,
-            Team&);
+            bool limited, Team&);
 
  private:
   struct Job;
@@ -40,6 +40,7 @@ class Solver {
   void fill(Job&, int octet);
   void clear_points(const Octet&);
   void fill_lane(Job&, const Octet&, int lane, const Manifold&, const std::vector<Contact>&);
+  void fill_limits(Octet&, int index, const ContactList&);
   void read_back(Job&, int octet);
   void begin_substep(Job&, Range, bool first);
   void advance(Job&, Range);

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "smartsurf/world/Bodies.h"
+#include "smartsurf/world/CellLimits.h"
 #include "smartsurf/world/Detector.h"
 #include "smartsurf/world/FieldStop.h"
 #include "smartsurf/world/FieldCopy.h"
@@ -81,6 +82,7 @@ struct World::State {
   Sleep sleep;
   Detector detector;
   Solver solver;
+  CellLimits limits;
   bool wrenches_given = false;  // since the last step
   // Cells with an impulse of the last step, and what the sleepers press on each.
   std::vector<std::int32_t> pressed;
@@ -266,8 +268,10 @@ void World::step() {
     s.wake_what_is_hit();
     s.sleep.return_contacts(s.bodies, s.pairs, s.world);
     s.detector.detect(s.bodies, s.pairs, s.world, s.team);
-    s.solver.step(s.bodies, s.moving, s.pairs, s.world, s.team);
+    s.limits.share_out(s.field, s.settings.dt_s, s.world);
+    s.solver.step(s.bodies, s.moving, s.pairs, s.world, s.field.yields(), s.team);
     s.move_bodies();
+    s.limits.give_way(s.bodies, s.world, s.settings.dt_s, s.field);
     s.sleep.update(s.bodies, s.moving, s.pairs, s.world);
   }
   s.write_impulses();

@@ -73,5 +73,41 @@ class Mechanisms(ProgramTest):
             self.assertEqual((last[0, 0], last[0, 15]), (-10.0, 10.0))
 
 
+    def test_a_surface_with_empty_cells_says_which_are_there(self):
+        surface = self.write("masked.lua", """
+surface { rows = 6, columns = 8, actuator = pin { max_speed = 2 }, mask = function(row, column) return not (row >= 5 and column >= 6) end }
+sphere { radius = 1, position = {2, 3, 1} }
+on_finish(function() print(string.format('%.3f', select(3, object(0):position()))) end)""")
+        program = self.write("masked.aps", """!register(HERE)
+while(1)
+  HERE = surface.sense('occupancy')
+  surface.actuate('height', HERE * globalsum(HERE) / 14)
+  surface.step
+endwhile
+""")
+        status, out, err = self.run_program(SMARTSURF, "run", surface, "--controller", program, "--headless", "--until", "4")
+        self.assertEqual(status, 0, err)
+        self.assertAlmostEqual(float(out), 1 + 42 / 14, delta=0.01)   # 42 cells are there
+
+    def test_a_sensor_may_not_take_the_masks_name(self):
+        surface = self.write("masked.lua", "surface { rows = 2, columns = 2, mask = {{true, false}, {true, true}}, "
+                             "sensors = { proximity { name = 'occupancy' } } }")
+        status, _, err = self.run_program(SMARTSURF, "run", surface, "--controller", "none.aps", "--headless")
+        self.assertEqual((status, err.count("\n")), (2, 1), err)
+
+    def test_a_recording_of_a_hexagonal_surface_replays_where_its_cells_stand(self):
+        surface = self.write("hex.lua", """
+surface { rows = 5, columns = 6, layout = 'hex', actuator = wheels {} }
+box { size = {2, 2, 1}, position = {3, 2, 0.5} }
+on_tick(function() for r = 1, 5 do for c = 1, 6 do cells:target('spin_a', r, c, 5) end end end)""")
+        status, _, err = self.run_program(SMARTSURF, "run", surface, "--no-controller", "--headless", "--until", "0.5",
+                                          "--record", "hex.h5", "--screenshot", "run.png@0.5")
+        self.assertEqual(status, 0, err)
+        status, _, err = self.run_program(SMARTSURF, "replay", "hex.h5", "--screenshot", "replay.png@0.5")
+        self.assertEqual(status, 0, err)
+        # Positions and turns are recorded as they are drawn: the same picture to the bit.
+        self.assertEqual((self.folder / "run.png").read_bytes(), (self.folder / "replay.png").read_bytes())
+
+
 if __name__ == "__main__":
     unittest.main()

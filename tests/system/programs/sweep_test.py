@@ -51,6 +51,55 @@ class Sweep(ProgramTest):
         self.assertEqual(untouched, (runs / "weight=1,seed=3/stats.json").stat().st_mtime_ns)
         self.assertEqual([r["exit_status"] for r in self.results()], ["0", "0", "0"])
 
+    def test_what_changed_is_done_again(self):
+        self.write("shared.lua", "return 10")
+        self.write("table.lua", TABLE.replace("weight * 10", "weight * require('shared')"))
+        self.assertEqual(self.sweep("--set", "weight=1,2")[0], 0)
+        self.assertIn("2 runs, 2 done before", self.sweep("--set", "weight=1,2")[1])
+        self.write("shared.lua", "return 100")   # which only the experiment names
+        status, out, err = self.sweep("--set", "weight=1,2")
+        self.assertEqual(status, 0, err)
+        self.assertIn("2 runs, 0 done before", out)
+        self.assertEqual([float(r["product"]) for r in self.results()], [100, 200])
+
+    def sbatch(self, text):
+        """A folder with an sbatch that does what the text says."""
+        (self.folder / "bin").mkdir(exist_ok=True)
+        path = self.folder / "bin/sbatch"
+        path.write_text(text)
+        path.chmod(0o755)
+        return {**os.environ, "PATH": f"{self.folder / 'bin'}:{os.environ['PATH']}"}
+
+    def on_slurm(self, environment, *arguments):
+        done = subprocess.run([SWEEP, self.experiment, "--smartsurf", SMARTSURF, "--until", "0.1", "-o", "out",
+                               "--slurm=--time=10", *arguments], cwd=self.folder, env=environment, capture_output=True,
+                              text=True, timeout=60)
+        return done.returncode, done.stdout, done.stderr
+
+    def test_a_slurm_array_does_each_point_once(self):
+        environment = self.sbatch("""#!/bin/sh
+# As Slurm: the script comes on standard input and runs once for each task of the array.
+script=$(mktemp) && cat >"$script"
+for word in "$@"; do case $word in --array=1-*) last=${word#--array=1-} ;; esac; done
+for task in $(seq "$last"); do SLURM_ARRAY_TASK_ID=$task sh "$script"; done
+rm "$script"
+echo 4711
+""")
+        status, out, err = self.on_slurm(environment, "--set", "weight=1,2", "--seeds", "1-2")
+        self.assertEqual(status, 0, err)
+        self.assertIn("job 4711: 4 runs", out)
+        status, out, err = self.on_slurm(environment, "--set", "weight=1,2", "--seeds", "1-2")
+        self.assertEqual(status, 0, err)
+        self.assertIn("4 runs, 4 done before", out)
+        self.assertEqual([(r["weight"], r["seed"], float(r["product"])) for r in self.results()],
+                         [("1", "1", 10), ("1", "2", 10), ("2", "1", 20), ("2", "2", 20)])
+
+    def test_what_slurm_refuses_gets_one_line(self):
+        environment = self.sbatch("#!/bin/sh\necho 'sbatch: error: invalid partition specified: x' >&2\nexit 1\n")
+        status, _, err = self.on_slurm(environment)
+        self.assertEqual(status, 2)
+        self.assertEqual(err, "sweep: --slurm: sbatch refuses the job: sbatch: error: invalid partition specified: x\n")
+
     def test_a_failing_point_is_named_and_the_others_are_kept(self):
         status, _, err = self.sweep("--set", "weight=1,-1", "--seeds", "1")
         self.assertEqual(status, 1)

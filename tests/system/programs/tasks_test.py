@@ -32,6 +32,20 @@ class Tasks(ProgramTest):
             status, out, err = self.run_program(APRON, "check", "--profile", "local", str(program))
             self.assertEqual((status, "every instruction is local" in out), (0, True), f"{program.name}: {err}")
 
+    def test_each_task_has_its_figure(self):
+        status, _, err = self.run_program(str(TASKS / "figures"), "magnets", "--until", "1", "-o", "drawn", "--smartsurf",
+                                          SMARTSURF)
+        self.assertEqual(status, 0, err)
+        self.assertIn("metrics", json.loads((self.folder / "drawn/magnets.json").read_text()))
+        self.assertIn("</svg>", (self.folder / "drawn/magnets.svg").read_text())
+        status, _, err = self.run_program(str(TASKS / "figures"), "magnet", "--smartsurf", SMARTSURF)
+        self.assertEqual(status, 2)
+        self.assertTrue(err.startswith("figures: magnet: no such task; there are "), err)
+        # What the script knows is what there is.
+        for path in TASKS.glob("*.aps"):
+            if path.with_suffix(".lua").exists():
+                self.assertIn(path.stem, err)
+
     def test_balls_are_sorted_by_size(self):
         metrics = self.run_task("size_sort", 40, "n=32", "count=2")
         self.assertEqual((metrics["purity"], metrics["success"]), (1, 1))

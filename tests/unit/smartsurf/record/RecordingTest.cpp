@@ -255,5 +255,68 @@ TEST(Recording, TellsOfARunWithoutFrames) {
   EXPECT_NE(text.find("frames      0\n"), std::string::npos) << text;
 }
 
+// Cells of two mechanisms on a free layout, one of them empty, that look different in every tick.
+struct LaidOutRun : SyntheticRun {
+  LaidOutRun() {
+    scene::ActuatorSpec wheels = scene::find_actuator_kind("wheels")->standard();
+    wheels.values["angle"] = {0.5};
+    spec.surface.actuators = {scene::find_actuator_kind("ball")->standard(), wheels};
+    for (scene::ActuatorSpec& spec_of : spec.surface.actuators) spec_of.values["top"] = {1.5, 0.8};
+    for (int i = 0; i < spec.surface.cells(); ++i) {
+      spec.surface.actuator_of_cell.push_back(static_cast<std::int8_t>(i % 3 - 1));
+      spec.surface.places.push_back({1.5 * i, -0.25 * i, 0.125 * i});
+      spec.surface.base.push_back(0.5F * static_cast<float>(i));
+    }
+  }
+  scene::Snapshot at(std::uint64_t tick) const {
+    scene::Snapshot shot = SyntheticRun::at(tick, {0});
+    for (int i = 0; i < spec.surface.cells(); ++i)
+      shot.motion.push_back({static_cast<float>(tick), static_cast<float>(i), 0.25F});
+    return shot;
+  }
+};
+
+TEST(Recording, KnowsWhereCellsStandWhatTheyAreAndHowTheyLook) {
+  const OutputFolder out;
+  const LaidOutRun run;
+  const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
+  for (std::uint64_t t = 0; t < 5; ++t) recorder->frame(run.at(t), run.spec.objects);
+  recorder->close({.outcome = "done"});
+  const Recording recording = Recording::open(out / "run.h5");
+  const scene::SurfaceSpec& surface = recording.spec().surface;
+  ASSERT_EQ(surface.actuators.size(), 2u);
+  EXPECT_EQ(surface.actuators[1].model, "wheels");
+  EXPECT_EQ(surface.actuators[1].number("angle"), 0.5);
+  EXPECT_EQ(surface.actuator_of_cell, run.spec.surface.actuator_of_cell);
+  EXPECT_EQ(surface.base, run.spec.surface.base);
+  ASSERT_EQ(surface.places.size(), 24u);
+  EXPECT_EQ(surface.places[7].x, 10.5);
+  EXPECT_EQ(surface.places[7].angle, 0.875);
+  EXPECT_EQ(surface.centre(1, 1), Eigen::Vector2d(10.5, -1.75));
+  ASSERT_TRUE(recording.has_motion());
+  EXPECT_EQ(recording.snapshot(3).motion[5].a, 3.0F);
+  EXPECT_EQ(recording.snapshot(3).motion[5].b, 5.0F);
+  EXPECT_EQ(recording.snapshot(1).motion[5].a, 1.0F) << "going back";
+}
+
+TEST(Recording, OfPinsOnAGridHoldsNoLayout) {
+  const OutputFolder out;
+  write_run(out / "run.h5", 3);
+  const Recording recording = Recording::open(out / "run.h5");
+  EXPECT_FALSE(recording.has_motion());
+  EXPECT_TRUE(recording.spec().surface.places.empty());
+  EXPECT_TRUE(recording.snapshot(0).motion.empty());
+}
+
+TEST(Recording, OpensOneWithoutALayoutAsOlderOnesAre) {
+  const OutputFolder out;
+  write_run(out / "run.h5", 3);
+  const hid_t file = H5Fopen((out / "run.h5").c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
+  H5Ldelete(file, "surface/mechanisms", H5P_DEFAULT);
+  H5Fclose(file);
+  EXPECT_EQ(error_of(out / "run.h5"), "");
+  EXPECT_EQ(Recording::open(out / "run.h5").spec().surface.mechanisms()[0].model, "pin");
+}
+
 }  // namespace
 }  // namespace smartsurf::record

@@ -122,6 +122,11 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"material{name = 'a'}\nmaterial{name = 'a'}",
                 "t.lua:2: material 'a': already declared at t.lua:1"},
         Mistake{"record{every = 0}", "t.lua:1: record.every = 0: must be an integer from 1 to 1000000"},
+        Mistake{"return {speed = 3}",
+                "t.lua: no surface is declared, and it gives back a table: it looks like a file that "
+                "experiments require; check one of those"},
+        Mistake{"surface{rows = 2, columns = 2, mask = function() return false end}",
+                "t.lua:1: surface: no cell is left: cells, mask and positions leave every one empty"},
         Mistake{"-- nothing",
                 "t.lua: no surface is declared; an experiment needs one, surface{rows = 64, columns = "
                 "64, sensors = {proximity{}}}"}));

@@ -137,6 +137,9 @@ TEST(FaultMap, RefusesWithOneClearLine) {
             "faults.csv:2: value of 'stuck' is missing: must be in [1, 5]");
   EXPECT_EQ(message(kHeader + "0,0,height,stuck,nan\n"),
             "faults.csv:2: value = 'nan': must be a finite number");
+  EXPECT_EQ(message(kHeader + "0,0,height,dead,\n1,0,height,dead,\n0,0,height,stuck,2\n"),
+            "faults.csv:4: fault 'stuck': the cell is dead already, by line 2");
+  EXPECT_EQ(message(kHeader + "0,0,\"height,dead,\n"), "faults.csv:2: a quotation mark is not closed");
   EXPECT_EQ(message(kHeader + "0,0\n"), "faults.csv:2: 2 values: must be 5, row,column,channel,fault,value");
 }
 

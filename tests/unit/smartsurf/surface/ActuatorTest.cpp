@@ -367,15 +367,34 @@ TEST(ActuatorArray, ClampsCommandsAndKeepsTheOldOneForNan) {
   EXPECT_EQ(cells.array.targets(0)[1], 1.0F);
 }
 
-TEST(Pin, YieldsToALoadThatItCannotLift) {
-  Cells cells(surface_of({actuator("pin", {{"max_force", {10}}, {"max_speed", {2}}})}, 1, 3));
+TEST(Pin, GivesLessForceTheFasterItRisesAndLeavesTheLoadToItsLowerStop) {
+  Cells cells(surface_of(
+      {actuator("pin", {{"max_force", {10}}, {"max_speed", {2}}, {"max_acceleration", {60}}})}, 1, 3));
+  EXPECT_TRUE(std::isinf(cells.field().force_limit[0])) << "on the stop";
   cells.command(0, 4);
-  for (int i = 0; i < 540; ++i) {
+  float before = 0.0F;
+  for (int i = 0; i < 6; ++i) {
+    cells.array.plan(kDt);
+    EXPECT_FLOAT_EQ(cells.field().force_limit[0], 10.0F * (1.0F - before / 2.0F));
+    before = cells.field().speed[0];
+    cells.array.commit(kDt);
+  }
+  EXPECT_GT(before, 1.0F);
+}
+
+TEST(Pin, ThatIsPushedBackGoesOnFromTheSpeedThatIsLeft) {
+  Cells cells(surface_of({actuator("pin", {{"max_force", {10}}, {"max_acceleration", {12}}})}, 1, 3));
+  cells.command(0, 4);
+  for (int i = 0; i < 60; ++i) {
     cells.array.plan(kDt);
     cells.array.commit(kDt);
-    cells.array.field().impulse = {0.0F, static_cast<float>(5 * kDt), static_cast<float>(12 * kDt)};
   }
-  EXPECT_EQ(cells.field().height[2], 0.0F) << "more than its force: it stays at the lower stop";
-  EXPECT_EQ(cells.field().height[0], 4.0F);
-  EXPECT_NEAR(cells.field().height[1], 2.25F, 0.1F) << "half its force: half its speed, for 2.25 s";
+  const float height = cells.field().height[1];
+  cells.array.plan(kDt);
+  cells.array.field().speed[1] = -3.0F;  // as the physics does
+  cells.array.commit(kDt);
+  EXPECT_NEAR(cells.field().height[1], height - 3 * kDt, 1e-5);
+  cells.array.plan(kDt);
+  EXPECT_NEAR(cells.field().speed[1], 12 * kDt, 1e-5) << "from rest";
+  EXPECT_GT(cells.field().speed[0], 2.0F) << "its neighbour goes on";
 }

@@ -22,7 +22,7 @@ constexpr std::size_t kMost = 67;  // every width of vector, and what is left ov
 
 // Pins in all states: at rest, just short of their targets, far away, too fast.
 struct Pins {
-  std::vector<float> base, command, target, height, speed, load, wait;
+  std::vector<float> base, command, target, height, speed;
 
   Pins(std::size_t n, unsigned seed) {
     std::mt19937 random(seed);
@@ -36,8 +36,6 @@ struct Pins {
       target.push_back(base[i] + command[i]);
       height.push_back(pick(target[i], target[i] + 2e-3F * (u(random) - 0.5F), kTop * u(random)));
       speed.push_back(pick(0, -0.0F, 16 * (u(random) - 0.5F)));
-      load.push_back(pick(0, 10, 20 * u(random)));
-      wait.push_back(pick(0, 0.5F, u(random) - 0.5F));
     }
   }
 };
@@ -63,18 +61,6 @@ struct Limits {
   Approach law() const { return {speed, acceleration, kDt}; }
 };
 const Limits kLimits[] = {{4.0F, 60.0F}, {6.0F, 1e4F}, {1e9F, 3.0F}, {0.5F, 0.01F}};
-
-// One pin with a drive, as the header says it.
-float loaded_speed(const Pins& p, std::size_t i, const Limits& most, const Drive& drive, float& wait) {
-  const float left = 1.0F - p.load[i] / drive.limit, distance = p.target[i] - p.height[i];
-  if (left >= 0.0F && wait <= 0.0F)
-    return Approach(distance > 0.0F ? most.speed * left : most.speed, most.acceleration, kDt)(distance,
-                                                                                              p.speed[i]);
-  wait = left < 0.0F ? drive.pause_s : wait - kDt;
-  const float to_stop = std::min(0.0F, p.base[i] + drive.lowest - p.height[i]) / kDt;
-  return std::max(
-      {to_stop, p.speed[i] - most.acceleration * kDt, most.speed * std::clamp(left, -1.0F, 0.0F)});
-}
 
 }  // namespace
 
@@ -140,47 +126,5 @@ TEST(PinKernels, AimSaysWhetherAnyTargetChanged) {
       ASSERT_EQ(p.target[n - 1], p.base[n - 1] + p.command[n - 1]) << n;
       ASSERT_FALSE(aim(n, p.base.data(), p.command.data(), p.target.data())) << n;
     }
-  });
-}
-
-TEST(PinKernels, WeighFollowsTheLoadAndFindsTheOverloaded) {
-  on_every_instruction_set([] {
-    for (std::size_t n = 1; n <= kMost; ++n) {
-      std::vector<float> impulse(n, 0.0F), load(n, 0.0F);
-      ASSERT_FALSE(weigh(n, impulse.data(), 1 / kDt, 0.25F, 10.0F, load.data())) << n;
-      impulse[n - 1] = 16.0F * kDt;
-      float expected = 0.0F;
-      for (int step = 1; step <= 8; ++step) {
-        expected += (impulse[n - 1] * (1 / kDt) - expected) * 0.25F;
-        ASSERT_EQ(weigh(n, impulse.data(), 1 / kDt, 0.25F, 10.0F, load.data()), expected > 10.0F) << n;
-        ASSERT_EQ(load[n - 1], expected) << n;
-      }
-      ASSERT_GT(expected, 10.0F);
-    }
-  });
-}
-
-TEST(PinKernels, LoadedDrivesFollowTheirLine) {
-  const Drive drive{.limit = 10.0F, .dt_s = kDt, .lowest = 0.25F, .pause_s = 0.5F};
-  on_every_instruction_set([&drive] {
-    for (std::size_t n = 1; n <= kMost; ++n)
-      for (const Limits& most : kLimits) {
-        Pins p(n, static_cast<unsigned>(n));
-        const Pins before = p;
-        const LoadedPins loaded{.base = p.base.data(),
-                                .target = p.target.data(),
-                                .height = p.height.data(),
-                                .load = p.load.data(),
-                                .wait = p.wait.data(),
-                                .speed = p.speed.data()};
-        const Course course = steer_loaded(n, loaded, most.law(), drive);
-        for (std::size_t i = 0; i < n; ++i) {
-          float wait = before.wait[i];
-          const float expected = loaded_speed(before, i, most, drive, wait);
-          ASSERT_EQ(p.wait[i], wait) << n << ' ' << i;
-          ASSERT_EQ(p.speed[i], expected) << n << ' ' << i;
-          ASSERT_GE(course.fastest, std::abs(p.speed[i]));
-        }
-      }
   });
 }
