@@ -195,7 +195,7 @@ class PieceOnField {
       }
   }
 
-  void touch_plateau(const Plateau& p, ColumnAxes& directions, Candidates& out) const {
+  void touch_plateau(const Plateau& p, ColumnAxes& directions, Candidates& out) {
     Way way;
     if (!directions.look(p.column, margin_, way)) return;
     Candidates found;
