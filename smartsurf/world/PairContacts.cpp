@@ -9,7 +9,6 @@
 namespace smartsurf::world {
 namespace {
 
-using scene::ShapeKind;
 
 // How far the two close in on each other along the normal within one step.
 float closing(const BodyStore& bodies, std::size_t a, std::size_t b, const Vec3& normal, float dt_s) {

@@ -11,7 +11,8 @@ class Death(ProgramTest):
         return surface
 
     def start_pair(self, *flags):
-        surface = self.start_surface(*flags)
+        # hold=0: sorted or not, the run goes on, for it is soon done else.
+        surface = self.start_surface(*flags, "--set", "hold=0")
         return surface, self.start(APRON, "run", SORT_APS, "--shm", self.shm, "--wait", "30")
 
     def test_killed_surface_ends_the_controller_with_status_3(self):
@@ -31,7 +32,7 @@ class Death(ProgramTest):
 
     def test_a_killed_controller_is_replaced_in_the_same_session(self):
         chance = random.Random(5)
-        surface, controller = self.start_pair("--until", "30")
+        surface, controller = self.start_pair("--until", "200")
         for _ in range(4):
             time.sleep(0.25 + 0.3 * chance.random())
             if surface.poll() is not None:
