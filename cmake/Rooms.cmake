@@ -19,16 +19,6 @@ if(SMARTSURF_SANITIZE)
   target_link_options(house_rules INTERFACE -fsanitize=${SMARTSURF_SANITIZE})
 endif()
 
-# Compiled alone where others are compiled in batches (the sanitizers' presets): what Highway compiles once for each
-# instruction set, and what has local names that another file of its room has as well.
-set(alone Kernels StageOperations SensorSpec MeshFile Colour Feature ConvexOnField Handles Plot Hdf5Recorder InspectPanel
-  Trails ShellsTest ActuatorTest ToolsTest)
-function(compile_alone_where_needed)
-  list(JOIN alone "|" pattern)
-  list(FILTER ARGN INCLUDE REGEX "(${pattern})")
-  set_source_files_properties(${ARGN} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
-endfunction()
-
 # add_room(<house> <room> SOURCES … [ROOMS …] [PRIVATE …] [PUBLIC …])
 #   ROOMS: rooms this one may include (targets); PRIVATE: third-party libraries that only this room may see;
 #   PUBLIC: third-party libraries that appear in its headers.
@@ -37,7 +27,6 @@ function(add_room house room)
   cmake_parse_arguments(ROOM "" "" "SOURCES;ROOMS;PRIVATE;PUBLIC" ${ARGN})
   set(target ${house}_${room})
   add_library(${target} STATIC ${ROOM_SOURCES})
-  compile_alone_where_needed(${ROOM_SOURCES})
   target_link_libraries(${target} PUBLIC house_rules ${ROOM_ROOMS} ${ROOM_PUBLIC} PRIVATE ${ROOM_PRIVATE})
 endfunction()
 
@@ -51,7 +40,6 @@ function(add_room_test name)
     set(T_TIMEOUT 120)
   endif()
   add_executable(${name} ${T_SOURCES})
-  compile_alone_where_needed(${T_SOURCES})
   if(T_LABEL MATCHES "unit|property")
     set_property(GLOBAL APPEND PROPERTY sanitized_tests ${name})
   endif()
