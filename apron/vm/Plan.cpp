@@ -166,12 +166,14 @@ class Planner {
   }
 
   // More slices than threads, for a core is not always there: whoever is ahead takes more. But what slices
-  // share is computed twice, and should be little of them.
+  // share is computed twice, and should be little of them; and where no cell asks a neighbour, memory is the limit,
+  // which long runs of rows suit best.
   void choose_slices() {
     std::uint32_t border = 0;
     for (const Stage& stage : plan_.stages) border = std::max(border, stage.border_y);
     const std::uint32_t least_rows = std::max(kLeastSliceRows, kSliceBorders * border);
-    const std::uint32_t each = std::clamp(plan_.height / least_rows / options_.threads, 1U, kMostSlicesEach);
+    const std::uint32_t most = border == 0 ? 1U : kMostSlicesEach;
+    const std::uint32_t each = std::clamp(plan_.height / least_rows / options_.threads, 1U, most);
     const std::uint32_t wanted = options_.threads == 1 ? 1 : options_.threads * each;
     plan_.threads = options_.threads;
     plan_.slices = std::clamp(options_.slices > 0 ? options_.slices : wanted, 1U, plan_.height);
