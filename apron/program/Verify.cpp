@@ -219,7 +219,7 @@ std::string verify_tables(const Program& program) {
 }
 
 std::string verify_sources(const Program& program) {
-  const auto bad_file = [&](const Source& s) { return s.line > 0 && s.file >= program.files.size(); };
+  const auto bad_file = [&](const Source& s) { return s.file >= program.files.size(); };
   for (const Source& source : program.sources) {
     if (bad_file(source)) return "a source names a file out of range";
     if (source.expansion > 0 && source.expansion >= program.expansions.size())
