@@ -13,11 +13,6 @@ using program::Operand;
 using program::OperandKind;
 using syntax::ExpressionKind;
 
-namespace {
-
-
-}  // namespace
-
 // One number a cell where a register is written or read in the statement, else one number.
 Value Lowering::draw(Opcode op, const Value& a, const Value& b, Destination* destination) {
   Shape shape = hint_;
