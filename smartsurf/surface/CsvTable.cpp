@@ -37,7 +37,7 @@ std::optional<Number> number_of(const std::string& text) {
 
 }  // namespace
 
-std::string quoted(std::string_view text) {
+std::string in_quotes(std::string_view text) {
   std::string shown(text.substr(0, 40));
   for (char& c : shown)
     if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
@@ -51,7 +51,7 @@ void CsvLine::refuse(const std::string& clause) const {
 int CsvLine::index(std::size_t column, const char* name, int count) const {
   const auto value = number_of<int>(fields_[column]);
   if (!value || *value < 0 || *value >= count)
-    refuse(std::string(name) + " = " + quoted(fields_[column]) + ": must be 0 to " +
+    refuse(std::string(name) + " = " + in_quotes(fields_[column]) + ": must be 0 to " +
            std::to_string(count - 1));
   return *value;
 }
@@ -59,7 +59,7 @@ int CsvLine::index(std::size_t column, const char* name, int count) const {
 double CsvLine::number(std::size_t column, const char* name) const {
   const auto value = number_of<double>(fields_[column]);
   if (!value || !std::isfinite(*value))
-    refuse(std::string(name) + " = " + quoted(fields_[column]) + ": must be a finite number");
+    refuse(std::string(name) + " = " + in_quotes(fields_[column]) + ": must be a finite number");
   return *value;
 }
 

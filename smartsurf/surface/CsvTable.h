@@ -31,7 +31,7 @@ class CsvLine {
 };
 
 // Text in quotes, fit for a message of one line.
-std::string quoted(std::string_view text);
+std::string in_quotes(std::string_view text);
 
 // Throws scene::InputError where the first line is not the header or a line has another number of fields; the
 // last `optional` of them may be left out, and are then empty.

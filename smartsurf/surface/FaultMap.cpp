@@ -20,7 +20,7 @@ FaultMap::FaultMap(const scene::FaultMapFile& file, int rows, int columns) : nam
     const auto [first, is_new] = seen.try_emplace({line.text(0), line.text(1), line.text(2), kind},
                                                   std::pair(line.line(), line.text(3)));
     if (!is_new)
-      line.refuse("fault " + quoted(line.text(3)) + ": the cell is " + first->second.second +
+      line.refuse("fault " + in_quotes(line.text(3)) + ": the cell is " + first->second.second +
                   " already, by line " + std::to_string(first->second.first));
     entries_.push_back({line.index(0, "row", rows), line.index(1, "column", columns), line.text(2),
                         line.text(3), value, line.line()});
@@ -36,7 +36,7 @@ void FaultMap::require_channels(const std::vector<std::string>& known) const {
     if (entry.channel.empty() || std::ranges::find(known, entry.channel) != known.end()) continue;
     std::string near = scene::nearest_name(entry.channel, known), all;
     for (const std::string& name : known) all += (all.empty() ? "" : ", ") + name;
-    refuse(entry, "channel " + quoted(entry.channel) + ": no such channel" +
+    refuse(entry, "channel " + in_quotes(entry.channel) + ": no such channel" +
                       (near.empty() ? "; known: " + all : " (did you mean '" + near + "'?)"));
   }
 }

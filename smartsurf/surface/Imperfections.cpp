@@ -136,10 +136,10 @@ void Imperfections::apply_fault(const FaultMap& map, const FaultEntry& entry, Ch
   if (fault == "stuck_high") return break_cell(cell, c, State::kStuck, measure(c).maximum);
   if (fault != "stuck" && fault != "gain" && fault != "offset") {
     if (entry.channel.empty()) return;
-    map.refuse(entry, "fault " + quoted(fault) +
+    map.refuse(entry, "fault " + in_quotes(fault) +
                           ": no fault of a sensor; known: dead, stuck, stuck_low, stuck_high, gain, offset");
   }
-  if (!entry.value) map.refuse(entry, "fault " + quoted(fault) + ": needs a value");
+  if (!entry.value) map.refuse(entry, "fault " + in_quotes(fault) + ": needs a value");
   if (fault == "stuck") return break_cell(cell, c, State::kStuck, *entry.value);
   if (!c.description.exact) calibrate(cell, c, fault == "gain" ? c.gain : c.offset, *entry.value);
 }
@@ -169,7 +169,7 @@ void Imperfections::read_calibration(const scene::CalibrationFile& file) {
     std::string known;
     for (const Channel& c : channels_)
       if (!c.description.exact) known += (known.empty() ? "" : ", ") + c.description.name;
-    line.refuse("channel " + quoted(line.text(2)) +
+    line.refuse("channel " + in_quotes(line.text(2)) +
                 ": the sensor has no such channel to calibrate; known: " + (known.empty() ? "none" : known));
   }
 }
