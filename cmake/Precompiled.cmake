@@ -1,0 +1,46 @@
+# Precompiled headers: one set for a house's rooms and one for its tests, instead of the same standard library, Eigen and
+# GoogleTest read again for each of 440 files. The presets of CI use them. Where a compiler cache does the same work better
+# they would be in its way, and without them each file shows that it includes what it needs: the other presets, and
+# scripts/lint, do without.
+option(SMARTSURF_PCH "Use precompiled headers (not together with a compiler launcher such as ccache)" OFF)
+if(CMAKE_CXX_COMPILER_LAUNCHER)
+  set(SMARTSURF_PCH OFF)
+endif()
+
+set(precompiled_standard <algorithm> <array> <atomic> <charconv> <chrono> <cmath> <cstddef> <cstdint> <cstdio> <cstdlib>
+  <cstring> <filesystem> <fstream> <functional> <limits> <map> <memory> <optional> <random> <set> <span> <sstream> <string>
+  <string_view> <thread> <utility> <variant> <vector>)
+
+# add_precompiled(<name> HEADERS … [LIBS …]): headers for others to reuse. A compiler takes them only where its own flags
+# and macros are the same: rooms are position-independent (-fPIC), and tests are programs (-fPIE).
+function(add_precompiled name)
+  cmake_parse_arguments(P "PROGRAM" "" "HEADERS;LIBS" ${ARGN})
+  file(CONFIGURE OUTPUT ${CMAKE_BINARY_DIR}/precompiled/${name}.cpp CONTENT "")
+  add_library(${name} OBJECT EXCLUDE_FROM_ALL ${CMAKE_BINARY_DIR}/precompiled/${name}.cpp)
+  target_link_libraries(${name} PRIVATE house_rules ${P_LIBS})
+  if(P_PROGRAM)
+    set_target_properties(${name} PROPERTIES POSITION_INDEPENDENT_CODE OFF)
+    target_compile_options(${name} PRIVATE -fPIE)
+  endif()
+  list(TRANSFORM P_HEADERS REPLACE "(.+)" "$<$<COMPILE_LANGUAGE:CXX>:\\1>")
+  target_precompile_headers(${name} PRIVATE ${P_HEADERS})
+endfunction()
+
+# precompile(<target> <name>): the target reuses that set.
+function(precompile target name)
+  if(SMARTSURF_PCH)
+    target_precompile_headers(${target} REUSE_FROM ${name})
+  endif()
+endfunction()
+
+if(SMARTSURF_PCH)
+  # GCC 12 sees moved std::strings overrun themselves, and tells it where their header was precompiled.
+  target_compile_options(house_rules INTERFACE -Wno-array-bounds)
+  add_precompiled(precompiled_apron HEADERS ${precompiled_standard})
+  add_precompiled(precompiled_smartsurf HEADERS ${precompiled_standard} <Eigen/Geometry> LIBS Eigen3::Eigen)
+  if(GTest_FOUND)
+    add_precompiled(precompiled_apron_test PROGRAM HEADERS ${precompiled_standard} <gtest/gtest.h> LIBS GTest::gtest)
+    add_precompiled(precompiled_smartsurf_test PROGRAM HEADERS ${precompiled_standard} <Eigen/Geometry> <gtest/gtest.h>
+      LIBS Eigen3::Eigen GTest::gtest)
+  endif()
+endif()
