@@ -31,7 +31,8 @@ function(add_room house room)
   precompile(${target} precompiled_${house})
 endfunction()
 
-# add_room_test(<name> SOURCES … LIBS …): one GoogleTest program, registered case by case with ctest under the label "unit".
+# add_room_test(<name> SOURCES … LIBS …): one GoogleTest program, registered with ctest under the label
+# "unit": case by case, or as a whole where sanitizers are on.
 function(add_room_test name)
   cmake_parse_arguments(T "" "LABEL;TIMEOUT" "SOURCES;LIBS" ${ARGN})
   if(NOT T_LABEL)
@@ -50,6 +51,13 @@ function(add_room_test name)
   else()
     precompile(${name} precompiled_apron_test)
   endif()
-  gtest_discover_tests(${name} TEST_PREFIX "${name}." DISCOVERY_TIMEOUT 60
-    PROPERTIES LABELS ${T_LABEL} TIMEOUT ${T_TIMEOUT})
+  target_compile_options(${name} PRIVATE ${SMARTSURF_TEST_OPTIONS})
+  if(SMARTSURF_SANITIZE)
+    # A sanitized process takes longer to start and to end than most cases take.
+    add_test(NAME ${name} COMMAND ${name})
+    set_tests_properties(${name} PROPERTIES LABELS ${T_LABEL} TIMEOUT 900)
+  else()
+    gtest_discover_tests(${name} TEST_PREFIX "${name}." DISCOVERY_TIMEOUT 60
+      PROPERTIES LABELS ${T_LABEL} TIMEOUT ${T_TIMEOUT})
+  endif()
 endfunction()
