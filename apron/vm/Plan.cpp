@@ -166,8 +166,8 @@ class Planner {
   }
 
   // More slices than threads, for a core is not always there: whoever is ahead takes more. But what slices
-  // share is computed twice, and should be little of them; and where no cell asks a neighbour, memory is the limit,
-  // which long runs of rows suit best.
+  // share is computed twice, and should be little of them; and where no cell asks a neighbour, memory is the
+  // limit, which long runs of rows suit best.
   void choose_slices() {
     std::uint32_t border = 0;
     for (const Stage& stage : plan_.stages) border = std::max(border, stage.border_y);
