@@ -229,6 +229,10 @@ TEST(Verify, PlacesAreInRangeAndExpansionsEnd) {
             }),
             "a source names a file out of range");
   EXPECT_EQ(wrong([](Program& p) {
+              p.sources.push_back({99, 0, 0, 0});
+            }),
+            "a source names a file out of range");
+  EXPECT_EQ(wrong([](Program& p) {
               p.sources.push_back({0, 0, 0, 2});
             }),
             "a source names an expansion out of range");
