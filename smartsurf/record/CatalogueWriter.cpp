@@ -11,12 +11,10 @@ struct ShapeName {
   scene::ShapeKind shape;
   const char* name;
 };
-constexpr ShapeName kShapeNames[] = {{scene::ShapeKind::kSphere, "sphere"},
-                                     {scene::ShapeKind::kBox, "box"},
-                                     {scene::ShapeKind::kCylinder, "cylinder"},
-                                     {scene::ShapeKind::kCapsule, "capsule"},
-                                     {scene::ShapeKind::kCone, "cone"},
-                                     {scene::ShapeKind::kSolid, "solid"}};
+constexpr ShapeName kShapeNames[] = {
+    {scene::ShapeKind::kSphere, "sphere"},     {scene::ShapeKind::kBox, "box"},
+    {scene::ShapeKind::kCylinder, "cylinder"}, {scene::ShapeKind::kCapsule, "capsule"},
+    {scene::ShapeKind::kCone, "cone"},         {scene::ShapeKind::kSolid, "solid"}};
 static_assert(std::size(kShapeNames) == scene::kShapeKinds);
 
 constexpr hsize_t kChunkObjects = 64;
@@ -45,8 +43,8 @@ double radius_of(const scene::ObjectSpec& object) {
 }
 
 double height_of(const scene::ObjectSpec& object) {
-  const bool tall = object.shape == scene::ShapeKind::kCylinder || object.shape == scene::ShapeKind::kCapsule ||
-                    object.shape == scene::ShapeKind::kCone;
+  const bool tall = object.shape == scene::ShapeKind::kCylinder ||
+                    object.shape == scene::ShapeKind::kCapsule || object.shape == scene::ShapeKind::kCone;
   return tall ? object.height : std::numeric_limits<double>::quiet_NaN();
 }
 

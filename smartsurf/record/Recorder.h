@@ -44,8 +44,8 @@ struct Meta {
 struct Channel {
   std::string_view name;  // no '/'; the same channels in the same order at every frame
   int rows = 0, columns = 0, components = 1;
-  std::span<const float>
-      values;  // components × rows × columns, each component a whole plane, row 0 north; the channel's own unit
+  // components × rows × columns, each component a whole plane, row 0 north; the channel's own unit.
+  std::span<const float> values;
 };
 
 // How the run ended.

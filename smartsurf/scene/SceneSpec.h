@@ -54,15 +54,15 @@ struct WorldSpec {
   int iterations = 10;                       // of the constraint solver, per step
   double control_period_s = 1.0 / 60.0;      // an integer number of physics steps
   std::uint64_t seed = 1;
-  bool ground = true;  // an endless floor under the table, that catches what falls off
+  bool ground = true;                    // an endless floor under the table, that catches what falls off
   OffTable off_table = OffTable::kKeep;  // what becomes of objects that leave the table
 
   // Physics steps in one control period (≥ 1).
   int steps_per_tick() const;
 };
 
-// Capsules, cylinders and cones stand along their own z axis, a cone with its tip up. kSolid: a convex hull, or a mesh
-// in convex pieces.
+// Capsules, cylinders and cones stand along their own z axis, a cone with its tip up. kSolid: a convex hull,
+// or a mesh in convex pieces.
 enum class ShapeKind { kSphere, kBox, kCylinder, kCapsule, kCone, kSolid };
 inline constexpr int kShapeKinds = 6;
 
@@ -82,8 +82,8 @@ struct ObjectSpec {
   Colour colour;
   std::string label;
   // What magnets act on, in the object's own frame. Units: those of a magnet's `strength`; 0: not magnetic.
-  double pole = 0.0;                           // a single pole at the centre of mass
-  Eigen::Vector3d moment{0.0, 0.0, 0.0};       // a dipole there
+  double pole = 0.0;                      // a single pole at the centre of mass
+  Eigen::Vector3d moment{0.0, 0.0, 0.0};  // a dipole there
 
   double volume() const;
   // Half extents of the box about the centre of mass, in the object's own frame, that encloses the shape.
@@ -107,13 +107,13 @@ struct CellPlace {
 
 inline constexpr std::int8_t kEmptyCell = -1;
 
-// What is wrong with some actuators. Fractions are of all cells; who is hit is drawn with the world's seed, each
-// cell at most once.
+// What is wrong with some actuators. Fractions are of all cells; who is hit is drawn with the world's seed,
+// each cell at most once.
 struct ActuatorFaultSpec {
-  double stuck = 0.0;                            // fraction of cells whose channels hold a random value
-  double dead = 0.0;                             // … hold their safe value
-  double weak_fraction = 0.0, weak_gain = 1.0;   // … move only so much of the way from it
-  int latency = 0;                               // control periods by which every command is late
+  double stuck = 0.0;                           // fraction of cells whose channels hold a random value
+  double dead = 0.0;                            // … hold their safe value
+  double weak_fraction = 0.0, weak_gain = 1.0;  // … move only so much of the way from it
+  int latency = 0;                              // control periods by which every command is late
 };
 
 // Faults of single cells, as a table that a user measured: surface/FaultMap.h reads it.
@@ -136,8 +136,8 @@ struct SurfaceSpec {
   // rows × columns, row-major, row 0 north; each may be empty.
   std::vector<std::int8_t> actuator_of_cell;  // index of `actuators`, or kEmptyCell; empty: 0 everywhere
   std::vector<CellPlace> places;              // empty: a rectangular grid
-  std::vector<float> base;                    // added to the height of each cell's top, u; empty: 0 everywhere
-  Eigen::Vector2d tilt_rad{0.0, 0.0};         // of the whole table about x, then y; gravity is turned by it
+  std::vector<float> base;             // added to the height of each cell's top, u; empty: 0 everywhere
+  Eigen::Vector2d tilt_rad{0.0, 0.0};  // of the whole table about x, then y; gravity is turned by it
   std::vector<SensorSpec> sensors;
   std::optional<double> border_height;  // the outermost ring of cells is held at this height
   int material = 0;
@@ -165,8 +165,8 @@ struct SurfaceSpec {
   }
 };
 
-// Sets `pin` to what the surface's actuators have in common: the body, and the heights that their tops can have. Does
-// nothing where `actuators` is empty but for the base.
+// Sets `pin` to what the surface's actuators have in common: the body, and the heights that their tops can
+// have. Does nothing where `actuators` is empty but for the base.
 void fit_body(SurfaceSpec&);
 
 // A pin with the limits and the body of `pin`.

@@ -14,9 +14,10 @@ using ObjectId = std::uint32_t;  // counts from 0 in the order of creation; neve
 
 // What a cell's mechanism looks like, for drawing. By model:
 //   ball         a, b: turned about x and about y, rad          wheels   a, b: turned, rad
-//   rotor        a: turned about its axis, rad                  magnet   level: current, of the greatest, in [−1, 1]
+//   rotor        a: turned about its axis, rad                  tile     level: amplitude, of the greatest
+//   magnet       level: current, of the greatest, in [−1, 1]
 //   force_field  a, b, level: force along x, y, z, of the greatest, in [−1, 1]
-//   air_jet      level: flow, of the greatest; a: direction, rad          tile   level: amplitude, of the greatest
+//   air_jet      level: flow, of the greatest; a: direction, rad
 struct CellMotion {
   float a = 0.0F, b = 0.0F, level = 0.0F;
 };
@@ -32,7 +33,8 @@ struct Snapshot {
   std::vector<std::array<float, 3>> velocity;          // u/s
   std::vector<std::array<float, 3>> angular_velocity;  // rad/s, world frame
 
-  std::vector<float> height;  // rows × columns, row-major, row 0 north: z of each cell's top, u; -inf: no cell
+  // Rows × columns, row-major, row 0 north: z of each cell's top, u; -inf: no cell.
+  std::vector<float> height;
   std::vector<CellMotion> motion;  // the same; empty where every cell is a pin
 
   std::uint32_t contacts = 0;    // contact points in the last physics step

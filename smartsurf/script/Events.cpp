@@ -1,5 +1,5 @@
-// at, every, on_tick, on_leave, on_finish: functions that wait. metric: what comes of the run. stop, quit, pause, pace:
-// how the run goes on.
+// at, every, on_tick, on_leave, on_finish: functions that wait. metric: what comes of the run. stop, quit,
+// pause, pace: how the run goes on.
 #include <algorithm>
 #include <string>
 

@@ -92,8 +92,8 @@ struct Experiment::Parts {
     session.spec.world.gravity = turned(session.spec.world.gravity, session.spec.surface.tilt_rad);
   }
 
-  // Calls one function of the script with the time and the tick, behind the object's id where there is one; whether it
-  // wants to be called again.
+  // Calls one function of the script with the time and the tick, behind the object's id where there is one;
+  // whether it wants to be called again.
   bool call(int callback, std::optional<scene::ObjectId> object = {}) {
     lua_State* const L = interpreter.lua();
     const auto& [reference, place] = session.callbacks[static_cast<std::size_t>(callback)];
@@ -159,11 +159,14 @@ Experiment Experiment::load(const std::filesystem::path& path, LoadOptions optio
 
 const scene::SceneSpec& Experiment::scene() const { return parts_->session.spec; }
 
-const std::vector<std::pair<std::string, double>>& Experiment::metrics() const { return parts_->session.metrics; }
+const std::vector<std::pair<std::string, double>>& Experiment::metrics() const {
+  return parts_->session.metrics;
+}
 
 bool Experiment::has_events() const {
   const Session& session = parts_->session;
-  return session.schedule.size() > 0 || !session.on_tick.empty() || !session.on_leave.empty() || !session.on_finish.empty();
+  return session.schedule.size() > 0 || !session.on_tick.empty() || !session.on_leave.empty() ||
+         !session.on_finish.empty();
 }
 
 void Experiment::start(Host& host) {

@@ -25,10 +25,10 @@
 namespace smartsurf::script {
 
 struct LoadOptions {
-  std::vector<std::pair<std::string, std::string>>
-      set;                            // --set name=value, in order; the last of a name wins
-  std::optional<std::uint64_t> seed;  // --seed: wins over world.seed
-  std::optional<std::string> text;    // the script itself, instead of what its file holds
+  // --set name=value, in order; the last of a name wins.
+  std::vector<std::pair<std::string, std::string>> set;
+  std::optional<std::uint64_t> seed;           // --seed: wins over world.seed
+  std::optional<std::string> text;             // the script itself, instead of what its file holds
   std::shared_ptr<scene::SolidSource> solids;  // makes what mesh and hull ask for; none: both are refused
   bool unsafe = false;  // --unsafe: the whole of Lua's standard library, native modules included
   std::filesystem::path output_folder;          // where the script may write files; empty = nowhere
@@ -58,8 +58,8 @@ class Experiment {
 
   // Before the first tick: `host` holds the objects of scene(), and outlives the calls of tick and finish.
   void start(Host& host);
-  // Before the tick: runs on_leave for each of these objects, in their order; it left the table in the tick before,
-  // and is still alive. Throws as tick() does.
+  // Before the tick: runs on_leave for each of these objects, in their order; it left the table in the tick
+  // before, and is still alive. Throws as tick() does.
   void leave(double t_s, std::uint64_t tick, std::span<const scene::ObjectId> left);
   // Once a control period, before actuators and physics move; t_s is the simulated time then, 0 for the
   // first. Runs what is due: at and every in order of their times (in order of registration where equal),

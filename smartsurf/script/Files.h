@@ -18,8 +18,8 @@ struct NamedText {
 };
 // The text of a file that a script names, where its sandbox lets it read. Throws Problem, naming `what`.
 NamedText text_of_file(const Session&, const std::string& what, const std::string& path);
-// Where a file is that the script may read; it need not exist, but is nothing else than a file. Throws Problem, which
-// begins with `what`, where the sandbox refuses.
+// Where a file is that the script may read; it need not exist, but is nothing else than a file. Throws
+// Problem, which begins with `what`, where the sandbox refuses.
 std::filesystem::path readable_file(const Session&, const std::string& what, const std::string& path);
 
 }  // namespace smartsurf::script

@@ -49,7 +49,8 @@ class Host {
   // (rows × columns, row-major).
   virtual void target(const std::string& channel, int row, int column, float value) = 0;
   virtual void targets(const std::string& channel, std::span<const float> values) = 0;
-  // The last reading of a sensor channel at a cell, and what a perfect sensor would read there: component `component`.
+  // The last reading of a sensor channel at a cell, and what a perfect sensor would read there: component
+  // `component`.
   virtual float sense(const std::string& channel, int row, int column, int component) const = 0;
   virtual float truth(const std::string& channel, int row, int column, int component) const = 0;
 

@@ -26,9 +26,9 @@ struct Shape {
   void (*read)(Session&, lua_State*, const Fields&, scene::ObjectSpec&);
 };
 
-constexpr std::array<std::string_view, 11> kCommon{"position",         "orientation", "velocity",
-                                                  "angular_velocity", "mass",        "fixed",
-                                                  "material",         "colour",      "label", "pole", "moment"};
+constexpr std::array<std::string_view, 11> kCommon{"position", "orientation", "velocity", "angular_velocity",
+                                                   "mass",     "fixed",       "material", "colour",
+                                                   "label",    "pole",        "moment"};
 
 std::vector<std::string_view> fields_of(const Shape& shape) {
   std::vector<std::string_view> all;

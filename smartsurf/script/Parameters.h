@@ -1,4 +1,5 @@
-// Reads what a user sets of an actuator or a sensor: the fields that its kind lists, as numbers. Internal to the room.
+// Reads what a user sets of an actuator or a sensor: the fields that its kind lists, as numbers. Internal to
+// the room.
 #pragma once
 
 #include <span>

@@ -14,10 +14,10 @@ namespace smartsurf::surface {
 struct Bodies {
   std::span<const scene::ObjectId> id;
   std::span<const Eigen::Vector3f> position;          // centre of mass, u
-  std::span<const Eigen::Quaternionf> orientation;   // unit
+  std::span<const Eigen::Quaternionf> orientation;    // unit
   std::span<const Eigen::Vector3f> velocity;          // u/s
   std::span<const Eigen::Vector3f> angular_velocity;  // rad/s, world frame
-  std::span<const float> mass;                             // 0: never moves
+  std::span<const float> mass;                        // 0: never moves
 
   std::size_t size() const { return id.size(); }
 };

@@ -1,8 +1,8 @@
 // The surface as the physics meets it during one step: flat arrays, one entry a cell, row-major, row 0 north.
 //
-// Actuator models write what the cells do, the physics reads it and writes back what the objects did to the cells.
-// One step is: the models plan it (height is the old one, speed and drag are those of the step to come), the physics
-// steps against that, the models commit their motion.
+// Actuator models write what the cells do, the physics reads it and writes back what the objects did to the
+// cells. One step is: the models plan it (height is the old one, speed and drag are those of the step to
+// come), the physics steps against that, the models commit their motion.
 #pragma once
 
 #include <Eigen/Core>
@@ -26,8 +26,8 @@ struct Field {
   // ---- what the cells do (written by the actuator models)
   std::vector<float> height;  // z of the top, u; kNoCell where there is none
   std::vector<float> speed;   // of the top, upward, u/s
-  // Velocity of the top's surface at its centre, u/s, and its turning about the vertical through the centre, rad/s:
-  // what drags along whatever lies on it. Empty where no actuator of the surface drags.
+  // Velocity of the top's surface at its centre, u/s, and its turning about the vertical through the centre,
+  // rad/s: what drags along whatever lies on it. Empty where no actuator of the surface drags.
   std::vector<float> drag_x, drag_y, spin;
   float max_height = 0.0F, max_speed = 0.0F;  // the highest top, and the greatest |speed|
   // The greatest upward force that the cell can give, mass·u/s²; infinity: any. Under more it gives way: the
@@ -41,7 +41,8 @@ struct Field {
   int index(int row, int column) const { return row * columns + column; }
   Eigen::Vector2f centre(int cell) const {
     if (!rectangular()) return {x[static_cast<std::size_t>(cell)], y[static_cast<std::size_t>(cell)]};
-    return {static_cast<float>(cell % columns) * pitch, static_cast<float>(rows - 1 - cell / columns) * pitch};
+    return {static_cast<float>(cell % columns) * pitch,
+            static_cast<float>(rows - 1 - cell / columns) * pitch};
   }
   float angle_of(int cell) const { return rectangular() ? 0.0F : angle[static_cast<std::size_t>(cell)]; }
   bool rectangular() const { return x.empty(); }

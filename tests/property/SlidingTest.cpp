@@ -29,7 +29,8 @@ TEST(Sliding, IsTheSameInEveryDirection) {
     object.velocity = {6 * std::cos(angle), 6 * std::sin(angle), 0};
     const auto id = bench.add(object);
     bench.run(4.0);
-    const Eigen::Vector2d moved = (bench.position(id).cast<double>() - Eigen::Vector3d(15.5, 15.5, 0)).head<2>();
+    const Eigen::Vector2d moved =
+        (bench.position(id).cast<double>() - Eigen::Vector3d(15.5, 15.5, 0)).head<2>();
     EXPECT_NEAR(moved.norm(), 36 / (2 * 0.5 * 9.81), 0.1) << angle;
     EXPECT_NEAR(std::remainder(std::atan2(moved.y(), moved.x()) - angle, 2 * M_PI), 0.0, 0.03) << angle;
   }
@@ -43,8 +44,7 @@ TEST(Sliding, BoxHoldsOnAGentleSlopeAndSlidesOnASteepOne) {
     bench.scene.world.gravity = {g * std::sin(angle), 0, -g * std::cos(angle)};
     const auto id = bench.add(box({3, 3, 1}, {6, 15.3, 0.5}));
     bench.run(2.0);
-    const double expected =
-        tangent < mu ? 0.0 : 0.5 * g * (std::sin(angle) - mu * std::cos(angle)) * 4.0;
+    const double expected = tangent < mu ? 0.0 : 0.5 * g * (std::sin(angle) - mu * std::cos(angle)) * 4.0;
     EXPECT_NEAR(bench.position(id).x() - 6, expected, 0.03 + 0.03 * expected);
   }
 }

@@ -12,8 +12,8 @@
 #include "smartsurf/record/TrajectoryPlot.h"
 #include "tests/unit/smartsurf/record/SyntheticRun.h"
 
-// Fontconfig, which finds Cairo's fonts, keeps its tables to the end of the process; the HDF5 library forgets some memory
-// over a damaged file.
+// Fontconfig, which finds Cairo's fonts, keeps its tables to the end of the process; the HDF5 library forgets
+// some memory over a damaged file.
 extern "C" const char* __lsan_default_suppressions() { return "leak:libfontconfig\nleak:libhdf5"; }
 
 namespace smartsurf::record {

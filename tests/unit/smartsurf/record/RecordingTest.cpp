@@ -151,8 +151,9 @@ std::shared_ptr<const scene::Solid> two_pieces() {
                                            std::vector<std::uint32_t>{3, 3, 3, 3}));
   std::vector<Eigen::Vector3f> box;
   for (int i = 0; i < 8; ++i) box.emplace_back(i & 1, (i >> 1) & 1, i >> 2);
-  solid.pieces.push_back(scene::make_piece(
-      box, {0, 2, 3, 1, 4, 5, 7, 6, 0, 1, 5, 4, 2, 6, 7, 3, 0, 4, 6, 2, 1, 3, 7, 5}, std::vector<std::uint32_t>(6, 4)));
+  solid.pieces.push_back(
+      scene::make_piece(box, {0, 2, 3, 1, 4, 5, 7, 6, 0, 1, 5, 4, 2, 6, 7, 3, 0, 4, 6, 2, 1, 3, 7, 5},
+                        std::vector<std::uint32_t>(6, 4)));
   scene::set_bounds(solid);
   return std::make_shared<const scene::Solid>(solid);
 }
