@@ -32,7 +32,7 @@ function(add_room house room)
 endfunction()
 
 # add_room_test(<name> SOURCES … LIBS …): one GoogleTest program, registered with ctest under the label
-# "unit": case by case, or as a whole where sanitizers are on.
+# "unit": case by case, or as a whole under AddressSanitizer.
 function(add_room_test name)
   cmake_parse_arguments(T "" "LABEL;TIMEOUT" "SOURCES;LIBS" ${ARGN})
   if(NOT T_LABEL)
@@ -52,8 +52,8 @@ function(add_room_test name)
     precompile(${name} precompiled_apron_test)
   endif()
   target_compile_options(${name} PRIVATE ${SMARTSURF_TEST_OPTIONS})
-  if(SMARTSURF_SANITIZE)
-    # A sanitized process takes longer to start and to end than most cases take.
+  if(SMARTSURF_SANITIZE MATCHES "address")
+    # Such a process takes longer to start and to look for leaks than most cases take.
     add_test(NAME ${name} COMMAND ${name})
     set_tests_properties(${name} PROPERTIES LABELS ${T_LABEL} TIMEOUT 900)
   else()
