@@ -8,6 +8,7 @@
 #include <cstring>
 #include <functional>
 #include <limits>
+#include <ranges>
 
 #include "smartsurf/surface/WorkerPool.h"
 
@@ -17,8 +18,8 @@ namespace {
 constexpr float kFar = std::numeric_limits<float>::infinity();
 
 // What things cost, about: a look at a cell's height, a body under some twenty cells, a pin on the way of a
-// segment.
-constexpr double kLook_ns = 0.2, kBody_ns = 80.0, kPin_ns = 0.3;
+// segment, a cell under nothing.
+constexpr double kLook_ns = 0.2, kBody_ns = 80.0, kPin_ns = 0.3, kRow_ns = 0.01;
 
 // Between which distances a ray is within a rectangle about the origin; enter > leave where it passes by.
 struct Passage {
@@ -51,7 +52,7 @@ FirstHit::FirstHit(const Field& field, const Segment& segment)
       pitch_(field.pitch),
       segment_(segment),
       distance_(static_cast<std::size_t>(field.cells()), segment.range),
-      mark_(distance_.size(), 0.0F),
+      mark_(kApart + distance_.size(), 0.0F),
       touched_(static_cast<std::size_t>(rows_) * static_cast<std::size_t>(blocks_),
                field.rectangular() ? 0 : 1),
       row_lowest_(static_cast<std::size_t>(rows_)),
@@ -132,16 +133,41 @@ void FirstHit::sweep(std::span<const SensedBody> bodies, std::span<const float> 
   }
   pass.job.height = segment_.from_top ? height.data() : nullptr;
   pass.job.distance = distance_.data();
-  pass.job.mark = mark_.data();
+  pass.job.mark = first_mark();
   pass.job.touched = touched_.data();
   pass.job.x = x_.data();
-  pool.for_rows(rows_, cost_ns(bodies.size()), [this, &pass](int begin, int end) {
-    const auto prepare = [this, &pass, end](int first, int last) {
-      clear_rows(first, last, end);
+  const int bands = pool.threads();
+  cut_bands(bodies, bands);
+  // Two rows a band: the pool keeps anything smaller on the caller.
+  pool.for_rows(2 * bands, cost_ns(bodies.size()), [this, &pass](int begin, int end) {
+    const int first_row = band_first_[static_cast<std::size_t>(begin / 2)];
+    const int end_row = band_first_[static_cast<std::size_t>(end / 2)];
+    const auto prepare = [this, &pass, end_row](int first, int last) {
+      clear_rows(first, last, end_row);
       meet_pins_of_rows(pass, first, last);
     };
-    sweep_rows(pass.job, begin, end, std::cref(prepare));
+    sweep_rows(pass.job, first_row, end_row, std::cref(prepare));
   });
+}
+
+// The bodies come from north to south, near enough to weigh the rows down to any of them.
+void FirstHit::cut_bands(std::span<const SensedBody> bodies, int bands) {
+  band_first_.assign(static_cast<std::size_t>(bands) + 1, rows_);
+  band_first_.front() = 0;
+  const double row_ns = (kRow_ns + kPin_ns * static_cast<double>(pins_.size())) * columns_;
+  const auto cost_to = [&](int row) {
+    const float y = static_cast<float>(rows_ - 1 - row) * pitch_;
+    const auto south =
+        std::ranges::partition_point(bodies, [y](const SensedBody& b) { return b.centre.y() > y; });
+    return row_ns * row + kBody_ns * static_cast<double>(south - bodies.begin());
+  };
+  const double all_ns = cost_to(rows_);
+  for (int band = 1; band < bands; ++band) {
+    const auto rows = std::views::iota(0, rows_);
+    const auto at =
+        std::ranges::partition_point(rows, [&](int row) { return cost_to(row) * bands < all_ns * band; });
+    band_first_[static_cast<std::size_t>(band)] = static_cast<int>(at - rows.begin());
+  }
 }
 
 void FirstHit::find_extremes(const float* height, int begin, int end) noexcept {
@@ -182,7 +208,7 @@ void FirstHit::clear_rows(int begin, int end, int end_of_band) noexcept {
       const std::size_t ahead = row + kAhead * static_cast<std::size_t>(columns_);
       for_touched(r + kAhead, [this, ahead](std::size_t b) {
         hwy::Prefetch(&distance_[ahead + b * kBlock]);
-        hwy::Prefetch(&mark_[ahead + b * kBlock]);
+        hwy::Prefetch(first_mark() + ahead + b * kBlock);
       });
     }
     std::uint8_t* const touched = touched_.data() + static_cast<std::ptrdiff_t>(r) * blocks_;
@@ -191,7 +217,7 @@ void FirstHit::clear_rows(int begin, int end, int end_of_band) noexcept {
         const std::size_t first = b * kBlock;
         const std::size_t count = std::min<std::size_t>(kBlock, static_cast<std::size_t>(columns_) - first);
         std::fill_n(distance_.begin() + static_cast<std::ptrdiff_t>(row + first), count, segment_.range);
-        std::fill_n(mark_.begin() + static_cast<std::ptrdiff_t>(row + first), count, 0.0F);
+        std::fill_n(first_mark() + row + first, count, 0.0F);
       }
       touched[b] = static_cast<std::uint8_t>((touched[b] & 1) << 1);
     });
@@ -217,7 +243,7 @@ void FirstHit::meet_pins_of_rows(const Pass& pass, int begin, int end) noexcept 
                          lift,
                          pins + first + step.column_offset,
                          distance_.data() + row + first,
-                         mark_.data() + row + first,
+                         first_mark() + row + first,
                          last - first};
       any |= meet_pins(cells, step, rise, segment_.range, pass.pin_mark);
     }

@@ -42,7 +42,7 @@ class FirstHit {
 
   // rows × columns, row-major, row 0 north. Where nothing is within the range: the range, and 0.
   std::span<const float> distance() const noexcept { return distance_; }  // u, in [0, range]
-  std::span<const float> mark() const noexcept { return mark_; }
+  std::span<const float> mark() const noexcept { return {mark_.data() + kApart, distance_.size()}; }
 
   // About what a sweep over so many bodies takes one thread; using what it found costs no more.
   double cost_ns(std::size_t bodies) const noexcept;
@@ -67,6 +67,8 @@ class FirstHit {
     float pin_mark;
     float highest_pin = 0.0F;
   };
+  // Cuts the rows into one band a thread, of about the same work.
+  void cut_bands(std::span<const SensedBody> bodies, int bands);
   bool upright() const noexcept;
   bool clears_its_own_pin() const noexcept;
   void list_pins(const Field&);
@@ -85,10 +87,15 @@ class FirstHit {
   float pitch_;
   Segment segment_;
   std::vector<float> x_;  // of the segments' starts, one a column
+  // Rows of a wide table are a page of memory long. So that a core's first cache holds heights, distances and
+  // marks of the rows under one body, the marks begin elsewhere in a page than the others.
+  static constexpr std::size_t kApart = 256;
+  float* first_mark() noexcept { return mark_.data() + kApart; }
   LineVector<float> distance_, mark_;
   std::vector<std::uint8_t> touched_;  // a block's bit 0: by the last sweep, bit 1: by the one before
   std::vector<PinStep> pins_;          // that a segment passes, in the order in which it does
   std::vector<float> row_lowest_, row_highest_;  // of the cells that are there
+  std::vector<int> band_first_;                  // rows: of each band, and one more at the end
 
   // Of a free layout: everything in the order of the strips.
   struct PassedPin {

@@ -134,7 +134,7 @@ void FirstHit::sweep_strips(Pass& pass, WorkerPool& pool) {
     sweep_rows(pass.job, begin, end, [](int, int) {});
     for (std::size_t k = first; k < last; ++k) {
       distance_[static_cast<std::size_t>(s.cell[k])] = strip_distance_[k];
-      mark_[static_cast<std::size_t>(s.cell[k])] = strip_mark_[k];
+      first_mark()[s.cell[k]] = strip_mark_[k];
     }
   });
 }

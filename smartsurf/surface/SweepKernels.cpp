@@ -102,11 +102,25 @@ HWY_INLINE bool meet_any(const SweepJob& job, const Stretch& stretch, int i, con
   return any;
 }
 
+// Whether upright segments may meet the body nearer than what they met before: not those that end, or are
+// stopped, below it.
+template <class D>
+HWY_INLINE bool may_be_nearer(const SweepJob& job, const Stretch& stretch, int i, const SensedBody& body) {
+  if (job.direction.z() < 0.0F) return true;
+  const D d;
+  const float bottom = body.centre.z() - body.reach_z;
+  const float slack = 1e-4F * (1.0F + std::abs(body.centre.z()) + body.reach_z);
+  const auto height = stretch.height != nullptr ? hn::LoadU(d, stretch.height + i) : hn::Zero(d);
+  const auto below = hn::Sub(hn::Set(d, bottom - slack - job.origin.z()), height);
+  return !hn::AllFalse(d, hn::Le(below, hn::LoadU(d, stretch.distance + i)));
+}
+
 template <class D>
 HWY_INLINE bool meet(const SweepJob& job, const Stretch& stretch, int i, const SensedBody& body, float mark,
                      bool upright) {
-  return upright && body.shape == scene::ShapeKind::kSphere ? meet_ball<D>(job, stretch, i, body, mark)
-                                                            : meet_any<D>(job, stretch, i, body, mark);
+  if (upright && body.shape == scene::ShapeKind::kSphere) return meet_ball<D>(job, stretch, i, body, mark);
+  if (upright && !may_be_nearer<D>(job, stretch, i, body)) return false;
+  return meet_any<D>(job, stretch, i, body, mark);
 }
 
 // Cells [first, last) of a stretch of `count`. The last group is moved back, to end with it: cells that are
@@ -214,6 +228,13 @@ void sweep_small_ball(const SweepJob& job, const SensedBody& b, float mark, int 
   }
 }
 
+// Where a vector over these columns begins: within one block, if it can.
+int window_over(const Columns& all, int lanes, int columns) {
+  const int last_in_block = all.first / kBlock * kBlock + kBlock - lanes;
+  const int first = all.end <= last_in_block + lanes ? std::min(all.first, last_in_block) : all.first;
+  return std::min(std::max(first, 0), columns - lanes);
+}
+
 // Rows that are ready for bodies, from the first of a band.
 struct Ready {
   int until;
@@ -228,6 +249,12 @@ struct Ready {
 
 void sweep_grid(const SweepJob& job, const SensedBody& b, float mark, bool upright, int begin, int end,
                 Ready& ready) {
+  // Most bodies of another band are far away.
+  const float slant = std::abs(job.direction.y()) * job.range + std::abs(job.origin.y());
+  const float reach = b.reach_y + slant + job.pitch;
+  const float south = static_cast<float>(job.rows - end) * job.pitch,
+              top_row = static_cast<float>(job.rows - 1 - begin) * job.pitch;
+  if (b.centre.y() + reach < south || b.centre.y() - reach > top_row) return;
   const Range t = heights_met(job, b);
   if (t.empty()) return;
   const float north = static_cast<float>(job.rows - 1) * job.pitch + job.origin.y();
@@ -238,7 +265,7 @@ void sweep_grid(const SweepJob& job, const SensedBody& b, float mark, bool uprig
   const Columns all = columns_within(job, b, t);
   const int lanes = static_cast<int>(hn::Lanes(Wide()));
   if (upright && b.shape == scene::ShapeKind::kSphere && all.end - all.first <= lanes && job.columns >= lanes)
-    return sweep_small_ball(job, b, mark, r0, r1, std::min(all.first, job.columns - lanes));
+    return sweep_small_ball(job, b, mark, r0, r1, window_over(all, lanes, job.columns));
   for (int r = r0; r < r1; ++r) {
     const float y = static_cast<float>(job.rows - 1 - r) * job.pitch + job.origin.y();
     if (upright) {
@@ -282,13 +309,19 @@ void fetch_ahead(const SweepJob& job, const SensedBody& b, int begin, int end) {
   const auto row_of = [&](float y) { return static_cast<float>(job.rows - 1) - y / job.pitch; };
   const int r0 = std::max(begin, first_from(row_of(b.centre.y() + b.reach_y), job.rows));
   const int r1 = std::min(end, end_at(row_of(b.centre.y() - b.reach_y), job.rows));
-  const int column =
-      std::min(first_from((b.centre.x() - b.reach_x) / job.pitch, job.columns), job.columns - 1);
+  const auto column_of = [&](float x) {
+    return std::min(first_from(x / job.pitch, job.columns), job.columns - 1);
+  };
+  const int west = column_of(b.centre.x() - b.reach_x), east = column_of(b.centre.x() + b.reach_x);
   for (int r = r0; r < r1; ++r) {
-    const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(r) * job.columns + column;
-    hwy::Prefetch(job.distance + at);
-    hwy::Prefetch(job.mark + at);
-    if (job.height != nullptr) hwy::Prefetch(job.height + at);
+    const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(r) * job.columns;
+    // Of blocks as far apart as two lines of memory are.
+    for (int column = west; column / kBlock <= east / kBlock; column += kBlock) {
+      const std::ptrdiff_t at = row + std::min(column, job.columns - 1);
+      hwy::Prefetch(job.distance + at);
+      hwy::Prefetch(job.mark + at);
+      if (job.height != nullptr) hwy::Prefetch(job.height + at);
+    }
   }
 }
 

@@ -78,8 +78,23 @@ void BodyStore::turn_axes(std::size_t i) {
   set_axes(i, orientation[i].toRotationMatrix());
 }
 
+namespace {
+
+// Axes with the z of one matrix that turn from the other's as little as may be.
+Mat3 without_twist(const Mat3& to, const Mat3& from) {
+  const Vec3 z = to.col(2);
+  const Vec3 x = from.col(0) - z * z.dot(from.col(0));
+  const float length = x.norm();
+  if (!(length > 0.1F)) return to;
+  Mat3 out;
+  out << x / length, z.cross(x / length), z;
+  return out;
+}
+
+}  // namespace
+
 void BodyStore::set_axes(std::size_t i, const Mat3& to) {
-  axes[i] = to;
+  axes[i] = shape[i]->revolves() ? without_twist(to, axes[i]) : to;
   const Mat3 world = axes[i] * own_inverse_inertia[i] * axes[i].transpose();
   inertia[i] = {world(0, 0), world(1, 1), world(2, 2), world(0, 1), world(0, 2), world(1, 2), {}};
 }

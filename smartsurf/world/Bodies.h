@@ -30,7 +30,7 @@ struct BodyStore {
   std::vector<float> still_s;  // how long it has hardly moved
 
   // ---- derived for each step
-  std::vector<Mat3> axes;  // of what is no sphere
+  std::vector<Mat3> axes;  // of what is no sphere; those of a shape of revolution do not spin about its z
   std::vector<Shift> shift;
   std::vector<Inertia> inertia;
   std::vector<Vec3> start_velocity, start_spin;  // before the contacts of the substep

@@ -17,11 +17,11 @@ constexpr float kLeanTolerance = 0.05F;
 }  // namespace
 
 void ColumnAxes::add(const Vec3& normal, float least, float handicap) {
-  if (normal.z() >= kLowestZ) axis_.push_back({normal, least, handicap});
+  if (normal.z() >= kLowestZ) axes_.add(normal, least, handicap);
 }
 
 void ColumnAxes::set(const Core& core, const Vec3& low, const Vec3& high) {
-  axis_.clear();
+  axes_.clear();
   parted_ = 0;
   add(Vec3::UnitZ(), low.z(), 0.0F);
   if (core.piece.hull)
@@ -89,28 +89,40 @@ void ColumnAxes::add_round(const Core& core) {
   for (int k = 0; k < 2; ++k) add_both_ways(along.cross(Vec3::Unit(k)));
 }
 
-float ColumnAxes::gap(const Axis& a, const Column& q) {
-  const Vec3& n = a.normal;
-  return a.least -
-         ((n.x() > 0 ? q.east : q.west) * n.x() + (n.y() > 0 ? q.north : q.south) * n.y() + q.top * n.z());
+void ColumnAxes::Axes::clear() {
+  for (auto* v : {&x, &y, &z, &least, &handicap}) v->clear();
+}
+
+void ColumnAxes::Axes::add(const Vec3& normal, float least_of_piece, float handicap_of_kind) {
+  x.push_back(normal.x()), y.push_back(normal.y()), z.push_back(normal.z());
+  least.push_back(least_of_piece);
+  handicap.push_back(handicap_of_kind);
+}
+
+inline float ColumnAxes::Axes::gap(std::size_t i, const Column& q) const {
+  return least[i] -
+         ((x[i] > 0 ? q.east : q.west) * x[i] + (y[i] > 0 ? q.north : q.south) * y[i] + q.top * z[i]);
 }
 
 bool ColumnAxes::look(const Column& q, float margin, Widest& out) {
   // What told the last column from the piece often tells its neighbour too.
-  if (gap(axis_[parted_], q) > margin) return false;
+  if (axes_.gap(parted_, q) > margin) return false;
+  const std::size_t count = axes_.size();
+  gap_.resize(count);
+  for (std::size_t i = 0; i < count; ++i) gap_[i] = axes_.gap(i, q);
   float best = -std::numeric_limits<float>::max();
-  for (std::size_t i = 0; i < axis_.size(); ++i) {
-    const Axis& a = axis_[i];
-    const float wide = gap(a, q);
-    if (wide > margin) {
+  std::size_t chosen = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (gap_[i] > margin) {
       parted_ = i;
       return false;
     }
-    if (wide - a.handicap <= best || q.leans_over_bridge(a.normal.x(), a.normal.y(), kLeanTolerance))
+    if (gap_[i] - axes_.handicap[i] <= best || q.leans_over_bridge(axes_.x[i], axes_.y[i], kLeanTolerance))
       continue;
-    best = wide - a.handicap;
-    out = {a.normal, wide};
+    best = gap_[i] - axes_.handicap[i];
+    chosen = i;
   }
+  out = {Vec3(axes_.x[chosen], axes_.y[chosen], axes_.z[chosen]), gap_[chosen]};
   return true;
 }
 

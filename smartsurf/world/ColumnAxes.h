@@ -27,18 +27,24 @@ class ColumnAxes {
   bool look(const Column&, float margin, Widest& out);
 
  private:
-  struct Axis {
-    Vec3 normal;
-    float least;     // of normal · p over the points p of the piece
-    float handicap;  // crossing edges must win clearly, or the choice would change from step to step
+  // One entry a direction.
+  struct Axes {
+    std::vector<float> x, y, z;  // the normal
+    std::vector<float> least;    // of normal · p over the points p of the piece
+    std::vector<float>
+        handicap;  // crossing edges must win clearly, or the choice would change from step to step
+    void clear();
+    void add(const Vec3& normal, float least_of_piece, float handicap_of_kind);
+    std::size_t size() const { return x.size(); }
+    float gap(std::size_t i, const Column&) const;
   };
   void add(const Vec3& normal, float least, float handicap);
   void add_box(const Core&);
   void add_hull(const Core&);
   void add_round(const Core&);
-  static float gap(const Axis&, const Column&);
 
-  std::vector<Axis> axis_;
+  Axes axes_;
+  std::vector<float> gap_;       // along each
   std::vector<float> along_[2];  // of the normals of a hull's faces: their parts along x and y
   std::size_t parted_ = 0;       // the axis that told the last two apart
 };

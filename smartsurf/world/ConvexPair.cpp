@@ -48,8 +48,15 @@ Touching deepest(const Core& a, const Core& b) {
   return best;
 }
 
-bool find(const Core& a, const Core& b, float margin, const Vec3* last_normal, Touching& out) {
-  const NearestPoints near = nearest_points(a, b, margin + a.rounding + b.rounding,
+// How near two pieces are looked for: those within the margin touch, what is beyond it is told up to the
+// horizon.
+struct Limits {
+  float margin, horizon;
+};
+
+// Where they do not touch, of `out` only the gap is told.
+bool find(const Core& a, const Core& b, const Limits& limits, const Vec3* last_normal, Touching& out) {
+  const NearestPoints near = nearest_points(a, b, limits.horizon + a.rounding + b.rounding,
                                             last_normal ? *last_normal : Vec3(a.centre - b.centre));
   if (!near.apart) {
     out = deepest(a, b);
@@ -58,7 +65,7 @@ bool find(const Core& a, const Core& b, float margin, const Vec3* last_normal, T
   out.gap = near.distance - a.rounding - b.rounding;
   out.normal = near.normal;
   out.point = 0.5F * (near.on_a - a.rounding * near.normal + near.on_b + b.rounding * near.normal);
-  return out.gap <= margin;
+  return out.gap <= limits.margin;
 }
 
 Feature feature_towards(const Core& c, const Vec3& direction) {
@@ -69,7 +76,8 @@ enum class Answer { kApart, kTouching, kUnknown };
 
 // The face that the last normal stood on. What lies over it there is the patch; where the patch reaches as
 // near as anything of the other does, the face's normal is the shortest way, and GJK has nothing to add.
-Answer ask_last_face(const Core& a, const Core& b, float margin, const Vec3& last_normal, Candidates& out) {
+Answer ask_last_face(const Core& a, const Core& b, float margin, const Vec3& last_normal, Candidates& out,
+                     float& clear) {
   constexpr float kTurned = 0.98F, kPrecision = 2e-4F;
   const float aligned_a = flatness_towards(a.piece, a.axes, -last_normal);
   const float aligned_b = flatness_towards(b.piece, b.axes, last_normal);
@@ -79,7 +87,10 @@ Answer ask_last_face(const Core& a, const Core& b, float margin, const Vec3& las
   const Core& other = from_a ? b : a;
   auto over = [&face](const Vec3& p) { return face.normal.dot(p - face.point[0]); };
   const float gap = over(other.farthest_outside(-face.normal));
-  if (gap > margin) return Answer::kApart;
+  if (gap > margin) {
+    clear = gap;
+    return Answer::kApart;
+  }
   if (gap < -a.rounding - b.rounding) return Answer::kUnknown;
   const Feature patch = clipped(feature_towards(other, -face.normal), face);
   const Vec3 normal = from_a ? Vec3(-face.normal) : face.normal;
@@ -100,30 +111,35 @@ bool may_share_patch(const Core& a, const Core& b, const Vec3& normal) {
          flatness_towards(b.piece, b.axes, normal) > kAligned;
 }
 
-bool find_candidates(const Core& a, const Core& b, float margin, const Vec3* last_normal, Candidates& out) {
+// Returns how far apart the two are at least: the margin where they touch.
+float find_candidates(const Core& a, const Core& b, const Limits& limits, const Vec3* last_normal,
+                      Candidates& out) {
   if (last_normal) {
-    const Answer answer = ask_last_face(a, b, margin, *last_normal, out);
-    if (answer != Answer::kUnknown) return answer == Answer::kTouching;
+    float clear = limits.margin;
+    const Answer answer = ask_last_face(a, b, limits.margin, *last_normal, out, clear);
+    if (answer != Answer::kUnknown) return clear;
     out.clear();
   }
   Touching t;
-  if (!find(a, b, margin, last_normal, t)) return false;
+  if (!find(a, b, limits, last_normal, t)) return t.gap;
   if (may_share_patch(a, b, t.normal))
-    add_patch(feature_towards(a, -t.normal), feature_towards(b, t.normal), t.normal, margin, 0, out);
+    add_patch(feature_towards(a, -t.normal), feature_towards(b, t.normal), t.normal, limits.margin, 0, out);
   if (out.count() == 0) out.add({t.point, t.normal, t.gap, 0});
-  return true;
+  return limits.margin;
 }
 
-void touch_pieces(const Core& a, const Core& b, float margin, const Vec3* last_normal, const Vec3& centre,
-                  std::vector<Contact>& out) {
+float touch_pieces(const Core& a, const Core& b, const Limits& limits, const Vec3* last_normal,
+                   const Vec3& centre, std::vector<Contact>& out) {
   Candidates candidates;
-  if (!find_candidates(a, b, margin, last_normal, candidates)) return;
+  const float clear = find_candidates(a, b, limits, last_normal, candidates);
+  if (clear > limits.margin) return clear;
   candidates.pick([&](const Candidate& c) {
     Contact& contact = out.emplace_back();
     contact.normal = c.normal;
     contact.arm = c.point - centre;
     contact.gap = c.gap;
   });
+  return clear;
 }
 
 // Of a box that is far larger than the other body only the part around it: GJK loses its precision on long
@@ -150,14 +166,15 @@ Trimmed trimmed(const Placed& box, const Placed& other, float margin) {
 
 }  // namespace
 
-void touch_convex(const Placed& a, const Placed& b, float margin, const Vec3* last_normal,
-                  std::vector<Contact>& out) {
+float touch_convex(const Placed& a, const Placed& b, float margin, const Vec3* last_normal,
+                   std::vector<Contact>& out, float horizon) {
   const Vec3 reach_a = a.axes.cwiseAbs() * a.shape.half, reach_b = b.axes.cwiseAbs() * b.shape.half;
-  if (((a.centre - b.centre).cwiseAbs() - reach_a - reach_b).maxCoeff() > margin) return;
+  const float apart = ((a.centre - b.centre).cwiseAbs() - reach_a - reach_b).maxCoeff();
+  if (apart > margin + horizon) return apart;
   if (far_larger(a, b) || far_larger(b, a)) {
     const bool a_large = far_larger(a, b);
     const Trimmed t = a_large ? trimmed(a, b, margin) : trimmed(b, a, margin);
-    if (!t.near) return;
+    if (!t.near) return margin;
     const std::size_t first = out.size();
     if (a_large)
       touch_convex({t.shape, t.centre, a.axes}, b, margin, last_normal, out);
@@ -165,14 +182,17 @@ void touch_convex(const Placed& a, const Placed& b, float margin, const Vec3* la
       touch_convex(a, {t.shape, t.centre, b.axes}, margin, last_normal, out);
     if (a_large)
       for (std::size_t i = first; i < out.size(); ++i) out[i].arm += t.centre - a.centre;
-    return;
+    return margin;
   }
+  const Limits limits{margin, margin + horizon};
+  float clear = limits.horizon;
   for_pieces(a.shape, [&](const Piece& piece_a) {
     for_pieces(b.shape, [&](const Piece& piece_b) {
-      touch_pieces({piece_a, a.centre, a.axes}, {piece_b, b.centre, b.axes}, margin, last_normal, a.centre,
-                   out);
+      clear = std::min(clear, touch_pieces({piece_a, a.centre, a.axes}, {piece_b, b.centre, b.axes}, limits,
+                                           last_normal, a.centre, out));
     });
   });
+  return clear;
 }
 
 }  // namespace smartsurf::world

@@ -16,7 +16,9 @@ struct Placed {
 
 // Appends up to four points for each pair of pieces, the normal pointing from b to a, gaps up to `margin`.
 // `last_normal`: of a contact that the two had before, or null. It saves work and decides nothing.
-void touch_convex(const Placed& a, const Placed& b, float margin, const Vec3* last_normal,
-                  std::vector<Contact>& out);
+// Returns how far apart all pieces are at least that were given no point, told up to `horizon` beyond the
+// margin; the margin where each was given one.
+float touch_convex(const Placed& a, const Placed& b, float margin, const Vec3* last_normal,
+                   std::vector<Contact>& out, float horizon = 0.0F);
 
 }  // namespace smartsurf::world

@@ -44,29 +44,45 @@ void inherit(ContactList& list, const Manifold& now, const ContactList& old, int
 
 }  // namespace
 
-void Detector::arrange(const BodyStore& bodies) {
-  if (large_ < 0.0F) find_large_size(bodies);
-  reach_out(bodies);
-  grid_.build(bodies.position, reach_, large_);
+void Detector::arrange(const BodyStore& bodies, const Member& member) {
+  if (member.first()) {
+    if (large_ < 0.0F) find_large_size(bodies);
+    reach_.resize(bodies.reach.size());
+    margin_.resize(bodies.reach.size());
+  }
+  member.wait();
+  reach_out(bodies, member.share(bodies.size()));
+  member.alone([&] { grid_.build(bodies.position, reach_, large_); });
 }
 
-void Detector::detect(const BodyStore& bodies, ContactList& pairs, ContactList& world, Team& team) {
+// Before the look: the last step's contacts become the old ones.
+void Detector::begin(ContactList& pairs, ContactList& world) {
   std::swap(old_pairs_, pairs);
   std::swap(old_world_, world);
   if (static_cast<int>(chunk_.size()) < chunks() + 1) chunk_.resize(static_cast<std::size_t>(chunks()) + 1);
-  for (auto& c : chunk_) c.pairs.clear(), c.world.clear();
-  constexpr int kWorthSharing = 4;
-  team.run(chunks() >= kWorthSharing, [&](const Member& member) {
-    if (member.first()) index_old(bodies, old_pairs_, old_world_);
-    if (member.index + 1 == member.members) look_around_large(bodies);
-    member.wait();
-    // In turn: what lies low meets the field, and chunks go from low to high.
-    for (int c = member.index; c < chunks(); c += member.members)
-      detect_chunk(bodies, c, chunk_[static_cast<std::size_t>(c)]);
-    if (member.first()) detect_large(bodies, chunk_[static_cast<std::size_t>(chunks())]);
-    member.wait();
-    gather(pairs, world, member);
-  });
+  for (std::size_t c = 0; c < chunk_.size(); ++c) {
+    chunk_[c].pairs.clear();
+    chunk_[c].world.clear();
+    pair_memory_.take(static_cast<int>(c), chunk_[c].known_pairs);
+    field_memory_.take(static_cast<int>(c), chunk_[c].known_field);
+  }
+}
+
+void Detector::detect(const BodyStore& bodies, ContactList& pairs, ContactList& world, const Member& member) {
+  member.alone([&] { begin(pairs, world); });
+  if (member.first()) index_old(bodies, old_pairs_, old_world_);
+  if (member.index + 1 == member.members) {
+    look_around_large(bodies);
+    pair_memory_.index(bodies.size());
+    field_memory_.index(bodies.size());
+  }
+  member.wait();
+  // In turn: what lies low meets the field, and chunks go from low to high.
+  for (int c = member.index; c < chunks(); c += member.members)
+    detect_chunk(bodies, c, chunk_[static_cast<std::size_t>(c)]);
+  if (member.first()) detect_large(bodies, chunk_[static_cast<std::size_t>(chunks())]);
+  member.wait();
+  gather(pairs, world, member);
 }
 
 int Detector::chunks() const { return (grid_.sorted() + kChunk - 1) / kChunk; }
@@ -84,10 +100,8 @@ void Detector::find_large_size(const BodyStore& bodies) {
   large_ = 4.0F * *middle;
 }
 
-void Detector::reach_out(const BodyStore& bodies) {
-  reach_.resize(bodies.reach.size());
-  margin_.resize(bodies.reach.size());
-  for (std::size_t i = 0; i < reach_.size(); ++i) {
+void Detector::reach_out(const BodyStore& bodies, Range range) {
+  for (auto i = static_cast<std::size_t>(range.begin); i < static_cast<std::size_t>(range.end); ++i) {
     float travel = 0.0F;
     if (moves(bodies, i)) {
       travel = bodies.velocity(i).norm();
@@ -132,14 +146,14 @@ void Detector::detect_chunk(const BodyStore& bodies, int chunk, Chunk& out) cons
   const int begin = chunk * kChunk, end = std::min(begin + kChunk, grid_.sorted());
   for (int k = begin; k < end; ++k) {
     const auto i = static_cast<std::size_t>(grid_.body(k));
-    if (moves(bodies, i)) touch_world(bodies, i, out.world);
+    if (moves(bodies, i)) touch_world(bodies, i, out);
     for (int n = first_near_[i]; n < first_near_[i + 1]; ++n) {
       const auto large = static_cast<std::size_t>(near_[static_cast<std::size_t>(n)].large);
-      if (!bodies.fixed(large)) touch_pair(bodies, i, large, out.pairs);
+      if (!bodies.fixed(large)) touch_pair(bodies, i, large, out);
     }
   }
   grid_.for_pairs(begin, end, [&](std::int32_t i, std::int32_t j) {
-    touch_pair(bodies, static_cast<std::size_t>(i), static_cast<std::size_t>(j), out.pairs);
+    touch_pair(bodies, static_cast<std::size_t>(i), static_cast<std::size_t>(j), out);
   });
 }
 
@@ -147,19 +161,23 @@ void Detector::detect_large(const BodyStore& bodies, Chunk& out) const {
   const auto large = grid_.large();
   for (std::size_t k = 0; k < large.size(); ++k) {
     const auto i = static_cast<std::size_t>(large[k]);
-    if (moves(bodies, i)) touch_world(bodies, i, out.world);
+    if (moves(bodies, i)) touch_world(bodies, i, out);
     for (std::size_t other = k + 1; other < large.size(); ++other) {
       const auto j = static_cast<std::size_t>(large[other]);
-      if (!bodies.fixed(i) && !bodies.fixed(j)) touch_pair(bodies, i, j, out.pairs);
+      if (!bodies.fixed(i) && !bodies.fixed(j)) touch_pair(bodies, i, j, out);
     }
   }
 }
 
-void Detector::touch_world(const BodyStore& bodies, std::size_t i, ContactList& out) const {
+void Detector::touch_world(const BodyStore& bodies, std::size_t i, Chunk& chunk) const {
+  ContactList& out = chunk.world;
   const auto first = static_cast<std::int32_t>(out.contacts.size());
   const Vec3& centre = bodies.position[i];
   const float margin = std::max(kRestMargin, margin_[i] + field_.max_speed * dt_s_);
-  touch_field(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
+  if (bodies.round[i] || loose_ || field_.yields())
+    touch_field(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
+  else
+    field_memory_.touch(bodies, i, margin, chunk.known_field, out.contacts);
   if (centre.z() - bodies.reach[i] - margin < ground_)
     touch_ground(*bodies.shape[i], centre, bodies.axes[i], ground_, margin, out.contacts);
   if (reach_[i] <= large_) {
@@ -203,28 +221,24 @@ void Detector::touch_fixed(const BodyStore& bodies, std::size_t i, std::size_t f
     out.contacts[k].other = static_cast<std::int32_t>(fixed);
 }
 
-void Detector::touch_pair(const BodyStore& bodies, std::size_t i, std::size_t j, ContactList& out) const {
+void Detector::touch_pair(const BodyStore& bodies, std::size_t i, std::size_t j, Chunk& out) const {
   if (!moves(bodies, i) && !moves(bodies, j)) return;
   const std::size_t a = std::min(i, j), b = std::max(i, j);
   const bool round = bodies.round[a] || bodies.round[b];
-  int old = -1;
-  const Vec3* last_normal = nullptr;
-  if (!round) {
-    old = old_pair(a, b);
-    if (old >= 0) {
-      const Manifold& m = old_pairs_.manifolds[static_cast<std::size_t>(old)];
-      last_normal = &old_pairs_.contacts[static_cast<std::size_t>(m.first)].normal;
-    }
+  ContactList& pairs = out.pairs;
+  const auto first = static_cast<std::int32_t>(pairs.contacts.size());
+  if (round) {
+    touch_bodies(bodies, a, b, kRestMargin, dt_s_, nullptr, pairs.contacts);
+  } else {
+    const float margin = kRestMargin + closing(bodies, a, b, dt_s_);
+    pair_memory_.touch(bodies, a, b, margin, out.known_pairs, pairs.contacts);
   }
-  const auto first = static_cast<std::int32_t>(out.contacts.size());
-  touch_bodies(bodies, a, b, kRestMargin, dt_s_, last_normal, out.contacts);
-  const auto count = static_cast<std::int32_t>(out.contacts.size()) - first;
+  const auto count = static_cast<std::int32_t>(pairs.contacts.size()) - first;
   if (count == 0) return;
-  out.manifolds.push_back({static_cast<std::int32_t>(a), static_cast<std::int32_t>(b), first, count});
-  if (round) old = old_pair(a, b);
+  pairs.manifolds.push_back({static_cast<std::int32_t>(a), static_cast<std::int32_t>(b), first, count});
   // A sphere has one contact with each of the others: its arm may turn far in one step.
   const float tolerance = round ? bodies.reach[a] : 0.15F * bodies.reach[a];
-  inherit(out, out.manifolds.back(), old_pairs_, old, tolerance);
+  inherit(pairs, pairs.manifolds.back(), old_pairs_, old_pair(a, b), tolerance);
 }
 
 int Detector::old_pair(std::size_t a, std::size_t b) const {

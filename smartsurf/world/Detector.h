@@ -8,8 +8,10 @@
 #include "smartsurf/surface/Field.h"
 #include "smartsurf/world/Bodies.h"
 #include "smartsurf/world/Contact.h"
+#include "smartsurf/world/FieldMemory.h"
 #include "smartsurf/world/Grid.h"
 #include "smartsurf/world/LooseField.h"
+#include "smartsurf/world/PairMemory.h"
 #include "smartsurf/world/Team.h"
 
 namespace smartsurf::world {
@@ -18,19 +20,19 @@ class Detector {
  public:
   // `ground`: the height of the endless floor, or −infinity.
   Detector(const surface::Field& field, float dt_s, float ground)
-      : field_(field), dt_s_(dt_s), ground_(ground) {
+      : field_(field), dt_s_(dt_s), ground_(ground), field_memory_(field) {
     if (!field.rectangular()) loose_ = std::make_unique<LooseField>(field);
   }
 
-  // Sorts the bodies into the grid, as they are now. First in a step.
-  void arrange(const BodyStore&);
+  // Sorts the bodies into the grid, as they are now. First in a step; all members of the team together.
+  void arrange(const BodyStore&, const Member&);
   // Calls found(other) for the bodies that one may be within reach of in this step; fixed ones left aside.
   template <class Found>
   void for_near(const BodyStore&, std::size_t body, Found found) const;
 
   // Contacts of what moves, in an order that depends on the bodies alone. On entry the lists hold the last
-  // step's contacts, whose impulses are handed on to the new ones.
-  void detect(const BodyStore&, ContactList& pairs, ContactList& world, Team&);
+  // step's contacts, whose impulses are handed on to the new ones. All members of the team together.
+  void detect(const BodyStore&, ContactList& pairs, ContactList& world, const Member&);
 
   // Appends the contacts of a shape with the field, the ground left aside.
   void touch_field(const Shape&, const Vec3& centre, const Mat3& axes, float margin,
@@ -41,7 +43,10 @@ class Detector {
 
   // A body was added or removed: the sizes must be looked at again, and contacts of the one removed
   // forgotten.
-  void bodies_changed() { large_ = -1.0F; }
+  void bodies_changed() {
+    large_ = -1.0F;
+    for (Chunk& c : chunk_) c.known_pairs = {}, c.known_field = {};
+  }
 
  private:
   struct NearLarge {
@@ -49,6 +54,8 @@ class Detector {
   };
   struct Chunk {
     ContactList pairs, world;
+    PairMemory::List known_pairs;
+    FieldMemory::List known_field;
   };
   // Where a chunk's lists begin in the joined ones.
   struct Start {
@@ -56,14 +63,15 @@ class Detector {
   };
 
   void find_large_size(const BodyStore&);
-  void reach_out(const BodyStore&);
+  void reach_out(const BodyStore&, Range bodies);
+  void begin(ContactList& pairs, ContactList& world);
   void look_around_large(const BodyStore&);
   void index_old(const BodyStore&, const ContactList& pairs, const ContactList& world);
   void detect_chunk(const BodyStore&, int chunk, Chunk& out) const;
   void detect_large(const BodyStore&, Chunk& out) const;
-  void touch_world(const BodyStore&, std::size_t body, ContactList& out) const;
+  void touch_world(const BodyStore&, std::size_t body, Chunk& out) const;
   void touch_fixed(const BodyStore&, std::size_t body, std::size_t fixed, ContactList& out) const;
-  void touch_pair(const BodyStore&, std::size_t i, std::size_t j, ContactList& out) const;
+  void touch_pair(const BodyStore&, std::size_t i, std::size_t j, Chunk& out) const;
   void gather(ContactList& pairs, ContactList& world, const Member&);
   int chunks() const;
   // The manifold that the two had in the last step, or −1.
@@ -84,6 +92,8 @@ class Detector {
   std::vector<std::int32_t> old_first_, old_next_;  // manifolds of pairs by their body a
   std::vector<std::int32_t> old_of_body_;           // manifolds with the world
   std::vector<Chunk> chunk_;
+  PairMemory pair_memory_;
+  FieldMemory field_memory_;
   std::vector<Start> start_;
 };
 

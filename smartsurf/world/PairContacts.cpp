@@ -9,7 +9,6 @@
 namespace smartsurf::world {
 namespace {
 
-
 // How far the two close in on each other along the normal within one step.
 float closing(const BodyStore& bodies, std::size_t a, std::size_t b, const Vec3& normal, float dt_s) {
   return std::max(0.0F, -normal.dot(bodies.velocity(a) - bodies.velocity(b))) * dt_s;
@@ -48,7 +47,17 @@ void touch_sphere(const BodyStore& bodies, std::size_t sphere, std::size_t other
   });
 }
 
+Vec3 between_centres(const BodyStore& bodies, std::size_t a, std::size_t b) {
+  const Vec3 apart = bodies.position[a] - bodies.position[b];
+  const float distance = apart.norm();
+  return distance > 1e-6F ? Vec3(apart / distance) : Vec3(0, 0, 1);
+}
+
 }  // namespace
+
+float closing(const BodyStore& bodies, std::size_t a, std::size_t b, float dt_s) {
+  return closing(bodies, a, b, between_centres(bodies, a, b), dt_s);
+}
 
 void touch_bodies(const BodyStore& bodies, std::size_t a, std::size_t b, float margin, float dt_s,
                   const Vec3* last_normal, std::vector<Contact>& out) {
@@ -56,12 +65,9 @@ void touch_bodies(const BodyStore& bodies, std::size_t a, std::size_t b, float m
   if (round_a && round_b) return touch_spheres(bodies, a, b, margin, dt_s, out);
   if (round_a) return touch_sphere(bodies, a, b, true, margin, dt_s, out);
   if (round_b) return touch_sphere(bodies, b, a, false, margin, dt_s, out);
-  const Vec3 apart = bodies.position[a] - bodies.position[b];
-  const float distance = apart.norm();
-  const Vec3 normal = distance > 1e-6F ? Vec3(apart / distance) : Vec3(0, 0, 1);
   touch_convex({*bodies.shape[a], bodies.position[a], bodies.axes[a]},
-               {*bodies.shape[b], bodies.position[b], bodies.axes[b]},
-               margin + closing(bodies, a, b, normal, dt_s), last_normal, out);
+               {*bodies.shape[b], bodies.position[b], bodies.axes[b]}, margin + closing(bodies, a, b, dt_s),
+               last_normal, out);
 }
 
 }  // namespace smartsurf::world

@@ -14,4 +14,7 @@ namespace smartsurf::world {
 void touch_bodies(const BodyStore&, std::size_t a, std::size_t b, float margin, float dt_s,
                   const Vec3* last_normal, std::vector<Contact>& out);
 
+// How far the two close in on each other within one step, their centres' line taken for the normal.
+float closing(const BodyStore&, std::size_t a, std::size_t b, float dt_s);
+
 }  // namespace smartsurf::world

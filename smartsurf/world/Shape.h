@@ -50,6 +50,11 @@ struct Shape {
   std::shared_ptr<const scene::Solid> solid;
   std::vector<HullPiece> hulls;  // of a solid
 
+  // Whether it looks the same however it is turned about its own z axis.
+  bool revolves() const {
+    return kind == scene::ShapeKind::kCylinder || kind == scene::ShapeKind::kCapsule ||
+           kind == scene::ShapeKind::kCone;
+  }
   bool round() const { return kind == scene::ShapeKind::kSphere; }
 };
 

@@ -19,8 +19,9 @@ constexpr float kTopSpeed = 1e7F;  // u/s or rad/s along each axis; scripts may 
 Pass softness(float h_s, float hertz, int substeps) {
   const float omega = 2.0F * std::numbers::pi_v<float> * std::min(hertz, 0.25F / h_s);
   const float a = 2.0F * kDampingRatio + h_s * omega, b = h_s * omega * a, scale = 1.0F / (1.0F + b);
-  return {h_s,   1.0F / h_s,   0.0F,             omega / a,                           b * scale,
-          scale, kFastestPush, kBounceThreshold, 1.0F / static_cast<float>(substeps)};
+  return {h_s,          1.0F / h_s,       0.0F,
+          omega / a,    b * scale,        scale,
+          kFastestPush, kBounceThreshold, 1.0F / static_cast<float>(substeps)};
 }
 
 Vec3 vec(const float (&v)[3]) { return Vec3(v); }
@@ -49,11 +50,13 @@ struct Solver::Job {
 };
 
 void Solver::step(BodyStore& bodies, const std::vector<std::int32_t>& moving, ContactList& pairs,
-                  ContactList& world, bool limited, Team& team) {
+                  ContactList& world, bool limited, const Member& member) {
   const float h_s = settings_.dt_s / static_cast<float>(settings_.substeps);
-  schedule_.build(bodies, pairs, world);
-  point_.resize(static_cast<std::size_t>(schedule_.points()));
-  detail_.resize(point_.size());
+  member.alone([&] {
+    schedule_.build(bodies, pairs, world);
+    point_.resize(static_cast<std::size_t>(schedule_.points()));
+    detail_.resize(point_.size());
+  });
   const bool bounces =
       settings_.field_restitution > 0.0F ||
       std::any_of(bodies.restitution.begin(), bodies.restitution.end(), [](float e) { return e > 0; });
@@ -67,8 +70,7 @@ void Solver::step(BodyStore& bodies, const std::vector<std::int32_t>& moving, Co
           contact_kernels(),
           bounces,
           limited};
-  constexpr int kWorthSharing = 256;
-  team.run(schedule_.octets() > kWorthSharing, [&](const Member& member) { work(job, member); });
+  work(job, member);
 }
 
 void Solver::work(Job& job, const Member& member) {

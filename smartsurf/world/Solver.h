@@ -30,9 +30,9 @@ class Solver {
 
   // One step. `moving`: the bodies that move, each once, ascending. The lists come back with the impulses of
   // the last substep and the sums of the step; velocities are those at its end, and BodyStore::shift says how
-  // far each body gets. `limited`: whether any contact has a limit.
+  // far each body gets. `limited`: whether any contact has a limit. All members of the team together.
   void step(BodyStore&, const std::vector<std::int32_t>& moving, ContactList& pairs, ContactList& world,
-            bool limited, Team&);
+            bool limited, const Member&);
 
  private:
   struct Job;

@@ -1,6 +1,9 @@
 // The threads of a pool working through one step together: each takes its share of every phase and waits at a
-// barrier for the others. Shares depend on the number of threads, results may not.
+// barrier for the others, also while the first does alone what cannot be shared: to wake a thread takes
+// longer. Shares depend on the number of threads, results may not.
 #pragma once
+
+#include <hwy/cache_control.h>
 
 #include <atomic>
 #include <functional>
@@ -22,8 +25,11 @@ class Barrier {
       round_.store(round + 1, std::memory_order_release);
       return;
     }
-    for (int spins = 0; round_.load(std::memory_order_acquire) == round; ++spins)
+    for (int spins = 0; round_.load(std::memory_order_acquire) == round; ++spins) {
+      // Two threads may share one core: who waits must not keep the other from working.
+      hwy::Pause();
       if (spins > kSpins) std::this_thread::yield();
+    }
   }
 
  private:
@@ -43,6 +49,13 @@ struct Member {
 
   bool first() const { return index == 0; }
   void wait() const { barrier.wait(); }
+  // The first does it, when all have come so far; the others wait until it is done.
+  template <class Work>
+  void alone(Work work) const {
+    wait();
+    if (first()) work();
+    wait();
+  }
   // Its share of n items.
   Range share(int n) const {
     return {static_cast<int>(static_cast<long>(n) * index / members),

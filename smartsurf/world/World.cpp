@@ -7,8 +7,8 @@
 #include "smartsurf/world/Bodies.h"
 #include "smartsurf/world/CellLimits.h"
 #include "smartsurf/world/Detector.h"
-#include "smartsurf/world/FieldStop.h"
 #include "smartsurf/world/FieldCopy.h"
+#include "smartsurf/world/FieldStop.h"
 #include "smartsurf/world/Sleep.h"
 #include "smartsurf/world/Solver.h"
 #include "smartsurf/world/StateHash.h"
@@ -67,7 +67,8 @@ struct World::State {
   void wake_what_is_hit();
   void look_around_fast();
   void look_around_sleepers();
-  void move_bodies();
+  void step_moving(const Member&);
+  void move_bodies(const Member&);
   void write_impulses();
 
   std::vector<scene::Material> materials;
@@ -186,16 +187,13 @@ void World::State::list_moving() {
     if (!bodies.fixed(i) && !bodies.asleep[i]) moving.push_back(static_cast<std::int32_t>(i));
 }
 
-void World::State::move_bodies() {
-  constexpr std::size_t kWorthSharing = 512;
-  team.run(moving.size() >= kWorthSharing, [this](const Member& member) {
-    const Range share = member.share(static_cast<int>(moving.size()));
-    for (int k = share.begin; k < share.end; ++k) {
-      const auto i = static_cast<std::size_t>(moving[static_cast<std::size_t>(k)]);
-      stop_at_field(detector, bodies, i);
-      bodies.settle(i, settings.dt_s);
-    }
-  });
+void World::State::move_bodies(const Member& member) {
+  const Range share = member.share(static_cast<int>(moving.size()));
+  for (int k = share.begin; k < share.end; ++k) {
+    const auto i = static_cast<std::size_t>(moving[static_cast<std::size_t>(k)]);
+    stop_at_field(detector, bodies, i);
+    bodies.settle(i, settings.dt_s);
+  }
 }
 
 // Sleepers press on as they did when they fell asleep.
@@ -255,6 +253,19 @@ void World::State::wake_what_is_hit() {
   if (!near.empty()) list_moving();
 }
 
+void World::State::step_moving(const Member& member) {
+  detector.arrange(bodies, member);
+  member.alone([this] {
+    wake_what_is_hit();
+    sleep.return_contacts(bodies, pairs, world);
+  });
+  detector.detect(bodies, pairs, world, member);
+  if (field.yields()) member.alone([this] { limits.share_out(field, settings.dt_s, world); });
+  solver.step(bodies, moving, pairs, world, field.yields(), member);
+  member.wait();
+  move_bodies(member);
+}
+
 void World::step() {
   State& s = *state_;
   s.apply_pushes();
@@ -264,13 +275,8 @@ void World::step() {
     s.pairs.clear();
     s.world.clear();
   } else {
-    s.detector.arrange(s.bodies);
-    s.wake_what_is_hit();
-    s.sleep.return_contacts(s.bodies, s.pairs, s.world);
-    s.detector.detect(s.bodies, s.pairs, s.world, s.team);
-    s.limits.share_out(s.field, s.settings.dt_s, s.world);
-    s.solver.step(s.bodies, s.moving, s.pairs, s.world, s.field.yields(), s.team);
-    s.move_bodies();
+    constexpr std::size_t kWorthSharing = 512;
+    s.team.run(s.moving.size() >= kWorthSharing, [&s](const Member& member) { s.step_moving(member); });
     s.limits.give_way(s.bodies, s.world, s.settings.dt_s, s.field);
     s.sleep.update(s.bodies, s.moving, s.pairs, s.world);
   }

@@ -41,6 +41,19 @@ TEST(Proximity, TouchedFromInsideIsZero) {
   EXPECT_EQ(s.readings(1)[t.cell(5, 7)], 1.0F);
 }
 
+// On so small a table the heights of the pins are looked at first, to leave out what no segment reaches.
+TEST(Proximity, MeetsWhatReachesDownIntoItsRangeWithItsLowestPartOnly) {
+  Table t(3, 3);
+  t.add_ball(1, 1, 5.5, 2);
+  t.add_sensor("proximity", {{"range", {3.6}}}).name = "reaches";
+  t.add_sensor("proximity", {{"range", {3.4}}}).name = "too short";
+  SensorArray s = t.sensors();
+  s.sense(t.snapshot, t.catalogue, t.pool);
+  EXPECT_FLOAT_EQ(s.readings(0)[t.cell(1, 1)], 3.5F);  // 5.5 − 2
+  EXPECT_EQ(s.readings(1)[t.cell(1, 1)], 1.0F);
+  EXPECT_EQ(s.readings(3)[t.cell(1, 1)], 0.0F);
+}
+
 TEST(Proximity, LooksAlongAnyDirectionFromAnyPlace) {
   Table t;
   t.add_ball(9, 7, 0.5, 1);

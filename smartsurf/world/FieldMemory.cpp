@@ -1,0 +1,136 @@
+#include "smartsurf/world/FieldMemory.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "smartsurf/world/ConvexOnField.h"
+#include "smartsurf/world/SphereOnField.h"
+
+namespace smartsurf::world {
+namespace {
+
+// How far body and cells may move against each other and keep their points: as a share of the body's reach,
+// and in u. What is off then is of second order.
+constexpr float kSlackShare = 0.01F, kMostSlack = 0.02F;
+// How far cells may move against each other: of points that hold a body alike only some were kept, u.
+constexpr float kMostAmongCells = 0.004F;
+
+float slack_of(const BodyStore& bodies, std::size_t i) {
+  return std::min(kMostSlack, kSlackShare * bodies.reach[i]);
+}
+
+}  // namespace
+
+void FieldMemory::take(int chunk, List& list) {
+  const auto i = static_cast<std::size_t>(chunk);
+  if (i >= old_.size()) old_.resize(i + 1);
+  std::swap(old_[i], list);
+  list.bodies.clear();
+  list.points.clear();
+  list.heights.clear();
+}
+
+void FieldMemory::index(int bodies) {
+  first_.assign(static_cast<std::size_t>(bodies), nullptr);
+  for (List& list : old_)
+    for (Known& k : list.bodies) {
+      k.points = list.points.data() + k.first;
+      k.heights = list.heights.data() + k.first_height;
+      first_[static_cast<std::size_t>(k.body)] = &k;
+    }
+}
+
+// Whether no point of the body has moved too far against any cell under it, nor these against each other.
+bool FieldMemory::holds(const BodyStore& bodies, std::size_t i, float margin, const Known& before) const {
+  constexpr float kHalfRoot = 0.70710678F;
+  const float slack = slack_of(bodies, i);
+  const Vec3 by = bodies.position[i] - before.centre;
+  const float beside =
+      length_of(by.x(), by.y()) + kHalfRoot * bodies.reach[i] * (bodies.axes[i] - before.axes).norm();
+  if (beside > slack) return false;
+  float low = std::numeric_limits<float>::max(), high = -low;
+  const float* then = before.heights;
+  for (int r = before.under.row_begin; r < before.under.row_end; ++r) {
+    const float* const now = &field_.height[static_cast<std::size_t>(field_.index(r, 0))];
+    for (int c = before.under.column_begin; c < before.under.column_end; ++c, ++then) {
+      // Not a number where there is no cell.
+      const float rise = now[c] - *then;
+      low = rise < low ? rise : low;
+      high = rise > high ? rise : high;
+    }
+  }
+  const float way = beside + std::max(std::abs(high - by.z()), std::abs(low - by.z()));
+  return high - low <= kMostAmongCells && way <= slack && way + margin <= before.clear;
+}
+
+void FieldMemory::repeat(const Known& before, List& now) const {
+  Known& known = now.bodies.emplace_back(before);
+  known.first = static_cast<std::int32_t>(now.points.size());
+  known.first_height = static_cast<std::int32_t>(now.heights.size());
+  const CellRange& u = before.under;
+  const int cells = (u.row_end - u.row_begin) * (u.column_end - u.column_begin);
+  now.points.insert(now.points.end(), before.points, before.points + before.count);
+  now.heights.insert(now.heights.end(), before.heights, before.heights + cells);
+}
+
+void FieldMemory::look(const BodyStore& bodies, std::size_t i, float margin, const CellRange& under,
+                       List& now) const {
+  thread_local std::vector<Contact> touching;
+  touching.clear();
+  const Vec3& centre = bodies.position[i];
+  const Mat3& axes = bodies.axes[i];
+  touch_field_with_shape(field_, *bodies.shape[i], centre, axes, margin, touching);
+  Known& known = now.bodies.emplace_back();
+  known.body = static_cast<std::int32_t>(i);
+  known.axes = axes;
+  known.centre = centre;
+  known.clear = margin;
+  known.under = under;
+  known.first = static_cast<std::int32_t>(now.points.size());
+  known.count = static_cast<std::int32_t>(touching.size());
+  known.first_height = static_cast<std::int32_t>(now.heights.size());
+  for (const Contact& c : touching)
+    now.points.push_back({axes.transpose() * c.arm, centre + c.arm - c.gap * c.normal, c.normal,
+                          field_.height[static_cast<std::size_t>(c.key)], c.key});
+  for (int r = under.row_begin; r < under.row_end; ++r) {
+    const float* const row = &field_.height[static_cast<std::size_t>(field_.index(r, 0))];
+    now.heights.insert(now.heights.end(), row + under.column_begin, row + under.column_end);
+  }
+}
+
+void FieldMemory::touch(const BodyStore& bodies, std::size_t i, float margin, List& now,
+                        std::vector<Contact>& out) const {
+  const Vec3& centre = bodies.position[i];
+  const Columns columns(field_, bodies.shape[i]->width);
+  const Known* before = first_[i];
+  if (before && holds(bodies, i, margin, *before)) {
+    repeat(*before, now);
+  } else {
+    const float wide = margin + slack_of(bodies, i);
+    const Vec3 reach = Vec3(bodies.axes[i].cwiseAbs() * bodies.shape[i]->half) + Vec3::Constant(wide);
+    if (centre.z() - reach.z() > field_.max_height) return;
+    const CellRange under = columns.covering(centre.x() - reach.x(), centre.x() + reach.x(),
+                                             centre.y() - reach.y(), centre.y() + reach.y());
+    if (centre.z() - reach.z() > columns.highest(under)) return;
+    look(bodies, i, wide, under, now);
+  }
+  const Known& known = now.bodies.back();
+  for (int k = known.first; k < known.first + known.count; ++k) {
+    const Point& p = now.points[static_cast<std::size_t>(k)];
+    const Vec3 arm = bodies.axes[i] * p.on_body;
+    Vec3 on_cell = p.on_cell;
+    on_cell.z() += field_.height[static_cast<std::size_t>(p.cell)] - p.top;
+    const float gap = p.normal.dot(centre + arm - on_cell);
+    if (gap > margin) continue;
+    Contact& c = out.emplace_back();
+    c.normal = p.normal;
+    c.arm = arm;
+    c.gap = gap;
+    c.other = kField;
+    c.key = p.cell;
+    move_with_cell(columns, p.cell / field_.columns, p.cell % field_.columns, on_cell, c);
+  }
+}
+
+}  // namespace smartsurf::world
