@@ -83,7 +83,7 @@ TEST_F(RendererTest, WhatAWindowDrawsOnTheProcessorLooksLikeThePictures) {
     far += difference > 60 ? 1 : 0;
   }
   const double values = static_cast<double>(full.rgb.size());
-  EXPECT_LT(sum / values, 9.0) << "of 255, on average";
+  EXPECT_LT(sum / values, 10.0) << "of 255, on average";
   EXPECT_LT(far / values, 0.03) << "edges of shadows, of the band around balls";
   EXPECT_NE(cheap.rgb, full.rgb);
 }
