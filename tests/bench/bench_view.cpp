@@ -25,6 +25,7 @@
 #include "smartsurf/view/ReadPixels.h"
 #include "smartsurf/view/Renderer.h"
 #include "smartsurf/view/Window.h"
+#include "tests/bench/CommandLine.h"
 #include "tests/unit/smartsurf/view/DrawCalls.h"
 
 using namespace smartsurf;
@@ -238,47 +239,37 @@ void measure_window(const Options& options) {
     view::write_png(options.picture, window.show({s.snapshot, s.spec.objects}, status));
 }
 
-Options parse(int argc, char** argv) {
+Options read_options(int argc, char** argv) {
   Options o;
-  const auto fail = [](const std::string& what) { throw std::invalid_argument(what); };
-  for (int i = 1; i < argc; ++i) {
-    const std::string flag = argv[i];
-    if (flag == "--mixed" || flag == "--window" || flag == "--held") {
-      o.mixed |= flag == "--mixed";
-      o.window |= flag != "--mixed";
-      o.held |= flag == "--held";
-      continue;
-    }
-    if (i + 1 == argc) fail(flag + ": unknown, or without its value");
-    const std::string value = argv[++i];
-    if (flag == "--cells")
-      o.cells = std::stoi(value);
-    else if (flag == "--objects")
-      o.objects = std::stoi(value);
-    else if (flag == "--frames")
-      o.frames = std::max(1, std::stoi(value));
-    else if (flag == "--size" && std::sscanf(value.c_str(), "%dx%d", &o.width, &o.height) != 2)
-      fail("--size " + value + ": give it as 1280x720");
-    else if (flag == "--pins")
-      o.pins = value;
-    else if (flag == "--quality")
-      o.quality = value;
-    else if (flag == "--picture")
-      o.picture = value;
-    else if (flag != "--size")
-      fail(flag + ": unknown");
-  }
+  const auto size = [&o](const std::string& text) {
+    char rest = 0;
+    if (std::sscanf(text.c_str(), "%dx%d%c", &o.width, &o.height, &rest) != 2 || o.width < 1 || o.height < 1)
+      throw CLI::ValidationError("--size " + text + ": give it as 1280x720");
+  };
+  CLI::App app("What a frame of the simulator's view costs, stage by stage", "bench_view");
+  app.add_option("--cells", o.cells, "along an edge")->check(CLI::Range(1, 4096));
+  app.add_option("--objects", o.objects)->check(CLI::Range(0, 1'000'000));
+  app.add_option_function<std::string>("--size", size, "of the picture, such as 1280x720");
+  app.add_option("--frames", o.frames)->check(CLI::Range(1, 1'000'000));
+  app.add_option("--pins", o.pins)->check(CLI::IsMember({"sorting", "wave"}));
+  app.add_option("--quality", o.quality)->check(CLI::IsMember({"fast", "card", "video", "fine"}));
+  app.add_option("--picture", o.picture, "a PNG file for the last frame");
+  app.add_flag("--mixed", o.mixed, "objects of all shapes");
+  app.add_flag("--window", o.window, "frames as a window shows them");
+  app.add_flag_function(
+      "--held", [&o](std::int64_t) { o.window = o.held = true; }, "the same, of a simulation that is held");
+  bench::parse_or_exit(app, argc, argv);
   return o;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
+  const Options options = read_options(argc, argv);
   try {
-    const Options options = parse(argc, argv);
     options.window ? measure_window(options) : measure(options);
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "bench_view: %s\n", error.what());
-    return 2;
+    std::fprintf(stderr, "bench_view: error: %s\n", error.what());
+    return 1;
   }
 }
