@@ -76,5 +76,5 @@ class ProgramTest(unittest.TestCase):
         return pathlib.Path("/dev/shm") / f"smartsurf.{name or self.shm}"
 
 
-__all__ = ["APRON", "BIN", "ProgramTest", "ROOT", "SMARTSURF", "SORT_APS", "SORT_LUA", "json", "os", "pathlib",
-           "signal", "subprocess", "tempfile", "time", "unittest"]
+__all__ = ["APRON", "BIN", "ProgramTest", "ROOT", "SMARTSURF", "SORT_APS", "SORT_LUA", "WITH_VIEW", "json",
+           "needs_view", "os", "pathlib", "signal", "subprocess", "tempfile", "time", "unittest"]
