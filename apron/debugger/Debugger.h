@@ -42,6 +42,7 @@ class Debugger {
                         std::uint64_t budget = kUnlimited);
   // The breakpoint that ended the last call of these two, if one did.
   const std::optional<std::size_t>& hit() const noexcept { return hit_; }
+  void forget_hit() noexcept { hit_.reset(); }  // the list has changed
   // surface.step completed by these two and by step().
   std::uint64_t ticks() const noexcept { return ticks_; }
 

@@ -92,6 +92,7 @@ void Session::set_breakpoints(std::vector<Breakpoint> list, std::vector<program:
   questions_ = std::move(questions);
   breakpoints_ = Breakpoints(list_, questions_, program_, host_);
   breakpoints_.arm(*vm_);
+  debugger_->forget_hit();
 }
 
 void Session::profile(bool on) {

@@ -21,13 +21,20 @@ constexpr float kOtherShare = 0.42F;
 
 struct Area {
   int x = 0, y = 0, width = kWidth, height = kHeight;
+  float scale_x = 1.0F, scale_y = 1.0F;  // by which a window of a chosen size grows
 };
 
 Area work_area() {
   Area area;
-  if (GLFWmonitor* monitor = glfwGetPrimaryMonitor())
+  if (GLFWmonitor* monitor = glfwGetPrimaryMonitor()) {
     glfwGetMonitorWorkarea(monitor, &area.x, &area.y, &area.width, &area.height);
+    glfwGetMonitorContentScale(monitor, &area.scale_x, &area.scale_y);
+  }
   return area;
+}
+
+int fitting(int wanted, int room, float scale) {
+  return std::min(wanted, static_cast<int>(static_cast<float>(room) / scale));
 }
 
 // GLFW and the window with its context.
@@ -40,7 +47,8 @@ class Desktop {
     glfwWindowHint(GLFW_CONTEXT_VERSION_MAJOR, 3);
     glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 3);
     glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
-    glfwWindowHint(GLFW_SCALE_TO_MONITOR, wanted.width == 0 ? GLFW_TRUE : GLFW_FALSE);
+    const bool chosen = wanted.width == 0 && !wanted.beside;  // then it is larger where the display is scaled
+    glfwWindowHint(GLFW_SCALE_TO_MONITOR, chosen ? GLFW_TRUE : GLFW_FALSE);
     glfwWindowHint(GLFW_VISIBLE, GLFW_FALSE);
     const Placement place = found(wanted);
     window_ = glfwCreateWindow(place.width, place.height, title.c_str(), nullptr, nullptr);
@@ -75,8 +83,8 @@ class Desktop {
       const int from = static_cast<int>(static_cast<float>(area.width) * kOtherShare);
       return {area.width - from, area.height, true, area.x + from, area.y, true};
     }
-    if (place.width == 0) place.width = std::min(kWidth, area.width);
-    if (place.height == 0) place.height = std::min(kHeight, area.height);
+    if (place.width == 0) place.width = fitting(kWidth, area.width, area.scale_x);
+    if (place.height == 0) place.height = fitting(kHeight, area.height, area.scale_y);
     return place;
   }
 

@@ -44,19 +44,18 @@ std::vector<SizeClass> classes_by_size(const std::vector<scene::ObjectSpec>& cat
 // Counts the objects that stand in their own half.
 class Share {
  public:
-  explicit Share(const scene::SurfaceSpec& surface)
-      : outline_(scene::outline_of(surface)), centre_((outline_.west + outline_.east) / 2.0) {}
+  Share(const scene::TableOutline& outline, double centre) : outline_(outline), centre_(centre) {}
 
   void add(SizeClass which, double x, double y) {
     if (which == SizeClass::kNone || std::isnan(x)) return;
     ++all_;
-    if (!outline_.contains(x, y)) return;
+    if (!outline_.holds(x, y)) return;
     if (which == SizeClass::kSmall ? x < centre_ : x > centre_) ++own_;
   }
   double value() const { return all_ > 0 ? static_cast<double>(own_) / all_ : kNoValue; }
 
  private:
-  scene::Outline outline_;
+  const scene::TableOutline& outline_;
   double centre_;
   int own_ = 0, all_ = 0;
 };
@@ -87,9 +86,14 @@ std::vector<SizeClass> size_classes(const std::vector<scene::ObjectSpec>& catalo
   return classes;
 }
 
+PurityMeter::PurityMeter(const scene::SurfaceSpec& surface) : outline_(surface) {
+  const scene::Outline around = scene::outline_of(surface);
+  centre_ = (around.west + around.east) / 2.0;
+}
+
 void PurityMeter::add(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue) {
   if (catalogue.size() != classes_.size()) classes_ = size_classes(catalogue);
-  Share share(surface_);
+  Share share(outline_, centre_);
   for (std::size_t i = 0; i < snapshot.objects(); ++i)
     share.add(classes_[snapshot.id[i]], snapshot.position[i][0], snapshot.position[i][1]);
   add_value(snapshot.time_s, share.value());
@@ -120,7 +124,7 @@ Purity purity(const Recording& recording) {
     const std::size_t count = std::min(block, recording.frames() - first);
     const std::vector<float> positions = recording.positions(first, count);
     for (std::size_t f = 0; f < count; ++f) {
-      Share share(recording.spec().surface);
+      Share share(meter.outline_, meter.centre_);
       const float* p = positions.data() + 3 * objects * f;
       for (std::size_t i = 0; i < objects; ++i) share.add(classes[i], p[3 * i], p[3 * i + 1]);
       meter.add_value(recording.time()[first + f], share.value());

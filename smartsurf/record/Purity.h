@@ -7,11 +7,11 @@
 //   smaller mean size is "small" (at equal sizes: the one that comes first in the alphabet) and objects
 //   without a label belong to none. Otherwise, by size: below the middle between the smallest and the largest
 //   size an object is small, else large; when all are of one size there are no classes, and no purity. Size:
-//   the radius of a sphere, cylinder, capsule or cone; of a box, or the box around a solid, half the mean of its
-//   x and y edges. Standing in its own
-//   half: the centre of mass lies, in x and y, within the outline of the surface's cells, and on its side of
-//   x = (columns − 1)·pitch/2. On the line, or fallen off the surface, is in no half. Sorted: purity ≥ 0.95
-//   now and at every later sample for 5 s; sorted_at is the first such time.
+//   the radius of a sphere, cylinder, capsule or cone; of a box, or the box around a solid, half the mean of
+//   its x and y edges. Standing in its own half: the centre of mass lies, in x and y, within the outline of
+//   the surface's cells, and on its side of its centre line, the middle between the outline's west and east
+//   (of a rectangular grid, x = (columns − 1)·pitch/2). On the line, or fallen off the surface, is in no
+//   half. Sorted: purity ≥ 0.95 now and at every later sample for 5 s; sorted_at is the first such time.
 #pragma once
 
 #include <cstddef>
@@ -22,6 +22,7 @@
 
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/scene/Snapshot.h"
+#include "smartsurf/scene/TableOutline.h"
 
 namespace smartsurf::record {
 
@@ -49,7 +50,7 @@ Purity purity(const Recording& recording);
 // found anew from all objects created so far.
 class PurityMeter {
  public:
-  explicit PurityMeter(const scene::SurfaceSpec& surface) : surface_(surface) {}
+  explicit PurityMeter(const scene::SurfaceSpec& surface);
 
   // Once a tick, in the order of time. catalogue: every object ever created, index = id.
   void add(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue);
@@ -63,7 +64,8 @@ class PurityMeter {
   friend Purity purity(const Recording& recording);
   void add_value(double time_s, double value);
 
-  scene::SurfaceSpec surface_;
+  scene::TableOutline outline_;
+  double centre_;  // x of the line between the halves, u
   std::vector<SizeClass> classes_;
   double value_ = std::numeric_limits<double>::quiet_NaN();
   std::optional<double> high_since_, sorted_at_;

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "smartsurf/run/ControllerProcess.h"
+#include "smartsurf/view/OffscreenView.h"
 #include "smartsurf/view/Window.h"
 
 namespace smartsurf::run {
@@ -21,6 +22,7 @@ constexpr double kOnTime =
 
 Display::Display(const RunOptions& options, const scene::SceneSpec& scene) : scene_(scene) {
   if (!options.window) return;
+  view::OffscreenView::require_view();
   if (!view::Window::display_available())
     throw scene::InputError("--window: there is no display here; run without it, or set DISPLAY");
   const bool beside_another = is_apron_program(options.controller);

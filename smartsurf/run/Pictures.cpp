@@ -41,6 +41,7 @@ void require_channel(const view::Moment& moment, const std::string& name) {
 Pictures::Pictures(std::vector<Screenshot> screenshots, const std::string& video_file, const Look& look,
                    const scene::SceneSpec& scene)
     : scene_(scene), look_(look), overlay_(scene.surface), pending_(std::move(screenshots)) {
+  if (!pending_.empty() || !video_file.empty()) view::OffscreenView::require_view();
   overlay_.settings = look.overlay;
   if (video_file.empty()) return;
   const PictureSize size = film_size(look);

@@ -11,6 +11,7 @@
 #include "smartsurf/run/Player.h"
 #include "smartsurf/run/Progress.h"
 #include "smartsurf/run/ViewChannels.h"
+#include "smartsurf/view/OffscreenView.h"
 #include "smartsurf/view/Window.h"
 
 namespace smartsurf::run {
@@ -111,6 +112,7 @@ bool replay_to_pictures(const record::Recording& recording, const std::vector<Sc
 
 void replay_in_window(const record::Recording& recording, double pace, const std::atomic<bool>& stop) {
   require_poses(recording);
+  view::OffscreenView::require_view();
   if (!view::Window::display_available())
     throw scene::InputError(
         "--window: there is no display here; use --video or --screenshot, or set DISPLAY");

@@ -79,6 +79,7 @@ class Run {
   void write_stats() const;
   RunSummary summary() const;
   std::string controller_phrase();
+  bool program_is_held();
 
   RunOptions options_;
   const std::atomic<bool>& stop_;

@@ -22,6 +22,8 @@ void Run::refresh_display() {
   const bool was_paused = controls_.paused;
   status.resettable = recorders_.empty() && pictures_.all_taken();
   status.notice = notice_;
+  if (notice_.empty() && !ending_ && program_is_held())
+    status.notice = "the program is held: the run waits for it";
   status.over = ending_.has_value();
   display_->refresh(simulation_, status, controls_);
   if (controls_.display_lost) go_on_without_display();
@@ -39,6 +41,11 @@ std::string Run::controller_phrase() {
   if (!link_->endpoint().has_controller()) return "waiting for one on '" + link_->name() + "'";
   return fmt::format("process {}, {}", link_->endpoint().controller_pid(),
                      text(link_->endpoint().controller_state()));
+}
+
+bool Run::program_is_held() {
+  return link_ && link_->endpoint().has_controller() &&
+         link_->endpoint().controller_state() == shm_protocol::State::kPaused;
 }
 
 void Run::obey_hand() {

@@ -6,8 +6,8 @@
 #include <span>
 #include <vector>
 
-#include "smartsurf/run/TableOutline.h"
 #include "smartsurf/scene/Snapshot.h"
+#include "smartsurf/scene/TableOutline.h"
 
 namespace smartsurf::run {
 
@@ -28,7 +28,7 @@ class TableWatch {
  private:
   bool is_over(const std::array<float, 3>& position) const noexcept;
 
-  TableOutline outline_;
+  scene::TableOutline outline_;
   double lowest_;
   std::vector<char> was_over_;  // by id
   std::vector<scene::ObjectId> left_;

@@ -28,7 +28,7 @@ std::array<Eigen::Vector3d, 8> corners(const Eigen::AlignedBox3d& box) {
 
 // One side of the frustum pair left/right or bottom/top. With the eye at (e, d), d towards the viewer, a
 // point (p, z) is inside when −k_low·(d − z) ≤ p − e ≤ k_high·(d − z): the nearest d that holds for all
-// points, and the e that leaves as much room on both sides of them.
+// points, and the e in the middle of those that do.
 struct Fit {
   double k_low, k_high;
   double low = -std::numeric_limits<double>::infinity();
@@ -38,7 +38,9 @@ struct Fit {
     low = std::max(low, -p + k_low * z);
   }
   double distance() const { return (high + low) / (k_low + k_high); }
-  double offset(double d) const { return 0.5 * (high - low + (k_low - k_high) * d); }
+  double least(double d) const { return high - k_high * d; }
+  double most(double d) const { return k_low * d - low; }
+  double offset(double d) const { return 0.5 * (least(d) + most(d)); }
 };
 
 }  // namespace
@@ -50,7 +52,8 @@ Eigen::AlignedBox3d Camera::extent(const scene::SurfaceSpec& s) {
           Eigen::Vector3d(ground.east, ground.north, top)};
 }
 
-Camera Camera::framing(const scene::SurfaceSpec& surface, Preset preset, double aspect, double covered) {
+Camera Camera::framing(const scene::SurfaceSpec& surface, Preset preset, double aspect,
+                       const Covered& covered) {
   Camera camera;
   camera.azimuth_ = 0.0;
   camera.elevation_ = preset == Preset::kTop   ? kMaxElevation
@@ -60,20 +63,26 @@ Camera Camera::framing(const scene::SurfaceSpec& surface, Preset preset, double 
   camera.scene_radius_ = 0.5 * box.diagonal().norm();
   const double k_y = std::tan(camera.field_of_view_ / 2.0) / kFramingMargin;
   const double k_x = k_y * aspect;
-  Fit x{k_x, k_x}, y{k_y * (1.0 - 2.0 * covered), k_y};
+  const double k_below = k_y * (1.0 - 2.0 * covered.below);
+  Fit x{k_x, k_x}, y{k_below, k_y}, y_free{k_below, k_y * (1.0 - 2.0 * covered.above)};
   const auto include = [&](const Eigen::Vector3d& point) {
     const double depth = -point.dot(camera.forward());
     x.add(point.dot(camera.right()), depth);
-    y.add(point.dot(camera.up()), depth);
+    for (Fit* fit : {&y, &y_free}) fit->add(point.dot(camera.up()), depth);
   };
   for (const Eigen::Vector3d& corner : corners(box)) include(corner);
+  const double rim = kBoardRim * surface.pitch;
+  Eigen::AlignedBox3d board(box.min() - Eigen::Vector3d(rim, rim, 0.0), box.min());
+  board.extend(Eigen::Vector3d(box.max().x() + rim, box.max().y() + rim, box.min().z()));
+  for (const Eigen::Vector3d& corner : corners(board)) include(corner);
   const Axes axes = axes_of(surface);
   include(axes.origin);
   for (int i = 0; i < 3; ++i) include(axes.origin + axes.length * Eigen::Vector3d::Unit(i));
   const double eye_depth = std::max(x.distance(), y.distance());
   const double target_depth = -box.center().dot(camera.forward());
   camera.distance_ = camera.home_distance_ = eye_depth - target_depth;
-  camera.target_ = camera.right() * x.offset(eye_depth) + camera.up() * y.offset(eye_depth) -
+  camera.target_ = camera.right() * x.offset(eye_depth) +
+                   camera.up() * std::min(y_free.offset(eye_depth), y.most(eye_depth)) -
                    camera.forward() * target_depth;
   return camera;
 }

@@ -17,17 +17,24 @@ struct Ray {
   Eigen::Vector3d origin, direction;
 };
 
+// Shares of a picture's height that panels cover, from its edges; together at most 0.8.
+struct Covered {
+  double below = 0.0;  // left free
+  double above = 0.0;  // left free as far as that makes nothing smaller
+  bool operator==(const Covered&) const = default;
+};
+
 class Camera {
  public:
   static constexpr double kMinElevation = 0.02;    // rad: never below the table
   static constexpr double kMaxElevation = 1.5700;  // rad: just short of straight down
 
-  // The whole table (its pins from the lowest to the highest place they can take, and the axes beside it)
-  // fills a picture of that aspect ratio (width / height) with a small margin. kTop has north up; kIso looks
-  // north from the south at 40° above the horizon; kSide looks north from just above the table.
-  // covered: share of the picture's height, from its lower edge, that is left free for panels; 0 … 0.4.
+  // The whole table (its pins from the lowest to the highest place they can take, the board under them, and
+  // the axes beside it) fills a picture of that aspect ratio (width / height) with a small margin. kTop has
+  // north up; kIso looks north from the south at 40° above the horizon; kSide looks north from just above the
+  // table.
   static Camera framing(const scene::SurfaceSpec& surface, Preset preset, double aspect,
-                        double covered = 0.0);
+                        const Covered& covered = {});
 
   // The box of the table and its pins, u.
   static Eigen::AlignedBox3d extent(const scene::SurfaceSpec& surface);

@@ -198,7 +198,7 @@ void Controls::wheel(double notches) {
   camera_.zoom(notches);
 }
 
-void Controls::resize(double aspect, double covered) {
+void Controls::resize(double aspect, const Covered& covered) {
   if (aspect == aspect_ && covered == covered_) return;
   aspect_ = aspect;
   covered_ = covered;

@@ -126,6 +126,7 @@ void set_up_hud(float scale) {
   style.WindowBorderSize = 0.0f;
   style.Colors[ImGuiCol_Text] = {0.10f, 0.12f, 0.15f, 1.0f};
   style.Colors[ImGuiCol_WindowBg] = {0.97f, 0.98f, 0.99f, 1.0f};
+  style.Colors[ImGuiCol_FrameBg] = {0.87f, 0.90f, 0.93f, 1.0f};
   style.Colors[ImGuiCol_Button] = {0.84f, 0.87f, 0.91f, 1.0f};
   style.ScaleAllSizes(scale);
 }
@@ -152,6 +153,11 @@ void draw_run_panel(const Moment& moment, const Status& status, HudState& state,
   if (!state.message.empty()) ImGui::TextUnformatted(state.message.c_str());
   ImGui::TextColored(kFaint, "F1: help   Tab: hide panels");
   ImGui::PopItemWidth();
+  // At its first size: the scene does not move whenever a section is opened.
+  if (state.covered.above == 0.0 && !ImGui::IsWindowAppearing())
+    state.covered.above =
+        std::min(0.4, static_cast<double>((ImGui::GetWindowPos().y + ImGui::GetWindowSize().y) /
+                                          ImGui::GetIO().DisplaySize.y));
   ImGui::End();
 }
 
@@ -175,7 +181,7 @@ void draw_hud(const Moment& moment, const Status& status, const std::optional<He
     if (status.timeline) {
       const float top = draw_timeline(*status.timeline, status, controls, scale);
       bottom = top - 8.0f * scale;
-      state.covered = 1.0 - top / ImGui::GetIO().DisplaySize.y;
+      state.covered.below = std::min(0.4, 1.0 - static_cast<double>(top / ImGui::GetIO().DisplaySize.y));
     }
     if (status.paused) draw_paused(scale);
   }

@@ -20,17 +20,32 @@ namespace smartsurf::view {
 class PinLayer {
  public:
   PinLayer(const scene::SurfaceSpec& surface, Pass colour_pass);
+  // pins: valid until the last draw() of the frame.
   void upload(std::span<const PinInstance> pins);
+  // Every gap between pins is open.
   void draw(Pass pass) const;
+  // Seen from afar, where a gap is a pixel or three wide: gaps between pins of one level are painted on their
+  // tops, and sides that are hidden then are left out. from: x and y of the eye; or, where all rays run one
+  // way, against them.
+  struct Sight {
+    Eigen::Vector2f from;
+    bool parallel;
+  };
+  void draw_closed(Pass pass, const Sight& sight);
+  // Whether draw_closed() is there: for a driver that works on the processor, on a grid of straight rows.
+  bool can_close() const { return closed_colour_.id() != 0; }
 
  private:
+  void draw(const ShaderProgram& program, GLuint triangles, GLsizei indices) const;
+
   std::array<float, 4> pin_;
-  float base_, sunk_;
-  GLsizei count_ = 0;
+  float base_, sunk_, level_;
+  std::span<const PinInstance> pins_;
   VertexArray array_;
-  Buffer triangles_, records_;
+  Buffer triangles_, records_, seen_triangles_;
+  std::vector<GLuint> seen_;
   Texture texture_;  // the records, as shaders see them
-  ShaderProgram shadow_, colour_;
+  ShaderProgram shadow_, colour_, closed_shadow_, closed_colour_;
 };
 
 struct ObjectInstance {

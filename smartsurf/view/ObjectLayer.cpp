@@ -48,7 +48,7 @@ std::vector<float> around_disc() {
 }  // namespace
 
 ObjectLayer::ObjectLayer(Pass colour_pass) {
-  const int segments = colour_pass == Pass::kColourFine ? 64 : 24;
+  const int segments = colour_pass == Pass::kColourFine ? 64 : colour_pass == Pass::kColourFast ? 16 : 24;
   sphere_.link("sphere", sphere_shaders(Pass::kShadow), sphere_shaders(colour_pass), wire_shaders(false));
   mesh_.link("mesh", mesh_shaders(Pass::kShadow, false), mesh_shaders(colour_pass, false),
              wire_shaders(false));

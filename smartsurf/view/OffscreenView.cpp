@@ -45,6 +45,8 @@ struct OffscreenView::State {
   std::string driver;
 };
 
+void OffscreenView::require_view() {}
+
 OffscreenView::OffscreenView(const scene::SceneSpec& spec, Detail detail)
     : state_(std::make_unique<State>(spec, detail)) {}
 

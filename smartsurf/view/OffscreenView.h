@@ -22,6 +22,10 @@ enum class Detail { kPicture, kVideo };
 
 class OffscreenView {
  public:
+  // Throws scene::InputError, one line, in a build without the view: asked before a run, so that it fails at
+  // once.
+  static void require_view();
+
   // Throws std::runtime_error, one line that names the packages, when this machine has no OpenGL 3.3.
   explicit OffscreenView(const scene::SceneSpec& spec, Detail detail = Detail::kPicture);
   ~OffscreenView();

@@ -9,6 +9,11 @@ uniform vec4 pin;       // half top x, half top y, length, pitch
 uniform float base;
 uniform float sunk;     // how far below its neighbour's top a side is drawn
 flat out vec2 levels;   // z where the pin ends and its shaft begins; z of the top beside this side
+#ifdef CLOSED
+uniform float level;    // neighbours whose tops are no lower than by this much close the gap to them
+out vec2 across;        // from the middle of this face, as a share of what is the pin's: beyond 1 lies the gap
+flat out vec2 gap;      // how dark it is, across x and across y
+#endif
 #ifdef FAST
 out vec4 shade;         // as a screen shows it, before it darkens towards the foot; z
 #else
@@ -23,22 +28,35 @@ void main() {
   vec4 placed = uintBitsToFloat(texelFetch(pins, record)), neighbour = uintBitsToFloat(texelFetch(pins, record + 1));
   uvec4 rest = texelFetch(pins, record + 2);
   vec4 colour = bytes(rest.x), corner_sky = bytes(rest.y);
-  vec3 place = placed.xyz;
-  float height = placed.w;
+  vec2 place = placed.xy;
+  float height = uintBitsToFloat(rest.z);
   // x, y: ±1, z: 0 foot, 1 top, w: 0 top, 1 side in x, 2 side in y
   float u = k == 1 || k == 2 ? 1.0 : -1.0, v = k >= 2 ? 1.0 : -1.0;
   vec4 corner = face == 0 ? vec4(u, v, 1, 0) : face == 1 ? vec4(1, u, max(v, 0.0), 1) : vec4(u, 1, max(v, 0.0), 2);
-  float cosine = cos(place.z), sine = sin(place.z);
-  mat2 turn = mat2(cosine, sine, -sine, cosine);
+  mat2 turn = mat2(placed.z, placed.w, -placed.w, placed.z);
   // Only the two sides that can face the eye are drawn.
-  vec2 towards = transpose(turn) * (eye.w > 0.5 ? eye.xy - place.xy : -ray.xy);
+  vec2 towards = (eye.w > 0.5 ? eye.xy - place : -ray.xy) * turn;
   vec2 s = vec2(towards.x < 0.0 ? -1.0 : 1.0, towards.y < 0.0 ? -1.0 : 1.0);
   vec2 at = corner.xy * s;
   vec3 n = corner.w < 0.5 ? vec3(0, 0, 1) : vec3(turn * (corner.w < 1.5 ? vec2(s.x, 0) : vec2(0, s.y)), 0);
   float beside = corner.w < 1.5 ? (s.x < 0.0 ? neighbour.x : neighbour.y)
                                 : (s.y < 0.0 ? neighbour.z : neighbour.w);
   float foot = colour.a > 0.5 ? base : max(base, min(beside, height) - sunk);
-  vec3 p = vec3(place.xy + turn * (at * pin.xy), corner.z > 0.5 ? height : min(foot, height));
+  vec2 half_top = pin.xy;
+#ifdef CLOSED
+  // Towards neighbours at the same level or higher every face goes on to the middle of the gap, which is painted.
+  vec2 tall = vec2(at.x < 0.0 ? neighbour.x : neighbour.y, at.y < 0.0 ? neighbour.z : neighbour.w);
+  half_top += (0.5 * pin.w - pin.xy) * step(height - level, tall);
+  if (corner.w > 0.5 && corner.w < 1.5) half_top.x = pin.x;
+  if (corner.w > 1.5) half_top.y = pin.y;
+  across = at * half_top / pin.xy;
+  if (corner.w > 0.5 && corner.w < 1.5) across.x = 0.0;
+  if (corner.w > 1.5) across.y = 0.0;
+  // The wall behind a gap is seen down to where the line of sight meets it.
+  vec2 seen = (pin.w - 2.0 * pin.xy) * (eye.w > 0.5 ? eye.z - height : -ray.z) / max(abs(towards), 1e-3);
+  gap = sqrt(0.55 / (1.0 + 1.5 * min(seen / pin.w, sunk)));
+#endif
+  vec3 p = vec3(place + turn * (at * half_top), corner.z > 0.5 ? height : min(foot, height));
   levels = vec2(height - pin.z, corner.w < 0.5 ? -1e30 : beside);
   float open = at.y < 0.0 ? (at.x < 0.0 ? corner_sky.x : corner_sky.y) : (at.x < 0.0 ? corner_sky.z : corner_sky.w);
 #ifdef FAST
@@ -84,18 +102,26 @@ void main() {
 constexpr const char* kPinFragmentFast = R"(
 in vec4 shade;
 flat in vec2 levels;
+#ifdef CLOSED
+in vec2 across;
+flat in vec2 gap;
+#endif
 uniform vec4 pin;
 out vec4 pixel;
 void main() {
   float open = gap_sky((levels.y - shade.w) / pin.w) * (shade.w < levels.x ? 0.55 : 1.0);
   pixel = vec4(shade.rgb * sqrt(open), 1.0);
+#ifdef CLOSED
+  if (abs(across.x) > 1.0) pixel.rgb *= gap.x;
+  if (abs(across.y) > 1.0) pixel.rgb *= gap.y;
+#endif
 }
 )";
 
 }  // namespace
 
-ShaderSources pin_shaders(Pass pass) {
-  const std::string head = shader_head(pass);
+ShaderSources pin_shaders(Pass pass, bool closed) {
+  const std::string head = shader_head(pass) + (closed ? "#define CLOSED\n" : "");
   switch (pass) {
     case Pass::kShadow:
       return {head + kPinVertex, head + kEmptyFragment};

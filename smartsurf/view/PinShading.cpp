@@ -130,6 +130,12 @@ std::span<const PinInstance> PinShading::update(const scene::Snapshot& snapshot,
     for (std::size_t i = 0; i < snapshot.objects(); ++i)
       darken_under(snapshot, snapshot.position[i],
                    static_cast<float>(catalogue[snapshot.id[i]].half_extents().minCoeff()));
+  const auto drawn_height = [&](int row, int column) {
+    const bool inside = row >= 0 && column >= 0 && row < surface_.rows && column < surface_.columns;
+    const float lower =
+        recess.empty() || !inside ? 0.0f : recess[static_cast<std::size_t>(surface_.index(row, column))];
+    return height_at(snapshot, row, column) - lower;
+  };
   std::size_t next = 0;
   for (int r = 0; r < surface_.rows; ++r)
     for (int c = 0; c < surface_.columns; ++c) {
@@ -139,15 +145,16 @@ std::span<const PinInstance> PinShading::update(const scene::Snapshot& snapshot,
       PinInstance& pin = pins_[next++];
       const Eigen::Vector2f centre = surface_.centre(row, column).cast<float>();
       const auto place = static_cast<std::size_t>(surface_.index(row, column));
-      pin.place = {centre.x(), centre.y(),
-                   surface_.places.empty() ? 0.0f : static_cast<float>(surface_.places[place].angle)};
-      pin.height = height_at(snapshot, row, column) - (recess.empty() ? 0.0f : recess[place]);
+      const float angle = surface_.places.empty() ? 0.0f : static_cast<float>(surface_.places[place].angle);
+      pin.place = {centre.x(), centre.y()};
+      pin.turn = {std::cos(angle), std::sin(angle)};
+      pin.height = drawn_height(row, column);
       pin.colour = colour_of(snapshot, options, row, column);
       pin.colour[3] = surface_.is_border(row, column) ? 255 : 0;
       for (int corner = 0; corner < 4; ++corner)
         pin.corner_sky[corner] = byte(sky_[surface_.index(row, column)][corner]);
-      pin.neighbour = {height_at(snapshot, row, column - 1), height_at(snapshot, row, column + 1),
-                       height_at(snapshot, row + 1, column), height_at(snapshot, row - 1, column)};
+      pin.neighbour = {drawn_height(row, column - 1), drawn_height(row, column + 1),
+                       drawn_height(row + 1, column), drawn_height(row - 1, column)};
     }
   return std::span<const PinInstance>(pins_).first(next);
 }

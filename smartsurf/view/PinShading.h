@@ -18,13 +18,14 @@ namespace smartsurf::view {
 
 // Three groups of 16 bytes, as the shader fetches them.
 struct PinInstance {
-  std::array<float, 3> place;          // centre, u, and turn about z, rad
-  float height;                        // z of the top, u
+  std::array<float, 2> place;          // centre, u
+  std::array<float, 2> turn;           // cosine and sine of the turn about z
   std::array<float, 4> neighbour;      // z of the tops of the pins to the west, east, south, north, u
   std::array<std::uint8_t, 4> colour;  // linear light, 255 = 1; [3]: 255 in the outermost ring, else 0
   std::array<std::uint8_t, 4>
       corner_sky;  // share of the sky that the top's corners SW, SE, NW, NE see; 255 = all
-  std::array<std::uint32_t, 2> unused{};
+  float height;    // z of the top, u
+  std::uint32_t unused = 0;
 };
 
 class PinShading {

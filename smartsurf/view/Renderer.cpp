@@ -21,11 +21,19 @@ struct FrameUniforms {
 };
 static_assert(sizeof(FrameUniforms) == 2 * 64 + 5 * 16);
 
+// A cell that is drawn no wider than this, in the middle of the picture, is seen from afar.
+constexpr double kFarCell_px = 24.0;
+
 constexpr Rgb kBoard{0.20f, 0.21f, 0.23f};
 constexpr Rgb kAxis[3] = {{0.80f, 0.16f, 0.14f}, {0.16f, 0.58f, 0.22f}, {0.14f, 0.32f, 0.82f}};
 
 std::array<float, 3> floats(const Eigen::Vector3d& v) {
   return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
+}
+
+bool seen_from_afar(const scene::SurfaceSpec& surface, const Camera& camera, int height) {
+  const double pixels_a_unit = 0.5 * height / (std::tan(camera.field_of_view() / 2.0) * camera.distance());
+  return surface.pitch * pixels_a_unit < kFarCell_px;
 }
 
 std::array<float, 4> with_w(const Eigen::Vector3d& v, double w) {
@@ -65,7 +73,8 @@ struct Renderer::State {
   FrameUniforms light_frame() const;
   FrameUniforms eye_frame(const Camera& camera, int width, int height) const;
   void draw_shadows(const DrawOptions& options);
-  void draw_colour(const DrawOptions& options, int width, int height);
+  void draw_colour(const Camera& camera, const DrawOptions& options, int width, int height);
+  void draw_pins(Pass pass, const PinLayer::Sight& sight);
   void draw_translucent();
 
   scene::SceneSpec spec;
@@ -90,6 +99,7 @@ struct Renderer::State {
 
   long frames = 0;            // drawn
   std::size_t furniture = 0;  // boxes that are no objects, first among them
+  bool far = false;           // so far away that gaps between pins may be painted
 };
 
 void Renderer::State::add_furniture(const DrawOptions& options) {
@@ -174,10 +184,17 @@ FrameUniforms Renderer::State::eye_frame(const Camera& camera, int width, int he
   return u;
 }
 
+void Renderer::State::draw_pins(Pass pass, const PinLayer::Sight& sight) {
+  if (far && pins.can_close())
+    pins.draw_closed(pass, sight);
+  else
+    pins.draw(pass);
+}
+
 void Renderer::State::draw_shadows(const DrawOptions& options) {
   set_frame(light_frame());
   shadow.begin();
-  pins.draw(Pass::kShadow);
+  draw_pins(Pass::kShadow, {ShadowMap::towards_light().head<2>().cast<float>(), true});
   mechanisms.draw(Pass::kShadow, false);
   if (options.style == Style::kSolid)
     objects.draw(Pass::kShadow);
@@ -186,11 +203,11 @@ void Renderer::State::draw_shadows(const DrawOptions& options) {
   shadow.end();
 }
 
-void Renderer::State::draw_colour(const DrawOptions& options, int width, int height) {
+void Renderer::State::draw_colour(const Camera& camera, const DrawOptions& options, int width, int height) {
   glViewport(0, 0, width, height);
   glClear(GL_DEPTH_BUFFER_BIT);
   shadow.bind(0);
-  pins.draw(colour_pass);
+  draw_pins(colour_pass, {camera.eye().head<2>().cast<float>(), false});
   mechanisms.draw(colour_pass, false);
   end_stage("pins");
   if (options.style == Style::kSolid)
@@ -242,6 +259,7 @@ void Renderer::draw(const scene::Snapshot& snapshot, const std::vector<scene::Ob
   assert(snapshot.height.size() == static_cast<std::size_t>(s.spec.surface.cells()));
   assert(options.cell_values.empty() || options.cell_values.size() == snapshot.height.size());
   const int block = s.quality.supersample;
+  s.far = seen_from_afar(s.spec.surface, camera, height * block);
   s.upload(snapshot, catalogue, camera, options);
   s.end_stage("values");
   glEnable(GL_DEPTH_TEST);
@@ -256,7 +274,7 @@ void Renderer::draw(const scene::Snapshot& snapshot, const std::vector<scene::Ob
   if (block > 1) s.canvas.resize(width * block, height * block);
   glBindFramebuffer(GL_FRAMEBUFFER, block > 1 ? s.canvas.framebuffer.id() : framebuffer);
   s.set_frame(s.eye_frame(camera, width * block, height * block));
-  s.draw_colour(options, width * block, height * block);
+  s.draw_colour(camera, options, width * block, height * block);
   if (block > 1) {
     glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
     glViewport(0, 0, width, height);

@@ -17,7 +17,8 @@ struct ShaderSources {
   std::string vertex, fragment;
 };
 
-ShaderSources pin_shaders(Pass pass);
+// closed: gaps between pins of one level are painted on them instead of left open.
+ShaderSources pin_shaders(Pass pass, bool closed = false);
 ShaderSources sphere_shaders(Pass pass);  // a ray meets a sphere at every pixel of a quad that faces the eye
 // Triangles and wires of Meshes.h. capsule: its caps are pulled apart.
 ShaderSources mesh_shaders(Pass pass, bool capsule);

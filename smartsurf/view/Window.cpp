@@ -165,10 +165,11 @@ bool Window::State::show(const Moment& moment, const Status& new_status, Image* 
   stirred = false;
   if (display_lost()) return false;
   glfwGetFramebufferSize(desktop.window(), &width, &height);
-  if (width < 1 || height < 1 || desktop.minimised()) return false;
+  const bool minimised = desktop.minimised();
+  if (display_lost() || width < 1 || height < 1 || minimised) return false;  // what a lost one says is chance
   const auto start = Clock::now();
   const Current current(desktop.window());
-  controls.resize(static_cast<double>(width) / height, std::min(hud.covered, 0.4));
+  controls.resize(static_cast<double>(width) / height, hud.covered);
   handle_pointer(moment);
   controls.track(moment.snapshot);
   controls.set_channels(moment.channels);
@@ -229,6 +230,7 @@ DrawOptions Window::State::options(const Moment& moment, bool marks) {
 void Window::State::draw_panels(const Moment& moment) {
   ImGui_ImplOpenGL3_NewFrame();
   ImGui_ImplGlfw_NewFrame();
+  if (display_lost()) return;  // then the size that it read is none
   ImGui::NewFrame();
   const ImVec2 size = ImGui::GetIO().DisplaySize;
   draw_axis_names(spec.surface, controls.camera(), size.x, size.y);

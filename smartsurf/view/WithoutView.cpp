@@ -1,7 +1,6 @@
 // Stands in for drawing in a build with -DSMARTSURF_VIEW=OFF: the same interface, which says that it is left
 // out.
-#include <stdexcept>
-
+#include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/view/OffscreenView.h"
 #include "smartsurf/view/Window.h"
 
@@ -9,12 +8,13 @@ namespace smartsurf::view {
 namespace {
 
 [[noreturn]] void left_out() {
-  throw std::runtime_error("this program was built without the view: configure with -DSMARTSURF_VIEW=ON");
+  throw scene::InputError("this program was built without the view: configure with -DSMARTSURF_VIEW=ON");
 }
 
 }  // namespace
 
 struct OffscreenView::State {};
+void OffscreenView::require_view() { left_out(); }
 OffscreenView::OffscreenView(const scene::SceneSpec&, Detail) { left_out(); }
 OffscreenView::~OffscreenView() = default;
 Image OffscreenView::draw(const scene::Snapshot&, const std::vector<scene::ObjectSpec>&, const Camera&,

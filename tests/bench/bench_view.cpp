@@ -81,7 +81,7 @@ void move(Scene& s, const Options& options, int frame) {
     }
   for (std::size_t i = 0; i < s.rest.size(); ++i) {
     const float x = s.rest[i].x() + 0.8f * std::sin(phase + 0.1f * static_cast<float>(i)), y = s.rest[i].y();
-    s.snapshot.position[i] = {x, y, s.rest[i].z() - (options.pins == "wave" ? -1.0f : 1.5f)};
+    s.snapshot.position[i] = {x, y, s.rest[i].z() + (options.pins == "wave" ? 2.8f : -1.5f)};
     if (options.pins == "wave") continue;
     for (int dy = -1; dy <= 1; ++dy)
       for (int dx = -1; dx <= 1; ++dx) {

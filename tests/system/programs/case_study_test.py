@@ -76,11 +76,9 @@ class Modes(ProgramTest):
 
 
 class Products(ProgramTest):
-    def test_recording_figures_and_pictures(self):
+    def test_recording_and_figures(self):
         recording = str(self.folder / "sort.h5")
-        self.run_sort("--until", "6", "--record", recording, "--record", str(self.folder / "sort.csv"),
-                      "--screenshot", str(self.folder / "early.png") + "@0.5",
-                      "--screenshot", str(self.folder / "end.png"))
+        self.run_sort("--until", "6", "--record", recording, "--record", str(self.folder / "sort.csv"))
         status, out, err = self.run_program(SMARTSURF, "info", recording)
         self.assertEqual(status, 0, err)
         for fact in ("64 rows", "20 'large'", "20 'small'", "seed        1"):
@@ -91,12 +89,24 @@ class Products(ProgramTest):
                 status, _, err = self.run_program(SMARTSURF, "plot", recording, "--what", what, "-o", str(figure))
                 self.assertEqual(status, 0, err)
                 self.assertGreater(figure.stat().st_size, 2000)
+        self.assertIn("tick,time,id,label", (self.folder / "sort.csv").read_text()[:100])
+
+    @needs_view
+    def test_pictures(self):
+        self.run_sort("--until", "1", "--screenshot", str(self.folder / "early.png") + "@0.5",
+                      "--screenshot", str(self.folder / "end.png"))
         for picture in ("early.png", "end.png"):
             self.assertEqual((self.folder / picture).read_bytes()[:8], b"\x89PNG\r\n\x1a\n")
         self.assertNotEqual((self.folder / "early.png").read_bytes(), (self.folder / "end.png").read_bytes())
-        self.assertIn("tick,time,id,label", (self.folder / "sort.csv").read_text()[:100])
 
+    @unittest.skipIf(WITH_VIEW, "built with the view")
+    def test_what_is_drawn_is_refused_at_once_without_the_view(self):
+        for flags in (["--window"], ["--screenshot", "end.png"], ["--video", "sort.mp4"]):
+            status, _, err = self.run_program(SMARTSURF, "run", SORT_LUA, "--no-controller", *flags)
+            self.assertEqual((status, err), (2, "smartsurf: this program was built without the view: configure with "
+                                                "-DSMARTSURF_VIEW=ON\n"))
 
+    @needs_view
     @unittest.skipUnless(shutil.which("ffmpeg"), "ffmpeg is not installed")
     def test_video(self):
         video = self.folder / "sort.mp4"

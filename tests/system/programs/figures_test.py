@@ -40,6 +40,12 @@ class Figures(ProgramTest):
         for name in ("figure-1.png", "figure-8.png", "figure-9.svg"):
             self.assertEqual((self.folder / "a" / name).read_bytes(), (self.folder / "b" / name).read_bytes(), name)
 
+    @unittest.skipUnless(shutil.which("ffmpeg"), "no ffmpeg")
+    def test_pictures_of_the_pages_are_made(self):
+        self.assertEqual(self.make("a", "--images", "--only", "tasks,animation"), (0, ""))
+        self.assertEqual(size_of(self.folder / "a/tasks.png"), (2 * 166, 2 * 106))
+        self.assertEqual((self.folder / "a/sort.webp").read_bytes()[8:16], b"WEBPVP8X")
+
     def test_what_is_wrong_is_said_in_a_line(self):
         status, err = self.make("a", "--only", "2")
         self.assertEqual(status, 2)

@@ -156,6 +156,7 @@ print(here.tolist(), table.description.positions.shape)
         status, _, err = self.run_program(SMARTSURF, "run", surface, "--controller", "none.aps", "--headless")
         self.assertEqual((status, err.count("\n")), (2, 1), err)
 
+    @needs_view
     def test_a_recording_of_a_hexagonal_surface_replays_where_its_cells_stand(self):
         surface = self.write("hex.lua", """
 surface { rows = 5, columns = 6, layout = 'hex', actuator = wheels {} }

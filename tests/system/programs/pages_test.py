@@ -41,6 +41,10 @@ class Pages(ProgramTest):
                     self.assertIn(anchor, anchors_of(file.resolve().relative_to(ROOT)), f"{page} links to {target}#{anchor}")
         self.assertGreater(links, 60)
 
+    def test_pictures_load_quickly(self):
+        for picture in sorted((ROOT / "docs/images").iterdir()):
+            self.assertLess(picture.stat().st_size, 1_000_000, picture.name)
+
     def test_every_page_is_in_the_index(self):
         index = text_of("docs/README.md")
         for page in PAGES[2:]:

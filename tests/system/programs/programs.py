@@ -12,6 +12,8 @@ ROOT = pathlib.Path(__file__).resolve().parents[3]
 BIN = pathlib.Path(os.environ.get("SMARTSURF_BIN", ROOT / "build/release/bin"))
 SMARTSURF, APRON = str(BIN / "smartsurf"), str(BIN / "apron")
 SORT_LUA, SORT_APS = str(ROOT / "scripts/case-study/sort.lua"), str(ROOT / "scripts/case-study/sort.aps")
+WITH_VIEW = os.environ.get("SMARTSURF_VIEW", "ON") == "ON"
+needs_view = unittest.skipUnless(WITH_VIEW, "built without the view")
 # Far beyond what any of these runs needs: a test that waits so long has found a hang.
 PATIENCE = 120
 
@@ -74,5 +76,5 @@ class ProgramTest(unittest.TestCase):
         return pathlib.Path("/dev/shm") / f"smartsurf.{name or self.shm}"
 
 
-__all__ = ["APRON", "BIN", "ProgramTest", "ROOT", "SMARTSURF", "SORT_APS", "SORT_LUA", "json", "os", "pathlib",
-           "signal", "subprocess", "tempfile", "time", "unittest"]
+__all__ = ["APRON", "BIN", "ProgramTest", "ROOT", "SMARTSURF", "SORT_APS", "SORT_LUA", "WITH_VIEW", "json",
+           "needs_view", "os", "pathlib", "signal", "subprocess", "tempfile", "time", "unittest"]

@@ -68,6 +68,7 @@ class Replay(ProgramTest):
         self.assertEqual(status, 2)
         self.assertIn("touched by hand after tick 7", err)
 
+    @needs_view
     def test_a_picture_is_the_one_that_the_run_made(self):
         ours, theirs = self.folder / "run.png", self.folder / "replay.png"
         recording = self.record_wave("--screenshot", f"{ours}@0.5")
@@ -78,6 +79,7 @@ class Replay(ProgramTest):
         self.assertEqual(status, 2)
         self.assertIn("the recording ends at 1 s", err)
 
+    @needs_view
     def test_pictures_show_what_the_flags_say(self):
         recording = self.record_wave()
         pictures = set()
@@ -91,6 +93,7 @@ class Replay(ProgramTest):
         self.assertEqual(status, 2)
         self.assertEqual(err, "smartsurf: --cells heigth: no such channel (did you mean 'height'?); known: height\n")
 
+    @needs_view
     @unittest.skipUnless(shutil.which("ffmpeg"), "ffmpeg is not installed")
     def test_video(self):
         recording = self.record_wave("--until", "0.2")

@@ -107,6 +107,7 @@ TEST_F(SessionTest, StopsAtALineInEachRound) {
   }
   one.on = false;
   session->set_breakpoints({one}, {});
+  EXPECT_FALSE(look().hit) << "the number of another breakpoint now";
   session->run();
   advance(4);
   EXPECT_EQ(session->mode(), Mode::kRunning);

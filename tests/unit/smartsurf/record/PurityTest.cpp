@@ -79,6 +79,19 @@ TEST(Purity, IsTheShareInTheirOwnHalf) {
   EXPECT_TRUE(std::isnan(value_of({sphere(1), sphere(1)}, {1, 2})));
 }
 
+TEST(Purity, CountsWhatFellOffBesideAnEdgeThatIsNoRectangles) {
+  scene::SurfaceSpec corner_gone = surface();
+  for (int row = 0; row < 10; ++row)
+    for (int column = 0; column < 10; ++column)
+      corner_gone.actuator_of_cell.push_back(row >= 5 && column < 5 ? scene::kEmptyCell : std::int8_t{0});
+  const std::vector<scene::ObjectSpec> two{sphere(1), sphere(2)};
+  PurityMeter north(corner_gone), south(corner_gone);
+  north.add(at(0.0, {1, 8}, 8.0f), two);
+  EXPECT_EQ(north.value(), 1.0);
+  south.add(at(0.0, {1, 8}, 1.0f), two);
+  EXPECT_EQ(south.value(), 0.5) << "the small one lies where no cell is";
+}
+
 TEST(PurityMeter, FollowsObjectsThatAreAdded) {
   PurityMeter meter(surface());
   std::vector<scene::ObjectSpec> catalogue{sphere(1)};

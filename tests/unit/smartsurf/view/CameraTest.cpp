@@ -18,13 +18,15 @@ scene::SurfaceSpec surface(int rows, int columns) {
   return s;
 }
 
-// The largest |x| and |y| of the table's corners in a picture whose half edges are 1.
+// The largest |x| and |y| of the corners of the table and its board in a picture whose half edges are 1.
 Eigen::Vector2d reach_of(const Camera& camera, const scene::SurfaceSpec& s, double aspect) {
   const Eigen::AlignedBox3d box = Camera::extent(s);
   Eigen::Vector2d reach(0.0, 0.0);
+  const double rim = 0.6 * s.pitch;
   for (int i = 0; i < 8; ++i) {
-    const Eigen::Vector3d corner((i & 1) ? box.max().x() : box.min().x(),
-                                 (i & 2) ? box.max().y() : box.min().y(),
+    const double out = (i & 4) ? 0.0 : rim;
+    const Eigen::Vector3d corner((i & 1) ? box.max().x() + out : box.min().x() - out,
+                                 (i & 2) ? box.max().y() + out : box.min().y() - out,
                                  (i & 4) ? box.max().z() : box.min().z());
     const Eigen::Vector4d clip =
         camera.projection_matrix(aspect) * camera.view_matrix() * corner.homogeneous();
@@ -36,7 +38,7 @@ Eigen::Vector2d reach_of(const Camera& camera, const scene::SurfaceSpec& s, doub
 }
 
 TEST(Camera, FramesTheWholeTableWithASmallMarginInAnyAspect) {
-  for (const auto& s : {surface(64, 64), surface(16, 200), surface(200, 16), surface(16, 16)})
+  for (const auto& s : {surface(64, 64), surface(16, 200), surface(200, 16), surface(16, 16), surface(4, 4)})
     for (double aspect : kAspects)
       for (Preset preset : kPresets) {
         const double reach = reach_of(Camera::framing(s, preset, aspect), s, aspect).maxCoeff();
@@ -49,11 +51,26 @@ TEST(Camera, LeavesThePartBelowFreeThatPanelsCover) {
   const scene::SurfaceSpec s = surface(64, 64);
   for (double aspect : kAspects)
     for (Preset preset : kPresets) {
-      const Camera camera = Camera::framing(s, preset, aspect, 0.1);
+      const Camera camera = Camera::framing(s, preset, aspect, {.below = 0.1});
       EXPECT_LT(reach_of(camera, s, aspect).maxCoeff(), 1.0);
       const Eigen::Vector3d axes = Camera::extent(s).min() - Eigen::Vector3d(1.32, 1.32, 0.0);
       EXPECT_LT(camera.project(axes, 1000.0 * aspect, 1000.0).y(), 900.0);
     }
+}
+
+TEST(Camera, MovesTheTableOutFromUnderAPanelWhereThereIsRoom) {
+  const scene::SurfaceSpec s = surface(64, 64);
+  const auto top_of = [&](double aspect, const Covered& covered) {
+    const Eigen::AlignedBox3d box = Camera::extent(s);
+    const Eigen::Vector3d corner(box.min().x(), box.max().y(), box.max().z());
+    return Camera::framing(s, Preset::kIso, aspect, covered).project(corner, 1000.0 * aspect, 1000.0).y();
+  };
+  EXPECT_GT(top_of(0.7, {.above = 0.3}), 300.0);
+  EXPECT_LT(top_of(0.7, {}), 300.0);
+  EXPECT_NEAR(top_of(3.0, {.above = 0.3}), top_of(3.0, {}), 1e-6) << "it would have to be smaller";
+  const Camera plain = Camera::framing(s, Preset::kIso, 0.7),
+               moved = Camera::framing(s, Preset::kIso, 0.7, {.above = 0.3});
+  EXPECT_DOUBLE_EQ(plain.distance(), moved.distance());
 }
 
 TEST(Camera, IsoLooksNorthFromTheSouthAtFortyDegrees) {

@@ -12,17 +12,17 @@
 
 #include "smartsurf/scene/SceneSpec.h"
 
-namespace smartsurf::run {
+namespace smartsurf::scene {
 
 class TableOutline {
  public:
-  explicit TableOutline(const scene::SurfaceSpec&);
+  explicit TableOutline(const SurfaceSpec&);
 
   // x, y: u. False for what is not a number.
   bool holds(double x, double y) const noexcept;
 
  private:
-  void cover(const scene::CellPlace&, double half);
+  void cover(const CellPlace&, double half);
   void close_gaps();
   // Every tile becomes `what` that has such a one at most kGap tiles away, along the rows or along the
   // columns.
@@ -39,4 +39,4 @@ class TableOutline {
   std::vector<std::uint8_t> tiles_;  // rows × columns from the south-west; 1: table. Empty: all of the box is
 };
 
-}  // namespace smartsurf::run
+}  // namespace smartsurf::scene

@@ -1,4 +1,4 @@
-#include "smartsurf/run/TableOutline.h"
+#include "smartsurf/scene/TableOutline.h"
 
 #include <gtest/gtest.h>
 
@@ -6,11 +6,11 @@
 #include <limits>
 #include <numbers>
 
-namespace smartsurf::run {
+namespace smartsurf::scene {
 namespace {
 
-scene::SurfaceSpec grid(int rows, int columns, double pitch = 1.0) {
-  scene::SurfaceSpec surface;
+SurfaceSpec grid(int rows, int columns, double pitch = 1.0) {
+  SurfaceSpec surface;
   surface.rows = rows;
   surface.columns = columns;
   surface.pitch = pitch;
@@ -18,8 +18,8 @@ scene::SurfaceSpec grid(int rows, int columns, double pitch = 1.0) {
 }
 
 // As `layout = 'hex'`: every second row moved by half a pitch.
-scene::SurfaceSpec hex(int rows, int columns, double pitch) {
-  scene::SurfaceSpec surface = grid(rows, columns, pitch);
+SurfaceSpec hex(int rows, int columns, double pitch) {
+  SurfaceSpec surface = grid(rows, columns, pitch);
   for (int r = 0; r < rows; ++r)
     for (int c = 0; c < columns; ++c)
       surface.places.push_back(
@@ -28,13 +28,13 @@ scene::SurfaceSpec hex(int rows, int columns, double pitch) {
 }
 
 // Cells on a disc of this radius, of a pitch of 1, those nearer than `hole` left out.
-scene::SurfaceSpec disc(double radius, double hole) {
+SurfaceSpec disc(double radius, double hole) {
   const int n = 2 * static_cast<int>(radius) + 1;
-  scene::SurfaceSpec surface = grid(n, n);
+  SurfaceSpec surface = grid(n, n);
   for (int r = 0; r < n; ++r)
     for (int c = 0; c < n; ++c) {
       const double from_middle = std::hypot(r - n / 2, c - n / 2);
-      surface.actuator_of_cell.push_back(from_middle < hole || from_middle > radius ? scene::kEmptyCell
+      surface.actuator_of_cell.push_back(from_middle < hole || from_middle > radius ? kEmptyCell
                                                                                     : std::int8_t{0});
     }
   return surface;
@@ -78,23 +78,23 @@ TEST(TableOutline, OfARoundTableIsRound) {
 TEST(TableOutline, HoldsTheHolesThatItsCellsSurroundAndNarrowGapsBetweenModules) {
   const TableOutline ring(disc(12.0, 5.0));
   EXPECT_TRUE(ring.holds(12, 12));
-  scene::SurfaceSpec modules = grid(2, 4);
+  SurfaceSpec modules = grid(2, 4);
   for (int r = 0; r < 2; ++r)
     for (int c = 0; c < 4; ++c) modules.places.push_back({c + (c < 2 ? 0.0 : 1.5), 1.0 - r, 0.0});
   const TableOutline narrow(modules);
   EXPECT_TRUE(narrow.holds(2.25, 0.5)) << "a gap of 1.5";
   EXPECT_FALSE(narrow.holds(2.25, 1.8));
-  for (scene::CellPlace& place : modules.places) place.x += place.x > 2 ? 3.0 : 0.0;
+  for (CellPlace& place : modules.places) place.x += place.x > 2 ? 3.0 : 0.0;
   const TableOutline wide(modules);
   EXPECT_FALSE(wide.holds(3.75, 0.5)) << "a gap of 4.5";
   EXPECT_TRUE(wide.holds(6.5, 0.5));
 }
 
 TEST(TableOutline, OfAnLFollowsItsInnerCorner) {
-  scene::SurfaceSpec surface = grid(20, 20);
+  SurfaceSpec surface = grid(20, 20);
   for (int r = 0; r < 20; ++r)
     for (int c = 0; c < 20; ++c)
-      surface.actuator_of_cell.push_back(r < 10 && c >= 10 ? scene::kEmptyCell : std::int8_t{0});
+      surface.actuator_of_cell.push_back(r < 10 && c >= 10 ? kEmptyCell : std::int8_t{0});
   const TableOutline outline(surface);
   EXPECT_TRUE(outline.holds(9, 18));
   EXPECT_TRUE(outline.holds(18, 9));
@@ -103,7 +103,7 @@ TEST(TableOutline, OfAnLFollowsItsInnerCorner) {
 }
 
 TEST(TableOutline, OfATurnedTableTurnsWithIt) {
-  scene::SurfaceSpec surface = grid(5, 5);
+  SurfaceSpec surface = grid(5, 5);
   const double turn = std::numbers::pi / 4, k = std::sqrt(0.5);
   for (int r = 0; r < 5; ++r)
     for (int c = 0; c < 5; ++c)
@@ -116,7 +116,7 @@ TEST(TableOutline, OfATurnedTableTurnsWithIt) {
 }
 
 TEST(TableOutline, OfScatteredCellsIsAsWideAsTheyStandApart) {
-  scene::SurfaceSpec surface = grid(5, 5);
+  SurfaceSpec surface = grid(5, 5);
   for (int r = 0; r < 5; ++r)
     for (int c = 0; c < 5; ++c) surface.places.push_back({6.0 * c, 6.0 * r, 0.0});
   const TableOutline outline(surface);
@@ -126,15 +126,15 @@ TEST(TableOutline, OfScatteredCellsIsAsWideAsTheyStandApart) {
 }
 
 TEST(TableOutline, OfCellsFarApartAndOfNoneIsKeptSmall) {
-  scene::SurfaceSpec surface = grid(1, 3);
+  SurfaceSpec surface = grid(1, 3);
   surface.places = {{0, 0, 0}, {1, 0, 0}, {1e6, 1e6, 0}};
   const TableOutline outline(surface);
   EXPECT_TRUE(outline.holds(0.5, 0));
   EXPECT_FALSE(outline.holds(5e5, 5e5));
   surface.places.clear();
-  surface.actuator_of_cell.assign(3, scene::kEmptyCell);
+  surface.actuator_of_cell.assign(3, kEmptyCell);
   EXPECT_FALSE(TableOutline(surface).holds(0, 0));
 }
 
 }  // namespace
-}  // namespace smartsurf::run
+}  // namespace smartsurf::scene

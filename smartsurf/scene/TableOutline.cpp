@@ -1,4 +1,4 @@
-#include "smartsurf/run/TableOutline.h"
+#include "smartsurf/scene/TableOutline.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,7 +6,7 @@
 #include <numbers>
 #include <utility>
 
-namespace smartsurf::run {
+namespace smartsurf::scene {
 namespace {
 
 constexpr int kMostTiles = 2048;  // along each side
@@ -14,8 +14,8 @@ constexpr int kGap = 4;           // tiles: half of the gaps that are closed
 constexpr std::uint8_t kOutside = 0, kTable = 1, kEnclosed = 2;
 
 // The cells that are there.
-std::vector<scene::CellPlace> places_of(const scene::SurfaceSpec& surface) {
-  std::vector<scene::CellPlace> places;
+std::vector<CellPlace> places_of(const SurfaceSpec& surface) {
+  std::vector<CellPlace> places;
   for (int r = 0; r < surface.rows; ++r)
     for (int c = 0; c < surface.columns; ++c) {
       if (surface.is_empty(r, c)) continue;
@@ -29,9 +29,9 @@ std::vector<scene::CellPlace> places_of(const scene::SurfaceSpec& surface) {
 
 // How far most cells are from their nearest neighbour: the median; 0 for less than two. By a sweep from west
 // to east, which looks no farther along x than the nearest found so far.
-double spacing(std::vector<scene::CellPlace> places) {
+double spacing(std::vector<CellPlace> places) {
   if (places.size() < 2) return 0.0;
-  std::ranges::sort(places, {}, &scene::CellPlace::x);
+  std::ranges::sort(places, {}, &CellPlace::x);
   std::vector<double> nearest(places.size(), std::numeric_limits<double>::infinity());
   for (std::size_t i = 0; i < places.size(); ++i)
     for (std::size_t j = i + 1; j < places.size() && places[j].x - places[i].x < nearest[i]; ++j) {
@@ -46,19 +46,19 @@ double spacing(std::vector<scene::CellPlace> places) {
 
 }  // namespace
 
-TableOutline::TableOutline(const scene::SurfaceSpec& surface)
+TableOutline::TableOutline(const SurfaceSpec& surface)
     : low_x_(-surface.pitch / 2.0),
       low_y_(low_x_),
       high_x_((surface.columns - 0.5) * surface.pitch),
       high_y_((surface.rows - 0.5) * surface.pitch) {
-  const std::vector<scene::CellPlace> places = places_of(surface);
+  const std::vector<CellPlace> places = places_of(surface);
   if (surface.places.empty() && places.size() == static_cast<std::size_t>(surface.cells())) return;
   const double half =
       surface.places.empty() ? surface.pitch / 2.0 : std::max(surface.pitch, spacing(places)) / 2.0;
   low_x_ = low_y_ = std::numeric_limits<double>::infinity();
   high_x_ = high_y_ = -low_x_;
   const double reach = half * std::numbers::sqrt2;
-  for (const scene::CellPlace& p : places) {
+  for (const CellPlace& p : places) {
     low_x_ = std::min(low_x_, p.x - reach), high_x_ = std::max(high_x_, p.x + reach);
     low_y_ = std::min(low_y_, p.y - reach), high_y_ = std::max(high_y_, p.y + reach);
   }
@@ -69,16 +69,17 @@ TableOutline::TableOutline(const scene::SurfaceSpec& surface)
   rows_ = static_cast<int>(std::ceil((high_y_ - low_y_) / tile_)) + 2 * kRing;
   low_x_ -= kRing * tile_, low_y_ -= kRing * tile_;
   tiles_.assign(at(rows_, 0), kOutside);
-  for (const scene::CellPlace& place : places) cover(place, half);
+  for (const CellPlace& place : places) cover(place, half);
   close_gaps();
   fill_holes();
 }
 
 // Every tile whose middle lies in the cell's square, and the one that the cell's centre lies in.
-void TableOutline::cover(const scene::CellPlace& place, double half) {
+void TableOutline::cover(const CellPlace& place, double half) {
   const double reach = half * std::numbers::sqrt2, cosine = std::cos(place.angle),
                sine = std::sin(place.angle);
-  tiles_[at(static_cast<int>((place.y - low_y_) / tile_), static_cast<int>((place.x - low_x_) / tile_))] = kTable;
+  tiles_[at(static_cast<int>((place.y - low_y_) / tile_), static_cast<int>((place.x - low_x_) / tile_))] =
+      kTable;
   const double slack = half * (1.0 + 1e-9);  // where two squares meet nothing is left between them
   const int r0 = static_cast<int>((place.y - reach - low_y_) / tile_);
   const int r1 = static_cast<int>((place.y + reach - low_y_) / tile_);
@@ -137,4 +138,4 @@ bool TableOutline::holds(double x, double y) const noexcept {
   return tiles_[at(static_cast<int>((y - low_y_) / tile_), static_cast<int>((x - low_x_) / tile_))] == kTable;
 }
 
-}  // namespace smartsurf::run
+}  // namespace smartsurf::scene
