@@ -166,8 +166,8 @@ class Planner {
   }
 
   // More slices than threads, for a core is not always there: whoever is ahead takes more. But what slices
-  // share is computed twice, and should be little of them; and where no cell asks a neighbour, memory is the limit,
-  // which long runs of rows suit best.
+  // share is computed twice, and should be little of them; and where no cell asks a neighbour, memory is the
+  // limit, which long runs of rows suit best.
   void choose_slices() {
     std::uint32_t border = 0;
     for (const Stage& stage : plan_.stages) border = std::max(border, stage.border_y);
@@ -379,13 +379,12 @@ class Planner {
     return false;
   }
 
-  // Planes that no cache holds until somebody reads them need not be fetched to be overwritten. A single
-  // stage only streams, and gains nothing.
+  // Planes that no cache holds until somebody reads them need not be fetched to be overwritten.
   void write_around_caches() {
     const auto planes = std::count_if(plan_.stores.begin(), plan_.stores.end(),
                                       [](const Store& store) { return store.kind != Store::Kind::kRing; });
     const std::size_t floats = static_cast<std::size_t>(planes) * plan_.width * plan_.height;
-    if (floats <= kAllCachesFloats || plan_.stages.size() < 2) return;
+    if (floats <= kAllCachesFloats) return;
     for (Stage& stage : plan_.stages)
       for (Stage::Result& result : stage.results) {
         const Store& to = plan_.stores[stage.streams[result.stream].store];

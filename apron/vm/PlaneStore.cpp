@@ -1,5 +1,7 @@
 #include "apron/vm/PlaneStore.h"
 
+#include <sys/mman.h>
+
 #include <cassert>
 #include <cstring>
 #include <new>
@@ -8,6 +10,7 @@ namespace apron::vm {
 namespace {
 
 constexpr std::size_t kAlignment = 64;
+constexpr std::size_t kHugePage = std::size_t{1} << 21;
 
 std::size_t round_up(std::size_t n, std::size_t unit) { return (n + unit - 1) / unit * unit; }
 
@@ -20,9 +23,12 @@ Plane PlaneStore::add(std::uint32_t width, std::uint32_t height) {
   // cache set, so each starts two cache lines later than the one before.
   const std::size_t lead = kLanes + 2 * kLanes * (blocks_.size() % 31);
   const std::size_t floats = lead + pitch * height + kLanes;
+  // A sweep over many small pages waits for their translations: large planes ask for large pages.
+  const bool large = floats * sizeof(float) >= 2 * kHugePage;
   const std::size_t bytes = round_up(floats * sizeof(float), kAlignment);
-  auto* block = static_cast<float*>(std::aligned_alloc(kAlignment, bytes));
+  auto* block = static_cast<float*>(std::aligned_alloc(large ? kHugePage : kAlignment, bytes));
   if (block == nullptr) throw std::bad_alloc();
+  if (large) madvise(block, bytes, MADV_HUGEPAGE);  // a refusal costs speed only
   std::memset(block, 0, bytes);
   blocks_.emplace_back(block);
   return {block + lead, width, height, static_cast<std::ptrdiff_t>(pitch)};

@@ -1,3 +1,5 @@
+#include <sys/mman.h>
+
 #include <algorithm>
 #include <cstdint>
 #include <new>
@@ -29,9 +31,13 @@ Image::Image(int rows, int columns) : n_(rows), pitch_((columns + kLanes - 1) / 
   // set.
   const std::size_t lead = static_cast<std::size_t>(kLanes) * (1 + 5 * static_cast<std::size_t>(made++ % 13));
   const std::size_t floats = lead + static_cast<std::size_t>(pitch_) * (static_cast<std::size_t>(rows) + 3);
-  const std::size_t bytes = (floats * sizeof(float) + 4095) / 4096 * 4096;
-  cells_.reset(static_cast<float*>(std::aligned_alloc(4096, bytes)));
+  // Large pages for all peers, as NumPy and the machine take them.
+  constexpr std::size_t kHugePage = std::size_t{1} << 21;
+  const std::size_t page = floats * sizeof(float) >= 2 * kHugePage ? kHugePage : 4096;
+  const std::size_t bytes = (floats * sizeof(float) + page - 1) / page * page;
+  cells_.reset(static_cast<float*>(std::aligned_alloc(page, bytes)));
   if (!cells_) throw std::bad_alloc();
+  if (page == kHugePage) madvise(cells_.get(), bytes, MADV_HUGEPAGE);
   std::fill_n(cells_.get(), bytes / sizeof(float), 0.0F);
   first_ = cells_.get() + lead + pitch_;
 }

@@ -225,6 +225,7 @@ TEST(Verify, PlacesAreInRangeAndExpansionsEnd) {
     return verify(program);
   };
   EXPECT_EQ(wrong([](Program& p) { p.sources.push_back({99, 1, 1, 0}); }), "a source names a file out of range");
+  EXPECT_EQ(wrong([](Program& p) { p.sources.push_back({99, 0, 0, 0}); }), "a source names a file out of range");
   EXPECT_EQ(wrong([](Program& p) { p.sources.push_back({0, 0, 0, 2}); }),
             "a source names an expansion out of range");
   const auto expands = [](std::uint32_t within) {
