@@ -24,6 +24,9 @@ def _candidates():
 
 def _load():
     tried = []
+    chosen = os.environ.get("SHM_PROTOCOL_LIBRARY")
+    if chosen and "/" in chosen and not os.path.exists(chosen):
+        raise ImportError(f"SHM_PROTOCOL_LIBRARY names {chosen}, which does not exist")
     for path in _candidates():
         if "/" in path and not os.path.exists(path):
             continue

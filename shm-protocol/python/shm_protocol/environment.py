@@ -24,6 +24,9 @@ except ImportError:
             self.shape, self.dtype = tuple(shape), np.dtype(dtype)
             self.seed(seed)
 
+        def __repr__(self):
+            return f"Box({self.low.min()}, {self.high.max()}, {self.shape}, {self.dtype})"
+
         def seed(self, seed=None):
             self._random = np.random.default_rng(seed)
 
@@ -67,8 +70,9 @@ class SurfaceEnv(_Base):
     """One controller of one surface.
 
     SurfaceEnv(experiment="sort.lua") starts `smartsurf run sort.lua --shm NAME` at each reset and ends it at the
-    next, or at close(). What it says on stderr is kept back; when it fails, RuntimeError tells its last line. SurfaceEnv(name="table") attaches to a surface that somebody else runs, hardware for one;
-    that cannot be reset to a seed.
+    next, or at close(). What it says on stderr is kept back; when it fails, RuntimeError tells its last line.
+    SurfaceEnv(name="table") attaches to a surface that somebody else runs, hardware for one; that cannot be reset to a
+    seed.
 
     An observation is a dict of sensor arrays (copies), an action a dict of actuator arrays, or one array where there
     is a single actuator channel. reward(observation, action) → float and done(observation) → bool are the task.
@@ -99,7 +103,12 @@ class SurfaceEnv(_Base):
             name = f"env-{os.getpid()}-{uuid.uuid4().hex[:8]}"
             command = self._command + ["--shm", name] + ([] if seed is None else ["--seed", str(seed)])
             self._says = tempfile.TemporaryFile()
-            self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stderr=self._says)
+            try:
+                self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stderr=self._says)
+            except OSError as e:
+                self._says.close()
+                raise RuntimeError(f"cannot start {command[0]} ({e.strerror}): put it on PATH, or name it with "
+                                   "smartsurf='FOLDER/smartsurf'") from None
         try:
             self.controller = self._attach(name)
             self._next("the surface closed before its first frame")
@@ -183,7 +192,12 @@ class SurfaceEnv(_Base):
         if action.keys() != set(arrays):
             raise ValueError(f"an action must have the channels {', '.join(arrays)}, not {', '.join(action)}")
         for name, values in action.items():
-            arrays[name][...] = values
+            array = arrays[name]
+            try:
+                array[...] = values
+            except (TypeError, ValueError):
+                what = f"shape {np.shape(values)}" if isinstance(values, np.ndarray) else f"{values!r:.60}"
+                raise ValueError(f"the action's {name} must be numbers of shape {array.shape}, not {what}") from None
 
     def _observation(self):
         self._last = self.controller.sensors.copies()

@@ -73,7 +73,29 @@ class Environment(unittest.TestCase):
                 env.step(np.zeros((5, 7)))
             with self.assertRaisesRegex(ValueError, "height, lamp"):
                 env.step({"height": 1})
+            with self.assertRaisesRegex(ValueError, r"action's height must be numbers of shape \(5, 7\), not shape \(3, 3\)"):
+                env.step({"height": np.zeros((3, 3)), "lamp": 2})
+            with self.assertRaisesRegex(ValueError, r"action's lamp must be numbers of shape .*, not 'on'"):
+                env.step({"height": 1, "lamp": "on"})
             env.step({"height": 1, "lamp": 2})
+        thread.join()
+
+    def test_a_program_that_is_not_there_is_named(self):
+        with self.assertRaisesRegex(RuntimeError, "cannot start ./no-smartsurf .*: put it on PATH"):
+            SurfaceEnv("any.lua", smartsurf="./no-smartsurf")
+
+    def test_a_library_that_is_not_there_is_named(self):
+        run = subprocess.run([sys.executable, "-c", "import shm_protocol"], capture_output=True, text=True,
+                             env=dict(os.environ, SHM_PROTOCOL_LIBRARY="/nowhere/lib.so"))
+        self.assertIn("SHM_PROTOCOL_LIBRARY names /nowhere/lib.so, which does not exist", run.stderr)
+
+    def test_a_space_says_what_it_is(self):
+        surface = Surface(unique("env"), 5, 7, 0.01, SENSORS[:1], ACTUATORS[:1])
+        thread = serve(surface, 1)
+        with SurfaceEnv(name=surface.description.name) as env:
+            env.reset()
+            self.assertRegex(repr(env.action_space), r"'height': Box\(0.0, 4.0, \(5, 7\), float32\)")
+            env.step({"height": 1})
         thread.join()
 
     @unittest.skipUnless(os.environ.get("SMARTSURF"), "the simulator was not built")
