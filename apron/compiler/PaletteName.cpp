@@ -12,10 +12,11 @@ namespace apron::compiler {
 
 std::string wrong_palette(std::string_view name) {
   if (program::find_palette(name)) return {};
-  const std::vector<std::string> known = program::palette_names();
-  const std::string meant = syntax::did_you_mean(name, known);
-  return fmt::format("there is no palette '{}'{}", name,
-                     meant.empty() ? fmt::format("; there are {}", fmt::join(known, ", ")) : meant);
+  std::vector<std::string> known = program::palette_names();
+  std::string meant = syntax::did_you_mean(name, known);
+  known.resize(program::kPalettes);
+  if (meant.empty()) meant = fmt::format("; there are {}", fmt::join(known, ", "));
+  return fmt::format("there is no palette '{}'{}", name, meant);
 }
 
 }  // namespace apron::compiler

@@ -19,10 +19,14 @@ constexpr std::array kNames = {
     Named{"viridis", Palette::kViridis},     Named{"magma", Palette::kMagma},
     Named{"inferno", Palette::kInferno},     Named{"plasma", Palette::kPlasma},
     Named{"diverging", Palette::kDiverging}, Named{"default", Palette::kGrey},
-    Named{"gray", Palette::kGrey},           Named{"hot", Palette::kFlame},
+    Named{"gray", Palette::kGrey},           Named{"greyscale", Palette::kGrey},
+    Named{"grayscale", Palette::kGrey},      Named{"hot", Palette::kFlame},
     Named{"heat", Palette::kFlame},          Named{"fire", Palette::kFlame},
-    Named{"jet", Palette::kSpectrum},        Named{"rainbow", Palette::kSpectrum},
-    Named{"hsv", Palette::kSpectrum},        Named{"coolwarm", Palette::kDiverging}};
+    Named{"thermal", Palette::kFlame},       Named{"jet", Palette::kSpectrum},
+    Named{"turbo", Palette::kSpectrum},      Named{"rainbow", Palette::kSpectrum},
+    Named{"hsv", Palette::kSpectrum},        Named{"parula", Palette::kViridis},
+    Named{"cividis", Palette::kViridis},     Named{"coolwarm", Palette::kDiverging},
+    Named{"bipolar", Palette::kDiverging},   Named{"seismic", Palette::kDiverging}};
 
 bool same(std::string_view a, std::string_view lower) {
   return std::equal(a.begin(), a.end(), lower.begin(), lower.end(),

@@ -26,7 +26,7 @@ inline constexpr std::size_t kPalettes = 9;
 std::string_view name(Palette) noexcept;
 // Upper or lower case, and by names that other tools have for the same colours ('gray', 'jet', 'hot').
 std::optional<Palette> find_palette(std::string_view name) noexcept;
-// All that find_palette knows, for suggestions.
+// All that find_palette knows, for suggestions; the first kPalettes are the palettes' own.
 std::vector<std::string> palette_names();
 
 }  // namespace apron::program

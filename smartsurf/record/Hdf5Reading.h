@@ -42,4 +42,14 @@ std::vector<Number> read_block(hid_t dataset, hid_t type, std::vector<hsize_t> s
   return values;
 }
 
+// The first `count` entries of a dataset of numbers, each `width` of them; the caller bounds both.
+template <class Number>
+std::vector<Number> read_column(hid_t parent, const std::string& name, hid_t type, hsize_t count,
+                                hsize_t width = 1) {
+  const Handle dataset = open_dataset(parent, name, width == 1 ? 1 : 2);
+  if (width == 1) return read_block<Number>(dataset, type, {0}, {count}, name);
+  if (extents(dataset)[1] != width) throw Hdf5Error("dataset " + name + " has the wrong width");
+  return read_block<Number>(dataset, type, {0, 0}, {count, width}, name);
+}
+
 }  // namespace smartsurf::record

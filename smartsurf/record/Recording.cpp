@@ -5,11 +5,10 @@
 #include <cstring>
 #include <limits>
 
-#include "smartsurf/record/CatalogueWriter.h"
+#include "smartsurf/record/CatalogueReader.h"
 #include "smartsurf/record/ChangeLog.h"
 #include "smartsurf/record/Hdf5Reading.h"
 #include "smartsurf/record/ReadingTrial.h"
-#include "smartsurf/record/Solids.h"
 #include "smartsurf/record/SurfaceLayout.h"
 
 namespace smartsurf::record {
@@ -19,15 +18,6 @@ namespace fs = std::filesystem;
 
 constexpr auto kNoTick = std::numeric_limits<std::uint64_t>::max();
 constexpr hsize_t kMostCellsAFrame = hsize_t{1} << 28;  // of a channel: 1 GiB; refuse what cannot be meant
-
-template <class Number>
-std::vector<Number> read_column(hid_t parent, const std::string& name, hid_t type, hsize_t count,
-                                hsize_t width = 1) {
-  const Handle dataset = open_dataset(parent, name, width == 1 ? 1 : 2);
-  if (width == 1) return read_block<Number>(dataset, type, {0}, {count}, name);
-  if (extents(dataset)[1] != width) throw Hdf5Error("dataset " + name + " has the wrong width");
-  return read_block<Number>(dataset, type, {0, 0}, {count, width}, name);
-}
 
 int read_size(hid_t group, const char* name, std::uint64_t most) {
   std::uint64_t value = 0;
@@ -65,7 +55,7 @@ struct Recording::Content {
     read_meta();
     read_surface();
     read_frames();
-    read_catalogue();
+    read_catalogue(file, spec);
     read_changes();
     check(H5Ovisit2(file, H5_INDEX_NAME, H5_ITER_INC, list_object, &datasets, H5O_INFO_BASIC), "datasets");
   }
@@ -74,7 +64,6 @@ struct Recording::Content {
   void read_result(hid_t group);
   void read_surface();
   void read_frames();
-  void read_catalogue();
   void read_changes();
   template <class Action>
   auto reading(Action action) const {
@@ -183,60 +172,6 @@ void Recording::Content::read_frames() {
   for (std::size_t i = 0; i < time.size(); ++i)
     if (!std::isfinite(time[i]) || (i > 0 && !(time[i] > time[i - 1])))
       throw Hdf5Error("dataset time does not ascend at frame " + std::to_string(i));
-}
-
-void Recording::Content::read_catalogue() {
-  const Handle group = open_group(file, "objects");
-  hsize_t n = stored_entries(open_dataset(group, "id", 1), sizeof(std::uint32_t));
-  for (const char* name : {"label", "shape", "material"})  // a killed run may have got only this far
-    n = std::min(n, extents(open_dataset(group, name, 1))[0]);
-  const auto solids = read_solids(file);
-  const bool has_shapes = H5Lexists(group, "height", H5P_DEFAULT) > 0;  // older recordings know none with a solid
-  std::vector<std::int32_t> solid(n, -1);
-  if (has_shapes) solid = read_column<std::int32_t>(group, "solid", H5T_NATIVE_INT32, n);
-  const auto label = read_texts(group, "label", n), shape = read_texts(group, "shape", n),
-             material = read_texts(group, "material", n);
-  const auto numbers = [&](const char* name, hsize_t width) {
-    return read_column<double>(group, name, H5T_NATIVE_DOUBLE, n, width);
-  };
-  const auto radius = numbers("radius", 1), extent = numbers("extents", 3), mass = numbers("mass", 1),
-             fixed = numbers("fixed", 1), colour = numbers("colour", 3), p = numbers("initial_position", 3),
-             q = numbers("initial_orientation", 4), v = numbers("initial_velocity", 3),
-             w = numbers("initial_angular_velocity", 3);
-  std::vector<double> height(n);
-  for (hsize_t i = 0; i < n; ++i) height[i] = extent[3 * i + 2];
-  if (has_shapes) height = numbers("height", 1);
-  const auto vector = [](const std::vector<double>& all, std::size_t i) {
-    return Eigen::Vector3d(all[3 * i], all[3 * i + 1], all[3 * i + 2]);
-  };
-  spec.objects.resize(n);
-  for (std::size_t i = 0; i < n; ++i) {
-    scene::ObjectSpec& object = spec.objects[i];
-    if (!shape_of(shape[i], object.shape)) throw Hdf5Error("object shape '" + shape[i] + "' is unknown");
-    object.size = vector(extent, i);
-    object.height = height[i];
-    if (object.shape != scene::ShapeKind::kBox) object.radius = radius[i];
-    if (object.shape == scene::ShapeKind::kSolid) {
-      if (solid[i] < 0 || static_cast<std::size_t>(solid[i]) >= solids.size())
-        throw Hdf5Error("object " + std::to_string(i) + " is a solid that is not in the file");
-      object.solid = solids[static_cast<std::size_t>(solid[i])];
-    }
-    object.label = label[i];
-    object.mass = mass[i];
-    object.fixed = fixed[i] != 0.0;
-    object.colour = {static_cast<float>(colour[3 * i]), static_cast<float>(colour[3 * i + 1]),
-                     static_cast<float>(colour[3 * i + 2])};
-    object.position = vector(p, i);
-    object.orientation = Eigen::Quaterniond(q[4 * i + 3], q[4 * i], q[4 * i + 1], q[4 * i + 2]);
-    object.velocity = vector(v, i);
-    object.angular_velocity = vector(w, i);
-    const auto known = std::find_if(spec.materials.begin(), spec.materials.end(),
-                                    [&](const scene::Material& m) { return m.name == material[i]; });
-    object.material = static_cast<int>(known - spec.materials.begin());
-    if (known == spec.materials.end()) spec.materials.push_back({.name = material[i]});
-    if (const std::string problem = scene::problem_with(object); !problem.empty())
-      throw Hdf5Error("object " + std::to_string(i) + ": " + problem);
-  }
 }
 
 void Recording::Content::read_changes() {
@@ -352,7 +287,8 @@ scene::Snapshot Recording::snapshot(std::size_t frame) const {
       const std::span<const float> heights = content_->heights->at(frame);
       shot.height.assign(heights.begin(), heights.end());
     }
-    if (content_->motion && frame < content_->motion->rows()) shot.motion = unflatten(content_->motion->at(frame));
+    if (content_->motion && frame < content_->motion->rows())
+      shot.motion = unflatten(content_->motion->at(frame));
     if (!has_objects()) return;
     const auto p = content_->poses("objects/position", 3, frame, 1),
                q = content_->poses("objects/orientation", 4, frame, 1),

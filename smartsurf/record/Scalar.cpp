@@ -198,7 +198,7 @@ Scalar scalar(const Recording& recording, const std::string& kind, const Argumen
   for (const char* group : {"sensors", "actuators"})
     for (const std::string& name : recording.channels(group)) {
       if (kind == name) return channel(recording, group, name, arguments);
-      known.push_back(name);
+      if (std::ranges::find(known, name) == known.end()) known.push_back(name);
     }
   const std::string near = scene::nearest_name(kind, known);
   std::string list;

@@ -26,6 +26,7 @@ int actuator(Session& session, lua_State* L) {
   scene::ActuatorSpec spec = kind.standard();
   read_parameters(L, fields, kind.parameters, spec.values);
   if (const std::string problem = kind.problem_with(spec); !problem.empty()) throw Problem(problem);
+  if (!fields.has("top")) spec.values.erase("top");  // the surface knows the usual one
   if (session.actuators.size() >= kMostDeclared) throw Problem(kind.name + ": more than 1000 actuators");
   session.actuators.push_back(std::move(spec));
   new (lua_newuserdatauv(L, sizeof(std::size_t), 0)) std::size_t(session.actuators.size() - 1);

@@ -84,8 +84,21 @@ void require_coordinates(const Eigen::Vector3d& v, const std::string& name) {
                     ": must be in [-1000000, 1000000]");
 }
 
+// A list alone is the field that a user means first: push{0, 0, 9} is push{force = {0, 0, 9}}.
+void name_lone_list(lua_State* L, const char* field) {
+  if (lua_type(L, 2) != LUA_TTABLE || lua_rawlen(L, 2) == 0) return;
+  lua_Unsigned values = 0;
+  for (lua_pushnil(L); lua_next(L, 2) != 0; lua_pop(L, 1)) ++values;
+  if (values != lua_rawlen(L, 2)) return;
+  lua_createtable(L, 0, 1);
+  lua_pushvalue(L, 2);
+  lua_setfield(L, -2, field);
+  lua_replace(L, 2);
+}
+
 int push(Session& session, lua_State* L) {
   const scene::ObjectId object = live(session, L, "push");
+  name_lone_list(L, "force");
   const Fields fields(L, 2, "push", {"force", "point", "seconds"});
   Eigen::Vector3d force, point;
   double seconds = session.spec.world.control_period_s;
@@ -105,6 +118,7 @@ int push(Session& session, lua_State* L) {
 
 int teleport(Session& session, lua_State* L) {
   const scene::ObjectId object = live(session, L, "teleport");
+  name_lone_list(L, "position");
   const Fields fields(L, 2, "teleport", {"position", "orientation", "velocity", "angular_velocity"});
   Placement placement;
   const auto read_vector = [&](const char* field, std::optional<Eigen::Vector3d>& value) {

@@ -236,6 +236,17 @@ void read_tilt(lua_State* L, int index, const std::string& name, scene::SurfaceS
   s.tilt_rad = Eigen::Vector2d(degrees[0], degrees[1]) * std::numbers::pi / 180.0;
 }
 
+// All tops are of one size: that of an actuator that says it, else the usual one, smaller on a narrow pitch.
+void take_actuators(const NamedActuators& actuators, scene::SurfaceSpec& s) {
+  const double usual = scene::PinSpec{}.top_x * std::min(1.0, s.pitch);
+  s.pin.top_x = s.pin.top_y = usual;
+  std::vector<double> top{usual, usual};
+  const auto given =
+      std::ranges::find_if(actuators, [](const NamedActuator& a) { return a.spec.has("top"); });
+  if (given != actuators.end()) top = given->spec.numbers("top");
+  for (const NamedActuator& a : actuators) s.actuators.emplace_back(a.spec).values.try_emplace("top", top);
+}
+
 }  // namespace
 
 void read_layout(Session& session, lua_State* L, const Fields& fields, scene::SurfaceSpec& s) {
@@ -252,7 +263,7 @@ void read_layout(Session& session, lua_State* L, const Fields& fields, scene::Su
       actuators = field == std::string_view("actuators") ? actuators_at(session, L, i, name)
                                                          : one_actuator_at(session, L, i, name);
     });
-  for (const NamedActuator& a : actuators) s.actuators.push_back(a.spec);
+  take_actuators(actuators, s);
   const std::vector<std::string> names =
       actuators.empty() ? std::vector<std::string>{"1"} : names_of(actuators);
 

@@ -181,7 +181,7 @@ constexpr Wrong kWrong[] = {
      "main.aps:2:19: error: there is no palette 'virdis'; did you mean 'viridis'?"},
     {"!register(A)|reg.setPalette(A, 10, 'nosuch')",
      "main.aps:2:23: error: there is no palette 'nosuch'; there are grey, raw, flame, spectrum, viridis, magma, "
-     "inferno, plasma, diverging, default, gray, hot, heat, fire, jet, rainbow, hsv, coolwarm"},
+     "inferno, plasma, diverging"},
     {"x = res.getvar(REGISTER, 1)",
      "main.aps:1:16: error: the class REGISTER is one of registers"},
     {"x = res.getvar(thing, 1)",

@@ -85,10 +85,21 @@ TEST_F(DeclarationTest, TheLongestSensorNameAndTheMostSensorsFitTheChannels) {
   EXPECT_EQ(
       error_of("local s = {} for i = 1, 16 do s[i] = proximity{name = 's' .. i} end surface{sensors = s}"),
       "t.lua:1: surface.sensors: 32 sensor channels beside 1 of actuators: must be at most 32 together");
-  EXPECT_EQ(error_of("local s = {} for i = 1, 33 do s[i] = pressure{name = 's' .. i} end surface{sensors = s}"),
-            "t.lua:1: surface.sensors: more than 32 sensors");
+  EXPECT_EQ(
+      error_of("local s = {} for i = 1, 33 do s[i] = pressure{name = 's' .. i} end surface{sensors = s}"),
+      "t.lua:1: surface.sensors: more than 32 sensors");
   EXPECT_EQ(error_of("surface{sensors = {proximity{}, proximity{name = 'proximity_hit'}}}"),
             "t.lua:1: surface.sensors: two channels are called 'proximity_hit': give a sensor another name");
+}
+
+TEST_F(DeclarationTest, TheUsualTopFitsTheSurface) {
+  const auto top = [&](const char* text) { return load(text).scene().surface.pin.top_x; };
+  EXPECT_EQ(top("surface{rows = 2, columns = 2, pitch = 0.5}"), 0.4);
+  EXPECT_EQ(top("surface{rows = 2, columns = 2, pitch = 0.5, actuator = ball{}}"), 0.4);
+  EXPECT_EQ(top("surface{rows = 2, columns = 2, pitch = 2, actuator = ball{}}"), 0.8);
+  EXPECT_EQ(top("surface{rows = 2, columns = 2, pitch = 2, actuators = {p = pin{}, b = ball{top = 1.5}}, "
+                "cells = {'pb'}}"),
+            1.5);
 }
 
 TEST_F(DeclarationTest, OneNumberIsASquareTopAndOneSensorNeedsNoList) {

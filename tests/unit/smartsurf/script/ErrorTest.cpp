@@ -179,20 +179,24 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"ball{max_spinn = 3}", "t.lua:1: ball: unknown field 'max_spinn' (did you mean 'max_spin'?)"},
         Mistake{"magnet{law = 'monopole'}", "t.lua:1: magnet.law = 'monopole': must be one of dipole, pole"},
         Mistake{"rotor{axis = {0, 0, 0}}", "t.lua:1: rotor.axis: must not be of length 0"},
-        Mistake{"rotor{points = {{0, 0, 1}}}", "t.lua:1: rotor.points: must be at least four points {x, y, z}"},
+        Mistake{"rotor{points = {{0, 0, 1}}}",
+                "t.lua:1: rotor.points: must be at least four points {x, y, z}"},
         Mistake{"tile{latency = 1.5}", "t.lua:1: tile.latency = 1.5: must be an integer from 0 to 1000"},
         Mistake{"air_jet{lean = 4}", "t.lua:1: air_jet.lean = 4: must be in [0, 1.57079632679]"},
         Mistake{"surface{actuators = {pin{}, ball{}}}",
                 "t.lua:1: surface.actuators: 2 actuators need surface.cells, which says where each stands"},
         Mistake{"surface{actuator = pin{}, actuators = {pin{}}}",
                 "t.lua:1: surface: give actuator or actuators, not both"},
-        Mistake{"surface{rows = 2, columns = 2, actuators = {p = pin{}, b = ball{top = 0.5}}, cells = {'pb'}}",
-                "t.lua:1: pin.top: {0.8, 0.8}: must be that of the surface's ball, {0.5, 0.5}: all cells are of one size"},
+        Mistake{"surface{rows = 2, columns = 2, actuators = {p = pin{top = 0.8}, b = ball{top = 0.5}}, cells "
+                "= {'pb'}}",
+                "t.lua:1: pin.top: {0.8, 0.8}: must be that of the surface's ball, {0.5, 0.5}: all cells are "
+                "of one size"},
         Mistake{"surface{rows = 2, columns = 3, actuators = {p = pin{}, b = ball{}}, cells = {'pb'}}",
                 "t.lua:1: surface.cells: a pattern of 1 × 2 does not repeat evenly on 2 × 3 cells"},
         Mistake{"surface{rows = 2, columns = 2, actuators = {p = pin{}, b = ball{}}, cells = {'px'}}",
                 "t.lua:1: surface.cells at (1, 2) = 'x': must be one of b, p, or nil for an empty cell"},
-        Mistake{"surface{rows = 2, columns = 2, actuators = {pin{}, ball{}}, cells = function(r, c) return 3 end}",
+        Mistake{"surface{rows = 2, columns = 2, actuators = {pin{}, ball{}}, cells = function(r, c) return 3 "
+                "end}",
                 "t.lua:1: surface.cells at (1, 1) = 3: must be one of 1, 2, or nil for an empty cell"},
         Mistake{"surface{rows = 2, columns = 2,\nmask = function(r, c)\n error('no')\n end}", "t.lua:3: no"},
         Mistake{"surface{layout = 'hexagonal'}",
@@ -203,11 +207,13 @@ INSTANTIATE_TEST_SUITE_P(
                 "t.lua:1: surface.positions: 2 positions: must be at most rows × columns = 1"},
         Mistake{"surface{positions = {{0, 0}, {1}}}",
                 "t.lua:1: surface.positions[2] = a table of 1 values: must be {x, y} or {x, y, angle}"},
-        Mistake{"surface{modules = {size = {4, 4}, map = {'#', '##'}}}",
-                "t.lua:1: surface.modules.map = a table: must be a list of texts, a character for each module, "
-                "'.' for none"},
+        Mistake{
+            "surface{modules = {size = {4, 4}, map = {'#', '##'}}}",
+            "t.lua:1: surface.modules.map = a table: must be a list of texts, a character for each module, "
+            "'.' for none"},
         Mistake{"surface{rows = 5, modules = {size = {4, 4}, map = {'#'}}}",
-                "t.lua:1: surface.modules: the modules have 4 rows and 4 columns together; leave out surface.rows and "
+                "t.lua:1: surface.modules: the modules have 4 rows and 4 columns together; leave out "
+                "surface.rows and "
                 "surface.columns"},
         Mistake{"surface{rows = 2, columns = 1, base = {{0}}}", "t.lua:1: surface.base: 1 rows: must be 2"},
         Mistake{"surface{rows = 1, columns = 1, base = function() return 0/0 end}",
@@ -215,7 +221,8 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"surface{tilt = {100, 0}}", "t.lua:1: surface.tilt: 100 degrees: must be in [-90, 90]"},
         Mistake{"faults{actuator = {stuck = 2}}", "t.lua:1: faults.actuator.stuck = 2: must be in [0, 1]"},
         Mistake{"faults{actuator = {stuck = 0.6, dead = 0.6}}",
-                "t.lua:1: faults.actuator: stuck, dead and weak are 1.2 of the cells together: must be at most 1"},
+                "t.lua:1: faults.actuator: stuck, dead and weak are 1.2 of the cells together: must be at "
+                "most 1"},
         Mistake{"faults{actuator = {weak = {gain = 0.5}}}",
                 "t.lua:1: faults.actuator.weak: the field 'fraction' is missing"},
         Mistake{"sphere{radius = 1, position = {0, 0, 0}, moment = 1}",
@@ -270,6 +277,11 @@ TEST_F(ErrorTest, AtRunTime) {
             "t.lua:2: object:alive: call it with a colon, object(id):alive");
   EXPECT_EQ(run_error_of("local o = object(sphere{radius = 1, position = {0, 0, 9}}) o:push{seconds = 1}"),
             "t.lua:2: push: the field 'force' is missing");
+  EXPECT_EQ(run_error_of("local o = object(sphere{radius = 1, position = {0, 0, 9}}) o:push{1, 2}"),
+            "t.lua:2: push.force = a table of 2 values: must be three numbers {x, y, z}");
+  EXPECT_EQ(
+      run_error_of("local o = object(sphere{radius = 1, position = {0, 0, 9}}) o:push{1, 2, 3, seconds = 1}"),
+      "t.lua:2: push: a value without a field name; known: force, point, seconds");
   EXPECT_EQ(run_error_of("local o = object(sphere{radius = 1, position = {0, 0, 9}}) o:teleport{}"),
             "t.lua:2: teleport: needs position, orientation, velocity or angular_velocity");
   EXPECT_EQ(run_error_of("cells:target('heigth', 1, 1, 2)"),

@@ -146,6 +146,7 @@ TEST_F(EventTest, ObjectsAreSpawnedReadMovedPushedAndRemoved) {
       print(o:orientation())
       print(o:angular_velocity())
       o:push{force = {1, 0, 0}}
+      o:push{0, 2, 0}
       o:push{force = {1, 0, 0}, point = {7, 8, 10}, seconds = 0.5}
       o:teleport{position = {0, 0, 5}, velocity = {1, 0, 0}}
       print(o:position())
@@ -157,8 +158,9 @@ TEST_F(EventTest, ObjectsAreSpawnedReadMovedPushedAndRemoved) {
   EXPECT_EQ(printed,
             "0\t1\t1\tobject 1\tbig\ttrue\tfalse\ttrue\n1.0\t2.0\t3.0\n4.0\t5.0\t6.0\n0.0\t0.0\t1.0\t0.0\n"
             "0.0\t0.0\t2.0\n0.0\t0.0\t5.0\n2\t1\t1\t0\nfalse\n");
-  EXPECT_EQ(host->log, (Log{"spawn 1", "push 1 1 0 0 at centre for 0.0166667",
-                            "push 1 1 0 0 at  7  8 10 for 0.5", "place 1", "remove 0"}));
+  EXPECT_EQ(host->log,
+            (Log{"spawn 1", "push 1 1 0 0 at centre for 0.0166667", "push 1 0 2 0 at centre for 0.0166667",
+                 "push 1 1 0 0 at  7  8 10 for 0.5", "place 1", "remove 0"}));
 }
 
 TEST_F(EventTest, CellsCountFromOneInLuaAndFromZeroForTheHost) {

@@ -5,18 +5,12 @@
 #include <random>
 
 #include "smartsurf/world/ColumnAxes.h"
+#include "tests/unit/smartsurf/world/PlacedBody.h"
 
 using namespace smartsurf;
 using namespace smartsurf::world;
 
 namespace {
-
-struct Body {
-  Shape shape;
-  Vec3 centre;
-  Mat3 axes;
-  Placed placed() const { return {shape, centre, axes}; }
-};
 
 std::shared_ptr<const scene::Solid> block(const Vec3& half) {
   std::vector<Vec3> corners;
@@ -34,16 +28,14 @@ std::shared_ptr<const scene::Solid> block(const Vec3& half) {
 
 const Vec3 kHalf(0.5F, 0.7F, 0.4F);
 
-Body body(scene::ShapeKind kind, std::mt19937& random, const Vec3& centre) {
-  std::uniform_real_distribution<float> u(-1, 1);
+PlacedBody body(scene::ShapeKind kind, std::mt19937& random, const Vec3& centre) {
   scene::ObjectSpec o;
   o.shape = kind;
   o.radius = 0.6;
   o.height = 1.2;
   o.size = 2 * kHalf.cast<double>();
   if (kind == scene::ShapeKind::kSolid) o.solid = block(kHalf);
-  return {make_shape(o), centre,
-          Quat(u(random), u(random), u(random), u(random)).normalized().toRotationMatrix()};
+  return {o, centre, any_turn(random)};
 }
 
 float least_gap(const std::vector<Contact>& contacts) {
@@ -62,9 +54,9 @@ TEST(ConvexPair, TheLastNormalSavesWorkAndDecidesNothing) {
   constexpr float kMargin = 0.05F;
   int compared = 0;
   for (int i = 0; i < 3000; ++i) {
-    const Body a = body(kinds[i % 3], random, {0, 0, 0});
+    const PlacedBody a = body(kinds[i % 3], random, {0, 0, 0});
     const Vec3 away = Vec3(u(random), u(random), u(random)).normalized();
-    Body b = body(kinds[i / 3 % 3], random, away * (1.0F + 0.4F * std::abs(u(random))));
+    PlacedBody b = body(kinds[i / 3 % 3], random, away * (1.0F + 0.4F * std::abs(u(random))));
     std::vector<Contact> before, with, without;
     touch_convex(a.placed(), b.placed(), kMargin, nullptr, before);
     if (before.empty() || least_gap(before) < -0.03F) continue;
@@ -88,12 +80,13 @@ TEST(ColumnAxes, ABoxAndItsHullAreEquallyFarFromAColumn) {
   const Column column{-0.4F, 0.4F, -0.4F, 0.4F, 0.0F, false, false, false, false};
   int near = 0;
   for (int i = 0; i < 2000; ++i) {
-    Body box = body(scene::ShapeKind::kBox, random, Vec3(u(random), u(random), 0.3F + 0.6F * u(random)));
-    Body hull = body(scene::ShapeKind::kSolid, random, box.centre);
+    PlacedBody box =
+        body(scene::ShapeKind::kBox, random, Vec3(u(random), u(random), 0.3F + 0.6F * u(random)));
+    PlacedBody hull = body(scene::ShapeKind::kSolid, random, box.centre);
     hull.axes = box.axes;
     const Vec3 reach = box.axes.cwiseAbs() * kHalf;
     ColumnAxes::Widest by_box, by_hull;
-    auto look = [&](const Body& b, ColumnAxes::Widest& out) {
+    auto look = [&](const PlacedBody& b, ColumnAxes::Widest& out) {
       ColumnAxes axes;
       const HullPiece* piece = b.shape.hulls.empty() ? nullptr : &b.shape.hulls[0];
       axes.set(Core({b.shape, piece}, b.centre, b.axes), b.centre - reach, b.centre + reach);

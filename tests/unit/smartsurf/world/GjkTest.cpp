@@ -4,27 +4,23 @@
 
 #include <random>
 
+#include "tests/unit/smartsurf/world/PlacedBody.h"
+
 using namespace smartsurf;
 using namespace smartsurf::world;
 
 namespace {
 
-struct Body {
-  Shape shape;
-  Vec3 centre;
-  Mat3 axes;
-};
-
-Body body(scene::ShapeKind kind, const Vec3& centre, const Quat& turn) {
+PlacedBody body(scene::ShapeKind kind, const Vec3& centre, const Quat& turn) {
   scene::ObjectSpec o;
   o.shape = kind;
   o.radius = 0.6;
   o.height = 2.0;
   o.size = {1.0, 1.4, 0.8};
-  return {make_shape(o), centre, turn.normalized().toRotationMatrix()};
+  return {o, centre, turn};
 }
 
-float distance(const Body& a, const Body& b) {
+float distance(const PlacedBody& a, const PlacedBody& b) {
   const Core ca({a.shape, nullptr}, a.centre, a.axes), cb({b.shape, nullptr}, b.centre, b.axes);
   const NearestPoints n = nearest_points(ca, cb, 100.0F, a.centre - b.centre);
   EXPECT_TRUE(n.apart);
@@ -42,9 +38,9 @@ TEST(Gjk, AgreesWithTheClosedFormsForPoints) {
   std::uniform_real_distribution<float> u(-1, 1);
   for (const auto kind : kKinds)
     for (int i = 0; i < 200; ++i) {
-      const Body solid = body(kind, {0, 0, 0}, Quat(u(random), u(random), u(random), u(random)));
+      const PlacedBody solid = body(kind, {0, 0, 0}, any_turn(random));
       const Vec3 at = Vec3(u(random), u(random), u(random)).normalized() * (3.2F + u(random));
-      const Body ball = body(scene::ShapeKind::kSphere, at, Quat::Identity());
+      const PlacedBody ball = body(scene::ShapeKind::kSphere, at, Quat::Identity());
       const Outward o = outward_of({solid.shape, nullptr}, solid.axes.transpose() * at);
       // The core rounds edges off: it may stand back by a part of its rounding there, more at a cone's sharp
       // tip.
@@ -58,11 +54,10 @@ TEST(Gjk, AgreesWithTheClosedFormsForPoints) {
 
 TEST(Gjk, IsSymmetricAndFallsByWhatOneIsMoved) {
   std::mt19937 random(12);
-  std::uniform_real_distribution<float> u(-1, 1);
   for (const auto first : kKinds)
     for (const auto second : kKinds) {
-      const Body a = body(first, {0, 0, 0}, Quat(u(random), u(random), u(random), u(random)));
-      Body b = body(second, {3, 2, 1}, Quat(u(random), u(random), u(random), u(random)));
+      const PlacedBody a = body(first, {0, 0, 0}, any_turn(random));
+      PlacedBody b = body(second, {3, 2, 1}, any_turn(random));
       const float apart = distance(a, b);
       EXPECT_NEAR(distance(b, a), apart, 1e-3F);
       const Core ca({a.shape, nullptr}, a.centre, a.axes), cb({b.shape, nullptr}, b.centre, b.axes);
@@ -75,7 +70,7 @@ TEST(Gjk, OutwardPointsLeadOut) {
   std::mt19937 random(13);
   std::uniform_real_distribution<float> u(-1, 1);
   for (const auto kind : kKinds) {
-    const Body solid = body(kind, {0, 0, 0}, Quat::Identity());
+    const PlacedBody solid = body(kind, {0, 0, 0}, Quat::Identity());
     for (int i = 0; i < 300; ++i) {
       const Vec3 p(u(random), u(random), 1.5F * u(random));
       const Outward o = outward_of({solid.shape, nullptr}, p);

@@ -1,0 +1,27 @@
+// A shape that stands somewhere, for the tests of pairs.
+#pragma once
+
+#include <random>
+
+#include "smartsurf/scene/SceneSpec.h"
+#include "smartsurf/world/ConvexPair.h"
+
+namespace smartsurf::world {
+
+struct PlacedBody {
+  Shape shape;
+  Vec3 centre;
+  Mat3 axes;
+
+  PlacedBody(const scene::ObjectSpec& of, const Vec3& at, const Quat& turn)
+      : shape(make_shape(of)), centre(at), axes(turn.normalized().toRotationMatrix()) {}
+  Placed placed() const { return {shape, centre, axes}; }
+};
+
+inline Quat any_turn(std::mt19937& random) {
+  std::uniform_real_distribution<float> u(-1, 1);
+  const float w = u(random), x = u(random), y = u(random), z = u(random);
+  return {w, x, y, z};
+}
+
+}  // namespace smartsurf::world
