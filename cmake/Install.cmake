@@ -18,6 +18,18 @@ install(FILES apron/run/apron_plugin.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/a
 install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR} FILES_MATCHING PATTERN "*.md" PATTERN "*.png" PATTERN "*.svg"
   PATTERN api EXCLUDE)
 install(FILES shm-protocol/PROTOCOL.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
+# Installed, it lies beside the pages that link to it.
+install(CODE "set(folder \"${CMAKE_INSTALL_DOCDIR}\")")
+install(CODE [[
+  cmake_path(ABSOLUTE_PATH folder BASE_DIRECTORY "${CMAKE_INSTALL_PREFIX}")
+  file(GLOB pages "$ENV{DESTDIR}${folder}/*.md")
+  foreach(page IN LISTS pages)
+    file(READ "${page}" text)
+    string(REPLACE "](../shm-protocol/PROTOCOL.md" "](PROTOCOL.md" mended "${text}")
+    if(NOT mended STREQUAL text)
+      file(WRITE "${page}" "${mended}")
+    endif()
+  endforeach()]])
 file(GLOB man_pages CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/packaging/man/*.1)
 install(FILES ${man_pages} DESTINATION ${CMAKE_INSTALL_MANDIR}/man1)
 install(FILES packaging/smartsurf.bash-completion

@@ -6,6 +6,7 @@
 
 #include "apron/compiler/Builtins.h"
 #include "apron/compiler/Lowering.h"
+#include "apron/compiler/PaletteName.h"
 #include "apron/compiler/Unwritten.h"
 #include "apron/syntax/Parser.h"
 #include "apron/syntax/Preprocessor.h"
@@ -21,6 +22,7 @@ syntax::PreprocessorOptions preprocessor_options(const CompileOptions& options) 
   result.include_paths = options.include_paths;
   result.library_path = options.library_path;
   result.is_builtin = [](std::string_view name) { return find_builtin(name) != nullptr; };
+  result.wrong_palette = wrong_palette;
   return result;
 }
 

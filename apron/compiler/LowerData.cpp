@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "apron/compiler/Lowering.h"
+#include "apron/compiler/PaletteName.h"
 
 namespace apron::compiler {
 
@@ -12,11 +13,6 @@ using program::Opcode;
 using program::Operand;
 using program::OperandKind;
 using syntax::ExpressionKind;
-
-namespace {
-
-
-}  // namespace
 
 // One number a cell where a register is written or read in the statement, else one number.
 Value Lowering::draw(Opcode op, const Value& a, const Value& b, Destination* destination) {
@@ -104,8 +100,10 @@ void Lowering::set_colours(const Builtin& builtin, const Expressions& arguments,
   Value low = Value::of(0.0F);
   Value high;
   if (builtin.form == Form::kSetPalette) {
-    emitter_.emit(Opcode::kSetPalette, {},
-                  {emitter_.operand(place), emitter_.text(text(arguments.back(), "a palette"))});
+    const std::string& name = text(arguments.back(), "a palette");
+    const std::string wrong = wrong_palette(name);
+    if (!wrong.empty()) throw Failure{arguments.back().at, wrong};
+    emitter_.emit(Opcode::kSetPalette, {}, {emitter_.operand(place), emitter_.text(name)});
     if (arguments.size() == 2) return;
     high = scalar(arguments[1], "a scale");
   } else {

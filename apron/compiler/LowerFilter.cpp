@@ -45,14 +45,19 @@ double Lowering::real(const Expression& expression, std::string_view what, doubl
   return value;
 }
 
+std::optional<std::uint32_t> Lowering::filter_of(std::string_view name) const {
+  const std::vector<Filter>& all = emitter_.program().filters;
+  const auto found =
+      std::find_if(all.begin(), all.end(), [&](const Filter& one) { return one.name == name; });
+  if (found == all.end()) return std::nullopt;
+  return static_cast<std::uint32_t>(found - all.begin());
+}
+
 std::uint32_t Lowering::find_filter(const Expression& name) const {
   const std::string& wanted = text(name, "a filter's name");
-  const std::vector<Filter>& all = emitter_.program().filters;
+  if (const std::optional<std::uint32_t> index = filter_of(wanted)) return *index;
   std::vector<std::string> known;
-  for (std::size_t i = 0; i < all.size(); ++i) {
-    if (all[i].name == wanted) return static_cast<std::uint32_t>(i);
-    known.push_back(all[i].name);
-  }
+  for (const Filter& one : emitter_.program().filters) known.push_back(one.name);
   throw Failure{name.at, fmt::format("no filter '{}' was created before{}", wanted,
                                      syntax::did_you_mean(wanted, known))};
 }
@@ -127,9 +132,7 @@ bool Lowering::filter_statement(const Builtin& builtin, const Expression& call,
       if (width < 1 || height < 1 || width > most || height > most) {
         throw Failure{call.at, fmt::format("a filter is of 1x1 to {0}x{0} elements", most)};
       }
-      for (const Filter& one : emitter_.program().filters) {
-        if (one.name == name) throw Failure{call.at, fmt::format("there is a filter '{}' already", name)};
-      }
+      if (filter_of(name)) throw Failure{call.at, fmt::format("there is a filter '{}' already", name)};
       const std::size_t count = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
       emitter_.program().filters.push_back({name, static_cast<std::uint32_t>(width),
                                             static_cast<std::uint32_t>(height),
@@ -187,24 +190,38 @@ void Lowering::set_element(const Expressions& arguments) {
   emitter_.emit(Opcode::kFilterSet, {}, {filter(index), emitter_.operand(number), emitter_.operand(value)});
 }
 
-// filter.kernel.gabor(name, width, angle, wavelength[, phase[, aspect]]) makes the filter.
+// filter.kernel.gabor(name, width, angle, wavelength[, phase[, aspect]]) fills the filter, or makes it as
+// large as the width asks.
 void Lowering::gabor(const Expressions& arguments) {
   const std::string& name = text(arguments[0], "a filter's name");
-  for (const Filter& one : emitter_.program().filters) {
-    if (one.name == name) throw Failure{arguments[0].at, fmt::format("there is a filter '{}' already", name)};
-  }
   const double width = real(arguments[1], "a Gabor filter's width", 0.01);
   const double angle = constant(arguments[2], "a Gabor filter's angle");
   const double wave = real(arguments[3], "a Gabor filter's wavelength", 0.01);
   const double phase = arguments.size() > 4 ? constant(arguments[4], "a Gabor filter's phase") : 0.0;
   const double aspect = arguments.size() > 5 ? real(arguments[5], "a Gabor filter's aspect", 0.01) : 1.0;
-  const int radius = radius_of(width / std::min(aspect, 1.0), arguments[1].at);
-  add_filter(weighted(name, radius, radius, false, [&](double x, double y) {
+  const auto weight = [&](double x, double y) {
     const double u = x * std::cos(angle) + y * std::sin(angle);
     const double v = y * std::cos(angle) - x * std::sin(angle);
     return std::exp(-0.5 * (u * u + aspect * aspect * v * v) / (width * width)) *
            std::cos(2.0 * kPi * u / wave + phase);
-  }));
+  };
+  if (const std::optional<std::uint32_t> index = filter_of(name)) return fill(*index, weight);
+  const int radius = radius_of(width / std::min(aspect, 1.0), arguments[1].at);
+  add_filter(weighted(name, radius, radius, false, weight));
+}
+
+// All elements of weight(dx, dy), from the middle that the machine lays on the cell.
+void Lowering::fill(std::uint32_t index, const std::function<double(double, double)>& weight) {
+  const Filter wanted = emitter_.program().filters[index];
+  for (std::uint32_t y = 0; y < wanted.height; ++y) {
+    for (std::uint32_t x = 0; x < wanted.width; ++x) {
+      const double dx = static_cast<double>(x) - (wanted.width - 1) / 2;
+      const double dy = static_cast<double>(y) - (wanted.height - 1) / 2;
+      emitter_.emit(Opcode::kFilterSet, {},
+                    {filter(index), emitter_.literal(static_cast<float>(y * wanted.width + x)),
+                     emitter_.literal(static_cast<float>(weight(dx, dy)))});
+    }
+  }
 }
 
 }  // namespace apron::compiler

@@ -57,7 +57,6 @@ Opcode unless_opcode(Opcode compare) {
 
 bool is_comparison(Opcode op) { return op >= Opcode::kLt && op <= Opcode::kNe; }
 
-
 }  // namespace
 
 std::uint32_t Lowering::where_part() const {

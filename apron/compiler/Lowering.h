@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 #include <string_view>
@@ -143,11 +145,13 @@ class Lowering {
   // LowerFilter.cpp
   Value filtered(const Builtin&, const Expressions&, Location, Destination*);
   bool filter_statement(const Builtin&, const Expression& call, const Expressions&);
+  std::optional<std::uint32_t> filter_of(std::string_view name) const;
   std::uint32_t find_filter(const Expression& name) const;
   std::uint32_t add_filter(program::Filter);
   Value gauss(const Expressions&, Location, Destination*);
   void set_element(const Expressions&);
   void gabor(const Expressions&);
+  void fill(std::uint32_t index, const std::function<double(double, double)>& weight);
   double real(const Expression&, std::string_view what, double low);
   int radius_of(double width, Location) const;
   program::Operand filter(std::uint32_t index) const { return {program::OperandKind::kFilter, index}; }

@@ -33,11 +33,11 @@ class Debugger {
   // Until `ticks` more surface.step are complete: then kTick.
   vm::Status run_ticks(std::uint64_t ticks);
 
-  // Until a tick is complete (kTick) or a breakpoint is met (kBudget, or kTick with the tick that met it); hit()
-  // tells which. At full speed as long as no breakpoint needs a look at every instruction.
+  // Until a tick is complete (kTick) or a breakpoint is met (kBudget, or kTick with the tick that met it);
+  // hit() tells which. At full speed as long as no breakpoint needs a look at every instruction.
   vm::Status run(Breakpoints& breakpoints);
-  // The same until the program comes to an instruction of another group than the one to come, at most `budget`
-  // instructions: then kBudget. groups: by instruction, such as the rows of a listing.
+  // The same until the program comes to an instruction of another group than the one to come, at most
+  // `budget` instructions: then kBudget. groups: by instruction, such as the rows of a listing.
   vm::Status step_group(const std::vector<std::uint32_t>& groups, Breakpoints& breakpoints,
                         std::uint64_t budget = kUnlimited);
   // The breakpoint that ended the last call of these two, if one did.

@@ -1,14 +1,11 @@
 #include "apron/debugger/Palette.h"
 
 #include <algorithm>
-#include <cctype>
+#include <array>
 #include <cmath>
 
 namespace apron::debugger {
 namespace {
-
-constexpr std::array<std::string_view, kPalettes> kNames = {
-    "grey", "raw", "flame", "spectrum", "viridis", "magma", "inferno", "plasma", "diverging"};
 
 // A polynomial of degree 6 in t, fitted to the palette's table, for red, green and blue.
 using Fit = std::array<std::array<double, 3>, 7>;
@@ -101,17 +98,6 @@ float place(Palette palette, const Range& range, float value) {
 }
 
 }  // namespace
-
-std::string_view name(Palette palette) noexcept { return kNames[static_cast<std::size_t>(palette)]; }
-
-Palette palette(std::string_view name) noexcept {
-  const auto same = [&](std::string_view known) {
-    return std::equal(name.begin(), name.end(), known.begin(), known.end(),
-                      [](char a, char b) { return std::tolower(static_cast<unsigned char>(a)) == b; });
-  };
-  const auto found = std::find_if(kNames.begin(), kNames.end(), same);
-  return found == kNames.end() ? Palette::kGrey : static_cast<Palette>(found - kNames.begin());
-}
 
 Colour colour(Palette palette, float t) noexcept {
   return std::isnan(t) ? kNotANumber : in_palette(palette, std::clamp(t, 0.0F, 1.0F));

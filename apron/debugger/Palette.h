@@ -1,11 +1,10 @@
 // Colours for the numbers of a register.
 #pragma once
 
-#include <array>
 #include <cstdint>
-#include <string>
-#include <string_view>
 #include <vector>
+
+#include "apron/program/Palette.h"
 
 namespace apron::debugger {
 
@@ -19,22 +18,8 @@ struct Colour {
 // What is not a number, in every palette.
 inline constexpr Colour kNotANumber{255, 0, 200};
 
-enum class Palette : std::uint8_t {
-  kGrey,      // black to white
-  kRaw,       // the value itself as a grey level from 0 to 255, whatever the range
-  kFlame,     // black, red, yellow, white
-  kSpectrum,  // blue, cyan, green, yellow, red
-  kViridis,   // perceptually uniform (CC0; S. van der Walt, N. Smith), as the next three
-  kMagma,
-  kInferno,
-  kPlasma,
-  kDiverging,  // blue, white, red: for values of both signs
-};
-inline constexpr std::size_t kPalettes = 9;
-
-std::string_view name(Palette) noexcept;
-// By name, upper or lower case, 'gray' and 'default' too; the grey one for names that there are not.
-Palette palette(std::string_view name) noexcept;
+using program::kPalettes;
+using program::Palette;
 
 // t in [0, 1] from the low to the high end of a range; clamped.
 Colour colour(Palette, float t) noexcept;

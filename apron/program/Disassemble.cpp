@@ -47,8 +47,8 @@ std::string operands_of(const Program& program, const Instruction& instruction) 
 
 std::string disassemble(const Program& program, std::size_t index) {
   const Instruction& instruction = program.code.at(index);
-  std::string line =
-      fmt::format("{:>5}  {:<15} {}", index, info(instruction.op).mnemonic, operands_of(program, instruction));
+  std::string line = fmt::format("{:>5}  {:<15} {}", index, info(instruction.op).mnemonic,
+                                 operands_of(program, instruction));
   if (instruction.source < program.sources.size()) {
     const Source& source = program.sources[instruction.source];
     if (source.line > 0) {

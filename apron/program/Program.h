@@ -120,8 +120,8 @@ struct Program {
   std::vector<Group> groups;
   std::vector<std::string> modules;  // shared objects by name, for the host to find
   std::vector<Source> sources;
-  std::vector<std::string> files;      // as shown to the user
-  std::vector<Expansion> expansions;   // empty without macros; the first stands for none
+  std::vector<std::string> files;     // as shown to the user
+  std::vector<Expansion> expansions;  // empty without macros; the first stands for none
 };
 
 // Limits, named in the error when hit.

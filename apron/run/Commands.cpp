@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <functional>
 #include <iostream>
@@ -62,6 +63,16 @@ vm::Status run_to_end(vm::Vm& vm, const Options& options, std::uint64_t& ticks) 
       return status;
   }
   return vm::Status::kEnded;
+}
+
+// "" if the file can be written, as far as can be told before.
+std::string unwritable(const std::string& file) {
+  namespace fs = std::filesystem;
+  std::error_code ignored;
+  const fs::path folder = fs::absolute(file, ignored).parent_path();
+  if (fs::is_directory(file, ignored)) return "it is a folder";
+  if (!fs::is_directory(folder, ignored)) return "there is no folder " + folder.string();
+  return {};
 }
 
 bool write_profile(const program::Program& program, const std::vector<vm::Spent>& spent, std::uint64_t ticks,
@@ -219,6 +230,8 @@ int run_on_surface(const Options& options) {
 
 int run_program(const Options& options) {
   catch_stop_signals();
+  if (const std::string why = options.profile.empty() ? "" : unwritable(options.profile); !why.empty())
+    return complain(kWrongInput, "error: --profile " + options.profile + ": " + why);
   if (options.draws())
     if (const std::string why = drawing_unavailable(options); !why.empty())
       return complain(kWrongInput, "error: " + why);
@@ -240,7 +253,8 @@ int check_program(const Options& options) {
     const program::Source& source = program->sources[program->code[n.instruction].source];
     std::cout << program->files[source.file] << ':' << source.line << ": not local: " << n.reason << '\n';
   }
-  if (beyond.empty()) std::cout << options.program << ": every instruction is local\n";
+  if (!beyond.empty()) return kRunFailed;
+  std::cout << options.program << ": every instruction is local\n";
   return kDone;
 }
 

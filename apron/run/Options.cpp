@@ -1,12 +1,15 @@
 #include "apron/run/Options.h"
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <cstdlib>
 #include <iostream>
 #include <limits>
 
 #include "apron/program/Program.h"
+#include "apron/syntax/Suggestion.h"
 
 namespace apron::run {
 namespace {
@@ -216,6 +219,19 @@ void check_run(Raw& raw) {
     throw CLI::ValidationError("--size",
                                "a program takes the size of the surface that --shm names; give one of them");
   for (const std::string& set : raw.sets) set_parameter(raw, set);
+  // The simulator names its surface to the controllers that it starts.
+  const char* named = std::getenv("SMARTSURF_SHM");
+  if (raw.options.surface.empty() && raw.size.empty() && named != nullptr) raw.options.surface = named;
+}
+
+// Before CLI11, which only says that a command is required.
+void check_command(CLI::App& app, const std::string& name) {
+  std::vector<std::string> known;
+  for (const CLI::App* one : app.get_subcommands([](CLI::App*) { return true; }))
+    known.push_back(one->get_name());
+  if (name.starts_with('-') || std::find(known.begin(), known.end(), name) != known.end()) return;
+  throw CLI::ValidationError("no command '" + name + "'" + syntax::did_you_mean(name, known) +
+                             "; known: " + CLI::detail::join(known, ", "));
 }
 
 }  // namespace
@@ -240,6 +256,7 @@ ParsedOptions parse_options(int argc, char** argv) {
   common(repl, raw, false);
   settings(repl, raw);
   try {
+    if (argc > 1) check_command(app, argv[1]);
     app.parse(argc, argv);
     if (!raw.size.empty()) set_size(raw);
     if (run.parsed()) check_run(raw);

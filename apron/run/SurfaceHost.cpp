@@ -125,6 +125,10 @@ HostStatus SurfaceHost::find(Direction direction, std::string_view name, Target&
       surface_.description().channels[static_cast<std::size_t>(target.channel)].components;
   if (component.empty() ? components == 1 : is_component(component, components, target.component))
     return HostStatus::kOk;
+  if (components == 1)
+    return report(HostStatus::kRefused, "channel '" + std::string(channel) +
+                                            "' has one number a cell, not '" + std::string(name) +
+                                            "': name it as '" + std::string(channel) + "'");
   return report(HostStatus::kRefused, "channel '" + std::string(channel) + "' has " +
                                           std::to_string(components) + " components a cell, not '" +
                                           std::string(name) + "': name one as '" + std::string(channel) +

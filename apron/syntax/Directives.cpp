@@ -382,6 +382,8 @@ void Preprocessor::default_palette(const Tokens& tokens) {
     diagnostics_.error(list[0].front().at, "expected a number: the value that has the palette's last colour");
     return;
   }
+  const std::string wrong = options_.wrong_palette ? options_.wrong_palette(name) : "";
+  if (!wrong.empty()) return diagnostics_.error(list[1].front().at, wrong);
   palette_ = name;
   scale_ = static_cast<float>(scale->number);
 }

@@ -34,6 +34,8 @@ struct PreprocessorOptions {
   std::string library_path;                // searched last; "" for none
   // Whether the language has an instruction of that name: inside a macro of the same name, that is meant.
   std::function<bool(std::string_view)> is_builtin;
+  // "" if there is a palette of that name, else why not.
+  std::function<std::string(std::string_view)> wrong_palette;
 };
 
 // What `!register`, `!create` and `!object` ask for.

@@ -44,12 +44,12 @@ bool same_last_part(std::string_view name, std::string_view candidate) {
 std::size_t score(std::string_view name, std::string_view candidate) {
   if (candidate == name) return SIZE_MAX;
   if (lower(candidate) == lower(name)) return 0;
-  if (same_last_part(name, candidate)) return 1;  // better than any edit
   const std::size_t allowed = name.size() <= 1 ? 0 : name.size() <= 4 ? 1 : name.size() <= 8 ? 2 : 3;
-  if (candidate.size() > name.size() + allowed || name.size() > candidate.size() + allowed) return SIZE_MAX;
-  const std::size_t edits = distance(name, candidate);
-  const bool nothing_left = edits >= std::max(name.size(), candidate.size());
-  return edits <= allowed && !nothing_left ? 2 * edits : SIZE_MAX;
+  const bool far = candidate.size() > name.size() + allowed || name.size() > candidate.size() + allowed;
+  const std::size_t edits = far ? SIZE_MAX : distance(name, candidate);
+  const bool near = edits <= allowed && edits < std::max(name.size(), candidate.size());
+  if (same_last_part(name, candidate)) return near ? 1 : 2;  // better than any other edit
+  return near ? 2 + edits : SIZE_MAX;
 }
 
 }  // namespace

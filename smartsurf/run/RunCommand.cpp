@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <charconv>
 #include <memory>
 
 #include "smartsurf/mesh/SolidLibrary.h"
@@ -29,8 +30,20 @@ struct RunFlags {
   int worlds = 0;  // 0: not asked for
 };
 
+CLI::Validator whole_number() {
+  return {[](std::string& text) {
+            std::uint64_t value = 0;
+            const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+            if (error == std::errc{} && end == text.data() + text.size()) return std::string();
+            return fmt::format("'{}' is not a whole number from 0 to {}", text, UINT64_MAX);
+          },
+          ""};
+}
+
 void add_script_flags(CLI::App& app, RunFlags& f) {
-  app.add_option("--seed", f.seed, "Seed of everything random, instead of the script's")->type_name("N");
+  app.add_option("--seed", f.seed, "Seed of everything random, instead of the script's")
+      ->check(whole_number())
+      ->type_name("N");
   app.add_option("--set", f.set, "Value of an option that the script makes")
       ->type_name("NAME=VALUE")
       ->allow_extra_args(false);
@@ -52,7 +65,9 @@ void add_run_flags(CLI::App& app, RunFlags& f) {
       ->type_name("MODE");
   app.add_option("--pace", f.pace, "max, realtime, or simulated seconds per second")->type_name("PACE");
   app.add_option("--until", f.until, "End at this simulated time")->type_name("SECONDS");
-  app.add_option("--ticks", f.ticks, "End after so many control periods")->type_name("N");
+  app.add_option("--ticks", f.ticks, "End after so many control periods")
+      ->check(whole_number())
+      ->type_name("N");
   app.add_option("--shm", f.shm, "Name of the shared-memory surface (default: surface)")->type_name("NAME");
   app.add_option(
          "--controller", f.controller,
@@ -197,8 +212,11 @@ int check_command(const RunFlags& flags) {
   const std::string& file = flags.experiment;
   const auto& scene = experiment.scene();
   check_surface(scene);
-  fmt::print("{}: ok: {} x {} cells, {} objects, {} options\n", file, scene.surface.rows,
-             scene.surface.columns, scene.objects.size(), scene.options.size());
+  const auto count = [](std::size_t n, const char* what) {
+    return fmt::format("{} {}{}", n, what, n == 1 ? "" : "s");
+  };
+  fmt::print("{}: ok: {} x {} cells, {}, {}\n", file, scene.surface.rows, scene.surface.columns,
+             count(scene.objects.size(), "object"), count(scene.options.size(), "option"));
   return kDone;
 }
 

@@ -27,16 +27,18 @@ std::array<Eigen::Vector3d, 8> corners(const Eigen::AlignedBox3d& box) {
 }
 
 // One side of the frustum pair left/right or bottom/top. With the eye at (e, d), d towards the viewer, a
-// point (p, z) is inside when |p − e| ≤ k·(d − z): the nearest d and the centred e that hold for all points.
+// point (p, z) is inside when −k_low·(d − z) ≤ p − e ≤ k_high·(d − z): the nearest d that holds for all
+// points, and the e that leaves as much room on both sides of them.
 struct Fit {
+  double k_low, k_high;
   double low = -std::numeric_limits<double>::infinity();
   double high = -std::numeric_limits<double>::infinity();
-  void add(double p, double z, double k) {
-    high = std::max(high, p + k * z);
-    low = std::max(low, -p + k * z);
+  void add(double p, double z) {
+    high = std::max(high, p + k_high * z);
+    low = std::max(low, -p + k_low * z);
   }
-  double offset() const { return 0.5 * (high - low); }
-  double distance(double k) const { return 0.5 * (high + low) / k; }
+  double distance() const { return (high + low) / (k_low + k_high); }
+  double offset(double d) const { return 0.5 * (high - low + (k_low - k_high) * d); }
 };
 
 }  // namespace
@@ -48,7 +50,7 @@ Eigen::AlignedBox3d Camera::extent(const scene::SurfaceSpec& s) {
           Eigen::Vector3d(ground.east, ground.north, top)};
 }
 
-Camera Camera::framing(const scene::SurfaceSpec& surface, Preset preset, double aspect) {
+Camera Camera::framing(const scene::SurfaceSpec& surface, Preset preset, double aspect, double covered) {
   Camera camera;
   camera.azimuth_ = 0.0;
   camera.elevation_ = preset == Preset::kTop   ? kMaxElevation
@@ -58,20 +60,21 @@ Camera Camera::framing(const scene::SurfaceSpec& surface, Preset preset, double 
   camera.scene_radius_ = 0.5 * box.diagonal().norm();
   const double k_y = std::tan(camera.field_of_view_ / 2.0) / kFramingMargin;
   const double k_x = k_y * aspect;
-  Fit x, y;
+  Fit x{k_x, k_x}, y{k_y * (1.0 - 2.0 * covered), k_y};
   const auto include = [&](const Eigen::Vector3d& point) {
     const double depth = -point.dot(camera.forward());
-    x.add(point.dot(camera.right()), depth, k_x);
-    y.add(point.dot(camera.up()), depth, k_y);
+    x.add(point.dot(camera.right()), depth);
+    y.add(point.dot(camera.up()), depth);
   };
   for (const Eigen::Vector3d& corner : corners(box)) include(corner);
   const Axes axes = axes_of(surface);
   include(axes.origin);
   for (int i = 0; i < 3; ++i) include(axes.origin + axes.length * Eigen::Vector3d::Unit(i));
-  const double eye_depth = std::max(x.distance(k_x), y.distance(k_y));
+  const double eye_depth = std::max(x.distance(), y.distance());
   const double target_depth = -box.center().dot(camera.forward());
   camera.distance_ = camera.home_distance_ = eye_depth - target_depth;
-  camera.target_ = camera.right() * x.offset() + camera.up() * y.offset() - camera.forward() * target_depth;
+  camera.target_ = camera.right() * x.offset(eye_depth) + camera.up() * y.offset(eye_depth) -
+                   camera.forward() * target_depth;
   return camera;
 }
 

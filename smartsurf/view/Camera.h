@@ -25,7 +25,9 @@ class Camera {
   // The whole table (its pins from the lowest to the highest place they can take, and the axes beside it)
   // fills a picture of that aspect ratio (width / height) with a small margin. kTop has north up; kIso looks
   // north from the south at 40° above the horizon; kSide looks north from just above the table.
-  static Camera framing(const scene::SurfaceSpec& surface, Preset preset, double aspect);
+  // covered: share of the picture's height, from its lower edge, that is left free for panels; 0 … 0.4.
+  static Camera framing(const scene::SurfaceSpec& surface, Preset preset, double aspect,
+                        double covered = 0.0);
 
   // The box of the table and its pins, u.
   static Eigen::AlignedBox3d extent(const scene::SurfaceSpec& surface);

@@ -198,16 +198,17 @@ void Controls::wheel(double notches) {
   camera_.zoom(notches);
 }
 
-void Controls::resize(double aspect) {
-  if (aspect == aspect_) return;
+void Controls::resize(double aspect, double covered) {
+  if (aspect == aspect_ && covered == covered_) return;
   aspect_ = aspect;
+  covered_ = covered;
   if (!camera_touched_) frame(preset_);
 }
 
 void Controls::frame(Preset preset) {
   preset_ = preset;
   followed_.reset();
-  camera_ = Camera::framing(surface_, preset, aspect_);
+  camera_ = Camera::framing(surface_, preset, aspect_, covered_);
   camera_touched_ = false;
 }
 

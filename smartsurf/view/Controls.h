@@ -111,8 +111,9 @@ class Controls {
   // Pointer movement in pixels, y down, in a picture of that height.
   void drag(Drag kind, double dx, double dy, double height);
   void wheel(double notches);
-  // The picture's new shape: a preset that was not touched since is framed anew.
-  void resize(double aspect);
+  // The picture's shape, and the share of its height that panels cover from below: where they change, a
+  // preset that was not touched since is framed anew.
+  void resize(double aspect, double covered = 0.0);
 
   void seek(std::size_t frame) { commands_.seek = frame; }
   void reset(std::vector<NamedValue> options);
@@ -153,7 +154,7 @@ class Controls {
   scene::SurfaceSpec surface_;
   Camera camera_;
   Preset preset_ = Preset::kIso;
-  double aspect_ = 16.0 / 9.0;
+  double aspect_ = 16.0 / 9.0, covered_ = 0.0;
   bool camera_touched_ = false, help_ = false, grid_ = true, picture_ = false;
   bool film_ = false, panels_ = true, labels_ = false;
   Style style_ = Style::kSolid;

@@ -13,13 +13,15 @@ constexpr float kCorners[8][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}, {-2, -2}, 
 constexpr GLubyte kTriangles[] = {0, 1, 2, 0, 2, 3, 4, 5, 1, 4, 1, 0, 5, 6, 2,
                                   5, 2, 1, 6, 7, 3, 6, 3, 2, 7, 4, 0, 7, 0, 3};
 constexpr int kNear = 6, kFar = 24;  // of them
+constexpr double kDim = 6.0;         // u, as in the ground's shader
 
 }  // namespace
 
 GroundLayer::GroundLayer(const scene::SurfaceSpec& surface, Pass colour_pass)
-    : base_(static_cast<float>(ground_height(surface))),
+    : dim_(Camera::extent(surface).min().head<2>().array() - kDim,
+           Camera::extent(surface).max().head<2>().array() + kDim),
+      base_(static_cast<float>(ground_height(surface))),
       reach_(static_cast<float>(20.0 * Camera::extent(surface).diagonal().norm())),
-      beside_(static_cast<float>(2.0 * Camera::extent(surface).sizes().z() + 8.0 * surface.pitch)),
       array_(make_vertex_array()),
       corners_(make_buffer()),
       triangles_(make_buffer()) {
@@ -44,20 +46,23 @@ GroundLayer::GroundLayer(const scene::SurfaceSpec& surface, Pass colour_pass)
   glBindVertexArray(0);
 }
 
-void GroundLayer::draw_part(const ShaderProgram& program, bool grid, int first, int count) const {
+void GroundLayer::draw_part(const ShaderProgram& program, bool grid, const Eigen::AlignedBox2d& shaded,
+                            int first, int count) const {
   glUseProgram(program.id());
   glUniform1f(glGetUniformLocation(program.id(), "base"), base_);
   glUniform1f(glGetUniformLocation(program.id(), "reach"), reach_);
-  glUniform1f(glGetUniformLocation(program.id(), "beside"), beside_);
+  const Eigen::Vector4f edges = (Eigen::Vector4d() << shaded.min(), shaded.max()).finished().cast<float>();
+  glUniform4fv(glGetUniformLocation(program.id(), "shaded"), 1, edges.data());
   glUniform1f(glGetUniformLocation(program.id(), "spacing"), grid ? spacing_ : 0.0f);
   glBindVertexArray(array_.id());
   glDrawElements(GL_TRIANGLES, count, GL_UNSIGNED_BYTE, reinterpret_cast<const void*>(std::ptrdiff_t{first}));
 }
 
-void GroundLayer::draw_ground(bool grid) const {
-  if (sunlit_.id() == 0) return draw_part(shaded_, grid, 0, kNear + kFar);
-  draw_part(shaded_, grid, 0, kNear);
-  draw_part(sunlit_, grid, kNear, kFar);
+void GroundLayer::draw_ground(bool grid, const Eigen::AlignedBox2d& shade) const {
+  const Eigen::AlignedBox2d shaded = dim_.merged(shade);
+  if (sunlit_.id() == 0) return draw_part(shaded_, grid, shaded, 0, kNear + kFar);
+  draw_part(shaded_, grid, shaded, 0, kNear);
+  draw_part(sunlit_, grid, shaded, kNear, kFar);
 }
 
 void GroundLayer::draw_backdrop() const {

@@ -172,7 +172,11 @@ void draw_hud(const Moment& moment, const Status& status, const std::optional<He
   if (controls.panels_shown()) {
     draw_run_panel(moment, status, state, controls, scale);
     draw_inspect_panel(moment, state.watch, controls, scale);
-    if (status.timeline) bottom = draw_timeline(*status.timeline, status, controls, scale) - 8.0f * scale;
+    if (status.timeline) {
+      const float top = draw_timeline(*status.timeline, status, controls, scale);
+      bottom = top - 8.0f * scale;
+      state.covered = 1.0 - top / ImGui::GetIO().DisplaySize.y;
+    }
     if (status.paused) draw_paused(scale);
   }
   if (heat) draw_legend(*heat, bottom, scale);

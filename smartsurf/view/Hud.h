@@ -16,6 +16,7 @@ struct HudState {
   double render_ms = 0.0, interval_ms = 0.0;  // smoothed: of drawing a frame, and from one frame to the next
   std::string message;                        // of the last picture: where it is, or why it is not
   bool filming = false;
+  double covered = 0.0;  // share of the window, from its lower edge, behind the timeline when last drawn
   std::vector<OptionEdit> edits;
   Watch watch;
 };

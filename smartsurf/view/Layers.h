@@ -115,13 +115,16 @@ class LineLayer {
 class GroundLayer {
  public:
   GroundLayer(const scene::SurfaceSpec& surface, Pass colour_pass);
-  void draw_ground(bool grid) const;
+  // shade: around all shadows on the ground, x and y.
+  void draw_ground(bool grid, const Eigen::AlignedBox2d& shade) const;
   void draw_backdrop() const;
 
  private:
-  void draw_part(const ShaderProgram& program, bool grid, int first, int count) const;
+  void draw_part(const ShaderProgram& program, bool grid, const Eigen::AlignedBox2d& shaded, int first,
+                 int count) const;
 
-  float base_, reach_, beside_, spacing_;
+  Eigen::AlignedBox2d dim_;  // the table, and around it the ground that sees less of the sky
+  float base_, reach_, spacing_;
   VertexArray array_;
   Buffer corners_, triangles_;
   ShaderProgram shaded_, backdrop_;

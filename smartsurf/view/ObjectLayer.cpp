@@ -38,6 +38,13 @@ void bind_instances(GLuint buffer, GLsizei first = 0) {
   instance_attribute(4, 4, start + offsetof(ObjectInstance, colour));
 }
 
+// The octagon around a circle of radius 1, x and y of each corner: fewer pixels beside the circle than a
+// square.
+std::vector<float> around_disc() {
+  constexpr float kSide = 0.41421357f;  // half of it: tan(π/8)
+  return {kSide, -1, 1, -kSide, 1, kSide, kSide, 1, -kSide, 1, -1, kSide, -1, -kSide, -kSide, -1};
+}
+
 }  // namespace
 
 ObjectLayer::ObjectLayer(Pass colour_pass) {
@@ -51,7 +58,8 @@ ObjectLayer::ObjectLayer(Pass colour_pass) {
                            const std::vector<float>& wire) {
     set_up(kinds_[static_cast<std::size_t>(shape)], programs, 6, mesh.corners, mesh.triangles, wire);
   };
-  set_up(kinds_[0], sphere_, 2, {-1, -1, 1, -1, 1, 1, -1, 1}, {0, 1, 2, 0, 2, 3}, sphere_wire());
+  set_up(kinds_[0], sphere_, 2, around_disc(), {0, 1, 2, 0, 2, 3, 0, 3, 4, 0, 4, 5, 0, 5, 6, 0, 6, 7},
+         sphere_wire());
   make(ShapeKind::kBox, mesh_, box_mesh(), box_wire());
   make(ShapeKind::kCylinder, mesh_, cylinder_mesh(segments), cylinder_wire());
   make(ShapeKind::kCapsule, capsule_, capsule_mesh(segments), capsule_wire());

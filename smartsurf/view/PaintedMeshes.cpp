@@ -45,6 +45,23 @@ void add_box(PaintedMesh& mesh, const Vec& low, const Vec& high, float mark) {
   for (const auto& f : kFaces) add_quad(mesh, at(f[0]), at(f[1]), at(f[2]), at(f[3]), mark);
 }
 
+// A round body of height 1 and radius 1 at its foot, hollow from above.
+struct Cup {
+  float lip, bore;  // outer and inner radius at the top
+  float floor;      // z of the bottom of the hollow
+  float outside, wall,
+      bottom;  // share of the second colour: outside and on the lip, in the hollow, on its floor
+};
+
+PaintedMesh painted_cup(int segments, const Cup& cup) {
+  PaintedMesh mesh;
+  add_band(mesh, segments, 1, 0, cup.lip, 1, cup.outside);
+  add_band(mesh, segments, cup.lip, 1, cup.bore, 1, cup.outside);
+  add_band(mesh, segments, cup.bore, 1, cup.bore, cup.floor, cup.wall);
+  add_band(mesh, segments, cup.bore, cup.floor, 0, cup.floor, cup.bottom);
+  return mesh;
+}
+
 }  // namespace
 
 PaintedMesh painted_ball(int segments) {
@@ -101,23 +118,13 @@ PaintedMesh painted_arrow() {
 }
 
 PaintedMesh painted_coil(int segments) {
-  constexpr float kCore = 0.72F;
-  PaintedMesh mesh;
-  add_band(mesh, segments, 1, 0, 1, 1, 1.0F);
-  add_band(mesh, segments, 1, 1, kCore, 1, 1.0F);
-  add_band(mesh, segments, kCore, 1, kCore, 0.6F, 1.0F);
-  add_band(mesh, segments, kCore, 0.6F, 0, 0.6F, 0.0F);
-  return mesh;
+  return painted_cup(segments,
+                     {.lip = 1, .bore = 0.72F, .floor = 0.6F, .outside = 1, .wall = 1, .bottom = 0});
 }
 
 PaintedMesh painted_nozzle(int segments) {
-  constexpr float kHole = 0.55F;
-  PaintedMesh mesh;
-  add_band(mesh, segments, 1, 0, 0.85F, 1, 0.0F);
-  add_band(mesh, segments, 0.85F, 1, kHole, 1, 0.0F);
-  add_band(mesh, segments, kHole, 1, kHole, 0.1F, 1.0F);
-  add_band(mesh, segments, kHole, 0.1F, 0, 0.1F, 1.0F);
-  return mesh;
+  return painted_cup(segments,
+                     {.lip = 0.85F, .bore = 0.55F, .floor = 0.1F, .outside = 0, .wall = 1, .bottom = 1});
 }
 
 PaintedMesh painted_plume(int segments) {

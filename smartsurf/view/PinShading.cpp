@@ -37,7 +37,8 @@ PinShading::PinShading(const scene::SurfaceSpec& surface)
 
 float PinShading::height_at(const scene::Snapshot& snapshot, int row, int column) const {
   if (row < 0 || column < 0 || row >= surface_.rows || column >= surface_.columns) return base_;
-  return std::max(base_, snapshot.height[surface_.index(row, column)]);  // an empty cell is a hole to the ground
+  return std::max(base_,
+                  snapshot.height[surface_.index(row, column)]);  // an empty cell is a hole to the ground
 }
 
 PinShading::Corners PinShading::sky_of(const scene::Snapshot& snapshot, int row, int column) const {
@@ -120,8 +121,8 @@ PinShading::Bytes PinShading::colour_of(const scene::Snapshot& snapshot, const D
 
 std::span<const PinInstance> PinShading::update(const scene::Snapshot& snapshot,
                                                 const std::vector<scene::ObjectSpec>& catalogue,
-                                                const DrawOptions& options, bool north_first,
-                                                bool east_first, std::span<const float> recess) {
+                                                const DrawOptions& options, bool north_first, bool east_first,
+                                                std::span<const float> recess) {
   for (int row = 0; row < surface_.rows; ++row)
     for (int column = 0; column < surface_.columns; ++column)
       sky_[surface_.index(row, column)] = sky_of(snapshot, row, column);

@@ -198,7 +198,7 @@ void Renderer::State::draw_colour(const DrawOptions& options, int width, int hei
   else
     objects.draw_solid_boxes(colour_pass, static_cast<int>(furniture));
   end_stage("objects");
-  if (spec.world.ground) ground.draw_ground(options.grid);
+  if (spec.world.ground) ground.draw_ground(options.grid, shadow.shade_on(ground_height(spec.surface)));
   glDepthFunc(GL_LEQUAL);
   ground.draw_backdrop();
   glDepthFunc(GL_LESS);

@@ -87,15 +87,15 @@ constexpr const char* kGroundVertex = R"(
 layout(location = 0) in vec2 corner;   // ±1: of the part beside the table; ±2: of the whole
 uniform float base;
 uniform float reach;
-uniform float beside;   // how far the part beside the table goes
+uniform vec4 shaded;    // x0, y0, x1, y1 of the part beside the table that shadows may fall on
 out vec3 world;
 #ifdef UNSHADED
 flat out vec3 plain;    // the same everywhere so far from the table
 #endif
 void main() {
-  vec2 half_size = 0.5 * (table.zw - table.xy) + beside;
-  vec2 at = mix(half_size, vec2(reach), greaterThan(abs(corner), vec2(1.5))) * sign(corner);
-  world = vec3(0.5 * (table.xy + table.zw) + at, base);
+  vec2 near = mix(shaded.xy, shaded.zw, step(0.0, corner));
+  vec2 far = 0.5 * (table.xy + table.zw) + reach * sign(corner);
+  world = vec3(abs(corner.x) > 1.5 ? far : near, base);
 #ifdef UNSHADED
   plain = lit(kGround, vec3(0, 0, 1), world, 1.0);
 #endif
@@ -114,10 +114,6 @@ flat in vec3 plain;
 #endif
 uniform float spacing;   // of the grid's lines; 0: no grid
 out vec4 pixel;
-float line(float at, float width) {
-  float d = abs(fract(at - 0.5) - 0.5) / max(fwidth(at), 1e-6);
-  return 1.0 - smoothstep(width, width + 1.0, d);
-}
 void main() {
 #ifdef UNSHADED
   vec3 c = plain;
@@ -127,11 +123,16 @@ void main() {
   vec3 c = lit(kGround, vec3(0, 0, 1), world, sky);
 #endif
   if (spacing > 0.0) {
-    vec2 at = world.xy / spacing;
-    float fine = max(line(at.x, 0.0), line(at.y, 0.0)) * (1.0 - smoothstep(0.08, 0.35, max(fwidth(at.x), fwidth(at.y))));
-    c = mix(c, c * 0.86, fine);
+    vec2 at = world.xy / spacing, pixel_wide = fwidth(at);
+    vec2 line = smoothstep(0.0, 1.0, 1.0 - abs(fract(at - 0.5) - 0.5) / max(pixel_wide, 1e-6));
+    c *= 1.0 - 0.14 * max(line.x, line.y) * (1.0 - smoothstep(0.08, 0.35, max(pixel_wide.x, pixel_wide.y)));
   }
-  float far = smoothstep(fog.x, fog.y, length(world - eye.xyz));
+#ifdef FAST
+  float away = 1.0 / gl_FragCoord.w;   // along the line of sight
+#else
+  float away = length(world - eye.xyz);
+#endif
+  float far = smoothstep(fog.x, fog.y, away);
   pixel = vec4(mix(c, backdrop(gl_FragCoord.y / fog.w), far), 1.0);
 }
 )";

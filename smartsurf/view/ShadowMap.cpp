@@ -45,6 +45,14 @@ void ShadowMap::fit(const Eigen::AlignedBox3d& box, double pitch) {
   clip_.block<3, 1>(0, 3) = -scale.cwiseProduct(seen.center());
   texel_ = side / size_;
   softness_ = std::max(0.16 * pitch, 1.5 * texel_);
+  box_ = box;
+}
+
+Eigen::AlignedBox2d ShadowMap::shade_on(double z) const {
+  const Eigen::Vector3d light = towards_light();
+  const Eigen::Vector2d away = -light.head<2>() * (box_.max().z() - z) / light.z();
+  const Eigen::AlignedBox2d under(box_.min().head<2>(), box_.max().head<2>());
+  return under.merged(under.translated(away));
 }
 
 Eigen::Matrix4f ShadowMap::texture_from_world() const {

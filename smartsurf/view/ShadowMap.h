@@ -19,6 +19,8 @@ class ShadowMap {
   Eigen::Matrix4f texture_from_world() const;
   double texel() const { return texel_; }        // edge of one texel, u
   double softness() const { return softness_; }  // radius of the soft edge, u
+  // Around all that the shadows of the fitted box reach on a plane at that height, below the box; x, y.
+  Eigen::AlignedBox2d shade_on(double z) const;
 
   void begin() const;  // binds and clears; what is drawn until end() throws shadows
   void end() const;
@@ -29,6 +31,7 @@ class ShadowMap {
   Texture depth_;
   Framebuffer framebuffer_;
   Eigen::Matrix4d clip_ = Eigen::Matrix4d::Identity();
+  Eigen::AlignedBox3d box_;
   double texel_ = 1.0, softness_ = 1.0;
 };
 

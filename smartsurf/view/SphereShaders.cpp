@@ -64,12 +64,13 @@ void main() {
 )";
 
 // Cheap, for a driver that shades on the processor: the eye is taken to be so far away that its rays through
-// one sphere are parallel, and shadows are looked up at the corners of the disc alone.
+// one sphere are parallel, and shadows are looked up at the corners of the disc alone. The disc's own depth
+// serves: along such a ray all that does not cut into the sphere lies before its near side or behind its far
+// one, and the disc is between the two. Depth that a shader computes would have every hidden pixel shaded.
 constexpr const char* kSphereVertexFast = R"(
 layout(location = 0) in vec2 corner;
-out vec4 place;             // on the disc, whose edge is at 1; depth and w of the clip coordinates there
+out vec2 place;             // on the disc, whose edge is at 1
 out float sun;              // how much of it is seen
-flat out vec2 nearer;       // what the middle's bulge adds to these depth and w
 flat out vec3 sun_way, half_way, zenith, axis;   // in the disc's frame: right, up, towards the eye
 flat out vec3 paint;
 flat out vec2 pocket;       // depth of the centre below the rim, and the radius, in the measure of pocket_sky
@@ -80,8 +81,7 @@ void main() {
   mat3 frame = mat3(side, cross(back, side), back);
   vec3 p = centre + radius * (frame * vec3(corner, 0.0));
   gl_Position = clip_from_world * vec4(p, 1.0);
-  place = vec4(corner, gl_Position.zw);
-  nearer = (clip_from_world * vec4(radius * back, 0.0)).zw;
+  place = corner;
   sun_way = light.xyz * frame;
   half_way = normalize(sun_way + vec3(0, 0, 1));
   zenith = vec3(0, 0, 1) * frame;
@@ -96,19 +96,16 @@ void main() {
 )";
 
 constexpr const char* kSphereFragmentFast = R"(
-in vec4 place;
+in vec2 place;
 in float sun;
-flat in vec2 nearer;
 flat in vec3 sun_way, half_way, zenith, axis;
 flat in vec3 paint;
 flat in vec2 pocket;
 out vec4 pixel;
 void main() {
-  float reach = dot(place.xy, place.xy);
+  float reach = dot(place, place);
   if (reach > 1.0) discard;
-  vec3 n = vec3(place.xy, sqrt(1.0 - reach));
-  vec2 depth = place.zw + n.z * nearer;
-  gl_FragDepth = 0.5 + 0.5 * depth.x / depth.y;
+  vec3 n = vec3(place, sqrt(1.0 - reach));
   float up = dot(n, zenith);
   float sky = 1.0 - 0.55 * clamp(pocket.x - pocket.y * up, 0.0, 1.0);
   float band = clamp((0.07 - abs(dot(n, axis))) / 0.03, 0.0, 1.0);

@@ -168,7 +168,7 @@ bool Window::State::show(const Moment& moment, const Status& new_status, Image* 
   if (width < 1 || height < 1 || desktop.minimised()) return false;
   const auto start = Clock::now();
   const Current current(desktop.window());
-  controls.resize(static_cast<double>(width) / height);
+  controls.resize(static_cast<double>(width) / height, std::min(hud.covered, 0.4));
   handle_pointer(moment);
   controls.track(moment.snapshot);
   controls.set_channels(moment.channels);

@@ -34,9 +34,10 @@ class Grid {
   struct Entry {
     float x, y, z, reach;
   };
+  // 0 for what is not a number too.
   int cell_of(float u, int axis) const {
     const float c = (u - origin_[axis]) * inverse_size_;
-    return c <= 0.0F ? 0 : c >= static_cast<float>(count_[axis] - 1) ? count_[axis] - 1 : static_cast<int>(c);
+    return !(c > 0.0F) ? 0 : c >= static_cast<float>(count_[axis] - 1) ? count_[axis] - 1 : static_cast<int>(c);
   }
   int index(int x, int y, int z) const { return (z * count_[1] + y) * count_[0] + x; }
   template <class Found>

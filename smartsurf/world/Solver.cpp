@@ -14,6 +14,7 @@ constexpr float kPairHz = 60.0F, kWorldHz = 120.0F, kDampingRatio = 5.0F;
 constexpr float kFastestPush = 4.0F;      // u/s
 constexpr float kBounceThreshold = 0.2F;  // nothing rebounds from slower, u/s
 constexpr float kWideGap = 1e6F;
+constexpr float kTopSpeed = 1e7F;  // u/s or rad/s along each axis; scripts may ask for a tenth of it
 
 Pass softness(float h_s, float hertz, int substeps) {
   const float omega = 2.0F * std::numbers::pi_v<float> * std::min(hertz, 0.25F / h_s);
@@ -30,6 +31,9 @@ void put(float (*to)[kLanes], int lane, const Vec3& from) {
   for (int i = 0; i < 3; ++i) to[i][lane] = from[i];
 }
 Vec3 take(const float (*from)[kLanes], int lane) { return {from[0][lane], from[1][lane], from[2][lane]}; }
+
+// A body that a huge force flings away stays finite: it leaves the table and disturbs nobody else.
+void limit(Vec3& velocity) { velocity = velocity.cwiseMax(-kTopSpeed).cwiseMin(kTopSpeed); }
 
 }  // namespace
 
@@ -215,6 +219,8 @@ void Solver::begin_substep(Job& job, Range range, bool first) {
           h_s * Vec3(Vec3(q.xx, q.xy, q.xz).dot(w.torque), Vec3(q.xy, q.yy, q.yz).dot(w.torque),
                      Vec3(q.xz, q.yz, q.zz).dot(w.torque));
     }
+    limit(b.start_velocity[i]);
+    limit(b.start_spin[i]);
     if (first) {
       b.shift[i] = {};
       put(m.velocity, b.start_velocity[i]);

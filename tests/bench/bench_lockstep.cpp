@@ -12,6 +12,7 @@
 #include <shm_protocol/SurfaceEndpoint.h>
 #include <sys/mman.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <cstdlib>
@@ -19,8 +20,10 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "RoundTrip.h"
+#include "tests/bench/CommandLine.h"
 
 namespace {
 
@@ -353,17 +356,31 @@ struct Asked {
   std::string only;
 };
 
+// Words that are no flags: "one-core", "work", or the beginning of a way's name.
+void read_word(const std::string& word, Asked& asked) {
+  if (word == "one-core") {
+    asked.one_core = true;
+    return;
+  }
+  const auto ways = all_ways(false);
+  const bool known = word == "work" || std::any_of(ways.begin(), ways.end(), [&](const Way& way) {
+                       return std::string(way.name).starts_with(word);
+                     });
+  if (!known) throw CLI::ValidationError(word + ": neither one-core, work nor the beginning of a way's name");
+  asked.only = word;
+}
+
 Asked asked_of(int argc, char** argv, bool one_core) {
   Asked asked{one_core, false, {}};
-  for (int i = 1; i < argc; ++i) {
-    const std::string argument = argv[i];
-    if (argument == "one-core")
-      asked.one_core = true;
-    else if (argument == "--json")
-      asked.json = true;
-    else
-      asked.only = argument;
-  }
+  CLI::App app("Round trips of two processes in lock-step", "bench_lockstep");
+  app.add_option_function<std::vector<std::string>>(
+      "what",
+      [&](const std::vector<std::string>& words) {
+        for (const std::string& word : words) read_word(word, asked);
+      },
+      "one-core, work (only what a tick costs beyond the sides' own work), or the beginning of a way's name");
+  app.add_flag("--json", asked.json, "a JSON object a line");
+  bench::parse_or_exit(app, argc, argv);
   return asked;
 }
 

@@ -16,6 +16,7 @@
 #include "smartsurf/surface/SensorArray.h"
 #include "smartsurf/surface/WorkerPool.h"
 #include "smartsurf/world/World.h"
+#include "tests/bench/CommandLine.h"
 #include "tests/bench/NaivePins.h"
 
 using namespace smartsurf;
@@ -204,16 +205,31 @@ void run(const Workload& w, const Options& options) {
     if (const auto ode = make_ode_pins(w)) compare("ODE", *ode, w, options, ours);
 }
 
+const std::vector<Workload>& ladder() {
+  using enum Shapes;
+  using enum Field;
+  static const std::vector<Workload> kLadder{
+      {64, 100, kSpheres, kWave},     {64, 1000, kSpheres, kWave},    {128, 1000, kSpheres, kWave},
+      {128, 5000, kSpheres, kWave},   {256, 10000, kSpheres, kWave},  {1024, 10000, kSpheres, kWave},
+      {128, 1000, kHalfMixed, kWave}, {128, 5000, kHalfMixed, kWave}, {128, 5000, kSpheres, kStill},
+  };
+  return kLadder;
+}
+
 Options read_options(int argc, char** argv) {
   Options o;
-  for (int i = 1; i < argc; ++i) {
-    if (!std::strcmp(argv[i], "--json")) o.json = true;
-    if (i + 1 == argc) continue;
-    if (!std::strcmp(argv[i], "--steps")) o.steps = std::max(1, std::atoi(argv[i + 1]));
-    if (!std::strcmp(argv[i], "--threads")) o.threads = std::max(1, std::atoi(argv[i + 1]));
-    if (!std::strcmp(argv[i], "--only")) o.only = argv[i + 1];
-    if (!std::strcmp(argv[i], "--peers")) o.peers = argv[i + 1];
-  }
+  std::vector<std::string> peers;
+  CLI::App app("The physics and its proximity sensors beside other engines", "bench_physics");
+  app.add_option("--steps", o.steps, "that are measured")->check(CLI::Range(1, 1'000'000));
+  app.add_option("--threads", o.threads, "of ours")->check(CLI::Range(1, 1024));
+  app.add_option("--only", o.only, "one workload, such as \"64x64 100\"")
+      ->check(bench::one_of(ladder(), [](const Workload& w) { return w.name(); }));
+  app.add_option("--peers", peers, "naive,mujoco,ode or none")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"naive", "mujoco", "ode", "none"}));
+  app.add_flag("--json", o.json, "a JSON object a line");
+  bench::parse_or_exit(app, argc, argv);
+  if (!peers.empty()) o.peers = CLI::detail::join(peers);
   return o;
 }
 
@@ -221,13 +237,6 @@ Options read_options(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   const Options options = read_options(argc, argv);
-  using enum Shapes;
-  using enum Field;
-  const Workload ladder[] = {
-      {64, 100, kSpheres, kWave},     {64, 1000, kSpheres, kWave},    {128, 1000, kSpheres, kWave},
-      {128, 5000, kSpheres, kWave},   {256, 10000, kSpheres, kWave},  {1024, 10000, kSpheres, kWave},
-      {128, 1000, kHalfMixed, kWave}, {128, 5000, kHalfMixed, kWave}, {128, 5000, kSpheres, kStill},
-  };
-  for (const Workload& w : ladder)
+  for (const Workload& w : ladder())
     if (options.only.empty() || w.name() == options.only) run(w, options);
 }

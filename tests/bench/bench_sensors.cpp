@@ -16,6 +16,7 @@
 
 #include "smartsurf/surface/SensorArray.h"
 #include "smartsurf/surface/WorkerPool.h"
+#include "tests/bench/CommandLine.h"
 
 using namespace smartsurf;
 
@@ -167,17 +168,22 @@ void compare(Scene& s, const Workload& w, double ours_ms, bool json, surface::Wo
               ms * stride, ms * stride / ours_ms, worst);
 }
 
+constexpr Workload kLadder[] = {{64, 100, false},   {64, 1000, false},   {128, 1000, false},
+                                {128, 5000, false}, {256, 10000, false}, {1024, 10000, false},
+                                {128, 5000, true},  {256, 10000, true}};
+
 Options read_options(int argc, char** argv) {
   Options o;
-  for (int i = 1; i < argc; ++i) {
-    if (!std::strcmp(argv[i], "--no-peer")) o.peer = false;
-    if (!std::strcmp(argv[i], "--json")) o.json = true;
-    if (i + 1 == argc) continue;
-    if (!std::strcmp(argv[i], "--only")) o.only = argv[i + 1];
-    if (!std::strcmp(argv[i], "--model")) o.model = argv[i + 1];
-    if (!std::strcmp(argv[i], "--repeats")) o.repeats = std::max(1, std::atoi(argv[i + 1]));
-    if (!std::strcmp(argv[i], "--threads")) o.threads = std::max(1, std::atoi(argv[i + 1]));
-  }
+  CLI::App app("The sensors of a surface, each model by itself", "bench_sensors");
+  app.add_option("--only", o.only, "one workload, such as \"256x256 10000\"")
+      ->check(bench::one_of(kLadder, [](const Workload& w) { return w.name(); }));
+  app.add_option("--model", o.model, "one model, such as proximity")
+      ->check(bench::one_of(kModels, [](const Model& m) { return m.label; }));
+  app.add_option("--repeats", o.repeats, "of each measurement")->check(CLI::Range(1, 1'000'000));
+  app.add_option("--threads", o.threads)->check(CLI::Range(1, 1024));
+  app.add_flag("!--no-peer", o.peer, "leave out the plain way");
+  app.add_flag("--json", o.json, "a JSON object a line");
+  bench::parse_or_exit(app, argc, argv);
   return o;
 }
 
@@ -186,9 +192,6 @@ Options read_options(int argc, char** argv) {
 int main(int argc, char** argv) {
   const Options options = read_options(argc, argv);
   surface::WorkerPool pool(options.threads);
-  constexpr Workload kLadder[] = {{64, 100, false},   {64, 1000, false},   {128, 1000, false},
-                                  {128, 5000, false}, {256, 10000, false}, {1024, 10000, false},
-                                  {128, 5000, true},  {256, 10000, true}};
   for (const Workload& w : kLadder) {
     if (!options.only.empty() && w.name() != options.only) continue;
     Scene s = scene_of(w);

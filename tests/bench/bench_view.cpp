@@ -1,9 +1,11 @@
 // What a frame of the simulator's view costs, stage by stage, drawn into memory by whatever OpenGL is there.
 //   bench_view [--cells 64] [--objects 500] [--size 1280x720] [--frames 60] [--pins sorting|wave]
-//              [--quality fast|card|video|fine] [--mixed] [--picture FILE.png]
+//              [--quality fast|card|video|fine] [--mixed] [--picture FILE.png] [--window|--held]
 // Prints milliseconds of the wall clock and of all processors together, and draw calls. Each stage is waited
 // for, so their sum is a little more than a frame drawn without looking. The stage "values" is the
 // processor's: heights, shades, poses.
+//   --window: the frames of a real window instead, on the display that is there: panels, timeline and showing
+//   it included, as fine as it chooses to draw while a run goes on; --held: as while the run is paused.
 #include <epoxy/gl.h>
 
 #include <algorithm>
@@ -22,6 +24,9 @@
 #include "smartsurf/view/OffscreenContext.h"
 #include "smartsurf/view/ReadPixels.h"
 #include "smartsurf/view/Renderer.h"
+#include "smartsurf/view/Window.h"
+#include "tests/bench/CommandLine.h"
+#include "tests/unit/smartsurf/view/DrawCalls.h"
 
 using namespace smartsurf;
 
@@ -30,7 +35,7 @@ namespace {
 struct Options {
   int cells = 64, objects = 500, width = 1280, height = 720, frames = 60;
   std::string pins = "sorting", quality = "fast", picture;
-  bool mixed = false;
+  bool mixed = false, window = false, held = false;
 };
 
 using Clock = std::chrono::steady_clock;
@@ -100,6 +105,7 @@ Scene scene_of(const Options& options) {
 struct Times {
   std::string name;
   std::vector<double> clock_ms, busy_ms;
+  void print() const;
 };
 
 double median(std::vector<double> values) {
@@ -112,37 +118,17 @@ double mean(const std::vector<double>& values) {
   return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
 }
 
+void Times::print() const {
+  std::printf("  %-22s %7.2f  %7.2f  %7.2f\n", name.c_str(), median(clock_ms), mean(clock_ms), mean(busy_ms));
+}
+
+void print_heading() { std::printf("  %-22s %7s  %7s  %7s\n", "ms", "median", "mean", "processors, mean"); }
+
 // Of all threads of this process together.
 double processor_ms() {
   timespec t{};
   clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
   return static_cast<double>(t.tv_sec) * 1e3 + static_cast<double>(t.tv_nsec) * 1e-6;
-}
-
-// OpenGL's draw calls, counted by taking the place of the functions that epoxy has found.
-int draw_calls = 0;
-void count_draw_calls() {
-  static const auto elements = epoxy_glDrawElements;
-  static const auto elements_instanced = epoxy_glDrawElementsInstanced;
-  static const auto arrays = epoxy_glDrawArrays;
-  static const auto arrays_instanced = epoxy_glDrawArraysInstanced;
-  epoxy_glDrawElements = [](GLenum mode, GLsizei count, GLenum type, const void* indices) {
-    ++draw_calls;
-    elements(mode, count, type, indices);
-  };
-  epoxy_glDrawElementsInstanced = [](GLenum mode, GLsizei count, GLenum type, const void* indices,
-                                     GLsizei instances) {
-    ++draw_calls;
-    elements_instanced(mode, count, type, indices, instances);
-  };
-  epoxy_glDrawArrays = [](GLenum mode, GLint first, GLsizei count) {
-    ++draw_calls;
-    arrays(mode, first, count);
-  };
-  epoxy_glDrawArraysInstanced = [](GLenum mode, GLint first, GLsizei count, GLsizei instances) {
-    ++draw_calls;
-    arrays_instanced(mode, first, count, instances);
-  };
 }
 
 view::Quality quality_of(const std::string& name) {
@@ -172,10 +158,13 @@ class StageClock {
     mark_ = now;
     busy_mark_ = busy;
   }
+  // Milliseconds of the clock, and of all processors.
+  std::pair<double, double> since_begin() const {
+    return {std::chrono::duration<double, std::milli>(Clock::now() - mark_).count(),
+            processor_ms() - busy_mark_};
+  }
   void print() const {
-    for (const Times& t : stages_)
-      std::printf("  %-22s %7.2f  %7.2f  %7.2f\n", t.name.c_str(), median(t.clock_ms), mean(t.clock_ms),
-                  mean(t.busy_ms));
+    for (const Times& t : stages_) t.print();
   }
 
  private:
@@ -209,59 +198,78 @@ void measure(const Options& options) {
     draw(frame);
   }
   renderer.set_stage_end(nullptr);
-  count_draw_calls();
+  const view::DrawCalls calls;
   for (int frame = 0; frame < options.frames; ++frame) {
     whole.begin();
     draw(frame);
     whole.lap("a frame");
   }
-  std::printf("  %-22s %7s  %7s  %7s\n", "ms", "median", "mean", "processors, mean");
+  print_heading();
   stages.print();
   whole.print();
-  std::printf("  %.1f draw calls a frame\n", static_cast<double>(draw_calls) / options.frames);
+  std::printf("  %.1f draw calls a frame\n", static_cast<double>(calls.count()) / options.frames);
   if (!options.picture.empty())
     view::write_png(options.picture,
                     view::read_pixels(canvas.framebuffer.id(), options.width, options.height));
 }
 
-Options parse(int argc, char** argv) {
-  Options o;
-  const auto fail = [](const std::string& what) { throw std::invalid_argument(what); };
-  for (int i = 1; i < argc; ++i) {
-    const std::string flag = argv[i];
-    if (flag == "--mixed") {
-      o.mixed = true;
-      continue;
-    }
-    if (i + 1 == argc) fail(flag + ": unknown, or without its value");
-    const std::string value = argv[++i];
-    if (flag == "--cells")
-      o.cells = std::stoi(value);
-    else if (flag == "--objects")
-      o.objects = std::stoi(value);
-    else if (flag == "--frames")
-      o.frames = std::max(1, std::stoi(value));
-    else if (flag == "--size" && std::sscanf(value.c_str(), "%dx%d", &o.width, &o.height) != 2)
-      fail("--size " + value + ": give it as 1280x720");
-    else if (flag == "--pins")
-      o.pins = value;
-    else if (flag == "--quality")
-      o.quality = value;
-    else if (flag == "--picture")
-      o.picture = value;
-    else if (flag != "--size")
-      fail(flag + ": unknown");
+void measure_window(const Options& options) {
+  Scene s = scene_of(options);
+  view::Window window(s.spec, "bench_view", options.width, options.height);
+  view::Status status;
+  status.paused = options.held;
+  status.timeline = view::Timeline{1000, 999, 0.0, 16.6, false};
+  Times shown{"a frame, shown", {}, {}};
+  for (int frame = -40; frame < options.frames; ++frame) {  // at first it finds out how fine it can be
+    move(s, options, frame);
+    StageClock clock;
+    clock.begin();
+    static_cast<void>(window.frame({s.snapshot, s.spec.objects}, status));
+    if (frame < 0) continue;
+    const auto [clock_ms, busy_ms] = clock.since_begin();
+    shown.clock_ms.push_back(clock_ms);
+    shown.busy_ms.push_back(busy_ms);
   }
+  std::printf("%d x %d cells, %d objects, a window of %d x %d, %s, %s\n", options.cells, options.cells,
+              options.objects, options.width, options.height, options.pins.c_str(),
+              options.held ? "held" : "running");
+  print_heading();
+  shown.print();
+  if (!options.picture.empty())
+    view::write_png(options.picture, window.show({s.snapshot, s.spec.objects}, status));
+}
+
+Options read_options(int argc, char** argv) {
+  Options o;
+  const auto size = [&o](const std::string& text) {
+    char rest = 0;
+    if (std::sscanf(text.c_str(), "%dx%d%c", &o.width, &o.height, &rest) != 2 || o.width < 1 || o.height < 1)
+      throw CLI::ValidationError("--size " + text + ": give it as 1280x720");
+  };
+  CLI::App app("What a frame of the simulator's view costs, stage by stage", "bench_view");
+  app.add_option("--cells", o.cells, "along an edge")->check(CLI::Range(1, 4096));
+  app.add_option("--objects", o.objects)->check(CLI::Range(0, 1'000'000));
+  app.add_option_function<std::string>("--size", size, "of the picture, such as 1280x720");
+  app.add_option("--frames", o.frames)->check(CLI::Range(1, 1'000'000));
+  app.add_option("--pins", o.pins)->check(CLI::IsMember({"sorting", "wave"}));
+  app.add_option("--quality", o.quality)->check(CLI::IsMember({"fast", "card", "video", "fine"}));
+  app.add_option("--picture", o.picture, "a PNG file for the last frame");
+  app.add_flag("--mixed", o.mixed, "objects of all shapes");
+  app.add_flag("--window", o.window, "frames as a window shows them");
+  app.add_flag_function(
+      "--held", [&o](std::int64_t) { o.window = o.held = true; }, "the same, of a simulation that is held");
+  bench::parse_or_exit(app, argc, argv);
   return o;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
+  const Options options = read_options(argc, argv);
   try {
-    measure(parse(argc, argv));
+    options.window ? measure_window(options) : measure(options);
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "bench_view: %s\n", error.what());
-    return 2;
+    std::fprintf(stderr, "bench_view: error: %s\n", error.what());
+    return 1;
   }
 }

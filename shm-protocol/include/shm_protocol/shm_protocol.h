@@ -195,7 +195,8 @@ SSP_API int ssp_surface_find(const ssp_surface*, uint32_t direction, const char*
 SSP_API void* ssp_surface_sensor(ssp_surface*, int channel, size_t* bytes);
 /* Copies `bytes` to the same array from byte `at` on: for arrays of 16 KiB and more faster than writing in
  * place, as it goes past the caches where that pays; in ascending order, 16 KiB to 64 KiB at a time, the
- * controller may read along. What was written so is final for this frame. SSP_E_ARGUMENT: no such place, or half an element. */
+ * controller may read along. What was written so is final for this frame. SSP_E_ARGUMENT: no such place, or
+ * half an element. */
 SSP_API ssp_result ssp_surface_write(ssp_surface*, int channel, size_t at, const void* values, size_t bytes);
 /* Publishes the sensor frame and wakes the controller. Time-step: SSP_OUT_OF_TURN while the controller has
  * not answered the frame before. */
@@ -206,8 +207,8 @@ SSP_API ssp_result ssp_surface_publish(ssp_surface*, uint64_t tick, double time_
 SSP_API ssp_result ssp_surface_await(ssp_surface*, uint64_t tick, int64_t timeout_ns, const ssp_stop*);
 /* Time-step: the next part of that actuator channel in the answer to come, checked, as far as the controller
  * has written it: as ssp_controller_next. Before the frame to be answered is published it only looks. When
- * there is no more call ssp_surface_await: only its SSP_OK says that all of it is of the frame taken in; after
- * SSP_TORN the next call begins anew. */
+ * there is no more call ssp_surface_await: only its SSP_OK says that all of it is of the frame taken in;
+ * after SSP_TORN the next call begins anew. */
 SSP_API const void* ssp_surface_next(ssp_surface*, int channel, int64_t timeout_ns, const ssp_stop*,
                                      size_t* bytes);
 /* Passive: takes in the newest whole actuator frame without waiting: SSP_OK, SSP_REPEATED, SSP_TORN,

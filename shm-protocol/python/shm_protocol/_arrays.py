@@ -39,7 +39,9 @@ class Arrays(collections.abc.Mapping):
         self._current = []
 
     def __getitem__(self, name):
-        channel = self._channels[name]
+        channel = self._channels.get(name)
+        if channel is None:
+            raise KeyError(f"there is no channel {name!r} here, only {', '.join(self._channels)}")
         address = self._address_of(self._handle.pointer, channel.number, None)
         if not address:
             raise ValueError(f"{name}: no frame was taken yet")
@@ -56,6 +58,10 @@ class Arrays(collections.abc.Mapping):
         if self._writable:
             self._current.append(array)
         return array
+
+    def __setitem__(self, name, values):
+        """Writes all of an array: arrays["height"] = values is arrays["height"][:] = values."""
+        self[name][...] = values
 
     def __iter__(self):
         return iter(self._channels)

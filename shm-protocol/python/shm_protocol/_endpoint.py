@@ -106,7 +106,7 @@ class Endpoint:
         for channel in self.description.channels:
             if channel.name == name and channel.direction == direction:
                 return channel
-        raise KeyError(name)
+        raise KeyError(f"there is no {direction} channel {name!r}")
 
     def _frame(self, *arguments):
         raw = _c.FrameInfo()

@@ -1,14 +1,14 @@
 // bench_arrays [WORKLOADS [SIZES [REPETITIONS [WITHOUT]]]], such as bench_arrays 2,6 64,1024 9 eigen: every
 // peer on every workload, in turns, with equal checksums. Times are microseconds for one run over the whole
-// array, minimum and median. After a first argument --json: a JSON object a line.
+// array, minimum and median. With --json a JSON object a line.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
-#include <sstream>
 #include <vector>
 
+#include "tests/bench/CommandLine.h"
 #include "tests/bench/arrays/Peers.h"
 
 namespace {
@@ -36,14 +36,6 @@ struct Runner {
            static_cast<double>(count);
   }
 };
-
-std::vector<int> numbers(const char* text, std::vector<int> otherwise) {
-  if (text == nullptr) return otherwise;
-  otherwise.clear();
-  std::stringstream list(text);
-  for (std::string one; std::getline(list, one, ',');) otherwise.push_back(std::stoi(one));
-  return otherwise;
-}
 
 // Turn by turn, so that a busy moment of the machine hits all alike.
 std::vector<Figures> measure(std::vector<Runner>& runners, int repetitions) {
@@ -128,17 +120,34 @@ bool compare(int workload, int n, int repetitions, const std::string& without, b
   return equal;
 }
 
+struct Options {
+  std::vector<int> workloads{1, 2, 3, 4, 5, 6}, sizes{64, 256, 1024, 4096};
+  int repetitions = 9;
+  std::string without;
+  bool json = false;
+};
+
+Options read_options(int argc, char** argv) {
+  Options o;
+  CLI::App app("Array workloads: apron beside its peers, in turns, with equal checksums", "bench_arrays");
+  app.add_option("workloads", o.workloads, "such as 2,6")->delimiter(',')->check(CLI::Range(1, 6));
+  app.add_option("sizes", o.sizes, "of the array's edge, such as 64,1024")
+      ->delimiter(',')
+      ->check(CLI::Range(4, 16384));
+  app.add_option("repetitions", o.repetitions, "of each measurement")->check(CLI::Range(1, 1000));
+  app.add_option("without", o.without, "peers to leave out, such as eigen,numpy");
+  app.add_flag("--json", o.json, "a JSON object a line");
+  bench::parse_or_exit(app, argc, argv);
+  return o;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  const bool json = argc > 1 && std::string(argv[1]) == "--json";
-  if (json) --argc, ++argv;
-  const std::vector<int> workloads = numbers(argc > 1 ? argv[1] : nullptr, {1, 2, 3, 4, 5, 6});
-  const std::vector<int> sizes = numbers(argc > 2 ? argv[2] : nullptr, {64, 256, 1024, 4096});
-  const int repetitions = argc > 3 ? std::atoi(argv[3]) : 9;
+  const Options o = read_options(argc, argv);
   bool equal = true;
-  if (!json) std::printf("           peer                min us   median us\n");
-  for (const int n : sizes)
-    for (const int w : workloads) equal = compare(w, n, repetitions, argc > 4 ? argv[4] : "", json) && equal;
+  if (!o.json) std::printf("           peer                min us   median us\n");
+  for (const int n : o.sizes)
+    for (const int w : o.workloads) equal = compare(w, n, o.repetitions, o.without, o.json) && equal;
   return equal ? 0 : 1;
 }

@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
 """Each mechanism of the paper moves an object as the paper describes, driven by an APRON program."""
 import re
+import sys
+import unittest.mock
 
 from programs import *
 
@@ -45,10 +47,39 @@ class Mechanisms(ProgramTest):
         self.assertGreater(pushed, 11.0)
         self.assertEqual((plain_x, plain_y), (2.0, 12.0))
 
+    def test_magnetic_widgets_are_set_and_one_resists_a_finger(self):
+        slider, knob, held, let_go = self.run_example("widgets", 7)
+        self.assertAlmostEqual(slider, 10, delta=0.5)
+        self.assertAlmostEqual(knob, 90, delta=8)
+        self.assertLess(abs(held), 0.2)
+        self.assertGreater(let_go, 1)
+
+    def test_a_finger_with_a_magnet_feels_a_button(self):
+        over, beside = self.run_example("finger", 6.5)
+        self.assertGreater(over, 3 * beside)
+        self.assertGreater(over, 0.2)
+
     def test_air_carries_a_sheet_without_contact(self):
         x, y, lowest = self.run_example("air_jet", 6)
         self.assertLess(abs(x - 9.5) + abs(y - 9.5), 3.0)
         self.assertGreater(lowest, 0.2)
+
+    def test_air_brings_each_kind_to_its_region(self):
+        letter_x, letter_y, card_x, card_y, lowest = self.run_example("air_types", 12)
+        self.assertLess(abs(letter_x - 23) + abs(letter_y - 9.5), 3)
+        self.assertLess(abs(card_x - 6) + abs(card_y - 9.5), 3)
+        self.assertGreater(lowest, 0.2)
+
+    def test_every_system_of_the_paper_has_its_example(self):
+        page = (ROOT / "docs/actuators.md").read_text()
+        rows = re.findall(r"^\| \[([1-7])\] .*\|([^|]*)\|$", page, re.M)
+        self.assertEqual([number for number, _ in rows], list("1234567"))
+        here = pathlib.Path(__file__).read_text()
+        for _, examples in rows:
+            named = [name for name in re.findall(r"`(\w+)`", examples) if (ROOT / f"scripts/examples/{name}.aps").exists()]
+            self.assertGreaterEqual(len(named), 1, examples)
+            for name in named:
+                self.assertIn(f'run_example("{name}"', here)
 
     def test_a_wave_carries_a_plate_against_itself(self):
         self.assertGreater(self.run_example("tile", 3)[0], 2.0)
@@ -73,6 +104,15 @@ class Mechanisms(ProgramTest):
             self.assertEqual((last[0, 0], last[0, 15]), (-10.0, 10.0))
 
 
+    def test_a_command_that_starts_apron_drives_the_surface_that_started_it(self):
+        surface = self.write("pin.lua", "surface { rows = 4, columns = 4, actuator = pin { max_speed = 2 } }\n"
+                             "sphere { radius = 1, position = {1.5, 1.5, 1} }\n"
+                             "on_finish(function() print(string.format('%.1f', select(3, object(0):position()))) end)")
+        program = self.write("up.aps", "while(1)\nsurface.actuate('height', 2)\nsurface.step\nendwhile\n")
+        status, out, err = self.run_program(SMARTSURF, "run", surface, "--controller", f"{APRON} run {program}",
+                                            "--headless", "--until", "2")
+        self.assertEqual((status, out, err), (0, "3.0\n", ""))
+
     def test_a_surface_with_empty_cells_says_which_are_there(self):
         surface = self.write("masked.lua", """
 surface { rows = 6, columns = 8, actuator = pin { max_speed = 2 }, mask = function(row, column) return not (row >= 5 and column >= 6) end }
@@ -88,6 +128,27 @@ endwhile
         status, out, err = self.run_program(SMARTSURF, "run", surface, "--controller", program, "--headless", "--until", "4")
         self.assertEqual(status, 0, err)
         self.assertAlmostEqual(float(out), 1 + 42 / 14, delta=0.01)   # 42 cells are there
+
+    def test_a_python_controller_reads_which_places_of_a_free_layout_hold_a_cell(self):
+        surface = self.write("free.lua", """
+surface { rows = 2, columns = 3, positions = {{0, 2}, false, {2, 2, 0.5}, {0, 0}, {1, 0.5}, false},
+          sensors = { proximity {} } }""")
+        controller = self.write("controller.py", """
+import sys, numpy, shm_protocol
+with shm_protocol.Controller(sys.argv[1], timeout=10) as table:
+    while table.wait():
+        here = table.sensors["occupancy"].copy()
+        table.actuators["height"] = 2 * here
+        table.publish()
+print(here.tolist(), table.description.positions.shape)
+""")
+        client = {"PYTHONPATH": str(ROOT / "shm-protocol/python"),
+                  "SHM_PROTOCOL_LIBRARY": str(BIN.parent / "shm-protocol/libshm_protocol_c.so.1")}
+        with unittest.mock.patch.dict(os.environ, client):
+            status, out, err = self.run_program(SMARTSURF, "run", surface, "--controller",
+                                                f"{sys.executable} {controller} {{shm}}", "--headless", "--ticks", "3")
+        self.assertEqual((status, err), (0, ""))
+        self.assertIn("[[1.0, 0.0, 1.0], [1.0, 1.0, 0.0]] (2, 3, 3)", out)
 
     def test_a_sensor_may_not_take_the_masks_name(self):
         surface = self.write("masked.lua", "surface { rows = 2, columns = 2, mask = {{true, false}, {true, true}}, "

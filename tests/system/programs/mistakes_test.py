@@ -67,6 +67,9 @@ class Mistakes(ProgramTest):
         self.refused(run + ["--video", "a.avi"], "a.avi", ".mp4")
         self.refused(run + ["--video", "/nowhere/a.mp4"], "/nowhere")
         self.refused([SMARTSURF, "run", path, "--until", "nan"], "--until")
+        for flag in ("--ticks", "--seed"):
+            for value in ("-1", "1.5", "18446744073709551616"):
+                self.refused([SMARTSURF, "run", path, "--no-controller", flag, value], flag, value)
         self.refused([SMARTSURF, "run", path, "--controller", "none.aps"], "none.aps")
         self.refused([SMARTSURF, "run", path, "--shm", "no/such/name"], "no/such/name")
         self.refused([SMARTSURF, "info", path], "ok.lua")
@@ -74,6 +77,8 @@ class Mistakes(ProgramTest):
         self.refused([APRON, "run", str(self.folder / "none.aps")], "none.aps")
         self.refused([APRON, "run", SORT_APS, "--shm", "nobody", "--wait", "0"], "nobody")
         self.refused([APRON, "run", SORT_APS, "--size", "0x5"], "0x5")
+        self.refused([APRON, "run", SORT_APS, "--profile", "/nowhere/p.json"], "--profile", "/nowhere")
+        self.refused([APRON, "chekc", SORT_APS], "no command 'chekc'", "did you mean 'check'")
 
     def test_output_that_cannot_be_written_is_refused_before_the_run(self):
         path = self.write("says.lua", TABLE + "on_finish(function() print('ran') end)\n")
@@ -172,6 +177,31 @@ class Mistakes(ProgramTest):
             self.assertIn("SIGNL", first[0])
             self.assertIn("SIGNAL", err)
             self.assertIn("^", err)
+
+    def test_a_program_that_is_not_local_is_told_from_one_that_is(self):
+        path = self.write("global.aps", "!register(A)\nA = globalsum(A)\n")
+        status, out, err = self.run_program(APRON, "check", "--profile", "local", path)
+        self.assertEqual((status, err), (1, ""))
+        self.assertIn("global.aps:2: not local: globalsum", out)
+
+    def test_what_a_huge_force_flings_away_leaves_the_table_and_the_run_goes_on(self):
+        path = self.write("fling.lua", """
+surface { rows = 8, columns = 8 }
+for i = 1, 6 do
+  sphere { radius = 1, position = {i, 4, 4 + 2 * i}, mass = 1e-9 }
+  box { size = {1, 1, 1}, position = {i, 2, 4 + 2 * i}, mass = 1e-9 }
+end
+local left = 0
+on_tick(function()
+  for id = 0, 11 do
+    object(id):push { force = {random(-5e11, 5e11), random(-5e11, 5e11), random(-5e11, 5e11)}, point = {1e6, 1e6, 1e6} }
+  end
+end)
+on_leave(function(id) left = left + 1 end)
+on_finish(function() metric('left', left) end)""")
+        status, _, err = self.run_program(SMARTSURF, "run", path, "--no-controller", "--until", "1", "--stats", "fling.json")
+        self.assertEqual((status, err), (0, ""))
+        self.assertGreaterEqual(json.loads((self.folder / "fling.json").read_text())["metrics"]["left"], 12)
 
     def test_a_controller_with_a_mistake_ends_the_run_as_the_users_mistake(self):
         path = self.write("wrong.aps", "x = surface.sense('pressure')\n")

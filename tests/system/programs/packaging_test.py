@@ -56,6 +56,20 @@ class Packaging(ProgramTest):
             self.assertTrue(flags or page.stem == 'smartsurf-doctor', page)
             self.assertEqual(sorted(f for f in flags if f not in text), [], page)
 
+    def test_links_of_the_pages_lead_to_what_was_installed(self):
+        pages = sorted((self.prefix / "share/doc/smartsurf").glob("*.md"))
+        self.assertGreater(len(pages), 20)
+        links = 0
+        for page in pages:
+            prose = re.sub(r"```.*?```|^    .*?$", "", page.read_text(), flags=re.DOTALL | re.MULTILINE)
+            for target in re.findall(r"\]\(([^)#:\s]+)(?:#[^)]*)?\)", prose):
+                links += 1
+                self.assertTrue((page.parent / target).resolve().is_relative_to(self.prefix.resolve()), f"{page} {target}")
+                self.assertTrue((page.parent / target).exists(), f"{page.name} links to {target}")
+        self.assertGreater(links, 60)
+        # Only the links are others.
+        self.assertEqual((self.prefix / "share/doc/smartsurf/tasks.md").read_text(), (ROOT / "docs/tasks.md").read_text())
+
     def test_completion_offers_commands_and_flags(self):
         script = self.prefix / "share/bash-completion/completions/smartsurf"
         ask = ("source {0}; PATH={1}:$PATH; COMP_WORDS=({2}); COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1)); _smartsurf; "

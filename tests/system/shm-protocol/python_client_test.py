@@ -80,6 +80,8 @@ class Roles(unittest.TestCase):
             self.assertEqual(nothing.exception.result, Result.OUT_OF_TURN)
             with self.assertRaises(ValueError):
                 controller.sensors["distance"]
+            with self.assertRaisesRegex(KeyError, "there is no channel 'distnace' here, only distance"):
+                controller.sensors["distnace"]
             surface.publish(0, 0.0)
             with self.assertRaises(Error):
                 surface.publish(1, 0.0)
@@ -177,7 +179,7 @@ class Pieces(unittest.TestCase):
             self.assertTrue(surface.wait(timeout=5))
             np.testing.assert_array_equal(np.concatenate(taken), values / 7)
             np.testing.assert_array_equal(surface.actuators["height"].ravel(), values / 7)
-            with self.assertRaises(KeyError):
+            with self.assertRaisesRegex(KeyError, "no actuator channel 'distance'"):
                 controller.write("distance", values)
 
 

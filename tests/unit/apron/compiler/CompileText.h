@@ -10,7 +10,8 @@
 
 namespace apron::compiler {
 
-inline CompileResult compile_text(const std::string& text, const std::map<std::string, std::string>& files = {}) {
+inline CompileResult compile_text(const std::string& text,
+                                  const std::map<std::string, std::string>& files = {}) {
   syntax::MemoryReader reader;
   reader.files = files;
   reader.files["main.aps"] = text;
@@ -22,7 +23,9 @@ inline CompileResult compile_text(const std::string& text, const std::map<std::s
   return compile(options, reader);
 }
 
-inline std::string errors(const CompileResult& result) { return syntax::format(result.diagnostics, result.sources); }
+inline std::string errors(const CompileResult& result) {
+  return syntax::format(result.diagnostics, result.sources);
+}
 
 inline std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
 
@@ -35,7 +38,8 @@ inline std::string listing(const CompileResult& result) {
     line = line.substr(0, line.find(" ; "));
     while (line.back() == ' ') line.pop_back();
     const std::size_t gap = line.find(' ');
-    if (gap != std::string::npos) line = line.substr(0, gap) + line.substr(line.find_first_not_of(' ', gap) - 1);
+    if (gap != std::string::npos)
+      line = line.substr(0, gap) + line.substr(line.find_first_not_of(' ', gap) - 1);
     text += line + '\n';
   }
   return text;

@@ -84,8 +84,8 @@ TEST(Macro, ErrorsNameTheChain) {
   const CompileResult result =
       compile_text("!include('lib.aps')\n!register(A)\nA = outer(A)\n", {{"lib.aps", library}});
   EXPECT_EQ(errors(result),
-            "lib.aps:9:11: error: 'Missing' is not a register, and no line writes it as a scalar; before it is read, "
-            "!register(Missing) or Missing = 0 makes it one\n"
+            "lib.aps:9:11: error: 'Missing' is not a register, and no line writes it as a scalar; before it "
+            "is read, !register(Missing) or Missing = 0 makes it one\n"
             "    $y = $a + Missing\n"
             "              ^\n"
             "  note: in expansion of macro 'inner' at lib.aps:4:6\n"

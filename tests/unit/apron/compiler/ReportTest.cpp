@@ -47,11 +47,12 @@ TEST(Report, StopsAtTwenty) {
 
 TEST(Report, ColumnsCountCharacters) {
   const std::string report = errors(compile_text("println('größe', größe)\r\n"));
-  EXPECT_EQ(report,
-            "main.aps:1:18: error: 'größe' is not a register, and no line writes it as a scalar; before it is "
-            "read, !register(größe) or größe = 0 makes it one\n"
-            "    println('größe', größe)\n"
-            "                     ^\n");
+  EXPECT_EQ(
+      report,
+      "main.aps:1:18: error: 'größe' is not a register, and no line writes it as a scalar; before it is "
+      "read, !register(größe) or größe = 0 makes it one\n"
+      "    println('größe', größe)\n"
+      "                     ^\n");
 }
 
 TEST(Report, IncludesAreChained) {

@@ -175,6 +175,13 @@ constexpr Wrong kWrong[] = {
      "main.aps:1:9: error: expected a module's name in single quotes"},
     {"!default_palette(255)",
      "main.aps:1:1: error: '!default_palette' takes 2 arguments in brackets"},
+    {"!default_palette(255, 'grei')",
+     "main.aps:1:23: error: there is no palette 'grei'; did you mean 'grey'?"},
+    {"!register(A)|reg.setPalette(A, 'virdis')",
+     "main.aps:2:19: error: there is no palette 'virdis'; did you mean 'viridis'?"},
+    {"!register(A)|reg.setPalette(A, 10, 'nosuch')",
+     "main.aps:2:23: error: there is no palette 'nosuch'; there are grey, raw, flame, spectrum, viridis, magma, "
+     "inferno, plasma, diverging, default, gray, hot, heat, fire, jet, rainbow, hsv, coolwarm"},
     {"x = res.getvar(REGISTER, 1)",
      "main.aps:1:16: error: the class REGISTER is one of registers"},
     {"x = res.getvar(thing, 1)",

@@ -68,13 +68,5 @@ TEST(Palette, PaintsAsItColours) {
   }
 }
 
-TEST(Palette, IsFoundByItsName) {
-  for (std::size_t i = 0; i < kPalettes; ++i)
-    EXPECT_EQ(palette(name(static_cast<Palette>(i))), static_cast<Palette>(i));
-  EXPECT_EQ(palette("Flame"), Palette::kFlame);
-  EXPECT_EQ(palette("gray"), Palette::kGrey);
-  EXPECT_EQ(palette("no such palette"), Palette::kGrey);
-}
-
 }  // namespace
 }  // namespace apron::debugger

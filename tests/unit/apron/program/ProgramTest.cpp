@@ -224,9 +224,17 @@ TEST(Verify, PlacesAreInRangeAndExpansionsEnd) {
     change(program);
     return verify(program);
   };
-  EXPECT_EQ(wrong([](Program& p) { p.sources.push_back({99, 1, 1, 0}); }), "a source names a file out of range");
-  EXPECT_EQ(wrong([](Program& p) { p.sources.push_back({99, 0, 0, 0}); }), "a source names a file out of range");
-  EXPECT_EQ(wrong([](Program& p) { p.sources.push_back({0, 0, 0, 2}); }),
+  EXPECT_EQ(wrong([](Program& p) {
+              p.sources.push_back({99, 1, 1, 0});
+            }),
+            "a source names a file out of range");
+  EXPECT_EQ(wrong([](Program& p) {
+              p.sources.push_back({99, 0, 0, 0});
+            }),
+            "a source names a file out of range");
+  EXPECT_EQ(wrong([](Program& p) {
+              p.sources.push_back({0, 0, 0, 2});
+            }),
             "a source names an expansion out of range");
   const auto expands = [](std::uint32_t within) {
     return [within](Program& p) { p.expansions = {{}, {"m", {0, 0, 0, within}}}; };

@@ -138,7 +138,7 @@ TEST_F(Cli, AWrongCommandLineIsOneLineAndStatus2) {
       {"run", good, "--screenshot", "a.png@soon"},
       {"run", good, "--screenshot", "a.png", "--geometry", "80x25"},
       {"run", good, "--screenshot", "a.png", "--window"},
-      {"run", good, "--video", "a.mp4"},  // without a surface
+      {"run", good, "--video", "a.mp4"},           // without a surface
       {"run", good, "--cost-model", "cost.json"},  // without --profile
       {"run", good, "--profile", "/dev/null", "--cost-model", path("none.json")},
       {"fmt"},

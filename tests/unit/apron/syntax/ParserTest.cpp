@@ -106,7 +106,8 @@ TEST(Parser, OperatorsAreRebound) {
 TEST(Parser, NamesWhatItDidNotExpect) {
   EXPECT_EQ(parse("y = a b"), "t.aps:1:7: error: unexpected 'b'");
   EXPECT_EQ(parse("y = (a"), "t.aps:1:7: error: expected ')' before the end of the line");
-  EXPECT_EQ(parse("y = f(a; b)"), "t.aps:1:8: error: unexpected character ';': a statement ends with its line");
+  EXPECT_EQ(parse("y = f(a; b)"),
+            "t.aps:1:8: error: unexpected character ';': a statement ends with its line");
   EXPECT_EQ(parse("y = f(a b)"), "t.aps:1:9: error: expected ',' or ')', not 'b'");
   EXPECT_EQ(parse("f(a)("), "t.aps:1:5: error: expected '=' or the end of the line, not '('");
   EXPECT_EQ(parse("#l x"), "t.aps:1:4: error: a label stands alone on its line");

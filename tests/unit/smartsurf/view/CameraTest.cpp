@@ -45,6 +45,17 @@ TEST(Camera, FramesTheWholeTableWithASmallMarginInAnyAspect) {
       }
 }
 
+TEST(Camera, LeavesThePartBelowFreeThatPanelsCover) {
+  const scene::SurfaceSpec s = surface(64, 64);
+  for (double aspect : kAspects)
+    for (Preset preset : kPresets) {
+      const Camera camera = Camera::framing(s, preset, aspect, 0.1);
+      EXPECT_LT(reach_of(camera, s, aspect).maxCoeff(), 1.0);
+      const Eigen::Vector3d axes = Camera::extent(s).min() - Eigen::Vector3d(1.32, 1.32, 0.0);
+      EXPECT_LT(camera.project(axes, 1000.0 * aspect, 1000.0).y(), 900.0);
+    }
+}
+
 TEST(Camera, IsoLooksNorthFromTheSouthAtFortyDegrees) {
   const Camera camera = Camera::framing(surface(64, 64), Preset::kIso, 16.0 / 9.0);
   EXPECT_NEAR(camera.elevation() * 180.0 / std::numbers::pi, 40.0, 0.2);

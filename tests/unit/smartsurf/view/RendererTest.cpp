@@ -1,6 +1,5 @@
 #include "smartsurf/view/Renderer.h"
 
-#include <epoxy/gl.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -9,51 +8,11 @@
 #include "smartsurf/view/GlObjects.h"
 #include "smartsurf/view/OffscreenContext.h"
 #include "smartsurf/view/ReadPixels.h"
+#include "tests/unit/smartsurf/view/DrawCalls.h"
 #include "tests/unit/smartsurf/view/Scenes.h"
 
 namespace smartsurf::view {
 namespace {
-
-int draw_calls = 0;
-
-// Takes the place of OpenGL's draw calls, which epoxy must have found already, for as long as it lives.
-class CountDrawCalls {
- public:
-  CountDrawCalls() {
-    draw_calls = 0;
-    epoxy_glDrawElements = [](GLenum mode, GLsizei count, GLenum type, const void* indices) {
-      ++draw_calls;
-      elements(mode, count, type, indices);
-    };
-    epoxy_glDrawElementsInstanced = [](GLenum mode, GLsizei count, GLenum type, const void* indices,
-                                       GLsizei instances) {
-      ++draw_calls;
-      elements_instanced(mode, count, type, indices, instances);
-    };
-    epoxy_glDrawArrays = [](GLenum mode, GLint first, GLsizei count) {
-      ++draw_calls;
-      arrays(mode, first, count);
-    };
-  }
-  ~CountDrawCalls() {
-    epoxy_glDrawElements = elements;
-    epoxy_glDrawElementsInstanced = elements_instanced;
-    epoxy_glDrawArrays = arrays;
-  }
-  CountDrawCalls(const CountDrawCalls&) = delete;
-  CountDrawCalls& operator=(const CountDrawCalls&) = delete;
-
-  static void remember() {
-    elements = epoxy_glDrawElements;
-    elements_instanced = epoxy_glDrawElementsInstanced;
-    arrays = epoxy_glDrawArrays;
-  }
-
- private:
-  static inline decltype(epoxy_glDrawElements) elements = nullptr;
-  static inline decltype(epoxy_glDrawElementsInstanced) elements_instanced = nullptr;
-  static inline decltype(epoxy_glDrawArrays) arrays = nullptr;
-};
 
 // Objects of all simple shapes in rows over pins at many heights.
 Scene crowd(int cells, int objects) {
@@ -96,10 +55,9 @@ class RendererTest : public testing::Test {
   int calls_of(const Scene& scene) {
     Renderer renderer(scene.spec, {1, 256, Pass::kColour});
     draw(renderer, scene);
-    CountDrawCalls::remember();
-    const CountDrawCalls counting;
+    const DrawCalls calls;
     draw(renderer, scene);
-    return draw_calls;
+    return calls.count();
   }
 
   OffscreenContext context_;

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <limits>
 #include <random>
 #include <set>
 
@@ -76,4 +77,14 @@ TEST(Grid, KeepsLargeBodiesApartAndFindsWhatTheirBoxMeets) {
     if (i != 17 && meets) expected.insert(i);
   }
   EXPECT_EQ(found, expected);
+}
+
+TEST(Grid, LooksSomewhereForWhatIsNowhere) {
+  Cloud cloud(20, 6.0F, 7);
+  Grid grid;
+  grid.build(cloud.position, cloud.reach, 10.0F);
+  const Vec3 nowhere = Vec3::Constant(std::numeric_limits<float>::quiet_NaN());
+  int found = 0;
+  grid.for_box(nowhere, nowhere, [&](std::int32_t) { ++found; });
+  EXPECT_EQ(found, 0);
 }

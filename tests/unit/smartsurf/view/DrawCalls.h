@@ -1,0 +1,58 @@
+// Counts OpenGL's draw calls by taking the place of the functions that epoxy has found.
+//
+// One at a time, in the thread that draws. A function that nothing has called before is not known to epoxy
+// yet and not counted at its first call: draw once before.
+#pragma once
+
+#include <epoxy/gl.h>
+
+namespace smartsurf::view {
+
+class DrawCalls {
+ public:
+  DrawCalls() {
+    count_ = 0;
+    elements_ = epoxy_glDrawElements;
+    elements_instanced_ = epoxy_glDrawElementsInstanced;
+    arrays_ = epoxy_glDrawArrays;
+    arrays_instanced_ = epoxy_glDrawArraysInstanced;
+    epoxy_glDrawElements = [](GLenum mode, GLsizei count, GLenum type, const void* indices) {
+      ++count_;
+      elements_(mode, count, type, indices);
+    };
+    epoxy_glDrawElementsInstanced = [](GLenum mode, GLsizei count, GLenum type, const void* indices,
+                                       GLsizei instances) {
+      ++count_;
+      elements_instanced_(mode, count, type, indices, instances);
+    };
+    epoxy_glDrawArrays = [](GLenum mode, GLint first, GLsizei count) {
+      ++count_;
+      arrays_(mode, first, count);
+    };
+    epoxy_glDrawArraysInstanced = [](GLenum mode, GLint first, GLsizei count, GLsizei instances) {
+      ++count_;
+      arrays_instanced_(mode, first, count, instances);
+    };
+  }
+  ~DrawCalls() {
+    epoxy_glDrawElements = elements_;
+    epoxy_glDrawElementsInstanced = elements_instanced_;
+    epoxy_glDrawArrays = arrays_;
+    epoxy_glDrawArraysInstanced = arrays_instanced_;
+  }
+  DrawCalls(const DrawCalls&) = delete;
+  DrawCalls& operator=(const DrawCalls&) = delete;
+
+  // Since it was made.
+  int count() const { return count_; }
+
+ private:
+  static inline int count_ = 0;
+  // Taken anew by each: epoxy puts another in their place at their first call.
+  static inline decltype(epoxy_glDrawElements) elements_ = nullptr;
+  static inline decltype(epoxy_glDrawElementsInstanced) elements_instanced_ = nullptr;
+  static inline decltype(epoxy_glDrawArrays) arrays_ = nullptr;
+  static inline decltype(epoxy_glDrawArraysInstanced) arrays_instanced_ = nullptr;
+};
+
+}  // namespace smartsurf::view
