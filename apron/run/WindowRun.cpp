@@ -130,7 +130,7 @@ class WindowLoop {
       session.replace(program);
     });
     drawn_.panel.note("reloaded");
-    bench_.show_program(std::move(compiled->program), std::move(compiled->texts), ++programs_);
+    bench_.show_program(std::move(compiled->program), compiled->texts, ++programs_);
     asked_ = false;
   }
 

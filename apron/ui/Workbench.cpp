@@ -43,7 +43,7 @@ Workbench::Workbench(debugger::FrontPanel& panel, Ask ask) : panel_(panel), ask_
 
 // ---- from the program -------------------------------------------------------------------------------------
 
-void Workbench::show_program(program::Program program, std::vector<debugger::SourceText> texts,
+void Workbench::show_program(program::Program program, const std::vector<debugger::SourceText>& texts,
                              std::uint64_t number) {
   const std::string selected = selected_ ? program_.registers[*selected_].name : "";
   std::vector<std::pair<std::string, Style>> styles;

@@ -53,7 +53,8 @@ class Workbench {
 
   // ---- from the program ----
   // number: that of Look::program. Selection, styles, folds and breakpoints stay as far as the names do.
-  void show_program(program::Program program, std::vector<debugger::SourceText> texts, std::uint64_t number);
+  void show_program(program::Program program, const std::vector<debugger::SourceText>& texts,
+                    std::uint64_t number);
   void update(debugger::Look look);
   debugger::LookRequest request() const;
 
