@@ -24,7 +24,8 @@ def steps(page):
 
 def without_pictures(arguments):
     """The same command for a build without the view, which refuses to draw."""
-    drawn = {i + k for i, word in enumerate(arguments) if word in ("--screenshot", "--video") for k in (0, 1)}
+    flags = ("--screenshot", "--video", "--geometry", "--show")
+    drawn = {i + k for i, word in enumerate(arguments) if word in flags for k in (0, 1)}
     return [word for i, word in enumerate(arguments) if i not in drawn]
 
 
