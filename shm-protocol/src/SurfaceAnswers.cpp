@@ -81,6 +81,7 @@ Status SurfaceEndpoint::Impl::await_actuators(std::uint64_t at_tick, const WaitO
                              [&](bool look_up) noexcept { return controller_status(look_up); });
   if (status == Status::kOk) status = take_in(newest);
   answered = status == Status::kOk;
+  if (answered && controller == 0) stranger_answered = true;
   if (answered || status == Status::kNoController || status == Status::kControllerDead ||
       status == Status::kControllerClosed) {
     settled = true;

@@ -65,6 +65,7 @@ bool SurfaceEndpoint::Impl::has_left() const noexcept {
 
 Status SurfaceEndpoint::Impl::lose(Status how) noexcept {
   controller = 0;
+  detachments = load_sequential(header.claim.detached);
   if (hold_last_frame)
     keep_shown_frame();
   else
@@ -73,7 +74,12 @@ Status SurfaceEndpoint::Impl::lose(Status how) noexcept {
 }
 
 Status SurfaceEndpoint::Impl::controller_status(bool look_up) noexcept {
-  if (controller == 0) adopt();
+  if (controller == 0) {
+    const std::uint32_t before = detachments;
+    adopt();
+    if (std::exchange(stranger_answered, false) && detachments != before)
+      return lose(Status::kControllerClosed);
+  }
   if (controller == 0) return Status::kNoController;
   if (load_acquire(header.claim.controller_process) != controller)
     return lose(has_left() ? Status::kControllerClosed : Status::kControllerDead);

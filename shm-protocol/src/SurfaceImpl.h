@@ -100,8 +100,9 @@ struct SurfaceEndpoint::Impl {
   Counters counters;
 
   ProcessWord controller = 0;            // whom we know
-  std::uint32_t detachments = 0;         // counted when we adopted it
+  std::uint32_t detachments = 0;         // counted when we adopted it, or lost the one before
   bool leaving = false;                  // it was about to leave then
+  bool stranger_answered = false;        // one we did not know yet: its answer was there before we looked
   Patience patience, patience_for_more;  // for an answer; for its second piece and all that follow
 
   PieceWriter writer{header.sensor_progress, header.sensors.word, header.controller_waiting.flag,

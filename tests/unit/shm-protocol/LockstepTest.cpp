@@ -219,6 +219,28 @@ TEST(Lockstep, OrderlyDepartureIsToldApartFromDeath) {
   EXPECT_EQ(p.surface->actuator(kHeight)[0], 2.0f);
 }
 
+// The answer was there at the first look, so the surface did not look for the controller itself.
+TEST(Lockstep, DepartureOfAControllerThatAlwaysAnsweredAtOnceIsTold) {
+  for (const bool before_the_look : {false, true}) {
+    Pair p("quick", false);
+    for (std::uint64_t tick = 0; tick < 4; tick += 2) {  // and of the next one too
+      p.attach();
+      ASSERT_EQ(p.surface->publish(tick, 0.0), Status::kOk);
+      ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+      p.fill_actuators(3.0f);
+      ASSERT_EQ(p.controller->publish(), Status::kOk);
+      if (before_the_look) p.controller.reset();
+      ASSERT_EQ(p.surface->await_actuators(tick, kAtOnce), Status::kOk);
+      EXPECT_EQ(p.surface->actuator(kHeight)[0], 3.0f);
+      ASSERT_EQ(p.surface->publish(tick + 1, 0.0), Status::kOk);
+      p.controller.reset();
+      EXPECT_EQ(p.surface->await_actuators(tick + 1, kAtOnce), Status::kControllerClosed);
+      EXPECT_EQ(p.surface->actuator(kHeight)[0], 0.5f);  // the safe value
+      EXPECT_EQ(p.surface->await_actuators(tick + 1, kAtOnce), Status::kNoController);
+    }
+  }
+}
+
 TEST(Lockstep, SuccessorDoesNotAnswerTwice) {
   Pair p("twice");
   p.attach();
