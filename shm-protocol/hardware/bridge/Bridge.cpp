@@ -145,8 +145,8 @@ void Bridge::create_surface() {
                                static_cast<double>(c.safe)});
   surface_.emplace(shm_protocol::SurfaceEndpoint::create(config));
   actuators_.assign(link_.actuator_elements(), 0.0F);
-  log_("device '" + device_->name + "', " + std::to_string(device_->columns) + "x" +
-       std::to_string(device_->rows) + " cells, every " + std::to_string(device_->period_us) +
+  log_("device '" + device_->name + "', " + std::to_string(device_->rows) + " rows of " +
+       std::to_string(device_->columns) + " cells, every " + std::to_string(device_->period_us) +
        " us; controllers attach to '" + options_.surface + "'");
 }
 
