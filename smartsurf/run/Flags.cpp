@@ -12,8 +12,8 @@ namespace smartsurf::run {
 double positive_number(const std::string& flag, const std::string& text) {
   double value = 0.0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size() || !std::isfinite(value) || value <= 0.0)
-    throw scene::InputError(fmt::format("{} {}: must be a number greater than 0", flag, text));
+  if (error != std::errc{} || end != text.data() + text.size() || !(value > 0.0 && value <= 1e9))
+    throw scene::InputError(fmt::format("{} {}: must be a number greater than 0, at most 1e9", flag, text));
   return value;
 }
 

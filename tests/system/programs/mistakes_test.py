@@ -67,6 +67,7 @@ class Mistakes(ProgramTest):
         self.refused(run + ["--video", "a.avi"], "a.avi", ".mp4")
         self.refused(run + ["--video", "/nowhere/a.mp4"], "/nowhere")
         self.refused([SMARTSURF, "run", path, "--until", "nan"], "--until")
+        self.refused([SMARTSURF, "run", path, "--no-controller", "--until", "1e300"], "--until", "1e300", "at most 1e9")
         for flag in ("--ticks", "--seed"):
             for value in ("-1", "1.5", "18446744073709551616"):
                 self.refused([SMARTSURF, "run", path, "--no-controller", flag, value], flag, value)
