@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "smartsurf/scene/Occupancy.h"
+
 namespace smartsurf::run {
 namespace {
 
@@ -14,25 +16,6 @@ std::vector<std::array<float, 3>> positions(const scene::SurfaceSpec& surface) {
     all.push_back({static_cast<float>(surface.places[i].x), static_cast<float>(surface.places[i].y),
                    surface.base.empty() ? 0.0F : surface.base[i]});
   return all;
-}
-
-// 1 where there is a cell and 0 where there is none; empty where every cell is there.
-std::vector<float> occupancy(const scene::SurfaceSpec& surface) {
-  if (std::ranges::find(surface.actuator_of_cell, scene::kEmptyCell) == surface.actuator_of_cell.end())
-    return {};
-  std::vector<float> mask;
-  for (const std::int8_t actuator : surface.actuator_of_cell)
-    mask.push_back(actuator == scene::kEmptyCell ? 0.0F : 1.0F);
-  return mask;
-}
-
-constexpr const char* kOccupancy = "occupancy";
-
-void require_free(const scene::SurfaceSpec& surface) {
-  const std::vector<std::string> sensors = surface.sensor_channels();
-  if (std::ranges::find(sensors, kOccupancy) != sensors.end())
-    throw scene::InputError(
-        "surface.sensors: the name 'occupancy' is taken by the mask of a surface with empty cells");
 }
 
 shm_protocol::SurfaceConfig describe(const std::string& name, RunMode mode, const scene::SceneSpec& scene) {
@@ -49,10 +32,8 @@ shm_protocol::SurfaceConfig describe(const std::string& name, RunMode mode, cons
                                channel.type == scene::SensorChannel::Type::kCount ? DType::kU32 : DType::kF32,
                                static_cast<std::uint32_t>(channel.components), channel.unit, channel.minimum,
                                channel.maximum, channel.none});
-  if (!occupancy(scene.surface).empty()) {
-    require_free(scene.surface);
-    config.channels.push_back({kOccupancy, Direction::kSensor, DType::kF32, 1, "", 0.0, 1.0, 0.0});
-  }
+  if (scene::has_empty_cells(scene.surface))
+    config.channels.push_back({scene::kOccupancy, Direction::kSensor, DType::kF32, 1, "", 0.0, 1.0, 0.0});
   for (const scene::ActuatorChannel& channel : scene.surface.actuator_channels())
     config.channels.push_back({channel.name, Direction::kActuator, DType::kF32, 1, channel.unit,
                                channel.minimum, channel.maximum, channel.safe});
@@ -75,7 +56,7 @@ SurfaceLink::SurfaceLink(const std::string& name, RunMode mode, const scene::Sce
     : name_(name),
       mode_(mode),
       endpoint_(open(describe(name, mode, scene))),
-      occupancy_(occupancy(scene.surface)),
+      occupancy_(scene::occupancy(scene.surface)),
       // describe() lists the sensors first, and what there is of the cells after them.
       first_actuator_(static_cast<int>(scene.surface.sensor_channels().size()) +
                       (occupancy_.empty() ? 0 : 1)),

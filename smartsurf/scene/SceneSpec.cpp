@@ -7,6 +7,8 @@
 #include <numeric>
 #include <sstream>
 
+#include "smartsurf/scene/Occupancy.h"
+
 namespace smartsurf::scene {
 namespace {
 
@@ -99,6 +101,16 @@ std::string problem_with_names(const std::vector<std::string>& channels, std::si
       return "surface.sensors: two channels are called '" + channels[i] + "': give a sensor another name";
   }
   return "";
+}
+
+std::string problem_with_channels(const SurfaceSpec& s) {
+  std::vector<std::string> sensors = s.sensor_channels();
+  if (has_empty_cells(s)) {
+    if (std::ranges::find(sensors, kOccupancy) != sensors.end())
+      return "surface.sensors: the name 'occupancy' is taken by the mask of a surface with empty cells";
+    sensors.emplace_back(kOccupancy);
+  }
+  return problem_with_names(sensors, s.actuator_channels().size());
 }
 
 }  // namespace
@@ -253,7 +265,7 @@ std::string problem_with(const SurfaceSpec& s) {
   if (auto p = problem_with_actuators(s); !p.empty()) return p;
   for (const auto& sensor : s.sensors)
     if (auto p = find_sensor_kind(sensor.model)->problem_with(sensor); !p.empty()) return p;
-  if (auto p = problem_with_names(s.sensor_channels(), s.actuator_channels().size()); !p.empty()) return p;
+  if (auto p = problem_with_channels(s); !p.empty()) return p;
   if (s.border_height && !is_coordinate(*s.border_height))
     return clause("border.height", *s.border_height, kCoordinateRule);
   return "";

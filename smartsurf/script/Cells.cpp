@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "smartsurf/scene/Occupancy.h"
 #include "smartsurf/script/Fields.h"
 #include "smartsurf/script/Methods.h"
 #include "smartsurf/script/Session.h"
@@ -104,6 +105,13 @@ int targets(Session& session, lua_State* L) {
   return 0;
 }
 
+// The channel that says which cells are there; where all are, a sensor may be called so.
+bool is_mask(const Session& session, const std::string& channel) {
+  if (channel != scene::kOccupancy) return false;
+  const std::vector<std::string> sensors = session.spec.surface.sensor_channels();
+  return std::ranges::find(sensors, channel) == sensors.end();
+}
+
 // As many numbers as the channel has components.
 template <typename Read>
 int read_cell(Session& session, lua_State* L, const std::string& method, Read read) {
@@ -113,6 +121,10 @@ int read_cell(Session& session, lua_State* L, const std::string& method, Read re
   for (const scene::SensorChannel& c : session.channels) names.push_back(c.name);
   const std::string channel = channel_at(L, names, method);
   const int row = row_at(session, L, 3, method), column = column_at(session, L, 4, method);
+  if (is_mask(session, channel)) {
+    lua_pushnumber(L, session.spec.surface.is_empty(row, column) ? 0.0 : 1.0);
+    return 1;
+  }
   const int components = std::ranges::find(session.channels, channel, &scene::SensorChannel::name)->components;
   for (int k = 0; k < components; ++k) lua_pushnumber(L, static_cast<double>(read(channel, row, column, k)));
   return components;

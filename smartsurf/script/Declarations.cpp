@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "smartsurf/scene/Occupancy.h"
 #include "smartsurf/script/Fields.h"
 #include "smartsurf/script/Files.h"
 #include "smartsurf/script/Methods.h"
@@ -94,6 +95,7 @@ int surface(Session& session, lua_State* L) {
               [&](int i, const std::string& name) { spec.material = material_at(session, L, i, name); });
   check(problem_with(spec));
   session.channels = channels_of(spec.sensors);
+  if (has_empty_cells(spec)) session.channels.push_back({.name = scene::kOccupancy});
   return 0;
 }
 

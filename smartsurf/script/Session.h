@@ -40,7 +40,7 @@ struct Session {
 
   std::vector<scene::ActuatorSpec> actuators;  // that the script made, whether in use or not
   std::vector<scene::SensorSpec> sensors;  // that the script made, whether in use or not
-  std::vector<scene::SensorChannel> channels;  // of the surface's sensors
+  std::vector<scene::SensorChannel> channels;  // of the sensors, and the mask of a surface with empty cells
 
   // Where each was declared ("FILE:LINE"), for the message about a second declaration.
   std::map<std::string, std::string> declared_at;

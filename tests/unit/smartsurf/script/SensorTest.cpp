@@ -55,6 +55,30 @@ TEST_F(SensorTest, CellsSenseAndTruthGiveAllComponents) {
   EXPECT_EQ(printed, "3\t60102.0\t60102.25\t60102.5\n1\t-90102.0\n");
 }
 
+TEST_F(SensorTest, WhereCellsAreEmptyOccupancyIsAChannelToo) {
+  Experiment e = load(R"(surface{rows = 2, columns = 2, mask = {{true, false}, {true, true}}}
+on_tick(function() print(cells:sense('occupancy', 1, 1), cells:sense('occupancy', 1, 2), cells:truth('occupancy', 2, 2)) end))");
+  FakeHost host(e.scene());
+  e.start(host);
+  e.tick(0.0, 0);
+  EXPECT_EQ(printed, "1.0\t0.0\t1.0\n");
+}
+
+TEST_F(SensorTest, OccupancyIsNoChannelWhereEveryCellIsThere) {
+  EXPECT_EQ(error_of("surface{sensors = {colour{name = 'occupancy'}}}"), "");
+  EXPECT_EQ(
+      error_of(
+          "surface{mask = {{false, true}}, rows = 1, columns = 2, sensors = {colour{name = 'occupancy'}}}"),
+      "t.lua:1: surface.sensors: the name 'occupancy' is taken by the mask of a surface with empty cells");
+  const std::string thirty_one =
+      "local s = {} for i = 1, 31 do s[i] = colour{name = 'c' .. i} end surface{rows = 1, columns = 2, "
+      "sensors = s";
+  EXPECT_EQ(error_of(thirty_one + "}"), "");
+  EXPECT_EQ(
+      error_of(thirty_one + ", mask = {{false, true}}}"),
+      "t.lua:1: surface.sensors: 32 sensor channels beside 1 of actuators: must be at most 32 together");
+}
+
 TEST_F(SensorTest, MistakesGetOneLine) {
   const auto error = [this](const std::string& sensor) {
     return error_of("surface{sensors = {" + sensor + "}}");
