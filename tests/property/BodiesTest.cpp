@@ -82,7 +82,8 @@ TEST(Bounce, ABoxThatFallsFlatReboundsUpright) {
     if (hit) apex = std::max(apex, bench.position(id).z() - 1);
   });
   EXPECT_NEAR(apex, 0.64 * 5, 0.15);
-  EXPECT_LT((bench.position(id) - Eigen::Vector3d(15, 15, bench.position(id).z())).norm(), 0.02);
+  EXPECT_NEAR(bench.position(id).x(), 15, 0.02);
+  EXPECT_NEAR(bench.position(id).y(), 15, 0.02);
   EXPECT_LT(bench.world().state(id).angular_velocity.norm(), 0.1);
 }
 
