@@ -273,8 +273,9 @@ HWY_INLINE void solve_point(Lanes<kPair, kRound>& l, const At& q, const BodyRows
   rub_and_roll(l, q, n, dv, speed, push);
 }
 
+// Towards Newton's rule at this point, whose rebound so far is where `slowest` was. Gives what it is now.
 template <bool kPair, bool kRound>
-HWY_INLINE void rebound_point(Lanes<kPair, kRound>& l, const At& q, const Pass& pass) {
+HWY_INLINE V rebound_point(Lanes<kPair, kRound>& l, const At& q, const Pass& pass) {
   const int at = l.lane;
   const V3 n = load3(q.point.normal, at);
   const V speed = dot(n, l.relative_velocity(q, n));
@@ -282,14 +283,33 @@ HWY_INLINE void rebound_point(Lanes<kPair, kRound>& l, const At& q, const Pass& 
   const auto hit =
       hn::And(hn::Lt(approach, set(-pass.bounce_threshold)), hn::Gt(load(q.point.total, at), zero()));
   const V wanted = zero() - load(q.detail.restitution, at) * approach;
-  const V push = hn::Max((wanted - speed) * load(q.point.normal_mass, at), zero());
+  const V old = load(q.point.slowest, at);
+  const V push = hn::Max(old + (wanted - speed) * load(q.point.normal_mass, at), zero());
   V impulse = hn::IfThenElseZero(hit, push);
   if (!kPair && l.octet.limited) {
-    const V most = load(q.detail.limit, at) - load(q.point.total, at);
+    const V most = load(q.detail.limit, at) - (load(q.point.total, at) - old);
     impulse = hn::Min(impulse, hn::Max(most, zero()));
   }
-  store(load(q.point.total, at) + impulse, q.point.total, at);
-  l.push(q, n * impulse, n, true);
+  store(impulse, q.point.slowest, at);
+  store(load(q.point.total, at) + (impulse - old), q.point.total, at);
+  l.push(q, n * (impulse - old), n, true);
+  return impulse;
+}
+
+// What a face gains at one corner turns it about the others: several turns, until all of them leave as they
+// should.
+template <bool kPair, bool kRound>
+HWY_INLINE void rebound_manifold(Lanes<kPair, kRound>& l, Points points, const Pass& pass) {
+  constexpr int kTurns = 8;
+  const int first = l.octet.first, end = first + l.octet.points;
+  for (int k = first; k < end; ++k) store(zero(), points.point[k].slowest, l.lane);
+  const int turns = kRound || l.octet.points == 1 ? 1 : kTurns;
+  for (int turn = 0; turn < turns; ++turn) {
+    V most = zero();
+    for (int k = first; k < end; ++k)
+      most = hn::Max(most, rebound_point(l, At{points.point[k], points.detail[k]}, pass));
+    if (turn == 0 && hn::AllFalse(D(), hn::Gt(most, zero()))) return;  // nothing hit
+  }
 }
 
 template <bool kPair, bool kRound, class PointWork>
@@ -322,8 +342,12 @@ struct Kernels {
                             [&](L& l, const At& q) HWY_ATTR { solve_point<false>(l, q, rows, pass); });
   }
   static void rebound(const Octet* o, int n, Points p, const BodyRows& rows, const Pass& pass) {
-    for_each<kPair, kRound>(o, n, p, rows, true,
-                            [&](L& l, const At& q) HWY_ATTR { rebound_point(l, q, pass); });
+    for (int i = 0; i < n; ++i)
+      for (int lane = 0; lane < o[i].count; lane += kWidth) {
+        L l(o[i], lane, rows);
+        rebound_manifold(l, p, pass);
+        l.store();
+      }
   }
   static void enter(KernelTable& t, ContactKind kind) {
     t.prepare[kind] = prepare;

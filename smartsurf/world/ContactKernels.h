@@ -43,7 +43,7 @@ struct alignas(64) Point {
   float radius_a[kLanes], radius_b[kLanes];  // of spheres
   float push[kLanes], drag[3][kLanes], total[kLanes];
   float gap[kLanes],
-      slowest[kLanes];  // the lowest relative speed along the normal that the relaxing pass allows
+      slowest[kLanes];  // the lowest relative speed along the normal that the relaxing pass allows; then the rebound
   float normal_mass[kLanes], tangent_mass[kLanes], friction[kLanes];
   float approach[kLanes];  // the relative speed along the normal as the step began
 };
@@ -78,7 +78,7 @@ struct KernelTable {
   Kernel warm[kContactKinds];     // applies the impulses that each point brings along
   Kernel solve[kContactKinds];    // towards no overlap at the end of the substep
   Kernel relax[kContactKinds];    // takes out the speed that the push out of an overlap left
-  Kernel rebound[kContactKinds];  // Newton's rule, once, at the end of the step
+  Kernel rebound[kContactKinds];  // Newton's rule, at the end of the step
 };
 
 // For this machine's instruction set.

@@ -53,6 +53,40 @@ TEST(Collision, EveryPairOfShapesBouncesApart) {
     }
 }
 
+TEST(Collision, FacesThatMeetFlatPartWithoutATurn) {
+  for (const double e : {0.4, 1.0}) {
+    PhysicsBench bench;
+    bench.scene.world.gravity = {0, 0, 0};
+    bench.scene.materials[0].restitution = e;
+    auto one = box({1, 1, 1}, {12, 15, 20}), two = box({1, 1, 3}, {16, 15, 20});
+    one.velocity = {4, 0, 0};
+    const auto a = bench.add(one), b = bench.add(two);
+    bench.run(2.0);
+    const auto sa = bench.world().state(a), sb = bench.world().state(b);
+    const double parting = (1 + e) * 4.0 / 4.0;  // the speed of the one three times as heavy
+    EXPECT_NEAR(sa.velocity.x(), 4.0 - 3 * parting, 0.01) << e;
+    EXPECT_NEAR(sb.velocity.x(), parting, 0.01) << e;
+    EXPECT_LT(sa.angular_velocity.norm(), 0.02) << e;
+    EXPECT_LT(sb.angular_velocity.norm(), 0.02) << e;
+  }
+}
+
+TEST(Bounce, ABoxThatFallsFlatReboundsUpright) {
+  PhysicsBench bench;
+  bench.scene.materials[0].restitution = 0.8;
+  const auto id = bench.add(box({2, 2, 2}, {15, 15, 6}));
+  double apex = 0;
+  bool hit = false;
+  bench.run(2.5, [&] {
+    hit |= bench.velocity(id).z() > 0;
+    if (hit) apex = std::max(apex, bench.position(id).z() - 1);
+  });
+  EXPECT_NEAR(apex, 0.64 * 5, 0.15);
+  EXPECT_NEAR(bench.position(id).x(), 15, 0.02);
+  EXPECT_NEAR(bench.position(id).y(), 15, 0.02);
+  EXPECT_LT(bench.world().state(id).angular_velocity.norm(), 0.1);
+}
+
 TEST(Stacking, TenBoxesStandForAMinute) {
   PhysicsBench bench;
   bench.scene.world.dt_s = 1.0 / 120;
