@@ -33,8 +33,8 @@ class Run {
   };
 
   static script::Experiment load(const RunOptions&);
-  // `stop` is raised by SIGINT, SIGTERM and SIGHUP. display: of the run before; none opens one if the options ask for
-  // it. Throws scene::InputError for whatever the user got wrong.
+  // `stop` is raised by SIGINT, SIGTERM and SIGHUP. display: of the run before; none opens one if the options
+  // ask for it. Throws scene::InputError for whatever the user got wrong.
   Run(const RunOptions&, const std::atomic<bool>& stop, script::Experiment,
       std::unique_ptr<Display> display = nullptr);
   ~Run();

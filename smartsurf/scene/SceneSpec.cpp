@@ -71,16 +71,17 @@ std::string problem_with_actuators(const SurfaceSpec& s) {
   for (const ActuatorSpec& a : s.actuators) {
     const auto& top = a.numbers("top");
     if (top[0] != s.pin.top_x || top[1] != s.pin.top_y)
-      return a.model + ".top: {" + text_of(top[0]) + ", " + text_of(top[1]) + "}: must be that of the surface's " +
-             s.actuators[0].model + ", {" + text_of(s.pin.top_x) + ", " + text_of(s.pin.top_y) +
-             "}: all cells are of one size";
+      return a.model + ".top: {" + text_of(top[0]) + ", " + text_of(top[1]) +
+             "}: must be that of the surface's " + s.actuators[0].model + ", {" + text_of(s.pin.top_x) +
+             ", " + text_of(s.pin.top_y) + "}: all cells are of one size";
   }
   for (std::size_t i = 0; i < s.places.size(); ++i)
     if (!is_coordinate(s.places[i].x) || !is_coordinate(s.places[i].y))
       return "surface.positions[" + std::to_string(i + 1) + "]: must be " + kCoordinateRule;
   for (std::size_t i = 0; i < s.base.size(); ++i)
     if (!is_coordinate(static_cast<double>(s.base[i])))
-      return clause("surface.base of cell " + std::to_string(i + 1), static_cast<double>(s.base[i]), kCoordinateRule);
+      return clause("surface.base of cell " + std::to_string(i + 1), static_cast<double>(s.base[i]),
+                    kCoordinateRule);
   return "";
 }
 
@@ -90,8 +91,8 @@ std::string problem_with_names(const std::vector<std::string>& channels, std::si
   static const std::string kPlain = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.-";
   if (channels.size() + actuator_channels > kMostChannels)
     return "surface.sensors: " + std::to_string(channels.size()) + " sensor channels beside " +
-           std::to_string(actuator_channels) + " of actuators: must be at most " + std::to_string(kMostChannels) +
-           " together";
+           std::to_string(actuator_channels) + " of actuators: must be at most " +
+           std::to_string(kMostChannels) + " together";
   for (std::size_t i = 0; i < channels.size(); ++i) {
     if (channels[i].empty() || channels[i].size() > 31 ||
         channels[i].find_first_not_of(kPlain) != std::string::npos)
@@ -261,7 +262,8 @@ std::string problem_with(const SurfaceSpec& s) {
   if (s.rows < 1 || s.rows > 4096) return clause("surface.rows", s.rows, "1 to 4096");
   if (s.columns < 1 || s.columns > 4096) return clause("surface.columns", s.columns, "1 to 4096");
   if (!is_size(s.pitch)) return clause("surface.pitch", s.pitch, kSizeRule);
-  if (auto p = problem_with(s.pin, s.pitch, s.actuators.empty() ? "pin" : s.actuators[0].model); !p.empty()) return p;
+  if (auto p = problem_with(s.pin, s.pitch, s.actuators.empty() ? "pin" : s.actuators[0].model); !p.empty())
+    return p;
   if (auto p = problem_with_actuators(s); !p.empty()) return p;
   for (const auto& sensor : s.sensors)
     if (auto p = find_sensor_kind(sensor.model)->problem_with(sensor); !p.empty()) return p;
@@ -274,7 +276,8 @@ std::string problem_with(const SurfaceSpec& s) {
 std::string problem_with(const ObjectSpec& o) {
   const bool round = o.shape != ShapeKind::kBox && o.shape != ShapeKind::kSolid;
   if (round && !is_size(o.radius)) return clause("radius", o.radius, kSizeRule);
-  if (round && o.shape != ShapeKind::kSphere && !is_size(o.height)) return clause("height", o.height, kSizeRule);
+  if (round && o.shape != ShapeKind::kSphere && !is_size(o.height))
+    return clause("height", o.height, kSizeRule);
   if (o.shape == ShapeKind::kCapsule && o.height < 2.0 * o.radius)
     return clause("height", o.height, "at least twice the radius, " + text_of(2.0 * o.radius));
   if (o.shape == ShapeKind::kBox)

@@ -38,7 +38,8 @@ std::string channel_at(lua_State* L, const std::vector<std::string>& known, cons
 
 std::vector<std::string> actuator_channels(const Session& session) {
   std::vector<std::string> names;
-  for (const scene::ActuatorChannel& channel : session.spec.surface.actuator_channels()) names.push_back(channel.name);
+  for (const scene::ActuatorChannel& channel : session.spec.surface.actuator_channels())
+    names.push_back(channel.name);
   return names;
 }
 
@@ -125,21 +126,24 @@ int read_cell(Session& session, lua_State* L, const std::string& method, Read re
     lua_pushnumber(L, session.spec.surface.is_empty(row, column) ? 0.0 : 1.0);
     return 1;
   }
-  const int components = std::ranges::find(session.channels, channel, &scene::SensorChannel::name)->components;
+  const int components =
+      std::ranges::find(session.channels, channel, &scene::SensorChannel::name)->components;
   for (int k = 0; k < components; ++k) lua_pushnumber(L, static_cast<double>(read(channel, row, column, k)));
   return components;
 }
 
 int sense(Session& session, lua_State* L) {
-  return read_cell(session, L, "cells:sense", [&](const std::string& channel, int row, int column, int component) {
-    return session.host->sense(channel, row, column, component);
-  });
+  return read_cell(session, L, "cells:sense",
+                   [&](const std::string& channel, int row, int column, int component) {
+                     return session.host->sense(channel, row, column, component);
+                   });
 }
 
 int truth(Session& session, lua_State* L) {
-  return read_cell(session, L, "cells:truth", [&](const std::string& channel, int row, int column, int component) {
-    return session.host->truth(channel, row, column, component);
-  });
+  return read_cell(session, L, "cells:truth",
+                   [&](const std::string& channel, int row, int column, int component) {
+                     return session.host->truth(channel, row, column, component);
+                   });
 }
 
 void require_surface(const Session& session, const std::string& what) {

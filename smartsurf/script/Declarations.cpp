@@ -20,7 +20,8 @@ void check(const std::string& problem) {
 
 int world(Session& session, lua_State* L) {
   declare_once(session, L, "world");
-  const Fields fields(L, 1, "world", {"gravity", "dt", "iterations", "control_period", "seed", "ground", "off_table"});
+  const Fields fields(L, 1, "world",
+                      {"gravity", "dt", "iterations", "control_period", "seed", "ground", "off_table"});
   scene::WorldSpec& spec = session.spec.world;
   fields.with("gravity", [&](int i, const std::string& name) {
     if (lua_type(L, i) == LUA_TNUMBER)
@@ -77,15 +78,16 @@ int material(Session& session, lua_State* L) {
 int surface(Session& session, lua_State* L) {
   declare_once(session, L, "surface");
   const Fields fields(L, 1, "surface",
-                      {"rows", "columns", "pitch", "actuator", "actuators", "cells", "mask", "layout", "positions",
-                       "modules", "base", "tilt", "sensors", "border", "material"});
+                      {"rows", "columns", "pitch", "actuator", "actuators", "cells", "mask", "layout",
+                       "positions", "modules", "base", "tilt", "sensors", "border", "material"});
   scene::SurfaceSpec& spec = session.spec.surface;
   fields.read("rows", spec.rows, 1, 4096);
   fields.read("columns", spec.columns, 1, 4096);
   fields.read("pitch", spec.pitch);
   if (!(spec.pitch > 0.0)) check(problem_with(spec));
   read_layout(session, L, fields, spec);
-  fields.with("sensors", [&](int i, const std::string& name) { read_sensors(session, L, i, name, spec.sensors); });
+  fields.with("sensors",
+              [&](int i, const std::string& name) { read_sensors(session, L, i, name, spec.sensors); });
   fields.with("border", [&](int i, const std::string& name) {
     const Fields border(L, i, name, {"height"});
     border.require("height");
@@ -103,7 +105,8 @@ int faults(Session& session, lua_State* L) {
   declare_once(session, L, "faults");
   const Fields fields(L, 1, "faults", {"actuator", "sensor", "map"});
   scene::FaultSpec& spec = session.spec.surface.faults;
-  fields.with("actuator", [&](int i, const std::string& name) { read_actuator_faults(L, i, name, spec.actuator); });
+  fields.with("actuator",
+              [&](int i, const std::string& name) { read_actuator_faults(L, i, name, spec.actuator); });
   fields.with("sensor", [&](int i, const std::string& name) { read_sensor_faults(L, i, name, spec.sensor); });
   fields.with("map", [&](int i, const std::string& name) {
     NamedText file = text_of_file(session, name, text_at(L, i, name));

@@ -39,12 +39,13 @@ struct Session {
   std::uint64_t tick = 0;
 
   std::vector<scene::ActuatorSpec> actuators;  // that the script made, whether in use or not
-  std::vector<scene::SensorSpec> sensors;  // that the script made, whether in use or not
+  std::vector<scene::SensorSpec> sensors;      // that the script made, whether in use or not
   std::vector<scene::SensorChannel> channels;  // of the sensors, and the mask of a surface with empty cells
 
   // Where each was declared ("FILE:LINE"), for the message about a second declaration.
   std::map<std::string, std::string> declared_at;
-  std::string returned;  // the type of what the script gave back, as a file that is required does; "": nothing
+  // The type of what the script gave back, as a file that is required does; "": nothing.
+  std::string returned;
 
   std::optional<Random> random;  // from its first use on
   std::string random_used_at;
@@ -75,14 +76,16 @@ struct NamedActuator {
 using NamedActuators = std::vector<NamedActuator>;
 NamedActuators one_actuator_at(const Session&, lua_State* L, int index, const std::string& name);
 NamedActuators actuators_at(const Session&, lua_State* L, int index, const std::string& name);
-// Reads those fields of surface{} that say where its cells stand and what is in each; rows, columns and pitch are there.
+// Reads those fields of surface{} that say where its cells stand and what is in each; rows, columns and pitch
+// are there.
 class Fields;
 void read_layout(Session&, lua_State* L, const Fields&, scene::SurfaceSpec&);
 // The actuators' part of faults{}.
 void read_actuator_faults(lua_State* L, int index, const std::string& name, scene::ActuatorFaultSpec&);
 
 // The sensor, or the list of sensors, at `index`; and the sensors' part of faults{}. Both throw Problem.
-void read_sensors(const Session&, lua_State* L, int index, const std::string& name, std::vector<scene::SensorSpec>&);
+void read_sensors(const Session&, lua_State* L, int index, const std::string& name,
+                  std::vector<scene::SensorSpec>&);
 void read_sensor_faults(lua_State* L, int index, const std::string& name, scene::ParameterValues&);
 
 // Declares the functions of each group as globals. What they do and take: docs/experiments.md.
@@ -91,9 +94,9 @@ void bind_actuators(lua_State* L);     // one a kind of actuator
 void bind_sensors(lua_State* L);       // one a kind of sensor
 void bind_options(lua_State* L);       // option, random, math.random
 void bind_objects(lua_State* L);       // sphere, box, cylinder, capsule, cone, hull, mesh
-void bind_events(lua_State* L);        // at, every, on_tick, on_leave, on_finish, time, metric, stop, quit, pause, pace
-void bind_handles(lua_State* L);       // object, objects
-void bind_cells(lua_State* L);         // cells
+void bind_events(lua_State* L);   // at, every, on_tick and the like, time, metric, stop, quit, pause, pace
+void bind_handles(lua_State* L);  // object, objects
+void bind_cells(lua_State* L);    // cells
 // Lua's own libraries, as far as the sandbox lets them in: before the others.
 void bind_library(lua_State* L, const Session&);
 void bind_pairs(lua_State* L);   // pairs, next, in an order that is the same on every run

@@ -42,8 +42,9 @@ struct alignas(64) Point {
   float normal[3][kLanes];
   float radius_a[kLanes], radius_b[kLanes];  // of spheres
   float push[kLanes], drag[3][kLanes], total[kLanes];
-  float gap[kLanes],
-      slowest[kLanes];  // the lowest relative speed along the normal that the relaxing pass allows; then the rebound
+  float gap[kLanes];
+  // The lowest relative speed along the normal that the relaxing pass allows; then the impulse of the rebound.
+  float slowest[kLanes];
   float normal_mass[kLanes], tangent_mass[kLanes], friction[kLanes];
   float approach[kLanes];  // the relative speed along the normal as the step began
 };
