@@ -43,7 +43,7 @@ struct alignas(64) Point {
   float radius_a[kLanes], radius_b[kLanes];  // of spheres
   float push[kLanes], drag[3][kLanes], total[kLanes];
   float gap[kLanes];
-  // The lowest relative speed along the normal that the relaxing pass allows; then the impulse of the rebound.
+  // The lowest relative speed along the normal that the relaxing pass allows; then the rebound's impulse.
   float slowest[kLanes];
   float normal_mass[kLanes], tangent_mass[kLanes], friction[kLanes];
   float approach[kLanes];  // the relative speed along the normal as the step began
