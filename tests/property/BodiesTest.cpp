@@ -79,7 +79,7 @@ TEST(Bounce, ABoxThatFallsFlatReboundsUpright) {
   bool hit = false;
   bench.run(2.5, [&] {
     hit |= bench.velocity(id).z() > 0;
-    if (hit) apex = std::max(apex, bench.position(id).z() - 1);
+    if (hit) apex = std::max(apex, static_cast<double>(bench.position(id).z()) - 1);
   });
   EXPECT_NEAR(apex, 0.64 * 5, 0.15);
   EXPECT_NEAR(bench.position(id).x(), 15, 0.02);
