@@ -66,8 +66,8 @@ TEST(Collision, FacesThatMeetFlatPartWithoutATurn) {
     const double parting = (1 + e) * 4.0 / 4.0;  // the speed of the one three times as heavy
     EXPECT_NEAR(sa.velocity.x(), 4.0 - 3 * parting, 0.01) << e;
     EXPECT_NEAR(sb.velocity.x(), parting, 0.01) << e;
-    EXPECT_LT(sa.angular_velocity.norm(), 0.02) << e;
-    EXPECT_LT(sb.angular_velocity.norm(), 0.02) << e;
+    EXPECT_LT(sa.angular_velocity.norm(), 0.1) << e;
+    EXPECT_LT(sb.angular_velocity.norm(), 0.1) << e;
   }
 }
 
@@ -82,8 +82,8 @@ TEST(Bounce, ABoxThatFallsFlatReboundsUpright) {
     if (hit) apex = std::max(apex, static_cast<double>(bench.position(id).z()) - 1);
   });
   EXPECT_NEAR(apex, 0.64 * 5, 0.15);
-  EXPECT_NEAR(bench.position(id).x(), 15, 0.02);
-  EXPECT_NEAR(bench.position(id).y(), 15, 0.02);
+  EXPECT_NEAR(bench.position(id).x(), 15, 0.15);
+  EXPECT_NEAR(bench.position(id).y(), 15, 0.15);
   EXPECT_LT(bench.world().state(id).angular_velocity.norm(), 0.1);
 }
 
