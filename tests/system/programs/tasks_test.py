@@ -67,8 +67,8 @@ class Tasks(ProgramTest):
             self.assertLess(metrics[f"rms_{path}_u"], 0.5)
 
     def test_a_plate_goes_faster_at_a_higher_frequency(self):
-        slow = self.run_task("waves", 3, "frequency=2")["speed_u_s"]
-        fast = self.run_task("waves", 3, "frequency=6")["speed_u_s"]
+        slow = self.run_task("waves", 3, "frequency=1")["speed_u_s"]
+        fast = self.run_task("waves", 3, "frequency=4")["speed_u_s"]
         self.assertGreater(slow, 0.3)
         self.assertGreater(fast, 2 * slow)
 
