@@ -3,6 +3,7 @@
 #include <sys/mman.h>
 
 #include <cassert>
+#include <cstdlib>
 #include <cstring>
 #include <new>
 
@@ -26,8 +27,9 @@ Plane PlaneStore::add(std::uint32_t width, std::uint32_t height) {
   // A sweep over many small pages waits for their translations: large planes ask for large pages.
   const bool large = floats * sizeof(float) >= 2 * kHugePage;
   const std::size_t bytes = round_up(floats * sizeof(float), kAlignment);
-  auto* block = static_cast<float*>(std::aligned_alloc(large ? kHugePage : kAlignment, bytes));
-  if (block == nullptr) throw std::bad_alloc();
+  void* memory = nullptr;
+  if (posix_memalign(&memory, large ? kHugePage : kAlignment, bytes) != 0) throw std::bad_alloc();
+  auto* block = static_cast<float*>(memory);
   if (large) madvise(block, bytes, MADV_HUGEPAGE);  // a refusal costs speed only
   std::memset(block, 0, bytes);
   blocks_.emplace_back(block);
