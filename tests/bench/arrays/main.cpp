@@ -2,10 +2,13 @@
 // peer on every workload, in turns, with equal checksums. Times are microseconds for one run over the whole
 // array, minimum and median. With --json a JSON object a line.
 #include <algorithm>
+#include <charconv>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <functional>
 #include <nlohmann/json.hpp>
+#include <string>
 #include <vector>
 
 #include "tests/bench/CommandLine.h"
@@ -127,13 +130,27 @@ struct Options {
   bool json = false;
 };
 
+// Takes one argument such as 64,1024: a list of its own would take those after it too.
+std::function<void(const std::string&)> list_into(std::vector<int>& to, int least, int most) {
+  return [&to, least, most](const std::string& text) {
+    to.clear();
+    for (const std::string& one : CLI::detail::split(text, ',')) {
+      int number = 0;
+      const char* end = one.data() + one.size();
+      const auto [rest, wrong] = std::from_chars(one.data(), end, number);
+      if (wrong != std::errc{} || rest != end || number < least || number > most)
+        throw CLI::ValidationError("'" + one + "': must be a whole number from " + std::to_string(least) +
+                                   " to " + std::to_string(most));
+      to.push_back(number);
+    }
+  };
+}
+
 Options read_options(int argc, char** argv) {
   Options o;
   CLI::App app("Array workloads: apron beside its peers, in turns, with equal checksums", "bench_arrays");
-  app.add_option("workloads", o.workloads, "such as 2,6")->delimiter(',')->check(CLI::Range(1, 6));
-  app.add_option("sizes", o.sizes, "of the array's edge, such as 64,1024")
-      ->delimiter(',')
-      ->check(CLI::Range(4, 16384));
+  app.add_option_function("workloads", list_into(o.workloads, 1, 6), "such as 2,6");
+  app.add_option_function("sizes", list_into(o.sizes, 4, 16384), "of the array's edge, such as 64,1024");
   app.add_option("repetitions", o.repetitions, "of each measurement")->check(CLI::Range(1, 1000));
   app.add_option("without", o.without, "peers to leave out, such as eigen,numpy");
   app.add_flag("--json", o.json, "a JSON object a line");
