@@ -49,34 +49,6 @@ std::shared_ptr<const scene::Solid> some_solid() {
 
 double radius_at(const Vector3d& p) { return p.head<2>().norm(); }
 
-// Convex, at most 0 inside, and not steeper than a distance.
-double outside(const scene::ObjectSpec& o, std::size_t part, const Vector3d& p) {
-  switch (o.shape) {
-    case ShapeKind::kSphere:
-      return p.norm() - o.radius;
-    case ShapeKind::kBox:
-      return (p.cwiseAbs() - o.size / 2).maxCoeff();
-    case ShapeKind::kCylinder:
-      return std::max(radius_at(p) - o.radius, std::abs(p.z()) - o.height / 2);
-    case ShapeKind::kCapsule: {
-      const double half = o.height / 2 - o.radius;
-      return (p - Vector3d(0, 0, std::clamp(p.z(), -half, half))).norm() - o.radius;
-    }
-    case ShapeKind::kCone: {
-      const double k = o.radius / o.height;
-      const double side = (radius_at(p) - k * (0.75 * o.height - p.z())) / std::hypot(1.0, k);
-      return std::max(side, -p.z() - o.height / 4);
-    }
-    case ShapeKind::kSolid: {
-      double most = -1e9;
-      for (const auto& f : o.solid->pieces[part].faces)
-        most = std::max(most, f.normal.cast<double>().dot(p) - static_cast<double>(f.offset));
-      return most;
-    }
-  }
-  return 0;
-}
-
 // Where a segment enters what the function is at most 0 in.
 struct Found {
   bool sure = true;
@@ -108,25 +80,34 @@ void keep(Expected& e, std::vector<double>& unsure, const Found& found, float ma
   if (*found.at < e.at || e.mark == 0) e = {*found.at, mark, true};
 }
 
-scene::ObjectSpec random_object(std::mt19937& random, ShapeKind shape, double width, double depth) {
-  std::uniform_real_distribution<double> u(0, 1);
-  scene::ObjectSpec o;
-  o.shape = shape;
-  o.radius = 0.4 + u(random);
-  o.height = (shape == ShapeKind::kCapsule ? 2 * o.radius : 0.4) + 2.5 * u(random);
-  o.size = {0.5 + 3 * u(random), 0.5 + 3 * u(random), 0.5 + 2 * u(random)};
-  if (shape == ShapeKind::kSolid) o.solid = some_solid();
-  // As floats hold it: both sides then speak of the same place.
-  o.position = Vector3d(width * u(random), depth * u(random), 1 + 5 * u(random)).cast<float>().cast<double>();
-  o.orientation = Eigen::Quaternionf(Eigen::Vector4f::NullaryExpr([&] {
-                                       return static_cast<float>(u(random) - 0.5);
-                                     }).normalized())
-                      .cast<double>();
-  if (u(random) < 0.2) o.orientation.setIdentity();
-  return o;
-}
-
 }  // namespace
+
+double outside(const scene::ObjectSpec& o, std::size_t part, const Vector3d& p) {
+  switch (o.shape) {
+    case ShapeKind::kSphere:
+      return p.norm() - o.radius;
+    case ShapeKind::kBox:
+      return (p.cwiseAbs() - o.size / 2).maxCoeff();
+    case ShapeKind::kCylinder:
+      return std::max(radius_at(p) - o.radius, std::abs(p.z()) - o.height / 2);
+    case ShapeKind::kCapsule: {
+      const double half = o.height / 2 - o.radius;
+      return (p - Vector3d(0, 0, std::clamp(p.z(), -half, half))).norm() - o.radius;
+    }
+    case ShapeKind::kCone: {
+      const double k = o.radius / o.height;
+      const double side = (radius_at(p) - k * (0.75 * o.height - p.z())) / std::hypot(1.0, k);
+      return std::max(side, -p.z() - o.height / 4);
+    }
+    case ShapeKind::kSolid: {
+      double most = -1e9;
+      for (const auto& f : o.solid->pieces[part].faces)
+        most = std::max(most, f.normal.cast<double>().dot(p) - static_cast<double>(f.offset));
+      return most;
+    }
+  }
+  return 0;
+}
 
 Expected first_met(const Scene& s, const Segment& segment, int cell) {
   const auto i = static_cast<std::size_t>(cell);
@@ -169,6 +150,24 @@ Expected first_met(const Scene& s, const Segment& segment, int cell) {
   }
   e.sure = std::ranges::none_of(unsure, [&](double t) { return t < e.at + kClear; });
   return e;
+}
+
+scene::ObjectSpec random_object(std::mt19937& random, ShapeKind shape, double width, double depth) {
+  std::uniform_real_distribution<double> u(0, 1);
+  scene::ObjectSpec o;
+  o.shape = shape;
+  o.radius = 0.4 + u(random);
+  o.height = (shape == ShapeKind::kCapsule ? 2 * o.radius : 0.4) + 2.5 * u(random);
+  o.size = {0.5 + 3 * u(random), 0.5 + 3 * u(random), 0.5 + 2 * u(random)};
+  if (shape == ShapeKind::kSolid) o.solid = some_solid();
+  // As floats hold it: both sides then speak of the same place.
+  o.position = Vector3d(width * u(random), depth * u(random), 1 + 5 * u(random)).cast<float>().cast<double>();
+  o.orientation = Eigen::Quaternionf(Eigen::Vector4f::NullaryExpr([&] {
+                                       return static_cast<float>(u(random) - 0.5);
+                                     }).normalized())
+                      .cast<double>();
+  if (u(random) < 0.2) o.orientation.setIdentity();
+  return o;
 }
 
 Scene random_scene(std::mt19937& random, int rows, int columns, bool free, float pitch) {

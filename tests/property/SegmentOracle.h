@@ -24,6 +24,12 @@ Scene random_scene(std::mt19937& random, int rows, int columns, bool free, float
 void resize(smartsurf::scene::ObjectSpec&, double times);
 void move_to(Scene&, std::size_t object, const Eigen::Vector3f& place);
 
+// An object of that shape at a random place and turn.
+smartsurf::scene::ObjectSpec random_object(std::mt19937& random, smartsurf::scene::ShapeKind, double width,
+                                           double depth);
+// Of one piece of it, in its own axes: at most 0 inside, convex, and not steeper than a distance.
+double outside(const smartsurf::scene::ObjectSpec&, std::size_t piece, const Eigen::Vector3d& p);
+
 struct Expected {
   double at;         // along the segment; its range where nothing is met
   float mark = 0;    // 1 + the object's place in the snapshot, 1000 for a pin, 0 for nothing
