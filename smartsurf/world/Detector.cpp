@@ -198,7 +198,9 @@ void Detector::touch_world(const BodyStore& bodies, std::size_t i, Chunk& chunk)
   const auto first = static_cast<std::int32_t>(out.contacts.size());
   const Vec3& centre = bodies.position[i];
   const float margin = std::max(kRestMargin, margin_[i] + field_.max_speed * dt_s_);
-  if (bodies.round[i] || loose_ || field_.yields())
+  if (bodies.round[i] && !loose_)
+    touch_field_with_sphere(field_, centre, bodies.reach[i], margin, out.contacts);
+  else if (loose_ || field_.yields())
     touch_field(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
   else
     field_memory_.touch(bodies, i, margin, chunk.known_field, out.contacts);
