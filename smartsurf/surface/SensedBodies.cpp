@@ -17,13 +17,25 @@ Eigen::Vector3f extent_of(const scene::ObjectSpec& o) {
   return o.half_extents().cast<float>();
 }
 
+// Half edges of the box along the world's axes around a turned object. Corners of the box along its own axes
+// stand out of a round one or a solid.
+Eigen::Vector3f turned_reach(scene::ShapeKind shape, const Eigen::Vector3f& half, float farthest,
+                             const Eigen::Matrix3f& to_world) {
+  const Eigen::Array3f along = to_world.col(2).array().abs();
+  if (shape == scene::ShapeKind::kCylinder)
+    return half.z() * along + half.x() * (1.0F - along * along).max(0.0F).sqrt();
+  if (shape == scene::ShapeKind::kCapsule) return (half.z() - half.x()) * along + half.x();
+  return (to_world.cwiseAbs() * half).cwiseMin(farthest);
+}
+
 }  // namespace
 
 void SensedBodies::update(const scene::Snapshot& snapshot, std::span<const scene::ObjectSpec> catalogue,
                           WorkerPool& pool) {
   for (std::size_t id = forms_.size(); id < catalogue.size(); ++id) {
     const scene::ObjectSpec& o = catalogue[id];
-    forms_.push_back({extent_of(o), o.half_extents().cast<float>(), o.shape, o.solid.get()});
+    const Eigen::Vector3f half = o.half_extents().cast<float>();
+    forms_.push_back({extent_of(o), half, o.solid ? o.solid->reach : half.norm(), o.shape, o.solid.get()});
   }
   bodies_.resize(snapshot.objects());
   strip_.resize(snapshot.objects());
@@ -64,7 +76,7 @@ void SensedBodies::set(const scene::Snapshot& snapshot, std::uint32_t k, SensedB
     const Eigen::Matrix3f to_world = Eigen::Quaternionf(q[3], q[0], q[1], q[2]).toRotationMatrix();
     body.to_local = to_world.transpose();
     body.solid = form.solid;
-    reach = to_world.cwiseAbs() * form.half_extents;
+    reach = turned_reach(form.shape, form.half_extents, form.farthest, to_world);
   }
   const bool somewhere = body.centre.allFinite() && reach.allFinite();
   body.reach_x = somewhere ? reach.x() : -1.0F;

@@ -48,6 +48,7 @@ class SensedBodies {
   // What never changes of an object.
   struct Form {
     Eigen::Vector3f extent, half_extents;
+    float farthest;  // of its points from the centre, at most
     scene::ShapeKind shape;
     const scene::Solid* solid;
   };

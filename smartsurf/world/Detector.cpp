@@ -1,8 +1,10 @@
 #include "smartsurf/world/Detector.h"
 
 #include <algorithm>
+#include <bit>
 #include <bitset>
 #include <cmath>
+#include <span>
 
 #include "smartsurf/world/ConvexOnField.h"
 #include "smartsurf/world/PairContacts.h"
@@ -18,29 +20,50 @@ constexpr int kChunk = 128;  // bodies
 
 bool moves(const BodyStore& b, std::size_t i) { return !b.fixed(i) && !b.asleep[i]; }
 
-// Hands the impulses of old contacts on to the nearest new ones with the same partner, each once.
-void inherit(ContactList& list, const Manifold& now, const ContactList& old, int manifold, float tolerance) {
-  if (manifold < 0) return;
-  const Manifold& before = old.manifolds[static_cast<std::size_t>(manifold)];
-  constexpr int kMost = 1024;
-  std::bitset<kMost> taken;
-  for (int k = now.first; k < now.first + now.count; ++k) {
-    Contact& c = list.contacts[static_cast<std::size_t>(k)];
-    int best = -1;
-    float nearest = tolerance * tolerance;
-    for (int j = 0; j < std::min(before.count, kMost); ++j) {
-      const Contact& o = old.contacts[static_cast<std::size_t>(before.first + j)];
-      const float square = (o.arm - c.arm).squaredNorm();
-      if (o.other == c.other && square < nearest && !taken[static_cast<std::size_t>(j)])
-        nearest = square, best = j;
-    }
+// The nearest of the old contacts with the same partner that is not taken, or −1.
+template <class Taken>
+int nearest_old(const Contact& c, std::span<const Contact> old, float square, const Taken& taken) {
+  int best = -1;
+  // Without branches that nobody could foretell: floats from 0 up compare like their bits.
+  auto nearest = std::bit_cast<std::int32_t>(square);
+  for (int j = 0; j < static_cast<int>(old.size()); ++j) {
+    const Contact& o = old[static_cast<std::size_t>(j)];
+    const auto here = std::bit_cast<std::int32_t>((o.arm - c.arm).squaredNorm());
+    const bool nearer = static_cast<int>(o.other == c.other) & static_cast<int>(here < nearest) &
+                        static_cast<int>(!taken[static_cast<std::size_t>(j)]);
+    nearest += (here - nearest) * nearer;
+    best += (j - best) * nearer;
+  }
+  return best;
+}
+
+template <int most>
+void inherit_from(std::span<Contact> now, std::span<const Contact> old, float tolerance) {
+  std::bitset<most> taken;
+  old = old.first(std::min<std::size_t>(old.size(), most));
+  for (Contact& c : now) {
+    const int best = nearest_old(c, old, tolerance * tolerance, taken);
     if (best < 0) continue;
     taken.set(static_cast<std::size_t>(best));
-    const Contact& o = old.contacts[static_cast<std::size_t>(before.first + best)];
+    const Contact& o = old[static_cast<std::size_t>(best)];
     c.push = o.push;
     c.drag = o.drag - c.normal * c.normal.dot(o.drag);
     c.roll = o.roll;
   }
+}
+
+// Hands the impulses of old contacts on to the nearest new ones with the same partner, each once.
+void inherit(ContactList& list, const Manifold& now, const ContactList& old, int manifold, float tolerance) {
+  if (manifold < 0) return;
+  const Manifold& before = old.manifolds[static_cast<std::size_t>(manifold)];
+  auto of = [](auto& contacts, const Manifold& m) {
+    return std::span(contacts).subspan(static_cast<std::size_t>(m.first), static_cast<std::size_t>(m.count));
+  };
+  constexpr int kFew = 64, kMost = 1024;
+  if (before.count <= kFew)
+    inherit_from<kFew>(of(list.contacts, now), of(old.contacts, before), tolerance);
+  else
+    inherit_from<kMost>(of(list.contacts, now), of(old.contacts, before), tolerance);
 }
 
 }  // namespace
@@ -175,7 +198,9 @@ void Detector::touch_world(const BodyStore& bodies, std::size_t i, Chunk& chunk)
   const auto first = static_cast<std::int32_t>(out.contacts.size());
   const Vec3& centre = bodies.position[i];
   const float margin = std::max(kRestMargin, margin_[i] + field_.max_speed * dt_s_);
-  if (bodies.round[i] || loose_ || field_.yields())
+  if (bodies.round[i] && !loose_)
+    touch_field_with_sphere(field_, centre, bodies.reach[i], margin, out.contacts);
+  else if (loose_ || field_.yields())
     touch_field(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
   else
     field_memory_.touch(bodies, i, margin, chunk.known_field, out.contacts);

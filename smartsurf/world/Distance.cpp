@@ -85,27 +85,26 @@ Vec3 nearest_on_face(const scene::ConvexPiece& piece, const scene::ConvexPiece::
   return best;
 }
 
-Outward of_hull(const Vec3& p, const scene::ConvexPiece& piece, float limit) {
-  float highest = -std::numeric_limits<float>::max();
-  const scene::ConvexPiece::Face* top = nullptr;
-  for (const auto& face : piece.faces) {
-    const float over = face.normal.dot(p) - face.offset;
-    if (over > highest) highest = over, top = &face;
-  }
-  if (highest <= 0.0F || highest > limit) return {top->normal, highest};
+Outward of_hull(const Vec3& p, const HullPiece& hull, float limit) {
+  const scene::ConvexPiece& piece = *hull.piece;
+  auto height = [&](std::size_t face) { return piece.faces[face].normal.dot(p) - piece.faces[face].offset; };
+  const std::size_t top = hull.heights.farthest(p);
+  const Vec3& normal = piece.faces[top].normal;
+  const float highest = height(top);
+  if (highest <= 0.0F || highest > limit) return {normal, highest};
   // Nothing is nearer than the plane that the point lies farthest above.
-  const Vec3 foot = p - top->normal * highest;
-  Vec3 best = nearest_on_face(piece, *top, foot);
-  if (best == foot) return {top->normal, highest};
+  const Vec3 foot = p - normal * highest;
+  Vec3 best = nearest_on_face(piece, piece.faces[top], foot);
+  if (best == foot) return {normal, highest};
   float nearest = (p - best).squaredNorm();
-  for (const auto& face : piece.faces) {
-    const float over = face.normal.dot(p) - face.offset;
-    if (over <= 0.0F || &face == top || over * over >= nearest) continue;
-    const Vec3 q = nearest_on_face(piece, face, p - face.normal * over);
+  hull.heights.for_beyond(p, 0.0F, [&](std::size_t face) {
+    const float over = height(face);
+    if (face == top || over * over >= nearest) return;
+    const Vec3 q = nearest_on_face(piece, piece.faces[face], p - piece.faces[face].normal * over);
     const float square = (p - q).squaredNorm();
     if (square < nearest) nearest = square, best = q;
-  }
-  return {unit_or(p - best, top->normal), std::sqrt(nearest)};
+  });
+  return {unit_or(p - best, normal), std::sqrt(nearest)};
 }
 
 }  // namespace
@@ -124,7 +123,7 @@ Outward outward_of(const Piece& piece, const Vec3& p, float limit) {
     case ShapeKind::kCone:
       return of_cone(p, s);
     case ShapeKind::kSolid:
-      return of_hull(p, *piece.hull->piece, limit);
+      return of_hull(p, *piece.hull, limit);
   }
   return {Vec3(0, 0, 1), 0.0F};
 }

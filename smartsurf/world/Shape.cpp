@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <mutex>
 
 namespace smartsurf::world {
 namespace {
@@ -54,41 +55,63 @@ std::vector<HullPiece::Edge> edges_of(const scene::ConvexPiece& piece) {
   return edges;
 }
 
-void add_hulls(Shape& shape) {
-  for (const auto& piece : shape.solid->pieces) {
-    const float width = least_width(piece);
-    const float rounding = std::min(0.03F, 0.1F * width);
-    HullPiece& hull = shape.hulls.emplace_back();
+std::vector<HullPiece> hulls_of(const scene::Solid& solid) {
+  std::vector<HullPiece> hulls;
+  for (const auto& piece : solid.pieces) {
+    HullPiece& hull = hulls.emplace_back();
     hull.piece = &piece;
-    hull.core = drawn_in(piece, rounding);
-    hull.rounding = rounding;
+    hull.width = least_width(piece);
+    hull.rounding = std::min(0.03F, 0.1F * hull.width);
+    hull.core = drawn_in(piece, hull.rounding);
     hull.core_blocks.assign(hull.core);
     std::vector<Vec3> normals;
-    for (const auto& face : piece.faces) normals.push_back(face.normal);
+    std::vector<float> offsets;
+    for (const auto& face : piece.faces) normals.push_back(face.normal), offsets.push_back(-face.offset);
     hull.face_normals.assign(normals);
+    hull.heights.assign(normals, offsets);
     hull.edges = edges_of(piece);
-    shape.width = shape.hulls.size() == 1 ? width : std::max(shape.width, width);
   }
+  return hulls;
+}
+
+// The pieces of a solid, the same for as long as any body is made of it: thousands of bodies share a few
+// solids, and then the caches hold them.
+std::shared_ptr<const std::vector<HullPiece>> shared_hulls(const scene::Solid& solid) {
+  static std::mutex mutex;
+  static std::map<const scene::Solid*, std::weak_ptr<const std::vector<HullPiece>>> known;
+  const std::lock_guard lock(mutex);
+  if (auto hulls = known[&solid].lock()) return hulls;
+  std::erase_if(known, [](const auto& entry) { return entry.second.expired(); });
+  auto hulls = std::make_shared<const std::vector<HullPiece>>(hulls_of(solid));
+  known[&solid] = hulls;
+  return hulls;
+}
+
+void add_hulls(Shape& shape) {
+  shape.hull_list = shared_hulls(*shape.solid);
+  shape.hulls = *shape.hull_list;
+  for (const HullPiece& hull : shape.hulls)
+    shape.width = shape.hulls.size() == 1 ? hull.width : std::max(shape.width, hull.width);
 }
 
 }  // namespace
 
-void VectorBlocks::assign(const std::vector<Vec3>& vectors) {
-  last_ = vectors.size() - 1;
-  blocks_.resize((vectors.size() + kBlock - 1) / kBlock);
+void VectorBlocks::assign(const std::vector<Vec3>& n, const std::vector<float>& w) {
+  last_ = n.size() - 1;
+  blocks_.resize((n.size() + kBlock - 1) / kBlock);
   for (std::size_t i = 0; i < kBlock * blocks_.size(); ++i) {
-    const Vec3& v = vectors[std::min(i, last_)];
+    const std::size_t k = std::min(i, last_);
     Block& b = blocks_[i / kBlock];
-    b.x[i % kBlock] = v.x(), b.y[i % kBlock] = v.y(), b.z[i % kBlock] = v.z();
+    b.x[i % kBlock] = n[k].x(), b.y[i % kBlock] = n[k].y(), b.z[i % kBlock] = n[k].z();
+    b.w[i % kBlock] = w.empty() ? 0.0F : w[k];
   }
 }
 
-// Without branches that nobody could foretell: the lowest bits of how far a vector reaches give way to its
-// number, so that the greatest tells both.
-std::size_t VectorBlocks::farthest(const Vec3& d) const {
+// Without branches that nobody could foretell: the lowest bits of each value give way to its number, so that
+// the greatest tells both.
+std::size_t VectorBlocks::farthest(const Vec3& p) const {
   constexpr std::size_t kGroup = 16;  // blocks, so that six bits give way at most
   constexpr Numbers kLane = {0, 1, 2, 3};
-  const float x = d.x(), y = d.y(), z = d.z();
   std::size_t best = 0;
   float most = -std::numeric_limits<float>::max();
   for (std::size_t group = 0; group < blocks_.size(); group += kGroup) {
@@ -96,8 +119,7 @@ std::size_t VectorBlocks::farthest(const Vec3& d) const {
     const std::int32_t bits = static_cast<std::int32_t>(kBlock * std::bit_ceil(count)) - 1;
     Lanes farthest = {most, most, most, most};
     for (std::size_t k = 0; k < count; ++k) {
-      const Block& b = blocks_[group + k];
-      const Lanes along = (b.x * x + b.y * y) + b.z * z;
+      const Lanes along = blocks_[group + k].at(p);
       const Numbers number = kLane + static_cast<std::int32_t>(kBlock * k);
       const auto tagged = std::bit_cast<Lanes>((std::bit_cast<Numbers>(along) & ~bits) | number);
       farthest = tagged > farthest ? tagged : farthest;

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "smartsurf/scene/SceneSpec.h"
@@ -10,13 +11,22 @@
 
 namespace smartsurf::world {
 
-// Vectors in blocks of four, the last one filled up with copies of the last: which of them reaches farthest
-// is found four at a time.
+// Functions n · p + w of a point p, in blocks of four, the last one filled up with copies of the last: which
+// of them is greatest is found four at a time. With w = 0: which vector n reaches farthest along p.
 class VectorBlocks {
  public:
-  void assign(const std::vector<Vec3>&);
-  // One of those that reach farthest along a direction, to a share of 1e-5 of how far.
-  std::size_t farthest(const Vec3& direction) const;
+  void assign(const std::vector<Vec3>& n, const std::vector<float>& w = {});
+  // One of the greatest, to a share of 1e-5 of its value.
+  std::size_t farthest(const Vec3& p) const;
+  // Calls each(i) for those greater than `least`.
+  template <class Each>
+  void for_beyond(const Vec3& p, float least, Each each) const {
+    for (std::size_t k = 0; k < blocks_.size(); ++k) {
+      const Numbers beyond = blocks_[k].at(p) > least;
+      for (std::size_t i = 0; i < kBlock; ++i)
+        if (beyond[i] != 0 && kBlock * k + i <= last_) each(kBlock * k + i);
+    }
+  }
 
  private:
   static constexpr std::size_t kBlock = 4;
@@ -24,7 +34,8 @@ class VectorBlocks {
   using Lanes [[gnu::vector_size(16)]] = float;
   using Numbers [[gnu::vector_size(16)]] = std::int32_t;
   struct Block {
-    Lanes x, y, z;
+    Lanes x, y, z, w;
+    Lanes at(const Vec3& p) const { return ((x * p.x() + y * p.y()) + z * p.z()) + w; }
   };
   std::vector<Block> blocks_;
   std::size_t last_ = 0;
@@ -34,8 +45,9 @@ class VectorBlocks {
 struct HullPiece {
   const scene::ConvexPiece* piece = nullptr;
   std::vector<Vec3> core;
-  float rounding = 0.0F;
+  float rounding = 0.0F, width = 0.0F;
   VectorBlocks core_blocks, face_normals;
+  VectorBlocks heights;  // of a point above the faces' planes
   struct Edge {
     std::uint16_t corner, left, right;  // one of its corners, and the faces that meet in it
   };
@@ -52,7 +64,9 @@ struct Shape {
   float rounding = 0.0F;    // GJK works on the shape drawn in by this much, u
   bool rolls = false;       // whether rolling friction acts on it
   std::shared_ptr<const scene::Solid> solid;
-  std::vector<HullPiece> hulls;  // of a solid
+  // Of a solid; kept once for all bodies that are made of it.
+  std::shared_ptr<const std::vector<HullPiece>> hull_list;
+  std::span<const HullPiece> hulls;
 
   // Whether it looks the same however it is turned about its own z axis.
   bool revolves() const {
