@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <bit>
+#include <cstdint>
 #include <cstring>
 #include <filesystem>
 
@@ -129,7 +131,7 @@ std::optional<std::string> object_difference(const scene::Snapshot& recorded, co
 std::optional<std::string> pin_difference(const scene::Snapshot& recorded, const scene::Snapshot& now,
                                           int columns) {
   for (std::size_t i = 0; i < recorded.height.size() && i < now.height.size(); ++i)
-    if (std::memcmp(&recorded.height[i], &now.height[i], sizeof(float)) != 0)
+    if (std::bit_cast<std::uint32_t>(recorded.height[i]) != std::bit_cast<std::uint32_t>(now.height[i]))
       return fmt::format("pin row {}, column {}: height {} was recorded, {} comes out now",
                          i / static_cast<std::size_t>(columns), i % static_cast<std::size_t>(columns),
                          recorded.height[i], now.height[i]);
