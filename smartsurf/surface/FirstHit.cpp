@@ -8,7 +8,6 @@
 #include <cstring>
 #include <functional>
 #include <limits>
-#include <ranges>
 
 #include "smartsurf/surface/WorkerPool.h"
 
@@ -163,10 +162,15 @@ void FirstHit::cut_bands(std::span<const SensedBody> bodies, int bands) {
   };
   const double all_ns = cost_to(rows_);
   for (int band = 1; band < bands; ++band) {
-    const auto rows = std::views::iota(0, rows_);
-    const auto at =
-        std::ranges::partition_point(rows, [&](int row) { return cost_to(row) * bands < all_ns * band; });
-    band_first_[static_cast<std::size_t>(band)] = static_cast<int>(at - rows.begin());
+    int first = 0;
+    for (int end = rows_; first < end;) {
+      const int middle = first + (end - first) / 2;
+      if (cost_to(middle) * bands < all_ns * band)
+        first = middle + 1;
+      else
+        end = middle;
+    }
+    band_first_[static_cast<std::size_t>(band)] = first;
   }
 }
 
