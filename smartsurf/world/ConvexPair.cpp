@@ -166,6 +166,7 @@ Trimmed trimmed(const Placed& box, const Placed& other, float margin) {
   Trimmed t{Shape{}, box.centre + box.axes * (0.5F * (low + high)), true};
   t.shape.kind = ShapeKind::kBox;
   t.shape.half = 0.5F * (high - low);
+  t.shape.reach = t.shape.half.norm();
   t.shape.rounding = std::min(box.shape.rounding, 0.1F * t.shape.half.minCoeff());
   t.near = t.shape.half.minCoeff() > 0.0F;
   return t;

@@ -5,15 +5,17 @@
 
 #include <hwy/cache_control.h>
 
+#include <algorithm>
 #include <atomic>
-#include <functional>
-#include <thread>
 
 #include "smartsurf/surface/WorkerPool.h"
 
 namespace smartsurf::world {
 
-// Spins: phases last microseconds, a sleep costs tens of them.
+// Who waits looks for a while, for phases last microseconds and a sleep costs tens of them; then it sleeps,
+// so that another program which has the core of a late member gets done with it meanwhile. Looks that were in
+// vain make the next ones shorter, others longer: where programs compete for the cores, looking only keeps
+// them all from working.
 class Barrier {
  public:
   explicit Barrier(int members) : members_(members) {}
@@ -23,18 +25,25 @@ class Barrier {
     if (waiting_.fetch_add(1, std::memory_order_acq_rel) + 1 == members_) {
       waiting_.store(0, std::memory_order_relaxed);
       round_.store(round + 1, std::memory_order_release);
+      round_.notify_all();
       return;
     }
-    for (int spins = 0; round_.load(std::memory_order_acquire) == round; ++spins) {
-      // Two threads may share one core: who waits must not keep the other from working.
+    const int looks = looks_.load(std::memory_order_relaxed);
+    for (int look = 0; look < looks; ++look) {
+      if (round_.load(std::memory_order_acquire) != round) {
+        if (looks < kMostLooks) looks_.store(looks + kGain, std::memory_order_relaxed);
+        return;
+      }
       hwy::Pause();
-      if (spins > kSpins) std::this_thread::yield();
     }
+    looks_.store(std::max(kFewestLooks, looks / 2), std::memory_order_relaxed);
+    round_.wait(round, std::memory_order_acquire);
   }
 
  private:
-  static constexpr int kSpins = 2000;
+  static constexpr int kFewestLooks = 100, kMostLooks = 2000, kGain = 64;  // a look: some 30 ns
   const int members_;
+  std::atomic<int> looks_{kMostLooks};
   alignas(64) std::atomic<int> waiting_{0};
   alignas(64) std::atomic<unsigned> round_{0};
 };
@@ -66,25 +75,23 @@ struct Member {
 class Team {
  public:
   // Without a pool, or for work too small to share, the caller is the only member.
-  explicit Team(surface::WorkerPool* pool) : pool_(pool) {}
+  explicit Team(surface::WorkerPool* pool) : pool_(pool), all_(pool ? pool->threads() : 1) {}
 
   template <class Work>
   void run(bool shared, Work work) {
     const int members = shared && pool_ ? pool_->threads() : 1;
-    Barrier barrier(members);
     if (members == 1) {
-      work(Member{0, 1, barrier});
+      Barrier alone(1);
+      work(Member{0, 1, alone});
       return;
     }
     // Two rows a thread: the pool keeps anything smaller on the caller.
-    const std::function<void(int, int)> band = [&](int begin, int) {
-      work(Member{begin / 2, members, barrier});
-    };
-    pool_->for_rows(2 * members, band);
+    pool_->for_rows(2 * members, [&](int begin, int) { work(Member{begin / 2, members, all_}); });
   }
 
  private:
   surface::WorkerPool* pool_;
+  Barrier all_;
 };
 
 }  // namespace smartsurf::world
