@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "smartsurf/world/ColumnAxes.h"
-#include "smartsurf/world/CylinderOnColumn.h"
 #include "smartsurf/world/Feature.h"
 #include "smartsurf/world/FeaturePoints.h"
 #include "smartsurf/world/Gjk.h"
@@ -256,8 +255,6 @@ class PieceOnField {
   }
 
   NearestPoints nearest_to(const Column& q, const Vec3& towards_piece) const {
-    if (piece_.shape.kind == ShapeKind::kCylinder)
-      if (const auto near = nearest_on_top(core_, q, kColumnRounding)) return *near;
     const float depth = std::max(1.0F, q.top - low_.z() + 1.0F);
     Shape box;
     box.kind = ShapeKind::kBox;

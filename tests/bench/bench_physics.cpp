@@ -2,9 +2,9 @@
 //   bench_physics [--steps N] [--only "64x64 100"] [--threads N] [--peers naive,mujoco,ode | none] [--json]
 // The peers run on one thread, each where it can; MuJoCo and ODE are left out where they are not installed.
 // Prints medians in milliseconds of a 1/60 s step, a peer's total over ours, and how truly each holds its
-// objects apart: the largest overlap of two spheres and the deepest penetration of a sphere into a pin.
-// "pins" is the time in which our pins follow their commands; it is not in the total. --json: a JSON object a
-// line.
+// objects apart: the largest overlap of two spheres and the deepest penetration of a sphere into a pin; of
+// ours in mixed scenes also that of the other shapes. "pins" is the time in which our pins follow their
+// commands; it is not in the total. --json: a JSON object a line.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -18,6 +18,7 @@
 #include "smartsurf/world/World.h"
 #include "tests/bench/CommandLine.h"
 #include "tests/bench/NaivePins.h"
+#include "tests/bench/ShapeDepth.h"
 
 using namespace smartsurf;
 using namespace pin_scene;
@@ -33,7 +34,8 @@ struct Options {
 };
 
 struct Result {
-  double physics_ms = 0, sensors_ms = 0, look_ms = 0, pins_ms = 0, overlap = 0, penetration = 0;
+  double physics_ms = 0, sensors_ms = 0, look_ms = 0, pins_ms = 0, overlap = 0, penetration = 0,
+         shape_depth = 0;
   int lost = 0, asleep = 0;
   double total_ms() const { return physics_ms + sensors_ms; }
 };
@@ -85,6 +87,20 @@ void judge(const Workload& w, std::vector<Ball> balls, const std::vector<float>&
   }
 }
 
+// Over what is no sphere.
+double deepest_shape(const Workload& w, const scene::SceneSpec& spec, const scene::Snapshot& snapshot) {
+  double deepest = 0;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(w.objects); ++i) {
+    if (spec.objects[i].shape == scene::ShapeKind::kSphere) continue;
+    const auto& q = snapshot.orientation[i];
+    deepest = std::max(
+        deepest,
+        depth_in_pins(w, world::make_shape(spec.objects[i]), world::Vec3(snapshot.position[i].data()),
+                      world::Quat(q[3], q[0], q[1], q[2]).toRotationMatrix(), snapshot.height));
+  }
+  return deepest;
+}
+
 struct Timer {
   std::vector<double> physics, sensors, look, pins;
 };
@@ -124,6 +140,7 @@ Result run_ours(const Workload& w, const Options& options) {
     if (spec.objects[i].shape == scene::ShapeKind::kSphere)
       balls.push_back({Eigen::Vector3f(snapshot.position[i].data()).cast<double>(), spec.objects[i].radius});
   judge(w, balls, snapshot.height, r);
+  r.shape_depth = deepest_shape(w, spec, snapshot);
   return r;
 }
 
@@ -171,6 +188,7 @@ void report_json(const char* who, const Workload& w, const Options& options, con
                                     {"sensors_ms", r.sensors_ms},
                                     {"overlap_u", r.overlap},
                                     {"in_pins_u", r.penetration},
+                                    {"shapes_in_pins_u", r.shape_depth},
                                     {"lost", r.lost}};
   std::puts(line.dump().c_str());
   std::fflush(stdout);
@@ -191,6 +209,7 @@ void run(const Workload& w, const Options& options) {
     report_json("ours", w, options, ours);
   } else {
     report("ours", w, ours);
+    if (w.shapes == Shapes::kHalfMixed) std::printf("  shapes in pins %.4f", ours.shape_depth);
     std::printf("  snapshot %.3f  pins %.3f ms  asleep %d\n", ours.look_ms, ours.pins_ms, ours.asleep);
     std::fflush(stdout);
   }
