@@ -44,7 +44,6 @@ void BodyStore::add(scene::ObjectId new_id, const scene::ObjectSpec& spec, const
   axes.emplace_back(Mat3::Identity());
   shift.emplace_back();
   inertia.emplace_back();
-  for (auto* v : {&start_velocity, &start_spin, &velocity_gain, &spin_gain}) v->push_back(Vec3::Zero());
   turn_axes(id.size() - 1);
 }
 
@@ -53,7 +52,6 @@ void BodyStore::erase(std::size_t i) {
   drop(reach, i), drop(round, i), drop(friction_root, i), drop(rolling_root, i), drop(restitution, i);
   drop(own_inertia, i), drop(own_inverse_inertia, i), drop(wrench, i), drop(asleep, i), drop(still_s, i);
   drop(axes, i), drop(shift, i), drop(inertia, i);
-  for (auto* v : {&start_velocity, &start_spin, &velocity_gain, &spin_gain}) drop(*v, i);
 }
 
 int BodyStore::find(scene::ObjectId wanted) const {

@@ -33,11 +33,10 @@ struct BodyStore {
   std::vector<Mat3> axes;  // of what is no sphere; those of a shape of revolution do not spin about its z
   std::vector<Shift> shift;
   std::vector<Inertia> inertia;
-  std::vector<Vec3> start_velocity, start_spin;  // before the contacts of the substep
-  std::vector<Vec3> velocity_gain, spin_gain;    // by the contacts of the last substep
 
   int size() const { return static_cast<int>(id.size()); }
   bool fixed(std::size_t i) const { return mass[i] == 0.0F; }
+  bool moves(std::size_t i) const { return !fixed(i) && !asleep[i]; }
   Vec3 velocity(std::size_t i) const { return Vec3(motion[i].velocity); }
   Vec3 spin(std::size_t i) const { return Vec3(motion[i].spin); }
 
@@ -52,8 +51,6 @@ struct BodyStore {
   void settle(std::size_t index, float dt_s);
 
   void set_axes(std::size_t index, const Mat3&);
-
-  BodyRows rows() { return {motion.data(), shift.data(), inertia.data()}; }
 };
 
 // The rotation about an axis by an angle, given as one vector.

@@ -40,89 +40,102 @@ void limit(Vec3& velocity) { velocity = velocity.cwiseMax(-kTopSpeed).cwiseMin(k
 
 struct Solver::Job {
   BodyStore& bodies;
-  const std::vector<std::int32_t>& moving;
-  ContactList &pairs, &world;
+  const Input& input;
+  const Slabs& slabs;
+  Range mine;  // the member's slabs
   BodyRows rows;
   Pass pair_pass, world_pass;
   const KernelTable& kernels;
   bool bounces;
-  bool limited;  // whether any cell is limited in force
+
+  ContactList& list(ContactKind kind) const { return is_pair(kind) ? input.pairs : input.world; }
+  static bool is_pair(ContactKind kind) { return kind == kRoundPair || kind == kAnyPair; }
 };
 
-void Solver::step(BodyStore& bodies, const std::vector<std::int32_t>& moving, ContactList& pairs,
-                  ContactList& world, bool limited, const Member& member) {
+void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
+  const Range mine = input.slabs.share(member);
+  schedule_.build(bodies, input.pairs, input.pair_runs, input.world, input.world_runs, mine, member);
+  member.alone([&] { make_room(input.slabs); });
   const float h_s = settings_.dt_s / static_cast<float>(settings_.substeps);
-  member.alone([&] {
-    schedule_.build(bodies, pairs, world);
-    point_.resize(static_cast<std::size_t>(schedule_.points()));
-    detail_.resize(point_.size());
-  });
   const bool bounces =
       settings_.field_restitution > 0.0F ||
       std::any_of(bodies.restitution.begin(), bodies.restitution.end(), [](float e) { return e > 0; });
   Job job{bodies,
-          moving,
-          pairs,
-          world,
-          bodies.rows(),
+          input,
+          input.slabs,
+          mine,
+          rows(),
           softness(h_s, kPairHz, settings_.substeps),
           softness(h_s, kWorldHz, settings_.substeps),
           contact_kernels(),
-          bounces,
-          limited};
+          bounces};
   work(job, member);
 }
 
+void Solver::make_room(const Slabs& slabs) {
+  const auto rows = static_cast<std::size_t>(slabs.rows());
+  motion_.resize(rows);
+  shift_.resize(rows);
+  inertia_.resize(rows);
+  start_.resize(rows);
+  point_.resize(static_cast<std::size_t>(schedule_.points()));
+  detail_.resize(point_.size());
+}
+
 void Solver::work(Job& job, const Member& member) {
-  const Range octets = schedule_.share({0, schedule_.octets()}, member.index, member.members);
-  for (int i = octets.begin; i < octets.end; ++i) fill(job, i);
-  const Range bodies = member.share(static_cast<int>(job.moving.size()));
+  load_rows(job);
   member.wait();
-  begin_substep(job, bodies, true);
+  for (const OctetRun& run : schedule_.share(member))
+    for (int i = run.first; i < run.first + run.count; ++i) fill(job, run.kind, i);
+  member.wait();
+  for_moving(job, [&](int row) { start_row(job, row); });
   member.wait();
   const KernelTable& k = job.kernels;
   sweep(job, member, k.warm, 0.0F);
   const float h_s = job.pair_pass.h_s;
   for (int s = 0; s < settings_.substeps; ++s) {
     if (s > 0) {
-      begin_substep(job, bodies, false);
+      for_moving(job, [&](int row) { next_substep(job, row); });
       member.wait();
     }
     sweep(job, member, k.solve, static_cast<float>(s) * h_s);
-    advance(job, bodies);
+    advance(job);
     member.wait();
     sweep(job, member, k.relax, 0.0F);
-    end_substep(job, bodies);
   }
-  if (job.bounces) {
-    member.wait();
-    sweep(job, member, k.rebound, 0.0F);
-  }
-  for (int i = octets.begin; i < octets.end; ++i) read_back(job, i);
+  if (job.bounces) sweep(job, member, k.rebound, 0.0F);
+  store_rows(job);
+  for (const OctetRun& run : schedule_.share(member))
+    for (int i = run.first; i < run.first + run.count; ++i) read_back(job, run.kind, i);
 }
 
 // ---- contacts into lanes, and back
 
-void Solver::fill(Job& job, int index) {
-  Octet& o = schedule_.octet(index);
+void Solver::fill(Job& job, ContactKind kind, int index) {
+  Octet& o = schedule_.clear_octet(index);
+  set_bodies(job, o, index, kind);
   clear_points(o);
-  const bool pair = schedule_.pair(index);
-  const ContactList& list = pair ? job.pairs : job.world;
+  const ContactList& list = job.list(kind);
   for (int lane = 0; lane < o.count; ++lane)
     fill_lane(job, o, lane, list.manifolds[static_cast<std::size_t>(schedule_.manifold(index, lane))],
               list.contacts);
-  if (!pair && job.limited) fill_limits(o, index, list);
+  if (!Job::is_pair(kind) && job.input.limited) fill_limits(o, index, list);
   for (int k = 0; k < o.points; ++k) {
     const PointDetail& d = detail_[static_cast<std::size_t>(o.first + k)];
     for (int lane = 0; lane < o.count; ++lane) o.rolls |= d.rolling[lane] > 0.0F;
   }
-  bool round = true;
-  for (int lane = 0; lane < o.count; ++lane) {
-    round &= job.bodies.round[static_cast<std::size_t>(o.a[lane])] != 0;
-    if (pair) round &= job.bodies.round[static_cast<std::size_t>(o.b[lane])] != 0;
-  }
-  const ContactKind kind = pair ? (round ? kRoundPair : kAnyPair) : (round ? kRoundWorld : kAnyWorld);
   job.kernels.prepare[kind](&o, 1, points(), job.rows, job.pair_pass);
+}
+
+// Lanes not in use look at the first one's bodies.
+void Solver::set_bodies(Job& job, Octet& o, int index, ContactKind kind) {
+  const ContactList& list = job.list(kind);
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const int i = schedule_.manifold(index, lane < o.count ? lane : 0);
+    const Manifold& m = list.manifolds[static_cast<std::size_t>(i)];
+    o.a[lane] = job.slabs.row(m.a);
+    o.b[lane] = m.b >= 0 ? job.slabs.row(m.b) : o.a[lane];
+  }
 }
 
 void Solver::clear_points(const Octet& o) {
@@ -186,9 +199,9 @@ void Solver::fill_limits(Octet& o, int index, const ContactList& list) {
   }
 }
 
-void Solver::read_back(Job& job, int index) {
+void Solver::read_back(Job& job, ContactKind kind, int index) {
   const Octet& o = schedule_.octet(index);
-  ContactList& list = schedule_.pair(index) ? job.pairs : job.world;
+  ContactList& list = job.list(kind);
   for (int lane = 0; lane < o.count; ++lane) {
     const Manifold& m = list.manifolds[static_cast<std::size_t>(schedule_.manifold(index, lane))];
     for (int k = 0; k < m.count; ++k) {
@@ -202,58 +215,79 @@ void Solver::read_back(Job& job, int index) {
   }
 }
 
-// ---- bodies through a substep
+// ---- bodies through a substep, each member those of its slabs
 
-// Contacts act alike from substep to substep, because their normals and arms stay: what they gave each body
-// in the last one, they give it again to start with.
-void Solver::begin_substep(Job& job, Range range, bool first) {
-  BodyStore& b = job.bodies;
-  const float h_s = job.pair_pass.h_s;
-  for (int k = range.begin; k < range.end; ++k) {
-    const auto i = static_cast<std::size_t>(job.moving[static_cast<std::size_t>(k)]);
-    Motion& m = b.motion[i];
-    const surface::Wrench& w = b.wrench[i];
-    b.start_velocity[i] = vec(m.velocity) + h_s * (settings_.gravity + m.inverse_mass * w.force);
-    b.start_spin[i] = vec(m.spin);
-    if (!w.torque.isZero(0.0F)) {
-      const Inertia& q = b.inertia[i];
-      b.start_spin[i] +=
-          h_s * Vec3(Vec3(q.xx, q.xy, q.xz).dot(w.torque), Vec3(q.xy, q.yy, q.yz).dot(w.torque),
-                     Vec3(q.xz, q.yz, q.zz).dot(w.torque));
-    }
-    limit(b.start_velocity[i]);
-    limit(b.start_spin[i]);
-    if (first) {
-      b.shift[i] = {};
-      put(m.velocity, b.start_velocity[i]);
-      put(m.spin, b.start_spin[i]);
-    } else {
-      put(m.velocity, b.start_velocity[i] + b.velocity_gain[i]);
-      put(m.spin, b.start_spin[i] + b.spin_gain[i]);
+template <class Each>
+void Solver::for_moving(const Job& job, Each each) const {
+  for (int s = job.mine.begin; s < job.mine.end; ++s) {
+    const Range rows = job.slabs.moving_rows_of(s);
+    for (int row = rows.begin; row < rows.end; ++row) each(row);
+  }
+}
+
+void Solver::load_rows(Job& job) {
+  const BodyStore& b = job.bodies;
+  for (int s = job.mine.begin; s < job.mine.end; ++s) {
+    const Range rows = job.slabs.rows_of(s);
+    for (int row = rows.begin; row < rows.end; ++row) {
+      const auto to = static_cast<std::size_t>(row);
+      const std::size_t from = job.slabs.body(row);
+      motion_[to] = b.motion[from];
+      inertia_[to] = b.inertia[from];
+      shift_[to] = {};
     }
   }
 }
 
-void Solver::advance(Job& job, Range range) {
+// What the forces do to the body in a substep.
+void Solver::start_row(Job& job, int row) {
+  const auto r = static_cast<std::size_t>(row);
   const float h_s = job.pair_pass.h_s;
-  for (int k = range.begin; k < range.end; ++k) {
-    const auto i = static_cast<std::size_t>(job.moving[static_cast<std::size_t>(k)]);
-    const Motion& m = job.bodies.motion[i];
-    Shift& s = job.bodies.shift[i];
+  Motion& m = motion_[r];
+  static const surface::Wrench kNone{};
+  const surface::Wrench& w = job.input.pushed ? job.bodies.wrench[job.slabs.body(row)] : kNone;
+  Vec3 velocity = vec(m.velocity) + h_s * (settings_.gravity + m.inverse_mass * w.force);
+  Vec3 spin = vec(m.spin);
+  if (!w.torque.isZero(0.0F)) {
+    const Inertia& q = inertia_[r];
+    spin += h_s * Vec3(Vec3(q.xx, q.xy, q.xz).dot(w.torque), Vec3(q.xy, q.yy, q.yz).dot(w.torque),
+                       Vec3(q.xz, q.yz, q.zz).dot(w.torque));
+  }
+  limit(velocity);
+  limit(spin);
+  put(start_[r].velocity, velocity), put(start_[r].spin, spin);
+  put(m.velocity, velocity), put(m.spin, spin);
+}
+
+// Contacts act alike from substep to substep, because their normals and arms stay: what they gave the body in
+// the last one, they give it again to start with.
+void Solver::next_substep(Job& job, int row) {
+  const auto r = static_cast<std::size_t>(row);
+  Motion& m = motion_[r];
+  const Vec3 gain = vec(m.velocity) - vec(start_[r].velocity), turn = vec(m.spin) - vec(start_[r].spin);
+  start_row(job, row);
+  put(m.velocity, vec(m.velocity) + gain);
+  put(m.spin, vec(m.spin) + turn);
+}
+
+void Solver::advance(Job& job) {
+  const float h_s = job.pair_pass.h_s;
+  for_moving(job, [&](int row) {
+    const Motion& m = motion_[static_cast<std::size_t>(row)];
+    Shift& s = shift_[static_cast<std::size_t>(row)];
     for (int axis = 0; axis < 3; ++axis) {
       s.by[axis] += h_s * m.velocity[axis];
       s.turn[axis] += h_s * m.spin[axis];
     }
-  }
+  });
 }
 
-void Solver::end_substep(Job& job, Range range) {
-  BodyStore& b = job.bodies;
-  for (int k = range.begin; k < range.end; ++k) {
-    const auto i = static_cast<std::size_t>(job.moving[static_cast<std::size_t>(k)]);
-    b.velocity_gain[i] = vec(b.motion[i].velocity) - b.start_velocity[i];
-    b.spin_gain[i] = vec(b.motion[i].spin) - b.start_spin[i];
-  }
+void Solver::store_rows(Job& job) {
+  for_moving(job, [&](int row) {
+    const std::size_t to = job.slabs.body(row);
+    job.bodies.motion[to] = motion_[static_cast<std::size_t>(row)];
+    job.bodies.shift[to] = shift_[static_cast<std::size_t>(row)];
+  });
 }
 
 // ---- one pass over all contacts: pairs colour by colour, the world last, because nothing yields there
@@ -261,32 +295,29 @@ void Solver::end_substep(Job& job, Range range) {
 void Solver::sweep(Job& job, const Member& member, const Kernel (&kernel)[kContactKinds], float elapsed_s) {
   Pass pair = job.pair_pass, world = job.world_pass;
   pair.elapsed_s = world.elapsed_s = elapsed_s;
-  auto run = [&](ContactKind kind, Range octets, const Pass& pass) {
-    if (octets.begin < octets.end)
-      kernel[kind](schedule_.octets_from(octets.begin), octets.end - octets.begin, points(), job.rows, pass);
-  };
-  auto run_share = [&](ContactKind kind, const OctetRun& octets, const Pass& pass) {
-    run(kind, schedule_.share(octets, member.index, member.members), pass);
+  auto run = [&](const OctetRun& octets, const Pass& pass) {
+    if (octets.count > 0)
+      kernel[octets.kind](schedule_.octets_from(octets.first), octets.count, points(), job.rows, pass);
   };
   bool alone = false;
-  for (const Schedule::Colour& c : schedule_.colours()) {
+  const auto& colours = schedule_.colours();
+  for (std::size_t i = 0; i < colours.size(); ++i) {
+    const Schedule::Colour& c = colours[i];
     // Colours too small to share follow each other on one member, without waiting.
     constexpr int kWorthSharing = 8;
     const bool share = !c.in_order && c.round.count + c.any.count >= kWorthSharing;
     if (share && alone) member.wait();
     alone = !share;
     if (share) {
-      run_share(kRoundPair, c.round, pair);
-      run_share(kAnyPair, c.any, pair);
+      for (const OctetRun& octets : schedule_.share(member, i)) run(octets, pair);
       member.wait();
     } else if (member.first()) {
-      run(kRoundPair, {c.round.first, c.round.first + c.round.count}, pair);
-      run(kAnyPair, {c.any.first, c.any.first + c.any.count}, pair);
+      run(c.round, pair);
+      run(c.any, pair);
     }
   }
   if (alone) member.wait();
-  run_share(kRoundWorld, schedule_.round_world(), world);
-  run_share(kAnyWorld, schedule_.any_world(), world);
+  for (const OctetRun& octets : schedule_.share(member, colours.size())) run(octets, world);
   member.wait();
 }
 
