@@ -16,11 +16,12 @@ void Schedule::build(const BodyStore& bodies, const ContactList& pairs, const Sl
     share_.resize(place_.size());
   });
   Places& place = place_[static_cast<std::size_t>(member.index)];
-  place.fill(0);
+  std::fill_n(place.begin(), keys(), 0);
   count_keys(bodies, pairs, pair_runs, slabs, true, place);
   count_keys(bodies, world, world_runs, slabs, false, place);
   member.alone([&] { find_places(member.members); });
-  Places next = place;
+  Places next;
+  std::copy_n(place.begin(), keys(), next.begin());
   sort(pair_runs, slabs, 0, next);
   sort(world_runs, slabs, pairs.manifolds.size(), next);
   member.alone([&] { pack(pairs, world); });
@@ -30,15 +31,18 @@ void Schedule::build(const BodyStore& bodies, const ContactList& pairs, const Sl
 void Schedule::colour_pairs(const BodyStore& bodies, const ContactList& pairs) {
   used_.assign(static_cast<std::size_t>(bodies.size()), 0);
   colour_.resize(pairs.manifolds.size());
+  int last = -1;
   for (std::size_t i = 0; i < pairs.manifolds.size(); ++i) {
     std::uint64_t& a = used_[static_cast<std::size_t>(pairs.manifolds[i].a)];
     std::uint64_t& b = used_[static_cast<std::size_t>(pairs.manifolds[i].b)];
     const int colour = std::countr_one(a | b);
     colour_[i] = static_cast<std::uint8_t>(colour);
+    last = std::max(last, colour);
     if (colour == kColours) continue;
     a |= std::uint64_t{1} << colour;
     b |= std::uint64_t{1} << colour;
   }
+  used_colours_ = last + 1;
 }
 
 // ---- a counting sort, to which each member brings the manifolds of its slabs
@@ -51,7 +55,7 @@ void Schedule::count_keys(const BodyStore& bodies, const ContactList& list, cons
       const Manifold& m = list.manifolds[i];
       const bool round = bodies.round[static_cast<std::size_t>(m.a)] &&
                          (!pair || bodies.round[static_cast<std::size_t>(m.b)]);
-      const int group = (pair ? colour_[i] : kColours + 1) * 2 + (round ? 0 : 1);
+      const int group = (pair ? colour_[i] : used_colours_) * 2 + (round ? 0 : 1);
       const int key = group * kCounts + kCounts - std::min(m.count, kCounts);
       key_[before + i] = static_cast<std::int16_t>(key);
       ++count[static_cast<std::size_t>(key)];
@@ -60,7 +64,7 @@ void Schedule::count_keys(const BodyStore& bodies, const ContactList& list, cons
 
 void Schedule::find_places(int members) {
   std::int32_t at = 0;
-  for (std::size_t key = 0; key < kKeys; ++key) {
+  for (std::size_t key = 0; key < keys(); ++key) {
     first_of_key_[key] = at;
     for (int m = 0; m < members; ++m) {
       std::int32_t& place = place_[static_cast<std::size_t>(m)][key];
@@ -69,7 +73,7 @@ void Schedule::find_places(int members) {
       at += count;
     }
   }
-  first_of_key_[kKeys] = at;
+  first_of_key_[keys()] = at;
 }
 
 void Schedule::sort(const SlabRuns& runs, Range slabs, std::size_t first_key, Places& next) {
@@ -86,16 +90,16 @@ void Schedule::pack(const ContactList& pairs, const ContactList& world) {
   start_.clear();
   first_point_.assign(1, 0);
   colours_.clear();
-  for (int c = 0; c <= kColours; ++c) {
+  for (int c = 0; c < used_colours_; ++c) {
     const bool in_order = c == kColours;
     const int lanes = in_order ? 1 : kLanes;
     Colour colour{pack(kRoundPair, 2 * c, lanes, pairs), pack(kAnyPair, 2 * c + 1, lanes, pairs), in_order};
     if (colour.round.count + colour.any.count > 0) colours_.push_back(colour);
   }
-  round_world_ = pack(kRoundWorld, kGroups - 2, kLanes, world);
-  any_world_ = pack(kAnyWorld, kGroups - 1, kLanes, world);
+  round_world_ = pack(kRoundWorld, 2 * used_colours_, kLanes, world);
+  any_world_ = pack(kAnyWorld, 2 * used_colours_ + 1, kLanes, world);
   octet_.resize(start_.size());
-  start_.push_back(first_of_key_[kKeys]);
+  start_.push_back(first_of_key_[keys()]);
 }
 
 OctetRun Schedule::pack(ContactKind kind, int group, int lanes, const ContactList& list) {
@@ -147,10 +151,10 @@ void Schedule::add_share(const OctetRun& run, int lanes, const Member& member) {
   std::vector<OctetRun>& mine = share_[static_cast<std::size_t>(member.index)].run;
   const std::size_t before = mine.size();
   const int begin = start_[static_cast<std::size_t>(run.first)];
-  const auto group =
-      static_cast<std::size_t>(std::upper_bound(first_of_key_.begin(), first_of_key_.end(), begin) -
-                               first_of_key_.begin() - 1) /
-      kCounts;
+  const auto end = first_of_key_.begin() + static_cast<std::ptrdiff_t>(keys()) + 1;
+  const auto group = static_cast<std::size_t>(std::upper_bound(first_of_key_.begin(), end, begin) -
+                                              first_of_key_.begin() - 1) /
+                     kCounts;
   auto octets_to = [&](int place) { return run.first + (place - begin + lanes - 1) / lanes; };
   for (std::size_t key = group * kCounts; key < (group + 1) * kCounts; ++key) {
     const auto next = static_cast<std::size_t>(member.index) + 1;

@@ -65,13 +65,14 @@ class Schedule {
   // many first, then by slab.
   static constexpr int kColours = 64;  // one more for what finds none, and one for the world
   static constexpr int kCounts = 16;
-  static constexpr int kGroups = 2 * (kColours + 2), kKeys = kGroups * kCounts;
-  using Places = std::array<std::int32_t, kKeys>;
+  static constexpr std::size_t kMostKeys = 2 * (kColours + 2) * kCounts;
+  using Places = std::array<std::int32_t, kMostKeys>;  // the first keys() of them are in use
   struct alignas(64) Share {
     std::vector<OctetRun> run;
     std::vector<std::size_t> first;  // of each colour
   };
 
+  std::size_t keys() const { return 2 * static_cast<std::size_t>(used_colours_ + 1) * kCounts; }
   void colour_pairs(const BodyStore&, const ContactList& pairs);
   void count_keys(const BodyStore&, const ContactList&, const SlabRuns&, Range slabs, bool pair, Places&);
   void find_places(int members);
@@ -83,10 +84,11 @@ class Schedule {
 
   std::vector<std::uint64_t> used_;  // one a body: the colours that its manifolds have
   std::vector<std::uint8_t> colour_;
+  int used_colours_ = 0;           // manifolds with the world count as one more
   std::vector<std::int16_t> key_;  // of manifolds: pairs, then world
   // One a member: of each key, how many manifolds its slabs have; then where they begin in order_.
   std::vector<Places> place_;
-  std::array<std::int32_t, kKeys + 1> first_of_key_;
+  std::array<std::int32_t, kMostKeys + 1> first_of_key_;
   std::vector<std::int32_t> order_;  // manifolds in the order of the octets' lanes
   std::vector<std::int32_t> start_,
       first_point_;  // of each octet, in order_ and in points; one more at the end
