@@ -86,12 +86,22 @@ void Detector::detect(const BodyStore& bodies, ContactList& pairs, ContactList& 
   member.alone([&] {
     place_parts(pair_part_, pairs, pair_runs_);
     place_parts(world_part_, world, world_runs_);
+    weigh_slabs();
   });
   for (int s = mine.begin; s < mine.end; ++s) {
     const Findings& found = found_[static_cast<std::size_t>(s)];
     copy_slab(s, pair_part_, found.pairs, pairs, pair_runs_);
     copy_slab(s, world_part_, found.world, world, world_runs_);
   }
+}
+
+void Detector::weigh_slabs() {
+  contacts_in_.clear();
+  for (int s = 0; s < slabs_.slabs(); ++s) {
+    const Findings& found = found_[static_cast<std::size_t>(s)];
+    contacts_in_.push_back(found.pairs.contacts.size() + found.world.contacts.size());
+  }
+  slabs_.weigh(contacts_in_);
 }
 
 // Most bodies decide what is large; a few that are much larger must not make the cells of all the others

@@ -85,6 +85,7 @@ class Detector {
   void touch_fixed(const BodyStore&, std::size_t body, std::size_t fixed, ContactList& out) const;
   void touch_pair(const BodyStore&, std::size_t i, std::size_t j, Findings& out) const;
   void place_parts(std::vector<Part>&, ContactList&, SlabRuns&) const;
+  void weigh_slabs();
   void copy_slab(int slab, const std::vector<Part>&, const ContactList& from, ContactList& to,
                  SlabRuns&) const;
   // The manifold that the two had in the last step, or −1.
@@ -108,6 +109,7 @@ class Detector {
   std::vector<Findings> found_;                     // one a slab
   std::vector<Part> pair_part_, world_part_;        // one a piece
   SlabRuns pair_runs_, world_runs_;
+  std::vector<std::size_t> contacts_in_;  // each slab
   PairMemory pair_memory_;
   FieldMemory field_memory_;
 };

@@ -20,6 +20,7 @@ void Slabs::cut(const Grid& grid) {
   for (const Piece& p : piece_) first_row_[static_cast<std::size_t>(p.slab) + 1] += p.end - p.begin;
   first_row_.back() += static_cast<std::int32_t>(grid.large().size());
   for (std::size_t s = 1; s < first_row_.size(); ++s) first_row_[s] += first_row_[s - 1];
+  weight_before_.assign(first_row_.begin(), first_row_.end());
   moving_end_.resize(static_cast<std::size_t>(slabs));
   body_of_row_.resize(static_cast<std::size_t>(rows()));
   row_of_body_.resize(body_of_row_.size());
@@ -80,15 +81,23 @@ void Slabs::sort_pieces(int slabs) {
   first_of_slab_[0] = 0;
 }
 
+void Slabs::weigh(std::span<const std::size_t> contacts) {
+  constexpr long kBody = 3, kContact = 2;  // what they cost, about
+  for (std::size_t s = 0; s < contacts.size(); ++s)
+    weight_before_[s + 1] = weight_before_[s] + kBody * (first_row_[s + 1] - first_row_[s]) +
+                            kContact * static_cast<long>(contacts[s]);
+}
+
+// Cut at the borders of slabs that are nearest to even shares.
 Range Slabs::share(const Member& member) const {
   auto at = [&](int index) {
-    const long wanted = static_cast<long>(rows()) * index;
-    const auto first = std::partition_point(first_row_.begin(), first_row_.end() - 1, [&](std::int32_t row) {
-      return static_cast<long>(row) * member.members < wanted;
-    });
-    return static_cast<int>(first - first_row_.begin());
+    const long wanted = weight_before_.back() * index / member.members;
+    const auto after = std::lower_bound(weight_before_.begin(), weight_before_.end(), wanted);
+    const bool nearer_before = after != weight_before_.begin() && wanted - *(after - 1) < *after - wanted;
+    return static_cast<int>(after - weight_before_.begin()) - (nearer_before ? 1 : 0);
   };
-  return {at(member.index), member.index + 1 == member.members ? slabs() : at(member.index + 1)};
+  return {member.first() ? 0 : at(member.index),
+          member.index + 1 == member.members ? slabs() : at(member.index + 1)};
 }
 
 void Slabs::list_rows(const BodyStore& bodies, const Grid& grid, const Member& member) {

@@ -48,8 +48,10 @@ class Slabs {
   }
   std::size_t first_piece_of(int slab) const { return first_of_slab_[static_cast<std::size_t>(slab)]; }
 
-  // One member's slabs: about as many bodies as those of the others.
+  // One member's slabs: about as many bodies as those of the others, or, once they are weighed, about as
+  // much work with as many contacts as there are in each.
   Range share(const Member&) const;
+  void weigh(std::span<const std::size_t> contacts);
 
   // ---- a row a body, slab after slab, in each slab first those that move. Fixed bodies' rows mean nothing.
   // The member's slabs are listed; wait before asking.
@@ -78,6 +80,7 @@ class Slabs {
   std::vector<std::size_t> first_of_slab_;
   std::vector<std::int32_t> first_row_, moving_end_;
   std::vector<std::int32_t> body_of_row_, row_of_body_;
+  std::vector<long> weight_before_;  // of each slab, that of all before it; one more at the end
 };
 
 }  // namespace smartsurf::world

@@ -24,7 +24,6 @@ Pass softness(float h_s, float hertz, int substeps) {
           kFastestPush, kBounceThreshold, 1.0F / static_cast<float>(substeps)};
 }
 
-Vec3 vec(const float (&v)[3]) { return Vec3(v); }
 void put(float (&to)[3], const Vec3& from) {
   for (int i = 0; i < 3; ++i) to[i] = from[i];
 }
@@ -34,7 +33,15 @@ void put(float (*to)[kLanes], int lane, const Vec3& from) {
 Vec3 take(const float (*from)[kLanes], int lane) { return {from[0][lane], from[1][lane], from[2][lane]}; }
 
 // A body that a huge force flings away stays finite: it leaves the table and disturbs nobody else.
-void limit(Vec3& velocity) { velocity = velocity.cwiseMax(-kTopSpeed).cwiseMin(kTopSpeed); }
+float limited(float speed) { return std::min(std::max(speed, -kTopSpeed), kTopSpeed); }
+
+// What weight alone changes in so long a time; adding −0 changes nothing.
+Motion fall(const Vec3& gravity, float h_s) {
+  Motion m;
+  put(m.velocity, h_s * (gravity + Vec3::Zero()));
+  put(m.spin, Vec3::Constant(-0.0F));
+  return m;
+}
 
 }  // namespace
 
@@ -47,6 +54,8 @@ struct Solver::Job {
   Pass pair_pass, world_pass;
   const KernelTable& kernels;
   bool bounces;
+  bool all_round;
+  Motion fall;  // of a substep
 
   ContactList& list(ContactKind kind) const { return is_pair(kind) ? input.pairs : input.world; }
   static bool is_pair(ContactKind kind) { return kind == kRoundPair || kind == kAnyPair; }
@@ -68,7 +77,9 @@ void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
           softness(h_s, kPairHz, settings_.substeps),
           softness(h_s, kWorldHz, settings_.substeps),
           contact_kernels(),
-          bounces};
+          bounces,
+          std::find(bodies.round.begin(), bodies.round.end(), 0) == bodies.round.end(),
+          fall(settings_.gravity, h_s)};
   work(job, member);
 }
 
@@ -78,6 +89,7 @@ void Solver::make_room(const Slabs& slabs) {
   shift_.resize(rows);
   inertia_.resize(rows);
   start_.resize(rows);
+  trait_.resize(rows);
   point_.resize(static_cast<std::size_t>(schedule_.points()));
   detail_.resize(point_.size());
 }
@@ -88,14 +100,14 @@ void Solver::work(Job& job, const Member& member) {
   for (const OctetRun& run : schedule_.share(member))
     for (int i = run.first; i < run.first + run.count; ++i) fill(job, run.kind, i);
   member.wait();
-  for_moving(job, [&](int row) { start_row(job, row); });
+  begin_substep(job, true);
   member.wait();
   const KernelTable& k = job.kernels;
   sweep(job, member, k.warm, 0.0F);
   const float h_s = job.pair_pass.h_s;
   for (int s = 0; s < settings_.substeps; ++s) {
     if (s > 0) {
-      for_moving(job, [&](int row) { next_substep(job, row); });
+      begin_substep(job, false);
       member.wait();
     }
     sweep(job, member, k.solve, static_cast<float>(s) * h_s);
@@ -114,16 +126,20 @@ void Solver::work(Job& job, const Member& member) {
 void Solver::fill(Job& job, ContactKind kind, int index) {
   Octet& o = schedule_.clear_octet(index);
   set_bodies(job, o, index, kind);
-  clear_points(o);
   const ContactList& list = job.list(kind);
-  for (int lane = 0; lane < o.count; ++lane)
-    fill_lane(job, o, lane, list.manifolds[static_cast<std::size_t>(schedule_.manifold(index, lane))],
-              list.contacts);
-  if (!Job::is_pair(kind) && job.input.limited) fill_limits(o, index, list);
-  for (int k = 0; k < o.points; ++k) {
-    const PointDetail& d = detail_[static_cast<std::size_t>(o.first + k)];
-    for (int lane = 0; lane < o.count; ++lane) o.rolls |= d.rolling[lane] > 0.0F;
+  auto for_lanes = [&](auto each) {
+    for (int lane = 0; lane < o.count; ++lane)
+      each(lane, list.manifolds[static_cast<std::size_t>(schedule_.manifold(index, lane))]);
+  };
+  clear_points(o);
+  for_lanes([&](int lane, const Manifold& m) { fill_points(job, o, lane, m, list.contacts); });
+  // Of spheres few passes read the details: what they leave alone is not touched.
+  const bool round = kind == kRoundPair || kind == kRoundWorld, all = !round || o.rolls || job.bounces;
+  if (all || !Job::is_pair(kind)) {
+    clear_details(o, all);
+    for_lanes([&](int lane, const Manifold& m) { fill_details(job, o, lane, m, list.contacts, all); });
   }
+  if (!Job::is_pair(kind) && job.input.limited) fill_limits(o, index, list);
   job.kernels.prepare[kind](&o, 1, points(), job.rows, job.pair_pass);
 }
 
@@ -141,46 +157,65 @@ void Solver::set_bodies(Job& job, Octet& o, int index, ContactKind kind) {
 void Solver::clear_points(const Octet& o) {
   const auto first = static_cast<std::size_t>(o.first), count = static_cast<std::size_t>(o.points);
   std::memset(static_cast<void*>(&point_[first]), 0, sizeof(Point) * count);
-  std::memset(static_cast<void*>(&detail_[first]), 0, sizeof(PointDetail) * count);
   for (std::size_t k = first; k < first + count; ++k) std::fill_n(point_[k].gap, kLanes, kWideGap);
 }
 
-void Solver::fill_lane(Job& job, const Octet& o, int lane, const Manifold& m,
-                       const std::vector<Contact>& contacts) {
-  const BodyStore& bodies = job.bodies;
-  const auto a = static_cast<std::size_t>(m.a), b = static_cast<std::size_t>(std::max(m.b, 0));
-  const bool pair = m.b >= 0;
-  const bool round = bodies.round[a] && (!pair || bodies.round[b]);
+void Solver::clear_details(const Octet& o, bool all) {
+  const auto first = static_cast<std::size_t>(o.first), count = static_cast<std::size_t>(o.points);
+  for (std::size_t k = first; k < first + count; ++k) {
+    PointDetail& d = detail_[k];
+    if (all)
+      d = {};
+    else
+      std::memset(d.surface, 0, sizeof(d.surface));
+  }
+}
+
+const Solver::Trait& Solver::other_side(const Job& job, const Octet& o, int lane, const Manifold& m,
+                                        const Contact& c) const {
+  if (m.b >= 0) return trait_[static_cast<std::size_t>(o.b[lane])];
+  return c.other >= 0 ? trait_[static_cast<std::size_t>(job.slabs.row(c.other))] : field_;
+}
+
+void Solver::fill_points(const Job& job, Octet& o, int lane, const Manifold& m,
+                         const std::vector<Contact>& contacts) {
+  const Trait& a = trait_[static_cast<std::size_t>(o.a[lane])];
   for (int k = 0; k < m.count; ++k) {
     const Contact& c = contacts[static_cast<std::size_t>(m.first + k)];
+    const Trait& b = other_side(job, o, lane, m, c);
     Point& p = point_[static_cast<std::size_t>(o.first + k)];
-    PointDetail& d = detail_[static_cast<std::size_t>(o.first + k)];
     put(p.normal, lane, c.normal);
-    if (round) {
-      p.radius_a[lane] = bodies.reach[a];
-      if (pair) p.radius_b[lane] = bodies.reach[b];
-    } else {
-      put(d.arm_a, lane, c.arm);
-      if (pair) put(d.arm_b, lane, bodies.position[a] + c.arm - bodies.position[b]);
-    }
+    p.radius_a[lane] = a.reach;
+    p.radius_b[lane] = b.reach;
     p.gap[lane] = c.gap;
     p.push[lane] = c.push;
     put(p.drag, lane, c.drag);
-    put(d.roll, lane, c.roll);
-    float friction = settings_.field_friction_root, rolling = settings_.field_rolling_root,
-          restitution = settings_.field_restitution;
-    if (pair || c.other >= 0) {
-      const std::size_t other = pair ? b : static_cast<std::size_t>(c.other);
-      friction = bodies.friction_root[other];
-      rolling = bodies.rolling_root[other];
-      restitution = bodies.restitution[other];
+    p.friction[lane] = a.friction_root * b.friction_root;
+    o.rolls |= a.rolling_root * b.rolling_root > 0.0F;
+  }
+}
+
+void Solver::fill_details(const Job& job, const Octet& o, int lane, const Manifold& m,
+                          const std::vector<Contact>& contacts, bool all) {
+  const BodyStore& bodies = job.bodies;
+  const Trait& a = trait_[static_cast<std::size_t>(o.a[lane])];
+  for (int k = 0; k < m.count; ++k) {
+    const Contact& c = contacts[static_cast<std::size_t>(m.first + k)];
+    PointDetail& d = detail_[static_cast<std::size_t>(o.first + k)];
+    if (m.b < 0) {
+      put(d.surface, lane, c.surface);
+      d.surface_spin[lane] = c.surface_spin;
     }
-    p.friction[lane] = bodies.friction_root[a] * friction;
-    d.rolling[lane] = bodies.rolling_root[a] * rolling;
-    d.restitution[lane] = std::max(bodies.restitution[a], restitution);
-    if (pair) continue;
-    put(d.surface, lane, c.surface);
-    d.surface_spin[lane] = c.surface_spin;
+    if (!all) continue;
+    const Trait& b = other_side(job, o, lane, m, c);
+    put(d.arm_a, lane, c.arm);
+    if (m.b >= 0)
+      put(d.arm_b, lane,
+          bodies.position[static_cast<std::size_t>(m.a)] + c.arm -
+              bodies.position[static_cast<std::size_t>(m.b)]);
+    put(d.roll, lane, c.roll);
+    d.rolling[lane] = a.rolling_root * b.rolling_root;
+    d.restitution[lane] = std::max(a.restitution, b.restitution);
   }
 }
 
@@ -233,41 +268,43 @@ void Solver::load_rows(Job& job) {
       const auto to = static_cast<std::size_t>(row);
       const std::size_t from = job.slabs.body(row);
       motion_[to] = b.motion[from];
-      inertia_[to] = b.inertia[from];
+      trait_[to] = {b.reach[from], b.friction_root[from], b.rolling_root[from], b.restitution[from]};
+      if (!job.all_round) inertia_[to] = b.inertia[from];
       shift_[to] = {};
     }
   }
 }
 
-// What the forces do to the body in a substep.
-void Solver::start_row(Job& job, int row) {
-  const auto r = static_cast<std::size_t>(row);
+// What forces add to the body's motion in a substep.
+Motion Solver::pushed(const Job& job, int row) const {
+  const std::size_t body = job.slabs.body(row);
+  const surface::Wrench& w = job.bodies.wrench[body];
   const float h_s = job.pair_pass.h_s;
-  Motion& m = motion_[r];
-  static const surface::Wrench kNone{};
-  const surface::Wrench& w = job.input.pushed ? job.bodies.wrench[job.slabs.body(row)] : kNone;
-  Vec3 velocity = vec(m.velocity) + h_s * (settings_.gravity + m.inverse_mass * w.force);
-  Vec3 spin = vec(m.spin);
+  Motion m = job.fall;
+  put(m.velocity, h_s * (settings_.gravity + motion_[static_cast<std::size_t>(row)].inverse_mass * w.force));
   if (!w.torque.isZero(0.0F)) {
-    const Inertia& q = inertia_[r];
-    spin += h_s * Vec3(Vec3(q.xx, q.xy, q.xz).dot(w.torque), Vec3(q.xy, q.yy, q.yz).dot(w.torque),
-                       Vec3(q.xz, q.yz, q.zz).dot(w.torque));
+    const Inertia& q = job.bodies.inertia[body];
+    put(m.spin, h_s * Vec3(Vec3(q.xx, q.xy, q.xz).dot(w.torque), Vec3(q.xy, q.yy, q.yz).dot(w.torque),
+                           Vec3(q.xz, q.yz, q.zz).dot(w.torque)));
   }
-  limit(velocity);
-  limit(spin);
-  put(start_[r].velocity, velocity), put(start_[r].spin, spin);
-  put(m.velocity, velocity), put(m.spin, spin);
+  return m;
 }
 
 // Contacts act alike from substep to substep, because their normals and arms stay: what they gave the body in
 // the last one, they give it again to start with.
-void Solver::next_substep(Job& job, int row) {
-  const auto r = static_cast<std::size_t>(row);
-  Motion& m = motion_[r];
-  const Vec3 gain = vec(m.velocity) - vec(start_[r].velocity), turn = vec(m.spin) - vec(start_[r].spin);
-  start_row(job, row);
-  put(m.velocity, vec(m.velocity) + gain);
-  put(m.spin, vec(m.spin) + turn);
+void Solver::begin_substep(Job& job, bool first) {
+  for_moving(job, [&](int row) {
+    const Motion change = job.input.pushed ? pushed(job, row) : job.fall;
+    Motion& m = motion_[static_cast<std::size_t>(row)];
+    Motion& start = start_[static_cast<std::size_t>(row)];
+    auto go_on = [first](float& speed, float& start_speed, float more) {
+      const float gain = speed - start_speed;
+      start_speed = limited(speed + more);
+      speed = first ? start_speed : start_speed + gain;
+    };
+    for (int i = 0; i < 3; ++i) go_on(m.velocity[i], start.velocity[i], change.velocity[i]);
+    for (int i = 0; i < 3; ++i) go_on(m.spin[i], start.spin[i], change.spin[i]);
+  });
 }
 
 void Solver::advance(Job& job) {

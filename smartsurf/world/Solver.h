@@ -26,7 +26,9 @@ struct StepSettings {
 
 class Solver {
  public:
-  explicit Solver(const StepSettings& settings) : settings_(settings) {}
+  explicit Solver(const StepSettings& settings)
+      : settings_(settings),
+        field_{0.0F, settings.field_friction_root, settings.field_rolling_root, settings.field_restitution} {}
 
   struct Input {
     const Slabs& slabs;  // with their rows listed
@@ -41,9 +43,9 @@ class Solver {
   void step(BodyStore&, const Input&, const Member&);
 
  private:
-  // Of the body before the contacts of the substep.
-  struct alignas(32) Start {
-    float velocity[3], unused, spin[3], unused_too;
+  // What a body, or the field, is made of.
+  struct Trait {
+    float reach, friction_root, rolling_root, restitution;
   };
   struct Job;
   void make_room(const Slabs&);
@@ -51,14 +53,18 @@ class Solver {
   void fill(Job&, ContactKind, int octet);
   void set_bodies(Job&, Octet&, int index, ContactKind);
   void clear_points(const Octet&);
-  void fill_lane(Job&, const Octet&, int lane, const Manifold&, const std::vector<Contact>&);
+  void clear_details(const Octet&, bool all);
+  const Trait& other_side(const Job&, const Octet&, int lane, const Manifold&, const Contact&) const;
+  void fill_points(const Job&, Octet&, int lane, const Manifold&, const std::vector<Contact>&);
+  void fill_details(const Job&, const Octet&, int lane, const Manifold&, const std::vector<Contact>&,
+                    bool all);
   void fill_limits(Octet&, int index, const ContactList&);
   void read_back(Job&, ContactKind, int octet);
   template <class Each>
   void for_moving(const Job&, Each each) const;
   void load_rows(Job&);
-  void start_row(Job&, int row);
-  void next_substep(Job&, int row);
+  Motion pushed(const Job&, int row) const;
+  void begin_substep(Job&, bool first);
   void advance(Job&);
   void store_rows(Job&);
   void sweep(Job&, const Member&, const Kernel (&)[kContactKinds], float elapsed_s);
@@ -67,6 +73,7 @@ class Solver {
   BodyRows rows() { return {motion_.data(), shift_.data(), inertia_.data()}; }
 
   StepSettings settings_;
+  Trait field_;
   Schedule schedule_;
   std::vector<Point> point_;
   std::vector<PointDetail> detail_;
@@ -74,7 +81,8 @@ class Solver {
   std::vector<Motion> motion_;
   std::vector<Shift> shift_;
   std::vector<Inertia> inertia_;
-  std::vector<Start> start_;
+  std::vector<Trait> trait_;
+  std::vector<Motion> start_;  // before the contacts of the substep
 };
 
 }  // namespace smartsurf::world

@@ -196,8 +196,10 @@ void World::State::move_bodies(const Member& member) {
       const std::size_t i = slabs.body(row);
       stop_at_field(detector, bodies, i);
       bodies.settle(i, settings.dt_s);
+      sleep.time_rest(bodies, i);
     }
   }
+  for (const Range& run : detector.world_runs().of(mine)) sleep.unsettle(bodies, world, run);
 }
 
 // Sleepers press on as they did when they fell asleep.
