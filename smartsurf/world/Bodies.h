@@ -13,6 +13,11 @@
 
 namespace smartsurf::world {
 
+// What contacts ask of a body, in one place. Square roots, so that a product of two is their geometric mean.
+struct Grip {
+  float reach, friction_root, rolling_root, restitution;
+};
+
 struct BodyStore {
   std::vector<scene::ObjectId> id;
   std::vector<Vec3> position;  // of the centre of mass
@@ -22,8 +27,7 @@ struct BodyStore {
   std::vector<std::unique_ptr<const Shape>> shape;
   std::vector<float> reach;
   std::vector<char> round;  // whether it is a sphere
-  // Square roots, so that a product of two is their geometric mean.
-  std::vector<float> friction_root, rolling_root, restitution;
+  std::vector<Grip> grip;
   std::vector<Mat3> own_inertia, own_inverse_inertia;  // in own axes
   std::vector<surface::Wrench> wrench;                 // of the step to come
   std::vector<char> asleep;
@@ -47,6 +51,9 @@ struct BodyStore {
   void place(std::size_t index, const scene::Placement&);
   // Brings axes and inertia up to the orientation.
   void turn_axes(std::size_t index);
+  // Asks for the memory that a body's motion takes, ahead of its use: threads take bodies by place, not by
+  // index.
+  void fetch(std::size_t index) const;
   // Moves and turns it as far as it got during the step, gyroscopic effect included.
   void settle(std::size_t index, float dt_s);
 

@@ -67,8 +67,8 @@ void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
   member.alone([&] { make_room(input.slabs); });
   const float h_s = settings_.dt_s / static_cast<float>(settings_.substeps);
   const bool bounces =
-      settings_.field_restitution > 0.0F ||
-      std::any_of(bodies.restitution.begin(), bodies.restitution.end(), [](float e) { return e > 0; });
+      settings_.field_restitution > 0.0F || std::any_of(bodies.grip.begin(), bodies.grip.end(),
+                                                        [](const Grip& s) { return s.restitution > 0; });
   Job job{bodies,
           input,
           input.slabs,
@@ -89,7 +89,7 @@ void Solver::make_room(const Slabs& slabs) {
   shift_.resize(rows);
   inertia_.resize(rows);
   start_.resize(rows);
-  trait_.resize(rows);
+  grip_.resize(rows);
   point_.resize(static_cast<std::size_t>(schedule_.points()));
   detail_.resize(point_.size());
 }
@@ -116,7 +116,6 @@ void Solver::work(Job& job, const Member& member) {
     sweep(job, member, k.relax, 0.0F);
   }
   if (job.bounces) sweep(job, member, k.rebound, 0.0F);
-  store_rows(job);
   for (const OctetRun& run : schedule_.share(member))
     for (int i = run.first; i < run.first + run.count; ++i) read_back(job, run.kind, i);
 }
@@ -171,18 +170,18 @@ void Solver::clear_details(const Octet& o, bool all) {
   }
 }
 
-const Solver::Trait& Solver::other_side(const Job& job, const Octet& o, int lane, const Manifold& m,
-                                        const Contact& c) const {
-  if (m.b >= 0) return trait_[static_cast<std::size_t>(o.b[lane])];
-  return c.other >= 0 ? trait_[static_cast<std::size_t>(job.slabs.row(c.other))] : field_;
+const Grip& Solver::other_side(const Job& job, const Octet& o, int lane, const Manifold& m,
+                                  const Contact& c) const {
+  if (m.b >= 0) return grip_[static_cast<std::size_t>(o.b[lane])];
+  return c.other >= 0 ? grip_[static_cast<std::size_t>(job.slabs.row(c.other))] : field_;
 }
 
 void Solver::fill_points(const Job& job, Octet& o, int lane, const Manifold& m,
                          const std::vector<Contact>& contacts) {
-  const Trait& a = trait_[static_cast<std::size_t>(o.a[lane])];
+  const Grip& a = grip_[static_cast<std::size_t>(o.a[lane])];
   for (int k = 0; k < m.count; ++k) {
     const Contact& c = contacts[static_cast<std::size_t>(m.first + k)];
-    const Trait& b = other_side(job, o, lane, m, c);
+    const Grip& b = other_side(job, o, lane, m, c);
     Point& p = point_[static_cast<std::size_t>(o.first + k)];
     put(p.normal, lane, c.normal);
     p.radius_a[lane] = a.reach;
@@ -198,7 +197,7 @@ void Solver::fill_points(const Job& job, Octet& o, int lane, const Manifold& m,
 void Solver::fill_details(const Job& job, const Octet& o, int lane, const Manifold& m,
                           const std::vector<Contact>& contacts, bool all) {
   const BodyStore& bodies = job.bodies;
-  const Trait& a = trait_[static_cast<std::size_t>(o.a[lane])];
+  const Grip& a = grip_[static_cast<std::size_t>(o.a[lane])];
   for (int k = 0; k < m.count; ++k) {
     const Contact& c = contacts[static_cast<std::size_t>(m.first + k)];
     PointDetail& d = detail_[static_cast<std::size_t>(o.first + k)];
@@ -207,7 +206,7 @@ void Solver::fill_details(const Job& job, const Octet& o, int lane, const Manifo
       d.surface_spin[lane] = c.surface_spin;
     }
     if (!all) continue;
-    const Trait& b = other_side(job, o, lane, m, c);
+    const Grip& b = other_side(job, o, lane, m, c);
     put(d.arm_a, lane, c.arm);
     if (m.b >= 0)
       put(d.arm_b, lane,
@@ -261,14 +260,16 @@ void Solver::for_moving(const Job& job, Each each) const {
 }
 
 void Solver::load_rows(Job& job) {
+  constexpr int kAhead = 8;  // rows: about what a trip to memory takes
   const BodyStore& b = job.bodies;
   for (int s = job.mine.begin; s < job.mine.end; ++s) {
     const Range rows = job.slabs.rows_of(s);
     for (int row = rows.begin; row < rows.end; ++row) {
       const auto to = static_cast<std::size_t>(row);
       const std::size_t from = job.slabs.body(row);
+      if (row + kAhead < rows.end) b.fetch(job.slabs.body(row + kAhead));
       motion_[to] = b.motion[from];
-      trait_[to] = {b.reach[from], b.friction_root[from], b.rolling_root[from], b.restitution[from]};
+      grip_[to] = b.grip[from];
       if (!job.all_round) inertia_[to] = b.inertia[from];
       shift_[to] = {};
     }
@@ -319,12 +320,10 @@ void Solver::advance(Job& job) {
   });
 }
 
-void Solver::store_rows(Job& job) {
-  for_moving(job, [&](int row) {
-    const std::size_t to = job.slabs.body(row);
-    job.bodies.motion[to] = motion_[static_cast<std::size_t>(row)];
-    job.bodies.shift[to] = shift_[static_cast<std::size_t>(row)];
-  });
+void Solver::hand_back(BodyStore& bodies, const Slabs& slabs, int row) const {
+  const std::size_t to = slabs.body(row);
+  bodies.motion[to] = motion_[static_cast<std::size_t>(row)];
+  bodies.shift[to] = shift_[static_cast<std::size_t>(row)];
 }
 
 // ---- one pass over all contacts: pairs colour by colour, the world last, because nothing yields there

@@ -37,16 +37,13 @@ class Solver {
     bool limited;  // whether any contact has a limit
     bool pushed;   // whether any body has a wrench
   };
-  // One step. The lists come back with the impulses of the last substep and the sums of the step; velocities
-  // are those at its end, and BodyStore::shift says how far each body gets. All members of the team together;
-  // each knows the bodies of its own slabs when it returns.
+  // One step. The lists come back with the impulses of the last substep and the sums of the step; how each
+  // body moves stays in its row. All members of the team together.
   void step(BodyStore&, const Input&, const Member&);
+  // Hands the body of a row its motion.
+  void hand_back(BodyStore&, const Slabs&, int row) const;
 
  private:
-  // What a body, or the field, is made of.
-  struct Trait {
-    float reach, friction_root, rolling_root, restitution;
-  };
   struct Job;
   void make_room(const Slabs&);
   void work(Job&, const Member&);
@@ -54,7 +51,7 @@ class Solver {
   void set_bodies(Job&, Octet&, int index, ContactKind);
   void clear_points(const Octet&);
   void clear_details(const Octet&, bool all);
-  const Trait& other_side(const Job&, const Octet&, int lane, const Manifold&, const Contact&) const;
+  const Grip& other_side(const Job&, const Octet&, int lane, const Manifold&, const Contact&) const;
   void fill_points(const Job&, Octet&, int lane, const Manifold&, const std::vector<Contact>&);
   void fill_details(const Job&, const Octet&, int lane, const Manifold&, const std::vector<Contact>&,
                     bool all);
@@ -66,14 +63,13 @@ class Solver {
   Motion pushed(const Job&, int row) const;
   void begin_substep(Job&, bool first);
   void advance(Job&);
-  void store_rows(Job&);
   void sweep(Job&, const Member&, const Kernel (&)[kContactKinds], float elapsed_s);
 
   Points points() { return {point_.data(), detail_.data()}; }
   BodyRows rows() { return {motion_.data(), shift_.data(), inertia_.data()}; }
 
   StepSettings settings_;
-  Trait field_;
+  Grip field_;
   Schedule schedule_;
   std::vector<Point> point_;
   std::vector<PointDetail> detail_;
@@ -81,7 +77,7 @@ class Solver {
   std::vector<Motion> motion_;
   std::vector<Shift> shift_;
   std::vector<Inertia> inertia_;
-  std::vector<Trait> trait_;
+  std::vector<Grip> grip_;
   std::vector<Motion> start_;  // before the contacts of the substep
 };
 

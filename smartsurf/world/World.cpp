@@ -188,12 +188,15 @@ void World::State::list_moving() {
 }
 
 void World::State::move_bodies(const Member& member) {
+  constexpr int kAhead = 8;  // rows: about what a trip to memory takes
   const Slabs& slabs = detector.slabs();
   const Range mine = slabs.share(member);
   for (int s = mine.begin; s < mine.end; ++s) {
     const Range rows = slabs.moving_rows_of(s);
     for (int row = rows.begin; row < rows.end; ++row) {
       const std::size_t i = slabs.body(row);
+      if (row + kAhead < rows.end) bodies.fetch(slabs.body(row + kAhead));
+      solver.hand_back(bodies, slabs, row);
       stop_at_field(detector, bodies, i);
       bodies.settle(i, settings.dt_s);
       sleep.time_rest(bodies, i);
