@@ -340,7 +340,7 @@ void Solver::sweep(Job& job, const Member& member, const Kernel (&kernel)[kConta
   for (std::size_t i = 0; i < colours.size(); ++i) {
     const Schedule::Colour& c = colours[i];
     // Colours too small to share follow each other on one member, without waiting.
-    constexpr int kWorthSharing = 8;
+    constexpr int kWorthSharing = 2;
     const bool share = !c.in_order && c.round.count + c.any.count >= kWorthSharing;
     if (share && alone) member.wait();
     alone = !share;
