@@ -5,12 +5,14 @@
 namespace smartsurf::world {
 namespace {
 
-constexpr int kFewest = 128;  // bodies of a slab, about
+constexpr int kFewest = 128, kMostSlabs = 64;  // bodies of a slab at least, and slabs, about
+constexpr int kLines = 24;                     // so many are enough to share
 
 }  // namespace
 
 void Slabs::cut(const Grid& grid) {
-  const int axis = grid.cells(1) >= grid.cells(0) ? 1 : 0;
+  // Lines along x follow each other in memory; lines across are cut only where there are few of the others.
+  const int axis = grid.cells(1) >= std::min(kLines, grid.cells(0)) ? 1 : 0;
   find_edges(grid, axis);
   find_pieces(grid, axis);
   const int slabs = static_cast<int>(edge_.size());  // the large ones are one more
@@ -41,10 +43,11 @@ void Slabs::find_edges(const Grid& grid, int axis) {
         for (int x = 0; x < grid.cells(0); ++x)
           bodies_on_line_[static_cast<std::size_t>(x)] += grid.first_in(x + 1, y, z) - grid.first_in(x, y, z);
       }
+    const int enough = std::max(kFewest, grid.sorted() / kMostSlabs);
     int bodies = 0;
     for (int line = 0; line + 1 < lines; ++line) {
       bodies += bodies_on_line_[static_cast<std::size_t>(line)];
-      if (bodies < kFewest) continue;
+      if (bodies < enough) continue;
       edge_.push_back(line + 1);
       bodies = 0;
     }

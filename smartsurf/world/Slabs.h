@@ -1,8 +1,8 @@
 // Cuts the table into slabs, so that each thread works on one part of it through a whole step: what lies
 // there stays in its core's cache, and only what touches across a border travels.
 //
-// Slabs follow each other along the longer side of the grid. They depend on where the bodies are, not on
-// threads.
+// Slabs follow each other along y, or along x where the grid is longer there and has few lines along y. They
+// depend on where the bodies are, not on threads.
 #pragma once
 
 #include <cstdint>
