@@ -1,7 +1,7 @@
 # Precompiled headers: one set for a house's rooms and one for its tests, instead of the same standard library, Eigen and
-# GoogleTest read again for each of 440 files. The presets of CI use them. Where a compiler cache does the same work better
-# they would be in its way, and without them each file shows that it includes what it needs: the other presets, and
-# scripts/lint, do without.
+# GoogleTest read again for each of 440 files. All presets but debug use them. Where a compiler cache does the same work
+# better they would be in its way, and without them each file shows that it includes what it needs: debug, and with it
+# scripts/lint, does without.
 option(SMARTSURF_PCH "Use precompiled headers (not together with a compiler launcher such as ccache)" OFF)
 if(CMAKE_CXX_COMPILER_LAUNCHER)
   set(SMARTSURF_PCH OFF)
@@ -19,7 +19,7 @@ function(add_precompiled name)
   add_library(${name} OBJECT EXCLUDE_FROM_ALL ${CMAKE_BINARY_DIR}/precompiled/${name}.cpp)
   target_link_libraries(${name} PRIVATE house_rules ${P_LIBS})
   if(P_PROGRAM)
-    set_target_properties(${name} PROPERTIES POSITION_INDEPENDENT_CODE OFF)
+    set_target_properties(${name} PROPERTIES POSITION_INDEPENDENT_CODE OFF IS_UNIT_TEST ON)
     target_compile_options(${name} PRIVATE -fPIE ${SMARTSURF_TEST_OPTIONS})
   endif()
   list(TRANSFORM P_HEADERS REPLACE "(.+)" "$<$<COMPILE_LANGUAGE:CXX>:\\1>")

@@ -26,7 +26,7 @@ ui::Workbench::Ask asker(const DrawnRun& run) {
 
 }  // namespace
 
-Drawn::Drawn(DrawnRun& r)
+Drawn::Drawn(const DrawnRun& r)
     : run(r),
       host(r.host, panel),
       session(r.compiled.program, vm_options(r.options), host, r.on_hold),
@@ -43,7 +43,7 @@ std::string drawing_unavailable(const Options& options) {
   return "--window: there is no display to open a window on: set DISPLAY, or use --screenshot or --video";
 }
 
-DrawnOutcome run_drawn(DrawnRun run) {
+DrawnOutcome run_drawn(const DrawnRun& run) {
   DrawnOutcome outcome;
   Drawn drawn(run);
   try {

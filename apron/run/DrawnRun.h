@@ -33,6 +33,6 @@ struct DrawnOutcome {
 std::string drawing_unavailable(const Options& options);
 
 // Until the person closes the window, or the program is over, or a signal comes.
-DrawnOutcome run_drawn(DrawnRun run);
+DrawnOutcome run_drawn(const DrawnRun& run);
 
 }  // namespace apron::run

@@ -31,7 +31,7 @@ std::string_view after_key(const std::string& path, std::string_view dictionary,
   const std::size_t at = dictionary.find(std::string("'").append(key).append("'"));
   const std::size_t colon = at == std::string_view::npos ? at : dictionary.find(':', at);
   const std::size_t value =
-      colon == std::string_view::npos ? colon : dictionary.find_first_not_of(" ", colon + 1);
+      colon == std::string_view::npos ? colon : dictionary.find_first_not_of(' ', colon + 1);
   if (value == std::string_view::npos)
     refuse(path, std::string("has no '").append(key).append("' in its .npy header"));
   return dictionary.substr(value);

@@ -11,9 +11,9 @@ namespace apron::run {
 
 // What both have.
 struct Drawn {
-  explicit Drawn(DrawnRun& run);
+  explicit Drawn(const DrawnRun& run);
 
-  DrawnRun& run;
+  const DrawnRun& run;
   debugger::FrontPanel panel;
   debugger::PanelHost host;
   debugger::Session session;

@@ -8,7 +8,7 @@ std::string drawing_unavailable(const Options& options) {
          ": this apron was built without windows and pictures: configure with -DSMARTSURF_VIEW=ON";
 }
 
-DrawnOutcome run_drawn(DrawnRun run) {
+DrawnOutcome run_drawn(const DrawnRun& run) {
   DrawnOutcome outcome;
   outcome.wrong = drawing_unavailable(run.options);
   return outcome;

@@ -5,6 +5,7 @@
 
 #include "apron/vm/PlaneStore.h"
 #include "apron/vm/Stages.h"
+#include "apron/vm/WriteAround.h"
 
 namespace apron::vm {
 namespace {
@@ -14,7 +15,6 @@ using program::Opcode;
 using Group = Stages::Group;
 
 constexpr std::size_t kCacheFloats = 800 * 1024 / sizeof(float);  // for the rings, of the second-level cache
-constexpr std::size_t kAllCachesFloats = 32 * 1024 * 1024 / sizeof(float);
 // Of a slice: at least so many rows, and so many for each row that a neighbour computes too; so many a
 // thread.
 constexpr std::uint32_t kLeastSliceRows = 128, kSliceBorders = 48, kMostSlicesEach = 4;
@@ -47,7 +47,7 @@ class Planner {
     place_values();
     write_stages();
     size_rings();
-    write_around_caches();
+    write_around_caches(plan_);
     return std::move(plan_);
   }
 
@@ -358,38 +358,6 @@ class Planner {
       store.margin = margin(rings[ring_of[i]]);
     }
     plan_.worker_floats = offset + 2 * kLanes;
-  }
-
-  bool is_read(const Stage& stage, std::uint32_t stream) const {
-    return std::any_of(stage.ops.begin(), stage.ops.end(), [&](const MicroOp& op) {
-      return std::any_of(op.args.begin(), op.args.end(), [&](const MicroArg& arg) {
-        return arg.kind == MicroArg::Kind::kStream && arg.index == stream;
-      });
-    });
-  }
-
-  // Whether a stage reads what is written to the plane, or what was there before.
-  bool is_read(const Store& plane) const {
-    for (const Stage& stage : plan_.stages)
-      for (std::uint32_t s = 0; s < stage.streams.size(); ++s) {
-        const Store& store = plan_.stores[stage.streams[s].store];
-        const bool old = plane.kind == Store::Kind::kInPlace && store.kind == Store::Kind::kRegister;
-        if (store.reg == plane.reg && (old || store.kind == plane.kind) && is_read(stage, s)) return true;
-      }
-    return false;
-  }
-
-  // Planes that no cache holds until somebody reads them need not be fetched to be overwritten.
-  void write_around_caches() {
-    const auto planes = std::count_if(plan_.stores.begin(), plan_.stores.end(),
-                                      [](const Store& store) { return store.kind != Store::Kind::kRing; });
-    const std::size_t floats = static_cast<std::size_t>(planes) * plan_.width * plan_.height;
-    if (floats <= kAllCachesFloats) return;
-    for (Stage& stage : plan_.stages)
-      for (Stage::Result& result : stage.results) {
-        const Store& to = plan_.stores[stage.streams[result.stream].store];
-        result.around_caches = to.kind != Store::Kind::kRing && !is_read(to);
-      }
   }
 
   const Graph& graph_;

@@ -4,7 +4,9 @@
 #include <cmath>
 
 #include "smartsurf/world/ColumnAxes.h"
+#include "smartsurf/world/CylinderOnColumn.h"
 #include "smartsurf/world/Feature.h"
+#include "smartsurf/world/FeaturePoints.h"
 #include "smartsurf/world/Gjk.h"
 #include "smartsurf/world/SphereOnField.h"
 
@@ -15,49 +17,6 @@ using scene::ShapeKind;
 
 // A normal that leans less than this out over a bridged side is taken as leaning by rounding only.
 constexpr float kLeanTolerance = 0.05F;
-constexpr int kRim = 8;
-
-// Calls each(point) for the points up to `highest` that touch a plane first: corners, the tip, and eight
-// points of each rim, one of them the lowest. A capsule has none.
-template <class Each>
-void for_feature_points(const Piece& piece, const Vec3& centre, const Mat3& axes, float highest, Each each) {
-  const Shape& s = piece.shape;
-  const Vec3 up = axes.row(2);
-  auto own = [&](const Vec3& p) {
-    if (centre.z() + up.dot(p) <= highest) each(Vec3(centre + axes * p));
-  };
-  auto rim = [&](float z) {
-    Vec3 lowest(-axes(2, 0), -axes(2, 1), 0);
-    lowest = lowest.squaredNorm() > 1e-10F ? Vec3(lowest.normalized()) : Vec3(1, 0, 0);
-    constexpr float kDiagonal = 0.70710678F;
-    static constexpr float kAlong[kRim] = {1, kDiagonal, 0, -kDiagonal, -1, -kDiagonal, 0, kDiagonal};
-    for (int i = 0; i < kRim; ++i) {
-      const float u = kAlong[i] * s.radius, v = kAlong[(i + 6) % kRim] * s.radius;
-      own({lowest.x() * u - lowest.y() * v, lowest.y() * u + lowest.x() * v, z});
-    }
-  };
-  switch (s.kind) {
-    case ShapeKind::kSphere:
-    case ShapeKind::kCapsule:
-      break;
-    case ShapeKind::kBox:
-      for (int i = 0; i < 8; ++i)
-        own(s.half.cwiseProduct(Vec3(i & 1 ? 1.0F : -1.0F, i & 2 ? 1.0F : -1.0F, i & 4 ? 1.0F : -1.0F)));
-      break;
-    case ShapeKind::kCylinder:
-      rim(s.low);
-      rim(s.high);
-      break;
-    case ShapeKind::kCone:
-      rim(s.low);
-      own({0, 0, s.high});
-      break;
-    case ShapeKind::kSolid:
-      for (const Vec3& corner : piece.hull->piece->corners) own(corner);
-      break;
-  }
-}
-
 // A run of level cells in line, as one column.
 struct Plateau {
   Column column;
@@ -82,12 +41,15 @@ class PieceOnField {
   // The few contacts that hold the piece.
   template <class Take>
   void find(Take take) {
-    if (!touch_points()) return;
-    ColumnAxes& directions = directions_of_piece();
-    for_plateaus([&](const Plateau& p) {
-      if (!p.column.all_bridged()) touch_plateau(p, directions, candidates_);
-    });
+    touch_all();
     candidates_.pick(take);
+  }
+
+  // All from which these are chosen.
+  template <class Take>
+  void find_all(Take take) {
+    touch_all();
+    candidates_.each(take);
   }
 
   // The contacts of each cell that bears the piece, one cell after the other: one in the midst of a level
@@ -112,6 +74,14 @@ class PieceOnField {
   }
 
  private:
+  void touch_all() {
+    if (!touch_points()) return;
+    ColumnAxes& directions = directions_of_piece();
+    for_plateaus([&](const Plateau& p) {
+      if (!p.column.all_bridged()) touch_plateau(p, directions, candidates_);
+    });
+  }
+
   // What the piece's own points touch. Returns whether it reaches down to any cell.
   bool touch_points() {
     const float highest = columns_.highest(under_) + margin_;
@@ -286,6 +256,8 @@ class PieceOnField {
   }
 
   NearestPoints nearest_to(const Column& q, const Vec3& towards_piece) const {
+    if (piece_.shape.kind == ShapeKind::kCylinder)
+      if (const auto near = nearest_on_top(core_, q, kColumnRounding)) return *near;
     const float depth = std::max(1.0F, q.top - low_.z() + 1.0F);
     Shape box;
     box.kind = ShapeKind::kBox;
@@ -345,48 +317,48 @@ class PieceOnField {
 
 }  // namespace
 
-void touch_field_with_shape(const surface::Field& field, const Shape& shape, const Vec3& centre,
-                            const Mat3& axes, float margin, std::vector<Contact>& out) {
+namespace {
+
+// Calls look(piece on the field) for the pieces of a shape, where any cell under it reaches up to it.
+template <class Look>
+void for_pieces_on_field(const Columns& columns, const Shape& shape, const Vec3& centre, const Mat3& axes,
+                         float margin, Look look) {
   const Vec3 reach = Vec3(axes.cwiseAbs() * shape.half) + Vec3::Constant(margin);
-  if (centre.z() - reach.z() > field.max_height) return;
-  const Columns columns(field, shape.width);
+  if (centre.z() - reach.z() > columns.field().max_height) return;
   const CellRange under = columns.covering(centre.x() - reach.x(), centre.x() + reach.x(),
                                            centre.y() - reach.y(), centre.y() + reach.y());
   if (centre.z() - reach.z() > columns.highest(under)) return;
   for_pieces(shape, [&](const Piece& piece) {
     PieceOnField on(columns, piece, centre, axes, margin);
-    const auto take = [&](const Candidate& c) {
-      Contact& contact = out.emplace_back();
-      contact.normal = c.normal;
-      contact.arm = c.point + c.normal * c.gap - centre;
-      contact.gap = c.gap;
-      contact.other = kField;
-      contact.key = c.tag;
-      move_with_cell(columns, c.tag / field.columns, c.tag % field.columns, c.point, contact);
-    };
-    if (field.yields())
-      on.find_on_each_cell(take);
-    else
-      on.find(take);
+    look(on);
   });
 }
 
-void touch_ground(const Shape& shape, const Vec3& centre, const Mat3& axes, float ground, float margin,
-                  std::vector<Contact>& out) {
-  for_pieces(shape, [&](const Piece& piece) {
-    Candidates candidates;
-    const Feature lowest = feature_towards(piece, centre, axes, Vec3(0, 0, -1));
-    for (int i = 0; i < lowest.count; ++i) {
-      const Vec3& p = lowest.point[static_cast<std::size_t>(i)];
-      if (p.z() - ground <= margin) candidates.add({p, Vec3(0, 0, 1), p.z() - ground, 0});
-    }
-    candidates.pick([&](const Candidate& c) {
-      Contact& contact = out.emplace_back();
-      contact.normal = c.normal;
-      contact.arm = c.point - centre;
-      contact.gap = c.gap;
-      contact.other = kGround;
-    });
+}  // namespace
+
+void touch_field_with_shape(const surface::Field& field, const Shape& shape, const Vec3& centre,
+                            const Mat3& axes, float margin, std::vector<Contact>& out) {
+  const Columns columns(field, shape.width);
+  const auto take = [&](const Candidate& c) {
+    Contact& contact = out.emplace_back();
+    contact.normal = c.normal;
+    contact.arm = c.point + c.normal * c.gap - centre;
+    contact.gap = c.gap;
+    contact.other = kField;
+    contact.key = c.tag;
+    move_with_cell(columns, c.tag / field.columns, c.tag % field.columns, c.point, contact);
+  };
+  for_pieces_on_field(columns, shape, centre, axes, margin,
+                      [&](PieceOnField& on) { field.yields() ? on.find_on_each_cell(take) : on.find(take); });
+}
+
+void points_near_field(const surface::Field& field, const Shape& shape, const Vec3& centre, const Mat3& axes,
+                       float margin, std::vector<FieldPoint>& out) {
+  const Columns columns(field, shape.width);
+  int piece = 0;
+  for_pieces_on_field(columns, shape, centre, axes, margin, [&](PieceOnField& on) {
+    on.find_all([&](const Candidate& c) { out.push_back({c, piece}); });
+    ++piece;
   });
 }
 

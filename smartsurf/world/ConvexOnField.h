@@ -1,10 +1,11 @@
-// Where a body that is no sphere touches the field, or the ground.
+// Where a body that is no sphere touches the field.
 #pragma once
 
 #include <vector>
 
 #include "smartsurf/world/Columns.h"
 #include "smartsurf/world/Contact.h"
+#include "smartsurf/world/Feature.h"
 #include "smartsurf/world/Shape.h"
 
 namespace smartsurf::world {
@@ -14,8 +15,13 @@ namespace smartsurf::world {
 void touch_field_with_shape(const surface::Field&, const Shape&, const Vec3& centre, const Mat3& axes,
                             float margin, std::vector<Contact>& out);
 
-// The endless floor at height `ground`; any shape.
-void touch_ground(const Shape&, const Vec3& centre, const Mat3& axes, float ground, float margin,
-                  std::vector<Contact>& out);
+// A point where a convex piece may bear on a cell, which is the candidate's tag. Pieces count from 0.
+struct FieldPoint {
+  Candidate at;
+  int piece;
+};
+// Appends all points from which touch_field_with_shape would choose, piece by piece. No cell may give way.
+void points_near_field(const surface::Field&, const Shape&, const Vec3& centre, const Mat3& axes,
+                       float margin, std::vector<FieldPoint>& out);
 
 }  // namespace smartsurf::world

@@ -54,10 +54,17 @@ struct Limits {
   float margin, horizon;
 };
 
+// What is known of the two from before; either may be null.
+struct Before {
+  const Vec3* normal;
+  NearestFeature* feature;
+};
+
 // Where they do not touch, of `out` only the gap is told.
-bool find(const Core& a, const Core& b, const Limits& limits, const Vec3* last_normal, Touching& out) {
-  const NearestPoints near = nearest_points(a, b, limits.horizon + a.rounding + b.rounding,
-                                            last_normal ? *last_normal : Vec3(a.centre - b.centre));
+bool find(const Core& a, const Core& b, const Limits& limits, const Before& before, Touching& out) {
+  const NearestPoints near =
+      nearest_points(a, b, limits.horizon + a.rounding + b.rounding,
+                     before.normal ? *before.normal : Vec3(a.centre - b.centre), before.feature);
   if (!near.apart) {
     out = deepest(a, b);
     return true;
@@ -112,26 +119,26 @@ bool may_share_patch(const Core& a, const Core& b, const Vec3& normal) {
 }
 
 // Returns how far apart the two are at least: the margin where they touch.
-float find_candidates(const Core& a, const Core& b, const Limits& limits, const Vec3* last_normal,
+float find_candidates(const Core& a, const Core& b, const Limits& limits, const Before& before,
                       Candidates& out) {
-  if (last_normal) {
+  if (before.normal) {
     float clear = limits.margin;
-    const Answer answer = ask_last_face(a, b, limits.margin, *last_normal, out, clear);
+    const Answer answer = ask_last_face(a, b, limits.margin, *before.normal, out, clear);
     if (answer != Answer::kUnknown) return clear;
     out.clear();
   }
   Touching t;
-  if (!find(a, b, limits, last_normal, t)) return t.gap;
+  if (!find(a, b, limits, before, t)) return t.gap;
   if (may_share_patch(a, b, t.normal))
     add_patch(feature_towards(a, -t.normal), feature_towards(b, t.normal), t.normal, limits.margin, 0, out);
   if (out.count() == 0) out.add({t.point, t.normal, t.gap, 0});
   return limits.margin;
 }
 
-float touch_pieces(const Core& a, const Core& b, const Limits& limits, const Vec3* last_normal,
+float touch_pieces(const Core& a, const Core& b, const Limits& limits, const Before& before,
                    const Vec3& centre, std::vector<Contact>& out) {
   Candidates candidates;
-  const float clear = find_candidates(a, b, limits, last_normal, candidates);
+  const float clear = find_candidates(a, b, limits, before, candidates);
   if (clear > limits.margin) return clear;
   candidates.pick([&](const Candidate& c) {
     Contact& contact = out.emplace_back();
@@ -159,6 +166,7 @@ Trimmed trimmed(const Placed& box, const Placed& other, float margin) {
   Trimmed t{Shape{}, box.centre + box.axes * (0.5F * (low + high)), true};
   t.shape.kind = ShapeKind::kBox;
   t.shape.half = 0.5F * (high - low);
+  t.shape.reach = t.shape.half.norm();
   t.shape.rounding = std::min(box.shape.rounding, 0.1F * t.shape.half.minCoeff());
   t.near = t.shape.half.minCoeff() > 0.0F;
   return t;
@@ -167,7 +175,7 @@ Trimmed trimmed(const Placed& box, const Placed& other, float margin) {
 }  // namespace
 
 float touch_convex(const Placed& a, const Placed& b, float margin, const Vec3* last_normal,
-                   std::vector<Contact>& out, float horizon) {
+                   std::vector<Contact>& out, float horizon, NearestFeature* last) {
   const Vec3 reach_a = a.axes.cwiseAbs() * a.shape.half, reach_b = b.axes.cwiseAbs() * b.shape.half;
   const float apart = ((a.centre - b.centre).cwiseAbs() - reach_a - reach_b).maxCoeff();
   if (apart > margin + horizon) return apart;
@@ -185,11 +193,14 @@ float touch_convex(const Placed& a, const Placed& b, float margin, const Vec3* l
     return margin;
   }
   const Limits limits{margin, margin + horizon};
+  // Of pieces that come in numbers nothing is remembered.
+  const bool one_each = a.shape.hulls.size() <= 1 && b.shape.hulls.size() <= 1;
+  const Before before{last_normal, one_each ? last : nullptr};
   float clear = limits.horizon;
   for_pieces(a.shape, [&](const Piece& piece_a) {
     for_pieces(b.shape, [&](const Piece& piece_b) {
       clear = std::min(clear, touch_pieces({piece_a, a.centre, a.axes}, {piece_b, b.centre, b.axes}, limits,
-                                           last_normal, a.centre, out));
+                                           before, a.centre, out));
     });
   });
   return clear;

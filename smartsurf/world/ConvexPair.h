@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "smartsurf/world/Contact.h"
+#include "smartsurf/world/Gjk.h"
 #include "smartsurf/world/Shape.h"
 
 namespace smartsurf::world {
@@ -15,10 +16,11 @@ struct Placed {
 };
 
 // Appends up to four points for each pair of pieces, the normal pointing from b to a, gaps up to `margin`.
-// `last_normal`: of a contact that the two had before, or null. It saves work and decides nothing.
+// `last_normal`: of a contact that the two had before, or null; `last`: what of the two was nearest then,
+// which is brought up to date, or null. They save work and decide nothing.
 // Returns how far apart all pieces are at least that were given no point, told up to `horizon` beyond the
 // margin; the margin where each was given one.
 float touch_convex(const Placed& a, const Placed& b, float margin, const Vec3* last_normal,
-                   std::vector<Contact>& out, float horizon = 0.0F);
+                   std::vector<Contact>& out, float horizon = 0.0F, NearestFeature* last = nullptr);
 
 }  // namespace smartsurf::world

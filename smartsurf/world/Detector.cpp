@@ -6,6 +6,7 @@
 
 #include "smartsurf/world/ConvexOnField.h"
 #include "smartsurf/world/PairContacts.h"
+#include "smartsurf/world/ShapeOnGround.h"
 #include "smartsurf/world/SphereOnField.h"
 
 namespace smartsurf::world {

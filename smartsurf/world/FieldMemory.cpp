@@ -12,9 +12,10 @@ namespace {
 
 // How far body and cells may move against each other and keep their points: as a share of the body's reach,
 // and in u. What is off then is of second order.
-constexpr float kSlackShare = 0.01F, kMostSlack = 0.02F;
-// How far cells may move against each other: of points that hold a body alike only some were kept, u.
-constexpr float kMostAmongCells = 0.004F;
+constexpr float kSlackShare = 0.025F, kMostSlack = 0.05F;
+// How far cells that were level may move against each other, u: where they are no longer, an edge stands out
+// that has no point.
+constexpr float kMostStep = 0.004F;
 
 float slack_of(const BodyStore& bodies, std::size_t i) {
   return std::min(kMostSlack, kSlackShare * bodies.reach[i]);
@@ -61,7 +62,25 @@ bool FieldMemory::holds(const BodyStore& bodies, std::size_t i, float margin, co
     }
   }
   const float way = beside + std::max(std::abs(high - by.z()), std::abs(low - by.z()));
-  return high - low <= kMostAmongCells && way <= slack && way + margin <= before.clear;
+  return way <= slack && way + margin <= before.clear &&
+         (high - low <= kMostStep || !level_cells_moved_apart(before));
+}
+
+bool FieldMemory::level_cells_moved_apart(const Known& before) const {
+  const CellRange& u = before.under;
+  const int width = u.column_end - u.column_begin;
+  auto apart = [](float then, float then_beside, float now, float now_beside) {
+    return std::abs(then - then_beside) <= kLevelTolerance && std::abs(now - now_beside) > kMostStep;
+  };
+  const float* then = before.heights;
+  for (int r = u.row_begin; r < u.row_end; ++r, then += width) {
+    const float* const now = &field_.height[static_cast<std::size_t>(field_.index(r, u.column_begin))];
+    for (int c = 0; c < width; ++c) {
+      if (c + 1 < width && apart(then[c], then[c + 1], now[c], now[c + 1])) return true;
+      if (r + 1 < u.row_end && apart(then[c], then[c + width], now[c], now[c + field_.columns])) return true;
+    }
+  }
+  return false;
 }
 
 void FieldMemory::repeat(const Known& before, List& now) const {
@@ -76,11 +95,11 @@ void FieldMemory::repeat(const Known& before, List& now) const {
 
 void FieldMemory::look(const BodyStore& bodies, std::size_t i, float margin, const CellRange& under,
                        List& now) const {
-  thread_local std::vector<Contact> touching;
+  thread_local std::vector<FieldPoint> touching;
   touching.clear();
   const Vec3& centre = bodies.position[i];
   const Mat3& axes = bodies.axes[i];
-  touch_field_with_shape(field_, *bodies.shape[i], centre, axes, margin, touching);
+  points_near_field(field_, *bodies.shape[i], centre, axes, margin, touching);
   Known& known = now.bodies.emplace_back();
   known.body = static_cast<std::int32_t>(i);
   known.axes = axes;
@@ -90,9 +109,9 @@ void FieldMemory::look(const BodyStore& bodies, std::size_t i, float margin, con
   known.first = static_cast<std::int32_t>(now.points.size());
   known.count = static_cast<std::int32_t>(touching.size());
   known.first_height = static_cast<std::int32_t>(now.heights.size());
-  for (const Contact& c : touching)
-    now.points.push_back({axes.transpose() * c.arm, centre + c.arm - c.gap * c.normal, c.normal,
-                          field_.height[static_cast<std::size_t>(c.key)], c.key});
+  for (const auto& [at, piece] : touching)
+    now.points.push_back({axes.transpose() * (at.point + at.gap * at.normal - centre), at.point, at.normal,
+                          field_.height[static_cast<std::size_t>(at.tag)], at.tag, piece});
   for (int r = under.row_begin; r < under.row_end; ++r) {
     const float* const row = &field_.height[static_cast<std::size_t>(field_.index(r, 0))];
     now.heights.insert(now.heights.end(), row + under.column_begin, row + under.column_end);
@@ -101,12 +120,12 @@ void FieldMemory::look(const BodyStore& bodies, std::size_t i, float margin, con
 
 void FieldMemory::touch(const BodyStore& bodies, std::size_t i, float margin, List& now,
                         std::vector<Contact>& out) const {
-  const Vec3& centre = bodies.position[i];
-  const Columns columns(field_, bodies.shape[i]->width);
   const Known* before = first_[i];
   if (before && holds(bodies, i, margin, *before)) {
     repeat(*before, now);
   } else {
+    const Vec3& centre = bodies.position[i];
+    const Columns columns(field_, bodies.shape[i]->width);
     const float wide = margin + slack_of(bodies, i);
     const Vec3 reach = Vec3(bodies.axes[i].cwiseAbs() * bodies.shape[i]->half) + Vec3::Constant(wide);
     if (centre.z() - reach.z() > field_.max_height) return;
@@ -115,21 +134,36 @@ void FieldMemory::touch(const BodyStore& bodies, std::size_t i, float margin, Li
     if (centre.z() - reach.z() > columns.highest(under)) return;
     look(bodies, i, wide, under, now);
   }
+  choose(bodies, i, margin, now, out);
+}
+
+// Of the points of each piece the few that hold it, where it and the cells are now.
+void FieldMemory::choose(const BodyStore& bodies, std::size_t i, float margin, const List& now,
+                         std::vector<Contact>& out) const {
   const Known& known = now.bodies.back();
-  for (int k = known.first; k < known.first + known.count; ++k) {
-    const Point& p = now.points[static_cast<std::size_t>(k)];
-    const Vec3 arm = bodies.axes[i] * p.on_body;
-    Vec3 on_cell = p.on_cell;
-    on_cell.z() += field_.height[static_cast<std::size_t>(p.cell)] - p.top;
-    const float gap = p.normal.dot(centre + arm - on_cell);
-    if (gap > margin) continue;
-    Contact& c = out.emplace_back();
-    c.normal = p.normal;
-    c.arm = arm;
-    c.gap = gap;
-    c.other = kField;
-    c.key = p.cell;
-    move_with_cell(columns, p.cell / field_.columns, p.cell % field_.columns, on_cell, c);
+  const Columns columns(field_, bodies.shape[i]->width);
+  const Vec3& centre = bodies.position[i];
+  auto rise = [&](const Point& p) { return field_.height[static_cast<std::size_t>(p.cell)] - p.top; };
+  for (int k = known.first, end = known.first + known.count; k < end;) {
+    Candidates candidates;
+    for (const int piece = now.points[static_cast<std::size_t>(k)].piece; k < end; ++k) {
+      const Point& p = now.points[static_cast<std::size_t>(k)];
+      if (p.piece != piece) break;
+      const Vec3 on_body = centre + bodies.axes[i] * p.on_body;
+      const float gap = p.normal.dot(on_body - p.on_cell) - p.normal.z() * rise(p);
+      if (gap <= margin) candidates.add({on_body, p.normal, gap, k});
+    }
+    candidates.pick([&](const Candidate& found) {
+      const Point& p = now.points[static_cast<std::size_t>(found.tag)];
+      Contact& c = out.emplace_back();
+      c.normal = p.normal;
+      c.arm = found.point - centre;
+      c.gap = found.gap;
+      c.other = kField;
+      c.key = p.cell;
+      move_with_cell(columns, p.cell / field_.columns, p.cell % field_.columns,
+                     p.on_cell + Vec3(0, 0, rise(p)), c);
+    });
   }
 }
 

@@ -13,11 +13,13 @@ namespace smartsurf::world {
 
 class FieldMemory {
  public:
+  // All that may bear the body are kept: which of them do is chosen anew in every step.
   struct Point {
     Vec3 on_body;          // in the body's axes
     Vec3 on_cell, normal;  // world frame; the normal from the cell to the body
     float top;             // of the cell, when it was looked at
     std::int32_t cell;
+    std::int32_t piece;
   };
   struct Known {
     std::int32_t body;
@@ -51,8 +53,11 @@ class FieldMemory {
 
  private:
   bool holds(const BodyStore&, std::size_t body, float margin, const Known&) const;
+  bool level_cells_moved_apart(const Known&) const;
   void look(const BodyStore&, std::size_t body, float margin, const CellRange& under, List& now) const;
   void repeat(const Known&, List& now) const;
+  void choose(const BodyStore&, std::size_t body, float margin, const List& now,
+              std::vector<Contact>& out) const;
 
   const surface::Field& field_;
   std::vector<List> old_;            // one a chunk

@@ -169,15 +169,42 @@ Vertex vertex(const Core& a, const Core& b, const Vec3& towards_a) {
   return v;
 }
 
+Simplex simplex_of(const Core& a, const Core& b, const NearestFeature& last) {
+  Simplex s;
+  for (s.count = 0; s.count < last.count; ++s.count) {
+    Vertex& v = s.v[s.count];
+    v.a = a.centre + a.axes * last.on_a[s.count];
+    v.b = b.centre + b.axes * last.on_b[s.count];
+    v.w = v.a - v.b;
+  }
+  return s;
+}
+
+void note(const Core& a, const Core& b, const Simplex& s, NearestFeature& out) {
+  out.count = s.count;
+  for (int i = 0; i < s.count; ++i) {
+    out.on_a[i] = a.axes.transpose() * (s.v[i].a - a.centre);
+    out.on_b[i] = b.axes.transpose() * (s.v[i].b - b.centre);
+  }
+}
+
 }  // namespace
 
-NearestPoints nearest_points(const Core& a, const Core& b, float limit, const Vec3& towards_a) {
+NearestPoints nearest_points(const Core& a, const Core& b, float limit, const Vec3& towards_a,
+                             NearestFeature* last) {
   constexpr int kMostRounds = 20;
   // Distances are told to a ten-thousandth, relative or of a unit.
   constexpr float kOverlap = 1e-10F, kPrecision = 1e-4F;
   const NearestPoints overlap{Vec3::Zero(), Vec3::Zero(), Vec3(0, 0, 1), 0.0F, false};
   Simplex s;
   Vec3 nearest = towards_a;
+  if (last && last->count > 0) {
+    s = simplex_of(a, b, *last);
+    reduce(s);
+    nearest = s.nearest();
+    last->count = 0;
+    if (nearest.squaredNorm() < kOverlap) return overlap;
+  }
   if (nearest.squaredNorm() < kOverlap) nearest = Vec3(0, 0, 1);
   for (int round = 0; round < kMostRounds; ++round) {
     const Vertex v = vertex(a, b, nearest);
@@ -190,6 +217,7 @@ NearestPoints nearest_points(const Core& a, const Core& b, float limit, const Ve
     nearest = s.nearest();
     if (nearest.squaredNorm() < kOverlap) return overlap;
   }
+  if (last) note(a, b, s, *last);
   NearestPoints out{Vec3::Zero(), Vec3::Zero(), Vec3(0, 0, 1), nearest.norm(), true};
   out.normal = nearest / out.distance;
   for (int i = 0; i < s.count; ++i) {

@@ -27,8 +27,16 @@ struct NearestPoints {
   float distance;  // between the cores
   bool apart;      // false: the cores overlap, and nothing else is known
 };
+// What of the two was nearest, in the axes of each. It saves work where they have hardly moved since, and
+// decides nothing.
+struct NearestFeature {
+  int count = 0;  // 1: two corners, 2 or 3: an edge or a face takes part; 0: not known
+  Vec3 on_a[3], on_b[3];
+};
 // When the cores are further apart than `limit`, a distance beyond it is all that is told. `towards_a`: a
-// guess at the direction from b to a, of any length.
-NearestPoints nearest_points(const Core& a, const Core& b, float limit, const Vec3& towards_a);
+// guess at the direction from b to a, of any length. `last`: taken for a start and brought up to date, or
+// null.
+NearestPoints nearest_points(const Core& a, const Core& b, float limit, const Vec3& towards_a,
+                             NearestFeature* last = nullptr);
 
 }  // namespace smartsurf::world

@@ -44,12 +44,12 @@ bool contact_at(const BodyStore& bodies, std::size_t a, std::size_t b, const Pai
 
 // Looks at the two where they are now, and notes it.
 void look(const BodyStore& bodies, std::size_t a, std::size_t b, float margin, const Vec3* last_normal,
-          PairMemory::Known& known, PairMemory::List& now) {
+          NearestFeature& nearest, PairMemory::Known& known, PairMemory::List& now) {
   thread_local std::vector<Contact> touching;
   touching.clear();
   known.clear = touch_convex({*bodies.shape[a], bodies.position[a], bodies.axes[a]},
                              {*bodies.shape[b], bodies.position[b], bodies.axes[b]},
-                             margin + slack_of(bodies, a, b), last_normal, touching, kHorizon);
+                             margin + slack_of(bodies, a, b), last_normal, touching, kHorizon, &nearest);
   known.count = static_cast<std::int32_t>(touching.size());
   for (const Contact& c : touching) {
     const Vec3 half = (0.5F * c.gap) * c.normal;
@@ -67,6 +67,7 @@ void PairMemory::take(int chunk, List& list) {
   std::swap(old_[i], list);
   list.pairs.clear();
   list.points.clear();
+  list.features.clear();
 }
 
 void PairMemory::index(int bodies) {
@@ -76,6 +77,7 @@ void PairMemory::index(int bodies) {
       const Known*& first = first_[static_cast<std::size_t>(k.a)];
       k.next = first;
       k.points = list.points.data() + k.first;
+      k.nearest = k.feature < 0 ? nullptr : list.features.data() + k.feature;
       first = &k;
     }
 }
@@ -90,6 +92,8 @@ void PairMemory::touch(const BodyStore& bodies, std::size_t a, std::size_t b, fl
                        std::vector<Contact>& out) const {
   const Placing placing(bodies, a, b);
   const Known* before = find(a, b);
+  NearestFeature nearest;
+  if (before && before->nearest) nearest = *before->nearest;
   Known& known = now.pairs.emplace_back();
   const auto first = static_cast<std::int32_t>(now.points.size());
   const float way = before ? moved(placing, *before, bodies.reach[a]) : 0.0F;
@@ -105,9 +109,11 @@ void PairMemory::touch(const BodyStore& bodies, std::size_t a, std::size_t b, fl
     known.apart = placing.apart;
     const bool touched = before && before->count > 0;
     const Vec3 last_normal = touched ? Vec3(bodies.axes[b] * before->points->normal) : Vec3::Zero();
-    look(bodies, a, b, margin, touched ? &last_normal : nullptr, known, now);
+    look(bodies, a, b, margin, touched ? &last_normal : nullptr, nearest, known, now);
   }
   known.first = first;
+  known.feature = nearest.count > 0 ? static_cast<std::int32_t>(now.features.size()) : -1;
+  if (nearest.count > 0) now.features.push_back(nearest);
   for (int k = 0; k < known.count; ++k) {
     Contact c;
     if (contact_at(bodies, a, b, now.points[static_cast<std::size_t>(first + k)], margin, c))

@@ -8,6 +8,7 @@
 
 #include "smartsurf/world/Bodies.h"
 #include "smartsurf/world/Contact.h"
+#include "smartsurf/world/Gjk.h"
 
 namespace smartsurf::world {
 
@@ -22,14 +23,17 @@ class PairMemory {
     Vec3 apart;   // from b to a, in the axes of b
     float clear;  // nothing but the points was nearer, u
     std::int32_t first, count;
+    std::int32_t feature;  // in features, or −1
     // ---- of the last step's
     const Point* points = nullptr;
+    const NearestFeature* nearest = nullptr;
     const Known* next = nullptr;  // with the same a
   };
   // Of one chunk of bodies.
   struct List {
     std::vector<Known> pairs;
     std::vector<Point> points;
+    std::vector<NearestFeature> features;
   };
 
   // Takes over what the last step noted in a chunk's list and leaves the list empty. Then index.

@@ -74,37 +74,40 @@ void add_hulls(Shape& shape) {
 }  // namespace
 
 void VectorBlocks::assign(const std::vector<Vec3>& vectors) {
+  last_ = vectors.size() - 1;
   blocks_.resize((vectors.size() + kBlock - 1) / kBlock);
   for (std::size_t i = 0; i < kBlock * blocks_.size(); ++i) {
-    const Vec3& v = i < vectors.size() ? vectors[i] : vectors.front();
+    const Vec3& v = vectors[std::min(i, last_)];
     Block& b = blocks_[i / kBlock];
     b.x[i % kBlock] = v.x(), b.y[i % kBlock] = v.y(), b.z[i % kBlock] = v.z();
   }
 }
 
-// Without branches that nobody could foretell: in each of eight lanes the farthest, then the farthest of
-// these.
+// Without branches that nobody could foretell: the lowest bits of how far a vector reaches give way to its
+// number, so that the greatest tells both.
 std::size_t VectorBlocks::farthest(const Vec3& d) const {
+  constexpr std::size_t kGroup = 16;  // blocks, so that six bits give way at most
+  constexpr Numbers kLane = {0, 1, 2, 3};
   const float x = d.x(), y = d.y(), z = d.z();
-  alignas(32) float most[kBlock];
-  alignas(32) std::int32_t block[kBlock];
-  std::fill_n(most, kBlock, -std::numeric_limits<float>::max());
-  std::fill_n(block, kBlock, 0);
-  for (std::size_t k = 0; k < blocks_.size(); ++k) {
-    const Block& b = blocks_[k];
-    const auto here = static_cast<std::int32_t>(k);
-    for (std::size_t i = 0; i < kBlock; ++i) {
-      const float along = b.x[i] * x + b.y[i] * y + b.z[i] * z;
-      block[i] = along > most[i] ? here : block[i];
-      most[i] = along > most[i] ? along : most[i];
+  std::size_t best = 0;
+  float most = -std::numeric_limits<float>::max();
+  for (std::size_t group = 0; group < blocks_.size(); group += kGroup) {
+    const std::size_t count = std::min(kGroup, blocks_.size() - group);
+    const std::int32_t bits = static_cast<std::int32_t>(kBlock * std::bit_ceil(count)) - 1;
+    Lanes farthest = {most, most, most, most};
+    for (std::size_t k = 0; k < count; ++k) {
+      const Block& b = blocks_[group + k];
+      const Lanes along = (b.x * x + b.y * y) + b.z * z;
+      const Numbers number = kLane + static_cast<std::int32_t>(kBlock * k);
+      const auto tagged = std::bit_cast<Lanes>((std::bit_cast<Numbers>(along) & ~bits) | number);
+      farthest = tagged > farthest ? tagged : farthest;
     }
+    const float here = std::max(std::max(farthest[0], farthest[1]), std::max(farthest[2], farthest[3]));
+    if (!(here > most)) continue;
+    most = here;
+    best = kBlock * group + static_cast<std::size_t>(std::bit_cast<std::int32_t>(here) & bits);
   }
-  float farthest = most[0];
-  for (std::size_t i = 1; i < kBlock; ++i) farthest = std::max(farthest, most[i]);
-  unsigned lanes = 0;
-  for (std::size_t i = 0; i < kBlock; ++i) lanes |= (most[i] == farthest ? 1U : 0U) << i;
-  const auto lane = static_cast<std::size_t>(std::countr_zero(lanes));
-  return kBlock * static_cast<std::size_t>(block[lane]) + lane;
+  return std::min(best, last_);
 }
 
 Shape make_shape(const scene::ObjectSpec& o) {

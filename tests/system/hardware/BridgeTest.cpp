@@ -181,7 +181,8 @@ TEST_P(Unplugged, TheDeviceComesBackInTheSameSession) {
     checker.look();
     checker.answer();
   }
-  EXPECT_EQ(checker.controller.sensor_info().tick, checker.last_tick + 1);
+  EXPECT_GT(checker.controller.sensor_info().tick, checker.last_tick)
+      << "ticks go on, less what was on the line";
   checker.forget_offset();  // the device began anew
   for (const auto offset : std::exchange(checker.offsets, {})) checker.offsets.insert(offset - 3000);
   checker.look();

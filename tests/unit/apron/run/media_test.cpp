@@ -1,5 +1,6 @@
 // Arrays and pictures: round trips, other writers' files, and one clear line for every damaged or wrong file.
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <cstdint>
@@ -24,7 +25,8 @@ class Media : public testing::Test {
  protected:
   void SetUp() override {
     const auto* test = testing::UnitTest::GetInstance()->current_test_info();
-    directory_ = std::filesystem::path(testing::TempDir()) / (std::string("apron_media_") + test->name());
+    directory_ = std::filesystem::path(testing::TempDir()) /
+                 ("apron_media_" + std::to_string(getpid()) + test->name());
     std::filesystem::remove_all(directory_);
     std::filesystem::create_directories(directory_);
   }

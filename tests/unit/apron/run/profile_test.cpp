@@ -1,5 +1,6 @@
 // The profile's counts, sums and estimates, and what is said of a wrong cost model.
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -75,7 +76,7 @@ TEST(Profile, TheExampleModelIsOne) {
 }
 
 TEST(Profile, AWrongModelIsNamed) {
-  const std::string file = ::testing::TempDir() + "apron_model.json";
+  const std::string file = ::testing::TempDir() + "apron_model_" + std::to_string(getpid()) + ".json";
   const std::pair<const char*, const char*> kWrong[] = {
       {"{", "not JSON"},
       {"[]", "an object"},

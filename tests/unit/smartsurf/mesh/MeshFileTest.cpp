@@ -2,6 +2,7 @@
 
 #include <assimp/scene.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <assimp/Exporter.hpp>
 #include <atomic>
@@ -22,12 +23,12 @@ namespace fs = std::filesystem;
 class MeshFileTest : public testing::Test {
  protected:
   void SetUp() override {
-    folder = fs::path(testing::TempDir()) / "smartsurf-mesh" /
+    folder = fs::path(testing::TempDir()) / ("smartsurf-mesh-" + std::to_string(getpid())) /
              testing::UnitTest::GetInstance()->current_test_info()->name();
     fs::remove_all(folder);
     fs::create_directories(folder);
   }
-  void TearDown() override { fs::remove_all(folder); }
+  void TearDown() override { fs::remove_all(folder.parent_path()); }
 
   fs::path write(const std::string& name, const std::string& text) {
     std::ofstream(folder / name, std::ios::binary) << text;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
@@ -108,13 +109,13 @@ class ScriptTest : public testing::Test {
  protected:
   void SetUp() override {
     const auto* info = testing::UnitTest::GetInstance()->current_test_info();
-    folder = std::filesystem::path(testing::TempDir()) / "smartsurf-script" /
+    folder = std::filesystem::path(testing::TempDir()) / ("smartsurf-script-" + std::to_string(getpid())) /
              (std::string(info->test_suite_name()) + "." + info->name());
     std::filesystem::remove_all(folder);
     std::filesystem::create_directories(folder);
     options.print = [this](std::string_view text) { printed += text; };
   }
-  void TearDown() override { std::filesystem::remove_all(folder); }
+  void TearDown() override { std::filesystem::remove_all(folder.parent_path()); }
 
   std::filesystem::path write(const std::string& name, const std::string& text) {
     std::ofstream(folder / name, std::ios::binary) << text;

@@ -74,6 +74,35 @@ TEST(ConvexPair, TheLastNormalSavesWorkAndDecidesNothing) {
   EXPECT_GT(compared, 150);
 }
 
+TEST(ConvexPair, ASmallBodyOnAHugeBoxIsAsFarFromItsFaceAsItsLowestPoint) {
+  std::mt19937 random(5);
+  std::uniform_real_distribution<float> u(-1, 1);
+  const scene::ShapeKind kinds[] = {scene::ShapeKind::kBox, scene::ShapeKind::kCylinder,
+                                    scene::ShapeKind::kSolid};
+  scene::ObjectSpec o;
+  o.shape = scene::ShapeKind::kBox;
+  o.size = {100, 80, 4};
+  constexpr float kMargin = 0.05F;
+  for (int i = 0; i < 600; ++i) {
+    const PlacedBody huge(o, {u(random), u(random), u(random)}, any_turn(random));
+    PlacedBody small = body(kinds[i % 3], random, {0, 0, 0});
+    const Vec3 up = huge.axes.col(2), in_small = small.axes.transpose() * up;
+    const float reach = kinds[i % 3] == scene::ShapeKind::kCylinder
+                            ? 0.6F * std::abs(in_small.z()) + 0.6F * in_small.head<2>().norm()
+                            : in_small.cwiseAbs().dot(kHalf);
+    const float gap = 0.01F + 0.015F * u(random);
+    small.centre = huge.centre + huge.axes * Vec3(48 * u(random), 38 * u(random), 2 + reach + gap);
+    for (const bool huge_first : {true, false}) {
+      std::vector<Contact> found;
+      const PlacedBody &a = huge_first ? huge : small, &b = huge_first ? small : huge;
+      touch_convex(a.placed(), b.placed(), kMargin, nullptr, found);
+      ASSERT_FALSE(found.empty()) << i;
+      EXPECT_NEAR(least_gap(found), gap, 5e-3F) << i;
+      for (const Contact& c : found) EXPECT_GT(std::abs(c.normal.dot(up)), 0.99F) << i;
+    }
+  }
+}
+
 TEST(ColumnAxes, ABoxAndItsHullAreEquallyFarFromAColumn) {
   std::mt19937 random(4);
   std::uniform_real_distribution<float> u(-1, 1);

@@ -80,3 +80,34 @@ TEST(Gjk, OutwardPointsLeadOut) {
     }
   }
 }
+
+TEST(Gjk, WhatWasNearestBeforeDecidesNothing) {
+  std::mt19937 random(13);
+  std::uniform_real_distribution<float> u(-1, 1);
+  int compared = 0;
+  for (const auto first : kKinds)
+    for (const auto second : kKinds) {
+      PlacedBody a = body(first, {0, 0, 0}, any_turn(random));
+      PlacedBody b = body(second, {1.2F, 0.9F, 0.6F}, any_turn(random));
+      NearestFeature last;
+      for (int i = 0; i < 100; ++i) {
+        // Now a little farther, now anywhere.
+        const bool jump = i % 10 == 9;
+        b.centre += Vec3(u(random), u(random), u(random)) * (jump ? 0.3F : 0.02F);
+        b.axes = (jump ? any_turn(random) : Quat(1, 0.01F * u(random), 0.01F * u(random), 0)).normalized() *
+                 b.axes;
+        const Core ca({a.shape, nullptr}, a.centre, a.axes), cb({b.shape, nullptr}, b.centre, b.axes);
+        const NearestPoints with = nearest_points(ca, cb, 100.0F, a.centre - b.centre, &last);
+        const NearestPoints without = nearest_points(ca, cb, 100.0F, a.centre - b.centre);
+        if (!with.apart || !without.apart) {
+          EXPECT_LT(std::max(with.distance, without.distance), 1e-3F);
+          continue;
+        }
+        ++compared;
+        EXPECT_NEAR(with.distance, without.distance, 5e-4F)
+            << static_cast<int>(first) << static_cast<int>(second);
+        EXPECT_NEAR((with.on_a - with.on_b - with.distance * with.normal).norm(), 0.0F, 1e-4F);
+      }
+    }
+  EXPECT_GT(compared, 800);
+}

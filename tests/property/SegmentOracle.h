@@ -1,0 +1,41 @@
+// Scenes of random objects over random cells, and what a segment meets first in them: every object tried, by
+// a search for the least of a convex function along the segment, which has nothing in common with the closed
+// forms.
+#pragma once
+
+#include <random>
+#include <vector>
+
+#include "smartsurf/scene/SceneSpec.h"
+#include "smartsurf/scene/Snapshot.h"
+#include "smartsurf/surface/Field.h"
+#include "smartsurf/surface/FirstHit.h"
+
+namespace oracle {
+
+struct Scene {
+  smartsurf::surface::Field field;
+  std::vector<smartsurf::scene::ObjectSpec> objects;
+  smartsurf::scene::Snapshot snapshot;
+};
+
+// Every object shape twice; `free`: cells turned, in a layout that is not rectangular.
+Scene random_scene(std::mt19937& random, int rows, int columns, bool free, float pitch = 1.0F);
+void resize(smartsurf::scene::ObjectSpec&, double times);
+void move_to(Scene&, std::size_t object, const Eigen::Vector3f& place);
+
+// An object of that shape at a random place and turn.
+smartsurf::scene::ObjectSpec random_object(std::mt19937& random, smartsurf::scene::ShapeKind, double width,
+                                           double depth);
+// Of one piece of it, in its own axes: at most 0 inside, convex, and not steeper than a distance.
+double outside(const smartsurf::scene::ObjectSpec&, std::size_t piece, const Eigen::Vector3d& p);
+
+struct Expected {
+  double at;         // along the segment; its range where nothing is met
+  float mark = 0;    // 1 + the object's place in the snapshot, 1000 for a pin, 0 for nothing
+  bool sure = true;  // false where an edge is too near to say
+};
+// What the segment of a cell meets first.
+Expected first_met(const Scene&, const smartsurf::surface::Segment&, int cell);
+
+}  // namespace oracle
