@@ -1,5 +1,7 @@
 #include "smartsurf/world/Bodies.h"
 
+#include <hwy/cache_control.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -25,10 +27,9 @@ void BodyStore::add(scene::ObjectId new_id, const scene::ObjectSpec& spec, const
   shape.push_back(std::make_unique<const Shape>(make_shape(spec)));
   reach.push_back(shape.back()->reach);
   round.push_back(shape.back()->round());
-  friction_root.push_back(std::sqrt(static_cast<float>(material.friction)));
-  rolling_root.push_back(shape.back()->rolls ? std::sqrt(static_cast<float>(material.rolling_friction))
-                                             : 0.0F);
-  restitution.push_back(static_cast<float>(material.restitution));
+  grip.push_back({reach.back(), std::sqrt(static_cast<float>(material.friction)),
+                     shape.back()->rolls ? std::sqrt(static_cast<float>(material.rolling_friction)) : 0.0F,
+                     static_cast<float>(material.restitution)});
   const bool moves = mass.back() > 0.0F;
   own_inertia.push_back(moves ? inertia_of(spec, mass.back()) : Mat3::Zero());
   own_inverse_inertia.push_back(moves ? Mat3(own_inertia.back().inverse()) : Mat3::Zero());
@@ -44,16 +45,14 @@ void BodyStore::add(scene::ObjectId new_id, const scene::ObjectSpec& spec, const
   axes.emplace_back(Mat3::Identity());
   shift.emplace_back();
   inertia.emplace_back();
-  for (auto* v : {&start_velocity, &start_spin, &velocity_gain, &spin_gain}) v->push_back(Vec3::Zero());
   turn_axes(id.size() - 1);
 }
 
 void BodyStore::erase(std::size_t i) {
   drop(id, i), drop(position, i), drop(orientation, i), drop(motion, i), drop(mass, i), drop(shape, i);
-  drop(reach, i), drop(round, i), drop(friction_root, i), drop(rolling_root, i), drop(restitution, i);
+  drop(reach, i), drop(round, i), drop(grip, i);
   drop(own_inertia, i), drop(own_inverse_inertia, i), drop(wrench, i), drop(asleep, i), drop(still_s, i);
   drop(axes, i), drop(shift, i), drop(inertia, i);
-  for (auto* v : {&start_velocity, &start_spin, &velocity_gain, &spin_gain}) drop(*v, i);
 }
 
 int BodyStore::find(scene::ObjectId wanted) const {
@@ -108,11 +107,21 @@ Quat turn_by(const Vec3& turn) {
   return q;
 }
 
+void BodyStore::fetch(std::size_t i) const {
+  hwy::Prefetch(&motion[i]);
+  hwy::Prefetch(&shift[i]);
+  hwy::Prefetch(&grip[i]);
+  hwy::Prefetch(&position[i]);
+  hwy::Prefetch(&orientation[i]);
+  hwy::Prefetch(&wrench[i]);
+  hwy::Prefetch(&still_s[i]);
+}
+
 void BodyStore::settle(std::size_t i, float dt_s) {
   position[i] += Vec3(shift[i].by);
   const Vec3 turn(shift[i].turn);
   if (!turn.isZero(0.0F)) orientation[i] = (turn_by(turn) * orientation[i]).normalized();
-  if (shape[i]->round()) return;
+  if (round[i]) return;
   // One Newton step of implicit Euler on Euler's equations, in own axes: stable at any rate of turning.
   const Mat3 r = orientation[i].toRotationMatrix();
   const Mat3& own = own_inertia[i];

@@ -13,6 +13,11 @@
 
 namespace smartsurf::world {
 
+// What contacts ask of a body, in one place. Square roots, so that a product of two is their geometric mean.
+struct Grip {
+  float reach, friction_root, rolling_root, restitution;
+};
+
 struct BodyStore {
   std::vector<scene::ObjectId> id;
   std::vector<Vec3> position;  // of the centre of mass
@@ -22,8 +27,7 @@ struct BodyStore {
   std::vector<std::unique_ptr<const Shape>> shape;
   std::vector<float> reach;
   std::vector<char> round;  // whether it is a sphere
-  // Square roots, so that a product of two is their geometric mean.
-  std::vector<float> friction_root, rolling_root, restitution;
+  std::vector<Grip> grip;
   std::vector<Mat3> own_inertia, own_inverse_inertia;  // in own axes
   std::vector<surface::Wrench> wrench;                 // of the step to come
   std::vector<char> asleep;
@@ -33,11 +37,10 @@ struct BodyStore {
   std::vector<Mat3> axes;  // of what is no sphere; those of a shape of revolution do not spin about its z
   std::vector<Shift> shift;
   std::vector<Inertia> inertia;
-  std::vector<Vec3> start_velocity, start_spin;  // before the contacts of the substep
-  std::vector<Vec3> velocity_gain, spin_gain;    // by the contacts of the last substep
 
   int size() const { return static_cast<int>(id.size()); }
   bool fixed(std::size_t i) const { return mass[i] == 0.0F; }
+  bool moves(std::size_t i) const { return !fixed(i) && !asleep[i]; }
   Vec3 velocity(std::size_t i) const { return Vec3(motion[i].velocity); }
   Vec3 spin(std::size_t i) const { return Vec3(motion[i].spin); }
 
@@ -48,12 +51,13 @@ struct BodyStore {
   void place(std::size_t index, const scene::Placement&);
   // Brings axes and inertia up to the orientation.
   void turn_axes(std::size_t index);
+  // Asks for the memory that a body's motion takes, ahead of its use: threads take bodies by place, not by
+  // index.
+  void fetch(std::size_t index) const;
   // Moves and turns it as far as it got during the step, gyroscopic effect included.
   void settle(std::size_t index, float dt_s);
 
   void set_axes(std::size_t index, const Mat3&);
-
-  BodyRows rows() { return {motion.data(), shift.data(), inertia.data()}; }
 };
 
 // The rotation about an axis by an angle, given as one vector.

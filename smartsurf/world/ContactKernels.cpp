@@ -174,7 +174,7 @@ HWY_INLINE void prepare_point(const Lanes<kPair, kRound>& l, const At& q) {
   }
   store(inverse(along), q.point.normal_mass, at);
   store(inverse(across), q.point.tangent_mass, at);
-  store(inverse(turning), q.detail.rolling_mass, at);
+  if (l.octet.rolls) store(inverse(turning), q.detail.rolling_mass, at);
   store(dot(n, l.relative_velocity(q, n)), q.point.approach, at);
 }
 

@@ -16,9 +16,6 @@ namespace {
 
 // Contacts this near are kept even when nothing moves, so that resting contacts do not flicker, u.
 constexpr float kRestMargin = 0.02F;
-constexpr int kChunk = 128;  // bodies
-
-bool moves(const BodyStore& b, std::size_t i) { return !b.fixed(i) && !b.asleep[i]; }
 
 // The nearest of the old contacts with the same partner that is not taken, or −1.
 template <class Taken>
@@ -76,19 +73,25 @@ void Detector::arrange(const BodyStore& bodies, const Member& member) {
   }
   member.wait();
   reach_out(bodies, member.share(bodies.size()));
-  member.alone([&] { grid_.build(bodies.position, reach_, large_); });
+  member.alone([&] {
+    grid_.build(bodies.position, reach_, large_);
+    slabs_.cut(grid_);
+  });
 }
 
 // Before the look: the last step's contacts become the old ones.
 void Detector::begin(ContactList& pairs, ContactList& world) {
   std::swap(old_pairs_, pairs);
   std::swap(old_world_, world);
-  if (static_cast<int>(chunk_.size()) < chunks() + 1) chunk_.resize(static_cast<std::size_t>(chunks()) + 1);
-  for (std::size_t c = 0; c < chunk_.size(); ++c) {
-    chunk_[c].pairs.clear();
-    chunk_[c].world.clear();
-    pair_memory_.take(static_cast<int>(c), chunk_[c].known_pairs);
-    field_memory_.take(static_cast<int>(c), chunk_[c].known_field);
+  const auto slabs = static_cast<std::size_t>(slabs_.slabs());
+  if (found_.size() < slabs) found_.resize(slabs);
+  pair_part_.resize(slabs_.pieces().size());
+  world_part_.resize(slabs_.pieces().size());
+  for (std::size_t s = 0; s < found_.size(); ++s) {
+    found_[s].pairs.clear();
+    found_[s].world.clear();
+    pair_memory_.take(static_cast<int>(s), found_[s].known_pairs);
+    field_memory_.take(static_cast<int>(s), found_[s].known_field);
   }
 }
 
@@ -100,16 +103,30 @@ void Detector::detect(const BodyStore& bodies, ContactList& pairs, ContactList& 
     pair_memory_.index(bodies.size());
     field_memory_.index(bodies.size());
   }
+  slabs_.list_rows(bodies, grid_, member);
   member.wait();
-  // In turn: what lies low meets the field, and chunks go from low to high.
-  for (int c = member.index; c < chunks(); c += member.members)
-    detect_chunk(bodies, c, chunk_[static_cast<std::size_t>(c)]);
-  if (member.first()) detect_large(bodies, chunk_[static_cast<std::size_t>(chunks())]);
-  member.wait();
-  gather(pairs, world, member);
+  const Range mine = slabs_.share(member);
+  for (int s = mine.begin; s < mine.end; ++s) detect_slab(bodies, s, found_[static_cast<std::size_t>(s)]);
+  member.alone([&] {
+    place_parts(pair_part_, pairs, pair_runs_);
+    place_parts(world_part_, world, world_runs_);
+    weigh_slabs();
+  });
+  for (int s = mine.begin; s < mine.end; ++s) {
+    const Findings& found = found_[static_cast<std::size_t>(s)];
+    copy_slab(s, pair_part_, found.pairs, pairs, pair_runs_);
+    copy_slab(s, world_part_, found.world, world, world_runs_);
+  }
 }
 
-int Detector::chunks() const { return (grid_.sorted() + kChunk - 1) / kChunk; }
+void Detector::weigh_slabs() {
+  contacts_in_.clear();
+  for (int s = 0; s < slabs_.slabs(); ++s) {
+    const Findings& found = found_[static_cast<std::size_t>(s)];
+    contacts_in_.push_back(found.pairs.contacts.size() + found.world.contacts.size());
+  }
+  slabs_.weigh(contacts_in_);
+}
 
 // Most bodies decide what is large; a few that are much larger must not make the cells of all the others
 // wide.
@@ -127,7 +144,7 @@ void Detector::find_large_size(const BodyStore& bodies) {
 void Detector::reach_out(const BodyStore& bodies, Range range) {
   for (auto i = static_cast<std::size_t>(range.begin); i < static_cast<std::size_t>(range.end); ++i) {
     float travel = 0.0F;
-    if (moves(bodies, i)) {
+    if (bodies.moves(i)) {
       travel = bodies.velocity(i).norm();
       if (!bodies.round[i]) travel += bodies.spin(i).norm() * bodies.reach[i];
     }
@@ -166,26 +183,43 @@ void Detector::index_old(const BodyStore& bodies, const ContactList& pairs, cons
     old_of_body_[static_cast<std::size_t>(world.manifolds[m].a)] = static_cast<std::int32_t>(m);
 }
 
-void Detector::detect_chunk(const BodyStore& bodies, int chunk, Chunk& out) const {
-  const int begin = chunk * kChunk, end = std::min(begin + kChunk, grid_.sorted());
-  for (int k = begin; k < end; ++k) {
+void Detector::detect_slab(const BodyStore& bodies, int slab, Findings& out) {
+  auto begin = [](Part& part, const ContactList& list) {
+    part.from = {list.manifolds.size(), list.contacts.size()};
+  };
+  auto end = [](Part& part, const ContactList& list) {
+    part.count = {list.manifolds.size() - part.from.manifolds, list.contacts.size() - part.from.contacts};
+  };
+  for (const std::int32_t p : slabs_.pieces_of(slab)) {
+    const auto i = static_cast<std::size_t>(p);
+    begin(pair_part_[i], out.pairs), begin(world_part_[i], out.world);
+    if (slab + 1 == slabs_.slabs())
+      detect_large(bodies, out);
+    else
+      detect_piece(bodies, slabs_.pieces()[i], out);
+    end(pair_part_[i], out.pairs), end(world_part_[i], out.world);
+  }
+}
+
+void Detector::detect_piece(const BodyStore& bodies, const Slabs::Piece& piece, Findings& out) const {
+  for (int k = piece.begin; k < piece.end; ++k) {
     const auto i = static_cast<std::size_t>(grid_.body(k));
-    if (moves(bodies, i)) touch_world(bodies, i, out);
+    if (bodies.moves(i)) touch_world(bodies, i, out);
     for (int n = first_near_[i]; n < first_near_[i + 1]; ++n) {
       const auto large = static_cast<std::size_t>(near_[static_cast<std::size_t>(n)].large);
       if (!bodies.fixed(large)) touch_pair(bodies, i, large, out);
     }
   }
-  grid_.for_pairs(begin, end, [&](std::int32_t i, std::int32_t j) {
+  grid_.for_pairs(piece.begin, piece.end, [&](std::int32_t i, std::int32_t j) {
     touch_pair(bodies, static_cast<std::size_t>(i), static_cast<std::size_t>(j), out);
   });
 }
 
-void Detector::detect_large(const BodyStore& bodies, Chunk& out) const {
+void Detector::detect_large(const BodyStore& bodies, Findings& out) const {
   const auto large = grid_.large();
   for (std::size_t k = 0; k < large.size(); ++k) {
     const auto i = static_cast<std::size_t>(large[k]);
-    if (moves(bodies, i)) touch_world(bodies, i, out);
+    if (bodies.moves(i)) touch_world(bodies, i, out);
     for (std::size_t other = k + 1; other < large.size(); ++other) {
       const auto j = static_cast<std::size_t>(large[other]);
       if (!bodies.fixed(i) && !bodies.fixed(j)) touch_pair(bodies, i, j, out);
@@ -193,8 +227,8 @@ void Detector::detect_large(const BodyStore& bodies, Chunk& out) const {
   }
 }
 
-void Detector::touch_world(const BodyStore& bodies, std::size_t i, Chunk& chunk) const {
-  ContactList& out = chunk.world;
+void Detector::touch_world(const BodyStore& bodies, std::size_t i, Findings& found) const {
+  ContactList& out = found.world;
   const auto first = static_cast<std::int32_t>(out.contacts.size());
   const Vec3& centre = bodies.position[i];
   const float margin = std::max(kRestMargin, margin_[i] + field_.max_speed * dt_s_);
@@ -203,7 +237,7 @@ void Detector::touch_world(const BodyStore& bodies, std::size_t i, Chunk& chunk)
   else if (loose_ || field_.yields())
     touch_field(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
   else
-    field_memory_.touch(bodies, i, margin, chunk.known_field, out.contacts);
+    field_memory_.touch(bodies, i, margin, found.known_field, out.contacts);
   if (centre.z() - bodies.reach[i] - margin < ground_)
     touch_ground(*bodies.shape[i], centre, bodies.axes[i], ground_, margin, out.contacts);
   if (reach_[i] <= large_) {
@@ -247,8 +281,8 @@ void Detector::touch_fixed(const BodyStore& bodies, std::size_t i, std::size_t f
     out.contacts[k].other = static_cast<std::int32_t>(fixed);
 }
 
-void Detector::touch_pair(const BodyStore& bodies, std::size_t i, std::size_t j, Chunk& out) const {
-  if (!moves(bodies, i) && !moves(bodies, j)) return;
+void Detector::touch_pair(const BodyStore& bodies, std::size_t i, std::size_t j, Findings& out) const {
+  if (!bodies.moves(i) && !bodies.moves(j)) return;
   const std::size_t a = std::min(i, j), b = std::max(i, j);
   const bool round = bodies.round[a] || bodies.round[b];
   ContactList& pairs = out.pairs;
@@ -285,38 +319,35 @@ const Vec3* Detector::old_normal(std::size_t body, std::size_t fixed) const {
   return nullptr;
 }
 
-// The chunks' lists one after the other; each member copies its share.
-void Detector::gather(ContactList& pairs, ContactList& world, const Member& member) {
-  const int count = chunks() + 1;
-  if (member.first()) {
-    start_.resize(static_cast<std::size_t>(count));
-    Start at{0, 0, 0, 0};
-    for (int c = 0; c < count; ++c) {
-      const Chunk& chunk = chunk_[static_cast<std::size_t>(c)];
-      start_[static_cast<std::size_t>(c)] = at;
-      at.pair_manifolds += chunk.pairs.manifolds.size();
-      at.pair_contacts += chunk.pairs.contacts.size();
-      at.world_manifolds += chunk.world.manifolds.size();
-      at.world_contacts += chunk.world.contacts.size();
-    }
-    pairs.manifolds.resize(at.pair_manifolds);
-    pairs.contacts.resize(at.pair_contacts);
-    world.manifolds.resize(at.world_manifolds);
-    world.contacts.resize(at.world_contacts);
+// The pieces' contacts one after the other, in the grid's order, whatever the slabs.
+void Detector::place_parts(std::vector<Part>& parts, ContactList& list, SlabRuns& runs) const {
+  Extent at;
+  for (Part& part : parts) {
+    part.to = at;
+    at.manifolds += part.count.manifolds;
+    at.contacts += part.count.contacts;
   }
-  member.wait();
-  auto copy = [](ContactList& to, const ContactList& from, std::size_t manifold, std::size_t contact) {
-    for (const Manifold& m : from.manifolds)
-      to.manifolds[manifold++] = {m.a, m.b, m.first + static_cast<std::int32_t>(contact), m.count};
-    std::copy(from.contacts.begin(), from.contacts.end(),
-              to.contacts.begin() + static_cast<std::ptrdiff_t>(contact));
-  };
-  const Range share = member.share(count);
-  for (int c = share.begin; c < share.end; ++c) {
-    const Chunk& chunk = chunk_[static_cast<std::size_t>(c)];
-    const Start& at = start_[static_cast<std::size_t>(c)];
-    copy(pairs, chunk.pairs, at.pair_manifolds, at.pair_contacts);
-    copy(world, chunk.world, at.world_manifolds, at.world_contacts);
+  list.manifolds.resize(at.manifolds);
+  list.contacts.resize(at.contacts);
+  runs.run.resize(parts.size());
+  runs.first.clear();
+  for (int s = 0; s <= slabs_.slabs(); ++s)
+    runs.first.push_back(static_cast<std::int32_t>(slabs_.first_piece_of(s)));
+}
+
+void Detector::copy_slab(int slab, const std::vector<Part>& parts, const ContactList& list,
+                         ContactList& to_list, SlabRuns& runs) const {
+  std::size_t run = slabs_.first_piece_of(slab);
+  for (const std::int32_t p : slabs_.pieces_of(slab)) {
+    const auto& [from, to, count] = parts[static_cast<std::size_t>(p)];
+    const auto further = static_cast<std::int32_t>(to.contacts) - static_cast<std::int32_t>(from.contacts);
+    for (std::size_t k = 0; k < count.manifolds; ++k) {
+      const Manifold& m = list.manifolds[from.manifolds + k];
+      to_list.manifolds[to.manifolds + k] = {m.a, m.b, m.first + further, m.count};
+    }
+    std::copy_n(list.contacts.begin() + static_cast<std::ptrdiff_t>(from.contacts), count.contacts,
+                to_list.contacts.begin() + static_cast<std::ptrdiff_t>(to.contacts));
+    runs.run[run++] = {static_cast<int>(to.manifolds), static_cast<int>(to.manifolds + count.manifolds)};
   }
 }
 

@@ -12,6 +12,7 @@
 #include "smartsurf/world/Grid.h"
 #include "smartsurf/world/LooseField.h"
 #include "smartsurf/world/PairMemory.h"
+#include "smartsurf/world/Slabs.h"
 #include "smartsurf/world/Team.h"
 
 namespace smartsurf::world {
@@ -34,6 +35,12 @@ class Detector {
   // step's contacts, whose impulses are handed on to the new ones. All members of the team together.
   void detect(const BodyStore&, ContactList& pairs, ContactList& world, const Member&);
 
+  // How the bodies lie, since arrange(), and where in the lists each slab's manifolds are, since detect().
+  const Grid& grid() const { return grid_; }
+  const Slabs& slabs() const { return slabs_; }
+  const SlabRuns& pair_runs() const { return pair_runs_; }
+  const SlabRuns& world_runs() const { return world_runs_; }
+
   // Appends the contacts of a shape with the field, the ground left aside.
   void touch_field(const Shape&, const Vec3& centre, const Mat3& axes, float margin,
                    std::vector<Contact>& out) const;
@@ -45,21 +52,25 @@ class Detector {
   // forgotten.
   void bodies_changed() {
     large_ = -1.0F;
-    for (Chunk& c : chunk_) c.known_pairs = {}, c.known_field = {};
+    for (Findings& f : found_) f.known_pairs = {}, f.known_field = {};
   }
 
  private:
   struct NearLarge {
     std::int32_t body, large;
   };
-  struct Chunk {
+  // In one slab.
+  struct Findings {
     ContactList pairs, world;
     PairMemory::List known_pairs;
     FieldMemory::List known_field;
   };
-  // Where a chunk's lists begin in the joined ones.
-  struct Start {
-    std::size_t pair_manifolds, pair_contacts, world_manifolds, world_contacts;
+  struct Extent {
+    std::size_t manifolds = 0, contacts = 0;
+  };
+  // Of a piece: where it begins in its slab's list and in the joined one, and how much there is.
+  struct Part {
+    Extent from, to, count;
   };
 
   void find_large_size(const BodyStore&);
@@ -67,13 +78,16 @@ class Detector {
   void begin(ContactList& pairs, ContactList& world);
   void look_around_large(const BodyStore&);
   void index_old(const BodyStore&, const ContactList& pairs, const ContactList& world);
-  void detect_chunk(const BodyStore&, int chunk, Chunk& out) const;
-  void detect_large(const BodyStore&, Chunk& out) const;
-  void touch_world(const BodyStore&, std::size_t body, Chunk& out) const;
+  void detect_slab(const BodyStore&, int slab, Findings& out);
+  void detect_piece(const BodyStore&, const Slabs::Piece&, Findings& out) const;
+  void detect_large(const BodyStore&, Findings& out) const;
+  void touch_world(const BodyStore&, std::size_t body, Findings& out) const;
   void touch_fixed(const BodyStore&, std::size_t body, std::size_t fixed, ContactList& out) const;
-  void touch_pair(const BodyStore&, std::size_t i, std::size_t j, Chunk& out) const;
-  void gather(ContactList& pairs, ContactList& world, const Member&);
-  int chunks() const;
+  void touch_pair(const BodyStore&, std::size_t i, std::size_t j, Findings& out) const;
+  void place_parts(std::vector<Part>&, ContactList&, SlabRuns&) const;
+  void weigh_slabs();
+  void copy_slab(int slab, const std::vector<Part>&, const ContactList& from, ContactList& to,
+                 SlabRuns&) const;
   // The manifold that the two had in the last step, or −1.
   int old_pair(std::size_t a, std::size_t b) const;
   // The normal of a contact that a body had with a fixed one in the last step, or null.
@@ -84,6 +98,7 @@ class Detector {
   float dt_s_, ground_;
   float large_ = -1.0F;  // bodies with more reach are few and large; < 0: not known
   Grid grid_;
+  Slabs slabs_;
   std::vector<float> reach_, margin_;
   std::vector<NearLarge> near_;
   std::vector<std::int32_t> first_near_;  // of each body, in near_
@@ -91,10 +106,12 @@ class Detector {
   ContactList old_pairs_, old_world_;
   std::vector<std::int32_t> old_first_, old_next_;  // manifolds of pairs by their body a
   std::vector<std::int32_t> old_of_body_;           // manifolds with the world
-  std::vector<Chunk> chunk_;
+  std::vector<Findings> found_;                     // one a slab
+  std::vector<Part> pair_part_, world_part_;        // one a piece
+  SlabRuns pair_runs_, world_runs_;
+  std::vector<std::size_t> contacts_in_;  // each slab
   PairMemory pair_memory_;
   FieldMemory field_memory_;
-  std::vector<Start> start_;
 };
 
 template <class Found>

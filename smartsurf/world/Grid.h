@@ -20,6 +20,10 @@ class Grid {
 
   std::int32_t body(int sorted) const { return order_[static_cast<std::size_t>(sorted)]; }
   int sorted() const { return static_cast<int>(order_.size()); }
+  // Cells along x, y, z; sorted order is theirs, x running fastest, z slowest.
+  int cells(int axis) const { return count_[axis]; }
+  // The first body in or after a cell, in sorted order. x and y may be one more than there are.
+  int first_in(int x, int y, int z) const { return first_[static_cast<std::size_t>(index(x, y, z))]; }
   std::span<const std::int32_t> large() const { return large_; }
 
   // Calls found(i, j), i ≠ j, for every pair of small bodies whose spheres meet, the earlier of which is at

@@ -4,117 +4,169 @@
 #include <bit>
 
 namespace smartsurf::world {
-namespace {
 
-constexpr int kColours = 64;  // one more for what finds none
-constexpr int kCounts = 16;   // manifolds are packed by their number of points, as far as that many
-
-// More points first: an octet has as many as its first lane.
-int by_count(const Manifold& m) { return kCounts - std::min(m.count, kCounts); }
-
-}  // namespace
-
-void Schedule::build(const BodyStore& bodies, const ContactList& pairs, const ContactList& world) {
-  order_.resize(pairs.manifolds.size() + world.manifolds.size());
-  octet_.clear();
-  start_.clear();
-  colours_.clear();
-  points_ = 0;
-  colour_pairs(bodies, pairs);
-  sort_pairs(bodies, pairs);
-  sort_world(bodies, world);
+void Schedule::build(const BodyStore& bodies, const ContactList& pairs, const SlabRuns& pair_runs,
+                     const ContactList& world, const SlabRuns& world_runs, Range slabs,
+                     const Member& member) {
+  member.alone([&] {
+    colour_pairs(bodies, pairs);
+    key_.resize(pairs.manifolds.size() + world.manifolds.size());
+    order_.resize(key_.size());
+    place_.resize(static_cast<std::size_t>(member.members));
+    share_.resize(place_.size());
+  });
+  Places& place = place_[static_cast<std::size_t>(member.index)];
+  std::fill_n(place.begin(), keys(), 0);
+  count_keys(bodies, pairs, pair_runs, slabs, true, place);
+  count_keys(bodies, world, world_runs, slabs, false, place);
+  member.alone([&] { find_places(member.members); });
+  Places next;
+  std::copy_n(place.begin(), keys(), next.begin());
+  sort(pair_runs, slabs, 0, next);
+  sort(world_runs, slabs, pairs.manifolds.size(), next);
+  member.alone([&] { pack(pairs, world); });
+  list_share(member);
 }
 
 void Schedule::colour_pairs(const BodyStore& bodies, const ContactList& pairs) {
   used_.assign(static_cast<std::size_t>(bodies.size()), 0);
   colour_.resize(pairs.manifolds.size());
+  int last = -1;
   for (std::size_t i = 0; i < pairs.manifolds.size(); ++i) {
     std::uint64_t& a = used_[static_cast<std::size_t>(pairs.manifolds[i].a)];
     std::uint64_t& b = used_[static_cast<std::size_t>(pairs.manifolds[i].b)];
     const int colour = std::countr_one(a | b);
     colour_[i] = static_cast<std::uint8_t>(colour);
+    last = std::max(last, colour);
     if (colour == kColours) continue;
     a |= std::uint64_t{1} << colour;
     b |= std::uint64_t{1} << colour;
   }
+  used_colours_ = last + 1;
 }
 
-void Schedule::sort_by_key(int keys, int base) {
-  first_of_key_.assign(static_cast<std::size_t>(keys) + 1, 0);
-  for (const std::int32_t key : key_) ++first_of_key_[static_cast<std::size_t>(key) + 1];
-  for (std::size_t k = 1; k < first_of_key_.size(); ++k) first_of_key_[k] += first_of_key_[k - 1];
-  next_of_key_.assign(first_of_key_.begin(), first_of_key_.end());
-  for (std::size_t i = 0; i < key_.size(); ++i)
-    order_[static_cast<std::size_t>(base + next_of_key_[static_cast<std::size_t>(key_[i])]++)] =
-        static_cast<std::int32_t>(i);
-}
+// ---- a counting sort, to which each member brings the manifolds of its slabs
 
-void Schedule::sort_pairs(const BodyStore& bodies, const ContactList& pairs) {
-  constexpr int kKeys = (kColours + 1) * 2 * kCounts;
-  key_.resize(pairs.manifolds.size());
-  for (std::size_t i = 0; i < key_.size(); ++i) {
-    const Manifold& m = pairs.manifolds[i];
-    const bool any =
-        !bodies.round[static_cast<std::size_t>(m.a)] || !bodies.round[static_cast<std::size_t>(m.b)];
-    key_[i] = (colour_[i] * 2 + (any ? 1 : 0)) * kCounts + by_count(m);
-  }
-  sort_by_key(kKeys, 0);
-  for (int c = 0; c <= kColours; ++c) {
-    auto first = [&](int kind) { return first_of_key_[static_cast<std::size_t>((c * 2 + kind) * kCounts)]; };
-    if (first(0) == first(2)) continue;
-    const bool in_order = c == kColours;
-    Colour colour;
-    colour.in_order = in_order;
-    colour.round = pack(pairs, first(0), first(1), in_order ? 1 : kLanes);
-    colour.any = pack(pairs, first(1), first(2), in_order ? 1 : kLanes);
-    colours_.push_back(colour);
-  }
-}
-
-void Schedule::sort_world(const BodyStore& bodies, const ContactList& world) {
-  constexpr int kKeys = 2 * kCounts;
-  key_.resize(world.manifolds.size());
-  for (std::size_t i = 0; i < key_.size(); ++i) {
-    const Manifold& m = world.manifolds[i];
-    key_[i] = (bodies.round[static_cast<std::size_t>(m.a)] ? 0 : 1) * kCounts + by_count(m);
-  }
-  const auto base = static_cast<int>(order_.size() - world.manifolds.size());
-  sort_by_key(kKeys, base);
-  const int middle = base + first_of_key_[kCounts], end = base + first_of_key_[kKeys];
-  round_world_ = pack(world, base, middle, kLanes);
-  any_world_ = pack(world, middle, end, kLanes);
-}
-
-Range Schedule::share(const OctetRun& run, int member, int members) const {
-  if (run.count == 0) return {run.first, run.first};
-  const auto begin = octet_.begin() + run.first, end = begin + run.count;
-  const long before = begin->first, points = (end - 1)->first + (end - 1)->points - before;
-  auto at = [&](int share) {
-    const long from = before + points * share / members;
-    const auto first = std::partition_point(begin, end, [from](const Octet& o) { return o.first < from; });
-    return static_cast<int>(first - octet_.begin());
-  };
-  return {at(member), member + 1 == members ? run.first + run.count : at(member + 1)};
-}
-
-OctetRun Schedule::pack(const ContactList& list, int begin, int end, int lanes) {
-  OctetRun run{octets(), 0};
-  for (int at = begin; at < end; at += lanes, ++run.count) {
-    Octet& o = octet_.emplace_back();
-    start_.push_back(at);
-    o.count = std::min(lanes, end - at);
-    for (int lane = 0; lane < kLanes; ++lane) {
-      // Lanes not in use look at the first one's bodies.
-      const int i = order_[static_cast<std::size_t>(at + (lane < o.count ? lane : 0))];
-      const Manifold& m = list.manifolds[static_cast<std::size_t>(i)];
-      o.a[lane] = m.a;
-      o.b[lane] = m.b;
-      o.points = std::max(o.points, m.count);
+void Schedule::count_keys(const BodyStore& bodies, const ContactList& list, const SlabRuns& runs, Range slabs,
+                          bool pair, Places& count) {
+  const std::size_t before = pair ? 0 : key_.size() - list.manifolds.size();
+  for (const Range& run : runs.of(slabs))
+    for (auto i = static_cast<std::size_t>(run.begin); i < static_cast<std::size_t>(run.end); ++i) {
+      const Manifold& m = list.manifolds[i];
+      const bool round = bodies.round[static_cast<std::size_t>(m.a)] &&
+                         (!pair || bodies.round[static_cast<std::size_t>(m.b)]);
+      const int group = (pair ? colour_[i] : used_colours_) * 2 + (round ? 0 : 1);
+      const int key = group * kCounts + kCounts - std::min(m.count, kCounts);
+      key_[before + i] = static_cast<std::int16_t>(key);
+      ++count[static_cast<std::size_t>(key)];
     }
-    o.first = points_;
-    points_ += o.points;
+}
+
+void Schedule::find_places(int members) {
+  std::int32_t at = 0;
+  for (std::size_t key = 0; key < keys(); ++key) {
+    first_of_key_[key] = at;
+    for (int m = 0; m < members; ++m) {
+      std::int32_t& place = place_[static_cast<std::size_t>(m)][key];
+      const std::int32_t count = place;
+      place = at;
+      at += count;
+    }
+  }
+  first_of_key_[keys()] = at;
+}
+
+void Schedule::sort(const SlabRuns& runs, Range slabs, std::size_t first_key, Places& next) {
+  for (const Range& run : runs.of(slabs))
+    for (int i = run.begin; i < run.end; ++i) {
+      const auto key = static_cast<std::size_t>(key_[first_key + static_cast<std::size_t>(i)]);
+      order_[static_cast<std::size_t>(next[key]++)] = i;
+    }
+}
+
+// ---- octets
+
+void Schedule::pack(const ContactList& pairs, const ContactList& world) {
+  start_.clear();
+  first_point_.assign(1, 0);
+  colours_.clear();
+  for (int c = 0; c < used_colours_; ++c) {
+    const bool in_order = c == kColours;
+    const int lanes = in_order ? 1 : kLanes;
+    Colour colour{pack(kRoundPair, 2 * c, lanes, pairs), pack(kAnyPair, 2 * c + 1, lanes, pairs), in_order};
+    if (colour.round.count + colour.any.count > 0) colours_.push_back(colour);
+  }
+  round_world_ = pack(kRoundWorld, 2 * used_colours_, kLanes, world);
+  any_world_ = pack(kAnyWorld, 2 * used_colours_ + 1, kLanes, world);
+  octet_.resize(start_.size());
+  start_.push_back(first_of_key_[keys()]);
+}
+
+OctetRun Schedule::pack(ContactKind kind, int group, int lanes, const ContactList& list) {
+  auto key = static_cast<std::size_t>(group) * kCounts;
+  const std::size_t first_key = key;
+  const int end = first_of_key_[key + kCounts];
+  OctetRun run{kind, static_cast<int>(start_.size()), 0};
+  for (int at = first_of_key_[key]; at < end; at += lanes, ++run.count) {
+    while (first_of_key_[key + 1] <= at) ++key;
+    // As many points as the first lane has; of those with very many the first may not have most.
+    int points = kCounts - static_cast<int>(key - first_key);
+    for (int k = at; key == first_key && k < std::min(at + lanes, end); ++k)
+      points = std::max(points,
+                        list.manifolds[static_cast<std::size_t>(order_[static_cast<std::size_t>(k)])].count);
+    start_.push_back(at);
+    first_point_.push_back(first_point_.back() + points);
   }
   return run;
+}
+
+Octet& Schedule::clear_octet(int index) {
+  const auto i = static_cast<std::size_t>(index);
+  Octet& o = octet_[i];
+  o.first = first_point_[i];
+  o.points = first_point_[i + 1] - o.first;
+  o.count = start_[i + 1] - start_[i];
+  o.rolls = o.limited = false;
+  return o;
+}
+
+// ---- who solves what
+
+void Schedule::list_share(const Member& member) {
+  Share& share = share_[static_cast<std::size_t>(member.index)];
+  share.run.clear();
+  share.first.assign(1, 0);
+  auto add = [&](const OctetRun& round, const OctetRun& any, int lanes) {
+    add_share(round, lanes, member);
+    add_share(any, lanes, member);
+    share.first.push_back(share.run.size());
+  };
+  for (const Colour& c : colours_) add(c.round, c.any, c.in_order ? 1 : kLanes);
+  add(round_world_, any_world_, kLanes);
+}
+
+// Of each number of points the member's manifolds follow each other, and with them its octets.
+void Schedule::add_share(const OctetRun& run, int lanes, const Member& member) {
+  if (run.count == 0) return;
+  std::vector<OctetRun>& mine = share_[static_cast<std::size_t>(member.index)].run;
+  const std::size_t before = mine.size();
+  const int begin = start_[static_cast<std::size_t>(run.first)];
+  const auto end = first_of_key_.begin() + static_cast<std::ptrdiff_t>(keys()) + 1;
+  const auto group = static_cast<std::size_t>(std::upper_bound(first_of_key_.begin(), end, begin) -
+                                              first_of_key_.begin() - 1) /
+                     kCounts;
+  auto octets_to = [&](int place) { return run.first + (place - begin + lanes - 1) / lanes; };
+  for (std::size_t key = group * kCounts; key < (group + 1) * kCounts; ++key) {
+    const auto next = static_cast<std::size_t>(member.index) + 1;
+    const int from = place_[next - 1][key];
+    const int to = next < place_.size() ? place_[next][key] : first_of_key_[key + 1];
+    const int first = octets_to(from), count = octets_to(to) - first;
+    if (count <= 0) continue;
+    if (mine.size() > before && mine.back().first + mine.back().count == first)
+      mine.back().count += count;
+    else
+      mine.push_back({run.kind, first, count});
+  }
 }
 
 }  // namespace smartsurf::world

@@ -1,24 +1,31 @@
 // The order in which manifolds are solved: coloured, so that within one colour no moving body is in two
-// manifolds, and packed into octets for the kernels. It depends on the manifolds alone, not on threads.
+// manifolds, and packed into octets for the kernels. It depends on the manifolds and their slabs alone, not
+// on threads.
 #pragma once
 
+#include <array>
+#include <span>
 #include <vector>
 
 #include "smartsurf/world/Bodies.h"
 #include "smartsurf/world/Contact.h"
 #include "smartsurf/world/ContactKernels.h"
+#include "smartsurf/world/Slabs.h"
 #include "smartsurf/world/Team.h"
 
 namespace smartsurf::world {
 
 // Octets [first, first + count) of one kind.
 struct OctetRun {
+  ContactKind kind = kRoundPair;
   int first = 0, count = 0;
 };
 
 class Schedule {
  public:
-  void build(const BodyStore&, const ContactList& pairs, const ContactList& world);
+  // The runs name every manifold once. `slabs`: the member's own. All members of the team together.
+  void build(const BodyStore&, const ContactList& pairs, const SlabRuns& pair_runs, const ContactList& world,
+             const SlabRuns& world_runs, Range slabs, const Member&);
 
   // Colours one after the other; the octets of one colour in any order. The last may hold what found no
   // colour: one lane an octet, to be taken in order.
@@ -31,36 +38,64 @@ class Schedule {
   OctetRun round_world() const { return round_world_; }
   OctetRun any_world() const { return any_world_; }
 
-  // One member's share of a run of octets, by their points: those with many come first.
-  Range share(const OctetRun&, int member, int members) const;
+  // Those octets of the i-th colour that begin in the member's slabs; after the last colour: those with the
+  // world.
+  std::span<const OctetRun> share(const Member& member, std::size_t i) const {
+    const Share& s = share_[static_cast<std::size_t>(member.index)];
+    return std::span(s.run).subspan(s.first[i], s.first[i + 1] - s.first[i]);
+  }
+  // All of them.
+  std::span<const OctetRun> share(const Member& member) const {
+    return share_[static_cast<std::size_t>(member.index)].run;
+  }
 
   int octets() const { return static_cast<int>(octet_.size()); }
   const Octet* octets_from(int i) const { return octet_.data() + i; }
-  Octet& octet(int i) { return octet_[static_cast<std::size_t>(i)]; }
-  bool pair(int octet) const { return octet < round_world_.first; }
+  // An octet with its points and no bodies yet.
+  Octet& clear_octet(int i);
+  const Octet& octet(int i) const { return octet_[static_cast<std::size_t>(i)]; }
   // The manifold in a lane, as an index into its list.
   int manifold(int octet, int lane) const {
     return order_[static_cast<std::size_t>(start_[static_cast<std::size_t>(octet)] + lane)];
   }
-  int points() const { return points_; }
+  int points() const { return first_point_.back(); }
 
  private:
+  // Manifolds are sorted by colour and kind, then by their number of points, as far as kCounts, those with
+  // many first, then by slab.
+  static constexpr int kColours = 64;  // one more for what finds none, and one for the world
+  static constexpr int kCounts = 16;
+  static constexpr std::size_t kMostKeys = 2 * (kColours + 2) * kCounts;
+  using Places = std::array<std::int32_t, kMostKeys>;  // the first keys() of them are in use
+  struct alignas(64) Share {
+    std::vector<OctetRun> run;
+    std::vector<std::size_t> first;  // of each colour
+  };
+
+  std::size_t keys() const { return 2 * static_cast<std::size_t>(used_colours_ + 1) * kCounts; }
   void colour_pairs(const BodyStore&, const ContactList& pairs);
-  void sort_pairs(const BodyStore&, const ContactList& pairs);
-  void sort_world(const BodyStore&, const ContactList& world);
-  // A stable counting sort of manifolds 0, 1, … by key_ into order_, from `base` on.
-  void sort_by_key(int keys, int base);
-  OctetRun pack(const ContactList&, int begin, int end, int lanes);
+  void count_keys(const BodyStore&, const ContactList&, const SlabRuns&, Range slabs, bool pair, Places&);
+  void find_places(int members);
+  void sort(const SlabRuns&, Range slabs, std::size_t first_key, Places& next);
+  void pack(const ContactList& pairs, const ContactList& world);
+  OctetRun pack(ContactKind, int group, int lanes, const ContactList&);
+  void list_share(const Member&);
+  void add_share(const OctetRun&, int lanes, const Member&);
 
   std::vector<std::uint64_t> used_;  // one a body: the colours that its manifolds have
   std::vector<std::uint8_t> colour_;
-  std::vector<std::int32_t> key_, first_of_key_, next_of_key_;
-  std::vector<std::int32_t> order_;  // manifolds in the order of the octets' lanes: pairs, then world
-  std::vector<std::int32_t> start_;  // of each octet in order_
+  int used_colours_ = 0;           // manifolds with the world count as one more
+  std::vector<std::int16_t> key_;  // of manifolds: pairs, then world
+  // One a member: of each key, how many manifolds its slabs have; then where they begin in order_.
+  std::vector<Places> place_;
+  std::array<std::int32_t, kMostKeys + 1> first_of_key_;
+  std::vector<std::int32_t> order_;  // manifolds in the order of the octets' lanes
+  std::vector<std::int32_t> start_,
+      first_point_;  // of each octet, in order_ and in points; one more at the end
   std::vector<Octet> octet_;
   std::vector<Colour> colours_;
   OctetRun round_world_, any_world_;
-  int points_ = 0;
+  std::vector<Share> share_;  // one a member
 };
 
 }  // namespace smartsurf::world

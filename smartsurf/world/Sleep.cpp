@@ -142,21 +142,26 @@ bool Sleep::stands_on_moving_cells(const Contact& c) const {
   return c.other == kField && (!c.surface.isZero(0.0F) || c.surface_spin != 0.0F);
 }
 
-void Sleep::time_rest(BodyStore& b, const std::vector<std::int32_t>& moving, const ContactList& world) {
-  for (const std::int32_t k : moving) {
-    const auto i = static_cast<std::size_t>(k);
-    const bool still = fastest_point(b, i) < kRestSpeed && b.wrench[i].zero();
-    b.still_s[i] = still ? b.still_s[i] + dt_s_ : 0.0F;
-  }
-  for (const Manifold& m : world.manifolds)
+void Sleep::time_rest(BodyStore& b, std::size_t i) const {
+  const bool still = fastest_point(b, i) < kRestSpeed && b.wrench[i].zero();
+  b.still_s[i] = still ? b.still_s[i] + dt_s_ : 0.0F;
+}
+
+void Sleep::unsettle(BodyStore& b, const ContactList& world, Range manifolds) const {
+  for (int i = manifolds.begin; i < manifolds.end; ++i) {
+    const Manifold& m = world.manifolds[static_cast<std::size_t>(i)];
     for (int k = m.first; k < m.first + m.count; ++k)
       if (stands_on_moving_cells(world.contacts[static_cast<std::size_t>(k)]))
         b.still_s[static_cast<std::size_t>(m.a)] = 0.0F;
+  }
 }
 
 void Sleep::update(BodyStore& b, const std::vector<std::int32_t>& moving, const ContactList& pairs,
                    const ContactList& world) {
-  time_rest(b, moving, world);
+  const bool rested = std::any_of(moving.begin(), moving.end(), [&b](std::int32_t i) {
+    return b.still_s[static_cast<std::size_t>(i)] >= kRestTime_s;
+  });
+  if (!rested && !any()) return;
   restless_.assign(b.asleep.size(), 0);
   std::vector<char>& held = held_;
   held.assign(b.asleep.size(), gravity_.isZero(0.0F));

@@ -11,6 +11,7 @@
 #include "smartsurf/surface/Field.h"
 #include "smartsurf/world/Bodies.h"
 #include "smartsurf/world/Contact.h"
+#include "smartsurf/world/Team.h"
 
 namespace smartsurf::world {
 
@@ -37,7 +38,10 @@ class Sleep {
   void wake_on_moving_cells(BodyStore&);
   void return_contacts(const BodyStore&, ContactList& pairs, ContactList& world);
 
-  // ---- after a step
+  // ---- after a step: of each body that moves, then of all manifolds with the world, then of all
+  void time_rest(BodyStore&, std::size_t body) const;
+  // Those on moving cells do not rest. `manifolds`: of that list.
+  void unsettle(BodyStore&, const ContactList& world, Range manifolds) const;
   void update(BodyStore&, const std::vector<std::int32_t>& moving, const ContactList& pairs,
               const ContactList& world);
   void forget_body(std::int32_t body);
@@ -50,7 +54,6 @@ class Sleep {
     std::int32_t row_begin = 0, row_end = 0, column_begin = 0, column_end = 0;
   };
   bool stands_on_moving_cells(const Contact&) const;
-  void time_rest(BodyStore&, const std::vector<std::int32_t>& moving, const ContactList& world);
   void lay_down(BodyStore&, std::size_t body);
   Cells cells_around(const BodyStore&, std::size_t body) const;
   bool cells_move(const Cells&) const;

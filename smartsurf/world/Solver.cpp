@@ -24,7 +24,6 @@ Pass softness(float h_s, float hertz, int substeps) {
           kFastestPush, kBounceThreshold, 1.0F / static_cast<float>(substeps)};
 }
 
-Vec3 vec(const float (&v)[3]) { return Vec3(v); }
 void put(float (&to)[3], const Vec3& from) {
   for (int i = 0; i < 3; ++i) to[i] = from[i];
 }
@@ -34,140 +33,188 @@ void put(float (*to)[kLanes], int lane, const Vec3& from) {
 Vec3 take(const float (*from)[kLanes], int lane) { return {from[0][lane], from[1][lane], from[2][lane]}; }
 
 // A body that a huge force flings away stays finite: it leaves the table and disturbs nobody else.
-void limit(Vec3& velocity) { velocity = velocity.cwiseMax(-kTopSpeed).cwiseMin(kTopSpeed); }
+float limited(float speed) { return std::min(std::max(speed, -kTopSpeed), kTopSpeed); }
+
+// What weight alone changes in so long a time; adding −0 changes nothing.
+Motion fall(const Vec3& gravity, float h_s) {
+  Motion m;
+  put(m.velocity, h_s * (gravity + Vec3::Zero()));
+  put(m.spin, Vec3::Constant(-0.0F));
+  return m;
+}
 
 }  // namespace
 
 struct Solver::Job {
   BodyStore& bodies;
-  const std::vector<std::int32_t>& moving;
-  ContactList &pairs, &world;
+  const Input& input;
+  const Slabs& slabs;
+  Range mine;  // the member's slabs
   BodyRows rows;
   Pass pair_pass, world_pass;
   const KernelTable& kernels;
   bool bounces;
-  bool limited;  // whether any cell is limited in force
+  bool all_round;
+  Motion fall;  // of a substep
+
+  ContactList& list(ContactKind kind) const { return is_pair(kind) ? input.pairs : input.world; }
+  static bool is_pair(ContactKind kind) { return kind == kRoundPair || kind == kAnyPair; }
 };
 
-void Solver::step(BodyStore& bodies, const std::vector<std::int32_t>& moving, ContactList& pairs,
-                  ContactList& world, bool limited, const Member& member) {
+void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
+  const Range mine = input.slabs.share(member);
+  schedule_.build(bodies, input.pairs, input.pair_runs, input.world, input.world_runs, mine, member);
+  member.alone([&] { make_room(input.slabs); });
   const float h_s = settings_.dt_s / static_cast<float>(settings_.substeps);
-  member.alone([&] {
-    schedule_.build(bodies, pairs, world);
-    point_.resize(static_cast<std::size_t>(schedule_.points()));
-    detail_.resize(point_.size());
-  });
   const bool bounces =
-      settings_.field_restitution > 0.0F ||
-      std::any_of(bodies.restitution.begin(), bodies.restitution.end(), [](float e) { return e > 0; });
+      settings_.field_restitution > 0.0F || std::any_of(bodies.grip.begin(), bodies.grip.end(),
+                                                        [](const Grip& s) { return s.restitution > 0; });
   Job job{bodies,
-          moving,
-          pairs,
-          world,
-          bodies.rows(),
+          input,
+          input.slabs,
+          mine,
+          rows(),
           softness(h_s, kPairHz, settings_.substeps),
           softness(h_s, kWorldHz, settings_.substeps),
           contact_kernels(),
           bounces,
-          limited};
+          std::find(bodies.round.begin(), bodies.round.end(), 0) == bodies.round.end(),
+          fall(settings_.gravity, h_s)};
   work(job, member);
 }
 
+void Solver::make_room(const Slabs& slabs) {
+  const auto rows = static_cast<std::size_t>(slabs.rows());
+  motion_.resize(rows);
+  shift_.resize(rows);
+  inertia_.resize(rows);
+  start_.resize(rows);
+  grip_.resize(rows);
+  point_.resize(static_cast<std::size_t>(schedule_.points()));
+  detail_.resize(point_.size());
+}
+
 void Solver::work(Job& job, const Member& member) {
-  const Range octets = schedule_.share({0, schedule_.octets()}, member.index, member.members);
-  for (int i = octets.begin; i < octets.end; ++i) fill(job, i);
-  const Range bodies = member.share(static_cast<int>(job.moving.size()));
+  load_rows(job);
   member.wait();
-  begin_substep(job, bodies, true);
+  for (const OctetRun& run : schedule_.share(member))
+    for (int i = run.first; i < run.first + run.count; ++i) fill(job, run.kind, i);
+  member.wait();
+  begin_substep(job, true);
   member.wait();
   const KernelTable& k = job.kernels;
   sweep(job, member, k.warm, 0.0F);
   const float h_s = job.pair_pass.h_s;
   for (int s = 0; s < settings_.substeps; ++s) {
     if (s > 0) {
-      begin_substep(job, bodies, false);
+      begin_substep(job, false);
       member.wait();
     }
     sweep(job, member, k.solve, static_cast<float>(s) * h_s);
-    advance(job, bodies);
+    advance(job);
     member.wait();
     sweep(job, member, k.relax, 0.0F);
-    end_substep(job, bodies);
   }
-  if (job.bounces) {
-    member.wait();
-    sweep(job, member, k.rebound, 0.0F);
-  }
-  for (int i = octets.begin; i < octets.end; ++i) read_back(job, i);
+  if (job.bounces) sweep(job, member, k.rebound, 0.0F);
+  for (const OctetRun& run : schedule_.share(member))
+    for (int i = run.first; i < run.first + run.count; ++i) read_back(job, run.kind, i);
 }
 
 // ---- contacts into lanes, and back
 
-void Solver::fill(Job& job, int index) {
-  Octet& o = schedule_.octet(index);
+void Solver::fill(Job& job, ContactKind kind, int index) {
+  Octet& o = schedule_.clear_octet(index);
+  set_bodies(job, o, index, kind);
+  const ContactList& list = job.list(kind);
+  auto for_lanes = [&](auto each) {
+    for (int lane = 0; lane < o.count; ++lane)
+      each(lane, list.manifolds[static_cast<std::size_t>(schedule_.manifold(index, lane))]);
+  };
   clear_points(o);
-  const bool pair = schedule_.pair(index);
-  const ContactList& list = pair ? job.pairs : job.world;
-  for (int lane = 0; lane < o.count; ++lane)
-    fill_lane(job, o, lane, list.manifolds[static_cast<std::size_t>(schedule_.manifold(index, lane))],
-              list.contacts);
-  if (!pair && job.limited) fill_limits(o, index, list);
-  for (int k = 0; k < o.points; ++k) {
-    const PointDetail& d = detail_[static_cast<std::size_t>(o.first + k)];
-    for (int lane = 0; lane < o.count; ++lane) o.rolls |= d.rolling[lane] > 0.0F;
+  for_lanes([&](int lane, const Manifold& m) { fill_points(job, o, lane, m, list.contacts); });
+  // Of spheres few passes read the details: what they leave alone is not touched.
+  const bool round = kind == kRoundPair || kind == kRoundWorld, all = !round || o.rolls || job.bounces;
+  if (all || !Job::is_pair(kind)) {
+    clear_details(o, all);
+    for_lanes([&](int lane, const Manifold& m) { fill_details(job, o, lane, m, list.contacts, all); });
   }
-  bool round = true;
-  for (int lane = 0; lane < o.count; ++lane) {
-    round &= job.bodies.round[static_cast<std::size_t>(o.a[lane])] != 0;
-    if (pair) round &= job.bodies.round[static_cast<std::size_t>(o.b[lane])] != 0;
-  }
-  const ContactKind kind = pair ? (round ? kRoundPair : kAnyPair) : (round ? kRoundWorld : kAnyWorld);
+  if (!Job::is_pair(kind) && job.input.limited) fill_limits(o, index, list);
   job.kernels.prepare[kind](&o, 1, points(), job.rows, job.pair_pass);
+}
+
+// Lanes not in use look at the first one's bodies.
+void Solver::set_bodies(Job& job, Octet& o, int index, ContactKind kind) {
+  const ContactList& list = job.list(kind);
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const int i = schedule_.manifold(index, lane < o.count ? lane : 0);
+    const Manifold& m = list.manifolds[static_cast<std::size_t>(i)];
+    o.a[lane] = job.slabs.row(m.a);
+    o.b[lane] = m.b >= 0 ? job.slabs.row(m.b) : o.a[lane];
+  }
 }
 
 void Solver::clear_points(const Octet& o) {
   const auto first = static_cast<std::size_t>(o.first), count = static_cast<std::size_t>(o.points);
   std::memset(static_cast<void*>(&point_[first]), 0, sizeof(Point) * count);
-  std::memset(static_cast<void*>(&detail_[first]), 0, sizeof(PointDetail) * count);
   for (std::size_t k = first; k < first + count; ++k) std::fill_n(point_[k].gap, kLanes, kWideGap);
 }
 
-void Solver::fill_lane(Job& job, const Octet& o, int lane, const Manifold& m,
-                       const std::vector<Contact>& contacts) {
-  const BodyStore& bodies = job.bodies;
-  const auto a = static_cast<std::size_t>(m.a), b = static_cast<std::size_t>(std::max(m.b, 0));
-  const bool pair = m.b >= 0;
-  const bool round = bodies.round[a] && (!pair || bodies.round[b]);
+void Solver::clear_details(const Octet& o, bool all) {
+  const auto first = static_cast<std::size_t>(o.first), count = static_cast<std::size_t>(o.points);
+  for (std::size_t k = first; k < first + count; ++k) {
+    PointDetail& d = detail_[k];
+    if (all)
+      d = {};
+    else
+      std::memset(d.surface, 0, sizeof(d.surface));
+  }
+}
+
+const Grip& Solver::other_side(const Job& job, const Octet& o, int lane, const Manifold& m,
+                                  const Contact& c) const {
+  if (m.b >= 0) return grip_[static_cast<std::size_t>(o.b[lane])];
+  return c.other >= 0 ? grip_[static_cast<std::size_t>(job.slabs.row(c.other))] : field_;
+}
+
+void Solver::fill_points(const Job& job, Octet& o, int lane, const Manifold& m,
+                         const std::vector<Contact>& contacts) {
+  const Grip& a = grip_[static_cast<std::size_t>(o.a[lane])];
   for (int k = 0; k < m.count; ++k) {
     const Contact& c = contacts[static_cast<std::size_t>(m.first + k)];
+    const Grip& b = other_side(job, o, lane, m, c);
     Point& p = point_[static_cast<std::size_t>(o.first + k)];
-    PointDetail& d = detail_[static_cast<std::size_t>(o.first + k)];
     put(p.normal, lane, c.normal);
-    if (round) {
-      p.radius_a[lane] = bodies.reach[a];
-      if (pair) p.radius_b[lane] = bodies.reach[b];
-    } else {
-      put(d.arm_a, lane, c.arm);
-      if (pair) put(d.arm_b, lane, bodies.position[a] + c.arm - bodies.position[b]);
-    }
+    p.radius_a[lane] = a.reach;
+    p.radius_b[lane] = b.reach;
     p.gap[lane] = c.gap;
     p.push[lane] = c.push;
     put(p.drag, lane, c.drag);
-    put(d.roll, lane, c.roll);
-    float friction = settings_.field_friction_root, rolling = settings_.field_rolling_root,
-          restitution = settings_.field_restitution;
-    if (pair || c.other >= 0) {
-      const std::size_t other = pair ? b : static_cast<std::size_t>(c.other);
-      friction = bodies.friction_root[other];
-      rolling = bodies.rolling_root[other];
-      restitution = bodies.restitution[other];
+    p.friction[lane] = a.friction_root * b.friction_root;
+    o.rolls |= a.rolling_root * b.rolling_root > 0.0F;
+  }
+}
+
+void Solver::fill_details(const Job& job, const Octet& o, int lane, const Manifold& m,
+                          const std::vector<Contact>& contacts, bool all) {
+  const BodyStore& bodies = job.bodies;
+  const Grip& a = grip_[static_cast<std::size_t>(o.a[lane])];
+  for (int k = 0; k < m.count; ++k) {
+    const Contact& c = contacts[static_cast<std::size_t>(m.first + k)];
+    PointDetail& d = detail_[static_cast<std::size_t>(o.first + k)];
+    if (m.b < 0) {
+      put(d.surface, lane, c.surface);
+      d.surface_spin[lane] = c.surface_spin;
     }
-    p.friction[lane] = bodies.friction_root[a] * friction;
-    d.rolling[lane] = bodies.rolling_root[a] * rolling;
-    d.restitution[lane] = std::max(bodies.restitution[a], restitution);
-    if (pair) continue;
-    put(d.surface, lane, c.surface);
-    d.surface_spin[lane] = c.surface_spin;
+    if (!all) continue;
+    const Grip& b = other_side(job, o, lane, m, c);
+    put(d.arm_a, lane, c.arm);
+    if (m.b >= 0)
+      put(d.arm_b, lane,
+          bodies.position[static_cast<std::size_t>(m.a)] + c.arm -
+              bodies.position[static_cast<std::size_t>(m.b)]);
+    put(d.roll, lane, c.roll);
+    d.rolling[lane] = a.rolling_root * b.rolling_root;
+    d.restitution[lane] = std::max(a.restitution, b.restitution);
   }
 }
 
@@ -186,9 +233,9 @@ void Solver::fill_limits(Octet& o, int index, const ContactList& list) {
   }
 }
 
-void Solver::read_back(Job& job, int index) {
+void Solver::read_back(Job& job, ContactKind kind, int index) {
   const Octet& o = schedule_.octet(index);
-  ContactList& list = schedule_.pair(index) ? job.pairs : job.world;
+  ContactList& list = job.list(kind);
   for (int lane = 0; lane < o.count; ++lane) {
     const Manifold& m = list.manifolds[static_cast<std::size_t>(schedule_.manifold(index, lane))];
     for (int k = 0; k < m.count; ++k) {
@@ -202,58 +249,81 @@ void Solver::read_back(Job& job, int index) {
   }
 }
 
-// ---- bodies through a substep
+// ---- bodies through a substep, each member those of its slabs
 
-// Contacts act alike from substep to substep, because their normals and arms stay: what they gave each body
-// in the last one, they give it again to start with.
-void Solver::begin_substep(Job& job, Range range, bool first) {
-  BodyStore& b = job.bodies;
-  const float h_s = job.pair_pass.h_s;
-  for (int k = range.begin; k < range.end; ++k) {
-    const auto i = static_cast<std::size_t>(job.moving[static_cast<std::size_t>(k)]);
-    Motion& m = b.motion[i];
-    const surface::Wrench& w = b.wrench[i];
-    b.start_velocity[i] = vec(m.velocity) + h_s * (settings_.gravity + m.inverse_mass * w.force);
-    b.start_spin[i] = vec(m.spin);
-    if (!w.torque.isZero(0.0F)) {
-      const Inertia& q = b.inertia[i];
-      b.start_spin[i] +=
-          h_s * Vec3(Vec3(q.xx, q.xy, q.xz).dot(w.torque), Vec3(q.xy, q.yy, q.yz).dot(w.torque),
-                     Vec3(q.xz, q.yz, q.zz).dot(w.torque));
-    }
-    limit(b.start_velocity[i]);
-    limit(b.start_spin[i]);
-    if (first) {
-      b.shift[i] = {};
-      put(m.velocity, b.start_velocity[i]);
-      put(m.spin, b.start_spin[i]);
-    } else {
-      put(m.velocity, b.start_velocity[i] + b.velocity_gain[i]);
-      put(m.spin, b.start_spin[i] + b.spin_gain[i]);
+template <class Each>
+void Solver::for_moving(const Job& job, Each each) const {
+  for (int s = job.mine.begin; s < job.mine.end; ++s) {
+    const Range rows = job.slabs.moving_rows_of(s);
+    for (int row = rows.begin; row < rows.end; ++row) each(row);
+  }
+}
+
+void Solver::load_rows(Job& job) {
+  constexpr int kAhead = 8;  // rows: about what a trip to memory takes
+  const BodyStore& b = job.bodies;
+  for (int s = job.mine.begin; s < job.mine.end; ++s) {
+    const Range rows = job.slabs.rows_of(s);
+    for (int row = rows.begin; row < rows.end; ++row) {
+      const auto to = static_cast<std::size_t>(row);
+      const std::size_t from = job.slabs.body(row);
+      if (row + kAhead < rows.end) b.fetch(job.slabs.body(row + kAhead));
+      motion_[to] = b.motion[from];
+      grip_[to] = b.grip[from];
+      if (!job.all_round) inertia_[to] = b.inertia[from];
+      shift_[to] = {};
     }
   }
 }
 
-void Solver::advance(Job& job, Range range) {
+// What forces add to the body's motion in a substep.
+Motion Solver::pushed(const Job& job, int row) const {
+  const std::size_t body = job.slabs.body(row);
+  const surface::Wrench& w = job.bodies.wrench[body];
   const float h_s = job.pair_pass.h_s;
-  for (int k = range.begin; k < range.end; ++k) {
-    const auto i = static_cast<std::size_t>(job.moving[static_cast<std::size_t>(k)]);
-    const Motion& m = job.bodies.motion[i];
-    Shift& s = job.bodies.shift[i];
+  Motion m = job.fall;
+  put(m.velocity, h_s * (settings_.gravity + motion_[static_cast<std::size_t>(row)].inverse_mass * w.force));
+  if (!w.torque.isZero(0.0F)) {
+    const Inertia& q = job.bodies.inertia[body];
+    put(m.spin, h_s * Vec3(Vec3(q.xx, q.xy, q.xz).dot(w.torque), Vec3(q.xy, q.yy, q.yz).dot(w.torque),
+                           Vec3(q.xz, q.yz, q.zz).dot(w.torque)));
+  }
+  return m;
+}
+
+// Contacts act alike from substep to substep, because their normals and arms stay: what they gave the body in
+// the last one, they give it again to start with.
+void Solver::begin_substep(Job& job, bool first) {
+  for_moving(job, [&](int row) {
+    const Motion change = job.input.pushed ? pushed(job, row) : job.fall;
+    Motion& m = motion_[static_cast<std::size_t>(row)];
+    Motion& start = start_[static_cast<std::size_t>(row)];
+    auto go_on = [first](float& speed, float& start_speed, float more) {
+      const float gain = speed - start_speed;
+      start_speed = limited(speed + more);
+      speed = first ? start_speed : start_speed + gain;
+    };
+    for (int i = 0; i < 3; ++i) go_on(m.velocity[i], start.velocity[i], change.velocity[i]);
+    for (int i = 0; i < 3; ++i) go_on(m.spin[i], start.spin[i], change.spin[i]);
+  });
+}
+
+void Solver::advance(Job& job) {
+  const float h_s = job.pair_pass.h_s;
+  for_moving(job, [&](int row) {
+    const Motion& m = motion_[static_cast<std::size_t>(row)];
+    Shift& s = shift_[static_cast<std::size_t>(row)];
     for (int axis = 0; axis < 3; ++axis) {
       s.by[axis] += h_s * m.velocity[axis];
       s.turn[axis] += h_s * m.spin[axis];
     }
-  }
+  });
 }
 
-void Solver::end_substep(Job& job, Range range) {
-  BodyStore& b = job.bodies;
-  for (int k = range.begin; k < range.end; ++k) {
-    const auto i = static_cast<std::size_t>(job.moving[static_cast<std::size_t>(k)]);
-    b.velocity_gain[i] = vec(b.motion[i].velocity) - b.start_velocity[i];
-    b.spin_gain[i] = vec(b.motion[i].spin) - b.start_spin[i];
-  }
+void Solver::hand_back(BodyStore& bodies, const Slabs& slabs, int row) const {
+  const std::size_t to = slabs.body(row);
+  bodies.motion[to] = motion_[static_cast<std::size_t>(row)];
+  bodies.shift[to] = shift_[static_cast<std::size_t>(row)];
 }
 
 // ---- one pass over all contacts: pairs colour by colour, the world last, because nothing yields there
@@ -261,32 +331,29 @@ void Solver::end_substep(Job& job, Range range) {
 void Solver::sweep(Job& job, const Member& member, const Kernel (&kernel)[kContactKinds], float elapsed_s) {
   Pass pair = job.pair_pass, world = job.world_pass;
   pair.elapsed_s = world.elapsed_s = elapsed_s;
-  auto run = [&](ContactKind kind, Range octets, const Pass& pass) {
-    if (octets.begin < octets.end)
-      kernel[kind](schedule_.octets_from(octets.begin), octets.end - octets.begin, points(), job.rows, pass);
-  };
-  auto run_share = [&](ContactKind kind, const OctetRun& octets, const Pass& pass) {
-    run(kind, schedule_.share(octets, member.index, member.members), pass);
+  auto run = [&](const OctetRun& octets, const Pass& pass) {
+    if (octets.count > 0)
+      kernel[octets.kind](schedule_.octets_from(octets.first), octets.count, points(), job.rows, pass);
   };
   bool alone = false;
-  for (const Schedule::Colour& c : schedule_.colours()) {
+  const auto& colours = schedule_.colours();
+  for (std::size_t i = 0; i < colours.size(); ++i) {
+    const Schedule::Colour& c = colours[i];
     // Colours too small to share follow each other on one member, without waiting.
-    constexpr int kWorthSharing = 8;
+    constexpr int kWorthSharing = 2;
     const bool share = !c.in_order && c.round.count + c.any.count >= kWorthSharing;
     if (share && alone) member.wait();
     alone = !share;
     if (share) {
-      run_share(kRoundPair, c.round, pair);
-      run_share(kAnyPair, c.any, pair);
+      for (const OctetRun& octets : schedule_.share(member, i)) run(octets, pair);
       member.wait();
     } else if (member.first()) {
-      run(kRoundPair, {c.round.first, c.round.first + c.round.count}, pair);
-      run(kAnyPair, {c.any.first, c.any.first + c.any.count}, pair);
+      run(c.round, pair);
+      run(c.any, pair);
     }
   }
   if (alone) member.wait();
-  run_share(kRoundWorld, schedule_.round_world(), world);
-  run_share(kAnyWorld, schedule_.any_world(), world);
+  for (const OctetRun& octets : schedule_.share(member, colours.size())) run(octets, world);
   member.wait();
 }
 

@@ -7,12 +7,12 @@
 // comes last.
 #pragma once
 
-#include <memory>
 #include <vector>
 
 #include "smartsurf/world/Bodies.h"
 #include "smartsurf/world/Contact.h"
 #include "smartsurf/world/Schedule.h"
+#include "smartsurf/world/Slabs.h"
 #include "smartsurf/world/Team.h"
 
 namespace smartsurf::world {
@@ -26,33 +26,59 @@ struct StepSettings {
 
 class Solver {
  public:
-  explicit Solver(const StepSettings& settings) : settings_(settings) {}
+  explicit Solver(const StepSettings& settings)
+      : settings_(settings),
+        field_{0.0F, settings.field_friction_root, settings.field_rolling_root, settings.field_restitution} {}
 
-  // One step. `moving`: the bodies that move, each once, ascending. The lists come back with the impulses of
-  // the last substep and the sums of the step; velocities are those at its end, and BodyStore::shift says how
-  // far each body gets. `limited`: whether any contact has a limit. All members of the team together.
-  void step(BodyStore&, const std::vector<std::int32_t>& moving, ContactList& pairs, ContactList& world,
-            bool limited, const Member&);
+  struct Input {
+    const Slabs& slabs;  // with their rows listed
+    ContactList &pairs, &world;
+    const SlabRuns &pair_runs, &world_runs;
+    bool limited;  // whether any contact has a limit
+    bool pushed;   // whether any body has a wrench
+  };
+  // One step. The lists come back with the impulses of the last substep and the sums of the step; how each
+  // body moves stays in its row. All members of the team together.
+  void step(BodyStore&, const Input&, const Member&);
+  // Hands the body of a row its motion.
+  void hand_back(BodyStore&, const Slabs&, int row) const;
 
  private:
   struct Job;
+  void make_room(const Slabs&);
   void work(Job&, const Member&);
-  void fill(Job&, int octet);
+  void fill(Job&, ContactKind, int octet);
+  void set_bodies(Job&, Octet&, int index, ContactKind);
   void clear_points(const Octet&);
-  void fill_lane(Job&, const Octet&, int lane, const Manifold&, const std::vector<Contact>&);
+  void clear_details(const Octet&, bool all);
+  const Grip& other_side(const Job&, const Octet&, int lane, const Manifold&, const Contact&) const;
+  void fill_points(const Job&, Octet&, int lane, const Manifold&, const std::vector<Contact>&);
+  void fill_details(const Job&, const Octet&, int lane, const Manifold&, const std::vector<Contact>&,
+                    bool all);
   void fill_limits(Octet&, int index, const ContactList&);
-  void read_back(Job&, int octet);
-  void begin_substep(Job&, Range, bool first);
-  void advance(Job&, Range);
-  void end_substep(Job&, Range);
+  void read_back(Job&, ContactKind, int octet);
+  template <class Each>
+  void for_moving(const Job&, Each each) const;
+  void load_rows(Job&);
+  Motion pushed(const Job&, int row) const;
+  void begin_substep(Job&, bool first);
+  void advance(Job&);
   void sweep(Job&, const Member&, const Kernel (&)[kContactKinds], float elapsed_s);
 
   Points points() { return {point_.data(), detail_.data()}; }
+  BodyRows rows() { return {motion_.data(), shift_.data(), inertia_.data()}; }
 
   StepSettings settings_;
+  Grip field_;
   Schedule schedule_;
   std::vector<Point> point_;
   std::vector<PointDetail> detail_;
+  // One a row of the slabs: what the passes read lies near what they read next.
+  std::vector<Motion> motion_;
+  std::vector<Shift> shift_;
+  std::vector<Inertia> inertia_;
+  std::vector<Grip> grip_;
+  std::vector<Motion> start_;  // before the contacts of the substep
 };
 
 }  // namespace smartsurf::world

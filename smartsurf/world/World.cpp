@@ -188,12 +188,21 @@ void World::State::list_moving() {
 }
 
 void World::State::move_bodies(const Member& member) {
-  const Range share = member.share(static_cast<int>(moving.size()));
-  for (int k = share.begin; k < share.end; ++k) {
-    const auto i = static_cast<std::size_t>(moving[static_cast<std::size_t>(k)]);
-    stop_at_field(detector, bodies, i);
-    bodies.settle(i, settings.dt_s);
+  constexpr int kAhead = 8;  // rows: about what a trip to memory takes
+  const Slabs& slabs = detector.slabs();
+  const Range mine = slabs.share(member);
+  for (int s = mine.begin; s < mine.end; ++s) {
+    const Range rows = slabs.moving_rows_of(s);
+    for (int row = rows.begin; row < rows.end; ++row) {
+      const std::size_t i = slabs.body(row);
+      if (row + kAhead < rows.end) bodies.fetch(slabs.body(row + kAhead));
+      solver.hand_back(bodies, slabs, row);
+      stop_at_field(detector, bodies, i);
+      bodies.settle(i, settings.dt_s);
+      sleep.time_rest(bodies, i);
+    }
   }
+  for (const Range& run : detector.world_runs().of(mine)) sleep.unsettle(bodies, world, run);
 }
 
 // Sleepers press on as they did when they fell asleep.
@@ -261,8 +270,10 @@ void World::State::step_moving(const Member& member) {
   });
   detector.detect(bodies, pairs, world, member);
   if (field.yields()) member.alone([this] { limits.share_out(field, settings.dt_s, world); });
-  solver.step(bodies, moving, pairs, world, field.yields(), member);
-  member.wait();
+  solver.step(bodies,
+              {detector.slabs(), pairs, world, detector.pair_runs(), detector.world_runs(), field.yields(),
+               wrenches_given},
+              member);
   move_bodies(member);
 }
 

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <random>
 #include <set>
 
@@ -29,6 +30,27 @@ struct Tangle {
     }
     for (int i = 0; i < n; i += 2) add(world, i, kField, 1 + i % 5);
   }
+  // Slabs of a hundred manifolds, the second half of them cut in two runs each.
+  static SlabRuns runs(const ContactList& list) {
+    SlabRuns r;
+    const int n = static_cast<int>(list.manifolds.size());
+    for (int at = 0; at < n; at += 100) {
+      r.first.push_back(static_cast<std::int32_t>(r.run.size()));
+      const int end = std::min(at + 100, n), middle = at < n / 2 ? at : (at + end) / 2;
+      if (at < middle) r.run.push_back({at, middle});
+      r.run.push_back({middle, end});
+    }
+    r.first.resize(kSlabs + 1, static_cast<std::int32_t>(r.run.size()));
+    return r;
+  }
+  void build(Schedule& schedule, const Member& member) const {
+    schedule.build(bodies, pairs, runs(pairs), world, runs(world), member.share(kSlabs), member);
+  }
+  void build(Schedule& schedule) const {
+    Barrier alone(1);
+    build(schedule, Member{0, 1, alone});
+  }
+  static constexpr int kSlabs = 10;
   static void add(ContactList& list, int a, int b, int count) {
     list.manifolds.push_back({a, b, static_cast<std::int32_t>(list.contacts.size()), count});
     list.contacts.resize(list.contacts.size() + static_cast<std::size_t>(count));
@@ -40,20 +62,18 @@ struct Tangle {
 TEST(Schedule, NoBodyIsTwiceInAColourAndNoManifoldIsLeftOut) {
   const Tangle t(200, 600);
   Schedule schedule;
-  schedule.build(t.bodies, t.pairs, t.world);
+  t.build(schedule);
   std::multiset<int> scheduled;
   bool any_in_order = false;
   for (const auto& colour : schedule.colours()) {
     std::multiset<int> bodies;
     for (const OctetRun& run : {colour.round, colour.any})
       for (int o = run.first; o < run.first + run.count; ++o) {
-        const Octet& octet = schedule.octet(o);
+        const Octet& octet = schedule.clear_octet(o);
         EXPECT_LE(octet.count, colour.in_order ? 1 : kLanes);
         for (int lane = 0; lane < octet.count; ++lane) {
           scheduled.insert(schedule.manifold(o, lane));
           const Manifold& m = t.pairs.manifolds[static_cast<std::size_t>(schedule.manifold(o, lane))];
-          EXPECT_EQ(m.a, octet.a[lane]);
-          EXPECT_EQ(m.b, octet.b[lane]);
           EXPECT_LE(m.count, octet.points);
           if (!colour.in_order) bodies.insert({m.a, m.b});
         }
@@ -69,34 +89,55 @@ TEST(Schedule, NoBodyIsTwiceInAColourAndNoManifoldIsLeftOut) {
 TEST(Schedule, EveryBodyMeetsTheWorldOnce) {
   const Tangle t(200, 600);
   Schedule schedule;
-  schedule.build(t.bodies, t.pairs, t.world);
+  t.build(schedule);
   std::set<int> bodies;
   for (const OctetRun& run : {schedule.round_world(), schedule.any_world()})
     for (int o = run.first; o < run.first + run.count; ++o)
-      for (int lane = 0; lane < schedule.octet(o).count; ++lane)
-        EXPECT_TRUE(bodies.insert(schedule.octet(o).a[lane]).second);
+      for (int lane = 0; lane < schedule.clear_octet(o).count; ++lane) {
+        const Manifold& m = t.world.manifolds[static_cast<std::size_t>(schedule.manifold(o, lane))];
+        EXPECT_TRUE(bodies.insert(m.a).second);
+        EXPECT_LE(m.count, schedule.octet(o).points);
+      }
   EXPECT_EQ(bodies.size(), t.world.manifolds.size());
 }
 
-TEST(Schedule, SharesAreWholeAndAsHeavyAsEachOther) {
-  const Tangle t(200, 600);
-  Schedule schedule;
-  schedule.build(t.bodies, t.pairs, t.world);
-  auto points = [&](int begin, int end) {
-    int sum = 0;
-    for (int o = begin; o < end; ++o) sum += schedule.octet(o).points;
-    return sum;
-  };
-  for (const OctetRun& run : {schedule.any_world(), OctetRun{0, schedule.octets()}, OctetRun{3, 0}})
-    for (const int members : {1, 2, 3, 7}) {
-      int next = run.first;
-      for (int member = 0; member < members; ++member) {
-        const Range share = schedule.share(run, member, members);
-        EXPECT_EQ(share.begin, next);
-        next = share.end;
-        const int fair = points(run.first, run.first + run.count) / members;
-        EXPECT_NEAR(points(share.begin, share.end), fair, 6) << member << " of " << members;
-      }
-      EXPECT_EQ(next, run.first + run.count);
+TEST(Schedule, AnyNumberOfThreadsSharesTheSameOctetsEachOnce) {
+  const Tangle t(400, 1500);
+  Schedule alone;
+  t.build(alone);
+  for (const int members : {1, 2, 3, 7}) {
+    surface::WorkerPool pool(members);
+    Team team(&pool);
+    Schedule schedule;
+    team.run(true, [&](const Member& member) { t.build(schedule, member); });
+    ASSERT_EQ(schedule.octets(), alone.octets()) << members;
+    ASSERT_EQ(schedule.points(), alone.points()) << members;
+    for (int o = 0; o < schedule.octets(); ++o) {
+      const int lanes = alone.clear_octet(o).count;
+      ASSERT_EQ(schedule.clear_octet(o).count, lanes);
+      for (int lane = 0; lane < lanes; ++lane)
+        ASSERT_EQ(schedule.manifold(o, lane), alone.manifold(o, lane)) << members;
     }
+    std::multiset<int> shared;
+    Barrier barrier(members);
+    for (int m = 0; m < members; ++m)
+      for (const OctetRun& run : schedule.share(Member{m, members, barrier}))
+        for (int o = run.first; o < run.first + run.count; ++o) shared.insert(o);
+    EXPECT_EQ(shared.size(), static_cast<std::size_t>(schedule.octets())) << members;
+    EXPECT_EQ(std::set<int>(shared.begin(), shared.end()).size(), shared.size()) << members;
+  }
+}
+
+TEST(Schedule, WhatAMemberSolvesBeginsInItsSlabs) {
+  const Tangle t(400, 1500);
+  surface::WorkerPool pool(2);
+  Team team(&pool);
+  Schedule schedule;
+  team.run(true, [&](const Member& member) { t.build(schedule, member); });
+  Barrier barrier(2);
+  for (int m = 0; m < 2; ++m)
+    for (std::size_t c = 0; c < schedule.colours().size(); ++c)
+      for (const OctetRun& run : schedule.share(Member{m, 2, barrier}, c))
+        for (int o = run.first; o < run.first + run.count; ++o)
+          EXPECT_EQ(schedule.manifold(o, 0) / 100 >= Tangle::kSlabs / 2, m == 1);
 }

@@ -1,0 +1,86 @@
+// Cuts the table into slabs, so that each thread works on one part of it through a whole step: what lies
+// there stays in its core's cache, and only what touches across a border travels.
+//
+// Slabs follow each other along y, or along x where the grid is longer there and has few lines along y. They
+// depend on where the bodies are, not on threads.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "smartsurf/world/Bodies.h"
+#include "smartsurf/world/Grid.h"
+#include "smartsurf/world/Team.h"
+
+namespace smartsurf::world {
+
+// Where in a list of manifolds those of each slab are.
+struct SlabRuns {
+  std::vector<Range> run;
+  std::vector<std::int32_t> first;  // run of each slab, and one more at the end
+
+  // Those of some slabs.
+  std::span<const Range> of(Range slabs) const {
+    const auto begin = static_cast<std::size_t>(first[static_cast<std::size_t>(slabs.begin)]);
+    const auto end = static_cast<std::size_t>(first[static_cast<std::size_t>(slabs.end)]);
+    return std::span(run).subspan(begin, end - begin);
+  }
+};
+
+class Slabs {
+ public:
+  // Bodies of one slab that follow each other in the grid's order: [begin, end) of it.
+  struct Piece {
+    int begin, end, slab;
+  };
+
+  // Cuts what is in the grid. The grid's large bodies are the last slab and the last piece.
+  void cut(const Grid&);
+
+  int slabs() const { return static_cast<int>(first_row_.size()) - 1; }
+  // In the grid's order.
+  std::span<const Piece> pieces() const { return piece_; }
+  // The pieces of a slab, as indices, in the grid's order; those of all slabs follow each other in memory.
+  std::span<const std::int32_t> pieces_of(int slab) const {
+    const auto s = static_cast<std::size_t>(slab);
+    return std::span(of_slab_).subspan(first_of_slab_[s], first_of_slab_[s + 1] - first_of_slab_[s]);
+  }
+  std::size_t first_piece_of(int slab) const { return first_of_slab_[static_cast<std::size_t>(slab)]; }
+
+  // One member's slabs: about as many bodies as those of the others, or, once they are weighed, about as
+  // much work with as many contacts as there are in each.
+  Range share(const Member&) const;
+  void weigh(std::span<const std::size_t> contacts);
+
+  // ---- a row a body, slab after slab, in each slab first those that move. Fixed bodies' rows mean nothing.
+  // The member's slabs are listed; wait before asking.
+  void list_rows(const BodyStore&, const Grid&, const Member&);
+  int rows() const { return first_row_.back(); }
+  Range rows_of(int slab) const {
+    return {first_row_[static_cast<std::size_t>(slab)], first_row_[static_cast<std::size_t>(slab) + 1]};
+  }
+  Range moving_rows_of(int slab) const {
+    return {first_row_[static_cast<std::size_t>(slab)], moving_end_[static_cast<std::size_t>(slab)]};
+  }
+  std::size_t body(int row) const {
+    return static_cast<std::size_t>(body_of_row_[static_cast<std::size_t>(row)]);
+  }
+  std::int32_t row(std::int32_t body) const { return row_of_body_[static_cast<std::size_t>(body)]; }
+
+ private:
+  void find_edges(const Grid&, int axis);
+  void find_pieces(const Grid&, int axis);
+  void sort_pieces(int slabs);
+
+  std::vector<std::int32_t> bodies_on_line_;  // of the grid's cells across the axis
+  std::vector<int> edge_;                     // lines: where each slab begins, and one more at the end
+  std::vector<Piece> piece_;
+  std::vector<std::int32_t> of_slab_;
+  std::vector<std::size_t> first_of_slab_;
+  std::vector<std::int32_t> first_row_, moving_end_;
+  std::vector<std::int32_t> body_of_row_, row_of_body_;
+  std::vector<long> weight_before_;  // of each slab, that of all before it; one more at the end
+};
+
+}  // namespace smartsurf::world
