@@ -28,8 +28,8 @@ void BodyStore::add(scene::ObjectId new_id, const scene::ObjectSpec& spec, const
   reach.push_back(shape.back()->reach);
   round.push_back(shape.back()->round());
   grip.push_back({reach.back(), std::sqrt(static_cast<float>(material.friction)),
-                     shape.back()->rolls ? std::sqrt(static_cast<float>(material.rolling_friction)) : 0.0F,
-                     static_cast<float>(material.restitution)});
+                  shape.back()->rolls ? std::sqrt(static_cast<float>(material.rolling_friction)) : 0.0F,
+                  static_cast<float>(material.restitution)});
   const bool moves = mass.back() > 0.0F;
   own_inertia.push_back(moves ? inertia_of(spec, mass.back()) : Mat3::Zero());
   own_inverse_inertia.push_back(moves ? Mat3(own_inertia.back().inverse()) : Mat3::Zero());

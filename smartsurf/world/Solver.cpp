@@ -67,8 +67,8 @@ void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
   member.alone([&] { make_room(input.slabs); });
   const float h_s = settings_.dt_s / static_cast<float>(settings_.substeps);
   const bool bounces =
-      settings_.field_restitution > 0.0F || std::any_of(bodies.grip.begin(), bodies.grip.end(),
-                                                        [](const Grip& s) { return s.restitution > 0; });
+      settings_.field_restitution > 0.0F ||
+      std::any_of(bodies.grip.begin(), bodies.grip.end(), [](const Grip& g) { return g.restitution > 0; });
   Job job{bodies,
           input,
           input.slabs,
@@ -171,7 +171,7 @@ void Solver::clear_details(const Octet& o, bool all) {
 }
 
 const Grip& Solver::other_side(const Job& job, const Octet& o, int lane, const Manifold& m,
-                                  const Contact& c) const {
+                               const Contact& c) const {
   if (m.b >= 0) return grip_[static_cast<std::size_t>(o.b[lane])];
   return c.other >= 0 ? grip_[static_cast<std::size_t>(job.slabs.row(c.other))] : field_;
 }
