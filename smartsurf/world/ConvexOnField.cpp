@@ -182,7 +182,7 @@ class PieceOnField {
     if (!told) {
       found.clear();
       if (!add_crossing(over, p.column, way, found))
-        return flat ? add_nearest(p, way, out) : touch_by_gjk(p, way.normal, out);
+        return flat ? add_nearest(p, way, out) : touch_by_gjk(p, way, out);
     }
     add(p, found, out);
   }
@@ -231,10 +231,11 @@ class PieceOnField {
     return true;
   }
 
-  void touch_by_gjk(const Plateau& p, const Vec3& towards_piece, Candidates& out) const {
-    const NearestPoints near = nearest_to(p.column, towards_piece);
+  void touch_by_gjk(const Plateau& p, const Way& told, Candidates& out) const {
+    const NearestPoints near = nearest_to(p.column, told.normal);
+    if (!near.apart) return push_out(p, told, out);
     const Way way{near.normal, near.distance - core_.rounding - kColumnRounding};
-    if (!near.apart || way.gap > margin_ || way.normal.z() < -0.01F ||
+    if (way.gap > margin_ || way.normal.z() < -0.01F ||
         p.column.leans_over_bridge(way.normal.x(), way.normal.y(), kLeanTolerance))
       return;
     Candidates found;
@@ -242,6 +243,17 @@ class PieceOnField {
               way.normal, margin_, 0, found);
     if (found.count() == 0) found.add({near.on_b + kColumnRounding * near.normal, way.normal, way.gap, 0});
     add(p, found, out);
+  }
+
+  // Deeper than GJK can tell: the way of the least overlap, at what of the piece reaches in farthest over the
+  // column.
+  void push_out(const Plateau& p, const Way& way, Candidates& out) const {
+    const Column& q = p.column;
+    Vec3 at = core_.farthest_outside(-way.normal) - way.gap * way.normal;
+    at.x() = std::clamp(at.x(), q.west, q.east);
+    at.y() = std::clamp(at.y(), q.south, q.north);
+    at.z() = std::min(at.z(), q.top);
+    add(p, Candidate{at, way.normal, way.gap, 0}, out);
   }
 
   // Where two edges cross, or a corner meets something.

@@ -12,7 +12,7 @@ namespace {
 
 // How far body and cells may move against each other and keep their points: as a share of the body's reach,
 // and in u. What is off then is of second order.
-constexpr float kSlackShare = 0.01F, kMostSlack = 0.02F;
+constexpr float kSlackShare = 0.025F, kMostSlack = 0.05F;
 // How far cells that were level may move against each other, u: where they are no longer, an edge stands out
 // that has no point.
 constexpr float kMostStep = 0.004F;

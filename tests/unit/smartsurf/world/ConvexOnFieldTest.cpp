@@ -1,0 +1,66 @@
+// Round shapes that a column stands deep in: deeper than GJK can tell.
+#include "smartsurf/world/ConvexOnField.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+#include "tests/unit/smartsurf/world/PlacedBody.h"
+
+using namespace smartsurf;
+using namespace smartsurf::world;
+using scene::ShapeKind;
+
+namespace {
+
+constexpr int kSide = 9;
+
+// Low cells, and one at the middle with its top at 0.
+surface::Field one_column() {
+  surface::Field field;
+  field.rows = field.columns = kSide;
+  field.height.assign(kSide * kSide, -3.0F);
+  field.speed.assign(kSide * kSide, 0.0F);
+  field.height[static_cast<std::size_t>(field.index(4, 4))] = 0.0F;
+  field.max_height = 0.0F;
+  return field;
+}
+
+// How far a point is inside a cylinder of radius 1.2 and height 2; in the cylinder's own axes.
+float depth_in_cylinder(const Vec3& p) {
+  return std::min(1.2F - std::hypot(p.x(), p.y()), 1.0F - std::abs(p.z()));
+}
+
+}  // namespace
+
+TEST(ConvexOnField, AColumnInsideACylinderPushesItOutHoweverDeepItIs) {
+  scene::ObjectSpec o;
+  o.shape = ShapeKind::kCylinder;
+  o.radius = 1.2;
+  o.height = 2.0;
+  const Shape shape = make_shape(o);
+  const surface::Field field = one_column();
+  std::mt19937 random(8);
+  std::uniform_real_distribution<float> u(-1, 1);
+  int deep = 0;
+  for (int i = 0; i < 3000; ++i) {
+    const Mat3 axes = any_turn(random).normalized().toRotationMatrix();
+    const Vec3 inside = Vec3(1.2F * u(random), 1.2F * u(random), u(random));  // where the top's middle is
+    const float depth = depth_in_cylinder(inside);
+    // Entered from below, and not past the middle.
+    if (depth < 0.03F || depth > 0.4F || (axes * inside).z() > -0.5F) continue;
+    ++deep;
+    std::vector<Contact> found;
+    touch_field_with_shape(field, shape, Vec3(4, 4, 0) - axes * inside, axes, 0.03F, found);
+    ASSERT_FALSE(found.empty()) << i << ", " << depth << " deep";
+    float least = 1.0F;
+    for (const Contact& c : found) {
+      least = std::min(least, c.gap);
+      EXPECT_GT(c.normal.z(), -0.01F) << i;
+    }
+    EXPECT_LT(least, -0.5F * depth) << i << ", " << depth << " deep";
+  }
+  EXPECT_GT(deep, 200);
+}
