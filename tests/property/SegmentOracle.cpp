@@ -44,6 +44,7 @@ std::shared_ptr<const scene::Solid> some_solid() {
                               {1, -1, -0.5F}, {3, 0, 0.5F})};
   solid->low = {-1.5F, -1, -0.5F};
   solid->high = {3, 1, 0.5F};
+  solid->reach = solid->high.norm();
   return solid;
 }
 

@@ -35,7 +35,7 @@ endforeach()
 add_executable(controller_cpp controller.cpp)
 target_link_libraries(controller_cpp PRIVATE shm_protocol::endpoints)
 END
-"$cmake" -S "$work" -B "$work/by-cmake" -DCMAKE_PREFIX_PATH="$prefix" -DCMAKE_C_COMPILER="$cc" \
+"$cmake" -G Ninja -S "$work" -B "$work/by-cmake" -DCMAKE_PREFIX_PATH="$prefix" -DCMAKE_C_COMPILER="$cc" \
     -DCMAKE_CXX_COMPILER="$cxx" >"$work/log" 2>&1 &&
   "$cmake" --build "$work/by-cmake" >>"$work/log" 2>&1 || { cat "$work/log"; exit 1; }
 run_pair "$work/by-cmake" "install-cmake-$$"
