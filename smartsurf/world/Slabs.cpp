@@ -106,7 +106,8 @@ Range Slabs::share(const Member& member) const {
 void Slabs::list_rows(const BodyStore& bodies, const Grid& grid, const Member& member) {
   const Range mine = share(member);
   for (int s = mine.begin; s < mine.end; ++s) {
-    auto [moving, resting] = rows_of(s);
+    const Range rows = rows_of(s);
+    int moving = rows.begin, resting = rows.end;
     auto list = [&](std::int32_t body) {
       const auto i = static_cast<std::size_t>(body);
       const int row = bodies.moves(i) ? moving++ : --resting;
