@@ -324,10 +324,6 @@ class PieceOnField {
   Candidates candidates_;
 };
 
-}  // namespace
-
-namespace {
-
 // Calls look(piece on the field) for the pieces of a shape, where any cell under it reaches up to it.
 template <class Look>
 void for_pieces_on_field(const Columns& columns, const Shape& shape, const Vec3& centre, const Mat3& axes,

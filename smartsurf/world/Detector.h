@@ -36,7 +36,6 @@ class Detector {
   void detect(const BodyStore&, ContactList& pairs, ContactList& world, const Member&);
 
   // How the bodies lie, since arrange(), and where in the lists each slab's manifolds are, since detect().
-  const Grid& grid() const { return grid_; }
   const Slabs& slabs() const { return slabs_; }
   const SlabRuns& pair_runs() const { return pair_runs_; }
   const SlabRuns& world_runs() const { return world_runs_; }

@@ -1,4 +1,4 @@
-// Round shapes that a column stands deep in: deeper than GJK can tell.
+// Cylinders that a column stands deep in: deeper than GJK can tell.
 #include "smartsurf/world/ConvexOnField.h"
 
 #include <gtest/gtest.h>
