@@ -3,8 +3,6 @@
 
 #include <limits>
 
-// SSSE3 alone is not worth a copy: the portable baseline or SSE4 serve such a CPU.
-#define HWY_DISABLED_TARGETS HWY_SSSE3
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "apron/vm/Kernels.cpp"
 #include <hwy/foreach_target.h>  // must come before highway.h

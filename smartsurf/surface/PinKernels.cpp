@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <limits>
 
-#define HWY_DISABLED_TARGETS HWY_SSSE3
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "smartsurf/surface/PinKernels.cpp"
 #include <hwy/foreach_target.h>  // must come before highway.h

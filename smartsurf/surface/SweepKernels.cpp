@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#define HWY_DISABLED_TARGETS HWY_SSSE3
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "smartsurf/surface/SweepKernels.cpp"
 #include <hwy/cache_control.h>

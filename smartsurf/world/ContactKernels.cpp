@@ -1,7 +1,6 @@
 // Compiled once per instruction set: foreach_target.h includes this file again for each.
 #include "smartsurf/world/ContactKernels.h"
 
-#define HWY_DISABLED_TARGETS HWY_SSSE3
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "smartsurf/world/ContactKernels.cpp"
 #include <hwy/foreach_target.h>  // must come before highway.h

@@ -3,7 +3,6 @@
 
 #include <bit>
 
-#define HWY_DISABLED_TARGETS HWY_SSSE3
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "smartsurf/world/StateHash.cpp"
 #include <hwy/foreach_target.h>  // must come before highway.h

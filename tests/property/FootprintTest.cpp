@@ -2,7 +2,6 @@
 // SegmentOracle.h.
 #include <gtest/gtest.h>
 
-#define HWY_DISABLED_TARGETS HWY_SSSE3  // as in the kernels
 #include <hwy/highway.h>
 
 #include <algorithm>

@@ -93,13 +93,20 @@ TEST(Recording, DoesNotBelieveExtentsThatTheFileCannotHold) {
   EXPECT_EQ(Recording::open(out / "run.h5").frames(), 100u);
 }
 
+// Each damaged file is first tried by a child process, and AddressSanitizer makes a process slow to copy.
+#ifdef __SANITIZE_ADDRESS__
+constexpr int kDamages = 100;
+#else
+constexpr int kDamages = 300;
+#endif
+
 // Whatever byte is wrong: an answer or one line, never a crash.
 TEST(Recording, SurvivesDamagedBytes) {
   const OutputFolder out;
   const std::string whole = write_run(out / "run.h5", 20);
   std::uint32_t random = 1;
   int refused = 0;
-  for (int i = 0; i < 300; ++i) {
+  for (int i = 0; i < kDamages; ++i) {
     std::string damaged = whole;
     random = random * 1664525u + 1013904223u;
     damaged[(random >> 4) % std::min<std::size_t>(whole.size(), 30000)] ^= static_cast<char>(1 + i % 255);
