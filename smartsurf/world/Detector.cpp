@@ -66,12 +66,12 @@ void inherit(ContactList& list, const Manifold& now, const ContactList& old, int
 }  // namespace
 
 void Detector::arrange(const BodyStore& bodies, const Member& member) {
-  if (member.first()) {
+  if (member.leads()) {
     if (large_ < 0.0F) find_large_size(bodies);
     reach_.resize(bodies.reach.size());
     margin_.resize(bodies.reach.size());
   }
-  member.wait();
+  member.meet();
   reach_out(bodies, member.share(bodies.size()));
   member.alone([&] {
     grid_.build(bodies.position, reach_, large_);
@@ -97,14 +97,14 @@ void Detector::begin(ContactList& pairs, ContactList& world) {
 
 void Detector::detect(const BodyStore& bodies, ContactList& pairs, ContactList& world, const Member& member) {
   member.alone([&] { begin(pairs, world); });
-  if (member.first()) index_old(bodies, old_pairs_, old_world_);
-  if (member.index + 1 == member.members) {
+  if (member.leads()) index_old(bodies, old_pairs_, old_world_);
+  if (member.index == 0) {
     look_around_large(bodies);
     pair_memory_.index(bodies.size());
     field_memory_.index(bodies.size());
   }
   slabs_.list_rows(bodies, grid_, member);
-  member.wait();
+  member.meet();
   const Range mine = slabs_.share(member);
   for (int s = mine.begin; s < mine.end; ++s) detect_slab(bodies, s, found_[static_cast<std::size_t>(s)]);
   member.alone([&] {

@@ -60,6 +60,10 @@ class Slabs {
   Range rows_of(int slab) const {
     return {first_row_[static_cast<std::size_t>(slab)], first_row_[static_cast<std::size_t>(slab) + 1]};
   }
+  Range rows_of(Range slabs) const {
+    return {first_row_[static_cast<std::size_t>(slabs.begin)],
+            first_row_[static_cast<std::size_t>(slabs.end)]};
+  }
   Range moving_rows_of(int slab) const {
     return {first_row_[static_cast<std::size_t>(slab)], moving_end_[static_cast<std::size_t>(slab)]};
   }
