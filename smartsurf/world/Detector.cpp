@@ -4,6 +4,7 @@
 #include <bit>
 #include <bitset>
 #include <cmath>
+#include <numeric>
 #include <span>
 
 #include "smartsurf/world/ConvexOnField.h"
@@ -66,17 +67,23 @@ void inherit(ContactList& list, const Manifold& now, const ContactList& old, int
 }  // namespace
 
 void Detector::arrange(const BodyStore& bodies, const Member& member) {
-  if (member.leads()) {
-    if (large_ < 0.0F) find_large_size(bodies);
+  member.alone([&] {
+    if (large_ >= 0.0F) return;
+    find_large_size(bodies);
     reach_.resize(bodies.reach.size());
     margin_.resize(bodies.reach.size());
-  }
-  member.meet();
-  reach_out(bodies, member.share(bodies.size()));
-  member.alone([&] {
-    grid_.build(bodies.position, reach_, large_);
-    slabs_.cut(grid_);
   });
+  const auto own = own_bodies(member);
+  reach_out(bodies, own);
+  grid_.build({bodies.position, reach_, large_}, own, member);
+  member.alone([&] { slabs_.cut(grid_); });
+}
+
+std::span<const std::int32_t> Detector::own_bodies(const Member& member) const {
+  if (member.members > 1 && slabs_.rows() == static_cast<int>(all_.size())) return slabs_.bodies_of(member);
+  const Range share = member.share(static_cast<int>(all_.size()));
+  return std::span(all_).subspan(static_cast<std::size_t>(share.begin),
+                                 static_cast<std::size_t>(share.end - share.begin));
 }
 
 // Before the look: the last step's contacts become the old ones.
@@ -141,8 +148,9 @@ void Detector::find_large_size(const BodyStore& bodies) {
   large_ = 4.0F * *middle;
 }
 
-void Detector::reach_out(const BodyStore& bodies, Range range) {
-  for (auto i = static_cast<std::size_t>(range.begin); i < static_cast<std::size_t>(range.end); ++i) {
+void Detector::reach_out(const BodyStore& bodies, std::span<const std::int32_t> own) {
+  for (const std::int32_t body : own) {
+    const auto i = static_cast<std::size_t>(body);
     float travel = 0.0F;
     if (bodies.moves(i)) {
       travel = bodies.velocity(i).norm();

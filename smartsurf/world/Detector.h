@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "smartsurf/surface/Field.h"
@@ -31,6 +32,10 @@ class Detector {
   template <class Found>
   void for_near(const BodyStore&, std::size_t body, Found found) const;
 
+  // Those of a member's part of the table: where it found them in the last step, for most are there still.
+  // Every body is one member's; before they are found first, by their indices.
+  std::span<const std::int32_t> own_bodies(const Member&) const;
+
   // Contacts of what moves, in an order that depends on the bodies alone. On entry the lists hold the last
   // step's contacts, whose impulses are handed on to the new ones. All members of the team together.
   void detect(const BodyStore&, ContactList& pairs, ContactList& world, const Member&);
@@ -48,9 +53,11 @@ class Detector {
   float narrowest_half_top() const { return std::min(field_.half_top_x, field_.half_top_y); }
 
   // A body was added or removed: the sizes must be looked at again, and contacts of the one removed
-  // forgotten.
-  void bodies_changed() {
+  // forgotten. One by one.
+  void bodies_changed(int bodies) {
     large_ = -1.0F;
+    all_.resize(static_cast<std::size_t>(bodies));
+    if (bodies > 0) all_.back() = bodies - 1;
     for (Findings& f : found_) f.known_pairs = {}, f.known_field = {};
   }
 
@@ -73,7 +80,7 @@ class Detector {
   };
 
   void find_large_size(const BodyStore&);
-  void reach_out(const BodyStore&, Range bodies);
+  void reach_out(const BodyStore&, std::span<const std::int32_t> own);
   void begin(ContactList& pairs, ContactList& world);
   void look_around_large(const BodyStore&);
   void index_old(const BodyStore&, const ContactList& pairs, const ContactList& world);
@@ -99,6 +106,7 @@ class Detector {
   Grid grid_;
   Slabs slabs_;
   std::vector<float> reach_, margin_;
+  std::vector<std::int32_t> all_;  // bodies, by index
   std::vector<NearLarge> near_;
   std::vector<std::int32_t> first_near_;  // of each body, in near_
   // The last step's contacts, by body.

@@ -56,7 +56,7 @@ class Slabs {
   // ---- a row a body, slab after slab, in each slab first those that move. Fixed bodies' rows mean nothing.
   // The member's slabs are listed; wait before asking.
   void list_rows(const BodyStore&, const Grid&, const Member&);
-  int rows() const { return first_row_.back(); }
+  int rows() const { return first_row_.empty() ? 0 : first_row_.back(); }
   Range rows_of(int slab) const {
     return {first_row_[static_cast<std::size_t>(slab)], first_row_[static_cast<std::size_t>(slab) + 1]};
   }
@@ -69,6 +69,12 @@ class Slabs {
   }
   std::size_t body(int row) const {
     return static_cast<std::size_t>(body_of_row_[static_cast<std::size_t>(row)]);
+  }
+  // The member's bodies as they were listed last.
+  std::span<const std::int32_t> bodies_of(const Member& member) const {
+    const Range rows = rows_of(share(member));
+    return std::span(body_of_row_)
+        .subspan(static_cast<std::size_t>(rows.begin), static_cast<std::size_t>(rows.end - rows.begin));
   }
   std::int32_t row(std::int32_t body) const { return row_of_body_[static_cast<std::size_t>(body)]; }
 

@@ -125,7 +125,7 @@ void Solver::work(Job& job, const Member& member) {
   if (job.bounces) sweep(job, member, k.rebound, 0.0F);
   for (const OctetRun& run : schedule_.share(member))
     for (int i = run.first; i < run.first + run.count; ++i) read_back(job, run.kind, i);
-  member.wait();
+  member.meet();
 }
 
 // ---- contacts into lanes, and back
