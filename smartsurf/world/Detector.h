@@ -12,6 +12,7 @@
 #include "smartsurf/world/FieldMemory.h"
 #include "smartsurf/world/Grid.h"
 #include "smartsurf/world/LooseField.h"
+#include "smartsurf/world/OldContacts.h"
 #include "smartsurf/world/PairMemory.h"
 #include "smartsurf/world/Slabs.h"
 #include "smartsurf/world/Team.h"
@@ -67,6 +68,7 @@ class Detector {
   };
   // In one slab.
   struct Findings {
+    int member = 0;  // who looks
     ContactList pairs, world;
     PairMemory::List known_pairs;
     FieldMemory::List known_field;
@@ -81,23 +83,18 @@ class Detector {
 
   void find_large_size(const BodyStore&);
   void reach_out(const BodyStore&, std::span<const std::int32_t> own);
-  void begin(ContactList& pairs, ContactList& world);
+  void begin(ContactList& pairs, ContactList& world, int members);
   void look_around_large(const BodyStore&);
-  void index_old(const BodyStore&, const ContactList& pairs, const ContactList& world);
   void detect_slab(const BodyStore&, int slab, Findings& out);
   void detect_piece(const BodyStore&, const Slabs::Piece&, Findings& out) const;
   void detect_large(const BodyStore&, Findings& out) const;
   void touch_world(const BodyStore&, std::size_t body, Findings& out) const;
-  void touch_fixed(const BodyStore&, std::size_t body, std::size_t fixed, ContactList& out) const;
+  void touch_fixed(const BodyStore&, std::size_t body, std::size_t fixed, Findings& out) const;
   void touch_pair(const BodyStore&, std::size_t i, std::size_t j, Findings& out) const;
   void place_parts(std::vector<Part>&, ContactList&, SlabRuns&) const;
   void weigh_slabs();
   void copy_slab(int slab, const std::vector<Part>&, const ContactList& from, ContactList& to,
                  SlabRuns&) const;
-  // The manifold that the two had in the last step, or −1.
-  int old_pair(std::size_t a, std::size_t b) const;
-  // The normal of a contact that a body had with a fixed one in the last step, or null.
-  const Vec3* old_normal(std::size_t body, std::size_t fixed) const;
 
   const surface::Field& field_;
   std::unique_ptr<LooseField> loose_;  // for a layout that is not rectangular
@@ -109,12 +106,9 @@ class Detector {
   std::vector<std::int32_t> all_;  // bodies, by index
   std::vector<NearLarge> near_;
   std::vector<std::int32_t> first_near_;  // of each body, in near_
-  // The last step's contacts, by body.
-  ContactList old_pairs_, old_world_;
-  std::vector<std::int32_t> old_first_, old_next_;  // manifolds of pairs by their body a
-  std::vector<std::int32_t> old_of_body_;           // manifolds with the world
-  std::vector<Findings> found_;                     // one a slab
-  std::vector<Part> pair_part_, world_part_;        // one a piece
+  OldContacts old_;
+  std::vector<Findings> found_;               // one a slab
+  std::vector<Part> pair_part_, world_part_;  // one a piece
   SlabRuns pair_runs_, world_runs_;
   std::vector<std::size_t> contacts_in_;  // each slab
   PairMemory pair_memory_;

@@ -21,7 +21,8 @@ void Grid::build(const Input& in, std::span<const std::int32_t> own, const Membe
   measure(in, own, part);
   member.alone([&] { make_cells(in.position.size()); });
   count(in, own, part);
-  member.alone([this] { find_places(); });
+  member.alone([this] { find_cells(); });
+  find_places(static_cast<std::size_t>(member.index));
   for (const std::int32_t body : own) {
     const std::int32_t cell = cell_of_body_[static_cast<std::size_t>(body)];
     if (cell >= 0) order_[static_cast<std::size_t>(part.next[static_cast<std::size_t>(cell)]++)] = body;
@@ -80,27 +81,30 @@ void Grid::make_cells(std::size_t bodies) {
 }
 
 void Grid::count(const Input& in, std::span<const std::int32_t> own, Part& part) {
-  part.next.assign(first_.size() - 1, 0);
+  part.count.assign(first_.size() - 1, 0);
   for (const std::int32_t body : own) {
     const auto i = static_cast<std::size_t>(body);
     if (cell_of_body_[i] < 0) continue;
     const Vec3& p = in.position[i];
     cell_of_body_[i] = index(cell_of(p.x(), 0), cell_of(p.y(), 1), cell_of(p.z(), 2));
-    ++part.next[static_cast<std::size_t>(cell_of_body_[i])];
+    ++part.count[static_cast<std::size_t>(cell_of_body_[i])];
   }
 }
 
-void Grid::find_places() {
+void Grid::find_cells() {
   std::int32_t at = 0;
   for (std::size_t c = 0; c + 1 < first_.size(); ++c) {
     first_[c] = at;
-    for (Part& part : part_) {
-      const std::int32_t count = part.next[c];
-      part.next[c] = at;
-      at += count;
-    }
+    for (const Part& part : part_) at += part.count[c];
   }
   first_.back() = at;
+}
+
+void Grid::find_places(std::size_t member) {
+  std::vector<std::int32_t>& next = part_[member].next;
+  next.assign(first_.begin(), first_.end() - 1);
+  for (std::size_t before = 0; before < member; ++before)
+    for (std::size_t c = 0; c < next.size(); ++c) next[c] += part_[before].count[c];
 }
 
 // Those of these lines of cells along x, in every layer.
@@ -109,7 +113,7 @@ void Grid::fill_cells(const Input& in, Range lines) {
     for (int cell = index(0, lines.begin, z); cell < index(0, lines.end, z); ++cell) {
       const int begin = first_[static_cast<std::size_t>(cell)],
                 end = first_[static_cast<std::size_t>(cell) + 1];
-      std::sort(order_.begin() + begin, order_.begin() + end);
+      if (part_.size() > 1) std::sort(order_.begin() + begin, order_.begin() + end);
       for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
         const auto body = static_cast<std::size_t>(order_[k]);
         const Vec3& p = in.position[body];

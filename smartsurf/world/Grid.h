@@ -23,7 +23,8 @@ class Grid {
     float large;
   };
   // All members of the team together, each with bodies of its own that together are all; best those which lie
-  // in its part of the table. The last of them may still be at work: meet before asking.
+  // in its part of the table; one alone brings them in the order of their indices. The last of them may still
+  // be at work: meet before asking.
   void build(const Input&, std::span<const std::int32_t> own, const Member&);
 
   std::int32_t body(int sorted) const { return order_[static_cast<std::size_t>(sorted)]; }
@@ -59,12 +60,13 @@ class Grid {
     Vec3 low, high;
     float widest;
     std::vector<std::int32_t> large;
-    std::vector<std::int32_t> next;  // of each cell: how many of its own bodies, then where the next one goes
+    std::vector<std::int32_t> count, next;  // of each cell: its own bodies, and where the next one goes
   };
   void measure(const Input&, std::span<const std::int32_t> own, Part&);
   void make_cells(std::size_t bodies);
   void count(const Input&, std::span<const std::int32_t> own, Part&);
-  void find_places();
+  void find_cells();
+  void find_places(std::size_t member);
   void fill_cells(const Input&, Range lines);
 
   template <class Found>

@@ -19,6 +19,7 @@ namespace smartsurf::world {
 struct SlabRuns {
   std::vector<Range> run;
   std::vector<std::int32_t> first;  // run of each slab, and one more at the end
+  std::size_t manifolds = 0;        // of them all
 
   // Those of some slabs.
   std::span<const Range> of(Range slabs) const {
