@@ -103,11 +103,12 @@ void FirstHit::list_pins(const Field& field) {
   std::ranges::stable_sort(pins_, {}, &PinStep::enter);
 }
 
-void FirstHit::sweep(std::span<const SensedBody> bodies, std::span<const float> marks, float pin_mark,
+void FirstHit::sweep(const SensedBodies& bodies, std::span<const float> marks, float pin_mark,
                      std::span<const float> height, WorkerPool& pool) {
   assert(height.size() == distance_.size() && marks.size() == bodies.size());
   Pass pass{.job = {.bodies = bodies,
                     .marks = marks,
+                    .bundles = bodies.bundles(),
                     .origin = segment_.origin,
                     .direction = segment_.direction,
                     .range = segment_.range,

@@ -37,7 +37,7 @@ class FirstHit {
   // height: of each cell, rows × columns, kNoCell where there is none. marks: what cells shall hold whose
   // segment meets that body first, one a body, not 0; pin_mark: that of a pin. Equally near:
   // always the same one of them. Allocates nothing in a rectangular field.
-  void sweep(std::span<const SensedBody> bodies, std::span<const float> marks, float pin_mark,
+  void sweep(const SensedBodies& bodies, std::span<const float> marks, float pin_mark,
              std::span<const float> height, WorkerPool&);
 
   // rows × columns, row-major, row 0 north. Where nothing is within the range: the range, and 0.

@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <array>
+#include <limits>
 #include <numeric>
 
 #include "smartsurf/surface/WorkerPool.h"
@@ -41,12 +42,26 @@ void SensedBodies::update(const scene::Snapshot& snapshot, std::span<const scene
   strip_.resize(snapshot.objects());
   order_.resize(snapshot.objects());
   sort(snapshot);
+  bundles_.resize((bodies_.size() + kBundle - 1) / kBundle);
   // By where they go, so that threads write apart from each other.
-  pool.for_rows(static_cast<int>(snapshot.objects()), kCost_ns * static_cast<double>(snapshot.objects()),
+  pool.for_rows(static_cast<int>(bundles_.size()), kCost_ns * static_cast<double>(snapshot.objects()),
                 [this, &snapshot](int begin, int end) {
-                  for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
-                    set(snapshot, order_[i], bodies_[i]);
+                  for (auto b = static_cast<std::size_t>(begin); b < static_cast<std::size_t>(end); ++b)
+                    set_bundle(snapshot, b);
                 });
+}
+
+void SensedBodies::set_bundle(const scene::Snapshot& snapshot, std::size_t bundle) noexcept {
+  Bundle all{std::numeric_limits<float>::infinity(), -std::numeric_limits<float>::infinity()};
+  const std::size_t end = std::min((bundle + 1) * kBundle, bodies_.size());
+  for (std::size_t i = bundle * kBundle; i < end; ++i) {
+    SensedBody& body = bodies_[i];
+    set(snapshot, order_[i], body);
+    if (body.nowhere()) continue;
+    all.south = std::min(all.south, body.centre.y() - body.reach_y);
+    all.north = std::max(all.north, body.centre.y() + body.reach_y);
+  }
+  bundles_[bundle] = all;
 }
 
 // By counting: the strips' sizes, then where each strip begins, then everybody's place.

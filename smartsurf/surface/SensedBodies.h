@@ -43,6 +43,17 @@ class SensedBodies {
   // One an object of the snapshot: by strips of the table from north to south, in the snapshot's order within
   // each.
   std::span<const SensedBody> all() const noexcept { return bodies_; }
+  operator std::span<const SensedBody>() const noexcept { return bodies_; }
+  std::size_t size() const noexcept { return bodies_.size(); }
+  const SensedBody& operator[](std::size_t k) const noexcept { return bodies_[k]; }
+
+  // Between which y all of so many that follow each other are: who cares for a part of the table passes over
+  // the others without looking at each. south > north: none is anywhere.
+  static constexpr std::size_t kBundle = 16;
+  struct Bundle {
+    float south, north;
+  };
+  std::span<const Bundle> bundles() const noexcept { return bundles_; }
 
  private:
   // What never changes of an object.
@@ -56,12 +67,14 @@ class SensedBodies {
 
   void sort(const scene::Snapshot&) noexcept;
   void set(const scene::Snapshot&, std::uint32_t k, SensedBody&) const noexcept;
+  void set_bundle(const scene::Snapshot&, std::size_t bundle) noexcept;
 
   float north_ = 0.0F, per_u_ = 1.0F;
   std::vector<Form> forms_;           // index = id
   std::vector<std::uint32_t> strip_;  // of each of the snapshot's objects
   std::vector<std::uint32_t> order_;  // which of them goes where
   std::vector<SensedBody> bodies_;
+  std::vector<Bundle> bundles_;
 };
 
 // Marks for FirstHit that tell the object met: 1 + its index in the snapshot, of up to 16 million objects.

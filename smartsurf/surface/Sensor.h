@@ -18,7 +18,7 @@ class WorkerPool;
 struct Moment {
   const scene::Snapshot& snapshot;               // objects, and the heights of the cells
   std::span<const scene::ObjectSpec> catalogue;  // every object ever created, index = id
-  std::span<const SensedBody> bodies;            // the snapshot's objects as segments meet them
+  const SensedBodies& bodies;                    // the snapshot's objects as segments meet them
   // rows × columns: normal impulse on each cell in the tick that ended, mass·u/s. Empty unless a sensor
   // feels().
   std::span<const float> impulse;

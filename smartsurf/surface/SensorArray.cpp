@@ -39,7 +39,7 @@ void SensorArray::sense(const scene::Snapshot& snapshot, std::span<const scene::
                         WorkerPool& pool) {
   if (fitted_.empty()) return;
   bodies_.update(snapshot, catalogue, pool);
-  const Moment moment{snapshot, catalogue, bodies_.all(), impulse_, period_s_};
+  const Moment moment{snapshot, catalogue, bodies_, impulse_, period_s_};
   for (Fitted& f : fitted_) {
     f.sensor->sense(moment, pool);
     if (f.imperfections.any()) f.imperfections.apply(ticks_, f.truth, pool);

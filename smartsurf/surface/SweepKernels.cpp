@@ -246,14 +246,18 @@ struct Ready {
   }
 };
 
-void sweep_grid(const SweepJob& job, const SensedBody& b, float mark, bool upright, int begin, int end,
-                Ready& ready) {
-  // Most bodies of another band are far away.
-  const float slant = std::abs(job.direction.y()) * job.range + std::abs(job.origin.y());
-  const float reach = b.reach_y + slant + job.pitch;
-  const float south = static_cast<float>(job.rows - end) * job.pitch,
-              top_row = static_cast<float>(job.rows - 1 - begin) * job.pitch;
-  if (b.centre.y() + reach < south || b.centre.y() - reach > top_row) return;
+// Between which y a body must be for segments of these rows to meet it: most of another band are far away.
+Range near_rows(const SweepJob& job, int begin, int end) {
+  if (job.strips != nullptr)
+    return {-std::numeric_limits<float>::infinity(), std::numeric_limits<float>::infinity()};
+  const float slack = std::abs(job.direction.y()) * job.range + std::abs(job.origin.y()) + job.pitch;
+  return {static_cast<float>(job.rows - end) * job.pitch - slack,
+          static_cast<float>(job.rows - 1 - begin) * job.pitch + slack};
+}
+
+void sweep_grid(const SweepJob& job, const SensedBody& b, float mark, bool upright, const Range& near,
+                int begin, int end, Ready& ready) {
+  if (b.centre.y() + b.reach_y < near.low || b.centre.y() - b.reach_y > near.high) return;
   const Range t = heights_met(job, b);
   if (t.empty()) return;
   const float north = static_cast<float>(job.rows - 1) * job.pitch + job.origin.y();
@@ -329,15 +333,21 @@ void sweep_rows_of_target(const SweepJob& job, int begin, int end, const Prepare
   constexpr int kNear = 1 << 17;     // cells whose heights, distances and marks stay in a core's own cache
   const bool upright = job.direction.x() == 0.0F && job.direction.y() == 0.0F && job.strips == nullptr;
   const bool far = upright && job.rows * job.columns > kNear;
+  const Range near = near_rows(job, begin, end);
   Ready ready{begin, prepare};
-  for (std::size_t k = 0; k < job.bodies.size(); ++k) {
-    const SensedBody& body = job.bodies[k];
-    if (body.nowhere()) continue;
-    if (far && k + kAhead < job.bodies.size()) fetch_ahead(job, job.bodies[k + kAhead], begin, end);
-    if (job.strips != nullptr)
-      sweep_strips(job, body, job.marks[k], begin, end);
-    else
-      sweep_grid(job, body, job.marks[k], upright, begin, end, ready);
+  for (std::size_t bundle = 0; bundle < job.bundles.size(); ++bundle) {
+    const auto& [south, north] = job.bundles[bundle];
+    if (!(north >= near.low && south <= near.high)) continue;
+    const std::size_t last = std::min((bundle + 1) * SensedBodies::kBundle, job.bodies.size());
+    for (std::size_t k = bundle * SensedBodies::kBundle; k < last; ++k) {
+      const SensedBody& body = job.bodies[k];
+      if (body.nowhere()) continue;
+      if (far && k + kAhead < job.bodies.size()) fetch_ahead(job, job.bodies[k + kAhead], begin, end);
+      if (job.strips != nullptr)
+        sweep_strips(job, body, job.marks[k], begin, end);
+      else
+        sweep_grid(job, body, job.marks[k], upright, near, begin, end, ready);
+    }
   }
   ready.reach(end);
 }

@@ -28,6 +28,7 @@ struct StripLayout {
 struct SweepJob {
   std::span<const SensedBody> bodies;
   std::span<const float> marks;  // one a body
+  std::span<const SensedBodies::Bundle> bundles;
   // All segments start at z = height + origin.z and run along `direction`, unit, for `range`.
   Eigen::Vector3f origin, direction;
   float range = 0.0F;

@@ -4,6 +4,7 @@
 #include <bit>
 #include <bitset>
 #include <cmath>
+#include <numeric>
 #include <span>
 
 #include "smartsurf/world/ConvexOnField.h"
@@ -66,23 +67,32 @@ void inherit(ContactList& list, const Manifold& now, const ContactList& old, int
 }  // namespace
 
 void Detector::arrange(const BodyStore& bodies, const Member& member) {
-  if (member.first()) {
-    if (large_ < 0.0F) find_large_size(bodies);
+  member.alone([&] {
+    if (large_ >= 0.0F) return;
+    find_large_size(bodies);
     reach_.resize(bodies.reach.size());
     margin_.resize(bodies.reach.size());
-  }
-  member.wait();
-  reach_out(bodies, member.share(bodies.size()));
+  });
+  const auto own = own_bodies(member);
+  reach_out(bodies, own);
+  grid_.build({bodies.position, reach_, large_}, own, member);
   member.alone([&] {
-    grid_.build(bodies.position, reach_, large_);
     slabs_.cut(grid_);
+    // Where as much lies as in the last step, as much is to be done.
+    if (contacts_in_.size() == static_cast<std::size_t>(slabs_.slabs())) slabs_.weigh(contacts_in_);
   });
 }
 
+std::span<const std::int32_t> Detector::own_bodies(const Member& member) const {
+  if (member.members > 1 && slabs_.rows() == static_cast<int>(all_.size())) return slabs_.bodies_of(member);
+  const Range share = member.share(static_cast<int>(all_.size()));
+  return std::span(all_).subspan(static_cast<std::size_t>(share.begin),
+                                 static_cast<std::size_t>(share.end - share.begin));
+}
+
 // Before the look: the last step's contacts become the old ones.
-void Detector::begin(ContactList& pairs, ContactList& world) {
-  std::swap(old_pairs_, pairs);
-  std::swap(old_world_, world);
+void Detector::begin(ContactList& pairs, ContactList& world, int members) {
+  old_.take(pairs, world, members);
   const auto slabs = static_cast<std::size_t>(slabs_.slabs());
   if (found_.size() < slabs) found_.resize(slabs);
   pair_part_.resize(slabs_.pieces().size());
@@ -96,17 +106,22 @@ void Detector::begin(ContactList& pairs, ContactList& world) {
 }
 
 void Detector::detect(const BodyStore& bodies, ContactList& pairs, ContactList& world, const Member& member) {
-  member.alone([&] { begin(pairs, world); });
-  if (member.first()) index_old(bodies, old_pairs_, old_world_);
-  if (member.index + 1 == member.members) {
+  member.alone([&] { begin(pairs, world, member.members); });
+  old_.index(bodies.id.size(), pair_runs_, world_runs_, member);
+  if (member.index == 0) {
     look_around_large(bodies);
     pair_memory_.index(bodies.size());
     field_memory_.index(bodies.size());
   }
   slabs_.list_rows(bodies, grid_, member);
-  member.wait();
+  member.meet();
   const Range mine = slabs_.share(member);
-  for (int s = mine.begin; s < mine.end; ++s) detect_slab(bodies, s, found_[static_cast<std::size_t>(s)]);
+  old_.found(mine, member);
+  for (int s = mine.begin; s < mine.end; ++s) {
+    Findings& found = found_[static_cast<std::size_t>(s)];
+    found.member = member.index;
+    detect_slab(bodies, s, found);
+  }
   member.alone([&] {
     place_parts(pair_part_, pairs, pair_runs_);
     place_parts(world_part_, world, world_runs_);
@@ -141,8 +156,9 @@ void Detector::find_large_size(const BodyStore& bodies) {
   large_ = 4.0F * *middle;
 }
 
-void Detector::reach_out(const BodyStore& bodies, Range range) {
-  for (auto i = static_cast<std::size_t>(range.begin); i < static_cast<std::size_t>(range.end); ++i) {
+void Detector::reach_out(const BodyStore& bodies, std::span<const std::int32_t> own) {
+  for (const std::int32_t body : own) {
+    const auto i = static_cast<std::size_t>(body);
     float travel = 0.0F;
     if (bodies.moves(i)) {
       travel = bodies.velocity(i).norm();
@@ -168,19 +184,6 @@ void Detector::look_around_large(const BodyStore& bodies) {
   first_near_.assign(static_cast<std::size_t>(bodies.size()) + 1, 0);
   for (const NearLarge& n : near_) ++first_near_[static_cast<std::size_t>(n.body) + 1];
   for (std::size_t i = 1; i < first_near_.size(); ++i) first_near_[i] += first_near_[i - 1];
-}
-
-void Detector::index_old(const BodyStore& bodies, const ContactList& pairs, const ContactList& world) {
-  old_first_.assign(static_cast<std::size_t>(bodies.size()), -1);
-  old_of_body_.assign(static_cast<std::size_t>(bodies.size()), -1);
-  old_next_.resize(pairs.manifolds.size());
-  for (std::size_t m = 0; m < pairs.manifolds.size(); ++m) {
-    std::int32_t& first = old_first_[static_cast<std::size_t>(pairs.manifolds[m].a)];
-    old_next_[m] = first;
-    first = static_cast<std::int32_t>(m);
-  }
-  for (std::size_t m = 0; m < world.manifolds.size(); ++m)
-    old_of_body_[static_cast<std::size_t>(world.manifolds[m].a)] = static_cast<std::int32_t>(m);
 }
 
 void Detector::detect_slab(const BodyStore& bodies, int slab, Findings& out) {
@@ -243,17 +246,17 @@ void Detector::touch_world(const BodyStore& bodies, std::size_t i, Findings& fou
   if (reach_[i] <= large_) {
     for (int n = first_near_[i]; n < first_near_[i + 1]; ++n) {
       const auto large = static_cast<std::size_t>(near_[static_cast<std::size_t>(n)].large);
-      if (bodies.fixed(large)) touch_fixed(bodies, i, large, out);
+      if (bodies.fixed(large)) touch_fixed(bodies, i, large, found);
     }
   } else {
     for (const std::int32_t large : grid_.large())
       if (bodies.fixed(static_cast<std::size_t>(large)))
-        touch_fixed(bodies, i, static_cast<std::size_t>(large), out);
+        touch_fixed(bodies, i, static_cast<std::size_t>(large), found);
   }
   const auto count = static_cast<std::int32_t>(out.contacts.size()) - first;
   if (count == 0) return;
   out.manifolds.push_back({static_cast<std::int32_t>(i), kField, first, count});
-  inherit(out, out.manifolds.back(), old_world_, old_of_body_[i], 0.15F * bodies.reach[i]);
+  inherit(out, out.manifolds.back(), old_.world(), old_.with_world(i, found.member), 0.15F * bodies.reach[i]);
 }
 
 void Detector::touch_field(const Shape& shape, const Vec3& centre, const Mat3& axes, float margin,
@@ -273,10 +276,10 @@ bool Detector::field_reaches(const Vec3& low, const Vec3& high) const {
   return low.z() <= columns.highest(columns.covering(low.x(), high.x(), low.y(), high.y()));
 }
 
-void Detector::touch_fixed(const BodyStore& bodies, std::size_t i, std::size_t fixed,
-                           ContactList& out) const {
+void Detector::touch_fixed(const BodyStore& bodies, std::size_t i, std::size_t fixed, Findings& found) const {
+  ContactList& out = found.world;
   const std::size_t first = out.contacts.size();
-  touch_bodies(bodies, i, fixed, margin_[i], dt_s_, old_normal(i, fixed), out.contacts);
+  touch_bodies(bodies, i, fixed, margin_[i], dt_s_, old_.normal(i, fixed, found.member), out.contacts);
   for (std::size_t k = first; k < out.contacts.size(); ++k)
     out.contacts[k].other = static_cast<std::int32_t>(fixed);
 }
@@ -298,25 +301,7 @@ void Detector::touch_pair(const BodyStore& bodies, std::size_t i, std::size_t j,
   pairs.manifolds.push_back({static_cast<std::int32_t>(a), static_cast<std::int32_t>(b), first, count});
   // A sphere has one contact with each of the others: its arm may turn far in one step.
   const float tolerance = round ? bodies.reach[a] : 0.15F * bodies.reach[a];
-  inherit(pairs, pairs.manifolds.back(), old_pairs_, old_pair(a, b), tolerance);
-}
-
-int Detector::old_pair(std::size_t a, std::size_t b) const {
-  int old = old_first_[a];
-  while (old >= 0 && old_pairs_.manifolds[static_cast<std::size_t>(old)].b != static_cast<std::int32_t>(b))
-    old = old_next_[static_cast<std::size_t>(old)];
-  return old;
-}
-
-const Vec3* Detector::old_normal(std::size_t body, std::size_t fixed) const {
-  const int manifold = old_of_body_[body];
-  if (manifold < 0) return nullptr;
-  const Manifold& m = old_world_.manifolds[static_cast<std::size_t>(manifold)];
-  for (int k = m.first; k < m.first + m.count; ++k) {
-    const Contact& c = old_world_.contacts[static_cast<std::size_t>(k)];
-    if (c.other == static_cast<std::int32_t>(fixed)) return &c.normal;
-  }
-  return nullptr;
+  inherit(pairs, pairs.manifolds.back(), old_.pairs(), old_.pair(a, b, out.member), tolerance);
 }
 
 // The pieces' contacts one after the other, in the grid's order, whatever the slabs.
@@ -329,6 +314,7 @@ void Detector::place_parts(std::vector<Part>& parts, ContactList& list, SlabRuns
   }
   list.manifolds.resize(at.manifolds);
   list.contacts.resize(at.contacts);
+  runs.manifolds = at.manifolds;
   runs.run.resize(parts.size());
   runs.first.clear();
   for (int s = 0; s <= slabs_.slabs(); ++s)

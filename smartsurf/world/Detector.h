@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "smartsurf/surface/Field.h"
@@ -11,6 +12,7 @@
 #include "smartsurf/world/FieldMemory.h"
 #include "smartsurf/world/Grid.h"
 #include "smartsurf/world/LooseField.h"
+#include "smartsurf/world/OldContacts.h"
 #include "smartsurf/world/PairMemory.h"
 #include "smartsurf/world/Slabs.h"
 #include "smartsurf/world/Team.h"
@@ -31,6 +33,10 @@ class Detector {
   template <class Found>
   void for_near(const BodyStore&, std::size_t body, Found found) const;
 
+  // Those of a member's part of the table: where it found them in the last step, for most are there still.
+  // Every body is one member's; before they are found first, by their indices.
+  std::span<const std::int32_t> own_bodies(const Member&) const;
+
   // Contacts of what moves, in an order that depends on the bodies alone. On entry the lists hold the last
   // step's contacts, whose impulses are handed on to the new ones. All members of the team together.
   void detect(const BodyStore&, ContactList& pairs, ContactList& world, const Member&);
@@ -48,9 +54,11 @@ class Detector {
   float narrowest_half_top() const { return std::min(field_.half_top_x, field_.half_top_y); }
 
   // A body was added or removed: the sizes must be looked at again, and contacts of the one removed
-  // forgotten.
-  void bodies_changed() {
+  // forgotten. One by one.
+  void bodies_changed(int bodies) {
     large_ = -1.0F;
+    all_.resize(static_cast<std::size_t>(bodies));
+    if (bodies > 0) all_.back() = bodies - 1;
     for (Findings& f : found_) f.known_pairs = {}, f.known_field = {};
   }
 
@@ -60,6 +68,7 @@ class Detector {
   };
   // In one slab.
   struct Findings {
+    int member = 0;  // who looks
     ContactList pairs, world;
     PairMemory::List known_pairs;
     FieldMemory::List known_field;
@@ -73,24 +82,19 @@ class Detector {
   };
 
   void find_large_size(const BodyStore&);
-  void reach_out(const BodyStore&, Range bodies);
-  void begin(ContactList& pairs, ContactList& world);
+  void reach_out(const BodyStore&, std::span<const std::int32_t> own);
+  void begin(ContactList& pairs, ContactList& world, int members);
   void look_around_large(const BodyStore&);
-  void index_old(const BodyStore&, const ContactList& pairs, const ContactList& world);
   void detect_slab(const BodyStore&, int slab, Findings& out);
   void detect_piece(const BodyStore&, const Slabs::Piece&, Findings& out) const;
   void detect_large(const BodyStore&, Findings& out) const;
   void touch_world(const BodyStore&, std::size_t body, Findings& out) const;
-  void touch_fixed(const BodyStore&, std::size_t body, std::size_t fixed, ContactList& out) const;
+  void touch_fixed(const BodyStore&, std::size_t body, std::size_t fixed, Findings& out) const;
   void touch_pair(const BodyStore&, std::size_t i, std::size_t j, Findings& out) const;
   void place_parts(std::vector<Part>&, ContactList&, SlabRuns&) const;
   void weigh_slabs();
   void copy_slab(int slab, const std::vector<Part>&, const ContactList& from, ContactList& to,
                  SlabRuns&) const;
-  // The manifold that the two had in the last step, or −1.
-  int old_pair(std::size_t a, std::size_t b) const;
-  // The normal of a contact that a body had with a fixed one in the last step, or null.
-  const Vec3* old_normal(std::size_t body, std::size_t fixed) const;
 
   const surface::Field& field_;
   std::unique_ptr<LooseField> loose_;  // for a layout that is not rectangular
@@ -99,14 +103,12 @@ class Detector {
   Grid grid_;
   Slabs slabs_;
   std::vector<float> reach_, margin_;
+  std::vector<std::int32_t> all_;  // bodies, by index
   std::vector<NearLarge> near_;
   std::vector<std::int32_t> first_near_;  // of each body, in near_
-  // The last step's contacts, by body.
-  ContactList old_pairs_, old_world_;
-  std::vector<std::int32_t> old_first_, old_next_;  // manifolds of pairs by their body a
-  std::vector<std::int32_t> old_of_body_;           // manifolds with the world
-  std::vector<Findings> found_;                     // one a slab
-  std::vector<Part> pair_part_, world_part_;        // one a piece
+  OldContacts old_;
+  std::vector<Findings> found_;               // one a slab
+  std::vector<Part> pair_part_, world_part_;  // one a piece
   SlabRuns pair_runs_, world_runs_;
   std::vector<std::size_t> contacts_in_;  // each slab
   PairMemory pair_memory_;

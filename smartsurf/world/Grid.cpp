@@ -11,54 +11,116 @@ constexpr int kCellsPerBody = 4, kFewestCells = 64;
 
 }  // namespace
 
-void Grid::build(std::span<const Vec3> position, std::span<const float> reach, float large) {
-  small_.clear();
-  large_.clear();
-  Vec3 low = Vec3::Constant(1e30F), high = -low;
-  float widest = 1e-3F;
-  for (std::size_t i = 0; i < position.size(); ++i) {
-    if (reach[i] > large || !position[i].allFinite()) {
-      large_.push_back(static_cast<std::int32_t>(i));
+// A counting sort: whoever brings them, in the end the bodies of a cell are in the order of their indices.
+void Grid::build(const Input& in, std::span<const std::int32_t> own, const Member& member) {
+  member.alone([&] {
+    part_.resize(static_cast<std::size_t>(member.members));
+    cell_of_body_.resize(in.position.size());
+  });
+  Part& part = part_[static_cast<std::size_t>(member.index)];
+  measure(in, own, part);
+  member.alone([&] { make_cells(in.position.size()); });
+  count(in, own, part);
+  member.alone([this] { find_cells(); });
+  find_places(static_cast<std::size_t>(member.index));
+  for (const std::int32_t body : own) {
+    const std::int32_t cell = cell_of_body_[static_cast<std::size_t>(body)];
+    if (cell >= 0) order_[static_cast<std::size_t>(part.next[static_cast<std::size_t>(cell)]++)] = body;
+  }
+  member.meet();
+  fill_cells(in, member.share(count_[1]));
+}
+
+void Grid::measure(const Input& in, std::span<const std::int32_t> own, Part& part) {
+  part.low = Vec3::Constant(1e30F);
+  part.high = -part.low;
+  part.widest = 1e-3F;
+  part.large.clear();
+  for (const std::int32_t body : own) {
+    const auto i = static_cast<std::size_t>(body);
+    const bool large = in.reach[i] > in.large || !in.position[i].allFinite();
+    cell_of_body_[i] = large ? -1 : 0;
+    if (large) {
+      part.large.push_back(body);
       continue;
     }
-    small_.push_back(static_cast<std::int32_t>(i));
-    low = low.cwiseMin(position[i]);
-    high = high.cwiseMax(position[i]);
-    widest = std::max(widest, reach[i]);
+    part.low = part.low.cwiseMin(in.position[i]);
+    part.high = part.high.cwiseMax(in.position[i]);
+    part.widest = std::max(part.widest, in.reach[i]);
   }
+}
+
+void Grid::make_cells(std::size_t bodies) {
+  Vec3 low = part_.front().low, high = part_.front().high;
+  float widest = 0.0F;
+  large_.clear();
+  for (const Part& part : part_) {
+    low = low.cwiseMin(part.low);
+    high = high.cwiseMax(part.high);
+    widest = std::max(widest, part.widest);
+    large_.insert(large_.end(), part.large.begin(), part.large.end());
+  }
+  std::sort(large_.begin(), large_.end());
+  const std::size_t small = bodies - large_.size();
   origin_ = low;
   inverse_size_ = 1.0F / (2.0F * widest);
-  const float most = static_cast<float>(kFewestCells + kCellsPerBody * static_cast<int>(small_.size()));
+  const float most = static_cast<float>(kFewestCells + kCellsPerBody * static_cast<int>(small));
   float cells[3];
   for (int k = 0; k < 3; ++k)
-    cells[k] = small_.empty() ? 1.0F : std::floor((high[k] - low[k]) * inverse_size_) + 1.0F;
+    cells[k] = small == 0 ? 1.0F : std::floor((high[k] - low[k]) * inverse_size_) + 1.0F;
   // Too many: the far ones share the last cells.
   for (int k = 0; k < 3; ++k) count_[k] = static_cast<int>(std::min(cells[k], 1024.0F));
   for (int k = 2;
        static_cast<float>(count_[0]) * static_cast<float>(count_[1]) * static_cast<float>(count_[2]) > most;
        k = (k + 2) % 3)
     count_[k] = std::max(1, count_[k] / 2);
+  first_.resize(static_cast<std::size_t>(count_[0] * count_[1] * count_[2]) + 1);
+  order_.resize(small);
+  cell_.resize(small);
+  entry_.resize(small);
+}
 
-  first_.assign(static_cast<std::size_t>(count_[0] * count_[1] * count_[2]) + 1, 0);
-  small_cell_.resize(small_.size());
-  for (std::size_t i = 0; i < small_.size(); ++i) {
-    const Vec3& p = position[static_cast<std::size_t>(small_[i])];
-    small_cell_[i] = index(cell_of(p.x(), 0), cell_of(p.y(), 1), cell_of(p.z(), 2));
-    ++first_[static_cast<std::size_t>(small_cell_[i]) + 1];
+void Grid::count(const Input& in, std::span<const std::int32_t> own, Part& part) {
+  part.count.assign(first_.size() - 1, 0);
+  for (const std::int32_t body : own) {
+    const auto i = static_cast<std::size_t>(body);
+    if (cell_of_body_[i] < 0) continue;
+    const Vec3& p = in.position[i];
+    cell_of_body_[i] = index(cell_of(p.x(), 0), cell_of(p.y(), 1), cell_of(p.z(), 2));
+    ++part.count[static_cast<std::size_t>(cell_of_body_[i])];
   }
-  for (std::size_t c = 1; c < first_.size(); ++c) first_[c] += first_[c - 1];
-  order_.resize(small_.size());
-  cell_.resize(small_.size());
-  entry_.resize(small_.size());
-  for (std::size_t i = 0; i < small_.size(); ++i) {
-    const auto at = static_cast<std::size_t>(first_[static_cast<std::size_t>(small_cell_[i])]++);
-    const auto body = static_cast<std::size_t>(small_[i]);
-    order_[at] = small_[i];
-    cell_[at] = small_cell_[i];
-    entry_[at] = {position[body].x(), position[body].y(), position[body].z(), reach[body]};
+}
+
+void Grid::find_cells() {
+  std::int32_t at = 0;
+  for (std::size_t c = 0; c + 1 < first_.size(); ++c) {
+    first_[c] = at;
+    for (const Part& part : part_) at += part.count[c];
   }
-  for (std::size_t c = first_.size() - 1; c > 0; --c) first_[c] = first_[c - 1];
-  first_[0] = 0;
+  first_.back() = at;
+}
+
+void Grid::find_places(std::size_t member) {
+  std::vector<std::int32_t>& next = part_[member].next;
+  next.assign(first_.begin(), first_.end() - 1);
+  for (std::size_t before = 0; before < member; ++before)
+    for (std::size_t c = 0; c < next.size(); ++c) next[c] += part_[before].count[c];
+}
+
+// Those of these lines of cells along x, in every layer.
+void Grid::fill_cells(const Input& in, Range lines) {
+  for (int z = 0; z < count_[2]; ++z)
+    for (int cell = index(0, lines.begin, z); cell < index(0, lines.end, z); ++cell) {
+      const int begin = first_[static_cast<std::size_t>(cell)],
+                end = first_[static_cast<std::size_t>(cell) + 1];
+      if (part_.size() > 1) std::sort(order_.begin() + begin, order_.begin() + end);
+      for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
+        const auto body = static_cast<std::size_t>(order_[k]);
+        const Vec3& p = in.position[body];
+        cell_[k] = cell;
+        entry_[k] = {p.x(), p.y(), p.z(), in.reach[body]};
+      }
+    }
 }
 
 }  // namespace smartsurf::world

@@ -8,15 +8,24 @@
 #include <span>
 #include <vector>
 
+#include "smartsurf/world/Team.h"
 #include "smartsurf/world/Vec.h"
 
 namespace smartsurf::world {
 
 class Grid {
  public:
-  // Sorts the bodies in. `reach[i]`: radius about position[i] within which body i can touch anything.
-  // Ones with reach above `large` are kept apart.
-  void build(std::span<const Vec3> position, std::span<const float> reach, float large);
+  // What build() sorts in: every body, where it is and the radius about it within which it can touch
+  // anything. Ones with reach above `large` are kept apart.
+  struct Input {
+    std::span<const Vec3> position;
+    std::span<const float> reach;
+    float large;
+  };
+  // All members of the team together, each with bodies of its own that together are all; best those which lie
+  // in its part of the table; one alone brings them in the order of their indices. The last of them may still
+  // be at work: meet before asking.
+  void build(const Input&, std::span<const std::int32_t> own, const Member&);
 
   std::int32_t body(int sorted) const { return order_[static_cast<std::size_t>(sorted)]; }
   int sorted() const { return static_cast<int>(order_.size()); }
@@ -46,6 +55,20 @@ class Grid {
                                                        : static_cast<int>(c);
   }
   int index(int x, int y, int z) const { return (z * count_[1] + y) * count_[0] + x; }
+  // Of one member.
+  struct alignas(128) Part {
+    Vec3 low, high;
+    float widest;
+    std::vector<std::int32_t> large;
+    std::vector<std::int32_t> count, next;  // of each cell: its own bodies, and where the next one goes
+  };
+  void measure(const Input&, std::span<const std::int32_t> own, Part&);
+  void make_cells(std::size_t bodies);
+  void count(const Input&, std::span<const std::int32_t> own, Part&);
+  void find_cells();
+  void find_places(std::size_t member);
+  void fill_cells(const Input&, Range lines);
+
   template <class Found>
   void scan(int self, int from, int to, Found& found) const {
     const Entry a = entry_[static_cast<std::size_t>(self)];
@@ -64,7 +87,8 @@ class Grid {
   std::vector<std::int32_t> order_, large_;  // body indices
   std::vector<std::int32_t> cell_;           // of each sorted body
   std::vector<Entry> entry_;                 // of each sorted body
-  std::vector<std::int32_t> small_, small_cell_;
+  std::vector<Part> part_;                   // one a member
+  std::vector<std::int32_t> cell_of_body_;   // −1: large
 };
 
 template <class Found>

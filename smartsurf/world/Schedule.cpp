@@ -134,38 +134,36 @@ Octet& Schedule::clear_octet(int index) {
 
 void Schedule::list_share(const Member& member) {
   Share& share = share_[static_cast<std::size_t>(member.index)];
-  share.run.clear();
-  share.first.assign(1, 0);
-  auto add = [&](const OctetRun& round, const OctetRun& any, int lanes) {
-    add_share(round, lanes, member);
-    add_share(any, lanes, member);
-    share.first.push_back(share.run.size());
-  };
-  for (const Colour& c : colours_) add(c.round, c.any, c.in_order ? 1 : kLanes);
-  add(round_world_, any_world_, kLanes);
+  share.clear();
+  for (const Colour& c : colours_) {
+    for (const OctetRun& run : {c.round, c.any}) {
+      if (!c.in_order)
+        add_share(run, member);
+      else if (member.leads())
+        share.add(run);
+    }
+    share.end_colour();
+  }
+  add_share(round_world_, member);
+  add_share(any_world_, member);
+  share.end_colour();
 }
 
 // Of each number of points the member's manifolds follow each other, and with them its octets.
-void Schedule::add_share(const OctetRun& run, int lanes, const Member& member) {
+void Schedule::add_share(const OctetRun& run, const Member& member) {
   if (run.count == 0) return;
-  std::vector<OctetRun>& mine = share_[static_cast<std::size_t>(member.index)].run;
-  const std::size_t before = mine.size();
+  Share& mine = share_[static_cast<std::size_t>(member.index)];
   const int begin = start_[static_cast<std::size_t>(run.first)];
   const auto end = first_of_key_.begin() + static_cast<std::ptrdiff_t>(keys()) + 1;
   const auto group = static_cast<std::size_t>(std::upper_bound(first_of_key_.begin(), end, begin) -
                                               first_of_key_.begin() - 1) /
                      kCounts;
-  auto octets_to = [&](int place) { return run.first + (place - begin + lanes - 1) / lanes; };
+  auto octets_to = [&](int place) { return run.first + (place - begin + kLanes - 1) / kLanes; };
   for (std::size_t key = group * kCounts; key < (group + 1) * kCounts; ++key) {
     const auto next = static_cast<std::size_t>(member.index) + 1;
     const int from = place_[next - 1][key];
     const int to = next < place_.size() ? place_[next][key] : first_of_key_[key + 1];
-    const int first = octets_to(from), count = octets_to(to) - first;
-    if (count <= 0) continue;
-    if (mine.size() > before && mine.back().first + mine.back().count == first)
-      mine.back().count += count;
-    else
-      mine.push_back({run.kind, first, count});
+    mine.add({run.kind, octets_to(from), octets_to(to) - octets_to(from)});
   }
 }
 

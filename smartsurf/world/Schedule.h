@@ -21,6 +21,30 @@ struct OctetRun {
   int first = 0, count = 0;
 };
 
+// Runs of octets, colour by colour; the world counts as the last colour.
+struct OctetRuns {
+  std::vector<OctetRun> run;
+  std::vector<std::size_t> first{0};  // of each colour
+
+  std::span<const OctetRun> of(std::size_t colour) const {
+    return std::span(run).subspan(first[colour], first[colour + 1] - first[colour]);
+  }
+  void clear() {
+    run.clear();
+    first.assign(1, 0);
+  }
+  // Lengthens the colour's last run, where one follows the other.
+  void add(const OctetRun& next) {
+    const bool follows = run.size() > first.back() && run.back().kind == next.kind &&
+                         run.back().first + run.back().count == next.first;
+    if (follows)
+      run.back().count += next.count;
+    else if (next.count > 0)
+      run.push_back(next);
+  }
+  void end_colour() { first.push_back(run.size()); }
+};
+
 class Schedule {
  public:
   // The runs name every manifold once. `slabs`: the member's own. All members of the team together.
@@ -39,10 +63,9 @@ class Schedule {
   OctetRun any_world() const { return any_world_; }
 
   // Those octets of the i-th colour that begin in the member's slabs; after the last colour: those with the
-  // world.
+  // world. What is to be taken in order is the leader's.
   std::span<const OctetRun> share(const Member& member, std::size_t i) const {
-    const Share& s = share_[static_cast<std::size_t>(member.index)];
-    return std::span(s.run).subspan(s.first[i], s.first[i + 1] - s.first[i]);
+    return share_[static_cast<std::size_t>(member.index)].of(i);
   }
   // All of them.
   std::span<const OctetRun> share(const Member& member) const {
@@ -67,10 +90,7 @@ class Schedule {
   static constexpr int kCounts = 16;
   static constexpr std::size_t kMostKeys = 2 * (kColours + 2) * kCounts;
   using Places = std::array<std::int32_t, kMostKeys>;  // the first keys() of them are in use
-  struct alignas(64) Share {
-    std::vector<OctetRun> run;
-    std::vector<std::size_t> first;  // of each colour
-  };
+  struct alignas(128) Share : OctetRuns {};
 
   std::size_t keys() const { return 2 * static_cast<std::size_t>(used_colours_ + 1) * kCounts; }
   void colour_pairs(const BodyStore&, const ContactList& pairs);
@@ -80,7 +100,7 @@ class Schedule {
   void pack(const ContactList& pairs, const ContactList& world);
   OctetRun pack(ContactKind, int group, int lanes, const ContactList&);
   void list_share(const Member&);
-  void add_share(const OctetRun&, int lanes, const Member&);
+  void add_share(const OctetRun&, const Member&);
 
   std::vector<std::uint64_t> used_;  // one a body: the colours that its manifolds have
   std::vector<std::uint8_t> colour_;

@@ -99,7 +99,7 @@ Range Slabs::share(const Member& member) const {
     const bool nearer_before = after != weight_before_.begin() && wanted - *(after - 1) < *after - wanted;
     return static_cast<int>(after - weight_before_.begin()) - (nearer_before ? 1 : 0);
   };
-  return {member.first() ? 0 : at(member.index),
+  return {member.index == 0 ? 0 : at(member.index),
           member.index + 1 == member.members ? slabs() : at(member.index + 1)};
 }
 

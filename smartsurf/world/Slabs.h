@@ -19,6 +19,7 @@ namespace smartsurf::world {
 struct SlabRuns {
   std::vector<Range> run;
   std::vector<std::int32_t> first;  // run of each slab, and one more at the end
+  std::size_t manifolds = 0;        // of them all
 
   // Those of some slabs.
   std::span<const Range> of(Range slabs) const {
@@ -56,15 +57,25 @@ class Slabs {
   // ---- a row a body, slab after slab, in each slab first those that move. Fixed bodies' rows mean nothing.
   // The member's slabs are listed; wait before asking.
   void list_rows(const BodyStore&, const Grid&, const Member&);
-  int rows() const { return first_row_.back(); }
+  int rows() const { return first_row_.empty() ? 0 : first_row_.back(); }
   Range rows_of(int slab) const {
     return {first_row_[static_cast<std::size_t>(slab)], first_row_[static_cast<std::size_t>(slab) + 1]};
+  }
+  Range rows_of(Range slabs) const {
+    return {first_row_[static_cast<std::size_t>(slabs.begin)],
+            first_row_[static_cast<std::size_t>(slabs.end)]};
   }
   Range moving_rows_of(int slab) const {
     return {first_row_[static_cast<std::size_t>(slab)], moving_end_[static_cast<std::size_t>(slab)]};
   }
   std::size_t body(int row) const {
     return static_cast<std::size_t>(body_of_row_[static_cast<std::size_t>(row)]);
+  }
+  // The member's bodies as they were listed last.
+  std::span<const std::int32_t> bodies_of(const Member& member) const {
+    const Range rows = rows_of(share(member));
+    return std::span(body_of_row_)
+        .subspan(static_cast<std::size_t>(rows.begin), static_cast<std::size_t>(rows.end - rows.begin));
   }
   std::int32_t row(std::int32_t body) const { return row_of_body_[static_cast<std::size_t>(body)]; }
 

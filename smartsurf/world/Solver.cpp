@@ -50,6 +50,7 @@ struct Solver::Job {
   const Input& input;
   const Slabs& slabs;
   Range mine;  // the member's slabs
+  Range own_rows;
   BodyRows rows;
   Pass pair_pass, world_pass;
   const KernelTable& kernels;
@@ -64,7 +65,7 @@ struct Solver::Job {
 void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
   const Range mine = input.slabs.share(member);
   schedule_.build(bodies, input.pairs, input.pair_runs, input.world, input.world_runs, mine, member);
-  member.alone([&] { make_room(input.slabs); });
+  member.alone([&] { make_room(input.slabs, member.members); });
   const float h_s = settings_.dt_s / static_cast<float>(settings_.substeps);
   const bool bounces =
       settings_.field_restitution > 0.0F ||
@@ -73,6 +74,7 @@ void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
           input,
           input.slabs,
           mine,
+          input.slabs.rows_of(mine),
           rows(),
           softness(h_s, kPairHz, settings_.substeps),
           softness(h_s, kWorldHz, settings_.substeps),
@@ -83,7 +85,7 @@ void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
   work(job, member);
 }
 
-void Solver::make_room(const Slabs& slabs) {
+void Solver::make_room(const Slabs& slabs, int members) {
   const auto rows = static_cast<std::size_t>(slabs.rows());
   motion_.resize(rows);
   shift_.resize(rows);
@@ -92,32 +94,38 @@ void Solver::make_room(const Slabs& slabs) {
   grip_.resize(rows);
   point_.resize(static_cast<std::size_t>(schedule_.points()));
   detail_.resize(point_.size());
+  borders_.make_room(slabs.rows(), members);
 }
 
 void Solver::work(Job& job, const Member& member) {
   load_rows(job);
-  member.wait();
+  borders_.clear(job.own_rows);
+  member.meet();
   for (const OctetRun& run : schedule_.share(member))
     for (int i = run.first; i < run.first + run.count; ++i) fill(job, run.kind, i);
-  member.wait();
+  member.meet();
+  borders_.split(schedule_, member);
   begin_substep(job, true);
-  member.wait();
+  member.arrive();
   const KernelTable& k = job.kernels;
   sweep(job, member, k.warm, 0.0F);
   const float h_s = job.pair_pass.h_s;
   for (int s = 0; s < settings_.substeps; ++s) {
     if (s > 0) {
-      begin_substep(job, false);
       member.wait();
+      begin_substep(job, false);
+      member.arrive();
     }
     sweep(job, member, k.solve, static_cast<float>(s) * h_s);
-    advance(job);
     member.wait();
+    advance(job);
+    member.arrive();
     sweep(job, member, k.relax, 0.0F);
   }
   if (job.bounces) sweep(job, member, k.rebound, 0.0F);
   for (const OctetRun& run : schedule_.share(member))
     for (int i = run.first; i < run.first + run.count; ++i) read_back(job, run.kind, i);
+  member.meet();
 }
 
 // ---- contacts into lanes, and back
@@ -125,6 +133,7 @@ void Solver::work(Job& job, const Member& member) {
 void Solver::fill(Job& job, ContactKind kind, int index) {
   Octet& o = schedule_.clear_octet(index);
   set_bodies(job, o, index, kind);
+  borders_.mark(o, job.own_rows);
   const ContactList& list = job.list(kind);
   auto for_lanes = [&](auto each) {
     for (int lane = 0; lane < o.count; ++lane)
@@ -331,30 +340,18 @@ void Solver::hand_back(BodyStore& bodies, const Slabs& slabs, int row) const {
 void Solver::sweep(Job& job, const Member& member, const Kernel (&kernel)[kContactKinds], float elapsed_s) {
   Pass pair = job.pair_pass, world = job.world_pass;
   pair.elapsed_s = world.elapsed_s = elapsed_s;
-  auto run = [&](const OctetRun& octets, const Pass& pass) {
-    if (octets.count > 0)
-      kernel[octets.kind](schedule_.octets_from(octets.first), octets.count, points(), job.rows, pass);
-  };
-  bool alone = false;
-  const auto& colours = schedule_.colours();
-  for (std::size_t i = 0; i < colours.size(); ++i) {
-    const Schedule::Colour& c = colours[i];
-    // Colours too small to share follow each other on one member, without waiting.
-    constexpr int kWorthSharing = 2;
-    const bool share = !c.in_order && c.round.count + c.any.count >= kWorthSharing;
-    if (share && alone) member.wait();
-    alone = !share;
-    if (share) {
-      for (const OctetRun& octets : schedule_.share(member, i)) run(octets, pair);
-      member.wait();
-    } else if (member.first()) {
-      run(c.round, pair);
-      run(c.any, pair);
-    }
+  const std::size_t colours = schedule_.colours().size();
+  for (std::size_t i = 0; i <= colours; ++i) {
+    auto run = [&](std::span<const OctetRun> runs) {
+      for (const OctetRun& octets : runs)
+        kernel[octets.kind](schedule_.octets_from(octets.first), octets.count, points(), job.rows,
+                            i < colours ? pair : world);
+    };
+    member.wait();
+    run(borders_.shared(member, i));
+    member.arrive();
+    run(borders_.own(member, i));
   }
-  if (alone) member.wait();
-  for (const OctetRun& octets : schedule_.share(member, colours.size())) run(octets, world);
-  member.wait();
 }
 
 }  // namespace smartsurf::world

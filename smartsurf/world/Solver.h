@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "smartsurf/world/Bodies.h"
+#include "smartsurf/world/Borders.h"
 #include "smartsurf/world/Contact.h"
 #include "smartsurf/world/Schedule.h"
 #include "smartsurf/world/Slabs.h"
@@ -45,7 +46,7 @@ class Solver {
 
  private:
   struct Job;
-  void make_room(const Slabs&);
+  void make_room(const Slabs&, int members);
   void work(Job&, const Member&);
   void fill(Job&, ContactKind, int octet);
   void set_bodies(Job&, Octet&, int index, ContactKind);
@@ -71,6 +72,7 @@ class Solver {
   StepSettings settings_;
   Grip field_;
   Schedule schedule_;
+  Borders borders_;
   std::vector<Point> point_;
   std::vector<PointDetail> detail_;
   // One a row of the slabs: what the passes read lies near what they read next.

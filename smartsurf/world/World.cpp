@@ -16,6 +16,8 @@
 namespace smartsurf::world {
 namespace {
 
+constexpr std::size_t kWorthSharing = 512;  // bodies
+
 struct Push {
   scene::ObjectId id;
   Vec3 force, arm;  // arm: where it acts, in the body's own axes
@@ -69,6 +71,7 @@ struct World::State {
   void look_around_sleepers();
   void step_moving(const Member&);
   void move_bodies(const Member&);
+  void note_loads(Range manifolds);
   void write_impulses();
 
   std::vector<scene::Material> materials;
@@ -85,6 +88,11 @@ struct World::State {
   Solver solver;
   CellLimits limits;
   bool wrenches_given = false;  // since the last step
+  struct Load {
+    std::int32_t cell;  // −1: none
+    float impulse;
+  };
+  std::vector<Load> loads;  // one a contact with the world
   // Cells with an impulse of the last step, and what the sleepers press on each.
   std::vector<std::int32_t> pressed;
   std::vector<float> rest_impulse;
@@ -106,7 +114,7 @@ World::~World() = default;
 scene::ObjectId World::add(const scene::ObjectSpec& spec) {
   State& s = *state_;
   s.bodies.add(s.next_id, spec, s.materials[static_cast<std::size_t>(spec.material)]);
-  s.detector.bodies_changed();
+  s.detector.bodies_changed(s.bodies.size());
   s.sleep.disturb(s.bodies, s.bodies.id.size() - 1, s.pairs, s.world);
   return s.next_id++;
 }
@@ -121,7 +129,7 @@ bool World::remove(scene::ObjectId id) {
   forget(state_->pairs, index);
   forget(state_->world, index);
   state_->sleep.forget_body(index);
-  state_->detector.bodies_changed();
+  state_->detector.bodies_changed(state_->bodies.size());
   std::erase_if(state_->pushes, [id](const Push& p) { return p.id == id; });
   return true;
 }
@@ -202,7 +210,22 @@ void World::State::move_bodies(const Member& member) {
       sleep.time_rest(bodies, i);
     }
   }
-  for (const Range& run : detector.world_runs().of(mine)) sleep.unsettle(bodies, world, run);
+  for (const Range& run : detector.world_runs().of(mine)) {
+    sleep.unsettle(bodies, world, run);
+    note_loads(run);
+  }
+}
+
+// Apart from the contacts, for one thread will read them all: contacts that it does not read need not travel
+// to it and back.
+void World::State::note_loads(Range manifolds) {
+  for (int i = manifolds.begin; i < manifolds.end; ++i) {
+    const Manifold& m = world.manifolds[static_cast<std::size_t>(i)];
+    for (auto k = static_cast<std::size_t>(m.first); k < static_cast<std::size_t>(m.first + m.count); ++k) {
+      const Contact& c = world.contacts[k];
+      loads[k] = {c.other == kField && c.total != 0.0F ? c.key : -1, c.total};
+    }
+  }
 }
 
 // Sleepers press on as they did when they fell asleep.
@@ -220,10 +243,10 @@ void World::State::write_impulses() {
   };
   for (const std::int32_t cell : pressed) field.impulse[static_cast<std::size_t>(cell)] = rest(cell);
   pressed.clear();
-  for (const Contact& c : world.contacts) {
-    if (c.other != kField || c.total == 0.0F) continue;
-    field.impulse[static_cast<std::size_t>(c.key)] += c.total;
-    pressed.push_back(c.key);
+  for (const Load& load : loads) {
+    if (load.cell < 0) continue;
+    field.impulse[static_cast<std::size_t>(load.cell)] += load.impulse;
+    pressed.push_back(load.cell);
   }
 }
 
@@ -269,6 +292,7 @@ void World::State::step_moving(const Member& member) {
     sleep.return_contacts(bodies, pairs, world);
   });
   detector.detect(bodies, pairs, world, member);
+  if (member.leads()) loads.resize(world.contacts.size());
   if (field.yields()) member.alone([this] { limits.share_out(field, settings.dt_s, world); });
   solver.step(bodies,
               {detector.slabs(), pairs, world, detector.pair_runs(), detector.world_runs(), field.yields(),
@@ -285,8 +309,8 @@ void World::step() {
   if (s.moving.empty()) {
     s.pairs.clear();
     s.world.clear();
+    s.loads.clear();
   } else {
-    constexpr std::size_t kWorthSharing = 512;
     s.team.run(s.moving.size() >= kWorthSharing, [&s](const Member& member) { s.step_moving(member); });
     s.limits.give_way(s.bodies, s.world, s.settings.dt_s, s.field);
     s.sleep.update(s.bodies, s.moving, s.pairs, s.world);
@@ -319,13 +343,17 @@ void World::snapshot(scene::Snapshot& out) const {
   out.orientation.resize(n);
   out.velocity.resize(n);
   out.angular_velocity.resize(n);
-  for (std::size_t i = 0; i < n; ++i) {
-    const Quat& q = b.orientation[i];
-    out.position[i] = array_of(b.position[i]);
-    out.orientation[i] = {q.x(), q.y(), q.z(), q.w()};
-    out.velocity[i] = array_of(b.velocity(i));
-    out.angular_velocity[i] = array_of(b.spin(i));
-  }
+  // Each thread copies what it moved: if one did it all, the others' bodies would travel to it and back.
+  state_->team.run(n >= kWorthSharing, [&](const Member& member) {
+    for (const std::int32_t body : state_->detector.own_bodies(member)) {
+      const auto i = static_cast<std::size_t>(body);
+      const Quat& q = b.orientation[i];
+      out.position[i] = array_of(b.position[i]);
+      out.orientation[i] = {q.x(), q.y(), q.z(), q.w()};
+      out.velocity[i] = array_of(b.velocity(i));
+      out.angular_velocity[i] = array_of(b.spin(i));
+    }
+  });
   StateHash hash;
   for (const scene::ObjectId id : out.id) hash.add(id);
   hash.add(numbers_of(out.position));

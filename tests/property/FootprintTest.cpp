@@ -40,7 +40,7 @@ void compare(const Scene& s, const Segment& segment, Tally& tally, const std::st
   surface::SensedBodies bodies(0, static_cast<float>(s.field.rows - 1));
   bodies.update(s.snapshot, s.objects, pool);
   FirstHit sweep(s.field, segment);
-  sweep.sweep(bodies.all(), marks_of(bodies), 1000, s.field.height, pool);
+  sweep.sweep(bodies, marks_of(bodies), 1000, s.field.height, pool);
   for (int cell = 0; cell < s.field.cells(); ++cell) {
     const auto i = static_cast<std::size_t>(cell);
     const Expected e = first_met(s, segment, cell);
@@ -163,7 +163,7 @@ TEST(Footprint, WhatIsNearerHidesWhatIsBehind) {
   surface::SensedBodies bodies(0, 8);
   bodies.update(s.snapshot, s.objects, pool);
   FirstHit up(s.field, segment_along({0, 0, 1}, 8, true));
-  up.sweep(bodies.all(), marks_of(bodies), 1000, s.field.height, pool);
+  up.sweep(bodies, marks_of(bodies), 1000, s.field.height, pool);
   EXPECT_EQ(up.mark()[4 * 9 + 4], 2.0F);
   EXPECT_FLOAT_EQ(up.distance()[4 * 9 + 4], 1.75F);
   EXPECT_EQ(up.mark()[2 * 9 + 4], 1.0F) << "beside the lower one";
@@ -173,11 +173,11 @@ TEST(Footprint, WhatIsNearerHidesWhatIsBehind) {
   Segment west = segment_along({-1, 0, 0}, 8, true);
   west.origin.z() = 2.0F;
   FirstHit level(s.field, west);
-  level.sweep(bodies.all(), marks_of(bodies), 1000, s.field.height, pool);
+  level.sweep(bodies, marks_of(bodies), 1000, s.field.height, pool);
   EXPECT_EQ(level.mark()[4 * 9 + 8], 2.0F);
   EXPECT_FLOAT_EQ(level.distance()[4 * 9 + 8], 2.5F);
   s.field.height[4 * 9 + 6] = 2.5F;  // a pin between
-  level.sweep(bodies.all(), marks_of(bodies), 1000, s.field.height, pool);
+  level.sweep(bodies, marks_of(bodies), 1000, s.field.height, pool);
   EXPECT_EQ(level.mark()[4 * 9 + 8], 1000.0F);
   EXPECT_FLOAT_EQ(level.distance()[4 * 9 + 8], 1.6F);
   EXPECT_EQ(level.mark()[3 * 9 + 8], 2.0F) << "the row beside it sees on";
@@ -197,8 +197,8 @@ TEST(Footprint, ForgetsWhatMovedAwayAndNamesTheCellsThatMayHaveChanged) {
       if (step == 4) s.snapshot.position[0][1] = std::numeric_limits<float>::quiet_NaN();
       bodies.update(s.snapshot, s.objects, pool);
       FirstHit fresh(s.field, segment);
-      kept.sweep(bodies.all(), marks_of(bodies), 1000, s.field.height, pool);
-      fresh.sweep(bodies.all(), marks_of(bodies), 1000, s.field.height, pool);
+      kept.sweep(bodies, marks_of(bodies), 1000, s.field.height, pool);
+      fresh.sweep(bodies, marks_of(bodies), 1000, s.field.height, pool);
       ASSERT_TRUE(std::ranges::equal(kept.distance(), fresh.distance())) << step;
       ASSERT_TRUE(std::ranges::equal(kept.mark(), fresh.mark())) << step;
       kept.for_changed(0, 40, [&](int first, int last) {
@@ -221,10 +221,37 @@ TEST(Footprint, HasTheSameBitsForAnyNumberOfThreads) {
         surface::SensedBodies bodies;
         bodies.update(s.snapshot, s.objects, pool);
         FirstHit sweep(s.field, segment_along(direction, 6, true));
-        sweep.sweep(bodies.all(), marks_of(bodies), 1000, s.field.height, pool);
+        sweep.sweep(bodies, marks_of(bodies), 1000, s.field.height, pool);
         if (threads == 1) first.assign(sweep.distance().begin(), sweep.distance().end());
         ASSERT_TRUE(std::ranges::equal(first, sweep.distance())) << direction.transpose();
       }
+    }
+  }
+}
+
+TEST(Footprint, PartsOfTheTableSeeAllOfACrowdThatLiesOverThem) {
+  std::mt19937 random(11);
+  Scene s = random_scene(random, 60, 40, false);
+  std::uniform_real_distribution<float> u(-3.0F, 63.0F);
+  for (std::size_t k = s.objects.size(); k < 300; ++k) {
+    scene::ObjectSpec o;
+    o.radius = 0.5 + 0.01 * static_cast<double>(k % 100);
+    s.snapshot.id.push_back(static_cast<scene::ObjectId>(k));
+    s.snapshot.position.push_back({u(random), u(random), 3.0F});
+    s.snapshot.orientation.push_back({0, 0, 0, 1});
+    s.objects.push_back(o);
+  }
+  s.snapshot.position[40][1] = std::numeric_limits<float>::quiet_NaN();
+  for (const auto& direction : kDirections) {
+    std::vector<float> first;
+    for (const int threads : {1, 2, 7}) {
+      surface::WorkerPool pool(threads, 0.0);
+      surface::SensedBodies bodies(0, 59);
+      bodies.update(s.snapshot, s.objects, pool);
+      FirstHit sweep(s.field, segment_along(direction, 6, false));
+      sweep.sweep(bodies, marks_of(bodies), 1000, s.field.height, pool);
+      if (threads == 1) first.assign(sweep.mark().begin(), sweep.mark().end());
+      ASSERT_TRUE(std::ranges::equal(first, sweep.mark())) << direction.transpose() << " " << threads;
     }
   }
 }
@@ -242,7 +269,7 @@ TEST(Footprint, HasTheSameBitsOnEveryInstructionSet) {
         hwy::SetSupportedTargetsForTest(target);
         hwy::GetChosenTarget().Update(hwy::SupportedTargets());
         FirstHit sweep(s.field, segment_along(direction, 6, true));
-        sweep.sweep(bodies.all(), marks_of(bodies), 1000, s.field.height, pool);
+        sweep.sweep(bodies, marks_of(bodies), 1000, s.field.height, pool);
         if (first.empty()) first.assign(sweep.distance().begin(), sweep.distance().end());
         EXPECT_TRUE(std::ranges::equal(first, sweep.distance())) << hwy::TargetName(target);
       }

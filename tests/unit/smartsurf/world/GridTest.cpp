@@ -7,6 +7,7 @@
 #include <random>
 #include <set>
 
+using namespace smartsurf;
 using namespace smartsurf::world;
 
 namespace {
@@ -31,6 +32,18 @@ struct Cloud {
 
 using Pairs = std::multiset<std::pair<int, int>>;
 
+// Each member brings every n-th body.
+void build(Grid& grid, const Cloud& cloud, int members = 1) {
+  surface::WorkerPool pool(members);
+  Team team(&pool);
+  team.run(true, [&](const Member& member) {
+    std::vector<std::int32_t> own;
+    for (int i = member.index; i < static_cast<int>(cloud.position.size()); i += member.members)
+      own.push_back(i);
+    grid.build({cloud.position, cloud.reach, 10.0F}, own, member);
+  });
+}
+
 }  // namespace
 
 TEST(Grid, FindsEveryPairOnce) {
@@ -38,7 +51,7 @@ TEST(Grid, FindsEveryPairOnce) {
     Cloud cloud(300, size, 7);
     cloud.position[3] = {1e4F, -1e4F, 5.0F};  // far away from all others
     Grid grid;
-    grid.build(cloud.position, cloud.reach, 10.0F);
+    build(grid, cloud);
     ASSERT_EQ(grid.sorted(), 300);
     Pairs found, expected;
     grid.for_pairs(0, grid.sorted(), [&](int i, int j) { found.insert(std::minmax(i, j)); });
@@ -52,7 +65,7 @@ TEST(Grid, FindsEveryPairOnce) {
 TEST(Grid, PartsOfTheOrderGiveAllPairsTogether) {
   const Cloud cloud(200, 10.0F, 3);
   Grid grid;
-  grid.build(cloud.position, cloud.reach, 10.0F);
+  build(grid, cloud);
   Pairs whole, parts;
   grid.for_pairs(0, 200, [&](int i, int j) { whole.insert(std::minmax(i, j)); });
   for (const auto& [begin, end] : {std::pair{0, 50}, {50, 51}, {51, 200}})
@@ -64,7 +77,7 @@ TEST(Grid, KeepsLargeBodiesApartAndFindsWhatTheirBoxMeets) {
   Cloud cloud(200, 12.0F, 5);
   cloud.reach[17] = 50.0F;
   Grid grid;
-  grid.build(cloud.position, cloud.reach, 10.0F);
+  build(grid, cloud);
   ASSERT_EQ(grid.large().size(), 1u);
   EXPECT_EQ(grid.large()[0], 17);
   const Vec3 low(2, 3, 0), high(7, 5, 2);
@@ -82,9 +95,27 @@ TEST(Grid, KeepsLargeBodiesApartAndFindsWhatTheirBoxMeets) {
 TEST(Grid, LooksSomewhereForWhatIsNowhere) {
   Cloud cloud(20, 6.0F, 7);
   Grid grid;
-  grid.build(cloud.position, cloud.reach, 10.0F);
+  build(grid, cloud);
   const Vec3 nowhere = Vec3::Constant(std::numeric_limits<float>::quiet_NaN());
   int found = 0;
   grid.for_box(nowhere, nowhere, [&](std::int32_t) { ++found; });
   EXPECT_EQ(found, 0);
+}
+
+TEST(Grid, AnyNumberOfMembersSortsTheBodiesTheSameWay) {
+  Cloud cloud(400, 12.0F, 9);
+  cloud.reach[17] = cloud.reach[301] = 50.0F;
+  Grid alone;
+  build(alone, cloud);
+  for (const int members : {2, 3, 7}) {
+    Grid grid;
+    build(grid, cloud, members);
+    ASSERT_EQ(grid.sorted(), 398);
+    EXPECT_EQ(std::vector(grid.large().begin(), grid.large().end()), (std::vector{17, 301}));
+    Pairs found, expected;
+    for (int k = 0; k < grid.sorted(); ++k) EXPECT_EQ(grid.body(k), alone.body(k)) << members << " " << k;
+    alone.for_pairs(0, 398, [&](int i, int j) { expected.insert({i, j}); });
+    grid.for_pairs(0, 398, [&](int i, int j) { found.insert({i, j}); });
+    EXPECT_EQ(found, expected) << members;
+  }
 }

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <numeric>
 #include <random>
 #include <set>
 
@@ -30,7 +31,10 @@ struct Heap {
     bodies.position[9].x() = std::numeric_limits<float>::quiet_NaN();
     std::vector<float> reach(bodies.reach);
     reach[5] = 1e30F;
-    grid.build(bodies.position, reach, 10.0F);
+    std::vector<std::int32_t> all(static_cast<std::size_t>(n));
+    std::iota(all.begin(), all.end(), 0);
+    Barrier alone(1);
+    grid.build({bodies.position, reach, 10.0F}, all, Member{0, 1, alone});
     slabs.cut(grid);
   }
   void list(int members) {

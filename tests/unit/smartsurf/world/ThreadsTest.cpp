@@ -50,6 +50,9 @@ std::uint64_t hash_after(const scene::SceneSpec& scene, int steps, int threads) 
     for (int c = 0; c < scene.surface.columns; ++c)
       cells.set_target(0, step % scene.surface.rows, c, 1.0F + std::sin(0.3F * static_cast<float>(c)));
     cells.plan(scene.world.dt_s);
+    // What goes takes its contacts along; what comes has none yet.
+    if (step % 4 == 3) world.remove(static_cast<scene::ObjectId>(37 * step));
+    if (step == 9) world.add(scene.objects[5]);
     world.step();
     cells.commit(scene.world.dt_s);
   }
