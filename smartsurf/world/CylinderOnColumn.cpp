@@ -44,14 +44,17 @@ OnEdge nearest_on(const Round& c, const Vec3& from, const Vec3& along, float len
   OnEdge low = look(0.0F), high = look(length);
   if (low.slope >= 0.0F) return low;
   if (high.slope <= 0.0F) return high;
+  auto flatter = [&] { return -low.slope < high.slope ? low : high; };
   for (int round = 0; round < kMostRounds; ++round) {
-    const OnEdge& flatter = -low.slope < high.slope ? low : high;
-    if (std::abs(flatter.slope) * (high.at - low.at) <= 0.5F * kPrecision) return flatter;
+    if (std::abs(flatter().slope) * (high.at - low.at) <= 0.5F * kPrecision) break;
     const float share = std::clamp(low.slope / (low.slope - high.slope), kLeastShare, 1.0F - kLeastShare);
     const OnEdge middle = look(low.at + share * (high.at - low.at));
     (middle.slope < 0.0F ? low : high) = middle;
   }
-  return -low.slope < high.slope ? low : high;
+  // Between the ways at both ends lies the one that is square to the edge.
+  OnEdge nearest = flatter();
+  nearest.way.normal = (high.slope * low.way.normal - low.slope * high.way.normal).normalized();
+  return nearest;
 }
 
 // An upper edge of the column, drawn in, and the side that it bounds the top on.
@@ -95,9 +98,7 @@ bool nearest_on_edges(const Core& cylinder, const Column& q, float rounding, con
   }
   const float distance = best.way.distance;
   if (best_edge.length == 0.0F || distance == 0.0F) return false;
-  const bool inside = best.at > 0.0F && best.at < best_edge.length;
-  Vec3 normal = cylinder.axes * -best.way.normal;
-  if (inside) normal = (normal + best.slope * best_edge.along).normalized();
+  const Vec3 normal = cylinder.axes * -best.way.normal;
   // Otherwise something of the top or the side is nearer, or the plane between the two tells that they are.
   if (normal.z() < 0.0F || normal.dot(best_edge.side) < 0.0F) return false;
   const Vec3 on_column = best_edge.from + best.at * best_edge.along;
