@@ -27,6 +27,8 @@ void BodyStore::add(scene::ObjectId new_id, const scene::ObjectSpec& spec, const
   shape.push_back(std::make_unique<const Shape>(make_shape(spec)));
   reach.push_back(shape.back()->reach);
   round.push_back(shape.back()->round());
+  revolves.push_back(shape.back()->revolves());
+  width.push_back(shape.back()->width);
   grip.push_back({reach.back(), std::sqrt(static_cast<float>(material.friction)),
                   shape.back()->rolls ? std::sqrt(static_cast<float>(material.rolling_friction)) : 0.0F,
                   static_cast<float>(material.restitution)});
@@ -50,7 +52,7 @@ void BodyStore::add(scene::ObjectId new_id, const scene::ObjectSpec& spec, const
 
 void BodyStore::erase(std::size_t i) {
   drop(id, i), drop(position, i), drop(orientation, i), drop(motion, i), drop(mass, i), drop(shape, i);
-  drop(reach, i), drop(round, i), drop(grip, i);
+  drop(reach, i), drop(round, i), drop(revolves, i), drop(width, i), drop(grip, i);
   drop(own_inertia, i), drop(own_inverse_inertia, i), drop(wrench, i), drop(asleep, i), drop(still_s, i);
   drop(axes, i), drop(shift, i), drop(inertia, i);
 }
@@ -69,7 +71,7 @@ void BodyStore::place(std::size_t i, const scene::Placement& p) {
 }
 
 void BodyStore::turn_axes(std::size_t i) {
-  if (shape[i]->round()) {
+  if (round[i]) {
     const float inverse = motion[i].inverse_inertia;
     inertia[i] = {inverse, inverse, inverse, 0, 0, 0, {}};
     return;
@@ -93,7 +95,7 @@ Mat3 without_twist(const Mat3& to, const Mat3& from) {
 }  // namespace
 
 void BodyStore::set_axes(std::size_t i, const Mat3& to) {
-  axes[i] = shape[i]->revolves() ? without_twist(to, axes[i]) : to;
+  axes[i] = revolves[i] ? without_twist(to, axes[i]) : to;
   const Mat3 world = axes[i] * own_inverse_inertia[i] * axes[i].transpose();
   inertia[i] = {world(0, 0), world(1, 1), world(2, 2), world(0, 1), world(0, 2), world(1, 2), {}};
 }
@@ -115,6 +117,15 @@ void BodyStore::fetch(std::size_t i) const {
   hwy::Prefetch(&orientation[i]);
   hwy::Prefetch(&wrench[i]);
   hwy::Prefetch(&still_s[i]);
+}
+
+void BodyStore::fetch_turning(std::size_t i) const {
+  if (round[i]) return;
+  for (const auto* matrix : {&axes[i], &own_inertia[i], &own_inverse_inertia[i]}) {
+    hwy::Prefetch(matrix->data());
+    hwy::Prefetch(matrix->data() + 8);  // they need not begin where a line of the cache does
+  }
+  hwy::Prefetch(&inertia[i]);
 }
 
 void BodyStore::settle(std::size_t i, float dt_s) {

@@ -26,7 +26,9 @@ struct BodyStore {
   std::vector<float> mass;  // 0: fixed
   std::vector<std::unique_ptr<const Shape>> shape;
   std::vector<float> reach;
-  std::vector<char> round;  // whether it is a sphere
+  // Of the shapes, what is asked of every body: a shape lies farther away.
+  std::vector<char> round, revolves;
+  std::vector<float> width;
   std::vector<Grip> grip;
   std::vector<Mat3> own_inertia, own_inverse_inertia;  // in own axes
   std::vector<surface::Wrench> wrench;                 // of the step to come
@@ -52,8 +54,9 @@ struct BodyStore {
   // Brings axes and inertia up to the orientation.
   void turn_axes(std::size_t index);
   // Asks for the memory that a body's motion takes, ahead of its use: threads take bodies by place, not by
-  // index.
+  // index. Then for what settle() takes besides.
   void fetch(std::size_t index) const;
+  void fetch_turning(std::size_t index) const;
   // Moves and turns it as far as it got during the step, gyroscopic effect included.
   void settle(std::size_t index, float dt_s);
 

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "smartsurf/world/ColumnAxes.h"
+#include "smartsurf/world/CylinderOnColumn.h"
 #include "smartsurf/world/Feature.h"
 #include "smartsurf/world/FeaturePoints.h"
 #include "smartsurf/world/Gjk.h"
@@ -267,6 +268,10 @@ class PieceOnField {
   }
 
   NearestPoints nearest_to(const Column& q, const Vec3& towards_piece) const {
+    NearestPoints near;
+    if (piece_.shape.kind == ShapeKind::kCylinder &&
+        nearest_on_edges(core_, q, kColumnRounding, towards_piece, near))
+      return near;
     const float depth = std::max(1.0F, q.top - low_.z() + 1.0F);
     Shape box;
     box.kind = ShapeKind::kBox;

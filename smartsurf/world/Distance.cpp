@@ -97,6 +97,12 @@ Outward of_hull(const Vec3& p, const HullPiece& hull, float limit) {
   Vec3 best = nearest_on_face(piece, piece.faces[top], foot);
   if (best == foot) return {normal, highest};
   float nearest = (p - best).squaredNorm();
+  // Nothing is nearer either where no corner reaches beyond the plane through this point, square to the way.
+  constexpr float kPrecision = 1e-5F;
+  const Vec3 way = p - best;
+  const Vec3& farthest = piece.corners[hull.corners.farthest(way)];
+  if (const float beyond = way.dot(farthest - best); beyond <= kPrecision * nearest)
+    return {unit_or(way, normal), std::sqrt(nearest)};
   hull.heights.for_beyond(p, 0.0F, [&](std::size_t face) {
     const float over = height(face);
     if (face == top || over * over >= nearest) return;

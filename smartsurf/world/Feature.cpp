@@ -253,33 +253,65 @@ float Candidates::least_gap() const {
   return least;
 }
 
-// The point that widens most what is there already, less its gap: −1 where none does noticeably.
-template <class Spread>
-int Candidates::widest(Spread spread) const {
-  int best = -1;
-  float most = 1e-3F;
-  for (int i = 0; i < count_; ++i) {
-    const float gain = spread(list_[i].point) - std::max(0.0F, list_[i].gap);
-    if (gain > most) most = gain, best = i;
+namespace {
+
+// The points beside each other, so that what each would add is worked out for several at a time.
+struct Points {
+  float x[Candidates::kCapacity], y[Candidates::kCapacity], z[Candidates::kCapacity];
+  float cost[Candidates::kCapacity];  // the gap, where there is one
+  int count;
+
+  Vec3 at(int i) const { return {x[i], y[i], z[i]}; }
+  // The point of the greatest spread(x, y, z) less its cost: −1 where none is noticeable.
+  template <class Spread>
+  int widest(Spread spread) const {
+    float gain[Candidates::kCapacity];
+    for (int i = 0; i < count; ++i) gain[i] = spread(x[i], y[i], z[i]) - cost[i];
+    int best = -1;
+    float most = 1e-3F;
+    for (int i = 0; i < count; ++i) {
+      const bool more = gain[i] > most;
+      most = more ? gain[i] : most;
+      best = more ? i : best;
+    }
+    return best;
   }
-  return best;
-}
+};
+
+float square_of(float x, float y, float z) { return x * x + y * y + z * z; }
+
+}  // namespace
 
 int Candidates::choose(int (&chosen)[4]) const {
   if (count_ == 0) return 0;
   chosen[0] = 0;
   for (int i = 1; i < count_; ++i)
     if (list_[i].gap < list_[chosen[0]].gap) chosen[0] = i;
-  const Vec3& a = list_[chosen[0]].point;
-  chosen[1] = widest([&](const Vec3& p) { return (p - a).norm(); });
+  if (count_ == 1) return 1;
+  Points p;
+  p.count = count_;
+  for (int i = 0; i < count_; ++i) {
+    const auto& [at, normal, gap, tag] = list_[i];
+    p.x[i] = at.x(), p.y[i] = at.y(), p.z[i] = at.z();
+    p.cost[i] = std::max(0.0F, gap);
+  }
+  const Vec3 a = p.at(chosen[0]);
+  auto from = [](const Vec3& q, float x, float y, float z) {
+    return square_of(x - q.x(), y - q.y(), z - q.z());
+  };
+  chosen[1] = p.widest([&](float x, float y, float z) { return std::sqrt(from(a, x, y, z)); });
   if (chosen[1] < 0) return 1;
-  const Vec3& b = list_[chosen[1]].point;
+  const Vec3 b = p.at(chosen[1]);
   const Vec3 along = (b - a) / std::max(1e-6F, (b - a).norm());
-  chosen[2] = widest([&](const Vec3& p) { return (p - a).cross(along).norm(); });
+  chosen[2] = p.widest([&](float x, float y, float z) {
+    const float u = x - a.x(), v = y - a.y(), w = z - a.z();
+    return std::sqrt(square_of(v * along.z() - w * along.y(), w * along.x() - u * along.z(),
+                               u * along.y() - v * along.x()));
+  });
   if (chosen[2] < 0) return 2;
-  const Vec3& c = list_[chosen[2]].point;
-  chosen[3] = widest([&](const Vec3& p) {
-    return std::sqrt(std::min({(p - a).squaredNorm(), (p - b).squaredNorm(), (p - c).squaredNorm()}));
+  const Vec3 c = p.at(chosen[2]);
+  chosen[3] = p.widest([&](float x, float y, float z) {
+    return std::sqrt(std::min(std::min(from(a, x, y, z), from(b, x, y, z)), from(c, x, y, z)));
   });
   return chosen[3] < 0 ? 3 : 4;
 }

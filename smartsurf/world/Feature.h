@@ -40,6 +40,8 @@ struct Candidate {
 // Candidates in a list of fixed size, from which those that hold a body best are chosen.
 class Candidates {
  public:
+  static constexpr int kCapacity = 96;
+
   // When the list is full, the widest gap gives way.
   void add(const Candidate&);
   int count() const { return count_; }
@@ -63,10 +65,7 @@ class Candidates {
 
  private:
   int choose(int (&chosen)[4]) const;
-  template <class Spread>
-  int widest(Spread spread) const;
 
-  static constexpr int kCapacity = 96;
   Candidate list_[kCapacity];
   int count_ = 0;
 };

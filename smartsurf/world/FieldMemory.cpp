@@ -10,16 +10,23 @@
 namespace smartsurf::world {
 namespace {
 
-// How far body and cells may move against each other and keep their points: as a share of the body's reach,
-// and in u. What is off then is of second order.
-constexpr float kSlackShare = 0.025F, kMostSlack = 0.05F;
+// How far body and cells may have moved against each other since they were looked at: as a share of the
+// body's reach, and in u. Whatever was farther apart then has not met yet.
+constexpr float kWayShare = 0.04F, kMostWay = 0.08F;
+// Of what is round one point stands for a whole rim, and the nearest one wanders off along it.
+constexpr float kRoundWayShare = 0.025F, kMostRoundWay = 0.05F;
+// How far the body may slide meanwhile where it touches, likewise. The normals stay, so that what is off is
+// of second order.
+constexpr float kSlipShare = 0.025F, kMostSlip = 0.05F;
 // How far cells that were level may move against each other, u: where they are no longer, an edge stands out
 // that has no point.
 constexpr float kMostStep = 0.004F;
 
-float slack_of(const BodyStore& bodies, std::size_t i) {
-  return std::min(kMostSlack, kSlackShare * bodies.reach[i]);
+float most_way(const BodyStore& bodies, std::size_t i) {
+  return bodies.revolves[i] ? std::min(kMostRoundWay, kRoundWayShare * bodies.reach[i])
+                            : std::min(kMostWay, kWayShare * bodies.reach[i]);
 }
+float most_slip(float reach) { return std::min(kMostSlip, kSlipShare * reach); }
 
 }  // namespace
 
@@ -45,11 +52,11 @@ void FieldMemory::index(int bodies) {
 // Whether no point of the body has moved too far against any cell under it, nor these against each other.
 bool FieldMemory::holds(const BodyStore& bodies, std::size_t i, float margin, const Known& before) const {
   constexpr float kHalfRoot = 0.70710678F;
-  const float slack = slack_of(bodies, i);
   const Vec3 by = bodies.position[i] - before.centre;
   const float beside =
       length_of(by.x(), by.y()) + kHalfRoot * bodies.reach[i] * (bodies.axes[i] - before.axes).norm();
-  if (beside > slack) return false;
+  const float most = std::min(most_way(bodies, i), before.clear - margin);
+  if (beside > most) return false;
   float low = std::numeric_limits<float>::max(), high = -low;
   const float* then = before.heights;
   for (int r = before.under.row_begin; r < before.under.row_end; ++r) {
@@ -62,8 +69,22 @@ bool FieldMemory::holds(const BodyStore& bodies, std::size_t i, float margin, co
     }
   }
   const float way = beside + std::max(std::abs(high - by.z()), std::abs(low - by.z()));
-  return way <= slack && way + margin <= before.clear &&
+  return way <= most && !slid(bodies, i, before) &&
          (high - low <= kMostStep || !level_cells_moved_apart(before));
+}
+
+// Whether the body has slid too far at any of its points: each lay straight above its cell's when it was
+// found.
+bool FieldMemory::slid(const BodyStore& bodies, std::size_t i, const Known& before) const {
+  const float most = most_slip(bodies.reach[i]);
+  for (int k = 0; k < before.count; ++k) {
+    const Point& p = before.points[k];
+    const float rise = field_.height[static_cast<std::size_t>(p.cell)] - p.top;
+    const Vec3 open = bodies.position[i] + bodies.axes[i] * p.on_body - p.on_cell - Vec3(0, 0, rise);
+    const float gap = p.normal.dot(open);
+    if (open.squaredNorm() - gap * gap > most * most) return true;
+  }
+  return false;
 }
 
 bool FieldMemory::level_cells_moved_apart(const Known& before) const {
@@ -125,8 +146,8 @@ void FieldMemory::touch(const BodyStore& bodies, std::size_t i, float margin, Li
     repeat(*before, now);
   } else {
     const Vec3& centre = bodies.position[i];
-    const Columns columns(field_, bodies.shape[i]->width);
-    const float wide = margin + slack_of(bodies, i);
+    const Columns columns(field_, bodies.width[i]);
+    const float wide = margin + most_way(bodies, i);
     const Vec3 reach = Vec3(bodies.axes[i].cwiseAbs() * bodies.shape[i]->half) + Vec3::Constant(wide);
     if (centre.z() - reach.z() > field_.max_height) return;
     const CellRange under = columns.covering(centre.x() - reach.x(), centre.x() + reach.x(),
@@ -141,7 +162,7 @@ void FieldMemory::touch(const BodyStore& bodies, std::size_t i, float margin, Li
 void FieldMemory::choose(const BodyStore& bodies, std::size_t i, float margin, const List& now,
                          std::vector<Contact>& out) const {
   const Known& known = now.bodies.back();
-  const Columns columns(field_, bodies.shape[i]->width);
+  const Columns columns(field_, bodies.width[i]);
   const Vec3& centre = bodies.position[i];
   auto rise = [&](const Point& p) { return field_.height[static_cast<std::size_t>(p.cell)] - p.top; };
   for (int k = known.first, end = known.first + known.count; k < end;) {

@@ -53,6 +53,7 @@ class FieldMemory {
 
  private:
   bool holds(const BodyStore&, std::size_t body, float margin, const Known&) const;
+  bool slid(const BodyStore&, std::size_t body, const Known&) const;
   bool level_cells_moved_apart(const Known&) const;
   void look(const BodyStore&, std::size_t body, float margin, const CellRange& under, List& now) const;
   void repeat(const Known&, List& now) const;

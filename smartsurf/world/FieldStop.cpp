@@ -20,8 +20,6 @@ class Way {
         by_(bodies.shift[body].by),
         turn_(bodies.shift[body].turn) {}
 
-  // No point of the body moves farther.
-  float length() const { return by_.norm() + turn_.norm() * shape_.reach; }
   bool over_field() const {
     const Vec3 to = from_ + by_, reach = Vec3::Constant(shape_.reach);
     return detector_.field_reaches(from_.cwiseMin(to) - reach, from_.cwiseMax(to) + reach);
@@ -54,13 +52,20 @@ class Way {
   const Vec3 by_, turn_;
 };
 
+// No point of the body moves farther.
+float way_length(const BodyStore& bodies, std::size_t body) {
+  const Shift& shift = bodies.shift[body];
+  return Vec3(shift.by).norm() + Vec3(shift.turn).norm() * bodies.reach[body];
+}
+
 }  // namespace
 
 void stop_at_field(const Detector& detector, BodyStore& bodies, std::size_t body) {
   if (bodies.round[body]) return;
+  const float length = way_length(bodies, body);
+  if (!(length > 0.25F * bodies.width[body])) return;
   const Way way(detector, bodies, body);
-  const float length = way.length();
-  if (!(length > 0.25F * bodies.shape[body]->width) || !way.over_field()) return;
+  if (!way.over_field()) return;
   // Half a column at a time, so that none is passed unseen.
   const int strides = std::min(kMostStrides, 1 + static_cast<int>(length / detector.narrowest_half_top()));
   const float allowed = std::max(kDeepest, way.depth(0.0F));

@@ -2,21 +2,21 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "smartsurf/world/ConvexPair.h"
 
 namespace smartsurf::world {
 namespace {
 
-// How far bodies may move against each other and keep their points: as a share of the smaller one's reach,
-// and in u. What is off then is of second order, a thousandth of that.
-constexpr float kSlackShare = 0.015F, kMostSlack = 0.03F;
+// How far two bodies may have moved against each other since they were looked at: as a share of the smaller
+// one's reach, and in u. Whatever was farther apart then has not met yet.
+constexpr float kWayShare = 0.03F, kMostWay = 0.06F;
+// How far they may slide meanwhile where they touch, likewise. Their normals stay, so that what is off is of
+// second order, a thousandth of a unit.
+constexpr float kSlipShare = 0.015F, kMostSlip = 0.03F;
 // Distances are told up to this much beyond what is needed at once, u.
 constexpr float kHorizon = 0.2F;
-
-float slack_of(const BodyStore& bodies, std::size_t a, std::size_t b) {
-  return std::min(kMostSlack, kSlackShare * std::min(bodies.reach[a], bodies.reach[b]));
-}
 
 // How two bodies stand to each other, in the axes of b.
 struct Placing {
@@ -27,19 +27,40 @@ struct Placing {
         apart(bodies.axes[b].transpose() * (bodies.position[a] - bodies.position[b])) {}
 };
 
+float smaller_reach(const BodyStore& bodies, std::size_t a, std::size_t b) {
+  return std::min(bodies.reach[a], bodies.reach[b]);
+}
+float most_way(float reach) { return std::min(kMostWay, kWayShare * reach); }
+float most_slip(float reach) { return std::min(kMostSlip, kSlipShare * reach); }
+
 // No point of a has moved farther against b.
 float moved(const Placing& now, const PairMemory::Known& before, float reach) {
   constexpr float kHalfRoot = 0.70710678F;
   return (now.apart - before.apart).norm() + kHalfRoot * reach * (now.turn - before.turn).norm();
 }
 
-// The contact at a point that the two still have; false where its gap is too wide.
-bool contact_at(const BodyStore& bodies, std::size_t a, std::size_t b, const PairMemory::Point& p,
-                float margin, Contact& out) {
-  out.normal = bodies.axes[b] * p.normal;
-  out.arm = bodies.axes[a] * p.on_a;
-  out.gap = out.normal.dot(bodies.position[a] + out.arm - bodies.position[b] - bodies.axes[b] * p.on_b);
-  return out.gap <= margin;
+// From b's point to a's, in the axes of b.
+Vec3 opened(const Placing& now, const PairMemory::Point& p) { return now.turn * p.on_a + now.apart - p.on_b; }
+
+// Whether the bodies have slid farther than that at any of their points: each lay straight above its fellow
+// when it was found.
+bool slid(const Placing& now, const PairMemory::Known& before, float most) {
+  for (int k = 0; k < before.count; ++k) {
+    const Vec3 open = opened(now, before.points[k]);
+    const float gap = before.points[k].normal.dot(open);
+    if (open.squaredNorm() - gap * gap > most * most) return true;
+  }
+  return false;
+}
+
+// Whether what is known of the two still tells their contacts with gaps up to `margin`.
+bool holds(const BodyStore& bodies, const Placing& now, const PairMemory::Known& before, float margin) {
+  const auto a = static_cast<std::size_t>(before.a), b = static_cast<std::size_t>(before.b);
+  const float way = moved(now, before, bodies.reach[a]);
+  if (way + margin > before.clear) return false;
+  if (way + margin <= before.least_gap) return true;
+  const float reach = smaller_reach(bodies, a, b);
+  return way <= most_way(reach) && !slid(now, before, most_slip(reach));
 }
 
 // Looks at the two where they are now, and notes it.
@@ -47,11 +68,14 @@ void look(const BodyStore& bodies, std::size_t a, std::size_t b, float margin, c
           NearestFeature& nearest, PairMemory::Known& known, PairMemory::List& now) {
   thread_local std::vector<Contact> touching;
   touching.clear();
-  known.clear = touch_convex({*bodies.shape[a], bodies.position[a], bodies.axes[a]},
-                             {*bodies.shape[b], bodies.position[b], bodies.axes[b]},
-                             margin + slack_of(bodies, a, b), last_normal, touching, kHorizon, &nearest);
+  known.clear =
+      touch_convex({*bodies.shape[a], bodies.position[a], bodies.axes[a]},
+                   {*bodies.shape[b], bodies.position[b], bodies.axes[b]},
+                   margin + most_way(smaller_reach(bodies, a, b)), last_normal, touching, kHorizon, &nearest);
   known.count = static_cast<std::int32_t>(touching.size());
+  known.least_gap = std::numeric_limits<float>::infinity();
   for (const Contact& c : touching) {
+    known.least_gap = std::min(known.least_gap, c.gap);
     const Vec3 half = (0.5F * c.gap) * c.normal;
     const Vec3 from_b = bodies.position[a] - bodies.position[b] + c.arm - half;
     now.points.push_back({bodies.axes[a].transpose() * (c.arm + half), bodies.axes[b].transpose() * from_b,
@@ -96,10 +120,7 @@ void PairMemory::touch(const BodyStore& bodies, std::size_t a, std::size_t b, fl
   if (before && before->nearest) nearest = *before->nearest;
   Known& known = now.pairs.emplace_back();
   const auto first = static_cast<std::int32_t>(now.points.size());
-  const float way = before ? moved(placing, *before, bodies.reach[a]) : 0.0F;
-  const bool holds =
-      before && way + margin <= before->clear && (before->count == 0 || way <= slack_of(bodies, a, b));
-  if (holds) {
+  if (before && holds(bodies, placing, *before, margin)) {
     known = *before;
     now.points.insert(now.points.end(), before->points, before->points + before->count);
   } else {
@@ -115,9 +136,13 @@ void PairMemory::touch(const BodyStore& bodies, std::size_t a, std::size_t b, fl
   known.feature = nearest.count > 0 ? static_cast<std::int32_t>(now.features.size()) : -1;
   if (nearest.count > 0) now.features.push_back(nearest);
   for (int k = 0; k < known.count; ++k) {
-    Contact c;
-    if (contact_at(bodies, a, b, now.points[static_cast<std::size_t>(first + k)], margin, c))
-      out.push_back(c);
+    const Point& p = now.points[static_cast<std::size_t>(first + k)];
+    const float gap = p.normal.dot(opened(placing, p));
+    if (gap > margin) continue;
+    Contact& c = out.emplace_back();
+    c.normal = bodies.axes[b] * p.normal;
+    c.arm = bodies.axes[a] * p.on_a;
+    c.gap = gap;
   }
 }
 

@@ -19,9 +19,10 @@ class PairMemory {
   };
   struct Known {
     std::int32_t a, b;
-    Mat3 turn;    // the axes of a, in those of b
-    Vec3 apart;   // from b to a, in the axes of b
-    float clear;  // nothing but the points was nearer, u
+    Mat3 turn;        // the axes of a, in those of b
+    Vec3 apart;       // from b to a, in the axes of b
+    float clear;      // nothing but the points was nearer, u
+    float least_gap;  // at the points; infinite without any
     std::int32_t first, count;
     std::int32_t feature;  // in features, or −1
     // ---- of the last step's

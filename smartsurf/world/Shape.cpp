@@ -63,6 +63,7 @@ std::vector<HullPiece> hulls_of(const scene::Solid& solid) {
     hull.width = least_width(piece);
     hull.rounding = std::min(0.03F, 0.1F * hull.width);
     hull.core = drawn_in(piece, hull.rounding);
+    hull.corners.assign(piece.corners);
     hull.core_blocks.assign(hull.core);
     std::vector<Vec3> normals;
     std::vector<float> offsets;

@@ -46,7 +46,7 @@ struct HullPiece {
   const scene::ConvexPiece* piece = nullptr;
   std::vector<Vec3> core;
   float rounding = 0.0F, width = 0.0F;
-  VectorBlocks core_blocks, face_normals;
+  VectorBlocks corners, core_blocks, face_normals;
   VectorBlocks heights;  // of a point above the faces' planes
   struct Edge {
     std::uint16_t corner, left, right;  // one of its corners, and the faces that meet in it

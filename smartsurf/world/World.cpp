@@ -203,7 +203,11 @@ void World::State::move_bodies(const Member& member) {
     const Range rows = slabs.moving_rows_of(s);
     for (int row = rows.begin; row < rows.end; ++row) {
       const std::size_t i = slabs.body(row);
-      if (row + kAhead < rows.end) bodies.fetch(slabs.body(row + kAhead));
+      if (row + kAhead < rows.end) {
+        const std::size_t ahead = slabs.body(row + kAhead);
+        bodies.fetch(ahead);
+        bodies.fetch_turning(ahead);
+      }
       solver.hand_back(bodies, slabs, row);
       stop_at_field(detector, bodies, i);
       bodies.settle(i, settings.dt_s);

@@ -99,6 +99,21 @@ TEST(FieldMemory, PointsFollowABodyThatSlidesAndTurnsOverPins) {
   }
 }
 
+TEST(FieldMemory, PointsKeepUpWithABodyThatSlides) {
+  Bench b(ShapeKind::kBox, 1.305);
+  b.cell(4, 4) = 0.3F;
+  for (int i = 0; i < 60; ++i) {
+    b.step();
+    ASSERT_FALSE(b.contacts.empty());
+    for (const Contact& c : b.contacts) {
+      float nearest = 1.0F;
+      for (const Contact& fresh : b.afresh()) nearest = std::min(nearest, (fresh.arm - c.arm).norm());
+      EXPECT_LT(nearest, 0.051F) << i;
+    }
+    b.bodies.position[0].y() += 0.006F;
+  }
+}
+
 TEST(FieldMemory, PointsFollowTheirCells) {
   Bench b(ShapeKind::kBox, 1.31);
   b.set_heights(wave);

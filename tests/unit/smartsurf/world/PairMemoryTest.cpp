@@ -35,11 +35,11 @@ struct Pair {
     bodies.add(0, object(kind_a, {0, 0, 0}), kMaterial);
     bodies.add(1, object(kind_b, b_at), kMaterial);
   }
-  void step() {
+  void step(float margin = kMargin) {
     memory.take(0, list);
     memory.index(bodies.size());
     contacts.clear();
-    memory.touch(bodies, 0, 1, kMargin, list, contacts);
+    memory.touch(bodies, 0, 1, margin, list, contacts);
   }
   std::vector<Contact> afresh() const {
     std::vector<Contact> out;
@@ -72,6 +72,35 @@ TEST(PairMemory, PointsFollowBodiesThatHardlyMove) {
       p.bodies.position[1] += Vec3(0.004F, -0.002F, i < 30 ? -1e-4F : 1e-4F);
       p.turn(1, Vec3(2e-4F, -1e-4F, 1e-3F));
     }
+  }
+}
+
+TEST(PairMemory, PointsKeepUpWithABodyThatSlides) {
+  Pair p(ShapeKind::kBox, ShapeKind::kBox, {0.7, 0.6, 2.01});
+  for (int i = 0; i < 60; ++i) {
+    p.step();
+    for (const Contact& c : p.contacts) {
+      float nearest = 1.0F;
+      for (const Contact& fresh : p.afresh()) nearest = std::min(nearest, (fresh.arm - c.arm).norm());
+      EXPECT_LT(nearest, 0.031F) << i;
+    }
+    p.bodies.position[1].x() += 0.005F;
+  }
+}
+
+// What was looked at from afar, because it came fast, is looked at again when it turns.
+TEST(PairMemory, PointsFollowABodyThatRollsAfterItCameFast) {
+  Pair p(ShapeKind::kBox, ShapeKind::kCapsule, {0.3, 0.2, 2.01});
+  p.turn(1, Vec3(1.2F, 0, 0));
+  p.bodies.position[1].z() = 2.0F - 1.0F + 1.0F + 0.001F;
+  p.step(0.5F);
+  for (int i = 0; i < 20; ++i) {
+    p.turn(1, Vec3(0.01F, 0, 0));
+    p.step();
+    const float truth = least_gap(p.afresh());
+    if (truth > kMargin || truth < -0.02F) continue;
+    ASSERT_FALSE(p.contacts.empty()) << i;
+    EXPECT_NEAR(least_gap(p.contacts), truth, 1e-3F) << i;
   }
 }
 

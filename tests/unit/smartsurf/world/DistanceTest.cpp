@@ -1,0 +1,55 @@
+#include "smartsurf/world/Distance.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+
+using namespace smartsurf;
+using namespace smartsurf::world;
+
+namespace {
+
+// Flat and skew: over its edges the plane that a point lies farthest above is often not the nearest face's.
+std::shared_ptr<const scene::Solid> splinter() {
+  const std::vector<Vec3> corners{{-2, 0.4F, 0}, {2, -0.3F, 0.1F}, {0.2F, -0.6F, 0.35F}, {-0.4F, 0.7F, 0.3F}};
+  std::vector<std::uint16_t> loops;
+  for (std::uint16_t left_out = 0; left_out < 4; ++left_out) {
+    std::uint16_t loop[3];
+    for (std::uint16_t i = 0, k = 0; i < 4; ++i)
+      if (i != left_out) loop[k++] = i;
+    const Vec3 &a = corners[loop[0]], &b = corners[loop[1]], &c = corners[loop[2]];
+    if ((b - a).cross(c - a).dot(corners[left_out] - a) > 0.0F) std::swap(loop[1], loop[2]);
+    loops.insert(loops.end(), loop, loop + 3);
+  }
+  auto solid = std::make_shared<scene::Solid>();
+  const std::uint32_t sizes[] = {3, 3, 3, 3};
+  solid->pieces = {scene::make_piece(corners, loops, sizes)};
+  solid->vertices = corners;
+  scene::set_bounds(*solid);
+  return solid;
+}
+
+}  // namespace
+
+// Nothing of the solid lies beyond the plane that far below the point: then no shorter way is left out.
+TEST(Distance, OfAHullIsTheWidestGapOfAPlane) {
+  scene::ObjectSpec spec;
+  spec.shape = scene::ShapeKind::kSolid;
+  spec.solid = splinter();
+  const Shape shape = make_shape(spec);
+  const auto& corners = spec.solid->pieces[0].corners;
+  std::mt19937 random(17);
+  std::uniform_real_distribution<float> u(-1, 1);
+  int outside = 0;
+  for (int i = 0; i < 2000; ++i) {
+    const Vec3 p(3.0F * u(random), 1.5F * u(random), 1.5F * u(random));
+    const Outward o = outward_of({shape, shape.hulls.data()}, p);
+    if (o.distance <= 0.0F) continue;
+    ++outside;
+    float highest = -1e9F;
+    for (const Vec3& corner : corners) highest = std::max(highest, o.normal.dot(corner));
+    EXPECT_NEAR(o.normal.dot(p) - highest, o.distance, 1e-4F) << p.transpose();
+  }
+  EXPECT_GT(outside, 1000);
+}
