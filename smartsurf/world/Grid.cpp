@@ -77,7 +77,7 @@ void Grid::make_cells(std::size_t bodies) {
   first_.resize(static_cast<std::size_t>(count_[0] * count_[1] * count_[2]) + 1);
   order_.resize(small);
   cell_.resize(small);
-  entry_.resize(small);
+  for (std::vector<float>* of : {&x_, &y_, &z_, &reach_}) of->resize(small + kSpare);
 }
 
 void Grid::count(const Input& in, std::span<const std::int32_t> own, Part& part) {
@@ -118,7 +118,10 @@ void Grid::fill_cells(const Input& in, Range lines) {
         const auto body = static_cast<std::size_t>(order_[k]);
         const Vec3& p = in.position[body];
         cell_[k] = cell;
-        entry_[k] = {p.x(), p.y(), p.z(), in.reach[body]};
+        x_[k] = p.x();
+        y_[k] = p.y();
+        z_[k] = p.z();
+        reach_[k] = in.reach[body];
       }
     }
 }
