@@ -113,7 +113,7 @@ void Grid::fill_cells(const Input& in, Range lines) {
     for (int cell = index(0, lines.begin, z); cell < index(0, lines.end, z); ++cell) {
       const int begin = first_[static_cast<std::size_t>(cell)],
                 end = first_[static_cast<std::size_t>(cell) + 1];
-      if (part_.size() > 1) std::sort(order_.begin() + begin, order_.begin() + end);
+      if (part_.size() > 1 && end - begin > 1) std::sort(order_.begin() + begin, order_.begin() + end);
       for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
         const auto body = static_cast<std::size_t>(order_[k]);
         const Vec3& p = in.position[body];
