@@ -111,8 +111,8 @@ void Detector::detect(const BodyStore& bodies, ContactList& pairs, ContactList& 
   if (member.index == 0) {
     look_around_large(bodies);
     pair_memory_.index(bodies.size());
-    field_memory_.index(bodies.size());
   }
+  if (member.leads()) field_memory_.index(bodies.size());
   slabs_.list_rows(bodies, grid_, member);
   member.meet();
   const Range mine = slabs_.share(member);

@@ -77,7 +77,7 @@ void Grid::make_cells(std::size_t bodies) {
   first_.resize(static_cast<std::size_t>(count_[0] * count_[1] * count_[2]) + 1);
   order_.resize(small);
   cell_.resize(small);
-  entry_.resize(small);
+  for (std::vector<float>* of : {&x_, &y_, &z_, &reach_}) of->resize(small + kSpare);
 }
 
 void Grid::count(const Input& in, std::span<const std::int32_t> own, Part& part) {
@@ -113,12 +113,15 @@ void Grid::fill_cells(const Input& in, Range lines) {
     for (int cell = index(0, lines.begin, z); cell < index(0, lines.end, z); ++cell) {
       const int begin = first_[static_cast<std::size_t>(cell)],
                 end = first_[static_cast<std::size_t>(cell) + 1];
-      if (part_.size() > 1) std::sort(order_.begin() + begin, order_.begin() + end);
+      if (part_.size() > 1 && end - begin > 1) std::sort(order_.begin() + begin, order_.begin() + end);
       for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
         const auto body = static_cast<std::size_t>(order_[k]);
         const Vec3& p = in.position[body];
         cell_[k] = cell;
-        entry_[k] = {p.x(), p.y(), p.z(), in.reach[body]};
+        x_[k] = p.x();
+        y_[k] = p.y();
+        z_[k] = p.z();
+        reach_[k] = in.reach[body];
       }
     }
 }

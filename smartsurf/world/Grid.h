@@ -4,10 +4,12 @@
 // what it finds depends on positions and indices alone.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <span>
 #include <vector>
 
+#include "smartsurf/world/GridKernels.h"
 #include "smartsurf/world/Team.h"
 #include "smartsurf/world/Vec.h"
 
@@ -44,9 +46,7 @@ class Grid {
   void for_box(const Vec3& low, const Vec3& high, Found found) const;
 
  private:
-  struct Entry {
-    float x, y, z, reach;
-  };
+  static constexpr int kMostRuns = 5;  // of cells that a body's pairs may lie in
   // 0 for what is not a number too.
   int cell_of(float u, int axis) const {
     const float c = (u - origin_[axis]) * inverse_size_;
@@ -69,16 +69,9 @@ class Grid {
   void find_places(std::size_t member);
   void fill_cells(const Input&, Range lines);
 
+  // Calls found(self, other) for those of the runs that meet the one at `self`.
   template <class Found>
-  void scan(int self, int from, int to, Found& found) const {
-    const Entry a = entry_[static_cast<std::size_t>(self)];
-    for (int k = from; k < to; ++k) {
-      const Entry& b = entry_[static_cast<std::size_t>(k)];
-      const float dx = a.x - b.x, dy = a.y - b.y, dz = a.z - b.z, reach = a.reach + b.reach;
-      if (dx * dx + dy * dy + dz * dz < reach * reach)
-        found(order_[static_cast<std::size_t>(self)], order_[static_cast<std::size_t>(k)]);
-    }
-  }
+  void scan(int self, std::span<const Range> runs, Found& found) const;
 
   Vec3 origin_{0, 0, 0};
   float inverse_size_ = 1.0F;
@@ -86,10 +79,29 @@ class Grid {
   std::vector<std::int32_t> first_;          // of each cell, in sorted order; one more at the end
   std::vector<std::int32_t> order_, large_;  // body indices
   std::vector<std::int32_t> cell_;           // of each sorted body
-  std::vector<Entry> entry_;                 // of each sorted body
+  std::vector<float> x_, y_, z_, reach_;     // of each sorted body, and kSpare more
   std::vector<Part> part_;                   // one a member
   std::vector<std::int32_t> cell_of_body_;   // −1: large
 };
+
+template <class Found>
+void Grid::scan(int self, std::span<const Range> runs, Found& found) const {
+  constexpr int kMost = 256;
+  std::int32_t near[kMost + kSpare];
+  auto look = [&](std::span<const Range> part) {
+    const int count = find_near({x_.data(), y_.data(), z_.data(), reach_.data()}, self, part, near);
+    for (int k = 0; k < count; ++k)
+      found(order_[static_cast<std::size_t>(self)], order_[static_cast<std::size_t>(near[k])]);
+  };
+  int all = 0;
+  for (const Range& run : runs) all += run.end - run.begin;
+  if (all <= kMost) return look(runs);
+  for (const Range& run : runs)
+    for (int from = run.begin; from < run.end; from += kMost) {
+      const Range part{from, std::min(run.end, from + kMost)};
+      look({&part, 1});
+    }
+}
 
 template <class Found>
 void Grid::for_pairs(int begin, int end, Found found) const {
@@ -97,12 +109,14 @@ void Grid::for_pairs(int begin, int end, Found found) const {
     const int cell = cell_[static_cast<std::size_t>(self)];
     const int cx = cell % count_[0], cy = cell / count_[0] % count_[1], cz = cell / count_[0] / count_[1];
     const int x0 = cx > 0 ? cx - 1 : 0, x1 = cx + 1 < count_[0] ? cx + 1 : cx;
-    scan(self, self + 1, first_[static_cast<std::size_t>(index(x1, cy, cz)) + 1], found);
+    Range runs[kMostRuns] = {{self + 1, first_[static_cast<std::size_t>(index(x1, cy, cz)) + 1]}};
+    std::size_t n = 1;
     for (int z = cz; z <= cz + 1 && z < count_[2]; ++z)
       for (int y = z == cz ? cy + 1 : cy - 1; y <= cy + 1; ++y)
         if (y >= 0 && y < count_[1])
-          scan(self, first_[static_cast<std::size_t>(index(x0, y, z))],
-               first_[static_cast<std::size_t>(index(x1, y, z)) + 1], found);
+          runs[n++] = {first_[static_cast<std::size_t>(index(x0, y, z))],
+                       first_[static_cast<std::size_t>(index(x1, y, z)) + 1]};
+    scan(self, {runs, n}, found);
   }
 }
 
@@ -117,10 +131,11 @@ void Grid::for_box(const Vec3& low, const Vec3& high, Found found) const {
     for (int y = from[1]; y <= to[1]; ++y) {
       const int last = first_[static_cast<std::size_t>(index(to[0], y, z)) + 1];
       for (int k = first_[static_cast<std::size_t>(index(from[0], y, z))]; k < last; ++k) {
-        const Entry& e = entry_[static_cast<std::size_t>(k)];
-        const bool meets = e.x + e.reach > low.x() && e.x - e.reach < high.x() && e.y + e.reach > low.y() &&
-                           e.y - e.reach < high.y() && e.z + e.reach > low.z() && e.z - e.reach < high.z();
-        if (meets) found(order_[static_cast<std::size_t>(k)]);
+        const auto i = static_cast<std::size_t>(k);
+        const float reach = reach_[i];
+        const bool meets = x_[i] + reach > low.x() && x_[i] - reach < high.x() && y_[i] + reach > low.y() &&
+                           y_[i] - reach < high.y() && z_[i] + reach > low.z() && z_[i] - reach < high.z();
+        if (meets) found(order_[i]);
       }
     }
 }

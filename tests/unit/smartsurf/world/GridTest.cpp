@@ -1,6 +1,7 @@
 #include "smartsurf/world/Grid.h"
 
 #include <gtest/gtest.h>
+#include <hwy/targets.h>
 
 #include <algorithm>
 #include <limits>
@@ -118,4 +119,22 @@ TEST(Grid, AnyNumberOfMembersSortsTheBodiesTheSameWay) {
     grid.for_pairs(0, 398, [&](int i, int j) { found.insert({i, j}); });
     EXPECT_EQ(found, expected) << members;
   }
+}
+
+TEST(Grid, FindsTheSameOnEveryInstructionSet) {
+  const Cloud cloud(300, 9.0F, 11);
+  Grid grid;
+  build(grid, cloud);
+  std::vector<std::pair<int, int>> first;
+  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    std::vector<std::pair<int, int>> found;
+    grid.for_pairs(0, grid.sorted(), [&](int i, int j) { found.emplace_back(i, j); });
+    if (first.empty()) first = found;
+    EXPECT_EQ(found, first) << hwy::TargetName(target);
+  }
+  EXPECT_GT(first.size(), 300u);
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
 }
