@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include "smartsurf/world/ColumnAxes.h"
 #include "smartsurf/world/CylinderOnColumn.h"
@@ -240,8 +241,11 @@ class PieceOnField {
         p.column.leans_over_bridge(way.normal.x(), way.normal.y(), kLeanTolerance))
       return;
     Candidates found;
-    add_patch(feature_towards(piece_, centre_, axes_, -way.normal), feature_of(p.column, way.normal),
-              way.normal, margin_, 0, found);
+    const Feature over = feature_towards(piece_, centre_, axes_, -way.normal);
+    add_patch(over, feature_of(p.column, way.normal), way.normal, margin_, 0, found);
+    // A mantle along an upper edge bears on both ends of what they share.
+    if (found.count() == 0 && over.count == 2)
+      add_patch(over, edge_of(p.column, way.normal), way.normal, margin_, 0, found);
     if (found.count() == 0) found.add({near.on_b + kColumnRounding * near.normal, way.normal, way.gap, 0});
     add(p, found, out);
   }
@@ -281,6 +285,16 @@ class PieceOnField {
     const Mat3 upright = Mat3::Identity();
     return nearest_points(core_, Core(Piece{box, nullptr}, at, upright),
                           margin_ + core_.rounding + kColumnRounding, towards_piece);
+  }
+
+  // The upper edge that the normal leans out over.
+  static Feature edge_of(const Column& q, const Vec3& n) {
+    const int across = std::abs(n.x()) > std::abs(n.y()) ? 0 : 1;
+    Feature f;
+    f.add({q.west, q.south, q.top}), f.add({q.east, q.north, q.top});
+    const float side = across == 0 ? (n.x() > 0 ? q.east : q.west) : (n.y() > 0 ? q.north : q.south);
+    for (Vec3& end : std::span(f.point).first(2)) end[across] = side;
+    return f;
   }
 
   // The column's top, or the side that the normal leaves it by, as far down as the piece reaches.

@@ -1,4 +1,5 @@
-// Cylinders that a column stands deep in: deeper than GJK can tell.
+// Cylinders that a column stands deep in: deeper than GJK can tell. And along an edge, where it tells one
+// point.
 #include "smartsurf/world/ConvexOnField.h"
 
 #include <gtest/gtest.h>
@@ -63,4 +64,24 @@ TEST(ConvexOnField, AColumnInsideACylinderPushesItOutHoweverDeepItIs) {
     EXPECT_LT(least, -0.5F * depth) << i << ", " << depth << " deep";
   }
   EXPECT_GT(deep, 200);
+}
+
+TEST(ConvexOnField, ACylinderAlongAnEdgeBearsOnBothItsEnds) {
+  scene::ObjectSpec o;
+  o.shape = ShapeKind::kCylinder;
+  o.radius = 1.2;
+  o.height = 2.0;
+  const Shape shape = make_shape(o);
+  surface::Field field = one_column();
+  for (int row = 0; row < kSide; ++row) field.height[static_cast<std::size_t>(field.index(row, 4))] = 0.0F;
+  // Beside the ridge's eastern edge, and hardly aslant.
+  const float beside = 0.5F, above = std::sqrt(1.2F * 1.2F - beside * beside) - 0.003F;
+  const Vec3 centre(4.0F + field.half_top_x + beside, 4.1F, above);
+  const Mat3 axes = Quat(Eigen::AngleAxisf(1.5717963F, Vec3::UnitX())).toRotationMatrix();
+  std::vector<Contact> found;
+  touch_field_with_shape(field, shape, centre, axes, 0.03F, found);
+  float south = 1.0F, north = -1.0F;
+  for (const Contact& c : found) south = std::min(south, c.arm.y()), north = std::max(north, c.arm.y());
+  EXPECT_LT(south, -0.9F);
+  EXPECT_GT(north, 0.9F);
 }
