@@ -11,6 +11,7 @@
 #include <hwy/highway.h>
 
 #include "smartsurf/surface/LineCrossing-inl.h"
+#include "smartsurf/surface/SweepBounds.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace smartsurf::surface {
@@ -139,11 +140,6 @@ HWY_INLINE void meet_stretch(const SweepJob& job, const Stretch& stretch, int fi
   }
 }
 
-struct Range {
-  float low, high;
-  bool empty() const { return !(low <= high); }
-};
-
 // Between which distances a segment can be as high as the body.
 Range heights_met(const SweepJob& job, const SensedBody& b) {
   const float dz = job.direction.z(), top = b.centre.z() + b.reach_z, bottom = b.centre.z() - b.reach_z;
@@ -154,21 +150,6 @@ Range heights_met(const SweepJob& job, const SensedBody& b) {
     return over <= 0.0F && under >= 0.0F ? Range{0.0F, job.range} : Range{1.0F, 0.0F};
   return {std::max(0.0F, dz > 0.0F ? over / dz : under / dz),
           std::min(job.range, dz > 0.0F ? under / dz : over / dz)};
-}
-
-// Where along one axis a segment must start to be within `reach` of the centre at a distance in t.
-Range starts(float centre, float reach, float along, const Range& t) {
-  const float a = along * t.low, b = along * t.high;
-  const float slack = 1e-5F * (std::abs(centre) + std::abs(a) + std::abs(b) + reach);
-  return {centre - reach - std::max(a, b) - slack, centre + reach - std::min(a, b) + slack};
-}
-
-// The first index at or after u, and one more than the last at or before it, within [0, most].
-int first_from(float u, int most) {
-  return static_cast<int>(std::ceil(std::clamp(u, 0.0F, static_cast<float>(most))));
-}
-int end_at(float u, int most) {
-  return static_cast<int>(std::floor(std::clamp(u, -1.0F, static_cast<float>(most - 1)))) + 1;
 }
 
 // The part of t in which segments that start at y are beside the body, as seen from the south.
