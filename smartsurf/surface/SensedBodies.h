@@ -42,7 +42,6 @@ class SensedBodies {
 
   // One an object of the snapshot: by strips of the table from north to south, in the snapshot's order within
   // each.
-  std::span<const SensedBody> all() const noexcept { return bodies_; }
   operator std::span<const SensedBody>() const noexcept { return bodies_; }
   std::size_t size() const noexcept { return bodies_.size(); }
   const SensedBody& operator[](std::size_t k) const noexcept { return bodies_[k]; }

@@ -28,7 +28,7 @@ namespace {
 
 std::vector<float> marks_of(const surface::SensedBodies& bodies) {
   std::vector<float> marks;
-  surface::numbered(bodies.all(), marks);
+  surface::numbered(bodies, marks);
   return marks;
 }
 
