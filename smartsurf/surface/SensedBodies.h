@@ -5,10 +5,13 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cstdint>
+#include <deque>
+#include <map>
 #include <span>
 #include <vector>
 
 #include "smartsurf/scene/Snapshot.h"
+#include "smartsurf/surface/Facets.h"
 
 namespace smartsurf::surface {
 
@@ -25,6 +28,7 @@ struct SensedBody {
                              // its own height, unused; sphere: the radius
   Eigen::Matrix3f to_local;  // world → object axes
   const scene::Solid* solid;
+  std::span<const Facets> facets;  // one a convex piece; none where it is round
 
   // Never met by anything: its position was not a number.
   bool nowhere() const { return !(reach_x >= 0.0F); }
@@ -61,6 +65,7 @@ class SensedBodies {
     float farthest;  // of its points from the centre, at most
     scene::ShapeKind shape;
     const scene::Solid* solid;
+    std::span<const Facets> facets;
   };
   static constexpr std::size_t kStrips = 256;
 
@@ -69,7 +74,11 @@ class SensedBodies {
   void set_bundle(const scene::Snapshot&, std::size_t bundle) noexcept;
 
   float north_ = 0.0F, per_u_ = 1.0F;
-  std::vector<Form> forms_;           // index = id
+  std::span<const Facets> facets_for(const scene::ObjectSpec&);
+
+  std::vector<Form> forms_;  // index = id
+  std::map<const scene::Solid*, std::vector<Facets>> solid_facets_;
+  std::deque<std::vector<Facets>> box_facets_;
   std::vector<std::uint32_t> strip_;  // of each of the snapshot's objects
   std::vector<std::uint32_t> order_;  // which of them goes where
   std::vector<SensedBody> bodies_;

@@ -114,6 +114,28 @@ TEST(Footprint, AgreesOnSurfacesNarrowerThanAVectorAndFromAFixedHeight) {
   EXPECT_GT(tally.hits, 100);
 }
 
+// What stands upright has sides that upright segments run along; what is round may be given by more faces
+// than are looked at side by side.
+TEST(Footprint, AgreesUnderWhatStandsUprightAndWhatHasManyFaces) {
+  std::mt19937 random(12);
+  Tally tally;
+  for (const int faces : {12, 56, 100})
+    for (const auto& direction : {Eigen::Vector3f(0, 0, 1), Eigen::Vector3f(0, 0, -1)}) {
+      Scene s = random_scene(random, 12, 13, false);
+      for (auto& q : s.snapshot.orientation) q = {0, 0, 0, 1};
+      for (auto& o : s.objects) {
+        o.orientation.setIdentity();
+        if (o.shape == ShapeKind::kSolid) o.solid = oracle::drum(faces);
+      }
+      Segment segment = segment_along(direction, 12.0F, true);
+      segment.from_top = direction.z() > 0;
+      if (!segment.from_top) segment.origin.z() = 10.0F;
+      compare(s, segment, tally, std::to_string(faces) + " faces");
+    }
+  EXPECT_GT(tally.hits, tally.cells / 4);
+  EXPECT_LT(tally.unsure, tally.cells / 20);
+}
+
 // Beside the table and half off it, below the pins' tops and inside pins, from crumbs to boulders; tables of
 // any pitch; segments in all directions, those that are all but upright or all but level included.
 TEST(Footprint, AgreesWhereverObjectsAreAndWhereverSegmentsPoint) {

@@ -200,6 +200,21 @@ Scene random_scene(std::mt19937& random, int rows, int columns, bool free, float
   return s;
 }
 
+std::shared_ptr<const scene::Solid> drum(int faces) {
+  constexpr float kRadius = 2.0F, kHalf = 1.5F;
+  std::vector<Eigen::Vector4f> planes{{0, 0, 1, kHalf}, {0, 0, -1, kHalf}};
+  for (int i = 2; i < faces; ++i) {
+    const float angle = 6.2831853F * static_cast<float>(i) / static_cast<float>(faces - 2);
+    planes.emplace_back(std::cos(angle), std::sin(angle), 0.0F, kRadius);
+  }
+  auto solid = std::make_shared<scene::Solid>();
+  solid->high = {1.5F * kRadius, 1.5F * kRadius, kHalf};
+  solid->low = -solid->high;
+  solid->reach = solid->high.norm();
+  solid->pieces = {piece_from(planes, solid->low, solid->high)};
+  return solid;
+}
+
 void resize(scene::ObjectSpec& o, double times) {
   if (o.shape == ShapeKind::kSolid) return;
   o.radius *= times;

@@ -3,6 +3,7 @@
 // forms.
 #pragma once
 
+#include <memory>
 #include <random>
 #include <vector>
 
@@ -27,6 +28,8 @@ void move_to(Scene&, std::size_t object, const Eigen::Vector3f& place);
 // An object of that shape at a random place and turn.
 smartsurf::scene::ObjectSpec random_object(std::mt19937& random, smartsurf::scene::ShapeKind, double width,
                                            double depth);
+// An upright drum of that many faces, two of them its ends.
+std::shared_ptr<const smartsurf::scene::Solid> drum(int faces);
 // Of one piece of it, in its own axes: at most 0 inside, convex, and not steeper than a distance.
 double outside(const smartsurf::scene::ObjectSpec&, std::size_t piece, const Eigen::Vector3d& p);
 
