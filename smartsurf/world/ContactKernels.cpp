@@ -6,7 +6,7 @@
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
 
-#include "smartsurf/world/Lanes-inl.h"
+#include "smartsurf/world/ContactLanes-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace smartsurf::world {
@@ -15,131 +15,6 @@ namespace {
 
 // Overlaps up to this are left alone, so that what rests keeps its contacts, u.
 constexpr float kSlop = 1e-3F;
-
-// The bodies on one side of the lanes. No multiply and add is fused: the same bits on every machine.
-struct Side {
-  V3 velocity, spin;
-  V inverse_mass, inverse_inertia;
-};
-
-struct At {
-  Point& point;
-  PointDetail& detail;
-};
-
-struct Symmetric {
-  V xx, yy, zz, xy, xz, yz;
-  HWY_INLINE V3 operator*(const V3& u) const {
-    return {sum3(xx * u.x, xy * u.y, xz * u.z), sum3(xy * u.x, yy * u.y, yz * u.z),
-            sum3(xz * u.x, yz * u.y, zz * u.z)};
-  }
-};
-
-HWY_INLINE Side load_side(const Motion* rows, const std::int32_t* index) {
-  Side s;
-  load_rows(&rows->velocity[0], index, 0, s.velocity.x, s.velocity.y, s.velocity.z, s.inverse_mass);
-  load_rows(&rows->velocity[0], index, 4, s.spin.x, s.spin.y, s.spin.z, s.inverse_inertia);
-  return s;
-}
-
-HWY_INLINE void store_side(const Side& s, Motion* rows, const std::int32_t* index, int count) {
-  float* base = &rows->velocity[0];
-  store_rows(s.velocity.x, s.velocity.y, s.velocity.z, s.inverse_mass, base, index, count, 0);
-  store_rows(s.spin.x, s.spin.y, s.spin.z, s.inverse_inertia, base, index, count, 4);
-}
-
-HWY_INLINE Symmetric load_inertia(const Inertia* rows, const std::int32_t* index) {
-  Symmetric s;
-  V unused, unused_too;
-  load_rows(&rows->xx, index, 0, s.xx, s.yy, s.zz, s.xy);
-  load_rows(&rows->xx, index, 4, s.xz, s.yz, unused, unused_too);
-  return s;
-}
-
-// The eight pairs of one octet (or half of them, where vectors are short), at one of the four kinds.
-template <bool kPair, bool kRound>
-struct Lanes {
-  const Octet& octet;
-  const int lane;  // the first
-  Motion* const motion;
-  Side a, b;
-  Symmetric inertia_a, inertia_b;
-
-  HWY_INLINE Lanes(const Octet& o, int first, const BodyRows& rows)
-      : octet(o), lane(first), motion(rows.motion) {
-    a = load_side(rows.motion, &o.a[first]);
-    if constexpr (kPair) b = load_side(rows.motion, &o.b[first]);
-    if constexpr (!kRound) {
-      inertia_a = load_inertia(rows.inertia, &o.a[first]);
-      if constexpr (kPair) inertia_b = load_inertia(rows.inertia, &o.b[first]);
-    }
-  }
-  HWY_INLINE void store() const {
-    store_side(a, motion, &octet.a[lane], octet.count - lane);
-    if constexpr (kPair) store_side(b, motion, &octet.b[lane], octet.count - lane);
-  }
-
-  HWY_INLINE V3 arm_a(const At& q) const { return load3(q.detail.arm_a, lane); }
-  HWY_INLINE V3 arm_b(const At& q) const { return load3(q.detail.arm_b, lane); }
-
-  // Of a's surface against b's, or the world's.
-  HWY_INLINE V3 relative_velocity(const At& q, const V3& normal) const {
-    V3 dv = a.velocity;
-    if constexpr (kPair) dv = dv - b.velocity;
-    if constexpr (!kPair) dv = dv - load3(q.detail.surface, lane);
-    if constexpr (kRound) {
-      V3 turning = a.spin * load(q.point.radius_a, lane);
-      if constexpr (kPair) turning = turning + b.spin * load(q.point.radius_b, lane);
-      return dv - cross(turning, normal);
-    } else {
-      dv = dv + cross(a.spin, arm_a(q));
-      if constexpr (kPair) dv = dv - cross(b.spin, arm_b(q));
-      return dv;
-    }
-  }
-
-  HWY_INLINE V3 relative_spin(const At& q) const {
-    V3 w = a.spin;
-    if constexpr (kPair) w = w - b.spin;
-    if constexpr (!kPair) w.z = w.z - load(q.detail.surface_spin, lane);
-    return w;
-  }
-
-  HWY_INLINE void push(const At& q, const V3& impulse, const V3& normal, bool along_normal) {
-    a.velocity = a.velocity + impulse * a.inverse_mass;
-    if constexpr (kPair) b.velocity = b.velocity - impulse * b.inverse_mass;
-    if constexpr (kRound) {
-      if (along_normal) return;
-      const V3 turn = cross(normal, impulse);
-      a.spin = a.spin - turn * (a.inverse_inertia * load(q.point.radius_a, lane));
-      if constexpr (kPair) b.spin = b.spin - turn * (b.inverse_inertia * load(q.point.radius_b, lane));
-    } else {
-      a.spin = a.spin + inertia_a * cross(arm_a(q), impulse);
-      if constexpr (kPair) b.spin = b.spin - inertia_b * cross(arm_b(q), impulse);
-    }
-  }
-
-  HWY_INLINE void twist(const V3& impulse) {
-    if constexpr (kRound) {
-      a.spin = a.spin + impulse * a.inverse_inertia;
-      if constexpr (kPair) b.spin = b.spin - impulse * b.inverse_inertia;
-    } else {
-      a.spin = a.spin + inertia_a * impulse;
-      if constexpr (kPair) b.spin = b.spin - inertia_b * impulse;
-    }
-  }
-
-  // How fast the point yields to a unit impulse along u, measured along v.
-  HWY_INLINE V yielding(const At& q, const V3& u, const V3& v, V straight) const {
-    const V3 ra = arm_a(q);
-    V k = straight + dot(cross(ra, v), inertia_a * cross(ra, u));
-    if constexpr (kPair) {
-      const V3 rb = arm_b(q);
-      k = k + dot(cross(rb, v), inertia_b * cross(rb, u));
-    }
-    return k;
-  }
-};
 
 template <bool kPair, bool kRound>
 HWY_INLINE void prepare_point(const Lanes<kPair, kRound>& l, const At& q) {
@@ -168,6 +43,8 @@ HWY_INLINE void prepare_point(const Lanes<kPair, kRound>& l, const At& q) {
             tu = l.yielding(q, t, u, zero());
     const V half = (tt - uu) * set(0.5F);
     across = (tt + uu) * set(0.5F) + hn::Sqrt(half * half + tu * tu);
+    const V3 yielded = l.yielded(q, n);
+    store3(yielded - n * dot(n, yielded), q.detail.slip, at);
     turning = sum3(l.inertia_a.xx, l.inertia_a.yy, l.inertia_a.zz);
     if constexpr (kPair) turning = turning + sum3(l.inertia_b.xx, l.inertia_b.yy, l.inertia_b.zz);
   }
@@ -193,16 +70,8 @@ HWY_INLINE V3 limited(const V3& u, V limit) {
 }
 
 template <bool kPair, bool kRound>
-HWY_INLINE void rub_and_roll(Lanes<kPair, kRound>& l, const At& q, const V3& n, const V3& velocity, V speed,
-                             V pressing) {
+HWY_INLINE void roll(Lanes<kPair, kRound>& l, const At& q, V pressing) {
   const int at = l.lane;
-  const V3 slip = velocity - n * speed;
-  const V3 old_drag = load3(q.point.drag, at);
-  const V3 drag =
-      limited(old_drag - slip * load(q.point.tangent_mass, at), load(q.point.friction, at) * pressing);
-  store3(drag, q.point.drag, at);
-  l.push(q, drag - old_drag, n, false);
-  if (!l.octet.rolls) return;
   const V3 old_roll = load3(q.detail.roll, at);
   const V3 roll = limited(old_roll - l.relative_spin(q) * load(q.detail.rolling_mass, at),
                           load(q.detail.rolling, at) * pressing);
@@ -210,66 +79,55 @@ HWY_INLINE void rub_and_roll(Lanes<kPair, kRound>& l, const At& q, const V3& n, 
   l.twist(roll - old_roll);
 }
 
-// The gap now: the bodies have moved since it was measured.
+// Towards no overlap at the end of the substep. Returns the push.
 template <bool kPair, bool kRound>
-HWY_INLINE V gap_now(const Lanes<kPair, kRound>& l, const At& q, const V3& n, const BodyRows& rows,
-                     const Pass& pass) {
+HWY_INLINE V part(const Lanes<kPair, kRound>& l, const At& q, V speed, V gap, const Pass& pass) {
   const int at = l.lane;
-  const Octet& o = l.octet;
-  V3 moved, turned;
-  V unused;
-  load_rows(&rows.shift->by[0], &o.a[at], 0, moved.x, moved.y, moved.z, unused);
-  if constexpr (!kRound) {
-    load_rows(&rows.shift->by[0], &o.a[at], 4, turned.x, turned.y, turned.z, unused);
-    moved = moved + cross(turned, l.arm_a(q));
-  }
-  if constexpr (kPair) {
-    V3 other;
-    load_rows(&rows.shift->by[0], &o.b[at], 0, other.x, other.y, other.z, unused);
-    moved = moved - other;
-    if constexpr (!kRound) {
-      load_rows(&rows.shift->by[0], &o.b[at], 4, turned.x, turned.y, turned.z, unused);
-      moved = moved - cross(turned, l.arm_b(q));
-    }
-  } else {
-    moved = moved - load3(q.detail.surface, at) * set(pass.elapsed_s);
-  }
-  return load(q.point.gap, at) + dot(n, moved);
+  const auto apart = hn::Gt(gap, zero());
+  // Apart: it may close the gap within the substep and no faster. Inside: it is pushed out, softly.
+  const V closing = gap * set(pass.inverse_h);
+  const V pushing = hn::Max(hn::Min(gap + set(kSlop), zero()) * set(pass.rate), set(-pass.fastest_push));
+  const V bias = hn::IfThenElse(apart, closing, pushing);
+  const V mass = load(q.point.normal_mass, at) * hn::IfThenElse(apart, set(1.0F), set(pass.mass_scale));
+  const V yielding = hn::IfThenElseZero(hn::Not(apart), set(pass.impulse_scale));
+  store(hn::IfThenElseZero(apart, zero() - closing), q.point.slowest, at);
+  const V old_push = load(q.point.push, at);
+  return hn::Max(old_push - mass * (speed + bias) - yielding * old_push, zero());
+}
+
+// Takes out the speed that is left. Returns the push.
+template <bool kPair, bool kRound>
+HWY_INLINE V relaxed(const Lanes<kPair, kRound>& l, const At& q, V speed) {
+  const int at = l.lane;
+  return hn::Max(load(q.point.push, at) - load(q.point.normal_mass, at) * (speed - load(q.point.slowest, at)),
+                 zero());
 }
 
 // The load first, then what it lets friction hold. Between spheres neither changes the other's speed.
-template <bool kSoft, bool kPair, bool kRound>
-HWY_INLINE void solve_point(Lanes<kPair, kRound>& l, const At& q, const BodyRows& rows, const Pass& pass) {
+template <bool kPair, bool kRound, class FindPush>
+HWY_INLINE V solve_point(Lanes<kPair, kRound>& l, const At& q, const Pass& pass, FindPush find_push) {
   const int at = l.lane;
   const V3 n = load3(q.point.normal, at);
-  V3 dv = l.relative_velocity(q, n);
-  V speed = dot(n, dv);
-  const V old_push = load(q.point.push, at);
-  V push;
-  if constexpr (kSoft) {
-    const V gap = gap_now(l, q, n, rows, pass);
-    const auto apart = hn::Gt(gap, zero());
-    // Apart: it may close the gap within the substep and no faster. Inside: it is pushed out, softly.
-    const V closing = gap * set(pass.inverse_h);
-    const V pushing = hn::Max(hn::Min(gap + set(kSlop), zero()) * set(pass.rate), set(-pass.fastest_push));
-    const V bias = hn::IfThenElse(apart, closing, pushing);
-    const V mass = load(q.point.normal_mass, at) * hn::IfThenElse(apart, set(1.0F), set(pass.mass_scale));
-    const V yielding = hn::IfThenElseZero(hn::Not(apart), set(pass.impulse_scale));
-    push = hn::Max(old_push - mass * (speed + bias) - yielding * old_push, zero());
-    if (!kPair && l.octet.limited) push = hn::Min(push, load(q.detail.limit, at) * set(pass.share));
-    store(hn::IfThenElseZero(apart, zero() - closing), q.point.slowest, at);
-  } else {
-    push = hn::Max(old_push - load(q.point.normal_mass, at) * (speed - load(q.point.slowest, at)), zero());
-    if (!kPair && l.octet.limited) push = hn::Min(push, load(q.detail.limit, at) * set(pass.share));
-    store(load(q.point.total, at) + push, q.point.total, at);
-  }
+  const V3 velocity = l.relative_velocity(q, n);
+  const V speed = dot(n, velocity);
+  V push = find_push(n, speed);
+  if (!kPair && l.octet.limited) push = hn::Min(push, load(q.detail.limit, at) * set(pass.share));
+  const V change = push - load(q.point.push, at);
   store(push, q.point.push, at);
-  l.push(q, n * (push - old_push), n, true);
-  if constexpr (!kRound) {
-    dv = l.relative_velocity(q, n);
-    speed = dot(n, dv);
+  V3 slip = velocity - n * speed;
+  if constexpr (!kRound) slip = slip + load3(q.detail.slip, at) * change;
+  const V3 old_drag = load3(q.point.drag, at);
+  const V3 drag =
+      limited(old_drag - slip * load(q.point.tangent_mass, at), load(q.point.friction, at) * push);
+  store3(drag, q.point.drag, at);
+  if constexpr (kRound) {
+    l.push(q, n * change, n, true);
+    l.push(q, drag - old_drag, n, false);
+  } else {
+    l.push(q, n * change + (drag - old_drag), n, false);
   }
-  rub_and_roll(l, q, n, dv, speed, push);
+  if (l.octet.rolls) roll(l, q, push);
+  return push;
 }
 
 // Towards Newton's rule at this point, whose rebound so far is where `slowest` was. Gives what it is now.
@@ -333,12 +191,25 @@ struct Kernels {
     for_each<kPair, kRound>(o, n, p, rows, true, [](L& l, const At& q) HWY_ATTR { warm_point(l, q); });
   }
   static void solve(const Octet* o, int n, Points p, const BodyRows& rows, const Pass& pass) {
-    for_each<kPair, kRound>(o, n, p, rows, true,
-                            [&](L& l, const At& q) HWY_ATTR { solve_point<true>(l, q, rows, pass); });
+    for (int i = 0; i < n; ++i)
+      for (int lane = 0; lane < o[i].count; lane += kWidth) {
+        L l(o[i], lane, rows);
+        const Moved<kPair, kRound> moved(o[i], lane, rows);
+        for (int k = o[i].first; k < o[i].first + o[i].points; ++k) {
+          const At q{p.point[k], p.detail[k]};
+          solve_point(l, q, pass, [&](const V3& along, V speed) HWY_ATTR {
+            return part(l, q, speed, moved.gap(l, q, along, pass), pass);
+          });
+        }
+        l.store();
+      }
   }
   static void relax(const Octet* o, int n, Points p, const BodyRows& rows, const Pass& pass) {
-    for_each<kPair, kRound>(o, n, p, rows, true,
-                            [&](L& l, const At& q) HWY_ATTR { solve_point<false>(l, q, rows, pass); });
+    for_each<kPair, kRound>(o, n, p, rows, true, [&](L& l, const At& q) HWY_ATTR {
+      const V push =
+          solve_point(l, q, pass, [&](const V3&, V speed) HWY_ATTR { return relaxed(l, q, speed); });
+      store(load(q.point.total, l.lane) + push, q.point.total, l.lane);
+    });
   }
   static void rebound(const Octet* o, int n, Points p, const BodyRows& rows, const Pass& pass) {
     for (int i = 0; i < n; ++i)

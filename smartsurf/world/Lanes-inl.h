@@ -53,6 +53,14 @@ HWY_INLINE void store3(const V3& value, float (*lanes)[kLanes], int first) {
   store(value.z, lanes[2], first);
 }
 
+struct Symmetric {
+  V xx, yy, zz, xy, xz, yz;
+  HWY_INLINE V3 operator*(const V3& u) const {
+    return {sum3(xx * u.x, xy * u.y, xz * u.z), sum3(xy * u.x, yy * u.y, yz * u.z),
+            sum3(xz * u.x, yz * u.y, zz * u.z)};
+  }
+};
+
 // Two unit vectors across a unit vector (Duff et al. 2017).
 HWY_INLINE void tangents(const V3& n, V3& t, V3& u) {
   const V sign = hn::CopySign(set(1.0F), n.z);

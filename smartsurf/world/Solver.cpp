@@ -139,13 +139,21 @@ void Solver::fill(Job& job, ContactKind kind, int index) {
     for (int lane = 0; lane < o.count; ++lane)
       each(lane, list.manifolds[static_cast<std::size_t>(schedule_.manifold(index, lane))]);
   };
+  auto fill_all = [&](const Parts& parts) {
+    for_lanes([&](int lane, const Manifold& m) { fill_lane(job, o, lane, m, list.contacts, parts); });
+  };
   clear_points(o);
-  for_lanes([&](int lane, const Manifold& m) { fill_points(job, o, lane, m, list.contacts); });
   // Of spheres few passes read the details: what they leave alone is not touched.
-  const bool round = kind == kRoundPair || kind == kRoundWorld, all = !round || o.rolls || job.bounces;
-  if (all || !Job::is_pair(kind)) {
-    clear_details(o, all);
-    for_lanes([&](int lane, const Manifold& m) { fill_details(job, o, lane, m, list.contacts, all); });
+  const bool round = kind == kRoundPair || kind == kRoundWorld, world = !Job::is_pair(kind);
+  if (!round || job.bounces) {
+    clear_details(o, true);
+    fill_all({.points = true, .surface = world, .details = true});
+  } else {
+    fill_all({.points = true, .surface = false, .details = false});
+    if (o.rolls || world) {
+      clear_details(o, o.rolls);
+      fill_all({.points = false, .surface = world, .details = o.rolls});
+    }
   }
   if (!Job::is_pair(kind) && job.input.limited) fill_limits(o, index, list);
   job.kernels.prepare[kind](&o, 1, points(), job.rows, job.pair_pass);
@@ -179,51 +187,40 @@ void Solver::clear_details(const Octet& o, bool all) {
   }
 }
 
-const Grip& Solver::other_side(const Job& job, const Octet& o, int lane, const Manifold& m,
-                               const Contact& c) const {
-  if (m.b >= 0) return grip_[static_cast<std::size_t>(o.b[lane])];
-  return c.other >= 0 ? grip_[static_cast<std::size_t>(job.slabs.row(c.other))] : field_;
-}
-
-void Solver::fill_points(const Job& job, Octet& o, int lane, const Manifold& m,
-                         const std::vector<Contact>& contacts) {
+void Solver::fill_lane(const Job& job, Octet& o, int lane, const Manifold& m,
+                       const std::vector<Contact>& contacts, const Parts& parts) {
+  const std::vector<Vec3>& position = job.bodies.position;
   const Grip& a = grip_[static_cast<std::size_t>(o.a[lane])];
   for (int k = 0; k < m.count; ++k) {
     const Contact& c = contacts[static_cast<std::size_t>(m.first + k)];
-    const Grip& b = other_side(job, o, lane, m, c);
-    Point& p = point_[static_cast<std::size_t>(o.first + k)];
-    put(p.normal, lane, c.normal);
-    p.radius_a[lane] = a.reach;
-    p.radius_b[lane] = b.reach;
-    p.gap[lane] = c.gap;
-    p.push[lane] = c.push;
-    put(p.drag, lane, c.drag);
-    p.friction[lane] = a.friction_root * b.friction_root;
-    o.rolls |= a.rolling_root * b.rolling_root > 0.0F;
-  }
-}
-
-void Solver::fill_details(const Job& job, const Octet& o, int lane, const Manifold& m,
-                          const std::vector<Contact>& contacts, bool all) {
-  const BodyStore& bodies = job.bodies;
-  const Grip& a = grip_[static_cast<std::size_t>(o.a[lane])];
-  for (int k = 0; k < m.count; ++k) {
-    const Contact& c = contacts[static_cast<std::size_t>(m.first + k)];
+    const Grip& b = m.b >= 0       ? grip_[static_cast<std::size_t>(o.b[lane])]
+                    : c.other >= 0 ? grip_[static_cast<std::size_t>(job.slabs.row(c.other))]
+                                   : field_;
     PointDetail& d = detail_[static_cast<std::size_t>(o.first + k)];
-    if (m.b < 0) {
+    if (parts.points) {
+      Point& p = point_[static_cast<std::size_t>(o.first + k)];
+      put(p.normal, lane, c.normal);
+      p.radius_a[lane] = a.reach;
+      p.radius_b[lane] = b.reach;
+      p.gap[lane] = c.gap;
+      p.push[lane] = c.push;
+      put(p.drag, lane, c.drag);
+      p.friction[lane] = a.friction_root * b.friction_root;
+      o.rolls |= a.rolling_root * b.rolling_root > 0.0F;
+    }
+    if (parts.surface) {
       put(d.surface, lane, c.surface);
       d.surface_spin[lane] = c.surface_spin;
     }
-    if (!all) continue;
-    const Grip& b = other_side(job, o, lane, m, c);
-    put(d.arm_a, lane, c.arm);
-    if (m.b >= 0)
-      put(d.arm_b, lane,
-          bodies.position[static_cast<std::size_t>(m.a)] + c.arm -
-              bodies.position[static_cast<std::size_t>(m.b)]);
-    put(d.roll, lane, c.roll);
-    d.rolling[lane] = a.rolling_root * b.rolling_root;
-    d.restitution[lane] = std::max(a.restitution, b.restitution);
+    if (parts.details) {
+      put(d.arm_a, lane, c.arm);
+      if (m.b >= 0)
+        put(d.arm_b, lane,
+            position[static_cast<std::size_t>(m.a)] + c.arm - position[static_cast<std::size_t>(m.b)]);
+      put(d.roll, lane, c.roll);
+      d.rolling[lane] = a.rolling_root * b.rolling_root;
+      d.restitution[lane] = std::max(a.restitution, b.restitution);
+    }
   }
 }
 

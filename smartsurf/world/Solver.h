@@ -52,10 +52,11 @@ class Solver {
   void set_bodies(Job&, Octet&, int index, ContactKind);
   void clear_points(const Octet&);
   void clear_details(const Octet&, bool all);
-  const Grip& other_side(const Job&, const Octet&, int lane, const Manifold&, const Contact&) const;
-  void fill_points(const Job&, Octet&, int lane, const Manifold&, const std::vector<Contact>&);
-  void fill_details(const Job&, const Octet&, int lane, const Manifold&, const std::vector<Contact>&,
-                    bool all);
+  // What of each point is filled in.
+  struct Parts {
+    bool points, surface, details;
+  };
+  void fill_lane(const Job&, Octet&, int lane, const Manifold&, const std::vector<Contact>&, const Parts&);
   void fill_limits(Octet&, int index, const ContactList&);
   void read_back(Job&, ContactKind, int octet);
   template <class Each>

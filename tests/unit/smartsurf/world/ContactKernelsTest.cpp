@@ -58,12 +58,15 @@ struct Lanes {
     return motion[a].inverse_mass + motion[b].inverse_mass + ta.dot(inverse[a] * ta) +
            tb.dot(inverse[b] * tb);
   }
-  float closing(int l) const {
+  // Of a's surface over b's.
+  Vec3 relative(int l) const {
     const auto a = static_cast<std::size_t>(l), b = a + 8;
     const Vec3 va = Vec3(motion[a].velocity) + Vec3(motion[a].spin).cross(of(detail.arm_a, l));
     const Vec3 vb = Vec3(motion[b].velocity) + Vec3(motion[b].spin).cross(of(detail.arm_b, l));
-    return of(point.normal, l).dot(va - vb);
+    return va - vb;
   }
+  float closing(int l) const { return of(point.normal, l).dot(relative(l)); }
+  Vec3 slip(int l) const { return relative(l) - of(point.normal, l) * closing(l); }
 };
 
 }  // namespace
@@ -75,6 +78,16 @@ TEST(ContactKernels, EffectiveMassAndApproachOfEveryLane) {
     EXPECT_NEAR(lanes.point.normal_mass[l] * lanes.yielding(l), 1.0F, 1e-4F) << l;
     EXPECT_NEAR(lanes.point.approach[l], lanes.closing(l), 1e-4F) << l;
   }
+}
+
+TEST(ContactKernels, WhatAPushAddsToTheSlipIsToldAhead) {
+  Lanes lanes;
+  lanes.run(contact_kernels().prepare);
+  const Lanes before = lanes;
+  std::fill_n(lanes.point.push, kLanes, 0.5F);
+  lanes.run(contact_kernels().warm);
+  for (int l = 0; l < kLanes; ++l)
+    EXPECT_LT((lanes.slip(l) - before.slip(l) - 0.5F * lanes.of(lanes.detail.slip, l)).norm(), 1e-5F) << l;
 }
 
 TEST(ContactKernels, ARelaxedContactNoLongerCloses) {
