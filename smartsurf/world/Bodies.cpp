@@ -4,12 +4,21 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+
+#include "smartsurf/world/TurnKernels.h"
 
 namespace smartsurf::world {
 namespace {
 
 void put(float (&to)[3], const Vec3& from) {
   for (int i = 0; i < 3; ++i) to[i] = from[i];
+}
+
+// The six entries of a symmetric matrix.
+void put(float (&to)[6], const Mat3& m) {
+  const float entries[] = {m(0, 0), m(1, 1), m(2, 2), m(0, 1), m(0, 2), m(1, 2)};
+  std::copy_n(entries, 6, to);
 }
 
 template <class T>
@@ -33,14 +42,18 @@ void BodyStore::add(scene::ObjectId new_id, const scene::ObjectSpec& spec, const
                   shape.back()->rolls ? std::sqrt(static_cast<float>(material.rolling_friction)) : 0.0F,
                   static_cast<float>(material.restitution)});
   const bool moves = mass.back() > 0.0F;
-  own_inertia.push_back(moves ? inertia_of(spec, mass.back()) : Mat3::Zero());
-  own_inverse_inertia.push_back(moves ? Mat3(own_inertia.back().inverse()) : Mat3::Zero());
+  own_inertia.emplace_back();
+  if (moves) {
+    const Mat3 own = inertia_of(spec, mass.back());
+    put(own_inertia.back().inertia, own);
+    put(own_inertia.back().inverse, own.inverse());
+  }
   wrench.emplace_back();
   asleep.push_back(0);
   still_s.push_back(0.0F);
   Motion m;
   m.inverse_mass = moves ? 1.0F / mass.back() : 0.0F;
-  m.inverse_inertia = own_inverse_inertia.back()(0, 0);
+  m.inverse_inertia = own_inertia.back().inverse[0];
   if (moves) put(m.velocity, spec.velocity.cast<float>());
   if (moves) put(m.spin, spec.angular_velocity.cast<float>());
   motion.push_back(m);
@@ -53,7 +66,7 @@ void BodyStore::add(scene::ObjectId new_id, const scene::ObjectSpec& spec, const
 void BodyStore::erase(std::size_t i) {
   drop(id, i), drop(position, i), drop(orientation, i), drop(motion, i), drop(mass, i), drop(shape, i);
   drop(reach, i), drop(round, i), drop(revolves, i), drop(width, i), drop(grip, i);
-  drop(own_inertia, i), drop(own_inverse_inertia, i), drop(wrench, i), drop(asleep, i), drop(still_s, i);
+  drop(own_inertia, i), drop(wrench, i), drop(asleep, i), drop(still_s, i);
   drop(axes, i), drop(shift, i), drop(inertia, i);
 }
 
@@ -76,28 +89,9 @@ void BodyStore::turn_axes(std::size_t i) {
     inertia[i] = {inverse, inverse, inverse, 0, 0, 0, {}};
     return;
   }
-  set_axes(i, orientation[i].toRotationMatrix());
-}
-
-namespace {
-
-// Axes with the z of one matrix that turn from the other's as little as may be.
-Mat3 without_twist(const Mat3& to, const Mat3& from) {
-  const Vec3 z = to.col(2);
-  const Vec3 x = from.col(0) - z * z.dot(from.col(0));
-  const float length = x.norm();
-  if (!(length > 0.1F)) return to;
-  Mat3 out;
-  out << x / length, z.cross(x / length), z;
-  return out;
-}
-
-}  // namespace
-
-void BodyStore::set_axes(std::size_t i, const Mat3& to) {
-  axes[i] = revolves[i] ? without_twist(to, axes[i]) : to;
-  const Mat3 world = axes[i] * own_inverse_inertia[i] * axes[i].transpose();
-  inertia[i] = {world(0, 0), world(1, 1), world(2, 2), world(0, 1), world(0, 2), world(1, 2), {}};
+  const Motion before = motion[i];
+  turn_freely({{i}}, 0.0F);
+  motion[i] = before;
 }
 
 Quat turn_by(const Vec3& turn) {
@@ -121,35 +115,43 @@ void BodyStore::fetch(std::size_t i) const {
 
 void BodyStore::fetch_turning(std::size_t i) const {
   if (round[i]) return;
-  for (const auto* matrix : {&axes[i], &own_inertia[i], &own_inverse_inertia[i]}) {
-    hwy::Prefetch(matrix->data());
-    hwy::Prefetch(matrix->data() + 8);  // they need not begin where a line of the cache does
-  }
+  // They need not begin where a line of the cache does.
+  hwy::Prefetch(axes[i].data());
+  hwy::Prefetch(axes[i].data() + 8);
+  hwy::Prefetch(own_inertia[i].inertia);
+  hwy::Prefetch(own_inertia[i].inverse + 5);
   hwy::Prefetch(&inertia[i]);
 }
 
-void BodyStore::settle(std::size_t i, float dt_s) {
+void BodyStore::settle(std::size_t i) {
   position[i] += Vec3(shift[i].by);
   const Vec3 turn(shift[i].turn);
   if (!turn.isZero(0.0F)) orientation[i] = (turn_by(turn) * orientation[i]).normalized();
-  if (round[i]) return;
-  // One Newton step of implicit Euler on Euler's equations, in own axes: stable at any rate of turning.
-  const Mat3 r = orientation[i].toRotationMatrix();
-  const Mat3& own = own_inertia[i];
-  const Vec3 w = r.transpose() * spin(i);
-  const Vec3 momentum = own * w;
-  Mat3 cross_w, cross_momentum;
-  cross_w << 0, -w.z(), w.y(), w.z(), 0, -w.x(), -w.y(), w.x(), 0;
-  cross_momentum << 0, -momentum.z(), momentum.y(), momentum.z(), 0, -momentum.x(), -momentum.y(),
-      momentum.x(), 0;
-  const Mat3 slope = own + dt_s * (cross_w * own - cross_momentum);
-  Vec3 next = w - slope.inverse() * (dt_s * w.cross(momentum));
-  // The step's matrix has a pole at a very fast turn about the middle axis; energy must never come from
-  // there.
-  const float energy = w.dot(momentum), next_energy = next.dot(own * next);
-  if (!(next_energy <= energy)) next = next_energy > 0.0F ? Vec3(next * std::sqrt(energy / next_energy)) : w;
-  put(motion[i].spin, r * next);
-  set_axes(i, r);
+}
+
+void BodyStore::turn_freely(std::span<const std::size_t> bodies, float dt_s) {
+  Turns turns;
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    const std::size_t i = bodies[std::min(lane, bodies.size() - 1)];
+    auto put_lane = [lane](auto& to, const auto& from) {
+      for (std::size_t k = 0; k < std::size(to); ++k) to[k][lane] = from[k];
+    };
+    put_lane(turns.orientation, orientation[i].coeffs().data());
+    put_lane(turns.inertia, own_inertia[i].inertia);
+    put_lane(turns.inverse, own_inertia[i].inverse);
+    put_lane(turns.x_axis, axes[i].data());
+    put_lane(turns.spin, motion[i].spin);
+    turns.revolves[lane] = revolves[i] ? 1.0F : 0.0F;
+  }
+  world::turn_freely(turns, dt_s);
+  for (std::size_t lane = 0; lane < bodies.size(); ++lane) {
+    const std::size_t i = bodies[lane];
+    for (int k = 0; k < 3; ++k) motion[i].spin[k] = turns.spin[k][lane];
+    for (int c = 0; c < 3; ++c)
+      for (int r = 0; r < 3; ++r) axes[i](r, c) = turns.axes[c][r][lane];
+    const auto& w = turns.world_inverse;
+    inertia[i] = {w[0][lane], w[1][lane], w[2][lane], w[3][lane], w[4][lane], w[5][lane], {}};
+  }
 }
 
 }  // namespace smartsurf::world

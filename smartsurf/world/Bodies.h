@@ -18,6 +18,11 @@ struct Grip {
   float reach, friction_root, rolling_root, restitution;
 };
 
+// The inertia in own axes and its inverse: xx, yy, zz, xy, xz, yz.
+struct OwnInertia {
+  float inertia[6], inverse[6];
+};
+
 struct BodyStore {
   std::vector<scene::ObjectId> id;
   std::vector<Vec3> position;  // of the centre of mass
@@ -30,8 +35,8 @@ struct BodyStore {
   std::vector<char> round, revolves;
   std::vector<float> width;
   std::vector<Grip> grip;
-  std::vector<Mat3> own_inertia, own_inverse_inertia;  // in own axes
-  std::vector<surface::Wrench> wrench;                 // of the step to come
+  std::vector<OwnInertia> own_inertia;
+  std::vector<surface::Wrench> wrench;  // of the step to come
   std::vector<char> asleep;
   std::vector<float> still_s;  // how long it has hardly moved
 
@@ -54,13 +59,14 @@ struct BodyStore {
   // Brings axes and inertia up to the orientation.
   void turn_axes(std::size_t index);
   // Asks for the memory that a body's motion takes, ahead of its use: threads take bodies by place, not by
-  // index. Then for what settle() takes besides.
+  // index. Then for what turn_freely() takes besides.
   void fetch(std::size_t index) const;
   void fetch_turning(std::size_t index) const;
-  // Moves and turns it as far as it got during the step, gyroscopic effect included.
-  void settle(std::size_t index, float dt_s);
-
-  void set_axes(std::size_t index, const Mat3&);
+  // Moves and turns it as far as it got during the step. Of what is no sphere the axes are still to follow.
+  void settle(std::size_t index);
+  // Lets the gyroscopic effect act on bodies that are no spheres, as many as kLanes at most, and brings axes
+  // and inertia up to the orientation.
+  void turn_freely(std::span<const std::size_t> bodies, float dt_s);
 };
 
 // The rotation about an axis by an angle, given as one vector.

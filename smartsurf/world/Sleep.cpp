@@ -48,7 +48,7 @@ void Sleep::wake(BodyStore& b, std::size_t i) {
   if (!b.asleep[i]) return;
   b.asleep[i] = 0;
   b.motion[i].inverse_mass = 1.0F / b.mass[i];
-  b.motion[i].inverse_inertia = b.own_inverse_inertia[i](0, 0);
+  b.motion[i].inverse_inertia = b.own_inertia[i].inverse[0];
   b.turn_axes(i);
   --sleepers_;
   ++changes_;

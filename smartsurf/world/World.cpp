@@ -1,6 +1,7 @@
 #include "smartsurf/world/World.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -199,6 +200,13 @@ void World::State::move_bodies(const Member& member) {
   constexpr int kAhead = 8;  // rows: about what a trip to memory takes
   const Slabs& slabs = detector.slabs();
   const Range mine = slabs.share(member);
+  std::array<std::size_t, kLanes> turning;  // settled, and their axes to follow
+  std::size_t count = 0;
+  auto turn = [&] {
+    if (count > 0) bodies.turn_freely(std::span(turning).first(count), settings.dt_s);
+    for (const std::size_t i : std::span(turning).first(count)) sleep.time_rest(bodies, i);
+    count = 0;
+  };
   for (int s = mine.begin; s < mine.end; ++s) {
     const Range rows = slabs.moving_rows_of(s);
     for (int row = rows.begin; row < rows.end; ++row) {
@@ -210,10 +218,16 @@ void World::State::move_bodies(const Member& member) {
       }
       solver.hand_back(bodies, slabs, row);
       stop_at_field(detector, bodies, i);
-      bodies.settle(i, settings.dt_s);
-      sleep.time_rest(bodies, i);
+      bodies.settle(i);
+      if (bodies.round[i]) {
+        sleep.time_rest(bodies, i);
+      } else {
+        turning[count++] = i;
+        if (count == turning.size()) turn();
+      }
     }
   }
+  turn();
   for (const Range& run : detector.world_runs().of(mine)) {
     sleep.unsettle(bodies, world, run);
     note_loads(run);
