@@ -318,8 +318,10 @@ class PieceOnField {
     return f;
   }
 
-  void add(const Plateau& p, const Candidates& found, Candidates& out) const {
-    found.pick([&](const Candidate& c) { add(p, c, out); });
+  void add(const Plateau& p, Candidates& found, Candidates& out) const {
+    constexpr int kFew = 4;  // no more than would be picked
+    auto take = [&](const Candidate& c) { add(p, c, out); };
+    found.count() <= kFew ? found.each(take) : found.pick(take);
   }
   // On the cell of the plateau where the point is.
   void add(const Plateau& p, Candidate c, Candidates& out) const {

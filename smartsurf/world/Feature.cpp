@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "smartsurf/world/Fours.h"
+
 namespace smartsurf::world {
 namespace {
 
@@ -226,92 +228,94 @@ void add_patch(const Feature& on_a, const Feature& on_b, const Vec3& normal, flo
 }
 
 void Candidates::add(const Candidate& c) {
-  if (count_ < kCapacity) {
-    list_[count_++] = c;
-    return;
+  int i = count();
+  if (i < SupportPoints::kCapacity) {
+    points_.add(c.point, c.gap);
+  } else {
+    i = points_.widest();
+    if (!(c.gap < points_.gap(i))) return;
+    points_.put(i, c.point, c.gap);
   }
-  int worst = 0;
-  for (int i = 1; i < kCapacity; ++i)
-    if (list_[i].gap > list_[worst].gap) worst = i;
-  if (c.gap < list_[worst].gap) list_[worst] = c;
+  normal_[i] = c.normal;
+  tag_[i] = c.tag;
 }
 
 Candidate Candidates::mean() const {
-  Candidate m = list_[0];
-  for (int i = 1; i < count_; ++i) {
-    m.point += list_[i].point;
-    m.gap += list_[i].gap;
+  Candidate m = at(0);
+  for (int i = 1; i < count(); ++i) {
+    m.point += points_.at(i);
+    m.gap += points_.gap(i);
   }
-  m.point /= static_cast<float>(count_);
-  m.gap /= static_cast<float>(count_);
+  m.point /= static_cast<float>(count());
+  m.gap /= static_cast<float>(count());
   return m;
 }
 
 float Candidates::least_gap() const {
-  float least = std::numeric_limits<float>::infinity();
-  for (int i = 0; i < count_; ++i) least = std::min(least, list_[i].gap);
-  return least;
+  return count() > 0 ? points_.gap(points_.deepest()) : std::numeric_limits<float>::infinity();
+}
+
+int SupportPoints::deepest() const {
+  int found = 0;
+  for (int i = 1; i < count_; ++i) found = gap_[i] < gap_[found] ? i : found;
+  return found;
+}
+
+int SupportPoints::widest() const {
+  int found = 0;
+  for (int i = 1; i < count_; ++i) found = gap_[i] > gap_[found] ? i : found;
+  return found;
 }
 
 namespace {
 
-// The points beside each other, so that what each would add is worked out for several at a time.
 struct Points {
-  float x[Candidates::kCapacity], y[Candidates::kCapacity], z[Candidates::kCapacity];
-  float cost[Candidates::kCapacity];  // the gap, where there is one
-  int count;
-
-  Vec3 at(int i) const { return {x[i], y[i], z[i]}; }
-  // The point of the greatest spread(x, y, z) less its cost: −1 where none is noticeable.
-  template <class Spread>
-  int widest(Spread spread) const {
-    float gain[Candidates::kCapacity];
-    for (int i = 0; i < count; ++i) gain[i] = spread(x[i], y[i], z[i]) - cost[i];
-    int best = -1;
-    float most = 1e-3F;
-    for (int i = 0; i < count; ++i) {
-      const bool more = gain[i] > most;
-      most = more ? gain[i] : most;
-      best = more ? i : best;
-    }
-    return best;
-  }
+  Floats x, y, z;
 };
-
-float square_of(float x, float y, float z) { return x * x + y * y + z * z; }
+Floats square_of(const Points& p) { return p.x * p.x + p.y * p.y + p.z * p.z; }
+Points from(const Vec3& q, const Points& p) { return {p.x - q.x(), p.y - q.y(), p.z - q.z()}; }
+Points across(const Vec3& unit, const Points& p) {
+  return {p.y * unit.z() - p.z * unit.y(), p.z * unit.x() - p.x * unit.z(), p.x * unit.y() - p.y * unit.x()};
+}
 
 }  // namespace
 
-int Candidates::choose(int (&chosen)[4]) const {
-  if (count_ == 0) return 0;
-  chosen[0] = 0;
-  for (int i = 1; i < count_; ++i)
-    if (list_[i].gap < list_[chosen[0]].gap) chosen[0] = i;
-  if (count_ == 1) return 1;
-  Points p;
-  p.count = count_;
-  for (int i = 0; i < count_; ++i) {
-    const auto& [at, normal, gap, tag] = list_[i];
-    p.x[i] = at.x(), p.y[i] = at.y(), p.z[i] = at.z();
-    p.cost[i] = std::max(0.0F, gap);
+template <class Spread>
+int SupportPoints::best(Spread spread) const {
+  static_assert(kCapacity % kFour == 0);
+  // Floats above 0 compare like their bits. The last few of these tell the place, so that the first of about
+  // equal ones wins, without branches that nobody could foretell.
+  constexpr std::int32_t kPlace = 127;
+  static_assert(kCapacity <= kPlace);
+  Ints found{}, mark = Ints{kPlace, kPlace - 1, kPlace - 2, kPlace - 3};
+  for (int i = 0; i < count_; i += kFour, mark -= kFour) {
+    const Floats gap = load_four(gap_ + i);
+    const Floats gain = spread(Points{load_four(x_ + i), load_four(y_ + i), load_four(z_ + i)}) -
+                        (gap > 0.0F ? gap : Floats{});
+    const Ints here = gain > 1e-3F ? (bits(gain) & ~kPlace) | mark : Ints{};
+    found = here > found ? here : found;
   }
-  const Vec3 a = p.at(chosen[0]);
-  auto from = [](const Vec3& q, float x, float y, float z) {
-    return square_of(x - q.x(), y - q.y(), z - q.z());
-  };
-  chosen[1] = p.widest([&](float x, float y, float z) { return std::sqrt(from(a, x, y, z)); });
+  const std::int32_t first = greatest_of(found);
+  return first == 0 ? -1 : kPlace - (first & kPlace);
+}
+
+int SupportPoints::choose(int (&chosen)[4]) {
+  if (count_ == 0) return 0;
+  constexpr float kFar = std::numeric_limits<float>::infinity();
+  chosen[0] = deepest();
+  if (gap_[chosen[0]] == kFar) return 0;
+  if (count_ == 1) return 1;
+  for (int i = count_; i % kFour != 0; ++i) put(i, at(0), kFar);
+  const Vec3 a = at(chosen[0]);
+  chosen[1] = best([&](const Points& p) { return sqrt(square_of(from(a, p))); });
   if (chosen[1] < 0) return 1;
-  const Vec3 b = p.at(chosen[1]);
+  const Vec3 b = at(chosen[1]);
   const Vec3 along = (b - a) / std::max(1e-6F, (b - a).norm());
-  chosen[2] = p.widest([&](float x, float y, float z) {
-    const float u = x - a.x(), v = y - a.y(), w = z - a.z();
-    return std::sqrt(square_of(v * along.z() - w * along.y(), w * along.x() - u * along.z(),
-                               u * along.y() - v * along.x()));
-  });
+  chosen[2] = best([&](const Points& p) { return sqrt(square_of(across(along, from(a, p)))); });
   if (chosen[2] < 0) return 2;
-  const Vec3 c = p.at(chosen[2]);
-  chosen[3] = p.widest([&](float x, float y, float z) {
-    return std::sqrt(std::min(std::min(from(a, x, y, z), from(b, x, y, z)), from(c, x, y, z)));
+  const Vec3 c = at(chosen[2]);
+  chosen[3] = best([&](const Points& p) {
+    return sqrt(min(min(square_of(from(a, p)), square_of(from(b, p))), square_of(from(c, p))));
   });
   return chosen[3] < 0 ? 3 : 4;
 }

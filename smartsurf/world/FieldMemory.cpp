@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <span>
 
 #include "smartsurf/world/ConvexOnField.h"
+#include "smartsurf/world/Fours.h"
 #include "smartsurf/world/SphereOnField.h"
 
 namespace smartsurf::world {
@@ -12,7 +14,7 @@ namespace {
 
 // How far body and cells may have moved against each other since they were looked at: as a share of the
 // body's reach, and in u. Whatever was farther apart then has not met yet.
-constexpr float kWayShare = 0.04F, kMostWay = 0.08F;
+constexpr float kWayShare = 0.035F, kMostWay = 0.07F;
 // Of what is round one point stands for a whole rim, and the nearest one wanders off along it.
 constexpr float kRoundWayShare = 0.025F, kMostRoundWay = 0.05F;
 // How far the body may slide meanwhile where it touches, likewise. The normals stay, so that what is off is
@@ -49,57 +51,70 @@ void FieldMemory::index(int bodies) {
     }
 }
 
-// Whether no point of the body has moved too far against any cell under it, nor these against each other.
+// Whether nothing of the body that is near the cells has moved too far against any of them, nor these against
+// each other. A cell that sinks away from the body meets nothing new.
 bool FieldMemory::holds(const BodyStore& bodies, std::size_t i, float margin, const Known& before) const {
-  constexpr float kHalfRoot = 0.70710678F;
-  const Vec3 by = bodies.position[i] - before.centre;
-  const float beside =
-      length_of(by.x(), by.y()) + kHalfRoot * bodies.reach[i] * (bodies.axes[i] - before.axes).norm();
+  const Mat3 turn = bodies.axes[i] * before.axes.transpose() - Mat3::Identity();
+  const Vec3 by = bodies.position[i] - before.centre + turn * (before.middle - before.centre);
+  const Vec3 more = turn.cwiseAbs() * before.half;
   const float most = std::min(most_way(bodies, i), before.clear - margin);
-  if (beside > most) return false;
-  float low = std::numeric_limits<float>::max(), high = -low;
-  const float* then = before.heights;
-  for (int r = before.under.row_begin; r < before.under.row_end; ++r) {
-    const float* const now = &field_.height[static_cast<std::size_t>(field_.index(r, 0))];
-    for (int c = before.under.column_begin; c < before.under.column_end; ++c, ++then) {
-      // Not a number where there is no cell.
-      const float rise = now[c] - *then;
-      low = rise < low ? rise : low;
-      high = rise > high ? rise : high;
-    }
-  }
-  const float way = beside + std::max(std::abs(high - by.z()), std::abs(low - by.z()));
-  return way <= most && !slid(bodies, i, before) &&
-         (high - low <= kMostStep || !level_cells_moved_apart(before));
+  const float x = std::abs(by.x()) + more.x(), y = std::abs(by.y()) + more.y(), beside = x * x + y * y;
+  if (!(most > 0.0F && beside <= most * most)) return false;
+  const Rises rises = rises_since(before);
+  const float nearer = std::max(0.0F, rises.high - (by.z() - more.z()));
+  return beside + nearer * nearer <= most * most &&
+         (rises.high - rises.low <= kMostStep || !level_cells_moved_apart(before));
 }
 
-// Whether the body has slid too far at any of its points: each lay straight above its cell's when it was
-// found.
-bool FieldMemory::slid(const BodyStore& bodies, std::size_t i, const Known& before) const {
-  const float most = most_slip(bodies.reach[i]);
-  for (int k = 0; k < before.count; ++k) {
-    const Point& p = before.points[k];
-    const float rise = field_.height[static_cast<std::size_t>(p.cell)] - p.top;
-    const Vec3 open = bodies.position[i] + bodies.axes[i] * p.on_body - p.on_cell - Vec3(0, 0, rise);
-    const float gap = p.normal.dot(open);
-    if (open.squaredNorm() - gap * gap > most * most) return true;
+// How far the cells under the body rose.
+FieldMemory::Rises FieldMemory::rises_since(const Known& before) const {
+  const CellRange& u = before.under;
+  const int width = u.column_end - u.column_begin;
+  Rises all{std::numeric_limits<float>::max(), -std::numeric_limits<float>::max()};
+  // Not a number where there is no cell: the old value stays.
+  Floats low = four_of(all.low), high = four_of(all.high);
+  const float* then = before.heights;
+  for (int r = u.row_begin; r < u.row_end; ++r, then += width) {
+    const float* const now = &field_.height[static_cast<std::size_t>(field_.index(r, u.column_begin))];
+    if (width >= kFour) {
+      for_fours(width, [&](int c) {
+        const Floats rise = load_four(now + c) - load_four(then + c);
+        low = min(rise, low), high = max(rise, high);
+      });
+    } else {
+      for (int c = 0; c < width; ++c) {
+        const float rise = now[c] - then[c];
+        all.low = std::min(all.low, rise), all.high = std::max(all.high, rise);
+      }
+    }
   }
-  return false;
+  return {std::min(all.low, -greatest_of(-low)), std::max(all.high, greatest_of(high))};
 }
 
 bool FieldMemory::level_cells_moved_apart(const Known& before) const {
   const CellRange& u = before.under;
   const int width = u.column_end - u.column_begin;
-  auto apart = [](float then, float then_beside, float now, float now_beside) {
-    return std::abs(then - then_beside) <= kLevelTolerance && std::abs(now - now_beside) > kMostStep;
+  // Of `count` cells that lie side by side, against those `beside` further on.
+  auto apart = [](int count, const float* then, int then_beside, const float* now, int now_beside) {
+    if (count < kFour) {
+      for (int c = 0; c < count; ++c)
+        if (std::abs(then[c] - then[c + then_beside]) <= kLevelTolerance &&
+            std::abs(now[c] - now[c + now_beside]) > kMostStep)
+          return true;
+      return false;
+    }
+    Ints any{};
+    for_fours(count, [&](int c) {
+      any |= (abs(load_four(then + c) - load_four(then + c + then_beside)) <= kLevelTolerance) &
+             (abs(load_four(now + c) - load_four(now + c + now_beside)) > kMostStep);
+    });
+    return (any[0] | any[1] | any[2] | any[3]) != 0;
   };
   const float* then = before.heights;
   for (int r = u.row_begin; r < u.row_end; ++r, then += width) {
     const float* const now = &field_.height[static_cast<std::size_t>(field_.index(r, u.column_begin))];
-    for (int c = 0; c < width; ++c) {
-      if (c + 1 < width && apart(then[c], then[c + 1], now[c], now[c + 1])) return true;
-      if (r + 1 < u.row_end && apart(then[c], then[c + width], now[c], now[c + field_.columns])) return true;
-    }
+    if (apart(width - 1, then, 1, now, 1)) return true;
+    if (r + 1 < u.row_end && apart(width, then, width, now, field_.columns)) return true;
   }
   return false;
 }
@@ -115,7 +130,7 @@ void FieldMemory::repeat(const Known& before, List& now) const {
 }
 
 void FieldMemory::look(const BodyStore& bodies, std::size_t i, float margin, const CellRange& under,
-                       List& now) const {
+                       float highest, List& now) const {
   thread_local std::vector<FieldPoint> touching;
   touching.clear();
   const Vec3& centre = bodies.position[i];
@@ -126,6 +141,12 @@ void FieldMemory::look(const BodyStore& bodies, std::size_t i, float margin, con
   known.axes = axes;
   known.centre = centre;
   known.clear = margin;
+  // Whatever is higher above the cells than the margin has to come farther down than all below it.
+  const Vec3 half = axes.cwiseAbs() * bodies.shape[i]->half;
+  Vec3 high = centre + half;
+  high.z() = std::min(high.z(), highest + margin);
+  known.half = 0.5F * (high - (centre - half));
+  known.middle = high - known.half;
   known.under = under;
   known.first = static_cast<std::int32_t>(now.points.size());
   known.count = static_cast<std::int32_t>(touching.size());
@@ -144,48 +165,63 @@ void FieldMemory::touch(const BodyStore& bodies, std::size_t i, float margin, Li
   const Known* before = first_[i];
   if (before && holds(bodies, i, margin, *before)) {
     repeat(*before, now);
-  } else {
-    const Vec3& centre = bodies.position[i];
-    const Columns columns(field_, bodies.width[i]);
-    const float wide = margin + most_way(bodies, i);
-    const Vec3 reach = Vec3(bodies.axes[i].cwiseAbs() * bodies.shape[i]->half) + Vec3::Constant(wide);
-    if (centre.z() - reach.z() > field_.max_height) return;
-    const CellRange under = columns.covering(centre.x() - reach.x(), centre.x() + reach.x(),
-                                             centre.y() - reach.y(), centre.y() + reach.y());
-    if (centre.z() - reach.z() > columns.highest(under)) return;
-    look(bodies, i, wide, under, now);
+    if (choose(bodies, i, margin, most_slip(bodies.reach[i]), now, out)) return;
+    now.points.resize(static_cast<std::size_t>(now.bodies.back().first));
+    now.heights.resize(static_cast<std::size_t>(now.bodies.back().first_height));
+    now.bodies.pop_back();
   }
-  choose(bodies, i, margin, now, out);
+  const Vec3& centre = bodies.position[i];
+  const Columns columns(field_, bodies.width[i]);
+  const float wide = margin + most_way(bodies, i);
+  const Vec3 reach = Vec3(bodies.axes[i].cwiseAbs() * bodies.shape[i]->half) + Vec3::Constant(wide);
+  if (centre.z() - reach.z() > field_.max_height) return;
+  const CellRange under = columns.covering(centre.x() - reach.x(), centre.x() + reach.x(),
+                                           centre.y() - reach.y(), centre.y() + reach.y());
+  const float highest = columns.highest(under);
+  if (centre.z() - reach.z() > highest) return;
+  look(bodies, i, wide, under, highest, now);
+  choose(bodies, i, margin, std::numeric_limits<float>::infinity(), now, out);
 }
 
-// Of the points of each piece the few that hold it, where it and the cells are now.
-void FieldMemory::choose(const BodyStore& bodies, std::size_t i, float margin, const List& now,
-                         std::vector<Contact>& out) const {
+// Of the points of each piece the few that hold it, where it and the cells are now. False, and nothing found,
+// if the body has slid too far at any of the points: each lay straight above its cell's when it was found.
+bool FieldMemory::choose(const BodyStore& bodies, std::size_t i, float margin, float most_slip,
+                         const List& now, std::vector<Contact>& out) const {
   const Known& known = now.bodies.back();
   const Columns columns(field_, bodies.width[i]);
   const Vec3& centre = bodies.position[i];
+  const std::size_t before = out.size();
   auto rise = [&](const Point& p) { return field_.height[static_cast<std::size_t>(p.cell)] - p.top; };
-  for (int k = known.first, end = known.first + known.count; k < end;) {
-    Candidates candidates;
-    for (const int piece = now.points[static_cast<std::size_t>(k)].piece; k < end; ++k) {
-      const Point& p = now.points[static_cast<std::size_t>(k)];
-      if (p.piece != piece) break;
-      const Vec3 on_body = centre + bodies.axes[i] * p.on_body;
-      const float gap = p.normal.dot(on_body - p.on_cell) - p.normal.z() * rise(p);
-      if (gap <= margin) candidates.add({on_body, p.normal, gap, k});
+  float slip = 0.0F;  // square
+  const Point* const end = now.points.data() + known.first + known.count;
+  for (const Point *piece = end - known.count, *next = piece; piece < end; piece = next) {
+    SupportPoints points;
+    for (; next < end && next->piece == piece->piece; ++next) {
+      const Vec3 on_body = centre + bodies.axes[i] * next->on_body;
+      const Vec3 open = on_body - next->on_cell - Vec3(0, 0, rise(*next));
+      const float gap = next->normal.dot(open);
+      slip = std::max(slip, open.squaredNorm() - gap * gap);
+      points.add(on_body, gap <= margin ? gap : std::numeric_limits<float>::infinity());
     }
-    candidates.pick([&](const Candidate& found) {
-      const Point& p = now.points[static_cast<std::size_t>(found.tag)];
+    if (slip > most_slip * most_slip) {
+      out.resize(before);
+      return false;
+    }
+    int chosen[4];
+    const int count = points.choose(chosen);
+    for (const int k : std::span(chosen).first(static_cast<std::size_t>(count))) {
+      const Point& p = piece[k];
       Contact& c = out.emplace_back();
       c.normal = p.normal;
-      c.arm = found.point - centre;
-      c.gap = found.gap;
+      c.arm = points.at(k) - centre;
+      c.gap = points.gap(k);
       c.other = kField;
       c.key = p.cell;
       move_with_cell(columns, p.cell / field_.columns, p.cell % field_.columns,
                      p.on_cell + Vec3(0, 0, rise(p)), c);
-    });
+    }
   }
+  return true;
 }
 
 }  // namespace smartsurf::world

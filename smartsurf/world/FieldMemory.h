@@ -25,6 +25,7 @@ class FieldMemory {
     std::int32_t body;
     Mat3 axes;
     Vec3 centre;
+    Vec3 middle, half;          // of a box about all of the body that may soon meet the cells, world axes
     float clear;                // nothing but the points was nearer, u
     CellRange under;            // the cells that were looked at
     std::int32_t first, count;  // in points
@@ -52,12 +53,17 @@ class FieldMemory {
   void touch(const BodyStore&, std::size_t body, float margin, List& now, std::vector<Contact>& out) const;
 
  private:
+  struct Rises {
+    float low, high;
+  };
+
   bool holds(const BodyStore&, std::size_t body, float margin, const Known&) const;
-  bool slid(const BodyStore&, std::size_t body, const Known&) const;
+  Rises rises_since(const Known&) const;
   bool level_cells_moved_apart(const Known&) const;
-  void look(const BodyStore&, std::size_t body, float margin, const CellRange& under, List& now) const;
+  void look(const BodyStore&, std::size_t body, float margin, const CellRange& under, float highest,
+            List& now) const;
   void repeat(const Known&, List& now) const;
-  void choose(const BodyStore&, std::size_t body, float margin, const List& now,
+  bool choose(const BodyStore&, std::size_t body, float margin, float most_slip, const List& now,
               std::vector<Contact>& out) const;
 
   const surface::Field& field_;
