@@ -4,6 +4,8 @@
 #include <bit>
 #include <bitset>
 #include <cmath>
+#include <cstring>
+#include <limits>
 #include <numeric>
 #include <span>
 
@@ -18,27 +20,31 @@ namespace {
 // Contacts this near are kept even when nothing moves, so that resting contacts do not flicker, u.
 constexpr float kRestMargin = 0.02F;
 
-// The nearest of the old contacts with the same partner that is not taken, or −1.
-template <class Taken>
-int nearest_old(const Contact& c, std::span<const Contact> old, float square, const Taken& taken) {
-  int best = -1;
-  // Without branches that nobody could foretell: floats from 0 up compare like their bits.
-  auto nearest = std::bit_cast<std::int32_t>(square);
-  for (int j = 0; j < static_cast<int>(old.size()); ++j) {
-    const Contact& o = old[static_cast<std::size_t>(j)];
+// The nearest of the old contacts with the same partner that is not taken, or −1. At most so many as taken
+// has bits.
+template <std::size_t most>
+int nearest_old(const Contact& c, std::span<const Contact> old, float square,
+                const std::bitset<most>& taken) {
+  // Without branches that nobody could foretell: floats from 0 up compare like their bits, the last few of
+  // which tell the place.
+  constexpr std::int32_t kPlace = most - 1, kNone = std::numeric_limits<std::int32_t>::max();
+  static_assert(std::has_single_bit(most));
+  const std::int32_t limit = std::bit_cast<std::int32_t>(square) & ~kPlace;
+  std::int32_t nearest = limit;
+  for (std::size_t j = 0; j < old.size(); ++j) {
+    const Contact& o = old[j];
     const auto here = std::bit_cast<std::int32_t>((o.arm - c.arm).squaredNorm());
-    const bool nearer = static_cast<int>(o.other == c.other) & static_cast<int>(here < nearest) &
-                        static_cast<int>(!taken[static_cast<std::size_t>(j)]);
-    nearest += (here - nearest) * nearer;
-    best += (j - best) * nearer;
+    const std::int32_t no =
+        -static_cast<std::int32_t>(taken[j]) | -static_cast<std::int32_t>(o.other != c.other);
+    nearest = std::min(nearest, ((here & ~kPlace) | static_cast<std::int32_t>(j)) | (no & kNone));
   }
-  return best;
+  return nearest == limit ? -1 : nearest & kPlace;
 }
 
-template <int most>
+template <std::size_t most>
 void inherit_from(std::span<Contact> now, std::span<const Contact> old, float tolerance) {
   std::bitset<most> taken;
-  old = old.first(std::min<std::size_t>(old.size(), most));
+  old = old.first(std::min(old.size(), most));
   for (Contact& c : now) {
     const int best = nearest_old(c, old, tolerance * tolerance, taken);
     if (best < 0) continue;
@@ -57,8 +63,8 @@ void inherit(ContactList& list, const Manifold& now, const ContactList& old, int
   auto of = [](auto& contacts, const Manifold& m) {
     return std::span(contacts).subspan(static_cast<std::size_t>(m.first), static_cast<std::size_t>(m.count));
   };
-  constexpr int kFew = 64, kMost = 1024;
-  if (before.count <= kFew)
+  constexpr std::size_t kFew = 64, kMost = 1024;
+  if (static_cast<std::size_t>(before.count) <= kFew)
     inherit_from<kFew>(of(list.contacts, now), of(old.contacts, before), tolerance);
   else
     inherit_from<kMost>(of(list.contacts, now), of(old.contacts, before), tolerance);
@@ -331,8 +337,10 @@ void Detector::copy_slab(int slab, const std::vector<Part>& parts, const Contact
       const Manifold& m = list.manifolds[from.manifolds + k];
       to_list.manifolds[to.manifolds + k] = {m.a, m.b, m.first + further, m.count};
     }
-    std::copy_n(list.contacts.begin() + static_cast<std::ptrdiff_t>(from.contacts), count.contacts,
-                to_list.contacts.begin() + static_cast<std::ptrdiff_t>(to.contacts));
+    // As bytes, for they are numbers only, which the compiler does not see: it would copy them one by one.
+    if (count.contacts > 0)
+      std::memcpy(static_cast<void*>(&to_list.contacts[to.contacts]), &list.contacts[from.contacts],
+                  count.contacts * sizeof(Contact));
     runs.run[run++] = {static_cast<int>(to.manifolds), static_cast<int>(to.manifolds + count.manifolds)};
   }
 }
