@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "tests/property/PhysicsBench.h"
@@ -84,21 +85,32 @@ TEST(ForceLimit, NoPinOffItsStopGivesMoreThanItsForceInAnyStep) {
   EXPECT_GT(gave_way, 0) << "the ball's blow pushes pins back";
 }
 
+// How high the lower of two boxes gets in 3 s that stand with one edge each on one pin between them.
+float height_of_two(double share, double offset) {
+  PhysicsBench bench;
+  use_pins(bench);
+  const double weight = 1.5 * share * kForce;
+  const auto west = bench.add(heavy(box({1.45, 0.8, 1}, {10.325 + offset, 10, 0.5}), weight));
+  const auto east = bench.add(heavy(box({1.45, 0.8, 1}, {11.825 + offset, 10, 0.5}), weight));
+  bench.run(0.5);
+  raise_all(bench, kUp);
+  bench.run(3.0);
+  return std::min(bench.position(west).z(), bench.position(east).z());
+}
+
 TEST(ForceLimit, TwoBodiesOnOnePinShareItsForce) {
-  // Each alone could be lifted by its two outer pins and half of the middle one.
+  // Each alone could be lifted by its outer pin and half of the middle one. The two rock against each other,
+  // and how far they get in a given time is a matter of chance: the middle one of several tries is looked at.
   for (const double share : {0.8, 1.2}) {
-    PhysicsBench bench;
-    use_pins(bench);
-    const auto west = bench.add(heavy(box({1.45, 0.8, 1}, {10.325, 10, 0.5}), 1.5 * share * kForce));
-    const auto east = bench.add(heavy(box({1.45, 0.8, 1}, {11.825, 10, 0.5}), 1.5 * share * kForce));
-    bench.run(0.5);
-    raise_all(bench, kUp);
-    bench.run(3.0);
-    const float lowest = std::min(bench.position(west).z(), bench.position(east).z());
+    std::array<float, 11> heights;
+    for (std::size_t i = 0; i < heights.size(); ++i)
+      heights[i] = height_of_two(share, 1e-3 * static_cast<double>(i));
+    const auto middle = heights.begin() + heights.size() / 2;
+    std::nth_element(heights.begin(), middle, heights.end());
     if (share < 1)
-      EXPECT_GT(lowest, 1.0F);
+      EXPECT_GT(*middle, 1.0F);
     else
-      EXPECT_LT(lowest, 1.0F);
+      EXPECT_LT(*middle, 1.0F);
   }
 }
 
