@@ -36,11 +36,12 @@ Facets of_piece(const scene::ConvexPiece& piece) {
 
 }  // namespace
 
-std::vector<Facets> facets_of(const scene::ObjectSpec& object) {
-  std::vector<Facets> all;
-  if (object.shape == scene::ShapeKind::kBox) all.push_back(of_box(object.half_extents().cast<float>()));
-  if (object.shape == scene::ShapeKind::kSolid)
-    for (const scene::ConvexPiece& piece : object.solid->pieces) all.push_back(of_piece(piece));
+Polyhedron polyhedron_of(const scene::ObjectSpec& object) {
+  Polyhedron all{object.solid.get(), {}};
+  if (object.solid)
+    for (const scene::ConvexPiece& piece : object.solid->pieces) all.pieces.push_back(of_piece(piece));
+  else
+    all.pieces.push_back(of_box(object.half_extents().cast<float>()));
   return all;
 }
 

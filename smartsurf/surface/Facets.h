@@ -18,7 +18,11 @@ struct FacetBlock {
 // All faces of one convex piece.
 using Facets = std::vector<FacetBlock>;
 
-// One entry a convex piece; none of what is round.
-std::vector<Facets> facets_of(const scene::ObjectSpec&);
+// What planes bound: a box or a solid.
+struct Polyhedron {
+  const scene::Solid* solid;   // null: a box
+  std::vector<Facets> pieces;  // convex
+};
+Polyhedron polyhedron_of(const scene::ObjectSpec&);
 
 }  // namespace smartsurf::surface

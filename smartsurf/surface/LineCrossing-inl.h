@@ -195,7 +195,7 @@ HWY_INLINE void cross_body(const SensedBody& body, const Lines<D>& l, Meet meet)
     case scene::ShapeKind::kCone:
       return meet(cross_cone<D>(l, body.extent));
     case scene::ShapeKind::kSolid:
-      for (const scene::ConvexPiece& piece : body.solid->pieces) meet(cross_piece<D>(l, piece));
+      for (const scene::ConvexPiece& piece : body.polyhedron->solid->pieces) meet(cross_piece<D>(l, piece));
   }
 }
 

@@ -37,7 +37,7 @@ void SensedBodies::update(const scene::Snapshot& snapshot, std::span<const scene
     const scene::ObjectSpec& o = catalogue[id];
     const Eigen::Vector3f half = o.half_extents().cast<float>();
     forms_.push_back(
-        {extent_of(o), half, o.solid ? o.solid->reach : half.norm(), o.shape, o.solid.get(), facets_for(o)});
+        {extent_of(o), half, o.solid ? o.solid->reach : half.norm(), o.shape, polyhedron_for(o)});
   }
   bodies_.resize(snapshot.objects());
   strip_.resize(snapshot.objects());
@@ -53,11 +53,12 @@ void SensedBodies::update(const scene::Snapshot& snapshot, std::span<const scene
 }
 
 // Solids are shared by many objects.
-std::span<const Facets> SensedBodies::facets_for(const scene::ObjectSpec& o) {
-  if (!o.solid) return box_facets_.emplace_back(facets_of(o));
-  const auto [found, is_new] = solid_facets_.try_emplace(o.solid.get());
-  if (is_new) found->second = facets_of(o);
-  return found->second;
+const Polyhedron* SensedBodies::polyhedron_for(const scene::ObjectSpec& o) {
+  if (o.shape == scene::ShapeKind::kBox) return &boxes_.emplace_back(polyhedron_of(o));
+  if (!o.solid) return nullptr;
+  const auto known = solids_.find(o.solid.get());
+  return known != solids_.end() ? &known->second
+                                : &solids_.emplace(o.solid.get(), polyhedron_of(o)).first->second;
 }
 
 void SensedBodies::set_bundle(const scene::Snapshot& snapshot, std::size_t bundle) noexcept {
@@ -99,8 +100,7 @@ void SensedBodies::set(const scene::Snapshot& snapshot, std::uint32_t k, SensedB
     const auto& q = snapshot.orientation[k];
     const Eigen::Matrix3f to_world = Eigen::Quaternionf(q[3], q[0], q[1], q[2]).toRotationMatrix();
     body.to_local = to_world.transpose();
-    body.solid = form.solid;
-    body.facets = form.facets;
+    body.polyhedron = form.polyhedron;
     reach = turned_reach(form.shape, form.half_extents, form.farthest, to_world);
   }
   const bool somewhere = body.centre.allFinite() && reach.allFinite();

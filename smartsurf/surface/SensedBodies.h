@@ -27,8 +27,7 @@ struct SensedBody {
   Eigen::Vector3f extent;    // box: half edges; cylinder, capsule: radius, radius, half height; cone: radius,
                              // its own height, unused; sphere: the radius
   Eigen::Matrix3f to_local;  // world → object axes
-  const scene::Solid* solid;
-  std::span<const Facets> facets;  // one a convex piece; none where it is round
+  const Polyhedron* polyhedron;  // of a box or a solid
 
   // Never met by anything: its position was not a number.
   bool nowhere() const { return !(reach_x >= 0.0F); }
@@ -64,8 +63,7 @@ class SensedBodies {
     Eigen::Vector3f extent, half_extents;
     float farthest;  // of its points from the centre, at most
     scene::ShapeKind shape;
-    const scene::Solid* solid;
-    std::span<const Facets> facets;
+    const Polyhedron* polyhedron;
   };
   static constexpr std::size_t kStrips = 256;
 
@@ -74,11 +72,11 @@ class SensedBodies {
   void set_bundle(const scene::Snapshot&, std::size_t bundle) noexcept;
 
   float north_ = 0.0F, per_u_ = 1.0F;
-  std::span<const Facets> facets_for(const scene::ObjectSpec&);
+  const Polyhedron* polyhedron_for(const scene::ObjectSpec&);
 
   std::vector<Form> forms_;  // index = id
-  std::map<const scene::Solid*, std::vector<Facets>> solid_facets_;
-  std::deque<std::vector<Facets>> box_facets_;
+  std::map<const scene::Solid*, Polyhedron> solids_;
+  std::deque<Polyhedron> boxes_;
   std::vector<std::uint32_t> strip_;  // of each of the snapshot's objects
   std::vector<std::uint32_t> order_;  // which of them goes where
   std::vector<SensedBody> bodies_;

@@ -137,7 +137,7 @@ void sweep_facets_over(const SweepJob& job, const SensedBody& b, float mark, int
 template <class D>
 void sweep_facets(const SweepJob& job, const SensedBody& b, float mark, int r0, int r1, const Columns& all) {
   const int lanes = static_cast<int>(hn::Lanes(D()));
-  for (const Facets& piece : b.facets) {
+  for (const Facets& piece : b.polyhedron->pieces) {
     UprightFacets facets(piece, b.to_local);
     for (int c = all.first; c < all.end; c += lanes)
       sweep_facets_over<D>(job, b, mark, r0, r1, window_over({c, all.end}, lanes, job.columns), facets);
@@ -146,7 +146,8 @@ void sweep_facets(const SweepJob& job, const SensedBody& b, float mark, int r0, 
 
 bool has_facets(const SensedBody& b) {
   return (b.shape == scene::ShapeKind::kBox || b.shape == scene::ShapeKind::kSolid) &&
-         std::ranges::all_of(b.facets, [](const Facets& piece) { return UprightFacets::fits(piece); });
+         std::ranges::all_of(b.polyhedron->pieces,
+                             [](const Facets& piece) { return UprightFacets::fits(piece); });
 }
 
 // Rows that are ready for bodies, from the first of a band.
