@@ -50,11 +50,11 @@ struct alignas(64) Point {
 };
 struct alignas(64) PointDetail {
   float arm_a[3][kLanes], arm_b[3][kLanes];
-  float slip[3][kLanes];  // of a's surface over b's that a unit push brings; of any shapes
   float surface[3][kLanes], surface_spin[kLanes];
   float rolling[kLanes], rolling_mass[kLanes], roll[3][kLanes];
   float restitution[kLanes];
-  float limit[kLanes];  // of octets with `limited`: the greatest push of a step
+  float limit[kLanes];    // of octets with `limited`: the greatest push of a step
+  float slip[3][kLanes];  // of a's surface over b's that a unit push brings; of any shapes
 };
 struct Points {
   Point* point;
