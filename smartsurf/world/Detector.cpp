@@ -339,8 +339,8 @@ void Detector::copy_slab(int slab, const std::vector<Part>& parts, const Contact
     }
     // As bytes, for they are numbers only, which the compiler does not see: it would copy them one by one.
     if (count.contacts > 0)
-      std::memcpy(static_cast<void*>(&to_list.contacts[to.contacts]), &list.contacts[from.contacts],
-                  count.contacts * sizeof(Contact));
+      std::memcpy(static_cast<void*>(&to_list.contacts[to.contacts]),
+                  static_cast<const void*>(&list.contacts[from.contacts]), count.contacts * sizeof(Contact));
     runs.run[run++] = {static_cast<int>(to.manifolds), static_cast<int>(to.manifolds + count.manifolds)};
   }
 }

@@ -20,7 +20,6 @@ using oracle::random_scene;
 using oracle::resize;
 using oracle::Scene;
 using scene::ShapeKind;
-using surface::Field;
 using surface::FirstHit;
 using surface::Segment;
 
