@@ -4,9 +4,9 @@
 
 #include <cstdint>
 
-namespace smartsurf::world {
+#include "smartsurf/world/Lanes.h"
 
-inline constexpr int kLanes = 8;
+namespace smartsurf::world {
 
 // ---- one row a body; rows of bodies that never move are not touched
 struct alignas(32) Motion {

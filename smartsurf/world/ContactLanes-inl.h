@@ -7,6 +7,7 @@
 #define SMARTSURF_WORLD_CONTACT_LANES_INL_H
 #endif
 
+#include "smartsurf/world/ContactKernels.h"
 #include "smartsurf/world/Lanes-inl.h"
 
 HWY_BEFORE_NAMESPACE();

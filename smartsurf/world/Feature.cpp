@@ -4,8 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "smartsurf/world/Fours.h"
-
 namespace smartsurf::world {
 namespace {
 
@@ -225,99 +223,6 @@ void add_patch(const Feature& on_a, const Feature& on_b, const Vec3& normal, flo
     const float gap = face.normal.dot(p - face.point[0]);
     if (gap <= margin) out.add({p, upright, gap, tag});
   }
-}
-
-void Candidates::add(const Candidate& c) {
-  int i = count();
-  if (i < SupportPoints::kCapacity) {
-    points_.add(c.point, c.gap);
-  } else {
-    i = points_.widest();
-    if (!(c.gap < points_.gap(i))) return;
-    points_.put(i, c.point, c.gap);
-  }
-  normal_[i] = c.normal;
-  tag_[i] = c.tag;
-}
-
-Candidate Candidates::mean() const {
-  Candidate m = at(0);
-  for (int i = 1; i < count(); ++i) {
-    m.point += points_.at(i);
-    m.gap += points_.gap(i);
-  }
-  m.point /= static_cast<float>(count());
-  m.gap /= static_cast<float>(count());
-  return m;
-}
-
-float Candidates::least_gap() const {
-  return count() > 0 ? points_.gap(points_.deepest()) : std::numeric_limits<float>::infinity();
-}
-
-int SupportPoints::deepest() const {
-  int found = 0;
-  for (int i = 1; i < count_; ++i) found = gap_[i] < gap_[found] ? i : found;
-  return found;
-}
-
-int SupportPoints::widest() const {
-  int found = 0;
-  for (int i = 1; i < count_; ++i) found = gap_[i] > gap_[found] ? i : found;
-  return found;
-}
-
-namespace {
-
-struct Points {
-  Floats x, y, z;
-};
-Floats square_of(const Points& p) { return p.x * p.x + p.y * p.y + p.z * p.z; }
-Points from(const Vec3& q, const Points& p) { return {p.x - q.x(), p.y - q.y(), p.z - q.z()}; }
-Points across(const Vec3& unit, const Points& p) {
-  return {p.y * unit.z() - p.z * unit.y(), p.z * unit.x() - p.x * unit.z(), p.x * unit.y() - p.y * unit.x()};
-}
-
-}  // namespace
-
-template <class Spread>
-int SupportPoints::best(Spread spread) const {
-  static_assert(kCapacity % kFour == 0);
-  // Floats above 0 compare like their bits. The last few of these tell the place, so that the first of about
-  // equal ones wins, without branches that nobody could foretell.
-  constexpr std::int32_t kPlace = 127;
-  static_assert(kCapacity <= kPlace);
-  Ints found{}, mark = Ints{kPlace, kPlace - 1, kPlace - 2, kPlace - 3};
-  for (int i = 0; i < count_; i += kFour, mark -= kFour) {
-    const Floats gap = load_four(gap_ + i);
-    const Floats gain = spread(Points{load_four(x_ + i), load_four(y_ + i), load_four(z_ + i)}) -
-                        (gap > 0.0F ? gap : Floats{});
-    const Ints here = gain > 1e-3F ? (bits(gain) & ~kPlace) | mark : Ints{};
-    found = here > found ? here : found;
-  }
-  const std::int32_t first = greatest_of(found);
-  return first == 0 ? -1 : kPlace - (first & kPlace);
-}
-
-int SupportPoints::choose(int (&chosen)[4]) {
-  if (count_ == 0) return 0;
-  constexpr float kFar = std::numeric_limits<float>::infinity();
-  chosen[0] = deepest();
-  if (gap_[chosen[0]] == kFar) return 0;
-  if (count_ == 1) return 1;
-  for (int i = count_; i % kFour != 0; ++i) put(i, at(0), kFar);
-  const Vec3 a = at(chosen[0]);
-  chosen[1] = best([&](const Points& p) { return sqrt(square_of(from(a, p))); });
-  if (chosen[1] < 0) return 1;
-  const Vec3 b = at(chosen[1]);
-  const Vec3 along = (b - a) / std::max(1e-6F, (b - a).norm());
-  chosen[2] = best([&](const Points& p) { return sqrt(square_of(across(along, from(a, p)))); });
-  if (chosen[2] < 0) return 2;
-  const Vec3 c = at(chosen[2]);
-  chosen[3] = best([&](const Points& p) {
-    return sqrt(min(min(square_of(from(a, p)), square_of(from(b, p))), square_of(from(c, p))));
-  });
-  return chosen[3] < 0 ? 3 : 4;
 }
 
 }  // namespace smartsurf::world

@@ -8,7 +8,10 @@
 
 #include <hwy/highway.h>
 
-#include "smartsurf/world/ContactKernels.h"
+#include <cstddef>
+#include <cstdint>
+
+#include "smartsurf/world/Lanes.h"
 
 // Whether a vector holds two blocks of 128 bits.
 #undef SMARTSURF_WIDE

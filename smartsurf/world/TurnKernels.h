@@ -2,7 +2,7 @@
 // set; every one of them gives the same bits.
 #pragma once
 
-#include "smartsurf/world/ContactKernels.h"
+#include "smartsurf/world/Lanes.h"
 
 namespace smartsurf::world {
 
