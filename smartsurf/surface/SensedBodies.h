@@ -36,6 +36,9 @@ struct SensedBody {
 class SensedBodies {
  public:
   SensedBodies() = default;
+  // Bodies point to what this keeps of them; it may move, for that stays where it is.
+  SensedBodies(SensedBodies&&) = default;
+  SensedBodies& operator=(SensedBodies&&) = default;
   // Of a table that lies between these two y.
   SensedBodies(float south, float north) : north_(north), per_u_(1.0F / std::max(north - south, 1.0F)) {}
 
