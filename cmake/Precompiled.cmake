@@ -1,7 +1,7 @@
-# Precompiled headers: one set for a house's rooms and one for its tests, instead of the same standard library, Eigen and
-# GoogleTest read again for each of 440 files. All presets but debug use them. Where a compiler cache does the same work
-# better they would be in its way, and without them each file shows that it includes what it needs: debug, and with it
-# scripts/lint, does without.
+# Precompiled headers: one set for a program's modules and one for its tests, so that the standard library, Eigen and
+# GoogleTest are not parsed anew for each of 440 files. All presets but debug use them. A compiler cache does the same work
+# better and cannot use them. The debug preset, and with it scripts/lint, goes without, so that each file shows that it
+# includes what it needs.
 option(SMARTSURF_PCH "Use precompiled headers (not together with a compiler launcher such as ccache)" OFF)
 if(CMAKE_CXX_COMPILER_LAUNCHER)
   set(SMARTSURF_PCH OFF)
@@ -11,13 +11,13 @@ set(precompiled_standard <algorithm> <array> <atomic> <charconv> <chrono> <cmath
   <cstring> <filesystem> <fstream> <functional> <limits> <map> <memory> <optional> <random> <set> <span> <sstream> <string>
   <string_view> <thread> <utility> <variant> <vector>)
 
-# add_precompiled(<name> HEADERS … [LIBS …]): headers for others to reuse. A compiler takes them only where its own flags
-# and macros are the same: rooms are position-independent (-fPIC), and tests are programs (-fPIE).
+# add_precompiled(<name> [PROGRAM] HEADERS … [LIBS …]): headers for other targets to reuse. A compiler accepts them only
+# with equal flags and macros: modules are compiled with -fPIC, tests (PROGRAM) with -fPIE.
 function(add_precompiled name)
   cmake_parse_arguments(P "PROGRAM" "" "HEADERS;LIBS" ${ARGN})
   file(CONFIGURE OUTPUT ${CMAKE_BINARY_DIR}/precompiled/${name}.cpp CONTENT "")
   add_library(${name} OBJECT EXCLUDE_FROM_ALL ${CMAKE_BINARY_DIR}/precompiled/${name}.cpp)
-  target_link_libraries(${name} PRIVATE house_rules ${P_LIBS})
+  target_link_libraries(${name} PRIVATE project_options ${P_LIBS})
   if(P_PROGRAM)
     set_target_properties(${name} PROPERTIES POSITION_INDEPENDENT_CODE OFF IS_UNIT_TEST ON)
     target_compile_options(${name} PRIVATE -fPIE ${SMARTSURF_TEST_OPTIONS})
@@ -34,8 +34,9 @@ function(precompile target name)
 endfunction()
 
 if(SMARTSURF_PCH)
-  # GCC 12 sees moved std::strings overrun themselves, and tells it where their header was precompiled.
-  target_compile_options(house_rules INTERFACE -Wno-array-bounds)
+  # GCC 12 reports false overruns of moved std::strings when their header is precompiled.
+  target_compile_options(project_options INTERFACE -Wno-array-bounds)
+  add_precompiled(precompiled_common HEADERS ${precompiled_standard})
   add_precompiled(precompiled_apron HEADERS ${precompiled_standard})
   add_precompiled(precompiled_smartsurf HEADERS ${precompiled_standard} <Eigen/Geometry> LIBS Eigen3::Eigen)
   if(GTest_FOUND)

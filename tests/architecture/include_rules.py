@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Fails on an include that the house does not allow (docs/architecture.md holds the same list in words).
+"""Fails on an include that the architecture does not allow (docs/architecture.md holds the same list in words).
 
 usage: include_rules.py SOURCE_ROOT
 """
@@ -7,34 +7,44 @@ import pathlib
 import re
 import sys
 
-# room -> rooms whose headers it may include. Its own are always allowed.
-ROOMS = {
+# module -> modules whose headers it may include. Its own are always allowed.
+MODULES = {
+    "common/error": set(),
+    "common/color": set(),
+    "common/csv": set(),
+    "common/files": set(),
+    "common/process": set(),
+    "common/gl": {"common/error"},
+    "common/threads": {"common/error"},
+    "common/image": {"common/error", "common/files"},
+    "common/video": {"common/error", "common/image"},
     "shm-protocol": set(),
-    "smartsurf/scene": set(),
-    "smartsurf/mesh": {"smartsurf/scene"},
-    "smartsurf/script": {"smartsurf/scene"},
-    "smartsurf/surface": {"smartsurf/scene"},
-    "smartsurf/world": {"smartsurf/scene", "smartsurf/surface"},
-    "smartsurf/record": {"smartsurf/scene"},
-    "smartsurf/view": {"smartsurf/scene"},
-    "smartsurf/web": {"smartsurf/scene", "smartsurf/record"},
-    "smartsurf/run": {"smartsurf/scene", "smartsurf/mesh", "smartsurf/script", "smartsurf/surface", "smartsurf/world",
-                      "smartsurf/record", "smartsurf/view", "smartsurf/web", "shm-protocol"},
-    "apron/program": set(),
-    "apron/syntax": set(),
-    "apron/compiler": {"apron/syntax", "apron/program"},
-    "apron/vm": {"apron/program"},
-    "apron/debugger": {"apron/vm", "apron/program"},
-    "apron/ui": {"apron/debugger", "apron/vm", "apron/program"},
-    "apron/run": {"apron/syntax", "apron/program", "apron/compiler", "apron/vm", "apron/debugger", "apron/ui",
-                  "shm-protocol"},
+    "smartsurf/scene": {"common"},
+    "smartsurf/mesh": {"common", "smartsurf/scene"},
+    "smartsurf/script": {"common", "smartsurf/scene"},
+    "smartsurf/surface": {"common", "smartsurf/scene"},
+    "smartsurf/world": {"common", "smartsurf/scene", "smartsurf/surface"},
+    "smartsurf/record": {"common", "smartsurf/scene"},
+    "smartsurf/view": {"common", "smartsurf/scene"},
+    "smartsurf/web": {"common", "smartsurf/scene", "smartsurf/record"},
+    "smartsurf/run": {"common", "smartsurf/scene", "smartsurf/mesh", "smartsurf/script", "smartsurf/surface",
+                      "smartsurf/world", "smartsurf/record", "smartsurf/view", "smartsurf/web", "shm-protocol"},
+    "apron/program": {"common"},
+    "apron/syntax": {"common"},
+    "apron/compiler": {"common", "apron/syntax", "apron/program"},
+    "apron/vm": {"common", "apron/program"},
+    "apron/debugger": {"common", "apron/vm", "apron/program"},
+    "apron/ui": {"common", "apron/debugger", "apron/vm", "apron/program"},
+    "apron/run": {"common", "apron/syntax", "apron/program", "apron/compiler", "apron/vm", "apron/debugger",
+                  "apron/ui", "shm-protocol"},
 }
 
-# third-party headers -> the only rooms that may see them.
+# third-party headers -> the only modules that may include them.
 PRIVATE = [
     (r"^(lua|lauxlib|lualib)", {"smartsurf/script"}),
-    (r"^(bt[A-Z]|Bullet|LinearMath/)", set()),  # the physics is our own; benchmarks alone compare it with Bullet
-    (r"^(epoxy|GLFW|EGL|GL|imgui)", {"smartsurf/view", "apron/ui"}),
+    (r"^(bt[A-Z]|Bullet|LinearMath/)", set()),  # benchmarks only
+    (r"^(GLFW|GL/|imgui)", {"smartsurf/view", "apron/ui"}),
+    (r"^(epoxy|EGL)", {"common/gl", "smartsurf/view", "apron/ui"}),
     (r"^(hdf5|H5)", {"smartsurf/record"}),
     (r"^(assimp|libqhull)", {"smartsurf/mesh"}),
     (r"^boost/", {"shm-protocol"}),
@@ -47,46 +57,50 @@ PRIVATE = [
 INCLUDE = re.compile(r'^\s*#\s*include\s*["<]([^">]+)[">]')
 
 
-def room_of(path):
+def module_of(path):
     parts = path.parts
     return "shm-protocol" if parts[0] == "shm-protocol" else "/".join(parts[:2])
 
 
-def room_of_include(name):
+def module_of_include(name):
     if name.startswith("shm_protocol/"):
         return "shm-protocol"
-    match = re.match(r"(smartsurf|apron)/[a-z]+", name)
+    match = re.match(r"(common|smartsurf|apron)/[a-z0-9]+", name)
     return match.group(0) if match else None
 
 
-def offences(root):
-    files = [p for house in ("shm-protocol", "smartsurf", "apron") for p in (root / house).rglob("*")
+def is_allowed(module, target):
+    return target == module or target in MODULES[module] or target.split("/")[0] in MODULES[module]
+
+
+def violations(root):
+    files = [p for folder in ("common", "shm-protocol", "smartsurf", "apron") for p in (root / folder).rglob("*")
              if p.suffix in {".h", ".cpp", ".c", ".def"}]
     if len(files) < 50:
         yield f"only {len(files)} sources found under {root}: wrong folder?"
     for path in sorted(files):
         relative = path.relative_to(root)
-        room = room_of(relative)
-        if room not in ROOMS:
-            yield f"{relative}: '{room}' is not a room of the house"
+        module = module_of(relative)
+        if module not in MODULES:
+            yield f"{relative}: '{module}' is not a module"
             continue
         for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
             match = INCLUDE.match(line)
             if not match:
                 continue
             name = match.group(1)
-            target = room_of_include(name)
-            if target and target != room and target not in ROOMS[room]:
-                yield f"{relative}:{number}: {room} may not include {name}"
+            target = module_of_include(name)
+            if target and not is_allowed(module, target):
+                yield f"{relative}:{number}: {module} may not include {name}"
             for pattern, allowed in PRIVATE:
-                if re.match(pattern, name) and room not in allowed:
-                    yield f"{relative}:{number}: {name} belongs to {' and '.join(sorted(allowed))} alone"
+                if re.match(pattern, name) and module not in allowed:
+                    yield f"{relative}:{number}: {name} is private to {' and '.join(sorted(allowed)) or 'the benchmarks'}"
 
 
 def main():
-    found = list(offences(pathlib.Path(sys.argv[1])))
-    for offence in found:
-        print(offence)
+    found = list(violations(pathlib.Path(sys.argv[1])))
+    for violation in found:
+        print(violation)
     return 1 if found else 0
 
 

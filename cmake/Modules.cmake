@@ -1,10 +1,10 @@
-# One static library per room of the house (docs/architecture.md), compiled the same way everywhere.
+# One static library per module (docs/architecture.md), all compiled with the same options.
 
-add_library(house_rules INTERFACE)
+add_library(project_options INTERFACE)
 # -ffp-contract=off: GCC fuses a*b+c into one FMA wherever the target has it, so the same source would round
 # differently from one function, compiler or machine to the next. Determinism is a promise here, so every
 # multiply and every add rounds on its own; kernels that want an FMA must write it.
-target_compile_options(house_rules INTERFACE
+target_compile_options(project_options INTERFACE
   -ffp-contract=off
   -fno-math-errno   # lets loops over sqrt vectorise; nobody reads errno after it, and no result changes
   -Wall -Wextra -Wpedantic -Wshadow
@@ -12,45 +12,46 @@ target_compile_options(house_rules INTERFACE
   $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>
   $<$<COMPILE_LANGUAGE:CXX>:-Wnon-virtual-dtor -Woverloaded-virtual>
   $<$<BOOL:${SMARTSURF_WERROR}>:-Werror>)
-target_include_directories(house_rules INTERFACE ${PROJECT_SOURCE_DIR})
-target_compile_definitions(house_rules INTERFACE SMARTSURF_VERSION="${PROJECT_VERSION}")
-# The instruction sets that vector kernels are compiled for. SSSE3 alone is not worth a copy: the baseline or SSE4 serve
-# such a CPU. Under sanitizers, where one such file takes longer than all others of its room, the baseline and AVX2 do.
+target_include_directories(project_options INTERFACE ${PROJECT_SOURCE_DIR})
+target_compile_definitions(project_options INTERFACE SMARTSURF_VERSION="${PROJECT_VERSION}")
+# The instruction sets that vector kernels are compiled for. A copy for SSSE3 alone does not pay: such a CPU runs the
+# SSE2 or SSE4 one. Sanitizer builds compile for the baseline and AVX2 only, because such a file then takes longer than
+# the rest of its module.
 if(SMARTSURF_SANITIZE)
-  target_compile_definitions(house_rules INTERFACE "HWY_DISABLED_TARGETS=(HWY_SSSE3|HWY_SSE4|HWY_AVX3)")
+  target_compile_definitions(project_options INTERFACE "HWY_DISABLED_TARGETS=(HWY_SSSE3|HWY_SSE4|HWY_AVX3)")
 else()
-  target_compile_definitions(house_rules INTERFACE HWY_DISABLED_TARGETS=HWY_SSSE3)
+  target_compile_definitions(project_options INTERFACE HWY_DISABLED_TARGETS=HWY_SSSE3)
 endif()
 if(SMARTSURF_SANITIZE)
-  target_compile_options(house_rules INTERFACE -fsanitize=${SMARTSURF_SANITIZE} -fno-omit-frame-pointer
+  target_compile_options(project_options INTERFACE -fsanitize=${SMARTSURF_SANITIZE} -fno-omit-frame-pointer
     -fno-sanitize-recover=all)
-  # What AddressSanitizer stops at anyway is not looked at twice: a third less to compile. Addresses that are not aligned
-  # can only come out of another process's bytes. A unit test's own code is not what is tested.
+  # Checks that AddressSanitizer covers are off, which saves a third of the compile time. Misaligned addresses can only
+  # come from another process's bytes. A unit test's own code is not instrumented by UBSan.
   if(SMARTSURF_SANITIZE MATCHES "address.*undefined")
-    target_compile_options(house_rules INTERFACE
+    target_compile_options(project_options INTERFACE
       -fno-sanitize=null,object-size,vptr,nonnull-attribute,returns-nonnull-attribute
       $<$<NOT:$<BOOL:$<TARGET_PROPERTY:TAKES_FOREIGN_BYTES>>>:-fno-sanitize=alignment>
       $<$<BOOL:$<TARGET_PROPERTY:IS_UNIT_TEST>>:-fno-sanitize=undefined>)
   endif()
-  target_link_options(house_rules INTERFACE -fsanitize=${SMARTSURF_SANITIZE})
+  target_link_options(project_options INTERFACE -fsanitize=${SMARTSURF_SANITIZE})
 endif()
 
-# add_room(<house> <room> SOURCES … [ROOMS …] [PRIVATE …] [PUBLIC …])
-#   ROOMS: rooms this one may include (targets); PRIVATE: third-party libraries that only this room may see;
+# add_module(<program> <module> SOURCES … [MODULES …] [PRIVATE …] [PUBLIC …])
+#   MODULES: modules that this one may include (targets); PRIVATE: third-party libraries that only this module sees;
 #   PUBLIC: third-party libraries that appear in its headers.
-# The target is <house>_<room>.
-function(add_room house room)
-  cmake_parse_arguments(ROOM "" "" "SOURCES;ROOMS;PRIVATE;PUBLIC" ${ARGN})
-  set(target ${house}_${room})
-  add_library(${target} STATIC ${ROOM_SOURCES})
-  target_link_libraries(${target} PUBLIC house_rules ${ROOM_ROOMS} ${ROOM_PUBLIC} PRIVATE ${ROOM_PRIVATE})
-  precompile(${target} precompiled_${house})
+# The target is <program>_<module>.
+function(add_module program module)
+  cmake_parse_arguments(M "" "" "SOURCES;MODULES;PRIVATE;PUBLIC" ${ARGN})
+  set(target ${program}_${module})
+  add_library(${target} STATIC ${M_SOURCES})
+  target_link_libraries(${target} PUBLIC project_options ${M_MODULES} ${M_PUBLIC} PRIVATE ${M_PRIVATE})
+  precompile(${target} precompiled_${program})
 endfunction()
 
-# add_room_test(<name> SOURCES … LIBS …): one GoogleTest program, registered with ctest under the label
+# add_module_test(<name> SOURCES … LIBS …): one GoogleTest program, registered with ctest under the label
 # "unit": case by case, or as a whole under AddressSanitizer. OPTIMISED: its own code compares millions of values,
 # or is one side of a race; that of the others does little, and is compiled in the least time.
-function(add_room_test name)
+function(add_module_test name)
   cmake_parse_arguments(T "OPTIMISED" "LABEL;TIMEOUT" "SOURCES;LIBS" ${ARGN})
   if(NOT T_LABEL)
     set(T_LABEL unit)
@@ -62,7 +63,7 @@ function(add_room_test name)
   if(T_LABEL MATCHES "unit|property")
     set_property(GLOBAL APPEND PROPERTY sanitized_tests ${name})
   endif()
-  target_link_libraries(${name} PRIVATE house_rules ${T_LIBS} GTest::gtest GTest::gtest_main)
+  target_link_libraries(${name} PRIVATE project_options ${T_LIBS} GTest::gtest GTest::gtest_main)
   if(NOT T_OPTIMISED)
     if("${T_LIBS}" MATCHES "smartsurf_")
       precompile(${name} precompiled_smartsurf_test)

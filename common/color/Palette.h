@@ -1,0 +1,39 @@
+// Colour maps for numbers, by name.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace common {
+
+enum class Palette : std::uint8_t {
+  kGrey,      // black to white
+  kRaw,       // the value itself as a grey level from 0 to 255, whatever the range
+  kFlame,     // black, red, yellow, white
+  kSpectrum,  // blue, cyan, green, yellow, red
+  kViridis,   // perceptually uniform (CC0; S. van der Walt, N. Smith), as are the next three
+  kMagma,
+  kInferno,
+  kPlasma,
+  kDiverging,  // blue, white, red: for values of both signs
+};
+inline constexpr std::size_t kPalettes = 9;
+
+std::string_view name(Palette) noexcept;
+// Case-insensitive; also by the names that other tools give to the same colours ('gray', 'jet', 'hot').
+std::optional<Palette> find_palette(std::string_view name) noexcept;
+// All names that find_palette() knows; the first kPalettes are the palettes' own.
+std::vector<std::string> palette_names();
+
+using Rgb = std::array<float, 3>;  // sRGB, [0, 1] each
+
+// The colour at t in [0, 1]; t is clamped and must not be NaN. The uniform palettes are within 0.01 of their
+// tables.
+Rgb palette_color(Palette, float t) noexcept;
+
+}  // namespace common

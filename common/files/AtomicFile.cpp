@@ -1,0 +1,54 @@
+#include "common/files/AtomicFile.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <string>
+
+namespace common {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::error_code last_error() { return {errno, std::generic_category()}; }
+
+std::error_code write_all(const fs::path& path, std::string_view bytes) {
+  const int file = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+  if (file < 0) return last_error();
+  std::error_code error;
+  while (!bytes.empty() && !error) {
+    const ssize_t n = ::write(file, bytes.data(), bytes.size());
+    if (n > 0)
+      bytes.remove_prefix(static_cast<std::size_t>(n));
+    else if (n < 0 && errno != EINTR)
+      error = last_error();
+  }
+  if (::close(file) != 0 && !error) error = last_error();
+  return error;
+}
+
+}  // namespace
+
+bool is_special_file(const fs::path& path) noexcept {
+  std::error_code ignored;
+  const fs::file_status status = fs::symlink_status(path, ignored);
+  return fs::exists(status) && !fs::is_regular_file(status) && !fs::is_directory(status);
+}
+
+std::error_code replace_file(const fs::path& path, std::string_view bytes) {
+  if (is_special_file(path)) return write_all(path, bytes);
+  std::error_code error;
+  if (fs::is_directory(path, error)) return std::make_error_code(std::errc::is_a_directory);
+  // The process id keeps two processes that write the same file apart.
+  const fs::path part = path.string() + ".part" + std::to_string(::getpid());
+  error = write_all(part, bytes);
+  if (!error) fs::rename(part, path, error);
+  if (error) {
+    std::error_code ignored;
+    fs::remove(part, ignored);
+  }
+  return error;
+}
+
+}  // namespace common

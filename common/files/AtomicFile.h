@@ -1,0 +1,18 @@
+// Replaces a file as a whole: readers see the old content or the new, never a part.
+#pragma once
+
+#include <filesystem>
+#include <string_view>
+#include <system_error>
+
+namespace common {
+
+// Writes `bytes` to a temporary file beside `path` and renames it. On failure the old file stays and nothing
+// is left behind. A device, a pipe or a symbolic link (/dev/stdout) is written in place: it must not be
+// replaced by a file.
+[[nodiscard]] std::error_code replace_file(const std::filesystem::path& path, std::string_view bytes);
+
+// True for what replace_file() writes in place.
+bool is_special_file(const std::filesystem::path& path) noexcept;
+
+}  // namespace common

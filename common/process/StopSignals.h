@@ -1,0 +1,24 @@
+// SIGINT, SIGTERM and SIGHUP as flags that long-running work polls.
+#pragma once
+
+#include <atomic>
+
+namespace common {
+
+// Installs the handlers. The first signal raises both flags; a second one ends the process at once with
+// status 128 + signal, for work that does not poll. An ignored SIGHUP (nohup) stays ignored.
+void catch_stop_signals();
+
+const std::atomic<bool>& stop_flag() noexcept;
+// Raised together with the stop flag, and by anyone who wants to interrupt the work for a moment.
+std::atomic<bool>& interrupt_flag() noexcept;
+
+// The signal received, or 0.
+int stop_signal() noexcept;
+// 128 + the signal received; `status` when there was none or the run failed anyway.
+int status_after_signals(int status) noexcept;
+
+// Lowers the flags, so that the next signal counts as the first again.
+void clear_stop_signal() noexcept;
+
+}  // namespace common

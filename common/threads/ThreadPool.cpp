@@ -1,0 +1,94 @@
+#include "common/threads/ThreadPool.h"
+
+#include <string>
+#include <system_error>
+
+#include "common/error/UserError.h"
+
+namespace common {
+namespace {
+
+// A job takes microseconds and follows the one before closely, and waking a sleeping thread takes tens of
+// microseconds.
+constexpr int kSpins = 2000;
+
+}  // namespace
+
+ThreadPool::ThreadPool(int threads, double min_cost_ns)
+    : min_cost_ns_(min_cost_ns),
+      spins_(static_cast<unsigned>(threads) <= std::thread::hardware_concurrency() ? kSpins : 0) {
+  try {
+    for (unsigned thread = 1; thread < static_cast<unsigned>(threads); ++thread)
+      workers_.emplace_back([this, thread] { serve(thread); });
+  } catch (const std::system_error& error) {
+    stop();
+    throw UserError("cannot start " + std::to_string(threads) + " threads: " + error.code().message() +
+                    "; take fewer (--threads)");
+  }
+}
+
+ThreadPool::~ThreadPool() { stop(); }
+
+void ThreadPool::stop() noexcept {
+  stop_.store(true, std::memory_order_release);
+  round_.fetch_add(1, std::memory_order_release);
+  round_.notify_all();
+  for (std::thread& worker : workers_) worker.join();
+}
+
+void ThreadPool::wait_while(const std::atomic<std::uint32_t>& word, std::uint32_t old) const noexcept {
+  for (int i = 0; i < spins_; ++i) {
+    if (word.load(std::memory_order_acquire) != old) return;
+    spin_pause();
+  }
+  word.wait(old, std::memory_order_acquire);
+}
+
+// The job stays in place until every call of it has returned; only then may the next one replace it.
+void ThreadPool::run(const Job& job) noexcept {
+  job_ = job;
+  const std::uint32_t calls = job.count == kEveryThread ? static_cast<std::uint32_t>(threads()) : job.count;
+  const std::uint32_t round = round_.load(std::memory_order_relaxed) + 1;
+  unfinished_.store(calls, std::memory_order_relaxed);
+  claim_.store(std::uint64_t{round} << 32U | job.count, std::memory_order_release);
+  round_.store(round, std::memory_order_release);
+  round_.notify_all();
+  work_on(round, 0);
+  for (std::uint32_t left = unfinished_.load(std::memory_order_acquire); left != 0;
+       left = unfinished_.load(std::memory_order_acquire))
+    wait_while(unfinished_, left);
+}
+
+void ThreadPool::finish_one() noexcept {
+  if (unfinished_.fetch_sub(1, std::memory_order_acq_rel) == 1) unfinished_.notify_one();
+}
+
+// A late thread may find the claim of a later round: then this round is over, and that one is its next.
+void ThreadPool::work_on(std::uint32_t round, unsigned thread) noexcept {
+  std::uint64_t claim = claim_.load(std::memory_order_acquire);
+  if (claim == (std::uint64_t{round} << 32U | kEveryThread)) {
+    job_.call(job_.of, thread, thread);
+    finish_one();
+    return;
+  }
+  for (;;) {
+    const auto left = static_cast<std::uint32_t>(claim);
+    if (claim >> 32U != round || left == 0) return;
+    if (!claim_.compare_exchange_weak(claim, claim - 1, std::memory_order_acq_rel)) continue;
+    job_.call(job_.of, job_.count - left, thread);
+    finish_one();
+    claim = claim_.load(std::memory_order_acquire);
+  }
+}
+
+void ThreadPool::serve(unsigned thread) noexcept {
+  std::uint32_t round = 0;
+  for (;;) {
+    wait_while(round_, round);
+    round = round_.load(std::memory_order_acquire);
+    if (stop_.load(std::memory_order_acquire)) return;
+    work_on(round, thread);
+  }
+}
+
+}  // namespace common

@@ -1,0 +1,110 @@
+// A fixed pool of threads that work on one job at a time. No call allocates; the caller is thread 0.
+//
+// Work may depend on its index or rows alone, never on the thread or the number of threads, so that results
+// are the same for any pool.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <thread>
+#include <vector>
+
+namespace common {
+
+// A hint to the core that this is a spin-wait loop.
+inline void spin_pause() noexcept {
+#if defined(__x86_64__)
+  __builtin_ia32_pause();
+#elif defined(__aarch64__)
+  asm volatile("yield");
+#endif
+}
+
+class ThreadPool {
+ public:
+  // Waking the other threads takes some tens of microseconds: work below this is done before they run.
+  static constexpr double kMinParallelCost_ns = 100e3;
+
+  // Starts threads − 1 threads; threads ≥ 1. `min_cost_ns`: see parallel_for_rows(). Throws UserError when
+  // the system refuses a thread.
+  explicit ThreadPool(int threads, double min_cost_ns = kMinParallelCost_ns);
+  ~ThreadPool();
+  ThreadPool(const ThreadPool&) = delete;
+  ThreadPool& operator=(const ThreadPool&) = delete;
+
+  int threads() const noexcept { return static_cast<int>(workers_.size()) + 1; }
+
+  // Fork/join: work(thread) once on every thread, all at the same time, so that they may wait for each other.
+  template <class Work>
+  void fork_join(const Work& work) noexcept {
+    run({[](const void* of, std::uint32_t thread, unsigned) noexcept {
+           (*static_cast<const Work*>(of))(static_cast<int>(thread));
+         },
+         &work, kEveryThread});
+  }
+
+  // work(index, thread) once for every index below `count`. Indices are claimed one by one, so that a thread
+  // without a core holds nobody up.
+  template <class Work>
+  void parallel_for(std::uint32_t count, const Work& work) noexcept {
+    run({[](const void* of, std::uint32_t index, unsigned thread) noexcept {
+           (*static_cast<const Work*>(of))(index, thread);
+         },
+         &work, count});
+  }
+
+  // work(begin, end) once for each thread's band of rows, together [0, rows). A band goes to the same thread
+  // every time, whose cache holds it. Fewer than two rows per thread stay on the caller.
+  template <class Work>
+  void parallel_for_rows(int rows, const Work& work) {
+    const long n = threads();
+    if (n == 1 || rows < 2 * n) {
+      if (rows > 0) work(0, rows);
+      return;
+    }
+    fork_join([&work, rows, n](int thread) {
+      const int begin = static_cast<int>(rows * static_cast<long>(thread) / n);
+      const int end = static_cast<int>(rows * (static_cast<long>(thread) + 1) / n);
+      if (begin < end) work(begin, end);
+    });
+  }
+
+  // The same, on the caller alone where the work costs less than min_cost_ns. `cost_ns`: the work's cost on
+  // one thread, estimated from counts, never measured by a clock.
+  template <class Work>
+  void parallel_for_rows(int rows, double cost_ns, const Work& work) {
+    if (cost_ns >= min_cost_ns_)
+      parallel_for_rows(rows, work);
+    else if (rows > 0)
+      work(0, rows);
+  }
+
+ private:
+  static constexpr std::uint32_t kEveryThread = 0xFFFFFFFF;
+
+  struct Job {
+    void (*call)(const void* of, std::uint32_t index, unsigned thread) noexcept;
+    const void* of;
+    std::uint32_t count;  // indices to claim, or kEveryThread
+  };
+
+  void run(const Job&) noexcept;
+  void work_on(std::uint32_t round, unsigned thread) noexcept;
+  void serve(unsigned thread) noexcept;
+  void finish_one() noexcept;
+  void stop() noexcept;
+  void wait_while(const std::atomic<std::uint32_t>& word, std::uint32_t old) const noexcept;
+
+  double min_cost_ns_;
+  int spins_;  // before a waiting thread sleeps; 0 where the threads outnumber the cores
+  std::vector<std::thread> workers_;
+  Job job_{};
+  std::atomic<bool> stop_{false};
+  // Each on lines of its own; cores fetch lines in pairs.
+  alignas(128) std::atomic<std::uint32_t> round_{0};  // a new value: a new job, or stop
+  alignas(128) std::atomic<std::uint64_t> claim_{
+      0};  // round << 32 | indices not claimed yet, or kEveryThread
+  alignas(128) std::atomic<std::uint32_t> unfinished_{0};  // calls
+};
+
+}  // namespace common

@@ -1,0 +1,124 @@
+#include "common/video/VideoEncoder.h"
+
+#include <fcntl.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <cassert>
+#include <cerrno>
+#include <csignal>
+#include <cstdlib>
+#include <cstring>
+#include <string>
+#include <vector>
+
+#include "common/error/UserError.h"
+
+namespace common {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool on_path(const std::string& program) {
+  const char* path = std::getenv("PATH");
+  const std::string folders = path != nullptr ? path : "";
+  for (std::size_t from = 0; from <= folders.size();) {
+    const std::size_t to = std::min(folders.find(':', from), folders.size());
+    if (::access((folders.substr(from, to - from) + "/" + program).c_str(), X_OK) == 0) return true;
+    from = to + 1;
+  }
+  return false;
+}
+
+std::vector<std::string> ffmpeg_command(const fs::path& file, int width, int height, int frames_per_second) {
+  const std::string size = std::to_string(width) + "x" + std::to_string(height);
+  const std::string rate = std::to_string(frames_per_second);
+  std::vector<std::string> words{"ffmpeg", "-nostdin", "-loglevel", "error", "-y"};
+  words.insert(words.end(), {"-f", "rawvideo", "-pix_fmt", "rgb24", "-s", size, "-r", rate, "-i", "pipe:0"});
+  words.insert(words.end(), {"-an", "-c:v", "libx264", "-preset", "veryfast", "-crf", "18"});
+  words.insert(words.end(), {"-pix_fmt", "yuv420p", file.string()});
+  return words;
+}
+
+}  // namespace
+
+VideoEncoder::VideoEncoder(const fs::path& file, int width, int height, int frames_per_second)
+    : file_(file), part_(file.string() + ".part.mp4"), width_(width), height_(height) {
+  assert(width % 2 == 0 && height % 2 == 0);
+  const std::string name = file.string();
+  if (file.extension() != ".mp4") throw UserError(name + ": a video's name must end in .mp4");
+  const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
+  if (!fs::is_directory(folder)) throw UserError(name + ": there is no folder " + folder.string());
+  if (!on_path("ffmpeg"))
+    throw UserError(name + ": a video needs ffmpeg, which is not installed (apt-get install ffmpeg)");
+  start(frames_per_second);
+}
+
+void VideoEncoder::start(int frames_per_second) {
+  const std::vector<std::string> words = ffmpeg_command(part_, width_, height_, frames_per_second);
+  std::vector<char*> arguments;
+  for (const std::string& word : words) arguments.push_back(const_cast<char*>(word.c_str()));
+  arguments.push_back(nullptr);
+  // A socket rather than a pipe: send() can suppress SIGPIPE for this descriptor alone.
+  std::array<int, 2> ends{};
+  if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends.data()) != 0)
+    throw UserError(file_.string() + ": cannot start ffmpeg: " + std::strerror(errno));
+  child_ = ::fork();
+  if (child_ == 0) {
+    ::dup2(ends[0], STDIN_FILENO);
+    std::signal(SIGINT, SIG_IGN);  // Ctrl-C is for the program; ffmpeg ends with its input
+    ::execvp(arguments[0], arguments.data());
+    ::_exit(127);
+  }
+  const int fork_error = errno;
+  ::close(ends[0]);
+  socket_ = ends[1];
+  if (child_ > 0) return;
+  ::close(socket_);
+  throw UserError(file_.string() + ": cannot start ffmpeg: " + std::strerror(fork_error));
+}
+
+// Ends ffmpeg's input and returns its wait status, or -1 when it was not running.
+int VideoEncoder::close_and_wait() {
+  if (socket_ >= 0) ::close(socket_);
+  socket_ = -1;
+  int status = -1;
+  if (child_ > 0)
+    while (::waitpid(child_, &status, 0) < 0 && errno == EINTR) {
+    }
+  child_ = -1;
+  return status;
+}
+
+VideoEncoder::~VideoEncoder() {
+  if (child_ < 0) return;
+  close_and_wait();
+  std::error_code ignored;
+  fs::remove(part_, ignored);
+}
+
+void VideoEncoder::add(const Image& image) {
+  assert(image.width == width_ && image.height == height_);
+  const std::uint8_t* bytes = image.rgb.data();
+  for (std::size_t left = image.rgb.size(); left > 0;) {
+    const ssize_t n = ::send(socket_, bytes, left, MSG_NOSIGNAL);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) throw UserError(file_.string() + ": ffmpeg stopped taking pictures");
+    bytes += n;
+    left -= static_cast<std::size_t>(n);
+  }
+}
+
+void VideoEncoder::finish() {
+  std::error_code error;
+  const bool encoded = close_and_wait() == 0;
+  if (encoded) fs::rename(part_, file_, error);
+  if (encoded && !error) return;
+  const std::string reason = encoded ? error.message() : "ffmpeg failed";
+  fs::remove(part_, error);
+  throw UserError(file_.string() + ": " + reason);
+}
+
+}  // namespace common

@@ -1,0 +1,36 @@
+// Encodes images as an MP4 file (H.264) through a pipe to ffmpeg, which must be installed.
+#pragma once
+
+#include <sys/types.h>
+
+#include <filesystem>
+
+#include "common/image/Image.h"
+
+namespace common {
+
+class VideoEncoder {
+ public:
+  // All images have this size, in pixels; both edges are even. The file appears under its name when finish()
+  // succeeds; until then it is FILE.part.mp4, which no failure leaves behind. Throws UserError when ffmpeg is
+  // missing, the name does not end in .mp4, the folder does not exist, or the process cannot be started.
+  VideoEncoder(const std::filesystem::path& file, int width, int height, int frames_per_second);
+  ~VideoEncoder();  // without finish(): discards the video
+  VideoEncoder(const VideoEncoder&) = delete;
+  VideoEncoder& operator=(const VideoEncoder&) = delete;
+
+  // Both throw UserError when ffmpeg fails.
+  void add(const Image& image);
+  void finish();
+
+ private:
+  void start(int frames_per_second);
+  int close_and_wait();
+
+  std::filesystem::path file_, part_;
+  int width_, height_;
+  pid_t child_ = -1;
+  int socket_ = -1;
+};
+
+}  // namespace common
