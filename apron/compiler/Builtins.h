@@ -12,24 +12,24 @@
 
 namespace apron::compiler {
 
-enum class Form : std::uint8_t {
+enum class BuiltinForm : std::uint8_t {
   // values: y = f(…) and f(y, …)
   kElementwise,
   kMac,
   kShift,    // by (dx, dy) times the distance
   kShiftBy,  // shift(A, dx, dy), rotate(A, dx, dy)
-  kNear,
+  kNeighbourhood,
   kMaskIf,
-  kGlobal,
+  kReduction,
   kPixelGet,
-  kCell,
+  kCellCoordinate,
   kRegisterWidth,
   kRegisterHeight,
   kRegisterId,
   kSurfaceScalar,
-  kSense,
-  kHas,
-  kOpen,
+  kSurfaceSense,
+  kSurfaceHas,
+  kFileOpen,
   kParameterGet,
   kTimerRead,
   kPropagate,
@@ -41,11 +41,11 @@ enum class Form : std::uint8_t {
   kRandomWhite,
   kRandomRounded,
   kStackPop,
-  kResGet,
-  kResMatch,
+  kElementGet,
+  kElementMatch,
   kPlugin,
-  kOpenCount,
-  kRead,
+  kNumberedOpen,
+  kFrameRead,
   // statements
   kFilterCreate,
   kFilterSet,
@@ -53,8 +53,8 @@ enum class Form : std::uint8_t {
   kFilterGabor,
   kRandomSeed,
   kStackPush,
-  kResSet,
-  kSaveCount,
+  kElementSet,
+  kNumberedSave,
   kClipOpen,
   kWebcamOpen,
   kShow,
@@ -64,15 +64,15 @@ enum class Form : std::uint8_t {
   kSetPalette,
   kSetScale,
   kPixelSet,
-  kSave,
-  kActuate,
-  kPlain,  // an instruction without operands
+  kFileSave,
+  kSurfaceActuate,
+  kNullary,  // an instruction without operands
   kMaskOn,
   kBoundary,
   kPrint,
   kSliderAdd,
   kSwitchAdd,
-  kLabelShow,
+  kLabel,
   kJump,
   kJumpIf,
   kCall,
@@ -96,15 +96,15 @@ enum class Form : std::uint8_t {
 
 struct Builtin {
   std::string_view name;
-  Form form = Form::kElementwise;
-  std::uint8_t least = 0, most = 0;  // arguments, a destination not counted
+  BuiltinForm form = BuiltinForm::kElementwise;
+  std::uint8_t min_arguments = 0, max_arguments = 0;  // arguments, a destination not counted
   program::Opcode op = program::Opcode::kNop;
   std::int8_t dx = 0, dy = 0;  // of one step of a shift: cells east and south
 
-  bool gives_value() const noexcept { return form <= Form::kRead; }
+  bool returns_value() const noexcept { return form <= BuiltinForm::kFrameRead; }
 };
 
-inline constexpr std::uint8_t kAnyNumber = 255;
+inline constexpr std::uint8_t kVariadic = 255;
 
 // nullptr for an unknown name.
 const Builtin* find_builtin(std::string_view name);

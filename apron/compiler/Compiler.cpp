@@ -5,9 +5,9 @@
 #include <utility>
 
 #include "apron/compiler/Builtins.h"
+#include "apron/compiler/DefiniteAssignment.h"
 #include "apron/compiler/Lowering.h"
-#include "apron/compiler/PaletteName.h"
-#include "apron/compiler/Unwritten.h"
+#include "apron/compiler/PaletteCheck.h"
 #include "apron/syntax/Parser.h"
 #include "apron/syntax/Preprocessor.h"
 
@@ -22,31 +22,32 @@ syntax::PreprocessorOptions preprocessor_options(const CompileOptions& options) 
   result.include_paths = options.include_paths;
   result.library_path = options.library_path;
   result.is_builtin = [](std::string_view name) { return find_builtin(name) != nullptr; };
-  result.wrong_palette = wrong_palette;
+  result.check_palette = palette_error;
   return result;
 }
 
-void check_reads(const program::Program& program, const Lowering& lowering,
-                 syntax::Diagnostics& diagnostics) {
-  for (const ScalarRead& read : unwritten_reads(program, lowering.scalar_reads())) {
-    diagnostics.error(read.at,
+void check_definite_assignment(const program::Program& program, const Lowering& lowering,
+                               syntax::Diagnostics& diagnostics) {
+  for (const ScalarRead& read : find_unassigned_reads(program, lowering.scalar_reads())) {
+    diagnostics.error(read.location,
                       fmt::format("the scalar '{}' is read here, but nothing can have written it before",
                                   program.variables[read.variable].name));
   }
 }
 
 // What only the whole program shows.
-void check_whole(const program::Program& program, std::size_t max_addr, syntax::Diagnostics& diagnostics) {
+void check_program(const program::Program& program, std::size_t max_addr, syntax::Diagnostics& diagnostics) {
   if (program.code.size() > max_addr) {
     diagnostics.error({}, fmt::format("the program has {} instructions, and '!max_addr' allows {}",
                                       program.code.size(), max_addr));
-  } else if (const std::string wrong = program::verify(program); !wrong.empty()) {
-    diagnostics.error({}, wrong);
+  } else if (const std::string error = program::verify(program); !error.empty()) {
+    diagnostics.error({}, error);
   }
 }
 
-std::optional<program::Program> translate(const CompileOptions& options, syntax::FileReader& reader,
-                                          syntax::Sources& sources, syntax::Diagnostics& diagnostics) {
+std::optional<program::Program> compile_program(const CompileOptions& options, syntax::FileReader& reader,
+                                                syntax::SourceManager& sources,
+                                                syntax::Diagnostics& diagnostics) {
   syntax::Preprocessor preprocessor(preprocessor_options(options), reader, sources, diagnostics);
   const std::vector<syntax::Statement> statements =
       syntax::Parser(preprocessor, sources, diagnostics).parse();
@@ -54,10 +55,10 @@ std::optional<program::Program> translate(const CompileOptions& options, syntax:
   const std::vector<std::string> defines = preprocessor.define_names();
   names.insert(names.end(), defines.begin(), defines.end());
   Lowering lowering({options.width, options.height}, sources, diagnostics, std::move(names));
-  lowering.run(statements);
+  lowering.lower_program(statements);
   program::Program program = lowering.finish();
-  if (diagnostics.empty()) check_reads(program, lowering, diagnostics);
-  if (diagnostics.empty()) check_whole(program, preprocessor.max_addr(), diagnostics);
+  if (diagnostics.empty()) check_definite_assignment(program, lowering, diagnostics);
+  if (diagnostics.empty()) check_program(program, preprocessor.max_addr(), diagnostics);
   if (!diagnostics.empty()) return std::nullopt;
   return program;
 }
@@ -67,7 +68,7 @@ std::optional<program::Program> translate(const CompileOptions& options, syntax:
 CompileResult compile(const CompileOptions& options, syntax::FileReader& reader) {
   CompileResult result;
   syntax::Diagnostics diagnostics;
-  result.program = translate(options, reader, result.sources, diagnostics);
+  result.program = compile_program(options, reader, result.sources, diagnostics);
   result.diagnostics = diagnostics.take();
   return result;
 }

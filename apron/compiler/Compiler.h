@@ -9,7 +9,7 @@
 #include "apron/program/Program.h"
 #include "apron/syntax/Diagnostic.h"
 #include "apron/syntax/FileReader.h"
-#include "apron/syntax/Sources.h"
+#include "apron/syntax/SourceManager.h"
 
 namespace apron::compiler {
 
@@ -23,7 +23,7 @@ struct CompileOptions {
 struct CompileResult {
   std::optional<program::Program> program;  // only without diagnostics
   std::vector<syntax::Diagnostic> diagnostics;
-  syntax::Sources sources;  // for syntax::format(diagnostics, sources)
+  syntax::SourceManager sources;  // for syntax::format(diagnostics, sources)
 };
 
 // Never throws for what a source holds, and ends for every source. Allocates; keeps no state between calls.

@@ -12,106 +12,109 @@ using program::Opcode;
 using syntax::ExpressionKind;
 
 // The source stays as it is and is not released: the destination is never the source.
-Value Lowering::move(Opcode op, const Value& source, int dx, int dy, Destination* destination, Location at) {
+Value Lowering::emit_shift(Opcode op, const Value& source, int dx, int dy, ResultDestination* destination,
+                           Location location) {
   if (dx == 0 && dy == 0) return source;
-  const Shape shape = emitter_.shape(source);
-  Value place;
-  bool direct = false;
+  const Shape shape = builder_.shape(source);
+  Value result;
+  bool in_destination = false;
   if (destination != nullptr) {
-    place = target(*destination, true, shape);
-    check_shapes({place, source}, at);
-    direct = place.index != source.index;
-    destination->used = direct;
+    result = resolve_destination(*destination, true, shape);
+    check_shapes({result, source}, location);
+    in_destination = result.index != source.index;
+    destination->used = in_destination;
   }
-  if (!direct) place = emitter_.temporary(shape);
-  emitter_.emit(op, emitter_.operand(place),
-                {emitter_.operand(source), emitter_.literal(static_cast<float>(dx)),
-                 emitter_.literal(static_cast<float>(dy))},
-                direct);
-  return place;
+  if (!in_destination) result = builder_.allocate_temporary(shape);
+  builder_.emit(op, builder_.operand(result),
+                {builder_.operand(source), builder_.literal_operand(static_cast<float>(dx)),
+                 builder_.literal_operand(static_cast<float>(dy))},
+                in_destination);
+  return result;
 }
 
-Value Lowering::shift(const Builtin& builtin, const Expressions& arguments, Location at,
-                      Destination* destination) {
+Value Lowering::lower_shift(const Builtin& builtin, const Expressions& arguments, Location location,
+                            ResultDestination* destination) {
   int dx = builtin.dx;
   int dy = builtin.dy;
-  if (builtin.form == Form::kShiftBy) {
-    dx = whole(arguments[1], "the distance of a shift");
-    dy = whole(arguments[2], "the distance of a shift");
+  if (builtin.form == BuiltinForm::kShiftBy) {
+    dx = integer_constant(arguments[1], "the distance of a shift");
+    dy = integer_constant(arguments[2], "the distance of a shift");
   } else if (arguments.size() == 2) {
-    const int distance = whole(arguments[1], "the distance of a shift");
+    const int distance = integer_constant(arguments[1], "the distance of a shift");
     dx *= distance;
     dy *= distance;
   }
-  const Value source = array(arguments[0], "a shift");
-  const Value moved = move(builtin.op, source, dx, dy, destination, at);
-  if (moved.index != source.index) emitter_.release(source);
+  const Value source = lower_register(arguments[0], "a shift");
+  const Value moved = emit_shift(builtin.op, source, dx, dy, destination, location);
+  if (moved.index != source.index) builder_.release(source);
   return moved;
 }
 
 // The neighbours only, never the own cell.
-Value Lowering::near(const Builtin& builtin, const Expressions& arguments, Location at,
-                     Destination* destination) {
-  const int count = arguments.size() == 2 ? whole(arguments[1], "the neighbourhood") : 4;
+Value Lowering::lower_neighbourhood(const Builtin& builtin, const Expressions& arguments, Location location,
+                                    ResultDestination* destination) {
+  const int count = arguments.size() == 2 ? integer_constant(arguments[1], "the neighbourhood") : 4;
   if (count != 4 && count != 8) {
-    throw Failure{arguments[1].at, fmt::format("a neighbourhood is 4 or 8 cells, not {}", count)};
+    throw CompileError{arguments[1].location, fmt::format("a neighbourhood is 4 or 8 cells, not {}", count)};
   }
-  const Value own = array(arguments[0], "a neighbourhood");
-  return apart(builtin.op, {own}, {emitter_.literal(static_cast<float>(count))}, destination, at);
+  const Value centre = lower_register(arguments[0], "a neighbourhood");
+  return emit_out_of_place(builtin.op, {centre}, {builder_.literal_operand(static_cast<float>(count))},
+                           destination, location);
 }
 
-Value Lowering::apart(Opcode op, const std::vector<Value>& sources, std::vector<program::Operand> more,
-                      Destination* destination, Location at) {
-  check_shapes(sources, at);
-  const Shape shape = emitter_.shape(sources.front());
-  Value place;
-  bool direct = false;
+Value Lowering::emit_out_of_place(Opcode op, const std::vector<Value>& sources,
+                                  std::vector<program::Operand> extra_operands,
+                                  ResultDestination* destination, Location location) {
+  check_shapes(sources, location);
+  const Shape shape = builder_.shape(sources.front());
+  Value result;
+  bool in_destination = false;
   if (destination != nullptr) {
-    place = target(*destination, true, shape);
-    check_shapes({place, sources.front()}, at);
-    direct = std::none_of(sources.begin(), sources.end(),
-                          [&](const Value& source) { return source.index == place.index; });
-    destination->used = direct;
+    result = resolve_destination(*destination, true, shape);
+    check_shapes({result, sources.front()}, location);
+    in_destination = std::none_of(sources.begin(), sources.end(),
+                                  [&](const Value& source) { return source.index == result.index; });
+    destination->used = in_destination;
   }
-  if (!direct) place = emitter_.temporary(shape);
+  if (!in_destination) result = builder_.allocate_temporary(shape);
   std::vector<program::Operand> operands;
-  for (const Value& source : sources) operands.push_back(emitter_.operand(source));
-  operands.insert(operands.end(), more.begin(), more.end());
-  emitter_.emit(op, emitter_.operand(place), std::move(operands), direct);
-  for (const Value& source : sources) emitter_.release(source);
-  return place;
+  for (const Value& source : sources) operands.push_back(builder_.operand(source));
+  operands.insert(operands.end(), extra_operands.begin(), extra_operands.end());
+  builder_.emit(op, builder_.operand(result), std::move(operands), in_destination);
+  for (const Value& source : sources) builder_.release(source);
+  return result;
 }
 
-std::uint32_t Lowering::register_number(const Value& value, Location at) const {
-  const auto number = names_.register_number(value.index);
-  if (!number) throw Failure{at, "only a register that was created has a number"};
+std::uint32_t Lowering::register_number(const Value& value, Location location) const {
+  const auto number = symbols_.register_number(value.index);
+  if (!number) throw CompileError{location, "only a register that was created has a number"};
   return static_cast<std::uint32_t>(*number);
 }
 
-Value Lowering::register_size(const Builtin& builtin, const Expressions& arguments) {
-  const Value value = array(arguments[0], "this");
-  emitter_.release(value);
-  const Shape shape = emitter_.shape(value);
-  const std::uint32_t number = builtin.form == Form::kRegisterWidth ? shape.width
-                               : builtin.form == Form::kRegisterHeight
+Value Lowering::lower_register_property(const Builtin& builtin, const Expressions& arguments) {
+  const Value value = lower_register(arguments[0], "this");
+  builder_.release(value);
+  const Shape shape = builder_.shape(value);
+  const std::uint32_t number = builtin.form == BuiltinForm::kRegisterWidth ? shape.width
+                               : builtin.form == BuiltinForm::kRegisterHeight
                                    ? shape.height
-                                   : register_number(value, arguments[0].at);
-  return Value::of(static_cast<float>(number));
+                                   : register_number(value, arguments[0].location);
+  return Value::from_constant(static_cast<float>(number));
 }
 
-void Lowering::pixel_set(const Expressions& arguments) {
-  const Expression& place = arguments[0];
-  Destination destination{&place, false};
-  const bool named = place.kind == ExpressionKind::kName || place.kind == ExpressionKind::kElement;
-  if (!named || !array(place, "'pixel.set'").is_register()) {
-    throw Failure{place.at, "'pixel.set' writes its first argument: expected a register"};
+void Lowering::lower_pixel_set(const Expressions& arguments) {
+  const Expression& target = arguments[0];
+  ResultDestination destination{&target, false};
+  const bool named = target.kind == ExpressionKind::kName || target.kind == ExpressionKind::kElement;
+  if (!named || !lower_register(target, "'pixel.set'").is_register()) {
+    throw CompileError{target.location, "'pixel.set' writes its first argument: expected a register"};
   }
-  const Value x = scalar(arguments[1], "'pixel.set'");
-  const Value y = scalar(arguments[2], "'pixel.set'");
-  const Value value = scalar(arguments[3], "'pixel.set'");
-  const Value wanted = target(destination, true, emitter_.shape(lower(place)));
-  emitter_.emit(Opcode::kPixelSet, emitter_.operand(wanted),
-                {emitter_.operand(x), emitter_.operand(y), emitter_.operand(value)});
+  const Value x = lower_scalar(arguments[1], "'pixel.set'");
+  const Value y = lower_scalar(arguments[2], "'pixel.set'");
+  const Value value = lower_scalar(arguments[3], "'pixel.set'");
+  const Value target_register = resolve_destination(destination, true, builder_.shape(lower(target)));
+  builder_.emit(Opcode::kPixelSet, builder_.operand(target_register),
+                {builder_.operand(x), builder_.operand(y), builder_.operand(value)});
 }
 
 }  // namespace apron::compiler

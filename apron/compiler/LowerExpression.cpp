@@ -5,7 +5,7 @@
 #include <cmath>
 #include <utility>
 
-#include "apron/compiler/Fold.h"
+#include "apron/compiler/ConstantFolding.h"
 #include "apron/compiler/Lowering.h"
 
 namespace apron::compiler {
@@ -21,19 +21,19 @@ std::string show(Shape shape) { return fmt::format("{}x{}", shape.width, shape.h
 
 }  // namespace
 
-Value Lowering::lower(const Expression& expression, Destination* destination) {
+Value Lowering::lower(const Expression& expression, ResultDestination* destination) {
   switch (expression.kind) {
     case ExpressionKind::kNumber:
-      return Value::of(expression.number);
+      return Value::from_constant(expression.number);
     case ExpressionKind::kName:
       return lower_name(expression, destination);
     case ExpressionKind::kElement: {
-      const Symbol& symbol = element(expression);
+      const Symbol& symbol = find_element(expression);
       return symbol.value;
     }
     case ExpressionKind::kCall: {
       const Builtin* builtin = find_builtin(expression.text);
-      if (builtin == nullptr) unknown_call(expression);
+      if (builtin == nullptr) fail_unknown_call(expression);
       return lower_call(*builtin, expression, expression.children, destination);
     }
     case ExpressionKind::kUnary:
@@ -42,169 +42,180 @@ Value Lowering::lower(const Expression& expression, Destination* destination) {
       return lower_binary(expression, destination);
     case ExpressionKind::kExpansion:
       return lower_expansion(expression);
-    case ExpressionKind::kText:
-      throw Failure{expression.at, "a text has no value here"};
+    case ExpressionKind::kString:
+      throw CompileError{expression.location, "a text has no value here"};
     case ExpressionKind::kOperator:
-      throw Failure{expression.at, "a comparison sign alone is for conditions: if(a, <, b)"};
+      throw CompileError{expression.location, "a comparison sign alone is for conditions: if(a, <, b)"};
     case ExpressionKind::kLabel:
-      throw Failure{expression.at, "a label has no value"};
+      throw CompileError{expression.location, "a label has no value"};
     case ExpressionKind::kModule:
-      throw Failure{expression.at, "'?' stands for a module: plugin(?, n, …)"};
+      throw CompileError{expression.location, "'?' stands for a module: plugin(?, n, …)"};
   }
   return {};
 }
 
-Value Lowering::lower_name(const Expression& name, Destination* destination) {
-  const Symbol* symbol = names_.find(name.text);
+Value Lowering::lower_name(const Expression& name, ResultDestination* destination) {
+  const Symbol* symbol = symbols_.find(name.text);
   if (symbol == nullptr) {
     const Builtin* builtin = find_builtin(name.text);
-    if (builtin != nullptr && builtin->least == 0) return lower_call(*builtin, name, {}, destination);
+    if (builtin != nullptr && builtin->min_arguments == 0) return lower_call(*builtin, name, {}, destination);
     if (builtin != nullptr) {
-      throw Failure{name.at, fmt::format("'{}' is an instruction and needs its arguments", name.text)};
+      throw CompileError{name.location,
+                         fmt::format("'{}' is an instruction and needs its arguments", name.text)};
     }
     if (is_macro_name(name.text)) {
-      throw Failure{name.at, fmt::format("'{}' is read before it is written", shown(name.text))};
+      throw CompileError{name.location,
+                         fmt::format("'{}' is read before it is written", display_name(name.text))};
     }
-    if (written_.count(name.text) == 0) {
+    if (written_names_.count(name.text) == 0) {
       std::vector<std::string> known = other_names_;
-      for (const std::string& one : written_) {
+      for (const std::string& one : written_names_) {
         if (!is_macro_name(one)) known.push_back(one);
       }
       for (const std::string& one : builtin_names()) {
-        if (const Builtin* value = find_builtin(one); value->gives_value() && value->least == 0)
+        if (const Builtin* value = find_builtin(one); value->returns_value() && value->min_arguments == 0)
           known.push_back(one);
       }
-      std::string advice = names_.suggestion(name.text, known);
-      if (advice.empty())
-        advice = fmt::format("; before it is read, !register({0}) or {0} = 0 makes it one", name.text);
-      throw Failure{name.at, fmt::format("'{}' is not a register, and no line writes it as a scalar{}",
-                                         name.text, advice)};
+      std::string hint = symbols_.did_you_mean(name.text, known);
+      if (hint.empty())
+        hint = fmt::format("; before it is read, !register({0}) or {0} = 0 makes it one", name.text);
+      throw CompileError{
+          name.location,
+          fmt::format("'{}' is not a register, and no line writes it as a scalar{}", name.text, hint)};
     }
-    Symbol fresh{
-        {Value::Kind::kVariable, emitter_.add_variable(name.text), 0.0F, false}, name.at, true, name.text};
-    names_.add(name.text, fresh);
-    symbol = names_.find(name.text);
+    Symbol symbol_entry{{Value::Kind::kScalar, builder_.add_variable(name.text), 0.0F, false},
+                        name.location,
+                        true,
+                        name.text};
+    symbols_.add(name.text, symbol_entry);
+    symbol = symbols_.find(name.text);
   }
   Value value = symbol->value;
-  if (value.kind == Value::Kind::kNothing) throw Failure{name.at, {}};
-  if (value.kind == Value::Kind::kVariable && !value.temporary && !symbol->declared) {
-    reads_.push_back({value.index, emitter_.position(), name.at});
+  if (value.kind == Value::Kind::kNone) throw CompileError{name.location, {}};
+  if (value.kind == Value::Kind::kScalar && !value.is_temporary && !symbol->is_declared) {
+    scalar_reads_.push_back({value.index, builder_.position(), name.location});
   }
-  value.temporary = false;  // whoever made it releases it
+  value.is_temporary = false;  // whoever made it releases it
   return value;
 }
 
-const Symbol& Lowering::element(const Expression& expression) const {
+const Symbol& Lowering::find_element(const Expression& expression) const {
   const Expression& index = expression.children.front();
-  if (index.kind == ExpressionKind::kName) return names_.element(expression.text, index.text, index.at);
-  if (index.kind == ExpressionKind::kNumber) return names_.element(expression.text, index.number, index.at);
-  throw Failure{index.at,
-                fmt::format("an element is named by its name or its number: {}[A]", expression.text)};
+  if (index.kind == ExpressionKind::kName)
+    return symbols_.find_element(expression.text, index.text, index.location);
+  if (index.kind == ExpressionKind::kNumber)
+    return symbols_.find_element(expression.text, index.number, index.location);
+  throw CompileError{index.location,
+                     fmt::format("an element is named by its name or its number: {}[A]", expression.text)};
 }
 
-Value Lowering::lower_unary(const Expression& expression, Destination* destination) {
+Value Lowering::lower_unary(const Expression& expression, ResultDestination* destination) {
   const Value value = lower(expression.children.front());
   if (expression.text == "+") return value;
-  return elementwise(expression.text == "-" ? Opcode::kNeg : Opcode::kNot, {value}, expression.at,
-                     destination);
+  return emit_elementwise(expression.text == "-" ? Opcode::kNeg : Opcode::kNot, {value}, expression.location,
+                          destination);
 }
 
-Value Lowering::lower_binary(const Expression& expression, Destination* destination) {
+Value Lowering::lower_binary(const Expression& expression, ResultDestination* destination) {
   const Value left = lower(expression.children[0]);
   const Value right = lower(expression.children[1]);
-  return elementwise(infix_opcode(expression.text), {left, right}, expression.at, destination);
+  return emit_elementwise(infix_opcode(expression.text), {left, right}, expression.location, destination);
 }
 
-Value Lowering::elementwise(Opcode op, const std::vector<Value>& values, Location at,
-                            Destination* destination) {
+Value Lowering::emit_elementwise(Opcode op, const std::vector<Value>& values, Location location,
+                                 ResultDestination* destination) {
   if (std::all_of(values.begin(), values.end(), [](const Value& v) { return v.is_constant(); })) {
-    std::array<float, program::kMaxSources> in{};
+    std::array<float, program::kMaxOperands> in{};
     for (std::size_t i = 0; i < values.size(); ++i) in[i] = values[i].constant;
-    if (const auto folded = fold(op, in)) return Value::of(*folded);
+    if (const auto folded = fold_constant(op, in)) return Value::from_constant(*folded);
   }
-  check_shapes(values, at);
+  check_shapes(values, location);
   const auto array_value =
       std::find_if(values.begin(), values.end(), [](const Value& v) { return v.is_register(); });
   const bool is_register = array_value != values.end();
-  const Shape shape = is_register ? emitter_.shape(*array_value) : Shape{};
+  const Shape shape = is_register ? builder_.shape(*array_value) : Shape{};
   std::vector<program::Operand> operands;
-  for (const Value& value : values) operands.push_back(emitter_.operand(value));
-  Value place;
+  for (const Value& value : values) operands.push_back(builder_.operand(value));
+  Value result;
   if (destination != nullptr) {
-    place = target(*destination, is_register, shape);
-    if (place.is_register() && is_register) check_shapes({place, *array_value}, at);
+    result = resolve_destination(*destination, is_register, shape);
+    if (result.is_register() && is_register) check_shapes({result, *array_value}, location);
   }
-  for (const Value& value : values) emitter_.release(value);
-  if (destination == nullptr) place = is_register ? emitter_.temporary(shape) : emitter_.temporary_variable();
-  emitter_.emit(op, emitter_.operand(place), operands, destination != nullptr);
-  return place;
+  for (const Value& value : values) builder_.release(value);
+  if (destination == nullptr)
+    result = is_register ? builder_.allocate_temporary(shape) : builder_.allocate_scalar_temporary();
+  builder_.emit(op, builder_.operand(result), operands, destination != nullptr);
+  return result;
 }
 
 // The register or scalar that a statement writes, made by its first write if need be.
-Value Lowering::target(Destination& destination, bool is_register, Shape shape) {
-  const Expression& place = *destination.expression;
+Value Lowering::resolve_destination(ResultDestination& destination, bool is_register, Shape shape) {
+  const Expression& target = *destination.target;
   destination.used = true;
-  Value value = place_for(place, is_register, shape);
-  value.temporary = false;  // a macro's own names live as long as the macro
+  Value value = resolve_target(target, is_register, shape);
+  value.is_temporary = false;  // a macro's own names live as long as the macro
   return value;
 }
 
-Value Lowering::place_for(const Expression& place, bool is_register, Shape shape) {
-  const bool is_element = place.kind == ExpressionKind::kElement;
-  const Symbol* symbol = is_element ? &element(place) : names_.find(place.text);
-  if (symbol == nullptr && is_macro_name(place.text)) return local_target(place, is_register, shape);
-  if (symbol == nullptr) return new_scalar(place, is_register);
-  if (symbol->value.kind == Value::Kind::kNothing) throw Failure{place.at, {}};
-  if (!symbol->writable) {
-    throw Failure{place.at, fmt::format("'{}' is a value here and cannot be written", symbol->name)};
+Value Lowering::resolve_target(const Expression& target, bool is_register, Shape shape) {
+  const bool is_element = target.kind == ExpressionKind::kElement;
+  const Symbol* symbol = is_element ? &find_element(target) : symbols_.find(target.text);
+  if (symbol == nullptr && is_macro_name(target.text)) return create_macro_local(target, is_register, shape);
+  if (symbol == nullptr) return create_scalar(target, is_register);
+  if (symbol->value.kind == Value::Kind::kNone) throw CompileError{target.location, {}};
+  if (!symbol->is_writable) {
+    throw CompileError{target.location,
+                       fmt::format("'{}' is a value here and cannot be written", symbol->name)};
   }
   if (is_register && !symbol->value.is_register()) {
-    const std::string meant = namesake(place.text);
-    throw Failure{
-        place.at,
+    const std::string hint = same_name_hint(target.text);
+    throw CompileError{
+        target.location,
         fmt::format("'{}' is a scalar, and the value is a register of {}{}", symbol->name, show(shape),
-                    meant.empty() ? "; globalsum(…) and the like make a number of it" : meant)};
+                    hint.empty() ? "; globalsum(…) and the like make a number of it" : hint)};
   }
-  if (symbol->value.is_register()) check_where(emitter_.shape(symbol->value), place.at);
+  if (symbol->value.is_register()) check_where_shape(builder_.shape(symbol->value), target.location);
   return symbol->value;
 }
 
-Value Lowering::new_scalar(const Expression& place, bool is_register) {
-  const Builtin* builtin = find_builtin(place.text);
-  if (builtin != nullptr && builtin->least == 0) {
-    throw Failure{place.at, fmt::format("'{}' is the name of an instruction", place.text)};
+Value Lowering::create_scalar(const Expression& target, bool is_register) {
+  const Builtin* builtin = find_builtin(target.text);
+  if (builtin != nullptr && builtin->min_arguments == 0) {
+    throw CompileError{target.location, fmt::format("'{}' is the name of an instruction", target.text)};
   }
   if (is_register) {
-    const std::string hint = names_.suggestion(place.text, {});
-    throw Failure{
-        place.at,
-        fmt::format("'{}' is not a register, but the value is one{}", place.text,
-                    hint.empty() ? fmt::format("; declare it with !register({})", place.text) : hint)};
+    const std::string hint = symbols_.did_you_mean(target.text, {});
+    throw CompileError{
+        target.location,
+        fmt::format("'{}' is not a register, but the value is one{}", target.text,
+                    hint.empty() ? fmt::format("; declare it with !register({})", target.text) : hint)};
   }
-  Symbol fresh{
-      {Value::Kind::kVariable, emitter_.add_variable(place.text), 0.0F, false}, place.at, true, place.text};
-  names_.add(place.text, fresh);
+  Symbol fresh{{Value::Kind::kScalar, builder_.add_variable(target.text), 0.0F, false},
+               target.location,
+               true,
+               target.text};
+  symbols_.add(target.text, fresh);
   return fresh.value;
 }
 
 // A macro's own name takes the kind of what is first written to it, and lives until the macro ends.
-Value Lowering::local_target(const Expression& place, bool is_register, Shape shape) {
-  Symbol fresh{{}, place.at, true, shown(place.text), false};
+Value Lowering::create_macro_local(const Expression& target, bool is_register, Shape shape) {
+  Symbol fresh{{}, target.location, true, display_name(target.text), false};
   if (is_register) {
-    check_where(shape, place.at);
-    fresh.value = emitter_.temporary(shape);
-    emitter_.keep(fresh.value);
+    check_where_shape(shape, target.location);
+    fresh.value = builder_.allocate_temporary(shape);
+    builder_.retain(fresh.value);
     if (may_be_masked()) {
-      emitter_.emit(Opcode::kCopy, emitter_.operand(fresh.value), {emitter_.literal(0.0F)}, false);
+      builder_.emit(Opcode::kCopy, builder_.operand(fresh.value), {builder_.literal_operand(0.0F)}, false);
     }
   } else {
-    fresh.value = kept(emitter_.temporary_variable());
+    fresh.value = retained(builder_.allocate_scalar_temporary());
   }
-  names_.add(place.text, fresh);
-  if (is_local(place.text)) {
+  symbols_.add(target.text, fresh);
+  if (is_macro_local(target.text)) {
     const auto expansion =
-        static_cast<std::uint32_t>(std::stoul(place.text.substr(place.text.find(':') + 1)));
-    scopes_[expansion].names.push_back(place.text);
+        static_cast<std::uint32_t>(std::stoul(target.text.substr(target.text.find(':') + 1)));
+    scopes_[expansion].names.push_back(target.text);
     scopes_[expansion].values.push_back(fresh.value);
   }
   return fresh.value;
@@ -215,139 +226,142 @@ Value Lowering::local_target(const Expression& place, bool is_register, Shape sh
 Value Lowering::lower_expansion(const Expression& expression) {
   const syntax::MacroExpansion& expansion = *expression.expansion;
   const std::size_t blocks = blocks_.size();
-  const Location outer = emitter_.here();
-  enter(expansion);
-  written_.insert(expansion.result);
+  const Location saved_location = builder_.location();
+  enter_macro(expansion);
+  written_names_.insert(expansion.result_name);
   Shape shape;
   bool found = false;
-  for (const Expression& word : expansion.words) found = found || shape_of(word, shape);
-  for (const syntax::Binding& binding : expansion.bindings) {
-    const Symbol* symbol = names_.find(binding.name);
+  for (const Expression& argument : expansion.name_arguments) found = found || find_shape(argument, shape);
+  for (const syntax::ArgumentBinding& binding : expansion.bindings) {
+    const Symbol* symbol = symbols_.find(binding.name);
     if (found || symbol == nullptr || !symbol->value.is_register()) continue;
-    shape = emitter_.shape(symbol->value);
+    shape = builder_.shape(symbol->value);
     found = true;
   }
   if (found) {
-    Expression place;
-    place.kind = ExpressionKind::kName;
-    place.at = expression.at;
-    place.text = expansion.result;
-    local_target(place, true, shape);
+    Expression result_expression;
+    result_expression.kind = ExpressionKind::kName;
+    result_expression.location = expression.location;
+    result_expression.text = expansion.result_name;
+    create_macro_local(result_expression, true, shape);
   }
-  for (const Statement& one : expansion.body) statement(one);
-  emitter_.at(outer, sources_.file(outer.file).name);
-  finish_blocks(blocks);
-  const Symbol* symbol = names_.find(expansion.result);
+  for (const Statement& statement : expansion.body) lower_statement(statement);
+  builder_.set_location(saved_location, sources_.file(saved_location.file).name);
+  report_open_blocks(blocks);
+  const Symbol* symbol = symbols_.find(expansion.result_name);
   if (symbol == nullptr) {
-    throw Failure{expression.at, fmt::format("the macro '{}' does not write its result", expansion.macro)};
+    throw CompileError{expression.location,
+                       fmt::format("the macro '{}' does not write its result", expansion.macro)};
   }
   const Value value = symbol->value;
-  names_.remove(expansion.result);
-  if (value.kind == Value::Kind::kNothing) throw Failure{expression.at, {}};
-  emitter_.unkeep(value);
+  symbols_.remove(expansion.result_name);
+  if (value.kind == Value::Kind::kNone) throw CompileError{expression.location, {}};
+  builder_.unretain(value);
   return value;
 }
 
-Value Lowering::kept(Value value) {
-  emitter_.keep(value);
+Value Lowering::retained(Value value) {
+  builder_.retain(value);
   return value;
 }
 
-Value Lowering::scalar(const Expression& expression, std::string_view what) {
+Value Lowering::lower_scalar(const Expression& expression, std::string_view subject) {
   const Value value = lower(expression);
   if (value.is_register()) {
-    const std::string_view advice =
-        what == "a condition"
+    const std::string_view hint =
+        subject == "a condition"
             ? "; write where(…) to act on the cells where it holds, or take one value of all: globalany(A)"
             : "";
-    throw Failure{expression.at, fmt::format("{} takes a scalar, and this is a register{}", what, advice)};
+    throw CompileError{expression.location,
+                       fmt::format("{} takes a scalar, and this is a register{}", subject, hint)};
   }
   return value;
 }
 
-Value Lowering::array(const Expression& expression, std::string_view what) {
+Value Lowering::lower_register(const Expression& expression, std::string_view subject) {
   const Value value = lower(expression);
   if (!value.is_register()) {
-    throw Failure{expression.at, fmt::format("{} takes a register, and this is a scalar{}", what,
-                                             namesake(expression.text))};
+    throw CompileError{expression.location, fmt::format("{} takes a register, and this is a scalar{}",
+                                                        subject, same_name_hint(expression.text))};
   }
   return value;
 }
 
 // What a person may have meant who writes a scalar's name: the element of that name of a class of registers.
-std::string Lowering::namesake(const std::string& name) const {
-  const std::string element = names_.register_element(name);
-  return element.empty() ? "" : fmt::format("; the register of that name is {}", element);
+std::string Lowering::same_name_hint(const std::string& name) const {
+  const std::string element_name = symbols_.find_register_element(name);
+  return element_name.empty() ? "" : fmt::format("; the register of that name is {}", element_name);
 }
 
-float Lowering::constant(const Expression& expression, std::string_view what) {
+float Lowering::number_constant(const Expression& expression, std::string_view subject) {
   const Value value = lower(expression);
-  if (!value.is_constant()) throw Failure{expression.at, fmt::format("{} must be a constant", what)};
+  if (!value.is_constant())
+    throw CompileError{expression.location, fmt::format("{} must be a constant", subject)};
   return value.constant;
 }
 
-int Lowering::whole(const Expression& expression, std::string_view what) {
-  const float value = constant(expression, what);
+int Lowering::integer_constant(const Expression& expression, std::string_view subject) {
+  const float value = number_constant(expression, subject);
   if (!(std::fabs(value) <= kMaxOffset) || value != std::trunc(value)) {
-    throw Failure{expression.at, fmt::format("{} must be a whole number, not {}", what, value)};
+    throw CompileError{expression.location, fmt::format("{} must be a whole number, not {}", subject, value)};
   }
   return static_cast<int>(value);
 }
 
-const std::string& Lowering::text(const Expression& expression, std::string_view what) const {
-  if (expression.kind != ExpressionKind::kText) {
-    throw Failure{expression.at, fmt::format("expected {} in single quotes", what)};
+const std::string& Lowering::string_literal(const Expression& expression, std::string_view subject) const {
+  if (expression.kind != ExpressionKind::kString) {
+    throw CompileError{expression.location, fmt::format("expected {} in single quotes", subject)};
   }
   return expression.text;
 }
 
-std::string Lowering::describe(const Value& value) const {
-  const Symbol* symbol = names_.find_register(value.index);
+std::string Lowering::describe_shape(const Value& value) const {
+  const Symbol* symbol = symbols_.find_register(value.index);
   return fmt::format("{} is {}", symbol == nullptr ? "another operand" : fmt::format("'{}'", symbol->name),
-                     show(emitter_.shape(value)));
+                     show(builder_.shape(value)));
 }
 
-void Lowering::check_shapes(const std::vector<Value>& values, Location at) const {
+void Lowering::check_shapes(const std::vector<Value>& values, Location location) const {
   const Value* first = nullptr;
   for (const Value& value : values) {
     if (!value.is_register()) continue;
     if (first == nullptr) first = &value;
-    if (emitter_.shape(*first) == emitter_.shape(value)) continue;
-    throw Failure{at, fmt::format("the registers of one instruction have one shape, but {} and {}",
-                                  describe(*first), describe(value))};
+    if (builder_.shape(*first) == builder_.shape(value)) continue;
+    throw CompileError{location, fmt::format("the registers of one instruction have one shape, but {} and {}",
+                                             describe_shape(*first), describe_shape(value))};
   }
 }
 
-void Lowering::check_where(Shape shape, Location at) const {
+void Lowering::check_where_shape(Shape shape, Location location) const {
   for (auto block = blocks_.rbegin(); block != blocks_.rend(); ++block) {
     if (block->where_shape == Shape{}) continue;
     if (block->where_shape == shape) return;
-    throw Failure{at, fmt::format("a register of {} is written inside a 'where' over {}", show(shape),
-                                  show(block->where_shape))};
+    throw CompileError{location, fmt::format("a register of {} is written inside a 'where' over {}",
+                                             show(shape), show(block->where_shape))};
   }
 }
 
 // The shape that an expression's first register gives it, found without lowering it.
-bool Lowering::shape_of(const Expression& expression, Shape& shape) const {
+bool Lowering::find_shape(const Expression& expression, Shape& shape) const {
   const Symbol* symbol = nullptr;
-  if (expression.kind == ExpressionKind::kName) symbol = names_.find(expression.text);
+  if (expression.kind == ExpressionKind::kName) symbol = symbols_.find(expression.text);
   if (expression.kind == ExpressionKind::kElement) {
     try {
-      symbol = &element(expression);
-    } catch (const Failure&) {
+      symbol = &find_element(expression);
+    } catch (const CompileError&) {
       return false;
     }
   }
   if (symbol != nullptr && symbol->value.is_register()) {
-    shape = emitter_.shape(symbol->value);
+    shape = builder_.shape(symbol->value);
     return true;
   }
   return std::any_of(expression.children.begin(), expression.children.end(),
-                     [&](const Expression& child) { return shape_of(child, shape); });
+                     [&](const Expression& child) { return find_shape(child, shape); });
 }
 
 bool Lowering::may_be_masked() const {
-  return uses_mask_on_ || where_part() != 0 || (uses_where_ && uses_call_);
+  return uses_mask_on_ || current_where_region() != 0 || (uses_where_ && uses_call_);
 }
 
 }  // namespace apron::compiler

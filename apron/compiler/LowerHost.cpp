@@ -15,145 +15,149 @@ using program::Opcode;
 using syntax::ExpressionKind;
 
 // Whether the statement is one of these.
-bool Lowering::host(const Builtin& builtin, const Expression& call, const Expressions& arguments) {
+bool Lowering::lower_host_statement(const Builtin& builtin, const Expression& call,
+                                    const Expressions& arguments) {
   switch (builtin.form) {
-    case Form::kMaskOn:
-      emitter_.emit(builtin.op, {}, {emitter_.operand(array(arguments[0], "'mask.on'"))});
+    case BuiltinForm::kMaskOn:
+      builder_.emit(builtin.op, {}, {builder_.operand(lower_register(arguments[0], "'mask.on'"))});
       return true;
-    case Form::kPixelSet:
-      return pixel_set(arguments), true;
-    case Form::kSave:
-      emitter_.emit(builtin.op, {},
-                    {emitter_.operand(array(arguments[0], fmt::format("'{}'", call.text))),
-                     emitter_.text(text(arguments[1], "a file name"))});
+    case BuiltinForm::kPixelSet:
+      return lower_pixel_set(arguments), true;
+    case BuiltinForm::kFileSave:
+      builder_.emit(builtin.op, {},
+                    {builder_.operand(lower_register(arguments[0], fmt::format("'{}'", call.text))),
+                     builder_.text_operand(string_literal(arguments[1], "a file name"))});
       return true;
-    case Form::kActuate: {
-      const std::string& channel = text(arguments[0], "a channel's name");
+    case BuiltinForm::kSurfaceActuate: {
+      const std::string& channel = string_literal(arguments[0], "a channel's name");
       const Value frame = lower(arguments[1]);
-      emitter_.emit(builtin.op, {}, {emitter_.text(channel), emitter_.operand(frame)});
+      builder_.emit(builtin.op, {}, {builder_.text_operand(channel), builder_.operand(frame)});
       return true;
     }
-    case Form::kBoundary:
-      return boundary(arguments[0]), true;
-    case Form::kPrint:
-      return print(builtin, arguments), true;
-    case Form::kSliderAdd:
-      return add_slider(arguments, call.at), true;
-    case Form::kSwitchAdd:
-      return add_switch(arguments, call.at), true;
-    case Form::kLabelShow:
-      return show_label(arguments), true;
-    case Form::kTile:
-      return tile(arguments), true;
-    case Form::kTimer:
-      emitter_.emit(builtin.op, {}, {timer(arguments)});
+    case BuiltinForm::kBoundary:
+      return lower_boundary(arguments[0]), true;
+    case BuiltinForm::kPrint:
+      return lower_print(builtin, arguments), true;
+    case BuiltinForm::kSliderAdd:
+      return lower_slider(arguments, call.location), true;
+    case BuiltinForm::kSwitchAdd:
+      return lower_switch(arguments, call.location), true;
+    case BuiltinForm::kLabel:
+      return lower_label(arguments), true;
+    case BuiltinForm::kTile:
+      return lower_tile(arguments), true;
+    case BuiltinForm::kTimer:
+      builder_.emit(builtin.op, {}, {timer_operand(arguments)});
       return true;
-    case Form::kTimerWait:
-      emitter_.emit(builtin.op, {}, {emitter_.operand(scalar(arguments[0], "'timer.wait'"))});
+    case BuiltinForm::kTimerWait:
+      builder_.emit(builtin.op, {}, {builder_.operand(lower_scalar(arguments[0], "'timer.wait'"))});
       return true;
     default:
       return false;
   }
 }
 
-void Lowering::print(const Builtin& builtin, const Expressions& arguments) {
+void Lowering::lower_print(const Builtin& builtin, const Expressions& arguments) {
   for (const Expression& argument : arguments) {
-    if (argument.kind == ExpressionKind::kText) {
-      emitter_.emit(Opcode::kPrintText, {}, {emitter_.text(argument.text)});
+    if (argument.kind == ExpressionKind::kString) {
+      builder_.emit(Opcode::kPrintText, {}, {builder_.text_operand(argument.text)});
     } else {
       const Value value = lower(argument);
-      emitter_.emit(Opcode::kPrintValue, {}, {emitter_.operand(value)});
-      emitter_.release(value);
+      builder_.emit(Opcode::kPrintValue, {}, {builder_.operand(value)});
+      builder_.release(value);
     }
   }
-  if (builtin.op == Opcode::kPrintLine) emitter_.emit(Opcode::kPrintLine);
+  if (builtin.op == Opcode::kPrintLine) builder_.emit(Opcode::kPrintLine);
 }
 
-void Lowering::boundary(const Expression& rule) {
+void Lowering::lower_boundary(const Expression& rule) {
   static const std::vector<std::string> kRules = {"zero", "replicate", "wrap", "reflect"};
   BoundaryRule code = BoundaryRule::kValue;
-  Value value = Value::of(0.0F);
-  if (rule.kind == ExpressionKind::kText) {
+  Value value = Value::from_constant(0.0F);
+  if (rule.kind == ExpressionKind::kString) {
     const auto found = std::find(kRules.begin(), kRules.end(), rule.text);
     if (found == kRules.end()) {
-      throw Failure{rule.at,
-                    fmt::format("the boundary is 'zero', 'replicate', 'wrap', 'reflect' or a number{}",
-                                syntax::did_you_mean(rule.text, kRules))};
+      throw CompileError{rule.location,
+                         fmt::format("the boundary is 'zero', 'replicate', 'wrap', 'reflect' or a number{}",
+                                     syntax::did_you_mean(rule.text, kRules))};
     }
     code = static_cast<BoundaryRule>(found - kRules.begin());
   } else {
-    value = scalar(rule, "'boundary'");
+    value = lower_scalar(rule, "'boundary'");
   }
-  emitter_.emit(Opcode::kBoundary, {}, {emitter_.literal(static_cast<float>(code)), emitter_.operand(value)});
+  builder_.emit(Opcode::kBoundary, {},
+                {builder_.literal_operand(static_cast<float>(code)), builder_.operand(value)});
 }
 
-void Lowering::add_parameter(program::Parameter wanted, Location at) {
-  std::vector<program::Parameter>& all = emitter_.program().parameters;
-  const bool there =
-      std::any_of(all.begin(), all.end(), [&](const auto& known) { return known.name == wanted.name; });
-  if (there) throw Failure{at, fmt::format("there is a slider or switch '{}' already", wanted.name)};
-  const bool ordered = wanted.low <= wanted.initial && wanted.initial <= wanted.high;
-  if (!ordered || !std::isfinite(wanted.low) || !std::isfinite(wanted.high)) {
-    throw Failure{at, fmt::format("the first value of '{}', {}, is not within {} and {}", wanted.name,
-                                  wanted.initial, wanted.low, wanted.high)};
+void Lowering::add_parameter(program::Parameter parameter, Location location) {
+  std::vector<program::Parameter>& all = builder_.program().parameters;
+  const bool exists =
+      std::any_of(all.begin(), all.end(), [&](const auto& known) { return known.name == parameter.name; });
+  if (exists)
+    throw CompileError{location, fmt::format("there is a slider or switch '{}' already", parameter.name)};
+  const bool ordered = parameter.low <= parameter.default_value && parameter.default_value <= parameter.high;
+  if (!ordered || !std::isfinite(parameter.low) || !std::isfinite(parameter.high)) {
+    throw CompileError{location,
+                       fmt::format("the first value of '{}', {}, is not within {} and {}", parameter.name,
+                                   parameter.default_value, parameter.low, parameter.high)};
   }
-  all.push_back(std::move(wanted));
+  all.push_back(std::move(parameter));
 }
 
-void Lowering::add_slider(const Expressions& arguments, Location at) {
+void Lowering::lower_slider(const Expressions& arguments, Location location) {
   constexpr std::string_view kWhat = "a slider's range";
-  program::Parameter wanted;
-  wanted.name = text(arguments[0], "a name");
-  wanted.low = constant(arguments[1], kWhat);
-  wanted.high = constant(arguments[2], kWhat);
-  wanted.initial = arguments.size() == 4 ? constant(arguments[3], kWhat) : wanted.low;
-  add_parameter(std::move(wanted), at);
+  program::Parameter parameter;
+  parameter.name = string_literal(arguments[0], "a name");
+  parameter.low = number_constant(arguments[1], kWhat);
+  parameter.high = number_constant(arguments[2], kWhat);
+  parameter.default_value = arguments.size() == 4 ? number_constant(arguments[3], kWhat) : parameter.low;
+  add_parameter(std::move(parameter), location);
 }
 
-void Lowering::add_switch(const Expressions& arguments, Location at) {
-  program::Parameter wanted;
-  wanted.is_switch = true;
-  wanted.name = text(arguments[0], "a name");
+void Lowering::lower_switch(const Expressions& arguments, Location location) {
+  program::Parameter parameter;
+  parameter.is_switch = true;
+  parameter.name = string_literal(arguments[0], "a name");
   if (arguments.size() == 2)
-    wanted.initial = constant(arguments[1], "a switch's first value") != 0.0F ? 1.0F : 0.0F;
-  add_parameter(std::move(wanted), at);
+    parameter.default_value = number_constant(arguments[1], "a switch's first value") != 0.0F ? 1.0F : 0.0F;
+  add_parameter(std::move(parameter), location);
 }
 
 // sim.label('text'), sim.label('name', 'text') and sim.label('name', number); with more, which would be a
 // place in the original's windows, or of a register it has no effect.
-void Lowering::show_label(const Expressions& arguments) {
+void Lowering::lower_label(const Expressions& arguments) {
   const bool named =
-      !arguments.empty() && arguments.size() <= 2 && arguments[0].kind == ExpressionKind::kText;
-  if (!named) return names_exist(arguments);
-  const program::Operand name = emitter_.text(arguments[0].text);
-  if (arguments.size() == 1 || arguments[1].kind == ExpressionKind::kText) {
-    const program::Operand text = emitter_.text(arguments.size() == 2 ? arguments[1].text : "");
-    return emitter_.emit(Opcode::kLabelText, {}, {name, text});
+      !arguments.empty() && arguments.size() <= 2 && arguments[0].kind == ExpressionKind::kString;
+  if (!named) return check_names(arguments);
+  const program::Operand name = builder_.text_operand(arguments[0].text);
+  if (arguments.size() == 1 || arguments[1].kind == ExpressionKind::kString) {
+    const program::Operand text = builder_.text_operand(arguments.size() == 2 ? arguments[1].text : "");
+    return builder_.emit(Opcode::kLabelText, {}, {name, text});
   }
   const Value value = lower(arguments[1]);
-  if (!value.is_register()) emitter_.emit(Opcode::kLabel, {}, {name, emitter_.operand(value)});
-  emitter_.release(value);
+  if (!value.is_register()) builder_.emit(Opcode::kLabel, {}, {name, builder_.operand(value)});
+  builder_.release(value);
 }
 
-void Lowering::names_exist(const Expressions& arguments) {
+void Lowering::check_names(const Expressions& arguments) {
   for (const Expression& argument : arguments) {
     if (argument.kind == ExpressionKind::kName) lower_name(argument);
-    if (argument.kind == ExpressionKind::kElement) element(argument);
+    if (argument.kind == ExpressionKind::kElement) find_element(argument);
   }
 }
 
 // sim.tile, sim.tile(columns) and sim.tile(columns, rows): the rows follow from the number of tiles.
-void Lowering::tile(const Expressions& arguments) {
-  Value columns = Value::of(0.0F);
-  if (!arguments.empty()) columns = scalar(arguments[0], "'sim.tile'");
-  if (arguments.size() == 2) emitter_.release(scalar(arguments[1], "'sim.tile'"));
-  emitter_.emit(Opcode::kTile, {}, {emitter_.operand(columns)});
-  emitter_.release(columns);
+void Lowering::lower_tile(const Expressions& arguments) {
+  Value columns = Value::from_constant(0.0F);
+  if (!arguments.empty()) columns = lower_scalar(arguments[0], "'sim.tile'");
+  if (arguments.size() == 2) builder_.release(lower_scalar(arguments[1], "'sim.tile'"));
+  builder_.emit(Opcode::kTile, {}, {builder_.operand(columns)});
+  builder_.release(columns);
 }
 
 // timer.start and timer.start('name'): the timer without a name is one, too.
-program::Operand Lowering::timer(const Expressions& arguments) {
-  return emitter_.text(arguments.empty() ? "" : text(arguments[0], "a timer's name"));
+program::Operand Lowering::timer_operand(const Expressions& arguments) {
+  return builder_.text_operand(arguments.empty() ? "" : string_literal(arguments[0], "a timer's name"));
 }
 
 }  // namespace apron::compiler

@@ -19,9 +19,9 @@ Breakpoints::Breakpoints(std::vector<Breakpoint> list, std::vector<program::Prog
     fine_grained_ = true;
     if (one.kind != Breakpoint::Kind::kLine) continue;
     for (std::size_t i = 0; i < at_.size(); ++i) {
-      const std::uint32_t index = program.code[i].source;
-      if (index >= program.sources.size()) continue;
-      const program::Source& source = program.sources[index];
+      const std::uint32_t index = program.code[i].source_location;
+      if (index >= program.source_locations.size()) continue;
+      const program::SourceLocation& source = program.source_locations[index];
       if (source.line == one.line && program.files[source.file] == one.file)
         at_[i] = static_cast<std::int32_t>(n);
     }
@@ -42,11 +42,11 @@ std::optional<std::size_t> Breakpoints::met(const vm::Vm& vm, std::size_t last) 
     watch.held = holds;
   }
   if (found) return found;
-  const std::size_t next = vm.next();
+  const std::size_t next = vm.program_counter();
   if (next >= at_.size() || at_[next] < 0) return std::nullopt;
   // A line has many instructions: it is met where another line, or another use of its macro, is left for it.
-  const program::Source &here = program.sources[program.code[next].source],
-                        &before = program.sources[program.code[last].source];
+  const program::SourceLocation &here = program.source_locations[program.code[next].source_location],
+                                &before = program.source_locations[program.code[last].source_location];
   const bool same =
       here.file == before.file && here.line == before.line && here.expansion == before.expansion;
   if (same && next > last) return std::nullopt;

@@ -46,7 +46,7 @@ void pair_up(const std::vector<Named>& own, const std::vector<Named>& watched, s
 
 vm::VmOptions one_thread() {
   vm::VmOptions options;
-  options.fuse.on = false;  // a handful of instructions
+  options.fusion.enabled = false;  // a handful of instructions
   return options;
 }
 

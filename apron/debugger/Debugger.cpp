@@ -1,12 +1,12 @@
 #include "apron/debugger/Debugger.h"
 
-#include "apron/vm/NumberText.h"
+#include "apron/vm/NumberFormat.h"
 
 namespace apron::debugger {
 namespace {
 
 // A tick's end is no reason to stop for what looks for a line.
-bool can_go_on(vm::Status status) { return status == vm::Status::kBudget || status == vm::Status::kTick; }
+bool can_go_on(vm::Status status) { return status == vm::Status::kRunning || status == vm::Status::kTick; }
 
 template <class Named>
 std::optional<std::size_t> find(const std::vector<Named>& all, std::string_view name) {
@@ -24,11 +24,11 @@ vm::Status Debugger::count(vm::Status status) {
 
 vm::Status Debugger::step() {
   const vm::Status status = count(vm_.run(1));
-  return can_go_on(status) ? vm::Status::kBudget : status;
+  return can_go_on(status) ? vm::Status::kRunning : status;
 }
 
 vm::Status Debugger::run_one(Breakpoints& breakpoints) {
-  const std::size_t last = vm_.next();
+  const std::size_t last = vm_.program_counter();
   const vm::Status status = count(vm_.run(1));
   if (can_go_on(status)) hit_ = breakpoints.met(vm_, last);
   if (status == vm::Status::kTick && !hit_) hit_ = breakpoints.met_tick(ticks_);
@@ -37,23 +37,25 @@ vm::Status Debugger::run_one(Breakpoints& breakpoints) {
 
 vm::Status Debugger::run(Breakpoints& breakpoints) {
   hit_.reset();
-  vm::Status status = vm::Status::kBudget;
+  vm::Status status = vm::Status::kRunning;
   if (!breakpoints.fine_grained()) {
     status = count(vm_.run());
     if (status == vm::Status::kTick) hit_ = breakpoints.met_tick(ticks_);
     return status;
   }
-  while (status == vm::Status::kBudget && !hit_) status = run_one(breakpoints);
+  while (status == vm::Status::kRunning && !hit_) status = run_one(breakpoints);
   return status;
 }
 
 vm::Status Debugger::step_group(const std::vector<std::uint32_t>& groups, Breakpoints& breakpoints,
                                 std::uint64_t budget) {
   hit_.reset();
-  const auto group = [&] { return vm_.next() < groups.size() ? groups[vm_.next()] : 0U; };
+  const auto group = [&] {
+    return vm_.program_counter() < groups.size() ? groups[vm_.program_counter()] : 0U;
+  };
   const std::uint32_t start = group();
-  vm::Status status = vm::Status::kBudget;
-  while (status == vm::Status::kBudget && !hit_ && budget-- > 0) {
+  vm::Status status = vm::Status::kRunning;
+  while (status == vm::Status::kRunning && !hit_ && budget-- > 0) {
     status = run_one(breakpoints);
     if (group() != start) break;
   }
@@ -63,13 +65,13 @@ vm::Status Debugger::step_group(const std::vector<std::uint32_t>& groups, Breakp
 vm::Status Debugger::step_line() {
   const Place start = place();
   vm::Status status = step();
-  while (status == vm::Status::kBudget && at(start.file, start.line)) status = step();
+  while (status == vm::Status::kRunning && at(start.file, start.line)) status = step();
   return status;
 }
 
 vm::Status Debugger::run_to_line(std::string_view file, std::uint32_t line, std::uint64_t budget) {
-  vm::Status status = vm::Status::kBudget;
-  while (status == vm::Status::kBudget && budget-- > 0) {
+  vm::Status status = vm::Status::kRunning;
+  while (status == vm::Status::kRunning && budget-- > 0) {
     status = step();
     if (at(file, line)) break;
   }
@@ -84,12 +86,12 @@ vm::Status Debugger::run_ticks(std::uint64_t ticks) {
 
 Place Debugger::place() const {
   const program::Program& program = vm_.program();
-  Place place{vm_.next(), {}, 0};
+  Place place{vm_.program_counter(), {}, 0};
   if (place.instruction >= program.code.size()) return place;
-  const std::uint32_t index = program.code[place.instruction].source;
-  if (index >= program.sources.size()) return place;
-  place.file = program.files[program.sources[index].file];
-  place.line = program.sources[index].line;
+  const std::uint32_t index = program.code[place.instruction].source_location;
+  if (index >= program.source_locations.size()) return place;
+  place.file = program.files[program.source_locations[index].file];
+  place.line = program.source_locations[index].line;
   return place;
 }
 
@@ -113,7 +115,7 @@ std::string Debugger::text(const vm::Plane& plane) {
   vm::NumberBuffer buffer;
   for (std::uint32_t y = 0; y < plane.height; ++y)
     for (std::uint32_t x = 0; x < plane.width; ++x) {
-      all += vm::number_text(plane.row(y)[x], buffer);
+      all += vm::format_number(plane.row(y)[x], buffer);
       all += x + 1 < plane.width ? ' ' : '\n';
     }
   return all;

@@ -88,7 +88,7 @@ void FrontPanel::tile(int columns) {
 
 void FrontPanel::set_palette(std::string_view reg, std::string_view name) {
   const std::lock_guard lock(mutex_);
-  of(reg).palette = program::find_palette(name).value_or(Palette::kGrey);
+  of(reg).palette = program::find_palette(name).value_or(PaletteId::kGrey);
   ++revision_;
 }
 

@@ -20,7 +20,7 @@ struct Appearance {
   bool shown = false;  // by sim.show or sim.display
   bool large = false;  // by sim.show
   std::string title;
-  std::optional<Palette> palette;
+  std::optional<PaletteId> palette;
   std::optional<Range> range;  // else found out from the cells
 };
 

@@ -29,8 +29,9 @@ Listing::Listing(const program::Program& program, const std::vector<SourceText>&
   if (nodes_.empty()) return;
   add_expansions(program);
   for (const program::Instruction& instruction : program.code) {
-    const program::Source at =
-        instruction.source < program.sources.size() ? program.sources[instruction.source] : program::Source{};
+    const program::SourceLocation at = instruction.source_location < program.source_locations.size()
+                                           ? program.source_locations[instruction.source_location]
+                                           : program::SourceLocation{};
     place_.emplace_back(node_of(at), at.line);
     for (Place place = place_.back();;) {
       code_[place] = true;
@@ -60,15 +61,15 @@ void Listing::add_expansions(const program::Program& program) {
   node_of_expansion_.assign(std::max<std::size_t>(program.expansions.size(), 1), node_of_text_.front());
   for (std::size_t e = 1; e < program.expansions.size(); ++e) {
     const program::Expansion& one = program.expansions[e];
-    const Place parent{node_of(one.call), one.call.line};
+    const Place parent{node_of(one.call_site), one.call_site.line};
     node_of_expansion_[e] = static_cast<std::uint32_t>(nodes_.size());
     nodes_.push_back({0, kNowhere, 0, one.macro, parent});
   }
-  for (const program::Source& at : program.sources)
+  for (const program::SourceLocation& at : program.source_locations)
     if (at.expansion > 0) stretch(node_of_expansion_[at.expansion], at);
   // Inner ones come after those that they are in.
   for (std::size_t e = program.expansions.size(); e-- > 1;) {
-    const program::Source& call = program.expansions[e].call;
+    const program::SourceLocation& call = program.expansions[e].call_site;
     const std::uint32_t node = node_of_expansion_[e];
     if (nodes_[node].first > nodes_[node].last) continue;
     if (call.expansion > 0) stretch(node_of_expansion_[call.expansion], call);
@@ -77,7 +78,7 @@ void Listing::add_expansions(const program::Program& program) {
   }
 }
 
-void Listing::stretch(std::uint32_t node, const program::Source& at) {
+void Listing::stretch(std::uint32_t node, const program::SourceLocation& at) {
   Node& one = nodes_[node];
   const std::size_t text = text_of_file_[at.file];
   if (at.line == 0 || (one.first <= one.last && text != one.text)) return;
@@ -86,7 +87,7 @@ void Listing::stretch(std::uint32_t node, const program::Source& at) {
   one.last = std::max(one.last, at.line);
 }
 
-std::uint32_t Listing::node_of(const program::Source& at) const {
+std::uint32_t Listing::node_of(const program::SourceLocation& at) const {
   if (at.expansion > 0) return node_of_expansion_[at.expansion];
   return at.file < text_of_file_.size() ? node_of_text_[text_of_file_[at.file]] : node_of_text_.front();
 }
@@ -155,10 +156,10 @@ void Listing::reveal(std::size_t instruction) {
   if (changed) rebuild();
 }
 
-std::vector<vm::Spent> Listing::by_row(const std::vector<vm::Spent>& spent) const {
-  std::vector<vm::Spent> rows(rows_.size());
+std::vector<vm::InstructionProfile> Listing::by_row(const std::vector<vm::InstructionProfile>& spent) const {
+  std::vector<vm::InstructionProfile> rows(rows_.size());
   for (std::size_t i = 0; i < std::min(spent.size(), groups_.size()); ++i) {
-    rows[groups_[i]].count += spent[i].count;
+    rows[groups_[i]].executions += spent[i].executions;
     rows[groups_[i]].nanoseconds += spent[i].nanoseconds;
   }
   return rows;

@@ -47,7 +47,7 @@ class Listing {
   // The row that shows each instruction as it is folded now.
   const Groups& groups() const noexcept { return groups_; }
   // Sums of counts and times; by row.
-  std::vector<vm::Spent> by_row(const std::vector<vm::Spent>& spent) const;
+  std::vector<vm::InstructionProfile> by_row(const std::vector<vm::InstructionProfile>& spent) const;
 
  private:
   using Place = std::pair<std::uint32_t, std::uint32_t>;  // node and line
@@ -62,8 +62,8 @@ class Listing {
 
   void add_files(const std::vector<SourceText>& texts);
   void add_expansions(const program::Program& program);
-  void stretch(std::uint32_t node, const program::Source& at);
-  std::uint32_t node_of(const program::Source& at) const;
+  void stretch(std::uint32_t node, const program::SourceLocation& at);
+  std::uint32_t node_of(const program::SourceLocation& at) const;
   void rebuild();
   void emit(std::uint32_t node, std::uint32_t depth);
   std::string title(const Node& node) const;

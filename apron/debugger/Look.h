@@ -44,15 +44,15 @@ struct Look {
   std::optional<double> time_s, surface_tick;
   Mode mode = Mode::kHeld;
   std::optional<std::size_t> hit;  // the breakpoint that it is held at
-  vm::Status status = vm::Status::kBudget;
+  vm::Status status = vm::Status::kRunning;
   std::string error;             // one line; of a program that failed
   std::vector<float> variables;  // by number
   std::optional<Shot> large;
   std::vector<Shot> small, tiles;
   Cell cell;
-  std::vector<Around> around;          // of the cell, by register
-  std::vector<Probe::Record> history;  // of the cell
-  std::vector<vm::Spent> spent;        // by instruction
+  std::vector<Around> around;                 // of the cell, by register
+  std::vector<Probe::Record> history;         // of the cell
+  std::vector<vm::InstructionProfile> spent;  // by instruction
 };
 
 }  // namespace apron::debugger

@@ -65,24 +65,24 @@ constexpr std::array<std::array<double, 3>, 5> kSpectrum = {
 constexpr std::array<std::array<double, 3>, 5> kDiverging = {
     {{0.02, 0.19, 0.38}, {0.40, 0.66, 0.81}, {0.97, 0.97, 0.97}, {0.94, 0.54, 0.38}, {0.40, 0.0, 0.12}}};
 
-Colour in_palette(Palette palette, double t) {
+Colour in_palette(PaletteId palette, double t) {
   switch (palette) {
-    case Palette::kGrey:
-    case Palette::kRaw:
+    case PaletteId::kGrey:
+    case PaletteId::kRaw:
       return {level(t), level(t), level(t)};
-    case Palette::kFlame:
+    case PaletteId::kFlame:
       return between(kFlame, t);
-    case Palette::kSpectrum:
+    case PaletteId::kSpectrum:
       return between(kSpectrum, t);
-    case Palette::kViridis:
+    case PaletteId::kViridis:
       return fitted(kViridis, t);
-    case Palette::kMagma:
+    case PaletteId::kMagma:
       return fitted(kMagma, t);
-    case Palette::kInferno:
+    case PaletteId::kInferno:
       return fitted(kInferno, t);
-    case Palette::kPlasma:
+    case PaletteId::kPlasma:
       return fitted(kPlasma, t);
-    case Palette::kDiverging:
+    case PaletteId::kDiverging:
       return between(kDiverging, t);
   }
   return {};
@@ -91,23 +91,23 @@ Colour in_palette(Palette palette, double t) {
 constexpr std::size_t kShades = 256;
 
 // Of a value; NaN for NaN.
-float place(Palette palette, const Range& range, float value) {
-  if (palette == Palette::kRaw) return value / 255.0F;
+float place(PaletteId palette, const Range& range, float value) {
+  if (palette == PaletteId::kRaw) return value / 255.0F;
   if (range.high == range.low) return value > range.high ? 1.0F : value - range.low;
   return (value - range.low) / (range.high - range.low);
 }
 
 }  // namespace
 
-Colour colour(Palette palette, float t) noexcept {
+Colour colour(PaletteId palette, float t) noexcept {
   return std::isnan(t) ? kNotANumber : in_palette(palette, std::clamp(t, 0.0F, 1.0F));
 }
 
-Colour colour(Palette palette, const Range& range, float value) noexcept {
+Colour colour(PaletteId palette, const Range& range, float value) noexcept {
   return colour(palette, place(palette, range, value));
 }
 
-void paint(Palette palette, const Range& range, const std::vector<float>& values,
+void paint(PaletteId palette, const Range& range, const std::vector<float>& values,
            std::vector<std::uint8_t>& rgba) {
   std::array<Colour, kShades> shades;
   for (std::size_t i = 0; i < kShades; ++i)

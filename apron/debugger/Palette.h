@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "apron/program/Palette.h"
+#include "apron/program/PaletteId.h"
 
 namespace apron::debugger {
 
@@ -18,19 +18,19 @@ struct Colour {
 // What is not a number, in every palette.
 inline constexpr Colour kNotANumber{255, 0, 200};
 
-using program::kPalettes;
-using program::Palette;
+using program::kPaletteCount;
+using program::PaletteId;
 
 // t in [0, 1] from the low to the high end of a range; clamped.
-Colour colour(Palette, float t) noexcept;
+Colour colour(PaletteId, float t) noexcept;
 
 // What values the ends of a palette stand for.
 struct Range {
   float low = 0.0F, high = 1.0F;
 };
-Colour colour(Palette, const Range&, float value) noexcept;
+Colour colour(PaletteId, const Range&, float value) noexcept;
 
 // Red, green, blue and 255 for each of the values, in their order.
-void paint(Palette, const Range&, const std::vector<float>& values, std::vector<std::uint8_t>& rgba);
+void paint(PaletteId, const Range&, const std::vector<float>& values, std::vector<std::uint8_t>& rgba);
 
 }  // namespace apron::debugger

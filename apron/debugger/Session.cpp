@@ -27,7 +27,7 @@ Shot shot(const vm::Vm& vm, std::size_t reg, std::uint32_t edge) {
 Session::Session(program::Program program, const vm::VmOptions& options, vm::Host& host,
                  std::function<void(bool)> on_hold)
     : program_(std::move(program)), options_(options), host_(host), on_hold_(std::move(on_hold)) {
-  options_.fuse.keep_registers = true;
+  options_.fusion.preserve_named_registers = true;
   start();
   if (on_hold_) on_hold_(true);
 }
@@ -39,7 +39,7 @@ void Session::start() {
   debugger_ = std::make_unique<Debugger>(*vm_);
   breakpoints_ = Breakpoints(list_, questions_, program_, host_);
   probe_.clear();
-  status_ = vm::Status::kBudget;
+  status_ = vm::Status::kRunning;
 }
 
 void Session::enter(Mode mode) {
@@ -103,7 +103,7 @@ void Session::profile(bool on) {
 void Session::advance() {
   if (!active()) return;
   const std::uint64_t before = ticks();
-  vm::Status status = vm::Status::kBudget;
+  vm::Status status = vm::Status::kRunning;
   if (mode_ == Mode::kRunning || (mode_ == Mode::kStepping && unit_ == Unit::kTick))
     status = debugger_->run(breakpoints_);
   else if (unit_ == Unit::kInstruction)
@@ -117,7 +117,7 @@ void Session::advance() {
 void Session::settle(vm::Status status) {
   if (status == vm::Status::kInterrupted) return;
   status_ = status;
-  const bool goes_on = status == vm::Status::kBudget || status == vm::Status::kTick;
+  const bool goes_on = status == vm::Status::kRunning || status == vm::Status::kTick;
   if (limit_ && ticks() >= *limit_) {
     status_ = vm::Status::kEnded;
     enter(Mode::kOver);
@@ -131,7 +131,7 @@ void Session::settle(vm::Status status) {
 void Session::look(const LookRequest& request, Look& look) const {
   look = {};
   look.program = programs_;
-  look.instruction = vm_->next();
+  look.instruction = vm_->program_counter();
   look.ticks = ticks();
   look.time_s = host_.time_s();
   look.surface_tick = host_.tick();
@@ -153,7 +153,7 @@ void Session::look(const LookRequest& request, Look& look) const {
     look.around = around(*vm_, probe_.cell());
     look.history = probe_.records();
   }
-  if (request.profile) look.spent = vm_->spent();
+  if (request.profile) look.spent = vm_->profile();
 }
 
 }  // namespace apron::debugger

@@ -76,7 +76,7 @@ class Session {
   Unit unit_ = Unit::kLine;
   Groups groups_;
   std::chrono::milliseconds period_{0};
-  vm::Status status_ = vm::Status::kBudget;
+  vm::Status status_ = vm::Status::kRunning;
   std::optional<std::uint64_t> limit_;
   std::uint64_t programs_ = 1;
   bool profiling_ = false;

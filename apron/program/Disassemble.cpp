@@ -7,7 +7,7 @@
 namespace apron::program {
 namespace {
 
-std::string name_of(const Program& program, const Operand& operand) {
+std::string operand_text(const Program& program, const Operand& operand) {
   switch (operand.kind) {
     case OperandKind::kNone:
       return "-";
@@ -31,12 +31,12 @@ std::string name_of(const Program& program, const Operand& operand) {
   return "?";
 }
 
-std::string operands_of(const Program& program, const Instruction& instruction) {
+std::string operand_list(const Program& program, const Instruction& instruction) {
   std::string list;
   const auto append = [&](const Operand& operand) {
     if (operand.kind == OperandKind::kNone) return;
     if (!list.empty()) list += ", ";
-    list += name_of(program, operand);
+    list += operand_text(program, operand);
   };
   append(instruction.destination);
   for (const Operand& operand : instruction.operands) append(operand);
@@ -47,10 +47,10 @@ std::string operands_of(const Program& program, const Instruction& instruction) 
 
 std::string disassemble(const Program& program, std::size_t index) {
   const Instruction& instruction = program.code.at(index);
-  std::string line = fmt::format("{:>5}  {:<15} {}", index, info(instruction.op).mnemonic,
-                                 operands_of(program, instruction));
-  if (instruction.source < program.sources.size()) {
-    const Source& source = program.sources[instruction.source];
+  std::string line = fmt::format("{:>5}  {:<15} {}", index, opcode_info(instruction.op).mnemonic,
+                                 operand_list(program, instruction));
+  if (instruction.source_location < program.source_locations.size()) {
+    const SourceLocation& source = program.source_locations[instruction.source_location];
     if (source.line > 0) {
       line = fmt::format("{:<55} ; {}:{}", line, program.files.at(source.file), source.line);
     }

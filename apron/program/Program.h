@@ -23,11 +23,11 @@ struct OpcodeInfo {
   std::string_view mnemonic;
   std::string_view signature;  // see opcodes.def
   Locality locality;
-  std::string_view text;
+  std::string_view description;
 };
-inline constexpr std::size_t kMaxSources = 3;
+inline constexpr std::size_t kMaxOperands = 3;
 
-const OpcodeInfo& info(Opcode) noexcept;
+const OpcodeInfo& opcode_info(Opcode) noexcept;
 std::size_t opcode_count() noexcept;
 
 // Edge rule of the shifts, the first operand of kBoundary as a literal.
@@ -58,9 +58,9 @@ struct Instruction {
   Opcode op = Opcode::kNop;
   // Writes to a register obey the active mask; the compiler clears it for temporaries, which nobody can see.
   bool masked = true;
-  std::uint32_t source = 0;  // index into Program::sources
+  std::uint32_t source_location = 0;  // index into Program::source_locations
   Operand destination;
-  std::array<Operand, kMaxSources> operands{};
+  std::array<Operand, kMaxOperands> operands{};
 };
 
 struct Register {
@@ -70,13 +70,13 @@ struct Register {
 
 struct Variable {
   std::string name;
-  float initial = 0.0F;
+  float initial_value = 0.0F;
 };
 
 // A slider or switch that the script made.
 struct Parameter {
   std::string name;
-  float initial = 0.0F, low = 0.0F, high = 1.0F;
+  float default_value = 0.0F, low = 0.0F, high = 1.0F;
   bool is_switch = false;
 };
 
@@ -84,29 +84,29 @@ struct Parameter {
 struct Filter {
   std::string name;
   std::uint32_t width = 0, height = 0;
-  std::vector<float> elements;
+  std::vector<float> coefficients;
 };
 
 // The elements of a class in their order, for instructions that take one by its number.
-struct Group {
+struct OperandGroup {
   std::string name;
-  bool of_variables = false;
-  std::vector<std::uint32_t> elements;  // indices into registers or variables
+  bool is_variable_group = false;
+  std::vector<std::uint32_t> members;  // indices into registers or variables
 };
 
 // Where an instruction came from.
-struct Source {
+struct SourceLocation {
   std::uint32_t file = 0;              // index into Program::files
   std::uint32_t line = 0, column = 0;  // from 1
   std::uint32_t expansion = 0;         // index into Program::expansions; 0: not inside a macro
 
-  bool operator==(const Source&) const = default;
+  bool operator==(const SourceLocation&) const = default;
 };
 
 // A use of a macro.
 struct Expansion {
   std::string macro;
-  Source call;  // inside another one, perhaps
+  SourceLocation call_site;  // inside another one, perhaps
 };
 
 struct Program {
@@ -117,9 +117,9 @@ struct Program {
   std::vector<std::string> texts;
   std::vector<Parameter> parameters;
   std::vector<Filter> filters;
-  std::vector<Group> groups;
+  std::vector<OperandGroup> groups;
   std::vector<std::string> modules;  // shared objects by name, for the host to find
-  std::vector<Source> sources;
+  std::vector<SourceLocation> source_locations;
   std::vector<std::string> files;     // as shown to the user
   std::vector<Expansion> expansions;  // empty without macros; the first stands for none
 };
@@ -127,11 +127,11 @@ struct Program {
 // Limits, named in the error when hit.
 inline constexpr std::size_t kMaxInstructions = 1'000'000;
 inline constexpr std::size_t kMaxRegisters = 4096;
-inline constexpr std::size_t kMaxCells = std::size_t{1} << 26;   // of one register
-inline constexpr std::size_t kMaxMemory = std::size_t{1} << 33;  // bytes of all registers
+inline constexpr std::size_t kMaxCells = std::size_t{1} << 26;        // of one register
+inline constexpr std::size_t kMaxMemoryBytes = std::size_t{1} << 33;  // bytes of all registers
 inline constexpr std::size_t kMaxCallDepth = 256;
 inline constexpr std::size_t kMaxMaskDepth = 64;
-inline constexpr std::size_t kMaxFilterSide = 255;      // columns or rows
+inline constexpr std::size_t kMaxFilterExtent = 255;    // columns or rows
 inline constexpr std::size_t kMaxStackDepth = 256;      // registers pushed
 inline constexpr std::size_t kMaxPluginArguments = 16;  // of one call
 
@@ -146,7 +146,7 @@ std::string disassemble(const Program&);
 std::string disassemble(const Program&, std::size_t instruction);
 
 // Whether the destination may not be a source too: what reads other cells than its own.
-bool is_out_of_place(Opcode) noexcept;
+bool requires_out_of_place(Opcode) noexcept;
 
 // What an instruction needs of the array: opcode's locality, with shifts judged by their offsets.
 Locality locality(const Program&, const Instruction&) noexcept;

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "apron/program/MaskFlow.h"
+#include "apron/program/MaskVerifier.h"
 #include "apron/program/Program.h"
 
 namespace apron::program {
@@ -15,24 +15,25 @@ using Kind = OperandKind;
 bool same_shape(const Register& a, const Register& b) { return a.width == b.width && a.height == b.height; }
 
 // Checks one instruction's operands; message() is empty while nothing is wrong.
-class OperandCheck {
+class InstructionVerifier {
  public:
-  OperandCheck(const Program& program, const Instruction& instruction)
-      : program_(program), in_(instruction), signature_(info(instruction.op).signature) {}
+  InstructionVerifier(const Program& program, const Instruction& instruction)
+      : program_(program), instruction_(instruction), signature_(opcode_info(instruction.op).signature) {}
 
-  std::string message() {
-    if (in_.source >= program_.sources.size() && !program_.sources.empty())
+  std::string verify() {
+    if (instruction_.source_location >= program_.source_locations.size() &&
+        !program_.source_locations.empty())
       return "its source is out of range";
-    if (auto wrong = destination(); !wrong.empty()) return wrong;
-    for (std::size_t i = 0; i < kMaxSources; ++i) {
-      if (auto wrong = source(i); !wrong.empty()) return wrong;
+    if (auto error = check_destination(); !error.empty()) return error;
+    for (std::size_t i = 0; i < kMaxOperands; ++i) {
+      if (auto error = check_source(i); !error.empty()) return error;
     }
-    if (auto wrong = shapes(); !wrong.empty()) return wrong;
-    return special();
+    if (auto error = check_shapes(); !error.empty()) return error;
+    return check_opcode();
   }
 
  private:
-  std::size_t limit(Kind kind) const {
+  std::size_t table_size(Kind kind) const {
     switch (kind) {
       case Kind::kNone:
         return SIZE_MAX;
@@ -56,7 +57,7 @@ class OperandCheck {
     return 0;
   }
 
-  static bool takes(char letter, Kind kind) {
+  static bool accepts(char letter, Kind kind) {
     const bool scalar = kind == Kind::kVariable || kind == Kind::kLiteral;
     switch (letter) {
       case 'R':
@@ -86,20 +87,22 @@ class OperandCheck {
     }
   }
 
-  std::string one(char letter, const Operand& operand, std::string_view what) const {
-    if (!takes(letter, operand.kind)) return fmt::format("{} is not of kind '{}'", what, letter);
-    if (operand.index >= limit(operand.kind)) return fmt::format("{} is out of range", what);
+  std::string check_operand(char letter, const Operand& operand, std::string_view what) const {
+    if (!accepts(letter, operand.kind)) return fmt::format("{} is not of kind '{}'", what, letter);
+    if (operand.index >= table_size(operand.kind)) return fmt::format("{} is out of range", what);
     return {};
   }
 
-  std::string destination() const { return one(signature_.front(), in_.destination, "the destination"); }
-
-  std::string source(std::size_t i) const {
-    const char letter = i + 1 < signature_.size() ? signature_[i + 1] : '-';
-    return one(letter, in_.operands[i], fmt::format("operand {}", i + 1));
+  std::string check_destination() const {
+    return check_operand(signature_.front(), instruction_.destination, "the destination");
   }
 
-  std::string shapes() const {
+  std::string check_source(std::size_t i) const {
+    const char letter = i + 1 < signature_.size() ? signature_[i + 1] : '-';
+    return check_operand(letter, instruction_.operands[i], fmt::format("operand {}", i + 1));
+  }
+
+  std::string check_shapes() const {
     const Register* shape = nullptr;
     const auto differs = [&](const Operand& operand) {
       if (operand.kind != Kind::kRegister) return false;
@@ -107,83 +110,84 @@ class OperandCheck {
       if (shape == nullptr) shape = &reg;
       return !same_shape(*shape, reg);
     };
-    const bool to_variable = signature_.front() == 'D' && in_.destination.kind == Kind::kVariable;
-    bool wrong = differs(in_.destination);
-    for (const Operand& operand : in_.operands) {
+    const bool to_variable = signature_.front() == 'D' && instruction_.destination.kind == Kind::kVariable;
+    bool mismatch = differs(instruction_.destination);
+    for (const Operand& operand : instruction_.operands) {
       if (to_variable && operand.kind == Kind::kRegister) return "a register cannot go into a variable";
-      wrong = wrong || differs(operand);
+      mismatch = mismatch || differs(operand);
     }
-    return wrong ? "its registers differ in shape" : "";
+    return mismatch ? "its registers differ in shape" : "";
   }
 
-  bool whole_literal(const Operand& operand) const {
+  bool is_integer_literal(const Operand& operand) const {
     if (operand.kind != Kind::kLiteral) return false;
     const float value = program_.literals[operand.index];
     return std::fabs(value) <= 16777216.0F && value == std::trunc(value);
   }
 
-  std::string special() const {
-    if (is_out_of_place(in_.op) &&
-        std::find(in_.operands.begin(), in_.operands.end(), in_.destination) != in_.operands.end()) {
+  std::string check_opcode() const {
+    if (requires_out_of_place(instruction_.op) &&
+        std::find(instruction_.operands.begin(), instruction_.operands.end(), instruction_.destination) !=
+            instruction_.operands.end()) {
       return "it is not out of place";
     }
-    switch (in_.op) {
+    switch (instruction_.op) {
       case Opcode::kShift:
       case Opcode::kRotate:
-        if (!whole_literal(in_.operands[1]) || !whole_literal(in_.operands[2])) {
+        if (!is_integer_literal(instruction_.operands[1]) || !is_integer_literal(instruction_.operands[2])) {
           return "its offsets are not whole literals";
         }
         return {};
       case Opcode::kBoundary:
-        return boundary();
+        return check_boundary();
       case Opcode::kParameter:
-        return parameter();
+        return check_parameter();
       case Opcode::kNearSum:
       case Opcode::kNearMin:
       case Opcode::kNearMax:
       case Opcode::kNearAny:
       case Opcode::kNearAll:
-        return neighbours();
+        return check_neighbourhood();
       case Opcode::kResGetVar:
       case Opcode::kResSetVar:
-        return group(true);
+        return check_group(true);
       case Opcode::kResGetReg:
       case Opcode::kResSetReg:
-        return group(false);
+        return check_group(false);
       default:
         return {};
     }
   }
 
-  std::string boundary() const {
-    if (!whole_literal(in_.operands[0])) return "its rule is not a whole literal";
-    const float rule = program_.literals[in_.operands[0].index];
+  std::string check_boundary() const {
+    if (!is_integer_literal(instruction_.operands[0])) return "its rule is not a whole literal";
+    const float rule = program_.literals[instruction_.operands[0].index];
     const bool known = rule >= 0.0F && rule <= static_cast<float>(BoundaryRule::kValue);
     return known ? "" : "its rule is unknown";
   }
 
-  std::string neighbours() const {
-    const Operand& count = in_.operands[1];
-    if (!whole_literal(count)) return "its neighbourhood is not a whole literal";
+  std::string check_neighbourhood() const {
+    const Operand& count = instruction_.operands[1];
+    if (!is_integer_literal(count)) return "its neighbourhood is not a whole literal";
     const float value = program_.literals[count.index];
     return value == 4.0F || value == 8.0F ? "" : "its neighbourhood is not 4 or 8";
   }
 
-  std::string group(bool of_variables) const {
-    return program_.groups[in_.operands[0].index].of_variables == of_variables
+  std::string check_group(bool of_variables) const {
+    return program_.groups[instruction_.operands[0].index].is_variable_group == of_variables
                ? ""
                : "its class is of another kind";
   }
 
-  std::string parameter() const {
-    const std::string& name = program_.texts[in_.operands[0].index];
+  std::string check_parameter() const {
+    const std::string& name = program_.texts[instruction_.operands[0].index];
     const bool known = std::any_of(program_.parameters.begin(), program_.parameters.end(),
                                    [&](const Parameter& parameter) { return parameter.name == name; });
     return known ? "" : fmt::format("no parameter is called '{}'", name);
   }
 
   const Program& program_;
-  const Instruction& in_;
+  const Instruction& instruction_;
   std::string_view signature_;
 };
 
@@ -198,35 +202,36 @@ std::string verify_registers(const Program& program) {
     if (cells > kMaxCells) return fmt::format("register '{}' has more than {} cells", reg.name, kMaxCells);
     memory += cells * sizeof(float);
   }
-  return memory > kMaxMemory ? fmt::format("the registers take more than {} bytes", kMaxMemory) : "";
+  return memory > kMaxMemoryBytes ? fmt::format("the registers take more than {} bytes", kMaxMemoryBytes)
+                                  : "";
 }
 
 std::string verify_tables(const Program& program) {
   for (const Filter& filter : program.filters) {
     const std::size_t side = std::max(filter.width, filter.height);
-    if (side == 0 || side > kMaxFilterSide ||
-        filter.elements.size() != std::size_t{filter.width} * filter.height) {
-      return fmt::format("the filter '{}' is not of 1x1 to {}x{} elements", filter.name, kMaxFilterSide,
-                         kMaxFilterSide);
+    if (side == 0 || side > kMaxFilterExtent ||
+        filter.coefficients.size() != std::size_t{filter.width} * filter.height) {
+      return fmt::format("the filter '{}' is not of 1x1 to {}x{} elements", filter.name, kMaxFilterExtent,
+                         kMaxFilterExtent);
     }
   }
-  for (const Group& group : program.groups) {
-    const std::size_t limit = group.of_variables ? program.variables.size() : program.registers.size();
-    for (const std::uint32_t element : group.elements)
+  for (const OperandGroup& group : program.groups) {
+    const std::size_t limit = group.is_variable_group ? program.variables.size() : program.registers.size();
+    for (const std::uint32_t element : group.members)
       if (element >= limit) return fmt::format("the class '{}' has an element out of range", group.name);
   }
   return {};
 }
 
 std::string verify_sources(const Program& program) {
-  const auto bad_file = [&](const Source& s) { return s.file >= program.files.size(); };
-  for (const Source& source : program.sources) {
+  const auto bad_file = [&](const SourceLocation& s) { return s.file >= program.files.size(); };
+  for (const SourceLocation& source : program.source_locations) {
     if (bad_file(source)) return "a source names a file out of range";
     if (source.expansion > 0 && source.expansion >= program.expansions.size())
       return "a source names an expansion out of range";
   }
   for (std::size_t i = 1; i < program.expansions.size(); ++i) {
-    const Source& call = program.expansions[i].call;
+    const SourceLocation& call = program.expansions[i].call_site;
     // Each lies inside an earlier one, so that the way out ends.
     if (bad_file(call) || call.expansion >= i) return "an expansion's call is out of range";
   }
@@ -240,16 +245,16 @@ std::string verify(const Program& program) {
   if (program.code.size() > kMaxInstructions) {
     return fmt::format("the program has more than {} instructions", kMaxInstructions);
   }
-  if (auto wrong = verify_registers(program); !wrong.empty()) return wrong;
-  if (auto wrong = verify_tables(program); !wrong.empty()) return wrong;
-  if (auto wrong = verify_sources(program); !wrong.empty()) return wrong;
+  if (auto error = verify_registers(program); !error.empty()) return error;
+  if (auto error = verify_tables(program); !error.empty()) return error;
+  if (auto error = verify_sources(program); !error.empty()) return error;
   for (std::size_t i = 0; i < program.code.size(); ++i) {
     const Instruction& instruction = program.code[i];
     if (static_cast<std::size_t>(instruction.op) >= opcode_count()) {
       return fmt::format("instruction {}: unknown opcode", i);
     }
-    if (auto wrong = OperandCheck(program, instruction).message(); !wrong.empty()) {
-      return fmt::format("instruction {} ({}): {}", i, info(instruction.op).mnemonic, wrong);
+    if (auto error = InstructionVerifier(program, instruction).verify(); !error.empty()) {
+      return fmt::format("instruction {} ({}): {}", i, opcode_info(instruction.op).mnemonic, error);
     }
   }
   if (program.code.back().op != Opcode::kEnd) return "the program does not end with 'end'";

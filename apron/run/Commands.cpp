@@ -13,7 +13,7 @@
 #include <iostream>
 #include <new>
 
-#include "apron/program/LocalProfile.h"
+#include "apron/program/LocalityCheck.h"
 #include "apron/run/DrawnRun.h"
 #include "apron/run/ProfileFile.h"
 #include "apron/run/ProgramFile.h"
@@ -59,7 +59,7 @@ vm::Status run_to_end(vm::Vm& vm, const Options& options, std::uint64_t& ticks) 
     if (watch) watch->look();
     if (status == vm::Status::kTick)
       ++ticks;
-    else if (status != vm::Status::kBudget)
+    else if (status != vm::Status::kRunning)
       return status;
   }
   return vm::Status::kEnded;
@@ -75,8 +75,8 @@ std::string unwritable(const std::string& file) {
   return {};
 }
 
-bool write_profile(const program::Program& program, const std::vector<vm::Spent>& spent, std::uint64_t ticks,
-                   const std::optional<CostModel>& model, const Options& options) {
+bool write_profile(const program::Program& program, const std::vector<vm::InstructionProfile>& spent,
+                   std::uint64_t ticks, const std::optional<CostModel>& model, const Options& options) {
   errno = 0;
   std::ofstream file(options.profile);
   file << profile_json(program, spent, ticks, model) << std::flush;
@@ -88,7 +88,7 @@ int exit_status(vm::Status status, const std::string& error, const Options& opti
   if (std::fflush(stdout) != 0 && status == vm::Status::kEnded)
     return complain(kRunFailed, "error: cannot write the program's output");
   switch (status) {
-    case vm::Status::kBudget:
+    case vm::Status::kRunning:
     case vm::Status::kTick:
     case vm::Status::kEnded:
     case vm::Status::kClosed:
@@ -110,20 +110,20 @@ struct Ran {
   vm::Status status = vm::Status::kEnded;
   std::string error;
   std::uint64_t ticks = 0;
-  std::vector<vm::Spent> spent;
+  std::vector<vm::InstructionProfile> spent;
 };
 
 Ran run_plainly(const Options& options, program::Program program, LocalHost& host) {
   vm::VmOptions how;
   how.threads = options.threads;
   how.stop = &stop_flag();
-  how.profile = !options.profile.empty();
-  how.fuse.keep_registers = !options.watch.empty();  // else nobody looks at them but the program
+  how.enable_profiling = !options.profile.empty();
+  how.fusion.preserve_named_registers = !options.watch.empty();  // else nobody looks at them but the program
   vm::Vm vm(std::move(program), how, host);
   Ran ran;
   ran.status = run_to_end(vm, options, ran.ticks);
   ran.error = vm.error();
-  ran.spent = vm.spent();
+  ran.spent = vm.profile();
   return ran;
 }
 
@@ -248,9 +248,10 @@ int check_program(const Options& options) {
   const std::optional<program::Program> program = compile_file(options, options.width, options.height);
   if (!program) return kWrongInput;
   if (!options.local_profile) return kDone;
-  const std::vector<program::NonLocal> beyond = program::beyond_local(*program);
-  for (const program::NonLocal& n : beyond) {
-    const program::Source& source = program->sources[program->code[n.instruction].source];
+  const std::vector<program::NonLocalInstruction> beyond = program::find_nonlocal_instructions(*program);
+  for (const program::NonLocalInstruction& n : beyond) {
+    const program::SourceLocation& source =
+        program->source_locations[program->code[n.instruction].source_location];
     std::cout << program->files[source.file] << ':' << source.line << ": not local: " << n.reason << '\n';
   }
   if (!beyond.empty()) return kRunFailed;

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "apron/run/MediaFile.h"
-#include "apron/vm/NumberText.h"
+#include "apron/vm/NumberFormat.h"
 
 namespace apron::run {
 namespace {
@@ -66,7 +66,7 @@ std::string encode_csv(const vm::ConstPlane& from) {
   vm::NumberBuffer buffer;
   for (std::uint32_t y = 0; y < from.height; ++y)
     for (std::uint32_t x = 0; x < from.width; ++x) {
-      text += vm::number_text(from.row(y)[x], buffer);
+      text += vm::format_number(from.row(y)[x], buffer);
       text += x + 1 < from.width ? ',' : '\n';
     }
   return text;

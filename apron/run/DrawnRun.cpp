@@ -59,7 +59,7 @@ DrawnOutcome run_drawn(const DrawnRun& run) {
   if (stop_flag()) outcome.status = vm::Status::kInterrupted;
   outcome.error = drawn.session.vm().error();
   outcome.ticks = drawn.session.ticks();
-  outcome.spent = drawn.session.vm().spent();
+  outcome.spent = drawn.session.vm().profile();
   return outcome;
 }
 

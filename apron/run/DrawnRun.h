@@ -26,7 +26,7 @@ struct DrawnOutcome {
   std::string error;        // of the program
   std::string wrong;        // one line: a file that cannot be written, no OpenGL; "" for nothing
   std::uint64_t ticks = 0;  // with the next one, for --profile
-  std::vector<vm::Spent> spent;
+  std::vector<vm::InstructionProfile> spent;
 };
 
 // "" or why nothing can be drawn here, in one line.

@@ -1,5 +1,5 @@
 // `apron fmt`.
-#include "apron/syntax/Format.h"
+#include "apron/syntax/Formatter.h"
 
 #include <iostream>
 
@@ -8,17 +8,17 @@
 #include "apron/run/MediaFile.h"
 #include "apron/syntax/Diagnostic.h"
 #include "apron/syntax/Lexer.h"
-#include "apron/syntax/Sources.h"
+#include "apron/syntax/SourceManager.h"
 
 namespace apron::run {
 namespace {
 
 // "" or what is wrong with the words of a file, for the user.
 std::string wrong_words(const std::string& file, const std::string& text) {
-  syntax::Sources sources;
+  syntax::SourceManager sources;
   syntax::Diagnostics diagnostics;
   syntax::lex(sources, sources.add_file(file, text, {}), diagnostics);
-  return diagnostics.empty() ? "" : syntax::format(diagnostics.take(), sources);
+  return diagnostics.empty() ? "" : syntax::format_diagnostics(diagnostics.take(), sources);
 }
 
 }  // namespace
@@ -33,7 +33,7 @@ int format_programs(const Options& options) {
         status = kWrongInput;
         continue;
       }
-      const std::string result = syntax::format_program(text);
+      const std::string result = syntax::format_source(text);
       if (options.only_check) {
         if (result == text) continue;
         std::cout << file << '\n';

@@ -38,7 +38,7 @@ Grey decode_png(const std::string& path, std::string_view bytes, const vm::Plane
     refuse(path, std::string("is not a whole PNG picture: ") + image.message);
   require_shape(path, image.width, image.height, shape);
   image.format = PNG_FORMAT_GRAY;
-  std::vector<std::uint8_t> pixels(shape.cells());
+  std::vector<std::uint8_t> pixels(shape.cell_count());
   const png_color black{0, 0, 0};  // behind transparent pixels
   if (png_image_finish_read(&image, &black, pixels.data(), 0, nullptr) == 0)
     refuse(path, std::string("is not a whole PNG picture: ") + image.message);
@@ -112,7 +112,7 @@ Grey decode_pgm(const std::string& path, std::string_view bytes, const vm::Plane
   require_shape(path, width, height, shape);
   if (white == 0 || white > 65535) reader.broken();
   if (!plain) (void)reader.raw(1);  // the one blank before the pixels
-  Grey pixels(shape.cells());
+  Grey pixels(shape.cell_count());
   for (float& p : pixels) {
     const std::uint32_t value = plain ? reader.number() : reader.raw(white > 255 ? 2 : 1);
     if (value > white) reader.broken();

@@ -29,7 +29,7 @@ void read_image(const std::string& path, const vm::Plane& to) {
 void write_image(const std::string& path, const vm::ConstPlane& from) {
   const ImageCodec& format = codec(path);
   std::vector<std::uint8_t> pixels;
-  pixels.reserve(from.cells());
+  pixels.reserve(from.cell_count());
   for (std::uint32_t y = 0; y < from.height; ++y)
     for (std::uint32_t x = 0; x < from.width; ++x) {
       const float value = from.row(y)[x];

@@ -64,7 +64,7 @@ void require_shape(const std::string& path, std::uint64_t width, std::uint64_t h
                    const vm::Plane& plane) {
   if (width != plane.width || height != plane.height)
     refuse(path, "is " + std::to_string(width) + "x" + std::to_string(height) + ", but the register is " +
-                     vm::shape_text(plane));
+                     vm::format_shape(plane));
 }
 
 }  // namespace apron::run

@@ -123,7 +123,7 @@ float element(const Header& h, const char* at) {
 void decode_npy(const std::string& path, std::string_view bytes, const vm::Plane& to) {
   const Header header = parse_header(path, bytes);
   require_shape(path, header.width, header.height, to);
-  if (header.cells.size() < to.cells() * header.size) refuse(path, "ends before its last element");
+  if (header.cells.size() < to.cell_count() * header.size) refuse(path, "ends before its last element");
   const std::size_t along_x = header.columns_first ? to.height : 1,
                     along_y = header.columns_first ? 1 : to.width;
   for (std::uint32_t y = 0; y < to.height; ++y)
@@ -140,7 +140,7 @@ std::string encode_npy(const vm::ConstPlane& from) {
   bytes += {'\x01', '\x00', static_cast<char>(dictionary.size() & 0xFF),
             static_cast<char>(dictionary.size() >> 8)};
   bytes += dictionary;
-  bytes.reserve(bytes.size() + from.cells() * sizeof(float));
+  bytes.reserve(bytes.size() + from.cell_count() * sizeof(float));
   for (std::uint32_t y = 0; y < from.height; ++y)
     bytes.append(reinterpret_cast<const char*>(from.row(y)), from.width * sizeof(float));
   return bytes;

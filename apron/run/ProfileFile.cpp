@@ -42,7 +42,7 @@ Cost cost(const ordered_json& object, const std::string& where) {
 
 bool is_mnemonic(const std::string& name) {
   for (std::size_t op = 0; op < program::opcode_count(); ++op)
-    if (program::info(static_cast<program::Opcode>(op)).mnemonic == name) return true;
+    if (program::opcode_info(static_cast<program::Opcode>(op)).mnemonic == name) return true;
   return false;
 }
 
@@ -98,14 +98,14 @@ double cells(const program::Program& program, const program::Instruction& in) {
   return 0.0;
 }
 
-Sum sum_of(const program::Program& program, std::size_t at, const vm::Spent& spent,
+Sum sum_of(const program::Program& program, std::size_t at, const vm::InstructionProfile& spent,
            const std::optional<CostModel>& model) {
-  Sum sum{spent.count, spent.nanoseconds, 0.0, 0.0};
+  Sum sum{spent.executions, spent.nanoseconds, 0.0, 0.0};
   if (!model) return sum;
   const program::Instruction& in = program.code[at];
-  const auto found = model->instructions.find(std::string(program::info(in.op).mnemonic));
+  const auto found = model->instructions.find(std::string(program::opcode_info(in.op).mnemonic));
   const Cost& each = found != model->instructions.end() ? found->second : model->otherwise;
-  const auto times = static_cast<double>(spent.count);
+  const auto times = static_cast<double>(spent.executions);
   sum.cycles = times * (each.cycles + each.cycles_per_cell * cells(program, in));
   sum.energy_j = times * (each.energy_j + each.energy_j_per_cell * cells(program, in));
   return sum;
@@ -143,22 +143,22 @@ std::optional<CostModel> read_cost_model(const std::string& file, std::string& w
   return std::nullopt;
 }
 
-std::string profile_json(const program::Program& program, const std::vector<vm::Spent>& spent,
+std::string profile_json(const program::Program& program, const std::vector<vm::InstructionProfile>& spent,
                          std::uint64_t steps, const std::optional<CostModel>& model) {
   std::map<std::string, Sum> by_name;
   std::map<std::pair<std::uint32_t, std::uint32_t>, Sum> by_line;
   Sum all;
   ordered_json each = ordered_json::array();
   for (std::size_t at = 0; at < spent.size(); ++at) {
-    if (spent[at].count == 0) continue;
+    if (spent[at].executions == 0) continue;
     const Sum sum = sum_of(program, at, spent[at], model);
-    const program::Source& source = program.sources[program.code[at].source];
+    const program::SourceLocation& source = program.source_locations[program.code[at].source_location];
     all += sum;
-    by_name[std::string(program::info(program.code[at].op).mnemonic)] += sum;
+    by_name[std::string(program::opcode_info(program.code[at].op).mnemonic)] += sum;
     by_line[{source.file, source.line}] += sum;
     ordered_json& one = each.emplace_back();
     one["index"] = at;
-    one["instruction"] = program::info(program.code[at].op).mnemonic;
+    one["instruction"] = program::opcode_info(program.code[at].op).mnemonic;
     one["file"] = program.files[source.file];
     one["line"] = source.line;
     sum.write(one, model.has_value());

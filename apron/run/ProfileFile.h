@@ -35,7 +35,7 @@ std::optional<CostModel> read_cost_model(const std::string& file, std::string& w
 // One object: the program, the instructions by mnemonic and by line and each by itself with counts and
 // nanoseconds, and with a model the estimates, in all and for each surface.step. `steps`: how many there
 // were.
-std::string profile_json(const program::Program& program, const std::vector<vm::Spent>& spent,
+std::string profile_json(const program::Program& program, const std::vector<vm::InstructionProfile>& spent,
                          std::uint64_t steps, const std::optional<CostModel>& model);
 
 }  // namespace apron::run

@@ -36,7 +36,7 @@ std::optional<Compiled> compile_texts(const Options& options, std::uint32_t widt
   syntax::DiskReader reader;
   compiler::CompileResult result = compiler::compile(compile_options(options, width, height), reader);
   if (!result.program) {
-    wrong = syntax::format(result.diagnostics, result.sources);
+    wrong = syntax::format_diagnostics(result.diagnostics, result.sources);
     return std::nullopt;
   }
   Compiled compiled{std::move(*result.program), {}};

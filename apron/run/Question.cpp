@@ -65,7 +65,7 @@ std::optional<program::Program> compile_question(const std::string& condition,
   how.height = height;
   compiler::CompileResult result = compiler::compile(how, reader);
   if (result.program) return std::move(result.program);
-  wrong = result.diagnostics.empty() ? "this is no condition" : result.diagnostics.front().text;
+  wrong = result.diagnostics.empty() ? "this is no condition" : result.diagnostics.front().message;
   return std::nullopt;
 }
 

@@ -15,7 +15,7 @@
 #include "apron/run/ProgramFile.h"
 #include "apron/run/StopSignal.h"
 #include "apron/syntax/Lexer.h"
-#include "apron/vm/NumberText.h"
+#include "apron/vm/NumberFormat.h"
 #include "apron/vm/Vm.h"
 
 namespace apron::run {
@@ -92,7 +92,7 @@ std::string strip(const std::string& text) {
 
 bool is_unfinished(const std::string& text) {
   if (const std::string end = strip(text); !end.empty() && end.back() == '\\') return true;
-  syntax::Sources sources;
+  syntax::SourceManager sources;
   syntax::Diagnostics diagnostics;
   const std::uint32_t file = sources.add_file("", text, {});
   int blocks = 0, conditions = 0, macros = 0;
@@ -137,8 +137,8 @@ std::string picture(const std::vector<float>& cells, std::uint32_t width, std::u
     while (!text.empty() && text.back() == ' ') text.pop_back();
     text += '\n';
   }
-  return text + std::to_string(width) + "x" + std::to_string(height) + ", " + vm::number_text(low) + " to " +
-         vm::number_text(high) + "\n";
+  return text + std::to_string(width) + "x" + std::to_string(height) + ", " + vm::format_number(low) +
+         " to " + vm::format_number(high) + "\n";
 }
 
 Repl::Repl(const Options& options, std::istream& in, std::ostream& out, bool prompts)
@@ -231,7 +231,7 @@ Repl::Outcome Repl::attempt(const std::string& text, std::string& report) {
   const compiler::CompileOptions how = compile_options(options_, options_.width, options_.height);
   compiler::CompileResult result = compiler::compile(how, reader);
   if (!result.program) {
-    report = syntax::format(result.diagnostics, result.sources);
+    report = syntax::format_diagnostics(result.diagnostics, result.sources);
     return Outcome::kWrong;
   }
   ReplHost host(options_, out_);
@@ -276,7 +276,7 @@ void Repl::show_names() {
   for (const Seen& one : seen_) {
     out_ << one.name;
     if (one.width == 0) {
-      out_ << " = " << vm::number_text(one.cells.front()) << '\n';
+      out_ << " = " << vm::format_number(one.cells.front()) << '\n';
     } else {
       out_ << ' ' << one.width << 'x' << one.height << '\n';
     }
@@ -289,7 +289,7 @@ void Repl::show(const std::string& name) {
   if (found == seen_.end()) {
     out_ << "there is no '" << name << "'; :names lists what there is\n";
   } else if (found->width == 0) {
-    out_ << vm::number_text(found->cells.front()) << '\n';
+    out_ << vm::format_number(found->cells.front()) << '\n';
   } else {
     out_ << picture(found->cells, found->width, found->height, kPictureColumns);
   }

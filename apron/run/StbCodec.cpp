@@ -74,7 +74,7 @@ Grey decode_stb(const std::string& path, std::string_view bytes, const vm::Plane
   const std::unique_ptr<stbi_uc, void (*)(void*)> pixels(
       stbi_load_from_memory(data, size, &width, &height, &channels, 1), stbi_image_free);
   if (!pixels) refuse(path, std::string("is not a whole JPEG or BMP picture: ") + stbi_failure_reason());
-  return {pixels.get(), pixels.get() + shape.cells()};
+  return {pixels.get(), pixels.get() + shape.cell_count()};
 }
 
 bool decode_motion_jpeg(std::span<const std::uint8_t> bytes, GreyFrame& frame) {

@@ -154,7 +154,7 @@ HostStatus SurfaceHost::check_shape(std::string_view name, const vm::ConstPlane&
   if (plane.width == surface.columns && plane.height == surface.rows) return HostStatus::kOk;
   return report(HostStatus::kRefused,
                 "channel '" + std::string(name) + "' is " + std::to_string(surface.columns) + "x" +
-                    std::to_string(surface.rows) + ", but the register is " + vm::shape_text(plane));
+                    std::to_string(surface.rows) + ", but the register is " + vm::format_shape(plane));
 }
 
 bool SurfaceHost::has(std::string_view channel) const {
@@ -173,7 +173,7 @@ std::optional<double> SurfaceHost::tick() const { return static_cast<double>(sur
 // -----------------------------------------------------------------------------------------------------
 template <class T>
 void SurfaceHost::copy_sensor(const Target& target, const vm::Plane& to) const {
-  const T* from = surface_.sensor<T>(target.channel).data() + target.component * to.cells();
+  const T* from = surface_.sensor<T>(target.channel).data() + target.component * to.cell_count();
   for (std::uint32_t y = 0; y < to.height; ++y, from += to.width)
     std::transform(from, from + to.width, to.row(y), [](T value) { return static_cast<float>(value); });
 }

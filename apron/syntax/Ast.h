@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "apron/syntax/Preprocessor.h"
-#include "apron/syntax/Sources.h"
+#include "apron/syntax/SourceManager.h"
 
 namespace apron::syntax {
 
@@ -18,7 +18,7 @@ inline constexpr std::size_t kMaxExpressionDepth = 200;
 
 enum class ExpressionKind : std::uint8_t {
   kNumber,     // number
-  kText,       // text
+  kString,     // text
   kName,       // text: a register, scalar or instruction without arguments
   kElement,    // text[child 0]: an element of a class, by name or number
   kCall,       // text(children)
@@ -34,7 +34,7 @@ struct MacroExpansion;
 
 struct Expression {
   ExpressionKind kind = ExpressionKind::kNumber;
-  Location at;
+  Location location;
   std::string text;
   float number = 0.0F;
   std::vector<Expression> children;
@@ -43,24 +43,24 @@ struct Expression {
 };
 
 // An argument that is more than a word: evaluated once, before the macro's body.
-struct Binding {
+struct ArgumentBinding {
   std::string name;  // unique in the program, begins with '$'
   Expression value;
 };
 
 enum class StatementKind : std::uint8_t {
-  kAssign,   // target = value
-  kCall,     // value is a kCall or kName
-  kLabel,    // target.text
-  kDeclare,  // declaration
-  kEnter,    // a macro's body begins: expansion has its bindings, its body follows in the list
-  kLeave,    // and ends
-  kInvalid,  // reported already; target.text is its first word, assigns if it had a '='
+  kAssign,      // target = value
+  kCall,        // value is a kCall or kName
+  kLabel,       // target.text
+  kDeclare,     // declaration
+  kMacroBegin,  // a macro's body begins: expansion has its bindings, its body follows in the list
+  kMacroEnd,    // and ends
+  kInvalid,     // reported already; target.text is its first word, assigns if it had a '='
 };
 
 struct Statement {
   StatementKind kind = StatementKind::kInvalid;
-  Location at;
+  Location location;
   Expression target;
   Expression value;
   std::shared_ptr<Declaration> declaration;
@@ -73,10 +73,10 @@ struct MacroExpansion {
   std::uint32_t id = 0;
   std::string macro;
   std::string
-      result;  // unique name that the body writes the result to; "" when the caller's target is written
-  std::vector<Binding> bindings;
-  std::vector<Expression> words;  // the arguments that are single names or elements
-  std::vector<Statement> body;    // empty for kEnter
+      result_name;  // unique name that the body writes the result to; "" when the caller's target is written
+  std::vector<ArgumentBinding> bindings;
+  std::vector<Expression> name_arguments;  // the arguments that are single names or elements
+  std::vector<Statement> body;             // empty for kEnter
 };
 
 }  // namespace apron::syntax

@@ -11,14 +11,14 @@ namespace {
 
 constexpr int kMaxDepth = 64;
 
-struct Failure {
-  Location at;
-  std::string text;
+struct EvaluationError {
+  Location location;
+  std::string message;
 };
 
 int precedence(const Token& token) {
   if (token.kind == TokenKind::kName) return token.text == "or" ? 1 : token.text == "and" ? 2 : 0;
-  if (token.kind != TokenKind::kSymbol) return 0;
+  if (token.kind != TokenKind::kPunctuator) return 0;
   static constexpr std::pair<std::string_view, int> kOperators[] = {
       {"||", 1}, {"&&", 2}, {"<", 3}, {"<=", 3}, {">", 3}, {">=", 3}, {"==", 3},
       {"!=", 3}, {"+", 4},  {"-", 4}, {"*", 5},  {"/", 5}, {"%", 5}};
@@ -28,108 +28,110 @@ int precedence(const Token& token) {
   return 0;
 }
 
-class Evaluator {
+class ConstantEvaluator {
  public:
-  Evaluator(const Tokens& tokens, Location at) : tokens_(tokens), end_at_(at) {}
+  ConstantEvaluator(const Tokens& tokens, Location location) : tokens_(tokens), end_location_(location) {}
 
-  Constant run() {
-    Constant value = binary(1);
-    if (at_ < tokens_.size()) fail(fmt::format("unexpected '{}' in a constant", spell(tokens_[at_])));
+  Constant evaluate() {
+    Constant value = parse_binary(1);
+    if (position_ < tokens_.size())
+      fail(fmt::format("unexpected '{}' in a constant", spelling(tokens_[position_])));
     return value;
   }
 
  private:
   [[noreturn]] void fail(std::string text) const {
-    throw Failure{at_ < tokens_.size() ? tokens_[at_].at : end_at_, std::move(text)};
+    throw EvaluationError{position_ < tokens_.size() ? tokens_[position_].location : end_location_,
+                          std::move(text)};
   }
 
-  bool take(std::string_view symbol) {
-    if (at_ >= tokens_.size() || !tokens_[at_].is(symbol)) return false;
-    ++at_;
+  bool consume(std::string_view symbol) {
+    if (position_ >= tokens_.size() || !tokens_[position_].is(symbol)) return false;
+    ++position_;
     return true;
   }
 
-  static Constant of(double number) { return {false, {}, number}; }
+  static Constant from_number(double number) { return {false, {}, number}; }
 
   Constant apply(const Token& op, const Constant& a, const Constant& b) const {
     if (precedence(op) == 3) {
-      const std::optional<bool> holds = compare(a, op.text, b);
-      if (!holds) throw Failure{op.at, "texts and names compare by == and != only"};
-      return of(*holds ? 1.0 : 0.0);
+      const std::optional<bool> result = compare(a, op.text, b);
+      if (!result) throw EvaluationError{op.location, "texts and names compare by == and != only"};
+      return from_number(*result ? 1.0 : 0.0);
     }
-    if (precedence(op) == 1) return of(a.truth() || b.truth() ? 1.0 : 0.0);
-    if (precedence(op) == 2) return of(a.truth() && b.truth() ? 1.0 : 0.0);
-    if (a.is_text || b.is_text) {
-      throw Failure{op.at,
-                    fmt::format("'{}' is not a constant number", written(a.is_text ? a.text : b.text))};
+    if (precedence(op) == 1) return from_number(a.is_true() || b.is_true() ? 1.0 : 0.0);
+    if (precedence(op) == 2) return from_number(a.is_true() && b.is_true() ? 1.0 : 0.0);
+    if (a.is_string || b.is_string) {
+      throw EvaluationError{op.location, fmt::format("'{}' is not a constant number",
+                                                     display_name(a.is_string ? a.text : b.text))};
     }
     switch (op.text.front()) {
       case '+':
-        return of(a.number + b.number);
+        return from_number(a.number + b.number);
       case '-':
-        return of(a.number - b.number);
+        return from_number(a.number - b.number);
       case '*':
-        return of(a.number * b.number);
+        return from_number(a.number * b.number);
       case '/':
-        return of(a.number / b.number);
+        return from_number(a.number / b.number);
       default:
-        return of(a.number - b.number * std::floor(a.number / b.number));
+        return from_number(a.number - b.number * std::floor(a.number / b.number));
     }
   }
 
-  Constant binary(int level) {
-    Constant left = unary();
-    while (at_ < tokens_.size() && precedence(tokens_[at_]) >= level) {
-      const Token op = tokens_[at_++];
-      const Constant right = binary(precedence(op) + 1);
+  Constant parse_binary(int level) {
+    Constant left = parse_unary();
+    while (position_ < tokens_.size() && precedence(tokens_[position_]) >= level) {
+      const Token op = tokens_[position_++];
+      const Constant right = parse_binary(precedence(op) + 1);
       left = apply(op, left, right);
     }
     return left;
   }
 
-  Constant unary() {
+  Constant parse_unary() {
     if (++depth_ > kMaxDepth) fail("this constant is nested too deeply");
     Constant value;
-    if (take("-")) {
-      value = unary();
-      if (value.is_text) fail(fmt::format("'{}' is not a constant number", written(value.text)));
+    if (consume("-")) {
+      value = parse_unary();
+      if (value.is_string) fail(fmt::format("'{}' is not a constant number", display_name(value.text)));
       value.number = -value.number;
-    } else if (take("+")) {
-      value = unary();
-    } else if (take("!")) {
-      value = of(unary().truth() ? 0.0 : 1.0);
+    } else if (consume("+")) {
+      value = parse_unary();
+    } else if (consume("!")) {
+      value = from_number(parse_unary().is_true() ? 0.0 : 1.0);
     } else {
-      value = primary();
+      value = parse_primary();
     }
     --depth_;
     return value;
   }
 
-  Constant primary() {
-    if (take("(")) {
-      Constant value = binary(1);
-      if (!take(")")) fail("expected ')'");
+  Constant parse_primary() {
+    if (consume("(")) {
+      Constant value = parse_binary(1);
+      if (!consume(")")) fail("expected ')'");
       return value;
     }
-    if (at_ >= tokens_.size()) fail("expected a constant");
-    const Token& token = tokens_[at_];
-    if (token.kind == TokenKind::kNumber) return ++at_, of(token.number);
-    if (token.kind == TokenKind::kText || token.kind == TokenKind::kName)
-      return ++at_, Constant{true, token.text, 0};
-    fail(fmt::format("expected a constant, not '{}'", spell(token)));
+    if (position_ >= tokens_.size()) fail("expected a constant");
+    const Token& token = tokens_[position_];
+    if (token.kind == TokenKind::kNumber) return ++position_, from_number(token.number);
+    if (token.kind == TokenKind::kString || token.kind == TokenKind::kName)
+      return ++position_, Constant{true, token.text, 0};
+    fail(fmt::format("expected a constant, not '{}'", spelling(token)));
   }
 
   const Tokens& tokens_;
-  Location end_at_;
-  std::size_t at_ = 0;
+  Location end_location_;
+  std::size_t position_ = 0;
   int depth_ = 0;
 };
 
 }  // namespace
 
 std::optional<bool> compare(const Constant& a, std::string_view op, const Constant& b) {
-  if (a.is_text || b.is_text) {
-    const bool equal = a.is_text == b.is_text && a.text == b.text;
+  if (a.is_string || b.is_string) {
+    const bool equal = a.is_string == b.is_string && a.text == b.text;
     if (op == "==") return equal;
     if (op == "!=") return !equal;
     return std::nullopt;
@@ -143,11 +145,11 @@ std::optional<bool> compare(const Constant& a, std::string_view op, const Consta
   return std::nullopt;
 }
 
-std::optional<Constant> evaluate(const Tokens& tokens, Location at, Diagnostics& diagnostics) {
+std::optional<Constant> evaluate_constant(const Tokens& tokens, Location location, Diagnostics& diagnostics) {
   try {
-    return Evaluator(tokens, at).run();
-  } catch (const Failure& failure) {
-    diagnostics.error(failure.at, failure.text);
+    return ConstantEvaluator(tokens, location).evaluate();
+  } catch (const EvaluationError& failure) {
+    diagnostics.error(failure.location, failure.message);
     return std::nullopt;
   }
 }

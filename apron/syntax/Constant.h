@@ -11,11 +11,11 @@
 namespace apron::syntax {
 
 struct Constant {
-  bool is_text = false;  // a 'text', or a name that stands for itself, to be compared by == and !=
+  bool is_string = false;  // a 'text', or a name that stands for itself, to be compared by == and !=
   std::string text;
   double number = 0.0;
 
-  bool truth() const { return is_text || number != 0.0; }
+  bool is_true() const { return is_string || number != 0.0; }
 };
 
 // A comparison by one of < <= > >= == !=; nothing if the two cannot be compared.
@@ -23,6 +23,6 @@ std::optional<bool> compare(const Constant&, std::string_view op, const Constant
 
 // Numbers, texts, names, ( ) unary - + !, * / %, + -, comparisons, && and ||. Reports what is wrong, at the
 // token or else at `at`.
-std::optional<Constant> evaluate(const Tokens&, Location at, Diagnostics&);
+std::optional<Constant> evaluate_constant(const Tokens&, Location location, Diagnostics&);
 
 }  // namespace apron::syntax

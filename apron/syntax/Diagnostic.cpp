@@ -10,16 +10,16 @@ namespace apron::syntax {
 namespace {
 
 // Longest part of a source line shown, in bytes.
-constexpr std::size_t kMaxShown = 400;
+constexpr std::size_t kMaxShownBytes = 400;
 // Chains longer than this are shown by their ends.
-constexpr std::size_t kMaxChain = 12;
+constexpr std::size_t kMaxChainNotes = 12;
 
-auto place(const Location& at) { return std::tie(at.file, at.line, at.column); }
+auto sort_key(const Location& location) { return std::tie(location.file, location.line, location.column); }
 
-bool continues_character(char byte) { return (static_cast<unsigned char>(byte) & 0xC0U) == 0x80U; }
+bool is_continuation_byte(char byte) { return (static_cast<unsigned char>(byte) & 0xC0U) == 0x80U; }
 
 std::string printable(std::string_view line) {
-  std::string text(line.substr(0, kMaxShown));
+  std::string text(line.substr(0, kMaxShownBytes));
   for (char& byte : text) {
     const auto code = static_cast<unsigned char>(byte);
     if ((code < 0x20 && byte != '\t') || code == 0x7F) byte = '?';
@@ -28,31 +28,31 @@ std::string printable(std::string_view line) {
 }
 
 // Spaces up to the column, with the line's own tabs so that the caret stands below its character.
-std::string indent(std::string_view line, std::uint32_t column) {
-  std::string blanks;
-  std::uint32_t at = 1;
+std::string caret_indent(std::string_view line, std::uint32_t column) {
+  std::string padding;
+  std::uint32_t current = 1;
   for (const char byte : line) {
-    if (at >= column) break;
-    if (continues_character(byte)) continue;
-    blanks += byte == '\t' ? '\t' : ' ';
-    ++at;
+    if (current >= column) break;
+    if (is_continuation_byte(byte)) continue;
+    padding += byte == '\t' ? '\t' : ' ';
+    ++current;
   }
-  while (at++ < column) blanks += ' ';
-  return blanks;
+  while (current++ < column) padding += ' ';
+  return padding;
 }
 
-std::vector<std::string> chain_of(const Location& start, const Sources& sources) {
+std::vector<std::string> expansion_chain(const Location& start, const SourceManager& sources) {
   std::vector<std::string> chain;
-  Location at = start;
+  Location current = start;
   for (;;) {
-    if (at.expansion != 0) {
-      const Expansion& expansion = sources.expansion(at.expansion);
-      chain.push_back(
-          fmt::format("in expansion of macro '{}' at {}", expansion.macro, sources.name(expansion.call)));
-      at = expansion.call;
-    } else if (at.file < sources.file_count() && sources.file(at.file).included_from.line > 0) {
-      at = sources.file(at.file).included_from;
-      chain.push_back(fmt::format("included from {}", sources.name(at)));
+    if (current.expansion != 0) {
+      const ExpansionInfo& expansion = sources.expansion(current.expansion);
+      chain.push_back(fmt::format("in expansion of macro '{}' at {}", expansion.macro,
+                                  sources.format_location(expansion.call)));
+      current = expansion.call;
+    } else if (current.file < sources.file_count() && sources.file(current.file).included_from.line > 0) {
+      current = sources.file(current.file).included_from;
+      chain.push_back(fmt::format("included from {}", sources.format_location(current)));
     } else {
       break;
     }
@@ -62,50 +62,52 @@ std::vector<std::string> chain_of(const Location& start, const Sources& sources)
 
 }  // namespace
 
-void Diagnostics::error(Location at, std::string text, std::vector<Note> notes) {
+void Diagnostics::error(Location location, std::string message, std::vector<Note> notes) {
   if (full_) return;
-  full_ = ++reports_ >= kMaxReports;
-  for (const Diagnostic& known : list_) {
-    if (place(known.at) == place(at) && known.text == text) return;
+  full_ = ++report_count_ >= kMaxReportedErrors;
+  for (const Diagnostic& existing : diagnostics_) {
+    if (sort_key(existing.location) == sort_key(location) && existing.message == message) return;
   }
-  list_.push_back({at, std::move(text), std::move(notes)});
-  full_ = list_.size() >= kMaxErrors;
+  diagnostics_.push_back({location, std::move(message), std::move(notes)});
+  full_ = diagnostics_.size() >= kMaxErrors;
 }
 
 std::vector<Diagnostic> Diagnostics::take() {
-  std::stable_sort(list_.begin(), list_.end(),
-                   [](const Diagnostic& a, const Diagnostic& b) { return place(a.at) < place(b.at); });
+  std::stable_sort(diagnostics_.begin(), diagnostics_.end(), [](const Diagnostic& a, const Diagnostic& b) {
+    return sort_key(a.location) < sort_key(b.location);
+  });
   full_ = false;
-  return std::exchange(list_, {});
+  return std::exchange(diagnostics_, {});
 }
 
-std::string format(const Diagnostic& diagnostic, const Sources& sources) {
-  const Location& at = diagnostic.at;
-  if (at.line == 0) {
-    const std::string file = at.file < sources.file_count() ? sources.file(at.file).name + ": " : "";
-    return fmt::format("{}error: {}\n", file, diagnostic.text);
+std::string format_diagnostics(const Diagnostic& diagnostic, const SourceManager& sources) {
+  const Location& location = diagnostic.location;
+  if (location.line == 0) {
+    const std::string file =
+        location.file < sources.file_count() ? sources.file(location.file).name + ": " : "";
+    return fmt::format("{}error: {}\n", file, diagnostic.message);
   }
-  std::string text = fmt::format("{}: error: {}\n", sources.name(at), diagnostic.text);
-  const std::string line = printable(sources.line(at.file, at.line));
+  std::string text = fmt::format("{}: error: {}\n", sources.format_location(location), diagnostic.message);
+  const std::string line = printable(sources.line_text(location.file, location.line));
   text += "    " + line + '\n';
-  if (at.column <= line.size() + 1) text += "    " + indent(line, at.column) + "^\n";
+  if (location.column <= line.size() + 1) text += "    " + caret_indent(line, location.column) + "^\n";
   for (const Note& note : diagnostic.notes) {
-    text += fmt::format("  note: {} at {}\n", note.text, sources.name(note.at));
+    text += fmt::format("  note: {} at {}\n", note.message, sources.format_location(note.location));
   }
-  const std::vector<std::string> chain = chain_of(at, sources);
+  const std::vector<std::string> chain = expansion_chain(location, sources);
   for (std::size_t i = 0; i < chain.size(); ++i) {
-    if (chain.size() > kMaxChain && i == kMaxChain / 2) {
-      text += fmt::format("  note: … {} more …\n", chain.size() - kMaxChain);
-      i = chain.size() - kMaxChain / 2;
+    if (chain.size() > kMaxChainNotes && i == kMaxChainNotes / 2) {
+      text += fmt::format("  note: … {} more …\n", chain.size() - kMaxChainNotes);
+      i = chain.size() - kMaxChainNotes / 2;
     }
     text += "  note: " + chain[i] + '\n';
   }
   return text;
 }
 
-std::string format(const std::vector<Diagnostic>& diagnostics, const Sources& sources) {
+std::string format_diagnostics(const std::vector<Diagnostic>& diagnostics, const SourceManager& sources) {
   std::string text;
-  for (const Diagnostic& diagnostic : diagnostics) text += format(diagnostic, sources);
+  for (const Diagnostic& diagnostic : diagnostics) text += format_diagnostics(diagnostic, sources);
   if (diagnostics.size() >= kMaxErrors) text += fmt::format("error: stopped after {} errors\n", kMaxErrors);
   return text;
 }

@@ -5,43 +5,43 @@
 #include <string>
 #include <vector>
 
-#include "apron/syntax/Sources.h"
+#include "apron/syntax/SourceManager.h"
 
 namespace apron::syntax {
 
 struct Note {
-  Location at;
-  std::string text;
+  Location location;
+  std::string message;
 };
 
 struct Diagnostic {
-  Location at;
-  std::string text;
+  Location location;
+  std::string message;
   std::vector<Note> notes;  // "declared here" and the like; include and macro chains come from the location
 };
 
 inline constexpr std::size_t kMaxErrors = 20;
 // Of the same ones again too, as from a macro with an error that is expanded over and over.
-inline constexpr std::size_t kMaxReports = 2000;
+inline constexpr std::size_t kMaxReportedErrors = 2000;
 
 class Diagnostics {
  public:
   // The same text at the same place, as from a macro expanded twice, is kept once; nothing beyond kMaxErrors.
-  void error(Location at, std::string text, std::vector<Note> notes = {});
+  void error(Location location, std::string message, std::vector<Note> notes = {});
   bool full() const noexcept { return full_; }
-  bool empty() const noexcept { return list_.empty(); }
+  bool empty() const noexcept { return diagnostics_.empty(); }
   // In the order of the places: files in the order of their inclusion, then lines and columns.
   std::vector<Diagnostic> take();
 
  private:
-  std::vector<Diagnostic> list_;
-  std::size_t reports_ = 0;
+  std::vector<Diagnostic> diagnostics_;
+  std::size_t report_count_ = 0;
   bool full_ = false;
 };
 
 // "file:line:col: error: text", the source line, a line with a caret below the column, then one line for each
 // note, macro expansion and include on the way to it.
-std::string format(const Diagnostic&, const Sources&);
-std::string format(const std::vector<Diagnostic>&, const Sources&);
+std::string format_diagnostics(const Diagnostic&, const SourceManager&);
+std::string format_diagnostics(const std::vector<Diagnostic>&, const SourceManager&);
 
 }  // namespace apron::syntax

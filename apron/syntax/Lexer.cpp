@@ -14,14 +14,14 @@ namespace {
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 bool is_letter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; }
-bool is_hex(char c) { return is_digit(c) || (c >= 'a' && c <= 'f') || (c >= 'A' && c <= 'F'); }
+bool is_hex_digit(char c) { return is_digit(c) || (c >= 'a' && c <= 'f') || (c >= 'A' && c <= 'F'); }
 
-struct Character {
+struct CodePoint {
   std::uint32_t code = 0;
   std::size_t bytes = 0;  // 0: not UTF-8
 };
 
-Character decode(std::string_view text) {
+CodePoint decode(std::string_view text) {
   const auto byte = [&](std::size_t i) {
     return static_cast<std::uint32_t>(static_cast<unsigned char>(text[i]));
   };
@@ -36,7 +36,7 @@ Character decode(std::string_view text) {
   }
   const bool overlong = (bytes == 3 && code < 0x800) || (bytes == 4 && code < 0x10000);
   const bool surrogate = code >= 0xD800 && code <= 0xDFFF;
-  return overlong || surrogate || code > 0x10FFFF ? Character{} : Character{code, bytes};
+  return overlong || surrogate || code > 0x10FFFF ? CodePoint{} : CodePoint{code, bytes};
 }
 
 // Letters of other alphabets may stand in names; look-alikes of blanks and operators may not.
@@ -49,7 +49,7 @@ bool is_foreign_letter(std::uint32_t code) {
 }
 
 // What to write for a sign of other languages.
-std::string_view foreign_sign(char c) {
+std::string_view foreign_syntax_hint(char c) {
   switch (c) {
     case ';':
       return ": a statement ends with its line";
@@ -69,258 +69,263 @@ std::string_view foreign_sign(char c) {
 
 class Lexer {
  public:
-  Lexer(const Sources& sources, std::uint32_t file, Diagnostics& diagnostics)
+  Lexer(const SourceManager& sources, std::uint32_t file, Diagnostics& diagnostics)
       : text_(sources.file(file).text), file_(file), diagnostics_(diagnostics) {}
 
-  std::vector<Line> run() {
-    if (text_.substr(0, 3) == "\xEF\xBB\xBF") at_ = 3;
-    while (at_ < text_.size() && !diagnostics_.full()) step();
+  std::vector<Line> lex() {
+    if (text_.substr(0, 3) == "\xEF\xBB\xBF") position_ = 3;
+    while (position_ < text_.size() && !diagnostics_.full()) lex_next();
     finish_line();
     return std::move(lines_);
   }
 
  private:
-  char peek(std::size_t ahead = 0) const { return at_ + ahead < text_.size() ? text_[at_ + ahead] : '\0'; }
-  Location here() const { return {file_, line_, column_, 0}; }
+  char peek(std::size_t ahead = 0) const {
+    return position_ + ahead < text_.size() ? text_[position_ + ahead] : '\0';
+  }
+  Location current_location() const { return {file_, line_, column_, 0}; }
 
-  void skip(std::size_t bytes) {
-    at_ += bytes;
+  void advance(std::size_t bytes) {
+    position_ += bytes;
     column_ += static_cast<std::uint32_t>(bytes);
   }
 
-  void next_line() {
-    ++at_;
+  void advance_line() {
+    ++position_;
     ++line_;
     column_ = 1;
   }
 
   void finish_line() {
-    if (!tokens_.empty()) lines_.push_back({tokens_.front().at, std::move(tokens_), bad_});
+    if (!tokens_.empty()) lines_.push_back({tokens_.front().location, std::move(tokens_), line_has_error_});
     tokens_.clear();
-    bad_ = false;
+    line_has_error_ = false;
   }
 
-  void fail(Location at, std::string text) {
-    if (!bad_) diagnostics_.error(at, std::move(text));
-    bad_ = true;
+  void report_error(Location location, std::string message) {
+    if (!line_has_error_) diagnostics_.error(location, std::move(message));
+    line_has_error_ = true;
   }
 
-  void add(TokenKind kind, Location at, std::string text, float number = 0.0F) {
-    if (!bad_) tokens_.push_back({kind, at, std::move(text), number});
+  void add_token(TokenKind kind, Location location, std::string text, float number = 0.0F) {
+    if (!line_has_error_) tokens_.push_back({kind, location, std::move(text), number});
   }
 
   bool at_line_end() const {
-    return peek() == '\n' || (peek() == '\r' && peek(1) == '\n') || at_ >= text_.size();
+    return peek() == '\n' || (peek() == '\r' && peek(1) == '\n') || position_ >= text_.size();
   }
 
-  void step() {
+  void lex_next() {
     const char c = peek();
     if (c == '\n') {
       finish_line();
-      next_line();
+      advance_line();
     } else if (c == ' ' || c == '\t' || c == '\r') {
-      skip(1);
+      advance(1);
     } else if (c == '/' && peek(1) == '/') {
-      while (at_ < text_.size() && peek() != '\n') ++at_;
+      while (position_ < text_.size() && peek() != '\n') ++position_;
     } else if (c == '\\') {
-      continuation();
+      lex_continuation();
     } else {
-      token();
+      lex_token();
     }
   }
 
-  void continuation() {
-    const Location at = here();
-    skip(1);
-    while (peek() == ' ' || peek() == '\t') skip(1);
+  void lex_continuation() {
+    const Location location = current_location();
+    advance(1);
+    while (peek() == ' ' || peek() == '\t') advance(1);
     if (peek() == '/' && peek(1) == '/') {
-      while (at_ < text_.size() && peek() != '\n') ++at_;
+      while (position_ < text_.size() && peek() != '\n') ++position_;
     }
-    if (!at_line_end()) return fail(at, "a '\\' may only end a line, to continue it on the next");
-    if (peek() == '\r') ++at_;
-    if (peek() == '\n') next_line();
+    if (!at_line_end())
+      return report_error(location, "a '\\' may only end a line, to continue it on the next");
+    if (peek() == '\r') ++position_;
+    if (peek() == '\n') advance_line();
   }
 
-  void token() {
+  void lex_token() {
     const char c = peek();
-    const Location at = here();
-    if (is_digit(c) || (c == '.' && is_digit(peek(1)))) return number();
-    if (is_letter(c) || starts_foreign_name()) return add(TokenKind::kName, at, name());
-    if (c == '\'') return quoted();
-    if (c == '$' || c == '#' || c == ':') return sigil(c);
+    const Location location = current_location();
+    if (is_digit(c) || (c == '.' && is_digit(peek(1)))) return lex_number();
+    if (is_letter(c) || at_foreign_letter()) return add_token(TokenKind::kName, location, lex_name());
+    if (c == '\'') return lex_string();
+    if (c == '$' || c == '#' || c == ':') return lex_sigil(c);
     if (c == '!' && tokens_.empty() && is_letter(peek(1))) {
-      skip(1);
-      return add(TokenKind::kDirective, at, name());
+      advance(1);
+      return add_token(TokenKind::kDirective, location, lex_name());
     }
-    symbol();
+    lex_punctuator();
   }
 
-  bool starts_foreign_name() const {
+  bool at_foreign_letter() const {
     if (static_cast<unsigned char>(peek()) < 0x80) return false;
-    const Character c = decode(text_.substr(at_));
+    const CodePoint c = decode(text_.substr(position_));
     return c.bytes > 0 && is_foreign_letter(c.code);
   }
 
-  std::string name() {
-    const std::size_t first = at_;
+  std::string lex_name() {
+    const std::size_t first = position_;
     for (;;) {
       if (is_letter(peek()) || is_digit(peek()) || peek() == '.') {
-        skip(1);
-      } else if (at_ < text_.size() && starts_foreign_name()) {
-        at_ += decode(text_.substr(at_)).bytes;
+        advance(1);
+      } else if (position_ < text_.size() && at_foreign_letter()) {
+        position_ += decode(text_.substr(position_)).bytes;
         ++column_;
       } else {
-        return std::string(text_.substr(first, at_ - first));
+        return std::string(text_.substr(first, position_ - first));
       }
     }
   }
 
-  void sigil(char c) {
-    const Location at = here();
-    skip(1);
-    TokenKind kind = c == '$' ? TokenKind::kParameter : c == '#' ? TokenKind::kLabel : TokenKind::kLocal;
+  void lex_sigil(char c) {
+    const Location location = current_location();
+    advance(1);
+    TokenKind kind = c == '$' ? TokenKind::kParameter : c == '#' ? TokenKind::kLabel : TokenKind::kLocalName;
     if (c == ':' && peek() == '#') {
-      skip(1);
+      advance(1);
       kind = TokenKind::kLocalLabel;
     }
-    std::string text = name();
+    std::string text = lex_name();
     if (text.empty()) {
-      return fail(
-          at, fmt::format("expected a name after '{}'{}", c, c == '#' ? "; a comment begins with '//'" : ""));
+      return report_error(location, fmt::format("expected a name after '{}'{}", c,
+                                                c == '#' ? "; a comment begins with '//'" : ""));
     }
-    add(kind, at, std::move(text));
+    add_token(kind, location, std::move(text));
   }
 
-  void quoted() {
-    const Location at = here();
-    skip(1);
+  void lex_string() {
+    const Location location = current_location();
+    advance(1);
     std::string text;
     while (peek() != '\'') {
-      if (at_line_end()) return fail(at, "this text has no closing quote");
-      const Character c = decode(text_.substr(at_));
+      if (at_line_end()) return report_error(location, "this text has no closing quote");
+      const CodePoint c = decode(text_.substr(position_));
       if (c.bytes == 0 || (c.code < 0x20 && c.code != '\t')) {
-        fail(here(), "this text holds a byte that is not printable UTF-8");
-        return skip(1);
+        report_error(current_location(), "this text holds a byte that is not printable UTF-8");
+        return advance(1);
       }
-      text += text_.substr(at_, c.bytes);
-      at_ += c.bytes;
+      text += text_.substr(position_, c.bytes);
+      position_ += c.bytes;
       ++column_;
     }
-    skip(1);
-    add(TokenKind::kText, at, std::move(text));
+    advance(1);
+    add_token(TokenKind::kString, location, std::move(text));
   }
 
-  void number() {
-    const Location at = here();
-    const std::size_t first = at_;
+  void lex_number() {
+    const Location location = current_location();
+    const std::size_t first = position_;
     if (peek() == '0' && (peek(1) == 'x' || peek(1) == 'X')) {
-      skip(2);
-      while (is_hex(peek())) skip(1);
+      advance(2);
+      while (is_hex_digit(peek())) advance(1);
     } else {
-      while (is_digit(peek())) skip(1);
-      if (peek() == '.') skip(1);
-      while (is_digit(peek())) skip(1);
+      while (is_digit(peek())) advance(1);
+      if (peek() == '.') advance(1);
+      while (is_digit(peek())) advance(1);
       const bool sign = peek(1) == '+' || peek(1) == '-';
       if ((peek() == 'e' || peek() == 'E') && is_digit(peek(sign ? 2 : 1))) {
-        skip(sign ? 2 : 1);
-        while (is_digit(peek())) skip(1);
+        advance(sign ? 2 : 1);
+        while (is_digit(peek())) advance(1);
       }
     }
-    std::string_view digits = text_.substr(first, at_ - first);
-    if (peek() == 'f' || peek() == 'F') skip(1);
+    std::string_view digits = text_.substr(first, position_ - first);
+    if (peek() == 'f' || peek() == 'F') advance(1);
     if (is_letter(peek()) || is_digit(peek()) || peek() == '.') {
-      name();
-      return fail(at, fmt::format("'{}' is not a number", text_.substr(first, at_ - first)));
+      lex_name();
+      return report_error(location,
+                          fmt::format("'{}' is not a number", text_.substr(first, position_ - first)));
     }
-    convert(at, digits);
+    add_number(location, digits);
   }
 
-  void convert(Location at, std::string_view digits) {
+  void add_number(Location location, std::string_view digits) {
     const bool hex = digits.size() > 1 && (digits[1] == 'x' || digits[1] == 'X');
     float value = 0.0F;
     std::errc error{};
     if (hex) {
-      std::uint64_t whole = 0;
-      error = std::from_chars(digits.data() + 2, digits.data() + digits.size(), whole, 16).ec;
-      value = static_cast<float>(whole);
+      std::uint64_t integer = 0;
+      error = std::from_chars(digits.data() + 2, digits.data() + digits.size(), integer, 16).ec;
+      value = static_cast<float>(integer);
     } else {
       error = std::from_chars(digits.data(), digits.data() + digits.size(), value).ec;
       // Too small for a float reads as out of range too; it is zero.
       if (error == std::errc::result_out_of_range) {
         double wide = 0.0;
-        const auto again = std::from_chars(digits.data(), digits.data() + digits.size(), wide).ec;
-        const bool tiny = again == std::errc{} ? std::fabs(wide) < 1.0 : is_tiny(digits);
+        const auto retry_error = std::from_chars(digits.data(), digits.data() + digits.size(), wide).ec;
+        const bool tiny = retry_error == std::errc{} ? std::fabs(wide) < 1.0 : is_tiny(digits);
         if (tiny) {
-          value = again == std::errc{} ? static_cast<float>(wide) : 0.0F;
+          value = retry_error == std::errc{} ? static_cast<float>(wide) : 0.0F;
           error = {};
         }
       }
     }
     if (error == std::errc::result_out_of_range) {
-      return fail(at, fmt::format("the number {} does not fit 32-bit floating point", digits));
+      return report_error(location, fmt::format("the number {} does not fit 32-bit floating point", digits));
     }
-    if (error != std::errc{}) return fail(at, fmt::format("'{}' is not a number", digits));
-    add(TokenKind::kNumber, at, std::string(digits), value);
+    if (error != std::errc{}) return report_error(location, fmt::format("'{}' is not a number", digits));
+    add_token(TokenKind::kNumber, location, std::string(digits), value);
   }
 
   static bool is_tiny(std::string_view digits) {
     return digits.find("e-") != digits.npos || digits.find("E-") != digits.npos;
   }
 
-  void symbol() {
+  void lex_punctuator() {
     static constexpr std::string_view kPairs[] = {"<=", ">=", "==", "!=", "&&", "||"};
     static constexpr std::string_view kSingles = "+-*/%<>=()[],!?";
-    const Location at = here();
+    const Location location = current_location();
     for (const std::string_view pair : kPairs) {
-      if (text_.substr(at_, 2) == pair) {
-        skip(2);
-        return add(TokenKind::kSymbol, at, std::string(pair));
+      if (text_.substr(position_, 2) == pair) {
+        advance(2);
+        return add_token(TokenKind::kPunctuator, location, std::string(pair));
       }
     }
     const char c = peek();
     if (kSingles.find(c) != kSingles.npos && c != '\0') {
-      skip(1);
-      return add(TokenKind::kSymbol, at, std::string(1, c));
+      advance(1);
+      return add_token(TokenKind::kPunctuator, location, std::string(1, c));
     }
-    unexpected(at);
+    report_unexpected(location);
   }
 
-  void unexpected(Location at) {
-    const Character c = decode(text_.substr(at_));
+  void report_unexpected(Location location) {
+    const CodePoint c = decode(text_.substr(position_));
     if (c.bytes == 0) {
-      fail(at, "this byte is not UTF-8");
+      report_error(location, "this byte is not UTF-8");
     } else if (c.code == '"') {
-      fail(at, "texts stand in single quotes: 'text'");
+      report_error(location, "texts stand in single quotes: 'text'");
     } else if (c.code < 0x20 || c.code == 0x7F) {
-      fail(at, fmt::format("unexpected control character U+{:04X}", c.code));
+      report_error(location, fmt::format("unexpected control character U+{:04X}", c.code));
     } else if (c.code < 0x80) {
-      fail(at, fmt::format("unexpected character '{}'{}", peek(), foreign_sign(peek())));
+      report_error(location, fmt::format("unexpected character '{}'{}", peek(), foreign_syntax_hint(peek())));
     } else {
-      fail(at, fmt::format("unexpected character '{}' (U+{:04X})", text_.substr(at_, c.bytes), c.code));
+      report_error(location, fmt::format("unexpected character '{}' (U+{:04X})",
+                                         text_.substr(position_, c.bytes), c.code));
     }
-    at_ += c.bytes > 0 ? c.bytes : 1;
+    position_ += c.bytes > 0 ? c.bytes : 1;
     ++column_;
   }
 
   std::string_view text_;
   std::uint32_t file_;
   Diagnostics& diagnostics_;
-  std::size_t at_ = 0;
+  std::size_t position_ = 0;
   std::uint32_t line_ = 1, column_ = 1;
   Tokens tokens_;
   std::vector<Line> lines_;
-  bool bad_ = false;  // the line so far has an error
+  bool line_has_error_ = false;  // the line so far has an error
 };
 
 }  // namespace
 
-std::string spell(const Token& token) {
+std::string spelling(const Token& token) {
   switch (token.kind) {
-    case TokenKind::kText:
+    case TokenKind::kString:
       return fmt::format("'{}'", token.text);
     case TokenKind::kParameter:
       return fmt::format("${}", token.text);
-    case TokenKind::kLocal:
+    case TokenKind::kLocalName:
       return fmt::format(":{}", token.text);
     case TokenKind::kLabel:
       return fmt::format("#{}", token.text);
@@ -329,25 +334,25 @@ std::string spell(const Token& token) {
     case TokenKind::kDirective:
       return fmt::format("!{}", token.text);
     case TokenKind::kName:
-      return written(token.text);
+      return display_name(token.text);
     default:
       return token.text;
   }
 }
 
-std::string written(const std::string& name) {
+std::string display_name(const std::string& name) {
   const std::size_t colon = name.find(':');
   if (colon == std::string::npos) return name;
   const std::string plain = name.substr(0, colon);
   return plain.front() == '$' ? plain : fmt::format(":{}", plain);
 }
 
-std::vector<Line> lex(const Sources& sources, std::uint32_t file, Diagnostics& diagnostics) {
+std::vector<Line> lex(const SourceManager& sources, std::uint32_t file, Diagnostics& diagnostics) {
   if (sources.file(file).text.size() > kMaxFileBytes) {
     diagnostics.error({file, 0, 0, 0}, fmt::format("the file is larger than {} bytes", kMaxFileBytes));
     return {};
   }
-  return Lexer(sources, file, diagnostics).run();
+  return Lexer(sources, file, diagnostics).lex();
 }
 
 }  // namespace apron::syntax

@@ -6,13 +6,13 @@
 #include <vector>
 
 #include "apron/syntax/Diagnostic.h"
-#include "apron/syntax/Sources.h"
+#include "apron/syntax/SourceManager.h"
 #include "apron/syntax/Token.h"
 
 namespace apron::syntax {
 
 inline constexpr std::size_t kMaxFileBytes = std::size_t{16} << 20;
 
-std::vector<Line> lex(const Sources&, std::uint32_t file, Diagnostics&);
+std::vector<Line> lex(const SourceManager&, std::uint32_t file, Diagnostics&);
 
 }  // namespace apron::syntax

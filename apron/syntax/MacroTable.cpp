@@ -7,27 +7,27 @@
 namespace apron::syntax {
 
 MacroTable::Handle MacroTable::add(Macro macro) {
-  auto& slot = macros_[{macro.name, macro.parameters.size(), !macro.result.empty()}];
-  if (slot != nullptr) return slot;
-  slot = std::make_shared<const Macro>(std::move(macro));
+  auto& entry = macros_[{macro.name, macro.parameters.size(), !macro.result_parameter.empty()}];
+  if (entry != nullptr) return entry;
+  entry = std::make_shared<const Macro>(std::move(macro));
   return nullptr;
 }
 
-MacroTable::Handle MacroTable::find(const std::string& name, std::size_t arguments, bool result) const {
-  const auto found = macros_.find({name, arguments, result});
+MacroTable::Handle MacroTable::find(const std::string& name, std::size_t arguments, bool has_result) const {
+  const auto found = macros_.find({name, arguments, has_result});
   return found == macros_.end() ? nullptr : found->second;
 }
 
-bool MacroTable::has(const std::string& name) const {
+bool MacroTable::contains(const std::string& name) const {
   const auto next = macros_.lower_bound({name, 0, false});
   return next != macros_.end() && std::get<0>(next->first) == name;
 }
 
-std::vector<std::string> MacroTable::patterns(const std::string& name) const {
+std::vector<std::string> MacroTable::signatures(const std::string& name) const {
   std::vector<std::string> list;
-  for (auto at = macros_.lower_bound({name, 0, false}); at != macros_.end() && std::get<0>(at->first) == name;
-       ++at) {
-    list.push_back(pattern(*at->second));
+  for (auto it = macros_.lower_bound({name, 0, false}); it != macros_.end() && std::get<0>(it->first) == name;
+       ++it) {
+    list.push_back(signature(*it->second));
   }
   return list;
 }
@@ -40,15 +40,19 @@ std::vector<std::string> MacroTable::names() const {
   return list;
 }
 
-std::string pattern(const Macro& macro) {
-  std::string text = macro.result.empty() ? macro.name : fmt::format("${} = {}", macro.result, macro.name);
+std::string signature(const Macro& macro) {
+  std::string text = macro.result_parameter.empty()
+                         ? macro.name
+                         : fmt::format("${} = {}", macro.result_parameter, macro.name);
   for (std::size_t i = 0; i < macro.parameters.size(); ++i)
     text += (i == 0 ? "($" : ", $") + macro.parameters[i];
   return macro.parameters.empty() ? text : text + ')';
 }
 
-bool same_body(const Macro& a, const Macro& b) {
-  if (a.body.size() != b.body.size() || a.parameters != b.parameters || a.result != b.result) return false;
+bool same_definition(const Macro& a, const Macro& b) {
+  if (a.body.size() != b.body.size() || a.parameters != b.parameters ||
+      a.result_parameter != b.result_parameter)
+    return false;
   for (std::size_t i = 0; i < a.body.size(); ++i) {
     const Tokens& left = a.body[i].tokens;
     const Tokens& right = b.body[i].tokens;

@@ -14,10 +14,10 @@ namespace apron::syntax {
 
 struct Macro {
   std::string name;
-  std::string result;  // its parameter, "" for a macro without a result
+  std::string result_parameter;  // its parameter, "" for a macro without a result
   std::vector<std::string> parameters;
   std::vector<Line> body;
-  Location at;
+  Location location;
 };
 
 class MacroTable {
@@ -26,17 +26,17 @@ class MacroTable {
 
   // The macro of that kind which was there before, if any; it stays.
   Handle add(Macro);
-  Handle find(const std::string& name, std::size_t arguments, bool result) const;
-  bool has(const std::string& name) const;
+  Handle find(const std::string& name, std::size_t arguments, bool has_result) const;
+  bool contains(const std::string& name) const;
   // "f($a, $b)" or "$r = f($a)", one for each overload.
-  std::vector<std::string> patterns(const std::string& name) const;
+  std::vector<std::string> signatures(const std::string& name) const;
   std::vector<std::string> names() const;
 
  private:
   std::map<std::tuple<std::string, std::size_t, bool>, Handle> macros_;
 };
 
-std::string pattern(const Macro&);
-bool same_body(const Macro&, const Macro&);
+std::string signature(const Macro&);
+bool same_definition(const Macro&, const Macro&);
 
 }  // namespace apron::syntax

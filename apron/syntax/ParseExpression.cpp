@@ -10,10 +10,10 @@
 namespace apron::syntax {
 namespace {
 
-constexpr int kNotLevel = 4;
-constexpr int kComparisonLevel = 5;
+constexpr int kNotPrecedence = 4;
+constexpr int kComparisonPrecedence = 5;
 
-int infix_level(const Token& token) {
+int infix_precedence(const Token& token) {
   static constexpr std::pair<std::string_view, int> kWords[] = {
       {"or", 1}, {"nor", 1}, {"xor", 2}, {"and", 3}, {"nand", 3}};
   static constexpr std::pair<std::string_view, int> kSymbols[] = {
@@ -23,7 +23,7 @@ int infix_level(const Token& token) {
     for (const auto& [text, level] : kWords) {
       if (token.text == text) return level;
     }
-  } else if (token.kind == TokenKind::kSymbol) {
+  } else if (token.kind == TokenKind::kPunctuator) {
     for (const auto& [text, level] : kSymbols) {
       if (token.text == text) return level;
     }
@@ -32,257 +32,264 @@ int infix_level(const Token& token) {
 }
 
 bool is_comparison(const Token& token) {
-  return token.kind == TokenKind::kSymbol && infix_level(token) == kComparisonLevel;
+  return token.kind == TokenKind::kPunctuator && infix_precedence(token) == kComparisonPrecedence;
 }
 
-bool is_element(const Tokens& words) {
-  return words.size() == 4 && words[0].kind == TokenKind::kName && words[1].is("[") && words[3].is("]");
+bool is_element_access(const Tokens& tokens) {
+  return tokens.size() == 4 && tokens[0].kind == TokenKind::kName && tokens[1].is("[") && tokens[3].is("]");
 }
 
-std::vector<Expression> pair(Expression left, Expression right) {
+std::vector<Expression> make_pair_of(Expression left, Expression right) {
   std::vector<Expression> both;
   both.push_back(std::move(left));
   both.push_back(std::move(right));
   return both;
 }
 
-bool is_numeric(const Tokens& words) {
-  return std::all_of(words.begin(), words.end(), [](const Token& token) {
-    return token.kind == TokenKind::kNumber || token.kind == TokenKind::kSymbol;
+bool is_numeric_constant(const Tokens& tokens) {
+  return std::all_of(tokens.begin(), tokens.end(), [](const Token& token) {
+    return token.kind == TokenKind::kNumber || token.kind == TokenKind::kPunctuator;
   });
 }
 
 }  // namespace
 
-class Parser::Nested {
+class Parser::DepthGuard {
  public:
-  explicit Nested(Parser& parser) : parser_(parser) {
+  explicit DepthGuard(Parser& parser) : parser_(parser) {
     if (++parser_.depth_ > kMaxExpressionDepth) {
       --parser_.depth_;
       parser_.fail(fmt::format("this expression is nested more than {} deep", kMaxExpressionDepth));
     }
   }
-  ~Nested() { --parser_.depth_; }
-  Nested(const Nested&) = delete;
-  Nested& operator=(const Nested&) = delete;
+  ~DepthGuard() { --parser_.depth_; }
+  DepthGuard(const DepthGuard&) = delete;
+  DepthGuard& operator=(const DepthGuard&) = delete;
 
  private:
   Parser& parser_;
 };
 
-Location Parser::here() const { return at_end() ? last_ : at_->at; }
+Location Parser::current_location() const { return at_end() ? line_end_ : cursor_->location; }
 
-void Parser::fail(std::string text) const { throw Failure{here(), std::move(text)}; }
+void Parser::fail(std::string message) const { throw SyntaxError{current_location(), std::move(message)}; }
 
-bool Parser::take(std::string_view symbol) {
-  if (at_end() || !at_->is(symbol)) return false;
-  ++at_;
+bool Parser::consume(std::string_view symbol) {
+  if (at_end() || !cursor_->is(symbol)) return false;
+  ++cursor_;
   return true;
 }
 
-Expression Parser::make(ExpressionKind kind, const Token& token, std::vector<Expression> children) const {
+Expression Parser::make_expression(ExpressionKind kind, const Token& token,
+                                   std::vector<Expression> children) const {
   Expression expression;
   expression.kind = kind;
-  expression.at = token.at;
+  expression.location = token.location;
   expression.text = token.text;
   expression.number = token.number;
   for (const Expression& child : children) expression.depth = std::max(expression.depth, child.depth + 1);
   if (expression.depth > kMaxExpressionDepth) {
-    throw Failure{token.at, fmt::format("this expression is nested more than {} deep", kMaxExpressionDepth)};
+    throw SyntaxError{token.location,
+                      fmt::format("this expression is nested more than {} deep", kMaxExpressionDepth)};
   }
   expression.children = std::move(children);
   return expression;
 }
 
 // All the words between the two as one expression.
-Expression Parser::whole(Cursor first, Cursor last, Location end_at) {
-  const auto outer = std::make_tuple(at_, end_, last_);
-  at_ = first;
+Expression Parser::parse_range(Cursor first, Cursor last, Location end_location) {
+  const auto saved = std::make_tuple(cursor_, end_, line_end_);
+  cursor_ = first;
   end_ = last;
-  last_ = end_at;
-  Expression expression = argument();
-  if (!at_end()) fail(fmt::format("unexpected '{}'", spell(*at_)));
-  std::tie(at_, end_, last_) = outer;
+  line_end_ = end_location;
+  Expression expression = parse_argument();
+  if (!at_end()) fail(fmt::format("unexpected '{}'", spelling(*cursor_)));
+  std::tie(cursor_, end_, line_end_) = saved;
   return expression;
 }
 
-Expression Parser::binary(int level) {
-  const Nested nested(*this);
-  Expression left = prefix_not();
+Expression Parser::parse_binary(int level) {
+  const DepthGuard nested(*this);
+  Expression left = parse_not();
   while (!at_end()) {
-    const int found = infix_level(*at_);
-    if (found == 0 || found < level) break;
-    const Token op = *at_++;
-    Expression right = binary(found + 1);
-    left = combine(op, std::move(left), std::move(right));
-    if (found == kComparisonLevel && !at_end() && is_comparison(*at_)) {
+    const int precedence = infix_precedence(*cursor_);
+    if (precedence == 0 || precedence < level) break;
+    const Token op = *cursor_++;
+    Expression right = parse_binary(precedence + 1);
+    left = make_binary(op, std::move(left), std::move(right));
+    if (precedence == kComparisonPrecedence && !at_end() && is_comparison(*cursor_)) {
       fail("comparisons do not chain; join them with 'and'");
     }
   }
   return left;
 }
 
-Expression Parser::prefix_not() {
-  const bool word = !at_end() && at_->is_name("not") && at_ + 1 != end_ && !at_[1].is("(") && !at_[1].is("[");
-  if (!word || infix_level(at_[1]) > 0) return unary();
-  const Token op = *at_++;
+Expression Parser::parse_not() {
+  const bool is_not_operator = !at_end() && cursor_->is_name("not") && cursor_ + 1 != end_ &&
+                               !cursor_[1].is("(") && !cursor_[1].is("[");
+  if (!is_not_operator || infix_precedence(cursor_[1]) > 0) return parse_unary();
+  const Token op = *cursor_++;
   std::vector<Expression> operand;
-  operand.push_back(binary(kNotLevel));
-  return make(ExpressionKind::kUnary, op, std::move(operand));
+  operand.push_back(parse_binary(kNotPrecedence));
+  return make_expression(ExpressionKind::kUnary, op, std::move(operand));
 }
 
-Expression Parser::unary() {
-  const Nested nested(*this);
-  const bool sign = !at_end() && (at_->is("-") || at_->is("+") || at_->is("!"));
-  if (!sign) return primary();
-  const Token op = *at_++;
+Expression Parser::parse_unary() {
+  const DepthGuard nested(*this);
+  const bool is_prefix = !at_end() && (cursor_->is("-") || cursor_->is("+") || cursor_->is("!"));
+  if (!is_prefix) return parse_primary();
+  const Token op = *cursor_++;
   std::vector<Expression> operand;
-  operand.push_back(unary());
-  return make(ExpressionKind::kUnary, op, std::move(operand));
+  operand.push_back(parse_unary());
+  return make_expression(ExpressionKind::kUnary, op, std::move(operand));
 }
 
-Expression Parser::primary() {
-  if (take("(")) {
-    Expression inner = binary(1);
-    if (!take(")"))
+Expression Parser::parse_primary() {
+  if (consume("(")) {
+    Expression inner = parse_binary(1);
+    if (!consume(")"))
       fail(at_end() ? "expected ')' before the end of the line"
-                    : fmt::format("expected ')', not '{}'", spell(*at_)));
+                    : fmt::format("expected ')', not '{}'", spelling(*cursor_)));
     return inner;
   }
   if (at_end()) fail("expected a value");
-  const Token& token = *at_;
+  const Token& token = *cursor_;
   switch (token.kind) {
     case TokenKind::kNumber:
-      ++at_;
-      return make(ExpressionKind::kNumber, token);
-    case TokenKind::kText:
-      ++at_;
-      return make(ExpressionKind::kText, token);
+      ++cursor_;
+      return make_expression(ExpressionKind::kNumber, token);
+    case TokenKind::kString:
+      ++cursor_;
+      return make_expression(ExpressionKind::kString, token);
     case TokenKind::kName:
-      return name();
+      return parse_name();
     case TokenKind::kParameter:
-      fail(fmt::format("there is no macro parameter '{}' here", spell(token)));
-    case TokenKind::kLocal:
+      fail(fmt::format("there is no macro parameter '{}' here", spelling(token)));
+    case TokenKind::kLocalName:
     case TokenKind::kLocalLabel:
-      fail(fmt::format("'{}' has a meaning in a macro's body only", spell(token)));
+      fail(fmt::format("'{}' has a meaning in a macro's body only", spelling(token)));
     default:
-      fail(fmt::format("expected a value, not '{}'", spell(token)));
+      fail(fmt::format("expected a value, not '{}'", spelling(token)));
   }
 }
 
-Expression Parser::name() {
-  const Token token = *at_++;
-  if (!at_end() && at_->is("(")) return call(token);
-  if (!at_end() && at_->is("[")) return element(token);
-  if (const MacroTable::Handle macro = preprocessor_.find(token.text, 0, true))
-    return expand(macro, token, {});
-  return make(ExpressionKind::kName, token);
+Expression Parser::parse_name() {
+  const Token token = *cursor_++;
+  if (!at_end() && cursor_->is("(")) return parse_call(token);
+  if (!at_end() && cursor_->is("[")) return parse_element(token);
+  if (const MacroTable::Handle macro = preprocessor_.find_macro(token.text, 0, true))
+    return expand_macro(macro, token, {});
+  return make_expression(ExpressionKind::kName, token);
 }
 
-Expression Parser::element(const Token& name) {
-  ++at_;
+Expression Parser::parse_element(const Token& name) {
+  ++cursor_;
   std::vector<Expression> index;
-  index.push_back(binary(1));
-  if (!take("]")) fail("expected ']'");
-  return make(ExpressionKind::kElement, name, std::move(index));
+  index.push_back(parse_binary(1));
+  if (!consume("]")) fail("expected ']'");
+  return make_expression(ExpressionKind::kElement, name, std::move(index));
 }
 
-Parser::Cursor Parser::closing(Cursor open) const {
+Parser::Cursor Parser::find_closing_bracket(Cursor open) const {
   int depth = 0;
-  for (Cursor at = open; at != end_; ++at) {
-    if (at->is("(") || at->is("[")) ++depth;
-    if ((at->is(")") || at->is("]")) && --depth == 0) return at;
+  for (Cursor it = open; it != end_; ++it) {
+    if (it->is("(") || it->is("[")) ++depth;
+    if ((it->is(")") || it->is("]")) && --depth == 0) return it;
   }
-  throw Failure{open->at, "this bracket is not closed"};
+  throw SyntaxError{open->location, "this bracket is not closed"};
 }
 
 // From the '(' after the name.
-Expression Parser::call(const Token& name) {
-  const Nested nested(*this);
-  if (preprocessor_.macros().has(name.text)) {
-    const Cursor close = closing(at_);
-    const std::vector<Tokens> words = split_arguments(at_ + 1, close);
-    const MacroTable::Handle macro = preprocessor_.find(name.text, words.size(), true);
+Expression Parser::parse_call(const Token& name) {
+  const DepthGuard nested(*this);
+  if (preprocessor_.macros().contains(name.text)) {
+    const Cursor close = find_closing_bracket(cursor_);
+    const std::vector<Tokens> argument_tokens = split_arguments(cursor_ + 1, close);
+    const MacroTable::Handle macro = preprocessor_.find_macro(name.text, argument_tokens.size(), true);
     if (macro != nullptr) {
-      std::vector<Argument> arguments = read_arguments(name, words);
-      at_ = close + 1;
-      return expand(macro, name, std::move(arguments));
+      std::vector<MacroArgument> arguments = parse_macro_arguments(name, argument_tokens);
+      cursor_ = close + 1;
+      return expand_macro(macro, name, std::move(arguments));
     }
-    if (!preprocessor_.is_builtin(name.text)) no_overload(name, words.size(), true);
+    if (!preprocessor_.is_builtin(name.text)) fail_no_overload(name, argument_tokens.size(), true);
   }
-  ++at_;
+  ++cursor_;
   std::vector<Expression> arguments;
-  if (!take(")")) {
+  if (!consume(")")) {
     do {
-      arguments.push_back(argument());
-    } while (take(","));
-    if (!take(")")) {
-      fail(at_end()       ? "expected ')' before the end of the line"
-           : at_->is("=") ? "'=' gives a value to a name; to compare, write '=='"
-                          : fmt::format("expected ',' or ')', not '{}'", spell(*at_)));
+      arguments.push_back(parse_argument());
+    } while (consume(","));
+    if (!consume(")")) {
+      fail(at_end()           ? "expected ')' before the end of the line"
+           : cursor_->is("=") ? "'=' gives a value to a name; to compare, write '=='"
+                              : fmt::format("expected ',' or ')', not '{}'", spelling(*cursor_)));
     }
   }
-  return make(ExpressionKind::kCall, name, std::move(arguments));
+  return make_expression(ExpressionKind::kCall, name, std::move(arguments));
 }
 
-Expression Parser::argument() {
-  const bool alone = !at_end() && (at_ + 1 == end_ || at_[1].is(",") || at_[1].is(")"));
-  if (alone && is_comparison(*at_)) return make(ExpressionKind::kOperator, *at_++);
-  if (!at_end() && at_->kind == TokenKind::kLabel) return make(ExpressionKind::kLabel, *at_++);
-  if (!at_end() && at_->is("?")) return module();
-  return binary(1);
+Expression Parser::parse_argument() {
+  const bool alone = !at_end() && (cursor_ + 1 == end_ || cursor_[1].is(",") || cursor_[1].is(")"));
+  if (alone && is_comparison(*cursor_)) return make_expression(ExpressionKind::kOperator, *cursor_++);
+  if (!at_end() && cursor_->kind == TokenKind::kLabel)
+    return make_expression(ExpressionKind::kLabel, *cursor_++);
+  if (!at_end() && cursor_->is("?")) return parse_module();
+  return parse_binary(1);
 }
 
 // In a macro's body it is the module that was current where the macro was defined.
-Expression Parser::module() {
-  Token token = *at_;
+Expression Parser::parse_module() {
+  Token token = *cursor_;
   if (preprocessor_.module().empty())
     fail("'?' stands for the module loaded last, and there is no '!module' before");
-  ++at_;
+  ++cursor_;
   token.text = preprocessor_.module();
-  return make(ExpressionKind::kModule, token);
+  return make_expression(ExpressionKind::kModule, token);
 }
 
-Expression Parser::combine(const Token& op, Expression left, Expression right) {
+Expression Parser::make_binary(const Token& op, Expression left, Expression right) {
   const bool constant = left.kind == ExpressionKind::kNumber && right.kind == ExpressionKind::kNumber;
   const std::string target = constant ? "" : preprocessor_.operator_target(op.text);
   const MacroTable::Handle macro = preprocessor_.macros().find(target, 2, true);
-  const bool in_its_own_body = macro != nullptr && preprocessor_.expanding(macro);
-  if (!target.empty() && !in_its_own_body) {
+  const bool is_recursive = macro != nullptr && preprocessor_.is_expanding(macro);
+  if (!target.empty() && !is_recursive) {
     Token call = op;
     call.kind = TokenKind::kName;
     call.text = target;
     if (macro != nullptr) {
-      std::vector<Argument> arguments(2);
+      std::vector<MacroArgument> arguments(2);
       arguments[0].value = std::move(left);
       arguments[1].value = std::move(right);
-      return expand(macro, call, std::move(arguments));
+      return expand_macro(macro, call, std::move(arguments));
     }
     if (!preprocessor_.is_builtin(target)) {
-      throw Failure{op.at,
-                    fmt::format("'{}' stands for '{}', which is not an instruction or macro of two arguments",
-                                op.text, target)};
+      throw SyntaxError{
+          op.location,
+          fmt::format("'{}' stands for '{}', which is not an instruction or macro of two arguments", op.text,
+                      target)};
     }
-    return make(ExpressionKind::kCall, call, pair(std::move(left), std::move(right)));
+    return make_expression(ExpressionKind::kCall, call, make_pair_of(std::move(left), std::move(right)));
   }
-  return make(ExpressionKind::kBinary, op, pair(std::move(left), std::move(right)));
+  return make_expression(ExpressionKind::kBinary, op, make_pair_of(std::move(left), std::move(right)));
 }
 
-std::vector<Parser::Argument> Parser::read_arguments(const Token& call, const std::vector<Tokens>& list) {
-  std::vector<Argument> arguments;
-  for (const Tokens& words : list) {
-    if (words.empty()) throw Failure{call.at, fmt::format("an argument of '{}' is empty", call.text)};
-    Argument argument;
-    if (words.size() == 1 || is_element(words)) {
-      argument.words = words;
-    } else if (is_numeric(words)) {
-      argument.words.push_back({TokenKind::kSymbol, words.front().at, "(", 0.0F});
-      argument.words.insert(argument.words.end(), words.begin(), words.end());
-      argument.words.push_back({TokenKind::kSymbol, words.back().at, ")", 0.0F});
+std::vector<Parser::MacroArgument> Parser::parse_macro_arguments(const Token& call,
+                                                                 const std::vector<Tokens>& argument_tokens) {
+  std::vector<MacroArgument> arguments;
+  for (const Tokens& tokens : argument_tokens) {
+    if (tokens.empty())
+      throw SyntaxError{call.location, fmt::format("an argument of '{}' is empty", call.text)};
+    MacroArgument argument;
+    if (tokens.size() == 1 || is_element_access(tokens)) {
+      argument.tokens = tokens;
+    } else if (is_numeric_constant(tokens)) {
+      argument.tokens.push_back({TokenKind::kPunctuator, tokens.front().location, "(", 0.0F});
+      argument.tokens.insert(argument.tokens.end(), tokens.begin(), tokens.end());
+      argument.tokens.push_back({TokenKind::kPunctuator, tokens.back().location, ")", 0.0F});
     } else {
-      Location end_at = words.back().at;
-      end_at.column += static_cast<std::uint32_t>(spell(words.back()).size());
-      argument.value = whole(words.begin(), words.end(), end_at);
+      Location end_location = tokens.back().location;
+      end_location.column += static_cast<std::uint32_t>(spelling(tokens.back()).size());
+      argument.value = parse_range(tokens.begin(), tokens.end(), end_location);
     }
     arguments.push_back(std::move(argument));
   }
@@ -290,74 +297,76 @@ std::vector<Parser::Argument> Parser::read_arguments(const Token& call, const st
 }
 
 // What takes the parameters' places: the words themselves, or a unique name for a value.
-std::vector<Tokens> Parser::bind(MacroExpansion& expansion, const Macro& macro,
-                                 std::vector<Argument> arguments, Location at) {
-  std::vector<Tokens> places;
+std::vector<Tokens> Parser::bind_arguments(MacroExpansion& expansion, const Macro& macro,
+                                           std::vector<MacroArgument> arguments, Location location) {
+  std::vector<Tokens> replacements;
   for (std::size_t i = 0; i < arguments.size(); ++i) {
-    Argument& argument = arguments[i];
+    MacroArgument& argument = arguments[i];
     if (argument.value) {
       std::string unique = fmt::format("${}:{}", macro.parameters[i], expansion.id);
-      places.push_back({{TokenKind::kName, argument.value->at, unique, 0.0F}});
+      replacements.push_back({{TokenKind::kName, argument.value->location, unique, 0.0F}});
       expansion.bindings.push_back({std::move(unique), std::move(*argument.value)});
       continue;
     }
-    const Tokens& words = argument.words;
-    if (words.size() == 1 && words[0].kind == TokenKind::kName) {
-      expansion.words.push_back(make(ExpressionKind::kName, words[0]));
-    } else if (is_element(words)) {
-      const bool number = words[2].kind == TokenKind::kNumber;
+    const Tokens& tokens = argument.tokens;
+    if (tokens.size() == 1 && tokens[0].kind == TokenKind::kName) {
+      expansion.name_arguments.push_back(make_expression(ExpressionKind::kName, tokens[0]));
+    } else if (is_element_access(tokens)) {
+      const bool number = tokens[2].kind == TokenKind::kNumber;
       std::vector<Expression> index;
-      index.push_back(make(number ? ExpressionKind::kNumber : ExpressionKind::kName, words[2]));
-      expansion.words.push_back(make(ExpressionKind::kElement, words[0], std::move(index)));
+      index.push_back(make_expression(number ? ExpressionKind::kNumber : ExpressionKind::kName, tokens[2]));
+      expansion.name_arguments.push_back(
+          make_expression(ExpressionKind::kElement, tokens[0], std::move(index)));
     }
-    for (Token& word : argument.words) {
-      if (word.at.line == 0) word.at = at;
+    for (Token& token : argument.tokens) {
+      if (token.location.line == 0) token.location = location;
     }
-    places.push_back(std::move(argument.words));
+    replacements.push_back(std::move(argument.tokens));
   }
-  return places;
+  return replacements;
 }
 
 // A macro inside an expression: its lines are parsed here and now.
-Expression Parser::expand(const MacroTable::Handle& macro, const Token& call,
-                          std::vector<Argument> arguments) {
-  const Nested nested(*this);
-  Expression expression = make(ExpressionKind::kExpansion, call);
+Expression Parser::expand_macro(const MacroTable::Handle& macro, const Token& call,
+                                std::vector<MacroArgument> arguments) {
+  const DepthGuard nested(*this);
+  Expression expression = make_expression(ExpressionKind::kExpansion, call);
   expression.expansion = std::make_shared<MacroExpansion>();
   MacroExpansion& expansion = *expression.expansion;
   expansion.macro = macro->name;
-  expansion.id = sources_.add_expansion(macro->name, call.at);
-  expansion.result = fmt::format("${}:{}", macro->result, expansion.id);
-  std::vector<Tokens> places = bind(expansion, *macro, std::move(arguments), call.at);
-  const std::size_t floor = preprocessor_.depth();
-  Tokens result{{TokenKind::kName, call.at, expansion.result, 0.0F}};
-  if (!preprocessor_.enter(macro, expansion.id, std::move(result), std::move(places))) {
-    throw Failure{call.at, {}};  // reported
+  expansion.id = sources_.add_expansion(macro->name, call.location);
+  expansion.result_name = fmt::format("${}:{}", macro->result_parameter, expansion.id);
+  std::vector<Tokens> replacements = bind_arguments(expansion, *macro, std::move(arguments), call.location);
+  const std::size_t min_depth = preprocessor_.depth();
+  Tokens result{{TokenKind::kName, call.location, expansion.result_name, 0.0F}};
+  if (!preprocessor_.enter_macro(macro, expansion.id, std::move(result), std::move(replacements))) {
+    throw SyntaxError{call.location, {}};  // reported
   }
-  lines(floor, expansion.body);
+  parse_lines(min_depth, expansion.body);
   std::size_t deepest = 0;
   for (const Statement& statement : expansion.body) {
     deepest = std::max({deepest, statement.target.depth, statement.value.depth});
     if (statement.expansion == nullptr) continue;
-    for (const Binding& binding : statement.expansion->bindings)
+    for (const ArgumentBinding& binding : statement.expansion->bindings)
       deepest = std::max(deepest, binding.value.depth);
   }
-  for (const Binding& binding : expansion.bindings) deepest = std::max(deepest, binding.value.depth);
+  for (const ArgumentBinding& binding : expansion.bindings) deepest = std::max(deepest, binding.value.depth);
   expression.depth = deepest + 1;
   if (expression.depth > kMaxExpressionDepth) {
-    throw Failure{call.at, fmt::format("this expression is nested more than {} deep", kMaxExpressionDepth)};
+    throw SyntaxError{call.location,
+                      fmt::format("this expression is nested more than {} deep", kMaxExpressionDepth)};
   }
   return expression;
 }
 
-void Parser::no_overload(const Token& call, std::size_t arguments, bool result) const {
-  std::string known;
-  for (const std::string& pattern : preprocessor_.macros().patterns(call.text)) {
-    known += (known.empty() ? "" : " and ") + pattern;
+void Parser::fail_no_overload(const Token& call, std::size_t arguments, bool result) const {
+  std::string overloads;
+  for (const std::string& pattern : preprocessor_.macros().signatures(call.text)) {
+    overloads += (overloads.empty() ? "" : " and ") + pattern;
   }
-  throw Failure{
-      call.at, fmt::format("no macro '{}' takes {} argument{} {} a result; there is {}", call.text, arguments,
-                           arguments == 1 ? "" : "s", result ? "and gives" : "without", known)};
+  throw SyntaxError{call.location, fmt::format("no macro '{}' takes {} argument{} {} a result; there is {}",
+                                               call.text, arguments, arguments == 1 ? "" : "s",
+                                               result ? "and gives" : "without", overloads)};
 }
 
 }  // namespace apron::syntax

@@ -19,161 +19,170 @@ Tokens::const_iterator find_equals(Tokens::const_iterator first, Tokens::const_i
 }
 
 // What to write instead of a line as other languages have it, or "".
-std::string advice(const Token& first, const Token& odd) {
-  if (odd.is("==")) return "; to give a value, write '='";
-  if (odd.is("+") || odd.is("-") || odd.is("*") || odd.is("/")) {
-    return fmt::format("; write {0} = {0} {1} …", spell(first), odd.text);
+std::string suggest_correction(const Token& first, const Token& unexpected) {
+  if (unexpected.is("==")) return "; to give a value, write '='";
+  if (unexpected.is("+") || unexpected.is("-") || unexpected.is("*") || unexpected.is("/")) {
+    return fmt::format("; write {0} = {0} {1} …", spelling(first), unexpected.text);
   }
-  if (first.is_name("goto")) return fmt::format("; write jump(#{})", spell(odd));
-  const bool wants_brackets = first.is_name("if") || first.is_name("while") || first.is_name("for") ||
-                              first.is_name("repeat") || first.is_name("where") || first.is_name("print") ||
-                              first.is_name("println");
-  return wants_brackets ? fmt::format("; write {}(…)", first.text) : "";
+  if (first.is_name("goto")) return fmt::format("; write jump(#{})", spelling(unexpected));
+  const bool needs_parentheses = first.is_name("if") || first.is_name("while") || first.is_name("for") ||
+                                 first.is_name("repeat") || first.is_name("where") ||
+                                 first.is_name("print") || first.is_name("println");
+  return needs_parentheses ? fmt::format("; write {}(…)", first.text) : "";
 }
 
 }  // namespace
 
-Parser::Parser(Preprocessor& preprocessor, Sources& sources, Diagnostics& diagnostics)
+Parser::Parser(Preprocessor& preprocessor, SourceManager& sources, Diagnostics& diagnostics)
     : preprocessor_(preprocessor), sources_(sources), diagnostics_(diagnostics) {}
 
 std::vector<Statement> Parser::parse() {
   std::vector<Statement> program;
-  lines(0, program);
+  parse_lines(0, program);
   return program;
 }
 
-void Parser::lines(std::size_t floor, std::vector<Statement>& out) {
+void Parser::parse_lines(std::size_t min_depth, std::vector<Statement>& out) {
   for (;;) {
-    Item item = preprocessor_.next(floor);
+    PreprocessedItem item = preprocessor_.next(min_depth);
     switch (item.kind) {
-      case Item::Kind::kDone:
+      case PreprocessedItem::Kind::kEndOfInput:
         return;
-      case Item::Kind::kLine:
-        line(item.line, out);
+      case PreprocessedItem::Kind::kLine:
+        parse_line(item.line, out);
         break;
-      case Item::Kind::kDeclaration:
-        declare(std::move(item.declaration), out);
+      case PreprocessedItem::Kind::kDeclaration:
+        add_declaration(std::move(item.declaration), out);
         break;
-      case Item::Kind::kLeave:
+      case PreprocessedItem::Kind::kMacroEnd:
         out.emplace_back();
-        out.back().kind = StatementKind::kLeave;
+        out.back().kind = StatementKind::kMacroEnd;
         out.back().expansion_id = item.expansion;
         break;
     }
   }
 }
 
-void Parser::declare(Declaration declaration, std::vector<Statement>& out) const {
+void Parser::add_declaration(Declaration declaration, std::vector<Statement>& out) const {
   Statement statement;
   statement.kind = StatementKind::kDeclare;
-  statement.at = declaration.at;
+  statement.location = declaration.location;
   statement.declaration = std::make_shared<Declaration>(std::move(declaration));
   out.push_back(std::move(statement));
 }
 
-void Parser::line(const Line& line, std::vector<Statement>& out) {
-  if (line.bad) return out.push_back(invalid(line));
-  const auto outer = std::make_tuple(at_, end_, last_, begin_, depth_);
-  begin_ = line.at;
-  at_ = line.tokens.begin();
+void Parser::parse_line(const Line& line, std::vector<Statement>& out) {
+  if (line.has_error) return out.push_back(make_invalid(line));
+  const auto saved = std::make_tuple(cursor_, end_, line_end_, line_begin_, depth_);
+  line_begin_ = line.location;
+  cursor_ = line.tokens.begin();
   end_ = line.tokens.end();
-  last_ = line.tokens.back().at;
-  last_.column += static_cast<std::uint32_t>(spell(line.tokens.back()).size());
+  line_end_ = line.tokens.back().location;
+  line_end_.column += static_cast<std::uint32_t>(spelling(line.tokens.back()).size());
   try {
-    out.push_back(statement());
-  } catch (const Failure& failure) {
-    if (!failure.text.empty()) diagnostics_.error(failure.at, failure.text);
-    out.push_back(invalid(line));
+    out.push_back(parse_statement());
+  } catch (const SyntaxError& error) {
+    if (!error.message.empty()) diagnostics_.error(error.location, error.message);
+    out.push_back(make_invalid(line));
   }
-  std::tie(at_, end_, last_, begin_, depth_) = outer;
+  std::tie(cursor_, end_, line_end_, line_begin_, depth_) = saved;
 }
 
-Statement Parser::invalid(const Line& line) const {
+Statement Parser::make_invalid(const Line& line) const {
   Statement statement;
-  statement.at = line.at;
+  statement.location = line.location;
   statement.target.text = line.tokens.front().text;
   statement.assigns = find_equals(line.tokens.begin(), line.tokens.end()) != line.tokens.end();
   return statement;
 }
 
-Statement Parser::statement() {
-  const Token& first = *at_;
+Statement Parser::parse_statement() {
+  const Token& first = *cursor_;
   Statement result;
-  result.at = begin_;
+  result.location = line_begin_;
   if (first.kind == TokenKind::kLabel) {
     result.kind = StatementKind::kLabel;
-    result.target = make(ExpressionKind::kLabel, first);
-    if (++at_ != end_) fail("a label stands alone on its line");
+    result.target = make_expression(ExpressionKind::kLabel, first);
+    if (++cursor_ != end_) fail("a label stands alone on its line");
     return result;
   }
-  const Cursor equals = find_equals(at_, end_);
-  if (equals != end_) return assignment(equals);
-  if (first.kind == TokenKind::kParameter || first.kind == TokenKind::kLocal) whole(at_, end_, last_);
-  if (first.kind != TokenKind::kName) fail(fmt::format("a line cannot begin with '{}'", spell(first)));
-  if (auto macro = macro_statement(at_, end_, {})) return std::move(*macro);
-  const bool is_call = at_ + 1 == end_ || (at_[1].is("(") && closing(at_ + 1) + 1 == end_);
+  const Cursor equals = find_equals(cursor_, end_);
+  if (equals != end_) return parse_assignment(equals);
+  if (first.kind == TokenKind::kParameter || first.kind == TokenKind::kLocalName)
+    parse_range(cursor_, end_, line_end_);
+  if (first.kind != TokenKind::kName) fail(fmt::format("a line cannot begin with '{}'", spelling(first)));
+  if (auto macro = parse_macro_statement(cursor_, end_, {})) return std::move(*macro);
+  const bool is_call =
+      cursor_ + 1 == end_ || (cursor_[1].is("(") && find_closing_bracket(cursor_ + 1) + 1 == end_);
   if (!is_call) {
-    const Cursor odd = at_[1].is("(") ? closing(at_ + 1) + 1 : at_ + 1;
-    at_ = odd;
-    fail(fmt::format("expected '=' or the end of the line, not '{}'{}", spell(*odd), advice(first, *odd)));
+    const Cursor unexpected = cursor_[1].is("(") ? find_closing_bracket(cursor_ + 1) + 1 : cursor_ + 1;
+    cursor_ = unexpected;
+    fail(fmt::format("expected '=' or the end of the line, not '{}'{}", spelling(*unexpected),
+                     suggest_correction(first, *unexpected)));
   }
   result.kind = StatementKind::kCall;
-  if (at_ + 1 == end_) {
-    result.value = make(ExpressionKind::kName, first);
+  if (cursor_ + 1 == end_) {
+    result.value = make_expression(ExpressionKind::kName, first);
   } else {
-    ++at_;
-    result.value = call(first);
+    ++cursor_;
+    result.value = parse_call(first);
   }
   return result;
 }
 
-Statement Parser::assignment(Cursor equals) {
-  const Cursor first = at_;
+Statement Parser::parse_assignment(Cursor equals) {
+  const Cursor first = cursor_;
   const Cursor last = end_;
   if (equals == first) fail("expected a name before '='");
-  const bool updates = equals - first > 1 && equals[-1].kind == TokenKind::kSymbol &&
-                       equals[-1].at.line == equals->at.line && equals[-1].text.find_first_of("+-*/%") == 0;
-  if (updates) {
-    throw Failure{equals[-1].at,
-                  fmt::format("there is no '{0}='; write {1} = {1} {0} …", equals[-1].text, spell(*first))};
+  const bool is_compound = equals - first > 1 && equals[-1].kind == TokenKind::kPunctuator &&
+                           equals[-1].location.line == equals->location.line &&
+                           equals[-1].text.find_first_of("+-*/%") == 0;
+  if (is_compound) {
+    throw SyntaxError{equals[-1].location, fmt::format("there is no '{0}='; write {1} = {1} {0} …",
+                                                       equals[-1].text, spelling(*first))};
   }
-  if (auto macro = macro_statement(equals + 1, last, Tokens(first, equals))) return std::move(*macro);
+  if (auto macro = parse_macro_statement(equals + 1, last, Tokens(first, equals))) return std::move(*macro);
   Statement result;
   result.kind = StatementKind::kAssign;
-  result.at = begin_;
-  result.target = whole(first, equals, equals->at);
+  result.location = line_begin_;
+  result.target = parse_range(first, equals, equals->location);
   const ExpressionKind kind = result.target.kind;
   if (kind != ExpressionKind::kName && kind != ExpressionKind::kElement) {
-    throw Failure{first->at, "only a register, an element or a scalar can stand before '='"};
+    throw SyntaxError{first->location, "only a register, an element or a scalar can stand before '='"};
   }
-  if (equals + 1 == last) throw Failure{last_, "expected a value after '='"};
-  result.value = whole(equals + 1, last, last_);
+  if (equals + 1 == last) throw SyntaxError{line_end_, "expected a value after '='"};
+  result.value = parse_range(equals + 1, last, line_end_);
   return result;
 }
 
 // A macro call that is the whole line, or all that stands right of '='. Its lines follow in the program.
-std::optional<Statement> Parser::macro_statement(Cursor first, Cursor last, Tokens result) {
+std::optional<Statement> Parser::parse_macro_statement(Cursor first, Cursor last, Tokens result) {
   if (first == last || first->kind != TokenKind::kName) return std::nullopt;
-  const bool brackets = first + 1 != last;
-  if (brackets && (!first[1].is("(") || closing(first + 1) + 1 != last)) return std::nullopt;
-  const auto words = brackets ? split_arguments(first + 2, last - 1) : std::vector<Tokens>{};
-  const MacroTable::Handle macro = preprocessor_.find(first->text, words.size(), !result.empty());
+  const bool has_parentheses = first + 1 != last;
+  if (has_parentheses && (!first[1].is("(") || find_closing_bracket(first + 1) + 1 != last))
+    return std::nullopt;
+  const auto argument_tokens = has_parentheses ? split_arguments(first + 2, last - 1) : std::vector<Tokens>{};
+  const MacroTable::Handle macro =
+      preprocessor_.find_macro(first->text, argument_tokens.size(), !result.empty());
   if (macro == nullptr) {
-    const bool ours = preprocessor_.macros().has(first->text) && !preprocessor_.is_builtin(first->text);
-    if (ours && (brackets || result.empty())) no_overload(*first, words.size(), !result.empty());
+    const bool is_macro =
+        preprocessor_.macros().contains(first->text) && !preprocessor_.is_builtin(first->text);
+    if (is_macro && (has_parentheses || result.empty()))
+      fail_no_overload(*first, argument_tokens.size(), !result.empty());
     return std::nullopt;
   }
-  std::vector<Argument> arguments = read_arguments(*first, words);
+  std::vector<MacroArgument> arguments = parse_macro_arguments(*first, argument_tokens);
   auto expansion = std::make_shared<MacroExpansion>();
   expansion->macro = macro->name;
-  expansion->id = sources_.add_expansion(macro->name, first->at);
-  std::vector<Tokens> places = bind(*expansion, *macro, std::move(arguments), first->at);
+  expansion->id = sources_.add_expansion(macro->name, first->location);
+  std::vector<Tokens> replacements =
+      bind_arguments(*expansion, *macro, std::move(arguments), first->location);
   Statement statement;
-  statement.kind = StatementKind::kEnter;
-  statement.at = begin_;
+  statement.kind = StatementKind::kMacroBegin;
+  statement.location = line_begin_;
   statement.expansion_id = expansion->id;
   statement.expansion = std::move(expansion);
-  if (!preprocessor_.enter(macro, statement.expansion_id, std::move(result), std::move(places))) {
+  if (!preprocessor_.enter_macro(macro, statement.expansion_id, std::move(result), std::move(replacements))) {
     statement.kind = StatementKind::kInvalid;
   }
   return statement;

@@ -15,60 +15,61 @@ namespace apron::syntax {
 
 class Parser {
  public:
-  Parser(Preprocessor&, Sources&, Diagnostics&);
+  Parser(Preprocessor&, SourceManager&, Diagnostics&);
 
   // The whole program. A line with an error becomes kInvalid and the next goes on.
   std::vector<Statement> parse();
 
  private:
   using Cursor = Tokens::const_iterator;
-  struct Failure {
-    Location at;
-    std::string text;
+  struct SyntaxError {
+    Location location;
+    std::string message;
   };
-  struct Argument {
-    Tokens words;
+  struct MacroArgument {
+    Tokens tokens;
     std::optional<Expression> value;
   };
-  class Nested;
+  class DepthGuard;
 
-  void lines(std::size_t floor, std::vector<Statement>& out);
-  void line(const Line&, std::vector<Statement>& out);
-  Statement statement();
-  Statement assignment(Cursor equals);
-  Statement invalid(const Line&) const;
-  std::optional<Statement> macro_statement(Cursor first, Cursor last, Tokens result);
-  void declare(Declaration, std::vector<Statement>& out) const;
+  void parse_lines(std::size_t min_depth, std::vector<Statement>& out);
+  void parse_line(const Line&, std::vector<Statement>& out);
+  Statement parse_statement();
+  Statement parse_assignment(Cursor equals);
+  Statement make_invalid(const Line&) const;
+  std::optional<Statement> parse_macro_statement(Cursor first, Cursor last, Tokens result);
+  void add_declaration(Declaration, std::vector<Statement>& out) const;
 
   // ParseExpression.cpp
-  Expression whole(Cursor first, Cursor last, Location end_at);
-  Expression binary(int level);
-  Expression prefix_not();
-  Expression unary();
-  Expression primary();
-  Expression name();
-  Expression call(const Token& name);
-  Expression element(const Token& name);
-  Expression argument();
-  Expression module();
-  Expression combine(const Token& op, Expression left, Expression right);
-  Expression expand(const MacroTable::Handle&, const Token& call, std::vector<Argument>);
-  std::vector<Argument> read_arguments(const Token& call, const std::vector<Tokens>&);
-  std::vector<Tokens> bind(MacroExpansion&, const Macro&, std::vector<Argument>, Location at);
-  [[noreturn]] void no_overload(const Token& call, std::size_t arguments, bool result) const;
-  Cursor closing(Cursor open) const;
+  Expression parse_range(Cursor first, Cursor last, Location end_location);
+  Expression parse_binary(int level);
+  Expression parse_not();
+  Expression parse_unary();
+  Expression parse_primary();
+  Expression parse_name();
+  Expression parse_call(const Token& name);
+  Expression parse_element(const Token& name);
+  Expression parse_argument();
+  Expression parse_module();
+  Expression make_binary(const Token& op, Expression left, Expression right);
+  Expression expand_macro(const MacroTable::Handle&, const Token& call, std::vector<MacroArgument>);
+  std::vector<MacroArgument> parse_macro_arguments(const Token& call, const std::vector<Tokens>&);
+  std::vector<Tokens> bind_arguments(MacroExpansion&, const Macro&, std::vector<MacroArgument>,
+                                     Location location);
+  [[noreturn]] void fail_no_overload(const Token& call, std::size_t arguments, bool result) const;
+  Cursor find_closing_bracket(Cursor open) const;
 
-  Expression make(ExpressionKind, const Token&, std::vector<Expression> children = {}) const;
-  bool take(std::string_view symbol);
-  bool at_end() const { return at_ == end_; }
-  Location here() const;
-  [[noreturn]] void fail(std::string text) const;
+  Expression make_expression(ExpressionKind, const Token&, std::vector<Expression> children = {}) const;
+  bool consume(std::string_view symbol);
+  bool at_end() const { return cursor_ == end_; }
+  Location current_location() const;
+  [[noreturn]] void fail(std::string message) const;
 
   Preprocessor& preprocessor_;
-  Sources& sources_;
+  SourceManager& sources_;
   Diagnostics& diagnostics_;
-  Cursor at_, end_;
-  Location begin_, last_;  // where the line begins and ends
+  Cursor cursor_, end_;
+  Location line_begin_, line_end_;  // where the line begins and ends
   std::size_t depth_ = 0;
 };
 

@@ -14,7 +14,7 @@
 #include "apron/syntax/Diagnostic.h"
 #include "apron/syntax/FileReader.h"
 #include "apron/syntax/MacroTable.h"
-#include "apron/syntax/Sources.h"
+#include "apron/syntax/SourceManager.h"
 #include "apron/syntax/Token.h"
 
 namespace apron::syntax {
@@ -35,14 +35,14 @@ struct PreprocessorOptions {
   // Whether the language has an instruction of that name: inside a macro of the same name, that is meant.
   std::function<bool(std::string_view)> is_builtin;
   // "" if there is a palette of that name, else why not.
-  std::function<std::string(std::string_view)> wrong_palette;
+  std::function<std::string(std::string_view)> check_palette;
 };
 
 // What `!register`, `!create` and `!object` ask for.
 struct Declaration {
   enum class Kind : std::uint8_t { kRegister, kElement, kClass };
   Kind kind = Kind::kRegister;
-  Location at;
+  Location location;
   std::string name;        // of the register or element; of the class
   std::string class_name;  // of an element
   std::string alias;       // of a class
@@ -52,9 +52,9 @@ struct Declaration {
   float scale = 0.0F;
 };
 
-struct Item {
-  enum class Kind : std::uint8_t { kLine, kDeclaration, kLeave, kDone };
-  Kind kind = Kind::kDone;
+struct PreprocessedItem {
+  enum class Kind : std::uint8_t { kLine, kDeclaration, kMacroEnd, kEndOfInput };
+  Kind kind = Kind::kEndOfInput;
   Line line;
   Declaration declaration;
   std::uint32_t expansion = 0;  // that is left
@@ -62,23 +62,23 @@ struct Item {
 
 class Preprocessor {
  public:
-  Preprocessor(PreprocessorOptions, FileReader&, Sources&, Diagnostics&);
+  Preprocessor(PreprocessorOptions, FileReader&, SourceManager&, Diagnostics&);
 
   // The next item; kDone once all that was entered above `floor` (see depth()) is used up.
-  Item next(std::size_t floor = 0);
+  PreprocessedItem next(std::size_t min_depth = 0);
   std::size_t depth() const noexcept { return frames_.size(); }
 
   // The macro that a call means here: none while it is being expanded itself and the language has an
   // instruction of that name.
-  MacroTable::Handle find(const std::string& name, std::size_t arguments, bool result) const;
-  bool expanding(const MacroTable::Handle&) const;
+  MacroTable::Handle find_macro(const std::string& name, std::size_t arguments, bool has_result) const;
+  bool is_expanding(const MacroTable::Handle&) const;
   const MacroTable& macros() const noexcept { return macros_; }
   bool is_builtin(std::string_view name) const { return options_.is_builtin && options_.is_builtin(name); }
 
   // Goes on with the macro's body. The tokens take the places of its parameters. False if a limit is hit,
   // which is reported and ends the program.
-  bool enter(const MacroTable::Handle&, std::uint32_t expansion, Tokens result,
-             std::vector<Tokens> arguments);
+  bool enter_macro(const MacroTable::Handle&, std::uint32_t expansion, Tokens result,
+                   std::vector<Tokens> arguments);
 
   // "" unless `!operator` rebound it.
   std::string operator_target(const std::string& symbol) const;
@@ -89,70 +89,71 @@ class Preprocessor {
   std::vector<std::string> define_names() const;
 
  private:
-  struct Condition {
-    Location at;
-    bool outer = true;  // the lines around it are read
-    bool active = true;
-    bool taken = true;
-    bool else_seen = false;
+  struct ConditionalBlock {
+    Location location;
+    bool enclosing_active = true;  // the lines around it are read
+    bool is_active = true;
+    bool branch_taken = true;
+    bool has_else = false;
   };
-  struct Frame {
+  struct InputFrame {
     std::shared_ptr<const std::vector<Line>> lines;
-    std::size_t next = 0;
+    std::size_t next_line = 0;
     std::string path;  // of a file
     MacroTable::Handle macro;
     std::uint32_t expansion = 0;
     std::map<std::string, Tokens> parameters;
-    std::vector<Condition> conditions;
+    std::vector<ConditionalBlock> conditionals;
   };
 
-  void stop();
-  bool active() const;
-  void leave(Item&);
-  bool step(Item&);
-  void substitute(Tokens&, const Frame&) const;
-  bool substitute(const Token&, const Frame&, Tokens& out) const;
-  bool replace_defines(Tokens&);
-  bool replace_defines(const Tokens&, Tokens& out, std::set<std::string>& hidden, int level);
+  void abort_input();
+  bool is_active() const;
+  void pop_frame(PreprocessedItem&);
+  bool process_line(PreprocessedItem&);
+  void substitute(Tokens&, const InputFrame&) const;
+  bool substitute(const Token&, const InputFrame&, Tokens& out) const;
+  bool expand_defines(Tokens&);
+  bool expand_defines(const Tokens&, Tokens& out, std::set<std::string>& hide_set, int depth);
 
   // Directives.cpp
   using Arguments = std::vector<Tokens>;
-  bool directive(Line&, Item&);
-  bool condition_directive(const Tokens&);
-  void begin_if(const Tokens&);
-  bool holds(const Tokens&);
-  bool arguments(const Tokens&, std::size_t least, std::size_t most, Arguments&);
-  bool text_argument(const Tokens&, std::string& text, std::string_view what);
-  void include(const Tokens&);
-  void open_file(const std::string& path, std::string text, Location from);
-  void define(const Tokens&);
-  void define_macro(const Tokens&);
-  bool read_pattern(const Tokens&, Macro&);
-  bool read_body(Macro&, Location at);
-  Declaration declaration(Declaration::Kind, Location) const;
-  void register_directive(const Tokens&);
-  bool create(const Tokens&, Item&);
-  bool object(const Tokens&, Item&);
-  bool size_argument(const Tokens&, Location at, std::uint32_t& size);
-  void bind_operator(const Tokens&);
-  void limit_addresses(const Tokens&);
-  void default_palette(const Tokens&);
-  void load_module(const Tokens&);
+  bool handle_directive(Line&, PreprocessedItem&);
+  bool handle_conditional(const Tokens&);
+  void handle_if(const Tokens&);
+  bool evaluate_condition(const Tokens&);
+  bool parse_arguments(const Tokens&, std::size_t min_count, std::size_t max_count, Arguments&);
+  bool parse_string_argument(const Tokens&, std::string& text, std::string_view subject);
+  void handle_include(const Tokens&);
+  void push_file(const std::string& path, std::string text, Location from);
+  void handle_define(const Tokens&);
+  void handle_macro_def(const Tokens&);
+  bool parse_macro_signature(const Tokens&, Macro&);
+  bool parse_macro_body(Macro&, Location location);
+  Declaration make_declaration(Declaration::Kind, Location) const;
+  void handle_register(const Tokens&);
+  bool handle_create(const Tokens&, PreprocessedItem&);
+  bool handle_object(const Tokens&, PreprocessedItem&);
+  bool parse_size_argument(const Tokens&, Location location, std::uint32_t& size);
+  void handle_operator(const Tokens&);
+  void handle_max_addr(const Tokens&);
+  void handle_default_palette(const Tokens&);
+  void handle_module(const Tokens&);
 
   PreprocessorOptions options_;
   FileReader& reader_;
-  Sources& sources_;
+  SourceManager& sources_;
   Diagnostics& diagnostics_;
-  std::vector<Frame> frames_;
-  std::vector<Declaration> pending_;  // declarations of a `!register`, handed out one by one from the back
+  std::vector<InputFrame> frames_;
+  std::vector<Declaration>
+      pending_declarations_;  // declarations of a `!register`, handed out one by one from the back
   std::map<std::string, Tokens> defines_;
   std::map<std::string, std::string> operators_;
   MacroTable macros_;
   std::string module_;
   std::string palette_;
   float scale_ = 0.0F;
-  std::size_t includes_ = 0;
-  std::size_t lines_ = 0;
+  std::size_t include_count_ = 0;
+  std::size_t line_count_ = 0;
   std::size_t max_addr_ = SIZE_MAX;
 };
 

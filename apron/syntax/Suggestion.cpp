@@ -9,15 +9,15 @@
 namespace apron::syntax {
 namespace {
 
-constexpr std::size_t kMaxLength = 64;
+constexpr std::size_t kMaxNameLength = 64;
 
-std::string lower(std::string_view text) {
+std::string to_lower(std::string_view text) {
   std::string result(text);
   for (char& c : result) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   return result;
 }
 
-std::size_t distance(std::string_view a, std::string_view b) {
+std::size_t edit_distance(std::string_view a, std::string_view b) {
   std::vector<std::vector<std::size_t>> d(a.size() + 1, std::vector<std::size_t>(b.size() + 1));
   for (std::size_t i = 0; i <= a.size(); ++i) d[i][0] = i;
   for (std::size_t j = 0; j <= b.size(); ++j) d[0][j] = j;
@@ -34,28 +34,29 @@ std::size_t distance(std::string_view a, std::string_view b) {
 }
 
 // Of core.abs: abs.
-std::string_view last_part(std::string_view name) { return name.substr(name.rfind('.') + 1); }
+std::string_view unqualified_name(std::string_view name) { return name.substr(name.rfind('.') + 1); }
 
 // The same word in another group, such as math.abs for abs.
-bool same_last_part(std::string_view name, std::string_view candidate) {
-  return last_part(name).size() >= 2 && last_part(name) == last_part(candidate);
+bool same_unqualified_name(std::string_view name, std::string_view candidate) {
+  return unqualified_name(name).size() >= 2 && unqualified_name(name) == unqualified_name(candidate);
 }
 
 std::size_t score(std::string_view name, std::string_view candidate) {
   if (candidate == name) return SIZE_MAX;
-  if (lower(candidate) == lower(name)) return 0;
+  if (to_lower(candidate) == to_lower(name)) return 0;
   const std::size_t allowed = name.size() <= 1 ? 0 : name.size() <= 4 ? 1 : name.size() <= 8 ? 2 : 3;
-  const bool far = candidate.size() > name.size() + allowed || name.size() > candidate.size() + allowed;
-  const std::size_t edits = far ? SIZE_MAX : distance(name, candidate);
-  const bool near = edits <= allowed && edits < std::max(name.size(), candidate.size());
-  if (same_last_part(name, candidate)) return near ? 1 : 2;  // better than any other edit
-  return near ? 2 + edits : SIZE_MAX;
+  const bool too_different =
+      candidate.size() > name.size() + allowed || name.size() > candidate.size() + allowed;
+  const std::size_t edits = too_different ? SIZE_MAX : edit_distance(name, candidate);
+  const bool close = edits <= allowed && edits < std::max(name.size(), candidate.size());
+  if (same_unqualified_name(name, candidate)) return close ? 1 : 2;  // better than any other edit
+  return close ? 2 + edits : SIZE_MAX;
 }
 
 }  // namespace
 
-std::string nearest(std::string_view name, const std::vector<std::string>& candidates) {
-  if (name.empty() || name.size() > kMaxLength) return {};
+std::string nearest_name(std::string_view name, const std::vector<std::string>& candidates) {
+  if (name.empty() || name.size() > kMaxNameLength) return {};
   std::string best;
   std::size_t best_score = SIZE_MAX;
   for (const std::string& candidate : candidates) {
@@ -69,7 +70,7 @@ std::string nearest(std::string_view name, const std::vector<std::string>& candi
 }
 
 std::string did_you_mean(std::string_view name, const std::vector<std::string>& candidates) {
-  const std::string best = nearest(name, candidates);
+  const std::string best = nearest_name(name, candidates);
   return best.empty() ? "" : fmt::format("; did you mean '{}'?", best);
 }
 

@@ -11,7 +11,7 @@ namespace apron::ui {
 namespace {
 
 using debugger::Cell;
-using debugger::Palette;
+using debugger::PaletteId;
 using debugger::Range;
 
 // The part of the window that the register is drawn in, and which cell is where.
@@ -37,10 +37,11 @@ void draw_style(Stage& stage, std::size_t reg) {
   Style style = bench.style(reg);
   bool changed = false;
   ImGui::SetNextItemWidth(stage.px(104));
-  if (ImGui::BeginCombo("##palette", std::string(name(style.palette)).c_str(), ImGuiComboFlags_HeightLarge)) {
-    for (std::size_t i = 0; i < debugger::kPalettes; ++i) {
-      const auto one = static_cast<Palette>(i);
-      if (!ImGui::Selectable(std::string(name(one)).c_str(), one == style.palette)) continue;
+  if (ImGui::BeginCombo("##palette", std::string(palette_name(style.palette)).c_str(),
+                        ImGuiComboFlags_HeightLarge)) {
+    for (std::size_t i = 0; i < debugger::kPaletteCount; ++i) {
+      const auto one = static_cast<PaletteId>(i);
+      if (!ImGui::Selectable(std::string(palette_name(one)).c_str(), one == style.palette)) continue;
       style.palette = one;
       changed = true;
     }

@@ -45,13 +45,13 @@ void triangle(ImDrawList& list, ImVec2 middle, float r, bool open) {
 }
 
 void spent_text(ImDrawList& list, const Stage& stage, ImVec2 row, float right, float height,
-                const vm::Spent& spent, double share) {
-  if (spent.count == 0) return;
+                const vm::InstructionProfile& spent, double share) {
+  if (spent.executions == 0) return;
   const float bar = stage.px(46) * static_cast<float>(share);
   list.AddRectFilled({right - stage.px(46), row.y + 2.0F},
                      {right - stage.px(46) + bar, row.y + height - 2.0F}, IM_COL32(235, 120, 60, 150));
   char text[48];
-  std::snprintf(text, sizeof text, "%llu\u00d7  %4.1f%%", static_cast<unsigned long long>(spent.count),
+  std::snprintf(text, sizeof text, "%llu\u00d7  %4.1f%%", static_cast<unsigned long long>(spent.executions),
                 share * 100.0);
   list.AddText({right - ImGui::CalcTextSize(text).x - stage.px(2), row.y + 1.0F}, theme::kFaint, text);
 }
@@ -75,8 +75,8 @@ void gutter(Stage& stage, ImDrawList& list, ImVec2 at, float height, std::size_t
   list.AddText({at.x + columns.number, at.y + 1.0F}, theme::kFaint, text);
 }
 
-void draw_row(Stage& stage, std::size_t number, float height, const Columns& columns, const vm::Spent& spent,
-              double total) {
+void draw_row(Stage& stage, std::size_t number, float height, const Columns& columns,
+              const vm::InstructionProfile& spent, double total) {
   Workbench& bench = stage.bench;
   const Listing::Row row = bench.listing().rows()[number];
   ImDrawList& list = *ImGui::GetWindowDrawList();
@@ -161,10 +161,11 @@ void draw_program(Stage& stage) {
   ImGui::SetNextWindowContentSize({text_width(bench.listing(), columns), 0.0F});
   ImGui::BeginChild("text", {0.0F, 0.0F}, false, ImGuiWindowFlags_HorizontalScrollbar);
   const float height = std::floor(ImGui::GetTextLineHeight() + stage.px(3));
-  const std::vector<vm::Spent> spent =
-      bench.profile_shown ? bench.listing().by_row(bench.look().spent) : std::vector<vm::Spent>();
+  const std::vector<vm::InstructionProfile> spent = bench.profile_shown
+                                                        ? bench.listing().by_row(bench.look().spent)
+                                                        : std::vector<vm::InstructionProfile>();
   double total = 0.0;
-  for (const vm::Spent& one : spent) total += static_cast<double>(one.nanoseconds);
+  for (const vm::InstructionProfile& one : spent) total += static_cast<double>(one.nanoseconds);
   ImGui::PushStyleVar(ImGuiStyleVar_ItemSpacing, {0.0F, 0.0F});
   follow_current(bench, height);
   if (ImGui::IsWindowHovered() && ImGui::GetIO().MouseWheel != 0.0F) bench.follow = false;
@@ -174,7 +175,8 @@ void draw_program(Stage& stage) {
     for (int i = clipper.DisplayStart; i < clipper.DisplayEnd; ++i) {
       const auto row = static_cast<std::size_t>(i);
       if (row >= bench.listing().rows().size()) break;  // a fold was closed just now
-      draw_row(stage, row, height, columns, row < spent.size() ? spent[row] : vm::Spent{}, total);
+      draw_row(stage, row, height, columns, row < spent.size() ? spent[row] : vm::InstructionProfile{},
+               total);
     }
   clipper.End();
   ImGui::PopStyleVar();

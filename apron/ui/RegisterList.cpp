@@ -38,7 +38,7 @@ void thumbnail(Stage& stage, std::size_t reg, float edge) {
   const float top = corner.y + edge + stage.px(3);
   fitted_text(list, {corner.x, top}, edge, ImGui::GetColorU32(ImGuiCol_Text), title(bench, reg));
   const std::string about = std::to_string(r.width) + "\u00d7" + std::to_string(r.height) + " " +
-                            std::string(name(bench.style(reg).palette));
+                            std::string(palette_name(bench.style(reg).palette));
   ImGui::PushFont(stage.gui.small());
   fitted_text(list, {corner.x, top + line}, edge, theme::kFaint, about);
   ImGui::PopFont();

@@ -32,7 +32,7 @@ class Textures {
     unsigned id = 0;
     std::uint32_t width = 0, height = 0;
     std::uint64_t serial = 0;
-    debugger::Palette palette = debugger::Palette::kGrey;
+    debugger::PaletteId palette = debugger::PaletteId::kGrey;
     debugger::Range range;
   };
   void upload(One& one, const debugger::Shot& shot);

@@ -15,9 +15,9 @@ constexpr float kMostZoom = 4096.0F;
 
 std::string place_name(const program::Program& program, std::size_t instruction) {
   if (instruction >= program.code.size()) return {};
-  const std::uint32_t index = program.code[instruction].source;
-  if (index >= program.sources.size()) return {};
-  const program::Source& at = program.sources[index];
+  const std::uint32_t index = program.code[instruction].source_location;
+  if (index >= program.source_locations.size()) return {};
+  const program::SourceLocation& at = program.source_locations[index];
   return std::filesystem::path(program.files[at.file]).filename().string() + ":" + std::to_string(at.line);
 }
 
@@ -200,7 +200,7 @@ void Workbench::set_style(std::size_t reg, Style style) {
 }
 
 debugger::Range Workbench::range(const Style& style, const std::vector<float>& cells) const {
-  if (style.palette == debugger::Palette::kRaw) return {0.0F, 255.0F};
+  if (style.palette == debugger::PaletteId::kRaw) return {0.0F, 255.0F};
   return style.automatic ? debugger::automatic_range(cells) : style.range;
 }
 
@@ -246,7 +246,7 @@ void Workbench::set_profiling(bool on) {
 }
 
 float Workbench::parameter(const program::Parameter& parameter) const {
-  return panel_.parameter(parameter.name).value_or(parameter.initial);
+  return panel_.parameter(parameter.name).value_or(parameter.default_value);
 }
 
 void Workbench::set_parameter(const program::Parameter& parameter, float value) {

@@ -20,7 +20,7 @@ namespace apron::ui {
 
 // How a register is coloured.
 struct Style {
-  debugger::Palette palette = debugger::Palette::kGrey;
+  debugger::PaletteId palette = debugger::PaletteId::kGrey;
   bool automatic = true;  // the range is found out from the cells
   debugger::Range range;  // otherwise
 

@@ -37,26 +37,26 @@ class MaskStack {
  private:
   struct Level {
     bool uniform = false;  // a scalar condition
-    bool on = false;       // its value
+    bool enabled = false;  // its value
     Active active = Active::kAll;
     ConstPlane mask{};  // 0 or 1, with the enclosing levels ANDed in; with kSome
-    Plane own{};        // the storage of a condition that is a register
+    Plane storage{};    // the storage of a condition that is a register
   };
 
-  Active outer_active() const noexcept;  // below the top level
-  ConstPlane outer_mask() const noexcept;
-  void inherit(Level& level, bool on);
-  void combine();
-  Plane take(std::uint32_t width, std::uint32_t height);
-  void run(program::Opcode op, Plane y, ConstPlane a, ConstPlane b);
+  Active enclosing_active() const noexcept;  // below the top level
+  ConstPlane enclosing_mask() const noexcept;
+  void inherit_enclosing(Level& level, bool on);
+  void update_effective_mask();
+  Plane acquire_plane(std::uint32_t width, std::uint32_t height);
+  void apply_kernel(program::Opcode op, Plane y, ConstPlane a, ConstPlane b);
 
   Executor& executor_;
-  PlaneStore store_;
-  std::vector<Plane> free_;
+  PlaneStore plane_store_;
+  std::vector<Plane> free_planes_;
   std::vector<Level> levels_;
   bool has_base_ = false;
   Plane base_{};
-  Plane both_{};  // base AND top level, when there are both
+  Plane combined_{};  // base AND top level, when there are both
   Active active_ = Active::kAll;
   ConstPlane mask_{};
 };

@@ -16,7 +16,7 @@ struct BasicPlane {
   std::ptrdiff_t pitch = 0;
 
   Float* row(std::uint32_t y) const noexcept { return data + static_cast<std::ptrdiff_t>(y) * pitch; }
-  std::size_t cells() const noexcept { return std::size_t{width} * height; }
+  std::size_t cell_count() const noexcept { return std::size_t{width} * height; }
 };
 
 using Plane = BasicPlane<float>;
@@ -35,7 +35,7 @@ bool same_shape(const A& a, const B& b) noexcept {
 
 // "WIDTHxHEIGHT", for messages.
 template <class P>
-std::string shape_text(const P& plane) {
+std::string format_shape(const P& plane) {
   return std::to_string(plane.width) + "x" + std::to_string(plane.height);
 }
 

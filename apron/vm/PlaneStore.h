@@ -16,13 +16,13 @@ inline constexpr std::uint32_t kLanes = 16;  // floats in the widest vector; the
 class PlaneStore {
  public:
   // Allocates; throws std::bad_alloc. width and height at least 1.
-  Plane add(std::uint32_t width, std::uint32_t height);
+  Plane allocate(std::uint32_t width, std::uint32_t height);
 
  private:
-  struct Free {
+  struct FreeDeleter {
     void operator()(float* p) const noexcept { std::free(p); }
   };
-  std::vector<std::unique_ptr<float[], Free>> blocks_;
+  std::vector<std::unique_ptr<float[], FreeDeleter>> allocations_;
 };
 
 }  // namespace apron::vm

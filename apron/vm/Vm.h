@@ -9,15 +9,15 @@
 #include <vector>
 
 #include "apron/program/Program.h"
+#include "apron/vm/DecodedInstruction.h"
 #include "apron/vm/Executor.h"
 #include "apron/vm/Host.h"
 #include "apron/vm/MaskStack.h"
 #include "apron/vm/Plane.h"
 #include "apron/vm/PlaneStore.h"
-#include "apron/vm/Propagation.h"
-#include "apron/vm/Random.h"
-#include "apron/vm/Segments.h"
-#include "apron/vm/Step.h"
+#include "apron/vm/fusion/FusedTraceCache.h"
+#include "apron/vm/kernels/FloodFill.h"
+#include "apron/vm/kernels/Random.h"
 
 namespace apron::vm {
 
@@ -30,18 +30,18 @@ struct VmOptions {
   // Null: the best that this CPU has.
   const KernelTable* kernels = nullptr;
   // How instructions are run together; nothing here changes a result.
-  FuseOptions fuse{};
+  FusionOptions fusion{};
   // Count and time every instruction; they run one at a time then. See Vm::set_profiling().
-  bool profile = false;
+  bool enable_profiling = false;
 };
 
 // What one instruction of the program took so far.
-struct Spent {
-  std::uint64_t count = 0, nanoseconds = 0;
+struct InstructionProfile {
+  std::uint64_t executions = 0, nanoseconds = 0;
 };
 
 enum class Status {
-  kBudget,       // the budget is spent
+  kRunning,      // the budget is spent
   kTick,         // a surface.step is complete
   kEnded,        // the program came to its end
   kClosed,       // the surface ended the session in order
@@ -72,83 +72,85 @@ class Vm {
 
   // ---- for the debugger and tests ----
   const program::Program& program() const noexcept { return program_; }
-  std::size_t next() const noexcept { return next_; }  // index of the instruction to come
-  std::uint64_t executed() const noexcept { return executed_; }
+  std::size_t program_counter() const noexcept {
+    return program_counter_;
+  }  // index of the instruction to come
+  std::uint64_t instructions_executed() const noexcept { return instructions_executed_; }
   // By instruction; empty if it was never profiled.
-  const std::vector<Spent>& spent() const noexcept { return spent_; }
+  const std::vector<InstructionProfile>& profile() const noexcept { return profile_; }
   // From here on; what was counted stays. Allocates the first time.
   void set_profiling(bool on);
-  std::size_t call_depth() const noexcept { return calls_.size(); }
-  Plane plane(std::size_t register_index) const noexcept { return storage_.registers[register_index]; }
-  float& variable(std::size_t index) noexcept { return storage_.scalars[index]; }
-  float variable(std::size_t index) const noexcept { return storage_.scalars[index]; }
+  std::size_t call_depth() const noexcept { return return_addresses_.size(); }
+  Plane plane(std::size_t register_index) const noexcept { return register_file_.registers[register_index]; }
+  float& variable(std::size_t index) noexcept { return register_file_.scalars[index]; }
+  float variable(std::size_t index) const noexcept { return register_file_.scalars[index]; }
 
  private:
   void reserve_masks();
-  Segment* segment(std::uint64_t budget) const noexcept;
-  Plane scratch(const Plane& like);
+  FusedTrace* find_fused_trace(std::uint64_t budget) const noexcept;
+  Plane scratch_plane(const Plane& like);
 
   // What a write to the step's destination must obey.
-  enum class Gate { kOpen, kShut, kMismatch };
-  Gate gate(const Step& step, const float*& mask) const noexcept;
+  enum class WriteAccess { kAllowed, kSuppressed, kShapeMismatch };
+  WriteAccess check_write_access(const DecodedInstruction& decoded, const float*& mask) const noexcept;
 
   // Each returns kBudget to go on with the instruction at next_.
-  Status execute(const Step& step);
-  Status measure(std::size_t at);
-  Status elementwise(const Step& step);
-  Status shift_image(const Step& step);
-  Status reduce(const Step& step);
-  Status change_mask(const Step& step);
-  Status pixel(const Step& step);
-  Status coordinates(const Step& step);
-  Status array_step(const Step& step);
-  Status neighbourhood(const Step& step);
-  void copy(Plane y, ConstPlane a, const float* mask) noexcept;
-  Status set_filter(const Step& step);
-  Status random(const Step& step);
-  Status push(const Step& step);
-  Status pop(const Step& step);
-  Status element(const Step& step);
-  Status element_register(const Step& step, Plane reg);
-  Status flow(const Step& step);
-  Status call(const Step& step);
-  Status host_call(const Step& step);
-  Status read_plane(const Step& step);
-  Status surface_value(const Step& step, std::optional<double> value);
-  Status outcome(HostStatus status);
-  void print_value(const Step& step);
-  HostStatus read(const Step& step, Plane to);
-  Status save_numbered(const Step& step);
-  std::string_view register_name(const Step& step) const;
-  Status plugin_with(const Step& step);
-  Status plugin(const Step& step);
+  Status execute(const DecodedInstruction& decoded);
+  Status execute_profiled(std::size_t at);
+  Status execute_elementwise(const DecodedInstruction& decoded);
+  Status execute_shift(const DecodedInstruction& decoded);
+  Status execute_reduction(const DecodedInstruction& decoded);
+  Status execute_mask_op(const DecodedInstruction& decoded);
+  Status access_pixel(const DecodedInstruction& decoded);
+  Status write_cell_coordinates(const DecodedInstruction& decoded);
+  Status execute_array_op(const DecodedInstruction& decoded);
+  Status execute_neighbourhood(const DecodedInstruction& decoded);
+  void copy_plane(Plane y, ConstPlane a, const float* mask) noexcept;
+  Status set_filter_coefficient(const DecodedInstruction& decoded);
+  Status fill_random(const DecodedInstruction& decoded);
+  Status push_register(const DecodedInstruction& decoded);
+  Status pop_register(const DecodedInstruction& decoded);
+  Status access_group_member(const DecodedInstruction& decoded);
+  Status access_group_register(const DecodedInstruction& decoded, Plane reg);
+  Status execute_control_flow(const DecodedInstruction& decoded);
+  Status execute_call(const DecodedInstruction& decoded);
+  Status execute_host_op(const DecodedInstruction& decoded);
+  Status execute_host_read(const DecodedInstruction& decoded);
+  Status set_surface_value(const DecodedInstruction& decoded, std::optional<double> value);
+  Status to_status(HostStatus status);
+  void print_value(const DecodedInstruction& decoded);
+  HostStatus read_from_host(const DecodedInstruction& decoded, Plane to);
+  Status save_numbered_image(const DecodedInstruction& decoded);
+  std::string_view register_name(const DecodedInstruction& decoded) const;
+  Status push_plugin_argument(const DecodedInstruction& decoded);
+  Status execute_plugin(const DecodedInstruction& decoded);
 
-  Status wrong_mask(const Plane& plane);
+  Status report_mask_mismatch(const Plane& plane);
   Status fail(Status status, const std::string& text);
 
   program::Program program_;
   const std::atomic<bool>* stop_;
   Host& host_;
   Executor executor_;
-  PlaneStore store_;
-  Storage storage_;
-  std::vector<Plane> scratch_;  // one per shape that is filled before a mask is applied
+  PlaneStore plane_store_;
+  RegisterFile register_file_;
+  std::vector<Plane> scratch_planes_;  // one per shape that is filled before a mask is applied
   std::vector<float> row_results_;
   MaskStack masks_;
-  std::vector<Step> steps_;
-  std::unique_ptr<Segments> segments_;
-  std::vector<std::uint32_t> calls_;  // return addresses
-  Edge edge_{};
-  Draw draw_{};
-  Objects objects_;
-  std::vector<Plane> stack_, free_stack_;
+  std::vector<DecodedInstruction> decoded_;
+  std::unique_ptr<FusedTraceCache> fused_traces_;
+  std::vector<std::uint32_t> return_addresses_;  // return addresses
+  BoundaryCondition boundary_{};
+  RandomStream random_stream_{};
+  ConnectedComponents components_;
+  std::vector<Plane> stack_, free_stack_planes_;
   std::size_t stack_bytes_ = 0;
   std::vector<PluginArgument> plugin_arguments_;
-  std::size_t next_ = 0;
-  std::uint64_t executed_ = 0;
-  bool profiling_ = false;
-  std::vector<Spent> spent_;
-  Status final_ = Status::kBudget;  // set once the program can go no further
+  std::size_t program_counter_ = 0;
+  std::uint64_t instructions_executed_ = 0;
+  bool profiling_enabled_ = false;
+  std::vector<InstructionProfile> profile_;
+  Status final_status_ = Status::kRunning;  // set once the program can go no further
   std::string error_;
 };
 

@@ -19,17 +19,17 @@ class MassProperties {
   // Triangles counter-clockwise seen from outside. Rounding is least when the origin lies near them.
   void add(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eigen::Vector3d& c);
   void add(const TriangleMesh&);
-  void add(const scene::ConvexPiece&);
+  void add(const scene::ConvexHull&);
 
   double volume() const { return volume_; }
-  Eigen::Vector3d centre() const { return first_ / volume_; }
+  Eigen::Vector3d centre() const { return first_moment_ / volume_; }
   // About a point, for density 1.
   Eigen::Matrix3d inertia(const Eigen::Vector3d& about) const;
 
  private:
   double volume_ = 0.0;
-  Eigen::Vector3d first_ = Eigen::Vector3d::Zero();   // ∫ x dV
-  Eigen::Matrix3d second_ = Eigen::Matrix3d::Zero();  // ∫ x·xᵀ dV
+  Eigen::Vector3d first_moment_ = Eigen::Vector3d::Zero();   // ∫ x dV
+  Eigen::Matrix3d second_moment_ = Eigen::Matrix3d::Zero();  // ∫ x·xᵀ dV
 };
 
 }  // namespace smartsurf::mesh

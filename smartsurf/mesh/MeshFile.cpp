@@ -12,7 +12,7 @@
 #include <fstream>
 #include <system_error>
 
-#include "smartsurf/mesh/Isolated.h"
+#include "smartsurf/mesh/ChildProcess.h"
 #include "smartsurf/scene/SceneSpec.h"
 
 namespace smartsurf::mesh {
@@ -20,22 +20,22 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uintmax_t kLargestFile = 256U << 20;
-constexpr std::size_t kMostTriangles = 1'000'000;
+constexpr std::uintmax_t kMaxFileBytes = 256U << 20;
+constexpr std::size_t kMaxTriangles = 1'000'000;
 
 [[noreturn]] void refuse(const std::string& clause) { throw scene::InputError(clause); }
 
 // A mesh file may name others (materials, buffers): none outside its folder, whatever the links.
-class FolderOnly final : public Assimp::DefaultIOSystem {
+class FolderIoSystem final : public Assimp::DefaultIOSystem {
  public:
-  explicit FolderOnly(fs::path folder) : folder_(std::move(folder)) {}
-  bool Exists(const char* file) const override { return allowed(file) && DefaultIOSystem::Exists(file); }
+  explicit FolderIoSystem(fs::path folder) : folder_(std::move(folder)) {}
+  bool Exists(const char* file) const override { return is_allowed(file) && DefaultIOSystem::Exists(file); }
   Assimp::IOStream* Open(const char* file, const char* mode) override {
-    return allowed(file) && mode[0] == 'r' ? DefaultIOSystem::Open(file, mode) : nullptr;
+    return is_allowed(file) && mode[0] == 'r' ? DefaultIOSystem::Open(file, mode) : nullptr;
   }
 
  private:
-  bool allowed(const char* file) const {
+  bool is_allowed(const char* file) const {
     std::error_code error;
     const fs::path real = fs::weakly_canonical(file, error);
     return !error && real.parent_path() == folder_ && fs::is_regular_file(real, error);
@@ -43,12 +43,12 @@ class FolderOnly final : public Assimp::DefaultIOSystem {
   fs::path folder_;
 };
 
-void check_kind(const fs::path& file) {
-  std::string ending = file.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
+void check_extension(const fs::path& file) {
+  std::string extension = file.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](unsigned char c) { return std::tolower(c); });
   for (const char* known : {".stl", ".obj", ".ply", ".gltf", ".glb", ".3mf"})
-    if (ending == known) return;
+    if (extension == known) return;
   refuse("is no mesh by its name: must end in .stl, .obj, .ply, .gltf, .glb or .3mf");
 }
 
@@ -56,7 +56,7 @@ void check_readable(const fs::path& file) {
   std::error_code error;
   if (!fs::exists(file, error)) refuse("does not exist");
   if (!fs::is_regular_file(file, error)) refuse("is no plain file");
-  if (fs::file_size(file, error) > kLargestFile) refuse("is larger than 256 MiB");
+  if (fs::file_size(file, error) > kMaxFileBytes) refuse("is larger than 256 MiB");
 }
 
 // The importer looks for the end of such a header for ever, whatever the file is called.
@@ -93,18 +93,19 @@ void add(TriangleMesh& mesh, const aiMesh& part, const aiMatrix4x4& pose) {
       refuse("is damaged: a face names a vertex that is not there");
     mesh.triangles.push_back({first + i[0], first + i[mirrored ? 2 : 1], first + i[mirrored ? 1 : 2]});
   }
-  if (mesh.triangles.size() > kMostTriangles) refuse("has more than a million triangles: make a coarser one");
+  if (mesh.triangles.size() > kMaxTriangles) refuse("has more than a million triangles: make a coarser one");
 }
 
-void add(TriangleMesh& mesh, const aiScene& scene, const aiNode& node, const aiMatrix4x4& above) {
-  const aiMatrix4x4 pose = above * node.mTransformation;
+void add(TriangleMesh& mesh, const aiScene& scene, const aiNode& node, const aiMatrix4x4& parent_pose) {
+  const aiMatrix4x4 pose = parent_pose * node.mTransformation;
   for (unsigned i = 0; i < node.mNumMeshes; ++i) add(mesh, *scene.mMeshes[node.mMeshes[i]], pose);
   for (unsigned i = 0; i < node.mNumChildren; ++i) add(mesh, scene, *node.mChildren[i], pose);
 }
 
-TriangleMesh import(const fs::path& file) {
+TriangleMesh import_mesh(const fs::path& file) {
   Assimp::Importer importer;
-  importer.SetIOHandler(new FolderOnly(fs::weakly_canonical(file).parent_path()));  // the importer owns it
+  importer.SetIOHandler(
+      new FolderIoSystem(fs::weakly_canonical(file).parent_path()));  // the importer owns it
   // All but the shape is left out first: otherwise points with different normals stay different.
   importer.SetPropertyInteger(AI_CONFIG_PP_RVC_FLAGS,
                               aiComponent_NORMALS | aiComponent_TANGENTS_AND_BITANGENTS | aiComponent_COLORS |
@@ -130,7 +131,7 @@ void append(std::string& bytes, const T* values, std::size_t count) {
   bytes.append(reinterpret_cast<const char*>(values), count * sizeof(T));
 }
 
-std::string to_bytes(const TriangleMesh& mesh) {
+std::string serialize(const TriangleMesh& mesh) {
   const std::uint64_t counts[] = {mesh.points.size(), mesh.triangles.size()};
   std::string bytes = "m";
   append(bytes, counts, 2);
@@ -139,7 +140,7 @@ std::string to_bytes(const TriangleMesh& mesh) {
   return bytes;
 }
 
-TriangleMesh from_bytes(const std::string& bytes) {
+TriangleMesh deserialize(const std::string& bytes) {
   TriangleMesh mesh;
   std::uint64_t counts[2];
   std::memcpy(counts, bytes.data() + 1, sizeof counts);
@@ -156,22 +157,22 @@ TriangleMesh from_bytes(const std::string& bytes) {
 }  // namespace
 
 TriangleMesh read_mesh(const fs::path& file) {
-  constexpr double kLongestRead_s = 20.0;  // of the processor
-  check_kind(file);
+  constexpr double kMaxReadCpu_s = 20.0;  // of the processor
+  check_extension(file);
   check_readable(file);
   check_header(file);
-  const auto bytes = isolated(
+  const auto bytes = run_in_child_process(
       [&]() -> std::string {
         try {
-          return to_bytes(import(file));
+          return serialize(import_mesh(file));
         } catch (const scene::InputError& e) {
           return std::string("e") + e.what();
         }
       },
-      kLongestRead_s);
+      kMaxReadCpu_s);
   if (!bytes || bytes->empty()) refuse("is damaged, or too large: the library that reads it gave up");
   if (bytes->front() == 'e') refuse(bytes->substr(1));
-  return from_bytes(*bytes);
+  return deserialize(*bytes);
 }
 
 }  // namespace smartsurf::mesh

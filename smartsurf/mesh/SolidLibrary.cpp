@@ -2,8 +2,8 @@
 
 #include <new>
 
-#include "smartsurf/mesh/MakeSolid.h"
 #include "smartsurf/mesh/MeshFile.h"
+#include "smartsurf/mesh/SolidBuilder.h"
 #include "smartsurf/scene/SceneSpec.h"
 
 namespace smartsurf::mesh {
@@ -11,7 +11,7 @@ namespace {
 
 // Puts the file's name in front of what `make` says.
 template <typename Make>
-scene::SolidAnswer answer(const std::string& name, Make make) {
+scene::SolidResult build(const std::string& name, Make make) {
   try {
     std::vector<std::string> notes;
     scene::Solid solid = make(notes);
@@ -32,32 +32,35 @@ TriangleMesh scaled(TriangleMesh mesh, double scale) {
 
 }  // namespace
 
-scene::SolidAnswer SolidLibrary::mesh(const scene::MeshRequest& r) {
-  const FileKey key{r.file.string(), false, r.scale, r.decompose, r.pieces, r.tolerance};
-  if (const auto known = of_files_.find(key); known != of_files_.end()) return {known->second, {}};
-  scene::SolidAnswer made = answer(r.name, [&](std::vector<std::string>& notes) {
-    return solid_of(scaled(read_mesh(r.file), r.scale), {r.decompose, r.pieces, r.tolerance}, notes);
+scene::SolidResult SolidLibrary::load_mesh(const scene::MeshRequest& r) {
+  const FileKey key{r.file.string(), false, r.scale, r.decompose, r.max_hulls, r.tolerance};
+  if (const auto cached = solids_by_file_.find(key); cached != solids_by_file_.end())
+    return {cached->second, {}};
+  scene::SolidResult made = build(r.display_name, [&](std::vector<std::string>& notes) {
+    return build_solid(scaled(read_mesh(r.file), r.scale), {r.decompose, r.max_hulls, r.tolerance}, notes);
   });
-  of_files_.emplace(key, made.solid);
+  solids_by_file_.emplace(key, made.solid);
   return made;
 }
 
-scene::SolidAnswer SolidLibrary::hull(const scene::MeshRequest& r) {
+scene::SolidResult SolidLibrary::make_hull(const scene::MeshRequest& r) {
   const FileKey key{r.file.string(), true, r.scale, false, 0, 0.0};
-  if (const auto known = of_files_.find(key); known != of_files_.end()) return {known->second, {}};
-  scene::SolidAnswer made = answer(r.name, [&](std::vector<std::string>&) {
-    return hull_solid(scaled(read_mesh(r.file), r.scale).points);
+  if (const auto cached = solids_by_file_.find(key); cached != solids_by_file_.end())
+    return {cached->second, {}};
+  scene::SolidResult made = build(r.display_name, [&](std::vector<std::string>&) {
+    return build_hull_solid(scaled(read_mesh(r.file), r.scale).points);
   });
-  of_files_.emplace(key, made.solid);
+  solids_by_file_.emplace(key, made.solid);
   return made;
 }
 
-scene::SolidAnswer SolidLibrary::hull(std::span<const Eigen::Vector3d> points, const std::string& name) {
+scene::SolidResult SolidLibrary::make_hull(std::span<const Eigen::Vector3d> points, const std::string& name) {
   std::vector<double> key;
   for (const auto& p : points) key.insert(key.end(), p.data(), p.data() + 3);
-  if (const auto known = of_points_.find(key); known != of_points_.end()) return {known->second, {}};
-  scene::SolidAnswer made = answer(name, [&](std::vector<std::string>&) { return hull_solid(points); });
-  of_points_.emplace(std::move(key), made.solid);
+  if (const auto cached = solids_by_points_.find(key); cached != solids_by_points_.end())
+    return {cached->second, {}};
+  scene::SolidResult made = build(name, [&](std::vector<std::string>&) { return build_hull_solid(points); });
+  solids_by_points_.emplace(std::move(key), made.solid);
   return made;
 }
 

@@ -6,21 +6,21 @@
 #include <tuple>
 #include <vector>
 
-#include "smartsurf/scene/SolidSource.h"
+#include "smartsurf/scene/SolidFactory.h"
 
 namespace smartsurf::mesh {
 
-class SolidLibrary final : public scene::SolidSource {
+class SolidLibrary final : public scene::SolidFactory {
  public:
-  scene::SolidAnswer mesh(const scene::MeshRequest&) override;
-  scene::SolidAnswer hull(const scene::MeshRequest&) override;
-  scene::SolidAnswer hull(std::span<const Eigen::Vector3d> points, const std::string& name) override;
+  scene::SolidResult load_mesh(const scene::MeshRequest&) override;
+  scene::SolidResult make_hull(const scene::MeshRequest&) override;
+  scene::SolidResult make_hull(std::span<const Eigen::Vector3d> points, const std::string& name) override;
 
  private:
   // File, whether its hull is meant, scale, decompose, pieces, tolerance.
   using FileKey = std::tuple<std::string, bool, double, bool, int, double>;
-  std::map<FileKey, std::shared_ptr<const scene::Solid>> of_files_;
-  std::map<std::vector<double>, std::shared_ptr<const scene::Solid>> of_points_;
+  std::map<FileKey, std::shared_ptr<const scene::Solid>> solids_by_file_;
+  std::map<std::vector<double>, std::shared_ptr<const scene::Solid>> solids_by_points_;
 };
 
 }  // namespace smartsurf::mesh

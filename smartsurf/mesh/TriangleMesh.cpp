@@ -8,42 +8,44 @@
 namespace smartsurf::mesh {
 namespace {
 
-std::uint32_t root_of(std::vector<std::uint32_t>& parent, std::uint32_t i) {
+std::uint32_t find_root(std::vector<std::uint32_t>& parent, std::uint32_t i) {
   while (parent[i] != i) i = parent[i] = parent[parent[i]];
   return i;
 }
 
 // For each point the lowest number among those it is one with.
-std::vector<std::uint32_t> same_points(const std::vector<Eigen::Vector3d>& points, double distance) {
+std::vector<std::uint32_t> weld_map(const std::vector<Eigen::Vector3d>& points, double distance) {
   // Near points are near along any direction: along a crooked one, few others are.
-  const Eigen::Vector3d along = Eigen::Vector3d(0.5377, 0.6873, 0.4886).normalized();
-  std::vector<double> place(points.size());
-  for (std::size_t i = 0; i < points.size(); ++i) place[i] = along.dot(points[i]);
+  const Eigen::Vector3d direction = Eigen::Vector3d(0.5377, 0.6873, 0.4886).normalized();
+  std::vector<double> projection(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) projection[i] = direction.dot(points[i]);
   std::vector<std::uint32_t> order(points.size()), parent(points.size());
   std::iota(order.begin(), order.end(), 0U);
   std::iota(parent.begin(), parent.end(), 0U);
-  std::sort(order.begin(), order.end(),
-            [&](auto a, auto b) { return place[a] != place[b] ? place[a] < place[b] : a < b; });
+  std::sort(order.begin(), order.end(), [&](auto a, auto b) {
+    return projection[a] != projection[b] ? projection[a] < projection[b] : a < b;
+  });
   for (std::size_t i = 0; i < order.size(); ++i)
-    for (std::size_t j = i + 1; j < order.size() && place[order[j]] - place[order[i]] <= distance; ++j) {
+    for (std::size_t j = i + 1; j < order.size() && projection[order[j]] - projection[order[i]] <= distance;
+         ++j) {
       if ((points[order[i]] - points[order[j]]).norm() > distance) continue;
-      const std::uint32_t a = root_of(parent, order[i]), b = root_of(parent, order[j]);
+      const std::uint32_t a = find_root(parent, order[i]), b = find_root(parent, order[j]);
       parent[std::max(a, b)] = std::min(a, b);
     }
-  for (std::uint32_t i = 0; i < parent.size(); ++i) parent[i] = root_of(parent, i);
+  for (std::uint32_t i = 0; i < parent.size(); ++i) parent[i] = find_root(parent, i);
   return parent;
 }
 
 // The same triangle, begun at its lowest point: turns of one triangle become equal, its back does not.
-std::array<std::uint32_t, 3> from_lowest(std::array<std::uint32_t, 3> t) {
+std::array<std::uint32_t, 3> canonical_rotation(std::array<std::uint32_t, 3> t) {
   std::rotate(t.begin(), std::min_element(t.begin(), t.end()), t.end());
   return t;
 }
 
-void drop_repeated(std::vector<std::array<std::uint32_t, 3>>& triangles) {
+void remove_duplicates(std::vector<std::array<std::uint32_t, 3>>& triangles) {
   std::vector<std::uint32_t> order(triangles.size());
   std::iota(order.begin(), order.end(), 0U);
-  const auto key = [&](std::uint32_t i) { return from_lowest(triangles[i]); };
+  const auto key = [&](std::uint32_t i) { return canonical_rotation(triangles[i]); };
   std::sort(order.begin(), order.end(),
             [&](auto a, auto b) { return key(a) != key(b) ? key(a) < key(b) : a < b; });
   std::vector<char> repeated(triangles.size(), 0);
@@ -54,7 +56,7 @@ void drop_repeated(std::vector<std::array<std::uint32_t, 3>>& triangles) {
   triangles.resize(kept);
 }
 
-void drop_unused_points(TriangleMesh& mesh) {
+void remove_unused_points(TriangleMesh& mesh) {
   std::vector<std::uint32_t> number(mesh.points.size(), 0);
   for (const auto& t : mesh.triangles)
     for (const std::uint32_t p : t) number[p] = 1;
@@ -78,7 +80,7 @@ double solid_angle(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eig
 
 }  // namespace
 
-double diagonal(const TriangleMesh& mesh) {
+double bounding_box_diagonal(const TriangleMesh& mesh) {
   if (mesh.points.empty()) return 0.0;
   Eigen::Vector3d low = mesh.points.front(), high = low;
   for (const auto& p : mesh.points) {
@@ -88,13 +90,13 @@ double diagonal(const TriangleMesh& mesh) {
   return (high - low).norm();
 }
 
-void join_points(TriangleMesh& mesh, double distance) {
-  const std::vector<std::uint32_t> same = same_points(mesh.points, distance);
+void weld_points(TriangleMesh& mesh, double distance) {
+  const std::vector<std::uint32_t> same = weld_map(mesh.points, distance);
   for (auto& t : mesh.triangles)
     for (std::uint32_t& p : t) p = same[p];
   std::erase_if(mesh.triangles, [](const auto& t) { return t[0] == t[1] || t[1] == t[2] || t[2] == t[0]; });
-  drop_repeated(mesh.triangles);
-  drop_unused_points(mesh);
+  remove_duplicates(mesh.triangles);
+  remove_unused_points(mesh);
 }
 
 double winding_number(const TriangleMesh& mesh, const Eigen::Vector3d& point) {

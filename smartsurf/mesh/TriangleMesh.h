@@ -15,16 +15,16 @@ struct TriangleMesh {
 };
 
 // Length of the diagonal of the box around the points; 0 without points.
-double diagonal(const TriangleMesh&);
+double bounding_box_diagonal(const TriangleMesh&);
 
 // Makes one point of those that are less than `distance` apart (in chains, too), drops triangles that lose an
 // edge by it, repeated triangles, and points without a triangle.
-void join_points(TriangleMesh&, double distance);
+void weld_points(TriangleMesh&, double distance);
 
 // Turns triangles until every shell faces outwards, and cavities inwards. Returns what it had to turn, a
 // clause each. Throws scene::InputError, one clause, when edges are open, or meet so that no inside can be
 // told.
-std::vector<std::string> close_and_orient(TriangleMesh&);
+std::vector<std::string> orient_shells(TriangleMesh&);
 
 // How often the triangles wind around a point: 1 inside, 0 outside, in between on the surface.
 double winding_number(const TriangleMesh&, const Eigen::Vector3d&);

@@ -14,7 +14,7 @@ namespace smartsurf::record {
 namespace {
 
 constexpr std::size_t kBufferBytes = 256 * 1024;
-constexpr std::chrono::seconds kLongestWait{1};
+constexpr std::chrono::seconds kMaxFlushInterval{1};
 
 template <class Number>
 void append_number(std::string& text, Number number) {
@@ -37,15 +37,15 @@ void append_field(std::string& text, const std::string& field) {
 }  // namespace
 
 CsvRecorder::CsvRecorder(const std::filesystem::path& path, const scene::SceneSpec& spec)
-    : Recorder(spec.record.every),
+    : Recorder(spec.record.tick_interval),
       name_(path.string()),
-      file_(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666)),
-      written_at_(std::chrono::steady_clock::now()) {
-  if (file_ < 0) throw scene::InputError(name_ + ": cannot be written: " + std::strerror(errno));
-  ::flock(file_, LOCK_EX | LOCK_NB);
+      fd_(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666)),
+      last_flush_(std::chrono::steady_clock::now()) {
+  if (fd_ < 0) throw scene::InputError(name_ + ": cannot be written: " + std::strerror(errno));
+  ::flock(fd_, LOCK_EX | LOCK_NB);
   lines_.reserve(2 * kBufferBytes);
   lines_ = "tick,time,id,label,x,y,z,qx,qy,qz,qw\n";
-  write_lines();
+  flush_lines();
 }
 
 CsvRecorder::~CsvRecorder() {
@@ -55,17 +55,18 @@ CsvRecorder::~CsvRecorder() {
   }
 }
 
-void CsvRecorder::close(const Result&) {
-  if (file_ < 0) return;
-  write_lines();
-  const int file = std::exchange(file_, -1);
-  if (::close(file) != 0) throw std::runtime_error(name_ + ": cannot be written: " + std::strerror(errno));
+void CsvRecorder::close(const RunResult&) {
+  if (fd_ < 0) return;
+  flush_lines();
+  const int fd = std::exchange(fd_, -1);
+  if (::close(fd) != 0) throw std::runtime_error(name_ + ": cannot be written: " + std::strerror(errno));
 }
 
-void CsvRecorder::record(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
-                         std::span<const Channel>, std::span<const Channel>) {
-  if (file_ < 0) return;
-  for (std::size_t i = 0; i < snapshot.objects(); ++i) {
+void CsvRecorder::write_frame(const scene::Snapshot& snapshot,
+                              const std::vector<scene::ObjectSpec>& catalogue, std::span<const ChannelData>,
+                              std::span<const ChannelData>) {
+  if (fd_ < 0) return;
+  for (std::size_t i = 0; i < snapshot.object_count(); ++i) {
     append_number(lines_, snapshot.tick);
     lines_ += ',';
     append_number(lines_, snapshot.time_s);
@@ -77,23 +78,23 @@ void CsvRecorder::record(const scene::Snapshot& snapshot, const std::vector<scen
     for (const float v : snapshot.orientation[i]) append_number(lines_ += ',', v);
     lines_ += '\n';
   }
-  if (lines_.size() >= kBufferBytes || std::chrono::steady_clock::now() - written_at_ >= kLongestWait)
-    write_lines();
+  if (lines_.size() >= kBufferBytes || std::chrono::steady_clock::now() - last_flush_ >= kMaxFlushInterval)
+    flush_lines();
 }
 
-void CsvRecorder::write_lines() {
-  for (std::size_t done = 0; done < lines_.size();) {
-    const ssize_t n = ::write(file_, lines_.data() + done, lines_.size() - done);
+void CsvRecorder::flush_lines() {
+  for (std::size_t written = 0; written < lines_.size();) {
+    const ssize_t n = ::write(fd_, lines_.data() + written, lines_.size() - written);
     if (n < 0 && errno == EINTR) continue;
     if (n < 0) {
       const std::string reason = std::strerror(errno);
-      ::close(std::exchange(file_, -1));
+      ::close(std::exchange(fd_, -1));
       throw std::runtime_error(name_ + ": cannot be written: " + reason);
     }
-    done += static_cast<std::size_t>(n);
+    written += static_cast<std::size_t>(n);
   }
   lines_.clear();
-  written_at_ = std::chrono::steady_clock::now();
+  last_flush_ = std::chrono::steady_clock::now();
 }
 
 }  // namespace smartsurf::record

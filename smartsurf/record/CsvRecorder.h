@@ -13,17 +13,17 @@ class CsvRecorder final : public Recorder {
  public:
   CsvRecorder(const std::filesystem::path& path, const scene::SceneSpec& spec);
   ~CsvRecorder() override;
-  void close(const Result& result) override;
+  void close(const RunResult& result) override;
 
  private:
-  void record(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
-              std::span<const Channel> sensors, std::span<const Channel> actuators) override;
-  void write_lines();
+  void write_frame(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
+                   std::span<const ChannelData> sensors, std::span<const ChannelData> actuators) override;
+  void flush_lines();
 
   std::string name_;
-  int file_ = -1;      // closed, or given up after a failure, when negative
+  int fd_ = -1;        // closed, or given up after a failure, when negative
   std::string lines_;  // not yet written; always whole lines
-  std::chrono::steady_clock::time_point written_at_;
+  std::chrono::steady_clock::time_point last_flush_;
 };
 
 }  // namespace smartsurf::record

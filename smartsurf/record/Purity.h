@@ -22,29 +22,29 @@
 
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/scene/Snapshot.h"
-#include "smartsurf/scene/TableOutline.h"
+#include "smartsurf/scene/TableFootprint.h"
 
 namespace smartsurf::record {
 
 class Recording;
 
-constexpr double kSortedPurity = 0.95;
+constexpr double kSortedThreshold = 0.95;
 constexpr double kSortedHold_s = 5.0;
 
 enum class SizeClass : signed char { kNone, kSmall, kLarge };
 
-double size_of(const scene::ObjectSpec& object);                                       // as defined above, u
-std::vector<SizeClass> size_classes(const std::vector<scene::ObjectSpec>& catalogue);  // one an object
+double object_size(const scene::ObjectSpec& object);  // as defined above, u
+std::vector<SizeClass> classify_objects(const std::vector<scene::ObjectSpec>& catalogue);  // one an object
 
-struct Purity {
-  std::vector<double> time;   // seconds, one entry a recorded frame
-  std::vector<double> value;  // [0, 1]; NaN when no object counted
+struct PuritySeries {
+  std::vector<double> times;   // seconds, one entry a recorded frame
+  std::vector<double> values;  // [0, 1]; NaN when no object counted
   std::optional<double> sorted_at;
 };
 
 // The purity of a recording, with the classes of all its objects. Throws scene::InputError when it holds no
 // poses or its objects make no two classes.
-Purity purity(const Recording& recording);
+PuritySeries compute_purity(const Recording& recording);
 
 // Measures a run while it goes on. add() allocates only when the catalogue has grown; then the classes are
 // found anew from all objects created so far.
@@ -61,14 +61,14 @@ class PurityMeter {
   std::optional<double> sorted_at() const { return sorted_at_; }
 
  private:
-  friend Purity purity(const Recording& recording);
+  friend PuritySeries compute_purity(const Recording& recording);
   void add_value(double time_s, double value);
 
-  scene::TableOutline outline_;
-  double centre_;  // x of the line between the halves, u
+  scene::TableFootprint footprint_;
+  double centre_x_;  // x of the line between the halves, u
   std::vector<SizeClass> classes_;
   double value_ = std::numeric_limits<double>::quiet_NaN();
-  std::optional<double> high_since_, sorted_at_;
+  std::optional<double> above_threshold_since_, sorted_at_;
 };
 
 }  // namespace smartsurf::record

@@ -9,22 +9,22 @@
 #include <cstring>
 
 #include "smartsurf/record/CsvRecorder.h"
-#include "smartsurf/record/Hdf5Recorder.h"
+#include "smartsurf/record/hdf5/Hdf5Recorder.h"
 
 namespace smartsurf::record {
 namespace {
 
 namespace fs = std::filesystem;
 
-std::string ending_of(const fs::path& path) {
-  std::string ending = path.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
+std::string lowercase_extension(const fs::path& path) {
+  std::string extension = path.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return ending;
+  return extension;
 }
 
 // Asked before the file is emptied: a second run with the same --record must not wreck the first one's file.
-void check_writable(const fs::path& path) {
+void require_writable(const fs::path& path) {
   const std::string name = path.string();
   const fs::path directory = path.parent_path().empty() ? fs::path(".") : path.parent_path();
   std::error_code error;
@@ -35,21 +35,21 @@ void check_writable(const fs::path& path) {
   const int file = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
   if (file < 0) throw scene::InputError(name + ": cannot be written: " + std::strerror(errno));
   // A file system without locks gives another error than EWOULDBLOCK, and is used without.
-  const bool taken = ::flock(file, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+  const bool locked = ::flock(file, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
   ::close(file);
-  if (taken) throw scene::InputError(name + ": another process is writing it: give another name");
+  if (locked) throw scene::InputError(name + ": another process is writing it: give another name");
 }
 
 }  // namespace
 
-std::unique_ptr<Recorder> Recorder::open(const fs::path& path, const Meta& meta,
+std::unique_ptr<Recorder> Recorder::open(const fs::path& path, const RunMetadata& meta,
                                          const scene::SceneSpec& spec) {
-  const std::string ending = ending_of(path);
-  const bool hdf5 = ending == ".h5" || ending == ".hdf5";
-  if (!hdf5 && ending != ".csv")
-    throw scene::InputError(path.string() + ": unknown kind of recording '" + ending +
+  const std::string extension = lowercase_extension(path);
+  const bool hdf5 = extension == ".h5" || extension == ".hdf5";
+  if (!hdf5 && extension != ".csv")
+    throw scene::InputError(path.string() + ": unknown kind of recording '" + extension +
                             "': the name must end in .h5 or .hdf5 (everything) or .csv (trajectories)");
-  check_writable(path);
+  require_writable(path);
   try {
     if (hdf5) return std::make_unique<Hdf5Recorder>(path, meta, spec);
     return std::make_unique<CsvRecorder>(path, spec);

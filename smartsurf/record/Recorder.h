@@ -28,20 +28,20 @@ struct NamedText {
 };
 
 // What the recording says about the run beyond its SceneSpec.
-struct Meta {
+struct RunMetadata {
   std::string command_line;
-  std::string mode;            // "time-step" or "passive"
-  std::string program_file;    // the controller's program as the user named it; "" when there is none
-  std::string program_text;    // its source
-  std::string driver;          // who sets the actuators: "script" or "controller"
-  std::vector<NamedText> set;  // --set NAME=VALUE, in order
-  bool unsafe = false;         // --unsafe
+  std::string mode;                  // "time-step" or "passive"
+  std::string program_file;          // the controller's program as the user named it; "" when there is none
+  std::string program_text;          // its source
+  std::string driver;                // who sets the actuators: "script" or "controller"
+  std::vector<NamedText> overrides;  // --set NAME=VALUE, in order
+  bool unsafe = false;               // --unsafe
   std::vector<NamedText>
       versions;  // of what computed the run: {"physics", "0.1.0"}, …; the recorder adds its own
 };
 
 // One sensor's or actuator's values over the surface.
-struct Channel {
+struct ChannelData {
   std::string_view name;  // no '/'; the same channels in the same order at every frame
   int rows = 0, columns = 0, components = 1;
   // components × rows × columns, each component a whole plane, row 0 north; the channel's own unit.
@@ -49,7 +49,7 @@ struct Channel {
 };
 
 // How the run ended.
-struct Result {
+struct RunResult {
   std::string outcome;           // one line: "done", "stopped by the user", "failed at tick 12: …"
   std::uint64_t ticks = 0;       // control periods simulated, whether recorded or not
   double simulated_s = 0.0;      // simulated seconds
@@ -58,7 +58,7 @@ struct Result {
 
 class Recorder {
  public:
-  static std::unique_ptr<Recorder> open(const std::filesystem::path& path, const Meta& meta,
+  static std::unique_ptr<Recorder> open(const std::filesystem::path& path, const RunMetadata& meta,
                                         const scene::SceneSpec& spec);
   virtual ~Recorder() = default;  // without close(): what is buffered is written, and no result
   Recorder(const Recorder&) = delete;
@@ -66,26 +66,27 @@ class Recorder {
 
   // What the actuators are told, all channels: to be called at every tick, before frame(). With it the run
   // can be run again without whoever drove it.
-  virtual void inputs(std::span<const Channel>) {}
+  virtual void record_inputs(std::span<const ChannelData>) {}
   // Somebody touches the run by hand after this tick: it cannot be run again. The first call counts.
-  virtual void touched(std::uint64_t) {}
+  virtual void mark_user_interaction(std::uint64_t) {}
 
   // To be called at every tick; keeps the first and then every `spec.record.every`-th.
   // catalogue: every object ever created, index = id; it only grows.
-  void frame(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
-             std::span<const Channel> sensors = {}, std::span<const Channel> actuators = {}) {
-    if (calls_++ % every_ == 0) record(snapshot, catalogue, sensors, actuators);
+  void record_frame(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
+                    std::span<const ChannelData> sensors = {}, std::span<const ChannelData> actuators = {}) {
+    if (frame_calls_++ % tick_interval_ == 0) write_frame(snapshot, catalogue, sensors, actuators);
   }
-  virtual void close(const Result& result) = 0;
+  virtual void close(const RunResult& result) = 0;
 
  protected:
-  explicit Recorder(int every) : every_(every < 1 ? 1 : static_cast<std::uint64_t>(every)) {}
+  explicit Recorder(int tick_interval)
+      : tick_interval_(tick_interval < 1 ? 1 : static_cast<std::uint64_t>(tick_interval)) {}
 
  private:
-  virtual void record(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
-                      std::span<const Channel> sensors, std::span<const Channel> actuators) = 0;
+  virtual void write_frame(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
+                           std::span<const ChannelData> sensors, std::span<const ChannelData> actuators) = 0;
 
-  std::uint64_t every_, calls_ = 0;
+  std::uint64_t tick_interval_, frame_calls_ = 0;
 };
 
 }  // namespace smartsurf::record

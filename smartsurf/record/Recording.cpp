@@ -5,11 +5,11 @@
 #include <cstring>
 #include <limits>
 
-#include "smartsurf/record/CatalogueReader.h"
-#include "smartsurf/record/ChangeLog.h"
-#include "smartsurf/record/Hdf5Reading.h"
-#include "smartsurf/record/ReadingTrial.h"
-#include "smartsurf/record/SurfaceLayout.h"
+#include "smartsurf/record/hdf5/CatalogueReader.h"
+#include "smartsurf/record/hdf5/DeltaEncoding.h"
+#include "smartsurf/record/hdf5/ForkedRead.h"
+#include "smartsurf/record/hdf5/Hdf5Reading.h"
+#include "smartsurf/record/hdf5/SurfaceLayout.h"
 
 namespace smartsurf::record {
 namespace {
@@ -17,14 +17,14 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr auto kNoTick = std::numeric_limits<std::uint64_t>::max();
-constexpr hsize_t kMostCellsAFrame = hsize_t{1} << 28;  // of a channel: 1 GiB; refuse what cannot be meant
+constexpr hsize_t kMaxCellsPerFrame = hsize_t{1} << 28;  // of a channel: 1 GiB; refuse what cannot be meant
 
-int read_size(hid_t group, const char* name, std::uint64_t most) {
+int read_count(hid_t group, const char* name, std::uint64_t maximum) {
   std::uint64_t value = 0;
   read_attribute(group, name, H5T_NATIVE_UINT64, &value);
-  if (value < 1 || value > most)
+  if (value < 1 || value > maximum)
     throw Hdf5Error(std::string("attribute ") + name + " = " + std::to_string(value) + " is not in 1 to " +
-                    std::to_string(most));
+                    std::to_string(maximum));
   return static_cast<int>(value);
 }
 
@@ -35,96 +35,97 @@ double read_number(hid_t group, const char* name) {
   return value;
 }
 
-herr_t list_object(hid_t root, const char* name, const H5O_info_t* about, void* list) {
-  if (about->type != H5O_TYPE_DATASET) return 0;
+herr_t collect_dataset(hid_t root, const char* name, const H5O_info_t* object_info, void* list) {
+  if (object_info->type != H5O_TYPE_DATASET) return 0;
   const hid_t dataset = H5Dopen2(root, name, H5P_DEFAULT);
   if (dataset < 0) return -1;
   const Handle closer(dataset, H5Dclose, name);
   const std::vector<hsize_t> sizes = extents(dataset);
-  static_cast<std::vector<Recording::Dataset>*>(list)->push_back(
+  static_cast<std::vector<Recording::DatasetInfo>*>(list)->push_back(
       {std::string("/") + name, {sizes.begin(), sizes.end()}});
   return 0;
 }
 
 }  // namespace
 
-struct Recording::Content {
-  explicit Content(const fs::path& where) : path(where), file(open_for_reading(where)) {
+struct Recording::Contents {
+  explicit Contents(const fs::path& file_path) : path(file_path), file(open_for_reading(file_path)) {
     std::error_code error;
     bytes = fs::file_size(path, error);
     read_meta();
     read_surface();
     read_frames();
     read_catalogue(file, spec);
-    read_changes();
-    check(H5Ovisit2(file, H5_INDEX_NAME, H5_ITER_INC, list_object, &datasets, H5O_INFO_BASIC), "datasets");
+    open_delta_readers();
+    check(H5Ovisit2(file, H5_INDEX_NAME, H5_ITER_INC, collect_dataset, &datasets, H5O_INFO_BASIC),
+          "datasets");
   }
 
   void read_meta();
   void read_result(hid_t group);
   void read_surface();
   void read_frames();
-  void read_changes();
+  void open_delta_readers();
   template <class Action>
-  auto reading(Action action) const {
+  auto translate_errors(Action action) const {
     try {
       return action();
     } catch (const Hdf5Error& error) {
       throw scene::InputError(path.string() + ": " + error.what());
     }
   }
-  std::vector<float> poses(const char* name, hsize_t width, std::size_t first, std::size_t count) const;
-  std::vector<float> vectors(const char* name, std::size_t first, std::size_t count) const;
-  std::vector<float> grid(const std::string& name, std::size_t frame) const;
+  std::vector<float> read_poses(const char* name, hsize_t width, std::size_t first, std::size_t count) const;
+  std::vector<float> read_vectors(const char* name, std::size_t first, std::size_t count) const;
+  std::vector<float> read_channel_frame(const std::string& name, std::size_t frame) const;
 
   fs::path path;
   Handle file;
   std::uint64_t bytes = 0;
   scene::SceneSpec spec;
-  Meta meta;
-  std::optional<Result> result;
-  std::vector<Dataset> datasets;
-  std::vector<std::uint64_t> tick, hash;
-  std::vector<std::uint32_t> contacts;
-  std::vector<double> time;
+  RunMetadata meta;
+  std::optional<RunResult> result;
+  std::vector<DatasetInfo> datasets;
+  std::vector<std::uint64_t> ticks, state_hashes;
+  std::vector<std::uint32_t> contact_counts;
+  std::vector<double> times;
   bool has_objects = false;
-  std::optional<std::uint64_t> touched;
-  std::optional<ChangeReader> inputs, heights, motion;
+  std::optional<std::uint64_t> first_interaction_tick;
+  std::optional<DeltaReader> inputs, heights, motion;
 };
 
-void Recording::Content::read_meta() {
+void Recording::Contents::read_meta() {
   const Handle group = open_group(file, "meta");
   if (!has_attribute(group, "format") || read_text_attribute(group, "format") != "smartsurf-recording")
     throw Hdf5Error("is an HDF5 file, but not a recording of smartsurf");
-  if (const int version = read_size(group, "format_version", 1u << 30); version != 1)
+  if (const int version = read_count(group, "format_version", 1u << 30); version != 1)
     throw Hdf5Error("is a recording in format " + std::to_string(version) + "; this program reads format 1");
   meta.command_line = read_text_attribute(group, "command_line");
   meta.mode = read_text_attribute(group, "mode");
   meta.program_file = read_text_attribute(group, "program_file");
   meta.program_text = read_text_attribute(group, "program");
-  meta.versions = read_named_texts(group, "versions");
+  meta.versions = read_string_attributes(group, "versions");
   if (has_attribute(group, "driver")) meta.driver = read_text_attribute(group, "driver");
-  if (has_link(group, "set")) meta.set = read_named_texts(group, "set");
+  if (has_link(group, "set")) meta.overrides = read_string_attributes(group, "set");
   if (has_attribute(group, "unsafe")) meta.unsafe = read_number(group, "unsafe") != 0.0;
   if (has_attribute(group, "touched_by_hand")) {
-    read_attribute(group, "touched_by_hand", H5T_NATIVE_UINT64, &touched.emplace());
+    read_attribute(group, "touched_by_hand", H5T_NATIVE_UINT64, &first_interaction_tick.emplace());
   }
   spec.file = read_text_attribute(group, "experiment_file");
-  spec.text = read_text_attribute(group, "experiment");
-  for (NamedText& option : read_named_texts(group, "options"))
+  spec.source = read_text_attribute(group, "experiment");
+  for (NamedText& option : read_string_attributes(group, "options"))
     spec.options.push_back({std::move(option.name), std::move(option.value), ""});
   scene::WorldSpec& world = spec.world;
   read_attribute(group, "seed", H5T_NATIVE_UINT64, &world.seed);
   world.dt_s = read_number(group, "dt_s");
   world.control_period_s = read_number(group, "control_period_s");
-  world.iterations = read_size(group, "iterations", 1u << 20);
+  world.iterations = read_count(group, "iterations", 1u << 20);
   read_attribute(group, "gravity", H5T_NATIVE_DOUBLE, world.gravity.data(), 3);
   world.ground = read_number(group, "ground") != 0.0;
-  spec.record.every = read_size(group, "every", 1u << 30);
+  spec.record.tick_interval = read_count(group, "every", 1u << 30);
   if (has_attribute(group, "state_hash")) read_result(group);
 }
 
-void Recording::Content::read_result(hid_t group) {
+void Recording::Contents::read_result(hid_t group) {
   result.emplace();
   result->outcome = read_text_attribute(group, "outcome");
   read_attribute(group, "ticks", H5T_NATIVE_UINT64, &result->ticks);
@@ -132,11 +133,11 @@ void Recording::Content::read_result(hid_t group) {
   result->simulated_s = read_number(group, "simulated_s");
 }
 
-void Recording::Content::read_surface() {
+void Recording::Contents::read_surface() {
   const Handle group = open_group(file, "surface");
   scene::SurfaceSpec& surface = spec.surface;
-  surface.rows = read_size(group, "rows", 1u << 14);
-  surface.columns = read_size(group, "columns", 1u << 14);
+  surface.rows = read_count(group, "rows", 1u << 14);
+  surface.columns = read_count(group, "columns", 1u << 14);
   surface.pitch = read_number(group, "pitch");
   double top[2] = {}, range[2] = {};
   read_attribute(group, "top", H5T_NATIVE_DOUBLE, top, 2);
@@ -151,11 +152,11 @@ void Recording::Content::read_surface() {
          read_number(group, "max_acceleration")};
   if (has_attribute(group, "border")) surface.border_height = read_number(group, "border");
   read_layout(group, surface);
-  if (const std::string problem = scene::problem_with(surface); !problem.empty()) throw Hdf5Error(problem);
+  if (const std::string problem = scene::validate(surface); !problem.empty()) throw Hdf5Error(problem);
 }
 
 // A kill in the middle of a flush may leave datasets of different lengths, or a tail that is "no value".
-void Recording::Content::read_frames() {
+void Recording::Contents::read_frames() {
   if (!has_link(file, "tick")) return;  // killed, or ended, before the first frame
   hsize_t frames = H5S_UNLIMITED;
   for (const char* name : {"tick", "time", "hash", "contacts"})
@@ -164,32 +165,33 @@ void Recording::Content::read_frames() {
   if (has_objects)
     for (const char* name : {"objects/position", "objects/orientation", "objects/velocity"})
       frames = std::min(frames, extents(open_dataset(file, name, 3)).at(0));
-  tick = read_column<std::uint64_t>(file, "tick", H5T_NATIVE_UINT64, frames);
-  tick.erase(std::find(tick.begin(), tick.end(), kNoTick), tick.end());
-  time = read_column<double>(file, "time", H5T_NATIVE_DOUBLE, tick.size());
-  hash = read_column<std::uint64_t>(file, "hash", H5T_NATIVE_UINT64, tick.size());
-  contacts = read_column<std::uint32_t>(file, "contacts", H5T_NATIVE_UINT32, tick.size());
-  for (std::size_t i = 0; i < time.size(); ++i)
-    if (!std::isfinite(time[i]) || (i > 0 && !(time[i] > time[i - 1])))
+  ticks = read_column<std::uint64_t>(file, "tick", H5T_NATIVE_UINT64, frames);
+  ticks.erase(std::find(ticks.begin(), ticks.end(), kNoTick), ticks.end());
+  times = read_column<double>(file, "time", H5T_NATIVE_DOUBLE, ticks.size());
+  state_hashes = read_column<std::uint64_t>(file, "hash", H5T_NATIVE_UINT64, ticks.size());
+  contact_counts = read_column<std::uint32_t>(file, "contacts", H5T_NATIVE_UINT32, ticks.size());
+  for (std::size_t i = 0; i < times.size(); ++i)
+    if (!std::isfinite(times[i]) || (i > 0 && !(times[i] > times[i - 1])))
       throw Hdf5Error("dataset time does not ascend at frame " + std::to_string(i));
 }
 
-void Recording::Content::read_changes() {
-  const std::size_t cells = static_cast<std::size_t>(spec.surface.cells());
+void Recording::Contents::open_delta_readers() {
+  const std::size_t cells = static_cast<std::size_t>(spec.surface.cell_count());
   if (has_link(file, "inputs")) {
     const Handle group = open_group(file, "inputs");
     std::uint64_t values = 0;
     read_attribute(group, "values", H5T_NATIVE_UINT64, &values);
-    if (values > kMostCellsAFrame) throw Hdf5Error("inputs are too many");
+    if (values > kMaxCellsPerFrame) throw Hdf5Error("inputs are too many");
     inputs.emplace(file, "inputs/changes", values);
   }
   if (has_link(file, "surface/changes")) heights.emplace(file, "surface/changes", cells);
-  if (has_link(file, "surface/motion")) motion.emplace(file, "surface/motion", kMotionNumbers * cells);
+  if (has_link(file, "surface/motion"))
+    motion.emplace(file, "surface/motion", kValuesPerActuatorState * cells);
 }
 
 // Objects that the file's pose arrays do not reach yet were created after the last frame: they do not exist.
-std::vector<float> Recording::Content::poses(const char* name, hsize_t width, std::size_t first,
-                                             std::size_t count) const {
+std::vector<float> Recording::Contents::read_poses(const char* name, hsize_t width, std::size_t first,
+                                                   std::size_t count) const {
   const Handle dataset = open_dataset(file, name, 3);
   const std::vector<hsize_t> stored = extents(dataset);
   if (stored[2] != width) throw Hdf5Error(std::string("dataset ") + name + " has the wrong width");
@@ -197,28 +199,29 @@ std::vector<float> Recording::Content::poses(const char* name, hsize_t width, st
   const std::vector<float> block =
       read_block<float>(dataset, H5T_NATIVE_FLOAT, {first, 0, 0}, {count, columns, width}, name);
   if (columns == objects) return block;
-  std::vector<float> all(count * objects * width, std::numeric_limits<float>::quiet_NaN());
+  std::vector<float> padded(count * objects * width, std::numeric_limits<float>::quiet_NaN());
   for (std::size_t f = 0; f < count; ++f)
     std::copy_n(block.begin() + static_cast<std::ptrdiff_t>(f * columns * width), columns * width,
-                all.begin() + static_cast<std::ptrdiff_t>(f * objects * width));
-  return all;
+                padded.begin() + static_cast<std::ptrdiff_t>(f * objects * width));
+  return padded;
 }
 
-std::vector<float> Recording::Content::vectors(const char* name, std::size_t first, std::size_t count) const {
-  return reading([&] {
+std::vector<float> Recording::Contents::read_vectors(const char* name, std::size_t first,
+                                                     std::size_t count) const {
+  return translate_errors([&] {
     if (!has_objects) throw Hdf5Error("has no object poses: the experiment says record { objects = false }");
-    return poses(name, 3, first, count);
+    return read_poses(name, 3, first, count);
   });
 }
 
-std::vector<float> Recording::Content::grid(const std::string& name, std::size_t frame) const {
+std::vector<float> Recording::Contents::read_channel_frame(const std::string& name, std::size_t frame) const {
   const Handle dataset(H5Dopen2(file, name.c_str(), H5P_DEFAULT), H5Dclose, "has no dataset " + name);
   std::vector<hsize_t> size = extents(dataset), start(size.size(), 0);
   if (size.size() < 3 || size.size() > 4 || frame >= size[0])
     throw Hdf5Error("dataset " + name + " has no frame " + std::to_string(frame));
   hsize_t cells = 1;
   for (std::size_t axis = 1; axis < size.size(); ++axis) {
-    if (size[axis] > kMostCellsAFrame / cells) throw Hdf5Error("dataset " + name + " is too large");
+    if (size[axis] > kMaxCellsPerFrame / cells) throw Hdf5Error("dataset " + name + " is too large");
     cells *= size[axis];
   }
   size[0] = 1;
@@ -226,7 +229,7 @@ std::vector<float> Recording::Content::grid(const std::string& name, std::size_t
   return read_block<float>(dataset, H5T_NATIVE_FLOAT, start, size, name);
 }
 
-Recording::Recording(std::unique_ptr<Content> content) : content_(std::move(content)) {}
+Recording::Recording(std::unique_ptr<Contents> contents) : contents_(std::move(contents)) {}
 Recording::Recording(Recording&&) noexcept = default;
 Recording& Recording::operator=(Recording&&) noexcept = default;
 Recording::~Recording() = default;
@@ -234,65 +237,67 @@ Recording::~Recording() = default;
 Recording Recording::open(const fs::path& path) {
   const auto read = [&] {
     try {
-      return Recording(std::make_unique<Content>(path));
+      return Recording(std::make_unique<Contents>(path));
     } catch (const Hdf5Error& error) {
       throw scene::InputError(path.string() + ": " + error.what());
     }
   };
-  const auto read_ends = [&] {
+  const auto read_first_and_last = [&] {
     const Recording recording = read();
     if (recording.frames() == 0) return;
-    recording.snapshot(0);
-    recording.snapshot(recording.frames() - 1);
+    recording.read_snapshot(0);
+    recording.read_snapshot(recording.frames() - 1);
   };
-  if (!ends_without_crash(read_ends))
+  if (!completes_in_child(read_first_and_last))
     throw scene::InputError(path.string() + ": is damaged: the HDF5 library cannot read it");
   return read();
 }
 
-const fs::path& Recording::path() const { return content_->path; }
-std::uint64_t Recording::file_bytes() const { return content_->bytes; }
-const scene::SceneSpec& Recording::spec() const { return content_->spec; }
-const Meta& Recording::meta() const { return content_->meta; }
-const std::optional<Result>& Recording::result() const { return content_->result; }
-const std::vector<Recording::Dataset>& Recording::datasets() const { return content_->datasets; }
-const std::vector<std::uint64_t>& Recording::tick() const { return content_->tick; }
-const std::vector<double>& Recording::time() const { return content_->time; }
-const std::vector<std::uint64_t>& Recording::hash() const { return content_->hash; }
-std::optional<std::uint64_t> Recording::touched_by_hand() const { return content_->touched; }
-bool Recording::has_heights() const { return content_->heights.has_value(); }
-bool Recording::has_motion() const { return content_->motion.has_value(); }
-bool Recording::has_objects() const { return content_->has_objects; }
-
-std::vector<float> Recording::positions(std::size_t first, std::size_t count) const {
-  return content_->vectors("objects/position", first, count);
+const fs::path& Recording::path() const { return contents_->path; }
+std::uint64_t Recording::file_bytes() const { return contents_->bytes; }
+const scene::SceneSpec& Recording::spec() const { return contents_->spec; }
+const RunMetadata& Recording::meta() const { return contents_->meta; }
+const std::optional<RunResult>& Recording::result() const { return contents_->result; }
+const std::vector<Recording::DatasetInfo>& Recording::datasets() const { return contents_->datasets; }
+const std::vector<std::uint64_t>& Recording::ticks() const { return contents_->ticks; }
+const std::vector<double>& Recording::times() const { return contents_->times; }
+const std::vector<std::uint64_t>& Recording::state_hashes() const { return contents_->state_hashes; }
+std::optional<std::uint64_t> Recording::first_interaction_tick() const {
+  return contents_->first_interaction_tick;
 }
-std::vector<float> Recording::velocities(std::size_t first, std::size_t count) const {
-  return content_->vectors("objects/velocity", first, count);
-}
-const std::vector<std::uint32_t>& Recording::contacts() const { return content_->contacts; }
+bool Recording::has_heights() const { return contents_->heights.has_value(); }
+bool Recording::has_motion() const { return contents_->motion.has_value(); }
+bool Recording::has_objects() const { return contents_->has_objects; }
 
-std::span<const float> Recording::heights(std::size_t frame) const {
-  return content_->reading([&] { return content_->heights->at(frame); });
+std::vector<float> Recording::read_positions(std::size_t first, std::size_t count) const {
+  return contents_->read_vectors("objects/position", first, count);
+}
+std::vector<float> Recording::read_velocities(std::size_t first, std::size_t count) const {
+  return contents_->read_vectors("objects/velocity", first, count);
+}
+const std::vector<std::uint32_t>& Recording::contact_counts() const { return contents_->contact_counts; }
+
+std::span<const float> Recording::read_heights(std::size_t frame) const {
+  return contents_->translate_errors([&] { return contents_->heights->read_row(frame); });
 }
 
-scene::Snapshot Recording::snapshot(std::size_t frame) const {
+scene::Snapshot Recording::read_snapshot(std::size_t frame) const {
   scene::Snapshot shot;
-  shot.tick = tick().at(frame);
-  shot.time_s = time()[frame];
-  shot.state_hash = hash()[frame];
-  shot.contacts = content_->contacts[frame];
-  content_->reading([&] {
-    if (content_->heights && frame < content_->heights->rows()) {
-      const std::span<const float> heights = content_->heights->at(frame);
+  shot.tick = ticks().at(frame);
+  shot.time_s = times()[frame];
+  shot.state_hash = state_hashes()[frame];
+  shot.contact_count = contents_->contact_counts[frame];
+  contents_->translate_errors([&] {
+    if (contents_->heights && frame < contents_->heights->rows()) {
+      const std::span<const float> heights = contents_->heights->read_row(frame);
       shot.height.assign(heights.begin(), heights.end());
     }
-    if (content_->motion && frame < content_->motion->rows())
-      shot.motion = unflatten(content_->motion->at(frame));
+    if (contents_->motion && frame < contents_->motion->rows())
+      shot.actuator_state = unflatten_actuator_state(contents_->motion->read_row(frame));
     if (!has_objects()) return;
-    const auto p = content_->poses("objects/position", 3, frame, 1),
-               q = content_->poses("objects/orientation", 4, frame, 1),
-               v = content_->poses("objects/velocity", 3, frame, 1);
+    const auto p = contents_->read_poses("objects/position", 3, frame, 1),
+               q = contents_->read_poses("objects/orientation", 4, frame, 1),
+               v = contents_->read_poses("objects/velocity", 3, frame, 1);
     for (std::size_t i = 0; i < spec().objects.size(); ++i) {
       if (std::isnan(p[3 * i])) continue;
       shot.id.push_back(static_cast<scene::ObjectId>(i));
@@ -305,30 +310,31 @@ scene::Snapshot Recording::snapshot(std::size_t frame) const {
   return shot;
 }
 
-std::size_t Recording::input_ticks() const { return content_->inputs ? content_->inputs->rows() : 0; }
+std::size_t Recording::input_tick_count() const { return contents_->inputs ? contents_->inputs->rows() : 0; }
 
-std::span<const float> Recording::inputs(std::size_t tick) const {
-  return content_->reading([&] { return content_->inputs->at(tick); });
+std::span<const float> Recording::read_inputs(std::size_t tick) const {
+  return contents_->translate_errors([&] { return contents_->inputs->read_row(tick); });
 }
 
-std::vector<std::string> Recording::channels(const std::string& group) const {
+std::vector<std::string> Recording::channel_names(const std::string& group) const {
   std::vector<std::string> names;
-  for (const Dataset& dataset : datasets())
+  for (const DatasetInfo& dataset : datasets())
     if (dataset.name.starts_with("/" + group + "/") && dataset.extents.size() >= 3)
       names.push_back(dataset.name.substr(group.size() + 2));
   return names;
 }
 
-std::vector<float> Recording::channel(const std::string& group, const std::string& name,
-                                      std::size_t frame) const {
-  return content_->reading([&] { return content_->grid(group + "/" + name, frame); });
+std::vector<float> Recording::read_channel(const std::string& group, const std::string& name,
+                                           std::size_t frame) const {
+  return contents_->translate_errors(
+      [&] { return contents_->read_channel_frame(group + "/" + name, frame); });
 }
 
-std::vector<float> Recording::history(const std::string& group, const std::string& name, int row,
-                                      int column) const {
-  return content_->reading([&] {
+std::vector<float> Recording::read_cell_history(const std::string& group, const std::string& name, int row,
+                                                int column) const {
+  return contents_->translate_errors([&] {
     const std::string path = group + "/" + name;
-    const Handle dataset(H5Dopen2(content_->file, path.c_str(), H5P_DEFAULT), H5Dclose,
+    const Handle dataset(H5Dopen2(contents_->file, path.c_str(), H5P_DEFAULT), H5Dclose,
                          "has no dataset " + path);
     const std::size_t axes = extents(dataset).size();
     std::vector<hsize_t> start = {0, static_cast<hsize_t>(row), static_cast<hsize_t>(column), 0},

@@ -22,7 +22,7 @@ namespace smartsurf::record {
 
 class Recording {
  public:
-  struct Dataset {
+  struct DatasetInfo {
     std::string name;                    // "/objects/position"
     std::vector<std::uint64_t> extents;  // as stored: a killed run's may be longer than frames()
   };
@@ -39,50 +39,51 @@ class Recording {
   // only; models of actuators that are unknown here stand as pins), except that `objects` holds every object
   // ever created, index = id.
   const scene::SceneSpec& spec() const;
-  const Meta& meta() const;
-  const std::optional<Result>& result() const;  // none when the run did not come to its end
-  const std::vector<Dataset>& datasets() const;
+  const RunMetadata& meta() const;
+  const std::optional<RunResult>& result() const;  // none when the run did not come to its end
+  const std::vector<DatasetInfo>& datasets() const;
 
-  std::size_t frames() const { return tick().size(); }
-  const std::vector<std::uint64_t>& tick() const;  // one entry a frame, ascending
-  const std::vector<double>& time() const;         // seconds, one entry a frame, ascending
-  const std::vector<std::uint64_t>& hash() const;  // state hash, one entry a frame
+  std::size_t frames() const { return ticks().size(); }
+  const std::vector<std::uint64_t>& ticks() const;         // one entry a frame, ascending
+  const std::vector<double>& times() const;                // seconds, one entry a frame, ascending
+  const std::vector<std::uint64_t>& state_hashes() const;  // state hash, one entry a frame
 
   // The tick before which somebody first touched the run by hand: it cannot be run again.
-  std::optional<std::uint64_t> touched_by_hand() const;
+  std::optional<std::uint64_t> first_interaction_tick() const;
 
   // What the actuators were told, tick by tick: [0] before the first tick, [t] in the tick that ended as tick
   // t.
-  std::size_t input_ticks() const;  // that are there; 0 in a recording that does not hold them
+  std::size_t input_tick_count() const;  // that are there; 0 in a recording that does not hold them
   // All actuator channels in their order, each rows × columns × components; valid until the next call.
-  std::span<const float> inputs(std::size_t tick) const;
+  std::span<const float> read_inputs(std::size_t tick) const;
 
   bool has_heights() const;
   bool has_motion() const;   // of mechanisms other than pins
   bool has_objects() const;  // false when the experiment recorded no objects: then there are no poses
   // frames [first, first + count) × objects × 3, u; NaN where the object did not exist.
-  std::vector<float> positions(std::size_t first, std::size_t count) const;
-  std::vector<float> velocities(std::size_t first, std::size_t count) const;  // likewise, u/s
-  const std::vector<std::uint32_t>& contacts() const;                         // points, one entry a frame
+  std::vector<float> read_positions(std::size_t first, std::size_t count) const;
+  std::vector<float> read_velocities(std::size_t first, std::size_t count) const;  // likewise, u/s
+  const std::vector<std::uint32_t>& contact_counts() const;  // points, one entry a frame
   // Pin heights of a frame, rows × columns, u; valid until the next call. Requires has_heights().
-  std::span<const float> heights(std::size_t frame) const;
+  std::span<const float> read_heights(std::size_t frame) const;
   // One frame as the run saw it. Angular velocities are not recorded and are 0; heights are empty when
   // !has_heights(), and so is motion where none is recorded. Frames one after another are cheaper than in any
   // other order.
-  scene::Snapshot snapshot(std::size_t frame) const;
-  std::vector<std::string> channels(const std::string& group) const;  // their names
+  scene::Snapshot read_snapshot(std::size_t frame) const;
+  std::vector<std::string> channel_names(const std::string& group) const;  // their names
   // One frame of a channel, rows × columns × components: group "sensors" or "actuators".
-  std::vector<float> channel(const std::string& group, const std::string& name, std::size_t frame) const;
+  std::vector<float> read_channel(const std::string& group, const std::string& name, std::size_t frame) const;
   // All frames of the channel's first component at one cell.
-  std::vector<float> history(const std::string& group, const std::string& name, int row, int column) const;
+  std::vector<float> read_cell_history(const std::string& group, const std::string& name, int row,
+                                       int column) const;
 
  private:
-  struct Content;
-  explicit Recording(std::unique_ptr<Content> content);
-  std::unique_ptr<Content> content_;
+  struct Contents;
+  explicit Recording(std::unique_ptr<Contents> contents);
+  std::unique_ptr<Contents> contents_;
 };
 
 // What `smartsurf info` prints: several lines, each ended by '\n'.
-std::string info(const Recording& recording);
+std::string describe_recording(const Recording& recording);
 
 }  // namespace smartsurf::record

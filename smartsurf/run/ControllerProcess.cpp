@@ -25,35 +25,36 @@ using namespace std::chrono_literals;
 // The apron that was built or installed with this smartsurf; else whatever PATH has.
 std::string apron_executable() {
   std::error_code error;
-  const fs::path self = fs::read_symlink("/proc/self/exe", error);
-  const fs::path beside = self.parent_path() / "apron";
-  return !error && access(beside.c_str(), X_OK) == 0 ? beside.string() : "apron";
+  const fs::path executable = fs::read_symlink("/proc/self/exe", error);
+  const fs::path sibling = executable.parent_path() / "apron";
+  return !error && access(sibling.c_str(), X_OK) == 0 ? sibling.string() : "apron";
 }
 
-std::vector<std::string> command_for(const std::string& controller, const std::string& shm_name,
-                                     bool with_window, const std::vector<std::string>& set) {
+std::vector<std::string> make_command(const std::string& controller, const std::string& shm_name,
+                                      bool with_window, const std::vector<std::string>& overrides) {
   if (is_apron_program(controller)) {
     if (!fs::is_regular_file(controller))
       throw scene::InputError(fmt::format("--controller {}: no such program", controller));
     std::vector<std::string> command = {apron_executable(), "run", controller, "--shm", shm_name};
     if (with_window) command.insert(command.end(), {"--window", "--geometry", "beside"});
-    for (const std::string& one : set) command.insert(command.end(), {"--set", one});
+    for (const std::string& assignment : overrides) command.insert(command.end(), {"--set", assignment});
     return command;
   }
   std::string command = controller;
-  static const std::string kPlace = "{shm}";
-  for (std::size_t at = 0; (at = command.find(kPlace, at)) != std::string::npos; at += shm_name.size())
-    command.replace(at, kPlace.size(), shm_name);
+  static const std::string kShmPlaceholder = "{shm}";
+  for (std::size_t position = 0; (position = command.find(kShmPlaceholder, position)) != std::string::npos;
+       position += shm_name.size())
+    command.replace(position, kShmPlaceholder.size(), shm_name);
   return {"/bin/sh", "-c", command};
 }
 
-[[noreturn]] void become(const std::vector<std::string>& command, const std::string& shm_name) {
+[[noreturn]] void exec_command(const std::vector<std::string>& command, const std::string& shm_name) {
   setenv("SMARTSURF_SHM", shm_name.c_str(),
          1);  // here, in the child: several worlds share the parent's environment
   // If the simulator is killed outright, the controller must not outlive it for long.
   prctl(PR_SET_PDEATHSIG, SIGTERM);
   std::vector<char*> arguments;
-  for (const auto& word : command) arguments.push_back(const_cast<char*>(word.c_str()));
+  for (const auto& argument : command) arguments.push_back(const_cast<char*>(argument.c_str()));
   arguments.push_back(nullptr);
   execvp(arguments[0], arguments.data());
   if (errno == ENOENT)
@@ -71,11 +72,11 @@ bool is_apron_program(const std::string& controller) {
 }
 
 ControllerProcess::ControllerProcess(const std::string& controller, const std::string& shm_name,
-                                     bool with_window, const std::vector<std::string>& set) {
-  const std::vector<std::string> command = command_for(controller, shm_name, with_window, set);
+                                     bool with_window, const std::vector<std::string>& overrides) {
+  const std::vector<std::string> command = make_command(controller, shm_name, with_window, overrides);
   pid_ = fork();
   if (pid_ < 0) throw std::system_error(errno, std::generic_category(), "cannot start the controller");
-  if (pid_ == 0) become(command, shm_name);
+  if (pid_ == 0) exec_command(command, shm_name);
 }
 
 ControllerProcess::~ControllerProcess() {
@@ -88,13 +89,14 @@ ControllerProcess::~ControllerProcess() {
 
 std::optional<int> ControllerProcess::exit_status() {
   if (status_) return status_;
-  int raw = 0;
-  if (waitpid(pid_, &raw, WNOHANG) == pid_) status_ = WIFEXITED(raw) ? WEXITSTATUS(raw) : 128 + WTERMSIG(raw);
+  int wait_status = 0;
+  if (waitpid(pid_, &wait_status, WNOHANG) == pid_)
+    status_ = WIFEXITED(wait_status) ? WEXITSTATUS(wait_status) : 128 + WTERMSIG(wait_status);
   return status_;
 }
 
-std::optional<int> ControllerProcess::wait_for_exit(std::chrono::milliseconds patience) {
-  const auto deadline = std::chrono::steady_clock::now() + patience;
+std::optional<int> ControllerProcess::wait_for_exit(std::chrono::milliseconds timeout) {
+  const auto deadline = std::chrono::steady_clock::now() + timeout;
   while (!exit_status() && std::chrono::steady_clock::now() < deadline) std::this_thread::sleep_for(2ms);
   return status_;
 }

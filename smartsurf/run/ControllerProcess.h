@@ -18,7 +18,7 @@ class ControllerProcess {
   // with_window: a program of ours opens its window too, on the right of the screen. set: NAME=VALUE of its
   // sliders and switches, which it judges itself.
   ControllerProcess(const std::string& controller, const std::string& shm_name, bool with_window = false,
-                    const std::vector<std::string>& set = {});
+                    const std::vector<std::string>& overrides = {});
   // Asks it to end, waits, and kills it if it will not.
   ~ControllerProcess();
   ControllerProcess(const ControllerProcess&) = delete;
@@ -27,7 +27,7 @@ class ControllerProcess {
   // How it ended, once it has: its exit status, or 128 + signal.
   std::optional<int> exit_status();
   // Waits up to `patience` for its own end.
-  std::optional<int> wait_for_exit(std::chrono::milliseconds patience);
+  std::optional<int> wait_for_exit(std::chrono::milliseconds timeout);
 
  private:
   pid_t pid_ = -1;

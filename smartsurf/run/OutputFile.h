@@ -11,6 +11,6 @@ namespace smartsurf::run {
 // Looks whether the file's folder is there and may be written; writes nothing.
 void require_writable(const std::string& flag, const std::string& file);
 // Writes the file in one piece or not at all; into a device or pipe as it is.
-void write_whole_file(const std::string& flag, const std::string& file, const std::string& text);
+void replace_output_file(const std::string& flag, const std::string& file, const std::string& text);
 
 }  // namespace smartsurf::run

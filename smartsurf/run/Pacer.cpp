@@ -4,11 +4,11 @@ namespace smartsurf::run {
 namespace {
 using namespace std::chrono_literals;
 // A run this late does not race to catch up: it goes on from where it is.
-constexpr auto kForgivenLateness = 250ms;
+constexpr auto kMaxLateness = 250ms;
 constexpr auto kMeasureWindow = 500ms;
 }  // namespace
 
-Pacer::Clock::time_point Pacer::due(double simulated_s) noexcept {
+Pacer::Clock::time_point Pacer::due_time(double simulated_s) noexcept {
   const auto now = Clock::now();
   if (!factor_) return now;
   if (!anchored_) {
@@ -16,9 +16,9 @@ Pacer::Clock::time_point Pacer::due(double simulated_s) noexcept {
     anchor_ = now;
     anchor_simulated_s_ = simulated_s;
   }
-  const std::chrono::duration<double> wall((simulated_s - anchor_simulated_s_) / *factor_);
-  const auto due = anchor_ + std::chrono::duration_cast<Clock::duration>(wall);
-  if (now - due > kForgivenLateness) {
+  const std::chrono::duration<double> wall_offset((simulated_s - anchor_simulated_s_) / *factor_);
+  const auto due = anchor_ + std::chrono::duration_cast<Clock::duration>(wall_offset);
+  if (now - due > kMaxLateness) {
     anchor_ = now;
     anchor_simulated_s_ = simulated_s;
     return now;
@@ -26,18 +26,18 @@ Pacer::Clock::time_point Pacer::due(double simulated_s) noexcept {
   return due;
 }
 
-double Pacer::measured(double simulated_s) noexcept {
+double Pacer::update_real_time_factor(double simulated_s) noexcept {
   const auto now = Clock::now();
   if (window_start_ == Clock::time_point{}) {
     window_start_ = now;
     window_simulated_s_ = simulated_s;
   } else if (now - window_start_ >= kMeasureWindow) {
-    measured_ =
+    real_time_factor_ =
         (simulated_s - window_simulated_s_) / std::chrono::duration<double>(now - window_start_).count();
     window_start_ = now;
     window_simulated_s_ = simulated_s;
   }
-  return measured_;
+  return real_time_factor_;
 }
 
 }  // namespace smartsurf::run

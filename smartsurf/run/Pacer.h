@@ -22,9 +22,9 @@ class Pacer {
   void restart() noexcept { anchored_ = false; }
 
   // When the state of that simulated time is due; in the past when the run is late or unpaced.
-  Clock::time_point due(double simulated_s) noexcept;
+  Clock::time_point due_time(double simulated_s) noexcept;
   // Real-time factor over about the last half second.
-  double measured(double simulated_s) noexcept;
+  double update_real_time_factor(double simulated_s) noexcept;
 
  private:
   std::optional<double> factor_;
@@ -34,7 +34,7 @@ class Pacer {
 
   Clock::time_point window_start_{};
   double window_simulated_s_ = 0.0;
-  double measured_ = 0.0;
+  double real_time_factor_ = 0.0;
 };
 
 }  // namespace smartsurf::run

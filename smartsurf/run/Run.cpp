@@ -19,31 +19,31 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 using shm_protocol::Status;
 
-constexpr auto kFrameSlice = 8ms;       // how long a wait may keep the window from drawing
-constexpr auto kHeadlessSlice = 100ms;  // … and a headless run from looking after its child
+constexpr auto kWindowWait = 8ms;      // how long a wait may keep the window from drawing
+constexpr auto kHeadlessWait = 100ms;  // … and a headless run from looking after its child
 
-script::LoadOptions load_options(const RunOptions& options) {
-  script::LoadOptions load;
-  load.set = options.set;
-  load.seed = options.seed;
-  load.unsafe = options.unsafe;
-  load.solids = std::make_shared<mesh::SolidLibrary>();
+script::LoadOptions make_load_options(const RunOptions& options) {
+  script::LoadOptions load_options;
+  load_options.overrides = options.overrides;
+  load_options.seed = options.seed;
+  load_options.unsafe = options.unsafe;
+  load_options.solid_factory = std::make_shared<mesh::SolidLibrary>();
   // Where a script may write: beside the run's other output, else nowhere.
-  if (!options.recordings.empty()) {
-    const std::filesystem::path folder = std::filesystem::path(options.recordings.front()).parent_path();
-    load.output_folder = folder.empty() ? "." : folder;
+  if (!options.recording_files.empty()) {
+    const std::filesystem::path folder = std::filesystem::path(options.recording_files.front()).parent_path();
+    load_options.output_folder = folder.empty() ? "." : folder;
   }
-  return load;
+  return load_options;
 }
 
-std::string text_of(const std::string& file) {
+std::string read_file(const std::string& file) {
   std::ifstream in(file, std::ios::binary);
   std::ostringstream out;
   out << in.rdbuf();
   return out.str();
 }
 
-std::optional<std::uint64_t> last_tick(const RunOptions& options, const scene::WorldSpec& world) {
+std::optional<std::uint64_t> end_tick(const RunOptions& options, const scene::WorldSpec& world) {
   if (options.ticks) return options.ticks;
   if (!options.until_s) return std::nullopt;
   return static_cast<std::uint64_t>(std::ceil(*options.until_s / world.control_period_s - 1e-9));
@@ -55,140 +55,142 @@ std::string segment_name(const RunOptions& options) {
   return options.controller.empty() ? "surface" : fmt::format("run-{}", getpid());
 }
 
-std::unique_ptr<Display> display_for(const RunOptions& options, const scene::SceneSpec& scene,
-                                     std::unique_ptr<Display> before) {
-  if (!before) return std::make_unique<Display>(options, scene);
-  before->begin_anew(scene);
-  return before;
+std::unique_ptr<Display> reuse_or_open_display(const RunOptions& options, const scene::SceneSpec& scene,
+                                               std::unique_ptr<Display> previous) {
+  if (!previous) return std::make_unique<Display>(options, scene);
+  previous->restart(scene);
+  return previous;
 }
 
 }  // namespace
 
 script::Experiment Run::load(const RunOptions& options) {
-  return script::Experiment::load(options.experiment, load_options(options));
+  return script::Experiment::load(options.experiment, make_load_options(options));
 }
 
-Run::Run(const RunOptions& options, const std::atomic<bool>& stop, script::Experiment experiment,
+Run::Run(const RunOptions& options, const std::atomic<bool>& stop_requested, script::Experiment experiment,
          std::unique_ptr<Display> display)
     : options_(options),
-      stop_(stop),
+      stop_requested_(stop_requested),
       experiment_(std::move(experiment)),
       simulation_(experiment_, options.threads, options.no_controller),
-      display_(display_for(options, experiment_.scene(), std::move(display))),
-      pictures_(options.screenshots, options.video_file, options.look, experiment_.scene()),
-      progress_(options.world ? fmt::format("world {}", *options.world) : ""),
+      display_(reuse_or_open_display(options, experiment_.scene(), std::move(display))),
+      media_(options.screenshots, options.video_file, options.render, experiment_.scene()),
+      progress_(options.world_index ? fmt::format("world {}", *options.world_index) : ""),
       pacer_(options.pace),
-      purity_(experiment_.scene().surface),
-      last_tick_(last_tick(options, experiment_.scene().world)) {
+      purity_meter_(experiment_.scene().surface),
+      end_tick_(end_tick(options, experiment_.scene().world)) {
   if (!options.no_controller)
     link_ = std::make_unique<SurfaceLink>(segment_name(options), options.mode, experiment_.scene());
   open_recordings();
-  controls_.paused = options.paused && display_->has_window();
+  requests_.paused = options.paused && display_->has_window();
   if (link_ && !options.controller.empty())
-    child_ = std::make_unique<ControllerProcess>(options.controller, link_->name(), options.window,
-                                                 options.controller_set);
+    controller_process_ = std::make_unique<ControllerProcess>(options.controller, link_->name(),
+                                                              options.window, options.controller_overrides);
 }
 
 Run::~Run() = default;
 
 void Run::open_recordings() {
-  record::Meta meta;
+  record::RunMetadata meta;
   meta.command_line = options_.command_line;
   meta.mode = options_.mode == RunMode::kTimeStep ? "time-step" : "passive";
   meta.program_file = options_.controller;
-  if (options_.controller.ends_with(".aps")) meta.program_text = text_of(options_.controller);
+  if (options_.controller.ends_with(".aps")) meta.program_text = read_file(options_.controller);
   meta.driver = options_.no_controller ? "script" : "controller";
-  for (const auto& [name, value] : options_.set) meta.set.push_back({name, value});
+  for (const auto& [name, value] : options_.overrides) meta.overrides.push_back({name, value});
   meta.unsafe = options_.unsafe;
   meta.versions = {{"physics", world::physics_version()}};
-  for (const auto& file : options_.recordings)
+  for (const auto& file : options_.recording_files)
     recorders_.push_back(record::Recorder::open(file, meta, experiment_.scene()));
 }
 
 int Run::execute() {
   try {
-    begin();
-    while (!ending_ && hold_pace() && tick()) {
+    start();
+    while (!ending_ && wait_until_due() && tick()) {
     }
     experiment_.finish();
-  } catch (const scene::InputError& mistake) {
-    end(kUserError, mistake.what());
+  } catch (const scene::InputError& error) {
+    set_ending(kUserError, error.what());
     finish();
     throw;
   }
   finish();
-  linger();
+  keep_window_open();
   return ending_->exit_status;
 }
 
 // The state before the first tick is frame 0: what the controller answers first, and the recording's first
 // line.
-void Run::begin() {
-  started_ = Clock::now();
-  purity_.add(simulation_.snapshot(), simulation_.catalogue());
-  times_.start();
+void Run::start() {
+  start_time_ = Clock::now();
+  purity_meter_.add(simulation_.snapshot(), simulation_.catalogue());
+  phase_times_.start();
   if (link_) {
     link_->endpoint().set_state(shm_protocol::State::kRunning);
-    if (options_.mode == RunMode::kPassive && !child_)
-      progress_.say(fmt::format("running; a controller may attach with: {}", attach_command(link_->name())));
-    else if (!link_->endpoint().has_controller() && !replace_controller())
+    if (options_.mode == RunMode::kPassive && !controller_process_)
+      progress_.print_message(
+          fmt::format("running; a controller may attach with: {}", attach_command(link_->name())));
+    else if (!link_->endpoint().has_controller() && !wait_for_controller())
       return;
     if (!publish()) return;
   }
-  record();
-  times_ = {};
-  started_ = Clock::now();
+  record_tick();
+  phase_times_ = {};
+  start_time_ = Clock::now();
   progress_.restart();
 }
 
 // One tick is one list of phases.
 bool Run::tick() {
-  times_.start();
+  phase_times_.start();
   simulation_.run_script();
-  times_.lap(Phase::kActuate);
+  phase_times_.lap(Phase::kActuate);
   if (link_) {
-    if (!receive_actuators()) return false;
-    for (int channel = 0; channel < link_->actuator_channels(); ++channel)
-      simulation_.actuate(channel, link_->targets(channel));
-    times_.lap(Phase::kActuate);
+    if (!receive_targets()) return false;
+    for (int channel = 0; channel < link_->actuator_channel_count(); ++channel)
+      simulation_.set_actuator_targets(channel, link_->targets(channel));
+    phase_times_.lap(Phase::kActuate);
   }
-  obey_hand();
+  apply_user_interaction();
   if (!advance_physics()) return false;
-  simulation_.look();
-  times_.lap(Phase::kPhysics);
+  simulation_.finish_tick();
+  phase_times_.lap(Phase::kPhysics);
   simulation_.sense();
-  times_.lap(Phase::kSense);
+  phase_times_.lap(Phase::kSense);
   if (link_ && !publish()) return false;
-  record();
-  times_.end_tick();
-  obey_script();
+  record_tick();
+  phase_times_.end_tick();
+  apply_script_requests();
   return !ending_;
 }
 
 bool Run::advance_physics() {
   const int steps = simulation_.scene().world.steps_per_tick();
   for (int i = 0; i < steps; ++i) {
-    simulation_.plan_cells();
-    times_.lap(Phase::kActuate);
+    simulation_.plan_actuators();
+    phase_times_.lap(Phase::kActuate);
     simulation_.step_physics();
-    times_.lap(Phase::kPhysics);
-    simulation_.move_cells();
-    times_.lap(Phase::kActuate);
+    phase_times_.lap(Phase::kPhysics);
+    simulation_.commit_actuators();
+    phase_times_.lap(Phase::kActuate);
   }
-  if (const auto bad = simulation_.first_not_finite()) {
-    end(kFailed, fmt::format("failed at tick {}: object {} has a position or velocity that is not finite",
-                             simulation_.snapshot().tick + 1, *bad));
-    progress_.say(ending_->outcome);
+  if (const auto object = simulation_.first_non_finite()) {
+    set_ending(kFailed,
+               fmt::format("failed at tick {}: object {} has a position or velocity that is not finite",
+                           simulation_.snapshot().tick + 1, *object));
+    progress_.print_message(ending_->outcome);
     return false;
   }
   return true;
 }
 
-bool Run::receive_actuators() {
+bool Run::receive_targets() {
   while (true) {
-    const auto slice = display_->has_window() ? kFrameSlice : kHeadlessSlice;
-    const Status status = link_->receive(simulation_.snapshot().tick, slice, stop_);
-    times_.lap(Phase::kWait);
+    const auto timeout = display_->has_window() ? kWindowWait : kHeadlessWait;
+    const Status status = link_->receive(simulation_.snapshot().tick, timeout, stop_requested_);
+    phase_times_.lap(Phase::kWait);
     switch (status) {
       case Status::kOk:
         had_controller_ = true;
@@ -201,66 +203,67 @@ bool Run::receive_actuators() {
       case Status::kNoController:
       case Status::kControllerDead:
       case Status::kControllerClosed:
-        if (options_.mode == RunMode::kPassive) return fly_on_without_controller(status);
-        if (child_ended() || !replace_controller()) return false;
+        if (options_.mode == RunMode::kPassive) return continue_without_controller(status);
+        if (handle_controller_exit() || !wait_for_controller()) return false;
         break;
       default:
         break;  // interrupted: the stop flag is looked at below
     }
     refresh_display();
-    if (stop_) end(kDone, "stopped by the user");
-    if (controls_.quit) end(kDone, "stopped by the user");
+    if (stop_requested_) set_ending(kDone, "stopped by the user");
+    if (requests_.quit) set_ending(kDone, "stopped by the user");
     if (ending_) return false;
   }
 }
 
 // Passive: physics does not wait; the actuators keep their last targets.
-bool Run::fly_on_without_controller(Status status) {
+bool Run::continue_without_controller(Status status) {
   if (status != Status::kNoController)
-    progress_.say(fmt::format("{}; the actuators keep their last targets", text(status)));
-  return !child_ || !child_ended();
+    progress_.print_message(fmt::format("{}; the actuators keep their last targets", text(status)));
+  return !controller_process_ || !handle_controller_exit();
 }
 
 // Our own controller's end is the run's end: in good order, or as its exit status says.
-bool Run::child_ended() {
-  if (!child_) return false;
-  const auto status = child_->wait_for_exit(2000ms);
+bool Run::handle_controller_exit() {
+  if (!controller_process_) return false;
+  const auto status = controller_process_->wait_for_exit(2000ms);
   if (!status) {
-    end(kPeerLost, "the controller let go of the surface without ending");
+    set_ending(kPeerLost, "the controller let go of the surface without ending");
   } else if (*status == 0) {
-    end(kDone, "the controller's program ended");
+    set_ending(kDone, "the controller's program ended");
   } else if (*status > 128) {
-    end(kPeerLost, fmt::format("the controller was lost (signal {})", *status - 128));
+    set_ending(kPeerLost, fmt::format("the controller was lost (signal {})", *status - 128));
   } else {
-    end(*status == kUserError || *status == kPeerLost ? *status : kFailed,
-        fmt::format("the controller ended with exit status {}", *status));
+    set_ending(*status == kUserError || *status == kPeerLost ? *status : kFailed,
+               fmt::format("the controller ended with exit status {}", *status));
   }
-  if (ending_->exit_status != kDone) progress_.say(ending_->outcome);
+  if (ending_->exit_status != kDone) progress_.print_message(ending_->outcome);
   return true;
 }
 
 // Waits for a controller to attach: the first, or one that takes over from one that died or left.
-bool Run::replace_controller() {
+bool Run::wait_for_controller() {
   if (had_controller_) {
-    progress_.say("the controller is gone; the surface holds still");
+    progress_.print_message("the controller is gone; the surface holds still");
     announced_waiting_ = false;
     had_controller_ = false;
   }
-  if (!child_ && !announced_waiting_) {
-    progress_.say(
+  if (!controller_process_ && !announced_waiting_) {
+    progress_.print_message(
         fmt::format("waiting for a controller; attach one with: {}", attach_command(link_->name())));
     announced_waiting_ = true;
   }
   while (true) {
-    const auto slice = display_->has_window() ? kFrameSlice : kHeadlessSlice;
-    if (link_->endpoint().await_controller({slice, &stop_}) == Status::kOk) {
+    const auto timeout = display_->has_window() ? kWindowWait : kHeadlessWait;
+    if (link_->endpoint().await_controller({timeout, &stop_requested_}) == Status::kOk) {
       if (announced_waiting_)
-        progress_.say(fmt::format("controller attached (process {})", link_->endpoint().controller_pid()));
+        progress_.print_message(
+            fmt::format("controller attached (process {})", link_->endpoint().controller_pid()));
       return true;
     }
     refresh_display();
-    if (stop_ || controls_.quit) end(kDone, "stopped by the user");
-    if (child_ && child_->exit_status()) child_ended();
+    if (stop_requested_ || requests_.quit) set_ending(kDone, "stopped by the user");
+    if (controller_process_ && controller_process_->exit_status()) handle_controller_exit();
     if (ending_) return false;
   }
 }
@@ -268,87 +271,89 @@ bool Run::replace_controller() {
 bool Run::publish() {
   const scene::Snapshot& snapshot = simulation_.snapshot();
   const Status status = link_->publish(snapshot.tick, snapshot.time_s, simulation_.sensors());
-  times_.lap(Phase::kPublish);
+  phase_times_.lap(Phase::kPublish);
   if (status == Status::kOk) return true;
-  end(kFailed,
-      fmt::format("failed at tick {}: cannot publish the sensor frame: {}", snapshot.tick, text(status)));
-  progress_.say(ending_->outcome);
+  set_ending(kFailed, fmt::format("failed at tick {}: cannot publish the sensor frame: {}", snapshot.tick,
+                                  text(status)));
+  progress_.print_message(ending_->outcome);
   return false;
 }
 
-void Run::record() {
+void Run::record_tick() {
   const scene::Snapshot& snapshot = simulation_.snapshot();
-  const scene::RecordSpec& kept = simulation_.scene().record;
-  for (const auto& r : recorders_) {
-    r->inputs(simulation_.actuators());
-    r->frame(snapshot, simulation_.catalogue(),
-             kept.sensors ? simulation_.sensors() : std::span<const record::Channel>{},
-             kept.actuators ? simulation_.actuators() : std::span<const record::Channel>{});
+  const scene::RecordSpec& record_spec = simulation_.scene().record;
+  for (const auto& recorder : recorders_) {
+    recorder->record_inputs(simulation_.actuators());
+    recorder->record_frame(
+        snapshot, simulation_.catalogue(),
+        record_spec.sensors ? simulation_.sensors() : std::span<const record::ChannelData>{},
+        record_spec.actuators ? simulation_.actuators() : std::span<const record::ChannelData>{});
   }
-  times_.lap(Phase::kRecord);
-  purity_.add(snapshot, simulation_.catalogue());
-  display_->remember(simulation_);
-  pictures_.take(moment());
-  times_.lap(Phase::kRender);
-  if (last_tick_ && snapshot.tick >= *last_tick_) end(kDone, "done");
+  phase_times_.lap(Phase::kRecord);
+  purity_meter_.add(snapshot, simulation_.catalogue());
+  display_->record_snapshot(simulation_);
+  media_.write_due(frame_input());
+  phase_times_.lap(Phase::kRender);
+  if (end_tick_ && snapshot.tick >= *end_tick_) set_ending(kDone, "done");
 }
 
-view::Moment Run::moment() {
-  return {simulation_.snapshot(), simulation_.catalogue(), channels_.of(simulation_, simulation_.snapshot())};
+view::Moment Run::frame_input() {
+  return {simulation_.snapshot(), simulation_.catalogue(),
+          channels_.update(simulation_, simulation_.snapshot())};
 }
 
-std::optional<double> Run::last_time_s() const {
-  if (!last_tick_) return std::nullopt;
-  return static_cast<double>(*last_tick_) * simulation_.scene().world.control_period_s;
+std::optional<double> Run::end_time_s() const {
+  if (!end_tick_) return std::nullopt;
+  return static_cast<double>(*end_tick_) * simulation_.scene().world.control_period_s;
 }
 
-void Run::obey_script() {
+void Run::apply_script_requests() {
   const ScriptRequests requests = simulation_.take_requests();
   if (requests.pace_changed) pacer_.set_factor(requests.pace);
-  if (requests.pause && display_->has_window()) controls_.paused = true;
-  if (requests.stop || requests.quit) end(kDone, "stopped by the script");
-  lingers_ = requests.stop && !requests.quit;
+  if (requests.pause && display_->has_window()) requests_.paused = true;
+  if (requests.stop || requests.quit) set_ending(kDone, "stopped by the script");
+  keep_window_open_ = requests.stop && !requests.quit;
 }
 
-bool Run::hold_pace() {
-  const auto due = pacer_.due(simulation_.snapshot().time_s);
+bool Run::wait_until_due() {
+  const auto due = pacer_.due_time(simulation_.snapshot().time_s);
   while (true) {
     refresh_display();
-    if (!display_->has_window()) progress_.show(simulation_.snapshot().time_s, last_time_s());
-    if (stop_ || controls_.quit) end(kDone, "stopped by the user");
+    if (!display_->has_window()) progress_.update(simulation_.snapshot().time_s, end_time_s());
+    if (stop_requested_ || requests_.quit) set_ending(kDone, "stopped by the user");
     if (ending_) return false;
-    if (controls_.paused) {
+    if (requests_.paused) {
       pacer_.restart();
-      if (controls_.single_steps > 0) {
-        --controls_.single_steps;
+      if (requests_.single_steps > 0) {
+        --requests_.single_steps;
         return true;
       }
-      std::this_thread::sleep_for(kFrameSlice);
+      std::this_thread::sleep_for(kWindowWait);
       continue;
     }
     const auto now = Clock::now();
     if (now >= due) return true;
     // The last stretch is short, so that neither the window nor a signal waits for a slow pace.
-    std::this_thread::sleep_for(std::min<Clock::duration>(due - now, kFrameSlice));
+    std::this_thread::sleep_for(std::min<Clock::duration>(due - now, kWindowWait));
   }
 }
 
-void Run::end(int exit_status, std::string outcome) {
+void Run::set_ending(int exit_status, std::string outcome) {
   if (!ending_) ending_ = Ending{exit_status, std::move(outcome)};
 }
 
 void Run::finish() {
-  wall_s_ = std::chrono::duration<double>(Clock::now() - started_).count();
+  wall_s_ = std::chrono::duration<double>(Clock::now() - start_time_).count();
   progress_.finish(simulation_.snapshot().time_s);
   const scene::Snapshot& snapshot = simulation_.snapshot();
-  pictures_.take_last(moment());
-  for (const auto& r : recorders_)
-    r->close({ending_->outcome, snapshot.tick, snapshot.time_s, snapshot.state_hash});
+  media_.finish(frame_input());
+  for (const auto& recorder : recorders_)
+    recorder->close({ending_->outcome, snapshot.tick, snapshot.time_s, snapshot.state_hash});
   if (!options_.stats_file.empty()) write_stats();
   // The controller sees the surface close, and ends by itself; only then is it made to.
   link_.reset();
-  if (child_) child_->wait_for_exit(2000ms);
-  child_.reset();
+  if (controller_process_) controller_process_->wait_for_exit(2000ms);
+  controller_process_.reset();
 }
 
 RunSummary Run::summary() const {
@@ -363,14 +368,14 @@ RunSummary Run::summary() const {
   s.physics_steps = snapshot.tick * static_cast<std::uint64_t>(world.steps_per_tick());
   s.simulated_s = snapshot.time_s;
   s.wall_s = wall_s_;
-  s.objects = snapshot.objects();
-  s.contacts = snapshot.contacts;
+  s.objects = snapshot.object_count();
+  s.contacts = snapshot.contact_count;
   s.metrics = experiment_.metrics();
   s.state_hash = snapshot.state_hash;
-  if (std::isfinite(purity_.value())) s.purity = purity_.value();
-  s.sorted_at_s = purity_.sorted_at();
-  s.off_surface = simulation_.table().off();
-  s.left_table = simulation_.table().left_so_far();
+  if (std::isfinite(purity_meter_.value())) s.purity = purity_meter_.value();
+  s.sorted_at_s = purity_meter_.sorted_at();
+  s.off_surface = simulation_.departures().off_table_count();
+  s.left_table = simulation_.departures().total_departures();
   if (link_) {
     s.sensor_frames_skipped = link_->endpoint().controller_counters().skipped;
     s.actuator_frames_repeated = link_->endpoint().counters().repeated;
@@ -379,6 +384,6 @@ RunSummary Run::summary() const {
   return s;
 }
 
-void Run::write_stats() const { write_whole_file("--stats", options_.stats_file, stats_json()); }
+void Run::write_stats() const { replace_output_file("--stats", options_.stats_file, stats_json()); }
 
 }  // namespace smartsurf::run

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "smartsurf/record/Recorder.h"
-#include "smartsurf/run/RunOptions.h"
+#include "smartsurf/run/cli/RunOptions.h"
 #include "smartsurf/scene/SceneSpec.h"
 
 namespace smartsurf::run {
@@ -25,16 +25,16 @@ class SurfaceLink {
 
   // Writes the frames into shared memory and publishes them.
   [[nodiscard]] shm_protocol::Status publish(std::uint64_t tick, double time_s,
-                                             std::span<const record::Channel> sensors) noexcept;
+                                             std::span<const record::ChannelData> sensors) noexcept;
 
   // Time-step: waits for the answer to the frame published last. Passive: takes the newest there is.
-  [[nodiscard]] shm_protocol::Status receive(std::uint64_t tick, std::chrono::nanoseconds patience,
+  [[nodiscard]] shm_protocol::Status receive(std::uint64_t tick, std::chrono::nanoseconds timeout,
                                              const std::atomic<bool>& stop) noexcept;
 
-  int actuator_channels() const noexcept { return actuator_channels_; }
+  int actuator_channel_count() const noexcept { return actuator_channel_count_; }
   // Of the n-th actuator channel, rows × columns: the frame received last; the safe values before the first.
   std::span<const float> targets(int channel) const noexcept {
-    return endpoint_.actuator<float>(first_actuator_ + channel);
+    return endpoint_.actuator<float>(first_actuator_channel_ + channel);
   }
 
   shm_protocol::SurfaceEndpoint& endpoint() noexcept { return endpoint_; }
@@ -45,7 +45,7 @@ class SurfaceLink {
   RunMode mode_;
   shm_protocol::SurfaceEndpoint endpoint_;
   std::vector<float> occupancy_;  // empty where every cell is there
-  int first_actuator_, actuator_channels_;
+  int first_actuator_channel_, actuator_channel_count_;
 };
 
 }  // namespace smartsurf::run

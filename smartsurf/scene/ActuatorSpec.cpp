@@ -16,45 +16,47 @@ std::vector<ActuatorKind>& registry() {
 
 }  // namespace
 
-std::string Parameter::rule() const {
-  if (above_low && high >= 1e6) return "greater than " + text_of(low);
-  return std::string("in ") + (above_low ? "(" : "[") + text_of(low) + ", " + text_of(high) + "]";
+std::string Parameter::range_text() const {
+  if (exclusive_minimum && maximum >= 1e6) return "greater than " + format_number(minimum);
+  return std::string("in ") + (exclusive_minimum ? "(" : "[") + format_number(minimum) + ", " +
+         format_number(maximum) + "]";
 }
 
-bool Parameter::allows(double value) const {
-  return std::isfinite(value) && value >= low && value <= high && !(above_low && value == low);
+bool Parameter::accepts(double value) const {
+  return std::isfinite(value) && value >= minimum && value <= maximum &&
+         !(exclusive_minimum && value == minimum);
 }
 
-const Parameter* ActuatorKind::parameter(std::string_view wanted) const {
-  const auto it = std::ranges::find(parameters, wanted, &Parameter::name);
+const Parameter* ActuatorKind::find_parameter(std::string_view name_sought) const {
+  const auto it = std::ranges::find(parameters, name_sought, &Parameter::name);
   return it == parameters.end() ? nullptr : &*it;
 }
 
-ActuatorSpec ActuatorKind::standard() const {
+ActuatorSpec ActuatorKind::default_spec() const {
   ActuatorSpec spec{name, {}};
   for (const Parameter& p : parameters)
-    if (!p.standard.empty()) spec.values[p.name] = p.standard;
+    if (!p.default_value.empty()) spec.values[p.name] = p.default_value;
   return spec;
 }
 
-std::array<double, 2> ActuatorKind::heights_of(const ActuatorSpec& spec) const {
-  if (heights) return heights(spec);
+std::array<double, 2> ActuatorKind::height_limits_of(const ActuatorSpec& spec) const {
+  if (height_limits) return height_limits(spec);
   return {spec.number("height"), spec.number("height")};
 }
 
-std::string ActuatorKind::problem_with(const ActuatorSpec& spec) const {
+std::string ActuatorKind::validate(const ActuatorSpec& spec) const {
   for (const Parameter& p : parameters) {
     if (!spec.has(p.name) || p.type == Parameter::Type::kChoice) continue;
     const std::vector<double>& values = spec.numbers(p.name);
     for (std::size_t i = 0; i < values.size(); ++i)
-      if (!p.allows(values[i]))
+      if (!p.accepts(values[i]))
         return name + "." + p.name + (values.size() > 1 ? "[" + std::to_string(i + 1) + "]" : "") + " = " +
-               text_of(values[i]) + ": must be " + p.rule();
+               format_number(values[i]) + ": must be " + p.range_text();
     if (p.type == Parameter::Type::kRange && values[1] < values[0])
-      return name + "." + p.name + "[2] = " + text_of(values[1]) + ": must be not below " + name + "." +
-             p.name + "[1] = " + text_of(values[0]);
+      return name + "." + p.name + "[2] = " + format_number(values[1]) + ": must be not below " + name + "." +
+             p.name + "[1] = " + format_number(values[0]);
   }
-  return problem ? problem(spec) : "";
+  return check_constraints ? check_constraints(spec) : "";
 }
 
 std::span<const ActuatorKind> actuator_kinds() { return registry(); }

@@ -14,7 +14,7 @@ struct ObjectState {
 };
 
 // What a placement changes; an absent value stays as it is.
-struct Placement {
+struct ObjectStateUpdate {
   std::optional<Eigen::Vector3d> position;
   std::optional<Eigen::Quaterniond> orientation;
   std::optional<Eigen::Vector3d> velocity;

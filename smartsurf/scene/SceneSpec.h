@@ -30,7 +30,7 @@ class InputError : public std::runtime_error {
 std::string nearest_name(const std::string& word, const std::vector<std::string>& known);
 
 // A number as messages show it: short, in the C locale.
-std::string text_of(double);
+std::string format_number(double);
 
 struct Colour {
   float r = 0.93f, g = 0.62f, b = 0.22f;  // [0, 1], as a screen shows them (sRGB); amber, seen on any surface
@@ -46,7 +46,7 @@ struct Material {
   double density = 1.0;            // mass per u³, > 0
 };
 
-enum class OffTable { kKeep, kRemove };
+enum class OffTablePolicy { kKeep, kRemove };
 
 struct WorldSpec {
   Eigen::Vector3d gravity{0.0, 0.0, -9.81};  // u/s²
@@ -54,8 +54,8 @@ struct WorldSpec {
   int iterations = 10;                       // of the constraint solver, per step
   double control_period_s = 1.0 / 60.0;      // an integer number of physics steps
   std::uint64_t seed = 1;
-  bool ground = true;                    // an endless floor under the table, that catches what falls off
-  OffTable off_table = OffTable::kKeep;  // what becomes of objects that leave the table
+  bool ground = true;  // an endless floor under the table, that catches what falls off
+  OffTablePolicy off_table = OffTablePolicy::kKeep;  // what becomes of objects that leave the table
 
   // Physics steps in one control period (≥ 1).
   int steps_per_tick() const;
@@ -64,7 +64,7 @@ struct WorldSpec {
 // Capsules, cylinders and cones stand along their own z axis, a cone with its tip up. kSolid: a convex hull,
 // or a mesh in convex pieces.
 enum class ShapeKind { kSphere, kBox, kCylinder, kCapsule, kCone, kSolid };
-inline constexpr int kShapeKinds = 6;
+inline constexpr int kShapeKindCount = 6;
 
 struct ObjectSpec {
   ShapeKind shape = ShapeKind::kSphere;
@@ -82,8 +82,8 @@ struct ObjectSpec {
   Colour colour;
   std::string label;
   // What magnets act on, in the object's own frame. Units: those of a magnet's `strength`; 0: not magnetic.
-  double pole = 0.0;                      // a single pole at the centre of mass
-  Eigen::Vector3d moment{0.0, 0.0, 0.0};  // a dipole there
+  double magnetic_pole = 0.0;                      // a single pole at the centre of mass
+  Eigen::Vector3d magnetic_moment{0.0, 0.0, 0.0};  // a dipole there
 
   double volume() const;
   // Half extents of the box about the centre of mass, in the object's own frame, that encloses the shape.
@@ -100,7 +100,7 @@ struct PinSpec {
 };
 
 // Where a cell of a free layout stands.
-struct CellPlace {
+struct CellPose {
   double x = 0.0, y = 0.0;  // centre of its top, u
   double angle = 0.0;       // its turn about z, rad
 };
@@ -110,10 +110,10 @@ inline constexpr std::int8_t kEmptyCell = -1;
 // What is wrong with some actuators. Fractions are of all cells; who is hit is drawn with the world's seed,
 // each cell at most once.
 struct ActuatorFaultSpec {
-  double stuck = 0.0;                           // fraction of cells whose channels hold a random value
-  double dead = 0.0;                            // … hold their safe value
+  double stuck_fraction = 0.0;                  // fraction of cells whose channels hold a random value
+  double dead_fraction = 0.0;                   // … hold their safe value
   double weak_fraction = 0.0, weak_gain = 1.0;  // … move only so much of the way from it
-  int latency = 0;                              // control periods by which every command is late
+  int latency_ticks = 0;                        // control periods by which every command is late
 };
 
 // Faults of single cells, as a table that a user measured: surface/FaultMap.h reads it.
@@ -124,8 +124,8 @@ struct FaultMapFile {
 
 struct FaultSpec {
   ActuatorFaultSpec actuator;
-  ParameterValues sensor;  // imperfections() of all sensors that say nothing else themselves
-  std::optional<FaultMapFile> map;
+  ParameterValues sensor_errors;  // imperfections() of all sensors that say nothing else themselves
+  std::optional<FaultMapFile> fault_map;
 };
 
 struct SurfaceSpec {
@@ -135,19 +135,19 @@ struct SurfaceSpec {
   std::vector<ActuatorSpec> actuators;  // empty: one, a pin as `pin` says
   // rows × columns, row-major, row 0 north; each may be empty.
   std::vector<std::int8_t> actuator_of_cell;  // index of `actuators`, or kEmptyCell; empty: 0 everywhere
-  std::vector<CellPlace> places;              // empty: a rectangular grid
-  std::vector<float> base;             // added to the height of each cell's top, u; empty: 0 everywhere
+  std::vector<CellPose> cell_poses;           // empty: a rectangular grid
+  std::vector<float> base_heights;     // added to the height of each cell's top, u; empty: 0 everywhere
   Eigen::Vector2d tilt_rad{0.0, 0.0};  // of the whole table about x, then y; gravity is turned by it
   std::vector<SensorSpec> sensors;
   std::optional<double> border_height;  // the outermost ring of cells is held at this height
   int material = 0;
   FaultSpec faults;
 
-  int cells() const { return rows * columns; }
+  int cell_count() const { return rows * columns; }
   // Names of the sensor channels, in the order of the sensors.
   std::vector<std::string> sensor_channels() const;
   // The actuators there are: at least one.
-  std::vector<ActuatorSpec> mechanisms() const;
+  std::vector<ActuatorSpec> effective_actuators() const;
   // Their channels. Actuators with a channel of one name share it; its range is then the widest of theirs.
   std::vector<ActuatorChannel> actuator_channels() const;
   int index(int row, int column) const { return row * columns + column; }
@@ -159,22 +159,22 @@ struct SurfaceSpec {
            actuator_of_cell[static_cast<std::size_t>(index(row, column))] == kEmptyCell;
   }
   Eigen::Vector2d centre(int row, int column) const {
-    if (places.empty()) return {column * pitch, (rows - 1 - row) * pitch};
-    const CellPlace& place = places[static_cast<std::size_t>(index(row, column))];
-    return {place.x, place.y};
+    if (cell_poses.empty()) return {column * pitch, (rows - 1 - row) * pitch};
+    const CellPose& pose = cell_poses[static_cast<std::size_t>(index(row, column))];
+    return {pose.x, pose.y};
   }
 };
 
 // Sets `pin` to what the surface's actuators have in common: the body, and the heights that their tops can
 // have. Does nothing where `actuators` is empty but for the base.
-void fit_body(SurfaceSpec&);
+void derive_pin_spec(SurfaceSpec&);
 
 // A pin with the limits and the body of `pin`.
-ActuatorSpec pin_actuator(const PinSpec& pin);
+ActuatorSpec make_pin_actuator(const PinSpec& pin);
 
 struct RecordSpec {
   bool objects = true, sensors = false, actuators = false;
-  int every = 1;  // control periods between two recorded frames
+  int tick_interval = 1;  // control periods between two recorded frames
 };
 
 // One name that the script made an option: listed by --help, changed by --set name=value.
@@ -185,8 +185,8 @@ struct OptionSpec {
 };
 
 struct SceneSpec {
-  std::string file;  // the experiment's path, as the user gave it
-  std::string text;  // its source, for the recording
+  std::string file;    // the experiment's path, as the user gave it
+  std::string source;  // its source, for the recording
   WorldSpec world;
   std::vector<Material> materials{Material{}};  // [0] is "default"
   SurfaceSpec surface;
@@ -197,9 +197,9 @@ struct SceneSpec {
 
 // Checks ranges and cross-field rules that do not need a line number. Returns "" or one clause that names the
 // field, its value and what would be right: "world.dt = 0: must be greater than 0".
-std::string problem_with(const WorldSpec&);
-std::string problem_with(const Material&);
-std::string problem_with(const SurfaceSpec&);
-std::string problem_with(const ObjectSpec&);
+std::string validate(const WorldSpec&);
+std::string validate(const Material&);
+std::string validate(const SurfaceSpec&);
+std::string validate(const ObjectSpec&);
 
 }  // namespace smartsurf::scene

@@ -16,95 +16,100 @@ std::vector<SensorKind>& registry() {
   return kinds;
 }
 
-Parameter share(std::string name, std::string meaning) {
-  return {.name = std::move(name), .meaning = std::move(meaning), .high = 1.0};
+Parameter fraction_parameter(std::string name, std::string description) {
+  return {.name = std::move(name), .description = std::move(description), .maximum = 1.0};
 }
 
 // Each value within its parameter's limits: "" or one clause.
-std::string problem_with_values(const std::string& what, std::span<const Parameter> parameters,
-                                const ParameterValues& values) {
+std::string validate_values(const std::string& subject, std::span<const Parameter> parameters,
+                            const ParameterValues& values) {
   for (const Parameter& p : parameters) {
     const auto found = values.find(p.name);
     if (found == values.end()) continue;
     for (std::size_t i = 0; i < found->second.size(); ++i)
-      if (!p.allows(found->second[i]))
-        return what + "." + p.name + (found->second.size() > 1 ? "[" + std::to_string(i + 1) + "]" : "") +
-               " = " + text_of(found->second[i]) + ": must be " + p.rule();
+      if (!p.accepts(found->second[i]))
+        return subject + "." + p.name + (found->second.size() > 1 ? "[" + std::to_string(i + 1) + "]" : "") +
+               " = " + format_number(found->second[i]) + ": must be " + p.range_text();
   }
   return "";
 }
 
 }  // namespace
 
-const Parameter* SensorKind::parameter(std::string_view wanted) const {
-  const auto own = std::ranges::find(parameters, wanted, &Parameter::name);
+const Parameter* SensorKind::find_parameter(std::string_view name_sought) const {
+  const auto own = std::ranges::find(parameters, name_sought, &Parameter::name);
   if (own != parameters.end()) return &*own;
-  const auto common = std::ranges::find(imperfections(), wanted, &Parameter::name);
-  return common == imperfections().end() ? nullptr : &*common;
+  const auto shared = std::ranges::find(sensor_error_parameters(), name_sought, &Parameter::name);
+  return shared == sensor_error_parameters().end() ? nullptr : &*shared;
 }
 
-SensorSpec SensorKind::standard() const {
+SensorSpec SensorKind::default_spec() const {
   SensorSpec spec{name, name, {}, {}};
   for (const Parameter& p : parameters)
-    if (!p.standard.empty()) spec.values[p.name] = p.standard;
+    if (!p.default_value.empty()) spec.values[p.name] = p.default_value;
   return spec;
 }
 
-std::string SensorKind::problem_with(const SensorSpec& spec) const {
-  if (std::string p = problem_with_values(name, parameters, spec.values); !p.empty()) return p;
-  if (std::string p = problem_with_imperfections(name, spec.values); !p.empty()) return p;
-  const std::string between = problem ? problem(spec) : "";
-  return between.empty() ? "" : name + "." + between;
+std::string SensorKind::validate(const SensorSpec& spec) const {
+  if (std::string p = validate_values(name, parameters, spec.values); !p.empty()) return p;
+  if (std::string p = validate_sensor_errors(name, spec.values); !p.empty()) return p;
+  const std::string constraint_error = check_constraints ? check_constraints(spec) : "";
+  return constraint_error.empty() ? "" : name + "." + constraint_error;
 }
 
-std::span<const Parameter> imperfections() {
+std::span<const Parameter> sensor_error_parameters() {
   static const std::vector<Parameter> all{
       {.name = "noise",
-       .meaning = "standard deviation of each reading's Gaussian noise, in the channel's unit"},
-      {.name = "quantize", .meaning = "step of the readings, in the channel's unit"},
+       .description = "standard deviation of each reading's Gaussian noise, in the channel's unit"},
+      {.name = "quantize", .description = "step of the readings, in the channel's unit"},
       {.name = "latency",
-       .meaning = "control periods by which a reading is late",
+       .description = "control periods by which a reading is late",
        .type = Type::kCount,
-       .high = 100.0},
-      share("dropout", "probability that a reading is lost and reads as nothing"),
+       .maximum = 100.0},
+      fraction_parameter("dropout", "probability that a reading is lost and reads as nothing"),
       {.name = "drift",
-       .meaning = "standard deviation of each cell's random walk after one second, in the channel's unit"},
-      share("stuck_low", "share of the cells that always read the least value"),
-      share("stuck_high", "share of the cells that always read the greatest"),
-      share("dead", "share of the cells that never sense anything")};
+       .description =
+           "standard deviation of each cell's random walk after one second, in the channel's unit"},
+      fraction_parameter("stuck_low", "share of the cells that always read the least value"),
+      fraction_parameter("stuck_high", "share of the cells that always read the greatest"),
+      fraction_parameter("dead", "share of the cells that never sense anything")};
   return all;
 }
 
-std::string problem_with_imperfections(const std::string& what, const ParameterValues& values) {
-  if (std::string p = problem_with_values(what, imperfections(), values); !p.empty()) return p;
-  double hit = 0.0;
-  for (const char* const part : {"stuck_low", "stuck_high", "dead"})
-    if (const auto found = values.find(part); found != values.end()) hit += found->second.front();
-  return hit <= 1.0
-             ? ""
-             : what + ": stuck_low, stuck_high and dead are " + text_of(hit) + " together: must be at most 1";
+std::string validate_sensor_errors(const std::string& subject, const ParameterValues& values) {
+  if (std::string p = validate_values(subject, sensor_error_parameters(), values); !p.empty()) return p;
+  double faulty_fraction = 0.0;
+  for (const char* const fault : {"stuck_low", "stuck_high", "dead"})
+    if (const auto found = values.find(fault); found != values.end())
+      faulty_fraction += found->second.front();
+  return faulty_fraction <= 1.0 ? ""
+                                : subject + ": stuck_low, stuck_high and dead are " +
+                                      format_number(faulty_fraction) + " together: must be at most 1";
 }
 
-std::vector<Parameter> segment_parameters(double range) {
-  return {{.name = "range", .meaning = "length of the segment, u", .standard = {range}, .above_low = true},
+std::vector<Parameter> ray_parameters(double range) {
+  return {{.name = "range",
+           .description = "length of the segment, u",
+           .default_value = {range},
+           .exclusive_minimum = true},
           {.name = "direction",
-           .meaning = "of the segment, any length but 0; turned with its cell",
+           .description = "of the segment, any length but 0; turned with its cell",
            .type = Type::kVector,
-           .standard = {0.0, 0.0, 1.0},
-           .low = -1e6},
+           .default_value = {0.0, 0.0, 1.0},
+           .minimum = -1e6},
           {.name = "origin",
-           .meaning = "of the segment, from the centre of the cell's top, u; turned with its cell",
+           .description = "of the segment, from the centre of the cell's top, u; turned with its cell",
            .type = Type::kVector,
-           .standard = {0.0, 0.0, 0.0},
-           .low = -1e6},
+           .default_value = {0.0, 0.0, 0.0},
+           .minimum = -1e6},
           {.name = "pins",
-           .meaning = "whether pins are in the way as well",
+           .description = "whether pins are in the way as well",
            .type = Type::kFlag,
-           .standard = {1.0},
-           .high = 1.0}};
+           .default_value = {1.0},
+           .maximum = 1.0}};
 }
 
-std::string problem_with_segment(const SensorSpec& spec) {
+std::string validate_segment(const SensorSpec& spec) {
   return spec.vector("direction").norm() >= 1e-6 ? "" : "direction: must not be of length 0";
 }
 
@@ -123,7 +128,7 @@ void add_sensor_kind(SensorKind kind) {
     *it = std::move(kind);
 }
 
-std::vector<SensorChannel> channels_of(std::span<const SensorSpec> sensors) {
+std::vector<SensorChannel> collect_channels(std::span<const SensorSpec> sensors) {
   std::vector<SensorChannel> all;
   for (const SensorSpec& sensor : sensors)
     for (SensorChannel& channel : find_sensor_kind(sensor.model)->channels(sensor))

@@ -17,16 +17,16 @@ namespace smartsurf::scene {
 
 // One array of readings, `components` numbers for each cell.
 struct SensorChannel {
-  enum class Type { kReal, kCount };  // f32 and u32 on the protocol
+  enum class Type { kFloat32, kUint32 };  // f32 and u32 on the protocol
 
   std::string name;  // at most 31 letters, digits and _; that of the sensor, and a word of its own after it
   std::string unit = {};                // "" is dimensionless
   double minimum = 0.0, maximum = 1.0;  // finite; no reading lies outside
-  double none = 0.0;                    // what a cell reads that senses nothing
+  double no_detection = 0.0;            // what a cell reads that senses nothing
   int components = 1;                   // 1 … 64
-  Type type = Type::kReal;
+  Type type = Type::kFloat32;
   // A class or a mask, not a quantity: without noise, drift, calibration and steps.
-  bool exact = false;
+  bool is_exact = false;
 };
 
 // A table of single cells that a user measured (docs/sensors.md).
@@ -61,25 +61,25 @@ struct SensorKind {
   std::function<std::vector<SensorChannel>(const SensorSpec&)> channels = {};
   // The channel that says, by not being 0, which cells sense anything at all: there is nothing to disturb
   // elsewhere. -1: every cell always measures.
-  int mask = -1;
+  int mask_channel = -1;
   // Rules between parameters: "" or one clause, "direction: must not be …". May be absent.
-  std::function<std::string(const SensorSpec&)> problem = {};
+  std::function<std::string(const SensorSpec&)> check_constraints = {};
 
-  const Parameter* parameter(std::string_view) const;  // null: none of that name, nor an imperfection
-  SensorSpec standard() const;                         // every parameter at its standard value
+  const Parameter* find_parameter(std::string_view) const;  // null: none of that name, nor an imperfection
+  SensorSpec default_spec() const;                          // every parameter at its standard value
   // "" or one clause that begins with the sensor's model: "proximity.range = 0: must be …".
-  std::string problem_with(const SensorSpec&) const;
+  std::string validate(const SensorSpec&) const;
 };
 
 // What keeps a reading from the truth; every sensor takes these beside its own parameters.
-std::span<const Parameter> imperfections();
+std::span<const Parameter> sensor_error_parameters();
 // "" or one clause that begins with `what`.
-std::string problem_with_imperfections(const std::string& what, const ParameterValues&);
+std::string validate_sensor_errors(const std::string& subject, const ParameterValues&);
 
 // `range`, `direction`, `origin` and `pins`, of models that look along one segment a cell.
-std::vector<Parameter> segment_parameters(double range);
+std::vector<Parameter> ray_parameters(double range);
 // The rules that these have among themselves.
-std::string problem_with_segment(const SensorSpec&);
+std::string validate_segment(const SensorSpec&);
 
 // All kinds, the built-in ones first. Not thread-safe against add_sensor_kind().
 std::span<const SensorKind> sensor_kinds();
@@ -88,6 +88,6 @@ const SensorKind* find_sensor_kind(std::string_view name);
 void add_sensor_kind(SensorKind);
 
 // The channels of all these sensors, in their order.
-std::vector<SensorChannel> channels_of(std::span<const SensorSpec>);
+std::vector<SensorChannel> collect_channels(std::span<const SensorSpec>);
 
 }  // namespace smartsurf::scene

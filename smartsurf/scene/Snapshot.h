@@ -18,7 +18,7 @@ using ObjectId = std::uint32_t;  // counts from 0 in the order of creation; neve
 //   magnet       level: current, of the greatest, in [−1, 1]
 //   force_field  a, b, level: force along x, y, z, of the greatest, in [−1, 1]
 //   air_jet      level: flow, of the greatest; a: direction, rad
-struct CellMotion {
+struct ActuatorState {
   float a = 0.0F, b = 0.0F, level = 0.0F;
 };
 
@@ -35,12 +35,12 @@ struct Snapshot {
 
   // Rows × columns, row-major, row 0 north: z of each cell's top, u; -inf: no cell.
   std::vector<float> height;
-  std::vector<CellMotion> motion;  // the same; empty where every cell is a pin
+  std::vector<ActuatorState> actuator_state;  // the same; empty where every cell is a pin
 
-  std::uint32_t contacts = 0;    // contact points in the last physics step
-  std::uint64_t state_hash = 0;  // of every body's pose and velocities and every pin's height and speed
+  std::uint32_t contact_count = 0;  // contact points in the last physics step
+  std::uint64_t state_hash = 0;     // of every body's pose and velocities and every pin's height and speed
 
-  std::size_t objects() const { return id.size(); }
+  std::size_t object_count() const { return id.size(); }
 };
 
 }  // namespace smartsurf::scene

@@ -9,75 +9,75 @@ namespace {
 
 // Directions closer than this (the sine of the angle between them) are parallel: single precision tells no
 // less.
-constexpr float kParallel = 1e-4F;
+constexpr float kParallelTolerance = 1e-4F;
 
-void add_direction(std::vector<Eigen::Vector3f>& directions, const Eigen::Vector3f& d) {
+void add_unique_direction(std::vector<Eigen::Vector3f>& directions, const Eigen::Vector3f& d) {
   for (const Eigen::Vector3f& known : directions)
-    if (known.cross(d).squaredNorm() < kParallel * kParallel) return;
+    if (known.cross(d).squaredNorm() < kParallelTolerance * kParallelTolerance) return;
   directions.push_back(d);
 }
 
 // Newell's sum: twice the area vector of a polygon, also of one that is only nearly flat.
-Eigen::Vector3d area_vector(const ConvexPiece& piece, std::uint32_t first, std::uint32_t count) {
-  const auto corner = [&](std::uint32_t i) {
-    return piece.corners[piece.face_corners[first + i % count]].cast<double>().eval();
+Eigen::Vector3d area_vector(const ConvexHull& hull, std::uint32_t first, std::uint32_t count) {
+  const auto vertex = [&](std::uint32_t i) {
+    return hull.vertices[hull.face_vertices[first + i % count]].cast<double>().eval();
   };
-  const Eigen::Vector3d origin = corner(0);
+  const Eigen::Vector3d origin = vertex(0);
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  for (std::uint32_t i = 1; i + 1 < count; ++i) sum += (corner(i) - origin).cross(corner(i + 1) - origin);
+  for (std::uint32_t i = 1; i + 1 < count; ++i) sum += (vertex(i) - origin).cross(vertex(i + 1) - origin);
   return sum;
 }
 
 // The plane touches the face's outermost corner, so that the piece holds all its corners.
-ConvexPiece::Face make_face(const ConvexPiece& piece, std::uint32_t first, std::uint32_t count) {
-  ConvexPiece::Face face{area_vector(piece, first, count).normalized().cast<float>(), 0.0F, first, count};
-  face.offset = face.normal.dot(piece.corners[piece.face_corners[first]]);
+ConvexHull::Face make_face(const ConvexHull& hull, std::uint32_t first, std::uint32_t count) {
+  ConvexHull::Face face{area_vector(hull, first, count).normalized().cast<float>(), 0.0F, first, count};
+  face.offset = face.normal.dot(hull.vertices[hull.face_vertices[first]]);
   for (std::uint32_t i = 1; i < count; ++i)
-    face.offset = std::max(face.offset, face.normal.dot(piece.corners[piece.face_corners[first + i]]));
+    face.offset = std::max(face.offset, face.normal.dot(hull.vertices[hull.face_vertices[first + i]]));
   return face;
 }
 
 // Each edge is met twice, once from either side; the way from the lower to the higher index counts.
-void add_edges(ConvexPiece& piece, const ConvexPiece::Face& face) {
-  for (std::uint32_t i = 0; i < face.count; ++i) {
-    const std::uint16_t a = piece.face_corners[face.first + i];
-    const std::uint16_t b = piece.face_corners[face.first + (i + 1) % face.count];
+void add_edges(ConvexHull& hull, const ConvexHull::Face& face) {
+  for (std::uint32_t i = 0; i < face.vertex_count; ++i) {
+    const std::uint16_t a = hull.face_vertices[face.first_vertex + i];
+    const std::uint16_t b = hull.face_vertices[face.first_vertex + (i + 1) % face.vertex_count];
     if (a > b) continue;
-    piece.edges.push_back({a, b});
-    add_direction(piece.edge_directions, (piece.corners[b] - piece.corners[a]).normalized());
+    hull.edges.push_back({a, b});
+    add_unique_direction(hull.unique_edge_directions, (hull.vertices[b] - hull.vertices[a]).normalized());
   }
 }
 
 }  // namespace
 
-ConvexPiece make_piece(std::vector<Eigen::Vector3f> corners, std::vector<std::uint16_t> loops,
-                       std::span<const std::uint32_t> sizes) {
-  assert(corners.size() >= 4 && sizes.size() >= 4);
-  ConvexPiece piece;
-  piece.corners = std::move(corners);
-  piece.face_corners = std::move(loops);
+ConvexHull make_convex_hull(std::vector<Eigen::Vector3f> vertices, std::vector<std::uint16_t> face_loops,
+                            std::span<const std::uint32_t> face_sizes) {
+  assert(vertices.size() >= 4 && face_sizes.size() >= 4);
+  ConvexHull hull;
+  hull.vertices = std::move(vertices);
+  hull.face_vertices = std::move(face_loops);
   std::uint32_t first = 0;
-  for (const std::uint32_t count : sizes) {
-    piece.faces.push_back(make_face(piece, first, count));
-    add_direction(piece.face_normals, piece.faces.back().normal);
-    add_edges(piece, piece.faces.back());
+  for (const std::uint32_t count : face_sizes) {
+    hull.faces.push_back(make_face(hull, first, count));
+    add_unique_direction(hull.unique_normals, hull.faces.back().normal);
+    add_edges(hull, hull.faces.back());
     first += count;
   }
-  assert(first == piece.face_corners.size());
-  piece.low = piece.high = piece.corners.front();
-  for (const Eigen::Vector3f& corner : piece.corners) {
-    piece.low = piece.low.cwiseMin(corner);
-    piece.high = piece.high.cwiseMax(corner);
+  assert(first == hull.face_vertices.size());
+  hull.bounds_min = hull.bounds_max = hull.vertices.front();
+  for (const Eigen::Vector3f& vertex : hull.vertices) {
+    hull.bounds_min = hull.bounds_min.cwiseMin(vertex);
+    hull.bounds_max = hull.bounds_max.cwiseMax(vertex);
   }
-  return piece;
+  return hull;
 }
 
-void set_bounds(Solid& solid) {
-  solid.low = solid.high = solid.vertices.front();
+void compute_bounds(Solid& solid) {
+  solid.bounds_min = solid.bounds_max = solid.vertices.front();
   for (const auto& v : solid.vertices) {
-    solid.low = solid.low.cwiseMin(v);
-    solid.high = solid.high.cwiseMax(v);
-    solid.reach = std::max(solid.reach, v.norm());
+    solid.bounds_min = solid.bounds_min.cwiseMin(v);
+    solid.bounds_max = solid.bounds_max.cwiseMax(v);
+    solid.bounding_radius = std::max(solid.bounding_radius, v.norm());
   }
 }
 

@@ -5,68 +5,69 @@
 #include <filesystem>
 #include <system_error>
 
-#include "smartsurf/script/Fields.h"
-#include "smartsurf/script/Files.h"
-#include "smartsurf/script/Interpreter.h"
-#include "smartsurf/script/Session.h"
+#include "smartsurf/script/ScriptContext.h"
+#include "smartsurf/script/lua/Interpreter.h"
+#include "smartsurf/script/lua/SandboxFiles.h"
+#include "smartsurf/script/lua/TableReader.h"
 
 namespace smartsurf::script {
 namespace {
 
 // An event counts as due this fraction of a control period early, so that rounding in the clock delays none.
-constexpr double kEarly = 1e-3;
+constexpr double kDueTolerance = 1e-3;
 
-int bind_all(Session& session, lua_State* L) {
-  bind_library(L, session);
-  if (!session.options.unsafe) {
-    bind_files(L);
-    bind_denied(L);
+int register_bindings(ScriptContext& context, lua_State* L) {
+  bind_standard_library(L, context);
+  if (!context.options.unsafe) {
+    bind_file_access(L);
+    bind_denied_libraries(L);
   }
-  bind_pairs(L);
+  bind_ordered_pairs(L);
   bind_declarations(L);
   bind_actuators(L);
   bind_sensors(L);
   bind_options(L);
   bind_objects(L);
   bind_events(L);
-  bind_handles(L);
+  bind_object_handles(L);
   bind_cells(L);
   guard_globals(L);
   return 0;
 }
 
-int run_script(Session& session, lua_State* L) {
-  session.interpreter->compile(L, session.spec.text, session.spec.file);
+int run_script(ScriptContext& context, lua_State* L) {
+  context.interpreter->compile(L, context.spec.source, context.spec.file);
   lua_call(L, 0, 1);
-  if (!lua_isnil(L, -1)) session.returned = luaL_typename(L, -1);
+  if (!lua_isnil(L, -1)) context.returned_type = luaL_typename(L, -1);
   return 0;
 }
 
 // The table's axes stay x, y and z: what turns is gravity, the other way.
-Eigen::Vector3d turned(const Eigen::Vector3d& gravity, const Eigen::Vector2d& tilt_rad) {
+Eigen::Vector3d rotate_gravity(const Eigen::Vector3d& gravity, const Eigen::Vector2d& tilt_rad) {
   if (tilt_rad.isZero(0.0)) return gravity;
-  const Eigen::Quaterniond table = Eigen::AngleAxisd(tilt_rad.y(), Eigen::Vector3d::UnitY()) *
-                                   Eigen::AngleAxisd(tilt_rad.x(), Eigen::Vector3d::UnitX());
-  return table.conjugate() * gravity;
+  const Eigen::Quaterniond tilt = Eigen::AngleAxisd(tilt_rad.y(), Eigen::Vector3d::UnitY()) *
+                                  Eigen::AngleAxisd(tilt_rad.x(), Eigen::Vector3d::UnitX());
+  return tilt.conjugate() * gravity;
 }
 
-void check_whole(const Session& session) {
-  const std::string& file = session.spec.file;
-  std::vector<std::string> names, shown;
-  for (const scene::OptionSpec& option : session.spec.options) {
+void validate_declarations(const ScriptContext& context) {
+  const std::string& file = context.spec.file;
+  std::vector<std::string> names, assignments;
+  for (const scene::OptionSpec& option : context.spec.options) {
     names.push_back(option.name);
-    shown.push_back(option.name + "=" + one_line(option.value));
+    assignments.push_back(option.name + "=" + to_single_line(option.value));
   }
-  for (const auto& [name, value] : session.options.set) {
+  for (const auto& [name, value] : context.options.overrides) {
     if (std::find(names.begin(), names.end(), name) != names.end()) continue;
-    throw scene::InputError(file + ": --set " + one_line(name + "=" + value) +
-                            ": the script has no option '" + one_line(name) + "'" + suggestion(name, names) +
-                            "; options: " + (shown.empty() ? "none" : list_of(shown)));
+    throw scene::InputError(file + ": --set " + to_single_line(name + "=" + value) +
+                            ": the script has no option '" + to_single_line(name) + "'" +
+                            did_you_mean(name, names) +
+                            "; options: " + (assignments.empty() ? "none" : join_names(assignments)));
   }
-  if (!session.declared_at.contains("surface") && !session.returned.empty())
-    throw scene::InputError(file + ": no surface is declared, and it gives back a " + session.returned +
+  if (!context.declared_at.contains("surface") && !context.returned_type.empty())
+    throw scene::InputError(file + ": no surface is declared, and it gives back a " + context.returned_type +
                             ": it looks like a file that experiments require; check one of those");
-  if (!session.declared_at.contains("surface"))
+  if (!context.declared_at.contains("surface"))
     throw scene::InputError(file +
                             ": no surface is declared; an experiment needs one, surface{rows = 64, columns = "
                             "64, sensors = {proximity{}}}");
@@ -74,138 +75,141 @@ void check_whole(const Session& session) {
 
 }  // namespace
 
-struct Experiment::Parts {
-  explicit Parts(LoadOptions options)
-      : session(std::move(options)), interpreter(session, session.options.memory_bytes) {
+struct Experiment::Impl {
+  explicit Impl(LoadOptions options)
+      : session(std::move(options)), interpreter(session, session.options.memory_limit) {
     session.interpreter = &interpreter;
   }
   // Closing Lua may run code of an unsafe script: the host may be gone by then.
-  ~Parts() { session.phase = Phase::kLoading; }
+  ~Impl() { session.phase = Phase::kLoading; }
 
   void load() {
     lua_State* const L = interpreter.lua();
-    lua_pushcfunction(L, guarded<bind_all>);
+    lua_pushcfunction(L, guarded<register_bindings>);
     interpreter.call(0, 0, session.options.load_budget, session.spec.file);
     lua_pushcfunction(L, guarded<run_script>);
     interpreter.call(0, 0, session.options.load_budget, session.spec.file);
-    check_whole(session);
-    session.spec.world.gravity = turned(session.spec.world.gravity, session.spec.surface.tilt_rad);
+    validate_declarations(session);
+    session.spec.world.gravity = rotate_gravity(session.spec.world.gravity, session.spec.surface.tilt_rad);
   }
 
   // Calls one function of the script with the time and the tick, behind the object's id where there is one;
   // whether it wants to be called again.
-  bool call(int callback, std::optional<scene::ObjectId> object = {}) {
+  bool invoke(int callback, std::optional<scene::ObjectId> object = {}) {
     lua_State* const L = interpreter.lua();
-    const auto& [reference, place] = session.callbacks[static_cast<std::size_t>(callback)];
-    const std::string registered_at = place;  // the call may move the list
+    const auto& [reference, location] = session.callbacks[static_cast<std::size_t>(callback)];
+    const std::string registered_at = location;  // the call may move the list
     lua_rawgeti(L, LUA_REGISTRYINDEX, reference);
     if (object) lua_pushinteger(L, static_cast<lua_Integer>(*object));
     lua_pushnumber(L, session.time_s);
     lua_pushinteger(L, static_cast<lua_Integer>(session.tick));
     interpreter.call(object ? 3 : 2, 1, session.options.callback_budget, registered_at);
-    const bool again = !(lua_isboolean(L, -1) && lua_toboolean(L, -1) == 0);
+    const bool keep_registered = !(lua_isboolean(L, -1) && lua_toboolean(L, -1) == 0);
     lua_pop(L, 1);
-    return again;
+    return keep_registered;
   }
 
-  void forget(int callback) {
+  void release_callback(int callback) {
     luaL_unref(interpreter.lua(), LUA_REGISTRYINDEX,
                session.callbacks[static_cast<std::size_t>(callback)].reference);
     session.free_callbacks.push_back(callback);
   }
 
   // Calls all of `functions` that are there now; those that one of them adds wait for the next time.
-  void run_all(std::vector<int>& functions, std::optional<scene::ObjectId> object = {}) {
-    const std::size_t count = functions.size();
-    std::vector<int> over;
+  void run_callbacks(std::vector<int>& callbacks, std::optional<scene::ObjectId> object = {}) {
+    const std::size_t count = callbacks.size();
+    std::vector<int> expired;
     for (std::size_t i = 0; i < count; ++i)
-      if (!call(functions[i], object)) over.push_back(functions[i]);
-    for (const int callback : over) {
-      std::erase(functions, callback);
-      forget(callback);
+      if (!invoke(callbacks[i], object)) expired.push_back(callbacks[i]);
+    for (const int callback : expired) {
+      std::erase(callbacks, callback);
+      release_callback(callback);
     }
   }
 
-  Session session;
+  ScriptContext session;
   Interpreter interpreter;  // its bound functions use the session until it is gone
   bool finished = false;
 };
 
-Experiment::Experiment(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
+Experiment::Experiment(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Experiment::Experiment(Experiment&&) noexcept = default;
 Experiment& Experiment::operator=(Experiment&&) noexcept = default;
 Experiment::~Experiment() = default;
 
 Experiment Experiment::load(const std::filesystem::path& path, LoadOptions options) {
-  std::string problem;
-  std::optional<std::string> text = options.text ? std::move(options.text) : read_script(path, problem);
-  if (!text) throw scene::InputError(one_line(path.string()) + ": the experiment " + problem);
-  std::unique_ptr<Parts> parts;
+  std::string reason;
+  std::optional<std::string> source =
+      options.source ? std::move(options.source) : read_text_file(path, reason);
+  if (!source) throw scene::InputError(to_single_line(path.string()) + ": the experiment " + reason);
+  std::unique_ptr<Impl> impl;
   try {
-    parts = std::make_unique<Parts>(std::move(options));
+    impl = std::make_unique<Impl>(std::move(options));
   } catch (const std::bad_alloc&) {
-    throw scene::InputError(one_line(path.string()) + ": the memory for scripts is too small to start one");
+    throw scene::InputError(to_single_line(path.string()) +
+                            ": the memory for scripts is too small to start one");
   }
-  Session& session = parts->session;
+  ScriptContext& context = impl->session;
   std::error_code error;
-  session.folder =
+  context.script_folder =
       std::filesystem::weakly_canonical(std::filesystem::absolute(path, error), error).parent_path();
-  session.spec.file = path.string();
-  session.spec.text = std::move(*text);
-  if (session.options.seed) session.spec.world.seed = *session.options.seed;
-  parts->load();
-  return Experiment(std::move(parts));
+  context.spec.file = path.string();
+  context.spec.source = std::move(*source);
+  if (context.options.seed) context.spec.world.seed = *context.options.seed;
+  impl->load();
+  return Experiment(std::move(impl));
 }
 
-const scene::SceneSpec& Experiment::scene() const { return parts_->session.spec; }
+const scene::SceneSpec& Experiment::scene() const { return impl_->session.spec; }
 
 const std::vector<std::pair<std::string, double>>& Experiment::metrics() const {
-  return parts_->session.metrics;
+  return impl_->session.metrics;
 }
 
-bool Experiment::has_events() const {
-  const Session& session = parts_->session;
-  return session.schedule.size() > 0 || !session.on_tick.empty() || !session.on_leave.empty() ||
-         !session.on_finish.empty();
+bool Experiment::has_callbacks() const {
+  const ScriptContext& context = impl_->session;
+  return context.event_queue.size() > 0 || !context.on_tick.empty() || !context.on_leave.empty() ||
+         !context.on_finish.empty();
 }
 
-void Experiment::start(Host& host) {
-  Session& session = parts_->session;
-  assert(session.phase == Phase::kLoading);
-  session.phase = Phase::kRunning;
-  session.host = &host;
-  for (const auto& request : session.at_start) request(host);
-  session.at_start.clear();
+void Experiment::start(SimulationInterface& simulation) {
+  ScriptContext& context = impl_->session;
+  assert(context.phase == Phase::kLoading);
+  context.phase = Phase::kRunning;
+  context.simulation = &simulation;
+  for (const auto& request : context.deferred_requests) request(simulation);
+  context.deferred_requests.clear();
 }
 
-void Experiment::leave(double t_s, std::uint64_t tick, std::span<const scene::ObjectId> left) {
-  Session& session = parts_->session;
-  assert(session.phase == Phase::kRunning);
-  session.time_s = t_s;
-  session.tick = tick;
-  for (const scene::ObjectId id : left)
-    if (session.host->alive(id)) parts_->run_all(session.on_leave, id);
+void Experiment::notify_departures(double t_s, std::uint64_t tick,
+                                   std::span<const scene::ObjectId> departed) {
+  ScriptContext& context = impl_->session;
+  assert(context.phase == Phase::kRunning);
+  context.time_s = t_s;
+  context.tick = tick;
+  for (const scene::ObjectId id : departed)
+    if (context.simulation->is_alive(id)) impl_->run_callbacks(context.on_leave, id);
 }
 
 void Experiment::tick(double t_s, std::uint64_t tick) {
-  Session& session = parts_->session;
-  assert(session.phase == Phase::kRunning);
-  session.time_s = t_s;
-  session.tick = tick;
-  const double horizon_s = t_s + kEarly * session.spec.world.control_period_s;
-  session.schedule.run_due(horizon_s, [this](const Event& event) {
-    const bool again = parts_->call(event.callback) && event.period_s > 0.0;
-    if (!again) parts_->forget(event.callback);
-    return again;
+  ScriptContext& context = impl_->session;
+  assert(context.phase == Phase::kRunning);
+  context.time_s = t_s;
+  context.tick = tick;
+  const double horizon_s = t_s + kDueTolerance * context.spec.world.control_period_s;
+  context.event_queue.run_due(horizon_s, [this](const TimedEvent& event) {
+    const bool keep_registered = impl_->invoke(event.callback) && event.period_s > 0.0;
+    if (!keep_registered) impl_->release_callback(event.callback);
+    return keep_registered;
   });
-  parts_->run_all(session.on_tick);
+  impl_->run_callbacks(context.on_tick);
 }
 
 void Experiment::finish() {
-  if (parts_->finished || parts_->session.phase != Phase::kRunning) return;
-  parts_->finished = true;
-  for (std::size_t i = 0; i < parts_->session.on_finish.size(); ++i)
-    parts_->call(parts_->session.on_finish[i]);
+  if (impl_->finished || impl_->session.phase != Phase::kRunning) return;
+  impl_->finished = true;
+  for (std::size_t i = 0; i < impl_->session.on_finish.size(); ++i)
+    impl_->invoke(impl_->session.on_finish[i]);
 }
 
 }  // namespace smartsurf::script

@@ -13,25 +13,25 @@ std::uint64_t Random::next() {
   return z ^ (z >> 31);
 }
 
-double Random::unit() { return static_cast<double>(next() >> 11) * 0x1.0p-53; }
+double Random::uniform_unit() { return static_cast<double>(next() >> 11) * 0x1.0p-53; }
 
-double Random::between(double low, double high) {
+double Random::uniform(double low, double high) {
   assert(low <= high);
-  const double u = unit();
+  const double u = uniform_unit();
   const double value = low * (1.0 - u) + high * u;  // no overflow for any finite bounds
   if (value < low) return low;
   return value >= high && high > low ? std::nextafter(high, low) : value;
 }
 
-std::int64_t Random::integer(std::int64_t low, std::int64_t high) {
+std::int64_t Random::uniform_integer(std::int64_t low, std::int64_t high) {
   assert(low <= high);
-  const std::uint64_t span = static_cast<std::uint64_t>(high) - static_cast<std::uint64_t>(low);
-  if (span == UINT64_MAX) return static_cast<std::int64_t>(next());
+  const std::uint64_t width = static_cast<std::uint64_t>(high) - static_cast<std::uint64_t>(low);
+  if (width == UINT64_MAX) return static_cast<std::int64_t>(next());
   // Values past the last whole multiple of span + 1 would make the low results likelier: draw again.
-  const std::uint64_t count = span + 1;
-  const std::uint64_t surplus = (UINT64_MAX % count + 1) % count;
+  const std::uint64_t count = width + 1;
+  const std::uint64_t rejected = (UINT64_MAX % count + 1) % count;
   std::uint64_t draw = next();
-  while (draw > UINT64_MAX - surplus) draw = next();
+  while (draw > UINT64_MAX - rejected) draw = next();
   return static_cast<std::int64_t>(static_cast<std::uint64_t>(low) + draw % count);
 }
 

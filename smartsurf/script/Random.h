@@ -13,11 +13,11 @@ class Random {
 
   std::uint64_t next();
   // In [0, 1), one of 2^53 equally spaced values.
-  double unit();
+  double uniform_unit();
   // In [low, high), or low where both are equal. Requires low ≤ high, both finite.
-  double between(double low, double high);
+  double uniform(double low, double high);
   // In [low, high], every integer equally likely. Requires low ≤ high.
-  std::int64_t integer(std::int64_t low, std::int64_t high);
+  std::int64_t uniform_integer(std::int64_t low, std::int64_t high);
 
  private:
   std::uint64_t state_;

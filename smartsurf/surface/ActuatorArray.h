@@ -14,9 +14,9 @@
 #include <span>
 #include <vector>
 
-#include "smartsurf/surface/Actuator.h"
-#include "smartsurf/surface/ActuatorFaults.h"
 #include "smartsurf/surface/FaultMap.h"
+#include "smartsurf/surface/actuators/Actuator.h"
+#include "smartsurf/surface/actuators/ActuatorFaults.h"
 
 namespace smartsurf::surface {
 
@@ -26,7 +26,7 @@ class ActuatorArray {
   // The pool, if any, shares the work on large surfaces, and lives as long as this.
   // Throws scene::InputError for a fault map that does not fit, or an actuator of an unknown model.
   explicit ActuatorArray(const scene::SurfaceSpec&, const FaultMap& = {}, std::uint64_t seed = 1,
-                         WorkerPool* pool = nullptr);
+                         ThreadPool* pool = nullptr);
   ~ActuatorArray();
 
   Field& field() noexcept { return field_; }
@@ -50,51 +50,51 @@ class ActuatorArray {
   void commit(double dt_s) noexcept;
 
   bool exerts_forces() const noexcept;
-  void forces(double dt_s, const Bodies&, std::span<const scene::ObjectSpec> catalogue,
-              std::span<Wrench>) noexcept;
+  void add_forces(double dt_s, const BodyView&, std::span<const scene::ObjectSpec> catalogue,
+                  std::span<Wrench>) noexcept;
 
   // rows × columns; empty where every cell is a pin.
-  void show(std::vector<scene::CellMotion>&) const;
+  void write_cell_motion(std::vector<scene::ActuatorState>&) const;
 
  private:
-  struct Commands {
+  struct ChannelCommands {
     std::vector<float> values;
-    std::vector<Run> runs;  // cells that have the channel
-    bool fresh = false;     // changed since they were handed on
+    std::vector<CellRun> runs;  // cells that have the channel
+    bool dirty = false;         // changed since they were handed on
   };
   // The way of one channel's commands to one model.
-  struct Route {
+  struct CommandRoute {
     Actuator* model = nullptr;
     int model_channel = 0, channel = 0;
-    float low = 0.0F, high = 0.0F;  // of the model
-    int latency = 0;                // of the model, control periods
-    std::vector<Run> runs;
-    bool direct = true;                           // commands pass as they are
-    std::vector<std::vector<float>> frames = {};  // what the cells feel, the last few periods in a ring
-    std::size_t newest = 0;
-    std::vector<float> out = {};  // each cell's own period of them; empty where nobody is late
+    float minimum = 0.0F, maximum = 0.0F;  // of the model
+    int latency = 0;                       // of the model, control periods
+    std::vector<CellRun> runs;
+    bool passthrough = true;                          // commands pass as they are
+    std::vector<std::vector<float>> delay_line = {};  // what the cells feel, the last few periods in a ring
+    std::size_t head = 0;
+    std::vector<float> delayed = {};  // each cell's own period of them; empty where nobody is late
   };
 
-  void shape(const scene::SurfaceSpec&);
-  void place_cells(const scene::SurfaceSpec&);
+  void init_geometry(const scene::SurfaceSpec&);
+  void init_heights(const scene::SurfaceSpec&);
   void add_routes(const scene::SurfaceSpec&, const FaultMap&, std::uint64_t seed);
-  void start();
-  void feel(Route&) noexcept;
-  void deliver(Route&) noexcept;
+  void init_targets();
+  void apply_faults(CommandRoute&) noexcept;
+  void deliver_commands(CommandRoute&) noexcept;
 
-  WorkerPool* pool_;
+  ThreadPool* pool_;
   Field field_;
-  float resting_height_ = 0.0F;  // the highest top that no model moves
+  float static_max_height_ = 0.0F;  // the highest top that no model moves
   std::vector<scene::ActuatorChannel> channels_;
-  std::vector<Commands> commands_;  // one a channel
+  std::vector<ChannelCommands> commands_;  // one a channel
   struct Model {
     scene::ActuatorSpec spec;
-    std::vector<Run> runs;
+    std::vector<CellRun> runs;
     std::unique_ptr<Actuator> actuator;
   };
   std::vector<Model> models_;
   std::unique_ptr<ActuatorFaults> faults_;
-  std::vector<Route> routes_;
+  std::vector<CommandRoute> routes_;
 };
 
 }  // namespace smartsurf::surface

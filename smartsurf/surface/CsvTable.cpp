@@ -17,7 +17,7 @@ std::string_view trimmed(std::string_view text) {
   return text.substr(begin, text.find_last_not_of(kBlank) - begin + 1);
 }
 
-std::vector<std::string> cut(std::string_view text) {
+std::vector<std::string> split_fields(std::string_view text) {
   std::vector<std::string> fields;
   for (std::size_t begin = 0; begin <= text.size();) {
     const std::size_t end = std::min(text.find(',', begin), text.size());
@@ -28,7 +28,7 @@ std::vector<std::string> cut(std::string_view text) {
 }
 
 template <class Number>
-std::optional<Number> number_of(const std::string& text) {
+std::optional<Number> parse_number(const std::string& text) {
   Number value{};
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
@@ -37,60 +37,60 @@ std::optional<Number> number_of(const std::string& text) {
 
 }  // namespace
 
-std::string in_quotes(std::string_view text) {
-  std::string shown(text.substr(0, 40));
-  for (char& c : shown)
+std::string quoted(std::string_view text) {
+  std::string printable(text.substr(0, 40));
+  for (char& c : printable)
     if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
-  return "'" + shown + "'";
+  return "'" + printable + "'";
 }
 
-void CsvLine::refuse(const std::string& clause) const {
-  throw scene::InputError(file_ + ":" + std::to_string(number_) + ": " + clause);
+void CsvRow::refuse(const std::string& clause) const {
+  throw scene::InputError(file_ + ":" + std::to_string(line_number_) + ": " + clause);
 }
 
-int CsvLine::index(std::size_t column, const char* name, int count) const {
-  const auto value = number_of<int>(fields_[column]);
+int CsvRow::index(std::size_t column, const char* name, int count) const {
+  const auto value = parse_number<int>(fields_[column]);
   if (!value || *value < 0 || *value >= count)
-    refuse(std::string(name) + " = " + in_quotes(fields_[column]) + ": must be 0 to " +
+    refuse(std::string(name) + " = " + quoted(fields_[column]) + ": must be 0 to " +
            std::to_string(count - 1));
   return *value;
 }
 
-double CsvLine::number(std::size_t column, const char* name) const {
-  const auto value = number_of<double>(fields_[column]);
+double CsvRow::number(std::size_t column, const char* name) const {
+  const auto value = parse_number<double>(fields_[column]);
   if (!value || !std::isfinite(*value))
-    refuse(std::string(name) + " = " + in_quotes(fields_[column]) + ": must be a finite number");
+    refuse(std::string(name) + " = " + quoted(fields_[column]) + ": must be a finite number");
   return *value;
 }
 
-std::vector<CsvLine> read_csv(const std::string& file, std::string_view text, std::string_view header,
-                              std::size_t optional) {
+std::vector<CsvRow> read_csv(const std::string& file, std::string_view text, std::string_view header,
+                             std::size_t optional_columns) {
   if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);
-  const std::vector<std::string> names = cut(header);
-  std::vector<CsvLine> lines;
+  const std::vector<std::string> column_names = split_fields(header);
+  std::vector<CsvRow> rows;
   bool has_header = false;
-  for (int number = 1; !text.empty(); ++number) {
+  for (int line_number = 1; !text.empty(); ++line_number) {
     const std::size_t end = std::min(text.find('\n'), text.size());
-    const std::string_view whole = text.substr(0, end), content = trimmed(whole);
+    const std::string_view raw_line = text.substr(0, end), content = trimmed(raw_line);
     text.remove_prefix(std::min(end + 1, text.size()));
     if (content.empty() || content.starts_with('#')) continue;
-    const bool quotes_close = std::ranges::count(whole, '"') % 2 == 0;
-    std::vector<std::string> fields = cut(content);
+    const bool quotes_close = std::ranges::count(raw_line, '"') % 2 == 0;
+    std::vector<std::string> fields = split_fields(content);
     const std::size_t count = fields.size();
-    const bool is_header = fields == names;
-    fields.resize(names.size());
-    CsvLine line(std::move(fields), file, number);
-    if (!quotes_close) line.refuse("a quotation mark is not closed");
-    if (!has_header && !is_header) line.refuse("the first line must be the header " + std::string(header));
-    if (count > names.size() || count + optional < names.size())
-      line.refuse(std::to_string(count) + " values: must be " + std::to_string(names.size()) + ", " +
-                  std::string(header));
-    if (has_header) lines.push_back(std::move(line));
+    const bool is_header = fields == column_names;
+    fields.resize(column_names.size());
+    CsvRow row(std::move(fields), file, line_number);
+    if (!quotes_close) row.refuse("a quotation mark is not closed");
+    if (!has_header && !is_header) row.refuse("the first line must be the header " + std::string(header));
+    if (count > column_names.size() || count + optional_columns < column_names.size())
+      row.refuse(std::to_string(count) + " values: must be " + std::to_string(column_names.size()) + ", " +
+                 std::string(header));
+    if (has_header) rows.push_back(std::move(row));
     has_header = true;
   }
   if (!has_header)
     throw scene::InputError(file + ": no header; the first line must be " + std::string(header));
-  return lines;
+  return rows;
 }
 
 }  // namespace smartsurf::surface

@@ -11,31 +11,31 @@ namespace smartsurf::surface {
 
 // One line that is neither empty nor a comment (#) nor the header, cut at its commas, with blanks and quotes
 // removed.
-class CsvLine {
+class CsvRow {
  public:
-  CsvLine(std::vector<std::string> fields, std::string file, int number)
-      : fields_(std::move(fields)), file_(std::move(file)), number_(number) {}
+  CsvRow(std::vector<std::string> fields, std::string file, int line_number)
+      : fields_(std::move(fields)), file_(std::move(file)), line_number_(line_number) {}
 
   const std::string& text(std::size_t column) const { return fields_[column]; }
   // Each throws scene::InputError where the field is something else.
   int index(std::size_t column, const char* name, int count) const;  // 0 to count - 1
   double number(std::size_t column, const char* name) const;         // finite
-  int line() const { return number_; }                               // of the file, from 1
+  int line_number() const { return line_number_; }                   // of the file, from 1
   // Throws scene::InputError, "FILE:LINE: " and the clause.
   [[noreturn]] void refuse(const std::string& clause) const;
 
  private:
   std::vector<std::string> fields_;
   std::string file_;
-  int number_;
+  int line_number_;
 };
 
 // Text in quotes, fit for a message of one line.
-std::string in_quotes(std::string_view text);
+std::string quoted(std::string_view text);
 
 // Throws scene::InputError where the first line is not the header or a line has another number of fields; the
 // last `optional` of them may be left out, and are then empty.
-std::vector<CsvLine> read_csv(const std::string& file, std::string_view text, std::string_view header,
-                              std::size_t optional = 0);
+std::vector<CsvRow> read_csv(const std::string& file, std::string_view text, std::string_view header,
+                             std::size_t optional_columns = 0);
 
 }  // namespace smartsurf::surface

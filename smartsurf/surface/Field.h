@@ -13,7 +13,7 @@
 namespace smartsurf::surface {
 
 // The height of a cell that is not there: nothing rests on it, nothing collides with it.
-inline constexpr float kNoCell = -std::numeric_limits<float>::infinity();
+inline constexpr float kNoCellHeight = -std::numeric_limits<float>::infinity();
 
 struct Field {
   // ---- shape, constant through a run. The cell (r, c) stands at x = c·pitch, y = (rows − 1 − r)·pitch.
@@ -28,7 +28,7 @@ struct Field {
   std::vector<float> speed;   // of the top, upward, u/s
   // Velocity of the top's surface at its centre, u/s, and its turning about the vertical through the centre,
   // rad/s: what drags along whatever lies on it. Empty where no actuator of the surface drags.
-  std::vector<float> drag_x, drag_y, spin;
+  std::vector<float> surface_velocity_x, surface_velocity_y, surface_spin;
   float max_height = 0.0F, max_speed = 0.0F;  // the highest top, and the greatest |speed|
   // The greatest upward force that the cell can give, mass·u/s²; infinity: any. Under more it gives way: the
   // physics then lowers its `speed` to that of what lies on it. Empty where no actuator has such a limit.
@@ -40,14 +40,14 @@ struct Field {
   int cells() const { return rows * columns; }
   int index(int row, int column) const { return row * columns + column; }
   Eigen::Vector2f centre(int cell) const {
-    if (!rectangular()) return {x[static_cast<std::size_t>(cell)], y[static_cast<std::size_t>(cell)]};
+    if (!is_rectangular()) return {x[static_cast<std::size_t>(cell)], y[static_cast<std::size_t>(cell)]};
     return {static_cast<float>(cell % columns) * pitch,
             static_cast<float>(rows - 1 - cell / columns) * pitch};
   }
-  float angle_of(int cell) const { return rectangular() ? 0.0F : angle[static_cast<std::size_t>(cell)]; }
-  bool rectangular() const { return x.empty(); }
-  bool drags() const { return !drag_x.empty(); }
-  bool yields() const { return !force_limit.empty(); }
+  float angle_of(int cell) const { return is_rectangular() ? 0.0F : angle[static_cast<std::size_t>(cell)]; }
+  bool is_rectangular() const { return x.empty(); }
+  bool has_surface_velocity() const { return !surface_velocity_x.empty(); }
+  bool has_force_limit() const { return !force_limit.empty(); }
 };
 
 }  // namespace smartsurf::surface

@@ -5,58 +5,59 @@
 namespace smartsurf::surface {
 namespace {
 
-SensedBodies bodies_over(const Field& field) {
-  if (field.rectangular()) return {0.0F, static_cast<float>(field.rows - 1) * field.pitch};
+RayBodies make_ray_bodies(const Field& field) {
+  if (field.is_rectangular()) return {0.0F, static_cast<float>(field.rows - 1) * field.pitch};
   return {*std::ranges::min_element(field.y), *std::ranges::max_element(field.y)};
 }
 
 }  // namespace
 
 SensorArray::SensorArray(const scene::SceneSpec& scene, const Field& field, const FaultMap& map)
-    : period_s_(scene.world.control_period_s), bodies_(bodies_over(field)) {
+    : period_s_(scene.world.control_period_s), bodies_(make_ray_bodies(field)) {
   const scene::SurfaceSpec& surface = scene.surface;
   for (const scene::SensorSpec& spec : surface.sensors) {
-    Fitted fitted{make_sensor(field, spec), Imperfections(spec, scene, map), {}};
-    int n = 0;
+    SensorInstance instance{make_sensor(field, spec), SensorErrorModel(spec, scene, map), {}};
+    int channel_index = 0;
     for (scene::SensorChannel& channel : scene::find_sensor_kind(spec.model)->channels(spec)) {
-      fitted.truth.push_back(fitted.sensor->values(n));
-      places_.push_back({fitted_.size(), n++});
+      instance.truth.push_back(instance.sensor->values(channel_index));
+      channel_refs_.push_back({sensors_.size(), channel_index++});
       channels_.push_back(std::move(channel));
     }
-    if (fitted.sensor->feels()) impulse_.assign(static_cast<std::size_t>(surface.cells()), 0.0F);
-    fitted_.push_back(std::move(fitted));
+    if (instance.sensor->needs_impulses())
+      impulse_.assign(static_cast<std::size_t>(surface.cell_count()), 0.0F);
+    sensors_.push_back(std::move(instance));
   }
 }
 
 SensorArray::~SensorArray() = default;
 
-void SensorArray::feel(std::span<const float> impulse) noexcept {
+void SensorArray::accumulate_impulses(std::span<const float> impulse) noexcept {
   const std::size_t cells = std::min(impulse_.size(), impulse.size());
   for (std::size_t i = 0; i < cells; ++i) impulse_[i] += impulse[i];
 }
 
 void SensorArray::sense(const scene::Snapshot& snapshot, std::span<const scene::ObjectSpec> catalogue,
-                        WorkerPool& pool) {
-  if (fitted_.empty()) return;
+                        ThreadPool& pool) {
+  if (sensors_.empty()) return;
   bodies_.update(snapshot, catalogue, pool);
-  const Moment moment{snapshot, catalogue, bodies_, impulse_, period_s_};
-  for (Fitted& f : fitted_) {
-    f.sensor->sense(moment, pool);
-    if (f.imperfections.any()) f.imperfections.apply(ticks_, f.truth, pool);
+  const SensorInput input{snapshot, catalogue, bodies_, impulse_, period_s_};
+  for (SensorInstance& f : sensors_) {
+    f.sensor->sense(input, pool);
+    if (f.error_model.is_active()) f.error_model.apply(tick_, f.truth, pool);
   }
   std::ranges::fill(impulse_, 0.0F);
-  ++ticks_;
+  ++tick_;
 }
 
 std::span<const float> SensorArray::truth(int channel) const noexcept {
-  const Place& place = places_[static_cast<std::size_t>(channel)];
-  return fitted_[place.sensor].truth[static_cast<std::size_t>(place.channel)];
+  const ChannelRef& ref = channel_refs_[static_cast<std::size_t>(channel)];
+  return sensors_[ref.sensor].truth[static_cast<std::size_t>(ref.channel)];
 }
 
 std::span<const float> SensorArray::readings(int channel) const noexcept {
-  const Place& place = places_[static_cast<std::size_t>(channel)];
-  const Fitted& f = fitted_[place.sensor];
-  return f.imperfections.any() ? f.imperfections.values(place.channel) : truth(channel);
+  const ChannelRef& ref = channel_refs_[static_cast<std::size_t>(channel)];
+  const SensorInstance& f = sensors_[ref.sensor];
+  return f.error_model.is_active() ? f.error_model.values(ref.channel) : truth(channel);
 }
 
 }  // namespace smartsurf::surface

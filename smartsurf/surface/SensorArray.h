@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "smartsurf/surface/FaultMap.h"
-#include "smartsurf/surface/Imperfections.h"
-#include "smartsurf/surface/Sensor.h"
+#include "smartsurf/surface/sensors/Sensor.h"
+#include "smartsurf/surface/sensors/SensorErrorModel.h"
 
 namespace smartsurf::surface {
 
@@ -25,10 +25,10 @@ class SensorArray {
 
   // Takes in what the objects did to the cells in one physics step: rows × columns, mass·u/s. Costs nothing
   // unless a sensor feels.
-  void feel(std::span<const float> impulse) noexcept;
+  void accumulate_impulses(std::span<const float> impulse) noexcept;
 
   // At the end of every tick, in their order.
-  void sense(const scene::Snapshot&, std::span<const scene::ObjectSpec> catalogue, WorkerPool&);
+  void sense(const scene::Snapshot&, std::span<const scene::ObjectSpec> catalogue, ThreadPool&);
 
   // In the order of the sensors.
   std::span<const scene::SensorChannel> channels() const noexcept { return channels_; }
@@ -37,23 +37,23 @@ class SensorArray {
   std::span<const float> truth(int channel) const noexcept;
 
  private:
-  struct Fitted {
+  struct SensorInstance {
     std::unique_ptr<Sensor> sensor;
-    Imperfections imperfections;
+    SensorErrorModel error_model;
     std::vector<std::span<const float>> truth;  // one a channel
   };
-  struct Place {
+  struct ChannelRef {
     std::size_t sensor;
     int channel;
   };
 
   double period_s_;
-  std::vector<Fitted> fitted_;
+  std::vector<SensorInstance> sensors_;
   std::vector<scene::SensorChannel> channels_;
-  std::vector<Place> places_;  // one a channel
-  SensedBodies bodies_;
+  std::vector<ChannelRef> channel_refs_;  // one a channel
+  RayBodies bodies_;
   std::vector<float> impulse_;  // since the last sense(); empty: nobody asks
-  std::uint64_t ticks_ = 0;     // sensed so far
+  std::uint64_t tick_ = 0;      // sensed so far
 };
 
 }  // namespace smartsurf::surface

@@ -6,7 +6,7 @@
 #include <limits>
 #include <numbers>
 
-#include "smartsurf/scene/Outline.h"
+#include "smartsurf/scene/SurfaceBounds.h"
 #include "smartsurf/view/Axes.h"
 
 namespace smartsurf::view {
@@ -47,7 +47,7 @@ struct Fit {
 
 Eigen::AlignedBox3d Camera::extent(const scene::SurfaceSpec& s) {
   const double top = std::max(s.pin.max_height, s.border_height.value_or(s.pin.max_height));
-  const scene::Outline ground = scene::outline_of(s);
+  const scene::SurfaceBounds ground = scene::compute_surface_bounds(s);
   return {Eigen::Vector3d(ground.west, ground.south, s.pin.min_height - s.pin.length),
           Eigen::Vector3d(ground.east, ground.north, top)};
 }

@@ -47,8 +47,8 @@ void state_rows(const scene::Snapshot& snapshot, const Status& status, const Hud
   row("speed", "%.2f×  of  %s", status.actual_pace, pace_text(status.requested_pace).c_str());
   if (!status.mode.empty()) row("mode", "%s", status.mode.c_str());
   if (!status.controller.empty()) row("controller", "%s", status.controller.c_str());
-  row("objects", "%zu", snapshot.objects());
-  row("contacts", "%u", snapshot.contacts);
+  row("objects", "%zu", snapshot.object_count());
+  row("contacts", "%u", snapshot.contact_count);
   if (status.purity) row("purity", "%.3f", *status.purity);
   if (status.physics_ms > 0.0) row("physics", "%.2f ms a tick", status.physics_ms);
   row("drawing", "%.1f ms, %.0f frames/s", state.render_ms, 1000.0 / std::max(state.interval_ms, 1.0));
@@ -232,7 +232,7 @@ void draw_labels(const Moment& moment, const Camera& camera, float width, float 
   constexpr ImU32 kInk = IM_COL32(25, 30, 38, 255), kHalo = IM_COL32(255, 255, 255, 190);
   static const ImVec2 kAround[] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
   const scene::Snapshot& snapshot = moment.snapshot;
-  for (std::size_t i = 0; i < std::min(snapshot.objects(), kMostLabels); ++i) {
+  for (std::size_t i = 0; i < std::min(snapshot.object_count(), kMostLabels); ++i) {
     const scene::ObjectSpec& object = moment.catalogue[snapshot.id[i]];
     const auto& p = snapshot.position[i];
     const Eigen::Vector3d top(p[0], p[1], p[2] + object.half_extents().maxCoeff());

@@ -92,15 +92,16 @@ MechanismParts::Frame MechanismParts::frame_of(std::size_t cell, const scene::Sn
   const int row = static_cast<int>(cell) / surface_.columns,
             column = static_cast<int>(cell) % surface_.columns;
   const Eigen::Vector2f at = surface_.centre(row, column).cast<float>();
-  const float angle = surface_.places.empty() ? 0.0F : static_cast<float>(surface_.places[cell].angle);
+  const float angle =
+      surface_.cell_poses.empty() ? 0.0F : static_cast<float>(surface_.cell_poses[cell].angle);
   return {{at.x(), at.y(), snapshot.height[cell]}, Eigen::AngleAxisf(angle, Vec::UnitZ()).toRotationMatrix()};
 }
 
 MechanismParts::MechanismParts(const scene::SurfaceSpec& surface)
     : surface_(surface),
       top_(static_cast<float>(std::min(surface.pin.top_x, surface.pin.top_y))),
-      roundness_(roundness_for(surface.cells())) {
-  const std::vector<scene::ActuatorSpec> mechanisms = surface.mechanisms();
+      roundness_(roundness_for(surface.cell_count())) {
+  const std::vector<scene::ActuatorSpec> mechanisms = surface.effective_actuators();
   for (std::size_t m = 0; m < mechanisms.size(); ++m) {
     const Work work = work_for(mechanisms[m]);
     if (!work) continue;
@@ -116,7 +117,7 @@ MechanismParts::MechanismParts(const scene::SurfaceSpec& surface)
         work_of_.push_back(works_.size() - 1);
       }
   }
-  if (!cells_.empty()) recess_.assign(static_cast<std::size_t>(surface.cells()), 0.0F);
+  if (!cells_.empty()) recess_.assign(static_cast<std::size_t>(surface.cell_count()), 0.0F);
 }
 
 MechanismParts::Work MechanismParts::work_for(const scene::ActuatorSpec& spec) {
@@ -137,11 +138,12 @@ std::size_t MechanismParts::add_kind(PaintedMesh mesh, bool translucent) {
 
 void MechanismParts::update(const scene::Snapshot& snapshot) {
   for (PartKind& kind : kinds_) kind.instances.clear();
-  const scene::CellMotion rest;
+  const scene::ActuatorState rest;
   for (std::size_t k = 0; k < cells_.size(); ++k) {
     const std::size_t cell = cells_[k];
     if (!std::isfinite(snapshot.height[cell])) continue;
-    works_[work_of_[k]](cell, snapshot, snapshot.motion.empty() ? rest : snapshot.motion[cell]);
+    works_[work_of_[k]](cell, snapshot,
+                        snapshot.actuator_state.empty() ? rest : snapshot.actuator_state[cell]);
   }
 }
 
@@ -149,7 +151,7 @@ void MechanismParts::update(const scene::Snapshot& snapshot) {
 MechanismParts::Work MechanismParts::balls(const scene::ActuatorSpec& spec) {
   const float radius = std::min(number(spec, "radius"), 0.5F * top_);
   const std::size_t kind = add_kind(painted_ball(roundness_));
-  return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::CellMotion& motion) {
+  return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const Frame f = frame_of(cell, snapshot);
     const Mat turn = (Eigen::AngleAxisf(motion.b, Vec::UnitY()) * Eigen::AngleAxisf(motion.a, Vec::UnitX()))
                          .toRotationMatrix();
@@ -165,7 +167,7 @@ MechanismParts::Work MechanismParts::wheels(const scene::ActuatorSpec& spec) {
   const Mat set = Eigen::AngleAxisf(number(spec, "angle"), Vec::UnitZ()).toRotationMatrix();
   const Mat left = Eigen::AngleAxisf(1.5707963F, Vec::UnitZ()).toRotationMatrix();
   const Vec size(radius, half_width, radius);
-  return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::CellMotion& motion) {
+  return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const Frame f = frame_of(cell, snapshot);
     const Mat stands = f.axes * set;
     const auto add = [&](const Mat& drives, const Vec& aside, float turned) {
@@ -187,7 +189,7 @@ MechanismParts::Work MechanismParts::rotors(const scene::ActuatorSpec& spec) {
   const float scale = std::min(1.0F, 0.55F * static_cast<float>(surface_.pitch) / shape.reach());
   const Vec half = shape.points.empty() ? shape.half_axes : Vec::Constant(shape.reach());
   const Mat size = Mat(corners ? Vec(Vec::Constant(scale)).asDiagonal() : Vec(scale * half).asDiagonal());
-  return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::CellMotion& motion) {
+  return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const Frame f = frame_of(cell, snapshot);
     const Mat turn = Eigen::AngleAxisf(motion.a, shape.axis).toRotationMatrix();
     const float highest = shape.highest(turn);
@@ -200,7 +202,7 @@ MechanismParts::Work MechanismParts::rotors(const scene::ActuatorSpec& spec) {
 MechanismParts::Work MechanismParts::arrows() {
   const std::size_t kind = add_kind(painted_arrow());
   const auto pitch = static_cast<float>(surface_.pitch);
-  return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::CellMotion& motion) {
+  return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const Vec force(motion.a, motion.b, motion.level);
     const float strength = std::min(1.0F, force.norm());
     if (!(strength > kQuiet)) return;
@@ -223,7 +225,7 @@ MechanismParts::Work MechanismParts::arrows() {
 MechanismParts::Work MechanismParts::coils() {
   const std::size_t kind = add_kind(painted_coil(roundness_));
   const Vec size(0.46F * top_, 0.46F * top_, 0.1F * top_);
-  return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::CellMotion& motion) {
+  return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const Frame f = frame_of(cell, snapshot);
     // The root, so that a weak current shows as well.
     const float strength = std::sqrt(std::min(1.0F, std::abs(motion.level)));
@@ -239,7 +241,7 @@ MechanismParts::Work MechanismParts::jets(const scene::ActuatorSpec& spec) {
   const float lean = number(spec, "lean"), pitch = static_cast<float>(surface_.pitch);
   const float highest = std::min(number(spec, "reach"), 2.0F * pitch);
   const Vec size(0.42F * top_, 0.42F * top_, 0.12F * top_);
-  return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::CellMotion& motion) {
+  return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const Frame f = frame_of(cell, snapshot);
     const float flow = std::clamp(motion.level, 0.0F, 1.0F);
     kinds_[nozzle].instances.push_back(
@@ -268,7 +270,7 @@ MechanismParts::Work MechanismParts::plates() {
   const std::size_t kind = add_kind(painted_plate());
   const auto pitch = static_cast<float>(surface_.pitch);
   constexpr float kHalfThick = 0.05F, kSteepest = 0.7F;
-  return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::CellMotion& motion) {
+  return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const Frame f = frame_of(cell, snapshot);
     const auto slope = [&](float low, float high) {
       return std::clamp(0.5F * (high - low) / pitch, -kSteepest, kSteepest);

@@ -48,7 +48,7 @@ class MechanismParts {
 
  private:
   // Adds the parts of one cell.
-  using Work = std::function<void(std::size_t cell, const scene::Snapshot&, const scene::CellMotion&)>;
+  using Work = std::function<void(std::size_t cell, const scene::Snapshot&, const scene::ActuatorState&)>;
   struct Frame;
   Frame frame_of(std::size_t cell, const scene::Snapshot&) const;
   std::size_t add_kind(PaintedMesh mesh, bool translucent = false);

@@ -144,7 +144,7 @@ std::optional<Hit> pick_free_cell(const Ray& ray, const scene::SurfaceSpec& s,
       const auto cell = static_cast<std::size_t>(s.index(row, column));
       const double height = snapshot.height[cell];
       if (!std::isfinite(height)) continue;
-      const scene::CellPlace& place = s.places[cell];
+      const scene::CellPose& place = s.cell_poses[cell];
       const Eigen::AngleAxisd back(-place.angle, Eigen::Vector3d::UnitZ());
       const Ray local{back * (ray.origin - Eigen::Vector3d(place.x, place.y, 0.0)), back * ray.direction};
       const auto t = enter_box(local, {-s.pin.top_x / 2.0, -s.pin.top_y / 2.0, base},
@@ -181,8 +181,8 @@ std::optional<double> enter(const ObjectSpec& object, const Ray& ray) {
 std::optional<Hit> pick(const Ray& ray, const scene::SurfaceSpec& surface, const Moment& moment) {
   const scene::Snapshot& snapshot = moment.snapshot;
   std::optional<Hit> first =
-      surface.places.empty() ? pick_cell(ray, surface, snapshot) : pick_free_cell(ray, surface, snapshot);
-  for (std::size_t i = 0; i < snapshot.objects(); ++i) {
+      surface.cell_poses.empty() ? pick_cell(ray, surface, snapshot) : pick_free_cell(ray, surface, snapshot);
+  for (std::size_t i = 0; i < snapshot.object_count(); ++i) {
     const ObjectSpec& object = moment.catalogue[snapshot.id[i]];
     const auto& q = snapshot.orientation[i];
     const Eigen::Quaterniond to_local = Eigen::Quaterniond(q[3], q[0], q[1], q[2]).conjugate();

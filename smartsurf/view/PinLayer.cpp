@@ -56,14 +56,14 @@ PinLayer::PinLayer(const scene::SurfaceSpec& s, Pass colour_pass)
   const auto shadow = pin_shaders(Pass::kShadow), colour = pin_shaders(colour_pass);
   shadow_ = link_program("pin shadow", shadow.vertex, shadow.fragment);
   colour_ = link_program("pin", colour.vertex, colour.fragment);
-  if (colour_pass == Pass::kColourFast && s.places.empty()) {
+  if (colour_pass == Pass::kColourFast && s.cell_poses.empty()) {
     const auto closed_shadow = pin_shaders(Pass::kShadow, true),
                closed_colour = pin_shaders(colour_pass, true);
     closed_shadow_ = link_program("pin shadow, closed", closed_shadow.vertex, closed_shadow.fragment);
     closed_colour_ = link_program("pin, closed", closed_colour.vertex, closed_colour.fragment);
-    seen_.reserve(static_cast<std::size_t>(s.cells()) * kIndicesAPin);
+    seen_.reserve(static_cast<std::size_t>(s.cell_count()) * kIndicesAPin);
   }
-  const std::vector<GLuint> triangles = triangles_of(static_cast<std::size_t>(s.cells()));
+  const std::vector<GLuint> triangles = triangles_of(static_cast<std::size_t>(s.cell_count()));
   glBindVertexArray(array_.id());
   glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, triangles_.id());
   glBufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(triangles.size() * sizeof(GLuint)),

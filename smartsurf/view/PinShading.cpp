@@ -32,8 +32,8 @@ PinShading::PinShading(const scene::SurfaceSpec& surface)
     : surface_(surface),
       base_(static_cast<float>(ground_height(surface))),
       tints_(tints()),
-      sky_(surface.cells()),
-      pins_(surface.cells()) {}
+      sky_(surface.cell_count()),
+      pins_(surface.cell_count()) {}
 
 float PinShading::height_at(const scene::Snapshot& snapshot, int row, int column) const {
   if (row < 0 || column < 0 || row >= surface_.rows || column >= surface_.columns) return base_;
@@ -127,7 +127,7 @@ std::span<const PinInstance> PinShading::update(const scene::Snapshot& snapshot,
     for (int column = 0; column < surface_.columns; ++column)
       sky_[surface_.index(row, column)] = sky_of(snapshot, row, column);
   if (options.style == Style::kSolid)
-    for (std::size_t i = 0; i < snapshot.objects(); ++i)
+    for (std::size_t i = 0; i < snapshot.object_count(); ++i)
       darken_under(snapshot, snapshot.position[i],
                    static_cast<float>(catalogue[snapshot.id[i]].half_extents().minCoeff()));
   const auto drawn_height = [&](int row, int column) {
@@ -145,7 +145,8 @@ std::span<const PinInstance> PinShading::update(const scene::Snapshot& snapshot,
       PinInstance& pin = pins_[next++];
       const Eigen::Vector2f centre = surface_.centre(row, column).cast<float>();
       const auto place = static_cast<std::size_t>(surface_.index(row, column));
-      const float angle = surface_.places.empty() ? 0.0f : static_cast<float>(surface_.places[place].angle);
+      const float angle =
+          surface_.cell_poses.empty() ? 0.0f : static_cast<float>(surface_.cell_poses[place].angle);
       pin.place = {centre.x(), centre.y()};
       pin.turn = {std::cos(angle), std::sin(angle)};
       pin.height = drawn_height(row, column);

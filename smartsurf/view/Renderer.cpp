@@ -137,7 +137,7 @@ void Renderer::State::upload(const scene::Snapshot& snapshot, const std::vector<
   add_furniture(options);
   Eigen::AlignedBox3d lit = Camera::extent(spec.surface);
   const Eigen::AlignedBox3d near = {lit.min() - lit.sizes() * 0.1, lit.max() + lit.sizes() * 0.1};
-  for (std::size_t i = 0; i < snapshot.objects(); ++i) {
+  for (std::size_t i = 0; i < snapshot.object_count(); ++i) {
     const scene::ObjectSpec& object = catalogue[snapshot.id[i]];
     objects.add(object, instance_of(snapshot, i, object));
     const auto& p = snapshot.position[i];
@@ -256,7 +256,7 @@ void Renderer::draw(const scene::Snapshot& snapshot, const std::vector<scene::Ob
                     const Camera& camera, const DrawOptions& options, unsigned framebuffer, int width,
                     int height) {
   State& s = *state_;
-  assert(snapshot.height.size() == static_cast<std::size_t>(s.spec.surface.cells()));
+  assert(snapshot.height.size() == static_cast<std::size_t>(s.spec.surface.cell_count()));
   assert(options.cell_values.empty() || options.cell_values.size() == snapshot.height.size());
   const int block = s.quality.supersample;
   s.far = seen_from_afar(s.spec.surface, camera, height * block);

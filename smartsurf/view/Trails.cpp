@@ -22,7 +22,7 @@ void Trails::add(const Moment& moment, double length_s) {
   now_s_ = snapshot.time_s;
   length_s_ = length_s;
   points_.resize(moment.catalogue.size());
-  for (std::size_t i = 0; i < snapshot.objects(); ++i) {
+  for (std::size_t i = 0; i < snapshot.object_count(); ++i) {
     std::deque<Point>& way = points_[snapshot.id[i]];
     const auto& p = snapshot.position[i];
     const bool moved = way.empty() || std::hypot(p[0] - way.back().at[0], p[1] - way.back().at[1],

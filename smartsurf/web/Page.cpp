@@ -28,7 +28,7 @@ std::vector<std::size_t> choose_frames(const Recording& recording, double frames
   std::vector<std::size_t> chosen;
   double due_s = -std::numeric_limits<double>::infinity();
   for (std::size_t frame = 0; frame < recording.frames(); ++frame) {
-    const double now_s = recording.time()[frame];
+    const double now_s = recording.times()[frame];
     if (now_s < due_s - 1e-6 && frame + 1 < recording.frames()) continue;
     chosen.push_back(frame);
     due_s = std::isfinite(due_s) ? std::max(due_s + 1.0 / frames_per_second, now_s)
@@ -48,7 +48,7 @@ std::pair<double, double> range_of(const Recording& recording, const Cells& cell
                                    const std::vector<std::size_t>& frames) {
   double low = std::numeric_limits<double>::infinity(), high = -low;
   for (const std::size_t frame : frames)
-    for (const float value : recording.channel(cells.group, cells.name, frame)) {
+    for (const float value : recording.read_channel(cells.group, cells.name, frame)) {
       if (!std::isfinite(value)) continue;
       low = std::min(low, double{value});
       high = std::max(high, double{value});
@@ -59,7 +59,7 @@ std::pair<double, double> range_of(const Recording& recording, const Cells& cell
 
 std::vector<Cells> cells_of(const Recording& recording, const std::vector<std::size_t>& frames) {
   const scene::SurfaceSpec& surface = recording.spec().surface;
-  const std::size_t count = static_cast<std::size_t>(surface.cells());
+  const std::size_t count = static_cast<std::size_t>(surface.cell_count());
   std::vector<Cells> all;
   if (recording.has_heights()) {
     const double top =
@@ -67,9 +67,10 @@ std::vector<Cells> cells_of(const Recording& recording, const std::vector<std::s
     all.push_back({"height", "", {surface.pin.min_height, top, 1, count}});
   }
   for (const char* group : {"sensors", "actuators"})
-    for (const std::string& name : recording.channels(group)) {
+    for (const std::string& name : recording.channel_names(group)) {
       Cells cells{name, group, {0.0, 1.0, 1, count}};
-      if (recording.channel(group, name, frames.front()).size() != count) continue;  // of several components
+      if (recording.read_channel(group, name, frames.front()).size() != count)
+        continue;  // of several components
       std::tie(cells.layout.low, cells.layout.high) = range_of(recording, cells, frames);
       all.push_back(cells);
     }
@@ -81,7 +82,7 @@ PackedSeries position_layout(const Recording& recording, const std::vector<std::
   layout.low = std::numeric_limits<double>::infinity();
   layout.high = -layout.low;
   for (const std::size_t frame : frames)
-    for (const float value : recording.positions(frame, 1)) {
+    for (const float value : recording.read_positions(frame, 1)) {
       // What has fallen off for long is nowhere that anybody looks.
       if (!std::isfinite(value) || std::abs(value) > 1e4F) continue;
       layout.low = std::min(layout.low, double{value});
@@ -124,15 +125,16 @@ json objects_json(const Recording& recording) {
 
 // Of a layout that is no rectangular grid: x, y and angle of each cell.
 json places_json(const scene::SurfaceSpec& surface) {
-  if (surface.places.empty()) return {};
+  if (surface.cell_poses.empty()) return {};
   json all = json::array();
-  for (const scene::CellPlace& place : surface.places) all.insert(all.end(), {place.x, place.y, place.angle});
+  for (const scene::CellPose& place : surface.cell_poses)
+    all.insert(all.end(), {place.x, place.y, place.angle});
   return all;
 }
 
 json mechanisms_json(const scene::SurfaceSpec& surface) {
   json all = json::array();
-  for (const scene::ActuatorSpec& spec : surface.mechanisms()) {
+  for (const scene::ActuatorSpec& spec : surface.effective_actuators()) {
     json one = {{"model", spec.model}};
     for (const auto& [name, values] : spec.values) one[name] = values;
     all.push_back(std::move(one));
@@ -143,7 +145,7 @@ json mechanisms_json(const scene::SurfaceSpec& surface) {
 json scene_json(const Recording& recording, const std::vector<std::size_t>& frames) {
   const scene::SurfaceSpec& s = recording.spec().surface;
   json time = json::array();
-  for (const std::size_t frame : frames) time.push_back(recording.time()[frame]);
+  for (const std::size_t frame : frames) time.push_back(recording.times()[frame]);
   return {{"title", fs::path(recording.spec().file).filename().string()},
           {"seed", recording.spec().world.seed},
           {"rows", s.rows},
@@ -172,10 +174,10 @@ void pack_objects(const Recording& recording, const std::vector<std::size_t>& fr
   SeriesPacker positions(position_layout(recording, frames)), turns({-1.0, 1.0, 2, 4 * objects});
   std::vector<float> turn(4 * objects);
   for (const std::size_t frame : frames) {
-    positions.add(recording.positions(frame, 1));
-    const scene::Snapshot shot = recording.snapshot(frame);
+    positions.add(recording.read_positions(frame, 1));
+    const scene::Snapshot shot = recording.read_snapshot(frame);
     std::fill(turn.begin(), turn.end(), std::numeric_limits<float>::quiet_NaN());
-    for (std::size_t i = 0; i < shot.objects(); ++i)
+    for (std::size_t i = 0; i < shot.object_count(); ++i)
       std::copy(shot.orientation[i].begin(), shot.orientation[i].end(),
                 turn.begin() + static_cast<std::ptrdiff_t>(4 * shot.id[i]));
     turns.add(turn);
@@ -192,9 +194,9 @@ void pack_cells(const Recording& recording, const std::vector<std::size_t>& fram
     SeriesPacker packer(cells.layout);
     for (const std::size_t frame : frames)
       if (cells.group.empty())
-        packer.add(recording.heights(frame));
+        packer.add(recording.read_heights(frame));
       else
-        packer.add(recording.channel(cells.group, cells.name, frame));
+        packer.add(recording.read_channel(cells.group, cells.name, frame));
     series.push_back(
         series_json(cells.group.empty() ? "height" : cells.group + "/" + cells.name, packer.layout()));
     append(all, packer);
@@ -206,16 +208,16 @@ void pack_motion(const Recording& recording, const std::vector<std::size_t>& fra
                  std::vector<std::uint8_t>& all) {
   if (!recording.has_motion()) return;
   constexpr double kHalfTurn = std::numbers::pi;
-  const std::size_t cells = static_cast<std::size_t>(recording.spec().surface.cells());
+  const std::size_t cells = static_cast<std::size_t>(recording.spec().surface.cell_count());
   SeriesPacker packer({-kHalfTurn, kHalfTurn, 2, 3 * cells});
   std::vector<float> numbers(3 * cells);
   const auto round = [](float angle) { return std::remainder(angle, 2.0F * static_cast<float>(kHalfTurn)); };
   for (const std::size_t frame : frames) {
-    const scene::Snapshot shot = recording.snapshot(frame);
-    for (std::size_t i = 0; i < shot.motion.size(); ++i) {
-      numbers[3 * i] = round(shot.motion[i].a);
-      numbers[3 * i + 1] = round(shot.motion[i].b);
-      numbers[3 * i + 2] = shot.motion[i].level;
+    const scene::Snapshot shot = recording.read_snapshot(frame);
+    for (std::size_t i = 0; i < shot.actuator_state.size(); ++i) {
+      numbers[3 * i] = round(shot.actuator_state[i].a);
+      numbers[3 * i + 1] = round(shot.actuator_state[i].b);
+      numbers[3 * i + 2] = shot.actuator_state[i].level;
     }
     packer.add(numbers);
   }
@@ -225,9 +227,9 @@ void pack_motion(const Recording& recording, const std::vector<std::size_t>& fra
 
 void require_room(const Recording& recording, std::size_t frames) {
   std::size_t a_frame = 14 * recording.spec().objects.size();
-  const std::size_t cells = static_cast<std::size_t>(recording.spec().surface.cells());
-  a_frame += cells * (1 + (recording.has_motion() ? 6 : 0) + recording.channels("sensors").size() +
-                      recording.channels("actuators").size());
+  const std::size_t cells = static_cast<std::size_t>(recording.spec().surface.cell_count());
+  a_frame += cells * (1 + (recording.has_motion() ? 6 : 0) + recording.channel_names("sensors").size() +
+                      recording.channel_names("actuators").size());
   if (a_frame * frames <= kMostBytes) return;
   const double fits = static_cast<double>(kMostBytes) / static_cast<double>(a_frame * frames);
   throw scene::InputError(recording.path().string() + ": " + std::to_string(frames) +

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <limits>
 
-#include "smartsurf/world/Fours.h"
+#include "smartsurf/world/narrowphase/Simd4.h"
 
 namespace smartsurf::world {
 
@@ -51,9 +51,9 @@ int SupportPoints::widest() const {
 namespace {
 
 struct Points {
-  Floats x, y, z;
+  Float4 x, y, z;
 };
-Floats square_of(const Points& p) { return p.x * p.x + p.y * p.y + p.z * p.z; }
+Float4 square_of(const Points& p) { return p.x * p.x + p.y * p.y + p.z * p.z; }
 Points from(const Vec3& q, const Points& p) { return {p.x - q.x(), p.y - q.y(), p.z - q.z()}; }
 Points across(const Vec3& unit, const Points& p) {
   return {p.y * unit.z() - p.z * unit.y(), p.z * unit.x() - p.x * unit.z(), p.x * unit.y() - p.y * unit.x()};
@@ -63,20 +63,20 @@ Points across(const Vec3& unit, const Points& p) {
 
 template <class Spread>
 int SupportPoints::best(Spread spread) const {
-  static_assert(kCapacity % kFour == 0);
+  static_assert(kCapacity % kSimd4Width == 0);
   // Floats above 0 compare like their bits. The last few of these tell the place, so that the first of about
   // equal ones wins, without branches that nobody could foretell.
   constexpr std::int32_t kPlace = 127;
   static_assert(kCapacity <= kPlace);
-  Ints found{}, mark = Ints{kPlace, kPlace - 1, kPlace - 2, kPlace - 3};
-  for (int i = 0; i < count_; i += kFour, mark -= kFour) {
-    const Floats gap = load_four(gap_ + i);
-    const Floats gain = spread(Points{load_four(x_ + i), load_four(y_ + i), load_four(z_ + i)}) -
-                        (gap > 0.0F ? gap : Floats{});
-    const Ints here = gain > 1e-3F ? (bits(gain) & ~kPlace) | mark : Ints{};
+  Int4 found{}, mark = Int4{kPlace, kPlace - 1, kPlace - 2, kPlace - 3};
+  for (int i = 0; i < count_; i += kSimd4Width, mark -= kSimd4Width) {
+    const Float4 gap = load4(gap_ + i);
+    const Float4 gain =
+        spread(Points{load4(x_ + i), load4(y_ + i), load4(z_ + i)}) - (gap > 0.0F ? gap : Float4{});
+    const Int4 here = gain > 1e-3F ? (as_int_bits(gain) & ~kPlace) | mark : Int4{};
     found = here > found ? here : found;
   }
-  const std::int32_t first = greatest_of(found);
+  const std::int32_t first = horizontal_max(found);
   return first == 0 ? -1 : kPlace - (first & kPlace);
 }
 
@@ -86,7 +86,7 @@ int SupportPoints::choose(int (&chosen)[4]) {
   chosen[0] = deepest();
   if (gap_[chosen[0]] == kFar) return 0;
   if (count_ == 1) return 1;
-  for (int i = count_; i % kFour != 0; ++i) put(i, at(0), kFar);
+  for (int i = count_; i % kSimd4Width != 0; ++i) put(i, at(0), kFar);
   const Vec3 a = at(chosen[0]);
   chosen[1] = best([&](const Points& p) { return sqrt(square_of(from(a, p))); });
   if (chosen[1] < 0) return 1;

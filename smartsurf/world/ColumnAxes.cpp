@@ -72,7 +72,7 @@ void ColumnAxes::add_hull(const Core& core) {
       const float length = outward.norm();
       if (length < 1e-6F || outward.dot(down) < kLowestZ * length) continue;
       const Vec3 n = core.axes * (outward / -length);
-      add(n, n.dot(core.centre) - outward.dot(hull.piece->corners[e.corner]) / length, kEdgeHandicap);
+      add(n, n.dot(core.centre) - outward.dot(hull.piece->vertices[e.corner]) / length, kEdgeHandicap);
     }
 }
 

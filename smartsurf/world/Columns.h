@@ -69,7 +69,7 @@ class Columns {
   float top(int row, int column) const { return height_[index(row, column)]; }
 
   float highest(const CellRange& cells) const {
-    float highest = surface::kNoCell;
+    float highest = surface::kNoCellHeight;
     for (int r = cells.row_begin; r < cells.row_end; ++r)
       for (int c = cells.column_begin; c < cells.column_end; ++c) highest = std::max(highest, top(r, c));
     return highest;

@@ -140,7 +140,7 @@ class PieceOnField {
       touching.clear();
       touch_field_with_sphere(columns_.field(), at, s.radius, margin_, touching);
       for (const Contact& c : touching)
-        candidates_.add({at - (s.radius + c.gap) * c.normal, c.normal, c.gap, c.key});
+        candidates_.add({at - (s.radius + c.separation) * c.normal, c.normal, c.separation, c.feature_id});
     }
   }
 
@@ -149,7 +149,7 @@ class PieceOnField {
   template <class Each>
   void for_plateaus(Each each) const {
     const CellRange& cells = under_;
-    const bool each_cell = columns_.field().yields();
+    const bool each_cell = columns_.field().has_force_limit();
     for (int c = cells.column_begin; c < cells.column_end; ++c)
       for (int r = cells.row_begin; r < cells.row_end; ++r) {
         if (columns_.top(r, c) < low_.z() - margin_) continue;
@@ -368,14 +368,15 @@ void touch_field_with_shape(const surface::Field& field, const Shape& shape, con
   const auto take = [&](const Candidate& c) {
     Contact& contact = out.emplace_back();
     contact.normal = c.normal;
-    contact.arm = c.point + c.normal * c.gap - centre;
-    contact.gap = c.gap;
+    contact.anchor = c.point + c.normal * c.gap - centre;
+    contact.separation = c.gap;
     contact.other = kField;
-    contact.key = c.tag;
+    contact.feature_id = c.tag;
     move_with_cell(columns, c.tag / field.columns, c.tag % field.columns, c.point, contact);
   };
-  for_pieces_on_field(columns, shape, centre, axes, margin,
-                      [&](PieceOnField& on) { field.yields() ? on.find_on_each_cell(take) : on.find(take); });
+  for_pieces_on_field(columns, shape, centre, axes, margin, [&](PieceOnField& on) {
+    field.has_force_limit() ? on.find_on_each_cell(take) : on.find(take);
+  });
 }
 
 void points_near_field(const surface::Field& field, const Shape& shape, const Vec3& centre, const Mat3& axes,

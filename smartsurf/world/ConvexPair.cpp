@@ -143,8 +143,8 @@ float touch_pieces(const Core& a, const Core& b, const Limits& limits, const Bef
   candidates.pick([&](const Candidate& c) {
     Contact& contact = out.emplace_back();
     contact.normal = c.normal;
-    contact.arm = c.point - centre;
-    contact.gap = c.gap;
+    contact.anchor = c.point - centre;
+    contact.separation = c.gap;
   });
   return clear;
 }
@@ -189,7 +189,7 @@ float touch_convex(const Placed& a, const Placed& b, float margin, const Vec3* l
     else
       touch_convex(a, {t.shape, t.centre, b.axes}, margin, last_normal, out);
     if (a_large)
-      for (std::size_t i = first; i < out.size(); ++i) out[i].arm += t.centre - a.centre;
+      for (std::size_t i = first; i < out.size(); ++i) out[i].anchor += t.centre - a.centre;
     return margin;
   }
   const Limits limits{margin, margin + horizon};

@@ -68,13 +68,12 @@ Outward of_cone(const Vec3& p, const Shape& s) {
 }
 
 // The nearest point of a convex polygon's outline or inside to a point of its plane.
-Vec3 nearest_on_face(const scene::ConvexPiece& piece, const scene::ConvexPiece::Face& face,
-                     const Vec3& foot) {
+Vec3 nearest_on_face(const scene::ConvexHull& piece, const scene::ConvexHull::Face& face, const Vec3& foot) {
   Vec3 best = foot;
   float nearest = -1.0F;
-  for (std::uint32_t i = 0; i < face.count; ++i) {
-    const Vec3& a = piece.corners[piece.face_corners[face.first + i]];
-    const Vec3& b = piece.corners[piece.face_corners[face.first + (i + 1) % face.count]];
+  for (std::uint32_t i = 0; i < face.vertex_count; ++i) {
+    const Vec3& a = piece.vertices[piece.face_vertices[face.first_vertex + i]];
+    const Vec3& b = piece.vertices[piece.face_vertices[face.first_vertex + (i + 1) % face.vertex_count]];
     const Vec3 edge = b - a;
     if (edge.cross(face.normal).dot(foot - a) <= 0.0F) continue;  // inside of this edge
     const float t = std::clamp(edge.dot(foot - a) / edge.squaredNorm(), 0.0F, 1.0F);
@@ -86,7 +85,7 @@ Vec3 nearest_on_face(const scene::ConvexPiece& piece, const scene::ConvexPiece::
 }
 
 Outward of_hull(const Vec3& p, const HullPiece& hull, float limit) {
-  const scene::ConvexPiece& piece = *hull.piece;
+  const scene::ConvexHull& piece = *hull.piece;
   auto height = [&](std::size_t face) { return piece.faces[face].normal.dot(p) - piece.faces[face].offset; };
   const std::size_t top = hull.heights.farthest(p);
   const Vec3& normal = piece.faces[top].normal;
@@ -100,7 +99,7 @@ Outward of_hull(const Vec3& p, const HullPiece& hull, float limit) {
   // Nothing is nearer either where no corner reaches beyond the plane through this point, square to the way.
   constexpr float kPrecision = 1e-5F;
   const Vec3 way = p - best;
-  const Vec3& farthest = piece.corners[hull.corners.farthest(way)];
+  const Vec3& farthest = piece.vertices[hull.corners.farthest(way)];
   if (const float beyond = way.dot(farthest - best); beyond <= kPrecision * nearest)
     return {unit_or(way, normal), std::sqrt(nearest)};
   hull.heights.for_beyond(p, 0.0F, [&](std::size_t face) {

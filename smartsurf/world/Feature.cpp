@@ -49,12 +49,12 @@ void add_disc(Builder& b, float radius, float z, float side, const Vec3& d) {
 }
 
 void add_hull_face(Builder& b, const HullPiece& hull, const Vec3& d) {
-  const scene::ConvexPiece& piece = *hull.piece;
-  const scene::ConvexPiece::Face* best = &piece.faces[hull.face_normals.farthest(d)];
+  const scene::ConvexHull& piece = *hull.piece;
+  const scene::ConvexHull::Face* best = &piece.faces[hull.face_normals.farthest(d)];
   // A face with very many corners is thinned out.
-  const std::uint32_t stride = (best->count + Feature::kMost / 2 - 1) / (Feature::kMost / 2);
-  for (std::uint32_t i = 0; i < best->count; i += stride)
-    b.add(piece.corners[piece.face_corners[best->first + i]]);
+  const std::uint32_t stride = (best->vertex_count + Feature::kMost / 2 - 1) / (Feature::kMost / 2);
+  for (std::uint32_t i = 0; i < best->vertex_count; i += stride)
+    b.add(piece.vertices[piece.face_vertices[best->first_vertex + i]]);
   b.f.normal = b.axes * best->normal;
 }
 

@@ -43,7 +43,7 @@ void for_feature_points(const Piece& piece, const Vec3& centre, const Mat3& axes
       own({0, 0, s.high});
       break;
     case ShapeKind::kSolid:
-      for (const Vec3& corner : piece.hull->piece->corners) own(corner);
+      for (const Vec3& corner : piece.hull->piece->vertices) own(corner);
       break;
   }
 }

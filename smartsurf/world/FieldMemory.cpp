@@ -6,8 +6,8 @@
 #include <span>
 
 #include "smartsurf/world/ConvexOnField.h"
-#include "smartsurf/world/Fours.h"
 #include "smartsurf/world/SphereOnField.h"
+#include "smartsurf/world/narrowphase/Simd4.h"
 
 namespace smartsurf::world {
 namespace {
@@ -25,8 +25,8 @@ constexpr float kSlipShare = 0.025F, kMostSlip = 0.05F;
 constexpr float kMostStep = 0.004F;
 
 float most_way(const BodyStore& bodies, std::size_t i) {
-  return bodies.revolves[i] ? std::min(kMostRoundWay, kRoundWayShare * bodies.reach[i])
-                            : std::min(kMostWay, kWayShare * bodies.reach[i]);
+  return bodies.is_axisymmetric[i] ? std::min(kMostRoundWay, kRoundWayShare * bodies.bounding_radius[i])
+                                   : std::min(kMostWay, kWayShare * bodies.bounding_radius[i]);
 }
 float most_slip(float reach) { return std::min(kMostSlip, kSlipShare * reach); }
 
@@ -72,13 +72,13 @@ FieldMemory::Rises FieldMemory::rises_since(const Known& before) const {
   const int width = u.column_end - u.column_begin;
   Rises all{std::numeric_limits<float>::max(), -std::numeric_limits<float>::max()};
   // Not a number where there is no cell: the old value stays.
-  Floats low = four_of(all.low), high = four_of(all.high);
+  Float4 low = broadcast4(all.low), high = broadcast4(all.high);
   const float* then = before.heights;
   for (int r = u.row_begin; r < u.row_end; ++r, then += width) {
     const float* const now = &field_.height[static_cast<std::size_t>(field_.index(r, u.column_begin))];
-    if (width >= kFour) {
-      for_fours(width, [&](int c) {
-        const Floats rise = load_four(now + c) - load_four(then + c);
+    if (width >= kSimd4Width) {
+      for_each_simd4(width, [&](int c) {
+        const Float4 rise = load4(now + c) - load4(then + c);
         low = min(rise, low), high = max(rise, high);
       });
     } else {
@@ -88,7 +88,7 @@ FieldMemory::Rises FieldMemory::rises_since(const Known& before) const {
       }
     }
   }
-  return {std::min(all.low, -greatest_of(-low)), std::max(all.high, greatest_of(high))};
+  return {std::min(all.low, -horizontal_max(-low)), std::max(all.high, horizontal_max(high))};
 }
 
 bool FieldMemory::level_cells_moved_apart(const Known& before) const {
@@ -96,17 +96,17 @@ bool FieldMemory::level_cells_moved_apart(const Known& before) const {
   const int width = u.column_end - u.column_begin;
   // Of `count` cells that lie side by side, against those `beside` further on.
   auto apart = [](int count, const float* then, int then_beside, const float* now, int now_beside) {
-    if (count < kFour) {
+    if (count < kSimd4Width) {
       for (int c = 0; c < count; ++c)
         if (std::abs(then[c] - then[c + then_beside]) <= kLevelTolerance &&
             std::abs(now[c] - now[c + now_beside]) > kMostStep)
           return true;
       return false;
     }
-    Ints any{};
-    for_fours(count, [&](int c) {
-      any |= (abs(load_four(then + c) - load_four(then + c + then_beside)) <= kLevelTolerance) &
-             (abs(load_four(now + c) - load_four(now + c + now_beside)) > kMostStep);
+    Int4 any{};
+    for_each_simd4(count, [&](int c) {
+      any |= (abs(load4(then + c) - load4(then + c + then_beside)) <= kLevelTolerance) &
+             (abs(load4(now + c) - load4(now + c + now_beside)) > kMostStep);
     });
     return (any[0] | any[1] | any[2] | any[3]) != 0;
   };
@@ -165,7 +165,7 @@ void FieldMemory::touch(const BodyStore& bodies, std::size_t i, float margin, Li
   const Known* before = first_[i];
   if (before && holds(bodies, i, margin, *before)) {
     repeat(*before, now);
-    if (choose(bodies, i, margin, most_slip(bodies.reach[i]), now, out)) return;
+    if (choose(bodies, i, margin, most_slip(bodies.bounding_radius[i]), now, out)) return;
     now.points.resize(static_cast<std::size_t>(now.bodies.back().first));
     now.heights.resize(static_cast<std::size_t>(now.bodies.back().first_height));
     now.bodies.pop_back();
@@ -213,10 +213,10 @@ bool FieldMemory::choose(const BodyStore& bodies, std::size_t i, float margin, f
       const Point& p = piece[k];
       Contact& c = out.emplace_back();
       c.normal = p.normal;
-      c.arm = points.at(k) - centre;
-      c.gap = points.gap(k);
+      c.anchor = points.at(k) - centre;
+      c.separation = points.gap(k);
       c.other = kField;
-      c.key = p.cell;
+      c.feature_id = p.cell;
       move_with_cell(columns, p.cell / field_.columns, p.cell % field_.columns,
                      p.on_cell + Vec3(0, 0, rise(p)), c);
     }

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "smartsurf/surface/Field.h"
-#include "smartsurf/world/Bodies.h"
+#include "smartsurf/world/BodyStore.h"
 #include "smartsurf/world/Columns.h"
 #include "smartsurf/world/Contact.h"
 

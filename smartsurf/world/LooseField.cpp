@@ -107,10 +107,10 @@ surface::Field LooseField::make_three_by_three() const {
   f.pitch = field_.pitch;
   f.half_top_x = field_.half_top_x;
   f.half_top_y = field_.half_top_y;
-  f.height.assign(9, surface::kNoCell);
+  f.height.assign(9, surface::kNoCellHeight);
   f.speed.assign(9, 0.0F);
-  if (field_.drags()) f.drag_x = f.drag_y = f.spin = f.speed;
-  if (field_.yields())
+  if (field_.has_surface_velocity()) f.surface_velocity_x = f.surface_velocity_y = f.surface_spin = f.speed;
+  if (field_.has_force_limit())
     f.force_limit = f.speed;  // each cell bears its own share: that is all that counts here
   return f;
 }
@@ -120,13 +120,14 @@ void LooseField::look_at(std::size_t cell, surface::Field& f) const {
   f.speed[kMiddle] = field_.speed[cell];
   for (int side = 0; side < 4; ++side)
     f.height[static_cast<std::size_t>(kSide[side])] =
-        bridged(cell, side) ? field_.height[cell] : surface::kNoCell;
-  if (!field_.drags()) return;
+        bridged(cell, side) ? field_.height[cell] : surface::kNoCellHeight;
+  if (!field_.has_surface_velocity()) return;
   const float angle = field_.angle.empty() ? 0.0F : field_.angle[cell];
-  const Vec3 drag = turned({field_.drag_x[cell], field_.drag_y[cell], 0}, -std::sin(angle), std::cos(angle));
-  f.drag_x[kMiddle] = drag.x();
-  f.drag_y[kMiddle] = drag.y();
-  f.spin[kMiddle] = field_.spin.empty() ? 0.0F : field_.spin[cell];
+  const Vec3 drag = turned({field_.surface_velocity_x[cell], field_.surface_velocity_y[cell], 0},
+                           -std::sin(angle), std::cos(angle));
+  f.surface_velocity_x[kMiddle] = drag.x();
+  f.surface_velocity_y[kMiddle] = drag.y();
+  f.surface_spin[kMiddle] = field_.surface_spin.empty() ? 0.0F : field_.surface_spin[cell];
 }
 
 void LooseField::touch_cell(std::size_t cell, const Shape& shape, const Vec3& centre, const Mat3& axes,
@@ -147,12 +148,12 @@ void LooseField::touch_cell(std::size_t cell, const Shape& shape, const Vec3& ce
   }
   std::size_t kept = first;
   for (std::size_t k = first; k < out.size(); ++k) {
-    if (out[k].key != kMiddle) continue;
+    if (out[k].feature_id != kMiddle) continue;
     Contact c = out[k];
     c.normal = turned(c.normal, sine, cosine);
-    c.arm = turned(c.arm, sine, cosine);
-    c.surface = turned(c.surface, sine, cosine);
-    c.key = static_cast<std::int32_t>(cell);
+    c.anchor = turned(c.anchor, sine, cosine);
+    c.surface_velocity = turned(c.surface_velocity, sine, cosine);
+    c.feature_id = static_cast<std::int32_t>(cell);
     out[kept++] = c;
   }
   out.resize(kept);
@@ -173,13 +174,13 @@ void LooseField::touch(const Shape& shape, const Vec3& centre, const Mat3& axes,
     picker.pick([&](const Contact& c) { out.push_back(c); });
     return;
   }
-  if (field_.yields()) {
+  if (field_.has_force_limit()) {
     out.insert(out.end(), all.begin(), all.end());
     return;
   }
   Candidates candidates;
   for (std::size_t k = 0; k < all.size(); ++k)
-    candidates.add({all[k].arm, all[k].normal, all[k].gap, static_cast<int>(k)});
+    candidates.add({all[k].anchor, all[k].normal, all[k].separation, static_cast<int>(k)});
   candidates.pick([&](const Candidate& c) { out.push_back(all[static_cast<std::size_t>(c.tag)]); });
 }
 

@@ -19,18 +19,18 @@ void touch_spheres(const BodyStore& bodies, std::size_t a, std::size_t b, float 
   const Vec3 apart = bodies.position[a] - bodies.position[b];
   const float distance = apart.norm();
   const Vec3 normal = distance > 1e-6F ? Vec3(apart / distance) : Vec3(0, 0, 1);
-  const float gap = distance - bodies.reach[a] - bodies.reach[b];
+  const float gap = distance - bodies.bounding_radius[a] - bodies.bounding_radius[b];
   if (gap > margin && gap > margin + closing(bodies, a, b, normal, dt_s)) return;
   Contact& c = out.emplace_back();
   c.normal = normal;
-  c.arm = -bodies.reach[a] * normal;
-  c.gap = gap;
+  c.anchor = -bodies.bounding_radius[a] * normal;
+  c.separation = gap;
 }
 
 // A sphere against anything else, in either order.
 void touch_sphere(const BodyStore& bodies, std::size_t sphere, std::size_t other, bool sphere_is_a,
                   float margin, float dt_s, std::vector<Contact>& out) {
-  const float radius = bodies.reach[sphere];
+  const float radius = bodies.bounding_radius[sphere];
   const Vec3 centre = bodies.axes[other].transpose() * (bodies.position[sphere] - bodies.position[other]);
   const float most = radius + margin + (bodies.velocity(sphere) - bodies.velocity(other)).norm() * dt_s;
   if ((centre.cwiseAbs() - bodies.shape[other]->half).maxCoeff() > most) return;
@@ -41,9 +41,9 @@ void touch_sphere(const BodyStore& bodies, std::size_t sphere, std::size_t other
     if (gap > margin && gap > margin + closing(bodies, sphere, other, normal, dt_s)) return;
     Contact& c = out.emplace_back();
     c.normal = sphere_is_a ? normal : Vec3(-normal);
-    c.gap = gap;
-    c.arm = sphere_is_a ? Vec3(-radius * normal)
-                        : Vec3(bodies.position[sphere] - (radius + gap) * normal - bodies.position[other]);
+    c.separation = gap;
+    c.anchor = sphere_is_a ? Vec3(-radius * normal)
+                           : Vec3(bodies.position[sphere] - (radius + gap) * normal - bodies.position[other]);
   });
 }
 
@@ -61,7 +61,7 @@ float closing(const BodyStore& bodies, std::size_t a, std::size_t b, float dt_s)
 
 void touch_bodies(const BodyStore& bodies, std::size_t a, std::size_t b, float margin, float dt_s,
                   const Vec3* last_normal, std::vector<Contact>& out) {
-  const bool round_a = bodies.round[a], round_b = bodies.round[b];
+  const bool round_a = bodies.is_sphere[a], round_b = bodies.is_sphere[b];
   if (round_a && round_b) return touch_spheres(bodies, a, b, margin, dt_s, out);
   if (round_a) return touch_sphere(bodies, a, b, true, margin, dt_s, out);
   if (round_b) return touch_sphere(bodies, b, a, false, margin, dt_s, out);

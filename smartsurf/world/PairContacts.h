@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "smartsurf/world/Bodies.h"
+#include "smartsurf/world/BodyStore.h"
 #include "smartsurf/world/Contact.h"
 
 namespace smartsurf::world {

@@ -28,7 +28,7 @@ struct Placing {
 };
 
 float smaller_reach(const BodyStore& bodies, std::size_t a, std::size_t b) {
-  return std::min(bodies.reach[a], bodies.reach[b]);
+  return std::min(bodies.bounding_radius[a], bodies.bounding_radius[b]);
 }
 float most_way(float reach) { return std::min(kMostWay, kWayShare * reach); }
 float most_slip(float reach) { return std::min(kMostSlip, kSlipShare * reach); }
@@ -56,7 +56,7 @@ bool slid(const Placing& now, const PairMemory::Known& before, float most) {
 // Whether what is known of the two still tells their contacts with gaps up to `margin`.
 bool holds(const BodyStore& bodies, const Placing& now, const PairMemory::Known& before, float margin) {
   const auto a = static_cast<std::size_t>(before.a), b = static_cast<std::size_t>(before.b);
-  const float way = moved(now, before, bodies.reach[a]);
+  const float way = moved(now, before, bodies.bounding_radius[a]);
   if (way + margin > before.clear) return false;
   if (way + margin <= before.least_gap) return true;
   const float reach = smaller_reach(bodies, a, b);
@@ -75,10 +75,10 @@ void look(const BodyStore& bodies, std::size_t a, std::size_t b, float margin, c
   known.count = static_cast<std::int32_t>(touching.size());
   known.least_gap = std::numeric_limits<float>::infinity();
   for (const Contact& c : touching) {
-    known.least_gap = std::min(known.least_gap, c.gap);
-    const Vec3 half = (0.5F * c.gap) * c.normal;
-    const Vec3 from_b = bodies.position[a] - bodies.position[b] + c.arm - half;
-    now.points.push_back({bodies.axes[a].transpose() * (c.arm + half), bodies.axes[b].transpose() * from_b,
+    known.least_gap = std::min(known.least_gap, c.separation);
+    const Vec3 half = (0.5F * c.separation) * c.normal;
+    const Vec3 from_b = bodies.position[a] - bodies.position[b] + c.anchor - half;
+    now.points.push_back({bodies.axes[a].transpose() * (c.anchor + half), bodies.axes[b].transpose() * from_b,
                           bodies.axes[b].transpose() * c.normal});
   }
 }
@@ -141,8 +141,8 @@ void PairMemory::touch(const BodyStore& bodies, std::size_t a, std::size_t b, fl
     if (gap > margin) continue;
     Contact& c = out.emplace_back();
     c.normal = bodies.axes[b] * p.normal;
-    c.arm = bodies.axes[a] * p.on_a;
-    c.gap = gap;
+    c.anchor = bodies.axes[a] * p.on_a;
+    c.separation = gap;
   }
 }
 

@@ -6,7 +6,7 @@
 
 #include <vector>
 
-#include "smartsurf/world/Bodies.h"
+#include "smartsurf/world/BodyStore.h"
 #include "smartsurf/world/Contact.h"
 #include "smartsurf/world/Gjk.h"
 

@@ -13,25 +13,25 @@ namespace {
 using scene::ShapeKind;
 
 // Draws each corner in so that all its faces move by `depth`: least squares where more than three meet.
-std::vector<Vec3> drawn_in(const scene::ConvexPiece& piece, float depth) {
-  std::vector<Mat3> squares(piece.corners.size(), Mat3::Identity() * 1e-4F);
-  std::vector<Vec3> sums(piece.corners.size(), Vec3::Zero());
+std::vector<Vec3> drawn_in(const scene::ConvexHull& piece, float depth) {
+  std::vector<Mat3> squares(piece.vertices.size(), Mat3::Identity() * 1e-4F);
+  std::vector<Vec3> sums(piece.vertices.size(), Vec3::Zero());
   for (const auto& face : piece.faces)
-    for (std::uint32_t i = 0; i < face.count; ++i) {
-      const std::size_t corner = piece.face_corners[face.first + i];
+    for (std::uint32_t i = 0; i < face.vertex_count; ++i) {
+      const std::size_t corner = piece.face_vertices[face.first_vertex + i];
       squares[corner] += face.normal * face.normal.transpose();
       sums[corner] -= depth * face.normal;
     }
-  std::vector<Vec3> core(piece.corners);
+  std::vector<Vec3> core(piece.vertices);
   for (std::size_t i = 0; i < core.size(); ++i) core[i] += squares[i].ldlt().solve(sums[i]);
   return core;
 }
 
-float least_width(const scene::ConvexPiece& piece) {
+float least_width(const scene::ConvexHull& piece) {
   float least = std::numeric_limits<float>::max();
   for (const auto& face : piece.faces) {
     float deepest = 0.0F;
-    for (const Vec3& corner : piece.corners)
+    for (const Vec3& corner : piece.vertices)
       deepest = std::max(deepest, face.offset - face.normal.dot(corner));
     least = std::min(least, deepest);
   }
@@ -39,14 +39,14 @@ float least_width(const scene::ConvexPiece& piece) {
 }
 
 // Each edge runs one way round one of its faces and the other way round the other.
-std::vector<HullPiece::Edge> edges_of(const scene::ConvexPiece& piece) {
+std::vector<HullPiece::Edge> edges_of(const scene::ConvexHull& piece) {
   std::map<std::pair<std::uint16_t, std::uint16_t>, std::uint16_t> face_along;
   std::vector<HullPiece::Edge> edges;
   for (std::size_t f = 0; f < piece.faces.size(); ++f) {
     const auto& face = piece.faces[f];
-    const auto* corners = &piece.face_corners[face.first];
-    for (std::uint32_t i = 0; i < face.count; ++i) {
-      const std::uint16_t from = corners[i], to = corners[(i + 1) % face.count];
+    const auto* corners = &piece.face_vertices[face.first_vertex];
+    for (std::uint32_t i = 0; i < face.vertex_count; ++i) {
+      const std::uint16_t from = corners[i], to = corners[(i + 1) % face.vertex_count];
       face_along[{from, to}] = static_cast<std::uint16_t>(f);
       if (const auto other = face_along.find({to, from}); other != face_along.end())
         edges.push_back({from, static_cast<std::uint16_t>(f), other->second});
@@ -57,13 +57,13 @@ std::vector<HullPiece::Edge> edges_of(const scene::ConvexPiece& piece) {
 
 std::vector<HullPiece> hulls_of(const scene::Solid& solid) {
   std::vector<HullPiece> hulls;
-  for (const auto& piece : solid.pieces) {
+  for (const auto& piece : solid.hulls) {
     HullPiece& hull = hulls.emplace_back();
     hull.piece = &piece;
     hull.width = least_width(piece);
     hull.rounding = std::min(0.03F, 0.1F * hull.width);
     hull.core = drawn_in(piece, hull.rounding);
-    hull.corners.assign(piece.corners);
+    hull.corners.assign(piece.vertices);
     hull.core_blocks.assign(hull.core);
     std::vector<Vec3> normals;
     std::vector<float> offsets;
@@ -166,7 +166,7 @@ Shape make_shape(const scene::ObjectSpec& o) {
       break;
     case ShapeKind::kSolid:
       s.solid = o.solid;
-      s.reach = o.solid->reach;
+      s.reach = o.solid->bounding_radius;
       add_hulls(s);
       break;
   }

@@ -43,7 +43,7 @@ class VectorBlocks {
 
 // A convex piece of a solid and its core: the corners drawn in so far that every face moves by `rounding`.
 struct HullPiece {
-  const scene::ConvexPiece* piece = nullptr;
+  const scene::ConvexHull* piece = nullptr;
   std::vector<Vec3> core;
   float rounding = 0.0F, width = 0.0F;
   VectorBlocks corners, core_blocks, face_normals;

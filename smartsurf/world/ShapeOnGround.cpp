@@ -16,8 +16,8 @@ void touch_ground(const Shape& shape, const Vec3& centre, const Mat3& axes, floa
     candidates.pick([&](const Candidate& c) {
       Contact& contact = out.emplace_back();
       contact.normal = c.normal;
-      contact.arm = c.point - centre;
-      contact.gap = c.gap;
+      contact.anchor = c.point - centre;
+      contact.separation = c.gap;
       contact.other = kGround;
     });
   });

@@ -35,13 +35,13 @@ void touch_column(const Columns& columns, int row, int column, const Vec3& centr
 void move_with_cell(const Columns& columns, int row, int column, const Vec3& point, Contact& c) {
   const surface::Field& f = columns.field();
   const auto i = static_cast<std::size_t>(columns.index(row, column));
-  c.surface = {0, 0, f.speed[i]};
-  if (!f.drags()) return;
-  const float spin = f.spin.empty() ? 0.0F : f.spin[i];
-  const Vec3 drag(f.drag_x[i] - spin * (point.y() - columns.y(row)),
-                  f.drag_y[i] + spin * (point.x() - columns.x(column)), 0);
+  c.surface_velocity = {0, 0, f.speed[i]};
+  if (!f.has_surface_velocity()) return;
+  const float spin = f.surface_spin.empty() ? 0.0F : f.surface_spin[i];
+  const Vec3 drag(f.surface_velocity_x[i] - spin * (point.y() - columns.y(row)),
+                  f.surface_velocity_y[i] + spin * (point.x() - columns.x(column)), 0);
   // Only along the surface: the cell itself stays where it is.
-  c.surface += drag - c.normal * c.normal.dot(drag);
+  c.surface_velocity += drag - c.normal * c.normal.dot(drag);
   c.surface_spin = spin;
 }
 
@@ -65,10 +65,10 @@ void touch_field_with_sphere(const surface::Field& field, const Vec3& centre, fl
   picker.pick([&](const Touch& t) {
     Contact& contact = out.emplace_back();
     contact.normal = t.normal;
-    contact.arm = -radius * t.normal;
-    contact.gap = t.gap;
+    contact.anchor = -radius * t.normal;
+    contact.separation = t.gap;
     contact.other = kField;
-    contact.key = columns.index(t.row, t.column);
+    contact.feature_id = columns.index(t.row, t.column);
     move_with_cell(columns, t.row, t.column, centre - (radius + t.gap) * t.normal, contact);
   });
 }

@@ -20,14 +20,14 @@ void mix(const float* values, std::size_t words, std::uint32_t* chains) {
   using D = hn::CappedTag<std::uint32_t, 16>;
   constexpr D d;
   constexpr std::size_t kLanes = hn::MaxLanes(d), kVectors = StateHash::kChains / kLanes;
-  const hn::Rebind<float, D> numbers;
-  const auto odd = hn::Set(d, 0x9e3779b1U);
+  const hn::Rebind<float, D> float_tag;
+  const auto multiplier = hn::Set(d, 0x9e3779b1U);
   hn::Vec<D> chain[kVectors];
   for (std::size_t v = 0; v < kVectors; ++v) chain[v] = hn::LoadU(d, chains + v * kLanes);
   for (std::size_t w = 0; w < words; ++w)
     for (std::size_t v = 0; v < kVectors; ++v) {
-      const auto word = hn::BitCast(d, hn::LoadU(numbers, values + w * StateHash::kChains + v * kLanes));
-      chain[v] = hn::RotateRight<19>(hn::Mul(hn::Xor(chain[v], word), odd));
+      const auto word = hn::BitCast(d, hn::LoadU(float_tag, values + w * StateHash::kChains + v * kLanes));
+      chain[v] = hn::RotateRight<19>(hn::Mul(hn::Xor(chain[v], word), multiplier));
     }
   for (std::size_t v = 0; v < kVectors; ++v) hn::StoreU(chain[v], d, chains + v * kLanes);
 }

@@ -13,11 +13,11 @@
 #include <string>
 #include <vector>
 
+#include "common/ThreadPool.h"
 #include "smartsurf/scene/ObjectState.h"
 #include "smartsurf/scene/Snapshot.h"
-#include "smartsurf/surface/BodyForces.h"
 #include "smartsurf/surface/Field.h"
-#include "smartsurf/surface/WorkerPool.h"
+#include "smartsurf/surface/actuators/BodyForces.h"
 
 namespace smartsurf::world {
 
@@ -34,7 +34,7 @@ class World {
  public:
   // `field` and `pool` must outlive the world. step() reads what the cells do and writes Field::impulse.
   // The objects of the scene get the ids 0, 1, …. Without a pool everything runs on the caller.
-  World(const scene::SceneSpec&, surface::Field& field, surface::WorkerPool* pool = nullptr);
+  World(const scene::SceneSpec&, surface::Field& field, surface::ThreadPool* pool = nullptr);
   ~World();
   World(const World&) = delete;
   World& operator=(const World&) = delete;
@@ -46,16 +46,16 @@ class World {
   bool alive(scene::ObjectId) const;
   bool remove(scene::ObjectId);
   // Changes what has a value, keeps the rest.
-  bool place(scene::ObjectId, const scene::Placement&);
+  bool place(scene::ObjectId, const scene::ObjectStateUpdate&);
   // A constant force (mass·u/s²) through the next `duration_s` of simulated time, at least one step; at
   // `point` (world frame, fixed to the body from now on) or at the centre of mass.
-  bool push(scene::ObjectId, const Eigen::Vector3d& force, const std::optional<Eigen::Vector3d>& point,
-            double duration_s);
+  bool apply_force(scene::ObjectId, const Eigen::Vector3d& force, const std::optional<Eigen::Vector3d>& point,
+                   double duration_s);
   // The object must be alive.
   scene::ObjectState state(scene::ObjectId) const;
 
   // The objects as actuators see them; valid until the next step, or change of the objects.
-  surface::Bodies bodies() const;
+  surface::BodyView bodies() const;
   // What acts on each body during the next step, in the order of bodies(); zero again after it. A wrench that
   // is not zero wakes its body.
   std::span<surface::Wrench> wrenches();
@@ -67,18 +67,18 @@ class World {
   // The contacts of the last step that bore any load. Allocates.
   std::vector<ContactPoint> contacts() const;
   // How many bodies are asleep: at rest on cells that do not move, and not computed.
-  int asleep() const;
+  int sleeping_count() const;
 
   // Copies poses, velocities, heights and counters; keeps the vectors' memory. tick and time are the
   // caller's.
   void snapshot(scene::Snapshot&) const;
 
   // The first object whose state is not finite, if any.
-  std::optional<scene::ObjectId> first_not_finite() const;
+  std::optional<scene::ObjectId> first_non_finite() const;
 
  private:
-  struct State;
-  std::unique_ptr<State> state_;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace smartsurf::world

@@ -74,7 +74,8 @@ int main(int argc, char** argv) {
   for (std::size_t i = 0; i < program::opcode_count(); ++i) {
     const auto op = static_cast<program::Opcode>(i);
     if (seen.count(op) > 0) continue;
-    std::cout << "no script in " << argv[1] << " has the instruction " << program::info(op).mnemonic << '\n';
+    std::cout << "no script in " << argv[1] << " has the instruction " << program::opcode_info(op).mnemonic
+              << '\n';
     ++missing;
   }
   return missing == 0 ? 0 : 1;

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "smartsurf/mesh/MakeSolid.h"
+#include "smartsurf/mesh/SolidBuilder.h"
 #include "smartsurf/scene/SceneSpec.h"
 
 namespace pin_scene {
@@ -69,7 +69,7 @@ inline std::shared_ptr<const smartsurf::scene::Solid> pebble(double radius) {
     for (double& along : corner) along = normal(random);
     corner *= (1.5 + 0.1875 * size) / corner.norm();
   }
-  return solid = std::make_shared<smartsurf::scene::Solid>(smartsurf::mesh::hull_solid(corners));
+  return solid = std::make_shared<smartsurf::scene::Solid>(smartsurf::mesh::build_hull_solid(corners));
 }
 
 // Spheres of radius 1.5–3, or every other one a box, a cylinder or a convex hull of such a size, stacked in

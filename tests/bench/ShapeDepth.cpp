@@ -25,7 +25,7 @@ std::vector<Vec3> own_points(const Shape& shape) {
     }
   for_pieces(shape, [&](const Piece& piece) {
     if (piece.hull)
-      points.insert(points.end(), piece.hull->piece->corners.begin(), piece.hull->piece->corners.end());
+      points.insert(points.end(), piece.hull->piece->vertices.begin(), piece.hull->piece->vertices.end());
   });
   return points;
 }

@@ -12,9 +12,9 @@
 #include <functional>
 #include <nlohmann/json.hpp>
 
+#include "common/ThreadPool.h"
 #include "smartsurf/surface/ActuatorArray.h"
 #include "smartsurf/surface/SensorArray.h"
-#include "smartsurf/surface/WorkerPool.h"
 #include "smartsurf/world/World.h"
 #include "tests/bench/CommandLine.h"
 #include "tests/bench/NaivePins.h"
@@ -107,9 +107,9 @@ struct Timer {
 
 Result run_ours(const Workload& w, const Options& options) {
   scene::SceneSpec spec = scene_of(w);
-  spec.surface.sensors = {scene::find_sensor_kind("proximity")->standard()};
+  spec.surface.sensors = {scene::find_sensor_kind("proximity")->default_spec()};
   spec.surface.sensors[0].values["range"] = {kSensorRange};
-  surface::WorkerPool pool(options.threads);
+  surface::ThreadPool pool(options.threads);
   surface::ActuatorArray cells(spec.surface, {}, 1, &pool);
   world::World world(spec, cells.field(), &pool);
   surface::SensorArray sensing(spec, cells.field());
@@ -134,7 +134,7 @@ Result run_ours(const Workload& w, const Options& options) {
     timer.pins.push_back(plan + commit);
   }
   Result r{median(timer.physics), median(timer.sensors), median(timer.look), median(timer.pins)};
-  r.asleep = world.asleep();
+  r.asleep = world.sleeping_count();
   std::vector<Ball> balls;
   for (std::size_t i = 0; i < static_cast<std::size_t>(w.objects); ++i)
     if (spec.objects[i].shape == scene::ShapeKind::kSphere)

@@ -14,8 +14,8 @@
 #include <random>
 #include <string>
 
+#include "common/ThreadPool.h"
 #include "smartsurf/surface/SensorArray.h"
-#include "smartsurf/surface/WorkerPool.h"
 #include "tests/bench/CommandLine.h"
 
 using namespace smartsurf;
@@ -90,7 +90,7 @@ double median(std::vector<double> v) {
 }
 
 // Every object trembles, so that a sweep never finds what it found before.
-void shake(Scene& s, int step) {
+void jitter_objects(Scene& s, int step) {
   for (std::size_t k = 0; k < s.snapshot.position.size(); ++k)
     s.snapshot.position[k][0] += ((k + static_cast<std::size_t>(step)) % 2 == 0) ? 0.05F : -0.05F;
 }
@@ -112,16 +112,16 @@ const Model kModels[] = {
     {"camera", "camera", {}},
 };
 
-double run_model(Scene& s, const Model& model, const Options& options, surface::WorkerPool& pool) {
-  s.spec.surface.sensors = {scene::find_sensor_kind(model.kind)->standard()};
+double run_model(Scene& s, const Model& model, const Options& options, surface::ThreadPool& pool) {
+  s.spec.surface.sensors = {scene::find_sensor_kind(model.kind)->default_spec()};
   for (const auto& [name, value] : model.values) s.spec.surface.sensors[0].values[name] = value;
   surface::SensorArray sensors(s.spec, s.field);
   const std::vector<float> impulse(s.snapshot.height.size(), 0.01F);
   std::vector<double> times;
   for (int i = 0; i < options.repeats; ++i) {
-    shake(s, i);
+    jitter_objects(s, i);
     times.push_back(timed_ms([&] {
-      sensors.feel(impulse);
+      sensors.accumulate_impulses(impulse);
       sensors.sense(s.snapshot, s.spec.objects, pool);
     }));
   }
@@ -129,7 +129,7 @@ double run_model(Scene& s, const Model& model, const Options& options, surface::
 }
 
 // The plain way, for spheres and straight up.
-double nearest(const Scene& s, int cell, double range) {
+double brute_force_distance(const Scene& s, int cell, double range) {
   const double x = cell % s.field.columns, y = s.field.rows - 1 - cell / s.field.columns;
   const double z = s.snapshot.height[static_cast<std::size_t>(cell)];
   double best = range;
@@ -151,8 +151,8 @@ void print_json(const Workload& w, const std::string& who, double ms) {
   std::fflush(stdout);
 }
 
-void compare(Scene& s, const Workload& w, double ours_ms, bool json, surface::WorkerPool& pool) {
-  s.spec.surface.sensors = {scene::find_sensor_kind("proximity")->standard()};
+void compare(Scene& s, const Workload& w, double ours_ms, bool json, surface::ThreadPool& pool) {
+  s.spec.surface.sensors = {scene::find_sensor_kind("proximity")->default_spec()};
   s.spec.surface.sensors[0].values["range"] = {4};
   surface::SensorArray sensors(s.spec, s.field);
   sensors.sense(s.snapshot, s.spec.objects, pool);
@@ -160,8 +160,8 @@ void compare(Scene& s, const Workload& w, double ours_ms, bool json, surface::Wo
   double worst = 0;
   const double ms = timed_ms([&] {
     for (int cell = 0; cell < cells; cell += stride)
-      worst = std::max(worst,
-                       std::abs(nearest(s, cell, 4) - sensors.readings(0)[static_cast<std::size_t>(cell)]));
+      worst = std::max(worst, std::abs(brute_force_distance(s, cell, 4) -
+                                       sensors.readings(0)[static_cast<std::size_t>(cell)]));
   });
   if (json) return print_json(w, "proximity, every object at every cell", ms * stride);
   std::printf("%-20s every object at every cell %10.1f ms, %.0f times longer; differs by at most %.1e\n", "",
@@ -191,7 +191,7 @@ Options read_options(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   const Options options = read_options(argc, argv);
-  surface::WorkerPool pool(options.threads);
+  surface::ThreadPool pool(options.threads);
   for (const Workload& w : kLadder) {
     if (!options.only.empty() && w.name() != options.only) continue;
     Scene s = scene_of(w);

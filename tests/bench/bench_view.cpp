@@ -64,8 +64,8 @@ void add_objects(Scene& s, const Options& options) {
     s.snapshot.orientation.push_back({0, 0, 0, 1});
     s.spec.objects.push_back(o);
   }
-  s.snapshot.velocity.resize(s.snapshot.objects());
-  s.snapshot.angular_velocity.resize(s.snapshot.objects());
+  s.snapshot.velocity.resize(s.snapshot.object_count());
+  s.snapshot.angular_velocity.resize(s.snapshot.object_count());
 }
 
 // Sorting: pins up, but for a pocket under each object. Wave: every pin at another height.
@@ -96,7 +96,7 @@ Scene scene_of(const Options& options) {
   Scene s;
   s.spec.surface.rows = s.spec.surface.columns = options.cells;
   s.spec.surface.border_height = 6.0;
-  s.snapshot.height.resize(static_cast<std::size_t>(s.spec.surface.cells()));
+  s.snapshot.height.resize(static_cast<std::size_t>(s.spec.surface.cell_count()));
   add_objects(s, options);
   return s;
 }

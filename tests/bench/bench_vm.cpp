@@ -6,16 +6,16 @@
 
 #include <random>
 
-#include "tests/unit/apron/vm/Build.h"
+#include "tests/unit/apron/vm/TestProgram.h"
 
 namespace {
 
 using apron::program::Opcode;
 using apron::program::Operand;
-using apron::vm::test::Build;
 using apron::vm::test::FakeHost;
+using apron::vm::test::TestProgram;
 
-struct Kernel : Build {
+struct Kernel : TestProgram {
   explicit Kernel(std::uint32_t size) {
     for (Operand& r : registers) r = reg(size, size);
   }
@@ -42,7 +42,7 @@ struct Kernel : Build {
   Operand registers[10];
 };
 
-Build chain(std::uint32_t size) {
+TestProgram chain(std::uint32_t size) {
   Kernel k(size);
   k.op(Opcode::kAdd, 2, 0, 1);
   k.op(Opcode::kMul, 3, 2, 0.5F);
@@ -56,7 +56,7 @@ Build chain(std::uint32_t size) {
 }
 
 // where: the steps inside the eroded shape as masked writes instead of selections.
-Build case_study(std::uint32_t size, bool where) {
+TestProgram case_study(std::uint32_t size, bool where) {
   Kernel k(size);
   k.nine(Opcode::kMin, 0, 1);
   k.op(Opcode::kCopy, 2, 1);
@@ -89,13 +89,13 @@ Build case_study(std::uint32_t size, bool where) {
 }
 
 // A whole run is the program once; the loop's two instructions are part of the figure.
-void measure(benchmark::State& state, Build build, unsigned threads) {
-  const auto instructions = static_cast<std::int64_t>(build.here());
-  build.add(Opcode::kJump, {}, Build::label(0));
+void measure(benchmark::State& state, TestProgram build, unsigned threads) {
+  const auto instructions = static_cast<std::int64_t>(build.next_index());
+  build.add(Opcode::kJump, {}, TestProgram::label(0));
   FakeHost host;
   apron::vm::VmOptions options;
   options.threads = threads;
-  apron::vm::Vm vm(build.done(), options, host);
+  apron::vm::Vm vm(build.finish(), options, host);
   std::mt19937 rng(1);
   std::bernoulli_distribution inside(0.8);
   apron::vm::Plane image = vm.plane(0);
@@ -103,7 +103,7 @@ void measure(benchmark::State& state, Build build, unsigned threads) {
     for (std::uint32_t x = 0; x < image.width; ++x)
       image.row(y)[x] = (x / 12 + y / 12) % 3 != 0 || inside(rng) ? 1.0F : 0.0F;
   for (auto _ : state) {
-    if (vm.run(static_cast<std::uint64_t>(instructions) + 1) != apron::vm::Status::kBudget)
+    if (vm.run(static_cast<std::uint64_t>(instructions) + 1) != apron::vm::Status::kRunning)
       state.SkipWithError("");
   }
   state.counters["instructions"] = static_cast<double>(instructions);

@@ -11,10 +11,10 @@ using namespace smartsurf;
 namespace {
 
 void set_actuator(PhysicsBench& bench, const std::string& model, const scene::ParameterValues& values) {
-  scene::ActuatorSpec spec = scene::find_actuator_kind(model)->standard();
+  scene::ActuatorSpec spec = scene::find_actuator_kind(model)->default_spec();
   for (const auto& [name, value] : values) spec.values[name] = value;
   bench.scene.surface.actuators = {spec};
-  fit_body(bench.scene.surface);
+  derive_pin_spec(bench.scene.surface);
 }
 
 void command(PhysicsBench& bench, int channel, float value) {
@@ -100,11 +100,11 @@ TEST(Actuators, AMagnetPullsOnePolePushesTheOtherAndLeavesTheRest) {
   PhysicsBench bench;
   set_actuator(bench, "magnet", {{"law", {1}}, {"strength", {400}}, {"lag", {0}}});
   auto attracted = cylinder(0.8, 0.6, {12, 16, 0.3});
-  attracted.pole = 1;
+  attracted.magnetic_pole = 1;
   auto repelled = attracted, plain = attracted;
-  repelled.pole = -1;
+  repelled.magnetic_pole = -1;
   repelled.position = {18, 16, 0.3};
-  plain.pole = 0;
+  plain.magnetic_pole = 0;
   plain.position = {15, 19, 0.3};
   const auto a = bench.add(attracted), r = bench.add(repelled), p = bench.add(plain);
   bench.run(0.2);

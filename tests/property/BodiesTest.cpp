@@ -99,7 +99,7 @@ TEST(Stacking, TenBoxesStandForAMinute) {
     EXPECT_NEAR(p.x(), 15.0, 0.02) << i;
     EXPECT_NEAR(p.y(), 15.0, 0.02) << i;
   }
-  EXPECT_EQ(bench.world().asleep(), 10);
+  EXPECT_EQ(bench.world().sleeping_count(), 10);
 }
 
 TEST(Stacking, AllShapesRestOnABox) {
@@ -115,7 +115,7 @@ TEST(Stacking, AllShapesRestOnABox) {
     bench.run(3.0);
     EXPECT_NEAR(bench.position(id).z(), top.position.z(), 0.01) << static_cast<int>(shape.shape);
     EXPECT_NEAR(bench.position(id).x(), top.position.x(), 0.01) << static_cast<int>(shape.shape);
-    EXPECT_EQ(bench.world().asleep(), 2) << static_cast<int>(shape.shape);
+    EXPECT_EQ(bench.world().sleeping_count(), 2) << static_cast<int>(shape.shape);
   }
 }
 

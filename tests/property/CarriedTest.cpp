@@ -51,11 +51,11 @@ TEST(Carried, ByATravellingWaveAtItsSpeed) {
 TEST(Carried, ByWheelsAtSpinTimesRadius) {
   for (const double angle : {0.0, 0.5}) {
     PhysicsBench bench;
-    scene::ActuatorSpec wheels = scene::find_actuator_kind("wheels")->standard();
+    scene::ActuatorSpec wheels = scene::find_actuator_kind("wheels")->default_spec();
     wheels.values["radius"] = {0.25};
     wheels.values["angle"] = {angle};
     bench.scene.surface.actuators = {wheels};
-    fit_body(bench.scene.surface);
+    derive_pin_spec(bench.scene.surface);
     const auto id = bench.add(box({2, 2, 1}, {6, 6, 0.5}));
     const std::vector<float> spin(bench.cells().field().height.size(), 12.0F);
     bench.cells().set_targets(0, spin);

@@ -9,8 +9,8 @@
 #include <random>
 
 #include "SegmentOracle.h"
-#include "smartsurf/surface/FirstHit.h"
-#include "smartsurf/surface/WorkerPool.h"
+#include "common/ThreadPool.h"
+#include "smartsurf/surface/raycast/RayCaster.h"
 
 using namespace smartsurf;
 using oracle::Expected;
@@ -20,26 +20,26 @@ using oracle::random_scene;
 using oracle::resize;
 using oracle::Scene;
 using scene::ShapeKind;
-using surface::FirstHit;
-using surface::Segment;
+using surface::CellRay;
+using surface::RayCaster;
 
 namespace {
 
-std::vector<float> marks_of(const surface::SensedBodies& bodies) {
+std::vector<float> marks_of(const surface::RayBodies& bodies) {
   std::vector<float> marks;
-  surface::numbered(bodies, marks);
+  surface::snapshot_index_tags(bodies, marks);
   return marks;
 }
 
 struct Tally {
   int hits = 0, unsure = 0, cells = 0;
 };
-void compare(const Scene& s, const Segment& segment, Tally& tally, const std::string& what) {
-  surface::WorkerPool pool(1);
-  surface::SensedBodies bodies(0, static_cast<float>(s.field.rows - 1));
+void compare(const Scene& s, const CellRay& segment, Tally& tally, const std::string& what) {
+  surface::ThreadPool pool(1);
+  surface::RayBodies bodies(0, static_cast<float>(s.field.rows - 1));
   bodies.update(s.snapshot, s.objects, pool);
-  FirstHit sweep(s.field, segment);
-  sweep.sweep(bodies, marks_of(bodies), 1000, s.field.height, pool);
+  RayCaster sweep(s.field, segment);
+  sweep.cast(bodies, marks_of(bodies), 1000, s.field.height, pool);
   for (int cell = 0; cell < s.field.cells(); ++cell) {
     const auto i = static_cast<std::size_t>(cell);
     const Expected e = first_met(s, segment, cell);
@@ -47,17 +47,17 @@ void compare(const Scene& s, const Segment& segment, Tally& tally, const std::st
     tally.unsure += !e.sure;
     tally.hits += e.mark != 0;
     if (!e.sure) continue;
-    ASSERT_EQ(sweep.mark()[i], e.mark)
+    ASSERT_EQ(sweep.tag()[i], e.mark)
         << what << ", cell " << cell << ", expected at " << e.at << ", is " << sweep.distance()[i];
     ASSERT_NEAR(sweep.distance()[i], e.at, 2e-3) << what << ", cell " << cell;
   }
 }
 
-Segment segment_along(const Eigen::Vector3f& direction, float range, bool pins) {
-  Segment s;
+CellRay segment_along(const Eigen::Vector3f& direction, float range, bool pins) {
+  CellRay s;
   s.direction = direction.normalized();
   s.range = range;
-  s.pins = pins;
+  s.hits_pins = pins;
   return s;
 }
 
@@ -74,7 +74,7 @@ TEST(Footprint, AgreesWithEveryObjectTriedAtEveryCell) {
     for (const auto& direction : kDirections)
       for (const bool pins : {false, true}) {
         const Scene s = random_scene(random, 10, 11, false);
-        Segment segment = segment_along(direction, 5.0F, pins);
+        CellRay segment = segment_along(direction, 5.0F, pins);
         if (round == 1) segment.origin = {0.3F, -0.6F, 0.7F};
         std::ostringstream what;
         what << "round " << round << ", along " << direction.transpose() << (pins ? " with pins" : "");
@@ -89,7 +89,7 @@ TEST(Footprint, AgreesInFreeLayoutsOfTurnedCells) {
   Tally tally;
   for (const auto& direction : kDirections) {
     const Scene s = random_scene(random, 9, 10, true);
-    Segment segment = segment_along(direction, 4.0F, true);
+    CellRay segment = segment_along(direction, 4.0F, true);
     segment.origin = {0.2F, 0.1F, 0.5F};
     std::ostringstream what;
     what << "along " << direction.transpose();
@@ -105,7 +105,7 @@ TEST(Footprint, AgreesOnSurfacesNarrowerThanAVectorAndFromAFixedHeight) {
     const Scene s = random_scene(random, 6, columns, false);
     compare(s, segment_along({0, 0, 1}, 6, true), tally, "up");
     compare(s, segment_along({1, 1, 1}, 6, true), tally, "aslant");
-    Segment overhead = segment_along({0, 0, -1}, 20, true);
+    CellRay overhead = segment_along({0, 0, -1}, 20, true);
     overhead.from_top = false;
     overhead.origin = {0.25F, 0.25F, 12};
     compare(s, overhead, tally, "from above");
@@ -126,7 +126,7 @@ TEST(Footprint, AgreesUnderWhatStandsUprightAndWhatHasManyFaces) {
         o.orientation.setIdentity();
         if (o.shape == ShapeKind::kSolid) o.solid = oracle::drum(faces);
       }
-      Segment segment = segment_along(direction, 12.0F, true);
+      CellRay segment = segment_along(direction, 12.0F, true);
       segment.from_top = direction.z() > 0;
       if (!segment.from_top) segment.origin.z() = 10.0F;
       compare(s, segment, tally, std::to_string(faces) + " faces");
@@ -153,7 +153,7 @@ TEST(Footprint, AgreesWhereverObjectsAreAndWhereverSegmentsPoint) {
     Eigen::Vector3f direction(normal(random), normal(random), normal(random));
     if (round % 6 == 2) direction.head<2>() *= 1e-3F;
     if (round % 6 == 5) direction.z() *= 1e-3F;
-    Segment segment = segment_along(direction, 1.0F + 7.0F * u(random), round % 4 < 2);
+    CellRay segment = segment_along(direction, 1.0F + 7.0F * u(random), round % 4 < 2);
     segment.from_top = round % 8 != 7;
     segment.origin = {u(random) - 0.5F, u(random) - 0.5F, segment.from_top ? u(random) - 0.3F : 2.0F};
     std::ostringstream what;
@@ -180,49 +180,49 @@ TEST(Footprint, WhatIsNearerHidesWhatIsBehind) {
     s.snapshot.orientation.push_back({0, 0, 0, 1});
     move_to(s, static_cast<std::size_t>(k), plate.position.cast<float>());
   }
-  surface::WorkerPool pool(1);
-  surface::SensedBodies bodies(0, 8);
+  surface::ThreadPool pool(1);
+  surface::RayBodies bodies(0, 8);
   bodies.update(s.snapshot, s.objects, pool);
-  FirstHit up(s.field, segment_along({0, 0, 1}, 8, true));
-  up.sweep(bodies, marks_of(bodies), 1000, s.field.height, pool);
-  EXPECT_EQ(up.mark()[4 * 9 + 4], 2.0F);
+  RayCaster up(s.field, segment_along({0, 0, 1}, 8, true));
+  up.cast(bodies, marks_of(bodies), 1000, s.field.height, pool);
+  EXPECT_EQ(up.tag()[4 * 9 + 4], 2.0F);
   EXPECT_FLOAT_EQ(up.distance()[4 * 9 + 4], 1.75F);
-  EXPECT_EQ(up.mark()[2 * 9 + 4], 1.0F) << "beside the lower one";
+  EXPECT_EQ(up.tag()[2 * 9 + 4], 1.0F) << "beside the lower one";
   EXPECT_FLOAT_EQ(up.distance()[2 * 9 + 4], 4.75F);
-  EXPECT_EQ(up.mark()[0], 0.0F);
+  EXPECT_EQ(up.tag()[0], 0.0F);
 
-  Segment west = segment_along({-1, 0, 0}, 8, true);
+  CellRay west = segment_along({-1, 0, 0}, 8, true);
   west.origin.z() = 2.0F;
-  FirstHit level(s.field, west);
-  level.sweep(bodies, marks_of(bodies), 1000, s.field.height, pool);
-  EXPECT_EQ(level.mark()[4 * 9 + 8], 2.0F);
+  RayCaster level(s.field, west);
+  level.cast(bodies, marks_of(bodies), 1000, s.field.height, pool);
+  EXPECT_EQ(level.tag()[4 * 9 + 8], 2.0F);
   EXPECT_FLOAT_EQ(level.distance()[4 * 9 + 8], 2.5F);
   s.field.height[4 * 9 + 6] = 2.5F;  // a pin between
-  level.sweep(bodies, marks_of(bodies), 1000, s.field.height, pool);
-  EXPECT_EQ(level.mark()[4 * 9 + 8], 1000.0F);
+  level.cast(bodies, marks_of(bodies), 1000, s.field.height, pool);
+  EXPECT_EQ(level.tag()[4 * 9 + 8], 1000.0F);
   EXPECT_FLOAT_EQ(level.distance()[4 * 9 + 8], 1.6F);
-  EXPECT_EQ(level.mark()[3 * 9 + 8], 2.0F) << "the row beside it sees on";
+  EXPECT_EQ(level.tag()[3 * 9 + 8], 2.0F) << "the row beside it sees on";
 }
 
 TEST(Footprint, ForgetsWhatMovedAwayAndNamesTheCellsThatMayHaveChanged) {
   std::mt19937 random(8);
-  surface::WorkerPool pool(1);
+  surface::ThreadPool pool(1);
   Scene s = random_scene(random, 40, 50, false);
-  surface::SensedBodies bodies(0, 39);
+  surface::RayBodies bodies(0, 39);
   for (const Eigen::Vector3f& direction : {Eigen::Vector3f(0, 0, 1), Eigen::Vector3f(1, 1, 1)}) {
-    const Segment segment = segment_along(direction, 8, true);
-    FirstHit kept(s.field, segment);
+    const CellRay segment = segment_along(direction, 8, true);
+    RayCaster kept(s.field, segment);
     std::vector<float> before(kept.distance().begin(), kept.distance().end());
     for (int step = 0; step < 5; ++step) {
       for (auto& p : s.snapshot.position) p[0] += step == 3 ? 1e9F : 3.0F;
       if (step == 4) s.snapshot.position[0][1] = std::numeric_limits<float>::quiet_NaN();
       bodies.update(s.snapshot, s.objects, pool);
-      FirstHit fresh(s.field, segment);
-      kept.sweep(bodies, marks_of(bodies), 1000, s.field.height, pool);
-      fresh.sweep(bodies, marks_of(bodies), 1000, s.field.height, pool);
+      RayCaster fresh(s.field, segment);
+      kept.cast(bodies, marks_of(bodies), 1000, s.field.height, pool);
+      fresh.cast(bodies, marks_of(bodies), 1000, s.field.height, pool);
       ASSERT_TRUE(std::ranges::equal(kept.distance(), fresh.distance())) << step;
-      ASSERT_TRUE(std::ranges::equal(kept.mark(), fresh.mark())) << step;
-      kept.for_changed(0, 40, [&](int first, int last) {
+      ASSERT_TRUE(std::ranges::equal(kept.tag(), fresh.tag())) << step;
+      kept.for_each_changed_span(0, 40, [&](int first, int last) {
         std::copy(kept.distance().begin() + first, kept.distance().begin() + last, before.begin() + first);
       });
       ASSERT_TRUE(std::ranges::equal(kept.distance(), before)) << step;
@@ -238,11 +238,11 @@ TEST(Footprint, HasTheSameBitsForAnyNumberOfThreads) {
     for (const auto& direction : kDirections) {
       std::vector<float> first;
       for (const int threads : {1, 2, 3}) {
-        surface::WorkerPool pool(threads, 0.0);  // shares all there is
-        surface::SensedBodies bodies;
+        surface::ThreadPool pool(threads, 0.0);  // shares all there is
+        surface::RayBodies bodies;
         bodies.update(s.snapshot, s.objects, pool);
-        FirstHit sweep(s.field, segment_along(direction, 6, true));
-        sweep.sweep(bodies, marks_of(bodies), 1000, s.field.height, pool);
+        RayCaster sweep(s.field, segment_along(direction, 6, true));
+        sweep.cast(bodies, marks_of(bodies), 1000, s.field.height, pool);
         if (threads == 1) first.assign(sweep.distance().begin(), sweep.distance().end());
         ASSERT_TRUE(std::ranges::equal(first, sweep.distance())) << direction.transpose();
       }
@@ -266,31 +266,31 @@ TEST(Footprint, PartsOfTheTableSeeAllOfACrowdThatLiesOverThem) {
   for (const auto& direction : kDirections) {
     std::vector<float> first;
     for (const int threads : {1, 2, 7}) {
-      surface::WorkerPool pool(threads, 0.0);
-      surface::SensedBodies bodies(0, 59);
+      surface::ThreadPool pool(threads, 0.0);
+      surface::RayBodies bodies(0, 59);
       bodies.update(s.snapshot, s.objects, pool);
-      FirstHit sweep(s.field, segment_along(direction, 6, false));
-      sweep.sweep(bodies, marks_of(bodies), 1000, s.field.height, pool);
-      if (threads == 1) first.assign(sweep.mark().begin(), sweep.mark().end());
-      ASSERT_TRUE(std::ranges::equal(first, sweep.mark())) << direction.transpose() << " " << threads;
+      RayCaster sweep(s.field, segment_along(direction, 6, false));
+      sweep.cast(bodies, marks_of(bodies), 1000, s.field.height, pool);
+      if (threads == 1) first.assign(sweep.tag().begin(), sweep.tag().end());
+      ASSERT_TRUE(std::ranges::equal(first, sweep.tag())) << direction.transpose() << " " << threads;
     }
   }
 }
 
 TEST(Footprint, HasTheSameBitsOnEveryInstructionSet) {
   std::mt19937 random(10);
-  surface::WorkerPool pool(1);
+  surface::ThreadPool pool(1);
   for (const bool free : {false, true}) {
     const Scene s = random_scene(random, 21, 23, free);
-    surface::SensedBodies bodies;
+    surface::RayBodies bodies;
     bodies.update(s.snapshot, s.objects, pool);
     for (const auto& direction : kDirections) {
       std::vector<float> first;
       for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
         hwy::SetSupportedTargetsForTest(target);
         hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-        FirstHit sweep(s.field, segment_along(direction, 6, true));
-        sweep.sweep(bodies, marks_of(bodies), 1000, s.field.height, pool);
+        RayCaster sweep(s.field, segment_along(direction, 6, true));
+        sweep.cast(bodies, marks_of(bodies), 1000, s.field.height, pool);
         if (first.empty()) first.assign(sweep.distance().begin(), sweep.distance().end());
         EXPECT_TRUE(std::ranges::equal(first, sweep.distance())) << hwy::TargetName(target);
       }

@@ -17,12 +17,12 @@ constexpr double kGravity = 9.81, kForce = 40;
 constexpr float kUp = 2.0F;  // how far the pins are told to rise
 
 void use_pins(PhysicsBench& bench) {
-  scene::ActuatorSpec spec = scene::find_actuator_kind("pin")->standard();
+  scene::ActuatorSpec spec = scene::find_actuator_kind("pin")->default_spec();
   for (const auto& [name, value] : scene::ParameterValues{
            {"range", {0, 4}}, {"max_speed", {6}}, {"max_acceleration", {10}}, {"max_force", {kForce}}})
     spec.values[name] = value;
   bench.scene.surface.actuators = {spec};
-  fit_body(bench.scene.surface);
+  derive_pin_spec(bench.scene.surface);
 }
 
 void raise_all(PhysicsBench& bench, float height) {

@@ -19,7 +19,7 @@ surface::ActuatorArray& PhysicsBench::cells() {
 }
 
 world::World& PhysicsBench::world() {
-  if (!pool_) pool_ = std::make_unique<surface::WorkerPool>(threads);
+  if (!pool_) pool_ = std::make_unique<surface::ThreadPool>(threads);
   if (!world_) world_ = std::make_unique<world::World>(scene, cells().field(), pool_.get());
   return *world_;
 }
@@ -34,7 +34,7 @@ void PhysicsBench::run(double seconds, const std::function<void()>& after_each_s
   for (long i = 0; i < steps; ++i) {
     cells().plan(scene.world.dt_s);
     if (cells().exerts_forces())
-      cells().forces(scene.world.dt_s, world().bodies(), catalogue_, world().wrenches());
+      cells().add_forces(scene.world.dt_s, world().bodies(), catalogue_, world().wrenches());
     world().step();
     cells().commit(scene.world.dt_s);
     if (after_each_step) after_each_step();
@@ -100,26 +100,26 @@ using Faces = std::vector<std::vector<std::uint16_t>>;
 scene::ObjectSpec solid_of(const Corners& corners, const Faces& faces, double volume,
                            const Eigen::Vector3d& moments, const Eigen::Vector3d& position) {
   auto solid = std::make_shared<scene::Solid>();
-  scene::ConvexPiece piece;
-  piece.corners = solid->vertices = corners;
-  piece.low = piece.high = corners[0];
+  scene::ConvexHull piece;
+  piece.vertices = solid->vertices = corners;
+  piece.bounds_min = piece.bounds_max = corners[0];
   for (const auto& corner : corners) {
-    piece.low = piece.low.cwiseMin(corner);
-    piece.high = piece.high.cwiseMax(corner);
-    solid->reach = std::max(solid->reach, corner.norm());
+    piece.bounds_min = piece.bounds_min.cwiseMin(corner);
+    piece.bounds_max = piece.bounds_max.cwiseMax(corner);
+    solid->bounding_radius = std::max(solid->bounding_radius, corner.norm());
   }
   for (const auto& face : faces) {
-    scene::ConvexPiece::Face f;
+    scene::ConvexHull::Face f;
     f.normal = (corners[face[1]] - corners[face[0]]).cross(corners[face[2]] - corners[face[0]]).normalized();
     f.offset = f.normal.dot(corners[face[0]]);
-    f.first = static_cast<std::uint32_t>(piece.face_corners.size());
-    f.count = static_cast<std::uint32_t>(face.size());
+    f.first_vertex = static_cast<std::uint32_t>(piece.face_vertices.size());
+    f.vertex_count = static_cast<std::uint32_t>(face.size());
     piece.faces.push_back(f);
-    piece.face_corners.insert(piece.face_corners.end(), face.begin(), face.end());
+    piece.face_vertices.insert(piece.face_vertices.end(), face.begin(), face.end());
   }
-  solid->low = piece.low;
-  solid->high = piece.high;
-  solid->pieces = {piece};
+  solid->bounds_min = piece.bounds_min;
+  solid->bounds_max = piece.bounds_max;
+  solid->hulls = {piece};
   solid->volume = volume;
   solid->inertia = (volume * moments).asDiagonal();
   scene::ObjectSpec o;

@@ -34,7 +34,7 @@ class PhysicsBench {
  private:
   std::unique_ptr<smartsurf::surface::ActuatorArray> cells_;
   std::vector<smartsurf::scene::ObjectSpec> catalogue_;
-  std::unique_ptr<smartsurf::surface::WorkerPool> pool_;
+  std::unique_ptr<smartsurf::surface::ThreadPool> pool_;
   std::unique_ptr<smartsurf::world::World> world_;
   smartsurf::scene::Snapshot snapshot_;
 };

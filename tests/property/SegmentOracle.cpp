@@ -8,25 +8,25 @@
 using namespace smartsurf;
 using Eigen::Vector3d;
 using scene::ShapeKind;
+using surface::CellRay;
 using surface::Field;
-using surface::Segment;
 
 namespace oracle {
 namespace {
 
 constexpr double kClear = 2e-4;  // nearer than that to the edge of a shape nobody can say whether it is met
 
-scene::ConvexPiece piece_from(const std::vector<Eigen::Vector4f>& planes, const Eigen::Vector3f& low,
-                              const Eigen::Vector3f& high) {
-  scene::ConvexPiece piece;
+scene::ConvexHull piece_from(const std::vector<Eigen::Vector4f>& planes, const Eigen::Vector3f& low,
+                             const Eigen::Vector3f& high) {
+  scene::ConvexHull piece;
   for (const auto& p : planes)
     piece.faces.push_back({p.head<3>().normalized(), p.w() / p.head<3>().norm(), 0, 0});
-  piece.low = low;
-  piece.high = high;
+  piece.bounds_min = low;
+  piece.bounds_max = high;
   return piece;
 }
 
-scene::ConvexPiece block(const Eigen::Vector3f& low, const Eigen::Vector3f& high) {
+scene::ConvexHull block(const Eigen::Vector3f& low, const Eigen::Vector3f& high) {
   return piece_from({{1, 0, 0, high.x()},
                      {-1, 0, 0, -low.x()},
                      {0, 1, 0, high.y()},
@@ -39,12 +39,12 @@ scene::ConvexPiece block(const Eigen::Vector3f& low, const Eigen::Vector3f& high
 // An L of two blocks, and a wedge beside it.
 std::shared_ptr<const scene::Solid> some_solid() {
   auto solid = std::make_shared<scene::Solid>();
-  solid->pieces = {block({-1.5F, -1, -0.5F}, {0, 1, 0.5F}), block({0, -1, -0.5F}, {1, 0, 0.5F}),
-                   piece_from({{-1, 0, 0, -1}, {1, 0, 2, 2}, {0, 1, 0, 0}, {0, -1, 0, 1}, {0, 0, -1, 0.5F}},
-                              {1, -1, -0.5F}, {3, 0, 0.5F})};
-  solid->low = {-1.5F, -1, -0.5F};
-  solid->high = {3, 1, 0.5F};
-  solid->reach = solid->high.norm();
+  solid->hulls = {block({-1.5F, -1, -0.5F}, {0, 1, 0.5F}), block({0, -1, -0.5F}, {1, 0, 0.5F}),
+                  piece_from({{-1, 0, 0, -1}, {1, 0, 2, 2}, {0, 1, 0, 0}, {0, -1, 0, 1}, {0, 0, -1, 0.5F}},
+                             {1, -1, -0.5F}, {3, 0, 0.5F})};
+  solid->bounds_min = {-1.5F, -1, -0.5F};
+  solid->bounds_max = {3, 1, 0.5F};
+  solid->bounding_radius = solid->bounds_max.norm();
   return solid;
 }
 
@@ -102,7 +102,7 @@ double outside(const scene::ObjectSpec& o, std::size_t part, const Vector3d& p) 
     }
     case ShapeKind::kSolid: {
       double most = -1e9;
-      for (const auto& f : o.solid->pieces[part].faces)
+      for (const auto& f : o.solid->hulls[part].faces)
         most = std::max(most, f.normal.cast<double>().dot(p) - static_cast<double>(f.offset));
       return most;
     }
@@ -110,16 +110,17 @@ double outside(const scene::ObjectSpec& o, std::size_t part, const Vector3d& p) 
   return 0;
 }
 
-Expected first_met(const Scene& s, const Segment& segment, int cell) {
+Expected first_met(const Scene& s, const CellRay& segment, int cell) {
   const auto i = static_cast<std::size_t>(cell);
   const Field& f = s.field;
   const auto place = [&](int k) {
     const auto n = static_cast<std::size_t>(k);
-    return f.rectangular() ? Eigen::Vector2d(k % f.columns, f.rows - 1 - k / f.columns) * double{f.pitch}
-                           : Eigen::Vector2d(f.x[n], f.y[n]);
+    return f.is_rectangular() ? Eigen::Vector2d(k % f.columns, f.rows - 1 - k / f.columns) * double{f.pitch}
+                              : Eigen::Vector2d(f.x[n], f.y[n]);
   };
   const auto turn = [&](int k) {
-    return Eigen::AngleAxisd(f.rectangular() ? 0.0 : f.angle[static_cast<std::size_t>(k)], Vector3d::UnitZ());
+    return Eigen::AngleAxisd(f.is_rectangular() ? 0.0 : f.angle[static_cast<std::size_t>(k)],
+                             Vector3d::UnitZ());
   };
   const double base = segment.from_top ? f.height[i] : 0.0F;
   const Vector3d start =
@@ -128,7 +129,7 @@ Expected first_met(const Scene& s, const Segment& segment, int cell) {
   Expected e{segment.range};
   std::vector<double> unsure;
   if (!std::isfinite(base)) return e;
-  for (int k = 0; segment.pins && k < f.cells(); ++k) {
+  for (int k = 0; segment.hits_pins && k < f.cells(); ++k) {
     const double top = f.height[static_cast<std::size_t>(k)];
     if (k == cell && segment.from_top && segment.origin.z() >= 0 && along.z() >= 0) continue;
     if (!std::isfinite(top)) continue;
@@ -139,9 +140,9 @@ Expected first_met(const Scene& s, const Segment& segment, int cell) {
     };
     keep(e, unsure, enter(column, segment.range), 1000);
   }
-  for (std::size_t k = 0; k < s.snapshot.objects(); ++k) {
+  for (std::size_t k = 0; k < s.snapshot.object_count(); ++k) {
     const auto& o = s.objects[s.snapshot.id[k]];
-    const std::size_t parts = o.shape == ShapeKind::kSolid ? o.solid->pieces.size() : 1;
+    const std::size_t parts = o.shape == ShapeKind::kSolid ? o.solid->hulls.size() : 1;
     for (std::size_t part = 0; part < parts; ++part) {
       const auto measure = [&](double t) {
         return outside(o, part, o.orientation.inverse() * (start + t * along - o.position));
@@ -180,16 +181,16 @@ Scene random_scene(std::mt19937& random, int rows, int columns, bool free, float
   s.field.half_top_x = 0.4F;
   s.field.half_top_y = 0.3F;
   for (int i = 0; i < rows * columns; ++i) {
-    s.field.height.push_back(u(random) < 0.05F ? surface::kNoCell : 2 * u(random));
+    s.field.height.push_back(u(random) < 0.05F ? surface::kNoCellHeight : 2 * u(random));
     if (!free) continue;
     const int r = i / columns;
     s.field.x.push_back(pitch * (static_cast<float>(i % columns) + 0.5F * static_cast<float>(r % 2)));
     s.field.y.push_back(pitch * 0.9F * static_cast<float>(rows - 1 - r));
     s.field.angle.push_back(6 * u(random));
   }
-  for (int k = 0; k < 2 * scene::kShapeKinds; ++k) {
+  for (int k = 0; k < 2 * scene::kShapeKindCount; ++k) {
     const auto o =
-        random_object(random, static_cast<ShapeKind>(k % scene::kShapeKinds), columns - 1, rows - 1);
+        random_object(random, static_cast<ShapeKind>(k % scene::kShapeKindCount), columns - 1, rows - 1);
     const auto p = o.position.cast<float>();
     const auto q = o.orientation.cast<float>();
     s.snapshot.id.push_back(static_cast<scene::ObjectId>(k));
@@ -208,10 +209,10 @@ std::shared_ptr<const scene::Solid> drum(int faces) {
     planes.emplace_back(std::cos(angle), std::sin(angle), 0.0F, kRadius);
   }
   auto solid = std::make_shared<scene::Solid>();
-  solid->high = {1.5F * kRadius, 1.5F * kRadius, kHalf};
-  solid->low = -solid->high;
-  solid->reach = solid->high.norm();
-  solid->pieces = {piece_from(planes, solid->low, solid->high)};
+  solid->bounds_max = {1.5F * kRadius, 1.5F * kRadius, kHalf};
+  solid->bounds_min = -solid->bounds_max;
+  solid->bounding_radius = solid->bounds_max.norm();
+  solid->hulls = {piece_from(planes, solid->bounds_min, solid->bounds_max)};
   return solid;
 }
 

@@ -10,7 +10,7 @@
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/surface/Field.h"
-#include "smartsurf/surface/FirstHit.h"
+#include "smartsurf/surface/raycast/RayCaster.h"
 
 namespace oracle {
 
@@ -39,6 +39,6 @@ struct Expected {
   bool sure = true;  // false where an edge is too near to say
 };
 // What the segment of a cell meets first.
-Expected first_met(const Scene&, const smartsurf::surface::Segment&, int cell);
+Expected first_met(const Scene&, const smartsurf::surface::CellRay&, int cell);
 
 }  // namespace oracle

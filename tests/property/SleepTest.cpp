@@ -21,7 +21,7 @@ struct Sleeper : PhysicsBench {
 
 TEST(Sleep, WhatRestsFallsAsleepWhereItIs) {
   Sleeper bench;
-  EXPECT_EQ(bench.world().asleep(), 1);
+  EXPECT_EQ(bench.world().sleeping_count(), 1);
   EXPECT_NEAR(bench.position(bench.id).z(), 1.0, 2e-3);
   EXPECT_EQ(bench.velocity(bench.id).norm(), 0.0F);
 }
@@ -35,7 +35,7 @@ TEST(Sleep, EveryShapeFallsAsleep) {
   bench.add(cone(1.5, 3, {22, 5.3, 0.9}));
   bench.add(box({2, 3, 1}, {27, 5.3, 0.6}));
   bench.run(8.0);
-  EXPECT_EQ(bench.world().asleep(), 5);
+  EXPECT_EQ(bench.world().sleeping_count(), 5);
 }
 
 TEST(Sleep, ACellThatRisesUnderIt) {
@@ -52,7 +52,7 @@ TEST(Sleep, ACellThatSinksAwayUnderIt) {
   bench.run(1.0);
   const auto id = bench.add(sphere(1.5, {15.0, 15.0, 3.5}));
   bench.run(2.0);
-  ASSERT_EQ(bench.world().asleep(), 1);
+  ASSERT_EQ(bench.world().sleeping_count(), 1);
   targets.assign(targets.size(), 0.0F);
   bench.cells().set_targets(0, targets);
   bench.run(2.0);
@@ -63,12 +63,12 @@ TEST(Sleep, AMovingCellFarAwayDoesNot) {
   Sleeper bench;
   bench.cells().set_target(0, 2, 2, 1.0F);
   bench.run(0.2);
-  EXPECT_EQ(bench.world().asleep(), 1);
+  EXPECT_EQ(bench.world().sleeping_count(), 1);
 }
 
 TEST(Sleep, APushWakes) {
   Sleeper bench;
-  bench.world().push(bench.id, {200, 0, 0}, std::nullopt, 0.2);
+  bench.world().apply_force(bench.id, {200, 0, 0}, std::nullopt, 0.2);
   bench.run(0.2);
   EXPECT_GT(bench.velocity(bench.id).x(), 1.0F);
 }
@@ -85,7 +85,7 @@ TEST(Sleep, AWrenchWakesAndLastsOneStep) {
 
 TEST(Sleep, BeingPlacedWakes) {
   Sleeper bench;
-  smartsurf::scene::Placement up;
+  smartsurf::scene::ObjectStateUpdate up;
   up.position = Eigen::Vector3d(15, 15, 6);
   bench.world().place(bench.id, up);
   bench.run(0.3);
@@ -96,7 +96,7 @@ TEST(Sleep, WhatStoodOnARemovedBodyFalls) {
   Sleeper bench;
   const auto upper = bench.add(box({2, 2, 2}, {15.2, 15.3, 3.0}));
   bench.run(2.0);
-  ASSERT_EQ(bench.world().asleep(), 2);
+  ASSERT_EQ(bench.world().sleeping_count(), 2);
   bench.world().remove(bench.id);
   bench.run(1.0);
   EXPECT_NEAR(bench.world().state(upper).position.z(), 1.0, 0.01);
@@ -106,8 +106,8 @@ TEST(Sleep, WhatStoodOnABodyThatIsPushedAwayFalls) {
   Sleeper bench;
   const auto upper = bench.add(box({2, 2, 2}, {15.2, 15.3, 3.0}));
   bench.run(2.0);
-  ASSERT_EQ(bench.world().asleep(), 2);
-  bench.world().push(bench.id, {3000, 0, 0}, std::nullopt, 0.1);
+  ASSERT_EQ(bench.world().sleeping_count(), 2);
+  bench.world().apply_force(bench.id, {3000, 0, 0}, std::nullopt, 0.1);
   bench.run(2.0);
   EXPECT_LT(bench.position(upper).z(), 1.5);
 }
@@ -118,7 +118,7 @@ TEST(Sleep, ABlowIsPassedOn) {
   bench.scene.materials[0].friction = 0.0;
   const auto target = bench.add(sphere(1.0, {18, 15.0, 1.0}));
   bench.run(2.0);
-  ASSERT_EQ(bench.world().asleep(), 1);
+  ASSERT_EQ(bench.world().sleeping_count(), 1);
   auto ball = sphere(1.0, {10, 15.0, 1.0});
   ball.velocity = {5, 0, 0};
   const auto hitting = bench.add(ball);
@@ -147,7 +147,7 @@ TEST(Sleep, APileComesToRest) {
     bench.add(
         sphere(0.8 + 0.02 * (i % 20), {4.0 + (i % 4) * 2.5, 4.0 + (i / 4 % 4) * 2.5, 3.0 + (i / 16) * 2.5}));
   bench.run(25.0);
-  EXPECT_EQ(bench.world().asleep(), 40);
+  EXPECT_EQ(bench.world().sleeping_count(), 40);
 }
 
 TEST(Sleep, TheSurfaceStillFeelsTheWeight) {
@@ -156,6 +156,6 @@ TEST(Sleep, TheSurfaceStillFeelsTheWeight) {
   bench.run(dt);
   double sum = 0;
   for (const float impulse : bench.cells().field().impulse) sum += static_cast<double>(impulse);
-  ASSERT_EQ(bench.world().asleep(), 1);
+  ASSERT_EQ(bench.world().sleeping_count(), 1);
   EXPECT_NEAR(sum / dt, weight, 0.01 * weight);
 }

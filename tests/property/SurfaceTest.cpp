@@ -12,8 +12,8 @@ namespace {
 // All cells drag eastward like wheels of that surface speed.
 void drag(PhysicsBench& bench, float speed) {
   auto& field = bench.cells().field();
-  field.drag_x.assign(field.height.size(), speed);
-  field.drag_y.assign(field.height.size(), 0.0F);
+  field.surface_velocity_x.assign(field.height.size(), speed);
+  field.surface_velocity_y.assign(field.height.size(), 0.0F);
 }
 
 double pressure(PhysicsBench& bench) {
@@ -48,12 +48,12 @@ TEST(Surface, ASphereOnAConveyorTakesTwoSeventhsOfItsSpeed) {
 TEST(Surface, ATurningCellTurnsWhatStandsOnIt) {
   PhysicsBench bench;
   auto& field = bench.cells().field();
-  field.drag_x.assign(field.height.size(), 0.0F);
-  field.drag_y = field.spin = field.drag_x;
+  field.surface_velocity_x.assign(field.height.size(), 0.0F);
+  field.surface_velocity_y = field.surface_spin = field.surface_velocity_x;
   for (int r = 0; r < 32; ++r)
     for (int c = 0; c < 32; ++c) bench.cells().set_target(0, r, c, r == 16 && c == 15 ? 1.0F : 0.0F);
   bench.run(1.0);
-  field.spin[16 * 32 + 15] = 2.0F;
+  field.surface_spin[16 * 32 + 15] = 2.0F;
   const auto id = bench.add(box({0.5, 0.5, 0.4}, {15, 15, 1.2}));
   bench.run(1.0);
   EXPECT_NEAR(bench.angular_velocity(id).z(), 2.0, 0.05);
@@ -112,7 +112,7 @@ TEST(Surface, NoCellNoSupport) {
   auto& field = bench.cells().field();
   for (int r = 10; r < 22; ++r)
     for (int c = 10; c < 22; ++c)
-      field.height[static_cast<std::size_t>(field.index(r, c))] = smartsurf::surface::kNoCell;
+      field.height[static_cast<std::size_t>(field.index(r, c))] = smartsurf::surface::kNoCellHeight;
   const auto through = bench.add(sphere(1.0, {15.5, 15.5, 2.0}));
   const auto held = bench.add(sphere(1.0, {5, 5, 2.0}));
   bench.run(1.0);

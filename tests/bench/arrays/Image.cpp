@@ -19,7 +19,7 @@ std::uint32_t hash(std::uint32_t x) {
   return x ^ (x >> 16);
 }
 
-std::uint32_t at(int row, int column, std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+std::uint32_t cell_hash(int row, int column, std::uint32_t a, std::uint32_t b, std::uint32_t c) {
   return hash(static_cast<std::uint32_t>(row) * a + static_cast<std::uint32_t>(column) * b + c);
 }
 
@@ -51,16 +51,16 @@ double Image::checksum() const {
 
 float uniform(int row, int column, int which) {
   const std::uint32_t h =
-      at(row, column, 9781U, 6271U * 17U, static_cast<std::uint32_t>(which) * 7919U * 131U);
+      cell_hash(row, column, 9781U, 6271U * 17U, static_cast<std::uint32_t>(which) * 7919U * 131U);
   return 0.1F + 0.9F * static_cast<float>(h >> 8) * (1.0F / 16777216.0F);
 }
 
-float blob(int row, int column) {
+float disc_pattern(int row, int column) {
   constexpr int kApart = 32;
   for (int i = -1; i <= 1; ++i)
     for (int j = -1; j <= 1; ++j) {
       const int r = row / kApart + i, c = column / kApart + j;
-      const std::uint32_t h = at(r, c, 131U, 7777U, 5U);
+      const std::uint32_t h = cell_hash(r, c, 131U, 7777U, 5U);
       const int y = row - (r * kApart + 8 + static_cast<int>(h & 15U));
       const int x = column - (c * kApart + 8 + static_cast<int>((h >> 4) & 15U));
       const int radius = 4 + static_cast<int>((h >> 8) & 7U);
@@ -69,7 +69,9 @@ float blob(int row, int column) {
   return 0.0F;
 }
 
-float soup(int row, int column) { return (at(row, column, 4001U, 77U, 99U) & 7U) < 3 ? 1.0F : 0.0F; }
+float random_life(int row, int column) {
+  return (cell_hash(row, column, 4001U, 77U, 99U) & 7U) < 3 ? 1.0F : 0.0F;
+}
 
 int inputs(int workload) { return workload <= 2 ? 2 : 1; }
 
@@ -77,8 +79,8 @@ Image input(int workload, int n, int which) {
   Image image(n);
   for (int r = 0; r < n; ++r)
     for (int c = 0; c < n; ++c)
-      image.row(r)[c] = workload == 3 || workload == 6 ? blob(r, c)
-                        : workload == 4                ? soup(r, c)
+      image.row(r)[c] = workload == 3 || workload == 6 ? disc_pattern(r, c)
+                        : workload == 4                ? random_life(r, c)
                                                        : uniform(r, c, which);
   return image;
 }

@@ -34,8 +34,8 @@ class Image {
 
 // The same numbers for everyone.
 float uniform(int row, int column, int which);  // 0.1 to 1
-float blob(int row, int column);                // 0 or 1: discs some cells across
-float soup(int row, int column);                // 0 or 1: 3/8 alive
+float disc_pattern(int row, int column);        // 0 or 1: discs some cells across
+float random_life(int row, int column);         // 0 or 1: 3/8 alive
 int inputs(int workload);                       // how many images it reads
 Image input(int workload, int n, int which);
 
@@ -45,10 +45,10 @@ struct Job {
 };
 
 // Nothing if this peer does not do it.
-std::optional<Job> apron_job(int workload, int n, unsigned threads);
-std::optional<Job> unfused_job(int workload, int n);
-std::optional<Job> hand_job(int workload, int n);  // one thread, as good as we can write it
-std::optional<Job> eigen_job(int workload, int n);
-std::optional<Job> halide_job(int workload, int n);
+std::optional<Job> make_apron_job(int workload, int n, unsigned threads);
+std::optional<Job> make_unfused_job(int workload, int n);
+std::optional<Job> make_hand_fused_job(int workload, int n);  // one thread, as good as we can write it
+std::optional<Job> make_eigen_job(int workload, int n);
+std::optional<Job> make_halide_job(int workload, int n);
 
 }  // namespace arrays

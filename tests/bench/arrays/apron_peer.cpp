@@ -13,7 +13,7 @@ using apron::vm::HostStatus;
 using apron::vm::Plane;
 
 // A surface that takes no time.
-class Nowhere final : public apron::vm::Host {
+class NullHost final : public apron::vm::Host {
  public:
   void print(std::string_view) override {}
   HostStatus open_array(std::string_view, Plane) override { return HostStatus::kFailed; }
@@ -30,10 +30,10 @@ class Nowhere final : public apron::vm::Host {
   bool has(std::string_view) const override { return true; }
 };
 
-struct Machine {
-  Machine(apron::program::Program program, const apron::vm::VmOptions& options)
+struct ApronRun {
+  ApronRun(apron::program::Program program, const apron::vm::VmOptions& options)
       : vm(std::move(program), options, host) {}
-  Nowhere host;
+  NullHost host;
   apron::vm::Vm vm;
 
   Plane plane(const std::string& name) const {
@@ -53,17 +53,18 @@ double checksum(const Plane& plane) {
 
 }  // namespace
 
-std::optional<Job> apron_job(int workload, int n, unsigned threads) {
+std::optional<Job> make_apron_job(int workload, int n, unsigned threads) {
   apron::syntax::DiskReader reader;
   apron::compiler::CompileOptions compile;
   compile.file = std::string(ARRAYS_SOURCE_DIR "/w") + std::to_string(workload) + ".aps";
   compile.width = compile.height = static_cast<std::uint32_t>(n);
   apron::compiler::CompileResult result = apron::compiler::compile(compile, reader);
-  if (!result.program) throw std::runtime_error(apron::syntax::format(result.diagnostics, result.sources));
+  if (!result.program)
+    throw std::runtime_error(apron::syntax::format_diagnostics(result.diagnostics, result.sources));
   apron::vm::VmOptions options;
   options.threads = threads;
-  options.fuse.keep_registers = false;
-  auto machine = std::make_shared<Machine>(std::move(*result.program), options);
+  options.fusion.preserve_named_registers = false;
+  auto machine = std::make_shared<ApronRun>(std::move(*result.program), options);
   for (int i = 0; i < inputs(workload); ++i) {
     const Image image = input(workload, n, i);
     const Plane plane = machine->plane(i == 0 ? "A" : workload == 1 ? "C" : "B");

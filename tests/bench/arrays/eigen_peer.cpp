@@ -7,15 +7,15 @@ namespace {
 
 using Array = Eigen::Array<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-struct Machine {
-  explicit Machine(int size) : n(size) {
+struct EigenWorkspace {
+  explicit EigenWorkspace(int size) : n(size) {
     for (Array& p : padded) p = Array::Zero(n + 2, n + 2);
     for (Array& w : whole) w = Array::Zero(n, n);
   }
   int n;
   Array padded[7], whole[4];
 
-  auto in(Array& p) const { return p.block(1, 1, n, n); }
+  auto interior(Array& p) const { return p.block(1, 1, n, n); }
   auto north(Array& p) const { return p.block(0, 1, n, n); }
   auto south(Array& p) const { return p.block(2, 1, n, n); }
   auto east(Array& p) const { return p.block(1, 2, n, n); }
@@ -32,42 +32,45 @@ struct Machine {
   }
   void morphology() {
     Array &a = padded[0], &h = padded[1], &e = padded[2], &g = padded[3];
-    in(h) = east(a).min(west(a)).min(in(a));
-    in(e) = north(h).min(south(h)).min(in(h));
-    in(g) = east(e).max(west(e)).max(in(e));
-    whole[1] = north(g).max(south(g)).max(in(g));
+    interior(h) = east(a).min(west(a)).min(interior(a));
+    interior(e) = north(h).min(south(h)).min(interior(h));
+    interior(g) = east(e).max(west(e)).max(interior(e));
+    whole[1] = north(g).max(south(g)).max(interior(g));
   }
   void life() {
     Array &a = padded[0], &h = padded[1];
-    in(h) = east(a) + west(a) + in(a);
-    whole[0] = north(h) + south(h) + in(h);
-    whole[1] = (whole[0] == 3.0F || (whole[0] == 4.0F && in(a) != 0.0F)).cast<float>();
+    interior(h) = east(a) + west(a) + interior(a);
+    whole[0] = north(h) + south(h) + interior(h);
+    whole[1] = (whole[0] == 3.0F || (whole[0] == 4.0F && interior(a) != 0.0F)).cast<float>();
   }
   void diffusion() {
     for (int t = 0; t < 16; ++t) {
       Array &x = t == 0 ? padded[0] : padded[1 + t % 2], &y = padded[2 - t % 2];
-      in(y) = ((north(x) + south(x)) + (east(x) + west(x))) * 0.2F + in(x)*0.2F;
+      interior(y) = ((north(x) + south(x)) + (east(x) + west(x))) * 0.2F + interior(x) * 0.2F;
     }
-    whole[1] = in(padded[1]);
+    whole[1] = interior(padded[1]);
   }
   void case_study() {
     Array &a = padded[0], &h = padded[1], &e = padded[2];
-    in(h) = east(a).min(west(a)).min(in(a));
-    in(e) = north(h).min(south(h)).min(in(h));
+    interior(h) = east(a).min(west(a)).min(interior(a));
+    interior(e) = north(h).min(south(h)).min(interior(h));
     padded[3] = e;
     for (int t = 0; t < 8; ++t) {
       Array &x = padded[3 + t % 2], &y = padded[4 - t % 2];
-      in(y) = (in(e) != 0.0F).select(north(x).min(south(x)).min(east(x).min(west(x))) + 1.0F, in(x));
+      interior(y) =
+          (interior(e) != 0.0F).select(north(x).min(south(x)).min(east(x).min(west(x))) + 1.0F, interior(x));
     }
     padded[5] = padded[3];
     for (int t = 0; t < 16; ++t) {
       Array &x = padded[5 + t % 2], &y = padded[6 - t % 2];
-      in(y) = (in(e) != 0.0F).select(north(x).max(south(x)).max(east(x).max(west(x))).max(in(x)), in(x));
+      interior(y) =
+          (interior(e) != 0.0F)
+              .select(north(x).max(south(x)).max(east(x).max(west(x))).max(interior(x)), interior(x));
     }
     Array &d = padded[3], &m = padded[5], &c = padded[4];
-    in(c) = (in(d) >= in(m)).cast<float>() * in(e);
-    in(h) = east(c).max(west(c)).max(in(c));
-    whole[1] = (north(h).max(south(h)).max(in(h)) != 0.0F).select(in(m), 0.0F);
+    interior(c) = (interior(d) >= interior(m)).cast<float>() * interior(e);
+    interior(h) = east(c).max(west(c)).max(interior(c));
+    whole[1] = (north(h).max(south(h)).max(interior(h)) != 0.0F).select(interior(m), 0.0F);
   }
 };
 
@@ -80,8 +83,8 @@ double checksum(const Array& a) {
 
 }  // namespace
 
-std::optional<Job> eigen_job(int workload, int n) {
-  auto m = std::make_shared<Machine>(n);
+std::optional<Job> make_eigen_job(int workload, int n) {
+  auto m = std::make_shared<EigenWorkspace>(n);
   for (int i = 0; i < inputs(workload); ++i) {
     const Image image = input(workload, n, i);
     for (int r = 0; r < n; ++r)

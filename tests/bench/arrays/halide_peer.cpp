@@ -147,7 +147,7 @@ struct Pipeline {
 
 }  // namespace
 
-std::optional<Job> halide_job(int workload, int n) {
+std::optional<Job> make_halide_job(int workload, int n) {
   auto p = std::make_shared<Pipeline>(workload, n);
   return Job{[p] { p->out.realize(*p->results, p->target); }, [p] { return p->checksum(); }};
 }
@@ -160,7 +160,7 @@ std::optional<Job> halide_job(int workload, int n) {
 
 namespace arrays {
 
-std::optional<Job> halide_job(int, int) { return std::nullopt; }
+std::optional<Job> make_halide_job(int, int) { return std::nullopt; }
 
 }  // namespace arrays
 

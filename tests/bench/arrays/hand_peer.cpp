@@ -52,16 +52,17 @@ inline __attribute__((always_inline)) void block(const float* const* in, int w, 
 }
 
 template <class Op>
-inline void along(float* o, const float* a, int w, const Op& op) {
+inline void reduce_row(float* o, const float* a, int w, const Op& op) {
   for (int i = 0; i < w; i += 16) store(o + i, op(op(load(a + i - 1), load(a + i + 1)), load(a + i)));
 }
 template <class Op>
-inline void across(float* o, const float* north, const float* own, const float* south, int w, const Op& op) {
+inline void reduce_rows(float* o, const float* north, const float* own, const float* south, int w,
+                        const Op& op) {
   for (int i = 0; i < w; i += 16) store(o + i, op(op(load(north + i), load(south + i)), load(own + i)));
 }
 
-struct Machine {
-  explicit Machine(int size)
+struct HandFusedWorkspace {
+  explicit HandFusedWorkspace(int size)
       : n(size), h(16, size), e(16, size), g(16, size), zero(1, size), strip(std::min(n, 1024) + 64) {
     for (Image& i : image) i = Image(n);
   }
@@ -91,27 +92,28 @@ struct Machine {
     }
   }
 
-  float* within(Ring& ring, int r) { return r < 0 || r >= n ? zero.row(0) : ring.row(r); }
+  float* row_or_zero(Ring& ring, int r) { return r < 0 || r >= n ? zero.row(0) : ring.row(r); }
 
   void morphology() {
     for (int r = 0; r < n + 2; ++r) {
-      if (r < n) along(h.row(r), image[0].row(r), n, kMin);
+      if (r < n) reduce_row(h.row(r), image[0].row(r), n, kMin);
       if (const int m = r - 1; m >= 0 && m < n) {
-        across(e.row(m), within(h, m - 1), h.row(m), within(h, m + 1), n, kMin);
-        along(g.row(m), e.row(m), n, kMax);
+        reduce_rows(e.row(m), row_or_zero(h, m - 1), h.row(m), row_or_zero(h, m + 1), n, kMin);
+        reduce_row(g.row(m), e.row(m), n, kMax);
       }
       if (const int o = r - 2; o >= 0)
-        across(image[1].row(o), within(g, o - 1), g.row(o), within(g, o + 1), n, kMax);
+        reduce_rows(image[1].row(o), row_or_zero(g, o - 1), g.row(o), row_or_zero(g, o + 1), n, kMax);
     }
   }
 
   void life() {
     const V one = _mm512_set1_ps(1), three = _mm512_set1_ps(3), four = _mm512_set1_ps(4);
     for (int r = 0; r < n + 1; ++r) {
-      if (r < n) along(h.row(r), image[0].row(r), n, kSum);
+      if (r < n) reduce_row(h.row(r), image[0].row(r), n, kSum);
       const int o = r - 1;
       if (o < 0) continue;
-      const float *north = within(h, o - 1), *own = h.row(o), *south = within(h, o + 1), *a = image[0].row(o);
+      const float *north = row_or_zero(h, o - 1), *own = h.row(o), *south = row_or_zero(h, o + 1),
+                  *a = image[0].row(o);
       float* to = image[1].row(o);
       for (int i = 0; i < n; i += 16) {
         const V s = sum(sum(load(north + i), load(south + i)), load(own + i));
@@ -157,7 +159,7 @@ struct Machine {
     Image zero;
   } strip;
 
-  float* within(Ring& ring, int r, bool) { return r < 0 || r >= n ? strip.zero.row(0) : ring.row(r); }
+  float* row_or_zero(Ring& ring, int r, bool) { return r < 0 || r >= n ? strip.zero.row(0) : ring.row(r); }
 
   template <class Body>
   void stage(int b, int lag, const Body& body) {
@@ -172,7 +174,7 @@ struct Machine {
   void neighbours(Rows, Ring& from, int r, int w, const Cell& cell) {
     constexpr int kRows = Rows::value;
     const float* in[kRows + 2];
-    for (int j = 0; j < kRows + 2; ++j) in[j] = within(from, r - 1 + j, true);
+    for (int j = 0; j < kRows + 2; ++j) in[j] = row_or_zero(from, r - 1 + j, true);
     block<kRows>(in, w, cell);
   }
 
@@ -193,11 +195,12 @@ struct Machine {
       for (int j = 0; j < decltype(rows)::value; ++j) f(r + j);
     };
     stage(b, 0, [&](auto rows, int r0) {
-      each(rows, r0, [&](int r) { along(strip.h.row(r), image[0].row(r) + x0, w, kMin); });
+      each(rows, r0, [&](int r) { reduce_row(strip.h.row(r), image[0].row(r) + x0, w, kMin); });
     });
     stage(b, 1, [&](auto rows, int r0) {
       each(rows, r0, [&](int r) {
-        const float *u = within(strip.h, r - 1, true), *m = strip.h.row(r), *d = within(strip.h, r + 1, true);
+        const float *u = row_or_zero(strip.h, r - 1, true), *m = strip.h.row(r),
+                    *d = row_or_zero(strip.h, r + 1, true);
         float *e_row = strip.e.row(r), *d_row = strip.da.row(r);
         for (int i = 0; i < w; i += 16) {
           const V v = smaller(smaller(load(u + i), load(d + i)), load(m + i));
@@ -233,8 +236,8 @@ struct Machine {
     }
     stage(b, 26, [&](auto rows, int r0) {
       each(rows, r0, [&](int r) {
-        const float *u = within(strip.c, r - 1, true), *m = strip.c.row(r), *d = within(strip.c, r + 1, true),
-                    *size = strip.ma.row(r);
+        const float *u = row_or_zero(strip.c, r - 1, true), *m = strip.c.row(r),
+                    *d = row_or_zero(strip.c, r + 1, true), *size = strip.ma.row(r);
         const auto three = [](const float* p) { return larger(larger(load(p - 1), load(p + 1)), load(p)); };
         float* to = image[1].row(r) + x0;
         for (int i = c0 - x0; i < c1 - x0; i += 16) {
@@ -248,8 +251,8 @@ struct Machine {
 
 }  // namespace
 
-std::optional<Job> hand_job(int workload, int n) {
-  auto m = std::make_shared<Machine>(n);
+std::optional<Job> make_hand_fused_job(int workload, int n) {
+  auto m = std::make_shared<HandFusedWorkspace>(n);
   m->image[0] = input(workload, n, 0);
   if (inputs(workload) == 2) m->image[workload == 1 ? 2 : 1] = input(workload, n, 1);
   const auto run = [m, workload] {
@@ -274,7 +277,7 @@ std::optional<Job> hand_job(int workload, int n) {
 
 namespace arrays {
 
-std::optional<Job> hand_job(int, int) { return std::nullopt; }
+std::optional<Job> make_hand_fused_job(int, int) { return std::nullopt; }
 
 }  // namespace arrays
 

@@ -19,66 +19,66 @@ namespace {
 using arrays::Job;
 using Clock = std::chrono::steady_clock;
 
-struct Figures {
+struct Measurement {
   std::string peer;
-  double least_us = 0, median_us = 0, checksum = 0;
+  double min_us = 0, median_us = 0, checksum = 0;
 };
 
-struct Runner {
+struct Contender {
   std::string peer;
   Job job;
   double checksum = 0;
-  long count = 1;
+  long runs_per_sample = 1;
   std::vector<double> times_us{};
 
-  double once_us() const {
+  double time_run_us() const {
     job.run();  // the others' arrays are in the caches
     const auto start = Clock::now();
-    for (long i = 0; i < count; ++i) job.run();
+    for (long i = 0; i < runs_per_sample; ++i) job.run();
     return std::chrono::duration<double, std::micro>(Clock::now() - start).count() /
-           static_cast<double>(count);
+           static_cast<double>(runs_per_sample);
   }
 };
 
 // Turn by turn, so that a busy moment of the machine hits all alike.
-std::vector<Figures> measure(std::vector<Runner>& runners, int repetitions) {
-  for (Runner& r : runners) {
+std::vector<Measurement> measure(std::vector<Contender>& runners, int repetitions) {
+  for (Contender& r : runners) {
     r.job.run();
     r.checksum = r.job.checksum();
-    r.count = std::max(1L, static_cast<long>(3000.0 / std::max(r.once_us(), 1e-3)));
-    r.once_us();
+    r.runs_per_sample = std::max(1L, static_cast<long>(3000.0 / std::max(r.time_run_us(), 1e-3)));
+    r.time_run_us();
   }
   for (int i = 0; i < repetitions; ++i)
-    for (Runner& r : runners) r.times_us.push_back(r.once_us());
-  std::vector<Figures> all;
-  for (Runner& r : runners) {
+    for (Contender& r : runners) r.times_us.push_back(r.time_run_us());
+  std::vector<Measurement> all;
+  for (Contender& r : runners) {
     std::sort(r.times_us.begin(), r.times_us.end());
     all.push_back({r.peer, r.times_us.front(), r.times_us[r.times_us.size() / 2], r.checksum});
   }
   return all;
 }
 
-std::optional<Figures> numpy(int workload, int n) {
+std::optional<Measurement> run_numpy(int workload, int n) {
   const std::string command = std::string(ARRAYS_PYTHON " " ARRAYS_SOURCE_DIR "/numpy_peer.py ") +
                               std::to_string(workload) + " " + std::to_string(n) + " 2>/dev/null";
   FILE* pipe = popen(command.c_str(), "r");
   if (pipe == nullptr) return std::nullopt;
-  Figures f{"numpy"};
-  const int fields = std::fscanf(pipe, "%lf %lf %lf", &f.least_us, &f.median_us, &f.checksum);
+  Measurement f{"numpy"};
+  const int fields = std::fscanf(pipe, "%lf %lf %lf", &f.min_us, &f.median_us, &f.checksum);
   return pclose(pipe) == 0 && fields == 3 ? std::optional(f) : std::nullopt;
 }
 
-void print(int workload, int n, const Figures& f, const Figures& ours, bool same) {
+void print(int workload, int n, const Measurement& f, const Measurement& ours, bool same) {
   std::printf("W%d %4d  %-17s %11.3f %11.3f  apron is %5.2f x  checksum %.9g%s\n", workload, n,
-              f.peer.c_str(), f.least_us, f.median_us, f.least_us / ours.least_us, f.checksum,
+              f.peer.c_str(), f.min_us, f.median_us, f.min_us / ours.min_us, f.checksum,
               same ? "" : "  DIFFERS");
 }
 
-void print_json(int workload, int n, const Figures& f, bool same) {
+void print_json(int workload, int n, const Measurement& f, bool same) {
   const nlohmann::ordered_json line{{"benchmark", "arrays"},
                                     {"case", "W" + std::to_string(workload) + " " + std::to_string(n)},
                                     {"who", f.peer},
-                                    {"least_us", f.least_us},
+                                    {"least_us", f.min_us},
                                     {"median_us", f.median_us},
                                     {"checksum_agrees", same}};
   std::puts(line.dump().c_str());
@@ -87,7 +87,7 @@ void print_json(int workload, int n, const Figures& f, bool same) {
 // True if the checksums agree. They are sums of floats' exact values; a fused multiply-add in a peer may
 // change a last bit here and there.
 bool compare(int workload, int n, int repetitions, const std::string& without, bool json) {
-  std::vector<Runner> runners;
+  std::vector<Contender> runners;
   std::string missing;
   const auto add = [&](const char* peer, const auto& make, auto... more) {
     const bool wanted = without.find(peer) == std::string::npos;
@@ -97,20 +97,20 @@ bool compare(int workload, int n, int repetitions, const std::string& without, b
     else
       missing += std::string(" ") + peer;
   };
-  add("apron", arrays::apron_job, 1U);
-  add("apron, 2 threads", arrays::apron_job, 2U);
-  add("hand-fused", arrays::hand_job);
-  add("halide", arrays::halide_job);
-  add("eigen", arrays::eigen_job);
-  add("unfused", arrays::unfused_job);
-  std::vector<Figures> all = measure(runners, repetitions);
+  add("apron", arrays::make_apron_job, 1U);
+  add("apron, 2 threads", arrays::make_apron_job, 2U);
+  add("hand-fused", arrays::make_hand_fused_job);
+  add("halide", arrays::make_halide_job);
+  add("eigen", arrays::make_eigen_job);
+  add("unfused", arrays::make_unfused_job);
+  std::vector<Measurement> all = measure(runners, repetitions);
   const bool wanted = without.find("numpy") == std::string::npos;
-  if (const auto f = wanted ? numpy(workload, n) : std::nullopt)
+  if (const auto f = wanted ? run_numpy(workload, n) : std::nullopt)
     all.push_back(*f);
   else
     missing += " numpy";
   bool equal = true;
-  for (const Figures& f : all) {
+  for (const Measurement& f : all) {
     const bool same = std::fabs(f.checksum - all[0].checksum) <= 1e-6 * std::fabs(all[0].checksum);
     equal = equal && same;
     if (json)

@@ -19,15 +19,15 @@ void each(Image& y, const Image& a, const Image& b, const Op& op) {
   }
 }
 
-void news(Image& y, const Image& a, int dx, int dy) {
+void shift_image(Image& y, const Image& a, int dx, int dy) {
   for (int r = 0; r < y.n(); ++r) std::copy_n(a.row(r + dy) + dx, y.n(), y.row(r));
 }
 
 float smaller(float a, float b) { return a < b ? a : b; }
 float larger(float a, float b) { return a > b ? a : b; }
 
-struct Machine {
-  explicit Machine(int n) {
+struct UnfusedWorkspace {
+  explicit UnfusedWorkspace(int n) {
     for (int i = 0; i < 10; ++i) images.emplace_back(n);
   }
   std::vector<Image> images;
@@ -37,23 +37,23 @@ struct Machine {
     each(images[static_cast<std::size_t>(y)], images[static_cast<std::size_t>(a)],
          images[static_cast<std::size_t>(b)], f);
   }
-  void move(int y, int a, int dx, int dy) {
-    news(images[static_cast<std::size_t>(y)], images[static_cast<std::size_t>(a)], dx, dy);
+  void shift(int y, int a, int dx, int dy) {
+    shift_image(images[static_cast<std::size_t>(y)], images[static_cast<std::size_t>(a)], dx, dy);
   }
   void copy(int y, int a) {
     op(y, a, a, [](float v, float) { return v; });
   }
   template <class Op>
   void nine(int a, int to, const Op& f) {
-    move(4, a, 1, 0), move(5, a, -1, 0), op(6, 4, 5, f), op(6, 6, a, f);
-    move(4, 6, 0, -1), move(5, 6, 0, 1), op(to, 4, 5, f), op(to, to, 6, f);
+    shift(4, a, 1, 0), shift(5, a, -1, 0), op(6, 4, 5, f), op(6, 6, a, f);
+    shift(4, 6, 0, -1), shift(5, 6, 0, 1), op(to, 4, 5, f), op(to, to, 6, f);
   }
   template <class Op>
   void four(int a, int to, const Op& f) {
-    move(4, a, 0, -1), move(5, a, 0, 1), move(6, a, 1, 0), move(7, a, -1, 0);
+    shift(4, a, 0, -1), shift(5, a, 0, 1), shift(6, a, 1, 0), shift(7, a, -1, 0);
     op(to, 4, 5, f), op(6, 6, 7, f), op(to, to, 6, f);
   }
-  void where(int y, int mask, int a) {
+  void copy_masked(int y, int mask, int a) {
     Image &to = images[static_cast<std::size_t>(y)], &m = images[static_cast<std::size_t>(mask)],
           &from = images[static_cast<std::size_t>(a)];
     const int n = to.n();
@@ -71,18 +71,18 @@ struct Machine {
 
 const auto kSum = [](float a, float b) { return a + b; };
 
-void chain(Machine& m) {
+void chain(UnfusedWorkspace& m) {
   m.op(2, 0, 1, kSum);
   m.op(3, 2, 2, [](float a, float) { return a * 0.5F; });
   m.op(4, 3, 0, [](float a, float b) { return a > b ? 1.0F : 0.0F; });
-  m.where(1, 4, 3);
+  m.copy_masked(1, 4, 3);
   m.op(2, 0, 1, larger);
   m.op(0, 0, 1, smaller);
   m.op(3, 2, 0, [](float a, float b) { return a - b; });
   m.op(2, 2, 3, [](float a, float b) { return a * b; });
 }
 
-void life(Machine& m) {
+void life(UnfusedWorkspace& m) {
   m.nine(0, 8, kSum);
   m.op(4, 8, 8, [](float s, float) { return s == 3.0F ? 1.0F : 0.0F; });
   m.op(5, 8, 8, [](float s, float) { return s == 4.0F ? 1.0F : 0.0F; });
@@ -90,7 +90,7 @@ void life(Machine& m) {
   m.op(1, 4, 5, larger);
 }
 
-void diffusion(Machine& m) {
+void diffusion(UnfusedWorkspace& m) {
   m.copy(1, 0);
   for (int i = 0; i < 16; ++i) {
     m.four(1, 8, kSum);
@@ -100,19 +100,19 @@ void diffusion(Machine& m) {
   }
 }
 
-void case_study(Machine& m) {
+void case_study(UnfusedWorkspace& m) {
   m.nine(0, 9, smaller);
   m.copy(2, 9);
   for (int i = 0; i < 8; ++i) {
     m.four(2, 8, smaller);
     m.op(8, 8, 8, [](float a, float) { return a + 1.0F; });
-    m.where(2, 9, 8);
+    m.copy_masked(2, 9, 8);
   }
   m.copy(3, 2);
   for (int i = 0; i < 16; ++i) {
     m.four(3, 8, larger);
     m.op(8, 8, 3, larger);
-    m.where(3, 9, 8);
+    m.copy_masked(3, 9, 8);
   }
   m.op(8, 2, 3, [](float a, float b) { return a >= b ? 1.0F : 0.0F; });
   m.op(8, 8, 9, [](float a, float b) { return a * b; });
@@ -122,8 +122,8 @@ void case_study(Machine& m) {
 
 }  // namespace
 
-std::optional<Job> unfused_job(int workload, int n) {
-  auto m = std::make_shared<Machine>(n);
+std::optional<Job> make_unfused_job(int workload, int n) {
+  auto m = std::make_shared<UnfusedWorkspace>(n);
   m->images[0] = input(workload, n, 0);
   if (inputs(workload) == 2) m->images[workload == 1 ? 2 : 1] = input(workload, n, 1);
   const auto run = [m, workload] {

@@ -11,12 +11,13 @@ using namespace apron;
 
 namespace {
 
-constexpr std::uint64_t kBudget = 2000;                     // instructions
-constexpr std::size_t kMaxCells = std::size_t{1} << 16;     // of all registers of a program that is run
-constexpr std::size_t kMaxProducts = std::size_t{1} << 20;  // cells times elements of the largest filter
+constexpr std::uint64_t kInstructionBudget = 2000;       // instructions
+constexpr std::size_t kMaxCells = std::size_t{1} << 16;  // of all registers of a program that is run
+constexpr std::size_t kMaxFilterProducts = std::size_t{1}
+                                           << 20;  // cells times elements of the largest filter
 
 // Everything there is, and nothing of it kept.
-class Host final : public vm::Host {
+class StubHost final : public vm::Host {
  public:
   void print(std::string_view) override {}
   vm::HostStatus open_array(std::string_view, vm::Plane to) override { return fill(to); }
@@ -54,17 +55,17 @@ class Host final : public vm::Host {
 void run_bounded(program::Program program) {
   std::size_t cells = 0, elements = 1;
   for (const program::Register& r : program.registers) cells += std::size_t{r.width} * r.height;
-  for (const program::Filter& f : program.filters) elements = std::max(elements, f.elements.size());
-  if (cells > kMaxCells || cells * elements > kMaxProducts) return;
-  Host host;
+  for (const program::Filter& f : program.filters) elements = std::max(elements, f.coefficients.size());
+  if (cells > kMaxCells || cells * elements > kMaxFilterProducts) return;
+  StubHost host;
   vm::VmOptions options;
   vm::Vm vm(std::move(program), options, host);
-  std::uint64_t left = kBudget;
+  std::uint64_t left = kInstructionBudget;
   while (left > 0) {
-    const std::uint64_t before = vm.executed();
+    const std::uint64_t before = vm.instructions_executed();
     const vm::Status status = vm.run(left);
-    left -= std::min(left, std::max<std::uint64_t>(vm.executed() - before, 1));
-    if (status != vm::Status::kTick && status != vm::Status::kBudget) break;
+    left -= std::min(left, std::max<std::uint64_t>(vm.instructions_executed() - before, 1));
+    if (status != vm::Status::kTick && status != vm::Status::kRunning) break;
   }
 }
 

@@ -24,7 +24,7 @@ inline CompileResult compile_text(const std::string& text,
 }
 
 inline std::string errors(const CompileResult& result) {
-  return syntax::format(result.diagnostics, result.sources);
+  return syntax::format_diagnostics(result.diagnostics, result.sources);
 }
 
 inline std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }

@@ -86,10 +86,10 @@ TEST(Listing, UnfoldsAnIncludedFileAndAMacroInsideAMacro) {
 TEST(Listing, RevealsAnInstructionAndAddsUpWhatRowsTook) {
   const Compiled c = compiled(kMain, kFiles);
   Listing listing(c.program, c.texts);
-  std::vector<vm::Spent> spent(c.program.code.size(), {1, 10});
+  std::vector<vm::InstructionProfile> spent(c.program.code.size(), {1, 10});
   std::uint64_t folded = 0, all = 0;
-  for (const vm::Spent& row : listing.by_row(spent)) all += row.count;
-  folded = listing.by_row(spent)[4].count;
+  for (const vm::InstructionProfile& row : listing.by_row(spent)) all += row.executions;
+  folded = listing.by_row(spent)[4].executions;
   EXPECT_EQ(all, spent.size());
   const auto inside =
       std::find(listing.groups().begin(), listing.groups().end(), 4U) - listing.groups().begin();
@@ -97,7 +97,7 @@ TEST(Listing, RevealsAnInstructionAndAddsUpWhatRowsTook) {
   const std::size_t row = listing.groups()[static_cast<std::size_t>(inside)];
   EXPECT_EQ(listing.rows()[row].text, ":t = $a + $a");
   EXPECT_EQ(listing.rows()[row].depth, 2U);
-  EXPECT_LT(listing.by_row(spent)[row].count, folded);
+  EXPECT_LT(listing.by_row(spent)[row].executions, folded);
 }
 
 TEST(Listing, OfNothingIsEmpty) {

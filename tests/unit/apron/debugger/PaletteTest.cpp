@@ -18,51 +18,51 @@ void expect_near(const Colour& c, double red, double green, double blue, const c
 
 // Entries 0, 128 and 255 of the published tables.
 TEST(Palette, PerceptualOnesAreThoseOfTheTables) {
-  expect_near(colour(Palette::kViridis, 0.0F), 0.267004, 0.004874, 0.329415, "viridis");
-  expect_near(colour(Palette::kViridis, 0.5F), 0.127568, 0.566949, 0.550556, "viridis");
-  expect_near(colour(Palette::kViridis, 1.0F), 0.993248, 0.906157, 0.143936, "viridis");
-  expect_near(colour(Palette::kMagma, 0.0F), 0.001462, 0.000466, 0.013866, "magma");
-  expect_near(colour(Palette::kMagma, 0.5F), 0.716387, 0.214982, 0.475290, "magma");
-  expect_near(colour(Palette::kMagma, 1.0F), 0.987053, 0.991438, 0.749504, "magma");
-  expect_near(colour(Palette::kInferno, 0.5F), 0.735683, 0.215906, 0.330245, "inferno");
-  expect_near(colour(Palette::kInferno, 1.0F), 0.988362, 0.998364, 0.644924, "inferno");
-  expect_near(colour(Palette::kPlasma, 0.0F), 0.050383, 0.029803, 0.527975, "plasma");
-  expect_near(colour(Palette::kPlasma, 0.5F), 0.798216, 0.280197, 0.469538, "plasma");
+  expect_near(colour(PaletteId::kViridis, 0.0F), 0.267004, 0.004874, 0.329415, "viridis");
+  expect_near(colour(PaletteId::kViridis, 0.5F), 0.127568, 0.566949, 0.550556, "viridis");
+  expect_near(colour(PaletteId::kViridis, 1.0F), 0.993248, 0.906157, 0.143936, "viridis");
+  expect_near(colour(PaletteId::kMagma, 0.0F), 0.001462, 0.000466, 0.013866, "magma");
+  expect_near(colour(PaletteId::kMagma, 0.5F), 0.716387, 0.214982, 0.475290, "magma");
+  expect_near(colour(PaletteId::kMagma, 1.0F), 0.987053, 0.991438, 0.749504, "magma");
+  expect_near(colour(PaletteId::kInferno, 0.5F), 0.735683, 0.215906, 0.330245, "inferno");
+  expect_near(colour(PaletteId::kInferno, 1.0F), 0.988362, 0.998364, 0.644924, "inferno");
+  expect_near(colour(PaletteId::kPlasma, 0.0F), 0.050383, 0.029803, 0.527975, "plasma");
+  expect_near(colour(PaletteId::kPlasma, 0.5F), 0.798216, 0.280197, 0.469538, "plasma");
 }
 
 TEST(Palette, TheFieldsOwnBeginAndEndAsTheirNamesSay) {
-  EXPECT_EQ(colour(Palette::kGrey, 0.0F), (Colour{0, 0, 0}));
-  EXPECT_EQ(colour(Palette::kGrey, 0.5F), (Colour{128, 128, 128}));
-  EXPECT_EQ(colour(Palette::kGrey, 1.0F), (Colour{255, 255, 255}));
-  EXPECT_EQ(colour(Palette::kFlame, 0.0F), (Colour{0, 0, 0}));
-  EXPECT_EQ(colour(Palette::kFlame, 1.0F), (Colour{255, 255, 255}));
-  EXPECT_EQ(colour(Palette::kSpectrum, 0.0F), (Colour{0, 0, 255}));
-  EXPECT_EQ(colour(Palette::kSpectrum, 0.5F), (Colour{0, 255, 0}));
-  EXPECT_EQ(colour(Palette::kSpectrum, 1.0F), (Colour{255, 0, 0}));
+  EXPECT_EQ(colour(PaletteId::kGrey, 0.0F), (Colour{0, 0, 0}));
+  EXPECT_EQ(colour(PaletteId::kGrey, 0.5F), (Colour{128, 128, 128}));
+  EXPECT_EQ(colour(PaletteId::kGrey, 1.0F), (Colour{255, 255, 255}));
+  EXPECT_EQ(colour(PaletteId::kFlame, 0.0F), (Colour{0, 0, 0}));
+  EXPECT_EQ(colour(PaletteId::kFlame, 1.0F), (Colour{255, 255, 255}));
+  EXPECT_EQ(colour(PaletteId::kSpectrum, 0.0F), (Colour{0, 0, 255}));
+  EXPECT_EQ(colour(PaletteId::kSpectrum, 0.5F), (Colour{0, 255, 0}));
+  EXPECT_EQ(colour(PaletteId::kSpectrum, 1.0F), (Colour{255, 0, 0}));
   // The raw value is the grey level, whatever the range.
-  EXPECT_EQ(colour(Palette::kRaw, Range{0.0F, 1.0F}, 100.0F), (Colour{100, 100, 100}));
+  EXPECT_EQ(colour(PaletteId::kRaw, Range{0.0F, 1.0F}, 100.0F), (Colour{100, 100, 100}));
 }
 
 TEST(Palette, ClampsAndMarksWhatIsNotANumber) {
-  EXPECT_EQ(colour(Palette::kGrey, Range{2.0F, 4.0F}, 1.0F), (Colour{0, 0, 0}));
-  EXPECT_EQ(colour(Palette::kGrey, Range{2.0F, 4.0F}, 3.0F), (Colour{128, 128, 128}));
-  EXPECT_EQ(colour(Palette::kGrey, Range{2.0F, 4.0F}, INFINITY), (Colour{255, 255, 255}));
-  EXPECT_EQ(colour(Palette::kGrey, Range{3.0F, 3.0F}, 3.0F), (Colour{0, 0, 0}));
-  EXPECT_EQ(colour(Palette::kViridis, NAN), kNotANumber);
+  EXPECT_EQ(colour(PaletteId::kGrey, Range{2.0F, 4.0F}, 1.0F), (Colour{0, 0, 0}));
+  EXPECT_EQ(colour(PaletteId::kGrey, Range{2.0F, 4.0F}, 3.0F), (Colour{128, 128, 128}));
+  EXPECT_EQ(colour(PaletteId::kGrey, Range{2.0F, 4.0F}, INFINITY), (Colour{255, 255, 255}));
+  EXPECT_EQ(colour(PaletteId::kGrey, Range{3.0F, 3.0F}, 3.0F), (Colour{0, 0, 0}));
+  EXPECT_EQ(colour(PaletteId::kViridis, NAN), kNotANumber);
 }
 
 TEST(Palette, PaintsAsItColours) {
   std::vector<float> values{-1.0F, 0.0F, 0.3F, 1.0F, 2.0F, NAN};
   std::vector<std::uint8_t> rgba;
-  for (std::size_t i = 0; i < kPalettes; ++i) {
-    const auto palette = static_cast<Palette>(i);
+  for (std::size_t i = 0; i < kPaletteCount; ++i) {
+    const auto palette = static_cast<PaletteId>(i);
     paint(palette, {0.0F, 1.0F}, values, rgba);
     ASSERT_EQ(rgba.size(), values.size() * 4);
     for (std::size_t k = 0; k < values.size(); ++k) {
       const Colour c = colour(palette, Range{0.0F, 1.0F}, values[k]);
-      EXPECT_LE(std::abs(rgba[4 * k] - c.red), 3) << name(palette) << " " << values[k];
-      EXPECT_LE(std::abs(rgba[4 * k + 1] - c.green), 3) << name(palette) << " " << values[k];
-      EXPECT_LE(std::abs(rgba[4 * k + 2] - c.blue), 3) << name(palette) << " " << values[k];
+      EXPECT_LE(std::abs(rgba[4 * k] - c.red), 3) << palette_name(palette) << " " << values[k];
+      EXPECT_LE(std::abs(rgba[4 * k + 1] - c.green), 3) << palette_name(palette) << " " << values[k];
+      EXPECT_LE(std::abs(rgba[4 * k + 2] - c.blue), 3) << palette_name(palette) << " " << values[k];
       EXPECT_EQ(rgba[4 * k + 3], 255);
     }
   }

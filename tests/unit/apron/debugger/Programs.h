@@ -11,7 +11,7 @@
 #include "apron/debugger/Session.h"
 #include "apron/run/Question.h"
 #include "tests/unit/apron/compiler/CompileText.h"
-#include "tests/unit/apron/vm/Build.h"
+#include "tests/unit/apron/vm/TestProgram.h"
 
 namespace apron::debugger::test {
 

@@ -16,7 +16,9 @@ class SessionTest : public testing::Test {
     session = std::make_unique<Session>(code.program, vm::VmOptions{}, host,
                                         [this](bool held) { holds.push_back(held); });
   }
-  std::uint32_t line() const { return listing.rows()[listing.groups()[session->vm().next()]].line; }
+  std::uint32_t line() const {
+    return listing.rows()[listing.groups()[session->vm().program_counter()]].line;
+  }
   void advance(int times = 1) {
     while (times-- > 0) session->advance();
   }
@@ -49,13 +51,13 @@ TEST_F(SessionTest, IsHeldAtFirstAndStepsByTickLineAndInstruction) {
   begin(kCounting);
   EXPECT_EQ(session->mode(), Mode::kHeld);
   advance();
-  EXPECT_EQ(session->vm().executed(), 0U);
+  EXPECT_EQ(session->vm().instructions_executed(), 0U);
   session->step(Unit::kTick);
   EXPECT_EQ(session->mode(), Mode::kStepping);
   advance();
   EXPECT_EQ(session->mode(), Mode::kHeld);
   EXPECT_EQ(session->ticks(), 1U);
-  EXPECT_EQ(host.steps, 1);
+  EXPECT_EQ(host.step_count, 1);
   EXPECT_EQ(variable("count"), 1.0F);
 
   std::vector<std::uint32_t> lines;
@@ -65,10 +67,10 @@ TEST_F(SessionTest, IsHeldAtFirstAndStepsByTickLineAndInstruction) {
     lines.push_back(line());
   }
   EXPECT_EQ(lines, (std::vector<std::uint32_t>{5, 6, 7, 8, 9, 5}));
-  const std::size_t next = session->vm().next();
+  const std::size_t next = session->vm().program_counter();
   session->step(Unit::kInstruction);
   advance();
-  EXPECT_EQ(session->vm().next(), next + 1);
+  EXPECT_EQ(session->vm().program_counter(), next + 1);
   EXPECT_EQ(holds, (std::vector<bool>{true, false, true, false, true, false, true, false, true, false, true,
                                       false, true, false, true, false, true}));
 }
@@ -161,8 +163,8 @@ TEST_F(SessionTest, AConditionAsksScalarsAndTheSurfaceAndTouchesNothing) {
   plain.run();
   for (int i = 0; i < 3; ++i) plain.advance();
   for (std::size_t r = 0; r < code.program.registers.size(); ++r)
-    EXPECT_EQ(vm::test::read(session->vm().plane(r)), vm::test::read(plain.vm().plane(r))) << r;
-  EXPECT_EQ(host.steps, other.steps);
+    EXPECT_EQ(vm::test::read_cells(session->vm().plane(r)), vm::test::read_cells(plain.vm().plane(r))) << r;
+  EXPECT_EQ(host.step_count, other.step_count);
 }
 
 TEST_F(SessionTest, AConditionThatCannotBeAnsweredIsNo) {
@@ -199,7 +201,7 @@ TEST_F(SessionTest, BeginsAgainAsItWas) {
   session->reset();
   EXPECT_EQ(session->mode(), Mode::kRunning);
   EXPECT_EQ(session->ticks(), 0U);
-  EXPECT_EQ(session->vm().executed(), 0U);
+  EXPECT_EQ(session->vm().instructions_executed(), 0U);
   advance(2);
   EXPECT_EQ(variable("count"), 2.0F);
   session->replace(compiled("x = 7\nsurface.step\nx = 8\n").program);
@@ -299,10 +301,10 @@ TEST_F(SessionTest, ProfilesFromWhenItIsTold) {
   session->profile(true);
   advance(3);
   const auto rows = listing.by_row(look(request).spent);
-  EXPECT_EQ(rows[7].count, 3U);  // surface.step
+  EXPECT_EQ(rows[7].executions, 3U);  // surface.step
   session->profile(false);
   advance(3);
-  EXPECT_EQ(listing.by_row(look(request).spent)[7].count, 3U);
+  EXPECT_EQ(listing.by_row(look(request).spent)[7].executions, 3U);
 }
 
 TEST_F(SessionTest, AFailureNamesItsPlace) {
@@ -344,7 +346,7 @@ endwhile
   EXPECT_EQ(state.labels, (Labels{{"stage", ""}, {"gain", "2"}, {"state", "on"}}));
   const Appearance& a = state.appearances.at("A");
   EXPECT_EQ(a.title, "the map");
-  EXPECT_EQ(a.palette, Palette::kFlame);
+  EXPECT_EQ(a.palette, PaletteId::kFlame);
   EXPECT_EQ(a.range->high, 8.0F);
   EXPECT_EQ(state.latest_shown, "A");
   panel.set_parameter("gain", 7.0F);

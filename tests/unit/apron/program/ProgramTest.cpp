@@ -6,7 +6,7 @@
 #include <functional>
 #include <string>
 
-#include "apron/program/LocalProfile.h"
+#include "apron/program/LocalityCheck.h"
 
 namespace apron::program {
 namespace {
@@ -34,7 +34,7 @@ Program with(std::vector<Instruction> code) {
   program.texts = {"gain", "height"};
   program.parameters = {{"gain", 0.0F, 0.0F, 1.0F}};
   program.files = {"p.aps"};
-  program.sources = {{0, 7, 1}};
+  program.source_locations = {{0, 7, 1}};
   program.code = std::move(code);
   program.code.push_back(make(Opcode::kEnd));
   return program;
@@ -97,7 +97,7 @@ TEST(Verify, RefusesPrograms) {
   program.registers.assign(40, {"B", 1U << 13U, 1U << 13U});
   EXPECT_EQ(verify(program), "the registers take more than 8589934592 bytes");
   program = with({make(Opcode::kNop)});
-  program.code[0].source = 3;
+  program.code[0].source_location = 3;
   EXPECT_EQ(verify(program), "instruction 0 (nop): its source is out of range");
 }
 
@@ -210,7 +210,7 @@ TEST(Verify, RefusesNeighbourhoodsTablesAndClasses) {
   EXPECT_EQ(wrong(make(Opcode::kResGetReg, reg(0), registers, var(0))), "");
   EXPECT_EQ(wrong(make(Opcode::kResGetReg, reg(0), scalars, var(0))),
             "instruction 0 (res.getreg): its class is of another kind");
-  EXPECT_EQ(wrong(make(Opcode::kNop), [](Program& p) { p.groups[0].elements.push_back(3); }),
+  EXPECT_EQ(wrong(make(Opcode::kNop), [](Program& p) { p.groups[0].members.push_back(3); }),
             "the class 'pe' has an element out of range");
   EXPECT_EQ(wrong(make(Opcode::kNop), [](Program& p) { p.filters[0].width = 2; }),
             "the filter 'k' is not of 1x1 to 255x255 elements");
@@ -225,15 +225,15 @@ TEST(Verify, PlacesAreInRangeAndExpansionsEnd) {
     return verify(program);
   };
   EXPECT_EQ(wrong([](Program& p) {
-              p.sources.push_back({99, 1, 1, 0});
+              p.source_locations.push_back({99, 1, 1, 0});
             }),
             "a source names a file out of range");
   EXPECT_EQ(wrong([](Program& p) {
-              p.sources.push_back({99, 0, 0, 0});
+              p.source_locations.push_back({99, 0, 0, 0});
             }),
             "a source names a file out of range");
   EXPECT_EQ(wrong([](Program& p) {
-              p.sources.push_back({0, 0, 0, 2});
+              p.source_locations.push_back({0, 0, 0, 2});
             }),
             "a source names an expansion out of range");
   const auto expands = [](std::uint32_t within) {
@@ -250,7 +250,7 @@ TEST(Locality, FiltersReachAsFarAsTheirSize) {
             make(Opcode::kFilterDo, reg(0), reg(1), {OperandKind::kFilter, 1}),
             make(Opcode::kDistance, reg(0), reg(1)), make(Opcode::kNearSum, reg(0), reg(1), lit(1))});
   program.filters = {{"near", 3, 3, std::vector<float>(9)}, {"far", 5, 1, std::vector<float>(5)}};
-  const std::vector<NonLocal> beyond = beyond_local(program);
+  const std::vector<NonLocalInstruction> beyond = find_nonlocal_instructions(program);
   ASSERT_EQ(beyond.size(), 2U);
   EXPECT_EQ(beyond[0].reason, "a filter of 5x1 reaches beyond the neighbours");
   EXPECT_EQ(beyond[1].reason, "distance propagates through the array until nothing changes");
@@ -258,10 +258,10 @@ TEST(Locality, FiltersReachAsFarAsTheirSize) {
 
 TEST(Locality, EveryOpcodeHasAWellFormedSignature) {
   for (std::size_t i = 0; i < opcode_count(); ++i) {
-    const OpcodeInfo& one = info(static_cast<Opcode>(i));
+    const OpcodeInfo& one = opcode_info(static_cast<Opcode>(i));
     ASSERT_FALSE(one.signature.empty()) << one.mnemonic;
     EXPECT_NE(std::string("RVDE-").find(one.signature.front()), std::string::npos) << one.mnemonic;
-    EXPECT_LE(one.signature.size(), kMaxSources + 1) << one.mnemonic;
+    EXPECT_LE(one.signature.size(), kMaxOperands + 1) << one.mnemonic;
     EXPECT_EQ(one.signature.substr(1).find_first_not_of("rsxtlkgm"), std::string_view::npos) << one.mnemonic;
   }
 }

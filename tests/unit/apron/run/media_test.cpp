@@ -36,7 +36,7 @@ class Media : public testing::Test {
   void put(const std::string& name, const std::string& bytes) const {
     std::ofstream(path(name), std::ios::binary) << bytes;
   }
-  Plane plane(std::uint32_t width, std::uint32_t height) { return store_.add(width, height); }
+  Plane plane(std::uint32_t width, std::uint32_t height) { return store_.allocate(width, height); }
   Plane random_plane(std::uint32_t width, std::uint32_t height) {
     const Plane p = plane(width, height);
     std::uniform_real_distribution<float> real(-1e3F, 1e3F);

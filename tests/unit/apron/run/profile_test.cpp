@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "apron/run/ProfileFile.h"
-#include "tests/unit/apron/vm/Build.h"
+#include "tests/unit/apron/vm/TestProgram.h"
 
 namespace apron::run {
 namespace {
@@ -14,26 +14,26 @@ namespace {
 using nlohmann::json;
 using program::Opcode;
 using program::Operand;
-using vm::test::Build;
+using vm::test::TestProgram;
 
 // Line 2 adds 3 times, line 4 loops, line 5 prints nothing; 4x2 cells.
-Build looping() {
-  Build b;
+TestProgram looping() {
+  TestProgram b;
   const Operand a = b.reg(4, 2), i = b.var(3);
   b.add(Opcode::kCopy, a, b.lit(1));
   b.add(Opcode::kAdd, a, a, b.lit(1));
   b.add(Opcode::kSub, i, i, b.lit(1));
-  b.add(Opcode::kJumpGt, {}, i, b.lit(0), Build::label(1));
+  b.add(Opcode::kJumpGt, {}, i, b.lit(0), TestProgram::label(1));
   return b;
 }
 
 json profile(const std::optional<CostModel>& model, std::uint64_t steps) {
   vm::test::FakeHost host;
   vm::VmOptions options;
-  options.profile = true;
-  vm::Vm vm(looping().done(), options, host);
+  options.enable_profiling = true;
+  vm::Vm vm(looping().finish(), options, host);
   EXPECT_EQ(vm.run(), vm::Status::kEnded);
-  return json::parse(profile_json(vm.program(), vm.spent(), steps, model));
+  return json::parse(profile_json(vm.program(), vm.profile(), steps, model));
 }
 
 TEST(Profile, CountsByInstructionAndLine) {

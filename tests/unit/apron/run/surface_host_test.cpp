@@ -84,7 +84,7 @@ TEST_F(SurfaceHostTest, LockStepsFrameByFrame) {
     surface.set_state(shm_protocol::State::kClosing);
   });
   SurfaceHost host(endpoint, stop_, {});
-  const Plane p = store_.add(kColumns, kRows);
+  const Plane p = store_.allocate(kColumns, kRows);
   ASSERT_EQ(host.begin(), HostStatus::kOk);
   EXPECT_EQ(host.dt_s(), 0.02);
   for (std::uint64_t tick = 0; tick < kTicks; ++tick) {
@@ -135,7 +135,7 @@ TEST_F(SurfaceHostTest, WholeNumberChannelsClampAndReplaceNaN) {
   publish(surface, 0);
   SurfaceHost host(endpoint, stop_, {});
   ASSERT_EQ(host.begin(), HostStatus::kOk);
-  const Plane p = store_.add(kColumns, kRows);
+  const Plane p = store_.allocate(kColumns, kRows);
   const float values[] = {NAN, INFINITY, -5, 2.6F, 1e20F}, want[] = {7, 255, 0, 3, 255};
   std::copy(values, values + 5, p.row(0));
   ASSERT_EQ(host.actuate("mode", p), HostStatus::kOk);
@@ -150,7 +150,7 @@ TEST_F(SurfaceHostTest, WrongNamesAndShapesAreRefusedWithWhatIsThere) {
   publish(surface, 0);
   SurfaceHost host(endpoint, stop_, {});
   ASSERT_EQ(host.begin(), HostStatus::kOk);
-  const Plane p = store_.add(kColumns, kRows), other = store_.add(kRows, kColumns);
+  const Plane p = store_.allocate(kColumns, kRows), other = store_.allocate(kRows, kColumns);
   EXPECT_EQ(host.sense("proximty", p), HostStatus::kRefused);
   EXPECT_EQ(host.message(),
             "the surface has no sensor channel 'proximty'; its sensor channels: proximity, force, touch");

@@ -9,15 +9,15 @@ namespace {
 
 // The words of each line, joined by blanks, one line each.
 std::string words(const std::string& text, std::string* errors = nullptr) {
-  Sources sources;
+  SourceManager sources;
   Diagnostics diagnostics;
   const std::uint32_t file = sources.add_file("t.aps", text, {});
   std::string result;
   for (const Line& line : lex(sources, file, diagnostics)) {
-    for (const Token& token : line.tokens) result += spell(token) + ' ';
+    for (const Token& token : line.tokens) result += spelling(token) + ' ';
     result.back() = '\n';
   }
-  const std::string report = format(diagnostics.take(), sources);
+  const std::string report = format_diagnostics(diagnostics.take(), sources);
   if (errors != nullptr) {
     *errors = report.substr(0, report.find('\n'));
   } else {
@@ -27,7 +27,7 @@ std::string words(const std::string& text, std::string* errors = nullptr) {
 }
 
 float number(const std::string& text) {
-  Sources sources;
+  SourceManager sources;
   Diagnostics diagnostics;
   const std::vector<Line> lines = lex(sources, sources.add_file("t.aps", text, {}), diagnostics);
   EXPECT_TRUE(diagnostics.empty()) << text;
@@ -89,13 +89,13 @@ TEST(Lexer, ReportsTheFirstBadWordOfALineAndGoesOn) {
 }
 
 TEST(Lexer, PlacesCountCharactersAndPhysicalLines) {
-  Sources sources;
+  SourceManager sources;
   Diagnostics diagnostics;
   const auto lines = lex(sources, sources.add_file("t.aps", "é = 1 \\\n + bb\n", {}), diagnostics);
   const Tokens& tokens = lines.at(0).tokens;
-  EXPECT_EQ(tokens.at(1).at.column, 3U);
-  EXPECT_EQ(tokens.at(4).at.line, 2U);
-  EXPECT_EQ(tokens.at(4).at.column, 4U);
+  EXPECT_EQ(tokens.at(1).location.column, 3U);
+  EXPECT_EQ(tokens.at(4).location.line, 2U);
+  EXPECT_EQ(tokens.at(4).location.column, 4U);
 }
 
 }  // namespace

@@ -12,7 +12,8 @@ std::string show(const std::vector<Statement>&);
 // Prefix form with every bracket: (+ a (* b c)).
 std::string show(const Expression& expression) {
   if (expression.kind == ExpressionKind::kExpansion) return "{" + show(expression.expansion->body) + "}";
-  std::string text = expression.kind == ExpressionKind::kText ? "'" + expression.text + "'" : expression.text;
+  std::string text =
+      expression.kind == ExpressionKind::kString ? "'" + expression.text + "'" : expression.text;
   if (expression.kind == ExpressionKind::kLabel) text = "#" + text;
   if (expression.kind == ExpressionKind::kElement) return text + "[" + show(expression.children[0]) + "]";
   if (expression.children.empty()) return text;
@@ -35,12 +36,12 @@ std::string show(const std::vector<Statement>& statements) {
       case StatementKind::kLabel:
         text += "#" + one.target.text;
         break;
-      case StatementKind::kEnter:
+      case StatementKind::kMacroBegin:
         text += "enter";
-        for (const Binding& binding : one.expansion->bindings)
+        for (const ArgumentBinding& binding : one.expansion->bindings)
           text += " " + binding.name + "=" + show(binding.value);
         break;
-      case StatementKind::kLeave:
+      case StatementKind::kMacroEnd:
         text += "leave";
         break;
       case StatementKind::kDeclare:
@@ -57,14 +58,14 @@ std::string show(const std::vector<Statement>& statements) {
 std::string parse(const std::string& text) {
   MemoryReader reader;
   reader.files["t.aps"] = text;
-  Sources sources;
+  SourceManager sources;
   Diagnostics diagnostics;
   PreprocessorOptions options;
   options.file = "t.aps";
   options.is_builtin = [](std::string_view name) { return name == "min" || name == "core.add"; };
   Preprocessor preprocessor(options, reader, sources, diagnostics);
   const std::string shown = show(Parser(preprocessor, sources, diagnostics).parse());
-  const std::string report = format(diagnostics.take(), sources);
+  const std::string report = format_diagnostics(diagnostics.take(), sources);
   return report.empty() ? shown : report.substr(0, report.find('\n'));
 }
 

@@ -17,7 +17,7 @@ Result preprocess(const std::string& text, const std::map<std::string, std::stri
   MemoryReader reader;
   reader.files = files;
   reader.files["src/main.aps"] = text;
-  Sources sources;
+  SourceManager sources;
   Diagnostics diagnostics;
   PreprocessorOptions options;
   options.file = "src/main.aps";
@@ -27,10 +27,11 @@ Result preprocess(const std::string& text, const std::map<std::string, std::stri
   options.library_path = "lib";
   Preprocessor preprocessor(options, reader, sources, diagnostics);
   Result result;
-  for (Item item = preprocessor.next(); item.kind != Item::Kind::kDone; item = preprocessor.next()) {
+  for (PreprocessedItem item = preprocessor.next(); item.kind != PreprocessedItem::Kind::kEndOfInput;
+       item = preprocessor.next()) {
     const Declaration& wanted = item.declaration;
-    if (item.kind == Item::Kind::kLine) {
-      for (const Token& token : item.line.tokens) result.lines += spell(token) + ' ';
+    if (item.kind == PreprocessedItem::Kind::kLine) {
+      for (const Token& token : item.line.tokens) result.lines += spelling(token) + ' ';
       result.lines.back() = '\n';
     } else if (wanted.kind == Declaration::Kind::kClass) {
       result.lines += "class " + wanted.name + " " + wanted.alias + "\n";
@@ -40,7 +41,7 @@ Result preprocess(const std::string& text, const std::map<std::string, std::stri
     }
   }
   for (const Diagnostic& one : diagnostics.take()) {
-    const std::string report = format(one, sources);
+    const std::string report = format_diagnostics(one, sources);
     result.errors += report.substr(0, report.find('\n') + 1);
   }
   return result;

@@ -148,12 +148,12 @@ TEST_F(OffscreenTest, ButtonsAndKeysDriveTheProgram) {
   screen.settle(desk.bench);
   click(screen, desk, 112.0F, 20.0F);  // Tick
   EXPECT_EQ(desk.bench.look().ticks, 1U);
-  const std::uint64_t executed = desk.session->vm().executed();
+  const std::uint64_t executed = desk.session->vm().instructions_executed();
   screen.point(-1.0F, -1.0F);
   screen.type('i');
   screen.draw(desk.bench);
   desk.obey();
-  EXPECT_EQ(desk.session->vm().executed(), executed + 1);
+  EXPECT_EQ(desk.session->vm().instructions_executed(), executed + 1);
   click(screen, desk, 40.0F, 20.0F);  // Run
   EXPECT_TRUE(desk.bench.running());
   click(screen, desk, 40.0F, 20.0F);  // Stop

@@ -101,13 +101,13 @@ TEST(Workbench, KeepsWhatItCanWhenTheProgramChanges) {
   Desk desk("!register(A, B)\nc = 1\nA = c\nB = A\n");
   desk.bench.select(1);
   Style style;
-  style.palette = debugger::Palette::kFlame;
+  style.palette = debugger::PaletteId::kFlame;
   desk.bench.set_style(1, style);
   ASSERT_EQ(desk.bench.add_condition("c > 5"), "");
   ASSERT_EQ(desk.bench.add_condition("globalsum(B) > 5"), "");
   desk.replace("!register(C, B)\nC = 1\nB = C\n");
   EXPECT_EQ(desk.bench.selected(), desk.bench.find_register("B"));
-  EXPECT_EQ(desk.bench.style(1).palette, debugger::Palette::kFlame);
+  EXPECT_EQ(desk.bench.style(1).palette, debugger::PaletteId::kFlame);
   ASSERT_EQ(desk.bench.breakpoints().size(), 1U);
   EXPECT_EQ(desk.bench.breakpoints()[0].condition, "globalsum(B) > 5");
   EXPECT_NE(desk.bench.notice.find("c > 5"), std::string::npos);
@@ -127,7 +127,7 @@ TEST(Workbench, ShowsWhatTheScriptWantsUntilThePersonChooses) {
   desk.bench.step(debugger::Unit::kTick);
   desk.obey();
   EXPECT_EQ(desk.bench.selected(), std::size_t{1});
-  EXPECT_EQ(desk.bench.style(1).palette, debugger::Palette::kMagma);
+  EXPECT_EQ(desk.bench.style(1).palette, debugger::PaletteId::kMagma);
   EXPECT_FALSE(desk.bench.style(1).automatic);
   desk.bench.select(1);
   desk.bench.step(debugger::Unit::kTick);

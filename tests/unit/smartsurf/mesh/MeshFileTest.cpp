@@ -11,9 +11,9 @@
 #include <fstream>
 #include <memory>
 
-#include "smartsurf/mesh/Isolated.h"
+#include "smartsurf/mesh/ChildProcess.h"
 #include "smartsurf/mesh/SolidLibrary.h"
-#include "tests/unit/smartsurf/mesh/Meshes.h"
+#include "tests/unit/smartsurf/mesh/TestMeshes.h"
 
 namespace smartsurf::mesh {
 namespace {
@@ -40,7 +40,7 @@ class MeshFileTest : public testing::Test {
   }
 
   // Through assimp's exporters, which know the formats better than this test.
-  fs::path exported(const TriangleMesh& mesh, const std::string& format, const std::string& name) {
+  fs::path export_mesh(const TriangleMesh& mesh, const std::string& format, const std::string& name) {
     aiScene scene;
     scene.mRootNode = new aiNode("root");
     aiNode* node = new aiNode("part");  // the 3MF exporter looks at the root's children only
@@ -87,34 +87,35 @@ TEST_F(MeshFileTest, EveryFormatGivesTheSameSolid) {
                           Format{"ply", "d.ply"}, Format{"plyb", "e.ply"}, Format{"gltf2", "f.gltf"},
                           Format{"glb2", "g.glb"}, Format{"3mf", "h.3mf"}}) {
     SCOPED_TRACE(f.name);
-    const fs::path file = exported(l_mesh(), f.exporter, f.name);
+    const fs::path file = export_mesh(l_mesh(), f.exporter, f.name);
     SolidLibrary library;
-    const scene::SolidAnswer made = library.mesh({.file = file, .name = f.name});
-    EXPECT_TRUE(made.notes.empty());
+    const scene::SolidResult made = library.load_mesh({.file = file, .display_name = f.name});
+    EXPECT_TRUE(made.warnings.empty());
     EXPECT_NEAR(made.solid->volume, 5.0, 1e-5);
     EXPECT_EQ(made.solid->vertices.size(), 12U);
-    EXPECT_EQ(made.solid->pieces.size(), 2U);
-    EXPECT_LT((made.solid->high - Eigen::Vector3f(1.9F, 1.9F, 0.5F)).norm(), 1e-5F);
+    EXPECT_EQ(made.solid->hulls.size(), 2U);
+    EXPECT_LT((made.solid->bounds_max - Eigen::Vector3f(1.9F, 1.9F, 0.5F)).norm(), 1e-5F);
   }
 }
 
 TEST_F(MeshFileTest, EqualRequestsShareOneSolid) {
-  const fs::path file = exported(l_mesh(), "stl", "l.stl");
+  const fs::path file = export_mesh(l_mesh(), "stl", "l.stl");
   SolidLibrary library;
-  const auto first = library.mesh({.file = file, .name = "l.stl"}).solid;
-  EXPECT_EQ(library.mesh({.file = file, .name = "l.stl"}).solid, first);
-  EXPECT_NE(library.mesh({.file = file, .name = "l.stl", .scale = 2.0}).solid, first);
-  EXPECT_NE(library.hull({.file = file, .name = "l.stl"}).solid, first);
-  EXPECT_NEAR(library.mesh({.file = file, .name = "l.stl", .scale = 2.0}).solid->volume, 40.0, 1e-4);
+  const auto first = library.load_mesh({.file = file, .display_name = "l.stl"}).solid;
+  EXPECT_EQ(library.load_mesh({.file = file, .display_name = "l.stl"}).solid, first);
+  EXPECT_NE(library.load_mesh({.file = file, .display_name = "l.stl", .scale = 2.0}).solid, first);
+  EXPECT_NE(library.make_hull({.file = file, .display_name = "l.stl"}).solid, first);
+  EXPECT_NEAR(library.load_mesh({.file = file, .display_name = "l.stl", .scale = 2.0}).solid->volume, 40.0,
+              1e-4);
   const std::vector<Eigen::Vector3d> points{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-  EXPECT_EQ(library.hull(points, "hull").solid, library.hull(points, "hull").solid);
+  EXPECT_EQ(library.make_hull(points, "hull").solid, library.make_hull(points, "hull").solid);
 }
 
 TEST_F(MeshFileTest, TheHullOfAFileNeedsNoClosedMesh) {
   SolidLibrary library;
   const fs::path file = write("open.obj", kOpenCube);
-  EXPECT_NEAR(library.hull({.file = file, .name = "open.obj"}).solid->volume, 1.0, 1e-6);
-  EXPECT_EQ(error_of([&] { library.mesh({.file = file, .name = "open.obj"}); })
+  EXPECT_NEAR(library.make_hull({.file = file, .display_name = "open.obj"}).solid->volume, 1.0, 1e-6);
+  EXPECT_EQ(error_message_of([&] { library.load_mesh({.file = file, .display_name = "open.obj"}); })
                 .find("'open.obj': the mesh is open: 4 edges have one triangle only, the first from (1, 0, "
                       "1) to (0, 0, 1)"),
             0U);
@@ -122,9 +123,9 @@ TEST_F(MeshFileTest, TheHullOfAFileNeedsNoClosedMesh) {
 
 TEST_F(MeshFileTest, BadFilesGetOneLine) {
   const auto refused = [&](const std::string& name, const std::string& text) {
-    return error_of([&] { read_mesh(write(name, text)); });
+    return error_message_of([&] { read_mesh(write(name, text)); });
   };
-  EXPECT_EQ(error_of([&] { read_mesh(folder / "none.stl"); }), "does not exist");
+  EXPECT_EQ(error_message_of([&] { read_mesh(folder / "none.stl"); }), "does not exist");
   EXPECT_EQ(refused("a.txt", ""),
             "is no mesh by its name: must end in .stl, .obj, .ply, .gltf, .glb or .3mf");
   for (const char* name : {"a.stl", "a.obj", "a.ply", "a.gltf", "a.glb", "a.3mf"})
@@ -146,19 +147,19 @@ TEST_F(MeshFileTest, DamagedFilesAreRefusedOrReadButNeverCrash) {
                                                                        {"ply", "d.ply"},
                                                                        {"plyb", "e.ply"},
                                                                        {"glb2", "g.glb"}}) {
-    const std::string whole = bytes_of(exported(tetrahedron(), format, name));
+    const std::string whole = bytes_of(export_mesh(tetrahedron(), format, name));
     for (std::size_t keep = 0; keep < whole.size(); keep += 1 + whole.size() / 20) {
       write(name, whole.substr(0, keep));
-      EXPECT_NO_FATAL_FAILURE(error_of([&] { read_mesh(folder / name); }));
+      EXPECT_NO_FATAL_FAILURE(error_message_of([&] { read_mesh(folder / name); }));
     }
   }
 }
 
 TEST(Isolated, GivesTheBytesOrNoneAfterACrashAnExceptionOrALoop) {
-  EXPECT_EQ(isolated([] { return std::string(300000, 'x'); }, 10), std::string(300000, 'x'));
-  EXPECT_EQ(isolated([]() -> std::string { std::abort(); }, 10), std::nullopt);
-  EXPECT_EQ(isolated([]() -> std::string { throw std::runtime_error("no"); }, 10), std::nullopt);
-  EXPECT_EQ(isolated(
+  EXPECT_EQ(run_in_child_process([] { return std::string(300000, 'x'); }, 10), std::string(300000, 'x'));
+  EXPECT_EQ(run_in_child_process([]() -> std::string { std::abort(); }, 10), std::nullopt);
+  EXPECT_EQ(run_in_child_process([]() -> std::string { throw std::runtime_error("no"); }, 10), std::nullopt);
+  EXPECT_EQ(run_in_child_process(
                 []() -> std::string {
                   std::atomic<int> count = 0;
                   while (count >= 0) count = 1;
@@ -169,13 +170,13 @@ TEST(Isolated, GivesTheBytesOrNoneAfterACrashAnExceptionOrALoop) {
 }
 
 TEST_F(MeshFileTest, AFileThatRefersOutsideItsFolderGetsNothingFromThere) {
-  const fs::path file = exported(tetrahedron(), "gltf2", "part.gltf");
+  const fs::path file = export_mesh(tetrahedron(), "gltf2", "part.gltf");
   ASSERT_TRUE(fs::exists(folder / "part.bin"));
   EXPECT_EQ(read_mesh(file).triangles.size(), 4U);
   fs::create_directories(folder / "inner");
   fs::copy(file, folder / "inner" / "part.gltf");
   fs::create_symlink(folder / "part.bin", folder / "inner" / "part.bin");
-  EXPECT_NE(error_of([&] { read_mesh(folder / "inner" / "part.gltf"); }), "");
+  EXPECT_NE(error_message_of([&] { read_mesh(folder / "inner" / "part.gltf"); }), "");
 }
 
 }  // namespace

@@ -19,9 +19,9 @@ TEST(CsvRecorder, WritesALineAnObjectAFrame) {
   SyntheticRun run;
   run.spec.objects[1].label = "says \"big\", loud";
   const auto recorder = Recorder::open(out / "run.csv", run.meta, run.spec);
-  recorder->frame(run.at(0, {0, 1}), run.spec.objects);
-  recorder->frame(run.at(3, {2}), run.spec.objects);
-  recorder->frame(run.at(4, {}), run.spec.objects);
+  recorder->record_frame(run.snapshot_at(0, {0, 1}), run.spec.objects);
+  recorder->record_frame(run.snapshot_at(3, {2}), run.spec.objects);
+  recorder->record_frame(run.snapshot_at(4, {}), run.spec.objects);
   recorder->close({});
   EXPECT_EQ(content(out / "run.csv"),
             "tick,time,id,label,x,y,z,qx,qy,qz,qw\n"
@@ -33,10 +33,10 @@ TEST(CsvRecorder, WritesALineAnObjectAFrame) {
 TEST(CsvRecorder, NumbersReadBackToTheSameBits) {
   const OutputFolder out;
   const SyntheticRun run;
-  scene::Snapshot shot = run.at(1, {0});
+  scene::Snapshot shot = run.snapshot_at(1, {0});
   shot.position[0] = {1.0f / 3.0f, -1e-20f, 123456.789f};
   const auto recorder = Recorder::open(out / "run.csv", run.meta, run.spec);
-  recorder->frame(shot, run.spec.objects);
+  recorder->record_frame(shot, run.spec.objects);
   recorder->close({});
   std::istringstream lines(content(out / "run.csv"));
   std::string field;
@@ -53,9 +53,10 @@ TEST(CsvRecorder, NumbersReadBackToTheSameBits) {
 TEST(CsvRecorder, WritesLongRunsWholeAndKeepsEveryNth) {
   const OutputFolder out;
   SyntheticRun run;
-  run.spec.record.every = 2;
+  run.spec.record.tick_interval = 2;
   const auto recorder = Recorder::open(out / "run.csv", run.meta, run.spec);
-  for (std::uint64_t t = 0; t < 10000; ++t) recorder->frame(run.at(t, {0, 1, 2}), run.spec.objects);
+  for (std::uint64_t t = 0; t < 10000; ++t)
+    recorder->record_frame(run.snapshot_at(t, {0, 1, 2}), run.spec.objects);
   recorder->close({});
   std::istringstream lines(content(out / "run.csv"));
   std::string line;

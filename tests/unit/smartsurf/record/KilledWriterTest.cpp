@@ -13,15 +13,16 @@ namespace {
 
 // Writes in another process, which says after each frame that it has got so far, until it is killed. After
 // `most_frames` it waits for that with the file open.
-class Writer {
+class KilledWriterProcess {
  public:
-  Writer(const std::filesystem::path& path, const SyntheticRun& run, std::uint64_t most_frames = 1u << 30) {
+  KilledWriterProcess(const std::filesystem::path& path, const SyntheticRun& run,
+                      std::uint64_t max_frames = 1u << 30) {
     EXPECT_EQ(::pipe(pipe_), 0);
     child_ = ::fork();
-    if (child_ == 0) write(path, run, most_frames);
+    if (child_ == 0) write(path, run, max_frames);
     ::close(pipe_[1]);
   }
-  ~Writer() { ::close(pipe_[0]); }
+  ~KilledWriterProcess() { ::close(pipe_[0]); }
 
   void wait_for_frames(int frames) {
     for (char c; frames > 0; --frames) ASSERT_EQ(::read(pipe_[0], &c, 1), 1);
@@ -35,16 +36,16 @@ class Writer {
 
  private:
   [[noreturn]] void write(const std::filesystem::path& path, const SyntheticRun& run,
-                          std::uint64_t most_frames) {
+                          std::uint64_t max_frames) {
     ::close(pipe_[0]);
     const auto recorder = Recorder::open(path, run.meta, run.spec);
     std::vector<float> values(24);
     for (std::uint64_t t = 0;; ++t) {
-      if (t == most_frames) ::pause();
+      if (t == max_frames) ::pause();
       for (std::size_t i = 0; i < values.size(); ++i)
         values[i] = static_cast<float>((t * 7919 + i * i) % 1000);
-      const Channel channel[] = {{"proximity", 4, 6, 1, values}};
-      recorder->frame(run.at(t, {0, 1, 2}), run.spec.objects, channel);
+      const ChannelData channel[] = {{"proximity", 4, 6, 1, values}};
+      recorder->record_frame(run.snapshot_at(t, {0, 1, 2}), run.spec.objects, channel);
       if (::write(pipe_[1], "x", 1) != 1) std::abort();
     }
   }
@@ -53,16 +54,17 @@ class Writer {
   pid_t child_ = -1;
 };
 
-void expect_sound(const std::filesystem::path& path, std::size_t least_frames) {
+void expect_readable(const std::filesystem::path& path, std::size_t min_frames) {
   const Recording recording = Recording::open(path);
   EXPECT_FALSE(recording.result());
-  ASSERT_GE(recording.frames(), least_frames);
-  const std::vector<float> p = recording.positions(0, recording.frames());
+  ASSERT_GE(recording.frames(), min_frames);
+  const std::vector<float> p = recording.read_positions(0, recording.frames());
   for (std::size_t f = 0; f < recording.frames(); ++f) {
-    ASSERT_EQ(recording.tick()[f], f);
-    ASSERT_EQ(recording.hash()[f], 0x8000000000000000u + f);
+    ASSERT_EQ(recording.ticks()[f], f);
+    ASSERT_EQ(recording.state_hashes()[f], 0x8000000000000000u + f);
     ASSERT_EQ(p[9 * f + 3], SyntheticRun::x(f, 1));
-    ASSERT_EQ(recording.channel("sensors", "proximity", f)[2], static_cast<float>((f * 7919 + 4) % 1000));
+    ASSERT_EQ(recording.read_channel("sensors", "proximity", f)[2],
+              static_cast<float>((f * 7919 + 4) % 1000));
   }
 }
 
@@ -70,16 +72,16 @@ TEST(KilledWriter, LeavesAReadableFileUpToItsLastFlush) {
   const OutputFolder out;
   SyntheticRun run;
   run.spec.record.sensors = true;
-  Writer writer(out / "run.h5", run);
+  KilledWriterProcess writer(out / "run.h5", run);
   writer.wait_for_frames(200);
   writer.kill();
-  expect_sound(out / "run.h5", 192);  // three buffers of 64
+  expect_readable(out / "run.h5", 192);  // three buffers of 64
 }
 
 TEST(KilledWriter, CanBeReadWhileItWrites) {
   const OutputFolder out;
   SyntheticRun run;
-  Writer writer(out / "run.h5", run, 130);
+  KilledWriterProcess writer(out / "run.h5", run, 130);
   writer.wait_for_frames(130);
   EXPECT_GE(Recording::open(out / "run.h5").frames(), 128u);
   writer.kill();
@@ -94,10 +96,10 @@ TEST(KilledWriter, LeavesAReadableFileWheneverItIsKilled) {
   const int kills = more ? std::atoi(more) : 25;
   for (int i = 0; i < kills && !HasFatalFailure(); ++i) {
     const int frames = 64 + (i * 37) % 200;
-    Writer writer(out / "run.h5", run);
+    KilledWriterProcess writer(out / "run.h5", run);
     writer.wait_for_frames(frames);
     writer.kill();
-    expect_sound(out / "run.h5", static_cast<std::size_t>(frames / 64 * 64));
+    expect_readable(out / "run.h5", static_cast<std::size_t>(frames / 64 * 64));
   }
 }
 

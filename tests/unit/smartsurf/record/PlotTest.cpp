@@ -1,4 +1,4 @@
-#include "smartsurf/record/Plot.h"
+#include "smartsurf/record/plot/Plot.h"
 
 #include <cairo.h>
 #include <gtest/gtest.h>
@@ -6,10 +6,10 @@
 #include <cmath>
 #include <fstream>
 
-#include "smartsurf/record/CurvePlot.h"
-#include "smartsurf/record/PurityPlot.h"
-#include "smartsurf/record/TimeSpentPlot.h"
-#include "smartsurf/record/TrajectoryPlot.h"
+#include "smartsurf/record/plot/CurvePlot.h"
+#include "smartsurf/record/plot/PurityPlot.h"
+#include "smartsurf/record/plot/TimeSpentPlot.h"
+#include "smartsurf/record/plot/TrajectoryPlot.h"
 #include "tests/unit/smartsurf/record/SyntheticRun.h"
 
 // Fontconfig, which finds Cairo's fonts, keeps its tables to the end of the process; the HDF5 library forgets
@@ -21,7 +21,7 @@ namespace {
 
 // A small sphere that goes straight west along y = 10 and a large one that goes straight east along y = 20,
 // in 10 s, on 32 × 32 cells with a border.
-Recording two_ways(const std::filesystem::path& path) {
+Recording record_two_trajectories(const std::filesystem::path& path) {
   SyntheticRun run;
   run.spec.surface = {};
   run.spec.surface.rows = run.spec.surface.columns = 32;
@@ -31,10 +31,10 @@ Recording two_ways(const std::filesystem::path& path) {
   run.add(scene::ShapeKind::kSphere, "large", 2.0);
   const auto recorder = Recorder::open(path, run.meta, run.spec);
   for (std::uint64_t t = 0; t <= 600; ++t) {
-    scene::Snapshot shot = run.at(t, {0, 1});
+    scene::Snapshot shot = run.snapshot_at(t, {0, 1});
     const float way = 20.0f * static_cast<float>(std::min<std::uint64_t>(t, 240)) / 240.0f;
     shot.position = {{{26.0f - way, 10.0f, 3.0f}, {5.0f + way, 20.0f, 3.0f}}};
-    recorder->frame(shot, run.spec.objects);
+    recorder->record_frame(shot, run.spec.objects);
   }
   recorder->close({});
   return Recording::open(path);
@@ -50,15 +50,15 @@ class Image {
   int width() const { return cairo_image_surface_get_width(surface_); }
   int height() const { return cairo_image_surface_get_height(surface_); }
   // 0xRRGGBB at a place in points of the figure.
-  std::uint32_t at(double x, double y) const {
+  std::uint32_t pixel_at(double x, double y) const {
     const int column = static_cast<int>(2.0 * x), row = static_cast<int>(2.0 * y);
     const unsigned char* line =
         cairo_image_surface_get_data(surface_) + row * cairo_image_surface_get_stride(surface_);
     return reinterpret_cast<const std::uint32_t*>(line)[column] & 0xFFFFFFu;
   }
   // Whether the pixel is clearly more of the one channel than of the other.
-  bool blue(double x, double y) const { return (at(x, y) & 0xFF) > (at(x, y) >> 16) + 80; }
-  bool orange(double x, double y) const { return (at(x, y) >> 16) > (at(x, y) & 0xFF) + 80; }
+  bool is_blue(double x, double y) const { return (pixel_at(x, y) & 0xFF) > (pixel_at(x, y) >> 16) + 80; }
+  bool is_orange(double x, double y) const { return (pixel_at(x, y) >> 16) > (pixel_at(x, y) & 0xFF) + 80; }
 
  private:
   cairo_surface_t* surface_;
@@ -66,8 +66,8 @@ class Image {
 
 TEST(TrajectoryPlot, DrawsSolidSmallAndDashedLargeWays) {
   const OutputFolder out;
-  const Recording recording = two_ways(out / "run.h5");
-  plot(recording, "trajectories", out / "figure.png");
+  const Recording recording = record_two_trajectories(out / "run.h5");
+  write_plot(recording, "trajectories", out / "figure.png");
   const Image image(out / "figure.png");
   const TrajectoryPlot figure(recording);
   const Chart& chart = figure.chart();
@@ -75,59 +75,59 @@ TEST(TrajectoryPlot, DrawsSolidSmallAndDashedLargeWays) {
   EXPECT_EQ(image.height(), static_cast<int>(std::ceil(2.0 * figure.height())));
   int blue = 0, orange = 0, samples = 0;
   for (double x = 10.0; x < 22.0; x += 0.05, ++samples) {
-    blue += image.blue(chart.px(x), chart.py(10.0));
-    orange += image.orange(chart.px(x), chart.py(20.0));
+    blue += image.is_blue(chart.px(x), chart.py(10.0));
+    orange += image.is_orange(chart.px(x), chart.py(20.0));
   }
   EXPECT_EQ(blue, samples);          // all of the way between the marks
   EXPECT_GT(orange, samples * 0.5);  // 6 on, 3.5 off
   EXPECT_LT(orange, samples * 0.8);
-  EXPECT_EQ(image.at(chart.px(12.0), chart.py(15.3)), 0xFFFFFFu);  // nothing went there
+  EXPECT_EQ(image.pixel_at(chart.px(12.0), chart.py(15.3)), 0xFFFFFFu);  // nothing went there
 }
 
 TEST(TrajectoryPlot, MarksStartAndEndAndTheBorder) {
   const OutputFolder out;
-  const Recording recording = two_ways(out / "run.h5");
-  plot(recording, "trajectories", out / "figure.png");
+  const Recording recording = record_two_trajectories(out / "run.h5");
+  write_plot(recording, "trajectories", out / "figure.png");
   const Image image(out / "figure.png");
   const TrajectoryPlot figure(recording);
   const Chart& chart = figure.chart();
   const double start = chart.px(26.0), end = chart.px(6.0), y = chart.py(10.0);
-  EXPECT_TRUE(image.blue(start, y - 4.6));   // the O's top…
-  EXPECT_FALSE(image.blue(start + 2.0, y));  // …and the inside of its side that has no line
-  EXPECT_TRUE(image.blue(end - 3.0, y - 3.0));
-  EXPECT_TRUE(image.blue(end + 3.0, y - 3.0));
-  EXPECT_FALSE(image.blue(end, y - 4.6));
-  const std::uint32_t grey = image.at(chart.px(0.0), chart.py(12.3));  // the westmost column of cells
+  EXPECT_TRUE(image.is_blue(start, y - 4.6));   // the O's top…
+  EXPECT_FALSE(image.is_blue(start + 2.0, y));  // …and the inside of its side that has no line
+  EXPECT_TRUE(image.is_blue(end - 3.0, y - 3.0));
+  EXPECT_TRUE(image.is_blue(end + 3.0, y - 3.0));
+  EXPECT_FALSE(image.is_blue(end, y - 4.6));
+  const std::uint32_t grey = image.pixel_at(chart.px(0.0), chart.py(12.3));  // the westmost column of cells
   EXPECT_EQ(grey, 0xE1E1E1u);
-  EXPECT_EQ(image.at(chart.px(31.0), chart.py(12.3)), grey);
-  EXPECT_EQ(image.at(chart.px(12.3), chart.py(0.0)), grey);
-  EXPECT_EQ(image.at(chart.px(1.0), chart.py(12.3)), 0xFFFFFFu);
+  EXPECT_EQ(image.pixel_at(chart.px(31.0), chart.py(12.3)), grey);
+  EXPECT_EQ(image.pixel_at(chart.px(12.3), chart.py(0.0)), grey);
+  EXPECT_EQ(image.pixel_at(chart.px(1.0), chart.py(12.3)), 0xFFFFFFu);
 }
 
 TEST(PurityPlot, DrawsTheCurveAndWhereItIsHeld) {
   const OutputFolder out;
-  const Recording recording = two_ways(out / "run.h5");
+  const Recording recording = record_two_trajectories(out / "run.h5");
   // Both cross x = 15.5 on their 4 s way: 10.5/20 of it, after 2.1 s.
-  const double sorted = purity(recording).sorted_at.value();
+  const double sorted = compute_purity(recording).sorted_at.value();
   EXPECT_NEAR(sorted, 2.1, 1.5 / 60.0);
-  plot(recording, "purity", out / "figure.png");
+  write_plot(recording, "purity", out / "figure.png");
   const Image image(out / "figure.png");
   const PurityPlot figure(recording);
   const Chart& chart = figure.chart();
-  EXPECT_TRUE(image.blue(chart.px(8.6), chart.py(1.0)));
-  EXPECT_TRUE(image.blue(chart.px(1.0), chart.py(0.0)));
-  EXPECT_FALSE(image.blue(chart.px(8.6), chart.py(0.5)));
-  EXPECT_EQ(image.at(chart.px(8.6), chart.py(0.5)), 0xFFFFFFu);
-  EXPECT_NE(image.at(chart.px(sorted + 4.9), chart.py(0.5)), 0xFFFFFFu);  // the band of the hold
-  EXPECT_EQ(image.at(chart.px(sorted + 5.1), chart.py(0.5)), 0xFFFFFFu);
+  EXPECT_TRUE(image.is_blue(chart.px(8.6), chart.py(1.0)));
+  EXPECT_TRUE(image.is_blue(chart.px(1.0), chart.py(0.0)));
+  EXPECT_FALSE(image.is_blue(chart.px(8.6), chart.py(0.5)));
+  EXPECT_EQ(image.pixel_at(chart.px(8.6), chart.py(0.5)), 0xFFFFFFu);
+  EXPECT_NE(image.pixel_at(chart.px(sorted + 4.9), chart.py(0.5)), 0xFFFFFFu);  // the band of the hold
+  EXPECT_EQ(image.pixel_at(chart.px(sorted + 5.1), chart.py(0.5)), 0xFFFFFFu);
   int orange = 0;
-  for (double x = 8.0; x < 9.5; x += 0.01) orange += image.orange(chart.px(x), chart.py(0.95));
+  for (double x = 8.0; x < 9.5; x += 0.01) orange += image.is_orange(chart.px(x), chart.py(0.95));
   EXPECT_GT(orange, 75);  // half of the 150 samples: the dashed line of 0.95
 }
 
 TEST(TimeSpentPlot, SumsTheSecondsOverEachCell) {
   const OutputFolder out;
-  const Recording recording = two_ways(out / "run.h5");
+  const Recording recording = record_two_trajectories(out / "run.h5");
   const TimeSpentPlot small(recording, "small"), all(recording, "");
   const auto at = [](const TimeSpentPlot& figure, int x, int y) {
     return figure.seconds()[static_cast<std::size_t>((31 - y) * 32 + x)];
@@ -144,12 +144,12 @@ TEST(TimeSpentPlot, SumsTheSecondsOverEachCell) {
 
 TEST(TimeSpentPlot, ShowsNorthOnTopAndTheMostInYellow) {
   const OutputFolder out;
-  const Recording recording = two_ways(out / "run.h5");
-  plot(recording, "time-spent:small", out / "figure.png");
+  const Recording recording = record_two_trajectories(out / "run.h5");
+  write_plot(recording, "time-spent:small", out / "figure.png");
   const Image image(out / "figure.png");
   const TimeSpentPlot figure(recording, "small");
   const auto red = [&](double x, double y) {
-    return image.at(figure.chart().px(x), figure.chart().py(y)) >> 16;
+    return image.pixel_at(figure.chart().px(x), figure.chart().py(y)) >> 16;
   };
   EXPECT_GT(red(6.0, 10.0), 0xF0u);
   EXPECT_LT(red(6.0, 21.0), 0x50u) << "upside down";
@@ -157,25 +157,25 @@ TEST(TimeSpentPlot, ShowsNorthOnTopAndTheMostInYellow) {
 
 TEST(CurvePlot, DrawsTheCurveWhereItsValuesAre) {
   const OutputFolder out;
-  const Recording recording = two_ways(out / "run.h5");
-  plot(recording, "x:0", out / "figure.png");
+  const Recording recording = record_two_trajectories(out / "run.h5");
+  write_plot(recording, "x:0", out / "figure.png");
   const Image image(out / "figure.png");
-  const CurvePlot figure(recording, scalar(recording, "x", {"0"}));
+  const CurvePlot figure(recording, time_series(recording, "x", {"0"}));
   const Chart& chart = figure.chart();
   for (const double t : {0.5, 1.0, 2.0, 3.5})
-    EXPECT_TRUE(image.blue(chart.px(t), chart.py(26.0 - 5.0 * t))) << t;
-  EXPECT_TRUE(image.blue(chart.px(8.0), chart.py(6.0)));
-  EXPECT_EQ(image.at(chart.px(8.0), chart.py(16.3)), 0xFFFFFFu);
+    EXPECT_TRUE(image.is_blue(chart.px(t), chart.py(26.0 - 5.0 * t))) << t;
+  EXPECT_TRUE(image.is_blue(chart.px(8.0), chart.py(6.0)));
+  EXPECT_EQ(image.pixel_at(chart.px(8.0), chart.py(16.3)), 0xFFFFFFu);
 }
 
-TEST(Scalar, ComesFromTheFrames) {
+TEST(TimeSeries, ComesFromTheFrames) {
   const OutputFolder out;
-  const Recording recording = two_ways(out / "run.h5");
+  const Recording recording = record_two_trajectories(out / "run.h5");
   const auto only = [&](const std::string& kind, std::vector<std::string> arguments = {}) {
-    const Scalar result = scalar(recording, kind, arguments);
+    const TimeSeries result = time_series(recording, kind, arguments);
     EXPECT_EQ(result.curves.size(), std::max<std::size_t>(arguments.size(), 1));
-    EXPECT_EQ(result.curves.back().value.size(), recording.frames());
-    return result.curves.back().value;
+    EXPECT_EQ(result.curves.back().values.size(), recording.frames());
+    return result.curves.back().values;
   };
   EXPECT_DOUBLE_EQ(only("objects")[7], 2.0);
   EXPECT_DOUBLE_EQ(only("contacts")[7], 2.0);
@@ -186,12 +186,12 @@ TEST(Scalar, ComesFromTheFrames) {
 
 TEST(Plot, WritesSvg) {
   const OutputFolder out;
-  const Recording recording = two_ways(out / "run.h5");
+  const Recording recording = record_two_trajectories(out / "run.h5");
   for (const std::string kind :
        {"trajectories", "purity", "time-spent", "time-spent:small", "speed", "speed:0:1", "x:1", "z",
         "objects", "contacts", "height:0,0", "height:3,4:5,6"}) {
     SCOPED_TRACE(kind);
-    plot(recording, kind, out / "figure.svg");
+    write_plot(recording, kind, out / "figure.svg");
     std::ifstream file(out / "figure.svg");
     const std::string text{std::istreambuf_iterator<char>(file), {}};
     EXPECT_EQ(text.substr(0, 5), "<?xml");
@@ -202,10 +202,10 @@ TEST(Plot, WritesSvg) {
 
 TEST(Plot, RefusesWhatItCannotDraw) {
   const OutputFolder out;
-  const Recording recording = two_ways(out / "run.h5");
+  const Recording recording = record_two_trajectories(out / "run.h5");
   const auto error_of = [&](const std::string& kind, const std::filesystem::path& path) -> std::string {
     try {
-      plot(recording, kind, path);
+      write_plot(recording, kind, path);
     } catch (const scene::InputError& error) {
       return error.what();
     }
@@ -237,15 +237,15 @@ TEST(Plot, RefusesWhatItCannotDraw) {
   Recorder::open(out / "empty.h5", run.meta, run.spec)->close({});
   const Recording empty = Recording::open(out / "empty.h5");
   for (const std::string kind : {"trajectories", "purity", "time-spent", "speed", "contacts"})
-    EXPECT_THROW(plot(empty, kind, out / "a.png"), scene::InputError);
+    EXPECT_THROW(write_plot(empty, kind, out / "a.png"), scene::InputError);
 }
 
 TEST(Chart, HasRoundNumbers) {
-  EXPECT_EQ(round_numbers(0.0, 64.0), (std::vector<double>{0, 10, 20, 30, 40, 50, 60}));
-  EXPECT_EQ(round_numbers(-2.4, 6.9), (std::vector<double>{-2, 0, 2, 4, 6}));
-  const std::vector<double> tenths = round_numbers(0.0, 1.04);
+  EXPECT_EQ(tick_values(0.0, 64.0), (std::vector<double>{0, 10, 20, 30, 40, 50, 60}));
+  EXPECT_EQ(tick_values(-2.4, 6.9), (std::vector<double>{-2, 0, 2, 4, 6}));
+  const std::vector<double> tenths = tick_values(0.0, 1.04);
   ASSERT_EQ(tenths.size(), 6u);
-  EXPECT_EQ(number_text(tenths[3]), "0.6");
+  EXPECT_EQ(format_number(tenths[3]), "0.6");
 }
 
 }  // namespace

@@ -24,7 +24,7 @@ scene::ObjectSpec sphere(double radius, const std::string& label = "") {
   return object;
 }
 
-scene::Snapshot at(double time_s, const std::vector<float>& x, float y = 5.0f) {
+scene::Snapshot snapshot_at(double time_s, const std::vector<float>& x, float y = 5.0f) {
   scene::Snapshot shot;
   shot.tick = static_cast<std::uint64_t>(std::lround(time_s * 10.0));
   shot.time_s = time_s;
@@ -39,44 +39,45 @@ scene::Snapshot at(double time_s, const std::vector<float>& x, float y = 5.0f) {
   return shot;
 }
 
-double value_of(const std::vector<scene::ObjectSpec>& catalogue, const std::vector<float>& x,
-                float y = 5.0f) {
+double purity_of(const std::vector<scene::ObjectSpec>& catalogue, const std::vector<float>& x,
+                 float y = 5.0f) {
   PurityMeter meter(surface());
-  meter.add(at(0.0, x, y), catalogue);
+  meter.add(snapshot_at(0.0, x, y), catalogue);
   return meter.value();
 }
 
 using Classes = std::vector<SizeClass>;
 constexpr SizeClass kSmall = SizeClass::kSmall, kLarge = SizeClass::kLarge, kNone = SizeClass::kNone;
 
-TEST(SizeClasses, AreTwoLabelsBySizeOrTwoSizes) {
-  EXPECT_EQ(size_classes({sphere(4, "a"), sphere(2, "b"), sphere(4, "a")}),
+TEST(ClassifyObjects, AreTwoLabelsBySizeOrTwoSizes) {
+  EXPECT_EQ(classify_objects({sphere(4, "a"), sphere(2, "b"), sphere(4, "a")}),
             (Classes{kLarge, kSmall, kLarge}));
-  EXPECT_EQ(size_classes({sphere(1, "b"), sphere(1, "a")}), (Classes{kLarge, kSmall}));  // by the alphabet
-  EXPECT_EQ(size_classes({sphere(9, "a"), sphere(1, "a"), sphere(2, "b")}),
+  EXPECT_EQ(classify_objects({sphere(1, "b"), sphere(1, "a")}),
+            (Classes{kLarge, kSmall}));  // by the alphabet
+  EXPECT_EQ(classify_objects({sphere(9, "a"), sphere(1, "a"), sphere(2, "b")}),
             (Classes{kLarge, kLarge, kSmall}));  // the mean of a label counts
-  EXPECT_EQ(size_classes({sphere(4, "a"), sphere(2, "b"), sphere(9)}), (Classes{kLarge, kSmall, kNone}));
-  EXPECT_EQ(size_classes({sphere(4), sphere(2), sphere(3.1)}), (Classes{kLarge, kSmall, kLarge}));
-  EXPECT_EQ(size_classes({sphere(1, "a"), sphere(2, "b"), sphere(9, "c")}),
+  EXPECT_EQ(classify_objects({sphere(4, "a"), sphere(2, "b"), sphere(9)}), (Classes{kLarge, kSmall, kNone}));
+  EXPECT_EQ(classify_objects({sphere(4), sphere(2), sphere(3.1)}), (Classes{kLarge, kSmall, kLarge}));
+  EXPECT_EQ(classify_objects({sphere(1, "a"), sphere(2, "b"), sphere(9, "c")}),
             (Classes{kSmall, kSmall, kLarge}));
-  EXPECT_EQ(size_classes({sphere(3, "a"), sphere(3, "a")}), (Classes{kNone, kNone}));
+  EXPECT_EQ(classify_objects({sphere(3, "a"), sphere(3, "a")}), (Classes{kNone, kNone}));
   scene::ObjectSpec wall = sphere(50, "wall");
   wall.fixed = true;
-  EXPECT_EQ(size_classes({sphere(4), sphere(2), wall}), (Classes{kLarge, kSmall, kNone}));
-  EXPECT_TRUE(size_classes({}).empty());
+  EXPECT_EQ(classify_objects({sphere(4), sphere(2), wall}), (Classes{kLarge, kSmall, kNone}));
+  EXPECT_TRUE(classify_objects({}).empty());
 }
 
 TEST(Purity, IsTheShareInTheirOwnHalf) {
   const std::vector<scene::ObjectSpec> four{sphere(1), sphere(1), sphere(2), sphere(2)};
-  EXPECT_EQ(value_of(four, {1, 4.4f, 4.6f, 9}), 1.0);
-  EXPECT_EQ(value_of(four, {9, 8, 1, 2}), 0.0);
-  EXPECT_EQ(value_of(four, {1, 8, 1, 9}), 0.5);
-  EXPECT_EQ(value_of(four, {4.5f, 1, 4.5f, 9}), 0.5);   // on the line is in no half
-  EXPECT_EQ(value_of(four, {-0.6f, 1, 8, 9.6f}), 0.5);  // off the surface is in no half
-  EXPECT_EQ(value_of(four, {1, 1, 8, 8}, 9.6f), 0.0);   // north of it, too
-  EXPECT_EQ(value_of(four, {1, NAN, 1, NAN}), 0.5);     // only what exists counts
-  EXPECT_TRUE(std::isnan(value_of(four, {NAN, NAN, NAN, NAN})));
-  EXPECT_TRUE(std::isnan(value_of({sphere(1), sphere(1)}, {1, 2})));
+  EXPECT_EQ(purity_of(four, {1, 4.4f, 4.6f, 9}), 1.0);
+  EXPECT_EQ(purity_of(four, {9, 8, 1, 2}), 0.0);
+  EXPECT_EQ(purity_of(four, {1, 8, 1, 9}), 0.5);
+  EXPECT_EQ(purity_of(four, {4.5f, 1, 4.5f, 9}), 0.5);   // on the line is in no half
+  EXPECT_EQ(purity_of(four, {-0.6f, 1, 8, 9.6f}), 0.5);  // off the surface is in no half
+  EXPECT_EQ(purity_of(four, {1, 1, 8, 8}, 9.6f), 0.0);   // north of it, too
+  EXPECT_EQ(purity_of(four, {1, NAN, 1, NAN}), 0.5);     // only what exists counts
+  EXPECT_TRUE(std::isnan(purity_of(four, {NAN, NAN, NAN, NAN})));
+  EXPECT_TRUE(std::isnan(purity_of({sphere(1), sphere(1)}, {1, 2})));
 }
 
 TEST(Purity, CountsWhatFellOffBesideAnEdgeThatIsNoRectangles) {
@@ -86,19 +87,19 @@ TEST(Purity, CountsWhatFellOffBesideAnEdgeThatIsNoRectangles) {
       corner_gone.actuator_of_cell.push_back(row >= 5 && column < 5 ? scene::kEmptyCell : std::int8_t{0});
   const std::vector<scene::ObjectSpec> two{sphere(1), sphere(2)};
   PurityMeter north(corner_gone), south(corner_gone);
-  north.add(at(0.0, {1, 8}, 8.0f), two);
+  north.add(snapshot_at(0.0, {1, 8}, 8.0f), two);
   EXPECT_EQ(north.value(), 1.0);
-  south.add(at(0.0, {1, 8}, 1.0f), two);
+  south.add(snapshot_at(0.0, {1, 8}, 1.0f), two);
   EXPECT_EQ(south.value(), 0.5) << "the small one lies where no cell is";
 }
 
 TEST(PurityMeter, FollowsObjectsThatAreAdded) {
   PurityMeter meter(surface());
   std::vector<scene::ObjectSpec> catalogue{sphere(1)};
-  meter.add(at(0.0, {1}), catalogue);
+  meter.add(snapshot_at(0.0, {1}), catalogue);
   EXPECT_TRUE(std::isnan(meter.value()));
   catalogue.push_back(sphere(2));
-  meter.add(at(0.1, {1, 2}), catalogue);
+  meter.add(snapshot_at(0.1, {1, 2}), catalogue);
   EXPECT_EQ(meter.value(), 0.5);
 }
 
@@ -109,7 +110,7 @@ std::optional<double> sorted_at(const std::vector<double>& high_from_to, double 
     bool high = false;
     for (std::size_t i = 0; i + 1 < high_from_to.size(); i += 2)
       high |= tick >= std::lround(high_from_to[i] * 10.0) && tick < std::lround(high_from_to[i + 1] * 10.0);
-    meter.add(at(tick * 0.1, {1.0f, high ? 8.0f : 2.0f}), {sphere(1), sphere(2)});
+    meter.add(snapshot_at(tick * 0.1, {1.0f, high ? 8.0f : 2.0f}), {sphere(1), sphere(2)});
   }
   return meter.sorted_at();
 }
@@ -133,7 +134,7 @@ TEST(PurityMeter, NeedsNinetyFivePercent) {
   }
   const auto sorted = [&] {
     PurityMeter meter(surface());
-    for (int tick = 0; tick <= 60; ++tick) meter.add(at(tick * 0.1, x), catalogue);
+    for (int tick = 0; tick <= 60; ++tick) meter.add(snapshot_at(tick * 0.1, x), catalogue);
     return meter.sorted_at().has_value();
   };
   x[0] = 8.0f;
@@ -151,17 +152,17 @@ TEST(Purity, OfARecordingIsThatOfTheMeter) {
   std::vector<double> expected;
   const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
   for (int tick = 0; tick < 200; ++tick) {
-    scene::Snapshot shot = at(tick * 0.1, {1.0f, tick < 30 ? 2.0f : 7.0f, tick < 100 ? NAN : 8.0f});
-    shot.height.assign(static_cast<std::size_t>(surface().cells()), 0.0f);
-    recorder->frame(shot, run.spec.objects);
+    scene::Snapshot shot = snapshot_at(tick * 0.1, {1.0f, tick < 30 ? 2.0f : 7.0f, tick < 100 ? NAN : 8.0f});
+    shot.height.assign(static_cast<std::size_t>(surface().cell_count()), 0.0f);
+    recorder->record_frame(shot, run.spec.objects);
     meter.add(shot, run.spec.objects);
     expected.push_back(meter.value());
   }
   recorder->close({});
   const Recording recording = Recording::open(out / "run.h5");
-  const Purity read = purity(recording);
-  EXPECT_EQ(read.value, expected);
-  EXPECT_EQ(read.time, recording.time());
+  const PuritySeries read = compute_purity(recording);
+  EXPECT_EQ(read.values, expected);
+  EXPECT_EQ(read.times, recording.times());
   EXPECT_EQ(read.sorted_at, meter.sorted_at());
   EXPECT_DOUBLE_EQ(read.sorted_at.value(), 3.0);
 }
@@ -171,7 +172,7 @@ TEST(Purity, NeedsTwoClasses) {
   SyntheticRun run;
   run.spec.objects = {sphere(1, "s"), sphere(1, "s")};
   Recorder::open(out / "run.h5", run.meta, run.spec)->close({});
-  EXPECT_THROW(purity(Recording::open(out / "run.h5")), scene::InputError);
+  EXPECT_THROW(compute_purity(Recording::open(out / "run.h5")), scene::InputError);
 }
 
 }  // namespace

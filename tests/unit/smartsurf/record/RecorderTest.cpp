@@ -29,7 +29,8 @@ std::string error_of(const std::filesystem::path& path, const SyntheticRun& run)
 }
 
 void record_ticks(Recorder& recorder, const SyntheticRun& run, std::uint64_t ticks) {
-  for (std::uint64_t t = 0; t < ticks; ++t) recorder.frame(run.at(t, {0, 1, 2}), run.spec.objects);
+  for (std::uint64_t t = 0; t < ticks; ++t)
+    recorder.record_frame(run.snapshot_at(t, {0, 1, 2}), run.spec.objects);
 }
 
 TEST(Recorder, WritesEveryFrameOfTheRun) {
@@ -42,11 +43,11 @@ TEST(Recorder, WritesEveryFrameOfTheRun) {
   const Recording recording = Recording::open(out / "run.h5");
   ASSERT_EQ(recording.frames(), 150u);
   for (const std::uint64_t t : {0u, 63u, 64u, 149u}) {
-    const scene::Snapshot expected = run.at(t, {0, 1, 2}), read = recording.snapshot(t);
+    const scene::Snapshot expected = run.snapshot_at(t, {0, 1, 2}), read = recording.read_snapshot(t);
     EXPECT_EQ(read.tick, expected.tick);
     EXPECT_EQ(read.time_s, expected.time_s);
     EXPECT_EQ(read.state_hash, expected.state_hash);
-    EXPECT_EQ(read.contacts, expected.contacts);
+    EXPECT_EQ(read.contact_count, expected.contact_count);
     EXPECT_EQ(read.id, expected.id);
     EXPECT_EQ(read.position, expected.position);
     EXPECT_EQ(read.orientation, expected.orientation);
@@ -69,7 +70,7 @@ TEST(Recorder, WritesWhatTheRunWas) {
   EXPECT_EQ(recording.meta().program_text, run.meta.program_text);
   EXPECT_EQ(recording.meta().versions.size(), 3u);  // smartsurf and hdf5 besides bullet
   EXPECT_EQ(recording.spec().file, run.spec.file);
-  EXPECT_EQ(recording.spec().text, run.spec.text);
+  EXPECT_EQ(recording.spec().source, run.spec.source);
   EXPECT_EQ(recording.spec().world.seed, run.spec.world.seed);
   EXPECT_EQ(recording.spec().world.dt_s, run.spec.world.dt_s);
   EXPECT_EQ(recording.spec().world.gravity, run.spec.world.gravity);
@@ -114,14 +115,14 @@ TEST(Recorder, MarksUnbornAndRemovedObjectsByNaN) {
     std::vector<scene::ObjectId> live = t < 70 ? std::vector<scene::ObjectId>{0, 1, 2}
                                                : std::vector<scene::ObjectId>{1, 2, 3};  // 0 is removed at 70
     if (t >= 140) live = {3};
-    recorder->frame(run.at(t, live), run.spec.objects);
+    recorder->record_frame(run.snapshot_at(t, live), run.spec.objects);
   }
   recorder->close({});
 
   const Recording recording = Recording::open(out / "run.h5");
   ASSERT_EQ(recording.spec().objects.size(), 4u);
   EXPECT_EQ(recording.spec().objects[3].label, "late");
-  const std::vector<float> p = recording.positions(0, 200);
+  const std::vector<float> p = recording.read_positions(0, 200);
   const auto x = [&](std::size_t frame, std::size_t id) { return p[3 * (4 * frame + id)]; };
   for (std::size_t t = 0; t < 200; ++t) {
     EXPECT_EQ(std::isnan(x(t, 0)), t >= 70) << t;
@@ -131,7 +132,7 @@ TEST(Recorder, MarksUnbornAndRemovedObjectsByNaN) {
   EXPECT_EQ(x(69, 0), SyntheticRun::x(69, 0));
   EXPECT_EQ(x(70, 3), SyntheticRun::x(70, 3));
   EXPECT_EQ(x(199, 3), SyntheticRun::x(199, 3));
-  EXPECT_EQ(recording.snapshot(199).id, std::vector<scene::ObjectId>{3});
+  EXPECT_EQ(recording.read_snapshot(199).id, std::vector<scene::ObjectId>{3});
 }
 
 TEST(Recorder, StartsWithoutObjectsAndTakesWhatIsAddedLater) {
@@ -139,24 +140,24 @@ TEST(Recorder, StartsWithoutObjectsAndTakesWhatIsAddedLater) {
   SyntheticRun run;
   run.spec.objects.clear();
   const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
-  for (std::uint64_t t = 0; t < 70; ++t) recorder->frame(run.at(t, {}), run.spec.objects);
+  for (std::uint64_t t = 0; t < 70; ++t) recorder->record_frame(run.snapshot_at(t, {}), run.spec.objects);
   for (int i = 0; i < 40; ++i) run.add(scene::ShapeKind::kSphere, "rain", 1.0);
-  recorder->frame(run.at(70, {0, 39}), run.spec.objects);
+  recorder->record_frame(run.snapshot_at(70, {0, 39}), run.spec.objects);
   recorder->close({});
   const Recording recording = Recording::open(out / "run.h5");
   ASSERT_EQ(recording.frames(), 71u);
-  EXPECT_EQ(recording.snapshot(69).objects(), 0u);
-  EXPECT_EQ(recording.snapshot(70).position, run.at(70, {0, 39}).position);
+  EXPECT_EQ(recording.read_snapshot(69).object_count(), 0u);
+  EXPECT_EQ(recording.read_snapshot(70).position, run.snapshot_at(70, {0, 39}).position);
 }
 
 TEST(Recorder, KeepsTheFirstAndThenEveryNth) {
   const OutputFolder out;
   SyntheticRun run;
-  run.spec.record.every = 3;
+  run.spec.record.tick_interval = 3;
   const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
-  for (std::uint64_t t = 1; t <= 8; ++t) recorder->frame(run.at(t, {0}), run.spec.objects);
+  for (std::uint64_t t = 1; t <= 8; ++t) recorder->record_frame(run.snapshot_at(t, {0}), run.spec.objects);
   recorder->close({});
-  EXPECT_EQ(Recording::open(out / "run.h5").tick(), (std::vector<std::uint64_t>{1, 4, 7}));
+  EXPECT_EQ(Recording::open(out / "run.h5").ticks(), (std::vector<std::uint64_t>{1, 4, 7}));
 }
 
 // Channels of 24 and 72 values whose numbers tell tick and place; the second has three components, in planes.
@@ -166,8 +167,8 @@ struct Channels {
     for (std::size_t i = 0; i < 72; ++i) colour[i] = static_cast<float>(tick) - static_cast<float>(i);
   }
   std::vector<float> proximity, colour;
-  std::array<Channel, 2> sensors() const {
-    return {Channel{"proximity", 4, 6, 1, proximity}, Channel{"colour", 4, 6, 3, colour}};
+  std::array<ChannelData, 2> sensors() const {
+    return {ChannelData{"proximity", 4, 6, 1, proximity}, ChannelData{"colour", 4, 6, 3, colour}};
   }
 };
 
@@ -178,21 +179,21 @@ TEST(Recorder, WritesTheChannelsThatTheExperimentAsksFor) {
   const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
   for (std::uint64_t t = 0; t < 100; ++t) {
     const Channels values(t);
-    const Channel actuators[] = {{"height", 4, 6, 1, values.proximity}};
-    recorder->frame(run.at(t, {0}), run.spec.objects, values.sensors(), actuators);
+    const ChannelData actuators[] = {{"height", 4, 6, 1, values.proximity}};
+    recorder->record_frame(run.snapshot_at(t, {0}), run.spec.objects, values.sensors(), actuators);
   }
   recorder->close({});
   const Recording recording = Recording::open(out / "run.h5");
   for (const std::size_t t : {0u, 63u, 64u, 99u}) {
-    EXPECT_EQ(recording.channel("sensors", "proximity", t), Channels(t).proximity);
-    const std::vector<float> colour = recording.channel("sensors", "colour", t);
+    EXPECT_EQ(recording.read_channel("sensors", "proximity", t), Channels(t).proximity);
+    const std::vector<float> colour = recording.read_channel("sensors", "colour", t);
     for (std::size_t cell = 0; cell < 24; ++cell)
       for (std::size_t k = 0; k < 3; ++k) EXPECT_EQ(colour[3 * cell + k], Channels(t).colour[24 * k + cell]);
-    EXPECT_EQ(recording.channel("actuators", "height", t), Channels(t).proximity);
-    EXPECT_EQ(recording.snapshot(t).height, run.at(t, {}).height);
+    EXPECT_EQ(recording.read_channel("actuators", "height", t), Channels(t).proximity);
+    EXPECT_EQ(recording.read_snapshot(t).height, run.snapshot_at(t, {}).height);
   }
-  EXPECT_THROW(recording.channel("sensors", "pressure", 0), InputError);
-  EXPECT_THROW(recording.channel("sensors", "proximity", 100), InputError);
+  EXPECT_THROW(recording.read_channel("sensors", "pressure", 0), InputError);
+  EXPECT_THROW(recording.read_channel("sensors", "proximity", 100), InputError);
 }
 
 TEST(Recorder, LeavesOutWhatTheExperimentDoesNotAskFor) {
@@ -201,13 +202,13 @@ TEST(Recorder, LeavesOutWhatTheExperimentDoesNotAskFor) {
   run.spec.record.objects = false;
   const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
   const Channels values(0);
-  recorder->frame(run.at(0, {0}), run.spec.objects, values.sensors());
+  recorder->record_frame(run.snapshot_at(0, {0}), run.spec.objects, values.sensors());
   recorder->close({});
   const Recording recording = Recording::open(out / "run.h5");
   EXPECT_EQ(recording.frames(), 1u);
   EXPECT_FALSE(recording.has_objects());
-  EXPECT_THROW(recording.positions(0, 1), InputError);
-  EXPECT_THROW(recording.channel("sensors", "proximity", 0), InputError);
+  EXPECT_THROW(recording.read_positions(0, 1), InputError);
+  EXPECT_THROW(recording.read_channel("sensors", "proximity", 0), InputError);
 }
 
 TEST(Recorder, GivesTheSameBytesForTheSameRun) {
@@ -246,7 +247,7 @@ TEST(Recorder, OpensInPythonWithoutOurCode) {
   const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
   for (std::uint64_t t = 0; t < 10; ++t) {
     const Channels values(t);
-    recorder->frame(run.at(t, {0, 1, 2}), run.spec.objects, values.sensors());
+    recorder->record_frame(run.snapshot_at(t, {0, 1, 2}), run.spec.objects, values.sensors());
   }
   recorder->close({});
   const std::string command = python + " " + READ_RECORDING_PY + " " + (out / "run.h5").string();
@@ -287,10 +288,10 @@ TEST(RecorderErrors, NameWhatIsWrongAndWhatIsRight) {
   SyntheticRun slash;
   slash.spec.record.sensors = true;
   const std::vector<float> values(24);
-  const Channel bad[] = {{"a/b", 4, 6, 1, values}};
-  EXPECT_THROW(
-      Recorder::open(out / "slash.h5", run.meta, slash.spec)->frame(run.at(0, {}), run.spec.objects, bad),
-      InputError);
+  const ChannelData bad[] = {{"a/b", 4, 6, 1, values}};
+  EXPECT_THROW(Recorder::open(out / "slash.h5", run.meta, slash.spec)
+                   ->record_frame(run.snapshot_at(0, {}), run.spec.objects, bad),
+               InputError);
 }
 
 TEST(RecorderErrors, SparesAFileThatAnotherRunWrites) {
@@ -308,7 +309,7 @@ TEST(RecorderErrors, SparesAFileThatAnotherRunWrites) {
 
 // In a process of its own, because a limit on the size of files stays. Exit status 0: the failure was
 // reported, and what follows it is quiet.
-int report_of_full_disk(const std::filesystem::path& path, const SyntheticRun& run) {
+int record_to_full_disk(const std::filesystem::path& path, const SyntheticRun& run) {
   const pid_t child = ::fork();
   if (child == 0) {
     std::signal(SIGXFSZ, SIG_IGN);
@@ -338,8 +339,8 @@ int report_of_full_disk(const std::filesystem::path& path, const SyntheticRun& r
 TEST(RecorderErrors, ReportAFullDiskOnceAndKeepWhatWasWritten) {
   const OutputFolder out;
   const SyntheticRun run;
-  EXPECT_EQ(report_of_full_disk(out / "run.csv", run), 0);
-  EXPECT_EQ(report_of_full_disk(out / "run.h5", run), 0);
+  EXPECT_EQ(record_to_full_disk(out / "run.csv", run), 0);
+  EXPECT_EQ(record_to_full_disk(out / "run.h5", run), 0);
   EXPECT_GE(Recording::open(out / "run.h5").frames(), 64u);
 }
 

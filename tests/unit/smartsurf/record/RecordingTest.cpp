@@ -13,7 +13,7 @@ namespace {
 std::string error_of(const std::filesystem::path& path) {
   try {
     const Recording recording = Recording::open(path);
-    for (std::size_t f = 0; f < recording.frames(); ++f) recording.snapshot(f);
+    for (std::size_t f = 0; f < recording.frames(); ++f) recording.read_snapshot(f);
   } catch (const scene::InputError& error) {
     return error.what();
   }
@@ -23,13 +23,14 @@ std::string error_of(const std::filesystem::path& path) {
 std::string write_run(const std::filesystem::path& path, std::uint64_t ticks = 100) {
   const SyntheticRun run;
   const auto recorder = Recorder::open(path, run.meta, run.spec);
-  for (std::uint64_t t = 0; t < ticks; ++t) recorder->frame(run.at(t, {0, 1, 2}), run.spec.objects);
+  for (std::uint64_t t = 0; t < ticks; ++t)
+    recorder->record_frame(run.snapshot_at(t, {0, 1, 2}), run.spec.objects);
   recorder->close({.outcome = "done", .ticks = ticks, .simulated_s = 1.5, .state_hash = 0x1F});
   std::ifstream file(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-void write(const std::filesystem::path& path, const std::string& bytes) {
+void write_bytes(const std::filesystem::path& path, const std::string& bytes) {
   std::ofstream(path, std::ios::binary) << bytes;
 }
 
@@ -45,11 +46,11 @@ TEST(Recording, RefusesWhatIsNoRecording) {
   expect_error(out / "none.h5", "there is no such file");
   std::filesystem::create_directory(out / "folder.h5");
   expect_error(out / "folder.h5", "is not a file");
-  write(out / "empty.h5", "");
+  write_bytes(out / "empty.h5", "");
   expect_error(out / "empty.h5", "is not an HDF5 file");
-  write(out / "text.h5", "tick,time\n1,2\n");
+  write_bytes(out / "text.h5", "tick,time\n1,2\n");
   expect_error(out / "text.h5", "is not an HDF5 file");
-  write(out / "run.csv", "tick,time\n1,2\n");
+  write_bytes(out / "run.csv", "tick,time\n1,2\n");
   expect_error(out / "run.csv", "is a CSV recording");
   H5Fclose(H5Fcreate((out / "foreign.h5").c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT));
   expect_error(out / "foreign.h5", "has no group meta");
@@ -59,8 +60,8 @@ TEST(Recording, RefusesAFileCutShort) {
   const OutputFolder out;
   const std::string whole = write_run(out / "run.h5");
   for (const double share : {0.2, 0.5, 0.9, 0.999}) {
-    write(out / "cut.h5",
-          whole.substr(0, static_cast<std::size_t>(share * static_cast<double>(whole.size()))));
+    write_bytes(out / "cut.h5",
+                whole.substr(0, static_cast<std::size_t>(share * static_cast<double>(whole.size()))));
     expect_error(out / "cut.h5", "");
   }
 }
@@ -110,7 +111,7 @@ TEST(Recording, SurvivesDamagedBytes) {
     std::string damaged = whole;
     random = random * 1664525u + 1013904223u;
     damaged[(random >> 4) % std::min<std::size_t>(whole.size(), 30000)] ^= static_cast<char>(1 + i % 255);
-    write(out / "damaged.h5", damaged);
+    write_bytes(out / "damaged.h5", damaged);
     const std::string error = error_of(out / "damaged.h5");
     EXPECT_EQ(error.find('\n'), std::string::npos) << error;
     refused += !error.empty();
@@ -126,14 +127,14 @@ TEST(Recording, RefusesAFileThatCrashesTheLibrary) {
   const std::size_t heap = bytes.find("GCOL");
   ASSERT_NE(heap, std::string::npos);
   bytes.replace(heap + 24, 8, std::string("\xFF\xFF\xFF\xFF\xFF\xFF\x00\x00", 8));
-  write(out / "damaged.h5", bytes);
+  write_bytes(out / "damaged.h5", bytes);
   expect_error(out / "damaged.h5", "damaged");
 }
 
 TEST(Recording, TellsWhatItHolds) {
   const OutputFolder out;
   write_run(out / "run.h5");
-  const std::string text = info(Recording::open(out / "run.h5"));
+  const std::string text = describe_recording(Recording::open(out / "run.h5"));
   for (const char* part :
        {"run.h5 (", "smartsurf 0.", "bullet 3.24",
         "command     smartsurf run scripts/experiment.lua --seed 7\n", "experiment  scripts/experiment.lua\n",
@@ -147,21 +148,21 @@ TEST(Recording, TellsWhatItHolds) {
 }
 
 // A wedge and a box side by side, of which nothing is true but the faces.
-std::shared_ptr<const scene::Solid> two_pieces() {
+std::shared_ptr<const scene::Solid> two_hull_solid() {
   scene::Solid solid;
   solid.source = "part.stl";
   solid.volume = 1.5;
   solid.inertia << 1, 0.25, 0, 0.25, 2, 0, 0, 0, 3;
   solid.vertices = {{-1, -1, -1}, {2, -1, -1}, {-1, 1, -1}, {-1, -1, 4}};
   solid.triangles = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}};
-  solid.pieces.push_back(scene::make_piece(solid.vertices, {0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3},
-                                           std::vector<std::uint32_t>{3, 3, 3, 3}));
+  solid.hulls.push_back(scene::make_convex_hull(solid.vertices, {0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3},
+                                                std::vector<std::uint32_t>{3, 3, 3, 3}));
   std::vector<Eigen::Vector3f> box;
   for (int i = 0; i < 8; ++i) box.emplace_back(i & 1, (i >> 1) & 1, i >> 2);
-  solid.pieces.push_back(
-      scene::make_piece(box, {0, 2, 3, 1, 4, 5, 7, 6, 0, 1, 5, 4, 2, 6, 7, 3, 0, 4, 6, 2, 1, 3, 7, 5},
-                        std::vector<std::uint32_t>(6, 4)));
-  scene::set_bounds(solid);
+  solid.hulls.push_back(
+      scene::make_convex_hull(box, {0, 2, 3, 1, 4, 5, 7, 6, 0, 1, 5, 4, 2, 6, 7, 3, 0, 4, 6, 2, 1, 3, 7, 5},
+                              std::vector<std::uint32_t>(6, 4)));
+  scene::compute_bounds(solid);
   return std::make_shared<const scene::Solid>(solid);
 }
 
@@ -170,18 +171,18 @@ void write_shapes(const std::filesystem::path& path) {
   run.add(scene::ShapeKind::kCapsule, "pill", 0.5);
   run.add(scene::ShapeKind::kCone, "hat", 1.5);
   run.spec.objects[4].height = 4.0;
-  const auto solid = two_pieces();
+  const auto solid = two_hull_solid();
   for (int i = 0; i < 2; ++i) {
     run.add(scene::ShapeKind::kSolid, "part", 1.0);
     run.spec.objects.back().solid = solid;
   }
   const auto recorder = Recorder::open(path, run.meta, run.spec);
   std::vector<scene::ObjectSpec> all = run.spec.objects;
-  recorder->frame(run.at(0, {0, 1, 2, 3, 4, 5, 6}), all);
+  recorder->record_frame(run.snapshot_at(0, {0, 1, 2, 3, 4, 5, 6}), all);
   all.push_back(all.back());  // while the run goes on: one of a solid that is there, one of a new one
   all.push_back(all.back());
-  all.back().solid = two_pieces();
-  recorder->frame(run.at(1, {0, 1, 2, 3, 4, 5, 6, 7, 8}), all);
+  all.back().solid = two_hull_solid();
+  recorder->record_frame(run.snapshot_at(1, {0, 1, 2, 3, 4, 5, 6, 7, 8}), all);
   recorder->close({});
 }
 
@@ -202,23 +203,23 @@ TEST(Recording, KeepsEveryShapeAndEachSolidOnce) {
   EXPECT_NE(objects[5].solid, objects[8].solid);
   EXPECT_EQ(objects[0].solid, nullptr);
 
-  const auto right = two_pieces();
+  const auto right = two_hull_solid();
   const scene::Solid& solid = *objects[8].solid;
   EXPECT_EQ(solid.source, "part.stl");
   EXPECT_EQ(solid.volume, 1.5);
   EXPECT_EQ(solid.inertia, right->inertia);
   EXPECT_EQ(solid.vertices, right->vertices);
   EXPECT_EQ(solid.triangles, right->triangles);
-  EXPECT_EQ(solid.reach, right->reach);
-  ASSERT_EQ(solid.pieces.size(), 2U);
+  EXPECT_EQ(solid.bounding_radius, right->bounding_radius);
+  ASSERT_EQ(solid.hulls.size(), 2U);
   for (int i = 0; i < 2; ++i) {
-    EXPECT_EQ(solid.pieces[i].corners, right->pieces[i].corners);
-    EXPECT_EQ(solid.pieces[i].face_corners, right->pieces[i].face_corners);
-    EXPECT_EQ(solid.pieces[i].edges, right->pieces[i].edges);
-    EXPECT_EQ(solid.pieces[i].face_normals, right->pieces[i].face_normals);
-    EXPECT_EQ(solid.pieces[i].faces[1].offset, right->pieces[i].faces[1].offset);
+    EXPECT_EQ(solid.hulls[i].vertices, right->hulls[i].vertices);
+    EXPECT_EQ(solid.hulls[i].face_vertices, right->hulls[i].face_vertices);
+    EXPECT_EQ(solid.hulls[i].edges, right->hulls[i].edges);
+    EXPECT_EQ(solid.hulls[i].unique_normals, right->hulls[i].unique_normals);
+    EXPECT_EQ(solid.hulls[i].faces[1].offset, right->hulls[i].faces[1].offset);
   }
-  const std::string text = info(recording);
+  const std::string text = describe_recording(recording);
   EXPECT_NE(text.find("4 'part' (solid, size 1.25 u)"), std::string::npos) << text;
   EXPECT_NE(text.find("1 'hat' (cone, size 1.5 u), 1 'large'"), std::string::npos) << text;
 }
@@ -259,27 +260,27 @@ TEST(Recording, RefusesSolidsThatNoRecorderWrote) {
 TEST(Recording, TellsOfARunWithoutFrames) {
   const OutputFolder out;
   write_run(out / "run.h5", 0);
-  const std::string text = info(Recording::open(out / "run.h5"));
+  const std::string text = describe_recording(Recording::open(out / "run.h5"));
   EXPECT_NE(text.find("frames      0\n"), std::string::npos) << text;
 }
 
 // Cells of two mechanisms on a free layout, one of them empty, that look different in every tick.
 struct LaidOutRun : SyntheticRun {
   LaidOutRun() {
-    scene::ActuatorSpec wheels = scene::find_actuator_kind("wheels")->standard();
+    scene::ActuatorSpec wheels = scene::find_actuator_kind("wheels")->default_spec();
     wheels.values["angle"] = {0.5};
-    spec.surface.actuators = {scene::find_actuator_kind("ball")->standard(), wheels};
+    spec.surface.actuators = {scene::find_actuator_kind("ball")->default_spec(), wheels};
     for (scene::ActuatorSpec& spec_of : spec.surface.actuators) spec_of.values["top"] = {1.5, 0.8};
-    for (int i = 0; i < spec.surface.cells(); ++i) {
+    for (int i = 0; i < spec.surface.cell_count(); ++i) {
       spec.surface.actuator_of_cell.push_back(static_cast<std::int8_t>(i % 3 - 1));
-      spec.surface.places.push_back({1.5 * i, -0.25 * i, 0.125 * i});
-      spec.surface.base.push_back(0.5F * static_cast<float>(i));
+      spec.surface.cell_poses.push_back({1.5 * i, -0.25 * i, 0.125 * i});
+      spec.surface.base_heights.push_back(0.5F * static_cast<float>(i));
     }
   }
-  scene::Snapshot at(std::uint64_t tick) const {
-    scene::Snapshot shot = SyntheticRun::at(tick, {0});
-    for (int i = 0; i < spec.surface.cells(); ++i)
-      shot.motion.push_back({static_cast<float>(tick), static_cast<float>(i), 0.25F});
+  scene::Snapshot snapshot_at(std::uint64_t tick) const {
+    scene::Snapshot shot = SyntheticRun::snapshot_at(tick, {0});
+    for (int i = 0; i < spec.surface.cell_count(); ++i)
+      shot.actuator_state.push_back({static_cast<float>(tick), static_cast<float>(i), 0.25F});
     return shot;
   }
 };
@@ -288,7 +289,7 @@ TEST(Recording, KnowsWhereCellsStandWhatTheyAreAndHowTheyLook) {
   const OutputFolder out;
   const LaidOutRun run;
   const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
-  for (std::uint64_t t = 0; t < 5; ++t) recorder->frame(run.at(t), run.spec.objects);
+  for (std::uint64_t t = 0; t < 5; ++t) recorder->record_frame(run.snapshot_at(t), run.spec.objects);
   recorder->close({.outcome = "done"});
   const Recording recording = Recording::open(out / "run.h5");
   const scene::SurfaceSpec& surface = recording.spec().surface;
@@ -296,15 +297,15 @@ TEST(Recording, KnowsWhereCellsStandWhatTheyAreAndHowTheyLook) {
   EXPECT_EQ(surface.actuators[1].model, "wheels");
   EXPECT_EQ(surface.actuators[1].number("angle"), 0.5);
   EXPECT_EQ(surface.actuator_of_cell, run.spec.surface.actuator_of_cell);
-  EXPECT_EQ(surface.base, run.spec.surface.base);
-  ASSERT_EQ(surface.places.size(), 24u);
-  EXPECT_EQ(surface.places[7].x, 10.5);
-  EXPECT_EQ(surface.places[7].angle, 0.875);
+  EXPECT_EQ(surface.base_heights, run.spec.surface.base_heights);
+  ASSERT_EQ(surface.cell_poses.size(), 24u);
+  EXPECT_EQ(surface.cell_poses[7].x, 10.5);
+  EXPECT_EQ(surface.cell_poses[7].angle, 0.875);
   EXPECT_EQ(surface.centre(1, 1), Eigen::Vector2d(10.5, -1.75));
   ASSERT_TRUE(recording.has_motion());
-  EXPECT_EQ(recording.snapshot(3).motion[5].a, 3.0F);
-  EXPECT_EQ(recording.snapshot(3).motion[5].b, 5.0F);
-  EXPECT_EQ(recording.snapshot(1).motion[5].a, 1.0F) << "going back";
+  EXPECT_EQ(recording.read_snapshot(3).actuator_state[5].a, 3.0F);
+  EXPECT_EQ(recording.read_snapshot(3).actuator_state[5].b, 5.0F);
+  EXPECT_EQ(recording.read_snapshot(1).actuator_state[5].a, 1.0F) << "going back";
 }
 
 TEST(Recording, OfPinsOnAGridHoldsNoLayout) {
@@ -312,8 +313,8 @@ TEST(Recording, OfPinsOnAGridHoldsNoLayout) {
   write_run(out / "run.h5", 3);
   const Recording recording = Recording::open(out / "run.h5");
   EXPECT_FALSE(recording.has_motion());
-  EXPECT_TRUE(recording.spec().surface.places.empty());
-  EXPECT_TRUE(recording.snapshot(0).motion.empty());
+  EXPECT_TRUE(recording.spec().surface.cell_poses.empty());
+  EXPECT_TRUE(recording.read_snapshot(0).actuator_state.empty());
 }
 
 TEST(Recording, OpensOneWithoutALayoutAsOlderOnesAre) {
@@ -323,7 +324,7 @@ TEST(Recording, OpensOneWithoutALayoutAsOlderOnesAre) {
   H5Ldelete(file, "surface/mechanisms", H5P_DEFAULT);
   H5Fclose(file);
   EXPECT_EQ(error_of(out / "run.h5"), "");
-  EXPECT_EQ(Recording::open(out / "run.h5").spec().surface.mechanisms()[0].model, "pin");
+  EXPECT_EQ(Recording::open(out / "run.h5").spec().surface.effective_actuators()[0].model, "pin");
 }
 
 }  // namespace

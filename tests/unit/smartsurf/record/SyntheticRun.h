@@ -29,7 +29,7 @@ class OutputFolder {
 struct SyntheticRun {
   SyntheticRun() {
     spec.file = "scripts/experiment.lua";
-    spec.text = "surface { rows = 4, columns = 6 }\n-- α";
+    spec.source = "surface { rows = 4, columns = 6 }\n-- α";
     spec.world.seed = 0xFFFFFFFFFFFFFFF1u;
     spec.materials.push_back({.name = "steel", .density = 2.0});
     spec.surface.rows = 4;
@@ -67,13 +67,13 @@ struct SyntheticRun {
   }
 
   // The state at a tick, with these objects alive.
-  scene::Snapshot at(std::uint64_t tick, const std::vector<scene::ObjectId>& live) const {
+  scene::Snapshot snapshot_at(std::uint64_t tick, const std::vector<scene::ObjectId>& live) const {
     scene::Snapshot shot;
     shot.tick = tick;
     shot.time_s = static_cast<double>(tick) / 60.0;
     shot.state_hash = 0x8000000000000000u + tick;
-    shot.contacts = static_cast<std::uint32_t>(tick % 5);
-    shot.height.assign(static_cast<std::size_t>(spec.surface.cells()), static_cast<float>(tick));
+    shot.contact_count = static_cast<std::uint32_t>(tick % 5);
+    shot.height.assign(static_cast<std::size_t>(spec.surface.cell_count()), static_cast<float>(tick));
     for (const scene::ObjectId id : live) {
       shot.id.push_back(id);
       shot.position.push_back({x(tick, id), 2.0f, 3.0f});
@@ -85,7 +85,7 @@ struct SyntheticRun {
   }
 
   scene::SceneSpec spec;
-  Meta meta;
+  RunMetadata meta;
 };
 
 }  // namespace smartsurf::record

@@ -7,21 +7,21 @@ using namespace std::chrono_literals;
 
 TEST(Pacer, UnpacedIsDueAtOnce) {
   Pacer pacer(std::nullopt);
-  const auto due = pacer.due(1000.0);
+  const auto due = pacer.due_time(1000.0);
   EXPECT_LE(due, Pacer::Clock::now());
 }
 
 TEST(Pacer, SpacesSimulatedTimeByTheFactor) {
   Pacer pacer(2.0);
-  const auto first = pacer.due(10.0);
-  EXPECT_NEAR(std::chrono::duration<double>(pacer.due(14.0) - first).count(), 2.0, 1e-9);
-  EXPECT_NEAR(std::chrono::duration<double>(pacer.due(30.0) - first).count(), 10.0, 1e-9);
+  const auto first = pacer.due_time(10.0);
+  EXPECT_NEAR(std::chrono::duration<double>(pacer.due_time(14.0) - first).count(), 2.0, 1e-9);
+  EXPECT_NEAR(std::chrono::duration<double>(pacer.due_time(30.0) - first).count(), 10.0, 1e-9);
 }
 
 TEST(Pacer, DoesNotCatchUpAfterARestart) {
   Pacer pacer(1.0);
-  (void)pacer.due(0.0);
+  (void)pacer.due_time(0.0);
   pacer.restart();
   const auto now = Pacer::Clock::now();
-  EXPECT_LT(pacer.due(5.0) - now, 1s);
+  EXPECT_LT(pacer.due_time(5.0) - now, 1s);
 }

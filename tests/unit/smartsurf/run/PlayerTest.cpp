@@ -1,4 +1,4 @@
-#include "smartsurf/run/Player.h"
+#include "smartsurf/run/replay/Player.h"
 
 #include <gtest/gtest.h>
 
@@ -29,20 +29,20 @@ TEST(Player, FollowsTheClockAtItsPaceAndPausesAtTheEnd) {
   player.advance(9.0);
   EXPECT_EQ(player.frame(), 4u);
   EXPECT_TRUE(player.paused());
-  player.obey(toggle());
+  player.apply(toggle());
   EXPECT_EQ(player.frame(), 0u) << "running on from the end begins anew";
 }
 
 TEST(Player, StepsBackAndForthPauseAndStopAtTheEnds) {
   Player player(kTime, 1.0);
-  player.obey(steps(2));
+  player.apply(steps(2));
   EXPECT_EQ(player.frame(), 2u);
   EXPECT_TRUE(player.paused());
-  player.obey(steps(-1));
+  player.apply(steps(-1));
   EXPECT_EQ(player.frame(), 1u);
-  player.obey(steps(-5));
+  player.apply(steps(-5));
   EXPECT_EQ(player.frame(), 0u);
-  player.obey(steps(50));
+  player.apply(steps(50));
   EXPECT_EQ(player.frame(), 4u);
 }
 
@@ -50,13 +50,13 @@ TEST(Player, SeeksAndThenGoesOnFromThere) {
   Player player(kTime, 1.0);
   view::Commands commands;
   commands.seek = 3;
-  player.obey(commands);
+  player.apply(commands);
   EXPECT_EQ(player.frame(), 3u);
   EXPECT_FALSE(player.paused());
   player.advance(0.05);
   EXPECT_EQ(player.frame(), 3u);
   commands.seek = 99;
-  player.obey(commands);
+  player.apply(commands);
   EXPECT_EQ(player.frame(), 4u);
 }
 

@@ -24,11 +24,11 @@ class SimulationTest : public testing::Test {
   static void tick(run::Simulation& s) {
     s.run_script();
     for (int i = 0; i < s.scene().world.steps_per_tick(); ++i) {
-      s.plan_cells();
+      s.plan_actuators();
       s.step_physics();
-      s.move_cells();
+      s.commit_actuators();
     }
-    s.look();
+    s.finish_tick();
     s.sense();
   }
 };
@@ -48,14 +48,14 @@ at(0.2, function() object(id):push { force = {100, 0, 0}, seconds = 0.5 } end)
 at(1.0, function() object(other):remove() end)
 )");
   run::Simulation s(experiment, 1, true);
-  EXPECT_EQ(s.snapshot().objects(), 1u);
+  EXPECT_EQ(s.snapshot().object_count(), 1u);
   for (int i = 0; i < 8; ++i) tick(s);
-  EXPECT_EQ(s.snapshot().objects(), 2u);
+  EXPECT_EQ(s.snapshot().object_count(), 2u);
   EXPECT_EQ(s.catalogue()[1].label, "b");
   for (int i = 0; i < 30; ++i) tick(s);
   EXPECT_GT(s.snapshot().velocity[0][0], 1.0F);
   for (int i = 0; i < 30; ++i) tick(s);
-  EXPECT_EQ(s.snapshot().objects(), 1u);
+  EXPECT_EQ(s.snapshot().object_count(), 1u);
   EXPECT_EQ(s.snapshot().id[0], 0u);
   EXPECT_EQ(s.catalogue().size(), 2u);
 }
@@ -116,8 +116,8 @@ at(0.5, function() assert(#gone == 1 and gone[1] == rolls and object(stays):aliv
 )");
     run::Simulation s(experiment, 1, true);
     for (int i = 0; i < 36; ++i) tick(s);
-    EXPECT_EQ(s.snapshot().objects(), remove ? 1U : 2U);
-    EXPECT_EQ(s.table().left_so_far(), 1U);
-    EXPECT_EQ(s.table().off(), remove ? 0U : 1U);
+    EXPECT_EQ(s.snapshot().object_count(), remove ? 1U : 2U);
+    EXPECT_EQ(s.departures().total_departures(), 1U);
+    EXPECT_EQ(s.departures().off_table_count(), remove ? 0U : 1U);
   }
 }

@@ -1,4 +1,4 @@
-#include "smartsurf/run/Stats.h"
+#include "smartsurf/run/output/Stats.h"
 
 #include <gtest/gtest.h>
 

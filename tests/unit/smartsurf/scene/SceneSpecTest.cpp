@@ -36,16 +36,16 @@ TEST(WorldSpec, CountsStepsInATick) {
 
 TEST(WorldSpec, ProblemsNameTheField) {
   WorldSpec w;
-  EXPECT_EQ(problem_with(w), "");
+  EXPECT_EQ(validate(w), "");
   w.gravity.y() = kNan;
-  EXPECT_EQ(problem_with(w), "world.gravity[2] = nan: must be in [-1000000, 1000000]");
+  EXPECT_EQ(validate(w), "world.gravity[2] = nan: must be in [-1000000, 1000000]");
   w = {};
   w.dt_s = -0.5;
-  EXPECT_EQ(problem_with(w), "world.dt = -0.5: must be in [1e-05, 0.1] seconds");
+  EXPECT_EQ(validate(w), "world.dt = -0.5: must be in [1e-05, 0.1] seconds");
   w = {};
   w.dt_s = 0.01;
   w.control_period_s = 0.015;
-  EXPECT_EQ(problem_with(w),
+  EXPECT_EQ(validate(w),
             "world.control_period = 0.015: must be an integer number of physics steps, world.dt = 0.01");
 }
 
@@ -54,7 +54,7 @@ TEST(SurfaceSpec, IndexAndCentreAgreeWithTheConvention) {
   s.rows = 3;
   s.columns = 5;
   s.pitch = 2.0;
-  EXPECT_EQ(s.cells(), 15);
+  EXPECT_EQ(s.cell_count(), 15);
   EXPECT_EQ(s.index(1, 2), 7);
   EXPECT_EQ(s.centre(2, 0), Eigen::Vector2d(0, 0));  // the south-west cell is the origin
   EXPECT_EQ(s.centre(0, 4), Eigen::Vector2d(8, 4));
@@ -64,53 +64,52 @@ TEST(SurfaceSpec, IndexAndCentreAgreeWithTheConvention) {
 
 TEST(SurfaceSpec, ProblemsNameTheField) {
   SurfaceSpec s;
-  EXPECT_EQ(problem_with(s), "");
+  EXPECT_EQ(validate(s), "");
   s.pin.top_x = 1.5;
-  EXPECT_EQ(problem_with(s), "pin.top[1] = 1.5: must be in [0.001, pitch], the pitch is 1");
+  EXPECT_EQ(validate(s), "pin.top[1] = 1.5: must be in [0.001, pitch], the pitch is 1");
   s = {};
   s.pin.max_height = kInfinity;
-  EXPECT_EQ(problem_with(s), "pin.range[2] = inf: must be in [-1000000, 1000000]");
+  EXPECT_EQ(validate(s), "pin.range[2] = inf: must be in [-1000000, 1000000]");
   s = {};
   s.columns = 5000;
-  EXPECT_EQ(problem_with(s), "surface.columns = 5000: must be 1 to 4096");
+  EXPECT_EQ(validate(s), "surface.columns = 5000: must be 1 to 4096");
   s = {};
-  s.sensors.push_back(find_sensor_kind("proximity")->standard());
+  s.sensors.push_back(find_sensor_kind("proximity")->default_spec());
   s.sensors[0].values["range"] = {-1.0};
-  EXPECT_EQ(problem_with(s), "proximity.range = -1: must be greater than 0");
+  EXPECT_EQ(validate(s), "proximity.range = -1: must be greater than 0");
   s = {};
   s.border_height = kNan;
-  EXPECT_EQ(problem_with(s), "border.height = nan: must be in [-1000000, 1000000]");
+  EXPECT_EQ(validate(s), "border.height = nan: must be in [-1000000, 1000000]");
 }
 
 TEST(SurfaceSpec, TheChannelsOfAllSensorsHaveNamesOfTheirOwn) {
   SurfaceSpec s;
-  const SensorSpec proximity = find_sensor_kind("proximity")->standard();
+  const SensorSpec proximity = find_sensor_kind("proximity")->default_spec();
   s.sensors = {proximity, proximity};
   s.sensors[0].name = "a";
   s.sensors[1].name = "b";
   EXPECT_EQ(s.sensor_channels(), (std::vector<std::string>{"a", "a_hit", "b", "b_hit"}));
-  EXPECT_EQ(problem_with(s), "");
+  EXPECT_EQ(validate(s), "");
   s.sensors[1].name = "a";
-  EXPECT_EQ(problem_with(s), "surface.sensors: two channels are called 'a': give a sensor another name");
+  EXPECT_EQ(validate(s), "surface.sensors: two channels are called 'a': give a sensor another name");
   s.sensors[1].name = "b c";
-  EXPECT_EQ(problem_with(s),
-            "surface.sensors: channel 'b c': must be 1 to 31 letters, digits, '_', '.' and '-'");
+  EXPECT_EQ(validate(s), "surface.sensors: channel 'b c': must be 1 to 31 letters, digits, '_', '.' and '-'");
   s.sensors.assign(16, proximity);
-  EXPECT_EQ(problem_with(s),
+  EXPECT_EQ(validate(s),
             "surface.sensors: 32 sensor channels beside 1 of actuators: must be at most 32 together");
 }
 
 TEST(Material, ProblemsNameTheField) {
   Material m;
-  EXPECT_EQ(problem_with(m), "");
+  EXPECT_EQ(validate(m), "");
   m.friction = kNan;
-  EXPECT_EQ(problem_with(m), "material.friction = nan: must be in [0, 1000000]");
+  EXPECT_EQ(validate(m), "material.friction = nan: must be in [0, 1000000]");
   m = {};
   m.density = 0.0;
-  EXPECT_EQ(problem_with(m), "material.density = 0: must be in [1e-09, 1000000]");
+  EXPECT_EQ(validate(m), "material.density = 0: must be in [1e-09, 1000000]");
   m = {};
   m.name = "";
-  EXPECT_EQ(problem_with(m), "material.name is missing");
+  EXPECT_EQ(validate(m), "material.name is missing");
 }
 
 TEST(ObjectSpec, VolumesAndExtentsAreThoseOfTheShapes) {
@@ -130,22 +129,22 @@ TEST(ObjectSpec, VolumesAndExtentsAreThoseOfTheShapes) {
 
 TEST(ObjectSpec, ProblemsNameTheField) {
   ObjectSpec o;
-  EXPECT_EQ(problem_with(o), "");
+  EXPECT_EQ(validate(o), "");
   o.radius = kNan;
-  EXPECT_EQ(problem_with(o), "radius = nan: must be in [0.001, 1000000]");
+  EXPECT_EQ(validate(o), "radius = nan: must be in [0.001, 1000000]");
   o = {};
   o.position.z() = -kInfinity;
-  EXPECT_EQ(problem_with(o), "position[3] = -inf: must be in [-1000000, 1000000]");
+  EXPECT_EQ(validate(o), "position[3] = -inf: must be in [-1000000, 1000000]");
   o = {};
   o.orientation.coeffs().setZero();
-  EXPECT_EQ(problem_with(o), "orientation: must be a rotation");
+  EXPECT_EQ(validate(o), "orientation: must be a rotation");
   o = {};
   o.mass = -1.0;
-  EXPECT_EQ(problem_with(o), "mass = -1: must be in [1e-09, 1e+12]");
+  EXPECT_EQ(validate(o), "mass = -1: must be in [1e-09, 1e+12]");
   o = {};
   o.shape = ShapeKind::kBox;
   o.size.x() = 0.0;
-  EXPECT_EQ(problem_with(o), "size[1] = 0: must be in [0.001, 1000000]");
+  EXPECT_EQ(validate(o), "size[1] = 0: must be in [0.001, 1000000]");
 }
 
 }  // namespace

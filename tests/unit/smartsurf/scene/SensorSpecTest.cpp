@@ -11,9 +11,9 @@ using namespace smartsurf::scene;
 namespace {
 
 std::string problem(const std::string& model, const ParameterValues& values) {
-  SensorSpec spec = find_sensor_kind(model)->standard();
+  SensorSpec spec = find_sensor_kind(model)->default_spec();
   for (const auto& [name, value] : values) spec.values[name] = value;
-  return find_sensor_kind(model)->problem_with(spec);
+  return find_sensor_kind(model)->validate(spec);
 }
 
 }  // namespace
@@ -21,14 +21,14 @@ std::string problem(const std::string& model, const ParameterValues& values) {
 TEST(SensorKind, EveryBuiltInOneIsGoodAsItStands) {
   ASSERT_GE(sensor_kinds().size(), 6u);
   for (const SensorKind& kind : sensor_kinds()) {
-    EXPECT_EQ(kind.problem_with(kind.standard()), "");
-    const std::vector<SensorChannel> channels = kind.channels(kind.standard());
+    EXPECT_EQ(kind.validate(kind.default_spec()), "");
+    const std::vector<SensorChannel> channels = kind.channels(kind.default_spec());
     ASSERT_FALSE(channels.empty());
     EXPECT_EQ(channels[0].name, kind.name);
-    EXPECT_LT(kind.mask, static_cast<int>(channels.size()));
+    EXPECT_LT(kind.mask_channel, static_cast<int>(channels.size()));
     for (const SensorChannel& c : channels) {
       EXPECT_LT(c.minimum, c.maximum) << c.name;
-      EXPECT_TRUE(c.none >= c.minimum && c.none <= c.maximum) << c.name;
+      EXPECT_TRUE(c.no_detection >= c.minimum && c.no_detection <= c.maximum) << c.name;
       EXPECT_TRUE(c.components >= 1 && c.components <= 64) << c.name;
       EXPECT_LE(c.unit.size(), 15u) << c.name;
     }
@@ -57,9 +57,10 @@ TEST(SensorKind, OneMayBeAddedOrReplaced) {
                      return {{.name = s.name}};
                    }});
   ASSERT_EQ(sensor_kinds().size(), count + 1);
-  EXPECT_EQ(channels_of(std::vector<SensorSpec>{find_sensor_kind("smell")->standard()})[0].name, "smell");
-  add_sensor_kind({.name = "smell", .mask = 3});
+  EXPECT_EQ(collect_channels(std::vector<SensorSpec>{find_sensor_kind("smell")->default_spec()})[0].name,
+            "smell");
+  add_sensor_kind({.name = "smell", .mask_channel = 3});
   EXPECT_EQ(sensor_kinds().size(), count + 1);
-  EXPECT_EQ(find_sensor_kind("smell")->mask, 3);
+  EXPECT_EQ(find_sensor_kind("smell")->mask_channel, 3);
   EXPECT_EQ(find_sensor_kind("taste"), nullptr);
 }

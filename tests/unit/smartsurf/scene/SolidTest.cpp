@@ -6,40 +6,40 @@ namespace smartsurf::scene {
 namespace {
 
 // A pyramid on a square, its tip over one corner: five corners, five faces.
-ConvexPiece pyramid() {
-  return make_piece({{0, 0, 0}, {2, 0, 0}, {2, 2, 0}, {0, 2, 0}, {0, 0, 2}},
-                    {0, 3, 2, 1, 0, 1, 4, 1, 2, 4, 2, 3, 4, 3, 0, 4},
-                    std::vector<std::uint32_t>{4, 3, 3, 3, 3});
+ConvexHull pyramid() {
+  return make_convex_hull({{0, 0, 0}, {2, 0, 0}, {2, 2, 0}, {0, 2, 0}, {0, 0, 2}},
+                          {0, 3, 2, 1, 0, 1, 4, 1, 2, 4, 2, 3, 4, 3, 0, 4},
+                          std::vector<std::uint32_t>{4, 3, 3, 3, 3});
 }
 
 TEST(ConvexPiece, HasTheFacesItWasMadeFrom) {
-  const ConvexPiece p = pyramid();
+  const ConvexHull p = pyramid();
   ASSERT_EQ(p.faces.size(), 5U);
   EXPECT_EQ(p.faces[0].normal, Eigen::Vector3f(0, 0, -1));
   EXPECT_EQ(p.faces[0].offset, 0.0F);
-  EXPECT_EQ(p.faces[0].count, 4U);
-  EXPECT_EQ(p.faces[2].first, 7U);
+  EXPECT_EQ(p.faces[0].vertex_count, 4U);
+  EXPECT_EQ(p.faces[2].first_vertex, 7U);
   EXPECT_LT((p.faces[2].normal - Eigen::Vector3f(1, 0, 1).normalized()).norm(), 1e-6F);
   EXPECT_NEAR(p.faces[2].offset, std::sqrt(2.0F), 1e-6F);
 }
 
 TEST(ConvexPiece, ListsEachEdgeOnceAndParallelOnesAsOneDirection) {
-  const ConvexPiece p = pyramid();
+  const ConvexHull p = pyramid();
   EXPECT_EQ(p.edges.size(), 8U);
   for (const auto& [a, b] : p.edges) EXPECT_LT(a, b);
-  EXPECT_EQ(p.edge_directions.size(), 6U) << "the square's sides are two directions";
-  EXPECT_EQ(p.face_normals.size(), 5U);
-  EXPECT_EQ(p.low, Eigen::Vector3f(0, 0, 0));
-  EXPECT_EQ(p.high, Eigen::Vector3f(2, 2, 2));
+  EXPECT_EQ(p.unique_edge_directions.size(), 6U) << "the square's sides are two directions";
+  EXPECT_EQ(p.unique_normals.size(), 5U);
+  EXPECT_EQ(p.bounds_min, Eigen::Vector3f(0, 0, 0));
+  EXPECT_EQ(p.bounds_max, Eigen::Vector3f(2, 2, 2));
 }
 
 TEST(Solid, ItsBoundsAreThoseOfItsVertices) {
   Solid solid;
   solid.vertices = {{1, -2, 0}, {-3, 0, 4}, {0, 1, -1}};
-  set_bounds(solid);
-  EXPECT_EQ(solid.low, Eigen::Vector3f(-3, -2, -1));
-  EXPECT_EQ(solid.high, Eigen::Vector3f(1, 1, 4));
-  EXPECT_EQ(solid.reach, 5.0F);
+  compute_bounds(solid);
+  EXPECT_EQ(solid.bounds_min, Eigen::Vector3f(-3, -2, -1));
+  EXPECT_EQ(solid.bounds_max, Eigen::Vector3f(1, 1, 4));
+  EXPECT_EQ(solid.bounding_radius, 5.0F);
 }
 
 }  // namespace

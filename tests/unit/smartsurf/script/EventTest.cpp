@@ -1,5 +1,5 @@
 #include "ScriptFixture.h"
-#include "smartsurf/script/Schedule.h"
+#include "smartsurf/script/EventQueue.h"
 
 namespace smartsurf::script {
 namespace {
@@ -11,35 +11,35 @@ class EventTest : public ScriptTest {
   // Loads, starts and runs ticks 0 to `last`.
   void run(const std::string& text, std::uint64_t last) {
     experiment.emplace(load_on_surface(text));
-    host.emplace(experiment->scene());
-    experiment->start(*host);
+    simulation.emplace(experiment->scene());
+    experiment->start(*simulation);
     run_ticks(*experiment, 0, last);
   }
   std::optional<Experiment> experiment;
-  std::optional<FakeHost> host;
+  std::optional<FakeSimulation> simulation;
 };
 
 TEST(ScheduleTest, RunsInOrderOfTimeThenOfRegistration) {
-  Schedule s;
-  s.at(2.0, 1);
-  s.at(1.0, 2);
-  s.every(0.0, 1.0, 3);
-  s.at(1.0, 4);
+  EventQueue s;
+  s.schedule_at(2.0, 1);
+  s.schedule_at(1.0, 2);
+  s.schedule_every(0.0, 1.0, 3);
+  s.schedule_at(1.0, 4);
   std::vector<int> ran;
-  s.run_due(1.5, [&](const Event& e) { return ran.push_back(e.callback), true; });
+  s.run_due(1.5, [&](const TimedEvent& e) { return ran.push_back(e.callback), true; });
   EXPECT_EQ(ran, (std::vector<int>{2, 3, 4}));
-  s.run_due(3.0, [&](const Event& e) { return ran.push_back(e.callback), true; });
+  s.run_due(3.0, [&](const TimedEvent& e) { return ran.push_back(e.callback), true; });
   EXPECT_EQ(ran, (std::vector<int>{2, 3, 4, 1, 3, 3}));
   EXPECT_EQ(s.size(), 1u);
 }
 
 TEST(ScheduleTest, WhatIsRegisteredMeanwhileWaits) {
-  Schedule s;
+  EventQueue s;
   int calls = 0;
-  s.at(0.0, 0);
-  const auto again = [&](const Event&) {
+  s.schedule_at(0.0, 0);
+  const auto again = [&](const TimedEvent&) {
     ++calls;
-    s.at(0.0, 0);
+    s.schedule_at(0.0, 0);
     return false;
   };
   s.run_due(0.0, again);
@@ -73,7 +73,7 @@ TEST_F(EventTest, AClockThatSumsUpItsStepsDelaysNothing) {
   Experiment e = load_on_surface(
       "count = 0; every(0.1, function(t, n) count = count + 1; assert(n == 6 * count) end) "
       "on_finish(function() print(count) end)");
-  FakeHost fake(e.scene());
+  FakeSimulation fake(e.scene());
   e.start(fake);
   double t_s = 0.0;
   for (std::uint64_t tick = 0; tick <= 60000; ++tick, t_s += 1.0 / 60.0) e.tick(t_s, tick);
@@ -126,11 +126,11 @@ TEST_F(EventTest, ATimeThatIsOverIsRefused) {
 }
 
 TEST_F(EventTest, HasEventsSaysWhetherTheScriptIsEverCalled) {
-  EXPECT_FALSE(load_on_surface("sphere{radius = 1, position = {0, 0, 9}}").has_events());
-  EXPECT_TRUE(load_on_surface("at(1, print)").has_events());
-  EXPECT_TRUE(load_on_surface("every(1, print)").has_events());
-  EXPECT_TRUE(load_on_surface("on_tick(print)").has_events());
-  EXPECT_TRUE(load_on_surface("on_finish(print)").has_events());
+  EXPECT_FALSE(load_on_surface("sphere{radius = 1, position = {0, 0, 9}}").has_callbacks());
+  EXPECT_TRUE(load_on_surface("at(1, print)").has_callbacks());
+  EXPECT_TRUE(load_on_surface("every(1, print)").has_callbacks());
+  EXPECT_TRUE(load_on_surface("on_tick(print)").has_callbacks());
+  EXPECT_TRUE(load_on_surface("on_finish(print)").has_callbacks());
 }
 
 TEST_F(EventTest, ObjectsAreSpawnedReadMovedPushedAndRemoved) {
@@ -158,14 +158,14 @@ TEST_F(EventTest, ObjectsAreSpawnedReadMovedPushedAndRemoved) {
   EXPECT_EQ(printed,
             "0\t1\t1\tobject 1\tbig\ttrue\tfalse\ttrue\n1.0\t2.0\t3.0\n4.0\t5.0\t6.0\n0.0\t0.0\t1.0\t0.0\n"
             "0.0\t0.0\t2.0\n0.0\t0.0\t5.0\n2\t1\t1\t0\nfalse\n");
-  EXPECT_EQ(host->log,
+  EXPECT_EQ(simulation->log,
             (Log{"spawn 1", "push 1 1 0 0 at centre for 0.0166667", "push 1 0 2 0 at centre for 0.0166667",
                  "push 1 1 0 0 at  7  8 10 for 0.5", "place 1", "remove 0"}));
 }
 
 TEST_F(EventTest, CellsCountFromOneInLuaAndFromZeroForTheHost) {
   run("at(0, function() cells:target('height', 1, 6, 2.5) print(cells:sense('proximity', 4, 2)) end)", 0);
-  EXPECT_EQ(host->log, (Log{"target height 0 5 2.5"}));
+  EXPECT_EQ(simulation->log, (Log{"target height 0 5 2.5"}));
   EXPECT_EQ(printed, "90301.0\n");
 }
 
@@ -176,14 +176,14 @@ TEST_F(EventTest, TargetsTakesAListOrRows) {
   std::vector<float> expected;
   for (int i = 1; i <= 24; ++i) expected.push_back(static_cast<float>(i));
   run("at(0, function() " + list + "cells:targets('height', v) end)", 0);
-  EXPECT_EQ(host->last_targets, expected);
+  EXPECT_EQ(simulation->last_targets, expected);
   run("at(0, function() " + rows + "cells:targets('height', w) end)", 0);
-  EXPECT_EQ(host->last_targets, expected);
+  EXPECT_EQ(simulation->last_targets, expected);
 }
 
 TEST_F(EventTest, ProcessControl) {
   run("pace('max') pause() at(0, function() pace(2) pace('realtime') pause() stop() quit() end)", 0);
-  EXPECT_EQ(host->log, (Log{"pace max", "pause", "pace 2", "pace 1", "pause", "stop", "quit"}));
+  EXPECT_EQ(simulation->log, (Log{"pace max", "pause", "pace 2", "pace 1", "pause", "stop", "quit"}));
 }
 
 }  // namespace

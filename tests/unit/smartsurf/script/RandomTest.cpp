@@ -20,25 +20,25 @@ TEST(Random, StaysInItsBounds) {
   Random r(3);
   double lowest = 1.0, highest = 0.0;
   for (int i = 0; i < 100000; ++i) {
-    const double v = r.between(-2.0, 3.0);
+    const double v = r.uniform(-2.0, 3.0);
     ASSERT_GE(v, -2.0);
     ASSERT_LT(v, 3.0);
     lowest = std::min(lowest, v), highest = std::max(highest, v);
   }
   EXPECT_LT(lowest, -1.999);
   EXPECT_GT(highest, 2.999);
-  EXPECT_EQ(r.between(5.0, 5.0), 5.0);
-  const double big = r.between(-1e308, 1e308);
+  EXPECT_EQ(r.uniform(5.0, 5.0), 5.0);
+  const double big = r.uniform(-1e308, 1e308);
   EXPECT_TRUE(big >= -1e308 && big <= 1e308);
 }
 
 TEST(Random, IntegersAreEvenlySpread) {
   Random r(9);
   std::array<int, 6> counts{};
-  for (int i = 0; i < 60000; ++i) ++counts[static_cast<std::size_t>(r.integer(1, 6) - 1)];
+  for (int i = 0; i < 60000; ++i) ++counts[static_cast<std::size_t>(r.uniform_integer(1, 6) - 1)];
   for (const int count : counts) EXPECT_NEAR(count, 10000, 400);
-  EXPECT_EQ(r.integer(-4, -4), -4);
-  r.integer(INT64_MIN, INT64_MAX);
+  EXPECT_EQ(r.uniform_integer(-4, -4), -4);
+  r.uniform_integer(INT64_MIN, INT64_MAX);
 }
 
 class ScriptRandomTest : public ScriptTest {

@@ -114,8 +114,8 @@ class BudgetTest : public ScriptTest {
     ScriptTest::SetUp();
     options.load_budget = options.callback_budget = 200'000;
   }
-  std::string over(const char* place) {
-    return std::string(place) + ": the script ran for more than 200000 instructions: an endless loop?";
+  std::string over(const char* location) {
+    return std::string(location) + ": the script ran for more than 200000 instructions: an endless loop?";
   }
 };
 
@@ -163,19 +163,19 @@ TEST_F(BudgetTest, LoopsInsideTheLibraryCount) {
 
 TEST_F(BudgetTest, EveryCallHasItsOwn) {
   Experiment e = load_on_surface("on_tick(function() for i = 1, 60000 do end end)");
-  FakeHost host(e.scene());
-  e.start(host);
+  FakeSimulation simulation(e.scene());
+  e.start(simulation);
   run_ticks(e, 0, 50);
 }
 
 TEST_F(SandboxTest, MemoryIsBounded) {
-  options.memory_bytes = 8 << 20;
+  options.memory_limit = 8 << 20;
   const std::string message = ": the script needs more than 8 MiB of memory";
   EXPECT_EQ(error_of("local t = {}\nfor i = 1, 1e9 do\nt[i] = 'text ' .. i end"), "t.lua:3" + message);
   EXPECT_EQ(error_of("\nlocal s = string.rep('x', 1 << 24)"), "t.lua:2" + message);
-  options.memory_bytes = 1000;
+  options.memory_limit = 1000;
   EXPECT_EQ(error_of("surface{}"), "t.lua: the memory for scripts is too small to start one");
-  options.memory_bytes = 12000;
+  options.memory_limit = 12000;
   EXPECT_EQ(error_of("surface{}").substr(0, 31), "t.lua: the script needs more th");
 }
 

@@ -17,9 +17,9 @@
 
 namespace smartsurf::script {
 
-class FakeHost : public Host {
+class FakeSimulation : public SimulationInterface {
  public:
-  explicit FakeHost(const scene::SceneSpec& spec) {
+  explicit FakeSimulation(const scene::SceneSpec& spec) {
     for (const auto& object : spec.objects) spawn(object);
     log.clear();
   }
@@ -34,24 +34,24 @@ class FakeHost : public Host {
     objects_.erase(id);
     note() << "remove " << id;
   }
-  bool alive(scene::ObjectId id) const override { return objects_.contains(id); }
+  bool is_alive(scene::ObjectId id) const override { return objects_.contains(id); }
   ObjectState state(scene::ObjectId id) const override {
     const auto& o = objects_.at(id);
     return {o.position, o.orientation, o.velocity, o.angular_velocity};
   }
   std::string label(scene::ObjectId id) const override { return objects_.at(id).label; }
-  std::vector<scene::ObjectId> objects(const std::optional<std::string>& label) const override {
+  std::vector<scene::ObjectId> find_objects(const std::optional<std::string>& label) const override {
     std::vector<scene::ObjectId> ids;
     for (const auto& [id, object] : objects_)
       if (!label || object.label == *label) ids.push_back(id);
     return ids;
   }
-  void push(scene::ObjectId id, const Eigen::Vector3d& f, const std::optional<Eigen::Vector3d>& p,
-            double s) override {
+  void apply_force(scene::ObjectId id, const Eigen::Vector3d& f, const std::optional<Eigen::Vector3d>& p,
+                   double s) override {
     note() << "push " << id << " " << f.transpose() << " at "
            << (p ? (std::ostringstream() << p->transpose()).str() : "centre") << " for " << s;
   }
-  void place(scene::ObjectId id, const Placement& p) override {
+  void set_state(scene::ObjectId id, const ObjectStateUpdate& p) override {
     auto& o = objects_.at(id);
     if (p.position) o.position = *p.position;
     if (p.orientation) o.orientation = *p.orientation;
@@ -59,12 +59,12 @@ class FakeHost : public Host {
     if (p.angular_velocity) o.angular_velocity = *p.angular_velocity;
     note() << "place " << id;
   }
-  void target(const std::string& channel, int row, int column, float value) override {
+  void set_target(const std::string& channel, int row, int column, float value) override {
     if (controller_attached)
       throw scene::InputError("cells:target: a controller is attached and sets the targets");
     note() << "target " << channel << " " << row << " " << column << " " << value;
   }
-  void targets(const std::string& channel, std::span<const float> values) override {
+  void set_targets(const std::string& channel, std::span<const float> values) override {
     last_targets.assign(values.begin(), values.end());
     note() << "targets " << channel << " " << values.size();
   }
@@ -72,7 +72,7 @@ class FakeHost : public Host {
     return static_cast<float>(channel.size() * 10000) + static_cast<float>(row * 100 + column) +
            0.25F * static_cast<float>(component);
   }
-  float truth(const std::string& channel, int row, int column, int component) const override {
+  float read_ground_truth(const std::string& channel, int row, int column, int component) const override {
     return -sense(channel, row, column, component);
   }
   void stop() override { note() << "stop"; }
@@ -81,7 +81,7 @@ class FakeHost : public Host {
     if (broken) throw std::runtime_error("the pipe burst");
     note() << "pause";
   }
-  void pace(std::optional<double> factor) override {
+  void set_real_time_factor(std::optional<double> factor) override {
     if (factor)
       note() << "pace " << *factor;
     else
@@ -113,7 +113,7 @@ class ScriptTest : public testing::Test {
              (std::string(info->test_suite_name()) + "." + info->name());
     std::filesystem::remove_all(folder);
     std::filesystem::create_directories(folder);
-    options.print = [this](std::string_view text) { printed += text; };
+    options.print_output = [this](std::string_view text) { printed += text; };
   }
   void TearDown() override { std::filesystem::remove_all(folder.parent_path()); }
 
@@ -135,8 +135,8 @@ class ScriptTest : public testing::Test {
   std::string run_error_of(const std::string& body) {
     return caught([&] {
       Experiment e = load_on_surface("at(0, function() " + body + "\nend)");
-      FakeHost host(e.scene());
-      e.start(host);
+      FakeSimulation simulation(e.scene());
+      e.start(simulation);
       e.tick(0.0, 0);
     });
   }

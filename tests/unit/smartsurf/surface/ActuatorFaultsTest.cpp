@@ -28,7 +28,7 @@ std::vector<float> heights(const scene::SurfaceSpec& s, float target, std::uint6
   const surface::FaultMap map =
       csv.empty() ? surface::FaultMap() : surface::FaultMap({"faults.csv", csv}, s.rows, s.columns);
   surface::ActuatorArray cells(s, map, seed);
-  cells.set_targets(0, std::vector<float>(static_cast<std::size_t>(s.cells()), target));
+  cells.set_targets(0, std::vector<float>(static_cast<std::size_t>(s.cell_count()), target));
   for (int i = 0; i < 60; ++i) {
     cells.begin_tick();
     cells.plan(kDt);
@@ -62,7 +62,7 @@ const std::string kHeader = "row,column,channel,fault,value\n";
 
 TEST(ActuatorFaults, HitTheAskedShareOfTheCells) {
   scene::SurfaceSpec s = pins(20, 20);
-  s.faults.actuator.dead = 0.05;
+  s.faults.actuator.dead_fraction = 0.05;
   EXPECT_EQ(others(heights(s, 4), 4).size(), 20u);
   s.faults.actuator.weak_fraction = 0.1;
   s.faults.actuator.weak_gain = 0.5;
@@ -73,11 +73,11 @@ TEST(ActuatorFaults, HitTheAskedShareOfTheCells) {
 
 TEST(ActuatorFaults, FollowTheSeedAndGrowWithTheShare) {
   scene::SurfaceSpec s = pins(20, 20);
-  s.faults.actuator.stuck = 0.1;
+  s.faults.actuator.stuck_fraction = 0.1;
   const auto some = others(heights(s, 4), 4);
   EXPECT_EQ(heights(s, 4), heights(s, 4));
   EXPECT_NE(some, others(heights(s, 4, 2), 4));
-  s.faults.actuator.stuck = 0.2;
+  s.faults.actuator.stuck_fraction = 0.2;
   const auto more = others(heights(s, 4), 4);
   EXPECT_EQ(more.size(), 80u);
   EXPECT_TRUE(std::ranges::includes(more, some));
@@ -85,7 +85,7 @@ TEST(ActuatorFaults, FollowTheSeedAndGrowWithTheShare) {
 
 TEST(ActuatorFaults, StuckCellsStandSomewhereInTheRangeFromTheBeginning) {
   scene::SurfaceSpec s = pins(20, 20);
-  s.faults.actuator.stuck = 1.0;
+  s.faults.actuator.stuck_fraction = 1.0;
   const surface::ActuatorArray cells(s);
   const auto [low, high] = std::ranges::minmax(cells.field().height);
   EXPECT_GE(low, 1.0F);
@@ -95,7 +95,7 @@ TEST(ActuatorFaults, StuckCellsStandSomewhereInTheRangeFromTheBeginning) {
 
 TEST(ActuatorFaults, LatencyDelaysEveryCell) {
   scene::SurfaceSpec s = pins(1, 1);
-  s.faults.actuator.latency = 2;
+  s.faults.actuator.latency_ticks = 2;
   surface::ActuatorArray cells(s);
   std::vector<float> seen;
   for (int tick = 0; tick < 5; ++tick) {

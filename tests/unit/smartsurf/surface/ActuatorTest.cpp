@@ -4,8 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "common/ThreadPool.h"
 #include "smartsurf/surface/ActuatorArray.h"
-#include "smartsurf/surface/WorkerPool.h"
 
 using namespace smartsurf;
 
@@ -15,9 +15,9 @@ constexpr double kDt = 1.0 / 240;
 constexpr auto kPi = static_cast<float>(std::numbers::pi);
 
 scene::ActuatorSpec actuator(const std::string& model, const scene::ParameterValues& values = {}) {
-  scene::ActuatorSpec spec = scene::find_actuator_kind(model)->standard();
+  scene::ActuatorSpec spec = scene::find_actuator_kind(model)->default_spec();
   for (const auto& [name, value] : values) spec.values[name] = value;
-  EXPECT_EQ(scene::find_actuator_kind(model)->problem_with(spec), "");
+  EXPECT_EQ(scene::find_actuator_kind(model)->validate(spec), "");
   return spec;
 }
 
@@ -26,7 +26,7 @@ scene::SurfaceSpec surface_of(std::vector<scene::ActuatorSpec> actuators, int ro
   s.rows = rows;
   s.columns = columns;
   s.actuators = std::move(actuators);
-  fit_body(s);
+  derive_pin_spec(s);
   return s;
 }
 
@@ -47,11 +47,12 @@ class Cells {
   surface::Wrench wrench(const scene::ObjectSpec& object, const Eigen::Vector3f& at,
                          const Eigen::Vector3f& velocity = Eigen::Vector3f::Zero(), float mass = 1.0F) {
     const scene::ObjectId id = 0;
-    const Eigen::Quaternionf upright = Eigen::Quaternionf::Identity();
+    const Eigen::Quaternionf vertical = Eigen::Quaternionf::Identity();
     const Eigen::Vector3f still = Eigen::Vector3f::Zero();
-    const surface::Bodies bodies{{&id, 1}, {&at, 1}, {&upright, 1}, {&velocity, 1}, {&still, 1}, {&mass, 1}};
+    const surface::BodyView bodies{{&id, 1},       {&at, 1},    {&vertical, 1},
+                                   {&velocity, 1}, {&still, 1}, {&mass, 1}};
     surface::Wrench w;
-    array.forces(kDt, bodies, {&object, 1}, {&w, 1});
+    array.add_forces(kDt, bodies, {&object, 1}, {&w, 1});
     return w;
   }
   const surface::Field& field() const { return array.field(); }
@@ -70,7 +71,7 @@ scene::ObjectSpec box(double x, double y, double z) {
 std::vector<float> wave_of_pins(const scene::ParameterValues& drive, int threads) {
   scene::SurfaceSpec s = surface_of({actuator("pin", drive)}, 19, 37);
   s.border_height = 3.0;
-  surface::WorkerPool pool(threads, 0.0);  // shares all there is
+  surface::ThreadPool pool(threads, 0.0);  // shares all there is
   surface::ActuatorArray array(s, {}, 1, &pool);
   std::vector<float> seen, targets(19 * 37);
   for (int step = 0; step < 60; ++step) {
@@ -106,8 +107,8 @@ TEST(Ball, TopMovesAtSpinCrossRadius) {
   cells.command(1, -4);
   cells.run(0.1);
   // ω × r·ẑ = (ω_y·r, −ω_x·r)
-  EXPECT_FLOAT_EQ(cells.field().drag_x[9], -1.0F);
-  EXPECT_FLOAT_EQ(cells.field().drag_y[9], -2.0F);
+  EXPECT_FLOAT_EQ(cells.field().surface_velocity_x[9], -1.0F);
+  EXPECT_FLOAT_EQ(cells.field().surface_velocity_y[9], -2.0F);
   EXPECT_EQ(cells.field().speed[9], 0.0F);
 }
 
@@ -115,12 +116,12 @@ TEST(Ball, SpinsUpWithinItsAccelerationAndItsLag) {
   Cells limited(surface_of({actuator("ball", {{"max_acceleration", {100}}, {"radius", {1}}})}));
   limited.command(1, 50);
   limited.run(0.25);
-  EXPECT_NEAR(limited.field().drag_x[0], 25.0F, 0.01F);
+  EXPECT_NEAR(limited.field().surface_velocity_x[0], 25.0F, 0.01F);
   Cells lagging(
       surface_of({actuator("ball", {{"max_acceleration", {1e6}}, {"lag", {0.1}}, {"radius", {1}}})}));
   lagging.command(1, 50);
   lagging.run(0.2);
-  EXPECT_NEAR(lagging.field().drag_x[0], 50 * (1 - std::exp(-2.0)), 0.02);
+  EXPECT_NEAR(lagging.field().surface_velocity_x[0], 50 * (1 - std::exp(-2.0)), 0.02);
 }
 
 TEST(Wheels, EachDrivesAlongItsDirectionAndTheirSumAnyway) {
@@ -128,24 +129,24 @@ TEST(Wheels, EachDrivesAlongItsDirectionAndTheirSumAnyway) {
       "wheels", {{"radius", {0.5}}, {"angle", {std::numbers::pi / 4}}, {"max_acceleration", {1e6}}})}));
   cells.command(0, 4);
   cells.run(0.1);
-  EXPECT_NEAR(cells.field().drag_x[5], std::sqrt(2.0F), 1e-5F);  // north-east at 2 u/s
-  EXPECT_NEAR(cells.field().drag_y[5], std::sqrt(2.0F), 1e-5F);
+  EXPECT_NEAR(cells.field().surface_velocity_x[5], std::sqrt(2.0F), 1e-5F);  // north-east at 2 u/s
+  EXPECT_NEAR(cells.field().surface_velocity_y[5], std::sqrt(2.0F), 1e-5F);
   cells.command(1, 4);  // and north-west: together north
   cells.run(0.1);
-  EXPECT_NEAR(cells.field().drag_x[5], 0.0F, 1e-5F);
-  EXPECT_NEAR(cells.field().drag_y[5], 2.0F * std::sqrt(2.0F), 1e-5F);
+  EXPECT_NEAR(cells.field().surface_velocity_x[5], 0.0F, 1e-5F);
+  EXPECT_NEAR(cells.field().surface_velocity_y[5], 2.0F * std::sqrt(2.0F), 1e-5F);
 }
 
 TEST(Wheels, TurnWithTheirCell) {
   scene::SurfaceSpec s =
       surface_of({actuator("wheels", {{"radius", {0.5}}, {"max_acceleration", {1e6}}})}, 1, 2);
-  s.places = {{0, 0, 0}, {3, 0, std::numbers::pi / 2}};
+  s.cell_poses = {{0, 0, 0}, {3, 0, std::numbers::pi / 2}};
   Cells cells(s);
   cells.command(0, 2);
   cells.run(0.1);
-  EXPECT_NEAR(cells.field().drag_x[0], 1.0F, 1e-6F);
-  EXPECT_NEAR(cells.field().drag_x[1], 0.0F, 1e-6F);
-  EXPECT_NEAR(cells.field().drag_y[1], 1.0F, 1e-6F);
+  EXPECT_NEAR(cells.field().surface_velocity_x[0], 1.0F, 1e-6F);
+  EXPECT_NEAR(cells.field().surface_velocity_x[1], 0.0F, 1e-6F);
+  EXPECT_NEAR(cells.field().surface_velocity_y[1], 1.0F, 1e-6F);
 }
 
 TEST(Rotor, EllipseLiftsAndDragsAsItsSupportSays) {
@@ -160,8 +161,8 @@ TEST(Rotor, EllipseLiftsAndDragsAsItsSupportSays) {
     const double support =
         std::sqrt(a * a * std::pow(std::sin(angle), 2) + c * c * std::pow(std::cos(angle), 2));
     ASSERT_NEAR(cells.field().height[0], -0.2 + support, 1e-5) << i;
-    ASSERT_NEAR(cells.field().drag_x[0], 3 * support, 1e-4) << i;
-    ASSERT_NEAR(cells.field().drag_y[0], 0.0, 1e-6);
+    ASSERT_NEAR(cells.field().surface_velocity_x[0], 3 * support, 1e-4) << i;
+    ASSERT_NEAR(cells.field().surface_velocity_y[0], 0.0, 1e-6);
   }
 }
 
@@ -174,15 +175,15 @@ TEST(Rotor, SquareCamByAngleStopsOnIt) {
   cells.run(1.0);
   EXPECT_NEAR(cells.field().height[0], 0.3F * std::sqrt(2.0F), 1e-5F);
   EXPECT_EQ(cells.field().speed[0], 0.0F);
-  EXPECT_EQ(cells.field().drag_x[0], 0.0F);
+  EXPECT_EQ(cells.field().surface_velocity_x[0], 0.0F);
 }
 
 TEST(Rotor, AVerticalAxleIsATurntable) {
   Cells cells(surface_of({actuator("rotor", {{"axis", {0, 0, 1}}, {"max_acceleration", {1e6}}})}));
   cells.command(0, 5);
   cells.run(0.1);
-  EXPECT_FLOAT_EQ(cells.field().spin[7], 5.0F);
-  EXPECT_NEAR(cells.field().drag_x[7], 0.0F, 1e-6F);
+  EXPECT_FLOAT_EQ(cells.field().surface_spin[7], 5.0F);
+  EXPECT_NEAR(cells.field().surface_velocity_x[7], 0.0F, 1e-6F);
   EXPECT_NEAR(cells.field().speed[7], 0.0F, 1e-6F);
 }
 
@@ -218,13 +219,13 @@ TEST(Magnet, DipoleAboveADipole) {
   cells.command(0, 0.5);
   cells.run(kDt);
   scene::ObjectSpec magnet = box(1, 1, 1);
-  magnet.moment = {0, 0, 3};
+  magnet.magnetic_moment = {0, 0, 3};
   EXPECT_NEAR(cells.wrench(magnet, {0, 0, 1}).force.z(), -6 * 2 * 0.5 * 3 / 16.0, 1e-5);
   cells.command(0, -0.5);
   cells.run(kDt);
   EXPECT_NEAR(cells.wrench(magnet, {0, 0, 1}).force.z(), 6 * 2 * 0.5 * 3 / 16.0, 1e-5);
   // Beside the coil the field points down and turns a lying moment: |m × B| = m·k·I/r³.
-  magnet.moment = {3, 0, 0};
+  magnet.magnetic_moment = {3, 0, 0};
   EXPECT_NEAR(std::abs(cells.wrench(magnet, {2, 0, -1}).torque.y()), 3 * 2 * 0.5 / 8.0, 1e-5);
 }
 
@@ -235,9 +236,9 @@ TEST(Magnet, ForceIsTheGradientOfTheEnergy) {
     cells.command(0, 1);
     cells.run(kDt);
     scene::ObjectSpec probe = box(1, 1, 1), magnet = probe;
-    probe.pole = 1;  // feels B itself
-    magnet.moment = {0.3, -0.7, 1.1};
-    const Eigen::Vector3f m = magnet.moment.cast<float>(), at(0.8F, -0.5F, 0.9F);
+    probe.magnetic_pole = 1;  // feels B itself
+    magnet.magnetic_moment = {0.3, -0.7, 1.1};
+    const Eigen::Vector3f m = magnet.magnetic_moment.cast<float>(), at(0.8F, -0.5F, 0.9F);
     constexpr float kStep = 0.01F;
     const Eigen::Vector3f force = cells.wrench(magnet, at).force;
     for (int i = 0; i < 3; ++i) {
@@ -255,9 +256,9 @@ TEST(Magnet, PolesRepelAttractAndLeaveTheRest) {
   cells.run(kDt);
   scene::ObjectSpec object = box(1, 1, 1);
   EXPECT_EQ(cells.wrench(object, {0, 0, 1}).force.norm(), 0.0F);
-  object.pole = 1;
+  object.magnetic_pole = 1;
   EXPECT_NEAR(cells.wrench(object, {0, 0, 1}).force.z(), 8.0F / 4, 1e-5F);
-  object.pole = -1;
+  object.magnetic_pole = -1;
   EXPECT_NEAR(cells.wrench(object, {0, 0, 1}).force.z(), -8.0F / 4, 1e-5F);
   EXPECT_EQ(cells.wrench(object, {0, 0, 20}).force.norm(), 0.0F) << "beyond the reach";
 }
@@ -311,7 +312,8 @@ TEST(Tile, ATravellingWaveDragsItsCrestsBackwards) {
     const auto i = static_cast<std::size_t>(2 * 64 + c);
     const double z = smoothed * std::sin(omega * 0.5 - k * c);
     EXPECT_NEAR(cells.field().height[i], z, 2e-4);
-    if (cells.field().height[i] > top) top = cells.field().height[i], fastest = cells.field().drag_x[i];
+    if (cells.field().height[i] > top)
+      top = cells.field().height[i], fastest = cells.field().surface_velocity_x[i];
   }
   EXPECT_NEAR(fastest, -thickness / 2 * smoothed * omega * slope, 0.1);
 }
@@ -326,21 +328,21 @@ TEST(Tile, ComesToRestFlat) {
   for (std::size_t i = 0; i < 36; ++i) {
     EXPECT_EQ(cells.field().height[i], 0.0F);
     EXPECT_EQ(cells.field().speed[i], 0.0F);
-    EXPECT_EQ(cells.field().drag_x[i], 0.0F);
+    EXPECT_EQ(cells.field().surface_velocity_x[i], 0.0F);
   }
 }
 
 TEST(ActuatorArray, MixesModelsAndLeavesCellsEmpty) {
   scene::SurfaceSpec s = surface_of({actuator("pin"), actuator("ball", {{"height", {1}}})}, 1, 4);
   s.actuator_of_cell = {0, 1, scene::kEmptyCell, 0};
-  s.base = {0, 0, 0, 0.5F};
+  s.base_heights = {0, 0, 0, 0.5F};
   Cells cells(s);
   ASSERT_EQ(cells.array.channels().size(), 3u);
   for (int k = 0; k < 3; ++k) cells.command(k, 2);
   cells.run(1);
-  EXPECT_EQ(cells.field().height, (std::vector<float>{2.0F, 1.0F, surface::kNoCell, 2.5F}));
-  EXPECT_EQ(cells.field().drag_x[0], 0.0F);
-  EXPECT_GT(cells.field().drag_x[1], 0.0F);
+  EXPECT_EQ(cells.field().height, (std::vector<float>{2.0F, 1.0F, surface::kNoCellHeight, 2.5F}));
+  EXPECT_EQ(cells.field().surface_velocity_x[0], 0.0F);
+  EXPECT_GT(cells.field().surface_velocity_x[1], 0.0F);
   EXPECT_EQ(cells.field().max_height, 2.5F);
   EXPECT_EQ(cells.array.targets(0)[1], 0.0F) << "a ball took a pin's command";
 }
@@ -354,7 +356,7 @@ TEST(ActuatorArray, CommandsWaitForTheLatency) {
     cells.command(1, tick == 0 ? 7.0F : 0.0F);
     cells.array.begin_tick();
     cells.run(kDt);
-    seen.push_back(cells.field().drag_x[0]);
+    seen.push_back(cells.field().surface_velocity_x[0]);
   }
   EXPECT_EQ(seen, (std::vector<float>{0, 0, 0, 7, 0, 0}));
 }

@@ -1,4 +1,4 @@
-#include "smartsurf/surface/PinKernels.h"
+#include "smartsurf/surface/actuators/PinKernels.h"
 
 #include <gtest/gtest.h>
 
@@ -17,7 +17,7 @@ using namespace smartsurf::surface;
 namespace {
 
 constexpr float kDt = 1.0F / 240, kTop = 3.0F;
-constexpr std::size_t kMost = 67;  // every width of vector, and what is left over after each
+constexpr std::size_t kMaxPins = 67;  // every width of vector, and what is left over after each
 
 // Pins in all states: at rest, just short of their targets, far away, too fast.
 struct Pins {
@@ -44,7 +44,7 @@ bool same_bits(const std::vector<float>& a, const std::vector<float>& b) {
                             std::bit_cast<std::uint32_t, float>);
 }
 
-void on_every_instruction_set(const std::function<void()>& test) {
+void for_every_target(const std::function<void()>& test) {
   for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
     hwy::SetSupportedTargetsForTest(target);
     hwy::GetChosenTarget().Update(hwy::SupportedTargets());
@@ -57,43 +57,43 @@ void on_every_instruction_set(const std::function<void()>& test) {
 
 struct Limits {
   float speed, acceleration;
-  Approach law() const { return {speed, acceleration, kDt}; }
+  MotionProfile profile() const { return {speed, acceleration, kDt}; }
 };
 const Limits kLimits[] = {{4.0F, 60.0F}, {6.0F, 1e4F}, {1e9F, 3.0F}, {0.5F, 0.01F}};
 
 }  // namespace
 
 TEST(PinKernels, SteerByTheLawToTheBit) {
-  on_every_instruction_set([] {
-    for (std::size_t n = 1; n <= kMost; ++n)
+  for_every_target([] {
+    for (std::size_t n = 1; n <= kMaxPins; ++n)
       for (const Limits& most : kLimits) {
-        const Approach law = most.law();
+        const MotionProfile law = most.profile();
         Pins p(n, static_cast<unsigned>(n));
         std::vector<float> expected = p.speed;
-        Course course;
+        PinMotion course;
         for (std::size_t i = 0; i < n; ++i) {
           const float distance = p.target[i] - p.height[i];
           expected[i] = law(distance, p.speed[i]);
           course.moving |= distance != 0.0F || expected[i] != 0.0F;
-          course.fastest = std::max(course.fastest, std::abs(expected[i]));
+          course.max_speed = std::max(course.max_speed, std::abs(expected[i]));
         }
-        const Course is = steer(n, p.target.data(), p.height.data(), law, p.speed.data());
+        const PinMotion is = plan_speeds(n, p.target.data(), p.height.data(), law, p.speed.data());
         ASSERT_TRUE(same_bits(p.speed, expected)) << n;
         ASSERT_EQ(is.moving, course.moving) << n;
-        ASSERT_EQ(is.fastest, course.fastest) << n;
+        ASSERT_EQ(is.max_speed, course.max_speed) << n;
       }
   });
 }
 
 TEST(PinKernels, AdvanceAndArriveByTheLawToTheBit) {
-  on_every_instruction_set([] {
-    for (std::size_t n = 1; n <= kMost; ++n) {
+  for_every_target([] {
+    for (std::size_t n = 1; n <= kMaxPins; ++n) {
       Pins p(n, static_cast<unsigned>(n));
       for (std::size_t i = 0; i < n; i += 3) p.speed[i] = (p.target[i] - p.height[i]) / kDt;
       std::vector<float> expected = p.height;
       for (std::size_t i = 0; i < n; ++i)
-        expected[i] = Approach::arrive(p.height[i], p.speed[i], p.target[i], kDt);
-      const float highest = advance(n, p.target.data(), p.speed.data(), kDt, p.height.data());
+        expected[i] = MotionProfile::advance(p.height[i], p.speed[i], p.target[i], kDt);
+      const float highest = advance_pins(n, p.target.data(), p.speed.data(), kDt, p.height.data());
       ASSERT_TRUE(same_bits(p.height, expected)) << n;
       ASSERT_EQ(highest, *std::ranges::max_element(expected)) << n;
     }
@@ -101,29 +101,29 @@ TEST(PinKernels, AdvanceAndArriveByTheLawToTheBit) {
 }
 
 TEST(PinKernels, TakeCommandsWithinTheRangeAndPassOverNone) {
-  on_every_instruction_set([] {
-    for (std::size_t n = 1; n <= kMost; ++n) {
+  for_every_target([] {
+    for (std::size_t n = 1; n <= kMaxPins; ++n) {
       Pins p(n, static_cast<unsigned>(n));
       std::vector<float> kept(n, 1.25F), expected = kept;
       p.command[n / 2] = std::numeric_limits<float>::quiet_NaN();
       p.command[n / 3] = std::numeric_limits<float>::infinity();
       for (std::size_t i = 0; i < n; ++i)
         if (!std::isnan(p.command[i])) expected[i] = std::clamp(p.command[i], 0.5F, 2.0F);
-      take_commands(n, p.command.data(), 0.5F, 2.0F, kept.data());
+      clamp_commands(n, p.command.data(), 0.5F, 2.0F, kept.data());
       ASSERT_EQ(kept, expected) << n;
     }
   });
 }
 
 TEST(PinKernels, AimSaysWhetherAnyTargetChanged) {
-  on_every_instruction_set([] {
-    for (std::size_t n = 1; n <= kMost; ++n) {
+  for_every_target([] {
+    for (std::size_t n = 1; n <= kMaxPins; ++n) {
       Pins p(n, static_cast<unsigned>(n));
-      ASSERT_FALSE(aim(n, p.base.data(), p.command.data(), p.target.data())) << n;
+      ASSERT_FALSE(update_targets(n, p.base.data(), p.command.data(), p.target.data())) << n;
       p.command[n - 1] += 0.5F;
-      ASSERT_TRUE(aim(n, p.base.data(), p.command.data(), p.target.data())) << n;
+      ASSERT_TRUE(update_targets(n, p.base.data(), p.command.data(), p.target.data())) << n;
       ASSERT_EQ(p.target[n - 1], p.base[n - 1] + p.command[n - 1]) << n;
-      ASSERT_FALSE(aim(n, p.base.data(), p.command.data(), p.target.data())) << n;
+      ASSERT_FALSE(update_targets(n, p.base.data(), p.command.data(), p.target.data())) << n;
     }
   });
 }

@@ -1,15 +1,15 @@
-#include "smartsurf/surface/Sensor.h"
+#include "smartsurf/surface/sensors/Sensor.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <numbers>
 
-#include "tests/unit/smartsurf/surface/Table.h"
+#include "tests/unit/smartsurf/surface/SensorFixture.h"
 
 using namespace smartsurf;
 using surface::SensorArray;
-using surface::Table;
+using surface::SensorFixture;
 
 namespace {
 
@@ -18,7 +18,7 @@ const scene::Colour kRed{0.9F, 0.1F, 0.2F};
 }  // namespace
 
 TEST(Proximity, OverABallIsItsHeightAndElsewhereTheRange) {
-  Table t;
+  SensorFixture t;
   t.add_ball(5, 7, 6, 2);
   t.height(5, 7) = 1.5F;
   t.add_sensor("proximity");
@@ -32,7 +32,7 @@ TEST(Proximity, OverABallIsItsHeightAndElsewhereTheRange) {
 }
 
 TEST(Proximity, TouchedFromInsideIsZero) {
-  Table t;
+  SensorFixture t;
   t.add_ball(5, 7, 1, 2);
   t.add_sensor("proximity");
   SensorArray s = t.sensors();
@@ -43,7 +43,7 @@ TEST(Proximity, TouchedFromInsideIsZero) {
 
 // On so small a table the heights of the pins are looked at first, to leave out what no segment reaches.
 TEST(Proximity, MeetsWhatReachesDownIntoItsRangeWithItsLowestPartOnly) {
-  Table t(3, 3);
+  SensorFixture t(3, 3);
   t.add_ball(1, 1, 5.5, 2);
   t.add_sensor("proximity", {{"range", {3.6}}}).name = "reaches";
   t.add_sensor("proximity", {{"range", {3.4}}}).name = "too short";
@@ -55,7 +55,7 @@ TEST(Proximity, MeetsWhatReachesDownIntoItsRangeWithItsLowestPartOnly) {
 }
 
 TEST(Proximity, LooksAlongAnyDirectionFromAnyPlace) {
-  Table t;
+  SensorFixture t;
   t.add_ball(9, 7, 0.5, 1);
   t.add_sensor("proximity", {{"direction", {3, 0, 0}}, {"origin", {0, 0, 0.5}}}).name = "east";
   t.add_sensor("proximity", {{"direction", {0, 0, -1}}, {"origin", {0, 0, 5}}}).name = "down";
@@ -69,7 +69,7 @@ TEST(Proximity, LooksAlongAnyDirectionFromAnyPlace) {
 }
 
 TEST(Proximity, NeighboursThatStandHigherAreInTheWayUnlessTheyAreLeftOut) {
-  Table t;
+  SensorFixture t;
   t.add_ball(9, 7, 0.5, 1);
   t.height(7, 7) = 2;
   t.add_sensor("proximity", {{"direction", {1, 0, 0}}, {"origin", {0, 0, 0.5}}}).name = "sees";
@@ -87,15 +87,15 @@ TEST(Proximity, NeighboursThatStandHigherAreInTheWayUnlessTheyAreLeftOut) {
 }
 
 TEST(Proximity, OnALevelFieldNoPinIsInTheWay) {
-  Table t;
+  SensorFixture t;
   t.add_sensor("proximity", {{"direction", {1, 0.5, 0}}});
   SensorArray s = t.sensors();
   s.sense(t.snapshot, t.catalogue, t.pool);
-  EXPECT_EQ(std::ranges::count(s.readings(1), 0.0F), t.spec.cells());
+  EXPECT_EQ(std::ranges::count(s.readings(1), 0.0F), t.spec.cell_count());
 }
 
 TEST(ObjectType, CountsLabelsInTheOrderOfTheirAppearance) {
-  Table t;
+  SensorFixture t;
   t.add_ball(2, 2, 3, 1, "b");
   t.add_ball(6, 2, 3, 1, "a");
   t.add_ball(10, 2, 3, 1);
@@ -108,7 +108,7 @@ TEST(ObjectType, CountsLabelsInTheOrderOfTheirAppearance) {
   EXPECT_EQ(s.readings(0)[t.cell(10, 2)], 3.0F);
   EXPECT_EQ(s.readings(0)[t.cell(14, 2)], 1.0F);
   EXPECT_EQ(s.readings(0)[t.cell(4, 8)], 0.0F);
-  EXPECT_EQ(s.channels()[0].type, scene::SensorChannel::Type::kCount);
+  EXPECT_EQ(s.channels()[0].type, scene::SensorChannel::Type::kUint32);
   // A label stays what it was when others come and objects go.
   t.add_ball(2, 9, 3, 1, "c");
   t.snapshot.id.erase(t.snapshot.id.begin());
@@ -121,13 +121,13 @@ TEST(ObjectType, CountsLabelsInTheOrderOfTheirAppearance) {
 }
 
 TEST(Colour, IsThatOfTheNearestObjectInThreePlanes) {
-  Table t;
+  SensorFixture t;
   t.add_ball(5, 5, 6, 1, "", {0.0F, 1.0F, 0.0F});
   t.add_ball(5, 5, 3, 1, "", kRed);
   t.add_sensor("colour");
   SensorArray s = t.sensors();
   s.sense(t.snapshot, t.catalogue, t.pool);
-  const auto cells = static_cast<std::size_t>(t.spec.cells());
+  const auto cells = static_cast<std::size_t>(t.spec.cell_count());
   ASSERT_EQ(s.readings(0).size(), 3 * cells);
   EXPECT_EQ(s.readings(0)[t.cell(5, 5)], kRed.r);
   EXPECT_EQ(s.readings(0)[cells + t.cell(5, 5)], kRed.g);
@@ -141,7 +141,7 @@ TEST(Colour, IsThatOfTheNearestObjectInThreePlanes) {
 }
 
 TEST(Light, IsGoneInTheShadowOfBallsAndPins) {
-  Table t;
+  SensorFixture t;
   t.add_ball(8, 8, 10, 1);
   t.height(3, 3) = 4;
   t.add_sensor("light", {{"direction", {1, 0, 1}}});
@@ -160,7 +160,7 @@ TEST(Light, IsGoneInTheShadowOfBallsAndPins) {
 }
 
 TEST(Light, OfASizeCastsHalfShadows) {
-  Table t;
+  SensorFixture t;
   scene::ObjectSpec screen;  // covers everything east of x = 10
   screen.shape = scene::ShapeKind::kBox;
   screen.size = {20, 40, 0.1};
@@ -180,13 +180,13 @@ TEST(Light, OfASizeCastsHalfShadows) {
 }
 
 TEST(Pressure, IsTheImpulsePerTickAndEndsAtItsRange) {
-  Table t;
+  SensorFixture t;
   t.add_sensor("pressure", {{"range", {50}}});
   SensorArray s = t.sensors();
-  std::vector<float> impulse(static_cast<std::size_t>(t.spec.cells()), 0.0F);
+  std::vector<float> impulse(static_cast<std::size_t>(t.spec.cell_count()), 0.0F);
   impulse[t.cell(3, 4)] = 0.1F;
   impulse[t.cell(4, 4)] = 1.0F;
-  for (int step = 0; step < 4; ++step) s.feel(impulse);
+  for (int step = 0; step < 4; ++step) s.accumulate_impulses(impulse);
   s.sense(t.snapshot, t.catalogue, t.pool);
   EXPECT_FLOAT_EQ(s.readings(0)[t.cell(3, 4)], 24.0F);  // 4 · 0.1 in 1/60 s
   EXPECT_EQ(s.readings(0)[t.cell(4, 4)], 50.0F);
@@ -196,7 +196,7 @@ TEST(Pressure, IsTheImpulsePerTickAndEndsAtItsRange) {
 }
 
 TEST(Camera, SeesWhatIsTopmostAtEveryPixel) {
-  Table t;
+  SensorFixture t;
   scene::ObjectSpec tile;
   tile.shape = scene::ShapeKind::kBox;
   tile.size = {0.9, 0.4, 0.2};
@@ -207,7 +207,7 @@ TEST(Camera, SeesWhatIsTopmostAtEveryPixel) {
   t.add_sensor("camera", {{"resolution", {2}}});
   SensorArray s = t.sensors();
   s.sense(t.snapshot, t.catalogue, t.pool);
-  const auto cells = static_cast<std::size_t>(t.spec.cells());
+  const auto cells = static_cast<std::size_t>(t.spec.cell_count());
   ASSERT_EQ(s.readings(0).size(), 12 * cells);
   ASSERT_EQ(s.readings(1).size(), 4 * cells);
   // Pixels 0 and 1 are the northern ones; the tile lies over those of its cell.
@@ -221,17 +221,17 @@ TEST(Camera, SeesWhatIsTopmostAtEveryPixel) {
 }
 
 TEST(Camera, LooksThroughTheGapsToTheFloor) {
-  Table t;
+  SensorFixture t;
   t.field.half_top_x = t.field.half_top_y = 0.1F;
   t.add_sensor("camera", {{"resolution", {2}}, {"floor", {-3}}});
   SensorArray s = t.sensors();
   s.sense(t.snapshot, t.catalogue, t.pool);
-  EXPECT_EQ(std::ranges::count(s.readings(1), -3.0F), 4 * t.spec.cells());
-  EXPECT_EQ(std::ranges::count(s.readings(0), 0.0F), 12 * t.spec.cells());
+  EXPECT_EQ(std::ranges::count(s.readings(1), -3.0F), 4 * t.spec.cell_count());
+  EXPECT_EQ(std::ranges::count(s.readings(0), 0.0F), 12 * t.spec.cell_count());
 }
 
 TEST(SensorArray, GivesTheSameBitsForAnyNumberOfThreads) {
-  Table t(33, 37);
+  SensorFixture t(33, 37);
   for (int k = 0; k < 40; ++k) {
     scene::ObjectSpec o;
     o.shape = static_cast<scene::ShapeKind>(k % 5);
@@ -247,7 +247,7 @@ TEST(SensorArray, GivesTheSameBitsForAnyNumberOfThreads) {
   t.add_sensor("camera", {{"resolution", {2}}});
   std::vector<std::vector<float>> first;
   for (const int threads : {1, 2, 5}) {
-    surface::WorkerPool pool(threads, 0.0);  // shares all there is
+    surface::ThreadPool pool(threads, 0.0);  // shares all there is
     SensorArray s = t.sensors();
     for (int tick = 0; tick < 4; ++tick) s.sense(t.snapshot, t.catalogue, pool);
     for (std::size_t k = 0; k < s.channels().size(); ++k) {
@@ -260,9 +260,9 @@ TEST(SensorArray, GivesTheSameBitsForAnyNumberOfThreads) {
 }
 
 TEST(SensorArray, RefusesAnUnknownModel) {
-  Table t;
+  SensorFixture t;
   t.add_sensor("proximity");
-  EXPECT_EQ(surface::refusal([&] {
+  EXPECT_EQ(surface::error_message_of([&] {
               scene::SensorSpec spec = t.spec.sensors[0];
               spec.model = "smell";
               surface::make_sensor(t.field, spec);

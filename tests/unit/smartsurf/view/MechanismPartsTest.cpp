@@ -12,13 +12,14 @@ namespace {
 
 // 3 × 3 cells of one mechanism, which look as `motion` says.
 struct Bench {
-  Bench(const std::string& model, const scene::CellMotion& motion, const scene::ParameterValues& values = {})
+  Bench(const std::string& model, const scene::ActuatorState& motion,
+        const scene::ParameterValues& values = {})
       : scene(3, 3, 1.0F) {
-    scene::ActuatorSpec spec = scene::find_actuator_kind(model)->standard();
+    scene::ActuatorSpec spec = scene::find_actuator_kind(model)->default_spec();
     for (const auto& [name, value] : values) spec.values[name] = value;
     scene.spec.surface.actuators = {spec};
-    fit_body(scene.spec.surface);
-    scene.snapshot.motion.assign(9, motion);
+    derive_pin_spec(scene.spec.surface);
+    scene.snapshot.actuator_state.assign(9, motion);
   }
   MechanismParts parts() {
     MechanismParts made(scene.spec.surface);
@@ -112,7 +113,7 @@ TEST(MechanismParts, APlateLeansAsTheSkinDoes) {
 
 TEST(MechanismParts, StandsWhereTheLayoutPutsTheCell) {
   Bench bench("wheels", {});
-  bench.scene.spec.surface.places.assign(9, {5.0, -2.0, std::numbers::pi / 2});
+  bench.scene.spec.surface.cell_poses.assign(9, {5.0, -2.0, std::numbers::pi / 2});
   const PartInstance p = bench.parts().kinds()[0].instances[0];
   EXPECT_NEAR(std::abs(vec(p.y).normalized().x()), 1.0F, 1e-5F);
   EXPECT_LT(std::hypot(p.centre[0] - 5.0F, p.centre[1] + 2.0F), 0.5F);
@@ -120,7 +121,7 @@ TEST(MechanismParts, StandsWhereTheLayoutPutsTheCell) {
 
 TEST(MechanismParts, RestsWhereNoMotionIsKnown) {
   Bench bench("air_jet", {0, 0, 1});
-  bench.scene.snapshot.motion.clear();
+  bench.scene.snapshot.actuator_state.clear();
   EXPECT_TRUE(bench.parts().kinds()[1].instances.empty());
 }
 

@@ -73,7 +73,7 @@ TEST_F(Pictures, ThePartOfASphereInsideTheTableIsHidden) {
 TEST_F(Pictures, RowZeroIsAtTheTopAndColumnZeroAtTheLeftFromAbove) {
   Scene scene(16, 16, 0.0f);
   const auto& surface = scene.spec.surface;
-  std::vector<float> values(surface.cells(), 0.0f);
+  std::vector<float> values(surface.cell_count(), 0.0f);
   values[surface.index(1, 2)] = 1.0f;  // near the north-west corner
   DrawOptions options;
   options.cell_values = values;
@@ -91,7 +91,7 @@ TEST_F(Pictures, RowZeroIsAtTheTopAndColumnZeroAtTheLeftFromAbove) {
 TEST_F(Pictures, APinStaysInItsPlaceFromWhereverTheEyeLooks) {
   Scene scene(16, 16, 0.0f);
   const auto& surface = scene.spec.surface;
-  std::vector<float> values(surface.cells(), 0.0f);
+  std::vector<float> values(surface.cell_count(), 0.0f);
   values[surface.index(3, 5)] = 1.0f;
   DrawOptions options;
   options.cell_values = values;
@@ -159,8 +159,8 @@ TEST_F(Pictures, CapsulesConesAndSolidsHaveTheirShapes) {
   auto wedge = std::make_shared<scene::Solid>();  // a roof that slopes up to the east
   wedge->vertices = {{-2, -1, -1}, {2, -1, -1}, {2, 1, -1}, {-2, 1, -1}, {2, -1, 2}, {2, 1, 2}};
   wedge->triangles = {{0, 2, 1}, {0, 3, 2}, {0, 1, 4}, {3, 5, 2}, {1, 2, 5}, {1, 5, 4}, {0, 4, 5}, {0, 5, 3}};
-  wedge->low = {-2, -1, -1};
-  wedge->high = {2, 1, 2};
+  wedge->bounds_min = {-2, -1, -1};
+  wedge->bounds_max = {2, 1, 2};
   const Silhouette kinds[] = {
       {scene::ShapeKind::kCapsule, {{0, -1, 1.5}, {0, -1, 0}, {0, 0, 2.8}}, {{0.9, 0, 2.8}, {1.2, 0, 0}}},
       {scene::ShapeKind::kCone, {{0, 0, 4.2}, {0.7, -0.5, -1}}, {{0.7, 0, 3.0}, {-0.7, 0, 3.0}}},

@@ -14,7 +14,7 @@ struct Scene {
   explicit Scene(int rows, int columns, float height = 4.0f) {
     spec.surface.rows = rows;
     spec.surface.columns = columns;
-    snapshot.height.assign(spec.surface.cells(), height);
+    snapshot.height.assign(spec.surface.cell_count(), height);
   }
 
   void add(const scene::ObjectSpec& object) {

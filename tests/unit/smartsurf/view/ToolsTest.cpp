@@ -59,7 +59,7 @@ TEST_F(ToolsTest, ADropFallsOnThePlaceThatWasClicked) {
   ASSERT_TRUE(object);
   EXPECT_EQ(object->shape, scene::ShapeKind::kBox);
   EXPECT_TRUE(object->position.isApprox(Eigen::Vector3d(2.0, 3.0, 4.0 + 3.0 + 0.5), 1e-6));
-  EXPECT_EQ(scene::problem_with(*object), "");
+  EXPECT_EQ(scene::validate(*object), "");
   EXPECT_FALSE(tools.take_drop()) << "dropped twice";
 }
 

@@ -17,7 +17,7 @@ using record::SyntheticRun;
 record::Recording recorded(const std::filesystem::path& path, SyntheticRun& run, int ticks) {
   const auto recorder = record::Recorder::open(path, run.meta, run.spec);
   for (int t = 0; t < ticks; ++t)
-    recorder->frame(run.at(static_cast<std::uint64_t>(t), {0, 1}), run.spec.objects);
+    recorder->record_frame(run.snapshot_at(static_cast<std::uint64_t>(t), {0, 1}), run.spec.objects);
   recorder->close({"done", 0, 0.0, 0});
   return record::Recording::open(path);
 }

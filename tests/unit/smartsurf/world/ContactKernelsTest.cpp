@@ -1,4 +1,4 @@
-#include "smartsurf/world/ContactKernels.h"
+#include "smartsurf/world/solver/ContactKernels.h"
 
 #include <gtest/gtest.h>
 
@@ -15,14 +15,14 @@ namespace {
 // point.
 struct Lanes {
   std::mt19937 random{5};
-  std::vector<Motion> motion{16};
-  std::vector<Shift> shift{16};
-  std::vector<Inertia> inertia{16};
+  std::vector<BodyVelocity> motion{16};
+  std::vector<DeltaPose> shift{16};
+  std::vector<InverseInertia> inertia{16};
   std::vector<Mat3> inverse{16};
-  Octet octet;
-  Point point{};
-  PointDetail detail{};
-  Pass pass{1.0F / 300, 300.0F, 0.0F, 20.0F, 0.9F, 0.1F, 4.0F, 0.2F};
+  ContactBatch octet;
+  BatchPoint point{};
+  BatchPointDetail detail{};
+  SubstepParams pass{1.0F / 300, 300.0F, 0.0F, 20.0F, 0.9F, 0.1F, 4.0F, 0.2F};
 
   float draw() { return std::uniform_real_distribution<float>(-1, 1)(random); }
   Vec3 draw3() { return {draw(), draw(), draw()}; }
@@ -34,35 +34,36 @@ struct Lanes {
       const Mat3& m = inverse[i];
       inertia[i] = {m(0, 0), m(1, 1), m(2, 2), m(0, 1), m(0, 2), m(1, 2), {}};
       motion[i].inverse_mass = 0.6F + 0.5F * draw();
-      for (int k = 0; k < 3; ++k) motion[i].velocity[k] = draw(), motion[i].spin[k] = draw();
+      for (int k = 0; k < 3; ++k) motion[i].velocity[k] = draw(), motion[i].angular_velocity[k] = draw();
     }
-    octet.points = 1;
-    octet.count = kLanes;
+    octet.point_count = 1;
+    octet.lane_count = kLanes;
     for (int l = 0; l < kLanes; ++l) {
       octet.a[l] = l;
       octet.b[l] = 8 + l;
       const Vec3 n = draw3().normalized(), a = draw3(), b = draw3();
       for (int k = 0; k < 3; ++k)
-        point.normal[k][l] = n[k], detail.arm_a[k][l] = a[k], detail.arm_b[k][l] = b[k];
-      point.gap[l] = -0.01F;
+        point.normal[k][l] = n[k], detail.anchor_a[k][l] = a[k], detail.anchor_b[k][l] = b[k];
+      point.separation[l] = -0.01F;
       point.friction[l] = 0.5F;
     }
   }
-  void run(const Kernel (&kernel)[kContactKinds]) {
-    kernel[kAnyPair](&octet, 1, {&point, &detail}, {motion.data(), shift.data(), inertia.data()}, pass);
+  void run(const ContactKernel (&kernel)[kContactKindCount]) {
+    kernel[kGeneralPair](&octet, 1, {&point, &detail}, {motion.data(), shift.data(), inertia.data()}, pass);
   }
   Vec3 of(const float (&lanes)[3][kLanes], int l) const { return {lanes[0][l], lanes[1][l], lanes[2][l]}; }
   float yielding(int l) const {
     const auto a = static_cast<std::size_t>(l), b = a + 8;
-    const Vec3 n = of(point.normal, l), ta = of(detail.arm_a, l).cross(n), tb = of(detail.arm_b, l).cross(n);
+    const Vec3 n = of(point.normal, l), ta = of(detail.anchor_a, l).cross(n),
+               tb = of(detail.anchor_b, l).cross(n);
     return motion[a].inverse_mass + motion[b].inverse_mass + ta.dot(inverse[a] * ta) +
            tb.dot(inverse[b] * tb);
   }
   // Of a's surface over b's.
   Vec3 relative(int l) const {
     const auto a = static_cast<std::size_t>(l), b = a + 8;
-    const Vec3 va = Vec3(motion[a].velocity) + Vec3(motion[a].spin).cross(of(detail.arm_a, l));
-    const Vec3 vb = Vec3(motion[b].velocity) + Vec3(motion[b].spin).cross(of(detail.arm_b, l));
+    const Vec3 va = Vec3(motion[a].velocity) + Vec3(motion[a].angular_velocity).cross(of(detail.anchor_a, l));
+    const Vec3 vb = Vec3(motion[b].velocity) + Vec3(motion[b].angular_velocity).cross(of(detail.anchor_b, l));
     return va - vb;
   }
   float closing(int l) const { return of(point.normal, l).dot(relative(l)); }
@@ -76,7 +77,7 @@ TEST(ContactKernels, EffectiveMassAndApproachOfEveryLane) {
   lanes.run(contact_kernels().prepare);
   for (int l = 0; l < kLanes; ++l) {
     EXPECT_NEAR(lanes.point.normal_mass[l] * lanes.yielding(l), 1.0F, 1e-4F) << l;
-    EXPECT_NEAR(lanes.point.approach[l], lanes.closing(l), 1e-4F) << l;
+    EXPECT_NEAR(lanes.point.approach_speed[l], lanes.closing(l), 1e-4F) << l;
   }
 }
 
@@ -84,10 +85,12 @@ TEST(ContactKernels, WhatAPushAddsToTheSlipIsToldAhead) {
   Lanes lanes;
   lanes.run(contact_kernels().prepare);
   const Lanes before = lanes;
-  std::fill_n(lanes.point.push, kLanes, 0.5F);
-  lanes.run(contact_kernels().warm);
+  std::fill_n(lanes.point.normal_impulse, kLanes, 0.5F);
+  lanes.run(contact_kernels().warm_start);
   for (int l = 0; l < kLanes; ++l)
-    EXPECT_LT((lanes.slip(l) - before.slip(l) - 0.5F * lanes.of(lanes.detail.slip, l)).norm(), 1e-5F) << l;
+    EXPECT_LT((lanes.slip(l) - before.slip(l) - 0.5F * lanes.of(lanes.detail.slip_per_impulse, l)).norm(),
+              1e-5F)
+        << l;
 }
 
 TEST(ContactKernels, ARelaxedContactNoLongerCloses) {
@@ -96,24 +99,26 @@ TEST(ContactKernels, ARelaxedContactNoLongerCloses) {
   std::fill_n(lanes.point.friction, kLanes, 0.0F);
   lanes.run(contact_kernels().relax);
   for (int l = 0; l < kLanes; ++l) {
-    if (lanes.point.approach[l] < 0.0F) {
+    if (lanes.point.approach_speed[l] < 0.0F) {
       EXPECT_NEAR(lanes.closing(l), 0.0F, 1e-4F) << l;
-      EXPECT_NEAR(lanes.point.push[l], -lanes.point.approach[l] * lanes.point.normal_mass[l], 1e-3F) << l;
+      EXPECT_NEAR(lanes.point.normal_impulse[l], -lanes.point.approach_speed[l] * lanes.point.normal_mass[l],
+                  1e-3F)
+          << l;
     } else {
-      EXPECT_EQ(lanes.point.push[l], 0.0F) << l;
+      EXPECT_EQ(lanes.point.normal_impulse[l], 0.0F) << l;
     }
   }
 }
 
 TEST(ContactKernels, MomentumIsKeptAndUnusedLanesAreLeftAlone) {
   Lanes lanes;
-  lanes.octet.count = 5;
+  lanes.octet.lane_count = 5;
   for (int l = 5; l < kLanes; ++l) lanes.octet.a[l] = 0, lanes.octet.b[l] = 8;
   const auto before = lanes.motion;
   lanes.run(contact_kernels().prepare);
   lanes.run(contact_kernels().solve);
   for (std::size_t l = 0; l < 8; ++l) {
-    auto momentum = [l](const std::vector<Motion>& m) {
+    auto momentum = [l](const std::vector<BodyVelocity>& m) {
       return Vec3(Vec3(m[l].velocity) / m[l].inverse_mass + Vec3(m[l + 8].velocity) / m[l + 8].inverse_mass);
     };
     EXPECT_LT((momentum(lanes.motion) - momentum(before)).norm(), 1e-4F) << l;

@@ -58,7 +58,7 @@ TEST(ConvexOnField, AColumnInsideACylinderPushesItOutHoweverDeepItIs) {
     ASSERT_FALSE(found.empty()) << i << ", " << depth << " deep";
     float least = 1.0F;
     for (const Contact& c : found) {
-      least = std::min(least, c.gap);
+      least = std::min(least, c.separation);
       EXPECT_GT(c.normal.z(), -0.01F) << i;
     }
     EXPECT_LT(least, -0.5F * depth) << i << ", " << depth << " deep";
@@ -81,7 +81,7 @@ TEST(ConvexOnField, ACylinderAlongAnEdgeBearsOnBothItsEnds) {
   std::vector<Contact> found;
   touch_field_with_shape(field, shape, centre, axes, 0.03F, found);
   float south = 1.0F, north = -1.0F;
-  for (const Contact& c : found) south = std::min(south, c.arm.y()), north = std::max(north, c.arm.y());
+  for (const Contact& c : found) south = std::min(south, c.anchor.y()), north = std::max(north, c.anchor.y());
   EXPECT_LT(south, -0.9F);
   EXPECT_GT(north, 0.9F);
 }

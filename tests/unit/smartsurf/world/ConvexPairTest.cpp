@@ -19,10 +19,10 @@ std::shared_ptr<const scene::Solid> block(const Vec3& half) {
         half.cwiseProduct(Vec3(i & 1 ? 1.0F : -1.0F, i & 2 ? 1.0F : -1.0F, i & 4 ? 1.0F : -1.0F)));
   auto solid = std::make_shared<scene::Solid>();
   const std::uint32_t sizes[] = {4, 4, 4, 4, 4, 4};
-  solid->pieces = {scene::make_piece(
+  solid->hulls = {scene::make_convex_hull(
       corners, {0, 2, 3, 1, 4, 5, 7, 6, 0, 1, 5, 4, 2, 6, 7, 3, 0, 4, 6, 2, 1, 3, 7, 5}, sizes)};
   solid->vertices = corners;
-  scene::set_bounds(*solid);
+  scene::compute_bounds(*solid);
   return solid;
 }
 
@@ -40,7 +40,7 @@ PlacedBody body(scene::ShapeKind kind, std::mt19937& random, const Vec3& centre)
 
 float least_gap(const std::vector<Contact>& contacts) {
   float least = 1e9F;
-  for (const Contact& c : contacts) least = std::min(least, c.gap);
+  for (const Contact& c : contacts) least = std::min(least, c.separation);
   return least;
 }
 

@@ -24,9 +24,9 @@ std::shared_ptr<const scene::Solid> splinter() {
   }
   auto solid = std::make_shared<scene::Solid>();
   const std::uint32_t sizes[] = {3, 3, 3, 3};
-  solid->pieces = {scene::make_piece(corners, loops, sizes)};
+  solid->hulls = {scene::make_convex_hull(corners, loops, sizes)};
   solid->vertices = corners;
-  scene::set_bounds(*solid);
+  scene::compute_bounds(*solid);
   return solid;
 }
 
@@ -38,7 +38,7 @@ TEST(Distance, OfAHullIsTheWidestGapOfAPlane) {
   spec.shape = scene::ShapeKind::kSolid;
   spec.solid = splinter();
   const Shape shape = make_shape(spec);
-  const auto& corners = spec.solid->pieces[0].corners;
+  const auto& corners = spec.solid->hulls[0].vertices;
   std::mt19937 random(17);
   std::uniform_real_distribution<float> u(-1, 1);
   int outside = 0;

@@ -18,7 +18,7 @@ constexpr int kSide = 9;
 
 float least_gap(const std::vector<Contact>& contacts) {
   float least = 1.0F;
-  for (const Contact& c : contacts) least = std::min(least, c.gap);
+  for (const Contact& c : contacts) least = std::min(least, c.separation);
   return least;
 }
 
@@ -69,8 +69,8 @@ struct Bench {
     while (least_gap(afresh()) > gap) bodies.position[0].z() -= 0.002F;
   }
   void turn(const Vec3& by) {
-    bodies.orientation[0] = (turn_by(by) * bodies.orientation[0]).normalized();
-    bodies.turn_axes(0);
+    bodies.orientation[0] = (rotation_from_vector(by) * bodies.orientation[0]).normalized();
+    bodies.update_axes(0);
   }
 };
 
@@ -107,7 +107,7 @@ TEST(FieldMemory, PointsKeepUpWithABodyThatSlides) {
     ASSERT_FALSE(b.contacts.empty());
     for (const Contact& c : b.contacts) {
       float nearest = 1.0F;
-      for (const Contact& fresh : b.afresh()) nearest = std::min(nearest, (fresh.arm - c.arm).norm());
+      for (const Contact& fresh : b.afresh()) nearest = std::min(nearest, (fresh.anchor - c.anchor).norm());
       EXPECT_LT(nearest, 0.051F) << i;
     }
     b.bodies.position[0].y() += 0.006F;

@@ -48,14 +48,14 @@ struct Pair {
     return out;
   }
   void turn(std::size_t body, const Vec3& by) {
-    bodies.orientation[body] = (turn_by(by) * bodies.orientation[body]).normalized();
-    bodies.turn_axes(body);
+    bodies.orientation[body] = (rotation_from_vector(by) * bodies.orientation[body]).normalized();
+    bodies.update_axes(body);
   }
 };
 
 float least_gap(const std::vector<Contact>& contacts) {
   float least = 1e9F;
-  for (const Contact& c : contacts) least = std::min(least, c.gap);
+  for (const Contact& c : contacts) least = std::min(least, c.separation);
   return least;
 }
 
@@ -81,7 +81,7 @@ TEST(PairMemory, PointsKeepUpWithABodyThatSlides) {
     p.step();
     for (const Contact& c : p.contacts) {
       float nearest = 1.0F;
-      for (const Contact& fresh : p.afresh()) nearest = std::min(nearest, (fresh.arm - c.arm).norm());
+      for (const Contact& fresh : p.afresh()) nearest = std::min(nearest, (fresh.anchor - c.anchor).norm());
       EXPECT_LT(nearest, 0.031F) << i;
     }
     p.bodies.position[1].x() += 0.005F;
@@ -126,23 +126,23 @@ TEST(PairMemory, FollowsTwoThatMoveAndTurnTogether) {
   const Vec3 turn(0, 0.5F, 0);
   for (const std::size_t body : {0U, 1U}) {
     p.turn(body, turn);
-    p.bodies.position[body] = turn_by(turn) * p.bodies.position[body] + Vec3(5, 3, 1);
+    p.bodies.position[body] = rotation_from_vector(turn) * p.bodies.position[body] + Vec3(5, 3, 1);
   }
   p.step();
   ASSERT_EQ(p.contacts.size(), 4U);
   EXPECT_NEAR(least_gap(p.contacts), gap, 1e-5F);
-  EXPECT_NEAR(p.contacts[0].normal.dot(turn_by(turn) * Vec3(0, 0, -1)), 1.0F, 1e-5F);
+  EXPECT_NEAR(p.contacts[0].normal.dot(rotation_from_vector(turn) * Vec3(0, 0, -1)), 1.0F, 1e-5F);
 }
 
 TEST(PairMemory, ARollingCylinderKeepsItsPointsBelowIt) {
   Pair p(ShapeKind::kCylinder, ShapeKind::kBox, {0, 0, -2});
   const Quat lying(Eigen::AngleAxisf(1.5707963F, Vec3::UnitY()));
   p.bodies.orientation[0] = lying;
-  p.bodies.turn_axes(0);
+  p.bodies.update_axes(0);
   for (int i = 0; i < 20; ++i) {
     p.step();
     ASSERT_FALSE(p.contacts.empty());
-    for (const Contact& c : p.contacts) EXPECT_NEAR(c.arm.y(), 0.0F, 1e-3F) << i;
+    for (const Contact& c : p.contacts) EXPECT_NEAR(c.anchor.y(), 0.0F, 1e-3F) << i;
     p.turn(0, Vec3(1e-3F, 0, 0));
   }
 }

@@ -1,0 +1,400 @@
+// Conditions, jumps and blocks.
+#include <fmt/format.h>
+
+#include <cmath>
+#include <utility>
+
+#include "apron/compiler/ConstantFolding.h"
+#include "apron/compiler/Lowering.h"
+
+namespace apron::compiler {
+
+using program::Opcode;
+using syntax::ExpressionKind;
+
+namespace {
+
+constexpr float kMaxLoopCount = 16'777'216.0F;  // whole numbers above step over themselves in 32-bit floats
+
+std::string_view block_keyword(int kind) {
+  static constexpr std::string_view kWords[] = {"if", "while", "for", "repeat", "where"};
+  return kWords[kind];
+}
+
+Opcode jump_opcode(Opcode compare) {
+  switch (compare) {
+    case Opcode::kLt:
+      return Opcode::kJumpLt;
+    case Opcode::kLe:
+      return Opcode::kJumpLe;
+    case Opcode::kGt:
+      return Opcode::kJumpGt;
+    case Opcode::kGe:
+      return Opcode::kJumpGe;
+    case Opcode::kEq:
+      return Opcode::kJumpEq;
+    default:
+      return Opcode::kJumpNe;
+  }
+}
+
+Opcode inverted_jump_opcode(Opcode compare) {
+  switch (compare) {
+    case Opcode::kLt:
+      return Opcode::kUnlessLt;
+    case Opcode::kLe:
+      return Opcode::kUnlessLe;
+    case Opcode::kGt:
+      return Opcode::kUnlessGt;
+    case Opcode::kGe:
+      return Opcode::kUnlessGe;
+    case Opcode::kEq:
+      return Opcode::kJumpNe;
+    default:
+      return Opcode::kJumpEq;
+  }
+}
+
+bool is_comparison(Opcode op) { return op >= Opcode::kLt && op <= Opcode::kNe; }
+
+}  // namespace
+
+std::uint32_t Lowering::current_where_region() const {
+  for (auto block = blocks_.rbegin(); block != blocks_.rend(); ++block) {
+    if (block->kind == BlockKind::kWhere) return block->where_region;
+  }
+  return 0;
+}
+
+// Whether the statement is one of flow.
+bool Lowering::lower_control_flow(const Builtin& builtin, const Expression& call,
+                                  const Expressions& arguments) {
+  const Location location = call.location;
+  switch (builtin.form) {
+    case BuiltinForm::kJump:
+    case BuiltinForm::kCall:
+      emit_jump(builtin.op, arguments[0]);
+      return true;
+    case BuiltinForm::kJumpIf:
+    case BuiltinForm::kCallIf: {
+      const Comparison comparison = lower_condition({arguments.begin(), arguments.end() - 1}, location);
+      if (builtin.form == BuiltinForm::kJumpIf) {
+        emit_jump_if(comparison, reference_label(arguments.back(), false));
+      } else {
+        const ProgramBuilder::Label skip = builder_.new_label();
+        emit_jump_unless(comparison, skip);
+        emit_jump(Opcode::kCall, arguments.back());
+        builder_.bind_label(skip);
+      }
+      return true;
+    }
+    case BuiltinForm::kReturn:
+      if (current_where_region() != 0) throw CompileError{location, "'return' may not leave a 'where'"};
+      builder_.emit(Opcode::kReturn);
+      return true;
+    case BuiltinForm::kIf:
+      return open_if(arguments, location), true;
+    case BuiltinForm::kElse:
+      return lower_else(location), true;
+    case BuiltinForm::kEndIf:
+      return close_block(BlockKind::kIf, location), true;
+    case BuiltinForm::kWhile:
+      return open_while(arguments, location), true;
+    case BuiltinForm::kEndWhile:
+      return close_block(BlockKind::kWhile, location), true;
+    case BuiltinForm::kFor:
+      return open_for(arguments, location), true;
+    case BuiltinForm::kEndFor:
+      return close_block(BlockKind::kFor, location), true;
+    case BuiltinForm::kRepeat:
+      return open_repeat(arguments, location), true;
+    case BuiltinForm::kEndRepeat:
+      return close_block(BlockKind::kRepeat, location), true;
+    case BuiltinForm::kBreak:
+    case BuiltinForm::kContinue:
+      return emit_loop_exit(builtin.form == BuiltinForm::kContinue, location), true;
+    case BuiltinForm::kWhere:
+      return open_where(arguments, location), true;
+    case BuiltinForm::kElsewhere:
+      return lower_elsewhere(location), true;
+    case BuiltinForm::kEndWhere:
+      return close_block(BlockKind::kWhere, location), true;
+    default:
+      return false;
+  }
+}
+
+Lowering::Comparison Lowering::lower_condition(const Expressions& arguments, Location location) {
+  if (arguments.size() == 1) return lower_expression_condition(arguments[0]);
+  if (arguments.size() != 3 || arguments[1].kind != ExpressionKind::kOperator) {
+    throw CompileError{location,
+                       "expected a condition: (a, op, b) with one of < <= > >= == !=, or one expression"};
+  }
+  constexpr std::string_view kWhat = "a condition";
+  const Value left = lower_scalar(arguments[0], kWhat);
+  const Value right = lower_scalar(arguments[2], kWhat);
+  return {infix_opcode(arguments[1].text), left, right};
+}
+
+Lowering::Comparison Lowering::lower_expression_condition(const Expression& expression) {
+  constexpr std::string_view kWhat = "a condition";
+  const Opcode op = expression.kind == ExpressionKind::kBinary ? infix_opcode(expression.text) : Opcode::kNop;
+  if (!is_comparison(op)) return {Opcode::kNe, lower_scalar(expression, kWhat), Value::from_constant(0.0F)};
+  const Value left = lower_scalar(expression.children[0], kWhat);
+  const Value right = lower_scalar(expression.children[1], kWhat);
+  return {op, left, right};
+}
+
+void Lowering::emit_jump_unless(const Comparison& comparison, ProgramBuilder::Label label) {
+  builder_.release(comparison.left);
+  builder_.release(comparison.right);
+  if (comparison.left.is_constant() && comparison.right.is_constant()) {
+    const bool holds =
+        *fold_constant(comparison.opcode, {comparison.left.constant, comparison.right.constant}) != 0.0F;
+    if (!holds) builder_.emit(Opcode::kJump, {}, {builder_.label_operand(label)});
+    return;
+  }
+  builder_.emit(
+      inverted_jump_opcode(comparison.opcode), {},
+      {builder_.operand(comparison.left), builder_.operand(comparison.right), builder_.label_operand(label)});
+}
+
+void Lowering::emit_jump_if(const Comparison& comparison, ProgramBuilder::Label label) {
+  builder_.release(comparison.left);
+  builder_.release(comparison.right);
+  if (comparison.left.is_constant() && comparison.right.is_constant()) {
+    const bool holds =
+        *fold_constant(comparison.opcode, {comparison.left.constant, comparison.right.constant}) != 0.0F;
+    if (holds) builder_.emit(Opcode::kJump, {}, {builder_.label_operand(label)});
+    return;
+  }
+  builder_.emit(
+      jump_opcode(comparison.opcode), {},
+      {builder_.operand(comparison.left), builder_.operand(comparison.right), builder_.label_operand(label)});
+}
+
+void Lowering::open_block(BlockKind kind, Location location) {
+  Block block;
+  block.kind = kind;
+  block.location = location;
+  block.test_label = builder_.new_label();
+  block.continue_label = builder_.new_label();
+  block.end_label = builder_.new_label();
+  if (kind == BlockKind::kWhere) block.where_region = ++where_region_count_;
+  blocks_.push_back(block);
+}
+
+void Lowering::open_if(const Expressions& arguments, Location location) {
+  const Comparison comparison = lower_condition(arguments, location);
+  open_block(BlockKind::kIf, location);
+  emit_jump_unless(comparison, blocks_.back().continue_label);
+}
+
+void Lowering::open_while(const Expressions& arguments, Location location) {
+  const ProgramBuilder::Label top = builder_.new_label();
+  builder_.bind_label(top);
+  const Comparison comparison = lower_condition(arguments, location);
+  open_block(BlockKind::kWhile, location);
+  blocks_.back().test_label = blocks_.back().continue_label = top;
+  emit_jump_unless(comparison, blocks_.back().end_label);
+}
+
+void Lowering::open_for(const Expressions& arguments, Location location) {
+  const Expression& variable = arguments[0];
+  const bool is_name = variable.kind == ExpressionKind::kName || variable.kind == ExpressionKind::kElement;
+  if (!is_name) throw CompileError{variable.location, "expected the scalar that counts: for(i, from, to)"};
+  const Value from = lower_scalar(arguments[1], "'for'");
+  const Value bound = loop_invariant(lower_scalar(arguments[2], "'for'"));
+  const Value step = arguments.size() == 4 ? loop_invariant(lower_scalar(arguments[3], "'for'"))
+                                           : Value::from_constant(1.0F);
+  if (step.is_constant() && !(step.constant > 0.0F || step.constant < 0.0F)) {
+    throw CompileError{arguments.back().location, "the step of a 'for' cannot be zero"};
+  }
+  for (const Value& end : {from, bound}) {
+    if (end.is_constant() && std::abs(end.constant) > kMaxLoopCount) {
+      throw CompileError{location, fmt::format("'for' counts up to {} at most", kMaxLoopCount)};
+    }
+  }
+  ResultDestination destination{&variable, false};
+  const Value counter = resolve_destination(destination, false, {});
+  if (counter.is_register())
+    throw CompileError{variable.location, "'for' counts in a scalar, and this is a register"};
+  builder_.emit(Opcode::kCopy, builder_.operand(counter), {builder_.operand(from)});
+  open_block(BlockKind::kFor, location);
+  Block& block = blocks_.back();
+  block.counter = counter;
+  block.bound = bound;
+  block.step = step;
+  builder_.bind_label(block.test_label);
+  emit_for_test(block);
+}
+
+// A value that no statement of a loop's body can change, until it is released.
+Value Lowering::loop_invariant(const Value& value) {
+  if (value.is_constant() || value.is_temporary) return retained(value);
+  const Value copy = retained(builder_.allocate_scalar_temporary());
+  builder_.emit(Opcode::kCopy, builder_.operand(copy), {builder_.operand(value)});
+  return copy;
+}
+
+void Lowering::emit_for_test(const Block& block) {
+  if (block.step.is_constant()) {
+    Value limit = block.bound;
+    limit.is_temporary = false;  // released when the loop ends
+    return emit_jump_unless({block.step.constant > 0.0F ? Opcode::kLe : Opcode::kGe, block.counter, limit},
+                            block.end_label);
+  }
+  // Goes on while (bound - counter) * step >= 0, whichever way the step goes.
+  const Value remaining = builder_.allocate_scalar_temporary();
+  builder_.emit(Opcode::kSub, builder_.operand(remaining),
+                {builder_.operand(block.bound), builder_.operand(block.counter)});
+  builder_.emit(Opcode::kMul, builder_.operand(remaining),
+                {builder_.operand(remaining), builder_.operand(block.step)});
+  emit_jump_unless({Opcode::kGe, remaining, Value::from_constant(0.0F)}, block.end_label);
+}
+
+void Lowering::open_repeat(const Expressions& arguments, Location location) {
+  const Value count = lower_scalar(arguments[0], "'repeat'");
+  if (count.is_constant() && !(count.constant <= kMaxLoopCount)) {
+    throw CompileError{arguments[0].location, fmt::format("'repeat' counts up to {} at most", kMaxLoopCount)};
+  }
+  const Value remaining = retained(builder_.allocate_scalar_temporary());
+  builder_.emit(Opcode::kCopy, builder_.operand(remaining), {builder_.operand(count)});
+  open_block(BlockKind::kRepeat, location);
+  Block& block = blocks_.back();
+  block.counter = remaining;
+  builder_.bind_label(block.test_label);
+  builder_.emit(
+      Opcode::kUnlessGt, {},
+      {builder_.operand(remaining), builder_.literal_operand(0.0F), builder_.label_operand(block.end_label)});
+}
+
+void Lowering::open_where(const Expressions& arguments, Location location) {
+  const Value mask =
+      arguments.size() == 1 ? lower(arguments[0]) : lower_comparison(arguments, location, nullptr);
+  std::size_t depth = 1;
+  for (const Block& block : blocks_) depth += block.kind == BlockKind::kWhere ? 1U : 0U;
+  if (depth > program::kMaxMaskDepth) {
+    throw CompileError{location, fmt::format("more than {} 'where' are open", program::kMaxMaskDepth)};
+  }
+  const Shape shape = builder_.shape(mask);
+  if (mask.is_register()) check_where_shape(shape, location);
+  open_block(BlockKind::kWhere, location);
+  blocks_.back().where_shape = shape;
+  builder_.emit(Opcode::kMaskPush, {}, {builder_.operand(mask)});
+}
+
+Lowering::Block& Lowering::require_innermost_block(BlockKind kind, Location location, std::string_view name) {
+  if (blocks_.empty())
+    throw CompileError{location,
+                       fmt::format("'{}' has no '{}'", name, block_keyword(static_cast<int>(kind)))};
+  Block& block = blocks_.back();
+  if (block.kind != kind) {
+    throw CompileError{location,
+                       fmt::format("'{}' comes before the end of the '{}' opened in line {}", name,
+                                   block_keyword(static_cast<int>(block.kind)), block.location.line)};
+  }
+  return block;
+}
+
+void Lowering::lower_else(Location location) {
+  Block& block = require_innermost_block(BlockKind::kIf, location, "else");
+  if (block.has_else) throw CompileError{location, "this 'if' has an 'else' already"};
+  block.has_else = true;
+  builder_.emit(Opcode::kJump, {}, {builder_.label_operand(block.end_label)});
+  builder_.bind_label(block.continue_label);
+}
+
+void Lowering::lower_elsewhere(Location location) {
+  Block& block = require_innermost_block(BlockKind::kWhere, location, "elsewhere");
+  if (block.has_else) throw CompileError{location, "this 'where' has an 'elsewhere' already"};
+  block.has_else = true;
+  block.where_region = ++where_region_count_;
+  if (!block.from_error) builder_.emit(Opcode::kMaskElse);
+}
+
+void Lowering::close_block(BlockKind kind, Location location) {
+  const std::string name = fmt::format("end{}", block_keyword(static_cast<int>(kind)));
+  const Block block = require_innermost_block(kind, location, name);
+  if (block.from_error) {
+    // nothing was opened
+  } else if (kind == BlockKind::kIf) {
+    if (!block.has_else) builder_.bind_label(block.continue_label);
+  } else if (kind == BlockKind::kWhere) {
+    builder_.emit(Opcode::kMaskPop);
+  } else {
+    close_loop(block);
+  }
+  builder_.bind_label(block.end_label);
+  for (const Value& value : {block.counter, block.bound, block.step}) builder_.release(value);
+  blocks_.pop_back();
+}
+
+void Lowering::close_loop(const Block& block) {
+  if (block.kind != BlockKind::kWhile) builder_.bind_label(block.continue_label);
+  if (block.kind == BlockKind::kFor) {
+    builder_.emit(Opcode::kAdd, builder_.operand(block.counter),
+                  {builder_.operand(block.counter), builder_.operand(block.step)});
+  } else if (block.kind == BlockKind::kRepeat) {
+    builder_.emit(Opcode::kSub, builder_.operand(block.counter),
+                  {builder_.operand(block.counter), builder_.literal_operand(1.0F)});
+  }
+  builder_.emit(Opcode::kJump, {}, {builder_.label_operand(block.test_label)});
+}
+
+void Lowering::emit_loop_exit(bool is_continue, Location location) {
+  const std::string_view name = is_continue ? "continue" : "break";
+  for (auto block = blocks_.rbegin(); block != blocks_.rend(); ++block) {
+    if (block->kind == BlockKind::kIf) continue;
+    if (block->kind == BlockKind::kWhere)
+      throw CompileError{location, fmt::format("'{}' may not leave a 'where'", name)};
+    builder_.emit(Opcode::kJump, {},
+                  {builder_.label_operand(is_continue ? block->continue_label : block->end_label)});
+    return;
+  }
+  throw CompileError{location, fmt::format("'{}' stands outside of a loop", name)};
+}
+
+ProgramBuilder::Label Lowering::reference_label(const Expression& label, bool call) {
+  if (label.kind != ExpressionKind::kLabel) throw CompileError{label.location, "expected a label: #name"};
+  const auto [found, added] = labels_.try_emplace(label.text);
+  if (added) found->second.label = builder_.new_label();
+  jumps_.push_back({label.text, current_where_region(), label.location, call});
+  return found->second.label;
+}
+
+void Lowering::emit_jump(Opcode op, const Expression& label) {
+  const ProgramBuilder::Label target = reference_label(label, op == Opcode::kCall);
+  builder_.emit(op, {}, {builder_.label_operand(target)});
+}
+
+void Lowering::define_label(const std::string& name, Location location) {
+  const auto [found, added] = labels_.try_emplace(name);
+  JumpTarget& label = found->second;
+  if (added) label.label = builder_.new_label();
+  if (label.is_bound) {
+    diagnostics_.error(location, fmt::format("the label '#{}' is there already", display_name(name)),
+                       {{label.location, "it is"}});
+    return;
+  }
+  label.is_bound = true;
+  label.location = location;
+  label.where_region = current_where_region();
+  builder_.bind_label(label.label);
+}
+
+// Blocks that a text or a macro in an expression leaves open.
+void Lowering::report_open_blocks(std::size_t min_depth) {
+  while (blocks_.size() > min_depth) {
+    const Block& block = blocks_.back();
+    const std::string_view name = block_keyword(static_cast<int>(block.kind));
+    diagnostics_.error(
+        block.location,
+        fmt::format(
+            "this '{0}' has no 'end{0}'; write it on a line of its own after the last line of the '{0}'",
+            name));
+    blocks_.pop_back();
+  }
+}
+
+}  // namespace apron::compiler

@@ -1,0 +1,12 @@
+// The check of a palette's name that a program gives.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+namespace apron::compiler {
+
+// "" if there is a palette of that name; else the error's text, with the nearest name or all of them.
+std::string palette_error(std::string_view name);
+
+}  // namespace apron::compiler

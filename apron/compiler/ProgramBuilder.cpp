@@ -1,0 +1,205 @@
+#include "apron/compiler/ProgramBuilder.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <bit>
+#include <utility>
+
+namespace apron::compiler {
+
+using program::Operand;
+using program::OperandKind;
+
+program::SourceLocation ProgramBuilder::make_source(const syntax::Location& location,
+                                                    const std::string& file) {
+  const auto [found, added] =
+      file_indices_.try_emplace(file, static_cast<std::uint32_t>(program_.files.size()));
+  if (added) program_.files.push_back(file);
+  return {found->second, location.line, location.column, location.expansion};
+}
+
+void ProgramBuilder::set_location(const syntax::Location& location, const std::string& file) {
+  location_ = location;
+  const program::SourceLocation entry = make_source(location, file);
+  if (program_.source_locations.empty() || program_.source_locations.back() != entry)
+    program_.source_locations.push_back(entry);
+}
+
+void ProgramBuilder::add_expansion(const std::string& macro, const syntax::Location& call,
+                                   const std::string& file) {
+  program_.expansions.push_back({macro, make_source(call, file)});
+}
+
+std::uint32_t ProgramBuilder::add_register(std::string name, Shape shape) {
+  const std::uint64_t cells = std::uint64_t{shape.width} * shape.height;
+  if (cells > program::kMaxCells) {
+    throw CompileError{location_, fmt::format("a register of {}x{} has more than {} cells", shape.width,
+                                              shape.height, program::kMaxCells)};
+  }
+  if (program_.registers.size() >= program::kMaxRegisters) {
+    throw CompileError{location_,
+                       fmt::format("the program needs more than {} registers", program::kMaxRegisters)};
+  }
+  register_bytes_ += cells * sizeof(float);
+  if (register_bytes_ > program::kMaxMemoryBytes) {
+    throw CompileError{location_,
+                       fmt::format("the registers take more than {} bytes", program::kMaxMemoryBytes)};
+  }
+  program_.registers.push_back({std::move(name), shape.width, shape.height});
+  return static_cast<std::uint32_t>(program_.registers.size() - 1);
+}
+
+std::uint32_t ProgramBuilder::add_variable(std::string name) {
+  program_.variables.push_back({std::move(name), 0.0F});
+  return static_cast<std::uint32_t>(program_.variables.size() - 1);
+}
+
+Value ProgramBuilder::allocate_temporary(Shape shape) {
+  std::vector<std::uint32_t>& free = free_registers_[shape].free;
+  Value value{Value::Kind::kRegister, 0, 0.0F, true};
+  if (free.empty()) {
+    value.index = add_register(fmt::format("${}", temporary_count_), shape);
+    ++temporary_count_;
+  } else {
+    const auto lowest = std::min_element(free.begin(), free.end());
+    value.index = *lowest;
+    free.erase(lowest);
+  }
+  live_.push_back(value);
+  return value;
+}
+
+Value ProgramBuilder::allocate_scalar_temporary() {
+  Value value{Value::Kind::kScalar, 0, 0.0F, true};
+  if (free_variables_.empty()) {
+    value.index = add_variable(fmt::format("${}", temporary_count_++));
+  } else {
+    const auto lowest = std::min_element(free_variables_.begin(), free_variables_.end());
+    value.index = *lowest;
+    free_variables_.erase(lowest);
+  }
+  live_.push_back(value);
+  return value;
+}
+
+void ProgramBuilder::remove_live(const Value& value) {
+  const auto found = std::find_if(live_.rbegin(), live_.rend(), [&](const Value& live) {
+    return live.kind == value.kind && live.index == value.index;
+  });
+  if (found != live_.rend()) live_.erase(std::next(found).base());
+}
+
+void ProgramBuilder::release(const Value& value) {
+  if (!value.is_temporary) return;
+  remove_live(value);
+  std::vector<std::uint32_t>& free =
+      value.is_register() ? free_registers_[shape(value)].free : free_variables_;
+  if (std::find(free.begin(), free.end(), value.index) == free.end()) free.push_back(value.index);
+}
+
+void ProgramBuilder::release_to(std::size_t mark) {
+  while (live_.size() > mark) release(Value(live_.back()));
+}
+
+void ProgramBuilder::retain(const Value& value) {
+  if (value.is_temporary) remove_live(value);
+}
+
+void ProgramBuilder::unretain(const Value& value) {
+  if (value.is_temporary) live_.push_back(value);
+}
+
+Operand ProgramBuilder::operand(const Value& value) {
+  switch (value.kind) {
+    case Value::Kind::kRegister:
+      return {OperandKind::kRegister, value.index};
+    case Value::Kind::kScalar:
+      return {OperandKind::kVariable, value.index};
+    case Value::Kind::kConstant:
+      return literal_operand(value.constant);
+    case Value::Kind::kNone:
+      break;
+  }
+  return {};
+}
+
+Operand ProgramBuilder::literal_operand(float value) {
+  const auto next = static_cast<std::uint32_t>(program_.literals.size());
+  const auto [found, added] = literal_indices_.try_emplace(std::bit_cast<std::uint32_t>(value), next);
+  if (added) program_.literals.push_back(value);
+  return {OperandKind::kLiteral, found->second};
+}
+
+Operand ProgramBuilder::text_operand(const std::string& value) {
+  const auto [found, added] =
+      text_indices_.try_emplace(value, static_cast<std::uint32_t>(program_.texts.size()));
+  if (added) program_.texts.push_back(value);
+  return {OperandKind::kText, found->second};
+}
+
+Shape ProgramBuilder::shape(const Value& value) const {
+  if (!value.is_register()) return {};
+  const program::Register& reg = program_.registers[value.index];
+  return {reg.width, reg.height};
+}
+
+void ProgramBuilder::emit(program::Opcode op, Operand destination, std::vector<Operand> operands,
+                          bool masked) {
+  if (program_.code.size() + 1 >= program::kMaxInstructions) {
+    throw CompileError{location_,
+                       fmt::format("the program has more than {} instructions", program::kMaxInstructions)};
+  }
+  program::Instruction instruction;
+  instruction.op = op;
+  instruction.masked = masked;
+  instruction.source_location = program_.source_locations.empty()
+                                    ? 0
+                                    : static_cast<std::uint32_t>(program_.source_locations.size() - 1);
+  instruction.destination = destination;
+  std::copy(operands.begin(), operands.end(), instruction.operands.begin());
+  program_.code.push_back(instruction);
+}
+
+bool ProgramBuilder::retarget_last(const Value& temporary, const Value& target) {
+  if (!temporary.is_temporary || program_.code.empty() || last_label_position_ == position()) return false;
+  program::Instruction& last = program_.code.back();
+  const Operand new_destination = operand(target);
+  const bool matches = last.destination == operand(temporary) && temporary.kind == target.kind;
+  const bool reads_it =
+      std::find(last.operands.begin(), last.operands.end(), new_destination) != last.operands.end();
+  const bool aliases_source = reads_it && program::requires_out_of_place(last.op);
+  if (!matches || last.op == program::Opcode::kPixelSet || aliases_source) return false;
+  last.destination = new_destination;
+  last.masked = true;
+  return true;
+}
+
+ProgramBuilder::Label ProgramBuilder::new_label() {
+  labels_.push_back(0);
+  return static_cast<Label>(labels_.size() - 1);
+}
+
+void ProgramBuilder::bind_label(Label label) {
+  labels_[label] = static_cast<std::uint32_t>(program_.code.size());
+  last_label_position_ = program_.code.size();
+}
+
+Operand ProgramBuilder::label_operand(Label label) const { return {OperandKind::kLabel, label}; }
+
+program::Program ProgramBuilder::finish() {
+  program::Instruction end;
+  end.op = program::Opcode::kEnd;
+  end.source_location = program_.source_locations.empty()
+                            ? 0
+                            : static_cast<std::uint32_t>(program_.source_locations.size() - 1);
+  program_.code.push_back(end);
+  for (program::Instruction& instruction : program_.code) {
+    for (Operand& operand : instruction.operands) {
+      if (operand.kind == OperandKind::kLabel) operand.index = labels_[operand.index];
+    }
+  }
+  return std::move(program_);
+}
+
+}  // namespace apron::compiler

@@ -1,0 +1,104 @@
+// Puts a program together: instructions, the tables they index, labels, and temporaries that are used again.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "apron/program/Program.h"
+#include "apron/syntax/SourceManager.h"
+
+namespace apron::compiler {
+
+struct Shape {
+  std::uint32_t width = 0, height = 0;
+
+  bool operator==(const Shape&) const = default;
+  auto operator<=>(const Shape&) const = default;
+};
+
+// What an expression has become.
+struct Value {
+  enum class Kind : std::uint8_t { kNone, kRegister, kScalar, kConstant };
+  Kind kind = Kind::kNone;
+  std::uint32_t index = 0;
+  float constant = 0.0F;
+  bool is_temporary = false;
+
+  static Value from_constant(float number) noexcept { return {Kind::kConstant, 0, number, false}; }
+  bool is_register() const noexcept { return kind == Kind::kRegister; }
+  bool is_constant() const noexcept { return kind == Kind::kConstant; }
+};
+
+// An error in the source; an empty text is one that was reported already.
+struct CompileError {
+  syntax::Location location;
+  std::string message;
+};
+
+class ProgramBuilder {
+ public:
+  using Label = std::uint32_t;
+
+  // Instructions from here on come from this place.
+  void set_location(const syntax::Location& location, const std::string& file);
+  const syntax::Location& location() const noexcept { return location_; }
+  // In the order of their numbers, from 0.
+  void add_expansion(const std::string& macro, const syntax::Location& call, const std::string& file);
+
+  // Fail when one of the limits of program/Program.h is hit.
+  std::uint32_t add_register(std::string name, Shape);
+  std::uint32_t add_variable(std::string name);
+
+  Value allocate_temporary(Shape);
+  Value allocate_scalar_temporary();
+  void release(const Value&);  // nothing for what is no temporary
+  // Temporaries taken since the mark and not kept go back.
+  std::size_t mark() const noexcept { return live_.size(); }
+  void release_to(std::size_t mark);
+  void retain(const Value&);  // until it is released by hand
+  void unretain(const Value&);
+
+  program::Operand operand(const Value&);
+  program::Operand literal_operand(float);
+  program::Operand text_operand(const std::string&);
+  Shape shape(const Value&) const;
+
+  void emit(program::Opcode, program::Operand destination = {}, std::vector<program::Operand> = {},
+            bool masked = true);
+  // Lets the last instruction write `place` instead of the temporary that it wrote, if it wrote that one, all
+  // of it, is always the one before this point, and does not shift `place`. Whether it could.
+  bool retarget_last(const Value& temporary, const Value& target);
+  std::size_t position() const noexcept { return program_.code.size(); }
+
+  Label new_label();
+  void bind_label(Label);
+  program::Operand label_operand(Label) const;
+
+  program::Program& program() noexcept { return program_; }
+  const program::Program& program() const noexcept { return program_; }
+  // Ends the code with kEnd and resolves the labels.
+  program::Program finish();
+
+ private:
+  struct FreeList {
+    std::vector<std::uint32_t> free;
+  };
+  program::SourceLocation make_source(const syntax::Location& location, const std::string& file);
+  void remove_live(const Value&);
+
+  program::Program program_;
+  syntax::Location location_;
+  std::size_t register_bytes_ = 0;                          // bytes of all registers
+  std::map<std::uint32_t, std::uint32_t> literal_indices_;  // by the float's bits
+  std::map<std::string, std::uint32_t> text_indices_, file_indices_;
+  std::map<Shape, FreeList> free_registers_;
+  std::vector<std::uint32_t> free_variables_;
+  std::vector<Value> live_;
+  std::vector<std::uint32_t> labels_;
+  std::size_t temporary_count_ = 0;
+  std::size_t last_label_position_ = 0;  // the latest position that a label was placed at
+};
+
+}  // namespace apron::compiler

@@ -1,0 +1,172 @@
+#include "apron/compiler/SymbolTable.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "apron/syntax/Suggestion.h"
+#include "apron/syntax/Token.h"
+
+namespace apron::compiler {
+
+SymbolTable::SymbolTable() {
+  classes_["REGISTER"] = {false, {}, {}, {}};
+  classes_["VARIABLE"] = {true, {}, {}, {}};
+  aliases_ = {{"REGISTER", "REGISTER"}, {"r", "REGISTER"}, {"VARIABLE", "VARIABLE"}, {"v", "VARIABLE"}};
+}
+
+const Symbol* SymbolTable::find(const std::string& name) const {
+  const auto found = symbols_.find(name);
+  return found == symbols_.end() ? nullptr : &found->second;
+}
+
+void SymbolTable::add(const std::string& name, Symbol symbol) {
+  symbols_.insert_or_assign(name, std::move(symbol));
+}
+
+void SymbolTable::remove(const std::string& name) { symbols_.erase(name); }
+
+const std::string& SymbolTable::resolve_class(const std::string& name, syntax::Location location) const {
+  const auto found = aliases_.find(name);
+  if (found != aliases_.end()) return found->second;
+  if (const Symbol* symbol = find(name); symbol != nullptr && symbol->value.is_register()) {
+    throw CompileError{location,
+                       fmt::format("'{0}' is a register, not a class; one cell is pixel.get({0}, x, y)",
+                                   display_name(name))};
+  }
+  std::vector<std::string> known;
+  for (const auto& [alias, target] : aliases_) known.push_back(alias);
+  throw CompileError{location,
+                     fmt::format("there is no class '{}'{}", name, syntax::did_you_mean(name, known))};
+}
+
+bool SymbolTable::holds_variables(const std::string& class_name, syntax::Location location) const {
+  return classes_.at(resolve_class(class_name, location)).of_variables;
+}
+
+const Symbol& SymbolTable::find_element(const std::string& class_name, const std::string& name,
+                                        syntax::Location location) const {
+  const std::string& canonical = resolve_class(class_name, location);
+  const ElementClass& element_class = classes_.at(canonical);
+  const auto found = element_class.elements.find(name);
+  if (found != element_class.elements.end()) return found->second;
+  const Symbol* bare = element_class.of_variables && canonical == "VARIABLE" ? find(name) : nullptr;
+  if (bare != nullptr && !bare->value.is_register()) return *bare;
+  std::vector<std::string> known;
+  for (const std::string& one : element_class.order) {
+    if (!is_macro_name(one)) known.push_back(one);
+  }
+  const std::string hint = syntax::did_you_mean(name, known);
+  throw CompileError{location,
+                     fmt::format("the class {} has no element '{}'{}", canonical, display_name(name),
+                                 hint.empty() ? fmt::format("; create it with !create('{}', {})",
+                                                            display_name(name), canonical)
+                                              : hint)};
+}
+
+const Symbol& SymbolTable::find_element(const std::string& class_name, float number,
+                                        syntax::Location location) const {
+  const std::string& canonical = resolve_class(class_name, location);
+  const ElementClass& element_class = classes_.at(canonical);
+  const bool in_range = number >= 0.0F && number == std::floor(number) &&
+                        number < static_cast<float>(element_class.order.size());
+  if (!in_range) {
+    throw CompileError{
+        location,
+        fmt::format("the class {} has {} element{}, numbered from 0; there is no number {}", canonical,
+                    element_class.order.size(), element_class.order.size() == 1 ? "" : "s", number)};
+  }
+  return element_class.elements.at(element_class.order[static_cast<std::size_t>(number)]);
+}
+
+void SymbolTable::add_element(const std::string& class_name, const std::string& name, Symbol symbol,
+                              syntax::Location location) {
+  ElementClass& group = classes_.at(resolve_class(class_name, location));
+  symbol.name = display_name(name);
+  if (!group.elements.try_emplace(name, std::move(symbol)).second) {
+    throw CompileError{location, fmt::format("'{}' is declared already", display_name(name))};
+  }
+  group.order.push_back(name);
+}
+
+void SymbolTable::add_class(const syntax::Declaration& declaration) {
+  for (const std::string& name : {declaration.name, declaration.alias}) {
+    if (aliases_.count(name) > 0)
+      throw CompileError{declaration.location, fmt::format("there is a class '{}' already", name)};
+  }
+  classes_[declaration.name] = {declaration.of_variables, declaration.location, {}, {}};
+  aliases_[declaration.name] = declaration.name;
+  aliases_[declaration.alias] = declaration.name;
+}
+
+std::vector<std::uint32_t> SymbolTable::element_indices(const std::string& class_name) const {
+  const ElementClass& group = classes_.at(class_name);
+  std::vector<std::uint32_t> indices;
+  for (const std::string& name : group.order) indices.push_back(group.elements.at(name).value.index);
+  return indices;
+}
+
+std::optional<std::size_t> SymbolTable::element_number(const std::string& class_name,
+                                                       const std::string& element) const {
+  const std::vector<std::string>& order = classes_.at(class_name).order;
+  const auto found = std::find(order.begin(), order.end(), element);
+  if (found == order.end()) return std::nullopt;
+  return static_cast<std::size_t>(found - order.begin());
+}
+
+std::optional<std::size_t> SymbolTable::register_number(std::uint32_t index) const {
+  for (const auto& [name, group] : classes_) {
+    if (group.of_variables) continue;
+    for (std::size_t i = 0; i < group.order.size(); ++i)
+      if (group.elements.at(group.order[i]).value.index == index) return i;
+  }
+  return std::nullopt;
+}
+
+// By the shortest name of its class.
+std::string SymbolTable::format_element(const std::string& class_name, const std::string& name) const {
+  std::string alias = class_name;
+  for (const auto& [short_name, target] : aliases_) {
+    if (target == class_name && short_name.size() < alias.size()) alias = short_name;
+  }
+  return fmt::format("{}[{}]", alias, name);
+}
+
+std::string SymbolTable::find_register_element(const std::string& name) const {
+  for (const auto& [class_name, group] : classes_) {
+    if (!group.of_variables && group.elements.count(name) > 0) return format_element(class_name, name);
+  }
+  return {};
+}
+
+std::string SymbolTable::did_you_mean(const std::string& name,
+                                      const std::vector<std::string>& extra_names) const {
+  for (const auto& [class_name, group] : classes_) {
+    if (group.elements.count(name) > 0)
+      return fmt::format("; did you mean '{}'?", format_element(class_name, name));
+  }
+  std::vector<std::string> known = extra_names;
+  for (const auto& [bare, symbol] : symbols_) {
+    if (!is_macro_name(bare) && symbol.value.kind != Value::Kind::kNone) known.push_back(bare);
+  }
+  return syntax::did_you_mean(name, known);
+}
+
+const Symbol* SymbolTable::find_register(std::uint32_t index) const {
+  for (const auto& [name, group] : classes_) {
+    for (const auto& [element, symbol] : group.elements) {
+      if (symbol.value.is_register() && symbol.value.index == index) return &symbol;
+    }
+  }
+  return nullptr;
+}
+
+bool is_macro_name(const std::string& name) { return name.find(':') != std::string::npos; }
+
+bool is_macro_local(const std::string& name) { return is_macro_name(name) && name.front() != '$'; }
+
+std::string display_name(const std::string& name) { return syntax::display_name(name); }
+
+}  // namespace apron::compiler

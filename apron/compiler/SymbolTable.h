@@ -1,0 +1,75 @@
+// What the names of a program stand for.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apron/compiler/ProgramBuilder.h"
+#include "apron/syntax/Preprocessor.h"
+#include "apron/syntax/SourceManager.h"
+
+namespace apron::compiler {
+
+struct Symbol {
+  Value value;                // kNothing: an error was reported for it already
+  syntax::Location location;  // of its declaration or first write
+  bool is_writable = true;    // not a macro's argument
+  std::string name;           // as shown to the user
+  bool is_declared = false;   // by !create: may be read before it is written, and is 0 then
+};
+
+class SymbolTable {
+ public:
+  SymbolTable();
+
+  // nullptr if the name is not known as it stands.
+  const Symbol* find(const std::string& name) const;
+  void add(const std::string& name, Symbol);
+  void remove(const std::string& name);
+
+  // The element of a class, by name or number. Fail, naming what is wrong.
+  const Symbol& find_element(const std::string& class_name, const std::string& name, syntax::Location) const;
+  const Symbol& find_element(const std::string& class_name, float number, syntax::Location) const;
+  // Fail if the name is taken.
+  void add_element(const std::string& class_name, const std::string& name, Symbol, syntax::Location);
+  void add_class(const syntax::Declaration&);
+  // Of the class: its name, and its elements so far in the order of their numbers.
+  const std::string& class_name(const std::string& name_or_alias, syntax::Location location) const {
+    return resolve_class(name_or_alias, location);
+  }
+  std::vector<std::uint32_t> element_indices(const std::string& class_name) const;
+  // The number of an element, or nothing.
+  std::optional<std::size_t> element_number(const std::string& class_name, const std::string& element) const;
+  // The number that a register has in its class.
+  std::optional<std::size_t> register_number(std::uint32_t index) const;
+  bool holds_variables(const std::string& class_name, syntax::Location) const;
+
+  // "; did you mean 'r[A]'?" and the like, or "".
+  std::string did_you_mean(const std::string& name, const std::vector<std::string>& extra_names) const;
+  // "r[A]" if a class of registers has an element A, else "".
+  std::string find_register_element(const std::string& name) const;
+  const Symbol* find_register(std::uint32_t index) const;
+
+ private:
+  struct ElementClass {
+    bool of_variables = false;
+    syntax::Location location;
+    std::map<std::string, Symbol> elements;
+    std::vector<std::string> order;
+  };
+  const std::string& resolve_class(const std::string& name, syntax::Location) const;
+  std::string format_element(const std::string& class_name, const std::string& name) const;
+
+  std::map<std::string, Symbol> symbols_;
+  std::map<std::string, ElementClass> classes_;
+  std::map<std::string, std::string> aliases_;  // classes by themselves too
+};
+
+// syntax::written: without what makes a macro's own names unique.
+std::string display_name(const std::string& name);
+bool is_macro_local(const std::string& name);
+bool is_macro_name(const std::string& name);
+
+}  // namespace apron::compiler

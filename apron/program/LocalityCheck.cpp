@@ -1,0 +1,60 @@
+#include "apron/program/LocalityCheck.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+namespace apron::program {
+namespace {
+
+// The literal behind an operand, 0 for a variable (verify() refuses those where it matters).
+float literal_or_zero(const Program& program, const Operand& operand) noexcept {
+  const bool known = operand.kind == OperandKind::kLiteral && operand.index < program.literals.size();
+  return known ? program.literals[operand.index] : 0.0F;
+}
+
+std::string nonlocality_reason(const Program& program, const Instruction& instruction) {
+  const std::string_view mnemonic = opcode_info(instruction.op).mnemonic;
+  if (instruction.op == Opcode::kShift || instruction.op == Opcode::kRotate) {
+    const float dx = literal_or_zero(program, instruction.operands[1]);
+    const float dy = literal_or_zero(program, instruction.operands[2]);
+    if (instruction.op == Opcode::kRotate) {
+      return fmt::format("rotate by ({}, {}) joins opposite edges of the array", dx, dy);
+    }
+    return fmt::format("shift by ({}, {}) reaches beyond the north, east, south and west neighbours", dx, dy);
+  }
+  if (instruction.op == Opcode::kFilterDo) {
+    const Filter& filter = program.filters[instruction.operands[1].index];
+    return fmt::format("a filter of {}x{} reaches beyond the neighbours", filter.width, filter.height);
+  }
+  if (opcode_info(instruction.op).locality == Locality::Far) {
+    return fmt::format("{} propagates through the array until nothing changes", mnemonic);
+  }
+  return fmt::format("{} needs the whole array", mnemonic);
+}
+
+}  // namespace
+
+// A filter of 3x3 is a sum of steps to direct neighbours, as near.sum of 8 is.
+Locality locality(const Program& program, const Instruction& instruction) noexcept {
+  if (instruction.op == Opcode::kFilterDo) {
+    const Filter& filter = program.filters[instruction.operands[1].index];
+    return filter.width <= 3 && filter.height <= 3 ? Locality::News : Locality::Far;
+  }
+  if (instruction.op != Opcode::kShift) return opcode_info(instruction.op).locality;
+  const float distance = std::fabs(literal_or_zero(program, instruction.operands[1])) +
+                         std::fabs(literal_or_zero(program, instruction.operands[2]));
+  return distance <= 1.0F ? Locality::News : Locality::Far;
+}
+
+std::vector<NonLocalInstruction> find_nonlocal_instructions(const Program& program) {
+  std::vector<NonLocalInstruction> nonlocal;
+  for (std::size_t i = 0; i < program.code.size(); ++i) {
+    const Locality required = locality(program, program.code[i]);
+    if (required == Locality::Far || required == Locality::Global)
+      nonlocal.push_back({i, nonlocality_reason(program, program.code[i])});
+  }
+  return nonlocal;
+}
+
+}  // namespace apron::program

@@ -1,0 +1,23 @@
+// Which instructions of a program a purely local array could not execute: one whose cells see only
+// themselves, their own sensor and actuator, and their north, east, south and west neighbours, under one
+// controller that broadcasts instructions and keeps the scalars.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "apron/program/Program.h"
+
+namespace apron::program {
+
+struct NonLocalInstruction {
+  std::size_t instruction = 0;
+  std::string reason;  // one line, e.g. "globalsum needs the whole array"
+};
+
+// In program order; empty for a program that a local array could run. Console and media instructions belong
+// to the host beside the array and are not named. The program must pass verify().
+std::vector<NonLocalInstruction> find_nonlocal_instructions(const Program&);
+
+}  // namespace apron::program

@@ -1,0 +1,235 @@
+#include "apron/syntax/Formatter.h"
+
+#include <algorithm>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "apron/syntax/Diagnostic.h"
+#include "apron/syntax/Lexer.h"
+#include "apron/syntax/SourceManager.h"
+
+namespace apron::syntax {
+namespace {
+
+constexpr std::size_t kIndent = 2;        // blanks a block
+constexpr std::size_t kCommentGap = 2;    // blanks before a comment at the end of a line
+constexpr std::size_t kMaxColumns = 110;  // comments are not aligned beyond
+
+enum class FormatTokenKind { kWord, kOpen, kClose, kComma, kOperator };
+
+struct FormatToken {
+  FormatTokenKind kind = FormatTokenKind::kWord;
+  std::string_view text;
+};
+
+// One physical line, in its parts.
+struct PhysicalLine {
+  std::vector<FormatToken> tokens;
+  std::string_view comment;  // with its slashes; "" for none
+  bool continued = false;    // ends in a backslash
+};
+
+bool is_word_character(char c) {
+  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '.' ||
+         static_cast<unsigned char>(c) >= 0x80;
+}
+bool is_digit(char c) { return c >= '0' && c <= '9'; }
+
+// Length of the word, number, text or symbol at the beginning; the text has lexed without errors.
+std::size_t token_length(std::string_view text, bool first, FormatTokenKind& kind) {
+  const char c = text.front();
+  const auto scan_word = [&](std::size_t from) {
+    while (from < text.size() && is_word_character(text[from])) ++from;
+    return from;
+  };
+  kind = FormatTokenKind::kWord;
+  if (c == '\'') return std::min(text.find('\'', 1), text.size() - 1) + 1;
+  if (is_digit(c) || (c == '.' && text.size() > 1 && is_digit(text[1]))) {
+    std::size_t end = scan_word(0);
+    const bool hex = text.size() > 1 && (text[1] == 'x' || text[1] == 'X');
+    const bool exponent = !hex && (text[end - 1] == 'e' || text[end - 1] == 'E') && end + 1 < text.size() &&
+                          (text[end] == '+' || text[end] == '-') && is_digit(text[end + 1]);
+    return exponent ? scan_word(end + 1) : end;
+  }
+  if (is_word_character(c)) return scan_word(0);
+  if (c == ':' && text.size() > 1 && text[1] == '#') return scan_word(2);
+  if (c == '$' || c == '#' || c == ':') return scan_word(1);
+  if (c == '!' && first && text.size() > 1 && is_word_character(text[1])) return scan_word(1);
+  kind = c == '(' || c == '['   ? FormatTokenKind::kOpen
+         : c == ')' || c == ']' ? FormatTokenKind::kClose
+         : c == ','             ? FormatTokenKind::kComma
+         : c == '?'             ? FormatTokenKind::kWord
+                                : FormatTokenKind::kOperator;
+  if (kind != FormatTokenKind::kOperator) return 1;
+  for (const std::string_view pair : {"<=", ">=", "==", "!=", "&&", "||"})
+    if (text.substr(0, 2) == pair) return 2;
+  return 1;
+}
+
+PhysicalLine scan_line(std::string_view line, bool starts_statement) {
+  PhysicalLine line_tokens;
+  while (!line.empty()) {
+    if (line.front() == ' ' || line.front() == '\t' || line.front() == '\r') {
+      line.remove_prefix(1);
+    } else if (line.substr(0, 2) == "//") {
+      while (line.back() == ' ' || line.back() == '\t' || line.back() == '\r') line.remove_suffix(1);
+      line_tokens.comment = line;
+      break;
+    } else if (line.front() == '\\') {
+      line_tokens.continued = true;
+      line.remove_prefix(1);
+    } else {
+      FormatToken token;
+      const std::size_t size = token_length(line, starts_statement && line_tokens.tokens.empty(), token.kind);
+      token.text = line.substr(0, size);
+      line_tokens.tokens.push_back(token);
+      line.remove_prefix(size);
+    }
+  }
+  return line_tokens;
+}
+
+bool is_word_operator(std::string_view text) {
+  static constexpr std::string_view kWords[] = {"and", "or", "xor", "nand", "nor", "not"};
+  return std::find(std::begin(kWords), std::end(kWords), text) != std::end(kWords);
+}
+
+// The words of a row with the blanks that belong between them. `before`: the last piece of the row that it
+// continues.
+std::string join_tokens(const PhysicalLine& line, const FormatToken* previous) {
+  std::string text;
+  const FormatToken* previous_token = previous;
+  bool last_infix = false, last_prefix = false;
+  for (const FormatToken& token : line.tokens) {
+    const bool after_value =
+        previous_token != nullptr && (previous_token->kind == FormatTokenKind::kClose ||
+                                      (previous_token->kind == FormatTokenKind::kWord && !last_infix));
+    const bool infix = (token.kind == FormatTokenKind::kOperator && token.text != "!" && after_value) ||
+                       (is_word_operator(token.text) && token.text != "not" && after_value);
+    const bool prefix = token.kind == FormatTokenKind::kOperator && !after_value;
+    bool needs_space = previous_token != nullptr && previous_token->kind != FormatTokenKind::kOpen &&
+                       !last_prefix && token.kind != FormatTokenKind::kComma &&
+                       token.kind != FormatTokenKind::kClose;
+    if (token.kind == FormatTokenKind::kOpen && previous_token != nullptr &&
+        previous_token->kind == FormatTokenKind::kWord && !last_infix)
+      needs_space = false;
+    if (needs_space && !text.empty()) text += ' ';
+    text += token.text;
+    previous_token = &token;
+    last_infix = infix;
+    // An operator that is an argument, as in if(a, <, b), is followed by a comma, which takes no blank
+    // anyway.
+    last_prefix = prefix;
+  }
+  return text;
+}
+
+// How the line's first word changes the depth of blocks: of the line itself, and of those after it.
+std::pair<int, int> block_depth_change(const PhysicalLine& line) {
+  if (line.tokens.empty()) return {0, 0};
+  const std::string_view keyword = line.tokens.front().text;
+  for (const std::string_view open : {"if", "while", "for", "repeat", "where", "!if"})
+    if (keyword == open) return {0, 1};
+  for (const std::string_view close : {"endif", "endwhile", "endfor", "endrepeat", "endwhere", "!endif"})
+    if (keyword == close) return {-1, -1};
+  for (const std::string_view middle : {"else", "elsewhere", "!else"})
+    if (keyword == middle) return {-1, 0};
+  return {0, 0};
+}
+
+struct FormattedLine {
+  std::string code;
+  std::string_view comment;
+};
+
+// Characters, not bytes.
+std::size_t display_width(std::string_view text) {
+  return static_cast<std::size_t>(std::count_if(
+      text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xC0U) != 0x80U; }));
+}
+
+bool has_code(const std::string& code) { return code.find_first_not_of(' ') != std::string::npos; }
+
+// Comments at the ends of neighbouring lines stand below each other.
+std::string align_comments(const std::vector<FormattedLine>& lines) {
+  std::string text;
+  for (std::size_t first = 0; first < lines.size();) {
+    std::size_t last = first, widest = 0;
+    while (last < lines.size() && has_code(lines[last].code) && !lines[last].comment.empty()) {
+      const std::size_t width = display_width(lines[last].code);
+      if (width + kCommentGap + display_width(lines[last].comment) > kMaxColumns && last > first) break;
+      widest = std::max(widest, width);
+      ++last;
+    }
+    if (last == first) {
+      text.append(lines[first].code).append(lines[first].comment) += '\n';
+      ++first;
+      continue;
+    }
+    for (; first < last; ++first) {
+      const std::size_t gap = widest - display_width(lines[first].code) + kCommentGap;
+      text.append(lines[first].code).append(gap, ' ').append(lines[first].comment) += '\n';
+    }
+  }
+  return text;
+}
+
+std::string format_lines(std::string_view text) {
+  std::vector<FormattedLine> lines;
+  int depth = 0;
+  bool continues = false, pending_blank_line = false;
+  FormatToken previous;
+  if (text.substr(0, 3) == "\xEF\xBB\xBF") text.remove_prefix(3);
+  while (!text.empty()) {
+    const std::size_t end = std::min(text.find('\n'), text.size());
+    const PhysicalLine line = scan_line(text.substr(0, end), !continues);
+    text.remove_prefix(std::min(end + 1, text.size()));
+    if (line.tokens.empty() && line.comment.empty() && !line.continued && !continues) {
+      pending_blank_line = true;
+      continue;
+    }
+    if (pending_blank_line && !lines.empty()) lines.push_back({});
+    pending_blank_line = false;
+    const auto [depth_offset, depth_delta] = continues ? std::pair{2, 0} : block_depth_change(line);
+    const auto indent = static_cast<std::size_t>(std::max(depth + depth_offset, 0)) * kIndent;
+    depth = std::max(depth + depth_delta, 0);
+    std::string code = join_tokens(line, continues && previous.text.data() != nullptr ? &previous : nullptr);
+    if (line.continued) code += code.empty() ? "\\" : " \\";
+    lines.push_back(
+        {code.empty() && line.comment.empty() ? "" : std::string(indent, ' ') + code, line.comment});
+    if (!line.tokens.empty()) previous = line.tokens.back();
+    if (!line.continued) previous = {};
+    continues = line.continued;
+  }
+  return align_comments(lines);
+}
+
+std::vector<Line> lex_text(const std::string& text, bool& success) {
+  SourceManager sources;
+  Diagnostics diagnostics;
+  const std::uint32_t file = sources.add_file("", text, {});
+  std::vector<Line> lines = lex(sources, file, diagnostics);
+  success = diagnostics.empty();
+  return lines;
+}
+
+bool same_tokens(const std::vector<Line>& a, const std::vector<Line>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const Line& p, const Line& q) {
+    return std::equal(p.tokens.begin(), p.tokens.end(), q.tokens.begin(), q.tokens.end(),
+                      [](const Token& s, const Token& t) { return s.kind == t.kind && s.text == t.text; });
+  });
+}
+
+}  // namespace
+
+std::string format_source(const std::string& text) {
+  bool lexes = false, result_lexes = false;
+  const std::vector<Line> before = lex_text(text, lexes);
+  if (!lexes) return text;
+  std::string result = format_lines(text);
+  const std::vector<Line> after = lex_text(result, result_lexes);
+  return result_lexes && same_tokens(before, after) ? result : text;
+}
+
+}  // namespace apron::syntax

@@ -1,0 +1,212 @@
+// The VM's instructions on neighbourhoods, random numbers, the stack and elements by number.
+#include <bit>
+#include <cassert>
+#include <cmath>
+#include <new>
+
+#include "apron/vm/NumberFormat.h"
+#include "apron/vm/Vm.h"
+#include "apron/vm/kernels/FloodFill.h"
+#include "apron/vm/kernels/Stencil.h"
+
+namespace apron::vm {
+
+using program::Opcode;
+
+Status Vm::execute_array_op(const DecodedInstruction& decoded) {
+  switch (decoded.op) {
+    case Opcode::kFilterSet:
+      return set_filter_coefficient(decoded);
+    case Opcode::kRandomFloat:
+    case Opcode::kRandomGauss:
+    case Opcode::kRandomInt:
+      return fill_random(decoded);
+    case Opcode::kRandomSeed:
+      random_stream_ = {std::bit_cast<std::uint32_t>(*decoded.scalars[0]), 0};
+      return Status::kRunning;
+    case Opcode::kStackPush:
+      return push_register(decoded);
+    case Opcode::kStackPop:
+      return pop_register(decoded);
+    case Opcode::kStackClear:
+      free_stack_planes_.insert(free_stack_planes_.end(), stack_.begin(), stack_.end());
+      stack_.clear();
+      return Status::kRunning;
+    case Opcode::kResGetVar:
+    case Opcode::kResSetVar:
+    case Opcode::kResGetReg:
+    case Opcode::kResSetReg:
+      return access_group_member(decoded);
+    default:
+      return execute_neighbourhood(decoded);
+  }
+}
+
+Status Vm::execute_neighbourhood(const DecodedInstruction& decoded) {
+  const float* mask = nullptr;
+  const WriteAccess access = check_write_access(decoded, mask);
+  if (access != WriteAccess::kAllowed)
+    return access == WriteAccess::kSuppressed ? Status::kRunning : report_mask_mismatch(*decoded.destination);
+  const ConstPlane a = *decoded.planes[0];
+  const Plane to = mask == nullptr ? *decoded.destination : decoded.scratch;
+  switch (decoded.op) {
+    case Opcode::kFilterDo: {
+      const program::Filter& with = program_.filters[decoded.table_index];
+      apply_filter(executor_, {with.width, with.height, with.coefficients.data()}, *decoded.destination, a,
+                   boundary_, mask);
+      return Status::kRunning;
+    }
+    case Opcode::kFlood:
+      components_.flood(to, a, *decoded.planes[1]);
+      break;
+    case Opcode::kDistance:
+      distance_transform(to, a);
+      break;
+    case Opcode::kSpreadMax:
+      components_.spread_max(to, a, *decoded.planes[1], executor_.kernels());
+      break;
+    default:
+      reduce_neighbours(executor_, decoded.op, *decoded.scalars[1] == 8.0F, *decoded.destination, a,
+                        boundary_, mask);
+      return Status::kRunning;
+  }
+  if (mask != nullptr) copy_plane(*decoded.destination, to, mask);
+  return Status::kRunning;
+}
+
+// All cells, or those where the mask is non-zero. One shape.
+void Vm::copy_plane(Plane y, ConstPlane a, const float* mask) noexcept {
+  Block block;
+  block.y = y.data;
+  block.source[0] = a.data;
+  block.mask = mask;
+  block.set_pitch(y.pitch);
+  block.rows = y.height;
+  block.columns = y.width;
+  executor_.run_kernel(executor_.kernels().kernel(Opcode::kCopy, 0, mask != nullptr), block);
+}
+
+Status Vm::set_filter_coefficient(const DecodedInstruction& decoded) {
+  program::Filter& filter = program_.filters[decoded.table_index];
+  const float index = *decoded.scalars[1];
+  if (!(index >= 0.0F && index < static_cast<float>(filter.coefficients.size())))
+    return fail(Status::kFailed, "the filter '" + filter.name + "' of " + std::to_string(filter.width) + "x" +
+                                     std::to_string(filter.height) + " has no element number " +
+                                     format_number(index));
+  filter.coefficients[static_cast<std::size_t>(index)] = *decoded.scalars[2];
+  return Status::kRunning;
+}
+
+Status Vm::fill_random(const DecodedInstruction& decoded) {
+  const RandomStream draw = random_stream_;
+  ++random_stream_.draw_index;  // whatever the mask
+  const float a = *decoded.scalars[0], b = *decoded.scalars[1];
+  if (decoded.destination_variable != nullptr) {
+    *decoded.destination_variable = draw(decoded.op, 0, 0, a, b);
+    return Status::kRunning;
+  }
+  const float* mask = nullptr;
+  const WriteAccess access = check_write_access(decoded, mask);
+  if (access != WriteAccess::kAllowed)
+    return access == WriteAccess::kSuppressed ? Status::kRunning : report_mask_mismatch(*decoded.destination);
+  executor_.parallel_for_rows(
+      decoded.destination->height, decoded.destination->width, [&](std::uint32_t first, std::uint32_t last) {
+        for (std::uint32_t row = first; row < last; ++row) {
+          float* to = decoded.destination->row(row);
+          const float* on = mask != nullptr ? mask + (to - decoded.destination->data) : nullptr;
+          for (std::uint32_t x = 0; x < decoded.destination->width; ++x)
+            if (on == nullptr || on[x] != 0.0F) to[x] = draw(decoded.op, x, row, a, b);
+        }
+      });
+  return Status::kRunning;
+}
+
+Status Vm::push_register(const DecodedInstruction& decoded) {
+  const ConstPlane a = *decoded.planes[0];
+  if (stack_.size() == program::kMaxStackDepth)
+    return fail(Status::kFailed,
+                "more than " + std::to_string(program::kMaxStackDepth) + " registers are on the stack");
+  auto slot = free_stack_planes_.begin();
+  while (slot != free_stack_planes_.end() && !same_shape(*slot, a)) ++slot;
+  if (slot == free_stack_planes_.end()) {
+    stack_bytes_ += a.cell_count() * sizeof(float);
+    if (stack_bytes_ > program::kMaxMemoryBytes)
+      return fail(Status::kFailed,
+                  "the stack takes more than " + std::to_string(program::kMaxMemoryBytes) + " bytes");
+    try {
+      slot = free_stack_planes_.insert(free_stack_planes_.end(), plane_store_.allocate(a.width, a.height));
+    } catch (const std::bad_alloc&) {
+      return fail(Status::kFailed, "there is not enough memory for the stack");
+    }
+  }
+  copy_plane(*slot, a, nullptr);
+  stack_.push_back(*slot);
+  free_stack_planes_.erase(slot);
+  return Status::kRunning;
+}
+
+Status Vm::pop_register(const DecodedInstruction& decoded) {
+  if (stack_.empty()) return fail(Status::kFailed, "stack.pop_reg finds the stack empty");
+  const Plane top = stack_.back();
+  if (!same_shape(top, *decoded.destination))
+    return fail(Status::kFailed, "stack.pop_reg finds a register of " + format_shape(top) +
+                                     ", and the destination is " + format_shape(*decoded.destination));
+  const float* mask = nullptr;
+  const WriteAccess access = check_write_access(decoded, mask);
+  if (access == WriteAccess::kShapeMismatch) return report_mask_mismatch(*decoded.destination);
+  if (access == WriteAccess::kAllowed) copy_plane(*decoded.destination, top, mask);
+  stack_.pop_back();
+  free_stack_planes_.push_back(top);
+  return Status::kRunning;
+}
+
+Status Vm::access_group_member(const DecodedInstruction& decoded) {
+  const program::OperandGroup& group = program_.groups[decoded.table_index];
+  const float number = *decoded.scalars[1];
+  if (!(number >= 0.0F && number < static_cast<float>(group.members.size()) && number == std::floor(number)))
+    return fail(Status::kFailed, "the class " + group.name + " has " + std::to_string(group.members.size()) +
+                                     (group.members.size() == 1 ? " element" : " elements") +
+                                     ", numbered from 0; there is no number " + format_number(number));
+  const std::uint32_t index = group.members[static_cast<std::size_t>(number)];
+  if (decoded.op == Opcode::kResGetVar) {
+    *decoded.destination_variable = register_file_.scalars[index];
+    return Status::kRunning;
+  }
+  if (decoded.op == Opcode::kResSetVar) {
+    register_file_.scalars[index] = *decoded.scalars[2];
+    return Status::kRunning;
+  }
+  return access_group_register(decoded, register_file_.registers[index]);
+}
+
+Status Vm::access_group_register(const DecodedInstruction& decoded, Plane reg) {
+  const bool get = decoded.op == Opcode::kResGetReg;
+  const Plane y = get ? *decoded.destination : reg;
+  const ConstPlane a = get                            ? ConstPlane(reg)
+                       : decoded.planes[2] != nullptr ? ConstPlane(*decoded.planes[2])
+                                                      : ConstPlane();
+  if (a.data != nullptr && !same_shape(y, a))
+    return fail(Status::kFailed,
+                "a register of " + format_shape(a) + " does not go into one of " + format_shape(y));
+  const float* mask = nullptr;
+  DecodedInstruction write = decoded;
+  write.destination = &y;
+  const WriteAccess access = check_write_access(write, mask);
+  if (access != WriteAccess::kAllowed)
+    return access == WriteAccess::kSuppressed ? Status::kRunning : report_mask_mismatch(y);
+  if (a.data != nullptr) {
+    if (a.data != y.data) copy_plane(y, a, mask);
+    return Status::kRunning;
+  }
+  Block block;
+  block.y = y.data;
+  block.scalar[0] = *decoded.scalars[2];
+  block.mask = mask;
+  block.set_pitch(y.pitch);
+  block.rows = y.height;
+  block.columns = y.width;
+  executor_.run_kernel(executor_.kernels().kernel(Opcode::kCopy, 1, mask != nullptr), block);
+  return Status::kRunning;
+}
+
+}  // namespace apron::vm

@@ -1,0 +1,154 @@
+#include "apron/vm/fusion/FlowAnalysis.h"
+
+#include <algorithm>
+
+namespace apron::vm {
+
+using program::BoundaryRule;
+using program::Instruction;
+using program::Opcode;
+using program::Operand;
+using program::OperandKind;
+
+namespace {
+
+constexpr std::size_t kMaxLiveWords = std::size_t{1} << 22;
+constexpr int kMaxPasses = 64;
+constexpr std::size_t kMaxReturnEdges = 1'000'000;
+
+std::size_t bitset_words(const program::Program& program) { return (program.registers.size() + 63) / 64; }
+
+const Operand* label_operand(const Instruction& in) {
+  for (const Operand& operand : in.operands)
+    if (operand.kind == OperandKind::kLabel) return &operand;
+  return nullptr;
+}
+
+// Writes every cell of its destination whatever the mask.
+bool overwrites_every_cell(const Instruction& in, bool has_masks) {
+  if (in.destination.kind != OperandKind::kRegister || (in.masked && has_masks)) return false;
+  if (in.op == Opcode::kPixelSet) return false;
+  const char letter = program::opcode_info(in.op).signature.front();
+  if (program::requires_out_of_place(in.op)) return true;
+  const bool whole = in.op == Opcode::kCellX || in.op == Opcode::kCellY || in.op == Opcode::kSurfaceSense;
+  return letter == 'D' || whole;
+}
+
+}  // namespace
+
+FlowAnalysis::FlowAnalysis(const program::Program& program, bool preserve_named_registers)
+    : program_(program),
+      branch_targets_(program.code.size(), false),
+      boundary_(program.code.size()),
+      filter_modified_(program.filters.size(), false) {
+  find_branch_targets();
+  // A return goes on after every call: with very many of both, nothing is known.
+  const auto returns =
+      static_cast<std::size_t>(std::count_if(program.code.begin(), program.code.end(),
+                                             [](const Instruction& in) { return in.op == Opcode::kReturn; }));
+  if (returns * return_sites_.size() > kMaxReturnEdges) return;
+  compute_boundaries();
+  compute_liveness(preserve_named_registers);
+}
+
+void FlowAnalysis::find_branch_targets() {
+  for (std::size_t at = 0; at < program_.code.size(); ++at) {
+    const Instruction& in = program_.code[at];
+    if (const Operand* to = label_operand(in)) branch_targets_[to->index] = true;
+    if (in.op == Opcode::kCall && at + 1 < program_.code.size()) {
+      branch_targets_[at + 1] = true;
+      return_sites_.push_back(static_cast<std::uint32_t>(at + 1));
+    }
+    const std::string_view name = program::opcode_info(in.op).mnemonic;
+    has_masks_ = has_masks_ || name.substr(0, 5) == "mask.";
+    if (in.op == Opcode::kFilterSet) filter_modified_[in.operands[0].index] = true;
+    if (in.op == Opcode::kBoundary && program_.literals[in.operands[0].index] != 0.0F)
+      has_only_zero_boundaries_ = false;
+  }
+}
+
+// Forward, from "zero" at the start. A return goes on after any call. A rule is known until two ways differ.
+void FlowAnalysis::compute_boundaries() {
+  constexpr std::uint8_t kUnvisited = 0, kConstant = 1, kVarying = 2;
+  std::vector<std::uint8_t> state(program_.code.size(), kUnvisited);
+  std::vector<std::size_t> worklist;
+  const auto merge = [&](std::size_t at, const std::optional<BoundaryCondition>& boundary) {
+    const auto differs = [&] {
+      return !boundary || boundary->rule != boundary_[at]->rule || boundary->value != boundary_[at]->value;
+    };
+    if (state[at] == kUnvisited) {
+      state[at] = boundary ? kConstant : kVarying;
+      boundary_[at] = boundary;
+    } else if (state[at] == kConstant && differs()) {
+      state[at] = kVarying;
+      boundary_[at].reset();
+    } else {
+      return;
+    }
+    worklist.push_back(at);
+  };
+  merge(0, BoundaryCondition{});
+  while (!worklist.empty()) {
+    const std::size_t at = worklist.back();
+    worklist.pop_back();
+    const Instruction& in = program_.code[at];
+    std::optional<BoundaryCondition> after = boundary_[at];
+    if (in.op == Opcode::kBoundary) {
+      const auto rule = static_cast<BoundaryRule>(program_.literals[in.operands[0].index]);
+      const bool fixed = rule != BoundaryRule::kValue || in.operands[1].kind == OperandKind::kLiteral;
+      after = BoundaryCondition{rule, 0.0F};
+      if (rule == BoundaryRule::kValue && fixed) after->value = program_.literals[in.operands[1].index];
+      if (!fixed || after->value != after->value) after.reset();
+    }
+    for_each_successor(at, [&](std::size_t next) { merge(next, after); });
+  }
+}
+
+bool FlowAnalysis::is_live(std::size_t at, std::uint32_t reg) const {
+  if (live_bits_.empty()) return true;
+  return ((live_bits_[at * bitset_words(program_) + reg / 64] >> (reg % 64)) & 1U) != 0;
+}
+
+// Backward to the fixed point. A program too large for that has every register live everywhere.
+void FlowAnalysis::compute_liveness(bool preserve_named_registers) {
+  const std::size_t n = bitset_words(program_);
+  if (n == 0 || program_.code.size() > kMaxLiveWords / n) return;
+  std::vector<std::uint64_t> always_live(n, 0);
+  for (std::size_t r = 0; preserve_named_registers && r < program_.registers.size(); ++r)
+    if (program_.registers[r].name.substr(0, 1) != "$") always_live[r / 64] |= std::uint64_t{1} << (r % 64);
+  // Reached by number at run time.
+  for (const program::OperandGroup& group : program_.groups)
+    for (std::size_t i = 0; !group.is_variable_group && i < group.members.size(); ++i)
+      always_live[group.members[i] / 64] |= std::uint64_t{1} << (group.members[i] % 64);
+  live_bits_.assign(program_.code.size() * n, 0);
+  for (int pass = 0; pass < kMaxPasses; ++pass)
+    if (!liveness_pass(n, always_live)) return;
+  live_bits_.clear();
+}
+
+bool FlowAnalysis::liveness_pass(std::size_t n, const std::vector<std::uint64_t>& always_live) {
+  bool changed = false;
+  std::vector<std::uint64_t> live_here(n);
+  for (std::size_t at = program_.code.size(); at-- > 0;) {
+    const Instruction& in = program_.code[at];
+    live_here = always_live;
+    for_each_successor(at, [&](std::size_t next) {
+      for (std::size_t w = 0; w < n; ++w) live_here[w] |= live_bits_[next * n + w];
+    });
+    const auto bit = [](const Operand& o) { return std::uint64_t{1} << (o.index % 64); };
+    if (overwrites_every_cell(in, has_masks_)) {
+      const std::size_t w = in.destination.index / 64;
+      live_here[w] &= ~bit(in.destination) | always_live[w];
+    }
+    for (const Operand& o : in.operands)
+      if (o.kind == OperandKind::kRegister) live_here[o.index / 64] |= bit(o);
+    const auto place = live_bits_.begin() + static_cast<std::ptrdiff_t>(at * n);
+    if (!std::equal(live_here.begin(), live_here.end(), place)) {
+      std::copy(live_here.begin(), live_here.end(), place);
+      changed = true;
+    }
+  }
+  return changed;
+}
+
+}  // namespace apron::vm

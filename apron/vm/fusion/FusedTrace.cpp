@@ -1,0 +1,334 @@
+#include "apron/vm/fusion/FusedTrace.h"
+
+#include <algorithm>
+#include <limits>
+#include <numeric>
+
+#include "apron/vm/kernels/ScalarKernels.h"
+
+namespace apron::vm {
+
+using program::BoundaryRule;
+
+namespace {
+
+constexpr std::int64_t kLaneCount = kLanes;
+
+std::int64_t round_down_to_lanes(std::int64_t n) { return n / kLaneCount * kLaneCount; }
+std::int64_t round_up_to_lanes(std::int64_t n) { return (n + kLaneCount - 1) / kLaneCount * kLaneCount; }
+
+}  // namespace
+
+FusedTrace::FusedTrace(const Trace& trace, ValueGraph graph, FusionPlan plan, const Environment& environment)
+    : exit_(trace.exit),
+      instruction_count_(trace.instructions.size()),
+      mask_depth_(trace.mask_depth),
+      call_depth_(trace.call_depth),
+      graph_(std::move(graph)),
+      plan_(std::move(plan)),
+      executor_(environment.executor),
+      register_file_(environment.register_file),
+      back_buffers_(environment.back_buffers),
+      pads_stay_zero_(environment.pads_stay_zero) {
+  for (const Stage& stage : plan_.stages) {
+    compiled_stages_.push_back(environment.enable_jit ? StageJit::compile(stage, common_vector_count(stage),
+                                                                          plan_.rows_per_iteration)
+                                                      : std::nullopt);
+    stage_interpreters_.emplace_back(stage, plan_.buffers, executor_.kernels());
+  }
+  allocate_workers();
+}
+
+void FusedTrace::allocate_workers() {
+  std::size_t scratch = 0;
+  for (std::size_t s = 0; s < stage_interpreters_.size(); ++s)
+    if (!compiled_stages_[s]) scratch = std::max(scratch, stage_interpreters_[s].scratch_floats());
+  const std::size_t rings = (plan_.worker_floats + 2 * kLanes + kLanes - 1) / kLanes * kLanes;
+  worker_floats_ = rings + scratch + kLanes;
+  workers_.resize(plan_.threads);
+  for (Worker& worker : workers_) {
+    worker.rings = plane_store_.allocate(static_cast<std::uint32_t>(worker_floats_), 1).data;
+    worker.scratch = worker.rings + rings;
+    worker.views.resize(plan_.buffers.size());
+  }
+  const std::size_t columns = plan_.width + 4 * kLanes;
+  boundary_row_ = plane_store_.allocate(static_cast<std::uint32_t>(columns), 1).data;
+  const float value = plan_.boundary.rule == BoundaryRule::kValue ? plan_.boundary.value : 0.0F;
+  std::fill_n(boundary_row_, columns, value);
+  boundary_row_ += 2 * kLanes;
+  fill_index_planes();
+  for (Worker& worker : workers_) {
+    bind_buffers(worker, {});
+    fill_margins(worker);
+  }
+  // With one strip the edges of the rings stay where they are.
+  if (has_constant_boundary() && plan_.strip_columns == plan_.width)
+    for (const Worker& worker : workers_) pad_rings(worker, {0, plan_.width, 0});
+}
+
+void FusedTrace::fill_index_planes() {
+  for (const RowBuffer& buffer : plan_.buffers) {
+    const bool columns = buffer.kind == RowBuffer::Kind::kColumnIndex;
+    if (!columns && buffer.kind != RowBuffer::Kind::kRowIndex) continue;
+    Plane& plane = columns ? column_index_plane_ : row_index_plane_;
+    plane = plane_store_.allocate(plan_.width, columns ? 1 : plan_.height);
+    for (std::uint32_t y = 0; y < plane.height; ++y) {
+      for (std::uint32_t x = 0; x < plane.width; ++x) plane.row(y)[x] = static_cast<float>(columns ? x : y);
+      pad_row(plane.row(y), buffer.pad_columns, true, true);
+    }
+    index_plane_floats_ += plane.cell_count();
+  }
+}
+
+std::vector<std::uint32_t> FusedTrace::double_buffered_registers() const {
+  std::vector<std::uint32_t> registers;
+  for (const RowBuffer& buffer : plan_.buffers)
+    if (buffer.kind == RowBuffer::Kind::kDoubleBuffered) registers.push_back(buffer.reg);
+  return registers;
+}
+
+std::size_t FusedTrace::memory_bytes() const noexcept {
+  return (worker_floats_ * plan_.threads + index_plane_floats_) * sizeof(float);
+}
+
+// What lies beyond the edges of a ring is the same whatever the stages write: their rows are whole vectors.
+bool FusedTrace::has_constant_boundary() const noexcept {
+  return (plan_.boundary.rule == BoundaryRule::kZero || plan_.boundary.rule == BoundaryRule::kValue) &&
+         plan_.width % kLanes == 0;
+}
+
+void FusedTrace::run(const ConstPlane& mask) noexcept {
+  evaluate_scalars();
+  for (Worker& worker : workers_) bind_buffers(worker, mask);
+  if (!pads_stay_zero_) pad_inputs();
+  if (workers_.size() == 1) {
+    for (unsigned slice = 0; slice < plan_.slices; ++slice) run_slice(slice, workers_[0]);
+  } else {
+    executor_.parallel_for(
+        plan_.slices, [this](std::uint32_t slice, unsigned thread) { run_slice(slice, workers_[thread]); });
+  }
+  for (const RowBuffer& buffer : plan_.buffers)
+    if (buffer.kind == RowBuffer::Kind::kDoubleBuffered)
+      std::swap(register_file_.registers[buffer.reg], back_buffers_[buffer.reg]);
+  for (const auto& [variable, slot] : graph_.variable_stores) *variable = graph_.scalar_slots[slot];
+}
+
+void FusedTrace::stage_columns(const Stage& stage, const Strip& strip, std::int64_t& west,
+                               std::int64_t& east) const noexcept {
+  west = std::max<std::int64_t>(0, round_down_to_lanes(strip.first - stage.halo_x + kLaneCount) - kLaneCount);
+  east = std::min<std::int64_t>(plan_.width, strip.last + stage.halo_x);
+}
+
+// The largest number of vectors that divides the stage's columns in every strip.
+std::uint32_t FusedTrace::common_vector_count(const Stage& stage) const noexcept {
+  std::int64_t common = 0;
+  for (std::int64_t column = 0; column < plan_.width; column += plan_.strip_columns) {
+    std::int64_t west = 0, east = 0;
+    stage_columns(stage, {column, std::min<std::int64_t>(column + plan_.strip_columns, plan_.width), 0}, west,
+                  east);
+    common = std::gcd(common, round_up_to_lanes(east - west) / kLaneCount);
+  }
+  return static_cast<std::uint32_t>(common);
+}
+
+void FusedTrace::fill_margins(const Worker& worker) noexcept {
+  const float value = plan_.boundary.rule == BoundaryRule::kValue ? plan_.boundary.value : 0.0F;
+  for (const BufferView& view : worker.views)
+    for (std::int64_t k = 1; k <= view.margin_rows; ++k)
+      for (const std::int64_t row : {-k, static_cast<std::int64_t>(plan_.height) - 1 + k})
+        std::fill_n(view.data + row * view.pitch - kLaneCount, view.pitch + kLaneCount, value);
+}
+
+void FusedTrace::evaluate_scalars() noexcept {
+  for (const auto& [slot, variable] : graph_.variable_loads) graph_.scalar_slots[slot] = *variable;
+  for (const ScalarInstruction& instruction : graph_.scalar_instructions)
+    graph_.scalar_slots[instruction.destination] = evaluate_scalar(
+        instruction.op, graph_.scalar_slots[instruction.sources[0]],
+        graph_.scalar_slots[instruction.sources[1]], graph_.scalar_slots[instruction.sources[2]]);
+}
+
+void FusedTrace::bind_buffers(Worker& worker, const ConstPlane& mask) const noexcept {
+  for (std::size_t i = 0; i < plan_.buffers.size(); ++i) {
+    const RowBuffer& buffer = plan_.buffers[i];
+    BufferView& view = worker.views[i];
+    switch (buffer.kind) {
+      case RowBuffer::Kind::kRegister:
+      case RowBuffer::Kind::kInPlace:
+        view = {register_file_.registers[buffer.reg].data, register_file_.registers[buffer.reg].pitch, 0, 0};
+        break;
+      case RowBuffer::Kind::kDoubleBuffered:
+        if (!back_buffers_.empty())
+          view = {back_buffers_[buffer.reg].data, back_buffers_[buffer.reg].pitch, 0, 0};
+        break;
+      case RowBuffer::Kind::kMask:
+        // Only read: results never go to a mask.
+        view = {const_cast<float*>(mask.data), mask.pitch, 0, 0};
+        break;
+      case RowBuffer::Kind::kColumnIndex:
+        view = {column_index_plane_.data, 0, 0, 0};
+        break;
+      case RowBuffer::Kind::kRowIndex:
+        view = {row_index_plane_.data, row_index_plane_.pitch, 0, 0};
+        break;
+      case RowBuffer::Kind::kRing:
+        view = {worker.rings + buffer.offset + kLanes, static_cast<std::ptrdiff_t>(plan_.ring_pitch),
+                buffer.ring_rows, buffer.margin_rows};
+        break;
+    }
+  }
+}
+
+void FusedTrace::pad_inputs() noexcept {
+  for (const RowBuffer& buffer : plan_.buffers) {
+    if (buffer.kind != RowBuffer::Kind::kRegister || buffer.pad_columns == 0) continue;
+    const Plane& plane = register_file_.registers[buffer.reg];
+    for (std::uint32_t y = 0; y < plan_.height; ++y) pad_row(plane.row(y), buffer.pad_columns, true, true);
+  }
+}
+
+// row: its first cell. Only what the rule makes of the row's own cells.
+void FusedTrace::pad_row(float* row, std::uint32_t pad_columns, bool west, bool east) const noexcept {
+  const std::ptrdiff_t width = plan_.width;
+  for (std::ptrdiff_t k = 1; k <= static_cast<std::ptrdiff_t>(pad_columns); ++k) {
+    float w = plan_.boundary.rule == BoundaryRule::kValue ? plan_.boundary.value : 0.0F, e = w;
+    if (plan_.boundary.rule == BoundaryRule::kReplicate) {
+      if (west) w = row[0];
+      if (east) e = row[width - 1];
+    } else if (plan_.boundary.rule == BoundaryRule::kReflect) {
+      if (west) w = row[k];
+      if (east) e = row[width - 1 - k];
+    }
+    if (west) row[-k] = w;
+    if (east) row[width - 1 + k] = e;
+  }
+}
+
+float* FusedTrace::cell_address(const BufferView& view, const Strip& strip, std::int64_t row,
+                                std::int64_t column) const noexcept {
+  if (view.ring_rows == 0) return view.data + row * view.pitch + column;
+  return view.data + row % view.ring_rows * view.pitch + (column - strip.ring_origin);
+}
+
+void FusedTrace::pad_rings(const Worker& worker, const Strip& strip) const noexcept {
+  const bool west = strip.ring_origin == 0;
+  const bool east = std::min<std::int64_t>(plan_.width, strip.last + plan_.ring_halo) == plan_.width;
+  for (std::size_t i = 0; i < plan_.buffers.size(); ++i)
+    for (std::uint32_t r = 0; plan_.buffers[i].pad_columns > 0 && r < plan_.buffers[i].ring_rows; ++r)
+      pad_row(cell_address(worker.views[i], strip, r, 0), plan_.buffers[i].pad_columns, west, east);
+}
+
+void FusedTrace::run_slice(unsigned slice, const Worker& worker) noexcept {
+  const auto height = static_cast<std::int64_t>(plan_.height);
+  const std::int64_t top = height * slice / plan_.slices, bottom = height * (slice + 1) / plan_.slices;
+  std::int64_t halo = 0, end = 0;
+  for (const Stage& stage : plan_.stages) {
+    halo = std::max<std::int64_t>(halo, stage.halo_y);
+    end = std::max(end, std::min<std::int64_t>(height, bottom + stage.halo_y) + stage.skew);
+  }
+  for (std::int64_t column = 0; column < plan_.width; column += plan_.strip_columns) {
+    const Strip strip{column, std::min<std::int64_t>(column + plan_.strip_columns, plan_.width),
+                      std::max<std::int64_t>(0, column - plan_.ring_halo)};
+    if (has_constant_boundary() && plan_.strip_columns != plan_.width) pad_rings(worker, strip);
+    for (std::int64_t row = std::max<std::int64_t>(0, top - halo); row < end; row += plan_.block_rows)
+      for (std::size_t s = 0; s < plan_.stages.size(); ++s) {
+        const Stage& stage = plan_.stages[s];
+        const std::int64_t first = std::max({std::int64_t{0}, top - stage.halo_y, row - stage.skew});
+        const std::int64_t last =
+            std::min({height, bottom + stage.halo_y, row - stage.skew + std::int64_t{plan_.block_rows}});
+        if (first < last) run_stage(s, worker, strip, first, last);
+      }
+  }
+}
+
+void FusedTrace::run_stage(std::size_t index, const Worker& worker, const Strip& strip, std::int64_t first,
+                           std::int64_t last) noexcept {
+  const Stage& stage = plan_.stages[index];
+  std::int64_t west = 0, east = 0;
+  stage_columns(stage, strip, west, east);
+  StageCall call;
+  call.scalar_slots = graph_.scalar_slots.data();
+  call.row_bytes = round_up_to_lanes(east - west) * static_cast<std::int64_t>(sizeof(float));
+  while (first < last) {
+    const StageJit::CompiledLoop* loop =
+        compiled_stages_[index] ? &compiled_stages_[index]->loop_for(last - first) : nullptr;
+    const std::uint32_t rows = loop != nullptr ? loop->rows_per_iteration : 1;
+    const std::vector<RowStream>& row_streams = loop != nullptr ? loop->row_streams : stage.streams;
+    call.iterations = std::min((last - first) / rows,
+                               bind_row_streams(row_streams, rows, worker, strip, first, west, call));
+    if (loop != nullptr)
+      loop->run(&call);
+    else
+      stage_interpreters_[index].run(call, worker.scratch);
+    pad_results(stage, worker, strip, first, first + call.iterations * rows, west, east);
+    first += call.iterations * rows;
+  }
+}
+
+// Where the lines of a turn that begins at this row are; how many turns follow at the same steps.
+std::int64_t FusedTrace::bind_row_streams(const std::vector<RowStream>& row_streams, std::uint32_t rows,
+                                          const Worker& worker, const Strip& strip, std::int64_t row,
+                                          std::int64_t column, StageCall& call) const noexcept {
+  std::int64_t iterations = std::numeric_limits<std::int64_t>::max();
+  for (std::size_t s = 0; s < row_streams.size(); ++s) {
+    std::ptrdiff_t pitch = 0;
+    const std::int64_t rows_available =
+        locate_row(row_streams[s], worker, strip, row + row_streams[s].dy, column, call.row_start[s], pitch);
+    iterations = std::min(iterations, (rows_available - 1) / rows + 1);
+    call.row_step_bytes[s] = pitch * rows * static_cast<std::ptrdiff_t>(sizeof(float));
+  }
+  return iterations;
+}
+
+// Where the row is; the number of rows that follow at the same pitch.
+std::int64_t FusedTrace::locate_row(const RowStream& stream, const Worker& worker, const Strip& strip,
+                                    std::int64_t row, std::int64_t column, float*& first,
+                                    std::ptrdiff_t& pitch) const noexcept {
+  const auto height = static_cast<std::int64_t>(plan_.height);
+  const BufferView& view = worker.views[stream.buffer];
+  pitch = view.pitch;
+  if (row >= 0 && row < height) {
+    if (view.ring_rows == 0) {
+      first = view.data + row * view.pitch + column;
+      return height - row;
+    }
+    const auto at = static_cast<std::uint32_t>(row);
+    const std::uint32_t ring_row = at < view.ring_rows ? at : at % view.ring_rows;
+    first = view.data + static_cast<std::ptrdiff_t>(ring_row) * view.pitch + (column - strip.ring_origin);
+    // A ring with a margin holds every row.
+    return view.margin_rows > 0 ? height + view.margin_rows - row
+                                : std::min<std::int64_t>(height - row, view.ring_rows - ring_row);
+  }
+  if (row >= -view.margin_rows && row < height + view.margin_rows) {
+    first = view.data + row * view.pitch + (column - strip.ring_origin);
+    return height + view.margin_rows - row;
+  }
+  switch (plan_.boundary.rule) {
+    case BoundaryRule::kReplicate:
+      first = cell_address(view, strip, row < 0 ? 0 : height - 1, column);
+      pitch = 0;
+      break;
+    case BoundaryRule::kReflect:
+      first = cell_address(view, strip, row < 0 ? -row : 2 * (height - 1) - row, column);
+      return 1;
+    default:
+      first = boundary_row_;
+      pitch = 0;
+      break;
+  }
+  return row < 0 ? -row : std::numeric_limits<std::int64_t>::max();
+}
+
+void FusedTrace::pad_results(const Stage& stage, const Worker& worker, const Strip& strip, std::int64_t first,
+                             std::int64_t last, std::int64_t west, std::int64_t east) const noexcept {
+  for (const Stage::Result& result : stage.results) {
+    const std::uint32_t buffer = stage.streams[result.stream].buffer;
+    const std::uint32_t pad_columns = plan_.buffers[buffer].pad_columns;
+    if (pad_columns == 0) continue;
+    const bool ring = plan_.buffers[buffer].kind == RowBuffer::Kind::kRing;
+    if (ring ? has_constant_boundary() : pads_stay_zero_) continue;
+    for (std::int64_t row = first; row < last; ++row)
+      pad_row(cell_address(worker.views[buffer], strip, row, 0), pad_columns, west == 0, east == plan_.width);
+  }
+}
+
+}  // namespace apron::vm

@@ -1,0 +1,108 @@
+// A trace, compiled: runs as one pass over the array instead of one pass for each instruction.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "apron/vm/Executor.h"
+#include "apron/vm/PlaneStore.h"
+#include "apron/vm/fusion/FusionPlan.h"
+#include "apron/vm/fusion/Trace.h"
+#include "apron/vm/fusion/ValueGraph.h"
+#include "apron/vm/jit/StageCode.h"
+
+namespace apron::vm {
+
+class FusedTrace {
+ public:
+  struct Environment {
+    Executor& executor;
+    RegisterFile& register_file;
+    std::vector<Plane>&
+        back_buffers;  // a second buffer for the registers that need one; exchanged with the first
+    bool enable_jit = true;
+    bool pads_stay_zero = false;  // beyond their edges all planes are zero for good
+  };
+
+  // Allocates; running does not. machine's parts must outlive the segment.
+  FusedTrace(const Trace& trace, ValueGraph graph, FusionPlan plan, const Environment& environment);
+
+  // The registers, variables and fresh planes afterwards are as if the trace had been run step by step. mask:
+  // the one in force, for a trace that reads it.
+  void run(const ConstPlane& mask) noexcept;
+
+  std::uint32_t exit() const noexcept { return exit_; }
+  std::uint64_t instruction_count() const noexcept { return instruction_count_; }
+  std::size_t mask_depth() const noexcept { return mask_depth_; }
+  std::size_t call_depth() const noexcept { return call_depth_; }
+  std::uint32_t width() const noexcept { return plan_.width; }
+  std::uint32_t height() const noexcept { return plan_.height; }
+  // Registers that it writes to a fresh plane.
+  std::vector<std::uint32_t> double_buffered_registers() const;
+  std::size_t memory_bytes() const noexcept;
+
+ private:
+  struct BufferView {       // of a store's rows, for one worker
+    float* data = nullptr;  // of row 0, column 0 of the array or, of a ring, of the strip
+    std::ptrdiff_t pitch = 0;
+    std::uint32_t ring_rows = 0;   // of a ring, else 0
+    std::int64_t margin_rows = 0;  // rows beyond the edge that it holds
+  };
+  struct Worker {
+    float* rings = nullptr;
+    float* scratch = nullptr;
+    std::vector<BufferView> views;
+  };
+  struct Strip {
+    std::int64_t first = 0, last = 0;  // its own columns
+    std::int64_t ring_origin = 0;      // the column in a ring's first place
+  };
+
+  void allocate_workers();
+  std::uint32_t common_vector_count(const Stage& stage) const noexcept;
+  void stage_columns(const Stage& stage, const Strip& strip, std::int64_t& west,
+                     std::int64_t& east) const noexcept;
+  void fill_index_planes();
+  void fill_margins(const Worker& worker) noexcept;
+  void evaluate_scalars() noexcept;
+  void bind_buffers(Worker& worker, const ConstPlane& mask) const noexcept;
+  void pad_inputs() noexcept;
+  void run_slice(unsigned slice, const Worker& worker) noexcept;
+  void run_stage(std::size_t stage, const Worker& worker, const Strip& strip, std::int64_t first,
+                 std::int64_t last) noexcept;
+  std::int64_t bind_row_streams(const std::vector<RowStream>& row_streams, std::uint32_t rows,
+                                const Worker& worker, const Strip& strip, std::int64_t row,
+                                std::int64_t column, StageCall& call) const noexcept;
+  std::int64_t locate_row(const RowStream& stream, const Worker& worker, const Strip& strip, std::int64_t row,
+                          std::int64_t column, float*& first, std::ptrdiff_t& pitch) const noexcept;
+  float* cell_address(const BufferView& view, const Strip& strip, std::int64_t row,
+                      std::int64_t column) const noexcept;
+  std::int64_t pitch_of(const BufferView& place) const noexcept;
+  void pad_results(const Stage& stage, const Worker& worker, const Strip& strip, std::int64_t first,
+                   std::int64_t last, std::int64_t west, std::int64_t east) const noexcept;
+  void pad_rings(const Worker& worker, const Strip& strip) const noexcept;
+  void pad_row(float* row, std::uint32_t pad_columns, bool west, bool east) const noexcept;
+  bool has_constant_boundary() const noexcept;
+
+  std::uint32_t exit_;
+  std::uint64_t instruction_count_;
+  std::size_t mask_depth_, call_depth_;
+  ValueGraph graph_;
+  FusionPlan plan_;
+  Executor& executor_;
+  RegisterFile& register_file_;
+  std::vector<Plane>& back_buffers_;
+  bool pads_stay_zero_;
+  std::vector<std::optional<StageJit>> compiled_stages_;  // nothing where a stage runs as tiles
+  std::vector<StageInterpreter> stage_interpreters_;
+  PlaneStore plane_store_;
+  std::vector<Worker> workers_;
+  float* boundary_row_ = nullptr;  // a row of what lies beyond the edge
+  Plane column_index_plane_,
+      row_index_plane_;  // one row of the columns' numbers; every row's number in all its cells
+  std::size_t worker_floats_ = 0, index_plane_floats_ = 0;
+};
+
+}  // namespace apron::vm

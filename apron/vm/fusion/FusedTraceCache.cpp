@@ -1,0 +1,90 @@
+#include "apron/vm/fusion/FusedTraceCache.h"
+
+#include <algorithm>
+
+namespace apron::vm {
+namespace {
+
+// Of all segments of a program: beyond that the rest runs step by step.
+constexpr std::size_t kMaxGraphNodes = 30'000;
+constexpr std::size_t kMaxTracedInstructions = 2'000'000;
+constexpr std::size_t kMaxTraceBytes = std::size_t{1} << 28;
+
+}  // namespace
+
+struct FusedTraceCache::Builder {
+  FusedTraceCache& cache;
+  const program::Program& program;
+  const std::vector<DecodedInstruction>& decoded;
+  RegisterFile& register_file;
+  Executor& executor;
+  const FusionOptions& options;
+  unsigned threads;
+  std::size_t parallel_cells;
+  FlowAnalysis flow{program, options.preserve_named_registers};
+  std::size_t node_count = 0, traced_instructions = 0, memory_bytes = 0;
+
+  void compile_reachable_traces() {
+    std::vector<bool> visited(program.code.size(), false);
+    std::vector<std::uint32_t> worklist{0};
+    const auto enqueue = [&](std::size_t at) {
+      if (visited[at]) return;
+      visited[at] = true;
+      worklist.push_back(static_cast<std::uint32_t>(at));
+    };
+    visited[0] = true;
+    while (!worklist.empty() && node_count < kMaxGraphNodes && traced_instructions < kMaxTracedInstructions &&
+           memory_bytes < kMaxTraceBytes) {
+      const std::uint32_t at = worklist.back();
+      worklist.pop_back();
+      bool traced = false;
+      for (const bool masked : {false, true}) {
+        if (masked && !flow.has_masks()) continue;
+        const Trace trace = build_trace(program, decoded, flow, at, masked, {options.max_array_instructions});
+        traced_instructions += trace.instructions.size() + 1;
+        if (trace.instructions.empty()) continue;
+        traced = true;
+        enqueue(trace.exit);
+        if (trace.array_instructions >= 2) compile(trace, masked);
+      }
+      if (!traced) flow.for_each_successor(at, enqueue);
+    }
+  }
+
+  void compile(const Trace& trace, bool masked) {
+    ValueGraph graph = build_value_graph(program, decoded, flow, trace, masked);
+    node_count += graph.nodes.size() + 1;
+    FusionPlanOptions plan_options;
+    const bool large = std::size_t{trace.width} * trace.height >= parallel_cells;
+    plan_options.threads = large ? threads : 1;
+    plan_options.slices = options.slices;
+    plan_options.strip_columns = options.strip_columns;
+    plan_options.block_rows = options.block_rows;
+    plan_options.rows_per_iteration = options.rows_per_iteration;
+    FusionPlan plan = make_fusion_plan(graph, trace.width, trace.height, plan_options);
+    FusedTrace::Environment environment{executor, register_file, cache.back_buffers_, options.enable_jit,
+                                        flow.has_only_zero_boundaries() && trace.width % kLanes == 0};
+    auto fused_trace = std::make_unique<FusedTrace>(trace, std::move(graph), std::move(plan), environment);
+    memory_bytes += fused_trace->memory_bytes();
+    for (const std::uint32_t reg : fused_trace->double_buffered_registers()) {
+      Plane& back_buffer = cache.back_buffers_[reg];
+      if (back_buffer.data == nullptr) back_buffer = cache.plane_store_.allocate(trace.width, trace.height);
+    }
+    Entry& entry = cache.entries_[trace.entry];
+    (masked ? entry.masked : entry.unmasked) = fused_trace.get();
+    cache.traces_.push_back(std::move(fused_trace));
+  }
+};
+
+FusedTraceCache::FusedTraceCache(const program::Program& program,
+                                 const std::vector<DecodedInstruction>& decoded, RegisterFile& register_file,
+                                 Executor& executor, const FusionOptions& options, unsigned threads,
+                                 std::size_t parallel_cells) {
+  if (!options.enabled) return;
+  entries_.resize(program.code.size());
+  back_buffers_.resize(register_file.registers.size());
+  Builder{*this, program, decoded, register_file, executor, options, threads, parallel_cells}
+      .compile_reachable_traces();
+}
+
+}  // namespace apron::vm

@@ -1,0 +1,12 @@
+// Which results of a plan are stored around the caches: planes too large for them, which no stage reads
+// again, need not be fetched to be overwritten.
+#pragma once
+
+#include "apron/vm/fusion/FusionPlan.h"
+
+namespace apron::vm {
+
+// Sets Stage::Result::around_caches. The plan must be complete otherwise.
+void select_non_temporal_stores(FusionPlan&);
+
+}  // namespace apron::vm

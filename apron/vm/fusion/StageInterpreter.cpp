@@ -1,0 +1,114 @@
+#include <algorithm>
+
+#include "apron/vm/PlaneStore.h"
+#include "apron/vm/jit/StageCode.h"
+
+namespace apron::vm {
+
+using program::Opcode;
+
+struct StageInterpreter::Tile {
+  std::int64_t row = 0, rows = 0, column = 0, columns = 0;
+
+  float* cell(const StageCall& call, std::uint32_t stream) const {
+    return call.row_start[stream] + row * pitch(call, stream) + column;
+  }
+  static std::ptrdiff_t pitch(const StageCall& call, std::uint32_t stream) {
+    return call.row_step_bytes[stream] / static_cast<std::ptrdiff_t>(sizeof(float));
+  }
+};
+
+StageInterpreter::StageInterpreter(const Stage& stage, const std::vector<RowBuffer>& buffers,
+                                   const KernelTable& kernels)
+    : copy_kernel_(kernels.kernel(Opcode::kCopy, 0, false)) {
+  std::vector<std::size_t> last_use(stage.ops.size());
+  for (std::size_t i = 0; i < stage.ops.size(); ++i) {
+    ScratchOp op;
+    unsigned scalars = 0;
+    for (std::size_t k = 0; k < op.args.size(); ++k) {
+      op.args[k] = stage.ops[i].operands[k];
+      if (op.args[k].kind == MicroOperand::Kind::kScalar) scalars |= 1U << k;
+      if (op.args[k].kind == MicroOperand::Kind::kTemp) last_use[op.args[k].index] = i;
+    }
+    op.kernel = kernels.kernel(stage.ops[i].op, scalars, false);
+    ops_.push_back(op);
+  }
+  for (const Stage::Result& result : stage.results) {
+    // Rows in whose place others lie may be read until the last operation is done.
+    const RowBuffer& to = buffers[stage.streams[result.stream].buffer];
+    const bool shared = std::any_of(stage.streams.begin(), stage.streams.end(), [&](const RowStream& other) {
+      const RowBuffer& store = buffers[other.buffer];
+      return &store != &to && store.kind == RowBuffer::Kind::kRing && store.offset == to.offset;
+    });
+    const bool written_directly =
+        to.kind == RowBuffer::Kind::kDoubleBuffered || (to.kind == RowBuffer::Kind::kRing && !shared);
+    if (written_directly && ops_[result.op].stream == kUnassigned) {
+      ops_[result.op].stream = result.stream;
+    } else {
+      deferred_copies_.push_back(result);
+      last_use[result.op] = stage.ops.size();
+    }
+  }
+  std::vector<std::size_t> free_after;  // by place
+  for (std::size_t i = 0; i < ops_.size(); ++i) {
+    if (ops_[i].stream != kUnassigned) continue;
+    const auto slot =
+        std::find_if(free_after.begin(), free_after.end(), [&](std::size_t use) { return use <= i; });
+    ops_[i].scratch_slot = static_cast<std::uint32_t>(slot - free_after.begin());
+    if (slot == free_after.end())
+      free_after.push_back(last_use[i]);
+    else
+      *slot = last_use[i];
+  }
+  scratch_slots_ = free_after.size();
+}
+
+void StageInterpreter::run(const StageCall& call, float* scratch) const noexcept {
+  const std::int64_t columns = call.row_bytes / static_cast<std::int64_t>(sizeof(float));
+  constexpr auto kCells = static_cast<std::int64_t>(kTileCells);
+  const std::int64_t rows_at_once = std::max<std::int64_t>(1, kCells / columns);
+  for (std::int64_t row = 0; row < call.iterations; row += rows_at_once)
+    for (std::int64_t column = 0; column < columns; column += kCells)
+      run_tile(
+          call,
+          {row, std::min(rows_at_once, call.iterations - row), column, std::min(kCells, columns - column)},
+          scratch);
+}
+
+void StageInterpreter::run_tile(const StageCall& call, const Tile& at, float* scratch) const noexcept {
+  Block block;
+  block.rows = static_cast<std::uint32_t>(at.rows);
+  block.columns = static_cast<std::uint32_t>(at.columns);
+  const auto place = [&](const ScratchOp& op) {
+    return op.stream != kUnassigned ? at.cell(call, op.stream) : scratch + op.scratch_slot * kTileCells;
+  };
+  const auto pitch = [&](const ScratchOp& op) {
+    return op.stream != kUnassigned ? Tile::pitch(call, op.stream) : at.columns;
+  };
+  for (const ScratchOp& op : ops_) {
+    for (std::size_t k = 0; k < op.args.size(); ++k) {
+      const MicroOperand& arg = op.args[k];
+      block.source[k] = nullptr;
+      if (arg.kind == MicroOperand::Kind::kScalar) block.scalar[k] = call.scalar_slots[arg.index];
+      if (arg.kind == MicroOperand::Kind::kTemp) {
+        block.source[k] = place(ops_[arg.index]);
+        block.source_pitch[k] = pitch(ops_[arg.index]);
+      } else if (arg.kind == MicroOperand::Kind::kStream) {
+        block.source[k] = at.cell(call, arg.index) + arg.dx;
+        block.source_pitch[k] = Tile::pitch(call, arg.index);
+      }
+    }
+    block.y = place(op);
+    block.pitch = pitch(op);
+    op.kernel(block);
+  }
+  for (const Stage::Result& result : deferred_copies_) {
+    block.y = at.cell(call, result.stream);
+    block.pitch = Tile::pitch(call, result.stream);
+    block.source[0] = place(ops_[result.op]);
+    block.source_pitch[0] = pitch(ops_[result.op]);
+    copy_kernel_(block);
+  }
+}
+
+}  // namespace apron::vm

@@ -1,0 +1,232 @@
+#include "apron/vm/jit/StageAssembler.h"
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+
+namespace apron::vm {
+
+using program::Opcode;
+using Xbyak::Reg64;
+
+namespace {
+
+constexpr std::size_t kInitialCodeBytes = 4096;
+constexpr int kVectorRegisters = 32;
+constexpr int kMaskRegisters = 8;            // k0 cannot be a predicate
+constexpr std::size_t kMaxWindows = 5;       // lines whose neighbouring vectors are kept
+constexpr int kMaxFixedVectors = 10;         // vectors that hold scalars and constants throughout
+constexpr int kMaxFixedVectorsMultiRow = 6;  // the same, of several rows at once
+constexpr int kVectorBytes = 64;
+constexpr std::uint32_t kMaxUnrolledVectors = 8;  // vectors
+constexpr std::uint32_t kMaxUnrolledBodies = 16;  // vectors times rows in one turn of the inner loop
+
+// The call's address and the bytes of a row lie on the stack, to leave registers to the lines.
+constexpr int kCallStackOffset = 0, kRowBytesStackOffset = 8, kIterationsStackOffset = 16, kStackBytes = 24;
+
+const std::array<Reg64, 6> kCalleeSaved{Xbyak::util::rbx, Xbyak::util::rbp, Xbyak::util::r12,
+                                        Xbyak::util::r13, Xbyak::util::r14, Xbyak::util::r15};
+const Reg64 kColumnRegister = Xbyak::util::rcx;
+// The last one holds the scalars' address where a loop needs it.
+const std::array<Reg64, kMaxRowStreams> kRowPointerRegisters{
+    Xbyak::util::rax, Xbyak::util::rbx, Xbyak::util::rbp, Xbyak::util::r8,  Xbyak::util::r9,
+    Xbyak::util::r10, Xbyak::util::r11, Xbyak::util::r12, Xbyak::util::r13, Xbyak::util::r14,
+    Xbyak::util::r15, Xbyak::util::rdx, Xbyak::util::rdi, Xbyak::util::rsi};
+
+}  // namespace
+
+StageAssembler::StageAssembler(const Stage& stage, std::uint32_t rows, std::uint32_t vectors)
+    : CodeGenerator(kInitialCodeBytes, Xbyak::AutoGrow), stage_(stage), rows_per_iteration_(rows) {
+  find_row_streams();
+  temps_.resize(stage_.ops.size());
+  for (const MicroOp& op : stage_.ops)
+    for (const MicroOperand& arg : op.operands)
+      if (arg.kind == MicroOperand::Kind::kScalar) scalars_[arg.index];
+  count_load_uses();
+  allocate_fixed_registers();
+  allocate_windows();
+  if (row_streams_.size() + (needs_scalar_pointer_ ? 1 : 0) > kMaxRowStreams) throw CannotCompile{};
+  unroll_factor_ = unroll_factor(vectors);
+  emit_prologue();
+  emit_loops();
+  emit_epilogue();
+  readyRE();
+  entry_point_ = getCode<void (*)(const StageCall*)>();
+}
+
+void StageAssembler::find_row_streams() {
+  for (std::uint32_t row = 0; row < rows_per_iteration_; ++row)
+    for (const RowStream& stream : stage_.streams) {
+      const RowStream wanted{stream.buffer, static_cast<std::int8_t>(stream.dy + static_cast<int>(row))};
+      const auto found = std::find(row_streams_.begin(), row_streams_.end(), wanted);
+      row_stream_of_.push_back(static_cast<std::uint32_t>(found - row_streams_.begin()));
+      if (found == row_streams_.end()) row_streams_.push_back(wanted);
+    }
+}
+
+void StageAssembler::count_load_uses() {
+  for (current_row_ = 0; current_row_ < rows_per_iteration_; ++current_row_)
+    for (const MicroOp& op : stage_.ops)
+      for (const MicroOperand& arg : op.operands)
+        if (arg.kind == MicroOperand::Kind::kStream) ++loads_[{row_stream(arg.index), arg.dx}].remaining_uses;
+}
+
+void StageAssembler::count_temp_uses() {
+  for (const MicroOp& op : stage_.ops)
+    for (const MicroOperand& arg : op.operands)
+      if (arg.kind == MicroOperand::Kind::kTemp) ++temps_[arg.index].remaining_uses;
+  for (const Stage::Result& result : stage_.results) ++temps_[result.op].remaining_uses;
+}
+
+bool StageAssembler::needs_boolean_constants() const {
+  return std::any_of(stage_.ops.begin(), stage_.ops.end(), [](const MicroOp& op) {
+    return op.op == Opcode::kSign || op.op == Opcode::kSelect ||
+           (op.op >= Opcode::kLt && op.op <= Opcode::kNot);
+  });
+}
+
+// The highest vectors keep the constants, then the scalars as far as they go.
+void StageAssembler::allocate_fixed_registers() {
+  const int max_registers = rows_per_iteration_ > 1 ? kMaxFixedVectorsMultiRow : kMaxFixedVectors;
+  int next = kVectorRegisters - 1;
+  const auto take = [&](RegisterAssignment& value) {
+    if (value.vector_register < 0 && next > kVectorRegisters - 1 - max_registers)
+      value.vector_register = next--;
+  };
+  if (needs_boolean_constants()) {
+    take(constant_assignment(kZeroBits));
+    take(constant_assignment(kOneBits));
+  }
+  for (const MicroOp& op : stage_.ops) {
+    if (op.op == Opcode::kAbs) take(constant_assignment(kMagnitudeMask));
+    if (op.op == Opcode::kNeg) take(constant_assignment(kSignMask));
+  }
+  for (auto& [slot, value] : scalars_) {
+    take(value);
+    needs_scalar_pointer_ = needs_scalar_pointer_ || value.vector_register < 0;
+  }
+  for (int v = 0; v <= next; ++v) free_vectors_.push_back(v);
+  for (int k = 1; k < kMaskRegisters; ++k) free_masks_.push_back(k);
+}
+
+// A row that is read to the west or east too passes through three vectors, one load for each of its own: a
+// load that straddles two cache lines costs two.
+void StageAssembler::allocate_windows() {
+  for (const auto& [key, load] : loads_) {
+    if (key.second == 0 || windows_.count(key.first) > 0 || windows_.size() == kMaxWindows) continue;
+    SlidingWindow& r = windows_[key.first];
+    for (int* v : {&r.west, &r.centre, &r.east}) {
+      *v = free_vectors_.front();
+      free_vectors_.erase(free_vectors_.begin());
+    }
+  }
+}
+
+const Reg64& StageAssembler::row_pointer(std::uint32_t row_stream) const {
+  return kRowPointerRegisters[row_stream];
+}
+
+void StageAssembler::emit_prologue() {
+  for (const Reg64& reg : kCalleeSaved) push(reg);
+  sub(rsp, kStackBytes);
+  mov(ptr[rsp + kCallStackOffset], rdi);
+  mov(rax, ptr[rdi + offsetof(StageCall, row_bytes)]);
+  mov(ptr[rsp + kRowBytesStackOffset], rax);
+  mov(rax, ptr[rdi + offsetof(StageCall, iterations)]);
+  mov(ptr[rsp + kIterationsStackOffset], rax);
+  for (const auto& [pattern, value] : constants_) {
+    mov(eax, pattern);
+    vpbroadcastd(Zmm(value.vector_register), eax);
+  }
+  mov(rsi, ptr[rdi + offsetof(StageCall, scalar_slots)]);
+  for (const auto& [slot, value] : scalars_)
+    if (value.vector_register >= 0) vbroadcastss(Zmm(value.vector_register), ptr[rsi + slot * sizeof(float)]);
+  mov(rcx, rdi);  // two lines' pointers may take the place of these
+  for (std::uint32_t i = 0; i < row_streams_.size(); ++i)
+    mov(row_pointer(i), ptr[rcx + offsetof(StageCall, row_start) + i * sizeof(float*)]);
+}
+
+void StageAssembler::emit_loops() {
+  Xbyak::Label row_loop, column_loop;
+  L(row_loop);
+  for (const auto& [line, r] : windows_) {
+    vmovups(Zmm(r.west), ptr[row_pointer(line) - kVectorBytes]);
+    vmovups(Zmm(r.centre), ptr[row_pointer(line)]);
+  }
+  xor_(ecx, ecx);
+  L(column_loop);
+  const std::map<std::uint32_t, SlidingWindow> at_start = windows_;
+  for (std::uint32_t i = 0; i < unroll_factor_; ++i) {
+    displacement_bytes_ = static_cast<int>(i) * kVectorBytes;
+    if (i > 0) count_load_uses();
+    emit_vector();
+  }
+  for (const auto& [line, r] : at_start) emit_window_restore(r, windows_.at(line));
+  windows_ = at_start;
+  add(kColumnRegister, static_cast<int>(unroll_factor_) * kVectorBytes);
+  cmp(kColumnRegister, ptr[rsp + kRowBytesStackOffset]);
+  jb(column_loop, T_NEAR);
+  mov(kColumnRegister, ptr[rsp + kCallStackOffset]);
+  for (std::uint32_t i = 0; i < row_streams_.size(); ++i)
+    add(row_pointer(i),
+        ptr[kColumnRegister + offsetof(StageCall, row_step_bytes) + i * sizeof(std::ptrdiff_t)]);
+  dec(qword[rsp + kIterationsStackOffset]);
+  jnz(row_loop, T_NEAR);
+}
+
+void StageAssembler::emit_vector() {
+  for (const auto& [line, r] : windows_)
+    vmovups(Zmm(r.east), ptr[row_pointer(line) + kColumnRegister + (displacement_bytes_ + kVectorBytes)]);
+  for (std::uint32_t row = 0; row < rows_per_iteration_; ++row) emit_row(row);
+  for (auto& [line, r] : windows_) r = {r.centre, r.east, r.west};
+}
+
+void StageAssembler::emit_row(std::uint32_t row) {
+  current_row_ = row;
+  count_temp_uses();
+  for (std::size_t i = 0; i < stage_.ops.size(); ++i) emit_operation(i);
+  for (const Stage::Result& result : stage_.results) {
+    const MicroOperand value{MicroOperand::Kind::kTemp, 0, result.op};
+    const Zmm v = vector_operand(value);
+    if (result.non_temporal)
+      vmovntps(address(row_stream(result.stream), 0), v);
+    else
+      vmovups(address(row_stream(result.stream), 0), v);
+    release_use(value);
+    pinned_vectors_.clear();
+  }
+}
+
+// West and own of the next vector to where the loop's start has them; `now` has turned some times.
+void StageAssembler::emit_window_restore(const SlidingWindow& start, const SlidingWindow& current) {
+  if (current.centre == start.centre) return;  // whole turns
+  if (current.west == start.centre) {          // one turn: own is where east was
+    vmovaps(Zmm(start.west), Zmm(current.west));
+    vmovaps(Zmm(start.centre), Zmm(current.centre));
+  } else {  // two turns: own is where west was
+    vmovaps(Zmm(start.centre), Zmm(current.centre));
+    vmovaps(Zmm(start.west), Zmm(current.west));
+  }
+}
+
+// Short rows are one piece of code, longer ones loops over four vectors.
+std::uint32_t StageAssembler::unroll_factor(std::uint32_t vectors) const {
+  const std::uint32_t max_unrolled = std::min(kMaxUnrolledVectors, kMaxUnrolledBodies / rows_per_iteration_);
+  if (vectors <= max_unrolled) return std::max(vectors, 1U);
+  for (const std::uint32_t n : {4U, 3U, 2U})
+    if (vectors % n == 0) return n;
+  return 1;
+}
+
+void StageAssembler::emit_epilogue() {
+  const bool has_non_temporal_stores =
+      std::any_of(stage_.results.begin(), stage_.results.end(),
+                  [](const Stage::Result& result) { return result.non_temporal; });
+  if (has_non_temporal_stores) sfence();
+  add(rsp, kStackBytes);
+  for (auto r = kCalleeSaved.rbegin(); r != kCalleeSaved.rend(); ++r) pop(*r);
+  vzeroupper();
+  ret();
+}
+
+}  // namespace apron::vm

@@ -1,0 +1,70 @@
+#include "apron/vm/jit/StageCode.h"
+
+#if defined(__x86_64__) && defined(APRON_HAVE_XBYAK)
+
+#include <xbyak/xbyak_util.h>
+
+#include <algorithm>
+#include <set>
+
+#include "apron/vm/fusion/StagePartition.h"
+#include "apron/vm/jit/StageAssembler.h"
+
+namespace apron::vm {
+namespace {
+
+bool cpu_supports_avx512() {
+  static const bool kFits = [] {
+    const Xbyak::util::Cpu cpu;
+    return cpu.has(Xbyak::util::Cpu::tAVX512F) && cpu.has(Xbyak::util::Cpu::tAVX512DQ);
+  }();
+  return kFits;
+}
+
+// Whether rows that follow each other read the same memory.
+bool has_row_reuse(const Stage& stage) {
+  std::set<std::uint32_t> stores;
+  return std::any_of(stage.streams.begin(), stage.streams.end(),
+                     [&](const RowStream& stream) { return !stores.insert(stream.buffer).second; });
+}
+
+std::optional<StageJit::CompiledLoop> assemble(const Stage& stage, std::uint32_t rows,
+                                               std::uint32_t vectors) {
+  try {
+    const auto assembler = std::make_shared<StageAssembler>(stage, rows, vectors);
+    return StageJit::CompiledLoop{rows, assembler->row_streams(), assembler->entry_point(), assembler};
+  } catch (const StageAssembler::CannotCompile&) {
+    return std::nullopt;
+  } catch (const Xbyak::Error&) {
+    return std::nullopt;  // no memory that may be executed
+  }
+}
+
+}  // namespace
+
+std::optional<StageJit> StageJit::compile(const Stage& stage, std::uint32_t vectors,
+                                          std::uint32_t max_rows_per_iteration) {
+  const bool supported = std::all_of(stage.ops.begin(), stage.ops.end(),
+                                     [](const MicroOp& op) { return is_fusible_opcode(op.op); });
+  if (!cpu_supports_avx512() || !supported) return std::nullopt;
+  StageJit jit;
+  for (std::uint32_t rows = has_row_reuse(stage) ? max_rows_per_iteration : 1; rows > 1 && jit.loops_.empty();
+       rows /= 2)
+    if (auto code = assemble(stage, rows, vectors)) jit.loops_.push_back(std::move(*code));
+  auto single = assemble(stage, 1, vectors);
+  if (!single) return std::nullopt;
+  jit.loops_.push_back(std::move(*single));
+  return jit;
+}
+
+}  // namespace apron::vm
+
+#else
+
+namespace apron::vm {
+
+std::optional<StageJit> StageJit::make(const Stage&, std::uint32_t, std::uint32_t) { return std::nullopt; }
+
+}  // namespace apron::vm
+
+#endif

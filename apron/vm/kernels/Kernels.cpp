@@ -1,0 +1,230 @@
+// Compiled once per instruction set: foreach_target.h includes this file again for each.
+#include "apron/vm/kernels/Kernels.h"
+
+#include <limits>
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "apron/vm/kernels/Kernels.cpp"
+#include <hwy/foreach_target.h>  // must come before highway.h
+#include <hwy/highway.h>
+
+#include "apron/vm/PlaneStore.h"
+#include "apron/vm/kernels/ScalarKernels.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace apron::vm {
+namespace HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+using D = hn::CappedTag<float, kLanes>;
+using V = hn::Vec<D>;
+using M = hn::Mask<D>;
+
+HWY_INLINE V zero() { return hn::Zero(D()); }
+HWY_INLINE V one() { return hn::Set(D(), 1.0F); }
+// Not hn::Ne, which holds for a NaN on some targets only.
+HWY_INLINE M differ(V a, V b) { return hn::Not(hn::Eq(a, b)); }
+HWY_INLINE M truth(V a) { return differ(a, zero()); }
+HWY_INLINE V as_number(M m) { return hn::IfThenElseZero(m, one()); }
+
+// a < b ? a : b and a > b ? a : b, which is what the x86 instructions do; elsewhere NaN and signed zeros
+// differ.
+#if HWY_ARCH_X86 && HWY_TARGET != HWY_EMU128 && HWY_TARGET != HWY_SCALAR
+HWY_INLINE V smaller(V a, V b) { return hn::Min(a, b); }
+HWY_INLINE V larger(V a, V b) { return hn::Max(a, b); }
+HWY_INLINE V floor_of(V a) { return hn::Floor(a); }
+HWY_INLINE V ceil_of(V a) { return hn::Ceil(a); }
+HWY_INLINE V trunc_of(V a) { return hn::Trunc(a); }
+#else
+HWY_INLINE V smaller(V a, V b) { return hn::IfThenElse(hn::Lt(a, b), a, b); }
+HWY_INLINE V larger(V a, V b) { return hn::IfThenElse(hn::Gt(a, b), a, b); }
+// The portable versions lose the sign of a zero.
+HWY_INLINE V floor_of(V a) { return hn::CopySign(hn::Floor(a), a); }
+HWY_INLINE V ceil_of(V a) { return hn::CopySign(hn::Ceil(a), a); }
+HWY_INLINE V trunc_of(V a) { return hn::CopySign(hn::Trunc(a), a); }
+#endif
+
+HWY_INLINE V round_half_away(V a) {
+  const V whole = trunc_of(a);
+  const M up = hn::Ge(hn::Abs(hn::Sub(a, whole)), hn::Set(D(), 0.5F));
+  return hn::IfThenElse(up, hn::Add(whole, hn::CopySign(one(), a)), whole);
+}
+
+#define APRON_KERNEL(name, arity, expression)                                                     \
+  struct name {                                                                                   \
+    static constexpr program::Opcode kOpcode = program::Opcode::k##name;                          \
+    static constexpr unsigned kArity = arity;                                                     \
+    static HWY_INLINE V apply([[maybe_unused]] V a, [[maybe_unused]] V b, [[maybe_unused]] V c) { \
+      return expression;                                                                          \
+    }                                                                                             \
+  };
+
+APRON_KERNEL(Copy, 1, a)
+APRON_KERNEL(Add, 2, hn::Add(a, b))
+APRON_KERNEL(Sub, 2, hn::Sub(a, b))
+APRON_KERNEL(Mul, 2, hn::Mul(a, b))
+APRON_KERNEL(Div, 2, hn::Div(a, b))
+APRON_KERNEL(Mod, 2, hn::Sub(a, hn::Mul(b, floor_of(hn::Div(a, b)))))
+APRON_KERNEL(Min, 2, smaller(a, b))
+APRON_KERNEL(Max, 2, larger(a, b))
+APRON_KERNEL(Abs, 1, hn::Abs(a))
+APRON_KERNEL(Neg, 1, hn::Neg(a))
+APRON_KERNEL(Sign, 1, hn::Sub(as_number(hn::Gt(a, zero())), as_number(hn::Lt(a, zero()))))
+APRON_KERNEL(Clamp, 3, larger(b, smaller(c, a)))
+APRON_KERNEL(Mac, 3, hn::Add(c, hn::Mul(a, b)))
+APRON_KERNEL(Select, 3, hn::IfThenElse(truth(a), b, c))
+APRON_KERNEL(Lt, 2, as_number(hn::Lt(a, b)))
+APRON_KERNEL(Le, 2, as_number(hn::Le(a, b)))
+APRON_KERNEL(Gt, 2, as_number(hn::Gt(a, b)))
+APRON_KERNEL(Ge, 2, as_number(hn::Ge(a, b)))
+APRON_KERNEL(Eq, 2, as_number(hn::Eq(a, b)))
+APRON_KERNEL(Ne, 2, as_number(differ(a, b)))
+APRON_KERNEL(And, 2, as_number(hn::And(truth(a), truth(b))))
+APRON_KERNEL(Or, 2, as_number(hn::Or(truth(a), truth(b))))
+APRON_KERNEL(Xor, 2, as_number(hn::Xor(truth(a), truth(b))))
+APRON_KERNEL(Nand, 2, hn::IfThenZeroElse(hn::And(truth(a), truth(b)), one()))
+APRON_KERNEL(Nor, 2, hn::IfThenZeroElse(hn::Or(truth(a), truth(b)), one()))
+APRON_KERNEL(Not, 1, as_number(hn::Eq(a, zero())))
+APRON_KERNEL(Sqrt, 1, hn::Sqrt(a))
+APRON_KERNEL(Floor, 1, floor_of(a))
+APRON_KERNEL(Ceil, 1, ceil_of(a))
+APRON_KERNEL(Round, 1, round_half_away(a))
+#undef APRON_KERNEL
+
+template <class Op, unsigned kScalars, bool kMasked>
+void run(const Block& block) noexcept {
+  const D d;
+  constexpr unsigned kRegisters = ((1U << Op::kArity) - 1U) & ~kScalars;
+  const V scalar_a = hn::Set(d, block.scalar[0]);
+  const V scalar_b = hn::Set(d, block.scalar[1]);
+  const V scalar_c = hn::Set(d, block.scalar[2]);
+  // Vector stores may alias anything: with copies the compiler need not read the block again after each.
+  float* y_row = block.y;
+  const float *a_row = block.source[0], *b_row = block.source[1], *c_row = block.source[2];
+  const float* mask_row = block.mask;
+  const std::ptrdiff_t pitch = block.pitch, mask_pitch = block.mask_pitch;
+  [[maybe_unused]] const auto [a_pitch, b_pitch, c_pitch] = block.source_pitch;
+  const std::size_t columns = block.columns;
+  for (std::uint32_t rows = block.rows; rows > 0; --rows) {
+    for (std::size_t x = 0; x < columns; x += hn::Lanes(d)) {
+      V a = scalar_a, b = scalar_b, c = scalar_c;
+      if constexpr ((kRegisters & 1U) != 0) a = hn::LoadU(d, a_row + x);
+      if constexpr ((kRegisters & 2U) != 0) b = hn::LoadU(d, b_row + x);
+      if constexpr ((kRegisters & 4U) != 0) c = hn::LoadU(d, c_row + x);
+      V y = Op::apply(a, b, c);
+      if constexpr (kMasked)
+        y = hn::IfThenElse(hn::Eq(hn::Load(d, mask_row + x), zero()), hn::Load(d, y_row + x), y);
+      hn::Store(y, d, y_row + x);
+    }
+    y_row += pitch;
+    if constexpr ((kRegisters & 1U) != 0) a_row += a_pitch;
+    if constexpr ((kRegisters & 2U) != 0) b_row += b_pitch;
+    if constexpr ((kRegisters & 4U) != 0) c_row += c_pitch;
+    if constexpr (kMasked) mask_row += mask_pitch;
+  }
+}
+
+template <class Op, unsigned kScalars = 0>
+void fill(KernelTable& table) {
+  auto& entry = table.elementwise[static_cast<std::size_t>(Op::kOpcode)][kScalars];
+  entry[0] = run<Op, kScalars, false>;
+  entry[1] = run<Op, kScalars, true>;
+  if constexpr (kScalars + 1 < (1U << Op::kArity)) fill<Op, kScalars + 1>(table);
+}
+
+// ---- reductions: always 16 partial results, however many lanes a vector has
+// ------------------------------------
+struct SumOp {
+  static constexpr float kStart = 0.0F;
+  static HWY_INLINE V step(V partial, V cell) { return hn::Add(partial, cell); }
+  static float step(float partial, float cell) { return partial + cell; }
+  static float join(float a, float b) { return a + b; }
+};
+struct MinOp {
+  static constexpr float kStart = std::numeric_limits<float>::infinity();
+  static HWY_INLINE V step(V partial, V cell) { return smaller(cell, partial); }
+  static float step(float partial, float cell) { return cell < partial ? cell : partial; }
+  static float join(float a, float b) { return b < a ? b : a; }
+};
+struct MaxOp {
+  static constexpr float kStart = -std::numeric_limits<float>::infinity();
+  static HWY_INLINE V step(V partial, V cell) { return larger(cell, partial); }
+  static float step(float partial, float cell) { return cell > partial ? cell : partial; }
+  static float join(float a, float b) { return b > a ? b : a; }
+};
+struct CountOp {
+  static constexpr float kStart = 0.0F;
+  static HWY_INLINE V step(V partial, V cell) { return hn::Add(partial, as_number(truth(cell))); }
+  static float step(float partial, float cell) { return partial + (cell != 0.0F ? 1.0F : 0.0F); }
+  static float join(float a, float b) { return a + b; }
+};
+
+template <class Op>
+float reduce_row(const float* a, std::uint32_t columns) {
+  const D d;
+  HWY_ALIGN float partial[kLanes];
+  for (float& p : partial) p = Op::kStart;
+  const std::uint32_t whole = columns / kLanes * kLanes;
+  for (std::size_t lane = 0; lane < kLanes; lane += hn::Lanes(d)) {
+    V sum = hn::Load(d, partial + lane);
+    for (std::size_t x = lane; x < whole; x += kLanes) sum = Op::step(sum, hn::LoadU(d, a + x));
+    hn::Store(sum, d, partial + lane);
+  }
+  for (std::uint32_t x = whole; x < columns; ++x) partial[x - whole] = Op::step(partial[x - whole], a[x]);
+  for (std::size_t apart = kLanes / 2; apart > 0; apart /= 2)
+    for (std::size_t i = 0; i < apart; ++i) partial[i] = Op::join(partial[i], partial[i + apart]);
+  return partial[0];
+}
+
+template <class Op>
+void reduce(const float* a, std::ptrdiff_t pitch, std::uint32_t rows, std::uint32_t columns,
+            float* to) noexcept {
+  for (std::uint32_t r = 0; r < rows; ++r, a += pitch) to[r] = reduce_row<Op>(a, columns);
+}
+
+template <class... Ops>
+void fill_all(KernelTable& table) {
+  (fill<Ops>(table), ...);
+}
+
+KernelTable make_table() {
+  KernelTable table;
+  fill_all<Copy, Add, Sub, Mul, Div, Mod, Min, Max, Abs, Neg, Sign, Clamp, Mac, Select>(table);
+  fill_all<Lt, Le, Gt, Ge, Eq, Ne, And, Or, Xor, Nand, Nor, Not, Sqrt, Floor, Ceil, Round>(table);
+  table.reductions = {reduce<SumOp>, reduce<MinOp>, reduce<MaxOp>, reduce<CountOp>};
+  add_scalar_kernels(table);
+  return table;
+}
+
+const KernelTable* table() {
+  static const KernelTable kTable = make_table();
+  return &kTable;
+}
+
+}  // namespace
+}  // namespace HWY_NAMESPACE
+}  // namespace apron::vm
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace apron::vm {
+
+HWY_EXPORT(table);
+
+const KernelTable& kernel_table() { return *HWY_DYNAMIC_DISPATCH(table)(); }
+
+std::vector<NamedKernelTable> kernel_tables() {
+  std::vector<NamedKernelTable> all;
+  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    all.push_back({hwy::TargetName(target), HWY_DYNAMIC_DISPATCH(table)()});
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+  return all;
+}
+
+}  // namespace apron::vm
+#endif

@@ -1,0 +1,26 @@
+// The language's random numbers: a function of seed, cell and draw, so that no order of work can change them.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "apron/program/Program.h"
+
+namespace apron::vm {
+
+using RandomWords = std::array<std::uint32_t, 4>;
+
+// Philox4x32 with 10 rounds: J. Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC 2011.
+RandomWords philox(RandomWords counter, std::array<std::uint32_t, 2> key) noexcept;
+
+// One random instruction's numbers.
+struct RandomStream {
+  std::uint32_t seed = 0;        // the bits of the seed
+  std::uint64_t draw_index = 0;  // random instructions since it was set
+
+  // op: kRandomFloat, kRandomGauss or kRandomInt with operands a, b; as opcodes.def declares.
+  float operator()(program::Opcode op, std::uint32_t column, std::uint32_t row, float a,
+                   float b) const noexcept;
+};
+
+}  // namespace apron::vm

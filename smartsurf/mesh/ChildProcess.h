@@ -1,0 +1,18 @@
+// Runs an action in a child process. Private to the room.
+//
+// The library that reads mesh files was not written against damaged ones: some make it crash, or loop without
+// end.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+
+namespace smartsurf::mesh {
+
+// The bytes that the action returns; none when it crashed, threw, or took more than `cpu_s` seconds of
+// processor time. Nothing else that it does is seen here. Where no child can be had, the action runs in this
+// process.
+std::optional<std::string> run_in_child_process(const std::function<std::string()>& task, double cpu_s);
+
+}  // namespace smartsurf::mesh

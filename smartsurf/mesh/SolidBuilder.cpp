@@ -1,0 +1,172 @@
+#include "smartsurf/mesh/SolidBuilder.h"
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+
+#include "smartsurf/mesh/ConvexDecomposition.h"
+#include "smartsurf/mesh/ConvexHull.h"
+#include "smartsurf/mesh/MassProperties.h"
+#include "smartsurf/scene/SceneSpec.h"
+
+namespace smartsurf::mesh {
+namespace {
+
+constexpr double kMinSize = 1e-3, kMaxSize = 1e6;  // of a solid's longest edge, u
+constexpr double kWeldDistance = 1e-6;             // points nearer than this share of the diagonal are one
+constexpr double kReportThreshold = 0.02;          // of the pieces' difference from the mesh
+constexpr double kMinThickness =
+    1e-6;  // a solid this thin, its volume over its surface and extent, is a sheet
+
+[[noreturn]] void refuse(const std::string& clause) { throw scene::InputError(clause); }
+
+std::string format_percent(double share) {
+  std::ostringstream out;
+  out << std::round(1000.0 * share) / 10.0 << " %";
+  return out.str();
+}
+
+std::string format_number(double value) {
+  std::ostringstream out;
+  out.precision(6);
+  out << value;
+  return out.str();
+}
+
+void check_size(std::span<const Eigen::Vector3d> points) {
+  Eigen::Vector3d low = points.front(), high = low;
+  for (const auto& p : points) {
+    low = low.cwiseMin(p);
+    high = high.cwiseMax(p);
+  }
+  const double size = (high - low).maxCoeff();
+  if (!(size >= kMinSize && size <= kMaxSize))
+    refuse("is " + format_number(size) + " u across: must be in [0.001, 1000000]; set its scale");
+}
+
+double surface_area(const TriangleMesh& mesh) {
+  double area = 0.0;
+  for (const auto& t : mesh.triangles)
+    area += (mesh.points[t[1]] - mesh.points[t[0]]).cross(mesh.points[t[2]] - mesh.points[t[0]]).norm() / 2.0;
+  return area;
+}
+
+// Moves the centre of mass to the origin.
+void move_to_centre_of_mass(TriangleMesh& mesh) {
+  const Eigen::Vector3d near = mesh.points.front();
+  for (auto& p : mesh.points) p -= near;
+  MassProperties properties;
+  properties.add(mesh);
+  if (!(properties.volume() > kMinThickness * surface_area(mesh) * bounding_box_diagonal(mesh)))
+    refuse("encloses next to no volume: " + format_number(properties.volume()) + " u^3");
+  const Eigen::Vector3d centre_of_mass = properties.centre();
+  for (auto& p : mesh.points) p -= centre_of_mass;
+}
+
+std::vector<Eigen::Vector3f> to_single_precision(const std::vector<Eigen::Vector3d>& points) {
+  std::vector<Eigen::Vector3f> converted;
+  for (const auto& p : points) converted.push_back(p.cast<float>());
+  return converted;
+}
+
+scene::ConvexHull translated(const scene::ConvexHull& piece, const Eigen::Vector3f& by) {
+  std::vector<Eigen::Vector3f> corners = piece.vertices;
+  for (auto& corner : corners) corner += by;
+  std::vector<std::uint32_t> sizes;
+  for (const auto& face : piece.faces) sizes.push_back(face.vertex_count);
+  return scene::make_convex_hull(std::move(corners), piece.face_vertices, sizes);
+}
+
+// The pieces beside the mesh, whose centre of mass is the origin.
+struct ApproximationError {
+  double volume, centre, inertia;  // as shares: of the volume, of the reach, of the inertia's norm
+  double worst() const { return std::max(std::abs(volume), inertia); }
+};
+
+ApproximationError approximation_error(const scene::Solid& solid) {
+  MassProperties pieces;
+  for (const auto& piece : solid.hulls) pieces.add(piece);
+  return {pieces.volume() / solid.volume - 1.0,
+          pieces.centre().norm() / static_cast<double>(solid.bounding_radius),
+          (pieces.inertia(Eigen::Vector3d::Zero()) - solid.inertia).norm() / solid.inertia.norm()};
+}
+
+void check_approximation(const scene::Solid& solid, const SolidOptions& options,
+                         std::vector<std::string>& notes) {
+  const ApproximationError d = approximation_error(solid);
+  if (d.worst() <= kReportThreshold) return;
+  const std::string pieces =
+      std::to_string(solid.hulls.size()) + (solid.hulls.size() == 1 ? " piece" : " pieces");
+  const std::string what = "what collides, " + pieces + ", has " + format_percent(std::abs(d.volume)) +
+                           (d.volume < 0.0 ? " less" : " more") + " volume than the mesh (inertia " +
+                           format_percent(d.inertia) + " off, centre of mass " + format_percent(d.centre) +
+                           " of its reach)";
+  if (options.decompose && d.worst() > options.tolerance)
+    refuse(what + ", more than the tolerance of " + format_percent(options.tolerance) +
+           ": raise pieces = " + std::to_string(options.pieces) + " or tolerance, or simplify the mesh");
+  notes.push_back(what);
+}
+
+std::vector<scene::ConvexHull> make_convex_pieces(const TriangleMesh& mesh, const SolidOptions& options) {
+  std::vector<std::vector<Eigen::Vector3d>> parts{mesh.points};
+  if (options.decompose) parts = decompose_convex(mesh, {.max_parts = options.pieces});
+  std::vector<scene::ConvexHull> pieces;
+  for (const auto& part : parts)
+    if (auto piece = convex_hull(to_single_precision(part))) pieces.push_back(std::move(*piece));
+  if (pieces.empty()) refuse("encloses next to no volume");
+  return pieces;
+}
+
+}  // namespace
+
+scene::Solid build_solid(TriangleMesh mesh, const SolidOptions& options, std::vector<std::string>& notes) {
+  if (mesh.triangles.empty()) refuse("has points but no triangles; hull{file = ...} takes its convex hull");
+  check_size(mesh.points);
+  weld_points(mesh, kWeldDistance * bounding_box_diagonal(mesh));
+  if (mesh.triangles.empty()) refuse("has no triangle with an area");
+  const std::vector<std::string> repairs = orient_shells(mesh);
+  notes.insert(notes.end(), repairs.begin(), repairs.end());
+
+  for (int pass = 0; pass < 2; ++pass)
+    move_to_centre_of_mass(mesh);  // the second time hardly anything cancels
+  MassProperties properties;
+  properties.add(mesh);
+  scene::Solid solid;
+  solid.vertices = to_single_precision(mesh.points);
+  solid.triangles = mesh.triangles;
+  solid.volume = properties.volume();
+  solid.inertia = properties.inertia(Eigen::Vector3d::Zero());
+  scene::compute_bounds(solid);
+  solid.hulls = make_convex_pieces(mesh, options);
+  check_approximation(solid, options, notes);
+  return solid;
+}
+
+scene::Solid build_hull_solid(std::span<const Eigen::Vector3d> points) {
+  if (points.size() < 4)
+    refuse("has " + std::to_string(points.size()) + " points: a hull needs four or more");
+  check_size(points);
+  std::vector<Eigen::Vector3d> shifted(points.begin(), points.end());
+  for (auto& p : shifted) p -= points.front();
+  const auto rough_hull = convex_hull(to_single_precision(shifted));
+  if (!rough_hull) refuse("is flat: its points enclose no volume");
+  MassProperties about_first;
+  about_first.add(*rough_hull);
+  scene::Solid solid;
+  solid.hulls.push_back(translated(*rough_hull, -about_first.centre().cast<float>()));
+  const scene::ConvexHull& piece = solid.hulls.front();
+  MassProperties properties;
+  properties.add(piece);
+  solid.volume = properties.volume();
+  solid.inertia = properties.inertia(properties.centre());
+  solid.vertices = piece.vertices;
+  for (const auto& face : piece.faces)
+    for (std::uint32_t i = 1; i + 1 < face.vertex_count; ++i)
+      solid.triangles.push_back({piece.face_vertices[face.first_vertex],
+                                 piece.face_vertices[face.first_vertex + i],
+                                 piece.face_vertices[face.first_vertex + i + 1]});
+  scene::compute_bounds(solid);
+  return solid;
+}
+
+}  // namespace smartsurf::mesh

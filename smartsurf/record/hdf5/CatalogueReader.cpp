@@ -1,0 +1,110 @@
+#include "smartsurf/record/hdf5/CatalogueReader.h"
+
+#include <algorithm>
+
+#include "smartsurf/record/hdf5/CatalogueWriter.h"
+#include "smartsurf/record/hdf5/Hdf5Reading.h"
+#include "smartsurf/record/hdf5/SolidStorage.h"
+
+namespace smartsurf::record {
+namespace {
+
+// The columns of /objects, one entry an object.
+struct CatalogueColumns {
+  explicit CatalogueColumns(hid_t group);
+  hsize_t complete_entries(hid_t group) const;
+  std::vector<double> read_numbers(hid_t group, const char* name, hsize_t width) const {
+    return read_column<double>(group, name, H5T_NATIVE_DOUBLE, count, width);
+  }
+  static Eigen::Vector3d vector_at(const std::vector<double>& all, std::size_t i) {
+    return {all[3 * i], all[3 * i + 1], all[3 * i + 2]};
+  }
+
+  hsize_t count;
+  std::vector<std::string> label, shape, material;
+  std::vector<std::int32_t> solid;
+  std::vector<double> radius, extent, height, mass, fixed, colour, position, orientation, velocity,
+      angular_velocity;
+};
+
+// A killed run may have got only so far with some of them.
+hsize_t CatalogueColumns::complete_entries(hid_t group) const {
+  hsize_t n = stored_entries(open_dataset(group, "id", 1), sizeof(std::uint32_t));
+  for (const char* name : {"label", "shape", "material"})
+    n = std::min(n, extents(open_dataset(group, name, 1))[0]);
+  return n;
+}
+
+CatalogueColumns::CatalogueColumns(hid_t group)
+    : count(complete_entries(group)),
+      label(read_strings(group, "label", count)),
+      shape(read_strings(group, "shape", count)),
+      material(read_strings(group, "material", count)),
+      solid(count, -1),
+      radius(read_numbers(group, "radius", 1)),
+      extent(read_numbers(group, "extents", 3)),
+      height(count),
+      mass(read_numbers(group, "mass", 1)),
+      fixed(read_numbers(group, "fixed", 1)),
+      colour(read_numbers(group, "colour", 3)),
+      position(read_numbers(group, "initial_position", 3)),
+      orientation(read_numbers(group, "initial_orientation", 4)),
+      velocity(read_numbers(group, "initial_velocity", 3)),
+      angular_velocity(read_numbers(group, "initial_angular_velocity", 3)) {
+  if (has_link(group, "height")) {
+    height = read_numbers(group, "height", 1);
+    solid = read_column<std::int32_t>(group, "solid", H5T_NATIVE_INT32, count);
+  } else {  // older recordings know no shapes that have a height or a solid of their own
+    for (hsize_t i = 0; i < count; ++i) height[i] = extent[3 * i + 2];
+  }
+}
+
+scene::ObjectSpec make_object(const CatalogueColumns& columns, std::size_t i,
+                              const std::vector<std::shared_ptr<const scene::Solid>>& solids) {
+  scene::ObjectSpec object;
+  if (!parse_shape(columns.shape[i], object.shape))
+    throw Hdf5Error("object shape '" + columns.shape[i] + "' is unknown");
+  object.size = CatalogueColumns::vector_at(columns.extent, i);
+  object.height = columns.height[i];
+  if (object.shape != scene::ShapeKind::kBox) object.radius = columns.radius[i];
+  if (object.shape == scene::ShapeKind::kSolid) {
+    if (columns.solid[i] < 0 || static_cast<std::size_t>(columns.solid[i]) >= solids.size())
+      throw Hdf5Error("object " + std::to_string(i) + " is a solid that is not in the file");
+    object.solid = solids[static_cast<std::size_t>(columns.solid[i])];
+  }
+  object.label = columns.label[i];
+  object.mass = columns.mass[i];
+  object.fixed = columns.fixed[i] != 0.0;
+  const Eigen::Vector3d colour = CatalogueColumns::vector_at(columns.colour, i);
+  object.colour = {static_cast<float>(colour.x()), static_cast<float>(colour.y()),
+                   static_cast<float>(colour.z())};
+  object.position = CatalogueColumns::vector_at(columns.position, i);
+  const double* q = &columns.orientation[4 * i];
+  object.orientation = Eigen::Quaterniond(q[3], q[0], q[1], q[2]);
+  object.velocity = CatalogueColumns::vector_at(columns.velocity, i);
+  object.angular_velocity = CatalogueColumns::vector_at(columns.angular_velocity, i);
+  return object;
+}
+
+int find_or_add_material(const std::string& name, std::vector<scene::Material>& materials) {
+  const auto found = std::find_if(materials.begin(), materials.end(),
+                                  [&](const scene::Material& m) { return m.name == name; });
+  const auto index = found - materials.begin();
+  if (found == materials.end()) materials.push_back({.name = name});
+  return static_cast<int>(index);
+}
+
+}  // namespace
+
+void read_catalogue(hid_t file, scene::SceneSpec& spec) {
+  const CatalogueColumns columns(open_group(file, "objects"));
+  const auto solids = read_solids(file);
+  for (std::size_t i = 0; i < columns.count; ++i) {
+    scene::ObjectSpec& object = spec.objects.emplace_back(make_object(columns, i, solids));
+    object.material = find_or_add_material(columns.material[i], spec.materials);
+    if (const std::string problem = scene::validate(object); !problem.empty())
+      throw Hdf5Error("object " + std::to_string(i) + ": " + problem);
+  }
+}
+
+}  // namespace smartsurf::record

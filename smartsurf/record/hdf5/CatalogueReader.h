@@ -1,0 +1,13 @@
+// Reads /objects: what every object is and how it started. Private to the room.
+#pragma once
+
+#include "smartsurf/record/hdf5/Hdf5.h"
+#include "smartsurf/scene/SceneSpec.h"
+
+namespace smartsurf::record {
+
+// Adds the objects of the file, as far as a killed run got with them, and the names of their materials.
+// Throws Hdf5Error for what no recorder wrote.
+void read_catalogue(hid_t file, scene::SceneSpec& spec);
+
+}  // namespace smartsurf::record

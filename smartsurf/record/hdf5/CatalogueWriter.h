@@ -1,0 +1,43 @@
+// Writes /objects: what every object is and how it started; one entry an object, in growing datasets, because
+// a script may add objects at any time. Private to the room.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "smartsurf/record/hdf5/Hdf5.h"
+#include "smartsurf/record/hdf5/SolidStorage.h"
+#include "smartsurf/scene/SceneSpec.h"
+
+namespace smartsurf::record {
+
+class CatalogueWriter {
+ public:
+  // `group` is /objects of `file`.
+  CatalogueWriter(hid_t file, hid_t group, std::vector<scene::Material> materials);
+  void append(std::span<const scene::ObjectSpec> objects);
+  // The most that append() can add to the file.
+  std::uint64_t max_bytes(std::span<const scene::ObjectSpec> objects) const;
+
+ private:
+  struct Column {
+    std::string name;
+    int width;  // 1: one value an object; else objects × width
+    Handle type, dataset;
+  };
+  void add_column(hid_t group, const char* name, Handle type, int width);
+  void write_column(const char* name, const void* values, hsize_t count);
+
+  std::vector<scene::Material> materials_;
+  SolidWriter solids_;
+  std::vector<Column> columns_;
+  hsize_t rows_written_ = 0;
+};
+
+const char* shape_name(scene::ShapeKind shape);
+// False when no shape has this name.
+bool parse_shape(const std::string& name, scene::ShapeKind& shape);
+
+}  // namespace smartsurf::record

@@ -1,0 +1,121 @@
+#include "smartsurf/record/hdf5/Hdf5.h"
+
+namespace smartsurf::record {
+namespace {
+
+// Walked from the innermost error outwards: the first is the cause.
+herr_t store_innermost_error(unsigned depth, const H5E_error2_t* error, void* text) {
+  if (depth == 0 && error->desc) *static_cast<std::string*>(text) = error->desc;
+  return 0;
+}
+
+[[noreturn]] void throw_hdf5_error(const std::string& what) {
+  std::string reason;
+  H5Ewalk2(H5E_DEFAULT, H5E_WALK_UPWARD, store_innermost_error, &reason);
+  H5Eclear2(H5E_DEFAULT);
+  for (char& c : reason)
+    if (c == '\n') c = ' ';
+  // Of a failed write the library tells a whole line; what the system said of it is quoted in the middle.
+  static const std::string kQuote = "error message = '";
+  if (const auto quote = reason.find(kQuote); quote != std::string::npos) {
+    const auto begin = quote + kQuote.size();
+    throw Hdf5Error(reason.substr(begin, reason.find('\'', begin) - begin));
+  }
+  throw Hdf5Error(reason.empty() ? what : what + " (" + reason + ")");
+}
+
+Handle scalar_space() { return Handle(H5Screate(H5S_SCALAR), H5Sclose, "dataspace"); }
+
+}  // namespace
+
+Handle::Handle(hid_t id, Closer closer, const std::string& what) : id_(id), closer_(closer) {
+  if (id < 0) throw_hdf5_error(what);
+}
+
+void check(herr_t status, const std::string& what) {
+  if (status < 0) throw_hdf5_error(what);
+}
+
+void silence_error_stack() { H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr); }
+
+Handle string_type() {
+  Handle type(H5Tcopy(H5T_C_S1), H5Tclose, "string type");
+  check(H5Tset_size(type, H5T_VARIABLE), "string type");
+  check(H5Tset_cset(type, H5T_CSET_UTF8), "string type");
+  return type;
+}
+
+Handle chunked_properties(const std::vector<hsize_t>& chunk) {
+  Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose, "dataset properties");
+  check(H5Pset_chunk(properties, static_cast<int>(chunk.size()), chunk.data()), "chunks");
+  check(H5Pset_obj_track_times(properties, false), "dataset properties");
+  return properties;
+}
+
+Handle create_dataset(hid_t parent, const char* name, hid_t type, hid_t space, hid_t properties) {
+  return Handle(H5Dcreate2(parent, name, type, space, H5P_DEFAULT, properties, H5P_DEFAULT), H5Dclose,
+                std::string("dataset ") + name);
+}
+
+Handle create_group(hid_t parent, const char* name) {
+  return Handle(H5Gcreate2(parent, name, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Gclose,
+                std::string("group ") + name);
+}
+
+void write_attribute(hid_t object, const char* name, const std::string& text) {
+  const Handle type = string_type(), space = scalar_space();
+  const Handle attribute(H5Acreate2(object, name, type, space, H5P_DEFAULT, H5P_DEFAULT), H5Aclose, name);
+  const char* characters = text.c_str();
+  check(H5Awrite(attribute, type, &characters), name);
+}
+
+void write_attribute(hid_t object, const char* name, hid_t type, const void* values, hsize_t count) {
+  const Handle space =
+      count == 1 ? scalar_space() : Handle(H5Screate_simple(1, &count, nullptr), H5Sclose, name);
+  const Handle attribute(H5Acreate2(object, name, type, space, H5P_DEFAULT, H5P_DEFAULT), H5Aclose, name);
+  check(H5Awrite(attribute, type, values), name);
+}
+
+void write_attribute(hid_t object, const char* name, double value) {
+  write_attribute(object, name, H5T_NATIVE_DOUBLE, &value);
+}
+
+void write_attribute(hid_t object, const char* name, std::uint64_t value) {
+  write_attribute(object, name, H5T_NATIVE_UINT64, &value);
+}
+
+bool has_attribute(hid_t object, const char* name) { return H5Aexists(object, name) > 0; }
+
+std::string read_text_attribute(hid_t object, const char* name) {
+  const std::string what = std::string("attribute ") + name;
+  const Handle attribute(H5Aopen(object, name, H5P_DEFAULT), H5Aclose, what);
+  const Handle space(H5Aget_space(attribute), H5Sclose, what);
+  const Handle stored(H5Aget_type(attribute), H5Tclose, what);
+  if (H5Sget_simple_extent_npoints(space) != 1 || H5Tis_variable_str(stored) <= 0)
+    throw Hdf5Error(what + " (is not one text)");
+  char* characters = nullptr;
+  check(H5Aread(attribute, stored, &characters), what);
+  std::string text = characters ? characters : "";
+  H5free_memory(characters);
+  return text;
+}
+
+void read_attribute(hid_t object, const char* name, hid_t type, void* values, hsize_t count) {
+  const std::string what = std::string("attribute ") + name;
+  const Handle attribute(H5Aopen(object, name, H5P_DEFAULT), H5Aclose, what);
+  const Handle space(H5Aget_space(attribute), H5Sclose, what);
+  if (H5Sget_simple_extent_npoints(space) != static_cast<hssize_t>(count))
+    throw Hdf5Error(what + " (does not hold " + std::to_string(count) + " numbers)");
+  check(H5Aread(attribute, type, values), what);
+}
+
+std::vector<hsize_t> extents(hid_t dataset) {
+  const Handle space(H5Dget_space(dataset), H5Sclose, "dataspace");
+  const int rank = H5Sget_simple_extent_ndims(space);
+  check(rank, "dataspace");
+  std::vector<hsize_t> sizes(static_cast<std::size_t>(rank));
+  check(H5Sget_simple_extent_dims(space, sizes.data(), nullptr), "dataspace");
+  return sizes;
+}
+
+}  // namespace smartsurf::record

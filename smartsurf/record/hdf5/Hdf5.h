@@ -1,0 +1,63 @@
+// The few HDF5 calls of this room, with handles that close themselves and errors that say why.
+// Private to the room. Every function throws Hdf5Error (one line) when the library reports a failure.
+#pragma once
+
+#include <hdf5.h>
+
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace smartsurf::record {
+
+class Hdf5Error : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+class Handle {
+ public:
+  using Closer = herr_t (*)(hid_t);
+  Handle() = default;
+  // Throws "WHAT: the library's reason" when id is negative.
+  Handle(hid_t id, Closer closer, const std::string& what);
+  Handle(Handle&& other) noexcept : id_(std::exchange(other.id_, -1)), closer_(other.closer_) {}
+  Handle& operator=(Handle&& other) noexcept {
+    std::swap(id_, other.id_);
+    std::swap(closer_, other.closer_);
+    return *this;
+  }
+  ~Handle() {
+    if (id_ >= 0) closer_(id_);
+  }
+  operator hid_t() const { return id_; }
+
+ private:
+  hid_t id_ = -1;
+  Closer closer_ = nullptr;
+};
+
+// Throws "WHAT: the library's reason" when status is negative.
+void check(herr_t status, const std::string& what);
+// The library prints its error stack on stderr unless told otherwise; ours go into the exceptions.
+void silence_error_stack();
+
+Handle string_type();  // variable-length UTF-8: attributes of any length (fixed ones end at 64 KiB)
+// Chunked storage that does not date its objects: the same run gives the same bytes.
+Handle chunked_properties(const std::vector<hsize_t>& chunk);
+Handle create_dataset(hid_t parent, const char* name, hid_t type, hid_t space, hid_t properties);
+Handle create_group(hid_t parent, const char* name);
+
+void write_attribute(hid_t object, const char* name, const std::string& text);
+void write_attribute(hid_t object, const char* name, hid_t type, const void* values, hsize_t count = 1);
+void write_attribute(hid_t object, const char* name, double value);
+void write_attribute(hid_t object, const char* name, std::uint64_t value);
+
+bool has_attribute(hid_t object, const char* name);
+std::string read_text_attribute(hid_t object, const char* name);
+// Reads exactly `count` numbers converted to `type`; throws when the attribute holds another number of them.
+void read_attribute(hid_t object, const char* name, hid_t type, void* values, hsize_t count = 1);
+std::vector<hsize_t> extents(hid_t dataset);
+
+}  // namespace smartsurf::record

@@ -1,0 +1,12 @@
+// What a recording says about its run before the first frame: /meta and /surface. Private to the room.
+#pragma once
+
+#include "smartsurf/record/Recorder.h"
+#include "smartsurf/record/hdf5/Hdf5.h"
+
+namespace smartsurf::record {
+
+void write_meta(hid_t file, const RunMetadata& meta, const scene::SceneSpec& spec);
+Handle write_surface(hid_t file, const scene::SurfaceSpec& surface);
+
+}  // namespace smartsurf::record

@@ -1,0 +1,68 @@
+#include "smartsurf/record/hdf5/Hdf5Reading.h"
+
+#include <algorithm>
+
+namespace smartsurf::record {
+
+namespace fs = std::filesystem;
+
+Handle open_for_reading(const fs::path& path) {
+  silence_error_stack();
+  std::error_code error;
+  if (!fs::exists(path, error)) throw Hdf5Error("there is no such file");
+  if (!fs::is_regular_file(path, error)) throw Hdf5Error("is not a file");
+  if (path.extension() == ".csv")
+    throw Hdf5Error("is a CSV recording, which only holds trajectories: record to a name ending in .h5");
+  if (H5Fis_hdf5(path.c_str()) <= 0)
+    throw Hdf5Error("is not an HDF5 file: smartsurf run --record writes them");
+  const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose, "file properties");
+  check(H5Pset_file_locking(access, false, true), "file properties");  // a running recorder holds the lock
+  return Handle(H5Fopen(path.c_str(), H5F_ACC_RDONLY, access), H5Fclose, "is damaged or cut short");
+}
+
+Handle open_group(hid_t parent, const char* name) {
+  return Handle(H5Gopen2(parent, name, H5P_DEFAULT), H5Gclose, std::string("has no group ") + name);
+}
+
+Handle open_dataset(hid_t parent, const std::string& name, int rank) {
+  Handle dataset(H5Dopen2(parent, name.c_str(), H5P_DEFAULT), H5Dclose, "has no dataset " + name);
+  if (static_cast<int>(extents(dataset).size()) != rank)
+    throw Hdf5Error("dataset " + name + " has not " + std::to_string(rank) + " axes");
+  return dataset;
+}
+
+hsize_t stored_entries(hid_t dataset, std::size_t bytes_per_entry) {
+  return std::min(extents(dataset).at(0), H5Dget_storage_size(dataset) / bytes_per_entry);
+}
+
+std::vector<std::string> read_strings(hid_t parent, const std::string& name, hsize_t count) {
+  const Handle dataset = open_dataset(parent, name, 1);
+  const Handle type(H5Dget_type(dataset), H5Tclose, name);
+  if (H5Tis_variable_str(type) <= 0) throw Hdf5Error("dataset " + name + " does not hold texts");
+  std::vector<char*> characters = read_block<char*>(dataset, type, {0}, {count}, name);
+  std::vector<std::string> texts;
+  for (char* text : characters) {
+    texts.emplace_back(text ? text : "");
+    H5free_memory(text);
+  }
+  return texts;
+}
+
+std::vector<NamedText> read_string_attributes(hid_t parent, const char* group_name) {
+  const Handle group = open_group(parent, group_name);
+  H5O_info_t object_info;
+  check(H5Oget_info2(group, &object_info, H5O_INFO_NUM_ATTRS), group_name);
+  std::vector<NamedText> texts;
+  for (hsize_t i = 0; i < object_info.num_attrs; ++i) {
+    const Handle attribute(
+        H5Aopen_by_idx(group, ".", H5_INDEX_NAME, H5_ITER_INC, i, H5P_DEFAULT, H5P_DEFAULT), H5Aclose,
+        group_name);
+    std::string name(static_cast<std::size_t>(std::max<ssize_t>(H5Aget_name(attribute, 0, nullptr), 0)),
+                     '\0');
+    H5Aget_name(attribute, name.size() + 1, name.data());
+    texts.push_back({name, read_text_attribute(group, name.c_str())});
+  }
+  return texts;
+}
+
+}  // namespace smartsurf::record

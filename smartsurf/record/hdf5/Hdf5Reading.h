@@ -1,0 +1,55 @@
+// Reads datasets that nobody vouches for: every size is checked against the file before memory is taken.
+// Private to the room. Every function throws Hdf5Error (one line, naming the dataset).
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "smartsurf/record/Recorder.h"
+#include "smartsurf/record/hdf5/Hdf5.h"
+
+namespace smartsurf::record {
+
+// A file that another process may still be writing.
+Handle open_for_reading(const std::filesystem::path& path);
+inline bool has_link(hid_t parent, const char* name) { return H5Lexists(parent, name, H5P_DEFAULT) > 0; }
+Handle open_group(hid_t parent, const char* name);
+Handle open_dataset(hid_t parent, const std::string& name, int rank);
+// Entries along the first axis of an uncompressed dataset that really are in the file: an extent alone may
+// claim anything.
+hsize_t stored_entries(hid_t dataset, std::size_t bytes_per_entry);
+// The first `count` entries of a dataset of texts.
+std::vector<std::string> read_strings(hid_t parent, const std::string& name, hsize_t count);
+
+// The text attributes of a group, in the order of their names.
+std::vector<NamedText> read_string_attributes(hid_t parent, const char* group_name);
+
+// The caller bounds `size`.
+template <class Number>
+std::vector<Number> read_block(hid_t dataset, hid_t type, std::vector<hsize_t> start,
+                               const std::vector<hsize_t>& size, const std::string& name) {
+  hsize_t count = 1;
+  for (const hsize_t n : size) count *= n;
+  std::vector<Number> values(count);
+  if (count == 0) return values;
+  const Handle file(H5Dget_space(dataset), H5Sclose, name);
+  check(H5Sselect_hyperslab(file, H5S_SELECT_SET, start.data(), nullptr, size.data(), nullptr),
+        "dataset " + name + " is too short");
+  const Handle memory(H5Screate_simple(static_cast<int>(size.size()), size.data(), nullptr), H5Sclose, name);
+  check(H5Dread(dataset, type, memory, file, H5P_DEFAULT, values.data()),
+        "dataset " + name + " cannot be read");
+  return values;
+}
+
+// The first `count` entries of a dataset of numbers, each `width` of them; the caller bounds both.
+template <class Number>
+std::vector<Number> read_column(hid_t parent, const std::string& name, hid_t type, hsize_t count,
+                                hsize_t width = 1) {
+  const Handle dataset = open_dataset(parent, name, width == 1 ? 1 : 2);
+  if (width == 1) return read_block<Number>(dataset, type, {0}, {count}, name);
+  if (extents(dataset)[1] != width) throw Hdf5Error("dataset " + name + " has the wrong width");
+  return read_block<Number>(dataset, type, {0, 0}, {count, width}, name);
+}
+
+}  // namespace smartsurf::record

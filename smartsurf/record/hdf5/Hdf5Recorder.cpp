@@ -1,0 +1,389 @@
+#include "smartsurf/record/hdf5/Hdf5Recorder.h"
+
+#include <algorithm>
+#include <bit>
+#include <cassert>
+#include <cstring>
+#include <limits>
+#include <mutex>
+
+#include "smartsurf/record/hdf5/Hdf5Meta.h"
+#include "smartsurf/record/hdf5/SurfaceLayout.h"
+
+namespace smartsurf::record {
+namespace {
+
+constexpr std::size_t kMaxBufferFrames = 64;
+constexpr std::size_t kMaxBufferBytes = 16u << 20;  // of all channels together
+constexpr std::size_t kMaxChunkBytes = 256u << 10;  // of a channel: what one frame's reader unpacks
+constexpr std::size_t kMaxBufferedChanges = 1u << 20;
+constexpr std::uint64_t kMetadataBytes = 256u << 10;  // more than one write adds to the library's own tables
+constexpr std::chrono::seconds kMaxFlushInterval{1};
+constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
+
+// The largest power of two, at most 64, of rows of this size that fit; so chunks divide the buffer evenly and
+// a compressed chunk is packed once.
+std::size_t frames_that_fit(std::size_t bytes, std::size_t bytes_per_frame) {
+  const std::size_t fit = bytes / std::max<std::size_t>(bytes_per_frame, 1);
+  return std::bit_floor(std::clamp<std::size_t>(fit, 1, kMaxBufferFrames));
+}
+
+Handle create_file(const std::filesystem::path& path) {
+  silence_error_stack();
+  const Handle creation(H5Pcreate(H5P_FILE_CREATE), H5Pclose, "file properties");
+  check(H5Pset_obj_track_times(creation, false), "file properties");
+  return Handle(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, creation, H5P_DEFAULT), H5Fclose, "cannot be written");
+}
+
+bool is_valid_channel_name(std::string_view name) {
+  return !name.empty() && name != "." && name.find('/') == name.npos && name.find('\0') == name.npos;
+}
+
+// Planes of components in, cells with all their components out: files are read by cell.
+void interleave_components(const ChannelData& channel, std::span<float> cells) {
+  const auto components = static_cast<std::size_t>(channel.components);
+  const std::size_t plane = cells.size() / components;
+  for (std::size_t k = 0; k < components; ++k)
+    for (std::size_t i = 0; i < plane; ++i) cells[i * components + k] = channel.values[k * plane + i];
+}
+
+}  // namespace
+
+struct Hdf5Recorder::OpenFile {
+  OpenFile(const std::filesystem::path& path, const RunMetadata& meta, const scene::SceneSpec& spec)
+      : record(spec.record), surface(spec.surface), file(create_file(path)), preallocator(path) {
+    write_meta(file, meta, spec);
+    surface_group = write_surface(file, spec.surface);
+    objects_group = create_group(file, "objects");
+    catalogue.emplace(file, objects_group, spec.materials);
+    catalogue->append(spec.objects);
+    object_count = spec.objects.size();
+    flush();
+  }
+
+  void flush();
+  template <class Action>
+  void for_each_series(Action action);  // all but the ticks
+  void create_series(const scene::Snapshot& first, std::span<const ChannelData> sensors,
+                     std::span<const ChannelData> actuators);
+  void create_channels(const char* group, std::span<const ChannelData> channels,
+                       std::vector<FrameSeries>& series);
+  FrameSeries make_grid_series(hid_t parent, std::string_view name, int rows, int columns, int components);
+  FrameSeries make_pose_series(const char* name, hsize_t width);
+  void add_objects(const std::vector<scene::ObjectSpec>& all);
+  void buffer_objects(const scene::Snapshot& snapshot);
+  void buffer_channels(std::span<const ChannelData> channels, std::vector<FrameSeries>& series);
+  void buffer_frame(const scene::Snapshot& snapshot, std::span<const ChannelData> sensors,
+                    std::span<const ChannelData> actuators);
+  void append_inputs(std::span<const ChannelData> actuators);
+  void write_buffered();
+
+  scene::RecordSpec record;
+  scene::SurfaceSpec surface;
+  Handle file, surface_group, objects_group;
+  FilePreallocator preallocator;
+  std::optional<CatalogueWriter> catalogue;
+  std::vector<scene::ObjectSpec> pending_objects;  // not yet in the file's catalogue
+  std::size_t object_count = 0;                    // in the catalogue, newcomers included
+  scene::ObjectId live_begin = 0,
+                  live_end = 0;  // ids with a value in the buffered frames are in [first, end)
+
+  bool series_created = false;  // the series exist
+  std::optional<FrameSeries> tick, time, hash, contacts, position, orientation, velocity, height;
+  std::vector<FrameSeries> sensor_series, actuator_series;
+  std::optional<DeltaWriter> inputs, heights, motion;
+  std::vector<float> flat_motion;
+  bool interaction_marked = false;
+  std::size_t buffer_capacity = 0, buffered_frames = 0;
+  hsize_t written_frames = 0;
+  std::chrono::steady_clock::time_point last_write = std::chrono::steady_clock::now();
+};
+
+FrameSeries Hdf5Recorder::OpenFile::make_grid_series(hid_t parent, std::string_view name, int rows,
+                                                     int columns, int components) {
+  FrameSeries::Layout layout{.type = H5T_NATIVE_FLOAT,
+                             .row = {static_cast<hsize_t>(rows), static_cast<hsize_t>(columns)},
+                             .compress = true,
+                             .fill_value = FrameSeries::to_bytes(kNaN)};
+  if (components > 1) layout.row.push_back(static_cast<hsize_t>(components));
+  const std::size_t bytes = sizeof(float) * static_cast<std::size_t>(rows * columns * components);
+  layout.chunk_frames = std::min(frames_that_fit(kMaxChunkBytes, bytes), buffer_capacity);
+  return {parent, std::string(name), std::move(layout), buffer_capacity};
+}
+
+FrameSeries Hdf5Recorder::OpenFile::make_pose_series(const char* name, hsize_t width) {
+  const hsize_t columns = std::clamp<hsize_t>(object_count, 16, 256);
+  return {objects_group, name,
+          FrameSeries::Layout{.type = H5T_NATIVE_FLOAT,
+                              .row = {object_count, width},
+                              .chunk_frames = buffer_capacity,
+                              .chunk_columns = columns,
+                              .fill_value = FrameSeries::to_bytes(kNaN)},
+          buffer_capacity};
+}
+
+void Hdf5Recorder::OpenFile::create_channels(const char* group, std::span<const ChannelData> channels,
+                                             std::vector<FrameSeries>& series) {
+  const Handle parent = create_group(file, group);
+  for (const ChannelData& channel : channels) {
+    if (!is_valid_channel_name(channel.name))
+      throw scene::InputError("channel '" + std::string(channel.name) +
+                              "' cannot be recorded: its name must not be empty or contain '/'");
+    series.push_back(
+        make_grid_series(parent, channel.name, channel.rows, channel.columns, channel.components));
+  }
+}
+
+void Hdf5Recorder::OpenFile::create_series(const scene::Snapshot& first, std::span<const ChannelData> sensors,
+                                           std::span<const ChannelData> actuators) {
+  std::size_t bytes = record.objects ? object_count * 10 * sizeof(float) : 0;
+  if (record.sensors)
+    for (const ChannelData& channel : sensors) bytes += channel.values.size_bytes();
+  if (record.actuators) {
+    for (const ChannelData& channel : actuators) bytes += channel.values.size_bytes();
+    bytes += sizeof(float) * static_cast<std::size_t>(surface.cell_count());
+  }
+  buffer_capacity = frames_that_fit(kMaxBufferBytes, bytes);
+
+  const auto numbers = [&](const char* name, hid_t type, auto no_value) {
+    return FrameSeries(file, name,
+                       {.type = type, .chunk_frames = 1024, .fill_value = FrameSeries::to_bytes(no_value)},
+                       buffer_capacity);
+  };
+  constexpr auto kNoTick = std::numeric_limits<std::uint64_t>::max();
+  tick.emplace(numbers("tick", H5T_NATIVE_UINT64, kNoTick));
+  time.emplace(numbers("time", H5T_NATIVE_DOUBLE, std::numeric_limits<double>::quiet_NaN()));
+  hash.emplace(numbers("hash", H5T_NATIVE_UINT64, std::uint64_t{0}));
+  contacts.emplace(numbers("contacts", H5T_NATIVE_UINT32, std::uint32_t{0}));
+  if (record.objects) {
+    position.emplace(make_pose_series("position", 3));
+    orientation.emplace(make_pose_series("orientation", 4));
+    velocity.emplace(make_pose_series("velocity", 3));
+  }
+  heights.emplace(surface_group, "changes", static_cast<std::size_t>(surface.cell_count()));
+  if (!first.actuator_state.empty())
+    motion.emplace(surface_group, "motion",
+                   kValuesPerActuatorState * static_cast<std::size_t>(surface.cell_count()));
+  if (record.sensors) create_channels("sensors", sensors, sensor_series);
+  if (record.actuators) {
+    create_channels("actuators", actuators, actuator_series);
+    height.emplace(make_grid_series(surface_group, "height", surface.rows, surface.columns, 1));
+  }
+  series_created = true;
+}
+
+void Hdf5Recorder::OpenFile::add_objects(const std::vector<scene::ObjectSpec>& all) {
+  pending_objects.insert(pending_objects.end(), all.begin() + static_cast<std::ptrdiff_t>(object_count),
+                         all.end());
+  object_count = all.size();
+  if (!series_created || !record.objects) return;
+  for (FrameSeries* series : {&*position, &*orientation, &*velocity}) series->grow_columns(object_count);
+}
+
+void Hdf5Recorder::OpenFile::buffer_objects(const scene::Snapshot& snapshot) {
+  const std::span<float> p = position->row<float>(buffered_frames),
+                         q = orientation->row<float>(buffered_frames),
+                         v = velocity->row<float>(buffered_frames);
+  for (const std::span<float> all : {p, q, v}) std::fill(all.begin(), all.end(), kNaN);
+  for (std::size_t i = 0; i < snapshot.object_count(); ++i) {
+    const std::size_t id = snapshot.id[i];
+    assert(id < object_count);
+    std::copy_n(snapshot.position[i].begin(), 3, p.begin() + static_cast<std::ptrdiff_t>(3 * id));
+    std::copy_n(snapshot.orientation[i].begin(), 4, q.begin() + static_cast<std::ptrdiff_t>(4 * id));
+    std::copy_n(snapshot.velocity[i].begin(), 3, v.begin() + static_cast<std::ptrdiff_t>(3 * id));
+  }
+  if (snapshot.id.empty()) return;
+  live_begin = live_end == 0 ? snapshot.id.front() : std::min(live_begin, snapshot.id.front());
+  live_end = std::max(live_end, snapshot.id.back() + 1);
+}
+
+void Hdf5Recorder::OpenFile::buffer_channels(std::span<const ChannelData> channels,
+                                             std::vector<FrameSeries>& series) {
+  assert(channels.size() == series.size());
+  for (std::size_t i = 0; i < series.size(); ++i) {
+    const std::span<float> row = series[i].row<float>(buffered_frames);
+    assert(channels[i].values.size() == row.size());
+    interleave_components(channels[i], row);
+  }
+}
+
+void Hdf5Recorder::OpenFile::buffer_frame(const scene::Snapshot& snapshot,
+                                          std::span<const ChannelData> sensors,
+                                          std::span<const ChannelData> actuators) {
+  tick->row<std::uint64_t>(buffered_frames)[0] = snapshot.tick;
+  time->row<double>(buffered_frames)[0] = snapshot.time_s;
+  hash->row<std::uint64_t>(buffered_frames)[0] = snapshot.state_hash;
+  contacts->row<std::uint32_t>(buffered_frames)[0] = snapshot.contact_count;
+  if (record.objects) buffer_objects(snapshot);
+  if (record.sensors) buffer_channels(sensors, sensor_series);
+  if (record.actuators) {
+    buffer_channels(actuators, actuator_series);
+    const std::span<float> row = height->row<float>(buffered_frames);
+    assert(snapshot.height.size() == row.size());
+    std::copy(snapshot.height.begin(), snapshot.height.end(), row.begin());
+  }
+  heights->add(snapshot.height, 0);
+  heights->end_row();
+  if (motion) {
+    flatten_actuator_state(snapshot.actuator_state, flat_motion);
+    motion->add(flat_motion, 0);
+    motion->end_row();
+  }
+  ++buffered_frames;
+}
+
+template <class Action>
+void Hdf5Recorder::OpenFile::for_each_series(Action action) {
+  for (auto* series : {&position, &orientation, &velocity, &height})
+    if (*series) action(**series);
+  for (FrameSeries& series : sensor_series) action(series);
+  for (FrameSeries& series : actuator_series) action(series);
+  for (auto* series : {&contacts, &hash, &time}) action(**series);
+}
+
+void Hdf5Recorder::OpenFile::append_inputs(std::span<const ChannelData> actuators) {
+  if (!inputs) {
+    std::uint64_t values = 0;
+    std::string names;
+    for (const ChannelData& channel : actuators) {
+      values += channel.values.size();
+      names += (names.empty() ? "" : ",") + std::string(channel.name);
+    }
+    const Handle group = create_group(file, "inputs");
+    write_attribute(group, "values", values);
+    write_attribute(group, "channels", names);
+    inputs.emplace(group, "changes", values);
+  }
+  std::size_t first = 0;
+  for (const ChannelData& channel : actuators) {
+    inputs->add(channel.values, first);
+    first += channel.values.size();
+  }
+  inputs->end_row();
+}
+
+void Hdf5Recorder::OpenFile::flush() {
+  check(H5Fflush(file, H5F_SCOPE_LOCAL), "flush");
+  hsize_t length = 0;
+  check(H5Fget_filesize(file, &length), "length");
+  preallocator.truncate(length);
+}
+
+// A frame exists once it has its tick: the ticks are written and flushed when everything else already is, so
+// that a kill in the middle cannot leave a frame that is half there.
+void Hdf5Recorder::OpenFile::write_buffered() {
+  std::uint64_t max_bytes = kMetadataBytes + catalogue->max_bytes(pending_objects);
+  if (buffered_frames > 0) {
+    for_each_series([&](const FrameSeries& series) { max_bytes += series.max_bytes(); });
+    max_bytes += tick->max_bytes();
+  }
+  for (auto* changes : {&inputs, &heights, &motion})
+    if (*changes) max_bytes += (*changes)->max_bytes();
+  preallocator.preallocate(max_bytes);
+  catalogue->append(pending_objects);
+  pending_objects.clear();
+  for (auto* changes : {&inputs, &heights, &motion})
+    if (*changes) (*changes)->write();
+  if (buffered_frames > 0) {
+    for_each_series(
+        [&](FrameSeries& series) { series.write(written_frames, buffered_frames, live_begin, live_end); });
+    check(H5Fflush(file, H5F_SCOPE_LOCAL), "flush");
+    tick->write(written_frames, buffered_frames);
+  }
+  flush();
+  written_frames += buffered_frames;
+  buffered_frames = 0;
+  live_begin = live_end = 0;
+  last_write = std::chrono::steady_clock::now();
+}
+
+namespace {
+
+// Debian's library keeps its tables without locks: recorders of several worlds take turns in it.
+std::mutex& library_mutex() {
+  static std::mutex mutex;
+  return mutex;
+}
+
+}  // namespace
+
+template <class Action>
+void Hdf5Recorder::with_open_file(Action action) {
+  const std::lock_guard lock(library_mutex());
+  if (!open_file_) return;
+  try {
+    action(*open_file_);
+  } catch (const Hdf5Error& error) {
+    open_file_.reset();
+    throw std::runtime_error(name_ + ": cannot be written: " + error.what());
+  }
+}
+
+Hdf5Recorder::Hdf5Recorder(const std::filesystem::path& path, const RunMetadata& meta,
+                           const scene::SceneSpec& spec)
+    : Recorder(spec.record.tick_interval), name_(path.string()) {
+  const std::lock_guard lock(library_mutex());
+  try {
+    open_file_ = std::make_unique<OpenFile>(path, meta, spec);
+  } catch (const Hdf5Error& error) {
+    throw scene::InputError(name_ + ": cannot be written: " + error.what());
+  }
+}
+
+Hdf5Recorder::~Hdf5Recorder() {
+  try {
+    with_open_file([](OpenFile& content) { content.write_buffered(); });
+  } catch (const std::runtime_error&) {  // a destructor has nobody to tell
+  }
+  const std::lock_guard lock(library_mutex());
+  open_file_.reset();
+}
+
+void Hdf5Recorder::write_frame(const scene::Snapshot& snapshot,
+                               const std::vector<scene::ObjectSpec>& catalogue,
+                               std::span<const ChannelData> sensors, std::span<const ChannelData> actuators) {
+  with_open_file([&](OpenFile& content) {
+    if (catalogue.size() > content.object_count) content.add_objects(catalogue);
+    if (!content.series_created) content.create_series(snapshot, sensors, actuators);
+    content.buffer_frame(snapshot, sensors, actuators);
+    // Whole chunks, also after a write that did not wait for the buffer to be full.
+    if ((content.written_frames + content.buffered_frames) % content.buffer_capacity == 0 ||
+        content.heights->buffered_changes() > kMaxBufferedChanges ||
+        std::chrono::steady_clock::now() - content.last_write >= kMaxFlushInterval)
+      content.write_buffered();
+  });
+}
+
+void Hdf5Recorder::record_inputs(std::span<const ChannelData> actuators) {
+  with_open_file([&](OpenFile& content) {
+    content.append_inputs(actuators);
+    // Frames may be far apart.
+    if (content.inputs->buffered_changes() > kMaxBufferedChanges) content.write_buffered();
+  });
+}
+
+void Hdf5Recorder::mark_user_interaction(std::uint64_t tick) {
+  with_open_file([&](OpenFile& content) {
+    if (std::exchange(content.interaction_marked, true)) return;
+    content.preallocator.preallocate(kMetadataBytes);
+    const Handle meta(H5Gopen2(content.file, "meta", H5P_DEFAULT), H5Gclose, "group meta");
+    write_attribute(meta, "touched_by_hand", tick);
+    content.flush();
+  });
+}
+
+void Hdf5Recorder::close(const RunResult& result) {
+  with_open_file([&](OpenFile& content) {
+    content.write_buffered();
+    content.preallocator.preallocate(kMetadataBytes + result.outcome.size());
+    const Handle meta(H5Gopen2(content.file, "meta", H5P_DEFAULT), H5Gclose, "group meta");
+    write_attribute(meta, "outcome", result.outcome);
+    write_attribute(meta, "ticks", result.ticks);
+    write_attribute(meta, "simulated_s", result.simulated_s);
+    write_attribute(meta, "state_hash", result.state_hash);
+    content.flush();
+    open_file_.reset();
+  });
+}
+
+}  // namespace smartsurf::record

@@ -1,0 +1,214 @@
+#include "smartsurf/record/hdf5/SolidStorage.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <string>
+
+namespace smartsurf::record {
+namespace {
+
+constexpr const char* kLastDataset = "face_corners";  // with it a solid is whole
+constexpr hsize_t kMaxValues = hsize_t{1} << 28;      // of a dataset; refuse what cannot be meant
+
+// count × width numbers, or count where the width is 1.
+template <class Number>
+void write_table(hid_t group, const char* name, hid_t type, const std::vector<Number>& numbers,
+                 hsize_t width) {
+  const hsize_t size[] = {numbers.size() / width, width};
+  const Handle space(H5Screate_simple(width == 1 ? 1 : 2, size, nullptr), H5Sclose, name);
+  const Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose, name);
+  check(H5Pset_obj_track_times(properties, false), name);
+  const Handle dataset = create_dataset(group, name, type, space, properties);
+  check(H5Dwrite(dataset, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, numbers.data()), name);
+}
+
+template <class Number>
+std::vector<Number> read_table(hid_t group, const char* name, hid_t type, hsize_t width) {
+  const Handle dataset(H5Dopen2(group, name, H5P_DEFAULT), H5Dclose, std::string("has no dataset ") + name);
+  const std::vector<hsize_t> size = extents(dataset);
+  if (size.size() != (width == 1 ? 1U : 2U) || (width > 1 && size[1] != width))
+    throw Hdf5Error(std::string("dataset ") + name + " of a solid has the wrong shape");
+  // Never compressed, so that an extent cannot claim more than is there.
+  if (size[0] > kMaxValues / width || H5Dget_storage_size(dataset) < size[0] * width)
+    throw Hdf5Error(std::string("dataset ") + name + " of a solid is not all there");
+  std::vector<Number> numbers(size[0] * width);
+  if (!numbers.empty())
+    check(H5Dread(dataset, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, numbers.data()),
+          std::string("dataset ") + name);
+  return numbers;
+}
+
+std::vector<float> flatten_points(const std::vector<Eigen::Vector3f>& points) {
+  std::vector<float> numbers;
+  for (const auto& p : points) numbers.insert(numbers.end(), p.data(), p.data() + 3);
+  return numbers;
+}
+
+std::vector<Eigen::Vector3f> unflatten_points(const std::vector<float>& numbers) {
+  std::vector<Eigen::Vector3f> points;
+  for (std::size_t i = 0; i + 2 < numbers.size(); i += 3) {
+    points.emplace_back(numbers[i], numbers[i + 1], numbers[i + 2]);
+    if (!points.back().allFinite()) throw Hdf5Error("a solid has a point that is not finite");
+  }
+  return points;
+}
+
+// The convex pieces as plain columns.
+struct HullColumns {
+  std::vector<float> corners;
+  std::vector<std::uint32_t> corner_count, face_count;  // of each piece
+  std::vector<std::uint32_t> face_size;                 // of each face
+  std::vector<std::uint16_t> face_corners;              // numbers of the piece's own corners
+};
+
+HullColumns to_columns(const scene::Solid& solid) {
+  HullColumns columns;
+  for (const scene::ConvexHull& hull : solid.hulls) {
+    const std::vector<float> corners = flatten_points(hull.vertices);
+    columns.corners.insert(columns.corners.end(), corners.begin(), corners.end());
+    columns.corner_count.push_back(static_cast<std::uint32_t>(hull.vertices.size()));
+    columns.face_count.push_back(static_cast<std::uint32_t>(hull.faces.size()));
+    for (const auto& face : hull.faces) {
+      columns.face_size.push_back(face.vertex_count);
+      for (std::uint32_t i = 0; i < face.vertex_count; ++i)
+        columns.face_corners.push_back(hull.face_vertices[face.first_vertex + i]);
+    }
+  }
+  return columns;
+}
+
+// Hands out the columns' entries one run after the other, and none that are not there.
+template <class Number>
+class SpanReader {
+ public:
+  explicit SpanReader(const std::vector<Number>& numbers) : remaining_(numbers) {}
+  std::span<const Number> take(std::size_t count) {
+    if (count > remaining_.size()) throw Hdf5Error("the pieces of a solid are not all there");
+    const auto taken = remaining_.first(count);
+    remaining_ = remaining_.subspan(count);
+    return taken;
+  }
+
+ private:
+  std::span<const Number> remaining_;
+};
+
+std::vector<scene::ConvexHull> to_hulls(const HullColumns& columns) {
+  const std::vector<Eigen::Vector3f> all_corners = unflatten_points(columns.corners);
+  SpanReader<Eigen::Vector3f> corner_reader(all_corners);
+  SpanReader<std::uint32_t> face_size_reader(columns.face_size);
+  SpanReader<std::uint16_t> face_corner_reader(columns.face_corners);
+  if (columns.corner_count.empty() || columns.corner_count.size() != columns.face_count.size())
+    throw Hdf5Error("a solid has no pieces");
+  std::vector<scene::ConvexHull> hulls;
+  for (std::size_t i = 0; i < columns.corner_count.size(); ++i) {
+    const auto hull_corners = corner_reader.take(columns.corner_count[i]);
+    const auto face_sizes = face_size_reader.take(columns.face_count[i]);
+    std::size_t length = 0;
+    for (const std::uint32_t size : face_sizes) length += size;
+    const auto face_corners = face_corner_reader.take(length);
+    const bool degenerate = hull_corners.size() < 4 || face_sizes.size() < 4 ||
+                            *std::min_element(face_sizes.begin(), face_sizes.end()) < 3;
+    if (degenerate || *std::max_element(face_corners.begin(), face_corners.end()) >= hull_corners.size())
+      throw Hdf5Error("a piece of a solid is no polyhedron");
+    hulls.push_back(scene::make_convex_hull({hull_corners.begin(), hull_corners.end()},
+                                            {face_corners.begin(), face_corners.end()}, face_sizes));
+  }
+  return hulls;
+}
+
+void write_solid(hid_t group, const scene::Solid& solid) {
+  write_attribute(group, "source", solid.source);
+  write_attribute(group, "volume", solid.volume);
+  write_attribute(group, "inertia", H5T_NATIVE_DOUBLE, solid.inertia.data(), 9);
+  std::vector<std::uint32_t> triangles;
+  for (const auto& t : solid.triangles) triangles.insert(triangles.end(), t.begin(), t.end());
+  const HullColumns columns = to_columns(solid);
+  write_table(group, "vertices", H5T_NATIVE_FLOAT, flatten_points(solid.vertices), 3);
+  write_table(group, "triangles", H5T_NATIVE_UINT32, triangles, 3);
+  write_table(group, "corners", H5T_NATIVE_FLOAT, columns.corners, 3);
+  write_table(group, "corner_count", H5T_NATIVE_UINT32, columns.corner_count, 1);
+  write_table(group, "face_count", H5T_NATIVE_UINT32, columns.face_count, 1);
+  write_table(group, "face_size", H5T_NATIVE_UINT32, columns.face_size, 1);
+  write_table(group, kLastDataset, H5T_NATIVE_UINT16, columns.face_corners, 1);
+}
+
+scene::Solid read_solid(hid_t group) {
+  scene::Solid solid;
+  solid.source = read_text_attribute(group, "source");
+  read_attribute(group, "volume", H5T_NATIVE_DOUBLE, &solid.volume);
+  read_attribute(group, "inertia", H5T_NATIVE_DOUBLE, solid.inertia.data(), 9);
+  if (!(solid.volume > 0.0) || !std::isfinite(solid.volume) || !solid.inertia.allFinite())
+    throw Hdf5Error("a solid has no volume or inertia");
+  solid.vertices = unflatten_points(read_table<float>(group, "vertices", H5T_NATIVE_FLOAT, 3));
+  if (solid.vertices.empty()) throw Hdf5Error("a solid has no vertices");
+  const auto triangles = read_table<std::uint32_t>(group, "triangles", H5T_NATIVE_UINT32, 3);
+  for (std::size_t i = 0; i + 2 < triangles.size(); i += 3) {
+    solid.triangles.push_back({triangles[i], triangles[i + 1], triangles[i + 2]});
+    if (*std::max_element(solid.triangles.back().begin(), solid.triangles.back().end()) >=
+        solid.vertices.size())
+      throw Hdf5Error("a triangle of a solid names a vertex that is not there");
+  }
+  HullColumns columns;
+  columns.corners = read_table<float>(group, "corners", H5T_NATIVE_FLOAT, 3);
+  columns.corner_count = read_table<std::uint32_t>(group, "corner_count", H5T_NATIVE_UINT32, 1);
+  columns.face_count = read_table<std::uint32_t>(group, "face_count", H5T_NATIVE_UINT32, 1);
+  columns.face_size = read_table<std::uint32_t>(group, "face_size", H5T_NATIVE_UINT32, 1);
+  columns.face_corners = read_table<std::uint16_t>(group, kLastDataset, H5T_NATIVE_UINT16, 1);
+  solid.hulls = to_hulls(columns);
+  scene::compute_bounds(solid);
+  return solid;
+}
+
+}  // namespace
+
+SolidWriter::SolidWriter(hid_t file) : group_(create_group(file, "solids")) {}
+
+void SolidWriter::add(std::span<const scene::ObjectSpec> objects) {
+  for (const scene::ObjectSpec& object : objects) {
+    if (!object.solid) continue;
+    const auto [at, is_new] = indices_.try_emplace(object.solid, static_cast<int>(indices_.size()));
+    if (is_new) write_solid(create_group(group_, std::to_string(at->second).c_str()), *object.solid);
+  }
+}
+
+int SolidWriter::solid_index(const std::shared_ptr<const scene::Solid>& solid) const {
+  if (!solid) return -1;
+  const auto entry = indices_.find(solid);
+  assert(entry != indices_.end());
+  return entry->second;
+}
+
+std::uint64_t SolidWriter::max_bytes(std::span<const scene::ObjectSpec> objects) const {
+  constexpr std::uint64_t kBytesPerSolid = 16384;  // groups, headers, attributes
+  std::map<std::shared_ptr<const scene::Solid>, bool> new_solids;
+  std::uint64_t bytes = 0;
+  for (const scene::ObjectSpec& object : objects) {
+    if (!object.solid || indices_.contains(object.solid) ||
+        !new_solids.try_emplace(object.solid, true).second)
+      continue;
+    const HullColumns columns = to_columns(*object.solid);
+    bytes += kBytesPerSolid + 12 * (object.solid->vertices.size() + object.solid->triangles.size()) +
+             4 * (columns.corners.size() + columns.corner_count.size() + columns.face_count.size() +
+                  columns.face_size.size()) +
+             2 * columns.face_corners.size() + 2 * object.solid->source.size();
+  }
+  return bytes;
+}
+
+std::vector<std::shared_ptr<const scene::Solid>> read_solids(hid_t file) {
+  std::vector<std::shared_ptr<const scene::Solid>> solids;
+  if (H5Lexists(file, "solids", H5P_DEFAULT) <= 0) return solids;
+  const Handle solids_group(H5Gopen2(file, "solids", H5P_DEFAULT), H5Gclose, "has no group solids");
+  for (std::string name = "0"; H5Lexists(solids_group, name.c_str(), H5P_DEFAULT) > 0;
+       name = std::to_string(solids.size())) {
+    const Handle group(H5Gopen2(solids_group, name.c_str(), H5P_DEFAULT), H5Gclose,
+                       "solids/" + name + " is no group");
+    if (H5Lexists(group, kLastDataset, H5P_DEFAULT) <= 0) break;  // a killed run may have got only this far
+    solids.push_back(std::make_shared<const scene::Solid>(read_solid(group)));
+  }
+  return solids;
+}
+
+}  // namespace smartsurf::record

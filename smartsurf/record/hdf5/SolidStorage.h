@@ -1,0 +1,38 @@
+// Writes and reads /solids: each solid once, however many objects are made of it. Private to the room.
+//
+// /solids/<n> has the attributes source, volume and inertia, and the datasets vertices and triangles (what is
+// seen) and corners, corner_count, face_count, face_size and face_corners (the convex pieces, one after the
+// other; docs/recordings.md says how they are read).
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "smartsurf/record/hdf5/Hdf5.h"
+#include "smartsurf/scene/SceneSpec.h"
+
+namespace smartsurf::record {
+
+class SolidWriter {
+ public:
+  explicit SolidWriter(hid_t file);
+  // Writes those of the objects' solids that are not in the file yet.
+  void add(std::span<const scene::ObjectSpec>);
+  // Its number in the file; -1 for no solid. It must have been added.
+  int solid_index(const std::shared_ptr<const scene::Solid>&) const;
+  // The most that add() can add to the file.
+  std::uint64_t max_bytes(std::span<const scene::ObjectSpec>) const;
+
+ private:
+  Handle group_;
+  std::map<std::shared_ptr<const scene::Solid>, int> indices_;  // holds them, so that no address comes twice
+};
+
+// All of the file's solids, index = number; none where the file has no /solids. Throws Hdf5Error for what no
+// recorder wrote: an index out of range, a piece that is no polyhedron.
+std::vector<std::shared_ptr<const scene::Solid>> read_solids(hid_t file);
+
+}  // namespace smartsurf::record

@@ -1,0 +1,23 @@
+// Where the cells of a recorded surface stand and what moves them: `place`, `base` and `cell` of the group
+// /surface, each only where it says something, and its `mechanisms`. Private to the room; throws Hdf5Error.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "smartsurf/record/hdf5/Hdf5.h"
+#include "smartsurf/scene/SceneSpec.h"
+#include "smartsurf/scene/Snapshot.h"
+
+namespace smartsurf::record {
+
+void write_layout(hid_t surface_group, const scene::SurfaceSpec&);
+// Fills in what the group holds; older recordings hold nothing of it. `surface` has its rows and columns.
+void read_layout(hid_t surface_group, scene::SurfaceSpec& surface);
+
+// What the mechanisms look like, as rows of the log of changes /surface/motion: a, b and level of each cell.
+inline constexpr std::size_t kValuesPerActuatorState = 3;
+void flatten_actuator_state(std::span<const scene::ActuatorState> motion, std::vector<float>& flat);
+std::vector<scene::ActuatorState> unflatten_actuator_state(std::span<const float> flat);
+
+}  // namespace smartsurf::record

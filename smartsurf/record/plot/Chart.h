@@ -1,0 +1,73 @@
+// What the room's figures share: axes with round numbers, text and lines on a Cairo context. Private to the
+// room. Lengths on paper are in points of the figure, from its upper left corner; a PNG has two pixels a
+// point.
+#pragma once
+
+#include <cairo.h>
+
+#include <string>
+#include <vector>
+
+namespace smartsurf::record {
+
+class Recording;
+
+struct Rgba {
+  double r, g, b, a = 1.0;
+};
+constexpr Rgba kBlack{0.13, 0.13, 0.13}, kGrey{0.45, 0.45, 0.45}, kLightGrey{0.88, 0.88, 0.88},
+    kWhite{1, 1, 1};
+
+enum class Align { kLeft, kCentre, kRight };
+
+struct Axis {
+  double min, max;  // in the data's unit
+  std::string title;
+};
+
+struct PlotArea {
+  double left, top, width, height;  // points
+  double right() const { return left + width; }
+  double bottom() const { return top + height; }
+};
+
+// A picture that can be drawn on any Cairo context.
+class Figure {
+ public:
+  virtual ~Figure() = default;
+  virtual double width() const = 0;  // points
+  virtual double height() const = 0;
+  virtual void draw(cairo_t* cr) const = 0;
+};
+
+// Where data lands on paper.
+class Chart {
+ public:
+  Chart(PlotArea area, Axis x, Axis y) : area_(area), x_(std::move(x)), y_(std::move(y)) {}
+  const PlotArea& area() const { return area_; }
+  double px(double x) const { return area_.left + (x - x_.min) / (x_.max - x_.min) * area_.width; }
+  double py(double y) const { return area_.bottom() - (y - y_.min) / (y_.max - y_.min) * area_.height; }
+  // The frame, ticks, their numbers and the titles of the axes.
+  void draw_axes(cairo_t* cr) const;
+  void clip(cairo_t* cr) const;  // to the area; undone by cairo_restore
+
+ private:
+  PlotArea area_;
+  Axis x_, y_;
+};
+
+// Round numbers in [from, to], some five to nine of them.
+std::vector<double> tick_values(double from, double to);
+std::string format_number(double value);  // as short as %g: "0.2", "45.25"
+
+void set_pen(cairo_t* cr, const Rgba& colour, double line_width = 1.0);
+void draw_line(cairo_t* cr, double x1, double y1, double x2, double y2);
+// Writes text with its baseline at y; made smaller, if need be, to be no wider than `widest`.
+void draw_text(cairo_t* cr, double x, double y, const std::string& text, double size, Align align,
+               bool bold = false, double max_width = 1e9);
+double text_width(cairo_t* cr, const std::string& text, double size);
+
+// "sort.lua · seed 1 · 0 to 45.2 s": what every figure says below its title.
+std::string subtitle(const Recording& recording);
+
+}  // namespace smartsurf::record

@@ -1,0 +1,28 @@
+// Curves of numbers over time. Private to the room.
+#pragma once
+
+#include "smartsurf/record/plot/Chart.h"
+#include "smartsurf/record/plot/TimeSeries.h"
+
+namespace smartsurf::record {
+
+class CurvePlot final : public Figure {
+ public:
+  CurvePlot(const Recording& recording, TimeSeries series);
+  double width() const override;
+  double height() const override;
+  void draw(cairo_t* cr) const override;
+
+  const Chart& chart() const { return chart_; }
+
+ private:
+  void draw_curve(cairo_t* cr, std::size_t i) const;
+  void draw_legend(cairo_t* cr) const;
+
+  std::vector<double> time_;
+  TimeSeries series_;
+  std::string subtitle_;
+  Chart chart_;
+};
+
+}  // namespace smartsurf::record

@@ -1,0 +1,136 @@
+#include "smartsurf/record/plot/Plot.h"
+
+#include <cairo-svg.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <memory>
+#include <stdexcept>
+
+#include "smartsurf/record/plot/CurvePlot.h"
+#include "smartsurf/record/plot/PurityPlot.h"
+#include "smartsurf/record/plot/TimeSpentPlot.h"
+#include "smartsurf/record/plot/TrajectoryPlot.h"
+
+namespace smartsurf::record {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kPixelsPerPoint = 2.0;
+
+// KIND:ARGUMENT:…, in its parts.
+std::vector<std::string> split_at_colons(const std::string& what) {
+  std::vector<std::string> parts(1);
+  for (const char c : what)
+    if (c == ':')
+      parts.emplace_back();
+    else
+      parts.back() += c;
+  return parts;
+}
+
+std::unique_ptr<Figure> make_figure(const Recording& recording, const std::string& what) {
+  std::vector<std::string> arguments = split_at_colons(what);
+  const std::string kind = arguments.front();
+  arguments.erase(arguments.begin());
+  if (arguments.size() > (kind == "time-spent" ? 1u : 0u) &&
+      (kind == "trajectories" || kind == "purity" || kind == "time-spent"))
+    throw scene::InputError("--what " + what + ": " + kind + " takes nothing after '" +
+                            (kind == "time-spent" ? kind + ":" + arguments[0] : kind) + "'");
+  if (kind == "trajectories") return std::make_unique<TrajectoryPlot>(recording);
+  if (kind == "purity") return std::make_unique<PurityPlot>(recording);
+  if (kind == "time-spent")
+    return std::make_unique<TimeSpentPlot>(recording, arguments.empty() ? "" : arguments[0]);
+  return std::make_unique<CurvePlot>(recording, time_series(recording, kind, arguments));
+}
+
+cairo_status_t append_bytes(void* text, const unsigned char* bytes, unsigned length) {
+  static_cast<std::string*>(text)->append(reinterpret_cast<const char*>(bytes), length);
+  return CAIRO_STATUS_SUCCESS;
+}
+
+void check_cairo(cairo_status_t status) {
+  if (status != CAIRO_STATUS_SUCCESS)
+    throw std::runtime_error(std::string("drawing failed: ") + cairo_status_to_string(status));
+}
+
+struct CairoSurfaceDeleter {
+  void operator()(cairo_surface_t* surface) const { cairo_surface_destroy(surface); }
+};
+using CairoSurface = std::unique_ptr<cairo_surface_t, CairoSurfaceDeleter>;
+
+void draw_figure(cairo_surface_t* surface, const Figure& figure, double scale) {
+  const std::unique_ptr<cairo_t, void (*)(cairo_t*)> cr(cairo_create(surface), cairo_destroy);
+  cairo_scale(cr.get(), scale, scale);
+  set_pen(cr.get(), kWhite);
+  cairo_paint(cr.get());
+  figure.draw(cr.get());
+  check_cairo(cairo_status(cr.get()));
+}
+
+std::string render_svg(const Figure& figure) {
+  std::string bytes;
+  const CairoSurface surface(
+      cairo_svg_surface_create_for_stream(append_bytes, &bytes, figure.width(), figure.height()));
+  draw_figure(surface.get(), figure, 1.0);
+  cairo_surface_finish(surface.get());
+  check_cairo(cairo_surface_status(surface.get()));
+  return bytes;
+}
+
+std::string render_png(const Figure& figure) {
+  std::string bytes;
+  const CairoSurface surface(cairo_image_surface_create(
+      CAIRO_FORMAT_RGB24, static_cast<int>(std::ceil(figure.width() * kPixelsPerPoint)),
+      static_cast<int>(std::ceil(figure.height() * kPixelsPerPoint))));
+  draw_figure(surface.get(), figure, kPixelsPerPoint);
+  check_cairo(cairo_surface_write_to_png_stream(surface.get(), append_bytes, &bytes));
+  return bytes;
+}
+
+void replace_file(const fs::path& path, const std::string& bytes) {
+  const fs::path temporary_file = path.string() + ".part" + std::to_string(::getpid());
+  std::error_code error;
+  errno = 0;
+  bool ok = !fs::is_directory(path, error);
+  if (!ok) errno = EISDIR;
+  if (ok) {
+    std::ofstream file(temporary_file, std::ios::binary);
+    file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+    file.close();
+    ok = file.good();
+  }
+  const int error_number = errno;
+  if (ok) fs::rename(temporary_file, path, error);
+  if (ok && !error) return;
+  std::string reason = !ok ? std::strerror(error_number) : error.message();
+  fs::remove(temporary_file, error);
+  throw scene::InputError(path.string() + ": cannot be written: " + reason);
+}
+
+}  // namespace
+
+std::vector<std::string> plot_kinds() {
+  std::vector<std::string> kinds = {"trajectories", "purity", "time-spent[:LABEL]"};
+  for (std::string& form : time_series_kinds()) kinds.push_back(std::move(form));
+  return kinds;
+}
+
+void write_plot(const Recording& recording, const std::string& what, const fs::path& path) {
+  const std::string extension = path.extension().string();
+  if (extension != ".svg" && extension != ".png")
+    throw scene::InputError(path.string() + ": unknown kind of picture '" + extension +
+                            "': the name must end in .svg or .png");
+  if (!recording.has_objects())
+    throw scene::InputError(recording.path().string() +
+                            ": has no object poses: the run recorded no frame, or its "
+                            "experiment says record { objects = false }");
+  const std::unique_ptr<Figure> figure = make_figure(recording, what);
+  replace_file(path, extension == ".svg" ? render_svg(*figure) : render_png(*figure));
+}
+
+}  // namespace smartsurf::record

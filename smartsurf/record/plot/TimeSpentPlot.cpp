@@ -1,0 +1,172 @@
+#include "smartsurf/record/plot/TimeSpentPlot.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <memory>
+
+#include "smartsurf/scene/SurfaceBounds.h"
+
+namespace smartsurf::record {
+namespace {
+
+constexpr double kRightMargin = 110.0, kBottomMargin = 52.0, kColourBarGap = 26.0, kColourBarWidth = 16.0;
+constexpr std::size_t kBlockValues = 1u << 20;
+
+// The palette "viridis" at equal distances (CC0; S. van der Walt, N. Smith).
+constexpr std::array<Rgba, 6> kViridis{{{0.267, 0.005, 0.329},
+                                        {0.254, 0.265, 0.530},
+                                        {0.164, 0.471, 0.558},
+                                        {0.135, 0.659, 0.518},
+                                        {0.478, 0.821, 0.318},
+                                        {0.993, 0.906, 0.144}}};
+
+Rgba sample_viridis(double t) {
+  const double position = std::clamp(t, 0.0, 1.0) * (kViridis.size() - 1);
+  const std::size_t i = std::min(static_cast<std::size_t>(position), kViridis.size() - 2);
+  const double fraction = position - static_cast<double>(i);
+  const Rgba &a = kViridis[i], &b = kViridis[i + 1];
+  return {a.r + fraction * (b.r - a.r), a.g + fraction * (b.g - a.g), a.b + fraction * (b.b - a.b)};
+}
+
+std::uint32_t pack_rgb24(const Rgba& ink) {
+  const auto byte = [](double v) { return static_cast<std::uint32_t>(std::lround(255.0 * v)); };
+  return byte(ink.r) << 16 | byte(ink.g) << 8 | byte(ink.b);
+}
+
+// Squares of the pitch that cover the surface: its cells, where they stand in a rectangular grid.
+struct PlotGrid {
+  double west, south;
+  int columns, rows;
+};
+
+PlotGrid make_plot_grid(const scene::SurfaceSpec& s) {
+  const scene::SurfaceBounds outline = scene::compute_surface_bounds(s);
+  if (s.cell_poses.empty()) return {outline.west, outline.south, s.columns, s.rows};
+  const auto count = [&s](double length) {
+    return std::max(1, static_cast<int>(std::ceil(length / s.pitch - 1e-6)));
+  };
+  return {outline.west, outline.south, std::min(count(outline.width()), 4096),
+          std::min(count(outline.height()), 4096)};
+}
+
+Chart make_chart(const scene::SurfaceSpec& s) {
+  const PlotGrid grid = make_plot_grid(s);
+  const double width = grid.columns * s.pitch, height = grid.rows * s.pitch;
+  const double points = 600.0 / std::max(width, height);
+  const PlotArea area{66.0, 62.0, std::max(width * points, 60.0), std::max(height * points, 60.0)};
+  const double x = grid.west, y = grid.south;
+  return {area, {x, x + width, "x, east [u]"}, {y, y + height, "y, north [u]"}};
+}
+
+// Draws a picture of columns × rows pixels, the first row on top, without smoothing over an area of the
+// paper.
+void draw_pixels(cairo_t* cr, const PlotArea& area, int columns, int rows,
+                 std::vector<std::uint32_t> pixels) {
+  const std::unique_ptr<cairo_surface_t, void (*)(cairo_surface_t*)> image(
+      cairo_image_surface_create_for_data(reinterpret_cast<unsigned char*>(pixels.data()), CAIRO_FORMAT_RGB24,
+                                          columns, rows, 4 * columns),
+      cairo_surface_destroy);
+  cairo_save(cr);
+  cairo_translate(cr, area.left, area.top);
+  cairo_scale(cr, area.width / columns, area.height / rows);
+  cairo_set_source_surface(cr, image.get(), 0.0, 0.0);
+  cairo_pattern_set_filter(cairo_get_source(cr), CAIRO_FILTER_NEAREST);
+  cairo_rectangle(cr, 0.0, 0.0, columns, rows);
+  cairo_fill(cr);
+  cairo_restore(cr);
+}
+
+}  // namespace
+
+TimeSpentPlot::TimeSpentPlot(const Recording& recording, const std::string& label)
+    : surface_(recording.spec().surface),
+      title_("Time that " + (label.empty() ? std::string("objects") : "'" + label + "' objects") +
+             " spent over each cell"),
+      subtitle_(subtitle(recording)),
+      chart_(make_chart(surface_)),
+      seconds_(static_cast<std::size_t>(make_plot_grid(surface_).columns) *
+               static_cast<std::size_t>(make_plot_grid(surface_).rows)) {
+  std::vector<bool> included;
+  std::vector<std::string> labels;
+  for (const scene::ObjectSpec& object : recording.spec().objects) {
+    included.push_back(!object.fixed && (label.empty() || object.label == label));
+    labels.push_back(object.label);
+  }
+  if (!label.empty() && std::find(included.begin(), included.end(), true) == included.end()) {
+    const std::string suggestion = scene::nearest_name(label, labels);
+    throw scene::InputError("--what time-spent:" + label + ": no object carries this label" +
+                            (suggestion.empty() ? "" : "; did you mean '" + suggestion + "'?"));
+  }
+  accumulate(recording, included);
+  max_seconds_ = *std::max_element(seconds_.begin(), seconds_.end());
+}
+
+void TimeSpentPlot::accumulate(const Recording& recording, const std::vector<bool>& included) {
+  const PlotGrid grid = make_plot_grid(surface_);
+  const std::size_t objects = included.size(), frames = recording.frames();
+  const std::size_t block = std::max<std::size_t>(1, kBlockValues / std::max<std::size_t>(3 * objects, 1));
+  // A frame stands until the next; the last one ends the recording.
+  for (std::size_t first = 0; first + 1 < frames; first += block) {
+    const std::size_t count = std::min(block, frames - 1 - first);
+    const std::vector<float> p = recording.read_positions(first, count);
+    for (std::size_t f = 0; f < count; ++f) {
+      const double dt_s = recording.times()[first + f + 1] - recording.times()[first + f];
+      for (std::size_t id = 0; id < objects; ++id) {
+        const float* const position = &p[(f * objects + id) * 3];
+        if (!included[id] || !std::isfinite(position[0]) || !std::isfinite(position[1])) continue;
+        const double column = std::floor((position[0] - grid.west) / surface_.pitch),
+                     north = std::floor((position[1] - grid.south) / surface_.pitch);
+        if (column < 0.0 || north < 0.0 || column >= grid.columns || north >= grid.rows) continue;
+        const int row = grid.rows - 1 - static_cast<int>(north);
+        seconds_[static_cast<std::size_t>(row * grid.columns + static_cast<int>(column))] += dt_s;
+      }
+    }
+  }
+}
+
+double TimeSpentPlot::width() const { return chart_.area().right() + kRightMargin; }
+double TimeSpentPlot::height() const { return chart_.area().bottom() + kBottomMargin; }
+
+void TimeSpentPlot::draw_cells(cairo_t* cr) const {
+  std::vector<std::uint32_t> pixels(seconds_.size());
+  // The root: where objects rest they spend far more time than where they pass.
+  for (std::size_t i = 0; i < pixels.size(); ++i)
+    pixels[i] = pack_rgb24(sample_viridis(max_seconds_ > 0.0 ? std::sqrt(seconds_[i] / max_seconds_) : 0.0));
+  draw_pixels(cr, chart_.area(), make_plot_grid(surface_).columns, make_plot_grid(surface_).rows,
+              std::move(pixels));
+}
+
+void TimeSpentPlot::draw_colour_bar(cairo_t* cr) const {
+  constexpr int kSteps = 128;
+  const PlotArea& area = chart_.area();
+  const PlotArea bar{area.right() + kColourBarGap, area.top, kColourBarWidth, std::min(area.height, 320.0)};
+  std::vector<std::uint32_t> pixels;
+  for (int i = 0; i < kSteps; ++i) pixels.push_back(pack_rgb24(sample_viridis(1.0 - (i + 0.5) / kSteps)));
+  draw_pixels(cr, bar, 1, kSteps, std::move(pixels));
+  set_pen(cr, kBlack);
+  cairo_rectangle(cr, bar.left, bar.top, bar.width, bar.height);
+  cairo_stroke(cr);
+  draw_text(cr, bar.left, bar.top - 8.0, "s", 12.0, Align::kLeft);
+  double previous_y = -INFINITY;
+  for (const double value : tick_values(0.0, std::max(max_seconds_, 1e-9))) {
+    const double y = bar.bottom() - std::sqrt(value / std::max(max_seconds_, 1e-9)) * bar.height;
+    if (value > 0.0 && previous_y - y < 14.0) continue;  // the root crowds the numbers at the top
+    previous_y = y;
+    draw_line(cr, bar.right(), y, bar.right() + 4.0, y);
+    draw_text(cr, bar.right() + 7.0, y + 4.0, format_number(value), 11.0, Align::kLeft);
+  }
+}
+
+void TimeSpentPlot::draw(cairo_t* cr) const {
+  draw_cells(cr);
+  chart_.draw_axes(cr);
+  draw_colour_bar(cr);
+  set_pen(cr, kBlack);
+  const double max_width = chart_.area().width + kRightMargin - 20.0;
+  draw_text(cr, chart_.area().left, 28.0, title_, 17.0, Align::kLeft, true, max_width);
+  set_pen(cr, kGrey);
+  draw_text(cr, chart_.area().left, 48.0, subtitle_, 12.0, Align::kLeft, false, max_width);
+}
+
+}  // namespace smartsurf::record

@@ -1,0 +1,276 @@
+#include "smartsurf/record/plot/TrajectoryPlot.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+#include <string>
+#include <utility>
+
+#include "smartsurf/record/Purity.h"
+#include "smartsurf/scene/SurfaceBounds.h"
+
+namespace smartsurf::record {
+namespace {
+
+constexpr double kLongSide = 640.0, kMinWidth = 420.0, kMinHeight = 220.0;  // points
+constexpr double kLeft = 66.0, kRightMargin = 24.0, kTop = 62.0, kLegendOffset = 48.0, kLegendRow = 22.0;
+constexpr std::size_t kLegendColumns = 4;  // start and end included
+constexpr double kMarkRadius = 4.6;        // radius of an O, arm of an X
+constexpr double kMargin = 0.03;           // of the longer side, around the surface
+constexpr double kMinStep_points = 0.5;    // shorter moves add nothing but ink
+constexpr std::size_t kBlockValues = 1u << 20;
+
+struct LineStyle {
+  Rgba ink;
+  std::vector<double> dashes;
+};
+// Colours that the colour-blind can tell apart (Okabe and Ito).
+const std::vector<LineStyle>& line_styles() {
+  static const std::vector<LineStyle> all{{{0.00, 0.45, 0.70}, {}},
+                                          {{0.84, 0.37, 0.00}, {6.0, 3.5}},
+                                          {{0.00, 0.62, 0.45}, {1.5, 2.5}},
+                                          {{0.80, 0.47, 0.65}, {8.0, 3.0, 1.5, 3.0}},
+                                          {{0.34, 0.71, 0.91}, {12.0, 4.0}}};
+  return all;
+}
+
+Chart make_chart(const scene::SurfaceSpec& s) {
+  const scene::SurfaceBounds outline = scene::compute_surface_bounds(s);
+  const double width = outline.width(), height = outline.height(), margin = kMargin * std::max(width, height);
+  const double x = outline.west, y = outline.south;
+  const double total_width = width + 2.0 * margin, total_height = height + 2.0 * margin;
+  const double points = kLongSide / std::max(total_width, total_height);
+  const PlotArea area{kLeft, kTop, std::max(total_width * points, kMinWidth),
+                      std::max(total_height * points, kMinHeight)};
+  const double padding_x = (area.width / points - total_width) / 2.0,
+               padding_y = (area.height / points - total_height) / 2.0;
+  return {area,
+          {x - margin - padding_x, x + width + margin + padding_x, "x, east [u]"},
+          {y - margin - padding_y, y + height + margin + padding_y, "y, north [u]"}};
+}
+
+void draw_circle(cairo_t* cr, double x, double y) {
+  cairo_new_sub_path(cr);
+  cairo_arc(cr, x, y, kMarkRadius, 0.0, 2.0 * std::acos(-1.0));
+}
+
+void draw_cross(cairo_t* cr, double x, double y) {
+  const double arm = 0.9 * kMarkRadius;
+  cairo_move_to(cr, x - arm, y - arm);
+  cairo_line_to(cr, x + arm, y + arm);
+  cairo_move_to(cr, x - arm, y + arm);
+  cairo_line_to(cr, x + arm, y - arm);
+}
+
+// On a white rim, so that a mark can be seen among lines.
+template <class Shape>
+void draw_mark(cairo_t* cr, const Rgba& ink, Shape shape) {
+  shape();
+  set_pen(cr, {1, 1, 1, 0.85}, 4.4);
+  cairo_stroke(cr);
+  shape();
+  set_pen(cr, ink, 1.8);
+  cairo_stroke(cr);
+}
+
+void set_line_style(cairo_t* cr, const LineStyle& style, double width, double alpha) {
+  set_pen(cr, {style.ink.r, style.ink.g, style.ink.b, alpha}, width);
+  cairo_set_dash(cr, style.dashes.data(), static_cast<int>(style.dashes.size()), 0.0);
+}
+
+}  // namespace
+
+TrajectoryPlot::TrajectoryPlot(const Recording& recording)
+    : spec_(recording.spec()), subtitle_(subtitle(recording)), chart_(make_chart(recording.spec().surface)) {
+  find_groups();
+  collect_paths(recording);
+  std::size_t off_surface_count = 0;
+  for (const std::vector<Point>& path : paths_)
+    off_surface_count += !path.empty() && is_off_surface(path.back());
+  if (off_surface_count > 0)
+    subtitle_ += " · " + std::to_string(off_surface_count) +
+                 (off_surface_count == 1 ? " object" : " objects") + " off the surface";
+}
+
+double TrajectoryPlot::width() const { return chart_.area().right() + kRightMargin; }
+double TrajectoryPlot::height() const {
+  return chart_.area().bottom() + kLegendOffset + legend_rows() * kLegendRow + 8.0;
+}
+double TrajectoryPlot::legend_rows() const {
+  return std::ceil(static_cast<double>(groups_.size() + 2) / kLegendColumns);
+}
+
+// By label when there are labels, else by size. With exactly two labels these are the two size classes.
+void TrajectoryPlot::find_groups() {
+  const std::vector<SizeClass> classes = classify_objects(spec_.objects);
+  std::set<std::string> labels;
+  for (const scene::ObjectSpec& object : spec_.objects)
+    if (!object.fixed && !object.label.empty()) labels.insert(object.label);
+  has_size_classes_ =
+      (labels.empty() || labels.size() == 2) &&
+      std::any_of(classes.begin(), classes.end(), [](SizeClass c) { return c != SizeClass::kNone; });
+
+  std::map<std::string, Group> groups;
+  for (std::size_t i = 0; i < classes.size(); ++i) {
+    if (spec_.objects[i].fixed) continue;
+    std::string name = spec_.objects[i].label;
+    if (name.empty())
+      name = !labels.empty()                   ? "unlabelled"
+             : !has_size_classes_              ? "objects"
+             : classes[i] == SizeClass::kSmall ? "small"
+                                               : "large";
+    Group& group = groups[name];
+    group.name = name;
+    group.mean_size += object_size(spec_.objects[i]);
+    group.objects.push_back(i);
+  }
+  for (auto& [name, group] : groups) {
+    group.mean_size /= static_cast<double>(group.objects.size());
+    groups_.push_back(std::move(group));
+  }
+  std::stable_sort(groups_.begin(), groups_.end(), [](const Group& a, const Group& b) {
+    const bool a_last = a.name == "unlabelled", b_last = b.name == "unlabelled";
+    return a_last != b_last ? b_last : a.mean_size < b.mean_size;
+  });
+  for (std::size_t i = 0; i < groups_.size(); ++i)
+    groups_[i].style = static_cast<int>(i % line_styles().size());
+}
+
+void TrajectoryPlot::collect_paths(const Recording& recording) {
+  const std::size_t objects = spec_.objects.size();
+  paths_.resize(objects);
+  if (objects == 0) return;
+  const double min_step = kMinStep_points / (chart_.px(1.0) - chart_.px(0.0));
+  std::vector<Point> last(objects, {NAN, NAN});
+  const std::size_t block = std::max<std::size_t>(1, kBlockValues / (3 * objects));
+  for (std::size_t first = 0; first < recording.frames(); first += block) {
+    const std::size_t count = std::min(block, recording.frames() - first);
+    const std::vector<float> positions = recording.read_positions(first, count);
+    for (std::size_t f = 0; f < count; ++f)
+      for (std::size_t i = 0; i < objects; ++i) {
+        const float* p = positions.data() + 3 * (objects * f + i);
+        if (std::isnan(p[0])) continue;
+        last[i] = {p[0], p[1]};
+        if (paths_[i].empty() ||
+            std::hypot(p[0] - paths_[i].back()[0], p[1] - paths_[i].back()[1]) >= min_step)
+          paths_[i].push_back(last[i]);
+      }
+  }
+  for (std::size_t i = 0; i < objects; ++i)
+    if (!paths_[i].empty()) paths_[i].push_back(last[i]);
+}
+
+bool TrajectoryPlot::is_off_surface(const Point& point) const {
+  return !scene::compute_surface_bounds(spec_.surface).contains(point[0], point[1]);
+}
+
+// The tops of the cells of a layout that is no rectangular grid.
+void TrajectoryPlot::draw_cells(cairo_t* cr) const {
+  const scene::SurfaceSpec& s = spec_.surface;
+  for (std::size_t i = 0; i < s.cell_poses.size(); ++i) {
+    if (s.is_empty(static_cast<int>(i) / s.columns, static_cast<int>(i) % s.columns)) continue;
+    const scene::CellPose& place = s.cell_poses[i];
+    const double cosine = std::cos(place.angle), sine = std::sin(place.angle);
+    cairo_new_sub_path(cr);
+    for (const auto& [a, b] : {std::pair{-0.5, -0.5}, {0.5, -0.5}, {0.5, 0.5}, {-0.5, 0.5}}) {
+      const double x = a * s.pin.top_x, y = b * s.pin.top_y;
+      cairo_line_to(cr, chart_.px(place.x + cosine * x - sine * y),
+                    chart_.py(place.y + sine * x + cosine * y));
+    }
+    cairo_close_path(cr);
+  }
+  set_pen(cr, kLightGrey);
+  cairo_fill(cr);
+}
+
+void TrajectoryPlot::draw_surface(cairo_t* cr) const {
+  const scene::SurfaceSpec& s = spec_.surface;
+  const scene::SurfaceBounds outline = scene::compute_surface_bounds(s);
+  const double west = outline.west, south = outline.south, wide = outline.width(), high = outline.height();
+  const auto rectangle = [&](double inset) {
+    const double x = chart_.px(west + inset), y = chart_.py(south + high - inset);
+    cairo_rectangle(cr, x, y, chart_.px(west + wide - inset) - x, chart_.py(south + inset) - y);
+  };
+  rectangle(0.0);
+  set_pen(cr, s.border_height && s.cell_poses.empty() ? kLightGrey : kWhite);
+  cairo_fill(cr);
+  if (!s.cell_poses.empty()) draw_cells(cr);
+  if (s.border_height && s.cell_poses.empty() && s.rows > 2 && s.columns > 2) {
+    rectangle(s.pitch);
+    set_pen(cr, kWhite);
+    cairo_fill(cr);
+  }
+  rectangle(0.0);
+  set_pen(cr, kGrey, 1.2);
+  cairo_stroke(cr);
+  if (!has_size_classes_) return;
+  const double centre = chart_.px((outline.west + outline.east) / 2.0);
+  const double dots[] = {1.5, 3.0};
+  cairo_set_dash(cr, dots, 2, 0.0);
+  set_pen(cr, kGrey, 1.0);
+  draw_line(cr, centre, chart_.py(south + high), centre, chart_.py(south));
+  cairo_set_dash(cr, nullptr, 0, 0.0);
+}
+
+void TrajectoryPlot::draw_group(cairo_t* cr, const Group& group) const {
+  set_line_style(cr, line_styles()[static_cast<std::size_t>(group.style)], 1.2, 0.75);
+  for (const std::size_t i : group.objects) {
+    for (const Point& point : paths_[i]) cairo_line_to(cr, chart_.px(point[0]), chart_.py(point[1]));
+    cairo_stroke(cr);
+  }
+  cairo_set_dash(cr, nullptr, 0, 0.0);
+}
+
+void TrajectoryPlot::draw_marks(cairo_t* cr, const Group& group) const {
+  const Rgba ink = line_styles()[static_cast<std::size_t>(group.style)].ink;
+  for (const std::size_t i : group.objects) {
+    if (paths_[i].empty()) continue;
+    const Point from = paths_[i].front(), to = paths_[i].back();
+    draw_mark(cr, ink, [&] { draw_circle(cr, chart_.px(from[0]), chart_.py(from[1])); });
+    draw_mark(cr, ink, [&] { draw_cross(cr, chart_.px(to[0]), chart_.py(to[1])); });
+  }
+}
+
+void TrajectoryPlot::draw_legend(cairo_t* cr) const {
+  const PlotArea& area = chart_.area();
+  const double column = area.width / static_cast<double>(kLegendColumns);
+  for (std::size_t i = 0; i < groups_.size() + 2; ++i) {
+    const double x = area.left + column * static_cast<double>(i % kLegendColumns);
+    const double y =
+        area.bottom() + kLegendOffset + kLegendRow * (static_cast<double>(i / kLegendColumns) + 0.5);
+    const double text_x = x + (i < groups_.size() ? 44.0 : 24.0), middle = x + 12.0;
+    std::string text = i == groups_.size() ? "start" : "end";
+    if (i < groups_.size()) {
+      text = groups_[i].name + " (" + std::to_string(groups_[i].objects.size()) + ")";
+      set_line_style(cr, line_styles()[static_cast<std::size_t>(groups_[i].style)], 1.8, 1.0);
+      draw_line(cr, x, y, x + 36.0, y);
+      cairo_set_dash(cr, nullptr, 0, 0.0);
+    } else if (i == groups_.size()) {
+      draw_mark(cr, kBlack, [&] { draw_circle(cr, middle, y); });
+    } else {
+      draw_mark(cr, kBlack, [&] { draw_cross(cr, middle, y); });
+    }
+    set_pen(cr, kBlack);
+    draw_text(cr, text_x, y + 4.5, text, 12.0, Align::kLeft, false, x + column - text_x - 6.0);
+  }
+}
+
+void TrajectoryPlot::draw(cairo_t* cr) const {
+  const PlotArea& area = chart_.area();
+  cairo_set_line_join(cr, CAIRO_LINE_JOIN_ROUND);
+  chart_.clip(cr);
+  draw_surface(cr);
+  // Small over large: the larger objects' lines would hide them.
+  for (auto group = groups_.rbegin(); group != groups_.rend(); ++group) draw_group(cr, *group);
+  for (auto group = groups_.rbegin(); group != groups_.rend(); ++group) draw_marks(cr, *group);
+  cairo_restore(cr);
+  chart_.draw_axes(cr);
+  set_pen(cr, kBlack);
+  draw_text(cr, area.left, 28.0, "Trajectories", 17.0, Align::kLeft, true);
+  set_pen(cr, kGrey);
+  draw_text(cr, area.left, 48.0, subtitle_, 12.0, Align::kLeft, false, area.width);
+  draw_legend(cr);
+}
+
+}  // namespace smartsurf::record

@@ -1,0 +1,72 @@
+#include "smartsurf/run/cli/CommandLine.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <map>
+
+#include "smartsurf/run/Run.h"
+#include "smartsurf/run/cli/Subcommands.h"
+
+namespace smartsurf::run {
+namespace {
+
+void require_known_command(CLI::App& app, const std::string& name) {
+  std::vector<std::string> known;
+  for (const CLI::App* command : app.get_subcommands([](CLI::App*) { return true; }))
+    known.push_back(command->get_name());
+  if (std::ranges::find(known, name) != known.end()) return;
+  const std::string suggestion = scene::nearest_name(name, known);
+  throw scene::InputError(fmt::format(
+      "no command '{}'{}; known: {}", name,
+      suggestion.empty() ? "" : fmt::format(" (did you mean '{}'?)", suggestion), fmt::join(known, ", ")));
+}
+
+int parse_and_run(int argc, char** argv) {
+  CLI::App app{"Simulates a smart surface: a table of actuators and sensors that moves the objects on it.",
+               "smartsurf"};
+  app.set_version_flag("--version", "smartsurf " SMARTSURF_VERSION);
+  app.require_subcommand(1);
+  std::string command_line = "smartsurf";
+  for (int i = 1; i < argc; ++i) command_line += std::string(" ") + argv[i];
+
+  const std::map<std::string, CommandHandler> handlers = {{"run", add_run_command(app, command_line)},
+                                                          {"replay", add_replay_command(app)},
+                                                          {"info", add_info_command(app)},
+                                                          {"plot", add_plot_command(app)},
+                                                          {"export", add_export_command(app)},
+                                                          {"check", add_check_command(app)},
+                                                          {"clean", add_clean_command(app)}};
+  if (argc > 1 && argv[1][0] != '-') require_known_command(app, argv[1]);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    if (e.get_exit_code() == 0) return app.exit(e);
+    throw scene::InputError(fmt::format("{} (try smartsurf --help)", e.what()));
+  }
+  return handlers.at(app.get_subcommands().front()->get_name())();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) noexcept {
+  try {
+    const int status = parse_and_run(argc, argv);
+    if (status != kDone || std::fflush(stdout) == 0) return status;
+    fmt::print(stderr, "smartsurf: cannot write the output: {}\n", std::strerror(errno));
+    return kFailed;
+  } catch (const scene::InputError& error) {
+    fmt::print(stderr, "smartsurf: {}\n", error.what());
+    return kUserError;
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "smartsurf: {}\n", failure_text(error));
+    return kFailed;
+  }
+}
+
+}  // namespace smartsurf::run

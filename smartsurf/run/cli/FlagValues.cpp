@@ -1,0 +1,55 @@
+#include "smartsurf/run/cli/FlagValues.h"
+
+#include <fmt/format.h>
+
+#include <charconv>
+#include <cmath>
+
+#include "smartsurf/scene/SceneSpec.h"
+
+namespace smartsurf::run {
+
+double parse_positive_number(const std::string& flag, const std::string& text) {
+  double value = 0.0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc{} || end != text.data() + text.size() || !(value > 0.0 && value <= 1e9))
+    throw scene::InputError(fmt::format("{} {}: must be a number greater than 0, at most 1e9", flag, text));
+  return value;
+}
+
+Screenshot parse_screenshot(const std::string& text) {
+  const auto separator = text.rfind('@');
+  Screenshot screenshot{text.substr(0, separator), std::nullopt};
+  if (separator != std::string::npos) {
+    double seconds = 0.0;
+    const std::string seconds_text = text.substr(separator + 1);
+    const auto [end, error] =
+        std::from_chars(seconds_text.data(), seconds_text.data() + seconds_text.size(), seconds);
+    if (error != std::errc{} || end != seconds_text.data() + seconds_text.size() || !std::isfinite(seconds) ||
+        seconds < 0.0)
+      throw scene::InputError(fmt::format(
+          "--screenshot {}: '{}' must be a time in seconds, as in before.png@0.5", text, seconds_text));
+    screenshot.time_s = seconds;
+  }
+  if (!screenshot.file.ends_with(".png"))
+    throw scene::InputError(fmt::format("--screenshot {}: the file's name must end in .png", text));
+  return screenshot;
+}
+
+std::vector<std::pair<std::string, std::string>> parse_assignments(
+    const std::vector<std::string>& assignments) {
+  std::vector<std::pair<std::string, std::string>> pairs;
+  for (const auto& assignment : assignments) {
+    const auto equals = assignment.find('=');
+    if (equals == std::string::npos || equals == 0)
+      throw scene::InputError(fmt::format("--set {}: must be NAME=VALUE", assignment));
+    pairs.emplace_back(assignment.substr(0, equals), assignment.substr(equals + 1));
+  }
+  return pairs;
+}
+
+void reject_both(bool both_given, const char* flags) {
+  if (both_given) throw scene::InputError(fmt::format("{}: choose one", flags));
+}
+
+}  // namespace smartsurf::run

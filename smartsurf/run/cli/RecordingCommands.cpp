@@ -1,0 +1,86 @@
+// `smartsurf info`, `plot`, `export` and `clean`: what is left of runs that are over.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <CLI/CLI.hpp>
+#include <memory>
+
+#include "shm_protocol/Segments.h"
+#include "smartsurf/record/Recording.h"
+#include "smartsurf/record/plot/Plot.h"
+#include "smartsurf/run/ExitStatus.h"
+#include "smartsurf/run/cli/FlagValues.h"
+#include "smartsurf/run/cli/Subcommands.h"
+#include "smartsurf/web/Page.h"
+
+namespace smartsurf::run {
+namespace {
+
+int clean_command(const std::string& prefix) {
+  for (const auto& segment : shm_protocol::remove_orphans(prefix))
+    fmt::print("removed {} ({} bytes, left by process {})\n", segment.name, segment.bytes,
+               segment.surface_pid);
+  for (const auto& segment : shm_protocol::list_segments())
+    if (segment.ownership == shm_protocol::Ownership::kLiving && segment.name.starts_with(prefix))
+      fmt::print("kept {}: process {} lives\n", segment.name, segment.surface_pid);
+  return kDone;
+}
+
+}  // namespace
+
+CommandHandler add_info_command(CLI::App& app) {
+  CLI::App* info = app.add_subcommand("info", "Say what a recording holds");
+  const auto file = std::make_shared<std::string>();
+  info->add_option("recording", *file, "The recording")->required()->type_name("FILE.h5");
+  return [file] {
+    fmt::print("{}", record::describe_recording(record::Recording::open(*file)));
+    return kDone;
+  };
+}
+
+CommandHandler add_plot_command(CLI::App& app) {
+  struct Flags {
+    std::string file, output, what = "trajectories";
+  };
+  CLI::App* plot = app.add_subcommand("plot", "Draw a figure from a recording");
+  const auto flags = std::make_shared<Flags>();
+  plot->add_option("recording", flags->file, "The recording")->required()->type_name("FILE.h5");
+  plot->add_option("-o,--output", flags->output, "The figure, .svg or .png")
+      ->required()
+      ->type_name("FIG.svg|FIG.png");
+  plot->add_option("--what", flags->what,
+                   fmt::format("One of: {}; or CHANNEL:ROW,COLUMN of a recorded channel",
+                               fmt::join(record::plot_kinds(), ", ")))
+      ->type_name("KIND");
+  return [flags] {
+    record::write_plot(record::Recording::open(flags->file), flags->what, flags->output);
+    return kDone;
+  };
+}
+
+CommandHandler add_export_command(CLI::App& app) {
+  struct Flags {
+    std::string file, output, fps = "30";
+  };
+  CLI::App* page = app.add_subcommand("export", "Make a web page that plays a recording in any browser");
+  const auto flags = std::make_shared<Flags>();
+  page->add_option("recording", flags->file, "The recording")->required()->type_name("FILE.h5");
+  page->add_option("-o,--output", flags->output, "The page")->required()->type_name("FILE.html");
+  page->add_option("--fps", flags->fps, "Pictures a recorded second, at most (30)")->type_name("N");
+  return [flags] {
+    if (!flags->output.ends_with(".html"))
+      throw scene::InputError(fmt::format("export -o {}: the page's name must end in .html", flags->output));
+    web::write_page(record::Recording::open(flags->file), flags->output,
+                    {parse_positive_number("--fps", flags->fps)});
+    return kDone;
+  };
+}
+
+CommandHandler add_clean_command(CLI::App& app) {
+  CLI::App* clean = app.add_subcommand("clean", "Remove shared-memory segments that dead processes left");
+  const auto prefix = std::make_shared<std::string>();
+  clean->add_option("prefix", *prefix, "Only those whose names begin with this")->type_name("NAME");
+  return [prefix] { return clean_command(*prefix); };
+}
+
+}  // namespace smartsurf::run

@@ -1,0 +1,41 @@
+// How pictures and videos show the scene: what the flags --camera, --wires, --cells, --palette, --trails and
+// --picture-size say.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "smartsurf/view/Camera.h"
+#include "smartsurf/view/Overlay.h"
+
+namespace CLI {
+class App;
+}
+
+namespace smartsurf::run {
+
+// In pixels.
+struct PixelSize {
+  int width, height;
+};
+
+struct RenderOptions {
+  view::Preset camera = view::Preset::kIso;
+  bool wireframe = false;
+  view::OverlaySettings overlay;
+  std::optional<PixelSize> pixel_size;  // none: of pictures 1600 x 1000, of videos 1280 x 720
+};
+
+// The flags as typed.
+struct RenderFlags {
+  std::string camera = "iso", cells, palette = "viridis", size;
+  bool wireframe = false;
+  double trails_s = 0.0;
+};
+
+void add_render_flags(CLI::App& app, RenderFlags& flags);
+// Throws scene::InputError when the size is none.
+RenderOptions parse_render_options(const RenderFlags& flags);
+
+}  // namespace smartsurf::run

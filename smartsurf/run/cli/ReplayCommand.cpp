@@ -1,0 +1,90 @@
+// `smartsurf replay`: look at a recording, or run it again and compare.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <memory>
+
+#include "smartsurf/run/ExitStatus.h"
+#include "smartsurf/run/StopSignals.h"
+#include "smartsurf/run/cli/FlagValues.h"
+#include "smartsurf/run/cli/Subcommands.h"
+#include "smartsurf/run/output/Progress.h"
+#include "smartsurf/run/replay/Replay.h"
+#include "smartsurf/run/replay/Verify.h"
+
+namespace smartsurf::run {
+namespace {
+
+struct ReplayFlags {
+  std::string file, video, pace;
+  std::vector<std::string> screenshot;
+  RenderFlags render;
+  bool window = false, verify = false, unsafe = false;
+  int threads = 1;
+};
+
+int verify_recording(const record::Recording& recording, const ReplayFlags& flags) {
+  const auto& stop = catch_stop_signals();
+  Progress progress;
+  const double until_s = recording.frames() > 0 ? recording.times().back() : 0.0;
+  const VerificationResult result =
+      verify(recording, flags.threads, flags.unsafe, stop,
+             [&](double simulated_s) { progress.update(simulated_s, until_s); });
+  const std::string file = recording.path().string();
+  if (result.first_different_tick) {
+    progress.print_message(
+        fmt::format("{}: differs at tick {}: {}", file, *result.first_different_tick, result.difference));
+    return kFailed;
+  }
+  if (result.interrupted) {
+    progress.print_message(fmt::format("{}: stopped; the same up to tick {}", file, result.last_tick));
+    return status_after_signals(kDone);
+  }
+  fmt::print("{}: the same in {} frames, up to tick {}{}\n", file, result.frames_compared, result.last_tick,
+             recording.result() ? "" : " (the run did not come to its end)");
+  return kDone;
+}
+
+int replay_command(const ReplayFlags& flags) {
+  const bool writes_media = !flags.video.empty() || !flags.screenshot.empty();
+  reject_both(flags.window && writes_media, "--window and --video or --screenshot");
+  reject_both(flags.verify && (flags.window || writes_media),
+              "--verify and --window, --video or --screenshot");
+  std::vector<Screenshot> screenshots;
+  for (const auto& text : flags.screenshot) screenshots.push_back(parse_screenshot(text));
+  const double pace = flags.pace.empty() ? 1.0 : parse_positive_number("--pace", flags.pace);
+  const record::Recording recording = record::Recording::open(flags.file);
+  if (flags.verify) return verify_recording(recording, flags);
+  const auto& stop = catch_stop_signals();
+  if (writes_media)
+    replay_to_media(recording, screenshots, flags.video, parse_render_options(flags.render), stop);
+  else
+    replay_in_window(recording, pace, stop);
+  return status_after_signals(kDone);
+}
+
+}  // namespace
+
+CommandHandler add_replay_command(CLI::App& app) {
+  CLI::App* replay = app.add_subcommand("replay", "Show a recording, or run it again and compare");
+  const auto flags = std::make_shared<ReplayFlags>();
+  replay->add_option("recording", flags->file, "The recording")->required()->type_name("FILE.h5");
+  replay->add_flag("--window", flags->window, "Play it in a window (the default)");
+  replay->add_option("--pace", flags->pace, "Recorded seconds per second, in the window")
+      ->type_name("FACTOR");
+  replay->add_option("--video", flags->video, "Write a video, 30 pictures a recorded second; needs ffmpeg")
+      ->type_name("FILE.mp4");
+  replay->add_option("--screenshot", flags->screenshot, "Write a picture of a recorded time, or of the end")
+      ->type_name("FILE.png[@SECONDS]")
+      ->allow_extra_args(false);
+  add_render_flags(*replay, flags->render);
+  replay->add_flag("--verify", flags->verify,
+                   "Run the recorded experiment again and name the first tick and object that differ");
+  replay->add_option("--threads", flags->threads, "Threads for --verify; changes no result")
+      ->check(CLI::Range(1, 256))
+      ->type_name("N");
+  replay->add_flag("--unsafe", flags->unsafe, "Let --verify run a script that was recorded with --unsafe");
+  return [flags] { return replay_command(*flags); };
+}
+
+}  // namespace smartsurf::run

@@ -1,0 +1,247 @@
+// `smartsurf run` and `smartsurf check`: the flags about an experiment.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <charconv>
+#include <memory>
+
+#include "smartsurf/mesh/SolidLibrary.h"
+#include "smartsurf/run/ControllerProcess.h"
+#include "smartsurf/run/OutputFile.h"
+#include "smartsurf/run/Run.h"
+#include "smartsurf/run/Simulation.h"
+#include "smartsurf/run/StopSignals.h"
+#include "smartsurf/run/Worlds.h"
+#include "smartsurf/run/cli/FlagValues.h"
+#include "smartsurf/run/cli/Subcommands.h"
+
+namespace smartsurf::run {
+namespace {
+
+// The flags of `run` as the command line gives them, before they are judged.
+struct RunFlags {
+  std::string experiment, mode = "time-step", pace, controller, shm, stats, video;
+  bool window = false, headless = false, paused = false, no_controller = false, unsafe = false, help = false;
+  std::vector<std::string> set, controller_set, record, screenshot;
+  RenderFlags render;
+  std::optional<std::uint64_t> seed, ticks;
+  std::string until;
+  int threads = 1;
+  int worlds = 0;  // 0: not asked for
+};
+
+CLI::Validator whole_number_validator() {
+  return {[](std::string& text) {
+            std::uint64_t value = 0;
+            const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+            if (error == std::errc{} && end == text.data() + text.size()) return std::string();
+            return fmt::format("'{}' is not a whole number from 0 to {}", text, UINT64_MAX);
+          },
+          ""};
+}
+
+void add_script_flags(CLI::App& app, RunFlags& flags) {
+  app.add_option("--seed", flags.seed, "Seed of everything random, instead of the script's")
+      ->check(whole_number_validator())
+      ->type_name("N");
+  app.add_option("--set", flags.set, "Value of an option that the script makes")
+      ->type_name("NAME=VALUE")
+      ->allow_extra_args(false);
+}
+
+void add_run_flags(CLI::App& app, RunFlags& flags) {
+  app.set_help_flag();  // our own, that also lists the experiment's options
+  app.add_flag("-h,--help", flags.help,
+               "Show this help; with an experiment also the options that its script makes");
+  app.add_option("experiment", flags.experiment, "The experiment, a Lua script")->type_name("EXPERIMENT.lua");
+  app.add_flag("--headless", flags.headless, "Run without a window (the default)");
+  app.add_flag("--window", flags.window,
+               "Open a window, and that of an APRON program beside it; runs in real time unless --pace says "
+               "otherwise");
+  app.add_flag("--paused", flags.paused, "Begin paused, in the window");
+  app.add_option("--mode", flags.mode,
+                 "time-step: physics waits for the controller; passive: it follows the clock")
+      ->check(CLI::IsMember({"time-step", "passive"}))
+      ->type_name("MODE");
+  app.add_option("--pace", flags.pace, "max, realtime, or simulated seconds per second")->type_name("PACE");
+  app.add_option("--until", flags.until, "End at this simulated time")->type_name("SECONDS");
+  app.add_option("--ticks", flags.ticks, "End after so many control periods")
+      ->check(whole_number_validator())
+      ->type_name("N");
+  app.add_option("--shm", flags.shm, "Name of the shared-memory surface (default: surface)")
+      ->type_name("NAME");
+  app.add_option(
+         "--controller", flags.controller,
+         "Start this controller and end it with the run: an APRON program, or a shell command in which {shm} "
+         "is the surface's name")
+      ->type_name("PROGRAM.aps|COMMAND");
+  app.add_option("--controller-set", flags.controller_set, "Value of a slider or switch of the APRON program")
+      ->type_name("NAME=VALUE")
+      ->allow_extra_args(false);
+  app.add_flag("--no-controller", flags.no_controller,
+               "Run without a controller: the script sets the actuators");
+  add_script_flags(app, flags);
+  app.add_option("--threads", flags.threads, "Threads for actuators and sensors; changes no result")
+      ->check(CLI::Range(1, 256))
+      ->type_name("N");
+  app.add_option(
+         "--worlds", flags.worlds,
+         "So many copies at once, with seeds counting up; NAME-0, NAME-1 … are their surfaces and files")
+      ->check(CLI::Range(1, kMaxWorlds))
+      ->type_name("N");
+  app.add_option("--record", flags.record, "Record the run, as HDF5 or CSV")
+      ->type_name("FILE.h5|FILE.csv")
+      ->allow_extra_args(false);
+  app.add_option("--stats", flags.stats, "Write figures about the run as JSON")->type_name("FILE.json");
+  app.add_option("--screenshot", flags.screenshot, "Write a picture at a simulated time, or at the end")
+      ->type_name("FILE.png[@SECONDS]")
+      ->allow_extra_args(false);
+  app.add_option("--video", flags.video,
+                 "Write a video, 30 pictures a simulated second; needs ffmpeg, no display")
+      ->type_name("FILE.mp4");
+  add_render_flags(app, flags.render);
+  app.add_flag("--unsafe", flags.unsafe,
+               "Give the script the whole of Lua: processes, files, native modules");
+}
+
+std::optional<double> parse_pace(const RunFlags& flags) {
+  if (flags.pace == "max") return std::nullopt;
+  if (flags.pace == "realtime") return 1.0;
+  if (!flags.pace.empty()) {
+    if (flags.pace.find_first_not_of("0123456789.eE+-") != std::string::npos)
+      throw scene::InputError(
+          fmt::format("--pace {}: must be max, realtime or a number greater than 0", flags.pace));
+    return parse_positive_number("--pace", flags.pace);
+  }
+  const bool real_time = flags.window || flags.mode == "passive";
+  return real_time ? std::optional(1.0) : std::nullopt;
+}
+
+// For looking at an experiment without running it: what the script prints is not asked for.
+script::Experiment load_silently(const std::string& file,
+                                 std::vector<std::pair<std::string, std::string>> overrides,
+                                 std::optional<std::uint64_t> seed) {
+  script::LoadOptions options;
+  options.overrides = std::move(overrides);
+  options.seed = seed;
+  options.print_output = [](std::string_view) {};
+  options.solid_factory = std::make_shared<mesh::SolidLibrary>();
+  return script::Experiment::load(file, options);
+}
+
+RunOptions make_run_options(const RunFlags& flags, const std::string& command_line) {
+  if (flags.experiment.empty())
+    throw scene::InputError("run: which experiment? smartsurf run EXPERIMENT.lua");
+  reject_both(flags.window && flags.headless, "--window and --headless");
+  if (flags.paused && !flags.window)
+    throw scene::InputError("--paused: needs --window, where it can be ended");
+  reject_both(flags.no_controller && !flags.controller.empty(), "--controller and --no-controller");
+  if (!flags.controller_set.empty() && !is_apron_program(flags.controller))
+    throw scene::InputError(
+        "--controller-set: goes with --controller PROGRAM.aps, whose sliders and switches it sets");
+  reject_both(flags.no_controller && !flags.shm.empty(), "--shm and --no-controller");
+  reject_both(!flags.until.empty() && flags.ticks, "--until and --ticks");
+  const bool renders = flags.window || !flags.screenshot.empty() || !flags.video.empty();
+  if (flags.worlds > 0 && renders)
+    throw scene::InputError("--worlds: many worlds have no window, screenshot or video; record them");
+  if (!flags.stats.empty()) require_writable("--stats", flags.stats);
+  if (!flags.video.empty()) require_writable("--video", flags.video);
+  RunOptions options;
+  options.experiment = flags.experiment;
+  options.command_line = command_line;
+  options.window = flags.window;
+  options.paused = flags.paused;
+  options.mode = flags.mode == "passive" ? RunMode::kPassive : RunMode::kTimeStep;
+  options.pace = parse_pace(flags);
+  options.ticks = flags.ticks;
+  if (!flags.until.empty()) options.until_s = parse_positive_number("--until", flags.until);
+  options.shm = flags.shm;
+  options.controller = flags.controller;
+  options.controller_overrides = flags.controller_set;
+  options.no_controller = flags.no_controller;
+  options.seed = flags.seed;
+  options.overrides = parse_assignments(flags.set);
+  options.threads = flags.threads;
+  options.recording_files = flags.record;
+  options.stats_file = flags.stats;
+  for (const auto& text : flags.screenshot) {
+    options.screenshots.push_back(parse_screenshot(text));
+    require_writable("--screenshot", options.screenshots.back().file);
+  }
+  options.video_file = flags.video;
+  options.render = parse_render_options(flags.render);
+  options.unsafe = flags.unsafe;
+  return options;
+}
+
+void print_options(const scene::SceneSpec& scene) {
+  if (scene.options.empty()) {
+    fmt::print("{} makes no options.\n", scene.file);
+    return;
+  }
+  fmt::print("Options of {} (change one with --set NAME=VALUE):\n", scene.file);
+  for (const auto& o : scene.options)
+    fmt::print("  {:<28}{}\n", fmt::format("{} = {}", o.name, o.value), o.help);
+}
+
+// As often as the user of the window begins anew.
+int run_with_restarts(RunOptions options) {
+  const auto& stop = catch_stop_signals();
+  script::Experiment experiment = Run::load(options);
+  std::unique_ptr<Display> display;
+  while (true) {
+    Run run(options, stop, std::move(experiment), std::move(display));
+    const int status = run.execute();
+    std::optional<Run::Restart> next = run.take_restart();
+    if (!next) return status;
+    options = std::move(next->options);
+    experiment = std::move(next->experiment);
+    display = std::move(next->display);
+  }
+}
+
+int run_command(CLI::App& app, const RunFlags& flags, const std::string& command_line) {
+  if (flags.help) {
+    fmt::print("{}\n", app.help());
+    if (!flags.experiment.empty())
+      print_options(load_silently(flags.experiment, parse_assignments(flags.set), flags.seed).scene());
+    return kDone;
+  }
+  const RunOptions options = make_run_options(flags, command_line);
+  return status_after_signals(flags.worlds > 0 ? run_worlds(options, flags.worlds, catch_stop_signals())
+                                               : run_with_restarts(options));
+}
+
+int check_command(const RunFlags& flags) {
+  const auto experiment = load_silently(flags.experiment, parse_assignments(flags.set), flags.seed);
+  const std::string& file = flags.experiment;
+  const auto& scene = experiment.scene();
+  validate_surface(scene);
+  const auto count = [](std::size_t n, const char* what) {
+    return fmt::format("{} {}{}", n, what, n == 1 ? "" : "s");
+  };
+  fmt::print("{}: ok: {} x {} cells, {}, {}\n", file, scene.surface.rows, scene.surface.columns,
+             count(scene.objects.size(), "object"), count(scene.options.size(), "option"));
+  return kDone;
+}
+
+}  // namespace
+
+CommandHandler add_run_command(CLI::App& app, const std::string& command_line) {
+  CLI::App* run = app.add_subcommand("run", "Run an experiment");
+  const auto flags = std::make_shared<RunFlags>();
+  add_run_flags(*run, *flags);
+  return [run, flags, command_line] { return run_command(*run, *flags, command_line); };
+}
+
+CommandHandler add_check_command(CLI::App& app) {
+  CLI::App* check = app.add_subcommand("check", "Find the mistakes in an experiment without running it");
+  const auto flags = std::make_shared<RunFlags>();
+  check->add_option("experiment", flags->experiment, "The experiment")
+      ->required()
+      ->type_name("EXPERIMENT.lua");
+  add_script_flags(*check, *flags);
+  return [flags] { return check_command(*flags); };
+}
+
+}  // namespace smartsurf::run

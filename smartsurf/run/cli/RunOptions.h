@@ -1,0 +1,47 @@
+// What the command line of `smartsurf run` asks for.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "smartsurf/run/cli/RenderOptions.h"
+
+namespace smartsurf::run {
+
+enum class RunMode { kTimeStep, kPassive };
+
+struct Screenshot {
+  std::string file;
+  std::optional<double> time_s;  // nullopt: at the end of the run
+};
+
+struct RunOptions {
+  std::string experiment;
+  std::string command_line;  // as typed, for the recording
+  bool window = false;
+  bool paused = false;  // begin paused; with a window only
+  RunMode mode = RunMode::kTimeStep;
+  // Simulated seconds per wall second; nullopt: as fast as possible.
+  std::optional<double> pace;
+  std::optional<std::uint64_t> ticks;  // nullopt: until somebody stops
+  std::optional<double> until_s;
+  std::string shm;                                // "" = choose
+  std::string controller;                         // "" = wait for one to attach
+  std::vector<std::string> controller_overrides;  // NAME=VALUE, for a program of ours to judge
+  bool no_controller = false;
+  std::optional<std::uint64_t> seed;
+  std::vector<std::pair<std::string, std::string>> overrides;
+  int threads = 1;
+  std::vector<std::string> recording_files;
+  std::string stats_file;
+  std::vector<Screenshot> screenshots;
+  std::string video_file;
+  RenderOptions render;
+  bool unsafe = false;
+  std::optional<int> world_index;  // which of several in this process; nullopt: the only one
+};
+
+}  // namespace smartsurf::run

@@ -1,0 +1,26 @@
+// The commands of smartsurf. Each function adds one to the command line and returns what it does, to be
+// called when the command was given; that returns the exit status and throws scene::InputError for what the
+// user got wrong.
+#pragma once
+
+#include <functional>
+#include <string>
+
+namespace CLI {
+class App;
+}
+
+namespace smartsurf::run {
+
+using CommandHandler = std::function<int()>;
+
+// command_line: as typed, for the recording.
+CommandHandler add_run_command(CLI::App& app, const std::string& command_line);
+CommandHandler add_replay_command(CLI::App& app);
+CommandHandler add_info_command(CLI::App& app);
+CommandHandler add_plot_command(CLI::App& app);
+CommandHandler add_export_command(CLI::App& app);
+CommandHandler add_check_command(CLI::App& app);
+CommandHandler add_clean_command(CLI::App& app);
+
+}  // namespace smartsurf::run

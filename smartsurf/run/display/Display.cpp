@@ -1,0 +1,143 @@
+#include "smartsurf/run/display/Display.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "smartsurf/run/ControllerProcess.h"
+#include "smartsurf/view/OffscreenView.h"
+#include "smartsurf/view/Window.h"
+
+namespace smartsurf::run {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr auto kFrameInterval = 33ms;
+constexpr auto kIdleFrameInterval = 100ms;  // where nothing moves and nobody does anything
+constexpr double kOnTimeFraction =
+    0.97;  // of the requested pace: a run that reaches it has time to spare for drawing
+
+}  // namespace
+
+Display::Display(const RunOptions& options, const scene::SceneSpec& scene) : scene_(scene) {
+  if (!options.window) return;
+  view::OffscreenView::require_view();
+  if (!view::Window::display_available())
+    throw scene::InputError("--window: there is no display here; run without it, or set DISPLAY");
+  const bool beside_controller_window = is_apron_program(options.controller);
+  window_ =
+      std::make_unique<view::Window>(scene_, "smartsurf: " + options.experiment, 1280, 720,
+                                     beside_controller_window ? view::Place::kLeft : view::Place::kAnywhere);
+}
+
+Display::~Display() = default;
+
+void Display::restart(const scene::SceneSpec& scene) {
+  scene_ = scene;
+  history_.clear();
+  history_index_.reset();
+  channels_ = {};
+  if (window_) window_->set_scene(scene_);
+}
+
+void Display::record_snapshot(const Simulation& simulation) {
+  if (window_) history_.add(simulation.snapshot());
+}
+
+view::Status Display::make_view_status(const DisplayStatus& display_status, bool paused) const {
+  view::Status status;
+  status.mode = display_status.mode == RunMode::kTimeStep ? "time-step" : "passive";
+  status.controller = display_status.controller;
+  status.paused = paused;
+  status.requested_pace = display_status.requested_pace.value_or(0.0);
+  status.actual_pace = display_status.real_time_factor;
+  status.physics_ms = display_status.physics_ms;
+  status.purity = display_status.purity;
+  status.forces_known = !history_index_;
+  status.touchable = status.breakable = !history_index_ && !display_status.run_ended;
+  status.resettable = display_status.can_restart;
+  status.notice = display_status.notice;
+  if (history_.size() == 0) return status;
+  const std::size_t last = history_.size() - 1;
+  status.timeline = view::Timeline{history_.size(), history_index_.value_or(last), history_.at(0).time_s,
+                                   history_.at(last).time_s, false};
+  if (history_index_)
+    status.notice = fmt::format("looking back; the run stands at {:.2f} s", history_.at(last).time_s);
+  return status;
+}
+
+bool Display::frame_due(const Simulation& simulation, std::chrono::steady_clock::time_point now) const {
+  const bool unchanged = simulation.snapshot().tick == last_drawn_tick_ && !window_->stirred();
+  return now >=
+         (unchanged ? std::max(next_frame_time_, last_draw_time_ + kIdleFrameInterval) : next_frame_time_);
+}
+
+void Display::refresh(const Simulation& simulation, const DisplayStatus& display_status,
+                      DisplayRequests& requests) {
+  if (!window_) return;
+  const view::Status status = make_view_status(display_status, requests.paused);
+  const auto draw_start = std::chrono::steady_clock::now();
+  view::Commands commands;
+  if (!frame_due(simulation, draw_start)) {
+    commands = window_->poll(status);
+  } else {
+    const scene::Snapshot& shown = history_index_ ? history_.at(*history_index_) : simulation.snapshot();
+    // Of the past nobody knows the forces.
+    if (!history_index_ && window_->wants_contacts())
+      contacts_ = contact_marks(simulation);
+    else
+      contacts_.clear();
+    commands = window_->frame({shown, simulation.catalogue(), channels_.update(simulation, shown), contacts_},
+                              status);
+    const auto draw_end = std::chrono::steady_clock::now();
+    last_draw_time_ = draw_end;
+    last_drawn_tick_ = simulation.snapshot().tick;
+    // A run that wants all the time it can get has at least half as much of it as the drawing.
+    const bool behind_schedule = !requests.paused && (!display_status.requested_pace ||
+                                                      display_status.real_time_factor <
+                                                          kOnTimeFraction * *display_status.requested_pace);
+    const std::chrono::steady_clock::duration min_delay = behind_schedule ? (draw_end - draw_start) / 2 : 0ms;
+    next_frame_time_ = draw_end + std::max<std::chrono::steady_clock::duration>(
+                                      kFrameInterval - (draw_end - draw_start), min_delay);
+  }
+  apply_commands(commands, requests);
+}
+
+void Display::apply_commands(const view::Commands& commands, DisplayRequests& requests) {
+  const std::size_t last = history_.size() > 0 ? history_.size() - 1 : 0;
+  const auto show_history_frame = [&](std::ptrdiff_t at) {
+    const auto frame = static_cast<std::size_t>(std::max<std::ptrdiff_t>(at, 0));
+    history_index_ = frame < last ? std::optional(frame) : std::nullopt;
+    requests.paused = true;
+  };
+  if (commands.toggle_pause) {
+    requests.paused = !requests.paused;
+    history_index_.reset();
+  }
+  if (commands.seek) show_history_frame(static_cast<std::ptrdiff_t>(*commands.seek));
+  if (commands.steps < 0 || (commands.steps > 0 && history_index_))
+    show_history_frame(static_cast<std::ptrdiff_t>(history_index_.value_or(last)) + commands.steps);
+  else if (commands.steps > 0 && !requests.paused)
+    requests.paused = true;
+  else
+    requests.single_steps += commands.steps;
+  requests.quit |= commands.quit;
+  if (commands.pace) {
+    requests.pace_changed = true;
+    requests.pace = *commands.pace > 0.0 ? commands.pace : std::nullopt;
+  }
+  requests.interaction.pull = commands.pull;
+  requests.interaction.poke = commands.poke;
+  if (commands.drop) requests.interaction.dropped_objects.push_back(*commands.drop);
+  if (commands.fault) requests.interaction.faults.push_back(*commands.fault);
+  if (commands.reset) {
+    requests.restart = true;
+    requests.changed_options = commands.options;
+  }
+  if (!commands.display_lost) return;
+  requests.display_lost = true;
+  window_.reset();
+}
+
+}  // namespace smartsurf::run

@@ -1,0 +1,97 @@
+// What a run shows in its window, and what its user asks for there.
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cmath>
+#include <thread>
+
+#include "smartsurf/run/Run.h"
+
+namespace smartsurf::run {
+
+void Run::refresh_display() {
+  if (!display_->has_window()) return;
+  phase_times_.start();
+  DisplayStatus status;
+  status.real_time_factor = pacer_.update_real_time_factor(simulation_.snapshot().time_s);
+  status.requested_pace = pacer_.factor();
+  status.mode = options_.mode;
+  status.controller = describe_controller();
+  status.physics_ms = phase_times_.last_ms(Phase::kPhysics);
+  if (std::isfinite(purity_meter_.value())) status.purity = purity_meter_.value();
+  const bool was_paused = requests_.paused;
+  status.can_restart = recorders_.empty() && media_.only_final_left();
+  status.notice = notice_;
+  if (notice_.empty() && !ending_ && controller_is_paused())
+    status.notice = "the program is held: the run waits for it";
+  status.run_ended = ending_.has_value();
+  display_->refresh(simulation_, status, requests_);
+  if (requests_.display_lost) handle_display_loss();
+  if (std::exchange(requests_.restart, false) && !restart_) prepare_restart();
+  if (std::exchange(requests_.pace_changed, false)) pacer_.set_factor(requests_.pace);
+  if (link_ && was_paused != requests_.paused)
+    link_->endpoint().set_state(requests_.paused ? shm_protocol::State::kPaused
+                                                 : shm_protocol::State::kRunning);
+  phase_times_.lap(Phase::kRender);
+}
+
+std::string Run::describe_controller() {
+  if (ending_) return "";
+  if (!link_) return "none: the script drives";
+  if (!link_->endpoint().has_controller()) return "waiting for one on '" + link_->name() + "'";
+  return fmt::format("process {}, {}", link_->endpoint().controller_pid(),
+                     text(link_->endpoint().controller_state()));
+}
+
+bool Run::controller_is_paused() {
+  return link_ && link_->endpoint().has_controller() &&
+         link_->endpoint().controller_state() == shm_protocol::State::kPaused;
+}
+
+void Run::apply_user_interaction() {
+  if (!interaction_.apply(requests_.interaction, simulation_) || first_interaction_tick_) return;
+  first_interaction_tick_ = simulation_.snapshot().tick;
+  notice_ = fmt::format("touched by hand at {:.2f} s", simulation_.snapshot().time_s);
+  for (const auto& recorder : recorders_) recorder->mark_user_interaction(*first_interaction_tick_);
+}
+
+// The new experiment is loaded before the old one is let go: a mistake in the options leaves all as it is.
+void Run::prepare_restart() {
+  RunOptions options = options_;
+  for (const auto& [name, value] : std::exchange(requests_.changed_options, {}))
+    options.overrides.emplace_back(name, value);
+  options.paused = requests_.paused && !ending_;
+  options.pace = pacer_.factor();
+  try {
+    restart_.emplace(Restart{options, load(options), nullptr});
+    set_ending(kDone, "begun anew by the user");
+  } catch (const scene::InputError& error) {
+    notice_ = error.what();
+  }
+}
+
+void Run::keep_window_open() {
+  if (!keep_window_open_) return;
+  notice_ = ending_->outcome;
+  while (display_->has_window() && !requests_.quit && !restart_ && !stop_requested_) {
+    requests_.paused = true;
+    refresh_display();
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+}
+
+std::optional<Run::Restart> Run::take_restart() {
+  if (restart_) restart_->display = std::move(display_);
+  return std::exchange(restart_, std::nullopt);
+}
+
+// A run without an end of its own would be left without anybody to end it.
+void Run::handle_display_loss() {
+  requests_.display_lost = requests_.paused = false;
+  if (!end_tick_) set_ending(kFailed, "the display was lost");
+  progress_.print_message(end_tick_
+                              ? "the display is lost; the run goes on without its window"
+                              : "the display is lost: the run ends (with --until or --ticks it would go on)");
+}
+
+}  // namespace smartsurf::run

@@ -1,0 +1,31 @@
+// The last states of a run, to look back on. They are pictures of the past: the simulation stays where it is.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "smartsurf/scene/Snapshot.h"
+
+namespace smartsurf::run {
+
+class SnapshotHistory {
+ public:
+  // most_bytes: that all states together may take; at least two are kept.
+  explicit SnapshotHistory(std::size_t max_bytes = std::size_t{96} << 20) : max_bytes_(max_bytes) {}
+
+  // Copies the state; the oldest make room. Allocates until the room is full.
+  void add(const scene::Snapshot& snapshot);
+  void clear();
+
+  std::size_t size() const { return snapshots_.size(); }
+  // 0 is the oldest.
+  const scene::Snapshot& at(std::size_t i) const { return snapshots_[(oldest_ + i) % snapshots_.size()]; }
+
+ private:
+  std::size_t max_bytes_, bytes_ = 0;
+  std::size_t oldest_ = 0;
+  bool full_ = false;
+  std::vector<scene::Snapshot> snapshots_;  // a ring once it is full
+};
+
+}  // namespace smartsurf::run

@@ -1,0 +1,113 @@
+#include "smartsurf/run/display/UserInteraction.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <string_view>
+#include <utility>
+
+namespace smartsurf::run {
+namespace {
+
+constexpr std::string_view kHeightChannel = "height";
+constexpr double kSpringFrequency_Hz = 1.5;
+constexpr double kMaxAcceleration = 400.0;  // u/s²: a jump of the pointer must not shoot the object away
+
+double object_mass(const scene::SceneSpec& scene, const scene::ObjectSpec& object) {
+  return object.mass.value_or(scene.materials[static_cast<std::size_t>(object.material)].density *
+                              object.volume());
+}
+
+// A spring and a damper between the grip and the target, and the object's weight taken off it. Soft enough
+// for the force to stand still through a control period.
+void apply_spring_force(const view::Pull& pull, Simulation& simulation) {
+  const scene::SceneSpec& scene = simulation.scene();
+  const scene::ObjectState state = simulation.state(pull.object);
+  const double max_omega = 0.5 / scene.world.control_period_s;
+  const double omega = std::min(2.0 * std::numbers::pi * kSpringFrequency_Hz, max_omega);
+  const Eigen::Vector3d arm = state.orientation * pull.grip;
+  const Eigen::Vector3d velocity = state.velocity + state.angular_velocity.cross(arm);
+  Eigen::Vector3d acceleration =
+      omega * omega * (pull.target - state.position - arm) - 2.0 * omega * velocity - scene.world.gravity;
+  if (acceleration.norm() > kMaxAcceleration) acceleration *= kMaxAcceleration / acceleration.norm();
+  const double mass = object_mass(scene, simulation.catalogue()[pull.object]);
+  simulation.apply_force(pull.object, mass * acceleration, state.position + arm,
+                         scene.world.control_period_s);
+}
+
+}  // namespace
+
+bool UserInteraction::apply(InteractionRequests& requests, Simulation& simulation) {
+  bool interacted = apply_poke(requests.poke, simulation);
+  if (requests.pull && simulation.is_alive(requests.pull->object)) {
+    apply_spring_force(*requests.pull, simulation);
+    interacted = true;
+  }
+  for (const scene::ObjectSpec& object : requests.dropped_objects) {
+    simulation.spawn(object);
+    interacted = true;
+  }
+  requests.dropped_objects.clear();
+  for (const view::Fault& fault : requests.faults) apply_fault(fault, simulation);
+  interacted |= !requests.faults.empty() || !faulty_cells_.empty();
+  requests.faults.clear();
+  for (const CellOverride& cell : faulty_cells_) write_targets(cell, cell.targets, simulation);
+  return interacted;
+}
+
+UserInteraction::CellOverride UserInteraction::capture_targets(int row, int column,
+                                                               const Simulation& simulation) {
+  CellOverride cell{row, column, {}, {}};
+  const int channels = static_cast<int>(simulation.actuators().size());
+  for (int k = 0; k < channels; ++k)
+    cell.original_targets.push_back(simulation.actuator_target(k, row, column));
+  cell.targets = cell.original_targets;
+  return cell;
+}
+
+void UserInteraction::write_targets(const CellOverride& cell, const std::vector<float>& targets,
+                                    Simulation& simulation) {
+  for (std::size_t k = 0; k < targets.size(); ++k)
+    simulation.override_actuator_target(static_cast<int>(k), cell.row, cell.column, targets[k]);
+}
+
+// Stuck: it stays as it is. Dead: it goes where cells go that nobody drives.
+void UserInteraction::apply_fault(const view::Fault& fault, Simulation& simulation) {
+  CellOverride cell = capture_targets(fault.row, fault.column, simulation);
+  std::erase_if(faulty_cells_, [&](const CellOverride& other) {
+    const bool same = other.row == fault.row && other.column == fault.column;
+    if (same) cell.original_targets = other.original_targets;
+    return same;
+  });
+  if (fault.kind == view::FaultKind::kNone) return write_targets(cell, cell.original_targets, simulation);
+  const scene::SurfaceSpec& surface = simulation.scene().surface;
+  const std::vector<scene::ActuatorChannel> channels = surface.actuator_channels();
+  const float height =
+      simulation.snapshot().height[static_cast<std::size_t>(surface.index(fault.row, fault.column))];
+  for (std::size_t k = 0; k < channels.size(); ++k) {
+    if (fault.kind == view::FaultKind::kDead)
+      cell.targets[k] = static_cast<float>(channels[k].safe_value);
+    else if (channels[k].name == kHeightChannel)
+      cell.targets[k] = height;
+  }
+  faulty_cells_.push_back(std::move(cell));
+}
+
+// Only cells that have a height can be poked.
+bool UserInteraction::apply_poke(const std::optional<view::Poke>& poke, Simulation& simulation) {
+  const bool same =
+      poke && poked_cell_ && poked_cell_->row == poke->row && poked_cell_->column == poke->column;
+  if (poked_cell_ && !same) {
+    write_targets(*poked_cell_, poked_cell_->original_targets, simulation);
+    poked_cell_.reset();
+  }
+  const auto channels = simulation.actuators();
+  const auto height = std::ranges::find(channels, kHeightChannel, &record::ChannelData::name);
+  if (!poke || height == channels.end()) return false;
+  if (!poked_cell_) poked_cell_ = capture_targets(poke->row, poke->column, simulation);
+  simulation.override_actuator_target(static_cast<int>(height - channels.begin()), poke->row, poke->column,
+                                      static_cast<float>(poke->height));
+  return true;
+}
+
+}  // namespace smartsurf::run

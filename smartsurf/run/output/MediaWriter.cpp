@@ -1,0 +1,104 @@
+#include "smartsurf/run/output/MediaWriter.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <utility>
+
+#include "smartsurf/view/OffscreenView.h"
+#include "smartsurf/view/VideoWriter.h"
+
+namespace smartsurf::run {
+namespace {
+
+constexpr PixelSize kDefaultScreenshotSize{1600, 1000}, kDefaultVideoSize{1280, 720};
+constexpr int kVideoFramesPerSecond = 30;
+
+// The videos' format stores colours for blocks of two by two pixels.
+PixelSize video_size(const RenderOptions& render_options) {
+  const PixelSize size = render_options.pixel_size.value_or(kDefaultVideoSize);
+  if (size.width % 2 != 0 || size.height % 2 != 0)
+    throw scene::InputError(
+        fmt::format("--picture-size {}x{}: a video needs even numbers", size.width, size.height));
+  return size;
+}
+
+// Throws when there is no such channel; that its values are not there is no mistake.
+void require_channel(const view::Moment& frame, const std::string& name) {
+  std::vector<std::string> known;
+  for (const view::Channel& channel : frame.channels) {
+    if (channel.name == name) return;
+    known.push_back(channel.name);
+  }
+  const std::string suggestion = scene::nearest_name(name, known);
+  throw scene::InputError(fmt::format(
+      "--cells {}: no such channel{}; known: {}", name,
+      suggestion.empty() ? "" : fmt::format(" (did you mean '{}'?)", suggestion), fmt::join(known, ", ")));
+}
+
+}  // namespace
+
+MediaWriter::MediaWriter(std::vector<Screenshot> screenshots, const std::string& video_file,
+                         const RenderOptions& render_options, const scene::SceneSpec& scene)
+    : scene_(scene),
+      render_options_(render_options),
+      overlay_(scene.surface),
+      pending_screenshots_(std::move(screenshots)) {
+  if (!pending_screenshots_.empty() || !video_file.empty()) view::OffscreenView::require_view();
+  overlay_.settings = render_options.overlay;
+  if (video_file.empty()) return;
+  const PixelSize size = video_size(render_options);
+  video_writer_ =
+      std::make_unique<view::VideoWriter>(video_file, size.width, size.height, kVideoFramesPerSecond);
+}
+
+MediaWriter::~MediaWriter() = default;
+
+void MediaWriter::write_due(const view::Moment& frame) {
+  if (!only_final_left()) overlay_.watch(frame);
+  if (video_writer_) write_video_frames(frame);
+  if (pending_screenshots_.empty()) return;
+  std::erase_if(pending_screenshots_, [&](const Screenshot& shot) {
+    const bool due = shot.time_s && frame.snapshot.time_s >= *shot.time_s - 1e-9;
+    if (due) write_screenshot(frame, shot.file);
+    return due;
+  });
+}
+
+void MediaWriter::finish(const view::Moment& frame) {
+  for (const Screenshot& screenshot : std::exchange(pending_screenshots_, {}))
+    write_screenshot(frame, screenshot.file);
+  if (!video_writer_) return;
+  video_writer_->finish();
+  video_writer_.reset();
+}
+
+view::Image MediaWriter::render(view::OffscreenView& view, const view::Moment& frame, const PixelSize& size) {
+  if (!render_options_.overlay.channel.empty()) require_channel(frame, render_options_.overlay.channel);
+  view::DrawOptions options;
+  if (render_options_.wireframe) options.style = view::Style::kWireframe;
+  overlay_.apply(frame, nullptr, options);
+  if (overlay_.heat()) options.legend = &*overlay_.heat();
+  const view::Camera camera = view::Camera::framing(scene_.surface, render_options_.camera,
+                                                    static_cast<double>(size.width) / size.height);
+  return view.draw(frame.snapshot, frame.catalogue, camera, options, size.width, size.height);
+}
+
+void MediaWriter::write_screenshot(const view::Moment& frame, const std::string& file) {
+  if (!screenshot_view_) screenshot_view_ = std::make_unique<view::OffscreenView>(scene_);
+  view::write_png(
+      file, render(*screenshot_view_, frame, render_options_.pixel_size.value_or(kDefaultScreenshotSize)));
+}
+
+// The video's frame rate counts simulated time, so that it plays in real time whatever the pace of the run.
+void MediaWriter::write_video_frames(const view::Moment& frame) {
+  const double frames_due = frame.snapshot.time_s * kVideoFramesPerSecond + 1e-6;
+  if (frames_due < static_cast<double>(video_frames_written_)) return;
+  if (!video_view_) video_view_ = std::make_unique<view::OffscreenView>(scene_, view::Detail::kVideo);
+  const view::Image image = render(*video_view_, frame, video_size(render_options_));
+  // A control period longer than a frame shows the same picture for as many frames as it lasts.
+  for (; frames_due >= static_cast<double>(video_frames_written_); ++video_frames_written_)
+    video_writer_->add(image);
+}
+
+}  // namespace smartsurf::run

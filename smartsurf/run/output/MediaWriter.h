@@ -1,0 +1,50 @@
+// The screenshots and the video of a run or a replay: fed with every moment in order, writes the pictures
+// that are due.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "smartsurf/run/cli/RenderOptions.h"
+#include "smartsurf/run/cli/RunOptions.h"
+#include "smartsurf/view/Image.h"
+#include "smartsurf/view/Moment.h"
+
+namespace smartsurf::view {
+class OffscreenView;
+class VideoWriter;
+}  // namespace smartsurf::view
+
+namespace smartsurf::run {
+
+class MediaWriter {
+ public:
+  // Begins the video if there is one. Throws scene::InputError when it cannot be made.
+  MediaWriter(std::vector<Screenshot>, const std::string& video_file, const RenderOptions&,
+              const scene::SceneSpec&);
+  ~MediaWriter();
+
+  // Writes what is due at the moment's time. Throws scene::InputError when the channel that is to colour the
+  // cells does not exist.
+  void write_due(const view::Moment&);
+  // At the end: the screenshots that are left, and the video's last words.
+  void finish(const view::Moment&);
+  // Nothing more will be due, however long it goes on, but for the last pictures.
+  bool only_final_left() const { return pending_screenshots_.empty() && !video_writer_; }
+
+ private:
+  view::Image render(view::OffscreenView&, const view::Moment&, const PixelSize&);
+  void write_screenshot(const view::Moment&, const std::string& file);
+  void write_video_frames(const view::Moment&);
+
+  scene::SceneSpec scene_;
+  RenderOptions render_options_;
+  view::Overlay overlay_;
+  std::vector<Screenshot> pending_screenshots_;
+  std::unique_ptr<view::OffscreenView> screenshot_view_, video_view_;
+  std::unique_ptr<view::VideoWriter> video_writer_;
+  long video_frames_written_ = 0;
+};
+
+}  // namespace smartsurf::run

@@ -1,0 +1,53 @@
+#include "smartsurf/run/output/Progress.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <utility>
+
+namespace smartsurf::run {
+namespace {
+
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+
+}  // namespace
+
+Progress::Progress(std::string label)
+    : label_(std::move(label)),
+      is_terminal_(label_.empty() && isatty(STDERR_FILENO) != 0),
+      start_time_(Clock::now()),
+      next_update_(start_time_) {}
+
+void Progress::restart() { start_time_ = Clock::now(); }
+
+void Progress::update(double simulated_s, std::optional<double> until_s) {
+  if (!is_terminal_) return;
+  const auto now = Clock::now();
+  if (now < next_update_) return;
+  next_update_ = now + 250ms;
+  print_line(simulated_s, until_s, "");
+}
+
+void Progress::finish(double simulated_s) {
+  if (line_visible_) print_line(simulated_s, std::nullopt, "\n");
+}
+
+void Progress::print_line(double simulated_s, std::optional<double> until_s, const char* line_end) {
+  line_visible_ = true;
+  const double wall_s = std::chrono::duration<double>(Clock::now() - start_time_).count();
+  const double real_time_factor = simulated_s / std::max(1e-9, wall_s);
+  std::string remaining;
+  if (until_s && real_time_factor > 0.0)
+    remaining = fmt::format("   at most {:.0f} s left", (*until_s - simulated_s) / real_time_factor);
+  fmt::print(stderr, "\r{:9.2f} s simulated   {:6.1f}x real time{}\033[K{}", simulated_s, real_time_factor,
+             remaining, line_end);
+}
+
+void Progress::print_message(const std::string& message) {
+  if (line_visible_) fmt::print(stderr, "\r\033[K");
+  fmt::print(stderr, "smartsurf: {}{}{}\n", label_, label_.empty() ? "" : ": ", message);
+}
+
+}  // namespace smartsurf::run

@@ -1,0 +1,74 @@
+// Where the time of a run goes: durations of each phase of the tick, kept in histograms of fixed size so that
+// counting never allocates.
+#pragma once
+
+#include <array>
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace smartsurf::run {
+
+// Durations in buckets 1/32 of an octave wide: quantiles to about 2 %.
+class DurationHistogram {
+ public:
+  void add(std::chrono::nanoseconds) noexcept;
+  std::uint64_t count() const noexcept { return count_; }
+  // The duration below which the share q of all lies, in milliseconds; 0 when empty.
+  double quantile_ms(double q) const noexcept;
+  double total_s() const noexcept { return static_cast<double>(total_ns_) * 1e-9; }
+
+ private:
+  static constexpr int kBucketsPerOctave = 32;
+  std::array<std::uint32_t, 64 * kBucketsPerOctave> buckets_{};
+  std::uint64_t count_ = 0, total_ns_ = 0;
+};
+
+enum class Phase { kWait, kActuate, kPhysics, kSense, kPublish, kRecord, kRender };
+inline constexpr std::size_t kPhaseCount = 7;
+
+// Adds up what each phase takes within one tick, then files the sums.
+class PhaseTimes {
+ public:
+  void start() noexcept { lap_start_ = Clock::now(); }
+  // Everything since the last start() or lap() belongs to the phase.
+  void lap(Phase phase) noexcept {
+    const auto now = Clock::now();
+    current_tick_[static_cast<std::size_t>(phase)] += now - lap_start_;
+    lap_start_ = now;
+  }
+  void end_tick() noexcept;
+  const DurationHistogram& histogram(Phase phase) const noexcept {
+    return histograms_[static_cast<std::size_t>(phase)];
+  }
+  double last_ms(Phase phase) const noexcept { return last_ms_[static_cast<std::size_t>(phase)]; }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  Clock::time_point lap_start_{};
+  std::array<Clock::duration, kPhaseCount> current_tick_{};
+  std::array<double, kPhaseCount> last_ms_{};
+  std::array<DurationHistogram, kPhaseCount> histograms_;
+};
+
+struct RunSummary {
+  std::string experiment, mode, outcome;
+  std::uint64_t seed = 0, ticks = 0, physics_steps = 0;
+  double simulated_s = 0.0, wall_s = 0.0;
+  std::size_t objects = 0, contacts = 0;
+  std::uint64_t state_hash = 0;
+  std::optional<double> purity, sorted_at_s;
+  std::uint64_t sensor_frames_skipped = 0, actuator_frames_repeated = 0, actuator_values_clamped = 0;
+  std::vector<std::pair<std::string, double>> metrics;  // of the script's metric()
+  std::size_t off_surface = 0;                          // objects that are not over the surface at the end
+  std::uint64_t left_table = 0;                         // how often an object left it
+
+  double real_time_factor() const { return wall_s > 0.0 ? simulated_s / wall_s : 0.0; }
+};
+
+// One JSON object, as docs/user-guide.md describes.
+std::string to_json(const RunSummary&, const PhaseTimes&);
+
+}  // namespace smartsurf::run

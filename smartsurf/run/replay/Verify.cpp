@@ -1,0 +1,191 @@
+#include "smartsurf/run/replay/Verify.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <bit>
+#include <cstdint>
+#include <cstring>
+#include <filesystem>
+
+#include "smartsurf/mesh/SolidLibrary.h"
+#include "smartsurf/run/Simulation.h"
+
+namespace smartsurf::run {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Where the script may write while it runs again; nobody wants those files.
+class TemporaryDirectory {
+ public:
+  TemporaryDirectory() : path_((fs::temp_directory_path() / "smartsurf-verify-XXXXXX").string()) {
+    if (::mkdtemp(path_.data()) == nullptr)
+      throw std::runtime_error("cannot make a folder in " + fs::temp_directory_path().string());
+  }
+  ~TemporaryDirectory() {
+    std::error_code ignored;
+    fs::remove_all(path_, ignored);
+  }
+  TemporaryDirectory(const TemporaryDirectory&) = delete;
+  TemporaryDirectory& operator=(const TemporaryDirectory&) = delete;
+  fs::path path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
+[[noreturn]] void throw_input_error(const record::Recording& recording, const std::string& why) {
+  throw scene::InputError(fmt::format("{}: cannot be run again: {}", recording.path().string(), why));
+}
+
+void require_reproducible(const record::Recording& recording, bool unsafe) {
+  if (const auto tick = recording.first_interaction_tick())
+    throw_input_error(recording, fmt::format("it was touched by hand after tick {}", *tick));
+  if (recording.frames() == 0) throw_input_error(recording, "it holds no frames");
+  if (recording.meta().driver != "script" && recording.input_tick_count() == 0)
+    throw_input_error(recording, "it does not hold what the controller told the actuators");
+  if (recording.meta().unsafe && !unsafe)
+    throw_input_error(recording,
+                      "its script ran with --unsafe and may do anything again; give --unsafe to allow that");
+}
+
+void require_matching_inputs(const record::Recording& recording, const Simulation& simulation) {
+  std::size_t values = 0;
+  for (const record::ChannelData& channel : simulation.actuators()) values += channel.values.size();
+  if (recording.read_inputs(0).size() != values)
+    throw_input_error(recording,
+                      fmt::format("it holds {} actuator values a tick, and its experiment now has {}",
+                                  recording.read_inputs(0).size(), values));
+}
+
+script::Experiment reload_experiment(const record::Recording& recording, const fs::path& output_directory) {
+  script::LoadOptions options;
+  for (const auto& assignment : recording.meta().overrides)
+    options.overrides.emplace_back(assignment.name, assignment.value);
+  options.seed = recording.spec().world.seed;
+  options.unsafe = recording.meta().unsafe;
+  options.source = recording.spec().source;
+  options.output_folder = output_directory;
+  options.solid_factory = std::make_shared<mesh::SolidLibrary>();
+  options.print_output = options.report_warning = [](std::string_view) {};
+  return script::Experiment::load(recording.spec().file, std::move(options));
+}
+
+// All channels one after another, as they were recorded.
+void apply_inputs(Simulation& simulation, std::span<const float> inputs) {
+  int channel = 0;
+  for (const record::ChannelData& actuator : simulation.actuators()) {
+    simulation.set_actuator_targets(channel++, inputs.first(actuator.values.size()));
+    inputs = inputs.subspan(actuator.values.size());
+  }
+}
+
+void run_tick(Simulation& simulation, std::optional<std::span<const float>> inputs) {
+  simulation.run_script();
+  if (inputs) apply_inputs(simulation, *inputs);
+  for (int i = simulation.scene().world.steps_per_tick(); i > 0; --i) {
+    simulation.plan_actuators();
+    simulation.step_physics();
+    simulation.commit_actuators();
+  }
+  simulation.finish_tick();
+  simulation.sense();
+  simulation.take_requests();
+}
+
+template <class Numbers>
+bool bitwise_equal(const Numbers& a, const Numbers& b) {
+  return std::memcmp(a.data(), b.data(), a.size() * sizeof a[0]) == 0;
+}
+
+std::string format_components(const std::array<float, 3>& v) {
+  return fmt::format("({}, {}, {})", v[0], v[1], v[2]);
+}
+std::string format_components(const std::array<float, 4>& q) {
+  return fmt::format("({}, {}, {}, {})", q[0], q[1], q[2], q[3]);
+}
+
+template <class Rows>
+std::optional<std::string> compare_element(const char* what, const Rows& recorded, std::size_t i,
+                                           const Rows& now, std::size_t j) {
+  if (bitwise_equal(recorded[i], now[j])) return std::nullopt;
+  return fmt::format("{} {} was recorded, {} comes out now", what, format_components(recorded[i]),
+                     format_components(now[j]));
+}
+
+std::string object_name(const std::vector<scene::ObjectSpec>& catalogue, scene::ObjectId id) {
+  const std::string& label = catalogue[id].label;
+  return label.empty() ? fmt::format("object {}", id) : fmt::format("object {} ('{}')", id, label);
+}
+
+std::optional<std::string> find_object_difference(const scene::Snapshot& recorded,
+                                                  const scene::Snapshot& replayed,
+                                                  const std::vector<scene::ObjectSpec>& catalogue) {
+  for (std::size_t i = 0; i < recorded.object_count() || i < replayed.object_count(); ++i) {
+    if (i >= replayed.object_count() || (i < recorded.object_count() && recorded.id[i] < replayed.id[i]))
+      return fmt::format("object {} was there, and is not now", recorded.id[i]);
+    if (i >= recorded.object_count() || replayed.id[i] < recorded.id[i])
+      return fmt::format("{} is there now, and was not", object_name(catalogue, replayed.id[i]));
+    auto mismatch = compare_element("position", recorded.position, i, replayed.position, i);
+    if (!mismatch)
+      mismatch = compare_element("orientation", recorded.orientation, i, replayed.orientation, i);
+    if (!mismatch) mismatch = compare_element("velocity", recorded.velocity, i, replayed.velocity, i);
+    if (mismatch) return fmt::format("{}: {}", object_name(catalogue, replayed.id[i]), *mismatch);
+  }
+  return std::nullopt;
+}
+
+std::optional<std::string> find_height_difference(const scene::Snapshot& recorded,
+                                                  const scene::Snapshot& replayed, int columns) {
+  for (std::size_t i = 0; i < recorded.height.size() && i < replayed.height.size(); ++i)
+    if (std::bit_cast<std::uint32_t>(recorded.height[i]) != std::bit_cast<std::uint32_t>(replayed.height[i]))
+      return fmt::format("pin row {}, column {}: height {} was recorded, {} comes out now",
+                         i / static_cast<std::size_t>(columns), i % static_cast<std::size_t>(columns),
+                         recorded.height[i], replayed.height[i]);
+  return std::nullopt;
+}
+
+// What differs first in a frame whose hashes differ.
+std::string describe_difference(const record::Recording& recording, std::size_t frame,
+                                const Simulation& simulation) {
+  const scene::Snapshot recorded = recording.read_snapshot(frame), &replayed = simulation.snapshot();
+  if (recording.has_objects())
+    if (auto found = find_object_difference(recorded, replayed, simulation.catalogue())) return *found;
+  if (auto found = find_height_difference(recorded, replayed, simulation.scene().surface.columns))
+    return *found;
+  return fmt::format(
+      "the state's hash {:016x} was recorded, {:016x} comes out now; nothing that is recorded differs",
+      recorded.state_hash, replayed.state_hash);
+}
+
+}  // namespace
+
+VerificationResult verify(const record::Recording& recording, int threads, bool unsafe,
+                          const std::atomic<bool>& stop, const std::function<void(double)>& progress) {
+  require_reproducible(recording, unsafe);
+  const TemporaryDirectory output_directory;
+  script::Experiment experiment = reload_experiment(recording, output_directory.path());
+  const bool scripted = recording.meta().driver == "script";
+  Simulation simulation(experiment, threads, scripted);
+  if (!scripted) require_matching_inputs(recording, simulation);
+  VerificationResult result;
+  for (std::size_t frame = 0; frame < recording.frames(); ++frame) {
+    while (simulation.snapshot().tick < recording.ticks()[frame]) {
+      const std::uint64_t next = simulation.snapshot().tick + 1;
+      if (!scripted && next >= recording.input_tick_count()) return result;  // the run was killed
+      run_tick(simulation, scripted ? std::nullopt : std::optional(recording.read_inputs(next)));
+      if ((result.interrupted = stop)) return result;
+    }
+    progress(simulation.snapshot().time_s);
+    ++result.frames_compared;
+    result.last_tick = simulation.snapshot().tick;
+    if (simulation.snapshot().state_hash == recording.state_hashes()[frame]) continue;
+    result.first_different_tick = result.last_tick;
+    result.difference = describe_difference(recording, frame, simulation);
+    return result;
+  }
+  return result;
+}
+
+}  // namespace smartsurf::run

@@ -1,0 +1,19 @@
+// The rectangle around the cells of a surface, whatever its layout.
+#pragma once
+
+#include "smartsurf/scene/SceneSpec.h"
+
+namespace smartsurf::scene {
+
+struct SurfaceBounds {
+  double west = 0.0, south = 0.0, east = 0.0, north = 0.0;  // u
+  double width() const { return east - west; }
+  double height() const { return north - south; }
+  bool contains(double x, double y) const { return x >= west && x <= east && y >= south && y <= north; }
+};
+
+// Around all cells that are there, a cell reaching half a pitch from its centre; of a rectangular grid around
+// all places. A surface has at least one cell.
+SurfaceBounds compute_surface_bounds(const SurfaceSpec&);
+
+}  // namespace smartsurf::scene

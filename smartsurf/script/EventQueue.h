@@ -1,0 +1,49 @@
+// The calendar of timed events: which callbacks are due, in which order.
+//
+// Order: by the nominal time of the event, then by registration. A periodic event's n-th time is start +
+// n·period, computed afresh, so no rounding accumulates.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <queue>
+#include <vector>
+
+namespace smartsurf::script {
+
+struct TimedEvent {
+  double due_s = 0.0;
+  std::uint64_t sequence = 0;  // of registration
+  int callback = 0;            // whatever the caller knows the function by
+  double start_s = 0.0;
+  double period_s = 0.0;  // 0 = once
+  std::uint64_t repetitions = 0;
+};
+
+class EventQueue {
+ public:
+  void schedule_at(double time_s, int callback);
+  // First at start_s + period_s. Requires period_s > 0.
+  void schedule_every(double start_s, double period_s, int callback);
+
+  // Calls `call` for each event due at or before horizon_s, in order; a periodic event goes on as long as
+  // `call` returns true. Events registered meanwhile wait for the next run_due.
+  void run_due(double horizon_s, const std::function<bool(const TimedEvent&)>& invoke);
+
+  std::size_t size() const { return queue_.size() + pending_.size(); }
+
+ private:
+  struct FiresLater {
+    bool operator()(const TimedEvent& a, const TimedEvent& b) const {
+      return a.due_s != b.due_s ? a.due_s > b.due_s : a.sequence > b.sequence;
+    }
+  };
+  void merge_pending();
+
+  std::priority_queue<TimedEvent, std::vector<TimedEvent>, FiresLater> queue_;
+  std::vector<TimedEvent> pending_;
+  std::uint64_t next_sequence_ = 0;
+};
+
+}  // namespace smartsurf::script

@@ -1,0 +1,225 @@
+// sphere, box, cylinder, capsule, cone, hull, mesh: declared while the script loads, spawned while the
+// simulation runs.
+#include <array>
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "smartsurf/scene/SolidFactory.h"
+#include "smartsurf/script/ScriptContext.h"
+#include "smartsurf/script/lua/SandboxFiles.h"
+#include "smartsurf/script/lua/TableReader.h"
+
+namespace smartsurf::script {
+namespace {
+
+constexpr std::size_t kMaxObjects = 1'000'000;
+constexpr std::size_t kMaxHullPoints = 100'000;  // of a hull
+constexpr std::size_t kMaxLabelLength = 100;
+constexpr int kMaxHullCount = 256;
+
+// One kind of object: its name, what it takes beside what all take, and how that is read.
+struct ShapeBinding {
+  std::string_view name;
+  scene::ShapeKind kind;
+  std::array<std::string_view, 5> fields;  // "" where there are fewer
+  void (*read)(ScriptContext&, lua_State*, const TableReader&, scene::ObjectSpec&);
+};
+
+constexpr std::array<std::string_view, 11> kCommonFields{
+    "position", "orientation", "velocity", "angular_velocity", "mass", "fixed", "material", "colour",
+    "label",    "pole",        "moment"};
+
+std::vector<std::string_view> field_names(const ShapeBinding& shape) {
+  std::vector<std::string_view> all;
+  for (const std::string_view field : shape.fields)
+    if (!field.empty()) all.push_back(field);
+  all.insert(all.end(), kCommonFields.begin(), kCommonFields.end());
+  return all;
+}
+
+void read_common(const ScriptContext& context, lua_State* L, const TableReader& fields,
+                 scene::ObjectSpec& object) {
+  fields.require("position");
+  fields.read("position", object.position);
+  fields.read("orientation", object.orientation);
+  fields.read("velocity", object.velocity);
+  fields.read("angular_velocity", object.angular_velocity);
+  fields.read("mass", object.mass);
+  fields.read("fixed", object.fixed);
+  fields.read("colour", object.colour);
+  fields.read("pole", object.magnetic_pole);
+  fields.read("moment", object.magnetic_moment);
+  fields.visit("material", [&](int i, const std::string& name) {
+    object.material = check_material(context, L, i, name);
+  });
+  fields.visit("label", [&](int i, const std::string& name) {
+    object.label = check_string(L, i, name);
+    if (object.label.size() > kMaxLabelLength || to_single_line(object.label) != object.label)
+      throw_invalid_value(L, i, name, "at most 100 characters in one line");
+  });
+}
+
+void read_radius(ScriptContext&, lua_State*, const TableReader& fields, scene::ObjectSpec& object) {
+  fields.require("radius");
+  fields.read("radius", object.radius);
+}
+
+void read_radius_and_height(ScriptContext& context, lua_State* L, const TableReader& fields,
+                            scene::ObjectSpec& object) {
+  read_radius(context, L, fields, object);
+  fields.require("height");
+  fields.read("height", object.height);
+}
+
+void read_size(ScriptContext&, lua_State*, const TableReader& fields, scene::ObjectSpec& object) {
+  fields.require("size");
+  fields.read("size", object.size);
+}
+
+scene::SolidFactory& require_solid_factory(const ScriptContext& context) {
+  if (!context.options.solid_factory)
+    throw ScriptError("hull and mesh are not available to a script loaded this way");
+  return *context.options.solid_factory;
+}
+
+// Where the script's author sees it, once.
+void report_warnings(const ScriptContext& context, lua_State* L, const std::vector<std::string>& warnings) {
+  for (const std::string& warning : warnings) {
+    const std::string line = context.interpreter->current_location(L) + ": " + warning;
+    if (context.options.report_warning)
+      context.options.report_warning(line);
+    else
+      std::fprintf(stderr, "%s\n", line.c_str());
+  }
+}
+
+// `make` throws a clause without the field that it is about.
+template <typename Make>
+std::shared_ptr<const scene::Solid> make_solid(const ScriptContext& context, lua_State* L,
+                                               const std::string& field, Make make) {
+  scene::SolidResult result;
+  try {
+    result = make();
+  } catch (const scene::InputError& e) {
+    throw ScriptError(field + e.what());
+  }
+  report_warnings(context, L, result.warnings);
+  return result.solid;
+}
+
+void read_mesh_source(const ScriptContext& context, lua_State* L, const TableReader& fields,
+                      scene::MeshRequest& request) {
+  fields.visit("file", [&](int i, const std::string& name) {
+    const std::string path = check_string(L, i, name);
+    request.file = resolve_readable_path(context, name, path);
+    request.display_name = to_single_line(path);
+  });
+  fields.visit("scale", [&](int i, const std::string& name) {
+    request.scale = check_number(L, i, name);
+    if (!(request.scale >= 1e-9 && request.scale <= 1e9))
+      throw_invalid_value(L, i, name, "in [1e-09, 1e+09]");
+  });
+}
+
+void read_mesh(ScriptContext& context, lua_State* L, const TableReader& fields, scene::ObjectSpec& object) {
+  scene::MeshRequest request;
+  fields.require("file");
+  read_mesh_source(context, L, fields, request);
+  fields.read("decompose", request.decompose);
+  fields.read("pieces", request.max_hulls, 1, kMaxHullCount);
+  fields.visit("tolerance", [&](int i, const std::string& name) {
+    request.tolerance = check_number(L, i, name);
+    if (!(request.tolerance > 0.0)) throw_invalid_value(L, i, name, "greater than 0");
+  });
+  object.solid = make_solid(
+      context, L, "mesh.file = ", [&] { return require_solid_factory(context).load_mesh(request); });
+}
+
+std::vector<Eigen::Vector3d> check_points(ScriptContext& context, lua_State* L, int index,
+                                          const std::string& name) {
+  if (lua_type(L, index) != LUA_TTABLE)
+    throw_invalid_value(L, index, name, "a list of points, {{x, y, z}, ...}");
+  const lua_Unsigned count = lua_rawlen(L, index);
+  if (count > kMaxHullPoints) throw ScriptError(name + ": more than 100000 points");
+  context.interpreter->charge(L, count);
+  std::vector<Eigen::Vector3d> points;
+  for (lua_Unsigned i = 1; i <= count; ++i) {
+    lua_rawgeti(L, index, static_cast<lua_Integer>(i));
+    points.push_back(check_vector(L, lua_gettop(L), name + "[" + std::to_string(i) + "]"));
+    lua_pop(L, 1);
+  }
+  return points;
+}
+
+void read_hull(ScriptContext& context, lua_State* L, const TableReader& fields, scene::ObjectSpec& object) {
+  if (fields.has("points") == fields.has("file"))
+    throw ScriptError("hull: takes points = {{x, y, z}, ...} or file = 'part.stl', one of them");
+  if (fields.has("file")) {
+    scene::MeshRequest request;
+    read_mesh_source(context, L, fields, request);
+    object.solid = make_solid(
+        context, L, "hull.file = ", [&] { return require_solid_factory(context).make_hull(request); });
+    return;
+  }
+  if (fields.has("scale")) throw ScriptError("hull.scale: goes with file; the points are in u");
+  fields.visit("points", [&](int i, const std::string& name) {
+    const std::vector<Eigen::Vector3d> points = check_points(context, L, i, name);
+    object.solid = make_solid(context, L, name + ": ",
+                              [&] { return require_solid_factory(context).make_hull(points, "hull"); });
+  });
+}
+
+constexpr ShapeBinding kSphere{"sphere", scene::ShapeKind::kSphere, {"radius"}, read_radius};
+constexpr ShapeBinding kBox{"box", scene::ShapeKind::kBox, {"size"}, read_size};
+constexpr ShapeBinding kCylinder{
+    "cylinder", scene::ShapeKind::kCylinder, {"radius", "height"}, read_radius_and_height};
+constexpr ShapeBinding kCapsule{
+    "capsule", scene::ShapeKind::kCapsule, {"radius", "height"}, read_radius_and_height};
+constexpr ShapeBinding kCone{"cone", scene::ShapeKind::kCone, {"radius", "height"}, read_radius_and_height};
+constexpr ShapeBinding kHull{"hull", scene::ShapeKind::kSolid, {"points", "file", "scale"}, read_hull};
+constexpr ShapeBinding kMesh{
+    "mesh", scene::ShapeKind::kSolid, {"file", "scale", "decompose", "pieces", "tolerance"}, read_mesh};
+
+// Id numbers are those of recordings and of the view: from 0, in the order of creation.
+scene::ObjectId add_object(ScriptContext& context, const ShapeBinding& shape,
+                           const scene::ObjectSpec& object) {
+  const std::string subject(shape.name);
+  if (const std::string error = validate(object); !error.empty()) throw ScriptError(subject + "." + error);
+  if (context.phase == Phase::kRunning) return context.simulation->spawn(object);
+  auto& objects = context.spec.objects;
+  if (objects.size() >= kMaxObjects) throw ScriptError(subject + ": more than 1000000 objects");
+  objects.push_back(object);
+  return static_cast<scene::ObjectId>(objects.size() - 1);
+}
+
+template <const ShapeBinding& shape>
+int create(ScriptContext& context, lua_State* L) {
+  static const std::vector<std::string_view> known = field_names(shape);
+  const TableReader fields(L, 1, std::string(shape.name), known);
+  scene::ObjectSpec object;
+  object.shape = shape.kind;
+  shape.read(context, L, fields, object);
+  read_common(context, L, fields, object);
+  lua_pushinteger(L, static_cast<lua_Integer>(add_object(context, shape, object)));
+  return 1;
+}
+
+template <const ShapeBinding& shape>
+void bind_shape(lua_State* L) {
+  lua_register(L, shape.name.data(), (guarded<create<shape>>));
+}
+
+}  // namespace
+
+void bind_objects(lua_State* L) {
+  bind_shape<kSphere>(L);
+  bind_shape<kBox>(L);
+  bind_shape<kCylinder>(L);
+  bind_shape<kCapsule>(L);
+  bind_shape<kCone>(L);
+  bind_shape<kHull>(L);
+  bind_shape<kMesh>(L);
+}
+
+}  // namespace smartsurf::script

@@ -1,0 +1,151 @@
+// option: a value that the command line may change. random: the experiment's own random numbers.
+#include <algorithm>
+#include <cctype>
+#include <charconv>
+#include <cmath>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "smartsurf/script/ScriptContext.h"
+#include "smartsurf/script/lua/TableReader.h"
+
+namespace smartsurf::script {
+namespace {
+
+constexpr std::size_t kMaxOptions = 1000;
+
+bool is_option_name(const std::string& name) {
+  return !name.empty() && name.size() <= 60 && std::isalpha(static_cast<unsigned char>(name[0])) &&
+         std::all_of(name.begin(), name.end(),
+                     [](unsigned char c) { return c < 0x80 && (std::isalnum(c) || c == '_' || c == '-'); });
+}
+
+// What --set gives for this name.
+const std::string* find_override(const ScriptContext& context, const std::string& name) {
+  const std::string* value = nullptr;
+  for (const auto& [key, text] : context.options.overrides)
+    if (key == name) value = &text;
+  return value;
+}
+
+template <typename T>
+std::optional<T> parse_number(const std::string& text) {
+  T value{};
+  const char* const begin = text.data() + (text.starts_with("+") ? 1 : 0);
+  const auto [end, error] = std::from_chars(begin, text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
+
+[[noreturn]] void throw_option_error(lua_State* L, const std::string& name, const std::string& text,
+                                     const std::string& requirement) {
+  throw ScriptError("option '" + name + "': --set " + name + "=" + to_single_line(text.substr(0, 60)) +
+                    ": must be " + requirement + " (default " + format_value(L, 2) + ")");
+}
+
+void push_number(lua_State* L, const std::string& name, const std::string& text) {
+  const bool wants_integer = lua_isinteger(L, 2) != 0;
+  if (const auto integer = parse_number<std::int64_t>(text); integer && wants_integer) {
+    lua_pushinteger(L, *integer);
+    return;
+  }
+  const auto number = parse_number<double>(text);
+  if (!number || !std::isfinite(*number)) throw_option_error(L, name, text, "a number");
+  lua_pushnumber(L, *number);
+}
+
+void push_boolean(lua_State* L, const std::string& name, const std::string& text) {
+  if (text == "true" || text == "1" || text == "yes")
+    lua_pushboolean(L, 1);
+  else if (text == "false" || text == "0" || text == "no")
+    lua_pushboolean(L, 0);
+  else
+    throw_option_error(L, name, text, "true or false");
+}
+
+// The option's value: the default at index 2, or what --set gives, as a value of the default's type.
+void push_option_value(ScriptContext& context, lua_State* L, const std::string& name) {
+  const std::string* const text = find_override(context, name);
+  switch (lua_type(L, 2)) {
+    case LUA_TNUMBER:
+      check_number(L, 2, "option '" + name + "'");
+      text == nullptr ? lua_pushvalue(L, 2) : push_number(L, name, *text);
+      break;
+    case LUA_TBOOLEAN:
+      text == nullptr ? lua_pushvalue(L, 2) : push_boolean(L, name, *text);
+      break;
+    case LUA_TSTRING:
+      if (text == nullptr)
+        lua_pushvalue(L, 2);
+      else
+        lua_pushlstring(L, text->data(), text->size());
+      break;
+    default:
+      throw_invalid_value(L, 2, "option '" + name + "': default", "a number, a text, true or false");
+  }
+}
+
+int option(ScriptContext& context, lua_State* L) {
+  require_loading(context, "option");
+  lua_settop(L, 3);
+  const std::string name = check_string(L, 1, "option: name");
+  if (!is_option_name(name))
+    throw_invalid_value(L, 1, "option: name", "letters, digits, _ and -, a letter first");
+  const std::string help = lua_isnil(L, 3) ? "" : check_string(L, 3, "option '" + name + "': help");
+  declare_once(context, L, "option '" + name + "'");
+  if (context.spec.options.size() >= kMaxOptions) throw ScriptError("option: more than 1000 options");
+  push_option_value(context, L, name);
+  std::size_t length = 0;
+  const char* const text = luaL_tolstring(L, -1, &length);
+  context.spec.options.push_back({name, std::string(text, length), help});
+  lua_pop(L, 1);
+  return 1;
+}
+
+int random(ScriptContext& context, lua_State* L) {
+  const int count = lua_gettop(L);
+  if (count != 0 && count != 2) throw ScriptError("random: takes random(low, high), or random() for [0, 1)");
+  const double low = count == 0 ? 0.0 : check_number(L, 1, "random: low");
+  const double high = count == 0 ? 1.0 : check_number(L, 2, "random: high");
+  if (low > high)
+    throw ScriptError("random: low = " + format_value(low) + " is above high = " + format_value(high));
+  lua_pushnumber(L, context.random_generator(L).uniform(low, high));
+  return 1;
+}
+
+// As Lua's own, from the experiment's sequence: math.random(), math.random(n), math.random(low, high).
+int math_random(ScriptContext& context, lua_State* L) {
+  const int count = lua_gettop(L);
+  if (count == 0) {
+    lua_pushnumber(L, context.random_generator(L).uniform_unit());
+    return 1;
+  }
+  if (count > 2) throw ScriptError("math.random: takes at most 2 numbers");
+  const std::int64_t low = count == 1 ? 1 : check_integer(L, 1, "math.random: low", INT64_MIN, INT64_MAX);
+  const std::int64_t high = check_integer(L, count, "math.random: high", INT64_MIN, INT64_MAX);
+  if (low > high)
+    throw ScriptError("math.random: low = " + std::to_string(low) +
+                      " is above high = " + std::to_string(high));
+  lua_pushinteger(L, context.random_generator(L).uniform_integer(low, high));
+  return 1;
+}
+
+int math_randomseed(ScriptContext&, lua_State*) {
+  throw ScriptError("math.randomseed: the experiment has one seed; set it with world{seed = ...} or --seed");
+}
+
+}  // namespace
+
+void bind_options(lua_State* L) {
+  lua_register(L, "option", guarded<option>);
+  lua_register(L, "random", guarded<random>);
+  lua_getglobal(L, "math");
+  lua_pushcfunction(L, guarded<math_random>);
+  lua_setfield(L, -2, "random");
+  lua_pushcfunction(L, guarded<math_randomseed>);
+  lua_setfield(L, -2, "randomseed");
+  lua_pop(L, 1);
+}
+
+}  // namespace smartsurf::script

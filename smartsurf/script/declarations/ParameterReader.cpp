@@ -1,0 +1,75 @@
+#include "smartsurf/script/declarations/ParameterReader.h"
+
+#include <algorithm>
+
+namespace smartsurf::script {
+namespace {
+
+using Type = scene::Parameter::Type;
+
+double check_choice(lua_State* L, int index, const std::string& name,
+                    const std::vector<std::string>& choices) {
+  const std::string chosen = lua_type(L, index) == LUA_TSTRING ? check_string(L, index, name) : "";
+  const auto it = std::ranges::find(choices, chosen);
+  if (it == choices.end()) throw_invalid_value(L, index, name, "one of " + join_names(choices));
+  return static_cast<double>(it - choices.begin());
+}
+
+std::vector<double> check_points(lua_State* L, int index, const std::string& name) {
+  if (lua_type(L, index) != LUA_TTABLE) throw_invalid_value(L, index, name, "a list of points {x, y, z}");
+  std::vector<double> coordinates;
+  const auto count = static_cast<lua_Integer>(lua_rawlen(L, index));
+  for (lua_Integer i = 1; i <= count; ++i) {
+    lua_rawgeti(L, index, i);
+    const Eigen::Vector3d point = check_vector(L, lua_gettop(L), name + "[" + std::to_string(i) + "]");
+    coordinates.insert(coordinates.end(), point.begin(), point.end());
+    lua_pop(L, 1);
+  }
+  return coordinates;
+}
+
+std::vector<double> check_parameter_value(lua_State* L, int index, const std::string& name,
+                                          const scene::Parameter& p) {
+  switch (p.type) {
+    case Type::kNumber:
+      return {check_number(L, index, name)};
+    case Type::kCount:
+      return {static_cast<double>(check_integer(L, index, name, static_cast<std::int64_t>(p.minimum),
+                                                static_cast<std::int64_t>(p.maximum)))};
+    case Type::kFlag:
+      if (lua_type(L, index) != LUA_TBOOLEAN) throw_invalid_value(L, index, name, "true or false");
+      return {lua_toboolean(L, index) != 0 ? 1.0 : 0.0};
+    case Type::kSize:
+      if (lua_type(L, index) == LUA_TNUMBER) return std::vector<double>(2, check_number(L, index, name));
+      return check_numbers(L, index, name, 2, "a number or {x, y}");
+    case Type::kRange:
+      return check_numbers(L, index, name, 2, "{lowest, highest}");
+    case Type::kVector: {
+      const Eigen::Vector3d v = check_vector(L, index, name);
+      return {v.x(), v.y(), v.z()};
+    }
+    case Type::kChoice:
+      return {check_choice(L, index, name, p.choices)};
+    case Type::kPointList:
+      return check_points(L, index, name);
+  }
+  return {};
+}
+
+}  // namespace
+
+std::vector<std::string> parameter_names(std::span<const scene::Parameter> parameters) {
+  std::vector<std::string> names;
+  for (const scene::Parameter& p : parameters) names.push_back(p.name);
+  return names;
+}
+
+void read_parameters(lua_State* L, const TableReader& fields, std::span<const scene::Parameter> parameters,
+                     scene::ParameterValues& values) {
+  for (const scene::Parameter& p : parameters)
+    fields.visit(p.name, [&](int i, const std::string& name) {
+      values[p.name] = check_parameter_value(L, i, name, p);
+    });
+}
+
+}  // namespace smartsurf::script

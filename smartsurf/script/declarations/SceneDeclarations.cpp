@@ -1,0 +1,155 @@
+// world, material, surface, faults, record: what a script declares once, while it loads.
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "smartsurf/scene/Occupancy.h"
+#include "smartsurf/script/ScriptContext.h"
+#include "smartsurf/script/lua/SandboxFiles.h"
+#include "smartsurf/script/lua/TableReader.h"
+#include "smartsurf/script/lua/Userdata.h"
+
+namespace smartsurf::script {
+namespace {
+
+constexpr std::size_t kMaxMaterials = 1000;
+
+void throw_if_invalid(const std::string& error) {
+  if (!error.empty()) throw ScriptError(error);
+}
+
+int world(ScriptContext& context, lua_State* L) {
+  declare_once(context, L, "world");
+  const TableReader fields(L, 1, "world",
+                           {"gravity", "dt", "iterations", "control_period", "seed", "ground", "off_table"});
+  scene::WorldSpec& spec = context.spec.world;
+  fields.visit("gravity", [&](int i, const std::string& name) {
+    if (lua_type(L, i) == LUA_TNUMBER)
+      spec.gravity = {0.0, 0.0, check_number(L, i, name)};
+    else if (lua_type(L, i) == LUA_TTABLE)
+      spec.gravity = check_vector(L, i, name);
+    else
+      throw_invalid_value(L, i, name, "a number (along z) or {x, y, z}");
+  });
+  fields.read("dt", spec.dt_s);
+  fields.read("iterations", spec.iterations, 1, 1000);
+  fields.read("control_period", spec.control_period_s);
+  fields.read("ground", spec.ground);
+  fields.visit("off_table", [&](int i, const std::string& name) {
+    const std::string policy = check_string(L, i, name);
+    if (policy != "keep" && policy != "remove") throw_invalid_value(L, i, name, "'keep' or 'remove'");
+    spec.off_table = policy == "keep" ? scene::OffTablePolicy::kKeep : scene::OffTablePolicy::kRemove;
+  });
+  fields.visit("seed", [&](int i, const std::string& name) {
+    const auto seed = static_cast<std::uint64_t>(check_integer(L, i, name, 0, INT64_MAX));
+    if (context.options.seed) return;  // --seed wins
+    if (context.random && seed != spec.seed)
+      throw ScriptError("world.seed = " + std::to_string(seed) +
+                        ": random numbers were already drawn with seed " + std::to_string(spec.seed) +
+                        " at " + context.random_first_use + "; put world{} before");
+    spec.seed = seed;
+  });
+  throw_if_invalid(validate(spec));
+  return 0;
+}
+
+int material(ScriptContext& context, lua_State* L) {
+  require_loading(context, "material");
+  const TableReader fields(L, 1, "material",
+                           {"name", "friction", "rolling_friction", "restitution", "density"});
+  fields.require("name");
+  scene::Material m;
+  fields.read("name", m.name);
+  fields.read("friction", m.friction);
+  fields.read("rolling_friction", m.rolling_friction);
+  fields.read("restitution", m.restitution);
+  fields.read("density", m.density);
+  throw_if_invalid(validate(m));
+  declare_once(context, L, "material '" + to_single_line(m.name.substr(0, 60)) + "'");
+  auto& all = context.spec.materials;
+  if (m.name == all[0].name) {
+    all[0] = m;  // "default" is there from the beginning, and may be changed
+  } else {
+    if (all.size() >= kMaxMaterials) throw ScriptError("material: more than 1000 materials");
+    all.push_back(m);
+  }
+  return 0;
+}
+
+int surface(ScriptContext& context, lua_State* L) {
+  declare_once(context, L, "surface");
+  const TableReader fields(L, 1, "surface",
+                           {"rows", "columns", "pitch", "actuator", "actuators", "cells", "mask", "layout",
+                            "positions", "modules", "base", "tilt", "sensors", "border", "material"});
+  scene::SurfaceSpec& spec = context.spec.surface;
+  fields.read("rows", spec.rows, 1, 4096);
+  fields.read("columns", spec.columns, 1, 4096);
+  fields.read("pitch", spec.pitch);
+  if (!(spec.pitch > 0.0)) throw_if_invalid(validate(spec));
+  read_layout(context, L, fields, spec);
+  fields.visit("sensors",
+               [&](int i, const std::string& name) { read_sensors(context, L, i, name, spec.sensors); });
+  fields.visit("border", [&](int i, const std::string& name) {
+    const TableReader border(L, i, name, {"height"});
+    border.require("height");
+    border.read("height", spec.border_height);
+  });
+  fields.visit("material",
+               [&](int i, const std::string& name) { spec.material = check_material(context, L, i, name); });
+  throw_if_invalid(validate(spec));
+  context.channels = collect_channels(spec.sensors);
+  if (has_empty_cells(spec)) context.channels.push_back({.name = scene::kOccupancyChannel});
+  return 0;
+}
+
+int faults(ScriptContext& context, lua_State* L) {
+  declare_once(context, L, "faults");
+  const TableReader fields(L, 1, "faults", {"actuator", "sensor", "map"});
+  scene::FaultSpec& spec = context.spec.surface.faults;
+  fields.visit("actuator",
+               [&](int i, const std::string& name) { read_actuator_faults(L, i, name, spec.actuator); });
+  fields.visit("sensor",
+               [&](int i, const std::string& name) { read_sensor_faults(L, i, name, spec.sensor_errors); });
+  fields.visit("map", [&](int i, const std::string& name) {
+    NamedFile file = read_sandboxed_file(context, name, check_string(L, i, name));
+    spec.fault_map = {std::move(file.name), std::move(file.content)};
+  });
+  return 0;
+}
+
+int record(ScriptContext& context, lua_State* L) {
+  declare_once(context, L, "record");
+  const TableReader fields(L, 1, "record", {"objects", "sensors", "actuators", "every"});
+  scene::RecordSpec& spec = context.spec.record;
+  fields.read("objects", spec.objects);
+  fields.read("sensors", spec.sensors);
+  fields.read("actuators", spec.actuators);
+  fields.read("every", spec.tick_interval, 1, 1'000'000);
+  return 0;
+}
+
+}  // namespace
+
+int check_material(const ScriptContext& context, lua_State* L, int index, const std::string& name) {
+  const std::string sought = check_string(L, index, name);
+  std::vector<std::string> names;
+  const auto& all = context.spec.materials;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (all[i].name == sought) return static_cast<int>(i);
+    names.push_back(all[i].name);
+  }
+  const std::string hint = did_you_mean(sought, names);
+  throw ScriptError(
+      name + " = " + format_value(L, index) + ": no such material" +
+      (hint.empty() ? "; known: " + join_names(names) + "; declare it before with material{}" : hint));
+}
+
+void bind_declarations(lua_State* L) {
+  lua_register(L, "world", guarded<world>);
+  lua_register(L, "material", guarded<material>);
+  lua_register(L, "surface", guarded<surface>);
+  lua_register(L, "faults", guarded<faults>);
+  lua_register(L, "record", guarded<record>);
+}
+
+}  // namespace smartsurf::script

@@ -1,0 +1,116 @@
+// One function a kind of sensor (proximity, colour, …), and the list of sensors of surface{}.
+#include <algorithm>
+#include <cctype>
+#include <string>
+
+#include "smartsurf/script/ScriptContext.h"
+#include "smartsurf/script/declarations/ParameterReader.h"
+#include "smartsurf/script/lua/SandboxFiles.h"
+#include "smartsurf/script/lua/Userdata.h"
+
+namespace smartsurf::script {
+namespace {
+
+constexpr std::size_t kMaxSensors = 32;  // as many as the protocol has channels
+constexpr std::size_t kMaxSensorNameLength =
+    27;  // leaves room for "_hit" in the 31 characters of a channel's name
+constexpr std::size_t kMaxDeclared = 1000;
+
+// What a sensor's function returns to Lua: the sensor's place in Session::sensors.
+constexpr const char* kSensorType = "sensor";
+
+bool is_sensor_name(const std::string& name) {
+  return !name.empty() && name.size() <= kMaxSensorNameLength &&
+         std::isalpha(static_cast<unsigned char>(name[0])) &&
+         std::all_of(name.begin(), name.end(),
+                     [](unsigned char c) { return c < 0x80 && (std::isalnum(c) || c == '_'); });
+}
+
+void throw_if_invalid(const std::string& error) {
+  if (!error.empty()) throw ScriptError(error);
+}
+
+// Upvalue: the index of the kind.
+int declare_sensor(ScriptContext& context, lua_State* L) {
+  const scene::SensorKind& kind =
+      scene::sensor_kinds()[static_cast<std::size_t>(lua_tointeger(L, lua_upvalueindex(1)))];
+  require_loading(context, kind.name);
+  std::vector<std::string> known = parameter_names(kind.parameters);
+  for (const std::string& name : parameter_names(scene::sensor_error_parameters())) known.push_back(name);
+  known.insert(known.end(), {"name", "calibration"});
+  const TableReader fields(L, 1, kind.name, known);
+  scene::SensorSpec spec = kind.default_spec();
+  read_parameters(L, fields, kind.parameters, spec.values);
+  read_parameters(L, fields, scene::sensor_error_parameters(), spec.values);
+  fields.visit("name", [&](int i, const std::string& name) {
+    spec.name = check_string(L, i, name);
+    if (!is_sensor_name(spec.name))
+      throw_invalid_value(L, i, name, "1 to 27 letters, digits and _, a letter first");
+  });
+  fields.visit("calibration", [&](int i, const std::string& name) {
+    NamedFile file = read_sandboxed_file(context, name, check_string(L, i, name));
+    spec.calibration = {std::move(file.name), std::move(file.content)};
+  });
+  throw_if_invalid(kind.validate(spec));
+  scene::SurfaceSpec probe;
+  probe.sensors = {spec};
+  throw_if_invalid(validate(probe));
+  if (context.sensors.size() >= kMaxDeclared) throw ScriptError(kind.name + ": more than 1000 sensors");
+  context.sensors.push_back(std::move(spec));
+  new (lua_newuserdatauv(L, sizeof(std::size_t), 0)) std::size_t(context.sensors.size() - 1);
+  luaL_setmetatable(L, kSensorType);
+  return 1;
+}
+
+const scene::SensorSpec& check_sensor(const ScriptContext& context, lua_State* L, int index,
+                                      const std::string& name) {
+  const auto* const slot = static_cast<const std::size_t*>(luaL_testudata(L, index, kSensorType));
+  if (slot == nullptr) throw_invalid_value(L, index, name, "a sensor, proximity{range = ...}");
+  return context.sensors[*slot];
+}
+
+}  // namespace
+
+void read_sensors(const ScriptContext& context, lua_State* L, int index, const std::string& name,
+                  std::vector<scene::SensorSpec>& sensors) {
+  if (lua_type(L, index) == LUA_TUSERDATA) {
+    sensors.push_back(check_sensor(context, L, index, name));
+    return;
+  }
+  if (lua_type(L, index) != LUA_TTABLE)
+    throw_invalid_value(L, index, name, "a list of sensors, {proximity{...}}");
+  const lua_Unsigned count = lua_rawlen(L, index);
+  if (count > kMaxSensors) throw ScriptError(name + ": more than 32 sensors");
+  lua_Unsigned pairs = 0;
+  for (lua_pushnil(L); lua_next(L, index) != 0; lua_pop(L, 1)) ++pairs;
+  if (pairs != count) throw ScriptError(name + ": must be a list of sensors without names, {proximity{...}}");
+  for (lua_Unsigned i = 1; i <= count; ++i) {
+    lua_rawgeti(L, index, static_cast<lua_Integer>(i));
+    const scene::SensorSpec& found =
+        check_sensor(context, L, lua_gettop(L), name + "[" + std::to_string(i) + "]");
+    for (const auto& other : sensors)
+      if (other.name == found.name)
+        throw ScriptError(name + ": two sensors are called '" + found.name + "'; give one another name, " +
+                          found.model + "{name = ...}");
+    sensors.push_back(found);
+    lua_pop(L, 1);
+  }
+}
+
+void read_sensor_faults(lua_State* L, int index, const std::string& name, scene::ParameterValues& values) {
+  const TableReader fields(L, index, name, parameter_names(scene::sensor_error_parameters()));
+  read_parameters(L, fields, scene::sensor_error_parameters(), values);
+  throw_if_invalid(scene::validate_sensor_errors(name, values));
+}
+
+void bind_sensors(lua_State* L) {
+  register_userdata_type(L, kSensorType, {});
+  const std::span<const scene::SensorKind> kinds = scene::sensor_kinds();
+  for (std::size_t i = 0; i < kinds.size(); ++i) {
+    lua_pushinteger(L, static_cast<lua_Integer>(i));
+    lua_pushcclosure(L, guarded<declare_sensor>, 1);
+    lua_setglobal(L, kinds[i].name.c_str());
+  }
+}
+
+}  // namespace smartsurf::script

@@ -1,0 +1,209 @@
+#include "smartsurf/script/lua/Interpreter.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <limits>
+#include <new>
+#include <utility>
+
+#include "smartsurf/script/ScriptContext.h"
+
+namespace smartsurf::script {
+namespace {
+
+constexpr int kHookInterval = 1000;  // instructions between two looks at the budget
+constexpr std::size_t kMaxMessageLength = 500;
+
+// The Lua function of the script that runs innermost; library and bound functions have no line.
+bool find_innermost_line(lua_State* L, lua_Debug& ar) {
+  for (int level = 0; lua_getstack(L, level, &ar); ++level)
+    if (lua_getinfo(L, "Sl", &ar) && ar.currentline > 0 && ar.source[0] == '@') return true;
+  return false;
+}
+
+// How Lua abbreviates the chunk's name in messages.
+std::string chunk_short_name(lua_State* L, const std::string& chunk) {
+  if (luaL_loadbufferx(L, "", 0, chunk.c_str(), "t") != LUA_OK) lua_error(L);
+  lua_Debug ar;
+  lua_getinfo(L, ">S", &ar);
+  return ar.short_src;
+}
+
+}  // namespace
+
+std::string format_value(double value) {
+  if (std::isnan(value)) return "nan";
+  char text[32];
+  std::snprintf(text, sizeof text, "%.14g", value);
+  return text;
+}
+
+std::string to_single_line(std::string_view text) {
+  std::string line;
+  for (const char c : text.substr(0, kMaxMessageLength))
+    line += static_cast<unsigned char>(c) < 0x20 || c == 0x7f ? ' ' : c;
+  if (text.size() > kMaxMessageLength) line += "...";
+  return line;
+}
+
+Interpreter::Interpreter(ScriptContext& context, std::size_t memory_limit)
+    : context_(context), memory_limit_(memory_limit) {
+  lua_State* const L = lua_newstate(&Interpreter::allocate, this);
+  if (L == nullptr) throw std::bad_alloc();
+  lua_ = L;
+  ScriptContext* const pointer = &context_;
+  std::memcpy(lua_getextraspace(L), &pointer, sizeof pointer);
+}
+
+Interpreter::~Interpreter() {
+  lua_sethook(lua_, nullptr, 0, 0);
+  lua_close(lua_);
+}
+
+ScriptContext& Interpreter::context_of(lua_State* L) {
+  ScriptContext* pointer = nullptr;
+  std::memcpy(&pointer, lua_getextraspace(L), sizeof pointer);
+  return *pointer;
+}
+
+void* Interpreter::allocate(void* self, void* block, std::size_t old_size, std::size_t new_size) {
+  auto& interpreter = *static_cast<Interpreter*>(self);
+  if (block == nullptr) old_size = 0;  // then it tells the kind of object
+  if (new_size == 0) {
+    std::free(block);
+    interpreter.memory_used_ -= old_size;
+    return nullptr;
+  }
+  const bool grows = new_size > old_size;
+  if (grows && new_size - old_size > interpreter.memory_limit_ -
+                                         std::min(interpreter.memory_limit_, interpreter.memory_used_)) {
+    lua_Debug ar;  // Lua drops the place of a memory error: note it here, where the line still runs
+    interpreter.memory_error_location_.clear();
+    if (interpreter.lua_ != nullptr && find_innermost_line(interpreter.lua_, ar))
+      interpreter.memory_error_location_ = std::string(ar.source + 1) + ":" + std::to_string(ar.currentline);
+    return nullptr;
+  }
+  void* const moved = std::realloc(block, new_size);
+  if (moved != nullptr) interpreter.memory_used_ = interpreter.memory_used_ - old_size + new_size;
+  return moved;
+}
+
+void Interpreter::on_instruction_count(lua_State* L, lua_Debug*) {
+  Interpreter& interpreter = *context_of(L).interpreter;
+  interpreter.charge(L, interpreter.budget_exceeded_ ? 1 : kHookInterval);
+}
+
+void Interpreter::charge(lua_State* L, std::uint64_t instructions) {
+  instructions_used_ =
+      std::min(instructions_used_, std::numeric_limits<std::uint64_t>::max() - instructions) + instructions;
+  if (instructions_used_ > instruction_budget_) raise_budget_error(L);
+}
+
+void Interpreter::raise_budget_error(lua_State* L) {
+  // A script may catch the error with pcall; from now on every further instruction raises it anew.
+  budget_exceeded_ = true;
+  lua_sethook(L, &Interpreter::on_instruction_count, LUA_MASKCOUNT, 1);
+  lua_pushfstring(L, "%s: the script ran for more than %I instructions: an endless loop?",
+                  current_location(L).c_str(), static_cast<LUAI_UACINT>(instruction_budget_));
+  lua_error(L);
+  std::abort();  // lua_error does not return
+}
+
+int Interpreter::on_error(lua_State* L) {
+  Interpreter& interpreter = *context_of(L).interpreter;
+  interpreter.error_location_ = interpreter.current_location(L);
+  return 1;
+}
+
+std::string Interpreter::current_location(lua_State* L) const {
+  lua_Debug ar;
+  if (!find_innermost_line(L, ar)) return "";
+  return std::string(ar.source + 1) + ":" + std::to_string(ar.currentline);
+}
+
+void Interpreter::compile(lua_State* L, const std::string& text, const std::string& file) {
+  const std::string chunk = "@" + file;
+  if (std::none_of(chunks_.begin(), chunks_.end(), [&](const Chunk& f) { return f.name == file; }))
+    chunks_.push_back({file, chunk_short_name(L, chunk)});
+  std::string_view source = text;
+  if (source.starts_with("\xef\xbb\xbf")) source.remove_prefix(3);
+  // "#!/usr/bin/env ...", which Lua skips in files; the line stays counted.
+  if (source.starts_with("#")) source.remove_prefix(std::min(source.find('\n'), source.size()));
+  if (source.starts_with(LUA_SIGNATURE[0])) {
+    lua_pushfstring(L, "%s:1: this is compiled Lua; give the source text", file.c_str());
+    lua_error(L);
+  }
+  if (luaL_loadbufferx(L, source.data(), source.size(), chunk.c_str(), "t") != LUA_OK) lua_error(L);
+}
+
+void Interpreter::call(int arguments, int results, std::uint64_t budget,
+                       const std::string& fallback_location) {
+  instruction_budget_ = budget;
+  instructions_used_ = 0;
+  budget_exceeded_ = false;
+  error_location_.clear();
+  const int interval = static_cast<int>(std::clamp<std::uint64_t>(budget, 1, kHookInterval));
+  lua_sethook(lua_, &Interpreter::on_instruction_count, LUA_MASKCOUNT, interval);
+  const int base = lua_gettop(lua_) - arguments;
+  lua_pushcfunction(lua_, &Interpreter::on_error);
+  lua_insert(lua_, base);
+  const int status = lua_pcall(lua_, arguments, results, base);
+  lua_sethook(lua_, nullptr, 0, 0);
+  lua_remove(lua_, base);
+  if (deferred_exception_) {
+    lua_settop(lua_, base - 1);
+    std::rethrow_exception(std::exchange(deferred_exception_, nullptr));
+  }
+  if (status != LUA_OK) throw_input_error(status, fallback_location);
+}
+
+std::optional<Interpreter::LocatedMessage> Interpreter::split_location(const std::string& message) const {
+  for (const Chunk& file : chunks_) {
+    for (const std::string& name : {file.name, file.short_name}) {
+      if (!message.starts_with(name + ":")) continue;
+      std::size_t end = name.size() + 1;
+      while (end < message.size() && std::isdigit(static_cast<unsigned char>(message[end]))) ++end;
+      if (end == name.size() + 1 || message.compare(end, 2, ": ") != 0) continue;
+      return LocatedMessage{file.name + message.substr(name.size(), end - name.size()),
+                            message.substr(end + 2)};
+    }
+  }
+  return std::nullopt;
+}
+
+void Interpreter::throw_input_error(int status, const std::string& fallback_location) {
+  std::string message, location = error_location_.empty() ? fallback_location : error_location_;
+  if (status == LUA_ERRMEM) {
+    if (!memory_error_location_.empty()) location = memory_error_location_;
+    message = "the script needs more than " + format_value(static_cast<double>(memory_limit_) / 1048576.0) +
+              " MiB of memory";
+  } else if (lua_type(lua_, -1) == LUA_TSTRING) {
+    std::size_t length = 0;
+    const char* const text = lua_tolstring(lua_, -1, &length);
+    message.assign(text, length);
+  } else {
+    message = std::string("the script raised an error that is no text but a ") + luaL_typename(lua_, -1);
+  }
+  lua_pop(lua_, 1);
+  // The innermost place says most: an error that came through a coroutine has several in front.
+  while (auto located = split_location(message)) {
+    location = std::move(located->location);
+    message = std::move(located->message);
+  }
+  throw scene::InputError(to_single_line(location) + ": " + to_single_line(message));
+}
+
+void push_error(ScriptContext& context, lua_State* L, const std::exception& e) {
+  if (dynamic_cast<const ScriptError*>(&e) == nullptr &&
+      dynamic_cast<const scene::InputError*>(&e) == nullptr)
+    context.interpreter->defer_exception(std::current_exception());
+  const std::string location = context.interpreter->current_location(L);
+  const std::string text = location.empty() ? e.what() : location + ": " + e.what();
+  lua_pushlstring(L, text.data(), text.size());
+}
+
+}  // namespace smartsurf::script

@@ -1,0 +1,212 @@
+// require, dofile and io of a sandboxed script: it reads beside itself and in the output folder, and writes
+// in the output folder only. Symbolic links are followed before the place is judged.
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <system_error>
+
+#include "smartsurf/script/ScriptContext.h"
+#include "smartsurf/script/lua/SandboxFiles.h"
+#include "smartsurf/script/lua/TableReader.h"
+
+namespace smartsurf::script {
+namespace fs = std::filesystem;
+namespace {
+
+constexpr std::uintmax_t kMaxScriptBytes = 16u << 20;
+constexpr const char* kModuleTable = "smartsurf.modules";
+
+bool is_within(const fs::path& path, const fs::path& folder) {
+  const auto [f, p] = std::mismatch(folder.begin(), folder.end(), path.begin(), path.end());
+  return f == folder.end() || (std::next(f) == folder.end() && f->empty());
+}
+
+fs::path canonical_path(const fs::path& path) {
+  std::error_code error;
+  const fs::path real = fs::weakly_canonical(path, error);
+  return error ? fs::path() : real;
+}
+
+[[noreturn]] void throw_path_error(const std::string& subject, const std::string& path,
+                                   const std::string& requirement) {
+  throw ScriptError(subject + ": '" + to_single_line(path) + "' " + requirement);
+}
+
+fs::path resolve_writable_path(const ScriptContext& context, const std::string& subject,
+                               const std::string& path) {
+  if (context.options.output_folder.empty())
+    throw_path_error(subject, path, "cannot be written: this run has no output folder");
+  const fs::path output = canonical_path(context.options.output_folder), real = canonical_path(output / path);
+  if (real.empty() || output.empty() || !is_within(real, output))
+    throw_path_error(subject, path, "is outside the output folder; --unsafe allows it");
+  std::error_code error;
+  if (fs::exists(real, error) && !fs::is_regular_file(real, error))
+    throw_path_error(subject, path, "is no plain file");
+  return real;
+}
+
+void push_path(lua_State* L, const fs::path& path) {
+  const std::string text = path.string();
+  lua_pushlstring(L, text.data(), text.size());
+}
+
+// io.open(path, mode); upvalue: Lua's own.
+int io_open(ScriptContext& context, lua_State* L) {
+  lua_settop(L, 2);
+  const std::string path = check_string(L, 1, "io.open: path");
+  const std::string mode = lua_isnil(L, 2) ? "r" : check_string(L, 2, "io.open: mode");
+  const bool reads = mode == "r" || mode == "rb";
+  const fs::path real = reads ? resolve_readable_path(context, "io.open", path)
+                              : resolve_writable_path(context, "io.open", path);
+  lua_pushvalue(L, lua_upvalueindex(1));
+  push_path(L, real);
+  lua_pushlstring(L, mode.data(), mode.size());
+  lua_call(L, 2, LUA_MULTRET);
+  return lua_gettop(L) - 2;
+}
+
+// io.lines(path, …); upvalue: Lua's own.
+int io_lines(ScriptContext& context, lua_State* L) {
+  const fs::path real = resolve_readable_path(context, "io.lines", check_string(L, 1, "io.lines: path"));
+  const int count = lua_gettop(L);
+  push_path(L, real);
+  lua_replace(L, 1);
+  lua_pushvalue(L, lua_upvalueindex(1));
+  lua_insert(L, 1);
+  lua_call(L, count, LUA_MULTRET);
+  return lua_gettop(L);
+}
+
+// How messages call a file beside the script: as the user would type it.
+std::string display_path(const ScriptContext& context, const std::string& relative) {
+  return (fs::path(context.spec.file).parent_path() / relative).string();
+}
+
+// Leaves the compiled function on the stack.
+void load_file(ScriptContext& context, lua_State* L, const std::string& subject, const std::string& path) {
+  const fs::path real = resolve_readable_path(context, subject, path);
+  std::error_code error;
+  if (!fs::exists(real, error)) throw_path_error(subject, path, "is not beside the script");
+  std::string reason;
+  const std::optional<std::string> text = read_text_file(real, reason);
+  if (!text) throw_path_error(subject, path, reason);
+  context.interpreter->compile(L, *text, display_path(context, path));
+}
+
+int dofile(ScriptContext& context, lua_State* L) {
+  lua_settop(L, 1);
+  load_file(context, L, "dofile", check_string(L, 1, "dofile: path"));
+  lua_call(L, 0, LUA_MULTRET);
+  return lua_gettop(L) - 1;
+}
+
+// require 'a.b' runs a/b.lua once and gives what it returns. A module that is being loaded is marked by
+// false.
+int require(ScriptContext& context, lua_State* L) {
+  lua_settop(L, 1);
+  const std::string name = check_string(L, 1, "require: name");
+  luaL_getsubtable(L, LUA_REGISTRYINDEX, kModuleTable);
+  lua_pushvalue(L, 1);
+  lua_rawget(L, 2);
+  if (lua_isboolean(L, -1) && lua_toboolean(L, -1) == 0)
+    throw ScriptError("require: '" + to_single_line(name) + "' requires itself");
+  if (!lua_isnil(L, -1)) return 1;
+  lua_pop(L, 1);
+  std::string path = name;
+  std::replace(path.begin(), path.end(), '.', '/');
+  load_file(context, L, "require", path + ".lua");
+  lua_pushvalue(L, 1);
+  lua_pushboolean(L, 0);
+  lua_rawset(L, 2);
+  lua_pushvalue(L, 1);
+  lua_call(L, 1, 1);
+  if (lua_isnil(L, -1) || (lua_isboolean(L, -1) && lua_toboolean(L, -1) == 0)) {
+    lua_pop(L, 1);
+    lua_pushboolean(L, 1);
+  }
+  lua_pushvalue(L, 1);
+  lua_pushvalue(L, -2);
+  lua_rawset(L, 2);
+  return 1;
+}
+
+}  // namespace
+
+fs::path resolve_readable_path(const ScriptContext& context, const std::string& subject,
+                               const std::string& path) {
+  if (context.options.unsafe) return context.script_folder / path;
+  const fs::path output =
+      context.options.output_folder.empty() ? fs::path() : canonical_path(context.options.output_folder);
+  fs::path real = canonical_path(context.script_folder / path);
+  std::error_code error;
+  if (!fs::exists(real, error) && !output.empty() && fs::exists(canonical_path(output / path), error))
+    real = canonical_path(output / path);
+  const bool inside = !real.empty() && (is_within(real, context.script_folder) ||
+                                        (!output.empty() && is_within(real, output)));
+  if (!inside)
+    throw_path_error(subject, path,
+                     "is outside the script's folder and the output folder; --unsafe allows it");
+  if (fs::exists(real, error) && !fs::is_regular_file(real, error))
+    throw_path_error(subject, path, "is no plain file");
+  return real;
+}
+
+std::optional<std::string> read_text_file(const fs::path& path, std::string& reason) {
+  std::error_code error;
+  if (fs::is_directory(path, error)) {
+    reason = "is a folder";
+    return std::nullopt;
+  }
+  if (!fs::exists(path, error)) {
+    reason = "does not exist";
+    return std::nullopt;
+  }
+  std::ifstream file(path, std::ios::binary);
+  if (!file) {
+    reason = "cannot be read";
+    return std::nullopt;
+  }
+  std::string text;
+  char block[65536];
+  while (file.read(block, sizeof block) || file.gcount() > 0) {
+    text.append(block, static_cast<std::size_t>(file.gcount()));
+    if (text.size() > kMaxScriptBytes) {
+      reason = "is larger than 16 MiB";
+      return std::nullopt;
+    }
+  }
+  return text;
+}
+
+NamedFile read_sandboxed_file(const ScriptContext& context, const std::string& subject,
+                              const std::string& path) {
+  const fs::path real =
+      context.options.unsafe ? context.script_folder / path : resolve_readable_path(context, subject, path);
+  std::string reason;
+  std::optional<std::string> text = read_text_file(real, reason);
+  if (!text) throw_path_error(subject, path, reason);
+  return {to_single_line(display_path(context, path)), std::move(*text)};
+}
+
+void bind_file_access(lua_State* L) {
+  lua_register(L, "dofile", guarded<dofile>);
+  lua_register(L, "require", guarded<require>);
+  luaL_requiref(L, LUA_IOLIBNAME, luaopen_io, 0);
+  lua_newtable(L);
+  lua_getfield(L, -2, "open");
+  lua_pushcclosure(L, guarded<io_open>, 1);
+  lua_setfield(L, -2, "open");
+  lua_getfield(L, -2, "lines");
+  lua_pushcclosure(L, guarded<io_lines>, 1);
+  lua_setfield(L, -2, "lines");
+  lua_getfield(L, -2, "type");
+  lua_setfield(L, -2, "type");
+  lua_setglobal(L, "io");
+  lua_pop(L, 1);
+}
+
+}  // namespace smartsurf::script

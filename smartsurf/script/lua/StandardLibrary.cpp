@@ -1,0 +1,318 @@
+// Lua's standard library as an experiment gets it: nothing that leaves the process, runs native code, escapes
+// the budget, or differs from run to run.
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "smartsurf/script/ScriptContext.h"
+#include "smartsurf/script/lua/TableReader.h"
+
+namespace smartsurf::script {
+namespace {
+
+constexpr std::uint64_t kCoroutineCost = 1000;  // each may run that long before its own counter looks
+
+// Replaces the function `name` of the table on top by `function`, which gets the old one as its first
+// upvalue.
+void wrap_field(lua_State* L, const char* name, lua_CFunction function) {
+  lua_getfield(L, -1, name);
+  lua_pushcclosure(L, function, 1);
+  lua_setfield(L, -2, name);
+}
+
+void wrap_library_function(lua_State* L, const char* library, const char* name, lua_CFunction function) {
+  lua_getglobal(L, library);
+  wrap_field(L, name, function);
+  lua_pop(L, 1);
+}
+
+int forward_results(lua_State* L, int, lua_KContext) { return lua_gettop(L); }
+
+// Calls the wrapped function with the arguments on the stack; coroutines may yield inside.
+int call_wrapped(lua_State* L) {
+  lua_pushvalue(L, lua_upvalueindex(1));
+  lua_insert(L, 1);
+  lua_callk(L, lua_gettop(L) - 1, LUA_MULTRET, 0, forward_results);
+  return lua_gettop(L);
+}
+
+void write_output(const ScriptContext& context, const std::string& text) {
+  if (context.options.print_output) {
+    context.options.print_output(text);
+    return;
+  }
+  std::fwrite(text.data(), 1, text.size(), stdout);
+  std::fflush(stdout);
+}
+
+int print(ScriptContext& context, lua_State* L) {
+  std::string line;
+  const int count = lua_gettop(L);
+  for (int i = 1; i <= count; ++i) {
+    std::size_t length = 0;
+    const char* const text = luaL_tolstring(L, i, &length);
+    if (i > 1) line += '\t';
+    line.append(text, length);
+    lua_pop(L, 1);
+  }
+  write_output(context, line + "\n");
+  return 0;
+}
+
+int io_write(ScriptContext& context, lua_State* L) {
+  std::string text;
+  for (int i = 1; i <= lua_gettop(L); ++i) {
+    std::size_t length = 0;
+    const char* const part = luaL_checklstring(L, i, &length);
+    text.append(part, length);
+  }
+  write_output(context, text);
+  return 0;
+}
+
+// Source text only: bytecode can break the interpreter.
+int load(ScriptContext&, lua_State* L) {
+  if (lua_gettop(L) < 3) lua_settop(L, 3);
+  lua_pushliteral(L, "t");
+  lua_replace(L, 3);
+  return call_wrapped(L);
+}
+
+// Lua runs finalizers with the instruction count switched off.
+int setmetatable(ScriptContext&, lua_State* L) {
+  if (lua_type(L, 2) == LUA_TTABLE) {
+    lua_pushliteral(L, "__gc");
+    lua_rawget(L, 2);
+    if (!lua_isnil(L, -1)) throw ScriptError("setmetatable: __gc is not available in an experiment");
+    lua_pop(L, 1);
+  }
+  return call_wrapped(L);
+}
+
+// Lua calls the handler of xpcall from inside the instruction count's hook, with the count switched off: when
+// the budget is spent, it must not run. Upvalue: the script's handler.
+int on_xpcall_error(ScriptContext& context, lua_State* L) {
+  if (context.interpreter->budget_exceeded()) return 1;
+  lua_pushvalue(L, lua_upvalueindex(1));
+  lua_insert(L, 1);
+  lua_call(L, lua_gettop(L) - 1, 1);
+  return 1;
+}
+
+int xpcall(ScriptContext&, lua_State* L) {
+  luaL_checktype(L, 2, LUA_TFUNCTION);
+  lua_pushvalue(L, 2);
+  lua_pushcclosure(L, guarded<on_xpcall_error>, 1);
+  lua_replace(L, 2);
+  return call_wrapped(L);
+}
+
+int coroutine_create(ScriptContext& context, lua_State* L) {
+  context.interpreter->charge(L, kCoroutineCost);
+  return call_wrapped(L);
+}
+
+// A coroutine that an error ended stays uncounted where its budget's end was the error, and closing it would
+// run the script's __close functions: so neither of these two closes such a coroutine.
+int coroutine_close(ScriptContext&, lua_State* L) {
+  lua_State* const coroutine = lua_tothread(L, 1);
+  if (coroutine == nullptr || lua_status(coroutine) == LUA_OK || lua_status(coroutine) == LUA_YIELD)
+    return call_wrapped(L);
+  lua_pushboolean(L, 0);
+  lua_pushliteral(L, "the coroutine ended with an error");
+  return 2;
+}
+
+// Upvalues: Lua's coroutine.resume, the coroutine.
+int resume_wrapped(ScriptContext&, lua_State* L) {
+  lua_pushvalue(L, lua_upvalueindex(1));
+  lua_insert(L, 1);
+  lua_pushvalue(L, lua_upvalueindex(2));
+  lua_insert(L, 2);
+  lua_call(L, lua_gettop(L) - 1, LUA_MULTRET);
+  if (lua_toboolean(L, 1) == 0) return lua_error(L);
+  return lua_gettop(L) - 1;
+}
+
+// coroutine.wrap; upvalues: Lua's coroutine.create and coroutine.resume.
+int coroutine_wrap(ScriptContext& context, lua_State* L) {
+  context.interpreter->charge(L, kCoroutineCost);
+  lua_settop(L, 1);
+  lua_pushvalue(L, lua_upvalueindex(2));
+  lua_pushvalue(L, lua_upvalueindex(1));
+  lua_pushvalue(L, 1);
+  lua_call(L, 1, 1);
+  lua_pushcclosure(L, guarded<resume_wrapped>, 2);
+  return 1;
+}
+
+void bind_coroutines(lua_State* L) {
+  lua_getglobal(L, LUA_COLIBNAME);
+  lua_getfield(L, -1, "create");
+  lua_getfield(L, -2, "resume");
+  lua_pushcclosure(L, guarded<coroutine_wrap>, 2);
+  lua_setfield(L, -2, "wrap");
+  wrap_field(L, "create", guarded<coroutine_create>);
+  wrap_field(L, "close", guarded<coroutine_close>);
+  lua_pop(L, 1);
+}
+
+// string.rep and table.move loop in C, as long as they are told to.
+int metered_rep(ScriptContext& context, lua_State* L) {
+  const lua_Integer count = lua_tointeger(L, 2);
+  if (count > 0) context.interpreter->charge(L, static_cast<std::uint64_t>(count));
+  return call_wrapped(L);
+}
+
+int metered_move(ScriptContext& context, lua_State* L) {
+  const lua_Integer first = lua_tointeger(L, 2), last = lua_tointeger(L, 3);
+  if (last > first)
+    context.interpreter->charge(L, static_cast<std::uint64_t>(last) - static_cast<std::uint64_t>(first));
+  return call_wrapped(L);
+}
+
+int collectgarbage(ScriptContext&, lua_State* L) {
+  const std::string mode = lua_isnoneornil(L, 1) ? "collect" : check_string(L, 1, "collectgarbage");
+  if (mode != "collect" && mode != "count" && mode != "step")
+    throw_invalid_value(L, 1, "collectgarbage", "'collect', 'count' or 'step'");
+  lua_settop(L, 1);
+  return call_wrapped(L);
+}
+
+struct DeniedFunction {
+  std::string_view name, alternative;
+};
+constexpr std::array<DeniedFunction, 6> kDeniedFunctions{{
+    {"os.exit", "stop() or quit() ends the run"},
+    {"os.time", "time() is the simulated time; the wall clock would make every run another"},
+    {"os.clock", "time() is the simulated time; the wall clock would make every run another"},
+    {"os.date", "time() is the simulated time; the wall clock would make every run another"},
+    {"io.read", "option() takes values from the command line"},
+    {"loadfile", "require() and dofile() load files beside the script"},
+}};
+
+[[noreturn]] void throw_unavailable(const std::string& name) {
+  for (const DeniedFunction& denied : kDeniedFunctions)
+    if (denied.name == name)
+      throw ScriptError(name + ": not available in an experiment; " + std::string(denied.alternative));
+  throw ScriptError(name + ": not available in an experiment; --unsafe allows the whole of Lua's library");
+}
+
+int deny_field(ScriptContext&, lua_State* L) {
+  throw_unavailable(
+      std::string(lua_tostring(L, lua_upvalueindex(1))) + "." +
+      (lua_type(L, 2) == LUA_TSTRING ? to_single_line(lua_tostring(L, 2)) : format_value(L, 2)));
+}
+
+// Features of the experiments' language that a later version has.
+struct PlannedFeature {
+  std::string_view name, kind, alternative;
+};
+constexpr std::array<PlannedFeature, 1> kPlannedFeatures{{
+    {"package", "library", "require() of a file beside the script"},
+}};
+
+std::vector<std::string> global_names(lua_State* L) {
+  std::vector<std::string> names;
+  for (lua_pushnil(L); lua_next(L, 1) != 0; lua_pop(L, 1))
+    if (lua_type(L, -2) == LUA_TSTRING) names.emplace_back(lua_tostring(L, -2));
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+int unknown_global(ScriptContext&, lua_State* L) {
+  lua_settop(L, 2);
+  const std::string name = lua_type(L, 2) == LUA_TSTRING ? lua_tostring(L, 2) : format_value(L, 2);
+  for (const PlannedFeature& later : kPlannedFeatures)
+    if (later.name == name)
+      throw ScriptError(std::string(later.kind) + " '" + name +
+                        "': not available in this version; available: " + std::string(later.alternative));
+  if (name == "loadfile") throw_unavailable(name);
+  throw ScriptError("unknown name '" + to_single_line(name.substr(0, 60)) + "'" +
+                    did_you_mean(name, global_names(L)));
+}
+
+void open_sandboxed_libraries(lua_State* L) {
+  luaL_requiref(L, LUA_GNAME, luaopen_base, 1);
+  luaL_requiref(L, LUA_TABLIBNAME, luaopen_table, 1);
+  luaL_requiref(L, LUA_STRLIBNAME, luaopen_string, 1);
+  luaL_requiref(L, LUA_MATHLIBNAME, luaopen_math, 1);
+  luaL_requiref(L, LUA_UTF8LIBNAME, luaopen_utf8, 1);
+  luaL_requiref(L, LUA_COLIBNAME, luaopen_coroutine, 1);
+  lua_settop(L, 0);
+  lua_pushglobaltable(L);
+  for (const char* const name : {"dofile", "loadfile"}) {
+    lua_pushnil(L);
+    lua_setfield(L, -2, name);
+  }
+  wrap_field(L, "load", guarded<load>);
+  wrap_field(L, "setmetatable", guarded<setmetatable>);
+  wrap_field(L, "collectgarbage", guarded<collectgarbage>);
+  wrap_field(L, "xpcall", guarded<xpcall>);
+  lua_pop(L, 1);
+  bind_coroutines(L);
+  wrap_library_function(L, LUA_STRLIBNAME, "rep", guarded<metered_rep>);
+  wrap_library_function(L, LUA_TABLIBNAME, "move", guarded<metered_move>);
+}
+
+// With --unsafe, require finds Lua files beside the script as well.
+void open_all_libraries(lua_State* L, const std::string& folder) {
+  luaL_openlibs(L);
+  lua_getglobal(L, "package");
+  lua_getfield(L, -1, "path");
+  const std::string path = folder + "/?.lua;" + lua_tostring(L, -1);
+  lua_pushlstring(L, path.data(), path.size());
+  lua_setfield(L, -3, "path");
+  lua_settop(L, 0);
+}
+
+// Gives the table on top a metatable that refuses what is not in it.
+void deny_unknown_fields(lua_State* L, const char* library) {
+  lua_createtable(L, 0, 2);
+  lua_pushstring(L, library);
+  lua_pushcclosure(L, guarded<deny_field>, 1);
+  lua_setfield(L, -2, "__index");
+  lua_pushliteral(L, "locked");
+  lua_setfield(L, -2, "__metatable");
+  lua_setmetatable(L, -2);
+}
+
+}  // namespace
+
+void bind_standard_library(lua_State* L, const ScriptContext& context) {
+  if (context.options.unsafe)
+    open_all_libraries(L, context.script_folder.string());
+  else
+    open_sandboxed_libraries(L);
+  lua_register(L, "print", guarded<print>);
+}
+
+void bind_denied_libraries(lua_State* L) {
+  lua_newtable(L);
+  deny_unknown_fields(L, "os");
+  lua_setglobal(L, "os");
+  lua_newtable(L);
+  deny_unknown_fields(L, "debug");
+  lua_setglobal(L, "debug");
+  lua_getglobal(L, "io");
+  lua_pushcfunction(L, guarded<io_write>);
+  lua_setfield(L, -2, "write");
+  deny_unknown_fields(L, "io");
+  lua_pop(L, 1);
+}
+
+void guard_globals(lua_State* L) {
+  lua_pushglobaltable(L);
+  lua_createtable(L, 0, 2);
+  lua_pushcfunction(L, guarded<unknown_global>);
+  lua_setfield(L, -2, "__index");
+  lua_pushliteral(L, "locked");
+  lua_setfield(L, -2, "__metatable");
+  lua_setmetatable(L, -2);
+  lua_pop(L, 1);
+}
+
+}  // namespace smartsurf::script

@@ -1,0 +1,81 @@
+// Reads Lua values as typed ones, and says precisely what is wrong with them. Internal to the room.
+//
+// Names in messages are dotted: "surface.border.height = 'high': must be a number".
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <initializer_list>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "smartsurf/scene/SceneSpec.h"
+#include "smartsurf/script/lua/Interpreter.h"
+
+namespace smartsurf::script {
+
+// The value at `index` as a message shows it: 3, 'text', true, nil, a table.
+std::string format_value(lua_State* L, int index);
+// " (did you mean 'radius'?)" or "".
+std::string did_you_mean(const std::string& word, const std::vector<std::string>& known);
+std::string join_names(const std::vector<std::string>& names);
+// Throws the Problem "NAME = VALUE: must be RULE".
+[[noreturn]] void throw_invalid_value(lua_State* L, int index, const std::string& name,
+                                      const std::string& requirement);
+
+// Each throws Problem, naming `name`, unless the value at `index` is what is asked for.
+double check_number(lua_State* L, int index, const std::string& name);  // finite
+std::int64_t check_integer(lua_State* L, int index, const std::string& name, std::int64_t low,
+                           std::int64_t high);
+std::string check_string(lua_State* L, int index, const std::string& name);
+// {x, y, z} or {x = …, y = …, z = …}
+Eigen::Vector3d check_vector(lua_State* L, int index, const std::string& name);
+// {x = …, y = …, z = …, w = …}, {x, y, z, w}, {axis = {x, y, z}, angle = …} or {roll = …, pitch = …, yaw = …}
+Eigen::Quaterniond check_orientation(lua_State* L, int index, const std::string& name);
+// A name, '#rrggbb', {r, g, b} or {r = …, g = …, b = …}
+scene::Colour check_colour(lua_State* L, int index, const std::string& name);
+// `count` numbers in a list, and nothing else.
+std::vector<double> check_numbers(lua_State* L, int index, const std::string& name, int count,
+                                  const std::string& requirement);
+
+// The named fields of the table at `index`. The constructor refuses unknown and positional ones. An absent
+// field leaves the caller's value as it is.
+class TableReader {
+ public:
+  TableReader(lua_State* L, int index, std::string table_name, std::initializer_list<std::string_view> known)
+      : TableReader(L, index, std::move(table_name), std::span(known.begin(), known.size())) {}
+  TableReader(lua_State* L, int index, std::string table_name, std::span<const std::string_view> known);
+  TableReader(lua_State* L, int index, std::string table_name, const std::vector<std::string>& known);
+
+  bool has(std::string_view field) const;
+  void require(std::string_view field) const;
+  void read(std::string_view field, double& value) const;
+  void read(std::string_view field, std::optional<double>& value) const;
+  void read(std::string_view field, int& value, std::int64_t low, std::int64_t high) const;
+  void read(std::string_view field, bool& value) const;
+  void read(std::string_view field, std::string& value) const;
+  void read(std::string_view field, Eigen::Vector3d& value) const;
+  void read(std::string_view field, Eigen::Quaterniond& value) const;
+  void read(std::string_view field, scene::Colour& value) const;
+  // Calls visit(stack index, dotted name) with the value where the field is there.
+  template <typename Visit>
+  void visit(std::string_view field, Visit visit) const {
+    if (push_field(field)) visit(lua_gettop(L_), qualified_name(field));
+    lua_pop(L_, 1);
+  }
+
+ private:
+  // Leaves the field's raw value on the stack, nil where absent; whether it is there.
+  bool push_field(std::string_view field) const;
+  std::string qualified_name(std::string_view field) const { return table_name_ + "." + std::string(field); }
+
+  lua_State* L_;
+  int index_;
+  std::string table_name_;
+};
+
+}  // namespace smartsurf::script

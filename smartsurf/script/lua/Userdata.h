@@ -1,0 +1,15 @@
+// Methods of a kind of userdata, with a suggestion for a misspelt one. Internal to the room.
+#pragma once
+
+#include <span>
+
+#include "smartsurf/script/lua/Interpreter.h"
+
+namespace smartsurf::script {
+
+// Makes the metatable `type`, whose values answer to `methods`. `property`, where given, is asked before an
+// unknown name is refused: (value, name) → a value, or nothing.
+void register_userdata_type(lua_State* L, const char* type, std::span<const luaL_Reg> methods,
+                            lua_CFunction property = nullptr);
+
+}  // namespace smartsurf::script

@@ -1,0 +1,149 @@
+// at, every, on_tick, on_leave, on_finish: functions that wait. metric: what comes of the run. stop, quit,
+// pause, pace: how the run goes on.
+#include <algorithm>
+#include <string>
+
+#include "smartsurf/script/ScriptContext.h"
+#include "smartsurf/script/lua/TableReader.h"
+
+namespace smartsurf::script {
+namespace {
+
+constexpr std::size_t kMaxCallbacks = 1'000'000;
+constexpr std::size_t kMaxMetrics = 1000;
+constexpr double kMinPeriod_s = 1e-4;
+constexpr double kMaxTime_s = 1e9;
+
+// Keeps the function at `index`; its index in Session::callbacks.
+int store_callback(ScriptContext& context, lua_State* L, int index, const std::string& subject) {
+  if (lua_type(L, index) != LUA_TFUNCTION) throw_invalid_value(L, index, subject, "a function");
+  if (context.callbacks.size() - context.free_callbacks.size() >= kMaxCallbacks)
+    throw ScriptError(subject + ": more than 1000000 functions wait");
+  lua_pushvalue(L, index);
+  const Callback callback{luaL_ref(L, LUA_REGISTRYINDEX), context.interpreter->current_location(L)};
+  if (context.free_callbacks.empty()) {
+    context.callbacks.push_back(callback);
+    return static_cast<int>(context.callbacks.size() - 1);
+  }
+  const int slot = context.free_callbacks.back();
+  context.free_callbacks.pop_back();
+  context.callbacks[static_cast<std::size_t>(slot)] = callback;
+  return slot;
+}
+
+int at(ScriptContext& context, lua_State* L) {
+  const double time_s = check_number(L, 1, "at: seconds");
+  if (time_s < 0.0 || time_s > kMaxTime_s) throw_invalid_value(L, 1, "at: seconds", "from 0 to 1e9");
+  if (context.phase == Phase::kRunning && time_s < context.time_s)
+    throw ScriptError("at: seconds = " + format_value(time_s) + ": is over, the simulated time is " +
+                      format_value(context.time_s));
+  context.event_queue.schedule_at(time_s, store_callback(context, L, 2, "at: function"));
+  return 0;
+}
+
+int every(ScriptContext& context, lua_State* L) {
+  const double period_s = check_number(L, 1, "every: seconds");
+  if (period_s < kMinPeriod_s || period_s > kMaxTime_s)
+    throw_invalid_value(L, 1, "every: seconds", "from 0.0001 to 1e9");
+  const double start_s = context.phase == Phase::kRunning ? context.time_s : 0.0;
+  context.event_queue.schedule_every(start_s, period_s, store_callback(context, L, 2, "every: function"));
+  return 0;
+}
+
+int on_tick(ScriptContext& context, lua_State* L) {
+  context.on_tick.push_back(store_callback(context, L, 1, "on_tick: function"));
+  return 0;
+}
+
+int on_leave(ScriptContext& context, lua_State* L) {
+  context.on_leave.push_back(store_callback(context, L, 1, "on_leave: function"));
+  return 0;
+}
+
+int on_finish(ScriptContext& context, lua_State* L) {
+  context.on_finish.push_back(store_callback(context, L, 1, "on_finish: function"));
+  return 0;
+}
+
+int time(ScriptContext& context, lua_State* L) {
+  lua_pushnumber(L, context.time_s);
+  return 1;
+}
+
+// metric('error', 0.3): what the experiment measures; the last value of a name counts.
+int metric(ScriptContext& context, lua_State* L) {
+  const std::string name = check_string(L, 1, "metric: name");
+  if (name.empty() || name.size() > 64)
+    throw_invalid_value(L, 1, "metric: name", "a text of 1 to 64 characters");
+  const double value = check_number(L, 2, "metric: value");
+  const auto existing = std::ranges::find(context.metrics, name, &std::pair<std::string, double>::first);
+  if (existing != context.metrics.end())
+    existing->second = value;
+  else if (context.metrics.size() < kMaxMetrics)
+    context.metrics.emplace_back(name, value);
+  else
+    throw ScriptError("metric: more than 1000 names");
+  return 0;
+}
+
+int stop(ScriptContext& context, lua_State*) {
+  require_running(context, "stop");
+  context.simulation->stop();
+  return 0;
+}
+
+int quit(ScriptContext& context, lua_State*) {
+  require_running(context, "quit");
+  context.simulation->quit();
+  return 0;
+}
+
+// While the script loads, pause and pace wait for the simulation to be there.
+void run_or_defer(ScriptContext& context, std::function<void(SimulationInterface&)> request) {
+  if (context.phase == Phase::kRunning)
+    request(*context.simulation);
+  else if (context.deferred_requests.size() < kMaxCallbacks)
+    context.deferred_requests.push_back(std::move(request));
+}
+
+int pause(ScriptContext& context, lua_State*) {
+  run_or_defer(context, [](SimulationInterface& simulation) { simulation.pause(); });
+  return 0;
+}
+
+int pace(ScriptContext& context, lua_State* L) {
+  const std::string requirement = "'max', 'realtime' or a factor greater than 0";
+  std::optional<double> factor;
+  if (lua_type(L, 1) == LUA_TNUMBER) {
+    factor = check_number(L, 1, "pace");
+    if (*factor <= 0.0) throw_invalid_value(L, 1, "pace", requirement);
+  } else {
+    if (lua_type(L, 1) != LUA_TSTRING) throw_invalid_value(L, 1, "pace", requirement);
+    const std::string name = check_string(L, 1, "pace");
+    if (name == "realtime")
+      factor = 1.0;
+    else if (name != "max")
+      throw_invalid_value(L, 1, "pace", requirement);
+  }
+  run_or_defer(context,
+               [factor](SimulationInterface& simulation) { simulation.set_real_time_factor(factor); });
+  return 0;
+}
+
+}  // namespace
+
+void bind_events(lua_State* L) {
+  lua_register(L, "at", guarded<at>);
+  lua_register(L, "every", guarded<every>);
+  lua_register(L, "on_tick", guarded<on_tick>);
+  lua_register(L, "on_leave", guarded<on_leave>);
+  lua_register(L, "on_finish", guarded<on_finish>);
+  lua_register(L, "time", guarded<time>);
+  lua_register(L, "metric", guarded<metric>);
+  lua_register(L, "stop", guarded<stop>);
+  lua_register(L, "quit", guarded<quit>);
+  lua_register(L, "pause", guarded<pause>);
+  lua_register(L, "pace", guarded<pace>);
+}
+
+}  // namespace smartsurf::script

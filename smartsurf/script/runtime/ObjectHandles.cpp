@@ -1,0 +1,207 @@
+// object(id) and objects{…}: the live objects of the running simulation.
+#include <array>
+#include <string>
+
+#include "smartsurf/script/ScriptContext.h"
+#include "smartsurf/script/lua/TableReader.h"
+#include "smartsurf/script/lua/Userdata.h"
+
+namespace smartsurf::script {
+namespace {
+
+constexpr const char* kTypeName = "object";
+
+void push_handle(lua_State* L, scene::ObjectId id) {
+  new (lua_newuserdatauv(L, sizeof id, 0)) scene::ObjectId(id);
+  luaL_setmetatable(L, kTypeName);
+}
+
+scene::ObjectId check_handle(lua_State* L, const char* method) {
+  const auto* const id = static_cast<const scene::ObjectId*>(luaL_testudata(L, 1, kTypeName));
+  if (id == nullptr)
+    throw ScriptError(std::string("object:") + method + ": call it with a colon, object(id):" + method);
+  return *id;
+}
+
+scene::ObjectId check_live_object(const ScriptContext& context, lua_State* L, const char* method) {
+  require_running(context, std::string("object:") + method);
+  const scene::ObjectId id = check_handle(L, method);
+  if (!context.simulation->is_alive(id))
+    throw ScriptError(std::string("object:") + method + ": there is no object " + std::to_string(id) +
+                      " (removed, or never created)");
+  return id;
+}
+
+int push_components(lua_State* L, const Eigen::Vector3d& v) {
+  for (int i = 0; i < 3; ++i) lua_pushnumber(L, v[i]);
+  return 3;
+}
+
+int id(ScriptContext&, lua_State* L) {
+  lua_pushinteger(L, static_cast<lua_Integer>(check_handle(L, "id")));
+  return 1;
+}
+
+int alive(ScriptContext& context, lua_State* L) {
+  require_running(context, "object:alive");
+  lua_pushboolean(L, context.simulation->is_alive(check_handle(L, "alive")) ? 1 : 0);
+  return 1;
+}
+
+int label(ScriptContext& context, lua_State* L) {
+  const std::string text = context.simulation->label(check_live_object(context, L, "label"));
+  lua_pushlstring(L, text.data(), text.size());
+  return 1;
+}
+
+int position(ScriptContext& context, lua_State* L) {
+  return push_components(L, context.simulation->state(check_live_object(context, L, "position")).position);
+}
+
+int velocity(ScriptContext& context, lua_State* L) {
+  return push_components(L, context.simulation->state(check_live_object(context, L, "velocity")).velocity);
+}
+
+int angular_velocity(ScriptContext& context, lua_State* L) {
+  return push_components(
+      L, context.simulation->state(check_live_object(context, L, "angular_velocity")).angular_velocity);
+}
+
+int orientation(ScriptContext& context, lua_State* L) {
+  const Eigen::Quaterniond q =
+      context.simulation->state(check_live_object(context, L, "orientation")).orientation;
+  for (const double component : {q.x(), q.y(), q.z(), q.w()}) lua_pushnumber(L, component);
+  return 4;
+}
+
+int remove(ScriptContext& context, lua_State* L) {
+  context.simulation->remove(check_live_object(context, L, "remove"));
+  return 0;
+}
+
+void require_coordinates(const Eigen::Vector3d& v, const std::string& name) {
+  for (int i = 0; i < 3; ++i)
+    if (std::abs(v[i]) > 1e6)
+      throw ScriptError(name + "[" + std::to_string(i + 1) + "] = " + format_value(v[i]) +
+                        ": must be in [-1000000, 1000000]");
+}
+
+// A list alone is the field that a user means first: push{0, 0, 9} is push{force = {0, 0, 9}}.
+void wrap_positional_list(lua_State* L, const char* field) {
+  if (lua_type(L, 2) != LUA_TTABLE || lua_rawlen(L, 2) == 0) return;
+  lua_Unsigned values = 0;
+  for (lua_pushnil(L); lua_next(L, 2) != 0; lua_pop(L, 1)) ++values;
+  if (values != lua_rawlen(L, 2)) return;
+  lua_createtable(L, 0, 1);
+  lua_pushvalue(L, 2);
+  lua_setfield(L, -2, field);
+  lua_replace(L, 2);
+}
+
+int push(ScriptContext& context, lua_State* L) {
+  const scene::ObjectId object = check_live_object(context, L, "push");
+  wrap_positional_list(L, "force");
+  const TableReader fields(L, 2, "push", {"force", "point", "seconds"});
+  Eigen::Vector3d force, point;
+  double seconds = context.spec.world.control_period_s;
+  fields.require("force");
+  fields.read("force", force);
+  if (force.norm() > 1e12) throw ScriptError("push.force: must not be above 1e12");
+  if (fields.has("point")) {
+    fields.read("point", point);
+    require_coordinates(point, "push.point");
+  }
+  fields.read("seconds", seconds);
+  if (seconds <= 0.0 || seconds > 1e9)
+    throw ScriptError("push.seconds = " + format_value(seconds) + ": must be in (0, 1e9]");
+  context.simulation->apply_force(object, force, fields.has("point") ? std::optional(point) : std::nullopt,
+                                  seconds);
+  return 0;
+}
+
+int teleport(ScriptContext& context, lua_State* L) {
+  const scene::ObjectId object = check_live_object(context, L, "teleport");
+  wrap_positional_list(L, "position");
+  const TableReader fields(L, 2, "teleport", {"position", "orientation", "velocity", "angular_velocity"});
+  ObjectStateUpdate update;
+  const auto read_vector = [&](const char* field, std::optional<Eigen::Vector3d>& value) {
+    fields.visit(field, [&](int i, const std::string& name) {
+      value = check_vector(L, i, name);
+      require_coordinates(*value, name);
+    });
+  };
+  read_vector("position", update.position);
+  read_vector("velocity", update.velocity);
+  read_vector("angular_velocity", update.angular_velocity);
+  fields.visit("orientation",
+               [&](int i, const std::string& name) { update.orientation = check_orientation(L, i, name); });
+  if (!update.position && !update.velocity && !update.angular_velocity && !update.orientation)
+    throw ScriptError("teleport: needs position, orientation, velocity or angular_velocity");
+  context.simulation->set_state(object, update);
+  return 0;
+}
+
+int object(ScriptContext& context, lua_State* L) {
+  require_running(context, "object");
+  if (luaL_testudata(L, 1, kTypeName) != nullptr) {
+    lua_settop(L, 1);
+    return 1;
+  }
+  push_handle(L, static_cast<scene::ObjectId>(check_integer(L, 1, "object: id", 0, UINT32_MAX)));
+  return 1;
+}
+
+int objects(ScriptContext& context, lua_State* L) {
+  require_running(context, "objects");
+  std::optional<std::string> label_filter;
+  if (lua_gettop(L) > 0) {
+    const TableReader fields(L, 1, "objects", {"label"});
+    fields.visit("label", [&](int i, const std::string& name) { label_filter = check_string(L, i, name); });
+  }
+  const std::vector<scene::ObjectId> ids = context.simulation->find_objects(label_filter);
+  context.interpreter->charge(L, ids.size());
+  lua_createtable(L, static_cast<int>(ids.size()), 0);
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    push_handle(L, ids[i]);
+    lua_rawseti(L, -2, static_cast<lua_Integer>(i + 1));
+  }
+  return 1;
+}
+
+int handles_equal(ScriptContext&, lua_State* L) {
+  const auto* const a = static_cast<const scene::ObjectId*>(luaL_testudata(L, 1, kTypeName));
+  const auto* const b = static_cast<const scene::ObjectId*>(luaL_testudata(L, 2, kTypeName));
+  lua_pushboolean(L, a != nullptr && b != nullptr && *a == *b ? 1 : 0);
+  return 1;
+}
+
+int handle_to_string(ScriptContext&, lua_State* L) {
+  lua_pushfstring(L, "object %I", static_cast<LUAI_UACINT>(check_handle(L, "id")));
+  return 1;
+}
+
+}  // namespace
+
+void bind_object_handles(lua_State* L) {
+  constexpr std::array<luaL_Reg, 10> kMethods{{{"id", guarded<id>},
+                                               {"alive", guarded<alive>},
+                                               {"label", guarded<label>},
+                                               {"position", guarded<position>},
+                                               {"velocity", guarded<velocity>},
+                                               {"angular_velocity", guarded<angular_velocity>},
+                                               {"orientation", guarded<orientation>},
+                                               {"remove", guarded<remove>},
+                                               {"push", guarded<push>},
+                                               {"teleport", guarded<teleport>}}};
+  register_userdata_type(L, kTypeName, kMethods);
+  luaL_getmetatable(L, kTypeName);
+  lua_pushcfunction(L, guarded<handles_equal>);
+  lua_setfield(L, -2, "__eq");
+  lua_pushcfunction(L, guarded<handle_to_string>);
+  lua_setfield(L, -2, "__tostring");
+  lua_pop(L, 1);
+  lua_register(L, "object", guarded<object>);
+  lua_register(L, "objects", guarded<objects>);
+}
+
+}  // namespace smartsurf::script

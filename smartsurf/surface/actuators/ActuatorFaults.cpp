@@ -1,0 +1,111 @@
+#include "smartsurf/surface/actuators/ActuatorFaults.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace smartsurf::surface {
+namespace {
+
+const std::vector<std::string> kFaultNames{"stuck", "dead", "weak", "late"};
+
+// One step of SplitMix64: a hash of a counter, so that a cell's luck does not depend on how many others there
+// are.
+std::uint64_t splitmix64(std::uint64_t value) {
+  value += 0x9e3779b97f4a7c15ULL;
+  value = (value ^ (value >> 30)) * 0xbf58476d1ce4e5b9ULL;
+  value = (value ^ (value >> 27)) * 0x94d049bb133111ebULL;
+  return value ^ (value >> 31);
+}
+
+double uniform_random(std::uint64_t seed, std::uint64_t counter) {
+  return static_cast<double>(splitmix64(splitmix64(seed) ^ counter) >> 11) * 0x1p-53;
+}
+
+}  // namespace
+
+ActuatorFaults::ActuatorFaults(const scene::SurfaceSpec& surface,
+                               std::span<const scene::ActuatorChannel> channels,
+                               std::span<const int> actuated_cells, const FaultMap& map, std::uint64_t seed)
+    : cells_(static_cast<std::size_t>(surface.cell_count())),
+      common_latency_(surface.faults.actuator.latency_ticks) {
+  for (const scene::ActuatorChannel& channel : channels)
+    channels_.push_back({channel, {}, {}, {}, common_latency_});
+  draw_faults(surface.faults.actuator, actuated_cells, seed);
+  for (const FaultEntry& entry : map.entries())
+    for (ChannelFaults& channel : channels_) {
+      if (entry.channel != channel.info.name &&
+          !(entry.channel.empty() && std::ranges::count(kFaultNames, entry.fault)))
+        continue;
+      apply_entry(map, entry, channel, static_cast<std::size_t>(surface.index(entry.row, entry.column)));
+    }
+}
+
+void ActuatorFaults::set_cell(ChannelFaults& channel, std::size_t cell, float gain, float offset) {
+  if (channel.gain.empty()) {
+    channel.gain.assign(cells_, 1.0F);
+    channel.offset.assign(cells_, 0.0F);
+  }
+  channel.gain[cell] = gain;
+  channel.offset[cell] = offset;
+}
+
+// Cells in the order of their luck: the first are stuck, the next dead, the next weak.
+void ActuatorFaults::draw_faults(const scene::ActuatorFaultSpec& spec, std::span<const int> actuated_cells,
+                                 std::uint64_t seed) {
+  std::vector<int> order(actuated_cells.begin(), actuated_cells.end());
+  std::ranges::sort(order, {}, [seed](int cell) {
+    return std::pair(splitmix64(splitmix64(seed) ^ static_cast<std::uint64_t>(cell)), cell);
+  });
+  const auto count = [&](double fraction) {
+    return static_cast<std::size_t>(std::llround(fraction * static_cast<double>(actuated_cells.size())));
+  };
+  const std::size_t stuck_end = count(spec.stuck_fraction), dead_end = stuck_end + count(spec.dead_fraction),
+                    weak_end = dead_end + count(spec.weak_fraction);
+  for (std::size_t k = 0; k < std::min(weak_end, order.size()); ++k)
+    for (std::size_t c = 0; c < channels_.size(); ++c) {
+      const auto cell = static_cast<std::size_t>(order[k]);
+      const scene::ActuatorChannel& info = channels_[c].info;
+      const double stuck_at = uniform_random(seed, (c + 1) * 0x100000000ULL + cell);
+      if (k < stuck_end)
+        set_cell(channels_[c], cell, 0.0F,
+                 static_cast<float>(info.minimum + (info.maximum - info.minimum) * stuck_at));
+      else if (k < dead_end)
+        set_cell(channels_[c], cell, 0.0F, static_cast<float>(info.safe_value));
+      else
+        set_cell(channels_[c], cell, static_cast<float>(spec.weak_gain),
+                 static_cast<float>((1.0 - spec.weak_gain) * info.safe_value));
+    }
+}
+
+void ActuatorFaults::apply_entry(const FaultMap& map, const FaultEntry& entry, ChannelFaults& channel,
+                                 std::size_t cell) {
+  const scene::ActuatorChannel& info = channel.info;
+  const auto require_value = [&](double low, double high) {
+    if (entry.value && *entry.value >= low && *entry.value <= high) return *entry.value;
+    map.refuse(entry, "value of '" + entry.fault + "'" +
+                          (entry.value ? " = " + scene::format_number(*entry.value) : " is missing") +
+                          ": must be in [" + scene::format_number(low) + ", " + scene::format_number(high) +
+                          "]");
+  };
+  if (entry.fault == "stuck") {
+    set_cell(channel, cell, 0.0F, static_cast<float>(require_value(info.minimum, info.maximum)));
+  } else if (entry.fault == "dead") {
+    if (entry.value) map.refuse(entry, "'dead' takes no value");
+    set_cell(channel, cell, 0.0F, static_cast<float>(info.safe_value));
+  } else if (entry.fault == "weak") {
+    const double gain = require_value(0.0, 1.0);
+    set_cell(channel, cell, static_cast<float>(gain), static_cast<float>((1.0 - gain) * info.safe_value));
+  } else if (entry.fault == "late") {
+    if (channel.latency.empty()) channel.latency.assign(cells_, static_cast<std::uint16_t>(common_latency_));
+    const auto latency = common_latency_ + static_cast<int>(require_value(0.0, 1000.0));
+    channel.latency[cell] = static_cast<std::uint16_t>(latency);
+    channel.max_latency = std::max(channel.max_latency, latency);
+  } else {
+    const std::string near = scene::nearest_name(entry.fault, kFaultNames);
+    map.refuse(entry,
+               "fault '" + entry.fault.substr(0, 40) + "': no fault of an actuator" +
+                   (near.empty() ? "; known: stuck, dead, weak, late" : " (did you mean '" + near + "'?)"));
+  }
+}
+
+}  // namespace smartsurf::surface

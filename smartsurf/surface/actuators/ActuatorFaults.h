@@ -1,0 +1,54 @@
+// What faults make of commands: of a stuck, a dead, a weak and a late cell.
+//
+//   value felt = gain·command + offset: stuck 0·c + value, dead 0·c + safe, weak g·c + (1 − g)·safe; late: an
+//   older command
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "smartsurf/scene/SceneSpec.h"
+#include "smartsurf/surface/FaultMap.h"
+
+namespace smartsurf::surface {
+
+class ActuatorFaults {
+ public:
+  // acting: the cells that have an actuator, ascending; of these the fractions are taken. The same seed hits
+  // the same cells, and a greater fraction hits them and others. Throws scene::InputError for an entry of the
+  // map that is no fault of an actuator.
+  ActuatorFaults(const scene::SurfaceSpec&, std::span<const scene::ActuatorChannel> channels,
+                 std::span<const int> actuated_cells, const FaultMap&, std::uint64_t seed);
+
+  bool has_faults(int channel) const noexcept {
+    return !channels_[static_cast<std::size_t>(channel)].gain.empty();
+  }
+  // Control periods by which any cell of the channel is late, at most; and one cell.
+  int latency(int channel) const noexcept { return channels_[static_cast<std::size_t>(channel)].max_latency; }
+  int latency(int channel, std::size_t cell) const noexcept {
+    const auto& latencies = channels_[static_cast<std::size_t>(channel)].latency;
+    return latencies.empty() ? common_latency_ : latencies[cell];
+  }
+  float effective_command(int channel, std::size_t cell, float command) const noexcept {
+    const ChannelFaults& c = channels_[static_cast<std::size_t>(channel)];
+    return c.gain[cell] * command + c.offset[cell];
+  }
+
+ private:
+  struct ChannelFaults {
+    scene::ActuatorChannel info;
+    std::vector<float> gain, offset;     // rows × columns; empty: no faults
+    std::vector<std::uint16_t> latency;  // rows × columns; empty: all by the common latency
+    int max_latency = 0;
+  };
+  void draw_faults(const scene::ActuatorFaultSpec&, std::span<const int> actuated_cells, std::uint64_t seed);
+  void set_cell(ChannelFaults&, std::size_t cell, float gain, float offset);
+  void apply_entry(const FaultMap&, const FaultEntry&, ChannelFaults&, std::size_t cell);
+
+  std::size_t cells_;
+  int common_latency_;
+  std::vector<ChannelFaults> channels_;
+};
+
+}  // namespace smartsurf::surface

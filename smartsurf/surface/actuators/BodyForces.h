@@ -1,0 +1,34 @@
+// How actuators that act at a distance reach the objects: what they see of them, and what they do to them.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <span>
+
+#include "smartsurf/scene/Snapshot.h"
+
+namespace smartsurf::surface {
+
+// The objects that are alive, ascending by id, at the beginning of a physics step. All spans have one entry
+// an object; the physics owns them, and they are valid until its next step.
+struct BodyView {
+  std::span<const scene::ObjectId> id;
+  std::span<const Eigen::Vector3f> position;          // centre of mass, u
+  std::span<const Eigen::Quaternionf> orientation;    // unit
+  std::span<const Eigen::Vector3f> velocity;          // u/s
+  std::span<const Eigen::Vector3f> angular_velocity;  // rad/s, world frame
+  std::span<const float> mass;                        // 0: never moves
+
+  std::size_t size() const { return id.size(); }
+};
+
+// What acts on one object during the next step, about its centre of mass, in the world frame. Actuators add
+// to it; the physics sets it to zero after the step.
+struct Wrench {
+  Eigen::Vector3f force{0.0F, 0.0F, 0.0F};   // mass·u/s²
+  Eigen::Vector3f torque{0.0F, 0.0F, 0.0F};  // mass·u²/s²
+
+  bool is_zero() const { return force.isZero(0.0F) && torque.isZero(0.0F); }
+};
+
+}  // namespace smartsurf::surface

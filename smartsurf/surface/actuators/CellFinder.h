@@ -1,0 +1,57 @@
+// Finds the cells of one model near a place, whatever the layout, by buckets as wide as the pitch.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+#include "smartsurf/surface/actuators/Actuator.h"
+
+namespace smartsurf::surface {
+
+class CellFinder {
+ public:
+  explicit CellFinder(const ActuatorContext&);
+
+  // Calls visit(cell, x, y) for every cell of the model whose centre lies in the square of `reach` about (x,
+  // y), in an order that does not depend on the caller.
+  template <class Visit>
+  void for_each_near(float x, float y, float radius, Visit visit) const {
+    const int row_begin = first_bucket(y - radius, low_y_, rows_),
+              row_end = end_bucket(y + radius, low_y_, rows_);
+    const int column_begin = first_bucket(x - radius, low_x_, columns_),
+              column_end = end_bucket(x + radius, low_x_, columns_);
+    for (int r = row_begin; r < row_end; ++r)
+      for (int c = column_begin; c < column_end; ++c) {
+        const auto bucket = static_cast<std::size_t>(r * columns_ + c);
+        for (std::uint32_t k = bucket_begin_[bucket]; k < bucket_begin_[bucket + 1]; ++k) {
+          const CellCentre& cell = cells_[k];
+          if (std::abs(cell.x - x) <= radius && std::abs(cell.y - y) <= radius)
+            visit(cell.index, cell.x, cell.y);
+        }
+      }
+  }
+
+ private:
+  struct CellCentre {
+    int index;
+    float x, y;
+  };
+  int first_bucket(float coordinate, float low, int count) const {
+    return std::max(0, static_cast<int>(std::floor(
+                           std::clamp((coordinate - low) / bucket_size_, -1.0F, static_cast<float>(count)))));
+  }
+  int end_bucket(float coordinate, float low, int count) const {
+    return std::min(count, static_cast<int>(std::floor(std::clamp((coordinate - low) / bucket_size_, -1.0F,
+                                                                  static_cast<float>(count)))) +
+                               1);
+  }
+
+  float bucket_size_, low_x_ = 0.0F, low_y_ = 0.0F;  // of a bucket; of the first one's corner
+  int rows_ = 0, columns_ = 0;
+  std::vector<std::uint32_t> bucket_begin_;  // of each bucket in cells_, and one more
+  std::vector<CellCentre> cells_;            // by bucket, then ascending
+};
+
+}  // namespace smartsurf::surface

@@ -1,0 +1,155 @@
+// Compiled once per instruction set: foreach_target.h includes this file again for each.
+#include "smartsurf/surface/actuators/PinKernels.h"
+
+#include <algorithm>
+#include <limits>
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "smartsurf/surface/actuators/PinKernels.cpp"
+#include <hwy/foreach_target.h>  // must come before highway.h
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace smartsurf::surface {
+namespace HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+constexpr std::size_t kMaxLanes = 16;
+
+// Calls step(d, i, done) for vectors of pins from i on, together [0, n). The last one may reach back over
+// pins that are done, which keep what they have; few pins come one by one.
+template <class Step>
+HWY_INLINE void for_each_vector(std::size_t n, Step step) {
+  const hn::CappedTag<float, kMaxLanes> wide_tag;
+  const std::size_t lanes = hn::Lanes(wide_tag);
+  std::size_t i = 0;
+  for (; i + lanes <= n; i += lanes) step(wide_tag, i, hn::FirstN(wide_tag, 0));
+  if (i < n && n >= lanes) {
+    step(wide_tag, n - lanes, hn::FirstN(wide_tag, lanes - (n - i)));
+    return;
+  }
+  const hn::CappedTag<float, 1> scalar_tag;
+  for (; i < n; ++i) step(scalar_tag, i, hn::FirstN(scalar_tag, 0));
+}
+
+class LaneMax {
+ public:
+  explicit LaneMax(float initial) { std::fill_n(lane_, kMaxLanes, initial); }
+  template <class D>
+  HWY_INLINE void add(D d, hn::Vec<D> v) {
+    hn::Store(hn::Max(hn::Load(d, lane_), v), d, lane_);
+  }
+  float reduce() const { return *std::max_element(lane_, lane_ + kMaxLanes); }
+
+ private:
+  alignas(64) float lane_[kMaxLanes];
+};
+
+// Approach, in lanes.
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE V profile_speed(D d, const MotionProfile::Constants& c, V distance, V speed, V max_speed) {
+  const V one = hn::Set(d, 1.0F), half = hn::Set(d, 0.5F), step = hn::Set(d, c.speed_step);
+  const V arrival_speed = hn::Mul(hn::Abs(distance), hn::Set(d, c.inverse_dt));
+  const V unclamped_units = hn::Mul(arrival_speed, hn::Set(d, c.inverse_speed_step)),
+          max_units = hn::Set(d, c.max_units);
+  const V units = hn::IfThenElse(hn::Lt(unclamped_units, max_units), unclamped_units, max_units);
+  const V root = hn::Sqrt(hn::Add(one, hn::Mul(hn::Set(d, 8.0F), units)));
+  const V k = hn::Trunc(hn::Mul(half, hn::Sub(root, one))), next = hn::Add(k, one);
+  const V braking_loss = hn::Mul(hn::Mul(hn::Set(d, 0.5F * c.speed_step), k), next);
+  const V stopping_speed = hn::Add(hn::Mul(k, step), hn::Div(hn::Sub(arrival_speed, braking_loss), next));
+  const V desired =
+      hn::CopySign(hn::IfThenElse(hn::Lt(stopping_speed, max_speed), stopping_speed, max_speed), distance);
+  const V low = hn::Sub(speed, step), high = hn::Add(speed, step);
+  const V at_least_low = hn::IfThenElse(hn::Gt(desired, low), desired, low);
+  return hn::IfThenElse(hn::Lt(at_least_low, high), at_least_low, high);
+}
+
+void clamp_commands_for_target(std::size_t n, const float* commands, float low, float high, float* kept) {
+  for_each_vector(n, [=](auto d, std::size_t i, auto) {
+    const auto command = hn::LoadU(d, commands + i), minimum = hn::Set(d, low), maximum = hn::Set(d, high);
+    const auto at_least_minimum = hn::IfThenElse(hn::Lt(command, minimum), minimum, command);
+    const auto clamped = hn::IfThenElse(hn::Gt(at_least_minimum, maximum), maximum, at_least_minimum);
+    hn::StoreU(hn::IfThenElse(hn::Eq(command, command), clamped, hn::LoadU(d, kept + i)), d, kept + i);
+  });
+}
+
+bool update_targets_for_target(std::size_t n, const float* base, const float* commands, float* target) {
+  bool changed = false;
+  for_each_vector(n, [&](auto d, std::size_t i, auto) {
+    const auto next_target = hn::Add(hn::LoadU(d, base + i), hn::LoadU(d, commands + i));
+    changed |= !hn::AllTrue(d, hn::Eq(next_target, hn::LoadU(d, target + i)));
+    hn::StoreU(next_target, d, target + i);
+  });
+  return changed;
+}
+
+PinMotion plan_speeds_for_target(std::size_t n, const float* target, const float* height,
+                                 const MotionProfile& profile, float* speeds) {
+  PinMotion motion;
+  LaneMax max_speed(0.0F);
+  const MotionProfile::Constants& c = profile.constants();
+  for_each_vector(n, [&](auto d, std::size_t i, auto done) {
+    const auto distance = hn::Sub(hn::LoadU(d, target + i), hn::LoadU(d, height + i));
+    const auto before = hn::LoadU(d, speeds + i);
+    const auto speed =
+        hn::IfThenElse(done, before, profile_speed(d, c, distance, before, hn::Set(d, c.max_speed)));
+    hn::StoreU(speed, d, speeds + i);
+    const auto rest = hn::And(hn::Eq(distance, hn::Zero(d)), hn::Eq(speed, hn::Zero(d)));
+    motion.moving |= !hn::AllTrue(d, rest);
+    max_speed.add(d, hn::Abs(speed));
+  });
+  motion.max_speed = max_speed.reduce();
+  return motion;
+}
+
+float advance_pins_for_target(std::size_t n, const float* target, const float* speed, float dt_s,
+                              float* heights) {
+  LaneMax max_height(-std::numeric_limits<float>::infinity());
+  for_each_vector(n, [&](auto d, std::size_t i, auto done) {
+    const auto goal = hn::LoadU(d, target + i);
+    const auto before = hn::LoadU(d, heights + i);
+    const auto next = hn::Add(before, hn::Mul(hn::LoadU(d, speed + i), hn::Set(d, dt_s)));
+    const auto scale = hn::Max(hn::Abs(next), hn::Set(d, 1.0F));
+    const auto arrived = hn::Le(hn::Abs(hn::Sub(goal, next)), hn::Mul(hn::Set(d, 1e-6F), scale));
+    const auto height = hn::IfThenElse(done, before, hn::IfThenElse(arrived, goal, next));
+    hn::StoreU(height, d, heights + i);
+    max_height.add(d, height);
+  });
+  return max_height.reduce();
+}
+
+}  // namespace
+}  // namespace HWY_NAMESPACE
+}  // namespace smartsurf::surface
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace smartsurf::surface {
+
+HWY_EXPORT(clamp_commands_for_target);
+HWY_EXPORT(update_targets_for_target);
+HWY_EXPORT(plan_speeds_for_target);
+HWY_EXPORT(advance_pins_for_target);
+
+void clamp_commands(std::size_t n, const float* commands, float low, float high, float* kept) noexcept {
+  HWY_DYNAMIC_DISPATCH(clamp_commands_for_target)(n, commands, low, high, kept);
+}
+
+bool update_targets(std::size_t n, const float* base, const float* commands, float* target) noexcept {
+  return HWY_DYNAMIC_DISPATCH(update_targets_for_target)(n, base, commands, target);
+}
+
+PinMotion plan_speeds(std::size_t n, const float* target, const float* height, const MotionProfile& profile,
+                      float* speed) noexcept {
+  return HWY_DYNAMIC_DISPATCH(plan_speeds_for_target)(n, target, height, profile, speed);
+}
+
+float advance_pins(std::size_t n, const float* target, const float* speed, float dt_s,
+                   float* height) noexcept {
+  return HWY_DYNAMIC_DISPATCH(advance_pins_for_target)(n, target, speed, dt_s, height);
+}
+
+}  // namespace smartsurf::surface
+#endif

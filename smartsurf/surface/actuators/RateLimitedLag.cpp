@@ -1,0 +1,56 @@
+#include "smartsurf/surface/actuators/RateLimitedLag.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace smartsurf::surface {
+
+RateLimitedLag::RateLimitedLag(const ActuatorContext& context, float start, double max_rate, double lag_s)
+    : runs_(context.runs),
+      max_rate_(max_rate),
+      lag_s_(lag_s),
+      value_(static_cast<std::size_t>(context.field.cells()), start),
+      target_(value_),
+      moving_(runs_.size(), 0),
+      changed_(runs_.size(), 0) {}
+
+void RateLimitedLag::set_targets(std::span<const float> targets) noexcept {
+  for (std::size_t r = 0; r < runs_.size(); ++r) {
+    bool any_moving = false;
+    for (auto i = static_cast<std::size_t>(runs_[r].begin); i < static_cast<std::size_t>(runs_[r].end); ++i) {
+      target_[i] = targets[i];
+      any_moving |= target_[i] != value_[i];
+    }
+    moving_[r] = any_moving;
+  }
+}
+
+void RateLimitedLag::snap_to_targets() noexcept {
+  value_ = target_;
+  std::ranges::fill(moving_, std::uint8_t{0});
+}
+
+void RateLimitedLag::step(double dt_s) noexcept {
+  const auto lag_fraction = static_cast<float>(lag_s_ > 0.0 ? -std::expm1(-dt_s / lag_s_) : 1.0);
+  const auto max_change = static_cast<float>(std::min(max_rate_ * dt_s, 1e30));
+  for (std::size_t r = 0; r < runs_.size(); ++r) {
+    changed_[r] = moving_[r];
+    if (moving_[r]) step_run(r, lag_fraction, max_change);
+  }
+}
+
+void RateLimitedLag::step_run(std::size_t run, float lag_fraction, float max_change) noexcept {
+  bool any_moving = false;
+  for (auto i = static_cast<std::size_t>(runs_[run].begin); i < static_cast<std::size_t>(runs_[run].end);
+       ++i) {
+    const float distance = target_[i] - value_[i];
+    const float next = value_[i] + std::clamp(distance * lag_fraction, -max_change, max_change);
+    // A lag alone would never arrive.
+    const float scale = std::max(1.0F, std::abs(target_[i]));
+    value_[i] = std::abs(target_[i] - next) <= 1e-6F * scale ? target_[i] : next;
+    any_moving |= value_[i] != target_[i];
+  }
+  moving_[run] = any_moving;
+}
+
+}  // namespace smartsurf::surface

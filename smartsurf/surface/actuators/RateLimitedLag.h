@@ -1,0 +1,42 @@
+// Numbers that follow their targets, one a cell: with a first-order lag, and never faster than a greatest
+// rate of change.
+//
+//   x' = clamp((target − x)·(1 − e^(−dt/lag)), ±max_rate·dt), the exact solution of lag·dx/dt = target − x
+//   over a step
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "smartsurf/surface/actuators/Actuator.h"
+
+namespace smartsurf::surface {
+
+class RateLimitedLag {
+ public:
+  // All cells begin at `start` and aim at it. max_rate: per second, > 0; lag_s ≥ 0: none.
+  RateLimitedLag(const ActuatorContext&, float start, double max_rate, double lag_s);
+
+  // rows × columns; the cells of the place are read.
+  void set_targets(std::span<const float> targets) noexcept;
+  // Goes to the targets at once.
+  void snap_to_targets() noexcept;
+  // One step. Cost in proportion to the runs of cells that are not at their targets.
+  void step(double dt_s) noexcept;
+
+  float operator[](int cell) const noexcept { return value_[static_cast<std::size_t>(cell)]; }
+  std::span<const CellRun> runs() const noexcept { return runs_; }
+  // Whether the run's values changed in the last step().
+  bool changed(std::size_t run) const noexcept { return changed_[run] != 0; }
+
+ private:
+  void step_run(std::size_t run, float lag_fraction, float max_change) noexcept;
+
+  std::vector<CellRun> runs_;
+  double max_rate_, lag_s_;
+  std::vector<float> value_, target_;
+  std::vector<std::uint8_t> moving_, changed_;  // one a run
+};
+
+}  // namespace smartsurf::surface

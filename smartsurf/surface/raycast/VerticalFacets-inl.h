@@ -1,0 +1,125 @@
+// Where upright lines cross a convex piece that planes bound: between the highest of the planes that face
+// down and the lowest of those that face up. Included once an instruction set (see SweepKernels.cpp), hence
+// no plain include guard. Only IEEE operations, no fused ones: the same bits for any number of lanes.
+#include <hwy/highway.h>
+
+#include <limits>
+
+#include "smartsurf/surface/raycast/RayBodies.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace smartsurf::surface {
+namespace HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+// Of one piece, turned as the body is; all lengths from its centre.
+class VerticalFacets {
+ public:
+  static constexpr int kMaxFacets = 64;
+  static bool fits(const Facets& facets) {
+    return static_cast<int>(facets.size()) * FacetBlock::kLanes <= kMaxFacets;
+  }
+
+  VerticalFacets(const Facets& facets, const Eigen::Matrix3f& to_local) {
+    for (const FacetBlock& block : facets)
+      for (int lane = 0; lane < FacetBlock::kLanes; lane += static_cast<int>(hn::Lanes(FacetTag())))
+        add(block, lane, to_local);
+  }
+
+  // For lines beside each other, at these x: what is the same for all y.
+  template <class D>
+  void set_columns(hn::Vec<D> x) {
+    set_columns<D>(floors_, x);
+    set_columns<D>(roofs_, x);
+    for (int k = 0; k < walls_; ++k) {
+      const hn::Vec<D> beyond = hn::Sub(hn::Mul(hn::Set(D(), wall_x_[k]), x), hn::Set(D(), wall_offset_[k]));
+      hn::Store(beyond, D(), wall_at_ + k * FacetBlock::kLanes);
+    }
+  }
+
+  // At that y: inside from `low` to `high`, where low ≤ high.
+  template <class D, class V = hn::Vec<D>>
+  HWY_INLINE void intersect_row(float y, V& low, V& high) const {
+    const D d;
+    low = hn::Set(d, -kInfinity), high = hn::Set(d, kInfinity);
+    for (int k = 0; k < floors_.count; ++k) low = hn::Max(low, height<D>(floors_, k, y));
+    for (int k = 0; k < roofs_.count; ++k) high = hn::Min(high, height<D>(roofs_, k, y));
+    for (int k = 0; k < walls_; ++k) {
+      const V beyond = hn::Add(hn::Load(d, wall_at_ + k * FacetBlock::kLanes), hn::Set(d, wall_y_[k] * y));
+      low = hn::IfThenElse(hn::Gt(beyond, hn::Zero(d)), hn::Set(d, kInfinity), low);
+    }
+  }
+
+ private:
+  using FacetTag = hn::CappedTag<float, FacetBlock::kLanes>;
+  static constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  // A plane that leans less than this is taken as upright.
+  static constexpr float kMaxVerticalNormalZ = 1e-6F;
+  // The plane's height is lift + x·px + y·py.
+  struct Planes {
+    // Room for what a store of whole vectors writes too much.
+    float x[kMaxFacets + FacetBlock::kLanes], y[kMaxFacets + FacetBlock::kLanes],
+        intercept[kMaxFacets + FacetBlock::kLanes];
+    HWY_ALIGN float at_columns[kMaxFacets * FacetBlock::kLanes];  // lift + x·px of each line
+    int count = 0;
+  };
+
+  HWY_INLINE void add(const FacetBlock& block, int lane, const Eigen::Matrix3f& to_local) {
+    const FacetTag d;
+    const auto x = hn::LoadU(d, block.x + lane), y = hn::LoadU(d, block.y + lane),
+               z = hn::LoadU(d, block.z + lane), offset = hn::LoadU(d, block.offset + lane);
+    const auto along = [&](int axis) {
+      return hn::Add(
+          hn::Add(hn::Mul(hn::Set(d, to_local(0, axis)), x), hn::Mul(hn::Set(d, to_local(1, axis)), y)),
+          hn::Mul(hn::Set(d, to_local(2, axis)), z));
+    };
+    const auto nx = along(0), ny = along(1), nz = along(2);
+    const auto vertical = hn::Lt(hn::Abs(nz), hn::Set(d, kMaxVerticalNormalZ));
+    const auto per_z = hn::Div(hn::Set(d, 1.0F), hn::IfThenElse(vertical, hn::Set(d, 1.0F), nz));
+    const auto slope_x = hn::Neg(hn::Mul(nx, per_z)), slope_y = hn::Neg(hn::Mul(ny, per_z)),
+               intercept = hn::Mul(offset, per_z);
+    // Compressed in registers: a store that does it is many times slower on some machines.
+    const auto compress_store = [&](auto values, hn::Mask<FacetTag> which, float* to) {
+      hn::StoreU(hn::Compress(values, which), d, to);
+    };
+    const auto append_planes = [&](Planes& planes, hn::Mask<FacetTag> which) {
+      compress_store(slope_x, which, planes.x + planes.count);
+      compress_store(slope_y, which, planes.y + planes.count);
+      compress_store(intercept, which, planes.intercept + planes.count);
+      planes.count += static_cast<int>(hn::CountTrue(d, which));
+    };
+    append_planes(roofs_, hn::AndNot(vertical, hn::Gt(nz, hn::Zero(d))));
+    append_planes(floors_, hn::AndNot(vertical, hn::Lt(nz, hn::Zero(d))));
+    if (hn::AllFalse(d, vertical)) return;
+    compress_store(nx, vertical, wall_x_ + walls_);
+    compress_store(ny, vertical, wall_y_ + walls_);
+    compress_store(offset, vertical, wall_offset_ + walls_);
+    walls_ += static_cast<int>(hn::CountTrue(d, vertical));
+  }
+
+  template <class D>
+  static void set_columns(Planes& planes, hn::Vec<D> x) {
+    const D d;
+    for (int k = 0; k < planes.count; ++k)
+      hn::Store(hn::Add(hn::Set(d, planes.intercept[k]), hn::Mul(hn::Set(d, planes.x[k]), x)), d,
+                planes.at_columns + k * FacetBlock::kLanes);
+  }
+
+  template <class D>
+  HWY_INLINE static hn::Vec<D> height(const Planes& planes, int k, float y) {
+    return hn::Add(hn::Load(D(), planes.at_columns + k * FacetBlock::kLanes), hn::Set(D(), planes.y[k] * y));
+  }
+
+  Planes floors_, roofs_;
+  int walls_ = 0;
+  float wall_x_[kMaxFacets + FacetBlock::kLanes], wall_y_[kMaxFacets + FacetBlock::kLanes],
+      wall_offset_[kMaxFacets + FacetBlock::kLanes];
+  HWY_ALIGN float wall_at_[kMaxFacets * FacetBlock::kLanes];
+};
+
+}  // namespace
+}  // namespace HWY_NAMESPACE
+}  // namespace smartsurf::surface
+HWY_AFTER_NAMESPACE();

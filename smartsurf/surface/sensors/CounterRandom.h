@@ -1,0 +1,72 @@
+// Random numbers by counter: each is a function of seed, stream, tick and index alone, so it does not matter
+// who draws which, in what order, on what thread.
+#pragma once
+
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <numbers>
+
+namespace smartsurf::surface {
+
+class CounterRandom {
+ public:
+  CounterRandom(std::uint64_t seed, std::uint64_t stream, std::uint64_t tick) noexcept
+      : key_(mix(mix(mix(seed + kGamma) + stream + kGamma) + tick + kGamma)) {}
+
+  // 64 random bits: Steele's SplitMix64, entered at `index`.
+  std::uint64_t bits(std::uint64_t index) const noexcept { return mix(key_ + (index + 1) * kGamma); }
+
+  // In [0, 1), a multiple of 2⁻⁵³.
+  double uniform(std::uint64_t index) const noexcept {
+    return static_cast<double>(bits(index) >> 11) * 0x1p-53;
+  }
+
+  // Of mean 0 and deviation 1, by Box and Muller; no number lies beyond 6.7. Without the C library's
+  // functions, whose last bits differ from one processor to another.
+  double normal(std::uint64_t index) const noexcept {
+    const std::uint64_t b = bits(index);
+    const double u = (static_cast<double>(b >> 32) + 0.5) * 0x1p-32;
+    const double turns =
+        static_cast<double>(static_cast<std::int32_t>(b & 0xffffffffU)) * 0x1p-32;  // [-1/2, 1/2)
+    return std::sqrt(-2.0 * log_approx(u)) * sin_turns(turns);
+  }
+
+ private:
+  static constexpr std::uint64_t kGamma = 0x9e3779b97f4a7c15U;
+
+  static std::uint64_t mix(std::uint64_t z) noexcept {
+    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9U;
+    z = (z ^ (z >> 27)) * 0x94d049bb133111ebU;
+    return z ^ (z >> 31);
+  }
+
+  // ln u for a normal u > 0, to 1e-10: u = m·2^e with m near 1, and 2 artanh((m − 1)/(m + 1)) by its series.
+  static double log_approx(double u) noexcept {
+    const std::uint64_t b = std::bit_cast<std::uint64_t>(u);
+    int exponent = static_cast<int>(b >> 52) - 1023;
+    double m = std::bit_cast<double>((b & 0xfffffffffffffU) | 0x3ff0000000000000U);
+    if (m > std::numbers::sqrt2) m *= 0.5, ++exponent;
+    const double s = (m - 1.0) / (m + 1.0), q = s * s;
+    const double series =
+        1.0 + q * (1.0 / 3 + q * (1.0 / 5 + q * (1.0 / 7 + q * (1.0 / 9 + q * (1.0 / 11)))));
+    return 2.0 * s * series + exponent * std::numbers::ln2;
+  }
+
+  // sin 2πt for t in [-1/2, 1/2], to 1e-9.
+  static double sin_turns(double t) noexcept {
+    if (t > 0.25) t = 0.5 - t;
+    if (t < -0.25) t = -0.5 - t;
+    const double a = 2.0 * std::numbers::pi * t, q = a * a;
+    return a *
+           (1.0 -
+            q / 6 *
+                (1.0 -
+                 q / 20 *
+                     (1.0 - q / 42 * (1.0 - q / 72 * (1.0 - q / 110 * (1.0 - q / 156 * (1.0 - q / 210)))))));
+  }
+
+  std::uint64_t key_;
+};
+
+}  // namespace smartsurf::surface

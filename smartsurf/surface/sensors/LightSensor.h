@@ -1,0 +1,25 @@
+// How much of a light far away in one direction arrives at each cell.
+#pragma once
+
+#include <vector>
+
+#include "smartsurf/surface/sensors/Sensor.h"
+
+namespace smartsurf::surface {
+
+class LightSensor final : public Sensor {
+ public:
+  LightSensor(const Field&, const scene::SensorSpec&);
+
+  void sense(const SensorInput&, ThreadPool&) override;
+  // The share of the light's face that the cell sees: 1 in the open, 0 in full shadow.
+  std::span<const float> values(int /*channel*/) const noexcept override { return visible_fraction_; }
+
+ private:
+  int rows_;
+  std::vector<RayCaster> ray_casters_;  // one to each point of the light that is looked for
+  std::vector<float> visible_fraction_;
+  std::vector<float> body_tags_;  // 1 for every body
+};
+
+}  // namespace smartsurf::surface

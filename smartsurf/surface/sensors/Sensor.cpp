@@ -1,0 +1,49 @@
+#include "smartsurf/surface/sensors/Sensor.h"
+
+#include <map>
+#include <string>
+
+#include "smartsurf/surface/sensors/CameraSensor.h"
+#include "smartsurf/surface/sensors/ColourSensor.h"
+#include "smartsurf/surface/sensors/LightSensor.h"
+#include "smartsurf/surface/sensors/ObjectTypeSensor.h"
+#include "smartsurf/surface/sensors/PressureSensor.h"
+#include "smartsurf/surface/sensors/ProximitySensor.h"
+
+namespace smartsurf::surface {
+namespace {
+
+template <class Model>
+std::unique_ptr<Sensor> make(const Field& field, const scene::SensorSpec& spec) {
+  return std::make_unique<Model>(field, spec);
+}
+
+std::map<std::string, SensorFactory>& factories() {
+  static std::map<std::string, SensorFactory> all{
+      {"proximity", make<ProximitySensor>},    {"colour", make<ColourSensor>},
+      {"object_type", make<ObjectTypeSensor>}, {"light", make<LightSensor>},
+      {"pressure", make<PressureSensor>},      {"camera", make<CameraSensor>}};
+  return all;
+}
+
+}  // namespace
+
+void register_sensor(scene::SensorKind kind, SensorFactory make) {
+  factories()[kind.name] = std::move(make);
+  scene::add_sensor_kind(std::move(kind));
+}
+
+std::unique_ptr<Sensor> make_sensor(const Field& field, const scene::SensorSpec& spec) {
+  const auto it = factories().find(spec.model);
+  if (it == factories().end()) throw scene::InputError("no sensor is called '" + spec.model + "'");
+  return it->second(field, spec);
+}
+
+CellRay cell_ray_of(const scene::SensorSpec& spec) {
+  return {.origin = spec.vector("origin").cast<float>(),
+          .direction = spec.vector("direction").normalized().cast<float>(),
+          .range = static_cast<float>(spec.number("range")),
+          .hits_pins = spec.number("pins") != 0.0};
+}
+
+}  // namespace smartsurf::surface

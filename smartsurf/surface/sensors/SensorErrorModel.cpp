@@ -1,0 +1,245 @@
+#include "smartsurf/surface/sensors/SensorErrorModel.h"
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cmath>
+#include <map>
+#include <string>
+#include <utility>
+
+#include "common/ThreadPool.h"
+#include "smartsurf/surface/CsvTable.h"
+#include "smartsurf/surface/sensors/CounterRandom.h"
+
+namespace smartsurf::surface {
+namespace {
+
+// Of one number of one channel, about.
+constexpr double kReadingCost_ns = 5.0;
+
+// What a stream of random numbers is for.
+enum StreamPurpose : std::uint64_t { kNoise, kDrift, kDropout, kFaults, kPurposeCount };
+
+// By name, so that a sensor's numbers stay the same when others are added (FNV-1a).
+std::uint64_t stream_id(const std::string& channel) {
+  std::uint64_t h = 0xcbf29ce484222325U;
+  for (const char c : channel) h = (h ^ static_cast<unsigned char>(c)) * 0x100000001b3U;
+  return h * kPurposeCount;
+}
+
+double parameter_or_zero(const scene::ParameterValues& sensor_values,
+                         const scene::ParameterValues& shared_values, const char* name) {
+  if (const auto it = sensor_values.find(name); it != sensor_values.end()) return it->second.front();
+  if (const auto it = shared_values.find(name); it != shared_values.end()) return it->second.front();
+  return 0.0;
+}
+
+float clamp_to_range(const scene::SensorChannel& c, double value) {
+  return static_cast<float>(std::clamp(value, c.minimum, c.maximum));
+}
+
+}  // namespace
+
+SensorErrorModel::SensorErrorModel(const scene::SensorSpec& spec, const scene::SceneSpec& scene,
+                                   const FaultMap& map)
+    : rows_(scene.surface.rows),
+      columns_(scene.surface.columns),
+      cells_(static_cast<std::size_t>(scene.surface.cell_count())),
+      period_s_(scene.world.control_period_s),
+      seed_(scene.world.seed) {
+  const scene::ParameterValues& shared_values = scene.surface.faults.sensor_errors;
+  const scene::SensorKind& kind = *scene::find_sensor_kind(spec.model);
+  mask_ = kind.mask_channel;
+  for (scene::SensorChannel& c : kind.channels(spec)) {
+    ChannelState channel;
+    channel.stream = stream_id(c.name);
+    channel.description = std::move(c);
+    channels_.push_back(std::move(channel));
+  }
+  noise_ = parameter_or_zero(spec.values, shared_values, "noise");
+  quantize_ = parameter_or_zero(spec.values, shared_values, "quantize");
+  drift_ = parameter_or_zero(spec.values, shared_values, "drift");
+  dropout_ = parameter_or_zero(spec.values, shared_values, "dropout");
+  latency_ = static_cast<int>(parameter_or_zero(spec.values, shared_values, "latency"));
+  draw_faults(spec.values, shared_values);
+  load_fault_map(map);
+  if (spec.calibration) load_calibration(*spec.calibration);
+  const bool has_measured_channel =
+      std::ranges::any_of(channels_, [](const ChannelState& c) { return !c.description.is_exact; });
+  if (has_measured_channel && (noise_ > 0.0 || quantize_ > 0.0 || drift_ > 0.0)) active_ = true;
+  if (dropout_ > 0.0 || latency_ > 0) active_ = true;
+  if (active_) allocate_buffers();
+}
+
+// Memory for the ticks to come.
+void SensorErrorModel::allocate_buffers() {
+  for (ChannelState& c : channels_) {
+    const std::size_t numbers = cells_ * static_cast<std::size_t>(c.description.components);
+    c.readings.resize(numbers);
+    if (drift_ > 0.0 && !c.description.is_exact) c.drift.assign(numbers, 0.0F);
+    if (latency_ > 0)
+      c.delay_line.assign(static_cast<std::size_t>(latency_) + 1, std::vector<float>(numbers));
+  }
+}
+
+// One draw a cell: a greater share hits the same cells and others.
+void SensorErrorModel::draw_faults(const scene::ParameterValues& sensor_values,
+                                   const scene::ParameterValues& shared_values) {
+  const double dead = parameter_or_zero(sensor_values, shared_values, "dead"),
+               low = parameter_or_zero(sensor_values, shared_values, "stuck_low"),
+               high = parameter_or_zero(sensor_values, shared_values, "stuck_high");
+  if (dead + low + high <= 0.0) return;
+  const CounterRandom random(seed_, channels_.front().stream + kFaults, 0);
+  for (std::size_t cell = 0; cell < cells_; ++cell) {
+    const double drawn = random.uniform(cell);
+    for (ChannelState& c : channels_) {
+      if (drawn < dead)
+        set_cell_fault(cell, c, CellState::kDead, 0.0);
+      else if (drawn < dead + low)
+        set_cell_fault(cell, c, CellState::kStuck, measured_channel(c).minimum);
+      else if (drawn < dead + low + high)
+        set_cell_fault(cell, c, CellState::kStuck, measured_channel(c).maximum);
+    }
+  }
+}
+
+// What a channel measures; a mask speaks of the first channel.
+const scene::SensorChannel& SensorErrorModel::measured_channel(const ChannelState& c) const {
+  return is_mask(c) ? channels_.front().description : c.description;
+}
+
+// `value` is of what the channel measures: its mask says whether that is something.
+void SensorErrorModel::set_cell_fault(std::size_t cell, ChannelState& c, CellState state, double value) {
+  active_ = true;
+  if (c.state.empty()) {
+    c.state.assign(cells_, CellState::kWorking);
+    c.stuck_value.assign(cells_, 0.0F);
+  }
+  c.state[cell] = state;
+  const float reading = clamp_to_range(measured_channel(c), value);
+  c.stuck_value[cell] = is_mask(c)
+                            ? static_cast<float>(reading != clamp_to_range(measured_channel(c),
+                                                                           measured_channel(c).no_detection))
+                            : reading;
+}
+
+void SensorErrorModel::load_fault_map(const FaultMap& map) {
+  for (const FaultEntry& entry : map.entries()) {
+    const bool names_channel = std::ranges::any_of(
+        channels_, [&](const ChannelState& c) { return c.description.name == entry.channel; });
+    if (!names_channel && !entry.channel.empty()) continue;
+    // A sensor is one thing: what breaks a channel breaks the mask with it.
+    for (ChannelState& c : channels_)
+      if (!names_channel || c.description.name == entry.channel || is_mask(c)) apply_fault(map, entry, c);
+  }
+}
+
+// An entry without a channel speaks of the actuators as well: what is no fault of a sensor is one of theirs.
+void SensorErrorModel::apply_fault(const FaultMap& map, const FaultEntry& entry, ChannelState& c) {
+  const auto cell = static_cast<std::size_t>(entry.row * columns_ + entry.column);
+  const std::string& fault = entry.fault;
+  if (fault == "dead") return set_cell_fault(cell, c, CellState::kDead, 0.0);
+  if (fault == "stuck_low") return set_cell_fault(cell, c, CellState::kStuck, measured_channel(c).minimum);
+  if (fault == "stuck_high") return set_cell_fault(cell, c, CellState::kStuck, measured_channel(c).maximum);
+  if (fault != "stuck" && fault != "gain" && fault != "offset") {
+    if (entry.channel.empty()) return;
+    map.refuse(entry, "fault " + quoted(fault) +
+                          ": no fault of a sensor; known: dead, stuck, stuck_low, stuck_high, gain, offset");
+  }
+  if (!entry.value) map.refuse(entry, "fault " + quoted(fault) + ": needs a value");
+  if (fault == "stuck") return set_cell_fault(cell, c, CellState::kStuck, *entry.value);
+  if (!c.description.is_exact) set_calibration(cell, c, fault == "gain" ? c.gain : c.offset, *entry.value);
+}
+
+void SensorErrorModel::set_calibration(std::size_t cell, const ChannelState& c, std::vector<float>& of,
+                                       double value) {
+  active_ = true;
+  if (of.empty()) of.assign(cells_, &of == &c.gain ? 1.0F : 0.0F);
+  of[cell] = static_cast<float>(value);
+}
+
+void SensorErrorModel::load_calibration(const scene::CalibrationFile& file) {
+  std::map<std::pair<std::size_t, std::string>, int> seen;
+  for (const CsvRow& row : read_csv(file.name, file.text, "row,column,channel,gain,offset")) {
+    const auto cell =
+        static_cast<std::size_t>(row.index(0, "row", rows_) * columns_ + row.index(1, "column", columns_));
+    const double gain = row.number(3, "gain"), offset = row.number(4, "offset");
+    if (const auto [first, is_new] = seen.try_emplace({cell, row.text(2)}, row.line_number()); !is_new)
+      row.refuse("the cell's channel is calibrated already, by line " + std::to_string(first->second));
+    bool found = false;
+    for (ChannelState& c : channels_) {
+      if (c.description.is_exact || (!row.text(2).empty() && row.text(2) != c.description.name)) continue;
+      found = true;
+      set_calibration(cell, c, c.gain, gain);
+      set_calibration(cell, c, c.offset, offset);
+    }
+    if (found) continue;
+    std::string known;
+    for (const ChannelState& c : channels_)
+      if (!c.description.is_exact) known += (known.empty() ? "" : ", ") + c.description.name;
+    row.refuse("channel " + quoted(row.text(2)) +
+               ": the sensor has no such channel to calibrate; known: " + (known.empty() ? "none" : known));
+  }
+}
+
+void SensorErrorModel::apply(std::uint64_t tick, std::span<const std::span<const float>> truth,
+                             ThreadPool& pool) {
+  assert(truth.size() == channels_.size());
+  for (std::size_t k = 0; k < channels_.size(); ++k) {
+    ChannelState& c = channels_[k];
+    c.truth = truth[k];
+    if (c.delay_line.empty()) continue;
+    const std::size_t slots = c.delay_line.size();
+    std::ranges::copy(truth[k], c.delay_line[tick % slots].begin());
+    c.truth = c.delay_line[tick < slots ? 0 : (tick + 1) % slots];
+  }
+  const double cost_ns = kReadingCost_ns * static_cast<double>(cells_ * channels_.size());
+  pool.parallel_for_rows(rows_, cost_ns, [this, tick](int begin, int end) {
+    const auto columns = static_cast<std::size_t>(columns_);
+    compute_readings(tick, static_cast<std::size_t>(begin) * columns,
+                     static_cast<std::size_t>(end) * columns);
+  });
+}
+
+void SensorErrorModel::compute_readings(std::uint64_t tick, std::size_t first, std::size_t last) noexcept {
+  for (ChannelState& c : channels_) compute_channel(tick, c, first, last);
+  if (dropout_ <= 0.0) return;
+  const CounterRandom dropout_random(seed_, channels_.front().stream + kDropout, tick);
+  for (std::size_t cell = first; cell < last; ++cell) {
+    if (dropout_random.uniform(cell) >= dropout_) continue;
+    for (ChannelState& c : channels_)
+      for (std::size_t index = cell; index < c.readings.size(); index += cells_)
+        c.readings[index] = static_cast<float>(c.description.no_detection);
+  }
+}
+
+void SensorErrorModel::compute_channel(std::uint64_t tick, ChannelState& c, std::size_t first,
+                                       std::size_t last) noexcept {
+  const CounterRandom noise_random(seed_, c.stream + kNoise, tick),
+      drift_random(seed_, c.stream + kDrift, tick);
+  const double drift_step = drift_ * std::sqrt(period_s_);
+  const auto none = static_cast<float>(c.description.no_detection);
+  const float* const mask = mask_ < 0 ? nullptr : channels_[static_cast<std::size_t>(mask_)].truth.data();
+  for (std::size_t plane = 0; plane < c.readings.size(); plane += cells_)
+    for (std::size_t cell = first; cell < last; ++cell) {
+      const std::size_t index = plane + cell;
+      float reading = c.truth[index];
+      if (!c.description.is_exact) {
+        if (!c.drift.empty() && tick > 0)
+          c.drift[index] += static_cast<float>(drift_step * drift_random.normal(index));
+        double value = reading;
+        if (!c.gain.empty()) value *= c.gain[cell];
+        if (!c.offset.empty()) value += c.offset[cell];
+        if (!c.drift.empty()) value += c.drift[index];
+        if (noise_ > 0.0) value += noise_ * noise_random.normal(index);
+        if (quantize_ > 0.0) value = std::round(value / quantize_) * quantize_;
+        reading = mask != nullptr && mask[cell] == 0.0F ? none : clamp_to_range(c.description, value);
+      }
+      if (!c.state.empty() && c.state[cell] != CellState::kWorking)
+        reading = c.state[cell] == CellState::kDead ? none : c.stuck_value[cell];
+      c.readings[index] = reading;
+    }
+}
+
+}  // namespace smartsurf::surface

@@ -1,0 +1,161 @@
+#include "smartsurf/world/BodyStore.h"
+
+#include <hwy/cache_control.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+
+#include "smartsurf/world/solver/RotationKernels.h"
+
+namespace smartsurf::world {
+namespace {
+
+void store(float (&to)[3], const Vec3& from) {
+  for (int i = 0; i < 3; ++i) to[i] = from[i];
+}
+
+// The six entries of a symmetric matrix.
+void store(float (&to)[6], const Mat3& m) {
+  const float entries[] = {m(0, 0), m(1, 1), m(2, 2), m(0, 1), m(0, 2), m(1, 2)};
+  std::copy_n(entries, 6, to);
+}
+
+template <class T>
+void erase_at(std::vector<T>& values, std::size_t index) {
+  values.erase(values.begin() + static_cast<std::ptrdiff_t>(index));
+}
+
+}  // namespace
+
+void BodyStore::add(scene::ObjectId new_id, const scene::ObjectSpec& spec, const scene::Material& material) {
+  id.push_back(new_id);
+  position.push_back(spec.position.cast<float>());
+  orientation.push_back(spec.orientation.cast<float>().normalized());
+  mass.push_back(mass_of(spec, material));
+  shape.push_back(std::make_unique<const Shape>(make_shape(spec)));
+  bounding_radius.push_back(shape.back()->reach);
+  is_sphere.push_back(shape.back()->round());
+  is_axisymmetric.push_back(shape.back()->revolves());
+  width.push_back(shape.back()->width);
+  surface_material.push_back(
+      {bounding_radius.back(), std::sqrt(static_cast<float>(material.friction)),
+       shape.back()->rolls ? std::sqrt(static_cast<float>(material.rolling_friction)) : 0.0F,
+       static_cast<float>(material.restitution)});
+  const bool is_dynamic = mass.back() > 0.0F;
+  local_inertia.emplace_back();
+  if (is_dynamic) {
+    const Mat3 local = inertia_of(spec, mass.back());
+    store(local_inertia.back().inertia, local);
+    store(local_inertia.back().inverse, local.inverse());
+  }
+  wrench.emplace_back();
+  asleep.push_back(0);
+  sleep_timer_s.push_back(0.0F);
+  BodyVelocity m;
+  m.inverse_mass = is_dynamic ? 1.0F / mass.back() : 0.0F;
+  m.inverse_inertia = local_inertia.back().inverse[0];
+  if (is_dynamic) store(m.velocity, spec.velocity.cast<float>());
+  if (is_dynamic) store(m.angular_velocity, spec.angular_velocity.cast<float>());
+  body_velocity.push_back(m);
+  axes.emplace_back(Mat3::Identity());
+  delta_pose.emplace_back();
+  world_inverse_inertia.emplace_back();
+  update_axes(id.size() - 1);
+}
+
+void BodyStore::erase(std::size_t i) {
+  erase_at(id, i), erase_at(position, i), erase_at(orientation, i), erase_at(body_velocity, i),
+      erase_at(mass, i), erase_at(shape, i);
+  erase_at(bounding_radius, i), erase_at(is_sphere, i), erase_at(is_axisymmetric, i), erase_at(width, i),
+      erase_at(surface_material, i);
+  erase_at(local_inertia, i), erase_at(wrench, i), erase_at(asleep, i), erase_at(sleep_timer_s, i);
+  erase_at(axes, i), erase_at(delta_pose, i), erase_at(world_inverse_inertia, i);
+}
+
+int BodyStore::find(scene::ObjectId wanted) const {
+  const auto it = std::lower_bound(id.begin(), id.end(), wanted);
+  return it != id.end() && *it == wanted ? static_cast<int>(it - id.begin()) : -1;
+}
+
+void BodyStore::apply_placement(std::size_t i, const scene::ObjectStateUpdate& p) {
+  if (p.position) position[i] = p.position->cast<float>();
+  if (p.orientation) orientation[i] = p.orientation->cast<float>().normalized();
+  if (p.velocity && !is_static(i)) store(body_velocity[i].velocity, p.velocity->cast<float>());
+  if (p.angular_velocity && !is_static(i))
+    store(body_velocity[i].angular_velocity, p.angular_velocity->cast<float>());
+  update_axes(i);
+}
+
+void BodyStore::update_axes(std::size_t i) {
+  if (is_sphere[i]) {
+    const float inverse = body_velocity[i].inverse_inertia;
+    world_inverse_inertia[i] = {inverse, inverse, inverse, 0, 0, 0, {}};
+    return;
+  }
+  const BodyVelocity velocity_before = body_velocity[i];
+  integrate_gyroscopic({{i}}, 0.0F);
+  body_velocity[i] = velocity_before;
+}
+
+Quat rotation_from_vector(const Vec3& rotation_vector) {
+  const float angle = rotation_vector.norm();
+  if (!(angle > 0.0F)) return Quat::Identity();
+  Quat q;
+  q.w() = std::cos(0.5F * angle);
+  q.vec() = rotation_vector * (std::sin(0.5F * angle) / angle);
+  return q;
+}
+
+void BodyStore::prefetch(std::size_t i) const {
+  hwy::Prefetch(&body_velocity[i]);
+  hwy::Prefetch(&delta_pose[i]);
+  hwy::Prefetch(&surface_material[i]);
+  hwy::Prefetch(&position[i]);
+  hwy::Prefetch(&orientation[i]);
+  hwy::Prefetch(&wrench[i]);
+  hwy::Prefetch(&sleep_timer_s[i]);
+}
+
+void BodyStore::prefetch_rotation(std::size_t i) const {
+  if (is_sphere[i]) return;
+  // They need not begin where a line of the cache does.
+  hwy::Prefetch(axes[i].data());
+  hwy::Prefetch(axes[i].data() + 8);
+  hwy::Prefetch(local_inertia[i].inertia);
+  hwy::Prefetch(local_inertia[i].inverse + 5);
+  hwy::Prefetch(&world_inverse_inertia[i]);
+}
+
+void BodyStore::integrate_pose(std::size_t i) {
+  position[i] += Vec3(delta_pose[i].translation);
+  const Vec3 rotation(delta_pose[i].rotation);
+  if (!rotation.isZero(0.0F)) orientation[i] = (rotation_from_vector(rotation) * orientation[i]).normalized();
+}
+
+void BodyStore::integrate_gyroscopic(std::span<const std::size_t> bodies, float dt_s) {
+  RotationBatch batch;
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    const std::size_t i = bodies[std::min(lane, bodies.size() - 1)];
+    auto store_lane = [lane](auto& to, const auto& from) {
+      for (std::size_t k = 0; k < std::size(to); ++k) to[k][lane] = from[k];
+    };
+    store_lane(batch.orientation, orientation[i].coeffs().data());
+    store_lane(batch.inertia, local_inertia[i].inertia);
+    store_lane(batch.inverse_inertia, local_inertia[i].inverse);
+    store_lane(batch.previous_x_axis, axes[i].data());
+    store_lane(batch.angular_velocity, body_velocity[i].angular_velocity);
+    batch.is_axisymmetric[lane] = is_axisymmetric[i] ? 1.0F : 0.0F;
+  }
+  world::integrate_gyroscopic(batch, dt_s);
+  for (std::size_t lane = 0; lane < bodies.size(); ++lane) {
+    const std::size_t i = bodies[lane];
+    for (int k = 0; k < 3; ++k) body_velocity[i].angular_velocity[k] = batch.angular_velocity[k][lane];
+    for (int c = 0; c < 3; ++c)
+      for (int r = 0; r < 3; ++r) axes[i](r, c) = batch.axes[c][r][lane];
+    const auto& w = batch.world_inverse_inertia;
+    world_inverse_inertia[i] = {w[0][lane], w[1][lane], w[2][lane], w[3][lane], w[4][lane], w[5][lane], {}};
+  }
+}
+
+}  // namespace smartsurf::world

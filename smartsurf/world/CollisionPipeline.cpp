@@ -1,0 +1,371 @@
+#include "smartsurf/world/CollisionPipeline.h"
+
+#include <algorithm>
+#include <bit>
+#include <bitset>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <numeric>
+#include <span>
+
+#include "smartsurf/world/ConvexOnField.h"
+#include "smartsurf/world/PairContacts.h"
+#include "smartsurf/world/ShapeOnGround.h"
+#include "smartsurf/world/SphereOnField.h"
+
+namespace smartsurf::world {
+namespace {
+
+// Contacts this near are kept even when nothing moves, so that resting contacts do not flicker, u.
+constexpr float kMinSpeculativeMargin = 0.02F;
+
+// The nearest of the old contacts with the same partner that is not taken, or −1. At most so many as taken
+// has bits.
+template <std::size_t capacity>
+int find_nearest_previous(const Contact& c, std::span<const Contact> previous, float max_distance_squared,
+                          const std::bitset<capacity>& taken) {
+  // Without branches that nobody could foretell: floats from 0 up compare like their bits, the last few of
+  // which tell the place.
+  constexpr std::int32_t kIndexMask = capacity - 1, kNone = std::numeric_limits<std::int32_t>::max();
+  static_assert(std::has_single_bit(capacity));
+  const std::int32_t limit = std::bit_cast<std::int32_t>(max_distance_squared) & ~kIndexMask;
+  std::int32_t nearest = limit;
+  for (std::size_t j = 0; j < previous.size(); ++j) {
+    const Contact& o = previous[j];
+    const auto distance_bits = std::bit_cast<std::int32_t>((o.anchor - c.anchor).squaredNorm());
+    const std::int32_t excluded =
+        -static_cast<std::int32_t>(taken[j]) | -static_cast<std::int32_t>(o.other != c.other);
+    nearest = std::min(nearest,
+                       ((distance_bits & ~kIndexMask) | static_cast<std::int32_t>(j)) | (excluded & kNone));
+  }
+  return nearest == limit ? -1 : nearest & kIndexMask;
+}
+
+template <std::size_t capacity>
+void match_nearest(std::span<Contact> current, std::span<const Contact> previous, float tolerance) {
+  std::bitset<capacity> taken;
+  previous = previous.first(std::min(previous.size(), capacity));
+  for (Contact& c : current) {
+    const int best = find_nearest_previous(c, previous, tolerance * tolerance, taken);
+    if (best < 0) continue;
+    taken.set(static_cast<std::size_t>(best));
+    const Contact& o = previous[static_cast<std::size_t>(best)];
+    c.normal_impulse = o.normal_impulse;
+    c.friction_impulse = o.friction_impulse - c.normal * c.normal.dot(o.friction_impulse);
+    c.rolling_impulse = o.rolling_impulse;
+  }
+}
+
+// Hands the impulses of old contacts on to the nearest new ones with the same partner, each once.
+void match_contacts(ContactList& list, const Manifold& current, const ContactList& previous, int manifold,
+                    float tolerance) {
+  if (manifold < 0) return;
+  const Manifold& previous_manifold = previous.manifolds[static_cast<std::size_t>(manifold)];
+  auto contacts_of = [](auto& contacts, const Manifold& m) {
+    return std::span(contacts).subspan(static_cast<std::size_t>(m.first), static_cast<std::size_t>(m.count));
+  };
+  constexpr std::size_t kSmallCapacity = 64, kMaxCapacity = 1024;
+  if (static_cast<std::size_t>(previous_manifold.count) <= kSmallCapacity)
+    match_nearest<kSmallCapacity>(contacts_of(list.contacts, current),
+                                  contacts_of(previous.contacts, previous_manifold), tolerance);
+  else
+    match_nearest<kMaxCapacity>(contacts_of(list.contacts, current),
+                                contacts_of(previous.contacts, previous_manifold), tolerance);
+}
+
+}  // namespace
+
+void CollisionPipeline::update_broadphase(const BodyStore& bodies, const Member& member) {
+  member.single([&] {
+    if (large_radius_ >= 0.0F) return;
+    compute_large_radius(bodies);
+    query_radius_.resize(bodies.bounding_radius.size());
+    speculative_margin_.resize(bodies.bounding_radius.size());
+  });
+  const auto own = own_bodies(member);
+  compute_query_radii(bodies, own);
+  grid_.build({bodies.position, query_radius_, large_radius_}, own, member);
+  member.single([&] {
+    partition_.build(grid_);
+    // Where as much lies as in the last step, as much is to be done.
+    if (contacts_per_slab_.size() == static_cast<std::size_t>(partition_.slab_count()))
+      partition_.set_contact_counts(contacts_per_slab_);
+  });
+}
+
+std::span<const std::int32_t> CollisionPipeline::own_bodies(const Member& member) const {
+  if (member.member_count > 1 && partition_.row_count() == static_cast<int>(body_indices_.size()))
+    return partition_.bodies_of(member);
+  const IndexRange share = member.share(static_cast<int>(body_indices_.size()));
+  return std::span(body_indices_)
+      .subspan(static_cast<std::size_t>(share.begin), static_cast<std::size_t>(share.end - share.begin));
+}
+
+// Before the look: the last step's contacts become the old ones.
+void CollisionPipeline::begin_detection(ContactList& pair_contacts, ContactList& static_contacts,
+                                        int member_count) {
+  previous_contacts_.swap_lists(pair_contacts, static_contacts, member_count);
+  const auto slabs = static_cast<std::size_t>(partition_.slab_count());
+  if (slab_results_.size() < slabs) slab_results_.resize(slabs);
+  pair_output_.resize(partition_.body_runs().size());
+  static_output_.resize(partition_.body_runs().size());
+  for (std::size_t s = 0; s < slab_results_.size(); ++s) {
+    slab_results_[s].pair_contacts.clear();
+    slab_results_[s].static_contacts.clear();
+    pair_cache_.take(static_cast<int>(s), slab_results_[s].cached_pairs);
+    field_cache_.take(static_cast<int>(s), slab_results_[s].cached_field);
+  }
+}
+
+void CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair_contacts,
+                                      ContactList& static_contacts, const Member& member) {
+  member.single([&] { begin_detection(pair_contacts, static_contacts, member.member_count); });
+  previous_contacts_.build_index(bodies.id.size(), pair_ranges_, static_ranges_, member);
+  if (member.index == 0) {
+    find_large_neighbours(bodies);
+    pair_cache_.index(bodies.size());
+  }
+  if (member.is_caller()) field_cache_.index(bodies.size());
+  partition_.assign_rows(bodies, grid_, member);
+  member.arrive_and_wait();
+  const IndexRange own_slabs = partition_.share(member);
+  previous_contacts_.set_own_slabs(own_slabs, member);
+  for (int s = own_slabs.begin; s < own_slabs.end; ++s) {
+    SlabResults& results = slab_results_[static_cast<std::size_t>(s)];
+    results.member = member.index;
+    collide_slab(bodies, s, results);
+  }
+  member.single([&] {
+    assign_output_offsets(pair_output_, pair_contacts, pair_ranges_);
+    assign_output_offsets(static_output_, static_contacts, static_ranges_);
+    update_slab_weights();
+  });
+  for (int s = own_slabs.begin; s < own_slabs.end; ++s) {
+    const SlabResults& results = slab_results_[static_cast<std::size_t>(s)];
+    merge_slab(s, pair_output_, results.pair_contacts, pair_contacts, pair_ranges_);
+    merge_slab(s, static_output_, results.static_contacts, static_contacts, static_ranges_);
+  }
+}
+
+void CollisionPipeline::update_slab_weights() {
+  contacts_per_slab_.clear();
+  for (int s = 0; s < partition_.slab_count(); ++s) {
+    const SlabResults& results = slab_results_[static_cast<std::size_t>(s)];
+    contacts_per_slab_.push_back(results.pair_contacts.contacts.size() +
+                                 results.static_contacts.contacts.size());
+  }
+  partition_.set_contact_counts(contacts_per_slab_);
+}
+
+// Most bodies decide what is large; a few that are much larger must not make the cells of all the others
+// wide.
+void CollisionPipeline::compute_large_radius(const BodyStore& bodies) {
+  std::vector<float> reach;
+  for (std::size_t i = 0; i < bodies.bounding_radius.size(); ++i)
+    if (!bodies.is_static(i)) reach.push_back(bodies.bounding_radius[i]);
+  large_radius_ = 1.0F;
+  if (reach.empty()) return;
+  const auto middle = reach.begin() + static_cast<std::ptrdiff_t>(reach.size() / 2);
+  std::nth_element(reach.begin(), middle, reach.end());
+  large_radius_ = 4.0F * *middle;
+}
+
+void CollisionPipeline::compute_query_radii(const BodyStore& bodies, std::span<const std::int32_t> own) {
+  for (const std::int32_t body : own) {
+    const auto i = static_cast<std::size_t>(body);
+    float travel = 0.0F;
+    if (bodies.is_active(i)) {
+      travel = bodies.velocity(i).norm();
+      if (!bodies.is_sphere[i]) travel += bodies.angular_velocity(i).norm() * bodies.bounding_radius[i];
+    }
+    speculative_margin_[i] = std::max(kMinSpeculativeMargin, travel * dt_s_);
+    // Fixed bodies count as large: they are looked up, and have no contacts of their own.
+    query_radius_[i] = bodies.is_static(i) ? 1e30F
+                                           : bodies.bounding_radius[i] +
+                                                 std::min(speculative_margin_[i], bodies.bounding_radius[i]);
+  }
+}
+
+void CollisionPipeline::find_large_neighbours(const BodyStore& bodies) {
+  large_neighbours_.clear();
+  for (const std::int32_t l : grid_.large_bodies()) {
+    const auto i = static_cast<std::size_t>(l);
+    const Vec3 half =
+        bodies.axes[i].cwiseAbs() * bodies.shape[i]->half + Vec3::Constant(speculative_margin_[i]);
+    grid_.for_each_in_box(bodies.position[i] - half, bodies.position[i] + half, [&](std::int32_t body) {
+      large_neighbours_.push_back({body, l});
+    });
+  }
+  std::stable_sort(large_neighbours_.begin(), large_neighbours_.end(),
+                   [](const LargeNeighbour& a, const LargeNeighbour& b) { return a.body < b.body; });
+  first_large_neighbour_.assign(static_cast<std::size_t>(bodies.size()) + 1, 0);
+  for (const LargeNeighbour& n : large_neighbours_)
+    ++first_large_neighbour_[static_cast<std::size_t>(n.body) + 1];
+  for (std::size_t i = 1; i < first_large_neighbour_.size(); ++i)
+    first_large_neighbour_[i] += first_large_neighbour_[i - 1];
+}
+
+void CollisionPipeline::collide_slab(const BodyStore& bodies, int slab, SlabResults& results) {
+  auto begin = [](BodyRunOutput& output, const ContactList& list) {
+    output.from = {list.manifolds.size(), list.contacts.size()};
+  };
+  auto end = [](BodyRunOutput& output, const ContactList& list) {
+    output.count = {list.manifolds.size() - output.from.manifolds,
+                    list.contacts.size() - output.from.contacts};
+  };
+  for (const std::int32_t p : partition_.body_runs_of(slab)) {
+    const auto i = static_cast<std::size_t>(p);
+    begin(pair_output_[i], results.pair_contacts), begin(static_output_[i], results.static_contacts);
+    if (slab + 1 == partition_.slab_count())
+      collide_large_bodies(bodies, results);
+    else
+      collide_body_run(bodies, partition_.body_runs()[i], results);
+    end(pair_output_[i], results.pair_contacts), end(static_output_[i], results.static_contacts);
+  }
+}
+
+void CollisionPipeline::collide_body_run(const BodyStore& bodies, const SpatialPartition::BodyRun& run,
+                                         SlabResults& results) const {
+  for (int k = run.begin; k < run.end; ++k) {
+    const auto i = static_cast<std::size_t>(grid_.body(k));
+    if (bodies.is_active(i)) collide_static(bodies, i, results);
+    for (int n = first_large_neighbour_[i]; n < first_large_neighbour_[i + 1]; ++n) {
+      const auto large = static_cast<std::size_t>(large_neighbours_[static_cast<std::size_t>(n)].large);
+      if (!bodies.is_static(large)) collide_pair(bodies, i, large, results);
+    }
+  }
+  grid_.for_each_pair(run.begin, run.end, [&](std::int32_t i, std::int32_t j) {
+    collide_pair(bodies, static_cast<std::size_t>(i), static_cast<std::size_t>(j), results);
+  });
+}
+
+void CollisionPipeline::collide_large_bodies(const BodyStore& bodies, SlabResults& results) const {
+  const auto large = grid_.large_bodies();
+  for (std::size_t k = 0; k < large.size(); ++k) {
+    const auto i = static_cast<std::size_t>(large[k]);
+    if (bodies.is_active(i)) collide_static(bodies, i, results);
+    for (std::size_t other = k + 1; other < large.size(); ++other) {
+      const auto j = static_cast<std::size_t>(large[other]);
+      if (!bodies.is_static(i) && !bodies.is_static(j)) collide_pair(bodies, i, j, results);
+    }
+  }
+}
+
+void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, SlabResults& results) const {
+  ContactList& out = results.static_contacts;
+  const auto first = static_cast<std::int32_t>(out.contacts.size());
+  const Vec3& centre = bodies.position[i];
+  const float margin = std::max(kMinSpeculativeMargin, speculative_margin_[i] + field_.max_speed * dt_s_);
+  if (bodies.is_sphere[i] && !free_layout_field_)
+    touch_field_with_sphere(field_, centre, bodies.bounding_radius[i], margin, out.contacts);
+  else if (free_layout_field_ || field_.has_force_limit())
+    collide_field(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
+  else
+    field_cache_.touch(bodies, i, margin, results.cached_field, out.contacts);
+  if (centre.z() - bodies.bounding_radius[i] - margin < ground_height_)
+    touch_ground(*bodies.shape[i], centre, bodies.axes[i], ground_height_, margin, out.contacts);
+  if (query_radius_[i] <= large_radius_) {
+    for (int n = first_large_neighbour_[i]; n < first_large_neighbour_[i + 1]; ++n) {
+      const auto large = static_cast<std::size_t>(large_neighbours_[static_cast<std::size_t>(n)].large);
+      if (bodies.is_static(large)) collide_static_body(bodies, i, large, results);
+    }
+  } else {
+    for (const std::int32_t large : grid_.large_bodies())
+      if (bodies.is_static(static_cast<std::size_t>(large)))
+        collide_static_body(bodies, i, static_cast<std::size_t>(large), results);
+  }
+  const auto count = static_cast<std::int32_t>(out.contacts.size()) - first;
+  if (count == 0) return;
+  out.manifolds.push_back({static_cast<std::int32_t>(i), kField, first, count});
+  match_contacts(out, out.manifolds.back(), previous_contacts_.static_contacts(),
+                 previous_contacts_.find_static(i, results.member), 0.15F * bodies.bounding_radius[i]);
+}
+
+void CollisionPipeline::collide_field(const Shape& shape, const Vec3& centre, const Mat3& axes, float margin,
+                                      std::vector<Contact>& out) const {
+  if (free_layout_field_)
+    free_layout_field_->touch(shape, centre, axes, margin, out);
+  else if (shape.round())
+    touch_field_with_sphere(field_, centre, shape.reach, margin, out);
+  else
+    touch_field_with_shape(field_, shape, centre, axes, margin, out);
+}
+
+bool CollisionPipeline::field_may_overlap(const Vec3& low, const Vec3& high) const {
+  if (low.z() > field_.max_height) return false;
+  if (free_layout_field_) return true;
+  const Columns columns(field_, 0.0F);
+  return low.z() <= columns.highest(columns.covering(low.x(), high.x(), low.y(), high.y()));
+}
+
+void CollisionPipeline::collide_static_body(const BodyStore& bodies, std::size_t i, std::size_t static_body,
+                                            SlabResults& results) const {
+  ContactList& out = results.static_contacts;
+  const std::size_t first = out.contacts.size();
+  touch_bodies(bodies, i, static_body, speculative_margin_[i], dt_s_,
+               previous_contacts_.find_static_normal(i, static_body, results.member), out.contacts);
+  for (std::size_t k = first; k < out.contacts.size(); ++k)
+    out.contacts[k].other = static_cast<std::int32_t>(static_body);
+}
+
+void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std::size_t j,
+                                     SlabResults& results) const {
+  if (!bodies.is_active(i) && !bodies.is_active(j)) return;
+  const std::size_t a = std::min(i, j), b = std::max(i, j);
+  const bool has_sphere = bodies.is_sphere[a] || bodies.is_sphere[b];
+  ContactList& pair_contacts = results.pair_contacts;
+  const auto first = static_cast<std::int32_t>(pair_contacts.contacts.size());
+  if (has_sphere) {
+    touch_bodies(bodies, a, b, kMinSpeculativeMargin, dt_s_, nullptr, pair_contacts.contacts);
+  } else {
+    const float margin = kMinSpeculativeMargin + closing(bodies, a, b, dt_s_);
+    pair_cache_.touch(bodies, a, b, margin, results.cached_pairs, pair_contacts.contacts);
+  }
+  const auto count = static_cast<std::int32_t>(pair_contacts.contacts.size()) - first;
+  if (count == 0) return;
+  pair_contacts.manifolds.push_back(
+      {static_cast<std::int32_t>(a), static_cast<std::int32_t>(b), first, count});
+  // A sphere has one contact with each of the others: its arm may turn far in one step.
+  const float tolerance = has_sphere ? bodies.bounding_radius[a] : 0.15F * bodies.bounding_radius[a];
+  match_contacts(pair_contacts, pair_contacts.manifolds.back(), previous_contacts_.pair_contacts(),
+                 previous_contacts_.find_pair(a, b, results.member), tolerance);
+}
+
+// The pieces' contacts one after the other, in the grid's order, whatever the slabs.
+void CollisionPipeline::assign_output_offsets(std::vector<BodyRunOutput>& outputs, ContactList& list,
+                                              SlabRanges& ranges) const {
+  ContactCounts offset;
+  for (BodyRunOutput& output : outputs) {
+    output.to = offset;
+    offset.manifolds += output.count.manifolds;
+    offset.contacts += output.count.contacts;
+  }
+  list.manifolds.resize(offset.manifolds);
+  list.contacts.resize(offset.contacts);
+  ranges.manifold_count = offset.manifolds;
+  ranges.range.resize(outputs.size());
+  ranges.first_range.clear();
+  for (int s = 0; s <= partition_.slab_count(); ++s)
+    ranges.first_range.push_back(static_cast<std::int32_t>(partition_.first_body_run_of(s)));
+}
+
+void CollisionPipeline::merge_slab(int slab, const std::vector<BodyRunOutput>& outputs,
+                                   const ContactList& list, ContactList& to_list, SlabRanges& ranges) const {
+  std::size_t run = partition_.first_body_run_of(slab);
+  for (const std::int32_t p : partition_.body_runs_of(slab)) {
+    const auto& [from, to, count] = outputs[static_cast<std::size_t>(p)];
+    const auto offset = static_cast<std::int32_t>(to.contacts) - static_cast<std::int32_t>(from.contacts);
+    for (std::size_t k = 0; k < count.manifolds; ++k) {
+      const Manifold& m = list.manifolds[from.manifolds + k];
+      to_list.manifolds[to.manifolds + k] = {m.a, m.b, m.first + offset, m.count};
+    }
+    // As bytes, for they are numbers only, which the compiler does not see: it would copy them one by one.
+    if (count.contacts > 0)
+      std::memcpy(static_cast<void*>(&to_list.contacts[to.contacts]),
+                  static_cast<const void*>(&list.contacts[from.contacts]), count.contacts * sizeof(Contact));
+    ranges.range[run++] = {static_cast<int>(to.manifolds), static_cast<int>(to.manifolds + count.manifolds)};
+  }
+}
+
+}  // namespace smartsurf::world

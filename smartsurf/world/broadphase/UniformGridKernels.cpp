@@ -1,0 +1,56 @@
+// Compiled once per instruction set: foreach_target.h includes this file again for each.
+#include "smartsurf/world/broadphase/UniformGridKernels.h"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "smartsurf/world/broadphase/UniformGridKernels.cpp"
+#include <hwy/foreach_target.h>  // must come before highway.h
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace smartsurf::world {
+namespace HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+int find_overlaps_for_target(const BoundingSpheres& s, int self, std::span<const IndexRange> runs,
+                             std::int32_t* found) {
+  const hn::CappedTag<float, 8> d;  // runs are short: wider vectors would mostly be empty
+  const hn::RebindToSigned<decltype(d)> indices;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const auto x = hn::Set(d, s.x[self]), y = hn::Set(d, s.y[self]), z = hn::Set(d, s.z[self]),
+             radius = hn::Set(d, s.radius[self]);
+  std::size_t count = 0;
+  for (const IndexRange& run : runs)
+    for (int k = run.begin; k < run.end; k += lanes) {
+      const auto dx = hn::Sub(x, hn::LoadU(d, s.x + k)), dy = hn::Sub(y, hn::LoadU(d, s.y + k)),
+                 dz = hn::Sub(z, hn::LoadU(d, s.z + k)),
+                 radius_sum = hn::Add(radius, hn::LoadU(d, s.radius + k));
+      const auto distance_squared = hn::Add(hn::Add(hn::Mul(dx, dx), hn::Mul(dy, dy)), hn::Mul(dz, dz));
+      const auto overlaps = hn::And(hn::Lt(distance_squared, hn::Mul(radius_sum, radius_sum)),
+                                    hn::FirstN(d, static_cast<std::size_t>(run.end - k)));
+      // Not CompressStore: some cores take a hundred cycles to compress into memory.
+      hn::StoreU(hn::Compress(hn::Iota(indices, k), hn::RebindMask(indices, overlaps)), indices,
+                 found + count);
+      count += hn::CountTrue(d, overlaps);
+    }
+  return static_cast<int>(count);
+}
+
+}  // namespace
+}  // namespace HWY_NAMESPACE
+}  // namespace smartsurf::world
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace smartsurf::world {
+
+HWY_EXPORT(find_overlaps_for_target);
+
+int find_overlaps(const BoundingSpheres& spheres, int self, std::span<const IndexRange> runs,
+                  std::int32_t* found) {
+  return HWY_DYNAMIC_DISPATCH(find_overlaps_for_target)(spheres, self, runs, found);
+}
+
+}  // namespace smartsurf::world
+#endif

@@ -1,0 +1,84 @@
+#include "smartsurf/world/field/ContinuousCollision.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace smartsurf::world {
+namespace {
+
+constexpr float kAllowedPenetration = 0.005F;  // u
+constexpr int kMaxSweepSteps = 64, kBisections = 6;
+
+// One body along its way: 0 is where the step began, 1 where it ends.
+class BodySweep {
+ public:
+  BodySweep(const CollisionPipeline& collision, const BodyStore& bodies, std::size_t body)
+      : collision_(collision),
+        shape_(*bodies.shape[body]),
+        start_(bodies.position[body]),
+        orientation_(bodies.orientation[body]),
+        translation_(bodies.delta_pose[body].translation),
+        rotation_(bodies.delta_pose[body].rotation) {}
+
+  bool may_hit_field() const {
+    const Vec3 to = start_ + translation_, reach = Vec3::Constant(shape_.reach);
+    return collision_.field_may_overlap(start_.cwiseMin(to) - reach, start_.cwiseMax(to) + reach);
+  }
+
+  float penetration_at(float fraction) const {
+    thread_local std::vector<Contact> touching;
+    touching.clear();
+    const Mat3 axes = (rotation_from_vector(fraction * rotation_) * orientation_).toRotationMatrix();
+    collision_.collide_field(shape_, start_ + fraction * translation_, axes, 0.0F, touching);
+    float deepest = 0.0F;
+    for (const Contact& c : touching) deepest = std::max(deepest, -c.separation);
+    return deepest;
+  }
+
+  // The last place between two where it is no deeper.
+  float bisect_impact(float depth_allowed, float begin, float end) const {
+    for (int i = 0; i < kBisections; ++i) {
+      const float middle = 0.5F * (begin + end);
+      (penetration_at(middle) > depth_allowed ? end : begin) = middle;
+    }
+    return begin;
+  }
+
+ private:
+  const CollisionPipeline& collision_;
+  const Shape& shape_;
+  const Vec3& start_;
+  const Quat& orientation_;
+  const Vec3 translation_, rotation_;
+};
+
+// No point of the body moves farther.
+float max_travel(const BodyStore& bodies, std::size_t body) {
+  const DeltaPose& shift = bodies.delta_pose[body];
+  return Vec3(shift.translation).norm() + Vec3(shift.rotation).norm() * bodies.bounding_radius[body];
+}
+
+}  // namespace
+
+void clip_to_time_of_impact(const CollisionPipeline& collision, BodyStore& bodies, std::size_t body) {
+  if (bodies.is_sphere[body]) return;
+  const float travel = max_travel(bodies, body);
+  if (!(travel > 0.25F * bodies.width[body])) return;
+  const BodySweep sweep(collision, bodies, body);
+  if (!sweep.may_hit_field()) return;
+  // Half a column at a time, so that none is passed unseen.
+  const int steps = std::min(kMaxSweepSteps, 1 + static_cast<int>(travel / collision.min_half_top()));
+  const float allowed = std::max(kAllowedPenetration, sweep.penetration_at(0.0F));
+  for (int i = 1; i <= steps; ++i) {
+    const float end = static_cast<float>(i) / static_cast<float>(steps);
+    if (sweep.penetration_at(end) <= allowed) continue;
+    const float fraction =
+        sweep.bisect_impact(allowed, static_cast<float>(i - 1) / static_cast<float>(steps), end);
+    DeltaPose& delta = bodies.delta_pose[body];
+    for (int axis = 0; axis < 3; ++axis)
+      delta.translation[axis] *= fraction, delta.rotation[axis] *= fraction;
+    return;
+  }
+}
+
+}  // namespace smartsurf::world

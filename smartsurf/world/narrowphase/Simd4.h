@@ -1,0 +1,45 @@
+// Four floats at a time, as the compiler's own vectors: for jobs too short for a call through Highway's table
+// of instruction sets.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+
+namespace smartsurf::world {
+
+inline constexpr int kSimd4Width = 4;
+using Float4 [[gnu::vector_size(16)]] = float;
+using Int4 [[gnu::vector_size(16)]] = std::int32_t;
+
+inline Float4 load4(const float* from) {
+  Float4 v;
+  std::memcpy(&v, from, sizeof(v));
+  return v;
+}
+inline Float4 broadcast4(float value) { return Float4{} + value; }
+// The second where either is not a number.
+inline Float4 min(const Float4& a, const Float4& b) { return a < b ? a : b; }
+inline Float4 max(const Float4& a, const Float4& b) { return a > b ? a : b; }
+inline Float4 abs(const Float4& v) { return v < 0.0F ? -v : v; }
+inline Float4 sqrt(const Float4& v) {
+  return Float4{std::sqrt(v[0]), std::sqrt(v[1]), std::sqrt(v[2]), std::sqrt(v[3])};
+}
+inline Int4 as_int_bits(const Float4& v) {
+  Int4 n;
+  std::memcpy(&n, &v, sizeof(n));
+  return n;
+}
+template <class T>
+auto horizontal_max(const T& v) {
+  const auto a = v[0] > v[1] ? v[0] : v[1], b = v[2] > v[3] ? v[2] : v[3];
+  return a > b ? a : b;
+}
+
+// Calls four(i) for groups that cover [0, count) between them, count ≥ 4: the last one may overlap.
+template <class Each>
+inline void for_each_simd4(int count, Each each) {
+  for (int i = 0; i < count; i += kSimd4Width) each(i < count - kSimd4Width ? i : count - kSimd4Width);
+}
+
+}  // namespace smartsurf::world

@@ -1,0 +1,46 @@
+#include "smartsurf/world/parallel/SharedBatches.h"
+
+#include <algorithm>
+#include <atomic>
+
+namespace smartsurf::world {
+
+void SharedBatches::resize(int rows, int member_count) {
+  is_shared_row_.resize(static_cast<std::size_t>(rows));
+  member_batches_.resize(static_cast<std::size_t>(member_count));
+}
+
+void SharedBatches::clear_marks(IndexRange own_rows) {
+  std::fill(is_shared_row_.begin() + own_rows.begin, is_shared_row_.begin() + own_rows.end, std::uint8_t{0});
+}
+
+void SharedBatches::mark_foreign_rows(const ContactBatch& o, IndexRange own_rows) {
+  for (const std::int32_t* rows : {o.a, o.b})
+    for (int lane = 0; lane < kLanes; ++lane)
+      if (rows[lane] < own_rows.begin || rows[lane] >= own_rows.end)
+        std::atomic_ref(is_shared_row_[static_cast<std::size_t>(rows[lane])])
+            .store(1, std::memory_order_relaxed);
+}
+
+bool SharedBatches::touches_shared_row(const ContactBatch& o) const {
+  std::uint8_t any = 0;
+  for (int lane = 0; lane < kLanes; ++lane)
+    any |= is_shared_row_[static_cast<std::size_t>(o.a[lane])] |
+           is_shared_row_[static_cast<std::size_t>(o.b[lane])];
+  return any != 0;
+}
+
+void SharedBatches::split_batches(const ConstraintGraph& graph, const Member& member) {
+  MemberBatches& batches = member_batches_[static_cast<std::size_t>(member.index)];
+  batches.shared.clear();
+  batches.own.clear();
+  for (std::size_t i = 0; i <= graph.colours().size(); ++i) {
+    for (const BatchRange& run : graph.own_batches(member, i))
+      for (int o = run.first; o < run.first + run.count; ++o)
+        (touches_shared_row(graph.batch(o)) ? batches.shared : batches.own).append({run.kind, o, 1});
+    batches.shared.end_colour();
+    batches.own.end_colour();
+  }
+}
+
+}  // namespace smartsurf::world

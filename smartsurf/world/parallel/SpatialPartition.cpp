@@ -1,0 +1,133 @@
+#include "smartsurf/world/parallel/SpatialPartition.h"
+
+#include <algorithm>
+
+namespace smartsurf::world {
+namespace {
+
+constexpr int kMinBodiesPerSlab = 128, kMaxSlabs = 64;  // bodies of a slab at least, and slabs, about
+constexpr int kMinLines = 24;                           // so many are enough to share
+
+}  // namespace
+
+void SpatialPartition::build(const UniformGrid& grid) {
+  // Lines along x follow each other in memory; lines across are cut only where there are few of the others.
+  const int axis = grid.cell_count(1) >= std::min(kMinLines, grid.cell_count(0)) ? 1 : 0;
+  find_slab_edges(grid, axis);
+  find_body_runs(grid, axis);
+  const int slabs = static_cast<int>(slab_edge_.size());  // the large ones are one more
+  body_run_.push_back({grid.sorted_count(), grid.sorted_count(), slabs - 1});
+  group_body_runs(slabs);
+  first_row_.assign(static_cast<std::size_t>(slabs) + 1, 0);
+  for (const BodyRun& p : body_run_) first_row_[static_cast<std::size_t>(p.slab) + 1] += p.end - p.begin;
+  first_row_.back() += static_cast<std::int32_t>(grid.large_bodies().size());
+  for (std::size_t s = 1; s < first_row_.size(); ++s) first_row_[s] += first_row_[s - 1];
+  weight_prefix_.assign(first_row_.begin(), first_row_.end());
+  active_end_.resize(static_cast<std::size_t>(slabs));
+  body_of_row_.resize(static_cast<std::size_t>(row_count()));
+  row_of_body_.resize(body_of_row_.size());
+}
+
+// Whole lines of cells, until there are enough bodies on them.
+void SpatialPartition::find_slab_edges(const UniformGrid& grid, int axis) {
+  slab_edge_.assign(1, 0);
+  const int lines = grid.cell_count(axis);
+  if (grid.sorted_count() >= 2 * kMinBodiesPerSlab) {
+    bodies_on_line_.assign(static_cast<std::size_t>(lines), 0);
+    for (int z = 0; z < grid.cell_count(2); ++z)
+      for (int y = 0; y < grid.cell_count(1); ++y) {
+        if (axis == 1) {
+          bodies_on_line_[static_cast<std::size_t>(y)] +=
+              grid.first_in_cell(0, y + 1, z) - grid.first_in_cell(0, y, z);
+          continue;
+        }
+        for (int x = 0; x < grid.cell_count(0); ++x)
+          bodies_on_line_[static_cast<std::size_t>(x)] +=
+              grid.first_in_cell(x + 1, y, z) - grid.first_in_cell(x, y, z);
+      }
+    const int target_bodies = std::max(kMinBodiesPerSlab, grid.sorted_count() / kMaxSlabs);
+    int bodies = 0;
+    for (int line = 0; line + 1 < lines; ++line) {
+      bodies += bodies_on_line_[static_cast<std::size_t>(line)];
+      if (bodies < target_bodies) continue;
+      slab_edge_.push_back(line + 1);
+      bodies = 0;
+    }
+  }
+  slab_edge_.push_back(lines);
+}
+
+void SpatialPartition::find_body_runs(const UniformGrid& grid, int axis) {
+  body_run_.clear();
+  const int slabs = static_cast<int>(slab_edge_.size()) - 1;
+  auto add = [this](int begin, int end, int slab) {
+    if (begin < end) body_run_.push_back({begin, end, slab});
+  };
+  if (slabs == 1) return add(0, grid.sorted_count(), 0);
+  for (int z = 0; z < grid.cell_count(2); ++z)
+    for (int y = 0; y < (axis == 1 ? 1 : grid.cell_count(1)); ++y)
+      for (int s = 0; s < slabs; ++s) {
+        const int from = slab_edge_[static_cast<std::size_t>(s)],
+                  to = slab_edge_[static_cast<std::size_t>(s) + 1];
+        if (axis == 1)
+          add(grid.first_in_cell(0, from, z), grid.first_in_cell(0, to, z), s);
+        else
+          add(grid.first_in_cell(from, y, z), grid.first_in_cell(to, y, z), s);
+      }
+}
+
+void SpatialPartition::group_body_runs(int slabs) {
+  first_run_of_slab_.assign(static_cast<std::size_t>(slabs) + 1, 0);
+  for (const BodyRun& p : body_run_) ++first_run_of_slab_[static_cast<std::size_t>(p.slab) + 1];
+  for (std::size_t s = 1; s < first_run_of_slab_.size(); ++s)
+    first_run_of_slab_[s] += first_run_of_slab_[s - 1];
+  runs_by_slab_.resize(body_run_.size());
+  for (std::size_t p = 0; p < body_run_.size(); ++p)
+    runs_by_slab_[first_run_of_slab_[static_cast<std::size_t>(body_run_[p].slab)]++] =
+        static_cast<std::int32_t>(p);
+  for (std::size_t s = first_run_of_slab_.size() - 1; s > 0; --s)
+    first_run_of_slab_[s] = first_run_of_slab_[s - 1];
+  first_run_of_slab_[0] = 0;
+}
+
+void SpatialPartition::set_contact_counts(std::span<const std::size_t> contacts) {
+  constexpr long kBodyCost = 3, kContactCost = 2;  // what they cost, about
+  for (std::size_t s = 0; s < contacts.size(); ++s)
+    weight_prefix_[s + 1] = weight_prefix_[s] + kBodyCost * (first_row_[s + 1] - first_row_[s]) +
+                            kContactCost * static_cast<long>(contacts[s]);
+}
+
+// Cut at the borders of slabs that are nearest to even shares.
+IndexRange SpatialPartition::share(const Member& member) const {
+  auto slab_at = [&](int index) {
+    const long wanted = weight_prefix_.back() * index / member.member_count;
+    const auto after = std::lower_bound(weight_prefix_.begin(), weight_prefix_.end(), wanted);
+    const bool nearer_before = after != weight_prefix_.begin() && wanted - *(after - 1) < *after - wanted;
+    return static_cast<int>(after - weight_prefix_.begin()) - (nearer_before ? 1 : 0);
+  };
+  return {member.index == 0 ? 0 : slab_at(member.index),
+          member.index + 1 == member.member_count ? slab_count() : slab_at(member.index + 1)};
+}
+
+void SpatialPartition::assign_rows(const BodyStore& bodies, const UniformGrid& grid, const Member& member) {
+  const IndexRange own_slabs = share(member);
+  for (int s = own_slabs.begin; s < own_slabs.end; ++s) {
+    const IndexRange rows = rows_of(s);
+    int active_end = rows.begin, inactive_begin = rows.end;
+    auto assign = [&](std::int32_t body) {
+      const auto i = static_cast<std::size_t>(body);
+      const int row = bodies.is_active(i) ? active_end++ : --inactive_begin;
+      body_of_row_[static_cast<std::size_t>(row)] = body;
+      row_of_body_[i] = row;
+    };
+    for (const std::int32_t p : body_runs_of(s)) {
+      const BodyRun& run = body_run_[static_cast<std::size_t>(p)];
+      for (int k = run.begin; k < run.end; ++k) assign(grid.body(k));
+    }
+    if (s + 1 == slab_count())
+      for (const std::int32_t body : grid.large_bodies()) assign(body);
+    active_end_[static_cast<std::size_t>(s)] = active_end;
+  }
+}
+
+}  // namespace smartsurf::world

@@ -1,0 +1,173 @@
+#include "smartsurf/world/solver/ConstraintGraph.h"
+
+#include <algorithm>
+#include <bit>
+
+namespace smartsurf::world {
+
+void ConstraintGraph::build(const BodyStore& bodies, const ContactList& pair_contacts,
+                            const SlabRanges& pair_ranges, const ContactList& static_contacts,
+                            const SlabRanges& static_ranges, IndexRange slabs, const Member& member) {
+  member.single([&] {
+    colour_pairs(bodies, pair_contacts);
+    manifold_key_.resize(pair_contacts.manifolds.size() + static_contacts.manifolds.size());
+    sorted_manifolds_.resize(manifold_key_.size());
+    key_offsets_.resize(static_cast<std::size_t>(member.member_count));
+    member_batches_.resize(key_offsets_.size());
+  });
+  KeyOffsets& own_offsets = key_offsets_[static_cast<std::size_t>(member.index)];
+  std::fill_n(own_offsets.begin(), key_count(), 0);
+  count_keys(bodies, pair_contacts, pair_ranges, slabs, true, own_offsets);
+  count_keys(bodies, static_contacts, static_ranges, slabs, false, own_offsets);
+  member.single([&] { compute_key_offsets(member.member_count); });
+  KeyOffsets next_slot;
+  std::copy_n(own_offsets.begin(), key_count(), next_slot.begin());
+  sort_manifolds(pair_ranges, slabs, 0, next_slot);
+  sort_manifolds(static_ranges, slabs, pair_contacts.manifolds.size(), next_slot);
+  member.single([&] { pack_batches(pair_contacts, static_contacts); });
+  collect_own_batches(member);
+}
+
+void ConstraintGraph::colour_pairs(const BodyStore& bodies, const ContactList& pair_contacts) {
+  body_colours_.assign(static_cast<std::size_t>(bodies.size()), 0);
+  manifold_colour_.resize(pair_contacts.manifolds.size());
+  int last = -1;
+  for (std::size_t i = 0; i < pair_contacts.manifolds.size(); ++i) {
+    std::uint64_t& a = body_colours_[static_cast<std::size_t>(pair_contacts.manifolds[i].a)];
+    std::uint64_t& b = body_colours_[static_cast<std::size_t>(pair_contacts.manifolds[i].b)];
+    const int colour = std::countr_one(a | b);
+    manifold_colour_[i] = static_cast<std::uint8_t>(colour);
+    last = std::max(last, colour);
+    if (colour == kMaxColours) continue;
+    a |= std::uint64_t{1} << colour;
+    b |= std::uint64_t{1} << colour;
+  }
+  colour_count_ = last + 1;
+}
+
+// ---- a counting sort, to which each member brings the manifolds of its slabs
+
+void ConstraintGraph::count_keys(const BodyStore& bodies, const ContactList& list, const SlabRanges& ranges,
+                                 IndexRange slabs, bool pair, KeyOffsets& count) {
+  const std::size_t key_base = pair ? 0 : manifold_key_.size() - list.manifolds.size();
+  for (const IndexRange& run : ranges.of(slabs))
+    for (auto i = static_cast<std::size_t>(run.begin); i < static_cast<std::size_t>(run.end); ++i) {
+      const Manifold& m = list.manifolds[i];
+      const bool all_spheres = bodies.is_sphere[static_cast<std::size_t>(m.a)] &&
+                               (!pair || bodies.is_sphere[static_cast<std::size_t>(m.b)]);
+      const int group = (pair ? manifold_colour_[i] : colour_count_) * 2 + (all_spheres ? 0 : 1);
+      const int key = group * kPointCountBuckets + kPointCountBuckets - std::min(m.count, kPointCountBuckets);
+      manifold_key_[key_base + i] = static_cast<std::int16_t>(key);
+      ++count[static_cast<std::size_t>(key)];
+    }
+}
+
+void ConstraintGraph::compute_key_offsets(int member_count) {
+  std::int32_t offset = 0;
+  for (std::size_t key = 0; key < key_count(); ++key) {
+    first_of_key_[key] = offset;
+    for (int m = 0; m < member_count; ++m) {
+      std::int32_t& member_offset = key_offsets_[static_cast<std::size_t>(m)][key];
+      const std::int32_t count = member_offset;
+      member_offset = offset;
+      offset += count;
+    }
+  }
+  first_of_key_[key_count()] = offset;
+}
+
+void ConstraintGraph::sort_manifolds(const SlabRanges& ranges, IndexRange slabs, std::size_t first_key,
+                                     KeyOffsets& next_slot) {
+  for (const IndexRange& run : ranges.of(slabs))
+    for (int i = run.begin; i < run.end; ++i) {
+      const auto key = static_cast<std::size_t>(manifold_key_[first_key + static_cast<std::size_t>(i)]);
+      sorted_manifolds_[static_cast<std::size_t>(next_slot[key]++)] = i;
+    }
+}
+
+// ---- octets
+
+void ConstraintGraph::pack_batches(const ContactList& pair_contacts, const ContactList& static_contacts) {
+  batch_start_.clear();
+  first_point_.assign(1, 0);
+  colours_.clear();
+  for (int c = 0; c < colour_count_; ++c) {
+    const bool is_overflow = c == kMaxColours;
+    const int lanes = is_overflow ? 1 : kLanes;
+    Colour colour{pack_batches(kSpherePair, 2 * c, lanes, pair_contacts),
+                  pack_batches(kGeneralPair, 2 * c + 1, lanes, pair_contacts), is_overflow};
+    if (colour.spheres.count + colour.general.count > 0) colours_.push_back(colour);
+  }
+  sphere_static_ = pack_batches(kSphereStatic, 2 * colour_count_, kLanes, static_contacts);
+  general_static_ = pack_batches(kGeneralStatic, 2 * colour_count_ + 1, kLanes, static_contacts);
+  batch_.resize(batch_start_.size());
+  batch_start_.push_back(first_of_key_[key_count()]);
+}
+
+BatchRange ConstraintGraph::pack_batches(ContactKind kind, int group, int lanes, const ContactList& list) {
+  auto key = static_cast<std::size_t>(group) * kPointCountBuckets;
+  const std::size_t first_key = key;
+  const int end = first_of_key_[key + kPointCountBuckets];
+  BatchRange run{kind, static_cast<int>(batch_start_.size()), 0};
+  for (int at = first_of_key_[key]; at < end; at += lanes, ++run.count) {
+    while (first_of_key_[key + 1] <= at) ++key;
+    // As many points as the first lane has; of those with very many the first may not have most.
+    int points = kPointCountBuckets - static_cast<int>(key - first_key);
+    for (int k = at; key == first_key && k < std::min(at + lanes, end); ++k)
+      points = std::max(
+          points,
+          list.manifolds[static_cast<std::size_t>(sorted_manifolds_[static_cast<std::size_t>(k)])].count);
+    batch_start_.push_back(at);
+    first_point_.push_back(first_point_.back() + points);
+  }
+  return run;
+}
+
+ContactBatch& ConstraintGraph::reset_batch(int index) {
+  const auto i = static_cast<std::size_t>(index);
+  ContactBatch& o = batch_[i];
+  o.first_point = first_point_[i];
+  o.point_count = first_point_[i + 1] - o.first_point;
+  o.lane_count = batch_start_[i + 1] - batch_start_[i];
+  o.has_rolling_friction = o.has_impulse_limit = false;
+  return o;
+}
+
+// ---- who solves what
+
+void ConstraintGraph::collect_own_batches(const Member& member) {
+  MemberBatchRanges& own = member_batches_[static_cast<std::size_t>(member.index)];
+  own.clear();
+  for (const Colour& c : colours_) {
+    for (const BatchRange& run : {c.spheres, c.general}) {
+      if (!c.is_overflow)
+        append_own_batches(run, member);
+      else if (member.is_caller())
+        own.append(run);
+    }
+    own.end_colour();
+  }
+  append_own_batches(sphere_static_, member);
+  append_own_batches(general_static_, member);
+  own.end_colour();
+}
+
+// Of each number of points the member's manifolds follow each other, and with them its octets.
+void ConstraintGraph::append_own_batches(const BatchRange& run, const Member& member) {
+  if (run.count == 0) return;
+  MemberBatchRanges& own = member_batches_[static_cast<std::size_t>(member.index)];
+  const int begin = batch_start_[static_cast<std::size_t>(run.first)];
+  const auto end = first_of_key_.begin() + static_cast<std::ptrdiff_t>(key_count()) + 1;
+  const auto group = static_cast<std::size_t>(std::upper_bound(first_of_key_.begin(), end, begin) -
+                                              first_of_key_.begin() - 1) /
+                     kPointCountBuckets;
+  auto batches_before = [&](int position) { return run.first + (position - begin + kLanes - 1) / kLanes; };
+  for (std::size_t key = group * kPointCountBuckets; key < (group + 1) * kPointCountBuckets; ++key) {
+    const auto next = static_cast<std::size_t>(member.index) + 1;
+    const int from = key_offsets_[next - 1][key];
+    const int to = next < key_offsets_.size() ? key_offsets_[next][key] : first_of_key_[key + 1];
+    own.append({run.kind, batches_before(from), batches_before(to) - batches_before(from)});
+  }
+}
+
+}  // namespace smartsurf::world

@@ -1,0 +1,275 @@
+// Compiled once per instruction set: foreach_target.h includes this file again for each.
+#include "smartsurf/world/solver/ContactKernels.h"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "smartsurf/world/solver/ContactKernels.cpp"
+#include <hwy/foreach_target.h>  // must come before highway.h
+#include <hwy/highway.h>
+
+#include "smartsurf/world/solver/ContactLanes-inl.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace smartsurf::world {
+namespace HWY_NAMESPACE {
+namespace {
+
+// Overlaps up to this are left alone, so that what rests keeps its contacts, u.
+constexpr float kSlop = 1e-3F;
+
+template <bool kPair, bool kSpheres>
+HWY_INLINE void prepare_point(const ContactLanes<kPair, kSpheres>& l, const PointRef& q) {
+  const int at = l.lane;
+  const V3 n = load3(q.point.normal, at);
+  V inverse_mass_sum = l.a.inverse_mass;
+  if constexpr (kPair) inverse_mass_sum = inverse_mass_sum + l.b.inverse_mass;
+  V normal_k, tangent_k, rolling_k;
+  if constexpr (kSpheres) {
+    const V ra = load(q.point.radius_a, at);
+    normal_k = inverse_mass_sum;
+    tangent_k = inverse_mass_sum + l.a.inverse_inertia * ra * ra;
+    rolling_k = l.a.inverse_inertia;
+    if constexpr (kPair) {
+      const V rb = load(q.point.radius_b, at);
+      tangent_k = tangent_k + l.b.inverse_inertia * rb * rb;
+      rolling_k = rolling_k + l.b.inverse_inertia;
+    }
+  } else {
+    normal_k = l.inverse_effective_mass(q, n, n, inverse_mass_sum);
+    // The larger eigenvalue of the 2 × 2 matrix across the normal: friction then pulls straight against the
+    // slip.
+    V3 t, u;
+    tangents(n, t, u);
+    const V tt = l.inverse_effective_mass(q, t, t, inverse_mass_sum),
+            uu = l.inverse_effective_mass(q, u, u, inverse_mass_sum),
+            tu = l.inverse_effective_mass(q, t, u, zero());
+    const V half = (tt - uu) * set(0.5F);
+    tangent_k = (tt + uu) * set(0.5F) + hn::Sqrt(half * half + tu * tu);
+    const V3 response = l.angular_response(q, n);
+    store3(response - n * dot(n, response), q.detail.slip_per_impulse, at);
+    rolling_k = sum3(l.inertia_a.xx, l.inertia_a.yy, l.inertia_a.zz);
+    if constexpr (kPair) rolling_k = rolling_k + sum3(l.inertia_b.xx, l.inertia_b.yy, l.inertia_b.zz);
+  }
+  store(inverse(normal_k), q.point.normal_mass, at);
+  store(inverse(tangent_k), q.point.tangent_mass, at);
+  if (l.batch.has_rolling_friction) store(inverse(rolling_k), q.detail.rolling_mass, at);
+  store(dot(n, l.relative_velocity(q, n)), q.point.approach_speed, at);
+}
+
+template <bool kPair, bool kSpheres>
+HWY_INLINE void warm_start_point(ContactLanes<kPair, kSpheres>& l, const PointRef& q) {
+  const int at = l.lane;
+  const V3 n = load3(q.point.normal, at);
+  l.apply_impulse(q, n * load(q.point.normal_impulse, at), n, true);
+  l.apply_impulse(q, load3(q.point.friction_impulse, at), n, false);
+  if (l.batch.has_rolling_friction) l.apply_angular_impulse(load3(q.detail.rolling_impulse, at));
+}
+
+// A vector no longer than the limit.
+HWY_INLINE V3 clamp_length(const V3& u, V limit) {
+  const V length = hn::Max(hn::Sqrt(dot(u, u)), set(1e-30F));
+  return u * hn::Min(set(1.0F), limit / length);
+}
+
+template <bool kPair, bool kSpheres>
+HWY_INLINE void solve_rolling(ContactLanes<kPair, kSpheres>& l, const PointRef& q, V normal_impulse) {
+  const int at = l.lane;
+  const V3 old_impulse = load3(q.detail.rolling_impulse, at);
+  const V3 impulse =
+      clamp_length(old_impulse - l.relative_angular_velocity(q) * load(q.detail.rolling_mass, at),
+                   load(q.detail.rolling_friction, at) * normal_impulse);
+  store3(impulse, q.detail.rolling_impulse, at);
+  l.apply_angular_impulse(impulse - old_impulse);
+}
+
+// Towards no overlap at the end of the substep. Returns the push.
+template <bool kPair, bool kSpheres>
+HWY_INLINE V soft_normal_impulse(const ContactLanes<kPair, kSpheres>& l, const PointRef& q, V speed,
+                                 V separation, const SubstepParams& params) {
+  const int at = l.lane;
+  const auto separated = hn::Gt(separation, zero());
+  // Apart: it may close the gap within the substep and no faster. Inside: it is pushed out, softly.
+  const V speculative_bias = separation * set(params.inverse_h);
+  const V penetration_bias = hn::Max(hn::Min(separation + set(kSlop), zero()) * set(params.bias_rate),
+                                     set(-params.max_bias_velocity));
+  const V bias = hn::IfThenElse(separated, speculative_bias, penetration_bias);
+  const V mass = load(q.point.normal_mass, at) * hn::IfThenElse(separated, set(1.0F), set(params.mass_scale));
+  const V impulse_scale = hn::IfThenElseZero(hn::Not(separated), set(params.impulse_scale));
+  store(hn::IfThenElseZero(separated, zero() - speculative_bias), q.point.relax_target_speed, at);
+  const V old_impulse = load(q.point.normal_impulse, at);
+  return hn::Max(old_impulse - mass * (speed + bias) - impulse_scale * old_impulse, zero());
+}
+
+// Takes out the speed that is left. Returns the push.
+template <bool kPair, bool kSpheres>
+HWY_INLINE V relaxed_normal_impulse(const ContactLanes<kPair, kSpheres>& l, const PointRef& q, V speed) {
+  const int at = l.lane;
+  return hn::Max(load(q.point.normal_impulse, at) -
+                     load(q.point.normal_mass, at) * (speed - load(q.point.relax_target_speed, at)),
+                 zero());
+}
+
+// The load first, then what it lets friction hold. Between spheres neither changes the other's speed.
+template <bool kPair, bool kSpheres, class ComputeImpulse>
+HWY_INLINE V solve_point(ContactLanes<kPair, kSpheres>& l, const PointRef& q, const SubstepParams& params,
+                         ComputeImpulse compute_impulse) {
+  const int at = l.lane;
+  const V3 n = load3(q.point.normal, at);
+  const V3 velocity = l.relative_velocity(q, n);
+  const V speed = dot(n, velocity);
+  V normal_impulse = compute_impulse(n, speed);
+  if (!kPair && l.batch.has_impulse_limit)
+    normal_impulse =
+        hn::Min(normal_impulse, load(q.detail.max_normal_impulse, at) * set(params.substep_fraction));
+  const V impulse_change = normal_impulse - load(q.point.normal_impulse, at);
+  store(normal_impulse, q.point.normal_impulse, at);
+  V3 slip = velocity - n * speed;
+  if constexpr (!kSpheres) slip = slip + load3(q.detail.slip_per_impulse, at) * impulse_change;
+  const V3 old_friction_impulse = load3(q.point.friction_impulse, at);
+  const V3 friction_impulse = clamp_length(old_friction_impulse - slip * load(q.point.tangent_mass, at),
+                                           load(q.point.friction, at) * normal_impulse);
+  store3(friction_impulse, q.point.friction_impulse, at);
+  if constexpr (kSpheres) {
+    l.apply_impulse(q, n * impulse_change, n, true);
+    l.apply_impulse(q, friction_impulse - old_friction_impulse, n, false);
+  } else {
+    l.apply_impulse(q, n * impulse_change + (friction_impulse - old_friction_impulse), n, false);
+  }
+  if (l.batch.has_rolling_friction) solve_rolling(l, q, normal_impulse);
+  return normal_impulse;
+}
+
+// Towards Newton's rule at this point, whose rebound so far is where `slowest` was. Gives what it is now.
+template <bool kPair, bool kSpheres>
+HWY_INLINE V apply_restitution_at_point(ContactLanes<kPair, kSpheres>& l, const PointRef& q,
+                                        const SubstepParams& params) {
+  const int at = l.lane;
+  const V3 n = load3(q.point.normal, at);
+  const V speed = dot(n, l.relative_velocity(q, n));
+  const V approach = load(q.point.approach_speed, at);
+  const auto hit = hn::And(hn::Lt(approach, set(-params.restitution_threshold)),
+                           hn::Gt(load(q.point.total_normal_impulse, at), zero()));
+  const V target_speed = zero() - load(q.detail.restitution, at) * approach;
+  const V old_impulse = load(q.point.relax_target_speed, at);
+  const V new_impulse = hn::Max(old_impulse + (target_speed - speed) * load(q.point.normal_mass, at), zero());
+  V impulse = hn::IfThenElseZero(hit, new_impulse);
+  if (!kPair && l.batch.has_impulse_limit) {
+    const V available =
+        load(q.detail.max_normal_impulse, at) - (load(q.point.total_normal_impulse, at) - old_impulse);
+    impulse = hn::Min(impulse, hn::Max(available, zero()));
+  }
+  store(impulse, q.point.relax_target_speed, at);
+  store(load(q.point.total_normal_impulse, at) + (impulse - old_impulse), q.point.total_normal_impulse, at);
+  l.apply_impulse(q, n * (impulse - old_impulse), n, true);
+  return impulse;
+}
+
+// What a face gains at one corner turns it about the others: several turns, until all of them leave as they
+// should.
+template <bool kPair, bool kSpheres>
+HWY_INLINE void apply_restitution_to_manifold(ContactLanes<kPair, kSpheres>& l, BatchPoints points,
+                                              const SubstepParams& params) {
+  constexpr int kMaxIterations = 8;
+  const int first = l.batch.first_point, end = first + l.batch.point_count;
+  for (int k = first; k < end; ++k) store(zero(), points.point[k].relax_target_speed, l.lane);
+  const int iterations = kSpheres || l.batch.point_count == 1 ? 1 : kMaxIterations;
+  for (int iteration = 0; iteration < iterations; ++iteration) {
+    V max_impulse = zero();
+    for (int k = first; k < end; ++k)
+      max_impulse = hn::Max(
+          max_impulse, apply_restitution_at_point(l, PointRef{points.point[k], points.detail[k]}, params));
+    if (iteration == 0 && hn::AllFalse(D(), hn::Gt(max_impulse, zero()))) return;  // nothing hit
+  }
+}
+
+template <bool kPair, bool kSpheres, class PointWork>
+HWY_INLINE void for_each_point(const ContactBatch* batches, int count, BatchPoints points,
+                               const SolverBodies& rows, bool writes, PointWork work) {
+  for (int i = 0; i < count; ++i)
+    for (int lane = 0; lane < batches[i].lane_count; lane += kVectorWidth) {
+      ContactLanes<kPair, kSpheres> l(batches[i], lane, rows);
+      for (int k = batches[i].first_point; k < batches[i].first_point + batches[i].point_count; ++k)
+        work(l, PointRef{points.point[k], points.detail[k]});
+      if (writes) l.store();
+    }
+}
+
+template <bool kPair, bool kSpheres>
+struct Kernels {
+  using L = ContactLanes<kPair, kSpheres>;
+  static void prepare(const ContactBatch* o, int n, BatchPoints p, const SolverBodies& rows,
+                      const SubstepParams&) {
+    for_each_point<kPair, kSpheres>(o, n, p, rows, false,
+                                    [](L& l, const PointRef& q) HWY_ATTR { prepare_point(l, q); });
+  }
+  static void warm_start(const ContactBatch* o, int n, BatchPoints p, const SolverBodies& rows,
+                         const SubstepParams&) {
+    for_each_point<kPair, kSpheres>(o, n, p, rows, true,
+                                    [](L& l, const PointRef& q) HWY_ATTR { warm_start_point(l, q); });
+  }
+  static void solve(const ContactBatch* o, int n, BatchPoints p, const SolverBodies& rows,
+                    const SubstepParams& params) {
+    for (int i = 0; i < n; ++i)
+      for (int lane = 0; lane < o[i].lane_count; lane += kVectorWidth) {
+        L l(o[i], lane, rows);
+        const DeltaPoseLanes<kPair, kSpheres> delta(o[i], lane, rows);
+        for (int k = o[i].first_point; k < o[i].first_point + o[i].point_count; ++k) {
+          const PointRef q{p.point[k], p.detail[k]};
+          solve_point(l, q, params, [&](const V3& along, V speed) HWY_ATTR {
+            return soft_normal_impulse(l, q, speed, delta.separation(l, q, along, params), params);
+          });
+        }
+        l.store();
+      }
+  }
+  static void relax(const ContactBatch* o, int n, BatchPoints p, const SolverBodies& rows,
+                    const SubstepParams& params) {
+    for_each_point<kPair, kSpheres>(o, n, p, rows, true, [&](L& l, const PointRef& q) HWY_ATTR {
+      const V impulse = solve_point(
+          l, q, params, [&](const V3&, V speed) HWY_ATTR { return relaxed_normal_impulse(l, q, speed); });
+      store(load(q.point.total_normal_impulse, l.lane) + impulse, q.point.total_normal_impulse, l.lane);
+    });
+  }
+  static void apply_restitution(const ContactBatch* o, int n, BatchPoints p, const SolverBodies& rows,
+                                const SubstepParams& params) {
+    for (int i = 0; i < n; ++i)
+      for (int lane = 0; lane < o[i].lane_count; lane += kVectorWidth) {
+        L l(o[i], lane, rows);
+        apply_restitution_to_manifold(l, p, params);
+        l.store();
+      }
+  }
+  static void add_to(ContactKernelTable& t, ContactKind kind) {
+    t.prepare[kind] = prepare;
+    t.warm_start[kind] = warm_start;
+    t.solve[kind] = solve;
+    t.relax[kind] = relax;
+    t.apply_restitution[kind] = apply_restitution;
+  }
+};
+
+const ContactKernelTable* table() {
+  static const ContactKernelTable kTable = [] {
+    ContactKernelTable t{};
+    Kernels<true, true>::add_to(t, kSpherePair);
+    Kernels<true, false>::add_to(t, kGeneralPair);
+    Kernels<false, true>::add_to(t, kSphereStatic);
+    Kernels<false, false>::add_to(t, kGeneralStatic);
+    return t;
+  }();
+  return &kTable;
+}
+
+}  // namespace
+}  // namespace HWY_NAMESPACE
+}  // namespace smartsurf::world
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace smartsurf::world {
+
+HWY_EXPORT(table);
+
+const ContactKernelTable& contact_kernels() { return *HWY_DYNAMIC_DISPATCH(table)(); }
+
+}  // namespace smartsurf::world
+#endif

@@ -1,0 +1,188 @@
+// The bodies in the lanes of an octet, as the contact kernels work on them. Included once per instruction
+// set, hence no usual guard.
+#if defined(SMARTSURF_WORLD_CONTACT_LANES_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef SMARTSURF_WORLD_CONTACT_LANES_INL_H
+#undef SMARTSURF_WORLD_CONTACT_LANES_INL_H
+#else
+#define SMARTSURF_WORLD_CONTACT_LANES_INL_H
+#endif
+
+#include "smartsurf/world/solver/ContactKernels.h"
+#include "smartsurf/world/solver/SimdLanes-inl.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace smartsurf::world {
+namespace HWY_NAMESPACE {
+namespace {
+
+// The bodies on one side of the lanes. No multiply and add is fused: the same bits on every machine.
+struct BodyLanes {
+  V3 velocity, angular_velocity;
+  V inverse_mass, inverse_inertia;
+};
+
+struct PointRef {
+  BatchPoint& point;
+  BatchPointDetail& detail;
+};
+
+HWY_INLINE BodyLanes load_body_lanes(const BodyVelocity* rows, const std::int32_t* index) {
+  BodyLanes s;
+  load_rows(&rows->velocity[0], index, 0, s.velocity.x, s.velocity.y, s.velocity.z, s.inverse_mass);
+  load_rows(&rows->velocity[0], index, 4, s.angular_velocity.x, s.angular_velocity.y, s.angular_velocity.z,
+            s.inverse_inertia);
+  return s;
+}
+
+HWY_INLINE void store_body_lanes(const BodyLanes& s, BodyVelocity* rows, const std::int32_t* index,
+                                 int count) {
+  float* base = &rows->velocity[0];
+  store_rows(s.velocity.x, s.velocity.y, s.velocity.z, s.inverse_mass, base, index, count, 0);
+  store_rows(s.angular_velocity.x, s.angular_velocity.y, s.angular_velocity.z, s.inverse_inertia, base, index,
+             count, 4);
+}
+
+HWY_INLINE SymmetricMat3 load_inertia(const InverseInertia* rows, const std::int32_t* index) {
+  SymmetricMat3 s;
+  V unused, unused_too;
+  load_rows(&rows->xx, index, 0, s.xx, s.yy, s.zz, s.xy);
+  load_rows(&rows->xx, index, 4, s.xz, s.yz, unused, unused_too);
+  return s;
+}
+
+// The eight pairs of one octet (or half of them, where vectors are short), at one of the four kinds.
+template <bool kPair, bool kSpheres>
+struct ContactLanes {
+  const ContactBatch& batch;
+  const int lane;  // the first
+  BodyVelocity* const velocities;
+  BodyLanes a, b;
+  SymmetricMat3 inertia_a, inertia_b;
+
+  HWY_INLINE ContactLanes(const ContactBatch& o, int first, const SolverBodies& rows)
+      : batch(o), lane(first), velocities(rows.velocity) {
+    a = load_body_lanes(rows.velocity, &o.a[first]);
+    if constexpr (kPair) b = load_body_lanes(rows.velocity, &o.b[first]);
+    if constexpr (!kSpheres) {
+      inertia_a = load_inertia(rows.inverse_inertia, &o.a[first]);
+      if constexpr (kPair) inertia_b = load_inertia(rows.inverse_inertia, &o.b[first]);
+    }
+  }
+  HWY_INLINE void store() const {
+    store_body_lanes(a, velocities, &batch.a[lane], batch.lane_count - lane);
+    if constexpr (kPair) store_body_lanes(b, velocities, &batch.b[lane], batch.lane_count - lane);
+  }
+
+  HWY_INLINE V3 anchor_a(const PointRef& q) const { return load3(q.detail.anchor_a, lane); }
+  HWY_INLINE V3 anchor_b(const PointRef& q) const { return load3(q.detail.anchor_b, lane); }
+
+  // Of a's surface against b's, or the world's.
+  HWY_INLINE V3 relative_velocity(const PointRef& q, const V3& normal) const {
+    V3 dv = a.velocity;
+    if constexpr (kPair) dv = dv - b.velocity;
+    if constexpr (!kPair) dv = dv - load3(q.detail.surface_velocity, lane);
+    if constexpr (kSpheres) {
+      V3 surface_rotation = a.angular_velocity * load(q.point.radius_a, lane);
+      if constexpr (kPair)
+        surface_rotation = surface_rotation + b.angular_velocity * load(q.point.radius_b, lane);
+      return dv - cross(surface_rotation, normal);
+    } else {
+      dv = dv + cross(a.angular_velocity, anchor_a(q));
+      if constexpr (kPair) dv = dv - cross(b.angular_velocity, anchor_b(q));
+      return dv;
+    }
+  }
+
+  HWY_INLINE V3 relative_angular_velocity(const PointRef& q) const {
+    V3 w = a.angular_velocity;
+    if constexpr (kPair) w = w - b.angular_velocity;
+    if constexpr (!kPair) w.z = w.z - load(q.detail.surface_spin, lane);
+    return w;
+  }
+
+  HWY_INLINE void apply_impulse(const PointRef& q, const V3& impulse, const V3& normal, bool along_normal) {
+    a.velocity = a.velocity + impulse * a.inverse_mass;
+    if constexpr (kPair) b.velocity = b.velocity - impulse * b.inverse_mass;
+    if constexpr (kSpheres) {
+      if (along_normal) return;
+      const V3 angular_impulse = cross(normal, impulse);
+      a.angular_velocity =
+          a.angular_velocity - angular_impulse * (a.inverse_inertia * load(q.point.radius_a, lane));
+      if constexpr (kPair)
+        b.angular_velocity =
+            b.angular_velocity - angular_impulse * (b.inverse_inertia * load(q.point.radius_b, lane));
+    } else {
+      a.angular_velocity = a.angular_velocity + inertia_a * cross(anchor_a(q), impulse);
+      if constexpr (kPair) b.angular_velocity = b.angular_velocity - inertia_b * cross(anchor_b(q), impulse);
+    }
+  }
+
+  HWY_INLINE void apply_angular_impulse(const V3& impulse) {
+    if constexpr (kSpheres) {
+      a.angular_velocity = a.angular_velocity + impulse * a.inverse_inertia;
+      if constexpr (kPair) b.angular_velocity = b.angular_velocity - impulse * b.inverse_inertia;
+    } else {
+      a.angular_velocity = a.angular_velocity + inertia_a * impulse;
+      if constexpr (kPair) b.angular_velocity = b.angular_velocity - inertia_b * impulse;
+    }
+  }
+
+  // How fast the point yields to a unit impulse along u, measured along v.
+  HWY_INLINE V inverse_effective_mass(const PointRef& q, const V3& u, const V3& v, V inverse_mass_sum) const {
+    const V3 ra = anchor_a(q);
+    V k = inverse_mass_sum + dot(cross(ra, v), inertia_a * cross(ra, u));
+    if constexpr (kPair) {
+      const V3 rb = anchor_b(q);
+      k = k + dot(cross(rb, v), inertia_b * cross(rb, u));
+    }
+    return k;
+  }
+  // Where the point goes by that, as far as the bodies turn.
+  HWY_INLINE V3 angular_response(const PointRef& q, const V3& u) const {
+    const V3 ra = anchor_a(q);
+    V3 response = cross(inertia_a * cross(ra, u), ra);
+    if constexpr (kPair) {
+      const V3 rb = anchor_b(q);
+      response = response + cross(inertia_b * cross(rb, u), rb);
+    }
+    return response;
+  }
+};
+
+// How far the bodies have moved since the step began.
+template <bool kPair, bool kSpheres>
+struct DeltaPoseLanes {
+  V3 translation_a, translation_b, rotation_a, rotation_b;
+
+  HWY_INLINE DeltaPoseLanes(const ContactBatch& o, int lane, const SolverBodies& rows) {
+    load_delta_pose(rows, &o.a[lane], translation_a, rotation_a);
+    if constexpr (kPair) load_delta_pose(rows, &o.b[lane], translation_b, rotation_b);
+  }
+  HWY_INLINE static void load_delta_pose(const SolverBodies& rows, const std::int32_t* index, V3& translation,
+                                         V3& rotation) {
+    V unused;
+    load_rows(&rows.delta_pose->translation[0], index, 0, translation.x, translation.y, translation.z,
+              unused);
+    if constexpr (!kSpheres)
+      load_rows(&rows.delta_pose->translation[0], index, 4, rotation.x, rotation.y, rotation.z, unused);
+  }
+
+  // The gap now.
+  HWY_INLINE V separation(const ContactLanes<kPair, kSpheres>& l, const PointRef& q, const V3& n,
+                          const SubstepParams& params) const {
+    V3 displacement = translation_a;
+    if constexpr (!kSpheres) displacement = displacement + cross(rotation_a, l.anchor_a(q));
+    if constexpr (kPair) displacement = displacement - translation_b;
+    if constexpr (kPair && !kSpheres) displacement = displacement - cross(rotation_b, l.anchor_b(q));
+    if constexpr (!kPair)
+      displacement = displacement - load3(q.detail.surface_velocity, l.lane) * set(params.elapsed_s);
+    return load(q.point.separation, l.lane) + dot(n, displacement);
+  }
+};
+
+}  // namespace
+}  // namespace HWY_NAMESPACE
+}  // namespace smartsurf::world
+HWY_AFTER_NAMESPACE();
+
+#endif

@@ -1,0 +1,373 @@
+#include "smartsurf/world/solver/Solver.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <numbers>
+
+namespace smartsurf::world {
+namespace {
+
+// How overlaps are pushed apart: as a damped spring of this frequency, at most a quarter of the substeps',
+// and ratio.
+constexpr float kPairContactHertz = 60.0F, kStaticContactHertz = 120.0F, kDampingRatio = 5.0F;
+constexpr float kMaxBiasVelocity = 4.0F;       // u/s
+constexpr float kRestitutionThreshold = 0.2F;  // nothing rebounds from slower, u/s
+constexpr float kUnusedSeparation = 1e6F;
+constexpr float kMaxSpeed = 1e7F;  // u/s or rad/s along each axis; scripts may ask for a tenth of it
+
+SubstepParams make_substep_params(float h_s, float hertz, int substeps) {
+  const float omega = 2.0F * std::numbers::pi_v<float> * std::min(hertz, 0.25F / h_s);
+  const float a = 2.0F * kDampingRatio + h_s * omega, b = h_s * omega * a, scale = 1.0F / (1.0F + b);
+  return {h_s,
+          1.0F / h_s,
+          0.0F,
+          omega / a,
+          b * scale,
+          scale,
+          kMaxBiasVelocity,
+          kRestitutionThreshold,
+          1.0F / static_cast<float>(substeps)};
+}
+
+void store(float (&to)[3], const Vec3& from) {
+  for (int i = 0; i < 3; ++i) to[i] = from[i];
+}
+void store(float (*to)[kLanes], int lane, const Vec3& from) {
+  for (int i = 0; i < 3; ++i) to[i][lane] = from[i];
+}
+Vec3 load(const float (*from)[kLanes], int lane) { return {from[0][lane], from[1][lane], from[2][lane]}; }
+
+// A body that a huge force flings away stays finite: it leaves the table and disturbs nobody else.
+float clamp_speed(float speed) { return std::min(std::max(speed, -kMaxSpeed), kMaxSpeed); }
+
+// What weight alone changes in so long a time; adding −0 changes nothing.
+BodyVelocity gravity_velocity_change(const Vec3& gravity, float h_s) {
+  BodyVelocity m;
+  store(m.velocity, h_s * (gravity + Vec3::Zero()));
+  store(m.angular_velocity, Vec3::Constant(-0.0F));
+  return m;
+}
+
+}  // namespace
+
+struct Solver::StepContext {
+  BodyStore& bodies;
+  const Input& input;
+  const SpatialPartition& partition;
+  IndexRange own_slabs;  // the member's slabs
+  IndexRange own_rows;
+  SolverBodies solver_bodies;
+  SubstepParams pair_params, static_params;
+  const ContactKernelTable& kernels;
+  bool any_restitution;
+  bool all_spheres;
+  BodyVelocity gravity_change;  // of a substep
+
+  ContactList& contact_list(ContactKind kind) const {
+    return is_pair(kind) ? input.pair_contacts : input.static_contacts;
+  }
+  static bool is_pair(ContactKind kind) { return kind == kSpherePair || kind == kGeneralPair; }
+};
+
+void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
+  const IndexRange own_slabs = input.partition.share(member);
+  graph_.build(bodies, input.pair_contacts, input.pair_ranges, input.static_contacts, input.static_ranges,
+               own_slabs, member);
+  member.single([&] { resize_buffers(input.partition, member.member_count); });
+  const float h_s = settings_.dt_s / static_cast<float>(settings_.substeps);
+  const bool any_restitution = settings_.field_restitution > 0.0F ||
+                               std::any_of(bodies.surface_material.begin(), bodies.surface_material.end(),
+                                           [](const SurfaceMaterial& g) { return g.restitution > 0; });
+  StepContext context{
+      bodies,
+      input,
+      input.partition,
+      own_slabs,
+      input.partition.rows_of(own_slabs),
+      solver_bodies(),
+      make_substep_params(h_s, kPairContactHertz, settings_.substeps),
+      make_substep_params(h_s, kStaticContactHertz, settings_.substeps),
+      contact_kernels(),
+      any_restitution,
+      std::find(bodies.is_sphere.begin(), bodies.is_sphere.end(), 0) == bodies.is_sphere.end(),
+      gravity_velocity_change(settings_.gravity, h_s)};
+  run_stages(context, member);
+}
+
+void Solver::resize_buffers(const SpatialPartition& partition, int member_count) {
+  const auto rows = static_cast<std::size_t>(partition.row_count());
+  velocity_.resize(rows);
+  delta_pose_.resize(rows);
+  inverse_inertia_.resize(rows);
+  start_velocity_.resize(rows);
+  material_.resize(rows);
+  point_.resize(static_cast<std::size_t>(graph_.point_count()));
+  detail_.resize(point_.size());
+  shared_batches_.resize(partition.row_count(), member_count);
+}
+
+void Solver::run_stages(StepContext& context, const Member& member) {
+  load_bodies(context);
+  shared_batches_.clear_marks(context.own_rows);
+  member.arrive_and_wait();
+  for (const BatchRange& run : graph_.own_batches(member))
+    for (int i = run.first; i < run.first + run.count; ++i) prepare_batch(context, run.kind, i);
+  member.arrive_and_wait();
+  shared_batches_.split_batches(graph_, member);
+  integrate_velocities(context, true);
+  member.arrive();
+  const ContactKernelTable& k = context.kernels;
+  run_contact_stage(context, member, k.warm_start, 0.0F);
+  const float h_s = context.pair_params.h_s;
+  for (int s = 0; s < settings_.substeps; ++s) {
+    if (s > 0) {
+      member.wait();
+      integrate_velocities(context, false);
+      member.arrive();
+    }
+    run_contact_stage(context, member, k.solve, static_cast<float>(s) * h_s);
+    member.wait();
+    integrate_positions(context);
+    member.arrive();
+    run_contact_stage(context, member, k.relax, 0.0F);
+  }
+  if (context.any_restitution) run_contact_stage(context, member, k.apply_restitution, 0.0F);
+  for (const BatchRange& run : graph_.own_batches(member))
+    for (int i = run.first; i < run.first + run.count; ++i) store_impulses(context, run.kind, i);
+  member.arrive_and_wait();
+}
+
+// ---- contacts into lanes, and back
+
+void Solver::prepare_batch(StepContext& context, ContactKind kind, int index) {
+  ContactBatch& o = graph_.reset_batch(index);
+  set_batch_bodies(context, o, index, kind);
+  shared_batches_.mark_foreign_rows(o, context.own_rows);
+  const ContactList& list = context.contact_list(kind);
+  auto for_lanes = [&](auto each) {
+    for (int lane = 0; lane < o.lane_count; ++lane)
+      each(lane, list.manifolds[static_cast<std::size_t>(graph_.manifold(index, lane))]);
+  };
+  auto fill_all = [&](const FillMask& mask) {
+    for_lanes([&](int lane, const Manifold& m) { fill_lane(context, o, lane, m, list.contacts, mask); });
+  };
+  clear_points(o);
+  // Of spheres few passes read the details: what they leave alone is not touched.
+  const bool all_spheres = kind == kSpherePair || kind == kSphereStatic,
+             is_static = !StepContext::is_pair(kind);
+  if (!all_spheres || context.any_restitution) {
+    clear_details(o, true);
+    fill_all({.points = true, .surface = is_static, .details = true});
+  } else {
+    fill_all({.points = true, .surface = false, .details = false});
+    if (o.has_rolling_friction || is_static) {
+      clear_details(o, o.has_rolling_friction);
+      fill_all({.points = false, .surface = is_static, .details = o.has_rolling_friction});
+    }
+  }
+  if (!StepContext::is_pair(kind) && context.input.has_force_limits) fill_impulse_limits(o, index, list);
+  context.kernels.prepare[kind](&o, 1, batch_points(), context.solver_bodies, context.pair_params);
+}
+
+// Lanes not in use look at the first one's bodies.
+void Solver::set_batch_bodies(StepContext& context, ContactBatch& o, int index, ContactKind kind) {
+  const ContactList& list = context.contact_list(kind);
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const int i = graph_.manifold(index, lane < o.lane_count ? lane : 0);
+    const Manifold& m = list.manifolds[static_cast<std::size_t>(i)];
+    o.a[lane] = context.partition.row(m.a);
+    o.b[lane] = m.b >= 0 ? context.partition.row(m.b) : o.a[lane];
+  }
+}
+
+void Solver::clear_points(const ContactBatch& o) {
+  const auto first = static_cast<std::size_t>(o.first_point), count = static_cast<std::size_t>(o.point_count);
+  std::memset(static_cast<void*>(&point_[first]), 0, sizeof(BatchPoint) * count);
+  for (std::size_t k = first; k < first + count; ++k)
+    std::fill_n(point_[k].separation, kLanes, kUnusedSeparation);
+}
+
+void Solver::clear_details(const ContactBatch& o, bool all) {
+  const auto first = static_cast<std::size_t>(o.first_point), count = static_cast<std::size_t>(o.point_count);
+  for (std::size_t k = first; k < first + count; ++k) {
+    BatchPointDetail& d = detail_[k];
+    if (all)
+      d = {};
+    else
+      std::memset(d.surface_velocity, 0, sizeof(d.surface_velocity));
+  }
+}
+
+void Solver::fill_lane(const StepContext& context, ContactBatch& o, int lane, const Manifold& m,
+                       const std::vector<Contact>& contacts, const FillMask& mask) {
+  const std::vector<Vec3>& position = context.bodies.position;
+  const SurfaceMaterial& a = material_[static_cast<std::size_t>(o.a[lane])];
+  for (int k = 0; k < m.count; ++k) {
+    const Contact& c = contacts[static_cast<std::size_t>(m.first + k)];
+    const SurfaceMaterial& b = m.b >= 0 ? material_[static_cast<std::size_t>(o.b[lane])]
+                               : c.other >= 0
+                                   ? material_[static_cast<std::size_t>(context.partition.row(c.other))]
+                                   : field_material_;
+    BatchPointDetail& d = detail_[static_cast<std::size_t>(o.first_point + k)];
+    if (mask.points) {
+      BatchPoint& p = point_[static_cast<std::size_t>(o.first_point + k)];
+      store(p.normal, lane, c.normal);
+      p.radius_a[lane] = a.radius;
+      p.radius_b[lane] = b.radius;
+      p.separation[lane] = c.separation;
+      p.normal_impulse[lane] = c.normal_impulse;
+      store(p.friction_impulse, lane, c.friction_impulse);
+      p.friction[lane] = a.friction_root * b.friction_root;
+      o.has_rolling_friction |= a.rolling_friction_root * b.rolling_friction_root > 0.0F;
+    }
+    if (mask.surface) {
+      store(d.surface_velocity, lane, c.surface_velocity);
+      d.surface_spin[lane] = c.surface_spin;
+    }
+    if (mask.details) {
+      store(d.anchor_a, lane, c.anchor);
+      if (m.b >= 0)
+        store(d.anchor_b, lane,
+              position[static_cast<std::size_t>(m.a)] + c.anchor - position[static_cast<std::size_t>(m.b)]);
+      store(d.rolling_impulse, lane, c.rolling_impulse);
+      d.rolling_friction[lane] = a.rolling_friction_root * b.rolling_friction_root;
+      d.restitution[lane] = std::max(a.restitution, b.restitution);
+    }
+  }
+}
+
+void Solver::fill_impulse_limits(ContactBatch& o, int index, const ContactList& list) {
+  constexpr float kUnlimited = 1e30F;
+  for (int k = o.first_point; k < o.first_point + o.point_count; ++k)
+    std::fill_n(detail_[static_cast<std::size_t>(k)].max_normal_impulse, kLanes, kUnlimited);
+  for (int lane = 0; lane < o.lane_count; ++lane) {
+    const Manifold& m = list.manifolds[static_cast<std::size_t>(graph_.manifold(index, lane))];
+    for (int k = 0; k < m.count; ++k) {
+      const float limit = list.contacts[static_cast<std::size_t>(m.first + k)].max_normal_impulse;
+      if (std::isinf(limit)) continue;
+      detail_[static_cast<std::size_t>(o.first_point + k)].max_normal_impulse[lane] = limit;
+      o.has_impulse_limit = true;
+    }
+  }
+}
+
+void Solver::store_impulses(StepContext& context, ContactKind kind, int index) {
+  const ContactBatch& o = graph_.batch(index);
+  ContactList& list = context.contact_list(kind);
+  for (int lane = 0; lane < o.lane_count; ++lane) {
+    const Manifold& m = list.manifolds[static_cast<std::size_t>(graph_.manifold(index, lane))];
+    for (int k = 0; k < m.count; ++k) {
+      Contact& c = list.contacts[static_cast<std::size_t>(m.first + k)];
+      const BatchPoint& p = point_[static_cast<std::size_t>(o.first_point + k)];
+      c.normal_impulse = p.normal_impulse[lane];
+      c.total_normal_impulse = p.total_normal_impulse[lane];
+      c.friction_impulse = load(p.friction_impulse, lane);
+      if (o.has_rolling_friction)
+        c.rolling_impulse = load(detail_[static_cast<std::size_t>(o.first_point + k)].rolling_impulse, lane);
+    }
+  }
+}
+
+// ---- bodies through a substep, each member those of its slabs
+
+template <class Each>
+void Solver::for_each_active_row(const StepContext& context, Each each) const {
+  for (int s = context.own_slabs.begin; s < context.own_slabs.end; ++s) {
+    const IndexRange rows = context.partition.active_rows_of(s);
+    for (int row = rows.begin; row < rows.end; ++row) each(row);
+  }
+}
+
+void Solver::load_bodies(StepContext& context) {
+  constexpr int kPrefetchDistance = 8;  // rows: about what a trip to memory takes
+  const BodyStore& b = context.bodies;
+  for (int s = context.own_slabs.begin; s < context.own_slabs.end; ++s) {
+    const IndexRange rows = context.partition.rows_of(s);
+    for (int row = rows.begin; row < rows.end; ++row) {
+      const auto to = static_cast<std::size_t>(row);
+      const std::size_t from = context.partition.body(row);
+      if (row + kPrefetchDistance < rows.end) b.prefetch(context.partition.body(row + kPrefetchDistance));
+      velocity_[to] = b.body_velocity[from];
+      material_[to] = b.surface_material[from];
+      if (!context.all_spheres) inverse_inertia_[to] = b.world_inverse_inertia[from];
+      delta_pose_[to] = {};
+    }
+  }
+}
+
+// What forces add to the body's motion in a substep.
+BodyVelocity Solver::external_velocity_change(const StepContext& context, int row) const {
+  const std::size_t body = context.partition.body(row);
+  const surface::Wrench& w = context.bodies.wrench[body];
+  const float h_s = context.pair_params.h_s;
+  BodyVelocity m = context.gravity_change;
+  store(m.velocity,
+        h_s * (settings_.gravity + velocity_[static_cast<std::size_t>(row)].inverse_mass * w.force));
+  if (!w.torque.isZero(0.0F)) {
+    const InverseInertia& q = context.bodies.world_inverse_inertia[body];
+    store(m.angular_velocity,
+          h_s * Vec3(Vec3(q.xx, q.xy, q.xz).dot(w.torque), Vec3(q.xy, q.yy, q.yz).dot(w.torque),
+                     Vec3(q.xz, q.yz, q.zz).dot(w.torque)));
+  }
+  return m;
+}
+
+// Contacts act alike from substep to substep, because their normals and arms stay: what they gave the body in
+// the last one, they give it again to start with.
+void Solver::integrate_velocities(StepContext& context, bool first) {
+  for_each_active_row(context, [&](int row) {
+    const BodyVelocity change =
+        context.input.has_wrenches ? external_velocity_change(context, row) : context.gravity_change;
+    BodyVelocity& m = velocity_[static_cast<std::size_t>(row)];
+    BodyVelocity& start = start_velocity_[static_cast<std::size_t>(row)];
+    auto apply_change = [first](float& speed, float& start_speed, float external_change) {
+      const float contact_change = speed - start_speed;
+      start_speed = clamp_speed(speed + external_change);
+      speed = first ? start_speed : start_speed + contact_change;
+    };
+    for (int i = 0; i < 3; ++i) apply_change(m.velocity[i], start.velocity[i], change.velocity[i]);
+    for (int i = 0; i < 3; ++i)
+      apply_change(m.angular_velocity[i], start.angular_velocity[i], change.angular_velocity[i]);
+  });
+}
+
+void Solver::integrate_positions(StepContext& context) {
+  const float h_s = context.pair_params.h_s;
+  for_each_active_row(context, [&](int row) {
+    const BodyVelocity& m = velocity_[static_cast<std::size_t>(row)];
+    DeltaPose& s = delta_pose_[static_cast<std::size_t>(row)];
+    for (int axis = 0; axis < 3; ++axis) {
+      s.translation[axis] += h_s * m.velocity[axis];
+      s.rotation[axis] += h_s * m.angular_velocity[axis];
+    }
+  });
+}
+
+void Solver::store_body(BodyStore& bodies, const SpatialPartition& partition, int row) const {
+  const std::size_t to = partition.body(row);
+  bodies.body_velocity[to] = velocity_[static_cast<std::size_t>(row)];
+  bodies.delta_pose[to] = delta_pose_[static_cast<std::size_t>(row)];
+}
+
+// ---- one pass over all contacts: pairs colour by colour, the world last, because nothing yields there
+
+void Solver::run_contact_stage(StepContext& context, const Member& member,
+                               const ContactKernel (&kernel)[kContactKindCount], float elapsed_s) {
+  SubstepParams pair_params = context.pair_params, static_params = context.static_params;
+  pair_params.elapsed_s = static_params.elapsed_s = elapsed_s;
+  const std::size_t colours = graph_.colours().size();
+  for (std::size_t i = 0; i <= colours; ++i) {
+    auto run = [&](std::span<const BatchRange> ranges) {
+      for (const BatchRange& batches : ranges)
+        kernel[batches.kind](graph_.batches_from(batches.first), batches.count, batch_points(),
+                             context.solver_bodies, i < colours ? pair_params : static_params);
+    };
+    member.wait();
+    run(shared_batches_.shared(member, i));
+    member.arrive();
+    run(shared_batches_.own(member, i));
+  }
+}
+
+}  // namespace smartsurf::world

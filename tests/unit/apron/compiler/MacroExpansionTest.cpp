@@ -1,0 +1,115 @@
+// Macros as the compiler sees them: libraries in the original's style, values, a macro's own names.
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <sstream>
+#include <string>
+
+#include "apron/program/LocalityCheck.h"
+#include "tests/unit/apron/compiler/CompileText.h"
+
+namespace apron::compiler {
+namespace {
+
+std::string macro(const std::string& pattern, const std::string& body) {
+  return "!macro_def\n" + pattern + "\n!macro_begin\n" + body + "\n!macro_end\n";
+}
+
+std::string compiled(const std::string& text, const std::map<std::string, std::string>& files = {}) {
+  return listing(compile_text("!register(A, B, C)\n" + text + "\n", files));
+}
+
+TEST(Macro, AnInstructionSetInTheOriginalsStyle) {
+  const std::string library =
+      "!object('ANALOGUE', 'a', 1, 'SIM_REGISTER')\n"
+      "!object('CONTROL', 'c', 2, 'SIM_VARIABLE')\n"
+      "!create('X', ANALOGUE)\n!create('Y', ANALOGUE)\n!create('n', CONTROL)\n"
+      "!define(ACC, a[X])\n"
+      "!operator(+, pe.add)\n" +
+      macro("$r1 = pe.add($r2, $r3)", "core.add($r1, $r2, $r3)") + macro("pe.add($r1)", "ACC = ACC + $r1") +
+      macro("pe.skip($x, $op, $y)", "if($x, $op, $y)\njump(:#skip)\nendif\nACC = 0\n:#skip");
+  EXPECT_EQ(compiled("!include('pe.aps')\nACC = a[Y] + 1\npe.add(a[1])\npe.skip(c[n], >=, 2)\nc[0] = 3",
+                     {{"pe.aps", library}}),
+            "add X, Y, 1\nadd X, X, Y\nunless.ge n, 2, @4\njump @5\ncopy X, 0\ncopy n, 3\nend\n");
+}
+
+// A define may have its own name in it, and stays what it is on its way through macros.
+TEST(Macro, ADefineIsNotReplacedInItself) {
+  EXPECT_EQ(compiled("!object('pe', 'p', 1, 'SIM_REGISTER')\n!create('D', pe)\n!define(D, p[D])\n" +
+                     macro("$r = pe.add($a, $b)", "$r = core.add($a, $b)") +
+                     macro("pe.add($a, $b)", "$a = pe.add($a, $b)") + "pe.add(D, 1)\nD = pe.add(D, D)"),
+            "add D, D, 1\nadd D, D, D\nend\n");
+}
+
+TEST(Macro, TakesPrecedenceAndMeansTheInstructionInside) {
+  const std::string clipped = macro("$y = add($a, $b)", "$y = min(add($a, $b), 127)");
+  EXPECT_EQ(compiled(clipped + "A = add(A, B)"), "add $0, A, B\nmin A, $0, 127\nend\n");
+  const std::string where = macro("where($c)", "mask.on($c)") + macro("all", "mask.off");
+  EXPECT_EQ(compiled(where + "where(A)\nB = 1\nall"), "mask.on A\ncopy B, 1\nmask.off\nend\n");
+}
+
+TEST(Macro, MayOpenABlockThatAnotherCloses) {
+  const std::string pair = macro("unless($a, $b)", "if($a, >=, $b)\nelse") + macro("endunless", "endif");
+  EXPECT_EQ(compiled(pair + "x = 1\nunless(x, 3)\nx = 2\nendunless"),
+            "copy x, 1\nunless.ge x, 3, @3\njump @4\ncopy x, 2\nend\n");
+}
+
+TEST(Macro, NestedInExpressionsArgumentsAreValuesTakenOnce) {
+  const std::string square = macro("$y = sqr($a)", "$y = $a * $a");
+  EXPECT_EQ(compiled(square + "A = sqr(B + 1) + sqr(2)"),
+            "add $0, B, 1\nmul $1, $0, $0\ncopy $2, 4\nadd A, $1, $2\nend\n");
+  EXPECT_EQ(compiled(square + "x = sqr(3)"), "copy x, 9\nend\n");
+}
+
+TEST(Macro, OwnNamesAreFreshAndTakeTheKindOfTheirFirstWrite) {
+  const std::string body =
+      macro("$y = f($a)", ":t = $a + 1\n:n = 2\nrepeat(:n)\n:t = :t * 2\nendrepeat\n$y = :t");
+  const std::string once = "add $0, A, 1\n";
+  const std::string lines = compiled(body + "B = f(A)\nC = f(A)");
+  EXPECT_EQ(lines.substr(0, once.size()), once);
+  // Both expansions use the same temporary, one after the other.
+  EXPECT_EQ(lines.find("$3"), std::string::npos) << lines;
+}
+
+TEST(Macro, ResultInAnExpressionStartsAtZeroWhereMasksMayHoldItBack) {
+  const std::string inc = macro("$y = inc($a)", "$y = $a + 1");
+  EXPECT_EQ(compiled(inc + "A = inc(B) * 2"), "add $0, B, 1\nmul A, $0, 2\nend\n");
+  EXPECT_EQ(compiled(inc + "mask.on(B)\nA = inc(B) * 2"),
+            "mask.on B\ncopy $0, 0\nadd $0, B, 1\nmul A, $0, 2\nend\n");
+}
+
+TEST(Macro, ErrorsNameTheChain) {
+  const std::string library =
+      macro("$y = outer($a)", "$y = inner($a) + 1") + macro("$y = inner($a)", "$y = $a + Missing");
+  const CompileResult result =
+      compile_text("!include('lib.aps')\n!register(A)\nA = outer(A)\n", {{"lib.aps", library}});
+  EXPECT_EQ(errors(result),
+            "lib.aps:9:11: error: 'Missing' is not a register, and no line writes it as a scalar; before it "
+            "is read, !register(Missing) or Missing = 0 makes it one\n"
+            "    $y = $a + Missing\n"
+            "              ^\n"
+            "  note: in expansion of macro 'inner' at lib.aps:4:6\n"
+            "  note: in expansion of macro 'outer' at main.aps:3:5\n");
+}
+
+TEST(Macro, InstalledLibrariesCompileAndStayLocal) {
+  std::map<std::string, std::string> files;
+  for (const char* name : {"apron.aps", "morphology.aps"}) {
+    std::ifstream stream(std::string(APRON_SCRIPTS) + "/" + name);
+    std::stringstream text;
+    text << stream.rdbuf();
+    ASSERT_FALSE(text.str().empty()) << name;
+    files["lib/" + std::string(name)] = text.str();
+  }
+  const CompileResult result = compile_text(
+      "!include('apron.aps')\n!include('morphology.aps')\n!register(A, B, M)\n"
+      "A = erode(B)\nA = dilate(A, 2)\nB = open(A) - close(A)\nM = between(A, FALSE, TRUE)\n"
+      "where(threshold(M, PI))\nB = count_steps(A, 5)\nendwhere\nB = spread_max(B, M, 9)\nswap(A, B)\nA = "
+      "erode(A, 3)\n",
+      files);
+  ASSERT_TRUE(result.program) << errors(result);
+  EXPECT_TRUE(program::find_nonlocal_instructions(*result.program).empty());
+}
+
+}  // namespace
+}  // namespace apron::compiler

@@ -1,0 +1,145 @@
+#include "smartsurf/world/solver/ConstraintGraph.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+#include <set>
+
+using namespace smartsurf;
+using namespace smartsurf::world;
+
+namespace {
+
+// Spheres and boxes in turn, touching at random.
+struct Tangle {
+  BodyStore bodies;
+  ContactList pairs, world;
+  explicit Tangle(int n, int contacts) {
+    for (int i = 0; i < n; ++i) {
+      scene::ObjectSpec o;
+      if (i % 3 == 0) o.shape = scene::ShapeKind::kBox;
+      bodies.add(static_cast<scene::ObjectId>(i), o, {});
+    }
+    std::mt19937 random(1);
+    std::set<std::pair<int, int>> used;
+    for (int k = 0; k < contacts; ++k) {
+      const int i = static_cast<int>(random() % static_cast<unsigned>(n)), j = static_cast<int>(random() % 5);
+      if (i == j || !used.insert(std::minmax(i, j)).second) continue;  // five bodies touch very many
+      add(pairs, std::min(i, j), std::max(i, j), 1 + k % 4);
+    }
+    for (int i = 0; i < n; i += 2) add(world, i, kField, 1 + i % 5);
+  }
+  // Slabs of a hundred manifolds, the second half of them cut in two runs each.
+  static SlabRanges runs(const ContactList& list) {
+    SlabRanges r;
+    const int n = static_cast<int>(list.manifolds.size());
+    for (int at = 0; at < n; at += 100) {
+      r.first_range.push_back(static_cast<std::int32_t>(r.range.size()));
+      const int end = std::min(at + 100, n), middle = at < n / 2 ? at : (at + end) / 2;
+      if (at < middle) r.range.push_back({at, middle});
+      r.range.push_back({middle, end});
+    }
+    r.first_range.resize(kSlabs + 1, static_cast<std::int32_t>(r.range.size()));
+    return r;
+  }
+  void build(ConstraintGraph& schedule, const Member& member) const {
+    schedule.build(bodies, pairs, runs(pairs), world, runs(world), member.share(kSlabs), member);
+  }
+  void build(ConstraintGraph& schedule) const {
+    Barrier alone(1);
+    build(schedule, Member{0, 1, alone});
+  }
+  static constexpr int kSlabs = 10;
+  static void add(ContactList& list, int a, int b, int count) {
+    list.manifolds.push_back({a, b, static_cast<std::int32_t>(list.contacts.size()), count});
+    list.contacts.resize(list.contacts.size() + static_cast<std::size_t>(count));
+  }
+};
+
+}  // namespace
+
+TEST(Schedule, NoBodyIsTwiceInAColourAndNoManifoldIsLeftOut) {
+  const Tangle t(200, 600);
+  ConstraintGraph schedule;
+  t.build(schedule);
+  std::multiset<int> scheduled;
+  bool any_in_order = false;
+  for (const auto& colour : schedule.colours()) {
+    std::multiset<int> bodies;
+    for (const BatchRange& run : {colour.spheres, colour.general})
+      for (int o = run.first; o < run.first + run.count; ++o) {
+        const ContactBatch& octet = schedule.reset_batch(o);
+        EXPECT_LE(octet.lane_count, colour.is_overflow ? 1 : kLanes);
+        for (int lane = 0; lane < octet.lane_count; ++lane) {
+          scheduled.insert(schedule.manifold(o, lane));
+          const Manifold& m = t.pairs.manifolds[static_cast<std::size_t>(schedule.manifold(o, lane))];
+          EXPECT_LE(m.count, octet.point_count);
+          if (!colour.is_overflow) bodies.insert({m.a, m.b});
+        }
+      }
+    for (const int b : bodies) EXPECT_EQ(bodies.count(b), 1u);
+    any_in_order |= colour.is_overflow;
+  }
+  EXPECT_TRUE(any_in_order) << "the test must reach the list of what finds no colour";
+  EXPECT_EQ(scheduled.size(), t.pairs.manifolds.size());
+  EXPECT_EQ(std::set<int>(scheduled.begin(), scheduled.end()).size(), scheduled.size());
+}
+
+TEST(Schedule, EveryBodyMeetsTheWorldOnce) {
+  const Tangle t(200, 600);
+  ConstraintGraph schedule;
+  t.build(schedule);
+  std::set<int> bodies;
+  for (const BatchRange& run : {schedule.sphere_static(), schedule.general_static()})
+    for (int o = run.first; o < run.first + run.count; ++o)
+      for (int lane = 0; lane < schedule.reset_batch(o).lane_count; ++lane) {
+        const Manifold& m = t.world.manifolds[static_cast<std::size_t>(schedule.manifold(o, lane))];
+        EXPECT_TRUE(bodies.insert(m.a).second);
+        EXPECT_LE(m.count, schedule.batch(o).point_count);
+      }
+  EXPECT_EQ(bodies.size(), t.world.manifolds.size());
+}
+
+TEST(Schedule, AnyNumberOfThreadsSharesTheSameOctetsEachOnce) {
+  const Tangle t(400, 1500);
+  ConstraintGraph alone;
+  t.build(alone);
+  for (const int members : {1, 2, 3, 7}) {
+    surface::ThreadPool pool(members);
+    Team team(&pool);
+    ConstraintGraph schedule;
+    team.run(true, [&](const Member& member) { t.build(schedule, member); });
+    ASSERT_EQ(schedule.batch_count(), alone.batch_count()) << members;
+    ASSERT_EQ(schedule.point_count(), alone.point_count()) << members;
+    for (int o = 0; o < schedule.batch_count(); ++o) {
+      const int lanes = alone.reset_batch(o).lane_count;
+      ASSERT_EQ(schedule.reset_batch(o).lane_count, lanes);
+      for (int lane = 0; lane < lanes; ++lane)
+        ASSERT_EQ(schedule.manifold(o, lane), alone.manifold(o, lane)) << members;
+    }
+    std::multiset<int> shared;
+    Barrier barrier(members);
+    for (int m = 0; m < members; ++m)
+      for (const BatchRange& run : schedule.own_batches(Member{m, members, barrier}))
+        for (int o = run.first; o < run.first + run.count; ++o) shared.insert(o);
+    EXPECT_EQ(shared.size(), static_cast<std::size_t>(schedule.batch_count())) << members;
+    EXPECT_EQ(std::set<int>(shared.begin(), shared.end()).size(), shared.size()) << members;
+  }
+}
+
+TEST(Schedule, WhatAMemberSolvesBeginsInItsSlabs) {
+  const Tangle t(400, 1500);
+  surface::ThreadPool pool(2);
+  Team team(&pool);
+  ConstraintGraph schedule;
+  team.run(true, [&](const Member& member) { t.build(schedule, member); });
+  Barrier barrier(2);
+  for (int m = 0; m < 2; ++m)
+    for (std::size_t c = 0; c < schedule.colours().size(); ++c)
+      for (const BatchRange& run : schedule.own_batches(Member{m, 2, barrier}, c))
+        for (int o = run.first; o < run.first + run.count; ++o)
+          EXPECT_EQ(schedule.colours()[c].is_overflow || schedule.manifold(o, 0) / 100 >= Tangle::kSlabs / 2,
+                    m == 1)
+              << "what is to be taken in order is the leader's";
+}

@@ -1,0 +1,57 @@
+#include "smartsurf/world/FieldHasher.h"
+
+#include <gtest/gtest.h>
+
+#include <set>
+
+namespace smartsurf::world {
+namespace {
+
+surface::Field field_of(int rows, int columns) {
+  surface::Field field;
+  field.rows = rows;
+  field.columns = columns;
+  for (int i = 0; i < rows * columns; ++i) {
+    field.height.push_back(static_cast<float>(i));
+    field.speed.push_back(0.5F * static_cast<float>(i % 7));
+  }
+  return field;
+}
+
+std::uint64_t hash_of(const surface::Field& field, int threads) {
+  surface::ThreadPool pool(threads, 0.0);  // shares all there is
+  FieldHasher copy(&pool);
+  std::vector<float> height;
+  StateHash hash;
+  copy.copy_and_hash(field, height, hash);
+  EXPECT_EQ(height, field.height);
+  return hash.value();
+}
+
+TEST(FieldCopy, CopiesAndHashesTheSameForAnyNumberOfThreads) {
+  for (const int rows : {1, 3, 101, 333}) {
+    const surface::Field field = field_of(rows, 97);
+    FieldHasher alone(nullptr);
+    std::vector<float> height;
+    StateHash hash;
+    alone.copy_and_hash(field, height, hash);
+    EXPECT_EQ(height, field.height);
+    for (const int threads : {1, 2, 3}) EXPECT_EQ(hash_of(field, threads), hash.value()) << rows;
+  }
+}
+
+TEST(FieldCopy, HashSeesEveryHeightAndEverySpeed) {
+  surface::Field field = field_of(130, 97);
+  std::set<std::uint64_t> hashes{hash_of(field, 1)};
+  for (const std::size_t cell : {0UL, 1UL, 31UL, 4095UL, 4096UL, field.height.size() - 1}) {
+    field.height[cell] += 1.0F;
+    EXPECT_TRUE(hashes.insert(hash_of(field, 1)).second) << "height " << cell;
+    field.speed[cell] += 1.0F;
+    EXPECT_TRUE(hashes.insert(hash_of(field, 1)).second) << "speed " << cell;
+  }
+  std::swap(field.height[40], field.height[72]);  // the same chain of the hash
+  EXPECT_TRUE(hashes.insert(hash_of(field, 1)).second) << "swapped";
+}
+
+}  // namespace
+}  // namespace smartsurf::world

@@ -1,0 +1,70 @@
+// A world that threads share, in little: for ThreadSanitizer, and to hold the bits.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "smartsurf/surface/ActuatorArray.h"
+#include "smartsurf/world/World.h"
+
+using namespace smartsurf;
+
+namespace {
+
+// Spheres and, every fifth, boxes: enough that the work is shared, a large one among them, on cells that
+// move.
+scene::SceneSpec heap(double width, double depth) {
+  scene::SceneSpec s;
+  s.world.dt_s = 1.0 / 60;
+  s.materials[0].restitution = 0.2;
+  s.surface.rows = static_cast<int>(depth);
+  s.surface.columns = static_cast<int>(width);
+  s.surface.border_height = 6.0;
+  s.surface.pin.max_height = 6.0;
+  s.surface.pin.max_speed = 4.0;
+  const int across = static_cast<int>(width / 2.2), along = static_cast<int>(depth / 2.2);
+  for (int i = 0; i < 600; ++i) {
+    scene::ObjectSpec o;
+    o.radius = 0.8 + 0.05 * (i % 7);
+    if (i % 5 == 0) {
+      o.shape = scene::ShapeKind::kBox;
+      o.size = {1.2, 1.5, 1.0};
+    }
+    o.position = {1.0 + 2.2 * (i % across), 1.0 + 2.2 * (i / across % along),
+                  2.0 + 2.2 * (i / (across * along))};
+    s.objects.push_back(o);
+  }
+  scene::ObjectSpec large;
+  large.radius = 8.0;
+  large.position = {0.5 * width, 0.5 * depth, 40.0};
+  large.velocity = {0, 0, -60.0};
+  s.objects.push_back(large);
+  return s;
+}
+
+std::uint64_t hash_after(const scene::SceneSpec& scene, int steps, int threads) {
+  surface::ThreadPool pool(threads);
+  surface::ActuatorArray cells(scene.surface, {}, 1, &pool);
+  world::World world(scene, cells.field(), &pool);
+  scene::Snapshot snapshot;
+  for (int step = 0; step < steps; ++step) {
+    for (int c = 0; c < scene.surface.columns; ++c)
+      cells.set_target(0, step % scene.surface.rows, c, 1.0F + std::sin(0.3F * static_cast<float>(c)));
+    cells.plan(scene.world.dt_s);
+    // What goes takes its contacts along; what comes has none yet.
+    if (step % 4 == 3) world.remove(static_cast<scene::ObjectId>(37 * step));
+    if (step == 9) world.add(scene.objects[5]);
+    world.step();
+    cells.commit(scene.world.dt_s);
+  }
+  world.snapshot(snapshot);
+  return snapshot.state_hash;
+}
+
+}  // namespace
+
+TEST(Threads, AnyNumberOfThemStepsTheWorldToTheSameBits) {
+  for (const scene::SceneSpec& scene : {heap(24, 48), heap(48, 24)}) {
+    const std::uint64_t alone = hash_after(scene, 20, 1);
+    for (const int threads : {2, 3}) EXPECT_EQ(hash_after(scene, 20, threads), alone) << threads;
+  }
+}

@@ -1,0 +1,136 @@
+#include "smartsurf/world/parallel/SharedBatches.h"
+
+#include <gtest/gtest.h>
+
+#include <map>
+#include <random>
+#include <set>
+
+using namespace smartsurf;
+using namespace smartsurf::world;
+
+namespace {
+
+constexpr int kSlabs = 12, kRowsOfSlab = 60, kRows = kSlabs * kRowsOfSlab;
+
+// Spheres in a row, each touching some of its nearer neighbours and the world; a body's row is its index.
+struct Chain {
+  BodyStore bodies;
+  ContactList pairs, world;
+  SlabRanges pair_runs, world_runs;
+  Chain() {
+    std::mt19937 random(5);
+    for (int i = 0; i < kRows; ++i) bodies.add(static_cast<scene::ObjectId>(i), {}, {});
+    for (int i = 0; i < kRows; ++i) {
+      if (i % kRowsOfSlab == 0) begin_slab();
+      for (const int by : {1, 2, 5, 9})
+        if (i + by < kRows && random() % 3 != 0) add(pairs, i, i + by);
+      if (random() % 2 == 0) add(world, i, kField);
+    }
+    begin_slab();
+  }
+  void begin_slab() {
+    auto begin = [](SlabRanges& runs, const ContactList& list) {
+      const int at = static_cast<int>(list.manifolds.size());
+      if (!runs.first_range.empty())
+        runs.range.push_back({runs.range.empty() ? 0 : runs.range.back().end, at});
+      runs.first_range.push_back(static_cast<std::int32_t>(runs.range.size()));
+    };
+    begin(pair_runs, pairs), begin(world_runs, world);
+  }
+  static void add(ContactList& list, int a, int b) {
+    list.manifolds.push_back({a, b, static_cast<std::int32_t>(list.contacts.size()), 1});
+    list.contacts.emplace_back();
+  }
+};
+
+// What the octets of a member move, by colour.
+using Rows = std::set<int>;
+Rows rows_of(const ConstraintGraph& schedule, std::span<const BatchRange> runs) {
+  Rows rows;
+  for (const BatchRange& run : runs)
+    for (int o = run.first; o < run.first + run.count; ++o) {
+      const ContactBatch& octet = schedule.batch(o);
+      rows.insert(octet.a, octet.a + kLanes);
+      rows.insert(octet.b, octet.b + kLanes);
+    }
+  return rows;
+}
+
+int count_of(std::span<const BatchRange> runs) {
+  int count = 0;
+  for (const BatchRange& run : runs) count += run.count;
+  return count;
+}
+
+struct Shared {
+  Chain chain;
+  ConstraintGraph schedule;
+  SharedBatches borders;
+  explicit Shared(int members) {
+    surface::ThreadPool pool(members);
+    Team team(&pool);
+    team.run(true, [this](const Member& member) { work(member); });
+  }
+  void work(const Member& member) {
+    const IndexRange slabs = member.share(kSlabs);
+    const IndexRange own_rows{slabs.begin * kRowsOfSlab, slabs.end * kRowsOfSlab};
+    schedule.build(chain.bodies, chain.pairs, chain.pair_runs, chain.world, chain.world_runs, slabs, member);
+    member.single([&] { borders.resize(kRows, member.member_count); });
+    borders.clear_marks(own_rows);
+    member.arrive_and_wait();
+    for (const BatchRange& run : schedule.own_batches(member))
+      for (int o = run.first; o < run.first + run.count; ++o)
+        borders.mark_foreign_rows(set_bodies(o, run.kind), own_rows);
+    member.arrive_and_wait();
+    borders.split_batches(schedule, member);
+    member.wait();
+  }
+  const ContactBatch& set_bodies(int o, ContactKind kind) {
+    ContactBatch& octet = schedule.reset_batch(o);
+    for (int lane = 0; lane < kLanes; ++lane) {
+      const ContactList& list = kind == kSphereStatic ? chain.world : chain.pairs;
+      const Manifold& m =
+          list.manifolds[static_cast<std::size_t>(schedule.manifold(o, lane < octet.lane_count ? lane : 0))];
+      octet.a[lane] = m.a;
+      octet.b[lane] = m.b >= 0 ? m.b : m.a;
+    }
+    return octet;
+  }
+};
+
+}  // namespace
+
+TEST(Borders, WhatAMemberCallsItsOwnNobodyElseMoves) {
+  for (const int members : {2, 3}) {
+    const Shared s(members);
+    Barrier none(members);
+    std::map<int, Rows> moved, own;  // by member
+    int all = 0, shared = 0;
+    for (int m = 0; m < members; ++m) {
+      const Member member{m, members, none};
+      for (std::size_t c = 0; c <= s.schedule.colours().size(); ++c) {
+        moved[m].merge(rows_of(s.schedule, s.schedule.own_batches(member, c)));
+        own[m].merge(rows_of(s.schedule, s.borders.own(member, c)));
+        all += count_of(s.borders.own(member, c)) + count_of(s.borders.shared(member, c));
+        shared += count_of(s.borders.shared(member, c));
+        EXPECT_EQ(count_of(s.borders.own(member, c)) + count_of(s.borders.shared(member, c)),
+                  count_of(s.schedule.own_batches(member, c)));
+      }
+    }
+    EXPECT_EQ(all, s.schedule.batch_count());
+    EXPECT_GT(shared, 0);
+    EXPECT_LT(shared, all / 2) << "most of it lies within";
+    for (int m = 0; m < members; ++m)
+      for (int other = 0; other < members; ++other)
+        for (const int row : own[m])
+          EXPECT_TRUE(other == m || !moved[other].contains(row)) << m << " " << other << " " << row;
+  }
+}
+
+TEST(Borders, OneMemberSharesNothing) {
+  const Shared s(1);
+  Barrier none(1);
+  for (std::size_t c = 0; c <= s.schedule.colours().size(); ++c)
+    EXPECT_TRUE(s.borders.shared(Member{0, 1, none}, c).empty());
+}

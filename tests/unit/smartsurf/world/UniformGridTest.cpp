@@ -1,0 +1,141 @@
+#include "smartsurf/world/broadphase/UniformGrid.h"
+
+#include <gtest/gtest.h>
+#include <hwy/targets.h>
+
+#include <algorithm>
+#include <limits>
+#include <random>
+#include <set>
+
+using namespace smartsurf;
+using namespace smartsurf::world;
+
+namespace {
+
+struct Cloud {
+  std::vector<Vec3> position;
+  std::vector<float> reach;
+  explicit Cloud(int n, float size, unsigned seed) {
+    std::mt19937 random(seed);
+    std::uniform_real_distribution<float> u(0, 1);
+    for (int i = 0; i < n; ++i) {
+      position.emplace_back(size * u(random), size * u(random), 0.3F * size * u(random));
+      reach.push_back(0.3F + u(random));
+    }
+  }
+  bool meet(int i, int j) const {
+    const float both = reach[static_cast<std::size_t>(i)] + reach[static_cast<std::size_t>(j)];
+    return (position[static_cast<std::size_t>(i)] - position[static_cast<std::size_t>(j)]).squaredNorm() <
+           both * both;
+  }
+};
+
+using Pairs = std::multiset<std::pair<int, int>>;
+
+// Each member brings every n-th body.
+void build(UniformGrid& grid, const Cloud& cloud, int members = 1) {
+  surface::ThreadPool pool(members);
+  Team team(&pool);
+  team.run(true, [&](const Member& member) {
+    std::vector<std::int32_t> own;
+    for (int i = member.index; i < static_cast<int>(cloud.position.size()); i += member.member_count)
+      own.push_back(i);
+    grid.build({cloud.position, cloud.reach, 10.0F}, own, member);
+  });
+}
+
+}  // namespace
+
+TEST(Grid, FindsEveryPairOnce) {
+  for (const float size : {0.5F, 6.0F, 40.0F}) {
+    Cloud cloud(300, size, 7);
+    cloud.position[3] = {1e4F, -1e4F, 5.0F};  // far away from all others
+    UniformGrid grid;
+    build(grid, cloud);
+    ASSERT_EQ(grid.sorted_count(), 300);
+    Pairs found, expected;
+    grid.for_each_pair(0, grid.sorted_count(), [&](int i, int j) { found.insert(std::minmax(i, j)); });
+    for (int i = 0; i < 300; ++i)
+      for (int j = i + 1; j < 300; ++j)
+        if (cloud.meet(i, j)) expected.insert({i, j});
+    EXPECT_EQ(found, expected) << size;
+  }
+}
+
+TEST(Grid, PartsOfTheOrderGiveAllPairsTogether) {
+  const Cloud cloud(200, 10.0F, 3);
+  UniformGrid grid;
+  build(grid, cloud);
+  Pairs whole, parts;
+  grid.for_each_pair(0, 200, [&](int i, int j) { whole.insert(std::minmax(i, j)); });
+  for (const auto& [begin, end] : {std::pair{0, 50}, {50, 51}, {51, 200}})
+    grid.for_each_pair(begin, end, [&](int i, int j) { parts.insert(std::minmax(i, j)); });
+  EXPECT_EQ(parts, whole);
+}
+
+TEST(Grid, KeepsLargeBodiesApartAndFindsWhatTheirBoxMeets) {
+  Cloud cloud(200, 12.0F, 5);
+  cloud.reach[17] = 50.0F;
+  UniformGrid grid;
+  build(grid, cloud);
+  ASSERT_EQ(grid.large_bodies().size(), 1u);
+  EXPECT_EQ(grid.large_bodies()[0], 17);
+  const Vec3 low(2, 3, 0), high(7, 5, 2);
+  std::set<int> found, expected;
+  grid.for_each_in_box(low, high, [&](int i) { found.insert(i); });
+  for (int i = 0; i < 200; ++i) {
+    const Vec3& p = cloud.position[static_cast<std::size_t>(i)];
+    const float r = cloud.reach[static_cast<std::size_t>(i)];
+    const bool meets = ((p.array() + r) > low.array()).all() && ((p.array() - r) < high.array()).all();
+    if (i != 17 && meets) expected.insert(i);
+  }
+  EXPECT_EQ(found, expected);
+}
+
+TEST(Grid, LooksSomewhereForWhatIsNowhere) {
+  Cloud cloud(20, 6.0F, 7);
+  UniformGrid grid;
+  build(grid, cloud);
+  const Vec3 nowhere = Vec3::Constant(std::numeric_limits<float>::quiet_NaN());
+  int found = 0;
+  grid.for_each_in_box(nowhere, nowhere, [&](std::int32_t) { ++found; });
+  EXPECT_EQ(found, 0);
+}
+
+TEST(Grid, AnyNumberOfMembersSortsTheBodiesTheSameWay) {
+  Cloud cloud(400, 12.0F, 9);
+  cloud.reach[17] = cloud.reach[301] = 50.0F;
+  UniformGrid alone;
+  build(alone, cloud);
+  for (const int members : {2, 3, 7}) {
+    UniformGrid grid;
+    build(grid, cloud, members);
+    ASSERT_EQ(grid.sorted_count(), 398);
+    EXPECT_EQ(std::vector(grid.large_bodies().begin(), grid.large_bodies().end()), (std::vector{17, 301}));
+    Pairs found, expected;
+    for (int k = 0; k < grid.sorted_count(); ++k)
+      EXPECT_EQ(grid.body(k), alone.body(k)) << members << " " << k;
+    alone.for_each_pair(0, 398, [&](int i, int j) { expected.insert({i, j}); });
+    grid.for_each_pair(0, 398, [&](int i, int j) { found.insert({i, j}); });
+    EXPECT_EQ(found, expected) << members;
+  }
+}
+
+TEST(Grid, FindsTheSameOnEveryInstructionSet) {
+  const Cloud cloud(300, 9.0F, 11);
+  UniformGrid grid;
+  build(grid, cloud);
+  std::vector<std::pair<int, int>> first;
+  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    std::vector<std::pair<int, int>> found;
+    grid.for_each_pair(0, grid.sorted_count(), [&](int i, int j) { found.emplace_back(i, j); });
+    if (first.empty()) first = found;
+    EXPECT_EQ(found, first) << hwy::TargetName(target);
+  }
+  EXPECT_GT(first.size(), 300u);
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+}
