@@ -5,82 +5,82 @@
 #include <cassert>
 #include <utility>
 
-#include "Arrays.h"
-#include "Attaching.h"
-#include "FrameCopy.h"
-#include "Geometry.h"
-#include "Pieces.h"
-#include "Process.h"
-#include "Ring.h"
-#include "Segment.h"
-#include "Waiting.h"
+#include "shm-protocol/src/ring/ChunkedTransfer.h"
+#include "shm-protocol/src/ring/FrameArrays.h"
+#include "shm-protocol/src/ring/FrameCopy.h"
+#include "shm-protocol/src/ring/Ring.h"
+#include "shm-protocol/src/segment/Discovery.h"
+#include "shm-protocol/src/segment/ProcessIdentity.h"
+#include "shm-protocol/src/segment/Segment.h"
+#include "shm-protocol/src/segment/SegmentLayout.h"
+#include "shm-protocol/src/wait/FutexWait.h"
 
 namespace shm_protocol {
 struct ControllerEndpoint::Impl {
-  Impl(Segment mapped, Geometry checked, ProcessWord self)
-      : geometry(std::move(checked)),
+  Impl(Segment mapped, SegmentLayout checked_layout, ProcessIdentity self)
+      : layout(std::move(checked_layout)),
         segment(std::move(mapped)),
         header(*reinterpret_cast<ssp_header*>(segment.bytes().data())),
-        sensors(Ring::of_sensors(geometry, segment.bytes().data())),
-        actuators(Ring::of_actuators(geometry, segment.bytes().data())),
-        description(describe(geometry, segment.bytes())),
+        sensors(Ring::sensor_ring(layout, segment.bytes().data())),
+        actuators(Ring::actuator_ring(layout, segment.bytes().data())),
+        description(describe(layout, segment.bytes())),
         passive(description.mode == Mode::kPassive),
-        own(self) {
-    if (passive) copy = Arrays(geometry.sensor_array_bytes());
+        own_process(self) {
+    if (passive) private_frame = FrameArrays(layout.sensor_array_bytes());
   }
   ~Impl() { detach(); }
 
   static std::unique_ptr<Impl> attach(const std::string& name, const AttachOptions&);
   void claim();
-  void take_over() noexcept;
+  void resume_session() noexcept;
   void detach() noexcept;
 
   Status await_sensors(const WaitOptions&) noexcept;
   Status latest_sensors() noexcept;
   bool is_new(std::uint32_t newest) const noexcept;
-  Status take(std::uint32_t newest) noexcept;
+  Status take_frame(std::uint32_t newest) noexcept;
   Status copy_newest() noexcept;
-  std::span<const std::byte> next_cells(int number, const WaitOptions&) noexcept;
-  bool next_now(int number, const ssp_channel&, std::span<const std::byte>& cells) noexcept;
-  void give_answer_up() noexcept;
+  std::span<const std::byte> next_cells(int channel_index, const WaitOptions&) noexcept;
+  bool try_next_cells(int channel_index, const ssp_channel&, std::span<const std::byte>& cells) noexcept;
+  void abandon_answer() noexcept;
   Status publish() noexcept;
-  Status surface_status(bool look_up) noexcept;
+  Status surface_status(bool check_liveness) noexcept;
 
-  Geometry geometry;
+  SegmentLayout layout;
   Segment segment;
   ssp_header& header;
   Ring sensors, actuators;
   Description description;
   bool passive;
-  ProcessWord own;
-  pid_t owner = ::getpid();
+  ProcessIdentity own_process;
+  pid_t owner_pid = ::getpid();
   bool claimed = false;
 
-  std::uint32_t word = 0;  // of the sensor frame taken last
+  std::uint32_t last_word = 0;  // of the sensor frame taken last
   FrameInfo info;
-  bool pending = false;        // time-step: the frame taken last waits for its answer
-  std::uint64_t answered = 0;  // the newest sensor frame that any controller of this session answered
-  std::uint64_t frame = 0;     // actuator frame published last
-  Arrays copy;                 // passive: the sensor frame taken last
+  bool answer_due = false;          // time-step: the frame taken last waits for its answer
+  std::uint64_t last_answered = 0;  // the newest sensor frame that any controller of this session answered
+  std::uint64_t frame = 0;          // actuator frame published last
+  FrameArrays private_frame;        // passive: the sensor frame taken last
   Counters counters;
-  Patience patience, patience_for_more;  // for a frame; for its second piece and all that follow
+  WaitState wait_state, next_chunk_wait_state;  // for a frame; for its second piece and all that follow
 
-  PieceWriter writer{header.actuator_progress, header.actuators.word, header.surface_waiting.flag,
-                     geometry.actuator_array_bytes()};
-  Handout handout;
+  ChunkWriter writer{header.actuator_progress, header.actuators.word, header.surface_waiting.flag,
+                     layout.actuator_array_bytes()};
+  ChunkCursor cursor;
 };
 
 void ControllerEndpoint::Impl::claim() {
   for (int attempt = 0; attempt < 100; ++attempt) {
-    const ProcessWord holder = load_sequential(header.claim.controller_process);
+    const ProcessIdentity holder = load_seq_cst(header.claim.controller_process);
     if (holder != 0 && is_alive(holder))
       throw Error(ErrorCode::kControllerLives,
                   "surface \"" + description.name + "\" already has a controller: process " +
                       std::to_string(pid_of(holder)) + "; end it first",
                   pid_of(holder));
-    if (exchange_if(header.claim.controller_process, holder, own)) {
+    if (compare_exchange(header.claim.controller_process, holder, own_process)) {
       claimed = true;
-      return take_over();
+      return resume_session();
     }
   }
   throw Error(ErrorCode::kControllerLives,
@@ -89,13 +89,13 @@ void ControllerEndpoint::Impl::claim() {
 
 // Goes on where the predecessor stopped. Only its last whole frame counts: it may have been killed between
 // any two stores, so its publication line may be half of a later one.
-void ControllerEndpoint::Impl::take_over() noexcept {
+void ControllerEndpoint::Impl::resume_session() noexcept {
   store_relaxed(header.controller_waiting.flag, 0);
   store_relaxed(header.actuator_progress.ready, 0);
   const std::uint32_t last = load_acquire(header.actuators.word);
-  const FrameInfo whole = actuators.stamp(last);
+  const FrameInfo whole = actuators.read_info(last);
   frame = whole.frame != 0 ? whole.frame : last;
-  answered = whole.answers;
+  last_answered = whole.answers;
   store_relaxed(header.actuators.cpu, current_cpu());
   store_relaxed(header.controller.skipped, std::uint64_t{0});
   store_relaxed(header.controller.repeated, std::uint64_t{0});
@@ -103,101 +103,102 @@ void ControllerEndpoint::Impl::take_over() noexcept {
   store_relaxed(header.controller.deadline_misses, std::uint64_t{0});
   // Released: who sees this state sees that the place is no longer the predecessor's.
   store_release(header.controller.state, static_cast<std::uint32_t>(State::kReady));
-  actuators.open(frame + 1);
+  actuators.begin_write(frame + 1);
   increment(header.claim.attached);
-  if (load_sequential(header.surface_waiting.flag)) futex_wake(header.claim.attached);
+  if (load_seq_cst(header.surface_waiting.flag)) futex_wake(header.claim.attached);
 }
 
 void ControllerEndpoint::Impl::detach() noexcept {
-  if (!claimed || owner != ::getpid()) return;  // a forked child holds no claim
+  if (!claimed || owner_pid != ::getpid()) return;  // a forked child holds no claim
   claimed = false;
   store_relaxed(header.controller.state, static_cast<std::uint32_t>(State::kClosing));
   increment(header.claim.detached);
-  exchange_if(header.claim.controller_process, own, 0);
+  compare_exchange(header.claim.controller_process, own_process, 0);
   // Not lost in general, but possible between the surface's look and its sleep; then its slice ends it.
-  if (load_sequential(header.surface_waiting.flag)) futex_wake(header.actuators.word);
+  if (load_seq_cst(header.surface_waiting.flag)) futex_wake(header.actuators.word);
 }
 
 std::unique_ptr<ControllerEndpoint::Impl> ControllerEndpoint::Impl::attach(const std::string& name,
                                                                            const AttachOptions& options) {
-  return attach_until(name, options, [&](std::string& why) -> std::unique_ptr<Impl> {
+  return attach_with_retry(name, options, [&](std::string& why) -> std::unique_ptr<Impl> {
     auto found = find_surface(name, Access::kReadWrite, why);
     if (!found) return nullptr;
     auto impl =
-        std::make_unique<Impl>(std::move(found->segment), std::move(found->geometry), own_process_word());
+        std::make_unique<Impl>(std::move(found->segment), std::move(found->layout), own_process_identity());
     impl->claim();
     return impl;
   });
 }
 
-Status ControllerEndpoint::Impl::surface_status(bool look_up) noexcept {
+Status ControllerEndpoint::Impl::surface_status(bool check_liveness) noexcept {
   const std::uint32_t state = load_acquire(header.surface.state);
   if (state == SSP_STATE_CLOSING) return Status::kSurfaceClosed;
   if (state == SSP_STATE_DEAD) return Status::kSurfaceDead;
-  return look_up && !is_alive(geometry.identity.surface_process) ? Status::kSurfaceDead : Status::kOk;
+  return check_liveness && !is_alive(layout.identity.surface_process) ? Status::kSurfaceDead : Status::kOk;
 }
 
 // In time-step mode a frame that a predecessor answered is not new; one that it left unanswered is.
 bool ControllerEndpoint::Impl::is_new(std::uint32_t newest) const noexcept {
-  if (newest == word) return false;
-  return passive || load_relaxed(header.sensors.frame) != answered;
+  if (newest == last_word) return false;
+  return passive || load_relaxed(header.sensors.frame) != last_answered;
 }
 
 Status ControllerEndpoint::Impl::copy_newest() noexcept {
   for (int attempt = 0; attempt < 3; ++attempt) {
     const std::uint32_t newest = load_acquire(header.sensors.word);
-    const FrameInfo taken = sensors.stamp(newest);
+    const FrameInfo taken = sensors.read_info(newest);
     if (taken.frame == 0) continue;
-    for (const auto& c : geometry.channels)
-      if (c.direction == SSP_SENSOR) copy_frame(copy.array(c), sensors.array(newest, c).data(), c.bytes);
-    if (!sensors.still_whole(taken)) continue;
+    for (const auto& c : layout.channels)
+      if (c.direction == SSP_SENSOR)
+        copy_frame(private_frame.array(c), sensors.array(newest, c).data(), c.bytes);
+    if (!sensors.is_still_valid(taken)) continue;
     // Frames before the first one taken are no loss: this controller was not there yet.
-    if (word != 0) counters.skipped += newest - word - 1;
+    if (last_word != 0) counters.skipped += newest - last_word - 1;
     store_relaxed(header.controller.skipped, counters.skipped);
-    word = newest;
+    last_word = newest;
     info = taken;
     return Status::kOk;
   }
   return Status::kTorn;
 }
 
-Status ControllerEndpoint::Impl::take(std::uint32_t newest) noexcept {
+Status ControllerEndpoint::Impl::take_frame(std::uint32_t newest) noexcept {
   if (load_acquire(header.controller.state) == SSP_STATE_READY)
     store_relaxed(header.controller.state, static_cast<std::uint32_t>(State::kRunning));
   if (passive) return copy_newest();
-  if (!handout.fits(newest, 0)) {
-    give_answer_up();
+  if (!cursor.is_consistent_with(newest, 0)) {
+    abandon_answer();
     return Status::kTorn;
   }
   // The surface leaves the line and the slot alone until the answer, so the slot's own line need not travel.
-  const FrameInfo taken = announced(header.sensors);
+  const FrameInfo taken = load_publication(header.sensors);
   fence_acquire();
   if (load_relaxed(header.sensors.word) != newest || static_cast<std::uint32_t>(taken.frame) != newest)
     return Status::kTorn;
-  word = newest;
+  last_word = newest;
   info = taken;
-  pending = true;
-  handout.restart();
-  writer.answered();
+  answer_due = true;
+  cursor.reset();
+  writer.on_answered();
   return Status::kOk;
 }
 
 Status ControllerEndpoint::Impl::await_sensors(const WaitOptions& options) noexcept {
   std::uint32_t newest = load_acquire(header.sensors.word);
-  if (pending && newest == word) return Status::kOutOfTurn;
-  pending = false;
+  if (answer_due && newest == last_word) return Status::kOutOfTurn;
+  answer_due = false;
   const auto ready = [&]() noexcept {
     newest = load_acquire(header.sensors.word);
     return is_new(newest);
   };
-  const auto peer = [&](bool look_up) noexcept { return surface_status(look_up); };
+  const auto peer = [&](bool check_liveness) noexcept { return surface_status(check_liveness); };
   const Doorbell bell{header.sensors.word, header.controller_waiting.flag, header.sensors.cpu};
   // More than once only when a surface that did not know of us yet published on, just as we looked.
   for (int attempt = 0; attempt < 3; ++attempt) {
-    if (const Status s = wait_until(bell, options, patience, ready, peer); s != Status::kOk) return s;
-    const bool in_pieces = !handout.fits(newest, 0);
-    if (take(newest) == Status::kOk) return Status::kOk;
-    if (in_pieces) break;  // its user has to hear of it
+    if (const Status s = wait_until(bell, options, wait_state, ready, peer); s != Status::kOk) return s;
+    const bool inconsistent = !cursor.is_consistent_with(newest, 0);
+    if (take_frame(newest) == Status::kOk) return Status::kOk;
+    if (inconsistent) break;  // its user has to hear of it
   }
   return Status::kTorn;
 }
@@ -205,68 +206,69 @@ Status ControllerEndpoint::Impl::await_sensors(const WaitOptions& options) noexc
 Status ControllerEndpoint::Impl::latest_sensors() noexcept {
   const std::uint32_t newest = load_acquire(header.sensors.word);
   if (is_new(newest)) {
-    pending = false;
-    return take(newest);
+    answer_due = false;
+    return take_frame(newest);
   }
-  if (const Status s = surface_status(patience.liveness.due()); s != Status::kOk) return s;
+  if (const Status s = surface_status(wait_state.liveness.due()); s != Status::kOk) return s;
   store_relaxed(header.controller.repeated, ++counters.repeated);
   return Status::kRepeated;
 }
 
 // Hands out what is there of the frame to come, or of the one that has just come. True: there was some, or
 // what was handed out before is of another frame.
-bool ControllerEndpoint::Impl::next_now(int number, const ssp_channel& c,
-                                        std::span<const std::byte>& cells) noexcept {
+bool ControllerEndpoint::Impl::try_next_cells(int channel_index, const ssp_channel& c,
+                                              std::span<const std::byte>& cells) noexcept {
   const std::uint32_t newest = load_acquire(header.sensors.word);
   const bool whole = is_new(newest);
-  const std::uint32_t of = whole ? newest : newest + 1;
-  if (!handout.fits(of, 0)) return true;
-  const std::size_t slot_bytes = geometry.geometry.sensor_slot_bytes;
-  const std::size_t end = whole ? slot_bytes : final_bytes(header.sensor_progress, of, slot_bytes);
-  cells = handout.next(of, 0, number, c, end, sensors.array(of, c));
+  const std::uint32_t frame_number = whole ? newest : newest + 1;
+  if (!cursor.is_consistent_with(frame_number, 0)) return true;
+  const std::size_t slot_bytes = layout.geometry.sensor_slot_bytes;
+  const std::size_t end =
+      whole ? slot_bytes : committed_bytes(header.sensor_progress, frame_number, slot_bytes);
+  cells = cursor.next(frame_number, 0, channel_index, c, end, sensors.array(frame_number, c));
   return !cells.empty();
 }
 
-std::span<const std::byte> ControllerEndpoint::Impl::next_cells(int number,
+std::span<const std::byte> ControllerEndpoint::Impl::next_cells(int channel_index,
                                                                 const WaitOptions& options) noexcept {
-  const auto& c = geometry.channels[static_cast<std::size_t>(number)];
-  if (passive || pending || handout.is_over(number, c)) return {};
+  const auto& c = layout.channels[static_cast<std::size_t>(channel_index)];
+  if (passive || answer_due || cursor.is_exhausted(channel_index, c)) return {};
   std::span<const std::byte> cells;
-  const auto ready = [&]() noexcept { return next_now(number, c, cells); };
-  const auto peer = [&](bool look_up) noexcept { return surface_status(look_up); };
+  const auto ready = [&]() noexcept { return try_next_cells(channel_index, c, cells); };
+  const auto peer = [&](bool check_liveness) noexcept { return surface_status(check_liveness); };
   const Doorbell bell{header.sensors.word, header.controller_waiting.flag, header.sensors.cpu};
   // Why it ended, if there are none, await_sensors() will find out for itself.
-  (void)wait_until(bell, options, handout.has_begun() ? patience_for_more : patience, ready, peer);
+  (void)wait_until(bell, options, cursor.has_started() ? next_chunk_wait_state : wait_state, ready, peer);
   return cells;
 }
 
 // What was written of an answer that will not be published may have been read already: the next one gets a
 // number of its own, so that nobody takes the two for one.
-void ControllerEndpoint::Impl::give_answer_up() noexcept {
-  handout.restart();
+void ControllerEndpoint::Impl::abandon_answer() noexcept {
+  cursor.reset();
   if (!writer.has_announced(frame + 1)) return;
   ++frame;
-  actuators.open(frame + 1);
+  actuators.begin_write(frame + 1);
 }
 
 Status ControllerEndpoint::Impl::publish() noexcept {
   if (!claimed) return Status::kOutOfTurn;  // detached: the place may be another's by now
   if (!passive) {
-    if (!pending) return Status::kOutOfTurn;
-    pending = false;
-    if (load_acquire(header.sensors.word) != word) {
-      give_answer_up();
+    if (!answer_due) return Status::kOutOfTurn;
+    answer_due = false;
+    if (load_acquire(header.sensors.word) != last_word) {
+      abandon_answer();
       return Status::kTorn;
     }
-    answered = info.frame;
+    last_answered = info.frame;
   }
   ++frame;
   const FrameInfo now{frame, info.tick, info.time_s, info.frame, 0};
-  writer.finish(frame);
-  actuators.close(now);
-  announce(header.actuators, now, current_cpu());
-  ring(header.actuators.word, static_cast<std::uint32_t>(frame), header.surface_waiting.flag);
-  actuators.open(frame + 1);
+  writer.finish_frame(frame);
+  actuators.end_write(now);
+  store_publication(header.actuators, now, current_cpu());
+  store_and_wake(header.actuators.word, static_cast<std::uint32_t>(frame), header.surface_waiting.flag);
+  actuators.begin_write(frame + 1);
   return Status::kOk;
 }
 
@@ -295,44 +297,44 @@ const Description& ControllerEndpoint::description() const noexcept { return imp
 
 std::span<const std::byte> ControllerEndpoint::sensor_bytes(int channel,
                                                             [[maybe_unused]] DType dtype) const noexcept {
-  const auto& c = impl_->geometry.channels[static_cast<std::size_t>(channel)];
+  const auto& c = impl_->layout.channels[static_cast<std::size_t>(channel)];
   assert(c.direction == SSP_SENSOR && c.dtype == static_cast<std::uint32_t>(dtype));
-  if (impl_->passive) return impl_->copy.bytes(c);
-  return impl_->sensors.array(impl_->word, c);
+  if (impl_->passive) return impl_->private_frame.bytes(c);
+  return impl_->sensors.array(impl_->last_word, c);
 }
 
 std::span<std::byte> ControllerEndpoint::actuator_bytes(int channel, [[maybe_unused]] DType dtype) noexcept {
-  const auto& c = impl_->geometry.channels[static_cast<std::size_t>(channel)];
+  const auto& c = impl_->layout.channels[static_cast<std::size_t>(channel)];
   assert(c.direction == SSP_ACTUATOR && c.dtype == static_cast<std::uint32_t>(dtype));
   return impl_->actuators.array(impl_->frame + 1, c);
 }
 
 std::span<const std::byte> ControllerEndpoint::next_bytes(int channel, [[maybe_unused]] DType dtype,
                                                           const WaitOptions& options) noexcept {
-  [[maybe_unused]] const auto& c = impl_->geometry.channels[static_cast<std::size_t>(channel)];
+  [[maybe_unused]] const auto& c = impl_->layout.channels[static_cast<std::size_t>(channel)];
   assert(c.direction == SSP_SENSOR && c.dtype == static_cast<std::uint32_t>(dtype));
   return impl_->next_cells(channel, options);
 }
 
 std::span<std::byte> ControllerEndpoint::reserve_bytes(int channel, [[maybe_unused]] DType dtype,
                                                        std::size_t at, std::size_t bytes) noexcept {
-  const auto& c = impl_->geometry.channels[static_cast<std::size_t>(channel)];
+  const auto& c = impl_->layout.channels[static_cast<std::size_t>(channel)];
   assert(c.direction == SSP_ACTUATOR && c.dtype == static_cast<std::uint32_t>(dtype));
   assert(at <= c.bytes && bytes <= c.bytes - at);
   const std::uint64_t next = impl_->frame + 1;
   auto* slot = reinterpret_cast<std::byte*>(&impl_->actuators.slot(next));
-  return impl_->writer.reserve(slot, next, c, at, bytes, is_elsewhere(impl_->header.sensors.cpu));
+  return impl_->writer.reserve(slot, next, c, at, bytes, is_on_other_core(impl_->header.sensors.cpu));
 }
 void ControllerEndpoint::commit() noexcept { impl_->writer.commit(); }
 
 void ControllerEndpoint::write_bytes(int channel, [[maybe_unused]] DType dtype, std::size_t at,
                                      std::span<const std::byte> values) noexcept {
-  const auto& c = impl_->geometry.channels[static_cast<std::size_t>(channel)];
+  const auto& c = impl_->layout.channels[static_cast<std::size_t>(channel)];
   assert(c.direction == SSP_ACTUATOR && c.dtype == static_cast<std::uint32_t>(dtype));
   assert(at <= c.bytes && values.size() <= c.bytes - at);
   const std::uint64_t next = impl_->frame + 1;
   auto* slot = reinterpret_cast<std::byte*>(&impl_->actuators.slot(next));
-  impl_->writer.write(slot, next, c, at, values, is_elsewhere(impl_->header.sensors.cpu));
+  impl_->writer.write(slot, next, c, at, values, is_on_other_core(impl_->header.sensors.cpu));
 }
 
 Status ControllerEndpoint::await_sensors(const WaitOptions& options) noexcept {
@@ -349,6 +351,8 @@ State ControllerEndpoint::surface_state() const noexcept {
   return static_cast<State>(load_acquire(impl_->header.surface.state));
 }
 Counters ControllerEndpoint::counters() const noexcept { return impl_->counters; }
-Counters ControllerEndpoint::surface_counters() const noexcept { return counters_of(impl_->header.surface); }
+Counters ControllerEndpoint::surface_counters() const noexcept {
+  return load_counters(impl_->header.surface);
+}
 
 }  // namespace shm_protocol

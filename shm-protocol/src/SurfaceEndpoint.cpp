@@ -21,12 +21,12 @@ std::uint64_t random_session() {
 
 }  // namespace
 
-void SurfaceEndpoint::Impl::show_safe_frame() noexcept {
+void SurfaceEndpoint::Impl::apply_safe_values() noexcept {
   info = {};
-  shown_in_place = false;
-  for (const auto& c : geometry.channels) {
+  current_in_place = false;
+  for (const auto& c : layout.channels) {
     if (c.direction != SSP_ACTUATOR) continue;
-    const auto bytes = frames[shown].bytes(c);
+    const auto bytes = frames[current].bytes(c);
     if (c.dtype == SSP_F32) std::ranges::fill(as_array<float>(bytes), static_cast<float>(c.safe));
     if (c.dtype == SSP_U32)
       std::ranges::fill(as_array<std::uint32_t>(bytes), static_cast<std::uint32_t>(c.safe));
@@ -36,71 +36,71 @@ void SurfaceEndpoint::Impl::show_safe_frame() noexcept {
 }
 
 // The next controller may do with the slots as it likes.
-void SurfaceEndpoint::Impl::keep_shown_frame() noexcept {
-  if (!shown_in_place) return;
-  for (const auto& c : geometry.channels)
+void SurfaceEndpoint::Impl::preserve_current_frame() noexcept {
+  if (!current_in_place) return;
+  for (const auto& c : layout.channels)
     if (c.direction == SSP_ACTUATOR)
-      (void)copy_checked(frames[shown].array(c), actuators.array(info.frame, c).data(), c.bytes, c);
-  shown_in_place = false;
+      (void)copy_sanitized(frames[current].array(c), actuators.array(info.frame, c).data(), c.bytes, c);
+  current_in_place = false;
 }
 
-void SurfaceEndpoint::Impl::adopt() noexcept {
+void SurfaceEndpoint::Impl::adopt_controller() noexcept {
   // Between two equal counts of departures the process word belongs to one attachment, and so does the state
   // if the word is still there after it.
   for (int attempt = 0; attempt < 4; ++attempt) {
-    detachments = load_sequential(header.claim.detached);
-    controller = load_sequential(header.claim.controller_process);
-    leaving = load_acquire(header.controller.state) == SSP_STATE_CLOSING;
-    if (load_sequential(header.claim.controller_process) == controller &&
-        load_sequential(header.claim.detached) == detachments)
+    known_detached = load_seq_cst(header.claim.detached);
+    controller = load_seq_cst(header.claim.controller_process);
+    controller_closing = load_acquire(header.controller.state) == SSP_STATE_CLOSING;
+    if (load_seq_cst(header.claim.controller_process) == controller &&
+        load_seq_cst(header.claim.detached) == known_detached)
       return;
   }
 }
 
 // Of a controller whose place is another's or free: whether it went in good order. It counts its departure
 // first and frees the place then; one that was adopted in between had said that it was leaving.
-bool SurfaceEndpoint::Impl::has_left() const noexcept {
-  return leaving || load_sequential(header.claim.detached) != detachments;
+bool SurfaceEndpoint::Impl::has_detached() const noexcept {
+  return controller_closing || load_seq_cst(header.claim.detached) != known_detached;
 }
 
-Status SurfaceEndpoint::Impl::lose(Status how) noexcept {
+Status SurfaceEndpoint::Impl::release_controller(Status status) noexcept {
   controller = 0;
-  detachments = load_sequential(header.claim.detached);
+  known_detached = load_seq_cst(header.claim.detached);
   if (hold_last_frame)
-    keep_shown_frame();
+    preserve_current_frame();
   else
-    show_safe_frame();
-  return how;
+    apply_safe_values();
+  return status;
 }
 
-Status SurfaceEndpoint::Impl::controller_status(bool look_up) noexcept {
+Status SurfaceEndpoint::Impl::controller_status(bool check_liveness) noexcept {
   if (controller == 0) {
-    const std::uint32_t before = detachments;
-    adopt();
-    if (std::exchange(stranger_answered, false) && detachments != before)
-      return lose(Status::kControllerClosed);
+    const std::uint32_t before = known_detached;
+    adopt_controller();
+    if (std::exchange(unknown_answered, false) && known_detached != before)
+      return release_controller(Status::kControllerClosed);
   }
   if (controller == 0) return Status::kNoController;
   if (load_acquire(header.claim.controller_process) != controller)
-    return lose(has_left() ? Status::kControllerClosed : Status::kControllerDead);
-  if (!look_up || is_alive(controller)) return Status::kOk;
+    return release_controller(has_detached() ? Status::kControllerClosed : Status::kControllerDead);
+  if (!check_liveness || is_alive(controller)) return Status::kOk;
   // It fails when a new controller has just taken the place; then that one keeps it.
-  exchange_if(header.claim.controller_process, controller, 0);
-  return lose(Status::kControllerDead);
+  compare_exchange(header.claim.controller_process, controller, 0);
+  return release_controller(Status::kControllerDead);
 }
 
 Status SurfaceEndpoint::Impl::publish(std::uint64_t at_tick, double time_s, std::uint32_t status) noexcept {
-  if (closed || (description.mode == Mode::kTimeStep && !settled)) return Status::kOutOfTurn;
+  if (closed || (description.mode == Mode::kTimeStep && !may_publish)) return Status::kOutOfTurn;
   if (state == State::kReady) set_state(State::kRunning);
   tick = at_tick;
   ++frame;
   const FrameInfo now{frame, tick, time_s, 0, status};
-  writer.finish(frame);
-  sensors.close(now);
-  announce(header.sensors, now, current_cpu());
-  ring(header.sensors.word, static_cast<std::uint32_t>(frame), header.controller_waiting.flag);
-  sensors.open(frame + 1);
-  answered = settled = false;
+  writer.finish_frame(frame);
+  sensors.end_write(now);
+  store_publication(header.sensors, now, current_cpu());
+  store_and_wake(header.sensors.word, static_cast<std::uint32_t>(frame), header.controller_waiting.flag);
+  sensors.begin_write(frame + 1);
+  answered = may_publish = false;
   return Status::kOk;
 }
 
@@ -109,7 +109,7 @@ Status SurfaceEndpoint::Impl::await_controller(const WaitOptions& options) noexc
   const auto ready = [&]() noexcept { return load_acquire(header.claim.controller_process) != 0; };
   for (;;) {
     // Without a controller only the deadline or the stop flag may end the wait.
-    const Status s = wait_until(bell, options, patience, ready, [](bool) noexcept { return Status::kOk; });
+    const Status s = wait_until(bell, options, wait_state, ready, [](bool) noexcept { return Status::kOk; });
     if (s != Status::kOk) return s;
     const Status who = controller_status(true);
     if (who == Status::kOk) return who;
@@ -126,11 +126,11 @@ SurfaceEndpoint& SurfaceEndpoint::operator=(SurfaceEndpoint&& other) noexcept {
 }
 
 SurfaceEndpoint SurfaceEndpoint::create(const SurfaceConfig& config) {
-  Geometry geometry = plan(config);
-  geometry.identity.surface_process = own_process_word();
-  geometry.identity.session = random_session();
-  reclaim_or_refuse(config.name);  // before memory is reserved for a second one
-  return SurfaceEndpoint(std::make_unique<Impl>(config, std::move(geometry)));
+  SegmentLayout layout = plan_layout(config);
+  layout.identity.surface_process = own_process_identity();
+  layout.identity.session = random_session();
+  reclaim_or_throw(config.name);  // before memory is reserved for a second one
+  return SurfaceEndpoint(std::make_unique<Impl>(config, std::move(layout)));
 }
 
 SurfaceEndpoint::~SurfaceEndpoint() {
@@ -138,7 +138,7 @@ SurfaceEndpoint::~SurfaceEndpoint() {
 }
 
 void SurfaceEndpoint::close() noexcept {
-  if (impl_->closed || impl_->owner != ::getpid()) return;  // a forked child owns nothing
+  if (impl_->closed || impl_->owner_pid != ::getpid()) return;  // a forked child owns nothing
   impl_->closed = true;
   impl_->set_state(State::kClosing);
   futex_wake(impl_->header.sensors.word);
@@ -148,44 +148,44 @@ void SurfaceEndpoint::close() noexcept {
 const Description& SurfaceEndpoint::description() const noexcept { return impl_->description; }
 
 std::span<std::byte> SurfaceEndpoint::sensor_bytes(int channel, [[maybe_unused]] DType dtype) noexcept {
-  const auto& c = impl_->geometry.channels[static_cast<std::size_t>(channel)];
+  const auto& c = impl_->layout.channels[static_cast<std::size_t>(channel)];
   assert(c.direction == SSP_SENSOR && c.dtype == static_cast<std::uint32_t>(dtype));
   return impl_->sensors.array(impl_->frame + 1, c);
 }
 
 std::span<const std::byte> SurfaceEndpoint::next_bytes(int channel, [[maybe_unused]] DType dtype,
                                                        const WaitOptions& options) noexcept {
-  [[maybe_unused]] const auto& c = impl_->geometry.channels[static_cast<std::size_t>(channel)];
+  [[maybe_unused]] const auto& c = impl_->layout.channels[static_cast<std::size_t>(channel)];
   assert(c.direction == SSP_ACTUATOR && c.dtype == static_cast<std::uint32_t>(dtype));
   return impl_->next_cells(channel, options);
 }
 
 std::span<const std::byte> SurfaceEndpoint::actuator_bytes(int channel,
                                                            [[maybe_unused]] DType dtype) const noexcept {
-  const auto& c = impl_->geometry.channels[static_cast<std::size_t>(channel)];
+  const auto& c = impl_->layout.channels[static_cast<std::size_t>(channel)];
   assert(c.direction == SSP_ACTUATOR && c.dtype == static_cast<std::uint32_t>(dtype));
-  return impl_->shown_cells(c);
+  return impl_->current_cells(c);
 }
 
 std::span<std::byte> SurfaceEndpoint::reserve_bytes(int channel, [[maybe_unused]] DType dtype, std::size_t at,
                                                     std::size_t bytes) noexcept {
-  const auto& c = impl_->geometry.channels[static_cast<std::size_t>(channel)];
+  const auto& c = impl_->layout.channels[static_cast<std::size_t>(channel)];
   assert(c.direction == SSP_SENSOR && c.dtype == static_cast<std::uint32_t>(dtype));
   assert(at <= c.bytes && bytes <= c.bytes - at);
   const std::uint64_t next = impl_->frame + 1;
   auto* slot = reinterpret_cast<std::byte*>(&impl_->sensors.slot(next));
-  return impl_->writer.reserve(slot, next, c, at, bytes, is_elsewhere(impl_->header.actuators.cpu));
+  return impl_->writer.reserve(slot, next, c, at, bytes, is_on_other_core(impl_->header.actuators.cpu));
 }
 void SurfaceEndpoint::commit() noexcept { impl_->writer.commit(); }
 
 void SurfaceEndpoint::write_bytes(int channel, [[maybe_unused]] DType dtype, std::size_t at,
                                   std::span<const std::byte> values) noexcept {
-  const auto& c = impl_->geometry.channels[static_cast<std::size_t>(channel)];
+  const auto& c = impl_->layout.channels[static_cast<std::size_t>(channel)];
   assert(c.direction == SSP_SENSOR && c.dtype == static_cast<std::uint32_t>(dtype));
   assert(at <= c.bytes && values.size() <= c.bytes - at);
   const std::uint64_t next = impl_->frame + 1;
   auto* slot = reinterpret_cast<std::byte*>(&impl_->sensors.slot(next));
-  impl_->writer.write(slot, next, c, at, values, is_elsewhere(impl_->header.actuators.cpu));
+  impl_->writer.write(slot, next, c, at, values, is_on_other_core(impl_->header.actuators.cpu));
 }
 
 Status SurfaceEndpoint::publish(std::uint64_t tick, double time_s, std::uint32_t status) noexcept {
@@ -213,7 +213,7 @@ State SurfaceEndpoint::controller_state() const noexcept {
 }
 Counters SurfaceEndpoint::counters() const noexcept { return impl_->counters; }
 Counters SurfaceEndpoint::controller_counters() const noexcept {
-  return counters_of(impl_->header.controller);
+  return load_counters(impl_->header.controller);
 }
 void SurfaceEndpoint::miss_deadline() noexcept {
   store_relaxed(impl_->header.surface.deadline_misses, ++impl_->counters.deadline_misses);

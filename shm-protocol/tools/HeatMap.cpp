@@ -16,10 +16,10 @@ struct Colour {
 };
 
 // Dark blue over green to yellow: brightness grows evenly, so it can be read without seeing the hues.
-Colour colour_of(double part) {
+Colour colour_of(double fraction) {
   constexpr Colour kStops[] = {{68, 1, 84}, {59, 82, 139}, {33, 145, 140}, {94, 201, 98}, {253, 231, 37}};
-  if (std::isnan(part)) return {255, 0, 255};
-  const double at = part * 4.0;
+  if (std::isnan(fraction)) return {255, 0, 255};
+  const double at = fraction * 4.0;
   const int below = std::min(3, static_cast<int>(at));
   const double t = at - below;
   const auto mix = [&](int Colour::*c) {
@@ -35,18 +35,18 @@ std::string escape(int kind, const Colour& c) {
 }
 
 // 0 … 1; NaN for what is not finite.
-double part_of(double value, const Scale& scale) {
+double normalize(double value, const Scale& scale) {
   if (!std::isfinite(value)) return kNaN;
   const double span = scale.high - scale.low;
   return span > 0 ? std::clamp((value - scale.low) / span, 0.0, 1.0) : 0.0;
 }
 
 // Means of blocks of side × side cells; one that holds a NaN or an infinity is NaN, so that none is hidden.
-std::vector<double> shrink(const Plane& plane, std::size_t side, std::size_t rows, std::size_t columns) {
+std::vector<double> downsample(const Plane& plane, std::size_t block, std::size_t rows, std::size_t columns) {
   std::vector<double> sums(rows * columns), counts(rows * columns);
   for (std::size_t y = 0; y < plane.rows; ++y)
     for (std::size_t x = 0; x < plane.columns; ++x) {
-      const std::size_t to = y / side * columns + x / side;
+      const std::size_t to = y / block * columns + x / block;
       const double v = plane.cells[y * plane.columns + x];
       sums[to] += std::isfinite(v) ? v : kNaN;
       counts[to] += 1;
@@ -55,25 +55,26 @@ std::vector<double> shrink(const Plane& plane, std::size_t side, std::size_t row
   return sums;
 }
 
-char letter_of(double part) {
-  if (std::isnan(part)) return '?';
-  return kRamp[std::min<std::size_t>(sizeof kRamp - 2, static_cast<std::size_t>(part * (sizeof kRamp - 1)))];
+char glyph_of(double fraction) {
+  if (std::isnan(fraction)) return '?';
+  return kRamp[std::min<std::size_t>(sizeof kRamp - 2,
+                                     static_cast<std::size_t>(fraction * (sizeof kRamp - 1)))];
 }
 
 }  // namespace
 
 std::string heat_map(const Plane& plane, const Scale& scale, std::size_t width, bool colour) {
-  const std::size_t side = (std::max(plane.columns, plane.rows / 2) + width - 1) / width;
-  const std::size_t rows = (plane.rows + side - 1) / side, columns = (plane.columns + side - 1) / side;
-  const std::vector<double> cells = shrink(plane, side, rows, columns);
+  const std::size_t block = (std::max(plane.columns, plane.rows / 2) + width - 1) / width;
+  const std::size_t rows = (plane.rows + block - 1) / block, columns = (plane.columns + block - 1) / block;
+  const std::vector<double> cells = downsample(plane, block, rows, columns);
   std::string out;
   for (std::size_t y = 0; y < rows; y += 2) {
     for (std::size_t x = 0; x < columns; ++x) {
-      const double above = part_of(cells[y * columns + x], scale);
+      const double above = normalize(cells[y * columns + x], scale);
       const bool two = y + 1 < rows;
-      const double below = two ? part_of(cells[(y + 1) * columns + x], scale) : above;
+      const double below = two ? normalize(cells[(y + 1) * columns + x], scale) : above;
       if (!colour) {
-        out += letter_of((above + below) / 2);
+        out += glyph_of((above + below) / 2);
       } else {
         if (two) out += escape(48, colour_of(below));
         out += escape(38, colour_of(above)) + "▀";
@@ -90,11 +91,11 @@ std::string legend(const Scale& scale, bool colour) {
   std::snprintf(end, sizeof end, "%.6g ", scale.low);
   std::string out = end;
   for (int i = 0; i < kSteps; ++i) {
-    const double part = (i + 0.5) / kSteps;
+    const double fraction = (i + 0.5) / kSteps;
     if (colour)
-      out += escape(48, colour_of(part)) + " ";
+      out += escape(48, colour_of(fraction)) + " ";
     else if (i % 2 == 0)
-      out += letter_of(part);
+      out += glyph_of(fraction);
   }
   std::snprintf(end, sizeof end, "%s %.6g", colour ? "\033[0m" : "", scale.high);
   return out + end;

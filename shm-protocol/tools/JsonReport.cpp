@@ -52,9 +52,9 @@ Json segment_json(const SegmentInfo& s) {
 
 }  // namespace
 
-std::string json_report(const Look& look, const ObserverEndpoint& observer, const Format& format,
+std::string json_report(const SurfaceStatus& status, const ObserverEndpoint& observer, const Format& format,
                         bool compact) {
-  const Description& d = *look.description;
+  const Description& d = *status.description;
   Json out{{"name", d.name},
            {"version", std::to_string(d.version_major) + "." + std::to_string(d.version_minor)},
            {"session", hex(d.session)},
@@ -64,29 +64,29 @@ std::string json_report(const Look& look, const ObserverEndpoint& observer, cons
            {"pitch", d.pitch},
            {"period_ns", d.period_ns},
            {"mode", text(d.mode)},
-           {"controllers_seen", look.controllers_seen}};
+           {"controllers_seen", status.controllers_seen}};
   out["surface"] = {{"pid", d.surface_pid},
-                    {"state", text(look.surface)},
-                    {"counters", counters_json(look.surface_counters)},
-                    {"frame", frame_json(look.sensors, look.sensors_torn)}};
-  out["controller"] = {{"pid", look.controller_pid},
-                       {"state", text(look.controller)},
-                       {"counters", counters_json(look.controller_counters)},
-                       {"frame", frame_json(look.actuators, look.actuators_torn)}};
-  if (look.rates) {
-    out["surface"]["frames_per_s"] = look.rates->sensors_hz;
-    out["controller"]["frames_per_s"] = look.rates->actuators_hz;
+                    {"state", text(status.surface)},
+                    {"counters", counters_json(status.surface_counters)},
+                    {"frame", frame_json(status.sensors, status.sensors_torn)}};
+  out["controller"] = {{"pid", status.controller_pid},
+                       {"state", text(status.controller)},
+                       {"counters", counters_json(status.controller_counters)},
+                       {"frame", frame_json(status.actuators, status.actuators_torn)}};
+  if (status.rates) {
+    out["surface"]["frames_per_s"] = status.rates->sensors_hz;
+    out["controller"]["frames_per_s"] = status.rates->actuators_hz;
   }
   Json channels = Json::array();
   for (std::size_t i = 0; i < d.channels.size(); ++i) {
     const ChannelSpec& c = d.channels[i];
     Json channel = channel_json(c, d);
-    if (look.frame(c.direction).frame != 0) {
+    if (status.frame(c.direction).frame != 0) {
       const std::vector<double> numbers = values(observer, static_cast<int>(i));
-      const Spread s = spread(numbers);
+      const ValueStatistics s = value_statistics(numbers);
       channel["now"] = {
-          {"smallest", s.smallest}, {"mean", s.mean}, {"largest", s.largest}, {"not_finite", s.odd}};
-      if (format.arrays != Arrays::kNone && is_wanted(format, c)) {
+          {"smallest", s.minimum}, {"mean", s.mean}, {"largest", s.maximum}, {"not_finite", s.non_finite}};
+      if (format.arrays != ArrayDisplay::kNone && is_wanted(format, c)) {
         Json array = Json::array();
         for (const double v : numbers) array.push_back(number(v));
         channel["values"] = std::move(array);

@@ -6,23 +6,23 @@
 #include <string>
 #include <vector>
 
-#include "Look.h"
+#include "SurfaceStatus.h"
 
 namespace shm_protocol::dump {
 
-enum class Arrays { kNone, kNumbers, kMap };
+enum class ArrayDisplay { kNone, kNumbers, kMap };
 
 struct Format {
-  Arrays arrays = Arrays::kNone;
+  ArrayDisplay arrays = ArrayDisplay::kNone;
   std::vector<std::string> channels;  // of which arrays are shown; empty: of all
   bool all_numbers = false;           // else a large array is cut to its corners
   bool colour = false;
   std::size_t width = 80;
 };
 
-std::string text_report(const Look&, const ObserverEndpoint&, const Format&);
+std::string text_report(const SurfaceStatus&, const ObserverEndpoint&, const Format&);
 // One object; on one line when `compact`.
-std::string json_report(const Look&, const ObserverEndpoint&, const Format&, bool compact);
+std::string json_report(const SurfaceStatus&, const ObserverEndpoint&, const Format&, bool compact);
 
 std::string text_list(const std::vector<SegmentInfo>&);
 std::string json_list(const std::vector<SegmentInfo>&);

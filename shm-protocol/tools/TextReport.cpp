@@ -52,9 +52,9 @@ std::string channel_line(const ChannelSpec& c, const ObserverEndpoint& observer,
   out += padded(shape_text(c, observer.description()), 14);
   out += padded(range_text(c) + (c.unit.empty() ? "" : " " + printable(c.unit)), 15) + " ";
   if (!has_frame) return out + "-\n";
-  const Spread s = spread(values(observer, number));
-  out += line("%.4g … %.4g", s.smallest, s.largest);
-  if (s.odd) out += line(", %zu NaN/∞", s.odd);
+  const ValueStatistics s = value_statistics(values(observer, number));
+  out += line("%.4g … %.4g", s.minimum, s.maximum);
+  if (s.non_finite) out += line(", %zu NaN/∞", s.non_finite);
   return out + "\n";
 }
 
@@ -62,15 +62,15 @@ std::string channel_line(const ChannelSpec& c, const ObserverEndpoint& observer,
 // wide for that.
 Scale scale_of(const ChannelSpec& c, const std::vector<double>& numbers) {
   if (c.maximum - c.minimum <= 1e6) return {c.minimum, c.maximum};
-  const Spread s = spread(numbers);
-  return {s.smallest, s.largest};
+  const ValueStatistics s = value_statistics(numbers);
+  return {s.minimum, s.maximum};
 }
 
 // Which of `count` are shown: all, or the first and the last ones with a gap marked by -1.
-std::vector<int> shown_of(std::size_t count, std::size_t most) {
+std::vector<int> visible_indices(std::size_t count, std::size_t max_count) {
   std::vector<int> out;
   for (std::size_t i = 0; i < count; ++i)
-    if (count <= most || i < most / 2 || i >= count - most / 2)
+    if (count <= max_count || i < max_count / 2 || i >= count - max_count / 2)
       out.push_back(static_cast<int>(i));
     else if (out.back() != -1)
       out.push_back(-1);
@@ -79,14 +79,14 @@ std::vector<int> shown_of(std::size_t count, std::size_t most) {
 
 std::string numbers_text(const Plane& plane, const Format& format) {
   constexpr std::size_t kWidth = 8;
-  const std::size_t most = format.all_numbers ? SIZE_MAX : (format.width - 4) / kWidth - 1;
+  const std::size_t max_columns = format.all_numbers ? SIZE_MAX : (format.width - 4) / kWidth - 1;
   std::string out;
-  for (const int y : shown_of(plane.rows, format.all_numbers ? SIZE_MAX : 10)) {
+  for (const int y : visible_indices(plane.rows, format.all_numbers ? SIZE_MAX : 10)) {
     if (y < 0) {
       out += "     …\n";
       continue;
     }
-    for (const int x : shown_of(plane.columns, most))
+    for (const int x : visible_indices(plane.columns, max_columns))
       out +=
           x < 0
               ? "   …"
@@ -110,11 +110,11 @@ std::string array_text(const ChannelSpec& c, const ObserverEndpoint& observer, i
     out += "\n" + printable(c.name);
     if (c.components > 1) out += line("[%u]", component);
     out += line(", tick %llu", static_cast<unsigned long long>(frame.tick));
-    if (format.arrays == Arrays::kMap) out += "   " + legend(scale, format.colour);
+    if (format.arrays == ArrayDisplay::kMap) out += "   " + legend(scale, format.colour);
     if (!c.unit.empty()) out += " " + printable(c.unit);
     out += "\n";
-    out += format.arrays == Arrays::kMap ? heat_map(plane, scale, format.width, format.colour)
-                                         : numbers_text(plane, format);
+    out += format.arrays == ArrayDisplay::kMap ? heat_map(plane, scale, format.width, format.colour)
+                                               : numbers_text(plane, format);
   }
   return out;
 }
@@ -137,8 +137,8 @@ std::string size_text(std::uint64_t bytes) {
   return line("%.1f GiB", n / 1073741824);
 }
 
-std::string text_report(const Look& look, const ObserverEndpoint& observer, const Format& format) {
-  const Description& d = *look.description;
+std::string text_report(const SurfaceStatus& status, const ObserverEndpoint& observer, const Format& format) {
+  const Description& d = *status.description;
   const double period_s = static_cast<double>(d.period_ns) * 1e-9;
   std::string out = printable(d.name) + "\n";
   out += line("%u x %u cells, pitch %g%s, %s, period %.6g ms (%.4g Hz), protocol %u.%u\n", d.rows, d.columns,
@@ -146,20 +146,21 @@ std::string text_report(const Look& look, const ObserverEndpoint& observer, cons
               1.0 / period_s, d.version_major, d.version_minor);
   out += line("session %016llx, layout %016llx\n\n", static_cast<unsigned long long>(d.session),
               static_cast<unsigned long long>(d.layout_hash));
-  out += side_line("surface", d.surface_pid, look.surface, look.sensors, look.sensors_torn);
-  out += side_line("controller", look.controller_pid, look.controller, look.actuators, look.actuators_torn);
-  if (look.controllers_seen > 1) out += line("%-11s%u attached so far\n", "", look.controllers_seen);
+  out += side_line("surface", d.surface_pid, status.surface, status.sensors, status.sensors_torn);
+  out += side_line("controller", status.controller_pid, status.controller, status.actuators,
+                   status.actuators_torn);
+  if (status.controllers_seen > 1) out += line("%-11s%u attached so far\n", "", status.controllers_seen);
   out += line("\n%-11s%12s%12s%12s%12s%14s\n", "", "skipped", "repeated", "clamped", "late", "frames/s");
   const auto hz = [&](double Rates::*which) {
-    return look.rates ? std::optional((*look.rates).*which) : std::nullopt;
+    return status.rates ? std::optional((*status.rates).*which) : std::nullopt;
   };
-  out += counter_line("surface", look.surface_counters, hz(&Rates::sensors_hz));
-  out += counter_line("controller", look.controller_counters, hz(&Rates::actuators_hz));
+  out += counter_line("surface", status.surface_counters, hz(&Rates::sensors_hz));
+  out += counter_line("controller", status.controller_counters, hz(&Rates::actuators_hz));
   out += line("\n%-15s %-9s%-4s %-14s%-16s%s\n", "channel", "", "type", "shape", "range", "now");
   for (std::size_t i = 0; i < d.channels.size(); ++i)
     out += channel_line(d.channels[i], observer, static_cast<int>(i),
-                        look.frame(d.channels[i].direction).frame != 0);
-  if (format.arrays == Arrays::kNone) return out;
+                        status.frame(d.channels[i].direction).frame != 0);
+  if (format.arrays == ArrayDisplay::kNone) return out;
   for (std::size_t i = 0; i < d.channels.size(); ++i)
     if (is_wanted(format, d.channels[i]))
       out += array_text(d.channels[i], observer, static_cast<int>(i), format);

@@ -19,7 +19,7 @@ namespace {
 
 using namespace shm_protocol;
 using namespace std::chrono_literals;
-using dump::Look;
+using dump::SurfaceStatus;
 
 enum Exit { kDone = 0, kFailed = 1, kUserError = 2, kPeerLost = 3 };
 
@@ -50,7 +50,7 @@ Exit status: 0 done, 1 failed, 2 wrong input, 3 no such surface, or it died.
 struct Options {
   std::string name, clean_prefix, colour = "auto";
   bool list = false, clean = false, json = false, follow = false;
-  double every_s = 0.5, wait_s = 0;
+  double interval_s = 0.5, wait_s = 0;
   long count = 0;  // 0: no end
   dump::Format format;
 };
@@ -61,16 +61,16 @@ struct UserError : std::runtime_error {
 
 std::atomic<bool> stop{false};
 
-double number_of(const char* option, const char* text, double least) {
+double parse_number(const char* option, const char* text, double minimum) {
   double value = 0;
   const char* end = text + std::string_view(text).size();
   const auto [next, error] = std::from_chars(text, end, value);
   // Written so that a NaN fails.
-  if (error != std::errc{} || next != end || !(value >= least && value <= 1e9))
+  if (error != std::errc{} || next != end || !(value >= minimum && value <= 1e9))
     throw UserError(std::string(option) + " " + text + ": must be a number from " +
-                    (least == 1   ? "1"
-                     : least == 0 ? "0"
-                                  : "0.001") +
+                    (minimum == 1   ? "1"
+                     : minimum == 0 ? "0"
+                                    : "0.001") +
                     " to 1e9");
   return value;
 }
@@ -97,10 +97,10 @@ Options parse(int argc, char** argv) {
         if (optarg) o.clean_prefix = optarg;
         break;
       case 'n':
-        o.format.arrays = dump::Arrays::kNumbers;
+        o.format.arrays = dump::ArrayDisplay::kNumbers;
         break;
       case 'm':
-        o.format.arrays = dump::Arrays::kMap;
+        o.format.arrays = dump::ArrayDisplay::kMap;
         break;
       case 'c':
         o.format.channels.emplace_back(optarg);
@@ -110,13 +110,13 @@ Options parse(int argc, char** argv) {
         break;
       case 'f':
         o.follow = true;
-        if (optarg) o.every_s = number_of("--follow", optarg, 0.001);
+        if (optarg) o.interval_s = parse_number("--follow", optarg, 0.001);
         break;
       case 'k':
-        o.count = static_cast<long>(number_of("--count", optarg, 1));
+        o.count = static_cast<long>(parse_number("--count", optarg, 1));
         break;
       case 'w':
-        o.wait_s = number_of("--wait", optarg, 0);
+        o.wait_s = parse_number("--wait", optarg, 0);
         break;
       case kColour:
         o.colour = optarg;
@@ -142,8 +142,8 @@ Options parse(int argc, char** argv) {
   if (o.count && !o.follow) throw UserError("--count: only with --follow");
   if (o.colour != "auto" && o.colour != "always" && o.colour != "never")
     throw UserError("--colour " + o.colour + ": must be auto, always or never");
-  if (!o.format.channels.empty() && o.format.arrays == dump::Arrays::kNone)
-    o.format.arrays = dump::Arrays::kMap;
+  if (!o.format.channels.empty() && o.format.arrays == dump::ArrayDisplay::kNone)
+    o.format.arrays = dump::ArrayDisplay::kMap;
   return o;
 }
 
@@ -166,21 +166,22 @@ void check_channels(const Options& o, const Description& d) {
 }
 
 // Takes the newest frames in; says whether the surface has ended.
-Status take(ObserverEndpoint& observer, Look& look) {
-  look.description = &observer.description();
-  const Status sensors = observer.look(Direction::kSensor), actuators = observer.look(Direction::kActuator);
-  look.sensors_torn = sensors == Status::kTorn;
-  look.actuators_torn = actuators == Status::kTorn;
-  look.sensors = observer.info(Direction::kSensor);
-  look.actuators = observer.info(Direction::kActuator);
-  look.surface = observer.surface_state();
-  look.controller = observer.controller_state();
-  look.controller_pid = observer.controller_pid();
-  look.controllers_seen = observer.controllers_seen();
-  look.surface_counters = observer.surface_counters();
-  look.controller_counters = observer.controller_counters();
-  if (look.surface == State::kDead) return Status::kSurfaceDead;
-  return look.surface == State::kClosing ? Status::kSurfaceClosed : Status::kOk;
+Status sample(ObserverEndpoint& observer, SurfaceStatus& status) {
+  status.description = &observer.description();
+  const Status sensors = observer.latest(Direction::kSensor),
+               actuators = observer.latest(Direction::kActuator);
+  status.sensors_torn = sensors == Status::kTorn;
+  status.actuators_torn = actuators == Status::kTorn;
+  status.sensors = observer.info(Direction::kSensor);
+  status.actuators = observer.info(Direction::kActuator);
+  status.surface = observer.surface_state();
+  status.controller = observer.controller_state();
+  status.controller_pid = observer.controller_pid();
+  status.controllers_seen = observer.controllers_seen();
+  status.surface_counters = observer.surface_counters();
+  status.controller_counters = observer.controller_counters();
+  if (status.surface == State::kDead) return Status::kSurfaceDead;
+  return status.surface == State::kClosing ? Status::kSurfaceClosed : Status::kOk;
 }
 
 class RateMeter {
@@ -220,14 +221,14 @@ int show(Options& o) {
   check_channels(o, observer.description());
   RateMeter meter(observer);
   const bool repaint = o.follow && !o.json && ::isatty(STDOUT_FILENO) != 0;
-  for (long looks = 1;; ++looks) {
-    pause_for(o.follow ? (looks == 1 ? 0.0 : o.every_s) : 0.1);
-    Look look;
-    const Status ended = take(observer, look);
-    if (looks > 1 || !o.follow) look.rates = meter.read();
+  for (long samples = 1;; ++samples) {
+    pause_for(o.follow ? (samples == 1 ? 0.0 : o.interval_s) : 0.1);
+    SurfaceStatus status;
+    const Status ended = sample(observer, status);
+    if (samples > 1 || !o.follow) status.rates = meter.read();
     if (repaint) std::fputs("\033[H\033[2J", stdout);
-    std::fputs((o.json ? dump::json_report(look, observer, o.format, o.follow)
-                       : dump::text_report(look, observer, o.format))
+    std::fputs((o.json ? dump::json_report(status, observer, o.format, o.follow)
+                       : dump::text_report(status, observer, o.format))
                    .c_str(),
                stdout);
     if (o.follow && !o.json && !repaint) std::fputs("\n", stdout);
@@ -236,7 +237,7 @@ int show(Options& o) {
       std::fprintf(stderr, "shm_dump: %s: %s\n", o.name.c_str(), text(ended));
       return ended == Status::kSurfaceDead ? kPeerLost : kDone;
     }
-    if (!o.follow || stop || (o.count && looks >= o.count)) return kDone;
+    if (!o.follow || stop || (o.count && samples >= o.count)) return kDone;
   }
 }
 

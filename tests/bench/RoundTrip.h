@@ -85,16 +85,16 @@ inline Figures measure(int rounds, const std::function<void(int)>& round) {
 // How far apart two CPUs are: the lower quartile of an empty ping-pong on two words, in us. A virtual
 // machine's CPUs may be threads of one core now and belong to two chips a second later; then all figures
 // change.
-double distance_us(int peer_cpu);
+double core_distance_us(int peer_cpu);
 
 // The peers, each in a file of its own. The second tells why one is not there; null: it is.
 Figures unix_socket(const Case&, int peer_cpu);
 Figures message_queue(const Case&, int peer_cpu);
 Figures zeromq(const Case&, int peer_cpu);
-const char* zeromq_missing();
+const char* zeromq_unavailable();
 Figures iceoryx(const Case&, int peer_cpu);
 // Prints what a tick costs beyond the work of both sides.
-void print_own_work(int peer_cpu);
-const char* iceoryx_missing();
+void print_lockstep_overhead(int peer_cpu);
+const char* iceoryx_unavailable();
 
 }  // namespace bench

@@ -40,10 +40,10 @@ using shm_protocol::SurfaceEndpoint;
 
 // What both processes of the two peers share: one array each way, and a word or a semaphore each way.
 struct Shared {
-  alignas(128) std::atomic<int> there{0};
-  alignas(128) std::atomic<int> back{0};
-  alignas(128) sem_t there_posted;
-  alignas(128) sem_t back_posted;
+  alignas(128) std::atomic<int> request{0};
+  alignas(128) std::atomic<int> response{0};
+  alignas(128) sem_t request_posted;
+  alignas(128) sem_t response_posted;
 };
 
 template <class Post, class Wait>
@@ -53,24 +53,24 @@ Figures ping_pong(const Case& c, int peer_cpu, Post post, Wait wait) {
   void* memory = ::mmap(nullptr, total, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
   std::memset(memory, 0, total);
   auto& shared = *new (memory) Shared;
-  ::sem_init(&shared.there_posted, 1, 0);
-  ::sem_init(&shared.back_posted, 1, 0);
+  ::sem_init(&shared.request_posted, 1, 0);
+  ::sem_init(&shared.response_posted, 1, 0);
   auto* base = static_cast<std::byte*>(memory) + 4096;
-  const std::span there(reinterpret_cast<float*>(base), cells),
-      back(reinterpret_cast<float*>(base + array), cells);
+  const std::span request(reinterpret_cast<float*>(base), cells),
+      response(reinterpret_cast<float*>(base + array), cells);
   const pid_t peer = start_peer(peer_cpu, [&] {
     for (int i = 1;; ++i) {
-      wait(shared.there, shared.there_posted, i);
-      consume(there);
-      produce(back, i);
-      post(shared.back, shared.back_posted, i);
+      wait(shared.request, shared.request_posted, i);
+      consume(request);
+      produce(response, i);
+      post(shared.response, shared.response_posted, i);
     }
   });
   const Figures figures = measure(c.rounds, [&](int i) {
-    produce(there, i);
-    post(shared.there, shared.there_posted, i);
-    wait(shared.back, shared.back_posted, i);
-    consume(back);
+    produce(request, i);
+    post(shared.request, shared.request_posted, i);
+    wait(shared.response, shared.response_posted, i);
+    consume(response);
   });
   ::kill(peer, SIGKILL);
   ::waitpid(peer, nullptr, 0);
@@ -141,12 +141,12 @@ Figures endpoints(const Case& c, int peer_cpu) {
 }
 
 // Cells asked for at once: 64 KiB; two pieces of a small frame.
-constexpr std::size_t kPieceCells = 16 * 1024;
-std::size_t piece_cells(std::size_t cells) { return std::clamp<std::size_t>(cells / 2, 1, kPieceCells); }
+constexpr std::size_t kChunkCells = 16 * 1024;
+std::size_t chunk_cells(std::size_t cells) { return std::clamp<std::size_t>(cells / 2, 1, kChunkCells); }
 
 // As a streaming pair does: each piece is answered as soon as it has come, and taken in while the next one is
 // being made.
-void answer_in_pieces(ControllerEndpoint& controller) {
+void answer_chunked(ControllerEndpoint& controller) {
   for (int i = 1;; ++i) {
     std::size_t at = 0;
     for (auto in = controller.next_cells(0); !in.empty(); in = controller.next_cells(0)) {
@@ -164,8 +164,8 @@ void answer_in_pieces(ControllerEndpoint& controller) {
   }
 }
 
-void tick_in_pieces(SurfaceEndpoint& surface, int i) {
-  const std::size_t cells = surface.description().cells(), piece = piece_cells(cells);
+void tick_chunked(SurfaceEndpoint& surface, int i) {
+  const std::size_t cells = surface.description().cells(), piece = chunk_cells(cells);
   for (std::size_t at = 0; at < cells;) {
     const auto out = surface.reserve(0, at, std::min(piece, cells - at));
     produce(out, i);
@@ -178,16 +178,16 @@ void tick_in_pieces(SurfaceEndpoint& surface, int i) {
   require(surface.await_actuators(static_cast<std::uint64_t>(i)));
 }
 
-Figures endpoints_in_pieces(const Case& c, int peer_cpu) {
+Figures endpoints_chunked(const Case& c, int peer_cpu) {
   auto config = config_of(c);
   config.answers_in_place = true;
   auto surface = SurfaceEndpoint::create(config);
   const pid_t peer = start_peer(peer_cpu, [&] {
     auto controller = ControllerEndpoint::attach(config.name);
-    answer_in_pieces(controller);
+    answer_chunked(controller);
   });
   require(surface.await_controller());
-  const Figures figures = measure(c.rounds, [&](int i) { tick_in_pieces(surface, i); });
+  const Figures figures = measure(c.rounds, [&](int i) { tick_chunked(surface, i); });
   ::kill(peer, SIGKILL);
   ::waitpid(peer, nullptr, 0);
   return figures;
@@ -206,27 +206,27 @@ std::vector<int> usable_cpus() {
 
 namespace {
 
-struct Way {
+struct Transport {
   const char* name;
   std::function<Figures(const Case&, int)> measure;
-  const char* missing = nullptr;
+  const char* unavailable = nullptr;
 };
 
 constexpr Case kTwoCores[] = {{"empty", 1, 8'000}, {"64x64 f32", 64, 3'000}, {"1024x1024 f32", 1024, 60}};
 constexpr Case kOneCore[] = {{"empty", 1, 3'000}, {"64x64 f32", 64, 1'000}, {"1024x1024 f32", 1024, 30}};
 constexpr int kPasses = 7;
 
-std::vector<Way> all_ways(bool one_core) {
+std::vector<Transport> all_transports(bool one_core) {
   return {
       {"raw ping-pong", raw_spin, one_core ? "cannot work on one core" : nullptr},
       {"endpoints", endpoints},
-      {"endpoints, in pieces", endpoints_in_pieces},
+      {"endpoints, in pieces", endpoints_chunked},
       {"POSIX semaphores", semaphores},
       {"Unix socket", bench::unix_socket},
       {"Boost message_queue", bench::message_queue},
-      {"ZeroMQ (ipc)", bench::zeromq, bench::zeromq_missing()},
+      {"ZeroMQ (ipc)", bench::zeromq, bench::zeromq_unavailable()},
       {"iceoryx (waiting)", bench::iceoryx,
-       one_core ? "now and then its start hangs on one core" : bench::iceoryx_missing()},
+       one_core ? "now and then its start hangs on one core" : bench::iceoryx_unavailable()},
   };
 }
 
@@ -239,30 +239,30 @@ struct Pass {
 using Passes = std::vector<std::vector<std::vector<Pass>>>;
 
 // All ways in turn, several times.
-Passes measure_all(const std::vector<Way>& ways, std::span<const Case> cases, int peer_cpu, bool one_core) {
-  Passes all(ways.size(), std::vector<std::vector<Pass>>(cases.size()));
-  const auto distance = [&] { return one_core ? 0.0 : bench::distance_us(peer_cpu); };
+Passes measure_all(const std::vector<Transport>& transports, std::span<const Case> cases, int peer_cpu, bool one_core) {
+  Passes all(transports.size(), std::vector<std::vector<Pass>>(cases.size()));
+  const auto distance = [&] { return one_core ? 0.0 : bench::core_distance_us(peer_cpu); };
   for (std::size_t c = 0; c < cases.size(); ++c)
     for (int pass = 0; pass < kPasses; ++pass)
-      for (std::size_t w = 0; w < ways.size(); ++w) {
-        if (ways[w].missing) continue;
+      for (std::size_t w = 0; w < transports.size(); ++w) {
+        if (transports[w].unavailable) continue;
         const double before = distance();
-        const Figures figures = ways[w].measure(cases[c], peer_cpu);
+        const Figures figures = transports[w].measure(cases[c], peer_cpu);
         all[w][c].push_back({figures, before, distance()});
       }
   return all;
 }
 
 // Passes at a distance within the range, both before and after them.
-struct Range {
+struct DistanceRange {
   double from_us, to_us;
-  bool has(const Pass& p) const {
+  bool contains(const Pass& p) const {
     return std::min(p.before_us, p.after_us) >= from_us && std::max(p.before_us, p.after_us) < to_us;
   }
 };
 
 // One range, or two when the CPUs moved together or apart meanwhile.
-std::vector<Range> ranges_of(const Passes& all) {
+std::vector<DistanceRange> distance_ranges(const Passes& all) {
   double nearest = 1e9, farthest = 0;
   for (const auto& way : all)
     for (const auto& one : way)
@@ -274,32 +274,32 @@ std::vector<Range> ranges_of(const Passes& all) {
   return {{0, between}, {between, 1e9}};
 }
 
-std::optional<Figures> middle_of(const std::vector<Pass>& passes, const Range& range) {
+std::optional<Figures> median_pass(const std::vector<Pass>& passes, const DistanceRange& range) {
   std::vector<Figures> good;
   for (const Pass& p : passes)
-    if (range.has(p) && p.figures.median_us > 0) good.push_back(p.figures);
+    if (range.contains(p) && p.figures.median_us > 0) good.push_back(p.figures);
   if (good.empty()) return std::nullopt;
-  const auto middle = [&](double Figures::*value) {
+  const auto median = [&](double Figures::*value) {
     std::ranges::sort(good, {}, value);
     return good[good.size() / 2].*value;
   };
-  return Figures{middle(&Figures::median_us), middle(&Figures::p99_us)};
+  return Figures{median(&Figures::median_us), median(&Figures::p99_us)};
 }
 
-void print(const std::vector<Way>& ways, std::span<const Case> cases, const Passes& all, const Range& range) {
+void print(const std::vector<Transport>& transports, std::span<const Case> cases, const Passes& all, const DistanceRange& range) {
   std::vector<double> ours(cases.size(), 1e300);
-  for (std::size_t w = 0; w < ways.size(); ++w)
+  for (std::size_t w = 0; w < transports.size(); ++w)
     for (std::size_t c = 0; c < cases.size(); ++c)
-      if (const auto f = middle_of(all[w][c], range); f && std::string(ways[w].name).starts_with("endpoints"))
+      if (const auto f = median_pass(all[w][c], range); f && std::string(transports[w].name).starts_with("endpoints"))
         ours[c] = std::min(ours[c], f->median_us);
   std::printf("\n%-21s", "");
   for (const Case& c : cases) std::printf("%27s", c.label);
   std::puts("");
-  for (std::size_t w = 0; w < ways.size(); ++w) {
-    std::printf("%-21s", ways[w].name);
-    if (ways[w].missing) std::printf("  skipped: %s", ways[w].missing);
-    for (std::size_t c = 0; c < cases.size() && !ways[w].missing; ++c) {
-      const auto f = middle_of(all[w][c], range);
+  for (std::size_t w = 0; w < transports.size(); ++w) {
+    std::printf("%-21s", transports[w].name);
+    if (transports[w].unavailable) std::printf("  skipped: %s", transports[w].unavailable);
+    for (std::size_t c = 0; c < cases.size() && !transports[w].unavailable; ++c) {
+      const auto f = median_pass(all[w][c], range);
       char cell[64] = "-";
       if (f)
         std::snprintf(cell, sizeof cell, "%.2f / %.1f  x%.2f", f->median_us, f->p99_us,
@@ -310,100 +310,100 @@ void print(const std::vector<Way>& ways, std::span<const Case> cases, const Pass
   }
 }
 
-std::size_t passes_in(const Passes& all, const Range& range) {
+std::size_t passes_in(const Passes& all, const DistanceRange& range) {
   std::size_t count = 0;
   for (const auto& way : all)
     for (const auto& one : way)
       count +=
-          static_cast<std::size_t>(std::ranges::count_if(one, [&](const Pass& p) { return range.has(p); }));
+          static_cast<std::size_t>(std::ranges::count_if(one, [&](const Pass& p) { return range.contains(p); }));
   return count;
 }
 
 // Of the distance at which most passes were made; of all where one had none of these.
-void print_json(const std::vector<Way>& ways, std::span<const Case> cases, const Passes& all,
-                const std::vector<Range>& ranges, bool one_core) {
-  const Range most = std::ranges::max(ranges, {}, [&](const Range& r) { return passes_in(all, r); });
-  for (std::size_t w = 0; w < ways.size(); ++w)
+void print_json(const std::vector<Transport>& transports, std::span<const Case> cases, const Passes& all,
+                const std::vector<DistanceRange>& ranges, bool one_core) {
+  const DistanceRange most = std::ranges::max(ranges, {}, [&](const DistanceRange& r) { return passes_in(all, r); });
+  for (std::size_t w = 0; w < transports.size(); ++w)
     for (std::size_t c = 0; c < cases.size(); ++c) {
-      auto f = middle_of(all[w][c], most);
-      if (!f) f = middle_of(all[w][c], {0, 1e9});
+      auto f = median_pass(all[w][c], most);
+      if (!f) f = median_pass(all[w][c], {0, 1e9});
       if (!f) continue;
       const nlohmann::ordered_json line{{"benchmark", "lockstep"},   {"case", cases[c].label},
-                                        {"who", ways[w].name},       {"cores", one_core ? 1 : 2},
+                                        {"who", transports[w].name},       {"cores", one_core ? 1 : 2},
                                         {"median_us", f->median_us}, {"p99_us", f->p99_us}};
       std::puts(line.dump().c_str());
     }
 }
 
-void print(const std::vector<Way>& ways, std::span<const Case> cases, const Passes& all,
-           const std::vector<Range>& ranges, bool one_core) {
+void print(const std::vector<Transport>& transports, std::span<const Case> cases, const Passes& all,
+           const std::vector<DistanceRange>& ranges, bool one_core) {
   std::printf(
       "round trips in us, median / p99 of the middle one of %d passes, and the median over that of "
       "`endpoints` (the "
       "faster way of the two)\npayload each way, all of it written and read; both processes on %s\n",
       kPasses, one_core ? "one core" : "a core each");
-  for (const Range& range : ranges) {
+  for (const DistanceRange& range : ranges) {
     if (ranges.size() > 1)
       std::printf("\npasses with the cores %s apart: an empty ping-pong of %s than %.2f us\n",
                   range.from_us == 0 ? "little" : "far", range.from_us == 0 ? "less" : "more",
                   range.from_us == 0 ? range.to_us : range.from_us);
-    print(ways, cases, all, range);
+    print(transports, cases, all, range);
   }
 }
 
-struct Asked {
+struct Arguments {
   bool one_core, json = false;
-  std::string only;
+  std::string filter;
 };
 
 // Words that are no flags: "one-core", "work", or the beginning of a way's name.
-void read_word(const std::string& word, Asked& asked) {
+void parse_word(const std::string& word, Arguments& args) {
   if (word == "one-core") {
-    asked.one_core = true;
+    args.one_core = true;
     return;
   }
-  const auto ways = all_ways(false);
-  const bool known = word == "work" || std::any_of(ways.begin(), ways.end(), [&](const Way& way) {
+  const auto transports = all_transports(false);
+  const bool known = word == "work" || std::any_of(transports.begin(), transports.end(), [&](const Transport& way) {
                        return std::string(way.name).starts_with(word);
                      });
   if (!known) throw CLI::ValidationError(word + ": neither one-core, work nor the beginning of a way's name");
-  asked.only = word;
+  args.filter = word;
 }
 
-Asked asked_of(int argc, char** argv, bool one_core) {
-  Asked asked{one_core, false, {}};
+Arguments parse_arguments(int argc, char** argv, bool one_core) {
+  Arguments args{one_core, false, {}};
   CLI::App app("Round trips of two processes in lock-step", "bench_lockstep");
   app.add_option_function<std::vector<std::string>>(
       "what",
       [&](const std::vector<std::string>& words) {
-        for (const std::string& word : words) read_word(word, asked);
+        for (const std::string& word : words) parse_word(word, args);
       },
       "one-core, work (only what a tick costs beyond the sides' own work), or the beginning of a way's name");
-  app.add_flag("--json", asked.json, "a JSON object a line");
+  app.add_flag("--json", args.json, "a JSON object a line");
   bench::parse_or_exit(app, argc, argv);
-  return asked;
+  return args;
 }
 
 }  // namespace
 
-double bench::distance_us(int peer_cpu) {
+double bench::core_distance_us(int peer_cpu) {
   const auto pass = [&] { return ping_pong({"", 1, 400}, peer_cpu, post_word, await_word).quartile_us; };
   return std::min(pass(), pass());
 }
 
 int main(int argc, char** argv) {
   const auto cpus = usable_cpus();
-  const Asked asked = asked_of(argc, argv, cpus.size() == 1);
-  const bool one_core = asked.one_core;
+  const Arguments args = parse_arguments(argc, argv, cpus.size() == 1);
+  const bool one_core = args.one_core;
   const int peer_cpu = one_core ? cpus.front() : cpus.back();
   pin_to(cpus.front());
-  if (asked.only == "work") return bench::print_own_work(peer_cpu), 0;
-  auto ways = all_ways(one_core);
-  std::erase_if(ways, [&](const Way& way) { return !std::string(way.name).starts_with(asked.only); });
+  if (args.filter == "work") return bench::print_lockstep_overhead(peer_cpu), 0;
+  auto transports = all_transports(one_core);
+  std::erase_if(transports, [&](const Transport& way) { return !std::string(way.name).starts_with(args.filter); });
   const std::span<const Case> cases = one_core ? std::span<const Case>(kOneCore) : kTwoCores;
-  const Passes all = measure_all(ways, cases, peer_cpu, one_core);
-  const auto ranges = one_core ? std::vector<Range>{{0, 1e9}} : ranges_of(all);
-  if (asked.json) return print_json(ways, cases, all, ranges, one_core), 0;
-  print(ways, cases, all, ranges, one_core);
-  if (!one_core && asked.only.empty()) bench::print_own_work(peer_cpu);
+  const Passes all = measure_all(transports, cases, peer_cpu, one_core);
+  const auto ranges = one_core ? std::vector<DistanceRange>{{0, 1e9}} : distance_ranges(all);
+  if (args.json) return print_json(transports, cases, all, ranges, one_core), 0;
+  print(transports, cases, all, ranges, one_core);
+  if (!one_core && args.filter.empty()) bench::print_lockstep_overhead(peer_cpu);
 }

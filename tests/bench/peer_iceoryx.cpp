@@ -135,7 +135,7 @@ Figures run(const Case& c, int peer_cpu) {
 
 }  // namespace
 
-const char* iceoryx_missing() { return nullptr; }
+const char* iceoryx_unavailable() { return nullptr; }
 
 // In a process of its own: the runtime is made once a process, and its threads may not be forked.
 Figures iceoryx(const Case& c, int peer_cpu) {
@@ -161,7 +161,7 @@ Figures iceoryx(const Case& c, int peer_cpu) {
 }  // namespace bench
 #else
 namespace bench {
-const char* iceoryx_missing() { return "libiceoryx-posh-dev or iceoryx (iox-roudi) is not installed"; }
+const char* iceoryx_unavailable() { return "libiceoryx-posh-dev or iceoryx (iox-roudi) is not installed"; }
 Figures iceoryx(const Case&, int) { return {}; }
 }  // namespace bench
 #endif

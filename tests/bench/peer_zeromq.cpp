@@ -9,7 +9,7 @@
 
 namespace bench {
 
-const char* zeromq_missing() { return nullptr; }
+const char* zeromq_unavailable() { return nullptr; }
 
 Figures zeromq(const Case& c, int peer_cpu) {
   std::vector<float> there(std::size_t{c.side} * c.side), back(there.size());
@@ -58,7 +58,7 @@ Figures zeromq(const Case& c, int peer_cpu) {
 }  // namespace bench
 #else
 namespace bench {
-const char* zeromq_missing() { return "libzmq3-dev is not installed"; }
+const char* zeromq_unavailable() { return "libzmq3-dev is not installed"; }
 Figures zeromq(const Case&, int) { return {}; }
 }  // namespace bench
 #endif

@@ -18,9 +18,9 @@ using std::chrono::milliseconds;
 
 namespace {
 
-constexpr milliseconds kAskAgain{200};  // between questions to a device that does not speak
-constexpr milliseconds kIdle{20};       // the stop flag is looked at so often
-constexpr milliseconds kPatience{1};    // for the controller, before the line is looked at again
+constexpr milliseconds kHandshakeInterval{200};  // between questions to a device that does not speak
+constexpr milliseconds kIdlePoll{20};            // the stop flag is looked at so often
+constexpr milliseconds kAnswerPoll{1};           // for the controller, before the line is looked at again
 
 // A raw value that is the value needs no f32 on its way to the controller.
 bool is_plain_u8(const DeviceChannel& c) {
@@ -41,11 +41,11 @@ Outcome Bridge::run() {
   std::optional<Outcome> end = connect();
   if (!end) {
     create_surface();
-    last_wake_ = {};
-    wake_device();
+    last_handshake_ = {};
+    send_handshake();
     last_frame_ = Clock::now();
     while (!end) end = serve_once();
-    say_goodbye();
+    send_stop();
   }
   surface_.reset();
   return *end;
@@ -56,20 +56,20 @@ Outcome Bridge::run() {
 // once the device is described.
 std::optional<Outcome> Bridge::connect() {
   const auto start = Clock::now();
-  std::string why = options_.port.text + " does not answer";
+  std::string reason = options_.port.text + " does not answer";
   while (!link_.described()) {
     if (stop_.load()) return Outcome::kStopped;
-    if (Clock::now() - start > options_.connect) {
-      log_("error: the device does not come: " + why);
+    if (Clock::now() - start > options_.connect_timeout) {
+      log_("error: the device does not come: " + reason);
       return Outcome::kDeviceLost;
     }
-    if (!port_ && !(port_ = Port::open(options_.port, why))) {
-      std::this_thread::sleep_for(kAskAgain / 4);
+    if (!port_ && !(port_ = Port::open(options_.port, reason))) {
+      std::this_thread::sleep_for(kHandshakeInterval / 4);
       continue;
     }
-    why = options_.port.text + " is open, but no device describes itself there";
-    wake_device();
-    pump(kIdle);
+    reason = options_.port.text + " is open, but no device describes itself there";
+    send_handshake();
+    poll_line(kIdlePoll);
     if (!fault_.empty()) {
       log_("error: " + fault_);
       return Outcome::kFailed;
@@ -81,19 +81,19 @@ std::optional<Outcome> Bridge::connect() {
 // The line was cut. The session stands still until the same device is back.
 std::optional<Outcome> Bridge::reconnect() {
   const auto start = Clock::now();
-  std::string why;
+  std::string reason;
   while (!port_ || !link_.described()) {
     if (stop_.load()) return Outcome::kStopped;
-    if (options_.replug && Clock::now() - start > *options_.replug) {
+    if (options_.reconnect_timeout && Clock::now() - start > *options_.reconnect_timeout) {
       log_("error: the device is gone");
       return Outcome::kDeviceLost;
     }
-    if (!port_ && !(port_ = Port::open(options_.port, why))) {
-      std::this_thread::sleep_for(kAskAgain / 4);
+    if (!port_ && !(port_ = Port::open(options_.port, reason))) {
+      std::this_thread::sleep_for(kHandshakeInterval / 4);
       continue;
     }
-    wake_device();
-    pump(kIdle);
+    send_handshake();
+    poll_line(kIdlePoll);
     if (!fault_.empty()) {
       log_("error: " + fault_);
       return Outcome::kFailed;
@@ -101,32 +101,32 @@ std::optional<Outcome> Bridge::reconnect() {
   }
   ++counters_.reconnections;
   log_("the device is back");
-  last_wake_ = {};
-  wake_device();
+  last_handshake_ = {};
+  send_handshake();
   return std::nullopt;
 }
 
-void Bridge::lose_line(const std::string& why) {
+void Bridge::on_line_lost(const std::string& reason) {
   port_.reset();
   link_.reset();
   out_.clear();
   seen_frame_ = false;
-  fresh_ = false;
+  frame_ready_ = false;
   if (!surface_) return;
-  fall_silent();
-  log_(why + "; the session waits for the device");
+  enter_silence();
+  log_(reason + "; the session waits for the device");
 }
 
 // What was computed from a frame before a silence comes too late for whatever happened in it.
-void Bridge::fall_silent() {
+void Bridge::enter_silence() {
   silent_ = true;
   status_ |= kAfterSilence;
-  if (counters_.frames != 0) stale_ = tick_;
+  if (counters_.frames != 0) stale_tick_ = tick_;
   surface_->set_state(State::kPaused);
 }
 
 bool Bridge::may_send(std::uint64_t answered_tick) const {
-  return !silent_ && port_ && link_.described() && (!stale_ || answered_tick > *stale_);
+  return !silent_ && port_ && link_.described() && (!stale_tick_ || answered_tick > *stale_tick_);
 }
 
 void Bridge::create_surface() {
@@ -137,7 +137,7 @@ void Bridge::create_surface() {
   config.pitch = static_cast<double>(device_->pitch);
   config.period_ns = std::uint64_t{device_->period_us} * 1000;
   config.mode = options_.mode;
-  config.hold_last_frame = options_.hold;
+  config.hold_last_frame = options_.hold_last_frame;
   for (const DeviceChannel& c : device_->channels)
     config.channels.push_back({c.name, c.sensor ? Direction::kSensor : Direction::kActuator,
                                is_plain_u8(c) ? DType::kU8 : DType::kF32, c.components, c.unit,
@@ -162,21 +162,21 @@ bool Bridge::flush() {
 
 // Waits for bytes of the device at most so long, and takes them in; sends what is to be sent. False: the line
 // is cut.
-bool Bridge::pump(milliseconds wait) {
+bool Bridge::poll_line(milliseconds timeout) {
   if (!port_) return false;
-  bool stands = flush();
+  bool connected = flush();
   pollfd line{port_->descriptor(), static_cast<short>(POLLIN | (out_.empty() ? 0 : POLLOUT)), 0};
-  if (stands && ::poll(&line, 1, static_cast<int>(wait.count())) > 0) {
+  if (connected && ::poll(&line, 1, static_cast<int>(timeout.count())) > 0) {
     std::array<std::uint8_t, 4096> bytes;
     const auto got = port_->read(bytes);
-    stands = got.has_value() && flush();
-    if (got) take_bytes({bytes.data(), *got});
+    connected = got.has_value() && flush();
+    if (got) receive_bytes({bytes.data(), *got});
   }
-  if (!stands) lose_line("the line to the device is cut");
-  return stands;
+  if (!connected) on_line_lost("the line to the device is cut");
+  return connected;
 }
 
-void Bridge::take_bytes(std::span<const std::uint8_t> bytes) {
+void Bridge::receive_bytes(std::span<const std::uint8_t> bytes) {
   for (const std::uint8_t byte : bytes) on_event(link_.receive(byte));
   counters_.damaged_packets = link_.damaged_packets();
   counters_.lost_packets = link_.lost_packets();
@@ -188,8 +188,8 @@ void Bridge::on_event(DeviceLink::Event event) {
     case DeviceLink::Event::kAlive:
       return;
     case DeviceLink::Event::kDescribed:
-      return on_described();
-    case DeviceLink::Event::kRefused:
+      return on_description();
+    case DeviceLink::Event::kRejected:
       fault_ = link_.message();
       return;
     case DeviceLink::Event::kFault:
@@ -199,23 +199,23 @@ void Bridge::on_event(DeviceLink::Event event) {
   }
 }
 
-void Bridge::on_described() {
+void Bridge::on_description() {
   if (!device_) {
     device_ = link_.description();
-    boot_ = device_->boot;
-  } else if (!link_.description().same_as(*device_)) {
+    boot_id_ = device_->boot;
+  } else if (!link_.description().is_compatible_with(*device_)) {
     fault_ = "another device came back: it has other cells or channels; start anew";
-  } else if (link_.description().boot != boot_) {
-    boot_ = link_.description().boot;
+  } else if (link_.description().boot != boot_id_) {
+    boot_id_ = link_.description().boot;
     seen_frame_ = false;  // its ticks begin anew
     if (surface_) log_("the device was restarted");
   }
 }
 
-void Bridge::wake_device() {
+void Bridge::send_handshake() {
   const auto now = Clock::now();
-  if (now - last_wake_ < kAskAgain || out_.size() > 4096) return;
-  last_wake_ = now;
+  if (now - last_handshake_ < kHandshakeInterval || out_.size() > 4096) return;
+  last_handshake_ = now;
   link_.write(SSW_DESCRIBE, device_tick_, out_);
   if (!surface_ || !link_.described()) return;
   link_.write(SSW_START, device_tick_, out_);
@@ -224,80 +224,80 @@ void Bridge::wake_device() {
   link_.write_frame(device_tick_, actuators_, out_);
 }
 
-void Bridge::say_goodbye() {
+void Bridge::send_stop() {
   if (!port_) return;
   out_.clear();
   link_.write(SSW_STOP, device_tick_, out_);
   for (int attempt = 0; attempt < 50 && !out_.empty() && flush(); ++attempt)
-    if (!out_.empty()) std::this_thread::sleep_for(kPatience);
+    if (!out_.empty()) std::this_thread::sleep_for(kAnswerPoll);
 }
 
 // ---- the session
 // --------------------------------------------------------------------------------------------------
 std::optional<Outcome> Bridge::serve_once() {
   if (stop_.load()) return Outcome::kStopped;
-  if (options_.ticks && counters_.frames >= *options_.ticks && !awaiting_) return Outcome::kDone;
+  if (options_.ticks && counters_.frames >= *options_.ticks && !awaiting_answer_) return Outcome::kDone;
   if (!port_) {
     if (const auto end = reconnect()) return end;
     last_frame_ = Clock::now();
   }
   const bool passive = options_.mode == Mode::kPassive;
-  pump(awaiting_ ? milliseconds(0) : passive ? kPatience : kIdle);
+  poll_line(awaiting_answer_ ? milliseconds(0) : passive ? kAnswerPoll : kIdlePoll);
   if (!fault_.empty()) {
     log_("error: " + fault_);
     return Outcome::kFailed;
   }
-  if (fresh_ && !awaiting_) publish();
-  if (awaiting_) take_answer();
-  if (passive) take_latest();
-  watch_silence();
+  if (frame_ready_ && !awaiting_answer_) publish();
+  if (awaiting_answer_) poll_answer();
+  if (passive) poll_latest();
+  check_silence();
   return std::nullopt;
 }
 
 // The device counts its missed deadlines itself: only it knows when its periods end.
-void Bridge::count_misses(const SensorFrame& frame) {
-  const std::uint32_t more = seen_frame_ ? frame.missed - missed_base_ : 0;
-  missed_base_ = frame.missed;
+void Bridge::count_missed_deadlines(const SensorFrame& frame) {
+  const std::uint32_t newly_missed = seen_frame_ ? frame.missed - device_missed_ : 0;
+  device_missed_ = frame.missed;
   // A device cannot miss more deadlines than it had periods.
   const std::uint32_t periods = seen_frame_ ? frame.tick - device_tick_ : 0;
-  for (std::uint32_t i = 0; i < std::min(more, periods); ++i) surface_->miss_deadline();
-  counters_.missed += std::min(more, periods);
-  if (more != 0) status_ |= kMissedDeadline;
+  for (std::uint32_t i = 0; i < std::min(newly_missed, periods); ++i) surface_->miss_deadline();
+  counters_.missed_deadlines += std::min(newly_missed, periods);
+  if (newly_missed != 0) status_ |= kMissedDeadline;
 }
 
 void Bridge::on_frame() {
   if (!surface_) return;
   const SensorFrame& frame = link_.frame();
   last_frame_ = Clock::now();
-  count_misses(frame);
+  count_missed_deadlines(frame);
   const std::uint32_t step = seen_frame_ ? frame.tick - device_tick_ : 1;
   if (step > 1) {
     counters_.lost += step - 1;
     status_ |= kFramesLost;
   }
-  if (frame.flags & SSW_SAFE) status_ |= kSafeInForce;
+  if (frame.flags & SSW_SAFE) status_ |= kSafeValuesActive;
   tick_ += seen_frame_ || counters_.frames != 0 ? step : 0;
   device_tick_ = frame.tick;
   seen_frame_ = true;
   if (silent_) log_("the device speaks again");
   silent_ = false;
-  if (fresh_ || awaiting_) {
-    ++counters_.passed_over;
+  if (frame_ready_ || awaiting_answer_) {
+    ++counters_.skipped;
     status_ |= kFramesLost;
     // The host is well, only the controller takes its time: the device need not fall back on its safe values.
     link_.write(SSW_HEARTBEAT, device_tick_, out_);
   }
-  fresh_ = true;
+  frame_ready_ = true;
 }
 
 void Bridge::publish() {
-  fresh_ = false;
+  frame_ready_ = false;
   const SensorFrame& frame = link_.frame();
   const auto& channels = device_->channels;
   for (std::size_t i = 0; i < channels.size(); ++i) {
     const DeviceChannel& c = channels[i];
     if (!c.sensor) continue;
-    const std::span<const float> from(frame.values.data() + c.first, c.elements);
+    const std::span<const float> from(frame.values.data() + c.first_element, c.elements);
     if (is_plain_u8(c))
       std::ranges::transform(from, surface_->sensor<std::uint8_t>(static_cast<int>(i)).begin(),
                              [](float v) { return static_cast<std::uint8_t>(v); });
@@ -309,14 +309,14 @@ void Bridge::publish() {
   surface_->set_state(State::kRunning);
   ++counters_.frames;
   status_ = 0;
-  awaiting_ = options_.mode == Mode::kTimeStep;
+  awaiting_answer_ = options_.mode == Mode::kTimeStep;
   published_tick_ = tick_;
   published_device_tick_ = device_tick_;
-  if (!awaiting_) link_.write(SSW_HEARTBEAT, device_tick_, out_);
+  if (!awaiting_answer_) link_.write(SSW_HEARTBEAT, device_tick_, out_);
 }
 
-void Bridge::take_answer() {
-  const Status answer = surface_->await_actuators(published_tick_, {kPatience, &stop_});
+void Bridge::poll_answer() {
+  const Status answer = surface_->await_actuators(published_tick_, {kAnswerPoll, &stop_});
   switch (answer) {
     case Status::kTimeout:
     case Status::kInterrupted:
@@ -325,7 +325,7 @@ void Bridge::take_answer() {
     case Status::kControllerDead:
     case Status::kControllerClosed:
       log_(std::string(shm_protocol::text(answer)) +
-           (options_.hold ? "; its last frame stands" : "; safe values stand"));
+           (options_.hold_last_frame ? "; its last frame stands" : "; safe values stand"));
       break;
     case Status::kOk:
       if (may_send(published_tick_)) ++counters_.answers;
@@ -333,15 +333,15 @@ void Bridge::take_answer() {
     default:
       break;
   }
-  awaiting_ = false;
+  awaiting_answer_ = false;
   if (may_send(published_tick_)) send_actuators(published_device_tick_);
 }
 
-void Bridge::take_latest() {
+void Bridge::poll_latest() {
   const Status newest = surface_->latest_actuators();
   if (newest == Status::kControllerDead || newest == Status::kControllerClosed) {
     log_(std::string(shm_protocol::text(newest)) +
-         (options_.hold ? "; its last frame stands" : "; safe values stand"));
+         (options_.hold_last_frame ? "; its last frame stands" : "; safe values stand"));
   } else if (newest != Status::kOk) {
     return;
   }
@@ -356,7 +356,7 @@ void Bridge::fill_actuators(bool safe) {
   for (std::size_t i = 0; i < channels.size(); ++i) {
     const DeviceChannel& c = channels[i];
     if (c.sensor) continue;
-    const auto to = actuators_.begin() + static_cast<std::ptrdiff_t>(c.first);
+    const auto to = actuators_.begin() + static_cast<std::ptrdiff_t>(c.first_element);
     const int channel = static_cast<int>(i);
     if (safe)
       std::fill_n(to, c.elements, c.safe);
@@ -377,15 +377,16 @@ void Bridge::send_actuators(std::uint32_t device_tick) {
   flush();
 }
 
-void Bridge::watch_silence() {
+void Bridge::check_silence() {
   const auto now = Clock::now();
-  if (now - last_frame_ <= options_.silence) return;
+  if (now - last_frame_ <= options_.silence_timeout) return;
   if (!silent_) {
-    fall_silent();
+    enter_silence();
     ++counters_.silences;
-    log_("the device has been silent for " + seconds(options_.silence) + "; it is sent the safe frame");
+    log_("the device has been silent for " + seconds(options_.silence_timeout) +
+         "; it is sent the safe frame");
   }
-  wake_device();
+  send_handshake();
 }
 
 }  // namespace hardware

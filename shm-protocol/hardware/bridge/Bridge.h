@@ -24,30 +24,32 @@ enum FrameStatus : std::uint32_t {
   kMissedDeadline = 1,  // a control period before this frame ended without the controller's answer
   kFramesLost =
       2,  // the device sent frames before this one that did not arrive, or were not asked for in time
-  kSafeInForce = 4,  // the device holds its safe values
-  kAfterSilence = 8  // the first frame after the device was silent or unplugged
+  kSafeValuesActive = 4,  // the device holds its safe values
+  kAfterSilence = 8       // the first frame after the device was silent or unplugged
 };
 
 struct BridgeOptions {
-  PortName port;
+  PortAddress port;
   std::string surface = "surface";
   shm_protocol::Mode mode = shm_protocol::Mode::kTimeStep;
-  std::optional<std::uint64_t> ticks;         // frames to publish; nothing: for ever
-  std::chrono::milliseconds silence{500};     // without a sensor frame for so long, the device is silent
-  std::chrono::milliseconds connect{10'000};  // to wait for the device at the start
-  std::optional<std::chrono::milliseconds> replug;  // to wait for it when it was lost; nothing: for ever
-  bool hold = false;  // without a controller the device keeps the last frame; else it gets the safe one
+  std::optional<std::uint64_t> ticks;              // frames to publish; nothing: for ever
+  std::chrono::milliseconds silence_timeout{500};  // without a sensor frame for so long, the device is silent
+  std::chrono::milliseconds connect_timeout{10'000};  // to wait for the device at the start
+  std::optional<std::chrono::milliseconds>
+      reconnect_timeout;  // to wait for it when it was lost; nothing: for ever
+  bool hold_last_frame =
+      false;  // without a controller the device keeps the last frame; else it gets the safe one
 };
 
 struct BridgeCounters {
-  std::uint64_t frames = 0;         // sensor frames published
-  std::uint64_t answers = 0;        // actuator frames of a controller sent to the device
-  std::uint64_t lost = 0;           // sensor frames that did not arrive whole
-  std::uint64_t passed_over = 0;    // whole ones that came while the controller was at work on an older one
-  std::uint64_t missed = 0;         // deadlines
-  std::uint64_t unsent = 0;         // actuator frames given up: the line is too slow
-  std::uint64_t silences = 0;       // times the device fell silent
-  std::uint64_t reconnections = 0;  // times the line was cut and came back
+  std::uint64_t frames = 0;   // sensor frames published
+  std::uint64_t answers = 0;  // actuator frames of a controller sent to the device
+  std::uint64_t lost = 0;     // sensor frames that did not arrive whole
+  std::uint64_t skipped = 0;  // whole ones that came while the controller was at work on an older one
+  std::uint64_t missed_deadlines = 0;  // deadlines
+  std::uint64_t unsent = 0;            // actuator frames given up: the line is too slow
+  std::uint64_t silences = 0;          // times the device fell silent
+  std::uint64_t reconnections = 0;     // times the line was cut and came back
   std::uint64_t damaged_packets = 0, lost_packets = 0;
 };
 
@@ -73,22 +75,22 @@ class Bridge {
   std::optional<Outcome> reconnect();
   void create_surface();
   std::optional<Outcome> serve_once();
-  bool pump(std::chrono::milliseconds wait);
-  void take_bytes(std::span<const std::uint8_t>);
+  bool poll_line(std::chrono::milliseconds timeout);
+  void receive_bytes(std::span<const std::uint8_t>);
   void on_event(DeviceLink::Event);
-  void on_described();
+  void on_description();
   void on_frame();
-  void count_misses(const SensorFrame&);
+  void count_missed_deadlines(const SensorFrame&);
   void publish();
-  void take_answer();
-  void take_latest();
+  void poll_answer();
+  void poll_latest();
   void send_actuators(std::uint32_t device_tick);
-  void watch_silence();
-  void wake_device();
-  void lose_line(const std::string& why);
-  void fall_silent();
+  void check_silence();
+  void send_handshake();
+  void on_line_lost(const std::string& reason);
+  void enter_silence();
   bool may_send(std::uint64_t answered_tick) const;
-  void say_goodbye();
+  void send_stop();
   void fill_actuators(bool safe);
   bool flush();
 
@@ -106,16 +108,16 @@ class Bridge {
   bool seen_frame_ = false;        // since the line was opened
   std::uint32_t device_tick_ = 0;  // of the newest sensor frame
   std::uint64_t tick_ = 0;         // the session's number of it
-  std::uint32_t boot_ = 0;
-  std::uint32_t missed_base_ = 0;  // the device's count of missed deadlines when we looked last
-  std::uint32_t status_ = 0;       // FrameStatus of the next frame
-  bool fresh_ = false;             // a frame waits to be published
-  bool awaiting_ = false;          // time-step: the frame published last is unanswered
+  std::uint32_t boot_id_ = 0;
+  std::uint32_t device_missed_ = 0;  // the device's count of missed deadlines when we looked last
+  std::uint32_t status_ = 0;         // FrameStatus of the next frame
+  bool frame_ready_ = false;         // a frame waits to be published
+  bool awaiting_answer_ = false;     // time-step: the frame published last is unanswered
   std::uint64_t published_tick_ = 0;
   std::uint32_t published_device_tick_ = 0;
   bool silent_ = false;
-  std::optional<std::uint64_t> stale_;  // answers to this tick and to older ones are not sent any more
-  Clock::time_point last_frame_{}, last_wake_{};
+  std::optional<std::uint64_t> stale_tick_;  // answers to this tick and to older ones are not sent any more
+  Clock::time_point last_frame_{}, last_handshake_{};
   BridgeCounters counters_;
 };
 

@@ -9,7 +9,7 @@
 namespace hardware {
 namespace {
 
-constexpr std::size_t kMostElements = std::size_t{1} << 24;
+constexpr std::size_t kMaxElements = std::size_t{1} << 24;
 
 template <std::size_t N>
 std::string text_of(const char (&padded)[N]) {
@@ -19,7 +19,7 @@ std::string text_of(const char (&padded)[N]) {
 std::string number(float value) { return std::to_string(value); }
 
 // "" when the channel is possible.
-std::string fault_of(const ssw_channel& c) {
+std::string validate_channel(const ssw_channel& c) {
   if (c.direction != SSW_SENSOR && c.direction != SSW_ACTUATOR) return "unknown direction";
   if (ssw_dtype_bytes(c.dtype) == 0) return "unknown dtype";
   if (c.components < 1 || c.components > 64) return "1 to 64 components are possible";
@@ -54,7 +54,7 @@ void put_value(const DeviceChannel& c, float value, std::uint8_t* to) {
 
 }  // namespace
 
-bool DeviceDescription::same_as(const DeviceDescription& o) const {
+bool DeviceDescription::is_compatible_with(const DeviceDescription& o) const {
   return name == o.name && rows == o.rows && columns == o.columns && period_us == o.period_us &&
          pitch == o.pitch && channels == o.channels;
 }
@@ -65,13 +65,13 @@ void DeviceLink::reset() {
   const auto damaged = receiver_.damaged;
   ssw_receiver_init(&receiver_);
   receiver_.damaged = damaged;
-  described_ = in_frame_ = any_packet_ = false;
-  channels_to_come_ = 0;
+  described_ = in_frame_ = has_sequence_ = false;
+  channels_remaining_ = 0;
 }
 
 void DeviceLink::count_sequence(std::uint8_t sequence) {
-  if (any_packet_) lost_ += static_cast<std::uint8_t>(sequence - expected_);
-  any_packet_ = true;
+  if (has_sequence_) lost_ += static_cast<std::uint8_t>(sequence - expected_);
+  has_sequence_ = true;
   expected_ = static_cast<std::uint8_t>(sequence + 1);
 }
 
@@ -79,19 +79,19 @@ DeviceLink::Event DeviceLink::receive(std::uint8_t byte) {
   ssw_packet packet;
   if (!ssw_receive(&receiver_, byte, &packet)) return Event::kNothing;
   count_sequence(packet.sequence);
-  return take(packet);
+  return handle_packet(packet);
 }
 
-DeviceLink::Event DeviceLink::take(const ssw_packet& packet) {
+DeviceLink::Event DeviceLink::handle_packet(const ssw_packet& packet) {
   switch (packet.type) {
     case SSW_HELLO:
-      return take_hello(packet);
+      return handle_hello(packet);
     case SSW_CHANNEL:
-      return take_channel(packet);
+      return handle_channel(packet);
     case SSW_SENSOR_DATA:
-      return take_data(packet);
+      return handle_data(packet);
     case SSW_SENSOR_END:
-      return take_end(packet);
+      return handle_end(packet);
     case SSW_ERROR:
       if (packet.payload_bytes < 2) return Event::kAlive;
       message_.assign(reinterpret_cast<const char*>(packet.payload) + 2, packet.payload_bytes - 2);
@@ -104,68 +104,71 @@ DeviceLink::Event DeviceLink::take(const ssw_packet& packet) {
 }
 
 // ---- description
-DeviceLink::Event DeviceLink::refuse(const std::string& why) {
-  channels_to_come_ = 0;
-  message_ = why;
-  return Event::kRefused;
+DeviceLink::Event DeviceLink::reject(const std::string& reason) {
+  channels_remaining_ = 0;
+  message_ = reason;
+  return Event::kRejected;
 }
 
-DeviceLink::Event DeviceLink::take_hello(const ssw_packet& packet) {
+DeviceLink::Event DeviceLink::handle_hello(const ssw_packet& packet) {
   ssw_hello hello;
   if (!ssw_get_hello(&packet, &hello)) return Event::kAlive;
   if (hello.version != SSW_VERSION)
-    return refuse("the device speaks version " + std::to_string(hello.version) +
+    return reject("the device speaks version " + std::to_string(hello.version) +
                   " of the byte protocol, not " + std::to_string(SSW_VERSION));
   const std::size_t cells = std::size_t{hello.rows} * hello.columns;
   if (hello.channels < 1 || hello.channels > SSW_MAX_CHANNELS)
-    return refuse("the device has " + std::to_string(hello.channels) + " channels; 1 to 8 are possible");
-  if (cells == 0 || cells > kMostElements) return refuse("the device has an impossible number of cells");
-  if (hello.period_us == 0) return refuse("the device's control period is 0");
-  if (!std::isfinite(hello.pitch) || !(hello.pitch > 0)) return refuse("the device's pitch is not above 0");
-  coming_ = {text_of(hello.name), hello.rows, hello.columns, hello.period_us, hello.pitch, hello.boot, {}};
-  channels_to_come_ = hello.channels;
+    return reject("the device has " + std::to_string(hello.channels) + " channels; 1 to 8 are possible");
+  if (cells == 0 || cells > kMaxElements) return reject("the device has an impossible number of cells");
+  if (hello.period_us == 0) return reject("the device's control period is 0");
+  if (!std::isfinite(hello.pitch) || !(hello.pitch > 0)) return reject("the device's pitch is not above 0");
+  incoming_description_ = {text_of(hello.name), hello.rows, hello.columns, hello.period_us, hello.pitch,
+                           hello.boot,          {}};
+  channels_remaining_ = hello.channels;
   return Event::kAlive;
 }
 
-DeviceLink::Event DeviceLink::take_channel(const ssw_packet& packet) {
+DeviceLink::Event DeviceLink::handle_channel(const ssw_packet& packet) {
   ssw_channel c;
-  if (!ssw_get_channel(&packet, &c) || channels_to_come_ == 0) return Event::kAlive;
-  if (c.index != coming_.channels.size()) {  // one before it was lost; the description is asked for again
-    channels_to_come_ = 0;
+  if (!ssw_get_channel(&packet, &c) || channels_remaining_ == 0) return Event::kAlive;
+  if (c.index !=
+      incoming_description_.channels.size()) {  // one before it was lost; the description is asked for again
+    channels_remaining_ = 0;
     return Event::kAlive;
   }
   const std::string name = text_of(c.name);
-  if (const std::string fault = fault_of(c); !fault.empty())
-    return refuse("channel " + std::to_string(c.index) + " '" + name + "' of the device: " + fault);
+  if (const std::string fault = validate_channel(c); !fault.empty())
+    return reject("channel " + std::to_string(c.index) + " '" + name + "' of the device: " + fault);
   const bool sensor = c.direction == SSW_SENSOR;
-  const std::size_t elements = std::size_t{coming_.rows} * coming_.columns * c.components;
+  const std::size_t elements =
+      std::size_t{incoming_description_.rows} * incoming_description_.columns * c.components;
   std::size_t first = 0;
-  for (const DeviceChannel& before : coming_.channels)
+  for (const DeviceChannel& before : incoming_description_.channels)
     if (before.sensor == sensor) first += before.elements;
-  if (first + elements > kMostElements) return refuse("the device's frames are too large");
-  coming_.channels.push_back({name, text_of(c.unit), sensor, c.dtype, c.components, c.minimum, c.maximum,
-                              c.safe, c.scale, c.offset, elements, first});
-  if (--channels_to_come_ != 0) return Event::kAlive;
+  if (first + elements > kMaxElements) return reject("the device's frames are too large");
+  incoming_description_.channels.push_back({name, text_of(c.unit), sensor, c.dtype, c.components, c.minimum,
+                                            c.maximum, c.safe, c.scale, c.offset, elements, first});
+  if (--channels_remaining_ != 0) return Event::kAlive;
 
-  description_ = coming_;
+  description_ = incoming_description_;
   described_ = true;
   sensor_elements_ = actuator_elements_ = 0;
   for (const DeviceChannel& d : description_.channels)
     (d.sensor ? sensor_elements_ : actuator_elements_) += d.elements;
   frame_.values.assign(sensor_elements_, 0.0F);
-  half_.values.assign(sensor_elements_, 0.0F);
+  partial_frame_.values.assign(sensor_elements_, 0.0F);
   in_frame_ = false;
   return Event::kDescribed;
 }
 
 // ---- sensor frames
-void DeviceLink::give_frame_up() {
+void DeviceLink::abandon_frame() {
   if (in_frame_) ++broken_frames_;
   in_frame_ = false;
 }
 
 // The line keeps the order: the pieces come in order, or something was lost and the frame with it.
-DeviceLink::Event DeviceLink::take_data(const ssw_packet& packet) {
+DeviceLink::Event DeviceLink::handle_data(const ssw_packet& packet) {
   if (!described_ || packet.payload_bytes <= SSW_DATA_HEADER) return Event::kAlive;
   const std::size_t index = packet.payload[0];
   if (index >= description_.channels.size() || !description_.channels[index].sensor) return Event::kAlive;
@@ -173,35 +176,35 @@ DeviceLink::Event DeviceLink::take_data(const ssw_packet& packet) {
   const std::size_t size = ssw_dtype_bytes(c.dtype), bytes = packet.payload_bytes - SSW_DATA_HEADER;
   const std::size_t first = ssw_get_u32(packet.payload + 2), count = bytes / size;
   if (bytes % size != 0 || first > c.elements || count > c.elements - first) return Event::kAlive;
-  if (c.first + first == 0) {
-    give_frame_up();
+  if (c.first_element + first == 0) {
+    abandon_frame();
     in_frame_ = true;
-    half_.tick = packet.tick;
-    half_elements_ = 0;
+    partial_frame_.tick = packet.tick;
+    partial_elements_ = 0;
   }
-  if (!in_frame_ || half_.tick != packet.tick || c.first + first != half_elements_) {
-    give_frame_up();
+  if (!in_frame_ || partial_frame_.tick != packet.tick || c.first_element + first != partial_elements_) {
+    abandon_frame();
     return Event::kAlive;
   }
   for (std::size_t i = 0; i < count; ++i)
-    half_.values[half_elements_++] = value_at(c, packet.payload + SSW_DATA_HEADER + i * size);
+    partial_frame_.values[partial_elements_++] = value_at(c, packet.payload + SSW_DATA_HEADER + i * size);
   return Event::kAlive;
 }
 
-DeviceLink::Event DeviceLink::take_end(const ssw_packet& packet) {
+DeviceLink::Event DeviceLink::handle_end(const ssw_packet& packet) {
   if (!described_ || packet.payload_bytes != SSW_SENSOR_END_BYTES) return Event::kAlive;
-  const bool whole = in_frame_ && half_.tick == packet.tick && half_elements_ == sensor_elements_ &&
-                     ssw_get_u32(packet.payload) == sensor_elements_;
+  const bool whole = in_frame_ && partial_frame_.tick == packet.tick &&
+                     partial_elements_ == sensor_elements_ && ssw_get_u32(packet.payload) == sensor_elements_;
   if (!whole && sensor_elements_ != 0) {
-    give_frame_up();
+    abandon_frame();
     return Event::kAlive;
   }
   in_frame_ = false;
-  half_.tick = packet.tick;
-  half_.flags = ssw_get_u32(packet.payload + 4);
-  half_.missed = ssw_get_u32(packet.payload + 8);
-  half_.in_force = ssw_get_u32(packet.payload + 12);
-  std::swap(frame_, half_);
+  partial_frame_.tick = packet.tick;
+  partial_frame_.flags = ssw_get_u32(packet.payload + 4);
+  partial_frame_.missed = ssw_get_u32(packet.payload + 8);
+  partial_frame_.active_tick = ssw_get_u32(packet.payload + 12);
+  std::swap(frame_, partial_frame_);
   return Event::kFrame;
 }
 
@@ -231,7 +234,7 @@ void DeviceLink::write_frame(std::uint32_t tick, std::span<const float> values,
       payload[1] = 0;
       ssw_put_u32(&payload[2], static_cast<std::uint32_t>(first));
       for (std::size_t i = 0; i < count; ++i)
-        put_value(c, values[c.first + first + i], &payload[SSW_DATA_HEADER + i * size]);
+        put_value(c, values[c.first_element + first + i], &payload[SSW_DATA_HEADER + i * size]);
       append({SSW_ACTUATOR_DATA, sequence_++, tick, payload.data(), SSW_DATA_HEADER + count * size}, to);
       first += count;
     }

@@ -21,9 +21,9 @@ struct DeviceChannel {
   std::uint8_t dtype = SSW_U8;  // ssw_dtype: how its elements travel
   std::uint32_t components = 1;
   float minimum = 0, maximum = 1, safe = 0;
-  float scale = 1, offset = 0;  // value = offset + scale × raw
-  std::size_t elements = 0;     // components × rows × columns
-  std::size_t first = 0;        // its first element's number in a frame of its direction
+  float scale = 1, offset = 0;    // value = offset + scale × raw
+  std::size_t elements = 0;       // components × rows × columns
+  std::size_t first_element = 0;  // its first element's number in a frame of its direction
 
   bool operator==(const DeviceChannel&) const = default;
 };
@@ -37,14 +37,14 @@ struct DeviceDescription {
   std::vector<DeviceChannel> channels;
 
   // Whether it is the same kind of device: all but `boot`.
-  bool same_as(const DeviceDescription&) const;
+  bool is_compatible_with(const DeviceDescription&) const;
 };
 
 struct SensorFrame {
   std::uint32_t tick = 0;
-  std::uint32_t flags = 0;            // SSW_MISSED, SSW_SAFE
-  std::uint32_t missed = 0;           // deadlines, since the device started
-  std::uint32_t in_force = SSW_NONE;  // tick that the actuator frame in force answers
+  std::uint32_t flags = 0;               // SSW_MISSED, SSW_SAFE
+  std::uint32_t missed = 0;              // deadlines, since the device started
+  std::uint32_t active_tick = SSW_NONE;  // tick that the actuator frame in force answers
   // All sensor channels one after the other, in the device's order; values, not raw.
   std::vector<float> values;
 };
@@ -55,7 +55,7 @@ class DeviceLink {
     kNothing,
     kAlive,      // a good packet without consequences
     kDescribed,  // description() is new
-    kRefused,    // the device's description is impossible or of another version: message() says how
+    kRejected,   // the device's description is impossible or of another version: message() says how
     kFrame,      // frame() is new
     kFault       // the device reports a fault: message()
   };
@@ -87,29 +87,29 @@ class DeviceLink {
   std::uint64_t broken_frames() const { return broken_frames_; }  // begun, and given up
 
  private:
-  Event take(const ssw_packet&);
-  Event take_hello(const ssw_packet&);
-  Event take_channel(const ssw_packet&);
-  Event take_data(const ssw_packet&);
-  Event take_end(const ssw_packet&);
-  Event refuse(const std::string& why);
+  Event handle_packet(const ssw_packet&);
+  Event handle_hello(const ssw_packet&);
+  Event handle_channel(const ssw_packet&);
+  Event handle_data(const ssw_packet&);
+  Event handle_end(const ssw_packet&);
+  Event reject(const std::string& reason);
   void count_sequence(std::uint8_t sequence);
-  void give_frame_up();
+  void abandon_frame();
   void append(const ssw_packet&, std::vector<std::uint8_t>& to);
 
   ssw_receiver receiver_{};
-  DeviceDescription description_, coming_;
-  std::size_t channels_to_come_ = 0;
+  DeviceDescription description_, incoming_description_;
+  std::size_t channels_remaining_ = 0;
   bool described_ = false;
   std::size_t sensor_elements_ = 0, actuator_elements_ = 0;
 
-  SensorFrame frame_, half_;
-  std::size_t half_elements_ = 0;
+  SensorFrame frame_, partial_frame_;
+  std::size_t partial_elements_ = 0;
   bool in_frame_ = false;
 
   std::string message_;
   std::uint8_t sequence_ = 0, expected_ = 0;
-  bool any_packet_ = false;
+  bool has_sequence_ = false;
   std::uint64_t lost_ = 0, broken_frames_ = 0;
 };
 

@@ -46,7 +46,7 @@ bool make_raw(int terminal, speed_t speed) {
   return ::tcsetattr(terminal, TCSANOW, &settings) == 0;
 }
 
-int open_terminal(const PortName& name, std::string& why) {
+int open_terminal(const PortAddress& name, std::string& why) {
   const int terminal = ::open(name.text.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
   if (terminal < 0) {
     why = "cannot open " + name.text + ": " + std::strerror(errno);
@@ -79,7 +79,7 @@ bool connects(int socket, const addrinfo& to) {
   return failure == 0;
 }
 
-int open_tcp(const PortName& name, std::string& why) {
+int open_tcp(const PortAddress& name, std::string& why) {
   addrinfo hints{}, *found = nullptr;
   hints.ai_socktype = SOCK_STREAM;
   if (const int failure = ::getaddrinfo(name.host.c_str(), name.service.c_str(), &hints, &found);
@@ -107,8 +107,8 @@ bool is_only_busy(int error) { return error == EAGAIN || error == EWOULDBLOCK ||
 
 }  // namespace
 
-PortName PortName::parse(const std::string& text, unsigned baud) {
-  PortName name;
+PortAddress PortAddress::parse(const std::string& text, unsigned baud) {
+  PortAddress name;
   name.text = text;
   name.baud = baud;
   if (!speed_of(baud))
@@ -127,7 +127,7 @@ PortName PortName::parse(const std::string& text, unsigned baud) {
   return name;
 }
 
-std::optional<Port> Port::open(const PortName& name, std::string& why) {
+std::optional<Port> Port::open(const PortAddress& name, std::string& why) {
   const int descriptor = name.tcp() ? open_tcp(name, why) : open_terminal(name, why);
   if (descriptor < 0) return std::nullopt;
   return Port(descriptor, name.tcp());

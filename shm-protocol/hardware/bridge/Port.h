@@ -11,21 +11,21 @@
 namespace hardware {
 
 // What the user named: "tcp:HOST:PORT", or the path of a terminal.
-struct PortName {
+struct PortAddress {
   std::string text;
   std::string host, service;  // tcp; empty for a terminal
   unsigned baud = 115200;
 
   bool tcp() const { return !service.empty(); }
   // Throws std::invalid_argument, with one line, for what cannot be one.
-  static PortName parse(const std::string& text, unsigned baud);
+  static PortAddress parse(const std::string& text, unsigned baud);
 };
 
 class Port {
  public:
   // Nothing when the device is not there; `why` then says so. Waits for a TCP connection for at most a
   // second.
-  static std::optional<Port> open(const PortName&, std::string& why);
+  static std::optional<Port> open(const PortAddress&, std::string& why);
   ~Port();
   Port(Port&&) noexcept;
   Port& operator=(Port&&) noexcept;

@@ -102,16 +102,16 @@ std::optional<BridgeOptions> parse(int argc, char** argv) {
         o.ticks = parse<std::uint64_t>("ticks", ::optarg, 1, ~0ull, "a whole number from 1");
         break;
       case 'q':
-        o.silence = parse_seconds("silence", ::optarg);
+        o.silence_timeout = parse_seconds("silence", ::optarg);
         break;
       case 'c':
-        o.connect = parse_seconds("connect", ::optarg);
+        o.connect_timeout = parse_seconds("connect", ::optarg);
         break;
       case 'r':
-        o.replug = parse_seconds("replug", ::optarg);
+        o.reconnect_timeout = parse_seconds("replug", ::optarg);
         break;
       case 'o':
-        o.hold = true;
+        o.hold_last_frame = true;
         break;
       case 'h':
         std::fputs(kUsage, stdout);
@@ -122,7 +122,7 @@ std::optional<BridgeOptions> parse(int argc, char** argv) {
   }
   if (::optind + 1 != argc)
     throw std::invalid_argument("one DEVICE is needed: a serial line or tcp:HOST:PORT");
-  o.port = hardware::PortName::parse(argv[::optind], baud);
+  o.port = hardware::PortAddress::parse(argv[::optind], baud);
   return o;
 }
 
@@ -132,7 +132,7 @@ void print(const hardware::BridgeCounters& c) {
       "frames %llu answers %llu lost %llu passed_over %llu missed %llu unsent %llu silences %llu "
       "reconnections %llu "
       "damaged_packets %llu lost_packets %llu\n",
-      n(c.frames), n(c.answers), n(c.lost), n(c.passed_over), n(c.missed), n(c.unsent), n(c.silences),
+      n(c.frames), n(c.answers), n(c.lost), n(c.skipped), n(c.missed_deadlines), n(c.unsent), n(c.silences),
       n(c.reconnections), n(c.damaged_packets), n(c.lost_packets));
 }
 

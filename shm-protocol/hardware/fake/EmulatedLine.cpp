@@ -18,13 +18,13 @@
 namespace hardware {
 namespace {
 
-constexpr std::size_t kMostPending = std::size_t{1} << 20;  // beyond it bytes get lost, as in a device
+constexpr std::size_t kMaxPendingBytes = std::size_t{1} << 20;  // beyond it bytes get lost, as in a device
 
 [[noreturn]] void fail(const std::string& what) {
   throw std::runtime_error(what + ": " + std::strerror(errno));
 }
 
-void close_one(int& descriptor) {
+void close_descriptor(int& descriptor) {
   if (descriptor >= 0) ::close(descriptor);
   descriptor = -1;
 }
@@ -75,8 +75,8 @@ void EmulatedLine::open_listener() {
 
 void EmulatedLine::unplug() {
   if (!tcp_ && line_ >= 0) ::unlink(link_.c_str());
-  close_one(line_);
-  close_one(listener_);
+  close_descriptor(line_);
+  close_descriptor(listener_);
   pending_.clear();
 }
 
@@ -93,13 +93,13 @@ void EmulatedLine::read(std::vector<std::uint8_t>& to) {
   const ssize_t got = ::read(line_, bytes.data(), bytes.size());
   if (got > 0) to.insert(to.end(), bytes.begin(), bytes.begin() + got);
   if (got == 0 && tcp_) {  // the host hung up; the next may come
-    close_one(line_);
+    close_descriptor(line_);
     pending_.clear();
   }
 }
 
 void EmulatedLine::write(const std::vector<std::uint8_t>& bytes) {
-  if (line_ < 0 || pending_.size() + bytes.size() > kMostPending) return;
+  if (line_ < 0 || pending_.size() + bytes.size() > kMaxPendingBytes) return;
   pending_.insert(pending_.end(), bytes.begin(), bytes.end());
   if (pending_.empty()) return;
   const ssize_t put = tcp_ ? ::send(line_, pending_.data(), pending_.size(), MSG_NOSIGNAL)

@@ -13,7 +13,7 @@
 #include <thread>
 
 #include "shm-protocol/hardware/fake/EmulatedLine.h"
-#include "shm-protocol/hardware/fake/Noise.h"
+#include "shm-protocol/hardware/fake/NoisyLine.h"
 #include "shm-protocol/hardware/fake/ToyDevice.h"
 
 namespace {
@@ -119,7 +119,7 @@ class Emulator {
         from_host_(o.noise),
         to_host_(other_seed(o.noise)),
         device_(o.rows, o.columns, o.period_ms * 1000, [this](const std::uint8_t* bytes, std::size_t count) {
-          if (!silent()) to_host_.put(bytes, count, now());
+          if (!silent()) to_host_.send(bytes, count, now());
         }) {}
 
   void run() {
@@ -151,7 +151,7 @@ class Emulator {
   void wait() {
     NoisyLine::Time until = milliseconds(o_.period_ms) * (period_ + 1);
     for (const NoisyLine* line : {&from_host_, &to_host_})
-      if (const auto due = line->next()) until = std::min(until, *due);
+      if (const auto due = line->next_arrival()) until = std::min(until, *due);
     const auto left = std::chrono::ceil<milliseconds>(until - now());
     pollfd line{line_.descriptor(), POLLIN, 0};
     const int wait_ms = static_cast<int>(std::max<milliseconds::rep>(left.count(), 0));
@@ -163,12 +163,12 @@ class Emulator {
   void carry() {
     bytes_.clear();
     line_.read(bytes_);
-    if (!bytes_.empty()) from_host_.put(bytes_.data(), bytes_.size(), now());
+    if (!bytes_.empty()) from_host_.send(bytes_.data(), bytes_.size(), now());
     bytes_.clear();
-    from_host_.get(now(), bytes_);
+    from_host_.receive(now(), bytes_);
     for (const std::uint8_t byte : bytes_) device_.receive(byte);
     bytes_.clear();
-    to_host_.get(now(), bytes_);
+    to_host_.receive(now(), bytes_);
     line_.write(bytes_);
   }
 

@@ -3,14 +3,14 @@
 #include <string.h>
 
 static uint32_t elements_of(const ssd_device* d, const ssd_channel* c) {
-  return (uint32_t)d->hello.rows * d->hello.columns * c->is.components;
+  return (uint32_t)d->hello.rows * d->hello.columns * c->info.components;
 }
 
 static uint32_t frame_elements(const ssd_device* d, uint8_t direction) {
   uint32_t sum = 0;
   uint8_t i;
   for (i = 0; i < d->hello.channels; ++i)
-    if (d->channels[i].is.direction == direction) sum += elements_of(d, &d->channels[i]);
+    if (d->channels[i].info.direction == direction) sum += elements_of(d, &d->channels[i]);
   return sum;
 }
 
@@ -56,19 +56,19 @@ static void from_wire(const uint8_t* from, uint8_t dtype, void* values, uint32_t
 
 /* ---- actuators
  * -------------------------------------------------------------------------------------------------- */
-static void take_safe_values(ssd_device* d) {
+static void apply_safe_values(ssd_device* d) {
   uint8_t i, wire[4];
   uint32_t e;
   for (i = 0; i < d->hello.channels; ++i) {
     ssd_channel* c = &d->channels[i];
-    if (c->is.direction != SSW_ACTUATOR) continue;
-    if (c->is.dtype == SSW_F32) {
-      ssw_put_f32(wire, c->is.safe);
+    if (c->info.direction != SSW_ACTUATOR) continue;
+    if (c->info.dtype == SSW_F32) {
+      ssw_put_f32(wire, c->info.safe);
     } else {
-      const float raw = (c->is.safe - c->is.offset) / c->is.scale + 0.5f;
+      const float raw = (c->info.safe - c->info.offset) / c->info.scale + 0.5f;
       ssw_put_u32(wire, raw > 0.0f ? (uint32_t)raw : 0u);
     }
-    for (e = 0; e < elements_of(d, c); ++e) from_wire(wire, c->is.dtype, c->values, e);
+    for (e = 0; e < elements_of(d, c); ++e) from_wire(wire, c->info.dtype, c->values, e);
   }
   d->in_force = SSW_NONE;
   d->ready_tick = SSW_NONE;
@@ -77,23 +77,23 @@ static void take_safe_values(ssd_device* d) {
 
 /* A serial line keeps the order, so the pieces of a frame come in order or something was lost; then the rest
  * of the frame is of no use. */
-static void take_data(ssd_device* d, const ssw_packet* p) {
+static void handle_data(ssd_device* d, const ssw_packet* p) {
   uint32_t first, before = 0, count, e;
   const ssd_channel* c;
   size_t size;
   uint8_t channel, i;
   if (p->payload_bytes <= SSW_DATA_HEADER) return;
   channel = p->payload[0];
-  if (channel >= d->hello.channels || d->channels[channel].is.direction != SSW_ACTUATOR) return;
+  if (channel >= d->hello.channels || d->channels[channel].info.direction != SSW_ACTUATOR) return;
   c = &d->channels[channel];
-  size = ssw_dtype_bytes(c->is.dtype);
+  size = ssw_dtype_bytes(c->info.dtype);
   first = ssw_get_u32(p->payload + 2);
   count = (uint32_t)((p->payload_bytes - SSW_DATA_HEADER) / size);
   if ((p->payload_bytes - SSW_DATA_HEADER) % size != 0 || first > elements_of(d, c) ||
       count > elements_of(d, c) - first)
     return;
   for (i = 0; i < channel; ++i)
-    if (d->channels[i].is.direction == SSW_ACTUATOR) before += elements_of(d, &d->channels[i]);
+    if (d->channels[i].info.direction == SSW_ACTUATOR) before += elements_of(d, &d->channels[i]);
   if (before + first == 0) {
     d->frame_tick = p->tick; /* the first piece begins a frame, and discards another one that waits */
     d->frame_elements = 0;
@@ -104,11 +104,11 @@ static void take_data(ssd_device* d, const ssw_packet* p) {
     return;
   }
   for (e = 0; e < count; ++e)
-    from_wire(p->payload + SSW_DATA_HEADER + (size_t)e * size, c->is.dtype, c->next, first + e);
+    from_wire(p->payload + SSW_DATA_HEADER + (size_t)e * size, c->info.dtype, c->next, first + e);
   d->frame_elements += count;
 }
 
-static void take_end(ssd_device* d, const ssw_packet* p) {
+static void handle_end(ssd_device* d, const ssw_packet* p) {
   if (p->payload_bytes != SSW_ACTUATOR_END_BYTES) return;
   if (d->frame_tick == p->tick && d->frame_elements == frame_elements(d, SSW_ACTUATOR) &&
       ssw_get_u32(p->payload) == d->frame_elements)
@@ -116,12 +116,12 @@ static void take_end(ssd_device* d, const ssw_packet* p) {
   d->frame_tick = SSW_NONE;
 }
 
-static void put_in_force(ssd_device* d) {
+static void activate_frame(ssd_device* d) {
   uint8_t i;
   for (i = 0; i < d->hello.channels; ++i) {
     ssd_channel* c = &d->channels[i];
-    if (c->is.direction == SSW_ACTUATOR)
-      memcpy(c->values, c->next, (size_t)elements_of(d, c) * ssw_dtype_bytes(c->is.dtype));
+    if (c->info.direction == SSW_ACTUATOR)
+      memcpy(c->values, c->next, (size_t)elements_of(d, c) * ssw_dtype_bytes(c->info.dtype));
   }
   d->in_force = d->ready_tick;
   d->ready_tick = SSW_NONE;
@@ -131,7 +131,7 @@ static void put_in_force(ssd_device* d) {
  * ---------------------------------------------------------------------------------------------------- */
 static void send_channel(ssd_device* d, uint8_t index) {
   const ssd_channel* c = &d->channels[index];
-  const size_t size = ssw_dtype_bytes(c->is.dtype);
+  const size_t size = ssw_dtype_bytes(c->info.dtype);
   const uint32_t all = elements_of(d, c), most = (uint32_t)(SSW_MAX_DATA / size);
   uint8_t payload[SSW_MAX_PAYLOAD];
   uint32_t first = 0, count, e;
@@ -141,7 +141,7 @@ static void send_channel(ssd_device* d, uint8_t index) {
     payload[1] = 0;
     ssw_put_u32(payload + 2, first);
     for (e = 0; e < count; ++e)
-      to_wire(c->values, first + e, c->is.dtype, payload + SSW_DATA_HEADER + (size_t)e * size);
+      to_wire(c->values, first + e, c->info.dtype, payload + SSW_DATA_HEADER + (size_t)e * size);
     send(d, SSW_SENSOR_DATA, payload, SSW_DATA_HEADER + (size_t)count * size);
   }
 }
@@ -149,7 +149,7 @@ static void send_channel(ssd_device* d, uint8_t index) {
 static void send_frame(ssd_device* d, uint32_t flags) {
   uint8_t payload[SSW_SENSOR_END_BYTES], i;
   for (i = 0; i < d->hello.channels; ++i)
-    if (d->channels[i].is.direction == SSW_SENSOR) send_channel(d, i);
+    if (d->channels[i].info.direction == SSW_SENSOR) send_channel(d, i);
   ssw_put_u32(payload, frame_elements(d, SSW_SENSOR));
   ssw_put_u32(payload + 4, flags);
   ssw_put_u32(payload + 8, d->missed);
@@ -162,7 +162,7 @@ static void describe(ssd_device* d) {
   ssw_put_hello(&d->hello, payload);
   send(d, SSW_HELLO, payload, SSW_HELLO_BYTES);
   for (i = 0; i < d->hello.channels; ++i) {
-    ssw_put_channel(&d->channels[i].is, payload);
+    ssw_put_channel(&d->channels[i].info, payload);
     send(d, SSW_CHANNEL, payload, SSW_CHANNEL_BYTES);
   }
 }
@@ -179,9 +179,9 @@ void ssd_init(ssd_device* d, const ssw_hello* hello, ssd_channel* channels, uint
   d->channels = channels;
   d->write = write;
   d->context = context;
-  for (i = 0; i < count; ++i) channels[i].is.index = i;
+  for (i = 0; i < count; ++i) channels[i].info.index = i;
   ssw_receiver_init(&d->receiver);
-  take_safe_values(d);
+  apply_safe_values(d);
 }
 
 void ssd_receive(ssd_device* d, uint8_t byte) {
@@ -197,13 +197,13 @@ void ssd_receive(ssd_device* d, uint8_t byte) {
       break;
     case SSW_STOP:
       d->running = 0;
-      take_safe_values(d);
+      apply_safe_values(d);
       break;
     case SSW_ACTUATOR_DATA:
-      take_data(d, &packet);
+      handle_data(d, &packet);
       break;
     case SSW_ACTUATOR_END:
-      take_end(d, &packet);
+      handle_end(d, &packet);
       break;
     default:
       break; /* a heartbeat, or of a newer version */
@@ -214,14 +214,14 @@ void ssd_period(ssd_device* d) {
   uint32_t flags = 0;
   if (!d->running) return;
   if (d->silent < SSD_PATIENCE) ++d->silent;
-  if (d->silent >= SSD_PATIENCE) take_safe_values(d);
+  if (d->silent >= SSD_PATIENCE) apply_safe_values(d);
   /* The frame of a period before is late, but newer than what is in force. */
   if (d->tick != 0) {
     if (d->ready_tick != d->tick) {
       ++d->missed;
       flags |= SSW_MISSED;
     }
-    if (d->ready_tick != SSW_NONE) put_in_force(d);
+    if (d->ready_tick != SSW_NONE) activate_frame(d);
   }
   if (d->in_force == SSW_NONE) flags |= SSW_SAFE;
   ++d->tick;

@@ -27,7 +27,7 @@ extern "C" {
 #define SSD_PATIENCE 16u
 
 typedef struct ssd_channel {
-  ssw_channel is; /* index is filled in by ssd_init */
+  ssw_channel info; /* index is filled in by ssd_init */
   /* rows × columns × components elements of the dtype, each component a whole plane, row 0 north, in the
    * processor's own byte order. Sensors: what ssd_period sends. Actuators: the values in force. */
   void* values;

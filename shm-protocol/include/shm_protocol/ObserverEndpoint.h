@@ -36,7 +36,7 @@ class ObserverEndpoint {
   // Copies the newest whole frame of that direction: kOk; kRepeated when there is none newer than the one
   // copied last; kTorn when the writer came round the ring during each of several tries (the frame before
   // stands); kSurfaceDead and kSurfaceClosed when there is none newer and none will come.
-  [[nodiscard]] Status look(Direction) noexcept;
+  [[nodiscard]] Status latest(Direction) noexcept;
 
   // Looks once a millisecond until there is a newer frame: else as look(), kTimeout or kInterrupted.
   [[nodiscard]] Status await(Direction, const WaitOptions& = {}) noexcept;

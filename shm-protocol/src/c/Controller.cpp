@@ -1,6 +1,6 @@
 #include <utility>
 
-#include "Translate.h"
+#include "Conversion.h"
 #include "shm_protocol/ControllerEndpoint.h"
 
 using namespace shm_protocol;
@@ -18,7 +18,7 @@ ssp_result ssp_controller_attach(const char* name, int64_t timeout_ns, const ssp
   *out = nullptr;
   if (!name) return c::null_argument();
   return c::guarded([&] {
-    *out = new ssp_controller(ControllerEndpoint::attach(name, c::attach_of(timeout_ns, stop)));
+    *out = new ssp_controller(ControllerEndpoint::attach(name, c::to_attach_options(timeout_ns, stop)));
     return SSP_OK;
   });
 }
@@ -31,7 +31,7 @@ void ssp_controller_detach(ssp_controller* controller) { delete controller; }
 ssp_result ssp_controller_reconnect(ssp_controller* k, int64_t timeout_ns, const ssp_stop* stop) {
   if (!k) return c::null_argument();
   return c::guarded([&] {
-    k->endpoint.reconnect(c::attach_of(timeout_ns, stop));
+    k->endpoint.reconnect(c::to_attach_options(timeout_ns, stop));
     return SSP_OK;
   });
 }
@@ -47,15 +47,16 @@ int ssp_controller_find(const ssp_controller* k, uint32_t direction, const char*
 }
 
 ssp_result ssp_controller_await(ssp_controller* k, int64_t timeout_ns, const ssp_stop* stop) {
-  return k ? c::result_of(k->endpoint.await_sensors(c::wait_of(timeout_ns, stop))) : c::null_argument();
+  return k ? c::to_result(k->endpoint.await_sensors(c::to_wait_options(timeout_ns, stop)))
+           : c::null_argument();
 }
 ssp_result ssp_controller_latest(ssp_controller* k) {
-  return k ? c::result_of(k->endpoint.latest_sensors()) : c::null_argument();
+  return k ? c::to_result(k->endpoint.latest_sensors()) : c::null_argument();
 }
 
 const void* ssp_controller_sensor(const ssp_controller* k, int channel, size_t* bytes) {
   if (bytes) *bytes = 0;
-  const ChannelSpec* spec = k ? c::channel_of(k->endpoint.description(), channel) : nullptr;
+  const ChannelSpec* spec = k ? c::find_channel(k->endpoint.description(), channel) : nullptr;
   if (!spec || spec->direction != Direction::kSensor || k->endpoint.sensor_info().frame == 0) return nullptr;
   return c::address_of(spec->dtype, bytes, [&]<class T>() { return k->endpoint.sensor<T>(channel); });
 }
@@ -66,7 +67,7 @@ ssp_result ssp_controller_frame(const ssp_controller* k, ssp_frame_info* out) {
 }
 void* ssp_controller_actuator(ssp_controller* k, int channel, size_t* bytes) {
   if (bytes) *bytes = 0;
-  const ChannelSpec* spec = k ? c::channel_of(k->endpoint.description(), channel) : nullptr;
+  const ChannelSpec* spec = k ? c::find_channel(k->endpoint.description(), channel) : nullptr;
   if (!spec || spec->direction != Direction::kActuator) return nullptr;
   return c::address_of(spec->dtype, bytes, [&]<class T>() { return k->endpoint.actuator<T>(channel); });
 }
@@ -76,10 +77,10 @@ ssp_result ssp_controller_write(ssp_controller* k, int channel, size_t at, const
 }
 const void* ssp_controller_next(ssp_controller* k, int channel, int64_t timeout_ns, const ssp_stop* stop,
                                 size_t* bytes) {
-  return c::next(k, channel, Direction::kSensor, c::wait_of(timeout_ns, stop), bytes);
+  return c::next(k, channel, Direction::kSensor, c::to_wait_options(timeout_ns, stop), bytes);
 }
 ssp_result ssp_controller_publish(ssp_controller* k) {
-  return k ? c::result_of(k->endpoint.publish()) : c::null_argument();
+  return k ? c::to_result(k->endpoint.publish()) : c::null_argument();
 }
 
 ssp_result ssp_controller_set_state(ssp_controller* k, uint32_t state) {
@@ -89,7 +90,7 @@ ssp_result ssp_controller_set_state(ssp_controller* k, uint32_t state) {
   return SSP_OK;
 }
 ssp_result ssp_controller_surface_status(ssp_controller* k) {
-  return k ? c::result_of(k->endpoint.surface_status()) : c::null_argument();
+  return k ? c::to_result(k->endpoint.surface_status()) : c::null_argument();
 }
 uint32_t ssp_controller_surface_state(const ssp_controller* k) {
   return k ? static_cast<uint32_t>(k->endpoint.surface_state()) : uint32_t{SSP_STATE_NONE};

@@ -1,6 +1,6 @@
 #include <utility>
 
-#include "Translate.h"
+#include "Conversion.h"
 #include "shm_protocol/ObserverEndpoint.h"
 
 using namespace shm_protocol;
@@ -25,7 +25,7 @@ ssp_result ssp_observer_open(const char* name, int64_t timeout_ns, const ssp_sto
   *out = nullptr;
   if (!name) return c::null_argument();
   return c::guarded([&] {
-    *out = new ssp_observer(ObserverEndpoint::attach(name, c::attach_of(timeout_ns, stop)));
+    *out = new ssp_observer(ObserverEndpoint::attach(name, c::to_attach_options(timeout_ns, stop)));
     return SSP_OK;
   });
 }
@@ -43,17 +43,18 @@ int ssp_observer_find(const ssp_observer* o, uint32_t direction, const char* nam
 ssp_result ssp_observer_look(ssp_observer* o, uint32_t direction) {
   if (!o) return c::null_argument();
   if (!is_direction(direction)) return wrong_direction();
-  return c::result_of(o->endpoint.look(static_cast<Direction>(direction)));
+  return c::to_result(o->endpoint.latest(static_cast<Direction>(direction)));
 }
 ssp_result ssp_observer_await(ssp_observer* o, uint32_t direction, int64_t timeout_ns, const ssp_stop* stop) {
   if (!o) return c::null_argument();
   if (!is_direction(direction)) return wrong_direction();
-  return c::result_of(o->endpoint.await(static_cast<Direction>(direction), c::wait_of(timeout_ns, stop)));
+  return c::to_result(
+      o->endpoint.await(static_cast<Direction>(direction), c::to_wait_options(timeout_ns, stop)));
 }
 
 const void* ssp_observer_array(const ssp_observer* o, int channel, size_t* bytes) {
   if (bytes) *bytes = 0;
-  const ChannelSpec* spec = o ? c::channel_of(o->endpoint.description(), channel) : nullptr;
+  const ChannelSpec* spec = o ? c::find_channel(o->endpoint.description(), channel) : nullptr;
   if (!spec) return nullptr;
   return c::address_of(spec->dtype, bytes, [&]<class T>() { return o->endpoint.array<T>(channel); });
 }

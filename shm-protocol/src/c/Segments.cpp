@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "Translate.h"
+#include "Conversion.h"
 
 using namespace shm_protocol;
 
@@ -13,7 +13,7 @@ static_assert(static_cast<int>(Ownership::kLiving) == SSP_LIVING &&
 
 namespace {
 
-ssp_result hand_out(const std::vector<SegmentInfo>& from, ssp_segment_info* to, size_t capacity,
+ssp_result copy_out(const std::vector<SegmentInfo>& from, ssp_segment_info* to, size_t capacity,
                     size_t* count) {
   *count = from.size();
   for (std::size_t i = 0; i < std::min(capacity, from.size()); ++i) {
@@ -37,14 +37,14 @@ extern "C" {
 ssp_result ssp_list(ssp_segment_info* found, size_t capacity, size_t* count) {
   if (!count || (capacity && !found)) return c::null_argument();
   *count = 0;
-  return c::guarded([&] { return hand_out(list_segments(), found, capacity, count); });
+  return c::guarded([&] { return copy_out(list_segments(), found, capacity, count); });
 }
 
 ssp_result ssp_clean(const char* prefix, ssp_segment_info* removed, size_t capacity, size_t* count) {
   if (!count) return c::null_argument();
   *count = 0;
   return c::guarded(
-      [&] { return hand_out(remove_orphans(prefix ? prefix : ""), removed, removed ? capacity : 0, count); });
+      [&] { return copy_out(remove_orphans(prefix ? prefix : ""), removed, removed ? capacity : 0, count); });
 }
 
 }  // extern "C"

@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "Translate.h"
+#include "Conversion.h"
 
 using namespace shm_protocol;
 
@@ -79,7 +79,7 @@ int ssp_surface_find(const ssp_surface* s, uint32_t direction, const char* name)
 
 void* ssp_surface_sensor(ssp_surface* s, int channel, size_t* bytes) {
   if (bytes) *bytes = 0;
-  const ChannelSpec* spec = s ? c::channel_of(s->endpoint.description(), channel) : nullptr;
+  const ChannelSpec* spec = s ? c::find_channel(s->endpoint.description(), channel) : nullptr;
   if (!spec || spec->direction != Direction::kSensor) return nullptr;
   return c::address_of(spec->dtype, bytes, [&]<class T>() { return s->endpoint.sensor<T>(channel); });
 }
@@ -89,26 +89,27 @@ ssp_result ssp_surface_write(ssp_surface* s, int channel, size_t at, const void*
   return c::write(s->endpoint, channel, Direction::kSensor, at, values, bytes);
 }
 ssp_result ssp_surface_publish(ssp_surface* s, uint64_t tick, double time_s, uint32_t status) {
-  return s ? c::result_of(s->endpoint.publish(tick, time_s, status)) : c::null_argument();
+  return s ? c::to_result(s->endpoint.publish(tick, time_s, status)) : c::null_argument();
 }
 ssp_result ssp_surface_await(ssp_surface* s, uint64_t tick, int64_t timeout_ns, const ssp_stop* stop) {
-  return s ? c::result_of(s->endpoint.await_actuators(tick, c::wait_of(timeout_ns, stop)))
+  return s ? c::to_result(s->endpoint.await_actuators(tick, c::to_wait_options(timeout_ns, stop)))
            : c::null_argument();
 }
 const void* ssp_surface_next(ssp_surface* s, int channel, int64_t timeout_ns, const ssp_stop* stop,
                              size_t* bytes) {
-  return c::next(s, channel, Direction::kActuator, c::wait_of(timeout_ns, stop), bytes);
+  return c::next(s, channel, Direction::kActuator, c::to_wait_options(timeout_ns, stop), bytes);
 }
 ssp_result ssp_surface_latest(ssp_surface* s) {
-  return s ? c::result_of(s->endpoint.latest_actuators()) : c::null_argument();
+  return s ? c::to_result(s->endpoint.latest_actuators()) : c::null_argument();
 }
 ssp_result ssp_surface_await_controller(ssp_surface* s, int64_t timeout_ns, const ssp_stop* stop) {
-  return s ? c::result_of(s->endpoint.await_controller(c::wait_of(timeout_ns, stop))) : c::null_argument();
+  return s ? c::to_result(s->endpoint.await_controller(c::to_wait_options(timeout_ns, stop)))
+           : c::null_argument();
 }
 
 const void* ssp_surface_actuator(const ssp_surface* s, int channel, size_t* bytes) {
   if (bytes) *bytes = 0;
-  const ChannelSpec* spec = s ? c::channel_of(s->endpoint.description(), channel) : nullptr;
+  const ChannelSpec* spec = s ? c::find_channel(s->endpoint.description(), channel) : nullptr;
   if (!spec || spec->direction != Direction::kActuator) return nullptr;
   return c::address_of(spec->dtype, bytes, [&]<class T>() { return s->endpoint.actuator<T>(channel); });
 }

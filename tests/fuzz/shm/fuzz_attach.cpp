@@ -5,8 +5,8 @@
 #include <memory>
 
 #include "Patches.h"
-#include "shm-protocol/src/Geometry.h"
-#include "shm-protocol/src/Ring.h"
+#include "shm-protocol/src/ring/Ring.h"
+#include "shm-protocol/src/segment/SegmentLayout.h"
 #include "shm_protocol/Error.h"
 
 namespace {
@@ -29,11 +29,11 @@ SurfaceConfig config() {
 volatile std::uint8_t sink;
 
 // Reads the first and the last byte of every array of every slot: AddressSanitizer says when one is outside.
-void read_all(const Geometry& g, std::span<const std::byte> segment) {
-  for (const auto& [ring, direction] : {std::pair{RingView::of_sensors(g, segment.data()), SSP_SENSOR},
-                                        {RingView::of_actuators(g, segment.data()), SSP_ACTUATOR}})
+void read_all(const SegmentLayout& g, std::span<const std::byte> segment) {
+  for (const auto& [ring, direction] : {std::pair{RingView::sensor_ring(g, segment.data()), SSP_SENSOR},
+                                        {RingView::actuator_ring(g, segment.data()), SSP_ACTUATOR}})
     for (std::uint32_t frame = 0; frame < SSP_MAX_SLOTS; ++frame) {
-      const FrameInfo stamp = ring.stamp(frame);
+      const FrameInfo stamp = ring.read_info(frame);
       if (stamp.frame != 0 && static_cast<std::uint32_t>(stamp.frame) != frame) std::abort();
       for (const auto& c : g.channels) {
         if (c.direction != static_cast<std::uint32_t>(direction)) continue;
@@ -50,8 +50,8 @@ void read_all(const Geometry& g, std::span<const std::byte> segment) {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   static const SurfaceConfig kConfig = config();
-  static const Geometry kPlan = [] {
-    Geometry g = plan(kConfig);
+  static const SegmentLayout kPlan = [] {
+    SegmentLayout g = plan_layout(kConfig);
     g.identity.surface_process = 1;
     g.identity.session = 1;
     return g;
@@ -64,7 +64,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   std::unique_ptr<std::byte, decltype(&std::free)> memory(
       static_cast<std::byte*>(std::aligned_alloc(4096, (real + 4095) / 4096 * 4096)), &std::free);
   std::fill_n(memory.get(), real, std::byte{0});
-  write_fixed_part(kPlan, kConfig, {memory.get(), real});
+  write_layout(kPlan, kConfig, {memory.get(), real});
   auto& header = *reinterpret_cast<ssp_header*>(memory.get());
   header.identity.version = SSP_VERSION;
   // Header, directory and positions; a place beyond them wraps.
@@ -84,7 +84,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   std::copy_n(memory.get(), bytes, exact.get());
   const std::span<const std::byte> segment(exact.get(), bytes);
   try {
-    if (const auto g = read_fixed_part(segment, "fuzz")) {
+    if (const auto g = read_layout(segment, "fuzz")) {
       if (describe(*g, segment).channels.size() != g->channels.size()) std::abort();
       read_all(*g, segment);
     }

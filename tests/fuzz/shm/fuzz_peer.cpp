@@ -18,16 +18,16 @@ namespace {
 using namespace shm_protocol;
 
 // The segment as a stranger of the same user maps it.
-class Stranger {
+class RawMapping {
  public:
-  explicit Stranger(const std::string& name) {
+  explicit RawMapping(const std::string& name) {
     const int file = ::open(("/dev/shm/smartsurf." + name).c_str(), O_RDWR | O_CLOEXEC);
     bytes_ = static_cast<std::size_t>(::lseek(file, 0, SEEK_END));
     memory_ = ::mmap(nullptr, bytes_, PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
     ::close(file);
     if (memory_ == MAP_FAILED) std::abort();
   }
-  ~Stranger() { ::munmap(memory_, bytes_); }
+  ~RawMapping() { ::munmap(memory_, bytes_); }
   std::span<std::byte> all() { return {static_cast<std::byte*>(memory_), bytes_}; }
 
  private:
@@ -46,8 +46,8 @@ void use(SurfaceEndpoint& surface, ControllerEndpoint& controller, ObserverEndpo
   if (what & 8) (void)controller.publish();
   if (what & 16) (void)surface.await_actuators(tick, kNow);
   if (what & 32) (void)surface.latest_actuators();
-  if (what & 64) (void)observer.look(Direction::kSensor);
-  if (what & 128) (void)observer.look(Direction::kActuator);
+  if (what & 64) (void)observer.latest(Direction::kSensor);
+  if (what & 128) (void)observer.latest(Direction::kActuator);
   surface.sensor(0)[0] = 1.0f;
   controller.actuator(1)[0] = 1.0f;
   sink = controller.sensor(0).back() + observer.array(0).back() + observer.array(1).back();
@@ -71,7 +71,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   auto surface = SurfaceEndpoint::create(config);
   auto controller = ControllerEndpoint::attach(config.name);
   auto observer = ObserverEndpoint::attach(config.name);
-  Stranger stranger(config.name);
+  RawMapping stranger(config.name);
   std::uint64_t tick = 0;
   do {
     use(surface, controller, observer, patches.byte(), tick++);

@@ -37,14 +37,14 @@ TEST(Death, ControllersAreKilledAndOthersGoOnInTheSameSession) {
   for (int life = 0; life < 60; ++life) {
     Peer controller([&] {
       auto mine = ControllerEndpoint::attach(config.name, {.timeout = 20s});
-      return mine.description().session == session && serve(mine, kForEver) == Status::kOk ? 0 : 1;
+      return mine.description().session == session && serve(mine, kForever) == Status::kOk ? 0 : 1;
     });
     ASSERT_EQ(surface.await_controller({.timeout = 20s}), Status::kOk);
     Peer killer = killer_of(controller, static_cast<unsigned>(random() % 3000));
     // The frame that the predecessor left unanswered comes first.
     Status s = tick == 0 ? Status::kOk : surface.await_actuators(tick - 1, {.timeout = 100s});
     while (s == Status::kOk) {
-      s = turn(surface, tick);
+      s = run_tick(surface, tick);
       ++tick;
       if (s == Status::kOk) ++answered_ticks;
     }
@@ -52,7 +52,7 @@ TEST(Death, ControllersAreKilledAndOthersGoOnInTheSameSession) {
     EXPECT_EQ(controller.wait(), -SIGKILL);
     // What stands is the last frame that was taken in whole.
     if (surface.actuator_info().frame != 0) {
-      EXPECT_TRUE(holds(surface.actuator(1), surface.actuator_info().tick, commanded));
+      EXPECT_TRUE(matches(surface.actuator(1), surface.actuator_info().tick, commanded));
     }
     EXPECT_FALSE(surface.has_controller());
   }
@@ -70,7 +70,7 @@ TEST(Death, PassiveSurfaceNoticesAndAcceptsTheNext) {
   for (int life = 0; life < 15; ++life) {
     Peer controller([&] {
       auto mine = ControllerEndpoint::attach(config.name, {.timeout = 20s});
-      return static_cast<int>(serve(mine, kForEver));
+      return static_cast<int>(serve(mine, kForever));
     });
     ASSERT_EQ(surface.await_controller({.timeout = 20s}), Status::kOk);
     Peer killer = killer_of(controller, static_cast<unsigned>(random() % 3000));
@@ -80,7 +80,7 @@ TEST(Death, PassiveSurfaceNoticesAndAcceptsTheNext) {
       ASSERT_EQ(surface.publish(tick++, 0.0), Status::kOk);
       s = surface.latest_actuators();
       if (s == Status::kOk) {
-        ASSERT_TRUE(holds(surface.actuator(1), surface.actuator_info().tick, commanded));
+        ASSERT_TRUE(matches(surface.actuator(1), surface.actuator_info().tick, commanded));
       }
       ::usleep(20);
     }
@@ -97,7 +97,7 @@ TEST(Death, SurfacesAreKilledAndTheControllerFindsTheNext) {
     return Peer([&] {
       auto own = SurfaceEndpoint::create(config);
       Status s = own.await_controller({.timeout = 20s});
-      for (std::uint64_t tick = 0; s == Status::kOk; ++tick) s = turn(own, tick);
+      for (std::uint64_t tick = 0; s == Status::kOk; ++tick) s = run_tick(own, tick);
       return static_cast<int>(s);
     });
   };
@@ -112,7 +112,7 @@ TEST(Death, SurfacesAreKilledAndTheControllerFindsTheNext) {
             std::make_unique<ControllerEndpoint>(ControllerEndpoint::attach(config.name, {.timeout = 20s}));
       EXPECT_EQ(controller->description().surface_pid, static_cast<std::uint32_t>(surface.pid()));
       Peer killer = killer_of(surface, static_cast<unsigned>(random() % 3000));
-      EXPECT_EQ(serve(*controller, kForEver), Status::kSurfaceDead);
+      EXPECT_EQ(serve(*controller, kForever), Status::kSurfaceDead);
       EXPECT_EQ(surface.wait(), -SIGKILL);
       EXPECT_TRUE(exists(file_path(config.name)));  // left behind; the next one reclaims it
     }
@@ -141,7 +141,7 @@ TEST(Death, SurfacesKilledWhileTheyAreBuiltLeaveTheNameUsable) {
 }
 
 // The controller answers each piece as it comes; half the answer is in the surface's hands when it is killed.
-Status serve_in_pieces(ControllerEndpoint& controller, std::vector<float>& out) {
+Status serve_chunked(ControllerEndpoint& controller, std::vector<float>& out) {
   for (;;) {
     std::size_t at = 0;
     for (auto in = controller.next_cells(0); !in.empty(); in = controller.next_cells(0)) {
@@ -167,7 +167,7 @@ TEST(Death, OfAControllerInTheMiddleOfAnAnswerLeavesNoMixture) {
   for (int life = 0; life < 25; ++life) {
     Peer controller([&] {
       auto mine = ControllerEndpoint::attach(config.name, {.timeout = 20s});
-      return static_cast<int>(serve_in_pieces(mine, out));
+      return static_cast<int>(serve_chunked(mine, out));
     });
     ASSERT_EQ(surface.await_controller({.timeout = 20s}), Status::kOk);
     Peer killer = killer_of(controller, static_cast<unsigned>(random() % 2000));
@@ -208,10 +208,10 @@ TEST(Death, OfEitherSideIsNoticedWithinASecond) {
   {
     Peer controller([&] {
       auto mine = ControllerEndpoint::attach(config.name, {.timeout = 20s});
-      return static_cast<int>(serve(mine, kForEver));
+      return static_cast<int>(serve(mine, kForever));
     });
     ASSERT_EQ(surface->await_controller({.timeout = 20s}), Status::kOk);
-    ASSERT_EQ(turn(*surface, 0), Status::kOk);
+    ASSERT_EQ(run_tick(*surface, 0), Status::kOk);
     controller.signal(SIGKILL);
     controller.wait();
     ASSERT_EQ(surface->publish(1, 0.0), Status::kOk);
@@ -235,10 +235,10 @@ TEST(Death, KilledWhileStoppedIsNoticedToo) {
   auto surface = SurfaceEndpoint::create(config);
   Peer controller([&] {
     auto mine = ControllerEndpoint::attach(config.name, {.timeout = 20s});
-    return static_cast<int>(serve(mine, kForEver));
+    return static_cast<int>(serve(mine, kForever));
   });
   ASSERT_EQ(surface.await_controller({.timeout = 20s}), Status::kOk);
-  ASSERT_EQ(turn(surface, 0), Status::kOk);
+  ASSERT_EQ(run_tick(surface, 0), Status::kOk);
   controller.signal(SIGSTOP);
   ASSERT_EQ(surface.publish(1, 0.0), Status::kOk);
   EXPECT_EQ(surface.await_actuators(1, {.timeout = 300ms}), Status::kTimeout);  // alive, only stopped

@@ -49,14 +49,14 @@ class Checksum {
 };
 
 // What one side has to tell at its end.
-struct Account {
+struct ResourceUsage {
   std::uint64_t ticks = 0, sensors = 0, actuators = 0;
   long pages_early = 0, pages_late = 0;
 };
 
 // Keeps the account of a side: `turn` is called for each tick and adds to the two sums.
 template <class Turn>
-int keep(Account& account, std::uint64_t ticks, Turn&& turn) {
+int keep(ResourceUsage& account, std::uint64_t ticks, Turn&& turn) {
   Checksum sensors, actuators;
   (void)resident_pages();  // the first look brings in pages of its own
   for (std::uint64_t tick = 0; tick < ticks; ++tick) {
@@ -71,8 +71,8 @@ TEST(Endurance, MemoryStaysFlatAndBothSidesSawTheSameBytes) {
   auto config = pair_config("endurance");
   config.rows = config.columns = 4;
   const auto ticks = full<std::uint64_t>(10'000'000, 30'000);
-  auto* accounts = static_cast<Account*>(
-      ::mmap(nullptr, 2 * sizeof(Account), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0));
+  auto* accounts = static_cast<ResourceUsage*>(
+      ::mmap(nullptr, 2 * sizeof(ResourceUsage), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0));
   ASSERT_NE(accounts, MAP_FAILED);
   Peer surface([&] {
     auto own = SurfaceEndpoint::create(config);
@@ -99,12 +99,12 @@ TEST(Endurance, MemoryStaysFlatAndBothSidesSawTheSameBytes) {
   });
   EXPECT_EQ(surface.wait(), 0);
   EXPECT_EQ(controller.wait(), 0);
-  const Account a = accounts[0], b = accounts[1];
-  ::munmap(accounts, 2 * sizeof(Account));
+  const ResourceUsage a = accounts[0], b = accounts[1];
+  ::munmap(accounts, 2 * sizeof(ResourceUsage));
   EXPECT_EQ(a.ticks, ticks);
   EXPECT_EQ(a.sensors, b.sensors);
   EXPECT_EQ(a.actuators, b.actuators);
-  for (const Account& side : {a, b}) EXPECT_LE(side.pages_late, side.pages_early + 16);
+  for (const ResourceUsage& side : {a, b}) EXPECT_LE(side.pages_late, side.pages_early + 16);
   RecordProperty("pages_surface", std::to_string(a.pages_late));
   RecordProperty("pages_controller", std::to_string(b.pages_late));
 }

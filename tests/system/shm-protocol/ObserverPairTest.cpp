@@ -5,8 +5,8 @@
 #include <filesystem>
 #include <random>
 
+#include "tests/system/shm-protocol/ObserverCheck.h"
 #include "tests/system/shm-protocol/Peer.h"
-#include "tests/system/shm-protocol/Watch.h"
 #include "tests/unit/shm-protocol/RawSegment.h"
 
 namespace shm_protocol {
@@ -22,19 +22,19 @@ TEST(ObserverPair, ComingStoppedAndKilledTheyDisturbNobody) {
   Peer surface([&] {
     auto own = SurfaceEndpoint::create(config);
     Status s = own.await_controller({.timeout = 20s});
-    for (std::uint64_t tick = 0; s == Status::kOk && tick < kTicks; ++tick) s = turn(own, tick);
+    for (std::uint64_t tick = 0; s == Status::kOk && tick < kTicks; ++tick) s = run_tick(own, tick);
     return s == Status::kOk && own.counters().clamped == 0 ? 0 : 1;
   });
   Peer faithful([&] {
     std::uint64_t seen = 0;
-    const int wrong = watch(config.name, seen);
+    const int wrong = check_observed_frames(config.name, seen);
     return wrong ? wrong : seen > 0 ? 0 : 4;
   });
   std::mt19937 random(17);
   for (int life = 0; life < 30; ++life) {
     Peer passing([&] {
       std::uint64_t seen = 0;
-      return watch(config.name, seen);
+      return check_observed_frames(config.name, seen);
     });
     ::usleep(static_cast<unsigned>(random() % 3000));
     if (life % 3 == 0) {
@@ -66,7 +66,7 @@ TEST(ObserverPair, NoticesThatTheSurfaceWasKilled) {
   surface.wait();
   EXPECT_EQ(observer.await(Direction::kSensor, {.timeout = 20s}), Status::kSurfaceDead);
   EXPECT_EQ(observer.surface_state(), State::kDead);
-  EXPECT_TRUE(holds(observer.array(0), 0, sensed));  // the last frame stands
+  EXPECT_TRUE(matches(observer.array(0), 0, sensed));  // the last frame stands
   std::string what;
   EXPECT_EQ(error_of([&] { ObserverEndpoint::attach(config.name); }, &what), ErrorCode::kNotFound);
   EXPECT_NE(what.find("is dead"), std::string::npos) << what;

@@ -24,7 +24,7 @@ int run_controller(const std::string& name, std::uint64_t last_tick) {
 int run_surface(const SurfaceConfig& config, std::uint64_t ticks) {
   auto surface = SurfaceEndpoint::create(config);
   Status s = surface.await_controller({.timeout = 20s});
-  for (std::uint64_t tick = 0; s == Status::kOk && tick < ticks; ++tick) s = turn(surface, tick);
+  for (std::uint64_t tick = 0; s == Status::kOk && tick < ticks; ++tick) s = run_tick(surface, tick);
   if (s != Status::kOk) std::fprintf(stderr, "surface: %s\n", text(s));
   return s == Status::kOk ? 0 : 1;
 }
@@ -92,7 +92,7 @@ TEST(Pair, PassiveFramesAreWholeAndEachIsSeenOrCounted) {
         fill(own.sensor(0), tick, sensed);
         if (own.publish(tick, 0.0) != Status::kOk) return 2;
         const Status s = own.latest_actuators();
-        if (s == Status::kOk && !holds(own.actuator(1), own.actuator_info().tick, commanded)) return 3;
+        if (s == Status::kOk && !matches(own.actuator(1), own.actuator_info().tick, commanded)) return 3;
         if (s != Status::kOk && s != Status::kRepeated) return 4;
         if (own.actuator_info().tick > tick) return 5;
         ::usleep(50);
@@ -110,7 +110,7 @@ TEST(Pair, PassiveFramesAreWholeAndEachIsSeenOrCounted) {
         s = mine.await_sensors({.timeout = 20s});
         if (s != Status::kOk) break;
         const auto& info = mine.sensor_info();
-        EXPECT_TRUE(holds(mine.sensor(0), info.tick, sensed)) << info.tick;
+        EXPECT_TRUE(matches(mine.sensor(0), info.tick, sensed)) << info.tick;
         EXPECT_GT(info.frame, last);
         if (seen++ == 0) first = info.frame;
         last = info.frame;
@@ -176,7 +176,7 @@ TEST(Pair, SurfaceThatEndsInGoodOrderLeavesNothing) {
   const auto config = pair_config("order");
   Peer surface([&] { return run_surface(config, 100); });
   auto controller = ControllerEndpoint::attach(config.name, kSoon);
-  EXPECT_EQ(serve(controller, kForEver), Status::kSurfaceClosed);
+  EXPECT_EQ(serve(controller, kForever), Status::kSurfaceClosed);
   EXPECT_EQ(surface.wait(), 0);
   EXPECT_FALSE(exists(file_path(config.name)));
 }

@@ -76,7 +76,7 @@ inline float commanded(std::uint64_t tick, std::size_t cell) {
 }
 
 template <class Expected>
-bool holds(std::span<const float> values, std::uint64_t tick, Expected expected) {
+bool matches(std::span<const float> values, std::uint64_t tick, Expected expected) {
   for (std::size_t i = 0; i < values.size(); ++i)
     if (values[i] != expected(tick, i)) return false;
   return true;
@@ -92,7 +92,7 @@ inline Status serve(ControllerEndpoint& controller, std::uint64_t until_tick) {
   for (;;) {
     if (const Status s = controller.await_sensors({.timeout = 100s}); s != Status::kOk) return s;
     const std::uint64_t tick = controller.sensor_info().tick;
-    if (!holds(controller.sensor(0), tick, sensed)) return Status::kTorn;
+    if (!matches(controller.sensor(0), tick, sensed)) return Status::kTorn;
     fill(controller.actuator(1), tick, commanded);
     if (const Status s = controller.publish(); s != Status::kOk) return s;
     if (tick >= until_tick) return Status::kOk;
@@ -100,13 +100,13 @@ inline Status serve(ControllerEndpoint& controller, std::uint64_t until_tick) {
 }
 
 // One tick of the surface's side; kTorn when a value of the answer was wrong.
-inline Status turn(SurfaceEndpoint& surface, std::uint64_t tick) {
+inline Status run_tick(SurfaceEndpoint& surface, std::uint64_t tick) {
   fill(surface.sensor(0), tick, sensed);
   if (const Status s = surface.publish(tick, static_cast<double>(tick) * 1e-3); s != Status::kOk) return s;
   if (const Status s = surface.await_actuators(tick, {.timeout = 100s}); s != Status::kOk) return s;
-  return holds(surface.actuator(1), tick, commanded) ? Status::kOk : Status::kTorn;
+  return matches(surface.actuator(1), tick, commanded) ? Status::kOk : Status::kTorn;
 }
 
-constexpr std::uint64_t kForEver = ~std::uint64_t{0};
+constexpr std::uint64_t kForever = ~std::uint64_t{0};
 
 }  // namespace shm_protocol

@@ -6,8 +6,8 @@
 #include <filesystem>
 #include <random>
 
+#include "tests/system/shm-protocol/ObserverCheck.h"
 #include "tests/system/shm-protocol/Peer.h"
-#include "tests/system/shm-protocol/Watch.h"
 #include "tests/unit/shm-protocol/RawSegment.h"
 
 namespace shm_protocol {
@@ -29,7 +29,7 @@ TEST(Soak, TicksWithEveryFrameChecked) {
   Peer surface([&] {
     auto own = SurfaceEndpoint::create(config);
     Status s = own.await_controller({.timeout = 20s});
-    for (std::uint64_t tick = 0; s == Status::kOk && tick < ticks; ++tick) s = turn(own, tick);
+    for (std::uint64_t tick = 0; s == Status::kOk && tick < ticks; ++tick) s = run_tick(own, tick);
     return s == Status::kOk && own.counters().clamped == 0 && own.actuator_info().frame == ticks ? 0 : 1;
   });
   Peer controller([&] {
@@ -40,7 +40,7 @@ TEST(Soak, TicksWithEveryFrameChecked) {
   for (int life = 0; life < 10; ++life) {
     Peer observer([&] {
       std::uint64_t seen = 0;
-      return watch(config.name, seen);
+      return check_observed_frames(config.name, seen);
     });
     ::usleep(static_cast<unsigned>(random() % 20'000));
     observer.signal(SIGKILL);
@@ -70,9 +70,9 @@ TEST(Soak, KillsOfEitherSide) {
           if (s != Status::kOk) return 1;
           // What a dead predecessor left unanswered comes first.
           if (tick != 0) s = own.await_actuators(tick - 1, {.timeout = 100s});
-          while (s == Status::kOk) s = turn(own, tick++);
+          while (s == Status::kOk) s = run_tick(own, tick++);
           if (s != Status::kControllerDead && s != Status::kControllerClosed) return 2;
-          if (own.actuator_info().frame && !holds(own.actuator(1), own.actuator_info().tick, commanded))
+          if (own.actuator_info().frame && !matches(own.actuator(1), own.actuator_info().tick, commanded))
             return 3;
         }
       }
@@ -82,7 +82,7 @@ TEST(Soak, KillsOfEitherSide) {
     controller = std::make_unique<Peer>([&] {
       auto mine = ControllerEndpoint::attach(config.name, {.timeout = 100s});
       for (;;) {
-        const Status s = serve(mine, kForEver);
+        const Status s = serve(mine, kForever);
         if (s != Status::kSurfaceDead) return 2;
         mine.reconnect({.timeout = 100s});
       }

@@ -44,8 +44,8 @@ TEST(Observer, ChangesNoByteOfTheSegment) {
   const auto before = raw.copy();
   {
     auto observer = ObserverEndpoint::attach(config.name);
-    EXPECT_EQ(observer.look(Direction::kSensor), Status::kOk);
-    EXPECT_EQ(observer.look(Direction::kActuator), Status::kOk);
+    EXPECT_EQ(observer.latest(Direction::kSensor), Status::kOk);
+    EXPECT_EQ(observer.latest(Direction::kActuator), Status::kOk);
     EXPECT_EQ(observer.await(Direction::kSensor, {.timeout = 5ms}), Status::kTimeout);
     (void)observer.surface_state();
     (void)observer.controller_counters();
@@ -58,7 +58,7 @@ TEST(Observer, SeesBothDirectionsAsTheyWereWritten) {
   auto surface = SurfaceEndpoint::create(config);
   auto controller = ControllerEndpoint::attach(config.name);
   auto observer = ObserverEndpoint::attach(config.name);
-  EXPECT_EQ(observer.look(Direction::kSensor), Status::kRepeated);
+  EXPECT_EQ(observer.latest(Direction::kSensor), Status::kRepeated);
   EXPECT_EQ(observer.info(Direction::kSensor).frame, 0u);
   EXPECT_EQ(observer.array(kDistance)[0], 0.0f);
 
@@ -66,19 +66,19 @@ TEST(Observer, SeesBothDirectionsAsTheyWereWritten) {
   std::ranges::fill(surface.sensor<std::uint8_t>(kColour), std::uint8_t{9});
   std::ranges::fill(surface.sensor<std::uint32_t>(kFlags), 70'000u);
   ASSERT_EQ(surface.publish(41, 0.5, 6), Status::kOk);
-  ASSERT_EQ(observer.look(Direction::kSensor), Status::kOk);
+  ASSERT_EQ(observer.latest(Direction::kSensor), Status::kOk);
   EXPECT_EQ(observer.array(kDistance)[34], 3.0f);
   EXPECT_EQ(observer.array<std::uint8_t>(kColour).size(), 3u * 35);
   EXPECT_EQ(observer.array<std::uint8_t>(kColour)[104], 9);
   EXPECT_EQ(observer.array<std::uint32_t>(kFlags)[0], 70'000u);
   EXPECT_EQ(observer.info(Direction::kSensor).tick, 41u);
   EXPECT_EQ(observer.info(Direction::kSensor).status, 6u);
-  EXPECT_EQ(observer.look(Direction::kSensor), Status::kRepeated);
+  EXPECT_EQ(observer.latest(Direction::kSensor), Status::kRepeated);
 
   ASSERT_EQ(controller.await_sensors(), Status::kOk);
   std::ranges::fill(controller.actuator(kHeight), 99.0f);  // out of range: shown as written
   ASSERT_EQ(controller.publish(), Status::kOk);
-  ASSERT_EQ(observer.look(Direction::kActuator), Status::kOk);
+  ASSERT_EQ(observer.latest(Direction::kActuator), Status::kOk);
   EXPECT_EQ(observer.array(kHeight)[0], 99.0f);
   EXPECT_EQ(observer.info(Direction::kActuator).answers, 1u);
   ASSERT_EQ(surface.await_actuators(41), Status::kOk);
@@ -94,7 +94,7 @@ TEST(Observer, TakesTheNewestAndSkipsTheRest) {
     std::ranges::fill(surface.sensor(kDistance), static_cast<float>(tick));
     ASSERT_EQ(surface.publish(tick, 0.0), Status::kOk);
   }
-  ASSERT_EQ(observer.look(Direction::kSensor), Status::kOk);
+  ASSERT_EQ(observer.latest(Direction::kSensor), Status::kOk);
   EXPECT_EQ(observer.info(Direction::kSensor).frame, 11u);
   EXPECT_EQ(observer.array(kDistance)[7], 10.0f);
 }
@@ -121,8 +121,8 @@ TEST(Observer, SeesStatesAndWhoIsThere) {
   EXPECT_EQ(observer.surface_counters().deadline_misses, 1u);
   ASSERT_EQ(surface->publish(0, 0.0), Status::kOk);
   surface.reset();
-  EXPECT_EQ(observer.look(Direction::kSensor), Status::kOk);  // the last frame, though all is over
-  EXPECT_EQ(observer.look(Direction::kSensor), Status::kSurfaceClosed);
+  EXPECT_EQ(observer.latest(Direction::kSensor), Status::kOk);  // the last frame, though all is over
+  EXPECT_EQ(observer.latest(Direction::kSensor), Status::kSurfaceClosed);
   EXPECT_EQ(observer.await(Direction::kActuator), Status::kSurfaceClosed);
 }
 
@@ -132,11 +132,11 @@ TEST(Observer, HalfAFrameIsTorn) {
   auto observer = ObserverEndpoint::attach(config.name);
   std::ranges::fill(surface.sensor(kDistance), 1.0f);
   ASSERT_EQ(surface.publish(0, 0.0), Status::kOk);
-  ASSERT_EQ(observer.look(Direction::kSensor), Status::kOk);
+  ASSERT_EQ(observer.latest(Direction::kSensor), Status::kOk);
   std::ranges::fill(surface.sensor(kDistance), 2.0f);
   ASSERT_EQ(surface.publish(1, 0.0), Status::kOk);
   RawSegment(config.name).sensor_slot(2).sequence = 2 * 6 - 1;  // its writer has come round to it
-  EXPECT_EQ(observer.look(Direction::kSensor), Status::kTorn);
+  EXPECT_EQ(observer.latest(Direction::kSensor), Status::kTorn);
   EXPECT_EQ(observer.info(Direction::kSensor).frame, 1u);
   EXPECT_EQ(observer.array(kDistance)[0], 1.0f);
 }
@@ -162,7 +162,7 @@ TEST(Threads, ObserverOfARunningPairSeesWholeFramesOnly) {
     while (!over) {
       for (const auto& [d, channel] :
            {std::pair{Direction::kSensor, kDistance}, {Direction::kActuator, kHeight}}) {
-        if (observer.look(d) != Status::kOk) continue;
+        if (observer.latest(d) != Status::kOk) continue;
         ++frames;
         const auto in = observer.array(channel);
         if (std::ranges::count(in, static_cast<float>(observer.info(d).tick)) != std::ranges::ssize(in))

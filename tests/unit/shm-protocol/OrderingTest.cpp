@@ -7,9 +7,9 @@
 #include <thread>
 #include <vector>
 
-#include "shm-protocol/src/Pieces.h"
-#include "shm-protocol/src/Ring.h"
-#include "shm-protocol/src/Words.h"
+#include "shm-protocol/src/ring/ChunkedTransfer.h"
+#include "shm-protocol/src/ring/Ring.h"
+#include "shm-protocol/src/wait/Atomics.h"
 
 namespace shm_protocol {
 namespace {
@@ -44,12 +44,12 @@ TEST(Ordering, FlagAndWordAreNeverBothMissed) {
     race(
         copies.size(),
         [&](std::size_t i) {
-          store_sequential(copies[i].word, 1);
-          copies[i].flag_seen = load_sequential(copies[i].flag);
+          store_seq_cst(copies[i].word, 1);
+          copies[i].flag_seen = load_seq_cst(copies[i].flag);
         },
         [&](std::size_t i) {
-          store_sequential(copies[i].flag, 1);
-          copies[i].word_seen = load_sequential(copies[i].word);
+          store_seq_cst(copies[i].flag, 1);
+          copies[i].word_seen = load_seq_cst(copies[i].word);
         });
     for (const Copy& c : copies) both_missed += c.word_seen == 0 && c.flag_seen == 0;
   }
@@ -70,10 +70,10 @@ TEST(Ordering, WhoSeesTheCountSeesTheBytes) {
       kCopies,
       [&](std::size_t i) {
         copies[i].data = 1;
-        store_sequential(copies[i].line.ready, progress_word(7, 256));
+        store_seq_cst(copies[i].line.ready, encode_progress(7, 256));
       },
       [&](std::size_t i) {
-        if (final_bytes(copies[i].line, 7, 4096) == 0) return;
+        if (committed_bytes(copies[i].line, 7, 4096) == 0) return;
         ++seen;
         early += copies[i].data != 1;
       });
@@ -87,7 +87,7 @@ TEST(Ordering, WhoSeesTheAnswerSeesItsFrame) {
   race(
       lines.size(),
       [&](std::size_t i) {
-        announce(lines[i], {9, 1, 0.0, 5, 0}, 0);
+        store_publication(lines[i], {9, 1, 0.0, 5, 0}, 0);
       },
       [&](std::size_t i) {
         mixed += load_acquire(lines[i].answers) == 5 && load_relaxed(lines[i].frame) != 9;
@@ -107,7 +107,7 @@ TEST(Ordering, StreamedBytesArePublishedBeforeTheirCount) {
   const std::uint32_t word = 0, waiting = 0;
   ssp_channel channel{};
   channel.offset = sizeof(ssp_slot), channel.bytes = kBytes;
-  PieceWriter writer(line, word, waiting, kBytes + 4096);
+  ChunkWriter writer(line, word, waiting, kBytes + 4096);
   std::uint32_t taken = 0;  // the frame that the reader has checked
   std::size_t wrong = 0;
   constexpr std::uint32_t kFrames = 60;
@@ -115,7 +115,7 @@ TEST(Ordering, StreamedBytesArePublishedBeforeTheirCount) {
     std::vector<std::byte> copy(kBytes);
     for (std::uint32_t frame = 1; frame <= kFrames; ++frame) {
       for (std::size_t checked = sizeof(ssp_slot); checked < kBytes;) {
-        const std::size_t end = final_bytes(line, frame, sizeof(ssp_slot) + kBytes);
+        const std::size_t end = committed_bytes(line, frame, sizeof(ssp_slot) + kBytes);
         if (end <= checked) std::this_thread::yield();
         if (end <= checked) continue;
         copy_frame(copy.data(), slot.get() + checked, end - checked);
@@ -129,7 +129,7 @@ TEST(Ordering, StreamedBytesArePublishedBeforeTheirCount) {
     const std::vector<std::byte> values(kBytes, static_cast<std::byte>(frame));
     writer.write(slot.get(), frame, channel, 0, values, true);
     while (load_acquire(taken) != frame) std::this_thread::yield();
-    writer.answered();
+    writer.on_answered();
   }
   reader.join();
   EXPECT_EQ(wrong, 0u);

@@ -8,7 +8,7 @@
 #include <limits>
 #include <random>
 
-#include "shm-protocol/hardware/fake/Noise.h"
+#include "shm-protocol/hardware/fake/NoisyLine.h"
 #include "shm-protocol/hardware/fake/ToyDevice.h"
 #include "shm-protocol/hardware/fake/toy.h"
 
@@ -94,7 +94,7 @@ TEST(DeviceLink, FramesGoBothWaysInStep) {
     EXPECT_EQ(frame.tick, tick);
     EXPECT_TRUE(is_right(frame));
     EXPECT_EQ(frame.missed, 0u);
-    EXPECT_EQ(frame.in_force, tick == 1 ? SSW_NONE : tick - 1);
+    EXPECT_EQ(frame.active_tick, tick == 1 ? SSW_NONE : tick - 1);
     EXPECT_EQ(frame.flags, tick == 1 ? SSW_SAFE : 0u);
     pair.link.write_frame(tick, command(tick), pair.down);
     pair.carry();
@@ -202,9 +202,9 @@ TEST(DeviceLink, WhatComesThroughNoiseIsRight) {
   std::uint32_t missed = 0;
   for (std::uint32_t tick = 1; tick <= 3000; ++tick) {
     pair.device.period();
-    to_host.put(pair.up.data(), pair.up.size(), {});
+    to_host.send(pair.up.data(), pair.up.size(), {});
     pair.up.clear();
-    to_host.get({}, pair.up);
+    to_host.receive({}, pair.up);
     for (const Event e : pair.carry()) {
       ASSERT_EQ(e, Event::kFrame);
       const SensorFrame& frame = pair.link.frame();
@@ -214,8 +214,8 @@ TEST(DeviceLink, WhatComesThroughNoiseIsRight) {
       missed = frame.missed;
       Bytes answer;
       pair.link.write_frame(frame.tick, command(tick), answer);
-      to_device.put(answer.data(), answer.size(), {});
-      to_device.get({}, pair.down);
+      to_device.send(answer.data(), answer.size(), {});
+      to_device.receive({}, pair.down);
     }
     for (const std::uint8_t b : std::exchange(pair.down, {})) pair.device.receive(b);
     const std::uint32_t in_force = pair.device.firmware().in_force;
@@ -272,7 +272,7 @@ Event describe(DeviceLink& link, ssw_hello hello, ssw_channel channel) {
   };
   ssw_put_hello(&hello, payload);
   send(SSW_HELLO, SSW_HELLO_BYTES);
-  if (last == Event::kRefused) return last;
+  if (last == Event::kRejected) return last;
   ssw_put_channel(&channel, payload);
   send(SSW_CHANNEL, SSW_CHANNEL_BYTES);
   return last;
@@ -287,25 +287,25 @@ TEST(DeviceLink, ImpossibleDescriptionsAreRefused) {
     change(h, c);
     DeviceLink link;
     const Event e = describe(link, h, c);
-    EXPECT_EQ(link.message().empty(), e != Event::kRefused);
+    EXPECT_EQ(link.message().empty(), e != Event::kRejected);
     return e;
   };
   EXPECT_EQ(outcome([](auto&, auto&) {}), Event::kDescribed);
-  EXPECT_EQ(outcome([](auto& h, auto&) { h.version = 2; }), Event::kRefused);
-  EXPECT_EQ(outcome([](auto& h, auto&) { h.channels = 0; }), Event::kRefused);
-  EXPECT_EQ(outcome([](auto& h, auto&) { h.channels = 9; }), Event::kRefused);
-  EXPECT_EQ(outcome([](auto& h, auto&) { h.rows = 0; }), Event::kRefused);
-  EXPECT_EQ(outcome([](auto& h, auto&) { h.rows = h.columns = 65535; }), Event::kRefused);
-  EXPECT_EQ(outcome([](auto& h, auto&) { h.period_us = 0; }), Event::kRefused);
-  EXPECT_EQ(outcome([](auto& h, auto&) { h.pitch = NAN; }), Event::kRefused);
-  EXPECT_EQ(outcome([](auto&, auto& c) { c.direction = 3; }), Event::kRefused);
-  EXPECT_EQ(outcome([](auto&, auto& c) { c.dtype = 0; }), Event::kRefused);
-  EXPECT_EQ(outcome([](auto&, auto& c) { c.components = 0; }), Event::kRefused);
-  EXPECT_EQ(outcome([](auto&, auto& c) { c.minimum = 4; }), Event::kRefused);
-  EXPECT_EQ(outcome([](auto&, auto& c) { c.maximum = INFINITY; }), Event::kRefused);
-  EXPECT_EQ(outcome([](auto&, auto& c) { c.safe = 5; }), Event::kRefused);
-  EXPECT_EQ(outcome([](auto&, auto& c) { c.scale = 0; }), Event::kRefused);
-  EXPECT_EQ(outcome([](auto&, auto& c) { c.dtype = SSW_F32; }), Event::kRefused);
+  EXPECT_EQ(outcome([](auto& h, auto&) { h.version = 2; }), Event::kRejected);
+  EXPECT_EQ(outcome([](auto& h, auto&) { h.channels = 0; }), Event::kRejected);
+  EXPECT_EQ(outcome([](auto& h, auto&) { h.channels = 9; }), Event::kRejected);
+  EXPECT_EQ(outcome([](auto& h, auto&) { h.rows = 0; }), Event::kRejected);
+  EXPECT_EQ(outcome([](auto& h, auto&) { h.rows = h.columns = 65535; }), Event::kRejected);
+  EXPECT_EQ(outcome([](auto& h, auto&) { h.period_us = 0; }), Event::kRejected);
+  EXPECT_EQ(outcome([](auto& h, auto&) { h.pitch = NAN; }), Event::kRejected);
+  EXPECT_EQ(outcome([](auto&, auto& c) { c.direction = 3; }), Event::kRejected);
+  EXPECT_EQ(outcome([](auto&, auto& c) { c.dtype = 0; }), Event::kRejected);
+  EXPECT_EQ(outcome([](auto&, auto& c) { c.components = 0; }), Event::kRejected);
+  EXPECT_EQ(outcome([](auto&, auto& c) { c.minimum = 4; }), Event::kRejected);
+  EXPECT_EQ(outcome([](auto&, auto& c) { c.maximum = INFINITY; }), Event::kRejected);
+  EXPECT_EQ(outcome([](auto&, auto& c) { c.safe = 5; }), Event::kRejected);
+  EXPECT_EQ(outcome([](auto&, auto& c) { c.scale = 0; }), Event::kRejected);
+  EXPECT_EQ(outcome([](auto&, auto& c) { c.dtype = SSW_F32; }), Event::kRejected);
   EXPECT_EQ(outcome([](auto&, auto& c) { c.index = 1; }), Event::kAlive);  // waits for the first one
 }
 

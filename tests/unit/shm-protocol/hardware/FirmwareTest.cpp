@@ -11,8 +11,8 @@ namespace {
 
 using Bytes = std::vector<std::uint8_t>;
 
-struct Bench {
-  Bench()
+struct FirmwareHarness {
+  FirmwareHarness()
       : device(4, 5, 1000,
                [this](const std::uint8_t* b, std::size_t n) { out.insert(out.end(), b, b + n); }) {
     link.write(SSW_DESCRIBE, 0, in);
@@ -52,33 +52,33 @@ TEST(Firmware, SaysNothingBeforeItIsStarted) {
 }
 
 TEST(Firmware, AnAnswerTakesForceAtTheEndOfItsPeriod) {
-  Bench b;
+  FirmwareHarness b;
   EXPECT_EQ(b.period().tick, 1u);
   b.answer(1, 2.0F);
   EXPECT_TRUE(b.all(0));
   EXPECT_EQ(b.period().flags, 0u);
   EXPECT_TRUE(b.all(100));
-  EXPECT_EQ(b.link.frame().in_force, 1u);
+  EXPECT_EQ(b.link.frame().active_tick, 1u);
 }
 
 TEST(Firmware, AMissedDeadlineIsMarkedAndTheFrameBeforeStands) {
-  Bench b;
+  FirmwareHarness b;
   b.period();
   b.answer(1, 2.0F);
   b.period();
   EXPECT_EQ(b.period().flags, SSW_MISSED);
   EXPECT_EQ(b.link.frame().missed, 1u);
-  EXPECT_EQ(b.link.frame().in_force, 1u);
+  EXPECT_EQ(b.link.frame().active_tick, 1u);
   EXPECT_TRUE(b.all(100));
   b.answer(2, 3.0F);  // late, yet newer than what is in force
   EXPECT_EQ(b.period().flags, SSW_MISSED);
   EXPECT_EQ(b.link.frame().missed, 2u);
-  EXPECT_EQ(b.link.frame().in_force, 2u);
+  EXPECT_EQ(b.link.frame().active_tick, 2u);
   EXPECT_TRUE(b.all(150));
 }
 
 TEST(Firmware, HalfAFrameIsNotUsed) {
-  Bench b;
+  FirmwareHarness b;
   b.period();
   Bytes whole;
   b.link.write_frame(1, std::vector<float>(20, 2.0F), whole);
@@ -89,7 +89,7 @@ TEST(Firmware, HalfAFrameIsNotUsed) {
 }
 
 TEST(Firmware, TakesTheSafeValuesWhenTheHostIsSilent) {
-  Bench b;
+  FirmwareHarness b;
   b.period();
   b.answer(1, 2.0F);
   b.period();
@@ -103,7 +103,7 @@ TEST(Firmware, TakesTheSafeValuesWhenTheHostIsSilent) {
 }
 
 TEST(Firmware, AHeartbeatKeepsTheLastFrameInForce) {
-  Bench b;
+  FirmwareHarness b;
   b.period();
   b.answer(1, 2.0F);
   for (int i = 0; i < 100; ++i) {
@@ -115,7 +115,7 @@ TEST(Firmware, AHeartbeatKeepsTheLastFrameInForce) {
 }
 
 TEST(Firmware, StopTakesTheSafeValuesAtOnceAndEndsTheFrames) {
-  Bench b;
+  FirmwareHarness b;
   b.period();
   b.answer(1, 2.0F);
   b.period();
@@ -129,7 +129,7 @@ TEST(Firmware, StopTakesTheSafeValuesAtOnceAndEndsTheFrames) {
 }
 
 TEST(Firmware, ARestartIsSeenByAnotherBootNumber) {
-  Bench b;
+  FirmwareHarness b;
   const auto boot = b.link.description().boot;
   b.period();
   b.device.restart();

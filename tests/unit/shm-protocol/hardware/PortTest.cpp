@@ -13,26 +13,26 @@ namespace hardware {
 namespace {
 
 TEST(PortName, TellsTerminalsFromServers) {
-  EXPECT_FALSE(PortName::parse("/dev/ttyUSB0", 115200).tcp());
-  const PortName tcp = PortName::parse("tcp:[::1]:5000", 115200);
+  EXPECT_FALSE(PortAddress::parse("/dev/ttyUSB0", 115200).tcp());
+  const PortAddress tcp = PortAddress::parse("tcp:[::1]:5000", 115200);
   EXPECT_TRUE(tcp.tcp());
   EXPECT_EQ(tcp.host, "::1");
   EXPECT_EQ(tcp.service, "5000");
-  EXPECT_EQ(PortName::parse("tcp:host.example:1", 9600).host, "host.example");
+  EXPECT_EQ(PortAddress::parse("tcp:host.example:1", 9600).host, "host.example");
 }
 
 TEST(PortName, RefusesWhatCannotBeOne) {
   for (const char* text : {"", "tcp:", "tcp:host", "tcp::5000", "tcp:host:", "tcp:host:http"})
-    EXPECT_THROW(PortName::parse(text, 115200), std::invalid_argument) << text;
-  EXPECT_THROW(PortName::parse("/dev/ttyUSB0", 12345), std::invalid_argument);
+    EXPECT_THROW(PortAddress::parse(text, 115200), std::invalid_argument) << text;
+  EXPECT_THROW(PortAddress::parse("/dev/ttyUSB0", 12345), std::invalid_argument);
 }
 
 TEST(Port, AFileIsNoLine) {
   std::string why;
-  EXPECT_FALSE(Port::open(PortName::parse("/proc/self/status", 115200), why));
+  EXPECT_FALSE(Port::open(PortAddress::parse("/proc/self/status", 115200), why));
   EXPECT_FALSE(why.empty());
   why.clear();
-  EXPECT_FALSE(Port::open(PortName::parse("/dev/no-such-line", 115200), why));
+  EXPECT_FALSE(Port::open(PortAddress::parse("/dev/no-such-line", 115200), why));
   EXPECT_NE(why.find("No such file"), std::string::npos) << why;
 }
 
@@ -47,7 +47,7 @@ std::optional<std::size_t> read_some(Port& port, std::span<std::uint8_t> to) {
 
 void exchange_and_cut(EmulatedLine& line) {
   std::string why;
-  auto port = Port::open(PortName::parse(line.name(), 115200), why);
+  auto port = Port::open(PortAddress::parse(line.name(), 115200), why);
   ASSERT_TRUE(port) << why;
   std::vector<std::uint8_t> all(256), got;
   for (std::size_t i = 0; i < all.size(); ++i) all[i] = static_cast<std::uint8_t>(i);

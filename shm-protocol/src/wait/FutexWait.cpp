@@ -1,4 +1,4 @@
-#include "Waiting.h"
+#include "FutexWait.h"
 
 #include <linux/futex.h>
 #include <sched.h>
@@ -19,10 +19,10 @@ long futex(const std::uint32_t& word, int operation, std::uint32_t value, const 
 
 }  // namespace
 
-bool LivenessClock::due() noexcept {
+bool LivenessTimer::due() noexcept {
   const auto now = Clock::now();
-  if (now - last_ < kSlice) return false;
-  last_ = now;
+  if (now - last_check_ < kSleepSlice) return false;
+  last_check_ = now;
   return true;
 }
 

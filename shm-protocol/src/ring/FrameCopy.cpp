@@ -33,7 +33,7 @@ FOR_EACH_MACHINE bool all_within(const float* values, std::size_t count, float l
   return outside == 0;
 }
 
-std::uint64_t check_values(std::span<float> values, float lowest, float highest, float safe) noexcept {
+std::uint64_t sanitize_values(std::span<float> values, float lowest, float highest, float safe) noexcept {
   if (all_within(values.data(), values.size(), lowest, highest)) return 0;
   std::uint64_t replaced = 0;
   for (float& value : values) {
@@ -45,7 +45,7 @@ std::uint64_t check_values(std::span<float> values, float lowest, float highest,
 }
 
 template <class T>
-std::uint64_t check_values(std::span<T> values, T lowest, T highest) noexcept {
+std::uint64_t sanitize_values(std::span<T> values, T lowest, T highest) noexcept {
   std::uint32_t replaced = 0;
   for (T& value : values) {
     const T v = value;
@@ -55,16 +55,16 @@ std::uint64_t check_values(std::span<T> values, T lowest, T highest) noexcept {
   return replaced;
 }
 
-std::uint64_t check_block(std::byte* block, std::size_t bytes, const ssp_channel& c) noexcept {
+std::uint64_t sanitize_block(std::byte* block, std::size_t bytes, const ssp_channel& c) noexcept {
   if (c.dtype == SSP_F32)
-    return check_values({reinterpret_cast<float*>(block), bytes / sizeof(float)},
-                        static_cast<float>(c.minimum), static_cast<float>(c.maximum),
-                        static_cast<float>(c.safe));
+    return sanitize_values({reinterpret_cast<float*>(block), bytes / sizeof(float)},
+                           static_cast<float>(c.minimum), static_cast<float>(c.maximum),
+                           static_cast<float>(c.safe));
   if (c.dtype == SSP_U32)
-    return check_values(std::span(reinterpret_cast<std::uint32_t*>(block), bytes / sizeof(std::uint32_t)),
-                        static_cast<std::uint32_t>(c.minimum), static_cast<std::uint32_t>(c.maximum));
-  return check_values(std::span(reinterpret_cast<std::uint8_t*>(block), bytes),
-                      static_cast<std::uint8_t>(c.minimum), static_cast<std::uint8_t>(c.maximum));
+    return sanitize_values(std::span(reinterpret_cast<std::uint32_t*>(block), bytes / sizeof(std::uint32_t)),
+                           static_cast<std::uint32_t>(c.minimum), static_cast<std::uint32_t>(c.maximum));
+  return sanitize_values(std::span(reinterpret_cast<std::uint8_t*>(block), bytes),
+                         static_cast<std::uint8_t>(c.minimum), static_cast<std::uint8_t>(c.maximum));
 }
 
 }  // namespace
@@ -109,7 +109,7 @@ __attribute__((target("avx512f"))) void copy_wide_lines(std::byte* to, const std
 
 }  // namespace
 
-void stream_frame(std::byte* to, const std::byte* from, std::size_t bytes, bool past_caches) noexcept {
+void stream_frame(std::byte* to, const std::byte* from, std::size_t bytes, bool non_temporal) noexcept {
   if (bytes < 128) {
     std::memcpy(to, from, bytes);
     return;
@@ -118,12 +118,13 @@ void stream_frame(std::byte* to, const std::byte* from, std::size_t bytes, bool 
   const std::size_t head = (64 - reinterpret_cast<std::uintptr_t>(to) % 64) % 64;
   const std::size_t lines = (bytes - head) / 64, end = head + 64 * lines;
   std::memcpy(to, from, head);
-  if (past_caches)
+  if (non_temporal)
     (wide ? stream_wide_lines : stream_lines)(to + head, from + head, lines);
   else
     (wide ? copy_wide_lines : copy_lines)(to + head, from + head, lines);
   std::memcpy(to + end, from + end, bytes - end);
-  if (past_caches) _mm_sfence();  // they are ordered by nothing else, the release store that follows included
+  if (non_temporal)
+    _mm_sfence();  // they are ordered by nothing else, the release store that follows included
 }
 #else
 void stream_frame(std::byte* to, const std::byte* from, std::size_t bytes, bool) noexcept {
@@ -131,22 +132,22 @@ void stream_frame(std::byte* to, const std::byte* from, std::size_t bytes, bool)
 }
 #endif
 
-std::uint64_t copy_checked(std::byte* to, const std::byte* from, std::size_t all,
-                           const ssp_channel& c) noexcept {
+std::uint64_t copy_sanitized(std::byte* to, const std::byte* from, std::size_t total_bytes,
+                             const ssp_channel& c) noexcept {
   std::uint64_t replaced = 0;
-  for (std::size_t at = 0; at < all; at += kBlock) {
-    const std::size_t bytes = std::min(kBlock, all - at);
+  for (std::size_t at = 0; at < total_bytes; at += kBlock) {
+    const std::size_t bytes = std::min(kBlock, total_bytes - at);
     copy_frame(to + at, from + at, bytes);
     // The copy above is complete before the first value is judged: without this the compiler might fetch
     // again.
     asm volatile("" ::: "memory");
-    replaced += check_block(to + at, bytes, c);
+    replaced += sanitize_block(to + at, bytes, c);
   }
   return replaced;
 }
 
-std::uint64_t check_in_place(std::byte* cells, std::size_t bytes, const ssp_channel& c) noexcept {
-  return check_block(cells, bytes, c);
+std::uint64_t sanitize_in_place(std::byte* cells, std::size_t bytes, const ssp_channel& c) noexcept {
+  return sanitize_block(cells, bytes, c);
 }
 
 }  // namespace shm_protocol

@@ -3,19 +3,19 @@
 #include <cstring>
 #include <limits>
 
-#include "Geometry.h"
-#include "Words.h"
+#include "SegmentLayout.h"
+#include "shm-protocol/src/wait/Atomics.h"
 #include "shm_protocol/Error.h"
 
 namespace shm_protocol {
 namespace {
 
-class Checker {
+class LayoutChecker {
  public:
-  explicit Checker(const std::string& origin) : origin_(origin) {}
+  explicit LayoutChecker(const std::string& origin) : origin_(origin) {}
 
-  void operator()(bool right, const std::string& field) const {
-    if (!right) throw Error(ErrorCode::kCorrupt, origin_ + ": corrupt header: " + field);
+  void operator()(bool valid, const std::string& field) const {
+    if (!valid) throw Error(ErrorCode::kCorrupt, origin_ + ": corrupt header: " + field);
   }
 
  private:
@@ -36,11 +36,11 @@ bool is_text(const char (&field)[N], bool may_be_empty) {
   return std::memchr(field, '\0', N) != nullptr && (may_be_empty || field[0] != '\0');
 }
 
-void check_identity(const ssp_identity& id, std::uint64_t real_bytes, const Checker& check) {
-  check(id.header_bytes >= sizeof(ssp_header) && id.header_bytes <= real_bytes, "header_bytes");
-  check(id.segment_bytes >= id.header_bytes && id.segment_bytes <= real_bytes,
+void check_identity(const ssp_identity& id, std::uint64_t mapped_bytes, const LayoutChecker& check) {
+  check(id.header_bytes >= sizeof(ssp_header) && id.header_bytes <= mapped_bytes, "header_bytes");
+  check(id.segment_bytes >= id.header_bytes && id.segment_bytes <= mapped_bytes,
         "segment_bytes = " + std::to_string(id.segment_bytes) + ", but the segment has " +
-            std::to_string(real_bytes));
+            std::to_string(mapped_bytes));
   check(id.surface_process != 0, "surface_process");
   check(id.session != 0, "session");
   check(id.dt_ns != 0, "dt_ns");
@@ -50,7 +50,7 @@ void check_identity(const ssp_identity& id, std::uint64_t real_bytes, const Chec
 
 // A ring lies behind the header, on whole lines, with slots large enough for their own header.
 void check_ring(std::uint64_t offset, std::uint64_t slots, std::uint64_t slot_bytes, const ssp_identity& id,
-                const Checker& check, const std::string& which) {
+                const LayoutChecker& check, const std::string& which) {
   check(power_of_two_within(slots, SSP_MIN_SLOTS, SSP_MAX_SLOTS), which + "_slots");
   check(slot_bytes % SSP_LINE == 0 && slot_bytes >= sizeof(ssp_slot), which + "_slot_bytes");
   check(offset % SSP_LINE == 0 && offset >= id.header_bytes &&
@@ -58,7 +58,7 @@ void check_ring(std::uint64_t offset, std::uint64_t slots, std::uint64_t slot_by
         which + "_ring_offset");
 }
 
-void check_geometry(const ssp_geometry& g, const ssp_identity& id, const Checker& check) {
+void check_geometry(const ssp_geometry& g, const ssp_identity& id, const LayoutChecker& check) {
   check(g.rows >= 1 && g.rows <= 65536, "rows");
   check(g.columns >= 1 && g.columns <= 65536, "columns");
   check(std::isfinite(g.pitch) && g.pitch > 0.0, "pitch");
@@ -81,7 +81,7 @@ void check_geometry(const ssp_geometry& g, const ssp_identity& id, const Checker
         "positions_offset");
 }
 
-void check_range(const ssp_channel& c, const Checker& check, const std::string& where) {
+void check_range(const ssp_channel& c, const LayoutChecker& check, const std::string& where) {
   constexpr double kFloat = std::numeric_limits<float>::max();
   const double lowest = c.dtype == SSP_F32 ? -kFloat : 0.0;
   const double highest = c.dtype == SSP_F32 ? kFloat : c.dtype == SSP_U32 ? 4294967295.0 : 255.0;
@@ -90,7 +90,8 @@ void check_range(const ssp_channel& c, const Checker& check, const std::string& 
   check(c.safe >= c.minimum && c.safe <= c.maximum, where + "safe");
 }
 
-void check_channel(const ssp_channel& c, std::size_t number, const ssp_geometry& g, const Checker& check) {
+void check_channel(const ssp_channel& c, std::size_t number, const ssp_geometry& g,
+                   const LayoutChecker& check) {
   const std::string where = "channel " + std::to_string(number) + ": ";
   check(is_text(c.name, false), where + "name");
   check(is_text(c.unit, true), where + "unit");
@@ -106,13 +107,13 @@ void check_channel(const ssp_channel& c, std::size_t number, const ssp_geometry&
         where + "offset");
 }
 
-void check_overlaps(const std::vector<ssp_channel>& channels, const Checker& check) {
+void check_overlaps(const std::vector<ssp_channel>& channels, const LayoutChecker& check) {
   for (std::size_t a = 0; a < channels.size(); ++a)
     for (std::size_t b = 0; b < a; ++b) {
       const auto &x = channels[a], &y = channels[b];
-      const bool apart =
+      const bool disjoint =
           x.direction != y.direction || x.offset + x.bytes <= y.offset || y.offset + y.bytes <= x.offset;
-      check(apart, "channels " + std::to_string(b) + " and " + std::to_string(a) + " overlap");
+      check(disjoint, "channels " + std::to_string(b) + " and " + std::to_string(a) + " overlap");
     }
 }
 
@@ -126,8 +127,8 @@ void check_version(std::uint32_t version, const std::string& origin) {
 
 }  // namespace
 
-std::optional<Geometry> read_fixed_part(std::span<const std::byte> segment, const std::string& origin) {
-  const Checker check(origin);
+std::optional<SegmentLayout> read_layout(std::span<const std::byte> segment, const std::string& origin) {
+  const LayoutChecker check(origin);
   if (segment.size() < sizeof(ssp_identity))
     throw Error(ErrorCode::kCorrupt, origin + ": truncated: " + std::to_string(segment.size()) + " bytes");
   const auto& shared = *reinterpret_cast<const ssp_header*>(segment.data());
@@ -139,25 +140,25 @@ std::optional<Geometry> read_fixed_part(std::span<const std::byte> segment, cons
   check(segment.size() >= sizeof(ssp_header), "truncated: " + std::to_string(segment.size()) + " bytes");
 
   // Copied first and checked afterwards: what was checked cannot change any more.
-  Geometry copy;
-  copy.identity = shared.identity;
-  copy.identity.version = version;
-  copy.geometry = shared.geometry;
-  check_identity(copy.identity, segment.size(), check);
-  const ssp_geometry& g = copy.geometry;
-  check_geometry(g, copy.identity, check);
+  SegmentLayout layout;
+  layout.identity = shared.identity;
+  layout.identity.version = version;
+  layout.geometry = shared.geometry;
+  check_identity(layout.identity, segment.size(), check);
+  const ssp_geometry& g = layout.geometry;
+  check_geometry(g, layout.identity, check);
 
   const std::size_t entry_bytes = g.channel_bytes;
   std::vector<std::byte> directory(g.channel_count * entry_bytes);
   std::memcpy(directory.data(), &segment[g.channels_offset], directory.size());
-  copy.channels.resize(g.channel_count);
-  for (std::size_t i = 0; i < copy.channels.size(); ++i) {
-    std::memcpy(&copy.channels[i], &directory[i * entry_bytes], sizeof(ssp_channel));
-    check_channel(copy.channels[i], i, g, check);
+  layout.channels.resize(g.channel_count);
+  for (std::size_t i = 0; i < layout.channels.size(); ++i) {
+    std::memcpy(&layout.channels[i], &directory[i * entry_bytes], sizeof(ssp_channel));
+    check_channel(layout.channels[i], i, g, check);
   }
-  check_overlaps(copy.channels, check);
-  check(copy.identity.layout_hash == layout_hash(g, directory), "layout_hash does not match the layout");
-  return copy;
+  check_overlaps(layout.channels, check);
+  check(layout.identity.layout_hash == layout_hash(g, directory), "layout_hash does not match the layout");
+  return layout;
 }
 
 }  // namespace shm_protocol

@@ -6,16 +6,16 @@
 namespace shm_protocol {
 
 // (start time << 22) | pid: see layout.h. 0 is no process.
-using ProcessWord = std::uint64_t;
+using ProcessIdentity = std::uint64_t;
 
 // The word of the calling process. Throws Error(kSystem) when /proc cannot be read.
-ProcessWord own_process_word();
+ProcessIdentity own_process_identity();
 
-std::uint32_t pid_of(ProcessWord) noexcept;
+std::uint32_t pid_of(ProcessIdentity) noexcept;
 
 // Whether exactly that process (not another one under a recycled pid) exists and is no zombie. A stopped
 // process is alive. When /proc hides the process, an existing pid counts as alive. Does not allocate; about
 // 10 µs.
-bool is_alive(ProcessWord) noexcept;
+bool is_alive(ProcessIdentity) noexcept;
 
 }  // namespace shm_protocol

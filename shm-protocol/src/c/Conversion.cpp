@@ -1,4 +1,4 @@
-#include "Translate.h"
+#include "Conversion.h"
 
 #include <algorithm>
 #include <cstdio>
@@ -6,10 +6,10 @@
 namespace shm_protocol::c {
 namespace {
 
-thread_local char last_line[512] = "";
+thread_local char last_message[512] = "";
 thread_local std::uint32_t last_pid = 0;
 
-ssp_result result_of(ErrorCode code) noexcept {
+ssp_result to_result(ErrorCode code) noexcept {
   switch (code) {
     case ErrorCode::kBadConfig:
       return SSP_E_BAD_CONFIG;
@@ -45,7 +45,7 @@ void copy_text(char (&to)[N], const std::string& from) noexcept {
 }  // namespace
 
 ssp_result fail(ssp_result code, const char* what, std::uint32_t pid) noexcept {
-  std::snprintf(last_line, sizeof last_line, "%s", what);
+  std::snprintf(last_message, sizeof last_message, "%s", what);
   last_pid = pid;
   return code;
 }
@@ -54,7 +54,7 @@ ssp_result fail_with_current_exception() noexcept {
   try {
     throw;
   } catch (const Error& e) {
-    return fail(result_of(e.code()), e.what(), e.pid());
+    return fail(to_result(e.code()), e.what(), e.pid());
   } catch (const std::bad_alloc&) {
     return fail(SSP_E_NO_MEMORY, "out of memory");
   } catch (const std::exception& e) {
@@ -164,7 +164,7 @@ const char* ssp_text(ssp_result result) {
   }
 }
 
-const char* ssp_last_error(void) { return c::last_line; }
+const char* ssp_last_error(void) { return c::last_message; }
 uint32_t ssp_last_error_pid(void) { return c::last_pid; }
 uint32_t ssp_protocol_version(void) { return SSP_VERSION; }
 

@@ -24,7 +24,7 @@ T load_acquire(const T& word) noexcept {
 }
 
 template <class T>
-T load_sequential(const T& word) noexcept {
+T load_seq_cst(const T& word) noexcept {
   T value;
   __atomic_load(&word, &value, __ATOMIC_SEQ_CST);
   return value;
@@ -41,13 +41,13 @@ void store_release(T& word, std::type_identity_t<T> value) noexcept {
 }
 
 template <class T>
-void store_sequential(T& word, std::type_identity_t<T> value) noexcept {
+void store_seq_cst(T& word, std::type_identity_t<T> value) noexcept {
   __atomic_store(&word, &value, __ATOMIC_SEQ_CST);
 }
 
 // True when the word was `expected` and now is `desired`.
 template <class T>
-bool exchange_if(T& word, std::type_identity_t<T> expected, std::type_identity_t<T> desired) noexcept {
+bool compare_exchange(T& word, std::type_identity_t<T> expected, std::type_identity_t<T> desired) noexcept {
   return __atomic_compare_exchange(&word, &expected, &desired, false, __ATOMIC_SEQ_CST, __ATOMIC_SEQ_CST);
 }
 

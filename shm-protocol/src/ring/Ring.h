@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <span>
 
-#include "Geometry.h"
-#include "Words.h"
+#include "shm-protocol/src/segment/SegmentLayout.h"
+#include "shm-protocol/src/wait/Atomics.h"
 
 namespace shm_protocol {
 
@@ -16,17 +16,17 @@ class RingView {
   RingView(const std::byte* begin, std::uint32_t slots, std::uint64_t slot_bytes)
       : begin_(begin), mask_(slots - 1), slot_bytes_(slot_bytes) {}
 
-  static RingView of_sensors(const Geometry& g, const std::byte* segment) {
+  static RingView sensor_ring(const SegmentLayout& g, const std::byte* segment) {
     return {segment + g.geometry.sensor_ring_offset, slots_in_use(g, g.geometry.sensor_slots),
             g.geometry.sensor_slot_bytes};
   }
-  static RingView of_actuators(const Geometry& g, const std::byte* segment) {
+  static RingView actuator_ring(const SegmentLayout& g, const std::byte* segment) {
     return {segment + g.geometry.actuator_ring_offset, slots_in_use(g, g.geometry.actuator_slots),
             g.geometry.actuator_slot_bytes};
   }
 
   // In lock-step one frame is read while the next is made: two slots, so that large frames stay in the cache.
-  static std::uint32_t slots_in_use(const Geometry& g, std::uint32_t slots) noexcept {
+  static std::uint32_t slots_in_use(const SegmentLayout& g, std::uint32_t slots) noexcept {
     return g.identity.mode == SSP_MODE_TIME_STEP ? SSP_TIME_STEP_SLOTS : slots;
   }
 
@@ -40,7 +40,7 @@ class RingView {
 
   // The stamp of the frame whose low 32 bits are `word`; its frame is 0 when the slot holds another one or
   // half one.
-  FrameInfo stamp(std::uint32_t word) const noexcept {
+  FrameInfo read_info(std::uint32_t word) const noexcept {
     const ssp_slot& s = slot(word);
     const std::uint64_t sequence = load_acquire(s.sequence);
     FrameInfo info;
@@ -52,7 +52,7 @@ class RingView {
 
   // Whether the frame was whole all the time since stamp() returned it. To be called after reading the
   // arrays.
-  bool still_whole(const FrameInfo& info) const noexcept {
+  bool is_still_valid(const FrameInfo& info) const noexcept {
     // The array reads above may not sink below this load.
     fence_acquire();
     return load_relaxed(slot(info.frame).sequence) == 2 * info.frame;
@@ -69,11 +69,11 @@ class Ring : public RingView {
   Ring(std::byte* begin, std::uint32_t slots, std::uint64_t slot_bytes)
       : RingView(begin, slots, slot_bytes) {}
 
-  static Ring of_sensors(const Geometry& g, std::byte* segment) {
+  static Ring sensor_ring(const SegmentLayout& g, std::byte* segment) {
     return {segment + g.geometry.sensor_ring_offset, slots_in_use(g, g.geometry.sensor_slots),
             g.geometry.sensor_slot_bytes};
   }
-  static Ring of_actuators(const Geometry& g, std::byte* segment) {
+  static Ring actuator_ring(const SegmentLayout& g, std::byte* segment) {
     return {segment + g.geometry.actuator_ring_offset, slots_in_use(g, g.geometry.actuator_slots),
             g.geometry.actuator_slot_bytes};
   }
@@ -85,7 +85,7 @@ class Ring : public RingView {
   }
 
   // Declares the slot of `frame` to be in the making; the caller then fills its arrays.
-  void open(std::uint64_t frame) const noexcept {
+  void begin_write(std::uint64_t frame) const noexcept {
     store_relaxed(slot(frame).sequence, 2 * frame - 1);
     // No array byte may become visible before the odd number: a reader that sees the byte must see the number
     // too.
@@ -93,7 +93,7 @@ class Ring : public RingView {
   }
 
   // Declares the frame whole.
-  void close(const FrameInfo& info) const noexcept {
+  void end_write(const FrameInfo& info) const noexcept {
     ssp_slot& s = slot(info.frame);
     store_relaxed(s.frame, info.frame);
     store_relaxed(s.tick, info.tick);
@@ -106,7 +106,7 @@ class Ring : public RingView {
 
 // Announces a whole frame on the direction's publication line; ring() with the frame's low 32 bits comes
 // next. `answers` comes after `frame`: who sees it there sees the frame that it is of.
-inline void announce(ssp_publication& line, const FrameInfo& info, std::uint32_t cpu) noexcept {
+inline void store_publication(ssp_publication& line, const FrameInfo& info, std::uint32_t cpu) noexcept {
   store_relaxed(line.cpu, cpu);
   store_relaxed(line.frame, info.frame);
   store_relaxed(line.tick, info.tick);
@@ -115,12 +115,12 @@ inline void announce(ssp_publication& line, const FrameInfo& info, std::uint32_t
   store_release(line.answers, info.answers);
 }
 
-inline FrameInfo announced(const ssp_publication& line) noexcept {
+inline FrameInfo load_publication(const ssp_publication& line) noexcept {
   return {load_relaxed(line.frame), load_relaxed(line.tick), load_relaxed(line.time_s),
           load_relaxed(line.answers), load_relaxed(line.status)};
 }
 
-inline Counters counters_of(const ssp_side& side) noexcept {
+inline Counters load_counters(const ssp_side& side) noexcept {
   return {load_relaxed(side.skipped), load_relaxed(side.repeated), load_relaxed(side.clamped),
           load_relaxed(side.deadline_misses)};
 }

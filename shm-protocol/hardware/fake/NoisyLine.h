@@ -23,8 +23,8 @@ class NoisyLine {
 
   explicit NoisyLine(const NoiseOptions& options) : options_(options), random_(options.seed) {}
 
-  void put(const std::uint8_t* bytes, std::size_t count, Time now) {
-    Piece piece{std::max(now + late(), last_), {}};
+  void send(const std::uint8_t* bytes, std::size_t count, Time now) {
+    Burst burst{std::max(now + random_delay(), last_), {}};
     for (std::size_t i = 0; i < count; ++i) {
       if (chance(options_.drop)) {
         ++dropped;
@@ -35,41 +35,41 @@ class NoisyLine {
         byte ^= static_cast<std::uint8_t>(1u << (random_() & 7u));
         ++corrupted;
       }
-      piece.bytes.push_back(byte);
+      burst.bytes.push_back(byte);
     }
-    last_ = piece.due;
-    pieces_.push_back(std::move(piece));
+    last_ = burst.due;
+    bursts_.push_back(std::move(burst));
   }
 
   // Appends to `to` what has arrived by now.
-  void get(Time now, std::vector<std::uint8_t>& to) {
-    for (; !pieces_.empty() && pieces_.front().due <= now; pieces_.pop_front())
-      to.insert(to.end(), pieces_.front().bytes.begin(), pieces_.front().bytes.end());
+  void receive(Time now, std::vector<std::uint8_t>& to) {
+    for (; !bursts_.empty() && bursts_.front().due <= now; bursts_.pop_front())
+      to.insert(to.end(), bursts_.front().bytes.begin(), bursts_.front().bytes.end());
   }
   // When the next piece arrives.
-  std::optional<Time> next() const {
-    return pieces_.empty() ? std::nullopt : std::optional(pieces_.front().due);
+  std::optional<Time> next_arrival() const {
+    return bursts_.empty() ? std::nullopt : std::optional(bursts_.front().due);
   }
-  void clear() { pieces_.clear(); }
+  void clear() { bursts_.clear(); }
 
   std::uint64_t dropped = 0, corrupted = 0;
 
  private:
-  struct Piece {
+  struct Burst {
     Time due;
     std::vector<std::uint8_t> bytes;
   };
 
   // Of the generator's own bits, not of a distribution: the same on every standard library.
   bool chance(double p) { return p > 0 && static_cast<double>(random_() >> 11) * 0x1p-53 < p; }
-  Time late() {
+  Time random_delay() {
     const auto most = static_cast<std::uint64_t>(options_.delay.count());
     return most == 0 ? Time(0) : std::chrono::microseconds(random_() % (most + 1));
   }
 
   NoiseOptions options_;
   std::mt19937_64 random_;
-  std::deque<Piece> pieces_;
+  std::deque<Burst> bursts_;
   Time last_{0};
 };
 

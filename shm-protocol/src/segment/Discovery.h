@@ -6,10 +6,10 @@
 #include <string>
 #include <thread>
 
-#include "Geometry.h"
-#include "Process.h"
+#include "ProcessIdentity.h"
 #include "Segment.h"
-#include "Waiting.h"
+#include "SegmentLayout.h"
+#include "shm-protocol/src/wait/FutexWait.h"
 #include "shm_protocol/Error.h"
 #include "shm_protocol/Wait.h"
 
@@ -17,7 +17,7 @@ namespace shm_protocol {
 
 struct FoundSurface {
   Segment segment;
-  Geometry geometry;
+  SegmentLayout layout;
 };
 
 // The checked segment of a living surface that is not closing. Nothing, and why, while there is none. Throws
@@ -26,8 +26,8 @@ std::optional<FoundSurface> find_surface(const std::string& name, Access, std::s
 
 // Calls attempt(why) until it returns something: else Error kNotFound with the last `why`, or kInterrupted.
 template <class Attempt>
-auto attach_until(const std::string& name, const AttachOptions& options, Attempt&& attempt) {
-  constexpr std::chrono::milliseconds kPoll{10};
+auto attach_with_retry(const std::string& name, const AttachOptions& options, Attempt&& attempt) {
+  constexpr std::chrono::milliseconds kRetryInterval{10};
   check_name(name);
   const auto start = Clock::now();
   for (std::string why;;) {
@@ -35,7 +35,7 @@ auto attach_until(const std::string& name, const AttachOptions& options, Attempt
     if (options.stop && options.stop->load(std::memory_order_relaxed))
       throw Error(ErrorCode::kInterrupted, "interrupted while waiting: " + why);
     if (Clock::now() - start >= options.timeout) throw Error(ErrorCode::kNotFound, why);
-    std::this_thread::sleep_for(kPoll);
+    std::this_thread::sleep_for(kRetryInterval);
   }
 }
 

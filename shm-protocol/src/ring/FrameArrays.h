@@ -11,10 +11,10 @@
 
 namespace shm_protocol {
 
-class Arrays {
+class FrameArrays {
  public:
-  Arrays() = default;
-  explicit Arrays(std::size_t bytes)
+  FrameArrays() = default;
+  explicit FrameArrays(std::size_t bytes)
       : memory_(static_cast<std::byte*>(::operator new[](bytes + 1, kAlignment))) {
     std::memset(memory_.get(), 0, bytes);
   }
@@ -27,10 +27,10 @@ class Arrays {
 
  private:
   static constexpr std::align_val_t kAlignment{SSP_ARRAY_ALIGNMENT};
-  struct Free {
+  struct AlignedDelete {
     void operator()(std::byte* memory) const noexcept { ::operator delete[](memory, kAlignment); }
   };
-  std::unique_ptr<std::byte[], Free> memory_;
+  std::unique_ptr<std::byte[], AlignedDelete> memory_;
 };
 
 }  // namespace shm_protocol

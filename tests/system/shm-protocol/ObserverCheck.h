@@ -8,21 +8,21 @@
 namespace shm_protocol {
 
 // Looks until the surface ends; every frame whole and right, their numbers ascending. 0: all was well.
-inline int watch(const std::string& name, std::uint64_t& seen) {
+inline int check_observed_frames(const std::string& name, std::uint64_t& seen) {
   auto observer = ObserverEndpoint::attach(name, {.timeout = 20s});
   std::uint64_t last[2] = {};
   for (;;) {
     for (const Direction d : {Direction::kSensor, Direction::kActuator}) {
       const bool sensor = d == Direction::kSensor;
-      const Status s = observer.look(d);
+      const Status s = observer.latest(d);
       if (s == Status::kSurfaceClosed || s == Status::kSurfaceDead) return 0;
       if (s != Status::kOk) continue;
       ++seen;
       const FrameInfo& info = observer.info(d);
       if (info.frame <= last[sensor]) return 2;
       last[sensor] = info.frame;
-      const bool right = sensor ? holds(observer.array(0), info.tick, sensed)
-                                : holds(observer.array(1), info.tick, commanded);
+      const bool right = sensor ? matches(observer.array(0), info.tick, sensed)
+                                : matches(observer.array(1), info.tick, commanded);
       if (!right) return 3;
     }
   }

@@ -25,22 +25,22 @@ namespace bip = boost::interprocess;
   throw Error(ErrorCode::kSystem, what + ": " + std::strerror(number));
 }
 
-std::string file_of(const std::string& name) { return kPrefix + name; }
+std::string file_name(const std::string& name) { return kFilePrefix + name; }
 
 // Removes what killed builders of this name left: its name alone tells whether the builder lives.
-void sweep_unfinished(const std::string& name) {
+void remove_stale_builds(const std::string& name) {
   std::error_code failure;
-  for (const auto& entry : std::filesystem::directory_iterator(kFolder, failure)) {
+  for (const auto& entry : std::filesystem::directory_iterator(kShmDirectory, failure)) {
     const std::string file = entry.path().filename().string();
-    if (file.starts_with(file_of(name) + kUnfinished)) remove_if_orphan(file);
+    if (file.starts_with(file_name(name) + kBuildMarker)) remove_if_orphan(file);
   }
 }
 
 }  // namespace
 
 struct Segment::Impl {
-  std::string name;      // the real one
-  std::string built_as;  // the private file, while it has not been put in place
+  std::string name;            // the real one
+  std::string temporary_file;  // the private file, while it has not been put in place
   bip::shared_memory_object object;
   bip::mapped_region region;
   pid_t builder = 0;
@@ -48,29 +48,30 @@ struct Segment::Impl {
   int descriptor() const { return object.get_mapping_handle().handle; }
 };
 
-std::string path_of(const std::string& name) { return std::string(kFolder) + "/" + file_of(name); }
+std::string path_of(const std::string& name) { return std::string(kShmDirectory) + "/" + file_name(name); }
 
 Segment::Segment(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Segment::Segment(Segment&&) noexcept = default;
 Segment& Segment::operator=(Segment&&) noexcept = default;
 
 Segment::~Segment() {
-  if (impl_ && !impl_->built_as.empty() && impl_->builder == ::getpid())
-    ::unlink((std::string(kFolder) + "/" + impl_->built_as).c_str());
+  if (impl_ && !impl_->temporary_file.empty() && impl_->builder == ::getpid())
+    ::unlink((std::string(kShmDirectory) + "/" + impl_->temporary_file).c_str());
 }
 
-Segment Segment::build(const std::string& name, std::size_t bytes, ProcessWord owner) {
-  sweep_unfinished(name);
+Segment Segment::create(const std::string& name, std::size_t bytes, ProcessIdentity owner) {
+  remove_stale_builds(name);
   auto impl = std::make_unique<Impl>();
   impl->name = name;
   impl->builder = ::getpid();
-  static std::atomic<unsigned> built{0};  // two threads may build under one name; one of them will be refused
+  static std::atomic<unsigned> build_count{
+      0};  // two threads may build under one name; one of them will be refused
   const std::string file =
-      file_of(name) + kUnfinished + std::to_string(owner) + "." + std::to_string(built++);
+      file_name(name) + kBuildMarker + std::to_string(owner) + "." + std::to_string(build_count++);
   try {
     bip::permissions permissions(0600);
     impl->object = bip::shared_memory_object(bip::create_only, file.c_str(), bip::read_write, permissions);
-    impl->built_as = file;
+    impl->temporary_file = file;
   } catch (const bip::interprocess_exception& e) {
     throw Error(ErrorCode::kSystem, "cannot create " + path_of(name) + ": " + e.what());
   }
@@ -87,13 +88,13 @@ Segment Segment::build(const std::string& name, std::size_t bytes, ProcessWord o
   return segment;
 }
 
-void Segment::put_in_place() {
-  const std::string from = std::string(kFolder) + "/" + impl_->built_as;
+void Segment::rename_into_place() {
+  const std::string from = std::string(kShmDirectory) + "/" + impl_->temporary_file;
   const std::string to = path_of(impl_->name);
   for (int attempt = 0; attempt < 100; ++attempt) {
-    reclaim_or_refuse(impl_->name);
+    reclaim_or_throw(impl_->name);
     if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) {
-      impl_->built_as.clear();
+      impl_->temporary_file.clear();
       return;
     }
     if (errno != EEXIST) break;
@@ -118,7 +119,7 @@ std::optional<Segment> Segment::open(const std::string& name, Access access) {
   auto impl = std::make_unique<Impl>();
   impl->name = name;
   try {
-    impl->object = bip::shared_memory_object(bip::open_only, file_of(name).c_str(), mode);
+    impl->object = bip::shared_memory_object(bip::open_only, file_name(name).c_str(), mode);
     bip::offset_t size = 0;
     if (!impl->object.get_size(size) || size <= 0)
       throw Error(ErrorCode::kCorrupt, path_of(name) + ": truncated: 0 bytes");
@@ -134,11 +135,11 @@ std::span<std::byte> Segment::bytes() noexcept {
   return {static_cast<std::byte*>(impl_->region.get_address()), impl_->region.get_size()};
 }
 
-void reclaim_or_refuse(const std::string& name) {
+void reclaim_or_throw(const std::string& name) {
   const std::string path = path_of(name);
   struct stat status {};
   if (::lstat(path.c_str(), &status) != 0) return;
-  const SegmentInfo found = inspect(file_of(name));
+  const SegmentInfo found = inspect_segment(file_name(name));
   if (found.ownership == Ownership::kLiving)
     throw Error(ErrorCode::kSurfaceLives,
                 "surface \"" + name + "\" is already running as process " +
@@ -151,7 +152,7 @@ void reclaim_or_refuse(const std::string& name) {
                     " is not a segment of this protocol, or belongs to another user; remove "
                     "it by hand or choose another name");
   }
-  remove_if_orphan(file_of(name));
+  remove_if_orphan(file_name(name));
 }
 
 }  // namespace shm_protocol

@@ -10,14 +10,14 @@
 #include <numeric>
 #include <thread>
 
-#include "shm-protocol/src/Pieces.h"
+#include "shm-protocol/src/ring/ChunkedTransfer.h"
 #include "tests/unit/shm-protocol/RawSegment.h"
 
 namespace shm_protocol {
 namespace {
 
 using namespace std::chrono_literals;
-constexpr WaitOptions kAtOnce{.timeout = 0ns};
+constexpr WaitOptions kNoWait{.timeout = 0ns};
 
 SurfaceConfig large_surface(const std::string& what) {
   SurfaceConfig config;
@@ -83,11 +83,11 @@ TEST(Pieces, AreCopiedAlongAndEndAsTheWholeFrame) {
 
 // Both sides stream: the controller answers each piece as it comes, the surface takes answers in while it
 // still writes.
-class PiecesBothWays : public testing::TestWithParam<bool> {};
-INSTANTIATE_TEST_SUITE_P(Pieces, PiecesBothWays, testing::Bool(),
+class ChunksBothWays : public testing::TestWithParam<bool> {};
+INSTANTIATE_TEST_SUITE_P(Pieces, ChunksBothWays, testing::Bool(),
                          [](const auto& of) { return of.param ? "InPlace" : "Copied"; });
 
-TEST_P(PiecesBothWays, AreAnsweredWhileTheRestIsStillToCome) {
+TEST_P(ChunksBothWays, AreAnsweredWhileTheRestIsStillToCome) {
   auto config = large_surface("streaming");
   config.answers_in_place = GetParam();
   auto surface = SurfaceEndpoint::create(config);
@@ -168,7 +168,7 @@ struct LargePair {
     controller->write(
         3, 0, std::span<const std::uint8_t>(std::vector<std::uint8_t>(3 * surface.description().cells(), 1)));
   }
-  bool shows(float value) {
+  bool actuator_matches(float value) {
     const auto all = surface.actuator(2);
     return std::ranges::count(all, value) == std::ranges::ssize(all);
   }
@@ -181,61 +181,61 @@ struct LargePair {
 TEST(Pieces, OfARefusedAnswerAreNotTakenForTheNextOne) {
   LargePair p("refused");
   ASSERT_EQ(p.surface.publish(0, 0.0), Status::kOk);
-  ASSERT_EQ(p.surface.await_actuators(0, kAtOnce), Status::kNoController);
+  ASSERT_EQ(p.surface.await_actuators(0, kNoWait), Status::kNoController);
   p.attach();
-  ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+  ASSERT_EQ(p.controller->await_sensors(kNoWait), Status::kOk);
   ASSERT_EQ(p.surface.publish(1, 0.0), Status::kOk);  // decided before the controller came
   p.answer(7, 40'000);
-  ASSERT_EQ(p.surface.await_actuators(1, kAtOnce), Status::kTimeout);  // copies them along
+  ASSERT_EQ(p.surface.await_actuators(1, kNoWait), Status::kTimeout);  // copies them along
   ASSERT_EQ(p.controller->publish(), Status::kTorn);
-  ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+  ASSERT_EQ(p.controller->await_sensors(kNoWait), Status::kOk);
   p.answer_whole(8);
   ASSERT_EQ(p.controller->publish(), Status::kOk);
-  ASSERT_EQ(p.surface.await_actuators(1, kAtOnce), Status::kOk);
-  EXPECT_TRUE(p.shows(8));
+  ASSERT_EQ(p.surface.await_actuators(1, kNoWait), Status::kOk);
+  EXPECT_TRUE(p.actuator_matches(8));
 }
 
 TEST(Pieces, OfAControllerThatLeftAreNotTakenForTheNextOnes) {
   LargePair p("successor");
   p.attach();
-  ASSERT_EQ(p.surface.await_controller(kAtOnce), Status::kOk);
+  ASSERT_EQ(p.surface.await_controller(kNoWait), Status::kOk);
   ASSERT_EQ(p.surface.publish(0, 0.0), Status::kOk);
-  ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+  ASSERT_EQ(p.controller->await_sensors(kNoWait), Status::kOk);
   p.answer(7, 40'000);
-  const auto early = p.surface.next_cells(2, kAtOnce);
+  const auto early = p.surface.next_cells(2, kNoWait);
   ASSERT_EQ(early.size(), 16'384u);
   EXPECT_EQ(early[0], 7);
   p.controller.reset();
   while (!p.surface.next_cells(2).empty()) {
   }  // what is there; nobody will write the rest, so it does not wait
-  EXPECT_EQ(p.surface.await_actuators(0, kAtOnce), Status::kControllerClosed);
-  EXPECT_TRUE(p.shows(3));  // the safe frame
+  EXPECT_EQ(p.surface.await_actuators(0, kNoWait), Status::kControllerClosed);
+  EXPECT_TRUE(p.actuator_matches(3));  // the safe frame
   p.attach();
-  ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+  ASSERT_EQ(p.controller->await_sensors(kNoWait), Status::kOk);
   p.answer_whole(8);
   ASSERT_EQ(p.controller->publish(), Status::kOk);
-  ASSERT_EQ(p.surface.await_actuators(0, kAtOnce), Status::kOk);
-  EXPECT_TRUE(p.shows(8));
+  ASSERT_EQ(p.surface.await_actuators(0, kNoWait), Status::kOk);
+  EXPECT_TRUE(p.actuator_matches(8));
 }
 
 // The predecessor's pieces are in the user's hands when the successor's whole frame is there.
 TEST(Pieces, ThatWereHandedOutInVainAreToldOf) {
   LargePair p("vain");
   p.attach();
-  ASSERT_EQ(p.surface.await_controller(kAtOnce), Status::kOk);
+  ASSERT_EQ(p.surface.await_controller(kNoWait), Status::kOk);
   ASSERT_EQ(p.surface.publish(0, 0.0), Status::kOk);
-  ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+  ASSERT_EQ(p.controller->await_sensors(kNoWait), Status::kOk);
   p.answer(7, 40'000);
-  ASSERT_EQ(p.surface.next_cells(2, kAtOnce)[0], 7);
+  ASSERT_EQ(p.surface.next_cells(2, kNoWait)[0], 7);
   p.controller.reset();
   p.attach();
-  ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+  ASSERT_EQ(p.controller->await_sensors(kNoWait), Status::kOk);
   p.answer_whole(8);
   ASSERT_EQ(p.controller->publish(), Status::kOk);
-  EXPECT_EQ(p.surface.await_actuators(0, kAtOnce), Status::kTorn);
-  EXPECT_EQ(p.surface.next_cells(2, kAtOnce)[0], 8);  // from the beginning
-  ASSERT_EQ(p.surface.await_actuators(0, kAtOnce), Status::kOk);
-  EXPECT_TRUE(p.shows(8));
+  EXPECT_EQ(p.surface.await_actuators(0, kNoWait), Status::kTorn);
+  EXPECT_EQ(p.surface.next_cells(2, kNoWait)[0], 8);  // from the beginning
+  ASSERT_EQ(p.surface.await_actuators(0, kNoWait), Status::kOk);
+  EXPECT_TRUE(p.actuator_matches(8));
 }
 
 TEST(Pieces, OfASensorFrameThatWasGivenUpAreToldOf) {
@@ -243,7 +243,7 @@ TEST(Pieces, OfASensorFrameThatWasGivenUpAreToldOf) {
   const std::vector<float> ones(p.surface.description().cells(), 1), twos(ones.size(), 2);
   p.surface.write(0, 0, std::span(ones).first(40'000));
   p.attach();
-  const auto early = p.controller->next_cells(0, kAtOnce);
+  const auto early = p.controller->next_cells(0, kNoWait);
   ASSERT_EQ(early.size(), 16'384u);
   EXPECT_EQ(early[0], 1);
   p.answer(7, 40'000);
@@ -253,30 +253,30 @@ TEST(Pieces, OfASensorFrameThatWasGivenUpAreToldOf) {
     RawSegment raw(p.config.name);
     const auto process = raw.header().claim.controller_process;
     raw.header().claim.controller_process = 0;
-    ASSERT_EQ(p.surface.await_actuators(0, kAtOnce), Status::kNoController);
+    ASSERT_EQ(p.surface.await_actuators(0, kNoWait), Status::kNoController);
     raw.header().claim.controller_process = process;
   }
   p.surface.write(0, 0, std::span<const float>(twos));
   ASSERT_EQ(p.surface.publish(1, 0.0), Status::kOk);
   EXPECT_TRUE(p.controller->next_cells(0).empty());
-  EXPECT_EQ(p.controller->await_sensors(kAtOnce), Status::kTorn);
-  EXPECT_EQ(p.controller->next_cells(0, kAtOnce)[0], 2);  // from the beginning
-  ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+  EXPECT_EQ(p.controller->await_sensors(kNoWait), Status::kTorn);
+  EXPECT_EQ(p.controller->next_cells(0, kNoWait)[0], 2);  // from the beginning
+  ASSERT_EQ(p.controller->await_sensors(kNoWait), Status::kOk);
   EXPECT_EQ(p.controller->sensor_info().tick, 1u);
   p.answer_whole(8);
   ASSERT_EQ(p.controller->publish(), Status::kOk);
-  ASSERT_EQ(p.surface.await_actuators(1, kAtOnce), Status::kOk);
-  EXPECT_TRUE(p.shows(8));
+  ASSERT_EQ(p.surface.await_actuators(1, kNoWait), Status::kOk);
+  EXPECT_TRUE(p.actuator_matches(8));
 }
 
 TEST(Pieces, AreNotHandedOutOutOfTurnOrInPassiveMode) {
   LargePair p("turns");
   p.attach();
-  EXPECT_TRUE(p.controller->next_cells(0, kAtOnce).empty());  // there is no frame
+  EXPECT_TRUE(p.controller->next_cells(0, kNoWait).empty());  // there is no frame
   EXPECT_TRUE(p.surface.next_cells(2).empty());               // nothing was published: it does not wait
   ASSERT_EQ(p.surface.publish(0, 0.0), Status::kOk);
-  EXPECT_EQ(p.controller->next_cells(0, kAtOnce).size(), 16'384u);  // written in place: all of it is there
-  ASSERT_EQ(p.controller->await_sensors(kAtOnce), Status::kOk);
+  EXPECT_EQ(p.controller->next_cells(0, kNoWait).size(), 16'384u);  // written in place: all of it is there
+  ASSERT_EQ(p.controller->await_sensors(kNoWait), Status::kOk);
   EXPECT_TRUE(p.controller->next_cells(0).empty());  // the next one waits for our answer
   auto config = large_surface("pieces-passive");
   config.mode = Mode::kPassive;
@@ -296,8 +296,8 @@ TEST(Pieces, ProgressIsWhatIsFinal) {
   b.offset = 100'160, b.bytes = 250'000;
   const std::vector<std::byte> values(250'000, std::byte{7});
   const std::uint32_t word = 0, waiting = 0;
-  PieceWriter writer(line, word, waiting, 350'032);
-  const auto end = [&](std::uint32_t frame) { return final_bytes(line, frame, sizeof slot); };
+  ChunkWriter writer(line, word, waiting, 350'032);
+  const auto end = [&](std::uint32_t frame) { return committed_bytes(line, frame, sizeof slot); };
   EXPECT_EQ(end(9), 0u);
   writer.write(slot, 9, a, 0, std::span(values).first(100'001), false);
   EXPECT_EQ(end(8), 0u);  // another frame
@@ -306,12 +306,12 @@ TEST(Pieces, ProgressIsWhatIsFinal) {
   EXPECT_EQ(end(9), 100'129u / 64 * 64);
   writer.write(slot, 9, b, 0, std::span(values).first(150'000), false);
   EXPECT_EQ(end(9), 250'160u / 64 * 64);
-  writer.finish(9);
+  writer.finish_frame(9);
   EXPECT_EQ(end(9), 250'160u / 64 * 64);
-  writer.finish(10);  // which was written in place
+  writer.finish_frame(10);  // which was written in place
   EXPECT_EQ(end(9), 0u);
   EXPECT_EQ(end(9 + (1u << 24)), 0u);
-  line.ready = progress_word(4, ~std::uint64_t{0} >> 24);  // more than there is
+  line.ready = encode_progress(4, ~std::uint64_t{0} >> 24);  // more than there is
   EXPECT_EQ(end(4), sizeof slot);
 }
 
@@ -325,7 +325,7 @@ TEST(Pieces, ReservedCellsAreInPlaceOrStagedAndFinalOnceCommitted) {
     ssp_channel c{};
     c.offset = 128, c.bytes = 300'000;
     const std::uint32_t word = 0, waiting = 0;
-    PieceWriter writer(line, word, waiting, 300'032);
+    ChunkWriter writer(line, word, waiting, 300'032);
     std::size_t at = 0;
     while (at < c.bytes) {
       const auto piece = writer.reserve(slot, 5, c, at, c.bytes - at, elsewhere);
@@ -333,7 +333,7 @@ TEST(Pieces, ReservedCellsAreInPlaceOrStagedAndFinalOnceCommitted) {
       // The last piece is large enough to be staged, too.
       EXPECT_EQ(piece.data() == slot + 128 + at, !elsewhere);
       std::ranges::fill(piece, static_cast<std::byte>(1 + at / 1000 % 250));
-      EXPECT_EQ(final_bytes(line, 5, sizeof slot), at == 0 ? 0u : 128 + at);  // not before the commit
+      EXPECT_EQ(committed_bytes(line, 5, sizeof slot), at == 0 ? 0u : 128 + at);  // not before the commit
       writer.commit();
       writer.commit();  // of nothing
       ASSERT_EQ(slot[128 + at], piece[0]);
@@ -342,17 +342,17 @@ TEST(Pieces, ReservedCellsAreInPlaceOrStagedAndFinalOnceCommitted) {
     }
     EXPECT_EQ(at, c.bytes);
     std::ranges::fill(writer.reserve(slot, 6, c, 0, 4096, elsewhere), std::byte{9});
-    writer.finish(6);  // as publish() does: a forgotten commit
+    writer.finish_frame(6);  // as publish() does: a forgotten commit
     EXPECT_EQ(slot[128 + 4095], std::byte{9});
   }
 }
 
 TEST(Pieces, ReaderCopiesEachByteOnce) {
-  PieceReader reader;
+  ChunkReader reader;
   std::vector<std::pair<std::size_t, std::size_t>> taken;
   const auto follow = [&](std::uint32_t frame, std::uint32_t writer, std::size_t end) {
-    return reader.follow(frame, writer, end,
-                         [&](std::size_t from, std::size_t to) { taken.emplace_back(from, to); });
+    return reader.copy_available(frame, writer, end,
+                                 [&](std::size_t from, std::size_t to) { taken.emplace_back(from, to); });
   };
   EXPECT_FALSE(follow(4, 1, 0));
   EXPECT_TRUE(follow(4, 1, 100'096));

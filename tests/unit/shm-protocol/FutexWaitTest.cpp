@@ -1,5 +1,5 @@
 // The wait itself, with a scripted peer: when it asks, when it sleeps, when it ends.
-#include "shm-protocol/src/Waiting.h"
+#include "shm-protocol/src/wait/FutexWait.h"
 
 #include <gtest/gtest.h>
 
@@ -9,16 +9,16 @@ namespace {
 using namespace std::chrono_literals;
 
 // A peer of unknown place, so that nobody spins and every question is one of the script's.
-struct Script {
+struct ScriptedPeer {
   std::uint32_t word = 0, flag = 0, peer_cpu = SSP_CPU_UNKNOWN;
-  int yes_at = 0;  // the question that is answered yes
-  int asked = 0, asked_after_yes = 0;
-  Patience patience{};
+  int ready_at = 0;  // the question that is answered yes
+  int calls = 0, calls_after_ready = 0;
+  WaitState patience{};
 
   Status wait(std::chrono::nanoseconds timeout) {
     const auto ready = [&]() noexcept {
-      asked_after_yes += asked >= yes_at;
-      return ++asked >= yes_at;
+      calls_after_ready += calls >= ready_at;
+      return ++calls >= ready_at;
     };
     return wait_until(Doorbell{word, flag, peer_cpu}, {.timeout = timeout}, patience, ready,
                       [](bool) noexcept { return Status::kOk; });
@@ -29,16 +29,16 @@ struct Script {
 // The questions: at once; before the sleep, with the flag raised; after it; before the next sleep; and so on.
 TEST(Waiting, ReadyIsNotAskedAgainOnceItSaidYes) {
   for (int question = 1; question <= 4; ++question) {
-    Script script{.yes_at = question};
+    ScriptedPeer script{.ready_at = question};
     EXPECT_EQ(script.wait(10s), Status::kOk) << question;
-    EXPECT_EQ(script.asked, question);
-    EXPECT_EQ(script.asked_after_yes, 0) << question;
+    EXPECT_EQ(script.calls, question);
+    EXPECT_EQ(script.calls_after_ready, 0) << question;
     EXPECT_EQ(script.flag, 0u) << question;  // nobody is to wake one that does not sleep
   }
 }
 
 TEST(Waiting, IsOverAtItsDeadlineWhenNobodySaysYes) {
-  Script script{.yes_at = 1 << 30};
+  ScriptedPeer script{.ready_at = 1 << 30};
   EXPECT_EQ(script.wait(1ms), Status::kTimeout);
   EXPECT_EQ(script.flag, 0u);
   EXPECT_EQ(script.wait(0ns), Status::kTimeout);

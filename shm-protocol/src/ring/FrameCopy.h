@@ -17,16 +17,16 @@ void copy_frame(std::byte* to, const std::byte* from, std::size_t bytes) noexcep
 // Copies into a slot; past_caches: with stores that leave the writer's caches alone, so that the reader's
 // core gets the lines from memory instead of asking this core for each. Complete for whoever sees a later
 // release store.
-void stream_frame(std::byte* to, const std::byte* from, std::size_t bytes, bool past_caches) noexcept;
+void stream_frame(std::byte* to, const std::byte* from, std::size_t bytes, bool non_temporal) noexcept;
 
 // Copies `bytes` of an actuator array, whole elements, and makes them safe: an f32 NaN becomes the channel's
 // safe value, ±infinity and whatever else is out of range becomes the nearer end of the range. Returns how
 // many values it replaced. The values are looked at only after they are private, so that what was checked
 // cannot change any more.
-std::uint64_t copy_checked(std::byte* to, const std::byte* from, std::size_t bytes,
-                           const ssp_channel&) noexcept;
+std::uint64_t copy_sanitized(std::byte* to, const std::byte* from, std::size_t bytes,
+                             const ssp_channel&) noexcept;
 
 // The same without a copy, for a writer that is trusted not to change what it has published.
-std::uint64_t check_in_place(std::byte* cells, std::size_t bytes, const ssp_channel&) noexcept;
+std::uint64_t sanitize_in_place(std::byte* cells, std::size_t bytes, const ssp_channel&) noexcept;
 
 }  // namespace shm_protocol

@@ -16,15 +16,15 @@
 namespace shm_protocol {
 namespace {
 
-class File {
+class FileDescriptor {
  public:
-  explicit File(const std::string& path)
+  explicit FileDescriptor(const std::string& path)
       : descriptor_(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW)) {}
-  ~File() {
+  ~FileDescriptor() {
     if (descriptor_ >= 0) ::close(descriptor_);
   }
-  File(const File&) = delete;
-  File& operator=(const File&) = delete;
+  FileDescriptor(const FileDescriptor&) = delete;
+  FileDescriptor& operator=(const FileDescriptor&) = delete;
   explicit operator bool() const { return descriptor_ >= 0; }
   int descriptor() const { return descriptor_; }
 
@@ -32,15 +32,15 @@ class File {
   int descriptor_;
 };
 
-SegmentInfo inspect_open(int descriptor, const std::string& file) {
+SegmentInfo inspect_descriptor(int descriptor, const std::string& file) {
   SegmentInfo info;
-  info.name = file.substr(std::strlen(kPrefix));
+  info.name = file.substr(std::strlen(kFilePrefix));
   struct stat status {};
   if (::fstat(descriptor, &status) != 0 || !S_ISREG(status.st_mode)) return info;
   info.bytes = static_cast<std::uint64_t>(status.st_size);
 
-  if (const auto mark = info.name.find(kUnfinished); mark != std::string::npos) {
-    const ProcessWord builder = std::strtoull(info.name.c_str() + mark + 1, nullptr, 10);
+  if (const auto mark = info.name.find(kBuildMarker); mark != std::string::npos) {
+    const ProcessIdentity builder = std::strtoull(info.name.c_str() + mark + 1, nullptr, 10);
     info.surface_pid = pid_of(builder);
     info.ownership = is_alive(builder) ? Ownership::kLiving : Ownership::kOrphan;
     return info;
@@ -68,32 +68,32 @@ bool is_still(int descriptor, const std::string& path) {
 
 }  // namespace
 
-SegmentInfo inspect(const std::string& file) {
-  const File opened(std::string(kFolder) + "/" + file);
-  if (opened) return inspect_open(opened.descriptor(), file);
+SegmentInfo inspect_segment(const std::string& file) {
+  const FileDescriptor opened(std::string(kShmDirectory) + "/" + file);
+  if (opened) return inspect_descriptor(opened.descriptor(), file);
   SegmentInfo unknown;
-  unknown.name = file.substr(std::strlen(kPrefix));
+  unknown.name = file.substr(std::strlen(kFilePrefix));
   return unknown;
 }
 
 bool remove_if_orphan(const std::string& file) {
-  const std::string path = std::string(kFolder) + "/" + file;
-  const File opened(path);
+  const std::string path = std::string(kShmDirectory) + "/" + file;
+  const FileDescriptor opened(path);
   if (!opened) return false;
   // Whoever removes holds this lock and has seen that the name still means this file. So between the check
   // and the unlink nobody else can have removed it and put a living surface's segment in its place.
   if (::flock(opened.descriptor(), LOCK_EX) != 0) return false;
   if (!is_still(opened.descriptor(), path)) return false;
-  if (inspect_open(opened.descriptor(), file).ownership != Ownership::kOrphan) return false;
+  if (inspect_descriptor(opened.descriptor(), file).ownership != Ownership::kOrphan) return false;
   return ::unlink(path.c_str()) == 0;
 }
 
 std::vector<SegmentInfo> list_segments() {
   std::vector<SegmentInfo> found;
   std::error_code failure;
-  for (const auto& entry : std::filesystem::directory_iterator(kFolder, failure)) {
+  for (const auto& entry : std::filesystem::directory_iterator(kShmDirectory, failure)) {
     const std::string file = entry.path().filename().string();
-    if (file.starts_with(kPrefix)) found.push_back(inspect(file));
+    if (file.starts_with(kFilePrefix)) found.push_back(inspect_segment(file));
   }
   std::sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
   return found;
@@ -103,7 +103,7 @@ std::vector<SegmentInfo> remove_orphans(const std::string& prefix) {
   std::vector<SegmentInfo> removed;
   for (const auto& segment : list_segments())
     if (segment.ownership == Ownership::kOrphan && segment.name.starts_with(prefix) &&
-        remove_if_orphan(kPrefix + segment.name))
+        remove_if_orphan(kFilePrefix + segment.name))
       removed.push_back(segment);
   return removed;
 }

@@ -1,8 +1,8 @@
-#include "Attaching.h"
+#include "Discovery.h"
 
 #include <utility>
 
-#include "Words.h"
+#include "shm-protocol/src/wait/Atomics.h"
 
 namespace shm_protocol {
 
@@ -12,12 +12,12 @@ std::optional<FoundSurface> find_surface(const std::string& name, Access access,
     why = "there is no surface \"" + name + "\" (no " + path_of(name) + ")";
     return std::nullopt;
   }
-  auto geometry = read_fixed_part(segment->bytes(), path_of(name));
-  if (!geometry) {
+  auto layout = read_layout(segment->bytes(), path_of(name));
+  if (!layout) {
     why = path_of(name) + " never became ready";
     return std::nullopt;
   }
-  const ProcessWord surface = geometry->identity.surface_process;
+  const ProcessIdentity surface = layout->identity.surface_process;
   if (!is_alive(surface)) {
     why = "surface \"" + name + "\" is dead: process " + std::to_string(pid_of(surface)) +
           " is gone and left " + path_of(name);
@@ -28,7 +28,7 @@ std::optional<FoundSurface> find_surface(const std::string& name, Access access,
     why = "surface \"" + name + "\" is closing";
     return std::nullopt;
   }
-  return FoundSurface{std::move(*segment), std::move(*geometry)};
+  return FoundSurface{std::move(*segment), std::move(*layout)};
 }
 
 }  // namespace shm_protocol

@@ -15,7 +15,7 @@
 
 namespace shm_protocol {
 
-struct Geometry {
+struct SegmentLayout {
   ssp_identity identity{};
   ssp_geometry geometry{};
   std::vector<ssp_channel> channels;
@@ -26,17 +26,17 @@ struct Geometry {
 
 // Throws Error(kBadConfig) naming the field, its value and what would be right.
 void check_name(const std::string& name);
-Geometry plan(const SurfaceConfig&);
+SegmentLayout plan_layout(const SurfaceConfig&);
 
 // Lays header, directory, positions and slots into a zeroed segment, all but the version word; every actuator
 // and sensor array is filled with its safe value.
-void write_fixed_part(const Geometry&, const SurfaceConfig&, std::span<std::byte> segment);
+void write_layout(const SegmentLayout&, const SurfaceConfig&, std::span<std::byte> segment);
 
 // The checked private copy; nothing while the segment is not ready. Throws Error: kForeign, kWrongVersion,
 // kCorrupt; `origin` names the segment in the message.
-std::optional<Geometry> read_fixed_part(std::span<const std::byte> segment, const std::string& origin);
+std::optional<SegmentLayout> read_layout(std::span<const std::byte> segment, const std::string& origin);
 
-Description describe(const Geometry&, std::span<const std::byte> segment);
+Description describe(const SegmentLayout&, std::span<const std::byte> segment);
 
 // FNV-1a over the geometry line and the directory.
 std::uint64_t layout_hash(const ssp_geometry&, std::span<const std::byte> directory) noexcept;

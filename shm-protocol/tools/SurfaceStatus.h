@@ -13,7 +13,7 @@ struct Rates {
   double sensors_hz = 0, actuators_hz = 0;
 };
 
-struct Look {
+struct SurfaceStatus {
   const Description* description = nullptr;  // lives as long as the observer
   State surface = State::kNone, controller = State::kNone;
   std::uint32_t controller_pid = 0, controllers_seen = 0;
@@ -29,11 +29,11 @@ struct Look {
 std::vector<double> values(const ObserverEndpoint&, int channel);
 
 // Smallest, mean and largest of the finite ones; `odd` counts NaN and infinities.
-struct Spread {
-  double smallest = 0, mean = 0, largest = 0;
-  std::size_t odd = 0;
+struct ValueStatistics {
+  double minimum = 0, mean = 0, maximum = 0;
+  std::size_t non_finite = 0;
 };
-Spread spread(const std::vector<double>&);
+ValueStatistics value_statistics(const std::vector<double>&);
 
 // Text out of a header that nobody has to trust: what a terminal might obey becomes '?'.
 std::string printable(const std::string&);

@@ -29,7 +29,7 @@ ssp_result fail_with_current_exception() noexcept;
 inline ssp_result null_argument() noexcept { return fail(SSP_E_ARGUMENT, "a pointer is null"); }
 inline ssp_result wrong_channel() noexcept { return fail(SSP_E_ARGUMENT, "no such channel"); }
 
-inline ssp_result result_of(Status s) noexcept { return static_cast<ssp_result>(s); }
+inline ssp_result to_result(Status s) noexcept { return static_cast<ssp_result>(s); }
 
 // Runs what may throw.
 template <class Body>
@@ -41,14 +41,14 @@ ssp_result guarded(Body&& body) noexcept {
   }
 }
 
-inline std::chrono::nanoseconds timeout_of(std::int64_t ns) noexcept {
+inline std::chrono::nanoseconds to_timeout(std::int64_t ns) noexcept {
   return ns < 0 ? WaitOptions::kForever : std::chrono::nanoseconds(ns);
 }
-inline WaitOptions wait_of(std::int64_t timeout_ns, const ssp_stop* stop) noexcept {
-  return {timeout_of(timeout_ns), stop ? &stop->raised : nullptr};
+inline WaitOptions to_wait_options(std::int64_t timeout_ns, const ssp_stop* stop) noexcept {
+  return {to_timeout(timeout_ns), stop ? &stop->raised : nullptr};
 }
-inline AttachOptions attach_of(std::int64_t timeout_ns, const ssp_stop* stop) noexcept {
-  return {timeout_of(timeout_ns), stop ? &stop->raised : nullptr};
+inline AttachOptions to_attach_options(std::int64_t timeout_ns, const ssp_stop* stop) noexcept {
+  return {to_timeout(timeout_ns), stop ? &stop->raised : nullptr};
 }
 
 void fill(ssp_description&, const Description&) noexcept;
@@ -57,7 +57,7 @@ void fill(ssp_frame_info&, const FrameInfo&) noexcept;
 void fill(ssp_counters*, const Counters&) noexcept;  // null: nothing
 
 // Null when there is no such channel.
-inline const ChannelSpec* channel_of(const Description& d, int channel) noexcept {
+inline const ChannelSpec* find_channel(const Description& d, int channel) noexcept {
   if (channel < 0 || static_cast<std::size_t>(channel) >= d.channels.size()) return nullptr;
   return &d.channels[static_cast<std::size_t>(channel)];
 }
@@ -85,7 +85,7 @@ template <class Endpoint>
 ssp_result write(Endpoint& endpoint, int channel, Direction direction, std::size_t at, const void* values,
                  std::size_t bytes) noexcept {
   const Description& d = endpoint.description();
-  const ChannelSpec* spec = channel_of(d, channel);
+  const ChannelSpec* spec = find_channel(d, channel);
   if (!spec || spec->direction != direction) return wrong_channel();
   if (!values && bytes) return null_argument();
   const std::size_t element = spec->dtype == DType::kU8 ? 1 : 4, all = d.cells() * spec->components * element;
@@ -106,7 +106,7 @@ const void* next(Handle* handle, int channel, Direction direction, const WaitOpt
                  std::size_t* bytes) noexcept {
   if (!bytes) return nullptr;
   *bytes = 0;
-  const ChannelSpec* spec = handle ? channel_of(handle->endpoint.description(), channel) : nullptr;
+  const ChannelSpec* spec = handle ? find_channel(handle->endpoint.description(), channel) : nullptr;
   if (!spec || spec->direction != direction) return nullptr;
   return address_of(spec->dtype, bytes,
                     [&]<class T>() { return handle->endpoint.template next_cells<T>(channel, options); });
@@ -123,7 +123,7 @@ template <class Handle>
 ssp_result describe_channel(const Handle* handle, int channel, ssp_channel_info* out) noexcept {
   if (!handle || !out) return null_argument();
   const Description& d = handle->endpoint.description();
-  const ChannelSpec* spec = channel_of(d, channel);
+  const ChannelSpec* spec = find_channel(d, channel);
   if (!spec) return wrong_channel();
   fill(*out, d, *spec);
   return SSP_OK;

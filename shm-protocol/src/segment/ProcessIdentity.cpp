@@ -1,4 +1,4 @@
-#include "Process.h"
+#include "ProcessIdentity.h"
 
 #include <fcntl.h>
 #include <signal.h>
@@ -16,7 +16,7 @@
 namespace shm_protocol {
 namespace {
 
-struct Stat {
+struct ProcStat {
   char state = '?';
   long threads = 0;
   std::uint64_t start_ticks = 0;
@@ -31,7 +31,7 @@ const char* field(const char* text, int n) {
   return text;
 }
 
-std::optional<Stat> read_stat(std::uint32_t pid) {
+std::optional<ProcStat> read_stat(std::uint32_t pid) {
   char path[32];
   std::snprintf(path, sizeof path, "/proc/%u/stat", pid);
   const int file = ::open(path, O_RDONLY | O_CLOEXEC);
@@ -49,16 +49,16 @@ std::optional<Stat> read_stat(std::uint32_t pid) {
   const char* threads = field(state, 20 - 3);  // field 20
   const char* start = field(state, 22 - 3);    // field 22
   if (!threads || !start) return std::nullopt;
-  return Stat{*state, std::strtol(threads, nullptr, 10), std::strtoull(start, nullptr, 10)};
+  return ProcStat{*state, std::strtol(threads, nullptr, 10), std::strtoull(start, nullptr, 10)};
 }
 
 constexpr std::uint64_t kPidMask = (std::uint64_t{1} << SSP_PID_BITS) - 1;
 
 }  // namespace
 
-std::uint32_t pid_of(ProcessWord word) noexcept { return static_cast<std::uint32_t>(word & kPidMask); }
+std::uint32_t pid_of(ProcessIdentity word) noexcept { return static_cast<std::uint32_t>(word & kPidMask); }
 
-ProcessWord own_process_word() {
+ProcessIdentity own_process_identity() {
   const auto pid = static_cast<std::uint32_t>(::getpid());
   const auto stat = read_stat(pid);
   if (!stat)
@@ -66,7 +66,7 @@ ProcessWord own_process_word() {
   return (stat->start_ticks << SSP_PID_BITS) | pid;
 }
 
-bool is_alive(ProcessWord word) noexcept {
+bool is_alive(ProcessIdentity word) noexcept {
   const std::uint32_t pid = pid_of(word);
   if (pid == 0) return false;
   if (const auto stat = read_stat(pid)) {

@@ -12,13 +12,13 @@
 #include <span>
 #include <string>
 
-#include "Process.h"
+#include "ProcessIdentity.h"
 
 namespace shm_protocol {
 
-inline constexpr const char* kFolder = "/dev/shm";
-inline constexpr const char* kPrefix = "smartsurf.";  // of every file of this protocol
-inline constexpr char kUnfinished = '~';              // NAME~PROCESSWORD.COUNT: being built
+inline constexpr const char* kShmDirectory = "/dev/shm";
+inline constexpr const char* kFilePrefix = "smartsurf.";  // of every file of this protocol
+inline constexpr char kBuildMarker = '~';                 // NAME~PROCESSWORD.COUNT: being built
 
 // "/dev/shm/smartsurf.NAME"
 std::string path_of(const std::string& name);
@@ -28,7 +28,7 @@ enum class Access { kReadWrite, kReadOnly };
 class Segment {
  public:
   // A zeroed segment under a private name, with its memory reserved. Throws Error(kSystem).
-  static Segment build(const std::string& name, std::size_t bytes, ProcessWord owner);
+  static Segment create(const std::string& name, std::size_t bytes, ProcessIdentity owner);
   // Maps an existing segment whole. Nothing when there is none; throws Error(kSystem) when it cannot be
   // mapped.
   static std::optional<Segment> open(const std::string& name, Access = Access::kReadWrite);
@@ -38,7 +38,7 @@ class Segment {
 
   // Gives the built segment its real name, reclaiming one that a dead surface left. Throws Error:
   // kSurfaceLives, kForeign, kSystem.
-  void put_in_place();
+  void rename_into_place();
   // Removes the file if it still is this segment's.
   void remove() noexcept;
 
@@ -52,6 +52,6 @@ class Segment {
 
 // Throws Error(kSurfaceLives) naming the pid, or kForeign, when the name is taken for good; removes the
 // segment of a dead surface.
-void reclaim_or_refuse(const std::string& name);
+void reclaim_or_throw(const std::string& name);
 
 }  // namespace shm_protocol

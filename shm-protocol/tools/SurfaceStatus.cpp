@@ -1,4 +1,4 @@
-#include "Look.h"
+#include "SurfaceStatus.h"
 
 #include <algorithm>
 #include <cmath>
@@ -17,16 +17,16 @@ std::vector<double> values(const ObserverEndpoint& observer, int channel) {
   }
 }
 
-Spread spread(const std::vector<double>& numbers) {
-  Spread s;
+ValueStatistics value_statistics(const std::vector<double>& numbers) {
+  ValueStatistics s;
   std::size_t finite = 0;
   for (const double v : numbers) {
     if (!std::isfinite(v)) {
-      ++s.odd;
+      ++s.non_finite;
       continue;
     }
-    s.smallest = finite ? std::min(s.smallest, v) : v;
-    s.largest = finite ? std::max(s.largest, v) : v;
+    s.minimum = finite ? std::min(s.minimum, v) : v;
+    s.maximum = finite ? std::max(s.maximum, v) : v;
     s.mean += v;
     ++finite;
   }

@@ -42,7 +42,7 @@ class Work {
   std::vector<float> a_, b_;
 };
 
-double middle(std::vector<double> values) {
+double median(std::vector<double> values) {
   std::ranges::sort(values);
   return values[values.size() / 2];
 }
@@ -50,18 +50,18 @@ double middle(std::vector<double> values) {
 // Between the ticks, each side now and then takes the time of its work alone: so both are measured under the
 // same conditions, whatever the cores do meanwhile. Ticks that such a pause may have made longer do not
 // count.
-class Alone {
+class SoloTimer {
  public:
-  static constexpr std::uint64_t kEvery = 16;
+  static constexpr std::uint64_t kInterval = 16;
 
-  explicit Alone(int times) : work_(times) {}
+  explicit SoloTimer(int times) : work_(times) {}
   void measure() {
     const auto start = std::chrono::steady_clock::now();
     work_(in_, out_);
     const std::chrono::duration<double, std::micro> took = std::chrono::steady_clock::now() - start;
     times_.push_back(took.count());
   }
-  double us() const { return middle(times_); }
+  double us() const { return median(times_); }
 
  private:
   Work work_;
@@ -80,7 +80,7 @@ shm_protocol::SurfaceConfig config_of() {
   return config;
 }
 
-void must(bool good) {
+void require(bool good) {
   if (!good) std::_Exit(1);
 }
 
@@ -89,16 +89,16 @@ struct Cost {
   double surface_us, controller_us, tick_us;
 };
 
-void control(const std::string& name, int times, std::atomic<double>& result) {
+void run_controller(const std::string& name, int times, std::atomic<double>& result) {
   Work work(times);
-  Alone alone(times);
+  SoloTimer alone(times);
   std::vector<float> out(kCells);
   auto controller = ControllerEndpoint::attach(name);
   for (std::uint64_t i = 1; controller.await_sensors() == Status::kOk; ++i) {
     work(controller.sensor(0), out);
     controller.write(1, 0, std::span<const float>(out));
-    must(controller.publish() == Status::kOk);
-    if (i % Alone::kEvery != Alone::kEvery / 2) continue;
+    require(controller.publish() == Status::kOk);
+    if (i % SoloTimer::kInterval != SoloTimer::kInterval / 2) continue;
     alone.measure();
     result = alone.us();
   }
@@ -109,44 +109,44 @@ Cost measure_pair(int times, int peer_cpu) {
   auto* controllers = static_cast<std::atomic<double>*>(::mmap(
       nullptr, sizeof(std::atomic<double>), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0));
   auto surface = SurfaceEndpoint::create(config);
-  const pid_t peer = start_peer(peer_cpu, [&] { control(config.name, times, *controllers); });
-  must(surface.await_controller() == Status::kOk);
+  const pid_t peer = start_peer(peer_cpu, [&] { run_controller(config.name, times, *controllers); });
+  require(surface.await_controller() == Status::kOk);
   Work work(times);
-  Alone alone(times);
+  SoloTimer alone(times);
   std::vector<float> out(kCells);
   std::vector<double> ticks;
   for (std::uint64_t i = 1; i <= kRounds; ++i) {
     const auto start = std::chrono::steady_clock::now();
     work(surface.actuator(1), out);
     surface.write(0, 0, std::span<const float>(out));
-    must(surface.publish(i, 0.0) == Status::kOk);
-    must(surface.await_actuators(i) == Status::kOk);
+    require(surface.publish(i, 0.0) == Status::kOk);
+    require(surface.await_actuators(i) == Status::kOk);
     const std::chrono::duration<double, std::micro> took = std::chrono::steady_clock::now() - start;
-    const std::uint64_t phase = i % Alone::kEvery;
-    if (phase > Alone::kEvery / 2 + 2 || (phase > 2 && phase < Alone::kEvery / 2))
+    const std::uint64_t phase = i % SoloTimer::kInterval;
+    if (phase > SoloTimer::kInterval / 2 + 2 || (phase > 2 && phase < SoloTimer::kInterval / 2))
       ticks.push_back(took.count());
     if (phase == 0) alone.measure();
   }
   ::kill(peer, SIGKILL);
   ::waitpid(peer, nullptr, 0);
-  const Cost cost{alone.us(), *controllers, middle(ticks)};
+  const Cost cost{alone.us(), *controllers, median(ticks)};
   ::munmap(controllers, sizeof(std::atomic<double>));
   return cost;
 }
 
 }  // namespace
 
-void print_own_work(int peer_cpu) {
+void print_lockstep_overhead(int peer_cpu) {
   std::printf(
       "\na tick at 64x64 f32 each way, both sides with work of their own, medians in "
       "us\n%12s%12s%12s%22s%22s\n",
       "surface", "controller", "tick", "tick less both works", "empty ping-pong");
   for (const int times : {20, 50, 100, 200}) {
     for (int pass = 0; pass < kPasses; ++pass) {
-      const double before = distance_us(peer_cpu);
+      const double before = core_distance_us(peer_cpu);
       const Cost c = measure_pair(times, peer_cpu);
       std::printf("%12.2f%12.2f%12.2f%22.2f%14.2f …%6.2f\n", c.surface_us, c.controller_us, c.tick_us,
-                  c.tick_us - c.surface_us - c.controller_us, before, distance_us(peer_cpu));
+                  c.tick_us - c.surface_us - c.controller_us, before, core_distance_us(peer_cpu));
     }
   }
 }

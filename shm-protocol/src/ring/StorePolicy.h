@@ -1,0 +1,64 @@
+// Whether a large frame is better written through the caches or past them. That depends on how the two cores
+// are connected, which no table of a virtual machine tells, and it may change while the program runs. So both
+// are tried in turns, and the way with the shorter time from the first byte to the peer's answer is kept for
+// a while. Only the speed depends on it.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+
+#include "shm-protocol/src/wait/FutexWait.h"
+
+namespace shm_protocol {
+
+class StorePolicy {
+ public:
+  // The frame in hand is the first of its kind, or the next: called at its first byte.
+  void begin_frame() noexcept {
+    if (in_frame_) return;
+    in_frame_ = true;
+    if (is_sampling()) start_ = Clock::now();
+  }
+
+  bool use_non_temporal() const noexcept { return is_sampling() ? sample_ % 2 == 0 : non_temporal_; }
+
+  // The peer answered the frame that was begun last. Without answers, as in passive mode, the way past the
+  // caches stays.
+  void end_frame() noexcept {
+    if (!in_frame_) return;
+    in_frame_ = false;
+    if (is_sampling())
+      record_sample(Clock::now() - start_);
+    else if (--frames_left_ == 0)
+      restart_sampling();
+  }
+
+ private:
+  static constexpr int kSamplesPerPolicy =
+      8;  // frames each way; the best counts, so that a disturbance does not
+  static constexpr int kMinInterval = 64, kMaxInterval = 1024;  // frames until it is tried again
+
+  bool is_sampling() const noexcept { return sample_ < 2 * kSamplesPerPolicy; }
+
+  void record_sample(std::chrono::nanoseconds elapsed) noexcept {
+    auto& best = best_[sample_ % 2];
+    best = std::min(best, elapsed);
+    if (++sample_ < 2 * kSamplesPerPolicy) return;
+    non_temporal_ = best_[0] <= best_[1];
+    frames_left_ = interval_;
+    interval_ = std::min(2 * interval_, kMaxInterval);
+  }
+  void restart_sampling() noexcept {
+    sample_ = 0;
+    best_.fill(std::chrono::nanoseconds::max());
+  }
+
+  bool in_frame_ = false, non_temporal_ = true;
+  int sample_ = 0, frames_left_ = 0, interval_ = kMinInterval;
+  Clock::time_point start_{};
+  std::array<std::chrono::nanoseconds, 2> best_{std::chrono::nanoseconds::max(),
+                                                std::chrono::nanoseconds::max()};
+};
+
+}  // namespace shm_protocol
