@@ -47,7 +47,8 @@ void ThreadPool::wait_while(const std::atomic<std::uint32_t>& word, std::uint32_
 // The job stays in place until every call of it has returned; only then may the next one replace it.
 void ThreadPool::run(const Job& job) noexcept {
   job_ = job;
-  const std::uint32_t calls = job.count == kEveryThread ? static_cast<std::uint32_t>(threads()) : job.count;
+  const std::uint32_t calls =
+      job.count == kEveryThread ? static_cast<std::uint32_t>(thread_count()) : job.count;
   const std::uint32_t round = round_.load(std::memory_order_relaxed) + 1;
   unfinished_.store(calls, std::memory_order_relaxed);
   claim_.store(std::uint64_t{round} << 32U | job.count, std::memory_order_release);

@@ -25,14 +25,17 @@ class ThreadPool {
   // Waking the other threads takes some tens of microseconds: work below this is done before they run.
   static constexpr double kMinParallelCost_ns = 100e3;
 
-  // Starts threads − 1 threads; threads ≥ 1. `min_cost_ns`: see parallel_for_rows(). Throws UserError when
+  // Starts threads − 1 threads; threads ≥ 1. `min_cost_ns`: see pays(). Throws UserError when
   // the system refuses a thread.
   explicit ThreadPool(int threads, double min_cost_ns = kMinParallelCost_ns);
   ~ThreadPool();
   ThreadPool(const ThreadPool&) = delete;
   ThreadPool& operator=(const ThreadPool&) = delete;
 
-  int threads() const noexcept { return static_cast<int>(workers_.size()) + 1; }
+  int thread_count() const noexcept { return static_cast<int>(workers_.size()) + 1; }
+
+  // Whether work that costs so much on one thread is worth sharing. The estimate comes from counts, never from a clock.
+  bool pays(double cost_ns) const noexcept { return cost_ns >= min_cost_ns_; }
 
   // Fork/join: work(thread) once on every thread, all at the same time, so that they may wait for each other.
   template <class Work>
@@ -57,7 +60,7 @@ class ThreadPool {
   // every time, whose cache holds it. Fewer than two rows per thread stay on the caller.
   template <class Work>
   void parallel_for_rows(int rows, const Work& work) {
-    const long n = threads();
+    const long n = thread_count();
     if (n == 1 || rows < 2 * n) {
       if (rows > 0) work(0, rows);
       return;
@@ -69,11 +72,10 @@ class ThreadPool {
     });
   }
 
-  // The same, on the caller alone where the work costs less than min_cost_ns. `cost_ns`: the work's cost on
-  // one thread, estimated from counts, never measured by a clock.
+  // The same, on the caller alone where it does not pay.
   template <class Work>
   void parallel_for_rows(int rows, double cost_ns, const Work& work) {
-    if (cost_ns >= min_cost_ns_)
+    if (pays(cost_ns))
       parallel_for_rows(rows, work);
     else if (rows > 0)
       work(0, rows);

@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "common/ThreadPool.h"
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/record/Recorder.h"
 #include "smartsurf/run/DepartureTracker.h"
 #include "smartsurf/scene/Snapshot.h"
@@ -100,7 +100,7 @@ class Simulation final : public script::SimulationInterface {
 
   script::Experiment& experiment_;
   bool scripted_actuators_;
-  surface::ThreadPool pool_;
+  common::ThreadPool pool_;
   surface::ActuatorArray actuator_array_;
   surface::SensorArray sensor_array_;
   world::World world_;

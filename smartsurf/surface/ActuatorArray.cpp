@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "common/ThreadPool.h"
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/actuators/PinKernels.h"
 
 namespace smartsurf::surface {
@@ -48,7 +48,7 @@ int actuator_of(const scene::SurfaceSpec& surface, int row, int column) {
 }  // namespace
 
 ActuatorArray::ActuatorArray(const scene::SurfaceSpec& surface, const FaultMap& map, std::uint64_t seed,
-                             ThreadPool* pool)
+                             common::ThreadPool* pool)
     : pool_(pool), channels_(surface.actuator_channels()) {
   init_geometry(surface);
   const std::vector<scene::ActuatorSpec> specs = surface.effective_actuators();

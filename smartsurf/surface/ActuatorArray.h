@@ -14,6 +14,7 @@
 #include <span>
 #include <vector>
 
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/FaultMap.h"
 #include "smartsurf/surface/actuators/Actuator.h"
 #include "smartsurf/surface/actuators/ActuatorFaults.h"
@@ -26,7 +27,7 @@ class ActuatorArray {
   // The pool, if any, shares the work on large surfaces, and lives as long as this.
   // Throws scene::InputError for a fault map that does not fit, or an actuator of an unknown model.
   explicit ActuatorArray(const scene::SurfaceSpec&, const FaultMap& = {}, std::uint64_t seed = 1,
-                         ThreadPool* pool = nullptr);
+                         common::ThreadPool* pool = nullptr);
   ~ActuatorArray();
 
   Field& field() noexcept { return field_; }
@@ -82,7 +83,7 @@ class ActuatorArray {
   void apply_faults(CommandRoute&) noexcept;
   void deliver_commands(CommandRoute&) noexcept;
 
-  ThreadPool* pool_;
+  common::ThreadPool* pool_;
   Field field_;
   float static_max_height_ = 0.0F;  // the highest top that no model moves
   std::vector<scene::ActuatorChannel> channels_;

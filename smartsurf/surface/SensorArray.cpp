@@ -1,3 +1,4 @@
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/SensorArray.h"
 
 #include <algorithm>
@@ -37,7 +38,7 @@ void SensorArray::accumulate_impulses(std::span<const float> impulse) noexcept {
 }
 
 void SensorArray::sense(const scene::Snapshot& snapshot, std::span<const scene::ObjectSpec> catalogue,
-                        ThreadPool& pool) {
+                        common::ThreadPool& pool) {
   if (sensors_.empty()) return;
   bodies_.update(snapshot, catalogue, pool);
   const SensorInput input{snapshot, catalogue, bodies_, impulse_, period_s_};

@@ -9,6 +9,7 @@
 #include <span>
 #include <vector>
 
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/FaultMap.h"
 #include "smartsurf/surface/sensors/Sensor.h"
 #include "smartsurf/surface/sensors/SensorErrorModel.h"
@@ -28,7 +29,7 @@ class SensorArray {
   void accumulate_impulses(std::span<const float> impulse) noexcept;
 
   // At the end of every tick, in their order.
-  void sense(const scene::Snapshot&, std::span<const scene::ObjectSpec> catalogue, ThreadPool&);
+  void sense(const scene::Snapshot&, std::span<const scene::ObjectSpec> catalogue, common::ThreadPool&);
 
   // In the order of the sensors.
   std::span<const scene::SensorChannel> channels() const noexcept { return channels_; }

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "common/ThreadPool.h"
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/Field.h"
 #include "smartsurf/world/StateHash.h"
 
@@ -14,14 +14,14 @@ namespace smartsurf::world {
 class FieldHasher {
  public:
   // Without a pool the caller does it all.
-  explicit FieldHasher(surface::ThreadPool* pool) : pool_(pool) {}
+  explicit FieldHasher(common::ThreadPool* pool) : pool_(pool) {}
 
   // height becomes the field's, and the hash takes in every height and speed. Allocates at its first call
   // only.
   void copy_and_hash(const surface::Field&, std::vector<float>& height, StateHash&);
 
  private:
-  surface::ThreadPool* pool_;
+  common::ThreadPool* pool_;
   std::vector<std::uint64_t> block_hashes_;  // one a block
 };
 

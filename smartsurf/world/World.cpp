@@ -1,3 +1,4 @@
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/world/World.h"
 
 #include <algorithm>
@@ -52,7 +53,7 @@ std::span<const float> flatten(const std::vector<std::array<float, N>>& all) {
 }  // namespace
 
 struct World::Impl {
-  Impl(const scene::SceneSpec& scene, surface::Field& cells, surface::ThreadPool* pool)
+  Impl(const scene::SceneSpec& scene, surface::Field& cells, common::ThreadPool* pool)
       : materials(scene.materials),
         field(cells),
         settings(make_step_settings(scene)),
@@ -105,7 +106,7 @@ struct World::Impl {
 
 std::string physics_version() { return SMARTSURF_VERSION; }
 
-World::World(const scene::SceneSpec& scene, surface::Field& field, surface::ThreadPool* pool)
+World::World(const scene::SceneSpec& scene, surface::Field& field, common::ThreadPool* pool)
     : impl_(std::make_unique<Impl>(scene, field, pool)) {
   for (const auto& object : scene.objects) add(object);
 }

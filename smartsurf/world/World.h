@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "common/ThreadPool.h"
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/scene/ObjectState.h"
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/surface/Field.h"
@@ -34,7 +34,7 @@ class World {
  public:
   // `field` and `pool` must outlive the world. step() reads what the cells do and writes Field::impulse.
   // The objects of the scene get the ids 0, 1, …. Without a pool everything runs on the caller.
-  World(const scene::SceneSpec&, surface::Field& field, surface::ThreadPool* pool = nullptr);
+  World(const scene::SceneSpec&, surface::Field& field, common::ThreadPool* pool = nullptr);
   ~World();
   World(const World&) = delete;
   World& operator=(const World&) = delete;

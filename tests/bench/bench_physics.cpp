@@ -12,7 +12,7 @@
 #include <functional>
 #include <nlohmann/json.hpp>
 
-#include "common/ThreadPool.h"
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/ActuatorArray.h"
 #include "smartsurf/surface/SensorArray.h"
 #include "smartsurf/world/World.h"
@@ -109,7 +109,7 @@ Result run_ours(const Workload& w, const Options& options) {
   scene::SceneSpec spec = scene_of(w);
   spec.surface.sensors = {scene::find_sensor_kind("proximity")->default_spec()};
   spec.surface.sensors[0].values["range"] = {kSensorRange};
-  surface::ThreadPool pool(options.threads);
+  common::ThreadPool pool(options.threads);
   surface::ActuatorArray cells(spec.surface, {}, 1, &pool);
   world::World world(spec, cells.field(), &pool);
   surface::SensorArray sensing(spec, cells.field());

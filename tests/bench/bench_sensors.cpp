@@ -14,7 +14,7 @@
 #include <random>
 #include <string>
 
-#include "common/ThreadPool.h"
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/SensorArray.h"
 #include "tests/bench/CommandLine.h"
 
@@ -112,7 +112,7 @@ const Model kModels[] = {
     {"camera", "camera", {}},
 };
 
-double run_model(Scene& s, const Model& model, const Options& options, surface::ThreadPool& pool) {
+double run_model(Scene& s, const Model& model, const Options& options, common::ThreadPool& pool) {
   s.spec.surface.sensors = {scene::find_sensor_kind(model.kind)->default_spec()};
   for (const auto& [name, value] : model.values) s.spec.surface.sensors[0].values[name] = value;
   surface::SensorArray sensors(s.spec, s.field);
@@ -151,7 +151,7 @@ void print_json(const Workload& w, const std::string& who, double ms) {
   std::fflush(stdout);
 }
 
-void compare(Scene& s, const Workload& w, double ours_ms, bool json, surface::ThreadPool& pool) {
+void compare(Scene& s, const Workload& w, double ours_ms, bool json, common::ThreadPool& pool) {
   s.spec.surface.sensors = {scene::find_sensor_kind("proximity")->default_spec()};
   s.spec.surface.sensors[0].values["range"] = {4};
   surface::SensorArray sensors(s.spec, s.field);
@@ -191,7 +191,7 @@ Options read_options(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   const Options options = read_options(argc, argv);
-  surface::ThreadPool pool(options.threads);
+  common::ThreadPool pool(options.threads);
   for (const Workload& w : kLadder) {
     if (!options.only.empty() && w.name() != options.only) continue;
     Scene s = scene_of(w);

@@ -9,7 +9,7 @@
 #include <random>
 
 #include "SegmentOracle.h"
-#include "common/ThreadPool.h"
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/raycast/RayCaster.h"
 
 using namespace smartsurf;
@@ -35,7 +35,7 @@ struct Tally {
   int hits = 0, unsure = 0, cells = 0;
 };
 void compare(const Scene& s, const CellRay& segment, Tally& tally, const std::string& what) {
-  surface::ThreadPool pool(1);
+  common::ThreadPool pool(1);
   surface::RayBodies bodies(0, static_cast<float>(s.field.rows - 1));
   bodies.update(s.snapshot, s.objects, pool);
   RayCaster sweep(s.field, segment);
@@ -180,7 +180,7 @@ TEST(Footprint, WhatIsNearerHidesWhatIsBehind) {
     s.snapshot.orientation.push_back({0, 0, 0, 1});
     move_to(s, static_cast<std::size_t>(k), plate.position.cast<float>());
   }
-  surface::ThreadPool pool(1);
+  common::ThreadPool pool(1);
   surface::RayBodies bodies(0, 8);
   bodies.update(s.snapshot, s.objects, pool);
   RayCaster up(s.field, segment_along({0, 0, 1}, 8, true));
@@ -206,7 +206,7 @@ TEST(Footprint, WhatIsNearerHidesWhatIsBehind) {
 
 TEST(Footprint, ForgetsWhatMovedAwayAndNamesTheCellsThatMayHaveChanged) {
   std::mt19937 random(8);
-  surface::ThreadPool pool(1);
+  common::ThreadPool pool(1);
   Scene s = random_scene(random, 40, 50, false);
   surface::RayBodies bodies(0, 39);
   for (const Eigen::Vector3f& direction : {Eigen::Vector3f(0, 0, 1), Eigen::Vector3f(1, 1, 1)}) {
@@ -238,7 +238,7 @@ TEST(Footprint, HasTheSameBitsForAnyNumberOfThreads) {
     for (const auto& direction : kDirections) {
       std::vector<float> first;
       for (const int threads : {1, 2, 3}) {
-        surface::ThreadPool pool(threads, 0.0);  // shares all there is
+        common::ThreadPool pool(threads, 0.0);  // shares all there is
         surface::RayBodies bodies;
         bodies.update(s.snapshot, s.objects, pool);
         RayCaster sweep(s.field, segment_along(direction, 6, true));
@@ -266,7 +266,7 @@ TEST(Footprint, PartsOfTheTableSeeAllOfACrowdThatLiesOverThem) {
   for (const auto& direction : kDirections) {
     std::vector<float> first;
     for (const int threads : {1, 2, 7}) {
-      surface::ThreadPool pool(threads, 0.0);
+      common::ThreadPool pool(threads, 0.0);
       surface::RayBodies bodies(0, 59);
       bodies.update(s.snapshot, s.objects, pool);
       RayCaster sweep(s.field, segment_along(direction, 6, false));
@@ -279,7 +279,7 @@ TEST(Footprint, PartsOfTheTableSeeAllOfACrowdThatLiesOverThem) {
 
 TEST(Footprint, HasTheSameBitsOnEveryInstructionSet) {
   std::mt19937 random(10);
-  surface::ThreadPool pool(1);
+  common::ThreadPool pool(1);
   for (const bool free : {false, true}) {
     const Scene s = random_scene(random, 21, 23, free);
     surface::RayBodies bodies;

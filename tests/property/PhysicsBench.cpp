@@ -1,3 +1,4 @@
+#include "common/threads/ThreadPool.h"
 #include "tests/property/PhysicsBench.h"
 
 #include <cmath>
@@ -19,7 +20,7 @@ surface::ActuatorArray& PhysicsBench::cells() {
 }
 
 world::World& PhysicsBench::world() {
-  if (!pool_) pool_ = std::make_unique<surface::ThreadPool>(threads);
+  if (!pool_) pool_ = std::make_unique<common::ThreadPool>(threads);
   if (!world_) world_ = std::make_unique<world::World>(scene, cells().field(), pool_.get());
   return *world_;
 }

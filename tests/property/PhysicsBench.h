@@ -4,6 +4,7 @@
 #include <functional>
 #include <memory>
 
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/surface/ActuatorArray.h"
 #include "smartsurf/world/World.h"
@@ -34,7 +35,7 @@ class PhysicsBench {
  private:
   std::unique_ptr<smartsurf::surface::ActuatorArray> cells_;
   std::vector<smartsurf::scene::ObjectSpec> catalogue_;
-  std::unique_ptr<smartsurf::surface::ThreadPool> pool_;
+  std::unique_ptr<common::ThreadPool> pool_;
   std::unique_ptr<smartsurf::world::World> world_;
   smartsurf::scene::Snapshot snapshot_;
 };

@@ -10,13 +10,12 @@
 #include <span>
 #include <vector>
 
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/surface/Field.h"
 #include "smartsurf/surface/actuators/BodyForces.h"
 
 namespace smartsurf::surface {
-
-class ThreadPool;
 
 // Neighbouring cells [begin, end) of one row.
 struct CellRun {
@@ -29,7 +28,7 @@ struct ActuatorContext {
   const scene::ActuatorSpec& spec;
   std::vector<CellRun> runs;  // the model's cells, ascending; none is of the border
   const Field& field;
-  ThreadPool* pool = nullptr;  // for work on many cells; null: the caller does all of it
+  common::ThreadPool* pool = nullptr;  // for work on many cells; null: the caller does all of it
 };
 
 class Actuator {

@@ -5,7 +5,7 @@
 #include <limits>
 #include <numeric>
 
-#include "common/ThreadPool.h"
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/actuators/PinKernels.h"
 
 namespace smartsurf::surface {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/actuators/Actuator.h"
 
 namespace smartsurf::surface {
@@ -32,7 +33,7 @@ class Pins final : public Actuator {
   float lower_stop(std::size_t cell) const { return base_[cell] + min_height_; }
 
   std::vector<CellRun> runs_;
-  ThreadPool* pool_;
+  common::ThreadPool* pool_;
   std::size_t pin_count_;
   float max_speed_, max_acceleration_;
   float min_height_;  // of the range, over the base

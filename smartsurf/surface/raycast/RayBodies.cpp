@@ -5,7 +5,7 @@
 #include <limits>
 #include <numeric>
 
-#include "common/ThreadPool.h"
+#include "common/threads/ThreadPool.h"
 
 namespace smartsurf::surface {
 namespace {
@@ -32,7 +32,7 @@ Eigen::Vector3f rotated_half_extents(scene::ShapeKind shape, const Eigen::Vector
 }  // namespace
 
 void RayBodies::update(const scene::Snapshot& snapshot, std::span<const scene::ObjectSpec> catalogue,
-                       ThreadPool& pool) {
+                       common::ThreadPool& pool) {
   for (std::size_t id = shapes_.size(); id < catalogue.size(); ++id) {
     const scene::ObjectSpec& o = catalogue[id];
     const Eigen::Vector3f half = o.half_extents().cast<float>();

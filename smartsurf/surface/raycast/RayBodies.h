@@ -10,12 +10,11 @@
 #include <span>
 #include <vector>
 
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/surface/raycast/Facets.h"
 
 namespace smartsurf::surface {
-
-class ThreadPool;
 
 // A sphere has no orientation: of its `to_local` nothing may be read.
 struct RayBody {
@@ -46,7 +45,7 @@ class RayBodies {
 
   // catalogue[id] is the object `id`; it only grows from one call to the next, and its solids live as long as
   // this. Allocates only when there are more objects than before.
-  void update(const scene::Snapshot&, std::span<const scene::ObjectSpec> catalogue, ThreadPool&);
+  void update(const scene::Snapshot&, std::span<const scene::ObjectSpec> catalogue, common::ThreadPool&);
 
   // One an object of the snapshot: by strips of the table from north to south, in the snapshot's order within
   // each.

@@ -9,7 +9,7 @@
 #include <functional>
 #include <limits>
 
-#include "common/ThreadPool.h"
+#include "common/threads/ThreadPool.h"
 
 namespace smartsurf::surface {
 namespace {
@@ -105,7 +105,7 @@ void RayCaster::build_pin_steps(const Field& field) {
 }
 
 void RayCaster::cast(const RayBodies& bodies, std::span<const float> tags, float pin_tag,
-                     std::span<const float> height, ThreadPool& pool) {
+                     std::span<const float> height, common::ThreadPool& pool) {
   assert(height.size() == distance_.size() && tags.size() == bodies.size());
   CastParams params{.job = {.bodies = bodies,
                             .tags = tags,
@@ -140,16 +140,19 @@ void RayCaster::cast(const RayBodies& bodies, std::span<const float> tags, float
   params.job.x = x_.data();
   const int bands = pool.thread_count();
   partition_rows(bodies, bands);
-  // Two rows a band: the pool keeps anything smaller on the caller.
-  pool.parallel_for_rows(2 * bands, cost_ns(bodies.size()), [this, &params](int begin, int end) {
-    const int first_row = band_first_row_[static_cast<std::size_t>(begin / 2)];
-    const int end_row = band_first_row_[static_cast<std::size_t>(end / 2)];
+  const auto cast_bands = [this, &params](int begin, int end) {
+    const int first_row = band_first_row_[static_cast<std::size_t>(begin)];
+    const int end_row = band_first_row_[static_cast<std::size_t>(end)];
     const auto prepare = [this, &params, end_row](int first, int last) {
       clear_rows(first, last, end_row);
       cast_rows_to_pins(params, first, last);
     };
     cast_rows(params.job, first_row, end_row, std::cref(prepare));
-  });
+  };
+  if (bands > 1 && pool.pays(cost_ns(bodies.size())))
+    pool.fork_join([&cast_bands](int band) { cast_bands(band, band + 1); });
+  else
+    cast_bands(0, bands);
 }
 
 // The bodies come from north to south, near enough to weigh the rows down to any of them.

@@ -13,13 +13,12 @@
 #include <span>
 #include <vector>
 
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/Field.h"
 #include "smartsurf/surface/raycast/CacheAlignedVector.h"
 #include "smartsurf/surface/raycast/RayKernels.h"
 
 namespace smartsurf::surface {
-
-class ThreadPool;
 
 struct CellRay {
   Eigen::Vector3f origin{0.0F, 0.0F, 0.0F};     // from the centre of the cell's top, u; turned with the cell
@@ -38,7 +37,7 @@ class RayCaster {
   // segment meets that body first, one a body, not 0; pin_mark: that of a pin. Equally near:
   // always the same one of them. Allocates nothing in a rectangular field.
   void cast(const RayBodies& bodies, std::span<const float> tags, float pin_tag,
-            std::span<const float> height, ThreadPool&);
+            std::span<const float> height, common::ThreadPool&);
 
   // rows × columns, row-major, row 0 north. Where nothing is within the range: the range, and 0.
   std::span<const float> distance() const noexcept { return distance_; }  // u, in [0, range]
@@ -80,7 +79,7 @@ class RayCaster {
 
   void build_strips(const Field&);
   void build_pin_intervals(const Field&);
-  void cast_strips(CastParams&, ThreadPool&);
+  void cast_strips(CastParams&, common::ThreadPool&);
   void cast_cell_to_pins(const CastParams&, std::size_t k) noexcept;
 
   int rows_, columns_, blocks_;

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "common/ThreadPool.h"
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/raycast/RayCaster.h"
 
 namespace smartsurf::surface {
@@ -116,7 +116,7 @@ void RayCaster::build_pin_intervals(const Field& field) {
   }
 }
 
-void RayCaster::cast_strips(CastParams& params, ThreadPool& pool) {
+void RayCaster::cast_strips(CastParams& params, common::ThreadPool& pool) {
   RayCastJob& job = params.job;
   job.strips = &*strips_;
   job.height = ray_.from_top ? strip_height_.data() : nullptr;

@@ -1,6 +1,6 @@
 #include "smartsurf/surface/sensors/CameraSensor.h"
 
-#include "common/ThreadPool.h"
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/sensors/ColourSensor.h"
 
 namespace smartsurf::surface {
@@ -29,7 +29,7 @@ CameraSensor::CameraSensor(const Field& field, const scene::SensorSpec& spec)
   height_.assign(ray_casters_.size() * cells_, floor_height_);
 }
 
-void CameraSensor::sense(const SensorInput& input, ThreadPool& pool) {
+void CameraSensor::sense(const SensorInput& input, common::ThreadPool& pool) {
   const std::span<const float> tags = snapshot_index_tags(input.bodies, tags_);
   for (std::size_t pixel = 0; pixel < ray_casters_.size(); ++pixel) {
     ray_casters_[pixel].cast(input.bodies, tags, kPinTag, input.snapshot.height, pool);

@@ -4,6 +4,7 @@
 
 #include <vector>
 
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/sensors/Sensor.h"
 
 namespace smartsurf::surface {
@@ -12,7 +13,7 @@ class CameraSensor final : public Sensor {
  public:
   CameraSensor(const Field&, const scene::SensorSpec&);
 
-  void sense(const SensorInput&, ThreadPool&) override;
+  void sense(const SensorInput&, common::ThreadPool&) override;
   // A cell has n × n pixels, row by row from its north-west corner; pixel p is components 3p (red), 3p + 1,
   // 3p + 2 of channel 0, and component p of channel 1, the z of what it shows, u.
   std::span<const float> values(int channel) const noexcept override {

@@ -1,6 +1,6 @@
 #include "smartsurf/surface/sensors/ColourSensor.h"
 
-#include "common/ThreadPool.h"
+#include "common/threads/ThreadPool.h"
 
 namespace smartsurf::surface {
 namespace {
@@ -15,7 +15,7 @@ ColourSensor::ColourSensor(const Field& field, const scene::SensorSpec& spec)
       cells_(static_cast<std::size_t>(field.cells())),
       planes_(3 * cells_, 0.0F) {}
 
-void ColourSensor::sense(const SensorInput& input, ThreadPool& pool) {
+void ColourSensor::sense(const SensorInput& input, common::ThreadPool& pool) {
   ray_caster_.cast(input.bodies, snapshot_index_tags(input.bodies, tags_), kPinTag, input.snapshot.height,
                    pool);
   pool.parallel_for_rows(rows_, ray_caster_.cost_ns(input.bodies.size()), [this, &input](int begin, int end) {

@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/sensors/Sensor.h"
 
 namespace smartsurf::surface {
@@ -14,7 +15,7 @@ class ColourSensor final : public Sensor {
  public:
   ColourSensor(const Field&, const scene::SensorSpec&);
 
-  void sense(const SensorInput&, ThreadPool&) override;
+  void sense(const SensorInput&, common::ThreadPool&) override;
   // Red, green and blue in [0, 1], as a screen shows them; black where nothing is met.
   std::span<const float> values(int /*channel*/) const noexcept override { return planes_; }
 

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "common/ThreadPool.h"
+#include "common/threads/ThreadPool.h"
 
 namespace smartsurf::surface {
 namespace {
@@ -30,7 +30,7 @@ LightSensor::LightSensor(const Field& field, const scene::SensorSpec& spec)
   }
 }
 
-void LightSensor::sense(const SensorInput& input, ThreadPool& pool) {
+void LightSensor::sense(const SensorInput& input, common::ThreadPool& pool) {
   if (body_tags_.size() < input.bodies.size()) body_tags_.resize(input.bodies.size(), 1.0F);
   const std::span<const float> body_tags(body_tags_.data(), input.bodies.size());
   for (RayCaster& caster : ray_casters_)

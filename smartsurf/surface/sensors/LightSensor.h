@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/sensors/Sensor.h"
 
 namespace smartsurf::surface {
@@ -11,7 +12,7 @@ class LightSensor final : public Sensor {
  public:
   LightSensor(const Field&, const scene::SensorSpec&);
 
-  void sense(const SensorInput&, ThreadPool&) override;
+  void sense(const SensorInput&, common::ThreadPool&) override;
   // The share of the light's face that the cell sees: 1 in the open, 0 in full shadow.
   std::span<const float> values(int /*channel*/) const noexcept override { return visible_fraction_; }
 

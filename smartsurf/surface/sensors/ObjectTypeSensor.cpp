@@ -1,8 +1,9 @@
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/sensors/ObjectTypeSensor.h"
 
 namespace smartsurf::surface {
 
-void ObjectTypeSensor::sense(const SensorInput& input, ThreadPool& pool) {
+void ObjectTypeSensor::sense(const SensorInput& input, common::ThreadPool& pool) {
   for (std::size_t id = class_of_object_.size(); id < input.catalogue.size(); ++id) {
     const auto next_class = static_cast<float>(class_of_label_.size() + 1);
     class_of_object_.push_back(

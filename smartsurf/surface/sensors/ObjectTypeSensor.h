@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/sensors/Sensor.h"
 
 namespace smartsurf::surface {
@@ -14,7 +15,7 @@ class ObjectTypeSensor final : public Sensor {
   ObjectTypeSensor(const Field& field, const scene::SensorSpec& spec)
       : ray_caster_(field, cell_ray_of(spec)) {}
 
-  void sense(const SensorInput&, ThreadPool&) override;
+  void sense(const SensorInput&, common::ThreadPool&) override;
   // 1 + the index of the label in the order of first appearance, "" being a label like others; 0: no object.
   std::span<const float> values(int /*channel*/) const noexcept override { return ray_caster_.tag(); }
 

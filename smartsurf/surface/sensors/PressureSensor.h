@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/sensors/Sensor.h"
 
 namespace smartsurf::surface {
@@ -14,7 +15,7 @@ class PressureSensor final : public Sensor {
       : max_force_(static_cast<float>(spec.number("range"))),
         force_(static_cast<std::size_t>(field.cells()), 0.0F) {}
 
-  void sense(const SensorInput& input, ThreadPool&) override {
+  void sense(const SensorInput& input, common::ThreadPool&) override {
     const auto per_second = static_cast<float>(1.0 / input.period_s);
     const std::size_t cells = std::min(force_.size(), input.impulse.size());
     for (std::size_t i = 0; i < cells; ++i) force_[i] = std::min(input.impulse[i] * per_second, max_force_);

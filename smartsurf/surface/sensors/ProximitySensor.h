@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/sensors/Sensor.h"
 
 namespace smartsurf::surface {
@@ -12,7 +13,7 @@ class ProximitySensor final : public Sensor {
   ProximitySensor(const Field& field, const scene::SensorSpec& spec)
       : ray_caster_(field, cell_ray_of(spec)) {}
 
-  void sense(const SensorInput& input, ThreadPool& pool) override {
+  void sense(const SensorInput& input, common::ThreadPool& pool) override {
     if (body_tags_.size() < input.bodies.size()) body_tags_.resize(input.bodies.size(), 1.0F);
     ray_caster_.cast(input.bodies, {body_tags_.data(), input.bodies.size()}, 1.0F, input.snapshot.height,
                      pool);

@@ -7,12 +7,11 @@
 #include <memory>
 #include <span>
 
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/surface/raycast/RayCaster.h"
 
 namespace smartsurf::surface {
-
-class ThreadPool;
 
 // What there is to sense, at the end of a tick.
 struct SensorInput {
@@ -34,7 +33,7 @@ class Sensor {
 
   // Measures. Results must not depend on the number of threads. Allocates only when there are more objects
   // than ever before.
-  virtual void sense(const SensorInput&, ThreadPool&) = 0;
+  virtual void sense(const SensorInput&, common::ThreadPool&) = 0;
 
   // The readings of its n-th channel after the last sense(): components × rows × columns, each component a
   // whole plane, row 0 north, within the channel's range. The memory stays the same for the sensor's life.

@@ -8,7 +8,7 @@
 #include <string>
 #include <utility>
 
-#include "common/ThreadPool.h"
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/CsvTable.h"
 #include "smartsurf/surface/sensors/CounterRandom.h"
 
@@ -184,7 +184,7 @@ void SensorErrorModel::load_calibration(const scene::CalibrationFile& file) {
 }
 
 void SensorErrorModel::apply(std::uint64_t tick, std::span<const std::span<const float>> truth,
-                             ThreadPool& pool) {
+                             common::ThreadPool& pool) {
   assert(truth.size() == channels_.size());
   for (std::size_t k = 0; k < channels_.size(); ++k) {
     ChannelState& c = channels_[k];

@@ -10,12 +10,11 @@
 #include <span>
 #include <vector>
 
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/surface/FaultMap.h"
 
 namespace smartsurf::surface {
-
-class ThreadPool;
 
 class SensorErrorModel {
  public:
@@ -29,7 +28,7 @@ class SensorErrorModel {
 
   // Makes the readings of this tick; ticks come one after the other, from 0. truth: one span a channel, which
   // are the same memory at each call.
-  void apply(std::uint64_t tick, std::span<const std::span<const float>> truth, ThreadPool&);
+  void apply(std::uint64_t tick, std::span<const std::span<const float>> truth, common::ThreadPool&);
   // components × rows × columns, as the truth.
   std::span<const float> values(int channel) const noexcept {
     return channels_[static_cast<std::size_t>(channel)].readings;

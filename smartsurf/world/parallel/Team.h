@@ -9,7 +9,7 @@
 #include <atomic>
 #include <vector>
 
-#include "common/ThreadPool.h"
+#include "common/threads/ThreadPool.h"
 
 namespace smartsurf::world {
 
@@ -116,10 +116,11 @@ struct Member {
 class Team {
  public:
   // Without a pool, or for work too small to share, the caller is the only member.
-  explicit Team(surface::ThreadPool* pool) : pool_(pool), team_barrier_(pool ? pool->thread_count() : 1) {}
+  explicit Team(common::ThreadPool* pool) : pool_(pool), team_barrier_(pool ? pool->thread_count() : 1) {}
 
-  // The pool's first band, which the caller works on, is the last member: members share the table out from
-  // the south, bands of rows from the north, and each thread had better find the cells that it moved itself.
+  // work(member) on every thread at once; `parallel`: whether the work is worth it. The caller, thread 0, is the
+  // last member: members own slabs from the south, the pool's row bands run from the north, so that each
+  // thread finds the cells that it moved itself in its cache.
   template <class Work>
   void run(bool parallel, Work work) {
     const int member_count = parallel && pool_ ? pool_->thread_count() : 1;
@@ -127,14 +128,11 @@ class Team {
       work(Member{0, 1, serial_barrier_});
       return;
     }
-    // Two rows a thread: the pool keeps anything smaller on the caller.
-    pool_->parallel_for_rows(2 * member_count, [&](int begin, int) {
-      work(Member{member_count - 1 - begin / 2, member_count, team_barrier_});
-    });
+    pool_->fork_join([&](int thread) { work(Member{member_count - 1 - thread, member_count, team_barrier_}); });
   }
 
  private:
-  surface::ThreadPool* pool_;
+  common::ThreadPool* pool_;
   Barrier serial_barrier_{1}, team_barrier_;
 };
 

@@ -1,15 +1,16 @@
-#include "common/ThreadPool.h"
+#include "common/threads/ThreadPool.h"
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <thread>
 #include <vector>
 
-using smartsurf::surface::ThreadPool;
+using common::ThreadPool;
 
-TEST(WorkerPool, CoversEveryRowOnce) {
+TEST(ThreadPool, CoversEveryRowOnce) {
   for (const int threads : {1, 2, 3, 8})
     for (const int rows : {0, 1, 2, 5, 16, 101}) {
       ThreadPool pool(threads);
@@ -23,7 +24,7 @@ TEST(WorkerPool, CoversEveryRowOnce) {
     }
 }
 
-TEST(WorkerPool, LeavesLittleWorkToTheCaller) {
+TEST(ThreadPool, KeepsCheapWorkOnTheCaller) {
   ThreadPool pool(3);
   const auto caller = std::this_thread::get_id();
   for (const double cost_ns :
@@ -40,12 +41,53 @@ TEST(WorkerPool, LeavesLittleWorkToTheCaller) {
   }
 }
 
-TEST(WorkerPool, WakesThoseWhoFellAsleep) {
+TEST(ThreadPool, WakesSleepingThreads) {
   ThreadPool pool(2);
   for (int round = 0; round < 20; ++round) {
     if (round % 5 == 0) std::this_thread::sleep_for(std::chrono::milliseconds(2));
-    int sum[2] = {0, 0};  // written by others, read after they are done
+    int sum[2] = {0, 0};  // written by the pool's threads, read after the join
     pool.parallel_for_rows(8, [&](int begin, int end) { sum[begin / 4] = end; });
     ASSERT_EQ(sum[0] + sum[1], 12) << round;
   }
+}
+
+TEST(ThreadPool, ForkJoinRunsOnEveryThreadAtOnce) {
+  constexpr int kThreads = 4;
+  ThreadPool pool(kThreads);
+  for (int round = 0; round < 100; ++round) {
+    std::atomic<int> arrived = 0;
+    std::array<std::atomic<int>, kThreads> calls{};
+    pool.fork_join([&](int thread) {
+      ++calls[static_cast<std::size_t>(thread)];
+      ++arrived;
+      while (arrived < kThreads) std::this_thread::yield();  // returns only if all threads are inside
+    });
+    for (const auto& c : calls) ASSERT_EQ(c, 1) << round;
+  }
+}
+
+TEST(ThreadPool, ParallelForClaimsEveryIndexOnce) {
+  for (const int threads : {1, 2, 5}) {
+    ThreadPool pool(threads);
+    for (const std::uint32_t count : {0U, 1U, 3U, 1000U}) {
+      std::vector<std::atomic<int>> visits(count);
+      std::atomic<bool> bad_thread = false;
+      pool.parallel_for(count, [&](std::uint32_t index, unsigned thread) {
+        ++visits[index];
+        if (thread >= static_cast<unsigned>(threads)) bad_thread = true;
+      });
+      for (const auto& v : visits) ASSERT_EQ(v, 1);
+      EXPECT_FALSE(bad_thread);
+    }
+  }
+}
+
+TEST(ThreadPool, AlternatesKindsOfJobs) {
+  ThreadPool pool(3);
+  std::atomic<long> sum = 0;
+  for (int round = 0; round < 2000; ++round) {
+    pool.parallel_for(5, [&](std::uint32_t index, unsigned) { sum += index; });
+    pool.fork_join([&](int thread) { sum += thread; });
+  }
+  EXPECT_EQ(sum, 2000 * (10 + 3));
 }

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "common/ThreadPool.h"
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/ActuatorArray.h"
 
 using namespace smartsurf;
@@ -71,7 +71,7 @@ scene::ObjectSpec box(double x, double y, double z) {
 std::vector<float> wave_of_pins(const scene::ParameterValues& drive, int threads) {
   scene::SurfaceSpec s = surface_of({actuator("pin", drive)}, 19, 37);
   s.border_height = 3.0;
-  surface::ThreadPool pool(threads, 0.0);  // shares all there is
+  common::ThreadPool pool(threads, 0.0);  // shares all there is
   surface::ActuatorArray array(s, {}, 1, &pool);
   std::vector<float> seen, targets(19 * 37);
   for (int step = 0; step < 60; ++step) {

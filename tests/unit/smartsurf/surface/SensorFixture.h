@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "common/ThreadPool.h"
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/SensorArray.h"
 
 namespace smartsurf::surface {
@@ -14,7 +14,7 @@ struct SensorFixture {
   Field field;
   std::vector<scene::ObjectSpec> catalogue;
   scene::Snapshot snapshot;
-  ThreadPool pool{1};
+  common::ThreadPool pool{1};
 
   explicit SensorFixture(int rows = 16, int columns = 20) {
     spec.rows = field.rows = rows;

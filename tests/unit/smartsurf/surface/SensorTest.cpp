@@ -1,3 +1,4 @@
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/sensors/Sensor.h"
 
 #include <gtest/gtest.h>
@@ -247,7 +248,7 @@ TEST(SensorArray, GivesTheSameBitsForAnyNumberOfThreads) {
   t.add_sensor("camera", {{"resolution", {2}}});
   std::vector<std::vector<float>> first;
   for (const int threads : {1, 2, 5}) {
-    surface::ThreadPool pool(threads, 0.0);  // shares all there is
+    common::ThreadPool pool(threads, 0.0);  // shares all there is
     SensorArray s = t.sensors();
     for (int tick = 0; tick < 4; ++tick) s.sense(t.snapshot, t.catalogue, pool);
     for (std::size_t k = 0; k < s.channels().size(); ++k) {

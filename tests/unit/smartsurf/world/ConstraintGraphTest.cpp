@@ -1,3 +1,4 @@
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/world/solver/ConstraintGraph.h"
 
 #include <gtest/gtest.h>
@@ -106,7 +107,7 @@ TEST(Schedule, AnyNumberOfThreadsSharesTheSameOctetsEachOnce) {
   ConstraintGraph alone;
   t.build(alone);
   for (const int members : {1, 2, 3, 7}) {
-    surface::ThreadPool pool(members);
+    common::ThreadPool pool(members);
     Team team(&pool);
     ConstraintGraph schedule;
     team.run(true, [&](const Member& member) { t.build(schedule, member); });
@@ -130,7 +131,7 @@ TEST(Schedule, AnyNumberOfThreadsSharesTheSameOctetsEachOnce) {
 
 TEST(Schedule, WhatAMemberSolvesBeginsInItsSlabs) {
   const Tangle t(400, 1500);
-  surface::ThreadPool pool(2);
+  common::ThreadPool pool(2);
   Team team(&pool);
   ConstraintGraph schedule;
   team.run(true, [&](const Member& member) { t.build(schedule, member); });

@@ -1,3 +1,4 @@
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/world/FieldHasher.h"
 
 #include <gtest/gtest.h>
@@ -19,7 +20,7 @@ surface::Field field_of(int rows, int columns) {
 }
 
 std::uint64_t hash_of(const surface::Field& field, int threads) {
-  surface::ThreadPool pool(threads, 0.0);  // shares all there is
+  common::ThreadPool pool(threads, 0.0);  // shares all there is
   FieldHasher copy(&pool);
   std::vector<float> height;
   StateHash hash;

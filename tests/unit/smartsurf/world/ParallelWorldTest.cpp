@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/ActuatorArray.h"
 #include "smartsurf/world/World.h"
 
@@ -42,7 +43,7 @@ scene::SceneSpec heap(double width, double depth) {
 }
 
 std::uint64_t hash_after(const scene::SceneSpec& scene, int steps, int threads) {
-  surface::ThreadPool pool(threads);
+  common::ThreadPool pool(threads);
   surface::ActuatorArray cells(scene.surface, {}, 1, &pool);
   world::World world(scene, cells.field(), &pool);
   scene::Snapshot snapshot;

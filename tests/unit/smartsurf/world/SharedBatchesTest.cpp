@@ -1,3 +1,4 @@
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/world/parallel/SharedBatches.h"
 
 #include <gtest/gtest.h>
@@ -68,7 +69,7 @@ struct Shared {
   ConstraintGraph schedule;
   SharedBatches borders;
   explicit Shared(int members) {
-    surface::ThreadPool pool(members);
+    common::ThreadPool pool(members);
     Team team(&pool);
     team.run(true, [this](const Member& member) { work(member); });
   }

@@ -1,3 +1,4 @@
+#include "common/threads/ThreadPool.h"
 #include "smartsurf/world/broadphase/UniformGrid.h"
 
 #include <gtest/gtest.h>
@@ -35,7 +36,7 @@ using Pairs = std::multiset<std::pair<int, int>>;
 
 // Each member brings every n-th body.
 void build(UniformGrid& grid, const Cloud& cloud, int members = 1) {
-  surface::ThreadPool pool(members);
+  common::ThreadPool pool(members);
   Team team(&pool);
   team.run(true, [&](const Member& member) {
     std::vector<std::int32_t> own;

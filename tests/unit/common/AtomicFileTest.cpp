@@ -1,0 +1,55 @@
+#include "common/files/AtomicFile.h"
+
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "tests/unit/common/TemporaryFolder.h"
+
+namespace fs = std::filesystem;
+using common::replace_file;
+
+namespace {
+
+std::string content(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::ostringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+TEST(AtomicFile, ReplacesTheWholeFile) {
+  const TemporaryFolder folder;
+  const fs::path path = folder.path() / "a.txt";
+  EXPECT_FALSE(replace_file(path, "a longer first text"));
+  EXPECT_FALSE(replace_file(path, "short"));
+  EXPECT_EQ(content(path), "short");
+  EXPECT_EQ(folder.entries(), 1);
+}
+
+TEST(AtomicFile, FailureKeepsTheOldFileAndLeavesNothing) {
+  const TemporaryFolder folder;
+  EXPECT_EQ(replace_file(folder.path() / "missing" / "a.txt", "x"), std::errc::no_such_file_or_directory);
+  fs::create_directory(folder.path() / "b");
+  EXPECT_EQ(replace_file(folder.path() / "b", "x"), std::errc::is_a_directory);
+  EXPECT_EQ(folder.entries(), 1);
+}
+
+TEST(AtomicFile, WritesLinksAndPipesInPlace) {
+  const TemporaryFolder folder;
+  const fs::path target = folder.path() / "target", link = folder.path() / "link";
+  std::ofstream(target) << "old";
+  fs::create_symlink(target, link);
+  EXPECT_TRUE(common::is_special_file(link));
+  EXPECT_FALSE(replace_file(link, "new"));
+  EXPECT_TRUE(fs::is_symlink(link));
+  EXPECT_EQ(content(target), "new");
+  EXPECT_FALSE(replace_file("/dev/null", "swallowed"));
+  EXPECT_EQ(replace_file("/dev/full", "x"), std::errc::no_space_on_device);
+}
+
+}  // namespace

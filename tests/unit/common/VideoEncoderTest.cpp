@@ -1,0 +1,87 @@
+#include "common/video/VideoEncoder.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <fstream>
+
+#include "common/error/UserError.h"
+#include "tests/unit/common/TemporaryFolder.h"
+
+namespace fs = std::filesystem;
+using common::Image;
+using common::UserError;
+using common::VideoEncoder;
+
+namespace {
+
+// A stand-in for ffmpeg at the head of PATH: a shell script; its last argument is the file to write.
+class FakeFfmpeg {
+ public:
+  explicit FakeFfmpeg(const std::string& body) : old_path_(std::getenv("PATH")) {
+    const fs::path program = folder_.path() / "ffmpeg";
+    std::ofstream(program) << "#!/bin/sh\nfor last; do :; done\n" << body << "\n";
+    fs::permissions(program, fs::perms::owner_all);
+    ::setenv("PATH", (folder_.path().string() + ":" + old_path_).c_str(), 1);
+  }
+  ~FakeFfmpeg() { ::setenv("PATH", old_path_.c_str(), 1); }
+
+ private:
+  TemporaryFolder folder_;
+  std::string old_path_;
+};
+
+Image grey(int width, int height) {
+  return {width, height, std::vector<std::uint8_t>(static_cast<std::size_t>(width * height) * 3, 128)};
+}
+
+TEST(VideoEncoder, RenamesWhatFfmpegWrote) {
+  const FakeFfmpeg ffmpeg("cat > \"$last\"");
+  const TemporaryFolder folder;
+  VideoEncoder video(folder.path() / "a.mp4", 4, 2, 30);
+  video.add(grey(4, 2));
+  video.add(grey(4, 2));
+  video.finish();
+  EXPECT_EQ(fs::file_size(folder.path() / "a.mp4"), 2U * 4 * 2 * 3);
+  EXPECT_EQ(folder.entries(), 1);
+}
+
+TEST(VideoEncoder, FailedEncodeLeavesNoPartFile) {
+  const FakeFfmpeg ffmpeg("cat > \"$last\"; exit 1");
+  const TemporaryFolder folder;
+  VideoEncoder video(folder.path() / "a.mp4", 4, 2, 30);
+  video.add(grey(4, 2));
+  EXPECT_THROW(video.finish(), UserError);
+  EXPECT_EQ(folder.entries(), 0);
+}
+
+TEST(VideoEncoder, EarlyEndOfFfmpegIsAnErrorAndNoSignal) {
+  const FakeFfmpeg ffmpeg("echo part > \"$last\"; exit 1");
+  const TemporaryFolder folder;
+  {
+    VideoEncoder video(folder.path() / "a.mp4", 640, 480, 30);
+    EXPECT_THROW(
+        {
+          for (int i = 0; i < 1000; ++i) video.add(grey(640, 480));
+          video.finish();
+        },
+        UserError);
+  }
+  EXPECT_EQ(folder.entries(), 0);
+}
+
+TEST(VideoEncoder, DiscardsAVideoThatIsNotFinished) {
+  const FakeFfmpeg ffmpeg("cat > \"$last\"");
+  const TemporaryFolder folder;
+  VideoEncoder(folder.path() / "a.mp4", 4, 2, 30).add(grey(4, 2));
+  EXPECT_EQ(folder.entries(), 0);
+}
+
+TEST(VideoEncoder, RefusesBadNamesAndFolders) {
+  const FakeFfmpeg ffmpeg("cat > \"$last\"");
+  const TemporaryFolder folder;
+  EXPECT_THROW(VideoEncoder(folder.path() / "a.avi", 4, 2, 30), UserError);
+  EXPECT_THROW(VideoEncoder(folder.path() / "missing" / "a.mp4", 4, 2, 30), UserError);
+}
+
+}  // namespace
