@@ -7,12 +7,12 @@ namespace shm_protocol {
 // Bytes `from` to `to` of that frame's slot.
 void SurfaceEndpoint::Impl::copy_arrays(std::uint32_t frame_number, std::size_t from,
                                         std::size_t to) noexcept {
+  if (answers_in_place) return;
   for (const auto& c : layout.channels) {
     if (c.direction != SSP_ACTUATOR) continue;
     intersect_channel(c, from, to, [&](std::size_t at, std::size_t bytes) {
-      std::byte* const cells = actuators.array(frame_number, c).data() + at;
-      replaced += answers_in_place ? sanitize_in_place(cells, bytes, c)
-                                   : copy_sanitized(frames[1 - current].array(c) + at, cells, bytes, c);
+      const std::byte* const cells = actuators.array(frame_number, c).data() + at;
+      replaced += copy_sanitized(frames[1 - current].array(c) + at, cells, bytes, c);
     });
   }
 }
@@ -36,8 +36,11 @@ void SurfaceEndpoint::Impl::accept_frame(const FrameInfo& taken) noexcept {
   if (!answers_in_place) current = 1 - current;
   current_in_place = answers_in_place;
   info = taken;
-  if (replaced == 0) return;
-  counters.clamped += replaced;
+  if (replaced != 0) count_clamped(replaced);
+}
+
+void SurfaceEndpoint::Impl::count_clamped(std::uint64_t values) noexcept {
+  counters.clamped += values;
   store_relaxed(header.surface.clamped, counters.clamped);
 }
 

@@ -215,6 +215,7 @@ Counters SurfaceEndpoint::counters() const noexcept { return impl_->counters; }
 Counters SurfaceEndpoint::controller_counters() const noexcept {
   return load_counters(impl_->header.controller);
 }
+void SurfaceEndpoint::count_clamped(std::uint64_t values) noexcept { impl_->count_clamped(values); }
 void SurfaceEndpoint::miss_deadline() noexcept {
   store_relaxed(impl_->header.surface.deadline_misses, ++impl_->counters.deadline_misses);
 }

@@ -64,6 +64,7 @@ struct SurfaceEndpoint::Impl {
   void copy_all(std::uint32_t word) noexcept;
   void copy_committed(std::uint32_t frame_number) noexcept;
   void accept_frame(const FrameInfo&) noexcept;
+  void count_clamped(std::uint64_t values) noexcept;
   void apply_safe_values() noexcept;
   void preserve_current_frame() noexcept;
   std::span<const std::byte> current_cells(const ssp_channel& c) const noexcept {
@@ -91,8 +92,8 @@ struct SurfaceEndpoint::Impl {
   std::uint32_t last_word = 0;  // of the actuator frame looked at last
   FrameInfo info;               // of the actuator frame shown
   bool hold_last_frame;
-  bool answers_in_place;          // answers are checked and shown in their slots
-  bool current_in_place = false;  // and the one shown is: its slot stays as it is while the next one is made
+  bool answers_in_place;          // answers are shown in their slots, unchecked
+  bool current_in_place = false;  // the one shown is; its slot is not reused while the next one is written
   std::array<FrameArrays, 2>
       frames;  // else [shown] is what actuator() shows, the other takes the next frame in
   std::size_t current = 0;

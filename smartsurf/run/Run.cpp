@@ -149,9 +149,6 @@ bool Run::tick() {
   phase_times_.lap(Phase::kActuate);
   if (link_) {
     if (!receive_targets()) return false;
-    for (int channel = 0; channel < link_->actuator_channel_count(); ++channel)
-      simulation_.set_actuator_targets(channel, link_->targets(channel));
-    phase_times_.lap(Phase::kActuate);
   }
   apply_user_interaction();
   if (!advance_physics()) return false;
@@ -189,7 +186,8 @@ bool Run::advance_physics() {
 bool Run::receive_targets() {
   while (true) {
     const auto timeout = display_->has_window() ? kWindowWait : kHeadlessWait;
-    const Status status = link_->receive(simulation_.snapshot().tick, timeout, stop_requested_);
+    const Status status =
+        link_->receive(simulation_.snapshot().tick, timeout, stop_requested_, simulation_.actuator_array());
     phase_times_.lap(Phase::kWait);
     switch (status) {
       case Status::kOk:

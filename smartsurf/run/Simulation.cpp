@@ -66,10 +66,6 @@ void Simulation::run_script() {
   experiment_.tick(snapshot_.time_s, snapshot_.tick);
 }
 
-void Simulation::set_actuator_targets(int channel, std::span<const float> targets) noexcept {
-  actuator_array_.set_targets(channel, targets);
-}
-
 void Simulation::plan_actuators() noexcept {
   if (!std::exchange(tick_started_, true)) actuator_array_.begin_tick();
   actuator_array_.plan(scene().world.dt_s);

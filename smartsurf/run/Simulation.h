@@ -41,8 +41,8 @@ class Simulation final : public script::SimulationInterface {
   // ----------------------------------------------------------------- Throws scene::InputError for a mistake
   // in the script.
   void run_script();
-  void set_actuator_targets(int channel,
-                            std::span<const float> targets) noexcept;  // of actuators(); rows × columns
+  // Takes the commands of the tick: set_targets(), by channel of actuators().
+  surface::ActuatorArray& actuator_array() noexcept { return actuator_array_; }
   // By hand: what one cell of the channel is told, whoever drives the others; and what it was told last.
   void override_actuator_target(int channel, int row, int column, float target) noexcept {
     actuator_array_.set_target(channel, row, column, target);

@@ -8,6 +8,9 @@
 namespace smartsurf::run {
 namespace {
 
+// Bytes of an actuator frame from which chunks are received while the controller writes the next ones.
+constexpr std::size_t kMinStreamedBytes = 64 * 1024;
+
 // None for a regular grid. An empty cell of a free layout stands at the origin; its height there is the
 // lowest.
 std::vector<std::array<float, 3>> cell_positions(const scene::SurfaceSpec& surface) {
@@ -40,6 +43,7 @@ shm_protocol::SurfaceConfig make_surface_config(const std::string& name, RunMode
   for (const scene::ActuatorChannel& channel : scene.surface.actuator_channels())
     config.channels.push_back({channel.name, Direction::kActuator, DType::kF32, 1, channel.unit,
                                channel.minimum, channel.maximum, channel.safe_value});
+  config.answers_in_place = true;  // the actuators copy and check the values
   config.positions = cell_positions(scene.surface);
   return config;
 }
@@ -63,7 +67,9 @@ SurfaceLink::SurfaceLink(const std::string& name, RunMode mode, const scene::Sce
       // describe() lists the sensors first, and what there is of the cells after them.
       first_actuator_channel_(static_cast<int>(scene.surface.sensor_channels().size()) +
                               (occupancy_.empty() ? 0 : 1)),
-      actuator_channel_count_(static_cast<int>(scene.surface.actuator_channels().size())) {}
+      received_(scene.surface.actuator_channels().size(), 0),
+      streams_(received_.size() * static_cast<std::size_t>(scene.surface.cell_count()) * sizeof(float) >=
+               kMinStreamedBytes) {}
 
 shm_protocol::Status SurfaceLink::publish(std::uint64_t tick, double time_s,
                                           std::span<const record::ChannelData> sensors) noexcept {
@@ -81,10 +87,40 @@ shm_protocol::Status SurfaceLink::publish(std::uint64_t tick, double time_s,
   return endpoint_.publish(tick, time_s);
 }
 
+void SurfaceLink::receive_chunks(surface::ActuatorArray& actuators,
+                                 const shm_protocol::WaitOptions& options) noexcept {
+  for (std::size_t i = 0; i < received_.size(); ++i) {
+    const int channel = static_cast<int>(i);
+    for (auto cells = endpoint_.next_cells(first_actuator_channel_ + channel, options); !cells.empty();
+         cells = endpoint_.next_cells(first_actuator_channel_ + channel, options)) {
+      endpoint_.count_clamped(actuators.set_targets(channel, cells, received_[i]));
+      received_[i] += static_cast<int>(cells.size());
+    }
+  }
+}
+
 shm_protocol::Status SurfaceLink::receive(std::uint64_t tick, std::chrono::nanoseconds timeout,
-                                          const std::atomic<bool>& stop) noexcept {
-  return mode_ == RunMode::kTimeStep ? endpoint_.await_actuators(tick, {timeout, &stop})
-                                     : endpoint_.latest_actuators();
+                                          const std::atomic<bool>& stop,
+                                          surface::ActuatorArray& actuators) noexcept {
+  using shm_protocol::Status;
+  const shm_protocol::WaitOptions options{timeout, &stop};
+  Status status;
+  if (mode_ == RunMode::kTimeStep) {
+    if (streams_) receive_chunks(actuators, options);
+    status = endpoint_.await_actuators(tick, options);
+  } else {
+    status = endpoint_.latest_actuators();
+  }
+  if (status == Status::kOk)
+    for (std::size_t i = 0; i < received_.size(); ++i) {
+      const int channel = static_cast<int>(i);
+      const auto cells = endpoint_.actuator<float>(first_actuator_channel_ + channel);
+      const auto done = static_cast<std::size_t>(received_[i]);
+      if (done < cells.size())
+        endpoint_.count_clamped(actuators.set_targets(channel, cells.subspan(done), received_[i]));
+    }
+  if (status != Status::kTimeout && status != Status::kInterrupted) std::ranges::fill(received_, 0);
+  return status;
 }
 
 }  // namespace smartsurf::run

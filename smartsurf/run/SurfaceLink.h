@@ -13,6 +13,7 @@
 #include "smartsurf/record/Recorder.h"
 #include "smartsurf/run/cli/RunOptions.h"
 #include "smartsurf/scene/SceneSpec.h"
+#include "smartsurf/surface/ActuatorArray.h"
 
 namespace smartsurf::run {
 
@@ -27,25 +28,25 @@ class SurfaceLink {
   [[nodiscard]] shm_protocol::Status publish(std::uint64_t tick, double time_s,
                                              std::span<const record::ChannelData> sensors) noexcept;
 
-  // Time-step: waits for the answer to the frame published last. Passive: takes the newest there is.
+  // Time-step: waits for the answer to the frame published last. Passive: takes the newest frame. Its values go to the
+  // actuators, which check them; large frames chunk by chunk while the controller still writes them. Without kOk the
+  // physics must not advance: the actuators may then hold a part of an answer.
   [[nodiscard]] shm_protocol::Status receive(std::uint64_t tick, std::chrono::nanoseconds timeout,
-                                             const std::atomic<bool>& stop) noexcept;
-
-  int actuator_channel_count() const noexcept { return actuator_channel_count_; }
-  // Of the n-th actuator channel, rows × columns: the frame received last; the safe values before the first.
-  std::span<const float> targets(int channel) const noexcept {
-    return endpoint_.actuator<float>(first_actuator_channel_ + channel);
-  }
+                                             const std::atomic<bool>& stop, surface::ActuatorArray&) noexcept;
 
   shm_protocol::SurfaceEndpoint& endpoint() noexcept { return endpoint_; }
   const std::string& name() const noexcept { return name_; }
 
  private:
+  void receive_chunks(surface::ActuatorArray&, const shm_protocol::WaitOptions&) noexcept;
+
   std::string name_;
   RunMode mode_;
   shm_protocol::SurfaceEndpoint endpoint_;
   std::vector<float> occupancy_;  // empty where every cell is there
-  int first_actuator_channel_, actuator_channel_count_;
+  int first_actuator_channel_;
+  std::vector<int> received_;  // cells of each actuator channel of the answer to come that the actuators have
+  bool streams_;               // frames are large enough
 };
 
 }  // namespace smartsurf::run

@@ -1,6 +1,7 @@
 #include "smartsurf/surface/ActuatorArray.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cassert>
 #include <cmath>
 #include <limits>
@@ -149,42 +150,44 @@ void ActuatorArray::init_targets() {
     deliver_commands(route);
   }
   for (ChannelCommands& commands : commands_) commands.dirty = false;
+  for (ChannelCommands& commands : commands_) std::ranges::sort(commands.runs, {}, &CellRun::begin);
   for (Model& model : models_) model.actuator->snap_to_targets(field_);
   static_max_height_ = *std::ranges::max_element(field_.height);
   field_.max_height = static_max_height_;
 }
 
-void ActuatorArray::set_targets(int channel, std::span<const float> targets) noexcept {
-  assert(targets.size() == field_.height.size());
+std::uint64_t ActuatorArray::set_targets(int channel, std::span<const float> targets, int first_cell) noexcept {
+  const int end_cell = first_cell + static_cast<int>(targets.size());
+  assert(first_cell >= 0 && static_cast<std::size_t>(end_cell) <= field_.height.size());
   const scene::ActuatorChannel& info = channels_[static_cast<std::size_t>(channel)];
   const auto low = static_cast<float>(info.minimum), high = static_cast<float>(info.maximum);
+  const auto safe = static_cast<float>(info.safe_value);
   ChannelCommands& commands = commands_[static_cast<std::size_t>(channel)];
+  const auto first_run = std::ranges::upper_bound(commands.runs, first_cell, {}, &CellRun::end);
+  const auto end_run = std::ranges::lower_bound(commands.runs, end_cell, {}, &CellRun::begin);
+  std::atomic<std::uint64_t> replaced = 0;
   const auto clamp_runs = [&](int begin, int end) {
+    std::uint64_t count = 0;
     for (int r = begin; r < end; ++r) {
-      const CellRun& run = commands.runs[static_cast<std::size_t>(r)];
-      clamp_commands(static_cast<std::size_t>(run.end - run.begin),
-                     &targets[static_cast<std::size_t>(run.begin)], low, high,
-                     &commands.values[static_cast<std::size_t>(run.begin)]);
+      const CellRun& run = first_run[r];
+      const auto from = static_cast<std::size_t>(std::max(run.begin, first_cell));
+      const auto to = static_cast<std::size_t>(std::min(run.end, end_cell));
+      count += clamp_commands(to - from, &targets[from - static_cast<std::size_t>(first_cell)], low, high, safe,
+                              &commands.values[from]);
     }
+    replaced.fetch_add(count, std::memory_order_relaxed);
   };
-  const int runs = static_cast<int>(commands.runs.size());
+  const int runs = static_cast<int>(std::max<std::ptrdiff_t>(0, end_run - first_run));
   if (pool_ != nullptr)
     pool_->parallel_for_rows(runs, kCommandCost_ns * static_cast<double>(targets.size()), clamp_runs);
   else
     clamp_runs(0, runs);
   commands.dirty = true;
+  return replaced;
 }
 
 void ActuatorArray::set_target(int channel, int row, int column, float target) noexcept {
-  const scene::ActuatorChannel& info = channels_[static_cast<std::size_t>(channel)];
-  ChannelCommands& commands = commands_[static_cast<std::size_t>(channel)];
-  const int cell = field_.index(row, column);
-  const bool has = std::ranges::any_of(commands.runs,
-                                       [cell](const CellRun& r) { return r.begin <= cell && cell < r.end; });
-  if (std::isnan(target) || !has) return;
-  commands.values[static_cast<std::size_t>(cell)] =
-      std::clamp(target, static_cast<float>(info.minimum), static_cast<float>(info.maximum));
-  commands.dirty = true;
+  set_targets(channel, {&target, 1}, field_.index(row, column));
 }
 
 // What the route's cells make of the commands, into the newest frame.

@@ -39,9 +39,10 @@ class ActuatorArray {
     return commands_[static_cast<std::size_t>(channel)].values;
   }
 
-  // Every cell's command at once: clamped to the range; a NaN keeps the cell's old one; cells without this
-  // channel keep theirs. targets.size() must be rows × columns.
-  void set_targets(int channel, std::span<const float> targets) noexcept;
+  // Commands of the cells from `first_cell` on (row-major): the one place that clamps them to the channel's range
+  // and replaces a NaN by the channel's safe value. Cells without this channel keep theirs. Returns how many
+  // values were replaced.
+  std::uint64_t set_targets(int channel, std::span<const float> targets, int first_cell = 0) noexcept;
   void set_target(int channel, int row, int column, float target) noexcept;
 
   // Once a control period, before its first plan(): the commands are on their way from here.

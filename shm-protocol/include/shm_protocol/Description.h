@@ -45,9 +45,9 @@ struct SurfaceConfig {
   std::uint32_t slots = 4;  // of each ring: a power of two, 4 … 64
   // What actuator() shows after the controller died or left: its last frame, or every channel's safe value.
   bool hold_last_frame = true;
-  // Time-step: the surface checks answers where the controller wrote them and shows them there, instead of
-  // copies: faster for large arrays, but a controller that changes an answer after publishing it is not
-  // caught.
+  // Time-step: actuator() and next_cells() show the answer where the controller wrote it, unchecked, for a surface
+  // that copies and checks the values itself and reports them with count_clamped(). Saves a copy. Passive mode
+  // copies and checks always, because the controller may overwrite what is being read.
   bool answers_in_place = false;
 };
 

@@ -108,6 +108,9 @@ class SurfaceEndpoint {
   // kSurfaceClosed.
   void set_state(State) noexcept;
 
+  // Counts actuator values that the surface itself replaced (SurfaceConfig::answers_in_place): readable by all in
+  // counters().
+  void count_clamped(std::uint64_t values) noexcept;
   // Counts a control period whose answer came late (hardware): readable by everybody in counters().
   void miss_deadline() noexcept;
 

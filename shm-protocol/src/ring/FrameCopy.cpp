@@ -146,8 +146,4 @@ std::uint64_t copy_sanitized(std::byte* to, const std::byte* from, std::size_t t
   return replaced;
 }
 
-std::uint64_t sanitize_in_place(std::byte* cells, std::size_t bytes, const ssp_channel& c) noexcept {
-  return sanitize_block(cells, bytes, c);
-}
-
 }  // namespace shm_protocol

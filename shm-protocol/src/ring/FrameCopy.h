@@ -26,7 +26,4 @@ void stream_frame(std::byte* to, const std::byte* from, std::size_t bytes, bool 
 std::uint64_t copy_sanitized(std::byte* to, const std::byte* from, std::size_t bytes,
                              const ssp_channel&) noexcept;
 
-// The same without a copy, for a writer that is trusted not to change what it has published.
-std::uint64_t sanitize_in_place(std::byte* cells, std::size_t bytes, const ssp_channel&) noexcept;
-
 }  // namespace shm_protocol

@@ -76,7 +76,7 @@ script::Experiment reload_experiment(const record::Recording& recording, const f
 void apply_inputs(Simulation& simulation, std::span<const float> inputs) {
   int channel = 0;
   for (const record::ChannelData& actuator : simulation.actuators()) {
-    simulation.set_actuator_targets(channel++, inputs.first(actuator.values.size()));
+    simulation.actuator_array().set_targets(channel++, inputs.first(actuator.values.size()));
     inputs = inputs.subspan(actuator.values.size());
   }
 }

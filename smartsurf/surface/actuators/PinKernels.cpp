@@ -66,13 +66,17 @@ HWY_INLINE V profile_speed(D d, const MotionProfile::Constants& c, V distance, V
   return hn::IfThenElse(hn::Lt(at_least_low, high), at_least_low, high);
 }
 
-void clamp_commands_for_target(std::size_t n, const float* commands, float low, float high, float* kept) {
-  for_each_vector(n, [=](auto d, std::size_t i, auto) {
+std::size_t clamp_commands_for_target(std::size_t n, float low, float high, float safe, float* commands) {
+  std::size_t kept = 0;
+  for_each_vector(n, [&](auto d, std::size_t i, auto done) {
     const auto command = hn::LoadU(d, commands + i), minimum = hn::Set(d, low), maximum = hn::Set(d, high);
     const auto at_least_minimum = hn::IfThenElse(hn::Lt(command, minimum), minimum, command);
-    const auto clamped = hn::IfThenElse(hn::Gt(at_least_minimum, maximum), maximum, at_least_minimum);
-    hn::StoreU(hn::IfThenElse(hn::Eq(command, command), clamped, hn::LoadU(d, kept + i)), d, kept + i);
+    const auto within = hn::IfThenElse(hn::Gt(at_least_minimum, maximum), maximum, at_least_minimum);
+    const auto result = hn::IfThenElse(hn::Eq(command, command), within, hn::Set(d, safe));
+    kept += hn::CountTrue(d, hn::AndNot(done, hn::Eq(result, command)));
+    hn::StoreU(result, d, commands + i);
   });
+  return n - kept;
 }
 
 bool update_targets_for_target(std::size_t n, const float* base, const float* commands, float* target) {
@@ -133,8 +137,17 @@ HWY_EXPORT(update_targets_for_target);
 HWY_EXPORT(plan_speeds_for_target);
 HWY_EXPORT(advance_pins_for_target);
 
-void clamp_commands(std::size_t n, const float* commands, float low, float high, float* kept) noexcept {
-  HWY_DYNAMIC_DISPATCH(clamp_commands_for_target)(n, commands, low, high, kept);
+std::size_t clamp_commands(std::size_t n, const float* commands, float low, float high, float safe,
+                           float* clamped) noexcept {
+  constexpr std::size_t kBlock = 1024;  // stays in the first-level cache between the two passes
+  std::size_t replaced = 0;
+  for (std::size_t i = 0; i < n; i += kBlock) {
+    const std::size_t count = std::min(kBlock, n - i);
+    std::copy_n(commands + i, count, clamped + i);
+    asm volatile("" ::: "memory");  // the compiler must not read the commands again for the checks
+    replaced += HWY_DYNAMIC_DISPATCH(clamp_commands_for_target)(count, low, high, safe, clamped + i);
+  }
+  return replaced;
 }
 
 bool update_targets(std::size_t n, const float* base, const float* commands, float* target) noexcept {

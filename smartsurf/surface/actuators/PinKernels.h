@@ -8,8 +8,10 @@
 
 namespace smartsurf::surface {
 
-// Keeps the commands within [low, high]; where there is none (NaN), the cell keeps its old one.
-void clamp_commands(std::size_t n, const float* commands, float low, float high, float* kept) noexcept;
+// Copies commands into [low, high]; a NaN becomes `safe`. Returns how many values were replaced. The commands may lie
+// in memory that another process writes: each value is copied before it is checked.
+std::size_t clamp_commands(std::size_t n, const float* commands, float low, float high, float safe,
+                           float* clamped) noexcept;
 
 // target = base + command; whether any target is another than before.
 bool update_targets(std::size_t n, const float* base, const float* commands, float* target) noexcept;

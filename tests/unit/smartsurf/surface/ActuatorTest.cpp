@@ -361,12 +361,29 @@ TEST(ActuatorArray, CommandsWaitForTheLatency) {
   EXPECT_EQ(seen, (std::vector<float>{0, 0, 0, 7, 0, 0}));
 }
 
-TEST(ActuatorArray, ClampsCommandsAndKeepsTheOldOneForNan) {
+TEST(ActuatorArray, ClampsCommandsAndReplacesNanByTheSafeValue) {
   Cells cells(surface_of({actuator("pin", {{"range", {1, 3}}})}, 1, 2));
-  cells.array.set_targets(0, std::vector<float>{9.0F, 2.0F});
-  cells.array.set_targets(0, std::vector<float>{std::nanf(""), -1.0F});
+  const float safe = cells.array.targets(0)[0];
+  EXPECT_EQ(cells.array.set_targets(0, std::vector<float>{9.0F, 2.0F}), 1U);
   EXPECT_EQ(cells.array.targets(0)[0], 3.0F);
+  EXPECT_EQ(cells.array.targets(0)[1], 2.0F);
+  EXPECT_EQ(cells.array.set_targets(0, std::vector<float>{std::nanf(""), -1.0F}), 2U);
+  EXPECT_EQ(cells.array.targets(0)[0], safe);
   EXPECT_EQ(cells.array.targets(0)[1], 1.0F);
+}
+
+TEST(ActuatorArray, TakesCommandsInParts) {
+  Cells whole(surface_of({actuator("pin", {{"range", {1, 3}}})}, 3, 5));
+  Cells parts(surface_of({actuator("pin", {{"range", {1, 3}}})}, 3, 5));
+  std::vector<float> targets(15);
+  for (std::size_t i = 0; i < targets.size(); ++i) targets[i] = 0.5F + 0.25F * static_cast<float>(i);
+  const std::uint64_t replaced = whole.array.set_targets(0, targets);
+  std::uint64_t replaced_in_parts = 0;
+  for (std::size_t at = 0; at < targets.size(); at += 4)
+    replaced_in_parts += parts.array.set_targets(
+        0, std::span(targets).subspan(at, std::min<std::size_t>(4, targets.size() - at)), static_cast<int>(at));
+  EXPECT_EQ(replaced_in_parts, replaced);
+  EXPECT_TRUE(std::ranges::equal(parts.array.targets(0), whole.array.targets(0)));
 }
 
 TEST(Pin, GivesLessForceTheFasterItRisesAndLeavesTheLoadToItsLowerStop) {

@@ -100,17 +100,20 @@ TEST(PinKernels, AdvanceAndArriveByTheLawToTheBit) {
   });
 }
 
-TEST(PinKernels, TakeCommandsWithinTheRangeAndPassOverNone) {
+TEST(PinKernels, ClampCommandsReplacesAndCounts) {
   for_every_target([] {
     for (std::size_t n = 1; n <= kMaxPins; ++n) {
       Pins p(n, static_cast<unsigned>(n));
-      std::vector<float> kept(n, 1.25F), expected = kept;
+      std::vector<float> clamped(n, 1.25F), expected(n);
       p.command[n / 2] = std::numeric_limits<float>::quiet_NaN();
       p.command[n / 3] = std::numeric_limits<float>::infinity();
-      for (std::size_t i = 0; i < n; ++i)
-        if (!std::isnan(p.command[i])) expected[i] = std::clamp(p.command[i], 0.5F, 2.0F);
-      clamp_commands(n, p.command.data(), 0.5F, 2.0F, kept.data());
-      ASSERT_EQ(kept, expected) << n;
+      std::size_t replaced = 0;
+      for (std::size_t i = 0; i < n; ++i) {
+        expected[i] = std::isnan(p.command[i]) ? 0.75F : std::clamp(p.command[i], 0.5F, 2.0F);
+        replaced += expected[i] != p.command[i];
+      }
+      ASSERT_EQ(clamp_commands(n, p.command.data(), 0.5F, 2.0F, 0.75F, clamped.data()), replaced) << n;
+      ASSERT_EQ(clamped, expected) << n;
     }
   });
 }
