@@ -1,36 +1,20 @@
 #include "apron/run/CsvText.h"
 
-#include <charconv>
 #include <cmath>
 #include <vector>
 
 #include "apron/run/MediaFile.h"
 #include "apron/vm/NumberFormat.h"
+#include "common/csv/Csv.h"
 
 namespace apron::run {
 namespace {
-
-std::string_view trim(std::string_view s) {
-  const std::size_t first = s.find_first_not_of(" \t\r");
-  if (first == std::string_view::npos) return {};
-  return s.substr(first, s.find_last_not_of(" \t\r") - first + 1);
-}
 
 std::string_view take_until(std::string_view& rest, char separator) {
   const std::size_t end = rest.find(separator);
   const std::string_view head = rest.substr(0, end);
   rest = end == std::string_view::npos ? std::string_view{} : rest.substr(end + 1);
   return head;
-}
-
-bool number(std::string_view field, float& value) {
-  if (!field.empty() && field.front() == '+') field.remove_prefix(1);
-  const auto [end, error] = std::from_chars(field.data(), field.data() + field.size(), value);
-  if (error == std::errc::result_out_of_range) {  // as every reader of floats does: infinite, or zero
-    value = std::strtof(std::string(field).c_str(), nullptr);
-    return true;
-  }
-  return error == std::errc{} && end == field.data() + field.size();
 }
 
 }  // namespace
@@ -40,15 +24,16 @@ void decode_csv(const std::string& path, std::string_view text, const vm::Plane&
   std::size_t width = 0, height = 0, line = 0;
   while (!text.empty()) {
     ++line;
-    std::string_view row = trim(take_until(text, '\n'));
+    const std::string_view row = common::trim_csv_field(take_until(text, '\n'));
     if (row.empty()) continue;
     std::size_t columns = 0;
-    for (bool more = true; more; ++columns) {
-      more = row.find(',') != std::string_view::npos;
-      const std::string_view field = trim(take_until(row, ','));
-      if (!number(field, cells.emplace_back()))
-        refuse(path, "line " + std::to_string(line) + ", field " + std::to_string(columns + 1) + ": '" +
+    for (const std::string_view field : common::split_csv_line(row)) {
+      ++columns;
+      const auto value = common::parse_csv_number<float>(field);
+      if (!value)
+        refuse(path, "line " + std::to_string(line) + ", field " + std::to_string(columns) + ": '" +
                          std::string(field.substr(0, 40)) + "' is not a number");
+      cells.push_back(*value);
     }
     if (height > 0 && columns != width)
       refuse(path, "line " + std::to_string(line) + " has " + std::to_string(columns) +

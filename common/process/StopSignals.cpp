@@ -20,13 +20,15 @@ extern "C" void on_stop_signal(int signal) {
 
 }  // namespace
 
-void catch_stop_signals() {
+const std::atomic<bool>& catch_stop_signals() {
   struct sigaction action {};
   action.sa_handler = on_stop_signal;
   for (const int signal : {SIGINT, SIGTERM}) sigaction(signal, &action, nullptr);
   struct sigaction before {};
   if (sigaction(SIGHUP, nullptr, &before) == 0 && before.sa_handler != SIG_IGN)
     sigaction(SIGHUP, &action, nullptr);
+  std::signal(SIGPIPE, SIG_IGN);
+  return stop;
 }
 
 const std::atomic<bool>& stop_flag() noexcept { return stop; }

@@ -5,9 +5,10 @@
 
 namespace common {
 
-// Installs the handlers. The first signal raises both flags; a second one ends the process at once with
-// status 128 + signal, for work that does not poll. An ignored SIGHUP (nohup) stays ignored.
-void catch_stop_signals();
+// Installs the handlers and returns stop_flag(). The first signal raises both flags; a second one ends the
+// process at once with status 128 + signal, for work that does not poll. An ignored SIGHUP (nohup) stays
+// ignored. SIGPIPE is ignored from here on: a closed pipe is a write error, not the end of the process.
+const std::atomic<bool>& catch_stop_signals();
 
 const std::atomic<bool>& stop_flag() noexcept;
 // Raised together with the stop flag, and by anyone who wants to interrupt the work for a moment.

@@ -5,34 +5,17 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <charconv>
 #include <cstring>
 #include <stdexcept>
 #include <utility>
+
+#include "common/csv/Csv.h"
 
 namespace smartsurf::record {
 namespace {
 
 constexpr std::size_t kBufferBytes = 256 * 1024;
 constexpr std::chrono::seconds kMaxFlushInterval{1};
-
-template <class Number>
-void append_number(std::string& text, Number number) {
-  char digits[32];
-  const auto end = std::to_chars(digits, digits + sizeof digits, number).ptr;
-  text.append(digits, end);
-}
-
-// RFC 4180: a field with a comma, a quote or a line break is quoted, and its quotes doubled.
-void append_field(std::string& text, const std::string& field) {
-  if (field.find_first_of(",\"\r\n") == std::string::npos) {
-    text += field;
-    return;
-  }
-  text += '"';
-  for (const char c : field) text.append(c == '"' ? 2 : 1, c);
-  text += '"';
-}
 
 }  // namespace
 
@@ -63,19 +46,19 @@ void CsvRecorder::close(const RunResult&) {
 }
 
 void CsvRecorder::write_frame(const scene::Snapshot& snapshot,
-                              const std::vector<scene::ObjectSpec>& catalogue, std::span<const ChannelData>,
-                              std::span<const ChannelData>) {
+                              const std::vector<scene::ObjectSpec>& catalogue, std::span<const scene::ChannelData>,
+                              std::span<const scene::ChannelData>) {
   if (fd_ < 0) return;
   for (std::size_t i = 0; i < snapshot.object_count(); ++i) {
-    append_number(lines_, snapshot.tick);
+    common::append_csv_number(lines_, snapshot.tick);
     lines_ += ',';
-    append_number(lines_, snapshot.time_s);
+    common::append_csv_number(lines_, snapshot.time_s);
     lines_ += ',';
-    append_number(lines_, snapshot.id[i]);
+    common::append_csv_number(lines_, snapshot.id[i]);
     lines_ += ',';
-    append_field(lines_, catalogue.at(snapshot.id[i]).label);
-    for (const float v : snapshot.position[i]) append_number(lines_ += ',', v);
-    for (const float v : snapshot.orientation[i]) append_number(lines_ += ',', v);
+    common::append_csv_field(lines_, catalogue.at(snapshot.id[i]).label);
+    for (const float v : snapshot.position[i]) common::append_csv_number(lines_ += ',', v);
+    for (const float v : snapshot.orientation[i]) common::append_csv_number(lines_ += ',', v);
     lines_ += '\n';
   }
   if (lines_.size() >= kBufferBytes || std::chrono::steady_clock::now() - last_flush_ >= kMaxFlushInterval)

@@ -17,7 +17,8 @@ class CsvRecorder final : public Recorder {
 
  private:
   void write_frame(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
-                   std::span<const ChannelData> sensors, std::span<const ChannelData> actuators) override;
+                   std::span<const scene::ChannelData> sensors,
+                   std::span<const scene::ChannelData> actuators) override;
   void flush_lines();
 
   std::string name_;

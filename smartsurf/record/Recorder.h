@@ -18,6 +18,7 @@
 #include <string_view>
 #include <vector>
 
+#include "smartsurf/scene/ChannelData.h"
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/scene/Snapshot.h"
 
@@ -40,14 +41,6 @@ struct RunMetadata {
       versions;  // of what computed the run: {"physics", "0.1.0"}, …; the recorder adds its own
 };
 
-// One sensor's or actuator's values over the surface.
-struct ChannelData {
-  std::string_view name;  // no '/'; the same channels in the same order at every frame
-  int rows = 0, columns = 0, components = 1;
-  // components × rows × columns, each component a whole plane, row 0 north; the channel's own unit.
-  std::span<const float> values;
-};
-
 // How the run ended.
 struct RunResult {
   std::string outcome;           // one line: "done", "stopped by the user", "failed at tick 12: …"
@@ -66,14 +59,15 @@ class Recorder {
 
   // What the actuators are told, all channels: to be called at every tick, before frame(). With it the run
   // can be run again without whoever drove it.
-  virtual void record_inputs(std::span<const ChannelData>) {}
+  virtual void record_inputs(std::span<const scene::ChannelData>) {}
   // Somebody touches the run by hand after this tick: it cannot be run again. The first call counts.
   virtual void mark_user_interaction(std::uint64_t) {}
 
   // To be called at every tick; keeps the first and then every `spec.record.every`-th.
   // catalogue: every object ever created, index = id; it only grows.
   void record_frame(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
-                    std::span<const ChannelData> sensors = {}, std::span<const ChannelData> actuators = {}) {
+                    std::span<const scene::ChannelData> sensors = {},
+                    std::span<const scene::ChannelData> actuators = {}) {
     if (frame_calls_++ % tick_interval_ == 0) write_frame(snapshot, catalogue, sensors, actuators);
   }
   virtual void close(const RunResult& result) = 0;
@@ -84,7 +78,8 @@ class Recorder {
 
  private:
   virtual void write_frame(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
-                           std::span<const ChannelData> sensors, std::span<const ChannelData> actuators) = 0;
+                           std::span<const scene::ChannelData> sensors,
+                           std::span<const scene::ChannelData> actuators) = 0;
 
   std::uint64_t tick_interval_, frame_calls_ = 0;
 };

@@ -112,7 +112,7 @@ int Run::execute() {
     }
     experiment_.finish();
   } catch (const scene::InputError& error) {
-    set_ending(kUserError, error.what());
+    set_ending(common::kUserError, error.what());
     finish();
     throw;
   }
@@ -174,7 +174,7 @@ bool Run::advance_physics() {
     phase_times_.lap(Phase::kActuate);
   }
   if (const auto object = simulation_.first_non_finite()) {
-    set_ending(kFailed,
+    set_ending(common::kFailed,
                fmt::format("failed at tick {}: object {} has a position or velocity that is not finite",
                            simulation_.snapshot().tick + 1, *object));
     progress_.print_message(ending_->outcome);
@@ -208,8 +208,8 @@ bool Run::receive_targets() {
         break;  // interrupted: the stop flag is looked at below
     }
     refresh_display();
-    if (stop_requested_) set_ending(kDone, "stopped by the user");
-    if (requests_.quit) set_ending(kDone, "stopped by the user");
+    if (stop_requested_) set_ending(common::kDone, "stopped by the user");
+    if (requests_.quit) set_ending(common::kDone, "stopped by the user");
     if (ending_) return false;
   }
 }
@@ -226,16 +226,16 @@ bool Run::handle_controller_exit() {
   if (!controller_process_) return false;
   const auto status = controller_process_->wait_for_exit(2000ms);
   if (!status) {
-    set_ending(kPeerLost, "the controller let go of the surface without ending");
+    set_ending(common::kPeerLost, "the controller let go of the surface without ending");
   } else if (*status == 0) {
-    set_ending(kDone, "the controller's program ended");
+    set_ending(common::kDone, "the controller's program ended");
   } else if (*status > 128) {
-    set_ending(kPeerLost, fmt::format("the controller was lost (signal {})", *status - 128));
+    set_ending(common::kPeerLost, fmt::format("the controller was lost (signal {})", *status - 128));
   } else {
-    set_ending(*status == kUserError || *status == kPeerLost ? *status : kFailed,
+    set_ending(*status == common::kUserError || *status == common::kPeerLost ? *status : common::kFailed,
                fmt::format("the controller ended with exit status {}", *status));
   }
-  if (ending_->exit_status != kDone) progress_.print_message(ending_->outcome);
+  if (ending_->exit_status != common::kDone) progress_.print_message(ending_->outcome);
   return true;
 }
 
@@ -260,7 +260,7 @@ bool Run::wait_for_controller() {
       return true;
     }
     refresh_display();
-    if (stop_requested_ || requests_.quit) set_ending(kDone, "stopped by the user");
+    if (stop_requested_ || requests_.quit) set_ending(common::kDone, "stopped by the user");
     if (controller_process_ && controller_process_->exit_status()) handle_controller_exit();
     if (ending_) return false;
   }
@@ -271,8 +271,8 @@ bool Run::publish() {
   const Status status = link_->publish(snapshot.tick, snapshot.time_s, simulation_.sensors());
   phase_times_.lap(Phase::kPublish);
   if (status == Status::kOk) return true;
-  set_ending(kFailed, fmt::format("failed at tick {}: cannot publish the sensor frame: {}", snapshot.tick,
-                                  text(status)));
+  set_ending(common::kFailed, fmt::format("failed at tick {}: cannot publish the sensor frame: {}",
+                                          snapshot.tick, text(status)));
   progress_.print_message(ending_->outcome);
   return false;
 }
@@ -284,15 +284,15 @@ void Run::record_tick() {
     recorder->record_inputs(simulation_.actuators());
     recorder->record_frame(
         snapshot, simulation_.catalogue(),
-        record_spec.sensors ? simulation_.sensors() : std::span<const record::ChannelData>{},
-        record_spec.actuators ? simulation_.actuators() : std::span<const record::ChannelData>{});
+        record_spec.sensors ? simulation_.sensors() : std::span<const scene::ChannelData>{},
+        record_spec.actuators ? simulation_.actuators() : std::span<const scene::ChannelData>{});
   }
   phase_times_.lap(Phase::kRecord);
   purity_meter_.add(snapshot, simulation_.catalogue());
   display_->record_snapshot(simulation_);
   media_.write_due(frame_input());
   phase_times_.lap(Phase::kRender);
-  if (end_tick_ && snapshot.tick >= *end_tick_) set_ending(kDone, "done");
+  if (end_tick_ && snapshot.tick >= *end_tick_) set_ending(common::kDone, "done");
 }
 
 view::Moment Run::frame_input() {
@@ -309,7 +309,7 @@ void Run::apply_script_requests() {
   const ScriptRequests requests = simulation_.take_requests();
   if (requests.pace_changed) pacer_.set_factor(requests.pace);
   if (requests.pause && display_->has_window()) requests_.paused = true;
-  if (requests.stop || requests.quit) set_ending(kDone, "stopped by the script");
+  if (requests.stop || requests.quit) set_ending(common::kDone, "stopped by the script");
   keep_window_open_ = requests.stop && !requests.quit;
 }
 
@@ -318,7 +318,7 @@ bool Run::wait_until_due() {
   while (true) {
     refresh_display();
     if (!display_->has_window()) progress_.update(simulation_.snapshot().time_s, end_time_s());
-    if (stop_requested_ || requests_.quit) set_ending(kDone, "stopped by the user");
+    if (stop_requested_ || requests_.quit) set_ending(common::kDone, "stopped by the user");
     if (ending_) return false;
     if (requests_.paused) {
       pacer_.restart();

@@ -8,10 +8,10 @@
 #include <string>
 #include <vector>
 
+#include "common/process/ExitStatus.h"
 #include "smartsurf/record/Purity.h"
 #include "smartsurf/record/Recorder.h"
 #include "smartsurf/run/ControllerProcess.h"
-#include "smartsurf/run/ExitStatus.h"
 #include "smartsurf/run/Pacer.h"
 #include "smartsurf/run/Simulation.h"
 #include "smartsurf/run/SurfaceLink.h"
@@ -51,7 +51,7 @@ class Run {
  private:
   // Why a run ends; the outcome is one line for the recording and the stats.
   struct Ending {
-    int exit_status = kDone;
+    int exit_status = common::kDone;
     std::string outcome;
   };
 

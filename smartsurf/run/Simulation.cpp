@@ -135,7 +135,7 @@ void Simulation::require_scripted_actuators() const {
 }
 
 int Simulation::find_actuator_channel(const std::string& name) const {
-  const auto it = std::ranges::find(actuators_, name, &record::ChannelData::name);
+  const auto it = std::ranges::find(actuators_, name, &scene::ChannelData::name);
   if (it == actuators_.end()) throw scene::InputError("no actuator channel '" + name + "'");
   return static_cast<int>(it - actuators_.begin());
 }
@@ -151,7 +151,7 @@ void Simulation::set_targets(const std::string& channel, std::span<const float> 
 }
 
 int Simulation::find_sensor_channel(const std::string& name) const {
-  const auto it = std::ranges::find(sensors_, name, &record::ChannelData::name);
+  const auto it = std::ranges::find(sensors_, name, &scene::ChannelData::name);
   if (it == sensors_.end()) throw scene::InputError("no sensor channel '" + name + "'");
   return static_cast<int>(it - sensors_.begin());
 }

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "common/threads/ThreadPool.h"
-#include "smartsurf/record/Recorder.h"
 #include "smartsurf/run/DepartureTracker.h"
+#include "smartsurf/scene/ChannelData.h"
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/script/Experiment.h"
 #include "smartsurf/script/SimulationInterface.h"
@@ -66,8 +66,8 @@ class Simulation final : public script::SimulationInterface {
   // The contacts of the last physics step that bore any load. Allocates.
   std::vector<world::ContactPoint> contacts() const { return world_.contacts(); }
   const DepartureTracker& departures() const noexcept { return departures_; }
-  std::span<const record::ChannelData> sensors() const noexcept { return sensors_; }
-  std::span<const record::ChannelData> actuators() const noexcept { return actuators_; }
+  std::span<const scene::ChannelData> sensors() const noexcept { return sensors_; }
+  std::span<const scene::ChannelData> actuators() const noexcept { return actuators_; }
   ScriptRequests take_requests() noexcept;
 
   // ---- script::Host
@@ -108,7 +108,7 @@ class Simulation final : public script::SimulationInterface {
   DepartureTracker departures_;
   scene::Snapshot snapshot_;
   bool tick_started_ = false;  // whether the actuators know of the tick that runs
-  std::vector<record::ChannelData> sensors_, actuators_;
+  std::vector<scene::ChannelData> sensors_, actuators_;
   ScriptRequests requests_;
 };
 

@@ -72,7 +72,7 @@ SurfaceLink::SurfaceLink(const std::string& name, RunMode mode, const scene::Sce
                kMinStreamedBytes) {}
 
 shm_protocol::Status SurfaceLink::publish(std::uint64_t tick, double time_s,
-                                          std::span<const record::ChannelData> sensors) noexcept {
+                                          std::span<const scene::ChannelData> sensors) noexcept {
   // The simulation lists its channels in the order in which describe() declared them.
   for (std::size_t i = 0; i < sensors.size(); ++i) {
     const int channel = static_cast<int>(i);

@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "smartsurf/record/Recorder.h"
 #include "smartsurf/run/cli/RunOptions.h"
+#include "smartsurf/scene/ChannelData.h"
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/surface/ActuatorArray.h"
 
@@ -26,7 +26,7 @@ class SurfaceLink {
 
   // Writes the frames into shared memory and publishes them.
   [[nodiscard]] shm_protocol::Status publish(std::uint64_t tick, double time_s,
-                                             std::span<const record::ChannelData> sensors) noexcept;
+                                             std::span<const scene::ChannelData> sensors) noexcept;
 
   // Time-step: waits for the answer to the frame published last. Passive: takes the newest frame. Its values go to the
   // actuators, which check them; large frames chunk by chunk while the controller still writes them. Without kOk the

@@ -17,7 +17,7 @@ namespace smartsurf::run {
 namespace {
 
 struct Outcome {
-  int status = kDone;
+  int status = common::kDone;
   std::string message;             // of a mistake or failure that was thrown
   nlohmann::ordered_json summary;  // null where the world did not get so far
 };
@@ -49,11 +49,11 @@ Outcome run_world(const RunOptions& options, const std::atomic<bool>& stop) {
     outcome.status = run.execute();
     outcome.summary = nlohmann::ordered_json::parse(run.stats_json());
   } catch (const scene::InputError& error) {
-    outcome.status = kUserError;
+    outcome.status = common::kUserError;
     outcome.message = error.what();
   } catch (const std::exception& error) {
-    outcome.status = kFailed;
-    outcome.message = failure_text(error);
+    outcome.status = common::kFailed;
+    outcome.message = common::failure_text(error);
   }
   return outcome;
 }
@@ -102,14 +102,14 @@ int run_worlds(const RunOptions& shared, int count, const std::atomic<bool>& sto
   if (!shared.stats_file.empty())
     write_stats(shared.stats_file, outcomes,
                 std::chrono::duration<double>(std::chrono::steady_clock::now() - start_time).count());
-  int status = kDone;
+  int status = common::kDone;
   for (int i = 0; i < count; ++i) {
     const Outcome& outcome = outcomes[static_cast<std::size_t>(i)];
     // What the user got wrong is said once, however many worlds met it.
-    if (outcome.status == kUserError && !outcome.message.empty())
+    if (outcome.status == common::kUserError && !outcome.message.empty())
       throw scene::InputError(fmt::format("world {}: {}", i, outcome.message));
     if (!outcome.message.empty()) fmt::print(stderr, "smartsurf: world {}: {}\n", i, outcome.message);
-    if (status == kDone) status = outcome.status;
+    if (status == common::kDone) status = outcome.status;
   }
   return status;
 }

@@ -13,18 +13,15 @@
 #include <string>
 #include <vector>
 
+#include "common/error/UserError.h"
 #include "smartsurf/scene/ActuatorSpec.h"
 #include "smartsurf/scene/SensorSpec.h"
 #include "smartsurf/scene/Solid.h"
 
 namespace smartsurf::scene {
 
-// A user's mistake: what() is one whole line (file:line: what is wrong, the value, what would be right).
-// main() prints it and exits with status 2.
-class InputError : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
+// A mistake in an experiment, program or file: one line; the program exits with status 2.
+using InputError = common::UserError;
 
 // The nearest of `known` to `word` by edit distance, or "" when nothing is near enough to suggest.
 std::string nearest_name(const std::string& word, const std::vector<std::string>& known);

@@ -1,38 +1,18 @@
 #include "smartsurf/surface/CsvTable.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <optional>
 
+#include "common/csv/Csv.h"
 #include "smartsurf/scene/SceneSpec.h"
 
 namespace smartsurf::surface {
 namespace {
 
-std::string_view trimmed(std::string_view text) {
-  constexpr std::string_view kBlank = " \t\r\"";
-  const auto begin = text.find_first_not_of(kBlank);
-  if (begin == text.npos) return {};
-  return text.substr(begin, text.find_last_not_of(kBlank) - begin + 1);
-}
-
 std::vector<std::string> split_fields(std::string_view text) {
-  std::vector<std::string> fields;
-  for (std::size_t begin = 0; begin <= text.size();) {
-    const std::size_t end = std::min(text.find(',', begin), text.size());
-    fields.emplace_back(trimmed(text.substr(begin, end - begin)));
-    begin = end + 1;
-  }
-  return fields;
-}
-
-template <class Number>
-std::optional<Number> parse_number(const std::string& text) {
-  Number value{};
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
-  return value;
+  const std::vector<std::string_view> fields = common::split_csv_line(text);
+  return {fields.begin(), fields.end()};
 }
 
 }  // namespace
@@ -49,7 +29,7 @@ void CsvRow::refuse(const std::string& clause) const {
 }
 
 int CsvRow::index(std::size_t column, const char* name, int count) const {
-  const auto value = parse_number<int>(fields_[column]);
+  const auto value = common::parse_csv_number<int>(fields_[column]);
   if (!value || *value < 0 || *value >= count)
     refuse(std::string(name) + " = " + quoted(fields_[column]) + ": must be 0 to " +
            std::to_string(count - 1));
@@ -57,7 +37,7 @@ int CsvRow::index(std::size_t column, const char* name, int count) const {
 }
 
 double CsvRow::number(std::size_t column, const char* name) const {
-  const auto value = parse_number<double>(fields_[column]);
+  const auto value = common::parse_csv_number<double>(fields_[column]);
   if (!value || !std::isfinite(*value))
     refuse(std::string(name) + " = " + quoted(fields_[column]) + ": must be a finite number");
   return *value;
@@ -71,7 +51,7 @@ std::vector<CsvRow> read_csv(const std::string& file, std::string_view text, std
   bool has_header = false;
   for (int line_number = 1; !text.empty(); ++line_number) {
     const std::size_t end = std::min(text.find('\n'), text.size());
-    const std::string_view raw_line = text.substr(0, end), content = trimmed(raw_line);
+    const std::string_view raw_line = text.substr(0, end), content = common::trim_csv_field(raw_line);
     text.remove_prefix(std::min(end + 1, text.size()));
     if (content.empty() || content.starts_with('#')) continue;
     const bool quotes_close = std::ranges::count(raw_line, '"') % 2 == 0;

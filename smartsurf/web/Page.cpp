@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
+#include "common/files/AtomicFile.h"
 #include "smartsurf/web/Assets.h"
 #include "smartsurf/web/FramePacker.h"
 
@@ -268,19 +269,6 @@ std::string script_safe(const json& value) {
   return text;
 }
 
-void write_whole(const fs::path& path, const std::string& bytes) {
-  const fs::path part = path.string() + ".part" + std::to_string(::getpid());
-  std::ofstream file(part, std::ios::binary);
-  file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-  file.close();
-  std::error_code error;
-  if (file) fs::rename(part, path, error);
-  if (file && !error) return;
-  const std::string why = error ? error.message() : std::strerror(errno);
-  fs::remove(part, error);
-  throw scene::InputError(path.string() + ": cannot be written: " + why);
-}
-
 }  // namespace
 
 void write_page(const Recording& recording, const fs::path& path, const PageOptions& options) {
@@ -295,14 +283,16 @@ void write_page(const Recording& recording, const fs::path& path, const PageOpti
   pack_motion(recording, frames, series, all);
   scene["series"] = std::move(series);
   const std::string data = base64(compress(all)), description = script_safe(scene);
-  write_whole(path, fill_in(page_html(), {{"TITLE", escaped(scene["title"])},
-                                          {"SCENE", description},
-                                          {"FRAMES", data},
-                                          {"LICENCE", three_licence()},
-                                          {"THREE", three_js()},
-                                          {"ORBIT", orbit_controls_js()},
-                                          {"MECHANISMS", mechanisms_js()},
-                                          {"PLAYER", player_js()}}));
+  const std::string page = fill_in(page_html(), {{"TITLE", escaped(scene["title"])},
+                                                 {"SCENE", description},
+                                                 {"FRAMES", data},
+                                                 {"LICENCE", three_licence()},
+                                                 {"THREE", three_js()},
+                                                 {"ORBIT", orbit_controls_js()},
+                                                 {"MECHANISMS", mechanisms_js()},
+                                                 {"PLAYER", player_js()}});
+  if (const std::error_code error = common::replace_file(path, page))
+    throw scene::InputError(path.string() + ": cannot be written: " + error.message());
 }
 
 }  // namespace smartsurf::web

@@ -40,7 +40,7 @@ bool is_valid_channel_name(std::string_view name) {
 }
 
 // Planes of components in, cells with all their components out: files are read by cell.
-void interleave_components(const ChannelData& channel, std::span<float> cells) {
+void interleave_components(const scene::ChannelData& channel, std::span<float> cells) {
   const auto components = static_cast<std::size_t>(channel.components);
   const std::size_t plane = cells.size() / components;
   for (std::size_t k = 0; k < components; ++k)
@@ -64,18 +64,18 @@ struct Hdf5Recorder::OpenFile {
   void flush();
   template <class Action>
   void for_each_series(Action action);  // all but the ticks
-  void create_series(const scene::Snapshot& first, std::span<const ChannelData> sensors,
-                     std::span<const ChannelData> actuators);
-  void create_channels(const char* group, std::span<const ChannelData> channels,
+  void create_series(const scene::Snapshot& first, std::span<const scene::ChannelData> sensors,
+                     std::span<const scene::ChannelData> actuators);
+  void create_channels(const char* group, std::span<const scene::ChannelData> channels,
                        std::vector<FrameSeries>& series);
   FrameSeries make_grid_series(hid_t parent, std::string_view name, int rows, int columns, int components);
   FrameSeries make_pose_series(const char* name, hsize_t width);
   void add_objects(const std::vector<scene::ObjectSpec>& all);
   void buffer_objects(const scene::Snapshot& snapshot);
-  void buffer_channels(std::span<const ChannelData> channels, std::vector<FrameSeries>& series);
-  void buffer_frame(const scene::Snapshot& snapshot, std::span<const ChannelData> sensors,
-                    std::span<const ChannelData> actuators);
-  void append_inputs(std::span<const ChannelData> actuators);
+  void buffer_channels(std::span<const scene::ChannelData> channels, std::vector<FrameSeries>& series);
+  void buffer_frame(const scene::Snapshot& snapshot, std::span<const scene::ChannelData> sensors,
+                    std::span<const scene::ChannelData> actuators);
+  void append_inputs(std::span<const scene::ChannelData> actuators);
   void write_buffered();
 
   scene::RecordSpec record;
@@ -122,10 +122,10 @@ FrameSeries Hdf5Recorder::OpenFile::make_pose_series(const char* name, hsize_t w
           buffer_capacity};
 }
 
-void Hdf5Recorder::OpenFile::create_channels(const char* group, std::span<const ChannelData> channels,
+void Hdf5Recorder::OpenFile::create_channels(const char* group, std::span<const scene::ChannelData> channels,
                                              std::vector<FrameSeries>& series) {
   const Handle parent = create_group(file, group);
-  for (const ChannelData& channel : channels) {
+  for (const scene::ChannelData& channel : channels) {
     if (!is_valid_channel_name(channel.name))
       throw scene::InputError("channel '" + std::string(channel.name) +
                               "' cannot be recorded: its name must not be empty or contain '/'");
@@ -134,13 +134,14 @@ void Hdf5Recorder::OpenFile::create_channels(const char* group, std::span<const 
   }
 }
 
-void Hdf5Recorder::OpenFile::create_series(const scene::Snapshot& first, std::span<const ChannelData> sensors,
-                                           std::span<const ChannelData> actuators) {
+void Hdf5Recorder::OpenFile::create_series(const scene::Snapshot& first,
+                                           std::span<const scene::ChannelData> sensors,
+                                           std::span<const scene::ChannelData> actuators) {
   std::size_t bytes = record.objects ? object_count * 10 * sizeof(float) : 0;
   if (record.sensors)
-    for (const ChannelData& channel : sensors) bytes += channel.values.size_bytes();
+    for (const scene::ChannelData& channel : sensors) bytes += channel.values.size_bytes();
   if (record.actuators) {
-    for (const ChannelData& channel : actuators) bytes += channel.values.size_bytes();
+    for (const scene::ChannelData& channel : actuators) bytes += channel.values.size_bytes();
     bytes += sizeof(float) * static_cast<std::size_t>(surface.cell_count());
   }
   buffer_capacity = frames_that_fit(kMaxBufferBytes, bytes);
@@ -197,7 +198,7 @@ void Hdf5Recorder::OpenFile::buffer_objects(const scene::Snapshot& snapshot) {
   live_end = std::max(live_end, snapshot.id.back() + 1);
 }
 
-void Hdf5Recorder::OpenFile::buffer_channels(std::span<const ChannelData> channels,
+void Hdf5Recorder::OpenFile::buffer_channels(std::span<const scene::ChannelData> channels,
                                              std::vector<FrameSeries>& series) {
   assert(channels.size() == series.size());
   for (std::size_t i = 0; i < series.size(); ++i) {
@@ -208,8 +209,8 @@ void Hdf5Recorder::OpenFile::buffer_channels(std::span<const ChannelData> channe
 }
 
 void Hdf5Recorder::OpenFile::buffer_frame(const scene::Snapshot& snapshot,
-                                          std::span<const ChannelData> sensors,
-                                          std::span<const ChannelData> actuators) {
+                                          std::span<const scene::ChannelData> sensors,
+                                          std::span<const scene::ChannelData> actuators) {
   tick->row<std::uint64_t>(buffered_frames)[0] = snapshot.tick;
   time->row<double>(buffered_frames)[0] = snapshot.time_s;
   hash->row<std::uint64_t>(buffered_frames)[0] = snapshot.state_hash;
@@ -241,11 +242,11 @@ void Hdf5Recorder::OpenFile::for_each_series(Action action) {
   for (auto* series : {&contacts, &hash, &time}) action(**series);
 }
 
-void Hdf5Recorder::OpenFile::append_inputs(std::span<const ChannelData> actuators) {
+void Hdf5Recorder::OpenFile::append_inputs(std::span<const scene::ChannelData> actuators) {
   if (!inputs) {
     std::uint64_t values = 0;
     std::string names;
-    for (const ChannelData& channel : actuators) {
+    for (const scene::ChannelData& channel : actuators) {
       values += channel.values.size();
       names += (names.empty() ? "" : ",") + std::string(channel.name);
     }
@@ -255,7 +256,7 @@ void Hdf5Recorder::OpenFile::append_inputs(std::span<const ChannelData> actuator
     inputs.emplace(group, "changes", values);
   }
   std::size_t first = 0;
-  for (const ChannelData& channel : actuators) {
+  for (const scene::ChannelData& channel : actuators) {
     inputs->add(channel.values, first);
     first += channel.values.size();
   }
@@ -341,7 +342,8 @@ Hdf5Recorder::~Hdf5Recorder() {
 
 void Hdf5Recorder::write_frame(const scene::Snapshot& snapshot,
                                const std::vector<scene::ObjectSpec>& catalogue,
-                               std::span<const ChannelData> sensors, std::span<const ChannelData> actuators) {
+                               std::span<const scene::ChannelData> sensors,
+                               std::span<const scene::ChannelData> actuators) {
   with_open_file([&](OpenFile& content) {
     if (catalogue.size() > content.object_count) content.add_objects(catalogue);
     if (!content.series_created) content.create_series(snapshot, sensors, actuators);
@@ -354,7 +356,7 @@ void Hdf5Recorder::write_frame(const scene::Snapshot& snapshot,
   });
 }
 
-void Hdf5Recorder::record_inputs(std::span<const ChannelData> actuators) {
+void Hdf5Recorder::record_inputs(std::span<const scene::ChannelData> actuators) {
   with_open_file([&](OpenFile& content) {
     content.append_inputs(actuators);
     // Frames may be far apart.

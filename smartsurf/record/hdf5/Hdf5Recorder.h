@@ -22,7 +22,7 @@ class Hdf5Recorder final : public Recorder {
  public:
   Hdf5Recorder(const std::filesystem::path& path, const RunMetadata& meta, const scene::SceneSpec& spec);
   ~Hdf5Recorder() override;
-  void record_inputs(std::span<const ChannelData> actuators) override;
+  void record_inputs(std::span<const scene::ChannelData> actuators) override;
   void mark_user_interaction(std::uint64_t tick) override;
   void close(const RunResult& result) override;
 
@@ -30,7 +30,7 @@ class Hdf5Recorder final : public Recorder {
   struct OpenFile;  // the open file and its datasets; gone once closed or failed
 
   void write_frame(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
-                   std::span<const ChannelData> sensors, std::span<const ChannelData> actuators) override;
+                   std::span<const scene::ChannelData> sensors, std::span<const scene::ChannelData> actuators) override;
   template <class Action>
   void with_open_file(Action action);
 

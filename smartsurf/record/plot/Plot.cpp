@@ -10,6 +10,7 @@
 #include <memory>
 #include <stdexcept>
 
+#include "common/files/AtomicFile.h"
 #include "smartsurf/record/plot/CurvePlot.h"
 #include "smartsurf/record/plot/PurityPlot.h"
 #include "smartsurf/record/plot/TimeSpentPlot.h"
@@ -92,26 +93,6 @@ std::string render_png(const Figure& figure) {
   return bytes;
 }
 
-void replace_file(const fs::path& path, const std::string& bytes) {
-  const fs::path temporary_file = path.string() + ".part" + std::to_string(::getpid());
-  std::error_code error;
-  errno = 0;
-  bool ok = !fs::is_directory(path, error);
-  if (!ok) errno = EISDIR;
-  if (ok) {
-    std::ofstream file(temporary_file, std::ios::binary);
-    file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-    file.close();
-    ok = file.good();
-  }
-  const int error_number = errno;
-  if (ok) fs::rename(temporary_file, path, error);
-  if (ok && !error) return;
-  std::string reason = !ok ? std::strerror(error_number) : error.message();
-  fs::remove(temporary_file, error);
-  throw scene::InputError(path.string() + ": cannot be written: " + reason);
-}
-
 }  // namespace
 
 std::vector<std::string> plot_kinds() {
@@ -130,7 +111,9 @@ void write_plot(const Recording& recording, const std::string& what, const fs::p
                             ": has no object poses: the run recorded no frame, or its "
                             "experiment says record { objects = false }");
   const std::unique_ptr<Figure> figure = make_figure(recording, what);
-  replace_file(path, extension == ".svg" ? render_svg(*figure) : render_png(*figure));
+  if (const std::error_code error =
+          common::replace_file(path, extension == ".svg" ? render_svg(*figure) : render_png(*figure)))
+    throw scene::InputError(path.string() + ": cannot be written: " + error.message());
 }
 
 }  // namespace smartsurf::record

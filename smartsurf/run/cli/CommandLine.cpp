@@ -57,15 +57,15 @@ int parse_and_run(int argc, char** argv) {
 int main(int argc, char** argv) noexcept {
   try {
     const int status = parse_and_run(argc, argv);
-    if (status != kDone || std::fflush(stdout) == 0) return status;
+    if (status != common::kDone || std::fflush(stdout) == 0) return status;
     fmt::print(stderr, "smartsurf: cannot write the output: {}\n", std::strerror(errno));
-    return kFailed;
+    return common::kFailed;
   } catch (const scene::InputError& error) {
     fmt::print(stderr, "smartsurf: {}\n", error.what());
-    return kUserError;
+    return common::kUserError;
   } catch (const std::exception& error) {
-    fmt::print(stderr, "smartsurf: {}\n", failure_text(error));
-    return kFailed;
+    fmt::print(stderr, "smartsurf: {}\n", common::failure_text(error));
+    return common::kFailed;
   }
 }
 

@@ -5,10 +5,10 @@
 #include <CLI/CLI.hpp>
 #include <memory>
 
+#include "common/process/ExitStatus.h"
 #include "shm_protocol/Segments.h"
 #include "smartsurf/record/Recording.h"
 #include "smartsurf/record/plot/Plot.h"
-#include "smartsurf/run/ExitStatus.h"
 #include "smartsurf/run/cli/FlagValues.h"
 #include "smartsurf/run/cli/Subcommands.h"
 #include "smartsurf/web/Page.h"
@@ -23,7 +23,7 @@ int clean_command(const std::string& prefix) {
   for (const auto& segment : shm_protocol::list_segments())
     if (segment.ownership == shm_protocol::Ownership::kLiving && segment.name.starts_with(prefix))
       fmt::print("kept {}: process {} lives\n", segment.name, segment.surface_pid);
-  return kDone;
+  return common::kDone;
 }
 
 }  // namespace
@@ -34,7 +34,7 @@ CommandHandler add_info_command(CLI::App& app) {
   info->add_option("recording", *file, "The recording")->required()->type_name("FILE.h5");
   return [file] {
     fmt::print("{}", record::describe_recording(record::Recording::open(*file)));
-    return kDone;
+    return common::kDone;
   };
 }
 
@@ -54,7 +54,7 @@ CommandHandler add_plot_command(CLI::App& app) {
       ->type_name("KIND");
   return [flags] {
     record::write_plot(record::Recording::open(flags->file), flags->what, flags->output);
-    return kDone;
+    return common::kDone;
   };
 }
 
@@ -72,7 +72,7 @@ CommandHandler add_export_command(CLI::App& app) {
       throw scene::InputError(fmt::format("export -o {}: the page's name must end in .html", flags->output));
     web::write_page(record::Recording::open(flags->file), flags->output,
                     {parse_positive_number("--fps", flags->fps)});
-    return kDone;
+    return common::kDone;
   };
 }
 

@@ -2,7 +2,6 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <cstdio>
 
 #include "smartsurf/scene/SceneSpec.h"
 
@@ -18,16 +17,13 @@ std::size_t index_of(const std::vector<std::string>& names, const std::string& n
 
 constexpr int kMinEdge = 16, kMaxEdge = 8192;  // pixels
 
-PixelSize parse_pixel_size(const std::string& text) {
-  PixelSize size{};
-  int consumed = 0;
-  const bool well_formed = std::sscanf(text.c_str(), "%dx%d%n", &size.width, &size.height, &consumed) == 2 &&
-                           consumed == static_cast<int>(text.size());
-  if (!well_formed || std::min(size.width, size.height) < kMinEdge ||
-      std::max(size.width, size.height) > kMaxEdge)
+common::PixelSize parse_pixel_size(const std::string& text) {
+  const std::optional<common::PixelSize> size = common::parse_size(text);
+  if (!size || std::min(size->width, size->height) < kMinEdge ||
+      std::max(size->width, size->height) > kMaxEdge)
     throw scene::InputError("--picture-size " + text + ": must be as 1600x1000, each edge from " +
                             std::to_string(kMinEdge) + " to " + std::to_string(kMaxEdge) + " pixels");
-  return size;
+  return *size;
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 
+#include "common/image/PixelSize.h"
 #include "smartsurf/view/Camera.h"
 #include "smartsurf/view/Overlay.h"
 
@@ -15,16 +16,11 @@ class App;
 
 namespace smartsurf::run {
 
-// In pixels.
-struct PixelSize {
-  int width, height;
-};
-
 struct RenderOptions {
   view::Preset camera = view::Preset::kIso;
   bool wireframe = false;
   view::OverlaySettings overlay;
-  std::optional<PixelSize> pixel_size;  // none: of pictures 1600 x 1000, of videos 1280 x 720
+  std::optional<common::PixelSize> pixel_size;  // none: of pictures 1600 x 1000, of videos 1280 x 720
 };
 
 // The flags as typed.

@@ -4,8 +4,8 @@
 #include <CLI/CLI.hpp>
 #include <memory>
 
-#include "smartsurf/run/ExitStatus.h"
-#include "smartsurf/run/StopSignals.h"
+#include "common/process/ExitStatus.h"
+#include "common/process/StopSignals.h"
 #include "smartsurf/run/cli/FlagValues.h"
 #include "smartsurf/run/cli/Subcommands.h"
 #include "smartsurf/run/output/Progress.h"
@@ -24,7 +24,7 @@ struct ReplayFlags {
 };
 
 int verify_recording(const record::Recording& recording, const ReplayFlags& flags) {
-  const auto& stop = catch_stop_signals();
+  const auto& stop = common::catch_stop_signals();
   Progress progress;
   const double until_s = recording.frames() > 0 ? recording.times().back() : 0.0;
   const VerificationResult result =
@@ -34,15 +34,15 @@ int verify_recording(const record::Recording& recording, const ReplayFlags& flag
   if (result.first_different_tick) {
     progress.print_message(
         fmt::format("{}: differs at tick {}: {}", file, *result.first_different_tick, result.difference));
-    return kFailed;
+    return common::kFailed;
   }
   if (result.interrupted) {
     progress.print_message(fmt::format("{}: stopped; the same up to tick {}", file, result.last_tick));
-    return status_after_signals(kDone);
+    return common::status_after_signals(common::kDone);
   }
   fmt::print("{}: the same in {} frames, up to tick {}{}\n", file, result.frames_compared, result.last_tick,
              recording.result() ? "" : " (the run did not come to its end)");
-  return kDone;
+  return common::kDone;
 }
 
 int replay_command(const ReplayFlags& flags) {
@@ -55,12 +55,12 @@ int replay_command(const ReplayFlags& flags) {
   const double pace = flags.pace.empty() ? 1.0 : parse_positive_number("--pace", flags.pace);
   const record::Recording recording = record::Recording::open(flags.file);
   if (flags.verify) return verify_recording(recording, flags);
-  const auto& stop = catch_stop_signals();
+  const auto& stop = common::catch_stop_signals();
   if (writes_media)
     replay_to_media(recording, screenshots, flags.video, parse_render_options(flags.render), stop);
   else
     replay_in_window(recording, pace, stop);
-  return status_after_signals(kDone);
+  return common::status_after_signals(common::kDone);
 }
 
 }  // namespace

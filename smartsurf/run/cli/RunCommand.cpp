@@ -5,12 +5,12 @@
 #include <charconv>
 #include <memory>
 
+#include "common/process/StopSignals.h"
 #include "smartsurf/mesh/SolidLibrary.h"
 #include "smartsurf/run/ControllerProcess.h"
 #include "smartsurf/run/OutputFile.h"
 #include "smartsurf/run/Run.h"
 #include "smartsurf/run/Simulation.h"
-#include "smartsurf/run/StopSignals.h"
 #include "smartsurf/run/Worlds.h"
 #include "smartsurf/run/cli/FlagValues.h"
 #include "smartsurf/run/cli/Subcommands.h"
@@ -186,7 +186,7 @@ void print_options(const scene::SceneSpec& scene) {
 
 // As often as the user of the window begins anew.
 int run_with_restarts(RunOptions options) {
-  const auto& stop = catch_stop_signals();
+  const auto& stop = common::catch_stop_signals();
   script::Experiment experiment = Run::load(options);
   std::unique_ptr<Display> display;
   while (true) {
@@ -205,11 +205,12 @@ int run_command(CLI::App& app, const RunFlags& flags, const std::string& command
     fmt::print("{}\n", app.help());
     if (!flags.experiment.empty())
       print_options(load_silently(flags.experiment, parse_assignments(flags.set), flags.seed).scene());
-    return kDone;
+    return common::kDone;
   }
   const RunOptions options = make_run_options(flags, command_line);
-  return status_after_signals(flags.worlds > 0 ? run_worlds(options, flags.worlds, catch_stop_signals())
-                                               : run_with_restarts(options));
+  return common::status_after_signals(flags.worlds > 0
+                                          ? run_worlds(options, flags.worlds, common::catch_stop_signals())
+                                          : run_with_restarts(options));
 }
 
 int check_command(const RunFlags& flags) {
@@ -222,7 +223,7 @@ int check_command(const RunFlags& flags) {
   };
   fmt::print("{}: ok: {} x {} cells, {}, {}\n", file, scene.surface.rows, scene.surface.columns,
              count(scene.objects.size(), "object"), count(scene.options.size(), "option"));
-  return kDone;
+  return common::kDone;
 }
 
 }  // namespace

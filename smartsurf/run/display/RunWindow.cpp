@@ -64,7 +64,7 @@ void Run::prepare_restart() {
   options.pace = pacer_.factor();
   try {
     restart_.emplace(Restart{options, load(options), nullptr});
-    set_ending(kDone, "begun anew by the user");
+    set_ending(common::kDone, "begun anew by the user");
   } catch (const scene::InputError& error) {
     notice_ = error.what();
   }
@@ -88,7 +88,7 @@ std::optional<Run::Restart> Run::take_restart() {
 // A run without an end of its own would be left without anybody to end it.
 void Run::handle_display_loss() {
   requests_.display_lost = requests_.paused = false;
-  if (!end_tick_) set_ending(kFailed, "the display was lost");
+  if (!end_tick_) set_ending(common::kFailed, "the display was lost");
   progress_.print_message(end_tick_
                               ? "the display is lost; the run goes on without its window"
                               : "the display is lost: the run ends (with --until or --ticks it would go on)");

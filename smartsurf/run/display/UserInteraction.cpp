@@ -102,7 +102,7 @@ bool UserInteraction::apply_poke(const std::optional<view::Poke>& poke, Simulati
     poked_cell_.reset();
   }
   const auto channels = simulation.actuators();
-  const auto height = std::ranges::find(channels, kHeightChannel, &record::ChannelData::name);
+  const auto height = std::ranges::find(channels, kHeightChannel, &scene::ChannelData::name);
   if (!poke || height == channels.end()) return false;
   if (!poked_cell_) poked_cell_ = capture_targets(poke->row, poke->column, simulation);
   simulation.override_actuator_target(static_cast<int>(height - channels.begin()), poke->row, poke->column,

@@ -32,9 +32,9 @@ view::Channel actuator_channel(const scene::SurfaceSpec& surface, const std::str
 void ViewChannels::init_channels(const Simulation& simulation) {
   const scene::SurfaceSpec& surface = simulation.scene().surface;
   channels_ = {height_channel(surface)};
-  for (const record::ChannelData& sensor : simulation.sensors())
+  for (const scene::ChannelData& sensor : simulation.sensors())
     channels_.push_back(sensor_channel(surface, std::string(sensor.name)));
-  for (const record::ChannelData& actuator : simulation.actuators())
+  for (const scene::ChannelData& actuator : simulation.actuators())
     channels_.push_back(actuator_channel(surface, std::string(actuator.name)));
 }
 
@@ -45,7 +45,7 @@ std::span<const view::Channel> ViewChannels::update(const Simulation& simulation
   const bool is_current = &snapshot == &simulation.snapshot();
   channels_[0].values = snapshot.height;
   for (std::size_t i = 0; i < sensors.size() + actuators.size(); ++i) {
-    const record::ChannelData& channel = i < sensors.size() ? sensors[i] : actuators[i - sensors.size()];
+    const scene::ChannelData& channel = i < sensors.size() ? sensors[i] : actuators[i - sensors.size()];
     channels_[1 + i].values =
         is_current && channel.components == 1 ? channel.values : std::span<const float>{};
   }

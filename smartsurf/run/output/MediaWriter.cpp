@@ -11,12 +11,12 @@
 namespace smartsurf::run {
 namespace {
 
-constexpr PixelSize kDefaultScreenshotSize{1600, 1000}, kDefaultVideoSize{1280, 720};
+constexpr common::PixelSize kDefaultScreenshotSize{1600, 1000}, kDefaultVideoSize{1280, 720};
 constexpr int kVideoFramesPerSecond = 30;
 
 // The videos' format stores colours for blocks of two by two pixels.
-PixelSize video_size(const RenderOptions& render_options) {
-  const PixelSize size = render_options.pixel_size.value_or(kDefaultVideoSize);
+common::PixelSize video_size(const RenderOptions& render_options) {
+  const common::PixelSize size = render_options.pixel_size.value_or(kDefaultVideoSize);
   if (size.width % 2 != 0 || size.height % 2 != 0)
     throw scene::InputError(
         fmt::format("--picture-size {}x{}: a video needs even numbers", size.width, size.height));
@@ -47,7 +47,7 @@ MediaWriter::MediaWriter(std::vector<Screenshot> screenshots, const std::string&
   if (!pending_screenshots_.empty() || !video_file.empty()) view::OffscreenView::require_view();
   overlay_.settings = render_options.overlay;
   if (video_file.empty()) return;
-  const PixelSize size = video_size(render_options);
+  const common::PixelSize size = video_size(render_options);
   video_writer_ =
       std::make_unique<view::VideoWriter>(video_file, size.width, size.height, kVideoFramesPerSecond);
 }
@@ -73,7 +73,8 @@ void MediaWriter::finish(const view::Moment& frame) {
   video_writer_.reset();
 }
 
-view::Image MediaWriter::render(view::OffscreenView& view, const view::Moment& frame, const PixelSize& size) {
+view::Image MediaWriter::render(view::OffscreenView& view, const view::Moment& frame,
+                                const common::PixelSize& size) {
   if (!render_options_.overlay.channel.empty()) require_channel(frame, render_options_.overlay.channel);
   view::DrawOptions options;
   if (render_options_.wireframe) options.style = view::Style::kWireframe;

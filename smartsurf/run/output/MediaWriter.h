@@ -34,7 +34,7 @@ class MediaWriter {
   bool only_final_left() const { return pending_screenshots_.empty() && !video_writer_; }
 
  private:
-  view::Image render(view::OffscreenView&, const view::Moment&, const PixelSize&);
+  view::Image render(view::OffscreenView&, const view::Moment&, const common::PixelSize&);
   void write_screenshot(const view::Moment&, const std::string& file);
   void write_video_frames(const view::Moment&);
 

@@ -52,7 +52,7 @@ void require_reproducible(const record::Recording& recording, bool unsafe) {
 
 void require_matching_inputs(const record::Recording& recording, const Simulation& simulation) {
   std::size_t values = 0;
-  for (const record::ChannelData& channel : simulation.actuators()) values += channel.values.size();
+  for (const scene::ChannelData& channel : simulation.actuators()) values += channel.values.size();
   if (recording.read_inputs(0).size() != values)
     throw_input_error(recording,
                       fmt::format("it holds {} actuator values a tick, and its experiment now has {}",
@@ -75,7 +75,7 @@ script::Experiment reload_experiment(const record::Recording& recording, const f
 // All channels one after another, as they were recorded.
 void apply_inputs(Simulation& simulation, std::span<const float> inputs) {
   int channel = 0;
-  for (const record::ChannelData& actuator : simulation.actuators()) {
+  for (const scene::ChannelData& actuator : simulation.actuators()) {
     simulation.actuator_array().set_targets(channel++, inputs.first(actuator.values.size()));
     inputs = inputs.subspan(actuator.values.size());
   }

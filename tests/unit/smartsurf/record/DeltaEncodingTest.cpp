@@ -27,7 +27,7 @@ struct ChangingRun : SyntheticRun {
     for (std::uint64_t t = 0; t < ticks; ++t) {
       const std::vector<float> both = inputs(t);
       const std::span<const float> all(both);
-      const ChannelData channels[] = {{"height", 4, 6, 1, all.first(24)}, {"spin", 4, 6, 1, all.last(24)}};
+      const scene::ChannelData channels[] = {{"height", 4, 6, 1, all.first(24)}, {"spin", 4, 6, 1, all.last(24)}};
       recorder->record_inputs(channels);
       scene::Snapshot shot = snapshot_at(t, {0, 1});
       shot.height = heights(t);
@@ -70,7 +70,7 @@ TEST(DeltaEncoding, ARunKilledInBetweenKeepsWhatWasWritten) {
     const auto recorder = Recorder::open(folder / "run.h5", run.meta, run.spec);
     for (std::uint64_t t = 0; t < 10; ++t) {
       const std::vector<float> values = ChangingRun::inputs(t);
-      const ChannelData channels[] = {{"height", 4, 12, 1, values}};
+      const scene::ChannelData channels[] = {{"height", 4, 12, 1, values}};
       recorder->record_inputs(channels);
       recorder->record_frame(run.snapshot_at(t, {0}), run.spec.objects);
     }

@@ -44,7 +44,7 @@ class KilledWriterProcess {
       if (t == max_frames) ::pause();
       for (std::size_t i = 0; i < values.size(); ++i)
         values[i] = static_cast<float>((t * 7919 + i * i) % 1000);
-      const ChannelData channel[] = {{"proximity", 4, 6, 1, values}};
+      const scene::ChannelData channel[] = {{"proximity", 4, 6, 1, values}};
       recorder->record_frame(run.snapshot_at(t, {0, 1, 2}), run.spec.objects, channel);
       if (::write(pipe_[1], "x", 1) != 1) std::abort();
     }

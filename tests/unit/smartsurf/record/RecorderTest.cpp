@@ -167,8 +167,8 @@ struct Channels {
     for (std::size_t i = 0; i < 72; ++i) colour[i] = static_cast<float>(tick) - static_cast<float>(i);
   }
   std::vector<float> proximity, colour;
-  std::array<ChannelData, 2> sensors() const {
-    return {ChannelData{"proximity", 4, 6, 1, proximity}, ChannelData{"colour", 4, 6, 3, colour}};
+  std::array<scene::ChannelData, 2> sensors() const {
+    return {scene::ChannelData{"proximity", 4, 6, 1, proximity}, scene::ChannelData{"colour", 4, 6, 3, colour}};
   }
 };
 
@@ -179,7 +179,7 @@ TEST(Recorder, WritesTheChannelsThatTheExperimentAsksFor) {
   const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
   for (std::uint64_t t = 0; t < 100; ++t) {
     const Channels values(t);
-    const ChannelData actuators[] = {{"height", 4, 6, 1, values.proximity}};
+    const scene::ChannelData actuators[] = {{"height", 4, 6, 1, values.proximity}};
     recorder->record_frame(run.snapshot_at(t, {0}), run.spec.objects, values.sensors(), actuators);
   }
   recorder->close({});
@@ -288,7 +288,7 @@ TEST(RecorderErrors, NameWhatIsWrongAndWhatIsRight) {
   SyntheticRun slash;
   slash.spec.record.sensors = true;
   const std::vector<float> values(24);
-  const ChannelData bad[] = {{"a/b", 4, 6, 1, values}};
+  const scene::ChannelData bad[] = {{"a/b", 4, 6, 1, values}};
   EXPECT_THROW(Recorder::open(out / "slash.h5", run.meta, slash.spec)
                    ->record_frame(run.snapshot_at(0, {}), run.spec.objects, bad),
                InputError);
