@@ -34,13 +34,13 @@ void BodyStore::add(scene::ObjectId new_id, const scene::ObjectSpec& spec, const
   orientation.push_back(spec.orientation.cast<float>().normalized());
   mass.push_back(mass_of(spec, material));
   shape.push_back(std::make_unique<const Shape>(make_shape(spec)));
-  bounding_radius.push_back(shape.back()->reach);
-  is_sphere.push_back(shape.back()->round());
-  is_axisymmetric.push_back(shape.back()->revolves());
+  bounding_radius.push_back(shape.back()->bounding_radius);
+  is_sphere.push_back(shape.back()->is_sphere());
+  is_axisymmetric.push_back(shape.back()->is_axisymmetric());
   width.push_back(shape.back()->width);
   surface_material.push_back(
       {bounding_radius.back(), std::sqrt(static_cast<float>(material.friction)),
-       shape.back()->rolls ? std::sqrt(static_cast<float>(material.rolling_friction)) : 0.0F,
+       shape.back()->has_rolling_friction ? std::sqrt(static_cast<float>(material.rolling_friction)) : 0.0F,
        static_cast<float>(material.restitution)});
   const bool is_dynamic = mass.back() > 0.0F;
   local_inertia.emplace_back();

@@ -8,7 +8,7 @@
 #include "smartsurf/scene/ObjectState.h"
 #include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/surface/actuators/BodyForces.h"
-#include "smartsurf/world/Shape.h"
+#include "smartsurf/world/narrowphase/Shape.h"
 #include "smartsurf/world/solver/ContactKernels.h"
 
 namespace smartsurf::world {

@@ -9,10 +9,10 @@
 #include <numeric>
 #include <span>
 
-#include "smartsurf/world/ConvexOnField.h"
-#include "smartsurf/world/PairContacts.h"
-#include "smartsurf/world/ShapeOnGround.h"
-#include "smartsurf/world/SphereOnField.h"
+#include "smartsurf/world/field/ConvexOnField.h"
+#include "smartsurf/world/field/ShapeOnGround.h"
+#include "smartsurf/world/field/SphereOnField.h"
+#include "smartsurf/world/narrowphase/PairContacts.h"
 
 namespace smartsurf::world {
 namespace {
@@ -113,8 +113,8 @@ void CollisionPipeline::begin_detection(ContactList& pair_contacts, ContactList&
   for (std::size_t s = 0; s < slab_results_.size(); ++s) {
     slab_results_[s].pair_contacts.clear();
     slab_results_[s].static_contacts.clear();
-    pair_cache_.take(static_cast<int>(s), slab_results_[s].cached_pairs);
-    field_cache_.take(static_cast<int>(s), slab_results_[s].cached_field);
+    pair_cache_.swap_in(static_cast<int>(s), slab_results_[s].cached_pairs);
+    field_cache_.swap_in(static_cast<int>(s), slab_results_[s].cached_field);
   }
 }
 
@@ -124,9 +124,9 @@ void CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair
   previous_contacts_.build_index(bodies.id.size(), pair_ranges_, static_ranges_, member);
   if (member.index == 0) {
     find_large_neighbours(bodies);
-    pair_cache_.index(bodies.size());
+    pair_cache_.build_index(bodies.size());
   }
-  if (member.is_caller()) field_cache_.index(bodies.size());
+  if (member.is_caller()) field_cache_.build_index(bodies.size());
   partition_.assign_rows(bodies, grid_, member);
   member.arrive_and_wait();
   const IndexRange own_slabs = partition_.share(member);
@@ -192,7 +192,7 @@ void CollisionPipeline::find_large_neighbours(const BodyStore& bodies) {
   for (const std::int32_t l : grid_.large_bodies()) {
     const auto i = static_cast<std::size_t>(l);
     const Vec3 half =
-        bodies.axes[i].cwiseAbs() * bodies.shape[i]->half + Vec3::Constant(speculative_margin_[i]);
+        bodies.axes[i].cwiseAbs() * bodies.shape[i]->half_extents + Vec3::Constant(speculative_margin_[i]);
     grid_.for_each_in_box(bodies.position[i] - half, bodies.position[i] + half, [&](std::int32_t body) {
       large_neighbours_.push_back({body, l});
     });
@@ -258,13 +258,13 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
   const Vec3& centre = bodies.position[i];
   const float margin = std::max(kMinSpeculativeMargin, speculative_margin_[i] + field_.max_speed * dt_s_);
   if (bodies.is_sphere[i] && !free_layout_field_)
-    touch_field_with_sphere(field_, centre, bodies.bounding_radius[i], margin, out.contacts);
+    collide_sphere_with_field(field_, centre, bodies.bounding_radius[i], margin, out.contacts);
   else if (free_layout_field_ || field_.has_force_limit())
     collide_field(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
   else
-    field_cache_.touch(bodies, i, margin, results.cached_field, out.contacts);
+    field_cache_.collide(bodies, i, margin, results.cached_field, out.contacts);
   if (centre.z() - bodies.bounding_radius[i] - margin < ground_height_)
-    touch_ground(*bodies.shape[i], centre, bodies.axes[i], ground_height_, margin, out.contacts);
+    collide_shape_with_ground(*bodies.shape[i], centre, bodies.axes[i], ground_height_, margin, out.contacts);
   if (query_radius_[i] <= large_radius_) {
     for (int n = first_large_neighbour_[i]; n < first_large_neighbour_[i + 1]; ++n) {
       const auto large = static_cast<std::size_t>(large_neighbours_[static_cast<std::size_t>(n)].large);
@@ -285,26 +285,26 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
 void CollisionPipeline::collide_field(const Shape& shape, const Vec3& centre, const Mat3& axes, float margin,
                                       std::vector<Contact>& out) const {
   if (free_layout_field_)
-    free_layout_field_->touch(shape, centre, axes, margin, out);
-  else if (shape.round())
-    touch_field_with_sphere(field_, centre, shape.reach, margin, out);
+    free_layout_field_->collide(shape, centre, axes, margin, out);
+  else if (shape.is_sphere())
+    collide_sphere_with_field(field_, centre, shape.bounding_radius, margin, out);
   else
-    touch_field_with_shape(field_, shape, centre, axes, margin, out);
+    collide_shape_with_field(field_, shape, centre, axes, margin, out);
 }
 
 bool CollisionPipeline::field_may_overlap(const Vec3& low, const Vec3& high) const {
   if (low.z() > field_.max_height) return false;
   if (free_layout_field_) return true;
   const Columns columns(field_, 0.0F);
-  return low.z() <= columns.highest(columns.covering(low.x(), high.x(), low.y(), high.y()));
+  return low.z() <= columns.max_height(columns.covering(low.x(), high.x(), low.y(), high.y()));
 }
 
 void CollisionPipeline::collide_static_body(const BodyStore& bodies, std::size_t i, std::size_t static_body,
                                             SlabResults& results) const {
   ContactList& out = results.static_contacts;
   const std::size_t first = out.contacts.size();
-  touch_bodies(bodies, i, static_body, speculative_margin_[i], dt_s_,
-               previous_contacts_.find_static_normal(i, static_body, results.member), out.contacts);
+  collide_bodies(bodies, i, static_body, speculative_margin_[i], dt_s_,
+                 previous_contacts_.find_static_normal(i, static_body, results.member), out.contacts);
   for (std::size_t k = first; k < out.contacts.size(); ++k)
     out.contacts[k].other = static_cast<std::int32_t>(static_body);
 }
@@ -317,10 +317,10 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
   ContactList& pair_contacts = results.pair_contacts;
   const auto first = static_cast<std::int32_t>(pair_contacts.contacts.size());
   if (has_sphere) {
-    touch_bodies(bodies, a, b, kMinSpeculativeMargin, dt_s_, nullptr, pair_contacts.contacts);
+    collide_bodies(bodies, a, b, kMinSpeculativeMargin, dt_s_, nullptr, pair_contacts.contacts);
   } else {
-    const float margin = kMinSpeculativeMargin + closing(bodies, a, b, dt_s_);
-    pair_cache_.touch(bodies, a, b, margin, results.cached_pairs, pair_contacts.contacts);
+    const float margin = kMinSpeculativeMargin + closing_distance(bodies, a, b, dt_s_);
+    pair_cache_.collide(bodies, a, b, margin, results.cached_pairs, pair_contacts.contacts);
   }
   const auto count = static_cast<std::int32_t>(pair_contacts.contacts.size()) - first;
   if (count == 0) return;

@@ -9,11 +9,11 @@
 #include "smartsurf/surface/Field.h"
 #include "smartsurf/world/BodyStore.h"
 #include "smartsurf/world/Contact.h"
-#include "smartsurf/world/FieldMemory.h"
-#include "smartsurf/world/LooseField.h"
-#include "smartsurf/world/PairMemory.h"
 #include "smartsurf/world/PreviousContacts.h"
 #include "smartsurf/world/broadphase/UniformGrid.h"
+#include "smartsurf/world/field/FieldManifoldCache.h"
+#include "smartsurf/world/field/FreeLayoutField.h"
+#include "smartsurf/world/narrowphase/PairManifoldCache.h"
 #include "smartsurf/world/parallel/SpatialPartition.h"
 #include "smartsurf/world/parallel/Team.h"
 
@@ -24,7 +24,7 @@ class CollisionPipeline {
   // `ground`: the height of the endless floor, or −infinity.
   CollisionPipeline(const surface::Field& field, float dt_s, float ground)
       : field_(field), dt_s_(dt_s), ground_height_(ground), field_cache_(field) {
-    if (!field.is_rectangular()) free_layout_field_ = std::make_unique<LooseField>(field);
+    if (!field.is_rectangular()) free_layout_field_ = std::make_unique<FreeLayoutField>(field);
   }
 
   // Sorts the bodies into the grid, as they are now. First in a step; all members of the team together.
@@ -71,8 +71,8 @@ class CollisionPipeline {
   struct SlabResults {
     int member = 0;  // who looks
     ContactList pair_contacts, static_contacts;
-    PairMemory::List cached_pairs;
-    FieldMemory::List cached_field;
+    PairManifoldCache::ChunkCache cached_pairs;
+    FieldManifoldCache::ChunkCache cached_field;
   };
   struct ContactCounts {
     std::size_t manifolds = 0, contacts = 0;
@@ -99,7 +99,7 @@ class CollisionPipeline {
                   SlabRanges&) const;
 
   const surface::Field& field_;
-  std::unique_ptr<LooseField> free_layout_field_;  // for a layout that is not rectangular
+  std::unique_ptr<FreeLayoutField> free_layout_field_;  // for a layout that is not rectangular
   float dt_s_, ground_height_;
   float large_radius_ = -1.0F;  // bodies with more reach are few and large; < 0: not known
   UniformGrid grid_;
@@ -113,8 +113,8 @@ class CollisionPipeline {
   std::vector<BodyRunOutput> pair_output_, static_output_;  // one a piece
   SlabRanges pair_ranges_, static_ranges_;
   std::vector<std::size_t> contacts_per_slab_;  // each slab
-  PairMemory pair_cache_;
-  FieldMemory field_cache_;
+  PairManifoldCache pair_cache_;
+  FieldManifoldCache field_cache_;
 };
 
 template <class Found>

@@ -207,7 +207,7 @@ void Sleep::put_to_sleep(BodyStore& b, std::size_t i) {
 
 // One cell more on every side: a neighbour that moves will soon be under it.
 Sleep::CellRect Sleep::cells_near(const BodyStore& b, std::size_t i) const {
-  const Vec3 half = b.axes[i].cwiseAbs() * b.shape[i]->half;
+  const Vec3 half = b.axes[i].cwiseAbs() * b.shape[i]->half_extents;
   const Vec3& at = b.position[i];
   auto clamped = [](float u, int max) {
     return std::clamp(static_cast<int>(std::clamp(u, -1e6F, 1e6F)), 0, max);

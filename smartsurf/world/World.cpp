@@ -1,5 +1,5 @@
-#include "common/threads/ThreadPool.h"
 #include "smartsurf/world/World.h"
+#include "common/threads/ThreadPool.h"
 
 #include <algorithm>
 #include <array>

@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "smartsurf/world/Distance.h"
+#include "smartsurf/world/narrowphase/Distance.h"
 #include "tests/bench/PinScene.h"
 
 // The deepest of its corners, or points of its rims, in a pin, and of points along the edges of the pins'

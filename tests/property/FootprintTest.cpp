@@ -8,7 +8,7 @@
 #include <cmath>
 #include <random>
 
-#include "SegmentOracle.h"
+#include "RayOracle.h"
 #include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/raycast/RayCaster.h"
 

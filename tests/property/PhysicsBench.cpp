@@ -1,5 +1,5 @@
-#include "common/threads/ThreadPool.h"
 #include "tests/property/PhysicsBench.h"
+#include "common/threads/ThreadPool.h"
 
 #include <cmath>
 

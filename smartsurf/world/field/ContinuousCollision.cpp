@@ -21,7 +21,7 @@ class BodySweep {
         rotation_(bodies.delta_pose[body].rotation) {}
 
   bool may_hit_field() const {
-    const Vec3 to = start_ + translation_, reach = Vec3::Constant(shape_.reach);
+    const Vec3 to = start_ + translation_, reach = Vec3::Constant(shape_.bounding_radius);
     return collision_.field_may_overlap(start_.cwiseMin(to) - reach, start_.cwiseMax(to) + reach);
   }
 

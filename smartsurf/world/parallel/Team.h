@@ -128,7 +128,9 @@ class Team {
       work(Member{0, 1, serial_barrier_});
       return;
     }
-    pool_->fork_join([&](int thread) { work(Member{member_count - 1 - thread, member_count, team_barrier_}); });
+    pool_->fork_join([&](int thread) {
+      work(Member{member_count - 1 - thread, member_count, team_barrier_});
+    });
   }
 
  private:

@@ -1,6 +1,6 @@
 // Cylinders that a column stands deep in: deeper than GJK can tell. And along an edge, where it tells one
 // point.
-#include "smartsurf/world/ConvexOnField.h"
+#include "smartsurf/world/field/ConvexOnField.h"
 
 #include <gtest/gtest.h>
 
@@ -54,7 +54,7 @@ TEST(ConvexOnField, AColumnInsideACylinderPushesItOutHoweverDeepItIs) {
     if (depth < 0.03F || depth > 0.4F || (axes * inside).z() > -0.5F) continue;
     ++deep;
     std::vector<Contact> found;
-    touch_field_with_shape(field, shape, Vec3(4, 4, 0) - axes * inside, axes, 0.03F, found);
+    collide_shape_with_field(field, shape, Vec3(4, 4, 0) - axes * inside, axes, 0.03F, found);
     ASSERT_FALSE(found.empty()) << i << ", " << depth << " deep";
     float least = 1.0F;
     for (const Contact& c : found) {
@@ -79,7 +79,7 @@ TEST(ConvexOnField, ACylinderAlongAnEdgeBearsOnBothItsEnds) {
   const Vec3 centre(4.0F + field.half_top_x + beside, 4.1F, above);
   const Mat3 axes = Quat(Eigen::AngleAxisf(1.5717963F, Vec3::UnitX())).toRotationMatrix();
   std::vector<Contact> found;
-  touch_field_with_shape(field, shape, centre, axes, 0.03F, found);
+  collide_shape_with_field(field, shape, centre, axes, 0.03F, found);
   float south = 1.0F, north = -1.0F;
   for (const Contact& c : found) south = std::min(south, c.anchor.y()), north = std::max(north, c.anchor.y());
   EXPECT_LT(south, -0.9F);

@@ -1,10 +1,10 @@
-#include "smartsurf/world/ConvexPair.h"
+#include "smartsurf/world/narrowphase/ConvexPair.h"
 
 #include <gtest/gtest.h>
 
 #include <random>
 
-#include "smartsurf/world/ColumnAxes.h"
+#include "smartsurf/world/field/ColumnSat.h"
 #include "tests/unit/smartsurf/world/PlacedBody.h"
 
 using namespace smartsurf;
@@ -58,12 +58,12 @@ TEST(ConvexPair, TheLastNormalSavesWorkAndDecidesNothing) {
     const Vec3 away = Vec3(u(random), u(random), u(random)).normalized();
     PlacedBody b = body(kinds[i / 3 % 3], random, away * (1.0F + 0.4F * std::abs(u(random))));
     std::vector<Contact> before, with, without;
-    touch_convex(a.placed(), b.placed(), kMargin, nullptr, before);
+    collide_convex(a.placed(), b.placed(), kMargin, nullptr, before);
     if (before.empty() || least_gap(before) < -0.03F) continue;
     b.centre += 0.02F * Vec3(u(random), u(random), u(random));
     b.axes = Eigen::AngleAxisf(0.03F * u(random), Vec3::UnitX()).toRotationMatrix() * b.axes;
-    touch_convex(a.placed(), b.placed(), kMargin, &before[0].normal, with);
-    touch_convex(a.placed(), b.placed(), kMargin, nullptr, without);
+    collide_convex(a.placed(), b.placed(), kMargin, &before[0].normal, with);
+    collide_convex(a.placed(), b.placed(), kMargin, nullptr, without);
     if (std::min(least_gap(with), least_gap(without)) > kMargin - 2e-3F)
       continue;  // either may tell it or not
     ASSERT_FALSE(with.empty() || without.empty()) << i;
@@ -95,7 +95,7 @@ TEST(ConvexPair, ASmallBodyOnAHugeBoxIsAsFarFromItsFaceAsItsLowestPoint) {
     for (const bool huge_first : {true, false}) {
       std::vector<Contact> found;
       const PlacedBody &a = huge_first ? huge : small, &b = huge_first ? small : huge;
-      touch_convex(a.placed(), b.placed(), kMargin, nullptr, found);
+      collide_convex(a.placed(), b.placed(), kMargin, nullptr, found);
       ASSERT_FALSE(found.empty()) << i;
       EXPECT_NEAR(least_gap(found), gap, 5e-3F) << i;
       for (const Contact& c : found) EXPECT_GT(std::abs(c.normal.dot(up)), 0.99F) << i;
@@ -114,21 +114,21 @@ TEST(ColumnAxes, ABoxAndItsHullAreEquallyFarFromAColumn) {
     PlacedBody hull = body(scene::ShapeKind::kSolid, random, box.centre);
     hull.axes = box.axes;
     const Vec3 reach = box.axes.cwiseAbs() * kHalf;
-    ColumnAxes::Widest by_box, by_hull;
-    auto look = [&](const PlacedBody& b, ColumnAxes::Widest& out) {
-      ColumnAxes axes;
-      const HullPiece* piece = b.shape.hulls.empty() ? nullptr : &b.shape.hulls[0];
-      axes.set(Core({b.shape, piece}, b.centre, b.axes), b.centre - reach, b.centre + reach);
-      return axes.look(column, 0.1F, out);
+    ColumnSat::BestAxis by_box, by_hull;
+    auto look = [&](const PlacedBody& b, ColumnSat::BestAxis& out) {
+      ColumnSat axes;
+      const ConvexHullShape* piece = b.shape.hulls.empty() ? nullptr : &b.shape.hulls[0];
+      axes.set(ConvexProxy({b.shape, piece}, b.centre, b.axes), b.centre - reach, b.centre + reach);
+      return axes.find_best_axis(column, 0.1F, out);
     };
     const bool box_near = look(box, by_box), hull_near = look(hull, by_hull);
     if (box_near != hull_near) {
-      EXPECT_NEAR(box_near ? by_box.gap : by_hull.gap, 0.1F, 1e-4F) << i;
+      EXPECT_NEAR(box_near ? by_box.separation : by_hull.separation, 0.1F, 1e-4F) << i;
       continue;
     }
     if (!box_near) continue;
     ++near;
-    EXPECT_NEAR(by_box.gap, by_hull.gap, 3e-3F) << i;  // a crossing of edges must win by 0.002
+    EXPECT_NEAR(by_box.separation, by_hull.separation, 3e-3F) << i;  // a crossing of edges must win by 0.002
   }
   EXPECT_GT(near, 300);
 }

@@ -1,4 +1,4 @@
-#include "smartsurf/world/CylinderOnColumn.h"
+#include "smartsurf/world/field/CylinderOnColumn.h"
 
 #include <gtest/gtest.h>
 
@@ -17,8 +17,8 @@ TEST(CylinderOnColumn, AgreesWithGjk) {
   spec.shape = scene::ShapeKind::kBox;
   spec.size = {0.8, 1.0, kDepth};
   PlacedBody column(spec, {0, 0, q.top - 0.5F * kDepth}, Quat::Identity());
-  column.shape.rounding = kRounding;
-  const Core cb({column.shape, nullptr}, column.centre, column.axes);
+  column.shape.convex_radius = kRounding;
+  const ConvexProxy cb({column.shape, nullptr}, column.centre, column.axes);
   spec.shape = scene::ShapeKind::kCylinder;
   spec.radius = 0.9;
   spec.height = 1.4;
@@ -28,18 +28,18 @@ TEST(CylinderOnColumn, AgreesWithGjk) {
   for (int i = 0; i < 5000; ++i) {
     const Vec3 towards = Vec3(u(random), u(random), std::abs(u(random))).normalized();
     const PlacedBody a(spec, Vec3(0, 0, q.top) + towards * (1.1F + 0.5F * u(random)), any_turn(random));
-    const Core ca({a.shape, nullptr}, a.centre, a.axes);
-    const NearestPoints truth = nearest_points(ca, cb, 100.0F, towards);
-    if (!truth.apart || truth.distance < 1e-3F) continue;
+    const ConvexProxy ca({a.shape, nullptr}, a.centre, a.axes);
+    const ClosestPoints truth = closest_points(ca, cb, 100.0F, towards);
+    if (!truth.separated || truth.distance < 1e-3F) continue;
     ++compared;
-    NearestPoints near;
-    if (!nearest_on_edges(ca, q, kRounding, towards, near)) continue;
+    ClosestPoints near;
+    if (!closest_on_edges(ca, q, kRounding, towards, near)) continue;
     ++found;
     EXPECT_NEAR(near.distance, truth.distance, 3e-4F) << i;
     EXPECT_GT(near.normal.dot(truth.normal), 0.995F) << i;
     EXPECT_NEAR((near.on_a - near.on_b).norm(), near.distance, 1e-4F) << i;
     // The normal is the one of the point on the cylinder.
-    EXPECT_NEAR(near.normal.dot(ca.farthest(-near.normal) - near.on_a), 0.0F, 1e-4F) << i;
+    EXPECT_NEAR(near.normal.dot(ca.support(-near.normal) - near.on_a), 0.0F, 1e-4F) << i;
   }
   EXPECT_GT(compared, 1000);
   EXPECT_GT(found, compared / 2);

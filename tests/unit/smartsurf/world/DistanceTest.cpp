@@ -1,4 +1,4 @@
-#include "smartsurf/world/Distance.h"
+#include "smartsurf/world/narrowphase/Distance.h"
 
 #include <gtest/gtest.h>
 
@@ -44,7 +44,7 @@ TEST(Distance, OfAHullIsTheWidestGapOfAPlane) {
   int outside = 0;
   for (int i = 0; i < 2000; ++i) {
     const Vec3 p(3.0F * u(random), 1.5F * u(random), 1.5F * u(random));
-    const Outward o = outward_of({shape, shape.hulls.data()}, p);
+    const SignedDistance o = signed_distance({shape, shape.hulls.data()}, p);
     if (o.distance <= 0.0F) continue;
     ++outside;
     float highest = -1e9F;

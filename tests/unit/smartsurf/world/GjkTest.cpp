@@ -1,4 +1,4 @@
-#include "smartsurf/world/Gjk.h"
+#include "smartsurf/world/narrowphase/Gjk.h"
 
 #include <gtest/gtest.h>
 
@@ -21,10 +21,10 @@ PlacedBody body(scene::ShapeKind kind, const Vec3& centre, const Quat& turn) {
 }
 
 float distance(const PlacedBody& a, const PlacedBody& b) {
-  const Core ca({a.shape, nullptr}, a.centre, a.axes), cb({b.shape, nullptr}, b.centre, b.axes);
-  const NearestPoints n = nearest_points(ca, cb, 100.0F, a.centre - b.centre);
-  EXPECT_TRUE(n.apart);
-  return n.distance - ca.rounding - cb.rounding;
+  const ConvexProxy ca({a.shape, nullptr}, a.centre, a.axes), cb({b.shape, nullptr}, b.centre, b.axes);
+  const ClosestPoints n = closest_points(ca, cb, 100.0F, a.centre - b.centre);
+  EXPECT_TRUE(n.separated);
+  return n.distance - ca.convex_radius - cb.convex_radius;
 }
 
 const scene::ShapeKind kKinds[] = {scene::ShapeKind::kBox, scene::ShapeKind::kCylinder,
@@ -41,13 +41,13 @@ TEST(Gjk, AgreesWithTheClosedFormsForPoints) {
       const PlacedBody solid = body(kind, {0, 0, 0}, any_turn(random));
       const Vec3 at = Vec3(u(random), u(random), u(random)).normalized() * (3.2F + u(random));
       const PlacedBody ball = body(scene::ShapeKind::kSphere, at, Quat::Identity());
-      const Outward o = outward_of({solid.shape, nullptr}, solid.axes.transpose() * at);
+      const SignedDistance o = signed_distance({solid.shape, nullptr}, solid.axes.transpose() * at);
       // The core rounds edges off: it may stand back by a part of its rounding there, more at a cone's sharp
       // tip.
       const float rounds_off = kind == scene::ShapeKind::kCapsule ? 0.0F
                                : kind == scene::ShapeKind::kCone  ? 2.6F
                                                                   : 0.9F;
-      const float tolerance = rounds_off * solid.shape.rounding + 1e-3F;
+      const float tolerance = rounds_off * solid.shape.convex_radius + 1e-3F;
       EXPECT_NEAR(distance(ball, solid), o.distance - 0.6F, tolerance) << static_cast<int>(kind);
     }
 }
@@ -60,8 +60,8 @@ TEST(Gjk, IsSymmetricAndFallsByWhatOneIsMoved) {
       PlacedBody b = body(second, {3, 2, 1}, any_turn(random));
       const float apart = distance(a, b);
       EXPECT_NEAR(distance(b, a), apart, 1e-3F);
-      const Core ca({a.shape, nullptr}, a.centre, a.axes), cb({b.shape, nullptr}, b.centre, b.axes);
-      b.centre += 0.5F * apart * nearest_points(ca, cb, 100.0F, a.centre - b.centre).normal;
+      const ConvexProxy ca({a.shape, nullptr}, a.centre, a.axes), cb({b.shape, nullptr}, b.centre, b.axes);
+      b.centre += 0.5F * apart * closest_points(ca, cb, 100.0F, a.centre - b.centre).normal;
       EXPECT_NEAR(distance(a, b), 0.5F * apart, 2e-3F);
     }
 }
@@ -73,10 +73,10 @@ TEST(Gjk, OutwardPointsLeadOut) {
     const PlacedBody solid = body(kind, {0, 0, 0}, Quat::Identity());
     for (int i = 0; i < 300; ++i) {
       const Vec3 p(u(random), u(random), 1.5F * u(random));
-      const Outward o = outward_of({solid.shape, nullptr}, p);
+      const SignedDistance o = signed_distance({solid.shape, nullptr}, p);
       EXPECT_NEAR(o.normal.norm(), 1.0F, 1e-4F);
       // Back to the surface along the normal, and nothing is left.
-      EXPECT_NEAR(outward_of({solid.shape, nullptr}, p - o.distance * o.normal).distance, 0.0F, 2e-3F);
+      EXPECT_NEAR(signed_distance({solid.shape, nullptr}, p - o.distance * o.normal).distance, 0.0F, 2e-3F);
     }
   }
 }
@@ -89,17 +89,17 @@ TEST(Gjk, WhatWasNearestBeforeDecidesNothing) {
     for (const auto second : kKinds) {
       PlacedBody a = body(first, {0, 0, 0}, any_turn(random));
       PlacedBody b = body(second, {1.2F, 0.9F, 0.6F}, any_turn(random));
-      NearestFeature last;
+      SimplexCache last;
       for (int i = 0; i < 100; ++i) {
         // Now a little farther, now anywhere.
         const bool jump = i % 10 == 9;
         b.centre += Vec3(u(random), u(random), u(random)) * (jump ? 0.3F : 0.02F);
         b.axes = (jump ? any_turn(random) : Quat(1, 0.01F * u(random), 0.01F * u(random), 0)).normalized() *
                  b.axes;
-        const Core ca({a.shape, nullptr}, a.centre, a.axes), cb({b.shape, nullptr}, b.centre, b.axes);
-        const NearestPoints with = nearest_points(ca, cb, 100.0F, a.centre - b.centre, &last);
-        const NearestPoints without = nearest_points(ca, cb, 100.0F, a.centre - b.centre);
-        if (!with.apart || !without.apart) {
+        const ConvexProxy ca({a.shape, nullptr}, a.centre, a.axes), cb({b.shape, nullptr}, b.centre, b.axes);
+        const ClosestPoints with = closest_points(ca, cb, 100.0F, a.centre - b.centre, &last);
+        const ClosestPoints without = closest_points(ca, cb, 100.0F, a.centre - b.centre);
+        if (!with.separated || !without.separated) {
           EXPECT_LT(std::max(with.distance, without.distance), 1e-3F);
           continue;
         }

@@ -4,7 +4,7 @@
 #include <random>
 
 #include "smartsurf/scene/SceneSpec.h"
-#include "smartsurf/world/ConvexPair.h"
+#include "smartsurf/world/narrowphase/ConvexPair.h"
 
 namespace smartsurf::world {
 
@@ -15,7 +15,7 @@ struct PlacedBody {
 
   PlacedBody(const scene::ObjectSpec& of, const Vec3& at, const Quat& turn)
       : shape(make_shape(of)), centre(at), axes(turn.normalized().toRotationMatrix()) {}
-  Placed placed() const { return {shape, centre, axes}; }
+  PlacedShape placed() const { return {shape, centre, axes}; }
 };
 
 inline Quat any_turn(std::mt19937& random) {

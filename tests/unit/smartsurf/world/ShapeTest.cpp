@@ -1,4 +1,4 @@
-#include "smartsurf/world/Shape.h"
+#include "smartsurf/world/narrowphase/Shape.h"
 
 #include <gtest/gtest.h>
 
@@ -14,13 +14,13 @@ TEST(VectorBlocks, FindsTheOneThatReachesFarthest) {
   for (const std::size_t count : {1U, 3U, 4U, 5U, 12U, 30U, 256U, 700U}) {
     std::vector<Vec3> vectors(count);
     for (Vec3& v : vectors) v = any().normalized() * 3.0F;
-    VectorBlocks blocks;
+    LinearFunctions blocks;
     blocks.assign(vectors);
     for (int i = 0; i < 100; ++i) {
       const Vec3 direction = any();
       float most = -1e9F;
       for (const Vec3& v : vectors) most = std::max(most, v.dot(direction));
-      const std::size_t found = blocks.farthest(direction);
+      const std::size_t found = blocks.argmax(direction);
       ASSERT_LT(found, count);
       EXPECT_NEAR(vectors[found].dot(direction), most, 3e-5F * direction.norm()) << count;
     }

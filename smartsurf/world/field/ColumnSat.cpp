@@ -1,0 +1,129 @@
+#include "smartsurf/world/field/ColumnSat.h"
+
+#include <limits>
+#include <utility>
+
+namespace smartsurf::world {
+namespace {
+
+using scene::ShapeKind;
+
+// A column has no underside.
+constexpr float kLowestZ = -0.01F;
+constexpr float kEdgeHandicap = 2e-3F;
+// A normal that leans less than this out over a bridged side is taken as leaning by rounding only.
+constexpr float kLeanTolerance = 0.05F;
+
+}  // namespace
+
+void ColumnSat::add(const Vec3& normal, float least, float handicap) {
+  if (normal.z() >= kLowestZ) axes_.add(normal, least, handicap);
+}
+
+void ColumnSat::set(const ConvexProxy& core, const Vec3& low, const Vec3& high) {
+  axes_.clear();
+  separating_axis_ = 0;
+  add(Vec3::UnitZ(), low.z(), 0.0F);
+  if (core.part.hull)
+    add_hull(core);
+  else if (core.part.shape.kind == ShapeKind::kBox)
+    add_box(core);
+  else
+    add_axisymmetric(core);
+  for (int i = 0; i < 2; ++i) {
+    add(Vec3::Unit(i), low[i], 0.0F);
+    add(-Vec3::Unit(i), -high[i], 0.0F);
+  }
+}
+
+void ColumnSat::add_box(const ConvexProxy& core) {
+  const Vec3& half = core.part.shape.half_extents;
+  auto add_both_ways = [&](const Vec3& n, float handicap) {
+    const float reach = (core.axes.transpose() * n).cwiseAbs().dot(half), at = n.dot(core.centre);
+    add(n, at - reach, handicap);
+    add(-n, -at - reach, handicap);
+  };
+  for (int i = 0; i < 3; ++i) add_both_ways(core.axes.col(i), 0.0F);
+  for (int i = 0; i < 3; ++i)
+    for (int k = 0; k < 2; ++k) {
+      const Vec3 n = core.axes.col(i).cross(Vec3::Unit(k));
+      if (const float length = n.norm(); length > 0.05F) add_both_ways(n / length, kEdgeHandicap);
+    }
+}
+
+void ColumnSat::add_hull(const ConvexProxy& core) {
+  const ConvexHullShape& hull = *core.part.hull;
+  const auto& faces = hull.hull->faces;
+  const Vec3 down = -core.axes.row(2).transpose();  // everything in the hull's own axes
+  for (int k = 0; k < 2; ++k) face_normals_[k].resize(faces.size());
+  for (std::size_t f = 0; f < faces.size(); ++f) {
+    for (int k = 0; k < 2; ++k) face_normals_[k][f] = core.axes.row(k) * faces[f].normal;
+    if (faces[f].normal.dot(down) < kLowestZ) continue;
+    const Vec3 n = core.axes * -faces[f].normal;
+    add(n, n.dot(core.centre) - faces[f].offset, 0.0F);
+  }
+  for (const ConvexHullShape::Edge& e : hull.edges)
+    for (int k = 0; k < 2; ++k) {
+      // Between the two faces' normals lies one across the column's edge only if they look to both sides of
+      // it.
+      const float left = face_normals_[k][e.left], right = face_normals_[k][e.right];
+      if (left * right >= 0.0F) continue;
+      const Vec3 outward = faces[e.left].normal * std::abs(right) + faces[e.right].normal * std::abs(left);
+      const float length = outward.norm();
+      if (length < 1e-6F || outward.dot(down) < kLowestZ * length) continue;
+      const Vec3 n = core.axes * (outward / -length);
+      add(n, n.dot(core.centre) - outward.dot(hull.hull->vertices[e.corner]) / length, kEdgeHandicap);
+    }
+}
+
+void ColumnSat::add_axisymmetric(const ConvexProxy& core) {
+  auto add_both_ways = [&](const Vec3& along) {
+    const float length = along.norm();
+    if (length < 0.05F) return;
+    for (const Vec3& n : {Vec3(along / length), Vec3(along / -length)})
+      if (n.z() >= kLowestZ) add(n, n.dot(core.support_with_radius(-n)), 0.0F);
+  };
+  const Vec3 along = core.axes.col(2);
+  add_both_ways(along);
+  add_both_ways(Vec3::UnitZ() - along * along.z());
+  for (int k = 0; k < 2; ++k) add_both_ways(along.cross(Vec3::Unit(k)));
+}
+
+void ColumnSat::AxisList::clear() {
+  for (auto* v : {&x, &y, &z, &min_projection, &bias}) v->clear();
+}
+
+void ColumnSat::AxisList::add(const Vec3& normal, float least_of_piece, float handicap_of_kind) {
+  x.push_back(normal.x()), y.push_back(normal.y()), z.push_back(normal.z());
+  min_projection.push_back(least_of_piece);
+  bias.push_back(handicap_of_kind);
+}
+
+inline float ColumnSat::AxisList::separation(std::size_t i, const Column& q) const {
+  return min_projection[i] -
+         ((x[i] > 0 ? q.east : q.west) * x[i] + (y[i] > 0 ? q.north : q.south) * y[i] + q.top * z[i]);
+}
+
+bool ColumnSat::find_best_axis(const Column& q, float margin, BestAxis& out) {
+  // What told the last column from the piece often tells its neighbour too.
+  if (axes_.separation(separating_axis_, q) > margin) return false;
+  const std::size_t count = axes_.size();
+  separation_.resize(count);
+  for (std::size_t i = 0; i < count; ++i) separation_[i] = axes_.separation(i, q);
+  float best = -std::numeric_limits<float>::max();
+  std::size_t chosen = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (separation_[i] > margin) {
+      separating_axis_ = i;
+      return false;
+    }
+    if (separation_[i] - axes_.bias[i] <= best || q.leans_over_bridge(axes_.x[i], axes_.y[i], kLeanTolerance))
+      continue;
+    best = separation_[i] - axes_.bias[i];
+    chosen = i;
+  }
+  out = {Vec3(axes_.x[chosen], axes_.y[chosen], axes_.z[chosen]), separation_[chosen]};
+  return true;
+}
+
+}  // namespace smartsurf::world

@@ -1,0 +1,125 @@
+// The field as the collision sees it: columns with heights, and which of their sides are bridged to a level
+// neighbour.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "smartsurf/surface/Field.h"
+#include "smartsurf/world/Vec.h"
+
+namespace smartsurf::world {
+
+// Tops that differ by less count as level, u.
+inline constexpr float kLevelTolerance = 1e-3F;
+
+// One cell as a bottomless column: a rectangle, grown to the middle of the gap on each bridged side, and its
+// top.
+struct Column {
+  float west, east, south, north, top;
+  bool bridged_west, bridged_east, bridged_south, bridged_north;
+
+  bool contains(float x, float y) const { return x >= west && x <= east && y >= south && y <= north; }
+  bool all_bridged() const { return bridged_west && bridged_east && bridged_south && bridged_north; }
+  // A contact whose normal leans out over a bridged side belongs to the neighbour there.
+  bool leans_over_bridge(float nx, float ny, float tolerance) const {
+    return (nx > tolerance && bridged_east) || (nx < -tolerance && bridged_west) ||
+           (ny > tolerance && bridged_north) || (ny < -tolerance && bridged_south);
+  }
+};
+
+struct CellRange {
+  int row_begin, row_end, column_begin, column_end;
+};
+
+class Columns {
+ public:
+  // Objects narrower than `width` fall between the cells, so that nothing is bridged for them.
+  Columns(const surface::Field& field, float width)
+      : field_(field),
+        height_(field.height.data()),
+        rows_(field.rows),
+        columns_(field.columns),
+        pitch_(field.pitch),
+        half_x_(field.half_top_x),
+        half_y_(field.half_top_y),
+        bridges_x_(width > pitch_ - 2.0F * half_x_),
+        bridges_y_(width > pitch_ - 2.0F * half_y_) {}
+
+  // Cells whose bridged columns can touch the rectangle.
+  CellRange covering(float x_low, float x_high, float y_low, float y_high) const {
+    const float inverse = 1.0F / pitch_;
+    auto cell = [inverse](float u) { return std::clamp(u * inverse, -1e6F, 1e6F); };
+    // Without the calls of std::floor and std::ceil.
+    auto floor = [](float u) {
+      const int i = static_cast<int>(u);
+      return i - (static_cast<float>(i) > u ? 1 : 0);
+    };
+    auto ceil = [floor](float u) { return -floor(-u); };
+    return {std::max(0, rows_ - 1 - floor(cell(y_high) + 0.5F)),
+            std::min(rows_, rows_ - ceil(cell(y_low) - 0.5F)), std::max(0, ceil(cell(x_low) - 0.5F)),
+            std::min(columns_, floor(cell(x_high) + 0.5F) + 1)};
+  }
+
+  const surface::Field& field() const { return field_; }
+  float pitch() const { return pitch_; }
+  int index(int row, int column) const { return row * columns_ + column; }
+  float x(int column) const { return static_cast<float>(column) * pitch_; }
+  float y(int row) const { return static_cast<float>(rows_ - 1 - row) * pitch_; }
+  float top(int row, int column) const { return height_[index(row, column)]; }
+
+  float max_height(const CellRange& cells) const {
+    float highest = surface::kNoCellHeight;
+    for (int r = cells.row_begin; r < cells.row_end; ++r)
+      for (int c = cells.column_begin; c < cells.column_end; ++c) highest = std::max(highest, top(r, c));
+    return highest;
+  }
+
+  Column at(int row, int column) const {
+    const int i = index(row, column);
+    const float top = height_[i];
+    auto level = [&](bool inside, int neighbour) {
+      return inside && std::abs(height_[neighbour] - top) <= kLevelTolerance;
+    };
+    Column q;
+    q.top = top;
+    q.bridged_west = bridges_x_ && level(column > 0, i - 1);
+    q.bridged_east = bridges_x_ && level(column < columns_ - 1, i + 1);
+    q.bridged_north = bridges_y_ && level(row > 0, i - columns_);
+    q.bridged_south = bridges_y_ && level(row < rows_ - 1, i + columns_);
+    const float half_pitch = 0.5F * pitch_;
+    q.west = x(column) - (q.bridged_west ? half_pitch : half_x_);
+    q.east = x(column) + (q.bridged_east ? half_pitch : half_x_);
+    q.south = y(row) - (q.bridged_south ? half_pitch : half_y_);
+    q.north = y(row) + (q.bridged_north ? half_pitch : half_y_);
+    return q;
+  }
+
+ private:
+  const surface::Field& field_;
+  const float* height_;
+  int rows_, columns_;
+  float pitch_, half_x_, half_y_;
+  bool bridges_x_, bridges_y_;
+};
+
+// Signed distance from a point to a column and the way out, for a point inside the column's rectangle: up, or
+// sideways through a side that no level neighbour closes, whichever is nearer. Positive above the top.
+struct EscapeDirection {
+  Vec3 normal;
+  float distance;
+};
+inline EscapeDirection escape_direction(const Column& q, const Vec3& p) {
+  EscapeDirection best{{0, 0, 1}, p.z() - q.top};
+  if (best.distance >= 0.0F) return best;
+  auto consider = [&best](bool bridged, float depth, const Vec3& normal) {
+    if (!bridged && -depth > best.distance) best = {normal, -depth};
+  };
+  consider(q.bridged_west, p.x() - q.west, {-1, 0, 0});
+  consider(q.bridged_east, q.east - p.x(), {1, 0, 0});
+  consider(q.bridged_south, p.y() - q.south, {0, -1, 0});
+  consider(q.bridged_north, q.north - p.y(), {0, 1, 0});
+  return best;
+}
+
+}  // namespace smartsurf::world

@@ -1,0 +1,111 @@
+#include "smartsurf/world/field/CylinderOnColumn.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace smartsurf::world {
+namespace {
+
+constexpr float kPrecision = 1e-4F;  // of the distance, u
+
+// A cylinder in its own axes.
+struct CylinderProxy {
+  float radius, half_height;
+};
+
+// How far a point outside lies from the cylinder, and the way out to it.
+SignedDistance outward_of(const CylinderProxy& c, const Vec3& p) {
+  const float across = length_of(p.x(), p.y());
+  const float out_r = std::max(0.0F, across - c.radius),
+              out_z = std::max(0.0F, std::abs(p.z()) - c.half_height);
+  const float distance = length_of(out_r, out_z);
+  if (!(distance > 1e-5F)) return {Vec3::Zero(), 0.0F};
+  const float along_r = out_r > 0.0F ? out_r / (distance * across) : 0.0F;
+  return {Vec3(p.x() * along_r, p.y() * along_r, std::copysign(out_z / distance, p.z())), distance};
+}
+
+struct EdgePoint {
+  float position = 0.0F;  // from the edge's first end, u
+  SignedDistance offset{Vec3::Zero(), std::numeric_limits<float>::max()};
+  float slope = 0.0F;  // of the distance along the edge
+};
+
+// The distance along an edge has one minimum, where the way out is square to the edge, or at an end. Found by
+// the rule of false position, with a clamp, since the slope leaps where a rim is near.
+EdgePoint closest_on_edge(const CylinderProxy& c, const Vec3& from, const Vec3& along, float length) {
+  constexpr int kMostRounds = 16;
+  constexpr float kLeastShare = 0.15F;
+  auto look = [&](float at) {
+    EdgePoint e{at, outward_of(c, from + at * along)};
+    e.slope = e.offset.normal.dot(along);
+    return e;
+  };
+  EdgePoint low = look(0.0F), high = look(length);
+  if (low.slope >= 0.0F) return low;
+  if (high.slope <= 0.0F) return high;
+  auto flatter = [&] { return -low.slope < high.slope ? low : high; };
+  for (int round = 0; round < kMostRounds; ++round) {
+    if (std::abs(flatter().slope) * (high.position - low.position) <= 0.5F * kPrecision) break;
+    const float share = std::clamp(low.slope / (low.slope - high.slope), kLeastShare, 1.0F - kLeastShare);
+    const EdgePoint middle = look(low.position + share * (high.position - low.position));
+    (middle.slope < 0.0F ? low : high) = middle;
+  }
+  // Between the ways at both ends lies the one that is square to the edge.
+  EdgePoint nearest = flatter();
+  nearest.offset.normal = (high.slope * low.offset.normal - low.slope * high.offset.normal).normalized();
+  return nearest;
+}
+
+// An upper edge of the column, drawn in, and the side that it bounds the top on.
+struct Edge {
+  Vec3 from{0, 0, 0}, along{0, 0, 0}, side{0, 0, 0};
+  float length = 0.0F;
+};
+
+// The edge square to a horizontal axis that the cylinder leans out over; false where it leans over neither.
+bool edge_under_axis(const ConvexProxy& cylinder, const Column& q, float rounding, const Vec3& towards,
+                     int axis, Edge& out) {
+  const Vec3 low(q.west + rounding, q.south + rounding, q.top - rounding);
+  const Vec3 high(q.east - rounding, q.north - rounding, q.top - rounding);
+  float lean = towards[axis];
+  if (std::abs(lean) < 1e-4F) {
+    const float lowest = cylinder.support(-Vec3::UnitZ())[axis];
+    lean = lowest > high[axis] ? 1.0F : lowest < low[axis] ? -1.0F : 0.0F;
+  }
+  out.from = low;
+  if (lean > 0.0F) out.from[axis] = high[axis];
+  out.along = Vec3::Unit(1 - axis);
+  out.side = std::copysign(1.0F, lean) * Vec3::Unit(axis);
+  out.length = out.along.dot(high - low);
+  return lean != 0.0F && out.length > 0.0F;
+}
+
+}  // namespace
+
+bool closest_on_edges(const ConvexProxy& cylinder, const Column& q, float rounding, const Vec3& towards,
+                      ClosestPoints& out) {
+  const Shape& s = cylinder.part.shape;
+  const CylinderProxy round{s.radius - cylinder.convex_radius, s.high - cylinder.convex_radius};
+  const Mat3 own = cylinder.axes.transpose();
+  EdgePoint best;
+  Edge best_edge;
+  for (int axis = 0; axis < 2; ++axis) {
+    Edge edge;
+    if (!edge_under_axis(cylinder, q, rounding, towards, axis, edge)) continue;
+    const EdgePoint here =
+        closest_on_edge(round, own * (edge.from - cylinder.centre), own * edge.along, edge.length);
+    if (here.offset.distance < best.offset.distance) best = here, best_edge = edge;
+  }
+  const float distance = best.offset.distance;
+  if (best_edge.length == 0.0F || distance == 0.0F) return false;
+  const Vec3 normal = cylinder.axes * -best.offset.normal;
+  // Otherwise something of the top or the side is nearer, or the plane between the two tells that they are.
+  if (normal.z() < 0.0F || normal.dot(best_edge.side) < 0.0F) return false;
+  const Vec3 on_column = best_edge.from + best.position * best_edge.along;
+  if (normal.dot(cylinder.support(-normal) - on_column) < distance - kPrecision) return false;
+  out = {on_column + distance * normal, on_column, normal, distance, true};
+  return true;
+}
+
+}  // namespace smartsurf::world

@@ -1,0 +1,47 @@
+// A field whose cells stand anywhere, each turned about the vertical: the slower way to the same contacts.
+//
+// Each cell near a body is looked at in its own frame, as the middle of a rectangular field of three by
+// three; level neighbours across a side bridge the gap there, as they do in a rectangular layout.
+#pragma once
+
+#include <vector>
+
+#include "smartsurf/surface/Field.h"
+#include "smartsurf/world/Contact.h"
+#include "smartsurf/world/narrowphase/Shape.h"
+
+namespace smartsurf::world {
+
+class FreeLayoutField {
+ public:
+  // The layout of the field must not change from now on.
+  explicit FreeLayoutField(const surface::Field&);
+
+  // Appends the contacts of a shape, chosen as in a rectangular layout.
+  void collide(const Shape&, const Vec3& centre, const Mat3& axes, float margin,
+               std::vector<Contact>& out) const;
+
+ private:
+  // The cells across the west, east, north and south side, as seen from two points of it; −1: none.
+  struct Neighbours {
+    std::int32_t cell[4][2];
+  };
+  template <class Each>
+  void for_each_cell(const Vec3& low, const Vec3& high, Each each) const;
+  int bucket(float u, int axis) const;
+  int cell_at(float x, float y, float grown) const;
+  Neighbours find_neighbours(std::size_t cell) const;
+  bool is_bridged(std::size_t cell, int side) const;
+  void collide_cell(std::size_t cell, const Shape&, const Vec3& centre, const Mat3& axes, float margin,
+                    surface::Field& three_by_three, std::vector<Contact>& out) const;
+  surface::Field make_local_grid() const;
+  void look_at(std::size_t cell, surface::Field& three_by_three) const;
+
+  const surface::Field& field_;
+  float origin_[2], size_, half_diagonal_;
+  int count_[2];
+  std::vector<std::int32_t> first_, order_;  // cells by bucket
+  std::vector<Neighbours> neighbours_;
+};
+
+}  // namespace smartsurf::world

@@ -1,0 +1,36 @@
+// Which contacts with the field hold a sphere: the deepest of each compass quadrant and the one straight
+// below, at most four. They wedge a sphere in a pocket from all sides, where the four deepest alone may all
+// stand on one side.
+#pragma once
+
+#include "smartsurf/world/Vec.h"
+
+namespace smartsurf::world {
+
+// Touch has a `normal` and a `gap`.
+template <class Touch>
+class SphereManifoldReducer {
+ public:
+  void add(const Touch& t) {
+    const bool below = t.normal.z() > 0.9999F;
+    const int slot = below ? 4 : (t.normal.x() >= 0 ? 1 : 0) + (t.normal.y() >= 0 ? 2 : 0);
+    if (!used_[slot] || t.separation < best_[slot].separation) best_[slot] = t, used_[slot] = true;
+  }
+  template <class Take>
+  void reduce(Take take) const {
+    int skip = -1;
+    if (used_[0] && used_[1] && used_[2] && used_[3] && used_[4]) {
+      skip = 0;
+      for (int i = 1; i < 5; ++i)
+        if (best_[i].separation > best_[skip].separation) skip = i;
+    }
+    for (int i = 0; i < 5; ++i)
+      if (used_[i] && i != skip) take(best_[i]);
+  }
+
+ private:
+  Touch best_[5];
+  bool used_[5] = {};
+};
+
+}  // namespace smartsurf::world

@@ -1,0 +1,30 @@
+// The signed distance from a point to a convex shape, in the shape's own axes, and the way out.
+#pragma once
+
+#include <limits>
+
+#include "smartsurf/world/narrowphase/Shape.h"
+
+namespace smartsurf::world {
+
+// One convex part of a shape: the shape itself, or a piece of a solid.
+struct ConvexPart {
+  const Shape& shape;
+  const ConvexHullShape* hull = nullptr;  // of a solid
+};
+
+template <class Work>
+void for_each_part(const Shape& shape, Work work) {
+  if (shape.hulls.empty()) return work(ConvexPart{shape, nullptr});
+  for (const ConvexHullShape& hull : shape.hulls) work(ConvexPart{shape, &hull});
+}
+
+struct SignedDistance {
+  Vec3 normal;     // unit
+  float distance;  // below 0 inside
+};
+// Of a point farther away than `limit` only that it is.
+SignedDistance signed_distance(const ConvexPart&, const Vec3& point,
+                               float limit = std::numeric_limits<float>::max());
+
+}  // namespace smartsurf::world

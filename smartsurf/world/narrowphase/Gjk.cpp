@@ -1,0 +1,231 @@
+#include "smartsurf/world/narrowphase/Gjk.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace smartsurf::world {
+namespace {
+
+using scene::ShapeKind;
+
+// The farthest point of a core in the shape's own axes.
+Vec3 local_support(const ConvexPart& piece, float inset, const Vec3& d) {
+  const Shape& s = piece.shape;
+  auto rim = [&d](float radius, float z) {
+    const float across = length_of(d.x(), d.y());
+    return across > 1e-12F ? Vec3(d.x() * radius / across, d.y() * radius / across, z) : Vec3(radius, 0, z);
+  };
+  switch (s.kind) {
+    case ShapeKind::kSphere:
+      return Vec3::Zero();
+    case ShapeKind::kBox:
+      return {std::copysign(s.half_extents.x() - inset, d.x()),
+              std::copysign(s.half_extents.y() - inset, d.y()),
+              std::copysign(s.half_extents.z() - inset, d.z())};
+    case ShapeKind::kCylinder:
+      return rim(s.radius - inset, std::copysign(s.high - inset, d.z()));
+    case ShapeKind::kCapsule:
+      return {0, 0, std::copysign(std::max(0.0F, s.high - s.radius), d.z())};
+    case ShapeKind::kCone: {
+      const float height = s.high - s.low, slant = length_of(height, s.radius);
+      const float nr = height / slant, nz = s.radius / slant;
+      const Vec3 tip(0, 0, s.high - inset / nz),
+          base = rim(s.radius - inset * (1.0F + nz) / nr, s.low + inset);
+      return d.dot(tip) > d.dot(base) ? tip : base;
+    }
+    case ShapeKind::kSolid:
+      break;
+  }
+  return piece.hull->inset_corners[piece.hull->inset_corner_blocks.argmax(d)];
+}
+
+struct Vertex {
+  Vec3 w{0, 0, 0}, a{0, 0, 0}, b{0, 0, 0};  // w = a − b
+  float weight = 0;
+};
+
+struct Simplex {
+  Vertex v[4];
+  int count = 0;
+
+  Vec3 nearest() const {
+    Vec3 p = Vec3::Zero();
+    for (int i = 0; i < count; ++i) p += v[i].weight * v[i].w;
+    return p;
+  }
+  void keep(int i, float weight) {
+    v[0] = v[i];
+    v[0].weight = weight;
+    count = 1;
+  }
+  // i < j.
+  void keep(int i, float weight_i, int j, float weight_j) {
+    v[0] = v[i];
+    v[1] = v[j];
+    v[0].weight = weight_i;
+    v[1].weight = weight_j;
+    count = 2;
+  }
+};
+
+void reduce_segment(Simplex& s) {
+  const Vec3 &a = s.v[0].w, ab = s.v[1].w - a;
+  const float t = -a.dot(ab), length = ab.squaredNorm();
+  if (t <= 0.0F) return s.keep(0, 1.0F);
+  if (!(t < length)) return s.keep(1, 1.0F);
+  s.v[1].weight = t / length;
+  s.v[0].weight = 1.0F - s.v[1].weight;
+}
+
+// Of a triangle that is hardly one: its nearest edge.
+void reduce_sliver(Simplex& s) {
+  Simplex best;
+  float nearest = std::numeric_limits<float>::max();
+  for (int i = 0; i < 3; ++i) {
+    Simplex edge;
+    edge.count = 2;
+    edge.v[0] = s.v[i];
+    edge.v[1] = s.v[(i + 1) % 3];
+    reduce_segment(edge);
+    if (const float square = edge.nearest().squaredNorm(); square < nearest) nearest = square, best = edge;
+  }
+  s = best;
+}
+
+// The region of a triangle nearest to the origin (Ericson 2005).
+void reduce_triangle(Simplex& s) {
+  const Vec3 &a = s.v[0].w, &b = s.v[1].w, &c = s.v[2].w;
+  const Vec3 ab = b - a, ac = c - a;
+  const float d1 = -ab.dot(a), d2 = -ac.dot(a), d3 = -ab.dot(b), d4 = -ac.dot(b), d5 = -ab.dot(c),
+              d6 = -ac.dot(c);
+  if (d1 <= 0 && d2 <= 0) return s.keep(0, 1.0F);
+  if (d3 >= 0 && d4 <= d3) return s.keep(1, 1.0F);
+  if (d6 >= 0 && d5 <= d6) return s.keep(2, 1.0F);
+  const float vc = d1 * d4 - d3 * d2, vb = d5 * d2 - d1 * d6, va = d3 * d6 - d5 * d4;
+  if (vc <= 0 && d1 >= 0 && d3 <= 0) return s.keep(0, 1 - d1 / (d1 - d3), 1, d1 / (d1 - d3));
+  if (vb <= 0 && d2 >= 0 && d6 <= 0) return s.keep(0, 1 - d2 / (d2 - d6), 2, d2 / (d2 - d6));
+  if (va <= 0 && d4 >= d3 && d5 >= d6) {
+    const float t = (d4 - d3) / ((d4 - d3) + (d5 - d6));
+    return s.keep(1, 1 - t, 2, t);
+  }
+  const float sum = va + vb + vc;
+  // Rounding may leave a sliver outside of every region: weights beyond [0, 1] would tell points far away.
+  if (!(va >= 0.0F && vb >= 0.0F && vc >= 0.0F && sum > 0.0F)) return reduce_sliver(s);
+  s.v[1].weight = vb / sum;
+  s.v[2].weight = vc / sum;
+  s.v[0].weight = va / sum;
+}
+
+// False when the origin is inside.
+bool reduce_tetrahedron(Simplex& s) {
+  static constexpr int kFaces[4][4] = {{0, 1, 2, 3}, {0, 2, 3, 1}, {0, 3, 1, 2}, {1, 3, 2, 0}};
+  Simplex best;
+  float nearest = std::numeric_limits<float>::max();
+  for (const auto& f : kFaces) {
+    const Vec3 &a = s.v[f[0]].w, &b = s.v[f[1]].w, &c = s.v[f[2]].w, &d = s.v[f[3]].w;
+    const Vec3 normal = (b - a).cross(c - a);
+    const float origin = -normal.dot(a), other = normal.dot(d - a);
+    if (origin * other > 0.0F) continue;  // on the inner side of this face
+    Simplex face;
+    face.count = 3;
+    for (int i = 0; i < 3; ++i) face.v[i] = s.v[f[i]];
+    reduce_triangle(face);
+    if (const float square = face.nearest().squaredNorm(); square < nearest) nearest = square, best = face;
+  }
+  if (best.count == 0) return false;
+  s = best;
+  return true;
+}
+
+bool reduce(Simplex& s) {
+  switch (s.count) {
+    case 1:
+      s.v[0].weight = 1.0F;
+      return true;
+    case 2:
+      reduce_segment(s);
+      return true;
+    case 3:
+      reduce_triangle(s);
+      return true;
+    default:
+      return reduce_tetrahedron(s);
+  }
+}
+
+}  // namespace
+
+Vec3 ConvexProxy::support(const Vec3& direction) const {
+  return centre + axes * local_support(part, convex_radius, axes.transpose() * direction);
+}
+
+namespace {
+
+Vertex make_vertex(const ConvexProxy& a, const ConvexProxy& b, const Vec3& towards_a) {
+  Vertex v;
+  v.a = a.support(-towards_a);
+  v.b = b.support(towards_a);
+  v.w = v.a - v.b;
+  return v;
+}
+
+Simplex restore_simplex(const ConvexProxy& a, const ConvexProxy& b, const SimplexCache& last) {
+  Simplex s;
+  for (s.count = 0; s.count < last.count; ++s.count) {
+    Vertex& v = s.v[s.count];
+    v.a = a.centre + a.axes * last.on_a[s.count];
+    v.b = b.centre + b.axes * last.on_b[s.count];
+    v.w = v.a - v.b;
+  }
+  return s;
+}
+
+void store_simplex(const ConvexProxy& a, const ConvexProxy& b, const Simplex& s, SimplexCache& out) {
+  out.count = s.count;
+  for (int i = 0; i < s.count; ++i) {
+    out.on_a[i] = a.axes.transpose() * (s.v[i].a - a.centre);
+    out.on_b[i] = b.axes.transpose() * (s.v[i].b - b.centre);
+  }
+}
+
+}  // namespace
+
+ClosestPoints closest_points(const ConvexProxy& a, const ConvexProxy& b, float limit, const Vec3& towards_a,
+                             SimplexCache* last) {
+  constexpr int kMostRounds = 20;
+  // Distances are told to a ten-thousandth, relative or of a unit.
+  constexpr float kOverlap = 1e-10F, kPrecision = 1e-4F;
+  const ClosestPoints overlap{Vec3::Zero(), Vec3::Zero(), Vec3(0, 0, 1), 0.0F, false};
+  Simplex s;
+  Vec3 nearest = towards_a;
+  if (last && last->count > 0) {
+    s = restore_simplex(a, b, *last);
+    reduce(s);
+    nearest = s.nearest();
+    last->count = 0;
+    if (nearest.squaredNorm() < kOverlap) return overlap;
+  }
+  if (nearest.squaredNorm() < kOverlap) nearest = Vec3(0, 0, 1);
+  for (int round = 0; round < kMostRounds; ++round) {
+    const Vertex v = make_vertex(a, b, nearest);
+    const float square = nearest.squaredNorm(), length = std::sqrt(square), along = nearest.dot(v.w);
+    if (along > limit * length) return {Vec3::Zero(), Vec3::Zero(), nearest / length, along / length, true};
+    // No vertex lies noticeably nearer to the origin than what is there.
+    if (s.count > 0 && square - along <= kPrecision * (square + length)) break;
+    s.v[s.count++] = v;
+    if (!reduce(s)) return overlap;
+    nearest = s.nearest();
+    if (nearest.squaredNorm() < kOverlap) return overlap;
+  }
+  if (last) store_simplex(a, b, s, *last);
+  ClosestPoints out{Vec3::Zero(), Vec3::Zero(), Vec3(0, 0, 1), nearest.norm(), true};
+  out.normal = nearest / out.distance;
+  for (int i = 0; i < s.count; ++i) {
+    out.on_a += s.v[i].weight * s.v[i].a;
+    out.on_b += s.v[i].weight * s.v[i].b;
+  }
+  return out;
+}
+
+}  // namespace smartsurf::world

@@ -1,0 +1,212 @@
+#include "smartsurf/world/narrowphase/Shape.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <mutex>
+
+namespace smartsurf::world {
+namespace {
+
+using scene::ShapeKind;
+
+// Draws each corner in so that all its faces move by `depth`: least squares where more than three meet.
+std::vector<Vec3> inset_hull(const scene::ConvexHull& piece, float depth) {
+  std::vector<Mat3> squares(piece.vertices.size(), Mat3::Identity() * 1e-4F);
+  std::vector<Vec3> sums(piece.vertices.size(), Vec3::Zero());
+  for (const auto& face : piece.faces)
+    for (std::uint32_t i = 0; i < face.vertex_count; ++i) {
+      const std::size_t corner = piece.face_vertices[face.first_vertex + i];
+      squares[corner] += face.normal * face.normal.transpose();
+      sums[corner] -= depth * face.normal;
+    }
+  std::vector<Vec3> core(piece.vertices);
+  for (std::size_t i = 0; i < core.size(); ++i) core[i] += squares[i].ldlt().solve(sums[i]);
+  return core;
+}
+
+float min_width(const scene::ConvexHull& piece) {
+  float least = std::numeric_limits<float>::max();
+  for (const auto& face : piece.faces) {
+    float deepest = 0.0F;
+    for (const Vec3& corner : piece.vertices)
+      deepest = std::max(deepest, face.offset - face.normal.dot(corner));
+    least = std::min(least, deepest);
+  }
+  return least;
+}
+
+// Each edge runs one way round one of its faces and the other way round the other.
+std::vector<ConvexHullShape::Edge> find_edges(const scene::ConvexHull& piece) {
+  std::map<std::pair<std::uint16_t, std::uint16_t>, std::uint16_t> face_along;
+  std::vector<ConvexHullShape::Edge> edges;
+  for (std::size_t f = 0; f < piece.faces.size(); ++f) {
+    const auto& face = piece.faces[f];
+    const auto* corners = &piece.face_vertices[face.first_vertex];
+    for (std::uint32_t i = 0; i < face.vertex_count; ++i) {
+      const std::uint16_t from = corners[i], to = corners[(i + 1) % face.vertex_count];
+      face_along[{from, to}] = static_cast<std::uint16_t>(f);
+      if (const auto other = face_along.find({to, from}); other != face_along.end())
+        edges.push_back({from, static_cast<std::uint16_t>(f), other->second});
+    }
+  }
+  return edges;
+}
+
+std::vector<ConvexHullShape> make_hulls(const scene::Solid& solid) {
+  std::vector<ConvexHullShape> hulls;
+  for (const auto& piece : solid.hulls) {
+    ConvexHullShape& hull = hulls.emplace_back();
+    hull.hull = &piece;
+    hull.width = min_width(piece);
+    hull.convex_radius = std::min(0.03F, 0.1F * hull.width);
+    hull.inset_corners = inset_hull(piece, hull.convex_radius);
+    hull.corner_blocks.assign(piece.vertices);
+    hull.inset_corner_blocks.assign(hull.inset_corners);
+    std::vector<Vec3> normals;
+    std::vector<float> offsets;
+    for (const auto& face : piece.faces) normals.push_back(face.normal), offsets.push_back(-face.offset);
+    hull.face_normals.assign(normals);
+    hull.face_planes.assign(normals, offsets);
+    hull.edges = find_edges(piece);
+  }
+  return hulls;
+}
+
+// The pieces of a solid, the same for as long as any body is made of it: thousands of bodies share a few
+// solids, and then the caches hold them.
+std::shared_ptr<const std::vector<ConvexHullShape>> find_or_make_hulls(const scene::Solid& solid) {
+  static std::mutex mutex;
+  static std::map<const scene::Solid*, std::weak_ptr<const std::vector<ConvexHullShape>>> known;
+  const std::lock_guard lock(mutex);
+  if (auto hulls = known[&solid].lock()) return hulls;
+  std::erase_if(known, [](const auto& entry) { return entry.second.expired(); });
+  auto hulls = std::make_shared<const std::vector<ConvexHullShape>>(make_hulls(solid));
+  known[&solid] = hulls;
+  return hulls;
+}
+
+void add_hulls(Shape& shape) {
+  shape.hull_list = find_or_make_hulls(*shape.solid);
+  shape.hulls = *shape.hull_list;
+  for (const ConvexHullShape& hull : shape.hulls)
+    shape.width = shape.hulls.size() == 1 ? hull.width : std::max(shape.width, hull.width);
+}
+
+}  // namespace
+
+void LinearFunctions::assign(const std::vector<Vec3>& n, const std::vector<float>& w) {
+  last_index_ = n.size() - 1;
+  blocks_.resize((n.size() + kBlock - 1) / kBlock);
+  for (std::size_t i = 0; i < kBlock * blocks_.size(); ++i) {
+    const std::size_t k = std::min(i, last_index_);
+    Block& b = blocks_[i / kBlock];
+    b.x[i % kBlock] = n[k].x(), b.y[i % kBlock] = n[k].y(), b.z[i % kBlock] = n[k].z();
+    b.w[i % kBlock] = w.empty() ? 0.0F : w[k];
+  }
+}
+
+// Without branches that nobody could foretell: the lowest bits of each value give way to its number, so that
+// the greatest tells both.
+std::size_t LinearFunctions::argmax(const Vec3& p) const {
+  constexpr std::size_t kGroup = 16;  // blocks, so that six bits give way at most
+  constexpr Int4 kLane = {0, 1, 2, 3};
+  std::size_t best = 0;
+  float most = -std::numeric_limits<float>::max();
+  for (std::size_t group = 0; group < blocks_.size(); group += kGroup) {
+    const std::size_t count = std::min(kGroup, blocks_.size() - group);
+    const std::int32_t bits = static_cast<std::int32_t>(kBlock * std::bit_ceil(count)) - 1;
+    Float4 farthest = {most, most, most, most};
+    for (std::size_t k = 0; k < count; ++k) {
+      const Float4 along = blocks_[group + k].evaluate(p);
+      const Int4 number = kLane + static_cast<std::int32_t>(kBlock * k);
+      const auto tagged = std::bit_cast<Float4>((std::bit_cast<Int4>(along) & ~bits) | number);
+      farthest = tagged > farthest ? tagged : farthest;
+    }
+    const float here = std::max(std::max(farthest[0], farthest[1]), std::max(farthest[2], farthest[3]));
+    if (!(here > most)) continue;
+    most = here;
+    best = kBlock * group + static_cast<std::size_t>(std::bit_cast<std::int32_t>(here) & bits);
+  }
+  return std::min(best, last_index_);
+}
+
+Shape make_shape(const scene::ObjectSpec& o) {
+  Shape s;
+  s.kind = o.shape;
+  s.radius = static_cast<float>(o.radius);
+  s.half_extents = o.half_extents().cast<float>();
+  s.high = s.half_extents.z();
+  s.low = -s.high;
+  s.width = 2.0F * s.half_extents.minCoeff();
+  s.convex_radius = std::min(0.03F, 0.1F * s.half_extents.minCoeff());
+  s.has_rolling_friction = o.shape != ShapeKind::kBox && o.shape != ShapeKind::kSolid;
+  const auto height = static_cast<float>(o.height);
+  switch (o.shape) {
+    case ShapeKind::kSphere:
+      s.bounding_radius = s.convex_radius = s.radius;
+      break;
+    case ShapeKind::kBox:
+      s.bounding_radius = s.half_extents.norm();
+      break;
+    case ShapeKind::kCylinder:
+      s.bounding_radius = std::hypot(s.radius, s.high);
+      break;
+    case ShapeKind::kCapsule:
+      s.bounding_radius = s.high;
+      s.convex_radius = s.radius;
+      break;
+    case ShapeKind::kCone:
+      s.low = -0.25F * height;
+      s.high = 0.75F * height;
+      s.bounding_radius = std::max(s.high, std::hypot(s.radius, s.low));
+      s.convex_radius = std::min(0.03F, 0.05F * std::min(s.radius, height));
+      break;
+    case ShapeKind::kSolid:
+      s.solid = o.solid;
+      s.bounding_radius = o.solid->bounding_radius;
+      add_hulls(s);
+      break;
+  }
+  return s;
+}
+
+float mass_of(const scene::ObjectSpec& o, const scene::Material& m) {
+  return o.fixed ? 0.0F : static_cast<float>(o.mass.value_or(m.density * o.volume()));
+}
+
+Mat3 inertia_of(const scene::ObjectSpec& o, float mass) {
+  const double r2 = o.radius * o.radius, h2 = o.height * o.height;
+  Eigen::Vector3d per_mass = Eigen::Vector3d::Constant(0.4 * r2);
+  switch (o.shape) {
+    case ShapeKind::kSphere:
+      break;
+    case ShapeKind::kBox: {
+      const Eigen::Vector3d s = o.size.cwiseAbs2();
+      per_mass = Eigen::Vector3d(s.y() + s.z(), s.x() + s.z(), s.x() + s.y()) / 12.0;
+      break;
+    }
+    case ShapeKind::kCylinder:
+      per_mass = {(3.0 * r2 + h2) / 12.0, (3.0 * r2 + h2) / 12.0, 0.5 * r2};
+      break;
+    case ShapeKind::kCapsule: {
+      // A cylinder of length l and two half balls, by volume.
+      const double l = std::max(0.0, o.height - 2.0 * o.radius), ball = 4.0 / 3.0 * o.radius;
+      const double tube = l / (l + ball), caps = ball / (l + ball);
+      const double across =
+          tube * (3.0 * r2 + l * l) / 12.0 + caps * (0.4 * r2 + 0.25 * l * l + 0.375 * l * o.radius);
+      per_mass = {across, across, tube * 0.5 * r2 + caps * 0.4 * r2};
+      break;
+    }
+    case ShapeKind::kCone:
+      per_mass = {0.15 * r2 + 0.0375 * h2, 0.15 * r2 + 0.0375 * h2, 0.3 * r2};
+      break;
+    case ShapeKind::kSolid:
+      return (o.solid->inertia * (static_cast<double>(mass) / o.solid->volume)).cast<float>();
+  }
+  return (per_mass * static_cast<double>(mass)).cast<float>().asDiagonal();
+}
+
+}  // namespace smartsurf::world
