@@ -4,58 +4,60 @@
 
 namespace apron::debugger {
 
-Breakpoints::Breakpoints(std::vector<Breakpoint> list, std::vector<program::Program> questions,
-                         const program::Program& program, const vm::Host& world)
-    : list_(std::move(list)), at_(program.code.size(), -1) {
-  std::size_t question = 0;
-  for (std::size_t n = 0; n < list_.size(); ++n) {
-    const Breakpoint& one = list_[n];
-    if (one.kind == Breakpoint::Kind::kCondition) {
-      assert(question < questions.size());
-      program::Program& asked = questions[question++];
-      if (one.on) watches_.push_back({n, Condition(std::move(asked), program, world)});
+Breakpoints::Breakpoints(std::vector<Breakpoint> breakpoints, std::vector<program::Program> conditions,
+                         const program::Program& program, const vm::Host& host)
+    : breakpoints_(std::move(breakpoints)), line_breakpoints_(program.code.size(), -1) {
+  std::size_t next_condition = 0;
+  for (std::size_t n = 0; n < breakpoints_.size(); ++n) {
+    const Breakpoint& breakpoint = breakpoints_[n];
+    if (breakpoint.kind == Breakpoint::Kind::kCondition) {
+      assert(next_condition < conditions.size());
+      program::Program& condition = conditions[next_condition++];
+      if (breakpoint.enabled) conditions_.push_back({n, Condition(std::move(condition), program, host)});
     }
-    if (!one.on || one.kind == Breakpoint::Kind::kTick) continue;
-    fine_grained_ = true;
-    if (one.kind != Breakpoint::Kind::kLine) continue;
-    for (std::size_t i = 0; i < at_.size(); ++i) {
+    if (!breakpoint.enabled || breakpoint.kind == Breakpoint::Kind::kTick) continue;
+    needs_single_steps_ = true;
+    if (breakpoint.kind != Breakpoint::Kind::kLine) continue;
+    for (std::size_t i = 0; i < line_breakpoints_.size(); ++i) {
       const std::uint32_t index = program.code[i].source_location;
       if (index >= program.source_locations.size()) continue;
       const program::SourceLocation& source = program.source_locations[index];
-      if (source.line == one.line && program.files[source.file] == one.file)
-        at_[i] = static_cast<std::int32_t>(n);
+      if (source.line == breakpoint.line && program.files[source.file] == breakpoint.file)
+        line_breakpoints_[i] = static_cast<std::int32_t>(n);
     }
   }
 }
 
-void Breakpoints::arm(const vm::Vm& vm) {
-  for (Watch& watch : watches_) watch.held = watch.condition.holds(vm);
+void Breakpoints::rearm_conditions(const vm::Vm& vm) {
+  for (ConditionBreakpoint& entry : conditions_) entry.was_true = entry.condition.evaluate(vm);
 }
 
-std::optional<std::size_t> Breakpoints::met(const vm::Vm& vm, std::size_t last) {
+std::optional<std::size_t> Breakpoints::hit_by_instruction(const vm::Vm& vm, std::size_t last) {
   const program::Program& program = vm.program();
   std::optional<std::size_t> found;
-  for (Watch& watch : watches_) {
-    if (!watch.condition.depends_on(program.code[last])) continue;
-    const bool holds = watch.condition.holds(vm);
-    if (holds && !watch.held) found = watch.number;
-    watch.held = holds;
+  for (ConditionBreakpoint& entry : conditions_) {
+    if (!entry.condition.depends_on(program.code[last])) continue;
+    const bool is_true = entry.condition.evaluate(vm);
+    if (is_true && !entry.was_true) found = entry.index;
+    entry.was_true = is_true;
   }
   if (found) return found;
   const std::size_t next = vm.program_counter();
-  if (next >= at_.size() || at_[next] < 0) return std::nullopt;
+  if (next >= line_breakpoints_.size() || line_breakpoints_[next] < 0) return std::nullopt;
   // A line has many instructions: it is met where another line, or another use of its macro, is left for it.
   const program::SourceLocation &here = program.source_locations[program.code[next].source_location],
                                 &before = program.source_locations[program.code[last].source_location];
-  const bool same =
+  const bool same_line =
       here.file == before.file && here.line == before.line && here.expansion == before.expansion;
-  if (same && next > last) return std::nullopt;
-  return static_cast<std::size_t>(at_[next]);
+  if (same_line && next > last) return std::nullopt;
+  return static_cast<std::size_t>(line_breakpoints_[next]);
 }
 
-std::optional<std::size_t> Breakpoints::met_tick(std::uint64_t ticks) const noexcept {
-  for (std::size_t n = 0; n < list_.size(); ++n)
-    if (list_[n].on && list_[n].kind == Breakpoint::Kind::kTick && list_[n].tick == ticks) return n;
+std::optional<std::size_t> Breakpoints::hit_by_tick(std::uint64_t ticks) const noexcept {
+  for (std::size_t n = 0; n < breakpoints_.size(); ++n)
+    if (breakpoints_[n].enabled && breakpoints_[n].kind == Breakpoint::Kind::kTick &&
+        breakpoints_[n].tick == ticks)
+      return n;
   return std::nullopt;
 }
 

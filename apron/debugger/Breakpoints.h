@@ -18,7 +18,7 @@ struct Breakpoint {
   std::uint32_t line = 0;  // from 1
   std::uint64_t tick = 0;  // stop when so many surface.step are complete
   std::string condition;   // as typed
-  bool on = true;
+  bool enabled = true;
 
   bool operator==(const Breakpoint&) const = default;
 };
@@ -29,29 +29,29 @@ class Breakpoints {
   Breakpoints() = default;
   // questions: of the conditions in their order, one each (see Condition). world must outlive this, program
   // too.
-  Breakpoints(std::vector<Breakpoint> list, std::vector<program::Program> questions,
-              const program::Program& program, const vm::Host& world);
+  Breakpoints(std::vector<Breakpoint> breakpoints, std::vector<program::Program> conditions,
+              const program::Program& program, const vm::Host& host);
 
   // Whether instructions must be run one at a time to meet them.
-  bool fine_grained() const noexcept { return fine_grained_; }
+  bool needs_single_steps() const noexcept { return needs_single_steps_; }
   // Of a condition that holds now, only its becoming true again counts.
-  void arm(const vm::Vm& vm);
+  void rearm_conditions(const vm::Vm& vm);
   // After the instruction `last` was run: the breakpoint that this met, if any.
-  std::optional<std::size_t> met(const vm::Vm& vm, std::size_t last);
+  std::optional<std::size_t> hit_by_instruction(const vm::Vm& vm, std::size_t last);
   // After a tick was completed: those of ticks.
-  std::optional<std::size_t> met_tick(std::uint64_t ticks) const noexcept;
+  std::optional<std::size_t> hit_by_tick(std::uint64_t ticks) const noexcept;
 
  private:
-  struct Watch {
-    std::size_t number = 0;
+  struct ConditionBreakpoint {
+    std::size_t index = 0;
     Condition condition;
-    bool held = false;
+    bool was_true = false;
   };
 
-  std::vector<Breakpoint> list_;
-  std::vector<std::int32_t> at_;  // by instruction: the breakpoint of its line, or -1
-  std::vector<Watch> watches_;
-  bool fine_grained_ = false;
+  std::vector<Breakpoint> breakpoints_;
+  std::vector<std::int32_t> line_breakpoints_;  // by instruction: the breakpoint of its line, or -1
+  std::vector<ConditionBreakpoint> conditions_;
+  bool needs_single_steps_ = false;
 };
 
 }  // namespace apron::debugger

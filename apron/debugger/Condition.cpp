@@ -9,9 +9,9 @@ using program::Opcode;
 using vm::HostStatus;
 
 // A question may look at the time and at nothing else outside the program.
-class Condition::World final : public vm::Host {
+class Condition::ReadOnlyHost final : public vm::Host {
  public:
-  explicit World(const vm::Host& real) : real_(real) {}
+  explicit ReadOnlyHost(const vm::Host& host) : host_(host) {}
 
   std::string message() const override { return "a condition asks registers and scalars only"; }
   void print(std::string_view) override {}
@@ -23,28 +23,29 @@ class Condition::World final : public vm::Host {
   HostStatus actuate(std::string_view, vm::ConstPlane) override { return HostStatus::kRefused; }
   HostStatus actuate(std::string_view, float) override { return HostStatus::kRefused; }
   HostStatus step() override { return HostStatus::kOk; }  // the end of one answer
-  std::optional<double> time_s() const override { return real_.time_s(); }
-  std::optional<double> dt_s() const override { return real_.dt_s(); }
-  std::optional<double> tick() const override { return real_.tick(); }
-  bool has(std::string_view channel) const override { return real_.has(channel); }
+  std::optional<double> time_s() const override { return host_.time_s(); }
+  std::optional<double> dt_s() const override { return host_.dt_s(); }
+  std::optional<double> tick() const override { return host_.tick(); }
+  bool has(std::string_view channel) const override { return host_.has(channel); }
 
  private:
-  const vm::Host& real_;
+  const vm::Host& host_;
 };
 
 namespace {
 
 template <class Named, class Pair>
-void pair_up(const std::vector<Named>& own, const std::vector<Named>& watched, std::vector<Pair>& pairs) {
-  for (std::size_t i = 0; i < own.size(); ++i)
-    for (std::size_t j = 0; j < watched.size(); ++j)
-      if (own[i].name == watched[j].name && own[i].name.front() != '$') {
+void match_by_name(const std::vector<Named>& condition, const std::vector<Named>& debuggee,
+                   std::vector<Pair>& pairs) {
+  for (std::size_t i = 0; i < condition.size(); ++i)
+    for (std::size_t j = 0; j < debuggee.size(); ++j)
+      if (condition[i].name == debuggee[j].name && condition[i].name.front() != '$') {
         pairs.push_back({j, i});
         break;
       }
 }
 
-vm::VmOptions one_thread() {
+vm::VmOptions condition_vm_options() {
   vm::VmOptions options;
   options.fusion.enabled = false;  // a handful of instructions
   return options;
@@ -52,15 +53,15 @@ vm::VmOptions one_thread() {
 
 }  // namespace
 
-Condition::Condition(program::Program question, const program::Program& watched, const vm::Host& world)
-    : world_(std::make_unique<World>(world)) {
-  pair_up(question.registers, watched.registers, registers_);
-  pair_up(question.variables, watched.variables, variables_);
-  const auto answer = std::find_if(question.variables.begin(), question.variables.end(),
-                                   [](const program::Variable& v) { return v.name == kAnswer; });
-  assert(answer != question.variables.end());
-  answer_ = static_cast<std::size_t>(answer - question.variables.begin());
-  vm_ = std::make_unique<vm::Vm>(std::move(question), one_thread(), *world_);
+Condition::Condition(program::Program condition, const program::Program& debuggee, const vm::Host& host)
+    : host_(std::make_unique<ReadOnlyHost>(host)) {
+  match_by_name(condition.registers, debuggee.registers, registers_);
+  match_by_name(condition.variables, debuggee.variables, variables_);
+  const auto result = std::find_if(condition.variables.begin(), condition.variables.end(),
+                                   [](const program::Variable& v) { return v.name == kResultVariable; });
+  assert(result != condition.variables.end());
+  result_ = static_cast<std::size_t>(result - condition.variables.begin());
+  vm_ = std::make_unique<vm::Vm>(std::move(condition), condition_vm_options(), *host_);
 }
 
 Condition::~Condition() = default;
@@ -68,9 +69,9 @@ Condition::Condition(Condition&&) noexcept = default;
 Condition& Condition::operator=(Condition&&) noexcept = default;
 
 bool Condition::depends_on(const program::Instruction& instruction) const noexcept {
-  const auto among = [&](const std::vector<Pair>& pairs) {
+  const auto among = [&](const std::vector<IndexPair>& pairs) {
     return std::any_of(pairs.begin(), pairs.end(),
-                       [&](const Pair& p) { return p.watched == instruction.destination.index; });
+                       [&](const IndexPair& p) { return p.debuggee == instruction.destination.index; });
   };
   switch (instruction.op) {
     case Opcode::kResSetReg:
@@ -84,13 +85,13 @@ bool Condition::depends_on(const program::Instruction& instruction) const noexce
   return instruction.destination.kind == program::OperandKind::kVariable && among(variables_);
 }
 
-bool Condition::holds(const vm::Vm& watched) {
-  for (const Pair& pair : registers_) {
-    const vm::Plane from = watched.plane(pair.watched), to = vm_->plane(pair.own);
+bool Condition::evaluate(const vm::Vm& debuggee) {
+  for (const IndexPair& pair : registers_) {
+    const vm::Plane from = debuggee.plane(pair.debuggee), to = vm_->plane(pair.condition);
     for (std::uint32_t y = 0; y < to.height; ++y) std::copy_n(from.row(y), to.width, to.row(y));
   }
-  for (const Pair& pair : variables_) vm_->variable(pair.own) = watched.variable(pair.watched);
-  return vm_->run() == vm::Status::kTick && vm_->variable(answer_) != 0.0F;
+  for (const IndexPair& pair : variables_) vm_->variable(pair.condition) = debuggee.variable(pair.debuggee);
+  return vm_->run() == vm::Status::kTick && vm_->variable(result_) != 0.0F;
 }
 
 }  // namespace apron::debugger

@@ -6,10 +6,10 @@ namespace apron::debugger {
 namespace {
 
 // A tick's end is no reason to stop for what looks for a line.
-bool can_go_on(vm::Status status) { return status == vm::Status::kRunning || status == vm::Status::kTick; }
+bool is_resumable(vm::Status status) { return status == vm::Status::kRunning || status == vm::Status::kTick; }
 
 template <class Named>
-std::optional<std::size_t> find(const std::vector<Named>& all, std::string_view name) {
+std::optional<std::size_t> find_by_name(const std::vector<Named>& all, std::string_view name) {
   for (std::size_t i = 0; i < all.size(); ++i)
     if (all[i].name == name) return i;
   return std::nullopt;
@@ -17,33 +17,33 @@ std::optional<std::size_t> find(const std::vector<Named>& all, std::string_view 
 
 }  // namespace
 
-vm::Status Debugger::count(vm::Status status) {
+vm::Status Debugger::count_tick(vm::Status status) {
   if (status == vm::Status::kTick) ++ticks_;
   return status;
 }
 
-vm::Status Debugger::step() {
-  const vm::Status status = count(vm_.run(1));
-  return can_go_on(status) ? vm::Status::kRunning : status;
+vm::Status Debugger::step_instruction() {
+  const vm::Status status = count_tick(vm_.run(1));
+  return is_resumable(status) ? vm::Status::kRunning : status;
 }
 
-vm::Status Debugger::run_one(Breakpoints& breakpoints) {
+vm::Status Debugger::run_instruction(Breakpoints& breakpoints) {
   const std::size_t last = vm_.program_counter();
-  const vm::Status status = count(vm_.run(1));
-  if (can_go_on(status)) hit_ = breakpoints.met(vm_, last);
-  if (status == vm::Status::kTick && !hit_) hit_ = breakpoints.met_tick(ticks_);
+  const vm::Status status = count_tick(vm_.run(1));
+  if (is_resumable(status)) hit_ = breakpoints.hit_by_instruction(vm_, last);
+  if (status == vm::Status::kTick && !hit_) hit_ = breakpoints.hit_by_tick(ticks_);
   return status;
 }
 
 vm::Status Debugger::run(Breakpoints& breakpoints) {
   hit_.reset();
   vm::Status status = vm::Status::kRunning;
-  if (!breakpoints.fine_grained()) {
-    status = count(vm_.run());
-    if (status == vm::Status::kTick) hit_ = breakpoints.met_tick(ticks_);
+  if (!breakpoints.needs_single_steps()) {
+    status = count_tick(vm_.run());
+    if (status == vm::Status::kTick) hit_ = breakpoints.hit_by_tick(ticks_);
     return status;
   }
-  while (status == vm::Status::kRunning && !hit_) status = run_one(breakpoints);
+  while (status == vm::Status::kRunning && !hit_) status = run_instruction(breakpoints);
   return status;
 }
 
@@ -56,69 +56,69 @@ vm::Status Debugger::step_group(const std::vector<std::uint32_t>& groups, Breakp
   const std::uint32_t start = group();
   vm::Status status = vm::Status::kRunning;
   while (status == vm::Status::kRunning && !hit_ && budget-- > 0) {
-    status = run_one(breakpoints);
+    status = run_instruction(breakpoints);
     if (group() != start) break;
   }
   return status;
 }
 
 vm::Status Debugger::step_line() {
-  const Place start = place();
-  vm::Status status = step();
-  while (status == vm::Status::kRunning && at(start.file, start.line)) status = step();
+  const SourcePosition start = position();
+  vm::Status status = step_instruction();
+  while (status == vm::Status::kRunning && is_at(start.file, start.line)) status = step_instruction();
   return status;
 }
 
 vm::Status Debugger::run_to_line(std::string_view file, std::uint32_t line, std::uint64_t budget) {
   vm::Status status = vm::Status::kRunning;
   while (status == vm::Status::kRunning && budget-- > 0) {
-    status = step();
-    if (at(file, line)) break;
+    status = step_instruction();
+    if (is_at(file, line)) break;
   }
   return status;
 }
 
 vm::Status Debugger::run_ticks(std::uint64_t ticks) {
   vm::Status status = vm::Status::kTick;
-  while (ticks-- > 0 && status == vm::Status::kTick) status = count(vm_.run());
+  while (ticks-- > 0 && status == vm::Status::kTick) status = count_tick(vm_.run());
   return status;
 }
 
-Place Debugger::place() const {
+SourcePosition Debugger::position() const {
   const program::Program& program = vm_.program();
-  Place place{vm_.program_counter(), {}, 0};
-  if (place.instruction >= program.code.size()) return place;
-  const std::uint32_t index = program.code[place.instruction].source_location;
-  if (index >= program.source_locations.size()) return place;
-  place.file = program.files[program.source_locations[index].file];
-  place.line = program.source_locations[index].line;
-  return place;
+  SourcePosition position{vm_.program_counter(), {}, 0};
+  if (position.instruction >= program.code.size()) return position;
+  const std::uint32_t index = program.code[position.instruction].source_location;
+  if (index >= program.source_locations.size()) return position;
+  position.file = program.files[program.source_locations[index].file];
+  position.line = program.source_locations[index].line;
+  return position;
 }
 
-bool Debugger::at(std::string_view file, std::uint32_t line) const {
-  const Place here = place();
+bool Debugger::is_at(std::string_view file, std::uint32_t line) const {
+  const SourcePosition here = position();
   return here.line == line && here.file == file;
 }
 
 std::optional<vm::Plane> Debugger::find_register(std::string_view name) const {
-  const auto index = find(vm_.program().registers, name);
+  const auto index = find_by_name(vm_.program().registers, name);
   return index ? std::optional(vm_.plane(*index)) : std::nullopt;
 }
 
 std::optional<float> Debugger::find_variable(std::string_view name) const {
-  const auto index = find(vm_.program().variables, name);
+  const auto index = find_by_name(vm_.program().variables, name);
   return index ? std::optional(vm_.variable(*index)) : std::nullopt;
 }
 
-std::string Debugger::text(const vm::Plane& plane) {
-  std::string all;
+std::string Debugger::format_plane(const vm::Plane& plane) {
+  std::string text;
   vm::NumberBuffer buffer;
   for (std::uint32_t y = 0; y < plane.height; ++y)
     for (std::uint32_t x = 0; x < plane.width; ++x) {
-      all += vm::format_number(plane.row(y)[x], buffer);
-      all += x + 1 < plane.width ? ' ' : '\n';
+      text += vm::format_number(plane.row(y)[x], buffer);
+      text += x + 1 < plane.width ? ' ' : '\n';
     }
-  return all;
+  return text;
 }
 
 }  // namespace apron::debugger

@@ -11,7 +11,7 @@
 
 namespace apron::debugger {
 
-struct Place {
+struct SourcePosition {
   std::size_t instruction = 0;  // the one to come
   std::string file;
   std::uint32_t line = 0;  // from 1; 0: the instruction has no place in a source
@@ -24,7 +24,7 @@ class Debugger {
   explicit Debugger(vm::Vm& vm) : vm_(vm) {}
 
   // One instruction.
-  vm::Status step();
+  vm::Status step_instruction();
   // Until the program comes to another source line.
   vm::Status step_line();
   // Until the program comes to the line (again, if it is there now), at most `budget` instructions.
@@ -42,23 +42,23 @@ class Debugger {
                         std::uint64_t budget = kUnlimited);
   // The breakpoint that ended the last call of these two, if one did.
   const std::optional<std::size_t>& hit() const noexcept { return hit_; }
-  void forget_hit() noexcept { hit_.reset(); }  // the list has changed
+  void clear_hit() noexcept { hit_.reset(); }  // the list has changed
   // surface.step completed by these two and by step().
   std::uint64_t ticks() const noexcept { return ticks_; }
 
-  Place place() const;
+  SourcePosition position() const;
   // By the name in the source; nothing if there is none of that name. The plane is live: it may be written.
   std::optional<vm::Plane> find_register(std::string_view name) const;
   std::optional<float> find_variable(std::string_view name) const;
   // One cell a number, rows divided by line ends, for a console.
-  static std::string text(const vm::Plane& plane);
+  static std::string format_plane(const vm::Plane& plane);
 
   static constexpr std::uint64_t kUnlimited = std::numeric_limits<std::uint64_t>::max();
 
  private:
-  bool at(std::string_view file, std::uint32_t line) const;
-  vm::Status run_one(Breakpoints& breakpoints);
-  vm::Status count(vm::Status status);
+  bool is_at(std::string_view file, std::uint32_t line) const;
+  vm::Status run_instruction(Breakpoints& breakpoints);
+  vm::Status count_tick(vm::Status status);
 
   vm::Vm& vm_;
   std::optional<std::size_t> hit_;

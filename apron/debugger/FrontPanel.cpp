@@ -14,7 +14,7 @@ void FrontPanel::append(std::string_view text) {
   for (const char c : text) {
     if (c == '\n' || state_.console.back().size() >= kMaxColumns) {
       state_.console.emplace_back();
-      ++state_.lines;
+      ++state_.total_lines;
       if (state_.console.size() > kMaxLines) state_.console.pop_front();
     }
     if (c != '\n') state_.console.back() += c;
@@ -48,34 +48,34 @@ void FrontPanel::label(std::string_view name, std::string_view text) {
   ++revision_;
 }
 
-Appearance& FrontPanel::of(std::string_view reg) {
+Appearance& FrontPanel::appearance_of(std::string_view reg) {
   const auto found = state_.appearances.find(reg);
   return found != state_.appearances.end() ? found->second : state_.appearances[std::string(reg)];
 }
 
 // Whether that is news: a program shows the same ones in every round.
-bool FrontPanel::shown(std::string_view reg, std::string_view title) {
-  Appearance& one = of(reg);
-  if (one.shown && one.title == title) return false;
-  if (!one.shown) state_.tiles.emplace_back(reg);
-  one.shown = true;
-  one.title = title;
+bool FrontPanel::mark_shown(std::string_view reg, std::string_view title) {
+  Appearance& appearance = appearance_of(reg);
+  if (appearance.shown && appearance.title == title) return false;
+  if (!appearance.shown) state_.tiles.emplace_back(reg);
+  appearance.shown = true;
+  appearance.title = title;
   ++revision_;
   return true;
 }
 
 void FrontPanel::show(std::string_view reg, std::string_view title) {
   const std::lock_guard lock(mutex_);
-  const bool news = shown(reg, title);
-  if (!news && of(reg).large) return;
-  of(reg).large = true;
-  state_.latest_shown = reg;
+  const bool changed = mark_shown(reg, title);
+  if (!changed && appearance_of(reg).enlarged) return;
+  appearance_of(reg).enlarged = true;
+  state_.last_shown = reg;
   ++revision_;
 }
 
 void FrontPanel::display(std::string_view reg, std::string_view title) {
   const std::lock_guard lock(mutex_);
-  shown(reg, title);
+  mark_shown(reg, title);
 }
 
 void FrontPanel::tile(int columns) {
@@ -88,13 +88,13 @@ void FrontPanel::tile(int columns) {
 
 void FrontPanel::set_palette(std::string_view reg, std::string_view name) {
   const std::lock_guard lock(mutex_);
-  of(reg).palette = program::find_palette(name).value_or(PaletteId::kGrey);
+  appearance_of(reg).palette = common::find_palette(name).value_or(common::Palette::kGrey);
   ++revision_;
 }
 
 void FrontPanel::set_scale(std::string_view reg, float low, float high) {
   const std::lock_guard lock(mutex_);
-  of(reg).range = Range{low, high};
+  appearance_of(reg).range = ValueRange{low, high};
   ++revision_;
 }
 
@@ -109,7 +109,7 @@ void FrontPanel::set_parameter(std::string_view name, float value) {
   parameters_.insert_or_assign(std::string(name), value);
 }
 
-bool FrontPanel::read(std::uint64_t& revision, State& state) const {
+bool FrontPanel::copy_if_changed(std::uint64_t& revision, State& state) const {
   const std::lock_guard lock(mutex_);
   if (revision == revision_) return false;
   revision = revision_;
@@ -121,7 +121,7 @@ void FrontPanel::clear_program() {
   const std::lock_guard lock(mutex_);
   state_.labels.clear();
   state_.appearances.clear();
-  state_.latest_shown.clear();
+  state_.last_shown.clear();
   state_.tiles.clear();
   state_.tiled = false;
   ++revision_;

@@ -11,17 +11,18 @@
 #include <string_view>
 #include <vector>
 
-#include "apron/debugger/Palette.h"
+#include "common/color/Palette.h"
+#include "apron/debugger/ColorMap.h"
 
 namespace apron::debugger {
 
 // How the program wants a register to be shown.
 struct Appearance {
-  bool shown = false;  // by sim.show or sim.display
-  bool large = false;  // by sim.show
+  bool shown = false;     // by sim.show or sim.display
+  bool enlarged = false;  // by sim.show
   std::string title;
-  std::optional<PaletteId> palette;
-  std::optional<Range> range;  // else found out from the cells
+  std::optional<common::Palette> palette;
+  std::optional<ValueRange> range;  // else found out from the cells
 };
 
 class FrontPanel {
@@ -30,11 +31,11 @@ class FrontPanel {
 
   struct State {
     std::deque<std::string> console = {
-        std::string()};       // whole lines, the oldest first, and last the one being written
-    std::uint64_t lines = 1;  // ever begun
+        std::string()};             // whole lines, the oldest first, and last the one being written
+    std::uint64_t total_lines = 1;  // ever begun
     std::vector<std::pair<std::string, std::string>> labels;     // name and text, in order of appearance
     std::map<std::string, Appearance, std::less<>> appearances;  // by register
-    std::string latest_shown;                                    // register
+    std::string last_shown;                                      // register
     std::vector<std::string> tiles;                              // registers, in order of appearance
     bool tiled = false;                                          // the tiles instead of one large register
     int tile_columns = 0;                                        // 0: as fits
@@ -55,14 +56,14 @@ class FrontPanel {
   // A line of its own, begun by "- ".
   void note(std::string_view text);
   // Copies what has changed since `revision`, which is then the present one; false if nothing has.
-  bool read(std::uint64_t& revision, State& state) const;
+  bool copy_if_changed(std::uint64_t& revision, State& state) const;
   // As before the program ran; sliders and console stay as they are.
   void clear_program();
 
  private:
   void append(std::string_view text);
-  Appearance& of(std::string_view reg);
-  bool shown(std::string_view reg, std::string_view title);
+  Appearance& appearance_of(std::string_view reg);
+  bool mark_shown(std::string_view reg, std::string_view title);
 
   mutable std::mutex mutex_;
   std::uint64_t revision_ = 1;

@@ -5,23 +5,23 @@
 namespace apron::debugger {
 namespace {
 
-float at(const vm::Plane& plane, std::int64_t x, std::int64_t y) {
+float value_or_nan(const vm::Plane& plane, std::int64_t x, std::int64_t y) {
   if (x < 0 || y < 0 || x >= plane.width || y >= plane.height) return std::numeric_limits<float>::quiet_NaN();
   return plane.row(static_cast<std::uint32_t>(y))[x];
 }
 
 }  // namespace
 
-std::vector<Around> around(const vm::Vm& vm, const Cell& cell) {
-  std::vector<Around> all(vm.program().registers.size());
+std::vector<Neighbourhood> read_neighbourhoods(const vm::Vm& vm, const Cell& cell) {
+  std::vector<Neighbourhood> all(vm.program().registers.size());
   for (std::size_t r = 0; r < all.size(); ++r)
     for (std::size_t i = 0; i < 9; ++i)
-      all[r][i] = at(vm.plane(r), std::int64_t{cell.x} + static_cast<std::int64_t>(i % 3) - 1,
-                     std::int64_t{cell.y} + static_cast<std::int64_t>(i / 3) - 1);
+      all[r][i] = value_or_nan(vm.plane(r), std::int64_t{cell.x} + static_cast<std::int64_t>(i % 3) - 1,
+                               std::int64_t{cell.y} + static_cast<std::int64_t>(i / 3) - 1);
   return all;
 }
 
-void Probe::watch(const Cell& cell) {
+void Probe::select_cell(const Cell& cell) {
   if (cell == cell_) return;
   cell_ = cell;
   records_.clear();
@@ -29,19 +29,20 @@ void Probe::watch(const Cell& cell) {
 }
 
 void Probe::record(const vm::Vm& vm, std::uint64_t tick) {
-  if (records_.size() < kTicks) {
+  if (records_.size() < kMaxRecords) {
     next_ = records_.size();
     records_.emplace_back();
   }
-  Record& one = records_[next_];
-  next_ = (next_ + 1) % kTicks;
-  one.tick = tick;
-  one.values.resize(vm.program().registers.size());
-  for (std::size_t r = 0; r < one.values.size(); ++r) one.values[r] = at(vm.plane(r), cell_.x, cell_.y);
+  Record& entry = records_[next_];
+  next_ = (next_ + 1) % kMaxRecords;
+  entry.tick = tick;
+  entry.values.resize(vm.program().registers.size());
+  for (std::size_t r = 0; r < entry.values.size(); ++r)
+    entry.values[r] = value_or_nan(vm.plane(r), cell_.x, cell_.y);
 }
 
 std::vector<Probe::Record> Probe::records() const {
-  if (records_.size() < kTicks) return records_;
+  if (records_.size() < kMaxRecords) return records_;
   std::vector<Record> all(records_.begin() + static_cast<std::ptrdiff_t>(next_), records_.end());
   all.insert(all.end(), records_.begin(), records_.begin() + static_cast<std::ptrdiff_t>(next_));
   return all;

@@ -10,7 +10,7 @@
 namespace apron::debugger {
 
 // Row by row from the north-west; [4] is the cell itself. NaN beyond the edge.
-using Around = std::array<float, 9>;
+using Neighbourhood = std::array<float, 9>;
 
 struct Cell {
   std::uint32_t x = 0, y = 0;  // column and row
@@ -19,12 +19,12 @@ struct Cell {
 };
 
 // By register, as the program numbers them.
-std::vector<Around> around(const vm::Vm& vm, const Cell& cell);
+std::vector<Neighbourhood> read_neighbourhoods(const vm::Vm& vm, const Cell& cell);
 
 // What the cell held at the end of each tick.
 class Probe {
  public:
-  static constexpr std::size_t kTicks = 128;
+  static constexpr std::size_t kMaxRecords = 128;
 
   struct Record {
     std::uint64_t tick = 0;
@@ -32,7 +32,7 @@ class Probe {
   };
 
   // Forgets what another cell held.
-  void watch(const Cell& cell);
+  void select_cell(const Cell& cell);
   const Cell& cell() const noexcept { return cell_; }
   void record(const vm::Vm& vm, std::uint64_t tick);
   void clear() { records_.clear(); }

@@ -6,25 +6,25 @@
 #include <cstdint>
 #include <vector>
 
-#include "apron/debugger/Palette.h"
+#include "apron/debugger/ColorMap.h"
 
 namespace apron::debugger {
 
-inline constexpr std::size_t kBins = 64;
+inline constexpr std::size_t kHistogramBins = 64;
 
 struct Statistics {
   float min = 0.0F, max = 0.0F;  // of the finite cells; 0 without any
   double mean = 0.0;
-  std::size_t finite = 0, others = 0, non_zero = 0;  // cells; `others` are infinite or not a number
+  std::size_t finite = 0, non_finite = 0, non_zero = 0;  // cells; `others` are infinite or not a number
   // Equal parts of [min, max]; without a difference all cells lie in the first.
-  std::array<std::uint32_t, kBins> histogram{};
+  std::array<std::uint32_t, kHistogramBins> histogram{};
 };
 
-Statistics statistics(const std::vector<float>& cells) noexcept;
+Statistics compute_statistics(const std::vector<float>& cells) noexcept;
 
 // The range in which a palette shows all of them: from 0 or the least to 0 or the largest; 0 to 1 if all are
 // 0.
-Range automatic_range(const Statistics&) noexcept;
-Range automatic_range(const std::vector<float>& cells) noexcept;
+ValueRange automatic_range(const Statistics&) noexcept;
+ValueRange automatic_range(const std::vector<float>& cells) noexcept;
 
 }  // namespace apron::debugger

@@ -94,7 +94,7 @@ bool equals_ignoring_case(std::string_view text, std::string_view lower) {
 
 }  // namespace
 
-std::string_view name(Palette palette) noexcept { return kNames[static_cast<std::size_t>(palette)].name; }
+std::string_view palette_name(Palette palette) noexcept { return kNames[static_cast<std::size_t>(palette)].name; }
 
 std::optional<Palette> find_palette(std::string_view name) noexcept {
   const auto found = std::find_if(kNames.begin(), kNames.end(), [&](const NamedPalette& candidate) {

@@ -22,12 +22,12 @@ enum class Palette : std::uint8_t {
   kPlasma,
   kDiverging,  // blue, white, red: for values of both signs
 };
-inline constexpr std::size_t kPalettes = 9;
+inline constexpr std::size_t kPaletteCount = 9;
 
-std::string_view name(Palette) noexcept;
+std::string_view palette_name(Palette) noexcept;
 // Case-insensitive; also by the names that other tools give to the same colours ('gray', 'jet', 'hot').
 std::optional<Palette> find_palette(std::string_view name) noexcept;
-// All names that find_palette() knows; the first kPalettes are the palettes' own.
+// All names that find_palette() knows; the first kPaletteCount are the palettes' own.
 std::vector<std::string> palette_names();
 
 using Rgb = std::array<float, 3>;  // sRGB, [0, 1] each

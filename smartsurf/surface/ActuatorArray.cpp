@@ -12,7 +12,7 @@
 namespace smartsurf::surface {
 namespace {
 
-constexpr double kCommandCost_ns = 0.4;  // of one cell
+constexpr double kCommandCost_ns = 0.4;  // per cell
 
 template <class Visit>
 void for_each_cell(std::span<const CellRun> runs, Visit visit) {
@@ -20,7 +20,7 @@ void for_each_cell(std::span<const CellRun> runs, Visit visit) {
     for (auto i = static_cast<std::size_t>(run.begin); i < static_cast<std::size_t>(run.end); ++i) visit(i);
 }
 
-// The cells for which `has(row, column)` holds, as runs.
+// Returns the cells for which has(row, column) is true, as runs.
 template <class Has>
 std::vector<CellRun> find_runs(const scene::SurfaceSpec& surface, Has has) {
   std::vector<CellRun> runs;
@@ -81,7 +81,7 @@ void ActuatorArray::init_geometry(const scene::SurfaceSpec& surface) {
   }
 }
 
-// Heights of the cells at rest, before any model moves them.
+// Sets the heights of the cells at rest, before any model moves them.
 void ActuatorArray::init_heights(const scene::SurfaceSpec& surface) {
   const auto cells = static_cast<std::size_t>(surface.cell_count());
   field_.height.assign(cells, kNoCellHeight);
@@ -126,6 +126,7 @@ void ActuatorArray::add_routes(const scene::SurfaceSpec& surface, const FaultMap
                          .maximum = static_cast<float>(model_channels[k].maximum),
                          .latency = static_cast<int>(model.spec.number("latency")),
                          .runs = model.runs};
+      // The current frame and one per period of latency.
       const int depth = route.latency + faults_->latency(channel) + 1;
       route.passthrough = depth == 1 && !faults_->has_faults(channel) &&
                           model_channels[k].minimum == it->minimum &&
@@ -156,7 +157,8 @@ void ActuatorArray::init_targets() {
   field_.max_height = static_max_height_;
 }
 
-std::uint64_t ActuatorArray::set_targets(int channel, std::span<const float> targets, int first_cell) noexcept {
+std::uint64_t ActuatorArray::set_targets(int channel, std::span<const float> targets,
+                                         int first_cell) noexcept {
   const int end_cell = first_cell + static_cast<int>(targets.size());
   assert(first_cell >= 0 && static_cast<std::size_t>(end_cell) <= field_.height.size());
   const scene::ActuatorChannel& info = channels_[static_cast<std::size_t>(channel)];
@@ -172,8 +174,8 @@ std::uint64_t ActuatorArray::set_targets(int channel, std::span<const float> tar
       const CellRun& run = first_run[r];
       const auto from = static_cast<std::size_t>(std::max(run.begin, first_cell));
       const auto to = static_cast<std::size_t>(std::min(run.end, end_cell));
-      count += clamp_commands(to - from, &targets[from - static_cast<std::size_t>(first_cell)], low, high, safe,
-                              &commands.values[from]);
+      count += clamp_commands(to - from, &targets[from - static_cast<std::size_t>(first_cell)], low, high,
+                              safe, &commands.values[from]);
     }
     replaced.fetch_add(count, std::memory_order_relaxed);
   };
@@ -190,7 +192,7 @@ void ActuatorArray::set_target(int channel, int row, int column, float target) n
   set_targets(channel, {&target, 1}, field_.index(row, column));
 }
 
-// What the route's cells make of the commands, into the newest frame.
+// Writes the effective commands of the route's cells to the newest frame.
 void ActuatorArray::apply_faults(CommandRoute& route) noexcept {
   const std::vector<float>& commands = commands_[static_cast<std::size_t>(route.channel)].values;
   std::vector<float>& frame = route.delay_line[route.head];

@@ -1,12 +1,13 @@
-// All actuators of the surface as one: commands by channel in, the field's motion and forces on the objects
-// out.
+// Drives all actuators of the surface: turns commands per channel into cell motion and forces on objects.
 //
-// A command goes through three hands: it is clamped to the channel's range and kept; the cell's faults and
-// delays make of it what the cell feels; its model follows that.
+// A command is clamped to the channel's range and stored, altered by the cell's faults and latency, and then
+// passed to the actuator model that owns the cell.
 //
-// Of every physics step: plan(), then forces() where exerts_forces(), then the physics against field(), then
-// commit(). The collision sees the cells at their old heights moving at their speed: detecting at the new
-// heights as well would count the motion twice.
+// One physics step: plan(), add_forces() if exerts_forces(), the physics step against field(), commit().
+// Collision detection sees the cells at their old heights, moving at `speed`; detecting at the new heights
+// would count the motion twice.
+//
+// Not thread-safe. Only the constructor and write_cell_motion() allocate.
 #pragma once
 
 #include <cstdint>
@@ -23,9 +24,9 @@ namespace smartsurf::surface {
 
 class ActuatorArray {
  public:
-  // All cells at rest at their channels' safe values, the border at its height. `seed` draws the faults.
-  // The pool, if any, shares the work on large surfaces, and lives as long as this.
-  // Throws scene::InputError for a fault map that does not fit, or an actuator of an unknown model.
+  // Starts with every cell at rest at its channels' safe values and the border at its fixed height. `seed`
+  // selects the faulty cells. `pool` may be null; otherwise it shares the work on large surfaces and must
+  // outlive this object. Throws scene::InputError for an invalid fault map or an unknown actuator model.
   explicit ActuatorArray(const scene::SurfaceSpec&, const FaultMap& = {}, std::uint64_t seed = 1,
                          common::ThreadPool* pool = nullptr);
   ~ActuatorArray();
@@ -34,47 +35,51 @@ class ActuatorArray {
   const Field& field() const noexcept { return field_; }
 
   std::span<const scene::ActuatorChannel> channels() const noexcept { return channels_; }
-  // What was commanded last: rows × columns, row-major, row 0 north, within the channel's range.
+  // The latest commands, clamped to the channel's range: rows × columns, row-major, row 0 north, in the
+  // channel's unit.
   std::span<const float> targets(int channel) const noexcept {
     return commands_[static_cast<std::size_t>(channel)].values;
   }
 
-  // Commands of the cells from `first_cell` on (row-major): the one place that clamps them to the channel's range
-  // and replaces a NaN by the channel's safe value. Cells without this channel keep theirs. Returns how many
-  // values were replaced.
+  // Sets the commands of the cells starting at `first_cell` (row-major). Clamps them to the channel's range
+  // and replaces NaN by the channel's safe value; returns the number of values changed that way. Cells
+  // without this channel keep their values. Precondition: first_cell + targets.size() ≤ number of cells.
   std::uint64_t set_targets(int channel, std::span<const float> targets, int first_cell = 0) noexcept;
   void set_target(int channel, int row, int column, float target) noexcept;
 
-  // Once a control period, before its first plan(): the commands are on their way from here.
+  // Call once per control period, before its first plan(): advances the delay lines of delayed commands.
   void begin_tick() noexcept;
 
+  // Writes the velocities of the coming step to the field.
   void plan(double dt_s) noexcept;
+  // Moves the cells by those velocities.
   void commit(double dt_s) noexcept;
 
   bool exerts_forces() const noexcept;
+  // Adds the forces of the coming step to the wrenches, one per body. catalogue[id] describes object `id`.
   void add_forces(double dt_s, const BodyView&, std::span<const scene::ObjectSpec> catalogue,
                   std::span<Wrench>) noexcept;
 
-  // rows × columns; empty where every cell is a pin.
+  // Writes the state of the cells' mechanisms for drawing: rows × columns, or empty if every cell is a pin.
   void write_cell_motion(std::vector<scene::ActuatorState>&) const;
 
  private:
   struct ChannelCommands {
     std::vector<float> values;
-    std::vector<CellRun> runs;  // cells that have the channel
-    bool dirty = false;         // changed since they were handed on
+    std::vector<CellRun> runs;  // cells that have the channel, ascending
+    bool dirty = false;         // changed since the last delivery to the models
   };
-  // The way of one channel's commands to one model.
+  // Carries one channel's commands to one model.
   struct CommandRoute {
     Actuator* model = nullptr;
     int model_channel = 0, channel = 0;
-    float minimum = 0.0F, maximum = 0.0F;  // of the model
+    float minimum = 0.0F, maximum = 0.0F;  // range of the model's channel
     int latency = 0;                       // of the model, control periods
     std::vector<CellRun> runs;
-    bool passthrough = true;                          // commands pass as they are
-    std::vector<std::vector<float>> delay_line = {};  // what the cells feel, the last few periods in a ring
-    std::size_t head = 0;
-    std::vector<float> delayed = {};  // each cell's own period of them; empty where nobody is late
+    bool passthrough = true;                          // no faults, latency or narrower range
+    std::vector<std::vector<float>> delay_line = {};  // ring of effective commands, one frame per period
+    std::size_t head = 0;                             // newest frame
+    std::vector<float> delayed = {};  // each cell's frame picked by its latency; empty without latency
   };
 
   void init_geometry(const scene::SurfaceSpec&);
@@ -86,9 +91,9 @@ class ActuatorArray {
 
   common::ThreadPool* pool_;
   Field field_;
-  float static_max_height_ = 0.0F;  // the highest top that no model moves
+  float static_max_height_ = 0.0F;  // highest cell top at rest
   std::vector<scene::ActuatorChannel> channels_;
-  std::vector<ChannelCommands> commands_;  // one a channel
+  std::vector<ChannelCommands> commands_;  // one per channel
   struct Model {
     scene::ActuatorSpec spec;
     std::vector<CellRun> runs;

@@ -17,7 +17,7 @@ std::vector<std::string> split_fields(std::string_view text) {
 
 }  // namespace
 
-std::string quoted(std::string_view text) {
+std::string quote(std::string_view text) {
   std::string printable(text.substr(0, 40));
   for (char& c : printable)
     if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
@@ -31,7 +31,7 @@ void CsvRow::refuse(const std::string& clause) const {
 int CsvRow::index(std::size_t column, const char* name, int count) const {
   const auto value = common::parse_csv_number<int>(fields_[column]);
   if (!value || *value < 0 || *value >= count)
-    refuse(std::string(name) + " = " + quoted(fields_[column]) + ": must be 0 to " +
+    refuse(std::string(name) + " = " + quote(fields_[column]) + ": must be 0 to " +
            std::to_string(count - 1));
   return *value;
 }
@@ -39,7 +39,7 @@ int CsvRow::index(std::size_t column, const char* name, int count) const {
 double CsvRow::number(std::size_t column, const char* name) const {
   const auto value = common::parse_csv_number<double>(fields_[column]);
   if (!value || !std::isfinite(*value))
-    refuse(std::string(name) + " = " + quoted(fields_[column]) + ": must be a finite number");
+    refuse(std::string(name) + " = " + quote(fields_[column]) + ": must be a finite number");
   return *value;
 }
 

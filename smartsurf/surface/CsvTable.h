@@ -1,5 +1,5 @@
-// A table of cells as CSV with a fixed header. Internal to the room: FaultMap and Calibration give it
-// meaning.
+// Reads tables of cells as CSV with a fixed header, for FaultMap and sensor calibrations. Private to
+// smartsurf/surface.
 #pragma once
 
 #include <string>
@@ -9,19 +9,19 @@
 
 namespace smartsurf::surface {
 
-// One line that is neither empty nor a comment (#) nor the header, cut at its commas, with blanks and quotes
-// removed.
+// One data row, split at its commas, with surrounding blanks and quotes removed.
 class CsvRow {
  public:
   CsvRow(std::vector<std::string> fields, std::string file, int line_number)
       : fields_(std::move(fields)), file_(std::move(file)), line_number_(line_number) {}
 
   const std::string& text(std::size_t column) const { return fields_[column]; }
-  // Each throws scene::InputError where the field is something else.
-  int index(std::size_t column, const char* name, int count) const;  // 0 to count - 1
-  double number(std::size_t column, const char* name) const;         // finite
-  int line_number() const { return line_number_; }                   // of the file, from 1
-  // Throws scene::InputError, "FILE:LINE: " and the clause.
+  // Parse an integer in [0, count), or a finite number. Throw scene::InputError, naming the field, if it is
+  // anything else.
+  int index(std::size_t column, const char* name, int count) const;
+  double number(std::size_t column, const char* name) const;
+  int line_number() const { return line_number_; }  // from 1
+  // Throws scene::InputError with the message "FILE:LINE: clause".
   [[noreturn]] void refuse(const std::string& clause) const;
 
  private:
@@ -30,11 +30,12 @@ class CsvRow {
   int line_number_;
 };
 
-// Text in quotes, fit for a message of one line.
-std::string quoted(std::string_view text);
+// Quotes the first 40 bytes for a one-line message; control characters become '?'.
+std::string quote(std::string_view text);
 
-// Throws scene::InputError where the first line is not the header or a line has another number of fields; the
-// last `optional` of them may be left out, and are then empty.
+// Returns the rows after the header, skipping empty lines and comments (#). The last `optional_columns`
+// fields of a row may be omitted and are then empty. Throws scene::InputError if the first line is not
+// `header` or a row has the wrong number of fields.
 std::vector<CsvRow> read_csv(const std::string& file, std::string_view text, std::string_view header,
                              std::size_t optional_columns = 0);
 

@@ -15,12 +15,12 @@ FaultMap::FaultMap(const scene::FaultMapFile& file, int rows, int columns) : nam
     if (row.text(3).empty()) row.refuse("fault: must not be empty");
     std::optional<double> value;
     if (!row.text(4).empty()) value = row.number(4, "value");
-    // A cell cannot be stuck and dead at once, nor stuck at two values.
+    // "stuck" and "dead" exclude each other, so they share one key.
     const std::string kind = row.text(3) == "dead" ? "stuck" : row.text(3);
     const auto [first, is_new] = seen.try_emplace({row.text(0), row.text(1), row.text(2), kind},
                                                   std::pair(row.line_number(), row.text(3)));
     if (!is_new)
-      row.refuse("fault " + quoted(row.text(3)) + ": the cell is " + first->second.second +
+      row.refuse("fault " + quote(row.text(3)) + ": the cell is " + first->second.second +
                  " already, by line " + std::to_string(first->second.first));
     entries_.push_back({row.index(0, "row", rows), row.index(1, "column", columns), row.text(2), row.text(3),
                         value, row.line_number()});
@@ -36,7 +36,7 @@ void FaultMap::require_channels(const std::vector<std::string>& known) const {
     if (entry.channel.empty() || std::ranges::find(known, entry.channel) != known.end()) continue;
     std::string near = scene::nearest_name(entry.channel, known), all;
     for (const std::string& name : known) all += (all.empty() ? "" : ", ") + name;
-    refuse(entry, "channel " + quoted(entry.channel) + ": no such channel" +
+    refuse(entry, "channel " + quote(entry.channel) + ": no such channel" +
                       (near.empty() ? "; known: " + all : " (did you mean '" + near + "'?)"));
   }
 }

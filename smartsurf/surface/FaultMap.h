@@ -1,11 +1,11 @@
-// A table of faults of single cells, measured or made up, as CSV (docs/actuators.md):
+// A table of faults of individual cells, read from CSV (docs/actuators.md):
 //
 //   row,column,channel,fault,value
 //   0,12,height,stuck,3.5
 //
-// Rows and columns count from 0, row 0 north. An empty channel means every channel of its cell; an empty
-// value means that the fault has none. Lines that are empty or begin with # are skipped. Actuators and
-// sensors read the same table, each the entries of its own channels.
+// Rows and columns count from 0, row 0 north, column 0 west. An empty channel applies to every channel of the
+// cell; `value` is empty for faults without one. Empty lines and lines starting with # are skipped. Actuators
+// and sensors share the table, each using the entries of its own channels.
 #pragma once
 
 #include <optional>
@@ -20,23 +20,23 @@ namespace smartsurf::surface {
 
 struct FaultEntry {
   int row = 0, column = 0;
-  std::string channel;  // "": every one
+  std::string channel;  // "": every channel
   std::string fault;
   std::optional<double> value;  // finite
-  int line = 0;                 // of the file, from 1
+  int line = 0;                 // in the file, from 1
 };
 
 class FaultMap {
  public:
   FaultMap() = default;  // no entries
-  // Throws scene::InputError "FILE:LINE: …" for anything that is not such a table of a surface of that size.
+  // Throws scene::InputError "FILE:LINE: …" unless the file is a valid table for a surface of this size.
   FaultMap(const scene::FaultMapFile&, int rows, int columns);
 
   std::span<const FaultEntry> entries() const noexcept { return entries_; }
 
-  // Throws scene::InputError unless every entry names one of these channels or none.
+  // Throws scene::InputError if an entry names a channel that is not in `known`.
   void require_channels(const std::vector<std::string>& known) const;
-  // Throws scene::InputError, "FILE:LINE: " and the clause.
+  // Throws scene::InputError with the message "FILE:LINE: clause".
   [[noreturn]] void refuse(const FaultEntry&, const std::string& clause) const;
 
  private:

@@ -1,8 +1,9 @@
-// The surface as the physics meets it during one step: flat arrays, one entry a cell, row-major, row 0 north.
+// The surface as the physics sees it during one step: flat arrays, one entry per cell, row-major, row 0
+// north.
 //
-// Actuator models write what the cells do, the physics reads it and writes back what the objects did to the
-// cells. One step is: the models plan it (height is the old one, speed and drag are those of the step to
-// come), the physics steps against that, the models commit their motion.
+// Actuator models write the motion of the cells; the physics reads it and writes back the impulses. In one
+// step the models plan (`height` is the old height, the velocities are those of the coming step), the physics
+// steps against the field, and the models commit their motion.
 #pragma once
 
 #include <Eigen/Core>
@@ -12,29 +13,30 @@
 
 namespace smartsurf::surface {
 
-// The height of a cell that is not there: nothing rests on it, nothing collides with it.
+// Height of a missing cell: nothing collides with it.
 inline constexpr float kNoCellHeight = -std::numeric_limits<float>::infinity();
 
 struct Field {
-  // ---- shape, constant through a run. The cell (r, c) stands at x = c·pitch, y = (rows − 1 − r)·pitch.
+  // ---- geometry, constant during a run. In a rectangular layout cell (r, c) is centred at x = c·pitch,
+  // y = (rows − 1 − r)·pitch.
   int rows = 0, columns = 0;
-  float pitch = 1.0F;
-  float half_top_x = 0.4F, half_top_y = 0.4F;  // half edges of a cell's rectangular top, u
-  // For every other layout: where each cell stands and how it is turned about z. Empty in a rectangular one.
+  float pitch = 1.0F;                          // u
+  float half_top_x = 0.4F, half_top_y = 0.4F;  // half extents of a cell's rectangular top, u
+  // Free layouts only: centre of each cell, u, and its rotation about z, rad. Empty in a rectangular layout.
   std::vector<float> x, y, angle;
 
-  // ---- what the cells do (written by the actuator models)
-  std::vector<float> height;  // z of the top, u; kNoCell where there is none
-  std::vector<float> speed;   // of the top, upward, u/s
-  // Velocity of the top's surface at its centre, u/s, and its turning about the vertical through the centre,
-  // rad/s: what drags along whatever lies on it. Empty where no actuator of the surface drags.
+  // ---- motion of the cells, written by the actuator models
+  std::vector<float> height;  // z of the top, u; kNoCellHeight for a missing cell
+  std::vector<float> speed;   // vertical velocity of the top, upward, u/s
+  // Tangential velocity of the top's surface at its centre, u/s, and its spin about the vertical axis through
+  // the centre, rad/s: friction transfers both to objects. Empty unless an actuator has a surface velocity.
   std::vector<float> surface_velocity_x, surface_velocity_y, surface_spin;
-  float max_height = 0.0F, max_speed = 0.0F;  // the highest top, and the greatest |speed|
-  // The greatest upward force that the cell can give, mass·u/s²; infinity: any. Under more it gives way: the
-  // physics then lowers its `speed` to that of what lies on it. Empty where no actuator has such a limit.
+  float max_height = 0.0F, max_speed = 0.0F;  // upper bounds of height, u, and |speed|, u/s
+  // Maximum upward force of the cell, mass·u/s²; infinity if unlimited. Under a greater load the cell yields:
+  // the physics lowers its `speed` to that of the load. Empty unless an actuator has a force limit.
   std::vector<float> force_limit;
 
-  // ---- what the objects do to the cells (written by the physics, each step anew)
+  // ---- loads on the cells, overwritten by the physics in every step
   std::vector<float> impulse;  // normal impulse on the cell, mass·u/s, ≥ 0
 
   int cells() const { return rows * columns; }

@@ -1,7 +1,7 @@
-// All sensors of the surface as one: snapshots in, readings by channel out.
+// Drives all sensors of the surface: turns snapshots into readings per channel.
 //
-// The truth that the models measure and the readings that their imperfections make of it are kept apart; a
-// sensor without imperfections has the two in one place.
+// The true values that the sensor models measure and the readings with errors are kept separately; a sensor
+// without errors stores them once. Not thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -18,22 +18,23 @@ namespace smartsurf::surface {
 
 class SensorArray {
  public:
-  // The sensors of the scene's surface. field: where the cells stand; kept by nobody. The world's seed draws
-  // all that is random. Throws scene::InputError for a sensor of an unknown model, a calibration or a map
-  // that does not fit.
+  // Creates the sensors of the scene's surface. `field` gives the cell geometry and is not retained. The
+  // world's seed determines all random errors. Throws scene::InputError for an unknown sensor model, or an
+  // invalid calibration or fault map.
   SensorArray(const scene::SceneSpec&, const Field& field, const FaultMap& = {});
   ~SensorArray();
 
-  // Takes in what the objects did to the cells in one physics step: rows × columns, mass·u/s. Costs nothing
-  // unless a sensor feels.
+  // Adds the normal impulses on the cells in one physics step: rows × columns, mass·u/s. Free unless a sensor
+  // needs impulses.
   void accumulate_impulses(std::span<const float> impulse) noexcept;
 
-  // At the end of every tick, in their order.
+  // Call at the end of every tick. Allocates only when objects are added.
   void sense(const scene::Snapshot&, std::span<const scene::ObjectSpec> catalogue, common::ThreadPool&);
 
-  // In the order of the sensors.
+  // Channels of all sensors, in the order of the sensors.
   std::span<const scene::SensorChannel> channels() const noexcept { return channels_; }
-  // components × rows × columns, each component a whole plane, row 0 north. The memory stays the same.
+  // components × rows × columns, one plane per component, row-major, row 0 north, in the channel's unit. The
+  // spans stay valid for the lifetime of the array.
   std::span<const float> readings(int channel) const noexcept;
   std::span<const float> truth(int channel) const noexcept;
 
@@ -41,7 +42,7 @@ class SensorArray {
   struct SensorInstance {
     std::unique_ptr<Sensor> sensor;
     SensorErrorModel error_model;
-    std::vector<std::span<const float>> truth;  // one a channel
+    std::vector<std::span<const float>> truth;  // one per channel
   };
   struct ChannelRef {
     std::size_t sensor;
@@ -51,10 +52,10 @@ class SensorArray {
   double period_s_;
   std::vector<SensorInstance> sensors_;
   std::vector<scene::SensorChannel> channels_;
-  std::vector<ChannelRef> channel_refs_;  // one a channel
+  std::vector<ChannelRef> channel_refs_;  // one per channel
   RayBodies bodies_;
-  std::vector<float> impulse_;  // since the last sense(); empty: nobody asks
-  std::uint64_t tick_ = 0;      // sensed so far
+  std::vector<float> impulse_;  // sum since the last sense(); empty if no sensor needs it
+  std::uint64_t tick_ = 0;      // number of sense() calls so far
 };
 
 }  // namespace smartsurf::surface

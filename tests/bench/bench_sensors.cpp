@@ -1,9 +1,11 @@
-// The sensors of a surface on the ladder of sizes, each model by itself, beside the plain way: every segment
-// tried with every object.
+// Benchmarks each sensor model on surfaces of increasing size, and the proximity sensor against brute force
+// (every ray against every object).
+//
 //   bench_sensors [--only "256x256 10000"] [--model proximity] [--repeats N] [--threads N] [--no-peer]
-//   [--json]
-// Prints medians in milliseconds of one sweep, and for proximity how many times longer the plain way takes
-// and by how much the two differ at most. --json: a JSON object a line.
+//                 [--json]
+//
+// Prints the median time of one sense() in milliseconds, and for proximity the slowdown and the maximum
+// difference of brute force. --json prints one JSON object per line.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -43,8 +45,8 @@ struct Scene {
   scene::Snapshot snapshot;
 };
 
-// Objects as they lie on the pins after settling: some 2 u over the wave, in as many layers as they need;
-// half of the mixed ones are no spheres, of all kinds in turn.
+// Places the objects as after settling: about 2 u above a wave, in as many layers as needed. In mixed
+// workloads, every other object is a box, cylinder, capsule or cone.
 Scene scene_of(const Workload& w) {
   Scene s;
   s.spec.surface.rows = s.spec.surface.columns = s.field.rows = s.field.columns = w.n;
@@ -89,7 +91,7 @@ double median(std::vector<double> v) {
   return v[v.size() / 2];
 }
 
-// Every object trembles, so that a sweep never finds what it found before.
+// Moves every object slightly, so that no two casts give the same result.
 void jitter_objects(Scene& s, int step) {
   for (std::size_t k = 0; k < s.snapshot.position.size(); ++k)
     s.snapshot.position[k][0] += ((k + static_cast<std::size_t>(step)) % 2 == 0) ? 0.05F : -0.05F;
@@ -128,7 +130,7 @@ double run_model(Scene& s, const Model& model, const Options& options, common::T
   return median(times);
 }
 
-// The plain way, for spheres and straight up.
+// Brute force for spheres and vertical rays.
 double brute_force_distance(const Scene& s, int cell, double range) {
   const double x = cell % s.field.columns, y = s.field.rows - 1 - cell / s.field.columns;
   const double z = s.snapshot.height[static_cast<std::size_t>(cell)];

@@ -1,8 +1,8 @@
-// One model of an actuator, for all cells of the surface that have it: targets in, motion of the cells and
-// forces on the objects out. docs/extending.md adds one.
+// Interface of an actuator model, which drives all cells of one kind: turns targets into cell motion and
+// forces on objects. docs/extending.md shows how to add one.
 //
-// Of every physics step: plan(), forces() where there are any, the physics, commit(). No call but the
-// constructor allocates or throws. A model reads and writes its own cells' entries of the field only.
+// One physics step: plan(), add_forces() if exerts_forces(), the physics step, commit(). Only the constructor
+// may allocate or throw. A model accesses the field entries of its own cells only.
 #pragma once
 
 #include <functional>
@@ -17,18 +17,18 @@
 
 namespace smartsurf::surface {
 
-// Neighbouring cells [begin, end) of one row.
+// Adjacent cells [begin, end) of one row, as row-major indices.
 struct CellRun {
   int begin = 0, end = 0;
 };
 
-// Where a model stands. The field has its shape, and its heights are those of the base, when a model is made.
+// What a model is constructed from. The field has its geometry, and its heights are the rest heights.
 struct ActuatorContext {
   const scene::SurfaceSpec& surface;
   const scene::ActuatorSpec& spec;
-  std::vector<CellRun> runs;  // the model's cells, ascending; none is of the border
+  std::vector<CellRun> runs;  // the model's cells, ascending; excludes a fixed border
   const Field& field;
-  common::ThreadPool* pool = nullptr;  // for work on many cells; null: the caller does all of it
+  common::ThreadPool* pool = nullptr;  // shares work on many cells; may be null
 };
 
 class Actuator {
@@ -38,40 +38,42 @@ class Actuator {
   Actuator& operator=(const Actuator&) = delete;
   virtual ~Actuator() = default;
 
-  // What the cells aim at from now on. targets: rows × columns, row-major, row 0 north; the model's own cells
-  // are within the channel's range, what the others hold means nothing. Channels count as in the kind's list.
+  // Sets the targets of the model's cells. targets: rows × columns, row-major, row 0 north, in the channel's
+  // unit; entries of the model's cells are within the channel's range, the others are undefined. `channel`
+  // indexes the kind's channel list.
   virtual void set_targets(int channel, std::span<const float> targets) noexcept = 0;
 
-  // Takes the cells to their targets at once, before the first step.
+  // Moves the cells to their targets at once, before the first step.
   virtual void snap_to_targets(Field&) noexcept = 0;
 
-  // Writes speed, drag and spin of the step to come, and raises max_height and max_speed to its own.
+  // Writes speed, surface velocity and spin for the coming step, and raises max_height and max_speed to at
+  // least those of the model's cells.
   virtual void plan(double dt_s, Field&) noexcept = 0;
-  // Moves the tops by that speed. A model whose tops stay where they are has nothing to do.
+  // Advances the heights by `speed`. Models with fixed tops do not override it.
   virtual void commit(double /*dt_s*/, Field&) noexcept {}
 
-  // Whether any cell drags what lies on it: then the field has drag and spin.
+  // Whether any cell has a surface velocity. If so, the field has surface_velocity_x, _y and surface_spin.
   virtual bool has_surface_velocity() const noexcept { return false; }
 
-  // Whether its cells bear a limited force: then the field has force_limit, which plan() writes.
+  // Whether the cells have a force limit. If so, the field has force_limit, which plan() writes.
   virtual bool has_force_limit() const noexcept { return false; }
 
-  // Adds the forces of the step to come. catalogue[id] describes the object `id`; one wrench a body.
   virtual bool exerts_forces() const noexcept { return false; }
+  // Adds the forces of the coming step to the wrenches, one per body. catalogue[id] describes object `id`.
   virtual void add_forces(double /*dt_s*/, const Field&, const BodyView&,
                           std::span<const scene::ObjectSpec> /*catalogue*/, std::span<Wrench>) noexcept {}
 
-  // For the eye: what its cells look like now. rows × columns; see scene::CellMotion.
+  // Writes the state of the model's cells for drawing. rows × columns; see scene::ActuatorState.
   virtual void write_cell_motion(std::span<scene::ActuatorState>) const noexcept {}
 };
 
 using ActuatorFactory = std::function<std::unique_ptr<Actuator>(const ActuatorContext&)>;
 
-// Makes the model known to scripts, to the protocol and to every surface made from now on, under the kind's
-// name; one of that name is replaced. Before any experiment is loaded; not thread-safe.
+// Registers the model under the kind's name for scripts, the protocol and all surfaces created later;
+// replaces a model of the same name. Call before any experiment is loaded; not thread-safe.
 void register_actuator(scene::ActuatorKind kind, ActuatorFactory make);
 
-// The model of place.spec. Throws scene::InputError where there is none of that name.
+// Creates the model that context.spec names. Throws scene::InputError if no such model is registered.
 std::unique_ptr<Actuator> make_actuator(const ActuatorContext& context);
 
 }  // namespace smartsurf::surface

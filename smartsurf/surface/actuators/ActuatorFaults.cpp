@@ -8,8 +8,7 @@ namespace {
 
 const std::vector<std::string> kFaultNames{"stuck", "dead", "weak", "late"};
 
-// One step of SplitMix64: a hash of a counter, so that a cell's luck does not depend on how many others there
-// are.
+// One step of SplitMix64, used as a hash of a counter: a cell's draw does not depend on the number of cells.
 std::uint64_t splitmix64(std::uint64_t value) {
   value += 0x9e3779b97f4a7c15ULL;
   value = (value ^ (value >> 30)) * 0xbf58476d1ce4e5b9ULL;
@@ -49,7 +48,7 @@ void ActuatorFaults::set_cell(ChannelFaults& channel, std::size_t cell, float ga
   channel.offset[cell] = offset;
 }
 
-// Cells in the order of their luck: the first are stuck, the next dead, the next weak.
+// Sorts the cells by hash; the first are stuck, the next dead, the next weak.
 void ActuatorFaults::draw_faults(const scene::ActuatorFaultSpec& spec, std::span<const int> actuated_cells,
                                  std::uint64_t seed) {
   std::vector<int> order(actuated_cells.begin(), actuated_cells.end());

@@ -1,7 +1,10 @@
-// What faults make of commands: of a stuck, a dead, a weak and a late cell.
+// Applies the faults of single cells to commands.
 //
-//   value felt = gain·command + offset: stuck 0·c + value, dead 0·c + safe, weak g·c + (1 − g)·safe; late: an
-//   older command
+// effective command = gain·command + offset:
+//   stuck  0·c + value
+//   dead   0·c + safe
+//   weak   g·c + (1 − g)·safe
+//   late   an older command
 #pragma once
 
 #include <cstdint>
@@ -15,21 +18,22 @@ namespace smartsurf::surface {
 
 class ActuatorFaults {
  public:
-  // acting: the cells that have an actuator, ascending; of these the fractions are taken. The same seed hits
-  // the same cells, and a greater fraction hits them and others. Throws scene::InputError for an entry of the
-  // map that is no fault of an actuator.
+  // actuated_cells: the cells that have an actuator, ascending; the fractions of the spec refer to these. The
+  // same seed selects the same cells, and a larger fraction selects a superset. Throws scene::InputError for
+  // a map entry that is not an actuator fault.
   ActuatorFaults(const scene::SurfaceSpec&, std::span<const scene::ActuatorChannel> channels,
                  std::span<const int> actuated_cells, const FaultMap&, std::uint64_t seed);
 
   bool has_faults(int channel) const noexcept {
     return !channels_[static_cast<std::size_t>(channel)].gain.empty();
   }
-  // Control periods by which any cell of the channel is late, at most; and one cell.
+  // Latency in control periods: the maximum over the channel's cells, and of one cell.
   int latency(int channel) const noexcept { return channels_[static_cast<std::size_t>(channel)].max_latency; }
   int latency(int channel, std::size_t cell) const noexcept {
     const auto& latencies = channels_[static_cast<std::size_t>(channel)].latency;
     return latencies.empty() ? common_latency_ : latencies[cell];
   }
+  // Precondition: has_faults(channel).
   float effective_command(int channel, std::size_t cell, float command) const noexcept {
     const ChannelFaults& c = channels_[static_cast<std::size_t>(channel)];
     return c.gain[cell] * command + c.offset[cell];
@@ -38,8 +42,8 @@ class ActuatorFaults {
  private:
   struct ChannelFaults {
     scene::ActuatorChannel info;
-    std::vector<float> gain, offset;     // rows × columns; empty: no faults
-    std::vector<std::uint16_t> latency;  // rows × columns; empty: all by the common latency
+    std::vector<float> gain, offset;     // rows × columns; empty without faults
+    std::vector<std::uint16_t> latency;  // rows × columns, control periods; empty: common_latency_ for all
     int max_latency = 0;
   };
   void draw_faults(const scene::ActuatorFaultSpec&, std::span<const int> actuated_cells, std::uint64_t seed);

@@ -57,7 +57,7 @@ void AirJets::add_forces(double dt_s, const Field& field, const BodyView& bodies
                             sum.torque += point.cross(k * relative);
                             drag_slope += k;
                           });
-    // The body goes with the air, not past it, however light it is: the step is taken implicitly.
+    // Implicit step: even a light body is never accelerated beyond the speed of the air.
     const float implicit_factor = 1.0F / (1.0F + drag_slope * static_cast<float>(dt_s) / bodies.mass[b]);
     wrenches[b].force += implicit_factor * sum.force;
     wrenches[b].torque += implicit_factor * sum.torque;

@@ -1,8 +1,8 @@
-// Jets of air that carry and push what covers their nozzles, without touching it.
+// Air jets that lift and push the objects covering their nozzles.
 //
-// The air leaves the nozzle at the speed `flow` along the jet's direction and is at the gap g slower by 1/(1
-// + g/decay). Each covered cell adds the drag ½·density·drag·area·|u − v|·(u − v), with v the velocity of the
-// underside there.
+// Air leaves the nozzle at speed `flow` along the jet direction and decays with the gap g to
+// u = flow/(1 + g/decay). Each covered cell adds the drag ½·density·drag·area·|u − v|·(u − v), where v is the
+// velocity of the underside at that point.
 #pragma once
 
 #include <memory>
@@ -26,7 +26,7 @@ class AirJets final : public Actuator {
   void write_cell_motion(std::span<scene::ActuatorState>) const noexcept override;
 
  private:
-  Eigen::Vector3f jet_direction(int cell, const Field&) const noexcept;  // unit, where the air goes
+  Eigen::Vector3f jet_direction(int cell, const Field&) const noexcept;  // unit vector, world frame
 
   float drag_factor_;  // ½·density·drag·area
   float decay_, reach_, tilt_, max_flow_;

@@ -1,4 +1,4 @@
-// How actuators that act at a distance reach the objects: what they see of them, and what they do to them.
+// The interface between objects and actuators that act at a distance: body states in, wrenches out.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -9,21 +9,21 @@
 
 namespace smartsurf::surface {
 
-// The objects that are alive, ascending by id, at the beginning of a physics step. All spans have one entry
-// an object; the physics owns them, and they are valid until its next step.
+// Live objects at the beginning of a physics step, ascending by id, one entry per object in each span. The
+// physics owns the memory; the spans are valid until its next step.
 struct BodyView {
   std::span<const scene::ObjectId> id;
   std::span<const Eigen::Vector3f> position;          // centre of mass, u
   std::span<const Eigen::Quaternionf> orientation;    // unit
   std::span<const Eigen::Vector3f> velocity;          // u/s
   std::span<const Eigen::Vector3f> angular_velocity;  // rad/s, world frame
-  std::span<const float> mass;                        // 0: never moves
+  std::span<const float> mass;                        // 0 for an immovable object
 
   std::size_t size() const { return id.size(); }
 };
 
-// What acts on one object during the next step, about its centre of mass, in the world frame. Actuators add
-// to it; the physics sets it to zero after the step.
+// Force and torque on one object during the next step, about its centre of mass, in the world frame.
+// Actuators add to it; the physics resets it after the step.
 struct Wrench {
   Eigen::Vector3f force{0.0F, 0.0F, 0.0F};   // mass·u/s²
   Eigen::Vector3f torque{0.0F, 0.0F, 0.0F};  // mass·u²/s²

@@ -20,7 +20,7 @@ CellFinder::CellFinder(const ActuatorContext& context) : bucket_size_(std::max(c
     low_x_ = low_y_ = 0.0F;
     return;
   }
-  // Cells far apart must not cost a bucket for every pitch between them.
+  // Bounds the number of buckets when the cells are far apart.
   bucket_size_ = std::max({bucket_size_, (high_x - low_x_) / 4096.0F, (high_y - low_y_) / 4096.0F});
   columns_ = static_cast<int>((high_x - low_x_) / bucket_size_) + 1;
   rows_ = static_cast<int>((high_y - low_y_) / bucket_size_) + 1;
@@ -28,6 +28,7 @@ CellFinder::CellFinder(const ActuatorContext& context) : bucket_size_(std::max(c
     return static_cast<std::size_t>(static_cast<int>((c.y - low_y_) / bucket_size_) * columns_ +
                                     static_cast<int>((c.x - low_x_) / bucket_size_));
   };
+  // Counting sort of the cells into buckets.
   bucket_begin_.assign(static_cast<std::size_t>(rows_) * static_cast<std::size_t>(columns_) + 1, 0);
   for (const CellCentre& c : centres) ++bucket_begin_[bucket_of(c) + 1];
   for (std::size_t b = 1; b < bucket_begin_.size(); ++b) bucket_begin_[b] += bucket_begin_[b - 1];

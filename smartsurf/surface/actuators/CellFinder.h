@@ -1,4 +1,4 @@
-// Finds the cells of one model near a place, whatever the layout, by buckets as wide as the pitch.
+// Finds the cells of one model near a point, in any layout, with a grid of buckets one pitch wide.
 #pragma once
 
 #include <algorithm>
@@ -14,8 +14,8 @@ class CellFinder {
  public:
   explicit CellFinder(const ActuatorContext&);
 
-  // Calls visit(cell, x, y) for every cell of the model whose centre lies in the square of `reach` about (x,
-  // y), in an order that does not depend on the caller.
+  // Calls visit(cell, x, y) for every cell of the model whose centre (x, y) lies within `radius` of the given
+  // point along both axes. The order depends on the layout only.
   template <class Visit>
   void for_each_near(float x, float y, float radius, Visit visit) const {
     const int row_begin = first_bucket(y - radius, low_y_, rows_),
@@ -48,10 +48,10 @@ class CellFinder {
                                1);
   }
 
-  float bucket_size_, low_x_ = 0.0F, low_y_ = 0.0F;  // of a bucket; of the first one's corner
-  int rows_ = 0, columns_ = 0;
-  std::vector<std::uint32_t> bucket_begin_;  // of each bucket in cells_, and one more
-  std::vector<CellCentre> cells_;            // by bucket, then ascending
+  float bucket_size_, low_x_ = 0.0F, low_y_ = 0.0F;  // edge of a bucket; corner of the first bucket, u
+  int rows_ = 0, columns_ = 0;                       // of buckets
+  std::vector<std::uint32_t> bucket_begin_;          // buckets + 1: each bucket's first index in cells_
+  std::vector<CellCentre> cells_;                    // by bucket, then ascending
 };
 
 }  // namespace smartsurf::surface

@@ -40,7 +40,7 @@ float ForceFields::falloff_weight(float gap) const noexcept {
     case Falloff::kFlat:
       return 1.0F;
     case Falloff::kGaussian:
-      return std::exp(-4.5F * gap_ratio * gap_ratio);  // the reach is three standard deviations
+      return std::exp(-4.5F * gap_ratio * gap_ratio);  // reach = 3 standard deviations
   }
   return 0.0F;
 }

@@ -1,8 +1,7 @@
-// Cells that push what covers them with a force of three components: a programmable force field, whatever
-// makes it.
+// A programmable force field: every cell exerts a three-component force on the objects that cover it.
 //
-// Each covered cell adds F·w(g) at the point of the underside above its centre, g being the gap: so an object
-// feels the sum over the area that it covers, and the torque of a field that differs from place to place.
+// Each covered cell applies F·w(g) at the point of the underside above its centre, where g is the gap. An
+// object receives the sum over its footprint, and a torque if the field is not uniform.
 #pragma once
 
 #include "smartsurf/surface/actuators/Actuator.h"

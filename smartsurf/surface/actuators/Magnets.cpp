@@ -7,7 +7,7 @@ namespace {
 
 using Eigen::Vector3f;
 
-// Nearer than this to a coil's centre nothing can be, u; the laws have no limit there.
+// Objects closer than this to a coil's centre are ignored, u: the field is singular there.
 constexpr float kMinDistance = 0.05F;
 
 }  // namespace

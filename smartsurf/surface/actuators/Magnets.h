@@ -1,9 +1,10 @@
-// Electromagnets that attract and repel objects with a pole or a moment, and leave the others alone.
+// Electromagnets that act on objects with a magnetic pole or moment.
 //
-// A coil of current I stands `depth` below its cell's top. With r from there to the object and k its
-// strength:
-//   law dipole   B = k·I·(3(ẑ·r̂)r̂ − ẑ)/r³         law pole   B = k·I·r̂/r²
-// A pole q feels q·B, a moment m the force ∇(m·B) and the torque m × B.
+// A coil of current I is centred `depth` below its cell's top. With r the vector from there to the object and
+// k the coil's strength:
+//   law dipole   B = k·I·(3(ẑ·r̂)r̂ − ẑ)/r³
+//   law pole     B = k·I·r̂/r²
+// A pole q experiences the force q·B; a moment m the force ∇(m·B) and the torque m × B.
 #pragma once
 
 #include "smartsurf/surface/actuators/Actuator.h"

@@ -1,4 +1,4 @@
-// The law by which cells move to a target height or angle.
+// The motion profile by which cells approach a target height or angle.
 #pragma once
 
 #include <algorithm>
@@ -6,19 +6,19 @@
 
 namespace smartsurf::surface {
 
-// The fastest speed, within a limit and an acceleration, from which a mover still stops exactly on its
-// target.
+// Computes the highest speed, within limits of speed and acceleration, from which a cell can still stop
+// exactly on its target.
 //
-// A mover that brakes by s = a·dt every step from k·s + f (f < s) covers ((k+1)·f + s·k·(k+1)/2)·dt before it
-// rests. Solved for the distance left, that is the speed of the step to come. PinKernels has the same law in
-// lanes.
+// A cell that brakes by s = a·dt per step from the speed k·s + f, 0 ≤ f < s, covers
+// ((k + 1)·f + s·k·(k + 1)/2)·dt until it stops. Solving this for the remaining distance gives the speed of
+// the coming step. PinKernels holds a vectorised copy that must stay bit-identical.
 class MotionProfile {
  public:
   struct Constants {
-    float speed_step, inverse_speed_step;  // of the speed: the acceleration over one time step
+    float speed_step, inverse_speed_step;  // max_acceleration·dt, u/s, and its inverse
     float inverse_dt;
-    float max_speed;  // of the speed
-    float max_units;  // beyond so many steps of way the limit binds; it keeps k small
+    float max_speed;
+    float max_units;  // cap of distance/(speed_step·dt): max_speed binds beyond it; keeps k small
   };
 
   MotionProfile(float max_speed, float max_acceleration, float dt_s)
@@ -29,9 +29,9 @@ class MotionProfile {
 
   const Constants& constants() const { return c_; }
 
+  // Returns the speed of the coming step. distance: target − position; speed: of the last step.
   float operator()(float distance, float speed) const {
-    const float arrival_speed =
-        std::abs(distance) * c_.inverse_dt;  // speed that would arrive in this very step
+    const float arrival_speed = std::abs(distance) * c_.inverse_dt;  // arrives within this step
     const float units = arrival_speed * c_.inverse_speed_step < c_.max_units
                             ? arrival_speed * c_.inverse_speed_step
                             : c_.max_units;
@@ -45,8 +45,8 @@ class MotionProfile {
     return at_least_low < high ? at_least_low : high;
   }
 
-  // Where a mover is after a step at that speed. Rounding must not leave it an ulp beside its target for
-  // ever.
+  // Returns the position after a step at that speed. Snaps to a target within rounding error, which the cell
+  // might otherwise never reach.
   static float advance(float position, float speed, float target, float dt_s) {
     const float next = position + speed * dt_s;
     const float magnitude = std::abs(next), scale = magnitude > 1.0F ? magnitude : 1.0F;

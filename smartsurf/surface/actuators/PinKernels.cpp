@@ -18,8 +18,9 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 constexpr std::size_t kMaxLanes = 16;
 
-// Calls step(d, i, done) for vectors of pins from i on, together [0, n). The last one may reach back over
-// pins that are done, which keep what they have; few pins come one by one.
+// Calls step(d, i, done) for vectors of pins starting at i that together cover [0, n). The last vector may
+// overlap pins already processed, marked in `done`, which must keep their values. Fewer pins than lanes are
+// processed one by one.
 template <class Step>
 HWY_INLINE void for_each_vector(std::size_t n, Step step) {
   const hn::CappedTag<float, kMaxLanes> wide_tag;
@@ -47,7 +48,7 @@ class LaneMax {
   alignas(64) float lane_[kMaxLanes];
 };
 
-// Approach, in lanes.
+// MotionProfile::operator(), vectorised. Must stay bit-identical to it.
 template <class D, class V = hn::Vec<D>>
 HWY_INLINE V profile_speed(D d, const MotionProfile::Constants& c, V distance, V speed, V max_speed) {
   const V one = hn::Set(d, 1.0F), half = hn::Set(d, 0.5F), step = hn::Set(d, c.speed_step);
@@ -139,12 +140,12 @@ HWY_EXPORT(advance_pins_for_target);
 
 std::size_t clamp_commands(std::size_t n, const float* commands, float low, float high, float safe,
                            float* clamped) noexcept {
-  constexpr std::size_t kBlock = 1024;  // stays in the first-level cache between the two passes
+  constexpr std::size_t kBlock = 1024;  // stays in the L1 cache between the two passes
   std::size_t replaced = 0;
   for (std::size_t i = 0; i < n; i += kBlock) {
     const std::size_t count = std::min(kBlock, n - i);
     std::copy_n(commands + i, count, clamped + i);
-    asm volatile("" ::: "memory");  // the compiler must not read the commands again for the checks
+    asm volatile("" ::: "memory");  // keeps the compiler from reading `commands` a second time
     replaced += HWY_DYNAMIC_DISPATCH(clamp_commands_for_target)(count, low, high, safe, clamped + i);
   }
   return replaced;

@@ -1,5 +1,7 @@
-// The inner loops over pins that lie side by side in memory: eight or sixteen at a time, on any instruction
-// set with the bits that Approach gives. Internal to the room.
+// SIMD loops over contiguous pins. Every instruction set gives the same bits as MotionProfile. Private to
+// smartsurf/surface.
+//
+// All arrays have n entries; heights and targets in u, speeds in u/s.
 #pragma once
 
 #include <cstddef>
@@ -8,25 +10,25 @@
 
 namespace smartsurf::surface {
 
-// Copies commands into [low, high]; a NaN becomes `safe`. Returns how many values were replaced. The commands may lie
-// in memory that another process writes: each value is copied before it is checked.
+// Copies the commands, clamped to [low, high], with NaN replaced by `safe`. Returns the number of values
+// changed. `commands` may be memory that another process writes: each value is copied before it is checked.
 std::size_t clamp_commands(std::size_t n, const float* commands, float low, float high, float safe,
                            float* clamped) noexcept;
 
-// target = base + command; whether any target is another than before.
+// Sets target = base + command. Returns whether any target changed.
 bool update_targets(std::size_t n, const float* base, const float* commands, float* target) noexcept;
 
-// What a stretch of pins is about to do.
+// Summary of a run of pins for the coming step.
 struct PinMotion {
-  bool moving = false;     // any is not at its target, or not at rest
-  float max_speed = 0.0F;  // greatest |speed|
+  bool moving = false;     // some pin is off its target or has a speed
+  float max_speed = 0.0F;  // maximum |speed|
 };
 
-// The speeds of the step to come, towards the targets.
+// Updates `speed` for the coming step towards the targets.
 PinMotion plan_speeds(std::size_t n, const float* target, const float* height, const MotionProfile&,
                       float* speed) noexcept;
 
-// Moves the pins by a step at their speeds; the highest of them.
+// Advances the heights by one step at their speeds. Returns the maximum height.
 float advance_pins(std::size_t n, const float* target, const float* speed, float dt_s,
                    float* height) noexcept;
 

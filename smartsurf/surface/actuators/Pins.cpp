@@ -11,11 +11,11 @@
 namespace smartsurf::surface {
 namespace {
 
-// How long a pin that was pushed onto its lower stop waits before it tries again, s.
+// How long a pin that was pushed onto its lower stop waits before it tries to rise again.
 constexpr float kRetryDelay_s = 0.1F;
 constexpr float kStopTolerance = 1e-4F;  // u
 
-// What one pin costs, about: to get its target, to find its speed, to move.
+// Approximate cost per pin of set_targets(), plan() and commit().
 constexpr double kSetTargetCost_ns = 0.4, kPlanCost_ns = 1.0, kCommitCost_ns = 0.5;
 
 std::size_t run_length(const CellRun& run) { return static_cast<std::size_t>(run.end - run.begin); }
@@ -80,7 +80,7 @@ void Pins::snap_to_targets(Field& field) noexcept {
 
 void Pins::plan(double dt_s, Field& field) noexcept {
   const auto dt = static_cast<float>(dt_s);
-  // What can be pushed must be looked at in every step.
+  // The load may push any pin with a force limit, so all of them are planned in every step.
   if (force_limit_) std::ranges::fill(moving_, std::uint8_t{1});
   const MotionProfile profile(max_speed_, max_acceleration_, dt);
   for_each_moving_run(kPlanCost_ns, [&](std::size_t r) { plan_run(r, profile, dt, field); });
@@ -105,9 +105,9 @@ void Pins::plan_run(std::size_t run, const MotionProfile& profile, float dt_s, F
   }
 }
 
-// The motor's line, force = max_force·(1 − v/max_speed): all of it at rest, none at its greatest speed. What
-// is pushed back goes on from the speed that is left to it. On the lower stop the frame bears the load; a pin
-// that cannot leave it under its load waits there for a while.
+// Motor characteristic: force = max_force·(1 − v/max_speed), full force at rest and none at maximum speed.
+// A pin that the load pushes back continues from its remaining speed. On the lower stop the frame carries the
+// load; a pin that cannot leave the stop under its load waits kRetryDelay_s.
 float Pins::plan_under_load(std::size_t i, const MotionProfile& profile, float dt_s, Field& field) noexcept {
   const float speed = std::max(field.speed[i], std::min(planned_speed_[i], 0.0F));
   const bool on_stop = field.height[i] <= lower_stop(i) + kStopTolerance;

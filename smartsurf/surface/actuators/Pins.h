@@ -1,5 +1,5 @@
-// Pins: each follows its target height within limits of speed and acceleration, and yields to a load that
-// it cannot lift.
+// Pins that follow target heights within limits of speed and acceleration, and yield to loads they cannot
+// lift.
 #pragma once
 
 #include <cstdint>
@@ -23,7 +23,7 @@ class Pins final : public Actuator {
   bool has_force_limit() const noexcept override { return force_limit_.has_value(); }
 
  private:
-  // Calls work(run) for every run, or for those that move; shared where it is worth it.
+  // Call work(run) for every run, or every moving run, on the pool if that pays. cost_ns: per pin.
   template <class Work>
   void for_each_run(double cost_ns, const Work& work) const;
   template <class Work>
@@ -36,15 +36,15 @@ class Pins final : public Actuator {
   common::ThreadPool* pool_;
   std::size_t pin_count_;
   float max_speed_, max_acceleration_;
-  float min_height_;  // of the range, over the base
+  float min_height_;  // lower end of the range, u above the base
   std::optional<float> force_limit_;
-  std::vector<float> base_, target_;  // rows × columns; target: z of the top, base included
-  // Of pins with a force limit, rows × columns, empty without: the speed that each was to have, u/s; how long
-  // it does not try to leave the lower stop, s.
+  std::vector<float> base_, target_;  // rows × columns, u; target_ is the z of the top, base included
+  // rows × columns; empty without a force limit. Planned speed before loads, u/s; remaining wait on the lower
+  // stop, s.
   std::vector<float> planned_speed_, retry_wait_;
-  // One a run, so that a run whose pins all rest on their targets costs nothing.
+  // One per run, so that runs at rest on their targets cost nothing.
   std::vector<std::uint8_t> moving_;
-  std::vector<float> run_max_height_, run_max_speed_;  // the run's highest top and greatest |speed|
+  std::vector<float> run_max_height_, run_max_speed_;  // maximum height and |speed| of the run
 };
 
 }  // namespace smartsurf::surface

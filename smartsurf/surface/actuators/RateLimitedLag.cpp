@@ -45,7 +45,7 @@ void RateLimitedLag::step_run(std::size_t run, float lag_fraction, float max_cha
        ++i) {
     const float distance = target_[i] - value_[i];
     const float next = value_[i] + std::clamp(distance * lag_fraction, -max_change, max_change);
-    // A lag alone would never arrive.
+    // Snap to the target: the exponential alone would never reach it.
     const float scale = std::max(1.0F, std::abs(target_[i]));
     value_[i] = std::abs(target_[i] - next) <= 1e-6F * scale ? target_[i] : next;
     any_moving |= value_[i] != target_[i];

@@ -1,8 +1,8 @@
-// Numbers that follow their targets, one a cell: with a first-order lag, and never faster than a greatest
-// rate of change.
+// One value per cell that follows its target with a first-order lag and a limited rate of change.
 //
-//   x' = clamp((target − x)·(1 − e^(−dt/lag)), ±max_rate·dt), the exact solution of lag·dx/dt = target − x
-//   over a step
+//   x ← x + clamp((target − x)·(1 − e^(−dt/lag)), ±max_rate·dt)
+//
+// Without the limit this is the exact solution of lag·dx/dt = target − x over a step.
 #pragma once
 
 #include <cstdint>
@@ -15,14 +15,14 @@ namespace smartsurf::surface {
 
 class RateLimitedLag {
  public:
-  // All cells begin at `start` and aim at it. max_rate: per second, > 0; lag_s ≥ 0: none.
+  // All values and targets start at `start`. max_rate: per second, > 0; lag_s ≥ 0, 0 for no lag.
   RateLimitedLag(const ActuatorContext&, float start, double max_rate, double lag_s);
 
-  // rows × columns; the cells of the place are read.
+  // targets: rows × columns; only the model's cells are read.
   void set_targets(std::span<const float> targets) noexcept;
-  // Goes to the targets at once.
+  // Sets all values to their targets.
   void snap_to_targets() noexcept;
-  // One step. Cost in proportion to the runs of cells that are not at their targets.
+  // Advances by one step. The cost is proportional to the runs with cells off their targets.
   void step(double dt_s) noexcept;
 
   float operator[](int cell) const noexcept { return value_[static_cast<std::size_t>(cell)]; }
@@ -36,7 +36,7 @@ class RateLimitedLag {
   std::vector<CellRun> runs_;
   double max_rate_, lag_s_;
   std::vector<float> value_, target_;
-  std::vector<std::uint8_t> moving_, changed_;  // one a run
+  std::vector<std::uint8_t> moving_, changed_;  // one per run
 };
 
 }  // namespace smartsurf::surface

@@ -1,5 +1,5 @@
-// Cells whose tops drive what lies on them in any direction: a ball that rolls about two axes, or two wheels
-// with rollers on their rims and with perpendicular axes. The drag is a linear map of the two spins.
+// Cells whose tops drive objects in any horizontal direction: a ball that rolls about two axes, or two
+// perpendicular omnidirectional wheels. The surface velocity is a linear map of the two spins.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,7 +11,7 @@ namespace smartsurf::surface {
 
 class Rollers final : public Actuator {
  public:
-  // drive: velocity of the top's surface (u/s) per spin (rad/s), in the cell's own axes; one column a spin.
+  // drive: surface velocity (u/s) per spin (rad/s) in the cell's own axes; one column per spin.
   Rollers(const ActuatorContext&, const Eigen::Matrix2f& drive);
 
   void set_targets(int channel, std::span<const float> targets) noexcept override;
@@ -22,17 +22,17 @@ class Rollers final : public Actuator {
 
  private:
   void update_surface_velocity(const CellRun&, Field&) noexcept;
-  bool advance_angles(const CellRun&, float dt_s) noexcept;  // whether any of them spins
+  bool advance_angles(const CellRun&, float dt_s) noexcept;  // returns whether any cell spins
 
   Eigen::Matrix2f drive_matrix_;
   RateLimitedLag spin_[2];
   std::vector<float> angle_[2];         // rows × columns, rad
-  std::vector<std::uint8_t> spinning_;  // one a run
+  std::vector<std::uint8_t> spinning_;  // one per run
 };
 
-// v = ω × r·ẑ at the top of a ball of radius r.
+// A ball of radius r: v = ω × r·ẑ at its top.
 std::unique_ptr<Actuator> make_ball(const ActuatorContext&);
-// v = r·(spin_a·a + spin_b·b), a and b the perpendicular directions in which the wheels drive.
+// Two wheels of radius r: v = r·(spin_a·a + spin_b·b), with a and b their perpendicular drive directions.
 std::unique_ptr<Actuator> make_wheels(const ActuatorContext&);
 
 }  // namespace smartsurf::surface

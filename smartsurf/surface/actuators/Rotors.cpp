@@ -23,7 +23,7 @@ Rotors::Rotors(const ActuatorContext& context)
       max_radius_(half_axes_.maxCoeff()),
       max_rate_(static_cast<float>(context.spec.number("max_rate"))),
       max_acceleration_(static_cast<float>(context.spec.number("max_acceleration"))),
-      // The angle's own speed and acceleration are limited below: what is commanded passes the lag only.
+      // plan_rates() limits the rate and acceleration of a commanded angle, so the command has a lag only.
       command_(context, 0.0F, angle_control_ ? 1e30 : context.spec.number("max_acceleration"),
                context.spec.number("lag")),
       base_(context.field.height),
@@ -46,7 +46,7 @@ Rotors::Rotors(const ActuatorContext& context)
 
 Eigen::Vector3f Rotors::support_point(float angle) const {
   const Eigen::Matrix3f rotation = Eigen::AngleAxisf(angle, axis_).toRotationMatrix();
-  const Eigen::Vector3f up = rotation.row(2).transpose();  // ẑ as the shape sees it
+  const Eigen::Vector3f up = rotation.row(2).transpose();  // ẑ in the shape's frame
   if (points_.empty()) {
     const Eigen::Vector3f scaled = half_axes_.cwiseProduct(up);
     return rotation * half_axes_.cwiseProduct(scaled) / scaled.norm();
@@ -83,7 +83,7 @@ void Rotors::plan_rates(double dt_s) noexcept {
       rate_[i] = angle_control_ ? profile(command_[cell] - angle_[i], rate_[i]) : command_[cell];
       moving |= rate_[i] != 0.0F || (angle_control_ && command_[cell] != angle_[i]);
     }
-    active_[r] = moving ? 2 : 1;  // 1: their last step, in which speed and drag go to 0
+    active_[r] = moving ? 2 : 1;  // 1: one more step sets the velocities to 0
   }
 }
 
@@ -96,7 +96,7 @@ void Rotors::plan(double dt_s, Field& field) noexcept {
   field.max_height = std::max(field.max_height, max_base_height_ + axle_ + max_radius_);
 }
 
-// The speed is that of the whole step, so that the top is where the shape is at its end.
+// `speed` is the mean over the step, so that the top meets the shape's support point at the end of the step.
 void Rotors::plan_cell(int cell, float dt_s, Field& field) noexcept {
   const auto i = static_cast<std::size_t>(cell);
   constexpr auto kTwoPi = static_cast<float>(2.0 * std::numbers::pi);

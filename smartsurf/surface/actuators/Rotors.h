@@ -1,8 +1,8 @@
-// Convex shapes that turn about an axle in each cell: the shape's highest point lifts what lies on it, and
-// drags it along.
+// Convex shapes that rotate about an axle in each cell; the highest point lifts and drives the objects on it.
 //
-// With the rotation R(φ) about the unit axis a, and P(d) the shape's point farthest along d (its support):
-// the contact is p = R·P(Rᵀẑ), the top stands at axle + p_z, and its surface moves at φ̇·(a × p).
+// With R(φ) the rotation about the unit axis a and P(d) the shape's support point along d, the contact point
+// is p = R·P(Rᵀẑ), the top is at axle + p_z, and its surface velocity is φ̇·(a × p). (Support functions:
+// Schneider, Convex Bodies, 2nd ed., 1.7.)
 #pragma once
 
 #include <Eigen/Geometry>
@@ -30,13 +30,14 @@ class Rotors final : public Actuator {
 
   bool angle_control_;
   Eigen::Vector3f axis_, half_axes_;
-  std::vector<Eigen::Vector3f> points_;  // of the shape; empty: an ellipsoid
-  float axle_, max_radius_;              // height of the axle; the shape's farthest point from it
+  std::vector<Eigen::Vector3f> points_;  // vertices of the shape, u; empty for an ellipsoid
+  float axle_, max_radius_;              // height of the axle; maximum distance of the shape from it, u
   float max_rate_, max_acceleration_;
   RateLimitedLag command_;  // rad or rad/s
-  // rows × columns
+  // rows × columns; u, rad, rad/s, u
   std::vector<float> base_, angle_, rate_, next_height_;
-  std::vector<std::uint8_t> active_;  // one a run
+  // One per run: 0 at rest, 1 in the step that returns the velocities to 0, 2 moving.
+  std::vector<std::uint8_t> active_;
   float max_base_height_ = 0.0F;
 };
 

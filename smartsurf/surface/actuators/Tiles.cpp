@@ -8,11 +8,11 @@ namespace smartsurf::surface {
 namespace {
 
 constexpr double kTwoPi = 2.0 * std::numbers::pi;
-// Halved after the last vibration: in the step that follows the cells return to rest, in the next their speed
-// is 0.
+// Halved in every step after the last vibration: the first such step returns the cells to rest height, the
+// second sets their speed to 0.
 constexpr std::uint8_t kActiveSteps = 4;
 
-// The run of each cell, −1 for those of others.
+// Returns each cell's run index, or −1 for cells of other models.
 std::vector<int> run_index_of_cells(const ActuatorContext& context) {
   std::vector<int> run_of(context.field.height.size(), -1);
   for (std::size_t r = 0; r < context.runs.size(); ++r)

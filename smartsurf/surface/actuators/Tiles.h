@@ -1,9 +1,9 @@
-// Cells that vibrate under a flexible skin: z = amplitude·sin(2π·frequency·t − phase), each one's motion
-// shared with its neighbours through the skin, whose bending moves its upper side to and fro.
+// Vibrating cells under a flexible skin: z = amplitude·sin(2π·frequency·t − phase), coupled to their four
+// neighbours by the skin.
 //
-// With s the skin's share: h = (1 − s)·z + s·(mean of the neighbours' z). The upper side of a skin of
-// thickness d that bends moves by −(d/2)·∇h (Kirchhoff's plate), so what lies on it is dragged at
-// −(d/2)·∇(dh/dt): on a travelling wave the crests, where it lies, go against the wave.
+// With s the coupling, the skin's height is h = (1 − s)·z + s·(mean of the neighbours' z). The upper face of
+// a bending skin of thickness d is displaced by −(d/2)·∇h (Kirchhoff plate), so its surface velocity is
+// −(d/2)·∇(dh/dt). The crests of a travelling wave, which carry the objects, therefore move against the wave.
 #pragma once
 
 #include <array>
@@ -26,20 +26,21 @@ class Tiles final : public Actuator {
 
  private:
   bool is_vibrating(std::size_t run) const noexcept;
-  void update_excitation(double time_s) noexcept;           // own_ at that time
-  float skin_height(int cell) const noexcept;               // the height of the skin over the base
-  void update_surface_velocity(int cell, Field&) noexcept;  // drag from the speeds of the neighbours
+  void update_excitation(double time_s) noexcept;
+  float skin_height(int cell) const noexcept;  // u above the base
+  // Reads the speeds of the neighbours.
+  void update_surface_velocity(int cell, Field&) noexcept;
 
   int columns_;
   float skin_coupling_, half_thickness_, pitch_, max_amplitude_;
   double frequency_hz_, time_s_ = 0.0;
   RateLimitedLag phase_, amplitude_;
-  // rows × columns
+  // rows × columns, u; excitation_ is the z of a cell before coupling
   std::vector<float> base_, excitation_, next_height_;
-  std::vector<std::array<int, 4>>
-      neighbour_;                           // west, east, south, north; the cell itself where the skin ends
-  std::vector<std::uint8_t> active_steps_;  // one a run: not 0 while it or a neighbour of it moves
-  std::vector<std::vector<std::size_t>> coupled_runs_;  // runs that share the skin with each
+  // rows × columns: west, east, south, north neighbour; the cell itself at the edge of the skin
+  std::vector<std::array<int, 4>> neighbour_;
+  std::vector<std::uint8_t> active_steps_;  // one per run; not 0 while the run or a coupled run moves
+  std::vector<std::vector<std::size_t>> coupled_runs_;  // by run: the run itself and its neighbours
 };
 
 }  // namespace smartsurf::surface

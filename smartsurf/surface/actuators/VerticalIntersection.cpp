@@ -9,20 +9,20 @@ namespace {
 using Eigen::Vector3f;
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-// Everything below is about the line o + t·d in the object's own frame.
+// The functions below intersect the line o + t·d, given in the object's frame.
 
 VerticalIntersection overlap_of(const VerticalIntersection& a, const VerticalIntersection& b) {
   return {std::max(a.low, b.low), std::min(a.high, b.high)};
 }
 
-// Of two parts of one convex whole.
+// Union of the intervals of two parts of one convex shape.
 VerticalIntersection hull_of(const VerticalIntersection& a, const VerticalIntersection& b) {
   if (a.low > a.high) return b;
   if (b.low > b.high) return a;
   return {std::min(a.low, b.low), std::max(a.high, b.high)};
 }
 
-// Where low ≤ o + t·d ≤ high.
+// The t with low ≤ o + t·d ≤ high.
 VerticalIntersection slab_interval(float o, float d, float low, float high) {
   if (std::abs(d) < 1e-12F)
     return o < low || o > high ? VerticalIntersection{} : VerticalIntersection{-kInfinity, kInfinity};
@@ -30,7 +30,7 @@ VerticalIntersection slab_interval(float o, float d, float low, float high) {
   return {std::min(a, b), std::max(a, b)};
 }
 
-// Where a·t² + 2·b·t + c ≤ 0; a > 0.
+// The t with a·t² + 2·b·t + c ≤ 0. Precondition: a > 0.
 VerticalIntersection quadratic_interval(float a, float b, float c) {
   const float discriminant = b * b - a * c;
   if (discriminant < 0.0F) return {};
@@ -55,7 +55,7 @@ VerticalIntersection capsule_interval(const Vector3f& o, const Vector3f& d, floa
                  hull_of(sphere_interval(o - end, d, radius), sphere_interval(o + end, d, radius)));
 }
 
-// A cone of height h about its centre of mass: its base at −h/4, its tip at 3h/4.
+// A cone of height h with its centre of mass at the origin: base at z = −h/4, tip at z = 3h/4.
 VerticalIntersection cone_interval(const Vector3f& o, const Vector3f& d, float radius, float height) {
   const VerticalIntersection slab = slab_interval(o.z(), d.z(), -0.25F * height, 0.75F * height);
   const float slope = radius / height, depth = 0.75F * height - o.z();  // the radius at z is slope·(3h/4 − z)
@@ -63,12 +63,12 @@ VerticalIntersection cone_interval(const Vector3f& o, const Vector3f& d, float r
   const float b = o.head<2>().dot(d.head<2>()) + slope * slope * depth * d.z();
   const float c = o.head<2>().squaredNorm() - slope * slope * depth * depth;
   if (a > 1e-9F) return overlap_of(slab, quadratic_interval(a, b, c));
-  if (std::abs(a) <= 1e-9F)  // along the cone's side: one crossing of it
+  if (std::abs(a) <= 1e-9F)  // parallel to the side: a single root
     return std::abs(b) < 1e-12F
                ? (c <= 0.0F ? slab : VerticalIntersection{})
                : overlap_of(slab, b > 0.0F ? VerticalIntersection{-kInfinity, -c / (2.0F * b)}
                                            : VerticalIntersection{-c / (2.0F * b), kInfinity});
-  // Steeper than the side: inside beyond one root or before the other, whichever is on this nappe.
+  // Steeper than the side: inside before one root or beyond the other, whichever lies on the lower nappe.
   const float discriminant = b * b - a * c;
   if (discriminant < 0.0F) return slab;
   const float root = std::sqrt(discriminant), near = (-b + root) / a, far = (-b - root) / a;

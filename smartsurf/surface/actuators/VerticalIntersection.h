@@ -1,4 +1,4 @@
-// Where a vertical line crosses an object: for actuators that act on what covers their cells.
+// Intersects vertical lines with objects, for actuators that act on the objects covering their cells.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -8,21 +8,21 @@
 
 namespace smartsurf::surface {
 
-// z, relative to the object's centre of mass, where the line enters and leaves; nothing where low > high.
+// The z interval of the line inside the object, u, relative to the centre of mass. Empty if low > high.
 struct VerticalIntersection {
   float low = std::numeric_limits<float>::infinity();
   float high = -std::numeric_limits<float>::infinity();
 };
 
-// One object in its place, prepared for many lines. Keeps a reference to the object.
+// An object at one orientation, prepared for many lines. Holds a reference to the object.
 class VerticalIntersector {
  public:
   VerticalIntersector(const scene::ObjectSpec&, const Eigen::Quaternionf& orientation);
 
-  // The line that passes the centre of mass at (dx, dy). Of a solid in several pieces: from its lowest to its
-  // highest point.
+  // Intersects the vertical line at horizontal offset (dx, dy) from the centre of mass. The result for a
+  // solid of several convex pieces spans from the lowest to the highest point.
   VerticalIntersection intersect(float dx, float dy) const;
-  // How far the object reaches from its centre of mass along x and y.
+  // Half extent of the object about its centre of mass, u: the larger of x and y.
   float horizontal_reach() const { return horizontal_reach_; }
 
  private:

@@ -1,5 +1,5 @@
-// A vector whose memory begins where a cache line does, so that a block of sixteen floats is one line and a
-// wide load seldom crosses two.
+// A vector whose memory is aligned to a cache line: a block of sixteen floats is one line, and wide loads
+// rarely straddle two.
 #pragma once
 
 #include <cstddef>

@@ -1,4 +1,4 @@
-// The faces of what is bounded by planes, side by side, for sensors that look at several at a time.
+// Faces of boxes and convex pieces in structure-of-arrays blocks, for SIMD ray casts.
 #pragma once
 
 #include <vector>
@@ -7,8 +7,8 @@
 
 namespace smartsurf::surface {
 
-// Inside, x·px + y·py + z·pz ≤ offset; normals are unit vectors in the object's own axes. Lanes not in use
-// have no normal, and every point inside.
+// Eight planes. A point p is inside if x·px + y·py + z·pz ≤ offset; (x, y, z) is the outward unit normal in
+// the object's frame, offset in u. Unused lanes have a zero normal and contain every point.
 struct FacetBlock {
   static constexpr int kLanes = 8;
   float x[kLanes] = {}, y[kLanes] = {}, z[kLanes] = {};
@@ -18,9 +18,9 @@ struct FacetBlock {
 // All faces of one convex piece.
 using Facets = std::vector<FacetBlock>;
 
-// What planes bound: a box or a solid.
+// A box or a solid as a union of convex pieces.
 struct Polyhedron {
-  const scene::Solid* solid;   // null: a box
+  const scene::Solid* solid;   // null for a box
   std::vector<Facets> pieces;  // convex
 };
 Polyhedron polyhedron_of(const scene::ObjectSpec&);

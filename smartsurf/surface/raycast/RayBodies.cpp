@@ -10,7 +10,7 @@
 namespace smartsurf::surface {
 namespace {
 
-constexpr double kBodyUpdateCost_ns = 10.0;  // of one body
+constexpr double kBodyUpdateCost_ns = 10.0;  // per body
 
 Eigen::Vector3f dimensions_of(const scene::ObjectSpec& o) {
   if (o.shape == scene::ShapeKind::kCone)
@@ -18,8 +18,8 @@ Eigen::Vector3f dimensions_of(const scene::ObjectSpec& o) {
   return o.half_extents().cast<float>();
 }
 
-// Half edges of the box along the world's axes around a turned object. Corners of the box along its own axes
-// stand out of a round one or a solid.
+// Half extents of the world-axis-aligned box around a rotated object. The object's own box overestimates
+// round shapes and solids, so theirs is bounded by closed forms or the bounding radius.
 Eigen::Vector3f rotated_half_extents(scene::ShapeKind shape, const Eigen::Vector3f& half,
                                      float bounding_radius, const Eigen::Matrix3f& to_world) {
   const Eigen::Array3f along = to_world.col(2).array().abs();
@@ -44,7 +44,7 @@ void RayBodies::update(const scene::Snapshot& snapshot, std::span<const scene::O
   order_.resize(snapshot.object_count());
   sort_north_to_south(snapshot);
   clusters_.resize((bodies_.size() + kClusterSize - 1) / kClusterSize);
-  // By where they go, so that threads write apart from each other.
+  // In output order, so that each thread writes a contiguous range.
   pool.parallel_for_rows(
       static_cast<int>(clusters_.size()), kBodyUpdateCost_ns * static_cast<double>(snapshot.object_count()),
       [this, &snapshot](int begin, int end) {
@@ -53,7 +53,7 @@ void RayBodies::update(const scene::Snapshot& snapshot, std::span<const scene::O
       });
 }
 
-// Solids are shared by many objects.
+// Objects share the polyhedron of a solid.
 const Polyhedron* RayBodies::polyhedron_for(const scene::ObjectSpec& o) {
   if (o.shape == scene::ShapeKind::kBox) return &boxes_.emplace_back(polyhedron_of(o));
   if (!o.solid) return nullptr;
@@ -75,7 +75,7 @@ void RayBodies::update_cluster(const scene::Snapshot& snapshot, std::size_t clus
   clusters_[cluster] = cluster_bounds;
 }
 
-// By counting: the strips' sizes, then where each strip begins, then everybody's place.
+// Counting sort into strips.
 void RayBodies::sort_north_to_south(const scene::Snapshot& snapshot) noexcept {
   std::array<std::uint32_t, kBuckets + 1> next{};
   for (std::size_t k = 0; k < bucket_.size(); ++k) {

@@ -1,5 +1,5 @@
-// The objects of one moment as sensors meet them: flat, with bounds, from north to south, so that sweeps
-// touch the table in the order of memory.
+// The objects of one snapshot prepared for ray casts: a flat array with bounds, sorted from north to south so
+// that a cast accesses the cells in memory order.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,45 +16,43 @@
 
 namespace smartsurf::surface {
 
-// A sphere has no orientation: of its `to_local` nothing may be read.
 struct RayBody {
-  Eigen::Vector3f centre;  // of mass, u
-  float aabb_half_x, aabb_half_y,
-      aabb_half_z;  // half edges of a box about the centre, along the world's axes, that encloses it
+  Eigen::Vector3f centre;  // centre of mass, u
+  // Half extents of the world-axis-aligned bounding box about `centre`, u.
+  float aabb_half_x, aabb_half_y, aabb_half_z;
   scene::ShapeKind shape;
-  std::uint32_t id, snapshot_index;  // of the object; index in the snapshot
-  Eigen::Vector3f
-      dimensions;            // box: half edges; cylinder, capsule: radius, radius, half height; cone: radius,
-                             // its own height, unused; sphere: the radius
-  Eigen::Matrix3f to_local;  // world → object axes
-  const Polyhedron* polyhedron;  // of a box or a solid
+  std::uint32_t id, snapshot_index;  // object id; index in the snapshot
+  // Sphere: radius in x. Box: half extents. Cylinder, capsule: radius, radius, half height. Cone: radius,
+  // height, unused. All in u.
+  Eigen::Vector3f dimensions;
+  Eigen::Matrix3f to_local;      // rotation from world to object axes; undefined for a sphere
+  const Polyhedron* polyhedron;  // of a box or a solid; undefined for other shapes
 
-  // Never met by anything: its position was not a number.
+  // Whether the pose was not finite. Rays never hit such a body.
   bool is_invalid() const { return !(aabb_half_x >= 0.0F); }
 };
 
 class RayBodies {
  public:
   RayBodies() = default;
-  // Bodies point to what this keeps of them; it may move, for that stays where it is.
+  // Movable, not copyable: bodies point to polyhedra of this object, whose addresses survive a move.
   RayBodies(RayBodies&&) = default;
   RayBodies& operator=(RayBodies&&) = default;
-  // Of a table that lies between these two y.
+  // Sorts the bodies of a surface that extends from y = south to y = north.
   RayBodies(float south, float north)
       : north_(north), inverse_length_(1.0F / std::max(north - south, 1.0F)) {}
 
-  // catalogue[id] is the object `id`; it only grows from one call to the next, and its solids live as long as
-  // this. Allocates only when there are more objects than before.
+  // Loads the objects of the snapshot. catalogue[id] describes object `id`; it may only grow between calls,
+  // and its solids must outlive this object. Allocates only when objects are added.
   void update(const scene::Snapshot&, std::span<const scene::ObjectSpec> catalogue, common::ThreadPool&);
 
-  // One an object of the snapshot: by strips of the table from north to south, in the snapshot's order within
-  // each.
+  // One entry per object of the snapshot, in strips from north to south, in snapshot order within a strip.
   operator std::span<const RayBody>() const noexcept { return bodies_; }
   std::size_t size() const noexcept { return bodies_.size(); }
   const RayBody& operator[](std::size_t k) const noexcept { return bodies_[k]; }
 
-  // Between which y all of so many that follow each other are: who cares for a part of the table passes over
-  // the others without looking at each. south > north: none is anywhere.
+  // Bounds in y of kClusterSize consecutive bodies, so that a cast over some rows skips distant bodies at
+  // once. south > north if all bodies of the cluster are invalid.
   static constexpr std::size_t kClusterSize = 16;
   struct Cluster {
     float south, north;
@@ -62,10 +60,10 @@ class RayBodies {
   std::span<const Cluster> clusters() const noexcept { return clusters_; }
 
  private:
-  // What never changes of an object.
+  // The constant properties of an object.
   struct ObjectShape {
     Eigen::Vector3f dimensions, half_extents;
-    float bounding_radius;  // of its points from the centre, at most
+    float bounding_radius;  // maximum distance of its points from the centre, u
     scene::ShapeKind shape;
     const Polyhedron* polyhedron;
   };
@@ -81,14 +79,14 @@ class RayBodies {
   std::vector<ObjectShape> shapes_;  // index = id
   std::map<const scene::Solid*, Polyhedron> solids_;
   std::deque<Polyhedron> boxes_;
-  std::vector<std::uint32_t> bucket_;  // of each of the snapshot's objects
-  std::vector<std::uint32_t> order_;   // which of them goes where
+  std::vector<std::uint32_t> bucket_;  // strip of each object of the snapshot
+  std::vector<std::uint32_t> order_;   // snapshot index of each entry of bodies_
   std::vector<RayBody> bodies_;
   std::vector<Cluster> clusters_;
 };
 
-// Marks for FirstHit that tell the object met: 1 + its index in the snapshot, of up to 16 million objects.
-// They lie in `memory`, which grows with the number of objects.
+// Returns tags for RayCaster that identify the object hit: 1 + its index in the snapshot. Exact for up to 2²⁴
+// objects. The span refers to `storage`, which grows with the number of objects.
 std::span<const float> snapshot_index_tags(std::span<const RayBody>, std::vector<float>& storage);
 
 }  // namespace smartsurf::surface

@@ -1,5 +1,5 @@
-// A body met by the segments of cells that lie side by side, as many at once as a vector has lanes. Included
-// once an instruction set (see SweepKernels.cpp), hence no plain include guard.
+// Casts the rays of adjacent cells against one body, one ray per SIMD lane. RayKernels.cpp includes this file
+// once per instruction set, hence no include guard.
 #include <hwy/highway.h>
 
 #include <cmath>
@@ -13,21 +13,21 @@ namespace smartsurf::surface {
 namespace HWY_NAMESPACE {
 namespace {
 
-// A footprint is a few cells wide: wider vectors would mostly compute what nobody reads.
+// Footprints are a few cells wide: most lanes of wider vectors would be wasted.
 using Wide = hn::CappedTag<float, 8>;
 using Scalar = hn::CappedTag<float, 1>;
 
-// A stretch of cells that lie side by side in memory, with what is the same for all of them.
+// The rays of cells contiguous in memory.
 struct RaySpan {
   const float* x;
-  // Null where one value serves all.
+  // Null if one value holds for all cells: y0, the job's direction, height 0.
   const float *y = nullptr, *dx = nullptr, *dy = nullptr, *height = nullptr;
   float y0 = 0.0F;
   float *distance, *tag;
 };
 
-// Writes distance and mark where something is within the range and nearer than what was met before; whether
-// it was, anywhere.
+// Stores distance and tag in the lanes whose hit is valid, within the range and closer than the previous one.
+// Returns whether any lane changed.
 template <class D, class V = hn::Vec<D>>
 HWY_INLINE bool record_closest_hit(float* distance, float* tags, V t_hit, hn::Mask<D> valid, float range,
                                    float tag) {
@@ -42,7 +42,7 @@ HWY_INLINE bool record_closest_hit(float* distance, float* tags, V t_hit, hn::Ma
   return true;
 }
 
-// Upright segments and a ball: the commonest case, and a short one.
+// Vertical rays against a sphere: the most common case, and a cheap one.
 template <class D>
 HWY_INLINE bool cast_vertical_to_sphere(const RayCastJob& job, const RaySpan& rays, int i,
                                         const RayBody& body, float tag) {
@@ -51,7 +51,7 @@ HWY_INLINE bool cast_vertical_to_sphere(const RayCastJob& job, const RaySpan& ra
   const float dy = rays.y0 - body.centre.y();
   const float radius = body.dimensions.x();
   const auto square = hn::Sub(hn::Sub(hn::Set(d, radius * radius), hn::Mul(dx, dx)), hn::Set(d, dy * dy));
-  const auto half = hn::Sqrt(square);  // NaN where the segment passes by
+  const auto half = hn::Sqrt(square);  // NaN where the ray misses
   const auto height = rays.height != nullptr ? hn::LoadU(d, rays.height + i) : hn::Zero(d);
   const auto start = hn::Sub(hn::Add(height, hn::Set(d, job.origin.z())), hn::Set(d, body.centre.z()));
   const auto t_shift = hn::Mul(start, hn::Set(d, -job.direction.z()));
@@ -73,7 +73,7 @@ HWY_INLINE bool cast_to_shape(const RayCastJob& job, const RaySpan& rays, int i,
   const V y = hn::Sub(rays.y != nullptr ? hn::LoadU(d, rays.y + i) : hn::Set(d, rays.y0),
                       hn::Set(d, body.centre.y()));
   const V z = hn::Sub(hn::Add(height, hn::Set(d, job.origin.z())), hn::Set(d, body.centre.z()));
-  // The line's point nearest to the centre, so that nothing cancels in the closed forms.
+  // Move the origin to the line's closest point to the centre, to avoid cancellation in the closed forms.
   const V t_shift = hn::Neg(dot<D>(x, y, z, dx, dy, dz));
   const V nx = hn::Add(x, hn::Mul(t_shift, dx)), ny = hn::Add(y, hn::Mul(t_shift, dy)),
           nz = hn::Add(z, hn::Mul(t_shift, dz));
@@ -97,8 +97,8 @@ HWY_INLINE bool cast_to_shape(const RayCastJob& job, const RaySpan& rays, int i,
   return any_hit;
 }
 
-// Whether upright segments may meet the body nearer than what they met before: not those that end, or are
-// stopped, below it.
+// Whether vertical rays may hit the body closer than their previous hits. Upward rays whose range or previous
+// hit ends below the body cannot.
 template <class D>
 HWY_INLINE bool may_hit_closer(const RayCastJob& job, const RaySpan& rays, int i, const RayBody& body) {
   if (job.direction.z() < 0.0F) return true;

@@ -16,11 +16,11 @@ namespace {
 
 constexpr float kFar = std::numeric_limits<float>::infinity();
 
-// What things cost, about: a look at a cell's height, a body under some twenty cells, a pin on the way of a
-// segment, a cell under nothing.
+// Approximate costs: bounding a cell's height, casting a body over some twenty cells, testing a pin on a ray,
+// a cell without bodies.
 constexpr double kHeightCost_ns = 0.2, kBodyCost_ns = 80.0, kPinCost_ns = 0.3, kEmptyCellCost_ns = 0.01;
 
-// Between which distances a ray is within a rectangle about the origin; enter > leave where it passes by.
+// The interval of the ray parameter within a rectangle about the origin. Empty if t_enter > t_exit.
 struct TInterval {
   float t_enter, t_exit;
 };
@@ -34,8 +34,8 @@ void clip_slab(float origin, float direction, float half, TInterval& t) {
   t.t_exit = std::min(t.t_exit, std::max(a, b));
 }
 
-// The numbers of the cells, from the one that the segment starts in, whose centre's coordinate lies in [low,
-// high].
+// Returns the first and last offset, relative to the ray's own cell, of the cells whose centre lies in
+// [low, high] along one axis.
 std::pair<int, int> cell_offsets_within(float low, float high, float pitch, int max_offset) {
   const auto limit = static_cast<float>(max_offset);
   return {static_cast<int>(std::ceil(std::clamp(low / pitch, -limit, limit))),
@@ -76,12 +76,12 @@ double RayCaster::cost_ns(std::size_t bodies) const noexcept {
   return kBodyCost_ns * static_cast<double>(bodies) + kPinCost_ns * pins;
 }
 
-// Whether a segment from a cell's own top can never come below it.
+// Whether the ray never descends below the top of its own cell.
 bool RayCaster::clears_own_pin() const noexcept {
   return ray_.from_top && ray_.direction.z() >= 0.0F && ray_.origin.z() >= 0.0F;
 }
 
-// Row by row of pins: between which distances the segment is over that row, and over which columns then.
+// For each row of pins, clips the ray to the row, and then to each column it passes there.
 void RayCaster::build_pin_steps(const Field& field) {
   const Eigen::Vector3f& o = ray_.origin;
   const Eigen::Vector3f& d = ray_.direction;
@@ -119,7 +119,7 @@ void RayCaster::cast(const RayBodies& bodies, std::span<const float> tags, float
                             .pitch = pitch_},
                     .height = height.data(),
                     .pin_tag = pin_tag};
-  // Where many objects lie on top of each other, knowing the heights spares those that nothing reaches.
+  // With many stacked objects, height bounds let the cast skip those that no ray reaches.
   const bool is_dense = bodies.size() * kBlock > distance_.size();
   if (strips_ || !is_vertical() || !pin_steps_.empty() || is_dense) {
     pool.parallel_for_rows(
@@ -155,7 +155,7 @@ void RayCaster::cast(const RayBodies& bodies, std::span<const float> tags, float
     cast_bands(0, bands);
 }
 
-// The bodies come from north to south, near enough to weigh the rows down to any of them.
+// The bodies are sorted from north to south, so the cost down to a row follows from a binary search.
 void RayCaster::partition_rows(std::span<const RayBody> bodies, int bands) {
   band_first_row_.assign(static_cast<std::size_t>(bands) + 1, rows_);
   band_first_row_.front() = 0;
@@ -194,7 +194,7 @@ void RayCaster::update_row_height_bounds(const float* height, int begin, int end
   }
 }
 
-// Calls use(b) for every block of a row that was touched, eight at a look.
+// Calls visit(b) for every dirty block of a row, skipping eight clean blocks at a time.
 template <class Use>
 void RayCaster::for_each_dirty_block(int row, Use visit) noexcept {
   constexpr std::size_t kWordBytes = sizeof(std::uint64_t);
@@ -211,7 +211,7 @@ void RayCaster::for_each_dirty_block(int row, Use visit) noexcept {
 }
 
 void RayCaster::clear_rows(int begin, int end, int band_end) noexcept {
-  constexpr int kPrefetchRows = 2;  // rows: about what a trip to memory takes
+  constexpr int kPrefetchRows = 2;  // covers about one memory latency
   for (int r = begin; r < end; ++r) {
     const std::size_t row = static_cast<std::size_t>(r) * static_cast<std::size_t>(columns_);
     if (r + kPrefetchRows < band_end) {
@@ -243,7 +243,7 @@ void RayCaster::cast_rows_to_pins(const CastParams& params, int begin, int end) 
         origin_z + (ray_.from_top ? row_min_height_[static_cast<std::size_t>(r)] : 0.0F);
     for (const PinStep& step : pin_steps_) {
       if (dz >= 0.0F && !(min_start_z + dz * step.t_enter < params.max_pin_height))
-        break;  // above all pins from here on
+        break;  // the ray is above all pins from here on
       const int pin_row = r + step.row_offset;
       if (pin_row < 0 || pin_row >= rows_) continue;
       const float rise = dz * (dz < 0.0F ? step.t_exit : step.t_enter);

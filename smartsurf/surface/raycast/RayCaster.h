@@ -1,9 +1,9 @@
-// What the segments of all cells meet first: one segment a cell, the same for all in the cell's own frame.
+// Casts one ray per cell, the same for all cells in the cell's own frame, and finds its closest hit.
 //
-// Objects are met exactly, whatever their shape. Each object is projected along the segments onto the table,
-// and only the cells it may concern are tried: cost follows the cells that objects cover, not those that
-// exist, and only what the sweep before had touched is cleared. In a rectangular grid the pins that a segment
-// passes are the same for all cells, so they are tried row by row.
+// Intersections are exact for every shape. Each object is projected along the rays onto the surface, and only
+// the cells in its footprint are tested: the cost depends on the cells that objects cover, not on the size of
+// the surface, and only cells written by the previous cast are cleared. In a rectangular layout the pins that
+// a ray passes have the same offsets for all cells and are tested row by row.
 #pragma once
 
 #include <Eigen/Core>
@@ -21,33 +21,35 @@
 namespace smartsurf::surface {
 
 struct CellRay {
-  Eigen::Vector3f origin{0.0F, 0.0F, 0.0F};     // from the centre of the cell's top, u; turned with the cell
-  Eigen::Vector3f direction{0.0F, 0.0F, 1.0F};  // unit; turned with the cell
-  float range = 8.0F;                           // its length, u
-  bool hits_pins = true;                        // whether it meets pins as well
-  bool from_top = true;                         // false: origin.z counts from z = 0, not from the cell's top
+  Eigen::Vector3f origin{0.0F, 0.0F, 0.0F};     // relative to the centre of the cell's top, cell frame, u
+  Eigen::Vector3f direction{0.0F, 0.0F, 1.0F};  // unit vector, cell frame
+  float range = 8.0F;                           // u
+  bool hits_pins = true;                        // whether pins block the ray
+  bool from_top = true;                         // false: origin.z is relative to z = 0, not to the cell's top
 };
 
 class RayCaster {
  public:
-  // Takes the shape of the field: where its cells stand.
+  // Copies the cell geometry of the field.
   RayCaster(const Field&, const CellRay&);
 
-  // height: of each cell, rows × columns, kNoCell where there is none. marks: what cells shall hold whose
-  // segment meets that body first, one a body, not 0; pin_mark: that of a pin. Equally near:
-  // always the same one of them. Allocates nothing in a rectangular field.
+  // Computes distance() and tag(). tags: one per body, not 0, reported by the rays that hit the body first;
+  // pin_tag: the same for pins, may be 0. height: of each cell, rows × columns, row-major, row 0 north, u,
+  // kNoCellHeight for a missing cell. Ties are resolved deterministically, for any number of threads. In a
+  // rectangular layout only the first call allocates.
   void cast(const RayBodies& bodies, std::span<const float> tags, float pin_tag,
             std::span<const float> height, common::ThreadPool&);
 
-  // rows × columns, row-major, row 0 north. Where nothing is within the range: the range, and 0.
+  // Results of the last cast: rows × columns, row-major, row 0 north. Without a hit, the range and tag 0.
   std::span<const float> distance() const noexcept { return distance_; }  // u, in [0, range]
   std::span<const float> tag() const noexcept { return {tag_.data() + kTagPadding, distance_.size()}; }
 
-  // About what a sweep over so many bodies takes one thread; using what it found costs no more.
+  // Estimated single-threaded cost of a cast over this many bodies; also bounds the cost of using its
+  // results.
   double cost_ns(std::size_t bodies) const noexcept;
 
-  // Calls use(first, last) for the stretches of cells [first, last) of these rows that may differ from what
-  // they were before the last sweep.
+  // Calls visit(first, last) for the spans of cells [first, last) in these rows whose results may differ
+  // between the last two casts.
   template <class Use>
   void for_each_changed_span(int row_begin, int row_end, Use visit) const {
     for (int r = row_begin; r < row_end; ++r)
@@ -59,14 +61,14 @@ class RayCaster {
   }
 
  private:
-  // One sweep's arguments, for the threads that share it.
+  // Arguments of one cast, shared by its threads.
   struct CastParams {
     RayCastJob job;
     const float* height;
     float pin_tag;
     float max_pin_height = 0.0F;
   };
-  // Cuts the rows into one band a thread, of about the same work.
+  // Splits the rows into one band per thread, of about equal cost.
   void partition_rows(std::span<const RayBody> bodies, int bands);
   bool is_vertical() const noexcept;
   bool clears_own_pin() const noexcept;
@@ -85,26 +87,27 @@ class RayCaster {
   int rows_, columns_, blocks_;
   float pitch_;
   CellRay ray_;
-  std::vector<float> x_;  // of the segments' starts, one a column
-  // Rows of a wide table are a page of memory long. So that a core's first cache holds heights, distances and
-  // marks of the rows under one body, the marks begin elsewhere in a page than the others.
+  std::vector<float> x_;  // x of the ray origins, one per column
+  // A row of a wide surface is about as long as a memory page, so the rows under one body map to the same L1
+  // sets. The padding shifts the tags to other sets than the heights and distances.
   static constexpr std::size_t kTagPadding = 256;
   float* tag_data() noexcept { return tag_.data() + kTagPadding; }
   CacheAlignedVector<float> distance_, tag_;
-  std::vector<std::uint8_t> dirty_blocks_;  // a block's bit 0: by the last sweep, bit 1: by the one before
-  std::vector<PinStep> pin_steps_;          // that a segment passes, in the order in which it does
-  std::vector<float> row_min_height_, row_max_height_;  // of the cells that are there
-  std::vector<int> band_first_row_;                     // rows: of each band, and one more at the end
+  // Per block. Bit 0: written by the last cast; bit 1: by the one before.
+  std::vector<std::uint8_t> dirty_blocks_;
+  std::vector<PinStep> pin_steps_;  // pins that a ray passes, ordered by t_enter
+  std::vector<float> row_min_height_, row_max_height_;  // of the existing cells in each row
+  std::vector<int> band_first_row_;                     // bands + 1
 
-  // Of a free layout: everything in the order of the strips.
+  // Free layouts only; all arrays are in strip order.
   struct PinInterval {
-    int cell;  // in the field
-    float t_enter, t_exit;
+    int cell;               // index in the field
+    float t_enter, t_exit;  // see PinStep
   };
   std::optional<StripLayout> strips_;
   std::vector<float> strip_height_, strip_distance_, strip_tag_;
-  std::vector<int>
-      first_pin_interval_;  // cells + 1: those of the k-th are [first_passed_[k], first_passed_[k + 1])
+  // cells + 1: the pins of the k-th ray are [first_pin_interval_[k], first_pin_interval_[k + 1]).
+  std::vector<int> first_pin_interval_;
   std::vector<PinInterval> pin_intervals_;
 };
 

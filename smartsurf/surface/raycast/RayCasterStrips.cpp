@@ -1,4 +1,4 @@
-// Free layouts: cells that stand and are turned as they like, sorted into strips.
+// RayCaster for free layouts: cells of any position and rotation, sorted into strips.
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -9,9 +9,10 @@
 namespace smartsurf::surface {
 namespace {
 
-// Of pins, in pitches: the lists of all cells must not grow with the square of the table.
+// Pins farther away do not block a ray; in pitches. Keeps the pin lists from growing quadratically with the
+// number of cells.
 constexpr float kMaxPinDistance = 32.0F;
-// Of one cell into the order of the strips and back.
+// Per cell, to copy its values to strip order and back.
 constexpr double kGatherCost_ns = 3.0;
 
 struct PlanarRotation {
@@ -51,6 +52,7 @@ void RayCaster::build_strips(const Field& field) {
     y[i] = field.y[i] + rotation.rotate_y(ray_.origin.x(), ray_.origin.y());
     strip[i] = std::min(strips - 1, static_cast<std::size_t>(std::max(0.0F, (y[i] - s.south) / s.height)));
   }
+  // Sort the cells by strip, then by x.
   s.cell.resize(cells);
   std::iota(s.cell.begin(), s.cell.end(), 0);
   std::ranges::stable_sort(s.cell, [&](int a, int b) {
@@ -76,16 +78,15 @@ void RayCaster::build_strips(const Field& field) {
   strip_tag_.resize(cells);
 }
 
-// Every pin near each segment's way, by strips; the way of a segment is short against the table, or the list
-// is long.
+// Lists, for each ray in strip order, the pins that it passes and where, ordered by t_enter.
 void RayCaster::build_pin_intervals(const Field& field) {
   const StripLayout& s = *strips_;
   const float half = std::hypot(field.half_top_x, field.half_top_y);
   const float horizontal = ray_.direction.head<2>().norm();
   const float range =
       horizontal * ray_.range > kMaxPinDistance * pitch_ ? kMaxPinDistance * pitch_ / horizontal : ray_.range;
-  const float margin =
-      half + 2.0F * ray_.origin.head<2>().norm();  // a pin's centre is not where its segment starts
+  // The strips are sorted by ray origin, which is offset from the centre of its pin.
+  const float margin = half + 2.0F * ray_.origin.head<2>().norm();
   first_pin_interval_.push_back(0);
   for (std::size_t k = 0; k < s.cell.size(); ++k) {
     const float to_x = s.x[k] + s.dx[k] * range, to_y = s.y[k] + s.dy[k] * range;
@@ -128,6 +129,7 @@ void RayCaster::cast_strips(CastParams& params, common::ThreadPool& pool) {
         const StripLayout& s = *strips_;
         const auto first = static_cast<std::size_t>(s.first[static_cast<std::size_t>(begin)]);
         const auto last = static_cast<std::size_t>(s.first[static_cast<std::size_t>(end)]);
+        // Gather the cells in strip order and test their pins.
         for (std::size_t k = first; k < last; ++k) {
           strip_height_[k] = params.height[s.cell[k]];
           strip_distance_[k] = ray_.range;
@@ -135,6 +137,7 @@ void RayCaster::cast_strips(CastParams& params, common::ThreadPool& pool) {
           if (!first_pin_interval_.empty()) cast_cell_to_pins(params, k);
         }
         cast_rows(params.job, begin, end, [](int, int) {});
+        // Scatter the results to field order.
         for (std::size_t k = first; k < last; ++k) {
           distance_[static_cast<std::size_t>(s.cell[k])] = strip_distance_[k];
           tag_data()[s.cell[k]] = strip_tag_[k];
@@ -142,7 +145,7 @@ void RayCaster::cast_strips(CastParams& params, common::ThreadPool& pool) {
       });
 }
 
-// As meet_pins, for one cell.
+// cast_to_pins() for one cell.
 void RayCaster::cast_cell_to_pins(const CastParams& params, std::size_t k) noexcept {
   if (strip_height_[k] == kNoCellHeight && ray_.from_top) return;
   const float start = ray_.origin.z() + (ray_.from_top ? strip_height_[k] : 0.0F);

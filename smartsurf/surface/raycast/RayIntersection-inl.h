@@ -1,9 +1,9 @@
-// Where a line crosses a convex shape, in closed form, for as many lines at once as the vector type D has
-// lanes. Included once an instruction set (see SweepKernels.cpp), hence no plain include guard.
+// Intersects lines with convex shapes in closed form, one line per lane of the vector tag D. RayKernels.cpp
+// includes this file once per instruction set, hence no include guard.
 //
-// A line is o + t·d in the shape's own frame, |d| = 1; o is near the shape, so that nothing cancels. The
-// result is the interval of t inside; low > high, or a NaN, where the line passes by. Only IEEE operations,
-// no fused ones: the same bits for any number of lanes.
+// A line is o + t·d in the shape's frame with |d| = 1; o must be close to the shape to avoid cancellation.
+// The result is the interval of t inside the shape; a miss gives low > high or NaN. Uses IEEE operations
+// without fused multiply-add only, so that results are bit-identical for any number of lanes.
 #include <hwy/highway.h>
 
 #include <limits>
@@ -39,7 +39,7 @@ struct Interval {
     low = hn::IfThenElse(m, hn::Set(D(), kInfinity), low);
     high = hn::IfThenElse(m, hn::Set(D(), -kInfinity), high);
   }
-  // Becomes the smallest interval around both; right where the union is convex.
+  // Becomes the hull of both intervals, which is their union if the shape is convex.
   void join(const Interval& other) {
     const auto nonempty = hn::Le(low, high), other_nonempty = hn::Le(other.low, other.high);
     low = hn::Min(hn::IfThenElse(nonempty, low, hn::Set(D(), kInfinity)),
@@ -49,7 +49,7 @@ struct Interval {
   }
 };
 
-// A direction this small along an axis is none: the line is parallel to the planes.
+// Lines with a smaller direction component count as parallel to the planes.
 constexpr float kParallelTolerance = 1e-9F;
 
 template <class D, class V = hn::Vec<D>>
@@ -67,7 +67,7 @@ HWY_INLINE V dot(V ax, V ay, V az, V bx, V by, V bz) {
   return hn::Add(hn::Add(hn::Mul(ax, bx), hn::Mul(ay, by)), hn::Mul(az, bz));
 }
 
-// A ball about `z0` on the z axis; o need not be the point nearest to it.
+// A sphere centred at (0, 0, z0).
 template <class D, class V = hn::Vec<D>>
 HWY_INLINE Interval<D> intersect_sphere(const RayPacket<D>& ray, V z0, V radius) {
   const V along = dot<D>(ray.ox, ray.oy, hn::Sub(ray.oz, z0), ray.dx, ray.dy, ray.dz);
@@ -75,11 +75,11 @@ HWY_INLINE Interval<D> intersect_sphere(const RayPacket<D>& ray, V z0, V radius)
           nz = hn::Sub(hn::Sub(ray.oz, z0), hn::Mul(along, ray.dz));
   const V square =
       hn::Sub(hn::Sub(hn::Sub(hn::Mul(radius, radius), hn::Mul(nx, nx)), hn::Mul(ny, ny)), hn::Mul(nz, nz));
-  const V half = hn::Sqrt(square);  // NaN where the line passes by
+  const V half = hn::Sqrt(square);  // NaN where the line misses
   return {hn::Sub(hn::Neg(half), along), hn::Sub(half, along)};
 }
 
-// The endless cylinder about the z axis.
+// An infinite cylinder about the z axis.
 template <class D, class V = hn::Vec<D>>
 HWY_INLINE Interval<D> intersect_infinite_cylinder(const RayPacket<D>& ray, V radius) {
   const V a = hn::Add(hn::Mul(ray.dx, ray.dx), hn::Mul(ray.dy, ray.dy));
@@ -127,13 +127,13 @@ HWY_INLINE Interval<D> intersect_capsule(const RayPacket<D>& ray, const Eigen::V
   return t;
 }
 
-// Below the tip at z = 3/4 h the cone is where x² + y² ≤ k²·(3/4 h − z)², k = radius / h; above it the same
-// equation has a second, upside-down cone, which the slab cuts off.
+// Below the tip at z = 3/4 h the cone is x² + y² ≤ k²·(3/4 h − z)² with k = radius/h. The same equation
+// describes a mirrored nappe above the tip, which the slab removes.
 template <class D, class V = hn::Vec<D>>
 HWY_INLINE Interval<D> intersect_cone(const RayPacket<D>& ray, const Eigen::Vector3f& extent) {
   const float h = extent.y();
   const V k = hn::Set(D(), extent.x() / h), k2 = hn::Mul(k, k);
-  const V down = hn::Sub(hn::Set(D(), 0.75F * h), ray.oz);  // from the tip
+  const V down = hn::Sub(hn::Set(D(), 0.75F * h), ray.oz);  // distance below the tip
   const V a = hn::Sub(hn::Add(hn::Mul(ray.dx, ray.dx), hn::Mul(ray.dy, ray.dy)),
                       hn::Mul(k2, hn::Mul(ray.dz, ray.dz)));
   const V b =
@@ -143,12 +143,12 @@ HWY_INLINE Interval<D> intersect_cone(const RayPacket<D>& ray, const Eigen::Vect
   const V zero = hn::Zero(D()), far = hn::Set(D(), Interval<D>::kInfinity);
   const V discriminant = hn::Sub(hn::Mul(b, b), hn::Mul(a, c));
   const V root = hn::Sqrt(hn::Max(discriminant, zero));
-  // The roots as c/q and q/a: neither cancels, whatever the sign of b.
+  // Roots as c/q and q/a: no cancellation for either sign of b.
   const V q = hn::Neg(hn::Add(b, hn::CopySign(root, b)));
   const V r1 = hn::Div(c, q), r2 = hn::Div(q, a);
   const V first = hn::Min(r1, r2), second = hn::Max(r1, r2);
-  // a > 0: inside between the roots. a < 0: inside beyond them, in this cone on the side that leads down. a =
-  // 0: one root, r1, and inside on the side that leads down.
+  // a > 0: inside between the roots. a < 0: inside beyond them; the lower nappe is on the descending side.
+  // a = 0: a single root r1, inside on the descending side.
   const auto level = hn::Lt(hn::Abs(a), hn::Set(D(), 1e-9F));
   const auto steep = hn::Or(hn::Lt(a, zero), level);
   const auto rising = hn::Gt(ray.dz, zero);
@@ -183,7 +183,7 @@ HWY_INLINE Interval<D> intersect_convex_piece(const RayPacket<D>& ray, const sce
   return t;
 }
 
-// Calls meet(interval) with each convex part of the body that lines may cross.
+// Calls on_interval(interval) for each convex piece of the body.
 template <class D, class Meet>
 HWY_INLINE void intersect_body(const RayBody& body, const RayPacket<D>& ray, Meet on_interval) {
   switch (body.shape) {

@@ -19,8 +19,8 @@ namespace smartsurf::surface {
 namespace HWY_NAMESPACE {
 namespace {
 
-// Cells [first, last) of a stretch of `count`. The last group is moved back, to end with it: cells that are
-// computed twice, or that the body's bounds do not cover, get what they would have got.
+// Casts the rays [first, last) of a span of `count` against a body. The last vector is moved back to end
+// within the span: recomputing a ray, or testing one outside the body's bounds, does not change its result.
 template <class Touch>
 HWY_INLINE void cast_span(const RayCastJob& job, const RaySpan& rays, int first, int last, int count,
                           const RayBody& body, float tag, bool vertical, Touch mark_span_dirty) {
@@ -36,7 +36,7 @@ HWY_INLINE void cast_span(const RayCastJob& job, const RaySpan& rays, int first,
   }
 }
 
-// Between which distances a segment can be as high as the body.
+// The parameters at which a ray may be within the body's z extent.
 ScalarRange t_range_at_height(const RayCastJob& job, const RayBody& b) {
   const float dz = job.direction.z(), top = b.centre.z() + b.aabb_half_z,
               bottom = b.centre.z() - b.aabb_half_z;
@@ -49,7 +49,7 @@ ScalarRange t_range_at_height(const RayCastJob& job, const RayBody& b) {
           std::min(job.range, dz > 0.0F ? under / dz : over / dz)};
 }
 
-// The part of t in which segments that start at y are beside the body, as seen from the south.
+// The part of t in which rays starting at this y may be within the body's y extent.
 ScalarRange t_range_at_row(const RayCastJob& job, const RayBody& b, float y, const ScalarRange& t) {
   if (std::abs(job.direction.y()) < kParallelTolerance) return t;
   const float reach = b.aabb_half_y + 1e-5F * (std::abs(y) + std::abs(b.centre.y()) + b.aabb_half_y);
@@ -83,8 +83,8 @@ void cast_row(const RayCastJob& job, const RayBody& b, float tag, bool vertical,
             [&job, r](int from, int to) { mark_dirty(job, r, from, to); });
 }
 
-// A ball over no more columns than a vector has lanes, as meet_ball meets it: what is the same for all rows
-// is computed once.
+// cast_vertical_to_sphere() for a sphere over at most one vector of columns, with the terms common to all
+// rows hoisted.
 void cast_vertical_to_small_sphere(const RayCastJob& job, const RayBody& b, float tag, int r0, int r1,
                                    int column) {
   const Wide d;
@@ -96,7 +96,7 @@ void cast_vertical_to_small_sphere(const RayCastJob& job, const RayBody& b, floa
   for (int r = r0; r < r1; ++r) {
     const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(r) * job.columns + column;
     const float dy = static_cast<float>(job.rows - 1 - r) * job.pitch + job.origin.y() - b.centre.y();
-    const auto half = hn::Sqrt(hn::Sub(across, hn::Set(d, dy * dy)));  // NaN where the segment passes by
+    const auto half = hn::Sqrt(hn::Sub(across, hn::Set(d, dy * dy)));  // NaN where the ray misses
     const auto height = job.height != nullptr ? hn::LoadU(d, job.height + at) : hn::Zero(d);
     const auto t_shift = hn::Mul(hn::Sub(hn::Add(height, lift), centre), down);
     const auto low = hn::Sub(t_shift, half), high = hn::Add(half, t_shift);
@@ -106,14 +106,14 @@ void cast_vertical_to_small_sphere(const RayCastJob& job, const RayBody& b, floa
   }
 }
 
-// Where a vector over these columns begins: within one block, if it can.
+// Returns the first column of a vector over these columns, placed within one block if possible.
 int vector_window(const ColumnRange& all, int lanes, int columns) {
   const int last_in_block = all.first / kBlock * kBlock + kBlock - lanes;
   const int first = all.end <= last_in_block + lanes ? std::min(all.first, last_in_block) : all.first;
   return std::min(std::max(first, 0), columns - lanes);
 }
 
-// Upright segments and a piece that planes bound, over as many columns as a vector has lanes.
+// Vertical rays against a convex piece, over one vector of columns.
 template <class D>
 void cast_vertical_to_facet_window(const RayCastJob& job, const RayBody& b, float tag, int r0, int r1,
                                    int column, VerticalFacets& facets) {
@@ -154,7 +154,7 @@ bool has_vertical_facets(const RayBody& b) {
                              [](const Facets& piece) { return VerticalFacets::fits(piece); });
 }
 
-// Rows that are ready for bodies, from the first of a band.
+// Tracks the rows of a band that are prepared, in order.
 struct RowPreparer {
   int prepared_end;
   const PrepareRows& prepare;
@@ -166,7 +166,7 @@ struct RowPreparer {
   }
 };
 
-// Between which y a body must be for segments of these rows to meet it: most of another band are far away.
+// The y range of the bodies that rays of these rows may hit. Skips most bodies of other bands.
 ScalarRange y_range_of_rows(const RayCastJob& job, int begin, int end) {
   if (job.strips != nullptr)
     return {-std::numeric_limits<float>::infinity(), std::numeric_limits<float>::infinity()};
@@ -180,6 +180,7 @@ void cast_grid(const RayCastJob& job, const RayBody& b, float tag, bool vertical
   if (b.centre.y() + b.aabb_half_y < y_range.low || b.centre.y() - b.aabb_half_y > y_range.high) return;
   const ScalarRange t = t_range_at_height(job, b);
   if (t.empty()) return;
+  // Rows [r0, r1) and columns `all` bound the cells whose rays may hit the body.
   const float north = static_cast<float>(job.rows - 1) * job.pitch + job.origin.y();
   const ScalarRange ys = start_range(b.centre.y(), b.aabb_half_y, job.direction.y(), t);
   const int r0 = std::max(begin, first_index_from((north - ys.high) / job.pitch, job.rows));
@@ -230,8 +231,8 @@ void cast_strips(const RayCastJob& job, const RayBody& b, float tag, int begin, 
   }
 }
 
-// Asks for the memory that upright segments of these rows under the body will touch. Not for that of others:
-// another thread writes there.
+// Prefetches the cells that vertical rays to the body will access, within the thread's own rows only: other
+// threads write to the rest.
 void prefetch_cells_under(const RayCastJob& job, const RayBody& b, int begin, int end) {
   const auto row_of = [&](float y) { return static_cast<float>(job.rows - 1) - y / job.pitch; };
   const int r0 = std::max(begin, first_index_from(row_of(b.centre.y() + b.aabb_half_y), job.rows));
@@ -242,7 +243,7 @@ void prefetch_cells_under(const RayCastJob& job, const RayBody& b, int begin, in
   const int west = column_of(b.centre.x() - b.aabb_half_x), east = column_of(b.centre.x() + b.aabb_half_x);
   for (int r = r0; r < r1; ++r) {
     const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(r) * job.columns;
-    // Of blocks as far apart as two lines of memory are.
+    // One cache line per block.
     for (int column = west; column / kBlock <= east / kBlock; column += kBlock) {
       const std::ptrdiff_t at = row + std::min(column, job.columns - 1);
       hwy::Prefetch(job.distance + at);
@@ -253,9 +254,9 @@ void prefetch_cells_under(const RayCastJob& job, const RayBody& b, int begin, in
 }
 
 void cast_rows_for_target(const RayCastJob& job, int begin, int end, const PrepareRows& prepare) {
-  constexpr std::size_t kPrefetchBodies = 6;  // bodies: about what a trip to memory takes
-  constexpr int kCacheResidentCells =
-      1 << 17;  // cells whose heights, distances and marks stay in a core's own cache
+  constexpr std::size_t kPrefetchBodies = 6;  // covers about one memory latency
+  // Heights, distances and tags of this many cells stay in a core's private cache.
+  constexpr int kCacheResidentCells = 1 << 17;
   const bool vertical = job.direction.x() == 0.0F && job.direction.y() == 0.0F && job.strips == nullptr;
   const bool prefetch = vertical && job.rows * job.columns > kCacheResidentCells;
   const ScalarRange y_range = y_range_of_rows(job, begin, end);
@@ -278,7 +279,7 @@ void cast_rows_for_target(const RayCastJob& job, int begin, int end, const Prepa
   preparer.prepare_to(end);
 }
 
-// The pin is a bottomless column. Touching its top is not meeting it: a segment may begin there.
+// See PinStep for the pin's shape.
 template <class D>
 HWY_INLINE bool cast_to_pin(const PinRowRays& row, const PinStep& step, int i, float dz, float range,
                             float tag) {

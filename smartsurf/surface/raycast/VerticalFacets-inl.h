@@ -1,6 +1,7 @@
-// Where upright lines cross a convex piece that planes bound: between the highest of the planes that face
-// down and the lowest of those that face up. Included once an instruction set (see SweepKernels.cpp), hence
-// no plain include guard. Only IEEE operations, no fused ones: the same bits for any number of lanes.
+// Intersects vertical lines with a convex piece: a line is inside between the highest plane that faces down
+// and the lowest that faces up. RayKernels.cpp includes this file once per instruction set, hence no include
+// guard. Uses IEEE operations without fused multiply-add only, so that results are bit-identical for any
+// number of lanes.
 #include <hwy/highway.h>
 
 #include <limits>
@@ -14,7 +15,8 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Of one piece, turned as the body is; all lengths from its centre.
+// The planes of one piece in world orientation, relative to the body's centre. Floors face down, roofs face
+// up, walls are vertical.
 class VerticalFacets {
  public:
   static constexpr int kMaxFacets = 64;
@@ -28,7 +30,7 @@ class VerticalFacets {
         add(block, lane, to_local);
   }
 
-  // For lines beside each other, at these x: what is the same for all y.
+  // Selects one line per lane, at these x; computes the terms that do not depend on y.
   template <class D>
   void set_columns(hn::Vec<D> x) {
     set_columns<D>(floors_, x);
@@ -39,7 +41,7 @@ class VerticalFacets {
     }
   }
 
-  // At that y: inside from `low` to `high`, where low ≤ high.
+  // Returns the z interval inside the piece at this y. Empty if low > high.
   template <class D, class V = hn::Vec<D>>
   HWY_INLINE void intersect_row(float y, V& low, V& high) const {
     const D d;
@@ -55,14 +57,14 @@ class VerticalFacets {
  private:
   using FacetTag = hn::CappedTag<float, FacetBlock::kLanes>;
   static constexpr float kInfinity = std::numeric_limits<float>::infinity();
-  // A plane that leans less than this is taken as upright.
+  // Planes with a smaller |normal.z| count as vertical.
   static constexpr float kMaxVerticalNormalZ = 1e-6F;
-  // The plane's height is lift + x·px + y·py.
+  // The plane k is z = intercept[k] + x[k]·px + y[k]·py.
   struct Planes {
-    // Room for what a store of whole vectors writes too much.
+    // Padded because add() stores whole vectors.
     float x[kMaxFacets + FacetBlock::kLanes], y[kMaxFacets + FacetBlock::kLanes],
         intercept[kMaxFacets + FacetBlock::kLanes];
-    HWY_ALIGN float at_columns[kMaxFacets * FacetBlock::kLanes];  // lift + x·px of each line
+    HWY_ALIGN float at_columns[kMaxFacets * FacetBlock::kLanes];  // intercept + x·px of each line
     int count = 0;
   };
 
@@ -80,7 +82,7 @@ class VerticalFacets {
     const auto per_z = hn::Div(hn::Set(d, 1.0F), hn::IfThenElse(vertical, hn::Set(d, 1.0F), nz));
     const auto slope_x = hn::Neg(hn::Mul(nx, per_z)), slope_y = hn::Neg(hn::Mul(ny, per_z)),
                intercept = hn::Mul(offset, per_z);
-    // Compressed in registers: a store that does it is many times slower on some machines.
+    // Compress in registers: a compressing store is many times slower on some CPUs.
     const auto compress_store = [&](auto values, hn::Mask<FacetTag> which, float* to) {
       hn::StoreU(hn::Compress(values, which), d, to);
     };

@@ -1,5 +1,5 @@
-// A picture of the table from straight above, the same size for near and far things: colour and height of
-// what is topmost.
+// An orthographic image of the surface from above: colour and height of the topmost object or pin at each
+// pixel.
 #pragma once
 
 #include <vector>
@@ -14,8 +14,8 @@ class CameraSensor final : public Sensor {
   CameraSensor(const Field&, const scene::SensorSpec&);
 
   void sense(const SensorInput&, common::ThreadPool&) override;
-  // A cell has n × n pixels, row by row from its north-west corner; pixel p is components 3p (red), 3p + 1,
-  // 3p + 2 of channel 0, and component p of channel 1, the z of what it shows, u.
+  // A cell has n × n pixels in row-major order from its north-west corner. Channel 0: red, green and blue of
+  // pixel p in [0, 1] as components 3p, 3p + 1 and 3p + 2. Channel 1: z of pixel p, u, as component p.
   std::span<const float> values(int channel) const noexcept override {
     return channel == 0 ? colour_ : height_;
   }
@@ -26,7 +26,7 @@ class CameraSensor final : public Sensor {
   int rows_;
   std::size_t cells_;
   float camera_height_, floor_height_;
-  std::vector<RayCaster> ray_casters_;  // one a pixel
+  std::vector<RayCaster> ray_casters_;  // one per pixel
   std::vector<float> colour_, height_;
   std::vector<float> tags_;
 };

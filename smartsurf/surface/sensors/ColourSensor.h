@@ -1,4 +1,4 @@
-// The colour of what each cell's segment meets first.
+// The colour of the closest hit of each cell's ray.
 #pragma once
 
 #include <vector>
@@ -8,7 +8,7 @@
 
 namespace smartsurf::surface {
 
-// Of a pin, whatever its surface is made of: the grey of things that have no colour of their own.
+// Colour of pins: the default colour of objects.
 inline constexpr scene::Colour kPinColour{};
 
 class ColourSensor final : public Sensor {
@@ -16,7 +16,7 @@ class ColourSensor final : public Sensor {
   ColourSensor(const Field&, const scene::SensorSpec&);
 
   void sense(const SensorInput&, common::ThreadPool&) override;
-  // Red, green and blue in [0, 1], as a screen shows them; black where nothing is met.
+  // Red, green and blue (sRGB) in [0, 1], one plane each; black without a hit.
   std::span<const float> values(int /*channel*/) const noexcept override { return planes_; }
 
  private:

@@ -1,5 +1,5 @@
-// Random numbers by counter: each is a function of seed, stream, tick and index alone, so it does not matter
-// who draws which, in what order, on what thread.
+// A counter-based random number generator: every number is a function of seed, stream, tick and index, so the
+// order of draws and the thread do not matter.
 #pragma once
 
 #include <bit>
@@ -14,21 +14,22 @@ class CounterRandom {
   CounterRandom(std::uint64_t seed, std::uint64_t stream, std::uint64_t tick) noexcept
       : key_(mix(mix(mix(seed + kGamma) + stream + kGamma) + tick + kGamma)) {}
 
-  // 64 random bits: Steele's SplitMix64, entered at `index`.
+  // 64 random bits: SplitMix64 at position `index` (Steele, Lea, Flood: Fast Splittable Pseudorandom Number
+  // Generators, OOPSLA 2014).
   std::uint64_t bits(std::uint64_t index) const noexcept { return mix(key_ + (index + 1) * kGamma); }
 
-  // In [0, 1), a multiple of 2⁻⁵³.
+  // Uniform in [0, 1), a multiple of 2⁻⁵³.
   double uniform(std::uint64_t index) const noexcept {
     return static_cast<double>(bits(index) >> 11) * 0x1p-53;
   }
 
-  // Of mean 0 and deviation 1, by Box and Muller; no number lies beyond 6.7. Without the C library's
-  // functions, whose last bits differ from one processor to another.
+  // Standard normal by the Box-Muller transform; |x| < 6.8. Avoids the C library's functions, whose last bits
+  // differ between platforms.
   double normal(std::uint64_t index) const noexcept {
     const std::uint64_t b = bits(index);
     const double u = (static_cast<double>(b >> 32) + 0.5) * 0x1p-32;
-    const double turns =
-        static_cast<double>(static_cast<std::int32_t>(b & 0xffffffffU)) * 0x1p-32;  // [-1/2, 1/2)
+    // In [-1/2, 1/2).
+    const double turns = static_cast<double>(static_cast<std::int32_t>(b & 0xffffffffU)) * 0x1p-32;
     return std::sqrt(-2.0 * log_approx(u)) * sin_turns(turns);
   }
 
@@ -41,7 +42,8 @@ class CounterRandom {
     return z ^ (z >> 31);
   }
 
-  // ln u for a normal u > 0, to 1e-10: u = m·2^e with m near 1, and 2 artanh((m − 1)/(m + 1)) by its series.
+  // ln u to 1e-10, for a normalized u > 0: u = m·2^e with m near 1, and ln m = 2 artanh((m − 1)/(m + 1)) as a
+  // series.
   static double log_approx(double u) noexcept {
     const std::uint64_t b = std::bit_cast<std::uint64_t>(u);
     int exponent = static_cast<int>(b >> 52) - 1023;
@@ -53,7 +55,7 @@ class CounterRandom {
     return 2.0 * s * series + exponent * std::numbers::ln2;
   }
 
-  // sin 2πt for t in [-1/2, 1/2], to 1e-9.
+  // sin 2πt to 1e-9, for t in [-1/2, 1/2].
   static double sin_turns(double t) noexcept {
     if (t > 0.25) t = 0.5 - t;
     if (t < -0.25) t = -0.5 - t;

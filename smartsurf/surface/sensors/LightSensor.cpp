@@ -8,7 +8,8 @@
 namespace smartsurf::surface {
 namespace {
 
-// The k-th of `count` points that lie evenly on the face of a light: a sunflower's seeds.
+// Direction to the k-th of `count` points spread evenly over the light's disc of angular radius size_rad, in
+// a sunflower (Fermat spiral) pattern. Precondition: |centre| = 1.
 Eigen::Vector3f light_sample_direction(const Eigen::Vector3d& centre, double size_rad, int k, int count) {
   const double angle = std::numbers::pi * (3.0 - std::sqrt(5.0)) * k;
   const double radius = std::tan(size_rad) * std::sqrt((k + 0.5) / count);

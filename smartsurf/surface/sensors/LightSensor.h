@@ -1,4 +1,4 @@
-// How much of a light far away in one direction arrives at each cell.
+// The visible fraction of a distant light at each cell.
 #pragma once
 
 #include <vector>
@@ -13,12 +13,12 @@ class LightSensor final : public Sensor {
   LightSensor(const Field&, const scene::SensorSpec&);
 
   void sense(const SensorInput&, common::ThreadPool&) override;
-  // The share of the light's face that the cell sees: 1 in the open, 0 in full shadow.
+  // Fraction of the light's disc visible from the cell: 1 unobstructed, 0 in full shadow.
   std::span<const float> values(int /*channel*/) const noexcept override { return visible_fraction_; }
 
  private:
   int rows_;
-  std::vector<RayCaster> ray_casters_;  // one to each point of the light that is looked for
+  std::vector<RayCaster> ray_casters_;  // one per sample point of the light
   std::vector<float> visible_fraction_;
   std::vector<float> body_tags_;  // 1 for every body
 };

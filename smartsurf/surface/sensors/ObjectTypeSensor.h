@@ -1,4 +1,4 @@
-// What kind of object each cell's segment meets first: its label as a number.
+// The class of the object that each cell's ray hits first: its label as a number.
 #pragma once
 
 #include <map>
@@ -16,7 +16,8 @@ class ObjectTypeSensor final : public Sensor {
       : ray_caster_(field, cell_ray_of(spec)) {}
 
   void sense(const SensorInput&, common::ThreadPool&) override;
-  // 1 + the index of the label in the order of first appearance, "" being a label like others; 0: no object.
+  // 1 + the index of the object's label, in order of first appearance ("" is a label too); 0 without an
+  // object.
   std::span<const float> values(int /*channel*/) const noexcept override { return ray_caster_.tag(); }
 
  private:

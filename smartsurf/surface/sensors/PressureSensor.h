@@ -20,7 +20,7 @@ class PressureSensor final : public Sensor {
     const std::size_t cells = std::min(force_.size(), input.impulse.size());
     for (std::size_t i = 0; i < cells; ++i) force_[i] = std::min(input.impulse[i] * per_second, max_force_);
   }
-  // mass·u/s²
+  // mass·u/s², clamped to the sensor's range.
   std::span<const float> values(int /*channel*/) const noexcept override { return force_; }
   bool needs_impulses() const noexcept override { return true; }
 

@@ -1,4 +1,4 @@
-// Distance along a segment from each cell to what it meets first, and whether it meets anything.
+// The distance along each cell's ray to its closest hit, and whether there is one.
 #pragma once
 
 #include <vector>
@@ -18,7 +18,7 @@ class ProximitySensor final : public Sensor {
     ray_caster_.cast(input.bodies, {body_tags_.data(), input.bodies.size()}, 1.0F, input.snapshot.height,
                      pool);
   }
-  // 0: the distance, u; the range where nothing is met. 1: 1 where something is, else 0.
+  // Channel 0: distance, u; the range without a hit. Channel 1: 1 with a hit, else 0.
   std::span<const float> values(int channel) const noexcept override {
     return channel == 0 ? ray_caster_.distance() : ray_caster_.tag();
   }

@@ -1,6 +1,7 @@
-// One model of a sensor, for all cells of the surface: a moment in, readings out. docs/extending.md adds one.
+// Interface of a sensor model, which turns the state of the world into readings for all cells of the surface.
+// docs/extending.md shows how to add one.
 //
-// A sensor tells the truth; what real ones make of it (noise, faults, delays) is SensorArray's.
+// A sensor measures true values; SensorArray applies noise, faults and delays.
 #pragma once
 
 #include <functional>
@@ -13,15 +14,15 @@
 
 namespace smartsurf::surface {
 
-// What there is to sense, at the end of a tick.
+// The state to sense at the end of a tick. Valid during sense() only.
 struct SensorInput {
   const scene::Snapshot& snapshot;               // objects, and the heights of the cells
   std::span<const scene::ObjectSpec> catalogue;  // every object ever created, index = id
-  const RayBodies& bodies;                       // the snapshot's objects as segments meet them
-  // rows × columns: normal impulse on each cell in the tick that ended, mass·u/s. Empty unless a sensor
-  // feels().
+  const RayBodies& bodies;                       // the snapshot's objects, prepared for ray casts
+  // Normal impulse on each cell during the tick: rows × columns, mass·u/s. Empty unless a sensor
+  // needs_impulses().
   std::span<const float> impulse;
-  double period_s;  // of a tick
+  double period_s;  // duration of a tick
 };
 
 class Sensor {
@@ -31,29 +32,29 @@ class Sensor {
   Sensor& operator=(const Sensor&) = delete;
   virtual ~Sensor() = default;
 
-  // Measures. Results must not depend on the number of threads. Allocates only when there are more objects
-  // than ever before.
+  // Measures the input. Results must not depend on the number of threads. May allocate only when objects are
+  // added.
   virtual void sense(const SensorInput&, common::ThreadPool&) = 0;
 
-  // The readings of its n-th channel after the last sense(): components × rows × columns, each component a
-  // whole plane, row 0 north, within the channel's range. The memory stays the same for the sensor's life.
+  // The values of a channel after the last sense(): components × rows × columns, one plane per component,
+  // row-major, row 0 north, within the channel's range. The span stays valid for the sensor's lifetime.
   virtual std::span<const float> values(int channel) const noexcept = 0;
 
-  // Whether it reads Moment::impulse.
+  // Whether sense() reads SensorInput::impulse.
   virtual bool needs_impulses() const noexcept { return false; }
 };
 
-// field: where the cells stand; kept by nobody.
+// `field` gives the cell geometry and must not be retained.
 using SensorFactory = std::function<std::unique_ptr<Sensor>(const Field& field, const scene::SensorSpec&)>;
 
-// Makes the model known to scripts, to the protocol and to every surface made from now on, under the kind's
-// name; one of that name is replaced. Before any experiment is loaded; not thread-safe.
+// Registers the model under the kind's name for scripts, the protocol and all surfaces created later;
+// replaces a model of the same name. Call before any experiment is loaded; not thread-safe.
 void register_sensor(scene::SensorKind kind, SensorFactory make);
 
-// Throws scene::InputError where there is no model of that name.
+// Creates the model that the spec names. Throws scene::InputError if no such model is registered.
 std::unique_ptr<Sensor> make_sensor(const Field&, const scene::SensorSpec&);
 
-// What `range`, `direction`, `origin` and `pins` of a sensor say.
+// The ray that a sensor's `range`, `direction`, `origin` and `pins` describe.
 CellRay cell_ray_of(const scene::SensorSpec&);
 
 }  // namespace smartsurf::surface

@@ -15,13 +15,13 @@
 namespace smartsurf::surface {
 namespace {
 
-// Of one number of one channel, about.
+// Approximate cost per value.
 constexpr double kReadingCost_ns = 5.0;
 
-// What a stream of random numbers is for.
+// Random numbers for different purposes use different streams.
 enum StreamPurpose : std::uint64_t { kNoise, kDrift, kDropout, kFaults, kPurposeCount };
 
-// By name, so that a sensor's numbers stay the same when others are added (FNV-1a).
+// FNV-1a hash of the channel's name: adding sensors does not change the random numbers of the others.
 std::uint64_t stream_id(const std::string& channel) {
   std::uint64_t h = 0xcbf29ce484222325U;
   for (const char c : channel) h = (h ^ static_cast<unsigned char>(c)) * 0x100000001b3U;
@@ -72,7 +72,7 @@ SensorErrorModel::SensorErrorModel(const scene::SensorSpec& spec, const scene::S
   if (active_) allocate_buffers();
 }
 
-// Memory for the ticks to come.
+// Allocates everything that apply() needs.
 void SensorErrorModel::allocate_buffers() {
   for (ChannelState& c : channels_) {
     const std::size_t numbers = cells_ * static_cast<std::size_t>(c.description.components);
@@ -83,7 +83,7 @@ void SensorErrorModel::allocate_buffers() {
   }
 }
 
-// One draw a cell: a greater share hits the same cells and others.
+// One draw per cell, so that a larger fraction selects a superset of the cells.
 void SensorErrorModel::draw_faults(const scene::ParameterValues& sensor_values,
                                    const scene::ParameterValues& shared_values) {
   const double dead = parameter_or_zero(sensor_values, shared_values, "dead"),
@@ -104,12 +104,12 @@ void SensorErrorModel::draw_faults(const scene::ParameterValues& sensor_values,
   }
 }
 
-// What a channel measures; a mask speaks of the first channel.
+// Returns the channel that defines the range of `c`; a mask refers to the first channel.
 const scene::SensorChannel& SensorErrorModel::measured_channel(const ChannelState& c) const {
   return is_mask(c) ? channels_.front().description : c.description;
 }
 
-// `value` is of what the channel measures: its mask says whether that is something.
+// `value` is a value of measured_channel(c). A mask is stuck at whether that value is a detection.
 void SensorErrorModel::set_cell_fault(std::size_t cell, ChannelState& c, CellState state, double value) {
   active_ = true;
   if (c.state.empty()) {
@@ -129,13 +129,13 @@ void SensorErrorModel::load_fault_map(const FaultMap& map) {
     const bool names_channel = std::ranges::any_of(
         channels_, [&](const ChannelState& c) { return c.description.name == entry.channel; });
     if (!names_channel && !entry.channel.empty()) continue;
-    // A sensor is one thing: what breaks a channel breaks the mask with it.
+    // A fault of a channel breaks the sensor's mask as well.
     for (ChannelState& c : channels_)
       if (!names_channel || c.description.name == entry.channel || is_mask(c)) apply_fault(map, entry, c);
   }
 }
 
-// An entry without a channel speaks of the actuators as well: what is no fault of a sensor is one of theirs.
+// An entry without a channel applies to actuators as well, so faults unknown to sensors are ignored in it.
 void SensorErrorModel::apply_fault(const FaultMap& map, const FaultEntry& entry, ChannelState& c) {
   const auto cell = static_cast<std::size_t>(entry.row * columns_ + entry.column);
   const std::string& fault = entry.fault;
@@ -144,10 +144,10 @@ void SensorErrorModel::apply_fault(const FaultMap& map, const FaultEntry& entry,
   if (fault == "stuck_high") return set_cell_fault(cell, c, CellState::kStuck, measured_channel(c).maximum);
   if (fault != "stuck" && fault != "gain" && fault != "offset") {
     if (entry.channel.empty()) return;
-    map.refuse(entry, "fault " + quoted(fault) +
+    map.refuse(entry, "fault " + quote(fault) +
                           ": no fault of a sensor; known: dead, stuck, stuck_low, stuck_high, gain, offset");
   }
-  if (!entry.value) map.refuse(entry, "fault " + quoted(fault) + ": needs a value");
+  if (!entry.value) map.refuse(entry, "fault " + quote(fault) + ": needs a value");
   if (fault == "stuck") return set_cell_fault(cell, c, CellState::kStuck, *entry.value);
   if (!c.description.is_exact) set_calibration(cell, c, fault == "gain" ? c.gain : c.offset, *entry.value);
 }
@@ -178,7 +178,7 @@ void SensorErrorModel::load_calibration(const scene::CalibrationFile& file) {
     std::string known;
     for (const ChannelState& c : channels_)
       if (!c.description.is_exact) known += (known.empty() ? "" : ", ") + c.description.name;
-    row.refuse("channel " + quoted(row.text(2)) +
+    row.refuse("channel " + quote(row.text(2)) +
                ": the sensor has no such channel to calibrate; known: " + (known.empty() ? "none" : known));
   }
 }

@@ -1,9 +1,9 @@
-// What a real sensor makes of the truth, for all cells of one sensor (docs/sensors.md has the equations):
+// Applies measurement errors and faults to the true values of one sensor (docs/sensors.md has the equations):
 //
-//   truth → late by some ticks → gain·x + offset → + drift + noise → steps → within the range → stuck, dead,
-//   lost
+//   true value → latency → gain·x + offset → + drift + noise → quantization → clamp to the range
+//              → stuck and dead cells → dropout
 //
-// Every random number is a function of seed, channel, cell and tick alone (CounterRandom).
+// Every random number is a function of seed, channel, cell and tick (CounterRandom).
 #pragma once
 
 #include <cstdint>
@@ -18,18 +18,18 @@ namespace smartsurf::surface {
 
 class SensorErrorModel {
  public:
-  // Of one of the scene's sensors; what the user set for all sensors holds where its own values say nothing.
-  // Throws scene::InputError for a calibration that does not fit, or an entry of the map for one of the
-  // sensor's channels that is no fault of a sensor.
+  // The errors of the spec, completed by the scene's errors for all sensors. Throws scene::InputError for an
+  // invalid calibration, or a map entry for one of the sensor's channels that is not a sensor fault.
   SensorErrorModel(const scene::SensorSpec&, const scene::SceneSpec&, const FaultMap&);
 
-  // Whether there are any: otherwise the truth is what is read.
+  // Whether the sensor has any errors. If not, its readings are the true values, and apply() must not be
+  // called.
   bool is_active() const noexcept { return active_; }
 
-  // Makes the readings of this tick; ticks come one after the other, from 0. truth: one span a channel, which
-  // are the same memory at each call.
+  // Computes the readings of a tick. Ticks must be consecutive, from 0. truth: one span per channel, each
+  // components × rows × columns. Does not allocate.
   void apply(std::uint64_t tick, std::span<const std::span<const float>> truth, common::ThreadPool&);
-  // components × rows × columns, as the truth.
+  // The readings after the last apply(): components × rows × columns, as in `truth`.
   std::span<const float> values(int channel) const noexcept {
     return channels_[static_cast<std::size_t>(channel)].readings;
   }
@@ -38,14 +38,15 @@ class SensorErrorModel {
   enum class CellState : std::uint8_t { kWorking, kDead, kStuck };
   struct ChannelState {
     scene::SensorChannel description;
-    std::uint64_t stream = 0;  // of its random numbers
-    // One a cell; empty where all cells are alike: gain 1, offset 0, working.
+    std::uint64_t stream = 0;  // of random numbers
+    // One per cell; empty if all cells have gain 1, offset 0 and work.
     std::vector<float> gain, offset;
     std::vector<CellState> state;
-    std::vector<float> stuck_value;              // what a stuck cell reads
-    std::vector<float> drift = {};               // the drift so far, as the truth; empty: none
-    std::vector<std::vector<float>> delay_line;  // the truth of the last ticks, in a ring; empty: no latency
-    std::span<const float> truth;                // what is being read
+    std::vector<float> stuck_value;  // reading of a stuck cell
+    // Laid out as the truth.
+    std::vector<float> drift = {};               // accumulated drift; empty without drift
+    std::vector<std::vector<float>> delay_line;  // ring of the truth of the last ticks; empty without latency
+    std::span<const float> truth;                // delayed truth of the current tick
     std::vector<float> readings;
   };
 
@@ -68,7 +69,7 @@ class SensorErrorModel {
   std::size_t cells_;
   double period_s_;
   std::uint64_t seed_;
-  int mask_;
+  int mask_;  // index of the mask channel, or −1
   double noise_ = 0.0, quantize_ = 0.0, drift_ = 0.0, dropout_ = 0.0;
   int latency_ = 0;
   bool active_ = false;

@@ -6,7 +6,7 @@
 
 int apron_plugin_version(void) { return APRON_PLUGIN_VERSION; }
 
-static int wrong(apron_call* call, const char* text) {
+static int fail_call(apron_call* call, const char* text) {
   snprintf(call->message, sizeof call->message, "%s", text);
   return 1;
 }
@@ -14,7 +14,7 @@ static int wrong(apron_call* call, const char* text) {
 /* 0: y = the length of (a, b), cell by cell. */
 static int hypotenuse(apron_call* call) {
   if (call->argument_count != 2 || call->cells == NULL)
-    return wrong(call, "takes two values and writes a register");
+    return fail_call(call, "takes two values and writes a register");
   const apron_argument* a = &call->arguments[0];
   const apron_argument* b = &call->arguments[1];
   for (uint32_t y = 0; y < call->height; ++y)
@@ -29,7 +29,7 @@ static int hypotenuse(apron_call* call) {
 /* 1: v = number of cells of a register above a number. */
 static int count_above(apron_call* call) {
   if (call->argument_count != 2 || call->arguments[0].cells == NULL || call->value == NULL)
-    return wrong(call, "takes a register and a number and writes a scalar");
+    return fail_call(call, "takes a register and a number and writes a scalar");
   const apron_argument* a = &call->arguments[0];
   uint32_t count = 0;
   for (uint32_t y = 0; y < a->height; ++y)
@@ -50,10 +50,10 @@ int apron_plugin_call(apron_call* call) {
       calls += 1.0F;
       return 0;
     case 3:
-      if (call->value == NULL) return wrong(call, "writes a scalar");
+      if (call->value == NULL) return fail_call(call, "writes a scalar");
       *call->value = calls;
       return 0;
     default:
-      return wrong(call, "there is no such operation");
+      return fail_call(call, "there is no such operation");
   }
 }

@@ -7,12 +7,19 @@ using namespace common;
 namespace {
 
 TEST(Palette, NamesRoundTrip) {
-  for (std::size_t i = 0; i < kPalettes; ++i) {
+  for (std::size_t i = 0; i < kPaletteCount; ++i) {
     const auto palette = static_cast<Palette>(i);
-    EXPECT_EQ(find_palette(name(palette)), palette);
+    EXPECT_EQ(find_palette(palette_name(palette)), palette);
   }
+  EXPECT_EQ(palette_name(Palette::kDiverging), "diverging");
+}
+
+TEST(Palette, FindsAliasesInAnyCase) {
+  EXPECT_EQ(find_palette("Gray"), Palette::kGrey);
   EXPECT_EQ(find_palette("JET"), Palette::kSpectrum);
-  EXPECT_FALSE(find_palette("mauve"));
+  for (const char* unknown : {"gre", "greyer", ""}) EXPECT_FALSE(find_palette(unknown)) << unknown;
+  for (const std::string& known : palette_names()) EXPECT_TRUE(find_palette(known)) << known;
+  EXPECT_GT(palette_names().size(), kPaletteCount);
 }
 
 TEST(Palette, EndsAreTheDocumentedColours) {

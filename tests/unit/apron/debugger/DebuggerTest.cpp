@@ -26,18 +26,18 @@ TEST(Debugger, StepsRunsToALineAndLooksAtNames) {
   FakeHost host;
   Vm vm(counting_program().finish(), {}, host);
   Debugger debugger(vm);
-  EXPECT_EQ(debugger.place().line, 1U);
-  EXPECT_EQ(debugger.place().file, "test.aps");
-  EXPECT_EQ(debugger.step(), Status::kRunning);
-  EXPECT_EQ(debugger.place().line, 2U);
+  EXPECT_EQ(debugger.position().line, 1U);
+  EXPECT_EQ(debugger.position().file, "test.aps");
+  EXPECT_EQ(debugger.step_instruction(), Status::kRunning);
+  EXPECT_EQ(debugger.position().line, 2U);
   EXPECT_EQ(debugger.find_variable("count"), 1.0F);
   EXPECT_EQ(debugger.run_to_line("test.aps", 2), Status::kRunning);  // once round
-  EXPECT_EQ(debugger.place().instruction, 1U);
+  EXPECT_EQ(debugger.position().instruction, 1U);
   EXPECT_EQ(debugger.find_variable("count"), 2.0F);
   EXPECT_EQ(debugger.step_line(), Status::kRunning);
-  EXPECT_EQ(debugger.place().line, 3U);
+  EXPECT_EQ(debugger.position().line, 3U);
   ASSERT_TRUE(debugger.find_register("A"));
-  EXPECT_EQ(Debugger::text(*debugger.find_register("A")), "2 2\n");
+  EXPECT_EQ(Debugger::format_plane(*debugger.find_register("A")), "2 2\n");
   EXPECT_FALSE(debugger.find_register("B"));
   EXPECT_FALSE(debugger.find_variable("A"));
 }

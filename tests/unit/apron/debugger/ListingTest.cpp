@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/unit/apron/debugger/Programs.h"
+#include "tests/unit/apron/debugger/TestSource.h"
 
 namespace apron::debugger::test {
 namespace {
@@ -29,12 +29,12 @@ $y = twice(:half)
 !macro_end
 )"}};
 
-std::vector<std::string> texts(const Listing& listing) {
+std::vector<std::string> row_texts(const Listing& listing) {
   std::vector<std::string> all;
   for (const Listing::Row& row : listing.rows()) all.push_back(std::string(row.depth, '>') + row.text);
   return all;
 }
-std::size_t row_with(const Listing& listing, const std::string& text) {
+std::size_t find_row(const Listing& listing, const std::string& text) {
   for (std::size_t i = 0; i < listing.rows().size(); ++i)
     if (listing.rows()[i].text == text) return i;
   ADD_FAILURE() << "no row " << text;
@@ -42,15 +42,15 @@ std::size_t row_with(const Listing& listing, const std::string& text) {
 }
 
 TEST(Listing, IsTheMainFileWhenAllIsFolded) {
-  const Compiled c = compiled(kMain, kFiles);
+  const CompiledSource c = compile(kMain, kFiles);
   const Listing listing(c.program, c.texts);
-  EXPECT_EQ(texts(listing), (std::vector<std::string>{"!include('lib.aps')", "!register(A, B)", "A = 1",
-                                                      "B = twice(A)", "B = four(B)", "A = B"}));
+  EXPECT_EQ(row_texts(listing), (std::vector<std::string>{"!include('lib.aps')", "!register(A, B)", "A = 1",
+                                                          "B = twice(A)", "B = four(B)", "A = B"}));
   EXPECT_EQ(listing.rows()[0].fold, Listing::Fold::kClosed);
   EXPECT_EQ(listing.rows()[2].fold, Listing::Fold::kNone);
   EXPECT_EQ(listing.rows()[3].fold, Listing::Fold::kClosed);
-  EXPECT_FALSE(listing.rows()[1].code);
-  for (const std::size_t row : {2, 3, 4, 5}) EXPECT_TRUE(listing.rows()[row].code) << row;
+  EXPECT_FALSE(listing.rows()[1].has_code);
+  for (const std::size_t row : {2, 3, 4, 5}) EXPECT_TRUE(listing.rows()[row].has_code) << row;
   // Every instruction is shown on a line of the main file, in order.
   ASSERT_EQ(listing.groups().size(), c.program.code.size());
   EXPECT_TRUE(std::is_sorted(listing.groups().begin(), listing.groups().end()));
@@ -59,7 +59,7 @@ TEST(Listing, IsTheMainFileWhenAllIsFolded) {
 }
 
 TEST(Listing, UnfoldsAnIncludedFileAndAMacroInsideAMacro) {
-  const Compiled c = compiled(kMain, kFiles);
+  const CompiledSource c = compile(kMain, kFiles);
   Listing listing(c.program, c.texts);
   listing.toggle(0);
   EXPECT_EQ(listing.rows()[1].text, "lib.aps");  // a title, then its lines
@@ -69,35 +69,35 @@ TEST(Listing, UnfoldsAnIncludedFileAndAMacroInsideAMacro) {
   listing.toggle(0);
   EXPECT_EQ(listing.rows().size(), 6U);
 
-  listing.toggle(row_with(listing, "B = four(B)"));
-  ASSERT_EQ(texts(listing)[5], ">macro four, lib.aps");
-  EXPECT_EQ(texts(listing)[6], ">:half = twice($a)");
-  EXPECT_EQ(texts(listing)[7], ">$y = twice(:half)");
+  listing.toggle(find_row(listing, "B = four(B)"));
+  ASSERT_EQ(row_texts(listing)[5], ">macro four, lib.aps");
+  EXPECT_EQ(row_texts(listing)[6], ">:half = twice($a)");
+  EXPECT_EQ(row_texts(listing)[7], ">$y = twice(:half)");
   EXPECT_EQ(listing.rows()[6].line, 11U);
   EXPECT_EQ(listing.rows()[6].fold, Listing::Fold::kClosed);
   listing.toggle(6);
-  EXPECT_EQ(texts(listing)[7], ">>macro twice, lib.aps");
-  EXPECT_EQ(texts(listing)[8], ">>:t = $a + $a");
+  EXPECT_EQ(row_texts(listing)[7], ">>macro twice, lib.aps");
+  EXPECT_EQ(row_texts(listing)[8], ">>:t = $a + $a");
   // What is unfolded has its instructions; the line above it keeps none of them.
   EXPECT_GT(std::count(listing.groups().begin(), listing.groups().end(), 8U), 0);
   EXPECT_EQ(std::count(listing.groups().begin(), listing.groups().end(), 4U), 0);
 }
 
 TEST(Listing, RevealsAnInstructionAndAddsUpWhatRowsTook) {
-  const Compiled c = compiled(kMain, kFiles);
+  const CompiledSource c = compile(kMain, kFiles);
   Listing listing(c.program, c.texts);
-  std::vector<vm::InstructionProfile> spent(c.program.code.size(), {1, 10});
+  std::vector<vm::InstructionProfile> profile(c.program.code.size(), {1, 10});
   std::uint64_t folded = 0, all = 0;
-  for (const vm::InstructionProfile& row : listing.by_row(spent)) all += row.executions;
-  folded = listing.by_row(spent)[4].executions;
-  EXPECT_EQ(all, spent.size());
+  for (const vm::InstructionProfile& row : listing.profile_by_row(profile)) all += row.executions;
+  folded = listing.profile_by_row(profile)[4].executions;
+  EXPECT_EQ(all, profile.size());
   const auto inside =
       std::find(listing.groups().begin(), listing.groups().end(), 4U) - listing.groups().begin();
   listing.reveal(static_cast<std::size_t>(inside));
   const std::size_t row = listing.groups()[static_cast<std::size_t>(inside)];
   EXPECT_EQ(listing.rows()[row].text, ":t = $a + $a");
   EXPECT_EQ(listing.rows()[row].depth, 2U);
-  EXPECT_LT(listing.by_row(spent)[row].executions, folded);
+  EXPECT_LT(listing.profile_by_row(profile)[row].executions, folded);
 }
 
 TEST(Listing, OfNothingIsEmpty) {

@@ -1,9 +1,10 @@
-#include "apron/ui/Window.h"
+#include "apron/ui/window/Window.h"
 
 #include <gtest/gtest.h>
 
-#include "apron/ui/Offscreen.h"
-#include "tests/unit/apron/ui/Desk.h"
+#include "apron/ui/window/OffscreenRenderer.h"
+#include "common/error/UserError.h"
+#include "tests/unit/apron/ui/UiFixture.h"
 
 namespace apron::ui::test {
 namespace {
@@ -20,27 +21,27 @@ TEST(WindowWithoutDisplay, SaysSoInOneLine) {
   try {
     Window window("test", {});
     FAIL() << "no error";
-  } catch (const PictureError& error) {
+  } catch (const common::UserError& error) {
     EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos);
   }
 }
 
 TEST_F(WindowTest, ShowsWhatThePicturesShow) {
-  Desk desk(debugger::test::kCounting);
-  desk.bench.step(debugger::Unit::kTick);
-  desk.obey();
+  UiFixture fixture(debugger::test::kCounting);
+  fixture.model.step(debugger::StepUnit::kTick);
+  fixture.process_commands();
   // In the screen's corner, away from the pointer, which would be told what it points at.
-  const Placement place{640, 480, true, 0, 0, false};
-  Image shown;
+  const WindowPlacement place{640, 480, true, 0, 0, false};
+  common::Image shown;
   {
     Window window("test", place);
-    for (int i = 0; i < 4; ++i) ASSERT_TRUE(window.frame(desk.bench));
-    shown = window.picture(desk.bench);
-    EXPECT_EQ(window.take_error(), 0U);
+    for (int i = 0; i < 4; ++i) ASSERT_TRUE(window.render_frame(fixture.model));
+    shown = window.capture(fixture.model);
+    EXPECT_EQ(window.take_gl_error(), 0U);
   }
   ASSERT_EQ(shown.width, 640);
-  Offscreen screen(640, 480);
-  const Image wanted = screen.settle(desk.bench);
+  OffscreenRenderer screen(640, 480);
+  const common::Image wanted = screen.render_settled(fixture.model);
   int different = 0;
   for (std::size_t i = 0; i < shown.rgb.size(); ++i)
     different += std::abs(shown.rgb[i] - wanted.rgb[i]) > 16 ? 1 : 0;
@@ -48,22 +49,22 @@ TEST_F(WindowTest, ShowsWhatThePicturesShow) {
 }
 
 TEST_F(WindowTest, IsPlacedBesideAnotherAndClosed) {
-  Desk desk(debugger::test::kCounting);
-  Placement beside;
-  beside.beside = true;
+  UiFixture fixture(debugger::test::kCounting);
+  WindowPlacement beside;
+  beside.beside_simulator = true;
   Window window("test", beside);
-  EXPECT_TRUE(window.frame(desk.bench));
-  window.wait(0.001);
+  EXPECT_TRUE(window.render_frame(fixture.model));
+  window.wait_events(0.001);
   window.close();
-  EXPECT_FALSE(window.frame(desk.bench));
-  EXPECT_EQ(window.take_error(), 0U);
+  EXPECT_FALSE(window.render_frame(fixture.model));
+  EXPECT_EQ(window.take_gl_error(), 0U);
 }
 
 TEST_F(WindowTest, IsOpenedAgainAfterItWasClosed) {
-  Desk desk(debugger::test::kCounting);
+  UiFixture fixture(debugger::test::kCounting);
   for (int i = 0; i < 3; ++i) {
     Window window("test", {});
-    EXPECT_TRUE(window.frame(desk.bench));
+    EXPECT_TRUE(window.render_frame(fixture.model));
   }
 }
 

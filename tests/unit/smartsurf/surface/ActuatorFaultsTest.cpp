@@ -22,7 +22,7 @@ scene::SurfaceSpec pins(int rows, int columns) {
   return s;
 }
 
-// Heights some time after all pins were told to go to `target`.
+// Returns the heights after all pins have had time to reach `target`.
 std::vector<float> heights(const scene::SurfaceSpec& s, float target, std::uint64_t seed = 1,
                            const std::string& csv = "") {
   const surface::FaultMap map =

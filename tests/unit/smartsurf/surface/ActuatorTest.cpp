@@ -1,4 +1,4 @@
-// What each model does to the field, and with which forces, against the closed forms of docs/actuators.md.
+// Tests cell motion and forces of each actuator model against the closed forms of docs/actuators.md.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -30,7 +30,7 @@ scene::SurfaceSpec surface_of(std::vector<scene::ActuatorSpec> actuators, int ro
   return s;
 }
 
-// An array with the same command in all cells, after some time.
+// An actuator array with the same command in all cells.
 class Cells {
  public:
   explicit Cells(const scene::SurfaceSpec& s) : array(s) {}
@@ -43,7 +43,7 @@ class Cells {
       array.commit(kDt);
     }
   }
-  // The forces on one body at rest there.
+  // The wrench on one body at `at`, with identity orientation and no angular velocity.
   surface::Wrench wrench(const scene::ObjectSpec& object, const Eigen::Vector3f& at,
                          const Eigen::Vector3f& velocity = Eigen::Vector3f::Zero(), float mass = 1.0F) {
     const scene::ObjectId id = 0;
@@ -67,11 +67,11 @@ scene::ObjectSpec box(double x, double y, double z) {
   return o;
 }
 
-// A wave under uneven loads: after each step every height, and the greatest speed.
+// Drives a wave under uneven loads. Returns all heights and the maximum speed after each step.
 std::vector<float> wave_of_pins(const scene::ParameterValues& drive, int threads) {
   scene::SurfaceSpec s = surface_of({actuator("pin", drive)}, 19, 37);
   s.border_height = 3.0;
-  common::ThreadPool pool(threads, 0.0);  // shares all there is
+  common::ThreadPool pool(threads, 0.0);  // always runs in parallel
   surface::ActuatorArray array(s, {}, 1, &pool);
   std::vector<float> seen, targets(19 * 37);
   for (int step = 0; step < 60; ++step) {
@@ -131,7 +131,7 @@ TEST(Wheels, EachDrivesAlongItsDirectionAndTheirSumAnyway) {
   cells.run(0.1);
   EXPECT_NEAR(cells.field().surface_velocity_x[5], std::sqrt(2.0F), 1e-5F);  // north-east at 2 u/s
   EXPECT_NEAR(cells.field().surface_velocity_y[5], std::sqrt(2.0F), 1e-5F);
-  cells.command(1, 4);  // and north-west: together north
+  cells.command(1, 4);  // plus north-west: the sum points north
   cells.run(0.1);
   EXPECT_NEAR(cells.field().surface_velocity_x[5], 0.0F, 1e-5F);
   EXPECT_NEAR(cells.field().surface_velocity_y[5], 2.0F * std::sqrt(2.0F), 1e-5F);
@@ -167,7 +167,7 @@ TEST(Rotor, EllipseLiftsAndDragsAsItsSupportSays) {
 }
 
 TEST(Rotor, SquareCamByAngleStopsOnIt) {
-  // A square of half edge h turned by φ ≤ 45° reaches up to h·(cos φ + sin φ).
+  // The top of a square of half edge h, rotated by φ ≤ 45°, is at h·(cos φ + sin φ).
   const std::vector<double> square{-0.3, 0, -0.3, 0.3, 0, -0.3, 0.3, 0, 0.3, -0.3, 0, 0.3};
   Cells cells(surface_of({actuator("rotor", {{"command", {1}}, {"points", square}, {"axle", {0}}})}));
   EXPECT_NEAR(cells.field().height[0], 0.3F, 1e-6F);
@@ -192,7 +192,7 @@ TEST(ForceField, PushesByTheCoveredAreaAndFallsOffWithTheGap) {
   cells.command(0, 2);
   cells.command(2, 1);
   cells.run(0.1);
-  // 3 × 2 cells under the box, half a reach above them.
+  // The box covers 3 × 2 cells at a gap of half the reach.
   const surface::Wrench w = cells.wrench(box(3, 2, 1), {3, 3.5F, 0.75F});
   EXPECT_NEAR(w.force.x(), 6 * 2 * 0.5F, 1e-4F);
   EXPECT_NEAR(w.force.y(), 0.0F, 1e-6F);
@@ -207,7 +207,7 @@ TEST(ForceField, AFieldThatDiffersTurnsTheObject) {
   for (std::size_t i = 0; i < 64; ++i) fy[i] = i % 8 < 4 ? -1.0F : 1.0F;
   cells.array.set_targets(1, fy);
   cells.run(0.1);
-  // The middle between the columns 3 and 4: eight cells at ±0.5 and ±1.5 in two rows.
+  // Centred between columns 3 and 4: two rows of four cells at ±0.5 and ±1.5.
   const surface::Wrench w = cells.wrench(box(4, 2, 1), {3.5F, 3.5F, 0.5F});
   EXPECT_NEAR(w.torque.z(), 2 * 2 * (0.5F + 1.5F), 1e-4F);
   EXPECT_NEAR(w.force.norm(), 0.0F, 1e-5F);
@@ -224,19 +224,19 @@ TEST(Magnet, DipoleAboveADipole) {
   cells.command(0, -0.5);
   cells.run(kDt);
   EXPECT_NEAR(cells.wrench(magnet, {0, 0, 1}).force.z(), 6 * 2 * 0.5 * 3 / 16.0, 1e-5);
-  // Beside the coil the field points down and turns a lying moment: |m × B| = m·k·I/r³.
+  // Beside the coil the field is vertical and turns a horizontal moment: |m × B| = m·k·I/r³.
   magnet.magnetic_moment = {3, 0, 0};
   EXPECT_NEAR(std::abs(cells.wrench(magnet, {2, 0, -1}).torque.y()), 3 * 2 * 0.5 / 8.0, 1e-5);
 }
 
 TEST(Magnet, ForceIsTheGradientOfTheEnergy) {
-  // F = ∇(m·B), by differences of m·B, which the torque m × B gives for moments along the axes.
+  // F = ∇(m·B), checked by central differences of m·B. The force on a unit pole measures B.
   for (const double law : {0.0, 1.0}) {
     Cells cells(surface_of({actuator("magnet", {{"strength", {5}}, {"lag", {0}}, {"law", {law}}})}, 1, 1));
     cells.command(0, 1);
     cells.run(kDt);
     scene::ObjectSpec probe = box(1, 1, 1), magnet = probe;
-    probe.magnetic_pole = 1;  // feels B itself
+    probe.magnetic_pole = 1;  // its force is B
     magnet.magnetic_moment = {0.3, -0.7, 1.1};
     const Eigen::Vector3f m = magnet.magnetic_moment.cast<float>(), at(0.8F, -0.5F, 0.9F);
     constexpr float kStep = 0.01F;
@@ -274,7 +274,7 @@ TEST(AirJet, LiftsByTheDragOfTheSlowedAir) {
   const surface::Wrench w = cells.wrench(box(2, 2, 0.2), {3.5F, 3.5F, 1.1F}, Eigen::Vector3f::Zero(), 1e6F);
   EXPECT_NEAR(w.force.z(), 4 * k * air * air, 1e-3F);
   EXPECT_NEAR(w.force.head<2>().norm(), 0.0F, 1e-6F);
-  // What goes with the air feels nothing.
+  // A body that moves with the air experiences no force.
   EXPECT_NEAR(cells.wrench(box(2, 2, 0.2), {3.5F, 3.5F, 1.1F}, {0, 0, air}).force.norm(), 0.0F, 1e-4F);
 }
 
@@ -303,10 +303,10 @@ TEST(Tile, ATravellingWaveDragsItsCrestsBackwards) {
   cells.array.set_targets(0, phase);
   cells.command(1, static_cast<float>(amplitude));
   cells.run(0.5);
-  // On the skin: neighbours across the wave are in step, those along it smooth it.
+  // The skin averages neighbours along the wave; those across it are in phase.
   const double smoothed = amplitude * ((1 - skin) + skin * (1 + std::cos(k)) / 2);
   const double omega = 2 * std::numbers::pi * frequency;
-  const double slope = std::sin(k);  // of the central difference, instead of k
+  const double slope = std::sin(k);  // the central difference gives sin k instead of k
   float top = 0, fastest = 0;
   for (int c = 8; c < 56; ++c) {
     const auto i = static_cast<std::size_t>(2 * 64 + c);
@@ -381,7 +381,8 @@ TEST(ActuatorArray, TakesCommandsInParts) {
   std::uint64_t replaced_in_parts = 0;
   for (std::size_t at = 0; at < targets.size(); at += 4)
     replaced_in_parts += parts.array.set_targets(
-        0, std::span(targets).subspan(at, std::min<std::size_t>(4, targets.size() - at)), static_cast<int>(at));
+        0, std::span(targets).subspan(at, std::min<std::size_t>(4, targets.size() - at)),
+        static_cast<int>(at));
   EXPECT_EQ(replaced_in_parts, replaced);
   EXPECT_TRUE(std::ranges::equal(parts.array.targets(0), whole.array.targets(0)));
 }
@@ -410,7 +411,7 @@ TEST(Pin, ThatIsPushedBackGoesOnFromTheSpeedThatIsLeft) {
   }
   const float height = cells.field().height[1];
   cells.array.plan(kDt);
-  cells.array.field().speed[1] = -3.0F;  // as the physics does
+  cells.array.field().speed[1] = -3.0F;  // as the physics does under a load
   cells.array.commit(kDt);
   EXPECT_NEAR(cells.field().height[1], height - 3 * kDt, 1e-5);
   cells.array.plan(kDt);

@@ -17,9 +17,9 @@ using namespace smartsurf::surface;
 namespace {
 
 constexpr float kDt = 1.0F / 240, kTop = 3.0F;
-constexpr std::size_t kMaxPins = 67;  // every width of vector, and what is left over after each
+constexpr std::size_t kMaxPins = 67;  // covers every vector width and remainder
 
-// Pins in all states: at rest, just short of their targets, far away, too fast.
+// Pins at rest, close to and far from their targets, some above the speed limit.
 struct Pins {
   std::vector<float> base, command, target, height, speed;
 

@@ -17,7 +17,7 @@ using surface::SensorFixture;
 
 namespace {
 
-// Proximity of a large level plate 3 u over the pins: what is read differs from 3 by the imperfections alone.
+// A proximity sensor 3 u below a large level plate: readings differ from 3 by the sensor errors only.
 struct Plate : SensorFixture {
   explicit Plate(const scene::ParameterValues& errors, int rows = 40, int columns = 50)
       : SensorFixture(rows, columns) {

@@ -1,4 +1,4 @@
-// A small surface with objects over it, and the sensors that a test puts on it.
+// Test fixture: a small rectangular surface with objects and sensors.
 #pragma once
 
 #include <string>
@@ -44,7 +44,7 @@ struct SensorFixture {
     ball.colour = colour;
     add(ball);
   }
-  // Of the cell at x, y.
+  // Index of the cell at (x, y), y towards north.
   std::size_t cell(int x, int y) const { return static_cast<std::size_t>(spec.index(spec.rows - 1 - y, x)); }
   float& height(int x, int y) { return snapshot.height[cell(x, y)]; }
 
@@ -56,7 +56,7 @@ struct SensorFixture {
   }
 };
 
-// The whole line that `f` is refused with, or "".
+// Returns the message of the InputError that f throws, or "".
 template <typename F>
 std::string error_message_of(F f) {
   try {

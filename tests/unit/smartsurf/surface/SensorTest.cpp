@@ -42,7 +42,7 @@ TEST(Proximity, TouchedFromInsideIsZero) {
   EXPECT_EQ(s.readings(1)[t.cell(5, 7)], 1.0F);
 }
 
-// On so small a table the heights of the pins are looked at first, to leave out what no segment reaches.
+// So small a surface counts as dense, so the cast culls bodies that no ray reaches by height.
 TEST(Proximity, MeetsWhatReachesDownIntoItsRangeWithItsLowestPartOnly) {
   SensorFixture t(3, 3);
   t.add_ball(1, 1, 5.5, 2);
@@ -63,10 +63,10 @@ TEST(Proximity, LooksAlongAnyDirectionFromAnyPlace) {
   SensorArray s = t.sensors();
   s.sense(t.snapshot, t.catalogue, t.pool);
   EXPECT_FLOAT_EQ(s.readings(0)[t.cell(4, 7)], 4.0F);
-  EXPECT_EQ(s.readings(1)[t.cell(11, 7)], 0.0F);              // it looks away
-  EXPECT_EQ(s.readings(0)[t.cell(9, 7)], 0.0F);               // it is inside
+  EXPECT_EQ(s.readings(1)[t.cell(11, 7)], 0.0F);              // the ball is behind the ray
+  EXPECT_EQ(s.readings(0)[t.cell(9, 7)], 0.0F);               // the ray starts inside the ball
   EXPECT_FLOAT_EQ(s.readings(2)[t.cell(9, 7)], 5.0F - 1.5F);  // the ball's top
-  EXPECT_FLOAT_EQ(s.readings(2)[t.cell(1, 1)], 5.0F);         // its own pin
+  EXPECT_FLOAT_EQ(s.readings(2)[t.cell(1, 1)], 5.0F);         // top of its own pin
 }
 
 TEST(Proximity, NeighboursThatStandHigherAreInTheWayUnlessTheyAreLeftOut) {
@@ -80,10 +80,10 @@ TEST(Proximity, NeighboursThatStandHigherAreInTheWayUnlessTheyAreLeftOut) {
   t.add_sensor("colour", {{"direction", {1, 0, 0}}, {"origin", {0, 0, 0.5}}}).name = "colour";
   SensorArray s = t.sensors();
   s.sense(t.snapshot, t.catalogue, t.pool);
-  EXPECT_FLOAT_EQ(s.readings(0)[t.cell(4, 7)], 2.6F);  // the side of the pin at 7
+  EXPECT_FLOAT_EQ(s.readings(0)[t.cell(4, 7)], 2.6F);  // side of the pin at x = 7
   EXPECT_FLOAT_EQ(s.readings(2)[t.cell(4, 7)], 4.0F);
-  EXPECT_EQ(s.readings(4)[t.cell(4, 7)], 0.0F);  // a pin is no object
-  EXPECT_EQ(s.readings(4)[t.cell(7, 7)], 0.0F);  // from its own raised top it looks over the ball
+  EXPECT_EQ(s.readings(4)[t.cell(4, 7)], 0.0F);  // pins have no object type
+  EXPECT_EQ(s.readings(4)[t.cell(7, 7)], 0.0F);  // the ray from the raised top passes over the ball
   EXPECT_EQ(s.readings(5)[t.cell(4, 7)], scene::Colour{}.r);
 }
 
@@ -110,7 +110,7 @@ TEST(ObjectType, CountsLabelsInTheOrderOfTheirAppearance) {
   EXPECT_EQ(s.readings(0)[t.cell(14, 2)], 1.0F);
   EXPECT_EQ(s.readings(0)[t.cell(4, 8)], 0.0F);
   EXPECT_EQ(s.channels()[0].type, scene::SensorChannel::Type::kUint32);
-  // A label stays what it was when others come and objects go.
+  // Classes stay the same when labels are added and objects removed.
   t.add_ball(2, 9, 3, 1, "c");
   t.snapshot.id.erase(t.snapshot.id.begin());
   t.snapshot.position.erase(t.snapshot.position.begin());
@@ -134,7 +134,7 @@ TEST(Colour, IsThatOfTheNearestObjectInThreePlanes) {
   EXPECT_EQ(s.readings(0)[cells + t.cell(5, 5)], kRed.g);
   EXPECT_EQ(s.readings(0)[2 * cells + t.cell(5, 5)], kRed.b);
   EXPECT_EQ(s.readings(0)[cells + t.cell(9, 9)], 0.0F);
-  t.snapshot.position[1][0] = 12;  // the nearer one goes away
+  t.snapshot.position[1][0] = 12;  // remove the closer ball
   s.sense(t.snapshot, t.catalogue, t.pool);
   EXPECT_EQ(s.readings(0)[t.cell(5, 5)], 0.0F);
   EXPECT_EQ(s.readings(0)[cells + t.cell(5, 5)], 1.0F);
@@ -148,8 +148,7 @@ TEST(Light, IsGoneInTheShadowOfBallsAndPins) {
   t.add_sensor("light", {{"direction", {1, 0, 1}}});
   SensorArray s = t.sensors();
   s.sense(t.snapshot, t.catalogue, t.pool);
-  // Nothing but the ball's shadow 10 to the west, at x = −2, off the table: and the pin's, 4 to the west of
-  // it.
+  // The ball's shadow lies 10 u west of it at x = −2, off the surface; the pin's extends 4 u to the west.
   EXPECT_EQ(s.readings(0)[t.cell(2, 3)], 0.0F);
   EXPECT_EQ(s.readings(0)[t.cell(0, 3)], 0.0F);
   EXPECT_EQ(s.readings(0)[t.cell(3, 3)], 1.0F);
@@ -162,7 +161,7 @@ TEST(Light, IsGoneInTheShadowOfBallsAndPins) {
 
 TEST(Light, OfASizeCastsHalfShadows) {
   SensorFixture t;
-  scene::ObjectSpec screen;  // covers everything east of x = 10
+  scene::ObjectSpec screen;  // covers x ≥ 10
   screen.shape = scene::ShapeKind::kBox;
   screen.size = {20, 40, 0.1};
   screen.position = {20, 8, 10};
@@ -173,8 +172,8 @@ TEST(Light, OfASizeCastsHalfShadows) {
   EXPECT_EQ(s.readings(0)[t.cell(2, 8)], 1.0F);
   EXPECT_EQ(s.readings(0)[t.cell(18, 8)], 0.0F);
   EXPECT_NEAR(s.readings(0)[t.cell(10, 8)], 0.5F, 0.05F);
-  // The edge is seen at (10 − x) / 10 from the middle, of a face of radius tan 0.3: the share of a disc
-  // beyond a chord.
+  // The edge appears at (10 − x)/10 from the centre of a disc of radius tan 0.3: the area of a circular
+  // segment.
   const double d = 0.2 / std::tan(0.3);
   EXPECT_NEAR(s.readings(0)[t.cell(8, 8)], 1 - (std::acos(d) - d * std::sqrt(1 - d * d)) / std::numbers::pi,
               0.05);
@@ -192,7 +191,7 @@ TEST(Pressure, IsTheImpulsePerTickAndEndsAtItsRange) {
   EXPECT_FLOAT_EQ(s.readings(0)[t.cell(3, 4)], 24.0F);  // 4 · 0.1 in 1/60 s
   EXPECT_EQ(s.readings(0)[t.cell(4, 4)], 50.0F);
   EXPECT_EQ(s.readings(0)[t.cell(5, 4)], 0.0F);
-  s.sense(t.snapshot, t.catalogue, t.pool);  // nothing felt since
+  s.sense(t.snapshot, t.catalogue, t.pool);  // no impulses since the last tick
   EXPECT_EQ(s.readings(0)[t.cell(3, 4)], 0.0F);
 }
 
@@ -211,13 +210,13 @@ TEST(Camera, SeesWhatIsTopmostAtEveryPixel) {
   const auto cells = static_cast<std::size_t>(t.spec.cell_count());
   ASSERT_EQ(s.readings(0).size(), 12 * cells);
   ASSERT_EQ(s.readings(1).size(), 4 * cells);
-  // Pixels 0 and 1 are the northern ones; the tile lies over those of its cell.
+  // The tile covers the northern pixels, 0 and 1, of its cell.
   EXPECT_NEAR(s.readings(1)[0 * cells + t.cell(5, 5)], 3.1F, 1e-4F);
   EXPECT_NEAR(s.readings(1)[1 * cells + t.cell(5, 5)], 3.1F, 1e-4F);
   EXPECT_NEAR(s.readings(1)[2 * cells + t.cell(5, 5)], 0.0F, 1e-4F);
   EXPECT_EQ(s.readings(0)[0 * cells + t.cell(5, 5)], kRed.r);
   EXPECT_EQ(s.readings(0)[5 * cells + t.cell(5, 5)], kRed.b);
-  EXPECT_EQ(s.readings(0)[6 * cells + t.cell(5, 5)], scene::Colour{}.r);  // a pin's
+  EXPECT_EQ(s.readings(0)[6 * cells + t.cell(5, 5)], scene::Colour{}.r);  // pin colour
   EXPECT_NEAR(s.readings(1)[t.cell(8, 8)], 1.5F, 1e-4F);
 }
 
@@ -248,7 +247,7 @@ TEST(SensorArray, GivesTheSameBitsForAnyNumberOfThreads) {
   t.add_sensor("camera", {{"resolution", {2}}});
   std::vector<std::vector<float>> first;
   for (const int threads : {1, 2, 5}) {
-    common::ThreadPool pool(threads, 0.0);  // shares all there is
+    common::ThreadPool pool(threads, 0.0);  // always runs in parallel
     SensorArray s = t.sensors();
     for (int tick = 0; tick < 4; ++tick) s.sense(t.snapshot, t.catalogue, pool);
     for (std::size_t k = 0; k < s.channels().size(); ++k) {

@@ -1,0 +1,276 @@
+#include "apron/run/cli/Commands.h"
+
+#include <shm_protocol/ControllerEndpoint.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <iostream>
+#include <new>
+
+#include "apron/program/LocalityCheck.h"
+#include "apron/run/cli/CompiledProgram.h"
+#include "apron/run/cli/ProfileReport.h"
+#include "apron/run/cli/TerminalMonitor.h"
+#include "apron/run/host/SurfaceHost.h"
+#include "apron/run/ui/UiRun.h"
+#include "apron/vm/Vm.h"
+#include "common/process/StopSignals.h"
+
+namespace apron::run {
+namespace {
+
+int print_error(int status, const std::string& text) {
+  std::fflush(stdout);
+  std::cerr << "apron: " << text << '\n';
+  return status;
+}
+
+// "" if every --set names a slider or switch of the program.
+std::string unknown_parameter_message(const Options& options, const program::Program& program) {
+  for (const auto& parameter : options.parameters) {
+    const std::string& name = parameter.first;
+    const auto named = [&](const program::Parameter& p) { return p.name == name; };
+    if (std::any_of(program.parameters.begin(), program.parameters.end(), named)) continue;
+    std::string known;
+    for (const program::Parameter& p : program.parameters) known += (known.empty() ? "" : ", ") + p.name;
+    return "error: --set: the program has no slider or switch '" + name + "'; it has " +
+           (known.empty() ? "none" : known);
+  }
+  return {};
+}
+
+// Instructions between two looks at a register; more than any segment has.
+constexpr std::uint64_t kMonitorInterval = 8192;
+
+vm::Status run_until_end(vm::Vm& vm, const Options& options, std::uint64_t& ticks) {
+  std::optional<TerminalMonitor> monitor;
+  if (!options.watch.empty()) {
+    monitor.emplace(vm, options.watch);
+    monitor->update();  // the screen is ready before anything is printed
+  }
+  while (!options.ticks || ticks < *options.ticks) {
+    const vm::Status status = monitor ? vm.run(kMonitorInterval) : vm.run();
+    if (monitor) monitor->update();
+    if (status == vm::Status::kTick)
+      ++ticks;
+    else if (status != vm::Status::kRunning)
+      return status;
+  }
+  return vm::Status::kEnded;
+}
+
+// "" if the file can be written, as far as can be told before.
+std::string unwritable_reason(const std::string& file) {
+  namespace fs = std::filesystem;
+  std::error_code ignored;
+  const fs::path folder = fs::absolute(file, ignored).parent_path();
+  if (fs::is_directory(file, ignored)) return "it is a folder";
+  if (!fs::is_directory(folder, ignored)) return "there is no folder " + folder.string();
+  return {};
+}
+
+bool write_profile(const program::Program& program, const std::vector<vm::InstructionProfile>& profile,
+                   std::uint64_t ticks, const std::optional<CostModel>& model, const Options& options) {
+  errno = 0;
+  std::ofstream file(options.profile);
+  file << profile_json(program, profile, ticks, model) << std::flush;
+  if (!file)
+    print_error(common::kFailed, "error: cannot write '" + options.profile + "': " + std::strerror(errno));
+  return static_cast<bool>(file);
+}
+
+int exit_status(vm::Status status, const std::string& error, const Options& options) {
+  if (std::fflush(stdout) != 0 && status == vm::Status::kEnded)
+    return print_error(common::kFailed, "error: cannot write the program's output");
+  switch (status) {
+    case vm::Status::kRunning:
+    case vm::Status::kTick:
+    case vm::Status::kEnded:
+    case vm::Status::kClosed:
+      return common::kDone;
+    case vm::Status::kPeerLost:
+      return print_error(common::kPeerLost, "the surface '" + options.surface + "' was lost");
+    case vm::Status::kInterrupted:
+      return 128 + common::stop_signal();
+    case vm::Status::kRefused:
+    case vm::Status::kFailed:
+      break;
+  }
+  std::cerr << error << '\n';
+  return status == vm::Status::kRefused ? common::kUserError : common::kFailed;
+}
+
+// What came of a run, with a window or without.
+struct RunResult {
+  vm::Status status = vm::Status::kEnded;
+  std::string error;
+  std::uint64_t ticks = 0;
+  std::vector<vm::InstructionProfile> profile;
+};
+
+RunResult run_headless(const Options& options, program::Program program, LocalHost& host) {
+  vm::VmOptions vm_options;
+  vm_options.threads = options.threads;
+  vm_options.stop = &common::stop_flag();
+  vm_options.enable_profiling = !options.profile.empty();
+  vm_options.fusion.preserve_named_registers =
+      !options.watch.empty();  // else nobody looks at them but the program
+  vm::Vm vm(std::move(program), vm_options, host);
+  RunResult result;
+  result.status = run_until_end(vm, options, result.ticks);
+  result.error = vm.error();
+  result.profile = vm.profile();
+  return result;
+}
+
+using PauseCallback = std::function<void(bool)>;
+
+// Compiles for the array's size and runs on the host that with_host() gives.
+template <class WithHost>
+int compile_and_run(const Options& options, std::uint32_t width, std::uint32_t height,
+                    const WithHost& with_host) {
+  std::string diagnostics;
+  const std::optional<CompiledProgram> compiled = compile_with_sources(options, width, height, diagnostics);
+  std::cerr << diagnostics;
+  if (!compiled) return common::kUserError;
+  const program::Program& program = compiled->program;
+  if (const std::string message = unknown_parameter_message(options, program); !message.empty())
+    return print_error(common::kUserError, message);
+  if (const std::string message =
+          options.watch.empty() ? "" : TerminalMonitor::unknown_register_message(program, options.watch);
+      !message.empty())
+    return print_error(common::kUserError, "error: " + message);
+  std::optional<CostModel> model;
+  if (std::string error; !options.cost_model.empty()) {
+    model = read_cost_model(options.cost_model, error);
+    if (!model) {
+      std::cerr << error << '\n';
+      return common::kUserError;
+    }
+  }
+  return with_host([&](LocalHost& host, const PauseCallback& on_pause) {
+    if (const std::string error = host.load_modules(program.modules, module_search_paths(options));
+        !error.empty())
+      return print_error(common::kUserError, "error: " + error);
+    RunResult ran;
+    if (options.uses_ui()) {
+      UiRunResult ui_result = run_with_ui({options, *compiled, width, height, host, on_pause});
+      if (!ui_result.ui_error.empty()) return print_error(common::kUserError, "error: " + ui_result.ui_error);
+      ran = {ui_result.status, std::move(ui_result.error), ui_result.ticks, std::move(ui_result.profile)};
+    } else {
+      ran = run_headless(options, program, host);
+    }
+    const int exit = exit_status(ran.status, ran.error, options);
+    const bool written =
+        options.profile.empty() || write_profile(program, ran.profile, ran.ticks, model, options);
+    return written ? exit : std::max<int>(exit, common::kFailed);
+  });
+}
+
+const std::atomic<bool>& wait_stop_flag(const Options& options) {
+  return options.uses_ui() ? common::interrupt_flag() : common::stop_flag();
+}
+
+HostEnvironment host_environment(const Options& options) {
+  const bool has_clock = options.timers || options.window;
+  return {options.cameras, has_clock ? Timers::Clock(wall_clock_s) : Timers::Clock()};
+}
+
+int run_local(const Options& options) {
+  return compile_and_run(options, options.width, options.height, [&](const auto& go) {
+    LocalHost host(options.parameters, wait_stop_flag(options), host_environment(options));
+    return go(host, {});
+  });
+}
+
+// One session with a surface: from attaching to it to its end or ours.
+int run_surface_session(const Options& options, std::chrono::nanoseconds timeout) {
+  using shm_protocol::ControllerEndpoint;
+  ControllerEndpoint surface =
+      ControllerEndpoint::attach(options.surface, {.timeout = timeout, .stop = &common::stop_flag()});
+  const shm_protocol::Description& description = surface.description();
+  return compile_and_run(options, description.columns, description.rows, [&](const auto& go) {
+    SurfaceHost host(surface, wait_stop_flag(options), options.parameters, host_environment(options));
+    switch (host.await_first_frame()) {
+      case vm::HostStatus::kOk:
+        return go(host, [&host](bool paused) { host.publish_paused(paused); });
+      case vm::HostStatus::kClosed:
+        return static_cast<int>(common::kDone);
+      case vm::HostStatus::kInterrupted:
+        return exit_status(vm::Status::kInterrupted, "", options);
+      case vm::HostStatus::kPeerLost:
+        return exit_status(vm::Status::kPeerLost, "", options);
+      default:
+        return print_error(common::kFailed, "error: " + host.message());
+    }
+  });
+}
+
+int report_attach_error(const shm_protocol::Error& error) {
+  using shm_protocol::ErrorCode;
+  if (error.code() == ErrorCode::kInterrupted) return 128 + common::stop_signal();
+  return print_error(error.code() == ErrorCode::kSystem ? common::kFailed : common::kUserError,
+                     std::string("error: ") + error.what());
+}
+
+int run_on_surface(const Options& options) {
+  constexpr std::chrono::hours kReconnectTimeout{24 * 365};
+  std::chrono::nanoseconds timeout =
+      std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::duration<double>(options.wait_s));
+  for (;;) {
+    const int status = run_surface_session(options, timeout);
+    if (status != common::kPeerLost || !options.reconnect) return status;
+    std::cerr << "apron: waiting for a new surface '" << options.surface << "'\n";
+    timeout = kReconnectTimeout;
+  }
+}
+
+}  // namespace
+
+int run_program(const Options& options) {
+  common::catch_stop_signals();
+  if (const std::string reason = options.profile.empty() ? "" : unwritable_reason(options.profile);
+      !reason.empty())
+    return print_error(common::kUserError, "error: --profile " + options.profile + ": " + reason);
+  if (options.uses_ui())
+    if (const std::string reason = ui_unavailable_reason(options); !reason.empty())
+      return print_error(common::kUserError, "error: " + reason);
+  try {
+    return options.surface.empty() ? run_local(options) : run_on_surface(options);
+  } catch (const shm_protocol::Error& error) {
+    return report_attach_error(error);
+  } catch (const std::bad_alloc&) {
+    return print_error(common::kFailed, "error: there is not enough memory for the program's registers");
+  }
+}
+
+int check_program(const Options& options) {
+  const std::optional<program::Program> program = compile_or_report(options, options.width, options.height);
+  if (!program) return common::kUserError;
+  if (!options.local_profile) return common::kDone;
+  const std::vector<program::NonLocalInstruction> nonlocal = program::find_nonlocal_instructions(*program);
+  for (const program::NonLocalInstruction& instruction : nonlocal) {
+    const program::SourceLocation& source =
+        program->source_locations[program->code[instruction.instruction].source_location];
+    std::cout << program->files[source.file] << ':' << source.line << ": not local: " << instruction.reason
+              << '\n';
+  }
+  if (!nonlocal.empty()) return common::kFailed;
+  std::cout << options.program << ": every instruction is local\n";
+  return common::kDone;
+}
+
+int disassemble_program(const Options& options) {
+  const std::optional<program::Program> program = compile_or_report(options, options.width, options.height);
+  if (!program) return common::kUserError;
+  std::cout << program::disassemble(*program);
+  return common::kDone;
+}
+
+}  // namespace apron::run

@@ -1,0 +1,14 @@
+// What `apron run`, `check`, `disasm` and `fmt` do. Each prints its result or what is wrong, and returns the
+// exit status.
+#pragma once
+
+#include "apron/run/cli/Options.h"
+
+namespace apron::run {
+
+int run_program(const Options& options);
+int check_program(const Options& options);
+int disassemble_program(const Options& options);
+int format_programs(const Options& options);
+
+}  // namespace apron::run

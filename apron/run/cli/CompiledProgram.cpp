@@ -1,0 +1,68 @@
+#include "apron/run/cli/CompiledProgram.h"
+
+#include <filesystem>
+#include <iostream>
+
+#include "apron/compiler/Compiler.h"
+#include "apron/syntax/Diagnostic.h"
+#include "apron/syntax/FileReader.h"
+
+namespace apron::run {
+namespace {
+
+// The library beside the installed executable (../share/smartsurf/apron), else the source tree's.
+std::string library_path() {
+  std::error_code error;
+  const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", error);
+  const std::filesystem::path installed = self.parent_path().parent_path() / "share" / "smartsurf" / "apron";
+  if (!error && std::filesystem::is_directory(installed, error)) return installed.string();
+  return APRON_SOURCE_LIBRARY;
+}
+
+}  // namespace
+
+compiler::CompileOptions compile_options(const Options& options, std::uint32_t width, std::uint32_t height) {
+  compiler::CompileOptions result;
+  result.file = options.program;
+  result.width = width;
+  result.height = height;
+  result.include_paths = options.include_paths;
+  result.library_path = library_path();
+  return result;
+}
+
+std::optional<CompiledProgram> compile_with_sources(const Options& options, std::uint32_t width,
+                                                    std::uint32_t height, std::string& errors) {
+  syntax::DiskReader reader;
+  compiler::CompileResult result = compiler::compile(compile_options(options, width, height), reader);
+  if (!result.program) {
+    errors = syntax::format_diagnostics(result.diagnostics, result.sources);
+    return std::nullopt;
+  }
+  CompiledProgram compiled{std::move(*result.program), {}};
+  for (std::uint32_t i = 0; i < result.sources.file_count(); ++i) {
+    const syntax::SourceFile& file = result.sources.file(i);
+    debugger::SourceText source{file.name, file.text, std::nullopt, file.included_from.line};
+    if (file.included_from.line > 0) source.included_in = file.included_from.file;
+    compiled.sources.push_back(std::move(source));
+  }
+  return compiled;
+}
+
+std::optional<program::Program> compile_or_report(const Options& options, std::uint32_t width,
+                                                  std::uint32_t height) {
+  std::string errors;
+  std::optional<CompiledProgram> compiled = compile_with_sources(options, width, height, errors);
+  std::cerr << errors;
+  if (!compiled) return std::nullopt;
+  return std::move(compiled->program);
+}
+
+std::vector<std::string> module_search_paths(const Options& options) {
+  std::vector<std::string> paths{std::filesystem::path(options.program).parent_path().string()};
+  paths.insert(paths.end(), options.include_paths.begin(), options.include_paths.end());
+  paths.push_back(library_path());
+  return paths;
+}
+
+}  // namespace apron::run

@@ -1,0 +1,286 @@
+#include "apron/run/cli/Options.h"
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstdlib>
+#include <iostream>
+#include <limits>
+
+#include "apron/program/Program.h"
+#include "apron/syntax/Suggestion.h"
+
+namespace apron::run {
+namespace {
+
+constexpr const char* kFooter =
+    "Exit status: 0 done, also when the surface ends the session; 1 the run failed; 2 the input was wrong "
+    "(command\n"
+    "line, program, file, channel); 3 the surface was lost; 128 + n after signal n (130 after Ctrl-C), "
+    "cleanly detached.\n"
+    "Files that a program opens or saves are relative to the current directory.";
+
+template <class Number>
+bool parse_number(std::string_view text, Number& value) {
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  return error == std::errc{} && end == text.data() + text.size() && !text.empty();
+}
+
+CLI::Validator whole_number_validator(std::uint64_t min_value, std::uint64_t max_value) {
+  return {[=](std::string& text) {
+            std::uint64_t value = 0;
+            if (parse_number(text, value) && value >= min_value && value <= max_value) return std::string();
+            return "'" + text + "' is not a whole number from " + std::to_string(min_value) + " to " +
+                   std::to_string(max_value);
+          },
+          ""};
+}
+
+CLI::Validator seconds_validator() {
+  return {[](std::string& text) {
+            double value = 0;
+            if (parse_number(text, value) && value >= 0.0 && value <= 1e6) return std::string();
+            return "'" + text + "' is not a time in seconds from 0 to 1000000";
+          },
+          ""};
+}
+
+// As the user typed them, before they are checked.
+struct RawOptions {
+  Options options;
+  std::string size, profile;
+  std::vector<std::string> sets;
+  std::string geometry;
+  std::vector<std::string> screenshots;
+};
+
+void parse_size(RawOptions& raw) {
+  const std::size_t x = raw.size.find('x');
+  Options& options = raw.options;
+  const std::string_view text = raw.size;
+  const bool valid = x != std::string::npos && parse_number(text.substr(0, x), options.width) &&
+                     parse_number(text.substr(x + 1), options.height) && options.width > 0 &&
+                     options.height > 0 && std::size_t{options.width} * options.height <= program::kMaxCells;
+  if (!valid)
+    throw CLI::ValidationError("--size", "'" + raw.size +
+                                             "' is not WIDTHxHEIGHT, such as 64x64, of at most " +
+                                             std::to_string(program::kMaxCells) + " cells");
+}
+
+void parse_parameter(RawOptions& raw, const std::string& text) {
+  const std::size_t equals = text.find('=');
+  float value = 0;
+  if (equals == std::string::npos || equals == 0 ||
+      !parse_number(std::string_view(text).substr(equals + 1), value) || !std::isfinite(value))
+    throw CLI::ValidationError("--set", "'" + text + "' is not NAME=VALUE with a number, such as speed=0.5");
+  raw.options.parameters[text.substr(0, equals)] = value;
+}
+
+void add_common_options(CLI::App& command, RawOptions& raw, bool takes_program = true) {
+  if (takes_program)
+    command.add_option("program", raw.options.program, "APRON program")->type_name("FILE")->required();
+  command
+      .add_option("-I", raw.options.include_paths,
+                  "look for included files here too, before the installed library")
+      ->type_name("DIR")
+      ->allow_extra_args(false);
+  command.add_option("--size", raw.size, "size of the array without a surface [64x64]")->type_name("WxH");
+}
+
+void add_execution_options(CLI::App& run, RawOptions& raw) {
+  run.add_option("--set", raw.sets, "value of a slider or switch")
+      ->type_name("NAME=VALUE")
+      ->allow_extra_args(false);
+  run.add_option("--camera", raw.options.cameras,
+                 "what webcam.open(0) opens: a device [/dev/video0], or a video; given again, what the next "
+                 "number does")
+      ->type_name("DEVICE|FILE.y4m")
+      ->allow_extra_args(false);
+  run.add_option("--threads", raw.options.threads, "threads for large arrays; they change no result [1]")
+      ->type_name("N")
+      ->check(whole_number_validator(1, 256));
+}
+
+void add_format_options(CLI::App& format, RawOptions& raw) {
+  format.add_option("programs", raw.options.files, "APRON programs")->type_name("FILE")->required();
+  format.add_flag("--write", raw.options.write, "change the files, instead of writing to the output");
+  format.add_flag("--check", raw.options.check_only,
+                  "only name the files that would change, with exit status 1");
+}
+
+void add_run_options(CLI::App& run, RawOptions& raw) {
+  add_common_options(run, raw);
+  run.add_option("--shm", raw.options.surface, "drive the surface of this name, and take its size")
+      ->type_name("NAME");
+  run.add_option("--ticks", raw.options.ticks, "stop after so many surface.step")
+      ->type_name("N")
+      ->check(whole_number_validator(1, std::numeric_limits<std::uint64_t>::max()));
+  add_execution_options(run, raw);
+  run.add_flag("--timers", raw.options.timers,
+               "timers measure wall time, as with --window; without, they stand at 0");
+  run.add_flag("--reconnect", raw.options.reconnect,
+               "when the surface is lost, wait for a new one and start the program afresh");
+  run.add_option("--wait", raw.options.wait_s, "how long to wait for the surface to appear [5]")
+      ->type_name("SECONDS")
+      ->check(seconds_validator());
+  run.add_flag("--window", raw.options.window, "open a window with registers, program and controls");
+  run.add_flag("--hold", raw.options.hold, "with --window: wait before the first line");
+  run.add_option("--geometry", raw.geometry,
+                 "size of the window or picture, and the window's place, or 'beside' the simulator's window")
+      ->type_name("WxH[+X+Y]");
+  run.add_option("--show", raw.options.show, "the register that is shown large at first")
+      ->type_name("REGISTER");
+  run.add_option("--screenshot", raw.screenshots, "a picture of the window after that tick, or at the end")
+      ->type_name("FILE.png[@TICK]")
+      ->allow_extra_args(false);
+  run.add_option("--video", raw.options.video, "a video of the window, 30 pictures a simulated second")
+      ->type_name("FILE.mp4");
+  run.add_option("--watch", raw.options.watch,
+                 "draw this register in the terminal as the program runs; once, at its end, elsewhere")
+      ->type_name("REGISTER")
+      ->excludes("--window")
+      ->excludes("--screenshot")
+      ->excludes("--video");
+  run.add_option("--profile", raw.options.profile,
+                 "write counts and times by instruction and line to this file, as JSON")
+      ->type_name("FILE");
+  run.add_option("--cost-model", raw.options.cost_model,
+                 "and what they would take on the processor array that this file describes")
+      ->type_name("FILE");
+}
+
+void parse_geometry(RawOptions& raw) {
+  WindowGeometry& geometry = raw.options.geometry;
+  if (raw.geometry.empty()) return;
+  if (raw.geometry == "beside") {
+    geometry.beside_simulator = true;
+    return;
+  }
+  std::string_view rest = raw.geometry;
+  const auto number = [&](char before, int& value) {
+    if (before != '\0') {
+      if (rest.empty() || rest.front() != before) return false;
+      rest.remove_prefix(1);
+    }
+    const auto [end, error] = std::from_chars(rest.data(), rest.data() + rest.size(), value);
+    rest.remove_prefix(static_cast<std::size_t>(end - rest.data()));
+    return error == std::errc{} && value >= 0 && value <= 8192;
+  };
+  int x = 0, y = 0;
+  bool valid = number('\0', geometry.width) && number('x', geometry.height) && geometry.width >= 320 &&
+               geometry.height >= 240;
+  if (valid && !rest.empty()) {
+    valid = number('+', x) && number('+', y) && rest.empty();
+    geometry.position = {x, y};
+  }
+  if (!valid)
+    throw CLI::ValidationError("--geometry",
+                               "'" + raw.geometry +
+                                   "' is not WIDTHxHEIGHT or WIDTHxHEIGHT+X+Y in pixels, such as "
+                                   "1280x800+600+0, from 320x240 to 8192x8192");
+}
+
+void parse_screenshot(RawOptions& raw, const std::string& text) {
+  Screenshot screenshot{text, std::nullopt};
+  if (const std::size_t at = text.rfind('@'); at != std::string::npos) {
+    std::uint64_t tick = 0;
+    if (!parse_number(std::string_view(text).substr(at + 1), tick))
+      throw CLI::ValidationError("--screenshot",
+                                 "'" + text + "' is not FILE.png or FILE.png@TICK with a whole number");
+    screenshot = {text.substr(0, at), tick};
+  }
+  if (!std::string_view(screenshot.file).ends_with(".png"))
+    throw CLI::ValidationError("--screenshot",
+                               "'" + screenshot.file + "': a picture's name must end in .png");
+  raw.options.screenshots.push_back(std::move(screenshot));
+}
+
+void validate_ui_options(RawOptions& raw) {
+  const Options& options = raw.options;
+  parse_geometry(raw);
+  for (const std::string& text : raw.screenshots) parse_screenshot(raw, text);
+  if (options.window && (!options.screenshots.empty() || !options.video.empty()))
+    throw CLI::ValidationError("--window",
+                               "does not go with --screenshot and --video, which need no display");
+  if (options.window && options.reconnect)
+    throw CLI::ValidationError("--window", "does not go with --reconnect");
+  if (options.hold && !options.window) throw CLI::ValidationError("--hold", "goes with --window");
+  if (!options.uses_ui() && (!raw.geometry.empty() || !options.show.empty()))
+    throw CLI::ValidationError(raw.geometry.empty() ? "--show" : "--geometry",
+                               "goes with --window, --screenshot or --video");
+  if (!options.video.empty() && options.surface.empty())
+    throw CLI::ValidationError("--video",
+                               "goes with --shm NAME: without a surface there is no simulated time");
+}
+
+void validate_run_options(RawOptions& raw) {
+  validate_ui_options(raw);
+  if (!raw.options.cost_model.empty() && raw.options.profile.empty())
+    throw CLI::ValidationError("--cost-model", "goes with --profile FILE, where the estimate is written");
+  if (!raw.size.empty() && !raw.options.surface.empty())
+    throw CLI::ValidationError("--size",
+                               "a program takes the size of the surface that --shm names; give one of them");
+  for (const std::string& set : raw.sets) parse_parameter(raw, set);
+  // The simulator names its surface to the controllers that it starts.
+  const char* environment_name = std::getenv("SMARTSURF_SHM");
+  if (raw.options.surface.empty() && raw.size.empty() && environment_name != nullptr)
+    raw.options.surface = environment_name;
+}
+
+// Before CLI11, which only says that a command is required.
+void require_known_subcommand(CLI::App& app, const std::string& name) {
+  std::vector<std::string> known;
+  for (const CLI::App* subcommand : app.get_subcommands([](CLI::App*) { return true; }))
+    known.push_back(subcommand->get_name());
+  if (name.starts_with('-') || std::find(known.begin(), known.end(), name) != known.end()) return;
+  throw CLI::ValidationError("no command '" + name + "'" + syntax::did_you_mean(name, known) +
+                             "; known: " + CLI::detail::join(known, ", "));
+}
+
+}  // namespace
+
+ParsedOptions parse_options(int argc, char** argv) {
+  CLI::App app("APRON: array-processing programs, on their own or on a smart surface", "apron");
+  app.set_version_flag("--version", "apron " SMARTSURF_VERSION);
+  app.require_subcommand(1);
+  app.footer(kFooter);
+  RawOptions raw;
+  CLI::App& run = *app.add_subcommand("run", "run a program");
+  add_run_options(run, raw);
+  CLI::App& check = *app.add_subcommand("check", "say what is wrong with a program");
+  add_common_options(check, raw);
+  check.add_option("--profile", raw.profile, "local: name what a purely local array could not execute")
+      ->type_name("local");
+  CLI::App& disassemble = *app.add_subcommand("disasm", "list a program's instructions");
+  add_common_options(disassemble, raw);
+  CLI::App& format = *app.add_subcommand("fmt", "write programs in the usual layout");
+  add_format_options(format, raw);
+  CLI::App& repl = *app.add_subcommand("repl", "type a program line by line and look at its registers");
+  add_common_options(repl, raw, false);
+  add_execution_options(repl, raw);
+  try {
+    if (argc > 1) require_known_subcommand(app, argv[1]);
+    app.parse(argc, argv);
+    if (!raw.size.empty()) parse_size(raw);
+    if (run.parsed()) validate_run_options(raw);
+    if (check.parsed() && !raw.profile.empty() && raw.profile != "local")
+      throw CLI::ValidationError("--profile", "'" + raw.profile + "' is unknown; there is: local");
+    raw.options.local_profile = check.parsed() && !raw.profile.empty();
+    raw.options.subcommand = run.parsed()      ? Subcommand::kRun
+                             : check.parsed()  ? Subcommand::kCheck
+                             : format.parsed() ? Subcommand::kFormat
+                             : repl.parsed()   ? Subcommand::kRepl
+                                               : Subcommand::kDisassemble;
+    if (repl.parsed())
+      for (const std::string& set : raw.sets) parse_parameter(raw, set);
+    return {raw.options, std::nullopt};
+  } catch (const CLI::Success& success) {
+    return {raw.options, app.exit(success)};
+  } catch (const CLI::ParseError& error) {
+    std::cerr << "apron: error: " << error.what() << " (apron --help lists what there is)\n";
+    return {raw.options, common::kUserError};
+  }
+}
+
+}  // namespace apron::run

@@ -1,0 +1,309 @@
+#include "apron/run/cli/Repl.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <csignal>
+#include <iostream>
+#include <sstream>
+#include <string_view>
+
+#include "apron/compiler/Compiler.h"
+#include "apron/run/cli/CompiledProgram.h"
+#include "apron/run/media/MediaError.h"
+#include "apron/run/media/MediaFile.h"
+#include "apron/syntax/Lexer.h"
+#include "apron/vm/NumberFormat.h"
+#include "apron/vm/Vm.h"
+#include "common/process/StopSignals.h"
+
+namespace apron::run {
+namespace {
+
+constexpr std::string_view kMarker =
+    "\xEE\x80\x80";  // printed where the new lines begin; of no use to a user
+constexpr std::string_view kFile = "line";
+constexpr std::uint32_t kMaxPictureColumns = 64;
+constexpr std::uint32_t kMaxNumberColumns = 16;  // wider registers are shown as pictures
+constexpr std::string_view kShades = " .:-=+*#%@";
+
+constexpr std::string_view kHelp =
+    "a line of a program    runs it\n"
+    "an expression          shows its value\n"
+    ":show A                shows register A as a picture\n"
+    ":names                 lists registers and scalars\n"
+    ":list                  shows the program so far\n"
+    ":save FILE             writes it\n"
+    ":undo                  takes the last entry back\n"
+    ":clear                 begins again\n"
+    ":quit                  ends\n";
+
+// Silent, and without effect on files, until the marker is printed.
+class ReplHost final : public LocalHost {
+ public:
+  ReplHost(const Options& options, std::ostream& out)
+      : LocalHost(options.parameters, common::stop_flag(), {options.cameras, {}}), out_(out) {}
+
+  bool marker_reached() const { return output_enabled_; }
+  bool line_open() const { return line_open_; }
+  void print(std::string_view text) override {
+    if (text == kMarker) {
+      output_enabled_ = true;
+    } else if (output_enabled_) {
+      out_ << text;
+      if (!text.empty()) line_open_ = text.back() != '\n';
+    }
+  }
+  vm::HostStatus save_array(std::string_view file, vm::ConstPlane from) override {
+    return output_enabled_ ? LocalHost::save_array(file, from) : vm::HostStatus::kOk;
+  }
+  vm::HostStatus save_image(std::string_view file, vm::ConstPlane from) override {
+    return output_enabled_ ? LocalHost::save_image(file, from) : vm::HostStatus::kOk;
+  }
+
+ private:
+  std::ostream& out_;
+  bool output_enabled_ = false, line_open_ = false;
+};
+
+// The typed text as a file, the others from the disk.
+class ReplFileReader final : public syntax::FileReader {
+ public:
+  explicit ReplFileReader(std::string text) : text_(std::move(text)) {}
+  std::optional<std::string> read(const std::string& path) override {
+    return path == kFile ? std::optional(text_) : disk_.read(path);
+  }
+
+ private:
+  std::string text_;
+  syntax::DiskReader disk_;
+};
+
+bool is_blank(const std::string& text) { return text.find_first_not_of(" \t\r\n") == std::string::npos; }
+
+std::string strip(const std::string& text) {
+  const std::size_t first = text.find_first_not_of(" \t\r\n");
+  if (first == std::string::npos) return {};
+  return text.substr(first, text.find_last_not_of(" \t\r\n") - first + 1);
+}
+
+}  // namespace
+
+bool is_incomplete(const std::string& text) {
+  if (const std::string end = strip(text); !end.empty() && end.back() == '\\') return true;
+  syntax::SourceManager sources;
+  syntax::Diagnostics diagnostics;
+  const std::uint32_t file = sources.add_file("", text, {});
+  int blocks = 0, conditions = 0, macros = 0;
+  for (const syntax::Line& line : syntax::lex(sources, file, diagnostics)) {
+    const syntax::Token& first = line.tokens.front();
+    const auto is = [&](std::initializer_list<std::string_view> words) {
+      return std::find(words.begin(), words.end(), first.text) != words.end();
+    };
+    if (first.kind == syntax::TokenKind::kDirective) {
+      conditions += is({"if"}) ? 1 : is({"endif"}) ? -1 : 0;
+      macros += is({"macro_def"}) ? 1 : is({"macro_end"}) ? -1 : 0;
+    } else if (first.kind == syntax::TokenKind::kName && macros == 0) {
+      blocks += is({"if", "while", "for", "repeat", "where"})                  ? 1
+                : is({"endif", "endwhile", "endfor", "endrepeat", "endwhere"}) ? -1
+                                                                               : 0;
+    }
+  }
+  return diagnostics.empty() && (blocks > 0 || conditions > 0 || macros > 0);
+}
+
+std::string format_register_ascii(const std::vector<float>& cells, std::uint32_t width, std::uint32_t height,
+                                  std::uint32_t columns) {
+  float low = INFINITY, high = -INFINITY;
+  for (const float value : cells) {
+    if (!std::isfinite(value)) continue;
+    low = std::min(low, value);
+    high = std::max(high, value);
+  }
+  const std::uint32_t step = (width + columns - 1) / columns;  // cells a character, twice as many rows
+  const std::uint32_t row_step = width > columns ? 2 * step : 1;
+  std::string text;
+  for (std::uint32_t y = 0; y < height; y += row_step) {
+    for (std::uint32_t x = 0; x < width; x += step) {
+      float value = -INFINITY;  // the largest of those that share the character
+      for (std::uint32_t cell_y = y; cell_y < std::min(y + row_step, height); ++cell_y)
+        for (std::uint32_t cell_x = x; cell_x < std::min(x + step, width); ++cell_x)
+          value = std::max(value, cells[cell_y * width + cell_x]);
+      const float fraction = high > low ? (value - low) / (high - low) : value != 0.0F ? 1.0F : 0.0F;
+      const auto shade =
+          static_cast<std::size_t>(std::clamp(fraction, 0.0F, 1.0F) * (kShades.size() - 1) + 0.5F);
+      text += std::isfinite(value) ? kShades[shade] : '?';
+    }
+    while (!text.empty() && text.back() == ' ') text.pop_back();
+    text += '\n';
+  }
+  return text + std::to_string(width) + "x" + std::to_string(height) + ", " + vm::format_number(low) +
+         " to " + vm::format_number(high) + "\n";
+}
+
+Repl::Repl(const Options& options, std::istream& in, std::ostream& out, bool prompts)
+    : options_(options), in_(in), out_(out), prompts_(prompts) {
+  options_.program = kFile;
+}
+
+void Repl::run() {
+  std::string pending;
+  for (;;) {
+    if (prompts_) out_ << (pending.empty() ? "> " : ". ") << std::flush;
+    std::string line;
+    if (!std::getline(in_, line)) break;
+    if (pending.empty() && strip(line).substr(0, 1) == ":") {
+      if (!handle_command(strip(line))) return;
+      continue;
+    }
+    pending += line + '\n';
+    if (is_incomplete(pending)) continue;
+    if (!is_blank(pending)) handle_entry(pending);
+    pending.clear();
+    if (common::stop_flag()) return;
+  }
+  if (!is_blank(pending)) handle_entry(pending);
+  if (prompts_) out_ << '\n';
+}
+
+// False to end.
+bool Repl::handle_command(const std::string& line) {
+  std::istringstream words(line);
+  std::string word, rest;
+  words >> word >> rest;
+  std::string report;
+  if (word == ":quit" || word == ":q") return false;
+  if (word == ":help") {
+    out_ << kHelp;
+  } else if (word == ":names") {
+    show_names();
+  } else if (word == ":list") {
+    for (const std::string& entry : accepted_) out_ << entry;
+  } else if (word == ":clear") {
+    accepted_.clear();
+    values_.clear();
+  } else if (word == ":undo") {
+    if (!accepted_.empty()) accepted_.pop_back();
+    if (!replay(report)) out_ << report;
+  } else if (word == ":show" && !rest.empty()) {
+    show_value(rest);
+  } else if (word == ":save" && !rest.empty()) {
+    std::string text;
+    for (const std::string& entry : accepted_) text += entry;
+    try {
+      write_file(rest, text);
+    } catch (const MediaError& error) {
+      out_ << error.what() << '\n';
+    }
+  } else {
+    out_ << "there is no command '" << line << "'; :help lists them\n";
+  }
+  return true;
+}
+
+bool Repl::replay(std::string& report) { return compile_and_run("", report) == Outcome::kSuccess; }
+
+void Repl::handle_entry(const std::string& text) {
+  std::string report, expression_report;
+  const std::string word = strip(text);
+  const auto known = [&](const NamedValue& one) { return one.name == word && one.width > kMaxNumberColumns; };
+  if (std::any_of(values_.begin(), values_.end(), known)) return show_value(word);
+  Outcome outcome = compile_and_run(text, report);
+  if (outcome == Outcome::kSuccess) {
+    accepted_.push_back(text);
+    return;
+  }
+  // An expression is no statement; it is one inside println().
+  const bool one_line = std::count(text.begin(), text.end(), '\n') == 1;
+  if (outcome == Outcome::kCompileError && one_line && word.find("//") == std::string::npos) {
+    outcome = compile_and_run("println(" + word + ")\n", expression_report);
+    if (outcome == Outcome::kSuccess) return;
+    if (outcome == Outcome::kRuntimeError) report = expression_report;
+  }
+  out_ << report;
+}
+
+Repl::Outcome Repl::compile_and_run(const std::string& text, std::string& report) {
+  std::string source;
+  for (const std::string& value : accepted_) source += value;
+  source += "print('" + std::string(kMarker) + "')\n" + text;
+  ReplFileReader reader(source);
+  const compiler::CompileOptions compiler_options =
+      compile_options(options_, options_.width, options_.height);
+  compiler::CompileResult result = compiler::compile(compiler_options, reader);
+  if (!result.program) {
+    report = syntax::format_diagnostics(result.diagnostics, result.sources);
+    return Outcome::kCompileError;
+  }
+  ReplHost host(options_, out_);
+  if (const std::string error = host.load_modules(result.program->modules, module_search_paths(options_));
+      !error.empty()) {
+    report = "error: " + error + "\n";
+    return Outcome::kRuntimeError;
+  }
+  vm::VmOptions options;
+  options.threads = options_.threads;
+  options.stop = &common::stop_flag();
+  vm::Vm vm(std::move(*result.program), options, host);
+  const vm::Status status = vm.run();
+  if (host.line_open()) out_ << '\n';
+  if (status != vm::Status::kEnded) {
+    report = status == vm::Status::kInterrupted ? "interrupted\n" : vm.error() + "\n";
+    if (common::stop_signal() == SIGINT) common::clear_stop_signal();
+    return Outcome::kRuntimeError;
+  }
+  if (!host.marker_reached()) {
+    report = "the program ends before this line; :undo takes the last entry back\n";
+    return Outcome::kRuntimeError;
+  }
+  values_.clear();
+  const program::Program& program = vm.program();
+  for (std::size_t i = 0; i < program.registers.size(); ++i) {
+    const vm::Plane plane = vm.plane(i);
+    NamedValue value{program.registers[i].name, plane.width, plane.height, {}};
+    if (value.name.front() == '$') continue;
+    for (std::uint32_t y = 0; y < plane.height; ++y)
+      value.cells.insert(value.cells.end(), plane.row(y), plane.row(y) + plane.width);
+    values_.push_back(std::move(value));
+  }
+  for (std::size_t i = 0; i < program.variables.size(); ++i) {
+    if (program.variables[i].name.front() != '$')
+      values_.push_back({program.variables[i].name, 0, 0, {vm.variable(i)}});
+  }
+  return Outcome::kSuccess;
+}
+
+void Repl::show_names() {
+  for (const NamedValue& value : values_) {
+    out_ << value.name;
+    if (value.width == 0) {
+      out_ << " = " << vm::format_number(value.cells.front()) << '\n';
+    } else {
+      out_ << ' ' << value.width << 'x' << value.height << '\n';
+    }
+  }
+}
+
+void Repl::show_value(const std::string& name) {
+  const auto found =
+      std::find_if(values_.begin(), values_.end(), [&](const NamedValue& one) { return one.name == name; });
+  if (found == values_.end()) {
+    out_ << "there is no '" << name << "'; :names lists what there is\n";
+  } else if (found->width == 0) {
+    out_ << vm::format_number(found->cells.front()) << '\n';
+  } else {
+    out_ << format_register_ascii(found->cells, found->width, found->height, kMaxPictureColumns);
+  }
+}
+
+int run_repl(const Options& options) {
+  common::catch_stop_signals();
+  const bool prompts = isatty(STDIN_FILENO) != 0;
+  if (prompts)
+    std::cout << "apron repl: " << options.width << "x" << options.height << " cells, :help for help\n";
+  Repl(options, std::cin, std::cout, prompts).run();
+  return common::kDone;
+}
+
+}  // namespace apron::run

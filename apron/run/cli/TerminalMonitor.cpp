@@ -1,0 +1,95 @@
+#include "apron/run/cli/TerminalMonitor.h"
+
+#include <fmt/format.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <vector>
+
+#include "apron/syntax/Suggestion.h"
+
+namespace apron::run {
+namespace {
+
+constexpr std::chrono::milliseconds kMinFrameInterval{50};
+constexpr std::uint32_t kReservedRows = 6;  // that the picture leaves to the program's output
+
+void write_stdout(const std::string& text) {
+  std::fwrite(text.data(), 1, text.size(), stdout);
+  std::fflush(stdout);
+}
+
+TerminalSize terminal_size() {
+  winsize window{};
+  const bool known = ioctl(STDOUT_FILENO, TIOCGWINSZ, &window) == 0 && window.ws_col > 0 && window.ws_row > 0;
+  return known ? TerminalSize{window.ws_col, window.ws_row} : TerminalSize{};
+}
+
+// Rows of text that the picture and its headline take.
+std::uint32_t count_rows(const std::string& frame) {
+  return static_cast<std::uint32_t>(std::count(frame.begin(), frame.end(), '\n'));
+}
+
+}  // namespace
+
+std::string TerminalMonitor::unknown_register_message(const program::Program& program,
+                                                      const std::string& name) {
+  std::vector<std::string> known;
+  for (const program::Register& r : program.registers) {
+    if (r.name == name) return {};
+    if (r.name.substr(0, 1) != "$") known.push_back(r.name);
+  }
+  return "--watch: the program has no register '" + name + "'" + syntax::did_you_mean(name, known);
+}
+
+TerminalMonitor::TerminalMonitor(const vm::Vm& vm, const std::string& name)
+    : vm_(vm),
+      is_terminal_(isatty(STDOUT_FILENO) == 1),
+      size_(is_terminal_ ? terminal_size() : TerminalSize{}) {
+  while (vm.program().registers[register_].name != name) ++register_;
+  if (is_terminal_) size_.rows = std::max(size_.rows, kReservedRows + 2) - kReservedRows;
+}
+
+TerminalMonitor::~TerminalMonitor() { finish(); }
+
+void TerminalMonitor::update() {
+  if (!is_terminal_ || Clock::now() < next_draw_) return;
+  draw();
+  next_draw_ = Clock::now() + kMinFrameInterval;
+}
+
+std::string TerminalMonitor::headline() const {
+  const vm::Plane plane = vm_.plane(register_);
+  return fmt::format("{} {}x{}\n", vm_.program().registers[register_].name, plane.width, plane.height);
+}
+
+// The first time on a cleared screen, whose lower part alone scrolls from then on.
+void TerminalMonitor::draw() {
+  const std::string frame = headline() + render_ansi(vm_.plane(register_), size_);
+  const std::uint32_t first_free_row = count_rows(frame) + 1;
+  if (!screen_prepared_) {
+    write_stdout(fmt::format("\x1b[2J\x1b[{}r\x1b[{};1H", first_free_row, first_free_row));
+    screen_prepared_ = true;
+  }
+  write_stdout(
+      "\x1b"
+      "7\x1b[H" +
+      frame +
+      "\x1b"
+      "8");
+}
+
+void TerminalMonitor::finish() {
+  if (finished_) return;
+  finished_ = true;
+  if (!is_terminal_) return write_stdout(headline() + render_ascii(vm_.plane(register_), size_));
+  draw();
+  write_stdout(
+      "\x1b"
+      "7\x1b[r\x1b"
+      "8\n");
+}
+
+}  // namespace apron::run

@@ -1,0 +1,90 @@
+// The VM's host on this machine, without a surface: console on stdout, media files relative to the current
+// directory, cameras, parameters from the command line.
+#pragma once
+
+#include <atomic>
+#include <map>
+#include <memory>
+#include <string>
+
+#include "apron/run/host/PluginModules.h"
+#include "apron/run/host/Timers.h"
+#include "apron/run/media/Camera.h"
+#include "apron/run/media/Y4mReader.h"
+#include "apron/vm/Host.h"
+
+namespace apron::run {
+
+using Parameters = std::map<std::string, float, std::less<>>;
+
+// What of this machine a program sees besides its files.
+struct HostEnvironment {
+  std::vector<std::string> cameras;  // in place of /dev/video0, /dev/video1, …: see open_camera()
+  Timers::Clock clock_s;             // of the timers; empty for none
+};
+
+class LocalHost : public vm::Host {
+ public:
+  // stop, which must outlive it, ends every wait.
+  LocalHost(Parameters parameters, const std::atomic<bool>& stop, HostEnvironment environment = {});
+
+  std::string message() const override;
+  void print(std::string_view text) override;
+  std::optional<float> parameter(std::string_view name) override;
+
+  vm::HostStatus open_array(std::string_view file, vm::Plane to) override;
+  vm::HostStatus save_array(std::string_view file, vm::ConstPlane from) override;
+  vm::HostStatus open_image(std::string_view file, vm::Plane to) override;
+  vm::HostStatus save_image(std::string_view file, vm::ConstPlane from) override;
+
+  vm::HostStatus open_clip(std::string_view file) override;
+  vm::HostStatus read_clip(vm::Plane to) override;
+  void close_clip() override { clip_.reset(); }
+  vm::HostStatus open_camera(int number) override;
+  vm::HostStatus read_camera(vm::Plane to) override;
+  void close_camera() override { camera_.reset(); }
+
+  void start_timer(std::string_view name) override { timers_.start(name); }
+  void stop_timer(std::string_view name) override { timers_.stop(name); }
+  void reset_timer(std::string_view name) override { timers_.reset(name); }
+  double read_timer_s(std::string_view name) override { return timers_.read_s(name); }
+  vm::HostStatus wait(double seconds) override;
+
+  // Before the run: the modules that the program names. "" or what is wrong.
+  std::string load_modules(const std::vector<std::string>& names,
+                           const std::vector<std::string>& directories);
+  vm::HostStatus call_plugin(std::string_view module, int operation,
+                             std::span<const vm::PluginArgument> arguments, vm::Plane to,
+                             float* value) override;
+
+  // All refused: there is no surface.
+  vm::HostStatus sense(std::string_view channel, vm::Plane to) override;
+  vm::HostStatus actuate(std::string_view channel, vm::ConstPlane from) override;
+  vm::HostStatus actuate(std::string_view channel, float value) override;
+  vm::HostStatus step() override;
+  std::optional<double> time_s() const override { return std::nullopt; }
+  std::optional<double> dt_s() const override { return std::nullopt; }
+  std::optional<double> tick() const override { return std::nullopt; }
+  bool has(std::string_view) const override { return false; }
+
+ protected:
+  vm::HostStatus report_status(vm::HostStatus status, std::string message);
+  // Makes what was printed visible.
+  void flush_output();
+  const std::atomic<bool>& stop() const { return stop_; }
+
+ private:
+  template <class Media>
+  vm::HostStatus guard_media_errors(const Media& operation);
+
+  Parameters parameters_;
+  const std::atomic<bool>& stop_;
+  std::string message_;
+  std::unique_ptr<Y4mReader> clip_;
+  std::vector<std::string> cameras_;
+  std::unique_ptr<Camera> camera_;
+  Timers timers_;
+  PluginModules modules_;
+};
+
+}  // namespace apron::run

@@ -1,0 +1,60 @@
+#include "apron/run/media/CsvCodec.h"
+
+#include <cmath>
+#include <vector>
+
+#include "apron/run/media/MediaFile.h"
+#include "apron/vm/NumberFormat.h"
+#include "common/csv/Csv.h"
+
+namespace apron::run {
+namespace {
+
+std::string_view split_off(std::string_view& rest, char separator) {
+  const std::size_t end = rest.find(separator);
+  const std::string_view head = rest.substr(0, end);
+  rest = end == std::string_view::npos ? std::string_view{} : rest.substr(end + 1);
+  return head;
+}
+
+}  // namespace
+
+void decode_csv(const std::string& path, std::string_view text, const vm::Plane& to) {
+  std::vector<float> cells;
+  std::size_t width = 0, height = 0, line = 0;
+  while (!text.empty()) {
+    ++line;
+    const std::string_view row = common::trim_csv_field(split_off(text, '\n'));
+    if (row.empty()) continue;
+    std::size_t columns = 0;
+    for (const std::string_view field : common::split_csv_line(row)) {
+      ++columns;
+      const auto value = common::parse_csv_number<float>(field);
+      if (!value)
+        throw_refused(path, "line " + std::to_string(line) + ", field " + std::to_string(columns) + ": '" +
+                                std::string(field.substr(0, 40)) + "' is not a number");
+      cells.push_back(*value);
+    }
+    if (height > 0 && columns != width)
+      throw_refused(path, "line " + std::to_string(line) + " has " + std::to_string(columns) +
+                              " numbers, the lines above " + std::to_string(width));
+    width = columns;
+    ++height;
+  }
+  require_shape(path, width, height, to);
+  for (std::uint32_t y = 0; y < to.height; ++y)
+    for (std::uint32_t x = 0; x < to.width; ++x) to.row(y)[x] = cells[std::size_t{y} * to.width + x];
+}
+
+std::string encode_csv(const vm::ConstPlane& from) {
+  std::string text;
+  vm::NumberBuffer buffer;
+  for (std::uint32_t y = 0; y < from.height; ++y)
+    for (std::uint32_t x = 0; x < from.width; ++x) {
+      text += vm::format_number(from.row(y)[x], buffer);
+      text += x + 1 < from.width ? ',' : '\n';
+    }
+  return text;
+}
+
+}  // namespace apron::run

@@ -1,0 +1,68 @@
+#include "apron/run/media/MediaFile.h"
+
+#include <cctype>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <memory>
+
+#include "apron/run/media/MediaError.h"
+#include "common/files/AtomicFile.h"
+
+namespace apron::run {
+namespace {
+
+struct FileCloser {
+  void operator()(std::FILE* file) const noexcept { std::fclose(file); }
+};
+using FilePtr = std::unique_ptr<std::FILE, FileCloser>;
+
+[[noreturn]] void throw_system_error(const std::string& path, const char* action, vm::HostStatus status) {
+  throw MediaError(status, std::string("cannot ") + action + " '" + path + "': " + std::strerror(errno));
+}
+
+}  // namespace
+
+void throw_refused(const std::string& path, const std::string& reason) {
+  throw MediaError(vm::HostStatus::kRefused, "'" + path + "' " + reason);
+}
+
+std::string read_file(const std::string& path) {
+  std::error_code error;
+  if (std::filesystem::is_directory(path, error)) throw_refused(path, "is a directory");
+  const FilePtr file(std::fopen(path.c_str(), "rb"));
+  if (!file) throw_system_error(path, "read", vm::HostStatus::kRefused);
+  std::string bytes;
+  char chunk[1 << 16];
+  while (const std::size_t n = std::fread(chunk, 1, sizeof chunk, file.get())) bytes.append(chunk, n);
+  if (std::ferror(file.get()) != 0) throw_system_error(path, "read", vm::HostStatus::kFailed);
+  return bytes;
+}
+
+void write_file(const std::string& path, std::string_view bytes) {
+  if (const std::error_code error = common::replace_file(path, bytes)) {
+    errno = error.value();
+    // A wrong path is the program's mistake; a disk that fails or is full is not.
+    const bool disk = error == std::errc::no_space_on_device || error == std::errc::io_error ||
+                      error == std::errc::file_too_large;
+    throw_system_error(path, "write", disk ? vm::HostStatus::kFailed : vm::HostStatus::kRefused);
+  }
+}
+
+std::string extension(std::string_view path) {
+  const std::size_t dot = path.find_last_of("./");
+  if (dot == std::string_view::npos || path[dot] == '/') return {};
+  std::string result(path.substr(dot + 1));
+  for (char& c : result) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return result;
+}
+
+void require_shape(const std::string& path, std::uint64_t width, std::uint64_t height,
+                   const vm::Plane& plane) {
+  if (width != plane.width || height != plane.height)
+    throw_refused(path, "is " + std::to_string(width) + "x" + std::to_string(height) +
+                            ", but the register is " + vm::format_shape(plane));
+}
+
+}  // namespace apron::run

@@ -1,0 +1,91 @@
+#include "apron/run/media/Y4mReader.h"
+
+#include <algorithm>
+#include <charconv>
+#include <sstream>
+
+#include "apron/run/media/MediaFile.h"
+
+namespace apron::run {
+namespace {
+
+constexpr std::size_t kMaxLineBytes = 1024;  // bytes of a line
+constexpr std::uint32_t kMaxDimension = 65536;
+
+std::uint32_t parse_dimension(const std::string& word) {
+  std::uint32_t value = 0;
+  const auto [end, error] = std::from_chars(word.data() + 1, word.data() + word.size(), value);
+  return error == std::errc{} && end == word.data() + word.size() && value <= kMaxDimension ? value : 0;
+}
+
+// Bytes of both colour planes, or -1 for a format that is not one of eight bits.
+std::int64_t chroma_bytes(const std::string& format, std::uint32_t width, std::uint32_t height) {
+  const std::int64_t columns = (width + 1) / 2, rows = (height + 1) / 2;
+  if (format == "mono") return 0;
+  if (format == "444") return std::int64_t{2} * width * height;
+  if (format == "422") return 2 * columns * height;
+  if (format == "420" || format == "420jpeg" || format == "420mpeg2" || format == "420paldv")
+    return 2 * columns * rows;
+  return -1;
+}
+
+bool read_line(std::ifstream& file, std::string& line) {
+  line.clear();
+  for (int c = file.get(); c != '\n'; c = file.get()) {
+    if (c == std::ifstream::traits_type::eof() || line.size() == kMaxLineBytes) return false;
+    line.push_back(static_cast<char>(c));
+  }
+  return true;
+}
+
+}  // namespace
+
+Y4mReader::Y4mReader(const std::string& path) : path_(path) {
+  if (extension(path) != "y4m")
+    throw_refused(path, "is no video that can be read: the name must end in .y4m");
+  file_.open(path, std::ios::binary);
+  if (!file_) throw_refused(path, "cannot be read");
+  std::string line, word, format = "420";
+  if (!read_line(file_, line)) throw_refused(path, "is no YUV4MPEG2 file");
+  std::istringstream words(line);
+  words >> word;
+  if (word != "YUV4MPEG2") throw_refused(path, "is no YUV4MPEG2 file");
+  while (words >> word) {
+    if (word[0] == 'W') frame_.width = parse_dimension(word);
+    if (word[0] == 'H') frame_.height = parse_dimension(word);
+    if (word[0] == 'C') format = word.substr(1);
+  }
+  if (frame_.width == 0 || frame_.height == 0) throw_refused(path, "does not say its width and height");
+  const std::int64_t bytes = chroma_bytes(format, frame_.width, frame_.height);
+  if (bytes < 0) throw_refused(path, "has colours in the format '" + format + "', which is not read");
+  chroma_bytes_ = static_cast<std::size_t>(bytes);
+  first_frame_ = file_.tellg();
+}
+
+bool Y4mReader::read_frame_header() {
+  std::string line;
+  return read_line(file_, line) && line.compare(0, 5, "FRAME") == 0;
+}
+
+const GreyFrame& Y4mReader::next_frame() {
+  if (!read_frame_header()) {
+    file_.clear();
+    file_.seekg(first_frame_);
+    if (!read_frame_header()) throw_refused(path_, "has no frame");
+  }
+  frame_.pixels.resize(std::size_t{frame_.width} * frame_.height);
+  file_.read(reinterpret_cast<char*>(frame_.pixels.data()),
+             static_cast<std::streamsize>(frame_.pixels.size()));
+  file_.ignore(static_cast<std::streamsize>(chroma_bytes_));
+  if (!file_) throw_refused(path_, "ends inside a frame");
+  return frame_;
+}
+
+void Y4mReader::read_frame(const vm::Plane& to) {
+  require_shape(path_, frame_.width, frame_.height, to);
+  const GreyFrame& frame = next_frame();
+  for (std::uint32_t y = 0; y < to.height; ++y)
+    std::copy_n(frame.pixels.begin() + std::ptrdiff_t{y} * to.width, to.width, to.row(y));
+}
+
+}  // namespace apron::run

@@ -1,0 +1,33 @@
+// A video read frame by frame: uncompressed YUV4MPEG2 files (.y4m), which other tools make of any video.
+#pragma once
+
+#include <fstream>
+#include <string>
+
+#include "apron/run/media/GreyFrame.h"
+#include "apron/vm/Plane.h"
+
+namespace apron::run {
+
+// All functions throw MediaError. https://wiki.multimedia.cx/index.php/YUV4MPEG2
+class Y4mReader {
+ public:
+  explicit Y4mReader(const std::string& path);
+
+  // The next frame's luminance, 0 to 255; after the last the first again. The plane must be of the video's
+  // shape.
+  void read_frame(const vm::Plane& to);
+  // The same of any shape; valid until the next.
+  const GreyFrame& next_frame();
+
+ private:
+  bool read_frame_header();
+
+  std::string path_;
+  std::ifstream file_;
+  std::streampos first_frame_;
+  GreyFrame frame_;
+  std::size_t chroma_bytes_ = 0;  // of a frame, after its luminance
+};
+
+}  // namespace apron::run

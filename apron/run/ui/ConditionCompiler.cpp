@@ -1,0 +1,73 @@
+#include "apron/run/ui/ConditionCompiler.h"
+
+#include <algorithm>
+#include <cctype>
+
+#include "apron/compiler/Compiler.h"
+#include "apron/debugger/Condition.h"
+
+namespace apron::run {
+namespace {
+
+bool is_identifier_character(char c) {
+  return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_' || c == '.';
+}
+
+// Whether the name stands in the text as a word; names that the compiler made stand in none.
+bool mentions(const std::string& text, const std::string& name) {
+  if (name.empty() || name.front() == '$' || name.find(':') != std::string::npos) return false;
+  for (std::size_t position = text.find(name); position != std::string::npos;
+       position = text.find(name, position + 1)) {
+    const std::size_t end = position + name.size();
+    if ((position == 0 || !is_identifier_character(text[position - 1])) &&
+        (end == text.size() || !is_identifier_character(text[end])))
+      return true;
+  }
+  return false;
+}
+
+std::string condition_source(const std::string& condition, const program::Program& debuggee,
+                             std::uint32_t width, std::uint32_t height) {
+  std::string text;
+  std::vector<std::string> declared;
+  const auto declare_once = [&](const std::string& name) {
+    if (!mentions(condition, name) || std::find(declared.begin(), declared.end(), name) != declared.end())
+      return false;
+    declared.push_back(name);
+    return true;
+  };
+  for (const program::Register& r : debuggee.registers) {
+    if (!declare_once(r.name)) continue;
+    if (r.width == width && r.height == height)
+      text += "!register(" + r.name + ")\n";
+    else
+      text += "!create('" + r.name + "', REGISTER, " + std::to_string(r.width) + ", " +
+              std::to_string(r.height) + ")\n";
+  }
+  for (const program::Variable& v : debuggee.variables)
+    if (declare_once(v.name)) text += "!create('" + v.name + "', VARIABLE)\n";
+  return text + "#again\n" + debugger::kResultVariable + " = " + condition + "\nsurface.step\njump(#again)\n";
+}
+
+}  // namespace
+
+std::optional<program::Program> compile_condition(const std::string& condition,
+                                                  const program::Program& debuggee, std::uint32_t width,
+                                                  std::uint32_t height, std::string& error) {
+  if (condition.find_first_of("\r\n\\") != std::string::npos || condition.find("//") != std::string::npos) {
+    error = "a condition is one line, without a comment";
+    return std::nullopt;
+  }
+  syntax::MemoryReader reader;
+  reader.files["condition"] = condition_source(condition, debuggee, width, height);
+  compiler::CompileOptions compiler_options;
+  compiler_options.file = "condition";
+  compiler_options.width = width;
+  compiler_options.height = height;
+  compiler::CompileResult result = compiler::compile(compiler_options, reader);
+  if (result.program) return std::move(result.program);
+  error = result.diagnostics.empty() ? "this is no condition" : result.diagnostics.front().message;
+  return std::nullopt;
+}
+
+}  // namespace apron::run

@@ -1,0 +1,16 @@
+// A condition typed by a person, compiled against a program's names (see debugger::Condition).
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "apron/program/Program.h"
+
+namespace apron::run {
+
+// width, height: the default size of the program's registers. Without a program, `wrong` is one line.
+std::optional<program::Program> compile_condition(const std::string& condition,
+                                                  const program::Program& debuggee, std::uint32_t width,
+                                                  std::uint32_t height, std::string& error);
+
+}  // namespace apron::run

@@ -1,0 +1,27 @@
+// The two ways to draw a run. Internal to DrawnRun.
+#pragma once
+
+#include "apron/debugger/DebugSession.h"
+#include "apron/debugger/FrontPanel.h"
+#include "apron/debugger/PanelHost.h"
+#include "apron/run/ui/UiRun.h"
+#include "apron/ui/ViewModel.h"
+
+namespace apron::run {
+
+// What both have.
+struct UiRunContext {
+  explicit UiRunContext(const UiRun& run);
+
+  const UiRun& run;
+  debugger::FrontPanel panel;
+  debugger::PanelHost host;
+  debugger::DebugSession session;
+  ui::ViewModel model;
+};
+
+// Both throw ui::UserError.
+void run_in_window(UiRunContext& context);
+void run_offscreen(UiRunContext& context);
+
+}  // namespace apron::run

@@ -1,0 +1,154 @@
+#include "apron/run/ui/UiRunContext.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+
+#include "apron/debugger/SessionThread.h"
+#include "apron/ui/window/Window.h"
+#include "common/process/StopSignals.h"
+
+namespace apron::run {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+namespace fs = std::filesystem;
+
+constexpr double kFrame_s = 1.0 / 60.0, kIdleFrame_s = 0.1;
+
+// Whether a file of the program was saved since it was read.
+class SourceFileMonitor {
+ public:
+  explicit SourceFileMonitor(const std::vector<debugger::SourceText>& sources) { reset(sources); }
+
+  void reset(const std::vector<debugger::SourceText>& sources) {
+    times_.clear();
+    for (const debugger::SourceText& source : sources) times_[source.name] = modification_time(source.name);
+  }
+  // Looks at the disk at most twice a second.
+  bool poll_changed() {
+    if (Clock::now() < next_poll_) return false;
+    next_poll_ = Clock::now() + std::chrono::milliseconds(500);
+    bool changed = false;
+    for (auto& [name, time] : times_) {
+      const fs::file_time_type now = modification_time(name);
+      // An editor that replaces the file leaves a moment without one.
+      if (now == fs::file_time_type::min() || now == time) continue;
+      time = now;
+      changed = true;
+    }
+    return changed;
+  }
+
+ private:
+  static fs::file_time_type modification_time(const std::string& name) {
+    std::error_code error;
+    const fs::file_time_type time = fs::last_write_time(name, error);
+    return error ? fs::file_time_type::min() : time;
+  }
+
+  std::map<std::string, fs::file_time_type> times_;
+  Clock::time_point next_poll_ = Clock::now();
+};
+
+ui::WindowPlacement window_placement(const WindowGeometry& geometry) {
+  ui::WindowPlacement placement;
+  placement.width = geometry.width;
+  placement.height = geometry.height;
+  placement.beside_simulator = geometry.beside_simulator;
+  if (geometry.position) {
+    placement.has_position = true;
+    placement.x = geometry.position->first;
+    placement.y = geometry.position->second;
+  }
+  return placement;
+}
+
+class WindowLoop {
+ public:
+  explicit WindowLoop(UiRunContext& context)
+      : context_(context),
+        model_(context.model),
+        file_monitor_(context.run.compiled.sources),
+        window_(title(context.run.options), window_placement(context.run.options.geometry)),
+        session_thread_(context.session, common::interrupt_flag()) {
+    if (!context.run.options.hold) model_.run();
+  }
+
+  void run() {
+    while (!common::stop_flag()) {
+      const Clock::time_point start = Clock::now();
+      if (debugger::DebugSnapshot snapshot; session_thread_.poll_snapshot(snapshot)) {
+        model_.update(std::move(snapshot));
+        snapshot_requested_ = false;
+      }
+      if (!window_.render_frame(model_)) return;
+      std::fflush(stdout);  // a program without a surface never waits
+      if (model_.take_reload_request() || file_monitor_.poll_changed()) reload();
+      for (ui::ViewModel::SessionCommand& command : model_.take_commands())
+        session_thread_.post(std::move(command));
+      if (!snapshot_requested_) session_thread_.request_snapshot(model_.snapshot_request());
+      snapshot_requested_ = true;
+      session_thread_.interrupt_if_overdue();
+      pace_frame(start);
+    }
+  }
+
+ private:
+  static std::string title(const Options& options) {
+    const std::string name = fs::path(options.program).filename().string();
+    return "APRON  " + name + (options.surface.empty() ? "" : "  on " + options.surface);
+  }
+
+  // At most 60 frames a second; where drawing is slow, most of the time is left to the program and the
+  // simulator.
+  void pace_frame(Clock::time_point start) {
+    const double draw_time_s = std::chrono::duration<double>(Clock::now() - start).count();
+    const double frame_time_s =
+        model_.running() || !was_idle_ ? std::max(kFrame_s, 3.0 * draw_time_s) : kIdleFrame_s;
+    was_idle_ = !model_.running();
+    window_.wait_events(std::max(0.001, frame_time_s - draw_time_s));
+  }
+
+  void reload() {
+    const UiRun& run = context_.run;
+    std::string errors;
+    std::optional<CompiledProgram> compiled =
+        compile_with_sources(run.options, run.width, run.height, errors);
+    if (!compiled) {
+      model_.notice = "Not reloaded: " + errors.substr(0, errors.find('\n'));
+      context_.panel.note("not reloaded:\n" + errors);
+      return;
+    }
+    file_monitor_.reset(compiled->sources);
+    model_.notice.clear();
+    for (ui::ViewModel::SessionCommand& command : model_.take_commands())
+      session_thread_.post(std::move(command));
+    session_thread_.post([this, program = compiled->program](debugger::DebugSession& session) {
+      const std::string missing =
+          context_.run.host.load_modules(program.modules, module_search_paths(context_.run.options));
+      if (!missing.empty()) context_.panel.note(missing);  // and calling it fails
+      context_.panel.clear_program();
+      session.replace(program);
+    });
+    context_.panel.note("reloaded");
+    model_.show_program(std::move(compiled->program), compiled->sources, ++program_id_);
+    snapshot_requested_ = false;
+  }
+
+  UiRunContext& context_;
+  ui::ViewModel& model_;
+  SourceFileMonitor file_monitor_;
+  ui::Window window_;
+  debugger::SessionThread session_thread_;
+  std::uint64_t program_id_ = 1;
+  bool snapshot_requested_ = false, was_idle_ = false;
+};
+
+}  // namespace
+
+void run_in_window(UiRunContext& context) { WindowLoop(context).run(); }
+
+}  // namespace apron::run

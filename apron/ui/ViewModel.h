@@ -1,0 +1,158 @@
+// What the window shows and what the person before it wants, without any drawing.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "common/color/Palette.h"
+#include "apron/debugger/ColorMap.h"
+#include "apron/debugger/DebugSession.h"
+#include "apron/debugger/DebugSnapshot.h"
+#include "apron/debugger/FrontPanel.h"
+#include "apron/debugger/Listing.h"
+#include "apron/debugger/Statistics.h"
+
+namespace apron::ui {
+
+// How a register is coloured.
+struct RegisterStyle {
+  common::Palette palette = common::Palette::kGrey;
+  bool auto_range = true;      // the range is found out from the cells
+  debugger::ValueRange range;  // otherwise
+
+  bool set_by_user = false;  // what the program asks for no longer counts
+};
+
+// Where in the large register the person looks: a cell at the view's middle, and how much larger than
+// fitting.
+struct Viewport {
+  float x = 0.5F, y = 0.5F;  // of the register's width and height
+  float zoom = 1.0F;         // 1: all of it is seen
+
+  // Zooms by `factor` about a point that stays where it is; at: of the register's width and height.
+  void zoom_about(float at_x, float at_y, float factor);
+  void pan(float dx, float dy);
+};
+
+class ViewModel {
+ public:
+  using SessionCommand = std::function<void(debugger::DebugSession&)>;
+  struct CompiledCondition {
+    std::optional<program::Program> program;
+    std::string error;  // one line; "" if there is a program
+  };
+  // Compiles a condition against the program shown.
+  using ConditionCompiler =
+      std::function<CompiledCondition(const std::string& condition, const program::Program&)>;
+
+  // The panel must outlive it.
+  ViewModel(debugger::FrontPanel& panel, ConditionCompiler compile_condition);
+
+  // ---- from the program ----
+  // number: that of Look::program. Selection, styles, folds and breakpoints stay as far as the names do.
+  void show_program(program::Program program, const std::vector<debugger::SourceText>& texts,
+                    std::uint64_t program_id);
+  void update(debugger::DebugSnapshot snapshot);
+  debugger::SnapshotRequest snapshot_request() const;
+
+  const program::Program& program() const { return program_; }
+  const debugger::DebugSnapshot& snapshot() const { return snapshot_; }
+  // Counts the looks: what is drawn of an older one is out of date.
+  std::uint64_t snapshot_serial() const { return snapshot_serial_; }
+  const debugger::FrontPanel::State& panel() const { return panel_state_; }
+  debugger::Listing& listing() { return listing_; }
+  std::size_t current_row() const;
+  // "Running", "Held at line 12", …
+  std::string state_text() const;
+  bool running() const;
+  bool finished() const { return snapshot_.mode == debugger::ExecutionState::kFinished; }
+  double ticks_per_s() const { return ticks_per_s_; }
+
+  // ---- registers ----
+  // Those shown in the list, in the program's order; temporaries only if wanted.
+  std::vector<std::size_t> listed_registers() const;
+  // By name; nothing if there is none of that name.
+  std::optional<std::size_t> find_register(std::string_view name) const;
+  void select(std::size_t reg);
+  const std::optional<std::size_t>& selected() const { return selected_; }
+  RegisterStyle register_style(std::size_t reg) const;
+  void set_style(std::size_t reg, RegisterStyle style);
+  debugger::ValueRange value_range(const RegisterStyle& style, const std::vector<float>& cells) const;
+  // Of the large register's cells.
+  const debugger::Statistics& statistics() const { return statistics_; }
+  std::optional<float> value_at(const debugger::Cell& cell) const;  // in the large register
+  // Registers that the program shows, in order of appearance, and whether they stand side by side in place of
+  // the large one: as the program wants it, until the person chooses.
+  std::vector<std::size_t> tiled_registers() const;
+  bool tiled() const;
+  void set_tiled(bool on) { tiled_by_user_ = on; }
+  int tile_columns() const { return panel_state_.tile_columns; }  // 0: as fits
+
+  // ---- what the person does ----
+  void run();
+  void pause();
+  void toggle_running();
+  void step(debugger::StepUnit unit);
+  void walk();
+  void reset();
+  void probe_cell(const debugger::Cell& cell);
+  void set_profiling(bool on);
+  void set_parameter(const program::Parameter& parameter, float value);
+  float parameter(const program::Parameter& parameter) const;
+  const std::vector<debugger::Breakpoint>& breakpoints() const { return breakpoints_; }
+  // Sets or takes back the breakpoint of a listing's row.
+  void toggle_breakpoint(std::size_t row);
+  bool has_breakpoint(const debugger::Listing::Row& row) const;
+  void add_tick_breakpoint(std::uint64_t tick);
+  // "" or what is wrong with the condition.
+  std::string add_condition_breakpoint(const std::string& condition);
+  void set_breakpoint_enabled(std::size_t index, bool enabled);
+  void remove_breakpoint(std::size_t index);
+
+  // What is to be done with the session, since the last call.
+  std::vector<SessionCommand> take_commands() { return std::exchange(commands_, {}); }
+  bool take_reload_request() { return std::exchange(reload_requested, false); }
+
+  // ---- the window's own state ----
+  Viewport viewport;
+  debugger::Cell probed_cell;  // watched
+  bool probe_shown = false, profile_shown = false, temporaries_shown = false, help_shown = false,
+       reload_requested = false;
+  bool follow_current_line = true;  // scroll to the current line
+  bool speed_shown = true;          // how fast it runs is shown
+  int lines_per_s = 4;              // of a walk
+  std::string notice;               // one line in red, such as what is wrong with a changed program
+  std::vector<std::size_t> visible_thumbnails;  // registers whose thumbnails are in sight
+
+ private:
+  void send_breakpoints();
+  void apply_appearances();
+  void measure_speed();
+
+  debugger::FrontPanel& panel_;
+  ConditionCompiler compile_condition_;
+  program::Program program_;
+  std::uint64_t program_id_ = 0, snapshot_serial_ = 0;
+  debugger::Listing listing_;
+  debugger::DebugSnapshot snapshot_;
+  debugger::Statistics statistics_;
+  debugger::FrontPanel::State panel_state_;
+  std::uint64_t panel_revision_ = 0;
+  std::optional<std::size_t> selected_;
+  bool selected_by_user_ = false;
+  std::optional<bool> tiled_by_user_;
+  std::vector<RegisterStyle> styles_;  // by register
+  std::vector<debugger::Breakpoint> breakpoints_;
+  std::vector<SessionCommand> commands_;
+  bool profiling_ = false;
+  double ticks_per_s_ = 0.0;
+  std::uint64_t measured_ticks_ = 0;
+  std::chrono::steady_clock::time_point measured_at_{};
+};
+
+}  // namespace apron::ui

@@ -1,0 +1,46 @@
+// Registers as textures, made anew only when there is a newer look. Internal to the room.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <utility>
+#include <vector>
+
+#include "common/color/Palette.h"
+#include "apron/debugger/DebugSnapshot.h"
+#include "apron/ui/ViewModel.h"
+
+namespace apron::ui {
+
+// Where a shot is drawn: the large register shares one texture, the others have one each.
+enum class TextureSlot : std::uint8_t { kFull, kThumbnail, kTile };
+
+// To be called with the window's context current, the destructor too.
+class TextureCache {
+ public:
+  TextureCache() = default;
+  ~TextureCache();
+  TextureCache(const TextureCache&) = delete;
+  TextureCache& operator=(const TextureCache&) = delete;
+
+  // OpenGL's name of the shot's picture, with sharp cells; at most one upload a look and style.
+  unsigned get(const debugger::SampledRegister& sample, TextureSlot slot, const RegisterStyle& style,
+               const debugger::ValueRange& range, std::uint64_t serial);
+  std::uint64_t uploads() const { return uploads_; }
+
+ private:
+  struct Entry {
+    unsigned id = 0;
+    std::uint32_t width = 0, height = 0;
+    std::uint64_t serial = 0;
+    common::Palette palette = common::Palette::kGrey;
+    debugger::ValueRange range;
+  };
+  void upload(Entry& entry, const debugger::SampledRegister& sample);
+
+  std::map<std::pair<std::size_t, TextureSlot>, Entry> entries_;
+  std::vector<std::uint8_t> rgba_;
+  std::uint64_t uploads_ = 0;
+};
+
+}  // namespace apron::ui

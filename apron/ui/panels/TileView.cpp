@@ -1,0 +1,84 @@
+// The registers that the program shows, side by side.
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "apron/ui/panels/Panels.h"
+
+namespace apron::ui {
+namespace {
+
+struct TileLayout {
+  int columns = 1;
+  ImVec2 tile;  // with its line of text
+};
+
+ImVec2 tile_size(const DrawContext& context, ImVec2 available, int count, int columns) {
+  const float gap = context.to_pixels(8);
+  const auto along = [&](float length, int n) {
+    return std::max(1.0F, std::floor((length - gap * static_cast<float>(n - 1)) / static_cast<float>(n)));
+  };
+  return {along(available.x, columns), along(available.y, (count + columns - 1) / columns)};
+}
+
+// As many columns as wanted, or those that make the tiles largest.
+TileLayout tile_layout(const DrawContext& context, ImVec2 available, int count) {
+  if (const int requested = std::min(context.model.tile_columns(), count); requested > 0)
+    return {requested, tile_size(context, available, count, requested)};
+  TileLayout best;
+  float largest = 0.0F;
+  for (int columns = 1; columns <= count; ++columns) {
+    const ImVec2 size = tile_size(context, available, count, columns);
+    const float edge = std::min(size.x, size.y - ImGui::GetTextLineHeightWithSpacing());
+    if (edge <= largest) continue;
+    largest = edge;
+    best = {columns, size};
+  }
+  return best;
+}
+
+void draw_tile(DrawContext& context, std::size_t reg, ImVec2 size) {
+  const ImVec2 corner = ImGui::GetCursorScreenPos();
+  ImGui::PushID(static_cast<int>(reg));
+  const bool picked = ImGui::InvisibleButton("tile", size);
+  const bool hovered = ImGui::IsItemHovered();
+  ImGui::PopID();
+  const program::Register& r = context.model.program().registers[reg];
+  const std::string size_text = std::to_string(r.width) + "\u00d7" + std::to_string(r.height);
+  ImDrawList& list = *ImGui::GetWindowDrawList();
+  draw_fitted_text(list, corner, size.x, ImGui::GetColorU32(ImGuiCol_Text),
+                   register_title(context.model, reg));
+  const float line = ImGui::GetTextLineHeightWithSpacing();
+  const ImVec2 top{corner.x, corner.y + line}, end{corner.x + size.x, corner.y + size.y};
+  list.AddRectFilled(top, end, theme::kBackdrop);
+  if (const debugger::SampledRegister* sample = find_sample(context.model.snapshot().tiles, reg))
+    draw_register_image(context, top, {size.x, size.y - line}, *sample, TextureSlot::kTile);
+  list.AddRect(top, end, hovered ? theme::kAccent : theme::kLine);
+  if (hovered) ImGui::SetTooltip("%s  %s", r.name.c_str(), size_text.c_str());
+  if (picked) context.model.select(reg);
+}
+
+}  // namespace
+
+void draw_tiles(DrawContext& context) {
+  const std::vector<std::size_t> tiles = context.model.tiled_registers();
+  ImGui::AlignTextToFramePadding();
+  ImGui::Text("%zu registers", tiles.size());
+  ImGui::SameLine(0.0F, context.to_pixels(16));
+  if (ImGui::Button("One")) context.model.set_tiled(false);
+  if (ImGui::IsItemHovered()) ImGui::SetTooltip("One register, large; a click on a tile shows that one");
+  ImVec2 available = ImGui::GetContentRegionAvail();
+  available.y = std::max(available.y - ImGui::GetStyle().ItemSpacing.y, context.to_pixels(60));
+  const TileLayout layout = tile_layout(context, available, static_cast<int>(tiles.size()));
+  const ImVec2 start = ImGui::GetCursorScreenPos();
+  const float gap = context.to_pixels(8);
+  for (std::size_t i = 0; i < tiles.size(); ++i) {
+    const auto column = static_cast<float>(static_cast<int>(i) % layout.columns),
+               row = static_cast<float>(static_cast<int>(i) / layout.columns);
+    ImGui::SetCursorScreenPos(
+        {start.x + column * (layout.tile.x + gap), start.y + row * (layout.tile.y + gap)});
+    draw_tile(context, tiles[i], layout.tile);
+  }
+}
+
+}  // namespace apron::ui

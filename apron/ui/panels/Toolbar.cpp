@@ -1,0 +1,152 @@
+// The bar at the top: what the program does, and the buttons that change it.
+#include <cctype>
+#include <cstdio>
+
+#include "apron/ui/panels/Panels.h"
+
+namespace apron::ui {
+namespace {
+
+void show_tooltip(const char* text) {
+  if (ImGui::IsItemHovered()) ImGui::SetTooltip("%s", text);
+}
+
+bool toolbar_button(const char* label, const char* tooltip, bool enabled = true) {
+  ImGui::BeginDisabled(!enabled);
+  const bool pressed = ImGui::Button(label);
+  ImGui::EndDisabled();
+  show_tooltip(tooltip);
+  ImGui::SameLine();
+  return pressed;
+}
+
+void same_line_gap(const DrawContext& context) { ImGui::SameLine(0.0F, context.to_pixels(16)); }
+
+void draw_state(DrawContext& context) {
+  const ViewModel& model = context.model;
+  const bool failed = model.finished() && !model.snapshot().error.empty();
+  ImGui::AlignTextToFramePadding();
+  const ImU32 colour = failed ? theme::kStop : model.running() ? theme::kGo : theme::kAccent;
+  ImGui::TextColored(ImGui::ColorConvertU32ToFloat4(colour), "%s", model.state_text().c_str());
+  char text[96];
+  int n =
+      std::snprintf(text, sizeof text, "tick %llu", static_cast<unsigned long long>(model.snapshot().ticks));
+  if (model.snapshot().time_s)
+    n += std::snprintf(text + n, sizeof text - n, "   %.2f s", *model.snapshot().time_s);
+  if (model.running() && model.ticks_per_s() > 0.0)
+    std::snprintf(text + n, sizeof text - n, "   %.0f ticks/s", model.ticks_per_s());
+  const float width = ImGui::CalcTextSize(text).x;
+  ImGui::SameLine();
+  const float available = ImGui::GetContentRegionAvail().x;
+  if (available < width) return ImGui::NewLine();
+  ImGui::SetCursorPosX(ImGui::GetCursorPosX() + available - width);
+  ImGui::TextColored(ImGui::ColorConvertU32ToFloat4(theme::kFaint), "%s", text);
+}
+
+void draw_messages(DrawContext& context) {
+  ViewModel& model = context.model;
+  const std::string& error =
+      model.finished() && !model.snapshot().error.empty() ? model.snapshot().error : model.notice;
+  if (error.empty()) return;
+  ImGui::PushStyleColor(ImGuiCol_Text, theme::kStop);
+  ImGui::TextWrapped("%s", error.c_str());
+  ImGui::PopStyleColor();
+}
+
+}  // namespace
+
+void draw_toolbar(DrawContext& context) {
+  ViewModel& model = context.model;
+  const bool finished = model.finished(), running = model.running();
+  const float button_width = context.to_pixels(72);
+  ImGui::PushStyleColor(ImGuiCol_Text, running ? theme::kStop : theme::kGo);
+  ImGui::BeginDisabled(finished);
+  if (ImGui::Button(running ? "\u25a0  Stop" : "\u25b6  Run", {button_width, 0.0F})) model.toggle_running();
+  ImGui::EndDisabled();
+  ImGui::PopStyleColor();
+  show_tooltip("Run, or stop at the end of the tick (Space)");
+  same_line_gap(context);
+  using debugger::StepUnit;
+  const bool paused = !finished && !running;
+  if (toolbar_button("Tick", "To the next surface.step (\u2192)", paused)) model.step(StepUnit::kTick);
+  if (toolbar_button("Line", "To the next line as it is folded (\u2193)", paused))
+    model.step(StepUnit::kLine);
+  if (toolbar_button("Instruction", "One instruction of the machine (I)", paused))
+    model.step(StepUnit::kInstruction);
+  if (toolbar_button("Walk", "Line by line, slowly (W)", paused)) model.walk();
+  ImGui::SetNextItemWidth(context.to_pixels(84));
+  ImGui::SliderInt("##pace", &model.lines_per_s, 1, 30, "%d lines/s");
+  show_tooltip("How fast to walk");
+  same_line_gap(context);
+  if (toolbar_button("Reset", "Begin again (R)")) model.reset();
+  if (toolbar_button("Reload", "Read the program again; done by itself when it is saved"))
+    model.reload_requested = true;
+  if (toolbar_button("?", "Mouse and keys (F1)")) model.help_shown = !model.help_shown;
+  if (is_wide_layout(context))
+    same_line_gap(context);
+  else
+    ImGui::NewLine();
+  draw_state(context);
+  draw_messages(context);
+}
+
+void handle_keys(ViewModel& model) {
+  ImGuiIO& io = ImGui::GetIO();
+  if (io.WantTextInput) return;
+  const auto pressed = [](ImGuiKey key, bool repeat) {
+    return ImGui::IsKeyPressed(ImGui::GetKeyIndex(key), repeat);
+  };
+  const bool paused = !model.running() && !model.finished();
+  if (pressed(ImGuiKey_Space, false) && !model.finished()) model.toggle_running();
+  if (pressed(ImGuiKey_Escape, false)) model.help_shown = false;
+  if (paused && pressed(ImGuiKey_RightArrow, true)) model.step(debugger::StepUnit::kTick);
+  if (paused && pressed(ImGuiKey_DownArrow, true)) model.step(debugger::StepUnit::kLine);
+  for (const ImWchar typed : io.InputQueueCharacters) {
+    const int key = typed < 128 ? std::tolower(static_cast<int>(typed)) : 0;
+    if (key == 'i' && paused) model.step(debugger::StepUnit::kInstruction);
+    if (key == 'w' && paused) model.walk();
+    if (key == 'r') model.reset();
+    if (key == '?') model.help_shown = !model.help_shown;
+  }
+}
+
+void draw_help(DrawContext& context) {
+  static constexpr const char* kHelp[][2] = {
+      {"Space", "run, or stop at the end of the tick"},
+      {"\u2192   \u2193   I", "one tick, one line, one instruction"},
+      {"W", "walk, line by line"},
+      {"R", "reset"},
+      {"Click a small register", "show it large"},
+      {"Wheel, drag on the large one", "zoom, move; double click: all of it"},
+      {"Click on the large one", "watch that cell"},
+      {"Click left of a line's number", "breakpoint"},
+      {"Click a triangle", "fold or unfold an include or a macro"},
+      {"F1   ?   Esc", "this help"}};
+  const ImVec2 size = ImGui::GetIO().DisplaySize;
+  ImGui::SetNextWindowPos({size.x / 2.0F, size.y / 2.0F}, ImGuiCond_Always, {0.5F, 0.5F});
+  ImGui::SetNextWindowFocus();
+  ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, {context.to_pixels(18), context.to_pixels(14)});
+  ImGui::PushStyleVar(ImGuiStyleVar_WindowRounding, context.to_pixels(8));
+  ImGui::PushStyleColor(ImGuiCol_WindowBg, IM_COL32(252, 253, 255, 250));
+  ImGui::Begin(
+      "help", nullptr,
+      ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoSavedSettings);
+  ImGui::TextUnformatted("Mouse and keys");
+  ImGui::Separator();
+  if (ImGui::BeginTable("keys", 2, ImGuiTableFlags_SizingFixedFit)) {
+    for (const auto& line : kHelp) {
+      ImGui::TableNextRow();
+      ImGui::TableNextColumn();
+      ImGui::TextUnformatted(line[0]);
+      ImGui::TableNextColumn();
+      ImGui::TextColored(ImGui::ColorConvertU32ToFloat4(theme::kFaint), "%s", line[1]);
+    }
+    ImGui::EndTable();
+  }
+  if (ImGui::IsMouseClicked(0) && !ImGui::IsWindowHovered()) context.model.help_shown = false;
+  ImGui::End();
+  ImGui::PopStyleColor();
+  ImGui::PopStyleVar(2);
+}
+
+}  // namespace apron::ui

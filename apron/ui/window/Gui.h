@@ -1,0 +1,45 @@
+// Dear ImGui with this room's fonts and colours, over whatever context is current. Internal to the room.
+#pragma once
+
+#include <imgui.h>
+
+#include "common/image/Image.h"
+
+namespace apron::ui {
+
+// Of the one ImGui context of the process.
+class Gui {
+ public:
+  // scale: pixels a point.
+  explicit Gui(float scale);
+  ~Gui();
+  Gui(const Gui&) = delete;
+  Gui& operator=(const Gui&) = delete;
+
+  float scale() const { return scale_; }
+  ImFont* text() const { return text_; }
+  ImFont* code() const { return code_; }  // fixed width
+  ImFont* small() const { return small_; }
+
+ private:
+  float scale_;
+  ImFont *text_ = nullptr, *code_ = nullptr, *small_ = nullptr;
+};
+
+// Colours beside ImGui's own.
+namespace theme {
+inline constexpr ImU32 kFaint = IM_COL32(96, 105, 118, 255);
+inline constexpr ImU32 kLine = IM_COL32(208, 214, 222, 255);
+inline constexpr ImU32 kAccent = IM_COL32(20, 98, 190, 255);
+inline constexpr ImU32 kCurrent = IM_COL32(255, 226, 130, 255);
+inline constexpr ImU32 kStop = IM_COL32(200, 44, 40, 255);
+inline constexpr ImU32 kGo = IM_COL32(30, 130, 60, 255);
+inline constexpr ImU32 kComment = IM_COL32(84, 122, 84, 255);
+inline constexpr ImU32 kDirective = IM_COL32(130, 64, 150, 255);
+inline constexpr ImU32 kBackdrop = IM_COL32(226, 230, 236, 255);
+}  // namespace theme
+
+// The colours of the framebuffer in force, right way up.
+common::Image read_framebuffer(int width, int height);
+
+}  // namespace apron::ui

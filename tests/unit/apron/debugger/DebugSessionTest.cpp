@@ -1,0 +1,379 @@
+#include "apron/debugger/DebugSession.h"
+
+#include <gtest/gtest.h>
+
+#include "apron/debugger/PanelHost.h"
+#include "tests/unit/apron/debugger/TestSource.h"
+
+namespace apron::debugger::test {
+namespace {
+
+class DebugSessionTest : public testing::Test {
+ protected:
+  void start(const std::string& text) {
+    code = compile(text);
+    listing = Listing(code.program, code.texts);
+    session = std::make_unique<DebugSession>(code.program, vm::VmOptions{}, host,
+                                             [this](bool paused) { pauses.push_back(paused); });
+  }
+  std::uint32_t line() const {
+    return listing.rows()[listing.groups()[session->vm().program_counter()]].line;
+  }
+  void advance(int times = 1) {
+    while (times-- > 0) session->advance();
+  }
+  DebugSnapshot capture(const SnapshotRequest& request = {}) {
+    DebugSnapshot snapshot;
+    session->capture_snapshot(request, snapshot);
+    return snapshot;
+  }
+  float variable(const std::string& name) {
+    for (std::size_t i = 0; i < code.program.variables.size(); ++i)
+      if (code.program.variables[i].name == name) return capture().variables[i];
+    ADD_FAILURE() << name;
+    return 0.0F;
+  }
+  void break_when(const std::string& condition) {
+    Breakpoint breakpoint;
+    breakpoint.kind = Breakpoint::Kind::kCondition;
+    breakpoint.condition = condition;
+    session->set_breakpoints({breakpoint}, {compile_condition(condition, code.program)});
+  }
+
+  FakeHost host;
+  CompiledSource code;
+  Listing listing;
+  std::unique_ptr<DebugSession> session;
+  std::vector<bool> pauses;
+};
+
+TEST_F(DebugSessionTest, IsHeldAtFirstAndStepsByTickLineAndInstruction) {
+  start(kCounting);
+  EXPECT_EQ(session->state(), ExecutionState::kPaused);
+  advance();
+  EXPECT_EQ(session->vm().instructions_executed(), 0U);
+  session->step(StepUnit::kTick);
+  EXPECT_EQ(session->state(), ExecutionState::kStepping);
+  advance();
+  EXPECT_EQ(session->state(), ExecutionState::kPaused);
+  EXPECT_EQ(session->ticks(), 1U);
+  EXPECT_EQ(host.step_count, 1);
+  EXPECT_EQ(variable("count"), 1.0F);
+
+  std::vector<std::uint32_t> lines;
+  for (int i = 0; i < 6; ++i) {
+    session->step(StepUnit::kLine, listing.groups());
+    advance();
+    lines.push_back(line());
+  }
+  EXPECT_EQ(lines, (std::vector<std::uint32_t>{5, 6, 7, 8, 9, 5}));
+  const std::size_t next = session->vm().program_counter();
+  session->step(StepUnit::kInstruction);
+  advance();
+  EXPECT_EQ(session->vm().program_counter(), next + 1);
+  EXPECT_EQ(pauses, (std::vector<bool>{true, false, true, false, true, false, true, false, true, false, true,
+                                       false, true, false, true, false, true}));
+}
+
+TEST_F(DebugSessionTest, RunsUntilItIsHeldAndStopsAtItsLimit) {
+  start(kCounting);
+  session->run();
+  advance(3);
+  EXPECT_EQ(session->state(), ExecutionState::kRunning);
+  EXPECT_EQ(session->ticks(), 3U);
+  session->pause();
+  advance(3);
+  EXPECT_EQ(session->ticks(), 3U);
+  session->limit_ticks(5);
+  session->run();
+  advance(10);
+  EXPECT_EQ(session->state(), ExecutionState::kFinished);
+  EXPECT_EQ(session->status(), Status::kEnded);
+  EXPECT_EQ(session->ticks(), 5U);
+  EXPECT_TRUE(pauses.back());
+}
+
+TEST_F(DebugSessionTest, StopsAtALineInEachRound) {
+  start(kCounting);
+  Breakpoint one;
+  one.file = "main.aps";
+  one.line = 6;
+  session->set_breakpoints({one}, {});
+  for (int round = 1; round <= 3; ++round) {
+    session->run();
+    advance(2);  // the tick before, then to the line
+    EXPECT_EQ(session->state(), ExecutionState::kPaused);
+    EXPECT_EQ(capture().hit, std::size_t{0});
+    EXPECT_EQ(line(), 6U);
+    EXPECT_EQ(variable("count"), static_cast<float>(round));
+  }
+  one.enabled = false;
+  session->set_breakpoints({one}, {});
+  EXPECT_FALSE(capture().hit) << "the number of another breakpoint now";
+  session->run();
+  advance(4);
+  EXPECT_EQ(session->state(), ExecutionState::kRunning);
+}
+
+TEST_F(DebugSessionTest, StopsAtATick) {
+  start(kCounting);
+  Breakpoint one;
+  one.kind = Breakpoint::Kind::kTick;
+  one.tick = 4;
+  session->set_breakpoints({one}, {});
+  session->run();
+  advance(10);
+  EXPECT_EQ(session->state(), ExecutionState::kPaused);
+  EXPECT_EQ(session->ticks(), 4U);
+  session->run();
+  advance(3);
+  EXPECT_EQ(session->ticks(), 7U);
+}
+
+TEST_F(DebugSessionTest, StopsWhereAConditionBecomesTrueAndNotAgainWhileItHolds) {
+  start(kCounting);
+  // 47 cells hold the count and one 100, once line 7 has run.
+  break_when("globalsum(A) > 47 * 3 + 100");
+  session->run();
+  advance(10);
+  EXPECT_EQ(session->state(), ExecutionState::kPaused);
+  EXPECT_EQ(line(), 8U) << "the instruction before it made it true";
+  EXPECT_EQ(variable("count"), 4.0F);
+  // It no longer holds where A is written anew without the 100, and does again with it.
+  session->run();
+  advance(10);
+  EXPECT_EQ(session->state(), ExecutionState::kPaused);
+  EXPECT_EQ(variable("count"), 5.0F);
+  // From the sixth round on 48 times the count is enough by itself.
+  session->run();
+  advance(20);
+  EXPECT_EQ(session->state(), ExecutionState::kRunning);
+}
+
+TEST_F(DebugSessionTest, AConditionAsksScalarsAndTheSurfaceAndTouchesNothing) {
+  start(kCounting);
+  break_when("count >= 3 and surface.tick >= 3");
+  session->run();
+  advance(10);
+  EXPECT_EQ(session->state(), ExecutionState::kPaused);
+  EXPECT_EQ(session->ticks(), 3U);
+  // The same run without a condition has the same registers.
+  FakeHost other;
+  DebugSession plain(code.program, vm::VmOptions{}, other);
+  plain.run();
+  for (int i = 0; i < 3; ++i) plain.advance();
+  for (std::size_t r = 0; r < code.program.registers.size(); ++r)
+    EXPECT_EQ(vm::test::read_cells(session->vm().plane(r)), vm::test::read_cells(plain.vm().plane(r))) << r;
+  EXPECT_EQ(host.step_count, other.step_count);
+}
+
+TEST_F(DebugSessionTest, AConditionThatCannotBeAnsweredIsNo) {
+  start(kCounting);
+  break_when("pixel.get(A, count, 0) == 1");  // leaves the array at count 8
+  session->run();
+  advance(2);
+  EXPECT_EQ(session->state(), ExecutionState::kPaused);
+  session->run();
+  advance(20);
+  EXPECT_EQ(session->state(), ExecutionState::kRunning);
+}
+
+TEST(ConditionCompiler, SaysWhatIsWrongInOneLine) {
+  const CompiledSource c = compile(kCounting);
+  const auto wrong = [&](const std::string& condition) {
+    std::string text;
+    EXPECT_FALSE(run::compile_condition(condition, c.program, 8, 6, text)) << condition;
+    EXPECT_EQ(text.find('\n'), std::string::npos) << text;
+    return text;
+  };
+  EXPECT_NE(wrong("globalsum(Aa) > 0").find("Aa"), std::string::npos);
+  EXPECT_NE(wrong("A > 0"), "");
+  EXPECT_NE(wrong("count >"), "");
+  EXPECT_NE(wrong(""), "");
+  EXPECT_NE(wrong("count > 1 // or so").find("comment"), std::string::npos);
+  EXPECT_NE(wrong("count > 1\nA = 3"), "");
+}
+
+TEST_F(DebugSessionTest, BeginsAgainAsItWas) {
+  start(kCounting);
+  session->run();
+  advance(5);
+  session->reset();
+  EXPECT_EQ(session->state(), ExecutionState::kRunning);
+  EXPECT_EQ(session->ticks(), 0U);
+  EXPECT_EQ(session->vm().instructions_executed(), 0U);
+  advance(2);
+  EXPECT_EQ(variable("count"), 2.0F);
+  session->replace(compile("x = 7\nsurface.step\nx = 8\n").program);
+  EXPECT_EQ(capture().program_id, 2U);
+  advance(1);
+  EXPECT_EQ(capture().variables.front(), 7.0F);
+  advance(1);
+  EXPECT_EQ(session->state(), ExecutionState::kFinished);
+  session->run();  // it is over
+  EXPECT_EQ(session->state(), ExecutionState::kFinished);
+  session->reset();
+  EXPECT_EQ(session->state(), ExecutionState::kPaused);
+}
+
+TEST_F(DebugSessionTest, WalksLineByLine) {
+  start(kCounting);
+  session->walk(std::chrono::milliseconds(5), listing.groups());
+  EXPECT_EQ(session->walk_period(), std::chrono::milliseconds(5));
+  std::vector<std::uint32_t> lines;
+  for (int i = 0; i < 4; ++i) {
+    advance();
+    lines.push_back(line());
+  }
+  EXPECT_EQ(lines, (std::vector<std::uint32_t>{5, 6, 7, 8}));
+  EXPECT_EQ(session->state(), ExecutionState::kWalking);
+  session->pause();
+  EXPECT_EQ(session->state(), ExecutionState::kPaused);
+}
+
+TEST_F(DebugSessionTest, AnInterruptedStepGoesOn) {
+  start(kCounting);
+  host.step_status = vm::HostStatus::kInterrupted;  // as of a surface that does not answer
+  session->step(StepUnit::kTick);
+  advance(2);
+  EXPECT_EQ(session->state(), ExecutionState::kStepping);
+  EXPECT_EQ(session->ticks(), 0U);
+  EXPECT_EQ(line(), 8U);
+  host.step_status = vm::HostStatus::kOk;
+  advance();
+  EXPECT_EQ(session->state(), ExecutionState::kPaused);
+  EXPECT_EQ(session->ticks(), 1U);
+}
+
+TEST_F(DebugSessionTest, LooksAtRegistersLargeAndSmall) {
+  start("!create('BIG', REGISTER, 300, 100)\nr[BIG] = cell.x + 1000 * cell.y\nsurface.step\n");
+  session->step(StepUnit::kTick);
+  advance();
+  SnapshotRequest request;
+  request.full = 0;
+  request.thumbnails = {0, 7};  // there is no seventh
+  request.max_thumbnail_edge = 64;
+  const DebugSnapshot all = capture(request);
+  ASSERT_TRUE(all.full);
+  EXPECT_EQ(all.full->width, 300U);
+  EXPECT_EQ(all.full->cells[2 * 300 + 5], 2005.0F);
+  ASSERT_EQ(all.thumbnails.size(), 1U);
+  EXPECT_EQ(all.thumbnails[0].stride, 5U);
+  EXPECT_EQ(all.thumbnails[0].width, 60U);
+  EXPECT_EQ(all.thumbnails[0].height, 20U);
+  EXPECT_EQ(all.thumbnails[0].cells[60 + 1], 5005.0F);  // the north-western one of its square
+  EXPECT_EQ(all.time_s, 0.5);
+}
+
+TEST_F(DebugSessionTest, WatchesACellWithItsNeighboursOverTicks) {
+  start(kCounting);
+  session->probe_cell({0, 0});
+  session->run();
+  advance(3);
+  SnapshotRequest request;
+  request.include_probe = true;
+  const DebugSnapshot l = capture(request);
+  ASSERT_EQ(l.neighbourhoods.size(), code.program.registers.size());
+  const Neighbourhood& a = l.neighbourhoods[0];
+  EXPECT_TRUE(std::isnan(a[0]) && std::isnan(a[1]) && std::isnan(a[3]));  // beyond the north-west edge
+  EXPECT_EQ(a[4], 100.0F);
+  EXPECT_EQ(a[5], 3.0F);  // east
+  EXPECT_EQ(a[7], 3.0F);  // south
+  ASSERT_EQ(l.history.size(), 3U);
+  EXPECT_EQ(l.history[1].tick, 2U);
+  EXPECT_EQ(l.history[1].values[0], 100.0F);
+  session->probe_cell({1, 0});
+  advance(200);
+  const DebugSnapshot later = capture(request);
+  ASSERT_EQ(later.history.size(), Probe::kMaxRecords);
+  EXPECT_EQ(later.history.back().tick, 203U);
+  EXPECT_EQ(later.history.back().values[0], 203.0F);
+  EXPECT_EQ(later.history.front().values[0], static_cast<float>(203 - Probe::kMaxRecords + 1));
+}
+
+TEST_F(DebugSessionTest, ProfilesFromWhenItIsTold) {
+  start(kCounting);
+  session->run();
+  advance(2);
+  SnapshotRequest request;
+  request.include_profile = true;
+  EXPECT_TRUE(capture(request).profile.empty());
+  session->set_profiling(true);
+  advance(3);
+  const auto rows = listing.profile_by_row(capture(request).profile);
+  EXPECT_EQ(rows[7].executions, 3U);  // surface.step
+  session->set_profiling(false);
+  advance(3);
+  EXPECT_EQ(listing.profile_by_row(capture(request).profile)[7].executions, 3U);
+}
+
+TEST_F(DebugSessionTest, AFailureNamesItsPlace) {
+  start("!register(A)\nx = pixel.get(A, 99, 0)\n");
+  session->run();
+  advance();
+  EXPECT_EQ(session->state(), ExecutionState::kFinished);
+  EXPECT_EQ(capture().status, Status::kFailed);
+  EXPECT_NE(capture().error.find("main.aps:2"), std::string::npos);
+}
+
+TEST(PanelHost, HasWhatAScriptMakesAndThePersonsValues) {
+  const CompiledSource c = compile(R"(!register(A)
+sim.slider.add('gain', 0, 10, 2)
+reg.setPalette(A, 'flame')
+reg.setScale(A, 0, 8)
+sim.show(A, 'the map')
+sim.label('stage')
+while(1)
+  A = sim.slider.get('gain')
+  sim.label('gain', sim.slider.get('gain'))
+  sim.label('state', 'on')
+  println('gain ', pixel.get(A, 0, 0))
+  surface.step
+endwhile
+)");
+  FakeHost inner;
+  FrontPanel panel;
+  PanelHost host(inner, panel);
+  DebugSession session(c.program, vm::VmOptions{}, host);
+  session.run();
+  session.advance();
+  std::uint64_t revision = 0;
+  FrontPanel::State state;
+  ASSERT_TRUE(panel.copy_if_changed(revision, state));
+  EXPECT_EQ(state.console.front(), "gain 2");
+  EXPECT_EQ(inner.console, "gain 2\n");
+  using Labels = std::vector<std::pair<std::string, std::string>>;
+  EXPECT_EQ(state.labels, (Labels{{"stage", ""}, {"gain", "2"}, {"state", "on"}}));
+  const Appearance& a = state.appearances.at("A");
+  EXPECT_EQ(a.title, "the map");
+  EXPECT_EQ(a.palette, common::Palette::kFlame);
+  EXPECT_EQ(a.range->high, 8.0F);
+  EXPECT_EQ(state.last_shown, "A");
+  panel.set_parameter("gain", 7.0F);
+  session.advance();
+  EXPECT_EQ(session.vm().plane(0).row(3)[3], 7.0F);
+  ASSERT_TRUE(panel.copy_if_changed(revision, state));
+  EXPECT_EQ(state.labels[1].second, "7");
+  EXPECT_FALSE(panel.copy_if_changed(revision, state));
+  panel.clear_program();
+  ASSERT_TRUE(panel.copy_if_changed(revision, state));
+  EXPECT_TRUE(state.labels.empty());
+  EXPECT_EQ(panel.parameter("gain"), 7.0F) << "the person's setting stays";
+}
+
+TEST(FrontPanel, KeepsTheLatestLines) {
+  FrontPanel panel;
+  for (int i = 0; i < 3000; ++i) panel.print("line " + std::to_string(i) + "\n");
+  panel.print("no end");
+  panel.note("reloaded");
+  std::uint64_t revision = 0;
+  FrontPanel::State state;
+  ASSERT_TRUE(panel.copy_if_changed(revision, state));
+  EXPECT_EQ(state.console.size(), FrontPanel::kMaxLines);
+  EXPECT_EQ(state.console[state.console.size() - 3], "no end");
+  EXPECT_EQ(state.console[state.console.size() - 2], "- reloaded");
+  EXPECT_EQ(state.console.back(), "");
+}
+
+}  // namespace
+}  // namespace apron::debugger::test

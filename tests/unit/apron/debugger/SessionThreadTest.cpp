@@ -1,0 +1,86 @@
+#include "apron/debugger/SessionThread.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/unit/apron/debugger/TestSource.h"
+
+namespace apron::debugger::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+class SessionThreadTest : public testing::Test {
+ protected:
+  void start(const std::string& text) {
+    code = compile(text);
+    vm::VmOptions options;
+    options.stop = &interrupt;
+    session = std::make_unique<DebugSession>(code.program, options, host);
+    session_thread = std::make_unique<SessionThread>(*session, interrupt);
+  }
+  // A look that is what is waited for; it never takes long, unless something hangs.
+  DebugSnapshot wait_for(const std::function<bool(const DebugSnapshot&)>& predicate) {
+    const auto deadline = std::chrono::steady_clock::now() + 60s;
+    DebugSnapshot snapshot;
+    while (std::chrono::steady_clock::now() < deadline) {
+      session_thread->request_snapshot({});
+      while (!session_thread->poll_snapshot(snapshot) && std::chrono::steady_clock::now() < deadline) {
+        session_thread->interrupt_if_overdue();
+        std::this_thread::sleep_for(1ms);
+      }
+      if (predicate(snapshot)) return snapshot;
+    }
+    ADD_FAILURE() << "it never came";
+    return snapshot;
+  }
+  void post(std::function<void(DebugSession&)> what) { session_thread->post(std::move(what)); }
+
+  std::atomic<bool> interrupt{false};
+  FakeHost host;
+  CompiledSource code;
+  std::unique_ptr<DebugSession> session;
+  std::unique_ptr<SessionThread> session_thread;
+};
+
+TEST_F(SessionThreadTest, RunsLooksAndHoldsBetweenTicks) {
+  start(kCounting);
+  EXPECT_EQ(wait_for([](const DebugSnapshot&) { return true; }).ticks, 0U);
+  post([](DebugSession& s) { s.run(); });
+  wait_for([](const DebugSnapshot& l) { return l.ticks > 100; });
+  post([](DebugSession& s) { s.pause(); });
+  const DebugSnapshot paused =
+      wait_for([](const DebugSnapshot& l) { return l.mode == ExecutionState::kPaused; });
+  // Held between two ticks, and there it stays.
+  EXPECT_EQ(paused.variables.front(), static_cast<float>(paused.ticks));
+  const DebugSnapshot still = wait_for([](const DebugSnapshot&) { return true; });
+  EXPECT_EQ(still.ticks, paused.ticks);
+  post([](DebugSession& s) { s.step(StepUnit::kTick); });
+  wait_for(
+      [&](const DebugSnapshot& l) { return l.ticks == paused.ticks + 1 && l.mode == ExecutionState::kPaused; });
+}
+
+TEST_F(SessionThreadTest, AnswersFromTheMiddleOfAnEndlessTick) {
+  start("x = 0\nwhile(1)\n  x = x + 1\nendwhile\n");
+  post([](DebugSession& s) { s.run(); });
+  const DebugSnapshot first = wait_for([](const DebugSnapshot& l) { return l.variables.front() > 0.0F; });
+  EXPECT_EQ(first.mode, ExecutionState::kRunning);
+  wait_for([&](const DebugSnapshot& l) { return l.variables.front() > first.variables.front(); });
+  post([](DebugSession& s) { s.pause(); });
+  wait_for([](const DebugSnapshot& l) { return l.mode == ExecutionState::kPaused; });
+}
+
+TEST_F(SessionThreadTest, EndsAProgramThatDoesNot) {
+  start("while(1)\nendwhile\n");
+  post([](DebugSession& s) { s.run(); });
+  session_thread.reset();  // or the test hangs
+  EXPECT_EQ(session->state(), ExecutionState::kRunning);
+}
+
+TEST_F(SessionThreadTest, WalksByTheClock) {
+  start(kCounting);
+  post([](DebugSession& s) { s.walk(1ms, InstructionGroups{}); });
+  wait_for([](const DebugSnapshot& l) { return l.mode == ExecutionState::kWalking && l.ticks >= 1; });
+}
+
+}  // namespace
+}  // namespace apron::debugger::test

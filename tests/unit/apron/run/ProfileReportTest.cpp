@@ -1,0 +1,99 @@
+// The profile's counts, sums and estimates, and what is said of a wrong cost model.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "apron/run/cli/ProfileReport.h"
+#include "tests/unit/apron/vm/TestProgram.h"
+
+namespace apron::run {
+namespace {
+
+using nlohmann::json;
+using program::Opcode;
+using program::Operand;
+using vm::test::TestProgram;
+
+// Line 2 adds 3 times, line 4 loops, line 5 prints nothing; 4x2 cells.
+TestProgram loop_program() {
+  TestProgram b;
+  const Operand a = b.reg(4, 2), i = b.var(3);
+  b.add(Opcode::kCopy, a, b.lit(1));
+  b.add(Opcode::kAdd, a, a, b.lit(1));
+  b.add(Opcode::kSub, i, i, b.lit(1));
+  b.add(Opcode::kJumpGt, {}, i, b.lit(0), TestProgram::label(1));
+  return b;
+}
+
+json profile(const std::optional<CostModel>& model, std::uint64_t steps) {
+  vm::test::FakeHost host;
+  vm::VmOptions options;
+  options.enable_profiling = true;
+  vm::Vm vm(loop_program().finish(), options, host);
+  EXPECT_EQ(vm.run(), vm::Status::kEnded);
+  return json::parse(profile_json(vm.program(), vm.profile(), steps, model));
+}
+
+TEST(ProfileReport, CountsByInstructionAndLine) {
+  const json p = profile(std::nullopt, 0);
+  EXPECT_EQ(p["all"]["count"], 1 + 3 * 3 + 1);
+  EXPECT_EQ(p["instructions"]["copy"]["count"], 1);
+  EXPECT_EQ(p["instructions"]["add"]["count"], 3);
+  EXPECT_EQ(p["instructions"]["jump.gt"]["count"], 3);
+  ASSERT_EQ(p["lines"].size(), 5U);
+  EXPECT_EQ(p["lines"][1]["line"], 2);
+  EXPECT_EQ(p["lines"][1]["count"], 3);
+  EXPECT_EQ(p["program"][2]["instruction"], "sub");
+  EXPECT_FALSE(p.contains("estimate"));
+  std::uint64_t ns = 0;
+  for (const json& one : p["program"]) ns += one["time_ns"].get<std::uint64_t>();
+  EXPECT_EQ(p["all"]["time_ns"], ns);
+}
+
+TEST(ProfileReport, EstimatesWhatTheModelSays) {
+  CostModel model;
+  model.clock_hz = 100;
+  model.idle_w = 2;
+  model.default_cost.cycles = 1;
+  model.instructions["add"] = {5, 0.5, 1, 0.25};
+  const json p = profile(model, 2);
+  // 3 adds of 5 + 0.5 * 8 cycles, 8 others of 1; 3 * (1 + 0.25 * 8) joules and 2 watts all the time.
+  EXPECT_DOUBLE_EQ(p["estimate"]["cycles"], 35.0);
+  EXPECT_DOUBLE_EQ(p["estimate"]["time_s"], 0.35);
+  EXPECT_DOUBLE_EQ(p["estimate"]["energy_j"], 9.7);
+  EXPECT_DOUBLE_EQ(p["estimate"]["per_frame"]["cycles"], 17.5);
+  EXPECT_DOUBLE_EQ(p["lines"][1]["cycles"], 27.0);
+}
+
+TEST(ProfileReport, TheExampleModelIsOne) {
+  std::string error;
+  const auto model = read_cost_model(APRON_EXAMPLE_MODEL, error);
+  ASSERT_TRUE(model) << error;
+  EXPECT_GT(model->clock_hz, 0);
+  EXPECT_EQ(model->instructions.at("shift").cycles, 2);
+}
+
+TEST(ProfileReport, AWrongModelIsNamed) {
+  const std::string file = ::testing::TempDir() + "apron_model_" + std::to_string(getpid()) + ".json";
+  const std::pair<const char*, const char*> kWrong[] = {
+      {"{", "not JSON"},
+      {"[]", "an object"},
+      {"{}", "clock_hz"},
+      {R"({"clock_hz": -1})", "'clock_hz' is -1"},
+      {R"({"clock_hz": 1, "clock": 2})", "'clock' is unknown"},
+      {R"({"clock_hz": 1, "instructions": {"ad": {}}})", "no instruction 'ad'"},
+      {R"({"clock_hz": 1, "instructions": {"add": {"cycles": "two"}}})", "'add': 'cycles' is \"two\""},
+      {R"({"clock_hz": 1, "instructions": {"add": 2}})", "'add': an object"}};
+  for (const auto& [text, what] : kWrong) {
+    std::ofstream(file) << text;
+    std::string error;
+    EXPECT_FALSE(read_cost_model(file, error)) << text;
+    EXPECT_NE(error.find(what), std::string::npos) << error;
+    EXPECT_EQ(error.find('\n'), std::string::npos) << error;
+  }
+}
+
+}  // namespace
+}  // namespace apron::run

@@ -1,0 +1,84 @@
+// The program typed line by line, with its input from a text.
+#include "apron/run/cli/Repl.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <sstream>
+
+namespace apron::run {
+namespace {
+
+std::string run_repl_session(const std::string& typed, std::uint32_t width = 3, std::uint32_t height = 2) {
+  Options options;
+  options.width = width;
+  options.height = height;
+  std::istringstream in(typed);
+  std::ostringstream out;
+  Repl(options, in, out, false).run();
+  return out.str();
+}
+
+TEST(Repl, RunsLinesAndShowsValues) {
+  EXPECT_EQ(run_repl_session("!register(A)\nA = cell.x\nA\nA + 10\nn = 4\nn * 2\n"),
+            "0 1 2\n0 1 2\n10 11 12\n10 11 12\n8\n");
+}
+
+TEST(Repl, RunsEveryLineOnce) {
+  EXPECT_EQ(run_repl_session("println('a')\nprintln('b')\nx = random.int.rand(1, 1000)\ny = x\nx == y\n"),
+            "a\nb\n1\n");
+}
+
+TEST(Repl, WaitsForTheEndOfABlock) {
+  EXPECT_EQ(run_repl_session(
+                "n = 0\nrepeat(3)\n  n = n + 1\nendrepeat\nn\n!macro_def\ntwice($a)\n!macro_begin\nif($a "
+                "> 0)\n$a = "
+                "$a * 2\nendif\n!macro_end\ntwice(n)\nn\n"),
+            "3\n6\n");
+  EXPECT_TRUE(is_incomplete("while(1)\n"));
+  EXPECT_TRUE(is_incomplete("a = 1 + \\\n"));
+  EXPECT_TRUE(is_incomplete("!macro_def\nf($a)\n!macro_begin\nendif\n"));
+  EXPECT_FALSE(is_incomplete("while(1)\nendwhile\n"));
+  EXPECT_FALSE(is_incomplete("endif\n"));
+}
+
+TEST(Repl, AnErrorLeavesNothingBehind) {
+  const std::string out =
+      run_repl_session("!register(A)\nA = B\nx = pixel.get(A, 9, 9)\nA = 1\npixel.get(A, 0, 0)\n:list\n");
+  EXPECT_NE(out.find("error: 'B' is not a register"), std::string::npos) << out;
+  EXPECT_NE(out.find("pixel.get at column 9, row 9 is outside"), std::string::npos) << out;
+  EXPECT_NE(out.find("\n1\n!register(A)\nA = 1\n"), std::string::npos) << out;
+}
+
+TEST(Repl, Commands) {
+  EXPECT_EQ(run_repl_session("!register(A)\nn = 2\nA = n\n:names\n:undo\n:names\n:list\n"),
+            "A 3x2\nn = 2\nA 3x2\nn = 2\n!register(A)\nn = 2\n");
+  EXPECT_EQ(run_repl_session(":clear\n:nonsense\n:quit\nprintln('never')\n"),
+            "there is no command ':nonsense'; :help lists them\n");
+  EXPECT_EQ(run_repl_session("!register(A)\nA = cell.x\n:show A\n", 4, 2), " -*@\n -*@\n4x2, 0 to 3\n");
+  EXPECT_EQ(run_repl_session("end\nprintln(1)\n"),
+            "the program ends before this line; :undo takes the last entry back\n");
+}
+
+TEST(Repl, SavesFilesOnce) {
+  const std::string name =
+      (std::filesystem::path(testing::TempDir()) / ("repl_" + std::to_string(getpid()))).string();
+  run_repl_session("!register(A)\nA = 1\nio.array.save(A, '" + name + ".csv')\n:save " + name + ".aps\n");
+  EXPECT_TRUE(std::filesystem::remove(name + ".csv"));
+  EXPECT_TRUE(std::filesystem::remove(name + ".aps"));
+  run_repl_session("!register(A)\nio.array.save(A, '" + name + ".csv')\n");
+  std::filesystem::remove(name + ".csv");
+}
+
+TEST(Repl, PicturesAreShrunkToTheTerminal) {
+  std::vector<float> cells(200 * 100, 0.0F);
+  cells[0] = 1.0F;
+  const std::string text = format_register_ascii(cells, 200, 100, 50);
+  EXPECT_EQ(text.substr(0, 3), "@\n\n");
+  EXPECT_NE(text.find("200x100, 0 to 1"), std::string::npos);
+  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 14);  // 100 rows, 8 a line, and the range
+}
+
+}  // namespace
+}  // namespace apron::run

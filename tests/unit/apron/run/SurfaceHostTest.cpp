@@ -1,0 +1,181 @@
+// The host's channels against a surface endpoint in another thread: frames, types, components, refusals, the
+// end.
+#include "apron/run/host/SurfaceHost.h"
+
+#include <gtest/gtest.h>
+#include <shm_protocol/SurfaceEndpoint.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <thread>
+
+#include "apron/vm/PlaneStore.h"
+
+namespace apron::run {
+namespace {
+
+using shm_protocol::Direction;
+using shm_protocol::DType;
+using shm_protocol::Mode;
+using shm_protocol::Status;
+using shm_protocol::SurfaceEndpoint;
+using vm::HostStatus;
+using vm::Plane;
+
+constexpr std::uint32_t kRows = 3, kColumns = 5;
+enum Channel { kProximity, kForce, kTouch, kHeight, kMode };
+
+SurfaceEndpoint create(const std::string& name, Mode mode) {
+  shm_protocol::SurfaceConfig config;
+  config.name = name;
+  config.rows = kRows;
+  config.columns = kColumns;
+  config.period_ns = 20'000'000;
+  config.mode = mode;
+  config.channels = {{"proximity", Direction::kSensor, DType::kF32, 1, "u", 0, 100, 0},
+                     {"force", Direction::kSensor, DType::kF32, 3, "N", -10, 10, 0},
+                     {"touch", Direction::kSensor, DType::kU8, 1, "", 0, 1, 0},
+                     {"height", Direction::kActuator, DType::kF32, 1, "u", 0, 8, 4},
+                     {"mode", Direction::kActuator, DType::kU8, 1, "", 0, 255, 7}};
+  return SurfaceEndpoint::create(config);
+}
+
+// Frame k: proximity cell i is k + i, force component c of cell i is c, touch is k.
+void publish(SurfaceEndpoint& surface, std::uint64_t tick) {
+  const auto proximity = surface.sensor(kProximity), force = surface.sensor(kForce);
+  const auto touch = surface.sensor<std::uint8_t>(kTouch);
+  for (std::size_t i = 0; i < kRows * kColumns; ++i) {
+    proximity[i] = static_cast<float>(tick + i);
+    touch[i] = static_cast<std::uint8_t>(tick);
+    for (std::size_t c = 0; c < 3; ++c) force[c * kRows * kColumns + i] = static_cast<float>(c);
+  }
+  ASSERT_EQ(surface.publish(tick, static_cast<double>(tick) * 0.02), Status::kOk);
+}
+
+class SurfaceHostTest : public testing::Test {
+ protected:
+  // Short enough for a segment's name, and of this process and test alone.
+  std::string name() const {
+    const auto* test = testing::UnitTest::GetInstance()->current_test_info();
+    return "ah_" + std::to_string(getpid()) + "_" + std::string(test->name()).substr(0, 20);
+  }
+  shm_protocol::ControllerEndpoint attach() const {
+    return shm_protocol::ControllerEndpoint::attach(name(), {.timeout = std::chrono::seconds(10)});
+  }
+
+  vm::PlaneStore store_;
+  std::atomic<bool> stop_{false};
+};
+
+TEST_F(SurfaceHostTest, LockStepsFrameByFrame) {
+  constexpr std::uint64_t kTicks = 50;
+  SurfaceEndpoint surface = create(name(), Mode::kTimeStep);
+  shm_protocol::ControllerEndpoint endpoint = attach();
+  std::thread physics([&] {
+    for (std::uint64_t tick = 0; tick < kTicks; ++tick) {
+      publish(surface, tick);
+      ASSERT_EQ(surface.await_actuators(tick), Status::kOk);
+      const float want =
+          tick == 0 ? 4.0F : static_cast<float>(tick) / 10;  // safe until the first frame is staged
+      for (const float height : surface.actuator(kHeight)) ASSERT_EQ(height, want);
+      for (const std::uint8_t mode : surface.actuator<std::uint8_t>(kMode))
+        ASSERT_EQ(mode, tick == 0 ? 7 : 3);
+    }
+    surface.set_state(shm_protocol::State::kClosing);
+  });
+  SurfaceHost host(endpoint, stop_, {});
+  const Plane p = store_.allocate(kColumns, kRows);
+  ASSERT_EQ(host.await_first_frame(), HostStatus::kOk);
+  EXPECT_EQ(host.dt_s(), 0.02);
+  for (std::uint64_t tick = 0; tick < kTicks; ++tick) {
+    EXPECT_EQ(host.tick(), static_cast<double>(tick));
+    EXPECT_EQ(host.time_s(), static_cast<double>(tick) * 0.02);
+    ASSERT_EQ(host.sense("proximity", p), HostStatus::kOk);
+    for (std::uint32_t i = 0; i < kRows * kColumns; ++i)
+      ASSERT_EQ(p.row(i / kColumns)[i % kColumns], static_cast<float>(tick + i));
+    ASSERT_EQ(host.sense("touch", p), HostStatus::kOk);
+    ASSERT_EQ(p.row(2)[4], static_cast<float>(tick));
+    ASSERT_EQ(host.sense("force[2]", p), HostStatus::kOk);
+    ASSERT_EQ(p.row(1)[1], 2.0F);
+    ASSERT_EQ(host.sense("force.g", p), HostStatus::kOk);
+    ASSERT_EQ(p.row(1)[1], 1.0F);
+    if (tick > 0) {
+      for (std::uint32_t i = 0; i < kRows * kColumns; ++i)
+        p.row(i / kColumns)[i % kColumns] = static_cast<float>(tick) / 10;
+      ASSERT_EQ(host.actuate("height", p), HostStatus::kOk);
+      if (tick == 1) {
+        ASSERT_EQ(host.actuate("mode", 3.2F), HostStatus::kOk);  // stays staged
+      }
+    }
+    ASSERT_EQ(host.step(), tick + 1 < kTicks ? HostStatus::kOk : HostStatus::kClosed);
+  }
+  physics.join();
+}
+
+TEST_F(SurfaceHostTest, PassiveStepsDoNotWait) {
+  SurfaceEndpoint surface = create(name(), Mode::kPassive);
+  shm_protocol::ControllerEndpoint endpoint = attach();
+  publish(surface, 8);
+  SurfaceHost host(endpoint, stop_, {});
+  ASSERT_EQ(host.await_first_frame(), HostStatus::kOk);
+  ASSERT_EQ(host.actuate("height", 2.5F), HostStatus::kOk);
+  ASSERT_EQ(host.step(), HostStatus::kOk);  // nothing new
+  EXPECT_EQ(host.tick(), 8.0);
+  ASSERT_EQ(surface.latest_actuators(), Status::kOk);
+  EXPECT_EQ(surface.actuator(kHeight)[0], 2.5F);
+  publish(surface, 9);
+  publish(surface, 10);
+  ASSERT_EQ(host.step(), HostStatus::kOk);
+  EXPECT_EQ(host.tick(), 10.0);
+}
+
+TEST_F(SurfaceHostTest, WholeNumberChannelsClampAndReplaceNaN) {
+  SurfaceEndpoint surface = create(name(), Mode::kPassive);
+  shm_protocol::ControllerEndpoint endpoint = attach();
+  publish(surface, 0);
+  SurfaceHost host(endpoint, stop_, {});
+  ASSERT_EQ(host.await_first_frame(), HostStatus::kOk);
+  const Plane p = store_.allocate(kColumns, kRows);
+  const float values[] = {NAN, INFINITY, -5, 2.6F, 1e20F}, want[] = {7, 255, 0, 3, 255};
+  std::copy(values, values + 5, p.row(0));
+  ASSERT_EQ(host.actuate("mode", p), HostStatus::kOk);
+  ASSERT_EQ(host.step(), HostStatus::kOk);
+  ASSERT_EQ(surface.latest_actuators(), Status::kOk);
+  for (std::size_t i = 0; i < 5; ++i) EXPECT_EQ(surface.actuator<std::uint8_t>(kMode)[i], want[i]) << i;
+}
+
+TEST_F(SurfaceHostTest, WrongNamesAndShapesAreRefusedWithWhatIsThere) {
+  SurfaceEndpoint surface = create(name(), Mode::kPassive);
+  shm_protocol::ControllerEndpoint endpoint = attach();
+  publish(surface, 0);
+  SurfaceHost host(endpoint, stop_, {});
+  ASSERT_EQ(host.await_first_frame(), HostStatus::kOk);
+  const Plane p = store_.allocate(kColumns, kRows), other = store_.allocate(kRows, kColumns);
+  EXPECT_EQ(host.sense("proximty", p), HostStatus::kRefused);
+  EXPECT_EQ(host.message(),
+            "the surface has no sensor channel 'proximty'; its sensor channels: proximity, force, touch");
+  EXPECT_EQ(host.actuate("proximity", 1.0F), HostStatus::kRefused);
+  EXPECT_EQ(host.message(),
+            "the surface has no actuator channel 'proximity'; its actuator channels: height, mode");
+  EXPECT_EQ(host.sense("proximity", other), HostStatus::kRefused);
+  EXPECT_EQ(host.message(), "channel 'proximity' is 5x3, but the register is 3x5");
+  for (const char* bad :
+       {"force", "force[3]", "force[", "force[]", "force[0", "force[-1]", "force[0]x", "proximity[1]"})
+    EXPECT_EQ(host.sense(bad, p), HostStatus::kRefused) << bad;
+  EXPECT_EQ(host.sense("proximity[0]", p), HostStatus::kOk);
+  EXPECT_TRUE(host.has("height"));
+  EXPECT_TRUE(host.has("proximity"));
+  EXPECT_FALSE(host.has("pressure"));
+}
+
+TEST_F(SurfaceHostTest, AStopFlagEndsTheWait) {
+  SurfaceEndpoint surface = create(name(), Mode::kTimeStep);
+  shm_protocol::ControllerEndpoint endpoint = attach();
+  SurfaceHost host(endpoint, stop_, {});
+  std::thread other([&] { stop_ = true; });
+  EXPECT_EQ(host.await_first_frame(), HostStatus::kInterrupted);
+  other.join();
+}
+
+}  // namespace
+}  // namespace apron::run
