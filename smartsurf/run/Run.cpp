@@ -295,7 +295,7 @@ void Run::record_tick() {
   if (end_tick_ && snapshot.tick >= *end_tick_) set_ending(common::kDone, "done");
 }
 
-view::Moment Run::frame_input() {
+view::FrameInput Run::frame_input() {
   return {simulation_.snapshot(), simulation_.catalogue(),
           channels_.update(simulation_, simulation_.snapshot())};
 }

@@ -72,7 +72,7 @@ class Run {
   void handle_display_loss();
   bool wait_until_due();  // sleeps or draws until the next tick is due; false: the run is over
   void refresh_display();
-  view::Moment frame_input();
+  view::FrameInput frame_input();
   std::optional<double> end_time_s() const;
   void set_ending(int exit_status, std::string outcome);
   void finish();

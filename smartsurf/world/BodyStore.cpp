@@ -15,7 +15,7 @@ void store(float (&to)[3], const Vec3& from) {
   for (int i = 0; i < 3; ++i) to[i] = from[i];
 }
 
-// The six entries of a symmetric matrix.
+// Entries of a symmetric matrix: xx, yy, zz, xy, xz, yz.
 void store(float (&to)[6], const Mat3& m) {
   const float entries[] = {m(0, 0), m(1, 1), m(2, 2), m(0, 1), m(0, 2), m(1, 2)};
   std::copy_n(entries, 6, to);
@@ -93,6 +93,7 @@ void BodyStore::update_axes(std::size_t i) {
     world_inverse_inertia[i] = {inverse, inverse, inverse, 0, 0, 0, {}};
     return;
   }
+  // The kernel also writes the angular velocity, with rounding errors even for dt = 0.
   const BodyVelocity velocity_before = body_velocity[i];
   integrate_gyroscopic({{i}}, 0.0F);
   body_velocity[i] = velocity_before;
@@ -119,7 +120,7 @@ void BodyStore::prefetch(std::size_t i) const {
 
 void BodyStore::prefetch_rotation(std::size_t i) const {
   if (is_sphere[i]) return;
-  // They need not begin where a line of the cache does.
+  // Unaligned: each array may span two cache lines.
   hwy::Prefetch(axes[i].data());
   hwy::Prefetch(axes[i].data() + 8);
   hwy::Prefetch(local_inertia[i].inertia);

@@ -1,4 +1,7 @@
-// All bodies of a world as flat arrays, ascending by id: what moves, what it is made of, how it has moved.
+// All bodies of a world as a structure of arrays, ascending by id: state, material, shape and derived data.
+//
+// Every array has one entry per body. Functions that take one body touch that body's entries only and may run
+// concurrently for different bodies; only add() and erase() allocate.
 #pragma once
 
 #include <memory>
@@ -13,36 +16,38 @@
 
 namespace smartsurf::world {
 
-// What contacts ask of a body, in one place. Square roots, so that a product of two is their geometric mean.
+// What contact preparation reads of a body, in one cache line. Friction is stored as a square root, so that the
+// product of two entries is the geometric mean of the coefficients.
 struct SurfaceMaterial {
   float radius, friction_root, rolling_friction_root, restitution;
 };
 
-// The inertia in own axes and its inverse: xx, yy, zz, xy, xz, yz.
+// Inertia tensor about the centre of mass in body axes, and its inverse: xx, yy, zz, xy, xz, yz.
 struct LocalInertia {
   float inertia[6], inverse[6];
 };
 
 struct BodyStore {
   std::vector<scene::ObjectId> id;
-  std::vector<Vec3> position;  // of the centre of mass
+  std::vector<Vec3> position;  // of the centre of mass, u
   std::vector<Quat> orientation;
   std::vector<BodyVelocity> body_velocity;
-  std::vector<float> mass;  // 0: fixed
+  std::vector<float> mass;  // 0 for a static body
   std::vector<std::unique_ptr<const Shape>> shape;
   std::vector<float> bounding_radius;
-  // Of the shapes, what is asked of every body: a shape lies farther away.
+  // Copies of Shape members that are read for every body, to save the pointer dereference.
   std::vector<char> is_sphere, is_axisymmetric;
   std::vector<float> width;
   std::vector<SurfaceMaterial> surface_material;
   std::vector<LocalInertia> local_inertia;
-  std::vector<surface::Wrench> wrench;  // of the step to come
+  std::vector<surface::Wrench> wrench;  // of the next step
   std::vector<char> asleep;
-  std::vector<float> sleep_timer_s;  // how long it has hardly moved
+  std::vector<float> sleep_timer_s;  // time since the body last moved noticeably
 
-  // ---- derived for each step
-  std::vector<Mat3> axes;  // of what is no sphere; those of a shape of revolution do not spin about its z
-  std::vector<DeltaPose> delta_pose;
+  // ---- derived in each step
+  // Rotation matrix; unused for spheres. Axes of an axisymmetric shape do not follow its spin about its own z.
+  std::vector<Mat3> axes;
+  std::vector<DeltaPose> delta_pose;  // motion during the step
   std::vector<InverseInertia> world_inverse_inertia;
 
   int size() const { return static_cast<int>(id.size()); }
@@ -51,25 +56,27 @@ struct BodyStore {
   Vec3 velocity(std::size_t i) const { return Vec3(body_velocity[i].velocity); }
   Vec3 angular_velocity(std::size_t i) const { return Vec3(body_velocity[i].angular_velocity); }
 
+  // The id must exceed all ids in the store.
   void add(scene::ObjectId, const scene::ObjectSpec&, const scene::Material&);
   void erase(std::size_t index);
-  // Its index, or −1.
+  // Index of the body, or −1.
   int find(scene::ObjectId) const;
+  // Sets the values that are present; ignores velocities of a static body.
   void apply_placement(std::size_t index, const scene::ObjectStateUpdate&);
-  // Brings axes and inertia up to the orientation.
+  // Recomputes axes and world inertia from the orientation.
   void update_axes(std::size_t index);
-  // Asks for the memory that a body's motion takes, ahead of its use: threads take bodies by place, not by
-  // index. Then for what turn_freely() takes besides.
+  // Prefetch the entries that integrate_pose() uses, and those that integrate_gyroscopic() uses in addition.
+  // Threads visit bodies in spatial order, which the hardware prefetcher cannot predict.
   void prefetch(std::size_t index) const;
   void prefetch_rotation(std::size_t index) const;
-  // Moves and turns it as far as it got during the step. Of what is no sphere the axes are still to follow.
+  // Applies delta_pose. Axes and inertia of a non-sphere stay out of date until integrate_gyroscopic().
   void integrate_pose(std::size_t index);
-  // Lets the gyroscopic effect act on bodies that are no spheres, as many as kLanes at most, and brings axes
-  // and inertia up to the orientation.
+  // Applies the gyroscopic torque over dt_s to 1 … kLanes non-spheres, then recomputes their axes and world
+  // inertia from the orientation.
   void integrate_gyroscopic(std::span<const std::size_t> bodies, float dt_s);
 };
 
-// The rotation about an axis by an angle, given as one vector.
+// Quaternion of a rotation vector (axis times angle, rad).
 Quat rotation_from_vector(const Vec3& rotation_vector);
 
 }  // namespace smartsurf::world

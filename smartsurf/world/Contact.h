@@ -1,4 +1,4 @@
-// Where bodies touch: what the narrow phase finds and the solver works on.
+// Contact points and manifolds: written by the narrow phase, solved and updated by the solver.
 #pragma once
 
 #include <cstdint>
@@ -9,32 +9,33 @@
 
 namespace smartsurf::world {
 
-// What a body touches, where that is no moving body.
+// Values of Contact::other and Manifold::b that name no body. kRemovedBody replaces the index of a static body
+// that was removed after the contact was found.
 inline constexpr std::int32_t kField = -1, kGround = -2, kRemovedBody = -3;
 
-// One point of contact. A gap below 0 is a depth of penetration.
+// One contact point.
 struct Contact {
-  Vec3 normal;              // unit, from the other side towards a
-  Vec3 anchor;              // from a's centre of mass to the point, world axes
-  float separation = 0.0F;  // along the normal, u
-  std::int32_t other = 0;   // against the world: kField, kGround, or the index of a fixed body
-  std::int32_t feature_id =
-      0;  // tells the points of one manifold apart from step to step: the cell, where it is the field
-  Vec3 surface_velocity{0, 0, 0};  // velocity of the world's surface there, u/s
-  float surface_spin = 0;          // its turning about the vertical, rad/s
-  // The greatest push of a step that the cell can give here, mass·u/s.
+  Vec3 normal;              // unit, towards body a
+  Vec3 anchor;              // from a's centre of mass to the point, world axes, u
+  float separation = 0.0F;  // along the normal, u; negative when penetrating
+  std::int32_t other = 0;   // static contacts: kField, kGround or the index of a static body; pairs: unused
+  std::int32_t feature_id = 0;  // field contacts: index of the cell, row-major
+  Vec3 surface_velocity{0, 0, 0};  // of the static surface at the point, u/s
+  float surface_spin = 0;          // of the static surface about the vertical, rad/s
+  // Upper bound of total_normal_impulse, mass·u/s: this contact's share of the cell's force limit.
   float max_normal_impulse = std::numeric_limits<float>::infinity();
-  // Impulses of the last substep, which start the next one, and the sum of `push` over the step (mass·u/s).
+  // Impulses of the last substep, mass·u/s (rolling: mass·u²/s), which warm-start the next step, and the sum of
+  // normal_impulse over all substeps.
   float normal_impulse = 0.0F;
   Vec3 friction_impulse{0, 0, 0};
   Vec3 rolling_impulse{0, 0, 0};
   float total_normal_impulse = 0.0F;
 };
 
-// The contacts of one pair of bodies, or all those of one body with the world (b < 0).
+// The contacts of one pair of bodies (a < b), or all static contacts of body a (b = kField).
 struct Manifold {
   std::int32_t a, b;
-  std::int32_t first, count;
+  std::int32_t first, count;  // range in ContactList::contacts
 };
 
 struct ContactList {
@@ -46,7 +47,8 @@ struct ContactList {
   }
 };
 
-// Takes out the manifolds of a body that is about to go, and closes the gap that it leaves among the indices.
+// Prepares the list for the removal of `body`: erases its manifolds and decrements all body indices above it.
+// Contacts of erased manifolds stay in `contacts`, unreferenced.
 void remove_body(ContactList&, std::int32_t body);
 
 }  // namespace smartsurf::world

@@ -6,10 +6,10 @@
 namespace smartsurf::world {
 namespace {
 
-// Cells whose heights and speeds stay in a core's own cache between copying and hashing. The hash depends on
-// it.
+// Cells per block: few enough that the block stays in a core's cache between copying and hashing. Part of the
+// hash's definition.
 constexpr std::size_t kBlockCells = 4096;
-constexpr double kCostPerCell_ns = 0.5;  // of one cell
+constexpr double kCostPerCell_ns = 0.5;
 
 }  // namespace
 

@@ -1,5 +1,4 @@
-// The field's part of a snapshot: copies the heights, and hashes heights and speeds, in blocks that threads
-// share.
+// Copies the field's heights into a snapshot and hashes heights and speeds, in blocks shared among threads.
 #pragma once
 
 #include <cstdint>
@@ -13,16 +12,16 @@ namespace smartsurf::world {
 
 class FieldHasher {
  public:
-  // Without a pool the caller does it all.
+  // `pool` must outlive the hasher; null: everything runs on the caller.
   explicit FieldHasher(common::ThreadPool* pool) : pool_(pool) {}
 
-  // height becomes the field's, and the hash takes in every height and speed. Allocates at its first call
-  // only.
+  // Copies Field::height into `height` and adds every height and speed to the hash. The hash does not depend on
+  // the number of threads. Allocates in the first call only.
   void copy_and_hash(const surface::Field&, std::vector<float>& height, StateHash&);
 
  private:
   common::ThreadPool* pool_;
-  std::vector<std::uint64_t> block_hashes_;  // one a block
+  std::vector<std::uint64_t> block_hashes_;  // one per block
 };
 
 }  // namespace smartsurf::world

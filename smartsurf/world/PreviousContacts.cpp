@@ -14,8 +14,8 @@ void PreviousContacts::swap_lists(ContactList& pair_contacts, ContactList& stati
   next_pair_.resize(pair_contacts_.manifolds.size());
 }
 
-// Calls each(index) for the manifolds that the member found, or, where some came or went since and nobody
-// knows which those are, for its share of them.
+// Calls each(index) for the manifolds that the member found. If manifolds were added or removed since (sleep,
+// removed bodies), the slab ranges no longer match the list and the member takes an even share of it instead.
 template <class Each>
 void PreviousContacts::for_each_own(const ContactList& list, const SlabRanges& ranges, const Member& member,
                                     Each each) const {

@@ -1,5 +1,7 @@
-// The contacts of the last step, by body. Each member of the team indexes those that it found, and asks
-// itself first: most are where they were.
+// The contacts of the previous step, indexed by body, for warm starting.
+//
+// Each member of the team indexes the manifolds that it found itself, and searches its own index first: most
+// bodies stay in the slabs of the same member.
 #pragma once
 
 #include <vector>
@@ -12,36 +14,39 @@ namespace smartsurf::world {
 
 class PreviousContacts {
  public:
-  // Takes the last step's lists over and gives two to fill again.
+  // Takes over the previous step's lists and returns older ones, whose memory can be reused. Call from one
+  // thread, before build_index().
   void swap_lists(ContactList& pair_contacts, ContactList& static_contacts, int member_count);
-  // All members together, then they meet; the runs are still the last step's.
+  // Builds the member's part of the index. Called by all members; they must meet at a barrier before the first
+  // find. The ranges are those of the previous step.
   void build_index(std::size_t bodies, const SlabRanges& pair_ranges, const SlabRanges& static_ranges,
                    const Member&);
-  // In which slabs the member finds the new ones.
+  // The slabs in which the member finds the contacts of this step, for the next build_index().
   void set_own_slabs(IndexRange slabs, const Member& member) {
     index_[static_cast<std::size_t>(member.index)].slabs = slabs;
   }
 
   const ContactList& pair_contacts() const { return pair_contacts_; }
   const ContactList& static_contacts() const { return static_contacts_; }
-  // The manifold that the two had, or one and the world, or −1. `member`: who asks.
+  // Index of the manifold of a pair (a < b), or of a body's static contacts, in its list; −1 if there was none.
+  // `member`: index of the calling member.
   int find_pair(std::size_t a, std::size_t b, int member) const;
   int find_static(std::size_t body, int member) const;
-  // The normal of a contact that a body had with a fixed one, or null.
+  // The normal of a contact between the body and a static body, or null. Valid until swap_lists().
   const Vec3* find_static_normal(std::size_t body, std::size_t static_body, int member) const;
 
  private:
   struct alignas(128) Index {
-    IndexRange slabs{0, 0};                                 // in which the member found them
-    std::vector<std::int32_t> first_pair, static_manifold;  // of each body, as a; −1: none
+    IndexRange slabs{0, 0};  // in which the member found its manifolds
+    std::vector<std::int32_t> first_pair, static_manifold;  // indexed by body a; −1 if none
   };
   template <class Each>
   void for_each_own(const ContactList&, const SlabRanges&, const Member&, Each each) const;
 
   ContactList pair_contacts_, static_contacts_;
-  std::vector<Index> index_;             // one a member
-  std::vector<std::int32_t> next_pair_;  // of each pair: the next one with the same a, of the same member
-  bool same_member_count_ = false;       // as in the last step
+  std::vector<Index> index_;             // one per member
+  std::vector<std::int32_t> next_pair_;  // linked list: next pair with the same a in the same member's index
+  bool same_member_count_ = false;       // as in the previous step
 };
 
 }  // namespace smartsurf::world

@@ -6,15 +6,16 @@
 namespace smartsurf::world {
 namespace {
 
-constexpr float kMaxSleepSpeed = 0.06F;   // hardly moving: slower than this, at the surface too, u/s
-constexpr float kTimeToSleep_s = 0.5F;    // for so long
-constexpr float kWakeIslandSpeed = 0.6F;  // what moves faster wakes all that is connected with what it meets
+constexpr float kMaxSleepSpeed = 0.06F;   // upper bound of the speed of any point of a resting body, u/s
+constexpr float kTimeToSleep_s = 0.5F;    // a body must rest this long before it falls asleep
+constexpr float kWakeIslandSpeed = 0.6F;  // a faster body wakes the whole island that it hits, u/s
 
+// Upper bound of the speed of any point of the body.
 float max_point_speed(const BodyStore& b, std::size_t i) {
   return b.velocity(i).norm() + b.angular_velocity(i).norm() * b.bounding_radius[i];
 }
 
-// Moves manifolds for which `chosen` holds from one list to another.
+// Moves the manifolds for which predicate(manifold) holds to the end of another list.
 template <class Predicate>
 void move_manifolds(ContactList& from, ContactList& to, Predicate predicate) {
   ContactList kept;
@@ -58,7 +59,7 @@ void Sleep::wake(BodyStore& b, std::size_t i) {
 void Sleep::wake_island(BodyStore& b, std::size_t body) {
   if (!b.asleep[body]) return wake(b, body);
   wake(b, body);
-  // Round after round, until no contact joins the woken and the sleeping.
+  // Flood fill over the contact graph: repeat until no contact joins an awake and a sleeping body.
   for (bool changed = true; changed;) {
     changed = false;
     for (const Manifold& m : pair_contacts_.manifolds) {
@@ -73,7 +74,7 @@ void Sleep::wake_island(BodyStore& b, std::size_t body) {
 void Sleep::wake_with_neighbours(BodyStore& b, std::size_t body, const ContactList& pair_contacts,
                                  const ContactList& static_contacts) {
   const auto index = static_cast<std::int32_t>(body);
-  // What is fixed finds no contacts of its own: whatever it may meet must look for them.
+  // Contacts with a static body are found from the other body's side, which must be awake for that.
   if (b.is_static(body))
     for (std::size_t i = 0; i < b.asleep.size(); ++i) wake(b, i);
   wake(b, body);
@@ -109,7 +110,7 @@ void Sleep::wake_on_moving_cells(BodyStore& b) {
     accumulate_motion(field_.surface_spin);
     row_moves_[r] = moving != 0;
   }
-  // Where rows and columns tell nothing of places, any motion may be near.
+  // Free layout: rows and columns say nothing about positions, so any motion may be near.
   const bool wake_all = !field_.is_rectangular() && std::count(row_moves_.begin(), row_moves_.end(), 1) > 0;
   for (std::size_t i = 0; i < b.asleep.size(); ++i)
     if (b.asleep[i] && (wake_all || any_cell_moves(cells_near_sleeper_[i]))) wake(b, i);
@@ -169,7 +170,7 @@ void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& a
   has_active_neighbour_.assign(b.asleep.size(), 0);
   std::vector<char>& is_supported = is_supported_;
   is_supported.assign(b.asleep.size(), gravity_.isZero(0.0F));
-  // What has a moving neighbour stays awake, and is woken by one.
+  // A body that touches a moving body stays awake, or is woken.
   for (const Manifold& m : pair_contacts.manifolds) {
     const auto i = static_cast<std::size_t>(m.a), j = static_cast<std::size_t>(m.b);
     is_supported[i] = is_supported[j] = 1;
@@ -205,7 +206,7 @@ void Sleep::put_to_sleep(BodyStore& b, std::size_t i) {
   ++change_count_;
 }
 
-// One cell more on every side: a neighbour that moves will soon be under it.
+// The cells under the body and a margin of one cell, whose motion may reach the body too.
 Sleep::CellRect Sleep::cells_near(const BodyStore& b, std::size_t i) const {
   const Vec3 half = b.axes[i].cwiseAbs() * b.shape[i]->half_extents;
   const Vec3& at = b.position[i];

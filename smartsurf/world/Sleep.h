@@ -1,9 +1,11 @@
-// Which bodies rest, and what wakes them.
+// Puts resting bodies to sleep and wakes them again.
 //
-// A body falls asleep when it and all that it touches have hardly moved for a while, on cells that do not
-// move. Asleep it has no mass to the solver, so that nothing moves it, and costs nothing; its contacts are
-// kept, with their impulses. It wakes when a cell under or beside it moves, when a force is put on it, when a
-// neighbour moves, goes or is about to hit it; a hit wakes all that is connected with it.
+// A body falls asleep when it and every body it touches have been nearly still for kTimeToSleep_s on cells that
+// do not move. A sleeping body has zero inverse mass in the solver and is not simulated; its contacts are kept
+// with their impulses. It wakes when a cell under or beside it moves, when a wrench acts on it, or when a
+// neighbour moves or is removed; an imminent hit by a fast body wakes the whole island.
+//
+// Not thread-safe except where a function says so.
 #pragma once
 
 #include <vector>
@@ -17,38 +19,44 @@ namespace smartsurf::world {
 
 class Sleep {
  public:
+  // `field` must outlive the object.
   Sleep(const surface::Field& field, float dt_s, const Vec3& gravity)
       : field_(field), dt_s_(dt_s), gravity_(gravity) {}
 
   bool any_asleep() const { return sleeping_count_ > 0; }
   int sleeping_count() const { return sleeping_count_; }
-  // Contacts between sleepers and of sleepers with the world, as they fell asleep.
+  // Contacts between sleeping bodies, and their static contacts, as of the moment they fell asleep.
   const ContactList& pair_contacts() const { return pair_contacts_; }
   const ContactList& static_contacts() const { return static_contacts_; }
-  // Counts the changes of who is asleep.
+  // Version number of the sleeping set.
   unsigned change_count() const { return change_count_; }
 
-  // ---- before a step; `pairs` and `world` are the last step's contacts, to which those of the woken return
+  // ---- before a step; `pair_contacts` and `static_contacts` are those of the previous step
   void wake(BodyStore&, std::size_t body);
-  // Also all that is connected with it by touching.
+  // Also wakes every sleeping body connected to it by contacts.
   void wake_island(BodyStore&, std::size_t body);
-  // Also its neighbours: for what is about to be moved by hand, or taken away.
+  // Also wakes the bodies in contact with it; for a static body, all bodies. Call before a body is placed or
+  // removed, and after it is added.
   void wake_with_neighbours(BodyStore&, std::size_t body, const ContactList& pair_contacts,
                             const ContactList& static_contacts);
+  // Wakes bodies with a nonzero wrench.
   void wake_forced(BodyStore&);
   void wake_on_moving_cells(BodyStore&);
+  // Moves the contacts of woken bodies back to the lists, so that they warm-start the solver.
   void restore_contacts(const BodyStore&, ContactList& pair_contacts, ContactList& static_contacts);
 
-  // ---- after a step: of each body that moves, then of all manifolds with the world, then of all
+  // ---- after a step, in this order: per active body, per range of static manifolds, once. The first two may
+  // run concurrently for different bodies.
   void update_sleep_timer(BodyStore&, std::size_t body) const;
-  // Those on moving cells do not rest. `manifolds`: of that list.
+  // Bodies on moving cells must not fall asleep. `manifolds`: range in static_contacts.manifolds.
   void reset_timers_on_moving_cells(BodyStore&, const ContactList& static_contacts,
                                     IndexRange manifolds) const;
+  // Puts bodies to sleep whose timer has run out, and wakes sleepers that touch a moving body.
   void update_sleeping_set(BodyStore&, const std::vector<std::int32_t>& active_bodies,
                            const ContactList& pair_contacts, const ContactList& static_contacts);
   void on_body_removed(std::int32_t body);
 
-  // Whether it moves so fast that what it hits must move with it.
+  // Whether the body is fast enough that a hit must wake the whole island.
   static bool is_fast(const BodyStore&, std::size_t body);
 
  private:
@@ -65,12 +73,12 @@ class Sleep {
   Vec3 gravity_;
   int sleeping_count_ = 0;
   unsigned change_count_ = 0;
-  bool any_woken_ = false;  // since the contacts were last sorted
+  bool any_woken_ = false;  // since the last restore_contacts()
   ContactList pair_contacts_, static_contacts_;
-  std::vector<char> has_active_neighbour_;    // has a neighbour that moves
-  std::vector<char> is_supported_;            // touches something, or nothing pulls it
-  std::vector<CellRect> cells_near_sleeper_;  // under and beside each sleeper
-  std::vector<std::uint8_t> row_moves_;
+  std::vector<char> has_active_neighbour_;    // touches a moving body
+  std::vector<char> is_supported_;            // touches anything, or there is no gravity
+  std::vector<CellRect> cells_near_sleeper_;  // under and beside each sleeper; indexed by body
+  std::vector<std::uint8_t> row_moves_;       // whether any cell of the field's row moves
 };
 
 }  // namespace smartsurf::world

@@ -15,7 +15,7 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Takes so many values a chain.
+// Mixes `words` values into each chain; value i goes to chain i mod kChains.
 void mix(const float* values, std::size_t words, std::uint32_t* chains) {
   using D = hn::CappedTag<std::uint32_t, 16>;
   constexpr D d;
@@ -42,7 +42,7 @@ namespace smartsurf::world {
 
 HWY_EXPORT(mix);
 
-// FNV-1a over 32-bit words, with a rotation so that high bits reach low ones.
+// FNV-1a over 32-bit words, with a rotation that carries high bits into low ones.
 void StateHash::add(std::uint32_t word) noexcept {
   value_ = (value_ ^ word) * 0x100000001b3ULL;
   value_ = std::rotl(value_, 23);

@@ -1,4 +1,6 @@
-// A 64-bit hash of the bits of a state, equal on every machine and run for equal bits.
+// A 64-bit hash of a state's bits, equal for equal bits on every machine and instruction set.
+//
+// Not cryptographic. The result depends on how the values are split into calls.
 #pragma once
 
 #include <cstddef>
@@ -13,8 +15,8 @@ class StateHash {
   void add(std::uint32_t word) noexcept;
   std::uint64_t value() const noexcept { return value_; }
 
-  // Long arrays go through this many chains side by side: one chain waits for its multiplication at every
-  // word.
+  // Long arrays are hashed in this many independent chains: a single chain would be bound by the latency of its
+  // multiplication.
   static constexpr std::size_t kChains = 32;
 
  private:

@@ -1,4 +1,4 @@
-// The vectors of the physics: single precision, right-handed, lengths in u.
+// Vector types of the physics: single precision, right-handed, z up, lengths in u.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -10,7 +10,7 @@ using Vec3 = Eigen::Vector3f;
 using Mat3 = Eigen::Matrix3f;
 using Quat = Eigen::Quaternionf;
 
-// Of a vector in the plane; where the sizes are a scene's, nothing overflows that std::hypot would save.
+// Euclidean norm. Lengths of scene size cannot overflow, so std::hypot would only be slower.
 inline float length_of(float x, float y) { return std::sqrt(x * x + y * y); }
 
 }  // namespace smartsurf::world

@@ -19,12 +19,12 @@
 #include <string>
 #include <vector>
 
-#include "smartsurf/view/GlObjects.h"
-#include "smartsurf/view/Image.h"
-#include "smartsurf/view/OffscreenContext.h"
-#include "smartsurf/view/ReadPixels.h"
-#include "smartsurf/view/Renderer.h"
-#include "smartsurf/view/Window.h"
+#include "common/gl/EglContext.h"
+#include "common/image/Image.h"
+#include "common/image/Png.h"
+#include "smartsurf/view/gl/GlObjects.h"
+#include "smartsurf/view/gl/Renderer.h"
+#include "smartsurf/view/window/Window.h"
 #include "tests/bench/CommandLine.h"
 #include "tests/unit/smartsurf/view/DrawCalls.h"
 
@@ -175,7 +175,7 @@ class StageClock {
 
 void measure(const Options& options) {
   Scene s = scene_of(options);
-  view::OffscreenContext context;
+  common::EglContext context;
   std::printf("%s\n%d x %d cells, %d objects, %d x %d pixels, %s, %s\n",
               reinterpret_cast<const char*>(glGetString(GL_RENDERER)), options.cells, options.cells,
               options.objects, options.width, options.height, options.pins.c_str(), options.quality.c_str());
@@ -209,8 +209,8 @@ void measure(const Options& options) {
   whole.print();
   std::printf("  %.1f draw calls a frame\n", static_cast<double>(calls.count()) / options.frames);
   if (!options.picture.empty())
-    view::write_png(options.picture,
-                    view::read_pixels(canvas.framebuffer.id(), options.width, options.height));
+    common::write_png(options.picture,
+                      view::read_pixels(canvas.framebuffer.id(), options.width, options.height));
 }
 
 void measure_window(const Options& options) {
@@ -236,7 +236,7 @@ void measure_window(const Options& options) {
   print_heading();
   shown.print();
   if (!options.picture.empty())
-    view::write_png(options.picture, window.show({s.snapshot, s.spec.objects}, status));
+    common::write_png(options.picture, window.show({s.snapshot, s.spec.objects}, status));
 }
 
 Options read_options(int argc, char** argv) {

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <memory>
 
+#include "common/color/Palette.h"
 #include "smartsurf/scene/SurfaceBounds.h"
 
 namespace smartsurf::record {
@@ -13,20 +14,9 @@ namespace {
 constexpr double kRightMargin = 110.0, kBottomMargin = 52.0, kColourBarGap = 26.0, kColourBarWidth = 16.0;
 constexpr std::size_t kBlockValues = 1u << 20;
 
-// The palette "viridis" at equal distances (CC0; S. van der Walt, N. Smith).
-constexpr std::array<Rgba, 6> kViridis{{{0.267, 0.005, 0.329},
-                                        {0.254, 0.265, 0.530},
-                                        {0.164, 0.471, 0.558},
-                                        {0.135, 0.659, 0.518},
-                                        {0.478, 0.821, 0.318},
-                                        {0.993, 0.906, 0.144}}};
-
 Rgba sample_viridis(double t) {
-  const double position = std::clamp(t, 0.0, 1.0) * (kViridis.size() - 1);
-  const std::size_t i = std::min(static_cast<std::size_t>(position), kViridis.size() - 2);
-  const double fraction = position - static_cast<double>(i);
-  const Rgba &a = kViridis[i], &b = kViridis[i + 1];
-  return {a.r + fraction * (b.r - a.r), a.g + fraction * (b.g - a.g), a.b + fraction * (b.b - a.b)};
+  const common::Rgb color = common::palette_color(common::Palette::kViridis, static_cast<float>(t));
+  return {color[0], color[1], color[2]};
 }
 
 std::uint32_t pack_rgb24(const Rgba& ink) {

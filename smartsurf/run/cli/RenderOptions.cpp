@@ -51,7 +51,7 @@ RenderOptions parse_render_options(const RenderFlags& flags) {
   options.camera = static_cast<view::Preset>(index_of(kCameras, flags.camera));
   options.wireframe = flags.wireframe;
   options.overlay.channel = flags.cells;
-  options.overlay.palette = static_cast<view::Palette>(index_of(kPalettes, flags.palette));
+  options.overlay.palette = view::kPalettes[index_of(kPalettes, flags.palette)];
   options.overlay.trails = flags.trails_s > 0.0;
   options.overlay.trail_s = flags.trails_s;
   if (!flags.size.empty()) options.pixel_size = parse_pixel_size(flags.size);

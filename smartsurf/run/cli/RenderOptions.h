@@ -7,8 +7,8 @@
 #include <string>
 
 #include "common/image/PixelSize.h"
-#include "smartsurf/view/Camera.h"
-#include "smartsurf/view/Overlay.h"
+#include "smartsurf/view/model/Camera.h"
+#include "smartsurf/view/model/Overlay.h"
 
 namespace CLI {
 class App;

@@ -5,8 +5,8 @@
 #include <algorithm>
 
 #include "smartsurf/run/ControllerProcess.h"
-#include "smartsurf/view/OffscreenView.h"
-#include "smartsurf/view/Window.h"
+#include "smartsurf/view/output/OffscreenView.h"
+#include "smartsurf/view/window/Window.h"
 
 namespace smartsurf::run {
 namespace {

@@ -13,7 +13,7 @@
 #include "smartsurf/run/display/SnapshotHistory.h"
 #include "smartsurf/run/display/UserInteraction.h"
 #include "smartsurf/run/display/ViewChannels.h"
-#include "smartsurf/view/Controls.h"
+#include "smartsurf/view/interaction/Controls.h"
 
 namespace smartsurf::view {
 class Window;

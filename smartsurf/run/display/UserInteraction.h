@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "smartsurf/run/Simulation.h"
-#include "smartsurf/view/Tools.h"
+#include "smartsurf/view/interaction/Tools.h"
 
 namespace smartsurf::run {
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "smartsurf/run/Simulation.h"
-#include "smartsurf/view/Moment.h"
+#include "smartsurf/view/model/FrameInput.h"
 
 namespace smartsurf::run {
 

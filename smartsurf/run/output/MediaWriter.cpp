@@ -5,8 +5,9 @@
 
 #include <utility>
 
-#include "smartsurf/view/OffscreenView.h"
-#include "smartsurf/view/VideoWriter.h"
+#include "smartsurf/view/output/OffscreenView.h"
+#include "common/image/Png.h"
+#include "common/video/VideoEncoder.h"
 
 namespace smartsurf::run {
 namespace {
@@ -24,7 +25,7 @@ common::PixelSize video_size(const RenderOptions& render_options) {
 }
 
 // Throws when there is no such channel; that its values are not there is no mistake.
-void require_channel(const view::Moment& frame, const std::string& name) {
+void require_channel(const view::FrameInput& frame, const std::string& name) {
   std::vector<std::string> known;
   for (const view::Channel& channel : frame.channels) {
     if (channel.name == name) return;
@@ -49,13 +50,13 @@ MediaWriter::MediaWriter(std::vector<Screenshot> screenshots, const std::string&
   if (video_file.empty()) return;
   const common::PixelSize size = video_size(render_options);
   video_writer_ =
-      std::make_unique<view::VideoWriter>(video_file, size.width, size.height, kVideoFramesPerSecond);
+      std::make_unique<common::VideoEncoder>(video_file, size.width, size.height, kVideoFramesPerSecond);
 }
 
 MediaWriter::~MediaWriter() = default;
 
-void MediaWriter::write_due(const view::Moment& frame) {
-  if (!only_final_left()) overlay_.watch(frame);
+void MediaWriter::write_due(const view::FrameInput& frame) {
+  if (!only_final_left()) overlay_.plotted_object(frame);
   if (video_writer_) write_video_frames(frame);
   if (pending_screenshots_.empty()) return;
   std::erase_if(pending_screenshots_, [&](const Screenshot& shot) {
@@ -65,7 +66,7 @@ void MediaWriter::write_due(const view::Moment& frame) {
   });
 }
 
-void MediaWriter::finish(const view::Moment& frame) {
+void MediaWriter::finish(const view::FrameInput& frame) {
   for (const Screenshot& screenshot : std::exchange(pending_screenshots_, {}))
     write_screenshot(frame, screenshot.file);
   if (!video_writer_) return;
@@ -73,7 +74,7 @@ void MediaWriter::finish(const view::Moment& frame) {
   video_writer_.reset();
 }
 
-view::Image MediaWriter::render(view::OffscreenView& view, const view::Moment& frame,
+common::Image MediaWriter::render(view::OffscreenView& view, const view::FrameInput& frame,
                                 const common::PixelSize& size) {
   if (!render_options_.overlay.channel.empty()) require_channel(frame, render_options_.overlay.channel);
   view::DrawOptions options;
@@ -85,18 +86,18 @@ view::Image MediaWriter::render(view::OffscreenView& view, const view::Moment& f
   return view.draw(frame.snapshot, frame.catalogue, camera, options, size.width, size.height);
 }
 
-void MediaWriter::write_screenshot(const view::Moment& frame, const std::string& file) {
+void MediaWriter::write_screenshot(const view::FrameInput& frame, const std::string& file) {
   if (!screenshot_view_) screenshot_view_ = std::make_unique<view::OffscreenView>(scene_);
-  view::write_png(
+  common::write_png(
       file, render(*screenshot_view_, frame, render_options_.pixel_size.value_or(kDefaultScreenshotSize)));
 }
 
 // The video's frame rate counts simulated time, so that it plays in real time whatever the pace of the run.
-void MediaWriter::write_video_frames(const view::Moment& frame) {
+void MediaWriter::write_video_frames(const view::FrameInput& frame) {
   const double frames_due = frame.snapshot.time_s * kVideoFramesPerSecond + 1e-6;
   if (frames_due < static_cast<double>(video_frames_written_)) return;
   if (!video_view_) video_view_ = std::make_unique<view::OffscreenView>(scene_, view::Detail::kVideo);
-  const view::Image image = render(*video_view_, frame, video_size(render_options_));
+  const common::Image image = render(*video_view_, frame, video_size(render_options_));
   // A control period longer than a frame shows the same picture for as many frames as it lasts.
   for (; frames_due >= static_cast<double>(video_frames_written_); ++video_frames_written_)
     video_writer_->add(image);

@@ -6,14 +6,14 @@
 #include <string>
 #include <vector>
 
+#include "common/image/Image.h"
+#include "common/video/VideoEncoder.h"
 #include "smartsurf/run/cli/RenderOptions.h"
 #include "smartsurf/run/cli/RunOptions.h"
-#include "smartsurf/view/Image.h"
-#include "smartsurf/view/Moment.h"
+#include "smartsurf/view/model/FrameInput.h"
 
 namespace smartsurf::view {
 class OffscreenView;
-class VideoWriter;
 }  // namespace smartsurf::view
 
 namespace smartsurf::run {
@@ -27,23 +27,23 @@ class MediaWriter {
 
   // Writes what is due at the moment's time. Throws scene::InputError when the channel that is to colour the
   // cells does not exist.
-  void write_due(const view::Moment&);
+  void write_due(const view::FrameInput&);
   // At the end: the screenshots that are left, and the video's last words.
-  void finish(const view::Moment&);
+  void finish(const view::FrameInput&);
   // Nothing more will be due, however long it goes on, but for the last pictures.
   bool only_final_left() const { return pending_screenshots_.empty() && !video_writer_; }
 
  private:
-  view::Image render(view::OffscreenView&, const view::Moment&, const common::PixelSize&);
-  void write_screenshot(const view::Moment&, const std::string& file);
-  void write_video_frames(const view::Moment&);
+  common::Image render(view::OffscreenView&, const view::FrameInput&, const common::PixelSize&);
+  void write_screenshot(const view::FrameInput&, const std::string& file);
+  void write_video_frames(const view::FrameInput&);
 
   scene::SceneSpec scene_;
   RenderOptions render_options_;
   view::Overlay overlay_;
   std::vector<Screenshot> pending_screenshots_;
   std::unique_ptr<view::OffscreenView> screenshot_view_, video_view_;
-  std::unique_ptr<view::VideoWriter> video_writer_;
+  std::unique_ptr<common::VideoEncoder> video_writer_;
   long video_frames_written_ = 0;
 };
 

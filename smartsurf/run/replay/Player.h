@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "smartsurf/view/Controls.h"
+#include "smartsurf/view/interaction/Controls.h"
 
 namespace smartsurf::run {
 

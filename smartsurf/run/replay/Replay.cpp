@@ -11,8 +11,8 @@
 #include "smartsurf/run/output/MediaWriter.h"
 #include "smartsurf/run/output/Progress.h"
 #include "smartsurf/run/replay/Player.h"
-#include "smartsurf/view/OffscreenView.h"
-#include "smartsurf/view/Window.h"
+#include "smartsurf/view/output/OffscreenView.h"
+#include "smartsurf/view/window/Window.h"
 
 namespace smartsurf::run {
 namespace {
@@ -35,7 +35,7 @@ class RecordedFrameLoader {
     add_channels("actuators", actuator_channel);
   }
   // Valid until the next call.
-  view::Moment frame_input(std::size_t frame) {
+  view::FrameInput frame_input(std::size_t frame) {
     if (loaded_frame_ != frame) load(frame);
     return {snapshot_, recording_.spec().objects, channels_};
   }

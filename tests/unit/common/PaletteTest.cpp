@@ -22,6 +22,18 @@ TEST(Palette, FindsAliasesInAnyCase) {
   EXPECT_GT(palette_names().size(), kPaletteCount);
 }
 
+TEST(Palette, ViridisFollowsTheOriginalTable) {
+  const struct {
+    float t;
+    Rgb color;
+  } kTable[] = {
+      {-1.0F, {0.267F, 0.005F, 0.329F}}, {0.5F, {0.128F, 0.567F, 0.551F}}, {2.0F, {0.993F, 0.906F, 0.144F}}};
+  for (const auto& entry : kTable) {
+    const Rgb color = palette_color(Palette::kViridis, entry.t);
+    for (std::size_t c = 0; c < 3; ++c) EXPECT_NEAR(color[c], entry.color[c], 0.015F) << entry.t;
+  }
+}
+
 TEST(Palette, EndsAreTheDocumentedColours) {
   EXPECT_EQ(palette_color(Palette::kGrey, -1.0F), (Rgb{0, 0, 0}));
   EXPECT_EQ(palette_color(Palette::kFlame, 2.0F), (Rgb{1, 1, 1}));

@@ -1,4 +1,4 @@
-#include "smartsurf/view/Camera.h"
+#include "smartsurf/view/model/Camera.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "smartsurf/view/Controls.h"
+#include "smartsurf/view/interaction/Controls.h"
 
 #include <gtest/gtest.h>
 
@@ -62,7 +62,7 @@ TEST(Controls, AnUntouchedPresetIsFramedAnewWhenTheWindowChangesShape) {
   controls.resize(0.5);
   EXPECT_DOUBLE_EQ(controls.camera().distance(), Camera::framing(surface, Preset::kIso, 0.5).distance());
   controls.press(Key::kTop, {});
-  controls.drag(Drag::kOrbit, 10.0, 0.0, 700.0);
+  controls.orbit_or_pan(PointerDrag::kOrbit, 10.0, 0.0, 700.0);
   const double distance = controls.camera().distance();
   controls.resize(3.0);
   EXPECT_DOUBLE_EQ(controls.camera().distance(), distance) << "the user's own view was thrown away";
@@ -71,10 +71,10 @@ TEST(Controls, AnUntouchedPresetIsFramedAnewWhenTheWindowChangesShape) {
 TEST(Controls, DragsAndWheelMoveTheCamera) {
   Controls controls{scene::SurfaceSpec{}};
   const Camera start = controls.camera();
-  controls.drag(Drag::kOrbit, 100.0, 0.0, 700.0);
+  controls.orbit_or_pan(PointerDrag::kOrbit, 100.0, 0.0, 700.0);
   EXPECT_NE(controls.camera().azimuth(), start.azimuth());
   EXPECT_TRUE(controls.camera().target().isApprox(start.target()));
-  controls.drag(Drag::kPan, 100.0, 0.0, 700.0);
+  controls.orbit_or_pan(PointerDrag::kPan, 100.0, 0.0, 700.0);
   EXPECT_FALSE(controls.camera().target().isApprox(start.target()));
   controls.wheel(2.0);
   EXPECT_LT(controls.camera().distance(), start.distance());

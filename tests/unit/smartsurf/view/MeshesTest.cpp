@@ -1,4 +1,4 @@
-#include "smartsurf/view/Meshes.h"
+#include "smartsurf/view/model/Meshes.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "smartsurf/view/OffscreenView.h"
+#include "smartsurf/view/output/OffscreenView.h"
 
 #include <gtest/gtest.h>
 
@@ -24,12 +24,13 @@ class Pictures : public testing::Test {
   static Camera camera(const Scene& scene, Preset preset = Preset::kIso) {
     return Camera::framing(scene.spec.surface, preset, static_cast<double>(kWidth) / kHeight);
   }
-  static Image draw(const Scene& scene, Preset preset = Preset::kIso, const DrawOptions& options = {}) {
+  static common::Image draw(const Scene& scene, Preset preset = Preset::kIso,
+                            const DrawOptions& options = {}) {
     return render_image(scene.spec, scene.snapshot, scene.spec.objects, camera(scene, preset), options,
                         kWidth, kHeight);
   }
   // The pixel of a point of the scene.
-  static const std::uint8_t* at(const Image& image, const Scene& scene, const Eigen::Vector3d& point,
+  static const std::uint8_t* at(const common::Image& image, const Scene& scene, const Eigen::Vector3d& point,
                                 Preset preset = Preset::kIso) {
     const Eigen::Vector3d p = camera(scene, preset).project(point, kWidth, kHeight);
     return image.pixel(static_cast<int>(p.x()), static_cast<int>(p.y()));
@@ -44,7 +45,7 @@ class Pictures : public testing::Test {
 TEST_F(Pictures, ShowARedSphereInTheMiddleOfAGreyTableBeforeABrightBackground) {
   Scene scene(16, 16);
   scene.add_sphere(7.5, 7.5, 6.0, 2.0, kRed);
-  const Image image = draw(scene);
+  const common::Image image = draw(scene);
   ASSERT_EQ(image.rgb.size(), static_cast<std::size_t>(kWidth * kHeight * 3));
   EXPECT_TRUE(is_red(at(image, scene, {7.5, 7.5, 7.0})));
   EXPECT_TRUE(is_grey(at(image, scene, {2.0, 3.0, 4.0})));
@@ -65,7 +66,7 @@ TEST_F(Pictures, ARaisedPinHidesWhatIsBehindIt) {
 TEST_F(Pictures, ThePartOfASphereInsideTheTableIsHidden) {
   Scene scene(16, 16);
   scene.add_sphere(8.0, 8.0, 4.0, 2.0, kRed);  // its lower half is in the pins
-  const Image image = draw(scene);
+  const common::Image image = draw(scene);
   EXPECT_TRUE(is_red(at(image, scene, {8.0, 7.6, 5.0})));
   EXPECT_FALSE(is_red(at(image, scene, {8.0, 6.0, 3.0})));
 }
@@ -77,7 +78,7 @@ TEST_F(Pictures, RowZeroIsAtTheTopAndColumnZeroAtTheLeftFromAbove) {
   values[surface.index(1, 2)] = 1.0f;  // near the north-west corner
   DrawOptions options;
   options.cell_values = values;
-  const Image image = draw(scene, Preset::kTop, options);
+  const common::Image image = draw(scene, Preset::kTop, options);
   const Eigen::Vector2d centre = surface.centre(1, 2);
   const std::uint8_t* p = at(image, scene, {centre.x(), centre.y(), 0.0}, Preset::kTop);
   EXPECT_GT(p[0], 150);  // the palette's yellow
@@ -100,7 +101,7 @@ TEST_F(Pictures, APinStaysInItsPlaceFromWhereverTheEyeLooks) {
   for (int quarter = 0; quarter < 4; ++quarter) {
     Camera turned = camera(scene);
     turned.orbit(quarter * EIGEN_PI / 2.0 / 0.006 + 30.0, 0.0);
-    const Image image = view.draw(scene.snapshot, {}, turned, options, kWidth, kHeight);
+    const common::Image image = view.draw(scene.snapshot, {}, turned, options, kWidth, kHeight);
     const Eigen::Vector3d p = turned.project({centre.x(), centre.y(), 0.0}, kWidth, kHeight);
     const std::uint8_t* pixel = image.pixel(static_cast<int>(p.x()), static_cast<int>(p.y()));
     EXPECT_GT(pixel[0], 120) << "azimuth " << turned.azimuth();
@@ -110,9 +111,9 @@ TEST_F(Pictures, APinStaysInItsPlaceFromWhereverTheEyeLooks) {
 
 TEST_F(Pictures, AnObjectThrowsAShadowAwayFromTheLightInTheSouthWest) {
   Scene scene(32, 32, 0.0f);
-  const Image bare = draw(scene, Preset::kTop);
+  const common::Image bare = draw(scene, Preset::kTop);
   scene.add_sphere(15.0, 15.0, 8.0, 2.0, kRed);
-  const Image image = draw(scene, Preset::kTop);
+  const common::Image image = draw(scene, Preset::kTop);
   // At the height of the table the shadow's centre lies 8/0.80 times (0.52, 0.30) further.
   const Eigen::Vector3d shaded(20.0, 18.0, 0.0), lit(10.0, 12.0, 0.0);  // both on a pin, not in a gap
   const auto darkening = [&](const Eigen::Vector3d& point) {
@@ -139,7 +140,7 @@ TEST_F(Pictures, BoxesAndCylindersStandWhereTheirPosesSay) {
   cylinder.orientation = Eigen::AngleAxisd(EIGEN_PI / 2.0, Eigen::Vector3d::UnitY());  // now along x
   cylinder.colour = kRed;
   scene.add(cylinder);
-  const Image image = draw(scene, Preset::kTop);
+  const common::Image image = draw(scene, Preset::kTop);
   const auto red = [&](double x, double y) { return is_red(at(image, scene, {x, y, 2.3}, Preset::kTop)); };
   EXPECT_TRUE(red(16.0, 13.0));
   EXPECT_TRUE(red(16.0, 19.0));
@@ -176,7 +177,7 @@ TEST_F(Pictures, CapsulesConesAndSolidsHaveTheirShapes) {
     object.position = {7.5, 7.5, 3.5};
     object.colour = kRed;
     scene.add(object);
-    const Image image = draw(scene, Preset::kSide);
+    const common::Image image = draw(scene, Preset::kSide);
     for (const Eigen::Vector3d& point : kind.inside)
       EXPECT_TRUE(is_red(at(image, scene, object.position + point, Preset::kSide))) << point.transpose();
     for (const Eigen::Vector3d& point : kind.outside)
@@ -193,7 +194,7 @@ TEST_F(Pictures, LinesGoFromPlaceToPlace) {
   DrawOptions options;
   options.lines = lines;
   options.line_width = 4.0f;
-  const Image image = draw(scene, Preset::kTop, options);
+  const common::Image image = draw(scene, Preset::kTop, options);
   for (const double t : {3.0, 7.0, 12.0})
     EXPECT_TRUE(is_red(at(image, scene, {t, t, 6.0}, Preset::kTop))) << t;
   EXPECT_FALSE(is_red(at(image, scene, {1.0, 1.0, 6.0}, Preset::kTop)));
@@ -211,7 +212,7 @@ TEST_F(Pictures, ALegendStandsInTheLowerRightCorner) {
   const auto draw_big = [&](const DrawOptions& options) {
     return view.draw(scene.snapshot, scene.spec.objects, camera(scene), options, 640, 480);
   };
-  const Image bare = draw_big(plain), image = draw_big(with_legend);
+  const common::Image bare = draw_big(plain), image = draw_big(with_legend);
   int changed_corner = 0, changed_elsewhere = 0, blue = 0, red = 0;
   for (int y = 0; y < 480; ++y)
     for (int x = 0; x < 640; ++x) {
@@ -237,7 +238,7 @@ TEST_F(Pictures, WiresLetTheCellsUnderAnObjectBeSeen) {
   DrawOptions options;
   options.style = Style::kWireframe;
   options.cell_values = values;
-  const auto red_pixels = [&](const Image& image) {
+  const auto red_pixels = [&](const common::Image& image) {
     int count = 0;
     for (int y = 0; y < kHeight; ++y)
       for (int x = 0; x < kWidth; ++x) count += is_red(image.pixel(x, y)) ? 1 : 0;
@@ -269,7 +270,7 @@ TEST_F(Pictures, RemovedObjectsAreNotDrawnAndIdsKeepTheirColours) {
     array->erase(array->begin());
   scene.snapshot.orientation.erase(scene.snapshot.orientation.begin());
   scene.snapshot.id.erase(scene.snapshot.id.begin());
-  const Image image = draw(scene);
+  const common::Image image = draw(scene);
   EXPECT_TRUE(is_red(at(image, scene, {11.0, 7.5, 7.0})));
   EXPECT_TRUE(is_grey(at(image, scene, {4.0, 7.5, 5.0})));
 }

@@ -1,9 +1,9 @@
-#include "smartsurf/view/Overlay.h"
+#include "smartsurf/view/model/Overlay.h"
 
 #include <gtest/gtest.h>
 
-#include "smartsurf/view/OptionEdit.h"
-#include "smartsurf/view/Watch.h"
+#include "smartsurf/view/model/PlotHistory.h"
+#include "smartsurf/view/panels/OptionEdit.h"
 #include "tests/unit/smartsurf/view/Scenes.h"
 
 namespace smartsurf::view {
@@ -13,7 +13,7 @@ struct OverlayTest : testing::Test {
   OverlayTest() : scene(4, 4), overlay(scene.spec.surface) {
     scene.add_sphere(1.0, 1.0, 6.0, 1.0, {1.0f, 0.0f, 0.0f});
   }
-  Moment moment() const { return {scene.snapshot, scene.spec.objects, channels, contacts}; }
+  FrameInput moment() const { return {scene.snapshot, scene.spec.objects, channels, contacts}; }
   DrawOptions applied() {
     DrawOptions options;
     overlay.apply(moment(), nullptr, options);
@@ -102,7 +102,7 @@ TEST_F(OverlayTest, TrailsGrowAgeAndBeginAnew) {
 TEST(Watch, KeepsOneSampleATickOfTheThingThatIsWatched) {
   Scene scene(4, 4);
   scene.add_sphere(1.0, 1.0, 6.0, 1.0, {});
-  Watch watch;
+  PlotHistory watch;
   const Thing sphere{Thing::Kind::kObject, 0, 0, 0}, cell{Thing::Kind::kCell, 0, 1, 2};
   for (int i = 0; i < 5; ++i) {
     scene.snapshot.time_s = i;
@@ -113,7 +113,7 @@ TEST(Watch, KeepsOneSampleATickOfTheThingThatIsWatched) {
   }
   ASSERT_EQ(watch.traces().size(), 3u);
   EXPECT_EQ(watch.traces()[0].values, (std::vector<float>{0, 1, 2, 3, 4}));
-  EXPECT_FLOAT_EQ(watch.traces()[1].now(), 5.0f);
+  EXPECT_FLOAT_EQ(watch.traces()[1].latest(), 5.0f);
   EXPECT_DOUBLE_EQ(watch.span_s(), 4.0);
   scene.snapshot.height[6] = 2.5f;
   watch.add(cell, scene.spec.surface, {scene.snapshot, scene.spec.objects});

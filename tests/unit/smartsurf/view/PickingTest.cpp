@@ -1,4 +1,4 @@
-#include "smartsurf/view/Picking.h"
+#include "smartsurf/view/interaction/Picking.h"
 
 #include <gtest/gtest.h>
 

@@ -1,13 +1,12 @@
-#include "smartsurf/view/Renderer.h"
+#include "smartsurf/view/gl/Renderer.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <cstdlib>
 
-#include "smartsurf/view/GlObjects.h"
-#include "smartsurf/view/OffscreenContext.h"
-#include "smartsurf/view/ReadPixels.h"
+#include "common/gl/EglContext.h"
+#include "smartsurf/view/gl/GlObjects.h"
 #include "tests/unit/smartsurf/view/DrawCalls.h"
 #include "tests/unit/smartsurf/view/Scenes.h"
 
@@ -48,7 +47,7 @@ class RendererTest : public testing::Test {
                   Camera::framing(scene.spec.surface, Preset::kIso, static_cast<double>(kWidth) / kHeight),
                   {}, canvas_.framebuffer.id(), kWidth, kHeight);
   }
-  Image picture(const Scene& scene, const Quality& quality) {
+  common::Image picture(const Scene& scene, const Quality& quality) {
     Renderer renderer(scene.spec, quality);
     draw(renderer, scene);
     return read_pixels(canvas_.framebuffer.id(), kWidth, kHeight);
@@ -61,7 +60,7 @@ class RendererTest : public testing::Test {
     return calls.count();
   }
 
-  OffscreenContext context_;
+  common::EglContext context_;
   Canvas canvas_;
 };
 
@@ -74,7 +73,8 @@ TEST_F(RendererTest, EveryKindIsOneDrawCallHoweverManyThereAre) {
 
 TEST_F(RendererTest, WhatAWindowDrawsOnTheProcessorLooksLikeThePictures) {
   const Scene scene = crowd(24, 40);
-  const Image cheap = picture(scene, Quality::fast()), full = picture(scene, {1, 2048, Pass::kColour});
+  const common::Image cheap = picture(scene, Quality::fast()),
+                      full = picture(scene, {1, 2048, Pass::kColour});
   double sum = 0.0;
   int far = 0;
   for (std::size_t i = 0; i < full.rgb.size(); ++i) {

@@ -1,8 +1,8 @@
-#include "smartsurf/view/Tools.h"
+#include "smartsurf/view/interaction/Tools.h"
 
 #include <gtest/gtest.h>
 
-#include "smartsurf/view/Controls.h"
+#include "smartsurf/view/interaction/Controls.h"
 #include "tests/unit/smartsurf/view/Scenes.h"
 
 namespace smartsurf::view {
@@ -12,7 +12,7 @@ Ray down_at(double x, double y) { return {{x, y, 100.0}, {0.0, 0.0, -1.0}}; }
 
 struct ToolsTest : testing::Test {
   ToolsTest() : scene(16, 16), tools(scene.spec.surface) { scene.add_sphere(7.0, 5.0, 6.0, 2.0, {}); }
-  Moment moment() const { return {scene.snapshot, scene.spec.objects}; }
+  FrameInput moment() const { return {scene.snapshot, scene.spec.objects}; }
   Scene scene;
   Tools tools;
 };

@@ -1,4 +1,4 @@
-#include "smartsurf/view/Window.h"
+#include "smartsurf/view/window/Window.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "smartsurf/view/OffscreenView.h"
+#include "smartsurf/view/output/OffscreenView.h"
 #include "tests/unit/smartsurf/view/Scenes.h"
 
 namespace smartsurf::view {
@@ -18,7 +18,7 @@ class WindowTest : public testing::Test {
   void SetUp() override {
     if (!Window::display_available()) GTEST_SKIP() << "no display";
   }
-  static int different_pixels(const Image& a, const Image& b) {
+  static int different_pixels(const common::Image& a, const common::Image& b) {
     int count = 0;
     for (std::size_t i = 0; i < a.rgb.size(); i += 3)
       count += std::abs(a.rgb[i] - b.rgb[i]) + std::abs(a.rgb[i + 1] - b.rgb[i + 1]) > 12 ? 1 : 0;
@@ -43,18 +43,18 @@ TEST_F(WindowTest, ShowsTheSceneAndItsPanelAndHelp) {
   Status status;
   status.mode = "time-step";
   const auto shown = [&] {
-    Image image;
+    common::Image image;
     for (int i = 0; i < 3; ++i) image = window.show({scene.snapshot, scene.spec.objects}, status);
     return image;  // the panel takes a frame to find its size
   };
-  const Image image = shown();
+  const common::Image image = shown();
   ASSERT_GE(image.width, 800);
   int red = 0;
   for (int y = image.height / 4; y < 3 * image.height / 4; ++y)
     for (int x = image.width / 4; x < 3 * image.width / 4; ++x)
       red += image.pixel(x, y)[0] > 2 * image.pixel(x, y)[1] ? 1 : 0;
   EXPECT_GT(red, 1000) << "the sphere is not in the middle of the window";
-  const Image bare = window.picture({scene.snapshot, scene.spec.objects}, image.width, image.height);
+  const common::Image bare = window.picture({scene.snapshot, scene.spec.objects}, image.width, image.height);
   EXPECT_GT(different_pixels(image, bare), 5000) << "no panel";
   window.press(Key::kHelp);
   EXPECT_GT(different_pixels(image, shown()), 20000) << "no help";
@@ -65,9 +65,10 @@ TEST_F(WindowTest, LivesBesidePicturesWithoutADisplay) {
   scene.add_sphere(3.5, 3.5, 6.0, 2.0, {0.86f, 0.12f, 0.10f});
   Window window(scene.spec, "test", 400, 300);
   const Camera camera = Camera::framing(scene.spec.surface, Preset::kIso, 4.0 / 3.0);
-  const Image of_window = window.picture({scene.snapshot, scene.spec.objects}, 400, 300);
-  const Image alone = render_image(scene.spec, scene.snapshot, scene.spec.objects, camera, {}, 400, 300);
-  Image again = window.picture({scene.snapshot, scene.spec.objects}, 400, 300);
+  const common::Image of_window = window.picture({scene.snapshot, scene.spec.objects}, 400, 300);
+  const common::Image alone =
+      render_image(scene.spec, scene.snapshot, scene.spec.objects, camera, {}, 400, 300);
+  common::Image again = window.picture({scene.snapshot, scene.spec.objects}, 400, 300);
   EXPECT_EQ(of_window.rgb, again.rgb);
   EXPECT_LT(different_pixels(alone, again), 400) << "the window's camera begins with the same view";
 }
@@ -131,11 +132,11 @@ TEST_F(WindowTest, AClickPicksAndADragWithControlPulls) {
     window.point({kind, PointerEvent::Button::kLeft, at.x() + dx, at.y(), control, false});
   };
   const auto shown = [&] {
-    Image image;
+    common::Image image;
     for (int i = 0; i < 3; ++i) image = window.show({scene.snapshot, scene.spec.objects}, status);
     return image;
   };
-  const Image plain = shown();
+  const common::Image plain = shown();
   point(PointerEvent::Kind::kPress, 0, false);
   point(PointerEvent::Kind::kRelease, 0, false);
   EXPECT_GT(different_pixels(plain, shown()), 2000) << "no panel for what was picked";
@@ -167,7 +168,7 @@ TEST_F(WindowTest, GoesOnWithAnotherScene) {
   Window window(small.spec, "test", 400, 300);
   window.frame({small.snapshot, small.spec.objects}, {});
   window.set_scene(large.spec);
-  const Image image = window.show({large.snapshot, large.spec.objects}, {});
+  const common::Image image = window.show({large.snapshot, large.spec.objects}, {});
   EXPECT_EQ(image.width, 400);
 }
 

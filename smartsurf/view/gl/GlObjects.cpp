@@ -1,0 +1,92 @@
+#include "smartsurf/view/gl/GlObjects.h"
+
+#include <algorithm>
+
+#include <array>
+#include <stdexcept>
+
+namespace smartsurf::view {
+namespace {
+
+class Shader {
+ public:
+  Shader(GLenum kind, std::string_view name, const std::string& source) : id_(glCreateShader(kind)) {
+    const char* text = source.c_str();
+    glShaderSource(id_, 1, &text, nullptr);
+    glCompileShader(id_);
+    GLint ok = GL_FALSE;
+    glGetShaderiv(id_, GL_COMPILE_STATUS, &ok);
+    if (ok == GL_TRUE) return;
+    std::array<char, 2048> log{};
+    glGetShaderInfoLog(id_, static_cast<GLsizei>(log.size()), nullptr, log.data());
+    glDeleteShader(id_);
+    throw std::runtime_error("OpenGL: the shader '" + std::string(name) +
+                             "' does not compile: " + log.data());
+  }
+  Shader(const Shader&) = delete;
+  ~Shader() { glDeleteShader(id_); }
+  GLuint id() const { return id_; }
+
+ private:
+  GLuint id_;
+};
+
+}  // namespace
+
+ShaderProgram link_program(std::string_view name, const std::string& vertex, const std::string& fragment) {
+  const Shader vertex_shader(GL_VERTEX_SHADER, name, vertex),
+      fragment_shader(GL_FRAGMENT_SHADER, name, fragment);
+  ShaderProgram program(glCreateProgram());
+  glAttachShader(program.id(), vertex_shader.id());
+  glAttachShader(program.id(), fragment_shader.id());
+  glLinkProgram(program.id());
+  GLint ok = GL_FALSE;
+  glGetProgramiv(program.id(), GL_LINK_STATUS, &ok);
+  if (ok != GL_TRUE) {
+    std::array<char, 2048> log{};
+    glGetProgramInfoLog(program.id(), static_cast<GLsizei>(log.size()), nullptr, log.data());
+    throw std::runtime_error("OpenGL: the program '" + std::string(name) + "' does not link: " + log.data());
+  }
+  const GLuint block = glGetUniformBlockIndex(program.id(), "Frame");
+  if (block != GL_INVALID_INDEX) glUniformBlockBinding(program.id(), block, 0);
+  const GLint shadow = glGetUniformLocation(program.id(), "shadow_map");
+  if (shadow >= 0) {
+    glUseProgram(program.id());
+    glUniform1i(shadow, 0);
+  }
+  return program;
+}
+
+void Canvas::resize(int new_width, int new_height) {
+  if (new_width == width && new_height == height) return;
+  framebuffer = make_framebuffer();
+  colour = make_texture();
+  depth = make_renderbuffer();
+  glBindTexture(GL_TEXTURE_2D, colour.id());
+  glTexImage2D(GL_TEXTURE_2D, 0, GL_RGBA8, new_width, new_height, 0, GL_RGBA, GL_UNSIGNED_BYTE, nullptr);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+  glBindRenderbuffer(GL_RENDERBUFFER, depth.id());
+  glRenderbufferStorage(GL_RENDERBUFFER, GL_DEPTH_COMPONENT24, new_width, new_height);
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer.id());
+  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, colour.id(), 0);
+  glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, depth.id());
+  if (glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
+    throw std::runtime_error("OpenGL: the driver cannot draw a picture of " + std::to_string(new_width) +
+                             " × " + std::to_string(new_height) + " pixels");
+  width = new_width;
+  height = new_height;
+}
+
+common::Image read_pixels(unsigned framebuffer, int width, int height) {
+  common::Image image{width, height, std::vector<std::uint8_t>(static_cast<std::size_t>(width) * height * 3)};
+  glBindFramebuffer(GL_READ_FRAMEBUFFER, framebuffer);
+  glPixelStorei(GL_PACK_ALIGNMENT, 1);
+  glReadPixels(0, 0, width, height, GL_RGB, GL_UNSIGNED_BYTE, image.rgb.data());
+  // OpenGL's first row is the bottom one.
+  const auto row = [&](int y) { return image.rgb.begin() + static_cast<std::ptrdiff_t>(y) * width * 3; };
+  for (int y = 0; y < height / 2; ++y) std::swap_ranges(row(y), row(y + 1), row(height - 1 - y));
+  return image;
+}
+
+}  // namespace smartsurf::view

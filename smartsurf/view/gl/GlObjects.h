@@ -1,0 +1,77 @@
+// Owners of OpenGL objects: made in the current context, freed with it still current. Internal to the room.
+#pragma once
+
+#include <epoxy/gl.h>
+
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "common/image/Image.h"
+
+namespace smartsurf::view {
+
+template <void (*kFree)(GLuint)>
+class GlHandle {
+ public:
+  GlHandle() = default;
+  explicit GlHandle(GLuint id) : id_(id) {}
+  GlHandle(GlHandle&& other) noexcept : id_(std::exchange(other.id_, 0)) {}
+  GlHandle& operator=(GlHandle&& other) noexcept {
+    std::swap(id_, other.id_);
+    return *this;
+  }
+  ~GlHandle() {
+    if (id_ != 0) kFree(id_);
+  }
+  GLuint id() const { return id_; }
+
+ private:
+  GLuint id_ = 0;
+};
+
+inline void free_buffer(GLuint id) { glDeleteBuffers(1, &id); }
+inline void free_vertex_array(GLuint id) { glDeleteVertexArrays(1, &id); }
+inline void free_texture(GLuint id) { glDeleteTextures(1, &id); }
+inline void free_framebuffer(GLuint id) { glDeleteFramebuffers(1, &id); }
+inline void free_renderbuffer(GLuint id) { glDeleteRenderbuffers(1, &id); }
+inline void free_program(GLuint id) { glDeleteProgram(id); }
+
+using Buffer = GlHandle<free_buffer>;
+using VertexArray = GlHandle<free_vertex_array>;
+using Texture = GlHandle<free_texture>;
+using Framebuffer = GlHandle<free_framebuffer>;
+using Renderbuffer = GlHandle<free_renderbuffer>;
+using ShaderProgram = GlHandle<free_program>;
+
+template <class Handle, class Make>
+Handle make(Make generate) {
+  GLuint id = 0;
+  generate(1, &id);
+  return Handle(id);
+}
+inline Buffer make_buffer() { return make<Buffer>(glGenBuffers); }
+inline VertexArray make_vertex_array() { return make<VertexArray>(glGenVertexArrays); }
+inline Texture make_texture() { return make<Texture>(glGenTextures); }
+inline Framebuffer make_framebuffer() { return make<Framebuffer>(glGenFramebuffers); }
+inline Renderbuffer make_renderbuffer() { return make<Renderbuffer>(glGenRenderbuffers); }
+
+// Compiles and links; every program sees the frame's uniform block at binding 0 and the shadow map at texture
+// unit 0. A shader that does not compile is a bug or a broken driver: throws std::runtime_error with its log.
+ShaderProgram link_program(std::string_view name, const std::string& vertex, const std::string& fragment);
+
+// A colour picture with depth to draw into; single-sampled, RGBA8 and 24 bit depth.
+struct Canvas {
+  Framebuffer framebuffer;
+  Texture colour;
+  Renderbuffer depth;
+  int width = 0, height = 0;
+
+  // Throws std::runtime_error when the driver refuses that size.
+  void resize(int new_width, int new_height);
+};
+
+// The framebuffer's colours, row 0 at the top. Its context must be current.
+common::Image read_pixels(unsigned framebuffer, int width, int height);
+
+}  // namespace smartsurf::view

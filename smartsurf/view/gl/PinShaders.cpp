@@ -1,0 +1,135 @@
+#include "smartsurf/view/gl/ShaderParts.h"
+
+namespace smartsurf::view {
+namespace {
+
+constexpr const char* kPinVertex = R"(
+uniform usamplerBuffer pins;   // three texels a pin, as PinInstance
+uniform vec4 pin;       // half top x, half top y, length, pitch
+uniform float base;
+uniform float sunk;     // how far below its neighbour's top a side is drawn
+flat out vec2 levels;   // z where the pin ends and its shaft begins; z of the top beside this side
+#ifdef CLOSED
+uniform float level;    // neighbours whose tops are no lower than by this much close the gap to them
+out vec2 across;        // from the middle of this face, as a share of what is the pin's: beyond 1 lies the gap
+flat out vec2 gap;      // how dark it is, across x and across y
+#endif
+#ifdef FAST
+out vec4 shade;         // as a screen shows it, before it darkens towards the foot; z
+#else
+out vec3 world;
+flat out vec3 normal;
+flat out vec3 albedo;
+out float sky;
+#endif
+vec4 bytes(uint b) { return vec4(b & 255u, (b >> 8) & 255u, (b >> 16) & 255u, b >> 24) / 255.0; }
+void main() {
+  int record = (gl_VertexID >> 4) * 3, face = (gl_VertexID >> 2) & 3, k = gl_VertexID & 3;
+  vec4 placed = uintBitsToFloat(texelFetch(pins, record)), neighbour = uintBitsToFloat(texelFetch(pins, record + 1));
+  uvec4 rest = texelFetch(pins, record + 2);
+  vec4 colour = bytes(rest.x), corner_sky = bytes(rest.y);
+  vec2 place = placed.xy;
+  float height = uintBitsToFloat(rest.z);
+  // x, y: ±1, z: 0 foot, 1 top, w: 0 top, 1 side in x, 2 side in y
+  float u = k == 1 || k == 2 ? 1.0 : -1.0, v = k >= 2 ? 1.0 : -1.0;
+  vec4 corner = face == 0 ? vec4(u, v, 1, 0) : face == 1 ? vec4(1, u, max(v, 0.0), 1) : vec4(u, 1, max(v, 0.0), 2);
+  mat2 turn = mat2(placed.z, placed.w, -placed.w, placed.z);
+  // Only the two sides that can face the eye are drawn.
+  vec2 towards = (eye.w > 0.5 ? eye.xy - place : -ray.xy) * turn;
+  vec2 s = vec2(towards.x < 0.0 ? -1.0 : 1.0, towards.y < 0.0 ? -1.0 : 1.0);
+  vec2 at = corner.xy * s;
+  vec3 n = corner.w < 0.5 ? vec3(0, 0, 1) : vec3(turn * (corner.w < 1.5 ? vec2(s.x, 0) : vec2(0, s.y)), 0);
+  float beside = corner.w < 1.5 ? (s.x < 0.0 ? neighbour.x : neighbour.y)
+                                : (s.y < 0.0 ? neighbour.z : neighbour.w);
+  float foot = colour.a > 0.5 ? base : max(base, min(beside, height) - sunk);
+  vec2 half_top = pin.xy;
+#ifdef CLOSED
+  // Towards neighbours at the same level or higher every face goes on to the middle of the gap, which is painted.
+  vec2 tall = vec2(at.x < 0.0 ? neighbour.x : neighbour.y, at.y < 0.0 ? neighbour.z : neighbour.w);
+  half_top += (0.5 * pin.w - pin.xy) * step(height - level, tall);
+  if (corner.w > 0.5 && corner.w < 1.5) half_top.x = pin.x;
+  if (corner.w > 1.5) half_top.y = pin.y;
+  across = at * half_top / pin.xy;
+  if (corner.w > 0.5 && corner.w < 1.5) across.x = 0.0;
+  if (corner.w > 1.5) across.y = 0.0;
+  // The wall behind a gap is seen down to where the line of sight meets it.
+  vec2 seen = (pin.w - 2.0 * pin.xy) * (eye.w > 0.5 ? eye.z - height : -ray.z) / max(abs(towards), 1e-3);
+  gap = sqrt(0.55 / (1.0 + 1.5 * min(seen / pin.w, sunk)));
+#endif
+  vec3 p = vec3(place + turn * (at * half_top), corner.z > 0.5 ? height : min(foot, height));
+  levels = vec2(height - pin.z, corner.w < 0.5 ? -1e30 : beside);
+  float open = at.y < 0.0 ? (at.x < 0.0 ? corner_sky.x : corner_sky.y) : (at.x < 0.0 ? corner_sky.z : corner_sky.w);
+#ifdef FAST
+  shade = vec4(lit(colour.rgb, n, p, open), p.z);
+#else
+  world = p;
+  normal = n;
+  albedo = colour.rgb;
+  sky = open;
+#endif
+  gl_Position = clip_from_world * vec4(p, 1.0);
+}
+)";
+
+// How much of the light reaches that depth of the gap beside a neighbour's top, in widths of a cell.
+constexpr const char* kGap = R"(
+float gap_sky(float below) {
+  return below > 0.0 ? 0.55 / (1.0 + 3.0 * below) : clamp(0.55 - 0.35 * below, 0.55, 1.0);
+}
+)";
+
+constexpr const char* kPinFragment = R"(
+in vec3 world;
+flat in vec3 normal;
+flat in vec3 albedo;
+flat in vec2 levels;
+in float sky;
+uniform vec4 pin;
+uniform float base;
+out vec4 pixel;
+void main() {
+  float open = sky;
+  vec3 c = albedo;
+  if (normal.z < 0.5) {
+    open *= gap_sky((levels.y - world.z) / pin.w);
+    if (world.z < levels.x) c *= 0.55;   // the shaft under the pin
+  }
+  pixel = vec4(lit(c, normal, world, open), 1.0);
+}
+)";
+
+// All light is reckoned at the corners. A top is beside nothing that is higher, nor a shaft.
+constexpr const char* kPinFragmentFast = R"(
+in vec4 shade;
+flat in vec2 levels;
+#ifdef CLOSED
+in vec2 across;
+flat in vec2 gap;
+#endif
+uniform vec4 pin;
+out vec4 pixel;
+void main() {
+  float open = gap_sky((levels.y - shade.w) / pin.w) * (shade.w < levels.x ? 0.55 : 1.0);
+  pixel = vec4(shade.rgb * sqrt(open), 1.0);
+#ifdef CLOSED
+  if (abs(across.x) > 1.0) pixel.rgb *= gap.x;
+  if (abs(across.y) > 1.0) pixel.rgb *= gap.y;
+#endif
+}
+)";
+
+}  // namespace
+
+ShaderSources pin_shaders(Pass pass, bool closed) {
+  const std::string head = shader_head(pass) + (closed ? "#define CLOSED\n" : "");
+  switch (pass) {
+    case Pass::kShadow:
+      return {head + kPinVertex, head + kEmptyFragment};
+    case Pass::kColourFast:
+      return {head + kLighting + kPinVertex, head + kGap + kPinFragmentFast};
+    default:
+      return {head + kPinVertex, head + kLighting + kGap + kPinFragment};
+  }
+}
+
+}  // namespace smartsurf::view

@@ -1,0 +1,25 @@
+// What several of the shaders are put together from. Internal to the room.
+#pragma once
+
+#include <string>
+
+#include "smartsurf/view/gl/Shaders.h"
+
+namespace smartsurf::view {
+
+// Version, defines of the pass and the frame's uniforms: every source begins with it. FINE: soft shadows;
+// FAST: as little a pixel as can be.
+std::string shader_head(Pass pass);
+
+// lit(), lit_glossy() and what they need; linear light in, screen colours out.
+extern const char* const kLighting;
+
+// An object's instance, and where its mesh's corners are.
+extern const char* const kObjectInputs;
+
+// How much of the sky an object's surface sees from inside a pocket whose rim is at z = rim.
+extern const char* const kPocket;
+
+extern const char* const kEmptyFragment;
+
+}  // namespace smartsurf::view

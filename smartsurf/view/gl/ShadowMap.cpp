@@ -1,0 +1,80 @@
+#include "smartsurf/view/gl/ShadowMap.h"
+
+#include <algorithm>
+#include <stdexcept>
+
+namespace smartsurf::view {
+
+ShadowMap::ShadowMap(int size) : size_(size), depth_(make_texture()), framebuffer_(make_framebuffer()) {
+  glBindTexture(GL_TEXTURE_2D, depth_.id());
+  glTexImage2D(GL_TEXTURE_2D, 0, GL_DEPTH_COMPONENT24, size, size, 0, GL_DEPTH_COMPONENT, GL_UNSIGNED_INT,
+               nullptr);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_COMPARE_MODE, GL_COMPARE_REF_TO_TEXTURE);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_COMPARE_FUNC, GL_LEQUAL);
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_.id());
+  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, depth_.id(), 0);
+  glDrawBuffer(GL_NONE);
+  glReadBuffer(GL_NONE);
+  if (glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
+    throw std::runtime_error("OpenGL: the driver cannot draw a shadow map");
+  glBindFramebuffer(GL_FRAMEBUFFER, 0);
+}
+
+Eigen::Vector3d ShadowMap::towards_light() { return Eigen::Vector3d(-0.52, -0.30, 0.80).normalized(); }
+
+void ShadowMap::fit(const Eigen::AlignedBox3d& box, double pitch) {
+  const Eigen::Vector3d back = towards_light();
+  const Eigen::Vector3d right = Eigen::Vector3d::UnitZ().cross(back).normalized(), up = back.cross(right);
+  Eigen::Matrix3d rotation;
+  rotation << right.transpose(), up.transpose(), back.transpose();
+  Eigen::AlignedBox3d seen;
+  for (int i = 0; i < 8; ++i) {
+    const Eigen::Vector3d corner((i & 1 ? box.max() : box.min()).x(), (i & 2 ? box.max() : box.min()).y(),
+                                 (i & 4 ? box.max() : box.min()).z());
+    seen.extend(rotation * corner);
+  }
+  const double side = 1.01 * std::max(seen.sizes().x(), seen.sizes().y());
+  const double deep = 1.05 * seen.sizes().z();
+  const Eigen::Vector3d scale(2.0 / side, 2.0 / side, -2.0 / deep);
+  clip_.setIdentity();
+  clip_.block<3, 3>(0, 0) = scale.asDiagonal() * rotation;
+  clip_.block<3, 1>(0, 3) = -scale.cwiseProduct(seen.center());
+  texel_ = side / size_;
+  softness_ = std::max(0.16 * pitch, 1.5 * texel_);
+  box_ = box;
+}
+
+Eigen::AlignedBox2d ShadowMap::shade_on(double z) const {
+  const Eigen::Vector3d light = towards_light();
+  const Eigen::Vector2d away = -light.head<2>() * (box_.max().z() - z) / light.z();
+  const Eigen::AlignedBox2d under(box_.min().head<2>(), box_.max().head<2>());
+  return under.merged(under.translated(away));
+}
+
+Eigen::Matrix4f ShadowMap::texture_from_world() const {
+  Eigen::Matrix4d half = Eigen::Matrix4d::Identity();
+  half.block<3, 3>(0, 0) *= 0.5;
+  half.block<3, 1>(0, 3).setConstant(0.5);
+  return (half * clip_).cast<float>();
+}
+
+void ShadowMap::begin() const {
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_.id());
+  glViewport(0, 0, size_, size_);
+  glClear(GL_DEPTH_BUFFER_BIT);
+  glEnable(GL_POLYGON_OFFSET_FILL);
+  glPolygonOffset(1.5f, 2.0f);
+}
+
+void ShadowMap::end() const { glDisable(GL_POLYGON_OFFSET_FILL); }
+
+void ShadowMap::bind(int unit) const {
+  glActiveTexture(GL_TEXTURE0 + static_cast<GLenum>(unit));
+  glBindTexture(GL_TEXTURE_2D, depth_.id());
+}
+
+}  // namespace smartsurf::view

@@ -1,0 +1,38 @@
+// The sun's shadows: depth as seen from a parallel light from the south-west, fitted to what is to be lit.
+// Internal to the room.
+#pragma once
+
+#include <Eigen/Geometry>
+
+#include "smartsurf/view/gl/GlObjects.h"
+
+namespace smartsurf::view {
+
+class ShadowMap {
+ public:
+  explicit ShadowMap(int size);
+
+  static Eigen::Vector3d towards_light();  // unit vector
+
+  void fit(const Eigen::AlignedBox3d& box, double pitch);
+  Eigen::Matrix4f clip_from_world() const { return clip_.cast<float>(); }
+  Eigen::Matrix4f texture_from_world() const;
+  double texel() const { return texel_; }        // edge of one texel, u
+  double softness() const { return softness_; }  // radius of the soft edge, u
+  // Around all that the shadows of the fitted box reach on a plane at that height, below the box; x, y.
+  Eigen::AlignedBox2d shade_on(double z) const;
+
+  void begin() const;  // binds and clears; what is drawn until end() throws shadows
+  void end() const;
+  void bind(int unit) const;
+
+ private:
+  int size_;
+  Texture depth_;
+  Framebuffer framebuffer_;
+  Eigen::Matrix4d clip_ = Eigen::Matrix4d::Identity();
+  Eigen::AlignedBox3d box_;
+  double texel_ = 1.0, softness_ = 1.0;
+};
+
+}  // namespace smartsurf::view

@@ -1,0 +1,137 @@
+#include "smartsurf/view/gl/ShaderParts.h"
+
+namespace smartsurf::view {
+namespace {
+
+constexpr const char* kSphereVertex = R"(
+layout(location = 0) in vec2 corner;
+out vec3 world;
+flat out vec4 ball;     // centre, radius
+flat out vec4 paint;    // colour, rim
+flat out vec4 spin;
+void main() {
+  float radius = half_extent.x;
+  vec3 back = -ray.xyz;
+  float reach = radius;
+  if (eye.w > 0.5) {
+    vec3 d = eye.xyz - centre;
+    float distance2 = max(dot(d, d), radius * radius * 1.0001);
+    back = d * inversesqrt(distance2);
+    reach = radius * sqrt(distance2 / (distance2 - radius * radius));   // of the silhouette, seen at the centre
+  }
+  vec3 side = normalize(abs(back.z) < 0.99 ? cross(vec3(0, 0, 1), back) : cross(vec3(0, 1, 0), back));
+  world = centre + (side * corner.x + cross(back, side) * corner.y) * reach;
+  ball = vec4(centre, radius);
+  paint = colour;
+  spin = orientation;
+  gl_Position = clip_from_world * vec4(world, 1.0);
+}
+)";
+
+// The light sees a sphere as a flat disc through its centre: the same outline, and no point that the light
+// can reach lies behind it. So no depth need be computed a pixel.
+constexpr const char* kSphereShadowFragment = R"(
+in vec3 world;
+flat in vec4 ball;
+void main() {
+  vec3 offset = world - ball.xyz;
+  if (dot(offset, offset) > ball.w * ball.w) discard;
+}
+)";
+
+constexpr const char* kSphereFragment = R"(
+in vec3 world;
+flat in vec4 ball;
+flat in vec4 paint;
+flat in vec4 spin;
+out vec4 pixel;
+vec3 unrotate(vec4 q, vec3 v) { return v + 2.0 * cross(-q.xyz, cross(-q.xyz, v) + q.w * v); }
+void main() {
+  vec3 direction = normalize(world - eye.xyz);
+  vec3 offset = world - ball.xyz;
+  float b = dot(offset, direction);
+  float under = b * b - dot(offset, offset) + ball.w * ball.w;
+  if (under < 0.0) discard;
+  vec3 hit = world - direction * (b + sqrt(under));
+  vec4 clip = clip_from_world * vec4(hit, 1.0);
+  gl_FragDepth = 0.5 + 0.5 * clip.z / clip.w;
+  vec3 n = (hit - ball.xyz) / ball.w;
+  // A thin lighter band around the equator shows how the ball rolls.
+  float latitude = abs(unrotate(spin, n).z);
+  vec3 c = mix(paint.rgb, vec3(1.0), 0.22 * (1.0 - smoothstep(0.04, 0.07, latitude)));
+  pixel = vec4(lit_glossy(c, n, hit, pocket_sky(hit, paint.w, 1.6 * ball.w), 0.22), 1.0);
+}
+)";
+
+// Cheap, for a driver that shades on the processor: the eye is taken to be so far away that its rays through
+// one sphere are parallel, and shadows are looked up at the corners of the disc alone. The disc's own depth
+// serves: along such a ray all that does not cut into the sphere lies before its near side or behind its far
+// one, and the disc is between the two. Depth that a shader computes would have every hidden pixel shaded.
+constexpr const char* kSphereVertexFast = R"(
+layout(location = 0) in vec2 corner;
+out vec2 place;             // on the disc, whose edge is at 1
+out float sun;              // how much of it is seen
+flat out vec3 sun_way, half_way, zenith, axis;   // in the disc's frame: right, up, towards the eye
+flat out vec3 paint;
+flat out vec2 pocket;       // depth of the centre below the rim, and the radius, in the measure of pocket_sky
+void main() {
+  float radius = half_extent.x;
+  vec3 back = eye.w > 0.5 ? normalize(eye.xyz - centre) : -ray.xyz;
+  vec3 side = normalize(abs(back.z) < 0.99 ? cross(vec3(0, 0, 1), back) : cross(vec3(0, 1, 0), back));
+  mat3 frame = mat3(side, cross(back, side), back);
+  vec3 p = centre + radius * (frame * vec3(corner, 0.0));
+  gl_Position = clip_from_world * vec4(p, 1.0);
+  place = corner;
+  sun_way = light.xyz * frame;
+  half_way = normalize(sun_way + vec3(0, 0, 1));
+  zenith = vec3(0, 0, 1) * frame;
+  axis = rotate(orientation, vec3(0, 0, 1)) * frame;
+  paint = colour.rgb;
+  pocket = vec2(colour.w - centre.z, radius) / (1.6 * radius);
+  // On the side of the sphere's own shadow disc that faces the sun.
+  vec3 seen = centre + 0.7 * (p - centre);
+  seen += light.xyz * max(0.0, 0.3 * radius - dot(seen - centre, light.xyz));
+  sun = sun_visibility(seen, light.xyz);
+}
+)";
+
+constexpr const char* kSphereFragmentFast = R"(
+in vec2 place;
+in float sun;
+flat in vec3 sun_way, half_way, zenith, axis;
+flat in vec3 paint;
+flat in vec2 pocket;
+out vec4 pixel;
+void main() {
+  float reach = dot(place, place);
+  if (reach > 1.0) discard;
+  vec3 n = vec3(place, sqrt(1.0 - reach));
+  float up = dot(n, zenith);
+  float sky = 1.0 - 0.55 * clamp(pocket.x - pocket.y * up, 0.0, 1.0);
+  float band = clamp((0.07 - abs(dot(n, axis))) / 0.03, 0.0, 1.0);
+  vec3 albedo = mix(paint, vec3(1.0), 0.22 * band);
+  float facing = max(dot(n, sun_way), 0.0);
+  float shine = max(dot(n, half_way), 0.0);
+  shine *= shine; shine *= shine; shine *= shine; shine *= shine;   // to the 16th power
+  shine *= shine * shine;
+  vec3 c = mix(kBounce, kSky, 0.5 + 0.5 * up) * sky * albedo;
+  c += kSun * (albedo * facing + (facing > 0.0 ? 0.22 * shine : 0.0)) * sun_share(sun, sky);
+  pixel = vec4(to_screen(c / (1.0 + 0.12 * c)), 1.0);
+}
+)";
+
+}  // namespace
+
+ShaderSources sphere_shaders(Pass pass) {
+  const std::string head = shader_head(pass), vertex = head + kObjectInputs;
+  switch (pass) {
+    case Pass::kShadow:
+      return {vertex + kSphereVertex, head + kSphereShadowFragment};
+    case Pass::kColourFast:
+      return {vertex + kLighting + kSphereVertexFast, head + kLighting + kSphereFragmentFast};
+    default:
+      return {vertex + kSphereVertex, head + kLighting + kPocket + kSphereFragment};
+  }
+}
+
+}  // namespace smartsurf::view

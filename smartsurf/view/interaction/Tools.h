@@ -1,0 +1,85 @@
+// What the pointer does to the scene: picks things, pulls objects with a spring, drops new ones, pokes cells,
+// breaks cells. Events come in as plain calls, wishes go out; no window and no OpenGL here.
+#pragma once
+
+#include <optional>
+#include <utility>
+
+#include "smartsurf/view/interaction/Picking.h"
+
+namespace smartsurf::view {
+
+// The object is drawn by a spring from the point `grip` of it to the point `target`.
+struct Pull {
+  scene::ObjectId object = 0;
+  Eigen::Vector3d grip{0.0, 0.0, 0.0};    // in the object's own frame, u
+  Eigen::Vector3d target{0.0, 0.0, 0.0};  // in the world, u
+};
+
+// The cell is to stand at that height for as long as it is poked.
+struct Poke {
+  int row = 0, column = 0;
+  double height = 0.0;  // u
+};
+
+// What can be wrong with a cell.
+enum class FaultKind { kNone, kStuck, kDead };
+
+struct Fault {
+  int row = 0, column = 0;
+  FaultKind kind = FaultKind::kNone;  // kNone: mended
+};
+
+enum class Tool { kPick, kDrop, kPoke, kBreak };
+
+// What the drop tool makes.
+struct DropSpec {
+  scene::ShapeKind shape = scene::ShapeKind::kSphere;
+  double size = 1.0;    // radius, or half an edge, u
+  double height = 4.0;  // of the fall, u
+  scene::Colour colour{0.85f, 0.55f, 0.10f};
+};
+
+class Tools {
+ public:
+  explicit Tools(const scene::SurfaceSpec& surface);
+
+  Tool tool = Tool::kPick;
+  DropSpec drop;
+  FaultKind fault = FaultKind::kStuck;
+  double poke_height;  // u
+
+  // The pointer goes down or moves on that line of sight. pull: what is meant is to pull objects, whatever
+  // the tool. press() says whether the tool takes the drag to come; else it moves the camera.
+  bool press(const Ray& ray, const FrameInput& moment, bool pull);
+  void move(const Ray& ray, const FrameInput& moment);
+  void release();
+  // A double click, or a click that moved nothing.
+  void select(const Ray& ray, const FrameInput& moment);
+  void select(const std::optional<Thing>& thing) { selected_ = thing; }
+  void escape();  // puts down the tool and what it holds, then the selection
+
+  const std::optional<Thing>& selected() const { return selected_; }
+  const std::optional<Pull>& pull() const { return pull_; }
+  const std::optional<Poke>& poke() const { return poke_; }
+  // Once each.
+  std::optional<scene::ObjectSpec> take_drop() { return std::exchange(dropped_, std::nullopt); }
+  std::optional<Fault> take_fault() { return std::exchange(broken_, std::nullopt); }
+
+  // Where the gripped point is now, to draw the spring from.
+  static Eigen::Vector3d grip_of(const Pull& pull, const scene::Snapshot& snapshot);
+
+ private:
+  void grip(const Hit& hit, const Ray& ray, const FrameInput& moment);
+  void drop_at(const Eigen::Vector3d& point);
+
+  scene::SurfaceSpec surface_;
+  std::optional<Thing> selected_;
+  std::optional<Pull> pull_;
+  Eigen::Vector3d pull_plane_{0.0, 0.0, 1.0};  // normal of the plane in which the target moves
+  std::optional<Poke> poke_;
+  std::optional<scene::ObjectSpec> dropped_;
+  std::optional<Fault> broken_;
+};
+
+}  // namespace smartsurf::view

@@ -1,0 +1,75 @@
+// What stands on the cells of every mechanism but the pin, for the eye: which parts, where, how turned and in
+// which colours. A part is a mesh in two colours and one record an instance, so that a kind of part is one
+// draw call. No OpenGL here. Nothing is allocated after the first frame.
+//
+//   ball         its upper half, in eight fields that turn      wheels   two wheels with spokes, as they turn
+//   rotor        its shape, turned                              magnet   a coil: red repels a positive pole,
+//   blue attracts force_field  an arrow along the force, as long as it is strong air_jet      a nozzle and
+//   its plume, as high as it blows    tile     a plate that leans as the skin does
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "smartsurf/scene/SceneSpec.h"
+#include "smartsurf/scene/Snapshot.h"
+
+namespace smartsurf::view {
+
+struct PaintedMesh {
+  std::vector<float> corners;  // x y z, the normal's x y z, and how much of the second colour, 0 … 1
+  std::vector<std::uint32_t> triangles;  // three corners each
+};
+
+struct MeshInstance {
+  std::array<float, 3> x, y, z;             // the mesh's axes, scaled, world frame
+  std::array<float, 3> centre;              // u
+  std::array<std::uint8_t, 4> paint, mark;  // the two colours: linear light, 255 = 1; [3]: how opaque
+};
+
+struct InstancedMesh {
+  PaintedMesh mesh;
+  bool translucent = false;  // drawn last, without a shadow
+  std::vector<MeshInstance> instances;
+};
+
+class ActuatorGeometry {
+ public:
+  explicit ActuatorGeometry(const scene::SurfaceSpec&);
+
+  // Fills the instances. Where the snapshot has no motion, everything is at rest.
+  void update(const scene::Snapshot&);
+  std::span<const InstancedMesh> kinds() const { return kinds_; }
+  // How far below the cell's top its pin is drawn, so that the part has room, u; rows × columns. Empty: 0.
+  std::span<const float> recess() const { return recess_; }
+
+ private:
+  // Adds the parts of one cell.
+  using Work = std::function<void(std::size_t cell, const scene::Snapshot&, const scene::ActuatorState&)>;
+  struct CellFrame;
+  CellFrame frame_of(std::size_t cell, const scene::Snapshot&) const;
+  std::size_t add_kind(PaintedMesh mesh, bool translucent = false);
+  Work work_for(const scene::ActuatorSpec&);
+  Work balls(const scene::ActuatorSpec&);
+  Work wheels(const scene::ActuatorSpec&);
+  Work rotors(const scene::ActuatorSpec&);
+  Work arrows();
+  Work coils();
+  Work jets(const scene::ActuatorSpec&);
+  Work plates();
+  float height_near(std::size_t cell, int row_step, int column_step, const scene::Snapshot&) const;
+
+  scene::SurfaceSpec surface_;
+  float top_;      // the shorter edge of a cell's top, u
+  int roundness_;  // segments around a round part: fewer where there are many
+  std::vector<InstancedMesh> kinds_;
+  std::vector<std::size_t> cells_;  // those with parts, and what makes them
+  std::vector<std::size_t> work_of_;
+  std::vector<Work> works_;
+  std::vector<float> recess_;
+};
+
+}  // namespace smartsurf::view

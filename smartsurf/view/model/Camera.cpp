@@ -1,0 +1,151 @@
+#include "smartsurf/view/model/Camera.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "smartsurf/scene/SurfaceBounds.h"
+#include "smartsurf/view/model/Axes.h"
+
+namespace smartsurf::view {
+namespace {
+
+constexpr double kOrbitPerPixel = 0.006;  // rad
+constexpr double kZoomPerNotch = 0.88;    // factor of the distance
+constexpr double kFramingMargin = 1.06;   // of the half picture
+constexpr double kIsoElevation = 0.70;    // rad, 40°
+constexpr double kSideElevation = 0.10;   // rad
+
+std::array<Eigen::Vector3d, 8> corners(const Eigen::AlignedBox3d& box) {
+  std::array<Eigen::Vector3d, 8> result;
+  for (int i = 0; i < 8; ++i)
+    result[i] = {(i & 1) ? box.max().x() : box.min().x(), (i & 2) ? box.max().y() : box.min().y(),
+                 (i & 4) ? box.max().z() : box.min().z()};
+  return result;
+}
+
+// One side of the frustum pair left/right or bottom/top. With the eye at (e, d), d towards the viewer, a
+// point (p, z) is inside when −k_low·(d − z) ≤ p − e ≤ k_high·(d − z): the nearest d that holds for all
+// points, and the e in the middle of those that do.
+struct Fit {
+  double k_low, k_high;
+  double low = -std::numeric_limits<double>::infinity();
+  double high = -std::numeric_limits<double>::infinity();
+  void add(double p, double z) {
+    high = std::max(high, p + k_high * z);
+    low = std::max(low, -p + k_low * z);
+  }
+  double distance() const { return (high + low) / (k_low + k_high); }
+  double least(double d) const { return high - k_high * d; }
+  double most(double d) const { return k_low * d - low; }
+  double offset(double d) const { return 0.5 * (least(d) + most(d)); }
+};
+
+}  // namespace
+
+Eigen::AlignedBox3d Camera::extent(const scene::SurfaceSpec& s) {
+  const double top = std::max(s.pin.max_height, s.border_height.value_or(s.pin.max_height));
+  const scene::SurfaceBounds ground = scene::compute_surface_bounds(s);
+  return {Eigen::Vector3d(ground.west, ground.south, s.pin.min_height - s.pin.length),
+          Eigen::Vector3d(ground.east, ground.north, top)};
+}
+
+Camera Camera::framing(const scene::SurfaceSpec& surface, Preset preset, double aspect,
+                       const Covered& covered) {
+  Camera camera;
+  camera.azimuth_ = 0.0;
+  camera.elevation_ = preset == Preset::kTop   ? kMaxElevation
+                      : preset == Preset::kIso ? kIsoElevation
+                                               : kSideElevation;
+  const Eigen::AlignedBox3d box = extent(surface);
+  camera.scene_radius_ = 0.5 * box.diagonal().norm();
+  const double k_y = std::tan(camera.field_of_view_ / 2.0) / kFramingMargin;
+  const double k_x = k_y * aspect;
+  const double k_below = k_y * (1.0 - 2.0 * covered.below);
+  Fit x{k_x, k_x}, y{k_below, k_y}, y_free{k_below, k_y * (1.0 - 2.0 * covered.above)};
+  const auto include = [&](const Eigen::Vector3d& point) {
+    const double depth = -point.dot(camera.forward());
+    x.add(point.dot(camera.right()), depth);
+    for (Fit* fit : {&y, &y_free}) fit->add(point.dot(camera.up()), depth);
+  };
+  for (const Eigen::Vector3d& corner : corners(box)) include(corner);
+  const double rim = kBoardRim * surface.pitch;
+  Eigen::AlignedBox3d board(box.min() - Eigen::Vector3d(rim, rim, 0.0), box.min());
+  board.extend(Eigen::Vector3d(box.max().x() + rim, box.max().y() + rim, box.min().z()));
+  for (const Eigen::Vector3d& corner : corners(board)) include(corner);
+  const Axes axes = axes_of(surface);
+  include(axes.origin);
+  for (int i = 0; i < 3; ++i) include(axes.origin + axes.length * Eigen::Vector3d::Unit(i));
+  const double eye_depth = std::max(x.distance(), y.distance());
+  const double target_depth = -box.center().dot(camera.forward());
+  camera.distance_ = camera.home_distance_ = eye_depth - target_depth;
+  camera.target_ = camera.right() * x.offset(eye_depth) +
+                   camera.up() * std::min(y_free.offset(eye_depth), y.most(eye_depth)) -
+                   camera.forward() * target_depth;
+  return camera;
+}
+
+void Camera::orbit(double dx, double dy) {
+  azimuth_ = std::remainder(azimuth_ - dx * kOrbitPerPixel, 2.0 * std::numbers::pi);
+  elevation_ = std::clamp(elevation_ + dy * kOrbitPerPixel, kMinElevation, kMaxElevation);
+}
+
+void Camera::pan(double dx, double dy, double height) {
+  const double per_pixel = 2.0 * distance_ * std::tan(field_of_view_ / 2.0) / std::max(height, 1.0);
+  target_ += (up() * dy - right() * dx) * per_pixel;
+}
+
+void Camera::zoom(double notches) {
+  distance_ =
+      std::clamp(distance_ * std::pow(kZoomPerNotch, notches), home_distance_ / 200.0, home_distance_ * 5.0);
+}
+
+Eigen::Vector3d Camera::forward() const {
+  const double c = std::cos(elevation_);
+  return {-c * std::sin(azimuth_), c * std::cos(azimuth_), -std::sin(elevation_)};
+}
+
+Eigen::Vector3d Camera::right() const { return {std::cos(azimuth_), std::sin(azimuth_), 0.0}; }
+
+Eigen::Vector3d Camera::up() const { return right().cross(forward()); }
+
+Eigen::Vector3d Camera::eye() const { return target_ - forward() * distance_; }
+
+Eigen::Matrix4d Camera::view_matrix() const {
+  Eigen::Matrix4d m = Eigen::Matrix4d::Identity();
+  m.block<1, 3>(0, 0) = right().transpose();
+  m.block<1, 3>(1, 0) = up().transpose();
+  m.block<1, 3>(2, 0) = -forward().transpose();
+  m.block<3, 1>(0, 3) = -m.block<3, 3>(0, 0) * eye();
+  return m;
+}
+
+Eigen::Matrix4d Camera::projection_matrix(double aspect) const {
+  // The planes follow the distance, so that close-ups are not cut and depth keeps its precision far away.
+  const double near_plane = std::max(0.02 * distance_, distance_ - 8.0 * scene_radius_);
+  const double far_plane = distance_ + 20.0 * scene_radius_;
+  const double f = 1.0 / std::tan(field_of_view_ / 2.0);
+  Eigen::Matrix4d m = Eigen::Matrix4d::Zero();
+  m(0, 0) = f / aspect;
+  m(1, 1) = f;
+  m(2, 2) = (far_plane + near_plane) / (near_plane - far_plane);
+  m(2, 3) = 2.0 * far_plane * near_plane / (near_plane - far_plane);
+  m(3, 2) = -1.0;
+  return m;
+}
+
+Eigen::Vector3d Camera::project(const Eigen::Vector3d& point, double width, double height) const {
+  const Eigen::Vector4d clip = projection_matrix(width / height) *
+                               (view_matrix() * Eigen::Vector4d(point.x(), point.y(), point.z(), 1.0));
+  return {(clip.x() / clip.w() + 1.0) * 0.5 * width, (1.0 - clip.y() / clip.w()) * 0.5 * height, clip.w()};
+}
+
+Ray Camera::ray(double x, double y, double width, double height) const {
+  const double k = std::tan(field_of_view_ / 2.0);
+  const double across = (2.0 * x / width - 1.0) * k * width / height, upward = (1.0 - 2.0 * y / height) * k;
+  return {eye(), (forward() + across * right() + upward * up()).normalized()};
+}
+
+}  // namespace smartsurf::view

@@ -1,0 +1,249 @@
+#include "smartsurf/view/model/Meshes.h"
+
+#include <Eigen/Geometry>
+#include <array>
+#include <cmath>
+#include <map>
+#include <numbers>
+
+namespace smartsurf::view {
+namespace {
+
+constexpr float kConeBase = -1.0F / 3.0F;  // of a cone whose tip is at 1: the centre of mass is at 0
+constexpr float kCapEdge = 1e-4F;          // z of a capsule's equator, on either side
+constexpr int kWireSteps = 36, kWireSides = 12;
+
+std::array<float, 2> on_circle(int step, int steps) {
+  const double angle = 2.0 * std::numbers::pi * step / steps;
+  return {static_cast<float>(std::cos(angle)), static_cast<float>(std::sin(angle))};
+}
+
+// A round flat end that looks up or down.
+void add_disc(Mesh& mesh, int segments, float z, float up) {
+  const std::uint32_t middle = mesh.add(0, 0, z, 0, 0, up);
+  for (int i = 0; i < segments; ++i) {
+    const auto [x, y] = on_circle(i, segments);
+    mesh.add(x, y, z, 0, 0, up);
+  }
+  for (int i = 0; i < segments; ++i) {
+    const auto a = middle + 1 + static_cast<std::uint32_t>(i);
+    const auto b = middle + 1 + static_cast<std::uint32_t>((i + 1) % segments);
+    mesh.add_triangle(middle, up > 0.0F ? a : b, up > 0.0F ? b : a);
+  }
+}
+
+void add_point(std::vector<float>& wire, float x, float y, float z) { wire.insert(wire.end(), {x, y, z}); }
+
+void add_ring(std::vector<float>& wire, float radius, float z) {
+  for (int i = 0; i < kWireSteps; ++i)
+    for (int end = 0; end < 2; ++end) {
+      const auto [x, y] = on_circle(i + end, kWireSteps);
+      add_point(wire, radius * x, radius * y, z);
+    }
+}
+
+// Half a great circle from the north pole to the south, or its part above the equator mirrored for both caps.
+void add_meridian(std::vector<float>& wire, int meridian, bool split) {
+  const auto [mx, my] = on_circle(meridian, kWireSides);
+  for (int i = 0; i < kWireSteps / 2; ++i)
+    for (int end = 0; end < 2; ++end) {
+      auto [z, r] = on_circle(i + end, kWireSteps);
+      // The piece that reaches the equator stays in its own cap.
+      if (split && std::abs(z) < kCapEdge) z = i < kWireSteps / 4 ? kCapEdge : -kCapEdge;
+      add_point(wire, r * mx, r * my, z);
+    }
+}
+
+Eigen::Vector3f normal_of(const scene::Solid& solid, const std::array<std::uint32_t, 3>& t) {
+  const Eigen::Vector3f &a = solid.vertices[t[0]], &b = solid.vertices[t[1]], &c = solid.vertices[t[2]];
+  return (b - a).cross(c - a).normalized();
+}
+
+}  // namespace
+
+std::uint32_t Mesh::add(float x, float y, float z, float nx, float ny, float nz) {
+  corners.insert(corners.end(), {x, y, z, nx, ny, nz});
+  return static_cast<std::uint32_t>(corners.size() / 6 - 1);
+}
+
+void Mesh::add_triangle(std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+  triangles.insert(triangles.end(), {a, b, c});
+}
+
+Mesh box_mesh() {
+  Mesh mesh;
+  static constexpr float kQuad[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    for (float side : {-1.0F, 1.0F}) {
+      const auto first = static_cast<std::uint32_t>(mesh.corners.size() / 6);
+      for (const auto& q : kQuad) {
+        std::array<float, 3> p{}, n{};
+        p[axis] = n[axis] = side;
+        p[(axis + 1) % 3] = q[0];
+        p[(axis + 2) % 3] = q[1];
+        mesh.add(p[0], p[1], p[2], n[0], n[1], n[2]);
+      }
+      const std::uint32_t next = side > 0.0F ? 1 : 3, last = 4 - next;
+      mesh.add_triangle(first, first + next, first + 2);
+      mesh.add_triangle(first, first + 2, first + last);
+    }
+  return mesh;
+}
+
+Mesh cylinder_mesh(int segments) {
+  Mesh mesh;
+  const auto corners = static_cast<std::uint32_t>(2 * segments);
+  for (int i = 0; i < segments; ++i) {
+    const auto [x, y] = on_circle(i, segments);
+    const std::uint32_t low = mesh.add(x, y, -1, x, y, 0), next = (low + 2) % corners;
+    mesh.add(x, y, 1, x, y, 0);
+    mesh.add_triangle(low, next, next + 1);
+    mesh.add_triangle(low, next + 1, low + 1);
+  }
+  add_disc(mesh, segments, -1, -1);
+  add_disc(mesh, segments, 1, 1);
+  return mesh;
+}
+
+Mesh cone_mesh(int segments) {
+  Mesh mesh;
+  const auto corners = static_cast<std::uint32_t>(2 * segments);
+  const float high = 1.0F - kConeBase, slant = std::hypot(high, 1.0F);
+  for (int i = 0; i < segments; ++i) {
+    // Each side has a tip of its own, so that the light changes smoothly around.
+    const auto [x, y] = on_circle(i, segments);
+    const std::uint32_t low = mesh.add(x, y, kConeBase, x * high / slant, y * high / slant, 1.0F / slant);
+    mesh.add(0, 0, 1, x * high / slant, y * high / slant, 1.0F / slant);
+    mesh.add_triangle(low, (low + 2) % corners, low + 1);
+  }
+  add_disc(mesh, segments, kConeBase, -1);
+  return mesh;
+}
+
+Mesh capsule_mesh(int segments) {
+  Mesh mesh;
+  const int quarter = segments / 4;
+  // Rows from the south pole to the north; the equator twice, once a cap.
+  for (int row = 0; row < 2 * (quarter + 1); ++row) {
+    const bool upper = row > quarter;
+    const double angle = std::numbers::pi / 2.0 * (upper ? row - quarter - 1 : row - quarter) / quarter;
+    const auto z = static_cast<float>(std::sin(angle)), r = static_cast<float>(std::cos(angle));
+    const float edge = std::abs(z) > kCapEdge ? z : upper ? kCapEdge : -kCapEdge;
+    for (int i = 0; i < segments; ++i) {
+      const auto [x, y] = on_circle(i, segments);
+      mesh.add(r * x, r * y, edge, r * x, r * y, z);
+    }
+  }
+  for (int row = 0; row + 1 < 2 * (quarter + 1); ++row)
+    for (int i = 0; i < segments; ++i) {
+      const auto at = [&](int r, int c) { return static_cast<std::uint32_t>(r * segments + c % segments); };
+      mesh.add_triangle(at(row, i), at(row, i + 1), at(row + 1, i + 1));
+      mesh.add_triangle(at(row, i), at(row + 1, i + 1), at(row + 1, i));
+    }
+  return mesh;
+}
+
+Mesh solid_mesh(const scene::Solid& solid) {
+  Mesh mesh;
+  for (const auto& triangle : solid.triangles) {
+    const Eigen::Vector3f n = normal_of(solid, triangle);
+    std::array<std::uint32_t, 3> corners{};
+    for (std::size_t i = 0; i < 3; ++i) {
+      const Eigen::Vector3f& p = solid.vertices[triangle[i]];
+      corners[i] = mesh.add(p.x(), p.y(), p.z(), n.x(), n.y(), n.z());
+    }
+    mesh.add_triangle(corners[0], corners[1], corners[2]);
+  }
+  return mesh;
+}
+
+std::vector<float> sphere_wire() {
+  std::vector<float> wire;
+  constexpr int kParallels = 7;
+  for (int p = 1; p <= kParallels; ++p) {
+    const double angle = std::numbers::pi * (static_cast<double>(p) / (kParallels + 1) - 0.5);
+    add_ring(wire, static_cast<float>(std::cos(angle)), static_cast<float>(std::sin(angle)));
+  }
+  for (int m = 0; m < kWireSides; ++m) add_meridian(wire, m, false);
+  return wire;
+}
+
+std::vector<float> capsule_wire() {
+  std::vector<float> wire;
+  const float high = std::sqrt(0.5F);
+  add_ring(wire, high, -high);
+  add_ring(wire, 1.0F, -kCapEdge);
+  add_ring(wire, 1.0F, kCapEdge);
+  add_ring(wire, high, high);
+  for (int m = 0; m < kWireSides; ++m) {
+    add_meridian(wire, m, true);
+    const auto [x, y] = on_circle(m, kWireSides);
+    add_point(wire, x, y, -kCapEdge);
+    add_point(wire, x, y, kCapEdge);
+  }
+  return wire;
+}
+
+std::vector<float> box_wire() {
+  std::vector<float> wire;
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    for (float a : {-1.0F, 1.0F})
+      for (float b : {-1.0F, 1.0F})
+        for (float along : {-1.0F, 1.0F}) {
+          std::array<float, 3> p{};
+          p[axis] = along;
+          p[(axis + 1) % 3] = a;
+          p[(axis + 2) % 3] = b;
+          add_point(wire, p[0], p[1], p[2]);
+        }
+  return wire;
+}
+
+std::vector<float> cylinder_wire() {
+  std::vector<float> wire;
+  for (float z : {-1.0F, 0.0F, 1.0F}) add_ring(wire, 1.0F, z);
+  for (int i = 0; i < kWireSides; ++i) {
+    const auto [x, y] = on_circle(i, kWireSides);
+    add_point(wire, x, y, -1);
+    add_point(wire, x, y, 1);
+  }
+  return wire;
+}
+
+std::vector<float> cone_wire() {
+  std::vector<float> wire;
+  add_ring(wire, 1.0F, kConeBase);
+  add_ring(wire, 0.5F, (kConeBase + 1.0F) / 2.0F);
+  for (int i = 0; i < kWireSides; ++i) {
+    const auto [x, y] = on_circle(i, kWireSides);
+    add_point(wire, x, y, kConeBase);
+    add_point(wire, 0, 0, 1);
+  }
+  return wire;
+}
+
+std::vector<float> solid_wire(const scene::Solid& solid) {
+  constexpr float kFlat = 0.9995F;  // cosine between the normals of faces that lie in one plane
+  struct Edge {
+    Eigen::Vector3f normal;
+    bool sharp = true;  // until a second face in its plane is found
+  };
+  std::map<std::array<std::uint32_t, 2>, Edge> edges;
+  for (const auto& t : solid.triangles) {
+    const Eigen::Vector3f n = normal_of(solid, t);
+    for (std::size_t i = 0; i < 3; ++i) {
+      const std::uint32_t a = t[i], b = t[(i + 1) % 3];
+      const auto [entry, first] = edges.try_emplace({std::min(a, b), std::max(a, b)}, Edge{n});
+      if (!first && entry->second.normal.dot(n) > kFlat) entry->second.sharp = false;
+    }
+  }
+  std::vector<float> wire;
+  for (const auto& [ends, edge] : edges) {
+    if (!edge.sharp) continue;
+    for (const std::uint32_t end : ends)
+      add_point(wire, solid.vertices[end].x(), solid.vertices[end].y(), solid.vertices[end].z());
+  }
+  return wire;
+}
+
+}  // namespace smartsurf::view

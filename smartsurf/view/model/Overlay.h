@@ -1,0 +1,53 @@
+// What the user wants to see besides the bare scene, and the lines and colours that show it. No OpenGL here.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "smartsurf/view/interaction/Tools.h"
+#include "smartsurf/view/model/DrawOptions.h"
+#include "smartsurf/view/model/FrameInput.h"
+#include "smartsurf/view/model/Trails.h"
+
+namespace smartsurf::view {
+
+struct OverlaySettings {
+  std::string channel;  // whose values colour the cells; "": none
+  Palette palette = Palette::kViridis;
+  bool near_is_bright = false;  // the palette's ends change places
+  bool own_range = false;       // low … high instead of the channel's range
+  float low = 0.0F, high = 1.0F;
+  bool trails = false;
+  double trail_s = 3.0;  // of simulated time
+  bool contacts = false;
+  bool sensor_segments = false;
+};
+
+class Overlay {
+ public:
+  explicit Overlay(const scene::SurfaceSpec& surface) : surface_(surface), trails_(surface.pitch) {}
+
+  OverlaySettings settings;
+
+  // A moment on the way to the next that is drawn, so that trails have no gaps. Cheap when they are off.
+  void plotted_object(const FrameInput& moment);
+  // Fills in the options' colours and lines for this moment; what it points to stays valid until the next
+  // call.
+  void apply(const FrameInput& moment, const Tools* tools, DrawOptions& options);
+  // None when no channel is shown, or its values are not there.
+  const std::optional<HeatScale>& heat() const { return heat_; }
+
+ private:
+  void colour_cells(const FrameInput& moment, DrawOptions& options);
+  void add_contacts(const FrameInput& moment);
+  void add_segments(const FrameInput& moment);
+  void add_selection(const FrameInput& moment, const Tools& tools);
+
+  scene::SurfaceSpec surface_;
+  Trails trails_;
+  std::vector<Line> lines_;
+  std::optional<HeatScale> heat_;
+};
+
+}  // namespace smartsurf::view

@@ -1,0 +1,34 @@
+// The recent past of one thing, number by number, for the live plots of its panel. No OpenGL here.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "smartsurf/view/interaction/Picking.h"
+
+namespace smartsurf::view {
+
+class PlotHistory {
+ public:
+  struct Series {
+    std::string name, unit;
+    std::vector<float> values;  // oldest first; NaN where there was none
+    float latest() const { return values.back(); }
+  };
+
+  // One sample of the thing at this moment, at most one a tick. Another thing than before, or an earlier
+  // moment, begins anew.
+  void add(const Thing& thing, const scene::SurfaceSpec& surface, const FrameInput& moment);
+  const std::vector<Series>& traces() const { return traces_; }
+  double span_s() const { return times_.empty() ? 0.0 : times_.back() - times_.front(); }
+
+ private:
+  void sample(const char* name, const char* unit, float value);
+
+  Thing thing_;
+  std::vector<Series> traces_;
+  std::vector<double> times_;
+  std::size_t next_trace_ = 0;
+};
+
+}  // namespace smartsurf::view

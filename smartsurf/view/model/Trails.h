@@ -1,0 +1,33 @@
+// The ways that objects have come, over the last seconds of simulated time. No OpenGL here.
+#pragma once
+
+#include <deque>
+#include <vector>
+
+#include "smartsurf/view/model/DrawOptions.h"
+#include "smartsurf/view/model/FrameInput.h"
+
+namespace smartsurf::view {
+
+class Trails {
+ public:
+  // pitch: of the surface; moves much shorter than that are not kept.
+  explicit Trails(double pitch) : least_step_(0.15F * static_cast<float>(pitch)) {}
+
+  // In the order of time; an earlier moment than the last, or one long after it, begins anew.
+  void add(const FrameInput& moment, double length_s);
+  void clear();
+  // Appends the trails in their objects' colours, fading with age.
+  void append_lines(const std::vector<scene::ObjectSpec>& catalogue, std::vector<Line>& lines) const;
+
+ private:
+  struct Point {
+    std::array<float, 3> at;
+    double time_s;
+  };
+  float least_step_;
+  double now_s_ = 0.0, length_s_ = 0.0;
+  std::vector<std::deque<Point>> points_;  // index = object id, oldest first
+};
+
+}  // namespace smartsurf::view

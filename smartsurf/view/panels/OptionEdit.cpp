@@ -1,0 +1,68 @@
+#include "smartsurf/view/panels/OptionEdit.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+
+namespace smartsurf::view {
+namespace {
+
+template <class Number>
+bool parse(const std::string& text, Number& value) {
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  return error == std::errc{} && end == text.data() + text.size();
+}
+
+}  // namespace
+
+OptionEdit::OptionEdit(const scene::OptionSpec& option)
+    : name(option.name), help(option.help), original(option.value), text(option.value) {
+  long integer = 0;
+  double real = 0.0;
+  if (original == "true" || original == "false") {
+    kind = Kind::kSwitch;
+    on = original == "true";
+  } else if (parse(original, integer) && std::abs(integer) < (1 << 23)) {
+    kind = Kind::kInteger;
+    number = static_cast<float>(integer);
+  } else if (parse(original, real) && std::isfinite(real)) {
+    kind = Kind::kReal;
+    number = static_cast<float>(real);
+  }
+  first_number_ = number;
+  const float least = kind == Kind::kInteger ? 10.0F : 1.0F;
+  low = std::min(0.0F, number < 0.0F ? 2.0F * number : 0.0F);
+  high = number > 0.0F ? 2.0F * number : number == 0.0F ? least : 0.0F;
+  if (kind == Kind::kInteger && number > 0.0F) high = std::max(high, least);
+}
+
+std::string OptionEdit::value() const {
+  char digits[32];
+  switch (kind) {
+    case Kind::kSwitch:
+      return on ? "true" : "false";
+    case Kind::kText:
+      return text;
+    default:
+      if (number == first_number_) return original;
+      std::snprintf(digits, sizeof digits, kind == Kind::kInteger ? "%.0f" : "%.6g",
+                    static_cast<double>(number));
+      return digits;
+  }
+}
+
+std::vector<OptionEdit> edits_of(const std::vector<scene::OptionSpec>& options) {
+  std::vector<OptionEdit> edits;
+  for (const scene::OptionSpec& option : options) edits.emplace_back(option);
+  return edits;
+}
+
+std::vector<NamedValue> changes(const std::vector<OptionEdit>& edits) {
+  std::vector<NamedValue> values;
+  for (const OptionEdit& edit : edits)
+    if (edit.changed()) values.push_back({edit.name, edit.value()});
+  return values;
+}
+
+}  // namespace smartsurf::view

@@ -1,0 +1,26 @@
+// How finely a window without a graphics card draws the scene: its own frame times decide, so that a large
+// scene stays as lively as a small one. Panels and text are not its concern: they are always sharp.
+//
+// Windows only. Pictures, videos and replays to a file never ask a clock.
+#pragma once
+
+namespace smartsurf::view {
+
+class AdaptiveResolution {
+ public:
+  static constexpr double kBudget_ms = 28.0;  // a frame; the simulation needs the rest of a 25th of a second
+  static constexpr double kLeast = 0.5;
+
+  // Pixels drawn along each edge, as a share of those shown: 1, 0.75 or 0.5.
+  double value() const { return value_; }
+
+  // What the frame that was drawn with value() took on the wall clock.
+  void took(double ms);
+
+ private:
+  double value_ = 1.0;
+  double mean_ms_ = 0.0;  // of the frames since the last change
+  int frames_ = 0;
+};
+
+}  // namespace smartsurf::view

@@ -1,0 +1,67 @@
+// The simulator's window: the scene, a small panel with the run's state, and the user's wishes.
+//
+// GLFW asks for one thread: make it, call it and destroy it on the process's main thread. Nothing here waits:
+// a frame takes as long as drawing takes (about 30 ms without a graphics card), and how often frames are
+// drawn is the caller's choice. One window a process.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "common/image/Image.h"
+#include "smartsurf/scene/SceneSpec.h"
+#include "smartsurf/scene/Snapshot.h"
+#include "smartsurf/view/interaction/Controls.h"
+#include "smartsurf/view/model/FrameInput.h"
+
+namespace smartsurf::view {
+
+// kLeft: the left part of the screen, beside another program's window on its right.
+enum class Place { kAnywhere, kLeft };
+
+class Window {
+ public:
+  // Whether a window can be opened here. False as well in a build without the view.
+  static bool display_available();
+
+  // width, height in screen coordinates (pixels, unless the display is scaled); not used with kLeft.
+  // Throws std::runtime_error, one line, when there is no display or no OpenGL 3.3.
+  Window(const scene::SceneSpec& spec, const std::string& title, int width = 1280, int height = 720,
+         Place place = Place::kAnywhere);
+  ~Window();
+
+  // Goes on with another scene: a run that begins anew. The user's view and choices stay as far as they fit.
+  void set_scene(const scene::SceneSpec& spec);
+
+  // Takes in what the user did, draws one frame (nothing while the window is minimised) and shows it.
+  // A picture or video the user asks for is written into the current folder as NAME-TICK.png or .mp4, NAME
+  // the experiment's; if that fails, the panel says so. A display that is gone is told once, in the commands.
+  Commands frame(const FrameInput& moment, const Status& status);
+
+  // What the user asked for, without drawing: to be called between frames that are far apart.
+  Commands poll(const Status& status);
+
+  // The scene from the window's camera in the quality of OffscreenView, without the panel.
+  common::Image picture(const FrameInput& moment, int width, int height);
+
+  // Draws and shows one frame and returns it, panel included; in pixels, which on a scaled display are more
+  // than the window's size. Empty while the window is minimised. Leaves the user's wishes for the next
+  // frame().
+  common::Image show(const FrameInput& moment, const Status& status);
+
+  // Whether the user has done anything since the last frame was drawn.
+  bool stirred() const;
+  // Whether the user has asked to see contacts: then moments should hold them.
+  bool wants_contacts() const;
+  // As if the user had pressed that key, or moved the pointer so, in pixels of the framebuffer; taken in by
+  // the next frame.
+  void press(Key key);
+  void point(const PointerEvent& event);
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace smartsurf::view

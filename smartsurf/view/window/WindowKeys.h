@@ -1,0 +1,15 @@
+// Which key of the keyboard stands for what. Internal to the room.
+#pragma once
+
+#include <optional>
+
+#include "smartsurf/view/interaction/Controls.h"
+
+namespace smartsurf::view {
+
+// Of a character that was typed, so that the keys are where the user's keyboard has them.
+std::optional<Key> key_of_character(unsigned character);
+// Of a key without a character, by GLFW's code; held keys repeat where that makes sense.
+std::optional<Key> key_of_code(int code, bool repeated);
+
+}  // namespace smartsurf::view
