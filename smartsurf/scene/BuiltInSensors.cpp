@@ -22,7 +22,7 @@ SensorKind proximity_kind() {
                     {.name = s.name + "_hit", .maximum = 1.0, .is_exact = true}};
           },
           .mask_channel = 1,
-          .check_constraints = validate_segment};
+          .check_constraints = validate_ray};
 }
 
 SensorKind colour_kind() {
@@ -31,7 +31,7 @@ SensorKind colour_kind() {
           .channels = [](const SensorSpec& s) -> std::vector<SensorChannel> {
             return {{.name = s.name, .components = 3}};
           },
-          .check_constraints = validate_segment};
+          .check_constraints = validate_ray};
 }
 
 SensorKind object_type_kind() {
@@ -43,7 +43,7 @@ SensorKind object_type_kind() {
                      .type = SensorChannel::Type::kUint32,
                      .is_exact = true}};
           },
-          .check_constraints = validate_segment};
+          .check_constraints = validate_ray};
 }
 
 SensorKind light_kind() {
@@ -62,7 +62,7 @@ SensorKind light_kind() {
     return {{.name = s.name, .maximum = 1.0, .no_detection = 1.0}};
   };
   kind.check_constraints = [](const SensorSpec& s) -> std::string {
-    if (std::string p = validate_segment(s); !p.empty()) return p;
+    if (std::string p = validate_ray(s); !p.empty()) return p;
     return s.vector("direction").z() > 0.0
                ? ""
                : "direction: must point up, to the light: its third number must be > 0";

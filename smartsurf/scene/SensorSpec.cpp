@@ -109,7 +109,7 @@ std::vector<Parameter> ray_parameters(double range) {
            .maximum = 1.0}};
 }
 
-std::string validate_segment(const SensorSpec& spec) {
+std::string validate_ray(const SensorSpec& spec) {
   return spec.vector("direction").norm() >= 1e-6 ? "" : "direction: must not be of length 0";
 }
 

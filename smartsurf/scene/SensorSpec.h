@@ -79,7 +79,7 @@ std::string validate_sensor_errors(const std::string& subject, const ParameterVa
 // `range`, `direction`, `origin` and `pins`, of models that look along one segment a cell.
 std::vector<Parameter> ray_parameters(double range);
 // The rules that these have among themselves.
-std::string validate_segment(const SensorSpec&);
+std::string validate_ray(const SensorSpec&);
 
 // All kinds, the built-in ones first. Not thread-safe against add_sensor_kind().
 std::span<const SensorKind> sensor_kinds();
