@@ -1,4 +1,4 @@
-# What `cmake --install` and `cpack -G DEB` carry home. The protocol's own part, which other programs build on, is the
+# What `cmake --install` and `cpack -G DEB` install. The protocol's own part, which other programs build on, is the
 # component shm_protocol (shm-protocol/CMakeLists.txt).
 include(GNUInstallDirs)
 
@@ -18,6 +18,8 @@ install(FILES apron/run/apron_plugin.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/a
 install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR} FILES_MATCHING PATTERN "*.md" PATTERN "*.png" PATTERN "*.svg"
   PATTERN api EXCLUDE)
 install(FILES shm-protocol/PROTOCOL.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
+# Debian reads a package's license from a file of this name.
+install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME copyright)
 # Installed, it lies beside the pages that link to it.
 install(CODE "set(folder \"${CMAKE_INSTALL_DOCDIR}\")")
 install(CODE [[
@@ -42,6 +44,7 @@ install(FILES packaging/smartsurf.desktop packaging/apron.desktop DESTINATION ${
 
 set(CPACK_PACKAGE_NAME smartsurf)
 set(CPACK_PACKAGE_VENDOR "The SmartSurf developers")
+set(CPACK_RESOURCE_FILE_LICENSE ${PROJECT_SOURCE_DIR}/LICENSE)
 set(CPACK_PACKAGE_CONTACT "The SmartSurf developers <smartsurf@localhost>")
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "${PROJECT_DESCRIPTION}")
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)

@@ -17,16 +17,16 @@
 namespace smartsurf::world {
 namespace {
 
-// Contacts this near are kept even when nothing moves, so that resting contacts do not flicker, u.
+// Contacts up to this separation are always kept, so that resting contacts do not flicker, u.
 constexpr float kMinSpeculativeMargin = 0.02F;
 
-// The nearest of the old contacts with the same partner that is not taken, or −1. At most so many as taken
-// has bits.
+// Index of the nearest previous contact with the same partner that is not taken yet, or −1. `previous` has at
+// most `capacity` entries.
 template <std::size_t capacity>
 int find_nearest_previous(const Contact& c, std::span<const Contact> previous, float max_distance_squared,
                           const std::bitset<capacity>& taken) {
-  // Without branches that nobody could foretell: floats from 0 up compare like their bits, the last few of
-  // which tell the place.
+  // Branch-free, because the outcome is unpredictable: non-negative floats order like their bits, so the low
+  // bits of the squared distance can carry the index.
   constexpr std::int32_t kIndexMask = capacity - 1, kNone = std::numeric_limits<std::int32_t>::max();
   static_assert(std::has_single_bit(capacity));
   const std::int32_t limit = std::bit_cast<std::int32_t>(max_distance_squared) & ~kIndexMask;
@@ -57,7 +57,9 @@ void match_nearest(std::span<Contact> current, std::span<const Contact> previous
   }
 }
 
-// Hands the impulses of old contacts on to the nearest new ones with the same partner, each once.
+// Copies impulses for warm starting: each current contact takes those of the nearest previous contact within
+// `tolerance` (distance of anchors, u) with the same partner; each previous contact is used once. `manifold`:
+// index in `previous`, or −1.
 void match_contacts(ContactList& list, const Manifold& current, const ContactList& previous, int manifold,
                     float tolerance) {
   if (manifold < 0) return;
@@ -88,7 +90,7 @@ void CollisionPipeline::update_broadphase(const BodyStore& bodies, const Member&
   grid_.build({bodies.position, query_radius_, large_radius_}, own, member);
   member.single([&] {
     partition_.build(grid_);
-    // Where as much lies as in the last step, as much is to be done.
+    // With the same number of slabs, the previous contact counts are a good estimate of the work.
     if (contacts_per_slab_.size() == static_cast<std::size_t>(partition_.slab_count()))
       partition_.set_contact_counts(contacts_per_slab_);
   });
@@ -102,7 +104,7 @@ std::span<const std::int32_t> CollisionPipeline::own_bodies(const Member& member
       .subspan(static_cast<std::size_t>(share.begin), static_cast<std::size_t>(share.end - share.begin));
 }
 
-// Before the look: the last step's contacts become the old ones.
+// Turns the last step's contacts and caches into the previous ones and empties the output buffers.
 void CollisionPipeline::begin_detection(ContactList& pair_contacts, ContactList& static_contacts,
                                         int member_count) {
   previous_contacts_.swap_lists(pair_contacts, static_contacts, member_count);
@@ -158,8 +160,8 @@ void CollisionPipeline::update_slab_weights() {
   partition_.set_contact_counts(contacts_per_slab_);
 }
 
-// Most bodies decide what is large; a few that are much larger must not make the cells of all the others
-// wide.
+// Large means several times the median radius: a few much larger bodies must not widen the grid's cells for all
+// others.
 void CollisionPipeline::compute_large_radius(const BodyStore& bodies) {
   std::vector<float> reach;
   for (std::size_t i = 0; i < bodies.bounding_radius.size(); ++i)
@@ -180,7 +182,7 @@ void CollisionPipeline::compute_query_radii(const BodyStore& bodies, std::span<c
       if (!bodies.is_sphere[i]) travel += bodies.angular_velocity(i).norm() * bodies.bounding_radius[i];
     }
     speculative_margin_[i] = std::max(kMinSpeculativeMargin, travel * dt_s_);
-    // Fixed bodies count as large: they are looked up, and have no contacts of their own.
+    // Static bodies count as large: others query them, and they search no contacts of their own.
     query_radius_[i] = bodies.is_static(i) ? 1e30F
                                            : bodies.bounding_radius[i] +
                                                  std::min(speculative_margin_[i], bodies.bounding_radius[i]);
@@ -326,13 +328,13 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
   if (count == 0) return;
   pair_contacts.manifolds.push_back(
       {static_cast<std::int32_t>(a), static_cast<std::int32_t>(b), first, count});
-  // A sphere has one contact with each of the others: its arm may turn far in one step.
+  // A sphere has a single contact per partner, whose anchor may move far in one step.
   const float tolerance = has_sphere ? bodies.bounding_radius[a] : 0.15F * bodies.bounding_radius[a];
   match_contacts(pair_contacts, pair_contacts.manifolds.back(), previous_contacts_.pair_contacts(),
                  previous_contacts_.find_pair(a, b, results.member), tolerance);
 }
 
-// The pieces' contacts one after the other, in the grid's order, whatever the slabs.
+// Lays the outputs of the body runs out in grid order, independent of slabs and members.
 void CollisionPipeline::assign_output_offsets(std::vector<BodyRunOutput>& outputs, ContactList& list,
                                               SlabRanges& ranges) const {
   ContactCounts offset;
@@ -360,7 +362,7 @@ void CollisionPipeline::merge_slab(int slab, const std::vector<BodyRunOutput>& o
       const Manifold& m = list.manifolds[from.manifolds + k];
       to_list.manifolds[to.manifolds + k] = {m.a, m.b, m.first + offset, m.count};
     }
-    // As bytes, for they are numbers only, which the compiler does not see: it would copy them one by one.
+    // Contact is trivially copyable in effect, but Eigen's copy constructors hide that from the compiler.
     if (count.contacts > 0)
       std::memcpy(static_cast<void*>(&to_list.contacts[to.contacts]),
                   static_cast<const void*>(&list.contacts[from.contacts]), count.contacts * sizeof(Contact));

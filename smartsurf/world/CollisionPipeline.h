@@ -1,4 +1,8 @@
-// Finds all contacts of a step: bodies against the field, the ground, fixed bodies and each other.
+// Finds all contacts of a step, broad phase and narrow phase: bodies against the field, the ground, static bodies
+// and each other.
+//
+// In each step the members of a team call update_broadphase() and find_contacts() together. Members work on
+// whole slabs of the partition; contact lists are merged in grid order, so they do not depend on the threads.
 #pragma once
 
 #include <algorithm>
@@ -21,41 +25,43 @@ namespace smartsurf::world {
 
 class CollisionPipeline {
  public:
-  // `ground`: the height of the endless floor, or −infinity.
+  // `ground`: height of the infinite ground plane, u, or −infinity for none. `field` must outlive the pipeline.
   CollisionPipeline(const surface::Field& field, float dt_s, float ground)
       : field_(field), dt_s_(dt_s), ground_height_(ground), field_cache_(field) {
     if (!field.is_rectangular()) free_layout_field_ = std::make_unique<FreeLayoutField>(field);
   }
 
-  // Sorts the bodies into the grid, as they are now. First in a step; all members of the team together.
+  // Computes query radii, rebuilds the grid and cuts it into slabs. Called first in a step, by all members.
   void update_broadphase(const BodyStore&, const Member&);
-  // Calls found(other) for the bodies that one may be within reach of in this step; fixed ones left aside.
+  // Calls found(other) for every non-static body that `body` may touch in this step.
   template <class Found>
   void for_each_nearby(const BodyStore&, std::size_t body, Found found) const;
 
-  // Those of a member's part of the table: where it found them in the last step, for most are there still.
-  // Every body is one member's; before they are found first, by their indices.
+  // The bodies of a member: those in its slabs in the previous step, which are still in its cache; an even share
+  // by index where there was none. Every body belongs to exactly one member.
   std::span<const std::int32_t> own_bodies(const Member&) const;
 
-  // Contacts of what moves, in an order that depends on the bodies alone. On entry the lists hold the last
-  // step's contacts, whose impulses are handed on to the new ones. All members of the team together.
+  // Replaces the previous step's contacts in the lists by those of this step, of all active bodies, and carries
+  // impulses over to matching contacts. The order of the contacts depends on the bodies only. Called by all
+  // members, who must meet before they read the lists.
   void find_contacts(const BodyStore&, ContactList& pair_contacts, ContactList& static_contacts,
                      const Member&);
 
-  // How the bodies lie, since arrange(), and where in the lists each slab's manifolds are, since detect().
+  // The partition of the last update_broadphase(), and the range of each slab's manifolds in the lists of the
+  // last find_contacts().
   const SpatialPartition& partition() const { return partition_; }
   const SlabRanges& pair_ranges() const { return pair_ranges_; }
   const SlabRanges& static_ranges() const { return static_ranges_; }
 
-  // Appends the contacts of a shape with the field, the ground left aside.
+  // Appends the contacts of a shape with the field (not with the ground), with separations up to `margin`.
   void collide_field(const Shape&, const Vec3& centre, const Mat3& axes, float margin,
                      std::vector<Contact>& out) const;
-  // Whether any column under the box may reach up into it.
+  // Whether any column of the field may reach up into the box; conservative.
   bool field_may_overlap(const Vec3& low, const Vec3& high) const;
   float min_half_top() const { return std::min(field_.half_top_x, field_.half_top_y); }
 
-  // A body was added or removed: the sizes must be looked at again, and contacts of the one removed
-  // forgotten. One by one.
+  // Must be called after each single addition or removal of a body: resizes the buffers and drops the manifold
+  // caches, whose body indices are no longer valid. `bodies`: the new number of bodies.
   void on_bodies_changed(int bodies) {
     large_radius_ = -1.0F;
     body_indices_.resize(static_cast<std::size_t>(bodies));
@@ -67,9 +73,9 @@ class CollisionPipeline {
   struct LargeNeighbour {
     std::int32_t body, large;
   };
-  // In one slab.
+  // Contacts found in one slab.
   struct SlabResults {
-    int member = 0;  // who looks
+    int member = 0;  // the member that searches the slab
     ContactList pair_contacts, static_contacts;
     PairManifoldCache::ChunkCache cached_pairs;
     FieldManifoldCache::ChunkCache cached_field;
@@ -77,7 +83,7 @@ class CollisionPipeline {
   struct ContactCounts {
     std::size_t manifolds = 0, contacts = 0;
   };
-  // Of a piece: where it begins in its slab's list and in the joined one, and how much there is.
+  // Output of one body run: its offset in the slab's list and in the merged list, and its size.
   struct BodyRunOutput {
     ContactCounts from, to, count;
   };
@@ -99,20 +105,20 @@ class CollisionPipeline {
                   SlabRanges&) const;
 
   const surface::Field& field_;
-  std::unique_ptr<FreeLayoutField> free_layout_field_;  // for a layout that is not rectangular
+  std::unique_ptr<FreeLayoutField> free_layout_field_;  // null for a rectangular layout
   float dt_s_, ground_height_;
-  float large_radius_ = -1.0F;  // bodies with more reach are few and large; < 0: not known
+  float large_radius_ = -1.0F;  // bodies with a larger query radius stay outside the grid's cells; < 0: stale
   UniformGrid grid_;
   SpatialPartition partition_;
   std::vector<float> query_radius_, speculative_margin_;
-  std::vector<std::int32_t> body_indices_;  // bodies, by index
+  std::vector<std::int32_t> body_indices_;  // 0, 1, …, bodies − 1
   std::vector<LargeNeighbour> large_neighbours_;
-  std::vector<std::int32_t> first_large_neighbour_;  // of each body, in near_
+  std::vector<std::int32_t> first_large_neighbour_;  // by body: first entry in large_neighbours_
   PreviousContacts previous_contacts_;
-  std::vector<SlabResults> slab_results_;                   // one a slab
-  std::vector<BodyRunOutput> pair_output_, static_output_;  // one a piece
+  std::vector<SlabResults> slab_results_;                   // one per slab
+  std::vector<BodyRunOutput> pair_output_, static_output_;  // one per body run
   SlabRanges pair_ranges_, static_ranges_;
-  std::vector<std::size_t> contacts_per_slab_;  // each slab
+  std::vector<std::size_t> contacts_per_slab_;  // in the last find_contacts()
   PairManifoldCache pair_cache_;
   FieldManifoldCache field_cache_;
 };

@@ -25,7 +25,7 @@ struct Contact {
   // Upper bound of total_normal_impulse, mass·u/s: this contact's share of the cell's force limit.
   float max_normal_impulse = std::numeric_limits<float>::infinity();
   // Impulses of the last substep, mass·u/s (rolling: mass·u²/s), which warm-start the next step, and the sum of
-  // normal_impulse over all substeps.
+  // the normal impulses over the step, restitution included.
   float normal_impulse = 0.0F;
   Vec3 friction_impulse{0, 0, 0};
   Vec3 rolling_impulse{0, 0, 0};

@@ -18,11 +18,11 @@
 namespace smartsurf::world {
 namespace {
 
-constexpr std::size_t kMinParallelBodies = 512;  // bodies
+constexpr std::size_t kMinParallelBodies = 512;  // fewer bodies are not worth the barriers
 
 struct TimedForce {
   scene::ObjectId id;
-  Vec3 force, local_point;  // arm: where it acts, in the body's own axes
+  Vec3 force, local_point;  // local_point: where it acts, from the centre of mass, body axes, u
   long steps_left;
 };
 
@@ -91,17 +91,17 @@ struct World::Impl {
   CellForceLimits force_limits;
   bool has_wrenches = false;  // since the last step
   struct Load {
-    std::int32_t cell;  // −1: none
+    std::int32_t cell;  // −1: not a field contact, or no impulse
     float impulse;
   };
-  std::vector<Load> cell_impulses;  // one a contact with the world
-  // Cells with an impulse of the last step, and what the sleepers press on each.
+  std::vector<Load> cell_impulses;  // one per static contact
+  // Cells on which active bodies had an impulse in the last step; impulse of the sleepers on each cell.
   std::vector<std::int32_t> loaded_cells;
   std::vector<float> sleeper_impulse;
-  unsigned sleeper_impulse_version = 0;  // Sleep::changes()
+  unsigned sleeper_impulse_version = 0;  // Sleep::change_count() that sleeper_impulse is for
   std::vector<std::int32_t> hit_sleepers;
   FieldHasher field_hasher;
-  mutable std::vector<Vec3> velocity, angular_velocity;  // for bodies()
+  mutable std::vector<Vec3> velocity, angular_velocity;  // storage behind bodies()
 };
 
 std::string physics_version() { return SMARTSURF_VERSION; }
@@ -201,10 +201,10 @@ void World::Impl::collect_active_bodies() {
 }
 
 void World::Impl::finalize_bodies(const Member& member) {
-  constexpr int kPrefetchDistance = 8;  // rows: about what a trip to memory takes
+  constexpr int kPrefetchDistance = 8;  // in rows: about one memory latency
   const SpatialPartition& partition = collision.partition();
   const IndexRange own_slabs = partition.share(member);
-  std::array<std::size_t, kLanes> rotating;  // settled, and their axes to follow
+  std::array<std::size_t, kLanes> rotating;  // non-spheres collected for one SIMD batch
   std::size_t count = 0;
   auto flush_rotations = [&] {
     if (count > 0) bodies.integrate_gyroscopic(std::span(rotating).first(count), settings.dt_s);
@@ -238,8 +238,8 @@ void World::Impl::finalize_bodies(const Member& member) {
   }
 }
 
-// Apart from the contacts, for one thread will read them all: contacts that it does not read need not travel
-// to it and back.
+// Cell impulses have an array of their own, because write_cell_impulses() reads all of them on one thread: the
+// contacts stay in the caches of the members that own them.
 void World::Impl::record_cell_impulses(IndexRange manifolds) {
   for (int i = manifolds.begin; i < manifolds.end; ++i) {
     const Manifold& m = static_contacts.manifolds[static_cast<std::size_t>(i)];
@@ -251,7 +251,7 @@ void World::Impl::record_cell_impulses(IndexRange manifolds) {
   }
 }
 
-// Sleepers press on as they did when they fell asleep.
+// Sleepers keep the impulses that they had when they fell asleep.
 void World::Impl::write_cell_impulses() {
   if (sleeper_impulse_version != sleep.change_count()) {
     sleeper_impulse_version = sleep.change_count();
@@ -299,7 +299,8 @@ void World::Impl::find_fast_bodies_near_sleepers() {
   }
 }
 
-// What is about to hit a sleeper wakes it, so that the blow moves it.
+// Wakes sleepers within reach of a fast body, so that the collision moves them. Queries from the smaller of the
+// two sets.
 void World::Impl::wake_hit_sleepers() {
   if (!sleep.any_asleep()) return;
   hit_sleepers.clear();
@@ -373,7 +374,7 @@ void World::snapshot(scene::Snapshot& out) const {
   out.orientation.resize(n);
   out.velocity.resize(n);
   out.angular_velocity.resize(n);
-  // Each thread copies what it moved: if one did it all, the others' bodies would travel to it and back.
+  // Each thread copies the bodies that it simulated, which are still in its cache.
   impl_->team.run(n >= kMinParallelBodies, [&](const Member& member) {
     for (const std::int32_t body : impl_->collision.own_bodies(member)) {
       const auto i = static_cast<std::size_t>(body);

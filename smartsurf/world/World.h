@@ -1,8 +1,8 @@
-// The physics: rigid objects on the field of cells, stepped in fixed steps.
+// The physics: simulates rigid objects on the field of cells in fixed time steps.
 //
-// The cells are not bodies: the field is an array, whose contacts are found by grid arithmetic and closed
-// forms, so cost follows the contacts and not the cells. The same inputs give the same bits, whatever the
-// number of threads.
+// Cells are not bodies: the field is an array, and contacts with it are found by grid arithmetic and in closed
+// form, so the cost grows with the number of contacts and not with the number of cells. Results are
+// bit-identical for any number of threads. The object itself is not thread-safe.
 #pragma once
 
 #include <Eigen/Core>
@@ -21,10 +21,10 @@
 
 namespace smartsurf::world {
 
-// The name and version of what computes the physics, for recordings.
+// Name and version of the physics engine, for recordings.
 std::string physics_version();
 
-// A point where bodies touched in the last step.
+// A contact point of the last step.
 struct ContactPoint {
   Eigen::Vector3f point, normal;  // world frame
   float impulse;                  // along the normal over the step, mass·u/s
@@ -32,45 +32,46 @@ struct ContactPoint {
 
 class World {
  public:
-  // `field` and `pool` must outlive the world. step() reads what the cells do and writes Field::impulse.
-  // The objects of the scene get the ids 0, 1, …. Without a pool everything runs on the caller.
+  // Adds the objects of the scene with ids 0, 1, …. `field` and `pool` must outlive the world. Without a pool
+  // everything runs on the caller.
   World(const scene::SceneSpec&, surface::Field& field, common::ThreadPool* pool = nullptr);
   ~World();
   World(const World&) = delete;
   World& operator=(const World&) = delete;
 
-  // Adds an object and returns its id: the next number, never used before.
+  // Adds an object and returns its id. Ids ascend and are never reused.
   scene::ObjectId add(const scene::ObjectSpec&);
 
-  // False (and nothing happens) when no such object is alive.
+  // These return false and do nothing if the object is not alive.
   bool alive(scene::ObjectId) const;
   bool remove(scene::ObjectId);
-  // Changes what has a value, keeps the rest.
+  // Sets the values that are present and keeps the others. Wakes the object and its neighbours.
   bool place(scene::ObjectId, const scene::ObjectStateUpdate&);
-  // A constant force (mass·u/s²) through the next `duration_s` of simulated time, at least one step; at
-  // `point` (world frame, fixed to the body from now on) or at the centre of mass.
+  // Applies a constant force (world frame, mass·u/s²) during the next `duration_s` of simulated time, for at
+  // least one step. It acts at `point`, given in the world frame and fixed to the body from then on, or at the
+  // centre of mass.
   bool apply_force(scene::ObjectId, const Eigen::Vector3d& force, const std::optional<Eigen::Vector3d>& point,
                    double duration_s);
   // The object must be alive.
   scene::ObjectState state(scene::ObjectId) const;
 
-  // The objects as actuators see them; valid until the next step, or change of the objects.
+  // The live objects, for actuators. Valid until the next step or until objects are added, removed or placed.
   surface::BodyView bodies() const;
-  // What acts on each body during the next step, in the order of bodies(); zero again after it. A wrench that
-  // is not zero wakes its body.
+  // External force and torque on each body during the next step, in the order of bodies(); reset to zero after
+  // it. A nonzero wrench wakes its body.
   std::span<surface::Wrench> wrenches();
 
-  // One fixed physics step against the field as planned (Field::speed); the caller commits the field after
-  // it.
+  // Advances the world by one time step. Reads the field's heights and planned velocities; writes Field::impulse
+  // and lowers Field::speed of cells that yield under their force limit. The caller commits the field afterwards.
   void step();
 
-  // The contacts of the last step that bore any load. Allocates.
+  // The contacts with a positive normal impulse, those of sleeping bodies included. Allocates.
   std::vector<ContactPoint> contacts() const;
-  // How many bodies are asleep: at rest on cells that do not move, and not computed.
+  // Number of sleeping bodies: at rest on cells that do not move, hence not simulated.
   int sleeping_count() const;
 
-  // Copies poses, velocities, heights and counters; keeps the vectors' memory. tick and time are the
-  // caller's.
+  // Copies object states, field heights, the contact count and the state hash; reuses the vectors' memory.
+  // Leaves tick and time to the caller.
   void snapshot(scene::Snapshot&) const;
 
   // The first object whose state is not finite, if any.

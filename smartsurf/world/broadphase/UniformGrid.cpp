@@ -6,12 +6,13 @@
 namespace smartsurf::world {
 namespace {
 
-// Cells a body at most: a few bodies that fly far apart must not cost an array of empty cells.
+// Bounds the number of cells, so that a few bodies far apart do not cost a huge array of empty cells.
 constexpr int kCellsPerBody = 4, kMinCells = 64;
 
 }  // namespace
 
-// A counting sort: whoever brings them, in the end the bodies of a cell are in the order of their indices.
+// A parallel counting sort. fill_cell_lines() then sorts the bodies of each cell by index, so the order does not
+// depend on which member inserted which body.
 void UniformGrid::build(const Input& in, std::span<const std::int32_t> own, const Member& member) {
   member.single([&] {
     member_state_.resize(static_cast<std::size_t>(member.member_count));
@@ -69,7 +70,7 @@ void UniformGrid::resize_cells(std::size_t bodies) {
   float cells[3];
   for (int k = 0; k < 3; ++k)
     cells[k] = small == 0 ? 1.0F : std::floor((high[k] - low[k]) * inverse_size_) + 1.0F;
-  // Too many: the far ones share the last cells.
+  // Too many cells: bodies beyond the last cell of an axis are clamped to it.
   for (int k = 0; k < 3; ++k) cell_count_[k] = static_cast<int>(std::min(cells[k], 1024.0F));
   for (int k = 2; static_cast<float>(cell_count_[0]) * static_cast<float>(cell_count_[1]) *
                       static_cast<float>(cell_count_[2]) >
@@ -109,7 +110,7 @@ void UniformGrid::compute_member_slots(std::size_t member) {
     for (std::size_t c = 0; c < next.size(); ++c) next[c] += member_state_[before].cell_count[c];
 }
 
-// Those of these lines of cells along x, in every layer.
+// Sorts the bodies of each cell and copies their spheres, for the given lines of cells along x in every layer.
 void UniformGrid::fill_cell_lines(const Input& in, IndexRange lines) {
   for (int z = 0; z < cell_count_[2]; ++z)
     for (int cell = index(0, lines.begin, z); cell < index(0, lines.end, z); ++cell) {

@@ -1,7 +1,8 @@
-// The broad phase: a uniform grid over bodies of similar size; the few much larger ones look into its cells.
+// The broad phase: a uniform grid over bodies of similar size. The few much larger bodies are kept in a list and
+// query the grid.
 //
-// Bodies are sorted by cell, so that three neighbouring cells of a row are one run of memory. The order of
-// what it finds depends on positions and indices alone.
+// Bodies are sorted by cell, so that neighbouring cells along x are contiguous in memory. Results and their order
+// depend on positions and indices only, not on the number of members.
 #pragma once
 
 #include <algorithm>
@@ -17,39 +18,39 @@ namespace smartsurf::world {
 
 class UniformGrid {
  public:
-  // What build() sorts in: every body, where it is and the radius about it within which it can touch
-  // anything. Ones with reach above `large` are kept apart.
+  // All bodies: position, and radius of the sphere within which the body can touch anything in this step, u.
+  // Bodies with radius > large_radius or a non-finite position go to large_bodies().
   struct Input {
     std::span<const Vec3> position;
     std::span<const float> radius;
     float large_radius;
   };
-  // All members of the team together, each with bodies of its own that together are all; best those which lie
-  // in its part of the table; one alone brings them in the order of their indices. The last of them may still
-  // be at work: meet before asking.
+  // Called by all members of the team; the `own` lists together hold every body once. Best if a member's bodies
+  // lie close together. A single member must list them in ascending order. Members must meet at a barrier before
+  // they query the grid.
   void build(const Input&, std::span<const std::int32_t> own, const Member&);
 
   std::int32_t body(int sorted) const { return sorted_bodies_[static_cast<std::size_t>(sorted)]; }
   int sorted_count() const { return static_cast<int>(sorted_bodies_.size()); }
-  // Cells along x, y, z; sorted order is theirs, x running fastest, z slowest.
+  // Number of cells along x, y or z. Bodies are sorted by cell, x fastest, z slowest.
   int cell_count(int axis) const { return cell_count_[axis]; }
-  // The first body in or after a cell, in sorted order. x and y may be one more than there are.
+  // Position in sorted order of the first body in or after a cell. x and y may be one past the last cell.
   int first_in_cell(int x, int y, int z) const {
     return cell_start_[static_cast<std::size_t>(index(x, y, z))];
   }
   std::span<const std::int32_t> large_bodies() const { return large_bodies_; }
 
-  // Calls found(i, j), i ≠ j, for every pair of small bodies whose spheres meet, the earlier of which is at
-  // [begin, end) in sorted order. Each pair once.
+  // Calls found(i, j) once for every pair of bodies in the grid whose spheres overlap and whose first one in
+  // sorted order lies in [begin, end).
   template <class Found>
   void for_each_pair(int begin, int end, Found found) const;
-  // Calls found(i) for every small body whose sphere meets the box.
+  // Calls found(i) for every body in the grid whose sphere's bounding box overlaps the box.
   template <class Found>
   void for_each_in_box(const Vec3& low, const Vec3& high, Found found) const;
 
  private:
-  static constexpr int kMaxCellRuns = 5;  // of cells that a body's pairs may lie in
-  // 0 for what is not a number too.
+  static constexpr int kMaxCellRuns = 5;  // of the 14 cells searched per body: half of its neighbourhood
+  // Clamped to the grid; 0 for NaN.
   int cell_of(float u, int axis) const {
     const float c = (u - origin_[axis]) * inverse_size_;
     return !(c > 0.0F)                                      ? 0
@@ -57,13 +58,13 @@ class UniformGrid {
                                                             : static_cast<int>(c);
   }
   int index(int x, int y, int z) const { return (z * cell_count_[1] + y) * cell_count_[0] + x; }
-  // Of one member.
+  // Working memory of one member, on cache lines of its own.
   struct alignas(128) MemberState {
     Vec3 low, high;
     float max_radius;
     std::vector<std::int32_t> large;
-    std::vector<std::int32_t> cell_count,
-        next_slot;  // of each cell: its own bodies, and where the next one goes
+    // By cell: number of the member's bodies, and slot in sorted order for the next one.
+    std::vector<std::int32_t> cell_count, next_slot;
   };
   void compute_bounds(const Input&, std::span<const std::int32_t> own, MemberState&);
   void resize_cells(std::size_t bodies);
@@ -72,19 +73,19 @@ class UniformGrid {
   void compute_member_slots(std::size_t member);
   void fill_cell_lines(const Input&, IndexRange lines);
 
-  // Calls found(self, other) for those of the runs that meet the one at `self`.
+  // Calls found(self, other) for the bodies in the runs whose spheres overlap that of the body at `self`.
   template <class Found>
   void test_runs(int self, std::span<const IndexRange> runs, Found& found) const;
 
   Vec3 origin_{0, 0, 0};
   float inverse_size_ = 1.0F;
   int cell_count_[3] = {1, 1, 1};
-  std::vector<std::int32_t> cell_start_;  // of each cell, in sorted order; one more at the end
+  std::vector<std::int32_t> cell_start_;  // by cell: first position in sorted order; one more at the end
   std::vector<std::int32_t> sorted_bodies_, large_bodies_;  // body indices
-  std::vector<std::int32_t> sorted_cell_;                   // of each sorted body
-  std::vector<float> x_, y_, z_, radius_;                   // of each sorted body, and kSpare more
-  std::vector<MemberState> member_state_;                   // one a member
-  std::vector<std::int32_t> cell_of_body_;                  // −1: large
+  std::vector<std::int32_t> sorted_cell_;                   // by sorted position
+  std::vector<float> x_, y_, z_, radius_;   // by sorted position, kSimdPadding more at the end
+  std::vector<MemberState> member_state_;   // one per member
+  std::vector<std::int32_t> cell_of_body_;  // by body; −1: large
 };
 
 template <class Found>
@@ -130,7 +131,7 @@ void UniformGrid::for_each_pair(int begin, int end, Found found) const {
 template <class Found>
 void UniformGrid::for_each_in_box(const Vec3& low, const Vec3& high, Found found) const {
   if (sorted_bodies_.empty()) return;
-  // Bodies of a cell reach out of it by no more than half its size.
+  // A cell is twice the largest radius wide, so spheres stick out of their cell by at most half its size.
   const float max_radius = 0.5F / inverse_size_;
   int from[3], to[3];
   for (int k = 0; k < 3; ++k)

@@ -29,7 +29,7 @@ int find_overlaps_for_target(const BoundingSpheres& s, int self, std::span<const
       const auto distance_squared = hn::Add(hn::Add(hn::Mul(dx, dx), hn::Mul(dy, dy)), hn::Mul(dz, dz));
       const auto overlaps = hn::And(hn::Lt(distance_squared, hn::Mul(radius_sum, radius_sum)),
                                     hn::FirstN(d, static_cast<std::size_t>(run.end - k)));
-      // Not CompressStore: some cores take a hundred cycles to compress into memory.
+      // Not CompressStore: a compress to memory takes a hundred cycles on some cores.
       hn::StoreU(hn::Compress(hn::Iota(indices, k), hn::RebindMask(indices, overlaps)), indices,
                  found + count);
       count += hn::CountTrue(d, overlaps);

@@ -1,5 +1,6 @@
-// The inner loop of the broad phase: which bodies come within reach of one, eight at a time. Written once,
-// compiled for each instruction set; every one of them finds the same.
+// The inner loop of the broad phase: SIMD overlap test of one sphere against runs of spheres.
+//
+// Compiled for several instruction sets with run-time dispatch; all of them give the same result.
 #pragma once
 
 #include <cstdint>
@@ -9,14 +10,15 @@
 
 namespace smartsurf::world {
 
-// Spheres within which bodies can touch anything. A vector may read up to kSpare of them past the last.
+// Spheres within which bodies can touch anything, u. Arrays must be readable for kSimdPadding elements past the
+// last.
 struct BoundingSpheres {
   const float *x, *y, *z, *radius;
 };
 inline constexpr int kSimdPadding = 16;
 
-// Writes the places of those in the runs, one run after the other, that meet the one at `self`; how many. Of
-// `found` as many as the runs have, and kSpare more, may be written.
+// Writes to `found` the indices of the spheres in the runs that overlap the one at `self`, in ascending order
+// within each run, and returns their number. `found` needs space for all spheres in the runs plus kSimdPadding.
 int find_overlaps(const BoundingSpheres&, int self, std::span<const IndexRange> runs, std::int32_t* found);
 
 }  // namespace smartsurf::world

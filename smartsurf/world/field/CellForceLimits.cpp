@@ -6,14 +6,14 @@
 namespace smartsurf::world {
 namespace {
 
-// A contact that leans more than this is with a cell's side and does not push it down.
+// A contact with a smaller vertical component of the normal is with a cell's side and does not load the cell.
 constexpr float kMinNormalZ = 0.05F;
-// What rests on a cell overlaps it by about so much, u.
+// Typical penetration of a resting contact, u.
 constexpr float kRestingOverlap = 2e-3F;
-// The share of its force from which on a cell counts as giving all of it.
+// A cell counts as saturated from this fraction of its force limit on.
 constexpr float kSaturation = 0.99F;
-// So much of a cell's force is shared out evenly, the rest as it was used in the last step: so a contact that
-// needs more gets more from step to step, as far as others can spare it.
+// Fraction of a cell's force limit that is shared evenly; the rest is shared in proportion to the last impulses.
+// A contact that needs more than its share thus gets more from step to step, as far as others do not use theirs.
 constexpr float kEvenFraction = 0.2F;
 
 }  // namespace
@@ -60,7 +60,7 @@ void CellForceLimits::yield_overloaded_cells(const BodyStore& bodies, const Cont
     if (c.total_normal_impulse <= 0.0F || load_[cell] < kSaturation * field.force_limit[cell] * dt_s) return;
     const DeltaPose& shift = bodies.delta_pose[static_cast<std::size_t>(m.a)];
     const Vec3 moved = Vec3(shift.translation) + Vec3(shift.rotation).cross(c.anchor);
-    // How far the top can go along its axis: as far as the body's point did, but what overlapped must part.
+    // The top may move as far as the body's contact point did, but must also resolve an existing penetration.
     const float remaining_separation =
         c.separation < 0.0F ? std::min(0.0F, c.separation + kRestingOverlap) : c.separation;
     const float speed_limit_distance = (remaining_separation + c.normal.dot(moved)) / c.normal.z();

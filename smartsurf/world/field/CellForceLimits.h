@@ -1,5 +1,5 @@
-// Cells of limited force: how much of it each body may take in a step, and how far a cell gives way that has
-// to bear more.
+// Enforces the force limits of cells: bounds the contact impulses on a limited cell and lets an overloaded cell
+// yield.
 #pragma once
 
 #include <vector>
@@ -12,22 +12,23 @@ namespace smartsurf::world {
 
 class CellForceLimits {
  public:
-  // Before the impulses: sets Contact::limit, of contacts that carry the impulses of the last step. Those
-  // with one cell share its force.
+  // Before the solver: sets Contact::max_normal_impulse. Contacts on one cell share its force limit, mostly in
+  // proportion to their warm-starting impulses.
   void distribute_limits(const surface::Field&, float dt_s, ContactList& static_contacts);
 
-  // After the impulses, with the shifts of the bodies: a cell that gave all its force moves no faster upward
-  // than what lies on it, or as much faster downward.
+  // After the solver, with BodyStore::delta_pose of the step: lowers Field::speed of each saturated cell to the
+  // velocity of the bodies on it.
   void yield_overloaded_cells(const BodyStore&, const ContactList& static_contacts, float dt_s,
                               surface::Field&);
 
  private:
-  // Calls each(contact, manifold, cell) for the contacts with cells of limited force.
+  // Calls each(contact, manifold, cell) for the contacts with the tops of cells that have a force limit.
   template <class List, class Each>
   void for_each_limited(const surface::Field&, List& static_contacts, Each each) const;
 
-  std::vector<float> load_;                  // of each cell; 0 between the calls
-  std::vector<std::int32_t> contact_count_;  // the same
+  // Indexed by cell; zero between calls.
+  std::vector<float> load_;  // vertical impulse, mass·u/s
+  std::vector<std::int32_t> contact_count_;
 };
 
 }  // namespace smartsurf::world

@@ -9,7 +9,7 @@ namespace {
 constexpr float kAllowedPenetration = 0.005F;  // u
 constexpr int kMaxSweepSteps = 64, kBisections = 6;
 
-// One body along its way: 0 is where the step began, 1 where it ends.
+// The motion of one body during the step; fraction 0 is its start, 1 its end.
 class BodySweep {
  public:
   BodySweep(const CollisionPipeline& collision, const BodyStore& bodies, std::size_t body)
@@ -35,7 +35,7 @@ class BodySweep {
     return deepest;
   }
 
-  // The last place between two where it is no deeper.
+  // The last fraction in [begin, end] at which the penetration is no deeper, to 2^−kBisections of the interval.
   float bisect_impact(float depth_allowed, float begin, float end) const {
     for (int i = 0; i < kBisections; ++i) {
       const float middle = 0.5F * (begin + end);
@@ -52,7 +52,7 @@ class BodySweep {
   const Vec3 translation_, rotation_;
 };
 
-// No point of the body moves farther.
+// Upper bound of the distance that any point of the body moves in the step.
 float max_travel(const BodyStore& bodies, std::size_t body) {
   const DeltaPose& shift = bodies.delta_pose[body];
   return Vec3(shift.translation).norm() + Vec3(shift.rotation).norm() * bodies.bounding_radius[body];
@@ -66,7 +66,7 @@ void clip_to_time_of_impact(const CollisionPipeline& collision, BodyStore& bodie
   if (!(travel > 0.25F * bodies.width[body])) return;
   const BodySweep sweep(collision, bodies, body);
   if (!sweep.may_hit_field()) return;
-  // Half a column at a time, so that none is passed unseen.
+  // Advance by at most half a column per step, so that no column is skipped.
   const int steps = std::min(kMaxSweepSteps, 1 + static_cast<int>(travel / collision.min_half_top()));
   const float allowed = std::max(kAllowedPenetration, sweep.penetration_at(0.0F));
   for (int i = 1; i <= steps; ++i) {

@@ -1,9 +1,9 @@
-// Stops fast bodies at the field.
+// Continuous collision of fast bodies with the field.
 //
-// The solver takes normals and arms for constant through a step. For a small body that comes in turned, at
-// many times its own size a step, they are not: it is thrown into a spin and swings a corner through a column
-// within the step that stops it. Such a body is followed along its way, and the step ends for it where it
-// would dip in; the contacts of the next step then take its speed. Spheres have nothing that could swing.
+// The solver keeps normals and anchors constant within a step. That fails for a small non-sphere that moves by
+// many times its own size per step: the impact spins it, and a corner swings through a column within the same
+// step. Such a body is swept along its motion and stopped at the time of impact; the contacts of the next step
+// then remove its velocity. Spheres need none of this, because their rotation moves no corner.
 #pragma once
 
 #include "smartsurf/world/BodyStore.h"
@@ -11,7 +11,9 @@
 
 namespace smartsurf::world {
 
-// Shortens BodyStore::shift. Costs nothing for a body that moves by less than a quarter of its width.
+// Scales BodyStore::delta_pose of the body down so that the body penetrates the field no deeper than at the start
+// of the step, or a small tolerance. Returns at once for spheres and for bodies that move by less than a quarter
+// of their width. May run concurrently for different bodies.
 void clip_to_time_of_impact(const CollisionPipeline&, BodyStore&, std::size_t body);
 
 }  // namespace smartsurf::world

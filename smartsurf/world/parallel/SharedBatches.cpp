@@ -18,6 +18,7 @@ void SharedBatches::mark_foreign_rows(const ContactBatch& o, IndexRange own_rows
   for (const std::int32_t* rows : {o.a, o.b})
     for (int lane = 0; lane < kLanes; ++lane)
       if (rows[lane] < own_rows.begin || rows[lane] >= own_rows.end)
+        // Atomic, because several members may mark the same row.
         std::atomic_ref(is_shared_row_[static_cast<std::size_t>(rows[lane])])
             .store(1, std::memory_order_relaxed);
 }

@@ -1,6 +1,7 @@
-// Where the members' parts of the table touch: rows of bodies that octets of more than one member move, and
-// which octets those are. A member solves these first in each pass of a colour and tells; the others wait for
-// no more than that.
+// Splits each member's contact batches into those that move bodies of other members and those that do not.
+//
+// A member solves its shared batches first in each colour and then arrives at the barrier, so that others wait
+// for the shared batches only.
 #pragma once
 
 #include <cstdint>
@@ -14,15 +15,16 @@ namespace smartsurf::world {
 
 class SharedBatches {
  public:
-  // ---- one after the other, and between them all members meet
+  // ---- set-up, in this order, with a barrier for all members after each
+  // On one thread.
   void resize(int rows, int member_count);
   void clear_marks(IndexRange own_rows);
-  // Of each octet of a member, once it has its bodies: what of it lies in the rows of others.
+  // For each batch of a member, once its bodies are set: marks the rows that belong to other members.
   void mark_foreign_rows(const ContactBatch&, IndexRange own_rows);
   void split_batches(const ConstraintGraph&, const Member&);
 
-  // The member's octets of the i-th colour, or, after the last, those with the world: the ones that move what
-  // others move too, and the rest.
+  // The member's batches of the i-th colour (after the last colour: its static contacts): those that move a body
+  // which another member moves too, and the others.
   std::span<const BatchRange> shared(const Member& member, std::size_t i) const {
     return member_batches_[static_cast<std::size_t>(member.index)].shared.of(i);
   }
@@ -36,8 +38,8 @@ class SharedBatches {
   };
   bool touches_shared_row(const ContactBatch&) const;
 
-  std::vector<std::uint8_t> is_shared_row_;    // of each row, whether others move it
-  std::vector<MemberBatches> member_batches_;  // one a member
+  std::vector<std::uint8_t> is_shared_row_;    // by row: whether a member other than its owner moves the body
+  std::vector<MemberBatches> member_batches_;  // one per member
 };
 
 }  // namespace smartsurf::world

@@ -5,17 +5,17 @@
 namespace smartsurf::world {
 namespace {
 
-constexpr int kMinBodiesPerSlab = 128, kMaxSlabs = 64;  // bodies of a slab at least, and slabs, about
-constexpr int kMinLines = 24;                           // so many are enough to share
+constexpr int kMinBodiesPerSlab = 128, kMaxSlabs = 64;  // approximate
+constexpr int kMinLines = 24;                           // this many lines along y are enough to cut along y
 
 }  // namespace
 
 void SpatialPartition::build(const UniformGrid& grid) {
-  // Lines along x follow each other in memory; lines across are cut only where there are few of the others.
+  // Lines along x are contiguous in memory, so cut between them unless there are too few.
   const int axis = grid.cell_count(1) >= std::min(kMinLines, grid.cell_count(0)) ? 1 : 0;
   find_slab_edges(grid, axis);
   find_body_runs(grid, axis);
-  const int slabs = static_cast<int>(slab_edge_.size());  // the large ones are one more
+  const int slabs = static_cast<int>(slab_edge_.size());  // one more for the large bodies
   body_run_.push_back({grid.sorted_count(), grid.sorted_count(), slabs - 1});
   group_body_runs(slabs);
   first_row_.assign(static_cast<std::size_t>(slabs) + 1, 0);
@@ -28,7 +28,7 @@ void SpatialPartition::build(const UniformGrid& grid) {
   row_of_body_.resize(body_of_row_.size());
 }
 
-// Whole lines of cells, until there are enough bodies on them.
+// A slab takes whole lines of cells until it has enough bodies.
 void SpatialPartition::find_slab_edges(const UniformGrid& grid, int axis) {
   slab_edge_.assign(1, 0);
   const int lines = grid.cell_count(axis);
@@ -76,6 +76,7 @@ void SpatialPartition::find_body_runs(const UniformGrid& grid, int axis) {
       }
 }
 
+// A counting sort of the body runs by slab.
 void SpatialPartition::group_body_runs(int slabs) {
   first_run_of_slab_.assign(static_cast<std::size_t>(slabs) + 1, 0);
   for (const BodyRun& p : body_run_) ++first_run_of_slab_[static_cast<std::size_t>(p.slab) + 1];
@@ -91,13 +92,13 @@ void SpatialPartition::group_body_runs(int slabs) {
 }
 
 void SpatialPartition::set_contact_counts(std::span<const std::size_t> contacts) {
-  constexpr long kBodyCost = 3, kContactCost = 2;  // what they cost, about
+  constexpr long kBodyCost = 3, kContactCost = 2;  // relative cost, measured roughly
   for (std::size_t s = 0; s < contacts.size(); ++s)
     weight_prefix_[s + 1] = weight_prefix_[s] + kBodyCost * (first_row_[s + 1] - first_row_[s]) +
                             kContactCost * static_cast<long>(contacts[s]);
 }
 
-// Cut at the borders of slabs that are nearest to even shares.
+// Cuts at the slab boundaries nearest to even shares of the weight.
 IndexRange SpatialPartition::share(const Member& member) const {
   auto slab_at = [&](int index) {
     const long wanted = weight_prefix_.back() * index / member.member_count;

@@ -1,8 +1,8 @@
-// Cuts the table into slabs, so that each thread works on one part of it through a whole step: what lies
-// there stays in its core's cache, and only what touches across a border travels.
+// Partitions the bodies into slabs of the grid, so that each thread works on one region through a whole step:
+// the region stays in the cache of its core, and only contacts across slab boundaries cause cache traffic.
 //
-// Slabs follow each other along y, or along x where the grid is longer there and has few lines along y. They
-// depend on where the bodies are, not on threads.
+// Slabs are stacked along y, or along x if the grid is longer there and has few cells along y. They depend on
+// the bodies' positions only, not on the number of threads.
 #pragma once
 
 #include <cstdint>
@@ -15,13 +15,13 @@
 
 namespace smartsurf::world {
 
-// Where in a list of manifolds those of each slab are.
+// The ranges of each slab's manifolds in a contact list.
 struct SlabRanges {
   std::vector<IndexRange> range;
-  std::vector<std::int32_t> first_range;  // run of each slab, and one more at the end
-  std::size_t manifold_count = 0;         // of them all
+  std::vector<std::int32_t> first_range;  // by slab: its first entry in `range`; one more at the end
+  std::size_t manifold_count = 0;         // of all slabs
 
-  // Those of some slabs.
+  // The ranges of several slabs.
   std::span<const IndexRange> of(IndexRange slabs) const {
     const auto begin = static_cast<std::size_t>(first_range[static_cast<std::size_t>(slabs.begin)]);
     const auto end = static_cast<std::size_t>(first_range[static_cast<std::size_t>(slabs.end)]);
@@ -31,32 +31,34 @@ struct SlabRanges {
 
 class SpatialPartition {
  public:
-  // Bodies of one slab that follow each other in the grid's order: [begin, end) of it.
+  // Bodies of one slab that are contiguous in the grid's sorted order: positions [begin, end).
   struct BodyRun {
     int begin, end, slab;
   };
 
-  // Cuts what is in the grid. The grid's large bodies are the last slab and the last piece.
+  // Partitions the bodies of the grid. Its large bodies form the last slab, which has the last body run.
   void build(const UniformGrid&);
 
   int slab_count() const { return static_cast<int>(first_row_.size()) - 1; }
-  // In the grid's order.
+  // In sorted order of the grid.
   std::span<const BodyRun> body_runs() const { return body_run_; }
-  // The pieces of a slab, as indices, in the grid's order; those of all slabs follow each other in memory.
+  // Indices of a slab's body runs, in sorted order of the grid. Contiguous in memory from slab to slab.
   std::span<const std::int32_t> body_runs_of(int slab) const {
     const auto s = static_cast<std::size_t>(slab);
     return std::span(runs_by_slab_)
         .subspan(first_run_of_slab_[s], first_run_of_slab_[s + 1] - first_run_of_slab_[s]);
   }
+  // Position of the slab's first body run, if runs are ordered by slab.
   std::size_t first_body_run_of(int slab) const { return first_run_of_slab_[static_cast<std::size_t>(slab)]; }
 
-  // One member's slabs: about as many bodies as those of the others, or, once they are weighed, about as
-  // much work with as many contacts as there are in each.
+  // The slabs of a member. Members get about equal numbers of bodies or, after set_contact_counts(), about equal
+  // estimated work.
   IndexRange share(const Member&) const;
+  // Number of contacts in each slab, as a weight for share().
   void set_contact_counts(std::span<const std::size_t> contacts);
 
-  // ---- a row a body, slab after slab, in each slab first those that move. Fixed bodies' rows mean nothing.
-  // The member's slabs are listed; wait before asking.
+  // ---- rows: one per body, ordered by slab; within a slab active bodies come first
+  // Assigns the rows of the member's slabs. Members must meet at a barrier before they read rows of others.
   void assign_rows(const BodyStore&, const UniformGrid&, const Member&);
   int row_count() const { return first_row_.empty() ? 0 : first_row_.back(); }
   IndexRange rows_of(int slab) const {
@@ -72,7 +74,7 @@ class SpatialPartition {
   std::size_t body(int row) const {
     return static_cast<std::size_t>(body_of_row_[static_cast<std::size_t>(row)]);
   }
-  // The member's bodies as they were listed last.
+  // The member's bodies as of the last assign_rows().
   std::span<const std::int32_t> bodies_of(const Member& member) const {
     const IndexRange rows = rows_of(share(member));
     return std::span(body_of_row_)
@@ -85,14 +87,14 @@ class SpatialPartition {
   void find_body_runs(const UniformGrid&, int axis);
   void group_body_runs(int slabs);
 
-  std::vector<std::int32_t> bodies_on_line_;  // of the grid's cells across the axis
-  std::vector<int> slab_edge_;                // lines: where each slab begins, and one more at the end
+  std::vector<std::int32_t> bodies_on_line_;  // by line of cells across the axis
+  std::vector<int> slab_edge_;                // by slab: its first line; one more at the end
   std::vector<BodyRun> body_run_;
-  std::vector<std::int32_t> runs_by_slab_;
+  std::vector<std::int32_t> runs_by_slab_;  // indices in body_run_, grouped by slab
   std::vector<std::size_t> first_run_of_slab_;
-  std::vector<std::int32_t> first_row_, active_end_;
+  std::vector<std::int32_t> first_row_, active_end_;  // by slab; first_row_ has one more at the end
   std::vector<std::int32_t> body_of_row_, row_of_body_;
-  std::vector<long> weight_prefix_;  // of each slab, that of all before it; one more at the end
+  std::vector<long> weight_prefix_;  // by slab: total weight of the slabs before it; one more at the end
 };
 
 }  // namespace smartsurf::world

@@ -1,6 +1,7 @@
-// The threads of a pool working through one step together: each takes its share of every phase and waits at a
-// barrier for the others, also while the first does alone what cannot be shared: to wake a thread takes
-// longer. Shares depend on the number of threads, results may not.
+// A team of threads that works through one step together, phase by phase, with a barrier between phases.
+//
+// Threads stay in the team while one of them does serial work, because waking a thread costs more than the wait.
+// Shares depend on the number of members; results must not.
 #pragma once
 
 #include <hwy/cache_control.h>
@@ -13,28 +14,31 @@
 
 namespace smartsurf::world {
 
-// Each member counts its arrivals, on a line of memory that it alone writes, and who waits reads the others'
-// counts: one trip between the cores, where a count in common takes several.
+// A split-phase barrier: arrive() and wait() are separate, so that a member can work in between.
 //
-// Who waits looks for a while, for phases last microseconds and a sleep costs tens of them; then it sleeps,
-// so that another program which has the core of a late member gets done with it meanwhile. Looks that were in
-// vain make the next ones shorter, others longer: where programs compete for the cores, looking only keeps
-// them all from working.
+// Each member counts its arrivals on a cache line that it alone writes, and waiters read the counts of the
+// others. This costs one transfer between cores, where a shared counter costs several.
+//
+// A waiter spins first, because phases last microseconds and a futex sleep costs tens of them, and then sleeps,
+// so that another process on the core of a late member can finish. The spin budget adapts: it halves after each
+// unsuccessful spin and grows after each successful one, so that members do not burn time slices when processes
+// compete for the cores.
 class Barrier {
  public:
   explicit Barrier(int member_count) : slots_(static_cast<std::size_t>(member_count)) {}
 
-  // What the member did so far is seen by all whose wait() comes after this. It must wait() later itself.
+  // Everything the member did before is visible to members whose wait() returns after it. Each arrive() must be
+  // followed by the member's own wait().
   void arrive(int member) {
     ArrivalSlot& own = slots_[static_cast<std::size_t>(member)];
     own.arrivals.store(own.arrivals.load(std::memory_order_relaxed) + 1, std::memory_order_release);
     notify_sleepers(own);
   }
-  // Until each of the others has arrived as often as this one.
+  // Blocks until every other member has arrived as often as this one.
   void wait(int member) {
     ArrivalSlot& own = slots_[static_cast<std::size_t>(member)];
-    // Who fell asleep as it arrived is called now: to make sure of it there would cost every arrival a trip
-    // between the cores.
+    // Notifies members that fell asleep while this one arrived. Detecting them in arrive() would take a fence
+    // there, which delays every arrival by a transfer between cores.
     full_fence();
     notify_sleepers(own);
     const unsigned target = own.arrivals.load(std::memory_order_relaxed);
@@ -43,9 +47,9 @@ class Barrier {
   }
 
  private:
-  static constexpr int kMinSpins = 100, kMaxSpins = 2000, kSpinIncrement = 64;  // a look: some 30 ns
+  static constexpr int kMinSpins = 100, kMaxSpins = 2000, kSpinIncrement = 64;  // one spin takes about 30 ns
 
-  // Two lines each: cores fetch lines by twos.
+  // Aligned to two cache lines, which some cores prefetch as a pair.
   struct alignas(128) ArrivalSlot {
     std::atomic<unsigned> arrivals{0};
     alignas(128) int spin_budget = kMaxSpins;
@@ -56,7 +60,8 @@ class Barrier {
 
   static void full_fence() {
 #ifdef __SANITIZE_THREAD__
-#pragma GCC diagnostic ignored "-Wtsan"  // which does not see it; it orders nothing but calls
+// ThreadSanitizer does not model fences; this one orders only notifications, not data.
+#pragma GCC diagnostic ignored "-Wtsan"
 #endif
     std::atomic_thread_fence(std::memory_order_seq_cst);
   }
@@ -86,27 +91,29 @@ class Barrier {
   alignas(128) std::atomic<int> sleeping_{0};
 };
 
+// The half-open range [begin, end).
 struct IndexRange {
   int begin, end;
 };
 
+// One thread's view of its team. Copies refer to the same barrier.
 struct Member {
   int index, member_count;
   Barrier& barrier;
 
-  // Whether it is the caller of Team::run.
+  // Whether this is the thread that called Team::run.
   bool is_caller() const { return index + 1 == member_count; }
   void arrive() const { barrier.arrive(index); }
   void wait() const { barrier.wait(index); }
   void arrive_and_wait() const { arrive(), wait(); }
-  // The leader does it, when all have come so far; the others wait until it is done.
+  // Runs work() on the caller of Team::run only, with a barrier before and after.
   template <class Work>
   void single(Work work) const {
     arrive_and_wait();
     if (is_caller()) work();
     arrive_and_wait();
   }
-  // Its share of n items.
+  // The member's even share of n items.
   IndexRange share(int n) const {
     return {static_cast<int>(static_cast<long>(n) * index / member_count),
             static_cast<int>(static_cast<long>(n) * (index + 1) / member_count)};
@@ -115,12 +122,12 @@ struct Member {
 
 class Team {
  public:
-  // Without a pool, or for work too small to share, the caller is the only member.
+  // Without a pool the caller is the only member. `pool` must outlive the team.
   explicit Team(common::ThreadPool* pool) : pool_(pool), team_barrier_(pool ? pool->thread_count() : 1) {}
 
-  // work(member) on every thread at once; `parallel`: whether the work is worth it. The caller, thread 0, is the
-  // last member: members own slabs from the south, the pool's row bands run from the north, so that each
-  // thread finds the cells that it moved itself in its cache.
+  // Runs work(member) on all threads at once, or on the caller alone if not `parallel`. Thread 0, the caller, is
+  // the last member: members own slabs from south to north and the pool's row bands run from north to south, so
+  // each thread finds the cells that it moved itself in its cache.
   template <class Work>
   void run(bool parallel, Work work) {
     const int member_count = parallel && pool_ ? pool_->thread_count() : 1;

@@ -28,6 +28,7 @@ void ConstraintGraph::build(const BodyStore& bodies, const ContactList& pair_con
   collect_own_batches(member);
 }
 
+// Greedy colouring in list order: the lowest colour that neither body has yet, or kMaxColours for overflow.
 void ConstraintGraph::colour_pairs(const BodyStore& bodies, const ContactList& pair_contacts) {
   body_colours_.assign(static_cast<std::size_t>(bodies.size()), 0);
   manifold_colour_.resize(pair_contacts.manifolds.size());
@@ -45,7 +46,7 @@ void ConstraintGraph::colour_pairs(const BodyStore& bodies, const ContactList& p
   colour_count_ = last + 1;
 }
 
-// ---- a counting sort, to which each member brings the manifolds of its slabs
+// ---- parallel counting sort; each member sorts the manifolds of its slabs
 
 void ConstraintGraph::count_keys(const BodyStore& bodies, const ContactList& list, const SlabRanges& ranges,
                                  IndexRange slabs, bool pair, KeyOffsets& count) {
@@ -85,7 +86,7 @@ void ConstraintGraph::sort_manifolds(const SlabRanges& ranges, IndexRange slabs,
     }
 }
 
-// ---- octets
+// ---- batches
 
 void ConstraintGraph::pack_batches(const ContactList& pair_contacts, const ContactList& static_contacts) {
   batch_start_.clear();
@@ -111,7 +112,8 @@ BatchRange ConstraintGraph::pack_batches(ContactKind kind, int group, int lanes,
   BatchRange run{kind, static_cast<int>(batch_start_.size()), 0};
   for (int at = first_of_key_[key]; at < end; at += lanes, ++run.count) {
     while (first_of_key_[key + 1] <= at) ++key;
-    // As many points as the first lane has; of those with very many the first may not have most.
+    // Point counts descend, so the first lane has most points; except in the first bucket, which holds all
+    // manifolds with kPointCountBuckets points or more.
     int points = kPointCountBuckets - static_cast<int>(key - first_key);
     for (int k = at; key == first_key && k < std::min(at + lanes, end); ++k)
       points = std::max(
@@ -133,7 +135,7 @@ ContactBatch& ConstraintGraph::reset_batch(int index) {
   return o;
 }
 
-// ---- who solves what
+// ---- assignment of batches to members
 
 void ConstraintGraph::collect_own_batches(const Member& member) {
   MemberBatchRanges& own = member_batches_[static_cast<std::size_t>(member.index)];
@@ -152,7 +154,7 @@ void ConstraintGraph::collect_own_batches(const Member& member) {
   own.end_colour();
 }
 
-// Of each number of points the member's manifolds follow each other, and with them its octets.
+// The member's manifolds are contiguous within each key, and so are the batches that begin with them.
 void ConstraintGraph::append_own_batches(const BatchRange& run, const Member& member) {
   if (run.count == 0) return;
   MemberBatchRanges& own = member_batches_[static_cast<std::size_t>(member.index)];

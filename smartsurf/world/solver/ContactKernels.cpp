@@ -13,7 +13,7 @@ namespace smartsurf::world {
 namespace HWY_NAMESPACE {
 namespace {
 
-// Overlaps up to this are left alone, so that what rests keeps its contacts, u.
+// Penetration up to this is not resolved, so that resting bodies keep their contacts, u.
 constexpr float kSlop = 1e-3F;
 
 template <bool kPair, bool kSpheres>
@@ -35,8 +35,8 @@ HWY_INLINE void prepare_point(const ContactLanes<kPair, kSpheres>& l, const Poin
     }
   } else {
     normal_k = l.inverse_effective_mass(q, n, n, inverse_mass_sum);
-    // The larger eigenvalue of the 2 × 2 matrix across the normal: friction then pulls straight against the
-    // slip.
+    // The larger eigenvalue of the 2 × 2 inverse effective mass matrix in the tangent plane. A scalar tangent mass
+    // makes friction act exactly against the slip.
     V3 t, u;
     tangents(n, t, u);
     const V tt = l.inverse_effective_mass(q, t, t, inverse_mass_sum),
@@ -64,7 +64,7 @@ HWY_INLINE void warm_start_point(ContactLanes<kPair, kSpheres>& l, const PointRe
   if (l.batch.has_rolling_friction) l.apply_angular_impulse(load3(q.detail.rolling_impulse, at));
 }
 
-// A vector no longer than the limit.
+// Scales a vector down to a maximum length.
 HWY_INLINE V3 clamp_length(const V3& u, V limit) {
   const V length = hn::Max(hn::Sqrt(dot(u, u)), set(1e-30F));
   return u * hn::Min(set(1.0F), limit / length);
@@ -81,13 +81,13 @@ HWY_INLINE void solve_rolling(ContactLanes<kPair, kSpheres>& l, const PointRef& 
   l.apply_angular_impulse(impulse - old_impulse);
 }
 
-// Towards no overlap at the end of the substep. Returns the push.
+// Solve stage: returns the normal impulse for no penetration at the end of the substep. Sets relax_target_speed.
 template <bool kPair, bool kSpheres>
 HWY_INLINE V soft_normal_impulse(const ContactLanes<kPair, kSpheres>& l, const PointRef& q, V speed,
                                  V separation, const SubstepParams& params) {
   const int at = l.lane;
   const auto separated = hn::Gt(separation, zero());
-  // Apart: it may close the gap within the substep and no faster. Inside: it is pushed out, softly.
+  // Separated (speculative): may close the gap within the substep, but no faster. Penetrating: soft push-out.
   const V speculative_bias = separation * set(params.inverse_h);
   const V penetration_bias = hn::Max(hn::Min(separation + set(kSlop), zero()) * set(params.bias_rate),
                                      set(-params.max_bias_velocity));
@@ -99,7 +99,7 @@ HWY_INLINE V soft_normal_impulse(const ContactLanes<kPair, kSpheres>& l, const P
   return hn::Max(old_impulse - mass * (speed + bias) - impulse_scale * old_impulse, zero());
 }
 
-// Takes out the speed that is left. Returns the push.
+// Relax stage: returns the normal impulse without softness and bias.
 template <bool kPair, bool kSpheres>
 HWY_INLINE V relaxed_normal_impulse(const ContactLanes<kPair, kSpheres>& l, const PointRef& q, V speed) {
   const int at = l.lane;
@@ -108,7 +108,9 @@ HWY_INLINE V relaxed_normal_impulse(const ContactLanes<kPair, kSpheres>& l, cons
                  zero());
 }
 
-// The load first, then what it lets friction hold. Between spheres neither changes the other's speed.
+// Solves the normal constraint, then friction within the cone of the new normal impulse, then rolling friction.
+// Returns the normal impulse. For general shapes the normal impulse also changes the slip, which slip_per_impulse
+// accounts for, so that both impulses can be applied at once; for spheres the two are independent.
 template <bool kPair, bool kSpheres, class ComputeImpulse>
 HWY_INLINE V solve_point(ContactLanes<kPair, kSpheres>& l, const PointRef& q, const SubstepParams& params,
                          ComputeImpulse compute_impulse) {
@@ -138,7 +140,8 @@ HWY_INLINE V solve_point(ContactLanes<kPair, kSpheres>& l, const PointRef& q, co
   return normal_impulse;
 }
 
-// Towards Newton's rule at this point, whose rebound so far is where `slowest` was. Gives what it is now.
+// Newton's law of restitution at one point, if it was hit fast enough. The impulse accumulates in
+// relax_target_speed. Returns the accumulated impulse.
 template <bool kPair, bool kSpheres>
 HWY_INLINE V apply_restitution_at_point(ContactLanes<kPair, kSpheres>& l, const PointRef& q,
                                         const SubstepParams& params) {
@@ -163,8 +166,8 @@ HWY_INLINE V apply_restitution_at_point(ContactLanes<kPair, kSpheres>& l, const 
   return impulse;
 }
 
-// What a face gains at one corner turns it about the others: several turns, until all of them leave as they
-// should.
+// A restitution impulse at one point of a manifold rotates the body and thus changes the velocity at the others:
+// iterates over the points so that all of them separate at their target speeds.
 template <bool kPair, bool kSpheres>
 HWY_INLINE void apply_restitution_to_manifold(ContactLanes<kPair, kSpheres>& l, BatchPoints points,
                                               const SubstepParams& params) {

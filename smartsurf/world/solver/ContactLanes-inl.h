@@ -1,5 +1,7 @@
-// The bodies in the lanes of an octet, as the contact kernels work on them. Included once per instruction
-// set, hence no usual guard.
+// The bodies in the lanes of a contact batch, loaded into SIMD vectors for the contact kernels.
+//
+// Included once per instruction set, hence the toggled include guard. No multiply-add may be fused: results must
+// be bit-identical on all instruction sets.
 #if defined(SMARTSURF_WORLD_CONTACT_LANES_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef SMARTSURF_WORLD_CONTACT_LANES_INL_H
 #undef SMARTSURF_WORLD_CONTACT_LANES_INL_H
@@ -15,7 +17,7 @@ namespace smartsurf::world {
 namespace HWY_NAMESPACE {
 namespace {
 
-// The bodies on one side of the lanes. No multiply and add is fused: the same bits on every machine.
+// Bodies a, or bodies b, of the lanes.
 struct BodyLanes {
   V3 velocity, angular_velocity;
   V inverse_mass, inverse_inertia;
@@ -50,11 +52,11 @@ HWY_INLINE SymmetricMat3 load_inertia(const InverseInertia* rows, const std::int
   return s;
 }
 
-// The eight pairs of one octet (or half of them, where vectors are short), at one of the four kinds.
+// Up to kVectorWidth manifolds of a batch, specialised for one ContactKind.
 template <bool kPair, bool kSpheres>
 struct ContactLanes {
   const ContactBatch& batch;
-  const int lane;  // the first
+  const int lane;  // first lane in the batch
   BodyVelocity* const velocities;
   BodyLanes a, b;
   SymmetricMat3 inertia_a, inertia_b;
@@ -76,7 +78,7 @@ struct ContactLanes {
   HWY_INLINE V3 anchor_a(const PointRef& q) const { return load3(q.detail.anchor_a, lane); }
   HWY_INLINE V3 anchor_b(const PointRef& q) const { return load3(q.detail.anchor_b, lane); }
 
-  // Of a's surface against b's, or the world's.
+  // Velocity of a's surface relative to b's, or to the static surface.
   HWY_INLINE V3 relative_velocity(const PointRef& q, const V3& normal) const {
     V3 dv = a.velocity;
     if constexpr (kPair) dv = dv - b.velocity;
@@ -100,6 +102,7 @@ struct ContactLanes {
     return w;
   }
 
+  // `along_normal`: the impulse is parallel to the normal and exerts no torque on a sphere.
   HWY_INLINE void apply_impulse(const PointRef& q, const V3& impulse, const V3& normal, bool along_normal) {
     a.velocity = a.velocity + impulse * a.inverse_mass;
     if constexpr (kPair) b.velocity = b.velocity - impulse * b.inverse_mass;
@@ -127,7 +130,7 @@ struct ContactLanes {
     }
   }
 
-  // How fast the point yields to a unit impulse along u, measured along v.
+  // Relative velocity along v that a unit impulse along u causes at the point.
   HWY_INLINE V inverse_effective_mass(const PointRef& q, const V3& u, const V3& v, V inverse_mass_sum) const {
     const V3 ra = anchor_a(q);
     V k = inverse_mass_sum + dot(cross(ra, v), inertia_a * cross(ra, u));
@@ -137,7 +140,7 @@ struct ContactLanes {
     }
     return k;
   }
-  // Where the point goes by that, as far as the bodies turn.
+  // Rotational part of the relative velocity that a unit impulse along u causes at the point.
   HWY_INLINE V3 angular_response(const PointRef& q, const V3& u) const {
     const V3 ra = anchor_a(q);
     V3 response = cross(inertia_a * cross(ra, u), ra);
@@ -149,7 +152,7 @@ struct ContactLanes {
   }
 };
 
-// How far the bodies have moved since the step began.
+// Delta poses of the bodies in the lanes.
 template <bool kPair, bool kSpheres>
 struct DeltaPoseLanes {
   V3 translation_a, translation_b, rotation_a, rotation_b;
@@ -167,7 +170,7 @@ struct DeltaPoseLanes {
       load_rows(&rows.delta_pose->translation[0], index, 4, rotation.x, rotation.y, rotation.z, unused);
   }
 
-  // The gap now.
+  // Current separation along the normal n, to first order.
   HWY_INLINE V separation(const ContactLanes<kPair, kSpheres>& l, const PointRef& q, const V3& n,
                           const SubstepParams& params) const {
     V3 displacement = translation_a;

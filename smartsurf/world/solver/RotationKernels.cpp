@@ -13,7 +13,7 @@ namespace smartsurf::world {
 namespace HWY_NAMESPACE {
 namespace {
 
-// By its columns.
+// A 3 × 3 matrix by columns.
 struct M3 {
   V3 x, y, z;
   HWY_INLINE V3 operator*(const V3& u) const { return x * u.x + y * u.y + z * u.z; }
@@ -35,7 +35,8 @@ HWY_INLINE M3 rotation_matrix(const float (*q)[kLanes], int at) {
           {xz + wy, yz - wx, one - (xx + yy)}};
 }
 
-// One Newton step of implicit Euler on Euler's equations, in own axes: stable at any rate of turning.
+// One Newton step of implicit Euler on Euler's equations, I dω/dt = −ω × Iω, in body axes: stable at any angular
+// velocity (E. Catto, Numerical Methods, GDC 2015).
 HWY_INLINE V3 solve_gyroscopic(const SymmetricMat3& local_inertia, const V3& angular_velocity, V dt) {
   const V3 momentum = local_inertia * angular_velocity;
   const V3 inertia_x{local_inertia.xx, local_inertia.xy, local_inertia.xz},
@@ -53,8 +54,8 @@ HWY_INLINE V3 solve_gyroscopic(const SymmetricMat3& local_inertia, const V3& ang
                   dot(torque, cross(jacobian.z, jacobian.x)) * inverse_determinant,
                   dot(torque, cross(jacobian.x, jacobian.y)) * inverse_determinant};
   const V3 next = angular_velocity - change;
-  // The step's matrix has a pole at a very fast turn about the middle axis; energy must never come from
-  // there.
+  // The Jacobian can become singular at a very high angular velocity about the intermediate axis. Scale the
+  // result so that kinetic energy never grows; keep the old velocity where that is impossible.
   const V energy = dot(angular_velocity, momentum), next_energy = dot(next, local_inertia * next);
   const auto positive = hn::Gt(next_energy, zero());
   const V scale = hn::IfThenElse(hn::Le(next_energy, energy), set(1.0F),
@@ -65,7 +66,8 @@ HWY_INLINE V3 solve_gyroscopic(const SymmetricMat3& local_inertia, const V3& ang
           pick(next.z, angular_velocity.z)};
 }
 
-// Axes with the z of a matrix that turn as little as may be from where x was.
+// Where enabled, replaces the axes by ones with the same z, whose x is the projection of the previous x: the axes of
+// a shape of revolution then do not spin with it. Keeps the axes where x was nearly parallel to z.
 HWY_INLINE M3 remove_twist(const M3& to, const V3& x_before, hn::Mask<D> enabled) {
   const V3 x = x_before - to.z * dot(to.z, x_before);
   const V length = hn::Sqrt(dot(x, x));

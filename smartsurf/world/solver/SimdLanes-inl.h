@@ -1,4 +1,6 @@
-// Vectors of lanes for the contact kernels. Included once per instruction set, hence no usual guard.
+// SIMD vectors, 3-vectors and matrices over lanes, for the solver's kernels.
+//
+// Included once per instruction set, hence the toggled include guard.
 #if defined(SMARTSURF_WORLD_LANES_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef SMARTSURF_WORLD_LANES_INL_H
 #undef SMARTSURF_WORLD_LANES_INL_H
@@ -13,7 +15,7 @@
 
 #include "smartsurf/world/solver/SimdLanes.h"
 
-// Whether a vector holds two blocks of 128 bits.
+// Whether a vector consists of two 128-bit blocks.
 #undef SMARTSURF_WIDE
 #define SMARTSURF_WIDE (HWY_TARGET <= HWY_AVX2)
 
@@ -25,7 +27,7 @@ namespace {
 namespace hn = hwy::HWY_NAMESPACE;
 using D = hn::CappedTag<float, kLanes>;
 using V = hn::Vec<D>;
-// Lanes worked on at once: all eight of an octet, one half after the other, or one by one.
+// Lanes per vector: a whole batch, half of it, or one lane (scalar target).
 constexpr int kVectorWidth = static_cast<int>(hn::MaxLanes(D()));
 static_assert(kVectorWidth == 1 || kVectorWidth == 4 || kVectorWidth == 8);
 
@@ -34,7 +36,7 @@ HWY_INLINE V zero() { return hn::Zero(D()); }
 HWY_INLINE V load(const float* lanes, int first) { return hn::LoadU(D(), lanes + first); }
 HWY_INLINE void store(V value, float* lanes, int first) { hn::StoreU(value, D(), lanes + first); }
 HWY_INLINE V sum3(V a, V b, V c) { return (a + b) + c; }
-// 0 for 0: lanes and bodies without mass.
+// 1 / a; 0 for a ≤ 0, which occurs in unused lanes and for bodies without mass.
 HWY_INLINE V inverse(V a) { return hn::IfThenElseZero(hn::Gt(a, zero()), set(1.0F) / a); }
 
 struct V3 {
@@ -64,7 +66,7 @@ struct SymmetricMat3 {
   }
 };
 
-// Two unit vectors across a unit vector (Duff et al. 2017).
+// Completes a unit vector to an orthonormal basis (Duff et al., Building an Orthonormal Basis, Revisited, 2017).
 HWY_INLINE void tangents(const V3& n, V3& t, V3& u) {
   const V sign = hn::CopySign(set(1.0F), n.z);
   const V a = set(-1.0F) / (sign + n.z);
@@ -73,7 +75,8 @@ HWY_INLINE void tangents(const V3& n, V3& t, V3& u) {
   u = {b, sign + n.y * n.y * a, zero() - n.y};
 }
 
-// Rows of eight floats, one a body; four of them, from `column` on, of the bodies in the lanes.
+// Gather and scatter of rows of eight floats, one row per body. load_rows() and store_rows() transfer the four
+// floats from `column` on of the bodies in the lanes.
 constexpr int kRow = 8;
 
 #if HWY_TARGET == HWY_SCALAR
@@ -89,7 +92,7 @@ HWY_INLINE void store_rows(V a, V b, V c, V d, float* rows, const std::int32_t* 
 
 #else
 
-// Four rows of four become four columns, in each block of 128 bits.
+// Transposes a 4 × 4 matrix in each 128-bit block.
 HWY_INLINE void transpose(V& a, V& b, V& c, V& d) {
   const D t;
   const V ac = hn::InterleaveLower(t, a, c), bd = hn::InterleaveLower(t, b, d);
@@ -119,7 +122,7 @@ HWY_INLINE void load_rows(const float* rows, const std::int32_t* index, int colu
   transpose(a, b, c, d);
 }
 
-// Stores the rows of the first `count` lanes.
+// Stores nothing for lanes from `count` on.
 HWY_INLINE void store_row(V value, float* rows, const std::int32_t* index, int count, int lane) {
   float* low = rows + static_cast<std::ptrdiff_t>(index[lane]) * kRow;
 #if SMARTSURF_WIDE

@@ -1,4 +1,4 @@
-// How many bodies or pairs the kernels work on at a time.
+// The number of bodies or manifolds in one SIMD batch.
 #pragma once
 
 namespace smartsurf::world {

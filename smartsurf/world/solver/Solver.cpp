@@ -8,13 +8,13 @@
 namespace smartsurf::world {
 namespace {
 
-// How overlaps are pushed apart: as a damped spring of this frequency, at most a quarter of the substeps',
-// and ratio.
+// Contact softness: frequency (Hz, at most a quarter of the substep frequency) and damping ratio of the spring that
+// resolves penetration.
 constexpr float kPairContactHertz = 60.0F, kStaticContactHertz = 120.0F, kDampingRatio = 5.0F;
-constexpr float kMaxBiasVelocity = 4.0F;       // u/s
-constexpr float kRestitutionThreshold = 0.2F;  // nothing rebounds from slower, u/s
-constexpr float kUnusedSeparation = 1e6F;
-constexpr float kMaxSpeed = 1e7F;  // u/s or rad/s along each axis; scripts may ask for a tenth of it
+constexpr float kMaxBiasVelocity = 4.0F;       // of the push-out from penetration, u/s
+constexpr float kRestitutionThreshold = 0.2F;  // minimum approach speed for restitution, u/s
+constexpr float kUnusedSeparation = 1e6F;      // of unused lanes: never in contact
+constexpr float kMaxSpeed = 1e7F;              // per axis, u/s or rad/s; ten times what scripts may set
 
 SubstepParams make_substep_params(float h_s, float hertz, int substeps) {
   const float omega = 2.0F * std::numbers::pi_v<float> * std::min(hertz, 0.25F / h_s);
@@ -38,10 +38,10 @@ void store(float (*to)[kLanes], int lane, const Vec3& from) {
 }
 Vec3 load(const float (*from)[kLanes], int lane) { return {from[0][lane], from[1][lane], from[2][lane]}; }
 
-// A body that a huge force flings away stays finite: it leaves the table and disturbs nobody else.
+// Keeps a body finite under a huge force: it leaves the scene without affecting other bodies.
 float clamp_speed(float speed) { return std::min(std::max(speed, -kMaxSpeed), kMaxSpeed); }
 
-// What weight alone changes in so long a time; adding −0 changes nothing.
+// Velocity change by gravity in a substep. The angular part is −0, which is neutral in floating-point addition.
 BodyVelocity gravity_velocity_change(const Vec3& gravity, float h_s) {
   BodyVelocity m;
   store(m.velocity, h_s * (gravity + Vec3::Zero()));
@@ -55,14 +55,14 @@ struct Solver::StepContext {
   BodyStore& bodies;
   const Input& input;
   const SpatialPartition& partition;
-  IndexRange own_slabs;  // the member's slabs
+  IndexRange own_slabs;  // of the member
   IndexRange own_rows;
   SolverBodies solver_bodies;
   SubstepParams pair_params, static_params;
   const ContactKernelTable& kernels;
   bool any_restitution;
   bool all_spheres;
-  BodyVelocity gravity_change;  // of a substep
+  BodyVelocity gravity_change;  // per substep
 
   ContactList& contact_list(ContactKind kind) const {
     return is_pair(kind) ? input.pair_contacts : input.static_contacts;
@@ -107,6 +107,8 @@ void Solver::resize_buffers(const SpatialPartition& partition, int member_count)
   shared_batches_.resize(partition.row_count(), member_count);
 }
 
+// Barrier protocol: every run_contact_stage() waits before a colour's shared batches and arrives after them, so that
+// a member's own batches overlap with the wait. Calls outside keep arrive() and wait() balanced.
 void Solver::run_stages(StepContext& context, const Member& member) {
   load_bodies(context);
   shared_batches_.clear_marks(context.own_rows);
@@ -138,7 +140,7 @@ void Solver::run_stages(StepContext& context, const Member& member) {
   member.arrive_and_wait();
 }
 
-// ---- contacts into lanes, and back
+// ---- contacts to SIMD batches and back
 
 void Solver::prepare_batch(StepContext& context, ContactKind kind, int index) {
   ContactBatch& o = graph_.reset_batch(index);
@@ -153,7 +155,7 @@ void Solver::prepare_batch(StepContext& context, ContactKind kind, int index) {
     for_lanes([&](int lane, const Manifold& m) { fill_lane(context, o, lane, m, list.contacts, mask); });
   };
   clear_points(o);
-  // Of spheres few passes read the details: what they leave alone is not touched.
+  // For spheres few stages read the details; skip the parts that none reads.
   const bool all_spheres = kind == kSpherePair || kind == kSphereStatic,
              is_static = !StepContext::is_pair(kind);
   if (!all_spheres || context.any_restitution) {
@@ -170,7 +172,7 @@ void Solver::prepare_batch(StepContext& context, ContactKind kind, int index) {
   context.kernels.prepare[kind](&o, 1, batch_points(), context.solver_bodies, context.pair_params);
 }
 
-// Lanes not in use look at the first one's bodies.
+// Unused lanes refer to the bodies of the first lane, so that loads stay valid; they are never stored.
 void Solver::set_batch_bodies(StepContext& context, ContactBatch& o, int index, ContactKind kind) {
   const ContactList& list = context.contact_list(kind);
   for (int lane = 0; lane < kLanes; ++lane) {
@@ -269,7 +271,7 @@ void Solver::store_impulses(StepContext& context, ContactKind kind, int index) {
   }
 }
 
-// ---- bodies through a substep, each member those of its slabs
+// ---- bodies, each member those of its slabs
 
 template <class Each>
 void Solver::for_each_active_row(const StepContext& context, Each each) const {
@@ -280,7 +282,7 @@ void Solver::for_each_active_row(const StepContext& context, Each each) const {
 }
 
 void Solver::load_bodies(StepContext& context) {
-  constexpr int kPrefetchDistance = 8;  // rows: about what a trip to memory takes
+  constexpr int kPrefetchDistance = 8;  // in rows: about one memory latency
   const BodyStore& b = context.bodies;
   for (int s = context.own_slabs.begin; s < context.own_slabs.end; ++s) {
     const IndexRange rows = context.partition.rows_of(s);
@@ -296,7 +298,7 @@ void Solver::load_bodies(StepContext& context) {
   }
 }
 
-// What forces add to the body's motion in a substep.
+// Velocity change by gravity and the body's wrench in a substep.
 BodyVelocity Solver::external_velocity_change(const StepContext& context, int row) const {
   const std::size_t body = context.partition.body(row);
   const surface::Wrench& w = context.bodies.wrench[body];
@@ -313,8 +315,8 @@ BodyVelocity Solver::external_velocity_change(const StepContext& context, int ro
   return m;
 }
 
-// Contacts act alike from substep to substep, because their normals and arms stay: what they gave the body in
-// the last one, they give it again to start with.
+// Also warm-starts all substeps but the first: normals and anchors are constant during the step, so re-applying the
+// accumulated impulses equals repeating the velocity change that contacts caused in the last substep.
 void Solver::integrate_velocities(StepContext& context, bool first) {
   for_each_active_row(context, [&](int row) {
     const BodyVelocity change =
@@ -350,7 +352,7 @@ void Solver::store_body(BodyStore& bodies, const SpatialPartition& partition, in
   bodies.delta_pose[to] = delta_pose_[static_cast<std::size_t>(row)];
 }
 
-// ---- one pass over all contacts: pairs colour by colour, the world last, because nothing yields there
+// ---- one stage over all contacts: pairs colour by colour; static contacts last, because they must hold exactly
 
 void Solver::run_contact_stage(StepContext& context, const Member& member,
                                const ContactKernel (&kernel)[kContactKindCount], float elapsed_s) {

@@ -1,10 +1,9 @@
-// Solves the contacts of one step and finds how the bodies move by it: sequential impulses over a few short
-// substeps.
+// The contact solver: sequential impulses over a few substeps with soft contacts and a relax stage (Soft Step, as
+// in Box2D v3; E. Catto, Solver2D, 2024).
 //
-// In each substep every contact is solved once towards the gap that it will have at the substep's end,
-// overlaps being pushed apart softly, then the bodies move, then every contact is relaxed once, so that the
-// push leaves no speed behind. Impulses carry over from substep to substep and from step to step. The rebound
-// comes last.
+// Stages: prepare, warm start; per substep integrate velocities, solve with soft constraints, integrate positions,
+// relax (solve without bias, so that the push-out adds no velocity); restitution and storing of impulses at the
+// end of the step. Impulses carry over from substep to substep and from step to step.
 #pragma once
 
 #include <vector>
@@ -22,7 +21,7 @@ struct StepSettings {
   float dt_s;
   int substeps;
   Vec3 gravity;                                                               // u/s²
-  float field_friction_root, field_rolling_friction_root, field_restitution;  // of the surface and the ground
+  float field_friction_root, field_rolling_friction_root, field_restitution;  // of field and ground; roots as in SurfaceMaterial
 };
 
 class Solver {
@@ -33,16 +32,16 @@ class Solver {
                         settings.field_restitution} {}
 
   struct Input {
-    const SpatialPartition& partition;  // with their rows listed
+    const SpatialPartition& partition;  // with rows assigned
     ContactList &pair_contacts, &static_contacts;
     const SlabRanges &pair_ranges, &static_ranges;
-    bool has_force_limits;  // whether any contact has a limit
-    bool has_wrenches;      // whether any body has a wrench
+    bool has_force_limits;  // whether any cell has a force limit
+    bool has_wrenches;      // whether any body has a nonzero wrench
   };
-  // One step. The lists come back with the impulses of the last substep and the sums of the step; how each
-  // body moves stays in its row. All members of the team together.
+  // Solves one step and writes the impulses to the contact lists. The new velocities and delta poses stay in the
+  // solver's rows until store_body(). Called by all members of the team. Allocates while buffers grow.
   void step(BodyStore&, const Input&, const Member&);
-  // Hands the body of a row its motion.
+  // Copies velocity and delta pose of a row to its body.
   void store_body(BodyStore&, const SpatialPartition&, int row) const;
 
  private:
@@ -53,7 +52,7 @@ class Solver {
   void set_batch_bodies(StepContext&, ContactBatch&, int index, ContactKind);
   void clear_points(const ContactBatch&);
   void clear_details(const ContactBatch&, bool all);
-  // What of each point is filled in.
+  // The groups of BatchPoint and BatchPointDetail fields that fill_lane() writes.
   struct FillMask {
     bool points, surface, details;
   };
@@ -79,12 +78,12 @@ class Solver {
   SharedBatches shared_batches_;
   std::vector<BatchPoint> point_;
   std::vector<BatchPointDetail> detail_;
-  // One a row of the slabs: what the passes read lies near what they read next.
+  // Indexed by row of the partition, so that bodies close in space are close in memory.
   std::vector<BodyVelocity> velocity_;
   std::vector<DeltaPose> delta_pose_;
   std::vector<InverseInertia> inverse_inertia_;
   std::vector<SurfaceMaterial> material_;
-  std::vector<BodyVelocity> start_velocity_;  // before the contacts of the substep
+  std::vector<BodyVelocity> start_velocity_;  // after external forces, before the contacts of the substep
 };
 
 }  // namespace smartsurf::world

@@ -131,12 +131,13 @@ TEST_P(ChunksBothWays, AreAnsweredWhileTheRestIsStillToCome) {
     std::size_t taken = 0;
     const auto take = [&](std::span<const float> in) {
       for (const float v : in) {
-        if (taken != 5)
+        if (taken != 5) {
           ASSERT_EQ(v, static_cast<float>(2 * (tick + taken)));
-        else if (in_place)
+        } else if (in_place) {
           ASSERT_TRUE(std::isnan(v));  // unchecked
-        else
+        } else {
           ASSERT_EQ(v, 3.0f);
+        }
         ++taken;
       }
     };
@@ -150,7 +151,9 @@ TEST_P(ChunksBothWays, AreAnsweredWhileTheRestIsStillToCome) {
     for (auto in = surface.next_cells(2); !in.empty(); in = surface.next_cells(2)) take(in);
     ASSERT_EQ(taken, cells);
     ASSERT_EQ(surface.await_actuators(tick, {.timeout = 60s}), Status::kOk);
-    if (!in_place) ASSERT_EQ(surface.actuator(2)[5], 3.0f);
+    if (!in_place) {
+      ASSERT_EQ(surface.actuator(2)[5], 3.0f);
+    }
     ASSERT_EQ(surface.actuator(2)[cells - 1], static_cast<float>(2 * (tick + cells - 1)));
     ASSERT_EQ(surface.actuator<std::uint8_t>(3)[3 * cells - 1], tick);
     ASSERT_EQ(surface.counters().clamped, in_place ? 0 : tick + 1);
