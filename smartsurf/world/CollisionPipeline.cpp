@@ -298,7 +298,7 @@ bool CollisionPipeline::field_may_overlap(const Vec3& low, const Vec3& high) con
   if (low.z() > field_.max_height) return false;
   if (free_layout_field_) return true;
   const Columns columns(field_, 0.0F);
-  return low.z() <= columns.max_height(columns.covering(low.x(), high.x(), low.y(), high.y()));
+  return low.z() <= columns.max_height(columns.cells_covering(low.x(), high.x(), low.y(), high.y()));
 }
 
 void CollisionPipeline::collide_static_body(const BodyStore& bodies, std::size_t i, std::size_t static_body,

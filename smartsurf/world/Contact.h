@@ -19,7 +19,7 @@ struct Contact {
   Vec3 anchor;              // from a's centre of mass to the point, world axes, u
   float separation = 0.0F;  // along the normal, u; negative when penetrating
   std::int32_t other = 0;   // static contacts: kField, kGround or the index of a static body; pairs: unused
-  std::int32_t feature_id = 0;  // field contacts: index of the cell, row-major
+  std::int32_t feature_id = 0;     // field contacts: index of the cell, row-major
   Vec3 surface_velocity{0, 0, 0};  // of the static surface at the point, u/s
   float surface_spin = 0;          // of the static surface about the vertical, rad/s
   // Upper bound of total_normal_impulse, mass·u/s: this contact's share of the cell's force limit.

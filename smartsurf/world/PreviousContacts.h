@@ -37,7 +37,7 @@ class PreviousContacts {
 
  private:
   struct alignas(128) Index {
-    IndexRange slabs{0, 0};  // in which the member found its manifolds
+    IndexRange slabs{0, 0};                                 // in which the member found its manifolds
     std::vector<std::int32_t> first_pair, static_manifold;  // indexed by body a; −1 if none
   };
   template <class Each>

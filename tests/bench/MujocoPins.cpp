@@ -16,28 +16,28 @@ namespace {
 
 constexpr double kHalfLength = 1.0;
 
-std::string fixed_box(const Eigen::Vector3d& half, const Eigen::Vector3d& at) {
+std::string static_box(const Eigen::Vector3d& half, const Eigen::Vector3d& at) {
   return fmt::format(
       "<geom type='box' size='{} {} {}' pos='{} {} {}' contype='2' conaffinity='1' friction='.25 0 0'/>",
       half.x(), half.y(), half.z(), at.x(), at.y(), at.z());
 }
 
-std::string description(const Workload& w) {
+std::string to_mjcf(const Workload& w) {
   std::string out = fmt::format(
       "<mujoco><option timestep='{}' gravity='0 0 -10' solver='CG' iterations='10' jacobian='sparse'/>"
       "<size njmax='{}' nconmax='{}' nstack='{}'/><worldbody>",
-      kStep, w.objects * 40 + 2000, w.objects * 10 + 500, 20000000 + w.objects * 200000);
-  for (const Wall& wall : walls(w)) out += fixed_box(wall.half, wall.centre);
+      kStepSeconds, w.objects * 40 + 2000, w.objects * 10 + 500, 20000000 + w.objects * 200000);
+  for (const Wall& wall : make_walls(w)) out += static_box(wall.half, wall.centre);
   for (int r = 0; r < w.n; ++r)
     for (int c = 0; c < w.n; ++c) {
       const double x = c, y = w.n - 1 - r;
-      if (w.border(r, c))
-        out += fixed_box({0.4, 0.4, 3.5}, {x, y, kBorder - 3.5});
+      if (w.is_border(r, c))
+        out += static_box({0.4, 0.4, 3.5}, {x, y, kBorderHeight - 3.5});
       else
         out += fmt::format("<body mocap='true' pos='{} {} {}'>", x, y, -kHalfLength) +
-               fixed_box({0.4, 0.4, kHalfLength}, {0, 0, 0}) + "</body>";
+               static_box({0.4, 0.4, kHalfLength}, {0, 0, 0}) + "</body>";
     }
-  for (const auto& o : objects(w))
+  for (const auto& o : make_objects(w))
     out += fmt::format(
         "<body pos='{} {} {}'><freejoint/><geom type='sphere' size='{}' density='1' friction='.25 0 0' "
         "group='2'/></body>",
@@ -47,7 +47,7 @@ std::string description(const Workload& w) {
 
 class MujocoPins final : public PinEngine {
  public:
-  explicit MujocoPins(const Workload& w) : w_(w), peer_(description(w)) {
+  explicit MujocoPins(const Workload& w) : w_(w), peer_(to_mjcf(w)) {
     first_object_ = peer_.model().nbody - w.objects;
   }
 
@@ -68,8 +68,8 @@ class MujocoPins final : public PinEngine {
       const mjtNum from[3] = {static_cast<double>(i % w_.n), static_cast<double>(w_.n - 1 - i / w_.n),
                               static_cast<double>(heights[cell]) + 1e-3};
       int geom = -1;
-      const mjtNum met = mj_ray(&peer_.model(), &peer_.data(), from, up, groups, 0, -1, &geom);
-      distance_[cell] = met <= kSensorRange ? met : -1.0;
+      const mjtNum hit_distance = mj_ray(&peer_.model(), &peer_.data(), from, up, groups, 0, -1, &geom);
+      distance_[cell] = hit_distance <= kSensorRange ? hit_distance : -1.0;
     }
   }
 

@@ -11,14 +11,14 @@ namespace {
 
 constexpr double kHalfLength = 1.0;
 
-struct Library {
-  Library() { dInitODE2(0); }
-  ~Library() { dCloseODE(); }
+struct OdeLibrary {
+  OdeLibrary() { dInitODE2(0); }
+  ~OdeLibrary() { dCloseODE(); }
 };
 
 class OdePins final : public PinEngine {
  public:
-  explicit OdePins(const Workload& w) : w_(w), speed_(pins(), 0.0), last_(pins(), 0.0F) {
+  explicit OdePins(const Workload& w) : w_(w), speed_(pins(), 0.0), previous_heights_(pins(), 0.0F) {
     dWorldSetGravity(world_, 0, 0, -10);
     dWorldSetQuickStepNumIterations(world_, 10);
     dWorldSetContactSurfaceLayer(world_, 0.001);
@@ -29,9 +29,9 @@ class OdePins final : public PinEngine {
     objects_ = dQuadTreeSpaceCreate(nullptr, centre, half, depth);
     walls_ = dSimpleSpaceCreate(nullptr);
     for (std::size_t i = 0; i < pins(); ++i) add_pin(static_cast<int>(i));
-    for (const Wall& wall : walls(w))
-      put(dCreateBox(walls_, 2 * wall.half.x(), 2 * wall.half.y(), 2 * wall.half.z()), wall.centre);
-    for (const auto& o : pin_scene::objects(w)) add_sphere(o);
+    for (const Wall& wall : make_walls(w))
+      set_position(dCreateBox(walls_, 2 * wall.half.x(), 2 * wall.half.y(), 2 * wall.half.z()), wall.centre);
+    for (const auto& o : pin_scene::make_objects(w)) add_sphere(o);
     ray_ = dCreateRay(nullptr, kSensorRange);
   }
 
@@ -46,27 +46,28 @@ class OdePins final : public PinEngine {
 
   void step(const std::vector<float>& heights) override {
     for (std::size_t i = 0; i < pins(); ++i) {
-      if (border(static_cast<int>(i))) continue;
-      speed_[i] = (static_cast<double>(heights[i]) - static_cast<double>(last_[i])) / kStep;
-      last_[i] = heights[i];
-      put(pins_[i],
-          top(static_cast<int>(i), static_cast<double>(heights[i])) - Eigen::Vector3d(0, 0, kHalfLength));
+      if (is_border(static_cast<int>(i))) continue;
+      speed_[i] =
+          (static_cast<double>(heights[i]) - static_cast<double>(previous_heights_[i])) / kStepSeconds;
+      previous_heights_[i] = heights[i];
+      set_position(pins_[i], pin_position(static_cast<int>(i), static_cast<double>(heights[i])) -
+                                 Eigen::Vector3d(0, 0, kHalfLength));
     }
     auto* objects = reinterpret_cast<dGeomID>(objects_);
-    dSpaceCollide(objects_, this, &touch);
-    dSpaceCollide2(objects, reinterpret_cast<dGeomID>(field_), this, &touch);
-    dSpaceCollide2(objects, reinterpret_cast<dGeomID>(walls_), this, &touch);
-    dWorldQuickStep(world_, kStep);
+    dSpaceCollide(objects_, this, &near_callback);
+    dSpaceCollide2(objects, reinterpret_cast<dGeomID>(field_), this, &near_callback);
+    dSpaceCollide2(objects, reinterpret_cast<dGeomID>(walls_), this, &near_callback);
+    dWorldQuickStep(world_, kStepSeconds);
     dJointGroupEmpty(contacts_);
   }
 
   void sense(const std::vector<float>& heights) override {
     distance_.resize(pins());
     for (std::size_t i = 0; i < pins(); ++i) {
-      const Eigen::Vector3d from = top(static_cast<int>(i), static_cast<double>(heights[i]) + 1e-3);
+      const Eigen::Vector3d from = pin_position(static_cast<int>(i), static_cast<double>(heights[i]) + 1e-3);
       dGeomRaySet(ray_, from.x(), from.y(), from.z(), 0, 0, 1);
       distance_[i] = kSensorRange;
-      dSpaceCollide2(ray_, reinterpret_cast<dGeomID>(objects_), &distance_[i], &meet);
+      dSpaceCollide2(ray_, reinterpret_cast<dGeomID>(objects_), &distance_[i], &ray_callback);
     }
   }
 
@@ -76,14 +77,18 @@ class OdePins final : public PinEngine {
 
  private:
   std::size_t pins() const { return static_cast<std::size_t>(w_.n) * static_cast<std::size_t>(w_.n); }
-  bool border(int cell) const { return w_.border(cell / w_.n, cell % w_.n); }
-  Eigen::Vector3d top(int cell, double z) const { return {cell % w_.n + 0.0, w_.n - 1.0 - cell / w_.n, z}; }
-  static void put(dGeomID geom, const Eigen::Vector3d& at) { dGeomSetPosition(geom, at.x(), at.y(), at.z()); }
+  bool is_border(int cell) const { return w_.is_border(cell / w_.n, cell % w_.n); }
+  Eigen::Vector3d pin_position(int cell, double z) const {
+    return {cell % w_.n + 0.0, w_.n - 1.0 - cell / w_.n, z};
+  }
+  static void set_position(dGeomID geom, const Eigen::Vector3d& at) {
+    dGeomSetPosition(geom, at.x(), at.y(), at.z());
+  }
 
   void add_pin(int cell) {
-    const double half = border(cell) ? 3.5 : kHalfLength, height = border(cell) ? kBorder : 0.0;
+    const double half = is_border(cell) ? 3.5 : kHalfLength, height = is_border(cell) ? kBorderHeight : 0.0;
     pins_.push_back(dCreateBox(field_, 0.8, 0.8, 2 * half));
-    put(pins_.back(), top(cell, height - half));
+    set_position(pins_.back(), pin_position(cell, height - half));
     dGeomSetData(pins_.back(), &speed_[static_cast<std::size_t>(cell)]);
   }
 
@@ -96,7 +101,7 @@ class OdePins final : public PinEngine {
     dGeomSetBody(dCreateSphere(objects_, o.radius), body);
   }
 
-  static void touch(void* self, dGeomID a, dGeomID b) {
+  static void near_callback(void* self, dGeomID a, dGeomID b) {
     auto& pins = *static_cast<OdePins*>(self);
     dContact contact[4];
     const int found = dCollide(a, b, 4, &contact[0].geom, sizeof(dContact));
@@ -113,17 +118,17 @@ class OdePins final : public PinEngine {
     }
   }
 
-  static void meet(void* nearest, dGeomID a, dGeomID b) {
+  static void ray_callback(void* nearest, dGeomID a, dGeomID b) {
     dContactGeom hit;
     if (dCollide(a, b, 1, &hit, sizeof(hit)))
       *static_cast<double*>(nearest) =
           std::min(*static_cast<double*>(nearest), static_cast<double>(hit.depth));
   }
 
-  Library library_;
+  OdeLibrary library_;
   Workload w_;
   std::vector<double> speed_, distance_;
-  std::vector<float> last_;
+  std::vector<float> previous_heights_;
   dWorldID world_ = dWorldCreate();
   dJointGroupID contacts_ = dJointGroupCreate(0);
   dSpaceID field_ = nullptr, objects_ = nullptr, walls_ = nullptr;

@@ -22,7 +22,7 @@ struct Workload {
   int n = 64, objects = 100;
   Shapes shapes = Shapes::kSpheres;
   Field field = Field::kWave;
-  bool border(int row, int column) const {
+  bool is_border(int row, int column) const {
     return row == 0 || column == 0 || row == n - 1 || column == n - 1;
   }
   std::string name() const {
@@ -31,21 +31,22 @@ struct Workload {
   }
 };
 
-constexpr double kStep = 1.0 / 60, kSensorRange = 4.0, kBorder = 6.0, kPinSpeed = 4.0, kPitch = 6.1;
+constexpr double kStepSeconds = 1.0 / 60, kSensorRange = 4.0, kBorderHeight = 6.0, kPinSpeed = 4.0,
+                 kObjectSpacing = 6.1;
 
-inline int layers(const Workload& w) {
-  const int side = static_cast<int>((w.n - 2) / kPitch);
+inline int layer_count(const Workload& w) {
+  const int side = static_cast<int>((w.n - 2) / kObjectSpacing);
   return (w.objects + side * side - 1) / (side * side);
 }
 // Steps until the objects, dropped in layers, have settled.
 inline int settling_steps(const Workload& w) {
-  const double height = (layers(w) - 1) * kPitch * 0.55;
+  const double height = (layer_count(w) - 1) * kObjectSpacing * 0.55;
   const double settled_s = std::max(2.0, std::sqrt(2 * height / 10.0) + 1.5);
-  return static_cast<int>((w.field == Field::kStill ? settled_s + 40 : settled_s) / kStep);
+  return static_cast<int>((w.field == Field::kStill ? settled_s + 40 : settled_s) / kStepSeconds);
 }
 
 // Targets of all pins, row 0 north.
-inline void wave(const Workload& w, double time_s, std::vector<float>& out) {
+inline void compute_targets(const Workload& w, double time_s, std::vector<float>& out) {
   out.resize(static_cast<std::size_t>(w.n) * static_cast<std::size_t>(w.n));
   for (int c = 0; c < w.n; ++c) {
     const double x = c - (w.n - 1) * 0.5;
@@ -57,10 +58,10 @@ inline void wave(const Workload& w, double time_s, std::vector<float>& out) {
 
 // A convex hull of twelve corners at the given radius. There are eight sizes, so that solids are shared, as
 // in experiments.
-inline std::shared_ptr<const smartsurf::scene::Solid> pebble(double radius) {
-  static std::array<std::shared_ptr<const smartsurf::scene::Solid>, 8> made;
+inline std::shared_ptr<const smartsurf::scene::Solid> shared_hull_solid(double radius) {
+  static std::array<std::shared_ptr<const smartsurf::scene::Solid>, 8> cache;
   const int size = std::clamp(static_cast<int>((radius - 1.5) / 0.1875), 0, 7);
-  auto& solid = made[static_cast<std::size_t>(size)];
+  auto& solid = cache[static_cast<std::size_t>(size)];
   if (solid) return solid;
   std::mt19937 random(7);
   std::normal_distribution<double> normal;
@@ -74,20 +75,20 @@ inline std::shared_ptr<const smartsurf::scene::Solid> pebble(double radius) {
 
 // Spheres of radius 1.5–3, or every other one a box, a cylinder or a convex hull of such a size, stacked in
 // loose layers.
-inline std::vector<smartsurf::scene::ObjectSpec> objects(const Workload& w) {
+inline std::vector<smartsurf::scene::ObjectSpec> make_objects(const Workload& w) {
   using smartsurf::scene::ShapeKind;
   std::vector<smartsurf::scene::ObjectSpec> out;
   std::mt19937 random(12345);
   std::uniform_real_distribution<double> u(0, 1);
-  const int side = static_cast<int>((w.n - 2) / kPitch);
-  const double first = (w.n - 1) * 0.5 - (side - 1) * kPitch * 0.5;
+  const int side = static_cast<int>((w.n - 2) / kObjectSpacing);
+  const double first = (w.n - 1) * 0.5 - (side - 1) * kObjectSpacing * 0.5;
   for (int i = 0; i < w.objects; ++i) {
-    const int layer = i / (side * side), place = i % (side * side);
+    const int layer = i / (side * side), slot = i % (side * side);
     smartsurf::scene::ObjectSpec o;
     o.radius = 1.5 + 1.5 * u(random);
-    const double x = first + (place % side) * kPitch + 0.02 * (u(random) - 0.5);
-    const double y = first + (place / side) * kPitch + 0.02 * (u(random) - 0.5);
-    o.position = {x, y, 5.1 + layer * kPitch};
+    const double x = first + (slot % side) * kObjectSpacing + 0.02 * (u(random) - 0.5);
+    const double y = first + (slot / side) * kObjectSpacing + 0.02 * (u(random) - 0.5);
+    o.position = {x, y, 5.1 + layer * kObjectSpacing};
     const int kind = w.shapes == Shapes::kHalfMixed ? i % 6 : 0;
     if (kind == 1) {
       o.shape = ShapeKind::kBox;
@@ -98,7 +99,7 @@ inline std::vector<smartsurf::scene::ObjectSpec> objects(const Workload& w) {
       o.radius *= 0.7;
     } else if (kind == 5) {
       o.shape = ShapeKind::kSolid;
-      o.solid = pebble(o.radius);
+      o.solid = shared_hull_solid(o.radius);
     }
     out.push_back(o);
   }
@@ -109,7 +110,7 @@ inline std::vector<smartsurf::scene::ObjectSpec> objects(const Workload& w) {
 struct Wall {
   Eigen::Vector3d centre, half;
 };
-inline std::vector<Wall> walls(const Workload& w) {
+inline std::vector<Wall> make_walls(const Workload& w) {
   const double h = w.n * 0.5, m = (w.n - 1) * 0.5;
   return {{{m + h + 2, m, 50}, {2, h + 4, 100}},
           {{m - h - 2, m, 50}, {2, h + 4, 100}},
@@ -117,21 +118,21 @@ inline std::vector<Wall> walls(const Workload& w) {
           {{m, m - h - 2, 50}, {h + 4, 2, 100}}};
 }
 
-inline smartsurf::scene::SceneSpec scene_of(const Workload& w) {
+inline smartsurf::scene::SceneSpec make_scene(const Workload& w) {
   smartsurf::scene::SceneSpec s;
   s.world.gravity = {0, 0, -10};
-  s.world.dt_s = s.world.control_period_s = kStep;
+  s.world.dt_s = s.world.control_period_s = kStepSeconds;
   s.materials[0].friction = 0.25;
   // Without resistance to rolling a pile of spheres never comes to rest: it flows on, ever slower.
   s.materials[0].rolling_friction = w.field == Field::kStill ? 0.01 : 0.0;
   s.materials[0].restitution = 0.0;
   s.surface.rows = s.surface.columns = w.n;
-  s.surface.pin.max_height = kBorder;
+  s.surface.pin.max_height = kBorderHeight;
   s.surface.pin.max_speed = kPinSpeed;
   s.surface.pin.max_acceleration = 1e4;
-  s.surface.border_height = kBorder;
-  s.objects = objects(w);
-  for (const Wall& wall : walls(w)) {
+  s.surface.border_height = kBorderHeight;
+  s.objects = make_objects(w);
+  for (const Wall& wall : make_walls(w)) {
     smartsurf::scene::ObjectSpec o;
     o.shape = smartsurf::scene::ShapeKind::kBox;
     o.size = 2 * wall.half;

@@ -239,7 +239,8 @@ struct Pass {
 using Passes = std::vector<std::vector<std::vector<Pass>>>;
 
 // All ways in turn, several times.
-Passes measure_all(const std::vector<Transport>& transports, std::span<const Case> cases, int peer_cpu, bool one_core) {
+Passes measure_all(const std::vector<Transport>& transports, std::span<const Case> cases, int peer_cpu,
+                   bool one_core) {
   Passes all(transports.size(), std::vector<std::vector<Pass>>(cases.size()));
   const auto distance = [&] { return one_core ? 0.0 : bench::core_distance_us(peer_cpu); };
   for (std::size_t c = 0; c < cases.size(); ++c)
@@ -286,11 +287,13 @@ std::optional<Figures> median_pass(const std::vector<Pass>& passes, const Distan
   return Figures{median(&Figures::median_us), median(&Figures::p99_us)};
 }
 
-void print(const std::vector<Transport>& transports, std::span<const Case> cases, const Passes& all, const DistanceRange& range) {
+void print(const std::vector<Transport>& transports, std::span<const Case> cases, const Passes& all,
+           const DistanceRange& range) {
   std::vector<double> ours(cases.size(), 1e300);
   for (std::size_t w = 0; w < transports.size(); ++w)
     for (std::size_t c = 0; c < cases.size(); ++c)
-      if (const auto f = median_pass(all[w][c], range); f && std::string(transports[w].name).starts_with("endpoints"))
+      if (const auto f = median_pass(all[w][c], range);
+          f && std::string(transports[w].name).starts_with("endpoints"))
         ours[c] = std::min(ours[c], f->median_us);
   std::printf("\n%-21s", "");
   for (const Case& c : cases) std::printf("%27s", c.label);
@@ -314,22 +317,23 @@ std::size_t passes_in(const Passes& all, const DistanceRange& range) {
   std::size_t count = 0;
   for (const auto& way : all)
     for (const auto& one : way)
-      count +=
-          static_cast<std::size_t>(std::ranges::count_if(one, [&](const Pass& p) { return range.contains(p); }));
+      count += static_cast<std::size_t>(
+          std::ranges::count_if(one, [&](const Pass& p) { return range.contains(p); }));
   return count;
 }
 
 // Of the distance at which most passes were made; of all where one had none of these.
 void print_json(const std::vector<Transport>& transports, std::span<const Case> cases, const Passes& all,
                 const std::vector<DistanceRange>& ranges, bool one_core) {
-  const DistanceRange most = std::ranges::max(ranges, {}, [&](const DistanceRange& r) { return passes_in(all, r); });
+  const DistanceRange most =
+      std::ranges::max(ranges, {}, [&](const DistanceRange& r) { return passes_in(all, r); });
   for (std::size_t w = 0; w < transports.size(); ++w)
     for (std::size_t c = 0; c < cases.size(); ++c) {
       auto f = median_pass(all[w][c], most);
       if (!f) f = median_pass(all[w][c], {0, 1e9});
       if (!f) continue;
       const nlohmann::ordered_json line{{"benchmark", "lockstep"},   {"case", cases[c].label},
-                                        {"who", transports[w].name},       {"cores", one_core ? 1 : 2},
+                                        {"who", transports[w].name}, {"cores", one_core ? 1 : 2},
                                         {"median_us", f->median_us}, {"p99_us", f->p99_us}};
       std::puts(line.dump().c_str());
     }
@@ -363,9 +367,10 @@ void parse_word(const std::string& word, Arguments& args) {
     return;
   }
   const auto transports = all_transports(false);
-  const bool known = word == "work" || std::any_of(transports.begin(), transports.end(), [&](const Transport& way) {
-                       return std::string(way.name).starts_with(word);
-                     });
+  const bool known =
+      word == "work" || std::any_of(transports.begin(), transports.end(), [&](const Transport& way) {
+        return std::string(way.name).starts_with(word);
+      });
   if (!known) throw CLI::ValidationError(word + ": neither one-core, work nor the beginning of a way's name");
   args.filter = word;
 }
@@ -399,7 +404,8 @@ int main(int argc, char** argv) {
   pin_to(cpus.front());
   if (args.filter == "work") return bench::print_lockstep_overhead(peer_cpu), 0;
   auto transports = all_transports(one_core);
-  std::erase_if(transports, [&](const Transport& way) { return !std::string(way.name).starts_with(args.filter); });
+  std::erase_if(transports,
+                [&](const Transport& way) { return !std::string(way.name).starts_with(args.filter); });
   const std::span<const Case> cases = one_core ? std::span<const Case>(kOneCore) : kTwoCores;
   const Passes all = measure_all(transports, cases, peer_cpu, one_core);
   const auto ranges = one_core ? std::vector<DistanceRange>{{0, 1e9}} : distance_ranges(all);

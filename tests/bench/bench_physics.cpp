@@ -16,9 +16,9 @@
 #include "smartsurf/surface/ActuatorArray.h"
 #include "smartsurf/surface/SensorArray.h"
 #include "smartsurf/world/World.h"
+#include "tests/bench/BulletPins.h"
 #include "tests/bench/CommandLine.h"
-#include "tests/bench/NaivePins.h"
-#include "tests/bench/ShapeDepth.h"
+#include "tests/bench/ShapePenetration.h"
 
 using namespace smartsurf;
 using namespace pin_scene;
@@ -30,17 +30,17 @@ struct Options {
   int threads = 1;
   bool json = false;
   std::string only, peers = "naive,mujoco,ode";
-  bool with(const char* peer) const { return peers.find(peer) != std::string::npos; }
+  bool includes_peer(const char* peer) const { return peers.find(peer) != std::string::npos; }
 };
 
 struct Result {
-  double physics_ms = 0, sensors_ms = 0, look_ms = 0, pins_ms = 0, overlap = 0, penetration = 0,
-         shape_depth = 0;
-  int lost = 0, asleep = 0;
+  double physics_ms = 0, sensors_ms = 0, snapshot_ms = 0, pins_ms = 0, overlap = 0, penetration = 0,
+         shape_penetration = 0;
+  int lost = 0, sleeping = 0;
   double total_ms() const { return physics_ms + sensors_ms; }
 };
 
-double timed_ms(const std::function<void()>& work) {
+double measure_ms(const std::function<void()>& work) {
   const auto start = std::chrono::steady_clock::now();
   work();
   return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
@@ -51,12 +51,12 @@ double median(std::vector<double> v) {
   return v[v.size() / 2];
 }
 
-struct Ball {
+struct Sphere {
   Eigen::Vector3d centre;
   double radius;
 };
 
-double deepest_in_pins(const Workload& w, const Ball& b, const std::vector<float>& heights) {
+double sphere_penetration(const Workload& w, const Sphere& b, const std::vector<float>& heights) {
   double deepest = 0;
   auto cell = [&w](double at) { return std::clamp(static_cast<int>(at), 0, w.n - 1); };
   for (int y = cell(b.centre.y() - b.radius); y <= cell(b.centre.y() + b.radius + 1); ++y)
@@ -71,42 +71,45 @@ double deepest_in_pins(const Workload& w, const Ball& b, const std::vector<float
 }
 
 // Over the spheres; what left the table is counted as lost.
-void judge(const Workload& w, std::vector<Ball> balls, const std::vector<float>& heights, Result& out) {
-  std::sort(balls.begin(), balls.end(),
-            [](const Ball& a, const Ball& b) { return a.centre.x() < b.centre.x(); });
-  for (std::size_t i = 0; i < balls.size(); ++i) {
-    const Ball& a = balls[i];
+void measure_accuracy(const Workload& w, std::vector<Sphere> spheres, const std::vector<float>& heights,
+                      Result& out) {
+  std::sort(spheres.begin(), spheres.end(),
+            [](const Sphere& a, const Sphere& b) { return a.centre.x() < b.centre.x(); });
+  for (std::size_t i = 0; i < spheres.size(); ++i) {
+    const Sphere& a = spheres[i];
     if (a.centre.z() < 0 || a.centre.x() < -1 || a.centre.x() > w.n || a.centre.y() < -1 ||
         a.centre.y() > w.n) {
       ++out.lost;
       continue;
     }
-    out.penetration = std::max(out.penetration, deepest_in_pins(w, a, heights));
-    for (std::size_t j = i + 1; j < balls.size() && balls[j].centre.x() - a.centre.x() < 6; ++j)
-      out.overlap = std::max(out.overlap, a.radius + balls[j].radius - (a.centre - balls[j].centre).norm());
+    out.penetration = std::max(out.penetration, sphere_penetration(w, a, heights));
+    for (std::size_t j = i + 1; j < spheres.size() && spheres[j].centre.x() - a.centre.x() < 6; ++j)
+      out.overlap =
+          std::max(out.overlap, a.radius + spheres[j].radius - (a.centre - spheres[j].centre).norm());
   }
 }
 
 // Over what is no sphere.
-double deepest_shape(const Workload& w, const scene::SceneSpec& spec, const scene::Snapshot& snapshot) {
+double worst_shape_penetration(const Workload& w, const scene::SceneSpec& spec,
+                               const scene::Snapshot& snapshot) {
   double deepest = 0;
   for (std::size_t i = 0; i < static_cast<std::size_t>(w.objects); ++i) {
     if (spec.objects[i].shape == scene::ShapeKind::kSphere) continue;
     const auto& q = snapshot.orientation[i];
     deepest = std::max(
         deepest,
-        depth_in_pins(w, world::make_shape(spec.objects[i]), world::Vec3(snapshot.position[i].data()),
-                      world::Quat(q[3], q[0], q[1], q[2]).toRotationMatrix(), snapshot.height));
+        max_shape_penetration(w, world::make_shape(spec.objects[i]), world::Vec3(snapshot.position[i].data()),
+                              world::Quat(q[3], q[0], q[1], q[2]).toRotationMatrix(), snapshot.height));
   }
   return deepest;
 }
 
-struct Timer {
-  std::vector<double> physics, sensors, look, pins;
+struct StageTimes {
+  std::vector<double> physics, sensors, snapshot, pins;
 };
 
-Result run_ours(const Workload& w, const Options& options) {
-  scene::SceneSpec spec = scene_of(w);
+Result run_smartsurf(const Workload& w, const Options& options) {
+  scene::SceneSpec spec = make_scene(w);
   spec.surface.sensors = {scene::find_sensor_kind("proximity")->default_spec()};
   spec.surface.sensors[0].values["range"] = {kSensorRange};
   common::ThreadPool pool(options.threads);
@@ -115,61 +118,62 @@ Result run_ours(const Workload& w, const Options& options) {
   surface::SensorArray sensing(spec, cells.field());
   scene::Snapshot snapshot;
   std::vector<float> targets;
-  Timer timer;
-  const int settle = settling_steps(w);
-  for (int i = 0; i < settle + options.steps; ++i) {
-    wave(w, i * kStep, targets);
-    const double plan = timed_ms([&] {
+  StageTimes times;
+  const int settling_count = settling_steps(w);
+  for (int i = 0; i < settling_count + options.steps; ++i) {
+    compute_targets(w, i * kStepSeconds, targets);
+    const double plan = measure_ms([&] {
       cells.set_targets(0, targets);
-      cells.plan(kStep);
+      cells.plan(kStepSeconds);
     });
-    const double physics = timed_ms([&] { world.step(); });
-    const double commit = timed_ms([&] { cells.commit(kStep); });
-    const double look = timed_ms([&] { world.snapshot(snapshot); });
-    const double sensors = timed_ms([&] { sensing.sense(snapshot, spec.objects, pool); });
-    if (i < settle) continue;
-    timer.physics.push_back(physics);
-    timer.sensors.push_back(sensors);
-    timer.look.push_back(look);
-    timer.pins.push_back(plan + commit);
+    const double physics = measure_ms([&] { world.step(); });
+    const double commit = measure_ms([&] { cells.commit(kStepSeconds); });
+    const double snapshot_time = measure_ms([&] { world.snapshot(snapshot); });
+    const double sensors = measure_ms([&] { sensing.sense(snapshot, spec.objects, pool); });
+    if (i < settling_count) continue;
+    times.physics.push_back(physics);
+    times.sensors.push_back(sensors);
+    times.snapshot.push_back(snapshot_time);
+    times.pins.push_back(plan + commit);
   }
-  Result r{median(timer.physics), median(timer.sensors), median(timer.look), median(timer.pins)};
-  r.asleep = world.sleeping_count();
-  std::vector<Ball> balls;
+  Result r{median(times.physics), median(times.sensors), median(times.snapshot), median(times.pins)};
+  r.sleeping = world.sleeping_count();
+  std::vector<Sphere> spheres;
   for (std::size_t i = 0; i < static_cast<std::size_t>(w.objects); ++i)
     if (spec.objects[i].shape == scene::ShapeKind::kSphere)
-      balls.push_back({Eigen::Vector3f(snapshot.position[i].data()).cast<double>(), spec.objects[i].radius});
-  judge(w, balls, snapshot.height, r);
-  r.shape_depth = deepest_shape(w, spec, snapshot);
+      spheres.push_back(
+          {Eigen::Vector3f(snapshot.position[i].data()).cast<double>(), spec.objects[i].radius});
+  measure_accuracy(w, spheres, snapshot.height, r);
+  r.shape_penetration = worst_shape_penetration(w, spec, snapshot);
   return r;
 }
 
 // Measures fewer steps where a step takes long, at least six.
 Result run_peer(PinEngine& peer, const Workload& w, const Options& options) {
-  const scene::SceneSpec spec = scene_of(w);
+  const scene::SceneSpec spec = make_scene(w);
   surface::ActuatorArray cells(spec.surface);
   std::vector<float> targets, heights;
-  Timer timer;
-  const int settle = settling_steps(w);
+  StageTimes times;
+  const int settling_count = settling_steps(w);
   double spent_ms = 0;
-  for (int i = 0; i < settle + options.steps && (i <= settle + 5 || spent_ms < 12e3); ++i) {
-    wave(w, i * kStep, targets);
+  for (int i = 0; i < settling_count + options.steps && (i <= settling_count + 5 || spent_ms < 12e3); ++i) {
+    compute_targets(w, i * kStepSeconds, targets);
     cells.set_targets(0, targets);
-    cells.plan(kStep);
-    cells.commit(kStep);
+    cells.plan(kStepSeconds);
+    cells.commit(kStepSeconds);
     heights = cells.field().height;
-    const double physics = timed_ms([&] { peer.step(heights); });
-    if (i < settle) continue;
-    timer.physics.push_back(physics);
-    timer.sensors.push_back(timed_ms([&] { peer.sense(heights); }));
-    spent_ms += physics + timer.sensors.back();
+    const double physics = measure_ms([&] { peer.step(heights); });
+    if (i < settling_count) continue;
+    times.physics.push_back(physics);
+    times.sensors.push_back(measure_ms([&] { peer.sense(heights); }));
+    spent_ms += physics + times.sensors.back();
   }
-  Result r{median(timer.physics), median(timer.sensors)};
-  std::vector<Ball> balls;
+  Result r{median(times.physics), median(times.sensors)};
+  std::vector<Sphere> spheres;
   for (std::size_t i = 0; i < static_cast<std::size_t>(w.objects); ++i)
     if (spec.objects[i].shape == scene::ShapeKind::kSphere)
-      balls.push_back({peer.position(i), spec.objects[i].radius});
-  judge(w, balls, heights, r);
+      spheres.push_back({peer.position(i), spec.objects[i].radius});
+  measure_accuracy(w, spheres, heights, r);
   return r;
 }
 
@@ -188,7 +192,7 @@ void report_json(const char* who, const Workload& w, const Options& options, con
                                     {"sensors_ms", r.sensors_ms},
                                     {"overlap_u", r.overlap},
                                     {"in_pins_u", r.penetration},
-                                    {"shapes_in_pins_u", r.shape_depth},
+                                    {"shapes_in_pins_u", r.shape_penetration},
                                     {"lost", r.lost}};
   std::puts(line.dump().c_str());
   std::fflush(stdout);
@@ -204,35 +208,35 @@ void compare(const char* who, PinEngine& peer, const Workload& w, const Options&
 }
 
 void run(const Workload& w, const Options& options) {
-  const Result ours = run_ours(w, options);
+  const Result ours = run_smartsurf(w, options);
   if (options.json) {
     report_json("ours", w, options, ours);
   } else {
     report("ours", w, ours);
-    if (w.shapes == Shapes::kHalfMixed) std::printf("  shapes in pins %.4f", ours.shape_depth);
-    std::printf("  snapshot %.3f  pins %.3f ms  asleep %d\n", ours.look_ms, ours.pins_ms, ours.asleep);
+    if (w.shapes == Shapes::kHalfMixed) std::printf("  shapes in pins %.4f", ours.shape_penetration);
+    std::printf("  snapshot %.3f  pins %.3f ms  asleep %d\n", ours.snapshot_ms, ours.pins_ms, ours.sleeping);
     std::fflush(stdout);
   }
   if (w.n > 256 || w.field == Field::kStill) return;
-  if (options.with("naive")) {
-    NaivePins naive(w);
+  if (options.includes_peer("naive")) {
+    BulletPins naive(w);
     compare("naive", naive, w, options, ours);
   }
-  if (options.with("mujoco"))
+  if (options.includes_peer("mujoco"))
     if (const auto mujoco = make_mujoco_pins(w)) compare("MuJoCo", *mujoco, w, options, ours);
-  if (options.with("ode"))
+  if (options.includes_peer("ode"))
     if (const auto ode = make_ode_pins(w)) compare("ODE", *ode, w, options, ours);
 }
 
-const std::vector<Workload>& ladder() {
+const std::vector<Workload>& workloads() {
   using enum Shapes;
   using enum Field;
-  static const std::vector<Workload> kLadder{
+  static const std::vector<Workload> kWorkloads{
       {64, 100, kSpheres, kWave},     {64, 1000, kSpheres, kWave},    {128, 1000, kSpheres, kWave},
       {128, 5000, kSpheres, kWave},   {256, 10000, kSpheres, kWave},  {1024, 10000, kSpheres, kWave},
       {128, 1000, kHalfMixed, kWave}, {128, 5000, kHalfMixed, kWave}, {128, 5000, kSpheres, kStill},
   };
-  return kLadder;
+  return kWorkloads;
 }
 
 Options read_options(int argc, char** argv) {
@@ -242,7 +246,7 @@ Options read_options(int argc, char** argv) {
   app.add_option("--steps", o.steps, "that are measured")->check(CLI::Range(1, 1'000'000));
   app.add_option("--threads", o.threads, "of ours")->check(CLI::Range(1, 1024));
   app.add_option("--only", o.only, "one workload, such as \"64x64 100\"")
-      ->check(bench::one_of(ladder(), [](const Workload& w) { return w.name(); }));
+      ->check(bench::one_of(workloads(), [](const Workload& w) { return w.name(); }));
   app.add_option("--peers", peers, "naive,mujoco,ode or none")
       ->delimiter(',')
       ->check(CLI::IsMember({"naive", "mujoco", "ode", "none"}));
@@ -256,6 +260,6 @@ Options read_options(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   const Options options = read_options(argc, argv);
-  for (const Workload& w : ladder())
+  for (const Workload& w : workloads())
     if (options.only.empty() || w.name() == options.only) run(w, options);
 }

@@ -3,102 +3,102 @@
 
 #include <cmath>
 
-#include "tests/property/PhysicsBench.h"
+#include "tests/property/PhysicsFixture.h"
 
-using namespace physics_bench;
+using namespace physics_fixture;
 using namespace smartsurf;
 
 namespace {
 
-void set_actuator(PhysicsBench& bench, const std::string& model, const scene::ParameterValues& values) {
+void set_actuator(PhysicsFixture& fixture, const std::string& model, const scene::ParameterValues& values) {
   scene::ActuatorSpec spec = scene::find_actuator_kind(model)->default_spec();
   for (const auto& [name, value] : values) spec.values[name] = value;
-  bench.scene.surface.actuators = {spec};
-  derive_pin_spec(bench.scene.surface);
+  fixture.scene.surface.actuators = {spec};
+  derive_pin_spec(fixture.scene.surface);
 }
 
-void command(PhysicsBench& bench, int channel, float value) {
-  bench.cells().set_targets(channel, std::vector<float>(bench.cells().field().height.size(), value));
+void set_all_targets(PhysicsFixture& fixture, int channel, float value) {
+  fixture.cells().set_targets(channel, std::vector<float>(fixture.cells().field().height.size(), value));
 }
 
 }  // namespace
 
 TEST(Actuators, ABoxOnBallsSlidesUpToTheirSpeed) {
-  PhysicsBench bench;
-  set_actuator(bench, "ball", {{"radius", {0.4}}, {"max_acceleration", {1e6}}});
-  const auto id = bench.add(box({3, 3, 1}, {6, 15, 0.5}));
-  bench.run(0.2);
-  command(bench, 1, 5);  // 2 u/s east
+  PhysicsFixture fixture;
+  set_actuator(fixture, "ball", {{"radius", {0.4}}, {"max_acceleration", {1e6}}});
+  const auto id = fixture.add(box({3, 3, 1}, {6, 15, 0.5}));
+  fixture.run(0.2);
+  set_all_targets(fixture, 1, 5);  // 2 u/s east
   // Friction accelerates it by µ·g until it goes with the tops.
-  bench.run(0.2);
-  EXPECT_NEAR(bench.velocity(id).x(), 0.5 * 9.81 * 0.2, 0.1);
-  bench.run(0.5);
-  EXPECT_NEAR(bench.velocity(id).x(), 2.0, 0.01);
-  EXPECT_NEAR(bench.velocity(id).y(), 0.0, 0.01);
+  fixture.run(0.2);
+  EXPECT_NEAR(fixture.velocity(id).x(), 0.5 * 9.81 * 0.2, 0.1);
+  fixture.run(0.5);
+  EXPECT_NEAR(fixture.velocity(id).x(), 2.0, 0.01);
+  EXPECT_NEAR(fixture.velocity(id).y(), 0.0, 0.01);
 }
 
 TEST(Actuators, ASphereOnBallsRollsBackwards) {
   // A surface that moves at v under a sphere takes it along at (2/7)·v.
-  PhysicsBench bench;
-  set_actuator(bench, "ball", {{"radius", {0.4}}, {"max_acceleration", {1e6}}});
-  const auto id = bench.add(sphere(2, {6, 15.5, 2}));
-  bench.run(0.2);
-  command(bench, 1, 5);
-  bench.run(0.8);
-  EXPECT_NEAR(bench.velocity(id).x(), 2.0 * 2 / 7, 0.03);
-  EXPECT_NEAR(bench.angular_velocity(id).y(), (2.0 * 2 / 7 - 2.0) / 2, 0.03);
+  PhysicsFixture fixture;
+  set_actuator(fixture, "ball", {{"radius", {0.4}}, {"max_acceleration", {1e6}}});
+  const auto id = fixture.add(sphere(2, {6, 15.5, 2}));
+  fixture.run(0.2);
+  set_all_targets(fixture, 1, 5);
+  fixture.run(0.8);
+  EXPECT_NEAR(fixture.velocity(id).x(), 2.0 * 2 / 7, 0.03);
+  EXPECT_NEAR(fixture.angular_velocity(id).y(), (2.0 * 2 / 7 - 2.0) / 2, 0.03);
 }
 
 TEST(Actuators, AForceFieldAcceleratesByTheForceOverTheMass) {
-  PhysicsBench bench;
-  bench.scene.materials[0].friction = 0;
-  set_actuator(bench, "force_field", {{"fall_off", {1}}, {"reach", {1}}});
+  PhysicsFixture fixture;
+  fixture.scene.materials[0].friction = 0;
+  set_actuator(fixture, "force_field", {{"fall_off", {1}}, {"reach", {1}}});
   auto o = box({2.9, 2.9, 1}, {6, 15, 0.5});
   o.mass = 60.0;
-  const auto id = bench.add(o);
-  command(bench, 0, 2);
-  bench.run(0.5);
-  EXPECT_NEAR(bench.velocity(id).x(), 9 * 2 / 60.0 * 0.5, 0.005);  // nine cells
-  EXPECT_NEAR(bench.position(id).z(), 0.5, 0.01);
+  const auto id = fixture.add(o);
+  set_all_targets(fixture, 0, 2);
+  fixture.run(0.5);
+  EXPECT_NEAR(fixture.velocity(id).x(), 9 * 2 / 60.0 * 0.5, 0.005);  // nine cells
+  EXPECT_NEAR(fixture.position(id).z(), 0.5, 0.01);
 }
 
 TEST(Actuators, ASheetHoversWhereTheAirCarriesIt) {
   // cells·k·(flow/(1 + g/decay))² = m·g, with k = ½·density·drag·area
-  PhysicsBench bench;
-  set_actuator(bench, "air_jet", {{"decay", {2}}, {"lag", {0}}});
+  PhysicsFixture fixture;
+  set_actuator(fixture, "air_jet", {{"decay", {2}}, {"lag", {0}}});
   auto o = box({4.8, 4.8, 0.2}, {15, 15, 1.5});
   o.mass = 1.0;
-  const auto id = bench.add(o);
-  command(bench, 0, 50);
-  bench.run(20.0);
+  const auto id = fixture.add(o);
+  set_all_targets(fixture, 0, 50);
+  fixture.run(20.0);
   const double k = 0.5 * 0.001 * 1.2 * 0.64;
   const double gap = 2 * (50 / std::sqrt(9.81 / (25 * k)) - 1);
-  EXPECT_NEAR(bench.position(id).z() - 0.1, gap, 0.02);
-  EXPECT_LT(bench.velocity(id).norm(), 0.02);
-  EXPECT_NEAR(bench.position(id).x(), 15, 0.1);
+  EXPECT_NEAR(fixture.position(id).z() - 0.1, gap, 0.02);
+  EXPECT_LT(fixture.velocity(id).norm(), 0.02);
+  EXPECT_NEAR(fixture.position(id).x(), 15, 0.1);
 }
 
 TEST(Actuators, APinStallsUnderAWeightAndLiftsALighterOne) {
   for (const double mass : {1.0, 300.0}) {
-    PhysicsBench bench;
-    set_actuator(bench, "pin",
+    PhysicsFixture fixture;
+    set_actuator(fixture, "pin",
                  {{"range", {0, 4}}, {"max_speed", {6}}, {"max_acceleration", {10}}, {"max_force", {40}}});
     auto o = sphere(1.5, {15, 16, 1.5});
     o.mass = mass;
-    const auto id = bench.add(o);
-    bench.run(0.5);
-    bench.cells().set_target(0, 15, 15, 2);  // the cell at (15, 16)
-    bench.run(1.5);
+    const auto id = fixture.add(o);
+    fixture.run(0.5);
+    fixture.cells().set_target(0, 15, 15, 2);  // the cell at (15, 16)
+    fixture.run(1.5);
     if (mass < 10)
-      EXPECT_NEAR(bench.position(id).z(), 3.5, 0.1);
+      EXPECT_NEAR(fixture.position(id).z(), 3.5, 0.1);
     else
-      EXPECT_NEAR(bench.position(id).z(), 1.5, 0.1);
+      EXPECT_NEAR(fixture.position(id).z(), 1.5, 0.1);
   }
 }
 
 TEST(Actuators, AMagnetPullsOnePolePushesTheOtherAndLeavesTheRest) {
-  PhysicsBench bench;
-  set_actuator(bench, "magnet", {{"law", {1}}, {"strength", {400}}, {"lag", {0}}});
+  PhysicsFixture fixture;
+  set_actuator(fixture, "magnet", {{"law", {1}}, {"strength", {400}}, {"lag", {0}}});
   auto attracted = cylinder(0.8, 0.6, {12, 16, 0.3});
   attracted.magnetic_pole = 1;
   auto repelled = attracted, plain = attracted;
@@ -106,11 +106,11 @@ TEST(Actuators, AMagnetPullsOnePolePushesTheOtherAndLeavesTheRest) {
   repelled.position = {18, 16, 0.3};
   plain.magnetic_pole = 0;
   plain.position = {15, 19, 0.3};
-  const auto a = bench.add(attracted), r = bench.add(repelled), p = bench.add(plain);
-  bench.run(0.2);
-  bench.cells().set_target(0, 15, 15, -1);  // the cell at (15, 16)
-  bench.run(1.5);
-  EXPECT_NEAR(bench.position(a).x(), 15, 0.7);
-  EXPECT_GT(bench.position(r).x(), 18.5);
-  EXPECT_NEAR(bench.position(p).x(), 15, 0.01);
+  const auto a = fixture.add(attracted), r = fixture.add(repelled), p = fixture.add(plain);
+  fixture.run(0.2);
+  fixture.cells().set_target(0, 15, 15, -1);  // the cell at (15, 16)
+  fixture.run(1.5);
+  EXPECT_NEAR(fixture.position(a).x(), 15, 0.7);
+  EXPECT_GT(fixture.position(r).x(), 18.5);
+  EXPECT_NEAR(fixture.position(p).x(), 15, 0.01);
 }

@@ -3,14 +3,14 @@
 
 #include <cmath>
 
-#include "tests/property/PhysicsBench.h"
+#include "tests/property/PhysicsFixture.h"
 
-using namespace physics_bench;
+using namespace physics_fixture;
 using namespace smartsurf;
 
 namespace {
 
-std::vector<scene::ObjectSpec> every_shape() {
+std::vector<scene::ObjectSpec> make_all_shapes() {
   return {sphere(1, {0, 0, 1}), box({2, 2, 2}, {0, 0, 1}), cylinder(1, 2, {0, 0, 1}),
           capsule(0.8, 2, {0, 0, 1}), cube({0, 0, 1})};
 }
@@ -20,77 +20,79 @@ std::vector<scene::ObjectSpec> every_shape() {
 TEST(Carried, ByATravellingWaveAtItsSpeed) {
   // A sphere in a trough of z = 1.6 + 1.2·sin(kx − ωt) travels at ω/k.
   for (const double speed : {0.75, 1.5}) {
-    PhysicsBench bench;
-    bench.scene.surface.columns = 64;
-    bench.scene.materials[0].rolling_friction = 0.02;
+    PhysicsFixture fixture;
+    fixture.scene.surface.columns = 64;
+    fixture.scene.materials[0].rolling_friction = 0.02;
     const double k = 2 * M_PI / 12;
     auto follow = [&](double t) {
       std::vector<float> heights;
       for (int r = 0; r < 32; ++r)
         for (int c = 0; c < 64; ++c)
           heights.push_back(static_cast<float>(1.6 + 1.2 * std::sin(k * (c - 9 - speed * t) - M_PI / 2)));
-      bench.cells().set_targets(0, heights);
+      fixture.cells().set_targets(0, heights);
     };
     follow(0);
-    bench.run(1.0);
+    fixture.run(1.0);
     auto object = sphere(1.5, {9, 15.3, 2.2});
     object.velocity = {speed, 0, 0};
-    const auto id = bench.add(object);
+    const auto id = fixture.add(object);
     double t = 0, begin_x = 0, begin_t = 0;
-    auto next = [&] { follow(t += bench.scene.world.dt_s); };
-    bench.run(4.0, next);
-    begin_x = bench.position(id).x(), begin_t = t;
-    bench.run(24 / speed, next);  // two wavelengths
-    const double carried = static_cast<double>(bench.position(id).x()) - begin_x;
+    auto next = [&] { follow(t += fixture.scene.world.dt_s); };
+    fixture.run(4.0, next);
+    begin_x = fixture.position(id).x(), begin_t = t;
+    fixture.run(24 / speed, next);  // two wavelengths
+    const double carried = static_cast<double>(fixture.position(id).x()) - begin_x;
     // It still swings a little in its trough.
     EXPECT_NEAR(carried / (t - begin_t), speed, 0.03 * speed);
-    EXPECT_NEAR(bench.position(id).y(), 15.3, 0.1);
+    EXPECT_NEAR(fixture.position(id).y(), 15.3, 0.1);
   }
 }
 
 TEST(Carried, ByWheelsAtSpinTimesRadius) {
   for (const double angle : {0.0, 0.5}) {
-    PhysicsBench bench;
+    PhysicsFixture fixture;
     scene::ActuatorSpec wheels = scene::find_actuator_kind("wheels")->default_spec();
     wheels.values["radius"] = {0.25};
     wheels.values["angle"] = {angle};
-    bench.scene.surface.actuators = {wheels};
-    derive_pin_spec(bench.scene.surface);
-    const auto id = bench.add(box({2, 2, 1}, {6, 6, 0.5}));
-    const std::vector<float> spin(bench.cells().field().height.size(), 12.0F);
-    bench.cells().set_targets(0, spin);
-    bench.run(2.0);
-    const Eigen::Vector3d v = bench.velocity(id).cast<double>(),
-                          should(3 * std::cos(angle), 3 * std::sin(angle), 0);
-    EXPECT_LT((v - should).norm(), 2e-3) << v.transpose();
-    const Eigen::Vector3d from = bench.position(id).cast<double>();
-    bench.run(2.0);
-    EXPECT_LT((bench.position(id).cast<double>() - from - 2 * should).norm(), 0.02);
+    fixture.scene.surface.actuators = {wheels};
+    derive_pin_spec(fixture.scene.surface);
+    const auto id = fixture.add(box({2, 2, 1}, {6, 6, 0.5}));
+    const std::vector<float> spin(fixture.cells().field().height.size(), 12.0F);
+    fixture.cells().set_targets(0, spin);
+    fixture.run(2.0);
+    const Eigen::Vector3d v = fixture.velocity(id).cast<double>(),
+                          expected_velocity(3 * std::cos(angle), 3 * std::sin(angle), 0);
+    EXPECT_LT((v - expected_velocity).norm(), 2e-3) << v.transpose();
+    const Eigen::Vector3d from = fixture.position(id).cast<double>();
+    fixture.run(2.0);
+    EXPECT_LT((fixture.position(id).cast<double>() - from - 2 * expected_velocity).norm(), 0.02);
   }
 }
 
 TEST(Carried, NothingSinksIntoARisingField) {
-  for (const auto& shape : every_shape())
+  for (const auto& shape : make_all_shapes())
     for (const double speed : {2.0, 20.0})
       for (const double dt_s : {1.0 / 60, 1.0 / 240}) {
-        PhysicsBench bench;
-        bench.scene.world.dt_s = dt_s;
-        bench.scene.surface.pin.max_speed = speed;
-        bench.scene.surface.pin.max_acceleration = 1e5;
+        PhysicsFixture fixture;
+        fixture.scene.world.dt_s = dt_s;
+        fixture.scene.surface.pin.max_speed = speed;
+        fixture.scene.surface.pin.max_acceleration = 1e5;
         auto object = shape;
         object.position += Eigen::Vector3d(15.3, 15.2, 0);
-        const auto id = bench.add(object);
-        bench.run(0.2);
-        bench.cells().set_targets(0, std::vector<float>(bench.cells().field().height.size(), 5.0F));
-        double deepest = 0;
-        bench.run(3.0, [&] {
-          const double top = static_cast<double>(bench.cells().field().height[0]);
-          deepest = std::max(deepest, top + 1.0 - static_cast<double>(bench.position(id).z()));
+        const auto id = fixture.add(object);
+        fixture.run(0.2);
+        fixture.cells().set_targets(0, std::vector<float>(fixture.cells().field().height.size(), 5.0F));
+        double max_penetration = 0;
+        fixture.run(3.0, [&] {
+          const double top = static_cast<double>(fixture.cells().field().height[0]);
+          max_penetration =
+              std::max(max_penetration, top + 1.0 - static_cast<double>(fixture.position(id).z()));
         });
-        EXPECT_LT(deepest, 0.01) << static_cast<int>(shape.shape) << " at " << speed << " u/s, dt " << dt_s;
+        EXPECT_LT(max_penetration, 0.01)
+            << static_cast<int>(shape.shape) << " at " << speed << " u/s, dt " << dt_s;
         // At 20 u/s it was thrown, and is still in the air.
         if (speed < 5) {
-          EXPECT_NEAR(bench.position(id).z(), 6.0, 0.01) << static_cast<int>(shape.shape);
+          EXPECT_NEAR(fixture.position(id).z(), 6.0, 0.01) << static_cast<int>(shape.shape);
         }
       }
 }
@@ -98,32 +100,32 @@ TEST(Carried, NothingSinksIntoARisingField) {
 TEST(Carried, NoFlatShapeSnagsAtTheGaps) {
   for (const auto& shape : {cylinder(1, 1, {0, 0, 0.5}), box({1.4, 1.4, 1}, {0, 0, 0.5}), cube({0, 0, 1})})
     for (const double course : {0.0, 0.35, 0.7854}) {
-      PhysicsBench bench;
+      PhysicsFixture fixture;
       auto object = shape;
       object.position += Eigen::Vector3d(6.13, 6.27, 0);
       const Eigen::Vector3d along(std::cos(course), std::sin(course), 0);
       object.velocity = 9 * along;
-      const auto id = bench.add(object);
+      const auto id = fixture.add(object);
       double tilt = 0;
-      bench.run(2.5, [&] { tilt = std::max(tilt, bench.angular_velocity(id).cast<double>().norm()); });
-      const Eigen::Vector3d way = bench.position(id).cast<double>() - object.position;
-      EXPECT_NEAR(way.dot(along), 81 / (2 * 0.5 * 9.81), 0.1)
+      fixture.run(2.5, [&] { tilt = std::max(tilt, fixture.angular_velocity(id).cast<double>().norm()); });
+      const Eigen::Vector3d travel = fixture.position(id).cast<double>() - object.position;
+      EXPECT_NEAR(travel.dot(along), 81 / (2 * 0.5 * 9.81), 0.1)
           << static_cast<int>(shape.shape) << ' ' << course;
-      EXPECT_LT((way - way.dot(along) * along).norm(), 0.02)
+      EXPECT_LT((travel - travel.dot(along) * along).norm(), 0.02)
           << static_cast<int>(shape.shape) << ' ' << course;
       EXPECT_LT(tilt, 0.05) << static_cast<int>(shape.shape) << ' ' << course;
     }
 }
 
 TEST(Carried, ALyingCylinderSlidesAlongItsAxisWithoutSnagging) {
-  PhysicsBench bench;
+  PhysicsFixture fixture;
   auto object = cylinder(0.9, 3, {5, 15.3, 0.9});
   object.orientation = Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitY());
   object.velocity = {9, 0, 0};
-  const auto id = bench.add(object);
-  bench.run(2.5);
-  EXPECT_NEAR(bench.position(id).x() - 5, 81 / (2 * 0.5 * 9.81), 0.1);
-  EXPECT_NEAR(bench.position(id).y(), 15.3, 0.02);
+  const auto id = fixture.add(object);
+  fixture.run(2.5);
+  EXPECT_NEAR(fixture.position(id).x() - 5, 81 / (2 * 0.5 * 9.81), 0.1);
+  EXPECT_NEAR(fixture.position(id).y(), 15.3, 0.02);
 }
 
 TEST(Caught, SmallFastThings) {
@@ -146,15 +148,15 @@ TEST(Caught, SmallFastThings) {
   for (const Eigen::Vector3d& velocity : {Eigen::Vector3d(0, 0, -300), Eigen::Vector3d(150, 30, -130)})
     for (const Thing& thing : things)
       for (int i = 0; i < 6; ++i) {
-        PhysicsBench bench;
+        PhysicsFixture fixture;
         auto object = thing.object;
         object.position = {15.0 + 0.1 * i, 15.0 + 0.07 * i, 10};
         object.orientation = Eigen::AngleAxisd(0.4 * i, Eigen::Vector3d(1, 2, 3).normalized());
         object.velocity = velocity;
-        const auto id = bench.add(object);
+        const auto id = fixture.add(object);
         double lowest = 1e9;
-        bench.run(0.3, [&] {
-          const Eigen::Vector3d p = bench.position(id).cast<double>();
+        fixture.run(0.3, [&] {
+          const Eigen::Vector3d p = fixture.position(id).cast<double>();
           if (p.head<2>().minCoeff() > 0 && p.head<2>().maxCoeff() < 31) lowest = std::min(lowest, p.z());
         });
         EXPECT_GT(lowest, 0.8 * thing.inner) << "shape " << static_cast<int>(object.shape) << " of "
@@ -165,14 +167,14 @@ TEST(Caught, SmallFastThings) {
 TEST(Caught, ARowOfPinsStopsABulletFromTheSide) {
   for (const double speed : {50.0, 300.0})
     for (const bool round : {true, false}) {
-      PhysicsBench bench;
-      for (int r = 0; r < 32; ++r) bench.cells().set_target(0, r, 22, 5.0F);
-      bench.run(1.0);
+      PhysicsFixture fixture;
+      for (int r = 0; r < 32; ++r) fixture.cells().set_target(0, r, 22, 5.0F);
+      fixture.run(1.0);
       auto object = round ? sphere(0.4, {8, 15.3, 3}) : box({0.7, 0.7, 0.7}, {8, 15.3, 3});
       object.velocity = {speed, 0, 0};
-      const auto id = bench.add(object);
+      const auto id = fixture.add(object);
       float farthest = 0;
-      bench.run(0.5, [&] { farthest = std::max(farthest, bench.position(id).x()); });
+      fixture.run(0.5, [&] { farthest = std::max(farthest, fixture.position(id).x()); });
       EXPECT_LT(farthest, 21.6F - 0.25F) << (round ? "sphere" : "box") << " at " << speed;
       EXPECT_GT(farthest, 21.0F);
     }
@@ -181,33 +183,33 @@ TEST(Caught, ARowOfPinsStopsABulletFromTheSide) {
 TEST(Caught, ASphereRestsOnTheRimOfAPocketWhereGeometrySaysSo) {
   // Three by three pins lowered: the rim is 1.6 from the middle, and the sphere hangs √(R² − 1.6²) above it.
   for (const double radius : {1.8, 2.0, 2.6}) {
-    PhysicsBench bench;
-    bench.scene.materials[0].friction = 0.0;
+    PhysicsFixture fixture;
+    fixture.scene.materials[0].friction = 0.0;
     for (int r = 0; r < 32; ++r)
       for (int c = 0; c < 32; ++c)
-        bench.cells().set_target(0, r, c, std::abs(c - 15) <= 1 && std::abs(r - 16) <= 1 ? 0.0F : 4.0F);
-    bench.run(1.0);
-    const auto id = bench.add(sphere(radius, {15.1, 14.95, 4 + radius}));
-    bench.run(3.0);
-    EXPECT_NEAR(bench.position(id).z(), 4 + std::sqrt(radius * radius - 1.6 * 1.6), 0.005) << radius;
-    EXPECT_NEAR(bench.position(id).x(), 15, 0.01) << radius;
-    EXPECT_NEAR(bench.position(id).y(), 15, 0.01) << radius;
-    EXPECT_LT(bench.velocity(id).norm(), 0.01) << radius;
+        fixture.cells().set_target(0, r, c, std::abs(c - 15) <= 1 && std::abs(r - 16) <= 1 ? 0.0F : 4.0F);
+    fixture.run(1.0);
+    const auto id = fixture.add(sphere(radius, {15.1, 14.95, 4 + radius}));
+    fixture.run(3.0);
+    EXPECT_NEAR(fixture.position(id).z(), 4 + std::sqrt(radius * radius - 1.6 * 1.6), 0.005) << radius;
+    EXPECT_NEAR(fixture.position(id).x(), 15, 0.01) << radius;
+    EXPECT_NEAR(fixture.position(id).y(), 15, 0.01) << radius;
+    EXPECT_LT(fixture.velocity(id).norm(), 0.01) << radius;
   }
 }
 
 TEST(Tipping, WithinTwoHundredthsOfTheAngle) {
   for (const double slenderness : {2.0, 3.0})
     for (const double share : {0.98, 1.02}) {
-      PhysicsBench bench;
-      bench.scene.materials[0].friction = 2.0;
+      PhysicsFixture fixture;
+      fixture.scene.materials[0].friction = 2.0;
       const double angle = std::atan(share / slenderness), g = 9.81;
-      bench.scene.world.gravity = {g * std::sin(angle), 0, -g * std::cos(angle)};
-      const auto id = bench.add(box({1, 1, slenderness}, {15.0, 15.0, 0.5 * slenderness}));
-      bench.run(5.0);
+      fixture.scene.world.gravity = {g * std::sin(angle), 0, -g * std::cos(angle)};
+      const auto id = fixture.add(box({1, 1, slenderness}, {15.0, 15.0, 0.5 * slenderness}));
+      fixture.run(5.0);
       if (share < 1)
-        EXPECT_NEAR(bench.position(id).z(), 0.5 * slenderness, 0.01) << slenderness;
+        EXPECT_NEAR(fixture.position(id).z(), 0.5 * slenderness, 0.01) << slenderness;
       else
-        EXPECT_LT(bench.position(id).z(), 0.6) << slenderness;
+        EXPECT_LT(fixture.position(id).z(), 0.6) << slenderness;
     }
 }

@@ -3,65 +3,65 @@
 
 #include <cmath>
 
-#include "tests/property/PhysicsBench.h"
+#include "tests/property/PhysicsFixture.h"
 
-using namespace physics_bench;
+using namespace physics_fixture;
 
 namespace {
 
-struct Meeting {
+struct CollisionCase {
   double restitution = 1.0;
   double mass_ratio = 1.0;  // of the second
   double offset = 0.0;      // of the second's centre from the first's path, u
 };
 
-struct Outcome {
+struct FinalVelocities {
   Eigen::Vector3d first, second;
 };
 
 // A sphere at 5 u/s against one at rest, both of radius 1, without gravity and friction.
-Outcome meet(const Meeting& m) {
-  PhysicsBench bench;
-  bench.scene.world.gravity = {0, 0, 0};
-  bench.scene.materials[0].restitution = m.restitution;
-  bench.scene.materials[0].friction = 0.0;
+FinalVelocities simulate(const CollisionCase& m) {
+  PhysicsFixture fixture;
+  fixture.scene.world.gravity = {0, 0, 0};
+  fixture.scene.materials[0].restitution = m.restitution;
+  fixture.scene.materials[0].friction = 0.0;
   auto one = sphere(1.0, {10, 15, 20}), two = sphere(1.0, {16, 15 + m.offset, 20});
   one.velocity = {5, 0, 0};
   one.mass = 2.0;
   two.mass = 2.0 * m.mass_ratio;
-  const auto a = bench.add(one), b = bench.add(two);
-  bench.run(1.5);
-  return {bench.world().state(a).velocity, bench.world().state(b).velocity};
+  const auto a = fixture.add(one), b = fixture.add(two);
+  fixture.run(1.5);
+  return {fixture.world().state(a).velocity, fixture.world().state(b).velocity};
 }
 
 // The impulse acts along the line of centres at the moment of contact.
-Outcome closed_form(const Meeting& m) {
+FinalVelocities solve_closed_form(const CollisionCase& m) {
   const double sine = m.offset / 2.0;
   const Eigen::Vector3d normal(std::sqrt(1 - sine * sine), sine, 0);
   const double approach = 5 * normal.x();
-  const double gained = (1 + m.restitution) * approach / (1 + m.mass_ratio);
-  return {Eigen::Vector3d(5, 0, 0) - m.mass_ratio * gained * normal, gained * normal};
+  const double gained_speed = (1 + m.restitution) * approach / (1 + m.mass_ratio);
+  return {Eigen::Vector3d(5, 0, 0) - m.mass_ratio * gained_speed * normal, gained_speed * normal};
 }
 
-void expect_closed_form(const Meeting& m) {
-  const Outcome is = meet(m), should = closed_form(m);
+void expect_closed_form(const CollisionCase& m) {
+  const FinalVelocities actual = simulate(m), predicted = solve_closed_form(m);
   const auto name = testing::Message()
                     << "e " << m.restitution << ", masses 1:" << m.mass_ratio << ", offset " << m.offset;
-  EXPECT_LT((is.first - should.first).norm(), 0.05) << name << ": " << is.first.transpose();
-  EXPECT_LT((is.second - should.second).norm(), 0.05) << name << ": " << is.second.transpose();
-  const Eigen::Vector3d momentum = is.first + m.mass_ratio * is.second;
+  EXPECT_LT((actual.first - predicted.first).norm(), 0.05) << name << ": " << actual.first.transpose();
+  EXPECT_LT((actual.second - predicted.second).norm(), 0.05) << name << ": " << actual.second.transpose();
+  const Eigen::Vector3d momentum = actual.first + m.mass_ratio * actual.second;
   EXPECT_LT((momentum - Eigen::Vector3d(5, 0, 0)).norm(), 1e-4) << name;
-  const double energy = is.first.squaredNorm() + m.mass_ratio * is.second.squaredNorm();
-  const double expected = should.first.squaredNorm() + m.mass_ratio * should.second.squaredNorm();
+  const double energy = actual.first.squaredNorm() + m.mass_ratio * actual.second.squaredNorm();
+  const double expected = predicted.first.squaredNorm() + m.mass_ratio * predicted.second.squaredNorm();
   EXPECT_NEAR(energy, expected, 0.01 * 25) << name;
 }
 
 }  // namespace
 
 TEST(Collision, EqualMassesHeadOnExchangeTheirVelocities) {
-  const Outcome is = meet({});
-  EXPECT_LT(is.first.norm(), 1e-3);
-  EXPECT_LT((is.second - Eigen::Vector3d(5, 0, 0)).norm(), 1e-3);
+  const FinalVelocities actual = simulate({});
+  EXPECT_LT(actual.first.norm(), 1e-3);
+  EXPECT_LT((actual.second - Eigen::Vector3d(5, 0, 0)).norm(), 1e-3);
 }
 
 TEST(Collision, UnequalMassesHeadOn) {
@@ -76,46 +76,46 @@ TEST(Collision, ObliqueBlowsActAlongTheLineOfCentres) {
 }
 
 TEST(Collision, EqualMassesPartAtARightAngle) {
-  const Outcome is = meet({1.0, 1.0, 1.0});
-  EXPECT_NEAR(is.first.normalized().dot(is.second.normalized()), 0.0, 0.02);
+  const FinalVelocities actual = simulate({1.0, 1.0, 1.0});
+  EXPECT_NEAR(actual.first.normalized().dot(actual.second.normalized()), 0.0, 0.02);
 }
 
 TEST(Collision, ABlowPassesThroughARow) {
   // Newton's cradle, with gaps: the last one leaves at the first one's speed.
-  PhysicsBench bench;
-  bench.scene.world.gravity = {0, 0, 0};
-  bench.scene.materials[0].restitution = 1.0;
+  PhysicsFixture fixture;
+  fixture.scene.world.gravity = {0, 0, 0};
+  fixture.scene.materials[0].restitution = 1.0;
   std::vector<smartsurf::scene::ObjectId> row;
   for (int i = 0; i < 5; ++i) {
     auto o = sphere(1.0, {5 + 2.2 * i, 15, 20});
     if (i == 0) o.velocity = {4, 0, 0};
-    row.push_back(bench.add(o));
+    row.push_back(fixture.add(o));
   }
-  bench.run(1.0);
-  for (const auto id : row) EXPECT_NEAR(bench.velocity(id).x(), id == row.back() ? 4.0 : 0.0, 0.02) << id;
+  fixture.run(1.0);
+  for (const auto id : row) EXPECT_NEAR(fixture.velocity(id).x(), id == row.back() ? 4.0 : 0.0, 0.02) << id;
 }
 
 TEST(Collision, OfARockingSphereWithTheEdgesOfAGroove) {
   // It swings about one edge until it meets the other; what the blow leaves of its spin follows from the
   // momentum about the edge that is hit.
   for (const double radius : {1.2, 1.8}) {
-    PhysicsBench bench;
-    bench.scene.world.dt_s = 1.0 / 960;
-    bench.scene.materials[0].friction = 1.5;
+    PhysicsFixture fixture;
+    fixture.scene.world.dt_s = 1.0 / 960;
+    fixture.scene.materials[0].friction = 1.5;
     for (int r = 0; r < 32; ++r)
-      for (int c = 0; c < 32; ++c) bench.cells().set_target(0, r, c, c == 15 ? 0.0F : 2.0F);
-    bench.run(1.0);
+      for (int c = 0; c < 32; ++c) fixture.cells().set_target(0, r, c, c == 15 ? 0.0F : 2.0F);
+    fixture.run(1.0);
     const double half = 0.6, lean = std::asin(half / radius), begin = -0.3 * lean;
     const double level = 2 + radius * std::cos(lean);
     const double left = std::pow((0.4 + std::cos(2 * lean)) / 1.4, 2);
-    const auto id =
-        bench.add(sphere(radius, {15 + half + radius * std::sin(begin), 15.3, 2 + radius * std::cos(begin)}));
-    double last = bench.position(id).z() - level, height = 0;
+    const auto id = fixture.add(
+        sphere(radius, {15 + half + radius * std::sin(begin), 15.3, 2 + radius * std::cos(begin)}));
+    double last = fixture.position(id).z() - level, height = 0;
     int blows = 0;
-    bench.run(4.0, [&] {
-      const double above = bench.position(id).z() - level;
-      if (bench.velocity(id).z() > 0) height = std::max(height, above);
-      if (bench.velocity(id).z() > 0 || height == 0) return;
+    fixture.run(4.0, [&] {
+      const double above = fixture.position(id).z() - level;
+      if (fixture.velocity(id).z() > 0) height = std::max(height, above);
+      if (fixture.velocity(id).z() > 0 || height == 0) return;
       if (++blows <= 2) {
         EXPECT_NEAR(height / last, left, 0.03 * left) << "radius " << radius << ", blow " << blows;
       }

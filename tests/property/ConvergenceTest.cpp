@@ -3,9 +3,9 @@
 
 #include <cmath>
 
-#include "tests/property/PhysicsBench.h"
+#include "tests/property/PhysicsFixture.h"
 
-using namespace physics_bench;
+using namespace physics_fixture;
 
 namespace {
 
@@ -29,16 +29,16 @@ void expect_convergence(const std::function<double(double, int)>& error, double 
 TEST(Convergence, TheHeightOfABounce) {
   for (const double e : {0.2, 0.6, 0.9}) {
     auto error = [e](double dt_s, int i) {
-      PhysicsBench bench;
-      bench.scene.world.dt_s = dt_s;
-      bench.scene.materials[0].restitution = e;
+      PhysicsFixture fixture;
+      fixture.scene.world.dt_s = dt_s;
+      fixture.scene.materials[0].restitution = e;
       const double drop = 3.0 + 0.17 * i;
-      const auto id = bench.add(sphere(1.0, {15.3, 15.2, 1.0 + drop}));
+      const auto id = fixture.add(sphere(1.0, {15.3, 15.2, 1.0 + drop}));
       double apex = 0;
       bool rises = false;
-      bench.run(1.0 + e, [&] {
-        rises |= bench.velocity(id).z() > 0;
-        if (rises) apex = std::max(apex, static_cast<double>(bench.position(id).z()) - 1.0);
+      fixture.run(1.0 + e, [&] {
+        rises |= fixture.velocity(id).z() > 0;
+        if (rises) apex = std::max(apex, static_cast<double>(fixture.position(id).z()) - 1.0);
       });
       return apex / drop - e * e;
     };
@@ -49,14 +49,14 @@ TEST(Convergence, TheHeightOfABounce) {
 
 TEST(Convergence, TheWayOfASlidingBox) {
   auto error = [](double dt_s, int i) {
-    PhysicsBench bench;
-    bench.scene.world.dt_s = dt_s;
+    PhysicsFixture fixture;
+    fixture.scene.world.dt_s = dt_s;
     const double speed = 5.0 + 0.3 * i;
     auto object = box({3, 3, 1}, {6, 15.3, 0.5});
     object.velocity = {speed, 0, 0};
-    const auto id = bench.add(object);
-    bench.run(2.0);
-    return (static_cast<double>(bench.position(id).x()) - 6) / (speed * speed / (2 * 0.5 * kGravity)) - 1;
+    const auto id = fixture.add(object);
+    fixture.run(2.0);
+    return (static_cast<double>(fixture.position(id).x()) - 6) / (speed * speed / (2 * 0.5 * kGravity)) - 1;
   };
   expect_convergence(error, 0.2);
   EXPECT_LT(mean_error(1.0 / 960, error), 0.002);
@@ -64,14 +64,14 @@ TEST(Convergence, TheWayOfASlidingBox) {
 
 TEST(Convergence, TheWayOfARollingSphere) {
   auto error = [](double dt_s, int i) {
-    PhysicsBench bench;
-    bench.scene.world.dt_s = dt_s;
+    PhysicsFixture fixture;
+    fixture.scene.world.dt_s = dt_s;
     const double angle = 0.1 + 0.02 * i;
-    bench.scene.world.gravity = {kGravity * std::sin(angle), 0, -kGravity * std::cos(angle)};
-    const auto id = bench.add(sphere(1.5, {3, 15.3, 1.5}));
-    bench.run(2.0);
-    const double way = 0.5 * 5.0 / 7.0 * kGravity * std::sin(angle) * 4.0;
-    return (static_cast<double>(bench.position(id).x()) - 3) / way - 1;
+    fixture.scene.world.gravity = {kGravity * std::sin(angle), 0, -kGravity * std::cos(angle)};
+    const auto id = fixture.add(sphere(1.5, {3, 15.3, 1.5}));
+    fixture.run(2.0);
+    const double travel = 0.5 * 5.0 / 7.0 * kGravity * std::sin(angle) * 4.0;
+    return (static_cast<double>(fixture.position(id).x()) - 3) / travel - 1;
   };
   expect_convergence(error, 0.2);
   EXPECT_LT(mean_error(1.0 / 960, error), 0.002);
@@ -80,16 +80,16 @@ TEST(Convergence, TheWayOfARollingSphere) {
 TEST(Convergence, TheHeightOfAThrow) {
   for (const bool angular : {false, true}) {
     auto error = [angular](double dt_s, int i) {
-      PhysicsBench bench;
-      bench.scene.world.dt_s = dt_s;
+      PhysicsFixture fixture;
+      fixture.scene.world.dt_s = dt_s;
       const double speed = 4.0 + 0.7 * i;
-      bench.scene.surface.pin.max_speed = speed;
-      bench.scene.surface.pin.max_acceleration = 1e5;
-      const auto id = bench.add(angular ? box({2, 2, 2}, {15.3, 15.2, 1}) : sphere(1, {15.3, 15.2, 1}));
-      bench.run(0.1);
-      bench.cells().set_targets(0, std::vector<float>(bench.cells().field().height.size(), 3.0F));
+      fixture.scene.surface.pin.max_speed = speed;
+      fixture.scene.surface.pin.max_acceleration = 1e5;
+      const auto id = fixture.add(angular ? box({2, 2, 2}, {15.3, 15.2, 1}) : sphere(1, {15.3, 15.2, 1}));
+      fixture.run(0.1);
+      fixture.cells().set_targets(0, std::vector<float>(fixture.cells().field().height.size(), 3.0F));
       double apex = 0;
-      bench.run(1.9, [&] { apex = std::max(apex, static_cast<double>(bench.position(id).z()) - 4.0); });
+      fixture.run(1.9, [&] { apex = std::max(apex, static_cast<double>(fixture.position(id).z()) - 4.0); });
       return apex / (speed * speed / (2 * kGravity)) - 1;
     };
     expect_convergence(error, 0.3);

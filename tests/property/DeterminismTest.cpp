@@ -2,27 +2,27 @@
 
 #include <cmath>
 
-#include "tests/property/PhysicsBench.h"
+#include "tests/property/PhysicsFixture.h"
 
-using namespace physics_bench;
+using namespace physics_fixture;
 
 namespace {
 std::uint64_t hash_after(double seconds, double nudge = 0.0, int threads = 1) {
-  PhysicsBench bench;
-  bench.threads = threads;
+  PhysicsFixture fixture;
+  fixture.threads = threads;
   for (int i = 0; i < 40; ++i) {
     const Eigen::Vector3d at(4.0 + (i % 6) * 4.5 + nudge, 4.0 + (i / 6 % 6) * 4.5, 4.0 + i / 36 * 4.0);
-    if (i % 3 == 0) bench.add(sphere(1.0 + 0.1 * (i % 5), at));
-    if (i % 3 == 1) bench.add(box({2, 1.5, 1.2}, at));
-    if (i % 3 == 2) bench.add(cylinder(0.8, 2, at));
+    if (i % 3 == 0) fixture.add(sphere(1.0 + 0.1 * (i % 5), at));
+    if (i % 3 == 1) fixture.add(box({2, 1.5, 1.2}, at));
+    if (i % 3 == 2) fixture.add(cylinder(0.8, 2, at));
   }
   int step = 0;
-  bench.run(seconds, [&] {
+  fixture.run(seconds, [&] {
     if (++step % 16 == 0)
       for (int c = 0; c < 32; ++c)
-        bench.cells().set_target(0, step / 16 % 32, c, static_cast<float>((c + step) % 3));
+        fixture.cells().set_target(0, step / 16 % 32, c, static_cast<float>((c + step) % 3));
   });
-  return bench.look().state_hash;
+  return fixture.snapshot().state_hash;
 }
 }  // namespace
 
@@ -32,31 +32,31 @@ TEST(Determinism, TheHashSeesTheSmallestDifference) { EXPECT_NE(hash_after(1.0),
 
 // Enough objects that the work is shared, of every kind.
 namespace {
-std::uint64_t crowd_hash(int threads) {
-  PhysicsBench bench;
-  bench.threads = threads;
-  bench.scene.world.dt_s = 1.0 / 60;
-  bench.scene.surface.rows = bench.scene.surface.columns = 48;
-  bench.scene.surface.border_height = 6.0;
-  bench.scene.surface.pin.max_speed = 4.0;
+std::uint64_t hash_of_crowd(int threads) {
+  PhysicsFixture fixture;
+  fixture.threads = threads;
+  fixture.scene.world.dt_s = 1.0 / 60;
+  fixture.scene.surface.rows = fixture.scene.surface.columns = 48;
+  fixture.scene.surface.border_height = 6.0;
+  fixture.scene.surface.pin.max_speed = 4.0;
   for (int i = 0; i < 700; ++i) {
     const Eigen::Vector3d at(3.0 + (i % 15) * 3.0, 3.0 + (i / 15 % 15) * 3.0, 4.0 + i / 225 * 3.0);
-    if (i % 4 != 1) bench.add(sphere(0.8 + 0.1 * (i % 7), at));
-    if (i % 8 == 1) bench.add(box({2, 1.5, 1.2}, at));
-    if (i % 8 == 5) bench.add(cylinder(0.8, 2, at));
+    if (i % 4 != 1) fixture.add(sphere(0.8 + 0.1 * (i % 7), at));
+    if (i % 8 == 1) fixture.add(box({2, 1.5, 1.2}, at));
+    if (i % 8 == 5) fixture.add(cylinder(0.8, 2, at));
   }
   int step = 0;
-  bench.run(2.0, [&] {
+  fixture.run(2.0, [&] {
     ++step;
     for (int r = 0; r < 48; ++r)
       for (int c = 0; c < 48; ++c)
-        bench.cells().set_target(0, r, c, static_cast<float>(1.0 + std::sin(0.4 * c + 0.05 * step)));
+        fixture.cells().set_target(0, r, c, static_cast<float>(1.0 + std::sin(0.4 * c + 0.05 * step)));
   });
-  return bench.look().state_hash;
+  return fixture.snapshot().state_hash;
 }
 }  // namespace
 
 TEST(Determinism, AnyNumberOfThreadsGivesTheSameBits) {
-  const std::uint64_t alone = crowd_hash(1);
-  for (const int threads : {2, 3, 8}) EXPECT_EQ(crowd_hash(threads), alone) << threads;
+  const std::uint64_t single_threaded = hash_of_crowd(1);
+  for (const int threads : {2, 3, 8}) EXPECT_EQ(hash_of_crowd(threads), single_threaded) << threads;
 }

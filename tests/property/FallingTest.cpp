@@ -1,26 +1,26 @@
 #include <gtest/gtest.h>
 
-#include "tests/property/PhysicsBench.h"
+#include "tests/property/PhysicsFixture.h"
 
-using namespace physics_bench;
+using namespace physics_fixture;
 
 TEST(FreeFall, FollowsTheParabola) {
-  PhysicsBench bench;
-  const auto id = bench.add(sphere(1.0, {15, 15, 100}));
-  bench.run(2.0);
+  PhysicsFixture fixture;
+  const auto id = fixture.add(sphere(1.0, {15, 15, 100}));
+  fixture.run(2.0);
   // Semi-implicit Euler in five substeps a step falls g·h·t/2 further than the parabola, exactly.
-  const double g = 9.81, t = 2.0, h = bench.scene.world.dt_s / 5;
-  EXPECT_NEAR(bench.position(id).z(), 100 - 0.5 * g * t * t - 0.5 * g * h * t, 2e-3);
-  EXPECT_NEAR(bench.velocity(id).z(), -g * t, 1e-3);
+  const double g = 9.81, t = 2.0, h = fixture.scene.world.dt_s / 5;
+  EXPECT_NEAR(fixture.position(id).z(), 100 - 0.5 * g * t * t - 0.5 * g * h * t, 2e-3);
+  EXPECT_NEAR(fixture.velocity(id).z(), -g * t, 1e-3);
 }
 
 TEST(FreeFall, ErrorShrinksInProportionToTheStep) {
   auto error_with = [](double dt) {
-    PhysicsBench bench;
-    bench.scene.world.dt_s = dt;
-    const auto id = bench.add(box({1, 1, 1}, {15, 15, 100}));
-    bench.run(2.0);
-    return std::abs(bench.position(id).z() - (100 - 0.5 * 9.81 * 4.0));
+    PhysicsFixture fixture;
+    fixture.scene.world.dt_s = dt;
+    const auto id = fixture.add(box({1, 1, 1}, {15, 15, 100}));
+    fixture.run(2.0);
+    return std::abs(fixture.position(id).z() - (100 - 0.5 * 9.81 * 4.0));
   };
   const double coarse = error_with(1.0 / 120), fine = error_with(1.0 / 480);
   EXPECT_NEAR(coarse / fine, 4.0, 0.3);
@@ -30,16 +30,16 @@ class Bounce : public testing::TestWithParam<double> {};
 
 TEST_P(Bounce, ReboundsToRestitutionSquaredOfTheHeight) {
   const double e = GetParam();
-  PhysicsBench bench;
-  bench.scene.materials[0].restitution = e;
+  PhysicsFixture fixture;
+  fixture.scene.materials[0].restitution = e;
   const double radius = 1.0, drop = 5.0;
-  const auto id = bench.add(sphere(radius, {15.3, 15.2, radius + drop}));
+  const auto id = fixture.add(sphere(radius, {15.3, 15.2, radius + drop}));
   double apex = 0, lowest = 1e9;
   bool hit = false;
-  bench.run(2.2, [&] {
-    const double z = bench.position(id).z() - radius;
+  fixture.run(2.2, [&] {
+    const double z = fixture.position(id).z() - radius;
     lowest = std::min(lowest, z);
-    hit |= bench.velocity(id).z() > 0;
+    hit |= fixture.velocity(id).z() > 0;
     if (hit) apex = std::max(apex, z);
   });
   EXPECT_NEAR(apex, e * e * drop, 0.045 * drop);
@@ -48,34 +48,34 @@ TEST_P(Bounce, ReboundsToRestitutionSquaredOfTheHeight) {
 INSTANTIATE_TEST_SUITE_P(Restitutions, Bounce, testing::Values(0.3, 0.5, 0.8, 1.0));
 
 TEST(Bounce, DeadMaterialStaysDown) {
-  PhysicsBench bench;
-  const auto id = bench.add(sphere(1.5, {15.3, 15.2, 8}));
-  bench.run(3.0);
-  EXPECT_NEAR(bench.position(id).z(), 1.5, 0.01);
-  EXPECT_LT(bench.velocity(id).norm(), 0.01);
+  PhysicsFixture fixture;
+  const auto id = fixture.add(sphere(1.5, {15.3, 15.2, 8}));
+  fixture.run(3.0);
+  EXPECT_NEAR(fixture.position(id).z(), 1.5, 0.01);
+  EXPECT_LT(fixture.velocity(id).norm(), 0.01);
 }
 
 TEST(Falling, NothingTunnelsThroughThePins) {
   for (const double speed : {20.0, 100.0, 300.0})
     for (const double radius : {0.2, 0.5, 2.0}) {
-      PhysicsBench bench;
+      PhysicsFixture fixture;
       auto object = sphere(radius, {15.1, 14.8, 20});
       object.velocity = {0, 0, -speed};
-      const auto id = bench.add(object);
+      const auto id = fixture.add(object);
       double lowest = 1e9;
-      bench.run(3.0, [&] { lowest = std::min(lowest, static_cast<double>(bench.position(id).z())); });
-      EXPECT_NEAR(bench.position(id).z(), radius, 0.02) << speed << " u/s, radius " << radius;
+      fixture.run(3.0, [&] { lowest = std::min(lowest, static_cast<double>(fixture.position(id).z())); });
+      EXPECT_NEAR(fixture.position(id).z(), radius, 0.02) << speed << " u/s, radius " << radius;
       EXPECT_GT(lowest, 0.5 * radius) << speed << " u/s, radius " << radius;
     }
 }
 
 TEST(Stacking, FiveBoxesStand) {
-  PhysicsBench bench;
+  PhysicsFixture fixture;
   std::vector<smartsurf::scene::ObjectId> stack;
-  for (int i = 0; i < 5; ++i) stack.push_back(bench.add(box({2, 2, 2}, {15.0, 15.0, 1.0 + 2.0 * i})));
-  bench.run(6.0);
+  for (int i = 0; i < 5; ++i) stack.push_back(fixture.add(box({2, 2, 2}, {15.0, 15.0, 1.0 + 2.0 * i})));
+  fixture.run(6.0);
   for (int i = 0; i < 5; ++i) {
-    const auto p = bench.position(stack[static_cast<std::size_t>(i)]);
+    const auto p = fixture.position(stack[static_cast<std::size_t>(i)]);
     EXPECT_NEAR(p.z(), 1.0 + 2.0 * i, 0.03);
     EXPECT_NEAR(p.x(), 15.0, 0.05);
     EXPECT_NEAR(p.y(), 15.0, 0.05);

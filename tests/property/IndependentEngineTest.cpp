@@ -4,7 +4,7 @@
 // allows.
 #include <gtest/gtest.h>
 
-#include "tests/property/PhysicsBench.h"
+#include "tests/property/PhysicsFixture.h"
 
 #ifdef PEER_MUJOCO
 
@@ -12,13 +12,13 @@
 
 #include "tests/peers/Mujoco.h"
 
-using namespace physics_bench;
+using namespace physics_fixture;
 using namespace smartsurf;
 
 namespace {
 
 constexpr int kCells = 8;
-constexpr double kTheirStep = 2e-4;
+constexpr double kMujocoStep = 2e-4;
 
 using Heights = std::function<double(int x, int y)>;
 
@@ -28,11 +28,11 @@ struct Comparison {
   double friction = 0.4;
 };
 
-struct Motion {
+struct FinalState {
   Eigen::Vector3d position, velocity, angular_velocity;
 };
 
-std::string described(const scene::ObjectSpec& o) {
+std::string to_mjcf(const scene::ObjectSpec& o) {
   const std::string geom = o.shape == scene::ShapeKind::kSphere
                                ? fmt::format("<geom type='sphere' size='{}' density='1'/>", o.radius)
                                : fmt::format("<geom type='box' size='{} {} {}' density='1'/>", o.size.x() / 2,
@@ -42,29 +42,29 @@ std::string described(const scene::ObjectSpec& o) {
                      o.position.y(), o.position.z(), q.w(), q.x(), q.y(), q.z(), geom);
 }
 
-std::string described(const Comparison& c) {
+std::string to_mjcf(const Comparison& c) {
   std::string out = fmt::format(
       "<mujoco><option timestep='{}' gravity='0 0 -9.81' cone='elliptic' impratio='10' solver='Newton'/>"
       "<default><geom friction='{} 0 0' condim='3' solref='0.001 1' solimp='0.99 0.999 0.001'/></default>"
       "<worldbody>",
-      kTheirStep, c.friction);
+      kMujocoStep, c.friction);
   for (int y = 0; y < kCells; ++y)
     for (int x = 0; x < kCells; ++x)
       out += fmt::format("<geom type='box' size='.5 .5 5' pos='{} {} {}'/>", x, y, c.height(x, y) - 5);
-  for (const auto& o : c.objects) out += described(o);
+  for (const auto& o : c.objects) out += to_mjcf(o);
   return out + "</worldbody></mujoco>";
 }
 
-std::vector<Motion> in_mujoco(const Comparison& c, double seconds) {
-  peers::Mujoco peer(described(c));
+std::vector<FinalState> simulate_mujoco(const Comparison& c, double seconds) {
+  peers::Mujoco peer(to_mjcf(c));
   for (std::size_t i = 0; i < c.objects.size(); ++i) {
     mjtNum* v = peer.velocity(static_cast<int>(i) + 1);
     for (int a = 0; a < 3; ++a) v[a] = c.objects[i].velocity[a];
     const Eigen::Vector3d spin = c.objects[i].orientation.conjugate() * c.objects[i].angular_velocity;
     for (int a = 0; a < 3; ++a) v[3 + a] = spin[a];
   }
-  for (long i = 0; i < std::lround(seconds / kTheirStep); ++i) peer.step();
-  std::vector<Motion> out;
+  for (long i = 0; i < std::lround(seconds / kMujocoStep); ++i) peer.step();
+  std::vector<FinalState> out;
   for (int i = 1; i <= static_cast<int>(c.objects.size()); ++i) {
     const mjtNum* v = peer.velocity(i);
     const mjtNum* q = peer.data().xquat + 4 * i;
@@ -74,39 +74,39 @@ std::vector<Motion> in_mujoco(const Comparison& c, double seconds) {
   return out;
 }
 
-std::vector<Motion> in_ours(const Comparison& c, double seconds) {
-  PhysicsBench bench;
-  bench.scene.surface.rows = bench.scene.surface.columns = kCells;
-  bench.scene.surface.pin.top_x = bench.scene.surface.pin.top_y = 1.0;
-  bench.scene.materials[0].friction = c.friction;
+std::vector<FinalState> simulate_smartsurf(const Comparison& c, double seconds) {
+  PhysicsFixture fixture;
+  fixture.scene.surface.rows = fixture.scene.surface.columns = kCells;
+  fixture.scene.surface.pin.top_x = fixture.scene.surface.pin.top_y = 1.0;
+  fixture.scene.materials[0].friction = c.friction;
   for (int r = 0; r < kCells; ++r)
     for (int x = 0; x < kCells; ++x)
-      bench.cells().set_target(0, r, x, static_cast<float>(c.height(x, kCells - 1 - r)));
-  bench.run(1.0);
+      fixture.cells().set_target(0, r, x, static_cast<float>(c.height(x, kCells - 1 - r)));
+  fixture.run(1.0);
   std::vector<scene::ObjectId> ids;
-  for (const auto& o : c.objects) ids.push_back(bench.add(o));
-  bench.run(seconds);
-  std::vector<Motion> out;
+  for (const auto& o : c.objects) ids.push_back(fixture.add(o));
+  fixture.run(seconds);
+  std::vector<FinalState> out;
   for (const auto id : ids) {
-    const auto s = bench.world().state(id);
+    const auto s = fixture.world().state(id);
     out.push_back({s.position, s.velocity, s.angular_velocity});
   }
   return out;
 }
 
-struct Bounds {
+struct Tolerances {
   double position, velocity, angular_velocity;
 };
 
-void expect_agreement(const Comparison& c, double seconds, const Bounds& bounds) {
-  const auto theirs = in_mujoco(c, seconds), ours = in_ours(c, seconds);
+void expect_agreement(const Comparison& c, double seconds, const Tolerances& tolerances) {
+  const auto theirs = simulate_mujoco(c, seconds), ours = simulate_smartsurf(c, seconds);
   for (std::size_t i = 0; i < ours.size(); ++i) {
-    const Motion &a = ours[i], &b = theirs[i];
-    EXPECT_LT((a.position - b.position).norm(), bounds.position)
+    const FinalState &a = ours[i], &b = theirs[i];
+    EXPECT_LT((a.position - b.position).norm(), tolerances.position)
         << i << ": " << a.position.transpose() << " | " << b.position.transpose();
-    EXPECT_LT((a.velocity - b.velocity).norm(), bounds.velocity)
+    EXPECT_LT((a.velocity - b.velocity).norm(), tolerances.velocity)
         << i << ": " << a.velocity.transpose() << " | " << b.velocity.transpose();
-    EXPECT_LT((a.angular_velocity - b.angular_velocity).norm(), bounds.angular_velocity)
+    EXPECT_LT((a.angular_velocity - b.angular_velocity).norm(), tolerances.angular_velocity)
         << i << ": " << a.angular_velocity.transpose() << " | " << b.angular_velocity.transpose();
   }
 }

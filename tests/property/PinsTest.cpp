@@ -1,47 +1,47 @@
 #include <gtest/gtest.h>
 
-#include "tests/property/PhysicsBench.h"
+#include "tests/property/PhysicsFixture.h"
 
-using namespace physics_bench;
+using namespace physics_fixture;
 
 namespace {
-void raise(PhysicsBench& bench, float height) {
-  std::vector<float> targets(bench.cells().field().height.size(), height);
-  bench.cells().set_targets(0, targets);
+void raise_pins(PhysicsFixture& fixture, float height) {
+  std::vector<float> targets(fixture.cells().field().height.size(), height);
+  fixture.cells().set_targets(0, targets);
 }
 }  // namespace
 
 TEST(Pins, SphereRidesUpAndDown) {
-  PhysicsBench bench;
-  bench.scene.surface.pin.max_speed = 2;
-  bench.scene.surface.pin.max_acceleration = 4;  // below g: the sphere never leaves the pins
-  const auto id = bench.add(sphere(1.5, {15.3, 15.2, 1.5}));
-  bench.run(0.5);
-  double deepest = 0;
-  auto watch = [&] {
-    const double top = bench.cells().field().height[0];
-    deepest = std::max(deepest, top + 1.5 - static_cast<double>(bench.position(id).z()));
+  PhysicsFixture fixture;
+  fixture.scene.surface.pin.max_speed = 2;
+  fixture.scene.surface.pin.max_acceleration = 4;  // below g: the sphere never leaves the pins
+  const auto id = fixture.add(sphere(1.5, {15.3, 15.2, 1.5}));
+  fixture.run(0.5);
+  double max_penetration = 0;
+  auto track_penetration = [&] {
+    const double top = fixture.cells().field().height[0];
+    max_penetration = std::max(max_penetration, top + 1.5 - static_cast<double>(fixture.position(id).z()));
   };
-  raise(bench, 4);
-  bench.run(4.0, watch);
-  EXPECT_NEAR(bench.position(id).z(), 5.5, 0.01);
-  raise(bench, 1);
-  bench.run(4.0, watch);
-  EXPECT_NEAR(bench.position(id).z(), 2.5, 0.01);
-  EXPECT_LT(deepest, 0.03) << "the sphere sinks into moving pins";
-  EXPECT_NEAR(bench.position(id).x(), 15.3, 0.05);
+  raise_pins(fixture, 4);
+  fixture.run(4.0, track_penetration);
+  EXPECT_NEAR(fixture.position(id).z(), 5.5, 0.01);
+  raise_pins(fixture, 1);
+  fixture.run(4.0, track_penetration);
+  EXPECT_NEAR(fixture.position(id).z(), 2.5, 0.01);
+  EXPECT_LT(max_penetration, 0.03) << "the sphere sinks into moving pins";
+  EXPECT_NEAR(fixture.position(id).x(), 15.3, 0.05);
 }
 
 TEST(Pins, ThrowAtTheirSpeed) {
   // Pins that stop abruptly let go of the sphere at the speed they had: it flies v²/2g higher.
-  PhysicsBench bench;
-  bench.scene.surface.pin.max_speed = 10;
-  bench.scene.surface.pin.max_acceleration = 1e4;
-  const auto id = bench.add(sphere(1.0, {15.3, 15.2, 1.0}));
-  bench.run(0.5);
-  raise(bench, 6);
+  PhysicsFixture fixture;
+  fixture.scene.surface.pin.max_speed = 10;
+  fixture.scene.surface.pin.max_acceleration = 1e4;
+  const auto id = fixture.add(sphere(1.0, {15.3, 15.2, 1.0}));
+  fixture.run(0.5);
+  raise_pins(fixture, 6);
   double apex = 0;
-  bench.run(2.0, [&] { apex = std::max(apex, static_cast<double>(bench.position(id).z())); });
+  fixture.run(2.0, [&] { apex = std::max(apex, static_cast<double>(fixture.position(id).z())); });
   EXPECT_NEAR(apex, 7 + 100 / (2 * 9.81), 0.15);
 }
 
@@ -99,56 +99,56 @@ TEST(Pins, ReversingMidwayNeverBreaksTheLimits) {
 }
 
 TEST(Pins, SphereInAPocketIsHeldFromAllSides) {
-  PhysicsBench bench;
-  auto& cells = bench.cells();
+  PhysicsFixture fixture;
+  auto& cells = fixture.cells();
   for (int r = 0; r < 32; ++r)
     for (int c = 0; c < 32; ++c) {
       const double dx = c - 15, dy = (31 - r) - 15;
       cells.set_target(0, r, c, dx * dx + dy * dy <= 4.1 ? 0.0F : 4.0F);
     }
-  bench.run(1.0);
-  const auto id = bench.add(sphere(2.0, {15.2, 14.9, 7}));
-  bench.run(4.0);
-  EXPECT_NEAR(bench.position(id).x(), 15, 0.5);
-  EXPECT_NEAR(bench.position(id).y(), 15, 0.5);
-  EXPECT_GT(bench.position(id).z(), 1.9);
-  EXPECT_LT(bench.velocity(id).norm(), 0.02);
+  fixture.run(1.0);
+  const auto id = fixture.add(sphere(2.0, {15.2, 14.9, 7}));
+  fixture.run(4.0);
+  EXPECT_NEAR(fixture.position(id).x(), 15, 0.5);
+  EXPECT_NEAR(fixture.position(id).y(), 15, 0.5);
+  EXPECT_GT(fixture.position(id).z(), 1.9);
+  EXPECT_LT(fixture.velocity(id).norm(), 0.02);
 }
 
 TEST(Pins, ARaisedRowStopsARollingSphere) {
-  PhysicsBench bench;
-  for (int r = 0; r < 32; ++r) bench.cells().set_target(0, r, 20, 4.0F);
-  bench.run(1.0);
+  PhysicsFixture fixture;
+  for (int r = 0; r < 32; ++r) fixture.cells().set_target(0, r, 20, 4.0F);
+  fixture.run(1.0);
   auto object = sphere(1.5, {8, 15.3, 1.5});
   object.velocity = {8, 0, 0};
   object.angular_velocity = {0, 8 / 1.5, 0};
-  const auto id = bench.add(object);
+  const auto id = fixture.add(object);
   float farthest = 0;
-  bench.run(3.0, [&] { farthest = std::max(farthest, bench.position(id).x()); });
+  fixture.run(3.0, [&] { farthest = std::max(farthest, fixture.position(id).x()); });
   EXPECT_NEAR(farthest, 20 - 0.4 - 1.5, 0.03);
 }
 
 TEST(Pins, BoxLiesOnOneRaisedPatch) {
-  PhysicsBench bench;
+  PhysicsFixture fixture;
   for (int r = 14; r <= 16; ++r)
-    for (int c = 14; c <= 16; ++c) bench.cells().set_target(0, r, c, 2.0F);
-  bench.run(1.0);
-  const auto id = bench.add(box({5, 5, 1}, {15, 16, 2.6}));
-  bench.run(3.0);
-  EXPECT_NEAR(bench.position(id).z(), 2.5, 0.02);
-  EXPECT_LT(bench.velocity(id).norm(), 0.01);
-  EXPECT_LT(bench.angular_velocity(id).norm(), 0.01);
+    for (int c = 14; c <= 16; ++c) fixture.cells().set_target(0, r, c, 2.0F);
+  fixture.run(1.0);
+  const auto id = fixture.add(box({5, 5, 1}, {15, 16, 2.6}));
+  fixture.run(3.0);
+  EXPECT_NEAR(fixture.position(id).z(), 2.5, 0.02);
+  EXPECT_LT(fixture.velocity(id).norm(), 0.01);
+  EXPECT_LT(fixture.angular_velocity(id).norm(), 0.01);
 }
 
 TEST(Pins, CylinderStandsAndLies) {
-  PhysicsBench bench;
-  const auto standing = bench.add(cylinder(1.5, 3, {8, 15.3, 1.6}));
+  PhysicsFixture fixture;
+  const auto standing = fixture.add(cylinder(1.5, 3, {8, 15.3, 1.6}));
   auto lying_spec = cylinder(1.0, 4, {20, 15.3, 1.1});
   lying_spec.orientation = Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitY());
-  const auto lying = bench.add(lying_spec);
-  bench.run(4.0);
-  EXPECT_NEAR(bench.position(standing).z(), 1.5, 0.02);
-  EXPECT_NEAR(bench.position(lying).z(), 1.0, 0.02);
-  EXPECT_LT(bench.velocity(standing).norm(), 0.02);
-  EXPECT_LT(bench.velocity(lying).norm(), 0.02);
+  const auto lying = fixture.add(lying_spec);
+  fixture.run(4.0);
+  EXPECT_NEAR(fixture.position(standing).z(), 1.5, 0.02);
+  EXPECT_NEAR(fixture.position(lying).z(), 1.0, 0.02);
+  EXPECT_LT(fixture.velocity(standing).norm(), 0.02);
+  EXPECT_LT(fixture.velocity(lying).norm(), 0.02);
 }

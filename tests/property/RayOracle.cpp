@@ -14,34 +14,35 @@ using surface::Field;
 namespace oracle {
 namespace {
 
-constexpr double kClear = 2e-4;  // nearer than that to the edge of a shape nobody can say whether it is met
+constexpr double kTolerance =
+    2e-4;  // nearer than that to the edge of a shape nobody can say whether it is met
 
-scene::ConvexHull piece_from(const std::vector<Eigen::Vector4f>& planes, const Eigen::Vector3f& low,
-                             const Eigen::Vector3f& high) {
-  scene::ConvexHull piece;
+scene::ConvexHull make_hull(const std::vector<Eigen::Vector4f>& planes, const Eigen::Vector3f& low,
+                            const Eigen::Vector3f& high) {
+  scene::ConvexHull hull;
   for (const auto& p : planes)
-    piece.faces.push_back({p.head<3>().normalized(), p.w() / p.head<3>().norm(), 0, 0});
-  piece.bounds_min = low;
-  piece.bounds_max = high;
-  return piece;
+    hull.faces.push_back({p.head<3>().normalized(), p.w() / p.head<3>().norm(), 0, 0});
+  hull.bounds_min = low;
+  hull.bounds_max = high;
+  return hull;
 }
 
-scene::ConvexHull block(const Eigen::Vector3f& low, const Eigen::Vector3f& high) {
-  return piece_from({{1, 0, 0, high.x()},
-                     {-1, 0, 0, -low.x()},
-                     {0, 1, 0, high.y()},
-                     {0, -1, 0, -low.y()},
-                     {0, 0, 1, high.z()},
-                     {0, 0, -1, -low.z()}},
-                    low, high);
+scene::ConvexHull make_block(const Eigen::Vector3f& low, const Eigen::Vector3f& high) {
+  return make_hull({{1, 0, 0, high.x()},
+                    {-1, 0, 0, -low.x()},
+                    {0, 1, 0, high.y()},
+                    {0, -1, 0, -low.y()},
+                    {0, 0, 1, high.z()},
+                    {0, 0, -1, -low.z()}},
+                   low, high);
 }
 
 // An L of two blocks, and a wedge beside it.
-std::shared_ptr<const scene::Solid> some_solid() {
+std::shared_ptr<const scene::Solid> make_compound_solid() {
   auto solid = std::make_shared<scene::Solid>();
-  solid->hulls = {block({-1.5F, -1, -0.5F}, {0, 1, 0.5F}), block({0, -1, -0.5F}, {1, 0, 0.5F}),
-                  piece_from({{-1, 0, 0, -1}, {1, 0, 2, 2}, {0, 1, 0, 0}, {0, -1, 0, 1}, {0, 0, -1, 0.5F}},
-                             {1, -1, -0.5F}, {3, 0, 0.5F})};
+  solid->hulls = {make_block({-1.5F, -1, -0.5F}, {0, 1, 0.5F}), make_block({0, -1, -0.5F}, {1, 0, 0.5F}),
+                  make_hull({{-1, 0, 0, -1}, {1, 0, 2, 2}, {0, 1, 0, 0}, {0, -1, 0, 1}, {0, 0, -1, 0.5F}},
+                            {1, -1, -0.5F}, {3, 0, 0.5F})};
   solid->bounds_min = {-1.5F, -1, -0.5F};
   solid->bounds_max = {3, 1, 0.5F};
   solid->bounding_radius = solid->bounds_max.norm();
@@ -51,19 +52,19 @@ std::shared_ptr<const scene::Solid> some_solid() {
 double radius_at(const Vector3d& p) { return p.head<2>().norm(); }
 
 // Where a segment enters what the function is at most 0 in.
-struct Found {
-  bool sure = true;
-  std::optional<double> at;
+struct RayEntry {
+  bool certain = true;
+  std::optional<double> distance;
 };
 template <class F>
-Found enter(F f, double range) {
+RayEntry find_entry(F f, double range) {
   double a = 0, b = range;
   for (int i = 0; i < 45; ++i) {
     const double p = a + (b - a) * 0.382, q = a + (b - a) * 0.618;
     (f(p) < f(q) ? b : a) = f(p) < f(q) ? q : p;
   }
   const double least = std::min({f(0.0), f(a), f(range)});
-  if (std::abs(least) < kClear) return {false, a};
+  if (std::abs(least) < kTolerance) return {false, a};
   if (least > 0) return {};
   if (f(0.0) <= 0) return {true, 0.0};
   double out = 0, in = f(a) <= 0 ? a : range;
@@ -71,19 +72,20 @@ Found enter(F f, double range) {
   return {true, in};
 }
 
-void keep(Expected& e, std::vector<double>& unsure, const Found& found, float mark) {
-  if (!found.at) return;
-  if (!found.sure) {
-    unsure.push_back(*found.at);
+void merge_hit(ExpectedHit& e, std::vector<double>& uncertain, const RayEntry& found, float tag) {
+  if (!found.distance) return;
+  if (!found.certain) {
+    uncertain.push_back(*found.distance);
     return;
   }
-  if (std::abs(*found.at - e.at) < kClear && e.mark != 0) unsure.push_back(e.at);  // a tie
-  if (*found.at < e.at || e.mark == 0) e = {*found.at, mark, true};
+  if (std::abs(*found.distance - e.distance) < kTolerance && e.tag != 0)
+    uncertain.push_back(e.distance);  // a tie
+  if (*found.distance < e.distance || e.tag == 0) e = {*found.distance, tag, true};
 }
 
 }  // namespace
 
-double outside(const scene::ObjectSpec& o, std::size_t part, const Vector3d& p) {
+double signed_distance(const scene::ObjectSpec& o, std::size_t part, const Vector3d& p) {
   switch (o.shape) {
     case ShapeKind::kSphere:
       return p.norm() - o.radius;
@@ -101,56 +103,56 @@ double outside(const scene::ObjectSpec& o, std::size_t part, const Vector3d& p) 
       return std::max(side, -p.z() - o.height / 4);
     }
     case ShapeKind::kSolid: {
-      double most = -1e9;
+      double max_distance = -1e9;
       for (const auto& f : o.solid->hulls[part].faces)
-        most = std::max(most, f.normal.cast<double>().dot(p) - static_cast<double>(f.offset));
-      return most;
+        max_distance = std::max(max_distance, f.normal.cast<double>().dot(p) - static_cast<double>(f.offset));
+      return max_distance;
     }
   }
   return 0;
 }
 
-Expected first_met(const Scene& s, const CellRay& segment, int cell) {
+ExpectedHit cast_ray(const Scene& s, const CellRay& ray, int cell) {
   const auto i = static_cast<std::size_t>(cell);
   const Field& f = s.field;
-  const auto place = [&](int k) {
+  const auto cell_position = [&](int k) {
     const auto n = static_cast<std::size_t>(k);
     return f.is_rectangular() ? Eigen::Vector2d(k % f.columns, f.rows - 1 - k / f.columns) * double{f.pitch}
                               : Eigen::Vector2d(f.x[n], f.y[n]);
   };
-  const auto turn = [&](int k) {
+  const auto cell_rotation = [&](int k) {
     return Eigen::AngleAxisd(f.is_rectangular() ? 0.0 : f.angle[static_cast<std::size_t>(k)],
                              Vector3d::UnitZ());
   };
-  const double base = segment.from_top ? f.height[i] : 0.0F;
-  const Vector3d start =
-      Vector3d(place(cell).x(), place(cell).y(), base) + turn(cell) * segment.origin.cast<double>();
-  const Vector3d along = turn(cell) * segment.direction.cast<double>();
-  Expected e{segment.range};
-  std::vector<double> unsure;
+  const double base = ray.from_top ? f.height[i] : 0.0F;
+  const Vector3d start = Vector3d(cell_position(cell).x(), cell_position(cell).y(), base) +
+                         cell_rotation(cell) * ray.origin.cast<double>();
+  const Vector3d along = cell_rotation(cell) * ray.direction.cast<double>();
+  ExpectedHit e{ray.range};
+  std::vector<double> uncertain;
   if (!std::isfinite(base)) return e;
-  for (int k = 0; segment.hits_pins && k < f.cells(); ++k) {
+  for (int k = 0; ray.hits_pins && k < f.cells(); ++k) {
     const double top = f.height[static_cast<std::size_t>(k)];
-    if (k == cell && segment.from_top && segment.origin.z() >= 0 && along.z() >= 0) continue;
+    if (k == cell && ray.from_top && ray.origin.z() >= 0 && along.z() >= 0) continue;
     if (!std::isfinite(top)) continue;
-    const Vector3d foot(place(k).x(), place(k).y(), top);
-    const auto column = [&](double t) {
-      const Vector3d p = turn(k).inverse() * (start + t * along - foot);
+    const Vector3d foot(cell_position(k).x(), cell_position(k).y(), top);
+    const auto column_distance = [&](double t) {
+      const Vector3d p = cell_rotation(k).inverse() * (start + t * along - foot);
       return std::max({std::abs(p.x()) - f.half_top_x, std::abs(p.y()) - f.half_top_y, p.z()});
     };
-    keep(e, unsure, enter(column, segment.range), 1000);
+    merge_hit(e, uncertain, find_entry(column_distance, ray.range), 1000);
   }
   for (std::size_t k = 0; k < s.snapshot.object_count(); ++k) {
     const auto& o = s.objects[s.snapshot.id[k]];
     const std::size_t parts = o.shape == ShapeKind::kSolid ? o.solid->hulls.size() : 1;
     for (std::size_t part = 0; part < parts; ++part) {
-      const auto measure = [&](double t) {
-        return outside(o, part, o.orientation.inverse() * (start + t * along - o.position));
+      const auto object_distance = [&](double t) {
+        return signed_distance(o, part, o.orientation.inverse() * (start + t * along - o.position));
       };
-      keep(e, unsure, enter(measure, segment.range), static_cast<float>(k + 1));
+      merge_hit(e, uncertain, find_entry(object_distance, ray.range), static_cast<float>(k + 1));
     }
   }
-  e.sure = std::ranges::none_of(unsure, [&](double t) { return t < e.at + kClear; });
+  e.certain = std::ranges::none_of(uncertain, [&](double t) { return t < e.distance + kTolerance; });
   return e;
 }
 
@@ -161,7 +163,7 @@ scene::ObjectSpec random_object(std::mt19937& random, ShapeKind shape, double wi
   o.radius = 0.4 + u(random);
   o.height = (shape == ShapeKind::kCapsule ? 2 * o.radius : 0.4) + 2.5 * u(random);
   o.size = {0.5 + 3 * u(random), 0.5 + 3 * u(random), 0.5 + 2 * u(random)};
-  if (shape == ShapeKind::kSolid) o.solid = some_solid();
+  if (shape == ShapeKind::kSolid) o.solid = make_compound_solid();
   // As floats hold it: both sides then speak of the same place.
   o.position = Vector3d(width * u(random), depth * u(random), 1 + 5 * u(random)).cast<float>().cast<double>();
   o.orientation = Eigen::Quaternionf(Eigen::Vector4f::NullaryExpr([&] {
@@ -201,7 +203,7 @@ Scene random_scene(std::mt19937& random, int rows, int columns, bool free, float
   return s;
 }
 
-std::shared_ptr<const scene::Solid> drum(int faces) {
+std::shared_ptr<const scene::Solid> make_drum(int faces) {
   constexpr float kRadius = 2.0F, kHalf = 1.5F;
   std::vector<Eigen::Vector4f> planes{{0, 0, 1, kHalf}, {0, 0, -1, kHalf}};
   for (int i = 2; i < faces; ++i) {
@@ -212,15 +214,15 @@ std::shared_ptr<const scene::Solid> drum(int faces) {
   solid->bounds_max = {1.5F * kRadius, 1.5F * kRadius, kHalf};
   solid->bounds_min = -solid->bounds_max;
   solid->bounding_radius = solid->bounds_max.norm();
-  solid->hulls = {piece_from(planes, solid->bounds_min, solid->bounds_max)};
+  solid->hulls = {make_hull(planes, solid->bounds_min, solid->bounds_max)};
   return solid;
 }
 
-void resize(scene::ObjectSpec& o, double times) {
+void scale_object(scene::ObjectSpec& o, double factor) {
   if (o.shape == ShapeKind::kSolid) return;
-  o.radius *= times;
-  o.height *= times;
-  o.size *= times;
+  o.radius *= factor;
+  o.height *= factor;
+  o.size *= factor;
 }
 
 void move_to(Scene& s, std::size_t k, const Eigen::Vector3f& place) {

@@ -2,35 +2,35 @@
 
 #include <cmath>
 
-#include "tests/property/PhysicsBench.h"
+#include "tests/property/PhysicsFixture.h"
 
-using namespace physics_bench;
+using namespace physics_fixture;
 
 TEST(Sliding, BoxComesToRestAfterTheFrictionDistance) {
   for (const double mu : {0.3, 0.6}) {
-    PhysicsBench bench;
-    bench.scene.materials[0].friction = mu;
+    PhysicsFixture fixture;
+    fixture.scene.materials[0].friction = mu;
     auto object = box({3, 3, 1}, {6, 15.3, 0.5});
     object.velocity = {8, 0, 0};
-    const auto id = bench.add(object);
-    bench.run(5.0);
+    const auto id = fixture.add(object);
+    fixture.run(5.0);
     const double distance = 8.0 * 8.0 / (2 * mu * 9.81);
-    EXPECT_NEAR(bench.position(id).x() - 6, distance, 0.02 * distance) << "mu " << mu;
-    EXPECT_NEAR(bench.position(id).y(), 15.3, 0.02);
-    EXPECT_LT(bench.velocity(id).norm(), 1e-3);
+    EXPECT_NEAR(fixture.position(id).x() - 6, distance, 0.02 * distance) << "mu " << mu;
+    EXPECT_NEAR(fixture.position(id).y(), 15.3, 0.02);
+    EXPECT_LT(fixture.velocity(id).norm(), 1e-3);
   }
 }
 
 TEST(Sliding, IsTheSameInEveryDirection) {
   for (int k = 0; k < 8; ++k) {
     const double angle = 0.1 + k * 0.7;
-    PhysicsBench bench;
+    PhysicsFixture fixture;
     auto object = box({2, 2, 1}, {15.5, 15.5, 0.5});
     object.velocity = {6 * std::cos(angle), 6 * std::sin(angle), 0};
-    const auto id = bench.add(object);
-    bench.run(4.0);
+    const auto id = fixture.add(object);
+    fixture.run(4.0);
     const Eigen::Vector2d moved =
-        (bench.position(id).cast<double>() - Eigen::Vector3d(15.5, 15.5, 0)).head<2>();
+        (fixture.position(id).cast<double>() - Eigen::Vector3d(15.5, 15.5, 0)).head<2>();
     EXPECT_NEAR(moved.norm(), 36 / (2 * 0.5 * 9.81), 0.1) << angle;
     EXPECT_NEAR(std::remainder(std::atan2(moved.y(), moved.x()) - angle, 2 * M_PI), 0.0, 0.03) << angle;
   }
@@ -39,67 +39,67 @@ TEST(Sliding, IsTheSameInEveryDirection) {
 TEST(Sliding, BoxHoldsOnAGentleSlopeAndSlidesOnASteepOne) {
   // The table is tilted by tilting gravity: tan(angle) against the coefficient of friction.
   for (const double tangent : {0.4, 0.6}) {
-    PhysicsBench bench;
+    PhysicsFixture fixture;
     const double angle = std::atan(tangent), mu = 0.5, g = 9.81;
-    bench.scene.world.gravity = {g * std::sin(angle), 0, -g * std::cos(angle)};
-    const auto id = bench.add(box({3, 3, 1}, {6, 15.3, 0.5}));
-    bench.run(2.0);
+    fixture.scene.world.gravity = {g * std::sin(angle), 0, -g * std::cos(angle)};
+    const auto id = fixture.add(box({3, 3, 1}, {6, 15.3, 0.5}));
+    fixture.run(2.0);
     const double expected = tangent < mu ? 0.0 : 0.5 * g * (std::sin(angle) - mu * std::cos(angle)) * 4.0;
-    EXPECT_NEAR(bench.position(id).x() - 6, expected, 0.03 + 0.03 * expected);
+    EXPECT_NEAR(fixture.position(id).x() - 6, expected, 0.03 + 0.03 * expected);
   }
 }
 
 class Rolling : public testing::TestWithParam<double> {};
 
 TEST_P(Rolling, DownAPlaneOfPinsAtFiveSeventhsOfGSine) {
-  PhysicsBench bench;
+  PhysicsFixture fixture;
   const double angle = GetParam(), g = 9.81;
-  bench.scene.world.gravity = {g * std::sin(angle), 0, -g * std::cos(angle)};
-  const auto id = bench.add(sphere(1.5, {3, 15.3, 1.5}));
+  fixture.scene.world.gravity = {g * std::sin(angle), 0, -g * std::cos(angle)};
+  const auto id = fixture.add(sphere(1.5, {3, 15.3, 1.5}));
   double highest = 0;
-  bench.run(2.0, [&] { highest = std::max(highest, static_cast<double>(bench.position(id).z())); });
+  fixture.run(2.0, [&] { highest = std::max(highest, static_cast<double>(fixture.position(id).z())); });
   const double a = 5.0 / 7.0 * g * std::sin(angle);
-  EXPECT_NEAR(bench.position(id).x() - 3, 0.5 * a * 4.0, 0.01 * 0.5 * a * 4.0 + 0.01);
-  EXPECT_NEAR(bench.angular_velocity(id).y() * 1.5, bench.velocity(id).x(), 0.02);
+  EXPECT_NEAR(fixture.position(id).x() - 3, 0.5 * a * 4.0, 0.01 * 0.5 * a * 4.0 + 0.01);
+  EXPECT_NEAR(fixture.angular_velocity(id).y() * 1.5, fixture.velocity(id).x(), 0.02);
   EXPECT_LT(highest, 1.51) << "no hopping at the gaps";
 }
 INSTANTIATE_TEST_SUITE_P(Angles, Rolling, testing::Values(0.05, 0.15, 0.3));
 
 TEST(Rolling, KeepsItsSpeedOnALevelField) {
-  PhysicsBench bench;
-  bench.scene.surface.columns = 96;
+  PhysicsFixture fixture;
+  fixture.scene.surface.columns = 96;
   auto object = sphere(1.5, {3, 15.3, 1.5});
   object.velocity = {8, 0, 0};
   object.angular_velocity = {0, 8 / 1.5, 0};
-  const auto id = bench.add(object);
-  bench.run(6.0);
-  EXPECT_NEAR(bench.velocity(id).x(), 8.0, 0.01);
-  EXPECT_NEAR(bench.position(id).x(), 3 + 48, 0.1);
-  EXPECT_NEAR(bench.position(id).y(), 15.3, 0.01);
+  const auto id = fixture.add(object);
+  fixture.run(6.0);
+  EXPECT_NEAR(fixture.velocity(id).x(), 8.0, 0.01);
+  EXPECT_NEAR(fixture.position(id).x(), 3 + 48, 0.1);
+  EXPECT_NEAR(fixture.position(id).y(), 15.3, 0.01);
 }
 
 TEST(Rolling, ResistanceStopsASphereAtItsLeverArm) {
   // Torque ρ·N against a sphere that rolls without slipping: a = ρ·g·r / (r² + 2r²/5).
-  PhysicsBench bench;
-  bench.scene.surface.columns = 64;
-  bench.scene.materials[0].rolling_friction = 0.05;
+  PhysicsFixture fixture;
+  fixture.scene.surface.columns = 64;
+  fixture.scene.materials[0].rolling_friction = 0.05;
   auto object = sphere(1.5, {3, 15.3, 1.5});
   object.velocity = {3, 0, 0};
   object.angular_velocity = {0, 2, 0};
-  const auto id = bench.add(object);
-  bench.run(2.0);
+  const auto id = fixture.add(object);
+  fixture.run(2.0);
   const double a = 0.05 * 9.81 / 1.5 / 1.4;
-  EXPECT_NEAR(bench.velocity(id).x(), 3 - 2 * a, 0.02);
+  EXPECT_NEAR(fixture.velocity(id).x(), 3 - 2 * a, 0.02);
 }
 
 TEST(Rolling, CylinderRollsAtTwoThirds) {
-  PhysicsBench bench;
+  PhysicsFixture fixture;
   const double angle = 0.1, g = 9.81;
-  bench.scene.world.gravity = {g * std::sin(angle), 0, -g * std::cos(angle)};
+  fixture.scene.world.gravity = {g * std::sin(angle), 0, -g * std::cos(angle)};
   auto object = cylinder(1.5, 4, {3, 15.3, 1.5});
   object.orientation = Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitX());
-  const auto id = bench.add(object);
-  bench.run(2.0);
+  const auto id = fixture.add(object);
+  fixture.run(2.0);
   const double a = 2.0 / 3.0 * g * std::sin(angle);
-  EXPECT_NEAR(bench.position(id).x() - 3, 0.5 * a * 4.0, 0.03 * 0.5 * a * 4.0);
+  EXPECT_NEAR(fixture.position(id).x() - 3, 0.5 * a * 4.0, 0.03 * 0.5 * a * 4.0);
 }

@@ -9,58 +9,58 @@ namespace {
 using scene::ShapeKind;
 
 // A column has no underside.
-constexpr float kLowestZ = -0.01F;
-constexpr float kEdgeHandicap = 2e-3F;
+constexpr float kMinNormalZ = -0.01F;
+constexpr float kEdgeBias = 2e-3F;
 // A normal that leans less than this out over a bridged side is taken as leaning by rounding only.
 constexpr float kLeanTolerance = 0.05F;
 
 }  // namespace
 
-void ColumnSat::add(const Vec3& normal, float least, float handicap) {
-  if (normal.z() >= kLowestZ) axes_.add(normal, least, handicap);
+void ColumnSat::add(const Vec3& normal, float min_projection, float bias) {
+  if (normal.z() >= kMinNormalZ) axes_.add(normal, min_projection, bias);
 }
 
-void ColumnSat::set(const ConvexProxy& core, const Vec3& low, const Vec3& high) {
+void ColumnSat::set(const ConvexProxy& proxy, const Vec3& low, const Vec3& high) {
   axes_.clear();
   separating_axis_ = 0;
   add(Vec3::UnitZ(), low.z(), 0.0F);
-  if (core.part.hull)
-    add_hull(core);
-  else if (core.part.shape.kind == ShapeKind::kBox)
-    add_box(core);
+  if (proxy.part.hull)
+    add_hull(proxy);
+  else if (proxy.part.shape.kind == ShapeKind::kBox)
+    add_box(proxy);
   else
-    add_axisymmetric(core);
+    add_axisymmetric(proxy);
   for (int i = 0; i < 2; ++i) {
     add(Vec3::Unit(i), low[i], 0.0F);
     add(-Vec3::Unit(i), -high[i], 0.0F);
   }
 }
 
-void ColumnSat::add_box(const ConvexProxy& core) {
-  const Vec3& half = core.part.shape.half_extents;
-  auto add_both_ways = [&](const Vec3& n, float handicap) {
-    const float reach = (core.axes.transpose() * n).cwiseAbs().dot(half), at = n.dot(core.centre);
-    add(n, at - reach, handicap);
-    add(-n, -at - reach, handicap);
+void ColumnSat::add_box(const ConvexProxy& proxy) {
+  const Vec3& half = proxy.part.shape.half_extents;
+  auto add_both_ways = [&](const Vec3& n, float bias) {
+    const float reach = (proxy.axes.transpose() * n).cwiseAbs().dot(half), at = n.dot(proxy.centre);
+    add(n, at - reach, bias);
+    add(-n, -at - reach, bias);
   };
-  for (int i = 0; i < 3; ++i) add_both_ways(core.axes.col(i), 0.0F);
+  for (int i = 0; i < 3; ++i) add_both_ways(proxy.axes.col(i), 0.0F);
   for (int i = 0; i < 3; ++i)
     for (int k = 0; k < 2; ++k) {
-      const Vec3 n = core.axes.col(i).cross(Vec3::Unit(k));
-      if (const float length = n.norm(); length > 0.05F) add_both_ways(n / length, kEdgeHandicap);
+      const Vec3 n = proxy.axes.col(i).cross(Vec3::Unit(k));
+      if (const float length = n.norm(); length > 0.05F) add_both_ways(n / length, kEdgeBias);
     }
 }
 
-void ColumnSat::add_hull(const ConvexProxy& core) {
-  const ConvexHullShape& hull = *core.part.hull;
+void ColumnSat::add_hull(const ConvexProxy& proxy) {
+  const ConvexHullShape& hull = *proxy.part.hull;
   const auto& faces = hull.hull->faces;
-  const Vec3 down = -core.axes.row(2).transpose();  // everything in the hull's own axes
+  const Vec3 down = -proxy.axes.row(2).transpose();  // everything in the hull's own axes
   for (int k = 0; k < 2; ++k) face_normals_[k].resize(faces.size());
   for (std::size_t f = 0; f < faces.size(); ++f) {
-    for (int k = 0; k < 2; ++k) face_normals_[k][f] = core.axes.row(k) * faces[f].normal;
-    if (faces[f].normal.dot(down) < kLowestZ) continue;
-    const Vec3 n = core.axes * -faces[f].normal;
-    add(n, n.dot(core.centre) - faces[f].offset, 0.0F);
+    for (int k = 0; k < 2; ++k) face_normals_[k][f] = proxy.axes.row(k) * faces[f].normal;
+    if (faces[f].normal.dot(down) < kMinNormalZ) continue;
+    const Vec3 n = proxy.axes * -faces[f].normal;
+    add(n, n.dot(proxy.centre) - faces[f].offset, 0.0F);
   }
   for (const ConvexHullShape::Edge& e : hull.edges)
     for (int k = 0; k < 2; ++k) {
@@ -70,20 +70,20 @@ void ColumnSat::add_hull(const ConvexProxy& core) {
       if (left * right >= 0.0F) continue;
       const Vec3 outward = faces[e.left].normal * std::abs(right) + faces[e.right].normal * std::abs(left);
       const float length = outward.norm();
-      if (length < 1e-6F || outward.dot(down) < kLowestZ * length) continue;
-      const Vec3 n = core.axes * (outward / -length);
-      add(n, n.dot(core.centre) - outward.dot(hull.hull->vertices[e.corner]) / length, kEdgeHandicap);
+      if (length < 1e-6F || outward.dot(down) < kMinNormalZ * length) continue;
+      const Vec3 n = proxy.axes * (outward / -length);
+      add(n, n.dot(proxy.centre) - outward.dot(hull.hull->vertices[e.corner]) / length, kEdgeBias);
     }
 }
 
-void ColumnSat::add_axisymmetric(const ConvexProxy& core) {
+void ColumnSat::add_axisymmetric(const ConvexProxy& proxy) {
   auto add_both_ways = [&](const Vec3& along) {
     const float length = along.norm();
     if (length < 0.05F) return;
     for (const Vec3& n : {Vec3(along / length), Vec3(along / -length)})
-      if (n.z() >= kLowestZ) add(n, n.dot(core.support_with_radius(-n)), 0.0F);
+      if (n.z() >= kMinNormalZ) add(n, n.dot(proxy.support_with_radius(-n)), 0.0F);
   };
-  const Vec3 along = core.axes.col(2);
+  const Vec3 along = proxy.axes.col(2);
   add_both_ways(along);
   add_both_ways(Vec3::UnitZ() - along * along.z());
   for (int k = 0; k < 2; ++k) add_both_ways(along.cross(Vec3::Unit(k)));
@@ -93,10 +93,10 @@ void ColumnSat::AxisList::clear() {
   for (auto* v : {&x, &y, &z, &min_projection, &bias}) v->clear();
 }
 
-void ColumnSat::AxisList::add(const Vec3& normal, float least_of_piece, float handicap_of_kind) {
+void ColumnSat::AxisList::add(const Vec3& normal, float projection, float axis_bias) {
   x.push_back(normal.x()), y.push_back(normal.y()), z.push_back(normal.z());
-  min_projection.push_back(least_of_piece);
-  bias.push_back(handicap_of_kind);
+  min_projection.push_back(projection);
+  bias.push_back(axis_bias);
 }
 
 inline float ColumnSat::AxisList::separation(std::size_t i, const Column& q) const {
@@ -110,16 +110,17 @@ bool ColumnSat::find_best_axis(const Column& q, float margin, BestAxis& out) {
   const std::size_t count = axes_.size();
   separation_.resize(count);
   for (std::size_t i = 0; i < count; ++i) separation_[i] = axes_.separation(i, q);
-  float best = -std::numeric_limits<float>::max();
+  float max_biased_separation = -std::numeric_limits<float>::max();
   std::size_t chosen = 0;
   for (std::size_t i = 0; i < count; ++i) {
     if (separation_[i] > margin) {
       separating_axis_ = i;
       return false;
     }
-    if (separation_[i] - axes_.bias[i] <= best || q.leans_over_bridge(axes_.x[i], axes_.y[i], kLeanTolerance))
+    if (separation_[i] - axes_.bias[i] <= max_biased_separation ||
+        q.leans_over_bridge(axes_.x[i], axes_.y[i], kLeanTolerance))
       continue;
-    best = separation_[i] - axes_.bias[i];
+    max_biased_separation = separation_[i] - axes_.bias[i];
     chosen = i;
   }
   out = {Vec3(axes_.x[chosen], axes_.y[chosen], axes_.z[chosen]), separation_[chosen]};

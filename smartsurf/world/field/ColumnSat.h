@@ -33,11 +33,11 @@ class ColumnSat {
     std::vector<float> min_projection;  // of normal · p over the points p of the piece
     std::vector<float> bias;  // crossing edges must win clearly, or the choice would change from step to step
     void clear();
-    void add(const Vec3& normal, float least_of_piece, float handicap_of_kind);
+    void add(const Vec3& normal, float projection, float axis_bias);
     std::size_t size() const { return x.size(); }
     float separation(std::size_t i, const Column&) const;
   };
-  void add(const Vec3& normal, float least, float handicap);
+  void add(const Vec3& normal, float min_projection, float bias);
   void add_box(const ConvexProxy&);
   void add_hull(const ConvexProxy&);
   void add_axisymmetric(const ConvexProxy&);

@@ -47,7 +47,7 @@ class Columns {
         bridges_y_(width > pitch_ - 2.0F * half_y_) {}
 
   // Cells whose bridged columns can touch the rectangle.
-  CellRange covering(float x_low, float x_high, float y_low, float y_high) const {
+  CellRange cells_covering(float x_low, float x_high, float y_low, float y_high) const {
     const float inverse = 1.0F / pitch_;
     auto cell = [inverse](float u) { return std::clamp(u * inverse, -1e6F, 1e6F); };
     // Without the calls of std::floor and std::ceil.
@@ -69,10 +69,10 @@ class Columns {
   float top(int row, int column) const { return height_[index(row, column)]; }
 
   float max_height(const CellRange& cells) const {
-    float highest = surface::kNoCellHeight;
+    float max_top = surface::kNoCellHeight;
     for (int r = cells.row_begin; r < cells.row_end; ++r)
-      for (int c = cells.column_begin; c < cells.column_end; ++c) highest = std::max(highest, top(r, c));
-    return highest;
+      for (int c = cells.column_begin; c < cells.column_end; ++c) max_top = std::max(max_top, top(r, c));
+    return max_top;
   }
 
   Column at(int row, int column) const {
@@ -112,13 +112,13 @@ struct EscapeDirection {
 inline EscapeDirection escape_direction(const Column& q, const Vec3& p) {
   EscapeDirection best{{0, 0, 1}, p.z() - q.top};
   if (best.distance >= 0.0F) return best;
-  auto consider = [&best](bool bridged, float depth, const Vec3& normal) {
+  auto try_side = [&best](bool bridged, float depth, const Vec3& normal) {
     if (!bridged && -depth > best.distance) best = {normal, -depth};
   };
-  consider(q.bridged_west, p.x() - q.west, {-1, 0, 0});
-  consider(q.bridged_east, q.east - p.x(), {1, 0, 0});
-  consider(q.bridged_south, p.y() - q.south, {0, -1, 0});
-  consider(q.bridged_north, q.north - p.y(), {0, 1, 0});
+  try_side(q.bridged_west, p.x() - q.west, {-1, 0, 0});
+  try_side(q.bridged_east, q.east - p.x(), {1, 0, 0});
+  try_side(q.bridged_south, p.y() - q.south, {0, -1, 0});
+  try_side(q.bridged_north, q.north - p.y(), {0, 1, 0});
   return best;
 }
 

@@ -28,17 +28,17 @@ using Escape = ColumnSat::BestAxis;
 
 class PartOnField {
  public:
-  PartOnField(const Columns& columns, const ConvexPart& piece, const Vec3& centre, const Mat3& axes,
+  PartOnField(const Columns& columns, const ConvexPart& part, const Vec3& centre, const Mat3& axes,
               float margin)
       : columns_(columns),
-        part_(piece),
+        part_(part),
         centre_(centre),
         axes_(axes),
-        core_(piece, centre, axes),
+        proxy_(part, centre, axes),
         margin_(margin) {
     set_bounds();
     cells_below_ =
-        columns_.covering(low_.x() - margin, high_.x() + margin, low_.y() - margin, high_.y() + margin);
+        columns_.cells_covering(low_.x() - margin, high_.x() + margin, low_.y() - margin, high_.y() + margin);
   }
 
   // The few contacts that hold the piece.
@@ -60,10 +60,10 @@ class PartOnField {
   template <class Take>
   void search_each_cell(Take take) {
     if (!collide_points()) return;
-    ColumnSat& directions = part_directions();
+    ColumnSat& sat = part_sat();
     for_each_plateau([&](const Plateau& p) {
       ManifoldReducer here;
-      collide_plateau(p, directions, here);
+      collide_plateau(p, sat, here);
       const int cell = columns_.index(p.row_begin, p.column_begin);
       if (here.count() == 0)
         candidates_.for_each([&](const ManifoldCandidate& c) {
@@ -79,50 +79,50 @@ class PartOnField {
  private:
   void collide_all() {
     if (!collide_points()) return;
-    ColumnSat& directions = part_directions();
+    ColumnSat& sat = part_sat();
     for_each_plateau([&](const Plateau& p) {
-      if (!p.column.all_bridged()) collide_plateau(p, directions, candidates_);
+      if (!p.column.all_bridged()) collide_plateau(p, sat, candidates_);
     });
   }
 
   // What the piece's own points touch. Returns whether it reaches down to any cell.
   bool collide_points() {
-    const float highest = columns_.max_height(cells_below_) + margin_;
-    if (low_.z() > highest) return false;
-    for_each_feature_point(part_, centre_, axes_, highest, [&](const Vec3& p) { collide_point(p); });
+    const float max_z = columns_.max_height(cells_below_) + margin_;
+    if (low_.z() > max_z) return false;
+    for_each_feature_point(part_, centre_, axes_, max_z, [&](const Vec3& p) { collide_point(p); });
     if (part_.shape.kind == ShapeKind::kCapsule) collide_capsule_ends();
     return true;
   }
 
-  ColumnSat& part_directions() const {
+  ColumnSat& part_sat() const {
     // One for each thread: it keeps its memory from body to body.
-    thread_local ColumnSat directions;
-    directions.set(core_, low_, high_);
-    return directions;
+    thread_local ColumnSat sat;
+    sat.set(proxy_, low_, high_);
+    return sat;
   }
 
   void set_bounds() {
     const Shape& s = part_.shape;
     if (s.kind == ShapeKind::kBox || s.kind == ShapeKind::kCylinder) {
-      Vec3 reach = axes_.cwiseAbs() * s.half_extents;
+      Vec3 extent = axes_.cwiseAbs() * s.half_extents;
       if (s.kind == ShapeKind::kCylinder) {
         const auto along = axes_.col(2).array();
-        reach = s.high * along.abs() + s.radius * (1.0F - along * along).cwiseMax(0.0F).sqrt();
+        extent = s.high * along.abs() + s.radius * (1.0F - along * along).cwiseMax(0.0F).sqrt();
       }
-      low_ = centre_ - reach;
-      high_ = centre_ + reach;
+      low_ = centre_ - extent;
+      high_ = centre_ + extent;
       return;
     }
     for (int i = 0; i < 3; ++i) {
       const Vec3 unit = Vec3::Unit(i);
-      low_[i] = core_.support_with_radius(-unit)[i];
-      high_[i] = core_.support_with_radius(unit)[i];
+      low_[i] = proxy_.support_with_radius(-unit)[i];
+      high_[i] = proxy_.support_with_radius(unit)[i];
     }
   }
 
   // A point of the piece inside or above a column: the way out of it.
   void collide_point(const Vec3& p) {
-    const CellRange cells = columns_.covering(p.x(), p.x(), p.y(), p.y());
+    const CellRange cells = columns_.cells_covering(p.x(), p.x(), p.y(), p.y());
     for (int r = cells.row_begin; r < cells.row_end; ++r)
       for (int c = cells.column_begin; c < cells.column_end; ++c) {
         if (p.z() > columns_.top(r, c) + margin_) continue;
@@ -136,13 +136,14 @@ class PartOnField {
   void collide_capsule_ends() {
     const Shape& s = part_.shape;
     const float end = std::max(0.0F, s.high - s.radius);
-    std::vector<Contact> touching;
+    std::vector<Contact> contacts;
     for (const float z : {-end, end}) {
-      const Vec3 at = centre_ + axes_.col(2) * z;
-      touching.clear();
-      collide_sphere_with_field(columns_.field(), at, s.radius, margin_, touching);
-      for (const Contact& c : touching)
-        candidates_.add({at - (s.radius + c.separation) * c.normal, c.normal, c.separation, c.feature_id});
+      const Vec3 end_centre = centre_ + axes_.col(2) * z;
+      contacts.clear();
+      collide_sphere_with_field(columns_.field(), end_centre, s.radius, margin_, contacts);
+      for (const Contact& c : contacts)
+        candidates_.add(
+            {end_centre - (s.radius + c.separation) * c.normal, c.normal, c.separation, c.feature_id});
     }
   }
 
@@ -168,129 +169,133 @@ class PartOnField {
       }
   }
 
-  void collide_plateau(const Plateau& p, ColumnSat& directions, ManifoldReducer& out) {
-    Escape way;
-    if (!directions.find_best_axis(p.column, margin_, way)) return;
+  void collide_plateau(const Plateau& p, ColumnSat& sat, ManifoldReducer& out) {
+    Escape axis;
+    if (!sat.find_best_axis(p.column, margin_, axis)) return;
     ManifoldReducer found;
     // Level tops beside each other face the same side.
-    if (clipped_ != way.normal)
-      clipped_ = way.normal, facing_faces_ = support_feature(part_, centre_, axes_, -way.normal);
-    const SupportFeature& over = facing_faces_;
-    if (way.normal.z() > 0.9999F)
-      add_above(over, p.column, found);
+    if (facing_normal_ != axis.normal)
+      facing_normal_ = axis.normal, facing_feature_ = support_feature(part_, centre_, axes_, -axis.normal);
+    const SupportFeature& part_feature = facing_feature_;
+    if (axis.normal.z() > 0.9999F)
+      add_top_patch(part_feature, p.column, found);
     else
-      add_contact_patch(over, cached_feature(p.column, way.normal), way.normal, margin_, 0, found);
-    const bool flat = part_.hull || part_.shape.kind == ShapeKind::kBox;
+      add_contact_patch(part_feature, column_feature(p.column, axis.normal), axis.normal, margin_, 0, found);
+    const bool is_polyhedral = part_.hull || part_.shape.kind == ShapeKind::kBox;
     // Between curved sides the gap may be wider than it was told.
-    const bool told = found.count() > 0 && (flat || found.min_separation() <= way.separation + kPrecision);
-    if (!told) {
+    const bool resolved =
+        found.count() > 0 && (is_polyhedral || found.min_separation() <= axis.separation + kTolerance);
+    if (!resolved) {
       found.clear();
-      if (!add_crossing(over, p.column, way, found))
-        return flat ? add_nearest(p, way, out) : collide_with_gjk(p, way, out);
+      if (!add_edge_crossing(part_feature, p.column, axis, found))
+        return is_polyhedral ? add_closest(p, axis, out) : collide_with_gjk(p, axis, out);
     }
     add(p, found, out);
   }
 
   // What of a face or an edge lies over the top.
-  void add_above(const SupportFeature& over, const Column& q, ManifoldReducer& out) const {
-    const SupportFeature patch = clip_to_rectangle(over, q.west, q.east, q.south, q.north);
+  void add_top_patch(const SupportFeature& part_feature, const Column& q, ManifoldReducer& out) const {
+    const SupportFeature patch = clip_to_rectangle(part_feature, q.west, q.east, q.south, q.north);
     for (int i = 0; i < patch.count; ++i) {
       const Vec3& p = patch.point[static_cast<std::size_t>(i)];
-      if (const float gap = p.z() - q.top; gap <= margin_) out.add({p, Vec3::UnitZ(), gap, 0});
+      if (const float separation = p.z() - q.top; separation <= margin_)
+        out.add({p, Vec3::UnitZ(), separation, 0});
     }
   }
 
   // An edge of the piece across an edge of the top, both square to the normal: where they cross, the two are
   // nearest.
-  bool add_crossing(const SupportFeature& over, const Column& q, const Escape& way,
-                    ManifoldReducer& out) const {
-    const Vec3& n = way.normal;
+  bool add_edge_crossing(const SupportFeature& part_feature, const Column& q, const Escape& axis,
+                         ManifoldReducer& out) const {
+    const Vec3& n = axis.normal;
     const int along = std::abs(n.x()) < std::abs(n.y()) ? 0 : 1;
-    if (std::abs(n[along]) > 1e-4F || over.count < 2) return false;
+    if (std::abs(n[along]) > 1e-4F || part_feature.count < 2) return false;
     // The two of the feature that reach farthest.
     int first = 0, second = 1;
-    float least = n.dot(over.point[0]), next = n.dot(over.point[1]);
-    if (next < least) std::swap(first, second), std::swap(least, next);
-    for (int i = 2; i < over.count; ++i) {
-      const float reach = n.dot(over.point[static_cast<std::size_t>(i)]);
-      if (reach < least)
-        next = least, second = first, least = reach, first = i;
-      else if (reach < next)
-        next = reach, second = i;
+    float min_projection = n.dot(part_feature.point[0]), second_projection = n.dot(part_feature.point[1]);
+    if (second_projection < min_projection)
+      std::swap(first, second), std::swap(min_projection, second_projection);
+    for (int i = 2; i < part_feature.count; ++i) {
+      const float projection = n.dot(part_feature.point[static_cast<std::size_t>(i)]);
+      if (projection < min_projection)
+        second_projection = min_projection, second = first, min_projection = projection, first = i;
+      else if (projection < second_projection)
+        second_projection = projection, second = i;
     }
     const float side = along == 0 ? (n.y() > 0 ? q.north : q.south) : (n.x() > 0 ? q.east : q.west);
     const float edge = n[1 - along] * side + n.z() * q.top;
-    if (next - edge > way.separation + kPrecision) return false;
-    const Vec3 &a = over.point[static_cast<std::size_t>(first)],
-               &b = over.point[static_cast<std::size_t>(second)];
+    if (second_projection - edge > axis.separation + kTolerance) return false;
+    const Vec3 &a = part_feature.point[static_cast<std::size_t>(first)],
+               &b = part_feature.point[static_cast<std::size_t>(second)];
     // Seen against the normal: where the piece's edge passes over the line of the top's edge.
     const Vec3 across = n.cross(Vec3::Unit(along));
     const float from = across.dot(a), to = across.dot(b);
     const float line = across[1 - along] * side + across.z() * q.top;
-    const float share = (line - from) / (to - from);
-    if (!(share >= 0.0F && share <= 1.0F)) return false;
-    const Vec3 on = a + share * (b - a) - way.separation * n;
+    const float fraction = (line - from) / (to - from);
+    if (!(fraction >= 0.0F && fraction <= 1.0F)) return false;
+    const Vec3 point = a + fraction * (b - a) - axis.separation * n;
     const float begin = along == 0 ? q.west : q.south, end = along == 0 ? q.east : q.north;
-    if (on[along] < begin || on[along] > end) return false;
-    out.add({on, n, way.separation, 0});
+    if (point[along] < begin || point[along] > end) return false;
+    out.add({point, n, axis.separation, 0});
     return true;
   }
 
-  void collide_with_gjk(const Plateau& p, const Escape& told, ManifoldReducer& out) const {
-    const ClosestPoints near = closest_to(p.column, told.normal);
-    if (!near.separated) return resolve_penetration(p, told, out);
-    const Escape way{near.normal, near.distance - core_.convex_radius - kColumnRounding};
-    if (way.separation > margin_ || way.normal.z() < -0.01F ||
-        p.column.leans_over_bridge(way.normal.x(), way.normal.y(), kLeanTolerance))
+  void collide_with_gjk(const Plateau& p, const Escape& sat_axis, ManifoldReducer& out) const {
+    const ClosestPoints closest = closest_to(p.column, sat_axis.normal);
+    if (!closest.separated) return resolve_penetration(p, sat_axis, out);
+    const Escape axis{closest.normal, closest.distance - proxy_.convex_radius - kColumnConvexRadius};
+    if (axis.separation > margin_ || axis.normal.z() < -0.01F ||
+        p.column.leans_over_bridge(axis.normal.x(), axis.normal.y(), kLeanTolerance))
       return;
     ManifoldReducer found;
-    const SupportFeature over = support_feature(part_, centre_, axes_, -way.normal);
-    add_contact_patch(over, cached_feature(p.column, way.normal), way.normal, margin_, 0, found);
+    const SupportFeature part_feature = support_feature(part_, centre_, axes_, -axis.normal);
+    add_contact_patch(part_feature, column_feature(p.column, axis.normal), axis.normal, margin_, 0, found);
     // A mantle along an upper edge bears on both ends of what they share.
-    if (found.count() == 0 && over.count == 2)
-      add_contact_patch(over, top_edge(p.column, way.normal), way.normal, margin_, 0, found);
+    if (found.count() == 0 && part_feature.count == 2)
+      add_contact_patch(part_feature, top_edge(p.column, axis.normal), axis.normal, margin_, 0, found);
     if (found.count() == 0)
-      found.add({near.on_b + kColumnRounding * near.normal, way.normal, way.separation, 0});
+      found.add({closest.on_b + kColumnConvexRadius * closest.normal, axis.normal, axis.separation, 0});
     add(p, found, out);
   }
 
   // Deeper than GJK can tell: the way of the least overlap, at what of the piece reaches in farthest over the
   // column.
-  void resolve_penetration(const Plateau& p, const Escape& way, ManifoldReducer& out) const {
+  void resolve_penetration(const Plateau& p, const Escape& axis, ManifoldReducer& out) const {
     const Column& q = p.column;
-    Vec3 at = core_.support_with_radius(-way.normal) - way.separation * way.normal;
-    at.x() = std::clamp(at.x(), q.west, q.east);
-    at.y() = std::clamp(at.y(), q.south, q.north);
-    at.z() = std::min(at.z(), q.top);
-    add(p, ManifoldCandidate{at, way.normal, way.separation, 0}, out);
+    Vec3 position = proxy_.support_with_radius(-axis.normal) - axis.separation * axis.normal;
+    position.x() = std::clamp(position.x(), q.west, q.east);
+    position.y() = std::clamp(position.y(), q.south, q.north);
+    position.z() = std::min(position.z(), q.top);
+    add(p, ManifoldCandidate{position, axis.normal, axis.separation, 0}, out);
   }
 
   // Where two edges cross, or a corner meets something.
-  void add_nearest(const Plateau& p, const Escape& way, ManifoldReducer& out) const {
-    const ClosestPoints near = closest_to(p.column, way.normal);
-    if (near.separated && near.distance - core_.convex_radius - kColumnRounding <= margin_ &&
-        near.normal.dot(way.normal) > 0.9F)
+  void add_closest(const Plateau& p, const Escape& axis, ManifoldReducer& out) const {
+    const ClosestPoints closest = closest_to(p.column, axis.normal);
+    if (closest.separated && closest.distance - proxy_.convex_radius - kColumnConvexRadius <= margin_ &&
+        closest.normal.dot(axis.normal) > 0.9F)
       return add(p,
-                 ManifoldCandidate{near.on_b + kColumnRounding * near.normal, way.normal, way.separation, 0},
+                 ManifoldCandidate{closest.on_b + kColumnConvexRadius * closest.normal, axis.normal,
+                                   axis.separation, 0},
                  out);
-    const Vec3 lowest = core_.support_with_radius(-way.normal);
-    add(p, ManifoldCandidate{lowest - way.separation * way.normal, way.normal, way.separation, 0}, out);
+    const Vec3 lowest = proxy_.support_with_radius(-axis.normal);
+    add(p, ManifoldCandidate{lowest - axis.separation * axis.normal, axis.normal, axis.separation, 0}, out);
   }
 
-  ClosestPoints closest_to(const Column& q, const Vec3& towards_piece) const {
-    ClosestPoints near;
+  ClosestPoints closest_to(const Column& q, const Vec3& towards_part) const {
+    ClosestPoints closest;
     if (part_.shape.kind == ShapeKind::kCylinder &&
-        closest_on_edges(core_, q, kColumnRounding, towards_piece, near))
-      return near;
+        closest_on_edges(proxy_, q, kColumnConvexRadius, towards_part, closest))
+      return closest;
     const float depth = std::max(1.0F, q.top - low_.z() + 1.0F);
     Shape box;
     box.kind = ShapeKind::kBox;
     box.half_extents = {0.5F * (q.east - q.west), 0.5F * (q.north - q.south), 0.5F * depth};
-    box.convex_radius = kColumnRounding;
-    const Vec3 at(0.5F * (q.west + q.east), 0.5F * (q.south + q.north), q.top - 0.5F * depth);
+    box.convex_radius = kColumnConvexRadius;
+    const Vec3 position(0.5F * (q.west + q.east), 0.5F * (q.south + q.north), q.top - 0.5F * depth);
     const Mat3 upright = Mat3::Identity();
-    return closest_points(core_, ConvexProxy(ConvexPart{box, nullptr}, at, upright),
-                          margin_ + core_.convex_radius + kColumnRounding, towards_piece);
+    return closest_points(proxy_, ConvexProxy(ConvexPart{box, nullptr}, position, upright),
+                          margin_ + proxy_.convex_radius + kColumnConvexRadius, towards_part);
   }
 
   // The upper edge that the normal leans out over.
@@ -304,7 +309,7 @@ class PartOnField {
   }
 
   // The column's top, or the side that the normal leaves it by, as far down as the piece reaches.
-  SupportFeature cached_feature(const Column& q, const Vec3& n) const {
+  SupportFeature column_feature(const Column& q, const Vec3& n) const {
     SupportFeature f;
     if (n.z() >= 0.7F) {
       f.normal = {0, 0, 1};
@@ -325,9 +330,9 @@ class PartOnField {
   }
 
   void add(const Plateau& p, ManifoldReducer& found, ManifoldReducer& out) const {
-    constexpr int kFew = 4;  // no more than would be picked
+    constexpr int kMaxContacts = 4;  // no more than would be picked
     auto take = [&](const ManifoldCandidate& c) { add(p, c, out); };
-    found.count() <= kFew ? found.for_each(take) : found.reduce(take);
+    found.count() <= kMaxContacts ? found.for_each(take) : found.reduce(take);
   }
   // On the cell of the plateau where the point is.
   void add(const Plateau& p, ManifoldCandidate c, ManifoldReducer& out) const {
@@ -337,32 +342,32 @@ class PartOnField {
     out.add(c);
   }
 
-  static constexpr float kColumnRounding = 0.01F, kPrecision = 2e-4F;
+  static constexpr float kColumnConvexRadius = 0.01F, kTolerance = 2e-4F;
   const Columns& columns_;
   const ConvexPart& part_;
   const Vec3& centre_;
   const Mat3& axes_;
-  const ConvexProxy core_;
+  const ConvexProxy proxy_;
   const float margin_;
   Vec3 low_, high_;  // its bounds
   CellRange cells_below_;
-  Vec3 clipped_{0, 0, 0};  // the normal against which the piece turns `facing_`
-  SupportFeature facing_faces_;
+  Vec3 facing_normal_{0, 0, 0};  // the normal against which the piece turns `facing_feature_`
+  SupportFeature facing_feature_;
   ManifoldReducer candidates_;
 };
 
 // Calls look(piece on the field) for the pieces of a shape, where any cell under it reaches up to it.
-template <class Look>
+template <class Visit>
 void for_each_part_on_field(const Columns& columns, const Shape& shape, const Vec3& centre, const Mat3& axes,
-                            float margin, Look look) {
-  const Vec3 reach = Vec3(axes.cwiseAbs() * shape.half_extents) + Vec3::Constant(margin);
-  if (centre.z() - reach.z() > columns.field().max_height) return;
-  const CellRange under = columns.covering(centre.x() - reach.x(), centre.x() + reach.x(),
-                                           centre.y() - reach.y(), centre.y() + reach.y());
-  if (centre.z() - reach.z() > columns.max_height(under)) return;
-  for_each_part(shape, [&](const ConvexPart& piece) {
-    PartOnField on(columns, piece, centre, axes, margin);
-    look(on);
+                            float margin, Visit visit) {
+  const Vec3 extent = Vec3(axes.cwiseAbs() * shape.half_extents) + Vec3::Constant(margin);
+  if (centre.z() - extent.z() > columns.field().max_height) return;
+  const CellRange cells = columns.cells_covering(centre.x() - extent.x(), centre.x() + extent.x(),
+                                                 centre.y() - extent.y(), centre.y() + extent.y());
+  if (centre.z() - extent.z() > columns.max_height(cells)) return;
+  for_each_part(shape, [&](const ConvexPart& part) {
+    PartOnField part_on_field(columns, part, centre, axes, margin);
+    visit(part_on_field);
   });
 }
 
@@ -380,18 +385,18 @@ void collide_shape_with_field(const surface::Field& field, const Shape& shape, c
     contact.feature_id = c.tag;
     set_surface_velocity(columns, c.tag / field.columns, c.tag % field.columns, c.point, contact);
   };
-  for_each_part_on_field(columns, shape, centre, axes, margin, [&](PartOnField& on) {
-    field.has_force_limit() ? on.search_each_cell(take) : on.search(take);
+  for_each_part_on_field(columns, shape, centre, axes, margin, [&](PartOnField& part_on_field) {
+    field.has_force_limit() ? part_on_field.search_each_cell(take) : part_on_field.search(take);
   });
 }
 
 void collect_field_candidates(const surface::Field& field, const Shape& shape, const Vec3& centre,
                               const Mat3& axes, float margin, std::vector<FieldCandidate>& out) {
   const Columns columns(field, shape.width);
-  int piece = 0;
-  for_each_part_on_field(columns, shape, centre, axes, margin, [&](PartOnField& on) {
-    on.search_all([&](const ManifoldCandidate& c) { out.push_back({c, piece}); });
-    ++piece;
+  int part_index = 0;
+  for_each_part_on_field(columns, shape, centre, axes, margin, [&](PartOnField& part_on_field) {
+    part_on_field.search_all([&](const ManifoldCandidate& c) { out.push_back({c, part_index}); });
+    ++part_index;
   });
 }
 

@@ -20,7 +20,7 @@ struct FieldCandidate {
   ManifoldCandidate candidate;
   int part_index;
 };
-// Appends all points from which touch_field_with_shape would choose, piece by piece. No cell may give way.
+// Appends all points from which collide_shape_with_field would choose, piece by piece. No cell may give way.
 void collect_field_candidates(const surface::Field&, const Shape&, const Vec3& centre, const Mat3& axes,
                               float margin, std::vector<FieldCandidate>& out);
 

@@ -7,7 +7,7 @@
 namespace smartsurf::world {
 namespace {
 
-constexpr float kPrecision = 1e-4F;  // of the distance, u
+constexpr float kTolerance = 1e-4F;  // of the distance, u
 
 // A cylinder in its own axes.
 struct CylinderProxy {
@@ -15,7 +15,7 @@ struct CylinderProxy {
 };
 
 // How far a point outside lies from the cylinder, and the way out to it.
-SignedDistance outward_of(const CylinderProxy& c, const Vec3& p) {
+SignedDistance exterior_distance(const CylinderProxy& c, const Vec3& p) {
   const float across = length_of(p.x(), p.y());
   const float out_r = std::max(0.0F, across - c.radius),
               out_z = std::max(0.0F, std::abs(p.z()) - c.half_height);
@@ -34,27 +34,28 @@ struct EdgePoint {
 // The distance along an edge has one minimum, where the way out is square to the edge, or at an end. Found by
 // the rule of false position, with a clamp, since the slope leaps where a rim is near.
 EdgePoint closest_on_edge(const CylinderProxy& c, const Vec3& from, const Vec3& along, float length) {
-  constexpr int kMostRounds = 16;
-  constexpr float kLeastShare = 0.15F;
-  auto look = [&](float at) {
-    EdgePoint e{at, outward_of(c, from + at * along)};
+  constexpr int kMaxIterations = 16;
+  constexpr float kMinFraction = 0.15F;
+  auto evaluate = [&](float position) {
+    EdgePoint e{position, exterior_distance(c, from + position * along)};
     e.slope = e.offset.normal.dot(along);
     return e;
   };
-  EdgePoint low = look(0.0F), high = look(length);
+  EdgePoint low = evaluate(0.0F), high = evaluate(length);
   if (low.slope >= 0.0F) return low;
   if (high.slope <= 0.0F) return high;
-  auto flatter = [&] { return -low.slope < high.slope ? low : high; };
-  for (int round = 0; round < kMostRounds; ++round) {
-    if (std::abs(flatter().slope) * (high.position - low.position) <= 0.5F * kPrecision) break;
-    const float share = std::clamp(low.slope / (low.slope - high.slope), kLeastShare, 1.0F - kLeastShare);
-    const EdgePoint middle = look(low.position + share * (high.position - low.position));
+  auto flatter_end = [&] { return -low.slope < high.slope ? low : high; };
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+    if (std::abs(flatter_end().slope) * (high.position - low.position) <= 0.5F * kTolerance) break;
+    const float fraction =
+        std::clamp(low.slope / (low.slope - high.slope), kMinFraction, 1.0F - kMinFraction);
+    const EdgePoint middle = evaluate(low.position + fraction * (high.position - low.position));
     (middle.slope < 0.0F ? low : high) = middle;
   }
   // Between the ways at both ends lies the one that is square to the edge.
-  EdgePoint nearest = flatter();
-  nearest.offset.normal = (high.slope * low.offset.normal - low.slope * high.offset.normal).normalized();
-  return nearest;
+  EdgePoint closest = flatter_end();
+  closest.offset.normal = (high.slope * low.offset.normal - low.slope * high.offset.normal).normalized();
+  return closest;
 }
 
 // An upper edge of the column, drawn in, and the side that it bounds the top on.
@@ -64,10 +65,10 @@ struct Edge {
 };
 
 // The edge square to a horizontal axis that the cylinder leans out over; false where it leans over neither.
-bool edge_under_axis(const ConvexProxy& cylinder, const Column& q, float rounding, const Vec3& towards,
+bool edge_under_axis(const ConvexProxy& cylinder, const Column& q, float convex_radius, const Vec3& towards,
                      int axis, Edge& out) {
-  const Vec3 low(q.west + rounding, q.south + rounding, q.top - rounding);
-  const Vec3 high(q.east - rounding, q.north - rounding, q.top - rounding);
+  const Vec3 low(q.west + convex_radius, q.south + convex_radius, q.top - convex_radius);
+  const Vec3 high(q.east - convex_radius, q.north - convex_radius, q.top - convex_radius);
   float lean = towards[axis];
   if (std::abs(lean) < 1e-4F) {
     const float lowest = cylinder.support(-Vec3::UnitZ())[axis];
@@ -83,18 +84,18 @@ bool edge_under_axis(const ConvexProxy& cylinder, const Column& q, float roundin
 
 }  // namespace
 
-bool closest_on_edges(const ConvexProxy& cylinder, const Column& q, float rounding, const Vec3& towards,
+bool closest_on_edges(const ConvexProxy& cylinder, const Column& q, float convex_radius, const Vec3& towards,
                       ClosestPoints& out) {
   const Shape& s = cylinder.part.shape;
-  const CylinderProxy round{s.radius - cylinder.convex_radius, s.high - cylinder.convex_radius};
-  const Mat3 own = cylinder.axes.transpose();
+  const CylinderProxy proxy{s.radius - cylinder.convex_radius, s.high - cylinder.convex_radius};
+  const Mat3 to_local = cylinder.axes.transpose();
   EdgePoint best;
   Edge best_edge;
   for (int axis = 0; axis < 2; ++axis) {
     Edge edge;
-    if (!edge_under_axis(cylinder, q, rounding, towards, axis, edge)) continue;
+    if (!edge_under_axis(cylinder, q, convex_radius, towards, axis, edge)) continue;
     const EdgePoint here =
-        closest_on_edge(round, own * (edge.from - cylinder.centre), own * edge.along, edge.length);
+        closest_on_edge(proxy, to_local * (edge.from - cylinder.centre), to_local * edge.along, edge.length);
     if (here.offset.distance < best.offset.distance) best = here, best_edge = edge;
   }
   const float distance = best.offset.distance;
@@ -103,7 +104,7 @@ bool closest_on_edges(const ConvexProxy& cylinder, const Column& q, float roundi
   // Otherwise something of the top or the side is nearer, or the plane between the two tells that they are.
   if (normal.z() < 0.0F || normal.dot(best_edge.side) < 0.0F) return false;
   const Vec3 on_column = best_edge.from + best.position * best_edge.along;
-  if (normal.dot(cylinder.support(-normal) - on_column) < distance - kPrecision) return false;
+  if (normal.dot(cylinder.support(-normal) - on_column) < distance - kTolerance) return false;
   out = {on_column + distance * normal, on_column, normal, distance, true};
   return true;
 }

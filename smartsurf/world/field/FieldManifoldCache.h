@@ -51,7 +51,7 @@ class FieldManifoldCache {
 
   // Appends the contacts of a body that is no sphere with gaps up to `margin`, and notes them for the next
   // step.
-  void collide(const BodyStore&, std::size_t body, float margin, ChunkCache& now,
+  void collide(const BodyStore&, std::size_t body, float margin, ChunkCache& chunk_cache,
                std::vector<Contact>& out) const;
 
  private:
@@ -62,15 +62,15 @@ class FieldManifoldCache {
   bool is_valid(const BodyStore&, std::size_t body, float margin, const CachedManifold&) const;
   HeightChange height_change_since(const CachedManifold&) const;
   bool level_cells_separated(const CachedManifold&) const;
-  void rebuild(const BodyStore&, std::size_t body, float margin, const CellRange& under, float highest,
-               ChunkCache& now) const;
-  void reuse(const CachedManifold&, ChunkCache& now) const;
-  bool reduce(const BodyStore&, std::size_t body, float margin, float most_slip, const ChunkCache& now,
-              std::vector<Contact>& out) const;
+  void rebuild(const BodyStore&, std::size_t body, float margin, const CellRange& cells, float max_height,
+               ChunkCache& chunk_cache) const;
+  void reuse(const CachedManifold&, ChunkCache& chunk_cache) const;
+  bool reduce(const BodyStore&, std::size_t body, float margin, float slip_limit,
+              const ChunkCache& chunk_cache, std::vector<Contact>& out) const;
 
   const surface::Field& field_;
-  std::vector<ChunkCache> previous_;          // one a chunk
-  std::vector<const CachedManifold*> first_;  // of each body
+  std::vector<ChunkCache> previous_;                     // one a chunk
+  std::vector<const CachedManifold*> manifold_of_body_;  // of each body
 };
 
 }  // namespace smartsurf::world

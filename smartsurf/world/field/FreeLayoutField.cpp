@@ -11,9 +11,9 @@
 namespace smartsurf::world {
 namespace {
 
-constexpr int kMiddle = 4;              // of three by three
-constexpr int kSide[4] = {3, 5, 1, 7};  // west, east, north, south of it
-constexpr float kOut[4][2] = {{-1, 0}, {1, 0}, {0, 1}, {0, -1}};
+constexpr int kCentreCell = 4;                   // of three by three
+constexpr int kNeighbourCell[4] = {3, 5, 1, 7};  // west, east, north, south of it
+constexpr float kSideNormal[4][2] = {{-1, 0}, {1, 0}, {0, 1}, {0, -1}};
 
 Vec3 rotated(const Vec3& v, float sine, float cosine) {
   return {cosine * v.x() - sine * v.y(), sine * v.x() + cosine * v.y(), v.z()};
@@ -26,25 +26,27 @@ FreeLayoutField::FreeLayoutField(const surface::Field& field)
   const auto [west, east] = std::minmax_element(field.x.begin(), field.x.end());
   const auto [south, north] = std::minmax_element(field.y.begin(), field.y.end());
   origin_[0] = *west, origin_[1] = *south;
-  size_ = std::max(field.pitch, 2.0F * half_diagonal_);
-  count_[0] = static_cast<int>((*east - *west) / size_) + 1;
-  count_[1] = static_cast<int>((*north - *south) / size_) + 1;
-  first_.assign(static_cast<std::size_t>(count_[0] * count_[1]) + 1, 0);
+  bucket_size_ = std::max(field.pitch, 2.0F * half_diagonal_);
+  bucket_count_[0] = static_cast<int>((*east - *west) / bucket_size_) + 1;
+  bucket_count_[1] = static_cast<int>((*north - *south) / bucket_size_) + 1;
+  bucket_begin_.assign(static_cast<std::size_t>(bucket_count_[0] * bucket_count_[1]) + 1, 0);
   auto bucket_of = [&](std::size_t i) {
-    return static_cast<std::size_t>(bucket(field.y[i], 1) * count_[0] + bucket(field.x[i], 0));
+    return static_cast<std::size_t>(bucket(field.y[i], 1) * bucket_count_[0] + bucket(field.x[i], 0));
   };
-  for (std::size_t i = 0; i < field.x.size(); ++i) ++first_[bucket_of(i) + 1];
-  for (std::size_t b = 1; b < first_.size(); ++b) first_[b] += first_[b - 1];
-  order_.resize(field.x.size());
-  std::vector<std::int32_t> next(first_);
+  for (std::size_t i = 0; i < field.x.size(); ++i) ++bucket_begin_[bucket_of(i) + 1];
+  for (std::size_t b = 1; b < bucket_begin_.size(); ++b) bucket_begin_[b] += bucket_begin_[b - 1];
+  bucket_cells_.resize(field.x.size());
+  std::vector<std::int32_t> next(bucket_begin_);
   for (std::size_t i = 0; i < field.x.size(); ++i)
-    order_[static_cast<std::size_t>(next[bucket_of(i)]++)] = static_cast<std::int32_t>(i);
+    bucket_cells_[static_cast<std::size_t>(next[bucket_of(i)]++)] = static_cast<std::int32_t>(i);
   for (std::size_t i = 0; i < field.x.size(); ++i) neighbours_.push_back(find_neighbours(i));
 }
 
 int FreeLayoutField::bucket(float u, int axis) const {
-  const float b = (u - origin_[axis]) / size_;
-  return b <= 0.0F ? 0 : b >= static_cast<float>(count_[axis]) ? count_[axis] - 1 : static_cast<int>(b);
+  const float b = (u - origin_[axis]) / bucket_size_;
+  return b <= 0.0F                                      ? 0
+         : b >= static_cast<float>(bucket_count_[axis]) ? bucket_count_[axis] - 1
+                                                        : static_cast<int>(b);
 }
 
 template <class Each>
@@ -52,21 +54,21 @@ void FreeLayoutField::for_each_cell(const Vec3& low, const Vec3& high, Each each
   const int x1 = bucket(high.x() + half_diagonal_, 0), y1 = bucket(high.y() + half_diagonal_, 1);
   for (int y = bucket(low.y() - half_diagonal_, 1); y <= y1; ++y)
     for (int x = bucket(low.x() - half_diagonal_, 0); x <= x1; ++x) {
-      const auto b = static_cast<std::size_t>(y * count_[0] + x);
-      for (int k = first_[b]; k < first_[b + 1]; ++k)
-        each(static_cast<std::size_t>(order_[static_cast<std::size_t>(k)]));
+      const auto b = static_cast<std::size_t>(y * bucket_count_[0] + x);
+      for (int k = bucket_begin_[b]; k < bucket_begin_[b + 1]; ++k)
+        each(static_cast<std::size_t>(bucket_cells_[static_cast<std::size_t>(k)]));
     }
 }
 
 // The cell whose top, grown so much on all sides, holds the point; −1: none.
-int FreeLayoutField::cell_at(float x, float y, float grown) const {
+int FreeLayoutField::cell_at(float x, float y, float tolerance) const {
   int found = -1;
-  const Vec3 at(x, y, 0), reach(grown, grown, 0);
+  const Vec3 at(x, y, 0), reach(tolerance, tolerance, 0);
   for_each_cell(at - reach, at + reach, [&](std::size_t i) {
     const float angle = field_.angle.empty() ? 0.0F : field_.angle[i];
     const Vec3 p = rotated(at - Vec3(field_.x[i], field_.y[i], 0), -std::sin(angle), std::cos(angle));
-    if (found < 0 && std::abs(p.x()) <= field_.half_top_x + grown &&
-        std::abs(p.y()) <= field_.half_top_y + grown)
+    if (found < 0 && std::abs(p.x()) <= field_.half_top_x + tolerance &&
+        std::abs(p.y()) <= field_.half_top_y + tolerance)
       found = static_cast<int>(i);
   });
   return found;
@@ -81,9 +83,10 @@ FreeLayoutField::Neighbours FreeLayoutField::find_neighbours(std::size_t cell) c
     const float half = along_x ? field_.half_top_x : field_.half_top_y;
     const float gap = std::max(field_.pitch - 2.0F * half, 0.0F);
     for (int k = 0; k < 2; ++k) {
-      const float aside = (k ? 0.5F : -0.5F) * (along_x ? field_.half_top_y : field_.half_top_x);
-      const float out = half + 0.75F * gap + 1e-3F;
-      const Vec3 local = along_x ? Vec3(kOut[side][0] * out, aside, 0) : Vec3(aside, kOut[side][1] * out, 0);
+      const float lateral = (k ? 0.5F : -0.5F) * (along_x ? field_.half_top_y : field_.half_top_x);
+      const float distance = half + 0.75F * gap + 1e-3F;
+      const Vec3 local = along_x ? Vec3(kSideNormal[side][0] * distance, lateral, 0)
+                                 : Vec3(lateral, kSideNormal[side][1] * distance, 0);
       const Vec3 at =
           Vec3(field_.x[cell], field_.y[cell], 0) + rotated(local, std::sin(angle), std::cos(angle));
       n.cell[side][k] = cell_at(at.x(), at.y(), 0.5F * gap);
@@ -115,40 +118,41 @@ surface::Field FreeLayoutField::make_local_grid() const {
   return f;
 }
 
-void FreeLayoutField::look_at(std::size_t cell, surface::Field& f) const {
-  f.max_height = f.height[kMiddle] = field_.height[cell];
-  f.speed[kMiddle] = field_.speed[cell];
+void FreeLayoutField::load_local_grid(std::size_t cell, surface::Field& f) const {
+  f.max_height = f.height[kCentreCell] = field_.height[cell];
+  f.speed[kCentreCell] = field_.speed[cell];
   for (int side = 0; side < 4; ++side)
-    f.height[static_cast<std::size_t>(kSide[side])] =
+    f.height[static_cast<std::size_t>(kNeighbourCell[side])] =
         is_bridged(cell, side) ? field_.height[cell] : surface::kNoCellHeight;
   if (!field_.has_surface_velocity()) return;
   const float angle = field_.angle.empty() ? 0.0F : field_.angle[cell];
-  const Vec3 drag = rotated({field_.surface_velocity_x[cell], field_.surface_velocity_y[cell], 0},
-                            -std::sin(angle), std::cos(angle));
-  f.surface_velocity_x[kMiddle] = drag.x();
-  f.surface_velocity_y[kMiddle] = drag.y();
-  f.surface_spin[kMiddle] = field_.surface_spin.empty() ? 0.0F : field_.surface_spin[cell];
+  const Vec3 local_velocity = rotated({field_.surface_velocity_x[cell], field_.surface_velocity_y[cell], 0},
+                                      -std::sin(angle), std::cos(angle));
+  f.surface_velocity_x[kCentreCell] = local_velocity.x();
+  f.surface_velocity_y[kCentreCell] = local_velocity.y();
+  f.surface_spin[kCentreCell] = field_.surface_spin.empty() ? 0.0F : field_.surface_spin[cell];
 }
 
 void FreeLayoutField::collide_cell(std::size_t cell, const Shape& shape, const Vec3& centre, const Mat3& axes,
                                    float margin, surface::Field& f, std::vector<Contact>& out) const {
-  look_at(cell, f);
+  load_local_grid(cell, f);
   const float angle = field_.angle.empty() ? 0.0F : field_.angle[cell];
   const float sine = std::sin(angle), cosine = std::cos(angle);
   // In the cell's frame it stands at (pitch, pitch), the middle of the nine.
-  const Vec3 stands(f.pitch, f.pitch, 0);
-  const Vec3 at = rotated(centre - Vec3(field_.x[cell], field_.y[cell], 0), -sine, cosine) + stands;
+  const Vec3 grid_centre(f.pitch, f.pitch, 0);
+  const Vec3 local_position =
+      rotated(centre - Vec3(field_.x[cell], field_.y[cell], 0), -sine, cosine) + grid_centre;
   const std::size_t first = out.size();
   if (shape.is_sphere()) {
-    collide_sphere_with_field(f, at, shape.radius, margin, out);
+    collide_sphere_with_field(f, local_position, shape.radius, margin, out);
   } else {
-    Mat3 own;
-    for (int i = 0; i < 3; ++i) own.col(i) = rotated(axes.col(i), -sine, cosine);
-    collide_shape_with_field(f, shape, at, own, margin, out);
+    Mat3 local_axes;
+    for (int i = 0; i < 3; ++i) local_axes.col(i) = rotated(axes.col(i), -sine, cosine);
+    collide_shape_with_field(f, shape, local_position, local_axes, margin, out);
   }
   std::size_t kept = first;
   for (std::size_t k = first; k < out.size(); ++k) {
-    if (out[k].feature_id != kMiddle) continue;
+    if (out[k].feature_id != kCentreCell) continue;
     Contact c = out[k];
     c.normal = rotated(c.normal, sine, cosine);
     c.anchor = rotated(c.anchor, sine, cosine);
@@ -161,28 +165,29 @@ void FreeLayoutField::collide_cell(std::size_t cell, const Shape& shape, const V
 
 void FreeLayoutField::collide(const Shape& shape, const Vec3& centre, const Mat3& axes, float margin,
                               std::vector<Contact>& out) const {
-  const Vec3 reach = Vec3(axes.cwiseAbs() * shape.half_extents) + Vec3::Constant(margin);
-  if (centre.z() - reach.z() > field_.max_height) return;
+  const Vec3 extent = Vec3(axes.cwiseAbs() * shape.half_extents) + Vec3::Constant(margin);
+  if (centre.z() - extent.z() > field_.max_height) return;
   surface::Field f = make_local_grid();
-  std::vector<Contact> all;
-  for_each_cell(centre - reach, centre + reach, [&](std::size_t cell) {
-    if (field_.height[cell] >= centre.z() - reach.z())
-      collide_cell(cell, shape, centre, axes, margin, f, all);
+  std::vector<Contact> contacts;
+  for_each_cell(centre - extent, centre + extent, [&](std::size_t cell) {
+    if (field_.height[cell] >= centre.z() - extent.z())
+      collide_cell(cell, shape, centre, axes, margin, f, contacts);
   });
   if (shape.is_sphere()) {
-    SphereManifoldReducer<Contact> picker;
-    for (const Contact& c : all) picker.add(c);
-    picker.reduce([&](const Contact& c) { out.push_back(c); });
+    SphereManifoldReducer<Contact> reducer;
+    for (const Contact& c : contacts) reducer.add(c);
+    reducer.reduce([&](const Contact& c) { out.push_back(c); });
     return;
   }
   if (field_.has_force_limit()) {
-    out.insert(out.end(), all.begin(), all.end());
+    out.insert(out.end(), contacts.begin(), contacts.end());
     return;
   }
   ManifoldReducer candidates;
-  for (std::size_t k = 0; k < all.size(); ++k)
-    candidates.add({all[k].anchor, all[k].normal, all[k].separation, static_cast<int>(k)});
-  candidates.reduce([&](const ManifoldCandidate& c) { out.push_back(all[static_cast<std::size_t>(c.tag)]); });
+  for (std::size_t k = 0; k < contacts.size(); ++k)
+    candidates.add({contacts[k].anchor, contacts[k].normal, contacts[k].separation, static_cast<int>(k)});
+  candidates.reduce(
+      [&](const ManifoldCandidate& c) { out.push_back(contacts[static_cast<std::size_t>(c.tag)]); });
 }
 
 }  // namespace smartsurf::world

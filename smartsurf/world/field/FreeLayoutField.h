@@ -29,18 +29,18 @@ class FreeLayoutField {
   template <class Each>
   void for_each_cell(const Vec3& low, const Vec3& high, Each each) const;
   int bucket(float u, int axis) const;
-  int cell_at(float x, float y, float grown) const;
+  int cell_at(float x, float y, float tolerance) const;
   Neighbours find_neighbours(std::size_t cell) const;
   bool is_bridged(std::size_t cell, int side) const;
   void collide_cell(std::size_t cell, const Shape&, const Vec3& centre, const Mat3& axes, float margin,
-                    surface::Field& three_by_three, std::vector<Contact>& out) const;
+                    surface::Field& local_grid, std::vector<Contact>& out) const;
   surface::Field make_local_grid() const;
-  void look_at(std::size_t cell, surface::Field& three_by_three) const;
+  void load_local_grid(std::size_t cell, surface::Field& local_grid) const;
 
   const surface::Field& field_;
-  float origin_[2], size_, half_diagonal_;
-  int count_[2];
-  std::vector<std::int32_t> first_, order_;  // cells by bucket
+  float origin_[2], bucket_size_, half_diagonal_;
+  int bucket_count_[2];
+  std::vector<std::int32_t> bucket_begin_, bucket_cells_;  // cells by bucket
   std::vector<Neighbours> neighbours_;
 };
 

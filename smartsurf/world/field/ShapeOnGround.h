@@ -9,7 +9,7 @@
 namespace smartsurf::world {
 
 // Appends at most four contacts for each convex piece with the floor at height `ground`; any shape.
-void collide_shape_with_ground(const Shape&, const Vec3& centre, const Mat3& axes, float ground, float margin,
-                               std::vector<Contact>& out);
+void collide_shape_with_ground(const Shape&, const Vec3& centre, const Mat3& axes, float ground_height,
+                               float margin, std::vector<Contact>& out);
 
 }  // namespace smartsurf::world

@@ -7,11 +7,11 @@
 
 namespace smartsurf::world {
 
-// Touch has a `normal` and a `gap`.
-template <class Touch>
+// Candidate has a `normal` and a `separation`.
+template <class Candidate>
 class SphereManifoldReducer {
  public:
-  void add(const Touch& t) {
+  void add(const Candidate& t) {
     const bool below = t.normal.z() > 0.9999F;
     const int slot = below ? 4 : (t.normal.x() >= 0 ? 1 : 0) + (t.normal.y() >= 0 ? 2 : 0);
     if (!used_[slot] || t.separation < best_[slot].separation) best_[slot] = t, used_[slot] = true;
@@ -29,7 +29,7 @@ class SphereManifoldReducer {
   }
 
  private:
-  Touch best_[5];
+  Candidate best_[5];
   bool used_[5] = {};
 };
 

@@ -12,21 +12,21 @@ struct SphereCandidate {
 };
 
 void collide_column(const Columns& columns, int row, int column, const Vec3& centre, float radius,
-                    float reach, SphereManifoldReducer<SphereCandidate>& picker) {
+                    float reach, SphereManifoldReducer<SphereCandidate>& reducer) {
   const Column q = columns.at(row, column);
-  const Vec3 nearest(std::clamp(centre.x(), q.west, q.east), std::clamp(centre.y(), q.south, q.north),
+  const Vec3 closest(std::clamp(centre.x(), q.west, q.east), std::clamp(centre.y(), q.south, q.north),
                      std::min(centre.z(), q.top));
-  const Vec3 offset = centre - nearest;
-  const float square = offset.squaredNorm();
-  if (square > reach * reach) return;
-  if (square > 1e-12F) {
+  const Vec3 offset = centre - closest;
+  const float distance_squared = offset.squaredNorm();
+  if (distance_squared > reach * reach) return;
+  if (distance_squared > 1e-12F) {
     // Out over a bridged side the neighbour is nearer: its contact is the true one.
     if (q.leans_over_bridge(offset.x(), offset.y(), 0.0F)) return;
-    const float length = std::sqrt(square);
-    picker.add({offset / length, length - radius, row, column});
+    const float length = std::sqrt(distance_squared);
+    reducer.add({offset / length, length - radius, row, column});
   } else {
     const EscapeDirection out = escape_direction(q, centre);
-    picker.add({out.normal, out.distance - radius, row, column});
+    reducer.add({out.normal, out.distance - radius, row, column});
   }
 }
 
@@ -38,10 +38,10 @@ void set_surface_velocity(const Columns& columns, int row, int column, const Vec
   c.surface_velocity = {0, 0, f.speed[i]};
   if (!f.has_surface_velocity()) return;
   const float spin = f.surface_spin.empty() ? 0.0F : f.surface_spin[i];
-  const Vec3 drag(f.surface_velocity_x[i] - spin * (point.y() - columns.y(row)),
-                  f.surface_velocity_y[i] + spin * (point.x() - columns.x(column)), 0);
+  const Vec3 cell_velocity(f.surface_velocity_x[i] - spin * (point.y() - columns.y(row)),
+                           f.surface_velocity_y[i] + spin * (point.x() - columns.x(column)), 0);
   // Only along the surface: the cell itself stays where it is.
-  c.surface_velocity += drag - c.normal * c.normal.dot(drag);
+  c.surface_velocity += cell_velocity - c.normal * c.normal.dot(cell_velocity);
   c.surface_spin = spin;
 }
 
@@ -51,18 +51,19 @@ void collide_sphere_with_field(const surface::Field& field, const Vec3& centre, 
   if (centre.z() - reach > field.max_height) return;
   const Columns columns(field, 2.0F * radius);
   const CellRange cells =
-      columns.covering(centre.x() - reach, centre.x() + reach, centre.y() - reach, centre.y() + reach);
-  const float half = 0.5F * columns.pitch(), square = reach * reach;
-  SphereManifoldReducer<SphereCandidate> picker;
+      columns.cells_covering(centre.x() - reach, centre.x() + reach, centre.y() - reach, centre.y() + reach);
+  const float half_pitch = 0.5F * columns.pitch(), reach_squared = reach * reach;
+  SphereManifoldReducer<SphereCandidate> reducer;
   for (int r = cells.row_begin; r < cells.row_end; ++r) {
-    const float dy = std::max(0.0F, std::abs(centre.y() - columns.y(r)) - half);
+    const float dy = std::max(0.0F, std::abs(centre.y() - columns.y(r)) - half_pitch);
     for (int c = cells.column_begin; c < cells.column_end; ++c) {
-      const float dx = std::max(0.0F, std::abs(centre.x() - columns.x(c)) - half);
+      const float dx = std::max(0.0F, std::abs(centre.x() - columns.x(c)) - half_pitch);
       const float dz = std::max(0.0F, centre.z() - columns.top(r, c));
-      if (dx * dx + dy * dy + dz * dz <= square) collide_column(columns, r, c, centre, radius, reach, picker);
+      if (dx * dx + dy * dy + dz * dz <= reach_squared)
+        collide_column(columns, r, c, centre, radius, reach, reducer);
     }
   }
-  picker.reduce([&](const SphereCandidate& t) {
+  reducer.reduce([&](const SphereCandidate& t) {
     Contact& contact = out.emplace_back();
     contact.normal = t.normal;
     contact.anchor = -radius * t.normal;

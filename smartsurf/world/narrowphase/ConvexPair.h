@@ -20,7 +20,7 @@ struct PlacedShape {
 // which is brought up to date, or null. They save work and decide nothing.
 // Returns how far apart all pieces are at least that were given no point, told up to `horizon` beyond the
 // margin; the margin where each was given one.
-float collide_convex(const PlacedShape& a, const PlacedShape& b, float margin, const Vec3* last_normal,
-                     std::vector<Contact>& out, float horizon = 0.0F, SimplexCache* last = nullptr);
+float collide_convex(const PlacedShape& a, const PlacedShape& b, float margin, const Vec3* cached_normal,
+                     std::vector<Contact>& out, float horizon = 0.0F, SimplexCache* simplex_cache = nullptr);
 
 }  // namespace smartsurf::world

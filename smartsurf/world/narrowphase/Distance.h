@@ -14,9 +14,9 @@ struct ConvexPart {
 };
 
 template <class Work>
-void for_each_part(const Shape& shape, Work work) {
-  if (shape.hulls.empty()) return work(ConvexPart{shape, nullptr});
-  for (const ConvexHullShape& hull : shape.hulls) work(ConvexPart{shape, &hull});
+void for_each_part(const Shape& shape, Work visit) {
+  if (shape.hulls.empty()) return visit(ConvexPart{shape, nullptr});
+  for (const ConvexHullShape& hull : shape.hulls) visit(ConvexPart{shape, &hull});
 }
 
 struct SignedDistance {

@@ -8,23 +8,23 @@ namespace smartsurf::world {
 // Calls each(point) for the points up to `highest` that touch a plane first: corners, the tip, and eight
 // points of each rim, one of them the lowest. A capsule has none.
 template <class Each>
-void for_each_feature_point(const ConvexPart& piece, const Vec3& centre, const Mat3& axes, float highest,
+void for_each_feature_point(const ConvexPart& part, const Vec3& centre, const Mat3& axes, float max_z,
                             Each each) {
   using scene::ShapeKind;
-  constexpr int kRim = 8;
-  const Shape& s = piece.shape;
+  constexpr int kRimPoints = 8;
+  const Shape& s = part.shape;
   const Vec3 up = axes.row(2);
-  auto own = [&](const Vec3& p) {
-    if (centre.z() + up.dot(p) <= highest) each(Vec3(centre + axes * p));
+  auto visit_local = [&](const Vec3& p) {
+    if (centre.z() + up.dot(p) <= max_z) each(Vec3(centre + axes * p));
   };
-  auto rim = [&](float z) {
+  auto visit_rim = [&](float z) {
     Vec3 lowest(-axes(2, 0), -axes(2, 1), 0);
     lowest = lowest.squaredNorm() > 1e-10F ? Vec3(lowest.normalized()) : Vec3(1, 0, 0);
     constexpr float kDiagonal = 0.70710678F;
-    static constexpr float kAlong[kRim] = {1, kDiagonal, 0, -kDiagonal, -1, -kDiagonal, 0, kDiagonal};
-    for (int i = 0; i < kRim; ++i) {
-      const float u = kAlong[i] * s.radius, v = kAlong[(i + 6) % kRim] * s.radius;
-      own({lowest.x() * u - lowest.y() * v, lowest.y() * u + lowest.x() * v, z});
+    static constexpr float kCosine[kRimPoints] = {1, kDiagonal, 0, -kDiagonal, -1, -kDiagonal, 0, kDiagonal};
+    for (int i = 0; i < kRimPoints; ++i) {
+      const float u = kCosine[i] * s.radius, v = kCosine[(i + 6) % kRimPoints] * s.radius;
+      visit_local({lowest.x() * u - lowest.y() * v, lowest.y() * u + lowest.x() * v, z});
     }
   };
   switch (s.kind) {
@@ -33,19 +33,19 @@ void for_each_feature_point(const ConvexPart& piece, const Vec3& centre, const M
       break;
     case ShapeKind::kBox:
       for (int i = 0; i < 8; ++i)
-        own(s.half_extents.cwiseProduct(
+        visit_local(s.half_extents.cwiseProduct(
             Vec3(i & 1 ? 1.0F : -1.0F, i & 2 ? 1.0F : -1.0F, i & 4 ? 1.0F : -1.0F)));
       break;
     case ShapeKind::kCylinder:
-      rim(s.low);
-      rim(s.high);
+      visit_rim(s.low);
+      visit_rim(s.high);
       break;
     case ShapeKind::kCone:
-      rim(s.low);
-      own({0, 0, s.high});
+      visit_rim(s.low);
+      visit_local({0, 0, s.high});
       break;
     case ShapeKind::kSolid:
-      for (const Vec3& corner : piece.hull->hull->vertices) own(corner);
+      for (const Vec3& corner : part.hull->hull->vertices) visit_local(corner);
       break;
   }
 }

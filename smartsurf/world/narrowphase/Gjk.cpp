@@ -10,8 +10,8 @@ namespace {
 using scene::ShapeKind;
 
 // The farthest point of a core in the shape's own axes.
-Vec3 local_support(const ConvexPart& piece, float inset, const Vec3& d) {
-  const Shape& s = piece.shape;
+Vec3 local_support(const ConvexPart& part, float inset, const Vec3& d) {
+  const Shape& s = part.shape;
   auto rim = [&d](float radius, float z) {
     const float across = length_of(d.x(), d.y());
     return across > 1e-12F ? Vec3(d.x() * radius / across, d.y() * radius / across, z) : Vec3(radius, 0, z);
@@ -37,7 +37,7 @@ Vec3 local_support(const ConvexPart& piece, float inset, const Vec3& d) {
     case ShapeKind::kSolid:
       break;
   }
-  return piece.hull->inset_corners[piece.hull->inset_corner_blocks.argmax(d)];
+  return part.hull->inset_corners[part.hull->inset_corner_blocks.argmax(d)];
 }
 
 struct Vertex {
@@ -49,7 +49,7 @@ struct Simplex {
   Vertex v[4];
   int count = 0;
 
-  Vec3 nearest() const {
+  Vec3 closest_point() const {
     Vec3 p = Vec3::Zero();
     for (int i = 0; i < count; ++i) p += v[i].weight * v[i].w;
     return p;
@@ -81,14 +81,16 @@ void reduce_segment(Simplex& s) {
 // Of a triangle that is hardly one: its nearest edge.
 void reduce_sliver(Simplex& s) {
   Simplex best;
-  float nearest = std::numeric_limits<float>::max();
+  float min_distance_squared = std::numeric_limits<float>::max();
   for (int i = 0; i < 3; ++i) {
     Simplex edge;
     edge.count = 2;
     edge.v[0] = s.v[i];
     edge.v[1] = s.v[(i + 1) % 3];
     reduce_segment(edge);
-    if (const float square = edge.nearest().squaredNorm(); square < nearest) nearest = square, best = edge;
+    if (const float distance_squared = edge.closest_point().squaredNorm();
+        distance_squared < min_distance_squared)
+      min_distance_squared = distance_squared, best = edge;
   }
   s = best;
 }
@@ -121,7 +123,7 @@ void reduce_triangle(Simplex& s) {
 bool reduce_tetrahedron(Simplex& s) {
   static constexpr int kFaces[4][4] = {{0, 1, 2, 3}, {0, 2, 3, 1}, {0, 3, 1, 2}, {1, 3, 2, 0}};
   Simplex best;
-  float nearest = std::numeric_limits<float>::max();
+  float min_distance_squared = std::numeric_limits<float>::max();
   for (const auto& f : kFaces) {
     const Vec3 &a = s.v[f[0]].w, &b = s.v[f[1]].w, &c = s.v[f[2]].w, &d = s.v[f[3]].w;
     const Vec3 normal = (b - a).cross(c - a);
@@ -131,7 +133,9 @@ bool reduce_tetrahedron(Simplex& s) {
     face.count = 3;
     for (int i = 0; i < 3; ++i) face.v[i] = s.v[f[i]];
     reduce_triangle(face);
-    if (const float square = face.nearest().squaredNorm(); square < nearest) nearest = square, best = face;
+    if (const float distance_squared = face.closest_point().squaredNorm();
+        distance_squared < min_distance_squared)
+      min_distance_squared = distance_squared, best = face;
   }
   if (best.count == 0) return false;
   s = best;
@@ -170,12 +174,12 @@ Vertex make_vertex(const ConvexProxy& a, const ConvexProxy& b, const Vec3& towar
   return v;
 }
 
-Simplex restore_simplex(const ConvexProxy& a, const ConvexProxy& b, const SimplexCache& last) {
+Simplex restore_simplex(const ConvexProxy& a, const ConvexProxy& b, const SimplexCache& cache) {
   Simplex s;
-  for (s.count = 0; s.count < last.count; ++s.count) {
+  for (s.count = 0; s.count < cache.count; ++s.count) {
     Vertex& v = s.v[s.count];
-    v.a = a.centre + a.axes * last.on_a[s.count];
-    v.b = b.centre + b.axes * last.on_b[s.count];
+    v.a = a.centre + a.axes * cache.on_a[s.count];
+    v.b = b.centre + b.axes * cache.on_b[s.count];
     v.w = v.a - v.b;
   }
   return s;
@@ -192,35 +196,37 @@ void store_simplex(const ConvexProxy& a, const ConvexProxy& b, const Simplex& s,
 }  // namespace
 
 ClosestPoints closest_points(const ConvexProxy& a, const ConvexProxy& b, float limit, const Vec3& towards_a,
-                             SimplexCache* last) {
-  constexpr int kMostRounds = 20;
+                             SimplexCache* cache) {
+  constexpr int kMaxIterations = 20;
   // Distances are told to a ten-thousandth, relative or of a unit.
-  constexpr float kOverlap = 1e-10F, kPrecision = 1e-4F;
+  constexpr float kOverlapSquared = 1e-10F, kTolerance = 1e-4F;
   const ClosestPoints overlap{Vec3::Zero(), Vec3::Zero(), Vec3(0, 0, 1), 0.0F, false};
   Simplex s;
-  Vec3 nearest = towards_a;
-  if (last && last->count > 0) {
-    s = restore_simplex(a, b, *last);
+  Vec3 closest = towards_a;
+  if (cache && cache->count > 0) {
+    s = restore_simplex(a, b, *cache);
     reduce(s);
-    nearest = s.nearest();
-    last->count = 0;
-    if (nearest.squaredNorm() < kOverlap) return overlap;
+    closest = s.closest_point();
+    cache->count = 0;
+    if (closest.squaredNorm() < kOverlapSquared) return overlap;
   }
-  if (nearest.squaredNorm() < kOverlap) nearest = Vec3(0, 0, 1);
-  for (int round = 0; round < kMostRounds; ++round) {
-    const Vertex v = make_vertex(a, b, nearest);
-    const float square = nearest.squaredNorm(), length = std::sqrt(square), along = nearest.dot(v.w);
-    if (along > limit * length) return {Vec3::Zero(), Vec3::Zero(), nearest / length, along / length, true};
+  if (closest.squaredNorm() < kOverlapSquared) closest = Vec3(0, 0, 1);
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+    const Vertex v = make_vertex(a, b, closest);
+    const float closest_squared = closest.squaredNorm(), length = std::sqrt(closest_squared),
+                projection = closest.dot(v.w);
+    if (projection > limit * length)
+      return {Vec3::Zero(), Vec3::Zero(), closest / length, projection / length, true};
     // No vertex lies noticeably nearer to the origin than what is there.
-    if (s.count > 0 && square - along <= kPrecision * (square + length)) break;
+    if (s.count > 0 && closest_squared - projection <= kTolerance * (closest_squared + length)) break;
     s.v[s.count++] = v;
     if (!reduce(s)) return overlap;
-    nearest = s.nearest();
-    if (nearest.squaredNorm() < kOverlap) return overlap;
+    closest = s.closest_point();
+    if (closest.squaredNorm() < kOverlapSquared) return overlap;
   }
-  if (last) store_simplex(a, b, s, *last);
-  ClosestPoints out{Vec3::Zero(), Vec3::Zero(), Vec3(0, 0, 1), nearest.norm(), true};
-  out.normal = nearest / out.distance;
+  if (cache) store_simplex(a, b, s, *cache);
+  ClosestPoints out{Vec3::Zero(), Vec3::Zero(), Vec3(0, 0, 1), closest.norm(), true};
+  out.normal = closest / out.distance;
   for (int i = 0; i < s.count; ++i) {
     out.on_a += s.v[i].weight * s.v[i].a;
     out.on_b += s.v[i].weight * s.v[i].b;

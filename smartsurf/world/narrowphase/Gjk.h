@@ -13,15 +13,17 @@ struct ConvexProxy {
   const Mat3& axes;
   float convex_radius;
 
-  ConvexProxy(const ConvexPart& p, const Vec3& at, const Mat3& turned)
+  ConvexProxy(const ConvexPart& p, const Vec3& position, const Mat3& orientation)
       : part(p),
-        centre(at),
-        axes(turned),
+        centre(position),
+        axes(orientation),
         convex_radius(p.hull ? p.hull->convex_radius : p.shape.convex_radius) {}
   // The core's farthest point along a direction, world frame.
   Vec3 support(const Vec3& direction) const;
   // The same of the whole piece.
-  Vec3 support_with_radius(const Vec3& unit) const { return support(unit) + convex_radius * unit; }
+  Vec3 support_with_radius(const Vec3& unit_direction) const {
+    return support(unit_direction) + convex_radius * unit_direction;
+  }
 };
 
 struct ClosestPoints {
@@ -40,6 +42,6 @@ struct SimplexCache {
 // guess at the direction from b to a, of any length. `last`: taken for a start and brought up to date, or
 // null.
 ClosestPoints closest_points(const ConvexProxy& a, const ConvexProxy& b, float limit, const Vec3& towards_a,
-                             SimplexCache* last = nullptr);
+                             SimplexCache* cache = nullptr);
 
 }  // namespace smartsurf::world

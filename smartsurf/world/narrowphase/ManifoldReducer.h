@@ -13,10 +13,10 @@ class ReductionPoints {
   int count() const { return count_; }
   void clear() { count_ = 0; }
   // There must be room. A point with an infinite gap is never chosen.
-  void add(const Vec3& at, float gap) { set(count_++, at, gap); }
-  void set(int i, const Vec3& at, float gap) {
-    x_[i] = at.x(), y_[i] = at.y(), z_[i] = at.z();
-    separation_[i] = gap;
+  void add(const Vec3& point, float separation) { set(count_++, point, separation); }
+  void set(int i, const Vec3& point, float separation) {
+    x_[i] = point.x(), y_[i] = point.y(), z_[i] = point.z();
+    separation_[i] = separation;
   }
   Vec3 at(int i) const { return {x_[i], y_[i], z_[i]}; }
   float separation(int i) const { return separation_[i]; }
@@ -30,7 +30,7 @@ class ReductionPoints {
  private:
   // The point of the greatest spread(x, y, z) less its gap: −1 where none is noticeable.
   template <class Spread>
-  int argmax(Spread spread) const;
+  int argmax(Spread measure) const;
 
   alignas(16) float x_[kCapacity];
   alignas(16) float y_[kCapacity];

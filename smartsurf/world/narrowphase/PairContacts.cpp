@@ -17,15 +17,15 @@ float closing_distance(const BodyStore& bodies, std::size_t a, std::size_t b, co
 
 void collide_spheres(const BodyStore& bodies, std::size_t a, std::size_t b, float margin, float dt_s,
                      std::vector<Contact>& out) {
-  const Vec3 apart = bodies.position[a] - bodies.position[b];
-  const float distance = apart.norm();
-  const Vec3 normal = distance > 1e-6F ? Vec3(apart / distance) : Vec3(0, 0, 1);
-  const float gap = distance - bodies.bounding_radius[a] - bodies.bounding_radius[b];
-  if (gap > margin && gap > margin + closing_distance(bodies, a, b, normal, dt_s)) return;
+  const Vec3 offset = bodies.position[a] - bodies.position[b];
+  const float distance = offset.norm();
+  const Vec3 normal = distance > 1e-6F ? Vec3(offset / distance) : Vec3(0, 0, 1);
+  const float separation = distance - bodies.bounding_radius[a] - bodies.bounding_radius[b];
+  if (separation > margin && separation > margin + closing_distance(bodies, a, b, normal, dt_s)) return;
   Contact& c = out.emplace_back();
   c.normal = normal;
   c.anchor = -bodies.bounding_radius[a] * normal;
-  c.separation = gap;
+  c.separation = separation;
 }
 
 // A sphere against anything else, in either order.
@@ -33,42 +33,45 @@ void collide_sphere(const BodyStore& bodies, std::size_t sphere, std::size_t oth
                     float margin, float dt_s, std::vector<Contact>& out) {
   const float radius = bodies.bounding_radius[sphere];
   const Vec3 centre = bodies.axes[other].transpose() * (bodies.position[sphere] - bodies.position[other]);
-  const float most = radius + margin + (bodies.velocity(sphere) - bodies.velocity(other)).norm() * dt_s;
-  if ((centre.cwiseAbs() - bodies.shape[other]->half_extents).maxCoeff() > most) return;
-  for_each_part(*bodies.shape[other], [&](const ConvexPart& piece) {
-    const SignedDistance o = signed_distance(piece, centre, most);
+  const float max_distance =
+      radius + margin + (bodies.velocity(sphere) - bodies.velocity(other)).norm() * dt_s;
+  if ((centre.cwiseAbs() - bodies.shape[other]->half_extents).maxCoeff() > max_distance) return;
+  for_each_part(*bodies.shape[other], [&](const ConvexPart& part) {
+    const SignedDistance o = signed_distance(part, centre, max_distance);
     const Vec3 normal = bodies.axes[other] * o.normal;
-    const float gap = o.distance - radius;
-    if (gap > margin && gap > margin + closing_distance(bodies, sphere, other, normal, dt_s)) return;
+    const float separation = o.distance - radius;
+    if (separation > margin && separation > margin + closing_distance(bodies, sphere, other, normal, dt_s))
+      return;
     Contact& c = out.emplace_back();
     c.normal = sphere_is_a ? normal : Vec3(-normal);
-    c.separation = gap;
-    c.anchor = sphere_is_a ? Vec3(-radius * normal)
-                           : Vec3(bodies.position[sphere] - (radius + gap) * normal - bodies.position[other]);
+    c.separation = separation;
+    c.anchor = sphere_is_a
+                   ? Vec3(-radius * normal)
+                   : Vec3(bodies.position[sphere] - (radius + separation) * normal - bodies.position[other]);
   });
 }
 
-Vec3 center_normal(const BodyStore& bodies, std::size_t a, std::size_t b) {
-  const Vec3 apart = bodies.position[a] - bodies.position[b];
-  const float distance = apart.norm();
-  return distance > 1e-6F ? Vec3(apart / distance) : Vec3(0, 0, 1);
+Vec3 centre_normal(const BodyStore& bodies, std::size_t a, std::size_t b) {
+  const Vec3 offset = bodies.position[a] - bodies.position[b];
+  const float distance = offset.norm();
+  return distance > 1e-6F ? Vec3(offset / distance) : Vec3(0, 0, 1);
 }
 
 }  // namespace
 
 float closing_distance(const BodyStore& bodies, std::size_t a, std::size_t b, float dt_s) {
-  return closing_distance(bodies, a, b, center_normal(bodies, a, b), dt_s);
+  return closing_distance(bodies, a, b, centre_normal(bodies, a, b), dt_s);
 }
 
 void collide_bodies(const BodyStore& bodies, std::size_t a, std::size_t b, float margin, float dt_s,
-                    const Vec3* last_normal, std::vector<Contact>& out) {
-  const bool round_a = bodies.is_sphere[a], round_b = bodies.is_sphere[b];
-  if (round_a && round_b) return collide_spheres(bodies, a, b, margin, dt_s, out);
-  if (round_a) return collide_sphere(bodies, a, b, true, margin, dt_s, out);
-  if (round_b) return collide_sphere(bodies, b, a, false, margin, dt_s, out);
+                    const Vec3* cached_normal, std::vector<Contact>& out) {
+  const bool sphere_a = bodies.is_sphere[a], sphere_b = bodies.is_sphere[b];
+  if (sphere_a && sphere_b) return collide_spheres(bodies, a, b, margin, dt_s, out);
+  if (sphere_a) return collide_sphere(bodies, a, b, true, margin, dt_s, out);
+  if (sphere_b) return collide_sphere(bodies, b, a, false, margin, dt_s, out);
   collide_convex({*bodies.shape[a], bodies.position[a], bodies.axes[a]},
                  {*bodies.shape[b], bodies.position[b], bodies.axes[b]},
-                 margin + closing_distance(bodies, a, b, dt_s), last_normal, out);
+                 margin + closing_distance(bodies, a, b, dt_s), cached_normal, out);
 }
 
 }  // namespace smartsurf::world

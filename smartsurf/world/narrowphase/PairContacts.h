@@ -12,7 +12,7 @@ namespace smartsurf::world {
 // and those whose gap the two would close within one step at their speed. Does not look at sleep or mass.
 // `last_normal`: of a contact that the two had in the last step, or null. It saves work and decides nothing.
 void collide_bodies(const BodyStore&, std::size_t a, std::size_t b, float margin, float dt_s,
-                    const Vec3* last_normal, std::vector<Contact>& out);
+                    const Vec3* cached_normal, std::vector<Contact>& out);
 
 // How far the two close in on each other within one step, their centres' line taken for the normal.
 float closing_distance(const BodyStore&, std::size_t a, std::size_t b, float dt_s);

@@ -43,14 +43,14 @@ class PairManifoldCache {
 
   // Appends the contacts of bodies a and b, neither a sphere, with gaps up to `margin`, the normal pointing
   // from b to a, and notes them for the next step.
-  void collide(const BodyStore&, std::size_t a, std::size_t b, float margin, ChunkCache& now,
+  void collide(const BodyStore&, std::size_t a, std::size_t b, float margin, ChunkCache& chunk_cache,
                std::vector<Contact>& out) const;
 
  private:
   const CachedManifold* find(std::size_t a, std::size_t b) const;
 
-  std::vector<ChunkCache> previous_;          // one a chunk
-  std::vector<const CachedManifold*> first_;  // of each body a
+  std::vector<ChunkCache> previous_;                   // one a chunk
+  std::vector<const CachedManifold*> first_manifold_;  // of each body a
 };
 
 }  // namespace smartsurf::world

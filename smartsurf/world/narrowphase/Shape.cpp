@@ -13,38 +13,38 @@ namespace {
 using scene::ShapeKind;
 
 // Draws each corner in so that all its faces move by `depth`: least squares where more than three meet.
-std::vector<Vec3> inset_hull(const scene::ConvexHull& piece, float depth) {
-  std::vector<Mat3> squares(piece.vertices.size(), Mat3::Identity() * 1e-4F);
-  std::vector<Vec3> sums(piece.vertices.size(), Vec3::Zero());
-  for (const auto& face : piece.faces)
+std::vector<Vec3> inset_hull(const scene::ConvexHull& hull, float depth) {
+  std::vector<Mat3> normal_matrices(hull.vertices.size(), Mat3::Identity() * 1e-4F);
+  std::vector<Vec3> right_hand_sides(hull.vertices.size(), Vec3::Zero());
+  for (const auto& face : hull.faces)
     for (std::uint32_t i = 0; i < face.vertex_count; ++i) {
-      const std::size_t corner = piece.face_vertices[face.first_vertex + i];
-      squares[corner] += face.normal * face.normal.transpose();
-      sums[corner] -= depth * face.normal;
+      const std::size_t corner = hull.face_vertices[face.first_vertex + i];
+      normal_matrices[corner] += face.normal * face.normal.transpose();
+      right_hand_sides[corner] -= depth * face.normal;
     }
-  std::vector<Vec3> core(piece.vertices);
-  for (std::size_t i = 0; i < core.size(); ++i) core[i] += squares[i].ldlt().solve(sums[i]);
-  return core;
+  std::vector<Vec3> inset(hull.vertices);
+  for (std::size_t i = 0; i < inset.size(); ++i)
+    inset[i] += normal_matrices[i].ldlt().solve(right_hand_sides[i]);
+  return inset;
 }
 
-float min_width(const scene::ConvexHull& piece) {
-  float least = std::numeric_limits<float>::max();
-  for (const auto& face : piece.faces) {
-    float deepest = 0.0F;
-    for (const Vec3& corner : piece.vertices)
-      deepest = std::max(deepest, face.offset - face.normal.dot(corner));
-    least = std::min(least, deepest);
+float min_width(const scene::ConvexHull& hull) {
+  float width = std::numeric_limits<float>::max();
+  for (const auto& face : hull.faces) {
+    float extent = 0.0F;
+    for (const Vec3& corner : hull.vertices) extent = std::max(extent, face.offset - face.normal.dot(corner));
+    width = std::min(width, extent);
   }
-  return least;
+  return width;
 }
 
 // Each edge runs one way round one of its faces and the other way round the other.
-std::vector<ConvexHullShape::Edge> find_edges(const scene::ConvexHull& piece) {
+std::vector<ConvexHullShape::Edge> find_edges(const scene::ConvexHull& hull) {
   std::map<std::pair<std::uint16_t, std::uint16_t>, std::uint16_t> face_along;
   std::vector<ConvexHullShape::Edge> edges;
-  for (std::size_t f = 0; f < piece.faces.size(); ++f) {
-    const auto& face = piece.faces[f];
-    const auto* corners = &piece.face_vertices[face.first_vertex];
+  for (std::size_t f = 0; f < hull.faces.size(); ++f) {
+    const auto& face = hull.faces[f];
+    const auto* corners = &hull.face_vertices[face.first_vertex];
     for (std::uint32_t i = 0; i < face.vertex_count; ++i) {
       const std::uint16_t from = corners[i], to = corners[(i + 1) % face.vertex_count];
       face_along[{from, to}] = static_cast<std::uint16_t>(f);
@@ -57,20 +57,20 @@ std::vector<ConvexHullShape::Edge> find_edges(const scene::ConvexHull& piece) {
 
 std::vector<ConvexHullShape> make_hulls(const scene::Solid& solid) {
   std::vector<ConvexHullShape> hulls;
-  for (const auto& piece : solid.hulls) {
+  for (const auto& source : solid.hulls) {
     ConvexHullShape& hull = hulls.emplace_back();
-    hull.hull = &piece;
-    hull.width = min_width(piece);
+    hull.hull = &source;
+    hull.width = min_width(source);
     hull.convex_radius = std::min(0.03F, 0.1F * hull.width);
-    hull.inset_corners = inset_hull(piece, hull.convex_radius);
-    hull.corner_blocks.assign(piece.vertices);
+    hull.inset_corners = inset_hull(source, hull.convex_radius);
+    hull.corner_blocks.assign(source.vertices);
     hull.inset_corner_blocks.assign(hull.inset_corners);
     std::vector<Vec3> normals;
     std::vector<float> offsets;
-    for (const auto& face : piece.faces) normals.push_back(face.normal), offsets.push_back(-face.offset);
+    for (const auto& face : source.faces) normals.push_back(face.normal), offsets.push_back(-face.offset);
     hull.face_normals.assign(normals);
     hull.face_planes.assign(normals, offsets);
-    hull.edges = find_edges(piece);
+    hull.edges = find_edges(source);
   }
   return hulls;
 }
@@ -79,12 +79,12 @@ std::vector<ConvexHullShape> make_hulls(const scene::Solid& solid) {
 // solids, and then the caches hold them.
 std::shared_ptr<const std::vector<ConvexHullShape>> find_or_make_hulls(const scene::Solid& solid) {
   static std::mutex mutex;
-  static std::map<const scene::Solid*, std::weak_ptr<const std::vector<ConvexHullShape>>> known;
+  static std::map<const scene::Solid*, std::weak_ptr<const std::vector<ConvexHullShape>>> cache;
   const std::lock_guard lock(mutex);
-  if (auto hulls = known[&solid].lock()) return hulls;
-  std::erase_if(known, [](const auto& entry) { return entry.second.expired(); });
+  if (auto hulls = cache[&solid].lock()) return hulls;
+  std::erase_if(cache, [](const auto& entry) { return entry.second.expired(); });
   auto hulls = std::make_shared<const std::vector<ConvexHullShape>>(make_hulls(solid));
-  known[&solid] = hulls;
+  cache[&solid] = hulls;
   return hulls;
 }
 
@@ -99,36 +99,37 @@ void add_hulls(Shape& shape) {
 
 void LinearFunctions::assign(const std::vector<Vec3>& n, const std::vector<float>& w) {
   last_index_ = n.size() - 1;
-  blocks_.resize((n.size() + kBlock - 1) / kBlock);
-  for (std::size_t i = 0; i < kBlock * blocks_.size(); ++i) {
+  blocks_.resize((n.size() + kBlockSize - 1) / kBlockSize);
+  for (std::size_t i = 0; i < kBlockSize * blocks_.size(); ++i) {
     const std::size_t k = std::min(i, last_index_);
-    Block& b = blocks_[i / kBlock];
-    b.x[i % kBlock] = n[k].x(), b.y[i % kBlock] = n[k].y(), b.z[i % kBlock] = n[k].z();
-    b.w[i % kBlock] = w.empty() ? 0.0F : w[k];
+    Block& b = blocks_[i / kBlockSize];
+    b.x[i % kBlockSize] = n[k].x(), b.y[i % kBlockSize] = n[k].y(), b.z[i % kBlockSize] = n[k].z();
+    b.w[i % kBlockSize] = w.empty() ? 0.0F : w[k];
   }
 }
 
 // Without branches that nobody could foretell: the lowest bits of each value give way to its number, so that
 // the greatest tells both.
 std::size_t LinearFunctions::argmax(const Vec3& p) const {
-  constexpr std::size_t kGroup = 16;  // blocks, so that six bits give way at most
-  constexpr Int4 kLane = {0, 1, 2, 3};
+  constexpr std::size_t kBlocksPerGroup = 16;  // blocks, so that six bits give way at most
+  constexpr Int4 kLaneIndex = {0, 1, 2, 3};
   std::size_t best = 0;
-  float most = -std::numeric_limits<float>::max();
-  for (std::size_t group = 0; group < blocks_.size(); group += kGroup) {
-    const std::size_t count = std::min(kGroup, blocks_.size() - group);
-    const std::int32_t bits = static_cast<std::int32_t>(kBlock * std::bit_ceil(count)) - 1;
-    Float4 farthest = {most, most, most, most};
+  float max_value = -std::numeric_limits<float>::max();
+  for (std::size_t group = 0; group < blocks_.size(); group += kBlocksPerGroup) {
+    const std::size_t count = std::min(kBlocksPerGroup, blocks_.size() - group);
+    const std::int32_t index_mask = static_cast<std::int32_t>(kBlockSize * std::bit_ceil(count)) - 1;
+    Float4 best_lanes = {max_value, max_value, max_value, max_value};
     for (std::size_t k = 0; k < count; ++k) {
-      const Float4 along = blocks_[group + k].evaluate(p);
-      const Int4 number = kLane + static_cast<std::int32_t>(kBlock * k);
-      const auto tagged = std::bit_cast<Float4>((std::bit_cast<Int4>(along) & ~bits) | number);
-      farthest = tagged > farthest ? tagged : farthest;
+      const Float4 values = blocks_[group + k].evaluate(p);
+      const Int4 indices = kLaneIndex + static_cast<std::int32_t>(kBlockSize * k);
+      const auto tagged = std::bit_cast<Float4>((std::bit_cast<Int4>(values) & ~index_mask) | indices);
+      best_lanes = tagged > best_lanes ? tagged : best_lanes;
     }
-    const float here = std::max(std::max(farthest[0], farthest[1]), std::max(farthest[2], farthest[3]));
-    if (!(here > most)) continue;
-    most = here;
-    best = kBlock * group + static_cast<std::size_t>(std::bit_cast<std::int32_t>(here) & bits);
+    const float group_max =
+        std::max(std::max(best_lanes[0], best_lanes[1]), std::max(best_lanes[2], best_lanes[3]));
+    if (!(group_max > max_value)) continue;
+    max_value = group_max;
+    best = kBlockSize * group + static_cast<std::size_t>(std::bit_cast<std::int32_t>(group_max) & index_mask);
   }
   return std::min(best, last_index_);
 }

@@ -20,16 +20,16 @@ class LinearFunctions {
   std::size_t argmax(const Vec3& p) const;
   // Calls each(i) for those greater than `least`.
   template <class Each>
-  void for_each_above(const Vec3& p, float least, Each each) const {
+  void for_each_above(const Vec3& p, float threshold, Each each) const {
     for (std::size_t k = 0; k < blocks_.size(); ++k) {
-      const Int4 beyond = blocks_[k].evaluate(p) > least;
-      for (std::size_t i = 0; i < kBlock; ++i)
-        if (beyond[i] != 0 && kBlock * k + i <= last_index_) each(kBlock * k + i);
+      const Int4 above = blocks_[k].evaluate(p) > threshold;
+      for (std::size_t i = 0; i < kBlockSize; ++i)
+        if (above[i] != 0 && kBlockSize * k + i <= last_index_) each(kBlockSize * k + i);
     }
   }
 
  private:
-  static constexpr std::size_t kBlock = 4;
+  static constexpr std::size_t kBlockSize = 4;
   // The compiler's own vectors: the job is too short for a call through Highway's table of instruction sets.
   using Float4 [[gnu::vector_size(16)]] = float;
   using Int4 [[gnu::vector_size(16)]] = std::int32_t;

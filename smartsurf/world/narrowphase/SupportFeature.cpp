@@ -9,16 +9,16 @@ namespace {
 
 using scene::ShapeKind;
 
-constexpr int kRim = 8;  // points that stand for a round rim, one of them towards the direction
+constexpr int kRimPoints = 8;  // points that stand for a round rim, one of them towards the direction
 
-struct Builder {
+struct FeatureBuilder {
   const Vec3& centre;
   const Mat3& axes;
-  SupportFeature f;
-  void add(const Vec3& own) { f.add(centre + axes * own); }
+  SupportFeature feature;
+  void add(const Vec3& local_point) { feature.add(centre + axes * local_point); }
 };
 
-void add_box_face(Builder& b, const Vec3& half, const Vec3& d) {
+void add_box_face(FeatureBuilder& b, const Vec3& half, const Vec3& d) {
   Eigen::Index axis = 0;
   d.cwiseAbs().maxCoeff(&axis);
   const float side = std::copysign(1.0F, d[axis]);
@@ -32,31 +32,31 @@ void add_box_face(Builder& b, const Vec3& half, const Vec3& d) {
     p[v] = corner[1] * half[v];
     b.add(p);
   }
-  b.f.normal = b.axes.col(axis) * side;
+  b.feature.normal = b.axes.col(axis) * side;
 }
 
-void add_disc(Builder& b, float radius, float z, float side, const Vec3& d) {
+void add_disc(FeatureBuilder& b, float radius, float z, float side, const Vec3& d) {
   constexpr float kDiagonal = 0.70710678F;
-  static constexpr float kAlong[kRim] = {1, kDiagonal, 0, -kDiagonal, -1, -kDiagonal, 0, kDiagonal};
+  static constexpr float kCosine[kRimPoints] = {1, kDiagonal, 0, -kDiagonal, -1, -kDiagonal, 0, kDiagonal};
   const float across = length_of(d.x(), d.y());
   const float x = across > 1e-9F ? radius * d.x() / across : radius;
   const float y = across > 1e-9F ? radius * d.y() / across : 0.0F;
-  for (int i = 0; i < kRim; ++i) {
-    const float u = kAlong[i], v = side * kAlong[(i + 6) % kRim];
+  for (int i = 0; i < kRimPoints; ++i) {
+    const float u = kCosine[i], v = side * kCosine[(i + 6) % kRimPoints];
     b.add({x * u - y * v, x * v + y * u, z});
   }
-  b.f.normal = b.axes.col(2) * side;
+  b.feature.normal = b.axes.col(2) * side;
 }
 
-void add_hull_face(Builder& b, const ConvexHullShape& hull, const Vec3& d) {
-  const scene::ConvexHull& piece = *hull.hull;
-  const scene::ConvexHull::Face* best = &piece.faces[hull.face_normals.argmax(d)];
+void add_hull_face(FeatureBuilder& b, const ConvexHullShape& hull, const Vec3& d) {
+  const scene::ConvexHull& source = *hull.hull;
+  const scene::ConvexHull::Face* best_face = &source.faces[hull.face_normals.argmax(d)];
   // A face with very many corners is thinned out.
   const std::uint32_t stride =
-      (best->vertex_count + SupportFeature::kMaxPoints / 2 - 1) / (SupportFeature::kMaxPoints / 2);
-  for (std::uint32_t i = 0; i < best->vertex_count; i += stride)
-    b.add(piece.vertices[piece.face_vertices[best->first_vertex + i]]);
-  b.f.normal = b.axes * best->normal;
+      (best_face->vertex_count + SupportFeature::kMaxPoints / 2 - 1) / (SupportFeature::kMaxPoints / 2);
+  for (std::uint32_t i = 0; i < best_face->vertex_count; i += stride)
+    b.add(source.vertices[source.face_vertices[best_face->first_vertex + i]]);
+  b.feature.normal = b.axes * best_face->normal;
 }
 
 // Edges that run side by side touch at both ends of what they share.
@@ -72,18 +72,18 @@ void add_parallel_edges(const SupportFeature& a, const SupportFeature& b, const 
   for (const float s : {low, high}) {
     const Vec3 on_a = a.point[0] + s * u;
     const Vec3 on_b = b.point[0] + along_b * ((s - s0) / (s1 - s0));
-    const float gap = normal.dot(on_a - on_b);
-    if (gap <= margin) out.add({0.5F * (on_a + on_b), normal, gap, tag});
+    const float separation = normal.dot(on_a - on_b);
+    if (separation <= margin) out.add({0.5F * (on_a + on_b), normal, separation, tag});
   }
 }
 
 }  // namespace
 
-SupportFeature support_feature(const ConvexPart& piece, const Vec3& centre, const Mat3& axes,
+SupportFeature support_feature(const ConvexPart& part, const Vec3& centre, const Mat3& axes,
                                const Vec3& direction) {
-  const Shape& s = piece.shape;
+  const Shape& s = part.shape;
   const Vec3 d = axes.transpose() * direction;
-  Builder b{centre, axes, {}};
+  FeatureBuilder b{centre, axes, {}};
   const float across = length_of(d.x(), d.y());
   const Vec3 radial = across > 1e-9F ? Vec3(d.x() / across, d.y() / across, 0) : Vec3(1, 0, 0);
   switch (s.kind) {
@@ -117,16 +117,16 @@ SupportFeature support_feature(const ConvexPart& piece, const Vec3& centre, cons
       }
       break;
     case ShapeKind::kSolid:
-      add_hull_face(b, *piece.hull, d);
+      add_hull_face(b, *part.hull, d);
       break;
   }
-  return b.f;
+  return b.feature;
 }
 
-float face_alignment(const ConvexPart& piece, const Mat3& axes, const Vec3& direction) {
+float face_alignment(const ConvexPart& part, const Mat3& axes, const Vec3& direction) {
   const Vec3 d = axes.transpose() * direction;
   const float across = length_of(d.x(), d.y());
-  switch (piece.shape.kind) {
+  switch (part.shape.kind) {
     case ShapeKind::kSphere:
     case ShapeKind::kCapsule:
       return 0.0F;
@@ -139,44 +139,44 @@ float face_alignment(const ConvexPart& piece, const Mat3& axes, const Vec3& dire
     case ShapeKind::kSolid:
       break;
   }
-  return d.dot(piece.hull->hull->faces[piece.hull->face_normals.argmax(d)].normal);
+  return d.dot(part.hull->hull->faces[part.hull->face_normals.argmax(d)].normal);
 }
 
 namespace {
 
 // Cuts off what of a polygon or an edge lies beyond one side of a face: points p with over[p] > 0.
-void clip_polygon(const SupportFeature& now, const float* over, SupportFeature& next) {
-  next.count = 0;
+void clip_polygon(const SupportFeature& input, const float* distances, SupportFeature& output) {
+  output.count = 0;
   // An edge has one side to cut, a face as many as corners.
-  const int sides = now.count > 2 ? now.count : now.count - 1;
-  for (int k = 0; k < now.count; ++k) {
-    const Vec3& p = now.point[static_cast<std::size_t>(k)];
-    if (over[k] <= 0.0F) next.add(p);
+  const int sides = input.count > 2 ? input.count : input.count - 1;
+  for (int k = 0; k < input.count; ++k) {
+    const Vec3& p = input.point[static_cast<std::size_t>(k)];
+    if (distances[k] <= 0.0F) output.add(p);
     if (k >= sides) continue;
-    const int after = k + 1 < now.count ? k + 1 : 0;
-    const Vec3& q = now.point[static_cast<std::size_t>(after)];
-    if ((over[k] < 0.0F && over[after] > 0.0F) || (over[k] > 0.0F && over[after] < 0.0F))
-      next.add(p + (q - p) * (over[k] / (over[k] - over[after])));
+    const int next = k + 1 < input.count ? k + 1 : 0;
+    const Vec3& q = input.point[static_cast<std::size_t>(next)];
+    if ((distances[k] < 0.0F && distances[next] > 0.0F) || (distances[k] > 0.0F && distances[next] < 0.0F))
+      output.add(p + (q - p) * (distances[k] / (distances[k] - distances[next])));
   }
 }
 
 // What a polygon or an edge is cut to, side by side.
 class FaceClipper {
  public:
-  explicit FaceClipper(const SupportFeature& what) : current_(&what) {}
+  explicit FaceClipper(const SupportFeature& feature) : current_(&feature) {}
   // over(p): how far a point lies beyond the side.
   template <class Over>
-  void clip(Over over) {
-    float beyond[SupportFeature::kMaxPoints];
-    float farthest = 0.0F;
+  void clip(Over distance_beyond) {
+    float distances[SupportFeature::kMaxPoints];
+    float max_distance = 0.0F;
     for (int k = 0; k < current_->count; ++k) {
-      beyond[k] = over(current_->point[static_cast<std::size_t>(k)]);
-      farthest = std::max(farthest, beyond[k]);
+      distances[k] = distance_beyond(current_->point[static_cast<std::size_t>(k)]);
+      max_distance = std::max(max_distance, distances[k]);
     }
-    if (farthest == 0.0F) return;
-    SupportFeature& next = current_ == &buffer_[0] ? buffer_[1] : buffer_[0];
-    clip_polygon(*current_, beyond, next);
-    current_ = &next;
+    if (max_distance == 0.0F) return;
+    SupportFeature& output = current_ == &buffer_[0] ? buffer_[1] : buffer_[0];
+    clip_polygon(*current_, distances, output);
+    current_ = &output;
   }
   const SupportFeature& result() const { return *current_; }
 
@@ -187,44 +187,44 @@ class FaceClipper {
 
 }  // namespace
 
-SupportFeature clip_to_face(const SupportFeature& what, const SupportFeature& face) {
-  FaceClipper cutter(what);
-  for (int i = 0; i < face.count && cutter.result().count > 0; ++i) {
+SupportFeature clip_to_face(const SupportFeature& feature, const SupportFeature& face) {
+  FaceClipper clipper(feature);
+  for (int i = 0; i < face.count && clipper.result().count > 0; ++i) {
     const Vec3& a = face.point[static_cast<std::size_t>(i)];
     const Vec3& b = face.point[static_cast<std::size_t>(i + 1 < face.count ? i + 1 : 0)];
     const Vec3 out = (b - a).cross(face.normal);
-    cutter.clip([&](const Vec3& p) { return out.dot(p - a); });
+    clipper.clip([&](const Vec3& p) { return out.dot(p - a); });
   }
-  return cutter.result();
+  return clipper.result();
 }
 
-SupportFeature clip_to_rectangle(const SupportFeature& what, float west, float east, float south,
+SupportFeature clip_to_rectangle(const SupportFeature& feature, float west, float east, float south,
                                  float north) {
-  FaceClipper cutter(what);
-  cutter.clip([west](const Vec3& p) { return west - p.x(); });
-  cutter.clip([east](const Vec3& p) { return p.x() - east; });
-  cutter.clip([south](const Vec3& p) { return south - p.y(); });
-  cutter.clip([north](const Vec3& p) { return p.y() - north; });
-  return cutter.result();
+  FaceClipper clipper(feature);
+  clipper.clip([west](const Vec3& p) { return west - p.x(); });
+  clipper.clip([east](const Vec3& p) { return p.x() - east; });
+  clipper.clip([south](const Vec3& p) { return south - p.y(); });
+  clipper.clip([north](const Vec3& p) { return p.y() - north; });
+  return clipper.result();
 }
 
 void add_contact_patch(const SupportFeature& on_a, const SupportFeature& on_b, const Vec3& normal,
                        float margin, int tag, ManifoldReducer& out) {
-  const float aligned_a = on_a.is_face() ? -on_a.normal.dot(normal) : 0.0F;
-  const float aligned_b = on_b.is_face() ? on_b.normal.dot(normal) : 0.0F;
-  if (std::max(aligned_a, aligned_b) <= kAligned) {
+  const float alignment_a = on_a.is_face() ? -on_a.normal.dot(normal) : 0.0F;
+  const float alignment_b = on_b.is_face() ? on_b.normal.dot(normal) : 0.0F;
+  if (std::max(alignment_a, alignment_b) <= kFaceAlignment) {
     if (on_a.count == 2 && on_b.count == 2) add_parallel_edges(on_a, on_b, normal, margin, tag, out);
     return;
   }
   // b wins a draw, or the choice would change from step to step.
-  const bool from_a = aligned_a > aligned_b + 1e-3F;
+  const bool from_a = alignment_a > alignment_b + 1e-3F;
   const SupportFeature &face = from_a ? on_a : on_b, &other = from_a ? on_b : on_a;
   const SupportFeature patch = clip_to_face(other, face);
-  const Vec3 upright = from_a ? Vec3(-face.normal) : face.normal;
+  const Vec3 contact_normal = from_a ? Vec3(-face.normal) : face.normal;
   for (int i = 0; i < patch.count; ++i) {
     const Vec3& p = patch.point[static_cast<std::size_t>(i)];
-    const float gap = face.normal.dot(p - face.point[0]);
-    if (gap <= margin) out.add({p, upright, gap, tag});
+    const float separation = face.normal.dot(p - face.point[0]);
+    if (separation <= margin) out.add({p, contact_normal, separation, tag});
   }
 }
 

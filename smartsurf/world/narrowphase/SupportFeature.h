@@ -23,14 +23,14 @@ SupportFeature support_feature(const ConvexPart&, const Vec3& centre, const Mat3
                                const Vec3& direction);
 
 // A face this much in line with the normal takes part with its whole area.
-inline constexpr float kAligned = 0.99F;
-// How much in line with the direction the face is that feature_towards gives; 0 where it gives an edge.
+inline constexpr float kFaceAlignment = 0.99F;
+// How much in line with the direction the face is that support_feature gives; 0 where it gives an edge.
 float face_alignment(const ConvexPart&, const Mat3& axes, const Vec3& direction);
 
 // Cuts a face or an edge to what lies over a face.
-SupportFeature clip_to_face(const SupportFeature& what, const SupportFeature& face);
+SupportFeature clip_to_face(const SupportFeature& feature, const SupportFeature& face);
 // The same for an upright rectangle, seen from above.
-SupportFeature clip_to_rectangle(const SupportFeature& what, float west, float east, float south,
+SupportFeature clip_to_rectangle(const SupportFeature& feature, float west, float east, float south,
                                  float north);
 
 // Adds the points where two features that face each other along a normal (unit, from b to a) come within the

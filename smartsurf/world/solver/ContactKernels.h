@@ -33,9 +33,10 @@ struct SolverBodies {
 // ---- one batch of up to kLanes manifolds: lanes [0, lane_count) are in use. a and b are rows of bodies.
 struct ContactBatch {
   std::int32_t a[kLanes], b[kLanes];
-  std::int32_t first_point = 0, point_count = 0, lane_count = 0;  // points [first_point, first_point + point_count)
-  bool has_rolling_friction = false;                              // of any lane
-  bool has_impulse_limit = false;                                 // of any point
+  std::int32_t first_point = 0, point_count = 0,
+               lane_count = 0;        // points [first_point, first_point + point_count)
+  bool has_rolling_friction = false;  // of any lane
+  bool has_impulse_limit = false;     // of any point
 };
 
 // The k-th contact point of each lane. Lanes without one have a zero normal and a large separation. Fields that

@@ -14,11 +14,11 @@ struct alignas(32) RotationBatch {
   float orientation[4][kLanes];                          // x, y, z, w
   float inertia[6][kLanes], inverse_inertia[6][kLanes];  // body axes
   float previous_x_axis[3][kLanes];                      // of the axes before the step
-  float is_axisymmetric[kLanes];                         // 1: the axes do not follow the spin about the body's z axis; 0: they do
+  float is_axisymmetric[kLanes];  // 1: the axes do not follow the spin about the body's z axis; 0: they do
   // ---- in and out
   float angular_velocity[3][kLanes];  // world axes, rad/s
   // ---- out
-  float axes[3][3][kLanes];                // column, component, lane
+  float axes[3][3][kLanes];  // column, component, lane
   float world_inverse_inertia[6][kLanes];
 };
 

@@ -20,8 +20,9 @@ namespace smartsurf::world {
 struct StepSettings {
   float dt_s;
   int substeps;
-  Vec3 gravity;                                                               // u/s²
-  float field_friction_root, field_rolling_friction_root, field_restitution;  // of field and ground; roots as in SurfaceMaterial
+  Vec3 gravity;  // u/s²
+  float field_friction_root, field_rolling_friction_root,
+      field_restitution;  // of field and ground; roots as in SurfaceMaterial
 };
 
 class Solver {

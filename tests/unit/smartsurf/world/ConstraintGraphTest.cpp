@@ -44,12 +44,12 @@ struct Tangle {
     r.first_range.resize(kSlabs + 1, static_cast<std::int32_t>(r.range.size()));
     return r;
   }
-  void build(ConstraintGraph& schedule, const Member& member) const {
-    schedule.build(bodies, pairs, runs(pairs), world, runs(world), member.share(kSlabs), member);
+  void build(ConstraintGraph& graph, const Member& member) const {
+    graph.build(bodies, pairs, runs(pairs), world, runs(world), member.share(kSlabs), member);
   }
-  void build(ConstraintGraph& schedule) const {
+  void build(ConstraintGraph& graph) const {
     Barrier alone(1);
-    build(schedule, Member{0, 1, alone});
+    build(graph, Member{0, 1, alone});
   }
   static constexpr int kSlabs = 10;
   static void add(ContactList& list, int a, int b, int count) {
@@ -60,22 +60,22 @@ struct Tangle {
 
 }  // namespace
 
-TEST(Schedule, NoBodyIsTwiceInAColourAndNoManifoldIsLeftOut) {
+TEST(ConstraintGraph, NoBodyIsTwiceInAColourAndNoManifoldIsLeftOut) {
   const Tangle t(200, 600);
-  ConstraintGraph schedule;
-  t.build(schedule);
+  ConstraintGraph graph;
+  t.build(graph);
   std::multiset<int> scheduled;
   bool any_in_order = false;
-  for (const auto& colour : schedule.colours()) {
+  for (const auto& colour : graph.colours()) {
     std::multiset<int> bodies;
     for (const BatchRange& run : {colour.spheres, colour.general})
       for (int o = run.first; o < run.first + run.count; ++o) {
-        const ContactBatch& octet = schedule.reset_batch(o);
-        EXPECT_LE(octet.lane_count, colour.is_overflow ? 1 : kLanes);
-        for (int lane = 0; lane < octet.lane_count; ++lane) {
-          scheduled.insert(schedule.manifold(o, lane));
-          const Manifold& m = t.pairs.manifolds[static_cast<std::size_t>(schedule.manifold(o, lane))];
-          EXPECT_LE(m.count, octet.point_count);
+        const ContactBatch& batch = graph.reset_batch(o);
+        EXPECT_LE(batch.lane_count, colour.is_overflow ? 1 : kLanes);
+        for (int lane = 0; lane < batch.lane_count; ++lane) {
+          scheduled.insert(graph.manifold(o, lane));
+          const Manifold& m = t.pairs.manifolds[static_cast<std::size_t>(graph.manifold(o, lane))];
+          EXPECT_LE(m.count, batch.point_count);
           if (!colour.is_overflow) bodies.insert({m.a, m.b});
         }
       }
@@ -87,60 +87,60 @@ TEST(Schedule, NoBodyIsTwiceInAColourAndNoManifoldIsLeftOut) {
   EXPECT_EQ(std::set<int>(scheduled.begin(), scheduled.end()).size(), scheduled.size());
 }
 
-TEST(Schedule, EveryBodyMeetsTheWorldOnce) {
+TEST(ConstraintGraph, EveryBodyMeetsTheWorldOnce) {
   const Tangle t(200, 600);
-  ConstraintGraph schedule;
-  t.build(schedule);
+  ConstraintGraph graph;
+  t.build(graph);
   std::set<int> bodies;
-  for (const BatchRange& run : {schedule.sphere_static(), schedule.general_static()})
+  for (const BatchRange& run : {graph.sphere_static(), graph.general_static()})
     for (int o = run.first; o < run.first + run.count; ++o)
-      for (int lane = 0; lane < schedule.reset_batch(o).lane_count; ++lane) {
-        const Manifold& m = t.world.manifolds[static_cast<std::size_t>(schedule.manifold(o, lane))];
+      for (int lane = 0; lane < graph.reset_batch(o).lane_count; ++lane) {
+        const Manifold& m = t.world.manifolds[static_cast<std::size_t>(graph.manifold(o, lane))];
         EXPECT_TRUE(bodies.insert(m.a).second);
-        EXPECT_LE(m.count, schedule.batch(o).point_count);
+        EXPECT_LE(m.count, graph.batch(o).point_count);
       }
   EXPECT_EQ(bodies.size(), t.world.manifolds.size());
 }
 
-TEST(Schedule, AnyNumberOfThreadsSharesTheSameOctetsEachOnce) {
+TEST(ConstraintGraph, AnyNumberOfThreadsSharesTheSameOctetsEachOnce) {
   const Tangle t(400, 1500);
   ConstraintGraph alone;
   t.build(alone);
   for (const int members : {1, 2, 3, 7}) {
     common::ThreadPool pool(members);
     Team team(&pool);
-    ConstraintGraph schedule;
-    team.run(true, [&](const Member& member) { t.build(schedule, member); });
-    ASSERT_EQ(schedule.batch_count(), alone.batch_count()) << members;
-    ASSERT_EQ(schedule.point_count(), alone.point_count()) << members;
-    for (int o = 0; o < schedule.batch_count(); ++o) {
+    ConstraintGraph graph;
+    team.run(true, [&](const Member& member) { t.build(graph, member); });
+    ASSERT_EQ(graph.batch_count(), alone.batch_count()) << members;
+    ASSERT_EQ(graph.point_count(), alone.point_count()) << members;
+    for (int o = 0; o < graph.batch_count(); ++o) {
       const int lanes = alone.reset_batch(o).lane_count;
-      ASSERT_EQ(schedule.reset_batch(o).lane_count, lanes);
+      ASSERT_EQ(graph.reset_batch(o).lane_count, lanes);
       for (int lane = 0; lane < lanes; ++lane)
-        ASSERT_EQ(schedule.manifold(o, lane), alone.manifold(o, lane)) << members;
+        ASSERT_EQ(graph.manifold(o, lane), alone.manifold(o, lane)) << members;
     }
     std::multiset<int> shared;
     Barrier barrier(members);
     for (int m = 0; m < members; ++m)
-      for (const BatchRange& run : schedule.own_batches(Member{m, members, barrier}))
+      for (const BatchRange& run : graph.own_batches(Member{m, members, barrier}))
         for (int o = run.first; o < run.first + run.count; ++o) shared.insert(o);
-    EXPECT_EQ(shared.size(), static_cast<std::size_t>(schedule.batch_count())) << members;
+    EXPECT_EQ(shared.size(), static_cast<std::size_t>(graph.batch_count())) << members;
     EXPECT_EQ(std::set<int>(shared.begin(), shared.end()).size(), shared.size()) << members;
   }
 }
 
-TEST(Schedule, WhatAMemberSolvesBeginsInItsSlabs) {
+TEST(ConstraintGraph, WhatAMemberSolvesBeginsInItsSlabs) {
   const Tangle t(400, 1500);
   common::ThreadPool pool(2);
   Team team(&pool);
-  ConstraintGraph schedule;
-  team.run(true, [&](const Member& member) { t.build(schedule, member); });
+  ConstraintGraph graph;
+  team.run(true, [&](const Member& member) { t.build(graph, member); });
   Barrier barrier(2);
   for (int m = 0; m < 2; ++m)
-    for (std::size_t c = 0; c < schedule.colours().size(); ++c)
-      for (const BatchRange& run : schedule.own_batches(Member{m, 2, barrier}, c))
+    for (std::size_t c = 0; c < graph.colours().size(); ++c)
+      for (const BatchRange& run : graph.own_batches(Member{m, 2, barrier}, c))
         for (int o = run.first; o < run.first + run.count; ++o)
-          EXPECT_EQ(schedule.colours()[c].is_overflow || schedule.manifold(o, 0) / 100 >= Tangle::kSlabs / 2,
+          EXPECT_EQ(graph.colours()[c].is_overflow || graph.manifold(o, 0) / 100 >= Tangle::kSlabs / 2,
                     m == 1)
               << "what is to be taken in order is the leader's";
 }

@@ -19,7 +19,7 @@ namespace {
 constexpr int kSide = 9;
 
 // Low cells, and one at the middle with its top at 0.
-surface::Field one_column() {
+surface::Field make_single_column_field() {
   surface::Field field;
   field.rows = field.columns = kSide;
   field.height.assign(kSide * kSide, -3.0F);
@@ -42,12 +42,12 @@ TEST(ConvexOnField, AColumnInsideACylinderPushesItOutHoweverDeepItIs) {
   o.radius = 1.2;
   o.height = 2.0;
   const Shape shape = make_shape(o);
-  const surface::Field field = one_column();
+  const surface::Field field = make_single_column_field();
   std::mt19937 random(8);
   std::uniform_real_distribution<float> u(-1, 1);
   int deep = 0;
   for (int i = 0; i < 3000; ++i) {
-    const Mat3 axes = any_turn(random).normalized().toRotationMatrix();
+    const Mat3 axes = random_rotation(random).normalized().toRotationMatrix();
     const Vec3 inside = Vec3(1.2F * u(random), 1.2F * u(random), u(random));  // where the top's middle is
     const float depth = depth_in_cylinder(inside);
     // Entered from below, and not past the middle.
@@ -72,7 +72,7 @@ TEST(ConvexOnField, ACylinderAlongAnEdgeBearsOnBothItsEnds) {
   o.radius = 1.2;
   o.height = 2.0;
   const Shape shape = make_shape(o);
-  surface::Field field = one_column();
+  surface::Field field = make_single_column_field();
   for (int row = 0; row < kSide; ++row) field.height[static_cast<std::size_t>(field.index(row, 4))] = 0.0F;
   // Beside the ridge's eastern edge, and hardly aslant.
   const float beside = 0.5F, above = std::sqrt(1.2F * 1.2F - beside * beside) - 0.003F;

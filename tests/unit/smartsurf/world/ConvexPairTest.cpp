@@ -12,7 +12,7 @@ using namespace smartsurf::world;
 
 namespace {
 
-std::shared_ptr<const scene::Solid> block(const Vec3& half) {
+std::shared_ptr<const scene::Solid> make_block(const Vec3& half) {
   std::vector<Vec3> corners;
   for (int i = 0; i < 8; ++i)
     corners.push_back(
@@ -34,14 +34,14 @@ PlacedBody body(scene::ShapeKind kind, std::mt19937& random, const Vec3& centre)
   o.radius = 0.6;
   o.height = 1.2;
   o.size = 2 * kHalf.cast<double>();
-  if (kind == scene::ShapeKind::kSolid) o.solid = block(kHalf);
-  return {o, centre, any_turn(random)};
+  if (kind == scene::ShapeKind::kSolid) o.solid = make_block(kHalf);
+  return {o, centre, random_rotation(random)};
 }
 
-float least_gap(const std::vector<Contact>& contacts) {
-  float least = 1e9F;
-  for (const Contact& c : contacts) least = std::min(least, c.separation);
-  return least;
+float min_separation(const std::vector<Contact>& contacts) {
+  float min_value = 1e9F;
+  for (const Contact& c : contacts) min_value = std::min(min_value, c.separation);
+  return min_value;
 }
 
 }  // namespace
@@ -59,16 +59,16 @@ TEST(ConvexPair, TheLastNormalSavesWorkAndDecidesNothing) {
     PlacedBody b = body(kinds[i / 3 % 3], random, away * (1.0F + 0.4F * std::abs(u(random))));
     std::vector<Contact> before, with, without;
     collide_convex(a.placed(), b.placed(), kMargin, nullptr, before);
-    if (before.empty() || least_gap(before) < -0.03F) continue;
+    if (before.empty() || min_separation(before) < -0.03F) continue;
     b.centre += 0.02F * Vec3(u(random), u(random), u(random));
     b.axes = Eigen::AngleAxisf(0.03F * u(random), Vec3::UnitX()).toRotationMatrix() * b.axes;
     collide_convex(a.placed(), b.placed(), kMargin, &before[0].normal, with);
     collide_convex(a.placed(), b.placed(), kMargin, nullptr, without);
-    if (std::min(least_gap(with), least_gap(without)) > kMargin - 2e-3F)
+    if (std::min(min_separation(with), min_separation(without)) > kMargin - 2e-3F)
       continue;  // either may tell it or not
     ASSERT_FALSE(with.empty() || without.empty()) << i;
-    if (least_gap(without) < -0.04F) continue;                      // deep: there is more than one way out
-    EXPECT_NEAR(least_gap(with), least_gap(without), 0.025F) << i;  // GJK sees corners rounded off
+    if (min_separation(without) < -0.04F) continue;  // deep: there is more than one way out
+    EXPECT_NEAR(min_separation(with), min_separation(without), 0.025F) << i;  // GJK sees corners rounded off
     ++compared;
   }
   EXPECT_GT(compared, 150);
@@ -84,26 +84,26 @@ TEST(ConvexPair, ASmallBodyOnAHugeBoxIsAsFarFromItsFaceAsItsLowestPoint) {
   o.size = {100, 80, 4};
   constexpr float kMargin = 0.05F;
   for (int i = 0; i < 600; ++i) {
-    const PlacedBody huge(o, {u(random), u(random), u(random)}, any_turn(random));
+    const PlacedBody huge(o, {u(random), u(random), u(random)}, random_rotation(random));
     PlacedBody small = body(kinds[i % 3], random, {0, 0, 0});
     const Vec3 up = huge.axes.col(2), in_small = small.axes.transpose() * up;
     const float reach = kinds[i % 3] == scene::ShapeKind::kCylinder
                             ? 0.6F * std::abs(in_small.z()) + 0.6F * in_small.head<2>().norm()
                             : in_small.cwiseAbs().dot(kHalf);
-    const float gap = 0.01F + 0.015F * u(random);
-    small.centre = huge.centre + huge.axes * Vec3(48 * u(random), 38 * u(random), 2 + reach + gap);
+    const float separation = 0.01F + 0.015F * u(random);
+    small.centre = huge.centre + huge.axes * Vec3(48 * u(random), 38 * u(random), 2 + reach + separation);
     for (const bool huge_first : {true, false}) {
       std::vector<Contact> found;
       const PlacedBody &a = huge_first ? huge : small, &b = huge_first ? small : huge;
       collide_convex(a.placed(), b.placed(), kMargin, nullptr, found);
       ASSERT_FALSE(found.empty()) << i;
-      EXPECT_NEAR(least_gap(found), gap, 5e-3F) << i;
+      EXPECT_NEAR(min_separation(found), separation, 5e-3F) << i;
       for (const Contact& c : found) EXPECT_GT(std::abs(c.normal.dot(up)), 0.99F) << i;
     }
   }
 }
 
-TEST(ColumnAxes, ABoxAndItsHullAreEquallyFarFromAColumn) {
+TEST(ColumnSat, ABoxAndItsHullAreEquallyFarFromAColumn) {
   std::mt19937 random(4);
   std::uniform_real_distribution<float> u(-1, 1);
   const Column column{-0.4F, 0.4F, -0.4F, 0.4F, 0.0F, false, false, false, false};
@@ -115,13 +115,13 @@ TEST(ColumnAxes, ABoxAndItsHullAreEquallyFarFromAColumn) {
     hull.axes = box.axes;
     const Vec3 reach = box.axes.cwiseAbs() * kHalf;
     ColumnSat::BestAxis by_box, by_hull;
-    auto look = [&](const PlacedBody& b, ColumnSat::BestAxis& out) {
+    auto find_axis = [&](const PlacedBody& b, ColumnSat::BestAxis& out) {
       ColumnSat axes;
       const ConvexHullShape* piece = b.shape.hulls.empty() ? nullptr : &b.shape.hulls[0];
       axes.set(ConvexProxy({b.shape, piece}, b.centre, b.axes), b.centre - reach, b.centre + reach);
       return axes.find_best_axis(column, 0.1F, out);
     };
-    const bool box_near = look(box, by_box), hull_near = look(hull, by_hull);
+    const bool box_near = find_axis(box, by_box), hull_near = find_axis(hull, by_hull);
     if (box_near != hull_near) {
       EXPECT_NEAR(box_near ? by_box.separation : by_hull.separation, 0.1F, 1e-4F) << i;
       continue;

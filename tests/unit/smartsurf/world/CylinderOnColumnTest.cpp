@@ -27,7 +27,8 @@ TEST(CylinderOnColumn, AgreesWithGjk) {
   int found = 0, compared = 0;
   for (int i = 0; i < 5000; ++i) {
     const Vec3 towards = Vec3(u(random), u(random), std::abs(u(random))).normalized();
-    const PlacedBody a(spec, Vec3(0, 0, q.top) + towards * (1.1F + 0.5F * u(random)), any_turn(random));
+    const PlacedBody a(spec, Vec3(0, 0, q.top) + towards * (1.1F + 0.5F * u(random)),
+                       random_rotation(random));
     const ConvexProxy ca({a.shape, nullptr}, a.centre, a.axes);
     const ClosestPoints truth = closest_points(ca, cb, 100.0F, towards);
     if (!truth.separated || truth.distance < 1e-3F) continue;

@@ -11,7 +11,7 @@ using namespace smartsurf::world;
 namespace {
 
 // Flat and skew: over its edges the plane that a point lies farthest above is often not the nearest face's.
-std::shared_ptr<const scene::Solid> splinter() {
+std::shared_ptr<const scene::Solid> make_skew_tetrahedron() {
   const std::vector<Vec3> corners{{-2, 0.4F, 0}, {2, -0.3F, 0.1F}, {0.2F, -0.6F, 0.35F}, {-0.4F, 0.7F, 0.3F}};
   std::vector<std::uint16_t> loops;
   for (std::uint16_t left_out = 0; left_out < 4; ++left_out) {
@@ -36,7 +36,7 @@ std::shared_ptr<const scene::Solid> splinter() {
 TEST(Distance, OfAHullIsTheWidestGapOfAPlane) {
   scene::ObjectSpec spec;
   spec.shape = scene::ShapeKind::kSolid;
-  spec.solid = splinter();
+  spec.solid = make_skew_tetrahedron();
   const Shape shape = make_shape(spec);
   const auto& corners = spec.solid->hulls[0].vertices;
   std::mt19937 random(17);

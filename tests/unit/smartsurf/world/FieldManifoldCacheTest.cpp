@@ -16,21 +16,21 @@ namespace {
 constexpr float kMargin = 0.03F;
 constexpr int kSide = 9;
 
-float least_gap(const std::vector<Contact>& contacts) {
-  float least = 1.0F;
-  for (const Contact& c : contacts) least = std::min(least, c.separation);
-  return least;
+float min_separation(const std::vector<Contact>& contacts) {
+  float min_value = 1.0F;
+  for (const Contact& c : contacts) min_value = std::min(min_value, c.separation);
+  return min_value;
 }
 
 // A body above the middle of a field of 9 × 9 cells.
-struct Bench {
+struct FieldCacheFixture {
   surface::Field field;
   BodyStore bodies;
-  FieldManifoldCache memory;
-  FieldManifoldCache::ChunkCache list;
+  FieldManifoldCache cache;
+  FieldManifoldCache::ChunkCache chunk_cache;
   std::vector<Contact> contacts;
 
-  explicit Bench(ShapeKind kind, double height) : memory(field) {
+  explicit FieldCacheFixture(ShapeKind kind, double height) : cache(field) {
     field.rows = field.columns = kSide;
     for (auto* v : {&field.height, &field.speed}) v->assign(kSide * kSide, 0.0F);
     field.max_height = 2.0F;
@@ -55,20 +55,20 @@ struct Bench {
     return field.height[static_cast<std::size_t>(field.index(row, column))];
   }
   void step() {
-    memory.swap_in(0, list);
-    memory.build_index(bodies.size());
+    cache.swap_in(0, chunk_cache);
+    cache.build_index(bodies.size());
     contacts.clear();
-    memory.collide(bodies, 0, kMargin, list, contacts);
+    cache.collide(bodies, 0, kMargin, chunk_cache, contacts);
   }
-  std::vector<Contact> afresh() const {
+  std::vector<Contact> recompute() const {
     std::vector<Contact> out;
     collide_shape_with_field(field, *bodies.shape[0], bodies.position[0], bodies.axes[0], kMargin, out);
     return out;
   }
-  void lower_to(float gap) {
-    while (least_gap(afresh()) > gap) bodies.position[0].z() -= 0.002F;
+  void lower_to(float separation) {
+    while (min_separation(recompute()) > separation) bodies.position[0].z() -= 0.002F;
   }
-  void turn(const Vec3& by) {
+  void rotate(const Vec3& by) {
     bodies.orientation[0] = (rotation_from_vector(by) * bodies.orientation[0]).normalized();
     bodies.update_axes(0);
   }
@@ -78,62 +78,63 @@ float wave(float x) { return 0.3F * std::sin(0.8F * x); }
 
 }  // namespace
 
-TEST(FieldMemory, PointsFollowABodyThatSlidesAndTurnsOverPins) {
+TEST(FieldManifoldCache, PointsFollowABodyThatSlidesAndTurnsOverPins) {
   for (const ShapeKind kind :
        {ShapeKind::kBox, ShapeKind::kCylinder, ShapeKind::kCapsule, ShapeKind::kCone}) {
-    Bench b(kind, 2.0);
+    FieldCacheFixture b(kind, 2.0);
     b.set_heights(wave);
     b.lower_to(0.005F);
     for (int i = 0; i < 60; ++i) {
       b.step();
-      const auto afresh = b.afresh();
-      const float truth = least_gap(afresh);
+      const auto expected = b.recompute();
+      const float truth = min_separation(expected);
       if (std::abs(truth) < 0.015F) {
         ASSERT_FALSE(b.contacts.empty()) << i;
-        EXPECT_NEAR(least_gap(b.contacts), truth, 2e-3F) << static_cast<int>(kind) << ' ' << i;
+        EXPECT_NEAR(min_separation(b.contacts), truth, 2e-3F) << static_cast<int>(kind) << ' ' << i;
       }
       b.bodies.position[0] += Vec3(0.003F, -0.002F, 0);
-      b.turn(Vec3(2e-4F, -3e-4F, 2e-3F));
+      b.rotate(Vec3(2e-4F, -3e-4F, 2e-3F));
       if (truth < -0.005F) b.bodies.position[0].z() += 0.01F;
     }
   }
 }
 
-TEST(FieldMemory, PointsKeepUpWithABodyThatSlides) {
-  Bench b(ShapeKind::kBox, 1.305);
+TEST(FieldManifoldCache, PointsKeepUpWithABodyThatSlides) {
+  FieldCacheFixture b(ShapeKind::kBox, 1.305);
   b.cell(4, 4) = 0.3F;
   for (int i = 0; i < 60; ++i) {
     b.step();
     ASSERT_FALSE(b.contacts.empty());
     for (const Contact& c : b.contacts) {
       float nearest = 1.0F;
-      for (const Contact& fresh : b.afresh()) nearest = std::min(nearest, (fresh.anchor - c.anchor).norm());
+      for (const Contact& fresh : b.recompute())
+        nearest = std::min(nearest, (fresh.anchor - c.anchor).norm());
       EXPECT_LT(nearest, 0.051F) << i;
     }
     b.bodies.position[0].y() += 0.006F;
   }
 }
 
-TEST(FieldMemory, PointsFollowTheirCells) {
-  Bench b(ShapeKind::kBox, 1.31);
+TEST(FieldManifoldCache, PointsFollowTheirCells) {
+  FieldCacheFixture b(ShapeKind::kBox, 1.31);
   b.set_heights(wave);
   b.lower_to(0.01F);
   b.step();
   ASSERT_FALSE(b.contacts.empty());
-  const float gap = least_gap(b.contacts);
+  const float separation = min_separation(b.contacts);
   b.raise(0.008F);
   b.step();
-  EXPECT_NEAR(least_gap(b.contacts), gap - 0.008F, 1e-4F);
+  EXPECT_NEAR(min_separation(b.contacts), separation - 0.008F, 1e-4F);
   // With the body all stays as it was.
   b.raise(0.5F);
   b.bodies.position[0].z() += 0.508F;
   b.step();
-  EXPECT_NEAR(least_gap(b.contacts), gap, 1e-4F);
+  EXPECT_NEAR(min_separation(b.contacts), separation, 1e-4F);
 }
 
 // Of points that hold the body alike, four are chosen; the cell under another one may then rise above them.
-TEST(FieldMemory, ChoosesAnewWhatHoldsTheBodyWhenCellsMove) {
-  Bench b(ShapeKind::kBox, 1.0);
+TEST(FieldManifoldCache, ChoosesAnewWhatHoldsTheBodyWhenCellsMove) {
+  FieldCacheFixture b(ShapeKind::kBox, 1.0);
   for (int i = 0; i < kSide * kSide; ++i)
     b.field.height[static_cast<std::size_t>(i)] = -0.002F * static_cast<float>(i % 3 + i / kSide % 2);
   for (int row = 3; row <= 5; ++row)
@@ -141,38 +142,38 @@ TEST(FieldMemory, ChoosesAnewWhatHoldsTheBodyWhenCellsMove) {
       b.step();
       b.cell(row, column) += 0.012F;
       b.step();
-      EXPECT_NEAR(least_gap(b.contacts), least_gap(b.afresh()), 1e-4F) << row << ' ' << column;
+      EXPECT_NEAR(min_separation(b.contacts), min_separation(b.recompute()), 1e-4F) << row << ' ' << column;
       b.cell(row, column) -= 0.012F;
     }
 }
 
-TEST(FieldMemory, NoticesAPinThatRisesOutOfALevelField) {
-  Bench b(ShapeKind::kBox, 1.001);
+TEST(FieldManifoldCache, NoticesAPinThatRisesOutOfALevelField) {
+  FieldCacheFixture b(ShapeKind::kBox, 1.001);
   b.step();
   ASSERT_EQ(b.contacts.size(), 4U);
   for (int i = 0; i < 4; ++i) {
     b.cell(4, 4) += 0.0025F;
     b.step();
   }
-  EXPECT_NEAR(least_gap(b.contacts), 0.001F - 0.01F, 1e-5F);
+  EXPECT_NEAR(min_separation(b.contacts), 0.001F - 0.01F, 1e-5F);
 }
 
-TEST(FieldMemory, NoticesInTimeWhatComesNear) {
-  Bench b(ShapeKind::kBox, 2.0);
+TEST(FieldManifoldCache, NoticesInTimeWhatComesNear) {
+  FieldCacheFixture b(ShapeKind::kBox, 2.0);
   b.set_heights(wave);
-  b.turn(Vec3(0.2F, 0.3F, 0));
+  b.rotate(Vec3(0.2F, 0.3F, 0));
   int near = 0;
   for (int i = 0; i < 400; ++i) {
     b.step();
-    const float truth = least_gap(b.afresh());
+    const float truth = min_separation(b.recompute());
     if (truth < -0.02F) break;
     if (truth < kMargin - 2e-3F) {
       ASSERT_FALSE(b.contacts.empty()) << i;
-      EXPECT_NEAR(least_gap(b.contacts), truth, 2e-3F) << i;
+      EXPECT_NEAR(min_separation(b.contacts), truth, 2e-3F) << i;
       ++near;
     }
     b.bodies.position[0].z() -= 0.003F;
-    b.turn(Vec3(1e-4F, 0, 1e-3F));
+    b.rotate(Vec3(1e-4F, 0, 1e-3F));
   }
   EXPECT_GT(near, 5);
 }

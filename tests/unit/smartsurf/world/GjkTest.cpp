@@ -32,13 +32,13 @@ const scene::ShapeKind kKinds[] = {scene::ShapeKind::kBox, scene::ShapeKind::kCy
 
 }  // namespace
 
-// A sphere's distance is known in closed form: outward_of its centre, less the radius.
+// A sphere's distance is known in closed form: the signed distance of its centre, less the radius.
 TEST(Gjk, AgreesWithTheClosedFormsForPoints) {
   std::mt19937 random(11);
   std::uniform_real_distribution<float> u(-1, 1);
   for (const auto kind : kKinds)
     for (int i = 0; i < 200; ++i) {
-      const PlacedBody solid = body(kind, {0, 0, 0}, any_turn(random));
+      const PlacedBody solid = body(kind, {0, 0, 0}, random_rotation(random));
       const Vec3 at = Vec3(u(random), u(random), u(random)).normalized() * (3.2F + u(random));
       const PlacedBody ball = body(scene::ShapeKind::kSphere, at, Quat::Identity());
       const SignedDistance o = signed_distance({solid.shape, nullptr}, solid.axes.transpose() * at);
@@ -56,8 +56,8 @@ TEST(Gjk, IsSymmetricAndFallsByWhatOneIsMoved) {
   std::mt19937 random(12);
   for (const auto first : kKinds)
     for (const auto second : kKinds) {
-      const PlacedBody a = body(first, {0, 0, 0}, any_turn(random));
-      PlacedBody b = body(second, {3, 2, 1}, any_turn(random));
+      const PlacedBody a = body(first, {0, 0, 0}, random_rotation(random));
+      PlacedBody b = body(second, {3, 2, 1}, random_rotation(random));
       const float apart = distance(a, b);
       EXPECT_NEAR(distance(b, a), apart, 1e-3F);
       const ConvexProxy ca({a.shape, nullptr}, a.centre, a.axes), cb({b.shape, nullptr}, b.centre, b.axes);
@@ -87,15 +87,16 @@ TEST(Gjk, WhatWasNearestBeforeDecidesNothing) {
   int compared = 0;
   for (const auto first : kKinds)
     for (const auto second : kKinds) {
-      PlacedBody a = body(first, {0, 0, 0}, any_turn(random));
-      PlacedBody b = body(second, {1.2F, 0.9F, 0.6F}, any_turn(random));
+      PlacedBody a = body(first, {0, 0, 0}, random_rotation(random));
+      PlacedBody b = body(second, {1.2F, 0.9F, 0.6F}, random_rotation(random));
       SimplexCache last;
       for (int i = 0; i < 100; ++i) {
         // Now a little farther, now anywhere.
         const bool jump = i % 10 == 9;
         b.centre += Vec3(u(random), u(random), u(random)) * (jump ? 0.3F : 0.02F);
-        b.axes = (jump ? any_turn(random) : Quat(1, 0.01F * u(random), 0.01F * u(random), 0)).normalized() *
-                 b.axes;
+        b.axes =
+            (jump ? random_rotation(random) : Quat(1, 0.01F * u(random), 0.01F * u(random), 0)).normalized() *
+            b.axes;
         const ConvexProxy ca({a.shape, nullptr}, a.centre, a.axes), cb({b.shape, nullptr}, b.centre, b.axes);
         const ClosestPoints with = closest_points(ca, cb, 100.0F, a.centre - b.centre, &last);
         const ClosestPoints without = closest_points(ca, cb, 100.0F, a.centre - b.centre);

@@ -25,63 +25,64 @@ scene::ObjectSpec object(ShapeKind kind, const Eigen::Vector3d& at) {
   return o;
 }
 
-struct Pair {
+struct PairCacheFixture {
   BodyStore bodies;
-  PairManifoldCache memory;
-  PairManifoldCache::ChunkCache list;
+  PairManifoldCache cache;
+  PairManifoldCache::ChunkCache chunk_cache;
   std::vector<Contact> contacts;
 
-  Pair(ShapeKind kind_a, ShapeKind kind_b, const Eigen::Vector3d& b_at) {
+  PairCacheFixture(ShapeKind kind_a, ShapeKind kind_b, const Eigen::Vector3d& b_at) {
     bodies.add(0, object(kind_a, {0, 0, 0}), kMaterial);
     bodies.add(1, object(kind_b, b_at), kMaterial);
   }
   void step(float margin = kMargin) {
-    memory.swap_in(0, list);
-    memory.build_index(bodies.size());
+    cache.swap_in(0, chunk_cache);
+    cache.build_index(bodies.size());
     contacts.clear();
-    memory.collide(bodies, 0, 1, margin, list, contacts);
+    cache.collide(bodies, 0, 1, margin, chunk_cache, contacts);
   }
-  std::vector<Contact> afresh() const {
+  std::vector<Contact> recompute() const {
     std::vector<Contact> out;
     collide_convex({*bodies.shape[0], bodies.position[0], bodies.axes[0]},
                    {*bodies.shape[1], bodies.position[1], bodies.axes[1]}, kMargin, nullptr, out);
     return out;
   }
-  void turn(std::size_t body, const Vec3& by) {
+  void rotate(std::size_t body, const Vec3& by) {
     bodies.orientation[body] = (rotation_from_vector(by) * bodies.orientation[body]).normalized();
     bodies.update_axes(body);
   }
 };
 
-float least_gap(const std::vector<Contact>& contacts) {
-  float least = 1e9F;
-  for (const Contact& c : contacts) least = std::min(least, c.separation);
-  return least;
+float min_separation(const std::vector<Contact>& contacts) {
+  float min_value = 1e9F;
+  for (const Contact& c : contacts) min_value = std::min(min_value, c.separation);
+  return min_value;
 }
 
 }  // namespace
 
-TEST(PairMemory, PointsFollowBodiesThatHardlyMove) {
+TEST(PairManifoldCache, PointsFollowBodiesThatHardlyMove) {
   for (const ShapeKind kind : {ShapeKind::kBox, ShapeKind::kCylinder, ShapeKind::kCapsule}) {
-    Pair p(ShapeKind::kBox, kind, {0.3, 0.2, 2.01});
+    PairCacheFixture p(ShapeKind::kBox, kind, {0.3, 0.2, 2.01});
     for (int i = 0; i < 60; ++i) {
       p.step();
-      const auto afresh = p.afresh();
+      const auto expected = p.recompute();
       ASSERT_FALSE(p.contacts.empty()) << i;
-      EXPECT_NEAR(least_gap(p.contacts), least_gap(afresh), 1e-3F) << i;
+      EXPECT_NEAR(min_separation(p.contacts), min_separation(expected), 1e-3F) << i;
       p.bodies.position[1] += Vec3(0.004F, -0.002F, i < 30 ? -1e-4F : 1e-4F);
-      p.turn(1, Vec3(2e-4F, -1e-4F, 1e-3F));
+      p.rotate(1, Vec3(2e-4F, -1e-4F, 1e-3F));
     }
   }
 }
 
-TEST(PairMemory, PointsKeepUpWithABodyThatSlides) {
-  Pair p(ShapeKind::kBox, ShapeKind::kBox, {0.7, 0.6, 2.01});
+TEST(PairManifoldCache, PointsKeepUpWithABodyThatSlides) {
+  PairCacheFixture p(ShapeKind::kBox, ShapeKind::kBox, {0.7, 0.6, 2.01});
   for (int i = 0; i < 60; ++i) {
     p.step();
     for (const Contact& c : p.contacts) {
       float nearest = 1.0F;
-      for (const Contact& fresh : p.afresh()) nearest = std::min(nearest, (fresh.anchor - c.anchor).norm());
+      for (const Contact& fresh : p.recompute())
+        nearest = std::min(nearest, (fresh.anchor - c.anchor).norm());
       EXPECT_LT(nearest, 0.031F) << i;
     }
     p.bodies.position[1].x() += 0.005F;
@@ -89,53 +90,53 @@ TEST(PairMemory, PointsKeepUpWithABodyThatSlides) {
 }
 
 // What was looked at from afar, because it came fast, is looked at again when it turns.
-TEST(PairMemory, PointsFollowABodyThatRollsAfterItCameFast) {
-  Pair p(ShapeKind::kBox, ShapeKind::kCapsule, {0.3, 0.2, 2.01});
-  p.turn(1, Vec3(1.2F, 0, 0));
+TEST(PairManifoldCache, PointsFollowABodyThatRollsAfterItCameFast) {
+  PairCacheFixture p(ShapeKind::kBox, ShapeKind::kCapsule, {0.3, 0.2, 2.01});
+  p.rotate(1, Vec3(1.2F, 0, 0));
   p.bodies.position[1].z() = 2.0F - 1.0F + 1.0F + 0.001F;
   p.step(0.5F);
   for (int i = 0; i < 20; ++i) {
-    p.turn(1, Vec3(0.01F, 0, 0));
+    p.rotate(1, Vec3(0.01F, 0, 0));
     p.step();
-    const float truth = least_gap(p.afresh());
+    const float truth = min_separation(p.recompute());
     if (truth > kMargin || truth < -0.02F) continue;
     ASSERT_FALSE(p.contacts.empty()) << i;
-    EXPECT_NEAR(least_gap(p.contacts), truth, 1e-3F) << i;
+    EXPECT_NEAR(min_separation(p.contacts), truth, 1e-3F) << i;
   }
 }
 
-TEST(PairMemory, NoticesInTimeWhatComesNear) {
-  Pair p(ShapeKind::kBox, ShapeKind::kBox, {0.3, 0.2, 2.6});
+TEST(PairManifoldCache, NoticesInTimeWhatComesNear) {
+  PairCacheFixture p(ShapeKind::kBox, ShapeKind::kBox, {0.3, 0.2, 2.6});
   for (int i = 0; i < 200; ++i) {
     p.step();
-    const auto afresh = p.afresh();
-    if (least_gap(afresh) < -0.02F) break;
-    if (least_gap(afresh) < kMargin - 1e-3F) {
+    const auto expected = p.recompute();
+    if (min_separation(expected) < -0.02F) break;
+    if (min_separation(expected) < kMargin - 1e-3F) {
       ASSERT_FALSE(p.contacts.empty()) << i;
-      EXPECT_NEAR(least_gap(p.contacts), least_gap(afresh), 1e-3F) << i;
+      EXPECT_NEAR(min_separation(p.contacts), min_separation(expected), 1e-3F) << i;
     }
     p.bodies.position[1].z() -= 0.003F;
-    p.turn(1, Vec3(1e-3F, 5e-4F, 0));
+    p.rotate(1, Vec3(1e-3F, 5e-4F, 0));
   }
 }
 
-TEST(PairMemory, FollowsTwoThatMoveAndTurnTogether) {
-  Pair p(ShapeKind::kBox, ShapeKind::kBox, {0, 0, 2.01});
+TEST(PairManifoldCache, FollowsTwoThatMoveAndTurnTogether) {
+  PairCacheFixture p(ShapeKind::kBox, ShapeKind::kBox, {0, 0, 2.01});
   p.step();
-  const float gap = least_gap(p.contacts);
+  const float separation = min_separation(p.contacts);
   const Vec3 turn(0, 0.5F, 0);
   for (const std::size_t body : {0U, 1U}) {
-    p.turn(body, turn);
+    p.rotate(body, turn);
     p.bodies.position[body] = rotation_from_vector(turn) * p.bodies.position[body] + Vec3(5, 3, 1);
   }
   p.step();
   ASSERT_EQ(p.contacts.size(), 4U);
-  EXPECT_NEAR(least_gap(p.contacts), gap, 1e-5F);
+  EXPECT_NEAR(min_separation(p.contacts), separation, 1e-5F);
   EXPECT_NEAR(p.contacts[0].normal.dot(rotation_from_vector(turn) * Vec3(0, 0, -1)), 1.0F, 1e-5F);
 }
 
-TEST(PairMemory, ARollingCylinderKeepsItsPointsBelowIt) {
-  Pair p(ShapeKind::kCylinder, ShapeKind::kBox, {0, 0, -2});
+TEST(PairManifoldCache, ARollingCylinderKeepsItsPointsBelowIt) {
+  PairCacheFixture p(ShapeKind::kCylinder, ShapeKind::kBox, {0, 0, -2});
   const Quat lying(Eigen::AngleAxisf(1.5707963F, Vec3::UnitY()));
   p.bodies.orientation[0] = lying;
   p.bodies.update_axes(0);
@@ -143,6 +144,6 @@ TEST(PairMemory, ARollingCylinderKeepsItsPointsBelowIt) {
     p.step();
     ASSERT_FALSE(p.contacts.empty());
     for (const Contact& c : p.contacts) EXPECT_NEAR(c.anchor.y(), 0.0F, 1e-3F) << i;
-    p.turn(0, Vec3(1e-3F, 0, 0));
+    p.rotate(0, Vec3(1e-3F, 0, 0));
   }
 }

@@ -13,12 +13,12 @@ struct PlacedBody {
   Vec3 centre;
   Mat3 axes;
 
-  PlacedBody(const scene::ObjectSpec& of, const Vec3& at, const Quat& turn)
-      : shape(make_shape(of)), centre(at), axes(turn.normalized().toRotationMatrix()) {}
+  PlacedBody(const scene::ObjectSpec& of, const Vec3& at, const Quat& rotation)
+      : shape(make_shape(of)), centre(at), axes(rotation.normalized().toRotationMatrix()) {}
   PlacedShape placed() const { return {shape, centre, axes}; }
 };
 
-inline Quat any_turn(std::mt19937& random) {
+inline Quat random_rotation(std::mt19937& random) {
   std::uniform_real_distribution<float> u(-1, 1);
   const float w = u(random), x = u(random), y = u(random), z = u(random);
   return {w, x, y, z};

@@ -8,10 +8,10 @@
 
 #include "tests/bench/PinEngine.h"
 
-class NaivePins final : public PinEngine {
+class BulletPins final : public PinEngine {
  public:
-  explicit NaivePins(const pin_scene::Workload& w);
-  ~NaivePins() override;
+  explicit BulletPins(const pin_scene::Workload& w);
+  ~BulletPins() override;
 
   void step(const std::vector<float>& heights) override;
   void sense(const std::vector<float>& heights) override;
@@ -19,8 +19,8 @@ class NaivePins final : public PinEngine {
 
  private:
   btRigidBody* add(btCollisionShape*, const btVector3& at, float mass, int group, int mask);
-  bool border(int cell) const;
-  btVector3 top_of(int cell, float height) const;
+  bool is_border(int cell) const;
+  btVector3 pin_position(int cell, float height) const;
 
   pin_scene::Workload w_;
   btDefaultCollisionConfiguration configuration_;

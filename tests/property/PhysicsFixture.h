@@ -9,18 +9,18 @@
 #include "smartsurf/surface/ActuatorArray.h"
 #include "smartsurf/world/World.h"
 
-namespace physics_bench {
+namespace physics_fixture {
 
-class PhysicsBench {
+class PhysicsFixture {
  public:
   // A level 32 × 32 surface at height 0 without a border; change `scene` before the first step or object.
-  PhysicsBench();
+  PhysicsFixture();
 
   smartsurf::scene::SceneSpec scene;
 
   smartsurf::scene::ObjectId add(const smartsurf::scene::ObjectSpec&);
   void run(double seconds, const std::function<void()>& after_each_step = {});
-  const smartsurf::scene::Snapshot& look();
+  const smartsurf::scene::Snapshot& snapshot();
 
   // Worker threads; set before the first step or object.
   int threads = 1;
@@ -34,7 +34,7 @@ class PhysicsBench {
 
  private:
   std::unique_ptr<smartsurf::surface::ActuatorArray> cells_;
-  std::vector<smartsurf::scene::ObjectSpec> catalogue_;
+  std::vector<smartsurf::scene::ObjectSpec> objects_;
   std::unique_ptr<common::ThreadPool> pool_;
   std::unique_ptr<smartsurf::world::World> world_;
   smartsurf::scene::Snapshot snapshot_;
@@ -49,4 +49,4 @@ smartsurf::scene::ObjectSpec cone(double radius, double height, const Eigen::Vec
 smartsurf::scene::ObjectSpec cube(const Eigen::Vector3d& position, float edge = 2.0F);
 smartsurf::scene::ObjectSpec wedge(const Eigen::Vector3d& position);
 
-}  // namespace physics_bench
+}  // namespace physics_fixture

@@ -1,4 +1,4 @@
-#include "tests/bench/NaivePins.h"
+#include "tests/bench/BulletPins.h"
 
 using namespace pin_scene;
 using smartsurf::scene::ShapeKind;
@@ -20,7 +20,7 @@ btDefaultCollisionConstructionInfo pools() {
 
 }  // namespace
 
-NaivePins::NaivePins(const Workload& w)
+BulletPins::BulletPins(const Workload& w)
     : w_(w),
       configuration_(pools()),
       dispatcher_(&configuration_),
@@ -30,16 +30,17 @@ NaivePins::NaivePins(const Workload& w)
   auto* pin = shape(std::make_unique<btBoxShape>(btVector3(kHalfTop, kHalfTop, kHalfLength)));
   auto* tall = shape(std::make_unique<btBoxShape>(btVector3(kHalfTop, kHalfTop, kHalfBorder)));
   for (int i = 0; i < w.n * w.n; ++i) {
-    btRigidBody* b = add(border(i) ? tall : pin, top_of(i, border(i) ? kBorder : 0.0F), 0, kPins, kObjects);
-    if (!border(i)) {
+    btRigidBody* b = add(is_border(i) ? tall : pin, pin_position(i, is_border(i) ? kBorderHeight : 0.0F), 0,
+                         kPins, kObjects);
+    if (!is_border(i)) {
       b->setCollisionFlags(b->getCollisionFlags() | btCollisionObject::CF_KINEMATIC_OBJECT);
       b->setActivationState(DISABLE_DEACTIVATION);
     }
     pins_.push_back(b);
   }
-  for (const Wall& wall : walls(w))
+  for (const Wall& wall : make_walls(w))
     add(shape(std::make_unique<btBoxShape>(vec(wall.half))), vec(wall.centre), 0, kWalls, kObjects);
-  for (const auto& o : objects(w)) {
+  for (const auto& o : make_objects(w)) {
     const btVector3 half = vec(o.half_extents());
     btCollisionShape* s = nullptr;
     if (o.shape == ShapeKind::kSphere) s = shape(std::make_unique<btSphereShape>(half.x()));
@@ -55,11 +56,11 @@ NaivePins::NaivePins(const Workload& w)
   }
 }
 
-NaivePins::~NaivePins() {
+BulletPins::~BulletPins() {
   for (auto& b : bodies_) world_.removeRigidBody(b.get());
 }
 
-btRigidBody* NaivePins::add(btCollisionShape* shape, const btVector3& at, float mass, int group, int mask) {
+btRigidBody* BulletPins::add(btCollisionShape* shape, const btVector3& at, float mass, int group, int mask) {
   btVector3 inertia(0, 0, 0);
   if (mass > 0) shape->calculateLocalInertia(mass, inertia);
   btRigidBody::btRigidBodyConstructionInfo info(mass, nullptr, shape, inertia);
@@ -71,27 +72,27 @@ btRigidBody* NaivePins::add(btCollisionShape* shape, const btVector3& at, float 
   return bodies_.back().get();
 }
 
-bool NaivePins::border(int cell) const { return w_.border(cell / w_.n, cell % w_.n); }
+bool BulletPins::is_border(int cell) const { return w_.is_border(cell / w_.n, cell % w_.n); }
 
-Eigen::Vector3d NaivePins::position(std::size_t object) const {
+Eigen::Vector3d BulletPins::position(std::size_t object) const {
   const btVector3& p = objects_[object]->getWorldTransform().getOrigin();
   return Eigen::Vector3f(p.x(), p.y(), p.z()).cast<double>();
 }
 
-btVector3 NaivePins::top_of(int cell, float height) const {
-  const float half = border(cell) ? kHalfBorder : kHalfLength;
+btVector3 BulletPins::pin_position(int cell, float height) const {
+  const float half = is_border(cell) ? kHalfBorder : kHalfLength;
   return {static_cast<float>(cell % w_.n), static_cast<float>(w_.n - 1 - cell / w_.n), height - half};
 }
 
-void NaivePins::step(const std::vector<float>& heights) {
+void BulletPins::step(const std::vector<float>& heights) {
   for (int i = 0; i < w_.n * w_.n; ++i)
-    if (!border(i))
+    if (!is_border(i))
       pins_[static_cast<std::size_t>(i)]->getWorldTransform().setOrigin(
-          top_of(i, heights[static_cast<std::size_t>(i)]));
-  world_.stepSimulation(static_cast<float>(kStep), 0);
+          pin_position(i, heights[static_cast<std::size_t>(i)]));
+  world_.stepSimulation(static_cast<float>(kStepSeconds), 0);
 }
 
-void NaivePins::sense(const std::vector<float>& heights) {
+void BulletPins::sense(const std::vector<float>& heights) {
   distance_.resize(heights.size());
   for (int i = 0; i < w_.n * w_.n; ++i) {
     const auto x = static_cast<float>(i % w_.n), y = static_cast<float>(w_.n - 1 - i / w_.n);

@@ -1,5 +1,5 @@
 // What cells' segments meet first, found by footprint, against every segment tried with every object: see
-// SegmentOracle.h.
+// RayOracle.h.
 #include <gtest/gtest.h>
 
 #include <hwy/highway.h>
@@ -13,11 +13,11 @@
 #include "smartsurf/surface/raycast/RayCaster.h"
 
 using namespace smartsurf;
-using oracle::Expected;
-using oracle::first_met;
+using oracle::cast_ray;
+using oracle::ExpectedHit;
 using oracle::move_to;
 using oracle::random_scene;
-using oracle::resize;
+using oracle::scale_object;
 using oracle::Scene;
 using scene::ShapeKind;
 using surface::CellRay;
@@ -25,35 +25,35 @@ using surface::RayCaster;
 
 namespace {
 
-std::vector<float> marks_of(const surface::RayBodies& bodies) {
-  std::vector<float> marks;
-  surface::snapshot_index_tags(bodies, marks);
-  return marks;
+std::vector<float> tags_of(const surface::RayBodies& bodies) {
+  std::vector<float> tags;
+  surface::snapshot_index_tags(bodies, tags);
+  return tags;
 }
 
 struct Tally {
-  int hits = 0, unsure = 0, cells = 0;
+  int hits = 0, uncertain = 0, cells = 0;
 };
-void compare(const Scene& s, const CellRay& segment, Tally& tally, const std::string& what) {
+void compare(const Scene& s, const CellRay& ray, Tally& tally, const std::string& what) {
   common::ThreadPool pool(1);
   surface::RayBodies bodies(0, static_cast<float>(s.field.rows - 1));
   bodies.update(s.snapshot, s.objects, pool);
-  RayCaster sweep(s.field, segment);
-  sweep.cast(bodies, marks_of(bodies), 1000, s.field.height, pool);
+  RayCaster caster(s.field, ray);
+  caster.cast(bodies, tags_of(bodies), 1000, s.field.height, pool);
   for (int cell = 0; cell < s.field.cells(); ++cell) {
     const auto i = static_cast<std::size_t>(cell);
-    const Expected e = first_met(s, segment, cell);
+    const ExpectedHit e = cast_ray(s, ray, cell);
     ++tally.cells;
-    tally.unsure += !e.sure;
-    tally.hits += e.mark != 0;
-    if (!e.sure) continue;
-    ASSERT_EQ(sweep.tag()[i], e.mark)
-        << what << ", cell " << cell << ", expected at " << e.at << ", is " << sweep.distance()[i];
-    ASSERT_NEAR(sweep.distance()[i], e.at, 2e-3) << what << ", cell " << cell;
+    tally.uncertain += !e.certain;
+    tally.hits += e.tag != 0;
+    if (!e.certain) continue;
+    ASSERT_EQ(caster.tag()[i], e.tag)
+        << what << ", cell " << cell << ", expected at " << e.distance << ", is " << caster.distance()[i];
+    ASSERT_NEAR(caster.distance()[i], e.distance, 2e-3) << what << ", cell " << cell;
   }
 }
 
-CellRay segment_along(const Eigen::Vector3f& direction, float range, bool pins) {
+CellRay ray_along(const Eigen::Vector3f& direction, float range, bool pins) {
   CellRay s;
   s.direction = direction.normalized();
   s.range = range;
@@ -67,45 +67,45 @@ const Eigen::Vector3f kDirections[] = {{0, 0, 1},         {0, 0, -1},       {1, 
 
 }  // namespace
 
-TEST(Footprint, AgreesWithEveryObjectTriedAtEveryCell) {
+TEST(RayCaster, AgreesWithEveryObjectTriedAtEveryCell) {
   std::mt19937 random(5);
   Tally tally;
   for (int round = 0; round < 2; ++round)
     for (const auto& direction : kDirections)
       for (const bool pins : {false, true}) {
         const Scene s = random_scene(random, 10, 11, false);
-        CellRay segment = segment_along(direction, 5.0F, pins);
-        if (round == 1) segment.origin = {0.3F, -0.6F, 0.7F};
+        CellRay ray = ray_along(direction, 5.0F, pins);
+        if (round == 1) ray.origin = {0.3F, -0.6F, 0.7F};
         std::ostringstream what;
         what << "round " << round << ", along " << direction.transpose() << (pins ? " with pins" : "");
-        compare(s, segment, tally, what.str());
+        compare(s, ray, tally, what.str());
       }
   EXPECT_GT(tally.hits, tally.cells / 4);
-  EXPECT_LT(tally.unsure, tally.cells / 30);
+  EXPECT_LT(tally.uncertain, tally.cells / 30);
 }
 
-TEST(Footprint, AgreesInFreeLayoutsOfTurnedCells) {
+TEST(RayCaster, AgreesInFreeLayoutsOfTurnedCells) {
   std::mt19937 random(6);
   Tally tally;
   for (const auto& direction : kDirections) {
     const Scene s = random_scene(random, 9, 10, true);
-    CellRay segment = segment_along(direction, 4.0F, true);
-    segment.origin = {0.2F, 0.1F, 0.5F};
+    CellRay ray = ray_along(direction, 4.0F, true);
+    ray.origin = {0.2F, 0.1F, 0.5F};
     std::ostringstream what;
     what << "along " << direction.transpose();
-    compare(s, segment, tally, what.str());
+    compare(s, ray, tally, what.str());
   }
   EXPECT_GT(tally.hits, tally.cells / 4);
 }
 
-TEST(Footprint, AgreesOnSurfacesNarrowerThanAVectorAndFromAFixedHeight) {
+TEST(RayCaster, AgreesOnSurfacesNarrowerThanAVectorAndFromAFixedHeight) {
   std::mt19937 random(7);
   Tally tally;
   for (const int columns : {1, 3, 7, 8, 9}) {
     const Scene s = random_scene(random, 6, columns, false);
-    compare(s, segment_along({0, 0, 1}, 6, true), tally, "up");
-    compare(s, segment_along({1, 1, 1}, 6, true), tally, "aslant");
-    CellRay overhead = segment_along({0, 0, -1}, 20, true);
+    compare(s, ray_along({0, 0, 1}, 6, true), tally, "up");
+    compare(s, ray_along({1, 1, 1}, 6, true), tally, "aslant");
+    CellRay overhead = ray_along({0, 0, -1}, 20, true);
     overhead.from_top = false;
     overhead.origin = {0.25F, 0.25F, 12};
     compare(s, overhead, tally, "from above");
@@ -115,7 +115,7 @@ TEST(Footprint, AgreesOnSurfacesNarrowerThanAVectorAndFromAFixedHeight) {
 
 // What stands upright has sides that upright segments run along; what is round may be given by more faces
 // than are looked at side by side.
-TEST(Footprint, AgreesUnderWhatStandsUprightAndWhatHasManyFaces) {
+TEST(RayCaster, AgreesUnderWhatStandsUprightAndWhatHasManyFaces) {
   std::mt19937 random(12);
   Tally tally;
   for (const int faces : {12, 56, 100})
@@ -124,20 +124,20 @@ TEST(Footprint, AgreesUnderWhatStandsUprightAndWhatHasManyFaces) {
       for (auto& q : s.snapshot.orientation) q = {0, 0, 0, 1};
       for (auto& o : s.objects) {
         o.orientation.setIdentity();
-        if (o.shape == ShapeKind::kSolid) o.solid = oracle::drum(faces);
+        if (o.shape == ShapeKind::kSolid) o.solid = oracle::make_drum(faces);
       }
-      CellRay segment = segment_along(direction, 12.0F, true);
-      segment.from_top = direction.z() > 0;
-      if (!segment.from_top) segment.origin.z() = 10.0F;
-      compare(s, segment, tally, std::to_string(faces) + " faces");
+      CellRay ray = ray_along(direction, 12.0F, true);
+      ray.from_top = direction.z() > 0;
+      if (!ray.from_top) ray.origin.z() = 10.0F;
+      compare(s, ray, tally, std::to_string(faces) + " faces");
     }
   EXPECT_GT(tally.hits, tally.cells / 4);
-  EXPECT_LT(tally.unsure, tally.cells / 20);
+  EXPECT_LT(tally.uncertain, tally.cells / 20);
 }
 
 // Beside the table and half off it, below the pins' tops and inside pins, from crumbs to boulders; tables of
 // any pitch; segments in all directions, those that are all but upright or all but level included.
-TEST(Footprint, AgreesWhereverObjectsAreAndWhereverSegmentsPoint) {
+TEST(RayCaster, AgreesWhereverObjectsAreAndWhereverSegmentsPoint) {
   std::mt19937 random(11);
   std::uniform_real_distribution<float> u(0, 1);
   std::normal_distribution<float> normal;
@@ -147,25 +147,25 @@ TEST(Footprint, AgreesWhereverObjectsAreAndWhereverSegmentsPoint) {
     Scene s = random_scene(random, 6, 7, round % 2 == 1, pitch);
     for (std::size_t k = 0; k < s.objects.size(); ++k) {
       const float size = k % 4 == 0 ? 0.2F + 0.1F * u(random) : k % 4 == 1 ? 1.5F : 1.0F;
-      resize(s.objects[k], double{size});
+      scale_object(s.objects[k], double{size});
       move_to(s, k, {pitch * (9 * u(random) - 1.5F), pitch * (8 * u(random) - 1.5F), 6 * u(random) - 2.5F});
     }
     Eigen::Vector3f direction(normal(random), normal(random), normal(random));
     if (round % 6 == 2) direction.head<2>() *= 1e-3F;
     if (round % 6 == 5) direction.z() *= 1e-3F;
-    CellRay segment = segment_along(direction, 1.0F + 7.0F * u(random), round % 4 < 2);
-    segment.from_top = round % 8 != 7;
-    segment.origin = {u(random) - 0.5F, u(random) - 0.5F, segment.from_top ? u(random) - 0.3F : 2.0F};
+    CellRay ray = ray_along(direction, 1.0F + 7.0F * u(random), round % 4 < 2);
+    ray.from_top = round % 8 != 7;
+    ray.origin = {u(random) - 0.5F, u(random) - 0.5F, ray.from_top ? u(random) - 0.3F : 2.0F};
     std::ostringstream what;
-    what << "round " << round << ", pitch " << pitch << ", along " << segment.direction.transpose();
-    compare(s, segment, tally, what.str());
+    what << "round " << round << ", pitch " << pitch << ", along " << ray.direction.transpose();
+    compare(s, ray, tally, what.str());
   }
   EXPECT_GT(tally.hits, tally.cells / 5);
-  EXPECT_LT(tally.unsure, tally.cells / 20);
+  EXPECT_LT(tally.uncertain, tally.cells / 20);
 }
 
 // One plate over another over a pin: the lower hides the upper, and a wall of pins hides both.
-TEST(Footprint, WhatIsNearerHidesWhatIsBehind) {
+TEST(RayCaster, WhatIsNearerHidesWhatIsBehind) {
   Scene s;
   s.field.rows = s.field.columns = 9;
   s.field.height.assign(81, 0.0F);
@@ -183,43 +183,43 @@ TEST(Footprint, WhatIsNearerHidesWhatIsBehind) {
   common::ThreadPool pool(1);
   surface::RayBodies bodies(0, 8);
   bodies.update(s.snapshot, s.objects, pool);
-  RayCaster up(s.field, segment_along({0, 0, 1}, 8, true));
-  up.cast(bodies, marks_of(bodies), 1000, s.field.height, pool);
+  RayCaster up(s.field, ray_along({0, 0, 1}, 8, true));
+  up.cast(bodies, tags_of(bodies), 1000, s.field.height, pool);
   EXPECT_EQ(up.tag()[4 * 9 + 4], 2.0F);
   EXPECT_FLOAT_EQ(up.distance()[4 * 9 + 4], 1.75F);
   EXPECT_EQ(up.tag()[2 * 9 + 4], 1.0F) << "beside the lower one";
   EXPECT_FLOAT_EQ(up.distance()[2 * 9 + 4], 4.75F);
   EXPECT_EQ(up.tag()[0], 0.0F);
 
-  CellRay west = segment_along({-1, 0, 0}, 8, true);
+  CellRay west = ray_along({-1, 0, 0}, 8, true);
   west.origin.z() = 2.0F;
   RayCaster level(s.field, west);
-  level.cast(bodies, marks_of(bodies), 1000, s.field.height, pool);
+  level.cast(bodies, tags_of(bodies), 1000, s.field.height, pool);
   EXPECT_EQ(level.tag()[4 * 9 + 8], 2.0F);
   EXPECT_FLOAT_EQ(level.distance()[4 * 9 + 8], 2.5F);
   s.field.height[4 * 9 + 6] = 2.5F;  // a pin between
-  level.cast(bodies, marks_of(bodies), 1000, s.field.height, pool);
+  level.cast(bodies, tags_of(bodies), 1000, s.field.height, pool);
   EXPECT_EQ(level.tag()[4 * 9 + 8], 1000.0F);
   EXPECT_FLOAT_EQ(level.distance()[4 * 9 + 8], 1.6F);
   EXPECT_EQ(level.tag()[3 * 9 + 8], 2.0F) << "the row beside it sees on";
 }
 
-TEST(Footprint, ForgetsWhatMovedAwayAndNamesTheCellsThatMayHaveChanged) {
+TEST(RayCaster, ForgetsWhatMovedAwayAndNamesTheCellsThatMayHaveChanged) {
   std::mt19937 random(8);
   common::ThreadPool pool(1);
   Scene s = random_scene(random, 40, 50, false);
   surface::RayBodies bodies(0, 39);
   for (const Eigen::Vector3f& direction : {Eigen::Vector3f(0, 0, 1), Eigen::Vector3f(1, 1, 1)}) {
-    const CellRay segment = segment_along(direction, 8, true);
-    RayCaster kept(s.field, segment);
+    const CellRay ray = ray_along(direction, 8, true);
+    RayCaster kept(s.field, ray);
     std::vector<float> before(kept.distance().begin(), kept.distance().end());
     for (int step = 0; step < 5; ++step) {
       for (auto& p : s.snapshot.position) p[0] += step == 3 ? 1e9F : 3.0F;
       if (step == 4) s.snapshot.position[0][1] = std::numeric_limits<float>::quiet_NaN();
       bodies.update(s.snapshot, s.objects, pool);
-      RayCaster fresh(s.field, segment);
-      kept.cast(bodies, marks_of(bodies), 1000, s.field.height, pool);
-      fresh.cast(bodies, marks_of(bodies), 1000, s.field.height, pool);
+      RayCaster fresh(s.field, ray);
+      kept.cast(bodies, tags_of(bodies), 1000, s.field.height, pool);
+      fresh.cast(bodies, tags_of(bodies), 1000, s.field.height, pool);
       ASSERT_TRUE(std::ranges::equal(kept.distance(), fresh.distance())) << step;
       ASSERT_TRUE(std::ranges::equal(kept.tag(), fresh.tag())) << step;
       kept.for_each_changed_span(0, 40, [&](int first, int last) {
@@ -231,7 +231,7 @@ TEST(Footprint, ForgetsWhatMovedAwayAndNamesTheCellsThatMayHaveChanged) {
   }
 }
 
-TEST(Footprint, HasTheSameBitsForAnyNumberOfThreads) {
+TEST(RayCaster, HasTheSameBitsForAnyNumberOfThreads) {
   std::mt19937 random(9);
   for (const bool free : {false, true}) {
     const Scene s = random_scene(random, 37, 41, free);
@@ -241,16 +241,16 @@ TEST(Footprint, HasTheSameBitsForAnyNumberOfThreads) {
         common::ThreadPool pool(threads, 0.0);  // shares all there is
         surface::RayBodies bodies;
         bodies.update(s.snapshot, s.objects, pool);
-        RayCaster sweep(s.field, segment_along(direction, 6, true));
-        sweep.cast(bodies, marks_of(bodies), 1000, s.field.height, pool);
-        if (threads == 1) first.assign(sweep.distance().begin(), sweep.distance().end());
-        ASSERT_TRUE(std::ranges::equal(first, sweep.distance())) << direction.transpose();
+        RayCaster caster(s.field, ray_along(direction, 6, true));
+        caster.cast(bodies, tags_of(bodies), 1000, s.field.height, pool);
+        if (threads == 1) first.assign(caster.distance().begin(), caster.distance().end());
+        ASSERT_TRUE(std::ranges::equal(first, caster.distance())) << direction.transpose();
       }
     }
   }
 }
 
-TEST(Footprint, PartsOfTheTableSeeAllOfACrowdThatLiesOverThem) {
+TEST(RayCaster, PartsOfTheTableSeeAllOfACrowdThatLiesOverThem) {
   std::mt19937 random(11);
   Scene s = random_scene(random, 60, 40, false);
   std::uniform_real_distribution<float> u(-3.0F, 63.0F);
@@ -269,15 +269,15 @@ TEST(Footprint, PartsOfTheTableSeeAllOfACrowdThatLiesOverThem) {
       common::ThreadPool pool(threads, 0.0);
       surface::RayBodies bodies(0, 59);
       bodies.update(s.snapshot, s.objects, pool);
-      RayCaster sweep(s.field, segment_along(direction, 6, false));
-      sweep.cast(bodies, marks_of(bodies), 1000, s.field.height, pool);
-      if (threads == 1) first.assign(sweep.tag().begin(), sweep.tag().end());
-      ASSERT_TRUE(std::ranges::equal(first, sweep.tag())) << direction.transpose() << " " << threads;
+      RayCaster caster(s.field, ray_along(direction, 6, false));
+      caster.cast(bodies, tags_of(bodies), 1000, s.field.height, pool);
+      if (threads == 1) first.assign(caster.tag().begin(), caster.tag().end());
+      ASSERT_TRUE(std::ranges::equal(first, caster.tag())) << direction.transpose() << " " << threads;
     }
   }
 }
 
-TEST(Footprint, HasTheSameBitsOnEveryInstructionSet) {
+TEST(RayCaster, HasTheSameBitsOnEveryInstructionSet) {
   std::mt19937 random(10);
   common::ThreadPool pool(1);
   for (const bool free : {false, true}) {
@@ -289,10 +289,10 @@ TEST(Footprint, HasTheSameBitsOnEveryInstructionSet) {
       for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
         hwy::SetSupportedTargetsForTest(target);
         hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-        RayCaster sweep(s.field, segment_along(direction, 6, true));
-        sweep.cast(bodies, marks_of(bodies), 1000, s.field.height, pool);
-        if (first.empty()) first.assign(sweep.distance().begin(), sweep.distance().end());
-        EXPECT_TRUE(std::ranges::equal(first, sweep.distance())) << hwy::TargetName(target);
+        RayCaster caster(s.field, ray_along(direction, 6, true));
+        caster.cast(bodies, tags_of(bodies), 1000, s.field.height, pool);
+        if (first.empty()) first.assign(caster.distance().begin(), caster.distance().end());
+        EXPECT_TRUE(std::ranges::equal(first, caster.distance())) << hwy::TargetName(target);
       }
       hwy::SetSupportedTargetsForTest(0);
       hwy::GetChosenTarget().Update(hwy::SupportedTargets());

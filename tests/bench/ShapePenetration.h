@@ -9,6 +9,6 @@
 
 // The deepest of its corners, or points of its rims, in a pin, and of points along the edges of the pins'
 // tops in it, u. `centre`: of mass; heights of all pins, row 0 north.
-double depth_in_pins(const pin_scene::Workload&, const smartsurf::world::Shape&,
-                     const smartsurf::world::Vec3& centre, const smartsurf::world::Mat3& axes,
-                     const std::vector<float>& heights);
+double max_shape_penetration(const pin_scene::Workload&, const smartsurf::world::Shape&,
+                             const smartsurf::world::Vec3& centre, const smartsurf::world::Mat3& axes,
+                             const std::vector<float>& heights);

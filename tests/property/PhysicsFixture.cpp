@@ -1,60 +1,60 @@
-#include "tests/property/PhysicsBench.h"
+#include "tests/property/PhysicsFixture.h"
 #include "common/threads/ThreadPool.h"
 
 #include <cmath>
 
-namespace physics_bench {
+namespace physics_fixture {
 
 using namespace smartsurf;
 
-PhysicsBench::PhysicsBench() {
+PhysicsFixture::PhysicsFixture() {
   scene.surface.rows = scene.surface.columns = 32;
   scene.materials[0].friction = 0.5;
   scene.materials[0].rolling_friction = 0.0;
   scene.materials[0].restitution = 0.0;
 }
 
-surface::ActuatorArray& PhysicsBench::cells() {
+surface::ActuatorArray& PhysicsFixture::cells() {
   if (!cells_) cells_ = std::make_unique<surface::ActuatorArray>(scene.surface);
   return *cells_;
 }
 
-world::World& PhysicsBench::world() {
+world::World& PhysicsFixture::world() {
   if (!pool_) pool_ = std::make_unique<common::ThreadPool>(threads);
   if (!world_) world_ = std::make_unique<world::World>(scene, cells().field(), pool_.get());
   return *world_;
 }
 
-scene::ObjectId PhysicsBench::add(const scene::ObjectSpec& o) {
-  catalogue_.push_back(o);
+scene::ObjectId PhysicsFixture::add(const scene::ObjectSpec& o) {
+  objects_.push_back(o);
   return world().add(o);
 }
 
-void PhysicsBench::run(double seconds, const std::function<void()>& after_each_step) {
+void PhysicsFixture::run(double seconds, const std::function<void()>& after_each_step) {
   const long steps = std::lround(seconds / scene.world.dt_s);
   for (long i = 0; i < steps; ++i) {
     cells().plan(scene.world.dt_s);
     if (cells().exerts_forces())
-      cells().add_forces(scene.world.dt_s, world().bodies(), catalogue_, world().wrenches());
+      cells().add_forces(scene.world.dt_s, world().bodies(), objects_, world().wrenches());
     world().step();
     cells().commit(scene.world.dt_s);
     if (after_each_step) after_each_step();
   }
 }
 
-const scene::Snapshot& PhysicsBench::look() {
+const scene::Snapshot& PhysicsFixture::snapshot() {
   world().snapshot(snapshot_);
   return snapshot_;
 }
 
-Eigen::Vector3f PhysicsBench::position(scene::ObjectId id) {
-  return Eigen::Vector3f(look().position[id].data());
+Eigen::Vector3f PhysicsFixture::position(scene::ObjectId id) {
+  return Eigen::Vector3f(snapshot().position[id].data());
 }
-Eigen::Vector3f PhysicsBench::velocity(scene::ObjectId id) {
-  return Eigen::Vector3f(look().velocity[id].data());
+Eigen::Vector3f PhysicsFixture::velocity(scene::ObjectId id) {
+  return Eigen::Vector3f(snapshot().velocity[id].data());
 }
-Eigen::Vector3f PhysicsBench::angular_velocity(scene::ObjectId id) {
-  return Eigen::Vector3f(look().angular_velocity[id].data());
+Eigen::Vector3f PhysicsFixture::angular_velocity(scene::ObjectId id) {
+  return Eigen::Vector3f(snapshot().angular_velocity[id].data());
 }
 
 scene::ObjectSpec sphere(double radius, const Eigen::Vector3d& position) {
@@ -98,29 +98,29 @@ namespace {
 using Corners = std::vector<Eigen::Vector3f>;
 using Faces = std::vector<std::vector<std::uint16_t>>;
 
-scene::ObjectSpec solid_of(const Corners& corners, const Faces& faces, double volume,
-                           const Eigen::Vector3d& moments, const Eigen::Vector3d& position) {
+scene::ObjectSpec make_solid(const Corners& corners, const Faces& faces, double volume,
+                             const Eigen::Vector3d& moments, const Eigen::Vector3d& position) {
   auto solid = std::make_shared<scene::Solid>();
-  scene::ConvexHull piece;
-  piece.vertices = solid->vertices = corners;
-  piece.bounds_min = piece.bounds_max = corners[0];
+  scene::ConvexHull hull;
+  hull.vertices = solid->vertices = corners;
+  hull.bounds_min = hull.bounds_max = corners[0];
   for (const auto& corner : corners) {
-    piece.bounds_min = piece.bounds_min.cwiseMin(corner);
-    piece.bounds_max = piece.bounds_max.cwiseMax(corner);
+    hull.bounds_min = hull.bounds_min.cwiseMin(corner);
+    hull.bounds_max = hull.bounds_max.cwiseMax(corner);
     solid->bounding_radius = std::max(solid->bounding_radius, corner.norm());
   }
   for (const auto& face : faces) {
     scene::ConvexHull::Face f;
     f.normal = (corners[face[1]] - corners[face[0]]).cross(corners[face[2]] - corners[face[0]]).normalized();
     f.offset = f.normal.dot(corners[face[0]]);
-    f.first_vertex = static_cast<std::uint32_t>(piece.face_vertices.size());
+    f.first_vertex = static_cast<std::uint32_t>(hull.face_vertices.size());
     f.vertex_count = static_cast<std::uint32_t>(face.size());
-    piece.faces.push_back(f);
-    piece.face_vertices.insert(piece.face_vertices.end(), face.begin(), face.end());
+    hull.faces.push_back(f);
+    hull.face_vertices.insert(hull.face_vertices.end(), face.begin(), face.end());
   }
-  solid->bounds_min = piece.bounds_min;
-  solid->bounds_max = piece.bounds_max;
-  solid->hulls = {piece};
+  solid->bounds_min = hull.bounds_min;
+  solid->bounds_max = hull.bounds_max;
+  solid->hulls = {hull};
   solid->volume = volume;
   solid->inertia = (volume * moments).asDiagonal();
   scene::ObjectSpec o;
@@ -137,9 +137,9 @@ scene::ObjectSpec cube(const Eigen::Vector3d& position, float edge) {
   Corners corners;
   for (int i = 0; i < 8; ++i)
     corners.emplace_back(i & 1 ? half : -half, i & 2 ? half : -half, i & 4 ? half : -half);
-  return solid_of(corners,
-                  {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}},
-                  std::pow(edge, 3.0), Eigen::Vector3d::Constant(edge * edge / 6.0), position);
+  return make_solid(corners,
+                    {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}},
+                    std::pow(edge, 3.0), Eigen::Vector3d::Constant(edge * edge / 6.0), position);
 }
 
 scene::ObjectSpec wedge(const Eigen::Vector3d& position) {
@@ -148,9 +148,9 @@ scene::ObjectSpec wedge(const Eigen::Vector3d& position) {
   const auto height = static_cast<float>(std::sqrt(3.0)), low = -height / 3, high = 2 * height / 3;
   const Corners corners = {{-1, -1, low}, {1, -1, low}, {0, -1, high},
                            {-1, 1, low},  {1, 1, low},  {0, 1, high}};
-  auto o = solid_of(corners, {{0, 1, 2}, {3, 5, 4}, {0, 3, 4, 1}, {1, 4, 5, 2}, {0, 2, 5, 3}},
-                    2 * std::sqrt(3.0), {1.0 / 6 + 1.0 / 3, 1.0 / 3, 1.0 / 6 + 1.0 / 3}, position);
+  auto o = make_solid(corners, {{0, 1, 2}, {3, 5, 4}, {0, 3, 4, 1}, {1, 4, 5, 2}, {0, 2, 5, 3}},
+                      2 * std::sqrt(3.0), {1.0 / 6 + 1.0 / 3, 1.0 / 3, 1.0 / 6 + 1.0 / 3}, position);
   return o;
 }
 
-}  // namespace physics_bench
+}  // namespace physics_fixture
