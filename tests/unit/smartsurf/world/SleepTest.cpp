@@ -1,0 +1,119 @@
+#include "smartsurf/world/Sleep.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/unit/smartsurf/world/StepFixture.h"
+
+using namespace smartsurf;
+using namespace smartsurf::world;
+
+namespace {
+
+constexpr float kDt = StepFixture::kDt;
+
+void add_manifold(ContactList& list, int a, int b) {
+  Contact c;
+  c.other = b < 0 ? b : 0;
+  list.manifolds.push_back({a, b, static_cast<std::int32_t>(list.contacts.size()), 1});
+  list.contacts.push_back(c);
+}
+
+// A row of spheres, each in contact with the next and with the field.
+struct Row {
+  surface::Field field = make_flat_field(32);
+  BodyStore bodies;
+  ContactList pairs, statics;
+  Sleep sleep{field, kDt, Vec3(0, 0, -9.81F)};
+  std::vector<std::int32_t> active;
+
+  explicit Row(int n) {
+    for (int i = 0; i < n; ++i) {
+      bodies.add(static_cast<scene::ObjectId>(i), make_sphere(1.0), {});
+      scene::ObjectStateUpdate update;
+      update.position = Eigen::Vector3d(2.0 * i + 2, 16, 1);
+      bodies.apply_placement(static_cast<std::size_t>(i), update);
+      if (i > 0) add_manifold(pairs, i - 1, i);
+      add_manifold(statics, i, kField);
+      active.push_back(i);
+    }
+  }
+  void rest(float seconds) {
+    for (float t = 0.0F; t < seconds; t += kDt)
+      for (const std::int32_t i : active) sleep.update_sleep_timer(bodies, static_cast<std::size_t>(i));
+    sleep.update_sleeping_set(bodies, active, pairs, statics);
+  }
+};
+
+TEST(Sleep, BodiesFallAsleepAfterHalfASecondOfRest) {
+  Row row(3);
+  row.rest(0.45F);
+  EXPECT_EQ(row.sleep.sleeping_count(), 0);
+  row.rest(0.1F);
+  EXPECT_EQ(row.sleep.sleeping_count(), 3);
+  EXPECT_EQ(row.bodies.body_velocity[0].inverse_mass, 0.0F);
+  EXPECT_EQ(row.sleep.pair_contacts().manifolds.size(), 2U);
+  EXPECT_EQ(row.sleep.static_contacts().manifolds.size(), 3U);
+}
+
+TEST(Sleep, MovingNeighbourKeepsABodyAwake) {
+  Row row(3);
+  scene::ObjectStateUpdate update;
+  update.velocity = Eigen::Vector3d(1, 0, 0);
+  row.bodies.apply_placement(2, update);
+  row.rest(0.6F);
+  EXPECT_TRUE(row.bodies.asleep[0]);
+  EXPECT_FALSE(row.bodies.asleep[1]);  // touches the moving one
+  EXPECT_FALSE(row.bodies.asleep[2]);
+}
+
+TEST(Sleep, UnsupportedBodyStaysAwake) {
+  Row row(1);
+  row.statics.clear();
+  row.rest(0.6F);
+  EXPECT_EQ(row.sleep.sleeping_count(), 0);
+}
+
+TEST(Sleep, WakingAnIslandReachesAllConnectedBodies) {
+  Row row(5);
+  row.rest(0.6F);
+  ASSERT_EQ(row.sleep.sleeping_count(), 5);
+  row.sleep.wake_island(row.bodies, 0);
+  EXPECT_EQ(row.sleep.sleeping_count(), 0);
+  for (std::size_t i = 0; i < 5; ++i) EXPECT_GT(row.bodies.body_velocity[i].inverse_mass, 0.0F);
+  ContactList pairs, statics;
+  row.sleep.restore_contacts(row.bodies, pairs, statics);
+  EXPECT_EQ(pairs.manifolds.size(), 4U);
+  EXPECT_EQ(statics.manifolds.size(), 5U);
+  EXPECT_TRUE(row.sleep.pair_contacts().manifolds.empty());
+}
+
+TEST(Sleep, ForceWakesItsBodyAlone) {
+  Row row(3);
+  row.rest(0.6F);
+  row.bodies.wrench[1].force = Vec3(1, 0, 0);
+  row.sleep.wake_forced(row.bodies);
+  EXPECT_TRUE(row.bodies.asleep[0]);
+  EXPECT_FALSE(row.bodies.asleep[1]);
+}
+
+TEST(Sleep, MovingCellWakesTheBodyAboveIt) {
+  Row row(5);
+  row.rest(0.6F);
+  const auto cell = static_cast<std::size_t>(row.field.index(31 - 16, 10));  // under the last body, at x = 10
+  row.field.speed[cell] = 0.5F;
+  row.field.max_speed = 0.5F;
+  row.sleep.wake_on_moving_cells(row.bodies);
+  EXPECT_FALSE(row.bodies.asleep[4]);
+  EXPECT_TRUE(row.bodies.asleep[0]);
+}
+
+TEST(Sleep, RemovedBodyLeavesNoContacts) {
+  Row row(3);
+  row.rest(0.6F);
+  row.sleep.on_body_removed(1);
+  EXPECT_TRUE(row.sleep.pair_contacts().manifolds.empty());
+  ASSERT_EQ(row.sleep.static_contacts().manifolds.size(), 2U);
+  EXPECT_EQ(row.sleep.static_contacts().manifolds[1].a, 1);  // was 2
+}
+
+}  // namespace

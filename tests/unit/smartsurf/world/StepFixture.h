@@ -1,0 +1,93 @@
+// The parts of World::step without waking and sleep, on a flat field, for tests of single parts.
+#pragma once
+
+#include <cmath>
+#include <limits>
+
+#include "smartsurf/world/CollisionPipeline.h"
+#include "smartsurf/world/solver/Solver.h"
+
+namespace smartsurf::world {
+
+inline surface::Field make_flat_field(int side) {
+  surface::Field field;
+  field.rows = field.columns = side;
+  const auto cells = static_cast<std::size_t>(field.cells());
+  field.height.assign(cells, 0.0F);
+  field.speed.assign(cells, 0.0F);
+  field.impulse.assign(cells, 0.0F);
+  return field;
+}
+
+inline scene::ObjectSpec make_sphere(double radius) {
+  scene::ObjectSpec object;
+  object.shape = scene::ShapeKind::kSphere;
+  object.radius = radius;
+  return object;
+}
+
+struct StepFixture {
+  static constexpr float kDt = 1.0F / 240.0F, kGravity = 9.81F;
+  static constexpr float kNoGround = -std::numeric_limits<float>::infinity();
+
+  explicit StepFixture(int side, float friction = 0.5F, float restitution = 0.0F)
+      : field(make_flat_field(side)),
+        settings{kDt, 4, Vec3(0, 0, -kGravity), std::sqrt(friction), 0.0F, restitution},
+        pipeline(field, kDt, kNoGround),
+        solver(settings) {
+    material.friction = friction;
+    material.rolling_friction = 0.0;
+    material.restitution = restitution;
+  }
+
+  std::size_t add(const scene::ObjectSpec& object, const Vec3& position,
+                  const Vec3& velocity = Vec3::Zero()) {
+    const auto i = static_cast<std::size_t>(bodies.size());
+    bodies.add(static_cast<scene::ObjectId>(i), object, material);
+    scene::ObjectStateUpdate update;
+    update.position = position.cast<double>();
+    update.velocity = velocity.cast<double>();
+    bodies.apply_placement(i, update);
+    pipeline.on_bodies_changed(bodies.size());
+    return i;
+  }
+
+  void find_contacts() {
+    pipeline.update_broadphase(bodies, member);
+    pipeline.find_contacts(bodies, pair_contacts, static_contacts, member);
+  }
+
+  void step() {
+    find_contacts();
+    solver.step(bodies,
+                {pipeline.partition(), pair_contacts, static_contacts, pipeline.pair_ranges(),
+                 pipeline.static_ranges(), false, false},
+                member);
+    for (int row = 0; row < bodies.size(); ++row) {
+      solver.store_body(bodies, pipeline.partition(), row);
+      bodies.integrate_pose(static_cast<std::size_t>(pipeline.partition().body(row)));
+    }
+  }
+
+  // Sum of the normal impulses on a body's static contacts in the last step, mass·u/s.
+  float static_impulse(std::size_t body) const {
+    float sum = 0.0F;
+    for (const Manifold& m : static_contacts.manifolds)
+      if (m.a == static_cast<std::int32_t>(body))
+        for (int k = m.first; k < m.first + m.count; ++k)
+          sum += static_contacts.contacts[static_cast<std::size_t>(k)].total_normal_impulse;
+    return sum;
+  }
+
+  surface::Field field;
+  scene::Material material;
+  StepSettings settings;
+  BodyStore bodies;
+  CollisionPipeline pipeline;
+  Solver solver;
+  ContactList pair_contacts, static_contacts;
+  Barrier barrier{1};
+  Member member{0, 1, barrier};
+};
+
+}  // namespace smartsurf::world
