@@ -12,7 +12,7 @@
 
 #include "common/files/AtomicFile.h"
 #include "smartsurf/web/Assets.h"
-#include "smartsurf/web/FramePacker.h"
+#include "smartsurf/web/SeriesEncoder.h"
 
 namespace smartsurf::web {
 namespace {
@@ -21,35 +21,35 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 using record::Recording;
 
-constexpr std::size_t kMostBytes = std::size_t{400} << 20;  // unpacked, in the browser's memory
-constexpr const char* kShapes[] = {"sphere", "box", "cylinder", "capsule", "cone", "solid"};
+constexpr std::size_t kMaxUnpackedBytes = std::size_t{400} << 20;  // unpacked, in the browser's memory
+constexpr const char* kShapeNames[] = {"sphere", "box", "cylinder", "capsule", "cone", "solid"};
 
 // The recorded frames that the page shows.
-std::vector<std::size_t> choose_frames(const Recording& recording, double frames_per_second) {
-  std::vector<std::size_t> chosen;
-  double due_s = -std::numeric_limits<double>::infinity();
+std::vector<std::size_t> select_frames(const Recording& recording, double frames_per_second) {
+  std::vector<std::size_t> selected;
+  double next_s = -std::numeric_limits<double>::infinity();
   for (std::size_t frame = 0; frame < recording.frames(); ++frame) {
     const double now_s = recording.times()[frame];
-    if (now_s < due_s - 1e-6 && frame + 1 < recording.frames()) continue;
-    chosen.push_back(frame);
-    due_s = std::isfinite(due_s) ? std::max(due_s + 1.0 / frames_per_second, now_s)
-                                 : now_s + 1.0 / frames_per_second;
+    if (now_s < next_s - 1e-6 && frame + 1 < recording.frames()) continue;
+    selected.push_back(frame);
+    next_s = std::isfinite(next_s) ? std::max(next_s + 1.0 / frames_per_second, now_s)
+                                   : now_s + 1.0 / frames_per_second;
   }
-  return chosen;
+  return selected;
 }
 
 // One channel over the cells, and where its frames come from.
-struct Cells {
+struct CellChannel {
   std::string name, group;
-  PackedSeries layout;
+  SeriesLayout layout;
 };
 
 // The least and greatest number in the frames.
-std::pair<double, double> range_of(const Recording& recording, const Cells& cells,
-                                   const std::vector<std::size_t>& frames) {
+std::pair<double, double> value_range(const Recording& recording, const CellChannel& channel,
+                                      const std::vector<std::size_t>& frames) {
   double low = std::numeric_limits<double>::infinity(), high = -low;
   for (const std::size_t frame : frames)
-    for (const float value : recording.read_channel(cells.group, cells.name, frame)) {
+    for (const float value : recording.read_channel(channel.group, channel.name, frame)) {
       if (!std::isfinite(value)) continue;
       low = std::min(low, double{value});
       high = std::max(high, double{value});
@@ -58,28 +58,29 @@ std::pair<double, double> range_of(const Recording& recording, const Cells& cell
   return {low, low < high ? high : low + 1.0};
 }
 
-std::vector<Cells> cells_of(const Recording& recording, const std::vector<std::size_t>& frames) {
+std::vector<CellChannel> collect_cell_channels(const Recording& recording,
+                                               const std::vector<std::size_t>& frames) {
   const scene::SurfaceSpec& surface = recording.spec().surface;
-  const std::size_t count = static_cast<std::size_t>(surface.cell_count());
-  std::vector<Cells> all;
+  const std::size_t cell_count = static_cast<std::size_t>(surface.cell_count());
+  std::vector<CellChannel> channels;
   if (recording.has_heights()) {
     const double top =
         std::max(surface.pin.max_height, surface.border_height.value_or(surface.pin.max_height));
-    all.push_back({"height", "", {surface.pin.min_height, top, 1, count}});
+    channels.push_back({"height", "", {surface.pin.min_height, top, 1, cell_count}});
   }
   for (const char* group : {"sensors", "actuators"})
     for (const std::string& name : recording.channel_names(group)) {
-      Cells cells{name, group, {0.0, 1.0, 1, count}};
-      if (recording.read_channel(group, name, frames.front()).size() != count)
+      CellChannel channel{name, group, {0.0, 1.0, 1, cell_count}};
+      if (recording.read_channel(group, name, frames.front()).size() != cell_count)
         continue;  // of several components
-      std::tie(cells.layout.low, cells.layout.high) = range_of(recording, cells, frames);
-      all.push_back(cells);
+      std::tie(channel.layout.low, channel.layout.high) = value_range(recording, channel, frames);
+      channels.push_back(channel);
     }
-  return all;
+  return channels;
 }
 
-PackedSeries position_layout(const Recording& recording, const std::vector<std::size_t>& frames) {
-  PackedSeries layout{0.0, 1.0, 2, 3 * recording.spec().objects.size()};
+SeriesLayout position_layout(const Recording& recording, const std::vector<std::size_t>& frames) {
+  SeriesLayout layout{0.0, 1.0, 2, 3 * recording.spec().objects.size()};
   layout.low = std::numeric_limits<double>::infinity();
   layout.high = -layout.low;
   for (const std::size_t frame : frames)
@@ -93,19 +94,19 @@ PackedSeries position_layout(const Recording& recording, const std::vector<std::
   return layout;
 }
 
-json series_json(const std::string& name, const PackedSeries& layout) {
+json series_json(const std::string& name, const SeriesLayout& layout) {
   return {{"name", name},
           {"low", layout.low},
           {"high", layout.high},
-          {"bytes", layout.bytes},
-          {"values", layout.values}};
+          {"bytes", layout.bytes_per_value},
+          {"values", layout.values_per_frame}};
 }
 
 json objects_json(const Recording& recording) {
   json objects = json::array();
   for (const scene::ObjectSpec& object : recording.spec().objects) {
     const Eigen::Vector3d half = object.half_extents();
-    json entry = {{"shape", kShapes[static_cast<int>(object.shape)]},
+    json entry = {{"shape", kShapeNames[static_cast<int>(object.shape)]},
                   {"half", {half.x(), half.y(), half.z()}},
                   {"radius", object.radius},
                   {"height", object.height},
@@ -125,22 +126,22 @@ json objects_json(const Recording& recording) {
 }
 
 // Of a layout that is no rectangular grid: x, y and angle of each cell.
-json places_json(const scene::SurfaceSpec& surface) {
+json cell_poses_json(const scene::SurfaceSpec& surface) {
   if (surface.cell_poses.empty()) return {};
-  json all = json::array();
-  for (const scene::CellPose& place : surface.cell_poses)
-    all.insert(all.end(), {place.x, place.y, place.angle});
-  return all;
+  json poses = json::array();
+  for (const scene::CellPose& pose : surface.cell_poses)
+    poses.insert(poses.end(), {pose.x, pose.y, pose.angle});
+  return poses;
 }
 
-json mechanisms_json(const scene::SurfaceSpec& surface) {
-  json all = json::array();
+json actuators_json(const scene::SurfaceSpec& surface) {
+  json actuators = json::array();
   for (const scene::ActuatorSpec& spec : surface.effective_actuators()) {
-    json one = {{"model", spec.model}};
-    for (const auto& [name, values] : spec.values) one[name] = values;
-    all.push_back(std::move(one));
+    json actuator = {{"model", spec.model}};
+    for (const auto& [name, values] : spec.values) actuator[name] = values;
+    actuators.push_back(std::move(actuator));
   }
-  return all;
+  return actuators;
 }
 
 json scene_json(const Recording& recording, const std::vector<std::size_t>& frames) {
@@ -157,113 +158,117 @@ json scene_json(const Recording& recording, const std::vector<std::size_t>& fram
           {"low", s.pin.min_height},
           {"high", s.pin.max_height},
           {"border", s.border_height ? json(*s.border_height) : json()},
-          {"place", places_json(s)},
+          {"place", cell_poses_json(s)},
           {"cell", s.actuator_of_cell.empty() ? json() : json(s.actuator_of_cell)},
-          {"mechanisms", mechanisms_json(s)},
+          {"mechanisms", actuators_json(s)},
           {"time", std::move(time)},
           {"objects", objects_json(recording)}};
 }
 
-void append(std::vector<std::uint8_t>& all, const SeriesPacker& packer) {
-  all.insert(all.end(), packer.bytes().begin(), packer.bytes().end());
+void append_series(std::vector<std::uint8_t>& stream, const SeriesEncoder& encoder) {
+  stream.insert(stream.end(), encoder.bytes().begin(), encoder.bytes().end());
 }
 
-void pack_objects(const Recording& recording, const std::vector<std::size_t>& frames, json& series,
-                  std::vector<std::uint8_t>& all) {
+void encode_objects(const Recording& recording, const std::vector<std::size_t>& frames, json& series,
+                    std::vector<std::uint8_t>& stream) {
   const std::size_t objects = recording.spec().objects.size();
   if (!recording.has_objects() || objects == 0) return;
-  SeriesPacker positions(position_layout(recording, frames)), turns({-1.0, 1.0, 2, 4 * objects});
-  std::vector<float> turn(4 * objects);
+  SeriesEncoder positions(position_layout(recording, frames)), orientations({-1.0, 1.0, 2, 4 * objects});
+  std::vector<float> orientation(4 * objects);
   for (const std::size_t frame : frames) {
     positions.add(recording.read_positions(frame, 1));
-    const scene::Snapshot shot = recording.read_snapshot(frame);
-    std::fill(turn.begin(), turn.end(), std::numeric_limits<float>::quiet_NaN());
-    for (std::size_t i = 0; i < shot.object_count(); ++i)
-      std::copy(shot.orientation[i].begin(), shot.orientation[i].end(),
-                turn.begin() + static_cast<std::ptrdiff_t>(4 * shot.id[i]));
-    turns.add(turn);
+    const scene::Snapshot snapshot = recording.read_snapshot(frame);
+    std::fill(orientation.begin(), orientation.end(), std::numeric_limits<float>::quiet_NaN());
+    for (std::size_t i = 0; i < snapshot.object_count(); ++i)
+      std::copy(snapshot.orientation[i].begin(), snapshot.orientation[i].end(),
+                orientation.begin() + static_cast<std::ptrdiff_t>(4 * snapshot.id[i]));
+    orientations.add(orientation);
   }
   series.push_back(series_json("position", positions.layout()));
-  series.push_back(series_json("orientation", turns.layout()));
-  append(all, positions);
-  append(all, turns);
+  series.push_back(series_json("orientation", orientations.layout()));
+  append_series(stream, positions);
+  append_series(stream, orientations);
 }
 
-void pack_cells(const Recording& recording, const std::vector<std::size_t>& frames, json& series,
-                std::vector<std::uint8_t>& all) {
-  for (const Cells& cells : cells_of(recording, frames)) {
-    SeriesPacker packer(cells.layout);
+void encode_cell_channels(const Recording& recording, const std::vector<std::size_t>& frames, json& series,
+                          std::vector<std::uint8_t>& stream) {
+  for (const CellChannel& channel : collect_cell_channels(recording, frames)) {
+    SeriesEncoder encoder(channel.layout);
     for (const std::size_t frame : frames)
-      if (cells.group.empty())
-        packer.add(recording.read_heights(frame));
+      if (channel.group.empty())
+        encoder.add(recording.read_heights(frame));
       else
-        packer.add(recording.read_channel(cells.group, cells.name, frame));
+        encoder.add(recording.read_channel(channel.group, channel.name, frame));
     series.push_back(
-        series_json(cells.group.empty() ? "height" : cells.group + "/" + cells.name, packer.layout()));
-    append(all, packer);
+        series_json(channel.group.empty() ? "height" : channel.group + "/" + channel.name, encoder.layout()));
+    append_series(stream, encoder);
   }
 }
 
 // What the mechanisms look like. Turns go round: the page needs where they are, not how often they went.
-void pack_motion(const Recording& recording, const std::vector<std::size_t>& frames, json& series,
-                 std::vector<std::uint8_t>& all) {
+void encode_actuator_states(const Recording& recording, const std::vector<std::size_t>& frames, json& series,
+                            std::vector<std::uint8_t>& stream) {
   if (!recording.has_motion()) return;
   constexpr double kHalfTurn = std::numbers::pi;
   const std::size_t cells = static_cast<std::size_t>(recording.spec().surface.cell_count());
-  SeriesPacker packer({-kHalfTurn, kHalfTurn, 2, 3 * cells});
-  std::vector<float> numbers(3 * cells);
-  const auto round = [](float angle) { return std::remainder(angle, 2.0F * static_cast<float>(kHalfTurn)); };
+  SeriesEncoder encoder({-kHalfTurn, kHalfTurn, 2, 3 * cells});
+  std::vector<float> states(3 * cells);
+  const auto wrap_angle = [](float angle) {
+    return std::remainder(angle, 2.0F * static_cast<float>(kHalfTurn));
+  };
   for (const std::size_t frame : frames) {
-    const scene::Snapshot shot = recording.read_snapshot(frame);
-    for (std::size_t i = 0; i < shot.actuator_state.size(); ++i) {
-      numbers[3 * i] = round(shot.actuator_state[i].a);
-      numbers[3 * i + 1] = round(shot.actuator_state[i].b);
-      numbers[3 * i + 2] = shot.actuator_state[i].level;
+    const scene::Snapshot snapshot = recording.read_snapshot(frame);
+    for (std::size_t i = 0; i < snapshot.actuator_state.size(); ++i) {
+      states[3 * i] = wrap_angle(snapshot.actuator_state[i].a);
+      states[3 * i + 1] = wrap_angle(snapshot.actuator_state[i].b);
+      states[3 * i + 2] = snapshot.actuator_state[i].level;
     }
-    packer.add(numbers);
+    encoder.add(states);
   }
-  series.push_back(series_json("motion", packer.layout()));
-  append(all, packer);
+  series.push_back(series_json("motion", encoder.layout()));
+  append_series(stream, encoder);
 }
 
-void require_room(const Recording& recording, std::size_t frames) {
-  std::size_t a_frame = 14 * recording.spec().objects.size();
+void require_size_limit(const Recording& recording, std::size_t frames) {
+  std::size_t bytes_per_frame = 14 * recording.spec().objects.size();
   const std::size_t cells = static_cast<std::size_t>(recording.spec().surface.cell_count());
-  a_frame += cells * (1 + (recording.has_motion() ? 6 : 0) + recording.channel_names("sensors").size() +
-                      recording.channel_names("actuators").size());
-  if (a_frame * frames <= kMostBytes) return;
-  const double fits = static_cast<double>(kMostBytes) / static_cast<double>(a_frame * frames);
+  bytes_per_frame +=
+      cells * (1 + (recording.has_motion() ? 6 : 0) + recording.channel_names("sensors").size() +
+               recording.channel_names("actuators").size());
+  if (bytes_per_frame * frames <= kMaxUnpackedBytes) return;
+  const double fraction =
+      static_cast<double>(kMaxUnpackedBytes) / static_cast<double>(bytes_per_frame * frames);
   throw scene::InputError(recording.path().string() + ": " + std::to_string(frames) +
-                          " frames are too many for a page; --fps of " + std::to_string(fits) +
+                          " frames are too many for a page; --fps of " + std::to_string(fraction) +
                           " times as many would fit");
 }
 
 // The text with every {{NAME}} replaced; nothing that is put in is looked at again.
-std::string fill_in(std::string_view text,
-                    const std::vector<std::pair<std::string_view, std::string_view>>& values) {
+std::string expand_template(std::string_view text,
+                            const std::vector<std::pair<std::string_view, std::string_view>>& values) {
   std::string page;
-  for (std::size_t at = 0; at < text.size();) {
-    const std::size_t open = text.find("{{", at);
-    page += text.substr(at, open - at);
+  for (std::size_t position = 0; position < text.size();) {
+    const std::size_t open = text.find("{{", position);
+    page += text.substr(position, open - position);
     if (open == text.npos) break;
     const std::size_t close = text.find("}}", open);
     const std::string_view name = text.substr(open + 2, close - open - 2);
     for (const auto& [known, value] : values)
       if (known == name) page += value;
-    at = close + 2;
+    position = close + 2;
   }
   return page;
 }
 
 // Text in an HTML element: neither ends it nor begins one.
-std::string escaped(const std::string& text) {
-  std::string safe;
-  for (const char c : text) safe += c == '<' ? "&lt;" : c == '&' ? "&amp;" : std::string(1, c);
-  return safe;
+std::string escape_html(const std::string& text) {
+  std::string html;
+  for (const char c : text) html += c == '<' ? "&lt;" : c == '&' ? "&amp;" : std::string(1, c);
+  return html;
 }
 
 // JSON inside of a script element, which "</script" would end.
-std::string script_safe(const json& value) {
+std::string dump_script_safe(const json& value) {
   std::string text = value.dump(-1, ' ', false, json::error_handler_t::replace);
   for (std::size_t at = 0; (at = text.find('<', at)) != text.npos; at += 6) text.replace(at, 1, "\\u003c");
   return text;
@@ -274,23 +279,23 @@ std::string script_safe(const json& value) {
 void write_page(const Recording& recording, const fs::path& path, const PageOptions& options) {
   if (recording.frames() == 0 || !(recording.has_objects() || recording.has_heights()))
     throw scene::InputError(recording.path().string() + ": holds nothing to show");
-  const std::vector<std::size_t> frames = choose_frames(recording, options.frames_per_second);
-  require_room(recording, frames.size());
+  const std::vector<std::size_t> frames = select_frames(recording, options.frames_per_second);
+  require_size_limit(recording, frames.size());
   json scene = scene_json(recording, frames), series = json::array();
-  std::vector<std::uint8_t> all;
-  pack_objects(recording, frames, series, all);
-  pack_cells(recording, frames, series, all);
-  pack_motion(recording, frames, series, all);
+  std::vector<std::uint8_t> stream;
+  encode_objects(recording, frames, series, stream);
+  encode_cell_channels(recording, frames, series, stream);
+  encode_actuator_states(recording, frames, series, stream);
   scene["series"] = std::move(series);
-  const std::string data = base64(compress(all)), description = script_safe(scene);
-  const std::string page = fill_in(page_html(), {{"TITLE", escaped(scene["title"])},
-                                                 {"SCENE", description},
-                                                 {"FRAMES", data},
-                                                 {"LICENCE", three_licence()},
-                                                 {"THREE", three_js()},
-                                                 {"ORBIT", orbit_controls_js()},
-                                                 {"MECHANISMS", mechanisms_js()},
-                                                 {"PLAYER", player_js()}});
+  const std::string data = base64(compress(stream)), description = dump_script_safe(scene);
+  const std::string page = expand_template(page_html(), {{"TITLE", escape_html(scene["title"])},
+                                                         {"SCENE", description},
+                                                         {"FRAMES", data},
+                                                         {"LICENCE", three_licence()},
+                                                         {"THREE", three_js()},
+                                                         {"ORBIT", orbit_controls_js()},
+                                                         {"MECHANISMS", mechanisms_js()},
+                                                         {"PLAYER", player_js()}});
   if (const std::error_code error = common::replace_file(path, page))
     throw scene::InputError(path.string() + ": cannot be written: " + error.message());
 }

@@ -26,7 +26,7 @@
 #include "smartsurf/view/gl/Renderer.h"
 #include "smartsurf/view/window/Window.h"
 #include "tests/bench/CommandLine.h"
-#include "tests/unit/smartsurf/view/DrawCalls.h"
+#include "tests/unit/smartsurf/view/DrawCallCounter.h"
 
 using namespace smartsurf;
 
@@ -34,20 +34,20 @@ namespace {
 
 struct Options {
   int cells = 64, objects = 500, width = 1280, height = 720, frames = 60;
-  std::string pins = "sorting", quality = "fast", picture;
-  bool mixed = false, window = false, held = false;
+  std::string pins = "sorting", quality = "fast", png_file;
+  bool mixed = false, window = false, paused = false;
 };
 
 using Clock = std::chrono::steady_clock;
 
-struct Scene {
+struct BenchScene {
   scene::SceneSpec spec;
   scene::Snapshot snapshot;
-  std::vector<Eigen::Vector3f> rest;  // of each object
+  std::vector<Eigen::Vector3f> rest_positions;  // of each object
 };
 
 // Objects in rows over the whole table, a layer above the other once it is full.
-void add_objects(Scene& s, const Options& options) {
+void add_objects(BenchScene& s, const Options& options) {
   const int across = std::max(1, static_cast<int>((options.cells - 4) / 2.6));
   for (int k = 0; k < options.objects; ++k) {
     scene::ObjectSpec o;
@@ -58,7 +58,7 @@ void add_objects(Scene& s, const Options& options) {
     o.size = {1.6, 1.6, 1.6};
     const float x = 2.5f + 2.6f * static_cast<float>(k % across);
     const float y = 2.5f + 2.6f * static_cast<float>(k / across % across);
-    s.rest.emplace_back(x, y, 4.0f + 2.4f * static_cast<float>(k / (across * across)));
+    s.rest_positions.emplace_back(x, y, 4.0f + 2.4f * static_cast<float>(k / (across * across)));
     s.snapshot.id.push_back(static_cast<scene::ObjectId>(k));
     s.snapshot.position.emplace_back();
     s.snapshot.orientation.push_back({0, 0, 0, 1});
@@ -69,7 +69,7 @@ void add_objects(Scene& s, const Options& options) {
 }
 
 // Sorting: pins up, but for a pocket under each object. Wave: every pin at another height.
-void move(Scene& s, const Options& options, int frame) {
+void animate(BenchScene& s, const Options& options, int frame) {
   const float phase = 0.1f * static_cast<float>(frame);
   const auto& surface = s.spec.surface;
   for (int r = 0; r < surface.rows; ++r)
@@ -79,9 +79,10 @@ void move(Scene& s, const Options& options, int frame) {
       height = surface.is_border(r, c) ? 6.0f : 4.0f;
       if (options.pins == "wave") height = 3.0f + 1.5f * std::sin(0.7f * x + phase) + std::cos(0.9f * y);
     }
-  for (std::size_t i = 0; i < s.rest.size(); ++i) {
-    const float x = s.rest[i].x() + 0.8f * std::sin(phase + 0.1f * static_cast<float>(i)), y = s.rest[i].y();
-    s.snapshot.position[i] = {x, y, s.rest[i].z() + (options.pins == "wave" ? 2.8f : -1.5f)};
+  for (std::size_t i = 0; i < s.rest_positions.size(); ++i) {
+    const float x = s.rest_positions[i].x() + 0.8f * std::sin(phase + 0.1f * static_cast<float>(i)),
+                y = s.rest_positions[i].y();
+    s.snapshot.position[i] = {x, y, s.rest_positions[i].z() + (options.pins == "wave" ? 2.8f : -1.5f)};
     if (options.pins == "wave") continue;
     for (int dy = -1; dy <= 1; ++dy)
       for (int dx = -1; dx <= 1; ++dx) {
@@ -92,8 +93,8 @@ void move(Scene& s, const Options& options, int frame) {
   }
 }
 
-Scene scene_of(const Options& options) {
-  Scene s;
+BenchScene make_scene(const Options& options) {
+  BenchScene s;
   s.spec.surface.rows = s.spec.surface.columns = options.cells;
   s.spec.surface.border_height = 6.0;
   s.snapshot.height.resize(static_cast<std::size_t>(s.spec.surface.cell_count()));
@@ -102,9 +103,9 @@ Scene scene_of(const Options& options) {
 }
 
 // A stage, or all of a frame: milliseconds of the clock and of all processors, one of each a frame.
-struct Times {
+struct StageTimes {
   std::string name;
-  std::vector<double> clock_ms, busy_ms;
+  std::vector<double> wall_ms, cpu_ms;
   void print() const;
 };
 
@@ -118,125 +119,125 @@ double mean(const std::vector<double>& values) {
   return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
 }
 
-void Times::print() const {
-  std::printf("  %-22s %7.2f  %7.2f  %7.2f\n", name.c_str(), median(clock_ms), mean(clock_ms), mean(busy_ms));
+void StageTimes::print() const {
+  std::printf("  %-22s %7.2f  %7.2f  %7.2f\n", name.c_str(), median(wall_ms), mean(wall_ms), mean(cpu_ms));
 }
 
 void print_heading() { std::printf("  %-22s %7s  %7s  %7s\n", "ms", "median", "mean", "processors, mean"); }
 
 // Of all threads of this process together.
-double processor_ms() {
+double process_cpu_ms() {
   timespec t{};
   clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
   return static_cast<double>(t.tv_sec) * 1e3 + static_cast<double>(t.tv_nsec) * 1e-6;
 }
 
-view::Quality quality_of(const std::string& name) {
-  if (name == "fast") return view::Quality::fast();
-  if (name == "card") return view::Quality::card();
-  if (name == "video") return view::Quality::video();
-  if (name == "fine") return view::Quality::fine();
+view::RenderQuality parse_quality(const std::string& name) {
+  if (name == "fast") return view::RenderQuality::fast();
+  if (name == "card") return view::RenderQuality::gpu();
+  if (name == "video") return view::RenderQuality::video();
+  if (name == "fine") return view::RenderQuality::fine();
   throw std::invalid_argument("--quality " + name + ": fast, card, video or fine");
 }
 
 // Notes the time from each stage's end to the next's.
-class StageClock {
+class StageTimer {
  public:
   void begin() {
-    mark_ = Clock::now();
-    busy_mark_ = processor_ms();
+    wall_start_ = Clock::now();
+    cpu_start_ = process_cpu_ms();
   }
-  void lap(std::string_view stage) {
+  void end_stage(std::string_view stage) {
     glFinish();
     const auto now = Clock::now();
-    const double busy = processor_ms();
-    auto known =
-        std::find_if(stages_.begin(), stages_.end(), [&](const Times& t) { return t.name == stage; });
-    if (known == stages_.end()) known = stages_.insert(known, {std::string(stage), {}, {}});
-    known->clock_ms.push_back(std::chrono::duration<double, std::milli>(now - mark_).count());
-    known->busy_ms.push_back(busy - busy_mark_);
-    mark_ = now;
-    busy_mark_ = busy;
+    const double cpu_now = process_cpu_ms();
+    auto entry =
+        std::find_if(stages_.begin(), stages_.end(), [&](const StageTimes& t) { return t.name == stage; });
+    if (entry == stages_.end()) entry = stages_.insert(entry, {std::string(stage), {}, {}});
+    entry->wall_ms.push_back(std::chrono::duration<double, std::milli>(now - wall_start_).count());
+    entry->cpu_ms.push_back(cpu_now - cpu_start_);
+    wall_start_ = now;
+    cpu_start_ = cpu_now;
   }
   // Milliseconds of the clock, and of all processors.
-  std::pair<double, double> since_begin() const {
-    return {std::chrono::duration<double, std::milli>(Clock::now() - mark_).count(),
-            processor_ms() - busy_mark_};
+  std::pair<double, double> elapsed_ms() const {
+    return {std::chrono::duration<double, std::milli>(Clock::now() - wall_start_).count(),
+            process_cpu_ms() - cpu_start_};
   }
   void print() const {
-    for (const Times& t : stages_) t.print();
+    for (const StageTimes& t : stages_) t.print();
   }
 
  private:
-  Clock::time_point mark_{};
-  double busy_mark_ = 0.0;
-  std::vector<Times> stages_;
+  Clock::time_point wall_start_{};
+  double cpu_start_ = 0.0;
+  std::vector<StageTimes> stages_;
 };
 
-void measure(const Options& options) {
-  Scene s = scene_of(options);
+void measure_renderer(const Options& options) {
+  BenchScene s = make_scene(options);
   common::EglContext context;
   std::printf("%s\n%d x %d cells, %d objects, %d x %d pixels, %s, %s\n",
               reinterpret_cast<const char*>(glGetString(GL_RENDERER)), options.cells, options.cells,
               options.objects, options.width, options.height, options.pins.c_str(), options.quality.c_str());
-  view::Renderer renderer(s.spec, quality_of(options.quality));
-  view::Canvas canvas;
-  canvas.resize(options.width, options.height);
-  const view::Camera camera = view::Camera::framing(s.spec.surface, view::Preset::kIso,
-                                                    static_cast<double>(options.width) / options.height);
+  view::Renderer renderer(s.spec, parse_quality(options.quality));
+  view::RenderTarget target;
+  target.resize(options.width, options.height);
+  const view::Camera camera = view::Camera::fit_to_surface(
+      s.spec.surface, view::CameraPreset::kIso, static_cast<double>(options.width) / options.height);
   const auto draw = [&](int frame) {
-    move(s, options, frame);
-    renderer.draw(s.snapshot, s.spec.objects, camera, {}, canvas.framebuffer.id(), options.width,
+    animate(s, options, frame);
+    renderer.draw(s.snapshot, s.spec.objects, camera, {}, target.framebuffer.id(), options.width,
                   options.height);
   };
   for (int frame = -4; frame < 0; ++frame) draw(frame);
   glFinish();
-  StageClock stages, whole;
-  renderer.set_stage_end([&](std::string_view stage) { stages.lap(stage); });
+  StageTimer stage_timer, frame_timer;
+  renderer.set_stage_callback([&](std::string_view stage) { stage_timer.end_stage(stage); });
   for (int frame = 0; frame < options.frames; ++frame) {
-    stages.begin();
+    stage_timer.begin();
     draw(frame);
   }
-  renderer.set_stage_end(nullptr);
-  const view::DrawCalls calls;
+  renderer.set_stage_callback(nullptr);
+  const view::DrawCallCounter calls;
   for (int frame = 0; frame < options.frames; ++frame) {
-    whole.begin();
+    frame_timer.begin();
     draw(frame);
-    whole.lap("a frame");
+    frame_timer.end_stage("a frame");
   }
   print_heading();
-  stages.print();
-  whole.print();
+  stage_timer.print();
+  frame_timer.print();
   std::printf("  %.1f draw calls a frame\n", static_cast<double>(calls.count()) / options.frames);
-  if (!options.picture.empty())
-    common::write_png(options.picture,
-                      view::read_pixels(canvas.framebuffer.id(), options.width, options.height));
+  if (!options.png_file.empty())
+    common::write_png(options.png_file,
+                      view::read_framebuffer(target.framebuffer.id(), options.width, options.height));
 }
 
 void measure_window(const Options& options) {
-  Scene s = scene_of(options);
+  BenchScene s = make_scene(options);
   view::Window window(s.spec, "bench_view", options.width, options.height);
   view::Status status;
-  status.paused = options.held;
+  status.paused = options.paused;
   status.timeline = view::Timeline{1000, 999, 0.0, 16.6, false};
-  Times shown{"a frame, shown", {}, {}};
+  StageTimes times{"a frame, shown", {}, {}};
   for (int frame = -40; frame < options.frames; ++frame) {  // at first it finds out how fine it can be
-    move(s, options, frame);
-    StageClock clock;
-    clock.begin();
-    static_cast<void>(window.frame({s.snapshot, s.spec.objects}, status));
+    animate(s, options, frame);
+    StageTimer timer;
+    timer.begin();
+    static_cast<void>(window.render_frame({s.snapshot, s.spec.objects}, status));
     if (frame < 0) continue;
-    const auto [clock_ms, busy_ms] = clock.since_begin();
-    shown.clock_ms.push_back(clock_ms);
-    shown.busy_ms.push_back(busy_ms);
+    const auto [clock_ms, busy_ms] = timer.elapsed_ms();
+    times.wall_ms.push_back(clock_ms);
+    times.cpu_ms.push_back(busy_ms);
   }
   std::printf("%d x %d cells, %d objects, a window of %d x %d, %s, %s\n", options.cells, options.cells,
               options.objects, options.width, options.height, options.pins.c_str(),
-              options.held ? "held" : "running");
+              options.paused ? "held" : "running");
   print_heading();
-  shown.print();
-  if (!options.picture.empty())
-    common::write_png(options.picture, window.show({s.snapshot, s.spec.objects}, status));
+  times.print();
+  if (!options.png_file.empty())
+    common::write_png(options.png_file, window.capture_frame({s.snapshot, s.spec.objects}, status));
 }
 
 Options read_options(int argc, char** argv) {
@@ -253,11 +254,11 @@ Options read_options(int argc, char** argv) {
   app.add_option("--frames", o.frames)->check(CLI::Range(1, 1'000'000));
   app.add_option("--pins", o.pins)->check(CLI::IsMember({"sorting", "wave"}));
   app.add_option("--quality", o.quality)->check(CLI::IsMember({"fast", "card", "video", "fine"}));
-  app.add_option("--picture", o.picture, "a PNG file for the last frame");
+  app.add_option("--picture", o.png_file, "a PNG file for the last frame");
   app.add_flag("--mixed", o.mixed, "objects of all shapes");
   app.add_flag("--window", o.window, "frames as a window shows them");
   app.add_flag_function(
-      "--held", [&o](std::int64_t) { o.window = o.held = true; }, "the same, of a simulation that is held");
+      "--held", [&o](std::int64_t) { o.window = o.paused = true; }, "the same, of a simulation that is held");
   bench::parse_or_exit(app, argc, argv);
   return o;
 }
@@ -267,7 +268,7 @@ Options read_options(int argc, char** argv) {
 int main(int argc, char** argv) {
   const Options options = read_options(argc, argv);
   try {
-    options.window ? measure_window(options) : measure(options);
+    options.window ? measure_window(options) : measure_renderer(options);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "bench_view: error: %s\n", error.what());
     return 1;

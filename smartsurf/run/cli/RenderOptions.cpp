@@ -48,12 +48,12 @@ void add_render_flags(CLI::App& app, RenderFlags& flags) {
 
 RenderOptions parse_render_options(const RenderFlags& flags) {
   RenderOptions options;
-  options.camera = static_cast<view::Preset>(index_of(kCameras, flags.camera));
+  options.camera = static_cast<view::CameraPreset>(index_of(kCameras, flags.camera));
   options.wireframe = flags.wireframe;
   options.overlay.channel = flags.cells;
   options.overlay.palette = view::kPalettes[index_of(kPalettes, flags.palette)];
   options.overlay.trails = flags.trails_s > 0.0;
-  options.overlay.trail_s = flags.trails_s;
+  options.overlay.trail_length_s = flags.trails_s;
   if (!flags.size.empty()) options.pixel_size = parse_pixel_size(flags.size);
   return options;
 }

@@ -7,8 +7,8 @@
 #include <string>
 
 #include "common/image/PixelSize.h"
+#include "smartsurf/view/interaction/Overlay.h"
 #include "smartsurf/view/model/Camera.h"
-#include "smartsurf/view/model/Overlay.h"
 
 namespace CLI {
 class App;
@@ -17,7 +17,7 @@ class App;
 namespace smartsurf::run {
 
 struct RenderOptions {
-  view::Preset camera = view::Preset::kIso;
+  view::CameraPreset camera = view::CameraPreset::kIso;
   bool wireframe = false;
   view::OverlaySettings overlay;
   std::optional<common::PixelSize> pixel_size;  // none: of pictures 1600 x 1000, of videos 1280 x 720

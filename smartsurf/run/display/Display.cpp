@@ -22,13 +22,13 @@ constexpr double kOnTimeFraction =
 
 Display::Display(const RunOptions& options, const scene::SceneSpec& scene) : scene_(scene) {
   if (!options.window) return;
-  view::OffscreenView::require_view();
+  view::OffscreenView::require_available();
   if (!view::Window::display_available())
     throw scene::InputError("--window: there is no display here; run without it, or set DISPLAY");
   const bool beside_controller_window = is_apron_program(options.controller);
-  window_ =
-      std::make_unique<view::Window>(scene_, "smartsurf: " + options.experiment, 1280, 720,
-                                     beside_controller_window ? view::Place::kLeft : view::Place::kAnywhere);
+  window_ = std::make_unique<view::Window>(
+      scene_, "smartsurf: " + options.experiment, 1280, 720,
+      beside_controller_window ? view::WindowPlacement::kLeft : view::WindowPlacement::kDefault);
 }
 
 Display::~Display() = default;
@@ -54,9 +54,9 @@ view::Status Display::make_view_status(const DisplayStatus& display_status, bool
   status.actual_pace = display_status.real_time_factor;
   status.physics_ms = display_status.physics_ms;
   status.purity = display_status.purity;
-  status.forces_known = !history_index_;
-  status.touchable = status.breakable = !history_index_ && !display_status.run_ended;
-  status.resettable = display_status.can_restart;
+  status.has_contacts = !history_index_;
+  status.accepts_interaction = status.accepts_faults = !history_index_ && !display_status.run_ended;
+  status.can_reset = display_status.can_restart;
   status.notice = display_status.notice;
   if (history_.size() == 0) return status;
   const std::size_t last = history_.size() - 1;
@@ -68,7 +68,7 @@ view::Status Display::make_view_status(const DisplayStatus& display_status, bool
 }
 
 bool Display::frame_due(const Simulation& simulation, std::chrono::steady_clock::time_point now) const {
-  const bool unchanged = simulation.snapshot().tick == last_drawn_tick_ && !window_->stirred();
+  const bool unchanged = simulation.snapshot().tick == last_drawn_tick_ && !window_->needs_redraw();
   return now >=
          (unchanged ? std::max(next_frame_time_, last_draw_time_ + kIdleFrameInterval) : next_frame_time_);
 }
@@ -88,8 +88,8 @@ void Display::refresh(const Simulation& simulation, const DisplayStatus& display
       contacts_ = contact_marks(simulation);
     else
       contacts_.clear();
-    commands = window_->frame({shown, simulation.catalogue(), channels_.update(simulation, shown), contacts_},
-                              status);
+    commands = window_->render_frame(
+        {shown, simulation.catalogue(), channels_.update(simulation, shown), contacts_}, status);
     const auto draw_end = std::chrono::steady_clock::now();
     last_draw_time_ = draw_end;
     last_drawn_tick_ = simulation.snapshot().tick;

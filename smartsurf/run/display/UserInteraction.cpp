@@ -25,7 +25,7 @@ void apply_spring_force(const view::Pull& pull, Simulation& simulation) {
   const scene::ObjectState state = simulation.state(pull.object);
   const double max_omega = 0.5 / scene.world.control_period_s;
   const double omega = std::min(2.0 * std::numbers::pi * kSpringFrequency_Hz, max_omega);
-  const Eigen::Vector3d arm = state.orientation * pull.grip;
+  const Eigen::Vector3d arm = state.orientation * pull.local_anchor;
   const Eigen::Vector3d velocity = state.velocity + state.angular_velocity.cross(arm);
   Eigen::Vector3d acceleration =
       omega * omega * (pull.target - state.position - arm) - 2.0 * omega * velocity - scene.world.gravity;

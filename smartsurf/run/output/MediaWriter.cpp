@@ -5,9 +5,9 @@
 
 #include <utility>
 
-#include "smartsurf/view/output/OffscreenView.h"
 #include "common/image/Png.h"
 #include "common/video/VideoEncoder.h"
+#include "smartsurf/view/output/OffscreenView.h"
 
 namespace smartsurf::run {
 namespace {
@@ -45,7 +45,7 @@ MediaWriter::MediaWriter(std::vector<Screenshot> screenshots, const std::string&
       render_options_(render_options),
       overlay_(scene.surface),
       pending_screenshots_(std::move(screenshots)) {
-  if (!pending_screenshots_.empty() || !video_file.empty()) view::OffscreenView::require_view();
+  if (!pending_screenshots_.empty() || !video_file.empty()) view::OffscreenView::require_available();
   overlay_.settings = render_options.overlay;
   if (video_file.empty()) return;
   const common::PixelSize size = video_size(render_options);
@@ -56,7 +56,7 @@ MediaWriter::MediaWriter(std::vector<Screenshot> screenshots, const std::string&
 MediaWriter::~MediaWriter() = default;
 
 void MediaWriter::write_due(const view::FrameInput& frame) {
-  if (!only_final_left()) overlay_.plotted_object(frame);
+  if (!only_final_left()) overlay_.sample_trails(frame);
   if (video_writer_) write_video_frames(frame);
   if (pending_screenshots_.empty()) return;
   std::erase_if(pending_screenshots_, [&](const Screenshot& shot) {
@@ -75,15 +75,15 @@ void MediaWriter::finish(const view::FrameInput& frame) {
 }
 
 common::Image MediaWriter::render(view::OffscreenView& view, const view::FrameInput& frame,
-                                const common::PixelSize& size) {
+                                  const common::PixelSize& size) {
   if (!render_options_.overlay.channel.empty()) require_channel(frame, render_options_.overlay.channel);
   view::DrawOptions options;
-  if (render_options_.wireframe) options.style = view::Style::kWireframe;
+  if (render_options_.wireframe) options.fill_mode = view::FillMode::kWireframe;
   overlay_.apply(frame, nullptr, options);
-  if (overlay_.heat()) options.legend = &*overlay_.heat();
-  const view::Camera camera = view::Camera::framing(scene_.surface, render_options_.camera,
-                                                    static_cast<double>(size.width) / size.height);
-  return view.draw(frame.snapshot, frame.catalogue, camera, options, size.width, size.height);
+  if (overlay_.colour_scale()) options.legend = &*overlay_.colour_scale();
+  const view::Camera camera = view::Camera::fit_to_surface(scene_.surface, render_options_.camera,
+                                                           static_cast<double>(size.width) / size.height);
+  return view.render(frame.snapshot, frame.catalogue, camera, options, size.width, size.height);
 }
 
 void MediaWriter::write_screenshot(const view::FrameInput& frame, const std::string& file) {

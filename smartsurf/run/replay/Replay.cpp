@@ -113,7 +113,7 @@ bool replay_to_media(const record::Recording& recording, const std::vector<Scree
 
 void replay_in_window(const record::Recording& recording, double pace, const std::atomic<bool>& stop) {
   require_poses(recording);
-  view::OffscreenView::require_view();
+  view::OffscreenView::require_available();
   if (!view::Window::display_available())
     throw scene::InputError(
         "--window: there is no display here; use --video or --screenshot, or set DISPLAY");
@@ -123,7 +123,7 @@ void replay_in_window(const record::Recording& recording, double pace, const std
   auto last_time = Clock::now();
   while (!stop) {
     const view::Commands commands =
-        window.frame(loader.frame_input(player.frame()), make_view_status(recording, player));
+        window.render_frame(loader.frame_input(player.frame()), make_view_status(recording, player));
     if (commands.quit || commands.display_lost) return;
     player.apply(commands);
     const auto now = Clock::now();

@@ -57,7 +57,7 @@ ShaderProgram link_program(std::string_view name, const std::string& vertex, con
   return program;
 }
 
-void Canvas::resize(int new_width, int new_height) {
+void RenderTarget::resize(int new_width, int new_height) {
   if (new_width == width && new_height == height) return;
   framebuffer = make_framebuffer();
   colour = make_texture();
@@ -78,7 +78,7 @@ void Canvas::resize(int new_width, int new_height) {
   height = new_height;
 }
 
-common::Image read_pixels(unsigned framebuffer, int width, int height) {
+common::Image read_framebuffer(unsigned framebuffer, int width, int height) {
   common::Image image{width, height, std::vector<std::uint8_t>(static_cast<std::size_t>(width) * height * 3)};
   glBindFramebuffer(GL_READ_FRAMEBUFFER, framebuffer);
   glPixelStorei(GL_PACK_ALIGNMENT, 1);

@@ -1,4 +1,4 @@
-// Owners of OpenGL objects: made in the current context, freed with it still current. Internal to the room.
+// Owners of OpenGL objects: made in the current context, freed with it still current. Private to the view.
 #pragma once
 
 #include <epoxy/gl.h>
@@ -61,7 +61,7 @@ inline Renderbuffer make_renderbuffer() { return make<Renderbuffer>(glGenRenderb
 ShaderProgram link_program(std::string_view name, const std::string& vertex, const std::string& fragment);
 
 // A colour picture with depth to draw into; single-sampled, RGBA8 and 24 bit depth.
-struct Canvas {
+struct RenderTarget {
   Framebuffer framebuffer;
   Texture colour;
   Renderbuffer depth;
@@ -72,6 +72,6 @@ struct Canvas {
 };
 
 // The framebuffer's colours, row 0 at the top. Its context must be current.
-common::Image read_pixels(unsigned framebuffer, int width, int height);
+common::Image read_framebuffer(unsigned framebuffer, int width, int height);
 
 }  // namespace smartsurf::view

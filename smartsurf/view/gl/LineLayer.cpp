@@ -5,7 +5,7 @@
 namespace smartsurf::view {
 namespace {
 
-void attribute(GLuint location, GLint size, GLenum type, std::size_t offset) {
+void set_instance_attribute(GLuint location, GLint size, GLenum type, std::size_t offset) {
   glEnableVertexAttribArray(location);
   glVertexAttribPointer(location, size, type, type == GL_UNSIGNED_BYTE ? GL_TRUE : GL_FALSE, sizeof(Line),
                         reinterpret_cast<const void*>(offset));
@@ -14,32 +14,32 @@ void attribute(GLuint location, GLint size, GLenum type, std::size_t offset) {
 
 }  // namespace
 
-LineLayer::LineLayer() : array_(make_vertex_array()), lines_(make_buffer()) {
+LineLayer::LineLayer() : vertex_array_(make_vertex_array()), instance_buffer_(make_buffer()) {
   const auto source = line_shaders();
   program_ = link_program("lines", source.vertex, source.fragment);
-  glBindVertexArray(array_.id());
-  glBindBuffer(GL_ARRAY_BUFFER, lines_.id());
-  attribute(0, 3, GL_FLOAT, offsetof(Line, from));
-  attribute(1, 3, GL_FLOAT, offsetof(Line, to));
-  attribute(2, 4, GL_UNSIGNED_BYTE, offsetof(Line, colour));
+  glBindVertexArray(vertex_array_.id());
+  glBindBuffer(GL_ARRAY_BUFFER, instance_buffer_.id());
+  set_instance_attribute(0, 3, GL_FLOAT, offsetof(Line, from));
+  set_instance_attribute(1, 3, GL_FLOAT, offsetof(Line, to));
+  set_instance_attribute(2, 4, GL_UNSIGNED_BYTE, offsetof(Line, colour));
   glBindVertexArray(0);
 }
 
 void LineLayer::upload(std::span<const Line> lines) {
-  count_ = static_cast<GLsizei>(lines.size());
-  glBindBuffer(GL_ARRAY_BUFFER, lines_.id());
+  line_count_ = static_cast<GLsizei>(lines.size());
+  glBindBuffer(GL_ARRAY_BUFFER, instance_buffer_.id());
   glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(lines.size_bytes()), lines.data(), GL_STREAM_DRAW);
 }
 
-void LineLayer::draw(float width, int picture_width, int picture_height) const {
-  if (count_ == 0) return;
+void LineLayer::draw(float width, int viewport_width, int viewport_height) const {
+  if (line_count_ == 0) return;
   glEnable(GL_BLEND);
   glBlendFunc(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA);
   glUseProgram(program_.id());
-  glUniform3f(glGetUniformLocation(program_.id(), "picture"), static_cast<float>(picture_width),
-              static_cast<float>(picture_height), width);
-  glBindVertexArray(array_.id());
-  glDrawArraysInstanced(GL_TRIANGLE_STRIP, 0, 4, count_);
+  glUniform3f(glGetUniformLocation(program_.id(), "picture"), static_cast<float>(viewport_width),
+              static_cast<float>(viewport_height), width);
+  glBindVertexArray(vertex_array_.id());
+  glDrawArraysInstanced(GL_TRIANGLE_STRIP, 0, 4, line_count_);
   glDisable(GL_BLEND);
 }
 

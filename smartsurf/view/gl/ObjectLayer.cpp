@@ -9,168 +9,173 @@ namespace {
 
 using scene::ShapeKind;
 
-void instance_attribute(GLuint location, GLint size, std::size_t offset) {
+void set_instance_attribute(GLuint location, GLint size, std::size_t offset) {
   glEnableVertexAttribArray(location);
   glVertexAttribPointer(location, size, GL_FLOAT, GL_FALSE, sizeof(ObjectInstance),
                         reinterpret_cast<const void*>(offset));
   glVertexAttribDivisor(location, 1);
 }
 
-void mesh_attribute(GLuint location, GLint size, int floats_a_corner, std::size_t first) {
+void set_vertex_attribute(GLuint location, GLint size, int floats_per_vertex, std::size_t first) {
   glEnableVertexAttribArray(location);
-  glVertexAttribPointer(location, size, GL_FLOAT, GL_FALSE, floats_a_corner * static_cast<int>(sizeof(float)),
+  glVertexAttribPointer(location, size, GL_FLOAT, GL_FALSE,
+                        floats_per_vertex * static_cast<int>(sizeof(float)),
                         reinterpret_cast<const void*>(first * sizeof(float)));
 }
 
-void load(GLuint buffer, const std::vector<float>& floats) {
+void upload_buffer(GLuint buffer, const std::vector<float>& floats) {
   glBindBuffer(GL_ARRAY_BUFFER, buffer);
   glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(floats.size() * sizeof(float)), floats.data(),
                GL_STATIC_DRAW);
 }
 
 // OpenGL 3.3 has no first instance in its draw calls: the attributes begin there instead.
-void bind_instances(GLuint buffer, GLsizei first = 0) {
+void bind_instance_attributes(GLuint buffer, GLsizei first = 0) {
   const std::size_t start = static_cast<std::size_t>(first) * sizeof(ObjectInstance);
   glBindBuffer(GL_ARRAY_BUFFER, buffer);
-  instance_attribute(1, 3, start + offsetof(ObjectInstance, centre));
-  instance_attribute(2, 3, start + offsetof(ObjectInstance, half_extent));
-  instance_attribute(3, 4, start + offsetof(ObjectInstance, orientation));
-  instance_attribute(4, 4, start + offsetof(ObjectInstance, colour));
+  set_instance_attribute(1, 3, start + offsetof(ObjectInstance, centre));
+  set_instance_attribute(2, 3, start + offsetof(ObjectInstance, half_extent));
+  set_instance_attribute(3, 4, start + offsetof(ObjectInstance, orientation));
+  set_instance_attribute(4, 4, start + offsetof(ObjectInstance, colour));
 }
 
 // The octagon around a circle of radius 1, x and y of each corner: fewer pixels beside the circle than a
 // square.
-std::vector<float> around_disc() {
+std::vector<float> circumscribed_octagon() {
   constexpr float kSide = 0.41421357f;  // half of it: tan(π/8)
   return {kSide, -1, 1, -kSide, 1, kSide, kSide, 1, -kSide, 1, -1, kSide, -1, -kSide, -kSide, -1};
 }
 
 }  // namespace
 
-ObjectLayer::ObjectLayer(Pass colour_pass) {
-  const int segments = colour_pass == Pass::kColourFine ? 64 : colour_pass == Pass::kColourFast ? 16 : 24;
-  sphere_.link("sphere", sphere_shaders(Pass::kShadow), sphere_shaders(colour_pass), wire_shaders(false));
-  mesh_.link("mesh", mesh_shaders(Pass::kShadow, false), mesh_shaders(colour_pass, false),
-             wire_shaders(false));
-  capsule_.link("capsule", mesh_shaders(Pass::kShadow, true), mesh_shaders(colour_pass, true),
-                wire_shaders(true));
-  const auto make = [this](ShapeKind shape, const Programs& programs, const Mesh& mesh,
-                           const std::vector<float>& wire) {
-    set_up(kinds_[static_cast<std::size_t>(shape)], programs, 6, mesh.corners, mesh.triangles, wire);
+ObjectLayer::ObjectLayer(RenderPass colour_pass) {
+  const int segments = colour_pass == RenderPass::kColourFine   ? 64
+                       : colour_pass == RenderPass::kColourFast ? 16
+                                                                : 24;
+  sphere_.link("sphere", sphere_shaders(RenderPass::kShadow), sphere_shaders(colour_pass),
+               wireframe_shaders(false));
+  mesh_.link("mesh", mesh_shaders(RenderPass::kShadow, false), mesh_shaders(colour_pass, false),
+             wireframe_shaders(false));
+  capsule_.link("capsule", mesh_shaders(RenderPass::kShadow, true), mesh_shaders(colour_pass, true),
+                wireframe_shaders(true));
+  const auto init = [this](ShapeKind shape, const Programs& programs, const Mesh& mesh,
+                           const std::vector<float>& wireframe) {
+    init_batch(batches_[static_cast<std::size_t>(shape)], programs, 6, mesh.vertices, mesh.indices,
+               wireframe);
   };
-  set_up(kinds_[0], sphere_, 2, around_disc(), {0, 1, 2, 0, 2, 3, 0, 3, 4, 0, 4, 5, 0, 5, 6, 0, 6, 7},
-         sphere_wire());
-  make(ShapeKind::kBox, mesh_, box_mesh(), box_wire());
-  make(ShapeKind::kCylinder, mesh_, cylinder_mesh(segments), cylinder_wire());
-  make(ShapeKind::kCapsule, capsule_, capsule_mesh(segments), capsule_wire());
-  make(ShapeKind::kCone, mesh_, cone_mesh(segments), cone_wire());
+  init_batch(batches_[0], sphere_, 2, circumscribed_octagon(),
+             {0, 1, 2, 0, 2, 3, 0, 3, 4, 0, 4, 5, 0, 5, 6, 0, 6, 7}, sphere_wireframe());
+  init(ShapeKind::kBox, mesh_, box_mesh(), box_wireframe());
+  init(ShapeKind::kCylinder, mesh_, cylinder_mesh(segments), cylinder_wireframe());
+  init(ShapeKind::kCapsule, capsule_, capsule_mesh(segments), capsule_wireframe());
+  init(ShapeKind::kCone, mesh_, cone_mesh(segments), cone_wireframe());
 }
 
 void ObjectLayer::Programs::link(const char* name, const ShaderSources& shadow_source,
-                                 const ShaderSources& colour_source, const ShaderSources& wire_source) {
+                                 const ShaderSources& colour_source, const ShaderSources& wireframe_source) {
   shadow = link_program(std::string(name) + " shadow", shadow_source.vertex, shadow_source.fragment);
   colour = link_program(name, colour_source.vertex, colour_source.fragment);
-  wires = link_program(std::string(name) + " wires", wire_source.vertex, wire_source.fragment);
+  wireframe = link_program(std::string(name) + " wires", wireframe_source.vertex, wireframe_source.fragment);
 }
 
-void ObjectLayer::set_up(Kind& kind, const Programs& programs, int floats_a_corner,
-                         const std::vector<float>& mesh, const std::vector<std::uint32_t>& triangles,
-                         const std::vector<float>& wire) {
-  kind.programs = &programs;
-  kind.array = make_vertex_array();
-  kind.wire_array = make_vertex_array();
-  kind.mesh = make_buffer();
-  kind.wire = make_buffer();
-  kind.instances = make_buffer();
-  kind.triangles = make_buffer();
-  kind.indices = static_cast<GLsizei>(triangles.size());
-  kind.wire_vertices = static_cast<GLsizei>(wire.size()) / 3;
-  glBindVertexArray(kind.array.id());
-  load(kind.mesh.id(), mesh);
-  mesh_attribute(0, floats_a_corner == 2 ? 2 : 3, floats_a_corner, 0);
-  if (floats_a_corner == 6) mesh_attribute(5, 3, floats_a_corner, 3);
-  glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, kind.triangles.id());
+void ObjectLayer::init_batch(ShapeBatch& batch, const Programs& programs, int floats_per_vertex,
+                             const std::vector<float>& mesh, const std::vector<std::uint32_t>& triangles,
+                             const std::vector<float>& wireframe) {
+  batch.programs = &programs;
+  batch.vertex_array = make_vertex_array();
+  batch.wireframe_vertex_array = make_vertex_array();
+  batch.vertex_buffer = make_buffer();
+  batch.wireframe_buffer = make_buffer();
+  batch.instance_buffer = make_buffer();
+  batch.index_buffer = make_buffer();
+  batch.index_count = static_cast<GLsizei>(triangles.size());
+  batch.wireframe_vertex_count = static_cast<GLsizei>(wireframe.size()) / 3;
+  glBindVertexArray(batch.vertex_array.id());
+  upload_buffer(batch.vertex_buffer.id(), mesh);
+  set_vertex_attribute(0, floats_per_vertex == 2 ? 2 : 3, floats_per_vertex, 0);
+  if (floats_per_vertex == 6) set_vertex_attribute(5, 3, floats_per_vertex, 3);
+  glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, batch.index_buffer.id());
   glBufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(triangles.size() * sizeof(std::uint32_t)),
                triangles.data(), GL_STATIC_DRAW);
-  bind_instances(kind.instances.id());
-  glBindVertexArray(kind.wire_array.id());
-  load(kind.wire.id(), wire);
-  mesh_attribute(0, 3, 3, 0);
-  bind_instances(kind.instances.id());
+  bind_instance_attributes(batch.instance_buffer.id());
+  glBindVertexArray(batch.wireframe_vertex_array.id());
+  upload_buffer(batch.wireframe_buffer.id(), wireframe);
+  set_vertex_attribute(0, 3, 3, 0);
+  bind_instance_attributes(batch.instance_buffer.id());
   glBindVertexArray(0);
 }
 
-void ObjectLayer::begin() {
-  for (Kind& kind : kinds_) kind.list.clear();
-  for (auto& [solid, kind] : solids_) kind.list.clear();
+void ObjectLayer::clear_instances() {
+  for (ShapeBatch& batch : batches_) batch.instances.clear();
+  for (auto& [solid, batch] : solid_batches_) batch.instances.clear();
 }
 
 void ObjectLayer::add(const scene::ObjectSpec& object, ObjectInstance instance) {
   if (object.shape != ShapeKind::kSolid) {
-    kinds_[static_cast<std::size_t>(object.shape)].list.push_back(instance);
+    batches_[static_cast<std::size_t>(object.shape)].instances.push_back(instance);
     return;
   }
   if (!object.solid) return;
-  auto known =
-      std::find_if(solids_.begin(), solids_.end(), [&](const auto& s) { return s.first == object.solid; });
-  if (known == solids_.end()) {
-    known = solids_.insert(known, {object.solid, Kind{}});
+  auto batch = std::find_if(solid_batches_.begin(), solid_batches_.end(),
+                            [&](const auto& s) { return s.first == object.solid; });
+  if (batch == solid_batches_.end()) {
+    batch = solid_batches_.insert(batch, {object.solid, ShapeBatch{}});
     const Mesh mesh = solid_mesh(*object.solid);
-    set_up(known->second, mesh_, 6, mesh.corners, mesh.triangles, solid_wire(*object.solid));
+    init_batch(batch->second, mesh_, 6, mesh.vertices, mesh.indices, solid_wireframe(*object.solid));
   }
   instance.half_extent = {1.0f, 1.0f, 1.0f};  // it has its own size
-  known->second.list.push_back(instance);
+  batch->second.instances.push_back(instance);
 }
 
 void ObjectLayer::add_box(const ObjectInstance& instance) {
-  kinds_[static_cast<std::size_t>(ShapeKind::kBox)].list.push_back(instance);
+  batches_[static_cast<std::size_t>(ShapeKind::kBox)].instances.push_back(instance);
 }
 
 void ObjectLayer::upload() {
-  const auto send = [](Kind& kind) {
-    kind.count = static_cast<GLsizei>(kind.list.size());
-    if (kind.count == 0) return;
-    glBindBuffer(GL_ARRAY_BUFFER, kind.instances.id());
-    glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(kind.list.size() * sizeof(ObjectInstance)),
-                 kind.list.data(), GL_STREAM_DRAW);
+  const auto upload_batch = [](ShapeBatch& batch) {
+    batch.instance_count = static_cast<GLsizei>(batch.instances.size());
+    if (batch.instance_count == 0) return;
+    glBindBuffer(GL_ARRAY_BUFFER, batch.instance_buffer.id());
+    glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(batch.instances.size() * sizeof(ObjectInstance)),
+                 batch.instances.data(), GL_STREAM_DRAW);
   };
-  for (Kind& kind : kinds_) send(kind);
-  for (auto& [solid, kind] : solids_) send(kind);
+  for (ShapeBatch& batch : batches_) upload_batch(batch);
+  for (auto& [solid, batch] : solid_batches_) upload_batch(batch);
 }
 
 template <class Action>
-void ObjectLayer::for_each_kind(Action action) const {
-  for (const Kind& kind : kinds_) action(kind);
-  for (const auto& [solid, kind] : solids_) action(kind);
+void ObjectLayer::for_each_batch(Action action) const {
+  for (const ShapeBatch& batch : batches_) action(batch);
+  for (const auto& [solid, batch] : solid_batches_) action(batch);
 }
 
-void ObjectLayer::draw(Pass pass) const {
-  for_each_kind([pass](const Kind& kind) {
-    if (kind.count == 0) return;
-    glUseProgram(pass == Pass::kShadow ? kind.programs->shadow.id() : kind.programs->colour.id());
-    glBindVertexArray(kind.array.id());
-    glDrawElementsInstanced(GL_TRIANGLES, kind.indices, GL_UNSIGNED_INT, nullptr, kind.count);
+void ObjectLayer::draw(RenderPass pass) const {
+  for_each_batch([pass](const ShapeBatch& batch) {
+    if (batch.instance_count == 0) return;
+    glUseProgram(pass == RenderPass::kShadow ? batch.programs->shadow.id() : batch.programs->colour.id());
+    glBindVertexArray(batch.vertex_array.id());
+    glDrawElementsInstanced(GL_TRIANGLES, batch.index_count, GL_UNSIGNED_INT, nullptr, batch.instance_count);
   });
 }
 
-void ObjectLayer::draw_solid_boxes(Pass pass, GLsizei solid_boxes) const {
-  const Kind& boxes = kinds_[static_cast<std::size_t>(ShapeKind::kBox)];
-  glUseProgram(pass == Pass::kShadow ? boxes.programs->shadow.id() : boxes.programs->colour.id());
-  glBindVertexArray(boxes.array.id());
-  glDrawElementsInstanced(GL_TRIANGLES, boxes.indices, GL_UNSIGNED_INT, nullptr, solid_boxes);
+void ObjectLayer::draw_static_boxes(RenderPass pass, GLsizei static_boxes) const {
+  const ShapeBatch& boxes = batches_[static_cast<std::size_t>(ShapeKind::kBox)];
+  glUseProgram(pass == RenderPass::kShadow ? boxes.programs->shadow.id() : boxes.programs->colour.id());
+  glBindVertexArray(boxes.vertex_array.id());
+  glDrawElementsInstanced(GL_TRIANGLES, boxes.index_count, GL_UNSIGNED_INT, nullptr, static_boxes);
 }
 
-void ObjectLayer::draw_wires(float line_width, GLsizei solid_boxes) const {
+void ObjectLayer::draw_wireframes(float line_width, GLsizei static_boxes) const {
   std::array<GLfloat, 2> widths{1.0f, 1.0f};
   glGetFloatv(GL_ALIASED_LINE_WIDTH_RANGE, widths.data());
   glLineWidth(std::min(line_width, widths[1]));
-  for_each_kind([&](const Kind& kind) {
-    const GLsizei first = &kind == &kinds_[static_cast<std::size_t>(ShapeKind::kBox)] ? solid_boxes : 0;
-    if (kind.count <= first) return;
-    glUseProgram(kind.programs->wires.id());
-    glBindVertexArray(kind.wire_array.id());
-    bind_instances(kind.instances.id(), first);
-    glDrawArraysInstanced(GL_LINES, 0, kind.wire_vertices, kind.count - first);
+  for_each_batch([&](const ShapeBatch& batch) {
+    const GLsizei first = &batch == &batches_[static_cast<std::size_t>(ShapeKind::kBox)] ? static_boxes : 0;
+    if (batch.instance_count <= first) return;
+    glUseProgram(batch.programs->wireframe.id());
+    glBindVertexArray(batch.wireframe_vertex_array.id());
+    bind_instance_attributes(batch.instance_buffer.id(), first);
+    glDrawArraysInstanced(GL_LINES, 0, batch.wireframe_vertex_count, batch.instance_count - first);
   });
   glLineWidth(1.0f);
 }

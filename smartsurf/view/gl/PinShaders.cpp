@@ -1,4 +1,4 @@
-#include "smartsurf/view/gl/ShaderParts.h"
+#include "smartsurf/view/gl/ShaderChunks.h"
 
 namespace smartsurf::view {
 namespace {
@@ -72,7 +72,7 @@ void main() {
 )";
 
 // How much of the light reaches that depth of the gap beside a neighbour's top, in widths of a cell.
-constexpr const char* kGap = R"(
+constexpr const char* kGapOcclusion = R"(
 float gap_sky(float below) {
   return below > 0.0 ? 0.55 / (1.0 + 3.0 * below) : clamp(0.55 - 0.35 * below, 0.55, 1.0);
 }
@@ -120,15 +120,15 @@ void main() {
 
 }  // namespace
 
-ShaderSources pin_shaders(Pass pass, bool closed) {
-  const std::string head = shader_head(pass) + (closed ? "#define CLOSED\n" : "");
+ShaderSources pin_shaders(RenderPass pass, bool closed) {
+  const std::string head = shader_preamble(pass) + (closed ? "#define CLOSED\n" : "");
   switch (pass) {
-    case Pass::kShadow:
+    case RenderPass::kShadow:
       return {head + kPinVertex, head + kEmptyFragment};
-    case Pass::kColourFast:
-      return {head + kLighting + kPinVertex, head + kGap + kPinFragmentFast};
+    case RenderPass::kColourFast:
+      return {head + kLighting + kPinVertex, head + kGapOcclusion + kPinFragmentFast};
     default:
-      return {head + kPinVertex, head + kLighting + kGap + kPinFragment};
+      return {head + kPinVertex, head + kLighting + kGapOcclusion + kPinFragment};
   }
 }
 

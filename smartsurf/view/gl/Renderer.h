@@ -1,4 +1,4 @@
-// Draws one snapshot with OpenGL 3.3 core into a framebuffer. Internal to the room: callers use OffscreenView
+// Draws one snapshot with OpenGL 3.3 core into a framebuffer. Private to the view: callers use OffscreenView
 // or Window.
 //
 // A context must be current, the same one, in every call; not thread-safe. draw() allocates only when the
@@ -18,22 +18,24 @@
 
 namespace smartsurf::view {
 
-struct Quality {
+struct RenderQuality {
   int supersample = 1;  // pixels drawn along each edge of a pixel shown
-  int shadow_size = 2048;
-  Pass light = Pass::kColour;
-  int frames_a_shadow = 1;  // shadows are drawn anew every so many frames
+  int shadow_map_size = 2048;
+  RenderPass colour_pass = RenderPass::kColour;
+  int frames_per_shadow_update = 1;  // shadows are drawn anew every so many frames
 
-  static Quality fast() { return {1, 1024, Pass::kColourFast, 2}; }  // a window without a graphics card
-  static Quality card() { return {2, 4096, Pass::kColourFine}; }     // and with one
-  static Quality video() { return {2, 2048, Pass::kColour}; }
-  static Quality fine() { return {3, 4096, Pass::kColourFine}; }
+  static RenderQuality fast() {
+    return {1, 1024, RenderPass::kColourFast, 2};
+  }  // a window without a graphics card
+  static RenderQuality gpu() { return {2, 4096, RenderPass::kColourFine}; }  // and with one
+  static RenderQuality video() { return {2, 2048, RenderPass::kColour}; }
+  static RenderQuality fine() { return {3, 4096, RenderPass::kColourFine}; }
 };
 
 class Renderer {
  public:
   // Throws std::runtime_error when the context cannot do what is needed.
-  Renderer(const scene::SceneSpec& spec, const Quality& quality);
+  Renderer(const scene::SceneSpec& spec, const RenderQuality& quality);
   ~Renderer();
 
   // catalogue: every object ever made, index = object id. width, height: of the framebuffer, pixels.
@@ -42,8 +44,8 @@ class Renderer {
 
   // For measurements: from now on every draw() calls it with the name of each stage that it has handed to the
   // driver.
-  using StageEnd = std::function<void(std::string_view stage)>;
-  void set_stage_end(StageEnd stage_end);
+  using StageCallback = std::function<void(std::string_view stage)>;
+  void set_stage_callback(StageCallback callback);
 
  private:
   struct State;

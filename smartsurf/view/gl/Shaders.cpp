@@ -1,6 +1,6 @@
 #include "smartsurf/view/gl/Shaders.h"
 
-#include "smartsurf/view/gl/ShaderParts.h"
+#include "smartsurf/view/gl/ShaderChunks.h"
 
 namespace smartsurf::view {
 namespace {
@@ -36,7 +36,7 @@ void main() {
 }
 )";
 
-constexpr const char* kWireVertex = R"(
+constexpr const char* kWireframeVertex = R"(
 layout(location = 0) in vec3 corner;
 out vec4 paint;
 void main() {
@@ -49,7 +49,7 @@ void main() {
 }
 )";
 
-constexpr const char* kPartVertex = R"(
+constexpr const char* kTwoColourVertex = R"(
 layout(location = 0) in vec3 corner;
 layout(location = 1) in vec3 corner_normal;
 layout(location = 2) in float weight;      // of the second colour
@@ -70,7 +70,7 @@ void main() {
 }
 )";
 
-constexpr const char* kPartFragment = R"(
+constexpr const char* kTwoColourFragment = R"(
 in vec3 world;
 in vec3 normal;
 in vec4 colour;
@@ -103,7 +103,7 @@ void main() {
 }
 )";
 
-constexpr const char* kSkyColours = R"(
+constexpr const char* kBackdropFunction = R"(
 vec3 backdrop(float y) { return mix(vec3(0.86, 0.88, 0.905), vec3(0.965, 0.972, 0.98), clamp(y, 0.0, 1.0)); }
 )";
 
@@ -141,25 +141,27 @@ std::string shape_define(bool capsule) { return capsule ? "#define CAPSULE\n" : 
 
 }  // namespace
 
-ShaderSources mesh_shaders(Pass pass, bool capsule) {
-  return {shader_head(pass) + shape_define(capsule) + kObjectInputs + kMeshVertex,
-          shader_head(pass) + (pass == Pass::kShadow ? std::string(kEmptyFragment)
-                                                     : std::string(kLighting) + kPocket + kMeshFragment)};
+ShaderSources mesh_shaders(RenderPass pass, bool capsule) {
+  return {shader_preamble(pass) + shape_define(capsule) + kObjectAttributes + kMeshVertex,
+          shader_preamble(pass) + (pass == RenderPass::kShadow
+                                       ? std::string(kEmptyFragment)
+                                       : std::string(kLighting) + kPocketOcclusion + kMeshFragment)};
 }
 
-ShaderSources wire_shaders(bool capsule) {
-  return {shader_head(Pass::kColour) + shape_define(capsule) + kObjectInputs + kWireVertex,
+ShaderSources wireframe_shaders(bool capsule) {
+  return {shader_preamble(RenderPass::kColour) + shape_define(capsule) + kObjectAttributes + kWireframeVertex,
           "#version 330 core\nin vec4 paint;\nout vec4 pixel;\nvoid main() { pixel = paint; }\n"};
 }
 
-ShaderSources part_shaders(Pass pass) {
-  return {shader_head(pass) + kPartVertex,
-          shader_head(pass) +
-              (pass == Pass::kShadow ? std::string(kEmptyFragment) : std::string(kLighting) + kPartFragment)};
+ShaderSources two_colour_mesh_shaders(RenderPass pass) {
+  return {
+      shader_preamble(pass) + kTwoColourVertex,
+      shader_preamble(pass) + (pass == RenderPass::kShadow ? std::string(kEmptyFragment)
+                                                           : std::string(kLighting) + kTwoColourFragment)};
 }
 
 ShaderSources line_shaders() {
-  return {shader_head(Pass::kColour) + R"(
+  return {shader_preamble(RenderPass::kColour) + R"(
 layout(location = 0) in vec3 from;
 layout(location = 1) in vec3 to;
 layout(location = 2) in vec4 colour;
@@ -184,23 +186,24 @@ void main() {
           "#version 330 core\nin vec4 paint;\nout vec4 pixel;\nvoid main() { pixel = paint; }\n"};
 }
 
-ShaderSources ground_shaders(Pass pass, bool shaded) {
-  const std::string head = shader_head(pass) + (shaded ? "" : "#define UNSHADED\n") +
+ShaderSources ground_shaders(RenderPass pass, bool shadowed) {
+  const std::string head = shader_preamble(pass) + (shadowed ? "" : "#define UNSHADED\n") +
                            "const vec3 kGround = vec3(0.66, 0.675, 0.70);\n";
-  return {head + (shaded ? "" : kLighting) + kGroundVertex, head + kLighting + kSkyColours + kGroundFragment};
+  return {head + (shadowed ? "" : kLighting) + kGroundVertex,
+          head + kLighting + kBackdropFunction + kGroundFragment};
 }
 
 ShaderSources backdrop_shaders() {
-  return {shader_head(Pass::kColour) + R"(
+  return {shader_preamble(RenderPass::kColour) + R"(
 void main() { gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 1.0, 1.0); }
 )",
-          shader_head(Pass::kColour) + kSkyColours + R"(
+          shader_preamble(RenderPass::kColour) + kBackdropFunction + R"(
 out vec4 pixel;
 void main() { pixel = vec4(backdrop(gl_FragCoord.y / fog.w), 1.0); }
 )"};
 }
 
-ShaderSources average_shaders() {
+ShaderSources downsample_shaders() {
   return {R"(#version 330 core
 void main() { gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0); }
 )",

@@ -27,39 +27,40 @@ ShadowMap::ShadowMap(int size) : size_(size), depth_(make_texture()), framebuffe
 Eigen::Vector3d ShadowMap::towards_light() { return Eigen::Vector3d(-0.52, -0.30, 0.80).normalized(); }
 
 void ShadowMap::fit(const Eigen::AlignedBox3d& box, double pitch) {
-  const Eigen::Vector3d back = towards_light();
-  const Eigen::Vector3d right = Eigen::Vector3d::UnitZ().cross(back).normalized(), up = back.cross(right);
+  const Eigen::Vector3d to_light = towards_light();
+  const Eigen::Vector3d right = Eigen::Vector3d::UnitZ().cross(to_light).normalized(),
+                        up = to_light.cross(right);
   Eigen::Matrix3d rotation;
-  rotation << right.transpose(), up.transpose(), back.transpose();
-  Eigen::AlignedBox3d seen;
+  rotation << right.transpose(), up.transpose(), to_light.transpose();
+  Eigen::AlignedBox3d light_space_box;
   for (int i = 0; i < 8; ++i) {
     const Eigen::Vector3d corner((i & 1 ? box.max() : box.min()).x(), (i & 2 ? box.max() : box.min()).y(),
                                  (i & 4 ? box.max() : box.min()).z());
-    seen.extend(rotation * corner);
+    light_space_box.extend(rotation * corner);
   }
-  const double side = 1.01 * std::max(seen.sizes().x(), seen.sizes().y());
-  const double deep = 1.05 * seen.sizes().z();
-  const Eigen::Vector3d scale(2.0 / side, 2.0 / side, -2.0 / deep);
-  clip_.setIdentity();
-  clip_.block<3, 3>(0, 0) = scale.asDiagonal() * rotation;
-  clip_.block<3, 1>(0, 3) = -scale.cwiseProduct(seen.center());
-  texel_ = side / size_;
-  softness_ = std::max(0.16 * pitch, 1.5 * texel_);
-  box_ = box;
+  const double side = 1.01 * std::max(light_space_box.sizes().x(), light_space_box.sizes().y());
+  const double depth = 1.05 * light_space_box.sizes().z();
+  const Eigen::Vector3d scale(2.0 / side, 2.0 / side, -2.0 / depth);
+  clip_from_world_.setIdentity();
+  clip_from_world_.block<3, 3>(0, 0) = scale.asDiagonal() * rotation;
+  clip_from_world_.block<3, 1>(0, 3) = -scale.cwiseProduct(light_space_box.center());
+  texel_size_ = side / size_;
+  penumbra_radius_ = std::max(0.16 * pitch, 1.5 * texel_size_);
+  fitted_box_ = box;
 }
 
-Eigen::AlignedBox2d ShadowMap::shade_on(double z) const {
+Eigen::AlignedBox2d ShadowMap::shadow_footprint(double z) const {
   const Eigen::Vector3d light = towards_light();
-  const Eigen::Vector2d away = -light.head<2>() * (box_.max().z() - z) / light.z();
-  const Eigen::AlignedBox2d under(box_.min().head<2>(), box_.max().head<2>());
-  return under.merged(under.translated(away));
+  const Eigen::Vector2d offset = -light.head<2>() * (fitted_box_.max().z() - z) / light.z();
+  const Eigen::AlignedBox2d footprint(fitted_box_.min().head<2>(), fitted_box_.max().head<2>());
+  return footprint.merged(footprint.translated(offset));
 }
 
 Eigen::Matrix4f ShadowMap::texture_from_world() const {
   Eigen::Matrix4d half = Eigen::Matrix4d::Identity();
   half.block<3, 3>(0, 0) *= 0.5;
   half.block<3, 1>(0, 3).setConstant(0.5);
-  return (half * clip_).cast<float>();
+  return (half * clip_from_world_).cast<float>();
 }
 
 void ShadowMap::begin() const {

@@ -1,5 +1,5 @@
 // The sun's shadows: depth as seen from a parallel light from the south-west, fitted to what is to be lit.
-// Internal to the room.
+// Private to the view.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -15,12 +15,12 @@ class ShadowMap {
   static Eigen::Vector3d towards_light();  // unit vector
 
   void fit(const Eigen::AlignedBox3d& box, double pitch);
-  Eigen::Matrix4f clip_from_world() const { return clip_.cast<float>(); }
+  Eigen::Matrix4f clip_from_world() const { return clip_from_world_.cast<float>(); }
   Eigen::Matrix4f texture_from_world() const;
-  double texel() const { return texel_; }        // edge of one texel, u
-  double softness() const { return softness_; }  // radius of the soft edge, u
+  double texel_size() const { return texel_size_; }            // edge of one texel, u
+  double penumbra_radius() const { return penumbra_radius_; }  // radius of the soft edge, u
   // Around all that the shadows of the fitted box reach on a plane at that height, below the box; x, y.
-  Eigen::AlignedBox2d shade_on(double z) const;
+  Eigen::AlignedBox2d shadow_footprint(double z) const;
 
   void begin() const;  // binds and clears; what is drawn until end() throws shadows
   void end() const;
@@ -30,9 +30,9 @@ class ShadowMap {
   int size_;
   Texture depth_;
   Framebuffer framebuffer_;
-  Eigen::Matrix4d clip_ = Eigen::Matrix4d::Identity();
-  Eigen::AlignedBox3d box_;
-  double texel_ = 1.0, softness_ = 1.0;
+  Eigen::Matrix4d clip_from_world_ = Eigen::Matrix4d::Identity();
+  Eigen::AlignedBox3d fitted_box_;
+  double texel_size_ = 1.0, penumbra_radius_ = 1.0;
 };
 
 }  // namespace smartsurf::view

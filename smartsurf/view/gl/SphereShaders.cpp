@@ -1,4 +1,4 @@
-#include "smartsurf/view/gl/ShaderParts.h"
+#include "smartsurf/view/gl/ShaderChunks.h"
 
 namespace smartsurf::view {
 namespace {
@@ -122,15 +122,15 @@ void main() {
 
 }  // namespace
 
-ShaderSources sphere_shaders(Pass pass) {
-  const std::string head = shader_head(pass), vertex = head + kObjectInputs;
+ShaderSources sphere_shaders(RenderPass pass) {
+  const std::string head = shader_preamble(pass), vertex = head + kObjectAttributes;
   switch (pass) {
-    case Pass::kShadow:
+    case RenderPass::kShadow:
       return {vertex + kSphereVertex, head + kSphereShadowFragment};
-    case Pass::kColourFast:
+    case RenderPass::kColourFast:
       return {vertex + kLighting + kSphereVertexFast, head + kLighting + kSphereFragmentFast};
     default:
-      return {vertex + kSphereVertex, head + kLighting + kPocket + kSphereFragment};
+      return {vertex + kSphereVertex, head + kLighting + kPocketOcclusion + kSphereFragment};
   }
 }
 

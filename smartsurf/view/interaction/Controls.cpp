@@ -7,13 +7,13 @@
 namespace smartsurf::view {
 namespace {
 
-constexpr double kSlowest = 1.0 / 16.0, kFastest = 32.0;
-constexpr double kClickPixels = 4.0;  // a press that travels no farther is a click
+constexpr double kMinPace = 1.0 / 16.0, kMaxPace = 32.0;
+constexpr double kClickTolerance_px = 4.0;  // a press that travels no farther is a click
 
 }  // namespace
 
 Controls::Controls(const scene::SurfaceSpec& surface) : surface_(surface), tools_(surface) {
-  frame(Preset::kIso);
+  apply_preset(CameraPreset::kIso);
 }
 
 void Controls::set_surface(const scene::SurfaceSpec& surface) {
@@ -22,103 +22,103 @@ void Controls::set_surface(const scene::SurfaceSpec& surface) {
   surface_ = surface;
   tools_ = Tools(surface);
   followed_.reset();
-  if (!same_size) frame(preset_);
+  if (!same_size) apply_preset(preset_);
 }
 
-double Controls::faster(double pace) {
-  if (pace <= 0.0 || pace >= kFastest) return 0.0;
-  return std::max(kSlowest, std::exp2(std::floor(std::log2(pace) + 1e-9) + 1.0));
+double Controls::faster_pace(double pace) {
+  if (pace <= 0.0 || pace >= kMaxPace) return 0.0;
+  return std::max(kMinPace, std::exp2(std::floor(std::log2(pace) + 1e-9) + 1.0));
 }
 
-double Controls::slower(double pace) {
-  if (pace <= 0.0) return kFastest;
-  return std::clamp(std::exp2(std::ceil(std::log2(pace) - 1e-9) - 1.0), kSlowest, kFastest);
+double Controls::slower_pace(double pace) {
+  if (pace <= 0.0) return kMaxPace;
+  return std::clamp(std::exp2(std::ceil(std::log2(pace) - 1e-9) - 1.0), kMinPace, kMaxPace);
 }
 
-void Controls::press(Key key, const Status& status) {
+void Controls::perform(UiAction action, const Status& status) {
   const double pace = commands_.pace.value_or(status.requested_pace);
-  switch (key) {
-    case Key::kPause:
+  switch (action) {
+    case UiAction::kPause:
       commands_.toggle_pause = !commands_.toggle_pause;
       break;
-    case Key::kStep:
+    case UiAction::kStep:
       ++commands_.steps;
       break;
-    case Key::kStepBack:
+    case UiAction::kStepBack:
       --commands_.steps;
       break;
-    case Key::kFaster:
-      commands_.pace = faster(pace);
+    case UiAction::kFaster:
+      commands_.pace = faster_pace(pace);
       break;
-    case Key::kSlower:
-      commands_.pace = slower(pace);
+    case UiAction::kSlower:
+      commands_.pace = slower_pace(pace);
       break;
-    case Key::kMaxPace:
+    case UiAction::kMaxPace:
       commands_.pace = pace > 0.0 ? 0.0 : 1.0;
       break;
-    case Key::kReset:
-      commands_.reset = status.resettable;
+    case UiAction::kReset:
+      commands_.reset = status.can_reset;
       break;
-    case Key::kQuit:
+    case UiAction::kQuit:
       commands_.quit = true;
       break;
     default:
-      change_view(key);
+      perform_view_action(action);
   }
 }
 
-void Controls::change_view(Key key) {
-  switch (key) {
-    case Key::kTop:
-      return frame(Preset::kTop);
-    case Key::kIso:
-      return frame(Preset::kIso);
-    case Key::kSide:
-      return frame(Preset::kSide);
-    case Key::kPicture:
-      picture_ = true;
+void Controls::perform_view_action(UiAction action) {
+  switch (action) {
+    case UiAction::kTop:
+      return apply_preset(CameraPreset::kTop);
+    case UiAction::kIso:
+      return apply_preset(CameraPreset::kIso);
+    case UiAction::kSide:
+      return apply_preset(CameraPreset::kSide);
+    case UiAction::kScreenshot:
+      screenshot_requested_ = true;
       break;
-    case Key::kFilm:
-      film_ = true;
+    case UiAction::kVideo:
+      video_requested_ = true;
       break;
-    case Key::kFollow:
+    case UiAction::kFollow:
       if (followed_)
         followed_.reset();
-      else if (tools_.selected() && tools_.selected()->kind == Thing::Kind::kObject)
+      else if (tools_.selected() && tools_.selected()->kind == SceneItem::Kind::kObject)
         followed_ = tools_.selected()->object;
       break;
-    case Key::kEscape:
+    case UiAction::kEscape:
       help_ = false;
       followed_.reset();
-      tools_.escape();
+      tools_.cancel();
       break;
     default:
-      toggle_panels_and_layers(key);
+      toggle_display_option(action);
   }
 }
 
-void Controls::toggle_panels_and_layers(Key key) {
+void Controls::toggle_display_option(UiAction action) {
   const auto toggle = [](bool& value) { value = !value; };
-  switch (key) {
-    case Key::kWireframe:
-      style_ = style_ == Style::kSolid ? Style::kWireframe : Style::kSolid;
+  switch (action) {
+    case UiAction::kWireframe:
+      fill_mode_ = fill_mode_ == FillMode::kSolid ? FillMode::kWireframe : FillMode::kSolid;
       break;
-    case Key::kGrid:
+    case UiAction::kGrid:
       return toggle(grid_);
-    case Key::kHelp:
+    case UiAction::kHelp:
       return toggle(help_);
-    case Key::kPanels:
+    case UiAction::kPanels:
       return toggle(panels_);
-    case Key::kLabels:
+    case UiAction::kLabels:
       return toggle(labels_);
-    case Key::kTrails:
+    case UiAction::kTrails:
       return toggle(overlay_.trails);
-    case Key::kForces:
-      return toggle(overlay_.contacts);
-    case Key::kSegments:
-      return toggle(overlay_.sensor_segments);
-    case Key::kNextChannel:
-      return next_channel();
+    case UiAction::kContactForces:
+      return toggle(overlay_.contact_forces);
+    case UiAction::kSensorRays:
+      return toggle(overlay_.sensor_rays);
+    case UiAction::kNextChannel:
+      return select_next_channel();
     default:
       break;
   }
@@ -131,9 +131,9 @@ void Controls::set_channels(std::span<const Channel> channels) {
 }
 
 // None, the first, … the last, none.
-void Controls::next_channel() {
-  const auto now = std::find(channels_.begin(), channels_.end(), overlay_.channel);
-  const auto next = now == channels_.end() ? channels_.begin() : now + 1;
+void Controls::select_next_channel() {
+  const auto current = std::find(channels_.begin(), channels_.end(), overlay_.channel);
+  const auto next = current == channels_.end() ? channels_.begin() : current + 1;
   overlay_.channel = next == channels_.end() ? "" : *next;
 }
 
@@ -142,44 +142,45 @@ void Controls::reset(std::vector<NamedValue> options) {
   commands_.options = std::move(options);
 }
 
-void Controls::track(const scene::Snapshot& snapshot) {
+void Controls::update_camera(const scene::Snapshot& snapshot) {
   if (!followed_) return;
-  const auto i = index_of(snapshot, *followed_);
+  const auto i = find_object_index(snapshot, *followed_);
   if (!i) return followed_.reset();
   const auto& p = snapshot.position[*i];
-  camera_touched_ = true;
+  camera_moved_ = true;
   camera_.look_at({p[0], p[1], p[2]});
 }
 
-Ray Controls::ray(const PointerEvent& event, double width, double height) const {
+Ray Controls::pointer_ray(const PointerEvent& event, double width, double height) const {
   return camera_.ray(event.x, event.y, width, height);
 }
 
-void Controls::point(const PointerEvent& event, const FrameInput& moment, const Status& status, double width,
-                     double height) {
-  const Ray sight = ray(event, width, height);
+void Controls::handle_pointer(const PointerEvent& event, const FrameInput& input, const Status& status,
+                              double width, double height) {
+  const Ray view_ray = pointer_ray(event, width, height);
   const double dx = event.x - pointer_x_, dy = event.y - pointer_y_;
   pointer_x_ = event.x;
   pointer_y_ = event.y;
   switch (event.kind) {
     case PointerEvent::Kind::kPress: {
       const bool left = event.button == PointerEvent::Button::kLeft;
-      travelled_ = 0.0;
-      if (status.touchable && (left || event.control) && tools_.press(sight, moment, event.control))
+      drag_distance_ = 0.0;
+      if (status.accepts_interaction && (left || event.control) &&
+          tools_.press(view_ray, input, event.control))
         gesture_ = Gesture::kTool;
       else
         gesture_ = event.control ? Gesture::kNone : left && !event.shift ? Gesture::kOrbit : Gesture::kPan;
       break;
     }
     case PointerEvent::Kind::kMove:
-      travelled_ += std::hypot(dx, dy);
-      if (gesture_ == Gesture::kTool) tools_.move(sight, moment);
-      if (travelled_ <= kClickPixels) break;
+      drag_distance_ += std::hypot(dx, dy);
+      if (gesture_ == Gesture::kTool) tools_.move(view_ray, input);
+      if (drag_distance_ <= kClickTolerance_px) break;
       if (gesture_ == Gesture::kOrbit) orbit_or_pan(PointerDrag::kOrbit, dx, dy, height);
       if (gesture_ == Gesture::kPan) orbit_or_pan(PointerDrag::kPan, dx, dy, height);
       break;
     case PointerEvent::Kind::kRelease:
-      if (gesture_ == Gesture::kOrbit && travelled_ <= kClickPixels) tools_.select(sight, moment);
+      if (gesture_ == Gesture::kOrbit && drag_distance_ <= kClickTolerance_px) tools_.select(view_ray, input);
       tools_.release();
       gesture_ = Gesture::kNone;
       break;
@@ -187,32 +188,32 @@ void Controls::point(const PointerEvent& event, const FrameInput& moment, const 
 }
 
 void Controls::orbit_or_pan(PointerDrag kind, double dx, double dy, double height) {
-  camera_touched_ = true;
+  camera_moved_ = true;
   if (kind == PointerDrag::kOrbit) return camera_.orbit(dx, dy);
   followed_.reset();
   camera_.pan(dx, dy, height);
 }
 
-void Controls::wheel(double notches) {
-  camera_touched_ = true;
+void Controls::handle_scroll(double notches) {
+  camera_moved_ = true;
   camera_.zoom(notches);
 }
 
-void Controls::resize(double aspect, const Covered& covered) {
-  if (aspect == aspect_ && covered == covered_) return;
+void Controls::resize(double aspect, const ViewInsets& insets) {
+  if (aspect == aspect_ && insets == insets_) return;
   aspect_ = aspect;
-  covered_ = covered;
-  if (!camera_touched_) frame(preset_);
+  insets_ = insets;
+  if (!camera_moved_) apply_preset(preset_);
 }
 
-void Controls::frame(Preset preset) {
+void Controls::apply_preset(CameraPreset preset) {
   preset_ = preset;
   followed_.reset();
-  camera_ = Camera::framing(surface_, preset, aspect_, covered_);
-  camera_touched_ = false;
+  camera_ = Camera::fit_to_surface(surface_, preset, aspect_, insets_);
+  camera_moved_ = false;
 }
 
-Commands Controls::take() {
+Commands Controls::take_commands() {
   Commands commands = std::exchange(commands_, {});
   commands.pull = tools_.pull();
   commands.poke = tools_.poke();
@@ -221,8 +222,8 @@ Commands Controls::take() {
   return commands;
 }
 
-bool Controls::take_screenshot_request() { return std::exchange(picture_, false); }
+bool Controls::take_screenshot_request() { return std::exchange(screenshot_requested_, false); }
 
-bool Controls::take_video_request() { return std::exchange(film_, false); }
+bool Controls::take_video_request() { return std::exchange(video_requested_, false); }
 
 }  // namespace smartsurf::view

@@ -21,45 +21,46 @@ Pose pose_of(const scene::Snapshot& snapshot, std::size_t i) {
 
 Tools::Tools(const scene::SurfaceSpec& surface)
     : poke_height(0.5 * (surface.pin.min_height + surface.pin.max_height)), surface_(surface) {
-  drop.size = 1.5 * surface.pitch;
-  drop.height = 4.0 * surface.pitch;
+  drop_spec.size = 1.5 * surface.pitch;
+  drop_spec.height = 4.0 * surface.pitch;
 }
 
-bool Tools::press(const Ray& ray, const FrameInput& moment, bool pull) {
-  const auto hit = pick(ray, surface_, moment);
+bool Tools::press(const Ray& ray, const FrameInput& input, bool pull) {
+  const auto hit = pick(ray, surface_, input);
   if (pull) {
-    if (hit && hit->thing.kind == Thing::Kind::kObject) grip(*hit, ray, moment);
+    if (hit && hit->item.kind == SceneItem::Kind::kObject) start_pull(*hit, ray, input);
     return pull_.has_value();
   }
-  if (tool == Tool::kPick || !hit) return false;
-  const bool cell = hit->thing.kind == Thing::Kind::kCell;
-  if (tool == Tool::kDrop) drop_at(hit->point);
-  if (tool == Tool::kPoke && cell) poke_ = Poke{hit->thing.row, hit->thing.column, poke_height};
-  if (tool == Tool::kBreak && cell) broken_ = Fault{hit->thing.row, hit->thing.column, fault};
-  return tool != Tool::kPoke || cell;
+  if (active_tool == Tool::kPick || !hit) return false;
+  const bool cell = hit->item.kind == SceneItem::Kind::kCell;
+  if (active_tool == Tool::kDrop) request_drop(hit->point);
+  if (active_tool == Tool::kPoke && cell) poke_ = Poke{hit->item.row, hit->item.column, poke_height};
+  if (active_tool == Tool::kBreak && cell)
+    fault_request_ = Fault{hit->item.row, hit->item.column, fault_kind};
+  return active_tool != Tool::kPoke || cell;
 }
 
-void Tools::grip(const Hit& hit, const Ray& ray, const FrameInput& moment) {
-  const auto i = index_of(moment.snapshot, hit.thing.object);
-  if (!i || moment.catalogue[hit.thing.object].fixed) return;
-  const Pose pose = pose_of(moment.snapshot, *i);
-  selected_ = hit.thing;
-  pull_ = Pull{hit.thing.object, pose.orientation.conjugate() * (hit.point - pose.position), hit.point};
-  pull_plane_ = ray.direction;
+void Tools::start_pull(const PickHit& hit, const Ray& ray, const FrameInput& input) {
+  const auto i = find_object_index(input.snapshot, hit.item.object);
+  if (!i || input.catalogue[hit.item.object].fixed) return;
+  const Pose pose = pose_of(input.snapshot, *i);
+  selected_ = hit.item;
+  pull_ = Pull{hit.item.object, pose.orientation.conjugate() * (hit.point - pose.position), hit.point};
+  pull_plane_normal_ = ray.direction;
 }
 
 // The target stays in the plane through the grip that faced the eye when it was gripped.
-void Tools::move(const Ray& ray, const FrameInput& moment) {
+void Tools::move(const Ray& ray, const FrameInput& input) {
   if (pull_) {
-    const double facing = ray.direction.dot(pull_plane_);
-    const double t = (pull_->target - ray.origin).dot(pull_plane_) / facing;
+    const double facing = ray.direction.dot(pull_plane_normal_);
+    const double t = (pull_->target - ray.origin).dot(pull_plane_normal_) / facing;
     if (std::abs(facing) > 1e-3 && t > 0.0) pull_->target = ray.origin + t * ray.direction;
   }
   if (!poke_) return;
-  const auto hit = pick(ray, surface_, moment);
-  if (hit && hit->thing.kind == Thing::Kind::kCell) {
-    poke_->row = hit->thing.row;
-    poke_->column = hit->thing.column;
+  const auto hit = pick(ray, surface_, input);
+  if (hit && hit->item.kind == SceneItem::Kind::kCell) {
+    poke_->row = hit->item.row;
+    poke_->column = hit->item.column;
   }
 }
 
@@ -68,35 +69,35 @@ void Tools::release() {
   poke_.reset();
 }
 
-void Tools::select(const Ray& ray, const FrameInput& moment) {
-  const auto hit = pick(ray, surface_, moment);
-  selected_ = hit ? std::optional(hit->thing) : std::nullopt;
+void Tools::select(const Ray& ray, const FrameInput& input) {
+  const auto hit = pick(ray, surface_, input);
+  selected_ = hit ? std::optional(hit->item) : std::nullopt;
 }
 
-void Tools::escape() {
+void Tools::cancel() {
   release();
-  if (tool == Tool::kPick) selected_.reset();
-  tool = Tool::kPick;
+  if (active_tool == Tool::kPick) selected_.reset();
+  active_tool = Tool::kPick;
 }
 
-void Tools::drop_at(const Eigen::Vector3d& point) {
+void Tools::request_drop(const Eigen::Vector3d& point) {
   scene::ObjectSpec object;
-  object.shape = drop.shape;
-  object.radius = drop.size;
-  object.height = drop.shape == scene::ShapeKind::kCapsule ? 4.0 * drop.size : 2.0 * drop.size;
-  object.size = Eigen::Vector3d::Constant(2.0 * drop.size);
-  object.position = point + Eigen::Vector3d(0.0, 0.0, drop.height + drop.size);
+  object.shape = drop_spec.shape;
+  object.radius = drop_spec.size;
+  object.height = drop_spec.shape == scene::ShapeKind::kCapsule ? 4.0 * drop_spec.size : 2.0 * drop_spec.size;
+  object.size = Eigen::Vector3d::Constant(2.0 * drop_spec.size);
+  object.position = point + Eigen::Vector3d(0.0, 0.0, drop_spec.height + drop_spec.size);
   object.material = surface_.material;
-  object.colour = drop.colour;
+  object.colour = drop_spec.colour;
   object.label = "dropped";
-  dropped_ = object;
+  drop_request_ = object;
 }
 
-Eigen::Vector3d Tools::grip_of(const Pull& pull, const scene::Snapshot& snapshot) {
-  const auto i = index_of(snapshot, pull.object);
+Eigen::Vector3d Tools::anchor_position(const Pull& pull, const scene::Snapshot& snapshot) {
+  const auto i = find_object_index(snapshot, pull.object);
   if (!i) return pull.target;
   const Pose pose = pose_of(snapshot, *i);
-  return pose.position + pose.orientation * pull.grip;
+  return pose.position + pose.orientation * pull.local_anchor;
 }
 
 }  // namespace smartsurf::view

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "smartsurf/view/model/PaintedMeshes.h"
+#include "smartsurf/view/model/ActuatorMeshes.h"
 #include "smartsurf/view/model/Palette.h"
 
 namespace smartsurf::view {
@@ -12,19 +12,19 @@ namespace {
 
 using Vec = Eigen::Vector3f;
 using Mat = Eigen::Matrix3f;
-using Colour = std::array<std::uint8_t, 4>;
+using Rgba8 = std::array<std::uint8_t, 4>;
 
-constexpr float kQuiet = 0.02F;  // what is weaker than this is not drawn
+constexpr float kMinVisibleLevel = 0.02F;  // what is weaker than this is not drawn
 
-Colour colour(const Rgb& screen, float opaque = 1.0F) {
-  const Rgb light = linear_light(screen);
-  const auto byte = [](float v) {
+Rgba8 to_linear_rgba8(const Rgb& srgb, float alpha = 1.0F) {
+  const Rgb light = linear_light(srgb);
+  const auto to_byte = [](float v) {
     return static_cast<std::uint8_t>(std::clamp(v, 0.0F, 1.0F) * 255.0F + 0.5F);
   };
-  return {byte(light[0]), byte(light[1]), byte(light[2]), byte(opaque)};
+  return {to_byte(light[0]), to_byte(light[1]), to_byte(light[2]), to_byte(alpha)};
 }
 
-Rgb between(const Rgb& a, const Rgb& b, float t) {
+Rgb mix_colours(const Rgb& a, const Rgb& b, float t) {
   Rgb c;
   for (std::size_t i = 0; i < 3; ++i) c[i] = a[i] + (b[i] - a[i]) * t;
   return c;
@@ -33,52 +33,56 @@ Rgb between(const Rgb& a, const Rgb& b, float t) {
 constexpr Rgb kIvory{0.93F, 0.91F, 0.86F}, kInk{0.16F, 0.20F, 0.27F}, kOrange{0.95F, 0.55F, 0.10F};
 constexpr Rgb kTyre{0.20F, 0.21F, 0.23F}, kCopper{0.62F, 0.42F, 0.26F}, kIron{0.78F, 0.79F, 0.80F};
 constexpr Rgb kRed{0.86F, 0.10F, 0.12F}, kBlue{0.10F, 0.28F, 0.88F}, kAir{0.45F, 0.78F, 0.95F};
-constexpr Rgb kPaleArrow{0.98F, 0.80F, 0.45F}, kStrongArrow{0.85F, 0.22F, 0.05F};
-constexpr Rgb kRubber{0.70F, 0.72F, 0.74F}, kStill{0.42F, 0.46F, 0.52F}, kShaken{0.98F, 0.72F, 0.12F};
+constexpr Rgb kWeakForceColour{0.98F, 0.80F, 0.45F}, kStrongForceColour{0.85F, 0.22F, 0.05F};
+constexpr Rgb kRubber{0.70F, 0.72F, 0.74F}, kIdleColour{0.42F, 0.46F, 0.52F},
+    kVibratingColour{0.98F, 0.72F, 0.12F};
 
-std::array<float, 3> floats(const Vec& v) { return {v.x(), v.y(), v.z()}; }
+std::array<float, 3> to_float3(const Vec& v) { return {v.x(), v.y(), v.z()}; }
 
-MeshInstance instance(const Vec& centre, const Mat& axes, const Colour& paint, const Colour& mark) {
-  return {floats(axes.col(0)), floats(axes.col(1)), floats(axes.col(2)), floats(centre), paint, mark};
+MeshInstance make_instance(const Vec& centre, const Mat& axes, const Rgba8& base_colour,
+                           const Rgba8& accent_colour) {
+  return {
+      to_float3(axes.col(0)), to_float3(axes.col(1)), to_float3(axes.col(2)), to_float3(centre), base_colour,
+      accent_colour};
 }
 
-Vec vector_of(const std::vector<double>& v, std::size_t first = 0) {
+Vec to_vector(const std::vector<double>& v, std::size_t first = 0) {
   return Eigen::Vector3d(v[first], v[first + 1], v[first + 2]).cast<float>();
 }
 
-float number(const scene::ActuatorSpec& spec, const char* name) {
+float float_parameter(const scene::ActuatorSpec& spec, const char* name) {
   return static_cast<float>(spec.number(name));
 }
 
-int roundness_for(int cells) { return cells <= 400 ? 24 : cells <= 1600 ? 16 : 12; }
+int segments_for(int cells) { return cells <= 400 ? 24 : cells <= 1600 ? 16 : 12; }
 
 // The shape that a rotor turns, and its highest point at an angle.
-struct Turning {
+struct RotorShape {
   Vec axis, half_axes;
   std::vector<Vec> points;
-  float highest(const Mat& turn) const {
-    if (points.empty()) return half_axes.cwiseProduct(Vec(turn.row(2).transpose())).norm();
-    float most = -1e30F;
-    for (const Vec& p : points) most = std::max(most, turn.row(2).dot(p.transpose()));
-    return most;
+  float max_height(const Mat& rotation) const {
+    if (points.empty()) return half_axes.cwiseProduct(Vec(rotation.row(2).transpose())).norm();
+    float highest = -1e30F;
+    for (const Vec& p : points) highest = std::max(highest, rotation.row(2).dot(p.transpose()));
+    return highest;
   }
-  float reach() const {
-    float most = points.empty() ? half_axes.maxCoeff() : 0.0F;
-    for (const Vec& p : points) most = std::max(most, p.norm());
-    return most;
+  float max_radius() const {
+    float farthest = points.empty() ? half_axes.maxCoeff() : 0.0F;
+    for (const Vec& p : points) farthest = std::max(farthest, p.norm());
+    return farthest;
   }
 };
 
-Turning turning_of(const scene::ActuatorSpec& spec) {
-  Turning t{vector_of(spec.numbers("axis")).normalized(), vector_of(spec.numbers("half_axes")), {}};
+RotorShape make_rotor_shape(const scene::ActuatorSpec& spec) {
+  RotorShape t{to_vector(spec.numbers("axis")).normalized(), to_vector(spec.numbers("half_axes")), {}};
   if (spec.has("points"))
     for (std::size_t i = 0; i + 2 < spec.numbers("points").size(); i += 3)
-      t.points.push_back(vector_of(spec.numbers("points"), i));
+      t.points.push_back(to_vector(spec.numbers("points"), i));
   return t;
 }
 
 // More corners than these are drawn as the ellipsoid around them: the hull is sought among all triples.
-constexpr std::size_t kMostCorners = 32;
+constexpr std::size_t kMaxHullPoints = 32;
 
 }  // namespace
 
@@ -88,8 +92,8 @@ struct ActuatorGeometry::CellFrame {
   Mat axes;
 };
 
-ActuatorGeometry::CellFrame ActuatorGeometry::frame_of(std::size_t cell,
-                                                       const scene::Snapshot& snapshot) const {
+ActuatorGeometry::CellFrame ActuatorGeometry::cell_frame(std::size_t cell,
+                                                         const scene::Snapshot& snapshot) const {
   const int row = static_cast<int>(cell) / surface_.columns,
             column = static_cast<int>(cell) % surface_.columns;
   const Eigen::Vector2f at = surface_.centre(row, column).cast<float>();
@@ -100,82 +104,83 @@ ActuatorGeometry::CellFrame ActuatorGeometry::frame_of(std::size_t cell,
 
 ActuatorGeometry::ActuatorGeometry(const scene::SurfaceSpec& surface)
     : surface_(surface),
-      top_(static_cast<float>(std::min(surface.pin.top_x, surface.pin.top_y))),
-      roundness_(roundness_for(surface.cell_count())) {
-  const std::vector<scene::ActuatorSpec> mechanisms = surface.effective_actuators();
-  for (std::size_t m = 0; m < mechanisms.size(); ++m) {
-    const Work work = work_for(mechanisms[m]);
-    if (!work) continue;
-    works_.push_back(work);
+      top_edge_(static_cast<float>(std::min(surface.pin.top_x, surface.pin.top_y))),
+      segments_(segments_for(surface.cell_count())) {
+  const std::vector<scene::ActuatorSpec> actuators = surface.effective_actuators();
+  for (std::size_t m = 0; m < actuators.size(); ++m) {
+    const InstanceBuilder builder = make_builder(actuators[m]);
+    if (!builder) continue;
+    builders_.push_back(builder);
     for (int row = 0; row < surface.rows; ++row)
       for (int column = 0; column < surface.columns; ++column) {
         const auto cell = static_cast<std::size_t>(surface.index(row, column));
-        const std::size_t is =
+        const std::size_t actuator =
             surface.actuator_of_cell.empty() ? 0 : static_cast<std::size_t>(surface.actuator_of_cell[cell]);
-        if (is != m || surface.is_empty(row, column)) continue;
+        if (actuator != m || surface.is_empty(row, column)) continue;
         if (surface.border_height && surface.is_border(row, column)) continue;
         cells_.push_back(cell);
-        work_of_.push_back(works_.size() - 1);
+        builder_of_cell_.push_back(builders_.size() - 1);
       }
   }
   if (!cells_.empty()) recess_.assign(static_cast<std::size_t>(surface.cell_count()), 0.0F);
 }
 
-ActuatorGeometry::Work ActuatorGeometry::work_for(const scene::ActuatorSpec& spec) {
-  if (spec.model == "ball") return balls(spec);
-  if (spec.model == "wheels") return wheels(spec);
-  if (spec.model == "rotor") return rotors(spec);
-  if (spec.model == "force_field") return arrows();
-  if (spec.model == "magnet") return coils();
-  if (spec.model == "air_jet") return jets(spec);
-  if (spec.model == "tile") return plates();
+ActuatorGeometry::InstanceBuilder ActuatorGeometry::make_builder(const scene::ActuatorSpec& spec) {
+  if (spec.model == "ball") return ball_builder(spec);
+  if (spec.model == "wheels") return wheel_builder(spec);
+  if (spec.model == "rotor") return rotor_builder(spec);
+  if (spec.model == "force_field") return arrow_builder();
+  if (spec.model == "magnet") return coil_builder();
+  if (spec.model == "air_jet") return jet_builder(spec);
+  if (spec.model == "tile") return plate_builder();
   return {};
 }
 
-std::size_t ActuatorGeometry::add_kind(PaintedMesh mesh, bool translucent) {
-  kinds_.push_back({std::move(mesh), translucent, {}});
-  return kinds_.size() - 1;
+std::size_t ActuatorGeometry::add_mesh(TwoColourMesh mesh, bool translucent) {
+  meshes_.push_back({std::move(mesh), translucent, {}});
+  return meshes_.size() - 1;
 }
 
 void ActuatorGeometry::update(const scene::Snapshot& snapshot) {
-  for (InstancedMesh& kind : kinds_) kind.instances.clear();
+  for (InstancedMesh& mesh : meshes_) mesh.instances.clear();
   const scene::ActuatorState rest;
   for (std::size_t k = 0; k < cells_.size(); ++k) {
     const std::size_t cell = cells_[k];
     if (!std::isfinite(snapshot.height[cell])) continue;
-    works_[work_of_[k]](cell, snapshot,
-                        snapshot.actuator_state.empty() ? rest : snapshot.actuator_state[cell]);
+    builders_[builder_of_cell_[k]](cell, snapshot,
+                                   snapshot.actuator_state.empty() ? rest : snapshot.actuator_state[cell]);
   }
 }
 
 // The spins about x and about y are shown one after the other: an eye follows the turning, not the order.
-ActuatorGeometry::Work ActuatorGeometry::balls(const scene::ActuatorSpec& spec) {
-  const float radius = std::min(number(spec, "radius"), 0.5F * top_);
-  const std::size_t kind = add_kind(painted_ball(roundness_));
+ActuatorGeometry::InstanceBuilder ActuatorGeometry::ball_builder(const scene::ActuatorSpec& spec) {
+  const float radius = std::min(float_parameter(spec, "radius"), 0.5F * top_edge_);
+  const std::size_t mesh = add_mesh(ball_mesh(segments_));
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
-    const CellFrame f = frame_of(cell, snapshot);
+    const CellFrame f = cell_frame(cell, snapshot);
     const Mat turn = (Eigen::AngleAxisf(motion.b, Vec::UnitY()) * Eigen::AngleAxisf(motion.a, Vec::UnitX()))
                          .toRotationMatrix();
-    kinds_[kind].instances.push_back(
-        instance(f.top - radius * Vec::UnitZ(), radius * (f.axes * turn), colour(kIvory), colour(kOrange)));
+    meshes_[mesh].instances.push_back(make_instance(f.top - radius * Vec::UnitZ(), radius * (f.axes * turn),
+                                                    to_linear_rgba8(kIvory), to_linear_rgba8(kOrange)));
     recess_[cell] = 0.75F * radius;
   };
 }
 
-ActuatorGeometry::Work ActuatorGeometry::wheels(const scene::ActuatorSpec& spec) {
-  const float radius = std::min(number(spec, "radius"), 0.3F * top_), half_width = 0.11F * top_;
-  const std::size_t kind = add_kind(painted_wheel(roundness_));
-  const Mat set = Eigen::AngleAxisf(number(spec, "angle"), Vec::UnitZ()).toRotationMatrix();
+ActuatorGeometry::InstanceBuilder ActuatorGeometry::wheel_builder(const scene::ActuatorSpec& spec) {
+  const float radius = std::min(float_parameter(spec, "radius"), 0.3F * top_edge_),
+              half_width = 0.11F * top_edge_;
+  const std::size_t mesh = add_mesh(wheel_mesh(segments_));
+  const Mat set = Eigen::AngleAxisf(float_parameter(spec, "angle"), Vec::UnitZ()).toRotationMatrix();
   const Mat left = Eigen::AngleAxisf(1.5707963F, Vec::UnitZ()).toRotationMatrix();
   const Vec size(radius, half_width, radius);
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
-    const CellFrame f = frame_of(cell, snapshot);
-    const Mat stands = f.axes * set;
-    const auto add = [&](const Mat& drives, const Vec& aside, float turned) {
-      const Mat turn = Eigen::AngleAxisf(turned, Vec::UnitY()).toRotationMatrix();
-      kinds_[kind].instances.push_back(instance(f.top + stands * (top_ * aside) - radius * Vec::UnitZ(),
-                                                stands * drives * turn * size.asDiagonal(), colour(kTyre),
-                                                colour(kOrange)));
+    const CellFrame f = cell_frame(cell, snapshot);
+    const Mat mount = f.axes * set;
+    const auto add = [&](const Mat& heading, const Vec& offset, float angle) {
+      const Mat turn = Eigen::AngleAxisf(angle, Vec::UnitY()).toRotationMatrix();
+      meshes_[mesh].instances.push_back(make_instance(
+          f.top + mount * (top_edge_ * offset) - radius * Vec::UnitZ(),
+          mount * heading * turn * size.asDiagonal(), to_linear_rgba8(kTyre), to_linear_rgba8(kOrange)));
     };
     add(Mat::Identity(), {-0.15F, 0.22F, 0}, motion.a);
     add(left, {0.22F, -0.15F, 0}, motion.b);
@@ -183,30 +188,31 @@ ActuatorGeometry::Work ActuatorGeometry::wheels(const scene::ActuatorSpec& spec)
   };
 }
 
-ActuatorGeometry::Work ActuatorGeometry::rotors(const scene::ActuatorSpec& spec) {
-  const Turning shape = turning_of(spec);
-  const bool corners = !shape.points.empty() && shape.points.size() <= kMostCorners;
-  const std::size_t kind = add_kind(corners ? painted_hull(shape.points) : painted_ball(roundness_));
-  const float scale = std::min(1.0F, 0.55F * static_cast<float>(surface_.pitch) / shape.reach());
-  const Vec half = shape.points.empty() ? shape.half_axes : Vec::Constant(shape.reach());
+ActuatorGeometry::InstanceBuilder ActuatorGeometry::rotor_builder(const scene::ActuatorSpec& spec) {
+  const RotorShape shape = make_rotor_shape(spec);
+  const bool corners = !shape.points.empty() && shape.points.size() <= kMaxHullPoints;
+  const std::size_t mesh = add_mesh(corners ? hull_mesh(shape.points) : ball_mesh(segments_));
+  const float scale = std::min(1.0F, 0.55F * static_cast<float>(surface_.pitch) / shape.max_radius());
+  const Vec half = shape.points.empty() ? shape.half_axes : Vec::Constant(shape.max_radius());
   const Mat size = Mat(corners ? Vec(Vec::Constant(scale)).asDiagonal() : Vec(scale * half).asDiagonal());
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
-    const CellFrame f = frame_of(cell, snapshot);
+    const CellFrame f = cell_frame(cell, snapshot);
     const Mat turn = Eigen::AngleAxisf(motion.a, shape.axis).toRotationMatrix();
-    const float highest = shape.highest(turn);
-    kinds_[kind].instances.push_back(instance(f.top - scale * highest * Vec::UnitZ(), f.axes * turn * size,
-                                              colour(kIvory), colour(kOrange)));
+    const float highest = shape.max_height(turn);
+    meshes_[mesh].instances.push_back(make_instance(f.top - scale * highest * Vec::UnitZ(),
+                                                    f.axes * turn * size, to_linear_rgba8(kIvory),
+                                                    to_linear_rgba8(kOrange)));
     recess_[cell] = highest;
   };
 }
 
-ActuatorGeometry::Work ActuatorGeometry::arrows() {
-  const std::size_t kind = add_kind(painted_arrow());
+ActuatorGeometry::InstanceBuilder ActuatorGeometry::arrow_builder() {
+  const std::size_t mesh = add_mesh(arrow_mesh());
   const auto pitch = static_cast<float>(surface_.pitch);
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const Vec force(motion.a, motion.b, motion.level);
     const float strength = std::min(1.0F, force.norm());
-    if (!(strength > kQuiet)) return;
+    if (!(strength > kMinVisibleLevel)) return;
     // No shorter than wide, or its direction would be lost.
     const float half_length = pitch * (0.16F + 0.30F * strength),
                 half_width = pitch * (0.09F + 0.07F * strength);
@@ -217,77 +223,79 @@ ActuatorGeometry::Work ActuatorGeometry::arrows() {
     axes << half_length * along, half_width * aside, half_width * along.cross(aside);
     // All of it stands over the top.
     const float over = half_length * std::abs(along.z()) + half_width;
-    const Colour paint = colour(between(kPaleArrow, kStrongArrow, strength));
-    kinds_[kind].instances.push_back(
-        instance(frame_of(cell, snapshot).top + over * Vec::UnitZ(), axes, paint, paint));
+    const Rgba8 base_colour = to_linear_rgba8(mix_colours(kWeakForceColour, kStrongForceColour, strength));
+    meshes_[mesh].instances.push_back(
+        make_instance(cell_frame(cell, snapshot).top + over * Vec::UnitZ(), axes, base_colour, base_colour));
   };
 }
 
-ActuatorGeometry::Work ActuatorGeometry::coils() {
-  const std::size_t kind = add_kind(painted_coil(roundness_));
-  const Vec size(0.46F * top_, 0.46F * top_, 0.1F * top_);
+ActuatorGeometry::InstanceBuilder ActuatorGeometry::coil_builder() {
+  const std::size_t mesh = add_mesh(coil_mesh(segments_));
+  const Vec size(0.46F * top_edge_, 0.46F * top_edge_, 0.1F * top_edge_);
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
-    const CellFrame f = frame_of(cell, snapshot);
+    const CellFrame f = cell_frame(cell, snapshot);
     // The root, so that a weak current shows as well.
     const float strength = std::sqrt(std::min(1.0F, std::abs(motion.level)));
-    const Rgb core = between(kIron, motion.level < 0.0F ? kBlue : kRed, strength);
-    kinds_[kind].instances.push_back(
-        instance(f.top, f.axes * size.asDiagonal(), colour(core), colour(kCopper)));
+    const Rgb core = mix_colours(kIron, motion.level < 0.0F ? kBlue : kRed, strength);
+    meshes_[mesh].instances.push_back(
+        make_instance(f.top, f.axes * size.asDiagonal(), to_linear_rgba8(core), to_linear_rgba8(kCopper)));
   };
 }
 
-ActuatorGeometry::Work ActuatorGeometry::jets(const scene::ActuatorSpec& spec) {
-  const std::size_t nozzle = add_kind(painted_nozzle(roundness_)),
-                    plume = add_kind(painted_plume(roundness_), true);
-  const float lean = number(spec, "lean"), pitch = static_cast<float>(surface_.pitch);
-  const float highest = std::min(number(spec, "reach"), 2.0F * pitch);
-  const Vec size(0.42F * top_, 0.42F * top_, 0.12F * top_);
+ActuatorGeometry::InstanceBuilder ActuatorGeometry::jet_builder(const scene::ActuatorSpec& spec) {
+  const std::size_t nozzle = add_mesh(nozzle_mesh(segments_)), plume = add_mesh(plume_mesh(segments_), true);
+  const float tilt = float_parameter(spec, "lean"), pitch = static_cast<float>(surface_.pitch);
+  const float highest = std::min(float_parameter(spec, "reach"), 2.0F * pitch);
+  const Vec size(0.42F * top_edge_, 0.42F * top_edge_, 0.12F * top_edge_);
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
-    const CellFrame f = frame_of(cell, snapshot);
+    const CellFrame f = cell_frame(cell, snapshot);
     const float flow = std::clamp(motion.level, 0.0F, 1.0F);
-    kinds_[nozzle].instances.push_back(
-        instance(f.top, f.axes * size.asDiagonal(), colour(between(kRubber, kAir, flow)), colour(kInk)));
-    if (flow < kQuiet) return;
-    const Vec up(std::sin(lean) * std::cos(motion.a), std::sin(lean) * std::sin(motion.a), std::cos(lean));
+    meshes_[nozzle].instances.push_back(make_instance(f.top, f.axes * size.asDiagonal(),
+                                                      to_linear_rgba8(mix_colours(kRubber, kAir, flow)),
+                                                      to_linear_rgba8(kInk)));
+    if (flow < kMinVisibleLevel) return;
+    const Vec up(std::sin(tilt) * std::cos(motion.a), std::sin(tilt) * std::sin(motion.a), std::cos(tilt));
     Mat axes;
     axes << 0.45F * pitch * f.axes.col(0), 0.45F * pitch * f.axes.col(1),
         highest * (0.2F + 0.8F * flow) * (f.axes * up);
-    kinds_[plume].instances.push_back(instance(f.top + 0.1F * top_ * Vec::UnitZ(), axes,
-                                               colour(kAir, 0.15F + 0.4F * flow), colour(kAir, 0.0F)));
+    meshes_[plume].instances.push_back(make_instance(f.top + 0.1F * top_edge_ * Vec::UnitZ(), axes,
+                                                     to_linear_rgba8(kAir, 0.15F + 0.4F * flow),
+                                                     to_linear_rgba8(kAir, 0.0F)));
   };
 }
 
-float ActuatorGeometry::height_near(std::size_t cell, int row_step, int column_step,
-                                    const scene::Snapshot& snapshot) const {
+float ActuatorGeometry::neighbour_height(std::size_t cell, int row_step, int column_step,
+                                         const scene::Snapshot& snapshot) const {
   const int row = static_cast<int>(cell) / surface_.columns + row_step;
   const int column = static_cast<int>(cell) % surface_.columns + column_step;
   const float own = snapshot.height[cell];
   if (row < 0 || column < 0 || row >= surface_.rows || column >= surface_.columns) return own;
-  const float there = snapshot.height[static_cast<std::size_t>(surface_.index(row, column))];
-  return std::isfinite(there) ? there : own;
+  const float neighbour = snapshot.height[static_cast<std::size_t>(surface_.index(row, column))];
+  return std::isfinite(neighbour) ? neighbour : own;
 }
 
-ActuatorGeometry::Work ActuatorGeometry::plates() {
-  const std::size_t kind = add_kind(painted_plate());
+ActuatorGeometry::InstanceBuilder ActuatorGeometry::plate_builder() {
+  const std::size_t mesh = add_mesh(plate_mesh());
   const auto pitch = static_cast<float>(surface_.pitch);
-  constexpr float kHalfThick = 0.05F, kSteepest = 0.7F;
+  constexpr float kHalfThickness = 0.05F, kMaxSlope = 0.7F;
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
-    const CellFrame f = frame_of(cell, snapshot);
+    const CellFrame f = cell_frame(cell, snapshot);
     const auto slope = [&](float low, float high) {
-      return std::clamp(0.5F * (high - low) / pitch, -kSteepest, kSteepest);
+      return std::clamp(0.5F * (high - low) / pitch, -kMaxSlope, kMaxSlope);
     };
-    const float east = slope(height_near(cell, 0, -1, snapshot), height_near(cell, 0, 1, snapshot));
-    const float north = slope(height_near(cell, 1, 0, snapshot), height_near(cell, -1, 0, snapshot));
+    const float east = slope(neighbour_height(cell, 0, -1, snapshot), neighbour_height(cell, 0, 1, snapshot));
+    const float north =
+        slope(neighbour_height(cell, 1, 0, snapshot), neighbour_height(cell, -1, 0, snapshot));
     const Vec up = Vec(-east, -north, 1).normalized();
     const Vec x = Vec(1, 0, east).normalized();
     Mat axes;
     axes << 0.5F * static_cast<float>(surface_.pin.top_x) * (f.axes * x),
         0.5F * static_cast<float>(surface_.pin.top_y) * (f.axes * up.cross(x)),
-        kHalfThick * pitch * (f.axes * up);
-    kinds_[kind].instances.push_back(
-        instance(f.top - kHalfThick * pitch * Vec::UnitZ(), axes, colour(kRubber),
-                 colour(between(kStill, kShaken, std::clamp(motion.level, 0.0F, 1.0F)))));
-    recess_[cell] = 3.0F * kHalfThick * pitch;
+        kHalfThickness * pitch * (f.axes * up);
+    meshes_[mesh].instances.push_back(make_instance(
+        f.top - kHalfThickness * pitch * Vec::UnitZ(), axes, to_linear_rgba8(kRubber),
+        to_linear_rgba8(mix_colours(kIdleColour, kVibratingColour, std::clamp(motion.level, 0.0F, 1.0F)))));
+    recess_[cell] = 3.0F * kHalfThickness * pitch;
   };
 }
 

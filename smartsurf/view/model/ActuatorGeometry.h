@@ -19,19 +19,20 @@
 
 namespace smartsurf::view {
 
-struct PaintedMesh {
-  std::vector<float> corners;  // x y z, the normal's x y z, and how much of the second colour, 0 … 1
-  std::vector<std::uint32_t> triangles;  // three corners each
+struct TwoColourMesh {
+  std::vector<float> vertices;  // x y z, the normal's x y z, and how much of the second colour, 0 … 1
+  std::vector<std::uint32_t> indices;  // three corners each
 };
 
 struct MeshInstance {
-  std::array<float, 3> x, y, z;             // the mesh's axes, scaled, world frame
-  std::array<float, 3> centre;              // u
-  std::array<std::uint8_t, 4> paint, mark;  // the two colours: linear light, 255 = 1; [3]: how opaque
+  std::array<float, 3> x, y, z;  // the mesh's axes, scaled, world frame
+  std::array<float, 3> centre;   // u
+  std::array<std::uint8_t, 4> base_colour,
+      accent_colour;  // the two colours: linear light, 255 = 1; [3]: how opaque
 };
 
 struct InstancedMesh {
-  PaintedMesh mesh;
+  TwoColourMesh mesh;
   bool translucent = false;  // drawn last, without a shadow
   std::vector<MeshInstance> instances;
 };
@@ -42,33 +43,34 @@ class ActuatorGeometry {
 
   // Fills the instances. Where the snapshot has no motion, everything is at rest.
   void update(const scene::Snapshot&);
-  std::span<const InstancedMesh> kinds() const { return kinds_; }
+  std::span<const InstancedMesh> meshes() const { return meshes_; }
   // How far below the cell's top its pin is drawn, so that the part has room, u; rows × columns. Empty: 0.
   std::span<const float> recess() const { return recess_; }
 
  private:
   // Adds the parts of one cell.
-  using Work = std::function<void(std::size_t cell, const scene::Snapshot&, const scene::ActuatorState&)>;
+  using InstanceBuilder =
+      std::function<void(std::size_t cell, const scene::Snapshot&, const scene::ActuatorState&)>;
   struct CellFrame;
-  CellFrame frame_of(std::size_t cell, const scene::Snapshot&) const;
-  std::size_t add_kind(PaintedMesh mesh, bool translucent = false);
-  Work work_for(const scene::ActuatorSpec&);
-  Work balls(const scene::ActuatorSpec&);
-  Work wheels(const scene::ActuatorSpec&);
-  Work rotors(const scene::ActuatorSpec&);
-  Work arrows();
-  Work coils();
-  Work jets(const scene::ActuatorSpec&);
-  Work plates();
-  float height_near(std::size_t cell, int row_step, int column_step, const scene::Snapshot&) const;
+  CellFrame cell_frame(std::size_t cell, const scene::Snapshot&) const;
+  std::size_t add_mesh(TwoColourMesh mesh, bool translucent = false);
+  InstanceBuilder make_builder(const scene::ActuatorSpec&);
+  InstanceBuilder ball_builder(const scene::ActuatorSpec&);
+  InstanceBuilder wheel_builder(const scene::ActuatorSpec&);
+  InstanceBuilder rotor_builder(const scene::ActuatorSpec&);
+  InstanceBuilder arrow_builder();
+  InstanceBuilder coil_builder();
+  InstanceBuilder jet_builder(const scene::ActuatorSpec&);
+  InstanceBuilder plate_builder();
+  float neighbour_height(std::size_t cell, int row_step, int column_step, const scene::Snapshot&) const;
 
   scene::SurfaceSpec surface_;
-  float top_;      // the shorter edge of a cell's top, u
-  int roundness_;  // segments around a round part: fewer where there are many
-  std::vector<InstancedMesh> kinds_;
+  float top_edge_;  // the shorter edge of a cell's top, u
+  int segments_;    // segments around a round part: fewer where there are many
+  std::vector<InstancedMesh> meshes_;
   std::vector<std::size_t> cells_;  // those with parts, and what makes them
-  std::vector<std::size_t> work_of_;
-  std::vector<Work> works_;
+  std::vector<std::size_t> builder_of_cell_;
+  std::vector<InstanceBuilder> builders_;
   std::vector<float> recess_;
 };
 

@@ -29,60 +29,60 @@ std::array<Eigen::Vector3d, 8> corners(const Eigen::AlignedBox3d& box) {
 // One side of the frustum pair left/right or bottom/top. With the eye at (e, d), d towards the viewer, a
 // point (p, z) is inside when −k_low·(d − z) ≤ p − e ≤ k_high·(d − z): the nearest d that holds for all
 // points, and the e in the middle of those that do.
-struct Fit {
-  double k_low, k_high;
+struct FrustumFit {
+  double slope_low, slope_high;
   double low = -std::numeric_limits<double>::infinity();
   double high = -std::numeric_limits<double>::infinity();
   void add(double p, double z) {
-    high = std::max(high, p + k_high * z);
-    low = std::max(low, -p + k_low * z);
+    high = std::max(high, p + slope_high * z);
+    low = std::max(low, -p + slope_low * z);
   }
-  double distance() const { return (high + low) / (k_low + k_high); }
-  double least(double d) const { return high - k_high * d; }
-  double most(double d) const { return k_low * d - low; }
-  double offset(double d) const { return 0.5 * (least(d) + most(d)); }
+  double distance() const { return (high + low) / (slope_low + slope_high); }
+  double min_offset(double d) const { return high - slope_high * d; }
+  double max_offset(double d) const { return slope_low * d - low; }
+  double offset(double d) const { return 0.5 * (min_offset(d) + max_offset(d)); }
 };
 
 }  // namespace
 
-Eigen::AlignedBox3d Camera::extent(const scene::SurfaceSpec& s) {
+Eigen::AlignedBox3d Camera::surface_bounding_box(const scene::SurfaceSpec& s) {
   const double top = std::max(s.pin.max_height, s.border_height.value_or(s.pin.max_height));
-  const scene::SurfaceBounds ground = scene::compute_surface_bounds(s);
-  return {Eigen::Vector3d(ground.west, ground.south, s.pin.min_height - s.pin.length),
-          Eigen::Vector3d(ground.east, ground.north, top)};
+  const scene::SurfaceBounds bounds = scene::compute_surface_bounds(s);
+  return {Eigen::Vector3d(bounds.west, bounds.south, s.pin.min_height - s.pin.length),
+          Eigen::Vector3d(bounds.east, bounds.north, top)};
 }
 
-Camera Camera::framing(const scene::SurfaceSpec& surface, Preset preset, double aspect,
-                       const Covered& covered) {
+Camera Camera::fit_to_surface(const scene::SurfaceSpec& surface, CameraPreset preset, double aspect,
+                              const ViewInsets& insets) {
   Camera camera;
   camera.azimuth_ = 0.0;
-  camera.elevation_ = preset == Preset::kTop   ? kMaxElevation
-                      : preset == Preset::kIso ? kIsoElevation
-                                               : kSideElevation;
-  const Eigen::AlignedBox3d box = extent(surface);
+  camera.elevation_ = preset == CameraPreset::kTop   ? kMaxElevation
+                      : preset == CameraPreset::kIso ? kIsoElevation
+                                                     : kSideElevation;
+  const Eigen::AlignedBox3d box = surface_bounding_box(surface);
   camera.scene_radius_ = 0.5 * box.diagonal().norm();
   const double k_y = std::tan(camera.field_of_view_ / 2.0) / kFramingMargin;
   const double k_x = k_y * aspect;
-  const double k_below = k_y * (1.0 - 2.0 * covered.below);
-  Fit x{k_x, k_x}, y{k_below, k_y}, y_free{k_below, k_y * (1.0 - 2.0 * covered.above)};
+  const double k_below = k_y * (1.0 - 2.0 * insets.bottom);
+  FrustumFit x{k_x, k_x}, y{k_below, k_y}, y_unobstructed{k_below, k_y * (1.0 - 2.0 * insets.top)};
   const auto include = [&](const Eigen::Vector3d& point) {
     const double depth = -point.dot(camera.forward());
     x.add(point.dot(camera.right()), depth);
-    for (Fit* fit : {&y, &y_free}) fit->add(point.dot(camera.up()), depth);
+    for (FrustumFit* fit : {&y, &y_unobstructed}) fit->add(point.dot(camera.up()), depth);
   };
   for (const Eigen::Vector3d& corner : corners(box)) include(corner);
-  const double rim = kBoardRim * surface.pitch;
-  Eigen::AlignedBox3d board(box.min() - Eigen::Vector3d(rim, rim, 0.0), box.min());
-  board.extend(Eigen::Vector3d(box.max().x() + rim, box.max().y() + rim, box.min().z()));
+  const double margin = kBoardMargin * surface.pitch;
+  Eigen::AlignedBox3d board(box.min() - Eigen::Vector3d(margin, margin, 0.0), box.min());
+  board.extend(Eigen::Vector3d(box.max().x() + margin, box.max().y() + margin, box.min().z()));
   for (const Eigen::Vector3d& corner : corners(board)) include(corner);
-  const Axes axes = axes_of(surface);
+  const Axes axes = make_axes(surface);
   include(axes.origin);
   for (int i = 0; i < 3; ++i) include(axes.origin + axes.length * Eigen::Vector3d::Unit(i));
   const double eye_depth = std::max(x.distance(), y.distance());
   const double target_depth = -box.center().dot(camera.forward());
-  camera.distance_ = camera.home_distance_ = eye_depth - target_depth;
+  camera.distance_ = camera.reference_distance_ = eye_depth - target_depth;
   camera.target_ = camera.right() * x.offset(eye_depth) +
-                   camera.up() * std::min(y_free.offset(eye_depth), y.most(eye_depth)) -
+                   camera.up() * std::min(y_unobstructed.offset(eye_depth), y.max_offset(eye_depth)) -
                    camera.forward() * target_depth;
   return camera;
 }
@@ -98,8 +98,8 @@ void Camera::pan(double dx, double dy, double height) {
 }
 
 void Camera::zoom(double notches) {
-  distance_ =
-      std::clamp(distance_ * std::pow(kZoomPerNotch, notches), home_distance_ / 200.0, home_distance_ * 5.0);
+  distance_ = std::clamp(distance_ * std::pow(kZoomPerNotch, notches), reference_distance_ / 200.0,
+                         reference_distance_ * 5.0);
 }
 
 Eigen::Vector3d Camera::forward() const {

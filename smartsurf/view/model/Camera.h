@@ -10,7 +10,7 @@
 
 namespace smartsurf::view {
 
-enum class Preset { kTop, kIso, kSide };
+enum class CameraPreset { kTop, kIso, kSide };
 
 // A half-line; the direction is a unit vector.
 struct Ray {
@@ -18,10 +18,10 @@ struct Ray {
 };
 
 // Shares of a picture's height that panels cover, from its edges; together at most 0.8.
-struct Covered {
-  double below = 0.0;  // left free
-  double above = 0.0;  // left free as far as that makes nothing smaller
-  bool operator==(const Covered&) const = default;
+struct ViewInsets {
+  double bottom = 0.0;  // left free
+  double top = 0.0;     // left free as far as that makes nothing smaller
+  bool operator==(const ViewInsets&) const = default;
 };
 
 class Camera {
@@ -33,11 +33,11 @@ class Camera {
   // the axes beside it) fills a picture of that aspect ratio (width / height) with a small margin. kTop has
   // north up; kIso looks north from the south at 40° above the horizon; kSide looks north from just above the
   // table.
-  static Camera framing(const scene::SurfaceSpec& surface, Preset preset, double aspect,
-                        const Covered& covered = {});
+  static Camera fit_to_surface(const scene::SurfaceSpec& surface, CameraPreset preset, double aspect,
+                               const ViewInsets& insets = {});
 
   // The box of the table and its pins, u.
-  static Eigen::AlignedBox3d extent(const scene::SurfaceSpec& surface);
+  static Eigen::AlignedBox3d surface_bounding_box(const scene::SurfaceSpec& surface);
 
   // dx, dy: pointer movement in pixels, y down. Dragging to the right turns the scene to the right.
   void orbit(double dx, double dy);
@@ -74,7 +74,7 @@ class Camera {
   Eigen::Vector3d target_{0.0, 0.0, 0.0};
   double azimuth_ = 0.0, elevation_ = 0.7, distance_ = 100.0;
   double field_of_view_ = 0.5;
-  double home_distance_ = 100.0;  // of the preset: the measure of zoom limits and of the clipping planes
+  double reference_distance_ = 100.0;  // of the preset: the measure of zoom limits and of the clipping planes
   double scene_radius_ = 50.0;
 };
 

@@ -10,7 +10,7 @@
 
 namespace smartsurf::view {
 
-enum class Style {
+enum class FillMode {
   kSolid,      // lit and shaded
   kWireframe,  // objects as wires, so that the cells under them can be seen
 };
@@ -22,14 +22,14 @@ struct Line {
 };
 
 // The heat map as its legend explains it.
-struct HeatScale {
+struct ColourScale {
   std::string channel, unit;
   Palette palette = Palette::kViridis;
   float low = 0.0F, high = 1.0F;  // at the palette's dark and bright end
 };
 
 struct DrawOptions {
-  Style style = Style::kSolid;
+  FillMode fill_mode = FillMode::kSolid;
 
   // Colours the pins by one channel instead of by height: rows × columns values, row-major, row 0 north, in
   // the channel's unit. low takes the palette's dark end and high its bright one; for distances, where near
@@ -41,7 +41,7 @@ struct DrawOptions {
   std::span<const Line> lines;  // trails, forces, marks; must outlive the call
   float line_width = 2.0f;      // pixels of the picture
 
-  const HeatScale* legend = nullptr;  // drawn in the lower right corner of pictures; must outlive the call
+  const ColourScale* legend = nullptr;  // drawn in the lower right corner of pictures; must outlive the call
 
   bool grid = true;  // the ground's grid
   bool axes = true;  // x red, y green, z blue, at the south-west corner

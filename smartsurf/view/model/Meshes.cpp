@@ -10,20 +10,20 @@ namespace smartsurf::view {
 namespace {
 
 constexpr float kConeBase = -1.0F / 3.0F;  // of a cone whose tip is at 1: the centre of mass is at 0
-constexpr float kCapEdge = 1e-4F;          // z of a capsule's equator, on either side
-constexpr int kWireSteps = 36, kWireSides = 12;
+constexpr float kCapSeam = 1e-4F;          // z of a capsule's equator, on either side
+constexpr int kWireframeSteps = 36, kWireframeMeridians = 12;
 
-std::array<float, 2> on_circle(int step, int steps) {
+std::array<float, 2> circle_point(int step, int steps) {
   const double angle = 2.0 * std::numbers::pi * step / steps;
   return {static_cast<float>(std::cos(angle)), static_cast<float>(std::sin(angle))};
 }
 
 // A round flat end that looks up or down.
 void add_disc(Mesh& mesh, int segments, float z, float up) {
-  const std::uint32_t middle = mesh.add(0, 0, z, 0, 0, up);
+  const std::uint32_t middle = mesh.add_vertex(0, 0, z, 0, 0, up);
   for (int i = 0; i < segments; ++i) {
-    const auto [x, y] = on_circle(i, segments);
-    mesh.add(x, y, z, 0, 0, up);
+    const auto [x, y] = circle_point(i, segments);
+    mesh.add_vertex(x, y, z, 0, 0, up);
   }
   for (int i = 0; i < segments; ++i) {
     const auto a = middle + 1 + static_cast<std::uint32_t>(i);
@@ -32,42 +32,44 @@ void add_disc(Mesh& mesh, int segments, float z, float up) {
   }
 }
 
-void add_point(std::vector<float>& wire, float x, float y, float z) { wire.insert(wire.end(), {x, y, z}); }
+void add_point(std::vector<float>& wireframe, float x, float y, float z) {
+  wireframe.insert(wireframe.end(), {x, y, z});
+}
 
-void add_ring(std::vector<float>& wire, float radius, float z) {
-  for (int i = 0; i < kWireSteps; ++i)
+void add_ring(std::vector<float>& wireframe, float radius, float z) {
+  for (int i = 0; i < kWireframeSteps; ++i)
     for (int end = 0; end < 2; ++end) {
-      const auto [x, y] = on_circle(i + end, kWireSteps);
-      add_point(wire, radius * x, radius * y, z);
+      const auto [x, y] = circle_point(i + end, kWireframeSteps);
+      add_point(wireframe, radius * x, radius * y, z);
     }
 }
 
 // Half a great circle from the north pole to the south, or its part above the equator mirrored for both caps.
-void add_meridian(std::vector<float>& wire, int meridian, bool split) {
-  const auto [mx, my] = on_circle(meridian, kWireSides);
-  for (int i = 0; i < kWireSteps / 2; ++i)
+void add_meridian(std::vector<float>& wireframe, int meridian, bool split) {
+  const auto [mx, my] = circle_point(meridian, kWireframeMeridians);
+  for (int i = 0; i < kWireframeSteps / 2; ++i)
     for (int end = 0; end < 2; ++end) {
-      auto [z, r] = on_circle(i + end, kWireSteps);
+      auto [z, r] = circle_point(i + end, kWireframeSteps);
       // The piece that reaches the equator stays in its own cap.
-      if (split && std::abs(z) < kCapEdge) z = i < kWireSteps / 4 ? kCapEdge : -kCapEdge;
-      add_point(wire, r * mx, r * my, z);
+      if (split && std::abs(z) < kCapSeam) z = i < kWireframeSteps / 4 ? kCapSeam : -kCapSeam;
+      add_point(wireframe, r * mx, r * my, z);
     }
 }
 
-Eigen::Vector3f normal_of(const scene::Solid& solid, const std::array<std::uint32_t, 3>& t) {
+Eigen::Vector3f face_normal(const scene::Solid& solid, const std::array<std::uint32_t, 3>& t) {
   const Eigen::Vector3f &a = solid.vertices[t[0]], &b = solid.vertices[t[1]], &c = solid.vertices[t[2]];
   return (b - a).cross(c - a).normalized();
 }
 
 }  // namespace
 
-std::uint32_t Mesh::add(float x, float y, float z, float nx, float ny, float nz) {
-  corners.insert(corners.end(), {x, y, z, nx, ny, nz});
-  return static_cast<std::uint32_t>(corners.size() / 6 - 1);
+std::uint32_t Mesh::add_vertex(float x, float y, float z, float nx, float ny, float nz) {
+  vertices.insert(vertices.end(), {x, y, z, nx, ny, nz});
+  return static_cast<std::uint32_t>(vertices.size() / 6 - 1);
 }
 
 void Mesh::add_triangle(std::uint32_t a, std::uint32_t b, std::uint32_t c) {
-  triangles.insert(triangles.end(), {a, b, c});
+  indices.insert(indices.end(), {a, b, c});
 }
 
 Mesh box_mesh() {
@@ -75,13 +77,13 @@ Mesh box_mesh() {
   static constexpr float kQuad[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
   for (std::size_t axis = 0; axis < 3; ++axis)
     for (float side : {-1.0F, 1.0F}) {
-      const auto first = static_cast<std::uint32_t>(mesh.corners.size() / 6);
+      const auto first = static_cast<std::uint32_t>(mesh.vertices.size() / 6);
       for (const auto& q : kQuad) {
         std::array<float, 3> p{}, n{};
         p[axis] = n[axis] = side;
         p[(axis + 1) % 3] = q[0];
         p[(axis + 2) % 3] = q[1];
-        mesh.add(p[0], p[1], p[2], n[0], n[1], n[2]);
+        mesh.add_vertex(p[0], p[1], p[2], n[0], n[1], n[2]);
       }
       const std::uint32_t next = side > 0.0F ? 1 : 3, last = 4 - next;
       mesh.add_triangle(first, first + next, first + 2);
@@ -92,11 +94,11 @@ Mesh box_mesh() {
 
 Mesh cylinder_mesh(int segments) {
   Mesh mesh;
-  const auto corners = static_cast<std::uint32_t>(2 * segments);
+  const auto vertex_count = static_cast<std::uint32_t>(2 * segments);
   for (int i = 0; i < segments; ++i) {
-    const auto [x, y] = on_circle(i, segments);
-    const std::uint32_t low = mesh.add(x, y, -1, x, y, 0), next = (low + 2) % corners;
-    mesh.add(x, y, 1, x, y, 0);
+    const auto [x, y] = circle_point(i, segments);
+    const std::uint32_t low = mesh.add_vertex(x, y, -1, x, y, 0), next = (low + 2) % vertex_count;
+    mesh.add_vertex(x, y, 1, x, y, 0);
     mesh.add_triangle(low, next, next + 1);
     mesh.add_triangle(low, next + 1, low + 1);
   }
@@ -107,14 +109,15 @@ Mesh cylinder_mesh(int segments) {
 
 Mesh cone_mesh(int segments) {
   Mesh mesh;
-  const auto corners = static_cast<std::uint32_t>(2 * segments);
+  const auto vertex_count = static_cast<std::uint32_t>(2 * segments);
   const float high = 1.0F - kConeBase, slant = std::hypot(high, 1.0F);
   for (int i = 0; i < segments; ++i) {
     // Each side has a tip of its own, so that the light changes smoothly around.
-    const auto [x, y] = on_circle(i, segments);
-    const std::uint32_t low = mesh.add(x, y, kConeBase, x * high / slant, y * high / slant, 1.0F / slant);
-    mesh.add(0, 0, 1, x * high / slant, y * high / slant, 1.0F / slant);
-    mesh.add_triangle(low, (low + 2) % corners, low + 1);
+    const auto [x, y] = circle_point(i, segments);
+    const std::uint32_t low =
+        mesh.add_vertex(x, y, kConeBase, x * high / slant, y * high / slant, 1.0F / slant);
+    mesh.add_vertex(0, 0, 1, x * high / slant, y * high / slant, 1.0F / slant);
+    mesh.add_triangle(low, (low + 2) % vertex_count, low + 1);
   }
   add_disc(mesh, segments, kConeBase, -1);
   return mesh;
@@ -128,10 +131,10 @@ Mesh capsule_mesh(int segments) {
     const bool upper = row > quarter;
     const double angle = std::numbers::pi / 2.0 * (upper ? row - quarter - 1 : row - quarter) / quarter;
     const auto z = static_cast<float>(std::sin(angle)), r = static_cast<float>(std::cos(angle));
-    const float edge = std::abs(z) > kCapEdge ? z : upper ? kCapEdge : -kCapEdge;
+    const float edge = std::abs(z) > kCapSeam ? z : upper ? kCapSeam : -kCapSeam;
     for (int i = 0; i < segments; ++i) {
-      const auto [x, y] = on_circle(i, segments);
-      mesh.add(r * x, r * y, edge, r * x, r * y, z);
+      const auto [x, y] = circle_point(i, segments);
+      mesh.add_vertex(r * x, r * y, edge, r * x, r * y, z);
     }
   }
   for (int row = 0; row + 1 < 2 * (quarter + 1); ++row)
@@ -146,46 +149,46 @@ Mesh capsule_mesh(int segments) {
 Mesh solid_mesh(const scene::Solid& solid) {
   Mesh mesh;
   for (const auto& triangle : solid.triangles) {
-    const Eigen::Vector3f n = normal_of(solid, triangle);
+    const Eigen::Vector3f n = face_normal(solid, triangle);
     std::array<std::uint32_t, 3> corners{};
     for (std::size_t i = 0; i < 3; ++i) {
       const Eigen::Vector3f& p = solid.vertices[triangle[i]];
-      corners[i] = mesh.add(p.x(), p.y(), p.z(), n.x(), n.y(), n.z());
+      corners[i] = mesh.add_vertex(p.x(), p.y(), p.z(), n.x(), n.y(), n.z());
     }
     mesh.add_triangle(corners[0], corners[1], corners[2]);
   }
   return mesh;
 }
 
-std::vector<float> sphere_wire() {
-  std::vector<float> wire;
+std::vector<float> sphere_wireframe() {
+  std::vector<float> wireframe;
   constexpr int kParallels = 7;
   for (int p = 1; p <= kParallels; ++p) {
     const double angle = std::numbers::pi * (static_cast<double>(p) / (kParallels + 1) - 0.5);
-    add_ring(wire, static_cast<float>(std::cos(angle)), static_cast<float>(std::sin(angle)));
+    add_ring(wireframe, static_cast<float>(std::cos(angle)), static_cast<float>(std::sin(angle)));
   }
-  for (int m = 0; m < kWireSides; ++m) add_meridian(wire, m, false);
-  return wire;
+  for (int m = 0; m < kWireframeMeridians; ++m) add_meridian(wireframe, m, false);
+  return wireframe;
 }
 
-std::vector<float> capsule_wire() {
-  std::vector<float> wire;
+std::vector<float> capsule_wireframe() {
+  std::vector<float> wireframe;
   const float high = std::sqrt(0.5F);
-  add_ring(wire, high, -high);
-  add_ring(wire, 1.0F, -kCapEdge);
-  add_ring(wire, 1.0F, kCapEdge);
-  add_ring(wire, high, high);
-  for (int m = 0; m < kWireSides; ++m) {
-    add_meridian(wire, m, true);
-    const auto [x, y] = on_circle(m, kWireSides);
-    add_point(wire, x, y, -kCapEdge);
-    add_point(wire, x, y, kCapEdge);
+  add_ring(wireframe, high, -high);
+  add_ring(wireframe, 1.0F, -kCapSeam);
+  add_ring(wireframe, 1.0F, kCapSeam);
+  add_ring(wireframe, high, high);
+  for (int m = 0; m < kWireframeMeridians; ++m) {
+    add_meridian(wireframe, m, true);
+    const auto [x, y] = circle_point(m, kWireframeMeridians);
+    add_point(wireframe, x, y, -kCapSeam);
+    add_point(wireframe, x, y, kCapSeam);
   }
-  return wire;
+  return wireframe;
 }
 
-std::vector<float> box_wire() {
-  std::vector<float> wire;
+std::vector<float> box_wireframe() {
+  std::vector<float> wireframe;
   for (std::size_t axis = 0; axis < 3; ++axis)
     for (float a : {-1.0F, 1.0F})
       for (float b : {-1.0F, 1.0F})
@@ -194,56 +197,56 @@ std::vector<float> box_wire() {
           p[axis] = along;
           p[(axis + 1) % 3] = a;
           p[(axis + 2) % 3] = b;
-          add_point(wire, p[0], p[1], p[2]);
+          add_point(wireframe, p[0], p[1], p[2]);
         }
-  return wire;
+  return wireframe;
 }
 
-std::vector<float> cylinder_wire() {
-  std::vector<float> wire;
-  for (float z : {-1.0F, 0.0F, 1.0F}) add_ring(wire, 1.0F, z);
-  for (int i = 0; i < kWireSides; ++i) {
-    const auto [x, y] = on_circle(i, kWireSides);
-    add_point(wire, x, y, -1);
-    add_point(wire, x, y, 1);
+std::vector<float> cylinder_wireframe() {
+  std::vector<float> wireframe;
+  for (float z : {-1.0F, 0.0F, 1.0F}) add_ring(wireframe, 1.0F, z);
+  for (int i = 0; i < kWireframeMeridians; ++i) {
+    const auto [x, y] = circle_point(i, kWireframeMeridians);
+    add_point(wireframe, x, y, -1);
+    add_point(wireframe, x, y, 1);
   }
-  return wire;
+  return wireframe;
 }
 
-std::vector<float> cone_wire() {
-  std::vector<float> wire;
-  add_ring(wire, 1.0F, kConeBase);
-  add_ring(wire, 0.5F, (kConeBase + 1.0F) / 2.0F);
-  for (int i = 0; i < kWireSides; ++i) {
-    const auto [x, y] = on_circle(i, kWireSides);
-    add_point(wire, x, y, kConeBase);
-    add_point(wire, 0, 0, 1);
+std::vector<float> cone_wireframe() {
+  std::vector<float> wireframe;
+  add_ring(wireframe, 1.0F, kConeBase);
+  add_ring(wireframe, 0.5F, (kConeBase + 1.0F) / 2.0F);
+  for (int i = 0; i < kWireframeMeridians; ++i) {
+    const auto [x, y] = circle_point(i, kWireframeMeridians);
+    add_point(wireframe, x, y, kConeBase);
+    add_point(wireframe, 0, 0, 1);
   }
-  return wire;
+  return wireframe;
 }
 
-std::vector<float> solid_wire(const scene::Solid& solid) {
-  constexpr float kFlat = 0.9995F;  // cosine between the normals of faces that lie in one plane
+std::vector<float> solid_wireframe(const scene::Solid& solid) {
+  constexpr float kCoplanarCosine = 0.9995F;  // cosine between the normals of faces that lie in one plane
   struct Edge {
     Eigen::Vector3f normal;
     bool sharp = true;  // until a second face in its plane is found
   };
   std::map<std::array<std::uint32_t, 2>, Edge> edges;
   for (const auto& t : solid.triangles) {
-    const Eigen::Vector3f n = normal_of(solid, t);
+    const Eigen::Vector3f n = face_normal(solid, t);
     for (std::size_t i = 0; i < 3; ++i) {
       const std::uint32_t a = t[i], b = t[(i + 1) % 3];
       const auto [entry, first] = edges.try_emplace({std::min(a, b), std::max(a, b)}, Edge{n});
-      if (!first && entry->second.normal.dot(n) > kFlat) entry->second.sharp = false;
+      if (!first && entry->second.normal.dot(n) > kCoplanarCosine) entry->second.sharp = false;
     }
   }
-  std::vector<float> wire;
+  std::vector<float> wireframe;
   for (const auto& [ends, edge] : edges) {
     if (!edge.sharp) continue;
     for (const std::uint32_t end : ends)
-      add_point(wire, solid.vertices[end].x(), solid.vertices[end].y(), solid.vertices[end].z());
+      add_point(wireframe, solid.vertices[end].x(), solid.vertices[end].y(), solid.vertices[end].z());
   }
-  return wire;
+  return wireframe;
 }
 
 }  // namespace smartsurf::view

@@ -14,10 +14,10 @@
 namespace smartsurf::view {
 
 struct Mesh {
-  std::vector<float> corners;            // x y z, and the normal's x y z, a corner
-  std::vector<std::uint32_t> triangles;  // three corners each
+  std::vector<float> vertices;         // x y z, and the normal's x y z, a corner
+  std::vector<std::uint32_t> indices;  // three corners each
 
-  std::uint32_t add(float x, float y, float z, float nx, float ny, float nz);
+  std::uint32_t add_vertex(float x, float y, float z, float nx, float ny, float nz);
   void add_triangle(std::uint32_t a, std::uint32_t b, std::uint32_t c);
 };
 
@@ -29,12 +29,12 @@ Mesh capsule_mesh(int segments);
 Mesh solid_mesh(const scene::Solid& solid);  // every face flat
 
 // Ends of straight lines, two corners x y z a line.
-std::vector<float> sphere_wire();
-std::vector<float> box_wire();
-std::vector<float> cylinder_wire();
-std::vector<float> cone_wire();
-std::vector<float> capsule_wire();
-std::vector<float> solid_wire(
+std::vector<float> sphere_wireframe();
+std::vector<float> box_wireframe();
+std::vector<float> cylinder_wireframe();
+std::vector<float> cone_wireframe();
+std::vector<float> capsule_wireframe();
+std::vector<float> solid_wireframe(
     const scene::Solid& solid);  // the edges between faces that do not lie in one plane
 
 }  // namespace smartsurf::view

@@ -8,19 +8,21 @@
 namespace smartsurf::view {
 namespace {
 
-constexpr float kReach = 1.6f;     // an object darkens pins within this many radii
-constexpr float kOverhead = 0.8f;  // strength of that shade
-constexpr float kCorner = 0.62f;   // strength of the shade in a corner of walls as high as a pin is wide
+constexpr float kOcclusionRange = 1.6f;   // an object darkens pins within this many radii
+constexpr float kObjectOcclusion = 0.8f;  // strength of that shade
+constexpr float kCornerOcclusion =
+    0.62f;  // strength of the shade in a corner of walls as high as a pin is wide
 
 // As a screen shows them: pins that are down, pins that are up, and the border.
-constexpr Rgb kLow{0.36f, 0.42f, 0.50f}, kHigh{0.86f, 0.87f, 0.88f}, kBorder{0.31f, 0.34f, 0.39f};
+constexpr Rgb kLowColour{0.36f, 0.42f, 0.50f}, kHighColour{0.86f, 0.87f, 0.88f},
+    kBorderColour{0.31f, 0.34f, 0.39f};
 
-std::uint8_t byte(float value) {
+std::uint8_t to_byte(float value) {
   return static_cast<std::uint8_t>(std::clamp(value, 0.0f, 1.0f) * 255.0f + 0.5f);
 }
 
 // How much a wall of that height, in pins' widths, hides of the sky from a point at its foot: 0 … 1.
-float hidden_by(float wall) { return wall <= 0.0f ? 0.0f : wall / std::sqrt(1.0f + wall * wall); }
+float sky_occlusion(float wall) { return wall <= 0.0f ? 0.0f : wall / std::sqrt(1.0f + wall * wall); }
 
 }  // namespace
 
@@ -31,8 +33,8 @@ double ground_height(const scene::SurfaceSpec& surface) {
 PinShading::PinShading(const scene::SurfaceSpec& surface)
     : surface_(surface),
       base_(static_cast<float>(ground_height(surface))),
-      tints_(tints()),
-      sky_(surface.cell_count()),
+      colour_tables_(make_colour_tables()),
+      sky_visibility_(surface.cell_count()),
       pins_(surface.cell_count()) {}
 
 float PinShading::height_at(const scene::Snapshot& snapshot, int row, int column) const {
@@ -41,33 +43,34 @@ float PinShading::height_at(const scene::Snapshot& snapshot, int row, int column
                   snapshot.height[surface_.index(row, column)]);  // an empty cell is a hole to the ground
 }
 
-PinShading::Corners PinShading::sky_of(const scene::Snapshot& snapshot, int row, int column) const {
+PinShading::CornerValues PinShading::sky_visibility(const scene::Snapshot& snapshot, int row,
+                                                    int column) const {
   const float own = height_at(snapshot, row, column);
   const float scale = 1.0f / static_cast<float>(surface_.pitch);
   const auto wall = [&](int dr, int dc) {
-    return hidden_by((height_at(snapshot, row + dr, column + dc) - own) * scale);
+    return sky_occlusion((height_at(snapshot, row + dr, column + dc) - own) * scale);
   };
   const float west = wall(0, -1), east = wall(0, 1), south = wall(1, 0), north = wall(-1, 0);
   const auto corner = [](float side_a, float side_b, float diagonal) {
-    return 1.0f - kCorner * (side_a + side_b + std::max(diagonal, std::min(side_a, side_b))) / 3.0f;
+    return 1.0f - kCornerOcclusion * (side_a + side_b + std::max(diagonal, std::min(side_a, side_b))) / 3.0f;
   };
   return {corner(south, west, wall(1, -1)), corner(south, east, wall(1, 1)),
           corner(north, west, wall(-1, -1)), corner(north, east, wall(-1, 1))};
 }
 
-void PinShading::darken_under(const scene::Snapshot& snapshot, const std::array<float, 3>& centre,
-                              float radius) {
-  const float pitch = static_cast<float>(surface_.pitch), reach = kReach * radius + pitch;
-  const auto cell = [pitch](float metres) { return metres / pitch; };
+void PinShading::apply_object_occlusion(const scene::Snapshot& snapshot, const std::array<float, 3>& centre,
+                                        float radius) {
+  const float pitch = static_cast<float>(surface_.pitch), range = kOcclusionRange * radius + pitch;
+  const auto cell = [pitch](float length) { return length / pitch; };
   const float south_row = static_cast<float>(surface_.rows - 1);
   const float limit = 2.0f * static_cast<float>(std::max(surface_.rows, surface_.columns));
   if (!(std::abs(cell(centre[0])) < limit) || !(std::abs(cell(centre[1])) < limit)) return;
-  const int first_column = std::max(0, static_cast<int>(std::ceil(cell(centre[0] - reach))));
+  const int first_column = std::max(0, static_cast<int>(std::ceil(cell(centre[0] - range))));
   const int last_column =
-      std::min(surface_.columns - 1, static_cast<int>(std::floor(cell(centre[0] + reach))));
-  const int first_row = std::max(0, static_cast<int>(std::ceil(south_row - cell(centre[1] + reach))));
+      std::min(surface_.columns - 1, static_cast<int>(std::floor(cell(centre[0] + range))));
+  const int first_row = std::max(0, static_cast<int>(std::ceil(south_row - cell(centre[1] + range))));
   const int last_row =
-      std::min(surface_.rows - 1, static_cast<int>(std::floor(south_row - cell(centre[1] - reach))));
+      std::min(surface_.rows - 1, static_cast<int>(std::floor(south_row - cell(centre[1] - range))));
   const float half_x = static_cast<float>(surface_.pin.top_x) / 2.0f;
   const float half_y = static_cast<float>(surface_.pin.top_y) / 2.0f;
   for (int row = first_row; row <= last_row; ++row)
@@ -81,42 +84,45 @@ void PinShading::darken_under(const scene::Snapshot& snapshot, const std::array<
             (south_row - static_cast<float>(row)) * pitch + ((corner & 2) ? half_y : -half_y) - centre[1];
         // A sphere's share of the sky, weighed by the cosine: (r/d)²·cos θ.
         const float d2 = std::max(dx * dx + dy * dy + dz * dz, radius * radius);
-        sky_[index][corner] *= 1.0f - kOverhead * radius * radius * dz / (d2 * std::sqrt(d2));
+        sky_visibility_[index][corner] *=
+            1.0f - kObjectOcclusion * radius * radius * dz / (d2 * std::sqrt(d2));
       }
     }
 }
 
-PinShading::Tints PinShading::tints() {
-  Tints t;
+PinShading::ColourTables PinShading::make_colour_tables() {
+  ColourTables t;
   const auto bytes = [](const Rgb& screen) {
     const Rgb light = linear_light(screen);
-    return Bytes{byte(light[0]), byte(light[1]), byte(light[2]), 0};
+    return Rgba8{to_byte(light[0]), to_byte(light[1]), to_byte(light[2]), 0};
   };
   for (int i = 0; i < 256; ++i) {
     const float share = static_cast<float>(i) / 255.0f;
     Rgb screen;
     // The travel that programs use is often a part of the pin's range: the square root brightens it early.
-    for (int c = 0; c < 3; ++c) screen[c] = kLow[c] + (kHigh[c] - kLow[c]) * std::sqrt(share);
+    for (int c = 0; c < 3; ++c)
+      screen[c] = kLowColour[c] + (kHighColour[c] - kLowColour[c]) * std::sqrt(share);
     t.height[i] = bytes(screen);
     for (const Palette palette : kPalettes)
-      t.value[static_cast<std::size_t>(palette)][i] = bytes(common::palette_color(palette, share));
+      t.channel[static_cast<std::size_t>(palette)][i] = bytes(common::palette_color(palette, share));
   }
-  t.border = bytes(kBorder);
-  t.unknown = bytes(kNanColour);
+  t.border = bytes(kBorderColour);
+  t.no_value = bytes(kNanColour);
   return t;
 }
 
-PinShading::Bytes PinShading::colour_of(const scene::Snapshot& snapshot, const DrawOptions& options, int row,
-                                        int column) const {
+PinShading::Rgba8 PinShading::pin_colour(const scene::Snapshot& snapshot, const DrawOptions& options, int row,
+                                         int column) const {
   const int index = surface_.index(row, column);
-  if (surface_.border_height && surface_.is_border(row, column)) return tints_.border;
+  if (surface_.border_height && surface_.is_border(row, column)) return colour_tables_.border;
   if (!options.cell_values.empty()) {
     const float t = (options.cell_values[index] - options.low) / (options.high - options.low);
-    return std::isnan(t) ? tints_.unknown : tints_.value[static_cast<std::size_t>(options.palette)][byte(t)];
+    return std::isnan(t) ? colour_tables_.no_value
+                         : colour_tables_.channel[static_cast<std::size_t>(options.palette)][to_byte(t)];
   }
   const float low = static_cast<float>(surface_.pin.min_height);
   const float range = static_cast<float>(surface_.pin.max_height) - low;
-  return tints_.height[range > 0.0f ? byte((snapshot.height[index] - low) / range) : 255];
+  return colour_tables_.height[range > 0.0f ? to_byte((snapshot.height[index] - low) / range) : 255];
 }
 
 std::span<const PinInstance> PinShading::update(const scene::Snapshot& snapshot,
@@ -125,11 +131,11 @@ std::span<const PinInstance> PinShading::update(const scene::Snapshot& snapshot,
                                                 std::span<const float> recess) {
   for (int row = 0; row < surface_.rows; ++row)
     for (int column = 0; column < surface_.columns; ++column)
-      sky_[surface_.index(row, column)] = sky_of(snapshot, row, column);
-  if (options.style == Style::kSolid)
+      sky_visibility_[surface_.index(row, column)] = sky_visibility(snapshot, row, column);
+  if (options.fill_mode == FillMode::kSolid)
     for (std::size_t i = 0; i < snapshot.object_count(); ++i)
-      darken_under(snapshot, snapshot.position[i],
-                   static_cast<float>(catalogue[snapshot.id[i]].half_extents().minCoeff()));
+      apply_object_occlusion(snapshot, snapshot.position[i],
+                             static_cast<float>(catalogue[snapshot.id[i]].half_extents().minCoeff()));
   const auto drawn_height = [&](int row, int column) {
     const bool inside = row >= 0 && column >= 0 && row < surface_.rows && column < surface_.columns;
     const float lower =
@@ -144,23 +150,23 @@ std::span<const PinInstance> PinShading::update(const scene::Snapshot& snapshot,
       if (!std::isfinite(snapshot.height[surface_.index(row, column)])) continue;
       PinInstance& pin = pins_[next++];
       const Eigen::Vector2f centre = surface_.centre(row, column).cast<float>();
-      const auto place = static_cast<std::size_t>(surface_.index(row, column));
+      const auto cell = static_cast<std::size_t>(surface_.index(row, column));
       const float angle =
-          surface_.cell_poses.empty() ? 0.0f : static_cast<float>(surface_.cell_poses[place].angle);
-      pin.place = {centre.x(), centre.y()};
-      pin.turn = {std::cos(angle), std::sin(angle)};
+          surface_.cell_poses.empty() ? 0.0f : static_cast<float>(surface_.cell_poses[cell].angle);
+      pin.position = {centre.x(), centre.y()};
+      pin.rotation = {std::cos(angle), std::sin(angle)};
       pin.height = drawn_height(row, column);
-      pin.colour = colour_of(snapshot, options, row, column);
+      pin.colour = pin_colour(snapshot, options, row, column);
       pin.colour[3] = surface_.is_border(row, column) ? 255 : 0;
       for (int corner = 0; corner < 4; ++corner)
-        pin.corner_sky[corner] = byte(sky_[surface_.index(row, column)][corner]);
+        pin.corner_sky_visibility[corner] = to_byte(sky_visibility_[surface_.index(row, column)][corner]);
       pin.neighbour = {drawn_height(row, column - 1), drawn_height(row, column + 1),
                        drawn_height(row + 1, column), drawn_height(row - 1, column)};
     }
   return std::span<const PinInstance>(pins_).first(next);
 }
 
-float PinShading::rim_height(const scene::Snapshot& snapshot, float x, float y, float reach) const {
+float PinShading::mean_height_around(const scene::Snapshot& snapshot, float x, float y, float radius) const {
   static constexpr float kDiagonal = 0.70710678f;
   static constexpr float kRing[8][2] = {{1, 0},  {kDiagonal, kDiagonal},   {0, 1},  {-kDiagonal, kDiagonal},
                                         {-1, 0}, {-kDiagonal, -kDiagonal}, {0, -1}, {kDiagonal, -kDiagonal}};
@@ -169,9 +175,9 @@ float PinShading::rim_height(const scene::Snapshot& snapshot, float x, float y, 
   if (!(std::abs(x / pitch) < limit) || !(std::abs(y / pitch) < limit)) return base_;
   float sum = 0.0f;
   for (const auto& direction : kRing) {
-    const int column = static_cast<int>(std::floor((x + direction[0] * reach) / pitch + 0.5f));
+    const int column = static_cast<int>(std::floor((x + direction[0] * radius) / pitch + 0.5f));
     const int row =
-        surface_.rows - 1 - static_cast<int>(std::floor((y + direction[1] * reach) / pitch + 0.5f));
+        surface_.rows - 1 - static_cast<int>(std::floor((y + direction[1] * radius) / pitch + 0.5f));
     sum += height_at(snapshot, row, column);
   }
   return sum / 8.0f;

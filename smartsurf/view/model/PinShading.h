@@ -18,13 +18,13 @@ namespace smartsurf::view {
 
 // Three groups of 16 bytes, as the shader fetches them.
 struct PinInstance {
-  std::array<float, 2> place;          // centre, u
-  std::array<float, 2> turn;           // cosine and sine of the turn about z
+  std::array<float, 2> position;       // centre, u
+  std::array<float, 2> rotation;       // cosine and sine of the turn about z
   std::array<float, 4> neighbour;      // z of the tops of the pins to the west, east, south, north, u
   std::array<std::uint8_t, 4> colour;  // linear light, 255 = 1; [3]: 255 in the outermost ring, else 0
   std::array<std::uint8_t, 4>
-      corner_sky;  // share of the sky that the top's corners SW, SE, NW, NE see; 255 = all
-  float height;    // z of the top, u
+      corner_sky_visibility;  // share of the sky that the top's corners SW, SE, NW, NE see; 255 = all
+  float height;               // z of the top, u
   std::uint32_t unused = 0;
 };
 
@@ -42,27 +42,28 @@ class PinShading {
 
   // Mean height of the pins around an object that reaches that far from its centre; the table's base beside
   // it.
-  float rim_height(const scene::Snapshot& snapshot, float x, float y, float reach) const;
+  float mean_height_around(const scene::Snapshot& snapshot, float x, float y, float radius) const;
 
  private:
-  using Corners = std::array<float, 4>;
-  using Bytes = std::array<std::uint8_t, 4>;
-  struct Tints {
-    std::array<Bytes, 256> height;  // from the lowest to the highest
-    std::array<std::array<Bytes, 256>, common::kPaletteCount> value;
-    Bytes border, unknown;
+  using CornerValues = std::array<float, 4>;
+  using Rgba8 = std::array<std::uint8_t, 4>;
+  struct ColourTables {
+    std::array<Rgba8, 256> height;  // from the lowest to the highest
+    std::array<std::array<Rgba8, 256>, common::kPaletteCount> channel;
+    Rgba8 border, no_value;
   };
-  static Tints tints();
+  static ColourTables make_colour_tables();
 
   float height_at(const scene::Snapshot& snapshot, int row, int column) const;
-  Corners sky_of(const scene::Snapshot& snapshot, int row, int column) const;
-  void darken_under(const scene::Snapshot& snapshot, const std::array<float, 3>& centre, float radius);
-  Bytes colour_of(const scene::Snapshot& snapshot, const DrawOptions& options, int row, int column) const;
+  CornerValues sky_visibility(const scene::Snapshot& snapshot, int row, int column) const;
+  void apply_object_occlusion(const scene::Snapshot& snapshot, const std::array<float, 3>& centre,
+                              float radius);
+  Rgba8 pin_colour(const scene::Snapshot& snapshot, const DrawOptions& options, int row, int column) const;
 
   scene::SurfaceSpec surface_;
   float base_;  // z of the table, u
-  Tints tints_;
-  std::vector<Corners> sky_;  // rows × columns, row-major, row 0 north
+  ColourTables colour_tables_;
+  std::vector<CornerValues> sky_visibility_;  // rows × columns, row-major, row 0 north
   std::vector<PinInstance> pins_;
 };
 

@@ -18,17 +18,17 @@ class PlotHistory {
 
   // One sample of the thing at this moment, at most one a tick. Another thing than before, or an earlier
   // moment, begins anew.
-  void add(const Thing& thing, const scene::SurfaceSpec& surface, const FrameInput& moment);
-  const std::vector<Series>& traces() const { return traces_; }
+  void add(const SceneItem& item, const scene::SurfaceSpec& surface, const FrameInput& input);
+  const std::vector<Series>& series() const { return series_; }
   double span_s() const { return times_.empty() ? 0.0 : times_.back() - times_.front(); }
 
  private:
-  void sample(const char* name, const char* unit, float value);
+  void add_sample(const char* name, const char* unit, float value);
 
-  Thing thing_;
-  std::vector<Series> traces_;
+  SceneItem item_;
+  std::vector<Series> series_;
   std::vector<double> times_;
-  std::size_t next_trace_ = 0;
+  std::size_t next_series_ = 0;
 };
 
 }  // namespace smartsurf::view

@@ -12,20 +12,20 @@ namespace smartsurf::view {
 class Trails {
  public:
   // pitch: of the surface; moves much shorter than that are not kept.
-  explicit Trails(double pitch) : least_step_(0.15F * static_cast<float>(pitch)) {}
+  explicit Trails(double pitch) : min_step_(0.15F * static_cast<float>(pitch)) {}
 
   // In the order of time; an earlier moment than the last, or one long after it, begins anew.
-  void add(const FrameInput& moment, double length_s);
+  void add(const FrameInput& input, double length_s);
   void clear();
   // Appends the trails in their objects' colours, fading with age.
   void append_lines(const std::vector<scene::ObjectSpec>& catalogue, std::vector<Line>& lines) const;
 
  private:
   struct Point {
-    std::array<float, 3> at;
+    std::array<float, 3> position;
     double time_s;
   };
-  float least_step_;
+  float min_step_;
   double now_s_ = 0.0, length_s_ = 0.0;
   std::vector<std::deque<Point>> points_;  // index = object id, oldest first
 };

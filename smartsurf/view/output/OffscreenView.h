@@ -18,25 +18,25 @@
 namespace smartsurf::view {
 
 // kPicture: the finest there is, about a second a picture without a graphics card. kVideo: a tenth of that.
-enum class Detail { kPicture, kVideo };
+enum class Detail { kStill, kVideo };
 
 class OffscreenView {
  public:
   // Throws scene::InputError, one line, in a build without the view: asked before a run, so that it fails at
   // once.
-  static void require_view();
+  static void require_available();
 
   // Throws std::runtime_error, one line that names the packages, when this machine has no OpenGL 3.3.
-  explicit OffscreenView(const scene::SceneSpec& spec, Detail detail = Detail::kPicture);
+  explicit OffscreenView(const scene::SceneSpec& spec, Detail detail = Detail::kStill);
   ~OffscreenView();
 
   // catalogue: every object ever made, index = object id. width, height: 1 to 8192 pixels; beyond that, or
   // where the driver draws no picture so large, throws scene::InputError.
-  common::Image draw(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
-                     const Camera& camera, const DrawOptions& options, int width, int height);
+  common::Image render(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
+                       const Camera& camera, const DrawOptions& options, int width, int height);
 
   // The driver's name for itself, for logs.
-  std::string driver() const;
+  std::string driver_name() const;
 
  private:
   struct State;

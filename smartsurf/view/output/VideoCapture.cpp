@@ -6,7 +6,7 @@ namespace smartsurf::view {
 namespace {
 
 constexpr int kFramesPerSecond = 30;
-constexpr double kLongestStill_s = 1.0;  // a jump in time is not filled up with stills
+constexpr double kMaxGap_s = 1.0;  // a jump in time is not filled up with stills
 
 }  // namespace
 
@@ -14,18 +14,18 @@ VideoCapture::VideoCapture(const std::string& file, int width, int height, doubl
     : file_(file),
       width_(width & ~1),
       height_(height & ~1),
-      next_s_(time_s),
-      writer_(file, width_, height_, kFramesPerSecond) {}
+      next_frame_s_(time_s),
+      encoder_(file, width_, height_, kFramesPerSecond) {}
 
 void VideoCapture::add(const common::Image& image, double time_s) {
   if (image.width < width_ || image.height < height_) return;
-  common::Image cut{width_, height_, {}};
-  cut.rgb.reserve(static_cast<std::size_t>(width_) * height_ * 3);
+  common::Image cropped{width_, height_, {}};
+  cropped.rgb.reserve(static_cast<std::size_t>(width_) * height_ * 3);
   for (int y = 0; y < height_; ++y)
-    cut.rgb.insert(cut.rgb.end(), image.pixel(0, y),
-                   image.pixel(0, y) + 3 * static_cast<std::ptrdiff_t>(width_));
-  if (time_s > next_s_ + kLongestStill_s) next_s_ = time_s;
-  for (; due(time_s); next_s_ += 1.0 / kFramesPerSecond) writer_.add(cut);
+    cropped.rgb.insert(cropped.rgb.end(), image.pixel(0, y),
+                       image.pixel(0, y) + 3 * static_cast<std::ptrdiff_t>(width_));
+  if (time_s > next_frame_s_ + kMaxGap_s) next_frame_s_ = time_s;
+  for (; frame_due(time_s); next_frame_s_ += 1.0 / kFramesPerSecond) encoder_.add(cropped);
 }
 
 }  // namespace smartsurf::view

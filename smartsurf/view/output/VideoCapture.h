@@ -16,16 +16,16 @@ class VideoCapture {
 
   const std::string& file() const { return file_; }
   // Whether a picture is due at that time; one that is due must be added.
-  bool due(double time_s) const { return time_s >= next_s_ - 1e-6; }
+  bool frame_due(double time_s) const { return time_s >= next_frame_s_ - 1e-6; }
   // A picture of the same size, or any other once the window was resized: then it is left out.
   void add(const common::Image& image, double time_s);
-  void finish() { writer_.finish(); }
+  void finish() { encoder_.finish(); }
 
  private:
   std::string file_;
   int width_, height_;
-  double next_s_;
-  common::VideoEncoder writer_;
+  double next_frame_s_;
+  common::VideoEncoder encoder_;
 };
 
 }  // namespace smartsurf::view

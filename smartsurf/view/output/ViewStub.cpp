@@ -7,40 +7,40 @@
 namespace smartsurf::view {
 namespace {
 
-[[noreturn]] void left_out() {
+[[noreturn]] void throw_not_built() {
   throw scene::InputError("this program was built without the view: configure with -DSMARTSURF_VIEW=ON");
 }
 
 }  // namespace
 
 struct OffscreenView::State {};
-void OffscreenView::require_view() { left_out(); }
-OffscreenView::OffscreenView(const scene::SceneSpec&, Detail) { left_out(); }
+void OffscreenView::require_available() { throw_not_built(); }
+OffscreenView::OffscreenView(const scene::SceneSpec&, Detail) { throw_not_built(); }
 OffscreenView::~OffscreenView() = default;
-common::Image OffscreenView::draw(const scene::Snapshot&, const std::vector<scene::ObjectSpec>&,
-                                  const Camera&, const DrawOptions&, int, int) {
-  left_out();
+common::Image OffscreenView::render(const scene::Snapshot&, const std::vector<scene::ObjectSpec>&,
+                                    const Camera&, const DrawOptions&, int, int) {
+  throw_not_built();
 }
-std::string OffscreenView::driver() const { left_out(); }
+std::string OffscreenView::driver_name() const { throw_not_built(); }
 
 common::Image render_image(const scene::SceneSpec&, const scene::Snapshot&,
                            const std::vector<scene::ObjectSpec>&, const Camera&, const DrawOptions&, int,
                            int) {
-  left_out();
+  throw_not_built();
 }
 
 struct Window::State {};
 bool Window::display_available() { return false; }
-Window::Window(const scene::SceneSpec&, const std::string&, int, int, Place) { left_out(); }
+Window::Window(const scene::SceneSpec&, const std::string&, int, int, WindowPlacement) { throw_not_built(); }
 Window::~Window() = default;
-Commands Window::frame(const Moment&, const Status&) { left_out(); }
-Commands Window::poll(const Status&) { left_out(); }
-common::Image Window::picture(const Moment&, int, int) { left_out(); }
-common::Image Window::show(const Moment&, const Status&) { left_out(); }
-bool Window::stirred() const { left_out(); }
-bool Window::wants_contacts() const { left_out(); }
-void Window::press(Key) { left_out(); }
-void Window::point(const PointerEvent&) { left_out(); }
-void Window::set_scene(const scene::SceneSpec&) { left_out(); }
+Commands Window::render_frame(const FrameInput&, const Status&) { throw_not_built(); }
+Commands Window::poll(const Status&) { throw_not_built(); }
+common::Image Window::capture_scene(const FrameInput&, int, int) { throw_not_built(); }
+common::Image Window::capture_frame(const FrameInput&, const Status&) { throw_not_built(); }
+bool Window::needs_redraw() const { throw_not_built(); }
+bool Window::wants_contacts() const { throw_not_built(); }
+void Window::perform(UiAction) { throw_not_built(); }
+void Window::add_pointer_event(const PointerEvent&) { throw_not_built(); }
+void Window::set_scene(const scene::SceneSpec&) { throw_not_built(); }
 
 }  // namespace smartsurf::view

@@ -1,5 +1,5 @@
 // The panels beside the scene, in Dear ImGui: what to show, tools, options, the thing that was picked, the
-// colours' legend. Internal to the room: between ImGui::NewFrame and ImGui::Render, in the window's context.
+// colours' legend. Private to the view: between ImGui::NewFrame and ImGui::Render, in the window's context.
 #pragma once
 
 #include <vector>
@@ -10,14 +10,15 @@
 namespace smartsurf::view {
 
 // Sections of the panel at the left, that open and close.
-void draw_visibility_section(const FrameInput& moment, const Status& status, Controls& controls);
+void draw_visibility_section(const FrameInput& input, const Status& status, Controls& controls);
 void draw_tools_section(const Status& status, Controls& controls);
 // changed values take effect with the reset that the section's button asks for.
 void draw_options_section(const Status& status, std::vector<OptionEdit>& edits, Controls& controls);
 
 // At the right: the state of the picked thing and its recent past.
-void draw_inspect_panel(const FrameInput& moment, const PlotHistory& watch, Controls& controls, float scale);
+void draw_inspector_panel(const FrameInput& input, const PlotHistory& history, Controls& controls,
+                          float scale);
 // Above the timeline at the right.
-void draw_legend(const HeatScale& heat, float bottom, float scale);
+void draw_legend(const ColourScale& colour_scale, float bottom, float scale);
 
 }  // namespace smartsurf::view

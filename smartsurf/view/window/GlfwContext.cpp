@@ -18,32 +18,32 @@ namespace smartsurf::view {
 namespace {
 
 // In screen coordinates.
-struct Area {
+struct WindowRect {
   int x = 0, y = 0, width = 1280, height = 720;
 };
 
 // Of the screen's width, from the left, when another program's window has the rest.
-constexpr double kLeftShare = 0.42;
+constexpr double kLeftWidthFraction = 0.42;
 
-Area left_part() {
-  Area area;
+WindowRect left_screen_area() {
+  WindowRect area;
   if (GLFWmonitor* monitor = glfwGetPrimaryMonitor())
     glfwGetMonitorWorkarea(monitor, &area.x, &area.y, &area.width, &area.height);
-  area.width = static_cast<int>(area.width * kLeftShare);
+  area.width = static_cast<int>(area.width * kLeftWidthFraction);
   return area;
 }
 
 }  // namespace
 
-GlfwContext::GlfwContext(const std::string& title, int width, int height, Place place) {
+GlfwContext::GlfwContext(const std::string& title, int width, int height, WindowPlacement placement) {
   if (!glfwInit())
     throw std::runtime_error("no display to open a window on: set DISPLAY, or run with --headless");
   glfwWindowHint(GLFW_CONTEXT_VERSION_MAJOR, 3);
   glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 3);
   glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
-  glfwWindowHint(GLFW_SCALE_TO_MONITOR, place == Place::kAnywhere ? GLFW_TRUE : GLFW_FALSE);
-  const Area left = left_part();
-  if (place == Place::kLeft) {
+  glfwWindowHint(GLFW_SCALE_TO_MONITOR, placement == WindowPlacement::kDefault ? GLFW_TRUE : GLFW_FALSE);
+  const WindowRect left = left_screen_area();
+  if (placement == WindowPlacement::kLeft) {
     width = left.width;
     height = left.height;
   }
@@ -54,7 +54,7 @@ GlfwContext::GlfwContext(const std::string& title, int width, int height, Place 
         "the display offers no OpenGL 3.3: install the packages libgl1-mesa-dri libegl1, or run with "
         "--headless");
   }
-  if (place == Place::kLeft) glfwSetWindowPos(window_, left.x, left.y);
+  if (placement == WindowPlacement::kLeft) glfwSetWindowPos(window_, left.x, left.y);
   glfwMakeContextCurrent(window_);
   detect_display_loss();
   glfwSwapInterval(0);  // the simulation must never wait for the display
@@ -73,23 +73,23 @@ float GlfwContext::content_scale() const {
 
 bool GlfwContext::minimised() const { return glfwGetWindowAttrib(window_, GLFW_ICONIFIED) == GLFW_TRUE; }
 
-Current::Current(GLFWwindow* window) { glfwMakeContextCurrent(window); }
-Current::~Current() { glfwMakeContextCurrent(nullptr); }
+ScopedGlContext::ScopedGlContext(GLFWwindow* window) { glfwMakeContextCurrent(window); }
+ScopedGlContext::~ScopedGlContext() { glfwMakeContextCurrent(nullptr); }
 
-Gui::Gui(GLFWwindow* window, float scale) {
+ImGuiBackend::ImGuiBackend(GLFWwindow* window, float scale) {
   ImGui::CreateContext();
-  set_up_hud(scale);
+  setup_imgui_style(scale);
   ImGui_ImplGlfw_InitForOpenGL(window, true);
   ImGui_ImplOpenGL3_Init("#version 330 core");
 }
 
-Gui::~Gui() {
+ImGuiBackend::~ImGuiBackend() {
   ImGui_ImplOpenGL3_Shutdown();
   ImGui_ImplGlfw_Shutdown();
   ImGui::DestroyContext();
 }
 
-bool drawn_in_software() {
+bool is_software_renderer() {
   const std::string_view driver = reinterpret_cast<const char*>(glGetString(GL_RENDERER));
   return driver.find("llvmpipe") != driver.npos || driver.find("softpipe") != driver.npos ||
          driver.find("SWR") != driver.npos;

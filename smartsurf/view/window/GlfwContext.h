@@ -1,5 +1,5 @@
 // The window of the window system, its OpenGL context and Dear ImGui in it: opened in order, undone in
-// reverse. Internal to the room; main thread only.
+// reverse. Private to the view; main thread only.
 #pragma once
 
 #include <string>
@@ -15,7 +15,7 @@ class GlfwContext {
  public:
   // Throws std::runtime_error, one line, when there is no display or no OpenGL 3.3. The context is left
   // current.
-  GlfwContext(const std::string& title, int width, int height, Place place);
+  GlfwContext(const std::string& title, int width, int height, WindowPlacement placement);
   ~GlfwContext();
   GlfwContext(const GlfwContext&) = delete;
   GlfwContext& operator=(const GlfwContext&) = delete;
@@ -29,24 +29,24 @@ class GlfwContext {
 };
 
 // The window's context is current only while it is needed: EGL refuses to make another one current beside it.
-class Current {
+class ScopedGlContext {
  public:
-  explicit Current(GLFWwindow* window);
-  ~Current();
-  Current(const Current&) = delete;
-  Current& operator=(const Current&) = delete;
+  explicit ScopedGlContext(GLFWwindow* window);
+  ~ScopedGlContext();
+  ScopedGlContext(const ScopedGlContext&) = delete;
+  ScopedGlContext& operator=(const ScopedGlContext&) = delete;
 };
 
 // Dear ImGui in that window. Callbacks that are to come before its own must be set before.
-class Gui {
+class ImGuiBackend {
  public:
-  Gui(GLFWwindow* window, float scale);
-  ~Gui();
-  Gui(const Gui&) = delete;
-  Gui& operator=(const Gui&) = delete;
+  ImGuiBackend(GLFWwindow* window, float scale);
+  ~ImGuiBackend();
+  ImGuiBackend(const ImGuiBackend&) = delete;
+  ImGuiBackend& operator=(const ImGuiBackend&) = delete;
 };
 
 // Whether the context that is current draws on the processor.
-bool drawn_in_software();
+bool is_software_renderer();
 
 }  // namespace smartsurf::view

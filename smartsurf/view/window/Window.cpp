@@ -18,13 +18,13 @@
 #include "common/image/Png.h"
 #include "smartsurf/view/gl/GlObjects.h"
 #include "smartsurf/view/gl/Renderer.h"
-#include "smartsurf/view/model/Overlay.h"
+#include "smartsurf/view/interaction/Overlay.h"
 #include "smartsurf/view/output/VideoCapture.h"
 #include "smartsurf/view/panels/Hud.h"
 #include "smartsurf/view/window/AdaptiveResolution.h"
 #include "smartsurf/view/window/DisplayLoss.h"
 #include "smartsurf/view/window/GlfwContext.h"
-#include "smartsurf/view/window/WindowKeys.h"
+#include "smartsurf/view/window/KeyBindings.h"
 
 namespace smartsurf::view {
 namespace {
@@ -38,263 +38,267 @@ double milliseconds_since(Clock::time_point start) {
 }  // namespace
 
 struct Window::State {
-  State(const scene::SceneSpec& s, const std::string& title, int window_width, int window_height, Place place)
+  State(const scene::SceneSpec& s, const std::string& title, int window_width, int window_height,
+        WindowPlacement placement)
       : spec(s),
-        desktop(title, window_width, window_height, place),
+        glfw(title, window_width, window_height, placement),
         controls(s.surface),
         overlay(s.surface),
-        scale(desktop.content_scale()),
-        gui(listen(), scale),
-        in_software(drawn_in_software()),
-        quality(in_software ? Quality::fast() : Quality::card()),
+        ui_scale(glfw.content_scale()),
+        imgui(install_callbacks(), ui_scale),
+        software_rendering(is_software_renderer()),
+        quality(software_rendering ? RenderQuality::fast() : RenderQuality::gpu()),
         renderer(std::make_unique<Renderer>(s, quality)) {
-    glfwGetFramebufferSize(desktop.window(), &width, &height);
+    glfwGetFramebufferSize(glfw.window(), &width, &height);
     if (width > 0 && height > 0) controls.resize(static_cast<double>(width) / height);
-    hud.edits = edits_of(spec.options);
+    hud.option_edits = make_option_edits(spec.options);
     glfwMakeContextCurrent(nullptr);
   }
 
-  GLFWwindow* listen();  // before ImGui does, which then passes events on
-  void note_pointer(PointerEvent event, int mods);
+  GLFWwindow* install_callbacks();  // before ImGui does, which then passes events on
+  void queue_pointer_event(PointerEvent event, int mods);
   void set_scene(const scene::SceneSpec& s);
-  Commands take_screenshot();
+  Commands take_commands();
   // False when there is nothing to draw on. copy: where to keep what is shown, or null.
-  bool show(const FrameInput& moment, const Status& new_status, common::Image* copy);
-  bool stands_still() const;
-  void draw_scene(const FrameInput& moment);
-  void handle_pointer(const FrameInput& moment);
-  DrawOptions options(const FrameInput& moment, bool marks);
-  void draw_panels(const FrameInput& moment);
-  std::string file_name(const FrameInput& moment, const char* ending) const;
-  void write_picture(const FrameInput& moment, Commands& commands);
-  void video(const FrameInput& moment);
-  void toggle_video(const FrameInput& moment);
-  common::Image fine_picture(const FrameInput& moment, const DrawOptions& shown, int picture_width,
-                             int picture_height);
+  bool render_frame(const FrameInput& input, const Status& new_status, common::Image* copy);
+  bool needs_full_resolution() const;
+  void draw_scene(const FrameInput& input);
+  void handle_pointer(const FrameInput& input);
+  DrawOptions make_draw_options(const FrameInput& input, bool show_selection);
+  void draw_panels(const FrameInput& input);
+  std::string output_file_name(const FrameInput& input, const char* extension) const;
+  void save_screenshot(const FrameInput& input, Commands& commands);
+  void record_video_frame(const FrameInput& input);
+  void toggle_video(const FrameInput& input);
+  common::Image render_still(const FrameInput& input, const DrawOptions& shown, int image_width,
+                             int image_height);
 
   scene::SceneSpec spec;
-  GlfwContext desktop;
+  GlfwContext glfw;
   Controls controls;
   Overlay overlay;
   Status status;
   HudState hud;
-  std::vector<PointerEvent> pointer;  // not yet taken in
+  std::vector<PointerEvent> pointer_events;  // not yet taken in
   double pointer_x = 0.0, pointer_y = 0.0;
-  bool stirred = true;  // by the user or the window system, since the last frame
-  Clock::time_point shown_at = Clock::now();
+  bool needs_redraw = true;  // by the user or the window system, since the last frame
+  Clock::time_point last_frame_at = Clock::now();
   int width = 0, height = 0;  // of the framebuffer, pixels
-  float scale;
-  Gui gui;
-  bool in_software;
-  Quality quality;
-  AdaptiveResolution sharpness;
-  Canvas coarse;  // where the scene is drawn with fewer pixels than are shown
+  float ui_scale;
+  ImGuiBackend imgui;
+  bool software_rendering;
+  RenderQuality quality;
+  AdaptiveResolution resolution;
+  RenderTarget low_res_target;  // where the scene is drawn with fewer pixels than are shown
   std::unique_ptr<Renderer> renderer;
-  std::unique_ptr<Renderer> fine_renderer;  // made when the first picture is asked for
-  std::unique_ptr<VideoCapture> film_of_window;
+  std::unique_ptr<Renderer> still_renderer;  // made when the first picture is asked for
+  std::unique_ptr<VideoCapture> video_capture;
 };
 
-GLFWwindow* Window::State::listen() {
-  GLFWwindow* window = desktop.window();
+GLFWwindow* Window::State::install_callbacks() {
+  GLFWwindow* window = glfw.window();
   glfwSetWindowUserPointer(window, this);
   static constexpr auto state_of = [](GLFWwindow* w) -> State& {
     return *static_cast<State*>(glfwGetWindowUserPointer(w));
   };
-  glfwSetWindowRefreshCallback(window, [](GLFWwindow* w) { state_of(w).stirred = true; });
+  glfwSetWindowRefreshCallback(window, [](GLFWwindow* w) { state_of(w).needs_redraw = true; });
   glfwSetKeyCallback(window, [](GLFWwindow* w, int code, int, int action, int) {
-    state_of(w).stirred = true;
+    state_of(w).needs_redraw = true;
     if (ImGui::GetIO().WantTextInput) return;
-    if (const auto key = key_of_code(code, action == GLFW_REPEAT); key && action != GLFW_RELEASE)
-      state_of(w).controls.press(*key, state_of(w).status);
+    if (const auto key = action_for_key_code(code, action == GLFW_REPEAT); key && action != GLFW_RELEASE)
+      state_of(w).controls.perform(*key, state_of(w).status);
   });
   glfwSetCharCallback(window, [](GLFWwindow* w, unsigned character) {
-    state_of(w).stirred = true;
+    state_of(w).needs_redraw = true;
     if (ImGui::GetIO().WantTextInput) return;
-    if (const auto key = key_of_character(character)) state_of(w).controls.press(*key, state_of(w).status);
+    if (const auto key = action_for_character(character))
+      state_of(w).controls.perform(*key, state_of(w).status);
   });
   glfwSetCursorPosCallback(window, [](GLFWwindow* w, double x, double y) {
     state_of(w).pointer_x = x;
     state_of(w).pointer_y = y;
-    state_of(w).note_pointer({PointerEvent::Kind::kMove}, 0);
+    state_of(w).queue_pointer_event({PointerEvent::Kind::kMove}, 0);
   });
   glfwSetMouseButtonCallback(window, [](GLFWwindow* w, int button, int action, int mods) {
     const bool down = action == GLFW_PRESS;
-    if (down && over_panel(state_of(w).pointer_x, state_of(w).pointer_y)) return;
-    state_of(w).note_pointer(
+    if (down && is_over_panel(state_of(w).pointer_x, state_of(w).pointer_y)) return;
+    state_of(w).queue_pointer_event(
         {down ? PointerEvent::Kind::kPress : PointerEvent::Kind::kRelease,
          button == GLFW_MOUSE_BUTTON_LEFT ? PointerEvent::Button::kLeft : PointerEvent::Button::kOther},
         mods);
   });
   glfwSetScrollCallback(window, [](GLFWwindow* w, double, double notches) {
-    state_of(w).stirred = true;
-    if (!over_panel(state_of(w).pointer_x, state_of(w).pointer_y)) state_of(w).controls.wheel(notches);
+    state_of(w).needs_redraw = true;
+    if (!is_over_panel(state_of(w).pointer_x, state_of(w).pointer_y))
+      state_of(w).controls.handle_scroll(notches);
   });
   return window;
 }
 
-void Window::State::note_pointer(PointerEvent event, int mods) {
-  stirred = true;
+void Window::State::queue_pointer_event(PointerEvent event, int mods) {
+  needs_redraw = true;
   event.x = pointer_x;
   event.y = pointer_y;
   event.control = (mods & GLFW_MOD_CONTROL) != 0;
   event.shift = (mods & GLFW_MOD_SHIFT) != 0;
-  pointer.push_back(event);
+  pointer_events.push_back(event);
 }
 
 void Window::State::set_scene(const scene::SceneSpec& s) {
-  const Current current(desktop.window());
+  const ScopedGlContext scope(glfw.window());
   spec = s;
   controls.set_surface(s.surface);
   overlay = Overlay(s.surface);
-  hud.edits = edits_of(s.options);
-  hud.watch = {};
-  fine_renderer.reset();
+  hud.option_edits = make_option_edits(s.options);
+  hud.plot_history = {};
+  still_renderer.reset();
   renderer = std::make_unique<Renderer>(s, quality);
 }
 
-Commands Window::State::take_screenshot() {
-  if (glfwWindowShouldClose(desktop.window())) controls.press(Key::kQuit, status);
-  Commands commands = controls.take();
-  if (commands.reset && commands.options.empty()) commands.options = changes(hud.edits);
+Commands Window::State::take_commands() {
+  if (glfwWindowShouldClose(glfw.window())) controls.perform(UiAction::kQuit, status);
+  Commands commands = controls.take_commands();
+  if (commands.reset && commands.options.empty()) commands.options = changed_options(hud.option_edits);
   commands.display_lost = display_lost();
   return commands;
 }
 
-bool Window::State::show(const FrameInput& moment, const Status& new_status, common::Image* copy) {
+bool Window::State::render_frame(const FrameInput& input, const Status& new_status, common::Image* copy) {
   status = new_status;
   glfwPollEvents();
-  stirred = false;
+  needs_redraw = false;
   if (display_lost()) return false;
-  glfwGetFramebufferSize(desktop.window(), &width, &height);
-  const bool minimised = desktop.minimised();
+  glfwGetFramebufferSize(glfw.window(), &width, &height);
+  const bool minimised = glfw.minimised();
   if (display_lost() || width < 1 || height < 1 || minimised) return false;  // what a lost one says is chance
   const auto start = Clock::now();
-  const Current current(desktop.window());
-  controls.resize(static_cast<double>(width) / height, hud.covered);
-  handle_pointer(moment);
-  controls.track(moment.snapshot);
-  controls.set_channels(moment.channels);
-  if (controls.tools().selected()) hud.watch.add(*controls.tools().selected(), spec.surface, moment);
-  draw_scene(moment);
-  video(moment);
-  draw_panels(moment);
-  if (copy) *copy = read_pixels(0, width, height);
-  glfwSwapBuffers(desktop.window());
+  const ScopedGlContext scope(glfw.window());
+  controls.resize(static_cast<double>(width) / height, hud.insets);
+  handle_pointer(input);
+  controls.update_camera(input.snapshot);
+  controls.set_channels(input.channels);
+  if (controls.tools().selected()) hud.plot_history.add(*controls.tools().selected(), spec.surface, input);
+  draw_scene(input);
+  record_video_frame(input);
+  draw_panels(input);
+  if (copy) *copy = read_framebuffer(0, width, height);
+  glfwSwapBuffers(glfw.window());
   const double took_ms = milliseconds_since(start);
-  if (in_software && !stands_still()) sharpness.took(took_ms);
+  if (software_rendering && !needs_full_resolution()) resolution.record_frame_time(took_ms);
   hud.render_ms += 0.2 * (took_ms - hud.render_ms);
-  hud.interval_ms += 0.2 * (std::min(milliseconds_since(shown_at), 1000.0) - hud.interval_ms);
-  shown_at = Clock::now();
+  hud.interval_ms += 0.2 * (std::min(milliseconds_since(last_frame_at), 1000.0) - hud.interval_ms);
+  last_frame_at = Clock::now();
   return true;
 }
 
 // A held run is drawn in full, and so is what is filmed.
-bool Window::State::stands_still() const { return status.paused || film_of_window; }
+bool Window::State::needs_full_resolution() const { return status.paused || video_capture; }
 
-void Window::State::draw_scene(const FrameInput& moment) {
-  const double share = in_software && !stands_still() ? sharpness.value() : 1.0;
-  DrawOptions shown = options(moment, true);
-  if (share >= 1.0) {
-    renderer->draw(moment.snapshot, moment.catalogue, controls.camera(), shown, 0, width, height);
+void Window::State::draw_scene(const FrameInput& input) {
+  const double scale = software_rendering && !needs_full_resolution() ? resolution.scale_factor() : 1.0;
+  DrawOptions shown = make_draw_options(input, true);
+  if (scale >= 1.0) {
+    renderer->draw(input.snapshot, input.catalogue, controls.camera(), shown, 0, width, height);
     return;
   }
-  const int w = std::max(1, static_cast<int>(share * width)),
-            h = std::max(1, static_cast<int>(share * height));
-  coarse.resize(w, h);
-  shown.line_width *= static_cast<float>(share);
-  renderer->draw(moment.snapshot, moment.catalogue, controls.camera(), shown, coarse.framebuffer.id(), w, h);
-  glBindFramebuffer(GL_READ_FRAMEBUFFER, coarse.framebuffer.id());
+  const int w = std::max(1, static_cast<int>(scale * width)),
+            h = std::max(1, static_cast<int>(scale * height));
+  low_res_target.resize(w, h);
+  shown.line_width *= static_cast<float>(scale);
+  renderer->draw(input.snapshot, input.catalogue, controls.camera(), shown, low_res_target.framebuffer.id(),
+                 w, h);
+  glBindFramebuffer(GL_READ_FRAMEBUFFER, low_res_target.framebuffer.id());
   glBindFramebuffer(GL_DRAW_FRAMEBUFFER, 0);
   glBlitFramebuffer(0, 0, w, h, 0, 0, width, height, GL_COLOR_BUFFER_BIT, GL_LINEAR);
   glBindFramebuffer(GL_FRAMEBUFFER, 0);
   glViewport(0, 0, width, height);
 }
 
-void Window::State::handle_pointer(const FrameInput& moment) {
+void Window::State::handle_pointer(const FrameInput& input) {
   int window_width = 1, window_height = 1;
-  glfwGetWindowSize(desktop.window(), &window_width, &window_height);
-  for (const PointerEvent& event : std::exchange(pointer, {}))
-    controls.point(event, moment, status, window_width, window_height);
+  glfwGetWindowSize(glfw.window(), &window_width, &window_height);
+  for (const PointerEvent& event : std::exchange(pointer_events, {}))
+    controls.handle_pointer(event, input, status, window_width, window_height);
 }
 
 // marks: also the selection and the spring, which belong into no picture.
-DrawOptions Window::State::options(const FrameInput& moment, bool marks) {
+DrawOptions Window::State::make_draw_options(const FrameInput& input, bool show_selection) {
   DrawOptions options;
-  options.style = controls.style();
+  options.fill_mode = controls.fill_mode();
   options.grid = controls.grid_shown();
-  options.line_width = 2.0f * scale;
+  options.line_width = 2.0f * ui_scale;
   overlay.settings = controls.overlay();
-  overlay.apply(moment, marks ? &controls.tools() : nullptr, options);
+  overlay.apply(input, show_selection ? &controls.tools() : nullptr, options);
   return options;
 }
 
-void Window::State::draw_panels(const FrameInput& moment) {
+void Window::State::draw_panels(const FrameInput& input) {
   ImGui_ImplOpenGL3_NewFrame();
   ImGui_ImplGlfw_NewFrame();
   if (display_lost()) return;  // then the size that it read is none
   ImGui::NewFrame();
   const ImVec2 size = ImGui::GetIO().DisplaySize;
-  draw_axis_names(spec.surface, controls.camera(), size.x, size.y);
-  if (controls.labels_shown()) draw_labels(moment, controls.camera(), size.x, size.y);
-  draw_hud(moment, status, overlay.heat(), hud, controls, scale);
-  if (controls.help_shown()) draw_help(scale);
+  draw_axis_labels(spec.surface, controls.camera(), size.x, size.y);
+  if (controls.labels_shown()) draw_object_labels(input, controls.camera(), size.x, size.y);
+  draw_hud(input, status, overlay.colour_scale(), hud, controls, ui_scale);
+  if (controls.help_shown()) draw_help_overlay(ui_scale);
   ImGui::Render();
   ImGui_ImplOpenGL3_RenderDrawData(ImGui::GetDrawData());
 }
 
-void Window::State::video(const FrameInput& moment) {
-  if (!film_of_window || !film_of_window->due(moment.snapshot.time_s)) return;
+void Window::State::record_video_frame(const FrameInput& input) {
+  if (!video_capture || !video_capture->frame_due(input.snapshot.time_s)) return;
   try {
-    film_of_window->add(read_pixels(0, width, height), moment.snapshot.time_s);
+    video_capture->add(read_framebuffer(0, width, height), input.snapshot.time_s);
   } catch (const std::runtime_error& error) {
-    film_of_window.reset();
-    hud.filming = false;
+    video_capture.reset();
+    hud.recording_video = false;
     hud.message = error.what();
   }
 }
 
-void Window::State::toggle_video(const FrameInput& moment) {
+void Window::State::toggle_video(const FrameInput& input) {
   try {
-    if (const auto film = std::exchange(film_of_window, nullptr)) {
+    if (const auto film = std::exchange(video_capture, nullptr)) {
       film->finish();
       hud.message = "wrote " + film->file();
     } else {
-      film_of_window =
-          std::make_unique<VideoCapture>(file_name(moment, ".mp4"), width, height, moment.snapshot.time_s);
+      video_capture = std::make_unique<VideoCapture>(output_file_name(input, ".mp4"), width, height,
+                                                     input.snapshot.time_s);
       hud.message.clear();
     }
   } catch (const std::runtime_error& error) {
     hud.message = error.what();
   }
-  hud.filming = film_of_window != nullptr;
+  hud.recording_video = video_capture != nullptr;
 }
 
-std::string Window::State::file_name(const FrameInput& moment, const char* ending) const {
+std::string Window::State::output_file_name(const FrameInput& input, const char* extension) const {
   char number[16];
-  std::snprintf(number, sizeof(number), "-%06llu", static_cast<unsigned long long>(moment.snapshot.tick));
+  std::snprintf(number, sizeof(number), "-%06llu", static_cast<unsigned long long>(input.snapshot.tick));
   std::string name = std::filesystem::path(spec.file).stem().string();
   if (name.empty()) name = "smartsurf";
-  return name + number + ending;
+  return name + number + extension;
 }
 
-common::Image Window::State::fine_picture(const FrameInput& moment, const DrawOptions& shown,
-                                          int picture_width, int picture_height) {
-  const Current current(desktop.window());
-  if (!fine_renderer) fine_renderer = std::make_unique<Renderer>(spec, Quality::fine());
-  Canvas canvas;
-  canvas.resize(picture_width, picture_height);
-  fine_renderer->draw(moment.snapshot, moment.catalogue, controls.camera(), shown, canvas.framebuffer.id(),
-                      picture_width, picture_height);
-  common::Image image = read_pixels(canvas.framebuffer.id(), picture_width, picture_height);
+common::Image Window::State::render_still(const FrameInput& input, const DrawOptions& shown, int image_width,
+                                          int image_height) {
+  const ScopedGlContext scope(glfw.window());
+  if (!still_renderer) still_renderer = std::make_unique<Renderer>(spec, RenderQuality::fine());
+  RenderTarget canvas;
+  canvas.resize(image_width, image_height);
+  still_renderer->draw(input.snapshot, input.catalogue, controls.camera(), shown, canvas.framebuffer.id(),
+                       image_width, image_height);
+  common::Image image = read_framebuffer(canvas.framebuffer.id(), image_width, image_height);
   glBindFramebuffer(GL_FRAMEBUFFER, 0);
   return image;
 }
 
-void Window::State::write_picture(const FrameInput& moment, Commands& commands) {
-  const std::string path = file_name(moment, ".png");
+void Window::State::save_screenshot(const FrameInput& input, Commands& commands) {
+  const std::string path = output_file_name(input, ".png");
   try {
-    common::write_png(path, fine_picture(moment, options(moment, false), width, height));
-    commands.screenshot = path;
+    common::write_png(path, render_still(input, make_draw_options(input, false), width, height));
+    commands.screenshot_path = path;
     hud.message = "wrote " + path;
   } catch (const std::runtime_error& error) {
     hud.message = error.what();
@@ -305,51 +309,52 @@ void Window::State::write_picture(const FrameInput& moment, Commands& commands) 
 // next.
 bool Window::display_available() { return glfwInit() == GLFW_TRUE; }
 
-Window::Window(const scene::SceneSpec& spec, const std::string& title, int width, int height, Place place)
-    : state_(std::make_unique<State>(spec, title, width, height, place)) {}
+Window::Window(const scene::SceneSpec& spec, const std::string& title, int width, int height,
+               WindowPlacement placement)
+    : state_(std::make_unique<State>(spec, title, width, height, placement)) {}
 
 Window::~Window() {
   // Nothing of a lost display can be given back: its driver would wait for answers that do not come.
   if (display_lost())
     static_cast<void>(state_.release());
   else
-    glfwMakeContextCurrent(state_->desktop.window());
+    glfwMakeContextCurrent(state_->glfw.window());
 }
 
 Commands Window::poll(const Status& status) {
   state_->status = status;
   glfwPollEvents();
-  return state_->take_screenshot();
+  return state_->take_commands();
 }
 
-Commands Window::frame(const FrameInput& moment, const Status& status) {
+Commands Window::render_frame(const FrameInput& input, const Status& status) {
   State& s = *state_;
-  const bool shown = s.show(moment, status, nullptr);
-  Commands commands = s.take_screenshot();
-  if (shown && s.controls.take_screenshot_request()) s.write_picture(moment, commands);
-  if (shown && s.controls.take_video_request()) s.toggle_video(moment);
+  const bool shown = s.render_frame(input, status, nullptr);
+  Commands commands = s.take_commands();
+  if (shown && s.controls.take_screenshot_request()) s.save_screenshot(input, commands);
+  if (shown && s.controls.take_video_request()) s.toggle_video(input);
   return commands;
 }
 
-common::Image Window::picture(const FrameInput& moment, int width, int height) {
-  return state_->fine_picture(moment, {}, width, height);
+common::Image Window::capture_scene(const FrameInput& input, int width, int height) {
+  return state_->render_still(input, {}, width, height);
 }
 
-common::Image Window::show(const FrameInput& moment, const Status& status) {
+common::Image Window::capture_frame(const FrameInput& input, const Status& status) {
   common::Image image;
-  state_->show(moment, status, &image);
+  state_->render_frame(input, status, &image);
   return image;
 }
 
-bool Window::stirred() const { return state_->stirred; }
-bool Window::wants_contacts() const { return state_->controls.overlay().contacts; }
-void Window::press(Key key) {
-  state_->stirred = true;
-  state_->controls.press(key, state_->status);
+bool Window::needs_redraw() const { return state_->needs_redraw; }
+bool Window::wants_contacts() const { return state_->controls.overlay().contact_forces; }
+void Window::perform(UiAction action) {
+  state_->needs_redraw = true;
+  state_->controls.perform(action, state_->status);
 }
-void Window::point(const PointerEvent& event) {
-  state_->stirred = true;
-  state_->pointer.push_back(event);
+void Window::add_pointer_event(const PointerEvent& event) {
+  state_->needs_redraw = true;
+  state_->pointer_events.push_back(event);
 }
 void Window::set_scene(const scene::SceneSpec& spec) { state_->set_scene(spec); }
 

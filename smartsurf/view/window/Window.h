@@ -18,7 +18,7 @@
 namespace smartsurf::view {
 
 // kLeft: the left part of the screen, beside another program's window on its right.
-enum class Place { kAnywhere, kLeft };
+enum class WindowPlacement { kDefault, kLeft };
 
 class Window {
  public:
@@ -28,7 +28,7 @@ class Window {
   // width, height in screen coordinates (pixels, unless the display is scaled); not used with kLeft.
   // Throws std::runtime_error, one line, when there is no display or no OpenGL 3.3.
   Window(const scene::SceneSpec& spec, const std::string& title, int width = 1280, int height = 720,
-         Place place = Place::kAnywhere);
+         WindowPlacement placement = WindowPlacement::kDefault);
   ~Window();
 
   // Goes on with another scene: a run that begins anew. The user's view and choices stay as far as they fit.
@@ -37,27 +37,27 @@ class Window {
   // Takes in what the user did, draws one frame (nothing while the window is minimised) and shows it.
   // A picture or video the user asks for is written into the current folder as NAME-TICK.png or .mp4, NAME
   // the experiment's; if that fails, the panel says so. A display that is gone is told once, in the commands.
-  Commands frame(const FrameInput& moment, const Status& status);
+  Commands render_frame(const FrameInput& input, const Status& status);
 
   // What the user asked for, without drawing: to be called between frames that are far apart.
   Commands poll(const Status& status);
 
   // The scene from the window's camera in the quality of OffscreenView, without the panel.
-  common::Image picture(const FrameInput& moment, int width, int height);
+  common::Image capture_scene(const FrameInput& input, int width, int height);
 
   // Draws and shows one frame and returns it, panel included; in pixels, which on a scaled display are more
   // than the window's size. Empty while the window is minimised. Leaves the user's wishes for the next
   // frame().
-  common::Image show(const FrameInput& moment, const Status& status);
+  common::Image capture_frame(const FrameInput& input, const Status& status);
 
   // Whether the user has done anything since the last frame was drawn.
-  bool stirred() const;
+  bool needs_redraw() const;
   // Whether the user has asked to see contacts: then moments should hold them.
   bool wants_contacts() const;
   // As if the user had pressed that key, or moved the pointer so, in pixels of the framebuffer; taken in by
   // the next frame.
-  void press(Key key);
-  void point(const PointerEvent& event);
+  void perform(UiAction action);
+  void add_pointer_event(const PointerEvent& event);
 
  private:
   struct State;

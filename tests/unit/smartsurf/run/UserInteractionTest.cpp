@@ -44,7 +44,7 @@ TEST_F(UserInteractionTest, ASpringLiftsTheObjectToItsTargetAndHoldsItThere) {
   requests.pull = view::Pull{0, {0.0, 0.0, 1.0}, {5.0, 9.0, 6.0}};
   for (int i = 0; i < 180; ++i) EXPECT_TRUE(tick());
   // The ball may swing about its grip; the grip is held.
-  const Eigen::Vector3d grip = view::Tools::grip_of(*requests.pull, simulation.snapshot());
+  const Eigen::Vector3d grip = view::Tools::anchor_position(*requests.pull, simulation.snapshot());
   EXPECT_LT((grip - requests.pull->target).norm(), 0.3) << grip.transpose();
   requests.pull.reset();
   for (int i = 0; i < 120; ++i) EXPECT_FALSE(tick());

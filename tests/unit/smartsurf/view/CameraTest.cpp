@@ -9,9 +9,9 @@ namespace smartsurf::view {
 namespace {
 
 constexpr double kAspects[] = {0.4, 1.0, 4.0 / 3.0, 16.0 / 9.0, 3.2};
-constexpr Preset kPresets[] = {Preset::kTop, Preset::kIso, Preset::kSide};
+constexpr CameraPreset kPresets[] = {CameraPreset::kTop, CameraPreset::kIso, CameraPreset::kSide};
 
-scene::SurfaceSpec surface(int rows, int columns) {
+scene::SurfaceSpec make_surface(int rows, int columns) {
   scene::SurfaceSpec s;
   s.rows = rows;
   s.columns = columns;
@@ -19,62 +19,65 @@ scene::SurfaceSpec surface(int rows, int columns) {
 }
 
 // The largest |x| and |y| of the corners of the table and its board in a picture whose half edges are 1.
-Eigen::Vector2d reach_of(const Camera& camera, const scene::SurfaceSpec& s, double aspect) {
-  const Eigen::AlignedBox3d box = Camera::extent(s);
-  Eigen::Vector2d reach(0.0, 0.0);
-  const double rim = 0.6 * s.pitch;
+Eigen::Vector2d max_clip_extent(const Camera& camera, const scene::SurfaceSpec& s, double aspect) {
+  const Eigen::AlignedBox3d box = Camera::surface_bounding_box(s);
+  Eigen::Vector2d extent(0.0, 0.0);
+  const double margin = 0.6 * s.pitch;
   for (int i = 0; i < 8; ++i) {
-    const double out = (i & 4) ? 0.0 : rim;
-    const Eigen::Vector3d corner((i & 1) ? box.max().x() + out : box.min().x() - out,
-                                 (i & 2) ? box.max().y() + out : box.min().y() - out,
+    const double outset = (i & 4) ? 0.0 : margin;
+    const Eigen::Vector3d corner((i & 1) ? box.max().x() + outset : box.min().x() - outset,
+                                 (i & 2) ? box.max().y() + outset : box.min().y() - outset,
                                  (i & 4) ? box.max().z() : box.min().z());
     const Eigen::Vector4d clip =
         camera.projection_matrix(aspect) * camera.view_matrix() * corner.homogeneous();
     EXPECT_GT(clip.w(), 0.0);
     EXPECT_LT(std::abs(clip.z()), clip.w()) << "cut by a clipping plane";
-    reach = reach.cwiseMax(clip.head<2>().cwiseAbs() / clip.w());
+    extent = extent.cwiseMax(clip.head<2>().cwiseAbs() / clip.w());
   }
-  return reach;
+  return extent;
 }
 
 TEST(Camera, FramesTheWholeTableWithASmallMarginInAnyAspect) {
-  for (const auto& s : {surface(64, 64), surface(16, 200), surface(200, 16), surface(16, 16), surface(4, 4)})
+  for (const auto& s : {make_surface(64, 64), make_surface(16, 200), make_surface(200, 16),
+                        make_surface(16, 16), make_surface(4, 4)})
     for (double aspect : kAspects)
-      for (Preset preset : kPresets) {
-        const double reach = reach_of(Camera::framing(s, preset, aspect), s, aspect).maxCoeff();
+      for (CameraPreset preset : kPresets) {
+        const double reach = max_clip_extent(Camera::fit_to_surface(s, preset, aspect), s, aspect).maxCoeff();
         EXPECT_LT(reach, 1.0);
         EXPECT_GT(reach, 0.85) << "the table is smaller than it could be";
       }
 }
 
 TEST(Camera, LeavesThePartBelowFreeThatPanelsCover) {
-  const scene::SurfaceSpec s = surface(64, 64);
+  const scene::SurfaceSpec s = make_surface(64, 64);
   for (double aspect : kAspects)
-    for (Preset preset : kPresets) {
-      const Camera camera = Camera::framing(s, preset, aspect, {.below = 0.1});
-      EXPECT_LT(reach_of(camera, s, aspect).maxCoeff(), 1.0);
-      const Eigen::Vector3d axes = Camera::extent(s).min() - Eigen::Vector3d(1.32, 1.32, 0.0);
+    for (CameraPreset preset : kPresets) {
+      const Camera camera = Camera::fit_to_surface(s, preset, aspect, {.bottom = 0.1});
+      EXPECT_LT(max_clip_extent(camera, s, aspect).maxCoeff(), 1.0);
+      const Eigen::Vector3d axes = Camera::surface_bounding_box(s).min() - Eigen::Vector3d(1.32, 1.32, 0.0);
       EXPECT_LT(camera.project(axes, 1000.0 * aspect, 1000.0).y(), 900.0);
     }
 }
 
 TEST(Camera, MovesTheTableOutFromUnderAPanelWhereThereIsRoom) {
-  const scene::SurfaceSpec s = surface(64, 64);
-  const auto top_of = [&](double aspect, const Covered& covered) {
-    const Eigen::AlignedBox3d box = Camera::extent(s);
+  const scene::SurfaceSpec s = make_surface(64, 64);
+  const auto top_of = [&](double aspect, const ViewInsets& insets) {
+    const Eigen::AlignedBox3d box = Camera::surface_bounding_box(s);
     const Eigen::Vector3d corner(box.min().x(), box.max().y(), box.max().z());
-    return Camera::framing(s, Preset::kIso, aspect, covered).project(corner, 1000.0 * aspect, 1000.0).y();
+    return Camera::fit_to_surface(s, CameraPreset::kIso, aspect, insets)
+        .project(corner, 1000.0 * aspect, 1000.0)
+        .y();
   };
-  EXPECT_GT(top_of(0.7, {.above = 0.3}), 300.0);
+  EXPECT_GT(top_of(0.7, {.top = 0.3}), 300.0);
   EXPECT_LT(top_of(0.7, {}), 300.0);
-  EXPECT_NEAR(top_of(3.0, {.above = 0.3}), top_of(3.0, {}), 1e-6) << "it would have to be smaller";
-  const Camera plain = Camera::framing(s, Preset::kIso, 0.7),
-               moved = Camera::framing(s, Preset::kIso, 0.7, {.above = 0.3});
+  EXPECT_NEAR(top_of(3.0, {.top = 0.3}), top_of(3.0, {}), 1e-6) << "it would have to be smaller";
+  const Camera plain = Camera::fit_to_surface(s, CameraPreset::kIso, 0.7),
+               moved = Camera::fit_to_surface(s, CameraPreset::kIso, 0.7, {.top = 0.3});
   EXPECT_DOUBLE_EQ(plain.distance(), moved.distance());
 }
 
 TEST(Camera, IsoLooksNorthFromTheSouthAtFortyDegrees) {
-  const Camera camera = Camera::framing(surface(64, 64), Preset::kIso, 16.0 / 9.0);
+  const Camera camera = Camera::fit_to_surface(make_surface(64, 64), CameraPreset::kIso, 16.0 / 9.0);
   EXPECT_NEAR(camera.elevation() * 180.0 / std::numbers::pi, 40.0, 0.2);
   EXPECT_LT(camera.eye().y(), -0.5);
   EXPECT_NEAR(camera.forward().x(), 0.0, 1e-12);
@@ -82,7 +85,7 @@ TEST(Camera, IsoLooksNorthFromTheSouthAtFortyDegrees) {
 }
 
 TEST(Camera, TopHasNorthUpAndEastRight) {
-  const Camera camera = Camera::framing(surface(64, 64), Preset::kTop, 1.0);
+  const Camera camera = Camera::fit_to_surface(make_surface(64, 64), CameraPreset::kTop, 1.0);
   const Eigen::Vector3d middle = camera.project({31.5, 31.5, 0.0}, 800, 800);
   EXPECT_NEAR(middle.x(), 400.0, 12.0);
   EXPECT_LT(camera.project({31.5, 60.0, 0.0}, 800, 800).y(), middle.y() - 300.0);
@@ -90,7 +93,7 @@ TEST(Camera, TopHasNorthUpAndEastRight) {
 }
 
 TEST(Camera, OrbitKeepsTheDistanceAndTheTarget) {
-  Camera camera = Camera::framing(surface(64, 64), Preset::kIso, 1.5);
+  Camera camera = Camera::fit_to_surface(make_surface(64, 64), CameraPreset::kIso, 1.5);
   const Eigen::Vector3d target = camera.target();
   const double distance = (camera.eye() - target).norm();
   camera.orbit(123.0, -45.0);
@@ -102,7 +105,7 @@ TEST(Camera, OrbitKeepsTheDistanceAndTheTarget) {
 }
 
 TEST(Camera, DraggingRightMovesTheNearSideRight) {
-  Camera camera = Camera::framing(surface(64, 64), Preset::kIso, 1.0);
+  Camera camera = Camera::fit_to_surface(make_surface(64, 64), CameraPreset::kIso, 1.0);
   const Eigen::Vector3d near_point = camera.target() - Eigen::Vector3d(0.0, 20.0, 0.0);
   const double before = camera.project(near_point, 800, 800).x();
   camera.orbit(50.0, 0.0);
@@ -110,7 +113,7 @@ TEST(Camera, DraggingRightMovesTheNearSideRight) {
 }
 
 TEST(Camera, NeverGoesBelowTheTableNorOverThePole) {
-  Camera camera = Camera::framing(surface(64, 64), Preset::kIso, 1.5);
+  Camera camera = Camera::fit_to_surface(make_surface(64, 64), CameraPreset::kIso, 1.5);
   camera.orbit(0.0, 1e6);
   EXPECT_DOUBLE_EQ(camera.elevation(), Camera::kMaxElevation);
   camera.orbit(0.0, -1e6);
@@ -118,7 +121,7 @@ TEST(Camera, NeverGoesBelowTheTableNorOverThePole) {
 }
 
 TEST(Camera, PanKeepsThePointUnderThePointer) {
-  Camera camera = Camera::framing(surface(64, 64), Preset::kIso, 1.25);
+  Camera camera = Camera::fit_to_surface(make_surface(64, 64), CameraPreset::kIso, 1.25);
   const Eigen::Vector3d point = camera.target();
   const Eigen::Vector3d before = camera.project(point, 1000, 800);
   camera.pan(37.0, -21.0, 800);
@@ -128,7 +131,7 @@ TEST(Camera, PanKeepsThePointUnderThePointer) {
 }
 
 TEST(Camera, ZoomComesCloserByEqualFactorsWithinLimits) {
-  Camera camera = Camera::framing(surface(64, 64), Preset::kIso, 1.5);
+  Camera camera = Camera::fit_to_surface(make_surface(64, 64), CameraPreset::kIso, 1.5);
   const double d0 = camera.distance();
   camera.zoom(1.0);
   const double d1 = camera.distance();

@@ -8,16 +8,16 @@ namespace {
 TEST(Controls, KeysBecomeWishesThatAreTakenOnce) {
   Controls controls{scene::SurfaceSpec{}};
   const Status status;
-  controls.press(Key::kPause, status);
-  controls.press(Key::kStep, status);
-  controls.press(Key::kStep, status);
-  controls.press(Key::kQuit, status);
-  const Commands commands = controls.take();
+  controls.perform(UiAction::kPause, status);
+  controls.perform(UiAction::kStep, status);
+  controls.perform(UiAction::kStep, status);
+  controls.perform(UiAction::kQuit, status);
+  const Commands commands = controls.take_commands();
   EXPECT_TRUE(commands.toggle_pause);
   EXPECT_EQ(commands.steps, 2);
   EXPECT_TRUE(commands.quit);
   EXPECT_FALSE(commands.pace.has_value());
-  const Commands again = controls.take();
+  const Commands again = controls.take_commands();
   EXPECT_FALSE(again.toggle_pause);
   EXPECT_EQ(again.steps, 0);
   EXPECT_FALSE(again.quit);
@@ -25,43 +25,44 @@ TEST(Controls, KeysBecomeWishesThatAreTakenOnce) {
 
 TEST(Controls, TwoPausesInOneFrameCancelOut) {
   Controls controls{scene::SurfaceSpec{}};
-  controls.press(Key::kPause, {});
-  controls.press(Key::kPause, {});
-  EXPECT_FALSE(controls.take().toggle_pause);
+  controls.perform(UiAction::kPause, {});
+  controls.perform(UiAction::kPause, {});
+  EXPECT_FALSE(controls.take_commands().toggle_pause);
 }
 
 TEST(Controls, PaceClimbsALadderOfPowersOfTwoUpToMax) {
-  EXPECT_DOUBLE_EQ(Controls::faster(1.0), 2.0);
-  EXPECT_DOUBLE_EQ(Controls::slower(1.0), 0.5);
-  EXPECT_DOUBLE_EQ(Controls::faster(0.3), 0.5);
-  EXPECT_DOUBLE_EQ(Controls::slower(0.3), 0.25);
-  EXPECT_DOUBLE_EQ(Controls::faster(32.0), 0.0);
-  EXPECT_DOUBLE_EQ(Controls::slower(0.0), 32.0);
-  EXPECT_DOUBLE_EQ(Controls::faster(0.0), 0.0);
-  EXPECT_DOUBLE_EQ(Controls::slower(1.0 / 16.0), 1.0 / 16.0);
-  EXPECT_DOUBLE_EQ(Controls::faster(1e-5), 1.0 / 16.0);
+  EXPECT_DOUBLE_EQ(Controls::faster_pace(1.0), 2.0);
+  EXPECT_DOUBLE_EQ(Controls::slower_pace(1.0), 0.5);
+  EXPECT_DOUBLE_EQ(Controls::faster_pace(0.3), 0.5);
+  EXPECT_DOUBLE_EQ(Controls::slower_pace(0.3), 0.25);
+  EXPECT_DOUBLE_EQ(Controls::faster_pace(32.0), 0.0);
+  EXPECT_DOUBLE_EQ(Controls::slower_pace(0.0), 32.0);
+  EXPECT_DOUBLE_EQ(Controls::faster_pace(0.0), 0.0);
+  EXPECT_DOUBLE_EQ(Controls::slower_pace(1.0 / 16.0), 1.0 / 16.0);
+  EXPECT_DOUBLE_EQ(Controls::faster_pace(1e-5), 1.0 / 16.0);
 }
 
 TEST(Controls, PressesOfOneFrameAddUp) {
   Controls controls{scene::SurfaceSpec{}};
   Status status;
   status.requested_pace = 1.0;
-  controls.press(Key::kFaster, status);
-  controls.press(Key::kFaster, status);
-  EXPECT_DOUBLE_EQ(controls.take().pace.value(), 4.0);
-  controls.press(Key::kMaxPace, status);
-  EXPECT_DOUBLE_EQ(controls.take().pace.value(), 0.0);
+  controls.perform(UiAction::kFaster, status);
+  controls.perform(UiAction::kFaster, status);
+  EXPECT_DOUBLE_EQ(controls.take_commands().pace.value(), 4.0);
+  controls.perform(UiAction::kMaxPace, status);
+  EXPECT_DOUBLE_EQ(controls.take_commands().pace.value(), 0.0);
   status.requested_pace = 0.0;
-  controls.press(Key::kMaxPace, status);
-  EXPECT_DOUBLE_EQ(controls.take().pace.value(), 1.0);
+  controls.perform(UiAction::kMaxPace, status);
+  EXPECT_DOUBLE_EQ(controls.take_commands().pace.value(), 1.0);
 }
 
 TEST(Controls, AnUntouchedPresetIsFramedAnewWhenTheWindowChangesShape) {
   const scene::SurfaceSpec surface;
   Controls controls{surface};
   controls.resize(0.5);
-  EXPECT_DOUBLE_EQ(controls.camera().distance(), Camera::framing(surface, Preset::kIso, 0.5).distance());
-  controls.press(Key::kTop, {});
+  EXPECT_DOUBLE_EQ(controls.camera().distance(),
+                   Camera::fit_to_surface(surface, CameraPreset::kIso, 0.5).distance());
+  controls.perform(UiAction::kTop, {});
   controls.orbit_or_pan(PointerDrag::kOrbit, 10.0, 0.0, 700.0);
   const double distance = controls.camera().distance();
   controls.resize(3.0);
@@ -76,7 +77,7 @@ TEST(Controls, DragsAndWheelMoveTheCamera) {
   EXPECT_TRUE(controls.camera().target().isApprox(start.target()));
   controls.orbit_or_pan(PointerDrag::kPan, 100.0, 0.0, 700.0);
   EXPECT_FALSE(controls.camera().target().isApprox(start.target()));
-  controls.wheel(2.0);
+  controls.handle_scroll(2.0);
   EXPECT_LT(controls.camera().distance(), start.distance());
 }
 

@@ -7,12 +7,12 @@
 namespace smartsurf::view {
 namespace {
 
-Eigen::Vector3d corner(const Mesh& mesh, std::uint32_t i) {
-  const float* p = &mesh.corners[6 * i];
+Eigen::Vector3d vertex(const Mesh& mesh, std::uint32_t i) {
+  const float* p = &mesh.vertices[6 * i];
   return {p[0], p[1], p[2]};
 }
 Eigen::Vector3d normal(const Mesh& mesh, std::uint32_t i) {
-  const float* p = &mesh.corners[6 * i + 3];
+  const float* p = &mesh.vertices[6 * i + 3];
   return {p[0], p[1], p[2]};
 }
 
@@ -20,20 +20,20 @@ Eigen::Vector3d normal(const Mesh& mesh, std::uint32_t i) {
 // every triangle looks outward.
 double volume(const Mesh& mesh) {
   double sum = 0.0;
-  for (std::size_t t = 0; t < mesh.triangles.size(); t += 3)
-    sum += corner(mesh, mesh.triangles[t])
-               .dot(corner(mesh, mesh.triangles[t + 1]).cross(corner(mesh, mesh.triangles[t + 2])));
+  for (std::size_t t = 0; t < mesh.indices.size(); t += 3)
+    sum += vertex(mesh, mesh.indices[t])
+               .dot(vertex(mesh, mesh.indices[t + 1]).cross(vertex(mesh, mesh.indices[t + 2])));
   return sum / 6.0;
 }
 
-void expect_normals_along_the_faces(const Mesh& mesh, double least_cosine) {
-  for (std::size_t t = 0; t < mesh.triangles.size(); t += 3) {
-    const Eigen::Vector3d a = corner(mesh, mesh.triangles[t]), b = corner(mesh, mesh.triangles[t + 1]),
-                          c = corner(mesh, mesh.triangles[t + 2]);
+void expect_face_normals(const Mesh& mesh, double min_cosine) {
+  for (std::size_t t = 0; t < mesh.indices.size(); t += 3) {
+    const Eigen::Vector3d a = vertex(mesh, mesh.indices[t]), b = vertex(mesh, mesh.indices[t + 1]),
+                          c = vertex(mesh, mesh.indices[t + 2]);
     const Eigen::Vector3d face = (b - a).cross(c - a);
     if (face.norm() < 1e-3) continue;  // at a pole, or between the caps
     for (std::size_t i = 0; i < 3; ++i)
-      EXPECT_GT(normal(mesh, mesh.triangles[t + i]).dot(face.normalized()), least_cosine);
+      EXPECT_GT(normal(mesh, mesh.indices[t + i]).dot(face.normalized()), min_cosine);
   }
 }
 
@@ -46,18 +46,18 @@ TEST(Meshes, AreClosedAndLookOutward) {
 }
 
 TEST(Meshes, HaveNormalsThatLookAwayFromTheInside) {
-  expect_normals_along_the_faces(capsule_mesh(64), 0.97);
+  expect_face_normals(capsule_mesh(64), 0.97);
   for (const Mesh& mesh : {cylinder_mesh(48), cone_mesh(48), box_mesh()})
-    for (std::uint32_t i = 0; i < mesh.corners.size() / 6; ++i) {
+    for (std::uint32_t i = 0; i < mesh.vertices.size() / 6; ++i) {
       EXPECT_NEAR(normal(mesh, i).norm(), 1.0, 1e-6);
-      EXPECT_GE(normal(mesh, i).dot(corner(mesh, i)), 0.0);
+      EXPECT_GE(normal(mesh, i).dot(vertex(mesh, i)), 0.0);
     }
 }
 
 TEST(Meshes, ACapsulesCornersBelongToACap) {
   const Mesh mesh = capsule_mesh(24);
-  for (std::uint32_t i = 0; i < mesh.corners.size() / 6; ++i) EXPECT_NE(corner(mesh, i).z(), 0.0);
-  const std::vector<float> wire = capsule_wire();
+  for (std::uint32_t i = 0; i < mesh.vertices.size() / 6; ++i) EXPECT_NE(vertex(mesh, i).z(), 0.0);
+  const std::vector<float> wire = capsule_wireframe();
   for (std::size_t i = 2; i < wire.size(); i += 3) EXPECT_NE(wire[i], 0.0f);
 }
 
@@ -70,9 +70,9 @@ TEST(Meshes, ASolidKeepsItsFacesFlatAndDrawsItsEdgesOnce) {
                     {2, 6, 3}, {3, 6, 7}, {0, 4, 2}, {2, 4, 6}, {1, 3, 5}, {3, 7, 5}};
   const Mesh mesh = solid_mesh(cube);
   EXPECT_NEAR(volume(mesh), 1.0, 1e-6);
-  EXPECT_EQ(mesh.corners.size() / 6, 36u);
-  expect_normals_along_the_faces(mesh, 0.999);
-  EXPECT_EQ(solid_wire(cube).size(), 12u * 2 * 3) << "the diagonals of its faces are no edges";
+  EXPECT_EQ(mesh.vertices.size() / 6, 36u);
+  expect_face_normals(mesh, 0.999);
+  EXPECT_EQ(solid_wireframe(cube).size(), 12u * 2 * 3) << "the diagonals of its faces are no edges";
 }
 
 }  // namespace

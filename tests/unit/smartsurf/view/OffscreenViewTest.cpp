@@ -6,7 +6,7 @@
 #include <memory>
 #include <vector>
 
-#include "tests/unit/smartsurf/view/Scenes.h"
+#include "tests/unit/smartsurf/view/TestScene.h"
 
 namespace smartsurf::view {
 namespace {
@@ -14,24 +14,24 @@ namespace {
 constexpr int kWidth = 320, kHeight = 240;
 const scene::Colour kRed{0.86f, 0.12f, 0.10f};
 
-class Pictures : public testing::Test {
+class OffscreenViewTest : public testing::Test {
  protected:
   // Neither a display nor a window system: what a compute node has.
   static void SetUpTestSuite() {
     unsetenv("DISPLAY");
     unsetenv("WAYLAND_DISPLAY");
   }
-  static Camera camera(const Scene& scene, Preset preset = Preset::kIso) {
-    return Camera::framing(scene.spec.surface, preset, static_cast<double>(kWidth) / kHeight);
+  static Camera camera(const TestScene& scene, CameraPreset preset = CameraPreset::kIso) {
+    return Camera::fit_to_surface(scene.spec.surface, preset, static_cast<double>(kWidth) / kHeight);
   }
-  static common::Image draw(const Scene& scene, Preset preset = Preset::kIso,
+  static common::Image draw(const TestScene& scene, CameraPreset preset = CameraPreset::kIso,
                             const DrawOptions& options = {}) {
     return render_image(scene.spec, scene.snapshot, scene.spec.objects, camera(scene, preset), options,
                         kWidth, kHeight);
   }
   // The pixel of a point of the scene.
-  static const std::uint8_t* at(const common::Image& image, const Scene& scene, const Eigen::Vector3d& point,
-                                Preset preset = Preset::kIso) {
+  static const std::uint8_t* at(const common::Image& image, const TestScene& scene,
+                                const Eigen::Vector3d& point, CameraPreset preset = CameraPreset::kIso) {
     const Eigen::Vector3d p = camera(scene, preset).project(point, kWidth, kHeight);
     return image.pixel(static_cast<int>(p.x()), static_cast<int>(p.y()));
   }
@@ -42,8 +42,8 @@ class Pictures : public testing::Test {
   static int sum(const std::uint8_t* p) { return p[0] + p[1] + p[2]; }
 };
 
-TEST_F(Pictures, ShowARedSphereInTheMiddleOfAGreyTableBeforeABrightBackground) {
-  Scene scene(16, 16);
+TEST_F(OffscreenViewTest, ShowARedSphereInTheMiddleOfAGreyTableBeforeABrightBackground) {
+  TestScene scene(16, 16);
   scene.add_sphere(7.5, 7.5, 6.0, 2.0, kRed);
   const common::Image image = draw(scene);
   ASSERT_EQ(image.rgb.size(), static_cast<std::size_t>(kWidth * kHeight * 3));
@@ -53,8 +53,8 @@ TEST_F(Pictures, ShowARedSphereInTheMiddleOfAGreyTableBeforeABrightBackground) {
   EXPECT_GT(sum(image.pixel(3, 3)), 3 * 200);
 }
 
-TEST_F(Pictures, ARaisedPinHidesWhatIsBehindIt) {
-  Scene scene(16, 16, 0.0f);
+TEST_F(OffscreenViewTest, ARaisedPinHidesWhatIsBehindIt) {
+  TestScene scene(16, 16, 0.0f);
   scene.add_sphere(8.0, 8.0, 1.0, 1.0, kRed);
   const Eigen::Vector3d top_of_sphere(8.0, 8.0, 1.9);
   EXPECT_TRUE(is_red(at(draw(scene), scene, top_of_sphere)));
@@ -63,34 +63,34 @@ TEST_F(Pictures, ARaisedPinHidesWhatIsBehindIt) {
   EXPECT_FALSE(is_red(at(draw(scene), scene, top_of_sphere)));  // row 9 is just south of the sphere
 }
 
-TEST_F(Pictures, ThePartOfASphereInsideTheTableIsHidden) {
-  Scene scene(16, 16);
+TEST_F(OffscreenViewTest, ThePartOfASphereInsideTheTableIsHidden) {
+  TestScene scene(16, 16);
   scene.add_sphere(8.0, 8.0, 4.0, 2.0, kRed);  // its lower half is in the pins
   const common::Image image = draw(scene);
   EXPECT_TRUE(is_red(at(image, scene, {8.0, 7.6, 5.0})));
   EXPECT_FALSE(is_red(at(image, scene, {8.0, 6.0, 3.0})));
 }
 
-TEST_F(Pictures, RowZeroIsAtTheTopAndColumnZeroAtTheLeftFromAbove) {
-  Scene scene(16, 16, 0.0f);
+TEST_F(OffscreenViewTest, RowZeroIsAtTheTopAndColumnZeroAtTheLeftFromAbove) {
+  TestScene scene(16, 16, 0.0f);
   const auto& surface = scene.spec.surface;
   std::vector<float> values(surface.cell_count(), 0.0f);
   values[surface.index(1, 2)] = 1.0f;  // near the north-west corner
   DrawOptions options;
   options.cell_values = values;
-  const common::Image image = draw(scene, Preset::kTop, options);
+  const common::Image image = draw(scene, CameraPreset::kTop, options);
   const Eigen::Vector2d centre = surface.centre(1, 2);
-  const std::uint8_t* p = at(image, scene, {centre.x(), centre.y(), 0.0}, Preset::kTop);
+  const std::uint8_t* p = at(image, scene, {centre.x(), centre.y(), 0.0}, CameraPreset::kTop);
   EXPECT_GT(p[0], 150);  // the palette's yellow
   EXPECT_LT(p[2], 100);
   const Eigen::Vector3d where =
-      camera(scene, Preset::kTop).project({centre.x(), centre.y(), 0.0}, kWidth, kHeight);
+      camera(scene, CameraPreset::kTop).project({centre.x(), centre.y(), 0.0}, kWidth, kHeight);
   EXPECT_LT(where.x(), kWidth / 2);
   EXPECT_LT(where.y(), kHeight / 2);
 }
 
-TEST_F(Pictures, APinStaysInItsPlaceFromWhereverTheEyeLooks) {
-  Scene scene(16, 16, 0.0f);
+TEST_F(OffscreenViewTest, APinStaysInItsPlaceFromWhereverTheEyeLooks) {
+  TestScene scene(16, 16, 0.0f);
   const auto& surface = scene.spec.surface;
   std::vector<float> values(surface.cell_count(), 0.0f);
   values[surface.index(3, 5)] = 1.0f;
@@ -101,7 +101,7 @@ TEST_F(Pictures, APinStaysInItsPlaceFromWhereverTheEyeLooks) {
   for (int quarter = 0; quarter < 4; ++quarter) {
     Camera turned = camera(scene);
     turned.orbit(quarter * EIGEN_PI / 2.0 / 0.006 + 30.0, 0.0);
-    const common::Image image = view.draw(scene.snapshot, {}, turned, options, kWidth, kHeight);
+    const common::Image image = view.render(scene.snapshot, {}, turned, options, kWidth, kHeight);
     const Eigen::Vector3d p = turned.project({centre.x(), centre.y(), 0.0}, kWidth, kHeight);
     const std::uint8_t* pixel = image.pixel(static_cast<int>(p.x()), static_cast<int>(p.y()));
     EXPECT_GT(pixel[0], 120) << "azimuth " << turned.azimuth();
@@ -109,22 +109,22 @@ TEST_F(Pictures, APinStaysInItsPlaceFromWhereverTheEyeLooks) {
   }
 }
 
-TEST_F(Pictures, AnObjectThrowsAShadowAwayFromTheLightInTheSouthWest) {
-  Scene scene(32, 32, 0.0f);
-  const common::Image bare = draw(scene, Preset::kTop);
+TEST_F(OffscreenViewTest, AnObjectThrowsAShadowAwayFromTheLightInTheSouthWest) {
+  TestScene scene(32, 32, 0.0f);
+  const common::Image bare = draw(scene, CameraPreset::kTop);
   scene.add_sphere(15.0, 15.0, 8.0, 2.0, kRed);
-  const common::Image image = draw(scene, Preset::kTop);
+  const common::Image image = draw(scene, CameraPreset::kTop);
   // At the height of the table the shadow's centre lies 8/0.80 times (0.52, 0.30) further.
   const Eigen::Vector3d shaded(20.0, 18.0, 0.0), lit(10.0, 12.0, 0.0);  // both on a pin, not in a gap
   const auto darkening = [&](const Eigen::Vector3d& point) {
-    return sum(at(bare, scene, point, Preset::kTop)) - sum(at(image, scene, point, Preset::kTop));
+    return sum(at(bare, scene, point, CameraPreset::kTop)) - sum(at(image, scene, point, CameraPreset::kTop));
   };
   EXPECT_GT(darkening(shaded), 60);
   EXPECT_LT(darkening(lit), 10);
 }
 
-TEST_F(Pictures, BoxesAndCylindersStandWhereTheirPosesSay) {
-  Scene scene(32, 32, 0.0f);
+TEST_F(OffscreenViewTest, BoxesAndCylindersStandWhereTheirPosesSay) {
+  TestScene scene(32, 32, 0.0f);
   scene::ObjectSpec box;
   box.shape = scene::ShapeKind::kBox;
   box.size = {8.0, 1.0, 1.0};
@@ -140,8 +140,10 @@ TEST_F(Pictures, BoxesAndCylindersStandWhereTheirPosesSay) {
   cylinder.orientation = Eigen::AngleAxisd(EIGEN_PI / 2.0, Eigen::Vector3d::UnitY());  // now along x
   cylinder.colour = kRed;
   scene.add(cylinder);
-  const common::Image image = draw(scene, Preset::kTop);
-  const auto red = [&](double x, double y) { return is_red(at(image, scene, {x, y, 2.3}, Preset::kTop)); };
+  const common::Image image = draw(scene, CameraPreset::kTop);
+  const auto red = [&](double x, double y) {
+    return is_red(at(image, scene, {x, y, 2.3}, CameraPreset::kTop));
+  };
   EXPECT_TRUE(red(16.0, 13.0));
   EXPECT_TRUE(red(16.0, 19.0));
   EXPECT_FALSE(red(19.0, 16.0));
@@ -156,7 +158,7 @@ struct Silhouette {
   std::vector<Eigen::Vector3d> inside, outside;
 };
 
-TEST_F(Pictures, CapsulesConesAndSolidsHaveTheirShapes) {
+TEST_F(OffscreenViewTest, CapsulesConesAndSolidsHaveTheirShapes) {
   auto wedge = std::make_shared<scene::Solid>();  // a roof that slopes up to the east
   wedge->vertices = {{-2, -1, -1}, {2, -1, -1}, {2, 1, -1}, {-2, 1, -1}, {2, -1, 2}, {2, 1, 2}};
   wedge->triangles = {{0, 2, 1}, {0, 3, 2}, {0, 1, 4}, {3, 5, 2}, {1, 2, 5}, {1, 5, 4}, {0, 4, 5}, {0, 5, 3}};
@@ -168,7 +170,7 @@ TEST_F(Pictures, CapsulesConesAndSolidsHaveTheirShapes) {
       {scene::ShapeKind::kSolid, {{1.6, -1, 1.0}, {-1, -1, -0.7}}, {{-1, -1, 1.0}, {-1.5, -1, 0.5}}}};
   for (const Silhouette& kind : kinds) {
     SCOPED_TRACE(static_cast<int>(kind.shape));
-    Scene scene(16, 16, 0.0f);
+    TestScene scene(16, 16, 0.0f);
     scene::ObjectSpec object;
     object.shape = kind.shape;
     object.radius = 1.0;
@@ -177,40 +179,42 @@ TEST_F(Pictures, CapsulesConesAndSolidsHaveTheirShapes) {
     object.position = {7.5, 7.5, 3.5};
     object.colour = kRed;
     scene.add(object);
-    const common::Image image = draw(scene, Preset::kSide);
+    const common::Image image = draw(scene, CameraPreset::kSide);
     for (const Eigen::Vector3d& point : kind.inside)
-      EXPECT_TRUE(is_red(at(image, scene, object.position + point, Preset::kSide))) << point.transpose();
+      EXPECT_TRUE(is_red(at(image, scene, object.position + point, CameraPreset::kSide)))
+          << point.transpose();
     for (const Eigen::Vector3d& point : kind.outside)
-      EXPECT_FALSE(is_red(at(image, scene, object.position + point, Preset::kSide))) << point.transpose();
+      EXPECT_FALSE(is_red(at(image, scene, object.position + point, CameraPreset::kSide)))
+          << point.transpose();
     DrawOptions wires;
-    wires.style = Style::kWireframe;
-    EXPECT_NE(draw(scene, Preset::kSide, wires).rgb, image.rgb);
+    wires.fill_mode = FillMode::kWireframe;
+    EXPECT_NE(draw(scene, CameraPreset::kSide, wires).rgb, image.rgb);
   }
 }
 
-TEST_F(Pictures, LinesGoFromPlaceToPlace) {
-  Scene scene(16, 16);
+TEST_F(OffscreenViewTest, LinesGoFromPlaceToPlace) {
+  TestScene scene(16, 16);
   const Line lines[] = {{{2, 2, 6}, {13, 13, 6}, {220, 20, 20, 255}}};
   DrawOptions options;
   options.lines = lines;
   options.line_width = 4.0f;
-  const common::Image image = draw(scene, Preset::kTop, options);
+  const common::Image image = draw(scene, CameraPreset::kTop, options);
   for (const double t : {3.0, 7.0, 12.0})
-    EXPECT_TRUE(is_red(at(image, scene, {t, t, 6.0}, Preset::kTop))) << t;
-  EXPECT_FALSE(is_red(at(image, scene, {1.0, 1.0, 6.0}, Preset::kTop)));
-  EXPECT_FALSE(is_red(at(image, scene, {7.0, 9.0, 6.0}, Preset::kTop)));
+    EXPECT_TRUE(is_red(at(image, scene, {t, t, 6.0}, CameraPreset::kTop))) << t;
+  EXPECT_FALSE(is_red(at(image, scene, {1.0, 1.0, 6.0}, CameraPreset::kTop)));
+  EXPECT_FALSE(is_red(at(image, scene, {7.0, 9.0, 6.0}, CameraPreset::kTop)));
 }
 
-TEST_F(Pictures, ALegendStandsInTheLowerRightCorner) {
-  Scene scene(16, 16);
+TEST_F(OffscreenViewTest, ALegendStandsInTheLowerRightCorner) {
+  TestScene scene(16, 16);
   const std::vector<float> values(256, 0.5f);
-  const HeatScale heat{"proximity", "u", Palette::kSpectrum, 0.0f, 8.0f};
+  const ColourScale colour_scale{"proximity", "u", Palette::kSpectrum, 0.0f, 8.0f};
   DrawOptions plain, with_legend;
   plain.cell_values = with_legend.cell_values = values;
-  with_legend.legend = &heat;
+  with_legend.legend = &colour_scale;
   OffscreenView view(scene.spec);
   const auto draw_big = [&](const DrawOptions& options) {
-    return view.draw(scene.snapshot, scene.spec.objects, camera(scene), options, 640, 480);
+    return view.render(scene.snapshot, scene.spec.objects, camera(scene), options, 640, 480);
   };
   const common::Image bare = draw_big(plain), image = draw_big(with_legend);
   int changed_corner = 0, changed_elsewhere = 0, blue = 0, red = 0;
@@ -231,12 +235,12 @@ TEST_F(Pictures, ALegendStandsInTheLowerRightCorner) {
   EXPECT_EQ(draw_big(plain).rgb, bare.rgb) << "the legend stays behind";
 }
 
-TEST_F(Pictures, WiresLetTheCellsUnderAnObjectBeSeen) {
-  Scene scene(16, 16, 0.0f);
+TEST_F(OffscreenViewTest, WiresLetTheCellsUnderAnObjectBeSeen) {
+  TestScene scene(16, 16, 0.0f);
   scene.add_sphere(7.5, 7.5, 3.0, 3.0, kRed);
   std::vector<float> values(256, 0.5f);
   DrawOptions options;
-  options.style = Style::kWireframe;
+  options.fill_mode = FillMode::kWireframe;
   options.cell_values = values;
   const auto red_pixels = [&](const common::Image& image) {
     int count = 0;
@@ -244,26 +248,26 @@ TEST_F(Pictures, WiresLetTheCellsUnderAnObjectBeSeen) {
       for (int x = 0; x < kWidth; ++x) count += is_red(image.pixel(x, y)) ? 1 : 0;
     return count;
   };
-  const int wires = red_pixels(draw(scene, Preset::kTop, options)),
-            solid = red_pixels(draw(scene, Preset::kTop));
+  const int wires = red_pixels(draw(scene, CameraPreset::kTop, options)),
+            solid = red_pixels(draw(scene, CameraPreset::kTop));
   EXPECT_GT(wires, 20);
   EXPECT_LT(wires, solid / 2);
 }
 
-TEST_F(Pictures, AreTheSameBytesTwice) {
-  Scene scene(16, 16);
+TEST_F(OffscreenViewTest, AreTheSameBytesTwice) {
+  TestScene scene(16, 16);
   scene.add_sphere(7.5, 7.5, 6.0, 2.0, kRed);
   OffscreenView view(scene.spec);
   const auto again = [&] {
-    return view.draw(scene.snapshot, scene.spec.objects, camera(scene), {}, kWidth, kHeight).rgb;
+    return view.render(scene.snapshot, scene.spec.objects, camera(scene), {}, kWidth, kHeight).rgb;
   };
   const auto first = again();
   EXPECT_EQ(first, again());
   EXPECT_EQ(first, draw(scene).rgb) << "another context of the same driver";
 }
 
-TEST_F(Pictures, RemovedObjectsAreNotDrawnAndIdsKeepTheirColours) {
-  Scene scene(16, 16);
+TEST_F(OffscreenViewTest, RemovedObjectsAreNotDrawnAndIdsKeepTheirColours) {
+  TestScene scene(16, 16);
   scene.add_sphere(4.0, 7.5, 6.0, 2.0, {0.1f, 0.1f, 0.9f});
   scene.add_sphere(11.0, 7.5, 6.0, 2.0, kRed);
   for (auto* array : {&scene.snapshot.position, &scene.snapshot.velocity, &scene.snapshot.angular_velocity})
@@ -275,11 +279,11 @@ TEST_F(Pictures, RemovedObjectsAreNotDrawnAndIdsKeepTheirColours) {
   EXPECT_TRUE(is_grey(at(image, scene, {4.0, 7.5, 5.0})));
 }
 
-TEST_F(Pictures, RefuseASizeThatIsNone) {
-  Scene scene(4, 4);
+TEST_F(OffscreenViewTest, RefuseASizeThatIsNone) {
+  TestScene scene(4, 4);
   OffscreenView view(scene.spec);
-  EXPECT_THROW(view.draw(scene.snapshot, {}, camera(scene), {}, 0, 100), scene::InputError);
-  EXPECT_THROW(view.draw(scene.snapshot, {}, camera(scene), {}, 100, 100000), scene::InputError);
+  EXPECT_THROW(view.render(scene.snapshot, {}, camera(scene), {}, 0, 100), scene::InputError);
+  EXPECT_THROW(view.render(scene.snapshot, {}, camera(scene), {}, 100, 100000), scene::InputError);
 }
 
 }  // namespace

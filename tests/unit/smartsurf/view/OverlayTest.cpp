@@ -1,10 +1,10 @@
-#include "smartsurf/view/model/Overlay.h"
+#include "smartsurf/view/interaction/Overlay.h"
 
 #include <gtest/gtest.h>
 
+#include "smartsurf/view/model/OptionEdit.h"
 #include "smartsurf/view/model/PlotHistory.h"
-#include "smartsurf/view/panels/OptionEdit.h"
-#include "tests/unit/smartsurf/view/Scenes.h"
+#include "tests/unit/smartsurf/view/TestScene.h"
 
 namespace smartsurf::view {
 namespace {
@@ -13,13 +13,13 @@ struct OverlayTest : testing::Test {
   OverlayTest() : scene(4, 4), overlay(scene.spec.surface) {
     scene.add_sphere(1.0, 1.0, 6.0, 1.0, {1.0f, 0.0f, 0.0f});
   }
-  FrameInput moment() const { return {scene.snapshot, scene.spec.objects, channels, contacts}; }
-  DrawOptions applied() {
+  FrameInput input() const { return {scene.snapshot, scene.spec.objects, channels, contacts}; }
+  DrawOptions apply() {
     DrawOptions options;
-    overlay.apply(moment(), nullptr, options);
+    overlay.apply(input(), nullptr, options);
     return options;
   }
-  Scene scene;
+  TestScene scene;
   Overlay overlay;
   std::vector<float> distance = std::vector<float>(16, 8.0f), mask = std::vector<float>(16, 0.0f);
   std::vector<Channel> channels = {{"proximity", "u", distance, 0.0f, 8.0f},
@@ -28,45 +28,45 @@ struct OverlayTest : testing::Test {
 };
 
 TEST_F(OverlayTest, ColoursTheCellsByTheChannelInItsRange) {
-  EXPECT_TRUE(applied().cell_values.empty());
-  EXPECT_FALSE(overlay.heat());
+  EXPECT_TRUE(apply().cell_values.empty());
+  EXPECT_FALSE(overlay.colour_scale());
   overlay.settings.channel = "proximity";
   overlay.settings.palette = Palette::kFlame;
-  const DrawOptions options = applied();
+  const DrawOptions options = apply();
   EXPECT_EQ(options.cell_values.data(), distance.data());
   EXPECT_EQ(options.high, 8.0f);
   EXPECT_EQ(options.palette, Palette::kFlame);
-  ASSERT_TRUE(overlay.heat());
-  EXPECT_EQ(overlay.heat()->unit, "u");
-  overlay.settings.near_is_bright = true;
-  EXPECT_EQ(applied().low, 8.0f);
-  EXPECT_EQ(applied().high, 0.0f);
+  ASSERT_TRUE(overlay.colour_scale());
+  EXPECT_EQ(overlay.colour_scale()->unit, "u");
+  overlay.settings.reverse_palette = true;
+  EXPECT_EQ(apply().low, 8.0f);
+  EXPECT_EQ(apply().high, 0.0f);
 }
 
 TEST_F(OverlayTest, AnUnknownRangeIsThatOfTheValues) {
   channels[0].low = channels[0].high = 0.0f;
   distance[5] = -3.0f;
   overlay.settings.channel = "proximity";
-  EXPECT_EQ(applied().low, -3.0f);
-  EXPECT_EQ(applied().high, 8.0f);
-  overlay.settings.own_range = true;
+  EXPECT_EQ(apply().low, -3.0f);
+  EXPECT_EQ(apply().high, 8.0f);
+  overlay.settings.manual_range = true;
   overlay.settings.low = 1.0f;
   overlay.settings.high = 2.0f;
-  EXPECT_EQ(applied().low, 1.0f);
+  EXPECT_EQ(apply().low, 1.0f);
 }
 
 TEST_F(OverlayTest, AChannelWithoutValuesColoursNothing) {
   overlay.settings.channel = "proximity";
   channels[0].values = {};
-  EXPECT_TRUE(applied().cell_values.empty());
-  EXPECT_FALSE(overlay.heat());
+  EXPECT_TRUE(apply().cell_values.empty());
+  EXPECT_FALSE(overlay.colour_scale());
 }
 
 TEST_F(OverlayTest, SensorSegmentsGoFromThePinToWhatItSees) {
   mask[static_cast<std::size_t>(scene.spec.surface.index(2, 1))] = 1.0f;
   distance[static_cast<std::size_t>(scene.spec.surface.index(2, 1))] = 1.5f;
-  overlay.settings.sensor_segments = true;
-  const auto lines = applied().lines;
+  overlay.settings.sensor_rays = true;
+  const auto lines = apply().lines;
   ASSERT_EQ(lines.size(), 1u);
   EXPECT_EQ(lines[0].from, (std::array<float, 3>{1.0f, 1.0f, 4.0f}));
   EXPECT_EQ(lines[0].to, (std::array<float, 3>{1.0f, 1.0f, 5.5f}));
@@ -74,9 +74,9 @@ TEST_F(OverlayTest, SensorSegmentsGoFromThePinToWhatItSees) {
 
 TEST_F(OverlayTest, ForcesAreDrawnInProportion) {
   contacts = {{{1, 1, 4}, {0, 0, 10}}, {{2, 1, 4}, {0, 5, 0}}};
-  EXPECT_TRUE(applied().lines.empty());
-  overlay.settings.contacts = true;
-  const auto lines = applied().lines;
+  EXPECT_TRUE(apply().lines.empty());
+  overlay.settings.contact_forces = true;
+  const auto lines = apply().lines;
   ASSERT_EQ(lines.size(), 2u);
   EXPECT_FLOAT_EQ(lines[0].to[2] - lines[0].from[2], 3.0f);
   EXPECT_FLOAT_EQ(lines[1].to[1] - lines[1].from[1], 1.5f);
@@ -84,26 +84,26 @@ TEST_F(OverlayTest, ForcesAreDrawnInProportion) {
 
 TEST_F(OverlayTest, TrailsGrowAgeAndBeginAnew) {
   overlay.settings.trails = true;
-  overlay.settings.trail_s = 1.0;
+  overlay.settings.trail_length_s = 1.0;
   for (int i = 0; i <= 10; ++i) {
     scene.snapshot.time_s = 0.1 * i;
     scene.snapshot.position[0][0] = static_cast<float>(i);
-    applied();
+    apply();
   }
-  EXPECT_EQ(applied().lines.size(), 10u);
-  EXPECT_EQ(applied().lines[9].colour[3], 255) << "the newest piece is opaque";
-  EXPECT_LT(applied().lines[0].colour[3], 40);
+  EXPECT_EQ(apply().lines.size(), 10u);
+  EXPECT_EQ(apply().lines[9].colour[3], 255) << "the newest piece is opaque";
+  EXPECT_LT(apply().lines[0].colour[3], 40);
   scene.snapshot.time_s = 1.5;
-  EXPECT_EQ(applied().lines.size(), 5u) << "pieces older than the trail's length";
+  EXPECT_EQ(apply().lines.size(), 5u) << "pieces older than the trail's length";
   scene.snapshot.time_s = 0.2;
-  EXPECT_TRUE(applied().lines.empty()) << "the run began anew";
+  EXPECT_TRUE(apply().lines.empty()) << "the run began anew";
 }
 
-TEST(Watch, KeepsOneSampleATickOfTheThingThatIsWatched) {
-  Scene scene(4, 4);
+TEST(PlotHistory, KeepsOneSampleATickOfTheThingThatIsWatched) {
+  TestScene scene(4, 4);
   scene.add_sphere(1.0, 1.0, 6.0, 1.0, {});
   PlotHistory watch;
-  const Thing sphere{Thing::Kind::kObject, 0, 0, 0}, cell{Thing::Kind::kCell, 0, 1, 2};
+  const SceneItem sphere{SceneItem::Kind::kObject, 0, 0, 0}, cell{SceneItem::Kind::kCell, 0, 1, 2};
   for (int i = 0; i < 5; ++i) {
     scene.snapshot.time_s = i;
     scene.snapshot.position[0][2] = static_cast<float>(i);
@@ -111,43 +111,43 @@ TEST(Watch, KeepsOneSampleATickOfTheThingThatIsWatched) {
     for (int again = 0; again < 2; ++again)
       watch.add(sphere, scene.spec.surface, {scene.snapshot, scene.spec.objects});
   }
-  ASSERT_EQ(watch.traces().size(), 3u);
-  EXPECT_EQ(watch.traces()[0].values, (std::vector<float>{0, 1, 2, 3, 4}));
-  EXPECT_FLOAT_EQ(watch.traces()[1].latest(), 5.0f);
+  ASSERT_EQ(watch.series().size(), 3u);
+  EXPECT_EQ(watch.series()[0].values, (std::vector<float>{0, 1, 2, 3, 4}));
+  EXPECT_FLOAT_EQ(watch.series()[1].latest(), 5.0f);
   EXPECT_DOUBLE_EQ(watch.span_s(), 4.0);
   scene.snapshot.height[6] = 2.5f;
   watch.add(cell, scene.spec.surface, {scene.snapshot, scene.spec.objects});
-  ASSERT_EQ(watch.traces().size(), 1u);
-  EXPECT_EQ(watch.traces()[0].values, (std::vector<float>{2.5f}));
+  ASSERT_EQ(watch.series().size(), 1u);
+  EXPECT_EQ(watch.series()[0].values, (std::vector<float>{2.5f}));
 }
 
 TEST(OptionEdit, FollowsTheKindOfTheValue) {
-  const std::vector<OptionEdit> edits = edits_of({{"count", "40", "number of spheres"},
-                                                  {"speed", "0.25", ""},
-                                                  {"drift", "-2.5", ""},
-                                                  {"on", "true", ""},
-                                                  {"name", "hello", ""}});
+  const std::vector<OptionEdit> edits = make_option_edits({{"count", "40", "number of spheres"},
+                                                           {"speed", "0.25", ""},
+                                                           {"drift", "-2.5", ""},
+                                                           {"on", "true", ""},
+                                                           {"name", "hello", ""}});
   EXPECT_EQ(edits[0].kind, OptionEdit::Kind::kInteger);
   EXPECT_EQ(edits[0].high, 80.0f);
   EXPECT_EQ(edits[1].kind, OptionEdit::Kind::kReal);
   EXPECT_EQ(edits[2].low, -5.0f);
   EXPECT_EQ(edits[2].high, 0.0f);
-  EXPECT_EQ(edits[3].kind, OptionEdit::Kind::kSwitch);
+  EXPECT_EQ(edits[3].kind, OptionEdit::Kind::kBool);
   EXPECT_EQ(edits[4].kind, OptionEdit::Kind::kText);
-  EXPECT_TRUE(changes(edits).empty());
+  EXPECT_TRUE(changed_options(edits).empty());
 }
 
 TEST(OptionEdit, GivesOnlyWhatWasChangedAsSetTakesIt) {
   std::vector<OptionEdit> edits =
-      edits_of({{"count", "40", ""}, {"speed", "0.33333333333333", ""}, {"on", "true", ""}});
+      make_option_edits({{"count", "40", ""}, {"speed", "0.33333333333333", ""}, {"on", "true", ""}});
   edits[0].number = 12.0f;
-  edits[2].on = false;
-  const std::vector<NamedValue> values = changes(edits);
+  edits[2].checked = false;
+  const std::vector<NamedValue> values = changed_options(edits);
   ASSERT_EQ(values.size(), 2u) << "an untouched number keeps all its digits";
   EXPECT_EQ(values[0].value, "12");
   EXPECT_EQ(values[1].value, "false");
   edits[1].number = 0.5f;
-  EXPECT_EQ(changes(edits)[1].value, "0.5");
+  EXPECT_EQ(changed_options(edits)[1].value, "0.5");
 }
 
 }  // namespace

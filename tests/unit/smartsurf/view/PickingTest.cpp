@@ -4,15 +4,15 @@
 
 #include <numbers>
 
-#include "tests/unit/smartsurf/view/Scenes.h"
+#include "tests/unit/smartsurf/view/TestScene.h"
 
 namespace smartsurf::view {
 namespace {
 
-Ray down_at(double x, double y) { return {{x, y, 100.0}, {0.0, 0.0, -1.0}}; }
+Ray downward_ray(double x, double y) { return {{x, y, 100.0}, {0.0, 0.0, -1.0}}; }
 
 TEST(Picking, TheRayOfAPixelIsTheInverseOfProjecting) {
-  const Camera camera = Camera::framing(scene::SurfaceSpec{}, Preset::kIso, 16.0 / 9.0);
+  const Camera camera = Camera::fit_to_surface(scene::SurfaceSpec{}, CameraPreset::kIso, 16.0 / 9.0);
   for (const Eigen::Vector3d& point : {Eigen::Vector3d(3.0, 5.0, 1.0), Eigen::Vector3d(60.0, 2.0, 4.0)}) {
     const Eigen::Vector3d pixel = camera.project(point, 1280, 720);
     const Ray ray = camera.ray(pixel.x(), pixel.y(), 1280, 720);
@@ -23,35 +23,35 @@ TEST(Picking, TheRayOfAPixelIsTheInverseOfProjecting) {
 }
 
 TEST(Picking, FindsTheObjectInFrontOfTheCells) {
-  Scene scene(16, 16);
+  TestScene scene(16, 16);
   scene.add_sphere(7.0, 5.0, 6.0, 2.0, {});
   scene.add_sphere(7.0, 5.0, 20.0, 1.0, {});
-  const auto hit = pick(down_at(7.3, 5.1), scene.spec.surface, {scene.snapshot, scene.spec.objects});
+  const auto hit = pick(downward_ray(7.3, 5.1), scene.spec.surface, {scene.snapshot, scene.spec.objects});
   ASSERT_TRUE(hit);
-  EXPECT_EQ(hit->thing.kind, Thing::Kind::kObject);
-  EXPECT_EQ(hit->thing.object, 1u) << "not the upper one";
+  EXPECT_EQ(hit->item.kind, SceneItem::Kind::kObject);
+  EXPECT_EQ(hit->item.object, 1u) << "not the upper one";
   EXPECT_NEAR((hit->point - Eigen::Vector3d(7.0, 5.0, 20.0)).norm(), 1.0, 1e-9);
 }
 
 TEST(Picking, FindsTheCellWithRowsFromTheNorth) {
-  Scene scene(8, 16);
-  const auto hit = pick(down_at(12.2, 6.9), scene.spec.surface, {scene.snapshot, scene.spec.objects});
+  TestScene scene(8, 16);
+  const auto hit = pick(downward_ray(12.2, 6.9), scene.spec.surface, {scene.snapshot, scene.spec.objects});
   ASSERT_TRUE(hit);
-  EXPECT_EQ(hit->thing.kind, Thing::Kind::kCell);
-  EXPECT_EQ(hit->thing.row, 0);
-  EXPECT_EQ(hit->thing.column, 12);
+  EXPECT_EQ(hit->item.kind, SceneItem::Kind::kCell);
+  EXPECT_EQ(hit->item.row, 0);
+  EXPECT_EQ(hit->item.column, 12);
   EXPECT_NEAR(hit->point.z(), 4.0, 1e-6);
-  EXPECT_FALSE(pick(down_at(17.0, 3.0), scene.spec.surface, {scene.snapshot, scene.spec.objects}));
+  EXPECT_FALSE(pick(downward_ray(17.0, 3.0), scene.spec.surface, {scene.snapshot, scene.spec.objects}));
 }
 
 TEST(Picking, ARaisedPinHidesTheCellsBehindIt) {
-  Scene scene(8, 8, 0.0f);
+  TestScene scene(8, 8, 0.0f);
   scene.snapshot.height[scene.spec.surface.index(4, 3)] = 5.0f;  // at x = 3, y = 3
   const Ray slanted{{-10.0, 3.0, 12.0}, Eigen::Vector3d(1.0, 0.0, -0.7).normalized()};
   const auto hit = pick(slanted, scene.spec.surface, {scene.snapshot, scene.spec.objects});
   ASSERT_TRUE(hit);
-  EXPECT_EQ(hit->thing.row, 4);
-  EXPECT_EQ(hit->thing.column, 3) << "it passed through the pin";
+  EXPECT_EQ(hit->item.row, 4);
+  EXPECT_EQ(hit->item.column, 3) << "it passed through the pin";
   EXPECT_NEAR(hit->point.x(), 2.5, 1e-3) << "its west side";
 }
 
@@ -62,14 +62,14 @@ TEST(Picking, EntersEveryShapeOnItsSurface) {
   object.height = 3.0;
   object.size = {2.0, 3.0, 4.0};
   const auto along = [&](const Eigen::Vector3d& from) {
-    return enter(object, {from, -from.normalized()}).value_or(-1.0);
+    return intersect(object, {from, -from.normalized()}).value_or(-1.0);
   };
   const auto expect = [&](double x, double z_up, double z_down) {
     EXPECT_NEAR(along({10, 0, 0}), 10.0 - x, 1e-9);
     EXPECT_NEAR(along({0, 0, 10}), 10.0 - z_up, 1e-9);
     EXPECT_NEAR(along({0, 0, -10}), 10.0 - z_down, 1e-9);
-    EXPECT_FALSE(enter(object, {{10, 5, 0}, {-1, 0, 0}}));
-    EXPECT_FALSE(enter(object, {{10, 0, 0}, {1, 0, 0}})) << "behind the eye";
+    EXPECT_FALSE(intersect(object, {{10, 5, 0}, {-1, 0, 0}}));
+    EXPECT_FALSE(intersect(object, {{10, 0, 0}, {1, 0, 0}})) << "behind the eye";
   };
   object.shape = scene::ShapeKind::kSphere;
   expect(1.0, 1.0, 1.0);
@@ -90,8 +90,8 @@ TEST(Picking, EntersASolidThroughItsTriangles) {
   scene::ObjectSpec object;
   object.shape = scene::ShapeKind::kSolid;
   object.solid = solid;
-  EXPECT_NEAR(enter(object, {{0.5, 0.5, 9.0}, {0, 0, -1}}).value(), 8.0, 1e-6);
-  EXPECT_FALSE(enter(object, {{1.5, 1.5, 9.0}, {0, 0, -1}}));
+  EXPECT_NEAR(intersect(object, {{0.5, 0.5, 9.0}, {0, 0, -1}}).value(), 8.0, 1e-6);
+  EXPECT_FALSE(intersect(object, {{1.5, 1.5, 9.0}, {0, 0, -1}}));
 }
 
 }  // namespace

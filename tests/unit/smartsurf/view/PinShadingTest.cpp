@@ -5,17 +5,19 @@
 #include <limits>
 
 #include "smartsurf/view/model/Palette.h"
-#include "tests/unit/smartsurf/view/Scenes.h"
+#include "tests/unit/smartsurf/view/TestScene.h"
 
 namespace smartsurf::view {
 namespace {
 
 int sky(const PinInstance& pin) {
-  return (pin.corner_sky[0] + pin.corner_sky[1] + pin.corner_sky[2] + pin.corner_sky[3]) / 4;
+  return (pin.corner_sky_visibility[0] + pin.corner_sky_visibility[1] + pin.corner_sky_visibility[2] +
+          pin.corner_sky_visibility[3]) /
+         4;
 }
 
 TEST(PinShading, APinInAPocketSeesLessSkyAndADeeperOneLessStill) {
-  Scene scene(9, 9);
+  TestScene scene(9, 9);
   PinShading shading(scene.spec.surface);
   const int centre = scene.spec.surface.index(4, 4);
   const int flat = sky(shading.update(scene.snapshot, {}, {}, true, false)[centre]);
@@ -29,33 +31,33 @@ TEST(PinShading, APinInAPocketSeesLessSkyAndADeeperOneLessStill) {
 }
 
 TEST(PinShading, OnlyTheCornersBesideAWallAreDarker) {
-  Scene scene(5, 5, 0.0f);
+  TestScene scene(5, 5, 0.0f);
   for (int column = 0; column < 5; ++column)
     scene.snapshot.height[scene.spec.surface.index(1, column)] = 6.0f;
   PinShading shading(scene.spec.surface);
   const PinInstance pin = shading.update(scene.snapshot, {}, {}, true, false)[scene.spec.surface.index(2, 2)];
-  EXPECT_EQ(pin.corner_sky[0], 255);  // south-west
-  EXPECT_EQ(pin.corner_sky[1], 255);
-  EXPECT_LT(pin.corner_sky[2], 200);  // north-west
-  EXPECT_LT(pin.corner_sky[3], 200);
+  EXPECT_EQ(pin.corner_sky_visibility[0], 255);  // south-west
+  EXPECT_EQ(pin.corner_sky_visibility[1], 255);
+  EXPECT_LT(pin.corner_sky_visibility[2], 200);  // north-west
+  EXPECT_LT(pin.corner_sky_visibility[3], 200);
   EXPECT_FLOAT_EQ(pin.neighbour[3], 6.0f);  // north
   EXPECT_FLOAT_EQ(pin.neighbour[2], 0.0f);  // south
 }
 
 TEST(PinShading, ASphereDarkensWhatIsUnderItAndNothingFarAway) {
-  Scene scene(15, 15);
+  TestScene scene(15, 15);
   PinShading shading(scene.spec.surface);
   scene.add_sphere(7.0, 7.0, 6.0, 2.0, {});
   const auto pins = shading.update(scene.snapshot, scene.spec.objects, {}, true, false);
   EXPECT_LT(sky(pins[scene.spec.surface.index(7, 7)]), 120);
   EXPECT_EQ(sky(pins[scene.spec.surface.index(1, 1)]), 255);
   DrawOptions wires;
-  wires.style = Style::kWireframe;
+  wires.fill_mode = FillMode::kWireframe;
   EXPECT_EQ(sky(shading.update(scene.snapshot, scene.spec.objects, wires, true, false)[7 * 15 + 7]), 255);
 }
 
 TEST(PinShading, ObjectsFarOffOrNotFiniteAreHarmless) {
-  Scene scene(5, 5);
+  TestScene scene(5, 5);
   const double nan = std::numeric_limits<double>::quiet_NaN(),
                infinite = std::numeric_limits<double>::infinity();
   scene.add_sphere(1e30, -1e30, 6.0, 2.0, {});
@@ -64,11 +66,11 @@ TEST(PinShading, ObjectsFarOffOrNotFiniteAreHarmless) {
   scene.add_sphere(infinite, 2.0, 0.0, 2.0, {});
   PinShading shading(scene.spec.surface);
   EXPECT_EQ(sky(shading.update(scene.snapshot, scene.spec.objects, {}, true, false)[12]), 255);
-  EXPECT_FLOAT_EQ(shading.rim_height(scene.snapshot, 1e30f, 0.0f, 1.0f), -2.0f);
+  EXPECT_FLOAT_EQ(shading.mean_height_around(scene.snapshot, 1e30f, 0.0f, 1.0f), -2.0f);
 }
 
 TEST(PinShading, DrawingOrderRunsFromTheEyeAwards) {
-  Scene scene(3, 4);
+  TestScene scene(3, 4);
   for (int i = 0; i < 12; ++i) scene.snapshot.height[i] = static_cast<float>(i) / 4.0f;
   PinShading shading(scene.spec.surface);
   EXPECT_FLOAT_EQ(shading.update(scene.snapshot, {}, {}, true, false)[0].height, 0.0f);          // north-west
@@ -78,7 +80,7 @@ TEST(PinShading, DrawingOrderRunsFromTheEyeAwards) {
 }
 
 TEST(PinShading, AChannelTakesThePaletteButTheBorderKeepsItsTone) {
-  Scene scene(3, 3);
+  TestScene scene(3, 3);
   scene.spec.surface.border_height = 6.0;
   PinShading shading(scene.spec.surface);
   std::vector<float> values(9, 8.0f);

@@ -7,15 +7,15 @@
 
 #include "common/gl/EglContext.h"
 #include "smartsurf/view/gl/GlObjects.h"
-#include "tests/unit/smartsurf/view/DrawCalls.h"
-#include "tests/unit/smartsurf/view/Scenes.h"
+#include "tests/unit/smartsurf/view/DrawCallCounter.h"
+#include "tests/unit/smartsurf/view/TestScene.h"
 
 namespace smartsurf::view {
 namespace {
 
 // Objects of all simple shapes in rows over pins at many heights.
-Scene crowd(int cells, int objects) {
-  Scene scene(cells, cells);
+TestScene make_crowd(int cells, int objects) {
+  TestScene scene(cells, cells);
   for (int row = 0; row < cells; ++row)
     for (int column = 0; column < cells; ++column)
       scene.snapshot.height[scene.spec.surface.index(row, column)] =
@@ -41,40 +41,41 @@ class RendererTest : public testing::Test {
     unsetenv("DISPLAY");
     unsetenv("WAYLAND_DISPLAY");
   }
-  void SetUp() override { canvas_.resize(kWidth, kHeight); }
-  void draw(Renderer& renderer, const Scene& scene) {
-    renderer.draw(scene.snapshot, scene.spec.objects,
-                  Camera::framing(scene.spec.surface, Preset::kIso, static_cast<double>(kWidth) / kHeight),
-                  {}, canvas_.framebuffer.id(), kWidth, kHeight);
+  void SetUp() override { target_.resize(kWidth, kHeight); }
+  void draw(Renderer& renderer, const TestScene& scene) {
+    renderer.draw(
+        scene.snapshot, scene.spec.objects,
+        Camera::fit_to_surface(scene.spec.surface, CameraPreset::kIso, static_cast<double>(kWidth) / kHeight),
+        {}, target_.framebuffer.id(), kWidth, kHeight);
   }
-  common::Image picture(const Scene& scene, const Quality& quality) {
+  common::Image render(const TestScene& scene, const RenderQuality& quality) {
     Renderer renderer(scene.spec, quality);
     draw(renderer, scene);
-    return read_pixels(canvas_.framebuffer.id(), kWidth, kHeight);
+    return read_framebuffer(target_.framebuffer.id(), kWidth, kHeight);
   }
-  int calls_of(const Scene& scene) {
-    Renderer renderer(scene.spec, {1, 256, Pass::kColour});
+  int count_draw_calls(const TestScene& scene) {
+    Renderer renderer(scene.spec, {1, 256, RenderPass::kColour});
     draw(renderer, scene);
-    const DrawCalls calls;
+    const DrawCallCounter calls;
     draw(renderer, scene);
     return calls.count();
   }
 
   common::EglContext context_;
-  Canvas canvas_;
+  RenderTarget target_;
 };
 
 TEST_F(RendererTest, EveryKindIsOneDrawCallHoweverManyThereAre) {
-  const int few = calls_of(crowd(8, 5)), many = calls_of(crowd(96, 900));
+  const int few = count_draw_calls(make_crowd(8, 5)), many = count_draw_calls(make_crowd(96, 900));
   EXPECT_EQ(many, few);
   // Pins and five shapes, in the shadow map and in the picture; the ground and what is behind it.
   EXPECT_EQ(few, 2 * 6 + 2);
 }
 
 TEST_F(RendererTest, WhatAWindowDrawsOnTheProcessorLooksLikeThePictures) {
-  const Scene scene = crowd(24, 40);
-  const common::Image cheap = picture(scene, Quality::fast()),
-                      full = picture(scene, {1, 2048, Pass::kColour});
+  const TestScene scene = make_crowd(24, 40);
+  const common::Image cheap = render(scene, RenderQuality::fast()),
+                      full = render(scene, {1, 2048, RenderPass::kColour});
   double sum = 0.0;
   int far = 0;
   for (std::size_t i = 0; i < full.rgb.size(); ++i) {

@@ -3,27 +3,27 @@
 #include <gtest/gtest.h>
 
 #include "smartsurf/view/interaction/Controls.h"
-#include "tests/unit/smartsurf/view/Scenes.h"
+#include "tests/unit/smartsurf/view/TestScene.h"
 
 namespace smartsurf::view {
 namespace {
 
-Ray down_at(double x, double y) { return {{x, y, 100.0}, {0.0, 0.0, -1.0}}; }
+Ray downward_ray(double x, double y) { return {{x, y, 100.0}, {0.0, 0.0, -1.0}}; }
 
 struct ToolsTest : testing::Test {
   ToolsTest() : scene(16, 16), tools(scene.spec.surface) { scene.add_sphere(7.0, 5.0, 6.0, 2.0, {}); }
-  FrameInput moment() const { return {scene.snapshot, scene.spec.objects}; }
-  Scene scene;
+  FrameInput input() const { return {scene.snapshot, scene.spec.objects}; }
+  TestScene scene;
   Tools tools;
 };
 
 TEST_F(ToolsTest, APullGoesFromTheGripToThePointer) {
-  ASSERT_TRUE(tools.press(down_at(8.0, 5.0), moment(), true));
+  ASSERT_TRUE(tools.press(downward_ray(8.0, 5.0), input(), true));
   ASSERT_TRUE(tools.pull());
   EXPECT_EQ(tools.pull()->object, 0u);
-  EXPECT_NEAR(tools.pull()->grip.x(), 1.0, 1e-6);
-  EXPECT_NEAR(tools.pull()->grip.norm(), 2.0, 1e-6) << "the grip is on the surface";
-  tools.move(down_at(11.0, 9.0), moment());
+  EXPECT_NEAR(tools.pull()->local_anchor.x(), 1.0, 1e-6);
+  EXPECT_NEAR(tools.pull()->local_anchor.norm(), 2.0, 1e-6) << "the grip is on the surface";
+  tools.move(downward_ray(11.0, 9.0), input());
   EXPECT_NEAR(tools.pull()->target.x(), 11.0, 1e-6);
   EXPECT_NEAR(tools.pull()->target.y(), 9.0, 1e-6);
   EXPECT_NEAR(tools.pull()->target.z(), 6.0 + std::sqrt(3.0), 1e-6) << "the target left its plane";
@@ -33,28 +33,28 @@ TEST_F(ToolsTest, APullGoesFromTheGripToThePointer) {
 }
 
 TEST_F(ToolsTest, NothingFixedAndNoCellCanBePulled) {
-  EXPECT_FALSE(tools.press(down_at(1.0, 1.0), moment(), true));
+  EXPECT_FALSE(tools.press(downward_ray(1.0, 1.0), input(), true));
   scene.spec.objects[0].fixed = true;
-  EXPECT_FALSE(tools.press(down_at(7.0, 5.0), moment(), true));
+  EXPECT_FALSE(tools.press(downward_ray(7.0, 5.0), input(), true));
 }
 
 TEST_F(ToolsTest, APokeFollowsThePointerUntilItIsReleased) {
-  tools.tool = Tool::kPoke;
+  tools.active_tool = Tool::kPoke;
   tools.poke_height = 5.5;
-  ASSERT_TRUE(tools.press(down_at(2.0, 3.0), moment(), false));
+  ASSERT_TRUE(tools.press(downward_ray(2.0, 3.0), input(), false));
   EXPECT_EQ(tools.poke()->row, 12);
   EXPECT_EQ(tools.poke()->column, 2);
   EXPECT_EQ(tools.poke()->height, 5.5);
-  tools.move(down_at(3.0, 3.0), moment());
+  tools.move(downward_ray(3.0, 3.0), input());
   EXPECT_EQ(tools.poke()->column, 3);
   tools.release();
   EXPECT_FALSE(tools.poke());
 }
 
 TEST_F(ToolsTest, ADropFallsOnThePlaceThatWasClicked) {
-  tools.tool = Tool::kDrop;
-  tools.drop = {scene::ShapeKind::kBox, 0.5, 3.0, {1.0f, 0.0f, 0.0f}};
-  ASSERT_TRUE(tools.press(down_at(2.0, 3.0), moment(), false));
+  tools.active_tool = Tool::kDrop;
+  tools.drop_spec = {scene::ShapeKind::kBox, 0.5, 3.0, {1.0f, 0.0f, 0.0f}};
+  ASSERT_TRUE(tools.press(downward_ray(2.0, 3.0), input(), false));
   const auto object = tools.take_drop();
   ASSERT_TRUE(object);
   EXPECT_EQ(object->shape, scene::ShapeKind::kBox);
@@ -64,9 +64,9 @@ TEST_F(ToolsTest, ADropFallsOnThePlaceThatWasClicked) {
 }
 
 TEST_F(ToolsTest, AFaultIsAskedForOnce) {
-  tools.tool = Tool::kBreak;
-  tools.fault = FaultKind::kDead;
-  ASSERT_TRUE(tools.press(down_at(2.0, 3.0), moment(), false));
+  tools.active_tool = Tool::kBreak;
+  tools.fault_kind = FaultKind::kDead;
+  ASSERT_TRUE(tools.press(downward_ray(2.0, 3.0), input(), false));
   const auto fault = tools.take_fault();
   ASSERT_TRUE(fault);
   EXPECT_EQ(fault->row, 12);
@@ -75,12 +75,12 @@ TEST_F(ToolsTest, AFaultIsAskedForOnce) {
 }
 
 TEST_F(ToolsTest, EscapePutsDownTheToolAndThenTheSelection) {
-  tools.select(down_at(7.0, 5.0), moment());
-  tools.tool = Tool::kDrop;
-  tools.escape();
-  EXPECT_EQ(tools.tool, Tool::kPick);
+  tools.select(downward_ray(7.0, 5.0), input());
+  tools.active_tool = Tool::kDrop;
+  tools.cancel();
+  EXPECT_EQ(tools.active_tool, Tool::kPick);
   EXPECT_TRUE(tools.selected());
-  tools.escape();
+  tools.cancel();
   EXPECT_FALSE(tools.selected());
 }
 
@@ -89,24 +89,25 @@ struct PointerTest : testing::Test {
   PointerTest() : scene(16, 16), controls(scene.spec.surface) {
     scene.add_sphere(7.5, 7.5, 6.0, 3.0, {});
     controls.resize(800.0 / 600.0);
-    status.touchable = true;
-    at = controls.camera().project({7.5, 7.5, 6.0}, 800, 600);
+    status.accepts_interaction = true;
+    target = controls.camera().project({7.5, 7.5, 6.0}, 800, 600);
   }
-  void point(PointerEvent::Kind kind, double dx, double dy, bool control = false) {
-    controls.point({kind, PointerEvent::Button::kLeft, at.x() + dx, at.y() + dy, control, false},
-                   {scene.snapshot, scene.spec.objects}, status, 800, 600);
+  void send_pointer(PointerEvent::Kind kind, double dx, double dy, bool control = false) {
+    controls.handle_pointer(
+        {kind, PointerEvent::Button::kLeft, target.x() + dx, target.y() + dy, control, false},
+        {scene.snapshot, scene.spec.objects}, status, 800, 600);
   }
-  Scene scene;
+  TestScene scene;
   Controls controls;
   Status status;
-  Eigen::Vector3d at;
+  Eigen::Vector3d target;
 };
 
 TEST_F(PointerTest, AClickPicksAndLeavesTheCameraAlone) {
   const double azimuth = controls.camera().azimuth();
-  point(PointerEvent::Kind::kPress, 0, 0);
-  point(PointerEvent::Kind::kMove, 1, 1);
-  point(PointerEvent::Kind::kRelease, 1, 1);
+  send_pointer(PointerEvent::Kind::kPress, 0, 0);
+  send_pointer(PointerEvent::Kind::kMove, 1, 1);
+  send_pointer(PointerEvent::Kind::kRelease, 1, 1);
   ASSERT_TRUE(controls.tools().selected());
   EXPECT_EQ(controls.tools().selected()->object, 0u);
   EXPECT_EQ(controls.camera().azimuth(), azimuth);
@@ -114,41 +115,41 @@ TEST_F(PointerTest, AClickPicksAndLeavesTheCameraAlone) {
 
 TEST_F(PointerTest, ADragTurnsTheCameraAndPicksNothing) {
   const double azimuth = controls.camera().azimuth();
-  point(PointerEvent::Kind::kPress, 0, 0);
-  point(PointerEvent::Kind::kMove, 50, 0);
-  point(PointerEvent::Kind::kRelease, 50, 0);
+  send_pointer(PointerEvent::Kind::kPress, 0, 0);
+  send_pointer(PointerEvent::Kind::kMove, 50, 0);
+  send_pointer(PointerEvent::Kind::kRelease, 50, 0);
   EXPECT_FALSE(controls.tools().selected());
   EXPECT_NE(controls.camera().azimuth(), azimuth);
 }
 
 TEST_F(PointerTest, ControlAndADragPullUntilTheRelease) {
   const double azimuth = controls.camera().azimuth();
-  point(PointerEvent::Kind::kPress, 0, 0, true);
-  point(PointerEvent::Kind::kMove, 60, 0, true);
-  const Commands commands = controls.take();
+  send_pointer(PointerEvent::Kind::kPress, 0, 0, true);
+  send_pointer(PointerEvent::Kind::kMove, 60, 0, true);
+  const Commands commands = controls.take_commands();
   ASSERT_TRUE(commands.pull);
   EXPECT_GT(commands.pull->target.x(), 8.0) << "not to the right";
   EXPECT_EQ(controls.camera().azimuth(), azimuth);
-  EXPECT_TRUE(controls.take().pull) << "a pull holds for as long as the button is down";
-  point(PointerEvent::Kind::kRelease, 60, 0, true);
-  EXPECT_FALSE(controls.take().pull);
+  EXPECT_TRUE(controls.take_commands().pull) << "a pull holds for as long as the button is down";
+  send_pointer(PointerEvent::Kind::kRelease, 60, 0, true);
+  EXPECT_FALSE(controls.take_commands().pull);
 }
 
 TEST_F(PointerTest, ARecordingCannotBePulled) {
-  status.touchable = false;
-  point(PointerEvent::Kind::kPress, 0, 0, true);
-  point(PointerEvent::Kind::kMove, 60, 0, true);
-  EXPECT_FALSE(controls.take().pull);
+  status.accepts_interaction = false;
+  send_pointer(PointerEvent::Kind::kPress, 0, 0, true);
+  send_pointer(PointerEvent::Kind::kMove, 60, 0, true);
+  EXPECT_FALSE(controls.take_commands().pull);
 }
 
 TEST_F(PointerTest, TheCameraFollowsAnObjectUntilItIsGone) {
-  controls.tools().select(Thing{Thing::Kind::kObject, 0, 0, 0});
-  controls.press(Key::kFollow, status);
+  controls.tools().select(SceneItem{SceneItem::Kind::kObject, 0, 0, 0});
+  controls.perform(UiAction::kFollow, status);
   scene.snapshot.position[0] = {2.0f, 3.0f, 5.0f};
-  controls.track(scene.snapshot);
+  controls.update_camera(scene.snapshot);
   EXPECT_TRUE(controls.camera().target().isApprox(Eigen::Vector3d(2.0, 3.0, 5.0)));
   scene.snapshot.id.clear();
-  controls.track(scene.snapshot);
+  controls.update_camera(scene.snapshot);
   EXPECT_FALSE(controls.followed());
 }
 
@@ -156,17 +157,17 @@ TEST_F(PointerTest, ChannelsAreGoneThroughInTurn) {
   const Channel channels[] = {{"height", "u", {}, 0, 6}, {"proximity", "u", {}, 0, 8}};
   controls.set_channels(channels);
   for (const char* expected : {"height", "proximity", "", "height"}) {
-    controls.press(Key::kNextChannel, status);
+    controls.perform(UiAction::kNextChannel, status);
     EXPECT_EQ(controls.overlay().channel, expected);
   }
 }
 
 TEST_F(PointerTest, OnlyARunThatCanBeginAnewDoes) {
-  controls.press(Key::kReset, status);
-  EXPECT_FALSE(controls.take().reset);
-  status.resettable = true;
-  controls.press(Key::kReset, status);
-  EXPECT_TRUE(controls.take().reset);
+  controls.perform(UiAction::kReset, status);
+  EXPECT_FALSE(controls.take_commands().reset);
+  status.can_reset = true;
+  controls.perform(UiAction::kReset, status);
+  EXPECT_TRUE(controls.take_commands().reset);
 }
 
 }  // namespace

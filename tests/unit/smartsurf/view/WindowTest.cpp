@@ -8,7 +8,7 @@
 #include <string>
 
 #include "smartsurf/view/output/OffscreenView.h"
-#include "tests/unit/smartsurf/view/Scenes.h"
+#include "tests/unit/smartsurf/view/TestScene.h"
 
 namespace smartsurf::view {
 namespace {
@@ -37,14 +37,14 @@ TEST(WindowWithoutDisplay, SaysSoInOneLine) {
 }
 
 TEST_F(WindowTest, ShowsTheSceneAndItsPanelAndHelp) {
-  Scene scene(16, 16);
+  TestScene scene(16, 16);
   scene.add_sphere(7.5, 7.5, 6.0, 2.0, {0.86f, 0.12f, 0.10f});
   Window window(scene.spec, "test", 800, 600);
   Status status;
   status.mode = "time-step";
   const auto shown = [&] {
     common::Image image;
-    for (int i = 0; i < 3; ++i) image = window.show({scene.snapshot, scene.spec.objects}, status);
+    for (int i = 0; i < 3; ++i) image = window.capture_frame({scene.snapshot, scene.spec.objects}, status);
     return image;  // the panel takes a frame to find its size
   };
   const common::Image image = shown();
@@ -54,31 +54,32 @@ TEST_F(WindowTest, ShowsTheSceneAndItsPanelAndHelp) {
     for (int x = image.width / 4; x < 3 * image.width / 4; ++x)
       red += image.pixel(x, y)[0] > 2 * image.pixel(x, y)[1] ? 1 : 0;
   EXPECT_GT(red, 1000) << "the sphere is not in the middle of the window";
-  const common::Image bare = window.picture({scene.snapshot, scene.spec.objects}, image.width, image.height);
+  const common::Image bare =
+      window.capture_scene({scene.snapshot, scene.spec.objects}, image.width, image.height);
   EXPECT_GT(different_pixels(image, bare), 5000) << "no panel";
-  window.press(Key::kHelp);
+  window.perform(UiAction::kHelp);
   EXPECT_GT(different_pixels(image, shown()), 20000) << "no help";
 }
 
 TEST_F(WindowTest, LivesBesidePicturesWithoutADisplay) {
-  Scene scene(8, 8);
+  TestScene scene(8, 8);
   scene.add_sphere(3.5, 3.5, 6.0, 2.0, {0.86f, 0.12f, 0.10f});
   Window window(scene.spec, "test", 400, 300);
-  const Camera camera = Camera::framing(scene.spec.surface, Preset::kIso, 4.0 / 3.0);
-  const common::Image of_window = window.picture({scene.snapshot, scene.spec.objects}, 400, 300);
+  const Camera camera = Camera::fit_to_surface(scene.spec.surface, CameraPreset::kIso, 4.0 / 3.0);
+  const common::Image of_window = window.capture_scene({scene.snapshot, scene.spec.objects}, 400, 300);
   const common::Image alone =
       render_image(scene.spec, scene.snapshot, scene.spec.objects, camera, {}, 400, 300);
-  common::Image again = window.picture({scene.snapshot, scene.spec.objects}, 400, 300);
+  common::Image again = window.capture_scene({scene.snapshot, scene.spec.objects}, 400, 300);
   EXPECT_EQ(of_window.rgb, again.rgb);
   EXPECT_LT(different_pixels(alone, again), 400) << "the window's camera begins with the same view";
 }
 
 TEST_F(WindowTest, HandsTheUsersWishesToTheCaller) {
-  Scene scene(4, 4);
+  TestScene scene(4, 4);
   Window window(scene.spec, "test", 320, 240);
-  window.press(Key::kPause);
-  window.press(Key::kQuit);
-  const Commands commands = window.frame({scene.snapshot, scene.spec.objects}, {});
+  window.perform(UiAction::kPause);
+  window.perform(UiAction::kQuit);
+  const Commands commands = window.render_frame({scene.snapshot, scene.spec.objects}, {});
   EXPECT_TRUE(commands.toggle_pause);
   EXPECT_TRUE(commands.quit);
   EXPECT_FALSE(window.poll({}).quit);
@@ -99,19 +100,19 @@ TEST_F(WindowTest, ManyFramesTakeNoMoreMemory) {
 #ifdef __SANITIZE_ADDRESS__
   GTEST_SKIP() << "the sanitizer keeps what was freed, and looks for leaks itself";
 #endif
-  Scene scene(12, 12);
+  TestScene scene(12, 12);
   for (int i = 0; i < 20; ++i) scene.add_sphere(0.5 * i, 3.0, 6.0, 0.5, {0.2f, 0.6f, 0.9f});
   Window window(scene.spec, "test", 320, 240);
   Status status;
   status.timeline = Timeline{10, 3, 0.0, 1.0, true};
-  window.press(Key::kTrails);
-  window.press(Key::kWireframe);
+  window.perform(UiAction::kTrails);
+  window.perform(UiAction::kWireframe);
   const auto frames = [&](int count) {
     for (int i = 0; i < count; ++i) {
       scene.snapshot.tick += 1;
       scene.snapshot.time_s += 1.0 / 60.0;
       scene.snapshot.position[0][0] = static_cast<float>(i % 8);
-      window.frame({scene.snapshot, scene.spec.objects}, status);
+      window.render_frame({scene.snapshot, scene.spec.objects}, status);
     }
   };
   frames(100);
@@ -121,19 +122,19 @@ TEST_F(WindowTest, ManyFramesTakeNoMoreMemory) {
 }
 
 TEST_F(WindowTest, AClickPicksAndADragWithControlPulls) {
-  Scene scene(16, 16);
+  TestScene scene(16, 16);
   scene.add_sphere(7.5, 7.5, 6.0, 3.0, {0.86f, 0.12f, 0.10f});
   Window window(scene.spec, "test", 800, 600);
   Status status;
-  status.touchable = true;
-  const Camera camera = Camera::framing(scene.spec.surface, Preset::kIso, 800.0 / 600.0);
+  status.accepts_interaction = true;
+  const Camera camera = Camera::fit_to_surface(scene.spec.surface, CameraPreset::kIso, 800.0 / 600.0);
   const Eigen::Vector3d at = camera.project({7.5, 7.5, 6.0}, 800, 600);
   const auto point = [&](PointerEvent::Kind kind, double dx, bool control) {
-    window.point({kind, PointerEvent::Button::kLeft, at.x() + dx, at.y(), control, false});
+    window.add_pointer_event({kind, PointerEvent::Button::kLeft, at.x() + dx, at.y(), control, false});
   };
   const auto shown = [&] {
     common::Image image;
-    for (int i = 0; i < 3; ++i) image = window.show({scene.snapshot, scene.spec.objects}, status);
+    for (int i = 0; i < 3; ++i) image = window.capture_frame({scene.snapshot, scene.spec.objects}, status);
     return image;
   };
   const common::Image plain = shown();
@@ -142,33 +143,33 @@ TEST_F(WindowTest, AClickPicksAndADragWithControlPulls) {
   EXPECT_GT(different_pixels(plain, shown()), 2000) << "no panel for what was picked";
   point(PointerEvent::Kind::kPress, 0, true);
   point(PointerEvent::Kind::kMove, 50, true);
-  EXPECT_TRUE(window.frame({scene.snapshot, scene.spec.objects}, status).pull);
+  EXPECT_TRUE(window.render_frame({scene.snapshot, scene.spec.objects}, status).pull);
   point(PointerEvent::Kind::kRelease, 50, true);
-  EXPECT_FALSE(window.frame({scene.snapshot, scene.spec.objects}, status).pull);
+  EXPECT_FALSE(window.render_frame({scene.snapshot, scene.spec.objects}, status).pull);
 }
 
 TEST_F(WindowTest, KnowsWhetherTheUserDidAnything) {
-  Scene scene(4, 4);
+  TestScene scene(4, 4);
   Window window(scene.spec, "test", 320, 240);
-  const auto draw = [&] { window.frame({scene.snapshot, scene.spec.objects}, {}); };
-  for (int i = 0; i < 20 && (i < 3 || window.stirred()); ++i)
+  const auto draw = [&] { window.render_frame({scene.snapshot, scene.spec.objects}, {}); };
+  for (int i = 0; i < 20 && (i < 3 || window.needs_redraw()); ++i)
     draw();  // what the window system tells at first
-  EXPECT_FALSE(window.stirred());
-  window.press(Key::kGrid);
-  EXPECT_TRUE(window.stirred());
+  EXPECT_FALSE(window.needs_redraw());
+  window.perform(UiAction::kGrid);
+  EXPECT_TRUE(window.needs_redraw());
   draw();
-  EXPECT_FALSE(window.stirred());
-  window.point({PointerEvent::Kind::kMove, PointerEvent::Button::kLeft, 10, 10, false, false});
-  EXPECT_TRUE(window.stirred());
+  EXPECT_FALSE(window.needs_redraw());
+  window.add_pointer_event({PointerEvent::Kind::kMove, PointerEvent::Button::kLeft, 10, 10, false, false});
+  EXPECT_TRUE(window.needs_redraw());
 }
 
 TEST_F(WindowTest, GoesOnWithAnotherScene) {
-  Scene small(8, 8), large(24, 12);
+  TestScene small(8, 8), large(24, 12);
   large.add_sphere(5.0, 5.0, 6.0, 2.0, {0.86f, 0.12f, 0.10f});
   Window window(small.spec, "test", 400, 300);
-  window.frame({small.snapshot, small.spec.objects}, {});
+  window.render_frame({small.snapshot, small.spec.objects}, {});
   window.set_scene(large.spec);
-  const common::Image image = window.show({large.snapshot, large.spec.objects}, {});
+  const common::Image image = window.capture_frame({large.snapshot, large.spec.objects}, {});
   EXPECT_EQ(image.width, 400);
 }
 

@@ -14,7 +14,7 @@ namespace {
 using record::OutputFolder;
 using record::SyntheticRun;
 
-record::Recording recorded(const std::filesystem::path& path, SyntheticRun& run, int ticks) {
+record::Recording write_recording(const std::filesystem::path& path, SyntheticRun& run, int ticks) {
   const auto recorder = record::Recorder::open(path, run.meta, run.spec);
   for (int t = 0; t < ticks; ++t)
     recorder->record_frame(run.snapshot_at(static_cast<std::uint64_t>(t), {0, 1}), run.spec.objects);
@@ -22,7 +22,7 @@ record::Recording recorded(const std::filesystem::path& path, SyntheticRun& run,
   return record::Recording::open(path);
 }
 
-std::string text_of(const std::filesystem::path& path) {
+std::string read_text(const std::filesystem::path& path) {
   std::ifstream file(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(file), {}};
 }
@@ -30,8 +30,8 @@ std::string text_of(const std::filesystem::path& path) {
 TEST(Page, IsOneFileThatLoadsNothing) {
   const OutputFolder out;
   SyntheticRun run;
-  write_page(recorded(out / "run.h5", run, 10), out / "run.html");
-  const std::string page = text_of(out / "run.html");
+  write_page(write_recording(out / "run.h5", run, 10), out / "run.html");
+  const std::string page = read_text(out / "run.html");
   for (const char* place : {"{{TITLE}}", "{{SCENE}}", "{{FRAMES}}", "{{THREE}}", "{{ORBIT}}", "{{PLAYER}}"})
     EXPECT_EQ(page.find(place), page.npos) << place << " was left open";
   EXPECT_NE(page.find("experiment.lua"), page.npos);
@@ -45,8 +45,8 @@ TEST(Page, HostileLabelsStayTexts) {
   SyntheticRun run;
   run.spec.objects[0].label = "</script><script>alert(1)</script>";
   run.spec.file = "<marquee>{{PLAYER}}.lua";
-  write_page(recorded(out / "run.h5", run, 3), out / "run.html");
-  const std::string page = text_of(out / "run.html");
+  write_page(write_recording(out / "run.h5", run, 3), out / "run.html");
+  const std::string page = read_text(out / "run.html");
   EXPECT_EQ(page.find("<script>alert"), page.npos);
   EXPECT_EQ(page.find("<marquee>"), page.npos);
   EXPECT_NE(page.find("{{PLAYER}}"), page.npos) << "what was put in was looked at again";
@@ -55,10 +55,10 @@ TEST(Page, HostileLabelsStayTexts) {
 TEST(Page, ShowsAtMostSoManyFramesASecond) {
   const OutputFolder out;
   SyntheticRun run;  // at 60 frames a second
-  const record::Recording recording = recorded(out / "run.h5", run, 121);
+  const record::Recording recording = write_recording(out / "run.h5", run, 121);
   const auto times = [&](double fps) {
     write_page(recording, out / "run.html", {fps});
-    const std::string page = text_of(out / "run.html");
+    const std::string page = read_text(out / "run.html");
     const std::size_t from = page.find("\"time\":["), to = page.find(']', from);
     return 1 + std::count(page.begin() + static_cast<std::ptrdiff_t>(from),
                           page.begin() + static_cast<std::ptrdiff_t>(to), ',');
@@ -71,9 +71,9 @@ TEST(Page, ShowsAtMostSoManyFramesASecond) {
 TEST(Page, RefusesWhatItCannotShowOrWrite) {
   const OutputFolder out;
   SyntheticRun run;
-  EXPECT_THROW(write_page(recorded(out / "none.h5", run, 0), out / "a.html"), scene::InputError);
+  EXPECT_THROW(write_page(write_recording(out / "none.h5", run, 0), out / "a.html"), scene::InputError);
   EXPECT_FALSE(std::filesystem::exists(out / "a.html"));
-  const record::Recording recording = recorded(out / "run.h5", run, 3);
+  const record::Recording recording = write_recording(out / "run.h5", run, 3);
   EXPECT_THROW(write_page(recording, out / "nowhere/a.html"), scene::InputError);
 }
 

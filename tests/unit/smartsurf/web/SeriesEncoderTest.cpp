@@ -1,4 +1,4 @@
-#include "smartsurf/web/FramePacker.h"
+#include "smartsurf/web/SeriesEncoder.h"
 
 #include <gtest/gtest.h>
 #include <zlib.h>
@@ -9,26 +9,28 @@ namespace smartsurf::web {
 namespace {
 
 // As the page's player does it.
-std::vector<double> unpack(const SeriesPacker& packer, std::size_t frames) {
-  const PackedSeries& layout = packer.layout();
-  const std::size_t n = layout.values;
-  const unsigned none = layout.bytes == 2 ? 0xFFFF : 0xFF;
+std::vector<double> decode(const SeriesEncoder& encoder, std::size_t frames) {
+  const SeriesLayout& layout = encoder.layout();
+  const std::size_t n = layout.values_per_frame;
+  const unsigned no_value = layout.bytes_per_value == 2 ? 0xFFFF : 0xFF;
   std::vector<double> values;
-  std::vector<unsigned> now(n);
+  std::vector<unsigned> current(n);
   for (std::size_t f = 0; f < frames; ++f)
     for (std::size_t i = 0; i < n; ++i) {
       const std::uint8_t* const frame =
-          packer.bytes().data() + f * n * static_cast<std::size_t>(layout.bytes);
-      const unsigned change = frame[i] + (layout.bytes == 2 ? frame[n + i] * 256u : 0u);
-      now[i] = (now[i] + change) & none;
-      values.push_back(now[i] == none ? NAN : layout.low + now[i] * (layout.high - layout.low) / (none - 1));
+          encoder.bytes().data() + f * n * static_cast<std::size_t>(layout.bytes_per_value);
+      const unsigned delta = frame[i] + (layout.bytes_per_value == 2 ? frame[n + i] * 256u : 0u);
+      current[i] = (current[i] + delta) & no_value;
+      values.push_back(current[i] == no_value
+                           ? NAN
+                           : layout.low + current[i] * (layout.high - layout.low) / (no_value - 1));
     }
   return values;
 }
 
-TEST(FramePacker, RoundsToTheNearestOfItsNumbers) {
+TEST(SeriesEncoder, RoundsToTheNearestOfItsNumbers) {
   for (const int bytes : {1, 2}) {
-    SeriesPacker packer({-15.0, 30.0, bytes, 3});
+    SeriesEncoder packer({-15.0, 30.0, bytes, 3});
     std::vector<float> all;
     for (int f = 0; f < 50; ++f) {
       const std::vector<float> frame = {20.0f * std::sin(0.3f * static_cast<float>(f)) + 9.0f, -15.0f,
@@ -36,7 +38,7 @@ TEST(FramePacker, RoundsToTheNearestOfItsNumbers) {
       packer.add(frame);
       all.insert(all.end(), frame.begin(), frame.end());
     }
-    const std::vector<double> read = unpack(packer, 50);
+    const std::vector<double> read = decode(packer, 50);
     ASSERT_EQ(read.size(), all.size());
     const double half_step = 0.5 * 45.0 / (bytes == 1 ? 254.0 : 65534.0);
     for (std::size_t i = 0; i < all.size(); ++i)
@@ -47,13 +49,13 @@ TEST(FramePacker, RoundsToTheNearestOfItsNumbers) {
   }
 }
 
-TEST(FramePacker, KeepsWhatLiesOutsideAtTheEdge) {
-  SeriesPacker packer({0.0, 1.0, 2, 2});
+TEST(SeriesEncoder, KeepsWhatLiesOutsideAtTheEdge) {
+  SeriesEncoder packer({0.0, 1.0, 2, 2});
   packer.add(std::vector<float>{-5.0f, 7.0f});
-  EXPECT_EQ(unpack(packer, 1), (std::vector<double>{0.0, 1.0}));
+  EXPECT_EQ(decode(packer, 1), (std::vector<double>{0.0, 1.0}));
 }
 
-TEST(FramePacker, CompressesAsZlibReadsIt) {
+TEST(SeriesEncoder, CompressesAsZlibReadsIt) {
   const std::vector<std::uint8_t> bytes(100'000, 7);
   const std::vector<std::uint8_t> packed = compress(bytes);
   EXPECT_LT(packed.size(), 1000u);
@@ -63,7 +65,7 @@ TEST(FramePacker, CompressesAsZlibReadsIt) {
   EXPECT_EQ(back, bytes);
 }
 
-TEST(FramePacker, WritesBase64) {
+TEST(SeriesEncoder, WritesBase64) {
   const auto text = [](std::string_view bytes) {
     return base64({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()});
   };

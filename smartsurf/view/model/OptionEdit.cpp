@@ -1,4 +1,4 @@
-#include "smartsurf/view/panels/OptionEdit.h"
+#include "smartsurf/view/model/OptionEdit.h"
 
 #include <algorithm>
 #include <charconv>
@@ -21,8 +21,8 @@ OptionEdit::OptionEdit(const scene::OptionSpec& option)
   long integer = 0;
   double real = 0.0;
   if (original == "true" || original == "false") {
-    kind = Kind::kSwitch;
-    on = original == "true";
+    kind = Kind::kBool;
+    checked = original == "true";
   } else if (parse(original, integer) && std::abs(integer) < (1 << 23)) {
     kind = Kind::kInteger;
     number = static_cast<float>(integer);
@@ -30,7 +30,7 @@ OptionEdit::OptionEdit(const scene::OptionSpec& option)
     kind = Kind::kReal;
     number = static_cast<float>(real);
   }
-  first_number_ = number;
+  original_number_ = number;
   const float least = kind == Kind::kInteger ? 10.0F : 1.0F;
   low = std::min(0.0F, number < 0.0F ? 2.0F * number : 0.0F);
   high = number > 0.0F ? 2.0F * number : number == 0.0F ? least : 0.0F;
@@ -40,25 +40,25 @@ OptionEdit::OptionEdit(const scene::OptionSpec& option)
 std::string OptionEdit::value() const {
   char digits[32];
   switch (kind) {
-    case Kind::kSwitch:
-      return on ? "true" : "false";
+    case Kind::kBool:
+      return checked ? "true" : "false";
     case Kind::kText:
       return text;
     default:
-      if (number == first_number_) return original;
+      if (number == original_number_) return original;
       std::snprintf(digits, sizeof digits, kind == Kind::kInteger ? "%.0f" : "%.6g",
                     static_cast<double>(number));
       return digits;
   }
 }
 
-std::vector<OptionEdit> edits_of(const std::vector<scene::OptionSpec>& options) {
+std::vector<OptionEdit> make_option_edits(const std::vector<scene::OptionSpec>& options) {
   std::vector<OptionEdit> edits;
   for (const scene::OptionSpec& option : options) edits.emplace_back(option);
   return edits;
 }
 
-std::vector<NamedValue> changes(const std::vector<OptionEdit>& edits) {
+std::vector<NamedValue> changed_options(const std::vector<OptionEdit>& edits) {
   std::vector<NamedValue> values;
   for (const OptionEdit& edit : edits)
     if (edit.changed()) values.push_back({edit.name, edit.value()});

@@ -1,4 +1,4 @@
-// Which key of the keyboard stands for what. Internal to the room.
+// Which key of the keyboard stands for what. Private to the view.
 #pragma once
 
 #include <optional>
@@ -8,8 +8,8 @@
 namespace smartsurf::view {
 
 // Of a character that was typed, so that the keys are where the user's keyboard has them.
-std::optional<Key> key_of_character(unsigned character);
+std::optional<UiAction> action_for_character(unsigned character);
 // Of a key without a character, by GLFW's code; held keys repeat where that makes sense.
-std::optional<Key> key_of_code(int code, bool repeated);
+std::optional<UiAction> action_for_key_code(int code, bool repeated);
 
 }  // namespace smartsurf::view

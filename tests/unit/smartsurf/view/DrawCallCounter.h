@@ -8,9 +8,9 @@
 
 namespace smartsurf::view {
 
-class DrawCalls {
+class DrawCallCounter {
  public:
-  DrawCalls() {
+  DrawCallCounter() {
     count_ = 0;
     elements_ = epoxy_glDrawElements;
     elements_instanced_ = epoxy_glDrawElementsInstanced;
@@ -34,14 +34,14 @@ class DrawCalls {
       arrays_instanced_(mode, first, count, instances);
     };
   }
-  ~DrawCalls() {
+  ~DrawCallCounter() {
     epoxy_glDrawElements = elements_;
     epoxy_glDrawElementsInstanced = elements_instanced_;
     epoxy_glDrawArrays = arrays_;
     epoxy_glDrawArraysInstanced = arrays_instanced_;
   }
-  DrawCalls(const DrawCalls&) = delete;
-  DrawCalls& operator=(const DrawCalls&) = delete;
+  DrawCallCounter(const DrawCallCounter&) = delete;
+  DrawCallCounter& operator=(const DrawCallCounter&) = delete;
 
   // Since it was made.
   int count() const { return count_; }

@@ -1,4 +1,4 @@
-#include "smartsurf/web/FramePacker.h"
+#include "smartsurf/web/SeriesEncoder.h"
 
 #include <zlib.h>
 
@@ -11,34 +11,35 @@ namespace smartsurf::web {
 namespace {
 
 // The greatest number that a value can have; one more says that there is none.
-std::uint16_t greatest(int bytes) { return static_cast<std::uint16_t>(bytes == 1 ? 0xFE : 0xFFFE); }
+std::uint16_t max_code_for(int bytes) { return static_cast<std::uint16_t>(bytes == 1 ? 0xFE : 0xFFFE); }
 
 }  // namespace
 
-void SeriesPacker::add(std::span<const float> frame) {
-  assert(frame.size() == layout_.values);
-  const std::uint16_t most = greatest(layout_.bytes);
-  const double scale = most / std::max(layout_.high - layout_.low, 1e-12);
+void SeriesEncoder::add(std::span<const float> frame) {
+  assert(frame.size() == layout_.values_per_frame);
+  const std::uint16_t max_code = max_code_for(layout_.bytes_per_value);
+  const double scale = max_code / std::max(layout_.high - layout_.low, 1e-12);
   const std::size_t first = bytes_.size(), stride = frame.size();
-  bytes_.resize(first + stride * static_cast<std::size_t>(layout_.bytes));
+  bytes_.resize(first + stride * static_cast<std::size_t>(layout_.bytes_per_value));
   for (std::size_t i = 0; i < stride; ++i) {
-    const double at = std::clamp((double{frame[i]} - layout_.low) * scale, 0.0, static_cast<double>(most));
-    const auto value = static_cast<std::uint16_t>(std::isnan(frame[i]) ? most + 1 : std::lround(at));
-    const auto change = static_cast<std::uint16_t>(value - last_[i]);
-    last_[i] = value;
+    const double scaled =
+        std::clamp((double{frame[i]} - layout_.low) * scale, 0.0, static_cast<double>(max_code));
+    const auto code = static_cast<std::uint16_t>(std::isnan(frame[i]) ? max_code + 1 : std::lround(scaled));
+    const auto delta = static_cast<std::uint16_t>(code - last_[i]);
+    last_[i] = code;
     // Low bytes of a frame together, then its high bytes: the high ones are mostly 0.
-    bytes_[first + i] = static_cast<std::uint8_t>(change & 0xFF);
-    if (layout_.bytes == 2) bytes_[first + stride + i] = static_cast<std::uint8_t>(change >> 8);
+    bytes_[first + i] = static_cast<std::uint8_t>(delta & 0xFF);
+    if (layout_.bytes_per_value == 2) bytes_[first + stride + i] = static_cast<std::uint8_t>(delta >> 8);
   }
 }
 
 std::vector<std::uint8_t> compress(std::span<const std::uint8_t> bytes) {
   uLongf length = compressBound(bytes.size());
-  std::vector<std::uint8_t> packed(length);
-  if (compress2(packed.data(), &length, bytes.data(), bytes.size(), Z_DEFAULT_COMPRESSION) != Z_OK)
+  std::vector<std::uint8_t> compressed(length);
+  if (compress2(compressed.data(), &length, bytes.data(), bytes.size(), Z_DEFAULT_COMPRESSION) != Z_OK)
     throw std::runtime_error("zlib cannot compress " + std::to_string(bytes.size()) + " bytes");
-  packed.resize(length);
-  return packed;
+  compressed.resize(length);
+  return compressed;
 }
 
 std::string base64(std::span<const std::uint8_t> bytes) {

@@ -14,7 +14,7 @@ struct NamedValue {
 };
 
 struct OptionEdit {
-  enum class Kind { kInteger, kReal, kSwitch, kText };
+  enum class Kind { kInteger, kReal, kBool, kText };
 
   // The kind follows from the option's text; a number's slider goes to twice its value.
   explicit OptionEdit(const scene::OptionSpec& option);
@@ -26,15 +26,15 @@ struct OptionEdit {
   std::string name, help, original;
   Kind kind = Kind::kText;
   float number = 0.0F, low = 0.0F, high = 1.0F;  // kInteger, kReal
-  bool on = false;                               // kSwitch
+  bool checked = false;                          // kSwitch
   std::string text;                              // kText
 
  private:
-  float first_number_ = 0.0F;
+  float original_number_ = 0.0F;
 };
 
-std::vector<OptionEdit> edits_of(const std::vector<scene::OptionSpec>& options);
+std::vector<OptionEdit> make_option_edits(const std::vector<scene::OptionSpec>& options);
 // Those that were changed.
-std::vector<NamedValue> changes(const std::vector<OptionEdit>& edits);
+std::vector<NamedValue> changed_options(const std::vector<OptionEdit>& edits);
 
 }  // namespace smartsurf::view

@@ -13,24 +13,24 @@
 namespace smartsurf::web {
 
 // One array of frames × values in the stream.
-struct PackedSeries {
+struct SeriesLayout {
   double low = 0.0, high = 1.0;  // what 0 and the greatest number stand for
-  int bytes = 2;           // a value: 1 or 2, unsigned, little-endian; the greatest stands for "no value"
-  std::size_t values = 0;  // a frame
+  int bytes_per_value = 2;  // a value: 1 or 2, unsigned, little-endian; the greatest stands for "no value"
+  std::size_t values_per_frame = 0;  // a frame
 };
 
 // Values below low or above high are rounded to these; a NaN becomes "no value".
-class SeriesPacker {
+class SeriesEncoder {
  public:
-  explicit SeriesPacker(const PackedSeries& layout) : layout_(layout), last_(layout.values) {}
+  explicit SeriesEncoder(const SeriesLayout& layout) : layout_(layout), last_(layout.values_per_frame) {}
 
   // frame.size() must be layout.values.
   void add(std::span<const float> frame);
-  const PackedSeries& layout() const { return layout_; }
+  const SeriesLayout& layout() const { return layout_; }
   const std::vector<std::uint8_t>& bytes() const { return bytes_; }
 
  private:
-  PackedSeries layout_;
+  SeriesLayout layout_;
   std::vector<std::uint16_t> last_;
   std::vector<std::uint8_t> bytes_;
 };

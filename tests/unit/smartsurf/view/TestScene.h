@@ -6,12 +6,12 @@
 
 namespace smartsurf::view {
 
-struct Scene {
+struct TestScene {
   scene::SceneSpec spec;
   scene::Snapshot snapshot;
 
   // rows × columns pins of length 2 that move from 0 to 6, all at that height.
-  explicit Scene(int rows, int columns, float height = 4.0f) {
+  explicit TestScene(int rows, int columns, float height = 4.0f) {
     spec.surface.rows = rows;
     spec.surface.columns = columns;
     snapshot.height.assign(spec.surface.cell_count(), height);

@@ -1,4 +1,4 @@
-#include "smartsurf/view/model/PaintedMeshes.h"
+#include "smartsurf/view/model/ActuatorMeshes.h"
 
 #include <Eigen/Geometry>
 #include <cmath>
@@ -9,40 +9,40 @@ namespace {
 
 using Vec = Eigen::Vector3f;
 
-void add_corner(PaintedMesh& mesh, const Vec& p, const Vec& n, float mark) {
-  mesh.triangles.push_back(static_cast<std::uint32_t>(mesh.corners.size() / 7));
-  mesh.corners.insert(mesh.corners.end(), {p.x(), p.y(), p.z(), n.x(), n.y(), n.z(), mark});
+void add_vertex(TwoColourMesh& mesh, const Vec& p, const Vec& n, float accent) {
+  mesh.indices.push_back(static_cast<std::uint32_t>(mesh.vertices.size() / 7));
+  mesh.vertices.insert(mesh.vertices.end(), {p.x(), p.y(), p.z(), n.x(), n.y(), n.z(), accent});
 }
 
-void add_flat(PaintedMesh& mesh, const Vec& a, const Vec& b, const Vec& c, float mark) {
+void add_flat_triangle(TwoColourMesh& mesh, const Vec& a, const Vec& b, const Vec& c, float accent) {
   const Vec n = (b - a).cross(c - a).normalized();
-  for (const Vec& p : {a, b, c}) add_corner(mesh, p, n, mark);
+  for (const Vec& p : {a, b, c}) add_vertex(mesh, p, n, accent);
 }
 
-void add_quad(PaintedMesh& mesh, const Vec& a, const Vec& b, const Vec& c, const Vec& d, float mark) {
-  add_flat(mesh, a, b, c, mark);
-  add_flat(mesh, a, c, d, mark);
+void add_quad(TwoColourMesh& mesh, const Vec& a, const Vec& b, const Vec& c, const Vec& d, float accent) {
+  add_flat_triangle(mesh, a, b, c, accent);
+  add_flat_triangle(mesh, a, c, d, accent);
 }
 
-Vec on_circle(int step, int steps, float radius, float z) {
+Vec circle_point(int step, int steps, float radius, float z) {
   const double angle = 2.0 * std::numbers::pi * step / steps;
   return {radius * static_cast<float>(std::cos(angle)), radius * static_cast<float>(std::sin(angle)), z};
 }
 
 // A band about z between two circles, seen from outside, or from inside where it goes down.
-void add_band(PaintedMesh& mesh, int segments, float r0, float z0, float r1, float z1, float mark) {
+void add_band(TwoColourMesh& mesh, int segments, float r0, float z0, float r1, float z1, float accent) {
   for (int i = 0; i < segments; ++i)
-    add_quad(mesh, on_circle(i, segments, r0, z0), on_circle(i + 1, segments, r0, z0),
-             on_circle(i + 1, segments, r1, z1), on_circle(i, segments, r1, z1), mark);
+    add_quad(mesh, circle_point(i, segments, r0, z0), circle_point(i + 1, segments, r0, z0),
+             circle_point(i + 1, segments, r1, z1), circle_point(i, segments, r1, z1), accent);
 }
 
-void add_box(PaintedMesh& mesh, const Vec& low, const Vec& high, float mark) {
+void add_box(TwoColourMesh& mesh, const Vec& low, const Vec& high, float accent) {
   const auto at = [&](int i) {
     return Vec(i & 1 ? high.x() : low.x(), i & 2 ? high.y() : low.y(), i & 4 ? high.z() : low.z());
   };
   static constexpr int kFaces[6][4] = {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4},
                                        {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}};
-  for (const auto& f : kFaces) add_quad(mesh, at(f[0]), at(f[1]), at(f[2]), at(f[3]), mark);
+  for (const auto& f : kFaces) add_quad(mesh, at(f[0]), at(f[1]), at(f[2]), at(f[3]), accent);
 }
 
 // A round body of height 1 and radius 1 at its foot, hollow from above.
@@ -53,8 +53,8 @@ struct Cup {
       bottom;  // share of the second colour: outside and on the lip, in the hollow, on its floor
 };
 
-PaintedMesh painted_cup(int segments, const Cup& cup) {
-  PaintedMesh mesh;
+TwoColourMesh cup_mesh(int segments, const Cup& cup) {
+  TwoColourMesh mesh;
   add_band(mesh, segments, 1, 0, cup.lip, 1, cup.outside);
   add_band(mesh, segments, cup.lip, 1, cup.bore, 1, cup.outside);
   add_band(mesh, segments, cup.bore, 1, cup.bore, cup.floor, cup.wall);
@@ -64,83 +64,82 @@ PaintedMesh painted_cup(int segments, const Cup& cup) {
 
 }  // namespace
 
-PaintedMesh painted_ball(int segments) {
+TwoColourMesh ball_mesh(int segments) {
   // Fields end at corners of the grid.
   const int around = (segments + 3) / 4 * 4, up = around / 2;
-  PaintedMesh mesh;
+  TwoColourMesh mesh;
   const auto at = [&](int ring, int step) {
     const double z = std::numbers::pi * ring / up;
-    return Vec(on_circle(step, around, static_cast<float>(std::sin(z)), static_cast<float>(-std::cos(z))));
+    return Vec(circle_point(step, around, static_cast<float>(std::sin(z)), static_cast<float>(-std::cos(z))));
   };
   for (int ring = 0; ring < up; ++ring)
     for (int step = 0; step < around; ++step) {
-      const bool mark = (step / (around / 4) + ring / (up / 2)) % 2 != 0;
+      const bool accent = (step / (around / 4) + ring / (up / 2)) % 2 != 0;
       const Vec a = at(ring, step), b = at(ring, step + 1), c = at(ring + 1, step + 1),
                 d = at(ring + 1, step);
       for (const Vec* p : {&a, &b, &c})
-        if (ring > 0) add_corner(mesh, *p, *p, mark);
+        if (ring > 0) add_vertex(mesh, *p, *p, accent);
       for (const Vec* p : {&a, &c, &d})
-        if (ring + 1 < up || ring == 0) add_corner(mesh, *p, *p, mark);
+        if (ring + 1 < up || ring == 0) add_vertex(mesh, *p, *p, accent);
     }
   return mesh;
 }
 
-PaintedMesh painted_wheel(int segments) {
+TwoColourMesh wheel_mesh(int segments) {
   const int around = (segments + 7) / 8 * 8;
-  PaintedMesh mesh;
+  TwoColourMesh mesh;
   const auto at = [&](int step, float y) {
-    const Vec p = on_circle(step, around, 1, 0);
+    const Vec p = circle_point(step, around, 1, 0);
     return Vec(p.x(), y, p.y());
   };
   for (int i = 0; i < around; ++i) {
-    const float mark = i / (around / 8) % 2 == 0 ? 0.0F : 1.0F;
-    add_quad(mesh, at(i, 1), at(i + 1, 1), at(i + 1, -1), at(i, -1), mark);
+    const float accent = i / (around / 8) % 2 == 0 ? 0.0F : 1.0F;
+    add_quad(mesh, at(i, 1), at(i + 1, 1), at(i + 1, -1), at(i, -1), accent);
     for (const float side : {-1.0F, 1.0F}) {
       const Vec hub(0, side, 0);
       if (side < 0)
-        add_flat(mesh, hub, at(i, side), at(i + 1, side), mark);
+        add_flat_triangle(mesh, hub, at(i, side), at(i + 1, side), accent);
       else
-        add_flat(mesh, hub, at(i + 1, side), at(i, side), mark);
+        add_flat_triangle(mesh, hub, at(i + 1, side), at(i, side), accent);
     }
   }
   return mesh;
 }
 
-PaintedMesh painted_arrow() {
-  PaintedMesh mesh;
+TwoColourMesh arrow_mesh() {
+  TwoColourMesh mesh;
   constexpr float kNeck = 0.1F, kHalf = 0.35F;
   add_box(mesh, Vec(-1, -kHalf, -kHalf), Vec(kNeck, kHalf, kHalf), 0.0F);
   const Vec tip(1, 0, 0);
   const Vec base[4] = {{kNeck, -1, -1}, {kNeck, 1, -1}, {kNeck, 1, 1}, {kNeck, -1, 1}};
-  for (int i = 0; i < 4; ++i) add_flat(mesh, base[i], base[(i + 1) % 4], tip, 1.0F);
+  for (int i = 0; i < 4; ++i) add_flat_triangle(mesh, base[i], base[(i + 1) % 4], tip, 1.0F);
   add_quad(mesh, base[0], base[3], base[2], base[1], 1.0F);
   return mesh;
 }
 
-PaintedMesh painted_coil(int segments) {
-  return painted_cup(segments,
-                     {.lip = 1, .bore = 0.72F, .floor = 0.6F, .outside = 1, .wall = 1, .bottom = 0});
+TwoColourMesh coil_mesh(int segments) {
+  return cup_mesh(segments, {.lip = 1, .bore = 0.72F, .floor = 0.6F, .outside = 1, .wall = 1, .bottom = 0});
 }
 
-PaintedMesh painted_nozzle(int segments) {
-  return painted_cup(segments,
-                     {.lip = 0.85F, .bore = 0.55F, .floor = 0.1F, .outside = 0, .wall = 1, .bottom = 1});
+TwoColourMesh nozzle_mesh(int segments) {
+  return cup_mesh(segments,
+                  {.lip = 0.85F, .bore = 0.55F, .floor = 0.1F, .outside = 0, .wall = 1, .bottom = 1});
 }
 
-PaintedMesh painted_plume(int segments) {
-  PaintedMesh mesh;
+TwoColourMesh plume_mesh(int segments) {
+  TwoColourMesh mesh;
   for (int i = 0; i < segments; ++i) {
-    const Vec a = on_circle(i, segments, 0.4F, 0), b = on_circle(i + 1, segments, 0.4F, 0),
-              c = on_circle(i + 1, segments, 1, 1), d = on_circle(i, segments, 1, 1);
+    const Vec a = circle_point(i, segments, 0.4F, 0), b = circle_point(i + 1, segments, 0.4F, 0),
+              c = circle_point(i + 1, segments, 1, 1), d = circle_point(i, segments, 1, 1);
     const Vec n = (b - a).cross(c - a).normalized();
-    add_corner(mesh, a, n, 0), add_corner(mesh, b, n, 0), add_corner(mesh, c, n, 1);
-    add_corner(mesh, a, n, 0), add_corner(mesh, c, n, 1), add_corner(mesh, d, n, 1);
+    add_vertex(mesh, a, n, 0), add_vertex(mesh, b, n, 0), add_vertex(mesh, c, n, 1);
+    add_vertex(mesh, a, n, 0), add_vertex(mesh, c, n, 1), add_vertex(mesh, d, n, 1);
   }
   return mesh;
 }
 
-PaintedMesh painted_plate() {
-  PaintedMesh mesh;
+TwoColourMesh plate_mesh() {
+  TwoColourMesh mesh;
   add_box(mesh, Vec(-1, -1, -1), Vec(1, 1, 1), 0.0F);
   constexpr float kInset = 0.55F, kOver = 1.04F;
   add_quad(mesh, {-kInset, -kInset, kOver}, {kInset, -kInset, kOver}, {kInset, kInset, kOver},
@@ -149,8 +148,8 @@ PaintedMesh painted_plate() {
 }
 
 // Three points are a part of the hull where all others lie on one side of their plane.
-PaintedMesh painted_hull(std::span<const Vec> points) {
-  PaintedMesh mesh;
+TwoColourMesh hull_mesh(std::span<const Vec> points) {
+  TwoColourMesh mesh;
   for (std::size_t i = 0; i < points.size(); ++i)
     for (std::size_t j = i + 1; j < points.size(); ++j)
       for (std::size_t k = j + 1; k < points.size(); ++k) {
@@ -164,11 +163,11 @@ PaintedMesh painted_hull(std::span<const Vec> points) {
         }
         if (above && below) continue;
         const Vec middle = (points[i] + points[j] + points[k]) / 3;
-        const float mark = middle.x() * middle.y() > 0 ? 1.0F : 0.0F;
+        const float accent = middle.x() * middle.y() > 0 ? 1.0F : 0.0F;
         if (above)
-          add_flat(mesh, points[i], points[k], points[j], mark);
+          add_flat_triangle(mesh, points[i], points[k], points[j], accent);
         else
-          add_flat(mesh, points[i], points[j], points[k], mark);
+          add_flat_triangle(mesh, points[i], points[j], points[k], accent);
       }
   return mesh;
 }

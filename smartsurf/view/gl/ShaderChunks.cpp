@@ -1,10 +1,10 @@
-#include "smartsurf/view/gl/ShaderParts.h"
+#include "smartsurf/view/gl/ShaderChunks.h"
 
 namespace smartsurf::view {
 namespace {
 
 // Mirrors FrameUniforms in Renderer.cpp (std140).
-constexpr const char* kFrame = R"(#version 330 core
+constexpr const char* kFrameBlock = R"(#version 330 core
 layout(std140) uniform Frame {
   mat4 clip_from_world;
   mat4 shadow_from_world;   // to texture coordinates and depth, 0 … 1
@@ -18,11 +18,11 @@ layout(std140) uniform Frame {
 
 }  // namespace
 
-std::string shader_head(Pass pass) {
-  const char* define = pass == Pass::kColourFine   ? "#define FINE\n"
-                       : pass == Pass::kColourFast ? "#define FAST\n"
-                                                   : "";
-  return std::string(kFrame) + define;
+std::string shader_preamble(RenderPass pass) {
+  const char* define = pass == RenderPass::kColourFine   ? "#define FINE\n"
+                       : pass == RenderPass::kColourFast ? "#define FAST\n"
+                                                         : "";
+  return std::string(kFrameBlock) + define;
 }
 
 const char* const kLighting = R"(
@@ -83,7 +83,7 @@ vec3 lit_glossy(vec3 albedo, vec3 n, vec3 p, float sky, float gloss) {
 }
 )";
 
-const char* const kObjectInputs = R"(
+const char* const kObjectAttributes = R"(
 layout(location = 1) in vec3 centre;
 layout(location = 2) in vec3 half_extent;
 layout(location = 3) in vec4 orientation;
@@ -99,7 +99,7 @@ vec3 placed(vec3 corner) {
 }
 )";
 
-const char* const kPocket = R"(
+const char* const kPocketOcclusion = R"(
 float pocket_sky(vec3 p, float rim, float size) {
   float depth = clamp((rim - p.z) / size, 0.0, 1.0);
   return 1.0 - 0.55 * depth;

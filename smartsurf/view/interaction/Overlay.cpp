@@ -1,0 +1,136 @@
+#include "smartsurf/view/interaction/Overlay.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace smartsurf::view {
+namespace {
+
+using Rgba8 = std::array<std::uint8_t, 4>;
+constexpr Rgba8 kContactColour{200, 30, 20, 255}, kSensorRayColour{20, 140, 60, 150},
+    kSelectionColour{255, 190, 0, 255}, kSpringColour{230, 40, 160, 255};
+
+std::array<float, 3> to_float3(const Eigen::Vector3d& v) {
+  return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
+}
+
+const Channel* find_channel(const FrameInput& input, const std::string& name) {
+  for (const Channel& channel : input.channels)
+    if (channel.name == name && !channel.values.empty()) return &channel;
+  return nullptr;
+}
+
+// The edges of a box that is turned and moved.
+void add_wire_box(std::vector<Line>& lines, const Eigen::Vector3d& centre, const Eigen::Quaterniond& turn,
+                  const Eigen::Vector3d& half, const Rgba8& colour) {
+  for (int axis = 0; axis < 3; ++axis)
+    for (const double a : {-1.0, 1.0})
+      for (const double b : {-1.0, 1.0}) {
+        Eigen::Vector3d from, to;
+        from[axis] = -half[axis];
+        to[axis] = half[axis];
+        from[(axis + 1) % 3] = to[(axis + 1) % 3] = a * half[(axis + 1) % 3];
+        from[(axis + 2) % 3] = to[(axis + 2) % 3] = b * half[(axis + 2) % 3];
+        lines.push_back({to_float3(centre + turn * from), to_float3(centre + turn * to), colour});
+      }
+}
+
+}  // namespace
+
+void Overlay::apply(const FrameInput& input, const Tools* tools, DrawOptions& options) {
+  lines_.clear();
+  colour_scale_.reset();
+  apply_cell_colours(input, options);
+  if (settings.trails) {
+    trails_.add(input, settings.trail_length_s);
+    trails_.append_lines(input.catalogue, lines_);
+  } else {
+    trails_.clear();
+  }
+  if (settings.contact_forces) add_contact_forces(input);
+  if (settings.sensor_rays) add_sensor_rays(input);
+  if (tools) add_selection(input, *tools);
+  options.lines = lines_;
+}
+
+void Overlay::sample_trails(const FrameInput& input) {
+  if (settings.trails) trails_.add(input, settings.trail_length_s);
+}
+
+void Overlay::apply_cell_colours(const FrameInput& input, DrawOptions& options) {
+  const Channel* const channel = settings.channel.empty() ? nullptr : find_channel(input, settings.channel);
+  if (!channel) return;
+  ColourScale scale{channel->name, channel->unit, settings.palette, channel->low, channel->high};
+  if (settings.manual_range) {
+    scale.low = settings.low;
+    scale.high = settings.high;
+  } else if (!(scale.low < scale.high)) {
+    const auto [least, most] = std::minmax_element(channel->values.begin(), channel->values.end());
+    scale.low = *least;
+    scale.high = *most;
+  }
+  if (!(scale.high != scale.low)) scale.high = scale.low + 1.0F;
+  if (settings.reverse_palette) std::swap(scale.low, scale.high);
+  options.cell_values = channel->values;
+  options.palette = scale.palette;
+  options.low = scale.low;
+  options.high = scale.high;
+  colour_scale_ = scale;
+}
+
+// The longest arrow is three pitches long.
+void Overlay::add_contact_forces(const FrameInput& input) {
+  float max_force = 0.0F;
+  for (const ContactMark& contact : input.contacts) max_force = std::max(max_force, contact.force.norm());
+  if (!(max_force > 0.0F)) return;
+  const float scale = 3.0F * static_cast<float>(surface_.pitch) / max_force;
+  for (const ContactMark& contact : input.contacts) {
+    const Eigen::Vector3f tip = contact.point + scale * contact.force;
+    lines_.push_back({{contact.point.x(), contact.point.y(), contact.point.z()},
+                      {tip.x(), tip.y(), tip.z()},
+                      kContactColour});
+  }
+}
+
+// Of every distance sensor (a channel NAME beside its mask NAME_hit) the way to what it sees.
+void Overlay::add_sensor_rays(const FrameInput& input) {
+  for (const Channel& distance : input.channels) {
+    const Channel* const hit = find_channel(input, distance.name + "_hit");
+    if (!hit || distance.values.empty()) continue;
+    for (int row = 0; row < surface_.rows; ++row)
+      for (int column = 0; column < surface_.columns; ++column) {
+        const std::size_t cell = static_cast<std::size_t>(surface_.index(row, column));
+        if (!(hit->values[cell] > 0.5F)) continue;
+        const Eigen::Vector2f at = surface_.centre(row, column).cast<float>();
+        const float sensor_z = input.snapshot.height[cell];
+        lines_.push_back({{at.x(), at.y(), sensor_z},
+                          {at.x(), at.y(), sensor_z + distance.values[cell]},
+                          kSensorRayColour});
+      }
+  }
+}
+
+void Overlay::add_selection(const FrameInput& input, const Tools& tools) {
+  const scene::Snapshot& snapshot = input.snapshot;
+  if (const auto& pull = tools.pull())
+    lines_.push_back(
+        {to_float3(Tools::anchor_position(*pull, snapshot)), to_float3(pull->target), kSpringColour});
+  const auto& item = tools.selected();
+  if (!item) return;
+  if (item->kind == SceneItem::Kind::kObject) {
+    const auto i = find_object_index(snapshot, item->object);
+    if (!i) return;
+    const auto& p = snapshot.position[*i];
+    const auto& q = snapshot.orientation[*i];
+    add_wire_box(lines_, {p[0], p[1], p[2]}, Eigen::Quaterniond(q[3], q[0], q[1], q[2]),
+                 1.04 * input.catalogue[item->object].half_extents(), kSelectionColour);
+    return;
+  }
+  const Eigen::Vector2d at = surface_.centre(item->row, item->column);
+  const double top = snapshot.height[static_cast<std::size_t>(surface_.index(item->row, item->column))];
+  const double length = surface_.pin.length;
+  add_wire_box(lines_, {at.x(), at.y(), top - length / 2.0}, Eigen::Quaterniond::Identity(),
+               {0.52 * surface_.pin.top_x, 0.52 * surface_.pin.top_y, 0.51 * length}, kSelectionColour);
+}
+
+}  // namespace smartsurf::view
