@@ -75,8 +75,8 @@ class Docs(ProgramTest):
         self.assertGreaterEqual(total, 6)
 
     def test_the_messages_of_the_troubleshooting_page_are_in_the_programs(self):
-        sources = "".join(p.read_text() for house in ("smartsurf", "apron", "shm-protocol")
-                          for ending in ("cpp", "h", "c", "py") for p in sorted((ROOT / house).rglob(f"*.{ending}")))
+        sources = "".join(p.read_text() for folder in ("common", "smartsurf", "apron", "shm-protocol")
+                          for ending in ("cpp", "h", "c", "py") for p in sorted((ROOT / folder).rglob(f"*.{ending}")))
         sources += (ROOT / "scripts/setup").read_text()
         sources = re.sub(r'"\s*\n?\s*"', "", sources)  # texts that go on in the next line
         page = (ROOT / "docs/troubleshooting.md").read_text()

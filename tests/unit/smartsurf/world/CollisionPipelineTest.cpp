@@ -83,7 +83,10 @@ TEST(CollisionPipeline, NewContactsBeginWithoutImpulse) {
   s.add(make_sphere(1.0), Vec3(5, 5, 0.99F));
   s.find_contacts();
   for (Contact& c : s.static_contacts.contacts) c.normal_impulse = 7.0F;
-  s.bodies.position[0].x() += 8.0F;
+  s.bodies.position[0].z() += 3.0F;
+  s.find_contacts();
+  EXPECT_TRUE(s.static_contacts.contacts.empty());
+  s.bodies.position[0].z() -= 3.0F;
   s.find_contacts();
   ASSERT_FALSE(s.static_contacts.contacts.empty());
   for (const Contact& c : s.static_contacts.contacts) EXPECT_EQ(c.normal_impulse, 0.0F);

@@ -65,6 +65,7 @@ TEST(PreviousContacts, NextStepReplacesThem) {
   Fixture f;
   ContactList pairs, statics;
   add_manifold(pairs, 5, 6);
+  add_manifold(statics, 1, kField, kField);
   f.previous.swap_lists(pairs, statics, 2);
   for (int i = 0; i < 2; ++i) f.previous.build_index(Fixture::kBodies, {}, {}, Member{i, 2, f.barrier});
   EXPECT_EQ(f.previous.find_pair(5, 6, 0), 0);
