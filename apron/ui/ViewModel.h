@@ -54,7 +54,7 @@ class ViewModel {
   ViewModel(debugger::FrontPanel& panel, ConditionCompiler compile_condition);
 
   // ---- from the program ----
-  // number: that of Look::program. Selection, styles, folds and breakpoints stay as far as the names do.
+  // number: that of DebugSnapshot::program. Selection, styles, folds and breakpoints stay as far as the names do.
   void show_program(program::Program program, const std::vector<debugger::SourceText>& texts,
                     std::uint64_t program_id);
   void update(debugger::DebugSnapshot snapshot);

@@ -1,4 +1,4 @@
-// Runs an action in a child process. Private to the room.
+// Runs an action in a child process. Internal to this module.
 //
 // The library that reads mesh files was not written against damaged ones: some make it crash, or loop without
 // end.

@@ -1,4 +1,4 @@
-// The parameters and channels of the actuators that come with the program. Internal to the room.
+// The parameters and channels of the actuators that come with the program. Internal to this module.
 #pragma once
 
 #include <vector>

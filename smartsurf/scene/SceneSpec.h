@@ -1,4 +1,4 @@
-// The immutable description of one experiment: plain values that every other room reads and none changes.
+// The immutable description of one experiment: plain values that every other module reads and none changes.
 //
 // Units: lengths in the experiment's arbitrary unit "u", time in seconds, angles in radians, masses in
 // density·u³. x points east, y north, z up; the origin is the centre of the south-west cell with its pin

@@ -1,4 +1,4 @@
-// The files that every page is made of, compiled into the program. Private to the room.
+// The files that every page is made of, compiled into the program. Internal to this module.
 #pragma once
 
 #include <string_view>

@@ -1,5 +1,5 @@
 // Packs frames for the page: numbers rounded to 8 or 16 bits, each frame as its difference from the one
-// before, compressed, as base64. Private to the room.
+// before, compressed, as base64. Internal to this module.
 //
 // The stream holds its arrays one after another, whole: what packs well stands together.
 #pragma once

@@ -1,4 +1,4 @@
-// The parts of the window, in Dear ImGui: between ImGui::NewFrame and ImGui::Render. Internal to the room.
+// The parts of the window, in Dear ImGui: between ImGui::NewFrame and ImGui::Render. Internal to this module.
 #pragma once
 
 #include <imgui.h>

@@ -1,4 +1,4 @@
-// Dear ImGui with this room's fonts and colours, over whatever context is current. Internal to the room.
+// Dear ImGui with this module's fonts and colours, over whatever context is current. Internal to this module.
 #pragma once
 
 #include <imgui.h>

@@ -1,5 +1,5 @@
 // Writes /objects: what every object is and how it started; one entry an object, in growing datasets, because
-// a script may add objects at any time. Private to the room.
+// a script may add objects at any time. Internal to this module.
 #pragma once
 
 #include <cstdint>

@@ -1,6 +1,6 @@
 // A row of numbers that mostly stays as it is, kept as what changed: `end` (one entry a row: how many changes
 // belong to rows up to this one), `cell` and `value` (one entry a change). The first row lists every value.
-// Private to the room.
+// Internal to this module.
 #pragma once
 
 #include <cstdint>

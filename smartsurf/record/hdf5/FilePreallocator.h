@@ -1,4 +1,4 @@
-// Makes room at the end of a file that HDF5 writes, before HDF5 writes it. Private to the room.
+// Makes room at the end of a file that HDF5 writes, before HDF5 writes it. Internal to this module.
 //
 // HDF5 notes in the file how long the file is, and refuses a shorter one; on its own it may write that note
 // before the bytes behind it, so that a process killed in between, or a disk that is full, leaves a file that

@@ -1,4 +1,4 @@
-// Tries an action in a child process first. Private to the room.
+// Tries an action in a child process first. Internal to this module.
 //
 // HDF5 1.10 does not check all that it reads: a damaged file may make it read and write outside its memory. A
 // recording that comes from elsewhere is therefore opened by a child before this process opens it.

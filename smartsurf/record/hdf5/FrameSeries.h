@@ -1,4 +1,4 @@
-// One dataset that grows by a row a frame, with a buffer of rows in front of it. Private to the room.
+// One dataset that grows by a row a frame, with a buffer of rows in front of it. Internal to this module.
 #pragma once
 
 #include <cstddef>

@@ -1,5 +1,5 @@
-// The few HDF5 calls of this room, with handles that close themselves and errors that say why.
-// Private to the room. Every function throws Hdf5Error (one line) when the library reports a failure.
+// The few HDF5 calls of this module, with handles that close themselves and errors that say why.
+// Internal to this module. Every function throws Hdf5Error (one line) when the library reports a failure.
 #pragma once
 
 #include <hdf5.h>

@@ -1,5 +1,5 @@
 // Reads datasets that nobody vouches for: every size is checked against the file before memory is taken.
-// Private to the room. Every function throws Hdf5Error (one line, naming the dataset).
+// Internal to this module. Every function throws Hdf5Error (one line, naming the dataset).
 #pragma once
 
 #include <filesystem>

@@ -1,4 +1,4 @@
-// Writes a run as HDF5, in the layout of docs/recordings.md. Private to the room.
+// Writes a run as HDF5, in the layout of docs/recordings.md. Internal to this module.
 //
 // A kill at any moment must leave a readable file, so: the library's default (old) file format, everything
 // written in place, and a flush of the library right after each write, before its cache can spill a part of

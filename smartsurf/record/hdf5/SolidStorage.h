@@ -1,4 +1,4 @@
-// Writes and reads /solids: each solid once, however many objects are made of it. Private to the room.
+// Writes and reads /solids: each solid once, however many objects are made of it. Internal to this module.
 //
 // /solids/<n> has the attributes source, volume and inertia, and the datasets vertices and triangles (what is
 // seen) and corners, corner_count, face_count, face_size and face_corners (the convex pieces, one after the

@@ -1,5 +1,5 @@
-// What the room's figures share: axes with round numbers, text and lines on a Cairo context. Private to the
-// room. Lengths on paper are in points of the figure, from its upper left corner; a PNG has two pixels a
+// Shared by this module's figures: axes with round numbers, text and lines on a Cairo context. Internal to this
+// module. Lengths on paper are in points of the figure, from its upper left corner; a PNG has two pixels a
 // point.
 #pragma once
 

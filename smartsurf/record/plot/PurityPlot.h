@@ -1,5 +1,5 @@
-// Purity over time (Purity.h), with the line of 0.95 and the time from which it was held. Private to the
-// room.
+// Purity over time (Purity.h), with the line of 0.95 and the time from which it was held. Internal to this
+// module.
 #pragma once
 
 #include "smartsurf/record/Purity.h"

@@ -1,5 +1,5 @@
-// Numbers over time, out of a recording: what `smartsurf plot --what KIND` draws as curves. Private to the
-// room.
+// Numbers over time, out of a recording: what `smartsurf plot --what KIND` draws as curves. Internal to this
+// module.
 #pragma once
 
 #include <string>

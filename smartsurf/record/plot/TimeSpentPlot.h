@@ -1,5 +1,5 @@
-// The surface from above, each cell in the colour of the time that objects spent over it. Private to the
-// room.
+// The surface from above, each cell in the colour of the time that objects spent over it. Internal to this
+// module.
 #pragma once
 
 #include "smartsurf/record/Recording.h"

@@ -1,5 +1,5 @@
 // The way of every object over the surface, seen from above, as the paper's Fig. 9 draws it: solid for small
-// and dashed for large objects, O where an object starts and X where it ends. Private to the room.
+// and dashed for large objects, O where an object starts and X where it ends. Internal to this module.
 //
 // With two size classes (Purity.h) there are two kinds of lines; with more labels than two one a label, in
 // the order of their mean sizes. `fixed` objects are not drawn.

@@ -1,5 +1,5 @@
 // Reads what a user sets of an actuator or a sensor: the fields that its kind lists, as numbers. Internal to
-// the room.
+// this module.
 #pragma once
 
 #include <span>

@@ -2,7 +2,7 @@
 // each.
 //
 // Bound functions report a mistake by throwing Problem; guarded<> adds the script's file and line and raises
-// it as a Lua error, so a script may catch it with pcall. Internal to the room.
+// it as a Lua error, so a script may catch it with pcall. Internal to this module.
 #pragma once
 
 #include <lua.hpp>

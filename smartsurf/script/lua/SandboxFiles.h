@@ -1,4 +1,4 @@
-// Reading files beside the script. Internal to the room.
+// Reading files beside the script. Internal to this module.
 #pragma once
 
 #include <filesystem>

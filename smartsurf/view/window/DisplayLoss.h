@@ -1,5 +1,5 @@
 // Notices that the X server is gone, which Xlib answers by ending the process unless told otherwise. Internal
-// to the room.
+// to this module.
 #pragma once
 
 namespace smartsurf::view {

@@ -77,7 +77,7 @@ struct SubstepParams {
 // The kind of all manifolds in a batch: pair or static; all bodies spheres, or general.
 enum ContactKind { kSpherePair, kGeneralPair, kSphereStatic, kGeneralStatic, kContactKindCount };
 
-using ContactKernel = void (*)(const ContactBatch* octets, int count, BatchPoints, const SolverBodies&,
+using ContactKernel = void (*)(const ContactBatch* batches, int count, BatchPoints, const SolverBodies&,
                                const SubstepParams&);
 
 struct ContactKernelTable {

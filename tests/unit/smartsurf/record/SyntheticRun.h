@@ -1,4 +1,4 @@
-// A small made-up run whose every number can be worked out from tick and object: what the room's tests
+// A small made-up run whose every number can be worked out from tick and object: what the module's tests
 // record.
 #pragma once
 

@@ -102,7 +102,7 @@ TEST(ConstraintGraph, EveryBodyMeetsTheWorldOnce) {
   EXPECT_EQ(bodies.size(), t.world.manifolds.size());
 }
 
-TEST(ConstraintGraph, AnyNumberOfThreadsSharesTheSameOctetsEachOnce) {
+TEST(ConstraintGraph, AnyNumberOfThreadsSharesTheSameBatchesEachOnce) {
   const Tangle t(400, 1500);
   ConstraintGraph alone;
   t.build(alone);

@@ -19,7 +19,7 @@ struct Lanes {
   std::vector<DeltaPose> shift{16};
   std::vector<InverseInertia> inertia{16};
   std::vector<Mat3> inverse{16};
-  ContactBatch octet;
+  ContactBatch batch;
   BatchPoint point{};
   BatchPointDetail detail{};
   SubstepParams pass{1.0F / 300, 300.0F, 0.0F, 20.0F, 0.9F, 0.1F, 4.0F, 0.2F};
@@ -36,11 +36,11 @@ struct Lanes {
       motion[i].inverse_mass = 0.6F + 0.5F * draw();
       for (int k = 0; k < 3; ++k) motion[i].velocity[k] = draw(), motion[i].angular_velocity[k] = draw();
     }
-    octet.point_count = 1;
-    octet.lane_count = kLanes;
+    batch.point_count = 1;
+    batch.lane_count = kLanes;
     for (int l = 0; l < kLanes; ++l) {
-      octet.a[l] = l;
-      octet.b[l] = 8 + l;
+      batch.a[l] = l;
+      batch.b[l] = 8 + l;
       const Vec3 n = draw3().normalized(), a = draw3(), b = draw3();
       for (int k = 0; k < 3; ++k)
         point.normal[k][l] = n[k], detail.anchor_a[k][l] = a[k], detail.anchor_b[k][l] = b[k];
@@ -49,7 +49,7 @@ struct Lanes {
     }
   }
   void run(const ContactKernel (&kernel)[kContactKindCount]) {
-    kernel[kGeneralPair](&octet, 1, {&point, &detail}, {motion.data(), shift.data(), inertia.data()}, pass);
+    kernel[kGeneralPair](&batch, 1, {&point, &detail}, {motion.data(), shift.data(), inertia.data()}, pass);
   }
   Vec3 of(const float (&lanes)[3][kLanes], int l) const { return {lanes[0][l], lanes[1][l], lanes[2][l]}; }
   float yielding(int l) const {
@@ -112,8 +112,8 @@ TEST(ContactKernels, ARelaxedContactNoLongerCloses) {
 
 TEST(ContactKernels, MomentumIsKeptAndUnusedLanesAreLeftAlone) {
   Lanes lanes;
-  lanes.octet.lane_count = 5;
-  for (int l = 5; l < kLanes; ++l) lanes.octet.a[l] = 0, lanes.octet.b[l] = 8;
+  lanes.batch.lane_count = 5;
+  for (int l = 5; l < kLanes; ++l) lanes.batch.a[l] = 0, lanes.batch.b[l] = 8;
   const auto before = lanes.motion;
   lanes.run(contact_kernels().prepare);
   lanes.run(contact_kernels().solve);

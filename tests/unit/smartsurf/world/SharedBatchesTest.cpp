@@ -45,15 +45,15 @@ struct Chain {
   }
 };
 
-// What the octets of a member move, by colour.
+// What the batches of a member move, by colour.
 using Rows = std::set<int>;
-Rows rows_of(const ConstraintGraph& schedule, std::span<const BatchRange> runs) {
+Rows rows_of(const ConstraintGraph& graph, std::span<const BatchRange> runs) {
   Rows rows;
   for (const BatchRange& run : runs)
     for (int o = run.first; o < run.first + run.count; ++o) {
-      const ContactBatch& octet = schedule.batch(o);
-      rows.insert(octet.a, octet.a + kLanes);
-      rows.insert(octet.b, octet.b + kLanes);
+      const ContactBatch& batch = graph.batch(o);
+      rows.insert(batch.a, batch.a + kLanes);
+      rows.insert(batch.b, batch.b + kLanes);
     }
   return rows;
 }
@@ -66,8 +66,8 @@ int count_of(std::span<const BatchRange> runs) {
 
 struct Shared {
   Chain chain;
-  ConstraintGraph schedule;
-  SharedBatches borders;
+  ConstraintGraph graph;
+  SharedBatches shared_batches;
   explicit Shared(int members) {
     common::ThreadPool pool(members);
     Team team(&pool);
@@ -76,33 +76,33 @@ struct Shared {
   void work(const Member& member) {
     const IndexRange slabs = member.share(kSlabs);
     const IndexRange own_rows{slabs.begin * kRowsOfSlab, slabs.end * kRowsOfSlab};
-    schedule.build(chain.bodies, chain.pairs, chain.pair_runs, chain.world, chain.world_runs, slabs, member);
-    member.single([&] { borders.resize(kRows, member.member_count); });
-    borders.clear_marks(own_rows);
+    graph.build(chain.bodies, chain.pairs, chain.pair_runs, chain.world, chain.world_runs, slabs, member);
+    member.single([&] { shared_batches.resize(kRows, member.member_count); });
+    shared_batches.clear_marks(own_rows);
     member.arrive_and_wait();
-    for (const BatchRange& run : schedule.own_batches(member))
+    for (const BatchRange& run : graph.own_batches(member))
       for (int o = run.first; o < run.first + run.count; ++o)
-        borders.mark_foreign_rows(set_bodies(o, run.kind), own_rows);
+        shared_batches.mark_foreign_rows(set_bodies(o, run.kind), own_rows);
     member.arrive_and_wait();
-    borders.split_batches(schedule, member);
+    shared_batches.split_batches(graph, member);
     member.wait();
   }
   const ContactBatch& set_bodies(int o, ContactKind kind) {
-    ContactBatch& octet = schedule.reset_batch(o);
+    ContactBatch& batch = graph.reset_batch(o);
     for (int lane = 0; lane < kLanes; ++lane) {
       const ContactList& list = kind == kSphereStatic ? chain.world : chain.pairs;
       const Manifold& m =
-          list.manifolds[static_cast<std::size_t>(schedule.manifold(o, lane < octet.lane_count ? lane : 0))];
-      octet.a[lane] = m.a;
-      octet.b[lane] = m.b >= 0 ? m.b : m.a;
+          list.manifolds[static_cast<std::size_t>(graph.manifold(o, lane < batch.lane_count ? lane : 0))];
+      batch.a[lane] = m.a;
+      batch.b[lane] = m.b >= 0 ? m.b : m.a;
     }
-    return octet;
+    return batch;
   }
 };
 
 }  // namespace
 
-TEST(Borders, WhatAMemberCallsItsOwnNobodyElseMoves) {
+TEST(SharedBatches, WhatAMemberCallsItsOwnNobodyElseMoves) {
   for (const int members : {2, 3}) {
     const Shared s(members);
     Barrier none(members);
@@ -110,16 +110,16 @@ TEST(Borders, WhatAMemberCallsItsOwnNobodyElseMoves) {
     int all = 0, shared = 0;
     for (int m = 0; m < members; ++m) {
       const Member member{m, members, none};
-      for (std::size_t c = 0; c <= s.schedule.colours().size(); ++c) {
-        moved[m].merge(rows_of(s.schedule, s.schedule.own_batches(member, c)));
-        own[m].merge(rows_of(s.schedule, s.borders.own(member, c)));
-        all += count_of(s.borders.own(member, c)) + count_of(s.borders.shared(member, c));
-        shared += count_of(s.borders.shared(member, c));
-        EXPECT_EQ(count_of(s.borders.own(member, c)) + count_of(s.borders.shared(member, c)),
-                  count_of(s.schedule.own_batches(member, c)));
+      for (std::size_t c = 0; c <= s.graph.colours().size(); ++c) {
+        moved[m].merge(rows_of(s.graph, s.graph.own_batches(member, c)));
+        own[m].merge(rows_of(s.graph, s.shared_batches.own(member, c)));
+        all += count_of(s.shared_batches.own(member, c)) + count_of(s.shared_batches.shared(member, c));
+        shared += count_of(s.shared_batches.shared(member, c));
+        EXPECT_EQ(count_of(s.shared_batches.own(member, c)) + count_of(s.shared_batches.shared(member, c)),
+                  count_of(s.graph.own_batches(member, c)));
       }
     }
-    EXPECT_EQ(all, s.schedule.batch_count());
+    EXPECT_EQ(all, s.graph.batch_count());
     EXPECT_GT(shared, 0);
     EXPECT_LT(shared, all / 2) << "most of it lies within";
     for (int m = 0; m < members; ++m)
@@ -129,9 +129,9 @@ TEST(Borders, WhatAMemberCallsItsOwnNobodyElseMoves) {
   }
 }
 
-TEST(Borders, OneMemberSharesNothing) {
+TEST(SharedBatches, OneMemberSharesNothing) {
   const Shared s(1);
   Barrier none(1);
-  for (std::size_t c = 0; c <= s.schedule.colours().size(); ++c)
-    EXPECT_TRUE(s.borders.shared(Member{0, 1, none}, c).empty());
+  for (std::size_t c = 0; c <= s.graph.colours().size(); ++c)
+    EXPECT_TRUE(s.shared_batches.shared(Member{0, 1, none}, c).empty());
 }
