@@ -1,5 +1,5 @@
-// Runs kernels over whole planes, split into slices of rows on the VM's threads. Slices share no row, so results do
-// not depend on the number of threads.
+// Runs kernels over whole planes, split into slices of rows on the VM's threads. Slices share no row, so
+// results do not depend on the number of threads.
 #pragma once
 
 #include <cstddef>
@@ -12,8 +12,8 @@ namespace apron::vm {
 
 class Executor {
  public:
-  // threads: at least 1, the caller's included. Planes with fewer cells than `parallel_cells` stay on the caller's
-  // thread, because waking another one would take longer.
+  // threads: at least 1, the caller's included. Planes with fewer cells than `parallel_cells` stay on the
+  // caller's thread, because waking another one would take longer.
   Executor(const KernelTable& kernels, unsigned threads, std::size_t parallel_cells)
       : kernels_(kernels), parallel_cells_(parallel_cells), pool_(static_cast<int>(threads)) {}
 

@@ -34,7 +34,8 @@ class ThreadPool {
 
   int thread_count() const noexcept { return static_cast<int>(workers_.size()) + 1; }
 
-  // Whether work that costs so much on one thread is worth sharing. The estimate comes from counts, never from a clock.
+  // Whether work that costs so much on one thread is worth sharing. The estimate comes from counts, never
+  // from a clock.
   bool pays(double cost_ns) const noexcept { return cost_ns >= min_cost_ns_; }
 
   // Fork/join: work(thread) once on every thread, all at the same time, so that they may wait for each other.

@@ -1,9 +1,8 @@
-// The directions that tell how far a convex piece and the upright columns of a field are apart.
+// Separating-axis test of a convex part against the columns of the field.
 //
-// Two bodies with flat faces are as far apart as the best of these says: the normals of the faces of either,
-// and those of the planes along an edge of each. Of the piece's edges only those count whose two faces look
-// to both sides of the column's edge, a few of a hull. How far the piece reaches down each direction is
-// worked out once, for all columns.
+// The candidate axes are the face normals of both and the cross products of their edges. Of the part's edges
+// only those whose faces lie on both sides of the column's edge on the Gauss map count, a few per hull. The
+// part's projection on each axis is computed once for all columns.
 #pragma once
 
 #include <vector>
@@ -15,23 +14,23 @@ namespace smartsurf::world {
 
 class ColumnSat {
  public:
-  // Of a piece between the corners `low` and `high` of its bounds.
+  // Prepares a part whose bounding box is [low, high].
   void set(const ConvexProxy&, const Vec3& low, const Vec3& high);
 
   struct BestAxis {
-    Vec3 normal{0, 0, 1};     // from the column to the piece
-    float separation = 0.0F;  // the piece and the column are at least that far apart
+    Vec3 normal{0, 0, 1};     // from the column to the part
+    float separation = 0.0F;  // lower bound of the separation, u
   };
-  // The direction of the widest gap, or of the least overlap, that does not lean out over a bridge. False
-  // when some gap exceeds the margin. Of a piece that is round the gap may be wider than told.
+  // The axis of greatest separation that does not lean over a bridge. False if some separation exceeds the
+  // margin. For axisymmetric parts the true separation may be greater.
   bool find_best_axis(const Column&, float margin, BestAxis& out);
 
  private:
-  // One entry a direction.
+  // One entry per axis.
   struct AxisList {
     std::vector<float> x, y, z;         // the normal
-    std::vector<float> min_projection;  // of normal · p over the points p of the piece
-    std::vector<float> bias;  // crossing edges must win clearly, or the choice would change from step to step
+    std::vector<float> min_projection;  // least normal · p over the part's points p
+    std::vector<float> bias;  // handicap of edge axes, which keeps the choice stable from step to step
     void clear();
     void add(const Vec3& normal, float projection, float axis_bias);
     std::size_t size() const { return x.size(); }
@@ -43,9 +42,9 @@ class ColumnSat {
   void add_axisymmetric(const ConvexProxy&);
 
   AxisList axes_;
-  std::vector<float> separation_;       // along each
-  std::vector<float> face_normals_[2];  // of the normals of a hull's faces: their parts along x and y
-  std::size_t separating_axis_ = 0;     // the axis that told the last two apart
+  std::vector<float> separation_;       // along each axis
+  std::vector<float> face_normals_[2];  // x and y components of a hull's face normals
+  std::size_t separating_axis_ = 0;     // the axis that separated the last column
 };
 
 }  // namespace smartsurf::world

@@ -1,5 +1,4 @@
-// The field as the collision sees it: columns with heights, and which of their sides are bridged to a level
-// neighbour.
+// The field as the narrow phase sees it: columns with heights, and the sides bridged to a level neighbour.
 #pragma once
 
 #include <algorithm>
@@ -10,18 +9,18 @@
 
 namespace smartsurf::world {
 
-// Tops that differ by less count as level, u.
+// Greatest height difference of level tops, u.
 inline constexpr float kLevelTolerance = 1e-3F;
 
-// One cell as a bottomless column: a rectangle, grown to the middle of the gap on each bridged side, and its
-// top.
+// One cell as a bottomless column: its rectangle, extended to the middle of the gap on each bridged side, and
+// its top.
 struct Column {
   float west, east, south, north, top;
   bool bridged_west, bridged_east, bridged_south, bridged_north;
 
   bool contains(float x, float y) const { return x >= west && x <= east && y >= south && y <= north; }
   bool all_bridged() const { return bridged_west && bridged_east && bridged_south && bridged_north; }
-  // A contact whose normal leans out over a bridged side belongs to the neighbour there.
+  // Whether the normal leans over a bridged side: the contact then belongs to the neighbour.
   bool leans_over_bridge(float nx, float ny, float tolerance) const {
     return (nx > tolerance && bridged_east) || (nx < -tolerance && bridged_west) ||
            (ny > tolerance && bridged_north) || (ny < -tolerance && bridged_south);
@@ -34,7 +33,7 @@ struct CellRange {
 
 class Columns {
  public:
-  // Objects narrower than `width` fall between the cells, so that nothing is bridged for them.
+  // `width`: of the body; gaps at least as wide are not bridged, so that it falls between the cells.
   Columns(const surface::Field& field, float width)
       : field_(field),
         height_(field.height.data()),
@@ -50,7 +49,7 @@ class Columns {
   CellRange cells_covering(float x_low, float x_high, float y_low, float y_high) const {
     const float inverse = 1.0F / pitch_;
     auto cell = [inverse](float u) { return std::clamp(u * inverse, -1e6F, 1e6F); };
-    // Without the calls of std::floor and std::ceil.
+    // Inlined, unlike std::floor and std::ceil on the baseline instruction set.
     auto floor = [](float u) {
       const int i = static_cast<int>(u);
       return i - (static_cast<float>(i) > u ? 1 : 0);
@@ -103,8 +102,8 @@ class Columns {
   bool bridges_x_, bridges_y_;
 };
 
-// Signed distance from a point to a column and the way out, for a point inside the column's rectangle: up, or
-// sideways through a side that no level neighbour closes, whichever is nearer. Positive above the top.
+// Signed distance to the column's surface and direction of escape, for a point inside the column's rectangle:
+// up, or out of an unbridged side, whichever is nearer. Positive above the top.
 struct EscapeDirection {
   Vec3 normal;
   float distance;

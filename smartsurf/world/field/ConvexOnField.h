@@ -1,4 +1,4 @@
-// Where a body that is no sphere touches the field.
+// Contacts of a non-sphere with the field.
 #pragma once
 
 #include <vector>
@@ -10,17 +10,18 @@
 
 namespace smartsurf::world {
 
-// Appends at most four contacts for each convex piece, chosen to hold it: the deepest first, then those that
-// widen the support. Cells are bottomless columns, bridged as for spheres (SphereOnField.h).
+// Appends at most four contacts per convex part: the deepest first, then those that widen the support. Cells
+// are bottomless columns, bridged as for spheres (SphereOnField.h).
 void collide_shape_with_field(const surface::Field&, const Shape&, const Vec3& centre, const Mat3& axes,
                               float margin, std::vector<Contact>& out);
 
-// A point where a convex piece may bear on a cell, which is the candidate's tag. Pieces count from 0.
+// A point where a convex part may touch a cell. The candidate's tag is the cell.
 struct FieldCandidate {
   ManifoldCandidate candidate;
   int part_index;
 };
-// Appends all points from which collide_shape_with_field would choose, piece by piece. No cell may give way.
+// Appends all points from which collide_shape_with_field() selects, part by part. No cell may have a force
+// limit.
 void collect_field_candidates(const surface::Field&, const Shape&, const Vec3& centre, const Mat3& axes,
                               float margin, std::vector<FieldCandidate>& out);
 

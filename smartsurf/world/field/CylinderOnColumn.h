@@ -1,4 +1,4 @@
-// The nearest points of a cylinder and the upper edges of a column.
+// Closest points of a cylinder and the upper edges of a column, in closed form.
 #pragma once
 
 #include "smartsurf/world/field/Columns.h"
@@ -6,9 +6,9 @@
 
 namespace smartsurf::world {
 
-// Of the core of a cylinder and a column drawn in by `rounding`, whose `towards` leads roughly to the
-// cylinder. False where what is nearest may be no upper edge or corner of the column, or where the two
-// overlap.
+// Between the cylinder's core and the column shrunk by convex_radius. `towards`: approximate direction from
+// the column to the cylinder. False if the closest feature may not be an upper edge or corner of the column,
+// or if the two overlap.
 bool closest_on_edges(const ConvexProxy& cylinder, const Column&, float convex_radius, const Vec3& towards,
                       ClosestPoints& out);
 

@@ -1,5 +1,5 @@
-// What the last look at a body on the field told, and for how long it holds: as long as neither the body nor
-// any cell under it has moved much against the others.
+// Caches the manifolds of bodies on the field, valid while neither the body nor the cells under it have moved
+// much relative to each other.
 #pragma once
 
 #include <vector>
@@ -13,11 +13,11 @@ namespace smartsurf::world {
 
 class FieldManifoldCache {
  public:
-  // All that may bear the body are kept: which of them do is chosen anew in every step.
+  // All candidate points are stored; the reduction to four is repeated in every step.
   struct CachedPoint {
     Vec3 on_body;          // in the body's axes
-    Vec3 on_cell, normal;  // world frame; the normal from the cell to the body
-    float top;             // of the cell, when it was looked at
+    Vec3 on_cell, normal;  // world frame; normal from the cell to the body
+    float top;             // height of the cell when cached, u
     std::int32_t cell;
     std::int32_t part_index;
   };
@@ -26,31 +26,32 @@ class FieldManifoldCache {
     Mat3 axes;
     Vec3 centre;
     Vec3 near_centre,
-        near_half_extents;  // of a box about all of the body that may soon meet the cells, world axes
-    float clearance;        // nothing but the points was nearer, u
-    CellRange cells;        // the cells that were looked at
-    std::int32_t first_point, point_count;  // in points
-    std::int32_t first_height;              // in heights: of those cells, row by row
-    // ---- of the last step's
+        near_half_extents;                  // box around the part of the body near the cells, world axes
+    float clearance;                        // separation of everything but the points, u
+    CellRange cells;                        // the cells tested
+    std::int32_t first_point, point_count;  // range in points
+    std::int32_t first_height;              // in heights: one per cell of `cells`, row-major
+    // ---- set by build_index()
     const CachedPoint* points = nullptr;
     const float* heights = nullptr;
   };
-  // Of one chunk of bodies.
+  // The manifolds found by one chunk of bodies.
   struct ChunkCache {
     std::vector<CachedManifold> manifolds;
     std::vector<CachedPoint> points;
     std::vector<float> heights;
   };
 
-  // The field must be rectangular and none of its cells give way.
+  // The field must be rectangular, without force limits.
   explicit FieldManifoldCache(const surface::Field& field) : field_(field) {}
 
-  // Takes over what the last step noted in a chunk's list and leaves the list empty. Then index.
+  // Takes over a chunk's manifolds of the previous step and empties the list. Call build_index() after all
+  // chunks.
   void swap_in(int chunk, ChunkCache&);
   void build_index(int bodies);
 
-  // Appends the contacts of a body that is no sphere with gaps up to `margin`, and notes them for the next
-  // step.
+  // Appends the contacts of a non-sphere with separations up to `margin`, and stores the manifold for the
+  // next step.
   void collide(const BodyStore&, std::size_t body, float margin, ChunkCache& chunk_cache,
                std::vector<Contact>& out) const;
 
@@ -69,8 +70,8 @@ class FieldManifoldCache {
               const ChunkCache& chunk_cache, std::vector<Contact>& out) const;
 
   const surface::Field& field_;
-  std::vector<ChunkCache> previous_;                     // one a chunk
-  std::vector<const CachedManifold*> manifold_of_body_;  // of each body
+  std::vector<ChunkCache> previous_;                     // one per chunk
+  std::vector<const CachedManifold*> manifold_of_body_;  // indexed by body
 };
 
 }  // namespace smartsurf::world

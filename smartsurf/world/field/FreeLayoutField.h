@@ -1,7 +1,8 @@
-// A field whose cells stand anywhere, each turned about the vertical: the slower way to the same contacts.
+// Contacts with a field whose cells have arbitrary positions and rotations about the vertical; slower than a
+// rectangular layout.
 //
-// Each cell near a body is looked at in its own frame, as the middle of a rectangular field of three by
-// three; level neighbours across a side bridge the gap there, as they do in a rectangular layout.
+// Each cell near a body is tested in its own frame, as the centre of a 3×3 rectangular field. Level
+// neighbours across a side bridge the gap, as in a rectangular layout.
 #pragma once
 
 #include <vector>
@@ -14,15 +15,15 @@ namespace smartsurf::world {
 
 class FreeLayoutField {
  public:
-  // The layout of the field must not change from now on.
+  // `field` must outlive the object, and its layout must not change.
   explicit FreeLayoutField(const surface::Field&);
 
-  // Appends the contacts of a shape, chosen as in a rectangular layout.
+  // Appends the contacts of a shape, reduced as in a rectangular layout, with separations up to `margin`.
   void collide(const Shape&, const Vec3& centre, const Mat3& axes, float margin,
                std::vector<Contact>& out) const;
 
  private:
-  // The cells across the west, east, north and south side, as seen from two points of it; −1: none.
+  // Cells across the west, east, north and south side, sampled at two points of each; −1: none.
   struct Neighbours {
     std::int32_t cell[4][2];
   };

@@ -1,4 +1,4 @@
-// Where a body touches the endless floor.
+// Contacts of a shape with the infinite ground plane.
 #pragma once
 
 #include <vector>
@@ -8,7 +8,8 @@
 
 namespace smartsurf::world {
 
-// Appends at most four contacts for each convex piece with the floor at height `ground`; any shape.
+// Appends at most four contacts per convex part with the plane z = ground_height, with separations up to
+// `margin`.
 void collide_shape_with_ground(const Shape&, const Vec3& centre, const Mat3& axes, float ground_height,
                                float margin, std::vector<Contact>& out);
 

@@ -1,6 +1,6 @@
-// Which contacts with the field hold a sphere: the deepest of each compass quadrant and the one straight
-// below, at most four. They wedge a sphere in a pocket from all sides, where the four deepest alone may all
-// stand on one side.
+// Reduces a sphere's contacts with the field to the deepest of each compass quadrant and the one straight
+// below, at most four. They hold a sphere in a pocket from all sides; the four deepest could all lie on one
+// side.
 #pragma once
 
 #include "smartsurf/world/Vec.h"

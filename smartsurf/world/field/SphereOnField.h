@@ -1,8 +1,8 @@
-// Where a sphere touches the field, in closed form.
+// Contacts of a sphere with the field, in closed form.
 //
-// A cell is a bottomless column with a rectangular top. Two neighbours whose tops are level are bridged: the
-// gap between them belongs half to each, and no contact may lean out over a bridged side. So a level field is
-// one flat plane, on which nothing snags; a sphere too small to bridge a gap falls into it.
+// A cell is a bottomless column with a rectangular top. Neighbours with level tops are bridged: each owns
+// half of the gap, and no contact normal may lean over a bridged side. A level field is one flat plane
+// without internal edges; a sphere too small to bridge a gap falls into it.
 #pragma once
 
 #include <vector>
@@ -12,14 +12,11 @@
 
 namespace smartsurf::world {
 
-// Appends the deepest contact of each compass quadrant and the one straight below, at most four: what wedges
-// a sphere in a pocket from all sides, where the four deepest alone may all stand on one side. `margin`:
-// contacts up to that gap are found before they touch, ≥ 0.
+// Appends at most four contacts, chosen by SphereManifoldReducer, with separations up to `margin` ≥ 0.
 void collide_sphere_with_field(const surface::Field&, const Vec3& centre, float radius, float margin,
                                std::vector<Contact>& out);
 
-// Enters the velocity of the cell's surface at a point, and its turning, in the contact, whose normal is
-// known.
+// Sets surface_velocity and surface_spin of a contact from its cell, at `point`. The normal must be set.
 void set_surface_velocity(const Columns&, int row, int column, const Vec3& point, Contact&);
 
 }  // namespace smartsurf::world

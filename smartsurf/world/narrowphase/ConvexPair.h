@@ -1,4 +1,4 @@
-// Where two convex shapes, neither a sphere, touch.
+// Contact manifolds of two convex shapes, neither a sphere.
 #pragma once
 
 #include <vector>
@@ -15,11 +15,10 @@ struct PlacedShape {
   const Mat3& axes;
 };
 
-// Appends up to four points for each pair of pieces, the normal pointing from b to a, gaps up to `margin`.
-// `last_normal`: of a contact that the two had before, or null; `last`: what of the two was nearest then,
-// which is brought up to date, or null. They save work and decide nothing.
-// Returns how far apart all pieces are at least that were given no point, told up to `horizon` beyond the
-// margin; the margin where each was given one.
+// Appends up to four contacts per pair of parts, with separations up to `margin` and normals from b to a.
+// `cached_normal`: normal of a previous contact, or null; `simplex_cache`: read and updated, or null. Both
+// affect speed only. Returns a lower bound of the separation of all pairs of parts without contact, at most
+// margin + horizon; `margin` if every pair has one.
 float collide_convex(const PlacedShape& a, const PlacedShape& b, float margin, const Vec3* cached_normal,
                      std::vector<Contact>& out, float horizon = 0.0F, SimplexCache* simplex_cache = nullptr);
 

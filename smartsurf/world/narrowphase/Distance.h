@@ -1,4 +1,4 @@
-// The signed distance from a point to a convex shape, in the shape's own axes, and the way out.
+// The signed distance from a point to a convex shape, in body axes.
 #pragma once
 
 #include <limits>
@@ -7,10 +7,10 @@
 
 namespace smartsurf::world {
 
-// One convex part of a shape: the shape itself, or a piece of a solid.
+// One convex part of a shape: the shape itself, or a hull of a solid.
 struct ConvexPart {
   const Shape& shape;
-  const ConvexHullShape* hull = nullptr;  // of a solid
+  const ConvexHullShape* hull = nullptr;  // null unless the shape is a solid
 };
 
 template <class Work>
@@ -20,10 +20,10 @@ void for_each_part(const Shape& shape, Work visit) {
 }
 
 struct SignedDistance {
-  Vec3 normal;     // unit
-  float distance;  // below 0 inside
+  Vec3 normal;     // unit, outward at the nearest surface point
+  float distance;  // u; negative inside
 };
-// Of a point farther away than `limit` only that it is.
+// Beyond `limit` the result is only known to exceed it.
 SignedDistance signed_distance(const ConvexPart&, const Vec3& point,
                                float limit = std::numeric_limits<float>::max());
 

@@ -1,12 +1,12 @@
-// The points of a convex piece that can be the first to touch a plane.
+// The points of a convex part that can touch a horizontal plane first.
 #pragma once
 
 #include "smartsurf/world/narrowphase/Distance.h"
 
 namespace smartsurf::world {
 
-// Calls each(point) for the points up to `highest` that touch a plane first: corners, the tip, and eight
-// points of each rim, one of them the lowest. A capsule has none.
+// Calls each(point) for the points with z ≤ max_z, world frame: corners, a cone's tip, and eight points per
+// rim, one of them the lowest. Spheres and capsules have none.
 template <class Each>
 void for_each_feature_point(const ConvexPart& part, const Vec3& centre, const Mat3& axes, float max_z,
                             Each each) {

@@ -1,12 +1,12 @@
-// The nearest points of two convex cores (Gilbert, Johnson and Keerthi 1988).
+// Closest points of two convex shapes (Gilbert, Johnson and Keerthi 1988).
 #pragma once
 
 #include "smartsurf/world/narrowphase/Distance.h"
 
 namespace smartsurf::world {
 
-// A convex piece where it stands. Its core is the piece drawn in by `rounding`: shapes that overlap a little
-// have cores that do not.
+// A convex part at a pose, represented by its core, the part shrunk by convex_radius: parts that overlap by
+// less than their radii have disjoint cores, for which GJK gives a normal.
 struct ConvexProxy {
   ConvexPart part;
   const Vec3& centre;
@@ -18,9 +18,9 @@ struct ConvexProxy {
         centre(position),
         axes(orientation),
         convex_radius(p.hull ? p.hull->convex_radius : p.shape.convex_radius) {}
-  // The core's farthest point along a direction, world frame.
+  // Support point of the core along a direction of any length, world frame.
   Vec3 support(const Vec3& direction) const;
-  // The same of the whole piece.
+  // Support point of the whole part; the direction is a unit vector.
   Vec3 support_with_radius(const Vec3& unit_direction) const {
     return support(unit_direction) + convex_radius * unit_direction;
   }
@@ -30,17 +30,15 @@ struct ClosestPoints {
   Vec3 on_a, on_b;
   Vec3 normal;     // unit, from b to a
   float distance;  // between the cores
-  bool separated;  // false: the cores overlap, and nothing else is known
+  bool separated;  // false: the cores overlap, and the other members are undefined
 };
-// What of the two was nearest, in the axes of each. It saves work where they have hardly moved since, and
-// decides nothing.
+// The final simplex of a query, in body axes, as a starting point for the next one. Affects speed only.
 struct SimplexCache {
-  int count = 0;  // 1: two corners, 2 or 3: an edge or a face takes part; 0: not known
+  int count = 0;  // vertices of the simplex; 0: empty
   Vec3 on_a[3], on_b[3];
 };
-// When the cores are further apart than `limit`, a distance beyond it is all that is told. `towards_a`: a
-// guess at the direction from b to a, of any length. `last`: taken for a start and brought up to date, or
-// null.
+// If the cores are farther apart than `limit`, only the distance is set, to some value beyond it.
+// `towards_a`: estimate of the direction from b to a, of any length. `cache`: read and updated; may be null.
 ClosestPoints closest_points(const ConvexProxy& a, const ConvexProxy& b, float limit, const Vec3& towards_a,
                              SimplexCache* cache = nullptr);
 

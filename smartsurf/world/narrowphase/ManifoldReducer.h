@@ -1,18 +1,18 @@
-// Of many points of contact the few that hold a body best.
+// Reduces a manifold to the few points with the widest support.
 #pragma once
 
 #include "smartsurf/world/Vec.h"
 
 namespace smartsurf::world {
 
-// Points of contact, side by side, from which those that hold a body best are chosen.
+// Candidate points as a structure of arrays.
 class ReductionPoints {
  public:
   static constexpr int kCapacity = 96;
 
   int count() const { return count_; }
   void clear() { count_ = 0; }
-  // There must be room. A point with an infinite gap is never chosen.
+  // Precondition: count() < kCapacity. A point with infinite separation is never selected.
   void add(const Vec3& point, float separation) { set(count_++, point, separation); }
   void set(int i, const Vec3& point, float separation) {
     x_[i] = point.x(), y_[i] = point.y(), z_[i] = point.z();
@@ -20,15 +20,15 @@ class ReductionPoints {
   }
   Vec3 at(int i) const { return {x_[i], y_[i], z_[i]}; }
   float separation(int i) const { return separation_[i]; }
-  // The first one of the least or the widest gap; there must be any.
+  // Index of the least and of the greatest separation, the first one on ties. Precondition: count() > 0.
   int deepest() const;
   int most_separated() const;
-  // At most four: the deepest, the one farthest from it, the one farthest from their line, and the one that
-  // widens them most. Returns how many.
+  // Selects at most four: the deepest, the farthest from it, the farthest from their line, and the one that
+  // extends the area most. Returns their number.
   int select(int (&chosen)[4]);
 
  private:
-  // The point of the greatest spread(x, y, z) less its gap: −1 where none is noticeable.
+  // Index of the greatest measure(x, y, z) − separation, or −1 if none is significant.
   template <class Spread>
   int argmax(Spread measure) const;
 
@@ -45,10 +45,10 @@ struct ManifoldCandidate {
   int tag;
 };
 
-// Candidates in a list of fixed size, from which those that hold a body best are chosen.
+// A list of candidates of fixed capacity.
 class ManifoldReducer {
  public:
-  // When the list is full, the widest gap gives way.
+  // A full list drops its most separated candidate.
   void add(const ManifoldCandidate&);
   int count() const { return points_.count(); }
   void clear() { points_.clear(); }
@@ -56,11 +56,11 @@ class ManifoldReducer {
   void for_each(Each each) const {
     for (int i = 0; i < count(); ++i) each(at(i));
   }
-  // One in the middle of all, with the first one's normal and tag. There must be any.
+  // The mean position and separation, with the normal and tag of the first. Precondition: count() > 0.
   ManifoldCandidate average() const;
-  // Infinity where there is none.
+  // Infinity if empty.
   float min_separation() const;
-  // Those that hold the body best, at most four.
+  // Calls take(candidate) for the selected ones, at most four.
   template <class Take>
   void reduce(Take take) {
     int chosen[4];

@@ -1,4 +1,4 @@
-// Where two bodies touch.
+// Contacts of two bodies of any shape.
 #pragma once
 
 #include <vector>
@@ -8,13 +8,13 @@
 
 namespace smartsurf::world {
 
-// Appends the contacts of body a with body b, the normal pointing from b to a: all with gaps up to `margin`,
-// and those whose gap the two would close within one step at their speed. Does not look at sleep or mass.
-// `last_normal`: of a contact that the two had in the last step, or null. It saves work and decides nothing.
+// Appends the contacts of bodies a and b, normals from b to a: those with separations up to `margin`, and
+// speculative ones that the bodies can close within one step. Ignores sleep and mass. `cached_normal`: normal
+// of a contact of the previous step, or null; affects speed only.
 void collide_bodies(const BodyStore&, std::size_t a, std::size_t b, float margin, float dt_s,
                     const Vec3* cached_normal, std::vector<Contact>& out);
 
-// How far the two close in on each other within one step, their centres' line taken for the normal.
+// Distance by which the centres approach each other within one step, u.
 float closing_distance(const BodyStore&, std::size_t a, std::size_t b, float dt_s);
 
 }  // namespace smartsurf::world

@@ -1,7 +1,7 @@
-// What the last look at two convex bodies told, and for how long it holds.
+// Caches the manifolds of pairs of convex bodies.
 //
-// Points of contact are kept in the axes of both bodies, and go with them while these hardly move against
-// each other. Two that are well apart are not looked at again before they can have met.
+// Contact points are stored in the axes of both bodies and reused while the relative motion is small. A pair
+// that is well separated is not tested again before it can have met.
 #pragma once
 
 #include <vector>
@@ -15,42 +15,43 @@ namespace smartsurf::world {
 class PairManifoldCache {
  public:
   struct CachedPoint {
-    Vec3 on_a, on_b, normal;  // in the axes of a, of b, of b
+    Vec3 on_a, on_b, normal;  // in the axes of a, b and b
   };
   struct CachedManifold {
     std::int32_t a, b;
-    Mat3 rotation;         // the axes of a, in those of b
+    Mat3 rotation;         // axes of a in those of b
     Vec3 translation;      // from b to a, in the axes of b
-    float clearance;       // nothing but the points was nearer, u
-    float min_separation;  // at the points; infinite without any
+    float clearance;       // separation of everything but the points, u
+    float min_separation;  // of the points, u; infinity without any
     std::int32_t first_point, point_count;
-    std::int32_t simplex;  // in features, or −1
-    // ---- of the last step's
+    std::int32_t simplex;  // index in simplices, or −1
+    // ---- set by build_index()
     const CachedPoint* points = nullptr;
     const SimplexCache* simplex_cache = nullptr;
-    const CachedManifold* next = nullptr;  // with the same a
+    const CachedManifold* next = nullptr;  // next manifold with the same a
   };
-  // Of one chunk of bodies.
+  // The manifolds found by one chunk of bodies.
   struct ChunkCache {
     std::vector<CachedManifold> manifolds;
     std::vector<CachedPoint> points;
     std::vector<SimplexCache> simplices;
   };
 
-  // Takes over what the last step noted in a chunk's list and leaves the list empty. Then index.
+  // Takes over a chunk's manifolds of the previous step and empties the list. Call build_index() after all
+  // chunks.
   void swap_in(int chunk, ChunkCache&);
   void build_index(int bodies);
 
-  // Appends the contacts of bodies a and b, neither a sphere, with gaps up to `margin`, the normal pointing
-  // from b to a, and notes them for the next step.
+  // Appends the contacts of bodies a and b, neither a sphere, with separations up to `margin` and normals
+  // from b to a, and stores the manifold for the next step.
   void collide(const BodyStore&, std::size_t a, std::size_t b, float margin, ChunkCache& chunk_cache,
                std::vector<Contact>& out) const;
 
  private:
   const CachedManifold* find(std::size_t a, std::size_t b) const;
 
-  std::vector<ChunkCache> previous_;                   // one a chunk
-  std::vector<const CachedManifold*> first_manifold_;  // of each body a
+  std::vector<ChunkCache> previous_;                   // one per chunk
+  std::vector<const CachedManifold*> first_manifold_;  // indexed by body a
 };
 
 }  // namespace smartsurf::world

@@ -1,4 +1,4 @@
-// The shape of one kind of body: what the physics needs to know of an ObjectSpec, prepared once.
+// A body's collision shape, prepared once from its ObjectSpec.
 #pragma once
 
 #include <cstdint>
@@ -11,14 +11,14 @@
 
 namespace smartsurf::world {
 
-// Functions n · p + w of a point p, in blocks of four, the last one filled up with copies of the last: which
-// of them is greatest is found four at a time. With w = 0: which vector n reaches farthest along p.
+// Linear functions n · p + w of a point p, evaluated four at a time to find the greatest. With w = 0 this is
+// the support function of the points n. The last block is padded with copies of the last function.
 class LinearFunctions {
  public:
   void assign(const std::vector<Vec3>& n, const std::vector<float>& w = {});
-  // One of the greatest, to a share of 1e-5 of its value.
+  // Index of the greatest value, up to a relative error of 1e-5.
   std::size_t argmax(const Vec3& p) const;
-  // Calls each(i) for those greater than `least`.
+  // Calls each(i) for the functions greater than `threshold` at p.
   template <class Each>
   void for_each_above(const Vec3& p, float threshold, Each each) const {
     for (std::size_t k = 0; k < blocks_.size(); ++k) {
@@ -30,7 +30,7 @@ class LinearFunctions {
 
  private:
   static constexpr std::size_t kBlockSize = 4;
-  // The compiler's own vectors: the job is too short for a call through Highway's table of instruction sets.
+  // Compiler vectors: the loop is too short for Highway's dynamic dispatch.
   using Float4 [[gnu::vector_size(16)]] = float;
   using Int4 [[gnu::vector_size(16)]] = std::int32_t;
   struct Block {
@@ -41,15 +41,15 @@ class LinearFunctions {
   std::size_t last_index_ = 0;
 };
 
-// A convex piece of a solid and its core: the corners drawn in so far that every face moves by `rounding`.
+// A convex hull of a solid and its core: the corners inset so far that every face moves by convex_radius.
 struct ConvexHullShape {
   const scene::ConvexHull* hull = nullptr;
   std::vector<Vec3> inset_corners;
   float convex_radius = 0.0F, width = 0.0F;
   LinearFunctions corner_blocks, inset_corner_blocks, face_normals;
-  LinearFunctions face_planes;  // of a point above the faces' planes
+  LinearFunctions face_planes;  // signed distance of a point to each face's plane
   struct Edge {
-    std::uint16_t corner, left, right;  // one of its corners, and the faces that meet in it
+    std::uint16_t corner, left, right;  // one end point, and the adjacent faces
   };
   std::vector<Edge> edges;
 };
@@ -57,18 +57,18 @@ struct ConvexHullShape {
 struct Shape {
   scene::ShapeKind kind = scene::ShapeKind::kSphere;
   float radius = 0.0F;
-  Vec3 half_extents{0, 0, 0};         // half extents about the centre of mass, own axes
-  float low = 0, high = 0;            // ends along the own z axis, from the centre of mass
-  float bounding_radius = 0.0F;       // of the farthest point from the centre of mass
-  float width = 0.0F;                 // what is narrower than a gap of the surface falls into it
-  float convex_radius = 0.0F;         // GJK works on the shape drawn in by this much, u
-  bool has_rolling_friction = false;  // whether rolling friction acts on it
+  Vec3 half_extents{0, 0, 0};    // about the centre of mass, body axes, u
+  float low = 0, high = 0;       // ends along the body's z axis, from the centre of mass, u
+  float bounding_radius = 0.0F;  // about the centre of mass, u
+  float width = 0.0F;            // least width, u: a body narrower than a gap between cells falls into it
+  float convex_radius = 0.0F;    // GJK works on the shape shrunk by this, u
+  bool has_rolling_friction = false;
   std::shared_ptr<const scene::Solid> solid;
-  // Of a solid; kept once for all bodies that are made of it.
+  // Of a solid; shared by all bodies made of it.
   std::shared_ptr<const std::vector<ConvexHullShape>> hull_list;
   std::span<const ConvexHullShape> hulls;
 
-  // Whether it looks the same however it is turned about its own z axis.
+  // Whether the shape is symmetric about its z axis.
   bool is_axisymmetric() const {
     return kind == scene::ShapeKind::kCylinder || kind == scene::ShapeKind::kCapsule ||
            kind == scene::ShapeKind::kCone;
@@ -78,9 +78,9 @@ struct Shape {
 
 Shape make_shape(const scene::ObjectSpec&);
 
-// Of a body of this density or mass; 0 when it is fixed.
+// From the object's mass, else its density; 0 for a fixed object.
 float mass_of(const scene::ObjectSpec&, const scene::Material&);
-// Moments of inertia about the centre of mass in own axes, closed forms.
+// Inertia tensor about the centre of mass in body axes, mass·u²; closed forms.
 Mat3 inertia_of(const scene::ObjectSpec&, float mass);
 
 }  // namespace smartsurf::world

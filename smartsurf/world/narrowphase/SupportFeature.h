@@ -1,4 +1,5 @@
-// What a convex piece turns towards a direction: a face, an edge or a corner; and where two of these meet.
+// The support feature of a convex part in a direction (a face, an edge or a corner), and clipping of two
+// features.
 #pragma once
 
 #include <array>
@@ -10,7 +11,7 @@ namespace smartsurf::world {
 
 struct SupportFeature {
   static constexpr int kMaxPoints = 24;
-  std::array<Vec3, kMaxPoints> point;  // counter-clockwise seen from outside, world frame
+  std::array<Vec3, kMaxPoints> point;  // counter-clockwise from outside, world frame
   int count = 0;                       // 1: a corner, 2: an edge, more: a face
   Vec3 normal{0, 0, 1};                // of a face: unit, outward
   bool is_face() const { return count > 2; }
@@ -22,20 +23,21 @@ struct SupportFeature {
 SupportFeature support_feature(const ConvexPart&, const Vec3& centre, const Mat3& axes,
                                const Vec3& direction);
 
-// A face this much in line with the normal takes part with its whole area.
+// Cosine of the angle between face and contact normal from which the whole face takes part.
 inline constexpr float kFaceAlignment = 0.99F;
-// How much in line with the direction the face is that support_feature gives; 0 where it gives an edge.
+// Cosine of the angle between the direction and the face that support_feature() returns; 0 if it returns an
+// edge.
 float face_alignment(const ConvexPart&, const Mat3& axes, const Vec3& direction);
 
-// Cuts a face or an edge to what lies over a face.
+// Clips a face or an edge against the side planes of a face (Sutherland and Hodgman).
 SupportFeature clip_to_face(const SupportFeature& feature, const SupportFeature& face);
-// The same for an upright rectangle, seen from above.
+// The same against an axis-aligned rectangle, in the horizontal plane.
 SupportFeature clip_to_rectangle(const SupportFeature& feature, float west, float east, float south,
                                  float north);
 
-// Adds the points where two features that face each other along a normal (unit, from b to a) come within the
-// margin: the patch that two faces share, the ends of an edge over a face or along another edge. None where
-// only a corner or two crossing edges meet. `tag` goes with the points.
+// Adds the points with separations up to `margin` along the normal (unit, from b to a): the polygon that two
+// faces share, or the ends of an edge over a face or along another edge. Adds none for a corner or crossing
+// edges. `tag` is stored with the points.
 void add_contact_patch(const SupportFeature& on_a, const SupportFeature& on_b, const Vec3& normal,
                        float margin, int tag, ManifoldReducer& out);
 
