@@ -1,5 +1,4 @@
-// The language's own statements and instructions by name: how many arguments they take and how they are
-// lowered.
+// The built-in statements and instructions by name: their numbers of arguments and their lowering.
 #pragma once
 
 #include <cstddef>

@@ -1,4 +1,4 @@
-// An APRON source to a program that passes program::verify(), or to what is wrong with it.
+// Compiles APRON source to a program that passes program::verify(), or to diagnostics.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// Constant folding, in the same 32-bit arithmetic as the machine's.
+// Constant folding, in the VM's 32-bit arithmetic.
 #pragma once
 
 #include <array>

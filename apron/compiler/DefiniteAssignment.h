@@ -1,4 +1,4 @@
-// Reads of scalars that no path through the program can have written before.
+// Definite-assignment analysis: finds reads of scalars that no path can have written before.
 #pragma once
 
 #include <vector>

@@ -1,4 +1,4 @@
-// Statements to instructions.
+// Lowers statements to instructions.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// The check of a palette's name that a program gives.
+// Checks palette names in programs.
 #pragma once
 
 #include <string>

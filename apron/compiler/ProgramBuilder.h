@@ -1,4 +1,4 @@
-// Puts a program together: instructions, the tables they index, labels, and temporaries that are used again.
+// Assembles a program: instructions, constant tables, labels, and reusable temporaries.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// What the names of a program stand for.
+// The symbols of a program and what they refer to.
 #pragma once
 
 #include <map>

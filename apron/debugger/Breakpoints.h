@@ -1,4 +1,4 @@
-// Where a program is to stop by itself: at a line, after a tick, when a condition becomes true.
+// Breakpoints: at a line, after a tick, or when a condition becomes true.
 #pragma once
 
 #include <cstdint>

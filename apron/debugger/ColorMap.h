@@ -1,4 +1,4 @@
-// Colours for the numbers of a register.
+// Maps register values to colours.
 #pragma once
 
 #include <cstdint>

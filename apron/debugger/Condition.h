@@ -1,4 +1,5 @@
-// A question about a program's registers and scalars, such as globalsum(D) > 0, asked without touching them.
+// A breakpoint condition over a program's registers and scalars, such as globalsum(D) > 0, evaluated without
+// side effects.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// A program before a person: runs, holds, steps and walks it, and takes looks at it.
+// An interactive debugging session: runs, pauses, steps and walks a program, and takes snapshots of it.
 #pragma once
 
 #include <chrono>

@@ -1,4 +1,4 @@
-// A moment of a program as plain values, to be drawn while the program goes on.
+// A program's state as plain values, drawn while the program continues.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// Drives a VM one instruction, line or tick at a time and looks into it; no user interface of its own.
+// Drives a VM by instruction, line or tick, and inspects it. Has no user interface.
 #pragma once
 
 #include <cstdint>

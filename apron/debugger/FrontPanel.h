@@ -1,5 +1,5 @@
-// What a program and the person before it tell each other: console, labels, registers to show with their
-// colours; sliders and switches. Any thread may call it.
+// The shared state of a program and its user interface: console, labels, registers to show and their
+// palettes; sliders and switches. Thread-safe.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// A program's text as rows to show, in which included files and uses of macros unfold below the line that has
+// A program's text as rows, with included files and macro expansions folded below the line that contains
 // them.
 #pragma once
 

@@ -1,4 +1,4 @@
-// Another host with a person before it: console, labels, sliders and colours go to a front panel, too.
+// A host decorator: console, labels, sliders and palettes also go to a front panel.
 #pragma once
 
 #include "apron/debugger/FrontPanel.h"

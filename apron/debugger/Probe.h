@@ -1,4 +1,4 @@
-// One cell with its eight neighbours, through all registers and over the latest ticks.
+// One cell with its eight neighbours, through all registers and the latest ticks.
 #pragma once
 
 #include <array>

@@ -1,5 +1,4 @@
-// Runs a session on a thread of its own, so that the program never waits for a picture nor a picture for the
-// program.
+// Runs a session on its own thread, so that program and drawing do not wait for each other.
 #pragma once
 
 #include <atomic>

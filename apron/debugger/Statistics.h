@@ -1,4 +1,4 @@
-// What a register's cells have in common: extremes, mean, histogram.
+// Statistics of a register: extremes, mean, histogram.
 #pragma once
 
 #include <array>

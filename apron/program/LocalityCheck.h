@@ -1,6 +1,6 @@
-// Which instructions of a program a purely local array could not execute: one whose cells see only
-// themselves, their own sensor and actuator, and their north, east, south and west neighbours, under one
-// controller that broadcasts instructions and keeps the scalars.
+// Finds the instructions that a purely local array could not execute: one whose cells see only themselves,
+// their own sensor and actuator, and their north, east, south and west neighbours, under one controller that
+// broadcasts instructions and holds the scalars.
 #pragma once
 
 #include <cstddef>

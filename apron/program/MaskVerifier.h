@@ -1,4 +1,4 @@
-// The part of verify() that follows masks through the flow of a program.
+// The part of verify() that tracks the mask stack through the control flow.
 #pragma once
 
 #include <string>

@@ -1,5 +1,5 @@
-// A program as the parser leaves it: a flat list of statements, each with trees of expressions. Blocks are
-// not nested here, so that a macro may open one that another closes; the compiler pairs them.
+// The syntax tree: a flat list of statements, each with expression trees. Blocks are not nested here, so that
+// a macro may open one that another closes; the compiler pairs them.
 #pragma once
 
 #include <cstddef>

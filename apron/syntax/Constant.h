@@ -1,4 +1,4 @@
-// Values known while the source is read: the operands of `!if` and the sizes in `!create`.
+// Constants evaluated while the source is read: operands of `!if` and sizes in `!create`.
 #pragma once
 
 #include <optional>

@@ -1,4 +1,4 @@
-// What is wrong with a program, collected while the stages go on, and its text for the user.
+// Diagnostics collected by the compiler's stages, and their rendering.
 #pragma once
 
 #include <cstddef>

@@ -1,4 +1,4 @@
-// Where the texts of a program come from, so that tests and fuzzers need no disk.
+// Source of program texts; tests and fuzzers replace the disk.
 #pragma once
 
 #include <map>

@@ -1,4 +1,4 @@
-// One way of writing for every program: blanks between words, two blanks a block, aligned comments.
+// The canonical layout of programs: spacing, two blanks per block, aligned comments.
 #pragma once
 
 #include <string>

@@ -1,5 +1,5 @@
-// Text to lines of tokens: comments gone, continued lines joined. A line with a bad character is reported and
-// marked; its tokens up to there are kept, so that an `if` in it still has its `endif`.
+// Splits text into lines of tokens: comments removed, continued lines joined. A line with a bad character is
+// reported and marked; its tokens before it are kept, so that an `if` in it still has its `endif`.
 #pragma once
 
 #include <cstdint>

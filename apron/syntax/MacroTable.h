@@ -1,4 +1,4 @@
-// The macros of a program, told apart by name, number of arguments and presence of a result.
+// The macros of a program, overloaded by name, number of arguments and presence of a result.
 #pragma once
 
 #include <cstddef>

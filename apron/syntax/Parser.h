@@ -1,4 +1,4 @@
-// Lines to statements. Opens macro calls, in statements and inside expressions.
+// Parses lines into statements. Expands macro calls in statements and expressions.
 #pragma once
 
 #include <optional>

@@ -1,5 +1,5 @@
-// Hands out the statements of a program line by line with includes, conditions, defines and macro bodies
-// done. Macro calls are recognised by the parser, which knows expressions; it opens them here with enter().
+// Yields the statements of a program line by line, with includes, conditions, defines and macro bodies
+// processed. The parser recognises macro calls and opens them here with enter().
 #pragma once
 
 #include <cstdint>

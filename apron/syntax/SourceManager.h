@@ -1,6 +1,5 @@
-// The texts a program is made of, and where in them something stands: file, line, column, and the chain of
-// macro expansions and includes that led there. A file that is included twice appears twice, each with its
-// own chain.
+// The source texts of a program and source locations: file, line, column, and the chain of macro expansions
+// and includes. A file included twice appears twice, each with its own chain.
 #pragma once
 
 #include <cstddef>

@@ -1,4 +1,4 @@
-// The name a user probably meant.
+// "Did you mean": the known name closest to a misspelt one.
 #pragma once
 
 #include <string>

@@ -1,4 +1,4 @@
-// The words of the language and the lines they make: one statement or directive a line.
+// Tokens, and lines of tokens: one statement or directive per line.
 #pragma once
 
 #include <cstdint>

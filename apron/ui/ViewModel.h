@@ -1,4 +1,4 @@
-// What the window shows and what the person before it wants, without any drawing.
+// The state of the window and the user's requests, independent of drawing.
 #pragma once
 
 #include <chrono>

@@ -1,4 +1,4 @@
-// An instruction with everything looked up that can be before the run: kernels, addresses, jump targets.
+// An instruction with kernels, addresses and jump targets resolved before the run.
 #pragma once
 
 #include <array>

@@ -1,4 +1,4 @@
-// What the VM asks of the world outside it: the console, media files, parameters and the surface.
+// The VM's interface to its environment: console, media files, parameters and the surface.
 #pragma once
 
 #include <optional>

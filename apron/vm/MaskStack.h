@@ -1,5 +1,4 @@
-// Which cells are switched on: the base mask (mask.on) and the stack of `where` conditions, all of which must
-// hold.
+// The active-cell masks: the base mask (mask.on) and the stack of `where` conditions, all of which must hold.
 #pragma once
 
 #include <cstdint>

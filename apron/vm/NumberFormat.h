@@ -1,4 +1,4 @@
-// Numbers as the console shows them: the shortest text that reads back as the same float.
+// Numbers as the console prints them: the shortest text that reads back as the same float.
 #pragma once
 
 #include <array>

@@ -1,4 +1,4 @@
-// A view of one 2-D float array: what the VM, its kernels and the host pass each other.
+// A view of a 2-D float array, shared by the VM, its kernels and the host.
 #pragma once
 
 #include <cstddef>

@@ -1,4 +1,5 @@
-// Runs a verified program: every register a 2-D float array, one instruction over all its cells at a time.
+// Executes a verified program: every register is a 2-D float array, and one instruction operates on all its
+// cells.
 #pragma once
 
 #include <atomic>

@@ -1,5 +1,5 @@
-// What a surface's endpoint consists of. Its life, its controller and publishing are in SurfaceEndpoint.cpp,
-// the taking in of answers in SurfaceAnswers.cpp.
+// The implementation of the surface's endpoint. SurfaceEndpoint.cpp has its life cycle, its controller and
+// publication; SurfaceAnswers.cpp receives answers.
 #pragma once
 
 #include <unistd.h>

@@ -1,4 +1,4 @@
-// A plane of numbers as a picture in the terminal.
+// A plane of numbers as a heat map in the terminal.
 #pragma once
 
 #include <cstddef>

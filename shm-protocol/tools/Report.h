@@ -1,4 +1,4 @@
-// What shm_dump prints, as text for a terminal of 80 columns and as JSON.
+// The output of shm_dump, as text for a terminal of 80 columns and as JSON.
 #pragma once
 
 #include <shm_protocol/Segments.h>

@@ -1,4 +1,4 @@
-// One look at a surface: all that shm_dump shows, taken by an observer.
+// The state of a surface as shm_dump shows it, read by an observer.
 #pragma once
 
 #include <shm_protocol/ObserverEndpoint.h>

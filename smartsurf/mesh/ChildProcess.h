@@ -1,7 +1,6 @@
 // Runs an action in a child process. Internal to this module.
 //
-// The library that reads mesh files was not written against damaged ones: some make it crash, or loop without
-// end.
+// The mesh library is not robust against damaged files: some make it crash or loop forever.
 #pragma once
 
 #include <functional>

@@ -1,4 +1,4 @@
-// A part of a solid: what of it lies below some cutting planes.
+// The part of a solid below a set of cutting planes.
 #pragma once
 
 #include <Eigen/Core>

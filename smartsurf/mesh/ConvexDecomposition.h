@@ -1,4 +1,4 @@
-// Cuts a solid into parts that are nearly convex.
+// Decomposes a solid into approximately convex parts.
 #pragma once
 
 #include <Eigen/Core>

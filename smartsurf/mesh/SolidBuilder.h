@@ -1,4 +1,4 @@
-// From a mesh or points to a scene::Solid: its pieces, its mass properties, its frame.
+// Builds a scene::Solid from a mesh or points: convex hulls, mass properties and frame.
 #pragma once
 
 #include <Eigen/Core>

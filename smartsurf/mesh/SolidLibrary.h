@@ -1,4 +1,5 @@
-// Makes the solids that scripts ask for, each once: the same file and options, or the same points, share one.
+// Creates and caches the solids that scripts request: equal files and options, or equal points, share one
+// solid.
 #pragma once
 
 #include <map>

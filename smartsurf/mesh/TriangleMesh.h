@@ -1,4 +1,5 @@
-// Triangles over shared points, and what must hold before they bound a solid: closed, facing outwards.
+// An indexed triangle mesh, and the checks and repairs before it can bound a solid: closed, oriented
+// outwards.
 #pragma once
 
 #include <Eigen/Geometry>

@@ -1,6 +1,5 @@
-// Writes trajectories as CSV: one line an object a frame, `tick,time,id,label,x,y,z,qx,qy,qz,qw`.
-// Numbers are the shortest that read back to the same bits. Sensors, actuators and the run's result have no
-// place in it.
+// Writes trajectories as CSV, one line per object and frame: `tick,time,id,label,x,y,z,qx,qy,qz,qw`. Numbers
+// are the shortest that read back to the same bits. Sensors, actuators and the run's result are not recorded.
 #pragma once
 
 #include <chrono>

@@ -1,13 +1,12 @@
-// Writes what happens in a run to a file, tick by tick: HDF5 (.h5, .hdf5) or CSV (.csv); docs/recordings.md
-// describes both layouts.
+// Records a run to a file, tick by tick: HDF5 (.h5, .hdf5) or CSV (.csv); docs/recordings.md describes both.
 //
-// Failure: open() throws scene::InputError when the path cannot be a recording (ending, directory,
-// permission, a file that another run is writing); frame() and close() throw std::runtime_error when the file
-// cannot be written any more (disk full), after which every further call does nothing. Frames are buffered
-// and written some 64 at a time or after a second, so that most ticks only copy memory; a killed process
-// leaves a readable file that ends with the last write. frame() allocates at its first call and when objects
-// were added. One recorder is one thread's at a time; several take
-// turns in the HDF5 library, which Debian builds without locks; no other HDF5 user may run beside them.
+// Failure: open() throws scene::InputError if the path cannot be a recording (extension, directory,
+// permission, a file that another run is writing); frame() and close() throw std::runtime_error when writing
+// fails (disk full), after which all calls do nothing. Frames are buffered and written about 64 at a time or
+// once a second, so that most ticks only copy memory; a killed process leaves a readable file that ends with
+// the last write. frame() allocates in its first call and when objects are added. A recorder is used by one
+// thread at a time. Calls into HDF5, which Debian builds without locks, are serialised among recorders; no
+// other user of HDF5 may run beside them.
 #pragma once
 
 #include <cstdint>

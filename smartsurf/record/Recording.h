@@ -1,9 +1,9 @@
-// Reads a recording back: what smartsurf info, plot and replay work on.
+// Reads a recording: the input of smartsurf info, plot and replay.
 //
-// Failure: open() throws scene::InputError (one line, beginning with the file's name) when the file is not a
-// recording, is cut short beyond its last flush or lacks a part; so do the reading functions when a part
-// cannot be unpacked. Nothing in the file is trusted: what is loaded at once is bounded by the file's own
-// size. Reads a file that a run is still writing up to its last flush. One thread at a time.
+// Failure: open() throws scene::InputError (one line, beginning with the file's name) if the file is not a
+// recording, is truncated before its last flush or lacks a part; reading functions do so if a part cannot be
+// decoded. The file is not trusted: the memory allocated at once is bounded by the file's size. A file that a
+// run is writing can be read up to its last flush. One thread at a time.
 #pragma once
 
 #include <cstdint>

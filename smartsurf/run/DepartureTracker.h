@@ -1,5 +1,5 @@
-// Tells which objects leave the table: their centre was over it, within the outline of its cells and above
-// its lowest height, and is no more. Fixed objects, and those that never were over it, do not count.
+// Detects objects that leave the table: their centre was within the outline of its cells and above its lowest
+// height, and is no longer. Fixed objects, and objects that never were over the table, do not count.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// Holds simulated time to a multiple of wall time, and measures the multiple that is really reached.
+// Holds simulated time to a multiple of wall time and measures the multiple achieved.
 #pragma once
 
 #include <chrono>

@@ -1,5 +1,5 @@
-// `smartsurf run`: one experiment from its first tick to its last, with everything around it: the controller,
-// the clock, the window, the recordings and the figures about the run.
+// `smartsurf run`: one experiment from its first tick to its last, with its controller, pace, window,
+// recordings and statistics.
 #pragma once
 
 #include <atomic>

@@ -1,6 +1,5 @@
-// The simulated surface, advancing one control period at a time: script, actuators, physics, snapshot,
-// sensors. It knows neither clocks nor windows nor shared memory; whoever drives it calls the phases in
-// order.
+// The simulated surface, advanced one control period at a time: script, actuators, physics, snapshot,
+// sensors. Independent of clocks, windows and shared memory; the caller runs the phases in order.
 #pragma once
 
 #include <memory>

@@ -1,5 +1,4 @@
-// The simulated surface as a surface on the shared-memory protocol: its channels, its lock-step, its
-// controller.
+// The simulated surface's end of the shared-memory protocol: its channels, lock-step and controller.
 #pragma once
 
 #include <shm_protocol/SurfaceEndpoint.h>

@@ -1,6 +1,5 @@
-// `smartsurf run --worlds N`: N copies of one experiment side by side in one process, each with a seed, a
-// segment, files and a thread of its own. Nothing that one of them does changes another: world k of N is the
-// run with its seed alone.
+// `smartsurf run --worlds N`: N independent copies of one experiment in one process, each with its own seed,
+// segment, files and thread. World k equals a single run with its seed.
 #pragma once
 
 #include <atomic>

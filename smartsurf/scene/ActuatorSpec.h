@@ -1,5 +1,5 @@
-// What actuators there are and what a user may set of each: names, units, ranges. Plain values; the models
-// that move the cells live in the module `surface`.
+// The kinds of actuators and their parameters: names, units, ranges. Plain values; the models are in
+// `smartsurf/surface`.
 #pragma once
 
 #include <array>

@@ -1,4 +1,4 @@
-// The motion of one object, and a change of it: what scripts ask for and the world answers.
+// The pose and velocity of one object, and an update of them.
 #pragma once
 
 #include <Eigen/Geometry>

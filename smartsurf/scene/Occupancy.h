@@ -1,4 +1,4 @@
-// Which cells of a surface are there, as one more sensor channel of a surface with empty cells.
+// Which cells of a surface exist, as an additional sensor channel of a surface with empty cells.
 #pragma once
 
 #include <vector>

@@ -1,5 +1,5 @@
-// What sensors there are and what a user may set of each: names, units, ranges. Plain values; the models that
-// measure live in the module `surface`.
+// The kinds of sensors and their parameters: names, units, ranges. Plain values; the models are in
+// `smartsurf/surface`.
 #pragma once
 
 #include <Eigen/Core>

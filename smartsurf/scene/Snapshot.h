@@ -1,5 +1,5 @@
-// The whole visible state of the world at the end of one tick, copied out of the physics: what sensors, view,
-// recorder and script read. Nothing in it points back into the world.
+// The visible state of the world at the end of one tick, copied out of the physics for sensors, view,
+// recorder and script. Holds no pointers into the world.
 #pragma once
 
 #include <array>

@@ -1,8 +1,8 @@
-// A body bounded by flat faces: the triangles that are seen, and the convex pieces that collide and are
-// sensed.
+// A body bounded by flat faces: the triangles that are drawn, and the convex hulls used by collision and
+// sensors.
 //
-// All points are in the body's own frame: its origin is the centre of mass, its axes are those of the file or
-// the description it came from (not turned to the principal axes), lengths in u.
+// All points are in the body frame: its origin is the centre of mass, its axes are those of the file or
+// description (not the principal axes), lengths in u.
 #pragma once
 
 #include <Eigen/Core>

@@ -1,4 +1,4 @@
-// Where solids come from: a script says which file or points, somebody who knows meshes makes the solid.
+// Creates solids from files or points. The script's interface to smartsurf/mesh.
 #pragma once
 
 #include <Eigen/Core>

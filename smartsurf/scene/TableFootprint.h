@@ -1,10 +1,9 @@
-// Tells whether a point is over the table, seen from above: the outline of its cells, whatever their layout.
+// Tests whether a point is over the table, seen from above, for any layout.
 //
-// Each cell owns a square as wide as the pitch, turned with it; where cells stand farther apart than that, as
-// wide as most are from their nearest neighbour. Gaps and notches less than two pitches wide between these
-// squares belong to the table, and so does what they surround. A rectangular grid without empty cells is a
-// rectangle, exactly; the outline of every other table is kept as a raster of a quarter of a pitch, coarser
-// for huge ones.
+// Each cell owns a square as wide as the pitch, rotated with it; where cells are farther apart, as wide as
+// most cells' distance to their nearest neighbour. Gaps and notches less than two pitches wide between these
+// squares belong to the table, and so does what they enclose. A rectangular grid without empty cells is
+// exactly a rectangle; other outlines are rasters of a quarter of a pitch, coarser for huge ones.
 #pragma once
 
 #include <cstdint>

@@ -1,7 +1,7 @@
-// The calendar of timed events: which callbacks are due, in which order.
+// The queue of timed events: which callbacks are due, and their order.
 //
-// Order: by the nominal time of the event, then by registration. A periodic event's n-th time is start +
-// n·period, computed afresh, so no rounding accumulates.
+// Order: by nominal time, then by registration. The n-th time of a periodic event is start + n·period,
+// computed directly, so that no rounding accumulates.
 #pragma once
 
 #include <cstddef>

@@ -1,9 +1,8 @@
-// One experiment script: loads it into a SceneSpec and runs its timed functions while the simulation goes on.
+// An experiment script: loads it into a SceneSpec and runs its callbacks during the simulation.
 //
-// A script runs in a sandbox (docs/experiments.md): no processes, no native code, files only beside the
-// script and in the output folder, bounded instructions and memory. The same script, options and seed give
-// the same calls to the host, in the same order, on every run. Not thread-safe: all calls on one Experiment
-// from one thread at a time. Allocates on every call.
+// Scripts run in a sandbox (docs/experiments.md): no processes, no native code, files only beside the script
+// and in the output folder, bounded instructions and memory. The same script, options and seed make the same
+// calls to the simulation in the same order. Not thread-safe. Every call allocates.
 #pragma once
 
 #include <cstddef>

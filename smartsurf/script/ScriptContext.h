@@ -1,5 +1,5 @@
-// Everything one experiment holds while it lives: what the script declared, its calendar, its random numbers,
-// and the simulation it runs in. The bound functions work on this. Internal to this module.
+// The state of one experiment: its declarations, event queue, random numbers, and the simulation that it runs
+// in. Bound functions operate on it. Internal to this module.
 #pragma once
 
 #include <cstdint>

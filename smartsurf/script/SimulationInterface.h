@@ -1,5 +1,5 @@
-// What a running experiment may ask of the simulation. smartsurf/run implements it on the world; a script
-// sees object ids and plain values, never a physics engine's object.
+// What a running script may ask of the simulation. smartsurf/run implements it; scripts see object ids and
+// plain values only.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// The files that every page is made of, compiled into the program. Internal to this module.
+// The static files of the exported page, compiled into the program. Internal to this module.
 #pragma once
 
 #include <string_view>

@@ -1,5 +1,4 @@
-// `smartsurf export`: a recording as one web page that plays it in 3-D in any browser, with nothing to load
-// besides.
+// `smartsurf export`: a recording as one self-contained web page that plays it in 3-D.
 #pragma once
 
 #include <filesystem>

@@ -1,7 +1,7 @@
-// Packs frames for the page: numbers rounded to 8 or 16 bits, each frame as its difference from the one
-// before, compressed, as base64. Internal to this module.
+// Encodes frames for the page: values quantised to 8 or 16 bits, frames as differences from the previous one,
+// compressed, base64. Internal to this module.
 //
-// The stream holds its arrays one after another, whole: what packs well stands together.
+// Arrays are stored one after another, because similar data compress better together.
 #pragma once
 
 #include <cstddef>

@@ -1,5 +1,5 @@
-// What `apron run`, `check`, `disasm` and `fmt` do. Each prints its result or what is wrong, and returns the
-// exit status.
+// `apron run`, `check`, `disasm` and `fmt`. Each prints its result or diagnostics and returns the exit
+// status.
 #pragma once
 
 #include "apron/run/cli/Options.h"

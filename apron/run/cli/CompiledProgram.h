@@ -1,4 +1,4 @@
-// A program file compiled for an array's size; what is wrong with it is printed on stderr.
+// A program file compiled for an array size; diagnostics go to stderr.
 #pragma once
 
 #include <cstdint>

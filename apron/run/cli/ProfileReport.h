@@ -1,5 +1,5 @@
-// `apron run --profile FILE`: what the program's instructions were and took, as JSON; with a cost model, what
-// they would take on the processor array that it describes.
+// `apron run --profile FILE`: instruction counts and times as JSON and, with a cost model, the cost on the
+// processor array that it describes.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// `apron repl`: a program typed line by line, with its registers to look at.
+// `apron repl`: executes a program typed line by line and prints its registers.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// A register as lines of text: for terminals, logs and pipes.
+// Renders a register as lines of text, for terminals, logs and pipes.
 #pragma once
 
 #include <cstdint>

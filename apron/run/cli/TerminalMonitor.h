@@ -1,4 +1,4 @@
-// Shows a register while its program runs (`run --watch`): live in a terminal, else once, at the end.
+// `run --watch`: shows a register while the program runs; live on a terminal, otherwise once at the end.
 #pragma once
 
 #include <chrono>

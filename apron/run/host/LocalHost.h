@@ -1,5 +1,5 @@
-// The VM's host on this machine, without a surface: console on stdout, media files relative to the current
-// directory, cameras, parameters from the command line.
+// The VM's host without a surface: console on stdout, media files relative to the current directory, cameras,
+// parameters from the command line.
 #pragma once
 
 #include <atomic>

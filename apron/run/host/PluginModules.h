@@ -1,4 +1,4 @@
-// Shared objects that a program names by !module, with the C interface of apron_plugin.h.
+// Shared objects loaded by !module, with the C interface of apron_plugin.h.
 #pragma once
 
 #include <map>

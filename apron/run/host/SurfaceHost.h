@@ -1,4 +1,4 @@
-// The VM's host on a surface: its channels are the surface's, over the shared-memory protocol.
+// The VM's host on a surface: maps its channels to the shared-memory protocol.
 #pragma once
 
 #include <atomic>

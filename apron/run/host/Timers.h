@@ -1,4 +1,4 @@
-// A program's stopwatches (`timer.*`), by name.
+// Named stopwatches (`timer.*`).
 #pragma once
 
 #include <atomic>

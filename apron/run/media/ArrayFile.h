@@ -1,4 +1,4 @@
-// Arrays of numbers in files: NumPy's .npy and .csv, by the name's ending. Row 0 of the file is row 0, north.
+// Arrays in files: NumPy's .npy and .csv, by extension. Row 0 of the file is row 0, north.
 #pragma once
 
 #include <string>

@@ -1,4 +1,4 @@
-// Where `webcam.*` takes its pictures from: a camera of this machine, or a video in its place.
+// The source of `webcam.*` images: a camera, or a video in its place.
 #pragma once
 
 #include <atomic>

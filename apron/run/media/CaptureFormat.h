@@ -1,4 +1,4 @@
-// The formats that cameras give pictures in, made grey.
+// Converts camera pixel formats to grey.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// Comma-separated numbers, a line per row.
+// Comma-separated numbers, one line per row.
 #pragma once
 
 #include <string>

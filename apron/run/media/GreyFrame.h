@@ -1,4 +1,4 @@
-// One picture of a video or camera.
+// One grey frame of a video or camera.
 #pragma once
 
 #include <cstdint>

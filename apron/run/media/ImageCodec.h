@@ -1,4 +1,4 @@
-// Picture formats in memory, one entry each.
+// Image formats in memory.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// Pictures as grey values 0 to 255: PNG, PGM, JPEG and BMP, by the name's ending. Row 0 is the picture's top.
+// Images as grey values 0 to 255: PNG, PGM, JPEG and BMP, by extension. Row 0 is the top.
 #pragma once
 
 #include <string>

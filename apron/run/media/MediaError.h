@@ -1,4 +1,4 @@
-// Why a media file could not be read or written, in one line that names the file.
+// Failure to read or write a media file: one line that names the file.
 #pragma once
 
 #include <stdexcept>

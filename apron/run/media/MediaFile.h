@@ -1,4 +1,4 @@
-// Whole files in and out of memory, and the checks that every format shares. All functions throw MediaError.
+// Reads and writes whole files, and checks that all formats share. All functions throw MediaError.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// A camera behind Linux's video capture interface: agrees on a format, streams through the driver's buffers.
+// A Video4Linux2 camera: negotiates a format and streams through the driver's buffers.
 #pragma once
 
 #include <memory>

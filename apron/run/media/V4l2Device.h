@@ -1,5 +1,4 @@
-// What a camera's driver is asked for: the system calls of Linux's video capture, thin enough to be stood in
-// for.
+// The Video4Linux2 system calls, behind an interface that tests replace.
 #pragma once
 
 #include <cstddef>

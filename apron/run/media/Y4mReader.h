@@ -1,4 +1,4 @@
-// A video read frame by frame: uncompressed YUV4MPEG2 files (.y4m), which other tools make of any video.
+// Reads uncompressed YUV4MPEG2 videos (.y4m) frame by frame.
 #pragma once
 
 #include <fstream>

@@ -1,4 +1,4 @@
-// A condition typed by a person, compiled against a program's names (see debugger::Condition).
+// Compiles a breakpoint condition typed by the user against a program's symbols (debugger::Condition).
 #pragma once
 
 #include <optional>

@@ -1,4 +1,4 @@
-// `apron run` with a person before it: in a window, or for pictures of that window.
+// `apron run` with a user interface: in a window, or rendered off-screen for pictures.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// The two ways to draw a run. Internal to UiRun.
+// The two ways to render a run. Internal to UiRun.
 #pragma once
 
 #include "apron/debugger/DebugSession.h"

@@ -1,4 +1,5 @@
-// The parts of the window, in Dear ImGui: between ImGui::NewFrame and ImGui::Render. Internal to this module.
+// The panels of the window, in Dear ImGui: called between ImGui::NewFrame and ImGui::Render. Internal to this
+// module.
 #pragma once
 
 #include <imgui.h>

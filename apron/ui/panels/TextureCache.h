@@ -1,4 +1,4 @@
-// Registers as textures, made anew only when there is a newer look. Internal to this module.
+// Registers as OpenGL textures, updated only for a newer snapshot. Internal to this module.
 #pragma once
 
 #include <cstdint>

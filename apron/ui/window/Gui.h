@@ -1,4 +1,4 @@
-// Dear ImGui with this module's fonts and colours, over whatever context is current. Internal to this module.
+// Dear ImGui with this module's fonts and colours, in the current OpenGL context. Internal to this module.
 #pragma once
 
 #include <imgui.h>

@@ -1,7 +1,7 @@
-// The window's picture without a window or a display: OpenGL through EGL into memory.
+// Renders the window's contents off-screen, through EGL into memory.
 //
-// The same workbench and size give the same bytes on the same driver. One thread; one at a time, and none
-// beside a Window, for there is one Dear ImGui context a process.
+// The same view model and size give the same bytes on the same driver. One thread, one instance at a time,
+// and none beside a Window, because Dear ImGui has one context per process.
 #pragma once
 
 #include <memory>

@@ -1,7 +1,6 @@
-// The window on a desktop.
+// The program's desktop window.
 //
-// GLFW asks for one thread: make it, call it and destroy it on the process's main thread. One window a
-// process.
+// GLFW requires one thread: create, call and destroy it on the process's main thread. One window per process.
 #pragma once
 
 #include <memory>

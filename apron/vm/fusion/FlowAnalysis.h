@@ -1,5 +1,4 @@
-// What can be known about a program before it runs, for fusing it: where control can come from, which edge
-// rule is in force, which registers are still read.
+// Static analysis for fusion: possible predecessors, the boundary condition in force, and register liveness.
 #pragma once
 
 #include <cstdint>

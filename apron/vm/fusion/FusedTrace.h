@@ -1,4 +1,4 @@
-// A trace, compiled: runs as one pass over the array instead of one pass for each instruction.
+// A compiled trace: executes as one pass over the array instead of one pass per instruction.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// The segments of a program, by the instruction where they begin.
+// The fused traces of a program, by the instruction at which they begin.
 #pragma once
 
 #include <cstdint>

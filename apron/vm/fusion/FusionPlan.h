@@ -1,6 +1,5 @@
-// How a graph of values is computed piece by piece in the cache: stages (operations that run together over
-// one row after another), each some rows behind those it reads from, in column strips with a border that
-// neighbouring strips compute twice.
+// The schedule of a value graph: stages (operations fused into one loop over rows), each skewed by some rows
+// against its inputs, in column strips with a halo that neighbouring strips compute twice.
 #pragma once
 
 #include <array>

@@ -1,5 +1,5 @@
-// Which results of a plan are stored around the caches: planes too large for them, which no stage reads
-// again, need not be fetched to be overwritten.
+// Selects the results of a plan that are stored with non-temporal stores: planes larger than the caches that
+// no stage reads again need not be fetched to be overwritten.
 #pragma once
 
 #include "apron/vm/fusion/FusionPlan.h"

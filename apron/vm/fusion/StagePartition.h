@@ -1,4 +1,4 @@
-// Which operations of a graph run together, over one row after another.
+// Partitions the operations of a graph into stages, each fused into one loop over rows.
 #pragma once
 
 #include <cstddef>

@@ -1,5 +1,5 @@
-// A way through the program that is known before it runs: straight-line instructions, and through jumps,
-// loops and calls whose outcome depends on nothing but numbers set on the way.
+// A path through the program that is known before it runs: straight-line code, and jumps, loops and calls
+// whose outcome depends only on numbers set on the path.
 #pragma once
 
 #include <cstdint>

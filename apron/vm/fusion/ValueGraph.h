@@ -1,5 +1,5 @@
-// What a trace computes, as values: every write to a register makes a new value, copies and shifts make none,
-// and what nobody reads is gone.
+// A trace in SSA form: every write to a register creates a value, copies and shifts create none, and dead
+// values are removed.
 #pragma once
 
 #include <array>

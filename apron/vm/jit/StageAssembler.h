@@ -1,6 +1,6 @@
-// Machine code of one stage for AVX-512: a loop over vectors of 16 cells that computes them in one or more
-// rows at once, with everything between loads and stores in registers. What two of those rows read is loaded
-// once. Include only where Xbyak is there.
+// AVX-512 code generation for one stage: a loop over vectors of 16 cells that computes one or more rows at
+// once, with all intermediate values in registers. Loads shared by two rows are done once. Include only where
+// Xbyak is available.
 #pragma once
 
 #include <xbyak/xbyak.h>

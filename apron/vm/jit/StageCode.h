@@ -1,5 +1,6 @@
-// Runs one stage of a plan over a rectangle of cells: as machine code made for it where the CPU has AVX-512,
-// else operation by operation over tiles that stay in the first-level cache. Both give the same bits.
+// Executes one stage of a plan over a rectangle of cells: as generated code where the CPU has AVX-512,
+// otherwise interpreted, operation by operation, over tiles that stay in the first-level cache. Both give the
+// same bits.
 #pragma once
 
 #include <array>

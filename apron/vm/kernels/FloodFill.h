@@ -1,5 +1,5 @@
-// flood, distance and spread.max: what their one-step rule (opcodes.def) comes to when nothing changes any
-// more, in a few passes over the array however far it has to go.
+// flood, distance and spread.max: the fixed point of their one-step rules (opcodes.def), in a few passes over
+// the array whatever the distance.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// The language's random numbers: a function of seed, cell and draw, so that no order of work can change them.
+// Random numbers as a function of seed, cell and draw, independent of the order of execution.
 #pragma once
 
 #include <array>

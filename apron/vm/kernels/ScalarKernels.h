@@ -1,5 +1,5 @@
-// The kernels that work cell by cell (libm's functions, compiled once for the baseline CPU so that every
-// target gives the same bits), and the same arithmetic for variables.
+// Kernels that work cell by cell (libm functions, compiled once for the baseline CPU so that every target
+// gives the same bits), and the same arithmetic for scalars.
 #pragma once
 
 #include "apron/vm/kernels/Kernels.h"

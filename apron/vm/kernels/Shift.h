@@ -1,4 +1,4 @@
-// Moves the image of a plane by whole cells, with every edge rule and under a mask, without temporaries.
+// Shifts a plane by whole cells, with any boundary condition and under a mask, without temporaries.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,4 @@
-// What reads several neighbours of every cell: near.* and filters. Orders of rounding as opcodes.def
-// declares.
+// Stencil operations: near.* and filters. opcodes.def declares their order of rounding.
 #pragma once
 
 #include <cstdint>

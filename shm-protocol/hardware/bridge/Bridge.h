@@ -1,7 +1,7 @@
-// The surface role for a physical device: its sensor frames go to the controller, the controller's frames go
-// to it, and its clock drives both.
+// The surface role for a physical device: forwards its sensor frames to the controller and the controller's
+// frames to it, at the device's clock.
 //
-// One thread. What is said on the way goes line by line to the Log.
+// One thread. Events are logged line by line.
 #pragma once
 
 #include <shm_protocol/SurfaceEndpoint.h>

@@ -1,8 +1,8 @@
-// The host's end of the byte protocol, without any input or output: bytes go in, descriptions and sensor
-// frames come out, and the other way round.
+// The host's end of the byte protocol, without I/O: bytes in, descriptions and sensor frames out, and vice
+// versa.
 //
-// One thread at a time. receive() and write_…() allocate nothing once the device is described, but for the
-// growth of the caller's buffer.
+// One thread at a time. Once the device is described, receive() and write_…() allocate nothing except in the
+// caller's buffer.
 #pragma once
 
 #include <cstddef>

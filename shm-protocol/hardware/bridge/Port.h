@@ -1,5 +1,4 @@
-// The line to the device: a serial terminal in raw mode, or a TCP connection. Neither reading nor writing
-// waits.
+// The connection to the device: a serial terminal in raw mode, or TCP. Reads and writes do not block.
 #pragma once
 
 #include <cstddef>

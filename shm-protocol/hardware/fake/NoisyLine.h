@@ -1,4 +1,4 @@
-// A bad line: bytes get lost, change and come late, all by a seeded random generator.
+// A noisy line: loses, corrupts and delays bytes, driven by a seeded random generator.
 #pragma once
 
 #include <chrono>

@@ -1,4 +1,4 @@
-// What a surface is, as both sides see it: plain values, written at creation and constant for the session.
+// The description of a surface, as both sides see it: plain values, constant for the session.
 #pragma once
 
 #include <array>

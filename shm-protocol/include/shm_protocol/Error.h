@@ -1,4 +1,4 @@
-// What can go wrong while a segment is created or attached: a named kind and one clear line.
+// Errors of creating and attaching a segment: a code and one line of text.
 #pragma once
 
 #include <cstdint>

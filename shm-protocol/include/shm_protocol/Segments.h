@@ -1,4 +1,4 @@
-// Which segments lie in /dev/shm, whose they are, and the removal of those whose surface is dead.
+// Lists the segments in /dev/shm with their owners, and removes those of dead surfaces.
 #pragma once
 
 #include <cstdint>

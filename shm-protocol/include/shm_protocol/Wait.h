@@ -1,4 +1,4 @@
-// Waiting on the tick path: what may be asked of a wait, and what comes back from any tick-path call.
+// Options of waits on the tick path, and the status that tick-path calls return.
 #pragma once
 
 #include <atomic>

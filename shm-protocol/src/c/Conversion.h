@@ -1,4 +1,4 @@
-// Between the C interface and the C++ endpoints: results, errors, descriptions and arrays.
+// Converts between the C interface and the C++ endpoints: results, errors, descriptions and arrays.
 #pragma once
 
 #include <atomic>

@@ -1,8 +1,8 @@
-// Large frames piece by piece: the writer says how far it is, and a reader may take what is final while the
-// rest is still being written. Nothing depends on it: a reader that never looks at the progress line finds
-// the whole frame when it is announced, and what was taken early counts only once the frame is whole.
+// Large frames in chunks: the writer publishes its progress, and a reader may take committed chunks while the
+// rest is written. Optional: a reader that ignores the progress line finds the whole frame when it is
+// published, and chunks taken early count only once the frame is complete.
 //
-// The progress word: the frame's low 24 bits << 40 | bytes from the slot's beginning that are final.
+// The progress word: the frame's low 24 bits << 40 | number of committed bytes from the slot's beginning.
 #pragma once
 
 #include <algorithm>

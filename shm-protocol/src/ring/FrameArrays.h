@@ -1,4 +1,4 @@
-// The arrays of one frame in memory of one's own, laid out as in a slot without its header.
+// The arrays of one frame in private memory, laid out as in a slot without its header.
 #pragma once
 
 #include <cstddef>

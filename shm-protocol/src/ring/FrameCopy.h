@@ -1,5 +1,4 @@
-// Bytes out of a slot that its writer may change meanwhile, into memory of one's own; values checked on the
-// way.
+// Copies frames out of slots that their writer may change concurrently, and validates the values.
 #pragma once
 
 #include <cstddef>

@@ -1,7 +1,8 @@
-// Whether a large frame is better written through the caches or past them. That depends on how the two cores
-// are connected, which no table of a virtual machine tells, and it may change while the program runs. So both
-// are tried in turns, and the way with the shorter time from the first byte to the peer's answer is kept for
-// a while. Only the speed depends on it.
+// Chooses between ordinary and non-temporal stores for large frames.
+//
+// Which is faster depends on how the two cores are connected, which a virtual machine does not reveal and
+// which may change while the program runs. Both are tried in turn, and the one with the shorter time from the
+// first byte to the peer's answer is kept for a while. Affects speed only.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// What controllers and observers do alike: find a living surface's segment, and try again until a deadline.
+// Finds a living surface's segment and retries until a deadline; shared by controllers and observers.
 #pragma once
 
 #include <chrono>

@@ -1,4 +1,4 @@
-// Whose a file in /dev/shm is, told from its first bytes without mapping it, and its safe removal.
+// The owner of a file in /dev/shm, read from its first bytes without mapping it, and safe removal.
 #pragma once
 
 #include <cstdint>

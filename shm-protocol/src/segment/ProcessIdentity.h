@@ -1,4 +1,4 @@
-// Who a process is, beyond its pid, and whether it still lives.
+// Process identity beyond the pid, and liveness.
 #pragma once
 
 #include <cstdint>

@@ -1,9 +1,9 @@
-// The file in /dev/shm and its mapping: made whole under a private name, put in place in one step, opened,
+// The file in /dev/shm and its mapping: created complete under a private name, renamed into place, opened,
 // reclaimed from the dead and removed.
 //
 // A segment appears under its real name only when it is complete: it is built as
 // smartsurf.NAME~PROCESSWORD.COUNT and renamed without replacing. A builder that is killed leaves only a name
-// that says who it was.
+// that identifies it.
 #pragma once
 
 #include <cstddef>

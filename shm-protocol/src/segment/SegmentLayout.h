@@ -1,6 +1,6 @@
-// The segment's fixed part: planned from a configuration, written once, and read back only after every size
-// and offset was checked against the real size of the segment. Both sides keep a private copy and never look
-// at the shared one again, so that a peer that changes it later changes nothing.
+// The segment's header and directory: planned from a configuration, written once, and read back only after
+// every size and offset was checked against the segment's real size. Both sides keep a private copy and never
+// read the shared one again, so that a peer's later changes have no effect.
 #pragma once
 
 #include <cstddef>

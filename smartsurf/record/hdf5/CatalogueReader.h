@@ -1,4 +1,4 @@
-// Reads /objects: what every object is and how it started. Internal to this module.
+// Reads /objects: the description and initial state of every object. Internal to this module.
 #pragma once
 
 #include "smartsurf/record/hdf5/Hdf5.h"

@@ -1,5 +1,5 @@
-// Writes /objects: what every object is and how it started; one entry an object, in growing datasets, because
-// a script may add objects at any time. Internal to this module.
+// Writes /objects: the description and initial state of every object, one entry per object, in extendible
+// datasets, because scripts may add objects at any time. Internal to this module.
 #pragma once
 
 #include <cstdint>

@@ -1,6 +1,6 @@
-// A row of numbers that mostly stays as it is, kept as what changed: `end` (one entry a row: how many changes
-// belong to rows up to this one), `cell` and `value` (one entry a change). The first row lists every value.
-// Internal to this module.
+// Delta encoding of a row of numbers that changes little from frame to frame: `end` (per row: number of
+// changes up to and including it), `cell` and `value` (per change). The first row lists every value. Internal
+// to this module.
 #pragma once
 
 #include <cstdint>

@@ -1,9 +1,8 @@
-// Makes room at the end of a file that HDF5 writes, before HDF5 writes it. Internal to this module.
+// Extends the file before HDF5 writes to its end. Internal to this module.
 //
-// HDF5 notes in the file how long the file is, and refuses a shorter one; on its own it may write that note
-// before the bytes behind it, so that a process killed in between, or a disk that is full, leaves a file that
-// nobody can open. With the room taken beforehand the file is never too short, and a full disk is known
-// while the last flush is still whole.
+// HDF5 stores the file's length in the file and refuses a shorter one. It may write that length before the
+// data, so that a process killed in between, or a full disk, leaves an unreadable file. With the space
+// allocated first the file is never too short, and a full disk is detected while the last flush is intact.
 #pragma once
 
 #include <cstdint>

@@ -1,7 +1,7 @@
 // Tries an action in a child process first. Internal to this module.
 //
-// HDF5 1.10 does not check all that it reads: a damaged file may make it read and write outside its memory. A
-// recording that comes from elsewhere is therefore opened by a child before this process opens it.
+// HDF5 1.10 does not check everything that it reads: a damaged file can make it access memory out of bounds.
+// A recording of unknown origin is therefore opened by a child process first.
 #pragma once
 
 #include <functional>

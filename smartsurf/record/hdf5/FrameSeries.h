@@ -1,4 +1,4 @@
-// One dataset that grows by a row a frame, with a buffer of rows in front of it. Internal to this module.
+// A dataset that grows by one row per frame, with a write buffer of rows. Internal to this module.
 #pragma once
 
 #include <cstddef>

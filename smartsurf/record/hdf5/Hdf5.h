@@ -1,5 +1,5 @@
-// The few HDF5 calls of this module, with handles that close themselves and errors that say why.
-// Internal to this module. Every function throws Hdf5Error (one line) when the library reports a failure.
+// RAII handles and checked calls of HDF5. Internal to this module. Every function throws Hdf5Error (one line)
+// when the library reports a failure.
 #pragma once
 
 #include <hdf5.h>

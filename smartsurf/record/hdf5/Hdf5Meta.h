@@ -1,4 +1,4 @@
-// What a recording says about its run before the first frame: /meta and /surface. Internal to this module.
+// Writes what a recording states before the first frame: /meta and /surface. Internal to this module.
 #pragma once
 
 #include "smartsurf/record/Recorder.h"

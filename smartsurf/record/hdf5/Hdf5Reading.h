@@ -1,5 +1,5 @@
-// Reads datasets that nobody vouches for: every size is checked against the file before memory is taken.
-// Internal to this module. Every function throws Hdf5Error (one line, naming the dataset).
+// Reads untrusted datasets: every size is checked against the file before memory is allocated. Internal to
+// this module. Every function throws Hdf5Error (one line, naming the dataset).
 #pragma once
 
 #include <filesystem>

@@ -1,8 +1,7 @@
-// Writes a run as HDF5, in the layout of docs/recordings.md. Internal to this module.
+// Records a run as HDF5 in the layout of docs/recordings.md. Internal to this module.
 //
-// A kill at any moment must leave a readable file, so: the library's default (old) file format, everything
-// written in place, and a flush of the library right after each write, before its cache can spill a part of
-// it.
+// A kill at any moment must leave a readable file. Therefore the default (old) file format, writes in place,
+// and a flush right after each write, before the library's cache can spill a part of it.
 #pragma once
 
 #include <chrono>

@@ -1,8 +1,8 @@
-// Writes and reads /solids: each solid once, however many objects are made of it. Internal to this module.
+// Writes and reads /solids: each solid once, however many objects use it. Internal to this module.
 //
-// /solids/<n> has the attributes source, volume and inertia, and the datasets vertices and triangles (what is
-// seen) and corners, corner_count, face_count, face_size and face_corners (the convex pieces, one after the
-// other; docs/recordings.md says how they are read).
+// /solids/<n> has the attributes source, volume and inertia, and the datasets vertices and triangles (drawn),
+// and corners, corner_count, face_count, face_size and face_corners (the convex hulls, concatenated; see
+// docs/recordings.md).
 #pragma once
 
 #include <cstdint>

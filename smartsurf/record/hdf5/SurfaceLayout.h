@@ -1,5 +1,5 @@
-// Where the cells of a recorded surface stand and what moves them: `place`, `base` and `cell` of the group
-// /surface, each only where it says something, and its `mechanisms`. Internal to this module; throws Hdf5Error.
+// Cell positions and actuators of a recorded surface: `place`, `base` and `cell` of the group /surface, each
+// only if not the default, and `mechanisms`. Internal to this module; throws Hdf5Error.
 #pragma once
 
 #include <span>

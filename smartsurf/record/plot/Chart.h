@@ -1,6 +1,5 @@
-// Shared by this module's figures: axes with round numbers, text and lines on a Cairo context. Internal to this
-// module. Lengths on paper are in points of the figure, from its upper left corner; a PNG has two pixels a
-// point.
+// Axes with round tick values, text and lines on a Cairo context, shared by all plots. Internal to this
+// module. Lengths are in points from the figure's upper left corner; a PNG has two pixels per point.
 #pragma once
 
 #include <cairo.h>

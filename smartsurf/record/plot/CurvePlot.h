@@ -1,4 +1,4 @@
-// Curves of numbers over time. Internal to this module.
+// Plots curves over time. Internal to this module.
 #pragma once
 
 #include "smartsurf/record/plot/Chart.h"

@@ -1,7 +1,7 @@
-// Draws figures from a recording, as SVG or PNG by the file's ending.
+// Plots a recording as SVG or PNG, chosen by the file's extension.
 //
-// Failure: scene::InputError for an unknown kind or ending, a path that cannot be written, or a recording
-// that lacks what the figure shows. The file appears whole or not at all.
+// Failure: scene::InputError for an unknown kind or extension, a path that cannot be written, or a recording
+// that lacks the data. The file is replaced as a whole.
 #pragma once
 
 #include <filesystem>

@@ -1,5 +1,4 @@
-// Numbers over time, out of a recording: what `smartsurf plot --what KIND` draws as curves. Internal to this
-// module.
+// Time series of a recording: the curves of `smartsurf plot --what KIND`. Internal to this module.
 #pragma once
 
 #include <string>

@@ -1,5 +1,4 @@
-// The surface from above, each cell in the colour of the time that objects spent over it. Internal to this
-// module.
+// The surface from above, each cell coloured by the time that objects spent over it. Internal to this module.
 #pragma once
 
 #include "smartsurf/record/Recording.h"

@@ -1,8 +1,8 @@
-// The way of every object over the surface, seen from above, as the paper's Fig. 9 draws it: solid for small
-// and dashed for large objects, O where an object starts and X where it ends. Internal to this module.
+// The trajectory of every object from above, as in the paper's Fig. 9: solid for small and dashed for large
+// objects, O at the start and X at the end. Internal to this module.
 //
-// With two size classes (Purity.h) there are two kinds of lines; with more labels than two one a label, in
-// the order of their mean sizes. `fixed` objects are not drawn.
+// Two size classes (Purity.h) have two line styles; more than two labels have one each, in the order of their
+// mean sizes. `fixed` objects are not drawn.
 #pragma once
 
 #include <array>

@@ -1,5 +1,5 @@
-// The values of flags that more than one command takes. Every function throws scene::InputError, one line
-// that names the flag and what would be right.
+// Parsers of flag values that several commands share. Every function throws scene::InputError, one line that
+// names the flag and what would be right.
 #pragma once
 
 #include <string>

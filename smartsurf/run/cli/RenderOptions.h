@@ -1,5 +1,4 @@
-// How pictures and videos show the scene: what the flags --camera, --wires, --cells, --palette, --trails and
-// --picture-size say.
+// How pictures and videos show the scene: --camera, --wires, --cells, --palette, --trails and --picture-size.
 #pragma once
 
 #include <memory>

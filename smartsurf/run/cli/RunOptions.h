@@ -1,4 +1,4 @@
-// What the command line of `smartsurf run` asks for.
+// The options of `smartsurf run`.
 #pragma once
 
 #include <cstdint>

@@ -1,6 +1,5 @@
-// The commands of smartsurf. Each function adds one to the command line and returns what it does, to be
-// called when the command was given; that returns the exit status and throws scene::InputError for what the
-// user got wrong.
+// The subcommands of smartsurf. Each function adds one to the command line and returns its action, which
+// returns the exit status and throws scene::InputError for a user's mistake.
 #pragma once
 
 #include <functional>

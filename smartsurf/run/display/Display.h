@@ -1,4 +1,4 @@
-// The window of a run: draws snapshots, and turns what the user does into Controls.
+// The window of a run: draws snapshots and collects the user's requests.
 #pragma once
 
 #include <chrono>

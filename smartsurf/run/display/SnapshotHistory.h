@@ -1,4 +1,4 @@
-// The last states of a run, to look back on. They are pictures of the past: the simulation stays where it is.
+// The latest snapshots of a run, for scrubbing back. The simulation itself is not rewound.
 #pragma once
 
 #include <cstddef>

@@ -1,4 +1,4 @@
-// What a person does to a running simulation with the mouse, carried out tick by tick.
+// Applies the user's mouse tools to a running simulation, tick by tick.
 #pragma once
 
 #include <optional>

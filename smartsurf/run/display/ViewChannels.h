@@ -1,5 +1,4 @@
-// The channels of a running simulation, as the view shows them: the heights, every sensor, and what every
-// actuator is told.
+// The channels of a running simulation as the view shows them: heights, sensors and actuator targets.
 #pragma once
 
 #include <span>

@@ -1,5 +1,4 @@
-// The screenshots and the video of a run or a replay: fed with every moment in order, writes the pictures
-// that are due.
+// Writes the screenshots and the video of a run or a replay. Takes every frame in order.
 #pragma once
 
 #include <memory>

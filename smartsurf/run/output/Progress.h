@@ -1,5 +1,4 @@
-// The line on stderr that says how far long work is: simulated time, real-time factor, time left. Shown only
-// when stderr is a terminal.
+// The progress line on stderr: simulated time, real-time factor, time left. Shown only on a terminal.
 #pragma once
 
 #include <chrono>

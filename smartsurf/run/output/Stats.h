@@ -1,5 +1,4 @@
-// Where the time of a run goes: durations of each phase of the tick, kept in histograms of fixed size so that
-// counting never allocates.
+// Durations of each phase of the tick, in histograms of fixed size, so that counting never allocates.
 #pragma once
 
 #include <array>

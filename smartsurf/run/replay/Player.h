@@ -1,4 +1,4 @@
-// Where a recording is being played: which of its frames is due, as the clock goes on and the user leads.
+// The position in a recording being played: which frame is due, given the clock and the user's commands.
 #pragma once
 
 #include <cstddef>

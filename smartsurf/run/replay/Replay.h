@@ -1,4 +1,4 @@
-// `smartsurf replay`: a recording in the window, as a video or as pictures.
+// `smartsurf replay`: plays a recording in the window, or writes it as a video or pictures.
 #pragma once
 
 #include <atomic>

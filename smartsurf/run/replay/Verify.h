@@ -1,4 +1,4 @@
-// `smartsurf replay --verify`: runs a recording again and compares every recorded frame with what comes out.
+// `smartsurf replay --verify`: runs a recorded experiment again and compares every recorded frame.
 #pragma once
 
 #include <atomic>

@@ -1,5 +1,5 @@
-// Reads what a user sets of an actuator or a sensor: the fields that its kind lists, as numbers. Internal to
-// this module.
+// Reads the parameters of an actuator or sensor from a Lua table, as its kind declares them. Internal to this
+// module.
 #pragma once
 
 #include <span>

@@ -1,8 +1,7 @@
-// One Lua state with limits: memory, instructions, and errors that come out as scene::InputError, one line
-// each.
+// A Lua state with limits on memory and instructions, whose errors become scene::InputError, one line each.
 //
 // Bound functions report a mistake by throwing Problem; guarded<> adds the script's file and line and raises
-// it as a Lua error, so a script may catch it with pcall. Internal to this module.
+// it as a Lua error, which a script may catch with pcall. Internal to this module.
 #pragma once
 
 #include <lua.hpp>

@@ -1,4 +1,4 @@
-// Reading files beside the script. Internal to this module.
+// Reads files in the script's folder. Internal to this module.
 #pragma once
 
 #include <filesystem>

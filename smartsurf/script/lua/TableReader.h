@@ -1,4 +1,4 @@
-// Reads Lua values as typed ones, and says precisely what is wrong with them. Internal to this module.
+// Reads typed values from Lua tables, with precise errors. Internal to this module.
 //
 // Names in messages are dotted: "surface.border.height = 'high': must be a number".
 #pragma once

@@ -1,4 +1,4 @@
-// Methods of a kind of userdata, with a suggestion for a misspelt one. Internal to this module.
+// Method tables of userdata types, with suggestions for misspelt methods. Internal to this module.
 #pragma once
 
 #include <span>

@@ -1,4 +1,5 @@
-// Owners of OpenGL objects: made in the current context, freed with it still current. Private to the view.
+// RAII owners of OpenGL objects: created in the current context, and destroyed while it is current. Internal
+// to this module.
 #pragma once
 
 #include <epoxy/gl.h>

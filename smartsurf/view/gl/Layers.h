@@ -1,5 +1,5 @@
-// The kinds of things that a picture consists of, each drawn by one call a kind. Private to the view;
-// an OpenGL context must be current wherever one of these is made, used or destroyed.
+// The layers of a picture, each drawn with one call per kind of item. Internal to this module; an OpenGL
+// context must be current wherever one is created, used or destroyed.
 #pragma once
 
 #include <array>

@@ -1,4 +1,4 @@
-// What several of the shaders are put together from. Private to the view.
+// GLSL chunks shared by several shaders. Internal to this module.
 #pragma once
 
 #include <string>

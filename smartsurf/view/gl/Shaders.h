@@ -1,4 +1,4 @@
-// The GLSL sources (OpenGL 3.3 core), one function a program. Private to the view.
+// The GLSL sources (OpenGL 3.3 core), one function per program. Internal to this module.
 #pragma once
 
 #include <string>

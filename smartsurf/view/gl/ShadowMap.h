@@ -1,5 +1,5 @@
-// The sun's shadows: depth as seen from a parallel light from the south-west, fitted to what is to be lit.
-// Private to the view.
+// The shadow map: depth from a parallel light in the south-west, fitted to the lit region. Internal to this
+// module.
 #pragma once
 
 #include <Eigen/Geometry>

@@ -1,5 +1,5 @@
-// What the user does with mouse and keys, turned into camera movements and wishes for the simulator. No
-// window and no OpenGL here: events come in as plain calls.
+// Maps mouse and keyboard input to camera movements and requests to the simulator. Independent of windows and
+// OpenGL: events arrive as plain calls.
 #pragma once
 
 #include <cstddef>

@@ -1,4 +1,4 @@
-// What the user wants to see besides the bare scene, and the lines and colours that show it. No OpenGL here.
+// The user's display settings, and the lines and colours that they add to the scene. No OpenGL.
 #pragma once
 
 #include <optional>

@@ -1,4 +1,4 @@
-// What the pointer points at. Plain arithmetic; nothing is allocated, nothing fails.
+// Ray picking of objects and cells. Pure arithmetic; never allocates or fails.
 #pragma once
 
 #include <optional>

@@ -1,5 +1,5 @@
-// What the pointer does to the scene: picks things, pulls objects with a spring, drops new ones, pokes cells,
-// breaks cells. Events come in as plain calls, wishes go out; no window and no OpenGL here.
+// The pointer tools: pick, pull with a spring, drop, poke a cell, break a cell. Events arrive as plain calls,
+// requests come out; no window and no OpenGL.
 #pragma once
 
 #include <optional>

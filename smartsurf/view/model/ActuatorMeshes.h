@@ -1,4 +1,4 @@
-// The meshes of which mechanisms consist (ActuatorGeometry.h), of size 1 about their origin.
+// The meshes that actuators are drawn with (ActuatorGeometry.h), of unit size about their origin.
 #pragma once
 
 #include <Eigen/Core>

@@ -1,5 +1,5 @@
-// Where the coordinate axes are drawn: beside the table's south-west corner, on the ground. Internal to this
-// module.
+// The position of the drawn coordinate axes: beside the table's south-west corner, on the ground. Internal to
+// this module.
 #pragma once
 
 #include <algorithm>

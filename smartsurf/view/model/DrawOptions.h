@@ -1,4 +1,4 @@
-// What a picture shows besides the bare scene.
+// What a picture shows in addition to the scene.
 #pragma once
 
 #include <array>

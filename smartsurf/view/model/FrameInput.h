@@ -1,4 +1,4 @@
-// What one picture or frame is drawn from: borrowed values, valid for the call that they are given to.
+// The input of one frame: borrowed values, valid for the duration of a call.
 #pragma once
 
 #include <span>

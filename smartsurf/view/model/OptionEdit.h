@@ -1,5 +1,5 @@
-// One option of the experiment as the user changes it: a slider for a number, a switch for true and false, a
-// field for a text. No window here.
+// Editing of one experiment option: a slider for a number, a switch for a boolean, a field for text.
+// Independent of windows.
 #pragma once
 
 #include <string>

@@ -1,8 +1,7 @@
-// What the graphics card needs to know of each pin, one record a pin: its height, colour and how much of the
-// sky it sees. The surface is a height field, so occlusion by neighbours and by objects overhead is cheap and
-// smooth when computed here, once a pin, instead of once a pixel.
+// Per-pin data for the GPU: height, colour and sky visibility. The surface is a height field, so occlusion by
+// neighbours and by objects overhead is computed once per pin on the CPU instead of once per pixel.
 //
-// No OpenGL here. Nothing is allocated after the first frame.
+// No OpenGL. Allocates in the first frame only.
 #pragma once
 
 #include <array>

@@ -1,4 +1,4 @@
-// The recent past of one thing, number by number, for the live plots of its panel. No OpenGL here.
+// The recent history of one object's or cell's quantities, for live plots. No OpenGL.
 #pragma once
 
 #include <string>

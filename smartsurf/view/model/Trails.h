@@ -1,4 +1,4 @@
-// The ways that objects have come, over the last seconds of simulated time. No OpenGL here.
+// Recent object trajectories, over the last seconds of simulated time. No OpenGL.
 #pragma once
 
 #include <deque>

@@ -1,8 +1,7 @@
-// Pictures without a window or a display: OpenGL through plain EGL into memory.
+// Renders pictures off-screen, through EGL into memory.
 //
-// The same snapshot, camera, options and size give the same bytes on the same driver. Used from one thread at
-// a time, any thread; it leaves no context current behind, so that it can live beside a Window of the same
-// process.
+// The same snapshot, camera, options and size give the same bytes on the same driver. One thread at a time,
+// any thread; leaves no context current, so that it can coexist with a Window.
 #pragma once
 
 #include <memory>

@@ -1,4 +1,4 @@
-// A video of what a window shows, 30 pictures a simulated second.
+// A video of a window's contents, 30 frames per simulated second.
 #pragma once
 
 #include <memory>

@@ -1,4 +1,4 @@
-// The panel and the help over the scene, in Dear ImGui. Private to the view: between ImGui::NewFrame and
+// The status panel and the help, in Dear ImGui. Internal to this module: called between ImGui::NewFrame and
 // ImGui::Render, in the window's context.
 #pragma once
 

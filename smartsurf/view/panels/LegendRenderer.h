@@ -1,5 +1,5 @@
-// The legend of a picture without a window: Dear ImGui drawing into a framebuffer. Private to the view; the
-// OpenGL context must be current wherever one is made, used or destroyed.
+// Renders the legend of an off-screen picture with Dear ImGui. Internal to this module; the OpenGL context
+// must be current wherever one is created, used or destroyed.
 #pragma once
 
 #include "smartsurf/view/model/DrawOptions.h"

@@ -1,5 +1,5 @@
-// The panels beside the scene, in Dear ImGui: what to show, tools, options, the thing that was picked, the
-// colours' legend. Private to the view: between ImGui::NewFrame and ImGui::Render, in the window's context.
+// The panels beside the scene, in Dear ImGui: display settings, tools, options, inspector, legend. Internal
+// to this module: called between ImGui::NewFrame and ImGui::Render, in the window's context.
 #pragma once
 
 #include <vector>

@@ -1,7 +1,7 @@
-// How finely a window without a graphics card draws the scene: its own frame times decide, so that a large
-// scene stays as lively as a small one. Panels and text are not its concern: they are always sharp.
+// Chooses the rendering resolution of a window without a graphics card from its frame times, so that large
+// scenes stay interactive. Panels and text keep full resolution.
 //
-// Windows only. Pictures, videos and replays to a file never ask a clock.
+// Windows only: pictures, videos and replays to a file never depend on a clock.
 #pragma once
 
 namespace smartsurf::view {

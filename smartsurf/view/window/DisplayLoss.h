@@ -1,5 +1,4 @@
-// Notices that the X server is gone, which Xlib answers by ending the process unless told otherwise. Internal
-// to this module.
+// Detects the loss of the X server, after which Xlib would terminate the process. Internal to this module.
 #pragma once
 
 namespace smartsurf::view {

@@ -1,5 +1,5 @@
-// The window of the window system, its OpenGL context and Dear ImGui in it: opened in order, undone in
-// reverse. Private to the view; main thread only.
+// The GLFW window, its OpenGL context and Dear ImGui, created in order and destroyed in reverse. Internal to
+// this module; main thread only.
 #pragma once
 
 #include <string>

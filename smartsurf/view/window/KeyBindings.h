@@ -1,4 +1,4 @@
-// Which key of the keyboard stands for what. Private to the view.
+// Key bindings. Internal to this module.
 #pragma once
 
 #include <optional>

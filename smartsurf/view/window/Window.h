@@ -1,8 +1,8 @@
-// The simulator's window: the scene, a small panel with the run's state, and the user's wishes.
+// The simulator's window: the scene, a status panel, and the user's requests.
 //
-// GLFW asks for one thread: make it, call it and destroy it on the process's main thread. Nothing here waits:
-// a frame takes as long as drawing takes (about 30 ms without a graphics card), and how often frames are
-// drawn is the caller's choice. One window a process.
+// GLFW requires one thread: create, call and destroy it on the process's main thread. Calls do not wait
+// beyond the time of drawing (about 30 ms without a graphics card); the caller chooses the frame rate. One
+// window per process.
 #pragma once
 
 #include <memory>
