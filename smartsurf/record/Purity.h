@@ -1,17 +1,18 @@
-// How well the objects are sorted by size: purity(t) is the share of the objects that stand in their own half
-// of the surface, small ones west of its centre line and large ones east (docs/recordings.md).
+// How well the objects are sorted by size: purity(t) is the share of the objects in their own half of the surface,
+// small ones west of its centre line and large ones east (docs/recordings.md).
 //
-// The definitions:
-//   Objects count while they exist and are not `fixed`, if they belong to one of two classes.
-//   Classes: if the objects carry exactly two different labels, these are the classes, the one with the
-//   smaller mean size is "small" (at equal sizes: the one that comes first in the alphabet) and objects
-//   without a label belong to none. Otherwise, by size: below the middle between the smallest and the largest
-//   size an object is small, else large; when all are of one size there are no classes, and no purity. Size:
-//   the radius of a sphere, cylinder, capsule or cone; of a box, or the box around a solid, half the mean of
-//   its x and y edges. Standing in its own half: the centre of mass lies, in x and y, within the outline of
-//   the surface's cells, and on its side of its centre line, the middle between the outline's west and east
-//   (of a rectangular grid, x = (columns − 1)·pitch/2). On the line, or fallen off the surface, is in no
-//   half. Sorted: purity ≥ 0.95 now and at every later sample for 5 s; sorted_at is the first such time.
+// Definitions:
+//   Objects   those that exist, are not `fixed`, and belong to one of two classes.
+//   Classes   If the objects carry exactly two different labels, these are the classes; the one with the smaller mean
+//             size is "small" (at equal sizes, the first in the alphabet), and objects without a label belong to none.
+//             Otherwise by size: below the middle between the smallest and the largest size an object is small, else
+//             large; if all sizes are equal there are no classes and no purity.
+//   Size      The radius of a sphere, cylinder, capsule or cone; for a box, or the bounding box of a solid, half the
+//             mean of its x and y edges.
+//   Own half  The centre of mass lies, in x and y, within the outline of the surface's cells and on its side of the
+//             centre line, the middle between the outline's west and east ends (in a rectangular grid,
+//             x = (columns − 1)·pitch/2). Objects on the line or off the surface are in neither half.
+//   Sorted    purity ≥ 0.95 now and at every later sample for 5 s; sorted_at is the first such time.
 #pragma once
 
 #include <cstddef>

@@ -1,11 +1,14 @@
-// What stands on the cells of every mechanism but the pin, for the eye: which parts, where, how turned and in
-// which colours. A part is a mesh in two colours and one record an instance, so that a kind of part is one
-// draw call. No OpenGL here. Nothing is allocated after the first frame.
+// The drawn parts of every actuator but the pin: which meshes, where, how rotated and in which colours. A part is a
+// two-colour mesh with one record per instance, so that each kind of part is one draw call. No OpenGL. Allocates in
+// the first frame only.
 //
-//   ball         its upper half, in eight fields that turn      wheels   two wheels with spokes, as they turn
-//   rotor        its shape, turned                              magnet   a coil: red repels a positive pole,
-//   blue attracts force_field  an arrow along the force, as long as it is strong air_jet      a nozzle and
-//   its plume, as high as it blows    tile     a plate that leans as the skin does
+//   ball         its upper half, in eight rotating fields
+//   wheels       two wheels with spokes, rotating
+//   rotor        its shape, rotated
+//   magnet       a coil: red repels a positive pole, blue attracts
+//   force_field  an arrow along the force, its length proportional to the strength
+//   air_jet      a nozzle, and its plume, its height proportional to the flow
+//   tile         a plate, tilted like the skin
 #pragma once
 
 #include <array>
