@@ -63,7 +63,7 @@ DispatchKind dispatch_kind_of(Opcode op, const KernelTable& kernels) {
 }
 
 std::int64_t to_offset(float offset) {
-  constexpr float kFar = 1e9F;  // beyond any array, and safe to compute with
+  constexpr float kFar = 1e9F;  // larger than any array, and does not overflow in index arithmetic
   return offset >= -kFar && offset <= kFar ? static_cast<std::int64_t>(offset)
                                            : static_cast<std::int64_t>(kFar);
 }

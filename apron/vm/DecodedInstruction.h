@@ -19,42 +19,46 @@ enum class DispatchKind : std::uint8_t {
   kMask,
   kReduce,
   kCellAccess,
-  kArrayOp,  // neighbourhoods, filters, propagation, random, stack, indirection
+  kArrayOp,  // neighbourhoods, filters, flood fill, random numbers, stack, group access
   kControlFlow,
   kHost,
 };
 
 struct DecodedInstruction {
-  // What an element-wise instruction needs, together: a program of a few hundred steps should stay in the
-  // cache beside its registers.
+  // The fields that element-wise instructions need come first and are contiguous, so that a few hundred
+  // decoded instructions stay in the cache beside the registers.
   program::Opcode op = program::Opcode::kNop;
   DispatchKind dispatch = DispatchKind::kControlFlow;
   bool masked = false;
-  std::uint32_t jump_target = 0;                              // of a jump
-  std::array<Kernel, 2> kernels{};                            // plain, masked
-  const Plane* destination = nullptr;                         // register destination; looked up at each use,
-  std::array<const Plane*, program::kMaxOperands> planes{};   // and so are register sources: they may move
+  std::uint32_t jump_target = 0;    // instruction index
+  std::array<Kernel, 2> kernels{};  // unmasked, masked
+  // Registers are referenced through pointers to their planes: double buffering exchanges the buffers.
+  const Plane* destination = nullptr;
+  std::array<const Plane*, program::kMaxOperands> planes{};
   std::array<const float*, program::kMaxOperands> scalars{};  // sources that are variables or literals
 
-  float* destination_variable = nullptr;  // destination
-  Offset offset{};
+  float* destination_variable = nullptr;
+  Offset offset{};  // shifts
   BoundaryCondition boundary{};
-  Plane scratch{};  // where a host's read goes first when a mask is on
+  Plane scratch{};  // staging for masked reads and plugin results
   std::string_view text{};
-  std::uint32_t table_index = 0;  // index of a filter, group or module
-  float default_value = 0.0F;     // of a parameter
+  std::uint32_t table_index = 0;  // of the filter, group or module
+  float default_value = 0.0F;     // parameters
 };
 
-// Where a program's operands live.
+// Storage of a program's operands.
 struct RegisterFile {
   std::vector<Plane> registers;
   std::vector<float> scalars;  // variables, then literals
 };
 
-// jump.lt … unless.ge: whether the jump is taken.
+// jump.lt to unless.ge.
 bool is_conditional_jump(program::Opcode op) noexcept;
+// Whether the conditional jump `op` with operands a and b is taken.
 bool is_branch_taken(program::Opcode op, float a, float b) noexcept;
 
+// The result refers to the program, the register file and the kernel table, which must outlive it and whose
+// vectors must not be resized.
 DecodedInstruction decode(const program::Program&, const program::Instruction&, RegisterFile&,
                           const KernelTable&);
 

@@ -1,5 +1,5 @@
-// Runs kernels over whole planes, split into slices of rows on the VM's threads. Slices share no row, so
-// results do not depend on the number of threads.
+// Runs kernels over whole planes, split by rows over the VM's threads. Chunks of rows are disjoint, so results
+// do not depend on the number of threads.
 #pragma once
 
 #include <cstddef>
@@ -12,8 +12,8 @@ namespace apron::vm {
 
 class Executor {
  public:
-  // threads: at least 1, the caller's included. Planes with fewer cells than `parallel_cells` stay on the
-  // caller's thread, because waking another one would take longer.
+  // `threads` includes the caller's and is at least 1. Planes with fewer cells than `parallel_cells` run on
+  // the calling thread, because waking another one would take longer.
   Executor(const KernelTable& kernels, unsigned threads, std::size_t parallel_cells)
       : kernels_(kernels), parallel_cells_(parallel_cells), pool_(static_cast<int>(threads)) {}
 
@@ -24,8 +24,8 @@ class Executor {
     run_parallel(kernel, block);
   }
 
-  // work(first, last): rows [first, last) of an array of rows × columns. Returns when all are done; does not
-  // allocate.
+  // Calls work(first, last) for disjoint row ranges [first, last) that cover an array of rows x columns.
+  // Returns when all are done. Does not allocate.
   template <class Work>
   void parallel_for_rows(std::uint32_t rows, std::uint32_t columns, const Work& work) noexcept {
     if (runs_sequentially(rows, columns)) return work(0U, rows);
@@ -37,7 +37,8 @@ class Executor {
     });
   }
 
-  // work(chunk, thread) once for each chunk below `count`; the caller is thread 0. As above.
+  // Calls work(chunk, thread) once for each chunk in [0, count); the caller is thread 0. Returns when all are
+  // done. Does not allocate.
   template <class Work>
   void parallel_for(std::uint32_t count, const Work& work) noexcept {
     pool_.parallel_for(count, work);

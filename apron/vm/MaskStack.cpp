@@ -15,8 +15,8 @@ void MaskStack::reserve(std::uint32_t width, std::uint32_t height, std::size_t p
 Plane MaskStack::acquire_plane(std::uint32_t width, std::uint32_t height) {
   const auto fits = [&](const Plane& p) { return p.width == width && p.height == height; };
   const auto found = std::find_if(free_planes_.begin(), free_planes_.end(), fits);
-  if (found == free_planes_.end())
-    return plane_store_.allocate(width, height);  // only routines that recurse inside a where
+  // Reached only by routines that recurse inside a where.
+  if (found == free_planes_.end()) return plane_store_.allocate(width, height);
   const Plane plane = *found;
   *found = free_planes_.back();
   free_planes_.pop_back();
@@ -99,7 +99,7 @@ void MaskStack::invert_top() {
     level.enabled = !level.enabled;
     inherit_enclosing(level, level.enabled);
   } else if (level.active == Active::kSome) {
-    // The level is a subset of the enclosing one, both 0 or 1.
+    // Both masks are 0 or 1 and the level is a subset of the enclosing one, so != is set difference.
     if (enclosing_active() == Active::kSome)
       apply_kernel(Opcode::kNe, level.storage, level.storage, enclosing_mask());
     else

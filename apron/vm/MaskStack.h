@@ -10,27 +10,29 @@
 
 namespace apron::vm {
 
+// Each push adds a level whose mask already includes the enclosing levels. Not thread-safe.
 class MaskStack {
  public:
   explicit MaskStack(Executor& executor) : executor_(executor) {}
 
-  // Makes room for `planes` more masks of a shape, so that they need no allocation later.
+  // Allocates `planes` more mask planes of one shape, so that later calls need not allocate.
   void reserve(std::uint32_t width, std::uint32_t height, std::size_t planes);
 
-  // False, and nothing changed, if the mask in force has another shape.
+  // Copies `mask`. Returns false and changes nothing if an open level has another shape.
   [[nodiscard]] bool set_base(ConstPlane mask);
   void clear_base();
 
+  // Non-zero is true. Returns false and changes nothing if the mask in force has another shape.
   [[nodiscard]] bool push(ConstPlane condition);
   void push(float condition);
-  // The top condition becomes: the cells of the enclosing one that it left out.
+  // Replaces the top level by its complement within the enclosing level.
   void invert_top();
   void pop();
   std::size_t depth() const noexcept { return levels_.size(); }
 
   enum class Active { kAll, kNone, kSome };
   Active active() const noexcept { return active_; }
-  // With kSome: non-zero where a write is let through.
+  // The mask in force, valid only with kSome: writes go to its non-zero cells.
   const ConstPlane& mask() const noexcept { return mask_; }
 
  private:
@@ -38,11 +40,11 @@ class MaskStack {
     bool uniform = false;  // a scalar condition
     bool enabled = false;  // its value
     Active active = Active::kAll;
-    ConstPlane mask{};  // 0 or 1, with the enclosing levels ANDed in; with kSome
-    Plane storage{};    // the storage of a condition that is a register
+    ConstPlane mask{};  // valid only with kSome: 0 or 1, includes the enclosing levels
+    Plane storage{};    // owned plane of a register condition
   };
 
-  Active enclosing_active() const noexcept;  // below the top level
+  Active enclosing_active() const noexcept;  // of the level below the top
   ConstPlane enclosing_mask() const noexcept;
   void inherit_enclosing(Level& level, bool on);
   void update_effective_mask();
@@ -55,7 +57,7 @@ class MaskStack {
   std::vector<Level> levels_;
   bool has_base_ = false;
   Plane base_{};
-  Plane combined_{};  // base AND top level, when there are both
+  Plane combined_{};  // base AND top level; used when both exist
   Active active_ = Active::kAll;
   ConstPlane mask_{};
 };

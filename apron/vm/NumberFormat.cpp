@@ -6,7 +6,7 @@
 namespace apron::vm {
 
 std::string_view format_number(float value, NumberBuffer& buffer) noexcept {
-  if (std::isnan(value)) return "nan";  // a NaN's sign is not the same on every machine
+  if (std::isnan(value)) return "nan";  // the sign of a NaN depends on the CPU
   const float size = std::fabs(value);
   const bool plain = size == 0.0F || (size >= 1e-4F && size < 1e9F);
   const auto format = plain ? std::chars_format::fixed : std::chars_format::general;

@@ -9,7 +9,7 @@ namespace apron::vm {
 
 using NumberBuffer = std::array<char, 64>;
 
-// "3", "0.1", "-1e+20", "nan", "inf". The text lies in `buffer`; nothing is allocated.
+// Examples: "3", "0.1", "-1e+20", "nan", "inf". The text lives in `buffer`; does not allocate.
 std::string_view format_number(float value, NumberBuffer& buffer) noexcept;
 std::string format_number(float value);
 

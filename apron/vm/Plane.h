@@ -7,8 +7,8 @@
 
 namespace apron::vm {
 
-// `height` rows of `width` floats, row 0 north, column 0 west; row y begins at data + y * pitch (pitch in
-// floats). Owns nothing.
+// `height` rows of `width` floats, row-major; row 0 is north, column 0 is west. Row y begins at
+// data + y * pitch (pitch in floats).
 template <class Float>
 struct BasicPlane {
   Float* data = nullptr;
@@ -25,7 +25,7 @@ struct ConstPlane : BasicPlane<const float> {
   ConstPlane() = default;
   ConstPlane(const float* d, std::uint32_t w, std::uint32_t h, std::ptrdiff_t p) : BasicPlane{d, w, h, p} {}
   ConstPlane(const Plane& p)
-      : BasicPlane{p.data, p.width, p.height, p.pitch} {}  // NOLINT: a view of the same cells
+      : BasicPlane{p.data, p.width, p.height, p.pitch} {}  // NOLINT: implicit, a view of the same cells
 };
 
 template <class A, class B>
@@ -33,7 +33,7 @@ bool same_shape(const A& a, const B& b) noexcept {
   return a.width == b.width && a.height == b.height;
 }
 
-// "WIDTHxHEIGHT", for messages.
+// "WIDTHxHEIGHT".
 template <class P>
 std::string format_shape(const P& plane) {
   return std::to_string(plane.width) + "x" + std::to_string(plane.height);

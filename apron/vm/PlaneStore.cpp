@@ -20,17 +20,17 @@ std::size_t round_up(std::size_t n, std::size_t unit) { return (n + unit - 1) / 
 Plane PlaneStore::allocate(std::uint32_t width, std::uint32_t height) {
   assert(width > 0 && height > 0);
   const std::size_t pitch = round_up(width, kLanes) + kLanes;
-  // Large blocks begin on a page. Planes that all begin there would put a cell of every register into one
-  // cache set, so each starts two cache lines later than the one before.
+  // Large allocations begin on a page boundary. If every plane did too, the same cell of all registers would
+  // map to one cache set, so each plane starts two cache lines later than the previous one.
   const std::size_t lead = kLanes + 2 * kLanes * (allocations_.size() % 31);
   const std::size_t floats = lead + pitch * height + kLanes;
-  // A sweep over many small pages waits for their translations: large planes ask for large pages.
+  // Huge pages avoid TLB misses when sweeping large planes.
   const bool large = floats * sizeof(float) >= 2 * kHugePage;
   const std::size_t bytes = round_up(floats * sizeof(float), kAlignment);
   void* memory = nullptr;
   if (posix_memalign(&memory, large ? kHugePage : kAlignment, bytes) != 0) throw std::bad_alloc();
   auto* block = static_cast<float*>(memory);
-  if (large) madvise(block, bytes, MADV_HUGEPAGE);  // a refusal costs speed only
+  if (large) madvise(block, bytes, MADV_HUGEPAGE);  // best effort
   std::memset(block, 0, bytes);
   allocations_.emplace_back(block);
   return {block + lead, width, height, static_cast<std::ptrdiff_t>(pitch)};

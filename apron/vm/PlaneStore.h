@@ -1,6 +1,6 @@
-// Owns the VM's planes: registers, masks, scratch. Each is zeroed, 64-byte aligned, and padded so that
-// kernels may load and store whole vectors: rows to a multiple of 16 floats plus 16 more, and 16 floats
-// before the first row.
+// Allocates and owns planes. Each plane is zeroed, its rows are 64-byte aligned, and it is padded so that
+// kernels may load and store whole vectors: the pitch is the width rounded up to 16 floats plus 16 more, and
+// 16 floats precede the first row.
 #pragma once
 
 #include <cstdlib>
@@ -11,11 +11,11 @@
 
 namespace apron::vm {
 
-inline constexpr std::uint32_t kLanes = 16;  // floats in the widest vector; the padding's unit
+inline constexpr std::uint32_t kLanes = 16;  // floats in the widest vector; unit of padding
 
 class PlaneStore {
  public:
-  // Allocates; throws std::bad_alloc. width and height at least 1.
+  // width and height must be at least 1. The plane lives as long as the store. Throws std::bad_alloc.
   Plane allocate(std::uint32_t width, std::uint32_t height);
 
  private:

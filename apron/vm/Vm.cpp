@@ -60,14 +60,14 @@ Plane Vm::scratch_plane(const Plane& like) {
   return scratch_planes_.emplace_back(plane_store_.allocate(like.width, like.height));
 }
 
-// As many planes of each shape as the program can have masks in force, short of recursion.
+// Reserves as many mask planes of each shape as the program can have in force without recursion.
 void Vm::reserve_masks() {
   std::map<std::pair<std::uint32_t, std::uint32_t>, std::size_t> planes;
   for (const DecodedInstruction& decoded : decoded_) {
     const Plane* condition = decoded.planes[0];
     if (decoded.dispatch != DispatchKind::kMask || condition == nullptr) continue;
     std::size_t& count = planes[{condition->width, condition->height}];
-    if (count == 0) count = 2;  // the base, and the base with a condition
+    if (count == 0) count = 2;  // the base mask, and the base mask combined with a condition
     if (decoded.op == Opcode::kMaskPush) count = std::min(count + 1, program::kMaxMaskDepth + 2);
   }
   for (const auto& [shape, count] : planes) masks_.reserve(shape.first, shape.second, count);
@@ -112,7 +112,8 @@ Status Vm::execute_profiled(std::size_t at) {
   return status;
 }
 
-// The segment that begins here, unless it would go beyond the budget or come to a limit that its steps check.
+// The fused trace that begins at program_counter_; null if it would exceed the budget, or a depth limit that
+// its instructions check one by one.
 FusedTrace* Vm::find_fused_trace(std::uint64_t budget) const noexcept {
   FusedTrace* fused = fused_traces_->find(static_cast<std::uint32_t>(program_counter_), masks_);
   if (fused == nullptr || fused->instruction_count() > budget) return nullptr;

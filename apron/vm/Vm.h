@@ -24,62 +24,61 @@ namespace apron::vm {
 
 struct VmOptions {
   unsigned threads = 1;
-  // Arrays with fewer cells stay on one thread.
+  // Arrays with fewer cells run on the calling thread.
   std::size_t parallel_cells = std::size_t{1} << 15;
-  // Looked at before every instruction, so that a signal handler can stop an endless loop; may be null.
+  // Polled before every instruction, so that a signal handler can stop an endless loop; may be null.
   const std::atomic<bool>* stop = nullptr;
-  // Null: the best that this CPU has.
+  // Null selects the best instruction set of this CPU.
   const KernelTable* kernels = nullptr;
-  // How instructions are run together; nothing here changes a result.
+  // Never changes a result.
   FusionOptions fusion{};
-  // Count and time every instruction; they run one at a time then. See Vm::set_profiling().
+  // Counts and times every instruction; disables fusion. See Vm::set_profiling().
   bool enable_profiling = false;
 };
 
-// What one instruction of the program took so far.
+// Accumulated cost of one instruction of the program.
 struct InstructionProfile {
   std::uint64_t executions = 0, nanoseconds = 0;
 };
 
 enum class Status {
-  kRunning,      // the budget is spent
+  kRunning,      // the budget is exhausted
   kTick,         // a surface.step is complete
-  kEnded,        // the program came to its end
-  kClosed,       // the surface ended the session in order
-  kPeerLost,     // the surface died
-  kInterrupted,  // stopped from outside
-  kRefused,      // wrong input: error() says what
-  kFailed,       // the program or the host failed: error() says what
+  kEnded,        // the program has ended
+  kClosed,       // the surface closed the session in an orderly way
+  kPeerLost,     // the surface process died
+  kInterrupted,  // stopped by VmOptions::stop or by the host
+  kRefused,      // invalid user input; see error()
+  kFailed,       // the program or the host failed; see error()
 };
 
-// The result depends on the program and on what the host gives, and on nothing else: not on the number of
-// threads, nor on the CPU (a NaN's sign and payload aside). Not thread-safe: one thread at a time may call
-// it. Memory is allocated by the constructor only, except for messages, names of numbered pictures, for a
-// routine that recurses inside a `where`, and for a stack of registers that grows deeper than before.
+// Results depend only on the program and on the host's data: not on the number of threads, nor on the CPU
+// (except for a NaN's sign and payload). Not thread-safe. Only the constructor allocates, except for error
+// messages, file names of numbered images, routines that recurse inside a `where`, and a register stack that
+// grows beyond its previous maximum.
 class Vm {
  public:
-  // program must have passed program::verify(). host must outlive the VM. Throws std::bad_alloc.
+  // `program` must have passed program::verify(); `host` must outlive the VM. Throws std::bad_alloc.
   Vm(program::Program program, VmOptions options, Host& host);
   Vm(const Vm&) = delete;
   Vm& operator=(const Vm&) = delete;
 
-  // Runs at most `budget` instructions, and no further than the next surface.step. After kBudget and kTick
-  // another call goes on; after kInterrupted too, at the instruction that was not completed; after the others
-  // it returns the same again.
+  // Executes at most `budget` instructions and stops after the next surface.step. After kRunning and kTick
+  // the next call continues; after kInterrupted it retries the instruction that did not complete. Every other
+  // status is final: later calls return it again.
   Status run(std::uint64_t budget = std::numeric_limits<std::uint64_t>::max());
 
-  // One line, "file:line: error: …"; empty unless kRefused or kFailed.
+  // One line, "file:line: error: ..."; empty unless the status is kRefused or kFailed.
   const std::string& error() const noexcept { return error_; }
 
   // ---- for the debugger and tests ----
   const program::Program& program() const noexcept { return program_; }
-  std::size_t program_counter() const noexcept {
-    return program_counter_;
-  }  // index of the instruction to come
+  // Index of the next instruction.
+  std::size_t program_counter() const noexcept { return program_counter_; }
   std::uint64_t instructions_executed() const noexcept { return instructions_executed_; }
-  // By instruction; empty if it was never profiled.
+  // Indexed by instruction; empty if profiling was never enabled.
   const std::vector<InstructionProfile>& profile() const noexcept { return profile_; }
-  // From here on; what was counted stays. Allocates the first time.
+  // Keeps earlier counts. The first activation allocates.
   void set_profiling(bool on);
   std::size_t call_depth() const noexcept { return return_addresses_.size(); }
   Plane plane(std::size_t register_index) const noexcept { return register_file_.registers[register_index]; }
@@ -91,11 +90,12 @@ class Vm {
   FusedTrace* find_fused_trace(std::uint64_t budget) const noexcept;
   Plane scratch_plane(const Plane& like);
 
-  // What a write to the step's destination must obey.
+  // Whether the active mask allows a write to the destination; on kAllowed, `mask` is the mask to apply or
+  // null for all cells.
   enum class WriteAccess { kAllowed, kSuppressed, kShapeMismatch };
   WriteAccess check_write_access(const DecodedInstruction& decoded, const float*& mask) const noexcept;
 
-  // Each returns kBudget to go on with the instruction at next_.
+  // Each returns kRunning to continue at program_counter_.
   Status execute(const DecodedInstruction& decoded);
   Status execute_profiled(std::size_t at);
   Status execute_elementwise(const DecodedInstruction& decoded);
@@ -135,12 +135,12 @@ class Vm {
   Executor executor_;
   PlaneStore plane_store_;
   RegisterFile register_file_;
-  std::vector<Plane> scratch_planes_;  // one per shape that is filled before a mask is applied
+  std::vector<Plane> scratch_planes_;  // one per shape; staging for masked reads and plugin results
   std::vector<float> row_results_;
   MaskStack masks_;
   std::vector<DecodedInstruction> decoded_;
   std::unique_ptr<FusedTraceCache> fused_traces_;
-  std::vector<std::uint32_t> return_addresses_;  // return addresses
+  std::vector<std::uint32_t> return_addresses_;
   BoundaryCondition boundary_{};
   RandomStream random_stream_{};
   ConnectedComponents components_;
@@ -151,7 +151,7 @@ class Vm {
   std::uint64_t instructions_executed_ = 0;
   bool profiling_enabled_ = false;
   std::vector<InstructionProfile> profile_;
-  Status final_status_ = Status::kRunning;  // set once the program can go no further
+  Status final_status_ = Status::kRunning;  // any other value is final
   std::string error_;
 };
 

@@ -1,4 +1,4 @@
-// The VM's instructions on neighbourhoods, random numbers, the stack and elements by number.
+// Instructions on neighbourhoods, filters, random numbers, the register stack and group members.
 #include <bit>
 #include <cassert>
 #include <cmath>
@@ -74,7 +74,7 @@ Status Vm::execute_neighbourhood(const DecodedInstruction& decoded) {
   return Status::kRunning;
 }
 
-// All cells, or those where the mask is non-zero. One shape.
+// Copies all cells, or those where the mask is non-zero. All planes have the same shape and pitch.
 void Vm::copy_plane(Plane y, ConstPlane a, const float* mask) noexcept {
   Block block;
   block.y = y.data;
@@ -99,7 +99,7 @@ Status Vm::set_filter_coefficient(const DecodedInstruction& decoded) {
 
 Status Vm::fill_random(const DecodedInstruction& decoded) {
   const RandomStream draw = random_stream_;
-  ++random_stream_.draw_index;  // whatever the mask
+  ++random_stream_.draw_index;  // independent of the mask
   const float a = *decoded.scalars[0], b = *decoded.scalars[1];
   if (decoded.destination_variable != nullptr) {
     *decoded.destination_variable = draw(decoded.op, 0, 0, a, b);

@@ -1,4 +1,4 @@
-// The VM's instructions that call the host.
+// Instructions that call the host.
 #include <cassert>
 #include <cmath>
 #include <string>
@@ -12,10 +12,10 @@ using program::Opcode;
 
 namespace {
 
-constexpr float kMaxTileColumns = 64.0F;  // of tiles
+constexpr float kMaxTileColumns = 64.0F;
 
-// The name of picture n of a sequence: n in place of the '#'s, with at least as many digits; without any,
-// before the ending.
+// File name of image n of a sequence. n replaces the run of '#', zero-padded to its length; without a '#' it
+// is inserted before the extension.
 std::string numbered_file_name(std::string_view name, float n) {
   std::string digits(format_number(n));
   std::size_t first = name.find('#');
@@ -144,8 +144,8 @@ Status Vm::execute_host_read(const DecodedInstruction& decoded) {
   const float* mask = nullptr;
   const WriteAccess access = check_write_access(decoded, mask);
   if (access == WriteAccess::kShapeMismatch) return report_mask_mismatch(*decoded.destination);
-  // A masked read goes through a scratch plane; with every cell off the host is still asked, so that a wrong
-  // name is reported whatever the data.
+  // A masked read goes through a scratch plane. The host is called even if no cell is active, so that a wrong
+  // name is reported independently of the data.
   const bool direct = access == WriteAccess::kAllowed && mask == nullptr;
   const Plane to = direct ? *decoded.destination : decoded.scratch;
   const HostStatus status = read_from_host(decoded, to);
@@ -201,7 +201,7 @@ Status Vm::execute_plugin(const DecodedInstruction& decoded) {
   const WriteAccess access =
       decoded.destination != nullptr ? check_write_access(decoded, mask) : WriteAccess::kAllowed;
   if (access == WriteAccess::kShapeMismatch) return report_mask_mismatch(*decoded.destination);
-  // Always by way of a plane of its own: the destination may be an argument.
+  // The plugin writes to a scratch plane, because the destination may also be an argument.
   Plane to{};
   if (decoded.destination != nullptr) {
     to = decoded.scratch;

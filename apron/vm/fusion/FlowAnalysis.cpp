@@ -24,7 +24,7 @@ const Operand* label_operand(const Instruction& in) {
   return nullptr;
 }
 
-// Writes every cell of its destination whatever the mask.
+// Whether the instruction overwrites every cell of its destination, so that the old value is dead.
 bool overwrites_every_cell(const Instruction& in, bool has_masks) {
   if (in.destination.kind != OperandKind::kRegister || (in.masked && has_masks)) return false;
   if (in.op == Opcode::kPixelSet) return false;
@@ -42,7 +42,7 @@ FlowAnalysis::FlowAnalysis(const program::Program& program, bool preserve_named_
       boundary_(program.code.size()),
       filter_modified_(program.filters.size(), false) {
   find_branch_targets();
-  // A return goes on after every call: with very many of both, nothing is known.
+  // A return has an edge to every return site. Above the limit the analysis is skipped and assumes nothing.
   const auto returns =
       static_cast<std::size_t>(std::count_if(program.code.begin(), program.code.end(),
                                              [](const Instruction& in) { return in.op == Opcode::kReturn; }));
@@ -67,7 +67,7 @@ void FlowAnalysis::find_branch_targets() {
   }
 }
 
-// Forward, from "zero" at the start. A return goes on after any call. A rule is known until two ways differ.
+// Forward data-flow analysis: constant propagation of the boundary condition, which is zero at the start.
 void FlowAnalysis::compute_boundaries() {
   constexpr std::uint8_t kUnvisited = 0, kConstant = 1, kVarying = 2;
   std::vector<std::uint8_t> state(program_.code.size(), kUnvisited);
@@ -109,14 +109,15 @@ bool FlowAnalysis::is_live(std::size_t at, std::uint32_t reg) const {
   return ((live_bits_[at * bitset_words(program_) + reg / 64] >> (reg % 64)) & 1U) != 0;
 }
 
-// Backward to the fixed point. A program too large for that has every register live everywhere.
+// Backward data-flow analysis to the fixed point. If the program is too large or the analysis does not converge
+// in kMaxPasses, every register counts as live everywhere.
 void FlowAnalysis::compute_liveness(bool preserve_named_registers) {
   const std::size_t n = bitset_words(program_);
   if (n == 0 || program_.code.size() > kMaxLiveWords / n) return;
   std::vector<std::uint64_t> always_live(n, 0);
   for (std::size_t r = 0; preserve_named_registers && r < program_.registers.size(); ++r)
     if (program_.registers[r].name.substr(0, 1) != "$") always_live[r / 64] |= std::uint64_t{1} << (r % 64);
-  // Reached by number at run time.
+  // Group members are accessed by an index known only at run time.
   for (const program::OperandGroup& group : program_.groups)
     for (std::size_t i = 0; !group.is_variable_group && i < group.members.size(); ++i)
       always_live[group.members[i] / 64] |= std::uint64_t{1} << (group.members[i] % 64);

@@ -12,23 +12,23 @@ namespace apron::vm {
 
 class FlowAnalysis {
  public:
-  // The program must be verified; it must outlive this. keep_registers: the registers that the user named are
-  // read at every moment, for somebody may look at them.
+  // The program must be verified and must outlive this object. preserve_named_registers treats registers that
+  // the user named as always live, because an observer may read them at any time. Allocates.
   FlowAnalysis(const program::Program& program, bool preserve_named_registers);
 
-  // Whether control can come here from elsewhere than the instruction before.
+  // Whether an instruction other than the preceding one may transfer control to `at`.
   bool is_branch_target(std::size_t at) const { return branch_targets_[at]; }
-  // The edge rule in force when control comes here; nothing if it depends on the way there.
+  // The boundary condition in force before instruction `at`; nullopt if it depends on the path.
   const std::optional<BoundaryCondition>& boundary_at(std::size_t at) const { return boundary_[at]; }
-  // Whether a register's value at this moment can still be read.
+  // Whether the value that register `reg` holds before instruction `at` may still be read.
   bool is_live(std::size_t at, std::uint32_t reg) const;
-  // Every shift of the program fills in zero.
+  // True if no instruction of the program sets a boundary rule other than zero.
   bool has_only_zero_boundaries() const { return has_only_zero_boundaries_; }
   bool has_masks() const { return has_masks_; }
-  // No instruction changes the filter's elements.
+  // True if no instruction modifies the filter's coefficients.
   bool is_constant_filter(std::uint32_t filter) const { return !filter_modified_[filter]; }
 
-  // Calls go(next) for every instruction that may come after the one at `at`.
+  // Calls visit(next) for every instruction that may follow `at`. A return may go to any return site.
   template <class Go>
   void for_each_successor(std::size_t at, const Go& visit) const {
     const program::Instruction& in = program_.code[at];
@@ -50,9 +50,10 @@ class FlowAnalysis {
 
   const program::Program& program_;
   std::vector<bool> branch_targets_;
-  std::vector<std::uint32_t> return_sites_;  // after each call
+  std::vector<std::uint32_t> return_sites_;  // the instructions after calls
   std::vector<std::optional<BoundaryCondition>> boundary_;
-  std::vector<std::uint64_t> live_bits_;  // a bit a register, words() words an instruction; empty: all are
+  // Indexed [instruction][register], one bit per register, rows padded to whole words. Empty if all are live.
+  std::vector<std::uint64_t> live_bits_;
   bool has_only_zero_boundaries_ = true;
   bool has_masks_ = false;
   std::vector<bool> filter_modified_;

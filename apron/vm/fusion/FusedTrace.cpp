@@ -61,7 +61,7 @@ void FusedTrace::allocate_workers() {
     bind_buffers(worker, {});
     fill_margins(worker);
   }
-  // With one strip the edges of the rings stay where they are.
+  // With one strip the padding of the rings is at fixed columns and is filled once.
   if (has_constant_boundary() && plan_.strip_columns == plan_.width)
     for (const Worker& worker : workers_) pad_rings(worker, {0, plan_.width, 0});
 }
@@ -91,7 +91,8 @@ std::size_t FusedTrace::memory_bytes() const noexcept {
   return (worker_floats_ * plan_.threads + index_plane_floats_) * sizeof(float);
 }
 
-// What lies beyond the edges of a ring is the same whatever the stages write: their rows are whole vectors.
+// Whether the padding of the rings is constant. Stages write whole vectors, so the width must be a multiple of
+// kLanes for them not to overwrite it.
 bool FusedTrace::has_constant_boundary() const noexcept {
   return (plan_.boundary.rule == BoundaryRule::kZero || plan_.boundary.rule == BoundaryRule::kValue) &&
          plan_.width % kLanes == 0;
@@ -119,7 +120,7 @@ void FusedTrace::stage_columns(const Stage& stage, const Strip& strip, std::int6
   east = std::min<std::int64_t>(plan_.width, strip.last + stage.halo_x);
 }
 
-// The largest number of vectors that divides the stage's columns in every strip.
+// The greatest common divisor of the stage's vectors per row over all strips.
 std::uint32_t FusedTrace::common_vector_count(const Stage& stage) const noexcept {
   std::int64_t common = 0;
   for (std::int64_t column = 0; column < plan_.width; column += plan_.strip_columns) {
@@ -161,7 +162,7 @@ void FusedTrace::bind_buffers(Worker& worker, const ConstPlane& mask) const noex
           view = {back_buffers_[buffer.reg].data, back_buffers_[buffer.reg].pitch, 0, 0};
         break;
       case RowBuffer::Kind::kMask:
-        // Only read: results never go to a mask.
+        // Never written: no result goes to a mask.
         view = {const_cast<float*>(mask.data), mask.pitch, 0, 0};
         break;
       case RowBuffer::Kind::kColumnIndex:
@@ -186,7 +187,7 @@ void FusedTrace::pad_inputs() noexcept {
   }
 }
 
-// row: its first cell. Only what the rule makes of the row's own cells.
+// Fills the padding of one row from its own cells under the boundary rule. `row` points to its first cell.
 void FusedTrace::pad_row(float* row, std::uint32_t pad_columns, bool west, bool east) const noexcept {
   const std::ptrdiff_t width = plan_.width;
   for (std::ptrdiff_t k = 1; k <= static_cast<std::ptrdiff_t>(pad_columns); ++k) {
@@ -264,7 +265,8 @@ void FusedTrace::run_stage(std::size_t index, const Worker& worker, const Strip&
   }
 }
 
-// Where the lines of a turn that begins at this row are; how many turns follow at the same steps.
+// Sets the row streams of `call` for an iteration that begins at this row. Returns how many iterations may use
+// constant row steps from there.
 std::int64_t FusedTrace::bind_row_streams(const std::vector<RowStream>& row_streams, std::uint32_t rows,
                                           const Worker& worker, const Strip& strip, std::int64_t row,
                                           std::int64_t column, StageCall& call) const noexcept {
@@ -279,7 +281,8 @@ std::int64_t FusedTrace::bind_row_streams(const std::vector<RowStream>& row_stre
   return iterations;
 }
 
-// Where the row is; the number of rows that follow at the same pitch.
+// Sets the address of the row's cell at `column` and its pitch. Returns the number of rows from there on that
+// are addressed by that pitch.
 std::int64_t FusedTrace::locate_row(const RowStream& stream, const Worker& worker, const Strip& strip,
                                     std::int64_t row, std::int64_t column, float*& first,
                                     std::ptrdiff_t& pitch) const noexcept {
@@ -294,7 +297,7 @@ std::int64_t FusedTrace::locate_row(const RowStream& stream, const Worker& worke
     const auto at = static_cast<std::uint32_t>(row);
     const std::uint32_t ring_row = at < view.ring_rows ? at : at % view.ring_rows;
     first = view.data + static_cast<std::ptrdiff_t>(ring_row) * view.pitch + (column - strip.ring_origin);
-    // A ring with a margin holds every row.
+    // A ring with margin rows holds every row of the array.
     return view.margin_rows > 0 ? height + view.margin_rows - row
                                 : std::min<std::int64_t>(height - row, view.ring_rows - ring_row);
   }

@@ -20,35 +20,37 @@ class FusedTrace {
   struct Environment {
     Executor& executor;
     RegisterFile& register_file;
-    std::vector<Plane>&
-        back_buffers;  // a second buffer for the registers that need one; exchanged with the first
+    // Indexed by register: the second buffer of a double-buffered register, exchanged with the first.
+    std::vector<Plane>& back_buffers;
     bool enable_jit = true;
-    bool pads_stay_zero = false;  // beyond their edges all planes are zero for good
+    bool pads_stay_zero = false;  // the padding of every plane is zero and never written
   };
 
-  // Allocates; running does not. machine's parts must outlive the segment.
+  // Allocates; run() does not. The objects that `environment` refers to must outlive the fused trace.
   FusedTrace(const Trace& trace, ValueGraph graph, FusionPlan plan, const Environment& environment);
 
-  // The registers, variables and fresh planes afterwards are as if the trace had been run step by step. mask:
-  // the one in force, for a trace that reads it.
+  // Leaves registers and variables as if the trace had been executed instruction by instruction. `mask` is the
+  // mask in force, for a trace that reads it.
   void run(const ConstPlane& mask) noexcept;
 
+  // The instruction at which execution continues.
   std::uint32_t exit() const noexcept { return exit_; }
   std::uint64_t instruction_count() const noexcept { return instruction_count_; }
+  // Maximum number of masks and calls open at once, beyond those at entry.
   std::size_t mask_depth() const noexcept { return mask_depth_; }
   std::size_t call_depth() const noexcept { return call_depth_; }
   std::uint32_t width() const noexcept { return plan_.width; }
   std::uint32_t height() const noexcept { return plan_.height; }
-  // Registers that it writes to a fresh plane.
+  // The registers that the trace writes to a back buffer.
   std::vector<std::uint32_t> double_buffered_registers() const;
   std::size_t memory_bytes() const noexcept;
 
  private:
-  struct BufferView {       // of a store's rows, for one worker
-    float* data = nullptr;  // of row 0, column 0 of the array or, of a ring, of the strip
+  struct BufferView {       // a row buffer as seen by one worker
+    float* data = nullptr;  // row 0, column 0 of the array; for a ring, of the strip
     std::ptrdiff_t pitch = 0;
-    std::uint32_t ring_rows = 0;   // of a ring, else 0
-    std::int64_t margin_rows = 0;  // rows beyond the edge that it holds
+    std::uint32_t ring_rows = 0;   // 0 unless a ring
+    std::int64_t margin_rows = 0;  // rows stored beyond the north and south edge
   };
   struct Worker {
     float* rings = nullptr;
@@ -56,8 +58,8 @@ class FusedTrace {
     std::vector<BufferView> views;
   };
   struct Strip {
-    std::int64_t first = 0, last = 0;  // its own columns
-    std::int64_t ring_origin = 0;      // the column in a ring's first place
+    std::int64_t first = 0, last = 0;  // its own columns [first, last), without the halo
+    std::int64_t ring_origin = 0;      // array column stored at column 0 of a ring
   };
 
   void allocate_workers();
@@ -95,13 +97,13 @@ class FusedTrace {
   RegisterFile& register_file_;
   std::vector<Plane>& back_buffers_;
   bool pads_stay_zero_;
-  std::vector<std::optional<StageJit>> compiled_stages_;  // nothing where a stage runs as tiles
+  std::vector<std::optional<StageJit>> compiled_stages_;  // nullopt where a stage is interpreted
   std::vector<StageInterpreter> stage_interpreters_;
   PlaneStore plane_store_;
   std::vector<Worker> workers_;
-  float* boundary_row_ = nullptr;  // a row of what lies beyond the edge
-  Plane column_index_plane_,
-      row_index_plane_;  // one row of the columns' numbers; every row's number in all its cells
+  float* boundary_row_ = nullptr;  // a row filled with the constant boundary value
+  Plane column_index_plane_;       // one row; each cell holds its column index
+  Plane row_index_plane_;          // each cell holds its row index
   std::size_t worker_floats_ = 0, index_plane_floats_ = 0;
 };
 

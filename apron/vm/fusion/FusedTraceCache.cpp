@@ -5,7 +5,7 @@
 namespace apron::vm {
 namespace {
 
-// Of all segments of a program: beyond that the rest runs step by step.
+// Compilation limits for the whole program; beyond them the rest runs one instruction at a time.
 constexpr std::size_t kMaxGraphNodes = 30'000;
 constexpr std::size_t kMaxTracedInstructions = 2'000'000;
 constexpr std::size_t kMaxTraceBytes = std::size_t{1} << 28;

@@ -12,25 +12,25 @@
 namespace apron::vm {
 
 struct FusionOptions {
-  bool enabled = true;  // off: one instruction at a time
-  bool preserve_named_registers =
-      true;  // off: registers that the program does not read again need not be up to date
+  bool enabled = true;  // false executes one instruction at a time
+  // False allows registers that the program does not read again to be out of date.
+  bool preserve_named_registers = true;
   bool enable_jit = true;
-  std::uint32_t strip_columns = 0, block_rows = 0;  // of a tile; 0: chosen
-  std::uint32_t rows_per_iteration = 0;             // of machine code; 0: chosen
-  unsigned slices = 0;                              // by rows, which threads take; 0: chosen
-  std::size_t max_array_instructions = 400;         // array instructions of a segment at most
+  std::uint32_t strip_columns = 0, block_rows = 0;  // tile size; 0 is automatic
+  std::uint32_t rows_per_iteration = 0;             // of generated code; 0 is automatic
+  unsigned slices = 0;                              // row ranges distributed over threads; 0 is automatic
+  std::size_t max_array_instructions = 400;         // per fused trace
 };
 
 class FusedTraceCache {
  public:
-  // Follows every way through the program and compiles what is worth it. Allocates. All arguments but the
-  // options must outlive this.
+  // Compiles traces from every reachable instruction outside an earlier trace. All arguments except the options
+  // must outlive the cache. Allocates; find() does not.
   FusedTraceCache(const program::Program& program, const std::vector<DecodedInstruction>& decoded,
                   RegisterFile& register_file, Executor& executor, const FusionOptions& options,
                   unsigned threads, std::size_t parallel_cells);
 
-  // What to run at this instruction under these masks instead of its step; null for nothing.
+  // The fused trace to run at this instruction under these masks, or null to execute the instruction itself.
   FusedTrace* find(std::uint32_t instruction, const MaskStack& masks) const noexcept {
     if (entries_.empty()) return nullptr;
     const Entry& entry = entries_[instruction];
@@ -51,7 +51,7 @@ class FusedTraceCache {
 
   std::vector<std::unique_ptr<FusedTrace>> traces_;
   std::vector<Entry> entries_;
-  std::vector<Plane> back_buffers_;  // by register
+  std::vector<Plane> back_buffers_;  // indexed by register
   PlaneStore plane_store_;
 };
 

@@ -14,10 +14,9 @@ using program::BoundaryRule;
 using program::Opcode;
 using NodeGroup = StagePartition::NodeGroup;
 
-constexpr std::size_t kRingCacheFloats =
-    800 * 1024 / sizeof(float);  // for the rings, of the second-level cache
-// Of a slice: at least so many rows, and so many for each row that a neighbour computes too; so many a
-// thread.
+// The rings' share of the second-level cache.
+constexpr std::size_t kRingCacheFloats = 800 * 1024 / sizeof(float);
+// A slice has at least kMinSliceRows rows, and at least kMinRowsPerHaloRow for each row of its halo.
 constexpr std::uint32_t kMinSliceRows = 128, kMinRowsPerHaloRow = 48, kMaxSlicesPerThread = 4;
 constexpr std::uint32_t kNoBuffer = UINT32_MAX;
 
@@ -70,7 +69,8 @@ class FusionPlanner {
     return dy > 0 ? static_cast<std::uint32_t>(dy) : 0;
   }
 
-  // Stages are in an order in which each comes after those that it reads from.
+  // Delays each stage until the rows that it reads ahead of its own have been computed. Groups are in
+  // topological order.
   void compute_skews() {
     plan_.stages.resize(groups_.size());
     for (std::uint32_t s = 0; s < groups_.size(); ++s) {
@@ -100,7 +100,7 @@ class FusionPlanner {
     plan_.ring_halo = round_up(max_halo, kLanes);
   }
 
-  // The last block in which a row of the value is read, as a lag: rows further behind are free.
+  // The largest skew at which a row of the value is read: rows further behind are dead.
   std::uint32_t last_use_skew(std::uint32_t node) const {
     std::uint32_t last = plan_.stages[stage_of_[node]].skew;
     for (const ValueUse& use : users_[node])
@@ -110,8 +110,8 @@ class FusionPlanner {
     return last;
   }
 
-  // Values whose rows follow each other through the same memory: when a stage writes row r of the later one,
-  // row r of the earlier one has been read for the last time.
+  // A ring shared by values with disjoint live ranges: when a stage writes row r of the later value, row r of
+  // the earlier one has been read for the last time.
   struct RingAllocation {
     std::uint32_t first_skew = 0, last_use_skew = 0, last_value = 0;
   };
@@ -126,7 +126,7 @@ class FusionPlanner {
     });
   }
 
-  // The rings of all values that are kept in one, and which value is in which.
+  // Assigns each value to a ring, first fit. ring_of receives the ring index of each value.
   std::vector<RingAllocation> allocate_rings(const std::vector<std::uint32_t>& values,
                                              std::vector<std::uint32_t>& ring_of) const {
     std::vector<RingAllocation> rings;
@@ -146,7 +146,8 @@ class FusionPlanner {
     return rings;
   }
 
-  // Rows that the edge rule makes the same for good; only worth it where few rows share a call.
+  // Margin rows hold a constant boundary in a ring that holds the whole array, so that one call can run across
+  // the edge.
   std::uint32_t margin_rows(const RingAllocation& ring) const {
     const bool constant =
         graph_.boundary.rule == BoundaryRule::kZero || graph_.boundary.rule == BoundaryRule::kValue;
@@ -169,9 +170,8 @@ class FusionPlanner {
     return values;
   }
 
-  // More slices than threads, for a core is not always there: whoever is ahead takes more. But what slices
-  // share is computed twice, and should be little of them; and where no cell asks a neighbour, memory is the
-  // limit, which long runs of rows suit best.
+  // More slices than threads balance the load. But the halo of each slice is computed twice, so it must be a
+  // small part of the slice. Without a halo, memory bandwidth is the limit, and long runs of rows are best.
   void choose_slices() {
     std::uint32_t halo = 0;
     for (const Stage& stage : plan_.stages) halo = std::max(halo, stage.halo_y);
@@ -204,7 +204,7 @@ class FusionPlanner {
     }
     if (options_.strip_columns > 0)
       plan_.strip_columns = std::min(round_up(options_.strip_columns, kLanes), whole);
-    // Short rows are in the first-level cache, where a load costs less than finding the rows to share it.
+    // Short rows stay in the first-level cache, where sharing loads between rows does not pay.
     plan_.rows_per_iteration = plan_.strip_columns < 256 ? 1 : 4;
     if (options_.rows_per_iteration > 0) plan_.rows_per_iteration = options_.rows_per_iteration;
     if (options_.block_rows > 0) plan_.block_rows = std::min(options_.block_rows, plan_.height);
@@ -214,14 +214,13 @@ class FusionPlanner {
     }
   }
 
-  // ---- places ----
+  // ---- buffers ----
   std::uint32_t add_buffer(const RowBuffer& buffer) {
     plan_.buffers.push_back(buffer);
     return static_cast<std::uint32_t>(plan_.buffers.size() - 1);
   }
 
-  // Whether rows and columns beyond its own share of the array are computed by the stage too, which other
-  // shares own.
+  // Whether the stage also computes halo cells that belong to neighbouring strips or slices.
   bool recomputes_overlap(const Stage& stage) const {
     return (plan_.strip_columns < plan_.width && stage.halo_x > 0) || (plan_.slices > 1 && stage.halo_y > 0);
   }
@@ -240,7 +239,7 @@ class FusionPlanner {
   }
 
   void assign_buffers() {
-    std::map<std::uint32_t, std::uint32_t> inputs;  // register: its node
+    std::map<std::uint32_t, std::uint32_t> inputs;  // register -> node
     for (std::uint32_t i = 0; i < graph_.nodes.size(); ++i) {
       const ValueNode& node = graph_.nodes[i];
       if (node.kind == ValueNode::Kind::kRegister) inputs[node.reg] = i;
@@ -279,8 +278,7 @@ class FusionPlanner {
         }
   }
 
-  // Whether every read of the register's old value is of the own cell and comes no later than the write of
-  // the new.
+  // Whether every read of the register's old value is at offset 0 and no later than the write of the new value.
   bool can_write_in_place(std::uint32_t input, std::uint32_t value) const {
     const std::uint32_t writer = stage_of_[value];
     if (recomputes_overlap(plan_.stages[writer])) return false;
@@ -337,7 +335,7 @@ class FusionPlanner {
   }
 
   void lay_out_rings() {
-    // What lies east of a row and west of the next share the floats between them, as in every plane.
+    // As in every plane, the padding east of a row is also the padding west of the next row.
     plan_.ring_pitch = round_up(plan_.strip_columns, kLanes) + 2 * plan_.ring_halo + kLanes;
     std::vector<std::uint32_t> values, ring_of;
     for (const NodeGroup& group : groups_)
@@ -348,7 +346,7 @@ class FusionPlanner {
     std::size_t offset = 0;
     const std::vector<RingAllocation> rings = allocate_rings(values, ring_of);
     for (const RingAllocation& ring : rings) {
-      // Rows at the same place of a page as the rows just written wait for them: rings begin apart.
+      // Loads that match a recent store in the page offset stall on it (4K aliasing), so rings are staggered.
       constexpr std::size_t kPageFloats = 1024, kRingStagger = 336;
       const std::size_t wanted = offsets.size() * kRingStagger % kPageFloats;
       offset += (wanted + kPageFloats - offset % kPageFloats) % kPageFloats;
@@ -372,9 +370,9 @@ class FusionPlanner {
   const std::vector<std::uint32_t>& stage_of_;
   const std::vector<std::vector<ValueUse>>& users_;
   std::vector<std::uint32_t> buffer_of_;
-  std::vector<std::vector<std::uint32_t>> result_buffers_;       // stores of each value
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> copies_;  // value, store
-  std::uint32_t max_row_offset_ = 0;                             // rows that any operand is away
+  std::vector<std::vector<std::uint32_t>> result_buffers_;       // indexed by value: buffers that receive it
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> copies_;  // value, buffer
+  std::uint32_t max_row_offset_ = 0;                             // largest |dy| of any operand
   FusionPlan plan_;
 };
 

@@ -11,27 +11,26 @@
 
 namespace apron::vm {
 
-// Where the rows of a value are.
+// Storage for the rows of one value.
 struct RowBuffer {
   enum class Kind : std::uint8_t {
-    kRegister,        // as it was at entry
-    kMask,            // the mask in force at entry
-    kColumnIndex,     // one row for all: the columns' numbers
-    kRowIndex,        // the rows' numbers
-    kInPlace,         // a register's own rows, written
-    kDoubleBuffered,  // rows that become a register's when the segment is through
-    kRing,            // `capacity` rows of a worker's own, row r in place r mod capacity
+    kRegister,        // input: a register at entry
+    kMask,            // input: the mask in force at entry
+    kColumnIndex,     // input: column indices, one row shared by all
+    kRowIndex,        // input: row indices
+    kInPlace,         // output: the register's own rows
+    kDoubleBuffered,  // output: the register's back buffer, exchanged at the end of the trace
+    kRing,            // intermediate: private to a worker, row r at r mod ring_rows
   };
   Kind kind = Kind::kRing;
-  std::uint32_t reg = 0;
-  std::uint32_t ring_rows = 0;
-  std::uint32_t pad_columns = 0;  // columns read beyond its west and east edge
-  std::uint32_t margin_rows =
-      0;  // kRing with a place for every row: rows of what lies beyond the edge, above and below
-  std::size_t offset = 0;  // kRing: of its first row, floats from the start of a worker's memory
+  std::uint32_t reg = 0;          // of kRegister, kInPlace and kDoubleBuffered
+  std::uint32_t ring_rows = 0;    // of kRing
+  std::uint32_t pad_columns = 0;  // columns read beyond the west and east edge
+  std::uint32_t margin_rows = 0;  // of a kRing that holds every row: constant rows beyond the north and south edge
+  std::size_t offset = 0;         // of a kRing: floats from the start of the worker's memory to row 0
 };
 
-// The rows that a stage reads or writes, at its own row plus dy.
+// The rows that a stage reads or writes: row r + dy of a buffer when computing row r.
 struct RowStream {
   std::uint32_t buffer = 0;
   std::int8_t dy = 0;
@@ -42,7 +41,7 @@ struct MicroOperand {
   enum class Kind : std::uint8_t { kNone, kTemp, kStream, kScalar };
   Kind kind = Kind::kNone;
   std::int8_t dx = 0;       // kStream
-  std::uint32_t index = 0;  // an earlier operation of the stage, a stream, a scalar slot
+  std::uint32_t index = 0;  // of an earlier operation of the stage, a stream or a scalar slot
   auto operator<=>(const MicroOperand&) const = default;
 };
 
@@ -51,45 +50,50 @@ struct MicroOp {
   std::array<MicroOperand, program::kMaxOperands> operands{};
 };
 
+// Operations fused into one loop over rows. All results are written after all operations have read.
 struct Stage {
   std::vector<RowStream> streams;
   std::vector<MicroOp> ops;
   struct Result {
     std::uint32_t op = 0, stream = 0;
-    bool non_temporal = false;  // nobody reads it while it would stay there
+    bool non_temporal = false;  // bypasses the caches
   };
-  std::vector<Result> results;           // written when all operations have read; streams with dy 0
+  std::vector<Result> results;           // their streams have dy == 0
   std::uint32_t skew = 0;                // rows behind the first stage
-  std::uint32_t halo_x = 0, halo_y = 0;  // columns and rows needed beyond a strip's or slice's own
+  std::uint32_t halo_x = 0, halo_y = 0;  // columns and rows computed beyond the strip's and slice's own
 };
 
-inline constexpr std::size_t kMaxStreams = 10;  // of a stage
-inline constexpr std::size_t kMaxResults = 6;
+inline constexpr std::size_t kMaxStreams = 10;  // per stage
+inline constexpr std::size_t kMaxResults = 6;   // per stage
 
 struct FusionPlanOptions {
   unsigned threads = 1;
-  unsigned slices = 0;                   // by rows; 0: chosen
-  std::uint32_t strip_columns = 0;       // 0: chosen; else rounded up to whole vectors
-  std::uint32_t block_rows = 0;          // 0: chosen
-  std::uint32_t rows_per_iteration = 0;  // 0: chosen
+  // 0 is automatic for each of these.
+  unsigned slices = 0;
+  std::uint32_t strip_columns = 0;  // rounded up to whole vectors
+  std::uint32_t block_rows = 0;
+  std::uint32_t rows_per_iteration = 0;
 };
 
+// The array is divided into slices of rows, which threads take; each slice into strips of columns; each strip
+// into blocks of rows, for each of which all stages run in order.
 struct FusionPlan {
   std::uint32_t width = 0, height = 0;
   BoundaryCondition boundary{};
   std::vector<RowBuffer> buffers;
   std::vector<Stage> stages;
   unsigned threads = 1;
-  unsigned slices = 1;              // by rows, a multiple of the threads where there are rows enough
-  std::uint32_t strip_columns = 0;  // a multiple of 16, or the whole width
+  unsigned slices = 1;              // a multiple of the threads if there are enough rows
+  std::uint32_t strip_columns = 0;  // a multiple of kLanes, or the whole width
   std::uint32_t block_rows = 0;
-  std::uint32_t rows_per_iteration = 1;  // that machine code may compute together
-  std::uint32_t ring_halo = 0;           // columns beyond a strip's own in the rings, a multiple of 16
-  std::uint32_t ring_pitch = 0;          // floats from one row of a ring to the next
-  std::size_t worker_floats = 0;         // memory of a worker for all rings
-  std::uint32_t max_skew = 0;            // the largest
+  std::uint32_t rows_per_iteration = 1;  // upper limit for generated code
+  std::uint32_t ring_halo = 0;           // columns of the rings beyond a strip's own, a multiple of kLanes
+  std::uint32_t ring_pitch = 0;          // floats between rows of a ring
+  std::size_t worker_floats = 0;         // size of one worker's rings
+  std::uint32_t max_skew = 0;            // over all stages
 };
 
+// Schedules the graph over arrays of width x height. Allocates.
 FusionPlan make_fusion_plan(const ValueGraph& graph, std::uint32_t width, std::uint32_t height,
                             const FusionPlanOptions& options);
 

@@ -15,7 +15,7 @@ bool reads_stream(const Stage& stage, std::uint32_t stream) {
   });
 }
 
-// Whether a stage reads what is written to the plane, or what was there before.
+// Whether a stage reads the plane's new values or, for an in-place result, its old ones.
 bool is_read_by_stage(const FusionPlan& plan, const RowBuffer& plane) {
   for (const Stage& stage : plan.stages)
     for (std::uint32_t s = 0; s < stage.streams.size(); ++s) {

@@ -6,7 +6,7 @@
 
 namespace apron::vm {
 
-// Sets Stage::Result::around_caches. The plan must be complete otherwise.
+// Sets Stage::Result::non_temporal. The rest of the plan must be complete.
 void select_non_temporal_stores(FusionPlan&);
 
 }  // namespace apron::vm

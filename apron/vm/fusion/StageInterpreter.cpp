@@ -34,7 +34,7 @@ StageInterpreter::StageInterpreter(const Stage& stage, const std::vector<RowBuff
     ops_.push_back(op);
   }
   for (const Stage::Result& result : stage.results) {
-    // Rows in whose place others lie may be read until the last operation is done.
+    // A ring shared with another buffer may be read until the last operation is done.
     const RowBuffer& to = buffers[stage.streams[result.stream].buffer];
     const bool shared = std::any_of(stage.streams.begin(), stage.streams.end(), [&](const RowStream& other) {
       const RowBuffer& store = buffers[other.buffer];
@@ -49,7 +49,7 @@ StageInterpreter::StageInterpreter(const Stage& stage, const std::vector<RowBuff
       last_use[result.op] = stage.ops.size();
     }
   }
-  std::vector<std::size_t> free_after;  // by place
+  std::vector<std::size_t> free_after;  // indexed by scratch slot: last use of its current value
   for (std::size_t i = 0; i < ops_.size(); ++i) {
     if (ops_[i].stream != kUnassigned) continue;
     const auto slot =

@@ -11,8 +11,8 @@ namespace {
 using program::Opcode;
 using NodeGroup = StagePartition::NodeGroup;
 
-constexpr std::size_t kMaxStageOps = 48;    // of a stage
-constexpr std::size_t kMaxLiveValues = 18;  // values of a stage alive at once
+constexpr std::size_t kMaxStageOps = 48;
+constexpr std::size_t kMaxLiveValues = 18;  // live at once in a stage
 
 class StagePartitioner {
  public:
@@ -36,8 +36,8 @@ class StagePartitioner {
     graph_.nodes[node].for_each_value(with);
   }
 
-  // A value read from the own cell can stay in a vector register; one read from a neighbour's needs its rows
-  // done.
+  // A use at offset 0 can take the value from a vector register. A shifted use needs finished rows, so it must
+  // be in a later stage.
   std::vector<std::uint32_t> compute_levels() const {
     std::vector<std::uint32_t> level(graph_.nodes.size(), 0);
     for (std::uint32_t i = 0; i < graph_.nodes.size(); ++i)
@@ -52,8 +52,8 @@ class StagePartitioner {
 
   bool is_fusible(std::uint32_t node) const { return is_fusible_opcode(graph_.nodes[node].op); }
 
-  // What only a later level reads is computed there, if its operands are kept until then anyway: one value
-  // less goes through memory.
+  // Moves a value to the level of its first use if its operands are kept until then anyway. This saves a store
+  // and a load of the value.
   void sink_values(std::vector<std::uint32_t>& level) const {
     for (auto i = static_cast<std::uint32_t>(graph_.nodes.size()); i-- > 0;) {
       if (!is_computed(i) || !is_fusible(i) || output_count_[i] > 0 || partition_.users[i].empty()) continue;
@@ -79,8 +79,8 @@ class StagePartitioner {
     for (const ValueGraph::Output& output : graph_.outputs) ++output_count_[output.value];
     std::vector<std::uint32_t> level = compute_levels();
     sink_values(level);
-    std::map<std::uint32_t, std::pair<NodeGroup, std::vector<NodeGroup>>>
-        at_level;  // joined, and each by itself
+    // By level: the fusible nodes in one group, and a group for each other node.
+    std::map<std::uint32_t, std::pair<NodeGroup, std::vector<NodeGroup>>> at_level;
     for (std::uint32_t i = 0; i < graph_.nodes.size(); ++i) {
       if (!is_computed(i)) continue;
       auto& [joined, alone] = at_level[level[i]];
@@ -110,7 +110,7 @@ class StagePartitioner {
   bool fits_in_registers(const NodeGroup& group) const {
     if (group.size() > kMaxStageOps) return false;
     const std::uint32_t last = static_cast<std::uint32_t>(graph_.nodes.size());
-    std::map<std::uint32_t, std::uint32_t> last_use;  // of the group's own values
+    std::map<std::uint32_t, std::uint32_t> last_use;  // of values computed in the group
     for (const std::uint32_t node : group) last_use[node] = node;
     std::vector<std::pair<std::uint32_t, int>> reads;
     for (const std::uint32_t node : group)

@@ -11,24 +11,25 @@ namespace apron::vm {
 
 inline constexpr std::uint32_t kNoStage = UINT32_MAX;
 
-// Who reads a value, and from how far.
+// One use of a value: the node that reads it, and the offset at which it reads.
 struct ValueUse {
   std::uint32_t node = 0;
   std::int8_t dx = 0, dy = 0;
 };
 
 struct StagePartition {
-  using NodeGroup = std::vector<std::uint32_t>;  // nodes, in order
+  using NodeGroup = std::vector<std::uint32_t>;  // node indices, ascending
 
-  std::vector<NodeGroup> groups;             // each after those that it reads from
-  std::vector<std::uint32_t> stage_of;       // by node: its group; kNoStage for what is not computed
-  std::vector<std::vector<ValueUse>> users;  // by node
+  std::vector<NodeGroup> groups;             // in topological order
+  std::vector<std::uint32_t> stage_of;       // indexed by node: its group, or kNoStage for inputs
+  std::vector<std::vector<ValueUse>> users;  // indexed by node
 };
 
-// A group takes at most kMaxStreams rows in and out, and its values fit into the vector registers.
+// Each group of more than one node reads and writes at most kMaxStreams rows, and its live values fit into the
+// vector registers.
 StagePartition partition_stages(const ValueGraph& graph);
 
-// Whether operations of this opcode may share a stage with others.
+// Whether an operation of this opcode may share a stage with others.
 bool is_fusible_opcode(program::Opcode op) noexcept;
 
 }  // namespace apron::vm

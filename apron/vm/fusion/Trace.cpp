@@ -16,7 +16,7 @@ using program::Operand;
 using program::OperandKind;
 
 constexpr std::size_t kMaxIndexPlaneCells = std::size_t{1} << 22;
-constexpr std::size_t kMaxFilterCoefficients = 25;  // that are not 0
+constexpr std::size_t kMaxFilterCoefficients = 25;  // non-zero ones
 
 class TraceBuilder {
  public:
@@ -55,8 +55,8 @@ class TraceBuilder {
     if (flow_.is_branch_target(next_)) loop_head_exit_ = last_exit_;
   }
 
-  // Back to where no mask and no call is open; where the limit came first, to a loop's head, so that the rest
-  // of the loop begins where it will begin again.
+  // Truncates the trace to its last exit, where no mask or call is open. A trace that hit a limit ends at the
+  // last loop head instead, unless that is too early: then the next trace begins at a point that recurs.
   void truncate_to_exit() {
     const bool limited = trace_.instructions.size() >= limits_.instructions ||
                          trace_.array_instructions >= limits_.array_instructions;
@@ -124,7 +124,9 @@ class TraceBuilder {
            short_way(decoded.offset.dy, decoded.destination->height);
   }
 
-  // near.sum … near.all. Of 8 with a value beyond the edge, the rows' sums would not be that value there.
+  // near.sum to near.all. With 8 neighbours, a constant boundary value v and an operation other than min or
+  // max, the row reductions beyond the edge would differ from v, so that the boundary condition cannot be
+  // applied to them.
   bool can_fuse_neighbours(const DecodedInstruction& decoded) const {
     if (decoded.op < Opcode::kNearSum || decoded.op > Opcode::kNearAll) return false;
     if (!boundary_ || boundary_->rule == BoundaryRule::kWrap || decoded.destination->width < 2 ||
@@ -134,13 +136,13 @@ class TraceBuilder {
     return !rows || decoded.op == Opcode::kNearMin || decoded.op == Opcode::kNearMax;
   }
 
-  // The rows' numbers take a plane of memory for each segment that uses them.
+  // Row indices need a plane of memory in every fused trace that uses them.
   static bool can_fuse_index(const DecodedInstruction& decoded) {
     return decoded.op == Opcode::kCellX ||
            (decoded.op == Opcode::kCellY && decoded.destination->cell_count() <= kMaxIndexPlaneCells);
   }
 
-  // A small one, whose elements are known.
+  // Only small filters with constant coefficients are fused.
   bool can_fuse_filter(const DecodedInstruction& decoded) const {
     const program::Filter& f = program_.filters[decoded.table_index];
     const auto elements = f.coefficients.size() - static_cast<std::size_t>(std::count(
@@ -186,7 +188,7 @@ class TraceBuilder {
     return std::nullopt;
   }
 
-  // Literals lie behind the variables; only what was set on the way is known of a variable.
+  // A variable's value is known only if the trace assigned a known value to it.
   std::optional<float> operand_value(std::size_t k, const Instruction& in) const {
     const Operand& o = in.operands[k];
     if (o.kind == OperandKind::kLiteral) return program_.literals[o.index];

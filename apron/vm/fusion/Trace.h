@@ -12,12 +12,12 @@
 namespace apron::vm {
 
 struct Trace {
-  std::uint32_t entry = 0, exit = 0;        // the instruction to go on with
-  std::vector<std::uint32_t> instructions;  // every instruction passed, in order
+  std::uint32_t entry = 0, exit = 0;        // first instruction, and the one at which execution continues
+  std::vector<std::uint32_t> instructions;  // in execution order
   std::uint32_t width = 0, height = 0;
   std::size_t array_instructions = 0;
-  std::size_t mask_depth = 0, call_depth = 0;  // open at once on the way, beyond those at entry
-  bool reads_entry_mask = false;  // writes something that the mask in force at entry can hold back
+  std::size_t mask_depth = 0, call_depth = 0;  // maximum open at once, beyond those at entry
+  bool reads_entry_mask = false;               // a write obeys the mask in force at entry
 };
 
 struct TraceLimits {
@@ -25,12 +25,13 @@ struct TraceLimits {
   std::size_t instructions = 4000;
 };
 
-// As far as instructions can be fused from `entry` on: those of one shape, with masks and calls closed again
-// at the exit. masked: some mask is in force at entry. The path is empty if nothing can be fused.
+// Builds the longest fusible trace from `entry`, within the limits: all arrays have one shape, and masks and
+// calls opened in the trace are closed at its exit. `masked` means that a mask is in force at entry. The trace
+// is empty if nothing can be fused.
 Trace build_trace(const program::Program& program, const std::vector<DecodedInstruction>& decoded,
                   const FlowAnalysis& flow, std::uint32_t entry, bool masked, const TraceLimits& limits);
 
-// Shifts further than this are not fused.
+// Longer shifts are not fused.
 inline constexpr int kMaxFusedShift = 8;
 
 }  // namespace apron::vm

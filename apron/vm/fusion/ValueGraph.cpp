@@ -40,7 +40,7 @@ class ValueGraphBuilder {
     return static_cast<std::uint32_t>(graph_.nodes.size() - 1);
   }
 
-  // The same operation on the same operands is computed once.
+  // Common-subexpression elimination: the same operation on the same operands is one node.
   ValueRef get_or_add_node(Opcode op, ValueRef a, ValueRef b = {}, ValueRef c = {}) {
     const auto [place, added] = value_numbers_.try_emplace(std::make_tuple(op, a, b, c), 0);
     if (added) {
@@ -109,7 +109,8 @@ class ValueGraphBuilder {
     register_values_[in.destination.index] = value;
   }
 
-  // a moved: a view of it where reading from further away is the same, else of a value of its own.
+  // Shifts a. The shift is folded into the operand's offset if reading from further away gives the same values;
+  // otherwise a copy of a is shifted, so that its boundary cells are formed from the intermediate value.
   ValueRef shift_value(ValueRef a, Offset by) {
     const auto dx = static_cast<int>(-by.dx), dy = static_cast<int>(-by.dy);
     if (dx == 0 && dy == 0) return a;
@@ -127,7 +128,7 @@ class ValueGraphBuilder {
     return a;
   }
 
-  // In the order that opcodes.def declares.
+  // Uses the order of operations that opcodes.def specifies.
   ValueRef lower_neighbours(Opcode op, ValueRef a, bool eight_connected) {
     const Opcode combine = op == Opcode::kNearSum   ? Opcode::kAdd
                            : op == Opcode::kNearMin ? Opcode::kMin
@@ -140,7 +141,7 @@ class ValueGraphBuilder {
                            get_or_add_node(combine, shift_value(row, {0, 1}), shift_value(row, {0, -1})));
   }
 
-  // In the order that opcodes.def declares.
+  // Uses the order of operations that opcodes.def specifies.
   ValueRef lower_filter(ValueRef a, const program::Filter& filter) {
     ValueRef sum{ValueRef::Kind::kScalar, 0, 0, zero_slot()};
     bool empty = true;
@@ -237,11 +238,11 @@ class ValueGraphBuilder {
                                               *decoded.scalars[1] == 8.0F));
         break;
       default:
-        break;  // jumps: the trace went their way
+        break;  // the trace has resolved all jumps
     }
   }
 
-  // ---- the end ----
+  // ---- outputs ----
   void add_outputs() {
     for (auto& [reg, arg] : register_values_) {
       const bool unchanged = arg.kind == ValueRef::Kind::kValue && !arg.is_shifted() &&
@@ -287,7 +288,7 @@ class ValueGraphBuilder {
   std::unordered_map<const float*, std::uint32_t> scalar_slots_;
   std::map<float*, std::uint32_t> written_variables_;
   std::optional<std::uint32_t> zero_slot_;
-  std::map<std::uint32_t, std::uint32_t> constant_slots_;  // by bits
+  std::map<std::uint32_t, std::uint32_t> constant_slots_;  // keyed by bit pattern
   std::map<ValueNode::Kind, std::uint32_t> index_nodes_;
   ValueGraph graph_;
 };

@@ -14,7 +14,7 @@
 
 namespace apron::vm {
 
-// An operand: a value read `dx` cells east and `dy` cells south of the own cell, or a scalar slot.
+// An operand: a value read dx cells east and dy cells south of the current cell, or a scalar slot.
 struct ValueRef {
   enum class Kind : std::uint8_t { kNone, kValue, kScalar };
   Kind kind = Kind::kNone;
@@ -27,19 +27,19 @@ struct ValueRef {
 
 struct ValueNode {
   enum class Kind : std::uint8_t {
-    kCompute,
-    kRegister,
-    kMask,
-    kColumnIndex,
-    kRowIndex
-  };  // kColumn, kRow: its number
+    kCompute,      // the element-wise operation `op` on `operands`
+    kRegister,     // register `reg` at entry
+    kMask,         // the mask in force at entry
+    kColumnIndex,  // each cell's column index
+    kRowIndex      // each cell's row index
+  };
   Kind kind = Kind::kCompute;
-  program::Opcode op = program::Opcode::kNop;  // kCompute: element-wise
-  std::uint32_t reg = 0;                       // kRegister: its value at entry
+  program::Opcode op = program::Opcode::kNop;
+  std::uint32_t reg = 0;
   std::array<ValueRef, program::kMaxOperands> operands{};
 
   bool is_computed() const { return kind == Kind::kCompute; }
-  // with(arg) for each operand that is a value.
+  // Calls visit(operand) for each operand that is a value.
   template <class With>
   void for_each_value(const With& visit) const {
     for (const ValueRef& arg : operands)
@@ -47,7 +47,7 @@ struct ValueNode {
   }
 };
 
-// A scalar instruction, on slots.
+// An element-wise operation on scalar slots.
 struct ScalarInstruction {
   program::Opcode op;
   std::array<std::uint32_t, program::kMaxOperands> sources;
@@ -55,19 +55,21 @@ struct ScalarInstruction {
 };
 
 struct ValueGraph {
-  std::vector<ValueNode> nodes;  // operands come before their users
+  std::vector<ValueNode> nodes;  // in topological order: operands before their users
   struct Output {
     std::uint32_t reg = 0, value = 0;
   };
-  std::vector<Output> outputs;   // registers with a new value at exit; computed values, not kRegister nodes
-  BoundaryCondition boundary{};  // of every shifted operand
+  std::vector<Output> outputs;   // live registers with a new value at exit; every value is a kCompute node
+  BoundaryCondition boundary{};  // applies to every shifted operand
 
-  std::vector<float> scalar_slots;                                     // initial values: literals
-  std::vector<std::pair<std::uint32_t, const float*>> variable_loads;  // variables read at entry
-  std::vector<ScalarInstruction> scalar_instructions;                  // then these, in order
-  std::vector<std::pair<float*, std::uint32_t>> variable_stores;       // variables at exit
+  // Scalar code runs once per execution, before the array pass.
+  std::vector<float> scalar_slots;                                     // initialised with the literals
+  std::vector<std::pair<std::uint32_t, const float*>> variable_loads;  // slot, variable read at entry
+  std::vector<ScalarInstruction> scalar_instructions;                  // in program order
+  std::vector<std::pair<float*, std::uint32_t>> variable_stores;       // variable written at exit, slot
 };
 
+// Lowers a trace to values. `masked` means that a mask is in force at entry. Allocates.
 ValueGraph build_value_graph(const program::Program& program, const std::vector<DecodedInstruction>& decoded,
                              const FlowAnalysis& flow, const Trace& trace, bool masked);
 

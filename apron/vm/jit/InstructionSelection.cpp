@@ -1,4 +1,4 @@
-// The assembler's operations: the same bits as the kernels give.
+// Instruction selection of StageAssembler. Results are bit-identical to those of the kernels.
 #include <utility>
 
 #include "apron/vm/jit/StageAssembler.h"
@@ -10,7 +10,7 @@ using Xbyak::Operand;
 
 namespace {
 
-// Of vrndscaleps: to whole numbers, without an exception.
+// Immediates of vrndscaleps: round to an integer, suppress exceptions.
 constexpr std::uint8_t kRoundDown = 9, kRoundUp = 10;
 
 }  // namespace
@@ -49,7 +49,7 @@ template <class Emit>
 void StageAssembler::emit_binary(const MicroOp& op, RegisterAssignment& y, const Emit& instruction) {
   MicroOperand first = op.operands[0], second = op.operands[1];
   const bool commutes = op.op == Opcode::kAdd || op.op == Opcode::kMul;
-  // The second operand may lie in memory.
+  // Only the second operand may be in memory.
   if (commutes && second.kind != MicroOperand::Kind::kStream && first.kind == MicroOperand::Kind::kStream)
     std::swap(first, second);
   const Zmm a = vector_operand(first);
@@ -154,7 +154,7 @@ void StageAssembler::emit_compound(const MicroOp& op, RegisterAssignment& y) {
   }
 }
 
-// The mask's value with memory as the second source; a scalar mask is a vector like any other.
+// Blends under a mask register; only the true branch may be a memory operand.
 void StageAssembler::emit_select(const MicroOp& op, RegisterAssignment& y) {
   const int k = mask_operand(op.operands[0]);
   const Zmm no = vector_operand(op.operands[2]);

@@ -1,4 +1,4 @@
-// The assembler's registers: which holds what, what is loaded when, what makes room.
+// Register allocation of StageAssembler: assignment, loads, eviction and release.
 #include <algorithm>
 
 #include "apron/vm/PlaneStore.h"
@@ -13,7 +13,7 @@ StageAssembler::Zmm StageAssembler::allocate_vector() {
   return Zmm(v);
 }
 
-// What was loaded can be loaded again; the last lines are those that later rows read.
+// Evicts a loaded vector, which can be loaded again. Starts with the last row streams, which later rows read.
 void StageAssembler::evict_load() {
   for (auto load = loads_.rbegin(); load != loads_.rend(); ++load) {
     if (load->second.vector_register < 0 || is_pinned(load->second.vector_register)) continue;
@@ -44,7 +44,7 @@ int StageAssembler::allocate_mask() {
   return k;
 }
 
-// A truth value as 0 or 1.
+// Converts a truth value in a mask register to 0 or 1 in a vector register.
 void StageAssembler::materialize_mask(RegisterAssignment& temp) {
   const Zmm v = allocate_vector();
   vmovaps(v | Opmask(temp.mask_register) | T_z, one_register());
@@ -74,7 +74,7 @@ int StageAssembler::load_vector(std::uint32_t row_stream, int cells) {
   return load.vector_register;
 }
 
-// The operand in a vector register.
+// Puts the operand into a vector register and pins it.
 StageAssembler::Zmm StageAssembler::vector_operand(const MicroOperand& arg) {
   int v = -1;
   if (arg.kind == MicroOperand::Kind::kTemp) {
@@ -109,7 +109,7 @@ StageAssembler::Address StageAssembler::memory_operand(const MicroOperand& arg) 
   return address(row_stream(arg.index), arg.dx);
 }
 
-// The mask register that says where the operand is true.
+// Puts the operand's truth value (non-zero) into a mask register and pins it.
 int StageAssembler::mask_operand(const MicroOperand& arg) {
   RegisterAssignment* temp = arg.kind == MicroOperand::Kind::kTemp ? &temps_[arg.index] : nullptr;
   int k = temp != nullptr ? temp->mask_register : -1;
@@ -141,7 +141,7 @@ void StageAssembler::release_use(const MicroOperand& arg) {
   }
 }
 
-// What only the operation at hand needed.
+// Releases the registers that only the current operation needed, and all pins.
 void StageAssembler::release_temporaries() {
   free_vectors_.insert(free_vectors_.end(), temporaries_.begin(), temporaries_.end());
   free_masks_.insert(free_masks_.end(), temporary_masks_.begin(), temporary_masks_.end());

@@ -14,20 +14,21 @@ namespace {
 constexpr std::size_t kInitialCodeBytes = 4096;
 constexpr int kVectorRegisters = 32;
 constexpr int kMaskRegisters = 8;            // k0 cannot be a predicate
-constexpr std::size_t kMaxWindows = 5;       // lines whose neighbouring vectors are kept
-constexpr int kMaxFixedVectors = 10;         // vectors that hold scalars and constants throughout
-constexpr int kMaxFixedVectorsMultiRow = 6;  // the same, of several rows at once
+constexpr std::size_t kMaxWindows = 5;       // row streams with a sliding window
+constexpr int kMaxFixedVectors = 10;         // registers that hold scalars and constants throughout
+constexpr int kMaxFixedVectorsMultiRow = 6;  // the same, with several rows per iteration
 constexpr int kVectorBytes = 64;
-constexpr std::uint32_t kMaxUnrolledVectors = 8;  // vectors
-constexpr std::uint32_t kMaxUnrolledBodies = 16;  // vectors times rows in one turn of the inner loop
+constexpr std::uint32_t kMaxUnrolledVectors = 8;
+constexpr std::uint32_t kMaxUnrolledBodies = 16;  // vectors times rows per iteration of the inner loop
 
-// The call's address and the bytes of a row lie on the stack, to leave registers to the lines.
+// Stack frame: the call's address, the bytes of a row and the remaining iterations are kept in memory to leave
+// the registers to row pointers.
 constexpr int kCallStackOffset = 0, kRowBytesStackOffset = 8, kIterationsStackOffset = 16, kStackBytes = 24;
 
 const std::array<Reg64, 6> kCalleeSaved{Xbyak::util::rbx, Xbyak::util::rbp, Xbyak::util::r12,
                                         Xbyak::util::r13, Xbyak::util::r14, Xbyak::util::r15};
 const Reg64 kColumnRegister = Xbyak::util::rcx;
-// The last one holds the scalars' address where a loop needs it.
+// The last register holds the address of the scalar slots if the loop needs it.
 const std::array<Reg64, kMaxRowStreams> kRowPointerRegisters{
     Xbyak::util::rax, Xbyak::util::rbx, Xbyak::util::rbp, Xbyak::util::r8,  Xbyak::util::r9,
     Xbyak::util::r10, Xbyak::util::r11, Xbyak::util::r12, Xbyak::util::r13, Xbyak::util::r14,
@@ -85,7 +86,7 @@ bool StageAssembler::needs_boolean_constants() const {
   });
 }
 
-// The highest vectors keep the constants, then the scalars as far as they go.
+// The highest vector registers hold the constants, then as many scalars as fit.
 void StageAssembler::allocate_fixed_registers() {
   const int max_registers = rows_per_iteration_ > 1 ? kMaxFixedVectorsMultiRow : kMaxFixedVectors;
   int next = kVectorRegisters - 1;
@@ -109,8 +110,9 @@ void StageAssembler::allocate_fixed_registers() {
   for (int k = 1; k < kMaskRegisters; ++k) free_masks_.push_back(k);
 }
 
-// A row that is read to the west or east too passes through three vectors, one load for each of its own: a
-// load that straddles two cache lines costs two.
+// A row that is also read at west or east offsets gets a sliding window of three registers: one aligned load
+// per vector, and shifted vectors are assembled from the window. An unaligned load that straddles two cache
+// lines would cost two.
 void StageAssembler::allocate_windows() {
   for (const auto& [key, load] : loads_) {
     if (key.second == 0 || windows_.count(key.first) > 0 || windows_.size() == kMaxWindows) continue;
@@ -141,7 +143,7 @@ void StageAssembler::emit_prologue() {
   mov(rsi, ptr[rdi + offsetof(StageCall, scalar_slots)]);
   for (const auto& [slot, value] : scalars_)
     if (value.vector_register >= 0) vbroadcastss(Zmm(value.vector_register), ptr[rsi + slot * sizeof(float)]);
-  mov(rcx, rdi);  // two lines' pointers may take the place of these
+  mov(rcx, rdi);  // rdi and rsi may become row pointers
   for (std::uint32_t i = 0; i < row_streams_.size(); ++i)
     mov(row_pointer(i), ptr[rcx + offsetof(StageCall, row_start) + i * sizeof(float*)]);
 }
@@ -197,19 +199,19 @@ void StageAssembler::emit_row(std::uint32_t row) {
   }
 }
 
-// West and own of the next vector to where the loop's start has them; `now` has turned some times.
+// Moves the west and centre vectors back to the registers of the loop start, after rotations of the window.
 void StageAssembler::emit_window_restore(const SlidingWindow& start, const SlidingWindow& current) {
-  if (current.centre == start.centre) return;  // whole turns
-  if (current.west == start.centre) {          // one turn: own is where east was
+  if (current.centre == start.centre) return;  // a multiple of three rotations
+  if (current.west == start.centre) {          // one rotation: the centre is in the east register
     vmovaps(Zmm(start.west), Zmm(current.west));
     vmovaps(Zmm(start.centre), Zmm(current.centre));
-  } else {  // two turns: own is where west was
+  } else {  // two rotations: the centre is in the west register
     vmovaps(Zmm(start.centre), Zmm(current.centre));
     vmovaps(Zmm(start.west), Zmm(current.west));
   }
 }
 
-// Short rows are one piece of code, longer ones loops over four vectors.
+// Short rows are fully unrolled, longer ones by up to four vectors.
 std::uint32_t StageAssembler::unroll_factor(std::uint32_t vectors) const {
   const std::uint32_t max_unrolled = std::min(kMaxUnrolledVectors, kMaxUnrolledBodies / rows_per_iteration_);
   if (vectors <= max_unrolled) return std::max(vectors, 1U);

@@ -16,16 +16,16 @@ namespace apron::vm {
 
 class StageAssembler : private Xbyak::CodeGenerator {
  public:
-  // The stage needs more registers than there are.
+  // Thrown if the stage needs more registers than the CPU has, or contains an unsupported operation.
   struct CannotCompile {};
 
-  // rows: of one turn. vectors: those in every row are a multiple of this. Throws DoesNotFit or Xbyak::Error.
-  // The stage must outlive this.
+  // Generates the code. `rows` is the number of rows per iteration; the number of vectors per row must be a
+  // multiple of `vectors`. The stage must outlive the assembler. Throws CannotCompile or Xbyak::Error.
   StageAssembler(const Stage& stage, std::uint32_t rows, std::uint32_t vectors);
   StageAssembler(const StageAssembler&) = delete;
   StageAssembler& operator=(const StageAssembler&) = delete;
 
-  // The rows that it reads and writes, relative to a turn's first: one StageCall::first each.
+  // The rows that an iteration reads and writes, relative to its first row; one StageCall::row_start each.
   const std::vector<RowStream>& row_streams() const noexcept { return row_streams_; }
   void (*entry_point() const noexcept)(const StageCall*) { return entry_point_; }
 
@@ -34,7 +34,7 @@ class StageAssembler : private Xbyak::CodeGenerator {
   using Opmask = Xbyak::Opmask;
   using Zmm = Xbyak::Zmm;
 
-  // Predicates of vcmpps. A NaN is true: NEQ_UQ.
+  // Predicates of vcmpps. With a NaN, only kNotEqual (NEQ_UQ) is true.
   enum Compare : std::uint8_t {
     kEqual = 0,
     kNotEqual = 4,
@@ -44,17 +44,17 @@ class StageAssembler : private Xbyak::CodeGenerator {
     kGreaterEqual = 29
   };
 
-  // What a vector register holds, or where a value is.
+  // The registers that hold a value, or -1.
   struct RegisterAssignment {
     int vector_register = -1;
     int mask_register = -1;
-    std::size_t remaining_uses = 0;  // to come
+    std::size_t remaining_uses = 0;
   };
-  // Three neighbouring vectors of a row.
+  // Vector registers of three adjacent vectors of a row.
   struct SlidingWindow {
     int west = -1, centre = -1, east = -1;
   };
-  using LoadKey = std::pair<std::uint32_t, int>;  // line, dx
+  using LoadKey = std::pair<std::uint32_t, int>;  // row stream, dx
 
   // ---- the loops: StageAssembler.cpp ----
   void find_row_streams();
@@ -75,13 +75,13 @@ class StageAssembler : private Xbyak::CodeGenerator {
     return row_stream_of_[current_row_ * stage_.streams.size() + stream];
   }
 
-  // ---- registers and operands: StageOperands.cpp ----
+  // ---- registers and operands: RegisterAllocation.cpp ----
   Zmm allocate_vector();
   void evict_load();
   bool is_pinned(int vector) const;
   int allocate_mask();
   void materialize_mask(RegisterAssignment& temp);
-  Address address(std::uint32_t row_stream, int cells) const;  // of a cell so many to the east
+  Address address(std::uint32_t row_stream, int cells) const;  // `cells` east of the current vector
   int load_vector(std::uint32_t row_stream, int cells);
   Zmm vector_operand(const MicroOperand& arg);
   int mask_operand(const MicroOperand& arg);
@@ -95,7 +95,7 @@ class StageAssembler : private Xbyak::CodeGenerator {
   Zmm one_register() const { return constant_register(kOneBits); }
   bool is_memory_operand(const MicroOperand& arg) const;
   Address memory_operand(const MicroOperand& arg) const;
-  // emit(the operand as a vector, or as the memory where it lies if nobody needs it again).
+  // Calls emit() with the operand in a vector register, or with its memory operand if it has no further use.
   template <class Emit>
   void with_operand(const MicroOperand& arg, const Emit& emit) {
     if (is_memory_operand(arg))
@@ -104,7 +104,7 @@ class StageAssembler : private Xbyak::CodeGenerator {
       emit(vector_operand(arg));
   }
 
-  // ---- one operation each: StageOperations.cpp ----
+  // ---- operations: InstructionSelection.cpp ----
   void emit_operation(std::size_t index);
   void emit_opcode(const MicroOp& op, RegisterAssignment& y);
   void emit_compare(const MicroOp& op, RegisterAssignment& y);
@@ -126,18 +126,18 @@ class StageAssembler : private Xbyak::CodeGenerator {
   const Stage& stage_;
   const std::uint32_t rows_per_iteration_;
   std::vector<RowStream> row_streams_;
-  std::vector<std::uint32_t> row_stream_of_;  // by row of a turn, then stream
-  std::uint32_t unroll_factor_ = 1;           // vectors that one turn of the inner loop makes
-  int displacement_bytes_ = 0;                // bytes from the column register to the vector at hand
-  std::uint32_t current_row_ = 0;             // at hand
+  std::vector<std::uint32_t> row_stream_of_;  // indexed [row of the iteration][stream]
+  std::uint32_t unroll_factor_ = 1;           // vectors per iteration of the inner loop
+  int displacement_bytes_ = 0;                // from the column register to the current vector
+  std::uint32_t current_row_ = 0;
   std::vector<RegisterAssignment> temps_;
   std::map<LoadKey, RegisterAssignment> loads_;
-  std::map<std::uint32_t, SlidingWindow> windows_;  // by line
-  std::map<std::uint32_t, RegisterAssignment> scalars_, constants_;
-  bool needs_scalar_pointer_ = false;  // inside the loop
+  std::map<std::uint32_t, SlidingWindow> windows_;                   // by row stream
+  std::map<std::uint32_t, RegisterAssignment> scalars_, constants_;  // by scalar slot, by bit pattern
+  bool needs_scalar_pointer_ = false;                                // inside the loop
   std::vector<int> free_vectors_, free_masks_;
-  std::vector<int> pinned_vectors_, pinned_masks_;  // by the operation at hand
-  std::vector<int> temporaries_, temporary_masks_;  // that it frees
+  std::vector<int> pinned_vectors_, pinned_masks_;  // in use by the current operation
+  std::vector<int> temporaries_, temporary_masks_;  // released after the current operation
   void (*entry_point_)(const StageCall*) = nullptr;
 };
 

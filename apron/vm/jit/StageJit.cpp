@@ -21,7 +21,7 @@ bool cpu_supports_avx512() {
   return kFits;
 }
 
-// Whether rows that follow each other read the same memory.
+// Whether successive rows read the same memory, so that computing several per iteration saves loads.
 bool has_row_reuse(const Stage& stage) {
   std::set<std::uint32_t> stores;
   return std::any_of(stage.streams.begin(), stage.streams.end(),
@@ -36,7 +36,7 @@ std::optional<StageJit::CompiledLoop> assemble(const Stage& stage, std::uint32_t
   } catch (const StageAssembler::CannotCompile&) {
     return std::nullopt;
   } catch (const Xbyak::Error&) {
-    return std::nullopt;  // no memory that may be executed
+    return std::nullopt;  // no executable memory
   }
 }
 

@@ -18,13 +18,14 @@ std::uint32_t ConnectedComponents::find_root(std::uint32_t run) noexcept {
   return run;
 }
 
-// Joins the runs from `here` to the end with those from `above` to `here` that they touch.
+// Unites each run of the current row, [this_row, end), with the overlapping runs of the row above, [row_above,
+// this_row).
 void ConnectedComponents::union_with_row_above(std::uint32_t row_above, std::uint32_t this_row) noexcept {
   const auto end = static_cast<std::uint32_t>(runs_.size());
   for (std::uint32_t a = row_above, b = this_row; a < this_row && b < end;) {
     if (runs_[a].last > runs_[b].first && runs_[b].last > runs_[a].first) {
       const std::uint32_t ra = find_root(a), rb = find_root(b);
-      // The earlier run is the root: objects keep theirs as they grow south.
+      // The earlier run is the root.
       const std::uint32_t to = std::min(ra, rb), from = std::max(ra, rb);
       runs_[to].value = std::max(runs_[ra].value, runs_[rb].value);
       runs_[from].parent = to;
@@ -80,7 +81,7 @@ void ConnectedComponents::flood(Plane y, ConstPlane seed, ConstPlane mask) noexc
 
 void ConnectedComponents::spread_max(Plane y, ConstPlane a, ConstPlane mask,
                                      const KernelTable& kernels) noexcept {
-  const RowReduction largest = kernels.reduction(Reduction::kMax);  // passes over NaN
+  const RowReduction largest = kernels.reduction(Reduction::kMax);  // ignores NaN
   label_components(mask, [&](std::uint32_t row, std::uint32_t first, std::uint32_t last) {
     float value = 0.0F;
     largest(a.row(row) + first, 0, 1, last - first, &value);
@@ -91,7 +92,7 @@ void ConnectedComponents::spread_max(Plane y, ConstPlane a, ConstPlane mask,
 
 namespace {
 
-// Distances along the rows, several rows at once: each cell waits for the one before it in its own row only.
+// Sweeps several rows at once, east then west: the dependency chains of different rows are independent.
 template <std::uint32_t kRows>
 void sweep_rows(Plane y, std::uint32_t row) noexcept {
   const auto width = static_cast<std::int64_t>(y.width);
@@ -110,7 +111,8 @@ void sweep_rows(Plane y, std::uint32_t row) noexcept {
 
 }  // namespace
 
-// The nearest 0 is so many rows and so many columns away: first the rows, for all columns at once.
+// City-block distance is separable: distances along the columns first, vectorised over a row, then along the
+// rows.
 void distance_transform(Plane y, ConstPlane a) noexcept {
   for (std::uint32_t row = 0; row < y.height; ++row) {
     float* to = y.row(row);

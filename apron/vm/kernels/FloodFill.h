@@ -10,23 +10,24 @@
 
 namespace apron::vm {
 
-// The connected objects of a mask: runs of neighbouring cells in a row, joined where runs of two rows touch.
+// 4-connected components of a mask: run-based labelling with union-find. Not thread-safe.
 class ConnectedComponents {
  public:
-  // Makes room for every mask of this shape; what follows allocates nothing.
+  // Reserves memory for any mask of this shape, so that the other functions do not allocate.
   void reserve(std::uint32_t width, std::uint32_t height);
 
-  // y = 1 in the objects of the mask that hold a non-zero cell of seed, else 0. y may be seed or mask.
-  void flood(Plane y, ConstPlane seed, ConstPlane mask) noexcept;
-  // y = the largest a of each object of the mask, -0 as 0 and NaN as -infinity, and 0 outside. y may be a or
+  // y = 1 in the components of the mask that contain a non-zero cell of seed, else 0. y may alias seed or
   // mask.
+  void flood(Plane y, ConstPlane seed, ConstPlane mask) noexcept;
+  // y = the largest a of each component of the mask, 0 outside. -0 counts as 0 and NaN as -infinity. y may
+  // alias a or mask.
   void spread_max(Plane y, ConstPlane a, ConstPlane mask, const KernelTable& kernels) noexcept;
 
  private:
   struct Run {
-    std::uint32_t first, last;  // columns, last excluded
-    std::uint32_t parent;       // a run of the same object; itself at its root
-    float value;                // of the object, at the root
+    std::uint32_t first, last;  // columns [first, last)
+    std::uint32_t parent;       // union-find parent; a root is its own parent
+    float value;                // the component's value, valid at its root
   };
   template <class Value>
   void label_components(ConstPlane mask, const Value& value) noexcept;
@@ -35,10 +36,11 @@ class ConnectedComponents {
   void write_values(Plane y) noexcept;
 
   std::vector<Run> runs_;
-  std::vector<std::uint32_t> row_starts_;  // first run of each row, and the end
+  std::vector<std::uint32_t> row_starts_;  // first run of each row, then the number of runs
 };
 
-// y = steps to the nearest cell that is 0, through the 4 neighbours; beyond the edge all are 0. y may be a.
+// y = city-block distance to the nearest cell that is 0; cells beyond the edge are 0. y may alias a. Does not
+// allocate.
 void distance_transform(Plane y, ConstPlane a) noexcept;
 
 }  // namespace apron::vm

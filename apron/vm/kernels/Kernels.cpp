@@ -1,4 +1,4 @@
-// Compiled once per instruction set: foreach_target.h includes this file again for each.
+// Compiled once per instruction set: foreach_target.h re-includes this file for each.
 #include "apron/vm/kernels/Kernels.h"
 
 #include <limits>
@@ -23,13 +23,13 @@ using M = hn::Mask<D>;
 
 HWY_INLINE V zero() { return hn::Zero(D()); }
 HWY_INLINE V one() { return hn::Set(D(), 1.0F); }
-// Not hn::Ne, which holds for a NaN on some targets only.
+// hn::Ne treats NaN differently on some targets.
 HWY_INLINE M differ(V a, V b) { return hn::Not(hn::Eq(a, b)); }
 HWY_INLINE M truth(V a) { return differ(a, zero()); }
 HWY_INLINE V as_number(M m) { return hn::IfThenElseZero(m, one()); }
 
-// a < b ? a : b and a > b ? a : b, which is what the x86 instructions do; elsewhere NaN and signed zeros
-// differ.
+// smaller is a < b ? a : b and larger is a > b ? a : b, which is what the x86 instructions do. Other targets
+// treat NaN and signed zeros differently.
 #if HWY_ARCH_X86 && HWY_TARGET != HWY_EMU128 && HWY_TARGET != HWY_SCALAR
 HWY_INLINE V smaller(V a, V b) { return hn::Min(a, b); }
 HWY_INLINE V larger(V a, V b) { return hn::Max(a, b); }
@@ -39,7 +39,7 @@ HWY_INLINE V trunc_of(V a) { return hn::Trunc(a); }
 #else
 HWY_INLINE V smaller(V a, V b) { return hn::IfThenElse(hn::Lt(a, b), a, b); }
 HWY_INLINE V larger(V a, V b) { return hn::IfThenElse(hn::Gt(a, b), a, b); }
-// The portable versions lose the sign of a zero.
+// The portable implementations lose the sign of zero.
 HWY_INLINE V floor_of(V a) { return hn::CopySign(hn::Floor(a), a); }
 HWY_INLINE V ceil_of(V a) { return hn::CopySign(hn::Ceil(a), a); }
 HWY_INLINE V trunc_of(V a) { return hn::CopySign(hn::Trunc(a), a); }
@@ -99,7 +99,7 @@ void run(const Block& block) noexcept {
   const V scalar_a = hn::Set(d, block.scalar[0]);
   const V scalar_b = hn::Set(d, block.scalar[1]);
   const V scalar_c = hn::Set(d, block.scalar[2]);
-  // Vector stores may alias anything: with copies the compiler need not read the block again after each.
+  // Local copies: vector stores may alias the block, so the compiler would reload its members after each.
   float* y_row = block.y;
   const float *a_row = block.source[0], *b_row = block.source[1], *c_row = block.source[2];
   const float* mask_row = block.mask;
@@ -133,8 +133,8 @@ void fill(KernelTable& table) {
   if constexpr (kScalars + 1 < (1U << Op::kArity)) fill<Op, kScalars + 1>(table);
 }
 
-// ---- reductions: always 16 partial results, however many lanes a vector has
-// ------------------------------------
+// ---- reductions: 16 partial results on every target, so that the order of operations is the same ----
+
 struct SumOp {
   static constexpr float kStart = 0.0F;
   static HWY_INLINE V step(V partial, V cell) { return hn::Add(partial, cell); }

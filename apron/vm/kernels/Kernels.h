@@ -1,7 +1,7 @@
-// The VM's inner loops, behind a table: one entry per element-wise opcode, mix of register and scalar
-// operands, and masked or not; written once and compiled for each instruction set. Every entry gives the same
-// bits on each of them (NaN for NaN): no fused multiply-add, no approximation, libm cell by cell for
-// transcendental functions.
+// Table of the VM's SIMD inner loops, indexed by element-wise opcode, mix of register and scalar operands, and
+// masking. Each kernel is written once and compiled for every instruction set. Results are bit-identical on all
+// of them (except NaN payloads): no fused multiply-add, no approximations, and transcendental functions call
+// libm cell by cell.
 #pragma once
 
 #include <array>
@@ -14,14 +14,14 @@
 
 namespace apron::vm {
 
-// A block of `rows` x `columns` cells of y, a, b, c and mask, each with its own start and pitch (in floats; 0
-// reads one row again and again). y and mask start on 64 bytes; a, b and c anywhere. Kernels may read and
-// write columns up to the next multiple of kLanes. y may be a, b, c or mask; it may not overlap them
-// otherwise.
+// A kernel's arguments: rows x columns cells of y, up to three sources and the mask, each with its own start
+// and pitch (in floats; a source pitch of 0 repeats one row). y and mask are 64-byte aligned; sources need not
+// be. Kernels may read and write columns up to the next multiple of kLanes. y may be identical to a source or
+// the mask, but must not overlap them otherwise.
 struct Block {
   float* y = nullptr;
-  std::array<const float*, program::kMaxOperands> source{};  // null where the operand is a scalar
-  std::array<float, program::kMaxOperands> scalar{};         // used where the operand is a scalar
+  std::array<const float*, program::kMaxOperands> source{};  // null for scalar operands
+  std::array<float, program::kMaxOperands> scalar{};         // values of scalar operands
   const float* mask = nullptr;                               // masked kernels write only where it is non-zero
   std::ptrdiff_t pitch = 0;                                  // of y
   std::array<std::ptrdiff_t, program::kMaxOperands> source_pitch{};
@@ -36,7 +36,7 @@ struct Block {
 
 using Kernel = void (*)(const Block&) noexcept;
 
-// Reduces each row of a to one float, in the order that opcodes.def declares; to[r] is row r's.
+// Reduces each row r of a to one float, to[r], in the order that opcodes.def specifies.
 using RowReduction = void (*)(const float* a, std::ptrdiff_t pitch, std::uint32_t rows, std::uint32_t columns,
                               float* to) noexcept;
 
@@ -49,7 +49,7 @@ inline constexpr std::size_t kOpcodeCount = 0
     ;
 
 struct KernelTable {
-  // [opcode][bit k set: operand k is a scalar][masked]; null for what is not element-wise
+  // Indexed [opcode][bit k set: operand k is a scalar][masked]; null if the opcode is not element-wise.
   std::array<std::array<std::array<Kernel, 2>, 8>, kOpcodeCount> elementwise{};
   std::array<RowReduction, kReductionCount> reductions{};
 
@@ -66,7 +66,7 @@ struct NamedKernelTable {
   std::string_view name;
   const KernelTable* table;
 };
-// Those of every instruction set that this CPU has; for tests and benchmarks.
+// The tables of all instruction sets that this CPU supports; for tests and benchmarks.
 std::vector<NamedKernelTable> kernel_tables();
 
 }  // namespace apron::vm

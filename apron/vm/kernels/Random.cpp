@@ -5,7 +5,7 @@
 namespace apron::vm {
 namespace {
 
-// [0, 1)
+// Uniform in [0, 1), from the upper 24 bits.
 float to_unit_interval(std::uint32_t word) { return static_cast<float>(word >> 8U) * 0x1p-24F; }
 
 float box_muller(const RandomWords& words) {

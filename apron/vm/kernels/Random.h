@@ -13,12 +13,13 @@ using RandomWords = std::array<std::uint32_t, 4>;
 // Philox4x32 with 10 rounds: J. Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC 2011.
 RandomWords philox(RandomWords counter, std::array<std::uint32_t, 2> key) noexcept;
 
-// One random instruction's numbers.
+// The random numbers of one instruction.
 struct RandomStream {
-  std::uint32_t seed = 0;        // the bits of the seed
-  std::uint64_t draw_index = 0;  // random instructions since it was set
+  std::uint32_t seed = 0;        // bit pattern of the float seed
+  std::uint64_t draw_index = 0;  // random instructions executed since the seed was set
 
-  // op: kRandomFloat, kRandomGauss or kRandomInt with operands a, b; as opcodes.def declares.
+  // The value of op (kRandomFloat, kRandomGauss or kRandomInt) with operands a and b, as specified in
+  // opcodes.def.
   float operator()(program::Opcode op, std::uint32_t column, std::uint32_t row, float a,
                    float b) const noexcept;
 };

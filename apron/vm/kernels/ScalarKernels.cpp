@@ -8,7 +8,7 @@ namespace {
 
 using program::Opcode;
 
-// One function pointer per libm function: its overloads and the signature of std::sin(float) vary by library.
+// Wrappers that serve as template arguments: the overloads of the standard functions vary by library.
 float f_sin(float a) { return std::sin(a); }
 float f_cos(float a) { return std::cos(a); }
 float f_tan(float a) { return std::tan(a); }

@@ -6,10 +6,10 @@
 
 namespace apron::vm {
 
-// Sets the entries of sin … exp, pow and atan2. Inactive cells are not computed.
+// Sets the entries of sin to exp, pow and atan2. Inactive cells are not evaluated.
 void add_scalar_kernels(KernelTable& table);
 
-// What an element-wise opcode does to one cell, bit for bit; operands beyond its arity are ignored.
+// Evaluates an element-wise opcode on scalars, bit-identical to its kernel. Ignores operands beyond the arity.
 float evaluate_scalar(program::Opcode op, float a, float b, float c) noexcept;
 
 }  // namespace apron::vm

@@ -38,7 +38,7 @@ struct PlaneShifter {
     kernels.kernel(Opcode::kCopy, from == nullptr ? 1U : 0U, mask != nullptr)(block);
   }
 
-  // Columns [first, last) of the rows, which nothing inside the array moves into.
+  // Columns [first, last) of `rows` rows, whose sources lie beyond the west or east edge.
   void fill_boundary_columns(std::int64_t row, std::int64_t rows, std::int64_t source_row, std::int64_t first,
                              std::int64_t last) const {
     for (std::int64_t x = first; x < last; ++x) {
@@ -56,8 +56,8 @@ struct PlaneShifter {
     }
   }
 
-  // Rows [row, row + rows), which read rows [source_row, …). Whole vectors first, over a little of the
-  // neighbouring padding where that keeps them aligned, then the columns beyond the edge.
+  // Writes rows [row, row + rows) from the rows starting at source_row. Whole vectors come first, starting at
+  // an aligned column, then the boundary columns, which overwrite the excess.
   void shift_rows(std::int64_t row, std::int64_t rows, std::int64_t source_row) const {
     const std::int64_t west = std::clamp<std::int64_t>(offset.dx, 0, width());
     const std::int64_t east = std::clamp<std::int64_t>(width() + offset.dx, 0, width());

@@ -18,12 +18,14 @@ struct Offset {
   std::int64_t dx = 0, dy = 0;  // cells east, cells south
 };
 
-// The cell that index i of an axis of n cells reads under a rule, or -1 for the edge's value.
+// The index in [0, n) that index i of an axis of n cells reads under a boundary rule, or -1 for the boundary
+// value.
 std::int64_t resolve_boundary_index(std::int64_t i, std::int64_t n, program::BoundaryRule rule) noexcept;
 
-// y(x, row) = a(x - dx, row - dy); a cell beyond the edge reads as the rule says, columns and rows each by
-// themselves: replicate: the edge's cell; wrap: the opposite side; reflect: mirrored about the edge's cell,
-// which is not repeated. y is not a, same shape. mask: null, or y's pitch: writes only where it is non-zero.
+// y(x, row) = a(x - dx, row - dy). Indices beyond the edge follow the boundary rule, for columns and rows
+// separately: replicate reads the edge cell, wrap the opposite side, reflect the mirror image about the edge
+// cell (which is not repeated), zero and value a constant. y and a have the same shape and must not alias.
+// mask is null or has y's pitch: only its non-zero cells are written. Does not allocate.
 void shift(Executor& executor, Plane y, ConstPlane a, Offset offset, BoundaryCondition boundary,
            const float* mask) noexcept;
 

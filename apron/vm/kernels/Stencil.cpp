@@ -6,7 +6,7 @@ namespace {
 using program::BoundaryRule;
 using program::Opcode;
 
-// A plane that goes on beyond its edges.
+// A plane extended beyond its edges by a boundary condition.
 struct BoundaryView {
   ConstPlane plane;
   BoundaryRule rule;
@@ -39,7 +39,8 @@ struct All {
   static float join(float a, float b) noexcept { return a != 0.0F && b != 0.0F ? 1.0F : 0.0F; }
 };
 
-// `cell(x, y)` gives a cell within one step; inside the array a pointer does, at its edge a Field.
+// Reduces the neighbours of (x, y) in the order that opcodes.def specifies. cell(x, y) reads a cell: directly
+// inside the array, through a BoundaryView at its edge.
 template <class Op, bool kEight, class Cell>
 float join(const Cell& cell, std::int64_t x, std::int64_t y) noexcept {
   const auto sides = [&](std::int64_t row) { return Op::join(cell(x - 1, row), cell(x + 1, row)); };

@@ -10,18 +10,19 @@
 
 namespace apron::vm {
 
-// op: kNearSum to kNearAll; eight: all eight neighbours, else the direct four. y is not a, same shape. mask:
-// null, or y's pitch: writes only where it is non-zero. No allocation.
+// Reduces the 8 or 4 neighbours of every cell of a, excluding the cell itself. op is kNearSum to kNearAll. y
+// and a have the same shape and must not alias. mask is null or has y's pitch: only its non-zero cells are
+// written. Does not allocate.
 void reduce_neighbours(Executor& executor, program::Opcode op, bool eight_connected, Plane y, ConstPlane a,
                        BoundaryCondition boundary, const float* mask) noexcept;
 
-// elements: width x height, row by row.
+// Non-owning view of a filter: width x height coefficients, row-major.
 struct FilterView {
   std::uint32_t width = 0, height = 0;
   const float* coefficients = nullptr;
 };
 
-// y is not a, same shape; mask as above. No allocation.
+// Correlates a with the filter. Preconditions as for reduce_neighbours(). Does not allocate.
 void apply_filter(Executor& executor, const FilterView& filter, Plane y, ConstPlane a,
                   BoundaryCondition boundary, const float* mask) noexcept;
 
