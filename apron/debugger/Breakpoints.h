@@ -14,31 +14,32 @@ namespace apron::debugger {
 struct Breakpoint {
   enum class Kind : std::uint8_t { kLine, kTick, kCondition };
   Kind kind = Kind::kLine;
-  std::string file;        // of a line, as Program::files has it
-  std::uint32_t line = 0;  // from 1
-  std::uint64_t tick = 0;  // stop when so many surface.step are complete
-  std::string condition;   // as typed
+  std::string file;        // kLine: an entry of Program::files
+  std::uint32_t line = 0;  // kLine: 1-based
+  std::uint64_t tick = 0;  // kTick: stop after this many completed surface.step
+  std::string condition;   // kCondition: the text the user typed
   bool enabled = true;
 
   bool operator==(const Breakpoint&) const = default;
 };
 
-// Belongs to one program; numbers are indices into the list that it was made of.
+// The breakpoints of one program. Breakpoints are identified by their index in the list passed to the
+// constructor.
 class Breakpoints {
  public:
   Breakpoints() = default;
-  // questions: of the conditions in their order, one each (see Condition). world must outlive this, program
-  // too.
+  // conditions: one compiled program per breakpoint of kind kCondition, in list order (see Condition).
+  // program and host must outlive this.
   Breakpoints(std::vector<Breakpoint> breakpoints, std::vector<program::Program> conditions,
               const program::Program& program, const vm::Host& host);
 
-  // Whether instructions must be run one at a time to meet them.
+  // Whether detecting a hit requires executing one instruction at a time.
   bool needs_single_steps() const noexcept { return needs_single_steps_; }
-  // Of a condition that holds now, only its becoming true again counts.
+  // Conditions trigger on a false-to-true edge: one that holds now must become false first.
   void rearm_conditions(const vm::Vm& vm);
-  // After the instruction `last` was run: the breakpoint that this met, if any.
+  // The line or condition breakpoint hit by executing the instruction `last`. Call after each instruction.
   std::optional<std::size_t> hit_by_instruction(const vm::Vm& vm, std::size_t last);
-  // After a tick was completed: those of ticks.
+  // The tick breakpoint hit when `ticks` ticks are complete.
   std::optional<std::size_t> hit_by_tick(std::uint64_t ticks) const noexcept;
 
  private:
@@ -49,7 +50,7 @@ class Breakpoints {
   };
 
   std::vector<Breakpoint> breakpoints_;
-  std::vector<std::int32_t> line_breakpoints_;  // by instruction: the breakpoint of its line, or -1
+  std::vector<std::int32_t> line_breakpoints_;  // indexed by instruction: breakpoint on its line, or -1
   std::vector<ConditionBreakpoint> conditions_;
   bool needs_single_steps_ = false;
 };

@@ -11,7 +11,7 @@ std::uint8_t to_byte(float part) { return static_cast<std::uint8_t>(std::lround(
 
 constexpr std::size_t kTableSize = 256;
 
-// Of a value; NaN for NaN.
+// Maps a value to [0, 1], unclamped; NaN stays NaN.
 float normalized_value(common::Palette palette, const ValueRange& range, float value) {
   if (palette == common::Palette::kRaw) return value / 255.0F;
   if (range.high == range.low) return value > range.high ? 1.0F : value - range.low;

@@ -8,7 +8,7 @@ namespace apron::debugger {
 using program::Opcode;
 using vm::HostStatus;
 
-// A question may look at the time and at nothing else outside the program.
+// Answers queries about time and channels, refuses all other access and ignores output.
 class Condition::ReadOnlyHost final : public vm::Host {
  public:
   explicit ReadOnlyHost(const vm::Host& host) : host_(host) {}
@@ -22,7 +22,7 @@ class Condition::ReadOnlyHost final : public vm::Host {
   HostStatus sense(std::string_view, vm::Plane) override { return HostStatus::kRefused; }
   HostStatus actuate(std::string_view, vm::ConstPlane) override { return HostStatus::kRefused; }
   HostStatus actuate(std::string_view, float) override { return HostStatus::kRefused; }
-  HostStatus step() override { return HostStatus::kOk; }  // the end of one answer
+  HostStatus step() override { return HostStatus::kOk; }  // ends one evaluation
   std::optional<double> time_s() const override { return host_.time_s(); }
   std::optional<double> dt_s() const override { return host_.dt_s(); }
   std::optional<double> tick() const override { return host_.tick(); }
@@ -47,7 +47,7 @@ void match_by_name(const std::vector<Named>& condition, const std::vector<Named>
 
 vm::VmOptions condition_vm_options() {
   vm::VmOptions options;
-  options.fusion.enabled = false;  // a handful of instructions
+  options.fusion.enabled = false;  // does not pay for a handful of instructions
   return options;
 }
 
@@ -75,7 +75,7 @@ bool Condition::depends_on(const program::Instruction& instruction) const noexce
   };
   switch (instruction.op) {
     case Opcode::kResSetReg:
-    case Opcode::kResSetVar:  // which one is known only when it runs
+    case Opcode::kResSetVar:  // the destination is known only at run time
     case Opcode::kSurfaceStep:
       return true;
     default:

@@ -12,24 +12,23 @@
 
 namespace apron::debugger {
 
-// The scalar that a question's program writes its answer to, before it comes to surface.step and goes round
-// again.
+// The scalar to which a condition program writes its result before it executes surface.step and loops.
 inline constexpr const char* kResultVariable = "condition.answer";
 
 class Condition {
  public:
-  // `question`: a verified program whose registers and scalars of the watched program's names and shapes
-  // stand for those. Allocates, as a Vm does. world: what surface.time, .dt, .tick and .has ask; it must
-  // outlive this, the program that is watched too.
+  // condition: a verified program. Its registers and scalars that share name and shape with those of debuggee
+  // receive their values. host answers surface.time, .dt, .tick and .has; host and debuggee must outlive
+  // this. Allocates a Vm.
   Condition(program::Program condition, const program::Program& debuggee, const vm::Host& host);
   ~Condition();
   Condition(Condition&&) noexcept;
   Condition& operator=(Condition&&) noexcept;
 
-  // Whether that instruction may change the answer.
+  // Whether executing the instruction may change the result.
   bool depends_on(const program::Instruction&) const noexcept;
-  // Non-zero is yes. What the question itself gets wrong, such as a pixel outside the array, is no. No
-  // allocation.
+  // True if the result is non-zero. A condition that fails, for example by reading a pixel outside the array,
+  // is false. Does not allocate.
   bool evaluate(const vm::Vm& debuggee);
 
  private:

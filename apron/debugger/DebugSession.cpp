@@ -6,7 +6,7 @@
 namespace apron::debugger {
 namespace {
 
-// So that a person can stop a program that never leaves a line.
+// Limits a line step, so that the user can stop a program that never leaves the line.
 constexpr std::uint64_t kMaxStepInstructions = 1'000'000;
 
 SampledRegister sample_register(const vm::Vm& vm, std::size_t reg, std::uint32_t max_edge) {

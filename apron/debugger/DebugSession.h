@@ -19,34 +19,34 @@ namespace apron::debugger {
 
 enum class StepUnit : std::uint8_t { kInstruction, kLine, kTick };
 
-// By instruction: what is one line to the person (see Listing::groups()).
+// Indexed by instruction: the group executed by one line step (see Listing::groups()).
 using InstructionGroups = std::vector<std::uint32_t>;
 
-// Held at first. Not thread-safe. What it is told to do is done by advance().
+// Starts paused. Commands only change the state; advance() executes instructions. Not thread-safe.
 class DebugSession {
  public:
-  // host must outlive it. on_hold(true) is called when the program is held or over, and at once,
-  // on_hold(false) when it goes on. The program must have passed verify(). Throws std::bad_alloc.
+  // program must have passed verify(); host must outlive this. on_pause(true) is called by the constructor
+  // and whenever the program pauses or finishes, on_pause(false) whenever it resumes. Throws std::bad_alloc.
   DebugSession(program::Program program, const vm::VmOptions& options, vm::Host& host,
                std::function<void(bool)> on_pause = {});
 
   void run();
   void pause();
   void step(StepUnit unit, InstructionGroups groups = {});
-  // A line, then `period` to look at it, and so on.
+  // Steps by line; the driver of advance() waits `period` between lines (see walk_period()).
   void walk(std::chrono::milliseconds period, InstructionGroups groups);
-  // As before the first instruction, held or running as before. Breakpoints stay.
+  // Restarts the program and keeps breakpoints. A running or walking session keeps running; otherwise pauses.
   void reset();
-  // The same with another program, whose breakpoints must be set anew.
+  // Like reset() with another program. Clears the breakpoints; a walking session pauses.
   void replace(program::Program program);
   void set_breakpoints(std::vector<Breakpoint> breakpoints, std::vector<program::Program> condition_programs);
-  // Over after so many surface.step.
+  // The session finishes after this many completed surface.step.
   void limit_ticks(std::uint64_t ticks) { tick_limit_ = ticks; }
   void probe_cell(const Cell& cell) { probe_.select_cell(cell); }
   void set_profiling(bool enabled);
 
-  // Goes on until a tick is complete, the step is, or something stops it. When the stop flag of the options
-  // was raised it comes back in the mode it was in, and the next call goes on.
+  // Executes until a tick or the step completes, a breakpoint is hit or the program ends; returns at once
+  // unless active(). If VmOptions::stop interrupts it, the state is unchanged and the next call resumes.
   void advance();
 
   ExecutionState state() const noexcept { return state_; }

@@ -1,4 +1,4 @@
-// A program's state as plain values, drawn while the program continues.
+// A copy of a program's state, read by the user interface while the program continues.
 #pragma once
 
 #include <cstdint>
@@ -12,25 +12,25 @@
 namespace apron::debugger {
 
 enum class ExecutionState : std::uint8_t {
-  kPaused,  // until somebody says otherwise
+  kPaused,
   kRunning,
-  kStepping,  // a step is not complete, for the surface has not answered yet
-  kWalking,   // line by line
-  kFinished,  // ended, or failed
+  kStepping,  // a step is in progress; it may be waiting for the surface
+  kWalking,   // stepping line by line on a timer
+  kFinished,  // ended or failed
 };
 
-// What to copy.
+// What a snapshot includes. Registers are indices into Program::registers; unknown ones are ignored.
 struct SnapshotRequest {
-  std::optional<std::size_t> full;      // a register, all of its cells
-  std::vector<std::size_t> thumbnails;  // registers, with at most small_edge columns and rows
+  std::optional<std::size_t> full;      // at full resolution
+  std::vector<std::size_t> thumbnails;  // at most max_thumbnail_edge columns and rows
   std::uint32_t max_thumbnail_edge = 96;
-  std::vector<std::size_t> tiles;  // registers, with at most tile_edge columns and rows
+  std::vector<std::size_t> tiles;  // at most max_tile_edge columns and rows
   std::uint32_t max_tile_edge = 512;
   bool include_probe = false, include_profile = false;
 };
 
-// Some or all cells of a register, row by row from the north-west. Of a larger one each cell stands for a
-// square of step x step, of which it is the north-western one.
+// A register subsampled by `stride` along both axes: height x width cells, row-major, row 0 north. Each cell
+// is the north-west cell of its stride x stride block.
 struct SampledRegister {
   std::size_t reg = 0;
   std::uint32_t width = 0, height = 0, stride = 1;
@@ -38,21 +38,21 @@ struct SampledRegister {
 };
 
 struct DebugSnapshot {
-  std::uint64_t program_id = 0;  // changes with the program
-  std::size_t instruction = 0;   // the one to come
-  std::uint64_t ticks = 0;       // surface.step complete
+  std::uint64_t program_id = 0;  // incremented when the program is replaced
+  std::size_t instruction = 0;   // next to execute
+  std::uint64_t ticks = 0;       // completed surface.step
   std::optional<double> time_s, surface_tick;
   ExecutionState mode = ExecutionState::kPaused;
-  std::optional<std::size_t> hit;  // the breakpoint that it is held at
+  std::optional<std::size_t> hit;  // index of the breakpoint that paused the program
   vm::Status status = vm::Status::kRunning;
-  std::string error;             // one line; of a program that failed
-  std::vector<float> variables;  // by number
+  std::string error;             // one line; empty unless the program failed
+  std::vector<float> variables;  // indexed like Program::variables
   std::optional<SampledRegister> full;
   std::vector<SampledRegister> thumbnails, tiles;
-  Cell cell;
-  std::vector<Neighbourhood> neighbourhoods;    // of the cell, by register
-  std::vector<Probe::Record> history;           // of the cell
-  std::vector<vm::InstructionProfile> profile;  // by instruction
+  Cell cell;                                    // probed
+  std::vector<Neighbourhood> neighbourhoods;    // of the probed cell, indexed by register
+  std::vector<Probe::Record> history;           // of the probed cell, oldest first
+  std::vector<vm::InstructionProfile> profile;  // indexed by instruction
 };
 
 }  // namespace apron::debugger

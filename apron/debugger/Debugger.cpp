@@ -5,7 +5,7 @@
 namespace apron::debugger {
 namespace {
 
-// A tick's end is no reason to stop for what looks for a line.
+// Line and instruction steps continue across the end of a tick.
 bool is_resumable(vm::Status status) { return status == vm::Status::kRunning || status == vm::Status::kTick; }
 
 template <class Named>

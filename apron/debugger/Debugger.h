@@ -12,45 +12,44 @@
 namespace apron::debugger {
 
 struct SourcePosition {
-  std::size_t instruction = 0;  // the one to come
+  std::size_t instruction = 0;  // next to execute
   std::string file;
-  std::uint32_t line = 0;  // from 1; 0: the instruction has no place in a source
+  std::uint32_t line = 0;  // 1-based; 0 if the instruction has no source location
 };
 
-// Not thread-safe; the VM must outlive it. A status is the VM's: kBudget when the debugger stopped where it
-// was told to and the program can go on.
+// Not thread-safe; the VM must outlive it. Functions return the VM's status; kRunning means that the debugger
+// stopped as requested and the program can continue.
 class Debugger {
  public:
   explicit Debugger(vm::Vm& vm) : vm_(vm) {}
 
-  // One instruction.
   vm::Status step_instruction();
-  // Until the program comes to another source line.
+  // Runs until the program reaches another source line.
   vm::Status step_line();
-  // Until the program comes to the line (again, if it is there now), at most `budget` instructions.
-  // `file` as Program::files has it.
+  // Runs until the program reaches the line (again, if it is there now), at most `budget` instructions.
+  // file: an entry of Program::files.
   vm::Status run_to_line(std::string_view file, std::uint32_t line, std::uint64_t budget = kUnlimited);
-  // Until `ticks` more surface.step are complete: then kTick.
+  // Runs until `ticks` more surface.step are complete, and then returns kTick.
   vm::Status run_ticks(std::uint64_t ticks);
 
-  // Until a tick is complete (kTick) or a breakpoint is met (kBudget, or kTick with the tick that met it);
-  // hit() tells which. At full speed as long as no breakpoint needs a look at every instruction.
+  // Runs until a tick completes (kTick) or a breakpoint is hit (kRunning, or kTick if that tick hit it); see
+  // hit(). Runs at full speed unless breakpoints.needs_single_steps().
   vm::Status run(Breakpoints& breakpoints);
-  // The same until the program comes to an instruction of another group than the one to come, at most
-  // `budget` instructions: then kBudget. groups: by instruction, such as the rows of a listing.
+  // Like run(), but also stops with kRunning at the first instruction of another group, or after `budget`
+  // instructions. groups: indexed by instruction, such as the rows of a listing.
   vm::Status step_group(const std::vector<std::uint32_t>& groups, Breakpoints& breakpoints,
                         std::uint64_t budget = kUnlimited);
-  // The breakpoint that ended the last call of these two, if one did.
+  // The breakpoint that ended the last run() or step_group(), if any.
   const std::optional<std::size_t>& hit() const noexcept { return hit_; }
-  void clear_hit() noexcept { hit_.reset(); }  // the list has changed
-  // surface.step completed by these two and by step().
+  void clear_hit() noexcept { hit_.reset(); }  // call when the breakpoint list changes
+  // surface.step completed through this debugger.
   std::uint64_t ticks() const noexcept { return ticks_; }
 
   SourcePosition position() const;
-  // By the name in the source; nothing if there is none of that name. The plane is live: it may be written.
+  // By source name; nullopt if unknown. The plane refers to the VM's cells and may be written.
   std::optional<vm::Plane> find_register(std::string_view name) const;
   std::optional<float> find_variable(std::string_view name) const;
-  // One cell a number, rows divided by line ends, for a console.
+  // Numbers separated by spaces, one line per row.
   static std::string format_plane(const vm::Plane& plane);
 
   static constexpr std::uint64_t kUnlimited = std::numeric_limits<std::uint64_t>::max();

@@ -5,7 +5,7 @@
 namespace apron::debugger {
 namespace {
 
-// A program that prints without line ends must not fill the memory.
+// Breaks longer lines, because a program that prints no line ends would exhaust memory.
 constexpr std::size_t kMaxColumns = 4000;
 
 }  // namespace
@@ -53,7 +53,7 @@ Appearance& FrontPanel::appearance_of(std::string_view reg) {
   return found != state_.appearances.end() ? found->second : state_.appearances[std::string(reg)];
 }
 
-// Whether that is news: a program shows the same ones in every round.
+// Whether the state changed; programs repeat the same calls in every iteration.
 bool FrontPanel::mark_shown(std::string_view reg, std::string_view title) {
   Appearance& appearance = appearance_of(reg);
   if (appearance.shown && appearance.title == title) return false;

@@ -16,13 +16,13 @@
 
 namespace apron::debugger {
 
-// How the program wants a register to be shown.
+// The display settings that the program requests for a register.
 struct Appearance {
   bool shown = false;     // by sim.show or sim.display
   bool enlarged = false;  // by sim.show
   std::string title;
   std::optional<common::Palette> palette;
-  std::optional<ValueRange> range;  // else found out from the cells
+  std::optional<ValueRange> range;  // nullopt: automatic
 };
 
 class FrontPanel {
@@ -30,18 +30,18 @@ class FrontPanel {
   static constexpr std::size_t kMaxLines = 2000;
 
   struct State {
-    std::deque<std::string> console = {
-        std::string()};             // whole lines, the oldest first, and last the one being written
-    std::uint64_t total_lines = 1;  // ever begun
+    // The latest kMaxLines lines, oldest first; the last one may be incomplete.
+    std::deque<std::string> console = {std::string()};
+    std::uint64_t total_lines = 1;                               // started since construction
     std::vector<std::pair<std::string, std::string>> labels;     // name and text, in order of appearance
-    std::map<std::string, Appearance, std::less<>> appearances;  // by register
-    std::string last_shown;                                      // register
-    std::vector<std::string> tiles;                              // registers, in order of appearance
-    bool tiled = false;                                          // the tiles instead of one large register
-    int tile_columns = 0;                                        // 0: as fits
+    std::map<std::string, Appearance, std::less<>> appearances;  // keyed by register name
+    std::string last_shown;                                      // register of the last sim.show
+    std::vector<std::string> tiles;                              // shown registers, in order of appearance
+    bool tiled = false;                                          // show tiles instead of one large register
+    int tile_columns = 0;                                        // 0: automatic
   };
 
-  // The program's side.
+  // Called by the program.
   void print(std::string_view text);
   void label(std::string_view name, std::string_view text);
   void show(std::string_view reg, std::string_view title);
@@ -51,13 +51,13 @@ class FrontPanel {
   void set_scale(std::string_view reg, float low, float high);
   std::optional<float> parameter(std::string_view name) const;
 
-  // The person's side.
+  // Called by the user interface.
   void set_parameter(std::string_view name, float value);
-  // A line of its own, begun by "- ".
+  // Appends a console line that starts with "- ".
   void note(std::string_view text);
-  // Copies what has changed since `revision`, which is then the present one; false if nothing has.
+  // If the state has changed since `revision`, copies it, updates `revision` and returns true.
   bool copy_if_changed(std::uint64_t& revision, State& state) const;
-  // As before the program ran; sliders and console stay as they are.
+  // Removes everything that the program has set; keeps sliders and console.
   void clear_program();
 
  private:

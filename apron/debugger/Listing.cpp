@@ -56,7 +56,7 @@ void Listing::add_files(const std::vector<SourceText>& texts) {
   }
 }
 
-// A use of a macro shows the lines from the first to the last that it runs.
+// A macro expansion shows the range from the first to the last line that it executes.
 void Listing::add_expansions(const program::Program& program) {
   node_of_expansion_.assign(std::max<std::size_t>(program.expansions.size(), 1), node_of_text_.front());
   for (std::size_t e = 1; e < program.expansions.size(); ++e) {
@@ -67,7 +67,7 @@ void Listing::add_expansions(const program::Program& program) {
   }
   for (const program::SourceLocation& location : program.source_locations)
     if (location.expansion > 0) extend_lines(node_of_expansion_[location.expansion], location);
-  // Inner ones come after those that they are in.
+  // Nested expansions follow the enclosing ones, so iterate backwards to extend the enclosing ranges.
   for (std::size_t e = program.expansions.size(); e-- > 1;) {
     const program::SourceLocation& call = program.expansions[e].call_site;
     const std::uint32_t node = node_of_expansion_[e];
@@ -128,7 +128,7 @@ std::string Listing::title(const Node& node) const {
   return node.macro.empty() ? file : "macro " + node.macro + ", " + file;
 }
 
-// Of the innermost line around it that is shown.
+// The row of the innermost enclosing line that is visible.
 std::uint32_t Listing::visible_row(const LineKey& line_key) const {
   for (std::optional<LineKey> ancestor = line_key; ancestor; ancestor = nodes_[ancestor->first].parent) {
     const auto found = row_of_line_.find(*ancestor);

@@ -6,8 +6,8 @@
 
 namespace apron::debugger {
 
-// All else is the other host's. A slider that the person has not touched has the other host's value. Both
-// must outlive it.
+// Forwards everything else to the inner host, including sliders that the user has not moved. Both must
+// outlive this.
 class PanelHost final : public vm::Host {
  public:
   PanelHost(vm::Host& inner, FrontPanel& panel) : inner_(inner), panel_(panel) {}

@@ -1,4 +1,4 @@
-// One cell with its eight neighbours, through all registers and the latest ticks.
+// Records one cell of all registers over the latest ticks, and reads its neighbourhood.
 #pragma once
 
 #include <array>
@@ -9,7 +9,7 @@
 
 namespace apron::debugger {
 
-// Row by row from the north-west; [4] is the cell itself. NaN beyond the edge.
+// The 3x3 cells around a cell, row-major from the north-west; [4] is the cell itself. NaN beyond the edge.
 using Neighbourhood = std::array<float, 9>;
 
 struct Cell {
@@ -18,31 +18,31 @@ struct Cell {
   bool operator==(const Cell&) const = default;
 };
 
-// By register, as the program numbers them.
+// Indexed like Program::registers.
 std::vector<Neighbourhood> read_neighbourhoods(const vm::Vm& vm, const Cell& cell);
 
-// What the cell held at the end of each tick.
+// The values of one cell at the end of each tick, for the latest kMaxRecords ticks.
 class Probe {
  public:
   static constexpr std::size_t kMaxRecords = 128;
 
   struct Record {
     std::uint64_t tick = 0;
-    std::vector<float> values;  // by register; NaN where it has no such cell
+    std::vector<float> values;  // indexed by register; NaN if the cell is outside it
   };
 
-  // Forgets what another cell held.
+  // Discards the records of another cell.
   void select_cell(const Cell& cell);
   const Cell& cell() const noexcept { return cell_; }
   void record(const vm::Vm& vm, std::uint64_t tick);
   void clear() { records_.clear(); }
-  // The oldest first, at most kTicks.
+  // Oldest first.
   std::vector<Record> records() const;
 
  private:
   Cell cell_;
-  std::vector<Record> records_;  // a ring once it is full
-  std::size_t next_ = 0;
+  std::vector<Record> records_;  // a ring buffer once full
+  std::size_t next_ = 0;         // the slot of the next record, which is the oldest once full
 };
 
 }  // namespace apron::debugger

@@ -57,7 +57,7 @@ void SessionThread::interrupt_if_overdue() {
   if (pending_ && Clock::now() - pending_since_ > kInterruptDelay) interrupt_ = true;
 }
 
-// The orders, the look, and the flag down again.
+// Runs the commands, takes the requested snapshot and lowers the interrupt flag. Releases the lock meanwhile.
 void SessionThread::handle_requests(std::unique_lock<std::mutex>& lock) {
   while (!commands_.empty()) {
     std::vector<std::function<void(DebugSession&)>> commands;
@@ -97,7 +97,7 @@ void SessionThread::run_loop() {
       next_walk = Clock::now() + session_.walk_period();
     }
     lock.unlock();
-    // Without the lock: only the flag says that somebody wants something.
+    // Polls the atomic flag instead of taking the lock after every tick.
     do session_.advance();
     while (session_.state() == ExecutionState::kRunning && !pending_.load(std::memory_order_relaxed));
     lock.lock();

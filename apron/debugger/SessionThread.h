@@ -1,4 +1,4 @@
-// Runs a session on its own thread, so that program and drawing do not wait for each other.
+// Runs a debug session on its own thread, so that the program and the user interface do not block each other.
 #pragma once
 
 #include <atomic>
@@ -13,24 +13,25 @@
 
 namespace apron::debugger {
 
-// All functions are for one other thread, and none of them waits for the program. What is posted and asked
-// for is done between two ticks, or in the middle of one that takes longer than 50 ms, which then goes on.
+// All functions are called by one other thread and do not wait for the program. Commands and snapshot
+// requests are handled between ticks. If a tick delays them by more than 50 ms, interrupt_if_overdue()
+// interrupts it; it resumes afterwards.
 class SessionThread {
  public:
-  // interrupt: the stop flag of the session's VM and host. Both must outlive this.
+  // interrupt: the stop flag of the session's VM and host. Both arguments must outlive this.
   SessionThread(DebugSession& session, std::atomic<bool>& interrupt);
-  // Stops the program where it is.
+  // Interrupts the program and joins the thread.
   ~SessionThread();
   SessionThread(const SessionThread&) = delete;
   SessionThread& operator=(const SessionThread&) = delete;
 
-  // Is called with the session on its thread, in the order posted.
+  // Commands are called on the session's thread, in order.
   void post(std::function<void(DebugSession&)> command);
-  // A look for take(); the latest request counts.
+  // Requests a snapshot for poll_snapshot(); replaces a pending request.
   void request_snapshot(SnapshotRequest request);
-  // Gives the look that was asked for, once it is there; then another may be asked for.
+  // Moves a completed snapshot to `snapshot`; false if there is none.
   bool poll_snapshot(DebugSnapshot& snapshot);
-  // To be called a few times a second: sees to it that a long tick answers.
+  // Call a few times per second, so that a long tick does not delay requests.
   void interrupt_if_overdue();
 
  private:
@@ -43,13 +44,13 @@ class SessionThread {
   std::atomic<bool>& interrupt_;
   std::mutex mutex_;
   std::condition_variable wake_up_;
-  // Guarded by the mutex.
+  // Guarded by mutex_.
   std::vector<std::function<void(DebugSession&)>> commands_;
   SnapshotRequest request_;
   DebugSnapshot snapshot_;
   bool snapshot_requested_ = false, snapshot_ready_ = false, quit_ = false;
-  Clock::time_point pending_since_;   // of the oldest order or request
-  std::atomic<bool> pending_{false};  // there are orders, a request, or the end
+  Clock::time_point pending_since_;   // when the oldest pending command or request arrived
+  std::atomic<bool> pending_{false};  // commands, a request or quit_; written under mutex_, polled without
   std::thread thread_;
 };
 

@@ -6,7 +6,7 @@
 namespace apron::debugger {
 namespace {
 
-// Extremes and counts, without mean and histogram.
+// Fills in extremes and counts only.
 Statistics compute_extremes(const std::vector<float>& cells) noexcept {
   Statistics s;
   for (const float value : cells) {
@@ -24,7 +24,7 @@ Statistics compute_extremes(const std::vector<float>& cells) noexcept {
 
 Statistics compute_statistics(const std::vector<float>& cells) noexcept {
   Statistics s = compute_extremes(cells);
-  // In double: the largest float less the smallest is more than a float holds.
+  // In double, because max - min may overflow a float.
   const double width = double{s.max} - double{s.min};
   double sum = 0.0;
   for (const float value : cells) {

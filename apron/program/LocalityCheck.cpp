@@ -7,7 +7,7 @@
 namespace apron::program {
 namespace {
 
-// The literal behind an operand, 0 for a variable (verify() refuses those where it matters).
+// The value of a literal operand; 0 for a variable, which verify() rejects where the value matters.
 float literal_or_zero(const Program& program, const Operand& operand) noexcept {
   const bool known = operand.kind == OperandKind::kLiteral && operand.index < program.literals.size();
   return known ? program.literals[operand.index] : 0.0F;
@@ -35,7 +35,7 @@ std::string nonlocality_reason(const Program& program, const Instruction& instru
 
 }  // namespace
 
-// A filter of 3x3 is a sum of steps to direct neighbours, as near.sum of 8 is.
+// A filter of at most 3x3 decomposes into steps to direct neighbours, as near.sum of 8 does.
 Locality locality(const Program& program, const Instruction& instruction) noexcept {
   if (instruction.op == Opcode::kFilterDo) {
     const Filter& filter = program.filters[instruction.operands[1].index];

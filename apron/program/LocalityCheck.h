@@ -16,8 +16,8 @@ struct NonLocalInstruction {
   std::string reason;  // one line, e.g. "globalsum needs the whole array"
 };
 
-// In program order; empty for a program that a local array could run. Console and media instructions belong
-// to the host beside the array and are not named. The program must pass verify().
+// Returned in program order; empty for a program that a local array could execute. Console and media
+// instructions run on the host and are not reported. The program must pass verify().
 std::vector<NonLocalInstruction> find_nonlocal_instructions(const Program&);
 
 }  // namespace apron::program

@@ -13,28 +13,29 @@
 namespace apron::program {
 namespace {
 
-using Shape = std::uint64_t;  // width << 32 | height, 0 for "any"
+using Shape = std::uint64_t;  // width << 32 | height; 0 means any shape
 
-// The masks open at an instruction, as a node of a tree of interned stacks; node 0 is "none open".
+// A stack of open masks: a node of a tree of interned stacks, linked to the node without its top. Node 0 is
+// the empty stack.
 struct MaskState {
   std::uint32_t parent = 0;
   std::uint32_t depth = 0;
-  Shape mask_shape = 0;  // of all masks open here
+  Shape mask_shape = 0;  // shape of the register masks on the stack
   bool inverted = false;
 };
 
-// What matters to a routine's callers.
+// A routine's effects that its callers must check.
 struct RoutineSummary {
-  std::size_t max_depth = 0;                                 // masks open at once, relative to the caller
-  std::set<Shape> written_shapes;                            // written where only the caller's masks apply
-  std::vector<std::pair<std::uint32_t, std::size_t>> calls;  // open masks, target
+  std::size_t max_depth = 0;                                 // masks open at once, beyond the caller's
+  std::set<Shape> written_shapes;                            // written under none of the routine's own masks
+  std::vector<std::pair<std::uint32_t, std::size_t>> calls;  // mask state, entry of the callee
 };
 
 bool never_falls_through(Opcode op) {
   return op == Opcode::kJump || op == Opcode::kEnd || op == Opcode::kReturn;
 }
 
-// Index of the label an instruction may go on at, or -1.
+// Index of the instruction's jump or call target, or -1.
 std::int64_t label_target(const Instruction& in) {
   for (const Operand& operand : in.operands) {
     if (operand.kind == OperandKind::kLabel) return operand.index;
@@ -42,6 +43,8 @@ std::int64_t label_target(const Instruction& in) {
   return -1;
 }
 
+// Data-flow analysis of the mask stack. Every instruction must have one entry state on all paths. Routines
+// are analysed with an empty stack; verify_calls() then adds the masks of their callers.
 class MaskVerifier {
  public:
   explicit MaskVerifier(const Program& program)
@@ -175,7 +178,8 @@ class MaskVerifier {
     return routine;
   }
 
-  // Routines called under a mask add to its depth and are bound to its shape, through any chain of calls.
+  // Interprocedural check: a routine called under a mask adds to its depth and must write registers of its
+  // shape, through any chain of calls. Iterates the summaries to a fixed point.
   std::string verify_calls() {
     std::map<std::size_t, RoutineSummary> routines;
     std::vector<std::size_t> entries{0};

@@ -7,9 +7,10 @@
 
 namespace apron::program {
 
-// "" if on every path where, elsewhere and endwhere balance, no routine is left with a where still open, at
-// most kMaxMaskDepth are open at once (callers included), and what is written inside a where has that where's
-// shape; else one line. Operands must already be in range.
+// Returns "" if the checks pass, otherwise one line that describes the error. Checks that where, elsewhere
+// and endwhere balance on every path, no routine returns with a where open, at most kMaxMaskDepth are open at
+// once (including those of callers), and registers written inside a where have its shape. Operands must be in
+// range.
 std::string verify_masks(const Program&);
 
 }  // namespace apron::program

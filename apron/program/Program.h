@@ -1,6 +1,6 @@
 // A compiled APRON program: an immutable list of instructions over registers (2-D float arrays), variables
-// (scalars), literals and texts. The compiler makes it, verify() proves it safe to run, the VM runs it
-// unchecked.
+// (scalars), literals and texts. The compiler produces it, verify() proves it safe, and the VM executes it
+// without further checks.
 #pragma once
 
 #include <array>
@@ -30,7 +30,7 @@ inline constexpr std::size_t kMaxOperands = 3;
 const OpcodeInfo& opcode_info(Opcode) noexcept;
 std::size_t opcode_count() noexcept;
 
-// Edge rule of the shifts, the first operand of kBoundary as a literal.
+// What operations that read neighbours see beyond the edge; the first operand of kBoundary, as a literal.
 enum class BoundaryRule : std::uint8_t { kZero, kReplicate, kWrap, kReflect, kValue };
 
 enum class OperandKind : std::uint8_t {
@@ -47,8 +47,7 @@ enum class OperandKind : std::uint8_t {
 
 struct Operand {
   OperandKind kind = OperandKind::kNone;
-  // Into registers, variables, literals, texts, filters, groups, modules; for a label: the instruction's
-  // index.
+  // Index into the Program table of that kind; for a label, into Program::code.
   std::uint32_t index = 0;
 
   bool operator==(const Operand&) const = default;
@@ -56,9 +55,10 @@ struct Operand {
 
 struct Instruction {
   Opcode op = Opcode::kNop;
-  // Writes to a register obey the active mask; the compiler clears it for temporaries, which nobody can see.
+  // Writes to a register obey the active mask. The compiler clears this for temporaries, which are not
+  // observable.
   bool masked = true;
-  std::uint32_t source_location = 0;  // index into Program::source_locations
+  std::uint32_t source_location = 0;  // into Program::source_locations
   Operand destination;
   std::array<Operand, kMaxOperands> operands{};
 };
@@ -73,44 +73,44 @@ struct Variable {
   float initial_value = 0.0F;
 };
 
-// A slider or switch that the script made.
+// A slider or switch that the script declares.
 struct Parameter {
   std::string name;
   float default_value = 0.0F, low = 0.0F, high = 1.0F;
   bool is_switch = false;
 };
 
-// Elements row by row, as they are before the program runs.
+// A filter's initial coefficients, row-major, row 0 north.
 struct Filter {
   std::string name;
   std::uint32_t width = 0, height = 0;
   std::vector<float> coefficients;
 };
 
-// The elements of a class in their order, for instructions that take one by its number.
+// The registers or variables of a class in order, for instructions that select one by index.
 struct OperandGroup {
   std::string name;
   bool is_variable_group = false;
   std::vector<std::uint32_t> members;  // indices into registers or variables
 };
 
-// Where an instruction came from.
+// The source position of an instruction.
 struct SourceLocation {
-  std::uint32_t file = 0;              // index into Program::files
-  std::uint32_t line = 0, column = 0;  // from 1
-  std::uint32_t expansion = 0;         // index into Program::expansions; 0: not inside a macro
+  std::uint32_t file = 0;              // into Program::files
+  std::uint32_t line = 0, column = 0;  // 1-based
+  std::uint32_t expansion = 0;         // into Program::expansions; 0 if not inside a macro
 
   bool operator==(const SourceLocation&) const = default;
 };
 
-// A use of a macro.
+// One expansion of a macro.
 struct Expansion {
   std::string macro;
-  SourceLocation call_site;  // inside another one, perhaps
+  SourceLocation call_site;  // may be inside an earlier expansion
 };
 
 struct Program {
-  std::vector<Instruction> code;  // never empty: ends with kEnd
+  std::vector<Instruction> code;  // ends with kEnd
   std::vector<Register> registers;
   std::vector<Variable> variables;
   std::vector<float> literals;
@@ -118,37 +118,38 @@ struct Program {
   std::vector<Parameter> parameters;
   std::vector<Filter> filters;
   std::vector<OperandGroup> groups;
-  std::vector<std::string> modules;  // shared objects by name, for the host to find
+  std::vector<std::string> modules;  // names of plugin shared objects; the host resolves them
   std::vector<SourceLocation> source_locations;
-  std::vector<std::string> files;     // as shown to the user
-  std::vector<Expansion> expansions;  // empty without macros; the first stands for none
+  std::vector<std::string> files;     // file names as shown to the user
+  std::vector<Expansion> expansions;  // empty without macros; element 0 is a placeholder for "none"
 };
 
-// Limits, named in the error when hit.
+// Limits. Errors name the limit that was exceeded.
 inline constexpr std::size_t kMaxInstructions = 1'000'000;
 inline constexpr std::size_t kMaxRegisters = 4096;
-inline constexpr std::size_t kMaxCells = std::size_t{1} << 26;        // of one register
-inline constexpr std::size_t kMaxMemoryBytes = std::size_t{1} << 33;  // bytes of all registers
+inline constexpr std::size_t kMaxCells = std::size_t{1} << 26;        // per register
+inline constexpr std::size_t kMaxMemoryBytes = std::size_t{1} << 33;  // all registers together
 inline constexpr std::size_t kMaxCallDepth = 256;
 inline constexpr std::size_t kMaxMaskDepth = 64;
 inline constexpr std::size_t kMaxFilterExtent = 255;    // columns or rows
 inline constexpr std::size_t kMaxStackDepth = 256;      // registers pushed
-inline constexpr std::size_t kMaxPluginArguments = 16;  // of one call
+inline constexpr std::size_t kMaxPluginArguments = 16;  // per call
 
-// "" if every operand is in range and of the kind that its opcode's signature takes, the registers of one
-// instruction share a shape, what reads neighbours is out of place, labels are inside the code, masks balance
-// on every path and the code ends with kEnd; else one line that names the instruction and what is wrong with
-// it.
+// Returns "" if the program is safe to execute, otherwise one line that names the instruction and the error.
+// Checks that every operand is in range and of the kind that the opcode's signature takes, the registers of
+// an instruction have one shape, instructions that read neighbours do not work in place, labels are inside
+// the code, masks balance on every path, the limits above hold, and the code ends with kEnd.
 std::string verify(const Program&);
 
-// One line an instruction: index, mnemonic, operands by name, source line.
+// One line per instruction: index, mnemonic, operands by name, source line. The operands must be in range.
 std::string disassemble(const Program&);
 std::string disassemble(const Program&, std::size_t instruction);
 
-// Whether the destination may not be a source too: what reads other cells than its own.
+// Whether the destination must not be a source as well, because the instruction reads other cells.
 bool requires_out_of_place(Opcode) noexcept;
 
-// What an instruction needs of the array: opcode's locality, with shifts judged by their offsets.
+// The locality of an instruction: its opcode's, except that shifts are classified by their offsets and
+// filters by their size.
 Locality locality(const Program&, const Instruction&) noexcept;
 
 }  // namespace apron::program

@@ -14,7 +14,7 @@ using Kind = OperandKind;
 
 bool same_shape(const Register& a, const Register& b) { return a.width == b.width && a.height == b.height; }
 
-// Checks one instruction's operands; message() is empty while nothing is wrong.
+// Checks one instruction. verify() and every check return "" or a description of the error.
 class InstructionVerifier {
  public:
   InstructionVerifier(const Program& program, const Instruction& instruction)
@@ -232,7 +232,7 @@ std::string verify_sources(const Program& program) {
   }
   for (std::size_t i = 1; i < program.expansions.size(); ++i) {
     const SourceLocation& call = program.expansions[i].call_site;
-    // Each lies inside an earlier one, so that the way out ends.
+    // Each call site is outside macros or inside an earlier expansion, so that chains terminate.
     if (bad_file(call) || call.expansion >= i) return "an expansion's call is out of range";
   }
   return {};

@@ -1,5 +1,5 @@
-// Runs kernels over whole planes, split by rows over the VM's threads. Chunks of rows are disjoint, so results
-// do not depend on the number of threads.
+// Runs kernels over whole planes, split by rows over the VM's threads. Chunks of rows are disjoint, so
+// results do not depend on the number of threads.
 #pragma once
 
 #include <cstddef>

@@ -115,6 +115,7 @@ void MaskStack::pop() {
   update_effective_mask();
 }
 
+// Recomputes the mask in force: the top level, combined with the base mask.
 void MaskStack::update_effective_mask() {
   active_ = levels_.empty() ? Active::kAll : levels_.back().active;
   mask_ = active_ == Active::kSome ? levels_.back().mask : ConstPlane{};

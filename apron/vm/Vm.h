@@ -26,7 +26,7 @@ struct VmOptions {
   unsigned threads = 1;
   // Arrays with fewer cells run on the calling thread.
   std::size_t parallel_cells = std::size_t{1} << 15;
-  // Polled before every instruction, so that a signal handler can stop an endless loop; may be null.
+  // Polled between instructions, so that a signal handler can stop an endless loop; may be null.
   const std::atomic<bool>* stop = nullptr;
   // Null selects the best instruction set of this CPU.
   const KernelTable* kernels = nullptr;

@@ -1,7 +1,7 @@
-// The VM on the workloads that array-processing libraries are compared on: one thread, n x n float registers.
-//   Chain: 8 element-wise instructions with a masked write.
-//   Case study: a sort step's kernel in plain NEWS steps (erode, 8 count steps, 16 spread steps, dilate,
-//   threshold).
+// Benchmarks of the VM on n x n float registers.
+//   Chain: 8 element-wise instructions with a selection.
+//   Case study: the kernel of the sorting case study in NEWS steps (erode, 8 distance steps, 16 spread steps,
+//   dilate, threshold).
 #include <benchmark/benchmark.h>
 
 #include <random>
@@ -29,7 +29,7 @@ struct Kernel : TestProgram {
   void move(int y, int a, float dx, float dy) {
     add(Opcode::kShift, registers[y], registers[a], lit(dx), lit(dy), false);
   }
-  // The nine cells around each, by rows then columns.
+  // Separable 3x3 reduction: east-west, then north-south.
   void nine(Opcode o, int a, int to) {
     move(4, a, -1, 0), move(5, a, 1, 0), op(o, 6, a, 4), op(o, 6, 6, 5);
     move(4, 6, 0, 1), move(5, 6, 0, -1), op(o, to, 6, 4), op(o, to, to, 5);
@@ -55,7 +55,7 @@ TestProgram chain(std::uint32_t size) {
   return k;
 }
 
-// where: the steps inside the eroded shape as masked writes instead of selections.
+// `where` replaces the selections inside the eroded shape by masked writes.
 TestProgram case_study(std::uint32_t size, bool where) {
   Kernel k(size);
   k.nine(Opcode::kMin, 0, 1);
@@ -88,7 +88,7 @@ TestProgram case_study(std::uint32_t size, bool where) {
   return k;
 }
 
-// A whole run is the program once; the loop's two instructions are part of the figure.
+// One iteration executes the program once, including the jump that closes its loop.
 void measure(benchmark::State& state, TestProgram build, unsigned threads) {
   const auto instructions = static_cast<std::int64_t>(build.next_index());
   build.add(Opcode::kJump, {}, TestProgram::label(0));

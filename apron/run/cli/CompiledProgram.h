@@ -19,14 +19,14 @@ struct CompiledProgram {
   program::Program program;
   std::vector<debugger::SourceText> sources;  // the main file first
 };
-// Without a program, `wrong` has the diagnostics as text.
+// On failure returns nullopt. errors receives all diagnostics as text, warnings included.
 std::optional<CompiledProgram> compile_with_sources(const Options& options, std::uint32_t width,
                                                     std::uint32_t height, std::string& errors);
 
 std::optional<program::Program> compile_or_report(const Options& options, std::uint32_t width,
                                                   std::uint32_t height);
 
-// Where modules are looked for: beside the program, then in the -I paths, then in the library.
+// The directories searched for modules, in order: the program's own, the -I paths, the library.
 std::vector<std::string> module_search_paths(const Options& options);
 
 }  // namespace apron::run

@@ -1,4 +1,4 @@
-// The command line of `apron`, as values.
+// Parses the command line of `apron`.
 #pragma once
 
 #include <cstdint>
@@ -14,23 +14,23 @@ namespace apron::run {
 
 enum class Subcommand { kRun, kCheck, kDisassemble, kFormat, kRepl };
 
-// A picture of the window's contents, made without a display.
+// An off-screen picture of the window's contents.
 struct Screenshot {
   std::string file;
-  std::optional<std::uint64_t> tick;  // nothing: at the end of the run
+  std::optional<std::uint64_t> tick;  // nullopt: at the end of the run
 };
 
-// The window's size and place; 0: chosen.
+// The window's size and position.
 struct WindowGeometry {
-  int width = 0, height = 0;
-  std::optional<std::pair<int, int>> position;  // on the screen
-  bool beside_simulator = false;                // the simulator's window, on its right
+  int width = 0, height = 0;                    // pixels; 0: default
+  std::optional<std::pair<int, int>> position;  // x and y on the screen, pixels
+  bool beside_simulator = false;                // to the right of the simulator's window
 };
 
 struct Options {
   Subcommand subcommand = Subcommand::kRun;
   std::string program;
-  std::string surface;                    // --shm; "" for none
+  std::string surface;                    // --shm; empty for none
   std::uint32_t width = 64, height = 64;  // --size, without a surface
   std::optional<std::uint64_t> ticks;
   Parameters parameters;
@@ -39,24 +39,24 @@ struct Options {
   bool local_profile = false;
   std::vector<std::string> include_paths;
   double wait_s = 5.0;
-  std::string profile, cost_model;  // files; "" for none
+  std::string profile, cost_model;  // files; empty for none
   bool window = false, hold = false;
   WindowGeometry geometry;
   std::string show;  // a register
   std::vector<Screenshot> screenshots;
-  std::string video;               // a file; "" for none
-  std::vector<std::string> files;  // of fmt
-  std::string watch;               // a register to show in the terminal; "" for none
+  std::string video;               // a file; empty for none
+  std::vector<std::string> files;  // the inputs of fmt
+  std::string watch;               // a register to show in the terminal; empty for none
 
-  std::vector<std::string> cameras;  // in place of /dev/video0, /dev/video1, …
-  bool timers = false;               // they have a clock, also without a window
+  std::vector<std::string> cameras;  // replace /dev/video0, /dev/video1, …
+  bool timers = false;               // timers measure wall time even without a window
 
   bool uses_ui() const { return window || !screenshots.empty() || !video.empty(); }
-  bool write = false, check_only = false;
+  bool write = false, check_only = false;  // of fmt
 };
 
-// Reads the command line. When there is nothing to run, because help was asked for or the line is wrong,
-// prints what is to be said and returns the exit status instead.
+// Parses the command line. If there is nothing to run (help, version or an error), prints the text and sets
+// exit_status.
 struct ParsedOptions {
   Options options;
   std::optional<int> exit_status;

@@ -13,28 +13,27 @@
 
 namespace apron::run {
 
-// What an instruction costs on the array: cycles of its clock, and joules of energy.
+// The cost of one execution of an instruction on the array: a fixed part and a part per cell of its register.
 struct InstructionCost {
-  double cycles = 1.0;           // each time it runs
-  double cycles_per_cell = 0.0;  // and for each cell, where the array is read or written cell by cell
-  double energy_j = 0.0;         // each time
+  double cycles = 1.0;
+  double cycles_per_cell = 0.0;  // for instructions that access the array cell by cell
+  double energy_j = 0.0;
   double energy_j_per_cell = 0.0;
 };
 
 struct CostModel {
   std::string name;
   double clock_hz = 1.0;
-  double idle_w = 0.0;                                  // power drawn whatever runs
-  InstructionCost default_cost;                         // of instructions that the model does not name
-  std::map<std::string, InstructionCost> instructions;  // by mnemonic
+  double idle_w = 0.0;                                  // static power, watts
+  InstructionCost default_cost;                         // for instructions that the model does not list
+  std::map<std::string, InstructionCost> instructions;  // keyed by mnemonic
 };
 
-// Reads a model; nothing and one line in `wrong` if the file is not one.
+// Reads a model from a JSON file. On failure returns nullopt and sets error to one line.
 std::optional<CostModel> read_cost_model(const std::string& file, std::string& error);
 
-// One object: the program, the instructions by mnemonic and by line and each by itself with counts and
-// nanoseconds, and with a model the estimates, in all and for each surface.step. `steps`: how many there
-// were.
+// One JSON object: the program, and execution counts and nanoseconds by mnemonic, by line and by instruction.
+// With a model also the estimated cost, in total and per surface.step. frame_count: completed surface.step.
 std::string profile_json(const program::Program& program, const std::vector<vm::InstructionProfile>& profile,
                          std::uint64_t frame_count, const std::optional<CostModel>& model);
 

@@ -11,14 +11,15 @@
 
 namespace apron::run {
 
-// Each entry (a line, or a block with its end) is compiled with all that were accepted before it and run;
-// what came before is run again unseen and without writing files, so that the state is that of the program so
-// far. An entry with an error leaves nothing behind. An expression shows its value.
+// Each entry (a line or a complete block) is compiled and run together with all accepted entries. The accepted
+// entries are replayed without output and without writing files, which restores the program's state. An entry
+// that fails is discarded. An expression shows its value.
 class Repl {
  public:
-  // Reads from in until its end or :quit; prompts only if wanted.
+  // options are copied; in and out must outlive this. prompts: whether to print prompts.
   Repl(const Options& options, std::istream& in, std::ostream& out, bool prompts);
 
+  // Reads entries until the end of the input, :quit or a stop signal.
   void run();
 
  private:
@@ -26,7 +27,7 @@ class Repl {
 
   bool handle_command(const std::string& line);
   void handle_entry(const std::string& text);
-  // Compiles and runs the accepted lines and `text`; errors go to `report`.
+  // Runs the accepted entries followed by `text`. Errors go to `report`.
   Outcome compile_and_run(const std::string& text, std::string& report);
   void show_names();
   void show_value(const std::string& name);
@@ -36,21 +37,22 @@ class Repl {
   std::istream& in_;
   std::ostream& out_;
   bool prompts_;
-  std::vector<std::string> accepted_;  // entries, each ending in a line end
+  std::vector<std::string> accepted_;  // entries, each with its final line end
   struct NamedValue {
     std::string name;
-    std::uint32_t width = 0, height = 0;  // 0: a scalar
-    std::vector<float> cells;             // row by row
+    std::uint32_t width = 0, height = 0;  // 0 for a scalar
+    std::vector<float> cells;             // row-major
   };
-  std::vector<NamedValue> values_;  // registers and scalars after the last entry
+  std::vector<NamedValue> values_;  // registers and scalars after the last successful entry
 };
 
 int run_repl(const Options& options);
 
-// Whether the lines so far open a block, a macro or a bracketed line that they do not close.
+// Whether the text has an unclosed block, macro or conditional directive, or ends in a line continuation.
 bool is_incomplete(const std::string& text);
 
-// A register as characters, a darker one for a larger value, at most `columns` wide, with its range below.
+// Renders row-major cells as characters, denser for larger values, at most `columns` wide. The last line states
+// the size and the range.
 std::string format_register_ascii(const std::vector<float>& cells, std::uint32_t width, std::uint32_t height,
                                   std::uint32_t columns);
 

@@ -8,18 +8,17 @@
 
 namespace apron::run {
 
-// Large arrays are drawn smaller: a place stands for a block of cells and shows their mean; what is not a
-// number counts as the least. The least mean is drawn darkest, the largest brightest. At least one place each
-// way.
+// The maximum size of the text. Larger arrays are downsampled: each pixel is the mean of the finite cells of a
+// square block. Brightness scales linearly from the smallest mean to the largest; blocks without finite cells
+// are darkest.
 struct TerminalSize {
-  std::uint32_t columns = 80, rows = 24;  // of text, at most
+  std::uint32_t columns = 80, rows = 24;
 };
 
-// Two places a line, one above the other, in the 256 colours of a terminal, from dark blue over green to
-// yellow.
+// Two pixels per character, one above the other, in 256 terminal colours from dark blue over green to yellow.
 std::string render_ansi(const vm::ConstPlane& plane, const TerminalSize& limits);
 
-// One place a line, in characters from ' ' to '@'.
+// One pixel per character, from ' ' to '@'.
 std::string render_ascii(const vm::ConstPlane& plane, const TerminalSize& limits);
 
 }  // namespace apron::run

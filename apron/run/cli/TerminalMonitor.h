@@ -10,21 +10,21 @@
 
 namespace apron::run {
 
-// In a terminal the upper part is the picture's, and what the program prints scrolls below it.
+// On a terminal the picture occupies the upper rows, and the program's output scrolls below it.
 class TerminalMonitor {
  public:
-  // "" or what is wrong: no register is called that.
+  // An error message, or empty if the program has a register of that name.
   static std::string unknown_register_message(const program::Program& program, const std::string& name);
 
-  // name: a register of the VM's program, which must outlive this. Writes to stdout.
+  // name: an existing register of the VM's program. vm must outlive this. Writes to stdout.
   TerminalMonitor(const vm::Vm& vm, const std::string& name);
   ~TerminalMonitor();
   TerminalMonitor(const TerminalMonitor&) = delete;
   TerminalMonitor& operator=(const TerminalMonitor&) = delete;
 
-  // In a terminal, draws unless it did less than 1/20 s ago.
+  // On a terminal, draws at most 20 times per second.
   void update();
-  // Draws, and in a terminal sets the cursor below.
+  // Draws the final state; on a terminal, moves the cursor below the picture. Does nothing when called again.
   void finish();
 
  private:

@@ -17,15 +17,15 @@ namespace apron::run {
 
 using Parameters = std::map<std::string, float, std::less<>>;
 
-// What of this machine a program sees besides its files.
+// The cameras and the clock that a program sees.
 struct HostEnvironment {
-  std::vector<std::string> cameras;  // in place of /dev/video0, /dev/video1, …: see open_camera()
-  Timers::Clock clock_s;             // of the timers; empty for none
+  std::vector<std::string> cameras;  // replace /dev/video0, /dev/video1, …; see run::open_camera()
+  Timers::Clock clock_s;             // empty: timers stand at 0
 };
 
 class LocalHost : public vm::Host {
  public:
-  // stop, which must outlive it, ends every wait.
+  // stop interrupts every wait and must outlive this.
   LocalHost(Parameters parameters, const std::atomic<bool>& stop, HostEnvironment environment = {});
 
   std::string message() const override;
@@ -50,14 +50,14 @@ class LocalHost : public vm::Host {
   double read_timer_s(std::string_view name) override { return timers_.read_s(name); }
   vm::HostStatus wait(double seconds) override;
 
-  // Before the run: the modules that the program names. "" or what is wrong.
+  // Loads the modules that the program names; call before it runs. Returns an error message, or empty.
   std::string load_modules(const std::vector<std::string>& names,
                            const std::vector<std::string>& directories);
   vm::HostStatus call_plugin(std::string_view module, int operation,
                              std::span<const vm::PluginArgument> arguments, vm::Plane to,
                              float* value) override;
 
-  // All refused: there is no surface.
+  // All refused, because there is no surface.
   vm::HostStatus sense(std::string_view channel, vm::Plane to) override;
   vm::HostStatus actuate(std::string_view channel, vm::ConstPlane from) override;
   vm::HostStatus actuate(std::string_view channel, float value) override;
@@ -68,8 +68,8 @@ class LocalHost : public vm::Host {
   bool has(std::string_view) const override { return false; }
 
  protected:
+  // Stores the message for message() and returns the status.
   vm::HostStatus report_status(vm::HostStatus status, std::string message);
-  // Makes what was printed visible.
   void flush_output();
   const std::atomic<bool>& stop() const { return stop_; }
 

@@ -1,4 +1,4 @@
-// Shared objects loaded by !module, with the C interface of apron_plugin.h.
+// Loads and calls the shared objects that !module names, through the C interface of apron_plugin.h.
 #pragma once
 
 #include <map>
@@ -16,11 +16,12 @@ namespace apron::run {
 
 class PluginModules {
  public:
-  // Looks for NAME, NAME.so and libNAME.so in each directory, or for the path where the name has a '/'. "" or
-  // what is wrong, in one line. Loading one again does nothing.
+  // Searches each directory for NAME, NAME.so and libNAME.so, where NAME may be a path. Does nothing if the
+  // module is already loaded. Returns a one-line error message, or empty.
   std::string load(const std::string& name, const std::vector<std::string>& directories);
 
-  // "" or what is wrong. The module must be loaded.
+  // The module must be loaded. Writes to the plane `to` or to `value`, whichever is not null. Returns an error
+  // message, or empty.
   std::string call(std::string_view module, int operation, std::span<const vm::PluginArgument> arguments,
                    vm::Plane to, float* value) const;
 

@@ -12,28 +12,27 @@
 
 namespace apron::run {
 
-// A channel is named as the surface names it; of a channel with several components a cell, 'name[k]' is
-// component k, counted from 0, and of three components 'name.r', 'name.g' and 'name.b'. Sensor frames are
-// copied into registers; actuator frames are staged here and sent by step(), and a channel that was not
-// staged again is sent as it was (at first its safe value). No allocation after construction but for
-// messages.
+// A channel has the name that the surface gives it. In a channel with several components per cell, 'name[k]' is
+// component k, 0-based; with three components also 'name.r', 'name.g' and 'name.b'. Sensor frames are copied
+// into registers. Actuator frames are staged here and published by step(); a channel that was not staged again
+// keeps its last frame, initially its safe value. Allocates only in the constructor and for error messages.
 class SurfaceHost final : public LocalHost {
  public:
-  // The endpoint and the flag must outlive the host.
+  // surface and stop must outlive this.
   SurfaceHost(shm_protocol::ControllerEndpoint& surface, const std::atomic<bool>& stop, Parameters parameters,
               HostEnvironment environment = {});
 
-  // Waits for the first sensor frame; the program begins with it.
+  // Waits for the first sensor frame; call before the program runs.
   vm::HostStatus await_first_frame();
 
   vm::HostStatus sense(std::string_view channel, vm::Plane to) override;
   vm::HostStatus actuate(std::string_view channel, vm::ConstPlane from) override;
   vm::HostStatus actuate(std::string_view channel, float value) override;
-  // Time-step mode: publishes the answer to the frame at hand and waits for the next; after kInterrupted the
-  // next call goes on waiting. Passive: publishes and takes the newest frame, which may still be the one at
-  // hand.
+  // Time-step mode: publishes the answer to the current sensor frame and waits for the next one; after
+  // kInterrupted the next call resumes the wait. Passive mode: publishes and takes the latest frame, which may
+  // be the current one.
   vm::HostStatus step() override;
-  // Tells onlookers whether a person holds the program still. The surface waits in either case.
+  // Publishes whether the user has paused the program, as the controller's state. The surface waits either way.
   void publish_paused(bool paused) noexcept;
 
   std::optional<double> time_s() const override;
@@ -42,14 +41,14 @@ class SurfaceHost final : public LocalHost {
   bool has(std::string_view channel) const override;
 
  private:
-  // One plane of a channel.
+  // One component plane of a channel.
   struct ChannelComponent {
     int channel = -1;
     std::size_t component = 0;
   };
   struct StagedFrame {
     int channel;
-    std::vector<float> cells;  // components x rows x columns
+    std::vector<float> cells;  // components x rows x columns, row-major
   };
 
   shm_protocol::Status publish_staged();
@@ -66,8 +65,8 @@ class SurfaceHost final : public LocalHost {
   vm::HostStatus to_host_status(shm_protocol::Status status);
 
   shm_protocol::ControllerEndpoint& surface_;
-  std::vector<StagedFrame> staged_;  // one an actuator channel
-  bool published_ = false;           // the frame at hand, by a step that was interrupted before the next came
+  std::vector<StagedFrame> staged_;  // one per actuator channel
+  bool published_ = false;           // the current frame is answered, but the wait for the next was interrupted
 };
 
 }  // namespace apron::run

@@ -1,4 +1,4 @@
-// Named stopwatches (`timer.*`).
+// Named stopwatches (`timer.*`) and interruptible waits.
 #pragma once
 
 #include <atomic>
@@ -14,18 +14,18 @@ namespace apron::run {
 
 class Timers {
  public:
-  // Seconds from any beginning, never falling.
+  // Monotonic seconds from an arbitrary epoch.
   using Clock = std::function<double()>;
 
-  // Without a clock all timers stand at 0 and wait() comes back at once.
+  // Without a clock all timers stand at 0 and wait() returns at once.
   explicit Timers(Clock clock_s = {}) : clock_s_(std::move(clock_s)) {}
 
-  void start(std::string_view name);  // from 0
-  void stop(std::string_view name);   // where it is
-  void reset(std::string_view name);  // at 0
-  double read_s(std::string_view name) const;
+  void start(std::string_view name);           // restarts from 0
+  void stop(std::string_view name);            // keeps the elapsed time
+  void reset(std::string_view name);           // stops at 0
+  double read_s(std::string_view name) const;  // 0 for an unknown timer
 
-  // Interrupted when the flag is raised; the next call then waits for the rest only.
+  // Returns kInterrupted if stop is raised; the next call then waits for the remaining time only.
   vm::HostStatus wait(double seconds, const std::atomic<bool>& stop);
 
  private:
@@ -41,7 +41,7 @@ class Timers {
   std::optional<double> wait_deadline_;
 };
 
-// The machine's clock: wall time.
+// The system's steady clock, in seconds.
 double wall_clock_s();
 
 }  // namespace apron::run

@@ -10,22 +10,22 @@
 
 namespace apron::run {
 
-// Four characters as Linux numbers them, such as 'YUYV'.
+// A V4L2 pixel format code (V4L2_PIX_FMT_*), four characters such as 'YUYV'.
 using FourCc = std::uint32_t;
 
-// What a driver says of the pictures that it will give.
+// The frame format negotiated with a driver.
 struct CaptureFormat {
   FourCc code = 0;
-  std::uint32_t width = 0, height = 0;
-  std::uint32_t bytes_per_line = 0;  // 0: without gaps; no meaning in compressed formats
+  std::uint32_t width = 0, height = 0;  // pixels
+  std::uint32_t bytes_per_line = 0;     // 0: no padding; unused for compressed formats
 };
 
-// The formats that can be read, the most wanted first: grey, then those with grey beside colours, then JPEG.
+// In order of preference: grey, formats with separate luminance, JPEG.
 std::span<const FourCc> supported_formats();
 std::string fourcc_name(FourCc code);
 
-// Into the frame, whose memory is used again. False if the bytes are no whole picture of that format, such as
-// a frame that the camera cut short; the frame is then as good as empty.
+// Reuses the frame's memory. False if the bytes are not a complete picture, for example because the camera
+// truncated it; the frame's contents are then unspecified.
 bool convert_to_grey(const CaptureFormat& format, std::span<const std::uint8_t> bytes, GreyFrame& frame);
 
 }  // namespace apron::run

@@ -1,4 +1,4 @@
-// Comma-separated numbers, one line per row.
+// Encodes and decodes comma-separated numbers, one line per row.
 #pragma once
 
 #include <string>
@@ -8,8 +8,8 @@
 
 namespace apron::run {
 
-// Blank lines are skipped, blanks around numbers too. Throws MediaError, with line and field, for a text that
-// is no number and for a wrong shape. path is for messages only.
+// Ignores blank lines and whitespace around numbers. Throws MediaError for a field that is not a number (with
+// line and field), and for a wrong shape. path is for messages only.
 void decode_csv(const std::string& path, std::string_view text, const vm::Plane& to);
 std::string encode_csv(const vm::ConstPlane& from);
 

@@ -9,12 +9,12 @@
 namespace apron::run {
 
 struct GreyFrame {
-  std::uint32_t width = 0, height = 0;  // neither 0
-  std::vector<std::uint8_t> pixels;     // grey, row by row from the top
+  std::uint32_t width = 0, height = 0;  // pixels; not 0 in a valid frame
+  std::vector<std::uint8_t> pixels;     // row-major from the top
 };
 
-// The largest part in the frame's middle that has the plane's proportions fills the plane: each cell is the
-// mean of the pixels that it covers, or the nearest one where the plane has more cells.
+// Resamples the largest centred part of the frame that has the plane's aspect ratio. Each cell is the mean of
+// the pixels that it covers, or a single pixel where the plane has more cells than the frame has pixels.
 void resample_center_crop(const GreyFrame& frame, const vm::Plane& to);
 
 }  // namespace apron::run

@@ -1,4 +1,4 @@
-// Image formats in memory.
+// Encodes and decodes grey images in memory, by format.
 #pragma once
 
 #include <cstdint>
@@ -12,11 +12,12 @@
 
 namespace apron::run {
 
-using GreyPixels = std::vector<float>;  // 0 to 255, row by row from the top
+using GreyPixels = std::vector<float>;  // 0 to 255, row-major from the top
 
+// Both functions throw MediaError; path is for messages only.
 struct ImageCodec {
   std::string_view extension;
-  // The shape is checked before the pixels are unpacked. path is for messages only. Both throw MediaError.
+  // Checks the image's size against the shape before it decodes pixels.
   GreyPixels (*decode)(const std::string& path, std::string_view bytes, const vm::Plane& shape);
   std::string (*encode)(const std::string& path, const std::vector<std::uint8_t>& pixels, std::uint32_t width,
                         std::uint32_t height);
@@ -34,7 +35,7 @@ std::string encode_pgm(const std::string& path, const std::vector<std::uint8_t>&
 GreyPixels decode_stb(const std::string& path, std::string_view bytes, const vm::Plane& shape);
 std::string encode_jpeg(const std::string& path, const std::vector<std::uint8_t>& pixels, std::uint32_t width,
                         std::uint32_t height);
-// One frame of motion JPEG, which leaves the usual Huffman tables out; false if it is no whole one.
+// Decodes one frame of Motion JPEG, which may omit the standard Huffman tables. False if it is incomplete.
 bool decode_mjpeg_frame(std::span<const std::uint8_t> bytes, GreyFrame& frame);
 std::string encode_bmp(const std::string& path, const std::vector<std::uint8_t>& pixels, std::uint32_t width,
                        std::uint32_t height);

@@ -1,4 +1,4 @@
-// Images as grey values 0 to 255: PNG, PGM, JPEG and BMP, by extension. Row 0 is the top.
+// Reads and writes images as grey values 0 to 255: PNG, PGM, JPEG and BMP, by extension. Row 0 is the top.
 #pragma once
 
 #include <string>
@@ -7,11 +7,11 @@
 
 namespace apron::run {
 
-// Colours become their luminance, 16-bit and other scales 0 to 255. Throws MediaError, for a picture that is
-// not of the plane's shape too; the plane may then be partly written.
+// Converts colours to luminance and scales other ranges, such as 16 bits, to 0 to 255. Throws MediaError, also
+// for an image that does not have the plane's shape; the plane may then be partly written.
 void read_image(const std::string& path, const vm::Plane& to);
 
-// Rounded to whole values and clamped; a NaN is black. Throws MediaError.
+// Rounds and clamps to whole values from 0 to 255; NaN becomes 0. Throws MediaError.
 void write_image(const std::string& path, const vm::ConstPlane& from);
 
 }  // namespace apron::run

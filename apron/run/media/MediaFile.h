@@ -1,4 +1,4 @@
-// Reads and writes whole files, and checks that all formats share. All functions throw MediaError.
+// Reads and writes whole files, and provides the checks common to all formats. All functions throw MediaError.
 #pragma once
 
 #include <cstdint>
@@ -12,13 +12,13 @@ namespace apron::run {
 // Paths are relative to the current directory.
 std::string read_file(const std::string& path);
 
-// Writes beside `path` and renames, so that a failure leaves no half-written file and keeps the old one.
+// Replaces the file atomically: a failure keeps the old file and leaves no partial one.
 void write_file(const std::string& path, std::string_view bytes);
 
-// The name's ending after the last dot, in lower case; "" without one.
+// The part of the file name after the last dot, in lower case; empty if there is none.
 std::string extension(std::string_view path);
 
-// Refuses a file whose array is not of the register's shape, naming both.
+// Refuses a file whose array does not have the plane's shape. The message states both.
 void require_shape(const std::string& path, std::uint64_t width, std::uint64_t height,
                    const vm::Plane& plane);
 

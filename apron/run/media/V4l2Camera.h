@@ -11,16 +11,16 @@
 
 namespace apron::run {
 
-// Asks for 640x480 and takes what it gets. Streams from its construction on; name is for messages.
+// Requests 640x480 and accepts the size that the driver chooses. Streams from construction to destruction.
 class V4l2Camera final : public Camera {
  public:
-  // Throws MediaError.
+  // name is for messages. Throws MediaError.
   V4l2Camera(std::string name, std::unique_ptr<V4l2Device> device);
   ~V4l2Camera() override;
   V4l2Camera(const V4l2Camera&) = delete;
   V4l2Camera& operator=(const V4l2Camera&) = delete;
 
-  // Gives up after five seconds without a picture, or a hundred broken ones.
+  // Throws after 100 polls without a valid frame, which takes at most five seconds.
   void read(const vm::Plane& to, const std::atomic<bool>& stop) override;
 
  private:
@@ -31,7 +31,7 @@ class V4l2Camera final : public Camera {
   void control_or_throw(unsigned long request, void* argument, const char* action);
   [[noreturn]] void throw_error(const char* action, int error) const;
   void wait_for_buffer(const std::atomic<bool>& stop);
-  // The pictures that wait, all given back, the newest whole one kept in frame_; false if there was none.
+  // Dequeues and requeues all filled buffers. Keeps the latest valid frame in frame_; false if there was none.
   bool dequeue_newest();
 
   std::string name_;

@@ -14,10 +14,9 @@ class Y4mReader {
  public:
   explicit Y4mReader(const std::string& path);
 
-  // The next frame's luminance, 0 to 255; after the last the first again. The plane must be of the video's
-  // shape.
+  // Copies the next frame's luminance, 0 to 255, to a plane of the video's shape. Restarts after the last frame.
   void read_frame(const vm::Plane& to);
-  // The same of any shape; valid until the next.
+  // Like read_frame(), without a shape check. The reference is valid until the next call.
   const GreyFrame& next_frame();
 
  private:
@@ -27,7 +26,7 @@ class Y4mReader {
   std::ifstream file_;
   std::streampos first_frame_;
   GreyFrame frame_;
-  std::size_t chroma_bytes_ = 0;  // of a frame, after its luminance
+  std::size_t chroma_bytes_ = 0;  // per frame, following the luminance
 };
 
 }  // namespace apron::run

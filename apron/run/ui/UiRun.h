@@ -1,4 +1,4 @@
-// `apron run` with a user interface: in a window, or rendered off-screen for pictures.
+// `apron run` with a user interface: in a window, or rendered off-screen to pictures and videos.
 #pragma once
 
 #include <cstdint>
@@ -17,22 +17,23 @@ struct UiRun {
   const Options& options;
   CompiledProgram compiled;
   std::uint32_t width = 0, height = 0;  // default size of registers
-  LocalHost& host;                      // must look at interrupt_flag() when it waits
-  std::function<void(bool)> on_pause;   // see debugger::Session
+  LocalHost& host;                      // its waits must poll common::interrupt_flag()
+  std::function<void(bool)> on_pause;   // see debugger::DebugSession
 };
 
 struct UiRunResult {
   vm::Status status = vm::Status::kEnded;
   std::string error;        // of the program
-  std::string ui_error;     // one line: a file that cannot be written, no OpenGL; "" for nothing
-  std::uint64_t ticks = 0;  // with the next one, for --profile
+  std::string ui_error;     // one line, such as a file that cannot be written or no OpenGL; empty for none
+  std::uint64_t ticks = 0;  // completed surface.step
   std::vector<vm::InstructionProfile> profile;
 };
 
-// "" or why nothing can be drawn here, in one line.
+// Why the requested user interface cannot be opened, in one line; empty if it can.
 std::string ui_unavailable_reason(const Options& options);
 
-// Until the person closes the window, or the program is over, or a signal comes.
+// Runs until the user closes the window, a signal arrives or, off-screen, the program finishes. Reports errors in
+// the result.
 UiRunResult run_with_ui(const UiRun& run);
 
 }  // namespace apron::run

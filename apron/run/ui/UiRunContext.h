@@ -1,4 +1,4 @@
-// The two ways to render a run. Internal to UiRun.
+// The state shared by windowed and off-screen runs. Internal to UiRun.
 #pragma once
 
 #include "apron/debugger/DebugSession.h"
@@ -9,7 +9,7 @@
 
 namespace apron::run {
 
-// What both have.
+// The debug session of a run with its host, panel and view model.
 struct UiRunContext {
   explicit UiRunContext(const UiRun& run);
 
@@ -20,7 +20,7 @@ struct UiRunContext {
   ui::ViewModel model;
 };
 
-// Both throw ui::UserError.
+// Both throw common::UserError.
 void run_in_window(UiRunContext& context);
 void run_offscreen(UiRunContext& context);
 

@@ -109,8 +109,8 @@ bool FlowAnalysis::is_live(std::size_t at, std::uint32_t reg) const {
   return ((live_bits_[at * bitset_words(program_) + reg / 64] >> (reg % 64)) & 1U) != 0;
 }
 
-// Backward data-flow analysis to the fixed point. If the program is too large or the analysis does not converge
-// in kMaxPasses, every register counts as live everywhere.
+// Backward data-flow analysis to the fixed point. If the program is too large or the analysis does not
+// converge in kMaxPasses, every register counts as live everywhere.
 void FlowAnalysis::compute_liveness(bool preserve_named_registers) {
   const std::size_t n = bitset_words(program_);
   if (n == 0 || program_.code.size() > kMaxLiveWords / n) return;

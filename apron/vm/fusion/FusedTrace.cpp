@@ -91,8 +91,8 @@ std::size_t FusedTrace::memory_bytes() const noexcept {
   return (worker_floats_ * plan_.threads + index_plane_floats_) * sizeof(float);
 }
 
-// Whether the padding of the rings is constant. Stages write whole vectors, so the width must be a multiple of
-// kLanes for them not to overwrite it.
+// Whether the padding of the rings is constant. Stages write whole vectors, so the width must be a multiple
+// of kLanes for them not to overwrite it.
 bool FusedTrace::has_constant_boundary() const noexcept {
   return (plan_.boundary.rule == BoundaryRule::kZero || plan_.boundary.rule == BoundaryRule::kValue) &&
          plan_.width % kLanes == 0;
@@ -114,6 +114,7 @@ void FusedTrace::run(const ConstPlane& mask) noexcept {
   for (const auto& [variable, slot] : graph_.variable_stores) *variable = graph_.scalar_slots[slot];
 }
 
+// The columns [west, east) that a stage computes for a strip: with its halo, west aligned to whole vectors.
 void FusedTrace::stage_columns(const Stage& stage, const Strip& strip, std::int64_t& west,
                                std::int64_t& east) const noexcept {
   west = std::max<std::int64_t>(0, round_down_to_lanes(strip.first - stage.halo_x + kLaneCount) - kLaneCount);
@@ -218,6 +219,7 @@ void FusedTrace::pad_rings(const Worker& worker, const Strip& strip) const noexc
       pad_row(cell_address(worker.views[i], strip, r, 0), plan_.buffers[i].pad_columns, west, east);
 }
 
+// Runs all stages over one slice, strip by strip and block by block. Each stage trails the block by its skew.
 void FusedTrace::run_slice(unsigned slice, const Worker& worker) noexcept {
   const auto height = static_cast<std::int64_t>(plan_.height);
   const std::int64_t top = height * slice / plan_.slices, bottom = height * (slice + 1) / plan_.slices;
@@ -265,8 +267,8 @@ void FusedTrace::run_stage(std::size_t index, const Worker& worker, const Strip&
   }
 }
 
-// Sets the row streams of `call` for an iteration that begins at this row. Returns how many iterations may use
-// constant row steps from there.
+// Sets the row streams of `call` for an iteration that begins at this row. Returns how many iterations may
+// use constant row steps from there.
 std::int64_t FusedTrace::bind_row_streams(const std::vector<RowStream>& row_streams, std::uint32_t rows,
                                           const Worker& worker, const Strip& strip, std::int64_t row,
                                           std::int64_t column, StageCall& call) const noexcept {
@@ -321,6 +323,7 @@ std::int64_t FusedTrace::locate_row(const RowStream& stream, const Worker& worke
   return row < 0 ? -row : std::numeric_limits<std::int64_t>::max();
 }
 
+// Updates the padding of the rows [first, last) that a stage has just written.
 void FusedTrace::pad_results(const Stage& stage, const Worker& worker, const Strip& strip, std::int64_t first,
                              std::int64_t last, std::int64_t west, std::int64_t east) const noexcept {
   for (const Stage::Result& result : stage.results) {

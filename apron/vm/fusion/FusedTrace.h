@@ -29,8 +29,8 @@ class FusedTrace {
   // Allocates; run() does not. The objects that `environment` refers to must outlive the fused trace.
   FusedTrace(const Trace& trace, ValueGraph graph, FusionPlan plan, const Environment& environment);
 
-  // Leaves registers and variables as if the trace had been executed instruction by instruction. `mask` is the
-  // mask in force, for a trace that reads it.
+  // Leaves registers and variables as if the trace had been executed instruction by instruction. `mask` is
+  // the mask in force, for a trace that reads it.
   void run(const ConstPlane& mask) noexcept;
 
   // The instruction at which execution continues.
@@ -102,8 +102,8 @@ class FusedTrace {
   PlaneStore plane_store_;
   std::vector<Worker> workers_;
   float* boundary_row_ = nullptr;  // a row filled with the constant boundary value
-  Plane column_index_plane_;       // one row; each cell holds its column index
-  Plane row_index_plane_;          // each cell holds its row index
+  // One row that holds the column indices; a plane that holds each cell's row index.
+  Plane column_index_plane_, row_index_plane_;
   std::size_t worker_floats_ = 0, index_plane_floats_ = 0;
 };
 

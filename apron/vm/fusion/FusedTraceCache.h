@@ -24,8 +24,8 @@ struct FusionOptions {
 
 class FusedTraceCache {
  public:
-  // Compiles traces from every reachable instruction outside an earlier trace. All arguments except the options
-  // must outlive the cache. Allocates; find() does not.
+  // Follows all paths through the program and compiles their traces, within fixed limits. All arguments
+  // except the options must outlive the cache. Allocates; find() does not.
   FusedTraceCache(const program::Program& program, const std::vector<DecodedInstruction>& decoded,
                   RegisterFile& register_file, Executor& executor, const FusionOptions& options,
                   unsigned threads, std::size_t parallel_cells);

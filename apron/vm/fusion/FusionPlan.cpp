@@ -146,8 +146,8 @@ class FusionPlanner {
     return rings;
   }
 
-  // Margin rows hold a constant boundary in a ring that holds the whole array, so that one call can run across
-  // the edge.
+  // Margin rows hold a constant boundary in a ring that holds the whole array, so that one call can run
+  // across the edge.
   std::uint32_t margin_rows(const RingAllocation& ring) const {
     const bool constant =
         graph_.boundary.rule == BoundaryRule::kZero || graph_.boundary.rule == BoundaryRule::kValue;
@@ -195,6 +195,7 @@ class FusionPlanner {
       std::size_t rows = 0;
       for (const RingAllocation& ring : allocate_rings(inter_stage_values(), ring_of))
         rows += ring_rows(ring, plan_.block_rows);
+      // Take the widest strip whose rings fit the cache.
       for (const std::uint32_t columns : {whole, 2048U, 1024U, 512U, 256U}) {
         if (columns > whole) continue;
         plan_.strip_columns = columns;
@@ -239,6 +240,7 @@ class FusionPlanner {
   }
 
   void assign_buffers() {
+    // Inputs.
     std::map<std::uint32_t, std::uint32_t> inputs;  // register -> node
     for (std::uint32_t i = 0; i < graph_.nodes.size(); ++i) {
       const ValueNode& node = graph_.nodes[i];
@@ -248,6 +250,8 @@ class FusionPlanner {
       buffer.kind = buffer_kind(node.kind);
       if (!is_computed(i)) buffer_of_[i] = add_buffer(buffer);
     }
+    // Outputs. A stage that computes halo cells must not write them to a register, because they belong to
+    // other strips or slices: such outputs go to a ring and are copied without the halo.
     result_buffers_.resize(graph_.nodes.size());
     for (const ValueGraph::Output& output : graph_.outputs) {
       const Stage& stage = plan_.stages[stage_of_[output.value]];
@@ -264,12 +268,14 @@ class FusionPlanner {
         buffer_of_[output.value] = index;
       }
     }
+    // Intermediate values that other stages or copies read.
     for (std::uint32_t i = 0; i < graph_.nodes.size(); ++i) {
       if (!is_computed(i) || buffer_of_[i] != kNoBuffer) continue;
       if (!is_used_across_stages(i) && !is_copied(i)) continue;
       buffer_of_[i] = add_buffer({});
       result_buffers_[i].push_back(buffer_of_[i]);
     }
+    // Padding for uses at west and east offsets.
     for (std::uint32_t i = 0; i < graph_.nodes.size(); ++i)
       for (const ValueUse& use : users_[i])
         if (use.dx != 0) {
@@ -278,7 +284,8 @@ class FusionPlanner {
         }
   }
 
-  // Whether every read of the register's old value is at offset 0 and no later than the write of the new value.
+  // Whether every read of the register's old value is at offset 0 and no later than the write of the new
+  // value.
   bool can_write_in_place(std::uint32_t input, std::uint32_t value) const {
     const std::uint32_t writer = stage_of_[value];
     if (recomputes_overlap(plan_.stages[writer])) return false;

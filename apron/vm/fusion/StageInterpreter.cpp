@@ -21,6 +21,7 @@ struct StageInterpreter::Tile {
 StageInterpreter::StageInterpreter(const Stage& stage, const std::vector<RowBuffer>& buffers,
                                    const KernelTable& kernels)
     : copy_kernel_(kernels.kernel(Opcode::kCopy, 0, false)) {
+  // Select the kernels and find the last use of each intermediate value.
   std::vector<std::size_t> last_use(stage.ops.size());
   for (std::size_t i = 0; i < stage.ops.size(); ++i) {
     ScratchOp op;
@@ -33,6 +34,7 @@ StageInterpreter::StageInterpreter(const Stage& stage, const std::vector<RowBuff
     op.kernel = kernels.kernel(stage.ops[i].op, scalars, false);
     ops_.push_back(op);
   }
+  // Write results directly where no operation reads the old rows; copy the others at the end.
   for (const Stage::Result& result : stage.results) {
     // A ring shared with another buffer may be read until the last operation is done.
     const RowBuffer& to = buffers[stage.streams[result.stream].buffer];
@@ -49,6 +51,7 @@ StageInterpreter::StageInterpreter(const Stage& stage, const std::vector<RowBuff
       last_use[result.op] = stage.ops.size();
     }
   }
+  // Assign scratch slots to the remaining values by linear scan.
   std::vector<std::size_t> free_after;  // indexed by scratch slot: last use of its current value
   for (std::size_t i = 0; i < ops_.size(); ++i) {
     if (ops_[i].stream != kUnassigned) continue;

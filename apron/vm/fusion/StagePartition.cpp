@@ -36,8 +36,8 @@ class StagePartitioner {
     graph_.nodes[node].for_each_value(with);
   }
 
-  // A use at offset 0 can take the value from a vector register. A shifted use needs finished rows, so it must
-  // be in a later stage.
+  // A use at offset 0 can take the value from a vector register. A shifted use needs finished rows, so it
+  // must be in a later stage.
   std::vector<std::uint32_t> compute_levels() const {
     std::vector<std::uint32_t> level(graph_.nodes.size(), 0);
     for (std::uint32_t i = 0; i < graph_.nodes.size(); ++i)
@@ -52,8 +52,8 @@ class StagePartitioner {
 
   bool is_fusible(std::uint32_t node) const { return is_fusible_opcode(graph_.nodes[node].op); }
 
-  // Moves a value to the level of its first use if its operands are kept until then anyway. This saves a store
-  // and a load of the value.
+  // Moves a value to the level of its first use if its operands are kept until then anyway. This saves a
+  // store and a load of the value.
   void sink_values(std::vector<std::uint32_t>& level) const {
     for (auto i = static_cast<std::uint32_t>(graph_.nodes.size()); i-- > 0;) {
       if (!is_computed(i) || !is_fusible(i) || output_count_[i] > 0 || partition_.users[i].empty()) continue;

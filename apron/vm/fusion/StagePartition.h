@@ -25,8 +25,8 @@ struct StagePartition {
   std::vector<std::vector<ValueUse>> users;  // indexed by node
 };
 
-// Each group of more than one node reads and writes at most kMaxStreams rows, and its live values fit into the
-// vector registers.
+// Each group of more than one node reads and writes at most kMaxStreams rows, and its live values fit into
+// the vector registers.
 StagePartition partition_stages(const ValueGraph& graph);
 
 // Whether an operation of this opcode may share a stage with others.

@@ -26,8 +26,8 @@ struct TraceLimits {
 };
 
 // Builds the longest fusible trace from `entry`, within the limits: all arrays have one shape, and masks and
-// calls opened in the trace are closed at its exit. `masked` means that a mask is in force at entry. The trace
-// is empty if nothing can be fused.
+// calls opened in the trace are closed at its exit. `masked` means that a mask is in force at entry. The
+// trace is empty if nothing can be fused.
 Trace build_trace(const program::Program& program, const std::vector<DecodedInstruction>& decoded,
                   const FlowAnalysis& flow, std::uint32_t entry, bool masked, const TraceLimits& limits);
 

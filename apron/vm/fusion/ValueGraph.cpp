@@ -109,8 +109,9 @@ class ValueGraphBuilder {
     register_values_[in.destination.index] = value;
   }
 
-  // Shifts a. The shift is folded into the operand's offset if reading from further away gives the same values;
-  // otherwise a copy of a is shifted, so that its boundary cells are formed from the intermediate value.
+  // Shifts a. The shift is folded into the operand's offset if reading from further away gives the same
+  // values; otherwise a copy of a is shifted, so that its boundary cells are formed from the intermediate
+  // value.
   ValueRef shift_value(ValueRef a, Offset by) {
     const auto dx = static_cast<int>(-by.dx), dy = static_cast<int>(-by.dy);
     if (dx == 0 && dy == 0) return a;

@@ -21,8 +21,8 @@ constexpr int kVectorBytes = 64;
 constexpr std::uint32_t kMaxUnrolledVectors = 8;
 constexpr std::uint32_t kMaxUnrolledBodies = 16;  // vectors times rows per iteration of the inner loop
 
-// Stack frame: the call's address, the bytes of a row and the remaining iterations are kept in memory to leave
-// the registers to row pointers.
+// Stack frame: the call's address, the bytes of a row and the remaining iterations are kept in memory to
+// leave the registers to row pointers.
 constexpr int kCallStackOffset = 0, kRowBytesStackOffset = 8, kIterationsStackOffset = 16, kStackBytes = 24;
 
 const std::array<Reg64, 6> kCalleeSaved{Xbyak::util::rbx, Xbyak::util::rbp, Xbyak::util::r12,

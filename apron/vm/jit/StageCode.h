@@ -37,9 +37,9 @@ class StageJit {
     std::shared_ptr<const void> code_memory;  // owns the code of `run`
   };
 
-  // Returns nullopt if the CPU, the build or the stage does not support code generation. The number of vectors
-  // (kLanes columns) per row must be a multiple of `vectors` in every call. `rows` is the maximum number of
-  // rows per iteration, at least 1.
+  // Returns nullopt if the CPU, the build or the stage does not support code generation. The number of
+  // vectors (kLanes columns) per row must be a multiple of `vectors` in every call. `rows` is the maximum
+  // number of rows per iteration, at least 1.
   static std::optional<StageJit> compile(const Stage& stage, std::uint32_t vectors, std::uint32_t rows);
 
   // The loop with the most rows per iteration, at most `rows`. rows must be at least 1.

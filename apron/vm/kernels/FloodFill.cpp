@@ -18,8 +18,8 @@ std::uint32_t ConnectedComponents::find_root(std::uint32_t run) noexcept {
   return run;
 }
 
-// Unites each run of the current row, [this_row, end), with the overlapping runs of the row above, [row_above,
-// this_row).
+// Unites each run of the current row, [this_row, end), with the overlapping runs of the row above,
+// [row_above, this_row).
 void ConnectedComponents::union_with_row_above(std::uint32_t row_above, std::uint32_t this_row) noexcept {
   const auto end = static_cast<std::uint32_t>(runs_.size());
   for (std::uint32_t a = row_above, b = this_row; a < this_row && b < end;) {

@@ -1,5 +1,5 @@
 // flood, distance and spread.max: the fixed point of their one-step rules (opcodes.def), in a few passes over
-// the array whatever the distance.
+// the array, independent of the distance.
 #pragma once
 
 #include <cstdint>

@@ -1,7 +1,7 @@
-// Table of the VM's SIMD inner loops, indexed by element-wise opcode, mix of register and scalar operands, and
-// masking. Each kernel is written once and compiled for every instruction set. Results are bit-identical on all
-// of them (except NaN payloads): no fused multiply-add, no approximations, and transcendental functions call
-// libm cell by cell.
+// Table of the VM's SIMD inner loops, indexed by element-wise opcode, mix of register and scalar operands,
+// and masking. Each kernel is written once and compiled for every instruction set. Results are bit-identical
+// on all of them (except NaN payloads): no fused multiply-add, no approximations, and transcendental
+// functions call libm cell by cell.
 #pragma once
 
 #include <array>
@@ -15,9 +15,9 @@
 namespace apron::vm {
 
 // A kernel's arguments: rows x columns cells of y, up to three sources and the mask, each with its own start
-// and pitch (in floats; a source pitch of 0 repeats one row). y and mask are 64-byte aligned; sources need not
-// be. Kernels may read and write columns up to the next multiple of kLanes. y may be identical to a source or
-// the mask, but must not overlap them otherwise.
+// and pitch (in floats; a source pitch of 0 repeats one row). y and mask are 64-byte aligned; sources need
+// not be. Kernels may read and write columns up to the next multiple of kLanes. y may be identical to a
+// source or the mask, but must not overlap them otherwise.
 struct Block {
   float* y = nullptr;
   std::array<const float*, program::kMaxOperands> source{};  // null for scalar operands

@@ -27,11 +27,11 @@ std::uint32_t cell_hash(int row, int column, std::uint32_t a, std::uint32_t b, s
 
 Image::Image(int rows, int columns) : n_(rows), pitch_((columns + kLanes - 1) / kLanes * kLanes + kLanes) {
   static int made = 0;
-  // Large blocks begin on a page: some lines apart, so that the same cell of all images is not in one cache
-  // set.
+  // Large allocations begin on a page boundary. Images are staggered by some cache lines, so that the same
+  // cell of all images does not map to one cache set.
   const std::size_t lead = static_cast<std::size_t>(kLanes) * (1 + 5 * static_cast<std::size_t>(made++ % 13));
   const std::size_t floats = lead + static_cast<std::size_t>(pitch_) * (static_cast<std::size_t>(rows) + 3);
-  // Large pages for all peers, as NumPy and the machine take them.
+  // All peers use huge pages, as NumPy and the VM do.
   constexpr std::size_t kHugePage = std::size_t{1} << 21;
   const std::size_t page = floats * sizeof(float) >= 2 * kHugePage ? kHugePage : 4096;
   const std::size_t bytes = (floats * sizeof(float) + page - 1) / page * page;

@@ -1,5 +1,4 @@
-// What the array benchmark compares: the workloads W1 to W6 (the .aps files here) by one way of writing them
-// each.
+// The peers of the array benchmark: each implements the workloads W1 to W6, which the .aps files here define.
 #pragma once
 
 #include <cstddef>
@@ -11,7 +10,8 @@
 
 namespace arrays {
 
-// n x n floats, rows 64-byte aligned, one zero row above and below and 16 zero floats beside each row.
+// rows x columns floats, zero at first. Rows are 64-byte aligned; one zero row lies above and below the
+// array, and at least 16 zero floats on each side of every row. Throws std::bad_alloc.
 class Image {
  public:
   explicit Image(int n) : Image(n, n) {}
@@ -20,7 +20,7 @@ class Image {
   const float* row(int r) const { return first_ + r * pitch_; }
   int n() const { return n_; }
   std::ptrdiff_t pitch() const { return pitch_; }
-  double checksum() const;  // weights depend on the place
+  double checksum() const;  // weighted sum; weights depend on the position
 
  private:
   struct Free {
@@ -32,22 +32,23 @@ class Image {
   float* first_;
 };
 
-// The same numbers for everyone.
+// Input data, identical for all peers.
 float uniform(int row, int column, int which);  // 0.1 to 1
 float disc_pattern(int row, int column);        // 0 or 1: discs some cells across
 float random_life(int row, int column);         // 0 or 1: 3/8 alive
-int inputs(int workload);                       // how many images it reads
+int inputs(int workload);                       // number of input images
 Image input(int workload, int n, int which);
 
 struct Job {
-  std::function<void()> run;         // once over the whole array
-  std::function<double()> checksum;  // of all results, after the first run
+  std::function<void()> run;         // one run over the whole array
+  std::function<double()> checksum;  // over all results of the first run
 };
 
-// Nothing if this peer does not do it.
+// Each returns nullopt if the peer is not available or does not implement the workload. `n` is the side of
+// the array. Only make_apron_job() uses more than one thread.
 std::optional<Job> make_apron_job(int workload, int n, unsigned threads);
 std::optional<Job> make_unfused_job(int workload, int n);
-std::optional<Job> make_hand_fused_job(int workload, int n);  // one thread, as good as we can write it
+std::optional<Job> make_hand_fused_job(int workload, int n);
 std::optional<Job> make_eigen_job(int workload, int n);
 std::optional<Job> make_halide_job(int workload, int n);
 

@@ -12,7 +12,7 @@ using apron::vm::ConstPlane;
 using apron::vm::HostStatus;
 using apron::vm::Plane;
 
-// A surface that takes no time.
+// A host without a surface, whose calls return at once.
 class NullHost final : public apron::vm::Host {
  public:
   void print(std::string_view) override {}

@@ -16,8 +16,8 @@ using Halide::Expr;
 using Halide::Func;
 using Halide::Var;
 
-// One thread; tiles of 1024 or 512 columns and 64 rows, every stage computed for each tile: the best of those
-// tried.
+// Schedule: one thread, tiles of 1024 or 512 columns and 64 rows, every stage computed per tile. The fastest
+// of the schedules tried.
 struct Pipeline {
   Pipeline(int workload, int size) : n(size), w(workload) {
     for (int i = 0; i < inputs(w); ++i) {
@@ -35,7 +35,8 @@ struct Pipeline {
     schedule(result);
   }
 
-  // Zero beyond the edge, where it is computed: reading it needs no condition then, and compiles in seconds.
+  // Computes zeros beyond the edge, so that reads need no boundary condition. This keeps compile times to
+  // seconds.
   Expr within(const Expr& value) { return Halide::select(x >= 0 && x < n && y >= 0 && y < n, value, 0.0F); }
   Func stage(Func f) {
     stages.push_back(f);
@@ -86,7 +87,7 @@ struct Pipeline {
   Func case_study() {
     Func e = stage(nine(source(), true)), d = e, m;
     for (int t = 0; t < 8; ++t) {
-      Func c = d, f;  // zero beyond the edge, as e is
+      Func c = d, f;  // zero beyond the edge, because e is
       f(x, y) = Halide::select(
           e(x, y) != 0.0F,
           Halide::min(Halide::min(c(x, y - 1), c(x, y + 1)), Halide::min(c(x + 1, y), c(x - 1, y))) + 1.0F,

@@ -1,5 +1,5 @@
-// Each workload as one fused loop nest of AVX-512 intrinsics: rows skewed, intermediate rows in small rings,
-// four rows at once, neighbours from registers.
+// Hand-fused peer: each workload is one loop nest of AVX-512 intrinsics with skewed rows, intermediate rows
+// in small rings, four rows per iteration, and neighbours taken from registers.
 #include "tests/bench/arrays/Peers.h"
 
 #if defined(__AVX512F__) && defined(__AVX512DQ__)
@@ -24,7 +24,7 @@ const auto kMin = [](V a, V b) { return smaller(a, b); };
 const auto kMax = [](V a, V b) { return larger(a, b); };
 const auto kSum = [](V a, V b) { return sum(a, b); };
 
-// Rows r of any number in place r mod a power of two.
+// Ring of rows: row r is stored at r mod `rows`, a power of two.
 struct Ring {
   Image image;
   int mask;
@@ -32,7 +32,7 @@ struct Ring {
   float* row(int r) { return image.row(r & mask); }
 };
 
-// f(row j, column, own, north, south, west, east) over R rows of w cells; in[0] is the row north of the
+// Calls f(j, column, centre, north, south, west, east) for R rows of w cells; in[0] is the row north of the
 // first.
 template <int R, class F>
 inline __attribute__((always_inline)) void block(const float* const* in, int w, const F& f) {
@@ -125,7 +125,7 @@ struct HandFusedWorkspace {
     }
   }
 
-  // 16 steps, each a row behind the one before, back and forth between two images.
+  // 16 diffusion steps between two images, each one row behind the previous step.
   void diffusion() {
     const V k = _mm512_set1_ps(0.2F);
     const auto step = [&](auto rows, const Image& x, Image& y, int r) {
@@ -151,7 +151,7 @@ struct HandFusedWorkspace {
       }
   }
 
-  // ---- the case study's kernel, in column strips with 32 columns of border ----
+  // ---- the case study's kernel, in column strips with a halo of 32 columns ----
   struct Strip {
     explicit Strip(int w)
         : h(16, w), e(64, w), da(32, w), db(16, w), ma(32, w), mb(32, w), c(16, w), zero(1, w) {}
@@ -181,7 +181,7 @@ struct HandFusedWorkspace {
   void case_study() {
     for (int c0 = 0; c0 < n; c0 += 1024) {
       const int c1 = std::min(n, c0 + 1024), x0 = std::max(0, c0 - 32), x1 = std::min(n, c1 + 32);
-      // What lies beyond the array's edge is zero; beyond a strip's edge anything.
+      // Cells beyond the array's edge are zero; those beyond a strip's edge are arbitrary.
       for (Ring* ring : {&strip.h, &strip.e, &strip.da, &strip.db, &strip.ma, &strip.mb, &strip.c})
         for (int r = 0; x1 == n && r <= ring->mask; ++r) store(ring->row(r) + (x1 - x0), _mm512_setzero_ps());
       for (int b = 0; b < n + 28; b += 4) case_study_block(b, c0, c1, x0, x1 - x0);

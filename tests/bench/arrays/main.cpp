@@ -1,6 +1,7 @@
-// bench_arrays [WORKLOADS [SIZES [REPETITIONS [WITHOUT]]]], such as bench_arrays 2,6 64,1024 9 eigen: every
-// peer on every workload, in turns, with equal checksums. Times are microseconds for one run over the whole
-// array, minimum and median. With --json a JSON object a line.
+// Compares all peers on the array workloads, interleaved, and checks that their checksums agree.
+//   bench_arrays [WORKLOADS [SIZES [REPETITIONS [WITHOUT]]]], for example: bench_arrays 2,6 64,1024 9 eigen
+// Prints the minimum and median time of one run over the whole array, in microseconds; with --json, one JSON
+// object per line.
 #include <algorithm>
 #include <charconv>
 #include <chrono>
@@ -32,7 +33,7 @@ struct Contender {
   std::vector<double> times_us{};
 
   double time_run_us() const {
-    job.run();  // the others' arrays are in the caches
+    job.run();  // warm-up: evicts the other peers' arrays from the caches
     const auto start = Clock::now();
     for (long i = 0; i < runs_per_sample; ++i) job.run();
     return std::chrono::duration<double, std::micro>(Clock::now() - start).count() /
@@ -40,7 +41,7 @@ struct Contender {
   }
 };
 
-// Turn by turn, so that a busy moment of the machine hits all alike.
+// Interleaves the peers, so that load from other processes affects all of them alike.
 std::vector<Measurement> measure(std::vector<Contender>& runners, int repetitions) {
   for (Contender& r : runners) {
     r.job.run();
@@ -84,8 +85,7 @@ void print_json(int workload, int n, const Measurement& f, bool same) {
   std::puts(line.dump().c_str());
 }
 
-// True if the checksums agree. They are sums of floats' exact values; a fused multiply-add in a peer may
-// change a last bit here and there.
+// Returns whether the checksums agree, with a tolerance: a fused multiply-add in a peer may change last bits.
 bool compare(int workload, int n, int repetitions, const std::string& without, bool json) {
   std::vector<Contender> runners;
   std::string missing;
@@ -130,7 +130,8 @@ struct Options {
   bool json = false;
 };
 
-// Takes one argument such as 64,1024: a list of its own would take those after it too.
+// Parses one comma-separated argument such as 64,1024. A CLI11 list option would also consume the arguments
+// after it.
 std::function<void(const std::string&)> list_into(std::vector<int>& to, int least, int most) {
   return [&to, least, most](const std::string& text) {
     to.clear();

@@ -1,4 +1,4 @@
-"""One workload with NumPy: numpy_peer.py WORKLOAD SIZE prints minimum and median in microseconds and the checksum."""
+"""NumPy peer. numpy_peer.py WORKLOAD SIZE prints the minimum and median time in microseconds and the checksum."""
 import sys
 import time
 

@@ -1,5 +1,4 @@
-// One operation at a time over the whole array, NEWS shifts as copies: what the instructions say, in plain
-// loops.
+// Unfused peer: one plain loop over the whole array per operation, with NEWS shifts as copies.
 #include <algorithm>
 #include <vector>
 

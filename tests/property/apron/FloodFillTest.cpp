@@ -1,4 +1,4 @@
-// flood, distance and spread.max against their one-step rule, iterated until nothing changes.
+// flood, distance and spread.max against their one-step rules, iterated to the fixed point.
 #include <gtest/gtest.h>
 
 #include "tests/unit/apron/vm/TestProgram.h"
@@ -15,7 +15,7 @@ struct Image {
   std::size_t index(int x, int y) const { return static_cast<std::size_t>(y * width + x); }
 };
 
-// rule(x, y, now): the cell's next value.
+// rule(x, y, now) returns the cell's next value.
 template <class Rule>
 Image iterate_to_fixed_point(Image now, const Rule& rule) {
   for (;;) {
@@ -61,7 +61,7 @@ Image reference_spread_max(const Image& a, const Image& mask) {
   });
 }
 
-// A corridor one cell wide that winds inwards: as many steps as it has cells.
+// A spiral corridor one cell wide: the one-step rule needs as many iterations as the corridor has cells.
 Image spiral(int n) {
   Image image{n, n, Cells(static_cast<std::size_t>(n * n), 0.0F)};
   int x = 0, y = 0, dx = 1, dy = 0;

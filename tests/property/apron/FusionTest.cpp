@@ -1,5 +1,5 @@
-// Random programs run as segments and one instruction at a time: every register and variable equal to the
-// bit, whatever the tiles, the number of threads and the instruction set.
+// Random programs, fused and one instruction at a time: every register and variable is bit-identical for any
+// tile size, number of threads and instruction set.
 #include <gtest/gtest.h>
 
 #include <string>
@@ -14,7 +14,7 @@ using program::BoundaryRule;
 class RandomProgram : public TestProgram {
  public:
   RandomProgram(unsigned seed, Size size) : rng_(seed) {
-    // Half of the registers are temporaries, which need not be up to date in the end.
+    // Half of the registers are temporaries, which fusion may leave out of date at the end.
     for (int i = 0; i < kRegisters; ++i) {
       registers.push_back(reg(size.width, size.height));
       if (i >= kRegisters / 2) program.registers.back().name[0] = '$';
@@ -26,7 +26,7 @@ class RandomProgram : public TestProgram {
       add(Opcode::kBoundary, {}, lit(rule), lit(1.75F));
     }
     add_block(static_cast<int>(rng_() % 40) + 10, 0);
-    // What is left in the temporaries must not have been needed: read them all.
+    // Read all temporaries, so that values which the program may not drop are observable.
     for (int i = kRegisters / 2; i < kRegisters; ++i)
       add(Opcode::kAdd, registers[0], registers[0], registers[i]);
   }
@@ -111,7 +111,7 @@ class RandomProgram : public TestProgram {
     return {program::OperandKind::kFilter, static_cast<std::uint32_t>(program.filters.size() - 1)};
   }
 
-  // The last filter changes while the program runs.
+  // The program modifies the last filter.
   void add_filter() {
     const Operand y = any_register(), a = any_register();
     if (y == a) return add_elementwise();
@@ -137,7 +137,7 @@ class RandomProgram : public TestProgram {
     add(Opcode::kMaskPop);
   }
 
-  // repeat(n): its counter set to a number, or to a variable that only the run knows.
+  // A counted loop; the count is a constant or a variable known only at run time.
   void add_loop(int depth) {
     const Operand counter = var();
     if (one_in(3))
@@ -220,7 +220,7 @@ std::vector<FusionConfig> fusion_configs() {
   return all;
 }
 
-// Whole numbers in every other program, for NaN spreads and hides much.
+// Mostly finite values: NaN propagates and hides differences.
 Cells input(std::size_t n, unsigned seed, std::mt19937& rng) {
   if (rng() % 3 == 0) return random_mask(n, rng);
   if (seed % 3 == 0) return random_cells(n, rng);
@@ -285,7 +285,7 @@ TEST(Fusion, EqualsOneInstructionAtATime) {
   }
 }
 
-// Results that go past the caches are those of any other size.
+// Arrays large enough for non-temporal stores.
 TEST(Fusion, OfArraysBeyondTheCachesToo) {
   TestProgram build;
   const Operand a = build.reg(2100, 1400), h = build.reg(2100, 1400), y = build.reg(2100, 1400);
@@ -312,8 +312,8 @@ TEST(Fusion, OfArraysBeyondTheCachesToo) {
   EXPECT_EQ(results[0], results[1]);
 }
 
-// The budget counts instructions, and a debugger that steps sees each: segments neither overrun it nor are
-// entered in their middle.
+// The budget counts instructions and a stepping debugger sees each one, so a fused trace neither exceeds the
+// budget nor is entered in the middle.
 TEST(Fusion, BudgetsCutAnywhere) {
   for (unsigned seed = 300; seed < 330; ++seed) {
     RandomProgram random(seed, {20, 6});

@@ -1,4 +1,4 @@
-// The verifier's refusals, the disassembly and the localities, on programs made by hand.
+// Verifier errors, disassembly and locality, on hand-written programs.
 #include "apron/program/Program.h"
 
 #include <gtest/gtest.h>
@@ -25,7 +25,7 @@ Instruction make(Opcode op, Operand destination = {}, Operand a = {}, Operand b 
   return instruction;
 }
 
-// Registers 0 and 1 of one shape and 2 of another; literals 0, 1, 0.5.
+// Registers 0 and 1 have one shape, register 2 another; the literals are 0, 1, 0.5.
 Program with(std::vector<Instruction> code) {
   Program program;
   program.registers = {{"A", 4, 3}, {"B", 4, 3}, {"C", 2, 2}};
@@ -109,13 +109,13 @@ TEST(Verify, FollowsMasksAlongEveryPath) {
   EXPECT_EQ(verify(with({turn})), "instruction 0 (mask.else): no mask is open that it could turn round");
   EXPECT_EQ(verify(with({push, turn, turn, pop})),
             "instruction 2 (mask.else): no mask is open that it could turn round");
-  // One path pushes, the other does not.
+  // Only one path pushes.
   EXPECT_EQ(verify(with({make(Opcode::kJumpLt, {}, var(0), lit(0), label(2)), push, make(Opcode::kNop)})),
             "instruction 2 (nop): masks do not balance on every path to it");
-  // A loop that pushes each time round.
+  // A loop that pushes in every iteration.
   EXPECT_EQ(verify(with({push, make(Opcode::kJump, {}, label(0))})),
             "instruction 0 (mask.push): masks do not balance on every path to it");
-  // Unreachable code may be anything.
+  // Unreachable code is not checked.
   EXPECT_EQ(verify(with({make(Opcode::kJump, {}, label(2)), pop})), "");
   EXPECT_EQ(verify(with({push, make(Opcode::kReturn)})), "instruction 1 (return): a mask is still open");
   std::vector<Instruction> deep(kMaxMaskDepth, push);
@@ -147,7 +147,7 @@ TEST(Verify, RoutinesAddTheirMasksToTheirCallers) {
             "");
   EXPECT_EQ(verify(with({make(Opcode::kCall, {}, label(2)), make(Opcode::kEnd), pop, back})),
             "instruction 2 (mask.pop): no mask is open");
-  // A routine that calls itself inside its mask could open any number.
+  // A routine that calls itself inside its mask can open any number of masks.
   EXPECT_EQ(verify(with({make(Opcode::kCall, {}, label(2)), make(Opcode::kEnd), push,
                          make(Opcode::kCall, {}, label(2)), pop, back})),
             "instruction 2: calls from here may open more than 64 masks");

@@ -1,4 +1,4 @@
-// Every element-wise opcode, on every instruction set, against the definition of one cell.
+// Every element-wise opcode, on every instruction set, against a scalar reference.
 #include <gtest/gtest.h>
 
 #include "TestProgram.h"
@@ -6,7 +6,7 @@
 namespace apron::vm::test {
 namespace {
 
-// Written apart from the VM's own, from opcodes.def.
+// Written from opcodes.def, independently of the VM's implementation.
 float reference_value(Opcode op, float a, float b, float c) {
   const auto truth = [](float v) { return v < 0.0F || v > 0.0F || std::isnan(v); };
   switch (op) {

@@ -1,4 +1,4 @@
-// Base mask and nested where: random sequences against a plain model of which cells are on.
+// Base mask and nested where: random sequences against a simple model of the active cells.
 #include <gtest/gtest.h>
 
 #include "TestProgram.h"
@@ -100,7 +100,7 @@ TEST(Mask, OnTakesACopy) {
   write_cells(vm.plane(m.index), {0, 1});
   ASSERT_EQ(vm.run(), Status::kEnded);
   EXPECT_EQ(read_cells(vm.plane(y.index)), (Cells{0, 5}));
-  EXPECT_EQ(read_cells(vm.plane(m.index)), (Cells{1, 1}));  // a temporary's write ignores the mask
+  EXPECT_EQ(read_cells(vm.plane(m.index)), (Cells{1, 1}));  // unmasked writes ignore the mask
 }
 
 TEST(Mask, CoordinatesPixelsAndHostReadsObeyIt) {

@@ -1,4 +1,4 @@
-// Which results may be stored around the caches: of planes too large for these, and read by no stage.
+// Selection of non-temporal stores: results in planes larger than the caches that no stage reads.
 #include "apron/vm/fusion/NonTemporalStores.h"
 
 #include <gtest/gtest.h>
@@ -15,8 +15,8 @@ MicroOp reading_op(std::uint32_t stream) {
   return op;
 }
 
-// Two stages: register 0 → register 1 in place → register 2, fresh. Streams: 0 what is read, 1 what is
-// written.
+// Two stages: register 0 -> register 1 (in place) -> register 2 (double-buffered). In each, stream 0 is the
+// input and stream 1 the output.
 FusionPlan two_stage_plan(std::uint32_t side) {
   FusionPlan plan;
   plan.width = plan.height = side;
@@ -54,7 +54,7 @@ TEST(NonTemporalStores, WhatFitsTheCachesStays) {
 
 TEST(NonTemporalStores, APlaneWhoseOldRowsAreReadWhileItIsWrittenStays) {
   FusionPlan plan = two_stage_plan(kLarge);
-  plan.buffers.push_back({RowBuffer::Kind::kRegister, 1});  // register 1 as it was
+  plan.buffers.push_back({RowBuffer::Kind::kRegister, 1});  // register 1 at entry
   plan.stages[1].streams[0].buffer = 3;
   select_non_temporal_stores(plan);
   EXPECT_FALSE(is_non_temporal(plan, 0));

@@ -1,4 +1,4 @@
-// Random numbers: the published generator, and independence of threads, masks and sizes.
+// Random numbers: known answers of Philox, and independence of threads, masks and array size.
 #include "apron/vm/kernels/Random.h"
 
 #include <gtest/gtest.h>
@@ -8,7 +8,7 @@
 namespace apron::vm::test {
 namespace {
 
-// The known answers of the authors' own library, Random123.
+// Known answers from Random123, the authors' library.
 TEST(Random, IsPhilox) {
   EXPECT_EQ(philox({0, 0, 0, 0}, {0, 0}), (RandomWords{0x6627e8d5, 0xe169c58d, 0xbc57ac4c, 0x9b00dbd8}));
   EXPECT_EQ(philox({0xffffffff, 0xffffffff, 0xffffffff, 0xffffffff}, {0xffffffff, 0xffffffff}),

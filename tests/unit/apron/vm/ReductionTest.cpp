@@ -1,4 +1,5 @@
-// Reductions in the declared order, to the bit, for every instruction set and number of threads.
+// Reductions in the order that opcodes.def specifies, bit for bit, on every instruction set and number of
+// threads.
 #include <gtest/gtest.h>
 
 #include "TestProgram.h"
@@ -6,7 +7,8 @@
 namespace apron::vm::test {
 namespace {
 
-// From opcodes.def: 16 interleaved partial sums a row, added pairwise 8, 4, 2, 1 apart, then rows in double.
+// 16 interleaved partial sums per row, added pairwise 8, 4, 2, 1 apart; then the row sums in double
+// precision.
 float reference_sum(const Cells& cells, Size size) {
   double total = 0;
   for (std::uint32_t y = 0; y < size.height; ++y) {

@@ -1,4 +1,4 @@
-// Shifts and rotations against a cell-by-cell definition: every edge rule, offsets within and beyond the
+// Shifts and rotations against a cell-by-cell reference: every boundary rule, offsets within and beyond the
 // array.
 #include <gtest/gtest.h>
 
@@ -9,7 +9,8 @@ namespace {
 
 using program::BoundaryRule;
 
-// One axis, by walking: a mirror turns round at the edge's cell, a wrap comes in on the other side.
+// Resolves an index on one axis by walking: reflect reverses at the edge cell, wrap re-enters on the other
+// side.
 int reference_index(int i, int n, BoundaryRule rule) {
   if (rule == BoundaryRule::kWrap) {
     while (i < 0) i += n;

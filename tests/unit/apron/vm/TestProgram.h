@@ -1,5 +1,4 @@
-// A program made by hand, a host that notes what it is asked, and comparison of floats by their bits: for
-// tests.
+// Test helpers: a builder for hand-written programs, a host that records calls, and bitwise float comparison.
 #pragma once
 
 #include <cmath>
@@ -45,7 +44,8 @@ class TestProgram {
   static Operand label(std::size_t at) { return {OperandKind::kLabel, static_cast<std::uint32_t>(at)}; }
   std::size_t next_index() const { return program.code.size(); }
 
-  // An instruction of its own source line: line N is instruction N - 1. Without a destination pass {}.
+  // Appends an instruction on a source line of its own: instruction N is on line N + 1. Pass {} for no
+  // destination.
   std::size_t add(Opcode op, Operand y = {}, Operand a = {}, Operand b = {}, Operand c = {},
                   bool masked = true) {
     program.source_locations.push_back({0, static_cast<std::uint32_t>(next_index() + 1), 1});
@@ -68,7 +68,7 @@ class TestProgram {
 
 struct FakeHost : Host {
   std::string console;
-  std::map<std::string, std::vector<float>> sensors;  // row by row, as large as the register
+  std::map<std::string, std::vector<float>> sensors;  // row-major, one value per cell of the register
   std::map<std::string, std::vector<float>> actuators;
   std::map<std::string, float> parameters;
   HostStatus step_status = HostStatus::kOk;
@@ -116,13 +116,13 @@ struct FakeHost : Host {
   bool has(std::string_view channel) const override { return sensors.count(std::string(channel)) != 0; }
 };
 
-// Equal to the bit; any NaN equals any NaN.
+// Bitwise equality, except that any NaN equals any NaN.
 inline bool bits_equal(float a, float b) {
   if (std::isnan(a) || std::isnan(b)) return std::isnan(a) && std::isnan(b);
   return std::memcmp(&a, &b, sizeof a) == 0;
 }
 
-using Cells = std::vector<float>;  // row by row
+using Cells = std::vector<float>;  // row-major
 
 inline Cells read_cells(const Plane& plane) {
   Cells cells;
@@ -135,8 +135,8 @@ inline void write_cells(const Plane& plane, const Cells& cells) {
     for (std::uint32_t x = 0; x < plane.width; ++x) plane.row(y)[x] = cells[y * plane.width + x];
 }
 
-// Values that tell rules apart: small whole numbers, halves, both zeros, infinities, NaN, tiny and large
-// ones.
+// Values that distinguish rounding and comparison rules: small integers, halves, both zeros, infinities, NaN,
+// denormals and large numbers.
 inline Cells random_cells(std::size_t n, std::mt19937& rng) {
   static const float kSpecial[] = {0.0F,  -0.0F, 1.0F,   -1.0F,    0.5F,      -0.5F, 1.5F,       2.5F,
                                    -2.5F, 3.0F,  1e-40F, INFINITY, -INFINITY, NAN,   8388609.0F, 0.49999997F};

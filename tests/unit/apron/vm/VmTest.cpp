@@ -1,4 +1,4 @@
-// Flow, calls, errors, the host, interruption, and that threads change nothing.
+// Control flow, calls, errors, the host interface, interruption, and independence of the number of threads.
 #include <gtest/gtest.h>
 
 #include "TestProgram.h"
@@ -220,8 +220,8 @@ TEST(Host, ARefusalNamesThePlaceInTheProgram) {
   EXPECT_EQ(vm.error(), "test.aps:2: error: no channel smell");
 }
 
-// Short random programs over fresh data (long ones end in constants): every register equal to the bit for any
-// number of threads and instruction set.
+// Runs a short random program on random data (long programs converge to constants) and returns all cells.
+// They must be bit-identical for any number of threads and instruction set.
 Cells run_random(unsigned seed, unsigned threads, const KernelTable* kernels) {
   const Size size{100, 37};
   std::mt19937 rng(seed);
