@@ -44,8 +44,8 @@ std::optional<std::size_t> Breakpoints::hit_by_instruction(const vm::Vm& vm, std
   if (found) return found;
   const std::size_t next = vm.program_counter();
   if (next >= line_breakpoints_.size() || line_breakpoints_[next] < 0) return std::nullopt;
-  // A line compiles to several instructions. It is hit on entry from another line or macro expansion, and on a
-  // backward jump within the line.
+  // A line compiles to several instructions. It is hit on entry from another line or macro expansion, and on
+  // a backward jump within the line.
   const program::SourceLocation &here = program.source_locations[program.code[next].source_location],
                                 &before = program.source_locations[program.code[last].source_location];
   const bool same_line =

@@ -28,8 +28,8 @@ typedef struct apron_call {
   int32_t operation; /* the n of plugin(?, n, …) */
   uint32_t argument_count;
   const apron_argument* arguments;
-  /* The destination register with its current cells, to be modified in place; null if the destination is not a
-   * register. All cells may be written: the program's mask is applied afterwards. No argument overlaps it. */
+  /* The destination register with its current cells, to be modified in place; null if the destination is not
+   * a register. All cells may be written: the program's mask is applied afterwards. No argument overlaps it. */
   float* cells;
   uint32_t width, height;
   ptrdiff_t pitch;

@@ -32,7 +32,7 @@ void Viewport::zoom_about(float at_x, float at_y, float factor) {
   pan(0.0F, 0.0F);
 }
 
-// Never away from the register.
+// Clamps the view to the register.
 void Viewport::pan(float dx, float dy) {
   const float half = 0.5F / zoom;
   x = std::clamp(x + dx, half, 1.0F - half);
@@ -42,7 +42,7 @@ void Viewport::pan(float dx, float dy) {
 ViewModel::ViewModel(debugger::FrontPanel& panel, ConditionCompiler compile_condition)
     : panel_(panel), compile_condition_(std::move(compile_condition)) {}
 
-// ---- from the program -------------------------------------------------------------------------------------
+// ---- program ----------------------------------------------------------------------------------------------
 
 void ViewModel::show_program(program::Program program, const std::vector<debugger::SourceText>& texts,
                              std::uint64_t program_id) {
@@ -124,7 +124,7 @@ std::string ViewModel::state_text() const {
   const std::string location = location_name(program_, snapshot_.instruction);
   switch (snapshot_.mode) {
     case ExecutionState::kRunning:
-      // A surface that is held, or slow: what stands still for half a second has been waiting for it.
+      // No tick for half a second means that the surface is paused or slow.
       if (snapshot_.ticks > 0 && snapshot_.ticks == measured_ticks_ && ticks_per_s_ == 0.0)
         return "Running: waiting for the surface";
       return "Running";
@@ -213,7 +213,7 @@ std::optional<float> ViewModel::value_at(const debugger::Cell& at) const {
   return snapshot_.full->cells[std::size_t{at.y} * snapshot_.full->width + at.x];
 }
 
-// ---- what the person does ---------------------------------------------------------------------------------
+// ---- user actions -----------------------------------------------------------------------------------------
 
 void ViewModel::run() {
   commands_.emplace_back([](debugger::DebugSession& s) { s.run(); });
@@ -312,7 +312,7 @@ void ViewModel::remove_breakpoint(std::size_t index) {
   send_breakpoints();
 }
 
-// Conditions that a changed program no longer understands go.
+// Removes condition breakpoints that no longer compile against a changed program.
 void ViewModel::send_breakpoints() {
   std::vector<program::Program> condition_programs;
   for (auto breakpoint = breakpoints_.begin(); breakpoint != breakpoints_.end();) {

@@ -22,19 +22,19 @@ namespace apron::ui {
 // How a register is coloured.
 struct RegisterStyle {
   common::Palette palette = common::Palette::kGrey;
-  bool auto_range = true;      // the range is found out from the cells
-  debugger::ValueRange range;  // otherwise
+  bool auto_range = true;      // derive the range from the cells
+  debugger::ValueRange range;  // used if auto_range is false
 
-  bool set_by_user = false;  // what the program asks for no longer counts
+  bool set_by_user = false;  // overrides what the program requests
 };
 
-// Where in the large register the person looks: a cell at the view's middle, and how much larger than
-// fitting.
+// The visible part of the large register. Coordinates are fractions of the register's width and height, from
+// the north-west corner.
 struct Viewport {
-  float x = 0.5F, y = 0.5F;  // of the register's width and height
-  float zoom = 1.0F;         // 1: all of it is seen
+  float x = 0.5F, y = 0.5F;  // centre
+  float zoom = 1.0F;         // 1: the whole register is visible
 
-  // Zooms by `factor` about a point that stays where it is; at: of the register's width and height.
+  // Zooms by `factor`, keeping the point (at_x, at_y) in place on the screen.
   void zoom_about(float at_x, float at_y, float factor);
   void pan(float dx, float dy);
 };
@@ -44,17 +44,18 @@ class ViewModel {
   using SessionCommand = std::function<void(debugger::DebugSession&)>;
   struct CompiledCondition {
     std::optional<program::Program> program;
-    std::string error;  // one line; "" if there is a program
+    std::string error;  // one line; empty if there is a program
   };
-  // Compiles a condition against the program shown.
+  // Compiles a condition against the symbols of a program.
   using ConditionCompiler =
       std::function<CompiledCondition(const std::string& condition, const program::Program&)>;
 
-  // The panel must outlive it.
+  // panel must outlive this.
   ViewModel(debugger::FrontPanel& panel, ConditionCompiler compile_condition);
 
-  // ---- from the program ----
-  // number: that of DebugSnapshot::program. Selection, styles, folds and breakpoints stay as far as the names do.
+  // ---- program ----
+  // Shows a new or changed program. program_id: as in DebugSnapshot; snapshots of other programs are ignored.
+  // Keeps selection, user styles and breakpoints where register names persist and conditions still compile.
   void show_program(program::Program program, const std::vector<debugger::SourceText>& texts,
                     std::uint64_t program_id);
   void update(debugger::DebugSnapshot snapshot);
@@ -62,10 +63,11 @@ class ViewModel {
 
   const program::Program& program() const { return program_; }
   const debugger::DebugSnapshot& snapshot() const { return snapshot_; }
-  // Counts the looks: what is drawn of an older one is out of date.
+  // Incremented by each new snapshot; textures of older snapshots are out of date.
   std::uint64_t snapshot_serial() const { return snapshot_serial_; }
   const debugger::FrontPanel::State& panel() const { return panel_state_; }
   debugger::Listing& listing() { return listing_; }
+  // The listing's row of the next instruction.
   std::size_t current_row() const;
   // "Running", "Held at line 12", …
   std::string state_text() const;
@@ -74,26 +76,26 @@ class ViewModel {
   double ticks_per_s() const { return ticks_per_s_; }
 
   // ---- registers ----
-  // Those shown in the list, in the program's order; temporaries only if wanted.
+  // Registers in the program's order; compiler temporaries only if temporaries_shown.
   std::vector<std::size_t> listed_registers() const;
-  // By name; nothing if there is none of that name.
+  // nullopt if the name is unknown.
   std::optional<std::size_t> find_register(std::string_view name) const;
   void select(std::size_t reg);
   const std::optional<std::size_t>& selected() const { return selected_; }
   RegisterStyle register_style(std::size_t reg) const;
   void set_style(std::size_t reg, RegisterStyle style);
   debugger::ValueRange value_range(const RegisterStyle& style, const std::vector<float>& cells) const;
-  // Of the large register's cells.
+  // Of the selected register.
   const debugger::Statistics& statistics() const { return statistics_; }
-  std::optional<float> value_at(const debugger::Cell& cell) const;  // in the large register
-  // Registers that the program shows, in order of appearance, and whether they stand side by side in place of
-  // the large one: as the program wants it, until the person chooses.
+  std::optional<float> value_at(const debugger::Cell& cell) const;  // nullopt outside the selected register
+  // Registers that the program shows, in order of appearance.
   std::vector<std::size_t> tiled_registers() const;
+  // Whether tiles replace the large register: as the program requests, until the user chooses.
   bool tiled() const;
   void set_tiled(bool on) { tiled_by_user_ = on; }
-  int tile_columns() const { return panel_state_.tile_columns; }  // 0: as fits
+  int tile_columns() const { return panel_state_.tile_columns; }  // 0: automatic
 
-  // ---- what the person does ----
+  // ---- user actions ----
   void run();
   void pause();
   void toggle_running();
@@ -105,29 +107,30 @@ class ViewModel {
   void set_parameter(const program::Parameter& parameter, float value);
   float parameter(const program::Parameter& parameter) const;
   const std::vector<debugger::Breakpoint>& breakpoints() const { return breakpoints_; }
-  // Sets or takes back the breakpoint of a listing's row.
+  // Adds or removes the breakpoint on a listing row; ignores rows without instructions.
   void toggle_breakpoint(std::size_t row);
   bool has_breakpoint(const debugger::Listing::Row& row) const;
   void add_tick_breakpoint(std::uint64_t tick);
-  // "" or what is wrong with the condition.
+  // Returns the compiler's error message, or empty.
   std::string add_condition_breakpoint(const std::string& condition);
   void set_breakpoint_enabled(std::size_t index, bool enabled);
   void remove_breakpoint(std::size_t index);
 
-  // What is to be done with the session, since the last call.
+  // Returns and clears the pending commands, to be executed on the session in order.
   std::vector<SessionCommand> take_commands() { return std::exchange(commands_, {}); }
+  // Returns and clears reload_requested.
   bool take_reload_request() { return std::exchange(reload_requested, false); }
 
-  // ---- the window's own state ----
+  // ---- window state ----
   Viewport viewport;
-  debugger::Cell probed_cell;  // watched
+  debugger::Cell probed_cell;
   bool probe_shown = false, profile_shown = false, temporaries_shown = false, help_shown = false,
        reload_requested = false;
-  bool follow_current_line = true;  // scroll to the current line
-  bool speed_shown = true;          // how fast it runs is shown
-  int lines_per_s = 4;              // of a walk
-  std::string notice;               // one line in red, such as what is wrong with a changed program
-  std::vector<std::size_t> visible_thumbnails;  // registers whose thumbnails are in sight
+  bool follow_current_line = true;  // scroll the listing to the current line
+  bool speed_shown = true;          // measure and show ticks per second
+  int lines_per_s = 4;              // walking speed
+  std::string notice;               // one line shown in red, such as an error in a reloaded program
+  std::vector<std::size_t> visible_thumbnails;  // registers whose thumbnails are scrolled into view
 
  private:
   void send_breakpoints();
@@ -146,7 +149,7 @@ class ViewModel {
   std::optional<std::size_t> selected_;
   bool selected_by_user_ = false;
   std::optional<bool> tiled_by_user_;
-  std::vector<RegisterStyle> styles_;  // by register
+  std::vector<RegisterStyle> styles_;  // indexed by register
   std::vector<debugger::Breakpoint> breakpoints_;
   std::vector<SessionCommand> commands_;
   bool profiling_ = false;

@@ -1,4 +1,4 @@
-// A program file compiled for an array size; diagnostics go to stderr.
+// Compiles a program file for an array size.
 #pragma once
 
 #include <cstdint>
@@ -19,10 +19,11 @@ struct CompiledProgram {
   program::Program program;
   std::vector<debugger::SourceText> sources;  // the main file first
 };
-// On failure returns nullopt. errors receives all diagnostics as text, warnings included.
+// On failure returns nullopt and sets errors to the diagnostics as text.
 std::optional<CompiledProgram> compile_with_sources(const Options& options, std::uint32_t width,
                                                     std::uint32_t height, std::string& errors);
 
+// Like compile_with_sources(); prints errors to stderr.
 std::optional<program::Program> compile_or_report(const Options& options, std::uint32_t width,
                                                   std::uint32_t height);
 

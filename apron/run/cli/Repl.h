@@ -11,9 +11,9 @@
 
 namespace apron::run {
 
-// Each entry (a line or a complete block) is compiled and run together with all accepted entries. The accepted
-// entries are replayed without output and without writing files, which restores the program's state. An entry
-// that fails is discarded. An expression shows its value.
+// Each entry (a line or a complete block) is compiled and run together with all accepted entries. The
+// accepted entries are replayed without output and without writing files, which restores the program's state.
+// An entry that fails is discarded. An expression shows its value.
 class Repl {
  public:
   // options are copied; in and out must outlive this. prompts: whether to print prompts.
@@ -51,8 +51,8 @@ int run_repl(const Options& options);
 // Whether the text has an unclosed block, macro or conditional directive, or ends in a line continuation.
 bool is_incomplete(const std::string& text);
 
-// Renders row-major cells as characters, denser for larger values, at most `columns` wide. The last line states
-// the size and the range.
+// Renders row-major cells as characters, denser for larger values, at most `columns` wide. The last line
+// states the size and the range.
 std::string format_register_ascii(const std::vector<float>& cells, std::uint32_t width, std::uint32_t height,
                                   std::uint32_t columns);
 

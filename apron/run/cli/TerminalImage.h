@@ -8,9 +8,9 @@
 
 namespace apron::run {
 
-// The maximum size of the text. Larger arrays are downsampled: each pixel is the mean of the finite cells of a
-// square block. Brightness scales linearly from the smallest mean to the largest; blocks without finite cells
-// are darkest.
+// The maximum size of the text. Larger arrays are downsampled: each pixel is the mean of the finite cells of
+// a square block. Brightness scales linearly from the smallest mean to the largest; blocks without finite
+// cells are darkest.
 struct TerminalSize {
   std::uint32_t columns = 80, rows = 24;
 };

@@ -20,8 +20,8 @@ class PluginModules {
   // module is already loaded. Returns a one-line error message, or empty.
   std::string load(const std::string& name, const std::vector<std::string>& directories);
 
-  // The module must be loaded. Writes to the plane `to` or to `value`, whichever is not null. Returns an error
-  // message, or empty.
+  // The module must be loaded. Writes to the plane `to` or to `value`, whichever is not null. Returns an
+  // error message, or empty.
   std::string call(std::string_view module, int operation, std::span<const vm::PluginArgument> arguments,
                    vm::Plane to, float* value) const;
 

@@ -12,10 +12,11 @@
 
 namespace apron::run {
 
-// A channel has the name that the surface gives it. In a channel with several components per cell, 'name[k]' is
-// component k, 0-based; with three components also 'name.r', 'name.g' and 'name.b'. Sensor frames are copied
-// into registers. Actuator frames are staged here and published by step(); a channel that was not staged again
-// keeps its last frame, initially its safe value. Allocates only in the constructor and for error messages.
+// A channel has the name that the surface gives it. In a channel with several components per cell, 'name[k]'
+// is component k, 0-based; with three components also 'name.r', 'name.g' and 'name.b'. Sensor frames are
+// copied into registers. Actuator frames are staged here and published by step(); a channel that was not
+// staged again keeps its last frame, initially its safe value. Allocates only in the constructor and for
+// error messages.
 class SurfaceHost final : public LocalHost {
  public:
   // surface and stop must outlive this.
@@ -29,10 +30,10 @@ class SurfaceHost final : public LocalHost {
   vm::HostStatus actuate(std::string_view channel, vm::ConstPlane from) override;
   vm::HostStatus actuate(std::string_view channel, float value) override;
   // Time-step mode: publishes the answer to the current sensor frame and waits for the next one; after
-  // kInterrupted the next call resumes the wait. Passive mode: publishes and takes the latest frame, which may
-  // be the current one.
+  // kInterrupted the next call resumes the wait. Passive mode: publishes and takes the latest frame, which
+  // may be the current one.
   vm::HostStatus step() override;
-  // Publishes whether the user has paused the program, as the controller's state. The surface waits either way.
+  // Publishes as the controller's state whether the user has paused the program. The surface waits either way.
   void publish_paused(bool paused) noexcept;
 
   std::optional<double> time_s() const override;
@@ -66,7 +67,7 @@ class SurfaceHost final : public LocalHost {
 
   shm_protocol::ControllerEndpoint& surface_;
   std::vector<StagedFrame> staged_;  // one per actuator channel
-  bool published_ = false;           // the current frame is answered, but the wait for the next was interrupted
+  bool published_ = false;           // the current frame is answered, but waiting for the next was interrupted
 };
 
 }  // namespace apron::run

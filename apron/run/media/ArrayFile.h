@@ -7,7 +7,7 @@
 
 namespace apron::run {
 
-// Reads an array into a plane of exactly its shape. A .npy file has one or two dimensions (one is a single row)
+// Reads an array into a plane of exactly its shape. A .npy file has two dimensions, or one for a single row,
 // and an integer, boolean or real type. Throws MediaError; the plane may then be partly written.
 void read_array(const std::string& path, const vm::Plane& to);
 

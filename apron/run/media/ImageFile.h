@@ -7,8 +7,8 @@
 
 namespace apron::run {
 
-// Converts colours to luminance and scales other ranges, such as 16 bits, to 0 to 255. Throws MediaError, also
-// for an image that does not have the plane's shape; the plane may then be partly written.
+// Converts colours to luminance and scales other ranges, such as 16 bits, to 0 to 255. Throws MediaError,
+// also for an image that does not have the plane's shape; the plane may then be partly written.
 void read_image(const std::string& path, const vm::Plane& to);
 
 // Rounds and clamps to whole values from 0 to 255; NaN becomes 0. Throws MediaError.

@@ -10,7 +10,7 @@ namespace apron::run {
 
 class MediaError : public std::runtime_error {
  public:
-  // kRefused: the file or its name is invalid; kFailed: the system failed; kInterrupted: a wait was interrupted.
+  // kRefused: the file or its name is invalid; kFailed: a system error; kInterrupted: a wait was interrupted.
   MediaError(vm::HostStatus status, const std::string& what) : std::runtime_error(what), status_(status) {}
   vm::HostStatus status() const noexcept { return status_; }
 

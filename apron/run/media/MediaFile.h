@@ -1,4 +1,4 @@
-// Reads and writes whole files, and provides the checks common to all formats. All functions throw MediaError.
+// Reads and writes whole files, and provides the checks common to all formats. Failures throw MediaError.
 #pragma once
 
 #include <cstdint>

@@ -9,8 +9,8 @@
 
 namespace apron::run {
 
-// Throws MediaError for a damaged or truncated file, an unsupported element type or a wrong shape. path is for
-// messages only.
+// Throws MediaError for a damaged or truncated file, an unsupported element type or a wrong shape. path is
+// for messages only.
 void decode_npy(const std::string& path, std::string_view bytes, const vm::Plane& to);
 std::string encode_npy(const vm::ConstPlane& from);
 

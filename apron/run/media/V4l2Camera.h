@@ -31,7 +31,7 @@ class V4l2Camera final : public Camera {
   void control_or_throw(unsigned long request, void* argument, const char* action);
   [[noreturn]] void throw_error(const char* action, int error) const;
   void wait_for_buffer(const std::atomic<bool>& stop);
-  // Dequeues and requeues all filled buffers. Keeps the latest valid frame in frame_; false if there was none.
+  // Dequeues and requeues all filled buffers. Keeps the latest valid frame in frame_; false if there is none.
   bool dequeue_newest();
 
   std::string name_;

@@ -21,8 +21,8 @@ class V4l2Device {
   virtual int wait(int milliseconds) = 0;
 };
 
-// Opens the device; destroying it closes it. Throws MediaError if the path does not exist, is not accessible or
-// is not a device.
+// Opens the device; destroying it closes it. Throws MediaError if the path does not exist, is not accessible
+// or is not a device.
 std::unique_ptr<V4l2Device> open_v4l2_device(const std::string& path);
 
 }  // namespace apron::run

@@ -14,7 +14,7 @@ class Y4mReader {
  public:
   explicit Y4mReader(const std::string& path);
 
-  // Copies the next frame's luminance, 0 to 255, to a plane of the video's shape. Restarts after the last frame.
+  // Copies the next frame's luminance, 0 to 255, to a plane of the video's shape. Loops at the end.
   void read_frame(const vm::Plane& to);
   // Like read_frame(), without a shape check. The reference is valid until the next call.
   const GreyFrame& next_frame();

@@ -8,8 +8,8 @@
 
 namespace apron::run {
 
-// width, height: the default size of the program's registers. On failure returns nullopt and sets error to one
-// line.
+// width, height: the default size of the program's registers. On failure returns nullopt and sets error to
+// one line.
 std::optional<program::Program> compile_condition(const std::string& condition,
                                                   const program::Program& debuggee, std::uint32_t width,
                                                   std::uint32_t height, std::string& error);

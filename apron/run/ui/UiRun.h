@@ -32,8 +32,8 @@ struct UiRunResult {
 // Why the requested user interface cannot be opened, in one line; empty if it can.
 std::string ui_unavailable_reason(const Options& options);
 
-// Runs until the user closes the window, a signal arrives or, off-screen, the program finishes. Reports errors in
-// the result.
+// Runs until the user closes the window, a signal arrives or, off-screen, the program finishes. Reports
+// errors in the result.
 UiRunResult run_with_ui(const UiRun& run);
 
 }  // namespace apron::run

@@ -1,5 +1,6 @@
-// The panels of the window, in Dear ImGui: called between ImGui::NewFrame and ImGui::Render. Internal to this
-// module.
+// Draws the window's panels with Dear ImGui. Internal to this module.
+//
+// Call between ImGui::NewFrame and ImGui::Render.
 #pragma once
 
 #include <imgui.h>
@@ -20,11 +21,11 @@ struct DrawContext {
   float to_pixels(float points) const { return points * gui.scale(); }
 };
 
-// Whether there is room for three columns.
+// Whether the window is wide enough for three columns.
 bool is_wide_layout(const DrawContext& context);
-// All of the window, as large as the display.
+// Draws the whole window at the display's size.
 void draw_window(DrawContext& context);
-// Space, arrows and letters, unless the person is typing.
+// Handles keyboard shortcuts, unless a text field has the focus.
 void handle_keys(ViewModel& model);
 
 void draw_toolbar(DrawContext& context);
@@ -38,18 +39,18 @@ void draw_probe_panel(DrawContext& context);
 void draw_breakpoint_panel(DrawContext& context);
 void draw_help(DrawContext& context);
 
-// What the program calls a register that it shows, or its name.
+// The title that the program gave the register, or its name.
 std::string register_title(const ViewModel& model, std::size_t reg);
-// The text as far as it fits.
+// Draws the text, clipped to the width.
 void draw_fitted_text(ImDrawList& list, ImVec2 at, float width, ImU32 colour, const std::string& text);
-// A shot in the middle of its place, as large as fits.
+// Draws the register centred in the available area, as large as fits.
 void draw_register_image(DrawContext& context, ImVec2 corner, ImVec2 available,
                          const debugger::SampledRegister& sample, TextureSlot slot);
-// Of that register, or nullptr.
+// The sample of the register, or nullptr.
 const debugger::SampledRegister* find_sample(const std::vector<debugger::SampledRegister>& samples,
                                              std::size_t reg);
 
-// "0.25", "1e-07", "12345.7": at most six digits.
+// At most six significant digits: "0.25", "1e-07", "12345.7".
 std::string format_short(double value);
 
 }  // namespace apron::ui

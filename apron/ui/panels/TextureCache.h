@@ -12,10 +12,10 @@
 
 namespace apron::ui {
 
-// Where a shot is drawn: the large register shares one texture, the others have one each.
+// Where a sample is drawn. kFull uses a single texture, the others one per register.
 enum class TextureSlot : std::uint8_t { kFull, kThumbnail, kTile };
 
-// To be called with the window's context current, the destructor too.
+// All functions and the destructor require the window's OpenGL context to be current.
 class TextureCache {
  public:
   TextureCache() = default;
@@ -23,7 +23,8 @@ class TextureCache {
   TextureCache(const TextureCache&) = delete;
   TextureCache& operator=(const TextureCache&) = delete;
 
-  // OpenGL's name of the shot's picture, with sharp cells; at most one upload a look and style.
+  // The OpenGL texture of the sample, magnified without interpolation. Uploads only if the serial, palette or
+  // range has changed. serial: ViewModel::snapshot_serial().
   unsigned get(const debugger::SampledRegister& sample, TextureSlot slot, const RegisterStyle& style,
                const debugger::ValueRange& range, std::uint64_t serial);
   std::uint64_t uploads() const { return uploads_; }

@@ -1,4 +1,5 @@
-// Dear ImGui with this module's fonts and colours, in the current OpenGL context. Internal to this module.
+// Sets up Dear ImGui with this module's fonts and colours in the current OpenGL context. Internal to this
+// module.
 #pragma once
 
 #include <imgui.h>
@@ -7,10 +8,10 @@
 
 namespace apron::ui {
 
-// Of the one ImGui context of the process.
+// Owns the process's only ImGui context.
 class Gui {
  public:
-  // scale: pixels a point.
+  // scale: pixels per point.
   explicit Gui(float scale);
   ~Gui();
   Gui(const Gui&) = delete;
@@ -18,7 +19,7 @@ class Gui {
 
   float scale() const { return scale_; }
   ImFont* text() const { return text_; }
-  ImFont* code() const { return code_; }  // fixed width
+  ImFont* code() const { return code_; }  // monospaced
   ImFont* small() const { return small_; }
 
  private:
@@ -26,7 +27,7 @@ class Gui {
   ImFont *text_ = nullptr, *code_ = nullptr, *small_ = nullptr;
 };
 
-// Colours beside ImGui's own.
+// Colours in addition to ImGui's style.
 namespace theme {
 inline constexpr ImU32 kFaint = IM_COL32(96, 105, 118, 255);
 inline constexpr ImU32 kLine = IM_COL32(208, 214, 222, 255);
@@ -39,7 +40,7 @@ inline constexpr ImU32 kDirective = IM_COL32(130, 64, 150, 255);
 inline constexpr ImU32 kBackdrop = IM_COL32(226, 230, 236, 255);
 }  // namespace theme
 
-// The colours of the framebuffer in force, right way up.
+// Reads the bound framebuffer, top row first.
 common::Image read_framebuffer(int width, int height);
 
 }  // namespace apron::ui

@@ -1,7 +1,7 @@
 // Renders the window's contents off-screen, through EGL into memory.
 //
-// The same view model and size give the same bytes on the same driver. One thread, one instance at a time,
-// and none beside a Window, because Dear ImGui has one context per process.
+// The same view model and size produce the same bytes on the same driver. Not thread-safe. At most one
+// OffscreenRenderer or Window exists at a time, because Dear ImGui has one context per process.
 #pragma once
 
 #include <memory>
@@ -14,23 +14,23 @@ namespace apron::ui {
 
 class OffscreenRenderer {
  public:
-  // Pixels; scale: of texts and gaps. Throws UserError when this machine has no OpenGL 3.3, or no picture
-  // so large.
+  // width, height: pixels; scale: pixels per point, for text and spacing. Throws common::UserError if OpenGL
+  // 3.3 is not available or the size is not supported.
   OffscreenRenderer(int width, int height, float scale = 1.0F);
   ~OffscreenRenderer();
 
-  // The mouse, as seen by the next draw(): pixels from the north-west, and the left button.
+  // The mouse state for the next render(): position in pixels from the north-west, left button, wheel.
   void set_mouse(float x, float y, bool down = false, float wheel = 0.0F);
-  // A character typed before the next draw().
+  // A character typed before the next render().
   void type_character(unsigned character);
-  // One pass over the window; what the person asked for is in the workbench.
+  // Draws one frame and applies user input to the model.
   common::Image render(ViewModel& model);
-  // As long as it takes until everything has found its place: a still picture.
+  // Draws until the layout has settled and returns the last frame.
   common::Image render_settled(ViewModel& model);
 
-  // OpenGL's errors since the last call, 0 for none.
+  // An OpenGL error recorded since the last call, or 0.
   unsigned take_gl_error();
-  // Pictures of registers that were sent to OpenGL so far.
+  // The number of texture uploads so far.
   std::uint64_t texture_uploads() const;
 
  private:

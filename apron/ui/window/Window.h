@@ -1,6 +1,6 @@
 // The program's desktop window.
 //
-// GLFW requires one thread: create, call and destroy it on the process's main thread. One window per process.
+// GLFW requires the main thread: create, call and destroy a Window there. One window per process.
 #pragma once
 
 #include <memory>
@@ -11,12 +11,12 @@
 
 namespace apron::ui {
 
-// Where on the screen, in screen coordinates; the right part of it beside another window.
+// Size and position in screen coordinates.
 struct WindowPlacement {
-  int width = 0, height = 0;  // 0: chosen
+  int width = 0, height = 0;  // 0: default
   bool has_position = false;
   int x = 0, y = 0;
-  bool beside_simulator = false;  // the right part of the work area, the left one being somebody else's
+  bool beside_simulator = false;  // use the right part of the work area; the simulator's window has the left
 };
 
 class Window {
@@ -24,20 +24,20 @@ class Window {
   // Whether a window can be opened here.
   static bool display_available();
 
-  // Throws UserError, one line, when there is no display or no OpenGL 3.3.
+  // Throws common::UserError, one line, if there is no display or no OpenGL 3.3.
   Window(const std::string& title, const WindowPlacement& placement);
   ~Window();
 
-  // Takes in what the person did, draws (nothing while minimised) and shows it; does not wait. False once the
-  // window was closed.
+  // Processes input, draws a frame (unless minimised) and presents it, without waiting. False once the window
+  // is closed.
   bool render_frame(ViewModel& model);
-  // Waits for the mouse, a key or the time to pass.
+  // Waits for input or until the time has passed.
   void wait_events(double seconds);
-  // What is shown: draws once more. Empty while minimised.
+  // Draws a frame and reads it back. Empty while minimised.
   common::Image capture(ViewModel& model);
-  // As if the person had closed it.
+  // Requests closing, as if by the user.
   void close();
-  // OpenGL's errors since the last call, 0 for none.
+  // An OpenGL error recorded since the last call, or 0.
   unsigned take_gl_error();
 
  private:

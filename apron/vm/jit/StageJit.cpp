@@ -63,7 +63,7 @@ std::optional<StageJit> StageJit::compile(const Stage& stage, std::uint32_t vect
 
 namespace apron::vm {
 
-std::optional<StageJit> StageJit::make(const Stage&, std::uint32_t, std::uint32_t) { return std::nullopt; }
+std::optional<StageJit> StageJit::compile(const Stage&, std::uint32_t, std::uint32_t) { return std::nullopt; }
 
 }  // namespace apron::vm
 

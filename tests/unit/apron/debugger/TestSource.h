@@ -1,4 +1,4 @@
-// Programs from text, a listing of them, and a host whose surface counts: for the tests of debugger and ui.
+// Compiles programs and conditions from text for the tests of debugger and ui.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -23,7 +23,7 @@ struct CompiledSource {
   std::vector<SourceText> texts;
 };
 
-// Of 8 x 6 cells; the main file is main.aps.
+// Compiles for 8 x 6 cells; the main file is main.aps.
 inline CompiledSource compile(const std::string& text, const std::map<std::string, std::string>& files = {}) {
   compiler::CompileResult result = compiler::compile_text(text, files);
   EXPECT_TRUE(result.program) << compiler::errors(result);
@@ -45,7 +45,7 @@ inline program::Program compile_condition(const std::string& text, const program
   return program ? std::move(*program) : program::Program{};
 }
 
-// Lines 4 to 8 count up, tick after tick; A is the count in every cell but (0, 0), which is 100.
+// Lines 4 to 8 increment `count` once per tick. A is the count in every cell except (0, 0), which is 100.
 inline const char* const kCounting = R"(!register(A, B)
 sim.slider.add('gain', 0, 10, 1)
 count = 0

@@ -1,4 +1,4 @@
-// A workbench with its session, on one thread: what the window's loop does, without a clock.
+// Drives a view model and its debug session on one thread, like the window's loop without a clock.
 #pragma once
 
 #include <memory>
@@ -19,7 +19,7 @@ struct UiFixture {
     model.show_program(code.program, code.texts, 1);
     process_commands();
   }
-  // The orders, so many slices of the program, a look.
+  // Executes pending commands, advances the session `slices` times and takes a snapshot.
   void process_commands(int slices = 1) {
     for (ViewModel::SessionCommand& command : model.take_commands()) command(*session);
     while (slices-- > 0) session->advance();
