@@ -29,7 +29,8 @@ typedef struct apron_call {
   uint32_t argument_count;
   const apron_argument* arguments;
   /* The destination register with its current cells, to be modified in place; null if the destination is not
-   * a register. All cells may be written: the program's mask is applied afterwards. No argument overlaps it. */
+   * a register. Every cell may be written, as the program's mask is applied afterwards. It overlaps no
+   * argument. */
   float* cells;
   uint32_t width, height;
   ptrdiff_t pitch;

@@ -31,7 +31,7 @@ int print_error(int status, const std::string& text) {
   return status;
 }
 
-// "" if every --set names a slider or switch of the program.
+// An error message, or empty if every --set names a slider or switch of the program.
 std::string unknown_parameter_message(const Options& options, const program::Program& program) {
   for (const auto& parameter : options.parameters) {
     const std::string& name = parameter.first;
@@ -45,14 +45,14 @@ std::string unknown_parameter_message(const Options& options, const program::Pro
   return {};
 }
 
-// Instructions between two looks at a register; more than any segment has.
+// Instructions between two updates of the monitor; larger than any fused segment.
 constexpr std::uint64_t kMonitorInterval = 8192;
 
 vm::Status run_until_end(vm::Vm& vm, const Options& options, std::uint64_t& ticks) {
   std::optional<TerminalMonitor> monitor;
   if (!options.watch.empty()) {
     monitor.emplace(vm, options.watch);
-    monitor->update();  // the screen is ready before anything is printed
+    monitor->update();  // prepare the screen before the program prints
   }
   while (!options.ticks || ticks < *options.ticks) {
     const vm::Status status = monitor ? vm.run(kMonitorInterval) : vm.run();
@@ -65,7 +65,7 @@ vm::Status run_until_end(vm::Vm& vm, const Options& options, std::uint64_t& tick
   return vm::Status::kEnded;
 }
 
-// "" if the file can be written, as far as can be told before.
+// Checks before a run that its output file can probably be written. Returns the reason if not, or empty.
 std::string unwritable_reason(const std::string& file) {
   namespace fs = std::filesystem;
   std::error_code ignored;
@@ -106,7 +106,7 @@ int exit_status(vm::Status status, const std::string& error, const Options& opti
   return status == vm::Status::kRefused ? common::kUserError : common::kFailed;
 }
 
-// What came of a run, with a window or without.
+// The result of a run, with or without a user interface.
 struct RunResult {
   vm::Status status = vm::Status::kEnded;
   std::string error;
@@ -119,8 +119,8 @@ RunResult run_headless(const Options& options, program::Program program, LocalHo
   vm_options.threads = options.threads;
   vm_options.stop = &common::stop_flag();
   vm_options.enable_profiling = !options.profile.empty();
-  vm_options.fusion.preserve_named_registers =
-      !options.watch.empty();  // else nobody looks at them but the program
+  // Only the monitor reads registers that the program itself no longer uses.
+  vm_options.fusion.preserve_named_registers = !options.watch.empty();
   vm::Vm vm(std::move(program), vm_options, host);
   RunResult result;
   result.status = run_until_end(vm, options, result.ticks);
@@ -131,7 +131,8 @@ RunResult run_headless(const Options& options, program::Program program, LocalHo
 
 using PauseCallback = std::function<void(bool)>;
 
-// Compiles for the array's size and runs on the host that with_host() gives.
+// Compiles for the array's size, checks the options against the program and runs it. with_host() creates the
+// host and passes it to its argument; it returns the exit status.
 template <class WithHost>
 int compile_and_run(const Options& options, std::uint32_t width, std::uint32_t height,
                     const WithHost& with_host) {
@@ -189,7 +190,7 @@ int run_local(const Options& options) {
   });
 }
 
-// One session with a surface: from attaching to it to its end or ours.
+// Attaches to the surface and runs the program until either side ends the session.
 int run_surface_session(const Options& options, std::chrono::nanoseconds timeout) {
   using shm_protocol::ControllerEndpoint;
   ControllerEndpoint surface =

@@ -10,7 +10,7 @@
 namespace apron::run {
 namespace {
 
-// The library beside the installed executable (../share/smartsurf/apron), else the source tree's.
+// The library installed with the executable (../share/smartsurf/apron), or else the source tree's.
 std::string library_path() {
   std::error_code error;
   const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", error);

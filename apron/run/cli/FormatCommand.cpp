@@ -13,7 +13,7 @@
 namespace apron::run {
 namespace {
 
-// "" or what is wrong with the words of a file, for the user.
+// The lexer's diagnostics as text, or empty.
 std::string lexical_errors(const std::string& file, const std::string& text) {
   syntax::SourceManager sources;
   syntax::Diagnostics diagnostics;

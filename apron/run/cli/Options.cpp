@@ -46,7 +46,7 @@ CLI::Validator seconds_validator() {
           ""};
 }
 
-// As the user typed them, before they are checked.
+// Options as typed by the user, before validation.
 struct RawOptions {
   Options options;
   std::string size, profile;
@@ -222,13 +222,13 @@ void validate_run_options(RawOptions& raw) {
     throw CLI::ValidationError("--size",
                                "a program takes the size of the surface that --shm names; give one of them");
   for (const std::string& set : raw.sets) parse_parameter(raw, set);
-  // The simulator names its surface to the controllers that it starts.
+  // The simulator passes its surface's name to the controllers that it starts.
   const char* environment_name = std::getenv("SMARTSURF_SHM");
   if (raw.options.surface.empty() && raw.size.empty() && environment_name != nullptr)
     raw.options.surface = environment_name;
 }
 
-// Before CLI11, which only says that a command is required.
+// Runs before CLI11, whose message only says that a subcommand is required.
 void require_known_subcommand(CLI::App& app, const std::string& name) {
   std::vector<std::string> known;
   for (const CLI::App* subcommand : app.get_subcommands([](CLI::App*) { return true; }))

@@ -9,7 +9,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-// What is wrong with a model, for the user.
+// An invalid model; text is for the user.
 struct CostModelError {
   std::string text;
 };
@@ -88,7 +88,7 @@ struct ProfileTotals {
   }
 };
 
-// Of the register that the instruction writes or else reads; 0 for scalars.
+// The cells of the instruction's destination register, or else of its first register operand; 0 without one.
 double cell_count(const program::Program& program, const program::Instruction& instruction) {
   const auto of = [&](const program::Operand& o) {
     const program::Register& reg = program.registers[o.index];

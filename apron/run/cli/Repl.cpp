@@ -21,11 +21,11 @@
 namespace apron::run {
 namespace {
 
-constexpr std::string_view kMarker =
-    "\xEE\x80\x80";  // printed where the new lines begin; of no use to a user
+// Printed between the replayed entries and the new one; a private-use character that no program prints.
+constexpr std::string_view kMarker = "\xEE\x80\x80";
 constexpr std::string_view kFile = "line";
 constexpr std::uint32_t kMaxPictureColumns = 64;
-constexpr std::uint32_t kMaxNumberColumns = 16;  // wider registers are shown as pictures
+constexpr std::uint32_t kMaxNumberColumns = 16;  // wider registers are rendered as pictures
 constexpr std::string_view kShades = " .:-=+*#%@";
 
 constexpr std::string_view kHelp =
@@ -39,7 +39,7 @@ constexpr std::string_view kHelp =
     ":clear                 begins again\n"
     ":quit                  ends\n";
 
-// Silent, and without effect on files, until the marker is printed.
+// Suppresses output and file writes until the marker is printed.
 class ReplHost final : public LocalHost {
  public:
   ReplHost(const Options& options, std::ostream& out)
@@ -67,7 +67,7 @@ class ReplHost final : public LocalHost {
   bool output_enabled_ = false, line_open_ = false;
 };
 
-// The typed text as a file, the others from the disk.
+// Serves the typed text as kFile and all other files from disk.
 class ReplFileReader final : public syntax::FileReader {
  public:
   explicit ReplFileReader(std::string text) : text_(std::move(text)) {}
@@ -121,12 +121,13 @@ std::string format_register_ascii(const std::vector<float>& cells, std::uint32_t
     low = std::min(low, value);
     high = std::max(high, value);
   }
-  const std::uint32_t step = (width + columns - 1) / columns;  // cells a character, twice as many rows
+  // Cells per character; twice as many rows as columns, because characters are about twice as high as wide.
+  const std::uint32_t step = (width + columns - 1) / columns;
   const std::uint32_t row_step = width > columns ? 2 * step : 1;
   std::string text;
   for (std::uint32_t y = 0; y < height; y += row_step) {
     for (std::uint32_t x = 0; x < width; x += step) {
-      float value = -INFINITY;  // the largest of those that share the character
+      float value = -INFINITY;  // maximum of the cells that share the character
       for (std::uint32_t cell_y = y; cell_y < std::min(y + row_step, height); ++cell_y)
         for (std::uint32_t cell_x = x; cell_x < std::min(x + step, width); ++cell_x)
           value = std::max(value, cells[cell_y * width + cell_x]);
@@ -167,7 +168,7 @@ void Repl::run() {
   if (prompts_) out_ << '\n';
 }
 
-// False to end.
+// Returns false for :quit.
 bool Repl::handle_command(const std::string& line) {
   std::istringstream words(line);
   std::string word, rest;
@@ -214,7 +215,7 @@ void Repl::handle_entry(const std::string& text) {
     accepted_.push_back(text);
     return;
   }
-  // An expression is no statement; it is one inside println().
+  // An expression is not a statement: retry it as the argument of println().
   const bool one_line = std::count(text.begin(), text.end(), '\n') == 1;
   if (outcome == Outcome::kCompileError && one_line && word.find("//") == std::string::npos) {
     outcome = compile_and_run("println(" + word + ")\n", expression_report);

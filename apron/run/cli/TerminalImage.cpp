@@ -11,13 +11,13 @@
 namespace apron::run {
 namespace {
 
-// Colours of the terminal's 6x6x6 cube, dark to bright.
+// Colours of the terminal's 6x6x6 colour cube, dark to bright.
 constexpr std::array<int, 10> kAnsiShades{17, 18, 24, 30, 36, 42, 78, 114, 185, 227};
 constexpr std::string_view kAsciiShades = " .:-=+*#%@";
 static_assert(kAsciiShades.size() == kAnsiShades.size());
 constexpr const char* kUpperHalfBlock = "\u2580";
 
-// Places and how bright each is: an index into the tables.
+// Downsampled pixels as indices into the shade tables, row-major.
 struct ShadeGrid {
   std::uint32_t width = 0, height = 0;
   std::vector<std::size_t> shades{};
@@ -25,7 +25,7 @@ struct ShadeGrid {
   std::size_t at(std::uint32_t x, std::uint32_t y) const { return shades[std::size_t{y} * width + x]; }
 };
 
-// Of the block's cells that are numbers; not a number if none is.
+// The mean of the block's finite cells; NaN if there are none.
 double block_mean(const vm::ConstPlane& plane, std::uint32_t x, std::uint32_t y, std::uint32_t block) {
   double sum = 0.0;
   std::size_t count = 0;

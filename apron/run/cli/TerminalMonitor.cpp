@@ -14,7 +14,7 @@ namespace apron::run {
 namespace {
 
 constexpr std::chrono::milliseconds kMinFrameInterval{50};
-constexpr std::uint32_t kReservedRows = 6;  // that the picture leaves to the program's output
+constexpr std::uint32_t kReservedRows = 6;  // for the headline and the program's output
 
 void write_stdout(const std::string& text) {
   std::fwrite(text.data(), 1, text.size(), stdout);
@@ -27,7 +27,7 @@ TerminalSize terminal_size() {
   return known ? TerminalSize{window.ws_col, window.ws_row} : TerminalSize{};
 }
 
-// Rows of text that the picture and its headline take.
+// Rows of text occupied by the headline and the picture.
 std::uint32_t count_rows(const std::string& frame) {
   return static_cast<std::uint32_t>(std::count(frame.begin(), frame.end(), '\n'));
 }
@@ -65,7 +65,7 @@ std::string TerminalMonitor::headline() const {
   return fmt::format("{} {}x{}\n", vm_.program().registers[register_].name, plane.width, plane.height);
 }
 
-// The first time on a cleared screen, whose lower part alone scrolls from then on.
+// The first call clears the screen and restricts scrolling to the rows below the picture (DECSTBM).
 void TerminalMonitor::draw() {
   const std::string frame = headline() + render_ansi(vm_.plane(register_), size_);
   const std::uint32_t first_free_row = count_rows(frame) + 1;

@@ -73,7 +73,7 @@ HostStatus LocalHost::open_camera(int number) {
   if (number < 0) return report_status(HostStatus::kRefused, "a camera's number is a whole number from 0");
   const auto index = static_cast<std::size_t>(number);
   const std::string path = index < cameras_.size() ? cameras_[index] : "/dev/video" + std::to_string(number);
-  camera_.reset();  // a camera can be opened only once
+  camera_.reset();  // before opening: a device can be opened only once
   return guard_media_errors([&] { camera_ = run::open_camera(path); });
 }
 HostStatus LocalHost::read_camera(vm::Plane to) {

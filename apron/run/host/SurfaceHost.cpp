@@ -18,7 +18,7 @@ using vm::HostStatus;
 
 namespace {
 
-// "[k]", or ".r", ".g", ".b" of three.
+// Parses "[k]", or ".r", ".g" and ".b" of a channel with three components.
 bool parse_component(std::string_view suffix, std::uint32_t components, std::size_t& component) {
   constexpr std::string_view kColours = "rgb";
   if (suffix.size() == 2 && suffix[0] == '.' && components == 3) {
@@ -80,7 +80,7 @@ HostStatus SurfaceHost::step() {
   flush_output();
   if (!published_) {
     const Status published = publish_staged();
-    // Torn: the surface no longer waits for an answer to this frame; there will be another.
+    // kTorn: the surface no longer waits for the answer to this frame, and another frame will follow.
     if (published != Status::kOk && published != Status::kTorn) return to_host_status(published);
   }
   if (surface_.description().mode == Mode::kTimeStep) {
@@ -88,7 +88,7 @@ HostStatus SurfaceHost::step() {
   }
   const Status latest = surface_.latest_sensors();
   if (latest != Status::kRepeated && latest != Status::kTorn) return to_host_status(latest);
-  std::this_thread::yield();  // nothing new: let the surface run if it shares this core
+  std::this_thread::yield();  // no new frame: let the surface run if it shares this core
   return HostStatus::kOk;
 }
 
@@ -108,9 +108,9 @@ HostStatus SurfaceHost::to_host_status(Status status) {
   }
 }
 
-// ---- channels
-// ---------------------------------------------------------------------------------------------------
-// 'name', 'name[k]', or of three components 'name.r', '.g', '.b'. A channel may have a dot in its own name.
+// ---- channels ---------------------------------------------------------------------------------------------
+
+// A channel's own name may contain a dot, so the whole name is looked up before it is split.
 HostStatus SurfaceHost::resolve_channel(Direction direction, std::string_view name,
                                         ChannelComponent& target) {
   std::string_view channel = name;
@@ -173,8 +173,8 @@ std::optional<double> SurfaceHost::dt_s() const {
 }
 std::optional<double> SurfaceHost::tick() const { return static_cast<double>(surface_.sensor_info().tick); }
 
-// ---- frames
-// -----------------------------------------------------------------------------------------------------
+// ---- frames -----------------------------------------------------------------------------------------------
+
 template <class T>
 void SurfaceHost::copy_sensor(const ChannelComponent& target, const vm::Plane& to) const {
   const T* from = surface_.sensor<T>(target.channel).data() + target.component * to.cell_count();
@@ -184,7 +184,7 @@ void SurfaceHost::copy_sensor(const ChannelComponent& target, const vm::Plane& t
 
 HostStatus SurfaceHost::sense(std::string_view channel, vm::Plane to) {
   ChannelComponent target;
-  // A program that began again in the middle of a step: the old frame is no longer ours to read.
+  // The program was restarted during an interrupted step(): the answered frame may no longer be read.
   HostStatus status = published_ ? await_frame() : HostStatus::kOk;
   if (status == HostStatus::kOk) status = resolve_channel(Direction::kSensor, channel, target);
   if (status == HostStatus::kOk) status = check_shape(channel, to);

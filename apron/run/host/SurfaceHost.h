@@ -33,7 +33,7 @@ class SurfaceHost final : public LocalHost {
   // kInterrupted the next call resumes the wait. Passive mode: publishes and takes the latest frame, which
   // may be the current one.
   vm::HostStatus step() override;
-  // Publishes as the controller's state whether the user has paused the program. The surface waits either way.
+  // Sets the controller's published state to paused or running. The surface waits in either state.
   void publish_paused(bool paused) noexcept;
 
   std::optional<double> time_s() const override;
@@ -67,7 +67,7 @@ class SurfaceHost final : public LocalHost {
 
   shm_protocol::ControllerEndpoint& surface_;
   std::vector<StagedFrame> staged_;  // one per actuator channel
-  bool published_ = false;           // the current frame is answered, but waiting for the next was interrupted
+  bool published_ = false;           // the current frame is answered; waiting for the next was interrupted
 };
 
 }  // namespace apron::run

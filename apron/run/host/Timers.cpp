@@ -7,7 +7,7 @@
 namespace apron::run {
 namespace {
 
-constexpr double kPollInterval_s = 0.02;  // at the stop flag
+constexpr double kPollInterval_s = 0.02;  // of the stop flag
 
 }  // namespace
 
@@ -32,7 +32,7 @@ double Timers::read_s(std::string_view name) const {
 vm::HostStatus Timers::wait(double seconds, const std::atomic<bool>& stop) {
   if (!clock_s_) return vm::HostStatus::kOk;
   if (!wait_deadline_) wait_deadline_ = now() + seconds;
-  // Written so that a wait for NaN is none.
+  // The comparison is false for NaN, so that waiting for NaN seconds returns at once.
   while (*wait_deadline_ > now()) {
     if (stop.load(std::memory_order_relaxed)) return vm::HostStatus::kInterrupted;
     std::this_thread::sleep_for(

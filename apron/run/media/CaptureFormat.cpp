@@ -10,7 +10,7 @@
 namespace apron::run {
 namespace {
 
-// Where an uncompressed format keeps the luminance: one byte a pixel, `stride` apart, from `first` on.
+// The luminance bytes of an uncompressed format: one per pixel, `stride` bytes apart, the first at `offset`.
 struct LuminanceLayout {
   FourCc code;
   std::size_t stride, offset;

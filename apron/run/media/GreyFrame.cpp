@@ -5,7 +5,7 @@
 namespace apron::run {
 namespace {
 
-// Pixels along one axis: `size` of them from `first`, shared out among `cells`.
+// Along one axis, maps each of `cells` cells to a part of the `size` pixels that start at `first`.
 struct CropAxis {
   std::uint64_t first = 0, size = 1, cells = 1;
 

@@ -19,8 +19,8 @@ std::span<const ImageCodec> image_codecs() {
   return kCodecs;
 }
 
-// ---- PNG
-// ------------------------------------------------------------------------------------------------------
+// ---- PNG --------------------------------------------------------------------------------------------------
+
 namespace {
 
 struct PngImage : png_image {
@@ -39,7 +39,7 @@ GreyPixels decode_png(const std::string& path, std::string_view bytes, const vm:
   require_shape(path, image.width, image.height, shape);
   image.format = PNG_FORMAT_GRAY;
   std::vector<std::uint8_t> pixels(shape.cell_count());
-  const png_color black{0, 0, 0};  // behind transparent pixels
+  const png_color black{0, 0, 0};  // background of transparent pixels
   if (png_image_finish_read(&image, &black, pixels.data(), 0, nullptr) == 0)
     throw_refused(path, std::string("is not a whole PNG picture: ") + image.message);
   return {pixels.begin(), pixels.end()};
@@ -61,8 +61,8 @@ std::string encode_png(const std::string& path, const std::vector<std::uint8_t>&
   throw MediaError(vm::HostStatus::kFailed, "cannot encode '" + path + "': " + image.message);
 }
 
-// ---- PGM: https://netpbm.sourceforge.net/doc/pgm.html
-// ----------------------------------------------------------
+// ---- PGM: https://netpbm.sourceforge.net/doc/pgm.html -----------------------------------------------------
+
 namespace {
 
 class PgmReader {
@@ -80,7 +80,7 @@ class PgmReader {
     if (position_ == begin) throw_invalid();
     return value;
   }
-  // One byte, or two with the high one first.
+  // Reads a big-endian number of one or two bytes.
   std::uint32_t read_raw(std::size_t size) {
     if (bytes_.size() - position_ < size) throw_invalid();
     std::uint32_t value = 0;
@@ -114,7 +114,7 @@ GreyPixels decode_pgm(const std::string& path, std::string_view bytes, const vm:
                       max_value = reader.read_number();
   require_shape(path, width, height, shape);
   if (max_value == 0 || max_value > 65535) reader.throw_invalid();
-  if (!plain) (void)reader.read_raw(1);  // the one blank before the pixels
+  if (!plain) (void)reader.read_raw(1);  // the single whitespace before the pixels
   GreyPixels pixels(shape.cell_count());
   for (float& pixel : pixels) {
     const std::uint32_t value = plain ? reader.read_number() : reader.read_raw(max_value > 255 ? 2 : 1);

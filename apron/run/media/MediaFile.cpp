@@ -43,7 +43,7 @@ std::string read_file(const std::string& path) {
 void write_file(const std::string& path, std::string_view bytes) {
   if (const std::error_code error = common::replace_file(path, bytes)) {
     errno = error.value();
-    // A wrong path is the program's mistake; a disk that fails or is full is not.
+    // A wrong path is the program's error (kRefused); a full or failing disk is the system's (kFailed).
     const bool disk = error == std::errc::no_space_on_device || error == std::errc::io_error ||
                       error == std::errc::file_too_large;
     throw_system_error(path, "write", disk ? vm::HostStatus::kFailed : vm::HostStatus::kRefused);

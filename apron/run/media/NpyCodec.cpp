@@ -19,14 +19,14 @@ constexpr std::string_view kMagic = "\x93NUMPY";
 
 struct NpyHeader {
   char type_kind = 'f';          // f, i, u or b
-  std::size_t element_size = 4;  // bytes an element
+  std::size_t element_size = 4;  // bytes
   bool big_endian = false;
-  bool fortran_order = false;  // Fortran order
+  bool fortran_order = false;  // column-major
   std::uint64_t width = 0, height = 0;
   std::string_view data;
 };
 
-// The text after 'key': in the header's dictionary.
+// The rest of the header's dictionary after 'key':.
 std::string_view value_of_key(const std::string& path, std::string_view dictionary, std::string_view key) {
   const std::size_t at = dictionary.find(std::string("'").append(key).append("'"));
   const std::size_t colon = at == std::string_view::npos ? at : dictionary.find(':', at);
@@ -137,7 +137,7 @@ void decode_npy(const std::string& path, std::string_view bytes, const vm::Plane
 }
 
 std::string encode_npy(const vm::ConstPlane& from) {
-  constexpr std::size_t kPrefixBytes = 10, kAlignment = 64;  // of the header's padding
+  constexpr std::size_t kPrefixBytes = 10, kAlignment = 64;  // the header is padded to kAlignment
   std::string dictionary = "{'descr': '<f4', 'fortran_order': False, 'shape': (" +
                            std::to_string(from.height) + ", " + std::to_string(from.width) + "), }";
   dictionary.append(kAlignment - (kPrefixBytes + dictionary.size() + 1) % kAlignment, ' ').push_back('\n');

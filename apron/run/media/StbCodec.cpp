@@ -1,4 +1,4 @@
-// JPEG and BMP through Sean Barrett's single-header libraries, compiled here and seen nowhere else.
+// JPEG and BMP through the single-header stb libraries, whose implementation is compiled only here.
 #include <cstring>
 #include <memory>
 
@@ -28,15 +28,15 @@ namespace apron::run {
 namespace {
 
 constexpr int kJpegQuality = 95;
-constexpr unsigned char kHuffmanTables = 0xC4, kStartOfScan = 0xDA;  // markers
+constexpr unsigned char kHuffmanTables = 0xC4, kStartOfScan = 0xDA;  // JPEG markers DHT and SOS
 
 void append_bytes(void* bytes, void* data, int size) {
   static_cast<std::string*>(bytes)->append(static_cast<const char*>(data), static_cast<std::size_t>(size));
 }
 
-// The segment of a JPEG file from 0xFF and this marker on; npos without one.
+// The offset of the first JPEG segment with this marker, before the scan data; npos if there is none.
 std::size_t find_segment(std::string_view jpeg, unsigned char marker) {
-  std::size_t at = 2;  // after the start of the image
+  std::size_t at = 2;  // after the start-of-image marker
   while (at + 4 <= jpeg.size() && jpeg[at] == '\xFF') {
     const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(jpeg[at + i]); };
     if (byte(1) == marker) return at;
@@ -46,7 +46,7 @@ std::size_t find_segment(std::string_view jpeg, unsigned char marker) {
   return std::string_view::npos;
 }
 
-// The tables of the JPEG standard's annex K, which the encoder writes into every file.
+// The Huffman tables of annex K of the JPEG standard, taken from an image written by stb's encoder.
 const std::string& standard_huffman_tables() {
   static const std::string tables = [] {
     const std::string jpeg = encode_jpeg("", {128}, 1, 1);

@@ -15,8 +15,9 @@ namespace apron::run {
 namespace {
 
 constexpr std::uint32_t kWidth = 640, kHeight = 480, kBufferCount = 4;
-constexpr int kPollInterval_ms = 50, kMaxPolls = 100;  // at the stop flag; until the camera is given up
-constexpr std::uint32_t kMaxFormats = 64;              // that a driver is asked for
+// read() polls the stop flag at this interval, and fails after kMaxPolls polls without a valid frame.
+constexpr int kPollInterval_ms = 50, kMaxPolls = 100;
+constexpr std::uint32_t kMaxFormats = 64;  // limit of the formats queried from a driver
 
 v4l2_buffer make_buffer_request(std::uint32_t index = 0) {
   v4l2_buffer buffer{};
@@ -26,7 +27,7 @@ v4l2_buffer make_buffer_request(std::uint32_t index = 0) {
   return buffer;
 }
 
-// A video in a camera's place.
+// Plays a video file as a camera.
 class VideoFileCamera final : public Camera {
  public:
   explicit VideoFileCamera(const std::string& path) : reader_(path) {}
@@ -72,7 +73,7 @@ void V4l2Camera::control_or_throw(unsigned long request, void* argument, const c
 void V4l2Camera::require_capture_capability() {
   v4l2_capability capability{};
   if (device_->control(VIDIOC_QUERYCAP, &capability) != 0) throw_refused(name_, "is no camera");
-  // A card may have several devices; only device_caps speaks of this one.
+  // A card may have several devices; device_caps describes this one.
   const std::uint32_t caps = (capability.capabilities & V4L2_CAP_DEVICE_CAPS) != 0 ? capability.device_caps
                                                                                    : capability.capabilities;
   if ((caps & V4L2_CAP_VIDEO_CAPTURE) == 0) throw_refused(name_, "is a video device, but takes no pictures");
@@ -80,7 +81,7 @@ void V4l2Camera::require_capture_capability() {
     throw_refused(name_, "is a camera that does not stream, which is not supported");
 }
 
-// The most wanted one that the camera offers.
+// The preferred format among those that the camera offers.
 FourCc V4l2Camera::choose_format() {
   const std::span<const FourCc> supported = supported_formats();
   std::size_t best = supported.size();

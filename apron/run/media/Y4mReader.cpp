@@ -9,7 +9,7 @@
 namespace apron::run {
 namespace {
 
-constexpr std::size_t kMaxLineBytes = 1024;  // bytes of a line
+constexpr std::size_t kMaxLineBytes = 1024;
 constexpr std::uint32_t kMaxDimension = 65536;
 
 std::uint32_t parse_dimension(const std::string& word) {
@@ -18,7 +18,7 @@ std::uint32_t parse_dimension(const std::string& word) {
   return error == std::errc{} && end == word.data() + word.size() && value <= kMaxDimension ? value : 0;
 }
 
-// Bytes of both colour planes, or -1 for a format that is not one of eight bits.
+// The size of both chroma planes, or -1 for an unsupported format.
 std::int64_t chroma_bytes(const std::string& format, std::uint32_t width, std::uint32_t height) {
   const std::int64_t columns = (width + 1) / 2, rows = (height + 1) / 2;
   if (format == "mono") return 0;

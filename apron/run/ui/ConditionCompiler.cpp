@@ -13,7 +13,7 @@ bool is_identifier_character(char c) {
   return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_' || c == '.';
 }
 
-// Whether the name stands in the text as a word; names that the compiler made stand in none.
+// Whether the text contains the name as a whole word; false for compiler-generated names.
 bool mentions(const std::string& text, const std::string& name) {
   if (name.empty() || name.front() == '$' || name.find(':') != std::string::npos) return false;
   for (std::size_t position = text.find(name); position != std::string::npos;

@@ -1,4 +1,4 @@
-// Pictures and videos of the window without a display, by the simulated clock.
+// Renders screenshots and videos without a display, timed by the simulated clock.
 #include <filesystem>
 #include <memory>
 
@@ -32,7 +32,7 @@ class OffscreenRecorder {
       encoder_ = std::make_unique<common::VideoEncoder>(video, width_, height_, kFramesPerSecond);
   }
 
-  // After a tick: what is due.
+  // Captures the screenshots and video frames that are due; call after each tick.
   void capture_due() {
     const std::uint64_t ticks = context_.session.ticks();
     for (auto one = pending_.begin(); one != pending_.end();) {
@@ -52,7 +52,7 @@ class OffscreenRecorder {
   }
 
  private:
-  // A film's pictures have even edges.
+  // Video frames require even dimensions.
   static int even_size(int requested, int default_size) {
     return (requested > 0 ? requested : default_size) / 2 * 2;
   }
@@ -63,7 +63,7 @@ class OffscreenRecorder {
     context_.model.update(std::move(snapshot));
   }
   common::Image render_still() {
-    // The first pass finds out which registers are in sight.
+    // The first pass determines which thumbnails are visible, and the second snapshot includes them.
     update_model();
     offscreen_.render(context_.model);
     update_model();
@@ -75,7 +75,7 @@ class OffscreenRecorder {
     if (frames_ == 0) start_s_ = time_s;
     const common::Image image =
         frames_ == 0 ? render_still() : (update_model(), offscreen_.render(context_.model));
-    // Control periods longer than a picture's time fill several.
+    // A control period longer than a frame is repeated for several frames.
     do encoder_->add(image);
     while (time_s >= start_s_ + static_cast<double>(++frames_) / kFramesPerSecond);
   }

@@ -54,7 +54,7 @@ UiRunResult run_with_ui(const UiRun& run) {
   } catch (const common::UserError& error) {
     result.ui_error = error.what();
   }
-  // Closing the window or a signal ends a program that could go on.
+  // A program that could continue ends when the window is closed or a signal arrives.
   result.status = context.session.state() == debugger::ExecutionState::kFinished ? context.session.status()
                                                                                  : vm::Status::kEnded;
   if (common::stop_flag()) result.status = vm::Status::kInterrupted;

@@ -1,4 +1,4 @@
-// Stands in for windows and pictures in a build with -DSMARTSURF_VIEW=OFF.
+// Replaces the user interface in a build with -DSMARTSURF_VIEW=OFF.
 #include "apron/run/ui/UiRun.h"
 
 namespace apron::run {

@@ -18,7 +18,7 @@ namespace fs = std::filesystem;
 
 constexpr double kFrame_s = 1.0 / 60.0, kIdleFrame_s = 0.1;
 
-// Whether a file of the program was saved since it was read.
+// Detects changes of the program's source files.
 class SourceFileMonitor {
  public:
   explicit SourceFileMonitor(const std::vector<debugger::SourceText>& sources) { reset(sources); }
@@ -27,14 +27,14 @@ class SourceFileMonitor {
     times_.clear();
     for (const debugger::SourceText& source : sources) times_[source.name] = modification_time(source.name);
   }
-  // Looks at the disk at most twice a second.
+  // Whether a file has changed since the last call or reset(). Checks the disk at most twice per second.
   bool poll_changed() {
     if (Clock::now() < next_poll_) return false;
     next_poll_ = Clock::now() + std::chrono::milliseconds(500);
     bool changed = false;
     for (auto& [name, time] : times_) {
       const fs::file_time_type now = modification_time(name);
-      // An editor that replaces the file leaves a moment without one.
+      // The file may be missing for a moment while an editor replaces it.
       if (now == fs::file_time_type::min() || now == time) continue;
       time = now;
       changed = true;
@@ -85,7 +85,7 @@ class WindowLoop {
         snapshot_requested_ = false;
       }
       if (!window_.render_frame(model_)) return;
-      std::fflush(stdout);  // a program without a surface never waits
+      std::fflush(stdout);  // a program without a surface never flushes its output
       if (model_.take_reload_request() || file_monitor_.poll_changed()) reload();
       for (ui::ViewModel::SessionCommand& command : model_.take_commands())
         session_thread_.post(std::move(command));
@@ -102,8 +102,8 @@ class WindowLoop {
     return "APRON  " + name + (options.surface.empty() ? "" : "  on " + options.surface);
   }
 
-  // At most 60 frames a second; where drawing is slow, most of the time is left to the program and the
-  // simulator.
+  // Limits the frame rate to 60 Hz and drawing to a third of the time, which leaves the CPU to the program
+  // and the simulator. Redraws at a lower rate while paused.
   void pace_frame(Clock::time_point start) {
     const double draw_time_s = std::chrono::duration<double>(Clock::now() - start).count();
     const double frame_time_s =
@@ -129,7 +129,7 @@ class WindowLoop {
     session_thread_.post([this, program = compiled->program](debugger::DebugSession& session) {
       const std::string missing =
           context_.run.host.load_modules(program.modules, module_search_paths(context_.run.options));
-      if (!missing.empty()) context_.panel.note(missing);  // and calling it fails
+      if (!missing.empty()) context_.panel.note(missing);  // calling the module will fail
       context_.panel.clear_program();
       session.replace(program);
     });

@@ -1,4 +1,4 @@
-// Where the parts of the window are.
+// Arranges the panels of the window.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -12,11 +12,11 @@ constexpr ImGuiWindowFlags kFixedWindowFlags =
     ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoSavedSettings |
     ImGuiWindowFlags_NoBringToFrontOnFocus | ImGuiWindowFlags_NoNav;
 
-// Points, from which on the program has a column of its own.
+// Minimum width in points for a separate program column.
 constexpr float kWideLayoutWidth = 1200.0F;
 
 struct PanelSizes {
-  float list = 0.0F, program = 0.0F, bottom = 0.0F, values = 0.0F;  // program 0: it is one of the tabs
+  float list = 0.0F, program = 0.0F, bottom = 0.0F, values = 0.0F;  // program 0: shown as a tab
 };
 
 PanelSizes panel_sizes(const DrawContext& context, ImVec2 available) {

@@ -1,4 +1,4 @@
-// The program's text with the line to come, breakpoints, folds, and where the time goes.
+// The program panel: source text with current line, breakpoints, folds and profile.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -12,9 +12,9 @@ namespace {
 using debugger::Listing;
 
 struct ColumnLayout {
-  float number = 0.0F, fold = 0.0F, text = 0.0F;  // where they begin
-  float profile_width = 0.0F;                     // width of the counts on the right
-  float indent = 0.0F;                            // of a row inside a fold
+  float number = 0.0F, fold = 0.0F, text = 0.0F;  // left edges
+  float profile_width = 0.0F;                     // of the counts on the right
+  float indent = 0.0F;                            // per level of folding
 };
 
 ImU32 text_color(const std::string& text) {
@@ -24,7 +24,7 @@ ImU32 text_color(const std::string& text) {
   return text[first] == '!' ? theme::kDirective : ImGui::GetColorU32(ImGuiCol_Text);
 }
 
-// The statement, and what is said about it behind it.
+// Draws a statement and its trailing comment in different colours.
 void draw_code(ImDrawList& list, ImVec2 at, const std::string& text) {
   std::size_t comment = text.find("//");
   if (comment == std::string::npos) comment = text.size();
@@ -83,7 +83,7 @@ void draw_row(DrawContext& context, std::size_t number, float height, const Colu
   const Listing::Row row = model.listing().rows()[number];
   ImDrawList& list = *ImGui::GetWindowDrawList();
   const ImVec2 at = ImGui::GetCursorScreenPos();
-  // What is in sight, however far the text is scrolled.
+  // The right edge of the visible area, independent of horizontal scrolling.
   const float bar = ImGui::GetScrollMaxY() > 0.0F ? ImGui::GetStyle().ScrollbarSize : 0.0F;
   const float right = ImGui::GetWindowPos().x + ImGui::GetWindowWidth() - bar;
   if (row.depth > 0) list.AddRectFilled(at, {right, at.y + height}, IM_COL32(60, 90, 140, 14));
@@ -145,7 +145,7 @@ ColumnLayout column_layout(const DrawContext& context) {
   return layout;
 }
 
-// Of the longest row; bytes stand for characters, of which there are never more.
+// The width of the longest row; counts bytes, which is an upper bound for characters.
 float text_width(const Listing& listing, const ColumnLayout& columns) {
   float longest = 0.0F;
   const float digit = ImGui::CalcTextSize("0").x;
@@ -179,7 +179,7 @@ void draw_program(DrawContext& context) {
   while (clipper.Step())
     for (int i = clipper.DisplayStart; i < clipper.DisplayEnd; ++i) {
       const auto row = static_cast<std::size_t>(i);
-      if (row >= model.listing().rows().size()) break;  // a fold was closed just now
+      if (row >= model.listing().rows().size()) break;  // a click on a previous row closed a fold
       draw_row(context, row, height, columns, row < profile.size() ? profile[row] : vm::InstructionProfile{},
                total);
     }

@@ -1,4 +1,4 @@
-// All registers, small: name, size, palette.
+// The register list: a thumbnail of every register with name, size and palette.
 #include <algorithm>
 #include <cmath>
 #include <string>
@@ -8,10 +8,10 @@
 namespace apron::ui {
 namespace {
 
-// More of them than that are shown smaller.
+// Above this number, thumbnails are smaller.
 constexpr std::size_t kManyRegisters = 8;
 
-constexpr float kMinTextScale = 0.7F;  // of its size: smaller is not legible
+constexpr float kMinTextScale = 0.7F;  // smaller text is not legible
 
 void draw_thumbnail_image(DrawContext& context, ImVec2 corner, float edge, std::size_t reg) {
   ImGui::GetWindowDrawList()->AddRectFilled(corner, {corner.x + edge, corner.y + edge}, theme::kBackdrop);
@@ -89,7 +89,7 @@ void draw_register_list(DrawContext& context) {
   ImGui::TextUnformatted("Registers");
   ImGui::BeginChild("all", {0.0F, -ImGui::GetFrameHeightWithSpacing()});
   model.visible_thumbnails.clear();
-  // Room for the scroll bar, whether it is there or not: sizes must not depend on it.
+  // Always reserve space for the scroll bar, so that the layout does not depend on whether it is shown.
   const float width = ImGui::GetWindowWidth() - ImGui::GetStyle().ScrollbarSize, gap = context.to_pixels(8);
   const float min_edge = context.to_pixels(model.listed_registers().size() > kManyRegisters ? 74 : 130);
   const int columns = std::clamp(static_cast<int>(width / min_edge), 1, 3);

@@ -1,4 +1,4 @@
-// One register, large: palette and range, zoom and pan, the value under the cursor, statistics, histogram.
+// The large view of a register: palette, range, zoom, pan, value at the cursor, statistics, histogram.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -14,11 +14,11 @@ using debugger::Cell;
 using debugger::palette_rgb8;
 using debugger::ValueRange;
 
-// The part of the window that the register is drawn in, and which cell is where.
+// The area in which the register is drawn, with the mapping from pixels to cells.
 struct RegisterCanvas {
-  ImVec2 corner, size;     // of the square that is seen
-  ImVec2 origin;           // of the register's north-west corner, seen or not
-  float cell_edge = 1.0F;  // edge of one, pixels
+  ImVec2 corner, size;     // of the visible area
+  ImVec2 origin;           // of the register's north-west corner, which may be outside the visible area
+  float cell_edge = 1.0F;  // pixels
   std::uint32_t width = 0, height = 0;
 
   std::optional<Cell> cell_at(ImVec2 p) const {
@@ -118,7 +118,7 @@ void handle_mouse(ViewModel& model, const RegisterCanvas& canvas, const std::opt
     model.probe_cell(*hovered_cell);
 }
 
-// Values in the cells, once these are large enough.
+// Draws the values into the cells if these are large enough.
 void draw_cell_values(const DrawContext& context, ImDrawList& list, const RegisterCanvas& canvas,
                       const debugger::SampledRegister& sample, const RegisterStyle& style,
                       const ValueRange& range) {
@@ -154,7 +154,7 @@ void draw_cell_outline(ImDrawList& list, const RegisterCanvas& canvas, const Cel
                thickness);
 }
 
-// Numbers of columns above and rows at the left, those of the first and last that are seen.
+// Labels the first and last visible columns at the top and rows at the left.
 void draw_axes(const DrawContext& context, ImDrawList& list, const RegisterCanvas& canvas) {
   const auto number = [&](float at) {
     return std::to_string(static_cast<int>(std::floor(at / canvas.cell_edge + 1e-3F)));
@@ -239,7 +239,7 @@ void draw_histogram(DrawContext& context, std::size_t reg, ImVec2 size) {
   const std::uint32_t max_count = *std::max_element(statistics.histogram.begin(), statistics.histogram.end());
   for (std::size_t i = 0; i < debugger::kHistogramBins && max_count > 0; ++i) {
     if (statistics.histogram[i] == 0) continue;
-    // By logarithm: a few cells of an object matter beside a whole empty background.
+    // Logarithmic, so that the few cells of an object are visible beside a large empty background.
     const float bar_height = size.y * std::log1p(static_cast<float>(statistics.histogram[i])) /
                              std::log1p(static_cast<float>(max_count));
     const float x = static_cast<float>(i) / debugger::kHistogramBins,
@@ -285,7 +285,7 @@ void draw_register_view(DrawContext& context) {
   const std::size_t reg = *model.selected();
   draw_header(context, reg);
   const debugger::DebugSnapshot& snapshot = model.snapshot();
-  if (!snapshot.full || snapshot.full->reg != reg) return;  // it comes with the next look
+  if (!snapshot.full || snapshot.full->reg != reg) return;  // the next snapshot has it
   const float histogram_height = context.to_pixels(46);
   const float below_height = histogram_height + 2.0F * ImGui::GetTextLineHeightWithSpacing() +
                              4.0F * ImGui::GetStyle().ItemSpacing.y;

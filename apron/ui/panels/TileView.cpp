@@ -1,4 +1,4 @@
-// The registers that the program shows, side by side.
+// The tiled view: the registers that the program shows, side by side.
 #include <algorithm>
 #include <cmath>
 #include <string>
@@ -10,7 +10,7 @@ namespace {
 
 struct TileLayout {
   int columns = 1;
-  ImVec2 tile;  // with its line of text
+  ImVec2 tile;  // including its line of text
 };
 
 ImVec2 tile_size(const DrawContext& context, ImVec2 available, int count, int columns) {
@@ -21,7 +21,7 @@ ImVec2 tile_size(const DrawContext& context, ImVec2 available, int count, int co
   return {along(available.x, columns), along(available.y, (count + columns - 1) / columns)};
 }
 
-// As many columns as wanted, or those that make the tiles largest.
+// Uses the number of columns that the program requests, or else the one that makes the tiles largest.
 TileLayout tile_layout(const DrawContext& context, ImVec2 available, int count) {
   if (const int requested = std::min(context.model.tile_columns(), count); requested > 0)
     return {requested, tile_size(context, available, count, requested)};

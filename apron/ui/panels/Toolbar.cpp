@@ -1,4 +1,4 @@
-// The bar at the top: what the program does, and the buttons that change it.
+// The toolbar: execution state, and the buttons that control execution.
 #include <cctype>
 #include <cstdio>
 

@@ -1,5 +1,4 @@
-// Numbers and words: variables, sliders, switches and labels; the console; one cell through all registers;
-// the list of breakpoints.
+// The bottom panels: values (variables, sliders, switches, labels), console, probe and breakpoints.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -54,7 +53,7 @@ void draw_variables(const ViewModel& model) {
   ImGui::EndTable();
 }
 
-// The cell's neighbourhood as three short rows.
+// Formats a 3x3 neighbourhood as three lines.
 std::string format_neighbourhood(const debugger::Neighbourhood& neighbourhood) {
   std::string text;
   for (std::size_t i = 0; i < neighbourhood.size(); ++i) {
@@ -69,7 +68,7 @@ std::string format_neighbourhood(const debugger::Neighbourhood& neighbourhood) {
   return text;
 }
 
-// What the cell held over the latest ticks, as a line from left to right.
+// Plots the probed cell's value over the latest ticks, oldest at the left.
 void draw_history(const DrawContext& context, const ViewModel& model, std::size_t reg, ImVec2 size) {
   const auto& history = model.snapshot().history;
   const ImVec2 corner = ImGui::GetCursorScreenPos();

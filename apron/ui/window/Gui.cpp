@@ -10,12 +10,12 @@
 namespace apron::ui {
 namespace {
 
-// Debian's fonts-dejavu-core; without it ImGui's own bitmap font serves.
+// From Debian's fonts-dejavu-core; falls back to ImGui's built-in bitmap font.
 constexpr const char* kTextFontFile = "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf";
 constexpr const char* kCodeFontFile = "/usr/share/fonts/truetype/dejavu/DejaVuSansMono.ttf";
 constexpr float kTextPixels = 15.0F, kCodePixels = 14.0F, kSmallPixels = 12.0F;
 
-// Latin, Greek, punctuation, arrows, minus, geometric shapes.
+// Glyph ranges: Latin, Greek, punctuation, arrows, minus, comparison signs, geometric shapes.
 constexpr ImWchar kGlyphs[] = {0x20,   0x17F,  0x370,  0x3FF,  0x2010, 0x2030, 0x2190, 0x2195,
                                0x2212, 0x2212, 0x2264, 0x2265, 0x25A0, 0x25CF, 0};
 
@@ -37,7 +37,7 @@ void set_colours(ImGuiStyle& style) {
   style.Colors[ImGuiCol_Button] = {0.86F, 0.89F, 0.93F, 1.0F};
   style.Colors[ImGuiCol_ButtonHovered] = {0.76F, 0.84F, 0.94F, 1.0F};
   style.Colors[ImGuiCol_ButtonActive] = {0.62F, 0.76F, 0.93F, 1.0F};
-  style.Colors[ImGuiCol_SliderGrab] = {0.45F, 0.66F, 0.93F, 0.55F};  // the number is above it
+  style.Colors[ImGuiCol_SliderGrab] = {0.45F, 0.66F, 0.93F, 0.55F};  // translucent: the number is drawn on it
   style.Colors[ImGuiCol_FrameBg] = {0.91F, 0.93F, 0.95F, 1.0F};
   style.Colors[ImGuiCol_Header] = {0.80F, 0.88F, 0.97F, 1.0F};
   style.Colors[ImGuiCol_Tab] = {0.88F, 0.90F, 0.93F, 1.0F};
@@ -87,7 +87,7 @@ common::Image read_framebuffer(int width, int height) {
       std::vector<std::uint8_t>(static_cast<std::size_t>(width) * static_cast<std::size_t>(height) * 3)};
   glPixelStorei(GL_PACK_ALIGNMENT, 1);
   glReadPixels(0, 0, width, height, GL_RGB, GL_UNSIGNED_BYTE, image.rgb.data());
-  // OpenGL's first row is the bottom one.
+  // OpenGL's first row is the bottom row.
   const auto row = [&](int y) { return image.rgb.begin() + static_cast<std::ptrdiff_t>(y) * width * 3; };
   for (int y = 0; y < height / 2; ++y) std::swap_ranges(row(y), row(y + 1), row(height - 1 - y));
   return image;

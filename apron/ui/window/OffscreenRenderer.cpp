@@ -15,7 +15,7 @@ namespace apron::ui {
 namespace {
 
 constexpr int kMaxEdge = 8192;
-// Passes until sizes, scroll positions and the registers in sight have settled.
+// Passes until sizes, scroll positions and visible thumbnails have settled.
 constexpr int kSettlePasses = 4;
 
 }  // namespace
@@ -33,7 +33,7 @@ struct OffscreenRenderer::State {
                               std::to_string(height) + " pixels");
     ImGuiIO& io = ImGui::GetIO();
     io.DisplaySize = {static_cast<float>(width), static_cast<float>(height)};
-    io.DeltaTime = 1.0F / 60.0F;  // and not the clock's: the same input, the same picture
+    io.DeltaTime = 1.0F / 60.0F;  // constant, so that the same input produces the same picture
     for (int key = 0; key < ImGuiKey_COUNT; ++key) io.KeyMap[key] = key;
   }
   ~State() {

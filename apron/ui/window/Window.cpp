@@ -17,12 +17,12 @@ namespace apron::ui {
 namespace {
 
 constexpr int kWidth = 1280, kHeight = 800, kMinWidth = 640, kMinHeight = 480;
-// Of the screen's width, from the left, for the simulator beside which the window stands.
+// The left fraction of the work area that --geometry beside leaves to the simulator.
 constexpr float kSimulatorShare = 0.42F;
 
 struct WorkArea {
   int x = 0, y = 0, width = kWidth, height = kHeight;
-  float scale_x = 1.0F, scale_y = 1.0F;  // by which a window of a chosen size grows
+  float scale_x = 1.0F, scale_y = 1.0F;  // content scale; a window of default size grows by it
 };
 
 WorkArea work_area() {
@@ -38,7 +38,7 @@ int fit_to_work_area(int requested, int available, float scale) {
   return std::min(requested, static_cast<int>(static_cast<float>(available) / scale));
 }
 
-// GLFW and the window with its context.
+// Owns GLFW, the window and its OpenGL context.
 class GlfwContext {
  public:
   GlfwContext(const std::string& title, const WindowPlacement& requested) {
@@ -48,8 +48,8 @@ class GlfwContext {
     glfwWindowHint(GLFW_CONTEXT_VERSION_MAJOR, 3);
     glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 3);
     glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
-    const bool default_size =
-        requested.width == 0 && !requested.beside_simulator;  // then it is larger where the display is scaled
+    // Only a default size grows on a scaled display.
+    const bool default_size = requested.width == 0 && !requested.beside_simulator;
     glfwWindowHint(GLFW_SCALE_TO_MONITOR, default_size ? GLFW_TRUE : GLFW_FALSE);
     glfwWindowHint(GLFW_VISIBLE, GLFW_FALSE);
     const WindowPlacement placement = resolve_placement(requested);
@@ -133,7 +133,8 @@ struct Window::State {
   int width = 0, height = 0;  // pixels
 };
 
-// Stays connected: some displays begin again when the last program leaves, and refuse the next one meanwhile.
+// Leaves GLFW initialised: some X servers reset when the last client disconnects and refuse connections
+// meanwhile.
 bool Window::display_available() { return glfwInit() == GLFW_TRUE; }
 
 Window::Window(const std::string& title, const WindowPlacement& placement)

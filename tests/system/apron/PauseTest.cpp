@@ -1,5 +1,5 @@
-// A person holds and steps a program whose surface is another process: the surface stands still for as long,
-// and takes nobody for dead.
+// Pausing and stepping a program whose surface is another process: the surface waits meanwhile and does not
+// consider the controller dead.
 #include <gtest/gtest.h>
 #include <shm_protocol/ControllerEndpoint.h>
 #include <shm_protocol/SurfaceEndpoint.h>
@@ -29,7 +29,7 @@ constexpr const char* kEcho =
     "!register(A)\nwhile(1)\n  A = surface.sense('in')\n  surface.actuate('out', A + 1)\n  "
     "surface.step\nendwhile\n";
 
-// What the person's process does on a letter: r run, h hold, t tick, 0 reset, q quit.
+// Executes one-letter commands: r run, h pause, t tick, 0 reset, q quit.
 void run_commands(debugger::SessionThread& runner, int command_fd) {
   for (char letter = 0; letter != 'q';) {
     if (read(command_fd, &letter, 1) != 1) return;
@@ -39,7 +39,7 @@ void run_commands(debugger::SessionThread& runner, int command_fd) {
       if (letter == 't') session.step(debugger::StepUnit::kTick);
       if (letter == '0') session.reset();
     });
-    // As a window does: a program that waits for its surface is interrupted before long.
+    // Like the window's loop, interrupts a program that waits for its surface.
     for (int i = 0; i < 10; ++i) {
       runner.interrupt_if_overdue();
       std::this_thread::sleep_for(10ms);
@@ -47,7 +47,7 @@ void run_commands(debugger::SessionThread& runner, int command_fd) {
   }
 }
 
-// The other process.
+// The controller process.
 [[noreturn]] void run_controller(const std::string& name, int command_fd) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   syntax::MemoryReader reader;
@@ -130,13 +130,13 @@ class PauseTest : public testing::Test {
 
 TEST_F(PauseTest, TheSurfaceWaitsForAHeldProgramAndFollowsItStepByStep) {
   expect_state(State::kPaused);
-  // Longer than a dead peer is given.
+  // Longer than the timeout after which a peer counts as dead.
   EXPECT_EQ(await_actuators(1500ms), Status::kTimeout);
   EXPECT_EQ(surface->controller_state(), State::kPaused);
   for (int step = 0; step < 3; ++step) {
     send_command('t');
     expect_answer();
-    publish();  // what the step waits for
+    publish();  // completes the step
     expect_state(State::kPaused);
     EXPECT_EQ(await_actuators(100ms), Status::kTimeout) << "a step is one answer";
   }
@@ -152,13 +152,13 @@ TEST_F(PauseTest, TheSurfaceWaitsForAHeldProgramAndFollowsItStepByStep) {
 TEST_F(PauseTest, AProgramThatWaitsForItsSurfaceCanBeHeldResetAndRunOn) {
   send_command('r');
   expect_answer();
-  // Now the surface is the one that is held: the program waits in its step, and is held there.
+  // Now the surface stalls: the program waits in its step and is paused there.
   send_command('h');
   expect_state(State::kPaused);
   std::this_thread::sleep_for(200ms);
   publish();
   EXPECT_EQ(await_actuators(300ms), Status::kTimeout);
-  // It begins again, takes the frame that came meanwhile, and goes on as if nothing had been.
+  // After a reset it reads the frame that arrived meanwhile and continues normally.
   send_command('0');
   send_command('r');
   for (int i = 0; i < 20; ++i) {

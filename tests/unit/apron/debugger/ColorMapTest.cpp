@@ -10,13 +10,13 @@ namespace apron::debugger {
 namespace {
 
 void expect_near(const Rgb8& c, double red, double green, double blue, const char* what) {
-  constexpr double kTolerance = 7.0;  // of 255: what the polynomials are off the tables
+  constexpr double kTolerance = 7.0;  // of 255: error of the polynomials against the tables
   EXPECT_NEAR(c.red, red * 255.0, kTolerance) << what;
   EXPECT_NEAR(c.green, green * 255.0, kTolerance) << what;
   EXPECT_NEAR(c.blue, blue * 255.0, kTolerance) << what;
 }
 
-// Entries 0, 128 and 255 of the published tables.
+// The expected values are entries 0, 128 and 255 of the published tables.
 TEST(ColorMap, PerceptualOnesAreThoseOfTheTables) {
   expect_near(palette_rgb8(common::Palette::kViridis, 0.0F), 0.267004, 0.004874, 0.329415, "viridis");
   expect_near(palette_rgb8(common::Palette::kViridis, 0.5F), 0.127568, 0.566949, 0.550556, "viridis");
@@ -39,7 +39,7 @@ TEST(ColorMap, TheFieldsOwnBeginAndEndAsTheirNamesSay) {
   EXPECT_EQ(palette_rgb8(common::Palette::kSpectrum, 0.0F), (Rgb8{0, 0, 255}));
   EXPECT_EQ(palette_rgb8(common::Palette::kSpectrum, 0.5F), (Rgb8{0, 255, 0}));
   EXPECT_EQ(palette_rgb8(common::Palette::kSpectrum, 1.0F), (Rgb8{255, 0, 0}));
-  // The raw value is the grey level, whatever the range.
+  // kRaw ignores the range: the value is the grey level.
   EXPECT_EQ(palette_rgb8(common::Palette::kRaw, ValueRange{0.0F, 1.0F}, 100.0F), (Rgb8{100, 100, 100}));
 }
 

@@ -101,7 +101,7 @@ TEST_F(DebugSessionTest, StopsAtALineInEachRound) {
   session->set_breakpoints({one}, {});
   for (int round = 1; round <= 3; ++round) {
     session->run();
-    advance(2);  // the tick before, then to the line
+    advance(2);  // completes the current tick, then runs to the line
     EXPECT_EQ(session->state(), ExecutionState::kPaused);
     EXPECT_EQ(capture().hit, std::size_t{0});
     EXPECT_EQ(line(), 6U);
@@ -132,19 +132,19 @@ TEST_F(DebugSessionTest, StopsAtATick) {
 
 TEST_F(DebugSessionTest, StopsWhereAConditionBecomesTrueAndNotAgainWhileItHolds) {
   start(kCounting);
-  // 47 cells hold the count and one 100, once line 7 has run.
+  // After line 7, 47 cells hold the count and one holds 100.
   break_when("globalsum(A) > 47 * 3 + 100");
   session->run();
   advance(10);
   EXPECT_EQ(session->state(), ExecutionState::kPaused);
   EXPECT_EQ(line(), 8U) << "the instruction before it made it true";
   EXPECT_EQ(variable("count"), 4.0F);
-  // It no longer holds where A is written anew without the 100, and does again with it.
+  // The condition becomes false when A is overwritten without the 100, and true again with it.
   session->run();
   advance(10);
   EXPECT_EQ(session->state(), ExecutionState::kPaused);
   EXPECT_EQ(variable("count"), 5.0F);
-  // From the sixth round on 48 times the count is enough by itself.
+  // From the sixth iteration on, 48 times the count satisfies it, so it never becomes false.
   session->run();
   advance(20);
   EXPECT_EQ(session->state(), ExecutionState::kRunning);
@@ -157,7 +157,7 @@ TEST_F(DebugSessionTest, AConditionAsksScalarsAndTheSurfaceAndTouchesNothing) {
   advance(10);
   EXPECT_EQ(session->state(), ExecutionState::kPaused);
   EXPECT_EQ(session->ticks(), 3U);
-  // The same run without a condition has the same registers.
+  // The same run without a condition produces the same registers.
   FakeHost other;
   DebugSession plain(code.program, vm::VmOptions{}, other);
   plain.run();
@@ -169,7 +169,7 @@ TEST_F(DebugSessionTest, AConditionAsksScalarsAndTheSurfaceAndTouchesNothing) {
 
 TEST_F(DebugSessionTest, AConditionThatCannotBeAnsweredIsNo) {
   start(kCounting);
-  break_when("pixel.get(A, count, 0) == 1");  // leaves the array at count 8
+  break_when("pixel.get(A, count, 0) == 1");  // outside the array from count 8 on
   session->run();
   advance(2);
   EXPECT_EQ(session->state(), ExecutionState::kPaused);
@@ -210,7 +210,7 @@ TEST_F(DebugSessionTest, BeginsAgainAsItWas) {
   EXPECT_EQ(capture().variables.front(), 7.0F);
   advance(1);
   EXPECT_EQ(session->state(), ExecutionState::kFinished);
-  session->run();  // it is over
+  session->run();  // no effect
   EXPECT_EQ(session->state(), ExecutionState::kFinished);
   session->reset();
   EXPECT_EQ(session->state(), ExecutionState::kPaused);
@@ -233,7 +233,7 @@ TEST_F(DebugSessionTest, WalksLineByLine) {
 
 TEST_F(DebugSessionTest, AnInterruptedStepGoesOn) {
   start(kCounting);
-  host.step_status = vm::HostStatus::kInterrupted;  // as of a surface that does not answer
+  host.step_status = vm::HostStatus::kInterrupted;  // like a surface that does not answer
   session->step(StepUnit::kTick);
   advance(2);
   EXPECT_EQ(session->state(), ExecutionState::kStepping);
@@ -251,7 +251,7 @@ TEST_F(DebugSessionTest, LooksAtRegistersLargeAndSmall) {
   advance();
   SnapshotRequest request;
   request.full = 0;
-  request.thumbnails = {0, 7};  // there is no seventh
+  request.thumbnails = {0, 7};  // register 7 does not exist
   request.max_thumbnail_edge = 64;
   const DebugSnapshot all = capture(request);
   ASSERT_TRUE(all.full);
@@ -261,7 +261,7 @@ TEST_F(DebugSessionTest, LooksAtRegistersLargeAndSmall) {
   EXPECT_EQ(all.thumbnails[0].stride, 5U);
   EXPECT_EQ(all.thumbnails[0].width, 60U);
   EXPECT_EQ(all.thumbnails[0].height, 20U);
-  EXPECT_EQ(all.thumbnails[0].cells[60 + 1], 5005.0F);  // the north-western one of its square
+  EXPECT_EQ(all.thumbnails[0].cells[60 + 1], 5005.0F);  // north-west cell of its block
   EXPECT_EQ(all.time_s, 0.5);
 }
 

@@ -9,7 +9,7 @@ namespace {
 
 using debugger::Debugger;
 
-// Lines 1 to 4: count up, step the surface, again.
+// Lines 1 to 4: increment `count`, copy it to A, step the surface, loop.
 TestProgram counting_program() {
   TestProgram b;
   const Operand v = b.var(), r = b.reg(2, 1);
@@ -31,7 +31,7 @@ TEST(Debugger, StepsRunsToALineAndLooksAtNames) {
   EXPECT_EQ(debugger.step_instruction(), Status::kRunning);
   EXPECT_EQ(debugger.position().line, 2U);
   EXPECT_EQ(debugger.find_variable("count"), 1.0F);
-  EXPECT_EQ(debugger.run_to_line("test.aps", 2), Status::kRunning);  // once round
+  EXPECT_EQ(debugger.run_to_line("test.aps", 2), Status::kRunning);  // one iteration
   EXPECT_EQ(debugger.position().instruction, 1U);
   EXPECT_EQ(debugger.find_variable("count"), 2.0F);
   EXPECT_EQ(debugger.step_line(), Status::kRunning);

@@ -51,7 +51,7 @@ TEST(Listing, IsTheMainFileWhenAllIsFolded) {
   EXPECT_EQ(listing.rows()[3].fold, Listing::Fold::kClosed);
   EXPECT_FALSE(listing.rows()[1].has_code);
   for (const std::size_t row : {2, 3, 4, 5}) EXPECT_TRUE(listing.rows()[row].has_code) << row;
-  // Every instruction is shown on a line of the main file, in order.
+  // While folded, every instruction belongs to a line of the main file, in order.
   ASSERT_EQ(listing.groups().size(), c.program.code.size());
   EXPECT_TRUE(std::is_sorted(listing.groups().begin(), listing.groups().end()));
   EXPECT_EQ(listing.groups().front(), 2U);
@@ -62,7 +62,7 @@ TEST(Listing, UnfoldsAnIncludedFileAndAMacroInsideAMacro) {
   const CompiledSource c = compile(kMain, kFiles);
   Listing listing(c.program, c.texts);
   listing.toggle(0);
-  EXPECT_EQ(listing.rows()[1].text, "lib.aps");  // a title, then its lines
+  EXPECT_EQ(listing.rows()[1].text, "lib.aps");  // the title, followed by the file's lines
   EXPECT_EQ(listing.rows()[1].line, 0U);
   EXPECT_EQ(listing.rows()[2].text, "// doubles");
   EXPECT_EQ(listing.rows()[2].depth, 1U);
@@ -78,7 +78,7 @@ TEST(Listing, UnfoldsAnIncludedFileAndAMacroInsideAMacro) {
   listing.toggle(6);
   EXPECT_EQ(row_texts(listing)[7], ">>macro twice, lib.aps");
   EXPECT_EQ(row_texts(listing)[8], ">>:t = $a + $a");
-  // What is unfolded has its instructions; the line above it keeps none of them.
+  // The instructions belong to the unfolded lines, and none to the line above them.
   EXPECT_GT(std::count(listing.groups().begin(), listing.groups().end(), 8U), 0);
   EXPECT_EQ(std::count(listing.groups().begin(), listing.groups().end(), 4U), 0);
 }

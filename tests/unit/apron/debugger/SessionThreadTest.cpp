@@ -18,7 +18,7 @@ class SessionThreadTest : public testing::Test {
     session = std::make_unique<DebugSession>(code.program, options, host);
     session_thread = std::make_unique<SessionThread>(*session, interrupt);
   }
-  // A look that is what is waited for; it never takes long, unless something hangs.
+  // Polls until a snapshot satisfies the predicate. The timeout only expires if something hangs.
   DebugSnapshot wait_for(const std::function<bool(const DebugSnapshot&)>& predicate) {
     const auto deadline = std::chrono::steady_clock::now() + 60s;
     DebugSnapshot snapshot;
@@ -50,7 +50,7 @@ TEST_F(SessionThreadTest, RunsLooksAndHoldsBetweenTicks) {
   post([](DebugSession& s) { s.pause(); });
   const DebugSnapshot paused =
       wait_for([](const DebugSnapshot& l) { return l.mode == ExecutionState::kPaused; });
-  // Held between two ticks, and there it stays.
+  // Paused between two ticks, and stays there.
   EXPECT_EQ(paused.variables.front(), static_cast<float>(paused.ticks));
   const DebugSnapshot still = wait_for([](const DebugSnapshot&) { return true; });
   EXPECT_EQ(still.ticks, paused.ticks);
@@ -72,7 +72,7 @@ TEST_F(SessionThreadTest, AnswersFromTheMiddleOfAnEndlessTick) {
 TEST_F(SessionThreadTest, EndsAProgramThatDoesNot) {
   start("while(1)\nendwhile\n");
   post([](DebugSession& s) { s.run(); });
-  session_thread.reset();  // or the test hangs
+  session_thread.reset();  // hangs if the destructor does not interrupt the program
   EXPECT_EQ(session->state(), ExecutionState::kRunning);
 }
 

@@ -24,7 +24,7 @@ TEST(Statistics, EveryFiniteCellIsInOneBin) {
   std::iota(cells.begin(), cells.end(), 0.0F);
   const Statistics s = compute_statistics(cells);
   EXPECT_EQ(std::accumulate(s.histogram.begin(), s.histogram.end(), 0U), 1000U);
-  // 999 / 64 = 15.6: 15 or 16 whole numbers a bin.
+  // 999 / 64 = 15.6, so every bin has 15 or 16 whole numbers.
   for (const std::uint32_t count : s.histogram) EXPECT_TRUE(count == 15 || count == 16) << count;
 }
 

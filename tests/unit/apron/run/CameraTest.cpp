@@ -1,4 +1,4 @@
-// Cameras: the formats of their pictures, and the conversation with a driver, which a fake one leads.
+// Cameras: pixel formats, and V4l2Camera against a fake driver.
 #include <gtest/gtest.h>
 #include <linux/videodev2.h>
 #include <unistd.h>
@@ -31,7 +31,7 @@ TEST(GreyFrame, FitsItsMiddleIntoTheRegister) {
   const GreyFrame wide{6, 2, {9, 0, 10, 20, 40, 9, 9, 2, 30, 40, 60, 9}};
   EXPECT_EQ(resampled(wide, 1, 1), (std::vector<float>{25}));            // columns 2 and 3
   EXPECT_EQ(resampled(wide, 2, 1), (std::vector<float>{10.5F, 40.0F}));  // columns 1 to 4
-  EXPECT_EQ(resampled(wide, 3, 1), (std::vector<float>{5, 25, 29.5F}));  // all of it
+  EXPECT_EQ(resampled(wide, 3, 1), (std::vector<float>{5, 25, 29.5F}));  // all columns
   EXPECT_EQ(resampled(GreyFrame{2, 1, {7, 8}}, 4, 2), (std::vector<float>{7, 7, 8, 8, 7, 7, 8, 8}));
   EXPECT_EQ(resampled(GreyFrame{1, 3, {1, 2, 3}}, 2, 2), (std::vector<float>{2, 2, 2, 2}));
 }
@@ -54,7 +54,7 @@ TEST(CaptureFormat, TakesTheLuminanceOfEveryFormat) {
   EXPECT_EQ(fourcc_name(V4L2_PIX_FMT_YUYV), "YUYV");
 }
 
-// The segment from marker 0xC4 on is taken out, as cameras leave it out.
+// Removes the Huffman table segment (0xC4), which cameras omit.
 Bytes without_tables(const std::string& jpeg) {
   const std::size_t at = jpeg.find("\xFF\xC4");
   const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(jpeg[i]); };
@@ -78,13 +78,13 @@ TEST(CaptureFormat, ReadsJpegWithAndWithoutItsTables) {
   EXPECT_FALSE(convert_to_grey({V4L2_PIX_FMT_MJPEG, 32, 16, 0}, {}, bare));
 }
 
-// A driver of a camera of 4x2 pixels.
+// The driver of a camera with 4x2 pixels.
 struct FakeDriver {
   std::uint32_t capabilities = V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING;
   std::vector<FourCc> formats = {V4L2_PIX_FMT_MJPEG, V4L2_PIX_FMT_YUYV};
-  std::optional<FourCc> forced_format;                 // whatever is asked for
-  std::map<unsigned long, int> errors;                 // by request: errno
-  std::deque<std::pair<Bytes, std::uint32_t>> frames;  // and their flags
+  std::optional<FourCc> forced_format;                 // overrides the requested format
+  std::map<unsigned long, int> errors;                 // ioctl request -> errno
+  std::deque<std::pair<Bytes, std::uint32_t>> frames;  // data and buffer flags
   int wait_error = ETIMEDOUT;
 
   std::vector<Bytes> memory;
@@ -121,7 +121,7 @@ class FakeV4l2Device final : public V4l2Device {
         return 0;
       }
       case VIDIOC_REQBUFS:
-        static_cast<v4l2_requestbuffers*>(argument)->count = 2;  // fewer than wanted
+        static_cast<v4l2_requestbuffers*>(argument)->count = 2;  // fewer than requested
         driver_.memory.assign(2, Bytes(64));
         return 0;
       case VIDIOC_QUERYBUF: {
@@ -220,7 +220,7 @@ TEST_F(V4l2CameraTest, LeavesTheDeviceInOrder) {
 TEST_F(V4l2CameraTest, PrefersPicturesThatAreNotCompressed) {
   driver_.formats = {V4L2_PIX_FMT_MJPEG, V4L2_PIX_FMT_GREY, V4L2_PIX_FMT_YUYV};
   const auto camera = open();
-  driver_.frames = {{Bytes(16, 9), 0}};  // lines of 8 bytes, of which 4 are pixels
+  driver_.frames = {{Bytes(16, 9), 0}};  // lines of 4 pixels padded to 8 bytes
   EXPECT_EQ(read(*camera), 9);
 }
 

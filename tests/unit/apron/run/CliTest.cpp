@@ -1,4 +1,4 @@
-// The built executable: exit statuses, messages, signals, and sessions with a surface in this process.
+// The apron executable: exit statuses, messages, signals, and sessions with a surface in this process.
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <shm_protocol/SurfaceEndpoint.h>
@@ -23,7 +23,7 @@ using shm_protocol::Status;
 using shm_protocol::SurfaceEndpoint;
 
 struct ProcessResult {
-  int status = -1;  // as the shell shows it: 128 + signal for one that was killed
+  int status = -1;  // as in a shell: 128 + signal if killed
   std::string out, err;
 };
 
@@ -59,7 +59,7 @@ class Cli : public testing::Test {
     }
     return child;
   }
-  // Kills what does not end in time, which then shows as 137.
+  // Waits for the child. Kills it on timeout, which yields the status 137.
   ProcessResult finish(pid_t child) const {
     int status = 0;
     for (int i = 0; waitpid(child, &status, WNOHANG) == 0; ++i) {
@@ -203,7 +203,7 @@ TEST_F(Cli, SetOverridesASlider) {
   EXPECT_NE(wrong.err.find("it has speed"), std::string::npos) << wrong.err;
 }
 
-// Not a terminal: the register once, as it is in the end, without a control character.
+// Without a terminal, the register is printed once at the end, without control characters.
 TEST_F(Cli, WatchShowsARegisterAtTheEnd) {
   const std::string program = file("watch.aps", "!register(A)\nprintln('begins')\nA = cell.x * 1\n");
   const ProcessResult r = run({"run", program, "--size", "10x2", "--watch", "A"});
@@ -249,7 +249,7 @@ TEST_F(Cli, TheSameProgramRunsPassively) {
   EXPECT_GE(seen, 21);
   kill(child, SIGTERM);
   EXPECT_EQ(finish(child).status, 143);
-  EXPECT_EQ(s.latest_actuators(), Status::kControllerClosed);  // it left in order
+  EXPECT_EQ(s.latest_actuators(), Status::kControllerClosed);  // detached cleanly
 }
 
 TEST_F(Cli, TicksEndTheRunAndDetach) {
@@ -260,7 +260,7 @@ TEST_F(Cli, TicksEndTheRunAndDetach) {
     publish_sensors(s, tick);
     ASSERT_EQ(s.await_actuators(tick, {.timeout = 20s}), Status::kOk);
   }
-  publish_sensors(s, 3);  // what the third step waits for
+  publish_sensors(s, 3);  // completes the third step
   EXPECT_EQ(s.await_actuators(3, {.timeout = 20s}), Status::kControllerClosed);
   EXPECT_EQ(finish(child).status, 0);
 }
@@ -278,7 +278,7 @@ TEST_F(Cli, AnUnknownChannelNamesThoseThereAre) {
       << result.err;
 }
 
-// A surface in a process of its own that dies without closing: after the third frame.
+// Forks a surface process that dies after the third frame without closing.
 pid_t dying_surface(const std::function<SurfaceEndpoint()>& create) {
   const pid_t child = fork();
   if (child == 0) {
@@ -299,7 +299,7 @@ TEST_F(Cli, ALostSurfaceIsStatus3) {
   const ProcessResult result = finish(child);
   EXPECT_EQ(result.status, 3);
   EXPECT_NE(result.err.find("was lost"), std::string::npos) << result.err;
-  const SurfaceEndpoint reclaim = surface(Mode::kTimeStep);  // takes the dead one's segment away
+  const SurfaceEndpoint reclaim = surface(Mode::kTimeStep);  // removes the dead surface's segment
 }
 
 TEST_F(Cli, ReconnectStartsTheProgramAfreshOnANewSurfaceOfAnotherSize) {

@@ -1,4 +1,4 @@
-// Arrays and pictures: round trips, other writers' files, and one clear line for every damaged or wrong file.
+// Array and image files: round trips, files of other writers, and one-line errors for damaged or wrong files.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -150,7 +150,7 @@ TEST_F(MediaTest, DamagedArraysAreRefusedByName) {
   says(said("a.txt", "1"), "must end in .npy or .csv");
   says(error_of([&] { read_array(path("none.npy"), p); }), "No such file");
   says(error_of([&] { write_array(path("none/none.npy"), p); }), "No such file");
-  // Any cut or changed byte: read or refused, never a crash.
+  // A file truncated or changed at any byte is read or refused, without a crash.
   for (std::size_t i = 0; i < good.size(); ++i)
     for (const char c : {'\0', '\xFF', '9', '('}) {
       std::string bad = good;

@@ -1,4 +1,4 @@
-// The profile's counts, sums and estimates, and what is said of a wrong cost model.
+// Profile counts, sums and estimates, and the messages for invalid cost models.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -16,7 +16,7 @@ using program::Opcode;
 using program::Operand;
 using vm::test::TestProgram;
 
-// Line 2 adds 3 times, line 4 loops, line 5 prints nothing; 4x2 cells.
+// Lines 2 to 4 loop three times, and line 5 ends the program. The register has 4x2 cells.
 TestProgram loop_program() {
   TestProgram b;
   const Operand a = b.reg(4, 2), i = b.var(3);
@@ -59,7 +59,7 @@ TEST(ProfileReport, EstimatesWhatTheModelSays) {
   model.default_cost.cycles = 1;
   model.instructions["add"] = {5, 0.5, 1, 0.25};
   const json p = profile(model, 2);
-  // 3 adds of 5 + 0.5 * 8 cycles, 8 others of 1; 3 * (1 + 0.25 * 8) joules and 2 watts all the time.
+  // Cycles: 3 adds of 5 + 0.5 * 8, and 8 others of 1. Energy: 3 * (1 + 0.25 * 8) J, and 2 W for 0.35 s.
   EXPECT_DOUBLE_EQ(p["estimate"]["cycles"], 35.0);
   EXPECT_DOUBLE_EQ(p["estimate"]["time_s"], 0.35);
   EXPECT_DOUBLE_EQ(p["estimate"]["energy_j"], 9.7);

@@ -1,4 +1,4 @@
-// The program typed line by line, with its input from a text.
+// The REPL with its input from a string.
 #include "apron/run/cli/Repl.h"
 
 #include <gtest/gtest.h>
@@ -77,7 +77,7 @@ TEST(Repl, PicturesAreShrunkToTheTerminal) {
   const std::string text = format_register_ascii(cells, 200, 100, 50);
   EXPECT_EQ(text.substr(0, 3), "@\n\n");
   EXPECT_NE(text.find("200x100, 0 to 1"), std::string::npos);
-  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 14);  // 100 rows, 8 a line, and the range
+  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 14);  // 100 rows at 8 per line, and the range
 }
 
 }  // namespace

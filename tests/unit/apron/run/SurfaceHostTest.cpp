@@ -1,5 +1,4 @@
-// The host's channels against a surface endpoint in another thread: frames, types, components, refusals, the
-// end.
+// SurfaceHost against a surface endpoint in another thread: frames, dtypes, components, refusals, shutdown.
 #include "apron/run/host/SurfaceHost.h"
 
 #include <gtest/gtest.h>
@@ -40,7 +39,7 @@ SurfaceEndpoint create(const std::string& name, Mode mode) {
   return SurfaceEndpoint::create(config);
 }
 
-// Frame k: proximity cell i is k + i, force component c of cell i is c, touch is k.
+// In frame k, proximity cell i is k + i, force component c is c in every cell, and touch is k.
 void publish(SurfaceEndpoint& surface, std::uint64_t tick) {
   const auto proximity = surface.sensor(kProximity), force = surface.sensor(kForce);
   const auto touch = surface.sensor<std::uint8_t>(kTouch);
@@ -54,7 +53,7 @@ void publish(SurfaceEndpoint& surface, std::uint64_t tick) {
 
 class SurfaceHostTest : public testing::Test {
  protected:
-  // Short enough for a segment's name, and of this process and test alone.
+  // Unique per process and test, and short enough for a segment's name.
   std::string name() const {
     const auto* test = testing::UnitTest::GetInstance()->current_test_info();
     return "ah_" + std::to_string(getpid()) + "_" + std::string(test->name()).substr(0, 20);
@@ -75,8 +74,8 @@ TEST_F(SurfaceHostTest, LockStepsFrameByFrame) {
     for (std::uint64_t tick = 0; tick < kTicks; ++tick) {
       publish(surface, tick);
       ASSERT_EQ(surface.await_actuators(tick), Status::kOk);
-      const float want =
-          tick == 0 ? 4.0F : static_cast<float>(tick) / 10;  // safe until the first frame is staged
+      // The safe value until the first frame is staged.
+      const float want = tick == 0 ? 4.0F : static_cast<float>(tick) / 10;
       for (const float height : surface.actuator(kHeight)) ASSERT_EQ(height, want);
       for (const std::uint8_t mode : surface.actuator<std::uint8_t>(kMode))
         ASSERT_EQ(mode, tick == 0 ? 7 : 3);
@@ -119,7 +118,7 @@ TEST_F(SurfaceHostTest, PassiveStepsDoNotWait) {
   SurfaceHost host(endpoint, stop_, {});
   ASSERT_EQ(host.await_first_frame(), HostStatus::kOk);
   ASSERT_EQ(host.actuate("height", 2.5F), HostStatus::kOk);
-  ASSERT_EQ(host.step(), HostStatus::kOk);  // nothing new
+  ASSERT_EQ(host.step(), HostStatus::kOk);  // no new frame
   EXPECT_EQ(host.tick(), 8.0);
   ASSERT_EQ(surface.latest_actuators(), Status::kOk);
   EXPECT_EQ(surface.actuator(kHeight)[0], 2.5F);

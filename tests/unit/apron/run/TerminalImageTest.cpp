@@ -25,7 +25,7 @@ TEST(TerminalImage, CountsWhatIsNoNumberAsTheLeast) {
   EXPECT_EQ(render_ascii(plane({NAN, NAN}, 2), {}), "  \n");
 }
 
-// 4x4 cells in 2x2 places: the means are 0, 9, 1 and 5.
+// 4x4 cells in 2x2 blocks with the means 0, 9, 1 and 5.
 TEST(TerminalImage, DrawsLargeArraysSmaller) {
   const std::vector<float> cells{0, 0, 9, 9, 0, 0, 9, 9, 1, 1, 10, 0, 1, 1, 0, 10};
   EXPECT_EQ(render_ascii(plane(cells, 4), {2, 20}), " @\n.+\n");

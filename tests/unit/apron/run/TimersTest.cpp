@@ -1,4 +1,4 @@
-// Timers, with a clock that the test turns.
+// Timers with a fake clock.
 #include "apron/run/host/Timers.h"
 
 #include <gtest/gtest.h>
@@ -38,14 +38,14 @@ TEST(Timers, AnInterruptedWaitGoesOnWhereItWas) {
   double now = 0.0;
   std::atomic<bool> stop{false};
   Timers timers([&] {
-    now += 1.0;  // each look takes a second
+    now += 1.0;  // every reading of the clock takes a second
     if (now == 4.0) stop = true;
     return now;
   });
   EXPECT_EQ(timers.wait(6.005, stop), vm::HostStatus::kInterrupted);
   EXPECT_LT(now, 6.0);
   stop = false;
-  now = 6.5;  // of the 7.005 that it waits for
+  now = 6.5;  // the deadline is 7.005
   EXPECT_EQ(timers.wait(6.005, stop), vm::HostStatus::kOk);
   EXPECT_LT(now, 9.0);
   EXPECT_EQ(timers.wait(0.0, stop), vm::HostStatus::kOk);

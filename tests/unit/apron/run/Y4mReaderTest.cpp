@@ -1,4 +1,4 @@
-// Videos: uncompressed YUV4MPEG2 files.
+// Reading of YUV4MPEG2 videos: frames, looping, formats and damaged files.
 #include "apron/run/media/Y4mReader.h"
 
 #include <gtest/gtest.h>

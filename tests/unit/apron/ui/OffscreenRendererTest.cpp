@@ -1,4 +1,4 @@
-// The window drawn without a display: what is where, and what the mouse does.
+// The window rendered without a display: layout, mouse and keyboard input.
 #include "apron/ui/window/OffscreenRenderer.h"
 
 #include <gtest/gtest.h>
@@ -27,7 +27,7 @@ struct PixelBox {
   int left = kWidth, top = kHeight, right = -1, bottom = -1;
   int pixels = 0;
 };
-// Around all pixels of that colour.
+// The bounding box of all pixels of the colour.
 PixelBox find_color(const common::Image& image, int red, int green, int blue, int from_x = 0,
                     int to_y = kHeight) {
   PixelBox box;
@@ -43,15 +43,15 @@ PixelBox find_color(const common::Image& image, int red, int green, int blue, in
   return box;
 }
 
-// Blue cells but for one red one in the north-west, in the field's middle.
+// All cells are blue, except the north-west one, which is red.
 constexpr const char* kCorner = R"(!register(A, B)
 reg.setPalette(A, 'spectrum')
 reg.setScale(A, 0, 1)
 pixel.set(A, 0, 0, 1)
 surface.step
 )";
-constexpr int kListEnd = 302;       // x where the list of registers ends
-constexpr int kHistogramTop = 440;  // y, or above it
+constexpr int kListEnd = 302;       // x of the register list's right edge
+constexpr int kHistogramTop = 440;  // y above the histogram
 
 long resident_pages() {
   long all = 0, resident = 0;
@@ -72,7 +72,7 @@ class OffscreenRendererTest : public testing::Test {
   }
 };
 
-// Two tiles side by side; a click on the right one makes it the large one.
+// Two tiles side by side; a click on the right one selects it as the large register.
 TEST_F(OffscreenRendererTest, TilesStandSideBySide) {
   UiFixture fixture(
       "!register(A, B)\nreg.setPalette(A, 'spectrum')\nreg.setScale(A, 0, 1)\nreg.setPalette(B, 'spectrum')\n"
@@ -103,7 +103,7 @@ TEST_F(OffscreenRendererTest, ShowsRowZeroInTheNorthAndColumnZeroInTheWest) {
   const PixelBox blue = find_color(image, 0, 0, 255, kListEnd, kHistogramTop),
                  red = find_color(image, 255, 0, 0, kListEnd, kHistogramTop);
   ASSERT_GT(blue.pixels, 20000);
-  // The legend has these colours too, but it is further to the east.
+  // The legend has the same colours, but lies further to the right.
   EXPECT_NEAR(red.left, blue.left, 3);
   EXPECT_LT(red.top, blue.top + 3);
   const int edge = (blue.right - blue.left) / 8;
@@ -140,7 +140,7 @@ TEST_F(OffscreenRendererTest, AClickOnASmallRegisterShowsItLarge) {
   OffscreenRenderer screen(kWidth, kHeight);
   screen.render_settled(fixture.model);
   EXPECT_EQ(fixture.model.selected(), std::size_t{0});
-  click(screen, fixture, 200.0F, 130.0F);  // the second one
+  click(screen, fixture, 200.0F, 130.0F);  // the second register
   EXPECT_EQ(fixture.model.selected(), std::size_t{1});
   EXPECT_EQ(screen.take_gl_error(), 0U);
 }
@@ -193,7 +193,7 @@ TEST_F(OffscreenRendererTest, UploadsOnlyWhatIsInSightAndNew) {
   fixture.process_commands();
   screen.render_settled(fixture.model);
   const std::uint64_t first = screen.texture_uploads();
-  EXPECT_LT(first, 2U * 15U);  // about ten of 61 are in sight, in two looks
+  EXPECT_LT(first, 2U * 15U);  // about ten of 61 are visible, in two snapshots
   EXPECT_GE(first, 8U);
   screen.render_settled(fixture.model);
   EXPECT_EQ(screen.texture_uploads(), first) << "nothing is newer";

@@ -1,4 +1,4 @@
-// What the window knows, without drawing it.
+// The view model without drawing.
 #include "apron/ui/ViewModel.h"
 
 #include <gtest/gtest.h>
@@ -12,7 +12,7 @@ TEST(Viewport, ZoomsAboutAPointThatStays) {
   Viewport view;
   view.zoom_about(0.25F, 0.75F, 4.0F);
   EXPECT_FLOAT_EQ(view.zoom, 4.0F);
-  // The point was a quarter of the view from the west; it still is.
+  // The point keeps its position in the view: a quarter from the west.
   EXPECT_NEAR((0.25F - (view.x - 0.5F / view.zoom)) * view.zoom, 0.25F, 1e-5);
   EXPECT_NEAR((0.75F - (view.y - 0.5F / view.zoom)) * view.zoom, 0.75F, 1e-5);
   view.pan(10.0F, -10.0F);
@@ -111,7 +111,7 @@ TEST(ViewModel, KeepsWhatItCanWhenTheProgramChanges) {
   ASSERT_EQ(fixture.model.breakpoints().size(), 1U);
   EXPECT_EQ(fixture.model.breakpoints()[0].condition, "globalsum(B) > 5");
   EXPECT_NE(fixture.model.notice.find("c > 5"), std::string::npos);
-  // A look from before the change is not taken.
+  // A snapshot from before the change is ignored.
   debugger::DebugSnapshot old;
   old.program_id = 1;
   old.ticks = 99;
@@ -142,7 +142,7 @@ TEST(ViewModel, TilesWhatTheScriptShowsUntilThePersonChooses) {
   const auto tick = [&] {
     fixture.model.step(debugger::StepUnit::kTick);
     fixture.process_commands();
-    fixture.process_commands();  // what is to be seen comes with the next look
+    fixture.process_commands();  // the second snapshot has the registers shown by the first
   };
   tick();
   EXPECT_FALSE(fixture.model.tiled());

@@ -30,7 +30,7 @@ TEST_F(WindowTest, ShowsWhatThePicturesShow) {
   UiFixture fixture(debugger::test::kCounting);
   fixture.model.step(debugger::StepUnit::kTick);
   fixture.process_commands();
-  // In the screen's corner, away from the pointer, which would be told what it points at.
+  // In the screen's corner, away from the pointer, which would open a tooltip.
   const WindowPlacement place{640, 480, true, 0, 0, false};
   common::Image shown;
   {
