@@ -10,7 +10,6 @@
 #include <span>
 
 #include "smartsurf/world/field/ConvexOnField.h"
-#include "smartsurf/world/field/ShapeOnGround.h"
 #include "smartsurf/world/field/SphereOnField.h"
 #include "smartsurf/world/narrowphase/PairContacts.h"
 

@@ -13,7 +13,7 @@
 #include "smartsurf/surface/Field.h"
 #include "smartsurf/world/BodyStore.h"
 #include "smartsurf/world/Contact.h"
-#include "smartsurf/world/parallel/Team.h"
+#include "smartsurf/world/parallel/IndexRange.h"
 
 namespace smartsurf::world {
 

@@ -1,30 +1,15 @@
 #include "smartsurf/world/World.h"
-#include "common/threads/ThreadPool.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
 
-#include "smartsurf/world/BodyStore.h"
-#include "smartsurf/world/CollisionPipeline.h"
-#include "smartsurf/world/FieldHasher.h"
-#include "smartsurf/world/Sleep.h"
-#include "smartsurf/world/StateHash.h"
-#include "smartsurf/world/field/CellForceLimits.h"
-#include "smartsurf/world/field/ContinuousCollision.h"
-#include "smartsurf/world/solver/Solver.h"
+#include "smartsurf/world/WorldImpl.h"
 
 namespace smartsurf::world {
 namespace {
-
-constexpr std::size_t kMinParallelBodies = 512;  // fewer bodies are not worth the barriers
-
-struct TimedForce {
-  scene::ObjectId id;
-  Vec3 force, local_point;  // local_point: where it acts, from the centre of mass, body axes, u
-  long steps_left;
-};
 
 float ground_height(const scene::SceneSpec& s) {
   return s.world.ground ? static_cast<float>(s.surface.pin.min_height - s.surface.pin.length)
@@ -52,57 +37,17 @@ std::span<const float> flatten(const std::vector<std::array<float, N>>& all) {
 
 }  // namespace
 
-struct World::Impl {
-  Impl(const scene::SceneSpec& scene, surface::Field& cells, common::ThreadPool* pool)
-      : materials(scene.materials),
-        field(cells),
-        settings(make_step_settings(scene)),
-        team(pool),
-        sleep(cells, settings.dt_s, settings.gravity),
-        collision(cells, settings.dt_s, ground_height(scene)),
-        solver(settings),
-        field_hasher(pool) {
-    field.impulse.assign(field.height.size(), 0.0F);
-  }
-
-  void apply_timed_forces();
-  void collect_active_bodies();
-  void wake_disturbed();
-  void wake_hit_sleepers();
-  void find_sleepers_near_fast_bodies();
-  void find_fast_bodies_near_sleepers();
-  void step_active_bodies(const Member&);
-  void finalize_bodies(const Member&);
-  void record_cell_impulses(IndexRange manifolds);
-  void write_cell_impulses();
-
-  std::vector<scene::Material> materials;
-  surface::Field& field;
-  StepSettings settings;
-  Team team;
-  BodyStore bodies;
-  scene::ObjectId next_id = 0;
-  std::vector<TimedForce> timed_forces;
-  std::vector<std::int32_t> active_bodies;
-  ContactList pair_contacts, static_contacts;
-  Sleep sleep;
-  CollisionPipeline collision;
-  Solver solver;
-  CellForceLimits force_limits;
-  bool has_wrenches = false;  // since the last step
-  struct Load {
-    std::int32_t cell;  // −1: not a field contact, or no impulse
-    float impulse;
-  };
-  std::vector<Load> cell_impulses;  // one per static contact
-  // Cells on which active bodies had an impulse in the last step; impulse of the sleepers on each cell.
-  std::vector<std::int32_t> loaded_cells;
-  std::vector<float> sleeper_impulse;
-  unsigned sleeper_impulse_version = 0;  // Sleep::change_count() that sleeper_impulse is for
-  std::vector<std::int32_t> hit_sleepers;
-  FieldHasher field_hasher;
-  mutable std::vector<Vec3> velocity, angular_velocity;  // storage behind bodies()
-};
+World::Impl::Impl(const scene::SceneSpec& scene, surface::Field& cells, common::ThreadPool* pool)
+    : materials(scene.materials),
+      field(cells),
+      settings(make_step_settings(scene)),
+      team(pool),
+      sleep(cells, settings.dt_s, settings.gravity),
+      collision(cells, settings.dt_s, ground_height(scene)),
+      solver(settings),
+      field_hasher(pool) {
+  field.impulse.assign(field.height.size(), 0.0F);
+}
 
 std::string physics_version() { return SMARTSURF_VERSION; }
 
@@ -183,171 +128,7 @@ std::span<surface::Wrench> World::wrenches() {
   return impl_->bodies.wrench;
 }
 
-void World::Impl::apply_timed_forces() {
-  for (TimedForce& p : timed_forces) {
-    const auto i = static_cast<std::size_t>(bodies.find(p.id));
-    has_wrenches = true;
-    bodies.wrench[i].force += p.force;
-    bodies.wrench[i].torque += Vec3(bodies.orientation[i] * p.local_point).cross(p.force);
-    --p.steps_left;
-  }
-  std::erase_if(timed_forces, [](const TimedForce& p) { return p.steps_left == 0; });
-}
-
-void World::Impl::collect_active_bodies() {
-  active_bodies.clear();
-  for (std::size_t i = 0; i < bodies.id.size(); ++i)
-    if (!bodies.is_static(i) && !bodies.asleep[i]) active_bodies.push_back(static_cast<std::int32_t>(i));
-}
-
-void World::Impl::finalize_bodies(const Member& member) {
-  constexpr int kPrefetchDistance = 8;  // in rows: about one memory latency
-  const SpatialPartition& partition = collision.partition();
-  const IndexRange own_slabs = partition.share(member);
-  std::array<std::size_t, kLanes> rotating;  // non-spheres collected for one SIMD batch
-  std::size_t count = 0;
-  auto flush_rotations = [&] {
-    if (count > 0) bodies.integrate_gyroscopic(std::span(rotating).first(count), settings.dt_s);
-    for (const std::size_t i : std::span(rotating).first(count)) sleep.update_sleep_timer(bodies, i);
-    count = 0;
-  };
-  for (int s = own_slabs.begin; s < own_slabs.end; ++s) {
-    const IndexRange rows = partition.active_rows_of(s);
-    for (int row = rows.begin; row < rows.end; ++row) {
-      const std::size_t i = partition.body(row);
-      if (row + kPrefetchDistance < rows.end) {
-        const std::size_t ahead = partition.body(row + kPrefetchDistance);
-        bodies.prefetch(ahead);
-        bodies.prefetch_rotation(ahead);
-      }
-      solver.store_body(bodies, partition, row);
-      clip_to_time_of_impact(collision, bodies, i);
-      bodies.integrate_pose(i);
-      if (bodies.is_sphere[i]) {
-        sleep.update_sleep_timer(bodies, i);
-      } else {
-        rotating[count++] = i;
-        if (count == rotating.size()) flush_rotations();
-      }
-    }
-  }
-  flush_rotations();
-  for (const IndexRange& run : collision.static_ranges().of(own_slabs)) {
-    sleep.reset_timers_on_moving_cells(bodies, static_contacts, run);
-    record_cell_impulses(run);
-  }
-}
-
-// Cell impulses have an array of their own, because write_cell_impulses() reads all of them on one thread: the
-// contacts stay in the caches of the members that own them.
-void World::Impl::record_cell_impulses(IndexRange manifolds) {
-  for (int i = manifolds.begin; i < manifolds.end; ++i) {
-    const Manifold& m = static_contacts.manifolds[static_cast<std::size_t>(i)];
-    for (auto k = static_cast<std::size_t>(m.first); k < static_cast<std::size_t>(m.first + m.count); ++k) {
-      const Contact& c = static_contacts.contacts[k];
-      cell_impulses[k] = {c.other == kField && c.total_normal_impulse != 0.0F ? c.feature_id : -1,
-                          c.total_normal_impulse};
-    }
-  }
-}
-
-// Sleepers keep the impulses that they had when they fell asleep.
-void World::Impl::write_cell_impulses() {
-  if (sleeper_impulse_version != sleep.change_count()) {
-    sleeper_impulse_version = sleep.change_count();
-    sleeper_impulse.assign(field.impulse.size(), 0.0F);
-    for (const Contact& c : sleep.static_contacts().contacts)
-      if (c.other == kField)
-        sleeper_impulse[static_cast<std::size_t>(c.feature_id)] += c.total_normal_impulse;
-    field.impulse = sleeper_impulse;
-    loaded_cells.clear();
-  }
-  auto sleeper_impulse_on = [this](std::int32_t cell) {
-    return sleeper_impulse.empty() ? 0.0F : sleeper_impulse[static_cast<std::size_t>(cell)];
-  };
-  for (const std::int32_t cell : loaded_cells)
-    field.impulse[static_cast<std::size_t>(cell)] = sleeper_impulse_on(cell);
-  loaded_cells.clear();
-  for (const Load& entry : cell_impulses) {
-    if (entry.cell < 0) continue;
-    field.impulse[static_cast<std::size_t>(entry.cell)] += entry.impulse;
-    loaded_cells.push_back(entry.cell);
-  }
-}
-
-void World::Impl::wake_disturbed() {
-  if (!sleep.any_asleep()) return;
-  if (has_wrenches) sleep.wake_forced(bodies);
-  sleep.wake_on_moving_cells(bodies);
-}
-
-void World::Impl::find_sleepers_near_fast_bodies() {
-  for (const std::int32_t i : active_bodies)
-    if (Sleep::is_fast(bodies, static_cast<std::size_t>(i)))
-      collision.for_each_nearby(bodies, static_cast<std::size_t>(i), [this](std::size_t j) {
-        if (bodies.asleep[j]) hit_sleepers.push_back(static_cast<std::int32_t>(j));
-      });
-}
-
-void World::Impl::find_fast_bodies_near_sleepers() {
-  for (std::size_t j = 0; j < bodies.asleep.size(); ++j) {
-    if (!bodies.asleep[j]) continue;
-    bool hit = false;
-    collision.for_each_nearby(bodies, j,
-                              [&](std::size_t i) { hit |= !bodies.asleep[i] && Sleep::is_fast(bodies, i); });
-    if (hit) hit_sleepers.push_back(static_cast<std::int32_t>(j));
-  }
-}
-
-// Wakes sleepers within reach of a fast body, so that the collision moves them. Queries from the smaller of the
-// two sets.
-void World::Impl::wake_hit_sleepers() {
-  if (!sleep.any_asleep()) return;
-  hit_sleepers.clear();
-  if (static_cast<std::size_t>(sleep.sleeping_count()) < active_bodies.size())
-    find_fast_bodies_near_sleepers();
-  else
-    find_sleepers_near_fast_bodies();
-  for (const std::int32_t i : hit_sleepers) sleep.wake_island(bodies, static_cast<std::size_t>(i));
-  if (!hit_sleepers.empty()) collect_active_bodies();
-}
-
-void World::Impl::step_active_bodies(const Member& member) {
-  collision.update_broadphase(bodies, member);
-  member.single([this] {
-    wake_hit_sleepers();
-    sleep.restore_contacts(bodies, pair_contacts, static_contacts);
-  });
-  collision.find_contacts(bodies, pair_contacts, static_contacts, member);
-  if (member.is_caller()) cell_impulses.resize(static_contacts.contacts.size());
-  if (field.has_force_limit())
-    member.single([this] { force_limits.distribute_limits(field, settings.dt_s, static_contacts); });
-  solver.step(bodies,
-              {collision.partition(), pair_contacts, static_contacts, collision.pair_ranges(),
-               collision.static_ranges(), field.has_force_limit(), has_wrenches},
-              member);
-  finalize_bodies(member);
-}
-
-void World::step() {
-  Impl& s = *impl_;
-  s.apply_timed_forces();
-  s.wake_disturbed();
-  s.collect_active_bodies();
-  if (s.active_bodies.empty()) {
-    s.pair_contacts.clear();
-    s.static_contacts.clear();
-    s.cell_impulses.clear();
-  } else {
-    s.team.run(s.active_bodies.size() >= kMinParallelBodies,
-               [&s](const Member& member) { s.step_active_bodies(member); });
-    s.force_limits.yield_overloaded_cells(s.bodies, s.static_contacts, s.settings.dt_s, s.field);
-    s.sleep.update_sleeping_set(s.bodies, s.active_bodies, s.pair_contacts, s.static_contacts);
-  }
-  s.write_cell_impulses();
-  if (s.has_wrenches) std::fill(s.bodies.wrench.begin(), s.bodies.wrench.end(), surface::Wrench{});
-  s.has_wrenches = false;
-}
+void World::step() { impl_->step(); }
 
 std::vector<ContactPoint> World::contacts() const {
   const Impl& s = *impl_;

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <span>
 
-#include "smartsurf/world/parallel/Team.h"
+#include "smartsurf/world/parallel/IndexRange.h"
 
 namespace smartsurf::world {
 

@@ -1,4 +1,4 @@
-// Contacts of a non-sphere with the field.
+// Contacts of a non-sphere with the field and with the ground below it.
 #pragma once
 
 #include <vector>
@@ -24,5 +24,10 @@ struct FieldCandidate {
 // limit.
 void collect_field_candidates(const surface::Field&, const Shape&, const Vec3& centre, const Mat3& axes,
                               float margin, std::vector<FieldCandidate>& out);
+
+// Appends at most four contacts per convex part with the plane z = ground_height, with separations up to
+// `margin`.
+void collide_shape_with_ground(const Shape&, const Vec3& centre, const Mat3& axes, float ground_height,
+                               float margin, std::vector<Contact>& out);
 
 }  // namespace smartsurf::world

@@ -4,97 +4,11 @@
 // Shares depend on the number of members; results must not.
 #pragma once
 
-#include <hwy/cache_control.h>
-
-#include <algorithm>
-#include <atomic>
-#include <vector>
-
 #include "common/threads/ThreadPool.h"
+#include "smartsurf/world/parallel/Barrier.h"
+#include "smartsurf/world/parallel/IndexRange.h"
 
 namespace smartsurf::world {
-
-// A split-phase barrier: arrive() and wait() are separate, so that a member can work in between.
-//
-// Each member counts its arrivals on a cache line that it alone writes, and waiters read the counts of the
-// others. This costs one transfer between cores, where a shared counter costs several.
-//
-// A waiter spins first, because phases last microseconds and a futex sleep costs tens of them, and then sleeps,
-// so that another process on the core of a late member can finish. The spin budget adapts: it halves after each
-// unsuccessful spin and grows after each successful one, so that members do not burn time slices when processes
-// compete for the cores.
-class Barrier {
- public:
-  explicit Barrier(int member_count) : slots_(static_cast<std::size_t>(member_count)) {}
-
-  // Everything the member did before is visible to members whose wait() returns after it. Each arrive() must be
-  // followed by the member's own wait().
-  void arrive(int member) {
-    ArrivalSlot& own = slots_[static_cast<std::size_t>(member)];
-    own.arrivals.store(own.arrivals.load(std::memory_order_relaxed) + 1, std::memory_order_release);
-    notify_sleepers(own);
-  }
-  // Blocks until every other member has arrived as often as this one.
-  void wait(int member) {
-    ArrivalSlot& own = slots_[static_cast<std::size_t>(member)];
-    // Notifies members that fell asleep while this one arrived. Detecting them in arrive() would take a fence
-    // there, which delays every arrival by a transfer between cores.
-    full_fence();
-    notify_sleepers(own);
-    const unsigned target = own.arrivals.load(std::memory_order_relaxed);
-    for (const ArrivalSlot& other : slots_)
-      if (!other.has_reached(target)) wait_for(other, target, own.spin_budget);
-  }
-
- private:
-  static constexpr int kMinSpins = 100, kMaxSpins = 2000, kSpinIncrement = 64;  // one spin takes about 30 ns
-
-  // Aligned to two cache lines, which some cores prefetch as a pair.
-  struct alignas(128) ArrivalSlot {
-    std::atomic<unsigned> arrivals{0};
-    alignas(128) int spin_budget = kMaxSpins;
-    bool has_reached(unsigned target) const {
-      return static_cast<int>(arrivals.load(std::memory_order_acquire) - target) >= 0;
-    }
-  };
-
-  static void full_fence() {
-#ifdef __SANITIZE_THREAD__
-// ThreadSanitizer does not model fences; this one orders only notifications, not data.
-#pragma GCC diagnostic ignored "-Wtsan"
-#endif
-    std::atomic_thread_fence(std::memory_order_seq_cst);
-  }
-  void notify_sleepers(ArrivalSlot& own) {
-    if (sleeping_.load(std::memory_order_relaxed) > 0) own.arrivals.notify_all();
-  }
-
-  void wait_for(const ArrivalSlot& other, unsigned target, int& spin_budget) {
-    for (int spin = 0; spin < spin_budget; ++spin) {
-      if (other.has_reached(target)) {
-        if (spin_budget < kMaxSpins) spin_budget += kSpinIncrement;
-        return;
-      }
-      hwy::Pause();
-    }
-    spin_budget = std::max(kMinSpins, spin_budget / 2);
-    sleeping_.fetch_add(1, std::memory_order_relaxed);
-    full_fence();
-    while (!other.has_reached(target)) {
-      const unsigned current = other.arrivals.load(std::memory_order_acquire);
-      if (static_cast<int>(current - target) < 0) other.arrivals.wait(current, std::memory_order_acquire);
-    }
-    sleeping_.fetch_sub(1, std::memory_order_relaxed);
-  }
-
-  std::vector<ArrivalSlot> slots_;
-  alignas(128) std::atomic<int> sleeping_{0};
-};
-
-// The half-open range [begin, end).
-struct IndexRange {
-  int begin, end;
-};
 
 // One thread's view of its team. Copies refer to the same barrier.
 struct Member {

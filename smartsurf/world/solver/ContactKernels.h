@@ -6,9 +6,10 @@
 
 #include <cstdint>
 
-#include "smartsurf/world/solver/SimdLanes.h"
-
 namespace smartsurf::world {
+
+// Bodies or manifolds per SIMD batch.
+inline constexpr int kLanes = 8;
 
 // ---- rows: one per body; rows of static bodies are never written
 struct alignas(32) BodyVelocity {

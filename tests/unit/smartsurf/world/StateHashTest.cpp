@@ -1,5 +1,5 @@
 #include "common/threads/ThreadPool.h"
-#include "smartsurf/world/FieldHasher.h"
+#include "smartsurf/world/StateHash.h"
 
 #include <gtest/gtest.h>
 
@@ -29,7 +29,7 @@ std::uint64_t hash_of(const surface::Field& field, int threads) {
   return hash.value();
 }
 
-TEST(FieldCopy, CopiesAndHashesTheSameForAnyNumberOfThreads) {
+TEST(FieldHasher, CopiesAndHashesTheSameForAnyNumberOfThreads) {
   for (const int rows : {1, 3, 101, 333}) {
     const surface::Field field = field_of(rows, 97);
     FieldHasher alone(nullptr);
@@ -41,7 +41,7 @@ TEST(FieldCopy, CopiesAndHashesTheSameForAnyNumberOfThreads) {
   }
 }
 
-TEST(FieldCopy, HashSeesEveryHeightAndEverySpeed) {
+TEST(FieldHasher, HashSeesEveryHeightAndEverySpeed) {
   surface::Field field = field_of(130, 97);
   std::set<std::uint64_t> hashes{hash_of(field, 1)};
   for (const std::size_t cell : {0UL, 1UL, 31UL, 4095UL, 4096UL, field.height.size() - 1}) {

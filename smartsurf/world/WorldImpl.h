@@ -1,0 +1,71 @@
+// The state of a world, shared by its interface (World.cpp) and its time step (WorldStep.cpp).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "smartsurf/scene/SceneSpec.h"
+#include "smartsurf/world/BodyStore.h"
+#include "smartsurf/world/CollisionPipeline.h"
+#include "smartsurf/world/Sleep.h"
+#include "smartsurf/world/StateHash.h"
+#include "smartsurf/world/World.h"
+#include "smartsurf/world/field/CellForceLimits.h"
+#include "smartsurf/world/solver/Solver.h"
+
+namespace smartsurf::world {
+
+inline constexpr std::size_t kMinParallelBodies = 512;  // fewer bodies are not worth the barriers
+
+struct TimedForce {
+  scene::ObjectId id;
+  Vec3 force, local_point;  // local_point: where it acts, from the centre of mass, body axes, u
+  long steps_left;
+};
+
+struct World::Impl {
+  Impl(const scene::SceneSpec&, surface::Field& cells, common::ThreadPool* pool);
+
+  // One time step, see World::step().
+  void step();
+  void apply_timed_forces();
+  void collect_active_bodies();
+  void wake_disturbed();
+  void wake_hit_sleepers();
+  void find_sleepers_near_fast_bodies();
+  void find_fast_bodies_near_sleepers();
+  void step_active_bodies(const Member&);
+  void finalize_bodies(const Member&);
+  void record_cell_impulses(IndexRange manifolds);
+  void write_cell_impulses();
+
+  std::vector<scene::Material> materials;
+  surface::Field& field;
+  StepSettings settings;
+  Team team;
+  BodyStore bodies;
+  scene::ObjectId next_id = 0;
+  std::vector<TimedForce> timed_forces;
+  std::vector<std::int32_t> active_bodies;
+  ContactList pair_contacts, static_contacts;
+  Sleep sleep;
+  CollisionPipeline collision;
+  Solver solver;
+  CellForceLimits force_limits;
+  bool has_wrenches = false;  // since the last step
+  struct Load {
+    std::int32_t cell;  // −1: not a field contact, or no impulse
+    float impulse;
+  };
+  std::vector<Load> cell_impulses;  // one per static contact
+  // Cells on which active bodies had an impulse in the last step; impulse of the sleepers on each cell.
+  std::vector<std::int32_t> loaded_cells;
+  std::vector<float> sleeper_impulse;
+  unsigned sleeper_impulse_version = 0;  // Sleep::change_count() that sleeper_impulse is for
+  std::vector<std::int32_t> hit_sleepers;
+  FieldHasher field_hasher;
+  mutable std::vector<Vec3> velocity, angular_velocity;  // storage behind bodies()
+};
+
+}  // namespace smartsurf::world

@@ -1,0 +1,176 @@
+// The phases of one time step.
+#include <algorithm>
+#include <array>
+#include <span>
+
+#include "smartsurf/world/WorldImpl.h"
+#include "smartsurf/world/field/ContinuousCollision.h"
+
+namespace smartsurf::world {
+
+void World::Impl::apply_timed_forces() {
+  for (TimedForce& p : timed_forces) {
+    const auto i = static_cast<std::size_t>(bodies.find(p.id));
+    has_wrenches = true;
+    bodies.wrench[i].force += p.force;
+    bodies.wrench[i].torque += Vec3(bodies.orientation[i] * p.local_point).cross(p.force);
+    --p.steps_left;
+  }
+  std::erase_if(timed_forces, [](const TimedForce& p) { return p.steps_left == 0; });
+}
+
+void World::Impl::collect_active_bodies() {
+  active_bodies.clear();
+  for (std::size_t i = 0; i < bodies.id.size(); ++i)
+    if (!bodies.is_static(i) && !bodies.asleep[i]) active_bodies.push_back(static_cast<std::int32_t>(i));
+}
+
+void World::Impl::finalize_bodies(const Member& member) {
+  constexpr int kPrefetchDistance = 8;  // in rows: about one memory latency
+  const SpatialPartition& partition = collision.partition();
+  const IndexRange own_slabs = partition.share(member);
+  std::array<std::size_t, kLanes> rotating;  // non-spheres collected for one SIMD batch
+  std::size_t count = 0;
+  auto flush_rotations = [&] {
+    if (count > 0) bodies.integrate_gyroscopic(std::span(rotating).first(count), settings.dt_s);
+    for (const std::size_t i : std::span(rotating).first(count)) sleep.update_sleep_timer(bodies, i);
+    count = 0;
+  };
+  for (int s = own_slabs.begin; s < own_slabs.end; ++s) {
+    const IndexRange rows = partition.active_rows_of(s);
+    for (int row = rows.begin; row < rows.end; ++row) {
+      const std::size_t i = partition.body(row);
+      if (row + kPrefetchDistance < rows.end) {
+        const std::size_t ahead = partition.body(row + kPrefetchDistance);
+        bodies.prefetch(ahead);
+        bodies.prefetch_rotation(ahead);
+      }
+      solver.store_body(bodies, partition, row);
+      clip_to_time_of_impact(collision, bodies, i);
+      bodies.integrate_pose(i);
+      if (bodies.is_sphere[i]) {
+        sleep.update_sleep_timer(bodies, i);
+      } else {
+        rotating[count++] = i;
+        if (count == rotating.size()) flush_rotations();
+      }
+    }
+  }
+  flush_rotations();
+  for (const IndexRange& run : collision.static_ranges().of(own_slabs)) {
+    sleep.reset_timers_on_moving_cells(bodies, static_contacts, run);
+    record_cell_impulses(run);
+  }
+}
+
+// Cell impulses have an array of their own, because write_cell_impulses() reads all of them on one thread: the
+// contacts stay in the caches of the members that own them.
+void World::Impl::record_cell_impulses(IndexRange manifolds) {
+  for (int i = manifolds.begin; i < manifolds.end; ++i) {
+    const Manifold& m = static_contacts.manifolds[static_cast<std::size_t>(i)];
+    for (auto k = static_cast<std::size_t>(m.first); k < static_cast<std::size_t>(m.first + m.count); ++k) {
+      const Contact& c = static_contacts.contacts[k];
+      cell_impulses[k] = {c.other == kField && c.total_normal_impulse != 0.0F ? c.feature_id : -1,
+                          c.total_normal_impulse};
+    }
+  }
+}
+
+// Sleepers keep the impulses that they had when they fell asleep.
+void World::Impl::write_cell_impulses() {
+  if (sleeper_impulse_version != sleep.change_count()) {
+    sleeper_impulse_version = sleep.change_count();
+    sleeper_impulse.assign(field.impulse.size(), 0.0F);
+    for (const Contact& c : sleep.static_contacts().contacts)
+      if (c.other == kField)
+        sleeper_impulse[static_cast<std::size_t>(c.feature_id)] += c.total_normal_impulse;
+    field.impulse = sleeper_impulse;
+    loaded_cells.clear();
+  }
+  auto sleeper_impulse_on = [this](std::int32_t cell) {
+    return sleeper_impulse.empty() ? 0.0F : sleeper_impulse[static_cast<std::size_t>(cell)];
+  };
+  for (const std::int32_t cell : loaded_cells)
+    field.impulse[static_cast<std::size_t>(cell)] = sleeper_impulse_on(cell);
+  loaded_cells.clear();
+  for (const Load& entry : cell_impulses) {
+    if (entry.cell < 0) continue;
+    field.impulse[static_cast<std::size_t>(entry.cell)] += entry.impulse;
+    loaded_cells.push_back(entry.cell);
+  }
+}
+
+void World::Impl::wake_disturbed() {
+  if (!sleep.any_asleep()) return;
+  if (has_wrenches) sleep.wake_forced(bodies);
+  sleep.wake_on_moving_cells(bodies);
+}
+
+void World::Impl::find_sleepers_near_fast_bodies() {
+  for (const std::int32_t i : active_bodies)
+    if (Sleep::is_fast(bodies, static_cast<std::size_t>(i)))
+      collision.for_each_nearby(bodies, static_cast<std::size_t>(i), [this](std::size_t j) {
+        if (bodies.asleep[j]) hit_sleepers.push_back(static_cast<std::int32_t>(j));
+      });
+}
+
+void World::Impl::find_fast_bodies_near_sleepers() {
+  for (std::size_t j = 0; j < bodies.asleep.size(); ++j) {
+    if (!bodies.asleep[j]) continue;
+    bool hit = false;
+    collision.for_each_nearby(bodies, j,
+                              [&](std::size_t i) { hit |= !bodies.asleep[i] && Sleep::is_fast(bodies, i); });
+    if (hit) hit_sleepers.push_back(static_cast<std::int32_t>(j));
+  }
+}
+
+// Wakes sleepers within reach of a fast body, so that the collision moves them. Queries from the smaller of the
+// two sets.
+void World::Impl::wake_hit_sleepers() {
+  if (!sleep.any_asleep()) return;
+  hit_sleepers.clear();
+  if (static_cast<std::size_t>(sleep.sleeping_count()) < active_bodies.size())
+    find_fast_bodies_near_sleepers();
+  else
+    find_sleepers_near_fast_bodies();
+  for (const std::int32_t i : hit_sleepers) sleep.wake_island(bodies, static_cast<std::size_t>(i));
+  if (!hit_sleepers.empty()) collect_active_bodies();
+}
+
+void World::Impl::step_active_bodies(const Member& member) {
+  collision.update_broadphase(bodies, member);
+  member.single([this] {
+    wake_hit_sleepers();
+    sleep.restore_contacts(bodies, pair_contacts, static_contacts);
+  });
+  collision.find_contacts(bodies, pair_contacts, static_contacts, member);
+  if (member.is_caller()) cell_impulses.resize(static_contacts.contacts.size());
+  if (field.has_force_limit())
+    member.single([this] { force_limits.distribute_limits(field, settings.dt_s, static_contacts); });
+  solver.step(bodies,
+              {collision.partition(), pair_contacts, static_contacts, collision.pair_ranges(),
+               collision.static_ranges(), field.has_force_limit(), has_wrenches},
+              member);
+  finalize_bodies(member);
+}
+
+void World::Impl::step() {
+  apply_timed_forces();
+  wake_disturbed();
+  collect_active_bodies();
+  if (active_bodies.empty()) {
+    pair_contacts.clear();
+    static_contacts.clear();
+    cell_impulses.clear();
+  } else {
+    team.run(active_bodies.size() >= kMinParallelBodies,
+             [this](const Member& member) { step_active_bodies(member); });
+    force_limits.yield_overloaded_cells(bodies, static_contacts, settings.dt_s, field);
+    sleep.update_sleeping_set(bodies, active_bodies, pair_contacts, static_contacts);
+  }
+  write_cell_impulses();
+  if (has_wrenches) std::fill(bodies.wrench.begin(), bodies.wrench.end(), surface::Wrench{});
+  has_wrenches = false;
+}
+
+}  // namespace smartsurf::world

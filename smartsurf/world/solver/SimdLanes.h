@@ -1,8 +1,0 @@
-// The number of bodies or manifolds in one SIMD batch.
-#pragma once
-
-namespace smartsurf::world {
-
-inline constexpr int kLanes = 8;
-
-}  // namespace smartsurf::world
