@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "apron/compiler/Lowering.h"
-#include "apron/syntax/Suggestion.h"
+#include "common/text/Suggestion.h"
 
 namespace apron::compiler {
 
@@ -116,7 +116,7 @@ Value Lowering::lower_parameter(const Expression& argument, ResultDestination* d
   for (const program::Parameter& parameter : builder_.program().parameters) known.push_back(parameter.name);
   if (std::find(known.begin(), known.end(), name) == known.end()) {
     throw CompileError{argument.location, fmt::format("no slider or switch '{}' was added before{}", name,
-                                                      syntax::did_you_mean(name, known))};
+                                                      common::did_you_mean(name, known))};
   }
   return emit_to_scalar(Opcode::kParameter, {builder_.text_operand(name)}, destination);
 }

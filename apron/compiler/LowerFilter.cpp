@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "apron/compiler/Lowering.h"
-#include "apron/syntax/Suggestion.h"
+#include "common/text/Suggestion.h"
 
 namespace apron::compiler {
 
@@ -60,7 +60,7 @@ std::uint32_t Lowering::require_filter(const Expression& name) const {
   std::vector<std::string> known;
   for (const Filter& filter : builder_.program().filters) known.push_back(filter.name);
   throw CompileError{name.location, fmt::format("no filter '{}' was created before{}", filter_name,
-                                                syntax::did_you_mean(filter_name, known))};
+                                                common::did_you_mean(filter_name, known))};
 }
 
 // The filter's index; one that was made of constants alone is used again.

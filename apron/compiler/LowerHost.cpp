@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "apron/compiler/Lowering.h"
-#include "apron/syntax/Suggestion.h"
+#include "common/text/Suggestion.h"
 
 namespace apron::compiler {
 
@@ -79,7 +79,7 @@ void Lowering::lower_boundary(const Expression& rule) {
     if (found == kRules.end()) {
       throw CompileError{rule.location,
                          fmt::format("the boundary is 'zero', 'replicate', 'wrap', 'reflect' or a number{}",
-                                     syntax::did_you_mean(rule.text, kRules))};
+                                     common::did_you_mean(rule.text, kRules))};
     }
     code = static_cast<BoundaryRule>(found - kRules.begin());
   } else {

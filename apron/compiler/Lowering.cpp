@@ -4,7 +4,7 @@
 
 #include <utility>
 
-#include "apron/syntax/Suggestion.h"
+#include "common/text/Suggestion.h"
 
 namespace apron::compiler {
 
@@ -231,7 +231,7 @@ void Lowering::fail_unknown_call(const Expression& call) const {
   std::vector<std::string> known = builtin_names();
   known.insert(known.end(), other_names_.begin(), other_names_.end());
   throw CompileError{call.location, fmt::format("there is no instruction or macro '{}'{}", call.text,
-                                                syntax::did_you_mean(call.text, known))};
+                                                common::did_you_mean(call.text, known))};
 }
 
 void Lowering::fail_argument_count(const Builtin& builtin, const Expression& call) const {
@@ -319,7 +319,7 @@ void Lowering::check_jumps() {
       for (const auto& [name, label] : labels_) {
         if (label.is_bound && !is_macro_name(name)) known.push_back(fmt::format("#{}", name));
       }
-      std::string hint = syntax::did_you_mean(fmt::format("#{}", site.name), known);
+      std::string hint = common::did_you_mean(fmt::format("#{}", site.name), known);
       if (hint.empty()) hint = fmt::format("; a line '#{}' makes one", display_name(site.name));
       diagnostics_.error(site.location,
                          fmt::format("there is no label '#{}'{}", display_name(site.name), hint));

@@ -6,14 +6,14 @@
 #include <vector>
 
 #include "common/color/Palette.h"
-#include "apron/syntax/Suggestion.h"
+#include "common/text/Suggestion.h"
 
 namespace apron::compiler {
 
 std::string palette_error(std::string_view name) {
   if (common::find_palette(name)) return {};
   std::vector<std::string> known = common::palette_names();
-  std::string hint = syntax::did_you_mean(name, known);
+  std::string hint = common::did_you_mean(name, known);
   known.resize(common::kPaletteCount);
   if (hint.empty()) hint = fmt::format("; there are {}", fmt::join(known, ", "));
   return fmt::format("there is no palette '{}'{}", name, hint);

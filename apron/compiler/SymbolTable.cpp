@@ -6,7 +6,7 @@
 #include <cmath>
 #include <utility>
 
-#include "apron/syntax/Suggestion.h"
+#include "common/text/Suggestion.h"
 #include "apron/syntax/Token.h"
 
 namespace apron::compiler {
@@ -39,7 +39,7 @@ const std::string& SymbolTable::resolve_class(const std::string& name, syntax::L
   std::vector<std::string> known;
   for (const auto& [alias, target] : aliases_) known.push_back(alias);
   throw CompileError{location,
-                     fmt::format("there is no class '{}'{}", name, syntax::did_you_mean(name, known))};
+                     fmt::format("there is no class '{}'{}", name, common::did_you_mean(name, known))};
 }
 
 bool SymbolTable::holds_variables(const std::string& class_name, syntax::Location location) const {
@@ -58,7 +58,7 @@ const Symbol& SymbolTable::find_element(const std::string& class_name, const std
   for (const std::string& one : element_class.order) {
     if (!is_macro_name(one)) known.push_back(one);
   }
-  const std::string hint = syntax::did_you_mean(name, known);
+  const std::string hint = common::did_you_mean(name, known);
   throw CompileError{location,
                      fmt::format("the class {} has no element '{}'{}", canonical, display_name(name),
                                  hint.empty() ? fmt::format("; create it with !create('{}', {})",
@@ -151,7 +151,7 @@ std::string SymbolTable::did_you_mean(const std::string& name,
   for (const auto& [bare, symbol] : symbols_) {
     if (!is_macro_name(bare) && symbol.value.kind != Value::Kind::kNone) known.push_back(bare);
   }
-  return syntax::did_you_mean(name, known);
+  return common::did_you_mean(name, known);
 }
 
 const Symbol* SymbolTable::find_register(std::uint32_t index) const {

@@ -13,7 +13,7 @@ class Condition::ReadOnlyHost final : public vm::Host {
  public:
   explicit ReadOnlyHost(const vm::Host& host) : host_(host) {}
 
-  std::string message() const override { return "a condition asks registers and scalars only"; }
+  std::string message() const override { return "a condition can only read registers and scalars"; }
   void print(std::string_view) override {}
   HostStatus open_array(std::string_view, vm::Plane) override { return HostStatus::kRefused; }
   HostStatus save_array(std::string_view, vm::ConstPlane) override { return HostStatus::kRefused; }

@@ -11,6 +11,10 @@
 
 namespace apron::program {
 
+// The locality of an instruction: its opcode's, except that shifts are classified by their offsets and
+// filters by their size.
+Locality locality(const Program&, const Instruction&) noexcept;
+
 struct NonLocalInstruction {
   std::size_t instruction = 0;
   std::string reason;  // one line, e.g. "globalsum needs the whole array"

@@ -148,8 +148,4 @@ std::string disassemble(const Program&, std::size_t instruction);
 // Whether the destination must not be a source as well, because the instruction reads other cells.
 bool requires_out_of_place(Opcode) noexcept;
 
-// The locality of an instruction: its opcode's, except that shifts are classified by their offsets and
-// filters by their size.
-Locality locality(const Program&, const Instruction&) noexcept;
-
 }  // namespace apron::program

@@ -9,7 +9,7 @@
 #include "apron/syntax/Constant.h"
 #include "apron/syntax/Lexer.h"
 #include "apron/syntax/Preprocessor.h"
-#include "apron/syntax/Suggestion.h"
+#include "common/text/Suggestion.h"
 
 namespace apron::syntax {
 namespace {
@@ -132,7 +132,7 @@ bool Preprocessor::handle_directive(Line& line, PreprocessedItem& item) {
     diagnostics_.error(directive.location, fmt::format("this '!{}' has no '!macro_def'", directive.text));
   } else {
     diagnostics_.error(directive.location, fmt::format("there is no directive '!{}'{}", directive.text,
-                                                       did_you_mean(spelling(directive), kDirectives)));
+                                                       common::did_you_mean(spelling(directive), kDirectives)));
   }
   return false;
 }

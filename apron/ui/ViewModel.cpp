@@ -147,12 +147,12 @@ std::string ViewModel::state_text() const {
           return "Ended";
       }
   }
-  if (!snapshot_.hit) return "Held at " + location;
-  if (*snapshot_.hit >= breakpoints_.size()) return "Held at a breakpoint, " + location;
+  if (!snapshot_.hit) return "Paused at " + location;
+  if (*snapshot_.hit >= breakpoints_.size()) return "Paused at a breakpoint, " + location;
   const Breakpoint& breakpoint = breakpoints_[*snapshot_.hit];
-  if (breakpoint.kind == Breakpoint::Kind::kTick) return "Held: tick " + std::to_string(breakpoint.tick);
-  if (breakpoint.kind == Breakpoint::Kind::kCondition) return "Held: " + breakpoint.condition;
-  return "Held at the breakpoint " + location;
+  if (breakpoint.kind == Breakpoint::Kind::kTick) return "Paused: tick " + std::to_string(breakpoint.tick);
+  if (breakpoint.kind == Breakpoint::Kind::kCondition) return "Paused: " + breakpoint.condition;
+  return "Paused at the breakpoint " + location;
 }
 
 // ---- registers --------------------------------------------------------------------------------------------
@@ -319,7 +319,7 @@ void ViewModel::send_breakpoints() {
     if (breakpoint->kind == Breakpoint::Kind::kCondition) {
       CompiledCondition compiled = compile_condition_(breakpoint->condition, program_);
       if (!compiled.program) {
-        notice = "The breakpoint '" + breakpoint->condition + "' is gone: " + compiled.error;
+        notice = "The breakpoint '" + breakpoint->condition + "' was removed: " + compiled.error;
         breakpoint = breakpoints_.erase(breakpoint);
         continue;
       }

@@ -9,13 +9,13 @@
 #include <utility>
 #include <vector>
 
-#include "common/color/Palette.h"
 #include "apron/debugger/ColorMap.h"
 #include "apron/debugger/DebugSession.h"
 #include "apron/debugger/DebugSnapshot.h"
 #include "apron/debugger/FrontPanel.h"
 #include "apron/debugger/Listing.h"
 #include "apron/debugger/Statistics.h"
+#include "common/color/Palette.h"
 
 namespace apron::ui {
 
@@ -69,7 +69,7 @@ class ViewModel {
   debugger::Listing& listing() { return listing_; }
   // The listing's row of the next instruction.
   std::size_t current_row() const;
-  // "Running", "Held at line 12", …
+  // "Running", "Paused at main.aps:12", …
   std::string state_text() const;
   bool running() const;
   bool finished() const { return snapshot_.mode == debugger::ExecutionState::kFinished; }

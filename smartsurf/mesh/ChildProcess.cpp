@@ -23,7 +23,7 @@ bool write_all(int fd, const std::string& bytes) {
 }
 
 [[noreturn]] void run_child(const std::function<std::string()>& task, double cpu_s, int fd) {
-  // Whatever handlers the parent has, they are not for this.
+  // Do not inherit the parent's signal handlers.
   for (const int signal : {SIGSEGV, SIGBUS, SIGABRT, SIGFPE, SIGILL, SIGPROF, SIGTERM, SIGINT})
     std::signal(signal, SIG_DFL);
   const rlimit no_core{0, 0};

@@ -1,6 +1,6 @@
-// Runs an action in a child process. Internal to this module.
+// Runs a task in a forked child process. Internal to this module.
 //
-// The mesh library is not robust against damaged files: some make it crash or loop forever.
+// Isolates the mesh importer, which may crash or loop forever on damaged files.
 #pragma once
 
 #include <functional>
@@ -9,9 +9,8 @@
 
 namespace smartsurf::mesh {
 
-// The bytes that the action returns; none when it crashed, threw, or took more than `cpu_s` seconds of
-// processor time. Nothing else that it does is seen here. Where no child can be had, the action runs in this
-// process.
+// Returns the bytes that the task returns; nullopt if it crashed, threw, or used more than `cpu_s` seconds of
+// CPU time. The task has no other effect on this process. If fork fails, the task runs in this process.
 std::optional<std::string> run_in_child_process(const std::function<std::string()>& task, double cpu_s);
 
 }  // namespace smartsurf::mesh

@@ -13,7 +13,7 @@ bool lexicographically_less(const Point& a, const Point& b) {
   return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
 }
 
-// The same point to the bit from either end of an edge, so that neighbours stay joined.
+// Bit-identical for both directions of an edge, so that adjacent triangles stay connected.
 Point edge_intersection(const Point& a, double height_a, const Point& b, double height_b) {
   if (lexicographically_less(b, a)) return edge_intersection(b, height_b, a, height_a);
   return a + height_a / (height_a - height_b) * (b - a);
@@ -28,7 +28,7 @@ std::array<double, 3> signed_distances(const std::array<Point, 3>& t, const Plan
   return height;
 }
 
-// What a plane leaves of a triangle.
+// A clipped triangle.
 struct Polygon {
   std::array<Point, 4> corner;
   std::array<bool, 4> in_plane;
@@ -59,7 +59,7 @@ void sort_and_deduplicate(std::vector<Point>& points) {
 
 struct ClippedMesh::ClipResult {
   std::vector<Triangle> below;
-  std::vector<std::array<Point, 2>> cap_edges;  // directed sides of `below` that lie in the plane
+  std::vector<std::array<Point, 2>> cap_edges;  // directed edges of `below` in the plane
 };
 
 ClippedMesh::ClippedMesh(const TriangleMesh& source)
@@ -83,7 +83,7 @@ ClippedMesh::ClipResult ClippedMesh::clip_triangles(const std::vector<Triangle>&
     const double lowest = std::min({height[0], height[1], height[2]});
     const double highest = std::max({height[0], height[1], height[2]});
     const bool flat = lowest == 0.0 && highest == 0.0;
-    // A triangle in the plane belongs to the side that it bounds.
+    // A triangle in the plane belongs to the half-space that its normal points away from.
     if (lowest >= 0.0 && !(flat && (t[1] - t[0]).cross(t[2] - t[0]).dot(plane.normal) > 0.0)) continue;
     clip_triangle(t, height, kept);
     for (std::size_t i = 1; i + 1 < kept.size; ++i)
@@ -136,12 +136,13 @@ std::vector<Point> ClippedMesh::hull_points_below(const Plane& plane) const {
 }
 
 bool ClippedMesh::is_inside_source(const Point& p) const {
-  constexpr double kInsideThreshold = 0.9;  // on the surface, the surface's own points count
+  constexpr double kInsideThreshold = 0.9;  // excludes the surface, whose vertices are hull points already
   return (p - low_).minCoeff() > 0.0 && (high_ - p).minCoeff() > 0.0 &&
          winding_number(*source_, p) > kInsideThreshold;
 }
 
-// A cell's corner inside the solid is a corner of the part, though no triangle of the surface is near it.
+// Intersections of three cutting planes inside the source are vertices of the clipped solid that do not lie
+// on its surface triangles.
 std::vector<Point> ClippedMesh::interior_corners_below(const Plane& plane) const {
   constexpr double kMinDeterminant = 1e-4;
   std::vector<Point> corners;

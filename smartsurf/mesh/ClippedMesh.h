@@ -1,4 +1,4 @@
-// The part of a solid below a set of cutting planes.
+// A solid clipped by a set of planes, for convex decomposition.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,14 +11,14 @@ namespace smartsurf::mesh {
 
 struct Plane {
   Eigen::Vector3d normal;  // unit
-  double offset = 0.0;     // below: normal · x < offset
+  double offset = 0.0;     // normal · x < offset below the plane
 
   double signed_distance(const Eigen::Vector3d& p) const { return normal.dot(p) - offset; }
   Plane flipped() const { return {-normal, -offset}; }
 };
 
-// The whole must outlive its parts. Points nearer to a plane than a ten-millionth of the whole's extent lie
-// on it.
+// The source mesh must be closed and outlive all ClippedMesh objects made from it. Points within 1e-7 of the
+// source's extent from a plane are treated as lying on it.
 class ClippedMesh {
  public:
   explicit ClippedMesh(const TriangleMesh& source);
@@ -26,29 +26,30 @@ class ClippedMesh {
   ClippedMesh clip_below(const Plane&) const;
 
   double volume() const;
-  // Points whose convex hull is that of the part.
+  // Points with the same convex hull as the clipped solid.
   std::vector<Eigen::Vector3d> hull_points() const;
-  // points() of below(), without making it; of a fine surface only a few thousand triangles are looked at.
+  // Approximates clip_below(plane).hull_points() at lower cost. Samples a few thousand triangles of a fine
+  // surface.
   std::vector<Eigen::Vector3d> hull_points_below(const Plane&) const;
 
  private:
   using Triangle = std::array<Eigen::Vector3d, 3>;
   struct ClipResult;
 
-  // Looks at every stride-th triangle.
+  // Clips every stride-th triangle.
   ClipResult clip_triangles(const std::vector<Triangle>&, const Plane&, std::size_t stride = 1) const;
   std::vector<Eigen::Vector3d> interior_corners_below(const Plane&) const;
   bool is_inside_source(const Eigen::Vector3d&) const;
 
   const TriangleMesh* source_;
-  Eigen::Vector3d low_, high_;  // bounds of the whole
+  Eigen::Vector3d low_, high_;  // bounds of the source
   double snap_distance_;
   std::vector<Plane> planes_;
-  std::vector<Triangle> surface_;  // what of the solid's surface bounds the part
-  // Closes the surface over each cut by a fan from one point. Where a cut is not convex, triangles of a fan
-  // overlap and cancel: right for volumes, wrong as a picture, and their points need not be the part's.
+  std::vector<Triangle> surface_;  // the clipped surface of the source
+  // Each cut is closed by a triangle fan from one point. The triangles of a non-convex cut overlap and
+  // cancel: volumes are correct, but the vertices need not belong to the clipped solid.
   std::vector<Triangle> caps_;
-  std::vector<Eigen::Vector3d> interior_corners_;  // where three planes meet inside the solid
+  std::vector<Eigen::Vector3d> interior_corners_;  // intersections of three planes inside the source
 };
 
 }  // namespace smartsurf::mesh

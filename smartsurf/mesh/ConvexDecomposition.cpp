@@ -15,18 +15,18 @@ namespace {
 
 using Points = std::vector<Eigen::Vector3d>;
 
-constexpr double kMinConcaveAngle = std::numbers::pi / 6.0;  // gentler edges are taken for a round surface
+constexpr double kMinConcaveAngle = std::numbers::pi / 6.0;  // smaller angles belong to round surfaces
 constexpr std::size_t kMaxCutPlanes = 256, kMaxCutPlanesTried = 24;
-constexpr int kSlicesPerAxis = 8;  // evenly spaced planes divide a part into so many
-// Of the part's excess, what the best cut must save to be taken for its saving.
+constexpr int kSlicesPerAxis = 8;
+// The best cut must remove at least this fraction of the part's excess volume; otherwise a fallback is used.
 constexpr double kMinSaving = 0.01;
 
 struct CutPlane {
   Plane plane;
-  double weight;  // length of its concave edges times their angle
+  double weight;  // sum of length × angle over its concave edges
 };
 
-// The faces' planes along the concave edges, the most weighty first.
+// The planes of the faces at concave edges, sorted by descending weight.
 class CutPlanes {
  public:
   explicit CutPlanes(const TriangleMesh& mesh) : mesh_(mesh), tolerance_(1e-5 * bounding_box_diagonal(mesh)) {
@@ -56,7 +56,7 @@ class CutPlanes {
     const auto a = plane_of(first), b = plane_of(second);
     if (!a || !b) return;
     const double angle = std::acos(std::clamp(a->normal.dot(b->normal), -1.0, 1.0));
-    double above = 0.0;  // of the other triangle's tip over this one: concave
+    double above = 0.0;  // height of the second triangle's apex above the first; positive = concave
     for (const std::uint32_t p : mesh_.triangles[second])
       above = std::max(above, a->signed_distance(mesh_.points[p]));
     if (angle < kMinConcaveAngle || above <= tolerance_) return;
@@ -84,7 +84,7 @@ struct DecompositionPart {
   ClippedMesh mesh;
   Points points;
   double hull_volume, excess_volume;
-  bool indivisible = false;  // no plane cuts it
+  bool indivisible = false;  // no plane splits it into two solids
 };
 
 DecompositionPart make_part(ClippedMesh mesh) {
@@ -93,7 +93,7 @@ DecompositionPart make_part(ClippedMesh mesh) {
   return {std::move(mesh), std::move(points), volume_of_hull, excess};
 }
 
-// Whether points lie on both sides, so far away that neither is a sliver.
+// Whether the plane has points on both sides at a distance above `margin`, so that neither side is a sliver.
 bool splits(const Plane& plane, const Points& points, double margin) {
   double lowest = INFINITY, highest = -INFINITY;
   for (const Eigen::Vector3d& p : points) {
@@ -128,7 +128,7 @@ std::vector<Plane> axis_slices(const DecompositionPart& part) {
 
 struct BestCut {
   Plane plane;
-  double total_hull_volume = INFINITY;  // of both sides together
+  double total_hull_volume = INFINITY;  // of both sides
 };
 
 BestCut best_cut(const std::vector<Plane>& planes, const DecompositionPart& part, BestCut best) {
@@ -153,16 +153,16 @@ Plane middle_slice(const DecompositionPart& part) {
   return all[longest + kSlicesPerAxis / 2 - 1];
 }
 
-// None when no plane makes two parts with volume.
+// Nullopt if no plane makes two parts with volume.
 std::optional<std::pair<DecompositionPart, DecompositionPart>> split(const DecompositionPart& part,
                                                                      const CutPlanes& cut_planes,
                                                                      double margin) {
   const std::vector<Plane> along_faces = cut_planes_through(part, cut_planes, margin);
   BestCut best = best_cut(along_faces, part, {});
-  // A cut along the faces that leaves next to nothing needs no comparison.
+  // Skip the slices if a cut along a face removes almost all of the excess.
   if (!(part.hull_volume - best.total_hull_volume > 0.9 * part.excess_volume))
     best = best_cut(axis_slices(part), part, best);
-  // Around a cavity the first cuts save nothing yet.
+  // The first cuts around a cavity do not reduce the excess yet, so cut anyway.
   if (!(part.hull_volume - best.total_hull_volume > kMinSaving * part.excess_volume))
     best.plane = along_faces.empty() ? middle_slice(part) : along_faces.front();
   const Plane& plane = best.plane;
@@ -172,7 +172,8 @@ std::optional<std::pair<DecompositionPart, DecompositionPart>> split(const Decom
   return halves;
 }
 
-// Joins pairs whose common hull is hardly larger than their two, the best first.
+// Merges pairs of parts in order of the volume that their common hull adds, while the total stays within
+// `allowed`.
 void merge_parts(std::vector<Points>& parts, double allowed) {
   std::vector<double> hull;
   for (const Points& part : parts) hull.push_back(hull_volume(part));

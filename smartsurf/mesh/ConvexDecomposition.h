@@ -1,4 +1,4 @@
-// Decomposes a solid into approximately convex parts.
+// Decomposes a solid into approximately convex parts by a greedy search with exact plane cuts.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,18 +9,18 @@
 namespace smartsurf::mesh {
 
 struct DecompositionLimits {
-  int max_parts = 32;        // at most, ≥ 1
-  double max_excess = 0.01;  // cut until the hulls together hold at most this share more than the solid
+  int max_parts = 32;        // ≥ 1
+  double max_excess = 0.01;  // allowed total volume of the hulls beyond the solid, relative to the solid's
 };
 
-// For each part points with the same convex hull; ≥ 1. The mesh must be closed and face outwards.
-// Deterministic.
+// Returns at least one part, each as points with the same convex hull as the part. The mesh must be closed
+// and oriented outwards. Deterministic.
 //
-// The part whose hull exceeds it the most is cut by the plane that makes the two hulls smallest, among the
-// planes of the faces beside the mesh's concave edges (which cut parts made of flat faces exactly) and evenly
-// spaced ones across its axes (which cut round ones); at last, neighbours whose common hull is no larger are
-// joined. A greedy search, as in K. Mamou, "Volumetric hierarchical approximate convex decomposition" (Game
-// Engine Gems 3, 2016), but with exact cuts of the surface instead of voxels.
+// Each step cuts the part with the largest excess of hull volume over volume. It chooses the plane with the
+// smallest total hull volume among the planes of the faces at concave edges (exact for flat-faced parts) and
+// evenly spaced planes along the axes (for round parts). Finally, parts are merged while their common hull is
+// not much larger. The greedy search follows K. Mamou, "Volumetric hierarchical approximate convex
+// decomposition" (Game Engine Gems 3, 2016), but cuts the surface exactly instead of using voxels.
 std::vector<std::vector<Eigen::Vector3d>> decompose_convex(const TriangleMesh&, const DecompositionLimits&);
 
 }  // namespace smartsurf::mesh

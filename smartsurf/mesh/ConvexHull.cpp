@@ -14,11 +14,12 @@ extern "C" {
 namespace smartsurf::mesh {
 namespace {
 
-// Points nearer to a face than this share of the extent belong to it: single precision tells no less.
+// Points within this fraction of the extent from a face lie on it, because single precision cannot resolve
+// less.
 constexpr double kFlatTolerance = 2e-6;
 
 struct HullFaces {
-  std::vector<std::uint32_t> corners;        // the faces' points, one face after the other
+  std::vector<std::uint32_t> corners;        // point indices, face by face
   std::vector<std::uint32_t> corner_counts;  // of each face
   double volume = 0.0;
 };
@@ -36,13 +37,13 @@ double max_extent(const std::vector<double>& coordinates) {
   return most;
 }
 
-// One use of Qhull's C interface, which reports failures by a status and keeps pointers into the coordinates.
+// RAII wrapper of one Qhull run. Qhull keeps pointers into the coordinates.
 class QhullRun {
  public:
   QhullRun(std::vector<double>& coordinates, double size, bool merged) {
     qh_zero(&qh_, null_file_);
     char command[80];
-    // C-: merges faces that are flat within this distance; Qt: every face a triangle; Pp: no warnings.
+    // C-: merge faces that are coplanar within the given distance. Qt: triangulate. Pp: no warnings.
     if (merged)
       std::snprintf(command, sizeof command, "qhull C-%.17g Pp", kFlatTolerance * size);
     else
@@ -64,13 +65,13 @@ class QhullRun {
   std::uint32_t index_of(const vertexT* v) { return static_cast<std::uint32_t>(qh_pointid(&qh_, v->point)); }
 
  private:
-  FILE* null_file_ = std::fopen("/dev/null", "w");  // Qhull explains failures at length
+  FILE* null_file_ = std::fopen("/dev/null", "w");  // discards Qhull's messages
   qhT qh_{};
   int status_ = 0;
 };
 
-// The corners of a face in order: those of a triangle as they are, others along the ridges to the neighbours.
-// Empty when the ridges make no single loop.
+// The vertices of a face in order, chained along its ridges unless it is a triangle. Empty if the ridges do
+// not form a single loop.
 std::vector<std::uint32_t> face_loop(QhullRun& run, const facetT* facet) {
   std::vector<std::uint32_t> loop;
   if (facet->simplicial) {
@@ -104,7 +105,7 @@ Eigen::Vector3d point_at(const std::vector<double>& coordinates, std::uint32_t i
           coordinates[3 * std::size_t{i} + 2]};
 }
 
-// Twice its area vector.
+// Twice the area vector of a polygon.
 Eigen::Vector3d area_vector(const std::vector<double>& coordinates, const std::vector<std::uint32_t>& loop) {
   const Eigen::Vector3d origin = point_at(coordinates, loop[0]);
   Eigen::Vector3d area = Eigen::Vector3d::Zero();
@@ -113,7 +114,7 @@ Eigen::Vector3d area_vector(const std::vector<double>& coordinates, const std::v
   return area;
 }
 
-// None when the points are flat, or the faces do not fit together.
+// Nullopt if the points are coplanar or a face is not a simple polygon.
 std::optional<HullFaces> compute_hull(std::vector<double> coordinates, bool merged) {
   const double size = max_extent(coordinates);
   if (coordinates.size() < 12 || !(size > 0.0)) return std::nullopt;
@@ -136,12 +137,13 @@ std::optional<HullFaces> compute_hull(std::vector<double> coordinates, bool merg
     hull.corners.insert(hull.corners.end(), loop.begin(), loop.end());
     hull.corner_counts.push_back(static_cast<std::uint32_t>(loop.size()));
   }
-  // A slice as thin as the distance within which faces merge is flat.
+  // Treat a hull as flat if it is thinner than the merge distance.
   if (!(hull.volume > kFlatTolerance * size * area / 2.0)) return std::nullopt;
   return hull;
 }
 
-// A closed surface of one piece: each edge once in either direction, and Euler's formula holds.
+// Checks that the surface is closed and connected: each edge occurs once per direction, and Euler's formula
+// holds.
 bool is_closed_polyhedron(const HullFaces& hull) {
   std::map<std::pair<std::uint32_t, std::uint32_t>, int> edges;
   std::vector<std::uint32_t> corners = hull.corners;
@@ -173,7 +175,7 @@ std::vector<std::uint32_t> unique_corners(const HullFaces& hull) {
   return corners;
 }
 
-// The farthest points in as many directions, even over the sphere (a Fibonacci lattice).
+// The support points in kMaxHullCorners directions of a Fibonacci lattice on the sphere.
 std::vector<Eigen::Vector3f> pick_spread_points(const std::vector<Eigen::Vector3f>& points) {
   std::vector<std::uint32_t> kept;
   for (std::size_t i = 0; i < kMaxHullCorners; ++i) {
@@ -197,7 +199,7 @@ std::vector<Eigen::Vector3f> pick_spread_points(const std::vector<Eigen::Vector3
 std::optional<scene::ConvexHull> convex_hull(std::span<const Eigen::Vector3f> points) {
   const std::vector<double> coordinates = coordinates_of(points);
   std::optional<HullFaces> hull = compute_hull(coordinates, true);
-  // Merging may leave faces that do not fit together where many are almost flat: then they stay triangles.
+  // Merging of many almost coplanar faces may give an inconsistent surface. Triangulate in that case.
   if (hull && !is_closed_polyhedron(*hull)) hull = compute_hull(coordinates, false);
   if (!hull || !is_closed_polyhedron(*hull)) return std::nullopt;
   const std::vector<std::uint32_t> used = unique_corners(*hull);

@@ -1,5 +1,5 @@
-// The convex hull of points, by Quickhull (C. B. Barber, D. P. Dobkin, H. Huhdanpaa, "The Quickhull algorithm
-// for convex hulls", ACM Trans. Math. Softw. 22, 1996) in the library Qhull. Deterministic.
+// Computes the convex hull of points with the library Qhull (C. B. Barber, D. P. Dobkin, H. Huhdanpaa, "The
+// Quickhull algorithm for convex hulls", ACM Trans. Math. Softw. 22, 1996). Deterministic.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -11,15 +11,15 @@
 
 namespace smartsurf::mesh {
 
-// The most corners of a piece: every contact and every ray looks at them. A hull with more is replaced by one
-// through this many of its corners, spread over all directions.
+// The maximum number of vertices of a hull, which bounds the cost of contacts and rays. A larger hull is
+// replaced by the hull of at most this many of its vertices, spread over all directions.
 inline constexpr std::size_t kMaxHullCorners = 256;
 
-// None when the points have no volume (all in one plane, to about a millionth of their extent) or are fewer
-// than four. Coplanar faces are one polygon. Every corner is one of the points.
+// Nullopt for fewer than four points, or points that are coplanar to about 1e-6 of their extent. Coplanar
+// faces are merged into one polygon. All vertices are input points.
 std::optional<scene::ConvexHull> convex_hull(std::span<const Eigen::Vector3f> points);
 
-// The volume of the hull, u³; 0 where convex_hull gives none.
+// The volume of the hull, u³; 0 for points without a hull.
 double hull_volume(std::span<const Eigen::Vector3d> points);
 
 }  // namespace smartsurf::mesh

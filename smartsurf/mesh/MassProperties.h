@@ -1,9 +1,8 @@
-// Volume, centre of mass and inertia of what closed triangles enclose, exact but for rounding.
+// Computes volume, centre of mass and inertia of a closed polyhedron, exact except for rounding.
 //
-// Each triangle (a, b, c) stands for the tetrahedron it spans with the origin, whose integrals of 1, x and
-// x·xᵀ have closed forms (B. Mirtich, "Fast and accurate computation of polyhedral mass properties", J.
-// Graphics Tools 1(2), 1996; D. Eberly, "Polyhedral mass properties (revisited)", 2002); what lies outside
-// cancels.
+// Sums the integrals of 1, x and x·xᵀ over the signed tetrahedra that the triangles span with the origin (B.
+// Mirtich, "Fast and accurate computation of polyhedral mass properties", J. Graphics Tools 1(2), 1996; D.
+// Eberly, "Polyhedral mass properties (revisited)", 2002).
 #pragma once
 
 #include <Eigen/Core>
@@ -16,14 +15,14 @@ namespace smartsurf::mesh {
 
 class MassProperties {
  public:
-  // Triangles counter-clockwise seen from outside. Rounding is least when the origin lies near them.
+  // Triangles are counter-clockwise seen from outside. Keep the origin near them to reduce rounding errors.
   void add(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eigen::Vector3d& c);
   void add(const TriangleMesh&);
   void add(const scene::ConvexHull&);
 
   double volume() const { return volume_; }
   Eigen::Vector3d centre() const { return first_moment_ / volume_; }
-  // About a point, for density 1.
+  // The inertia tensor about a point, for density 1.
   Eigen::Matrix3d inertia(const Eigen::Vector3d& about) const;
 
  private:

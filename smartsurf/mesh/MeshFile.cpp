@@ -25,7 +25,7 @@ constexpr std::size_t kMaxTriangles = 1'000'000;
 
 [[noreturn]] void refuse(const std::string& clause) { throw scene::InputError(clause); }
 
-// A mesh file may name others (materials, buffers): none outside its folder, whatever the links.
+// Restricts files that a mesh refers to (materials, buffers) to its folder, after resolving symbolic links.
 class FolderIoSystem final : public Assimp::DefaultIOSystem {
  public:
   explicit FolderIoSystem(fs::path folder) : folder_(std::move(folder)) {}
@@ -49,17 +49,18 @@ void check_extension(const fs::path& file) {
                  [](unsigned char c) { return std::tolower(c); });
   for (const char* known : {".stl", ".obj", ".ply", ".gltf", ".glb", ".3mf"})
     if (extension == known) return;
-  refuse("is no mesh by its name: must end in .stl, .obj, .ply, .gltf, .glb or .3mf");
+  refuse("is not a mesh file: must end in .stl, .obj, .ply, .gltf, .glb or .3mf");
 }
 
 void check_readable(const fs::path& file) {
   std::error_code error;
   if (!fs::exists(file, error)) refuse("does not exist");
-  if (!fs::is_regular_file(file, error)) refuse("is no plain file");
+  if (!fs::is_regular_file(file, error)) refuse("is not a regular file");
   if (fs::file_size(file, error) > kMaxFileBytes) refuse("is larger than 256 MiB");
 }
 
-// The importer looks for the end of such a header for ever, whatever the file is called.
+// Rejects a PLY header without an end, in which the importer would loop forever. The importer detects PLY by
+// content, whatever the extension.
 void check_header(const fs::path& file) {
   std::string start(16384, '\0');
   std::ifstream in(file, std::ios::binary);
@@ -90,10 +91,10 @@ void add(TriangleMesh& mesh, const aiMesh& part, const aiMatrix4x4& pose) {
     if (face.mNumIndices != 3) continue;
     const unsigned* i = face.mIndices;
     if (std::max({i[0], i[1], i[2]}) >= part.mNumVertices)
-      refuse("is damaged: a face names a vertex that is not there");
+      refuse("is damaged: a face refers to a vertex that does not exist");
     mesh.triangles.push_back({first + i[0], first + i[mirrored ? 2 : 1], first + i[mirrored ? 1 : 2]});
   }
-  if (mesh.triangles.size() > kMaxTriangles) refuse("has more than a million triangles: make a coarser one");
+  if (mesh.triangles.size() > kMaxTriangles) refuse("has more than a million triangles: simplify it");
 }
 
 void add(TriangleMesh& mesh, const aiScene& scene, const aiNode& node, const aiMatrix4x4& parent_pose) {
@@ -105,8 +106,9 @@ void add(TriangleMesh& mesh, const aiScene& scene, const aiNode& node, const aiM
 TriangleMesh import_mesh(const fs::path& file) {
   Assimp::Importer importer;
   importer.SetIOHandler(
-      new FolderIoSystem(fs::weakly_canonical(file).parent_path()));  // the importer owns it
-  // All but the shape is left out first: otherwise points with different normals stay different.
+      new FolderIoSystem(fs::weakly_canonical(file).parent_path()));  // the importer takes ownership
+  // Keep only positions; other attributes would split points that have several normals or texture
+  // coordinates.
   importer.SetPropertyInteger(AI_CONFIG_PP_RVC_FLAGS,
                               aiComponent_NORMALS | aiComponent_TANGENTS_AND_BITANGENTS | aiComponent_COLORS |
                                   aiComponent_TEXCOORDS | aiComponent_BONEWEIGHTS | aiComponent_ANIMATIONS |
@@ -121,11 +123,11 @@ TriangleMesh import_mesh(const fs::path& file) {
     refuse("cannot be read: " + one_line(importer.GetErrorString()));
   TriangleMesh mesh;
   add(mesh, *scene, *scene->mRootNode, aiMatrix4x4());
-  if (mesh.points.empty()) refuse("holds no vertices");
+  if (mesh.points.empty()) refuse("has no vertices");
   return mesh;
 }
 
-// A mesh, or why there is none, as bytes: first 'm' or 'e', then two counts and the arrays, or the text.
+// The child process returns bytes: 'm', two counts and the arrays of a mesh, or 'e' and an error message.
 template <typename T>
 void append(std::string& bytes, const T* values, std::size_t count) {
   bytes.append(reinterpret_cast<const char*>(values), count * sizeof(T));
@@ -157,7 +159,7 @@ TriangleMesh deserialize(const std::string& bytes) {
 }  // namespace
 
 TriangleMesh read_mesh(const fs::path& file) {
-  constexpr double kMaxReadCpu_s = 20.0;  // of the processor
+  constexpr double kMaxReadCpu_s = 20.0;
   check_extension(file);
   check_readable(file);
   check_header(file);
@@ -170,7 +172,7 @@ TriangleMesh read_mesh(const fs::path& file) {
         }
       },
       kMaxReadCpu_s);
-  if (!bytes || bytes->empty()) refuse("is damaged, or too large: the library that reads it gave up");
+  if (!bytes || bytes->empty()) refuse("is damaged or too large: the mesh importer failed");
   if (bytes->front() == 'e') refuse(bytes->substr(1));
   return deserialize(*bytes);
 }

@@ -1,4 +1,4 @@
-// Reads a file of triangles: STL, OBJ, PLY, glTF, GLB or 3MF.
+// Reads triangle meshes from STL, OBJ, PLY, glTF, GLB and 3MF files.
 #pragma once
 
 #include <filesystem>
@@ -7,8 +7,8 @@
 
 namespace smartsurf::mesh {
 
-// All the file's meshes as one, in the file's unit and axes, points not yet joined. Files that it refers to
-// are read only from its own folder. Throws scene::InputError, one clause without the file's name.
+// Returns all meshes of the file as one, in the file's unit and axes, with unwelded points. Reads referenced
+// files from the same folder only. Throws scene::InputError, one clause without the file's name.
 TriangleMesh read_mesh(const std::filesystem::path& file);
 
 }  // namespace smartsurf::mesh

@@ -1,6 +1,6 @@
-// Closedness and orientation. A shell is a set of triangles that hang together by edges of two triangles;
-// edges where more than two meet (two cubes that touch along one) do not join shells, unless a shell is not
-// closed without them.
+// Checks that a mesh is closed, and orients its shells. A shell is a set of triangles connected by edges with
+// two triangles. An edge with more triangles (two cubes that touch along an edge) does not connect shells;
+// each shell must be balanced there on its own.
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -13,9 +13,9 @@ namespace smartsurf::mesh {
 namespace {
 
 struct HalfEdge {
-  std::uint32_t low, high;  // the edge's points
+  std::uint32_t low, high;  // points of the edge
   std::uint32_t triangle;
-  bool forward;  // the triangle runs from low to high
+  bool forward;  // directed from low to high
 };
 using HalfEdges = std::vector<HalfEdge>;
 
@@ -55,7 +55,7 @@ std::string edge_text(const TriangleMesh& mesh, const HalfEdge& half_edge) {
   return out.str();
 }
 
-// Counts bad edges, and keeps the one whose triangle comes first in the file.
+// Counts invalid edges and keeps the one of the first triangle in the file.
 struct BadEdges {
   std::size_t count = 0;
   HalfEdge first{};
@@ -75,12 +75,12 @@ void require_closed(const TriangleMesh& mesh, const HalfEdges& half_edges) {
   });
   if (open.count > 0)
     throw scene::InputError(
-        "the mesh is open: " + open.text(mesh, "edge has one triangle only", "edges have one triangle only") +
-        "; close its holes where it was made, or take its convex hull, hull{file = ...}");
+        "the mesh is open: " + open.text(mesh, "edge has only one triangle", "edges have only one triangle") +
+        "; close its holes in a mesh editor, or use its convex hull, hull{file = ...}");
 }
 
-// Shells, and which triangles have to be turned so that neighbours run along their edge in opposite
-// directions.
+// Finds the shells and the triangles to flip so that adjacent triangles traverse their common edge in
+// opposite directions. A union-find structure over triangles, with the parity to the parent per triangle.
 class ShellOrientation {
  public:
   ShellOrientation(const TriangleMesh& mesh, const HalfEdges& half_edges)
@@ -95,9 +95,9 @@ class ShellOrientation {
     });
     if (branched.count > 0)
       throw scene::InputError(
-          "the mesh encloses no clear inside: " +
-          branched.text(mesh, "edge joins three triangles or more", "edges join three triangles or more") +
-          "; remove inner walls and repeated faces where it was made, or take its convex hull, hull{file = "
+          "the inside of the mesh is ambiguous: " +
+          branched.text(mesh, "edge joins three or more triangles", "edges join three or more triangles") +
+          "; remove inner walls and repeated faces in a mesh editor, or use its convex hull, hull{file = "
           "...}");
   }
 
@@ -105,13 +105,13 @@ class ShellOrientation {
   bool is_flipped(std::uint32_t triangle) { return find(triangle).second; }
 
  private:
-  // The triangle that stands for the shell, and whether this one runs against it.
+  // The representative triangle of the shell, and whether `t` is oriented opposite to it.
   std::pair<std::uint32_t, bool> find(std::uint32_t t) {
     bool parity = false;
     while (parent_[t] != t) {
       const std::uint32_t up = parent_[t];
       parity ^= parity_[t] != 0;
-      if (parent_[up] != up) {  // halves the way for the next
+      if (parent_[up] != up) {  // path halving
         parity_[t] ^= parity_[up];
         parent_[t] = parent_[up];
         parity ^= parity_[up] != 0;
@@ -129,7 +129,7 @@ class ShellOrientation {
     const bool opposed = a.forward == b.forward;
     if (shell_a == shell_b) {
       if ((parity_a != parity_b) != opposed)
-        throw scene::InputError("the mesh has one side only, like a Moebius strip, at the edge " +
+        throw scene::InputError("the mesh has only one side, like a Moebius strip, at the edge " +
                                 edge_text(mesh_, a) + ": it encloses nothing");
       return;
     }
@@ -138,7 +138,7 @@ class ShellOrientation {
     parity_[high] = static_cast<char>((parity_a != parity_b) != opposed);
   }
 
-  // Within every shell, as many triangles run forward along the edge as backward.
+  // Whether every shell has as many triangles in the forward as in the backward direction at the edge.
   bool is_balanced(std::span<const HalfEdge> edge) {
     for (const HalfEdge& one : edge) {
       int sum = 0;
@@ -167,10 +167,10 @@ double signed_volume(const TriangleMesh& mesh) {
 
 void flip(std::array<std::uint32_t, 3>& triangle) { std::swap(triangle[1], triangle[2]); }
 
-// The shells as meshes of their own (all with the points of the whole), and the triangles of each.
+// A shell as a separate mesh.
 struct Shell {
   TriangleMesh mesh;
-  std::vector<std::uint32_t> triangles;
+  std::vector<std::uint32_t> triangles;  // indices in the source mesh
 };
 
 std::vector<Shell> split_shells(const TriangleMesh& mesh, ShellOrientation& orientation) {
@@ -187,12 +187,12 @@ std::vector<Shell> split_shells(const TriangleMesh& mesh, ShellOrientation& orie
   }
   for (Shell& shell : shells) {
     shell.mesh.points = mesh.points;
-    weld_points(shell.mesh, 0.0);  // its own points only
+    weld_points(shell.mesh, 0.0);  // removes the points of other shells
   }
   return shells;
 }
 
-// How many other shells hold this one.
+// The number of shells that enclose this one.
 int nesting_depth(const std::vector<Shell>& shells, std::size_t which) {
   constexpr double kInsideThreshold = 0.75;
   const Eigen::Vector3d& point = shells[which].mesh.points.front();
@@ -221,7 +221,7 @@ std::vector<std::string> orient_shells(TriangleMesh& mesh) {
     }
   if (flipped_count > 0)
     repairs.push_back(format_count(flipped_count, "triangle faced", "triangles faced") +
-                      " against the neighbours: turned");
+                      " against its neighbours: flipped");
 
   const std::vector<Shell> shells = split_shells(mesh, orientation);
   std::size_t inverted_shells = 0;
@@ -233,9 +233,9 @@ std::vector<std::string> orient_shells(TriangleMesh& mesh) {
   }
   if (inverted_shells > 0 && flipped_count == 0)
     repairs.push_back(shells.size() == 1
-                          ? "the mesh was inside out: turned"
+                          ? "the mesh was inside out: flipped"
                           : format_count(inverted_shells, "shell", "shells") + " of " +
-                                std::to_string(shells.size()) + " faced the wrong way: turned");
+                                std::to_string(shells.size()) + " faced the wrong way: flipped");
   return repairs;
 }
 

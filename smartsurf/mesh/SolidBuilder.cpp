@@ -12,11 +12,10 @@
 namespace smartsurf::mesh {
 namespace {
 
-constexpr double kMinSize = 1e-3, kMaxSize = 1e6;  // of a solid's longest edge, u
-constexpr double kWeldDistance = 1e-6;             // points nearer than this share of the diagonal are one
-constexpr double kReportThreshold = 0.02;          // of the pieces' difference from the mesh
-constexpr double kMinThickness =
-    1e-6;  // a solid this thin, its volume over its surface and extent, is a sheet
+constexpr double kMinSize = 1e-3, kMaxSize = 1e6;  // longest edge of the bounding box, u
+constexpr double kWeldDistance = 1e-6;             // relative to the diagonal of the bounding box
+constexpr double kReportThreshold = 0.02;          // relative deviation of the hulls from the mesh
+constexpr double kMinThickness = 1e-6;             // volume / (surface area × diagonal); below, it is a sheet
 
 [[noreturn]] void refuse(const std::string& clause) { throw scene::InputError(clause); }
 
@@ -58,7 +57,7 @@ void move_to_centre_of_mass(TriangleMesh& mesh) {
   MassProperties properties;
   properties.add(mesh);
   if (!(properties.volume() > kMinThickness * surface_area(mesh) * bounding_box_diagonal(mesh)))
-    refuse("encloses next to no volume: " + format_number(properties.volume()) + " u^3");
+    refuse("encloses almost no volume: " + format_number(properties.volume()) + " u^3");
   const Eigen::Vector3d centre_of_mass = properties.centre();
   for (auto& p : mesh.points) p -= centre_of_mass;
 }
@@ -77,9 +76,9 @@ scene::ConvexHull translated(const scene::ConvexHull& piece, const Eigen::Vector
   return scene::make_convex_hull(std::move(corners), piece.face_vertices, sizes);
 }
 
-// The pieces beside the mesh, whose centre of mass is the origin.
+// The relative deviation of the hulls from the mesh, whose centre of mass is the origin.
 struct ApproximationError {
-  double volume, centre, inertia;  // as shares: of the volume, of the reach, of the inertia's norm
+  double volume, centre, inertia;  // relative to the volume, the bounding radius and the norm of the inertia
   double worst() const { return std::max(std::abs(volume), inertia); }
 };
 
@@ -97,10 +96,10 @@ void check_approximation(const scene::Solid& solid, const SolidOptions& options,
   if (d.worst() <= kReportThreshold) return;
   const std::string pieces =
       std::to_string(solid.hulls.size()) + (solid.hulls.size() == 1 ? " piece" : " pieces");
-  const std::string what = "what collides, " + pieces + ", has " + format_percent(std::abs(d.volume)) +
-                           (d.volume < 0.0 ? " less" : " more") + " volume than the mesh (inertia " +
-                           format_percent(d.inertia) + " off, centre of mass " + format_percent(d.centre) +
-                           " of its reach)";
+  const std::string what = "the collision shape, " + pieces + ", has " + format_percent(std::abs(d.volume)) +
+                           (d.volume < 0.0 ? " less" : " more") + " volume than the mesh (inertia off by " +
+                           format_percent(d.inertia) + ", centre of mass by " + format_percent(d.centre) +
+                           " of the radius)";
   if (options.decompose && d.worst() > options.tolerance)
     refuse(what + ", more than the tolerance of " + format_percent(options.tolerance) +
            ": raise pieces = " + std::to_string(options.pieces) + " or tolerance, or simplify the mesh");
@@ -113,7 +112,7 @@ std::vector<scene::ConvexHull> make_convex_pieces(const TriangleMesh& mesh, cons
   std::vector<scene::ConvexHull> pieces;
   for (const auto& part : parts)
     if (auto piece = convex_hull(to_single_precision(part))) pieces.push_back(std::move(*piece));
-  if (pieces.empty()) refuse("encloses next to no volume");
+  if (pieces.empty()) refuse("encloses almost no volume");
   return pieces;
 }
 
@@ -127,8 +126,8 @@ scene::Solid build_solid(TriangleMesh mesh, const SolidOptions& options, std::ve
   const std::vector<std::string> repairs = orient_shells(mesh);
   notes.insert(notes.end(), repairs.begin(), repairs.end());
 
-  for (int pass = 0; pass < 2; ++pass)
-    move_to_centre_of_mass(mesh);  // the second time hardly anything cancels
+  for (int pass = 0; pass < 2; ++pass)  // the second pass has less cancellation
+    move_to_centre_of_mass(mesh);
   MassProperties properties;
   properties.add(mesh);
   scene::Solid solid;

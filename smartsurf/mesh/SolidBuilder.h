@@ -1,4 +1,4 @@
-// Builds a scene::Solid from a mesh or points: convex hulls, mass properties and frame.
+// Builds a scene::Solid from a mesh or points: convex hulls, mass properties and body frame.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,12 +13,12 @@ namespace smartsurf::mesh {
 
 struct SolidOptions {
   bool decompose = true;
-  int pieces = 32;         // at most
-  double tolerance = 0.2;  // share by which the pieces may differ from the mesh
+  int pieces = 32;         // maximum number of hulls
+  double tolerance = 0.2;  // allowed relative deviation of the hulls' volume and inertia from the mesh's
 };
 
-// `mesh`: as read from a file, in u. Both throw scene::InputError, one clause, when no solid can be made;
-// `notes` gets a clause for each thing that was mended, or that its author should know.
+// `mesh` is as read from a file, scaled to u. Appends a clause to `notes` for each repair and each notable
+// deviation. Both functions throw scene::InputError, one clause, if no solid can be built.
 scene::Solid build_solid(TriangleMesh mesh, const SolidOptions&, std::vector<std::string>& notes);
 scene::Solid build_hull_solid(std::span<const Eigen::Vector3d> points);
 

@@ -9,7 +9,7 @@
 namespace smartsurf::mesh {
 namespace {
 
-// Puts the file's name in front of what `make` says.
+// Calls `make` and prefixes its notes and errors with `name`.
 template <typename Make>
 scene::SolidResult build(const std::string& name, Make make) {
   try {
@@ -21,7 +21,7 @@ scene::SolidResult build(const std::string& name, Make make) {
   } catch (const scene::InputError& e) {
     throw scene::InputError("'" + name + "': " + e.what());
   } catch (const std::bad_alloc&) {
-    throw scene::InputError("'" + name + "': is too large for the memory there is");
+    throw scene::InputError("'" + name + "': is too large for the available memory");
   }
 }
 

@@ -1,5 +1,5 @@
-// Creates and caches the solids that scripts request: equal files and options, or equal points, share one
-// solid.
+// Creates and caches the solids that scripts request. Requests with the same file and options, or the same
+// points, share one solid.
 #pragma once
 
 #include <map>
@@ -18,7 +18,7 @@ class SolidLibrary final : public scene::SolidFactory {
   scene::SolidResult make_hull(std::span<const Eigen::Vector3d> points, const std::string& name) override;
 
  private:
-  // File, whether its hull is meant, scale, decompose, pieces, tolerance.
+  // File, whether it is a make_hull request, scale, decompose, max_hulls, tolerance.
   using FileKey = std::tuple<std::string, bool, double, bool, int, double>;
   std::map<FileKey, std::shared_ptr<const scene::Solid>> solids_by_file_;
   std::map<std::vector<double>, std::shared_ptr<const scene::Solid>> solids_by_points_;

@@ -13,9 +13,9 @@ std::uint32_t find_root(std::vector<std::uint32_t>& parent, std::uint32_t i) {
   return i;
 }
 
-// For each point the lowest number among those it is one with.
+// Maps each point to the lowest index of the points that it is merged with.
 std::vector<std::uint32_t> weld_map(const std::vector<Eigen::Vector3d>& points, double distance) {
-  // Near points are near along any direction: along a crooked one, few others are.
+  // Sort and sweep along an oblique direction, on which few points of typical meshes coincide.
   const Eigen::Vector3d direction = Eigen::Vector3d(0.5377, 0.6873, 0.4886).normalized();
   std::vector<double> projection(points.size());
   for (std::size_t i = 0; i < points.size(); ++i) projection[i] = direction.dot(points[i]);
@@ -36,7 +36,7 @@ std::vector<std::uint32_t> weld_map(const std::vector<Eigen::Vector3d>& points, 
   return parent;
 }
 
-// The same triangle, begun at its lowest point: turns of one triangle become equal, its back does not.
+// Rotates the lowest index to the front, which makes cyclic permutations equal but keeps the orientation.
 std::array<std::uint32_t, 3> canonical_rotation(std::array<std::uint32_t, 3> t) {
   std::rotate(t.begin(), std::min_element(t.begin(), t.end()), t.end());
   return t;
@@ -71,8 +71,7 @@ void remove_unused_points(TriangleMesh& mesh) {
     for (std::uint32_t& p : t) p = number[p];
 }
 
-// Twice the tangent of half the solid angle is what the arctangent gets (A. Van Oosterom, J. Strackee, "The
-// solid angle of a plane triangle", IEEE Trans. Biomed. Eng. 30, 1983).
+// A. Van Oosterom, J. Strackee, "The solid angle of a plane triangle", IEEE Trans. Biomed. Eng. 30, 1983.
 double solid_angle(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eigen::Vector3d& c) {
   const double la = a.norm(), lb = b.norm(), lc = c.norm();
   return 2.0 * std::atan2(a.dot(b.cross(c)), la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb);

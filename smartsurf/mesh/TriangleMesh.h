@@ -1,5 +1,5 @@
-// An indexed triangle mesh, and the checks and repairs before it can bound a solid: closed, oriented
-// outwards.
+// An indexed triangle mesh, with the checks and repairs that make it the closed, outward-oriented boundary of
+// a solid.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -15,19 +15,18 @@ struct TriangleMesh {
   std::vector<std::array<std::uint32_t, 3>> triangles;  // counter-clockwise seen from outside
 };
 
-// Length of the diagonal of the box around the points; 0 without points.
+// The length of the diagonal of the bounding box; 0 without points.
 double bounding_box_diagonal(const TriangleMesh&);
 
-// Makes one point of those that are less than `distance` apart (in chains, too), drops triangles that lose an
-// edge by it, repeated triangles, and points without a triangle.
+// Merges points within `distance` of each other, transitively. Removes triangles that become degenerate,
+// duplicate triangles and unused points.
 void weld_points(TriangleMesh&, double distance);
 
-// Turns triangles until every shell faces outwards, and cavities inwards. Returns what it had to turn, a
-// clause each. Throws scene::InputError, one clause, when edges are open, or meet so that no inside can be
-// told.
+// Flips triangles so that every shell faces outwards and every cavity inwards. Returns one clause per repair.
+// Throws scene::InputError, one clause, if the mesh is open or its inside is ambiguous.
 std::vector<std::string> orient_shells(TriangleMesh&);
 
-// How often the triangles wind around a point: 1 inside, 0 outside, in between on the surface.
+// The generalized winding number of a point: 1 inside, 0 outside, in between on the surface.
 double winding_number(const TriangleMesh&, const Eigen::Vector3d&);
 
 }  // namespace smartsurf::mesh

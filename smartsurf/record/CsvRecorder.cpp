@@ -34,7 +34,7 @@ CsvRecorder::CsvRecorder(const std::filesystem::path& path, const scene::SceneSp
 CsvRecorder::~CsvRecorder() {
   try {
     close({});
-  } catch (const std::runtime_error&) {  // a destructor has nobody to tell
+  } catch (const std::runtime_error&) {  // a destructor cannot report errors
   }
 }
 
@@ -46,8 +46,8 @@ void CsvRecorder::close(const RunResult&) {
 }
 
 void CsvRecorder::write_frame(const scene::Snapshot& snapshot,
-                              const std::vector<scene::ObjectSpec>& catalogue, std::span<const scene::ChannelData>,
-                              std::span<const scene::ChannelData>) {
+                              const std::vector<scene::ObjectSpec>& catalogue,
+                              std::span<const scene::ChannelData>, std::span<const scene::ChannelData>) {
   if (fd_ < 0) return;
   for (std::size_t i = 0; i < snapshot.object_count(); ++i) {
     common::append_csv_number(lines_, snapshot.tick);

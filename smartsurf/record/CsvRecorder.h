@@ -21,8 +21,8 @@ class CsvRecorder final : public Recorder {
   void flush_lines();
 
   std::string name_;
-  int fd_ = -1;        // closed, or given up after a failure, when negative
-  std::string lines_;  // not yet written; always whole lines
+  int fd_ = -1;        // -1 once closed, or after a failed write
+  std::string lines_;  // buffered output; always whole lines
   std::chrono::steady_clock::time_point last_flush_;
 };
 

@@ -12,7 +12,7 @@ namespace smartsurf::record {
 namespace {
 
 constexpr double kNoPurity = std::numeric_limits<double>::quiet_NaN();
-constexpr std::size_t kBlockValues = 1u << 20;  // positions read at once
+constexpr std::size_t kBlockValues = 1u << 20;  // floats read at once
 
 struct Mean {
   double sum = 0.0;
@@ -42,7 +42,7 @@ std::vector<SizeClass> classify_by_size(const std::vector<scene::ObjectSpec>& ca
   return classes;
 }
 
-// Counts the objects that stand in their own half.
+// Computes the share of objects in their own half.
 class PurityCounter {
  public:
   PurityCounter(const scene::TableFootprint& outline, double centre)
@@ -102,7 +102,7 @@ void PurityMeter::add(const scene::Snapshot& snapshot, const std::vector<scene::
 }
 
 void PurityMeter::add_value(double time_s, double value) {
-  constexpr double kRounding_s = 1e-9;  // 5 s of ticks may sum up to a hair less
+  constexpr double kRounding_s = 1e-9;  // tolerance for tick times that round to just under 5 s
   value_ = value;
   if (!(value >= kSortedThreshold)) {
     above_threshold_since_.reset();

@@ -23,7 +23,8 @@ std::string lowercase_extension(const fs::path& path) {
   return extension;
 }
 
-// Asked before the file is emptied: a second run with the same --record must not wreck the first one's file.
+// Called before the file is truncated: a second run with the same --record must not destroy the file of the
+// first.
 void require_writable(const fs::path& path) {
   const std::string name = path.string();
   const fs::path directory = path.parent_path().empty() ? fs::path(".") : path.parent_path();
@@ -34,7 +35,7 @@ void require_writable(const fs::path& path) {
     throw scene::InputError(name + ": is a directory: give the name of a file in it");
   const int file = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
   if (file < 0) throw scene::InputError(name + ": cannot be written: " + std::strerror(errno));
-  // A file system without locks gives another error than EWOULDBLOCK, and is used without.
+  // A file system without locks fails with another error than EWOULDBLOCK and is used unlocked.
   const bool locked = ::flock(file, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
   ::close(file);
   if (locked) throw scene::InputError(name + ": another process is writing it: give another name");
@@ -55,7 +56,7 @@ std::unique_ptr<Recorder> Recorder::open(const fs::path& path, const RunMetadata
     return std::make_unique<CsvRecorder>(path, spec);
   } catch (...) {
     std::error_code error;
-    if (fs::file_size(path, error) == 0) fs::remove(path, error);  // the disk is full: nothing is in it
+    if (fs::file_size(path, error) == 0) fs::remove(path, error);  // disk full: remove the empty file
     throw;
   }
 }

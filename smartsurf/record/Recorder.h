@@ -1,12 +1,13 @@
 // Records a run to a file, tick by tick: HDF5 (.h5, .hdf5) or CSV (.csv); docs/recordings.md describes both.
 //
-// Failure: open() throws scene::InputError if the path cannot be a recording (extension, directory,
-// permission, a file that another run is writing); frame() and close() throw std::runtime_error when writing
-// fails (disk full), after which all calls do nothing. Frames are buffered and written about 64 at a time or
-// once a second, so that most ticks only copy memory; a killed process leaves a readable file that ends with
-// the last write. frame() allocates in its first call and when objects are added. A recorder is used by one
-// thread at a time. Calls into HDF5, which Debian builds without locks, are serialised among recorders; no
-// other user of HDF5 may run beside them.
+// Failure: open() throws scene::InputError if the path is unusable (extension, directory, permission, a file
+// that another run is writing). record_frame() and close() throw std::runtime_error if writing fails (disk
+// full); all later calls then do nothing.
+// Buffering: frames are written about 64 at a time or once a second, so most ticks only copy memory. A killed
+// process leaves a readable file that ends with the last write.
+// Allocation: record_frame() allocates in its first call and when objects are added.
+// Threads: a recorder is used by one thread at a time. Recorders serialise their calls into HDF5, which
+// Debian builds without locks; nothing else in the process may call HDF5 concurrently.
 #pragma once
 
 #include <cstdint>
@@ -27,24 +28,24 @@ struct NamedText {
   std::string name, value;
 };
 
-// What the recording says about the run beyond its SceneSpec.
+// What a recording stores about a run besides its SceneSpec.
 struct RunMetadata {
   std::string command_line;
   std::string mode;                  // "time-step" or "passive"
-  std::string program_file;          // the controller's program as the user named it; "" when there is none
+  std::string program_file;          // the controller's program as given by the user; "" if there is none
   std::string program_text;          // its source
-  std::string driver;                // who sets the actuators: "script" or "controller"
+  std::string driver;                // what sets the actuators: "script" or "controller"
   std::vector<NamedText> overrides;  // --set NAME=VALUE, in order
   bool unsafe = false;               // --unsafe
-  std::vector<NamedText>
-      versions;  // of what computed the run: {"physics", "0.1.0"}, …; the recorder adds its own
+  // Versions of the components that computed the run: {"physics", "0.1.0"}, …; the recorder adds its own.
+  std::vector<NamedText> versions;
 };
 
 // How the run ended.
 struct RunResult {
   std::string outcome;           // one line: "done", "stopped by the user", "failed at tick 12: …"
-  std::uint64_t ticks = 0;       // control periods simulated, whether recorded or not
-  double simulated_s = 0.0;      // simulated seconds
+  std::uint64_t ticks = 0;       // control periods simulated, recorded or not
+  double simulated_s = 0.0;      // simulated time, s
   std::uint64_t state_hash = 0;  // of the final state
 };
 
@@ -52,17 +53,19 @@ class Recorder {
  public:
   static std::unique_ptr<Recorder> open(const std::filesystem::path& path, const RunMetadata& meta,
                                         const scene::SceneSpec& spec);
-  virtual ~Recorder() = default;  // without close(): what is buffered is written, and no result
+  // Without close(), writes what is buffered, but no result.
+  virtual ~Recorder() = default;
   Recorder(const Recorder&) = delete;
   Recorder& operator=(const Recorder&) = delete;
 
-  // What the actuators are told, all channels: to be called at every tick, before frame(). With it the run
-  // can be run again without whoever drove it.
+  // Records the targets of all actuator channels, so that the run can be reproduced without its controller.
+  // Call at every tick, before record_frame().
   virtual void record_inputs(std::span<const scene::ChannelData>) {}
-  // Somebody touches the run by hand after this tick: it cannot be run again. The first call counts.
+  // Notes that the user intervened after this tick, so that the run cannot be reproduced. Only the first call
+  // has an effect.
   virtual void mark_user_interaction(std::uint64_t) {}
 
-  // To be called at every tick; keeps the first and then every `spec.record.every`-th.
+  // Call at every tick; keeps the first frame and then every `spec.record.tick_interval`-th.
   // catalogue: every object ever created, index = id; it only grows.
   void record_frame(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
                     std::span<const scene::ChannelData> sensors = {},

@@ -17,7 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr auto kNoTick = std::numeric_limits<std::uint64_t>::max();
-constexpr hsize_t kMaxCellsPerFrame = hsize_t{1} << 28;  // of a channel: 1 GiB; refuse what cannot be meant
+constexpr hsize_t kMaxCellsPerFrame = hsize_t{1} << 28;  // per channel: 1 GiB; more is implausible
 
 int read_count(hid_t group, const char* name, std::uint64_t maximum) {
   std::uint64_t value = 0;
@@ -155,9 +155,10 @@ void Recording::Contents::read_surface() {
   if (const std::string problem = scene::validate(surface); !problem.empty()) throw Hdf5Error(problem);
 }
 
-// A kill in the middle of a flush may leave datasets of different lengths, or a tail that is "no value".
+// A run killed during a flush may leave datasets of different lengths, or a tail of fill values; frames() is
+// the length of the part that all datasets have.
 void Recording::Contents::read_frames() {
-  if (!has_link(file, "tick")) return;  // killed, or ended, before the first frame
+  if (!has_link(file, "tick")) return;  // the run ended before its first frame
   hsize_t frames = H5S_UNLIMITED;
   for (const char* name : {"tick", "time", "hash", "contacts"})
     frames = std::min(frames, stored_entries(open_dataset(file, name, 1), *name == 'c' ? 4 : 8));
@@ -172,7 +173,7 @@ void Recording::Contents::read_frames() {
   contact_counts = read_column<std::uint32_t>(file, "contacts", H5T_NATIVE_UINT32, ticks.size());
   for (std::size_t i = 0; i < times.size(); ++i)
     if (!std::isfinite(times[i]) || (i > 0 && !(times[i] > times[i - 1])))
-      throw Hdf5Error("dataset time does not ascend at frame " + std::to_string(i));
+      throw Hdf5Error("dataset time is not ascending at frame " + std::to_string(i));
 }
 
 void Recording::Contents::open_delta_readers() {
@@ -181,7 +182,7 @@ void Recording::Contents::open_delta_readers() {
     const Handle group = open_group(file, "inputs");
     std::uint64_t values = 0;
     read_attribute(group, "values", H5T_NATIVE_UINT64, &values);
-    if (values > kMaxCellsPerFrame) throw Hdf5Error("inputs are too many");
+    if (values > kMaxCellsPerFrame) throw Hdf5Error("there are too many inputs");
     inputs.emplace(file, "inputs/changes", values);
   }
   if (has_link(file, "surface/changes")) heights.emplace(file, "surface/changes", cells);
@@ -189,7 +190,8 @@ void Recording::Contents::open_delta_readers() {
     motion.emplace(file, "surface/motion", kValuesPerActuatorState * cells);
 }
 
-// Objects that the file's pose arrays do not reach yet were created after the last frame: they do not exist.
+// Objects beyond the pose arrays' second axis were created after the last stored frame; they are padded with
+// NaN, which stands for "does not exist".
 std::vector<float> Recording::Contents::read_poses(const char* name, hsize_t width, std::size_t first,
                                                    std::size_t count) const {
   const Handle dataset = open_dataset(file, name, 3);
@@ -209,7 +211,7 @@ std::vector<float> Recording::Contents::read_poses(const char* name, hsize_t wid
 std::vector<float> Recording::Contents::read_vectors(const char* name, std::size_t first,
                                                      std::size_t count) const {
   return translate_errors([&] {
-    if (!has_objects) throw Hdf5Error("has no object poses: the experiment says record { objects = false }");
+    if (!has_objects) throw Hdf5Error("has no object poses: the experiment sets record { objects = false }");
     return read_poses(name, 3, first, count);
   });
 }

@@ -1,9 +1,9 @@
 // Reads a recording: the input of smartsurf info, plot and replay.
 //
-// Failure: open() throws scene::InputError (one line, beginning with the file's name) if the file is not a
-// recording, is truncated before its last flush or lacks a part; reading functions do so if a part cannot be
-// decoded. The file is not trusted: the memory allocated at once is bounded by the file's size. A file that a
-// run is writing can be read up to its last flush. One thread at a time.
+// Failure: open() throws scene::InputError (one line, starting with the file's name) if the file is not a
+// recording, is truncated before its last flush or lacks a required part; the read functions throw it if data
+// cannot be decoded. The file is untrusted: no single allocation exceeds what the file's size justifies.
+// A file that a run is still writing can be read up to its last flush. One thread at a time.
 #pragma once
 
 #include <cstdint>
@@ -24,7 +24,7 @@ class Recording {
  public:
   struct DatasetInfo {
     std::string name;                    // "/objects/position"
-    std::vector<std::uint64_t> extents;  // as stored: a killed run's may be longer than frames()
+    std::vector<std::uint64_t> extents;  // as stored; may exceed frames() if the run was killed
   };
 
   static Recording open(const std::filesystem::path& path);
@@ -35,45 +35,44 @@ class Recording {
   const std::filesystem::path& path() const;
   std::uint64_t file_bytes() const;
 
-  // The scene as it was when the run began, as far as the recording tells (no sensors; materials by name
-  // only; models of actuators that are unknown here stand as pins), except that `objects` holds every object
-  // ever created, index = id.
+  // The scene at the start of the run, with these differences: `objects` holds every object ever created,
+  // index = id; there are no sensors; materials have only a name; actuators of an unknown model become pins.
   const scene::SceneSpec& spec() const;
   const RunMetadata& meta() const;
-  const std::optional<RunResult>& result() const;  // none when the run did not come to its end
+  const std::optional<RunResult>& result() const;  // nullopt if the run did not finish
   const std::vector<DatasetInfo>& datasets() const;
 
   std::size_t frames() const { return ticks().size(); }
-  const std::vector<std::uint64_t>& ticks() const;         // one entry a frame, ascending
-  const std::vector<double>& times() const;                // seconds, one entry a frame, ascending
-  const std::vector<std::uint64_t>& state_hashes() const;  // state hash, one entry a frame
+  const std::vector<std::uint64_t>& ticks() const;         // one per frame, ascending
+  const std::vector<double>& times() const;                // s, one per frame, ascending
+  const std::vector<std::uint64_t>& state_hashes() const;  // one per frame
 
-  // The tick before which somebody first touched the run by hand: it cannot be run again.
+  // The tick after which the user first intervened; such a run cannot be reproduced.
   std::optional<std::uint64_t> first_interaction_tick() const;
 
-  // What the actuators were told, tick by tick: [0] before the first tick, [t] in the tick that ended as tick
-  // t.
-  std::size_t input_tick_count() const;  // that are there; 0 in a recording that does not hold them
-  // All actuator channels in their order, each rows × columns × components; valid until the next call.
+  // Number of ticks with recorded actuator targets; 0 if the recording has none.
+  std::size_t input_tick_count() const;
+  // The actuator targets of one tick: all actuator channels in order, each rows × columns × components. Index
+  // 0 holds the targets before the first tick, index t those of the tick that ended as tick t. Valid until
+  // the next call.
   std::span<const float> read_inputs(std::size_t tick) const;
 
   bool has_heights() const;
-  bool has_motion() const;   // of mechanisms other than pins
-  bool has_objects() const;  // false when the experiment recorded no objects: then there are no poses
-  // frames [first, first + count) × objects × 3, u; NaN where the object did not exist.
+  bool has_motion() const;   // false if all actuators are pins
+  bool has_objects() const;  // false if the experiment did not record objects; there are then no poses
+  // Frames [first, first + count) × objects × 3, u; NaN where the object did not exist.
   std::vector<float> read_positions(std::size_t first, std::size_t count) const;
   std::vector<float> read_velocities(std::size_t first, std::size_t count) const;  // likewise, u/s
-  const std::vector<std::uint32_t>& contact_counts() const;  // points, one entry a frame
+  const std::vector<std::uint32_t>& contact_counts() const;  // contact points, one per frame
   // Pin heights of a frame, rows × columns, u; valid until the next call. Requires has_heights().
   std::span<const float> read_heights(std::size_t frame) const;
-  // One frame as the run saw it. Angular velocities are not recorded and are 0; heights are empty when
-  // !has_heights(), and so is motion where none is recorded. Frames one after another are cheaper than in any
-  // other order.
+  // One frame. Angular velocities are not recorded and are 0. Heights are empty if !has_heights(), actuator
+  // states if !has_motion(). Reading frames in ascending order is the cheapest.
   scene::Snapshot read_snapshot(std::size_t frame) const;
-  std::vector<std::string> channel_names(const std::string& group) const;  // their names
-  // One frame of a channel, rows × columns × components: group "sensors" or "actuators".
+  std::vector<std::string> channel_names(const std::string& group) const;  // "sensors" or "actuators"
+  // One frame of a channel, rows × columns × components, row-major.
   std::vector<float> read_channel(const std::string& group, const std::string& name, std::size_t frame) const;
-  // All frames of the channel's first component at one cell.
+  // The channel's first component at one cell, one value per frame.
   std::vector<float> read_cell_history(const std::string& group, const std::string& name, int row,
                                        int column) const;
 
@@ -83,7 +82,7 @@ class Recording {
   std::unique_ptr<Contents> contents_;
 };
 
-// What `smartsurf info` prints: several lines, each ended by '\n'.
+// The output of `smartsurf info`: several lines, each ending with '\n'.
 std::string describe_recording(const Recording& recording);
 
 }  // namespace smartsurf::record

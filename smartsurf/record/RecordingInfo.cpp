@@ -99,7 +99,7 @@ std::string frames_text(const Recording& recording) {
 
 std::string outcome_text(const Recording& recording) {
   const std::optional<RunResult>& result = recording.result();
-  if (!result) return "none recorded: the run was killed, or is still going on";
+  if (!result) return "none recorded: the run was killed or is still running";
   return concat(result->outcome, " after ", result->ticks, " ticks, ", result->simulated_s, " s simulated");
 }
 

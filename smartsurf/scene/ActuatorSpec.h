@@ -1,5 +1,5 @@
-// The kinds of actuators and their parameters: names, units, ranges. Plain values; the models are in
-// `smartsurf/surface`.
+// The registry of actuator kinds: parameters and channels with their names, units and ranges. The models
+// themselves are in smartsurf/surface.
 #pragma once
 
 #include <array>
@@ -12,79 +12,80 @@
 
 namespace smartsurf::scene {
 
-// One thing that a user may set of an actuator.
+// A parameter of an actuator or sensor that a user may set.
 struct Parameter {
   enum class Type {
     kNumber,
     kCount,      // an integer
-    kFlag,       // true or false: 1 or 0
-    kSize,       // two numbers along x and y; a user may give one for both
-    kRange,      // {lowest, highest}
+    kFlag,       // 1 = true, 0 = false
+    kSize,       // {x, y}; a single number in a script sets both
+    kRange,      // {minimum, maximum}
     kVector,     // {x, y, z}
-    kChoice,     // one of `choices`; its value is the index
-    kPointList,  // a list of {x, y, z}, flat
+    kChoice,     // an index into `choices`
+    kPointList,  // points {x, y, z}, flattened
   };
   std::string name;
   std::string description;  // one clause, with the unit
   Type type = Type::kNumber;
-  std::vector<double> default_value = {};  // where the user says nothing; empty: then it has no value
-  double minimum = 0.0, maximum = 1e6;     // each number lies in [low, high]
-  bool exclusive_minimum = false;          // … and is not `low` itself
+  std::vector<double> default_value = {};  // empty = no default, the parameter is optional
+  double minimum = 0.0, maximum = 1e6;     // limits of each number, inclusive
+  bool exclusive_minimum = false;          // excludes `minimum` itself
   std::vector<std::string> choices = {};
 
-  // "in [0, 1]", "greater than 0".
+  // The limits in words: "in [0, 1]", "greater than 0".
   std::string range_text() const;
   bool accepts(double value) const;
 };
 
-// One array of commands: a target for each cell.
+// An array of commands with one target per cell.
 struct ActuatorChannel {
   std::string name, unit;
-  double minimum = 0.0, maximum = 1.0;  // finite; commands are clamped to it
-  double safe_value = 0.0;  // what a cell aims at before the first command, and a dead one for ever
+  double minimum = 0.0, maximum = 1.0;  // finite; commands are clamped to this range
+  double safe_value = 0.0;              // the target before the first command, and always of a dead cell
 };
 
 using ParameterValues = std::map<std::string, std::vector<double>, std::less<>>;
 
-// One actuator as the user set it: a model by name, and the values of all its parameters that have one.
+// A configured actuator: its model and the values of its parameters.
 struct ActuatorSpec {
   std::string model = "pin";
   ParameterValues values;
 
   bool has(std::string_view parameter) const { return values.contains(parameter); }
-  // Preconditions: the parameter has a value.
+  // Both require has(parameter).
   double number(std::string_view parameter) const { return numbers(parameter).front(); }
   const std::vector<double>& numbers(std::string_view parameter) const {
     return values.find(parameter)->second;
   }
 };
 
-// A model's name with its parameters and channels.
+// An actuator model: its name, parameters and channels.
 struct ActuatorKind {
   std::string name;
   std::vector<Parameter> parameters = {};
-  // The channels of an actuator with these values, in the order in which its model counts them.
+  // The channels of an actuator with these values, in the order in which the model indexes them.
   std::function<std::vector<ActuatorChannel>(const ActuatorSpec&)> channels = {};
-  // The lowest and the highest z of the top over the cell's base. May be absent: both are the parameter
-  // `height`.
+  // The minimum and maximum z of the top relative to the cell's base. Null = both are the parameter `height`.
   std::function<std::array<double, 2>(const ActuatorSpec&)> height_limits = {};
-  // Rules between parameters: "" or one clause, "pin.range[2] = 0: must be …". May be absent.
+  // Checks constraints between parameters. Returns "" or one clause, "pin.range[2] = 0: must be …". May be
+  // null.
   std::function<std::string(const ActuatorSpec&)> check_constraints = {};
 
-  const Parameter* find_parameter(std::string_view) const;  // null: none of that name
-  ActuatorSpec default_spec() const;                        // every parameter at its standard value
+  const Parameter* find_parameter(std::string_view) const;  // null if there is none
+  ActuatorSpec default_spec() const;                        // all parameters that have a default
   std::array<double, 2> height_limits_of(const ActuatorSpec&) const;
   std::string validate(const ActuatorSpec&) const;  // "" or one clause
 };
 
-// What every cell has, whatever moves it: `top`, `length`, `height` (of the top at rest) and `latency`.
-// A list of parameters begins with these.
+// The parameters that all actuator kinds share and list first: `top`, `length`, `height` (of the top at rest)
+// and `latency`.
 std::vector<Parameter> cell_body_parameters();
 
-// All kinds, the built-in ones first. Not thread-safe against add_actuator_kind().
+// All kinds, built-in ones first. Not thread-safe with respect to add_actuator_kind().
 std::span<const ActuatorKind> actuator_kinds();
 const ActuatorKind* find_actuator_kind(std::string_view name);
-// Adds a kind, or replaces the one of that name; before any experiment is loaded.
+// Adds a kind, or replaces the kind with the same name. Call before any experiment is loaded; invalidates the
+// results of the functions above.
 void add_actuator_kind(ActuatorKind);
 
 }  // namespace smartsurf::scene

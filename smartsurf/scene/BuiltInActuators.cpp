@@ -46,7 +46,7 @@ Parameter lag_parameter(double default_value) {
   return number_parameter("lag", default_value, 0.0, 1e3, "time constant of the first-order lag, s");
 }
 
-// A channel of both signs around 0.
+// A channel with the range [-limit, limit].
 ActuatorChannel symmetric_channel(std::string name, std::string unit, double limit) {
   return {std::move(name), std::move(unit), -limit, limit, 0.0};
 }
@@ -62,7 +62,7 @@ ActuatorKind pin_kind() {
   kind.parameters.push_back(positive_parameter("max_speed", 20.0, "greatest speed, u/s"));
   kind.parameters.push_back(positive_parameter("max_acceleration", 400.0, "greatest acceleration, u/s²"));
   Parameter force = positive_parameter(
-      "max_force", 0.0, "load at which a rising pin stalls, mass·u/s²; without, it never does");
+      "max_force", 0.0, "load at which a rising pin stalls, mass·u/s²; unlimited if absent");
   force.default_value.clear();
   kind.parameters.push_back(force);
   kind.channels = [](const ActuatorSpec& s) -> std::vector<ActuatorChannel> {
@@ -112,7 +112,7 @@ std::string check_rotor(const ActuatorSpec& s) {
   return "";
 }
 
-// The shape never leaves the ball of its farthest point.
+// Bounds the shape by the sphere around the axle through its farthest point.
 std::array<double, 2> rotor_height_limits(const ActuatorSpec& s) {
   const double axle_height = s.number("height") + s.number("axle");
   double max_radius = 0.0;
@@ -182,7 +182,7 @@ ActuatorKind magnet_kind() {
               {positive_parameter("max_current", 1.0, "greatest current of either sign, A"),
                positive_parameter("strength", 100.0, "of the coil at a current of 1"),
                positive_parameter("depth", 1.0, "of the coil's centre below the top, u"),
-               positive_parameter("reach", 6.0, "distance beyond which the coil is not felt, u"),
+               positive_parameter("reach", 6.0, "distance beyond which the coil has no effect, u"),
                choice_parameter("law", {"dipole", "pole"}, "the coil as a dipole or as a single pole"),
                lag_parameter(0.01)}),
           .channels = [](const ActuatorSpec& s) -> std::vector<ActuatorChannel> {
@@ -195,8 +195,8 @@ ActuatorKind air_jet_kind() {
           .parameters = with_body_parameters(
               {positive_parameter("max_flow", 100.0, "greatest speed of the air at the nozzle, u/s"),
                positive_parameter("density", 0.001, "of the air, mass/u³"),
-               positive_parameter("drag", 1.2, "drag coefficient of what covers the nozzle"),
-               positive_parameter("area", 0.64, "that one jet acts on, u²"),
+               positive_parameter("drag", 1.2, "drag coefficient of an object above the nozzle"),
+               positive_parameter("area", 0.64, "on which one jet acts, u²"),
                positive_parameter("decay", 2.0, "height at which the air is half as fast, u"),
                positive_parameter("reach", 6.0, "height above the cell up to which it acts, u"),
                number_parameter("lean", 0.0, 0.0, kPi / 2, "of the jet from the vertical, rad"),
@@ -214,7 +214,7 @@ ActuatorKind tile_kind() {
       .parameters = with_body_parameters(
           {positive_parameter("frequency", 5.0, "of the vibration, Hz"),
            positive_parameter("max_amplitude", 0.5, "greatest amplitude, u"),
-           number_parameter("skin", 0.3, 0.0, 1.0, "how much of its motion a cell takes from its neighbours"),
+           number_parameter("skin", 0.3, 0.0, 1.0, "fraction of a cell's motion that follows its neighbours"),
            number_parameter("thickness", 1.0, 0.0, 1e3, "of the skin, u"), lag_parameter(0.05)}),
       .channels = [](const ActuatorSpec& s) -> std::vector<ActuatorChannel> {
         return {symmetric_channel("phase", "rad", 1000.0),
@@ -241,7 +241,7 @@ std::vector<Parameter> cell_body_parameters() {
            .minimum = 1e-3},
           {.name = "height", .description = "of the top at rest, u", .default_value = {0.0}, .minimum = -1e6},
           {.name = "latency",
-           .description = "control periods until a command is felt",
+           .description = "delay of the commands, in control periods",
            .type = Type::kCount,
            .default_value = {0.0},
            .minimum = 0.0,

@@ -1,4 +1,4 @@
-// Parameters and channels of the built-in actuators. Internal to this module.
+// Declares the parameters and channels of the built-in actuators. Internal to this module.
 #pragma once
 
 #include <vector>

@@ -9,9 +9,9 @@ namespace {
 
 using Type = Parameter::Type;
 
-constexpr double kMaxForce = 1e6;        // mass·u/s², what a pressure reading ends at unless told otherwise
-constexpr double kMaxObjectTypes = 1e6;  // of objects: no scene has more labels
-constexpr int kMaxPixelsPerEdge = 4;     // a cell edge: 3 colours of 4 × 4 pixels fit into 64 components
+constexpr double kMaxForce = 1e6;        // mass·u/s², the default range of pressure sensors
+constexpr double kMaxObjectTypes = 1e6;  // the maximum number of objects
+constexpr int kMaxPixelsPerEdge = 4;     // 3 colours of 4 × 4 pixels fit into 64 components
 
 SensorKind proximity_kind() {
   return {.name = "proximity",
@@ -49,11 +49,11 @@ SensorKind object_type_kind() {
 SensorKind light_kind() {
   SensorKind kind{.name = "light", .parameters = ray_parameters(1000.0)};
   kind.parameters.push_back({.name = "size",
-                             .description = "angle that the light's radius is seen under, rad; 0: a point",
+                             .description = "angular radius of the light, rad; 0 = a point light",
                              .default_value = {0.0},
                              .maximum = std::numbers::pi / 4});
   kind.parameters.push_back({.name = "samples",
-                             .description = "points of the light that are looked for, where it has a size",
+                             .description = "rays per cell towards a light with a size",
                              .type = Type::kCount,
                              .default_value = {16.0},
                              .minimum = 1.0,
@@ -73,7 +73,7 @@ SensorKind light_kind() {
 SensorKind pressure_kind() {
   return {.name = "pressure",
           .parameters = {{.name = "range",
-                          .description = "the greatest force it tells, mass·u/s²",
+                          .description = "maximum force of the readings, mass·u/s²",
                           .default_value = {kMaxForce},
                           .maximum = 1e12,
                           .exclusive_minimum = true}},
@@ -91,11 +91,11 @@ SensorKind camera_kind() {
                       .minimum = 1.0,
                       .maximum = kMaxPixelsPerEdge},
                      {.name = "height",
-                      .description = "z from where it looks down, u; what is above it is not seen",
+                      .description = "z of the camera, which looks down, u; objects above it are invisible",
                       .default_value = {100.0},
                       .minimum = -1e6},
                      {.name = "floor",
-                      .description = "z of what lies below the pins, u: the height where it sees nothing",
+                      .description = "z of the background below the pins, u: the height read where there is nothing",
                       .default_value = {-2.0},
                       .minimum = -1e6}};
   kind.channels = [](const SensorSpec& s) -> std::vector<SensorChannel> {

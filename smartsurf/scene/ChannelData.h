@@ -1,4 +1,4 @@
-// The values of one sensor or actuator channel over the surface at one moment.
+// A view of the values of one sensor or actuator channel in one tick.
 #pragma once
 
 #include <span>
@@ -6,11 +6,11 @@
 
 namespace smartsurf::scene {
 
-// Recorded or published data; SensorChannel and ActuatorChannel declare the channel.
+// Does not own its data. SensorChannel and ActuatorChannel describe the channel.
 struct ChannelData {
-  std::string_view name;  // without '/'; the same channels in the same order in every frame
+  std::string_view name;  // without '/'; every tick has the same channels in the same order
   int rows = 0, columns = 0, components = 1;
-  // components × rows × columns, row-major, one plane per component, row 0 north; in the channel's unit.
+  // [component][row][column], row 0 is north, column 0 is west; in the channel's unit.
   std::span<const float> values;
 };
 

@@ -1,4 +1,4 @@
-// The pose and velocity of one object, and an update of them.
+// The pose and velocity of an object, and a partial update of them.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -13,7 +13,7 @@ struct ObjectState {
   Eigen::Vector3d angular_velocity{0.0, 0.0, 0.0};  // rad/s, world frame
 };
 
-// What a placement changes; an absent value stays as it is.
+// Absent members leave the state unchanged.
 struct ObjectStateUpdate {
   std::optional<Eigen::Vector3d> position;
   std::optional<Eigen::Quaterniond> orientation;

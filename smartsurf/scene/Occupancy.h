@@ -1,4 +1,5 @@
-// Which cells of a surface exist, as an additional sensor channel of a surface with empty cells.
+// The occupancy mask: an additional sensor channel that shows which cells exist on a surface with empty
+// cells.
 #pragma once
 
 #include <vector>
@@ -7,14 +8,13 @@
 
 namespace smartsurf::scene {
 
-// The channel's name; no sensor of such a surface may have it.
+// The name of the channel, reserved on surfaces with empty cells.
 inline constexpr const char* kOccupancyChannel = "occupancy";
 
-// Whether the surface has that channel. Takes time in proportion to the cells.
+// Whether the surface has the occupancy channel. O(cells).
 bool has_empty_cells(const SurfaceSpec&);
 
-// [row][column], row 0 north: 1 where there is a cell and 0 where there is none. Empty where every cell is
-// there.
+// [row][column], row 0 is north: 1 = cell, 0 = empty. The vector is empty if the surface has no empty cells.
 std::vector<float> occupancy_mask(const SurfaceSpec&);
 
 }  // namespace smartsurf::scene

@@ -4,30 +4,12 @@
 #include <cmath>
 #include <locale>
 #include <numbers>
-#include <numeric>
 #include <sstream>
 
 #include "smartsurf/scene/Occupancy.h"
 
 namespace smartsurf::scene {
 namespace {
-
-// Insertions, deletions, substitutions and swaps of two neighbours (optimal string alignment).
-int edit_distance(const std::string& a, const std::string& b) {
-  std::vector<int> two_above(b.size() + 1), above(b.size() + 1), row(b.size() + 1);
-  std::iota(above.begin(), above.end(), 0);
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    row[0] = static_cast<int>(i);
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      row[j] = std::min({above[j] + 1, row[j - 1] + 1, above[j - 1] + (a[i - 1] != b[j - 1])});
-      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
-        row[j] = std::min(row[j], two_above[j - 2] + 1);
-    }
-    std::swap(two_above, above);
-    std::swap(above, row);
-  }
-  return above[b.size()];
-}
 
 std::string range_error(const std::string& field, double value, const std::string& constraint) {
   return field + " = " + format_number(value) + ": must be " + constraint;
@@ -36,8 +18,7 @@ std::string range_error(const std::string& field, double value, const std::strin
 bool is_positive(double v) { return std::isfinite(v) && v > 0.0; }
 bool is_non_negative(double v) { return std::isfinite(v) && v >= 0.0; }
 
-// The physics may compute in single precision, where a length squared or a mass times a length squared must
-// neither overflow nor vanish.
+// The limits keep squared lengths and moments of inertia within the range of single precision.
 constexpr double kMaxMagnitude = 1e6, kMinSize = 1e-3, kMinMass = 1e-9;
 
 bool is_size(double v) { return v >= kMinSize && v <= kMaxMagnitude; }
@@ -89,7 +70,7 @@ std::string validate_actuators(const SurfaceSpec& s) {
   return "";
 }
 
-// The channels must fit into the shared-memory protocol: names of at most 31 plain characters, all different.
+// Checks the limits of the shared-memory protocol: channel count, name length and characters, unique names.
 std::string validate_channel_names(const std::vector<std::string>& channels, std::size_t actuator_channels) {
   constexpr std::size_t kMaxChannels = 32;
   static const std::string kAllowedCharacters =
@@ -128,23 +109,12 @@ std::vector<std::string> SurfaceSpec::sensor_channels() const {
 }
 
 std::string format_number(double value) {
-  if (std::isnan(value)) return "nan";  // without a sign
+  if (std::isnan(value)) return "nan";  // streams may print "-nan"
   std::ostringstream out;
   out.imbue(std::locale::classic());
   out.precision(12);
   out << value;
   return out.str();
-}
-
-std::string nearest_name(const std::string& word, const std::vector<std::string>& known) {
-  const int limit = std::max(1, static_cast<int>(word.size()) / 3);
-  std::string best;
-  int best_distance = limit + 1;
-  for (const auto& name : known) {
-    const int d = edit_distance(word, name);
-    if (d < best_distance) best_distance = d, best = name;
-  }
-  return best;
 }
 
 int WorldSpec::steps_per_tick() const {

@@ -1,8 +1,9 @@
-// The immutable description of one experiment: plain values that every other module reads and none changes.
+// The description of one experiment as plain values. Immutable after loading.
 //
 // Units: lengths in the experiment's arbitrary unit "u", time in seconds, angles in radians, masses in
-// density·u³. x points east, y north, z up; the origin is the centre of the south-west cell with its pin
-// fully down. Cell (row r, column c), row 0 at the north, stands at x = c·pitch, y = (rows − 1 − r)·pitch.
+// density·u³. x points east, y north, z up. The origin is the centre of the south-west cell at height 0. Cell
+// (row r, column c) has its centre at x = c·pitch, y = (rows − 1 − r)·pitch; row 0 is north, column 0 is
+// west.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -14,27 +15,26 @@
 #include <vector>
 
 #include "common/error/UserError.h"
+#include "common/text/Suggestion.h"
 #include "smartsurf/scene/ActuatorSpec.h"
 #include "smartsurf/scene/SensorSpec.h"
 #include "smartsurf/scene/Solid.h"
 
 namespace smartsurf::scene {
 
-// A mistake in an experiment, program or file: one line; the program exits with status 2.
+// An error in an experiment, program or file, described in one line. The program exits with status 2.
 using InputError = common::UserError;
 
-// The nearest of `known` to `word` by edit distance, or "" when nothing is near enough to suggest.
-std::string nearest_name(const std::string& word, const std::vector<std::string>& known);
+using common::nearest_name;
 
-// A number as messages show it: short, in the C locale.
+// Formats a number for messages, with 12 significant digits in the C locale.
 std::string format_number(double);
 
 struct Colour {
-  float r = 0.93f, g = 0.62f, b = 0.22f;  // [0, 1], as a screen shows them (sRGB); amber, seen on any surface
+  float r = 0.93f, g = 0.62f, b = 0.22f;  // sRGB in [0, 1]; the default is amber, visible on any surface
 };
 
-// Two materials in contact combine as the geometric mean of their frictions and the larger of their
-// restitutions.
+// A contact uses the geometric mean of the two frictions and the larger of the two restitutions.
 struct Material {
   std::string name = "default";
   double friction = 0.5;           // Coulomb coefficient, ≥ 0
@@ -47,81 +47,81 @@ enum class OffTablePolicy { kKeep, kRemove };
 
 struct WorldSpec {
   Eigen::Vector3d gravity{0.0, 0.0, -9.81};  // u/s²
-  double dt_s = 1.0 / 240.0;                 // one fixed physics step
+  double dt_s = 1.0 / 240.0;                 // fixed physics time step
   int iterations = 10;                       // of the constraint solver, per step
-  double control_period_s = 1.0 / 60.0;      // an integer number of physics steps
+  double control_period_s = 1.0 / 60.0;      // a multiple of dt_s
   std::uint64_t seed = 1;
-  bool ground = true;  // an endless floor under the table, that catches what falls off
-  OffTablePolicy off_table = OffTablePolicy::kKeep;  // what becomes of objects that leave the table
+  bool ground = true;                                // an infinite floor under the table
+  OffTablePolicy off_table = OffTablePolicy::kKeep;  // for objects that leave the table
 
-  // Physics steps in one control period (≥ 1).
+  // Physics steps per control period, ≥ 1.
   int steps_per_tick() const;
 };
 
-// Capsules, cylinders and cones stand along their own z axis, a cone with its tip up. kSolid: a convex hull,
-// or a mesh in convex pieces.
+// Capsules, cylinders and cones are aligned with their local z axis; a cone's tip points up. kSolid is a
+// convex hull or a convex decomposition of a mesh.
 enum class ShapeKind { kSphere, kBox, kCylinder, kCapsule, kCone, kSolid };
 inline constexpr int kShapeKindCount = 6;
 
 struct ObjectSpec {
   ShapeKind shape = ShapeKind::kSphere;
-  double radius = 1.0;                      // sphere, cylinder, capsule, cone (of its base)
+  double radius = 1.0;                      // sphere, cylinder, capsule, cone (base)
   double height = 1.0;                      // cylinder, capsule (caps included), cone
   Eigen::Vector3d size{1.0, 1.0, 1.0};      // box: full edge lengths
-  std::shared_ptr<const Solid> solid;       // kSolid; never changed, shared between objects
+  std::shared_ptr<const Solid> solid;       // kSolid; shared between objects
   Eigen::Vector3d position{0.0, 0.0, 0.0};  // centre of mass
   Eigen::Quaterniond orientation{1.0, 0.0, 0.0, 0.0};
   Eigen::Vector3d velocity{0.0, 0.0, 0.0};
   Eigen::Vector3d angular_velocity{0.0, 0.0, 0.0};
-  std::optional<double> mass;  // instead of the material's density
-  bool fixed = false;          // never moves
+  std::optional<double> mass;  // overrides the material's density
+  bool fixed = false;          // static body
   int material = 0;            // index into SceneSpec::materials
   Colour colour;
   std::string label;
-  // What magnets act on, in the object's own frame. Units: those of a magnet's `strength`; 0: not magnetic.
-  double magnetic_pole = 0.0;                      // a single pole at the centre of mass
-  Eigen::Vector3d magnetic_moment{0.0, 0.0, 0.0};  // a dipole there
+  // Magnetic charge and dipole moment at the centre of mass, body frame, in the units of a magnet's
+  // `strength`.
+  double magnetic_pole = 0.0;
+  Eigen::Vector3d magnetic_moment{0.0, 0.0, 0.0};
 
   double volume() const;
-  // Half extents of the box about the centre of mass, in the object's own frame, that encloses the shape.
+  // Half extents of the bounding box centred at the centre of mass, in the body frame.
   Eigen::Vector3d half_extents() const;
 };
 
-// The body of every cell, a rectangular pin, and how far and fast those cells move that are pins.
+// The body of every cell, a rectangular pin, and the motion limits of cells with a pin actuator.
 struct PinSpec {
-  double top_x = 0.8, top_y = 0.8;  // edges of the top, ≤ pitch
+  double top_x = 0.8, top_y = 0.8;  // edge lengths of the top, ≤ pitch
   double length = 2.0;
-  double min_height = 0.0, max_height = 6.0;  // z of the top: the lowest and the highest of all cells
+  double min_height = 0.0, max_height = 6.0;  // z of the top, over all cells
   double max_speed = 20.0;                    // u/s
   double max_acceleration = 400.0;            // u/s²
 };
 
-// Where a cell of a free layout stands.
+// The pose of a cell in a free layout.
 struct CellPose {
-  double x = 0.0, y = 0.0;  // centre of its top, u
-  double angle = 0.0;       // its turn about z, rad
+  double x = 0.0, y = 0.0;  // centre of the top, u
+  double angle = 0.0;       // rotation about z, rad
 };
 
 inline constexpr std::int8_t kEmptyCell = -1;
 
-// What is wrong with some actuators. Fractions are of all cells; who is hit is drawn with the world's seed,
-// each cell at most once.
+// Random actuator faults. The affected cells are drawn with the world's seed; a cell has at most one fault.
 struct ActuatorFaultSpec {
   double stuck_fraction = 0.0;                  // fraction of cells whose channels hold a random value
-  double dead_fraction = 0.0;                   // … hold their safe value
-  double weak_fraction = 0.0, weak_gain = 1.0;  // … move only so much of the way from it
-  int latency_ticks = 0;                        // control periods by which every command is late
+  double dead_fraction = 0.0;                   // fraction of cells whose channels hold their safe value
+  double weak_fraction = 0.0, weak_gain = 1.0;  // fraction of cells that move weak_gain of the commanded way
+  int latency_ticks = 0;                        // delay of all commands, in control periods
 };
 
-// Faults of single cells, as a table that a user measured: surface/FaultMap.h reads it.
+// A table of faults of individual cells; read by surface/FaultMap.h.
 struct FaultMapFile {
-  std::string name;  // as the user gave it
-  std::string text;  // what is in it
+  std::string name;  // path as given by the user
+  std::string text;  // the file's content
 };
 
 struct FaultSpec {
   ActuatorFaultSpec actuator;
-  ParameterValues sensor_errors;  // imperfections() of all sensors that say nothing else themselves
+  ParameterValues sensor_errors;  // defaults of sensor_error_parameters() for all sensors
   std::optional<FaultMapFile> fault_map;
 };
 
@@ -129,23 +129,24 @@ struct SurfaceSpec {
   int rows = 64, columns = 64;
   double pitch = 1.0;
   PinSpec pin;
-  std::vector<ActuatorSpec> actuators;  // empty: one, a pin as `pin` says
-  // rows × columns, row-major, row 0 north; each may be empty.
-  std::vector<std::int8_t> actuator_of_cell;  // index of `actuators`, or kEmptyCell; empty: 0 everywhere
-  std::vector<CellPose> cell_poses;           // empty: a rectangular grid
-  std::vector<float> base_heights;     // added to the height of each cell's top, u; empty: 0 everywhere
-  Eigen::Vector2d tilt_rad{0.0, 0.0};  // of the whole table about x, then y; gravity is turned by it
+  std::vector<ActuatorSpec> actuators;  // empty = a single pin described by `pin`
+  // The next three are [row][column], row 0 is north, or empty.
+  std::vector<std::int8_t> actuator_of_cell;  // index into `actuators` or kEmptyCell; empty = all 0
+  std::vector<CellPose> cell_poses;           // empty = a rectangular grid
+  std::vector<float> base_heights;            // offset of the height of each cell's top, u; empty = all 0
+  Eigen::Vector2d tilt_rad{0.0, 0.0};         // of the table about x, then y; realised by rotating gravity
   std::vector<SensorSpec> sensors;
-  std::optional<double> border_height;  // the outermost ring of cells is held at this height
+  std::optional<double> border_height;  // fixed height of the outermost ring of cells
   int material = 0;
   FaultSpec faults;
 
   int cell_count() const { return rows * columns; }
-  // Names of the sensor channels, in the order of the sensors.
+  // The names of all sensor channels, in the order of the sensors.
   std::vector<std::string> sensor_channels() const;
-  // The actuators there are: at least one.
+  // `actuators`, or the default pin if that is empty.
   std::vector<ActuatorSpec> effective_actuators() const;
-  // Their channels. Actuators with a channel of one name share it; its range is then the widest of theirs.
+  // The channels of the effective actuators. Channels with the same name are merged; the range of a merged
+  // channel is the union of their ranges.
   std::vector<ActuatorChannel> actuator_channels() const;
   int index(int row, int column) const { return row * columns + column; }
   bool is_border(int row, int column) const {
@@ -162,28 +163,28 @@ struct SurfaceSpec {
   }
 };
 
-// Sets `pin` to what the surface's actuators have in common: the body, and the heights that their tops can
-// have. Does nothing where `actuators` is empty but for the base.
+// Derives `pin` from the surface's actuators: the common body and the range of heights, including
+// base_heights. If `actuators` is empty, only base_heights are applied.
 void derive_pin_spec(SurfaceSpec&);
 
-// A pin with the limits and the body of `pin`.
+// A pin actuator with the body and limits of `pin`.
 ActuatorSpec make_pin_actuator(const PinSpec& pin);
 
 struct RecordSpec {
   bool objects = true, sensors = false, actuators = false;
-  int tick_interval = 1;  // control periods between two recorded frames
+  int tick_interval = 1;  // control periods between recorded frames
 };
 
-// One name that the script made an option: listed by --help, changed by --set name=value.
+// An option declared by the script: listed by --help, set by --set name=value.
 struct OptionSpec {
   std::string name;
-  std::string value;  // as text: the default, or what --set gave
+  std::string value;  // the default or the value of --set, as text
   std::string help;
 };
 
 struct SceneSpec {
-  std::string file;    // the experiment's path, as the user gave it
-  std::string source;  // its source, for the recording
+  std::string file;    // path as given by the user
+  std::string source;  // the script's text, for the recording
   WorldSpec world;
   std::vector<Material> materials{Material{}};  // [0] is "default"
   SurfaceSpec surface;
@@ -192,8 +193,8 @@ struct SceneSpec {
   std::vector<OptionSpec> options;
 };
 
-// Checks ranges and cross-field rules that do not need a line number. Returns "" or one clause that names the
-// field, its value and what would be right: "world.dt = 0: must be greater than 0".
+// Check ranges and constraints between fields. Return "" or one clause with the field, its value and the
+// constraint: "world.dt = 0: must be greater than 0".
 std::string validate(const WorldSpec&);
 std::string validate(const Material&);
 std::string validate(const SurfaceSpec&);

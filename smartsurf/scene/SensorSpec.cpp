@@ -20,7 +20,7 @@ Parameter fraction_parameter(std::string name, std::string description) {
   return {.name = std::move(name), .description = std::move(description), .maximum = 1.0};
 }
 
-// Each value within its parameter's limits: "" or one clause.
+// Checks all values against the limits of their parameters. Returns "" or one clause.
 std::string validate_values(const std::string& subject, std::span<const Parameter> parameters,
                             const ParameterValues& values) {
   for (const Parameter& p : parameters) {
@@ -63,16 +63,16 @@ std::span<const Parameter> sensor_error_parameters() {
        .description = "standard deviation of each reading's Gaussian noise, in the channel's unit"},
       {.name = "quantize", .description = "step of the readings, in the channel's unit"},
       {.name = "latency",
-       .description = "control periods by which a reading is late",
+       .description = "delay of the readings, in control periods",
        .type = Type::kCount,
        .maximum = 100.0},
-      fraction_parameter("dropout", "probability that a reading is lost and reads as nothing"),
+      fraction_parameter("dropout", "probability that a reading is lost and shows no detection"),
       {.name = "drift",
        .description =
            "standard deviation of each cell's random walk after one second, in the channel's unit"},
-      fraction_parameter("stuck_low", "share of the cells that always read the least value"),
-      fraction_parameter("stuck_high", "share of the cells that always read the greatest"),
-      fraction_parameter("dead", "share of the cells that never sense anything")};
+      fraction_parameter("stuck_low", "fraction of cells that always read the minimum"),
+      fraction_parameter("stuck_high", "fraction of cells that always read the maximum"),
+      fraction_parameter("dead", "fraction of cells that never detect anything")};
   return all;
 }
 
@@ -83,8 +83,8 @@ std::string validate_sensor_errors(const std::string& subject, const ParameterVa
     if (const auto found = values.find(fault); found != values.end())
       faulty_fraction += found->second.front();
   return faulty_fraction <= 1.0 ? ""
-                                : subject + ": stuck_low, stuck_high and dead are " +
-                                      format_number(faulty_fraction) + " together: must be at most 1";
+                                : subject + ": stuck_low, stuck_high and dead add up to " +
+                                      format_number(faulty_fraction) + ": must be at most 1";
 }
 
 std::vector<Parameter> ray_parameters(double range) {
@@ -103,7 +103,7 @@ std::vector<Parameter> ray_parameters(double range) {
            .default_value = {0.0, 0.0, 0.0},
            .minimum = -1e6},
           {.name = "pins",
-           .description = "whether pins are in the way as well",
+           .description = "whether pins block the ray",
            .type = Type::kFlag,
            .default_value = {1.0},
            .maximum = 1.0}};

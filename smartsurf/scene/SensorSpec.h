@@ -1,5 +1,5 @@
-// The kinds of sensors and their parameters: names, units, ranges. Plain values; the models are in
-// `smartsurf/surface`.
+// The registry of sensor kinds: parameters and channels with their names, units and ranges. The models
+// themselves are in smartsurf/surface.
 #pragma once
 
 #include <Eigen/Core>
@@ -15,27 +15,27 @@
 
 namespace smartsurf::scene {
 
-// One array of readings, `components` numbers for each cell.
+// An array of readings with `components` numbers per cell.
 struct SensorChannel {
-  enum class Type { kFloat32, kUint32 };  // f32 and u32 on the protocol
+  enum class Type { kFloat32, kUint32 };  // data type in the protocol: f32 or u32
 
-  std::string name;  // at most 31 letters, digits and _; that of the sensor, and a word of its own after it
-  std::string unit = {};                // "" is dimensionless
-  double minimum = 0.0, maximum = 1.0;  // finite; no reading lies outside
-  double no_detection = 0.0;            // what a cell reads that senses nothing
+  std::string name;                     // ≤ 31 letters, digits and _: the sensor's name with optional suffix
+  std::string unit = {};                // "" = dimensionless
+  double minimum = 0.0, maximum = 1.0;  // finite; limits of the readings
+  double no_detection = 0.0;            // reading of a cell that senses nothing
   int components = 1;                   // 1 … 64
   Type type = Type::kFloat32;
-  // A class or a mask, not a quantity: without noise, drift, calibration and steps.
+  // A class or a mask, not a quantity: has no noise, drift, calibration or quantization.
   bool is_exact = false;
 };
 
-// A table of single cells that a user measured (docs/sensors.md).
+// A table of per-cell calibration values (docs/sensors.md).
 struct CalibrationFile {
-  std::string name;  // as the user gave it
-  std::string text;  // what is in it
+  std::string name;  // path as given by the user
+  std::string text;  // the file's content
 };
 
-// One sensor as the user set it: a model by name, and the values of all its parameters that have one.
+// A configured sensor: its model and the values of its parameters.
 struct SensorSpec {
   std::string model = "proximity";
   std::string name = "proximity";
@@ -43,7 +43,7 @@ struct SensorSpec {
   std::optional<CalibrationFile> calibration;
 
   bool has(std::string_view parameter) const { return values.contains(parameter); }
-  // Preconditions: the parameter has a value.
+  // All require has(parameter).
   double number(std::string_view parameter) const { return numbers(parameter).front(); }
   const std::vector<double>& numbers(std::string_view parameter) const {
     return values.find(parameter)->second;
@@ -53,41 +53,43 @@ struct SensorSpec {
   }
 };
 
-// A model's name with its parameters and channels.
+// A sensor model: its name, parameters and channels.
 struct SensorKind {
-  std::string name;  // of the model; a sensor's own name is the same unless the user says otherwise
+  std::string name;  // of the model, and the default name of its sensors
   std::vector<Parameter> parameters = {};
-  // The channels of a sensor with these values, in the order in which its model counts them.
+  // The channels of a sensor with these values, in the order in which the model indexes them.
   std::function<std::vector<SensorChannel>(const SensorSpec&)> channels = {};
-  // The channel that says, by not being 0, which cells sense anything at all: there is nothing to disturb
-  // elsewhere. -1: every cell always measures.
+  // Index of the channel that is non-zero in cells that detect something; sensor errors apply only there.
+  // -1 = every cell always measures.
   int mask_channel = -1;
-  // Rules between parameters: "" or one clause, "direction: must not be …". May be absent.
+  // Checks constraints between parameters. Returns "" or one clause, "direction: must not be …". May be null.
   std::function<std::string(const SensorSpec&)> check_constraints = {};
 
-  const Parameter* find_parameter(std::string_view) const;  // null: none of that name, nor an imperfection
-  SensorSpec default_spec() const;                          // every parameter at its standard value
-  // "" or one clause that begins with the sensor's model: "proximity.range = 0: must be …".
+  // Searches `parameters`, then sensor_error_parameters(). Null if there is none.
+  const Parameter* find_parameter(std::string_view) const;
+  SensorSpec default_spec() const;  // all parameters that have a default
+  // Returns "" or one clause that begins with the sensor's model: "proximity.range = 0: must be …".
   std::string validate(const SensorSpec&) const;
 };
 
-// What keeps a reading from the truth; every sensor takes these beside its own parameters.
+// The parameters of the sensor error model, which every sensor has besides its own.
 std::span<const Parameter> sensor_error_parameters();
-// "" or one clause that begins with `what`.
+// Returns "" or one clause that begins with `subject`.
 std::string validate_sensor_errors(const std::string& subject, const ParameterValues&);
 
-// `range`, `direction`, `origin` and `pins`, of models that look along one segment a cell.
+// The parameters of models that cast one ray per cell: `range`, `direction`, `origin` and `pins`.
 std::vector<Parameter> ray_parameters(double range);
-// The rules that these have among themselves.
+// Checks the constraints on ray_parameters(). Returns "" or one clause.
 std::string validate_ray(const SensorSpec&);
 
-// All kinds, the built-in ones first. Not thread-safe against add_sensor_kind().
+// All kinds, built-in ones first. Not thread-safe with respect to add_sensor_kind().
 std::span<const SensorKind> sensor_kinds();
 const SensorKind* find_sensor_kind(std::string_view name);
-// Adds a kind, or replaces the one of that name; before any experiment is loaded.
+// Adds a kind, or replaces the kind with the same name. Call before any experiment is loaded; invalidates the
+// results of the functions above.
 void add_sensor_kind(SensorKind);
 
-// The channels of all these sensors, in their order.
+// The channels of all sensors, in the order of the sensors.
 std::vector<SensorChannel> collect_channels(std::span<const SensorSpec>);
 
 }  // namespace smartsurf::scene

@@ -7,8 +7,7 @@
 namespace smartsurf::scene {
 namespace {
 
-// Directions closer than this (the sine of the angle between them) are parallel: single precision tells no
-// less.
+// Directions are parallel below this sine of their angle, which single precision can still resolve.
 constexpr float kParallelTolerance = 1e-4F;
 
 void add_unique_direction(std::vector<Eigen::Vector3f>& directions, const Eigen::Vector3f& d) {
@@ -17,7 +16,7 @@ void add_unique_direction(std::vector<Eigen::Vector3f>& directions, const Eigen:
   directions.push_back(d);
 }
 
-// Newell's sum: twice the area vector of a polygon, also of one that is only nearly flat.
+// Newell's method: twice the area vector of a polygon that need not be exactly planar.
 Eigen::Vector3d area_vector(const ConvexHull& hull, std::uint32_t first, std::uint32_t count) {
   const auto vertex = [&](std::uint32_t i) {
     return hull.vertices[hull.face_vertices[first + i % count]].cast<double>().eval();
@@ -28,7 +27,7 @@ Eigen::Vector3d area_vector(const ConvexHull& hull, std::uint32_t first, std::ui
   return sum;
 }
 
-// The plane touches the face's outermost corner, so that the piece holds all its corners.
+// The plane passes through the face's outermost vertex, so that the hull contains all its vertices.
 ConvexHull::Face make_face(const ConvexHull& hull, std::uint32_t first, std::uint32_t count) {
   ConvexHull::Face face{area_vector(hull, first, count).normalized().cast<float>(), 0.0F, first, count};
   face.offset = face.normal.dot(hull.vertices[hull.face_vertices[first]]);
@@ -37,7 +36,8 @@ ConvexHull::Face make_face(const ConvexHull& hull, std::uint32_t first, std::uin
   return face;
 }
 
-// Each edge is met twice, once from either side; the way from the lower to the higher index counts.
+// Each edge occurs in two faces with opposite directions. Adds it only in the direction of increasing
+// indices.
 void add_edges(ConvexHull& hull, const ConvexHull::Face& face) {
   for (std::uint32_t i = 0; i < face.vertex_count; ++i) {
     const std::uint16_t a = hull.face_vertices[face.first_vertex + i];

@@ -1,8 +1,7 @@
-// A body bounded by flat faces: the triangles that are drawn, and the convex hulls used by collision and
-// sensors.
+// A polyhedral body: triangles for drawing, and convex hulls for collision and sensors.
 //
-// All points are in the body frame: its origin is the centre of mass, its axes are those of the file or
-// description (not the principal axes), lengths in u.
+// All points are in the body frame. Its origin is the centre of mass, its axes are those of the source file
+// or description (not the principal axes), lengths are in u.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,42 +13,42 @@
 
 namespace smartsurf::scene {
 
-// One convex polyhedron. Faces are polygons, counter-clockwise seen from outside; each edge is listed once.
+// A convex polyhedron. Faces are polygons, counter-clockwise seen from outside.
 struct ConvexHull {
   struct Face {
     Eigen::Vector3f normal{0, 0, 1};  // unit, outward
     float offset = 0.0F;              // normal · x = offset on the face
-    std::uint32_t first_vertex = 0;   // its corners are face_corners[first .. first + count)
+    std::uint32_t first_vertex = 0;   // index into face_vertices
     std::uint32_t vertex_count = 0;
   };
   std::vector<Eigen::Vector3f> vertices;
   std::vector<Face> faces;
-  std::vector<std::uint16_t> face_vertices;
-  std::vector<std::array<std::uint16_t, 2>> edges;
-  Eigen::Vector3f bounds_min{0, 0, 0}, bounds_max{0, 0, 0};  // bounds
-  // Parallel faces or edges once: the directions to try for a separating axis.
+  std::vector<std::uint16_t> face_vertices;         // indices into vertices, face by face
+  std::vector<std::array<std::uint16_t, 2>> edges;  // each edge once
+  Eigen::Vector3f bounds_min{0, 0, 0}, bounds_max{0, 0, 0};
+  // Directions without parallel duplicates, for the separating-axis test.
   std::vector<Eigen::Vector3f> unique_normals, unique_edge_directions;
 };
 
-// The piece with these corners and faces: `loops` holds the corners of each face in turn, counter-clockwise
-// seen from outside, `sizes` how many each face has (≥ 3). Normals, offsets, edges, bounds and directions
-// follow from them, so that the same corners and faces give the same piece to the bit. The faces must be
-// those of a convex polyhedron.
+// Builds a hull from its vertices and faces. `face_loops` lists the vertex indices of one face after the
+// other, counter-clockwise seen from outside; `face_sizes` has the vertex count (≥ 3) of each face. All other
+// members are derived from these, so that equal arguments give bit-identical hulls. The faces must form a
+// convex polyhedron.
 ConvexHull make_convex_hull(std::vector<Eigen::Vector3f> vertices, std::vector<std::uint16_t> face_loops,
                             std::span<const std::uint32_t> face_sizes);
 
 struct Solid {
-  std::string source;  // the file it was read from, or what made it ("cone")
+  std::string source;  // the mesh file, or the generator ("cone")
   std::vector<Eigen::Vector3f> vertices;
   std::vector<std::array<std::uint32_t, 3>> triangles;       // counter-clockwise seen from outside
-  std::vector<ConvexHull> hulls;                             // ≥ 1; together they fill the solid
+  std::vector<ConvexHull> hulls;                             // ≥ 1; their union approximates the solid
   double volume = 0.0;                                       // u³
   Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();         // about the centre of mass, for density 1
-  Eigen::Vector3f bounds_min{0, 0, 0}, bounds_max{0, 0, 0};  // bounds
-  float bounding_radius = 0.0F;                              // the farthest point's distance from the origin
+  Eigen::Vector3f bounds_min{0, 0, 0}, bounds_max{0, 0, 0};
+  float bounding_radius = 0.0F;  // distance of the farthest vertex from the origin
 };
 
-// Sets low, high and reach to those of the vertices (≥ 1).
+// Sets bounds_min, bounds_max and bounding_radius from the vertices, of which there is at least one.
 void compute_bounds(Solid&);
 
 }  // namespace smartsurf::scene

@@ -1,4 +1,4 @@
-// Creates solids from files or points. The script's interface to smartsurf/mesh.
+// The interface through which scripts create solids from files or points. smartsurf/mesh implements it.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,30 +13,30 @@
 namespace smartsurf::scene {
 
 struct MeshRequest {
-  std::filesystem::path file;  // where it is
-  std::string display_name;    // what messages call it
-  double scale = 1.0;          // the file's unit, in u
-  bool decompose = true;       // into convex pieces; otherwise its convex hull collides
-  int max_hulls = 32;          // at most
-  double tolerance = 0.2;      // the pieces' volume and inertia may differ from the mesh's by this share
+  std::filesystem::path file;
+  std::string display_name;  // the file's name in messages
+  double scale = 1.0;        // u per unit of the file
+  bool decompose = true;     // false = collide with the convex hull of the mesh
+  int max_hulls = 32;        // limit of the decomposition
+  double tolerance = 0.2;    // allowed relative deviation of the hulls' volume and inertia from the mesh's
 };
 
 struct SolidResult {
-  std::shared_ptr<const Solid> solid;  // never null; the same for the same request
-  // What its author should know, one line each: what was mended, how far the pieces are from the mesh. Only
-  // with the first answer to a request.
+  std::shared_ptr<const Solid> solid;  // not null; cached, so equal requests share one solid
+  // Warnings for the author of the experiment, one line each: repairs, poor decompositions. Empty when the
+  // solid comes from the cache.
   std::vector<std::string> warnings;
 };
 
-// Each function throws InputError with one clause that names the file, without the script's place, when no
-// solid can be made. Not thread-safe.
+// All functions throw InputError, with one clause that names the file but not the script's location, if the
+// solid cannot be created. Not thread-safe.
 class SolidFactory {
  public:
   virtual ~SolidFactory() = default;
   virtual SolidResult load_mesh(const MeshRequest&) = 0;
-  // The convex hull of a file's vertices; `decompose`, `pieces` and `tolerance` do not matter.
+  // The convex hull of a file's vertices. Ignores `decompose`, `max_hulls` and `tolerance`.
   virtual SolidResult make_hull(const MeshRequest&) = 0;
-  // The convex hull of points, u. `name` stands in messages.
+  // The convex hull of points, u. `name` is used in messages.
   virtual SolidResult make_hull(std::span<const Eigen::Vector3d> points, const std::string& name) = 0;
 };
 

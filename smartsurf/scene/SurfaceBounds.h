@@ -1,4 +1,4 @@
-// The rectangle around the cells of a surface, whatever its layout.
+// The bounding rectangle of a surface of any layout.
 #pragma once
 
 #include "smartsurf/scene/SceneSpec.h"
@@ -12,8 +12,8 @@ struct SurfaceBounds {
   bool contains(double x, double y) const { return x >= west && x <= east && y >= south && y <= north; }
 };
 
-// Around all cells that are there, a cell reaching half a pitch from its centre; of a rectangular grid around
-// all places. A surface has at least one cell.
+// Bounds of all cells, each extending half a pitch from its centre. Empty cells count only on a rectangular
+// grid. Requires at least one cell.
 SurfaceBounds compute_surface_bounds(const SurfaceSpec&);
 
 }  // namespace smartsurf::scene

@@ -9,11 +9,11 @@
 namespace smartsurf::scene {
 namespace {
 
-constexpr int kMaxTilesPerSide = 2048;  // along each side
-constexpr int kClosingRadius = 4;       // tiles: half of the gaps that are closed
+constexpr int kMaxTilesPerSide = 2048;
+constexpr int kClosingRadius = 4;  // tiles; closes gaps up to twice as wide
 constexpr std::uint8_t kOutside = 0, kInside = 1, kEnclosed = 2;
 
-// The cells that are there.
+// The poses of all cells that are not empty.
 std::vector<CellPose> collect_cell_poses(const SurfaceSpec& surface) {
   std::vector<CellPose> poses;
   for (int r = 0; r < surface.rows; ++r)
@@ -28,8 +28,8 @@ std::vector<CellPose> collect_cell_poses(const SurfaceSpec& surface) {
   return poses;
 }
 
-// How far most cells are from their nearest neighbour: the median; 0 for less than two. By a sweep from west
-// to east, which looks no farther along x than the nearest found so far.
+// The median distance of cells from their nearest neighbours; 0 for fewer than two cells. The sweep along x
+// stops at the nearest distance found so far.
 double median_cell_spacing(std::vector<CellPose> poses) {
   if (poses.size() < 2) return 0.0;
   std::ranges::sort(poses, {}, &CellPose::x);
@@ -67,7 +67,7 @@ TableFootprint::TableFootprint(const SurfaceSpec& surface)
   if (poses.empty()) return;
   tile_size_ = std::max(
       {surface.pitch / 4.0, (max_x_ - min_x_) / kMaxTilesPerSide, (max_y_ - min_y_) / kMaxTilesPerSide});
-  constexpr int kMargin = kClosingRadius + 1;  // around the table, to spread into and to fill from
+  constexpr int kMargin = kClosingRadius + 1;  // for dilation, plus a ring from which fill_holes() starts
   columns_ = static_cast<int>(std::ceil((max_x_ - min_x_) / tile_size_)) + 2 * kMargin;
   rows_ = static_cast<int>(std::ceil((max_y_ - min_y_) / tile_size_)) + 2 * kMargin;
   min_x_ -= kMargin * tile_size_, min_y_ -= kMargin * tile_size_;
@@ -77,13 +77,13 @@ TableFootprint::TableFootprint(const SurfaceSpec& surface)
   fill_holes();
 }
 
-// Every tile whose middle lies in the cell's square, and the one that the cell's centre lies in.
+// Marks all tiles whose centre is inside the cell's square, and the tile that contains the cell's centre.
 void TableFootprint::rasterize_cell(const CellPose& pose, double half_side) {
   const double circumradius = half_side * std::numbers::sqrt2, cosine = std::cos(pose.angle),
                sine = std::sin(pose.angle);
   tiles_[tile_index(static_cast<int>((pose.y - min_y_) / tile_size_),
                     static_cast<int>((pose.x - min_x_) / tile_size_))] = kInside;
-  const double tolerance = half_side * (1.0 + 1e-9);  // where two squares meet nothing is left between them
+  const double tolerance = half_side * (1.0 + 1e-9);  // leaves no gap between adjacent squares
   const int r0 = static_cast<int>((pose.y - circumradius - min_y_) / tile_size_);
   const int r1 = static_cast<int>((pose.y + circumradius - min_y_) / tile_size_);
   const int c0 = static_cast<int>((pose.x - circumradius - min_x_) / tile_size_);
@@ -96,7 +96,7 @@ void TableFootprint::rasterize_cell(const CellPose& pose, double half_side) {
     }
 }
 
-// The closing of morphology, by a square.
+// Morphological closing with a square structuring element: dilation, then erosion.
 void TableFootprint::close_gaps() {
   for (const std::uint8_t label : {kInside, kOutside})
     for (const bool along_rows : {true, false}) dilate(label, along_rows);
@@ -118,9 +118,9 @@ void TableFootprint::dilate(std::uint8_t label, bool along_rows) {
   }
 }
 
-// What cannot be reached from outside belongs to the table.
+// Flood fill from a corner of the raster. Tiles that it does not reach belong to the table.
 void TableFootprint::fill_holes() {
-  std::ranges::replace(tiles_, kOutside, kEnclosed);  // until it is reached
+  std::ranges::replace(tiles_, kOutside, kEnclosed);  // until reached from outside
   std::vector<std::pair<int, int>> frontier{{0, 0}};
   tiles_[0] = kOutside;
   while (!frontier.empty()) {

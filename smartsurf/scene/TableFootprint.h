@@ -1,9 +1,9 @@
 // Tests whether a point is over the table, seen from above, for any layout.
 //
-// Each cell owns a square as wide as the pitch, rotated with it; where cells are farther apart, as wide as
-// most cells' distance to their nearest neighbour. Gaps and notches less than two pitches wide between these
-// squares belong to the table, and so does what they enclose. A rectangular grid without empty cells is
-// exactly a rectangle; other outlines are rasters of a quarter of a pitch, coarser for huge ones.
+// Each cell covers a square, rotated with the cell, whose edge is the pitch or the median distance to the
+// nearest neighbour, whichever is larger. Gaps and notches narrower than two pitches between the squares
+// belong to the table, as do enclosed holes. A rectangular grid without empty cells is an exact rectangle.
+// Other outlines are rasterized with tiles of a quarter of the pitch, coarser for huge surfaces.
 #pragma once
 
 #include <cstdint>
@@ -17,14 +17,13 @@ class TableFootprint {
  public:
   explicit TableFootprint(const SurfaceSpec&);
 
-  // x, y: u. False for what is not a number.
+  // x, y in u. False for NaN.
   bool contains(double x, double y) const noexcept;
 
  private:
   void rasterize_cell(const CellPose&, double half_side);
   void close_gaps();
-  // Every tile becomes `what` that has such a one at most kGap tiles away, along the rows or along the
-  // columns.
+  // Sets every tile to `label` that has a tile with that label within kClosingRadius, in one direction.
   void dilate(std::uint8_t label, bool along_rows);
   void fill_holes();
   std::size_t tile_index(int row, int column) const {
@@ -32,10 +31,11 @@ class TableFootprint {
            static_cast<std::size_t>(column);
   }
 
-  double min_x_, min_y_, max_x_, max_y_;  // of a box around the table, u
-  double tile_size_ = 0.0;                // edge of a tile of the raster, u
-  int rows_ = 0, columns_ = 0;
-  std::vector<std::uint8_t> tiles_;  // rows × columns from the south-west; 1: table. Empty: all of the box is
+  double min_x_, min_y_, max_x_, max_y_;  // bounding box of the table, u
+  double tile_size_ = 0.0;                // edge of a raster tile, u
+  int rows_ = 0, columns_ = 0;            // of the raster
+  // [row][column] from the south-west; 1 = table. Empty = the table fills the bounding box.
+  std::vector<std::uint8_t> tiles_;
 };
 
 }  // namespace smartsurf::scene

@@ -1,7 +1,7 @@
-// The queue of timed events: which callbacks are due, and their order.
+// A priority queue of timed callbacks, one-shot and periodic.
 //
-// Order: by nominal time, then by registration. The n-th time of a periodic event is start + n·period,
-// computed directly, so that no rounding accumulates.
+// Events are ordered by due time, then by registration. The n-th occurrence of a periodic event is
+// start + n·period, computed directly so that rounding errors do not accumulate.
 #pragma once
 
 #include <cstddef>
@@ -14,21 +14,21 @@ namespace smartsurf::script {
 
 struct TimedEvent {
   double due_s = 0.0;
-  std::uint64_t sequence = 0;  // of registration
-  int callback = 0;            // whatever the caller knows the function by
+  std::uint64_t sequence = 0;  // registration order
+  int callback = 0;            // opaque to the queue
   double start_s = 0.0;
-  double period_s = 0.0;  // 0 = once
-  std::uint64_t repetitions = 0;
+  double period_s = 0.0;          // 0 = one-shot
+  std::uint64_t repetitions = 0;  // index of the next occurrence
 };
 
 class EventQueue {
  public:
   void schedule_at(double time_s, int callback);
-  // First at start_s + period_s. Requires period_s > 0.
+  // The first occurrence is at start_s + period_s. Requires period_s > 0.
   void schedule_every(double start_s, double period_s, int callback);
 
-  // Calls `call` for each event due at or before horizon_s, in order; a periodic event goes on as long as
-  // `call` returns true. Events registered meanwhile wait for the next run_due.
+  // Calls `invoke` for each event due at or before horizon_s, in order. A periodic event is rescheduled while
+  // `invoke` returns true. Events scheduled from inside `invoke` wait for the next call of run_due.
   void run_due(double horizon_s, const std::function<bool(const TimedEvent&)>& invoke);
 
   std::size_t size() const { return queue_.size() + pending_.size(); }

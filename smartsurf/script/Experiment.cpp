@@ -13,7 +13,8 @@
 namespace smartsurf::script {
 namespace {
 
-// An event counts as due this fraction of a control period early, so that rounding in the clock delays none.
+// Events fire this fraction of a control period early, so that rounding of the clock does not delay them by a
+// tick.
 constexpr double kDueTolerance = 1e-3;
 
 int register_bindings(ScriptContext& context, lua_State* L) {
@@ -42,7 +43,7 @@ int run_script(ScriptContext& context, lua_State* L) {
   return 0;
 }
 
-// The table's axes stay x, y and z: what turns is gravity, the other way.
+// The table stays aligned with the world axes. Its tilt is modelled by the inverse rotation of gravity.
 Eigen::Vector3d rotate_gravity(const Eigen::Vector3d& gravity, const Eigen::Vector2d& tilt_rad) {
   if (tilt_rad.isZero(0.0)) return gravity;
   const Eigen::Quaterniond tilt = Eigen::AngleAxisd(tilt_rad.y(), Eigen::Vector3d::UnitY()) *
@@ -65,8 +66,9 @@ void validate_declarations(const ScriptContext& context) {
                             "; options: " + (assignments.empty() ? "none" : join_names(assignments)));
   }
   if (!context.declared_at.contains("surface") && !context.returned_type.empty())
-    throw scene::InputError(file + ": no surface is declared, and it gives back a " + context.returned_type +
-                            ": it looks like a file that experiments require; check one of those");
+    throw scene::InputError(file + ": no surface is declared, and the script returns a " +
+                            context.returned_type +
+                            ": it looks like a module; check an experiment that requires it");
   if (!context.declared_at.contains("surface"))
     throw scene::InputError(file +
                             ": no surface is declared; an experiment needs one, surface{rows = 64, columns = "
@@ -80,7 +82,7 @@ struct Experiment::Impl {
       : session(std::move(options)), interpreter(session, session.options.memory_limit) {
     session.interpreter = &interpreter;
   }
-  // Closing Lua may run code of an unsafe script: the host may be gone by then.
+  // Closing Lua may run finalizers of an unsafe script when the simulation no longer exists.
   ~Impl() { session.phase = Phase::kLoading; }
 
   void load() {
@@ -93,12 +95,12 @@ struct Experiment::Impl {
     session.spec.world.gravity = rotate_gravity(session.spec.world.gravity, session.spec.surface.tilt_rad);
   }
 
-  // Calls one function of the script with the time and the tick, behind the object's id where there is one;
-  // whether it wants to be called again.
+  // Calls a callback with (t, tick) or (object, t, tick). Returns false if the callback returned false, which
+  // unregisters it.
   bool invoke(int callback, std::optional<scene::ObjectId> object = {}) {
     lua_State* const L = interpreter.lua();
     const auto& [reference, location] = session.callbacks[static_cast<std::size_t>(callback)];
-    const std::string registered_at = location;  // the call may move the list
+    const std::string registered_at = location;  // copied: the call may reallocate `callbacks`
     lua_rawgeti(L, LUA_REGISTRYINDEX, reference);
     if (object) lua_pushinteger(L, static_cast<lua_Integer>(*object));
     lua_pushnumber(L, session.time_s);
@@ -115,7 +117,7 @@ struct Experiment::Impl {
     session.free_callbacks.push_back(callback);
   }
 
-  // Calls all of `functions` that are there now; those that one of them adds wait for the next time.
+  // Invokes the callbacks present at entry. Callbacks registered meanwhile run from the next tick on.
   void run_callbacks(std::vector<int>& callbacks, std::optional<scene::ObjectId> object = {}) {
     const std::size_t count = callbacks.size();
     std::vector<int> expired;
@@ -128,7 +130,7 @@ struct Experiment::Impl {
   }
 
   ScriptContext session;
-  Interpreter interpreter;  // its bound functions use the session until it is gone
+  Interpreter interpreter;  // destroyed before `session`, which its bound functions use
   bool finished = false;
 };
 
@@ -147,7 +149,7 @@ Experiment Experiment::load(const std::filesystem::path& path, LoadOptions optio
     impl = std::make_unique<Impl>(std::move(options));
   } catch (const std::bad_alloc&) {
     throw scene::InputError(to_single_line(path.string()) +
-                            ": the memory for scripts is too small to start one");
+                            ": the memory limit is too small to start a script");
   }
   ScriptContext& context = impl->session;
   std::error_code error;

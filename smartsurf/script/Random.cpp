@@ -18,7 +18,7 @@ double Random::uniform_unit() { return static_cast<double>(next() >> 11) * 0x1.0
 double Random::uniform(double low, double high) {
   assert(low <= high);
   const double u = uniform_unit();
-  const double value = low * (1.0 - u) + high * u;  // no overflow for any finite bounds
+  const double value = low * (1.0 - u) + high * u;  // cannot overflow for finite bounds
   if (value < low) return low;
   return value >= high && high > low ? std::nextafter(high, low) : value;
 }
@@ -27,7 +27,7 @@ std::int64_t Random::uniform_integer(std::int64_t low, std::int64_t high) {
   assert(low <= high);
   const std::uint64_t width = static_cast<std::uint64_t>(high) - static_cast<std::uint64_t>(low);
   if (width == UINT64_MAX) return static_cast<std::int64_t>(next());
-  // Values past the last whole multiple of span + 1 would make the low results likelier: draw again.
+  // Reject values above the largest multiple of `count`, which would bias the result towards `low`.
   const std::uint64_t count = width + 1;
   const std::uint64_t rejected = (UINT64_MAX % count + 1) % count;
   std::uint64_t draw = next();

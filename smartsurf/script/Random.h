@@ -1,6 +1,6 @@
-// The experiment's random numbers: SplitMix64, integer arithmetic only, so the same seed gives the same
-// numbers on every machine. (Steele, Lea, Flood: Fast Splittable Pseudorandom Number Generators, OOPSLA
-// 2014.)
+// The random number generator of an experiment: SplitMix64 (Steele, Lea, Flood: Fast Splittable Pseudorandom
+// Number Generators, OOPSLA 2014). It uses integer arithmetic only, so a seed gives the same sequence on
+// every machine.
 #pragma once
 
 #include <cstdint>
@@ -12,11 +12,11 @@ class Random {
   explicit Random(std::uint64_t seed) : state_(seed) {}
 
   std::uint64_t next();
-  // In [0, 1), one of 2^53 equally spaced values.
+  // In [0, 1), a multiple of 2^-53.
   double uniform_unit();
-  // In [low, high), or low where both are equal. Requires low ≤ high, both finite.
+  // In [low, high); low if both are equal. Requires low ≤ high, both finite.
   double uniform(double low, double high);
-  // In [low, high], every integer equally likely. Requires low ≤ high.
+  // Uniform in [low, high]. Requires low ≤ high.
   std::int64_t uniform_integer(std::int64_t low, std::int64_t high);
 
  private:

@@ -1,5 +1,5 @@
-// The state of one experiment: its declarations, event queue, random numbers, and the simulation that it runs
-// in. Bound functions operate on it. Internal to this module.
+// The state of one experiment, on which all bound functions operate: declarations, event queue, random
+// numbers and the simulation. Internal to this module.
 #pragma once
 
 #include <cstdint>
@@ -19,57 +19,58 @@ namespace smartsurf::script {
 
 enum class Phase { kLoading, kRunning };
 
-// A function of the script that waits to be called: where Lua keeps it, and the line that registered it.
+// A registered callback of the script.
 struct Callback {
-  int reference = LUA_NOREF;
-  std::string location;
+  int reference = LUA_NOREF;  // in the Lua registry
+  std::string location;       // "FILE:LINE" of the registration
 };
 
 struct ScriptContext {
   explicit ScriptContext(LoadOptions o) : options(std::move(o)) {}
 
   LoadOptions options;
-  std::filesystem::path script_folder;  // of the script
+  std::filesystem::path script_folder;  // canonical
   scene::SceneSpec spec;
   Interpreter* interpreter = nullptr;
 
   Phase phase = Phase::kLoading;
-  SimulationInterface* simulation = nullptr;  // none while loading
+  SimulationInterface* simulation = nullptr;  // null while loading
   double time_s = 0.0;
   std::uint64_t tick = 0;
 
-  std::vector<scene::ActuatorSpec> actuators;  // that the script made, whether in use or not
-  std::vector<scene::SensorSpec> sensors;      // that the script made, whether in use or not
-  std::vector<scene::SensorChannel> channels;  // of the sensors, and the mask of a surface with empty cells
+  std::vector<scene::ActuatorSpec> actuators;  // all that the script created, used or not
+  std::vector<scene::SensorSpec> sensors;      // all that the script created, used or not
+  std::vector<scene::SensorChannel> channels;  // of the sensors, and the occupancy mask if cells are empty
 
-  // Where each was declared ("FILE:LINE"), for the message about a second declaration.
+  // Declaration -> "FILE:LINE", for the error message about a second declaration.
   std::map<std::string, std::string> declared_at;
-  // The type of what the script gave back, as a file that is required does; "": nothing.
+  // The Lua type of the script's return value; "" = none. A script that returns a value is probably a module.
   std::string returned_type;
 
-  std::optional<Random> random;  // from its first use on
-  std::string random_first_use;
+  std::optional<Random> random;  // created at first use
+  std::string random_first_use;  // "FILE:LINE"
 
   EventQueue event_queue;
-  std::vector<Callback> callbacks;  // Event::callback is an index here
-  std::vector<int> free_callbacks;
-  std::vector<int> on_tick, on_leave, on_finish;
-  std::vector<std::function<void(SimulationInterface&)>>
-      deferred_requests;  // pace and pause asked for while loading
+  std::vector<Callback> callbacks;                // indexed by TimedEvent::callback
+  std::vector<int> free_callbacks;                // unused slots of `callbacks`
+  std::vector<int> on_tick, on_leave, on_finish;  // indices into `callbacks`
+  // Calls of pace and pause while loading; run by Experiment::start.
+  std::vector<std::function<void(SimulationInterface&)>> deferred_requests;
 
-  std::vector<std::pair<std::string, double>> metrics;  // in the order in which each was first given
+  std::vector<std::pair<std::string, double>> metrics;  // in order of first use
 
-  std::vector<float> target_scratch;  // scratch of cells:targets
+  std::vector<float> target_scratch;  // for cells:targets
 
-  // The generator, seeded at its first use: from then on the seed is settled.
+  // The generator, seeded at its first use. A later world.seed must not differ.
   Random& random_generator(lua_State* L);
 };
 
-// The index of the material that the text at `index` names; throws Problem, naming `name`, when there is
-// none.
+// In all functions below, `name` is the dotted name that error messages start with.
+
+// The index of the material named by the string at `index`. Throws ScriptError if it does not exist.
 int check_material(const ScriptContext&, lua_State* L, int index, const std::string& name);
 
-// The actuators of surface{} with the names by which its cells choose them. All throw Problem.
+// The actuators of surface{} with the names by which its cells refer to them. All throw ScriptError.
 struct NamedActuator {
   std::string name;
   scene::ActuatorSpec spec;
@@ -77,40 +78,40 @@ struct NamedActuator {
 using NamedActuators = std::vector<NamedActuator>;
 NamedActuators check_single_actuator(const ScriptContext&, lua_State* L, int index, const std::string& name);
 NamedActuators check_actuators(const ScriptContext&, lua_State* L, int index, const std::string& name);
-// Reads those fields of surface{} that say where its cells stand and what is in each; rows, columns and pitch
-// are there.
+// Reads the fields of surface{} that define the positions of the cells and the actuator in each. Requires
+// that rows, columns and pitch have been read.
 class TableReader;
 void read_layout(ScriptContext&, lua_State* L, const TableReader&, scene::SurfaceSpec&);
-// The actuators' part of faults{}.
+// Reads faults.actuator.
 void read_actuator_faults(lua_State* L, int index, const std::string& name, scene::ActuatorFaultSpec&);
 
-// The sensor, or the list of sensors, at `index`; and the sensors' part of faults{}. Both throw Problem.
+// Reads the sensor or list of sensors at `index`, and the sensor part of faults{}. Both throw ScriptError.
 void read_sensors(const ScriptContext&, lua_State* L, int index, const std::string& name,
                   std::vector<scene::SensorSpec>&);
 void read_sensor_faults(lua_State* L, int index, const std::string& name, scene::ParameterValues&);
 
-// Declares the functions of each group as globals. What they do and take: docs/experiments.md.
-void bind_declarations(lua_State* L);  // world, material, surface, faults, record
-void bind_actuators(lua_State* L);     // one a kind of actuator
-void bind_sensors(lua_State* L);       // one a kind of sensor
-void bind_options(lua_State* L);       // option, random, math.random
-void bind_objects(lua_State* L);       // sphere, box, cylinder, capsule, cone, hull, mesh
-void bind_events(lua_State* L);  // at, every, on_tick and the like, time, metric, stop, quit, pause, pace
+// Register the functions of each group as globals. docs/experiments.md is their reference.
+void bind_declarations(lua_State* L);    // world, material, surface, faults, record
+void bind_actuators(lua_State* L);       // one function per kind of actuator
+void bind_sensors(lua_State* L);         // one function per kind of sensor
+void bind_options(lua_State* L);         // option, random, math.random
+void bind_objects(lua_State* L);         // sphere, box, cylinder, capsule, cone, hull, mesh
+void bind_events(lua_State* L);          // at, every, on_*, time, metric, stop, quit, pause, pace
 void bind_object_handles(lua_State* L);  // object, objects
 void bind_cells(lua_State* L);           // cells
-// Lua's own libraries, as far as the sandbox lets them in: before the others.
+// The Lua standard library, reduced to what the sandbox allows. Must run first.
 void bind_standard_library(lua_State* L, const ScriptContext&);
-void bind_ordered_pairs(lua_State* L);  // pairs, next, in an order that is the same on every run
-void bind_file_access(lua_State* L);  // require, dofile, io: only beside the script and in the output folder
-void bind_denied_libraries(lua_State* L);  // os, debug: say what is not there
-// Makes an unknown global an error that suggests the nearest name: after the others.
+void bind_ordered_pairs(lua_State* L);     // pairs, next, with a reproducible order
+void bind_file_access(lua_State* L);       // require, dofile, io, restricted to the sandbox's folders
+void bind_denied_libraries(lua_State* L);  // os, debug: every access is an error
+// Makes access to an unknown global an error that suggests the nearest name. Must run last.
 void guard_globals(lua_State* L);
 
-// Throws Problem unless the simulation runs: `what` needs it.
+// Throws ScriptError that begins with `subject` unless the simulation is running.
 void require_running(const ScriptContext&, const std::string& subject);
-// Throws Problem unless the script is being loaded.
+// Throws ScriptError that begins with `subject` unless the script is loading.
 void require_loading(const ScriptContext&, const std::string& subject);
-// Throws Problem where `what` was declared before; notes the place otherwise.
+// Throws ScriptError if `declaration` was made before; records its location otherwise.
 void declare_once(ScriptContext&, lua_State* L, const std::string& declaration);
 
 }  // namespace smartsurf::script

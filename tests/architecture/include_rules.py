@@ -14,6 +14,7 @@ MODULES = {
     "common/csv": set(),
     "common/files": set(),
     "common/process": set(),
+    "common/text": set(),
     "common/gl": {"common/error"},
     "common/threads": {"common/error"},
     "common/image": {"common/error", "common/files"},

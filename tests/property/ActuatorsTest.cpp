@@ -23,7 +23,7 @@ void set_all_targets(PhysicsFixture& fixture, int channel, float value) {
 
 }  // namespace
 
-TEST(Actuators, ABoxOnBallsSlidesUpToTheirSpeed) {
+TEST(Actuators, BoxOnBallsReachesTheirSpeed) {
   PhysicsFixture fixture;
   set_actuator(fixture, "ball", {{"radius", {0.4}}, {"max_acceleration", {1e6}}});
   const auto id = fixture.add(box({3, 3, 1}, {6, 15, 0.5}));
@@ -37,7 +37,7 @@ TEST(Actuators, ABoxOnBallsSlidesUpToTheirSpeed) {
   EXPECT_NEAR(fixture.velocity(id).y(), 0.0, 0.01);
 }
 
-TEST(Actuators, ASphereOnBallsRollsBackwards) {
+TEST(Actuators, SphereOnBallsRollsBackwards) {
   // A surface that moves at v under a sphere takes it along at (2/7)·v.
   PhysicsFixture fixture;
   set_actuator(fixture, "ball", {{"radius", {0.4}}, {"max_acceleration", {1e6}}});
@@ -49,7 +49,7 @@ TEST(Actuators, ASphereOnBallsRollsBackwards) {
   EXPECT_NEAR(fixture.angular_velocity(id).y(), (2.0 * 2 / 7 - 2.0) / 2, 0.03);
 }
 
-TEST(Actuators, AForceFieldAcceleratesByTheForceOverTheMass) {
+TEST(Actuators, ForceFieldAcceleratesByForceOverMass) {
   PhysicsFixture fixture;
   fixture.scene.materials[0].friction = 0;
   set_actuator(fixture, "force_field", {{"fall_off", {1}}, {"reach", {1}}});
@@ -62,7 +62,7 @@ TEST(Actuators, AForceFieldAcceleratesByTheForceOverTheMass) {
   EXPECT_NEAR(fixture.position(id).z(), 0.5, 0.01);
 }
 
-TEST(Actuators, ASheetHoversWhereTheAirCarriesIt) {
+TEST(Actuators, SheetHoversAtEquilibriumGap) {
   // cells·k·(flow/(1 + g/decay))² = m·g, with k = ½·density·drag·area
   PhysicsFixture fixture;
   set_actuator(fixture, "air_jet", {{"decay", {2}}, {"lag", {0}}});
@@ -78,7 +78,7 @@ TEST(Actuators, ASheetHoversWhereTheAirCarriesIt) {
   EXPECT_NEAR(fixture.position(id).x(), 15, 0.1);
 }
 
-TEST(Actuators, APinStallsUnderAWeightAndLiftsALighterOne) {
+TEST(Actuators, PinLiftsLightSphereAndStallsUnderHeavyOne) {
   for (const double mass : {1.0, 300.0}) {
     PhysicsFixture fixture;
     set_actuator(fixture, "pin",
@@ -96,7 +96,7 @@ TEST(Actuators, APinStallsUnderAWeightAndLiftsALighterOne) {
   }
 }
 
-TEST(Actuators, AMagnetPullsOnePolePushesTheOtherAndLeavesTheRest) {
+TEST(Actuators, MagnetAttractsAndRepelsByPole) {
   PhysicsFixture fixture;
   set_actuator(fixture, "magnet", {{"law", {1}}, {"strength", {400}}, {"lag", {0}}});
   auto attracted = cylinder(0.8, 0.6, {12, 16, 0.3});

@@ -8,7 +8,7 @@
 using namespace physics_fixture;
 using smartsurf::scene::ObjectId;
 
-TEST(Collision, KeepsMomentumAndEnergy) {
+TEST(Collision, ConservesMomentumAndEnergy) {
   PhysicsFixture fixture;
   fixture.scene.world.gravity = {0, 0, 0};
   fixture.scene.materials[0].restitution = 1.0;
@@ -53,7 +53,7 @@ TEST(Collision, EveryPairOfShapesBouncesApart) {
     }
 }
 
-TEST(Collision, FacesThatMeetFlatPartWithoutATurn) {
+TEST(Collision, FlatFaceImpactCausesNoRotation) {
   for (const double e : {0.4, 1.0}) {
     PhysicsFixture fixture;
     fixture.scene.world.gravity = {0, 0, 0};
@@ -71,7 +71,7 @@ TEST(Collision, FacesThatMeetFlatPartWithoutATurn) {
   }
 }
 
-TEST(Bounce, ABoxThatFallsFlatReboundsUpright) {
+TEST(Bounce, FlatBoxReboundsUpright) {
   PhysicsFixture fixture;
   fixture.scene.materials[0].restitution = 0.8;
   const auto id = fixture.add(box({2, 2, 2}, {15, 15, 6}));
@@ -119,7 +119,7 @@ TEST(Stacking, AllShapesRestOnABox) {
   }
 }
 
-TEST(Tipping, ABoxTipsWhenGravityLeavesItsBase) {
+TEST(Tipping, BoxTipsWhenGravityLeavesItsBase) {
   // A base of 1 under a height of 2 stands up to tan = 1/2.
   for (const double tangent : {0.45, 0.55}) {
     PhysicsFixture fixture;
@@ -136,7 +136,7 @@ TEST(Tipping, ABoxTipsWhenGravityLeavesItsBase) {
   }
 }
 
-TEST(Falling, NoShapeTunnels) {
+TEST(Falling, FastShapesDoNotTunnel) {
   const std::vector<smartsurf::scene::ObjectSpec> shapes = {
       box({1, 1, 1}, {0, 0, 0}), cylinder(0.5, 1, {0, 0, 0}), capsule(0.4, 1.4, {0, 0, 0}),
       cone(0.7, 1.5, {0, 0, 0}), wedge({0, 0, 0})};
@@ -153,7 +153,7 @@ TEST(Falling, NoShapeTunnels) {
     }
 }
 
-TEST(Solids, ACubeOfFacesIsABox) {
+TEST(Solids, CubeHullBehavesLikeBox) {
   for (const double tilt : {0.0, 0.4}) {
     PhysicsFixture fixture;
     auto one = box({2, 2, 2}, {8, 8, 3}), two = cube({20, 20, 3});

@@ -17,7 +17,7 @@ std::vector<scene::ObjectSpec> make_all_shapes() {
 
 }  // namespace
 
-TEST(Carried, ByATravellingWaveAtItsSpeed) {
+TEST(Carried, ByTravellingWaveAtItsSpeed) {
   // A sphere in a trough of z = 1.6 + 1.2·sin(kx − ωt) travels at ω/k.
   for (const double speed : {0.75, 1.5}) {
     PhysicsFixture fixture;
@@ -69,7 +69,7 @@ TEST(Carried, ByWheelsAtSpinTimesRadius) {
   }
 }
 
-TEST(Carried, NothingSinksIntoARisingField) {
+TEST(Carried, NoPenetrationOfRisingField) {
   for (const auto& shape : make_all_shapes())
     for (const double speed : {2.0, 20.0})
       for (const double dt_s : {1.0 / 60, 1.0 / 240}) {
@@ -97,7 +97,7 @@ TEST(Carried, NothingSinksIntoARisingField) {
       }
 }
 
-TEST(Carried, NoFlatShapeSnagsAtTheGaps) {
+TEST(Carried, FlatShapesDoNotSnagAtGaps) {
   for (const auto& shape : {cylinder(1, 1, {0, 0, 0.5}), box({1.4, 1.4, 1}, {0, 0, 0.5}), cube({0, 0, 1})})
     for (const double course : {0.0, 0.35, 0.7854}) {
       PhysicsFixture fixture;
@@ -117,7 +117,7 @@ TEST(Carried, NoFlatShapeSnagsAtTheGaps) {
     }
 }
 
-TEST(Carried, ALyingCylinderSlidesAlongItsAxisWithoutSnagging) {
+TEST(Carried, LyingCylinderDoesNotSnagAlongItsAxis) {
   PhysicsFixture fixture;
   auto object = cylinder(0.9, 3, {5, 15.3, 0.9});
   object.orientation = Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitY());
@@ -128,7 +128,7 @@ TEST(Carried, ALyingCylinderSlidesAlongItsAxisWithoutSnagging) {
   EXPECT_NEAR(fixture.position(id).y(), 15.3, 0.02);
 }
 
-TEST(Caught, SmallFastThings) {
+TEST(Caught, SmallFastBodies) {
   struct Thing {
     scene::ObjectSpec object;
     double inner;  // radius of the ball that fits into it about its centre of mass
@@ -164,7 +164,7 @@ TEST(Caught, SmallFastThings) {
       }
 }
 
-TEST(Caught, ARowOfPinsStopsABulletFromTheSide) {
+TEST(Caught, PinRowStopsFastBodyFromTheSide) {
   for (const double speed : {50.0, 300.0})
     for (const bool round : {true, false}) {
       PhysicsFixture fixture;
@@ -180,7 +180,7 @@ TEST(Caught, ARowOfPinsStopsABulletFromTheSide) {
     }
 }
 
-TEST(Caught, ASphereRestsOnTheRimOfAPocketWhereGeometrySaysSo) {
+TEST(Caught, SphereRestsOnPocketRim) {
   // Three by three pins lowered: the rim is 1.6 from the middle, and the sphere hangs √(R² − 1.6²) above it.
   for (const double radius : {1.8, 2.0, 2.6}) {
     PhysicsFixture fixture;
@@ -198,7 +198,7 @@ TEST(Caught, ASphereRestsOnTheRimOfAPocketWhereGeometrySaysSo) {
   }
 }
 
-TEST(Tipping, WithinTwoHundredthsOfTheAngle) {
+TEST(Tipping, BoxTipsWithinTwoPercentOfCriticalSlope) {
   for (const double slenderness : {2.0, 3.0})
     for (const double share : {0.98, 1.02}) {
       PhysicsFixture fixture;

@@ -58,7 +58,7 @@ void expect_closed_form(const CollisionCase& m) {
 
 }  // namespace
 
-TEST(Collision, EqualMassesHeadOnExchangeTheirVelocities) {
+TEST(Collision, EqualMassesHeadOnExchangeVelocities) {
   const FinalVelocities actual = simulate({});
   EXPECT_LT(actual.first.norm(), 1e-3);
   EXPECT_LT((actual.second - Eigen::Vector3d(5, 0, 0)).norm(), 1e-3);
@@ -69,18 +69,18 @@ TEST(Collision, UnequalMassesHeadOn) {
     for (const double e : {0.0, 0.5, 1.0}) expect_closed_form({e, ratio, 0});
 }
 
-TEST(Collision, ObliqueBlowsActAlongTheLineOfCentres) {
+TEST(Collision, ObliqueImpulseActsAlongLineOfCentres) {
   for (const double offset : {0.3, 0.8, 1.2, 1.6})
     for (const double ratio : {1.0, 4.0})
       for (const double e : {0.5, 1.0}) expect_closed_form({e, ratio, offset});
 }
 
-TEST(Collision, EqualMassesPartAtARightAngle) {
+TEST(Collision, EqualMassesSeparateAtRightAngle) {
   const FinalVelocities actual = simulate({1.0, 1.0, 1.0});
   EXPECT_NEAR(actual.first.normalized().dot(actual.second.normalized()), 0.0, 0.02);
 }
 
-TEST(Collision, ABlowPassesThroughARow) {
+TEST(Collision, NewtonsCradle) {
   // Newton's cradle, with gaps: the last one leaves at the first one's speed.
   PhysicsFixture fixture;
   fixture.scene.world.gravity = {0, 0, 0};
@@ -95,7 +95,7 @@ TEST(Collision, ABlowPassesThroughARow) {
   for (const auto id : row) EXPECT_NEAR(fixture.velocity(id).x(), id == row.back() ? 4.0 : 0.0, 0.02) << id;
 }
 
-TEST(Collision, OfARockingSphereWithTheEdgesOfAGroove) {
+TEST(Collision, RockingSphereInGroove) {
   // It swings about one edge until it meets the other; what the blow leaves of its spin follows from the
   // momentum about the edge that is hit.
   for (const double radius : {1.2, 1.8}) {

@@ -26,7 +26,7 @@ void expect_convergence(const std::function<double(double, int)>& error, double 
 
 }  // namespace
 
-TEST(Convergence, TheHeightOfABounce) {
+TEST(Convergence, BounceHeight) {
   for (const double e : {0.2, 0.6, 0.9}) {
     auto error = [e](double dt_s, int i) {
       PhysicsFixture fixture;
@@ -47,7 +47,7 @@ TEST(Convergence, TheHeightOfABounce) {
   }
 }
 
-TEST(Convergence, TheWayOfASlidingBox) {
+TEST(Convergence, SlidingDistance) {
   auto error = [](double dt_s, int i) {
     PhysicsFixture fixture;
     fixture.scene.world.dt_s = dt_s;
@@ -62,7 +62,7 @@ TEST(Convergence, TheWayOfASlidingBox) {
   EXPECT_LT(mean_error(1.0 / 960, error), 0.002);
 }
 
-TEST(Convergence, TheWayOfARollingSphere) {
+TEST(Convergence, RollingDistance) {
   auto error = [](double dt_s, int i) {
     PhysicsFixture fixture;
     fixture.scene.world.dt_s = dt_s;
@@ -77,7 +77,7 @@ TEST(Convergence, TheWayOfARollingSphere) {
   EXPECT_LT(mean_error(1.0 / 960, error), 0.002);
 }
 
-TEST(Convergence, TheHeightOfAThrow) {
+TEST(Convergence, ThrowHeight) {
   for (const bool angular : {false, true}) {
     auto error = [angular](double dt_s, int i) {
       PhysicsFixture fixture;

@@ -26,9 +26,9 @@ std::uint64_t hash_after(double seconds, double nudge = 0.0, int threads = 1) {
 }
 }  // namespace
 
-TEST(Determinism, TwoRunsGiveTheSameBits) { EXPECT_EQ(hash_after(3.0), hash_after(3.0)); }
+TEST(Determinism, RepeatedRunsAreBitIdentical) { EXPECT_EQ(hash_after(3.0), hash_after(3.0)); }
 
-TEST(Determinism, TheHashSeesTheSmallestDifference) { EXPECT_NE(hash_after(1.0), hash_after(1.0, 1e-5)); }
+TEST(Determinism, HashDetectsSmallDifference) { EXPECT_NE(hash_after(1.0), hash_after(1.0, 1e-5)); }
 
 // Enough objects that the work is shared, of every kind.
 namespace {
@@ -56,7 +56,7 @@ std::uint64_t hash_of_crowd(int threads) {
 }
 }  // namespace
 
-TEST(Determinism, AnyNumberOfThreadsGivesTheSameBits) {
+TEST(Determinism, BitIdenticalForAnyThreadCount) {
   const std::uint64_t single_threaded = hash_of_crowd(1);
   for (const int threads : {2, 3, 8}) EXPECT_EQ(hash_of_crowd(threads), single_threaded) << threads;
 }

@@ -4,7 +4,7 @@
 
 using namespace physics_fixture;
 
-TEST(FreeFall, FollowsTheParabola) {
+TEST(FreeFall, FollowsParabola) {
   PhysicsFixture fixture;
   const auto id = fixture.add(sphere(1.0, {15, 15, 100}));
   fixture.run(2.0);
@@ -14,7 +14,7 @@ TEST(FreeFall, FollowsTheParabola) {
   EXPECT_NEAR(fixture.velocity(id).z(), -g * t, 1e-3);
 }
 
-TEST(FreeFall, ErrorShrinksInProportionToTheStep) {
+TEST(FreeFall, ErrorIsProportionalToStep) {
   auto error_with = [](double dt) {
     PhysicsFixture fixture;
     fixture.scene.world.dt_s = dt;
@@ -28,7 +28,7 @@ TEST(FreeFall, ErrorShrinksInProportionToTheStep) {
 
 class Bounce : public testing::TestWithParam<double> {};
 
-TEST_P(Bounce, ReboundsToRestitutionSquaredOfTheHeight) {
+TEST_P(Bounce, ReboundHeightIsRestitutionSquaredTimesDrop) {
   const double e = GetParam();
   PhysicsFixture fixture;
   fixture.scene.materials[0].restitution = e;
@@ -47,7 +47,7 @@ TEST_P(Bounce, ReboundsToRestitutionSquaredOfTheHeight) {
 }
 INSTANTIATE_TEST_SUITE_P(Restitutions, Bounce, testing::Values(0.3, 0.5, 0.8, 1.0));
 
-TEST(Bounce, DeadMaterialStaysDown) {
+TEST(Bounce, ZeroRestitutionDoesNotRebound) {
   PhysicsFixture fixture;
   const auto id = fixture.add(sphere(1.5, {15.3, 15.2, 8}));
   fixture.run(3.0);
@@ -55,7 +55,7 @@ TEST(Bounce, DeadMaterialStaysDown) {
   EXPECT_LT(fixture.velocity(id).norm(), 0.01);
 }
 
-TEST(Falling, NothingTunnelsThroughThePins) {
+TEST(Falling, FastSpheresDoNotTunnel) {
   for (const double speed : {20.0, 100.0, 300.0})
     for (const double radius : {0.2, 0.5, 2.0}) {
       PhysicsFixture fixture;

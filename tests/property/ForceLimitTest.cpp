@@ -52,7 +52,7 @@ double lift_height(int columns, int rows, double share_of_force) {
 
 }  // namespace
 
-TEST(ForceLimit, AWeightRisesWhereItsPinsCanBearItTogetherAndStallsWhereTheyCannot) {
+TEST(ForceLimit, WeightRisesOnlyIfItsPinsCanBearIt) {
   for (const auto& [columns, rows] : {std::pair{1, 1}, {2, 2}, {3, 3}, {1, 4}, {5, 5}}) {
     EXPECT_NEAR(lift_height(columns, rows, 0.7), kRaisedHeight, 0.02) << columns << " by " << rows;
     EXPECT_NEAR(lift_height(columns, rows, 0.9), kRaisedHeight, 0.02) << columns << " by " << rows;
@@ -61,7 +61,7 @@ TEST(ForceLimit, AWeightRisesWhereItsPinsCanBearItTogetherAndStallsWhereTheyCann
   }
 }
 
-TEST(ForceLimit, NoPinOffItsStopGivesMoreThanItsForceInAnyStep) {
+TEST(ForceLimit, RaisedPinNeverExceedsItsForce) {
   PhysicsFixture fixture;
   use_force_limited_pins(fixture);
   fixture.add(with_weight(box_over(4, 4), 12 * kMaxForce));
@@ -115,7 +115,7 @@ TEST(ForceLimit, TwoBodiesOnOnePinShareItsForce) {
   }
 }
 
-TEST(ForceLimit, AnUnevenLoadStallsTheOverloadedPinsOnly) {
+TEST(ForceLimit, UnevenLoadStallsOnlyOverloadedPins) {
   PhysicsFixture fixture;
   use_force_limited_pins(fixture);
   const auto plank = fixture.add(with_weight(box_over(12, 1), 0.5 * kMaxForce));
@@ -132,7 +132,7 @@ TEST(ForceLimit, AnUnevenLoadStallsTheOverloadedPinsOnly) {
   EXPECT_GT(fixture.position(plank).z(), 0.7F);
 }
 
-TEST(ForceLimit, PinsThatAreUpSinkUnderMoreThanTheyCanHold) {
+TEST(ForceLimit, RaisedPinsSinkUnderOverload) {
   // What is too heavy falls with the share of its weight that the pins do not hold: s = ½·(1 − 1/share)·g·t².
   for (const double share : {0.9, 1.25}) {
     PhysicsFixture fixture;

@@ -120,7 +120,7 @@ TEST(IndependentEngine, SpheresDroppedIntoPockets) {
   expect_agreement(c, 3.0, {0.02, 0.05, 0.1});
 }
 
-TEST(IndependentEngine, ASphereThrownSlidesThenRolls) {
+TEST(IndependentEngine, ThrownSphereSlidesThenRolls) {
   Comparison c;
   auto o = sphere(0.9, {0.5, 3.2, 1.9});
   o.velocity = {4, 0.8, 0};
@@ -128,7 +128,7 @@ TEST(IndependentEngine, ASphereThrownSlidesThenRolls) {
   expect_agreement(c, 1.2, {0.05, 0.05, 0.1});
 }
 
-TEST(IndependentEngine, ABoxSlidesTurningToRest) {
+TEST(IndependentEngine, SpinningBoxSlidesToRest) {
   Comparison c;
   auto o = box({1.4, 1.0, 0.6}, {1.0, 2.0, 1.3});
   o.velocity = {3.5, 2.0, 0};
@@ -138,7 +138,7 @@ TEST(IndependentEngine, ABoxSlidesTurningToRest) {
   expect_agreement(c, 2.0, {0.05, 0.01, 0.01});
 }
 
-TEST(IndependentEngine, ASphereRollsOverAStep) {
+TEST(IndependentEngine, SphereRollsOverStep) {
   Comparison c;
   c.height = [](int x, int) { return x < 4 ? 3.0 : 1.0; };
   auto o = sphere(0.7, {1.0, 3.3, 3.7});
@@ -148,7 +148,7 @@ TEST(IndependentEngine, ASphereRollsOverAStep) {
   expect_agreement(c, 1.5, {0.1, 0.1, 0.2});
 }
 
-TEST(IndependentEngine, ASphereMeetsAnotherAndABox) {
+TEST(IndependentEngine, SphereHitsSphereAndBox) {
   Comparison c;
   auto o = sphere(0.8, {0.6, 3.5, 1.8});
   o.velocity = {4, 0, 0};

@@ -32,7 +32,7 @@ TEST(Pins, SphereRidesUpAndDown) {
   EXPECT_NEAR(fixture.position(id).x(), 15.3, 0.05);
 }
 
-TEST(Pins, ThrowAtTheirSpeed) {
+TEST(Pins, ThrowSphereAtTheirSpeed) {
   // Pins that stop abruptly let go of the sphere at the speed they had: it flies v²/2g higher.
   PhysicsFixture fixture;
   fixture.scene.surface.pin.max_speed = 10;
@@ -45,7 +45,7 @@ TEST(Pins, ThrowAtTheirSpeed) {
   EXPECT_NEAR(apex, 7 + 100 / (2 * 9.81), 0.15);
 }
 
-TEST(Pins, FollowTheLimitsOfTheirMotion) {
+TEST(Pins, ObeySpeedAndAccelerationLimits) {
   using namespace smartsurf;
   scene::SurfaceSpec spec;
   spec.rows = spec.columns = 3;
@@ -78,7 +78,7 @@ TEST(Pins, FollowTheLimitsOfTheirMotion) {
   EXPECT_EQ(field.height[0], 0.0F);
 }
 
-TEST(Pins, ReversingMidwayNeverBreaksTheLimits) {
+TEST(Pins, ReversalsObeyLimits) {
   using namespace smartsurf;
   scene::SurfaceSpec spec;
   spec.rows = spec.columns = 1;
@@ -98,7 +98,7 @@ TEST(Pins, ReversingMidwayNeverBreaksTheLimits) {
   }
 }
 
-TEST(Pins, SphereInAPocketIsHeldFromAllSides) {
+TEST(Pins, SphereRestsInPocket) {
   PhysicsFixture fixture;
   auto& cells = fixture.cells();
   for (int r = 0; r < 32; ++r)
@@ -115,7 +115,7 @@ TEST(Pins, SphereInAPocketIsHeldFromAllSides) {
   EXPECT_LT(fixture.velocity(id).norm(), 0.02);
 }
 
-TEST(Pins, ARaisedRowStopsARollingSphere) {
+TEST(Pins, RaisedRowStopsRollingSphere) {
   PhysicsFixture fixture;
   for (int r = 0; r < 32; ++r) fixture.cells().set_target(0, r, 20, 4.0F);
   fixture.run(1.0);
@@ -128,7 +128,7 @@ TEST(Pins, ARaisedRowStopsARollingSphere) {
   EXPECT_NEAR(farthest, 20 - 0.4 - 1.5, 0.03);
 }
 
-TEST(Pins, BoxLiesOnOneRaisedPatch) {
+TEST(Pins, BoxRestsOnRaisedPatch) {
   PhysicsFixture fixture;
   for (int r = 14; r <= 16; ++r)
     for (int c = 14; c <= 16; ++c) fixture.cells().set_target(0, r, c, 2.0F);

@@ -67,7 +67,7 @@ const Eigen::Vector3f kDirections[] = {{0, 0, 1},         {0, 0, -1},       {1, 
 
 }  // namespace
 
-TEST(RayCaster, AgreesWithEveryObjectTriedAtEveryCell) {
+TEST(RayCaster, MatchesOracle) {
   std::mt19937 random(5);
   Tally tally;
   for (int round = 0; round < 2; ++round)
@@ -84,7 +84,7 @@ TEST(RayCaster, AgreesWithEveryObjectTriedAtEveryCell) {
   EXPECT_LT(tally.uncertain, tally.cells / 30);
 }
 
-TEST(RayCaster, AgreesInFreeLayoutsOfTurnedCells) {
+TEST(RayCaster, MatchesOracleInFreeLayouts) {
   std::mt19937 random(6);
   Tally tally;
   for (const auto& direction : kDirections) {
@@ -98,7 +98,7 @@ TEST(RayCaster, AgreesInFreeLayoutsOfTurnedCells) {
   EXPECT_GT(tally.hits, tally.cells / 4);
 }
 
-TEST(RayCaster, AgreesOnSurfacesNarrowerThanAVectorAndFromAFixedHeight) {
+TEST(RayCaster, MatchesOracleOnNarrowSurfacesAndFromFixedHeight) {
   std::mt19937 random(7);
   Tally tally;
   for (const int columns : {1, 3, 7, 8, 9}) {
@@ -115,7 +115,7 @@ TEST(RayCaster, AgreesOnSurfacesNarrowerThanAVectorAndFromAFixedHeight) {
 
 // What stands upright has sides that upright segments run along; what is round may be given by more faces
 // than are looked at side by side.
-TEST(RayCaster, AgreesUnderWhatStandsUprightAndWhatHasManyFaces) {
+TEST(RayCaster, MatchesOracleForUprightAndManyFacedObjects) {
   std::mt19937 random(12);
   Tally tally;
   for (const int faces : {12, 56, 100})
@@ -137,7 +137,7 @@ TEST(RayCaster, AgreesUnderWhatStandsUprightAndWhatHasManyFaces) {
 
 // Beside the table and half off it, below the pins' tops and inside pins, from crumbs to boulders; tables of
 // any pitch; segments in all directions, those that are all but upright or all but level included.
-TEST(RayCaster, AgreesWhereverObjectsAreAndWhereverSegmentsPoint) {
+TEST(RayCaster, MatchesOracleForRandomPlacesAndDirections) {
   std::mt19937 random(11);
   std::uniform_real_distribution<float> u(0, 1);
   std::normal_distribution<float> normal;
@@ -165,7 +165,7 @@ TEST(RayCaster, AgreesWhereverObjectsAreAndWhereverSegmentsPoint) {
 }
 
 // One plate over another over a pin: the lower hides the upper, and a wall of pins hides both.
-TEST(RayCaster, WhatIsNearerHidesWhatIsBehind) {
+TEST(RayCaster, NearerObjectsOccludeFartherOnes) {
   Scene s;
   s.field.rows = s.field.columns = 9;
   s.field.height.assign(81, 0.0F);
@@ -204,7 +204,7 @@ TEST(RayCaster, WhatIsNearerHidesWhatIsBehind) {
   EXPECT_EQ(level.tag()[3 * 9 + 8], 2.0F) << "the row beside it sees on";
 }
 
-TEST(RayCaster, ForgetsWhatMovedAwayAndNamesTheCellsThatMayHaveChanged) {
+TEST(RayCaster, UpdatesMovedObjectsAndReportsChangedSpans) {
   std::mt19937 random(8);
   common::ThreadPool pool(1);
   Scene s = random_scene(random, 40, 50, false);
@@ -231,7 +231,7 @@ TEST(RayCaster, ForgetsWhatMovedAwayAndNamesTheCellsThatMayHaveChanged) {
   }
 }
 
-TEST(RayCaster, HasTheSameBitsForAnyNumberOfThreads) {
+TEST(RayCaster, BitIdenticalForAnyThreadCount) {
   std::mt19937 random(9);
   for (const bool free : {false, true}) {
     const Scene s = random_scene(random, 37, 41, free);
@@ -250,7 +250,7 @@ TEST(RayCaster, HasTheSameBitsForAnyNumberOfThreads) {
   }
 }
 
-TEST(RayCaster, PartsOfTheTableSeeAllOfACrowdThatLiesOverThem) {
+TEST(RayCaster, BitIdenticalForAnyThreadCountInCrowd) {
   std::mt19937 random(11);
   Scene s = random_scene(random, 60, 40, false);
   std::uniform_real_distribution<float> u(-3.0F, 63.0F);
@@ -277,7 +277,7 @@ TEST(RayCaster, PartsOfTheTableSeeAllOfACrowdThatLiesOverThem) {
   }
 }
 
-TEST(RayCaster, HasTheSameBitsOnEveryInstructionSet) {
+TEST(RayCaster, BitIdenticalOnEveryTarget) {
   std::mt19937 random(10);
   common::ThreadPool pool(1);
   for (const bool free : {false, true}) {

@@ -19,7 +19,7 @@ struct SleepingBoxFixture : PhysicsFixture {
 
 }  // namespace
 
-TEST(Sleep, WhatRestsFallsAsleepWhereItIs) {
+TEST(Sleep, RestingBoxFallsAsleepInPlace) {
   SleepingBoxFixture fixture;
   EXPECT_EQ(fixture.world().sleeping_count(), 1);
   EXPECT_NEAR(fixture.position(fixture.id).z(), 1.0, 2e-3);
@@ -38,14 +38,14 @@ TEST(Sleep, EveryShapeFallsAsleep) {
   EXPECT_EQ(fixture.world().sleeping_count(), 5);
 }
 
-TEST(Sleep, ACellThatRisesUnderIt) {
+TEST(Sleep, RisingCellWakes) {
   SleepingBoxFixture fixture;
   for (int c = 14; c <= 16; ++c) fixture.cells().set_target(0, 16, c, 1.0F);
   fixture.run(2.0);
   EXPECT_GT(fixture.position(fixture.id).z(), 1.3);
 }
 
-TEST(Sleep, ACellThatSinksAwayUnderIt) {
+TEST(Sleep, SinkingCellWakes) {
   PhysicsFixture fixture;
   std::vector<float> targets(32 * 32, 2.0F);
   fixture.cells().set_targets(0, targets);
@@ -59,21 +59,21 @@ TEST(Sleep, ACellThatSinksAwayUnderIt) {
   EXPECT_NEAR(fixture.position(id).z(), 1.5, 0.01);
 }
 
-TEST(Sleep, AMovingCellFarAwayDoesNot) {
+TEST(Sleep, DistantMovingCellDoesNotWake) {
   SleepingBoxFixture fixture;
   fixture.cells().set_target(0, 2, 2, 1.0F);
   fixture.run(0.2);
   EXPECT_EQ(fixture.world().sleeping_count(), 1);
 }
 
-TEST(Sleep, APushWakes) {
+TEST(Sleep, ForceWakes) {
   SleepingBoxFixture fixture;
   fixture.world().apply_force(fixture.id, {200, 0, 0}, std::nullopt, 0.2);
   fixture.run(0.2);
   EXPECT_GT(fixture.velocity(fixture.id).x(), 1.0F);
 }
 
-TEST(Sleep, AWrenchWakesAndLastsOneStep) {
+TEST(Sleep, WrenchWakesAndLastsOneStep) {
   SleepingBoxFixture fixture;
   const double dt = fixture.scene.world.dt_s, mass = 8;
   fixture.world().wrenches()[0].force = {0, 0, 400};
@@ -83,7 +83,7 @@ TEST(Sleep, AWrenchWakesAndLastsOneStep) {
   EXPECT_NEAR(fixture.velocity(fixture.id).z(), (400 / mass - 2 * 9.81) * dt, 1e-3);
 }
 
-TEST(Sleep, BeingPlacedWakes) {
+TEST(Sleep, PlacementWakes) {
   SleepingBoxFixture fixture;
   smartsurf::scene::ObjectStateUpdate up;
   up.position = Eigen::Vector3d(15, 15, 6);
@@ -92,7 +92,7 @@ TEST(Sleep, BeingPlacedWakes) {
   EXPECT_NEAR(fixture.position(fixture.id).z(), 6 - 0.5 * 9.81 * 0.09, 0.05);
 }
 
-TEST(Sleep, WhatStoodOnARemovedBodyFalls) {
+TEST(Sleep, RemovedSupportWakes) {
   SleepingBoxFixture fixture;
   const auto upper = fixture.add(box({2, 2, 2}, {15.2, 15.3, 3.0}));
   fixture.run(2.0);
@@ -102,7 +102,7 @@ TEST(Sleep, WhatStoodOnARemovedBodyFalls) {
   EXPECT_NEAR(fixture.world().state(upper).position.z(), 1.0, 0.01);
 }
 
-TEST(Sleep, WhatStoodOnABodyThatIsPushedAwayFalls) {
+TEST(Sleep, SupportPushedAwayWakes) {
   SleepingBoxFixture fixture;
   const auto upper = fixture.add(box({2, 2, 2}, {15.2, 15.3, 3.0}));
   fixture.run(2.0);
@@ -112,7 +112,7 @@ TEST(Sleep, WhatStoodOnABodyThatIsPushedAwayFalls) {
   EXPECT_LT(fixture.position(upper).z(), 1.5);
 }
 
-TEST(Sleep, ABlowIsPassedOn) {
+TEST(Sleep, CollisionWakes) {
   PhysicsFixture fixture;
   fixture.scene.materials[0].restitution = 1.0;
   fixture.scene.materials[0].friction = 0.0;
@@ -127,7 +127,7 @@ TEST(Sleep, ABlowIsPassedOn) {
   EXPECT_NEAR(fixture.velocity(hitting).x(), 0.0, 0.1);
 }
 
-TEST(Sleep, NothingSleepsInTheAir) {
+TEST(Sleep, NoSleepInFlight) {
   PhysicsFixture fixture;
   fixture.scene.world.gravity = {0, 0, -0.05};  // so weak that it hangs at the top for long
   auto ball = sphere(1.0, {15, 15, 5});
@@ -137,7 +137,7 @@ TEST(Sleep, NothingSleepsInTheAir) {
   EXPECT_LT(fixture.velocity(id).z(), -0.2F);
 }
 
-TEST(Sleep, APileComesToRest) {
+TEST(Sleep, PileFallsAsleep) {
   PhysicsFixture fixture;
   fixture.scene.world.dt_s = 1.0 / 60;
   fixture.scene.surface.rows = fixture.scene.surface.columns = 16;
@@ -150,7 +150,7 @@ TEST(Sleep, APileComesToRest) {
   EXPECT_EQ(fixture.world().sleeping_count(), 40);
 }
 
-TEST(Sleep, TheSurfaceStillFeelsTheWeight) {
+TEST(Sleep, SleepingBodyStillLoadsSurface) {
   SleepingBoxFixture fixture;
   const double dt = fixture.scene.world.dt_s, weight = 8 * 9.81;
   fixture.run(dt);

@@ -21,7 +21,7 @@ TEST(Sliding, BoxComesToRestAfterTheFrictionDistance) {
   }
 }
 
-TEST(Sliding, IsTheSameInEveryDirection) {
+TEST(Sliding, SameDistanceInEveryDirection) {
   for (int k = 0; k < 8; ++k) {
     const double angle = 0.1 + k * 0.7;
     PhysicsFixture fixture;
@@ -36,7 +36,7 @@ TEST(Sliding, IsTheSameInEveryDirection) {
   }
 }
 
-TEST(Sliding, BoxHoldsOnAGentleSlopeAndSlidesOnASteepOne) {
+TEST(Sliding, BoxSlidesOnlyAboveFrictionAngle) {
   // The table is tilted by tilting gravity: tan(angle) against the coefficient of friction.
   for (const double tangent : {0.4, 0.6}) {
     PhysicsFixture fixture;
@@ -51,7 +51,7 @@ TEST(Sliding, BoxHoldsOnAGentleSlopeAndSlidesOnASteepOne) {
 
 class Rolling : public testing::TestWithParam<double> {};
 
-TEST_P(Rolling, DownAPlaneOfPinsAtFiveSeventhsOfGSine) {
+TEST_P(Rolling, SphereAcceleratesAtFiveSeventhsOfGSine) {
   PhysicsFixture fixture;
   const double angle = GetParam(), g = 9.81;
   fixture.scene.world.gravity = {g * std::sin(angle), 0, -g * std::cos(angle)};
@@ -65,7 +65,7 @@ TEST_P(Rolling, DownAPlaneOfPinsAtFiveSeventhsOfGSine) {
 }
 INSTANTIATE_TEST_SUITE_P(Angles, Rolling, testing::Values(0.05, 0.15, 0.3));
 
-TEST(Rolling, KeepsItsSpeedOnALevelField) {
+TEST(Rolling, SphereKeepsSpeedOnLevelField) {
   PhysicsFixture fixture;
   fixture.scene.surface.columns = 96;
   auto object = sphere(1.5, {3, 15.3, 1.5});
@@ -78,7 +78,7 @@ TEST(Rolling, KeepsItsSpeedOnALevelField) {
   EXPECT_NEAR(fixture.position(id).y(), 15.3, 0.01);
 }
 
-TEST(Rolling, ResistanceStopsASphereAtItsLeverArm) {
+TEST(Rolling, RollingFrictionDeceleratesSphere) {
   // Torque ρ·N against a sphere that rolls without slipping: a = ρ·g·r / (r² + 2r²/5).
   PhysicsFixture fixture;
   fixture.scene.surface.columns = 64;
@@ -92,7 +92,7 @@ TEST(Rolling, ResistanceStopsASphereAtItsLeverArm) {
   EXPECT_NEAR(fixture.velocity(id).x(), 3 - 2 * a, 0.02);
 }
 
-TEST(Rolling, CylinderRollsAtTwoThirds) {
+TEST(Rolling, CylinderAcceleratesAtTwoThirdsOfGSine) {
   PhysicsFixture fixture;
   const double angle = 0.1, g = 9.81;
   fixture.scene.world.gravity = {g * std::sin(angle), 0, -g * std::cos(angle)};

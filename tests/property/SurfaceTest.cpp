@@ -24,7 +24,7 @@ double total_normal_force(PhysicsFixture& fixture) {
 
 }  // namespace
 
-TEST(Surface, ABoxOnAConveyorMovesWithIt) {
+TEST(Surface, BoxReachesConveyorSpeed) {
   PhysicsFixture fixture;
   set_belt_speed(fixture, 2.0F);
   const auto id = fixture.add(box({2, 2, 1}, {6, 15.3, 0.5}));
@@ -36,7 +36,7 @@ TEST(Surface, ABoxOnAConveyorMovesWithIt) {
   EXPECT_NEAR(fixture.position(id).y(), 15.3, 0.01);
 }
 
-TEST(Surface, ASphereOnAConveyorTakesTwoSeventhsOfItsSpeed) {
+TEST(Surface, SphereReachesTwoSeventhsOfConveyorSpeed) {
   PhysicsFixture fixture;
   set_belt_speed(fixture, 3.5F);
   const auto id = fixture.add(sphere(1.5, {6, 15.3, 1.5}));
@@ -45,7 +45,7 @@ TEST(Surface, ASphereOnAConveyorTakesTwoSeventhsOfItsSpeed) {
   EXPECT_NEAR(fixture.angular_velocity(id).y(), -2.5 / 1.5, 0.02);
 }
 
-TEST(Surface, ATurningCellTurnsWhatStandsOnIt) {
+TEST(Surface, SpinningCellRotatesBoxOnIt) {
   PhysicsFixture fixture;
   auto& field = fixture.cells().field();
   field.surface_velocity_x.assign(field.height.size(), 0.0F);
@@ -59,7 +59,7 @@ TEST(Surface, ATurningCellTurnsWhatStandsOnIt) {
   EXPECT_NEAR(fixture.angular_velocity(id).z(), 2.0, 0.05);
 }
 
-TEST(Surface, PressureIsTheWeight) {
+TEST(Surface, TotalForceEqualsWeight) {
   PhysicsFixture fixture;
   fixture.add(sphere(1.5, {5, 5.3, 1.5}));
   fixture.add(box({3, 2, 1}, {15.3, 15.1, 0.5}));
@@ -70,7 +70,7 @@ TEST(Surface, PressureIsTheWeight) {
   EXPECT_NEAR(total_normal_force(fixture), weight, 0.01 * weight);
 }
 
-TEST(Surface, PressureIsNothingWhereNothingLies) {
+TEST(Surface, NoImpulseOnUnloadedCells) {
   PhysicsFixture fixture;
   fixture.add(sphere(1.5, {5, 5.3, 1.5}));
   fixture.run(0.5);
@@ -79,7 +79,7 @@ TEST(Surface, PressureIsNothingWhereNothingLies) {
   EXPECT_EQ(field.impulse[static_cast<std::size_t>(field.index(20, 20))], 0.0F);
 }
 
-TEST(Surface, ABoxCrossesTheGapsOfALevelFieldWithoutSnagging) {
+TEST(Surface, BoxCrossesGapsWithoutSnagging) {
   for (const double yaw : {0.0, 0.3, 0.7854}) {
     PhysicsFixture fixture;
     fixture.scene.materials[0].friction = 0.0;
@@ -96,7 +96,7 @@ TEST(Surface, ABoxCrossesTheGapsOfALevelFieldWithoutSnagging) {
   }
 }
 
-TEST(Surface, WhatIsNarrowerThanAGapFallsIn) {
+TEST(Surface, SphereNarrowerThanGapFallsIn) {
   PhysicsFixture fixture;
   fixture.cells();
   std::vector<float> targets(32 * 32, 2.0F);
@@ -107,7 +107,7 @@ TEST(Surface, WhatIsNarrowerThanAGapFallsIn) {
   EXPECT_LT(fixture.position(id).z(), 1.0);
 }
 
-TEST(Surface, NoCellNoSupport) {
+TEST(Surface, EmptyCellsGiveNoSupport) {
   PhysicsFixture fixture;
   auto& field = fixture.cells().field();
   for (int r = 10; r < 22; ++r)
@@ -120,7 +120,7 @@ TEST(Surface, NoCellNoSupport) {
   EXPECT_NEAR(fixture.position(held).z(), 1.0, 0.01);
 }
 
-TEST(Surface, TheGroundCatchesWhatFallsOff) {
+TEST(Surface, GroundCatchesFallenBodies) {
   PhysicsFixture fixture;  // the floor is a pin's length under the lowest top
   const auto ball = fixture.add(sphere(1.0, {-5, 15, 3}));
   const auto brick = fixture.add(box({2, 2, 1}, {-5, 20, 3}));
@@ -144,7 +144,7 @@ void use_free_layout(PhysicsFixture& fixture) {
 
 }  // namespace
 
-TEST(FreeLayout, ALevelFieldIsAPlaneThere) {
+TEST(FreeLayout, LevelFieldActsAsPlane) {
   PhysicsFixture fixture;
   use_free_layout(fixture);
   auto ball = sphere(1.5, {6, 15.3, 1.5});
@@ -162,7 +162,7 @@ TEST(FreeLayout, ALevelFieldIsAPlaneThere) {
   EXPECT_NEAR(fixture.position(sliding).x() - 6, 16 / (2 * 0.5 * 9.81), 0.05);
 }
 
-TEST(FreeLayout, CellsHoldAndPushFromWhereTheyStand) {
+TEST(FreeLayout, CellsActAtTheirPositions) {
   PhysicsFixture fixture;
   use_free_layout(fixture);
   auto& field = fixture.cells().field();

@@ -35,7 +35,7 @@ SampledInterval sample_along_line(const scene::ObjectSpec& o, double dx, double 
 
 }  // namespace
 
-TEST(VerticalIntersection, AgreesWithPointsAlongTheLine) {
+TEST(VerticalIntersection, MatchesSampledLine) {
   std::mt19937 random(17);
   std::uniform_real_distribution<double> u(-1, 1);
   for (int kind = 0; kind < scene::kShapeKindCount; ++kind) {

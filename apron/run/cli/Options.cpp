@@ -9,17 +9,15 @@
 #include <limits>
 
 #include "apron/program/Program.h"
-#include "apron/syntax/Suggestion.h"
+#include "common/text/Suggestion.h"
 
 namespace apron::run {
 namespace {
 
 constexpr const char* kFooter =
-    "Exit status: 0 done, also when the surface ends the session; 1 the run failed; 2 the input was wrong "
-    "(command\n"
-    "line, program, file, channel); 3 the surface was lost; 128 + n after signal n (130 after Ctrl-C), "
-    "cleanly detached.\n"
-    "Files that a program opens or saves are relative to the current directory.";
+    "Exit status: 0 success, also when the surface ends the session; 1 run-time error; 2 invalid input\n"
+    "(command line, program, file, channel); 3 surface lost; 128 + n after signal n (130 after Ctrl-C),\n"
+    "cleanly detached. Files that a program opens or saves are relative to the current directory.";
 
 template <class Number>
 bool parse_number(std::string_view text, Number& value) {
@@ -82,10 +80,10 @@ void add_common_options(CLI::App& command, RawOptions& raw, bool takes_program =
     command.add_option("program", raw.options.program, "APRON program")->type_name("FILE")->required();
   command
       .add_option("-I", raw.options.include_paths,
-                  "look for included files here too, before the installed library")
+                  "search this directory for included files before the installed library")
       ->type_name("DIR")
       ->allow_extra_args(false);
-  command.add_option("--size", raw.size, "size of the array without a surface [64x64]")->type_name("WxH");
+  command.add_option("--size", raw.size, "array size without a surface [64x64]")->type_name("WxH");
 }
 
 void add_execution_options(CLI::App& run, RawOptions& raw) {
@@ -93,60 +91,62 @@ void add_execution_options(CLI::App& run, RawOptions& raw) {
       ->type_name("NAME=VALUE")
       ->allow_extra_args(false);
   run.add_option("--camera", raw.options.cameras,
-                 "what webcam.open(0) opens: a device [/dev/video0], or a video; given again, what the next "
-                 "number does")
+                 "device [/dev/video0] or video file that webcam.open(0) opens; repeat the option for "
+                 "webcam.open(1) and so on")
       ->type_name("DEVICE|FILE.y4m")
       ->allow_extra_args(false);
-  run.add_option("--threads", raw.options.threads, "threads for large arrays; they change no result [1]")
+  run.add_option("--threads", raw.options.threads,
+                 "worker threads for large arrays; results do not depend on it [1]")
       ->type_name("N")
       ->check(whole_number_validator(1, 256));
 }
 
 void add_format_options(CLI::App& format, RawOptions& raw) {
   format.add_option("programs", raw.options.files, "APRON programs")->type_name("FILE")->required();
-  format.add_flag("--write", raw.options.write, "change the files, instead of writing to the output");
+  format.add_flag("--write", raw.options.write, "rewrite the files instead of printing the formatted text");
   format.add_flag("--check", raw.options.check_only,
-                  "only name the files that would change, with exit status 1");
+                  "only list files that need formatting; exit status 1 if there are any");
 }
 
 void add_run_options(CLI::App& run, RawOptions& raw) {
   add_common_options(run, raw);
-  run.add_option("--shm", raw.options.surface, "drive the surface of this name, and take its size")
+  run.add_option("--shm", raw.options.surface, "connect to the surface with this name and use its size")
       ->type_name("NAME");
-  run.add_option("--ticks", raw.options.ticks, "stop after so many surface.step")
+  run.add_option("--ticks", raw.options.ticks, "stop after N executions of surface.step")
       ->type_name("N")
       ->check(whole_number_validator(1, std::numeric_limits<std::uint64_t>::max()));
   add_execution_options(run, raw);
   run.add_flag("--timers", raw.options.timers,
-               "timers measure wall time, as with --window; without, they stand at 0");
+               "timers measure wall time, as with --window; by default they read 0");
   run.add_flag("--reconnect", raw.options.reconnect,
-               "when the surface is lost, wait for a new one and start the program afresh");
+               "when the surface is lost, wait for a new one and restart the program");
   run.add_option("--wait", raw.options.wait_s, "how long to wait for the surface to appear [5]")
       ->type_name("SECONDS")
       ->check(seconds_validator());
   run.add_flag("--window", raw.options.window, "open a window with registers, program and controls");
-  run.add_flag("--hold", raw.options.hold, "with --window: wait before the first line");
-  run.add_option("--geometry", raw.geometry,
-                 "size of the window or picture, and the window's place, or 'beside' the simulator's window")
+  run.add_flag("--hold", raw.options.hold, "with --window: start paused before the first line");
+  run.add_option(
+         "--geometry", raw.geometry,
+         "size of the window or picture, and position of the window ('beside': next to the simulator)")
       ->type_name("WxH[+X+Y]");
-  run.add_option("--show", raw.options.show, "the register that is shown large at first")
-      ->type_name("REGISTER");
-  run.add_option("--screenshot", raw.screenshots, "a picture of the window after that tick, or at the end")
+  run.add_option("--show", raw.options.show, "register to enlarge at the start")->type_name("REGISTER");
+  run.add_option("--screenshot", raw.screenshots,
+                 "save a picture of the window after that tick, or at the end")
       ->type_name("FILE.png[@TICK]")
       ->allow_extra_args(false);
-  run.add_option("--video", raw.options.video, "a video of the window, 30 pictures a simulated second")
+  run.add_option("--video", raw.options.video, "record a video of the window, 30 frames per simulated second")
       ->type_name("FILE.mp4");
   run.add_option("--watch", raw.options.watch,
-                 "draw this register in the terminal as the program runs; once, at its end, elsewhere")
+                 "draw this register in the terminal while the program runs (not a terminal: once at the end)")
       ->type_name("REGISTER")
       ->excludes("--window")
       ->excludes("--screenshot")
       ->excludes("--video");
   run.add_option("--profile", raw.options.profile,
-                 "write counts and times by instruction and line to this file, as JSON")
+                 "write execution counts and times per instruction and line to this file, as JSON")
       ->type_name("FILE");
   run.add_option("--cost-model", raw.options.cost_model,
-                 "and what they would take on the processor array that this file describes")
+                 "with --profile: add the estimated cost on the processor array that this file describes")
       ->type_name("FILE");
 }
 
@@ -191,8 +191,7 @@ void parse_screenshot(RawOptions& raw, const std::string& text) {
     screenshot = {text.substr(0, at), tick};
   }
   if (!std::string_view(screenshot.file).ends_with(".png"))
-    throw CLI::ValidationError("--screenshot",
-                               "'" + screenshot.file + "': a picture's name must end in .png");
+    throw CLI::ValidationError("--screenshot", "'" + screenshot.file + "': the file name must end in .png");
   raw.options.screenshots.push_back(std::move(screenshot));
 }
 
@@ -202,25 +201,25 @@ void validate_ui_options(RawOptions& raw) {
   for (const std::string& text : raw.screenshots) parse_screenshot(raw, text);
   if (options.window && (!options.screenshots.empty() || !options.video.empty()))
     throw CLI::ValidationError("--window",
-                               "does not go with --screenshot and --video, which need no display");
+                               "cannot be combined with --screenshot or --video, which need no display");
   if (options.window && options.reconnect)
-    throw CLI::ValidationError("--window", "does not go with --reconnect");
-  if (options.hold && !options.window) throw CLI::ValidationError("--hold", "goes with --window");
+    throw CLI::ValidationError("--window", "cannot be combined with --reconnect");
+  if (options.hold && !options.window) throw CLI::ValidationError("--hold", "requires --window");
   if (!options.uses_ui() && (!raw.geometry.empty() || !options.show.empty()))
     throw CLI::ValidationError(raw.geometry.empty() ? "--show" : "--geometry",
-                               "goes with --window, --screenshot or --video");
+                               "requires --window, --screenshot or --video");
   if (!options.video.empty() && options.surface.empty())
     throw CLI::ValidationError("--video",
-                               "goes with --shm NAME: without a surface there is no simulated time");
+                               "requires --shm NAME: without a surface there is no simulated time");
 }
 
 void validate_run_options(RawOptions& raw) {
   validate_ui_options(raw);
   if (!raw.options.cost_model.empty() && raw.options.profile.empty())
-    throw CLI::ValidationError("--cost-model", "goes with --profile FILE, where the estimate is written");
+    throw CLI::ValidationError("--cost-model", "requires --profile FILE, which receives the estimate");
   if (!raw.size.empty() && !raw.options.surface.empty())
     throw CLI::ValidationError("--size",
-                               "a program takes the size of the surface that --shm names; give one of them");
+                               "cannot be combined with --shm: the program uses the size of the surface");
   for (const std::string& set : raw.sets) parse_parameter(raw, set);
   // The simulator passes its surface's name to the controllers that it starts.
   const char* environment_name = std::getenv("SMARTSURF_SHM");
@@ -234,29 +233,31 @@ void require_known_subcommand(CLI::App& app, const std::string& name) {
   for (const CLI::App* subcommand : app.get_subcommands([](CLI::App*) { return true; }))
     known.push_back(subcommand->get_name());
   if (name.starts_with('-') || std::find(known.begin(), known.end(), name) != known.end()) return;
-  throw CLI::ValidationError("no command '" + name + "'" + syntax::did_you_mean(name, known) +
+  throw CLI::ValidationError("no command '" + name + "'" + common::did_you_mean(name, known) +
                              "; known: " + CLI::detail::join(known, ", "));
 }
 
 }  // namespace
 
 ParsedOptions parse_options(int argc, char** argv) {
-  CLI::App app("APRON: array-processing programs, on their own or on a smart surface", "apron");
+  CLI::App app("APRON: runs array-processing programs, stand-alone or on a smart surface", "apron");
   app.set_version_flag("--version", "apron " SMARTSURF_VERSION);
   app.require_subcommand(1);
   app.footer(kFooter);
   RawOptions raw;
   CLI::App& run = *app.add_subcommand("run", "run a program");
   add_run_options(run, raw);
-  CLI::App& check = *app.add_subcommand("check", "say what is wrong with a program");
+  CLI::App& check = *app.add_subcommand("check", "check a program for errors");
   add_common_options(check, raw);
-  check.add_option("--profile", raw.profile, "local: name what a purely local array could not execute")
+  check
+      .add_option("--profile", raw.profile,
+                  "local: report instructions that a purely local array cannot execute")
       ->type_name("local");
   CLI::App& disassemble = *app.add_subcommand("disasm", "list a program's instructions");
   add_common_options(disassemble, raw);
-  CLI::App& format = *app.add_subcommand("fmt", "write programs in the usual layout");
+  CLI::App& format = *app.add_subcommand("fmt", "format programs");
   add_format_options(format, raw);
-  CLI::App& repl = *app.add_subcommand("repl", "type a program line by line and look at its registers");
+  CLI::App& repl = *app.add_subcommand("repl", "run a program interactively, line by line");
   add_common_options(repl, raw, false);
   add_execution_options(repl, raw);
   try {
@@ -265,7 +266,7 @@ ParsedOptions parse_options(int argc, char** argv) {
     if (!raw.size.empty()) parse_size(raw);
     if (run.parsed()) validate_run_options(raw);
     if (check.parsed() && !raw.profile.empty() && raw.profile != "local")
-      throw CLI::ValidationError("--profile", "'" + raw.profile + "' is unknown; there is: local");
+      throw CLI::ValidationError("--profile", "'" + raw.profile + "' is unknown; known: local");
     raw.options.local_profile = check.parsed() && !raw.profile.empty();
     raw.options.subcommand = run.parsed()      ? Subcommand::kRun
                              : check.parsed()  ? Subcommand::kCheck
@@ -278,7 +279,7 @@ ParsedOptions parse_options(int argc, char** argv) {
   } catch (const CLI::Success& success) {
     return {raw.options, app.exit(success)};
   } catch (const CLI::ParseError& error) {
-    std::cerr << "apron: error: " << error.what() << " (apron --help lists what there is)\n";
+    std::cerr << "apron: error: " << error.what() << " (see apron --help)\n";
     return {raw.options, common::kUserError};
   }
 }

@@ -21,18 +21,18 @@ double read_number(const ordered_json& object, const char* field, double default
   const double v = value.is_number() ? value.get<double>() : -1.0;
   if (!(v >= 0.0) || !std::isfinite(v))
     throw CostModelError{where + ": '" + field + "' is " + value.dump() +
-                         ", and should be a number of at least 0"};
+                         ", but must be a non-negative number"};
   return v;
 }
 
 void require_known_fields(const ordered_json& object, std::initializer_list<std::string_view> fields,
                           const std::string& where) {
-  if (!object.is_object()) throw CostModelError{where + ": an object { … } is wanted here"};
+  if (!object.is_object()) throw CostModelError{where + ": must be an object { … }"};
   std::string known;
   for (const std::string_view field : fields) known += (known.empty() ? "" : ", ") + std::string(field);
   for (const auto& [key, value] : object.items())
     if (std::find(fields.begin(), fields.end(), key) == fields.end())
-      throw CostModelError{where + ": '" + key + "' is unknown; there are " + known};
+      throw CostModelError{where + ": '" + key + "' is unknown; known: " + known};
 }
 
 InstructionCost parse_cost(const ordered_json& object, const std::string& where) {
@@ -53,16 +53,15 @@ CostModel parse_model(const ordered_json& object) {
   if (object.contains("name") && object["name"].is_string()) model.name = object["name"].get<std::string>();
   model.clock_hz = read_number(object, "clock_hz", 0.0, "the model");
   if (!(model.clock_hz > 0.0))
-    throw CostModelError{"the model: 'clock_hz' must say how many cycles a second has"};
+    throw CostModelError{"the model: 'clock_hz' must be positive (cycles per second)"};
   model.idle_w = read_number(object, "idle_w", 0.0, "the model");
   if (object.contains("default")) model.default_cost = parse_cost(object["default"], "'default'");
   if (!object.contains("instructions")) return model;
-  if (!object["instructions"].is_object())
-    throw CostModelError{"'instructions': an object { … } is wanted here"};
+  if (!object["instructions"].is_object()) throw CostModelError{"'instructions': must be an object { … }"};
   for (const auto& [name, value] : object["instructions"].items()) {
     if (!is_mnemonic(name))
       throw CostModelError{"'instructions': there is no instruction '" + name +
-                           "'; apron disasm shows a program's"};
+                           "'; apron disasm lists those of a program"};
     model.instructions[name] = parse_cost(value, "'" + name + "'");
   }
   return model;

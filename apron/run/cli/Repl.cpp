@@ -29,15 +29,15 @@ constexpr std::uint32_t kMaxNumberColumns = 16;  // wider registers are rendered
 constexpr std::string_view kShades = " .:-=+*#%@";
 
 constexpr std::string_view kHelp =
-    "a line of a program    runs it\n"
-    "an expression          shows its value\n"
-    ":show A                shows register A as a picture\n"
-    ":names                 lists registers and scalars\n"
-    ":list                  shows the program so far\n"
-    ":save FILE             writes it\n"
-    ":undo                  takes the last entry back\n"
-    ":clear                 begins again\n"
-    ":quit                  ends\n";
+    "a line of a program    run it\n"
+    "an expression          show its value\n"
+    ":show A                show register A as a picture\n"
+    ":names                 list registers and scalars\n"
+    ":list                  show the program so far\n"
+    ":save FILE             write the program to a file\n"
+    ":undo                  undo the last entry\n"
+    ":clear                 start an empty program\n"
+    ":quit                  quit\n";
 
 // Suppresses output and file writes until the marker is printed.
 class ReplHost final : public LocalHost {
@@ -198,7 +198,7 @@ bool Repl::handle_command(const std::string& line) {
       out_ << error.what() << '\n';
     }
   } else {
-    out_ << "there is no command '" << line << "'; :help lists them\n";
+    out_ << "unknown command '" << line << "'; see :help\n";
   }
   return true;
 }
@@ -255,7 +255,7 @@ Repl::Outcome Repl::compile_and_run(const std::string& text, std::string& report
     return Outcome::kRuntimeError;
   }
   if (!host.marker_reached()) {
-    report = "the program ends before this line; :undo takes the last entry back\n";
+    report = "the program ends before this line; :undo removes the last entry\n";
     return Outcome::kRuntimeError;
   }
   values_.clear();
@@ -290,7 +290,7 @@ void Repl::show_value(const std::string& name) {
   const auto found =
       std::find_if(values_.begin(), values_.end(), [&](const NamedValue& one) { return one.name == name; });
   if (found == values_.end()) {
-    out_ << "there is no '" << name << "'; :names lists what there is\n";
+    out_ << "there is no '" << name << "'; :names lists all names\n";
   } else if (found->width == 0) {
     out_ << vm::format_number(found->cells.front()) << '\n';
   } else {

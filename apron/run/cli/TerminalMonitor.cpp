@@ -8,7 +8,7 @@
 #include <cstdio>
 #include <vector>
 
-#include "apron/syntax/Suggestion.h"
+#include "common/text/Suggestion.h"
 
 namespace apron::run {
 namespace {
@@ -41,7 +41,7 @@ std::string TerminalMonitor::unknown_register_message(const program::Program& pr
     if (r.name == name) return {};
     if (r.name.substr(0, 1) != "$") known.push_back(r.name);
   }
-  return "--watch: the program has no register '" + name + "'" + syntax::did_you_mean(name, known);
+  return "--watch: the program has no register '" + name + "'" + common::did_you_mean(name, known);
 }
 
 TerminalMonitor::TerminalMonitor(const vm::Vm& vm, const std::string& name)

@@ -48,8 +48,8 @@ std::string PluginModules::load(const std::string& name, const std::vector<std::
   if (version == nullptr || module.call == nullptr)
     return "the module '" + name + "' lacks apron_plugin_version or apron_plugin_call";
   if (const int module_version = version(); module_version != APRON_PLUGIN_VERSION)
-    return "the module '" + name + "' is made for version " + std::to_string(module_version) +
-           " of the interface, and this is version " + std::to_string(APRON_PLUGIN_VERSION);
+    return "the module '" + name + "' was built for version " + std::to_string(module_version) +
+           " of the interface; this program has version " + std::to_string(APRON_PLUGIN_VERSION);
   modules_.emplace(name, std::move(module));
   return {};
 }

@@ -131,13 +131,13 @@ HostStatus SurfaceHost::resolve_channel(Direction direction, std::string_view na
     return HostStatus::kOk;
   if (components == 1)
     return report_status(HostStatus::kRefused, "channel '" + std::string(channel) +
-                                                   "' has one number a cell, not '" + std::string(name) +
-                                                   "': name it as '" + std::string(channel) + "'");
+                                                   "' has one component per cell, not '" + std::string(name) +
+                                                   "': write '" + std::string(channel) + "'");
   return report_status(HostStatus::kRefused, "channel '" + std::string(channel) + "' has " +
-                                                 std::to_string(components) + " components a cell, not '" +
-                                                 std::string(name) + "': name one as '" +
-                                                 std::string(channel) + "[0]' to '" + std::string(channel) +
-                                                 "[" + std::to_string(components - 1) + "]'");
+                                                 std::to_string(components) + " components per cell, not '" +
+                                                 std::string(name) + "': write '" + std::string(channel) +
+                                                 "[0]' to '" + std::string(channel) + "[" +
+                                                 std::to_string(components - 1) + "]'");
 }
 
 std::string SurfaceHost::unknown_channel_message(Direction direction, std::string_view name) const {

@@ -8,7 +8,7 @@ namespace apron::run {
 namespace {
 
 [[noreturn]] void unknown_format(const std::string& path) {
-  throw_refused(path, "is no array file: the name must end in .npy or .csv");
+  throw_refused(path, "is not an array file: the name must end in .npy or .csv");
 }
 
 }  // namespace

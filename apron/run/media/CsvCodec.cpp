@@ -37,7 +37,7 @@ void decode_csv(const std::string& path, std::string_view text, const vm::Plane&
     }
     if (height > 0 && columns != width)
       throw_refused(path, "line " + std::to_string(line) + " has " + std::to_string(columns) +
-                              " numbers, the lines above " + std::to_string(width));
+                              " numbers, but the lines above have " + std::to_string(width));
     width = columns;
     ++height;
   }

@@ -35,13 +35,13 @@ struct PngImage : png_image {
 GreyPixels decode_png(const std::string& path, std::string_view bytes, const vm::Plane& shape) {
   PngImage image;
   if (png_image_begin_read_from_memory(&image, bytes.data(), bytes.size()) == 0)
-    throw_refused(path, std::string("is not a whole PNG picture: ") + image.message);
+    throw_refused(path, std::string("is not a complete PNG picture: ") + image.message);
   require_shape(path, image.width, image.height, shape);
   image.format = PNG_FORMAT_GRAY;
   std::vector<std::uint8_t> pixels(shape.cell_count());
   const png_color black{0, 0, 0};  // background of transparent pixels
   if (png_image_finish_read(&image, &black, pixels.data(), 0, nullptr) == 0)
-    throw_refused(path, std::string("is not a whole PNG picture: ") + image.message);
+    throw_refused(path, std::string("is not a complete PNG picture: ") + image.message);
   return {pixels.begin(), pixels.end()};
 }
 
@@ -87,7 +87,7 @@ class PgmReader {
     while (size-- > 0) value = value << 8 | static_cast<unsigned char>(bytes_[position_++]);
     return value;
   }
-  [[noreturn]] void throw_invalid() const { throw_refused(path_, "is not a whole PGM picture"); }
+  [[noreturn]] void throw_invalid() const { throw_refused(path_, "is not a complete PGM picture"); }
 
  private:
   void skip_whitespace() {

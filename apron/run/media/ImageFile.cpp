@@ -14,7 +14,7 @@ const ImageCodec& find_codec(const std::string& path) {
   const std::string ending = extension(path);
   for (const ImageCodec& c : image_codecs())
     if (c.extension == ending) return c;
-  throw_refused(path, "is no picture file: the name must end in .png, .pgm, .jpg, .jpeg or .bmp");
+  throw_refused(path, "is not a picture file: the name must end in .png, .pgm, .jpg, .jpeg or .bmp");
 }
 
 }  // namespace

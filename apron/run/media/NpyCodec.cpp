@@ -49,7 +49,7 @@ void parse_type(const std::string& path, std::string_view text, NpyHeader& heade
   if (!(header.type_kind == 'f' && (size == 4 || size == 8)) && !(header.type_kind == 'b' && size == 1) &&
       !((header.type_kind == 'i' || header.type_kind == 'u') && valid_integer_size))
     throw_refused(path, "holds elements of type '" + std::string(type.substr(0, 40)) +
-                            "'; real, whole and truth values can be read");
+                            "'; supported types: floating point, integer and Boolean");
 }
 
 void parse_shape(const std::string& path, std::string_view text, NpyHeader& header) {
@@ -77,7 +77,7 @@ NpyHeader parse_header(const std::string& path, std::string_view bytes) {
     throw_refused(path, "is not a .npy file");
   const std::size_t size_bytes = bytes[6] == 1 ? 2 : 4;
   const std::size_t begin = 8 + size_bytes;
-  if (bytes[6] < 1 || bytes[6] > 3) throw_refused(path, "is of an unknown .npy version");
+  if (bytes[6] < 1 || bytes[6] > 3) throw_refused(path, "has an unknown .npy version");
   std::uint32_t length = 0;
   if (bytes.size() >= begin) std::memcpy(&length, bytes.data() + 8, size_bytes);
   if (bytes.size() < begin || bytes.size() - begin < length)

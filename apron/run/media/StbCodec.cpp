@@ -74,7 +74,7 @@ GreyPixels decode_stb(const std::string& path, std::string_view bytes, const vm:
   const std::unique_ptr<stbi_uc, void (*)(void*)> pixels(
       stbi_load_from_memory(data, size, &width, &height, &channels, 1), stbi_image_free);
   if (!pixels)
-    throw_refused(path, std::string("is not a whole JPEG or BMP picture: ") + stbi_failure_reason());
+    throw_refused(path, std::string("is not a complete JPEG or BMP picture: ") + stbi_failure_reason());
   return {pixels.get(), pixels.get() + shape.cell_count()};
 }
 

@@ -72,11 +72,12 @@ void V4l2Camera::control_or_throw(unsigned long request, void* argument, const c
 
 void V4l2Camera::require_capture_capability() {
   v4l2_capability capability{};
-  if (device_->control(VIDIOC_QUERYCAP, &capability) != 0) throw_refused(name_, "is no camera");
+  if (device_->control(VIDIOC_QUERYCAP, &capability) != 0) throw_refused(name_, "is not a camera");
   // A card may have several devices; device_caps describes this one.
   const std::uint32_t caps = (capability.capabilities & V4L2_CAP_DEVICE_CAPS) != 0 ? capability.device_caps
                                                                                    : capability.capabilities;
-  if ((caps & V4L2_CAP_VIDEO_CAPTURE) == 0) throw_refused(name_, "is a video device, but takes no pictures");
+  if ((caps & V4L2_CAP_VIDEO_CAPTURE) == 0)
+    throw_refused(name_, "is a video device that does not capture pictures");
   if ((caps & V4L2_CAP_STREAMING) == 0)
     throw_refused(name_, "is a camera that does not stream, which is not supported");
 }
@@ -96,8 +97,7 @@ FourCc V4l2Camera::choose_format() {
     offered += (offered.empty() ? "" : ", ") + fourcc_name(description.pixelformat);
   }
   if (best == supported.size())
-    throw_refused(name_,
-                  "gives pictures in no format that is read: " + (offered.empty() ? "none at all" : offered));
+    throw_refused(name_, "has no supported picture format; it has: " + (offered.empty() ? "none" : offered));
   return supported[best];
 }
 
@@ -113,8 +113,8 @@ void V4l2Camera::negotiate_format() {
   format_ = {actual.pixelformat, actual.width, actual.height, actual.bytesperline};
   const std::span<const FourCc> supported = supported_formats();
   if (std::find(supported.begin(), supported.end(), actual.pixelformat) == supported.end())
-    throw_refused(name_,
-                  "gives pictures in the format " + fourcc_name(actual.pixelformat) + ", which is not read");
+    throw_refused(name_, "sends pictures in the format " + fourcc_name(actual.pixelformat) +
+                             ", which is not supported");
 }
 
 void V4l2Camera::map_buffers() {
@@ -159,7 +159,7 @@ bool V4l2Camera::dequeue_newest() {
 void V4l2Camera::read(const vm::Plane& to, const std::atomic<bool>& stop) {
   for (int polls = 0; !dequeue_newest(); ++polls) {
     if (polls == kMaxPolls)
-      throw MediaError(vm::HostStatus::kFailed, "the camera '" + name_ + "' gives no whole picture");
+      throw MediaError(vm::HostStatus::kFailed, "the camera '" + name_ + "' delivers no complete picture");
     wait_for_buffer(stop);
   }
   resample_center_crop(frame_, to);

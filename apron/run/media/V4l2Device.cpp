@@ -63,15 +63,14 @@ class LinuxV4l2Device final : public V4l2Device {
 std::unique_ptr<V4l2Device> open_v4l2_device(const std::string& path) {
   struct stat status {};
   if (stat(path.c_str(), &status) != 0 && errno == ENOENT)
-    throw MediaError(
-        vm::HostStatus::kRefused,
-        "there is no camera '" + path + "'; --camera names another one, or a .y4m video in its place");
+    throw MediaError(vm::HostStatus::kRefused,
+                     "there is no camera '" + path + "'; select another one, or a .y4m video, with --camera");
   if (S_ISREG(status.st_mode) || S_ISDIR(status.st_mode))
-    throw_refused(path, "is no camera; a video in its place must end in .y4m");
+    throw_refused(path, "is not a camera; the name of a video must end in .y4m");
   const int fd = open(path.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC);
   if (fd != -1) return std::make_unique<LinuxV4l2Device>(fd);
   const int error = errno;
-  const std::string hint = error == EACCES ? "; members of the group 'video' usually may use it" : "";
+  const std::string hint = error == EACCES ? "; usually only members of the group 'video' may open it" : "";
   throw MediaError(vm::HostStatus::kRefused,
                    "cannot open the camera '" + path + "': " + std::strerror(error) + hint);
 }

@@ -41,23 +41,22 @@ bool read_line(std::ifstream& file, std::string& line) {
 }  // namespace
 
 Y4mReader::Y4mReader(const std::string& path) : path_(path) {
-  if (extension(path) != "y4m")
-    throw_refused(path, "is no video that can be read: the name must end in .y4m");
+  if (extension(path) != "y4m") throw_refused(path, "is not a supported video: the name must end in .y4m");
   file_.open(path, std::ios::binary);
   if (!file_) throw_refused(path, "cannot be read");
   std::string line, word, format = "420";
-  if (!read_line(file_, line)) throw_refused(path, "is no YUV4MPEG2 file");
+  if (!read_line(file_, line)) throw_refused(path, "is not a YUV4MPEG2 file");
   std::istringstream words(line);
   words >> word;
-  if (word != "YUV4MPEG2") throw_refused(path, "is no YUV4MPEG2 file");
+  if (word != "YUV4MPEG2") throw_refused(path, "is not a YUV4MPEG2 file");
   while (words >> word) {
     if (word[0] == 'W') frame_.width = parse_dimension(word);
     if (word[0] == 'H') frame_.height = parse_dimension(word);
     if (word[0] == 'C') format = word.substr(1);
   }
-  if (frame_.width == 0 || frame_.height == 0) throw_refused(path, "does not say its width and height");
+  if (frame_.width == 0 || frame_.height == 0) throw_refused(path, "does not state its width and height");
   const std::int64_t bytes = chroma_bytes(format, frame_.width, frame_.height);
-  if (bytes < 0) throw_refused(path, "has colours in the format '" + format + "', which is not read");
+  if (bytes < 0) throw_refused(path, "has colours in the format '" + format + "', which is not supported");
   chroma_bytes_ = static_cast<std::size_t>(bytes);
   first_frame_ = file_.tellg();
 }

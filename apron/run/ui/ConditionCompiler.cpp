@@ -55,7 +55,7 @@ std::optional<program::Program> compile_condition(const std::string& condition,
                                                   const program::Program& debuggee, std::uint32_t width,
                                                   std::uint32_t height, std::string& error) {
   if (condition.find_first_of("\r\n\\") != std::string::npos || condition.find("//") != std::string::npos) {
-    error = "a condition is one line, without a comment";
+    error = "a condition must be one line without a comment";
     return std::nullopt;
   }
   syntax::MemoryReader reader;
@@ -66,7 +66,7 @@ std::optional<program::Program> compile_condition(const std::string& condition,
   compiler_options.height = height;
   compiler::CompileResult result = compiler::compile(compiler_options, reader);
   if (result.program) return std::move(result.program);
-  error = result.diagnostics.empty() ? "this is no condition" : result.diagnostics.front().message;
+  error = result.diagnostics.empty() ? "not a condition" : result.diagnostics.front().message;
   return std::nullopt;
 }
 

@@ -131,7 +131,7 @@ void draw_header(DrawContext& context) {
   ImGui::SameLine(std::max(ImGui::GetCursorPosX(), ImGui::GetWindowContentRegionMax().x - box));
   if (ImGui::Checkbox("Profile", &model.profile_shown)) model.set_profiling(model.profile_shown);
   if (ImGui::IsItemHovered())
-    ImGui::SetTooltip("How often each line ran and its share of the time, from now on");
+    ImGui::SetTooltip("Count the executions of each line and measure its share of the time, from now on");
 }
 
 ColumnLayout column_layout(const DrawContext& context) {

@@ -107,7 +107,7 @@ void draw_register_list(DrawContext& context) {
   }
   ImGui::EndChild();
   ImGui::Checkbox("Temporaries", &model.temporaries_shown);
-  if (ImGui::IsItemHovered()) ImGui::SetTooltip("Registers that the compiler and macros made");
+  if (ImGui::IsItemHovered()) ImGui::SetTooltip("Registers created by the compiler and by macros");
 }
 
 }  // namespace apron::ui

@@ -41,7 +41,8 @@ void draw_style_controls(DrawContext& context, std::size_t reg) {
                         ImGuiComboFlags_HeightLarge)) {
     for (std::size_t i = 0; i < common::kPaletteCount; ++i) {
       const auto palette = static_cast<common::Palette>(i);
-      if (!ImGui::Selectable(std::string(common::palette_name(palette)).c_str(), palette == style.palette)) continue;
+      if (!ImGui::Selectable(std::string(common::palette_name(palette)).c_str(), palette == style.palette))
+        continue;
       style.palette = palette;
       changed = true;
     }
@@ -53,7 +54,7 @@ void draw_style_controls(DrawContext& context, std::size_t reg) {
     if (!style.auto_range && model.snapshot().full)
       style.range = debugger::automatic_range(model.statistics());
   }
-  if (ImGui::IsItemHovered()) ImGui::SetTooltip("The palette spans what the cells hold, and 0");
+  if (ImGui::IsItemHovered()) ImGui::SetTooltip("The palette spans the values of the cells, and 0");
   if (!style.auto_range) {
     for (float* bound : {&style.range.low, &style.range.high}) {
       ImGui::SameLine();

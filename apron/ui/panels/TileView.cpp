@@ -66,7 +66,7 @@ void draw_tiles(DrawContext& context) {
   ImGui::Text("%zu registers", tiles.size());
   ImGui::SameLine(0.0F, context.to_pixels(16));
   if (ImGui::Button("One")) context.model.set_tiled(false);
-  if (ImGui::IsItemHovered()) ImGui::SetTooltip("One register, large; a click on a tile shows that one");
+  if (ImGui::IsItemHovered()) ImGui::SetTooltip("Enlarge one register; click a tile to enlarge that one");
   ImVec2 available = ImGui::GetContentRegionAvail();
   available.y = std::max(available.y - ImGui::GetStyle().ItemSpacing.y, context.to_pixels(60));
   const TileLayout layout = tile_layout(context, available, static_cast<int>(tiles.size()));

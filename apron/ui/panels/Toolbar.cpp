@@ -69,17 +69,15 @@ void draw_toolbar(DrawContext& context) {
   using debugger::StepUnit;
   const bool paused = !finished && !running;
   if (toolbar_button("Tick", "To the next surface.step (\u2192)", paused)) model.step(StepUnit::kTick);
-  if (toolbar_button("Line", "To the next line as it is folded (\u2193)", paused))
-    model.step(StepUnit::kLine);
-  if (toolbar_button("Instruction", "One instruction of the machine (I)", paused))
-    model.step(StepUnit::kInstruction);
+  if (toolbar_button("Line", "To the next visible line (\u2193)", paused)) model.step(StepUnit::kLine);
+  if (toolbar_button("Instruction", "One VM instruction (I)", paused)) model.step(StepUnit::kInstruction);
   if (toolbar_button("Walk", "Line by line, slowly (W)", paused)) model.walk();
   ImGui::SetNextItemWidth(context.to_pixels(84));
   ImGui::SliderInt("##pace", &model.lines_per_s, 1, 30, "%d lines/s");
-  show_tooltip("How fast to walk");
+  show_tooltip("Walking speed");
   same_line_gap(context);
-  if (toolbar_button("Reset", "Begin again (R)")) model.reset();
-  if (toolbar_button("Reload", "Read the program again; done by itself when it is saved"))
+  if (toolbar_button("Reset", "Restart the program (R)")) model.reset();
+  if (toolbar_button("Reload", "Reload the program; automatic when the file is saved"))
     model.reload_requested = true;
   if (toolbar_button("?", "Mouse and keys (F1)")) model.help_shown = !model.help_shown;
   if (is_wide_layout(context))
@@ -111,17 +109,16 @@ void handle_keys(ViewModel& model) {
 }
 
 void draw_help(DrawContext& context) {
-  static constexpr const char* kHelp[][2] = {
-      {"Space", "run, or stop at the end of the tick"},
-      {"\u2192   \u2193   I", "one tick, one line, one instruction"},
-      {"W", "walk, line by line"},
-      {"R", "reset"},
-      {"Click a small register", "show it large"},
-      {"Wheel, drag on the large one", "zoom, move; double click: all of it"},
-      {"Click on the large one", "watch that cell"},
-      {"Click left of a line's number", "breakpoint"},
-      {"Click a triangle", "fold or unfold an include or a macro"},
-      {"F1   ?   Esc", "this help"}};
+  static constexpr const char* kHelp[][2] = {{"Space", "run, or stop at the end of the tick"},
+                                             {"\u2192   \u2193   I", "one tick, one line, one instruction"},
+                                             {"W", "walk, line by line"},
+                                             {"R", "reset"},
+                                             {"Click a small register", "show it large"},
+                                             {"Wheel, drag on the large one", "zoom, pan; double click: fit"},
+                                             {"Click on the large one", "probe that cell"},
+                                             {"Click left of a line's number", "breakpoint"},
+                                             {"Click a triangle", "fold or unfold an include or a macro"},
+                                             {"F1   ?   Esc", "this help"}};
   const ImVec2 size = ImGui::GetIO().DisplaySize;
   ImGui::SetNextWindowPos({size.x / 2.0F, size.y / 2.0F}, ImGuiCond_Always, {0.5F, 0.5F});
   ImGui::SetNextWindowFocus();

@@ -29,7 +29,7 @@ struct OffscreenRenderer::State {
     glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
     glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_RENDERBUFFER, colour);
     if (glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
-      throw common::UserError("this machine draws no picture of " + std::to_string(width) + "x" +
+      throw common::UserError("this machine cannot draw a picture of " + std::to_string(width) + "x" +
                               std::to_string(height) + " pixels");
     ImGuiIO& io = ImGui::GetIO();
     io.DisplaySize = {static_cast<float>(width), static_cast<float>(height)};
@@ -50,7 +50,7 @@ struct OffscreenRenderer::State {
 
 OffscreenRenderer::OffscreenRenderer(int width, int height, float scale) {
   if (width < 1 || height < 1 || width > kMaxEdge || height > kMaxEdge)
-    throw common::UserError("a picture has 1 to " + std::to_string(kMaxEdge) + " pixels an edge");
+    throw common::UserError("a picture has 1 to " + std::to_string(kMaxEdge) + " pixels per edge");
   state_ = std::make_unique<State>(width, height, scale);
 }
 

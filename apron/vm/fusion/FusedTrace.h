@@ -9,9 +9,10 @@
 #include "apron/vm/Executor.h"
 #include "apron/vm/PlaneStore.h"
 #include "apron/vm/fusion/FusionPlan.h"
+#include "apron/vm/fusion/StageInterpreter.h"
 #include "apron/vm/fusion/Trace.h"
 #include "apron/vm/fusion/ValueGraph.h"
-#include "apron/vm/jit/StageCode.h"
+#include "apron/vm/jit/StageJit.h"
 
 namespace apron::vm {
 

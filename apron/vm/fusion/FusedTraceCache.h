@@ -41,8 +41,6 @@ class FusedTraceCache {
                                                                                         : nullptr;
   }
 
-  std::size_t size() const noexcept { return traces_.size(); }
-
  private:
   struct Entry {
     FusedTrace *unmasked = nullptr, *masked = nullptr;

@@ -80,7 +80,6 @@ class FusionPlanner {
           if (is_computed(arg.index) && stage_of_[arg.index] != s)
             stage.skew = std::max(stage.skew, plan_.stages[stage_of_[arg.index]].skew + rows_ahead(arg.dy));
         });
-      plan_.max_skew = std::max(plan_.max_skew, stage.skew);
     }
   }
 

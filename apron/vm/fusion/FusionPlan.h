@@ -91,7 +91,6 @@ struct FusionPlan {
   std::uint32_t ring_halo = 0;           // columns of the rings beyond a strip's own, a multiple of kLanes
   std::uint32_t ring_pitch = 0;          // floats between rows of a ring
   std::size_t worker_floats = 0;         // size of one worker's rings
-  std::uint32_t max_skew = 0;            // over all stages
 };
 
 // Schedules the graph over arrays of width x height. Allocates.

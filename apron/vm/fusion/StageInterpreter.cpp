@@ -1,7 +1,8 @@
+#include "apron/vm/fusion/StageInterpreter.h"
+
 #include <algorithm>
 
 #include "apron/vm/PlaneStore.h"
-#include "apron/vm/jit/StageCode.h"
 
 namespace apron::vm {
 

@@ -10,7 +10,7 @@
 #include <map>
 #include <vector>
 
-#include "apron/vm/jit/StageCode.h"
+#include "apron/vm/jit/StageJit.h"
 
 namespace apron::vm {
 

@@ -1,4 +1,4 @@
-#include "apron/vm/jit/StageCode.h"
+#include "apron/vm/jit/StageJit.h"
 
 #if defined(__x86_64__) && defined(APRON_HAVE_XBYAK)
 

@@ -9,7 +9,7 @@
 namespace smartsurf::record {
 namespace {
 
-// The columns of /objects, one entry an object.
+// The columns of /objects, one entry per object.
 struct CatalogueColumns {
   explicit CatalogueColumns(hid_t group);
   hsize_t complete_entries(hid_t group) const;
@@ -27,7 +27,7 @@ struct CatalogueColumns {
       angular_velocity;
 };
 
-// A killed run may have got only so far with some of them.
+// Returns the length of the shortest column: a killed run may leave columns of different lengths.
 hsize_t CatalogueColumns::complete_entries(hid_t group) const {
   hsize_t n = stored_entries(open_dataset(group, "id", 1), sizeof(std::uint32_t));
   for (const char* name : {"label", "shape", "material"})
@@ -54,7 +54,7 @@ CatalogueColumns::CatalogueColumns(hid_t group)
   if (has_link(group, "height")) {
     height = read_numbers(group, "height", 1);
     solid = read_column<std::int32_t>(group, "solid", H5T_NATIVE_INT32, count);
-  } else {  // older recordings know no shapes that have a height or a solid of their own
+  } else {  // older recordings have no shapes with a height or a solid of their own
     for (hsize_t i = 0; i < count; ++i) height[i] = extent[3 * i + 2];
   }
 }
@@ -69,7 +69,7 @@ scene::ObjectSpec make_object(const CatalogueColumns& columns, std::size_t i,
   if (object.shape != scene::ShapeKind::kBox) object.radius = columns.radius[i];
   if (object.shape == scene::ShapeKind::kSolid) {
     if (columns.solid[i] < 0 || static_cast<std::size_t>(columns.solid[i]) >= solids.size())
-      throw Hdf5Error("object " + std::to_string(i) + " is a solid that is not in the file");
+      throw Hdf5Error("object " + std::to_string(i) + " refers to a solid that is not in the file");
     object.solid = solids[static_cast<std::size_t>(columns.solid[i])];
   }
   object.label = columns.label[i];

@@ -6,8 +6,8 @@
 
 namespace smartsurf::record {
 
-// Adds the objects of the file, as far as a killed run got with them, and the names of their materials.
-// Throws Hdf5Error for what no recorder wrote.
+// Appends the file's objects to spec.objects and their materials, by name only, to spec.materials. Objects
+// that a killed run stored incompletely are omitted. Throws Hdf5Error for data that no recorder writes.
 void read_catalogue(hid_t file, scene::SceneSpec& spec);
 
 }  // namespace smartsurf::record

@@ -21,7 +21,7 @@ constexpr hsize_t kChunkObjects = 64;
 
 Handle copy_type(hid_t type) { return Handle(H5Tcopy(type), H5Tclose, "type"); }
 
-// Columns of one number or a vector an object, in the order of the objects.
+// Concatenates value(object) of all objects; each value is a range of numbers.
 template <class Number, class Value>
 std::vector<Number> gather_values(std::span<const scene::ObjectSpec> objects, Value value) {
   std::vector<Number> numbers;

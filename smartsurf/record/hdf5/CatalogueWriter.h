@@ -18,13 +18,13 @@ class CatalogueWriter {
   // `group` is /objects of `file`.
   CatalogueWriter(hid_t file, hid_t group, std::vector<scene::Material> materials);
   void append(std::span<const scene::ObjectSpec> objects);
-  // The most that append() can add to the file.
+  // Upper bound of the bytes that append() adds to the file.
   std::uint64_t max_bytes(std::span<const scene::ObjectSpec> objects) const;
 
  private:
   struct Column {
     std::string name;
-    int width;  // 1: one value an object; else objects × width
+    int width;  // numbers per object; the dataset has one axis if 1, else two: objects × width
     Handle type, dataset;
   };
   void add_column(hid_t group, const char* name, Handle type, int width);
@@ -37,7 +37,7 @@ class CatalogueWriter {
 };
 
 const char* shape_name(scene::ShapeKind shape);
-// False when no shape has this name.
+// Returns false if no shape has this name.
 bool parse_shape(const std::string& name, scene::ShapeKind& shape);
 
 }  // namespace smartsurf::record

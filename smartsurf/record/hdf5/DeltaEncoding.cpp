@@ -10,10 +10,10 @@ namespace smartsurf::record {
 namespace {
 
 constexpr hsize_t kChunkChanges = 8192, kChunkRows = 1024;
-constexpr std::uint64_t kBlockChanges = 1u << 16;  // read at once
+constexpr std::uint64_t kBlockChanges = 1u << 16;  // changes read at once
 constexpr std::size_t kMinKeyframeInterval = 256, kMaxKeyframeBytes = std::size_t{64} << 20;
-constexpr std::uint64_t kMaxChangesPerStoredByte =
-    1100 / sizeof(std::uint32_t);  // changes a stored byte, at most
+// Deflate compresses at most about 1030:1, so a stored byte holds at most this many changes.
+constexpr std::uint64_t kMaxChangesPerStoredByte = 1100 / sizeof(std::uint32_t);
 
 Handle create_growing_dataset(hid_t group, const char* name, hid_t type, hsize_t chunk, bool compress) {
   const hsize_t initial_size = 0, max_size = H5S_UNLIMITED;
@@ -56,7 +56,7 @@ void DeltaWriter::add(std::span<const float> values, std::size_t offset) {
   const bool is_first_row = written_rows_ == 0 && row_ends_.empty();
   for (std::size_t i = 0; i < values.size(); ++i) {
     float& previous = previous_row_[offset + i];
-    // By bits: a NaN is equal to itself, and −0 differs from 0.
+    // Compares bits: a NaN equals itself, and −0 differs from 0.
     if (!is_first_row && std::bit_cast<std::uint32_t>(previous) == std::bit_cast<std::uint32_t>(values[i]))
       continue;
     previous = values[i];
@@ -66,7 +66,7 @@ void DeltaWriter::add(std::span<const float> values, std::size_t offset) {
 }
 
 std::uint64_t DeltaWriter::max_bytes() const {
-  // Two chunks more than the data fills: the one begun before is stored anew, and so is the one not yet full.
+  // Up to two chunks beyond the data: the partial chunk at either end is rewritten elsewhere in the file.
   const auto stored_bytes = [](std::uint64_t count, std::uint64_t chunk, std::uint64_t bytes) {
     return (count / chunk + 3) * chunk * bytes;
   };
@@ -92,16 +92,16 @@ DeltaReader::DeltaReader(hid_t parent, const char* name, std::size_t row_size)
   row_ends_ =
       read_block<std::uint64_t>(ends, H5T_NATIVE_UINT64, {0}, {stored_entries(ends, 8)}, name_ + "/end");
   const std::uint64_t changes = std::min(extents(cell_dataset_)[0], extents(value_dataset_)[0]);
-  // An extent may claim anything, but nothing packs better than a thousandfold.
+  // A damaged file may declare any extent; the compression ratio bounds what it can hold.
   if (changes / kMaxChangesPerStoredByte > H5Dget_storage_size(cell_dataset_) + kChunkChanges)
-    throw Hdf5Error("dataset " + name_ + "/cell claims more than it holds");
-  // A kill in the middle of a write may leave rows whose changes are not there.
+    throw Hdf5Error("dataset " + name_ + "/cell declares more entries than it can hold");
+  // A run killed during a write may leave rows whose changes are missing.
   while (!row_ends_.empty() && row_ends_.back() > changes) row_ends_.pop_back();
   std::uint64_t previous_end = 0;
   for (std::size_t row = 0; row < row_ends_.size(); previous_end = row_ends_[row++])
     if (row_ends_[row] < previous_end || row_ends_[row] - previous_end > row_size ||
         (row == 0 && row_ends_[row] != row_size))
-      throw Hdf5Error("dataset " + name_ + "/end: row " + std::to_string(row) + " cannot be");
+      throw Hdf5Error("dataset " + name_ + "/end: row " + std::to_string(row) + " is invalid");
   if (!row_ends_.empty()) current_row_.resize(row_size);
   keyframe_interval_ =
       std::max(kMinKeyframeInterval, rows() * row_size / (kMaxKeyframeBytes / sizeof(float)) + 1);
@@ -138,7 +138,7 @@ void DeltaReader::apply(std::uint64_t from, std::uint64_t to) {
     if (change < block_begin_ || change >= block_begin_ + block_cells_.size()) load_block(change);
     const std::uint32_t cell = block_cells_[change - block_begin_];
     if (cell >= current_row_.size())
-      throw Hdf5Error("dataset " + name_ + "/cell: there is no cell " + std::to_string(cell));
+      throw Hdf5Error("dataset " + name_ + "/cell: no cell " + std::to_string(cell));
     current_row_[cell] = block_values_[change - block_begin_];
   }
 }

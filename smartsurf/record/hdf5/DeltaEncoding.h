@@ -1,6 +1,7 @@
-// Delta encoding of a row of numbers that changes little from frame to frame: `end` (per row: number of
-// changes up to and including it), `cell` and `value` (per change). The first row lists every value. Internal
-// to this module.
+// Delta encoding of rows of numbers that change little from frame to frame. Internal to this module.
+//
+// The datasets are `end` (per row: number of changes up to and including it), `cell` and `value` (per change:
+// the index within the row and the new value). The first row lists every value.
 #pragma once
 
 #include <cstdint>
@@ -14,17 +15,17 @@ namespace smartsurf::record {
 
 class DeltaWriter {
  public:
-  // Makes the group `name` in `parent`, for rows of `cells` numbers.
+  // Creates the group `name` in `parent`, for rows of `row_size` numbers.
   DeltaWriter(hid_t parent, const char* name, std::size_t row_size);
 
-  // A row: any number of add() for its parts, `first` the place of the part's first value; then end_row().
-  // Only the first rows and rows with more changes than ever before allocate.
+  // A row is any number of add() calls, each with the index of its first value within the row, followed by
+  // end_row(). Allocates only in the first rows and when more changes are buffered than ever before.
   void add(std::span<const float> values, std::size_t offset);
   void end_row() { row_ends_.push_back(written_changes_ + cells_.size()); }
   std::size_t buffered_changes() const { return cells_.size(); }
 
-  std::uint64_t max_bytes() const;  // that write() can add to the file
-  void write();                     // what is buffered; the changes before their rows
+  std::uint64_t max_bytes() const;  // upper bound of the bytes that write() adds to the file
+  void write();                     // writes the buffered changes, then their row ends
 
  private:
   Handle group_, row_end_dataset_, cell_dataset_, value_dataset_;
@@ -37,12 +38,12 @@ class DeltaWriter {
 
 class DeltaReader {
  public:
-  // Throws Hdf5Error when the group's datasets do not fit together.
+  // Throws Hdf5Error if the group's datasets are inconsistent.
   DeltaReader(hid_t parent, const char* name, std::size_t row_size);
 
   std::size_t rows() const { return row_ends_.size(); }
-  // The values of a row, valid until the next call. Costs the changes since the row asked for last, or, going
-  // back, since one of the whole rows that are kept on the way.
+  // The values of a row, valid until the next call. Applies the changes since the previously read row; when
+  // going back, those since the nearest keyframe.
   std::span<const float> read_row(std::size_t row);
 
  private:
@@ -54,9 +55,9 @@ class DeltaReader {
   Handle group_, cell_dataset_, value_dataset_;
   std::vector<std::uint64_t> row_ends_;
   std::vector<float> current_row_;
-  std::size_t next_row_ = 0;  // values_ holds the row before it
+  std::size_t next_row_ = 0;  // current_row_ holds the row before it
   std::size_t keyframe_interval_ = 1;
-  std::vector<std::vector<float>> keyframes_;  // whole rows, one in so many
+  std::vector<std::vector<float>> keyframes_;  // complete rows, one every keyframe_interval_
   std::uint64_t block_begin_ = 0;
   std::vector<std::uint32_t> block_cells_;
   std::vector<float> block_values_;

@@ -23,7 +23,7 @@ void FilePreallocator::preallocate(std::uint64_t bytes) {
   if (::fstat(fd_, &status) != 0) throw Hdf5Error(std::strerror(errno));
   const off_t length = static_cast<off_t>(bytes);
   if (::fallocate(fd_, 0, status.st_size, length) == 0) return;
-  // A file system that cannot promise the bytes can still make the file long enough.
+  // A file system without fallocate() can still extend the file.
   if (errno == EOPNOTSUPP && ::ftruncate(fd_, status.st_size + length) == 0) return;
   const std::string reason = std::strerror(errno);
   truncate(static_cast<std::uint64_t>(status.st_size));
@@ -31,7 +31,7 @@ void FilePreallocator::preallocate(std::uint64_t bytes) {
 }
 
 void FilePreallocator::truncate(std::uint64_t length) {
-  // A file that stays too long is as readable.
+  // A failure is harmless: HDF5 ignores trailing bytes.
   [[maybe_unused]] const int ignored = ::ftruncate(fd_, static_cast<off_t>(length));
 }
 

@@ -12,14 +12,15 @@ namespace smartsurf::record {
 
 class FilePreallocator {
  public:
-  explicit FilePreallocator(const std::filesystem::path& path);  // of an existing file
+  // Opens an existing file. Throws Hdf5Error.
+  explicit FilePreallocator(const std::filesystem::path& path);
   ~FilePreallocator();
   FilePreallocator(const FilePreallocator&) = delete;
   FilePreallocator& operator=(const FilePreallocator&) = delete;
 
-  // Makes the file longer by so many bytes that are really there. Throws Hdf5Error when there is no room.
+  // Extends the file by `bytes` allocated bytes. Throws Hdf5Error if the disk is full.
   void preallocate(std::uint64_t bytes);
-  // Cuts the file to its length according to HDF5.
+  // Truncates the file to `length`, its length according to HDF5.
   void truncate(std::uint64_t length);
 
  private:

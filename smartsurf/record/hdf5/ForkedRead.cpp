@@ -13,7 +13,7 @@ namespace {
 constexpr unsigned kChildTimeout_s = 60;
 
 [[noreturn]] void run_in_child(const std::function<void()>& action) {
-  // Whatever handlers the parent has, they are not for this.
+  // The parent's handlers must not run in the child.
   for (const int signal : {SIGSEGV, SIGBUS, SIGABRT, SIGFPE, SIGILL, SIGALRM}) std::signal(signal, SIG_DFL);
   if (const int null_device = ::open("/dev/null", O_WRONLY); null_device >= 0) {
     ::dup2(null_device, STDOUT_FILENO);
@@ -22,7 +22,7 @@ constexpr unsigned kChildTimeout_s = 60;
   ::alarm(kChildTimeout_s);
   try {
     action();
-  } catch (...) {  // the parent meets the same exception, and can say what it is
+  } catch (...) {  // the parent will get the same exception and reports it
   }
   ::_exit(0);
 }

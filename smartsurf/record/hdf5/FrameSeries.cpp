@@ -72,14 +72,14 @@ std::uint64_t FrameSeries::max_bytes() const {
   const std::uint64_t stored_columns = round_up(columns, std::max<std::uint64_t>(layout_.chunk_columns, 1));
   const std::uint64_t stored_row_bytes = columns == 0 ? 0 : row_bytes() / columns * stored_columns;
   const std::uint64_t frames = round_up(buffer_frames_, layout_.chunk_frames) + layout_.chunk_frames;
-  return stored_row_bytes * frames +
-         stored_row_bytes * frames / 64;  // packing may make noise a little longer
+  // Incompressible data grows slightly when compressed.
+  return stored_row_bytes * frames + stored_row_bytes * frames / 64;
 }
 
 void FrameSeries::write(hsize_t first, hsize_t count, hsize_t column_begin, hsize_t column_end) {
   const std::vector<hsize_t> extent = frame_extent(first + count, layout_.row);
   check(H5Dset_extent(dataset_, extent.data()), name_);
-  if (layout_.chunk_columns != 0 && column_begin >= column_end) return;  // no column has a value
+  if (layout_.chunk_columns != 0 && column_begin >= column_end) return;  // all columns are fill values
 
   std::vector<hsize_t> start(extent.size(), 0);
   std::vector<hsize_t> size = frame_extent(count, layout_.row);

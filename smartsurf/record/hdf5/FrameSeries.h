@@ -14,12 +14,12 @@ namespace smartsurf::record {
 class FrameSeries {
  public:
   struct Layout {
-    hid_t type = -1;                // of an element, in memory and in the file
-    std::vector<hsize_t> row = {};  // extents of a row: {} a scalar, {objects, 3}, {rows, columns}, …
-    hsize_t chunk_frames = 1;       // rows stored together
-    hsize_t chunk_columns = 0;      // not 0: the row's first axis may grow, and is stored in such pieces
+    hid_t type = -1;                // element type, in memory and in the file
+    std::vector<hsize_t> row = {};  // extents of a row: {} for a scalar, {objects, 3}, {rows, columns}, …
+    hsize_t chunk_frames = 1;       // rows per chunk
+    hsize_t chunk_columns = 0;      // columns per chunk if the row's first axis can grow; 0 if it is fixed
     bool compress = false;          // gzip-1 + shuffle
-    std::vector<std::byte> fill_value = {};  // the element that stands for "no value"
+    std::vector<std::byte> fill_value = {};  // bytes of the element that means "no value"
   };
   template <class Number>
   static std::vector<std::byte> to_bytes(const Number& number) {
@@ -27,20 +27,20 @@ class FrameSeries {
     return {first, first + sizeof number};
   }
 
-  // buffer_frames: rows that the buffer holds.
+  // buffer_frames: capacity of the buffer, rows.
   FrameSeries(hid_t parent, const std::string& name, Layout layout, std::size_t buffer_frames);
 
-  // The buffer's row number `buffered`, as elements; a row holds what was last put there.
+  // A row of the buffer; it keeps its values until they are overwritten.
   template <class Number>
   std::span<Number> row(std::size_t buffer_index) {
     return {reinterpret_cast<Number*>(buffer_.data() + buffer_index * row_bytes()), row_elements_};
   }
-  // The most that writing a full buffer can add to the file.
+  // Upper bound of the bytes that writing a full buffer adds to the file.
   std::uint64_t max_bytes() const;
-  // Makes the row's first axis longer; buffered rows keep their values, and get the fill value behind them.
+  // Extends the row's first axis; buffered rows keep their values and are padded with the fill value.
   void grow_columns(hsize_t columns);
-  // Appends the buffer's first `count` rows as the frames [first, first + count). Of rows with a growing axis
-  // only the columns [from, to) are written; the others stay "no value".
+  // Writes the buffer's first `count` rows as the frames [first, first + count). If the row's first axis can
+  // grow, writes only the columns [column_begin, column_end); the others keep the fill value.
   void write(hsize_t first, hsize_t count, hsize_t column_begin = 0, hsize_t column_end = 0);
 
  private:

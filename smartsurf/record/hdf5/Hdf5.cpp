@@ -3,7 +3,7 @@
 namespace smartsurf::record {
 namespace {
 
-// Walked from the innermost error outwards: the first is the cause.
+// H5E_WALK_UPWARD starts at the innermost error, which is the cause.
 herr_t store_innermost_error(unsigned depth, const H5E_error2_t* error, void* text) {
   if (depth == 0 && error->desc) *static_cast<std::string*>(text) = error->desc;
   return 0;
@@ -15,7 +15,7 @@ herr_t store_innermost_error(unsigned depth, const H5E_error2_t* error, void* te
   H5Eclear2(H5E_DEFAULT);
   for (char& c : reason)
     if (c == '\n') c = ' ';
-  // Of a failed write the library tells a whole line; what the system said of it is quoted in the middle.
+  // The description of a failed write quotes the system error; keep only that.
   static const std::string kQuote = "error message = '";
   if (const auto quote = reason.find(kQuote); quote != std::string::npos) {
     const auto begin = quote + kQuote.size();
@@ -92,7 +92,7 @@ std::string read_text_attribute(hid_t object, const char* name) {
   const Handle space(H5Aget_space(attribute), H5Sclose, what);
   const Handle stored(H5Aget_type(attribute), H5Tclose, what);
   if (H5Sget_simple_extent_npoints(space) != 1 || H5Tis_variable_str(stored) <= 0)
-    throw Hdf5Error(what + " (is not one text)");
+    throw Hdf5Error(what + " (is not a single string)");
   char* characters = nullptr;
   check(H5Aread(attribute, stored, &characters), what);
   std::string text = characters ? characters : "";

@@ -1,5 +1,5 @@
 // RAII handles and checked calls of HDF5. Internal to this module. Every function throws Hdf5Error (one line)
-// when the library reports a failure.
+// if the library reports a failure.
 #pragma once
 
 #include <hdf5.h>
@@ -20,7 +20,7 @@ class Handle {
  public:
   using Closer = herr_t (*)(hid_t);
   Handle() = default;
-  // Throws "WHAT: the library's reason" when id is negative.
+  // Throws "WHAT (the library's reason)" if id is negative.
   Handle(hid_t id, Closer closer, const std::string& what);
   Handle(Handle&& other) noexcept : id_(std::exchange(other.id_, -1)), closer_(other.closer_) {}
   Handle& operator=(Handle&& other) noexcept {
@@ -38,13 +38,14 @@ class Handle {
   Closer closer_ = nullptr;
 };
 
-// Throws "WHAT: the library's reason" when status is negative.
+// Throws "WHAT (the library's reason)" if status is negative.
 void check(herr_t status, const std::string& what);
-// The library prints its error stack on stderr unless told otherwise; ours go into the exceptions.
+// Stops the library from printing its error stack on stderr; errors are reported by exceptions.
 void silence_error_stack();
 
-Handle string_type();  // variable-length UTF-8: attributes of any length (fixed ones end at 64 KiB)
-// Chunked storage that does not date its objects: the same run gives the same bytes.
+// Variable-length UTF-8; fixed-length attributes are limited to 64 KiB.
+Handle string_type();
+// Chunked storage without timestamps, so that the same run gives the same bytes.
 Handle chunked_properties(const std::vector<hsize_t>& chunk);
 Handle create_dataset(hid_t parent, const char* name, hid_t type, hid_t space, hid_t properties);
 Handle create_group(hid_t parent, const char* name);
@@ -56,7 +57,7 @@ void write_attribute(hid_t object, const char* name, std::uint64_t value);
 
 bool has_attribute(hid_t object, const char* name);
 std::string read_text_attribute(hid_t object, const char* name);
-// Reads exactly `count` numbers converted to `type`; throws when the attribute holds another number of them.
+// Reads `count` numbers, converted to `type`; throws if the attribute holds more or fewer.
 void read_attribute(hid_t object, const char* name, hid_t type, void* values, hsize_t count = 1);
 std::vector<hsize_t> extents(hid_t dataset);
 

@@ -31,7 +31,7 @@ void write_meta(hid_t file, const RunMetadata& meta, const scene::SceneSpec& spe
     write_attribute(options, option.name.c_str(), option.value);
   const Handle set = create_group(group, "set");
   for (const NamedText& setting : meta.overrides) {
-    if (has_attribute(set, setting.name.c_str())) H5Adelete(set, setting.name.c_str());  // the last counts
+    if (has_attribute(set, setting.name.c_str())) H5Adelete(set, setting.name.c_str());  // the last one wins
     write_attribute(set, setting.name.c_str(), setting.value);
   }
   const Handle versions = create_group(group, "versions");
@@ -44,7 +44,7 @@ void write_meta(hid_t file, const RunMetadata& meta, const scene::SceneSpec& spe
 
 namespace {
 
-// "pin", "pin, wheels".
+// The models, separated by commas: "pin, wheels".
 std::string actuator_names(const scene::SurfaceSpec& surface) {
   std::string names;
   for (const scene::ActuatorSpec& actuator : surface.effective_actuators())

@@ -9,15 +9,15 @@ namespace fs = std::filesystem;
 Handle open_for_reading(const fs::path& path) {
   silence_error_stack();
   std::error_code error;
-  if (!fs::exists(path, error)) throw Hdf5Error("there is no such file");
+  if (!fs::exists(path, error)) throw Hdf5Error("no such file");
   if (!fs::is_regular_file(path, error)) throw Hdf5Error("is not a file");
   if (path.extension() == ".csv")
     throw Hdf5Error("is a CSV recording, which only holds trajectories: record to a name ending in .h5");
   if (H5Fis_hdf5(path.c_str()) <= 0)
-    throw Hdf5Error("is not an HDF5 file: smartsurf run --record writes them");
+    throw Hdf5Error("is not an HDF5 file: smartsurf run --record writes one");
   const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose, "file properties");
   check(H5Pset_file_locking(access, false, true), "file properties");  // a running recorder holds the lock
-  return Handle(H5Fopen(path.c_str(), H5F_ACC_RDONLY, access), H5Fclose, "is damaged or cut short");
+  return Handle(H5Fopen(path.c_str(), H5F_ACC_RDONLY, access), H5Fclose, "is damaged or truncated");
 }
 
 Handle open_group(hid_t parent, const char* name) {
@@ -27,7 +27,7 @@ Handle open_group(hid_t parent, const char* name) {
 Handle open_dataset(hid_t parent, const std::string& name, int rank) {
   Handle dataset(H5Dopen2(parent, name.c_str(), H5P_DEFAULT), H5Dclose, "has no dataset " + name);
   if (static_cast<int>(extents(dataset).size()) != rank)
-    throw Hdf5Error("dataset " + name + " has not " + std::to_string(rank) + " axes");
+    throw Hdf5Error("dataset " + name + " does not have " + std::to_string(rank) + " axes");
   return dataset;
 }
 
@@ -38,7 +38,7 @@ hsize_t stored_entries(hid_t dataset, std::size_t bytes_per_entry) {
 std::vector<std::string> read_strings(hid_t parent, const std::string& name, hsize_t count) {
   const Handle dataset = open_dataset(parent, name, 1);
   const Handle type(H5Dget_type(dataset), H5Tclose, name);
-  if (H5Tis_variable_str(type) <= 0) throw Hdf5Error("dataset " + name + " does not hold texts");
+  if (H5Tis_variable_str(type) <= 0) throw Hdf5Error("dataset " + name + " does not hold strings");
   std::vector<char*> characters = read_block<char*>(dataset, type, {0}, {count}, name);
   std::vector<std::string> texts;
   for (char* text : characters) {

@@ -11,21 +11,21 @@
 
 namespace smartsurf::record {
 
-// A file that another process may still be writing.
+// Opens a file that another process may still be writing.
 Handle open_for_reading(const std::filesystem::path& path);
 inline bool has_link(hid_t parent, const char* name) { return H5Lexists(parent, name, H5P_DEFAULT) > 0; }
 Handle open_group(hid_t parent, const char* name);
 Handle open_dataset(hid_t parent, const std::string& name, int rank);
-// Entries along the first axis of an uncompressed dataset that really are in the file: an extent alone may
-// claim anything.
+// Number of entries along the first axis of an uncompressed dataset that the file really stores. The extent
+// alone is not trustworthy.
 hsize_t stored_entries(hid_t dataset, std::size_t bytes_per_entry);
-// The first `count` entries of a dataset of texts.
+// Reads the first `count` entries of a dataset of strings.
 std::vector<std::string> read_strings(hid_t parent, const std::string& name, hsize_t count);
 
-// The text attributes of a group, in the order of their names.
+// Reads the string attributes of a group, sorted by name.
 std::vector<NamedText> read_string_attributes(hid_t parent, const char* group_name);
 
-// The caller bounds `size`.
+// Reads the block at `start` with extents `size`. The caller must bound `size`.
 template <class Number>
 std::vector<Number> read_block(hid_t dataset, hid_t type, std::vector<hsize_t> start,
                                const std::vector<hsize_t>& size, const std::string& name) {
@@ -42,7 +42,7 @@ std::vector<Number> read_block(hid_t dataset, hid_t type, std::vector<hsize_t> s
   return values;
 }
 
-// The first `count` entries of a dataset of numbers, each `width` of them; the caller bounds both.
+// Reads the first `count` entries, of `width` numbers each. The caller must bound both.
 template <class Number>
 std::vector<Number> read_column(hid_t parent, const std::string& name, hid_t type, hsize_t count,
                                 hsize_t width = 1) {

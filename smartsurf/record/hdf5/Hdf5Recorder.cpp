@@ -14,15 +14,15 @@ namespace smartsurf::record {
 namespace {
 
 constexpr std::size_t kMaxBufferFrames = 64;
-constexpr std::size_t kMaxBufferBytes = 16u << 20;  // of all channels together
-constexpr std::size_t kMaxChunkBytes = 256u << 10;  // of a channel: what one frame's reader unpacks
+constexpr std::size_t kMaxBufferBytes = 16u << 20;   // all channels together
+constexpr std::size_t kMaxChunkBytes = 256u << 10;   // per channel; a reader decompresses whole chunks
 constexpr std::size_t kMaxBufferedChanges = 1u << 20;
-constexpr std::uint64_t kMetadataBytes = 256u << 10;  // more than one write adds to the library's own tables
+constexpr std::uint64_t kMetadataBytes = 256u << 10;  // upper bound of the library's metadata per write
 constexpr std::chrono::seconds kMaxFlushInterval{1};
 constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
 
-// The largest power of two, at most 64, of rows of this size that fit; so chunks divide the buffer evenly and
-// a compressed chunk is packed once.
+// The largest power of two, at most 64, of frames that fit into `bytes`. Powers of two make chunks divide the
+// buffer evenly, so that each chunk is compressed only once.
 std::size_t frames_that_fit(std::size_t bytes, std::size_t bytes_per_frame) {
   const std::size_t fit = bytes / std::max<std::size_t>(bytes_per_frame, 1);
   return std::bit_floor(std::clamp<std::size_t>(fit, 1, kMaxBufferFrames));
@@ -39,7 +39,7 @@ bool is_valid_channel_name(std::string_view name) {
   return !name.empty() && name != "." && name.find('/') == name.npos && name.find('\0') == name.npos;
 }
 
-// Planes of components in, cells with all their components out: files are read by cell.
+// Converts component planes to cells with adjacent components, the file's layout.
 void interleave_components(const scene::ChannelData& channel, std::span<float> cells) {
   const auto components = static_cast<std::size_t>(channel.components);
   const std::size_t plane = cells.size() / components;
@@ -63,7 +63,7 @@ struct Hdf5Recorder::OpenFile {
 
   void flush();
   template <class Action>
-  void for_each_series(Action action);  // all but the ticks
+  void for_each_series(Action action);  // all except tick
   void create_series(const scene::Snapshot& first, std::span<const scene::ChannelData> sensors,
                      std::span<const scene::ChannelData> actuators);
   void create_channels(const char* group, std::span<const scene::ChannelData> channels,
@@ -84,11 +84,11 @@ struct Hdf5Recorder::OpenFile {
   FilePreallocator preallocator;
   std::optional<CatalogueWriter> catalogue;
   std::vector<scene::ObjectSpec> pending_objects;  // not yet in the file's catalogue
-  std::size_t object_count = 0;                    // in the catalogue, newcomers included
-  scene::ObjectId live_begin = 0,
-                  live_end = 0;  // ids with a value in the buffered frames are in [first, end)
+  std::size_t object_count = 0;                    // including the pending ones
+  // The ids with values in the buffered frames lie in [live_begin, live_end).
+  scene::ObjectId live_begin = 0, live_end = 0;
 
-  bool series_created = false;  // the series exist
+  bool series_created = false;
   std::optional<FrameSeries> tick, time, hash, contacts, position, orientation, velocity, height;
   std::vector<FrameSeries> sensor_series, actuator_series;
   std::optional<DeltaWriter> inputs, heights, motion;
@@ -270,8 +270,8 @@ void Hdf5Recorder::OpenFile::flush() {
   preallocator.truncate(length);
 }
 
-// A frame exists once it has its tick: the ticks are written and flushed when everything else already is, so
-// that a kill in the middle cannot leave a frame that is half there.
+// A frame exists once its tick is stored. Ticks are written and flushed after everything else, so a process
+// killed in between cannot leave a partial frame.
 void Hdf5Recorder::OpenFile::write_buffered() {
   std::uint64_t max_bytes = kMetadataBytes + catalogue->max_bytes(pending_objects);
   if (buffered_frames > 0) {
@@ -300,7 +300,7 @@ void Hdf5Recorder::OpenFile::write_buffered() {
 
 namespace {
 
-// Debian's library keeps its tables without locks: recorders of several worlds take turns in it.
+// Debian builds HDF5 without locks; the recorders of several worlds share this one.
 std::mutex& library_mutex() {
   static std::mutex mutex;
   return mutex;
@@ -334,7 +334,7 @@ Hdf5Recorder::Hdf5Recorder(const std::filesystem::path& path, const RunMetadata&
 Hdf5Recorder::~Hdf5Recorder() {
   try {
     with_open_file([](OpenFile& content) { content.write_buffered(); });
-  } catch (const std::runtime_error&) {  // a destructor has nobody to tell
+  } catch (const std::runtime_error&) {  // a destructor cannot report errors
   }
   const std::lock_guard lock(library_mutex());
   open_file_.reset();
@@ -348,7 +348,7 @@ void Hdf5Recorder::write_frame(const scene::Snapshot& snapshot,
     if (catalogue.size() > content.object_count) content.add_objects(catalogue);
     if (!content.series_created) content.create_series(snapshot, sensors, actuators);
     content.buffer_frame(snapshot, sensors, actuators);
-    // Whole chunks, also after a write that did not wait for the buffer to be full.
+    // Counts from frame 0, so that writes end at chunk boundaries again after an early write.
     if ((content.written_frames + content.buffered_frames) % content.buffer_capacity == 0 ||
         content.heights->buffered_changes() > kMaxBufferedChanges ||
         std::chrono::steady_clock::now() - content.last_write >= kMaxFlushInterval)
@@ -359,7 +359,7 @@ void Hdf5Recorder::write_frame(const scene::Snapshot& snapshot,
 void Hdf5Recorder::record_inputs(std::span<const scene::ChannelData> actuators) {
   with_open_file([&](OpenFile& content) {
     content.append_inputs(actuators);
-    // Frames may be far apart.
+    // Inputs are recorded every tick, but frames may be far apart.
     if (content.inputs->buffered_changes() > kMaxBufferedChanges) content.write_buffered();
   });
 }

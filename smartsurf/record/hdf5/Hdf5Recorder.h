@@ -1,7 +1,8 @@
 // Records a run as HDF5 in the layout of docs/recordings.md. Internal to this module.
 //
-// A kill at any moment must leave a readable file. Therefore the default (old) file format, writes in place,
-// and a flush right after each write, before the library's cache can spill a part of it.
+// A process killed at any time must leave a readable file. The recorder therefore uses the default (oldest)
+// file format, writes in place, and flushes right after each write, before the library's cache evicts part of
+// it.
 #pragma once
 
 #include <chrono>
@@ -26,15 +27,17 @@ class Hdf5Recorder final : public Recorder {
   void close(const RunResult& result) override;
 
  private:
-  struct OpenFile;  // the open file and its datasets; gone once closed or failed
+  struct OpenFile;  // the file and its datasets
 
   void write_frame(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
-                   std::span<const scene::ChannelData> sensors, std::span<const scene::ChannelData> actuators) override;
+                   std::span<const scene::ChannelData> sensors,
+                   std::span<const scene::ChannelData> actuators) override;
+  // Calls action(*open_file_) under the library's lock; does nothing once closed or failed.
   template <class Action>
   void with_open_file(Action action);
 
   std::string name_;
-  std::unique_ptr<OpenFile> open_file_;
+  std::unique_ptr<OpenFile> open_file_;  // null once closed or failed
 };
 
 }  // namespace smartsurf::record

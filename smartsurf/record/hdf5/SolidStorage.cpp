@@ -8,10 +8,10 @@
 namespace smartsurf::record {
 namespace {
 
-constexpr const char* kLastDataset = "face_corners";  // with it a solid is whole
-constexpr hsize_t kMaxValues = hsize_t{1} << 28;      // of a dataset; refuse what cannot be meant
+constexpr const char* kLastDataset = "face_corners";  // written last: marks a complete solid
+constexpr hsize_t kMaxValues = hsize_t{1} << 28;      // per dataset; more is implausible
 
-// count × width numbers, or count where the width is 1.
+// Writes a table of count × width numbers, or a column of count if width is 1.
 template <class Number>
 void write_table(hid_t group, const char* name, hid_t type, const std::vector<Number>& numbers,
                  hsize_t width) {
@@ -29,9 +29,9 @@ std::vector<Number> read_table(hid_t group, const char* name, hid_t type, hsize_
   const std::vector<hsize_t> size = extents(dataset);
   if (size.size() != (width == 1 ? 1U : 2U) || (width > 1 && size[1] != width))
     throw Hdf5Error(std::string("dataset ") + name + " of a solid has the wrong shape");
-  // Never compressed, so that an extent cannot claim more than is there.
+  // These datasets are never compressed, so the stored size bounds the extent.
   if (size[0] > kMaxValues / width || H5Dget_storage_size(dataset) < size[0] * width)
-    throw Hdf5Error(std::string("dataset ") + name + " of a solid is not all there");
+    throw Hdf5Error(std::string("dataset ") + name + " of a solid is incomplete");
   std::vector<Number> numbers(size[0] * width);
   if (!numbers.empty())
     check(H5Dread(dataset, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, numbers.data()),
@@ -54,12 +54,12 @@ std::vector<Eigen::Vector3f> unflatten_points(const std::vector<float>& numbers)
   return points;
 }
 
-// The convex pieces as plain columns.
+// A solid's convex hulls as columns.
 struct HullColumns {
   std::vector<float> corners;
-  std::vector<std::uint32_t> corner_count, face_count;  // of each piece
-  std::vector<std::uint32_t> face_size;                 // of each face
-  std::vector<std::uint16_t> face_corners;              // numbers of the piece's own corners
+  std::vector<std::uint32_t> corner_count, face_count;  // per hull
+  std::vector<std::uint32_t> face_size;                 // per face
+  std::vector<std::uint16_t> face_corners;              // indices into the hull's own corners
 };
 
 HullColumns to_columns(const scene::Solid& solid) {
@@ -78,13 +78,13 @@ HullColumns to_columns(const scene::Solid& solid) {
   return columns;
 }
 
-// Hands out the columns' entries one run after the other, and none that are not there.
+// Splits a column into consecutive spans; throws at its end.
 template <class Number>
 class SpanReader {
  public:
   explicit SpanReader(const std::vector<Number>& numbers) : remaining_(numbers) {}
   std::span<const Number> take(std::size_t count) {
-    if (count > remaining_.size()) throw Hdf5Error("the pieces of a solid are not all there");
+    if (count > remaining_.size()) throw Hdf5Error("the convex hulls of a solid are incomplete");
     const auto taken = remaining_.first(count);
     remaining_ = remaining_.subspan(count);
     return taken;
@@ -100,7 +100,7 @@ std::vector<scene::ConvexHull> to_hulls(const HullColumns& columns) {
   SpanReader<std::uint32_t> face_size_reader(columns.face_size);
   SpanReader<std::uint16_t> face_corner_reader(columns.face_corners);
   if (columns.corner_count.empty() || columns.corner_count.size() != columns.face_count.size())
-    throw Hdf5Error("a solid has no pieces");
+    throw Hdf5Error("a solid has no convex hulls");
   std::vector<scene::ConvexHull> hulls;
   for (std::size_t i = 0; i < columns.corner_count.size(); ++i) {
     const auto hull_corners = corner_reader.take(columns.corner_count[i]);
@@ -111,7 +111,7 @@ std::vector<scene::ConvexHull> to_hulls(const HullColumns& columns) {
     const bool degenerate = hull_corners.size() < 4 || face_sizes.size() < 4 ||
                             *std::min_element(face_sizes.begin(), face_sizes.end()) < 3;
     if (degenerate || *std::max_element(face_corners.begin(), face_corners.end()) >= hull_corners.size())
-      throw Hdf5Error("a piece of a solid is no polyhedron");
+      throw Hdf5Error("a convex hull of a solid is not a polyhedron");
     hulls.push_back(scene::make_convex_hull({hull_corners.begin(), hull_corners.end()},
                                             {face_corners.begin(), face_corners.end()}, face_sizes));
   }
@@ -148,7 +148,7 @@ scene::Solid read_solid(hid_t group) {
     solid.triangles.push_back({triangles[i], triangles[i + 1], triangles[i + 2]});
     if (*std::max_element(solid.triangles.back().begin(), solid.triangles.back().end()) >=
         solid.vertices.size())
-      throw Hdf5Error("a triangle of a solid names a vertex that is not there");
+      throw Hdf5Error("a triangle of a solid has a vertex index out of range");
   }
   HullColumns columns;
   columns.corners = read_table<float>(group, "corners", H5T_NATIVE_FLOAT, 3);
@@ -204,8 +204,8 @@ std::vector<std::shared_ptr<const scene::Solid>> read_solids(hid_t file) {
   for (std::string name = "0"; H5Lexists(solids_group, name.c_str(), H5P_DEFAULT) > 0;
        name = std::to_string(solids.size())) {
     const Handle group(H5Gopen2(solids_group, name.c_str(), H5P_DEFAULT), H5Gclose,
-                       "solids/" + name + " is no group");
-    if (H5Lexists(group, kLastDataset, H5P_DEFAULT) <= 0) break;  // a killed run may have got only this far
+                       "solids/" + name + " is not a group");
+    if (H5Lexists(group, kLastDataset, H5P_DEFAULT) <= 0) break;  // incomplete: the run was killed
     solids.push_back(std::make_shared<const scene::Solid>(read_solid(group)));
   }
   return solids;

@@ -19,20 +19,20 @@ namespace smartsurf::record {
 class SolidWriter {
  public:
   explicit SolidWriter(hid_t file);
-  // Writes those of the objects' solids that are not in the file yet.
+  // Writes the objects' solids that are not yet in the file.
   void add(std::span<const scene::ObjectSpec>);
-  // Its number in the file; -1 for no solid. It must have been added.
+  // The solid's number in the file, −1 for null. The solid must have been added.
   int solid_index(const std::shared_ptr<const scene::Solid>&) const;
-  // The most that add() can add to the file.
+  // Upper bound of the bytes that add() adds to the file.
   std::uint64_t max_bytes(std::span<const scene::ObjectSpec>) const;
 
  private:
   Handle group_;
-  std::map<std::shared_ptr<const scene::Solid>, int> indices_;  // holds them, so that no address comes twice
+  std::map<std::shared_ptr<const scene::Solid>, int> indices_;  // shared ownership keeps keys unique
 };
 
-// All of the file's solids, index = number; none where the file has no /solids. Throws Hdf5Error for what no
-// recorder wrote: an index out of range, a piece that is no polyhedron.
+// Reads all solids of the file, index = number; empty if there is no /solids. Throws Hdf5Error for data that
+// no recorder writes: an index out of range, a hull that is not a polyhedron.
 std::vector<std::shared_ptr<const scene::Solid>> read_solids(hid_t file);
 
 }  // namespace smartsurf::record

@@ -9,7 +9,7 @@
 namespace smartsurf::record {
 namespace {
 
-constexpr int kMaxMechanisms = 127;  // a cell's is an i8
+constexpr int kMaxMechanisms = 127;  // stored per cell as int8
 
 template <class Number>
 void write_grid(hid_t group, const char* name, hid_t type, const scene::SurfaceSpec& surface, hsize_t width,
@@ -45,7 +45,7 @@ void write_mechanisms(hid_t group, const scene::SurfaceSpec& surface) {
   }
 }
 
-// A model that this program does not know stands as a pin: its cells are drawn, and nothing on them.
+// An unknown model becomes a pin, so that its cells can still be drawn.
 scene::ActuatorSpec read_mechanism(hid_t group, const scene::PinSpec& pin) {
   const scene::ActuatorKind* kind = scene::find_actuator_kind(read_text_attribute(group, "model"));
   if (kind == nullptr) return scene::make_pin_actuator(pin);
@@ -65,7 +65,7 @@ scene::ActuatorSpec read_mechanism(hid_t group, const scene::PinSpec& pin) {
                    static_cast<hsize_t>(count));
     for (const double value : values)
       if (!parameter.accepts(value))
-        throw Hdf5Error("attribute " + parameter.name + " of a mechanism is out of its range");
+        throw Hdf5Error("attribute " + parameter.name + " of a mechanism is out of range");
     spec.values[parameter.name] = std::move(values);
   }
   return spec;
@@ -92,7 +92,7 @@ void read_cell_mechanisms(hid_t group, scene::SurfaceSpec& surface) {
   const int mechanisms = std::max<int>(1, static_cast<int>(surface.actuators.size()));
   for (const std::int8_t index : surface.actuator_of_cell)
     if (index < scene::kEmptyCell || index >= mechanisms)
-      throw Hdf5Error("dataset surface/cell names a mechanism that is not there");
+      throw Hdf5Error("dataset surface/cell has a mechanism index out of range");
 }
 
 }  // namespace

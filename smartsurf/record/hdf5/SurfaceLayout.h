@@ -1,5 +1,5 @@
-// Cell positions and actuators of a recorded surface: `place`, `base` and `cell` of the group /surface, each
-// only if not the default, and `mechanisms`. Internal to this module; throws Hdf5Error.
+// Writes and reads the cell layout and actuators of a surface: `place`, `base` and `cell` of the group
+// /surface, each only if not the default, and `mechanisms`. Internal to this module; throws Hdf5Error.
 #pragma once
 
 #include <span>
@@ -12,10 +12,10 @@
 namespace smartsurf::record {
 
 void write_layout(hid_t surface_group, const scene::SurfaceSpec&);
-// Fills in what the group holds; older recordings hold nothing of it. `surface` has its rows and columns.
+// Fills in what the group holds; older recordings have none of it. Requires surface.rows and surface.columns.
 void read_layout(hid_t surface_group, scene::SurfaceSpec& surface);
 
-// What the mechanisms look like, as rows of the log of changes /surface/motion: a, b and level of each cell.
+// Conversion of actuator states to the rows of /surface/motion: a, b and level of each cell.
 inline constexpr std::size_t kValuesPerActuatorState = 3;
 void flatten_actuator_state(std::span<const scene::ActuatorState> motion, std::vector<float>& flat);
 std::vector<scene::ActuatorState> unflatten_actuator_state(std::span<const float> flat);

@@ -1,5 +1,7 @@
 // Axes with round tick values, text and lines on a Cairo context, shared by all plots. Internal to this
-// module. Lengths are in points from the figure's upper left corner; a PNG has two pixels per point.
+// module.
+//
+// Coordinates are in points from the figure's upper left corner; a PNG has two pixels per point.
 #pragma once
 
 #include <cairo.h>
@@ -39,34 +41,34 @@ class Figure {
   virtual void draw(cairo_t* cr) const = 0;
 };
 
-// Where data lands on paper.
+// Maps data coordinates to points and draws the axes.
 class Chart {
  public:
   Chart(PlotArea area, Axis x, Axis y) : area_(area), x_(std::move(x)), y_(std::move(y)) {}
   const PlotArea& area() const { return area_; }
   double px(double x) const { return area_.left + (x - x_.min) / (x_.max - x_.min) * area_.width; }
   double py(double y) const { return area_.bottom() - (y - y_.min) / (y_.max - y_.min) * area_.height; }
-  // The frame, ticks, their numbers and the titles of the axes.
+  // Draws the frame, tick marks, tick labels and axis titles.
   void draw_axes(cairo_t* cr) const;
-  void clip(cairo_t* cr) const;  // to the area; undone by cairo_restore
+  void clip(cairo_t* cr) const;  // clips to the area until cairo_restore()
 
  private:
   PlotArea area_;
   Axis x_, y_;
 };
 
-// Round numbers in [from, to], some five to nine of them.
+// Round numbers in [from, to], about five to nine of them.
 std::vector<double> tick_values(double from, double to);
-std::string format_number(double value);  // as short as %g: "0.2", "45.25"
+std::string format_number(double value);  // as by %g: "0.2", "45.25"
 
 void set_pen(cairo_t* cr, const Rgba& colour, double line_width = 1.0);
 void draw_line(cairo_t* cr, double x1, double y1, double x2, double y2);
-// Writes text with its baseline at y; made smaller, if need be, to be no wider than `widest`.
+// Draws text with its baseline at y, scaled down if necessary to be no wider than `max_width`.
 void draw_text(cairo_t* cr, double x, double y, const std::string& text, double size, Align align,
                bool bold = false, double max_width = 1e9);
 double text_width(cairo_t* cr, const std::string& text, double size);
 
-// "sort.lua · seed 1 · 0 to 45.2 s": what every figure says below its title.
+// The subtitle of every figure: "sort.lua · seed 1 · 0 to 45.2 s".
 std::string subtitle(const Recording& recording);
 
 }  // namespace smartsurf::record

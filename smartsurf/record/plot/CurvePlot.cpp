@@ -9,9 +9,9 @@ namespace {
 constexpr PlotArea kPlotArea{66.0, 62.0, 720.0, 340.0};
 constexpr double kRightMargin = 24.0, kBottomMargin = 52.0, kLegendRow = 20.0, kLegendEntry = 180.0;
 constexpr std::size_t kLegendColumns = 4;
-constexpr double kMaxBins = 1440.0;  // beyond two points a pixel of paper, only the extremes can be seen
+constexpr double kMaxBins = 1440.0;  // two per point of width; more cannot be resolved
 
-// Colours that the colour-blind can tell apart (Okabe and Ito).
+// A palette for colour-blind readers (Okabe and Ito).
 constexpr Rgba kCurveColours[] = {{0.00, 0.45, 0.70}, {0.84, 0.37, 0.00}, {0.00, 0.62, 0.45},
                                   {0.80, 0.47, 0.65}, {0.34, 0.71, 0.91}, {0.90, 0.62, 0.00},
                                   {0.35, 0.35, 0.35}};
@@ -27,7 +27,7 @@ Chart make_chart(const std::vector<double>& time, const TimeSeries& series) {
       high = std::max(high, value);
     }
   if (!(low <= high)) low = 0.0, high = 1.0;
-  // From zero where that wastes no more than a third of the paper.
+  // Start at zero if the values still fill more than half of the axis.
   if (low > 0.0 && low < 0.5 * high) low = 0.0;
   const double margin = high > low ? 0.04 * (high - low) : std::max(0.5, 0.1 * std::abs(high));
   const double to = std::max(time.back(), time.front() + 1e-3);
@@ -38,7 +38,7 @@ Chart make_chart(const std::vector<double>& time, const TimeSeries& series) {
 
 const std::vector<double>& require_frame_times(const Recording& recording) {
   if (recording.frames() == 0)
-    throw scene::InputError(recording.path().string() + ": has no frames: there is nothing to draw");
+    throw scene::InputError(recording.path().string() + ": has no frames to plot");
   return recording.times();
 }
 
@@ -57,7 +57,7 @@ double CurvePlot::height() const {
   return kPlotArea.bottom() + kBottomMargin + static_cast<double>(rows) * kLegendRow;
 }
 
-// Of the many frames of a long run each stretch of paper gets its first, least, greatest and last value.
+// A long run is decimated: each bin draws its first, minimum, maximum and last value.
 void CurvePlot::draw_curve(cairo_t* cr, std::size_t i) const {
   const std::vector<double>& value = series_.curves[i].values;
   const std::size_t frames = std::min(value.size(), time_.size());

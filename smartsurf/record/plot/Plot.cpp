@@ -23,7 +23,7 @@ namespace fs = std::filesystem;
 
 constexpr double kPixelsPerPoint = 2.0;
 
-// KIND:ARGUMENT:…, in its parts.
+// Splits KIND:ARGUMENT:….
 std::vector<std::string> split_at_colons(const std::string& what) {
   std::vector<std::string> parts(1);
   for (const char c : what)
@@ -109,7 +109,7 @@ void write_plot(const Recording& recording, const std::string& what, const fs::p
   if (!recording.has_objects())
     throw scene::InputError(recording.path().string() +
                             ": has no object poses: the run recorded no frame, or its "
-                            "experiment says record { objects = false }");
+                            "experiment sets record { objects = false }");
   const std::unique_ptr<Figure> figure = make_figure(recording, what);
   if (const std::error_code error =
           common::replace_file(path, extension == ".svg" ? render_svg(*figure) : render_png(*figure)))

@@ -19,7 +19,7 @@ Chart make_chart(const PuritySeries& purity) {
 PuritySeries require_purity(const Recording& recording) {
   PuritySeries result = compute_purity(recording);
   if (result.times.empty())
-    throw scene::InputError(recording.path().string() + ": has no frames: there is nothing to draw");
+    throw scene::InputError(recording.path().string() + ": has no frames to plot");
   return result;
 }
 
@@ -52,7 +52,7 @@ void PurityPlot::draw_hold_band(cairo_t* cr) const {
             fits ? Align::kLeft : Align::kRight);
 }
 
-// Purity is constant between two frames, so the curve goes in steps; frames without a value leave a gap.
+// Purity is constant between two frames, so the curve is a step function; NaN leaves a gap.
 void PurityPlot::draw_curve(cairo_t* cr) const {
   bool drawing = false;
   double last = NAN;

@@ -1,5 +1,5 @@
-// Purity over time (Purity.h), with the line of 0.95 and the time from which it was held. Internal to this
-// module.
+// Plots purity over time (Purity.h), with the threshold and the interval that proves the surface sorted.
+// Internal to this module.
 #pragma once
 
 #include "smartsurf/record/Purity.h"

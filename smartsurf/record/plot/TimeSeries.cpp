@@ -61,7 +61,7 @@ std::string curve_name(const Recording& recording, std::size_t id) {
 }
 
 void require_cells(const std::string& kind, const Arguments& cells) {
-  if (cells.empty()) throw_plot_error(kind, "of which cell? " + kind + ":ROW,COLUMN");
+  if (cells.empty()) throw_plot_error(kind, "needs a cell: " + kind + ":ROW,COLUMN");
 }
 
 std::string curve_name(const Cell& cell) {
@@ -98,8 +98,8 @@ TimeSeries channel_series(const Recording& recording, const std::string& group, 
   return result;
 }
 
-// Mean over the movable objects that exist, or one curve for each object asked for. `of` gives the number of
-// the object whose three floats begin there; NaN where it does not exist.
+// One curve per object in `ids`; if there are none, the mean over the existing objects that are not fixed.
+// metric: maps an object's three floats to a number; NaN if the object does not exist.
 template <class Metric>
 TimeSeries object_series(const Recording& recording, const std::string& kind, const Arguments& ids,
                          TimeSeries result, Metric metric,
@@ -153,7 +153,7 @@ TimeSeries object_count_series(const Recording& recording, const std::string& ki
                                const Arguments& arguments) {
   require_no_arguments(kind, arguments);
   const std::size_t object_count = recording.spec().objects.size();
-  TimeSeries result{"Objects that exist", "objects", {{"objects", {}}}};
+  TimeSeries result{"Number of objects", "objects", {{"objects", {}}}};
   for (std::size_t frame = 0; frame < recording.frames(); ++frame) {
     const std::vector<float> p = recording.read_positions(frame, 1);
     double present = 0.0;
@@ -176,7 +176,7 @@ struct SeriesDefinition {
   const char* usage;
   TimeSeries (*make)(const Recording&, const std::string& kind, const Arguments&);
 };
-// A new scalar is a function and a line here.
+// To add a series, write its function and add a line here.
 constexpr SeriesDefinition kSeriesDefinitions[] = {{"speed", "speed[:ID…]", speed_series},
                                                    {"x", "x[:ID…]", coordinate_series},
                                                    {"y", "y[:ID…]", coordinate_series},
@@ -207,7 +207,7 @@ TimeSeries time_series(const Recording& recording, const std::string& kind, cons
   const std::string suggestion = scene::nearest_name(kind, known);
   std::string list;
   for (const std::string& name : known) list += (list.empty() ? "" : ", ") + name;
-  throw_plot_error(kind, "no such figure; known are " + list +
+  throw_plot_error(kind, "unknown kind of plot; known: " + list +
                              (suggestion.empty() ? "" : "; did you mean '" + suggestion + "'?"));
 }
 

@@ -10,7 +10,7 @@ namespace smartsurf::record {
 
 struct Curve {
   std::string name;
-  std::vector<double> values;  // one entry a frame; NaN where there is none
+  std::vector<double> values;  // one per frame; NaN where undefined
 };
 
 struct TimeSeries {
@@ -19,11 +19,11 @@ struct TimeSeries {
   std::vector<Curve> curves;
 };
 
-// The kinds with what they take after the colon: "height:ROW,COLUMN", "speed[:ID]".
+// The kinds with their arguments: "height:ROW,COLUMN…", "speed[:ID…]".
 std::vector<std::string> time_series_kinds();
-// kind: the name before the first colon; arguments: what stands between the colons after it. A channel's name
-// is a kind too. Throws scene::InputError when there is no such kind in this recording, or an argument is
-// wrong.
+// kind: the name before the first colon, which may be that of a recorded channel. arguments: the parts after
+// it, separated by colons. Throws scene::InputError if the recording has no such kind or an argument is
+// invalid.
 TimeSeries time_series(const Recording& recording, const std::string& kind,
                        const std::vector<std::string>& arguments);
 

@@ -24,7 +24,7 @@ std::uint32_t pack_rgb24(const Rgba& ink) {
   return byte(ink.r) << 16 | byte(ink.g) << 8 | byte(ink.b);
 }
 
-// Squares of the pitch that cover the surface: its cells, where they stand in a rectangular grid.
+// A grid of squares, one pitch wide, that covers the surface; in a rectangular layout these are its cells.
 struct PlotGrid {
   double west, south;
   int columns, rows;
@@ -49,8 +49,7 @@ Chart make_chart(const scene::SurfaceSpec& s) {
   return {area, {x, x + width, "x, east [u]"}, {y, y + height, "y, north [u]"}};
 }
 
-// Draws a picture of columns × rows pixels, the first row on top, without smoothing over an area of the
-// paper.
+// Draws columns × rows RGB24 pixels, first row on top, scaled to the area without interpolation.
 void draw_pixels(cairo_t* cr, const PlotArea& area, int columns, int rows,
                  std::vector<std::uint32_t> pixels) {
   const std::unique_ptr<cairo_surface_t, void (*)(cairo_surface_t*)> image(
@@ -85,7 +84,7 @@ TimeSpentPlot::TimeSpentPlot(const Recording& recording, const std::string& labe
   }
   if (!label.empty() && std::find(included.begin(), included.end(), true) == included.end()) {
     const std::string suggestion = scene::nearest_name(label, labels);
-    throw scene::InputError("--what time-spent:" + label + ": no object carries this label" +
+    throw scene::InputError("--what time-spent:" + label + ": no object has this label" +
                             (suggestion.empty() ? "" : "; did you mean '" + suggestion + "'?"));
   }
   accumulate(recording, included);
@@ -96,7 +95,7 @@ void TimeSpentPlot::accumulate(const Recording& recording, const std::vector<boo
   const PlotGrid grid = make_plot_grid(surface_);
   const std::size_t objects = included.size(), frames = recording.frames();
   const std::size_t block = std::max<std::size_t>(1, kBlockValues / std::max<std::size_t>(3 * objects, 1));
-  // A frame stands until the next; the last one ends the recording.
+  // A frame lasts until the next one; the last frame has no duration.
   for (std::size_t first = 0; first + 1 < frames; first += block) {
     const std::size_t count = std::min(block, frames - 1 - first);
     const std::vector<float> p = recording.read_positions(first, count);
@@ -120,7 +119,7 @@ double TimeSpentPlot::height() const { return chart_.area().bottom() + kBottomMa
 
 void TimeSpentPlot::draw_cells(cairo_t* cr) const {
   std::vector<std::uint32_t> pixels(seconds_.size());
-  // The root: where objects rest they spend far more time than where they pass.
+  // The square root makes short visits visible beside cells where objects rest.
   for (std::size_t i = 0; i < pixels.size(); ++i)
     pixels[i] = pack_rgb24(sample_viridis(max_seconds_ > 0.0 ? std::sqrt(seconds_[i] / max_seconds_) : 0.0));
   draw_pixels(cr, chart_.area(), make_plot_grid(surface_).columns, make_plot_grid(surface_).rows,
@@ -141,7 +140,7 @@ void TimeSpentPlot::draw_colour_bar(cairo_t* cr) const {
   double previous_y = -INFINITY;
   for (const double value : tick_values(0.0, std::max(max_seconds_, 1e-9))) {
     const double y = bar.bottom() - std::sqrt(value / std::max(max_seconds_, 1e-9)) * bar.height;
-    if (value > 0.0 && previous_y - y < 14.0) continue;  // the root crowds the numbers at the top
+    if (value > 0.0 && previous_y - y < 14.0) continue;  // skip labels that would overlap
     previous_y = y;
     draw_line(cr, bar.right(), y, bar.right() + 4.0, y);
     draw_text(cr, bar.right() + 7.0, y + 4.0, format_number(value), 11.0, Align::kLeft);

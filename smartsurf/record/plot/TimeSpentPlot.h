@@ -1,4 +1,5 @@
-// The surface from above, each cell coloured by the time that objects spent over it. Internal to this module.
+// Plots the surface from above, each cell coloured by the time that objects spent over it. Internal to this
+// module.
 #pragma once
 
 #include "smartsurf/record/Recording.h"
@@ -8,15 +9,15 @@ namespace smartsurf::record {
 
 class TimeSpentPlot final : public Figure {
  public:
-  // label: of the objects that count; "" counts all that are not fixed. Throws scene::InputError when no
-  // object carries it.
+  // label: counts only objects with this label; "" counts all. Fixed objects never count. Throws
+  // scene::InputError if no object has the label.
   TimeSpentPlot(const Recording& recording, const std::string& label);
   double width() const override;
   double height() const override;
   void draw(cairo_t* cr) const override;
 
-  // Seconds with an object's centre over the cell, summed over the objects; rows × columns, row-major, row 0
-  // north.
+  // Time with an object's centre over the cell, summed over the objects, s; rows × columns, row-major, row 0
+  // is north.
   const std::vector<double>& seconds() const { return seconds_; }
   const Chart& chart() const { return chart_; }
 

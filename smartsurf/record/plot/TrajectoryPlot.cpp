@@ -15,17 +15,17 @@ namespace {
 
 constexpr double kLongSide = 640.0, kMinWidth = 420.0, kMinHeight = 220.0;  // points
 constexpr double kLeft = 66.0, kRightMargin = 24.0, kTop = 62.0, kLegendOffset = 48.0, kLegendRow = 22.0;
-constexpr std::size_t kLegendColumns = 4;  // start and end included
+constexpr std::size_t kLegendColumns = 4;  // including the entries for start and end
 constexpr double kMarkRadius = 4.6;        // radius of an O, arm of an X
-constexpr double kMargin = 0.03;           // of the longer side, around the surface
-constexpr double kMinStep_points = 0.5;    // shorter moves add nothing but ink
-constexpr std::size_t kBlockValues = 1u << 20;
+constexpr double kMargin = 0.03;           // margin around the surface, as a share of its longer side
+constexpr double kMinStep_points = 0.5;    // shorter moves are not visible
+constexpr std::size_t kBlockValues = 1u << 20;  // floats read at once
 
 struct LineStyle {
   Rgba ink;
   std::vector<double> dashes;
 };
-// Colours that the colour-blind can tell apart (Okabe and Ito).
+// A palette for colour-blind readers (Okabe and Ito).
 const std::vector<LineStyle>& line_styles() {
   static const std::vector<LineStyle> all{{{0.00, 0.45, 0.70}, {}},
                                           {{0.84, 0.37, 0.00}, {6.0, 3.5}},
@@ -63,7 +63,7 @@ void draw_cross(cairo_t* cr, double x, double y) {
   cairo_line_to(cr, x + arm, y - arm);
 }
 
-// On a white rim, so that a mark can be seen among lines.
+// Draws a mark with a white halo, so that it stands out from the lines.
 template <class Shape>
 void draw_mark(cairo_t* cr, const Rgba& ink, Shape shape) {
   shape();
@@ -101,7 +101,7 @@ double TrajectoryPlot::legend_rows() const {
   return std::ceil(static_cast<double>(groups_.size() + 2) / kLegendColumns);
 }
 
-// By label when there are labels, else by size. With exactly two labels these are the two size classes.
+// Groups by label if there are labels, otherwise by size class. Exactly two labels are the two size classes.
 void TrajectoryPlot::find_groups() {
   const std::vector<SizeClass> classes = classify_objects(spec_.objects);
   std::set<std::string> labels;
@@ -165,7 +165,7 @@ bool TrajectoryPlot::is_off_surface(const Point& point) const {
   return !scene::compute_surface_bounds(spec_.surface).contains(point[0], point[1]);
 }
 
-// The tops of the cells of a layout that is no rectangular grid.
+// Draws the cell tops of a free layout.
 void TrajectoryPlot::draw_cells(cairo_t* cr) const {
   const scene::SurfaceSpec& s = spec_.surface;
   for (std::size_t i = 0; i < s.cell_poses.size(); ++i) {
@@ -261,7 +261,7 @@ void TrajectoryPlot::draw(cairo_t* cr) const {
   cairo_set_line_join(cr, CAIRO_LINE_JOIN_ROUND);
   chart_.clip(cr);
   draw_surface(cr);
-  // Small over large: the larger objects' lines would hide them.
+  // Small objects last, so that the lines of the large ones do not hide theirs.
   for (auto group = groups_.rbegin(); group != groups_.rend(); ++group) draw_group(cr, *group);
   for (auto group = groups_.rbegin(); group != groups_.rend(); ++group) draw_marks(cr, *group);
   cairo_restore(cr);

@@ -1,8 +1,8 @@
-// The trajectory of every object from above, as in the paper's Fig. 9: solid for small and dashed for large
-// objects, O at the start and X at the end. Internal to this module.
+// Plots the trajectory of every object from above, as in Fig. 9 of the paper: solid lines for small and
+// dashed lines for large objects, O at the start and X at the end. Internal to this module.
 //
-// Two size classes (Purity.h) have two line styles; more than two labels have one each, in the order of their
-// mean sizes. `fixed` objects are not drawn.
+// Each size class (Purity.h) or label has its own line style, in order of mean size. `fixed` objects are not
+// drawn.
 #pragma once
 
 #include <array>
@@ -22,13 +22,13 @@ class TrajectoryPlot final : public Figure {
   const Chart& chart() const { return chart_; }
 
  private:
-  using Point = std::array<float, 2>;  // x, y, u; a NaN ends one piece of a line and begins the next
+  using Point = std::array<float, 2>;  // x, y, u
 
   struct Group {
     std::string name;
-    double mean_size = 0.0;  // mean, u
-    int style = 0;           // index of its ink and dashes
-    std::vector<std::size_t> objects;
+    double mean_size = 0.0;            // u
+    int style = 0;                     // index into line_styles()
+    std::vector<std::size_t> objects;  // ids
   };
 
   void find_groups();
@@ -46,7 +46,7 @@ class TrajectoryPlot final : public Figure {
   Chart chart_;
   bool has_size_classes_ = false;
   std::vector<Group> groups_;
-  std::vector<std::vector<Point>> paths_;  // one an object
+  std::vector<std::vector<Point>> paths_;  // one per object
 };
 
 }  // namespace smartsurf::record

@@ -1,5 +1,4 @@
-// One function a kind of actuator (pin, ball, …), the actuators of surface{}, and the actuators' part of
-// faults{}.
+// One function per kind of actuator (pin, ball, …), surface.actuator, surface.actuators and faults.actuator.
 #include <algorithm>
 #include <cctype>
 #include <string>
@@ -15,7 +14,7 @@ namespace {
 constexpr std::size_t kMaxDeclared = 1000;
 constexpr lua_Unsigned kMaxActuators = 100;
 
-// What an actuator's function returns to Lua: the actuator's place in Session::actuators.
+// The userdata type that an actuator function returns. It holds an index into ScriptContext::actuators.
 constexpr const char* kActuatorType = "actuator";
 
 // Upvalue: the kind's name.
@@ -26,7 +25,7 @@ int declare_actuator(ScriptContext& context, lua_State* L) {
   scene::ActuatorSpec spec = kind.default_spec();
   read_parameters(L, fields, kind.parameters, spec.values);
   if (const std::string error = kind.validate(spec); !error.empty()) throw ScriptError(error);
-  if (!fields.has("top")) spec.values.erase("top");  // the surface knows the usual one
+  if (!fields.has("top")) spec.values.erase("top");  // read_layout sets the default
   if (context.actuators.size() >= kMaxDeclared) throw ScriptError(kind.name + ": more than 1000 actuators");
   context.actuators.push_back(std::move(spec));
   new (lua_newuserdatauv(L, sizeof(std::size_t), 0)) std::size_t(context.actuators.size() - 1);
@@ -56,7 +55,7 @@ NamedActuators check_single_actuator(const ScriptContext& context, lua_State* L,
   return {{"1", check_actuator(context, L, index, name)}};
 }
 
-// A list, whose names are then "1", "2", …, or a table of names of one letter each.
+// Accepts a list, whose actuators get the names "1", "2", …, or a table keyed by single letters.
 NamedActuators check_actuators(const ScriptContext& context, lua_State* L, int index,
                                const std::string& name) {
   const std::string requirement =
@@ -96,8 +95,8 @@ void read_actuator_faults(lua_State* L, int index, const std::string& name, scen
   });
   const double total = spec.stuck_fraction + spec.dead_fraction + spec.weak_fraction;
   if (total > 1.0 + 1e-9)
-    throw ScriptError(name + ": stuck, dead and weak are " + format_value(total) +
-                      " of the cells together: must be at most 1");
+    throw ScriptError(name + ": stuck, dead and weak add up to " + format_value(total) +
+                      " of the cells: must be at most 1");
 }
 
 void bind_actuators(lua_State* L) {

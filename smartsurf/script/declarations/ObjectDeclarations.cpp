@@ -1,5 +1,5 @@
-// sphere, box, cylinder, capsule, cone, hull, mesh: declared while the script loads, spawned while the
-// simulation runs.
+// sphere, box, cylinder, capsule, cone, hull, mesh: they declare objects while the script loads and spawn
+// them while the simulation runs.
 #include <array>
 #include <cstdio>
 #include <string>
@@ -14,15 +14,15 @@ namespace smartsurf::script {
 namespace {
 
 constexpr std::size_t kMaxObjects = 1'000'000;
-constexpr std::size_t kMaxHullPoints = 100'000;  // of a hull
+constexpr std::size_t kMaxHullPoints = 100'000;
 constexpr std::size_t kMaxLabelLength = 100;
 constexpr int kMaxHullCount = 256;
 
-// One kind of object: its name, what it takes beside what all take, and how that is read.
+// The Lua function of one shape: the fields that it takes besides kCommonFields, and their reader.
 struct ShapeBinding {
   std::string_view name;
   scene::ShapeKind kind;
-  std::array<std::string_view, 5> fields;  // "" where there are fewer
+  std::array<std::string_view, 5> fields;  // padded with ""
   void (*read)(ScriptContext&, lua_State*, const TableReader&, scene::ObjectSpec&);
 };
 
@@ -83,7 +83,7 @@ scene::SolidFactory& require_solid_factory(const ScriptContext& context) {
   return *context.options.solid_factory;
 }
 
-// Where the script's author sees it, once.
+// Prefixes each warning with the script's location.
 void report_warnings(const ScriptContext& context, lua_State* L, const std::vector<std::string>& warnings) {
   for (const std::string& warning : warnings) {
     const std::string line = context.interpreter->current_location(L) + ": " + warning;
@@ -94,7 +94,7 @@ void report_warnings(const ScriptContext& context, lua_State* L, const std::vect
   }
 }
 
-// `make` throws a clause without the field that it is about.
+// Errors of `make` are clauses without a subject; `field` is prepended to them.
 template <typename Make>
 std::shared_ptr<const scene::Solid> make_solid(const ScriptContext& context, lua_State* L,
                                                const std::string& field, Make make) {
@@ -154,7 +154,7 @@ std::vector<Eigen::Vector3d> check_points(ScriptContext& context, lua_State* L, 
 
 void read_hull(ScriptContext& context, lua_State* L, const TableReader& fields, scene::ObjectSpec& object) {
   if (fields.has("points") == fields.has("file"))
-    throw ScriptError("hull: takes points = {{x, y, z}, ...} or file = 'part.stl', one of them");
+    throw ScriptError("hull: takes either points = {{x, y, z}, ...} or file = 'part.stl'");
   if (fields.has("file")) {
     scene::MeshRequest request;
     read_mesh_source(context, L, fields, request);
@@ -162,7 +162,7 @@ void read_hull(ScriptContext& context, lua_State* L, const TableReader& fields, 
         context, L, "hull.file = ", [&] { return require_solid_factory(context).make_hull(request); });
     return;
   }
-  if (fields.has("scale")) throw ScriptError("hull.scale: goes with file; the points are in u");
+  if (fields.has("scale")) throw ScriptError("hull.scale: applies only to file; points are in u");
   fields.visit("points", [&](int i, const std::string& name) {
     const std::vector<Eigen::Vector3d> points = check_points(context, L, i, name);
     object.solid = make_solid(context, L, name + ": ",
@@ -181,7 +181,7 @@ constexpr ShapeBinding kHull{"hull", scene::ShapeKind::kSolid, {"points", "file"
 constexpr ShapeBinding kMesh{
     "mesh", scene::ShapeKind::kSolid, {"file", "scale", "decompose", "pieces", "tolerance"}, read_mesh};
 
-// Id numbers are those of recordings and of the view: from 0, in the order of creation.
+// Object ids start at 0 and follow the order of creation, as in recordings and in the view.
 scene::ObjectId add_object(ScriptContext& context, const ShapeBinding& shape,
                            const scene::ObjectSpec& object) {
   const std::string subject(shape.name);

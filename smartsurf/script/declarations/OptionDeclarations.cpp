@@ -1,4 +1,4 @@
-// option: a value that the command line may change. random: the experiment's own random numbers.
+// option: values that the command line can override. random, math.random: the experiment's generator.
 #include <algorithm>
 #include <cctype>
 #include <charconv>
@@ -21,7 +21,7 @@ bool is_option_name(const std::string& name) {
                      [](unsigned char c) { return c < 0x80 && (std::isalnum(c) || c == '_' || c == '-'); });
 }
 
-// What --set gives for this name.
+// The value that --set assigns to `name`; null if none.
 const std::string* find_override(const ScriptContext& context, const std::string& name) {
   const std::string* value = nullptr;
   for (const auto& [key, text] : context.options.overrides)
@@ -64,7 +64,7 @@ void push_boolean(lua_State* L, const std::string& name, const std::string& text
     throw_option_error(L, name, text, "true or false");
 }
 
-// The option's value: the default at index 2, or what --set gives, as a value of the default's type.
+// Pushes the option's value: the default at index 2, or the --set value converted to the default's type.
 void push_option_value(ScriptContext& context, lua_State* L, const std::string& name) {
   const std::string* const text = find_override(context, name);
   switch (lua_type(L, 2)) {
@@ -82,7 +82,7 @@ void push_option_value(ScriptContext& context, lua_State* L, const std::string& 
         lua_pushlstring(L, text->data(), text->size());
       break;
     default:
-      throw_invalid_value(L, 2, "option '" + name + "': default", "a number, a text, true or false");
+      throw_invalid_value(L, 2, "option '" + name + "': default", "a number, a string, true or false");
   }
 }
 
@@ -114,7 +114,7 @@ int random(ScriptContext& context, lua_State* L) {
   return 1;
 }
 
-// As Lua's own, from the experiment's sequence: math.random(), math.random(n), math.random(low, high).
+// Replaces Lua's math.random with the experiment's generator; same signatures: (), (n), (low, high).
 int math_random(ScriptContext& context, lua_State* L) {
   const int count = lua_gettop(L);
   if (count == 0) {

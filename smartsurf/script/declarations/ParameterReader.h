@@ -1,5 +1,4 @@
-// Reads the parameters of an actuator or sensor from a Lua table, as its kind declares them. Internal to this
-// module.
+// Reads the parameters that an actuator or sensor kind declares from a Lua table. Internal to this module.
 #pragma once
 
 #include <span>
@@ -13,8 +12,8 @@ namespace smartsurf::script {
 
 std::vector<std::string> parameter_names(std::span<const scene::Parameter>);
 
-// Sets those values whose fields are there. Throws Problem for a value of the wrong type; ranges are not
-// looked at.
+// Sets the values whose fields are present. Throws ScriptError for a value of the wrong type. Does not check
+// ranges.
 void read_parameters(lua_State* L, const TableReader&, std::span<const scene::Parameter>,
                      scene::ParameterValues&);
 

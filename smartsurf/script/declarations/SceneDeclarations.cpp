@@ -1,4 +1,4 @@
-// world, material, surface, faults, record: what a script declares once, while it loads.
+// world, material, surface, faults, record: declarations that a script makes once, while it loads.
 #include <algorithm>
 #include <string>
 #include <vector>
@@ -42,11 +42,11 @@ int world(ScriptContext& context, lua_State* L) {
   });
   fields.visit("seed", [&](int i, const std::string& name) {
     const auto seed = static_cast<std::uint64_t>(check_integer(L, i, name, 0, INT64_MAX));
-    if (context.options.seed) return;  // --seed wins
+    if (context.options.seed) return;  // --seed overrides world.seed
     if (context.random && seed != spec.seed)
       throw ScriptError("world.seed = " + std::to_string(seed) +
                         ": random numbers were already drawn with seed " + std::to_string(spec.seed) +
-                        " at " + context.random_first_use + "; put world{} before");
+                        " at " + context.random_first_use + "; declare world{} before that");
     spec.seed = seed;
   });
   throw_if_invalid(validate(spec));
@@ -68,7 +68,7 @@ int material(ScriptContext& context, lua_State* L) {
   declare_once(context, L, "material '" + to_single_line(m.name.substr(0, 60)) + "'");
   auto& all = context.spec.materials;
   if (m.name == all[0].name) {
-    all[0] = m;  // "default" is there from the beginning, and may be changed
+    all[0] = m;  // the predefined material "default" may be redefined
   } else {
     if (all.size() >= kMaxMaterials) throw ScriptError("material: more than 1000 materials");
     all.push_back(m);
@@ -141,7 +141,7 @@ int check_material(const ScriptContext& context, lua_State* L, int index, const 
   const std::string hint = did_you_mean(sought, names);
   throw ScriptError(
       name + " = " + format_value(L, index) + ": no such material" +
-      (hint.empty() ? "; known: " + join_names(names) + "; declare it before with material{}" : hint));
+      (hint.empty() ? "; known: " + join_names(names) + "; declare it first with material{}" : hint));
 }
 
 void bind_declarations(lua_State* L) {

@@ -1,4 +1,4 @@
-// One function a kind of sensor (proximity, colour, …), and the list of sensors of surface{}.
+// One function per kind of sensor (proximity, colour, …), surface.sensors and the sensor part of faults{}.
 #include <algorithm>
 #include <cctype>
 #include <string>
@@ -11,12 +11,11 @@
 namespace smartsurf::script {
 namespace {
 
-constexpr std::size_t kMaxSensors = 32;  // as many as the protocol has channels
-constexpr std::size_t kMaxSensorNameLength =
-    27;  // leaves room for "_hit" in the 31 characters of a channel's name
+constexpr std::size_t kMaxSensors = 32;           // channels of the protocol
+constexpr std::size_t kMaxSensorNameLength = 27;  // channel names have 31 characters, including "_hit"
 constexpr std::size_t kMaxDeclared = 1000;
 
-// What a sensor's function returns to Lua: the sensor's place in Session::sensors.
+// The userdata type that a sensor function returns. It holds an index into ScriptContext::sensors.
 constexpr const char* kSensorType = "sensor";
 
 bool is_sensor_name(const std::string& name) {
@@ -90,7 +89,7 @@ void read_sensors(const ScriptContext& context, lua_State* L, int index, const s
         check_sensor(context, L, lua_gettop(L), name + "[" + std::to_string(i) + "]");
     for (const auto& other : sensors)
       if (other.name == found.name)
-        throw ScriptError(name + ": two sensors are called '" + found.name + "'; give one another name, " +
+        throw ScriptError(name + ": two sensors are called '" + found.name + "'; rename one, " +
                           found.model + "{name = ...}");
     sensors.push_back(found);
     lua_pop(L, 1);

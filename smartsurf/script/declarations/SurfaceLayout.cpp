@@ -1,5 +1,4 @@
-// Where the cells of surface{} stand and what is in each: actuators, cells, mask, layout, positions, modules,
-// base, tilt.
+// The layout fields of surface{}: actuators, cells, mask, layout, positions, modules, base, tilt.
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -12,14 +11,14 @@
 namespace smartsurf::script {
 namespace {
 
-// Gets the value of a cell on the top of the stack.
+// Called once per cell; `index` is the stack index of its value, `name` describes the cell in messages.
 using CellVisitor = std::function<void(int row, int column, int index, const std::string& name)>;
 
 std::string cell_description(const std::string& name, int row, int column) {
   return name + " at (" + std::to_string(row + 1) + ", " + std::to_string(column + 1) + ")";
 }
 
-// The characters of a pattern, row by row; '.' and ' ' are nil. It repeats over the surface.
+// Visits a pattern of characters, one string per row, which repeats over the surface. '.' and ' ' are nil.
 void visit_pattern(lua_State* L, int index, const std::string& name, const scene::SurfaceSpec& s,
                    const CellVisitor& visit) {
   std::vector<std::string> rows;
@@ -81,7 +80,8 @@ void visit_rows(lua_State* L, int index, const std::string& name, const scene::S
   }
 }
 
-// A value for each cell: a function of row and column, a list of rows, or a pattern of characters.
+// Visits one value per cell, given as a function of row and column, a list of rows or a pattern of
+// characters.
 void visit_cells(ScriptContext& context, lua_State* L, int index, const std::string& name,
                  const scene::SurfaceSpec& s, const CellVisitor& visit) {
   index = lua_absindex(L, index);
@@ -89,7 +89,7 @@ void visit_cells(ScriptContext& context, lua_State* L, int index, const std::str
   if (lua_type(L, index) == LUA_TFUNCTION) return visit_function(L, index, name, s, visit);
   if (lua_type(L, index) != LUA_TTABLE || lua_rawlen(L, index) == 0)
     throw_invalid_value(L, index, name,
-                        "a function of row and column, a list of rows, or a pattern of texts");
+                        "a function of row and column, a list of rows, or a pattern of strings");
   lua_rawgeti(L, index, 1);
   const bool pattern = lua_type(L, -1) == LUA_TSTRING;
   lua_pop(L, 1);
@@ -102,8 +102,8 @@ std::vector<std::string> actuator_names(const NamedActuators& actuators) {
   return names;
 }
 
-// The actuator that a script names by its letter, its number, or by true where there is but one; nil and
-// false: none.
+// The actuator of a cell, given by its letter, its number, or true if there is only one. nil and false are
+// empty cells.
 std::int8_t check_actuator_index(lua_State* L, int index, const std::string& name,
                                  const std::vector<std::string>& names) {
   if (lua_isnil(L, index) || (lua_isboolean(L, index) && !lua_toboolean(L, index))) return scene::kEmptyCell;
@@ -144,7 +144,8 @@ scene::CellPose check_cell_pose(lua_State* L, int index, const std::string& name
   return pose;
 }
 
-// A list in the order of the array; false: no cell. Without rows and columns the array is one row.
+// Reads cell poses in row-major order; false is an empty cell. Without rows and columns, the surface has one
+// row.
 void read_positions(lua_State* L, int index, const std::string& name, bool has_size, scene::SurfaceSpec& s,
                     std::vector<bool>& occupied) {
   if (lua_type(L, index) != LUA_TTABLE || lua_rawlen(L, index) == 0)
@@ -170,11 +171,11 @@ void read_positions(lua_State* L, int index, const std::string& name, bool has_s
   }
 }
 
-// Blocks of rows × columns cells, set side by side as the map says.
+// Modules of rows × columns cells, placed side by side on a grid.
 struct ModuleLayout {
-  int rows = 0, columns = 0;  // of one
-  double gap = 0.0;           // between two, u
-  std::vector<std::string> map;
+  int rows = 0, columns = 0;     // cells per module
+  double gap = 0.0;              // between adjacent modules, u
+  std::vector<std::string> map;  // one character per module: its actuator, '#' or empty ('.' or ' ')
 };
 
 ModuleLayout check_modules(lua_State* L, int index, const std::string& name) {
@@ -191,7 +192,7 @@ ModuleLayout check_modules(lua_State* L, int index, const std::string& name) {
     m.columns = static_cast<int>(size[1]);
   });
   fields.visit("map", [&](int i, const std::string& map_name) {
-    const std::string requirement = "a list of texts, a character for each module, '.' for none";
+    const std::string requirement = "a list of strings, one character per module, '.' for none";
     if (lua_type(L, i) != LUA_TTABLE || lua_rawlen(L, i) == 0)
       throw_invalid_value(L, i, map_name, requirement);
     for (lua_Integer k = 1; k <= static_cast<lua_Integer>(lua_rawlen(L, i)); ++k) {
@@ -244,7 +245,8 @@ void read_tilt(lua_State* L, int index, const std::string& name, scene::SurfaceS
   s.tilt_rad = Eigen::Vector2d(degrees[0], degrees[1]) * std::numbers::pi / 180.0;
 }
 
-// All tops are of one size: that of an actuator that says it, else the usual one, smaller on a narrow pitch.
+// All actuators share one top size: that of the first actuator that sets it, else the default, scaled down
+// for a pitch below 1.
 void set_actuators(const NamedActuators& actuators, scene::SurfaceSpec& s) {
   const double default_top = scene::PinSpec{}.top_x * std::min(1.0, s.pitch);
   s.pin.top_x = s.pin.top_y = default_top;
@@ -261,7 +263,7 @@ void read_layout(ScriptContext& context, lua_State* L, const TableReader& fields
   const bool has_size = fields.has("rows") || fields.has("columns");
   int layout_count = 0;
   for (const char* const field : {"layout", "positions", "modules"}) layout_count += fields.has(field);
-  if (layout_count > 1) throw ScriptError("surface: give one of layout, positions and modules");
+  if (layout_count > 1) throw ScriptError("surface: give only one of layout, positions and modules");
   if (fields.has("actuator") && fields.has("actuators"))
     throw ScriptError("surface: give actuator or actuators, not both");
 
@@ -293,7 +295,7 @@ void read_layout(ScriptContext& context, lua_State* L, const TableReader& fields
   };
   if (names.size() > 1 && !fields.has("cells") && !fields.has("modules"))
     throw ScriptError("surface.actuators: " + std::to_string(names.size()) +
-                      " actuators need surface.cells, which says where each stands");
+                      " actuators need surface.cells to assign them");
   fields.visit("cells", [&](int i, const std::string& name) {
     visit_cells(context, L, i, name, s, [&](int r, int c, int value, const std::string& cell) {
       std::int8_t& which = cells()[static_cast<std::size_t>(s.index(r, c))];
@@ -310,7 +312,7 @@ void read_layout(ScriptContext& context, lua_State* L, const TableReader& fields
     if (!occupied[i]) cells()[i] = scene::kEmptyCell;
   if (!s.actuator_of_cell.empty() &&
       std::ranges::all_of(s.actuator_of_cell, [](std::int8_t a) { return a == scene::kEmptyCell; }))
-    throw ScriptError("surface: no cell is left: cells, mask and positions leave every one empty");
+    throw ScriptError("surface: all cells are empty: cells, mask and positions exclude every cell");
   fields.visit("base", [&](int i, const std::string& name) {
     s.base_heights.assign(static_cast<std::size_t>(s.cell_count()), 0.0F);
     visit_cells(context, L, i, name, s, [&](int r, int c, int value, const std::string& cell) {

@@ -15,17 +15,17 @@
 namespace smartsurf::script {
 namespace {
 
-constexpr int kHookInterval = 1000;  // instructions between two looks at the budget
+constexpr int kHookInterval = 1000;  // instructions between two budget checks
 constexpr std::size_t kMaxMessageLength = 500;
 
-// The Lua function of the script that runs innermost; library and bound functions have no line.
+// Finds the innermost Lua function of the script on the call stack. C functions have no line.
 bool find_innermost_line(lua_State* L, lua_Debug& ar) {
   for (int level = 0; lua_getstack(L, level, &ar); ++level)
     if (lua_getinfo(L, "Sl", &ar) && ar.currentline > 0 && ar.source[0] == '@') return true;
   return false;
 }
 
-// How Lua abbreviates the chunk's name in messages.
+// The chunk's name as Lua abbreviates it in messages.
 std::string chunk_short_name(lua_State* L, const std::string& chunk) {
   if (luaL_loadbufferx(L, "", 0, chunk.c_str(), "t") != LUA_OK) lua_error(L);
   lua_Debug ar;
@@ -72,7 +72,7 @@ ScriptContext& Interpreter::context_of(lua_State* L) {
 
 void* Interpreter::allocate(void* self, void* block, std::size_t old_size, std::size_t new_size) {
   auto& interpreter = *static_cast<Interpreter*>(self);
-  if (block == nullptr) old_size = 0;  // then it tells the kind of object
+  if (block == nullptr) old_size = 0;  // Lua passes the type of the new object instead
   if (new_size == 0) {
     std::free(block);
     interpreter.memory_used_ -= old_size;
@@ -81,7 +81,7 @@ void* Interpreter::allocate(void* self, void* block, std::size_t old_size, std::
   const bool grows = new_size > old_size;
   if (grows && new_size - old_size > interpreter.memory_limit_ -
                                          std::min(interpreter.memory_limit_, interpreter.memory_used_)) {
-    lua_Debug ar;  // Lua drops the place of a memory error: note it here, where the line still runs
+    lua_Debug ar;  // memory errors carry no location, so record it here
     interpreter.memory_error_location_.clear();
     if (interpreter.lua_ != nullptr && find_innermost_line(interpreter.lua_, ar))
       interpreter.memory_error_location_ = std::string(ar.source + 1) + ":" + std::to_string(ar.currentline);
@@ -104,7 +104,7 @@ void Interpreter::charge(lua_State* L, std::uint64_t instructions) {
 }
 
 void Interpreter::raise_budget_error(lua_State* L) {
-  // A script may catch the error with pcall; from now on every further instruction raises it anew.
+  // A script can catch the error with pcall, so raise it again at every further instruction.
   budget_exceeded_ = true;
   lua_sethook(L, &Interpreter::on_instruction_count, LUA_MASKCOUNT, 1);
   lua_pushfstring(L, "%s: the script ran for more than %I instructions: an endless loop?",
@@ -131,7 +131,7 @@ void Interpreter::compile(lua_State* L, const std::string& text, const std::stri
     chunks_.push_back({file, chunk_short_name(L, chunk)});
   std::string_view source = text;
   if (source.starts_with("\xef\xbb\xbf")) source.remove_prefix(3);
-  // "#!/usr/bin/env ...", which Lua skips in files; the line stays counted.
+  // Skip a "#!" line, as Lua does for files, but keep its newline for the line count.
   if (source.starts_with("#")) source.remove_prefix(std::min(source.find('\n'), source.size()));
   if (source.starts_with(LUA_SIGNATURE[0])) {
     lua_pushfstring(L, "%s:1: this is compiled Lua; give the source text", file.c_str());
@@ -186,10 +186,10 @@ void Interpreter::throw_input_error(int status, const std::string& fallback_loca
     const char* const text = lua_tolstring(lua_, -1, &length);
     message.assign(text, length);
   } else {
-    message = std::string("the script raised an error that is no text but a ") + luaL_typename(lua_, -1);
+    message = std::string("the script raised an error value of type ") + luaL_typename(lua_, -1);
   }
   lua_pop(lua_, 1);
-  // The innermost place says most: an error that came through a coroutine has several in front.
+  // An error that passed through coroutines has several locations in front. Keep the innermost, the last one.
   while (auto located = split_location(message)) {
     location = std::move(located->location);
     message = std::move(located->message);

@@ -1,7 +1,7 @@
-// A Lua state with limits on memory and instructions, whose errors become scene::InputError, one line each.
+// A Lua state with memory and instruction limits, whose errors become one-line scene::InputErrors.
 //
-// Bound functions report a mistake by throwing Problem; guarded<> adds the script's file and line and raises
-// it as a Lua error, which a script may catch with pcall. Internal to this module.
+// Bound functions report errors by throwing ScriptError. guarded<> adds the script's file and line and raises
+// a Lua error, which a script may catch with pcall. Internal to this module.
 #pragma once
 
 #include <lua.hpp>
@@ -29,7 +29,8 @@ class ScriptError : public std::runtime_error {
 
 class Interpreter {
  public:
-  // `session` is what bound functions get. Throws std::bad_alloc when the limit does not hold an empty state.
+  // `context` is passed to bound functions and must outlive the interpreter. memory_limit is in bytes. Throws
+  // std::bad_alloc if it is too small for an empty state.
   Interpreter(ScriptContext& context, std::size_t memory_limit);
   Interpreter(const Interpreter&) = delete;
   Interpreter& operator=(const Interpreter&) = delete;
@@ -37,31 +38,31 @@ class Interpreter {
 
   lua_State* lua() const { return lua_; }
 
-  // Calls the function below its `arguments` on the stack with a fresh budget; throws InputError, or what
-  // keep() was given. `fallback` is the place to name when the error happened outside any line of the script.
-  // Everything that may run out of memory goes through here: Lua ends the process at an error that nobody
-  // protects.
+  // Calls the function below its `arguments` on the stack with a budget of Lua instructions. Throws
+  // InputError, or the exception passed to defer_exception. `fallback_location` is reported for an error
+  // outside any line of the script. All code that can raise a Lua error, including out of memory, must run
+  // inside call(): Lua aborts the process on an unprotected error.
   void call(int arguments, int results, std::uint64_t budget, const std::string& fallback_location);
 
-  // Inside a call: compiles source text (never bytecode) as `file` and leaves the function on the stack, or
-  // raises the Lua error on `L`.
+  // Compiles source text (not bytecode) with the chunk name `file` and pushes the function, or raises a Lua
+  // error on `L`. Call only inside call().
   void compile(lua_State* L, const std::string& text, const std::string& file);
 
-  // Takes instructions off the budget of the running call; throws nothing, raises the Lua error on `L`.
+  // Charges instructions to the budget of the running call. Raises a Lua error on `L` when it is exceeded.
   void charge(lua_State* L, std::uint64_t instructions);
   bool budget_exceeded() const { return budget_exceeded_; }
-  // Keeps an exception that is no mistake of the script, to be thrown again by call().
+  // Stores an exception that is not the script's error; call() rethrows it.
   void defer_exception(std::exception_ptr e) { deferred_exception_ = std::move(e); }
 
-  // "FILE:LINE" of the innermost running line of the script, "" outside.
+  // "FILE:LINE" of the innermost running line of the script; "" if none is running.
   std::string current_location(lua_State* L) const;
 
   static ScriptContext& context_of(lua_State* L);
 
  private:
   struct Chunk {
-    std::string name;        // as the user gave it
-    std::string short_name;  // as Lua prints it in messages: cut to 60 characters
+    std::string name;        // as given by the user
+    std::string short_name;  // as in Lua's messages, abbreviated to 60 characters
   };
   struct LocatedMessage {
     std::string location, message;
@@ -85,9 +86,9 @@ class Interpreter {
   std::exception_ptr deferred_exception_;
 };
 
-// A number as it stands in a message: short, "nan" without a sign.
+// A number as shown in messages; "nan" has no sign.
 std::string format_value(double value);
-// Control characters out, so that a message stays one line; cut when very long.
+// Replaces control characters by spaces and truncates long text, so that a message fits one line.
 std::string to_single_line(std::string_view text);
 
 using BoundFunction = int (*)(ScriptContext&, lua_State*);
@@ -95,14 +96,14 @@ using BoundFunction = int (*)(ScriptContext&, lua_State*);
 // Leaves the Lua error value for `e` on the stack.
 void push_error(ScriptContext&, lua_State* L, const std::exception& e);
 
-// Binding → lua_CFunction: exceptions become Lua errors with the script's place.
+// Wraps a binding as a lua_CFunction that converts exceptions to Lua errors with the script's location.
 template <BoundFunction binding>
 int guarded(lua_State* L) {
   ScriptContext& context = Interpreter::context_of(L);
   try {
     return binding(context, L);
   } catch (const std::exception& e) {
-    // Lua's own errors are no std::exception and pass by.
+    // Lua's own errors are not derived from std::exception and propagate.
     push_error(context, L, e);
   }
   return lua_error(L);

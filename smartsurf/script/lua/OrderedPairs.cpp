@@ -1,5 +1,5 @@
-// pairs and next in an order that is the same on every run: numbers ascending, then texts by their bytes,
-// then false and true. Lua's own order hangs on addresses and on a random hash seed.
+// pairs and next with a reproducible order: numbers ascending, strings by their bytes, then false and true.
+// Lua's own order depends on addresses and on a random hash seed.
 #include <algorithm>
 #include <string_view>
 #include <vector>
@@ -15,7 +15,7 @@ struct TableKey {
   bool is_integer = false, boolean = false;
   lua_Integer integer = 0;
   lua_Number number = 0.0;
-  std::string_view string;  // Lua's own bytes: as long as the key lives
+  std::string_view string;  // owned by Lua; valid while the key exists
 
   bool operator<(const TableKey& other) const {
     if (kind != other.kind) return kind < other.kind;
@@ -32,7 +32,7 @@ struct TableKey {
     }
     return false;
   }
-  // Wide enough for every integer where long double has 64 bits of mantissa or more.
+  // Exact for every integer if long double has a mantissa of at least 64 bits.
   long double as_long_double() const {
     return is_integer ? static_cast<long double>(integer) : static_cast<long double>(number);
   }
@@ -86,8 +86,8 @@ void push_key(lua_State* L, const TableKey& key) {
 
 [[noreturn]] void throw_unordered_keys(const char* function, const char* type) {
   throw ScriptError(
-      std::string(function) + ": the table has several keys that are a " + type +
-      " or the like; their order would differ from run to run: use a list, or numbers or texts as keys");
+      std::string(function) + ": the table has several keys without an order, such as a " + type +
+      "; their order would differ from run to run: use a list, or number or string keys");
 }
 
 struct SortedKeys {
@@ -95,8 +95,8 @@ struct SortedKeys {
   bool has_unordered = false;
 };
 
-// The keys of the table at 1. The one of them that cannot be compared, if any, is left on the stack, else
-// nil.
+// The sorted keys of the table at index 1. Leaves its only unordered key on the stack, or nil if there is
+// none. Throws ScriptError for several unordered keys.
 SortedKeys sorted_keys(lua_State* L, const char* function) {
   SortedKeys keys;
   lua_pushnil(L);
@@ -116,8 +116,8 @@ SortedKeys sorted_keys(lua_State* L, const char* function) {
   return keys;
 }
 
-// Upvalues: the table, the list of its keys, the index of the last one given. Keys that went meanwhile are
-// skipped.
+// The iterator of pairs. Upvalues: the table, the list of its keys, the index of the last key returned. Skips
+// keys that were removed during the iteration.
 int next_pair(ScriptContext&, lua_State* L) {
   lua_Integer i = lua_tointeger(L, lua_upvalueindex(3));
   while (true) {

@@ -1,5 +1,5 @@
-// require, dofile and io of a sandboxed script: it reads beside itself and in the output folder, and writes
-// in the output folder only. Symbolic links are followed before the place is judged.
+// require, dofile and io of a sandboxed script. It can read in its own folder and in the output folder, and
+// write in the output folder only. Symbolic links are resolved before the check.
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
@@ -45,7 +45,7 @@ fs::path resolve_writable_path(const ScriptContext& context, const std::string& 
     throw_path_error(subject, path, "is outside the output folder; --unsafe allows it");
   std::error_code error;
   if (fs::exists(real, error) && !fs::is_regular_file(real, error))
-    throw_path_error(subject, path, "is no plain file");
+    throw_path_error(subject, path, "is not a regular file");
   return real;
 }
 
@@ -54,7 +54,7 @@ void push_path(lua_State* L, const fs::path& path) {
   lua_pushlstring(L, text.data(), text.size());
 }
 
-// io.open(path, mode); upvalue: Lua's own.
+// io.open(path, mode). Upvalue: Lua's io.open.
 int io_open(ScriptContext& context, lua_State* L) {
   lua_settop(L, 2);
   const std::string path = check_string(L, 1, "io.open: path");
@@ -69,7 +69,7 @@ int io_open(ScriptContext& context, lua_State* L) {
   return lua_gettop(L) - 2;
 }
 
-// io.lines(path, …); upvalue: Lua's own.
+// io.lines(path, …). Upvalue: Lua's io.lines.
 int io_lines(ScriptContext& context, lua_State* L) {
   const fs::path real = resolve_readable_path(context, "io.lines", check_string(L, 1, "io.lines: path"));
   const int count = lua_gettop(L);
@@ -81,12 +81,12 @@ int io_lines(ScriptContext& context, lua_State* L) {
   return lua_gettop(L);
 }
 
-// How messages call a file beside the script: as the user would type it.
+// The name of a file beside the script in messages: its path as the user would type it.
 std::string display_path(const ScriptContext& context, const std::string& relative) {
   return (fs::path(context.spec.file).parent_path() / relative).string();
 }
 
-// Leaves the compiled function on the stack.
+// Compiles a file beside the script and pushes the function.
 void load_file(ScriptContext& context, lua_State* L, const std::string& subject, const std::string& path) {
   const fs::path real = resolve_readable_path(context, subject, path);
   std::error_code error;
@@ -104,8 +104,7 @@ int dofile(ScriptContext& context, lua_State* L) {
   return lua_gettop(L) - 1;
 }
 
-// require 'a.b' runs a/b.lua once and gives what it returns. A module that is being loaded is marked by
-// false.
+// require 'a.b' runs a/b.lua once and returns its result. The module table holds false while a module loads.
 int require(ScriptContext& context, lua_State* L) {
   lua_settop(L, 1);
   const std::string name = check_string(L, 1, "require: name");
@@ -151,7 +150,7 @@ fs::path resolve_readable_path(const ScriptContext& context, const std::string& 
     throw_path_error(subject, path,
                      "is outside the script's folder and the output folder; --unsafe allows it");
   if (fs::exists(real, error) && !fs::is_regular_file(real, error))
-    throw_path_error(subject, path, "is no plain file");
+    throw_path_error(subject, path, "is not a regular file");
   return real;
 }
 

@@ -1,4 +1,4 @@
-// Reads files in the script's folder. Internal to this module.
+// File access within the folders that the sandbox allows. Internal to this module.
 #pragma once
 
 #include <filesystem>
@@ -9,17 +9,18 @@ namespace smartsurf::script {
 
 struct ScriptContext;
 
-// The file's text; nullopt, and in `problem` what is wrong with it ("does not exist"), when it cannot be had.
+// The file's content. On failure, returns nullopt and sets `reason`, a clause such as "does not exist".
 std::optional<std::string> read_text_file(const std::filesystem::path& path, std::string& reason);
 
 struct NamedFile {
-  std::string name;  // as messages call the file
+  std::string name;  // for messages
   std::string content;
 };
-// The text of a file that a script names, where its sandbox lets it read. Throws Problem, naming `what`.
+// Reads a file that the script names. Throws ScriptError, which begins with `subject`, if it cannot be read
+// or the sandbox denies access.
 NamedFile read_sandboxed_file(const ScriptContext&, const std::string& subject, const std::string& path);
-// Where a file is that the script may read; it need not exist, but is nothing else than a file. Throws
-// Problem, which begins with `what`, where the sandbox refuses.
+// The real path of a file that the script may read; the file need not exist. Throws ScriptError, which begins
+// with `subject`, if the path is not a regular file or the sandbox denies access.
 std::filesystem::path resolve_readable_path(const ScriptContext&, const std::string& subject,
                                             const std::string& path);
 

@@ -1,5 +1,5 @@
-// Lua's standard library as an experiment gets it: nothing that leaves the process, runs native code, escapes
-// the budget, or differs from run to run.
+// The Lua standard library of the sandbox, without functions that leave the process, run native code, escape
+// the instruction budget or make runs irreproducible.
 #include <algorithm>
 #include <array>
 #include <cstdio>
@@ -13,10 +13,9 @@
 namespace smartsurf::script {
 namespace {
 
-constexpr std::uint64_t kCoroutineCost = 1000;  // each may run that long before its own counter looks
+constexpr std::uint64_t kCoroutineCost = 1000;  // what a coroutine may run before its first budget check
 
-// Replaces the function `name` of the table on top by `function`, which gets the old one as its first
-// upvalue.
+// Replaces the function `name` of the table on top by `function`, with the old function as its first upvalue.
 void wrap_field(lua_State* L, const char* name, lua_CFunction function) {
   lua_getfield(L, -1, name);
   lua_pushcclosure(L, function, 1);
@@ -31,7 +30,7 @@ void wrap_library_function(lua_State* L, const char* library, const char* name, 
 
 int forward_results(lua_State* L, int, lua_KContext) { return lua_gettop(L); }
 
-// Calls the wrapped function with the arguments on the stack; coroutines may yield inside.
+// Calls the wrapped function with the arguments on the stack. It may yield.
 int call_wrapped(lua_State* L) {
   lua_pushvalue(L, lua_upvalueindex(1));
   lua_insert(L, 1);
@@ -73,7 +72,7 @@ int io_write(ScriptContext& context, lua_State* L) {
   return 0;
 }
 
-// Source text only: bytecode can break the interpreter.
+// Accepts source text only, because malformed bytecode can crash the interpreter.
 int load(ScriptContext&, lua_State* L) {
   if (lua_gettop(L) < 3) lua_settop(L, 3);
   lua_pushliteral(L, "t");
@@ -81,7 +80,7 @@ int load(ScriptContext&, lua_State* L) {
   return call_wrapped(L);
 }
 
-// Lua runs finalizers with the instruction count switched off.
+// Rejects __gc, because Lua runs finalizers with the count hook disabled.
 int setmetatable(ScriptContext&, lua_State* L) {
   if (lua_type(L, 2) == LUA_TTABLE) {
     lua_pushliteral(L, "__gc");
@@ -92,8 +91,8 @@ int setmetatable(ScriptContext&, lua_State* L) {
   return call_wrapped(L);
 }
 
-// Lua calls the handler of xpcall from inside the instruction count's hook, with the count switched off: when
-// the budget is spent, it must not run. Upvalue: the script's handler.
+// When the budget is exceeded, the error is raised inside the count hook, and Lua calls the message handler
+// there with the hook disabled. The script's handler must not run then. Upvalue: the script's handler.
 int on_xpcall_error(ScriptContext& context, lua_State* L) {
   if (context.interpreter->budget_exceeded()) return 1;
   lua_pushvalue(L, lua_upvalueindex(1));
@@ -115,8 +114,9 @@ int coroutine_create(ScriptContext& context, lua_State* L) {
   return call_wrapped(L);
 }
 
-// A coroutine that an error ended stays uncounted where its budget's end was the error, and closing it would
-// run the script's __close functions: so neither of these two closes such a coroutine.
+// Does not close a coroutine that ended with an error, because that would run the script's __close functions.
+// If the error was an exceeded budget, the coroutine's count hook stays disabled, so they would run without a
+// limit. For the same reason, coroutine_wrap replaces Lua's version, which closes the coroutine on an error.
 int coroutine_close(ScriptContext&, lua_State* L) {
   lua_State* const coroutine = lua_tothread(L, 1);
   if (coroutine == nullptr || lua_status(coroutine) == LUA_OK || lua_status(coroutine) == LUA_YIELD)
@@ -126,7 +126,7 @@ int coroutine_close(ScriptContext&, lua_State* L) {
   return 2;
 }
 
-// Upvalues: Lua's coroutine.resume, the coroutine.
+// The function that coroutine.wrap returns. Upvalues: Lua's coroutine.resume, the coroutine.
 int resume_wrapped(ScriptContext&, lua_State* L) {
   lua_pushvalue(L, lua_upvalueindex(1));
   lua_insert(L, 1);
@@ -137,7 +137,7 @@ int resume_wrapped(ScriptContext&, lua_State* L) {
   return lua_gettop(L) - 1;
 }
 
-// coroutine.wrap; upvalues: Lua's coroutine.create and coroutine.resume.
+// coroutine.wrap. Upvalues: Lua's coroutine.create and coroutine.resume.
 int coroutine_wrap(ScriptContext& context, lua_State* L) {
   context.interpreter->charge(L, kCoroutineCost);
   lua_settop(L, 1);
@@ -160,7 +160,7 @@ void bind_coroutines(lua_State* L) {
   lua_pop(L, 1);
 }
 
-// string.rep and table.move loop in C, as long as they are told to.
+// string.rep and table.move loop in C without calling the count hook, so charge their iterations in advance.
 int metered_rep(ScriptContext& context, lua_State* L) {
   const lua_Integer count = lua_tointeger(L, 2);
   if (count > 0) context.interpreter->charge(L, static_cast<std::uint64_t>(count));
@@ -187,9 +187,9 @@ struct DeniedFunction {
 };
 constexpr std::array<DeniedFunction, 6> kDeniedFunctions{{
     {"os.exit", "stop() or quit() ends the run"},
-    {"os.time", "time() is the simulated time; the wall clock would make every run another"},
-    {"os.clock", "time() is the simulated time; the wall clock would make every run another"},
-    {"os.date", "time() is the simulated time; the wall clock would make every run another"},
+    {"os.time", "time() is the simulated time; the wall clock would make runs irreproducible"},
+    {"os.clock", "time() is the simulated time; the wall clock would make runs irreproducible"},
+    {"os.date", "time() is the simulated time; the wall clock would make runs irreproducible"},
     {"io.read", "option() takes values from the command line"},
     {"loadfile", "require() and dofile() load files beside the script"},
 }};
@@ -198,7 +198,7 @@ constexpr std::array<DeniedFunction, 6> kDeniedFunctions{{
   for (const DeniedFunction& denied : kDeniedFunctions)
     if (denied.name == name)
       throw ScriptError(name + ": not available in an experiment; " + std::string(denied.alternative));
-  throw ScriptError(name + ": not available in an experiment; --unsafe allows the whole of Lua's library");
+  throw ScriptError(name + ": not available in an experiment; --unsafe enables Lua's full library");
 }
 
 int deny_field(ScriptContext&, lua_State* L) {
@@ -207,7 +207,7 @@ int deny_field(ScriptContext&, lua_State* L) {
       (lua_type(L, 2) == LUA_TSTRING ? to_single_line(lua_tostring(L, 2)) : format_value(L, 2)));
 }
 
-// Features of the experiments' language that a later version has.
+// Globals that a later version may provide.
 struct PlannedFeature {
   std::string_view name, kind, alternative;
 };
@@ -258,7 +258,7 @@ void open_sandboxed_libraries(lua_State* L) {
   wrap_library_function(L, LUA_TABLIBNAME, "move", guarded<metered_move>);
 }
 
-// With --unsafe, require finds Lua files beside the script as well.
+// For --unsafe: the full library, with the script's folder on package.path.
 void open_all_libraries(lua_State* L, const std::string& folder) {
   luaL_openlibs(L);
   lua_getglobal(L, "package");
@@ -269,7 +269,7 @@ void open_all_libraries(lua_State* L, const std::string& folder) {
   lua_settop(L, 0);
 }
 
-// Gives the table on top a metatable that refuses what is not in it.
+// Makes access to a missing field of the table on top an error.
 void deny_unknown_fields(lua_State* L, const char* library) {
   lua_createtable(L, 0, 2);
   lua_pushstring(L, library);

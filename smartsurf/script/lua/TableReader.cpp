@@ -7,11 +7,11 @@ namespace smartsurf::script {
 namespace {
 
 constexpr std::size_t kMaxShownLength = 40;
-constexpr int kMaxFields = 1000;  // of a table that is read by names; more is a mistake
+constexpr int kMaxFields = 1000;  // of a table with named fields
 
 struct TableKeys {
   std::vector<std::string> names;
-  bool has_positional = false;  // or keyed by something that is no name
+  bool has_positional = false;  // has a key that is not a string
 };
 
 TableKeys collect_keys(lua_State* L, int index, const std::string& subject) {
@@ -54,7 +54,7 @@ std::string format_value(lua_State* L, int index) {
 }
 
 std::string did_you_mean(const std::string& word, const std::vector<std::string>& known) {
-  if (word.size() > 100) return "";  // the distance costs length²
+  if (word.size() > 100) return "";  // the edit distance takes quadratic time
   const std::string closest = scene::nearest_name(word, known);
   return closest.empty() ? "" : " (did you mean '" + closest + "'?)";
 }
@@ -94,7 +94,7 @@ std::int64_t check_integer(lua_State* L, int index, const std::string& name, std
 }
 
 std::string check_string(lua_State* L, int index, const std::string& name) {
-  if (lua_type(L, index) != LUA_TSTRING) throw_invalid_value(L, index, name, "a text in quotes");
+  if (lua_type(L, index) != LUA_TSTRING) throw_invalid_value(L, index, name, "a string");
   std::size_t length = 0;
   const char* const text = lua_tolstring(L, index, &length);
   return {text, length};
@@ -151,7 +151,7 @@ Eigen::Quaterniond from_axis_angle(const TableReader& fields, const std::string&
   return Eigen::Quaterniond(Eigen::AngleAxisd(angle_rad, axis / norm));
 }
 
-// Turns about the fixed x, then the fixed y, then the fixed z axis.
+// Extrinsic rotations about x, then y, then z.
 Eigen::Quaterniond from_euler(const TableReader& fields) {
   double roll = 0.0, pitch = 0.0, yaw = 0.0;
   fields.read("roll", roll);

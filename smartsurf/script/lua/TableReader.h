@@ -1,6 +1,5 @@
-// Reads typed values from Lua tables, with precise errors. Internal to this module.
-//
-// Names in messages are dotted: "surface.border.height = 'high': must be a number".
+// Reads typed values from Lua tables and reports errors by dotted name, for example
+// "surface.border.height = 'high': must be a number". Internal to this module.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -18,17 +17,18 @@
 
 namespace smartsurf::script {
 
-// The value at `index` as a message shows it: 3, 'text', true, nil, a table.
+// The value at `index` as shown in messages: 3, 'text', true, nil, a table.
 std::string format_value(lua_State* L, int index);
-// " (did you mean 'radius'?)" or "".
+// " (did you mean 'radius'?)", or "" if no known name is close.
 std::string did_you_mean(const std::string& word, const std::vector<std::string>& known);
 std::string join_names(const std::vector<std::string>& names);
-// Throws the Problem "NAME = VALUE: must be RULE".
+// Throws ScriptError("NAME = VALUE: must be REQUIREMENT").
 [[noreturn]] void throw_invalid_value(lua_State* L, int index, const std::string& name,
                                       const std::string& requirement);
 
-// Each throws Problem, naming `name`, unless the value at `index` is what is asked for.
+// Convert the value at `index`. All throw ScriptError, which begins with `name`, if it does not match.
 double check_number(lua_State* L, int index, const std::string& name);  // finite
+// In [low, high].
 std::int64_t check_integer(lua_State* L, int index, const std::string& name, std::int64_t low,
                            std::int64_t high);
 std::string check_string(lua_State* L, int index, const std::string& name);
@@ -36,14 +36,14 @@ std::string check_string(lua_State* L, int index, const std::string& name);
 Eigen::Vector3d check_vector(lua_State* L, int index, const std::string& name);
 // {x = …, y = …, z = …, w = …}, {x, y, z, w}, {axis = {x, y, z}, angle = …} or {roll = …, pitch = …, yaw = …}
 Eigen::Quaterniond check_orientation(lua_State* L, int index, const std::string& name);
-// A name, '#rrggbb', {r, g, b} or {r = …, g = …, b = …}
+// A colour name, '#rrggbb', {r, g, b} or {r = …, g = …, b = …} with components in [0, 1]
 scene::Colour check_colour(lua_State* L, int index, const std::string& name);
-// `count` numbers in a list, and nothing else.
+// A list of exactly `count` numbers.
 std::vector<double> check_numbers(lua_State* L, int index, const std::string& name, int count,
                                   const std::string& requirement);
 
-// The named fields of the table at `index`. The constructor refuses unknown and positional ones. An absent
-// field leaves the caller's value as it is.
+// The named fields of the table at `index`. The constructor throws ScriptError for unknown and positional
+// fields. read() leaves the value unchanged if the field is absent.
 class TableReader {
  public:
   TableReader(lua_State* L, int index, std::string table_name, std::initializer_list<std::string_view> known)
@@ -61,7 +61,7 @@ class TableReader {
   void read(std::string_view field, Eigen::Vector3d& value) const;
   void read(std::string_view field, Eigen::Quaterniond& value) const;
   void read(std::string_view field, scene::Colour& value) const;
-  // Calls visit(stack index, dotted name) with the value where the field is there.
+  // Calls visit(stack index, dotted name) if the field is present.
   template <typename Visit>
   void visit(std::string_view field, Visit visit) const {
     if (push_field(field)) visit(lua_gettop(L_), qualified_name(field));
@@ -69,7 +69,7 @@ class TableReader {
   }
 
  private:
-  // Leaves the field's raw value on the stack, nil where absent; whether it is there.
+  // Pushes the field's raw value, nil if absent. Returns whether it is present.
   bool push_field(std::string_view field) const;
   std::string qualified_name(std::string_view field) const { return table_name_ + "." + std::string(field); }
 

@@ -1,4 +1,5 @@
-// Method tables of userdata types, with suggestions for misspelt methods. Internal to this module.
+// Registers userdata types whose metatables suggest corrections for misspelt methods. Internal to this
+// module.
 #pragma once
 
 #include <span>
@@ -7,8 +8,8 @@
 
 namespace smartsurf::script {
 
-// Makes the metatable `type`, whose values answer to `methods`. `property`, where given, is asked before an
-// unknown name is refused: (value, name) → a value, or nothing.
+// Creates the metatable `type` with `methods`. If `property` is not null, it is called for other names as
+// property(value, name) and returns the value, or nil for an unknown name, which is an error.
 void register_userdata_type(lua_State* L, const char* type, std::span<const luaL_Reg> methods,
                             lua_CFunction property = nullptr);
 

@@ -1,4 +1,4 @@
-// cells: the surface's actuators and sensors, for a script that plays the controller.
+// cells: access to actuators and sensors for a script that acts as the controller.
 #include <algorithm>
 #include <array>
 #include <string>
@@ -19,7 +19,7 @@ void require_cells_receiver(lua_State* L, const std::string& method) {
     throw ScriptError(method + ": call it with a colon, " + method);
 }
 
-// Rows and columns count from 1 in Lua, from 0 elsewhere.
+// Rows and columns are one-based in Lua and zero-based in C++.
 int check_row(const ScriptContext& context, lua_State* L, int index, const std::string& method) {
   return static_cast<int>(check_integer(L, index, method + ": row", 1, context.spec.surface.rows)) - 1;
 }
@@ -60,7 +60,7 @@ int target(ScriptContext& context, lua_State* L) {
   return 0;
 }
 
-// Appends the `count` numbers of the list at `index`.
+// Appends the `count` numbers of the list at `index` to target_scratch.
 void append_targets(ScriptContext& context, lua_State* L, int index, const std::string& name, int count) {
   if (lua_rawlen(L, index) != static_cast<lua_Unsigned>(count))
     throw ScriptError(name + ": a list of " + std::to_string(lua_rawlen(L, index)) + " values: must be " +
@@ -68,14 +68,14 @@ void append_targets(ScriptContext& context, lua_State* L, int index, const std::
   for (int i = 1; i <= count; ++i) {
     lua_rawgeti(L, index, i);
     if (lua_type(L, -1) != LUA_TNUMBER || !(std::abs(lua_tonumber(L, -1)) <= 1e6))
-      check_target(L, -1,
-                   name + "[" + std::to_string(i) + "]");  // the same check, with the name for the message
+      check_target(L, -1, name + "[" + std::to_string(i) + "]");  // throws with the element's name
     context.target_scratch.push_back(static_cast<float>(lua_tonumber(L, -1)));
     lua_pop(L, 1);
   }
 }
 
-// All cells: one list of rows × columns values, row by row from the north, or a list of rows.
+// Sets all cells from a flat list of rows × columns values, row by row from the north, or from a list of
+// rows.
 int targets(ScriptContext& context, lua_State* L) {
   const std::string method = "cells:targets";
   require_running(context, method);
@@ -108,14 +108,15 @@ int targets(ScriptContext& context, lua_State* L) {
   return 0;
 }
 
-// The channel that says which cells are there; where all are, a sensor may be called so.
+// Whether `channel` is the built-in occupancy mask. A surface without empty cells has none, and a sensor may
+// use its name.
 bool is_occupancy_mask(const ScriptContext& context, const std::string& channel) {
   if (channel != scene::kOccupancyChannel) return false;
   const std::vector<std::string> sensors = context.spec.surface.sensor_channels();
   return std::ranges::find(sensors, channel) == sensors.end();
 }
 
-// As many numbers as the channel has components.
+// Pushes one number per component of the channel.
 template <typename Read>
 int push_cell_reading(ScriptContext& context, lua_State* L, const std::string& method, Read read) {
   require_running(context, method);
@@ -153,7 +154,7 @@ void require_surface(const ScriptContext& context, const std::string& subject) {
     throw ScriptError(subject + ": no surface{} is declared so far");
 }
 
-// x, y of the cell's centre.
+// Returns x, y of the cell's centre.
 int centre(ScriptContext& context, lua_State* L) {
   const std::string method = "cells:centre";
   require_surface(context, method);

@@ -1,5 +1,5 @@
-// at, every, on_tick, on_leave, on_finish: functions that wait. metric: what comes of the run. stop, quit,
-// pause, pace: how the run goes on.
+// Callbacks (at, every, on_tick, on_leave, on_finish), results (metric) and run control (stop, quit, pause,
+// pace).
 #include <algorithm>
 #include <string>
 
@@ -14,11 +14,11 @@ constexpr std::size_t kMaxMetrics = 1000;
 constexpr double kMinPeriod_s = 1e-4;
 constexpr double kMaxTime_s = 1e9;
 
-// Keeps the function at `index`; its index in Session::callbacks.
+// Stores the function at `index`. Returns its index in ScriptContext::callbacks.
 int store_callback(ScriptContext& context, lua_State* L, int index, const std::string& subject) {
   if (lua_type(L, index) != LUA_TFUNCTION) throw_invalid_value(L, index, subject, "a function");
   if (context.callbacks.size() - context.free_callbacks.size() >= kMaxCallbacks)
-    throw ScriptError(subject + ": more than 1000000 functions wait");
+    throw ScriptError(subject + ": more than 1000000 callbacks");
   lua_pushvalue(L, index);
   const Callback callback{luaL_ref(L, LUA_REGISTRYINDEX), context.interpreter->current_location(L)};
   if (context.free_callbacks.empty()) {
@@ -35,7 +35,7 @@ int at(ScriptContext& context, lua_State* L) {
   const double time_s = check_number(L, 1, "at: seconds");
   if (time_s < 0.0 || time_s > kMaxTime_s) throw_invalid_value(L, 1, "at: seconds", "from 0 to 1e9");
   if (context.phase == Phase::kRunning && time_s < context.time_s)
-    throw ScriptError("at: seconds = " + format_value(time_s) + ": is over, the simulated time is " +
+    throw ScriptError("at: seconds = " + format_value(time_s) + ": is in the past, the simulated time is " +
                       format_value(context.time_s));
   context.event_queue.schedule_at(time_s, store_callback(context, L, 2, "at: function"));
   return 0;
@@ -70,11 +70,11 @@ int time(ScriptContext& context, lua_State* L) {
   return 1;
 }
 
-// metric('error', 0.3): what the experiment measures; the last value of a name counts.
+// metric('error', 0.3) reports a result of the experiment. The last value of a name counts.
 int metric(ScriptContext& context, lua_State* L) {
   const std::string name = check_string(L, 1, "metric: name");
   if (name.empty() || name.size() > 64)
-    throw_invalid_value(L, 1, "metric: name", "a text of 1 to 64 characters");
+    throw_invalid_value(L, 1, "metric: name", "a string of 1 to 64 characters");
   const double value = check_number(L, 2, "metric: value");
   const auto existing = std::ranges::find(context.metrics, name, &std::pair<std::string, double>::first);
   if (existing != context.metrics.end())
@@ -98,7 +98,7 @@ int quit(ScriptContext& context, lua_State*) {
   return 0;
 }
 
-// While the script loads, pause and pace wait for the simulation to be there.
+// pause and pace are allowed while the script loads; they take effect when the simulation starts.
 void run_or_defer(ScriptContext& context, std::function<void(SimulationInterface&)> request) {
   if (context.phase == Phase::kRunning)
     request(*context.simulation);

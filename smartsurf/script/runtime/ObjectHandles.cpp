@@ -1,4 +1,4 @@
-// object(id) and objects{…}: the live objects of the running simulation.
+// object(id) and objects{…}: handles to the objects of the running simulation.
 #include <array>
 #include <string>
 
@@ -86,7 +86,7 @@ void require_coordinates(const Eigen::Vector3d& v, const std::string& name) {
                         ": must be in [-1000000, 1000000]");
 }
 
-// A list alone is the field that a user means first: push{0, 0, 9} is push{force = {0, 0, 9}}.
+// Shorthand: a plain list is the value of the main field. push{0, 0, 9} means push{force = {0, 0, 9}}.
 void wrap_positional_list(lua_State* L, const char* field) {
   if (lua_type(L, 2) != LUA_TTABLE || lua_rawlen(L, 2) == 0) return;
   lua_Unsigned values = 0;

@@ -10,6 +10,7 @@
 #include <limits>
 
 #include "common/threads/ThreadPool.h"
+#include "smartsurf/surface/raycast/SlabClip.h"
 
 namespace smartsurf::surface {
 namespace {
@@ -19,20 +20,6 @@ constexpr float kFar = std::numeric_limits<float>::infinity();
 // Approximate costs: bounding a cell's height, casting a body over some twenty cells, testing a pin on a ray,
 // a cell without bodies.
 constexpr double kHeightCost_ns = 0.2, kBodyCost_ns = 80.0, kPinCost_ns = 0.3, kEmptyCellCost_ns = 0.01;
-
-// The interval of the ray parameter within a rectangle about the origin. Empty if t_enter > t_exit.
-struct TInterval {
-  float t_enter, t_exit;
-};
-void clip_slab(float origin, float direction, float half, TInterval& t) {
-  if (direction == 0.0F) {
-    if (std::abs(origin) > half) t.t_exit = -kFar;
-    return;
-  }
-  const float a = (-half - origin) / direction, b = (half - origin) / direction;
-  t.t_enter = std::max(t.t_enter, std::min(a, b));
-  t.t_exit = std::min(t.t_exit, std::max(a, b));
-}
 
 // Returns the first and last offset, relative to the ray's own cell, of the cells whose centre lies in
 // [low, high] along one axis.
@@ -89,16 +76,15 @@ void RayCaster::build_pin_steps(const Field& field) {
   const auto [south, north] = cell_offsets_within(o.y() - reach, o.y() + reach, pitch_, rows_ - 1);
   for (int j = south; j <= north; ++j) {
     TInterval row{0.0F, ray_.range};
-    clip_slab(o.y() - static_cast<float>(j) * pitch_, d.y(), field.half_top_y, row);
-    if (row.t_enter > row.t_exit) continue;
+    if (!clip_slab(o.y() - static_cast<float>(j) * pitch_, d.y(), field.half_top_y, row)) continue;
     const float a = o.x() + d.x() * row.t_enter, b = o.x() + d.x() * row.t_exit;
     const auto [west, east] = cell_offsets_within(std::min(a, b) - field.half_top_x,
                                                   std::max(a, b) + field.half_top_x, pitch_, columns_ - 1);
     for (int i = west; i <= east; ++i) {
       if (i == 0 && j == 0 && clears_own_pin()) continue;
       TInterval pin = row;
-      clip_slab(o.x() - static_cast<float>(i) * pitch_, d.x(), field.half_top_x, pin);
-      if (pin.t_enter <= pin.t_exit) pin_steps_.push_back({-j, i, pin.t_enter, pin.t_exit});
+      if (clip_slab(o.x() - static_cast<float>(i) * pitch_, d.x(), field.half_top_x, pin))
+        pin_steps_.push_back({-j, i, pin.t_enter, pin.t_exit});
     }
   }
   std::ranges::stable_sort(pin_steps_, {}, &PinStep::t_enter);

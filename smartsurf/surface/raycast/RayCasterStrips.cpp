@@ -5,6 +5,7 @@
 
 #include "common/threads/ThreadPool.h"
 #include "smartsurf/surface/raycast/RayCaster.h"
+#include "smartsurf/surface/raycast/SlabClip.h"
 
 namespace smartsurf::surface {
 namespace {
@@ -24,14 +25,6 @@ struct PlanarRotation {
 
 float angle_of(const Field& field, std::size_t cell) {
   return field.angle.empty() ? 0.0F : field.angle[cell];
-}
-
-bool clip_slab(float origin, float direction, float half, float& t_enter, float& t_exit) {
-  if (direction == 0.0F) return std::abs(origin) <= half;
-  const float a = (-half - origin) / direction, b = (half - origin) / direction;
-  t_enter = std::max(t_enter, std::min(a, b));
-  t_exit = std::min(t_exit, std::max(a, b));
-  return t_enter <= t_exit;
 }
 
 }  // namespace
@@ -103,12 +96,12 @@ void RayCaster::build_pin_intervals(const Field& field) {
         if (cell == s.cell[k] && clears_own_pin()) continue;
         const PlanarRotation to_pin_frame(-angle_of(field, i));
         const float px = s.x[k] - field.x[i], py = s.y[k] - field.y[i];
-        PinInterval p{cell, 0.0F, range};
+        TInterval t{0.0F, range};
         if (clip_slab(to_pin_frame.rotate_x(px, py), to_pin_frame.rotate_x(s.dx[k], s.dy[k]),
-                      field.half_top_x, p.t_enter, p.t_exit) &&
+                      field.half_top_x, t) &&
             clip_slab(to_pin_frame.rotate_y(px, py), to_pin_frame.rotate_y(s.dx[k], s.dy[k]),
-                      field.half_top_y, p.t_enter, p.t_exit))
-          pin_intervals_.push_back(p);
+                      field.half_top_y, t))
+          pin_intervals_.push_back({cell, t.t_enter, t.t_exit});
       }
     }
     std::stable_sort(pin_intervals_.begin() + static_cast<std::ptrdiff_t>(begin), pin_intervals_.end(),

@@ -4,11 +4,6 @@
 #include "smartsurf/surface/sensors/ColourSensor.h"
 
 namespace smartsurf::surface {
-namespace {
-
-constexpr float kPinTag = -1.0F;
-
-}  // namespace
 
 CameraSensor::CameraSensor(const Field& field, const scene::SensorSpec& spec)
     : rows_(field.rows),

@@ -3,11 +3,6 @@
 #include "common/threads/ThreadPool.h"
 
 namespace smartsurf::surface {
-namespace {
-
-constexpr float kPinTag = -1.0F;
-
-}  // namespace
 
 ColourSensor::ColourSensor(const Field& field, const scene::SensorSpec& spec)
     : ray_caster_(field, cell_ray_of(spec)),

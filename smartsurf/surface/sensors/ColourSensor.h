@@ -8,8 +8,10 @@
 
 namespace smartsurf::surface {
 
-// Colour of pins: the default colour of objects.
-inline constexpr scene::Colour kPinColour{};
+// Colour of pins: light grey.
+inline constexpr scene::Colour kPinColour{0.7F, 0.7F, 0.7F};
+// Tag of a ray that hits a pin; objects have positive tags, a miss has 0.
+inline constexpr float kPinTag = -1.0F;
 
 class ColourSensor final : public Sensor {
  public:

@@ -30,8 +30,8 @@ ActuatorLayer::ActuatorLayer(const scene::SurfaceSpec& surface, RenderPass colou
   if (geometry_.meshes().empty()) return;
   const auto shadow = two_colour_mesh_shaders(RenderPass::kShadow),
              colour = two_colour_mesh_shaders(colour_pass);
-  shadow_ = link_program("part shadow", shadow.vertex, shadow.fragment);
-  colour_ = link_program("part", colour.vertex, colour.fragment);
+  shadow_ = link_program("actuator shadow", shadow.vertex, shadow.fragment);
+  colour_ = link_program("actuator", colour.vertex, colour.fragment);
   for (const InstancedMesh& mesh : geometry_.meshes()) {
     MeshBuffers buffers{make_vertex_array(), make_buffer(), make_buffer(), make_buffer()};
     glBindVertexArray(buffers.vertex_array.id());

@@ -72,7 +72,7 @@ void RenderTarget::resize(int new_width, int new_height) {
   glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, colour.id(), 0);
   glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, depth.id());
   if (glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
-    throw std::runtime_error("OpenGL: the driver cannot draw a picture of " + std::to_string(new_width) +
+    throw std::runtime_error("OpenGL: the driver cannot render an image of " + std::to_string(new_width) +
                              " × " + std::to_string(new_height) + " pixels");
   width = new_width;
   height = new_height;
@@ -83,7 +83,7 @@ common::Image read_framebuffer(unsigned framebuffer, int width, int height) {
   glBindFramebuffer(GL_READ_FRAMEBUFFER, framebuffer);
   glPixelStorei(GL_PACK_ALIGNMENT, 1);
   glReadPixels(0, 0, width, height, GL_RGB, GL_UNSIGNED_BYTE, image.rgb.data());
-  // OpenGL's first row is the bottom one.
+  // OpenGL returns the bottom row first.
   const auto row = [&](int y) { return image.rgb.begin() + static_cast<std::ptrdiff_t>(y) * width * 3; };
   for (int y = 0; y < height / 2; ++y) std::swap_ranges(row(y), row(y + 1), row(height - 1 - y));
   return image;

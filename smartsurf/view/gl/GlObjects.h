@@ -1,5 +1,5 @@
-// RAII owners of OpenGL objects: created in the current context, and destroyed while it is current. Internal
-// to this module.
+// RAII owners of OpenGL objects. An object is created in the current context and must be destroyed while that
+// context is current. Internal to smartsurf/view.
 #pragma once
 
 #include <epoxy/gl.h>
@@ -57,22 +57,23 @@ inline Texture make_texture() { return make<Texture>(glGenTextures); }
 inline Framebuffer make_framebuffer() { return make<Framebuffer>(glGenFramebuffers); }
 inline Renderbuffer make_renderbuffer() { return make<Renderbuffer>(glGenRenderbuffers); }
 
-// Compiles and links; every program sees the frame's uniform block at binding 0 and the shadow map at texture
-// unit 0. A shader that does not compile is a bug or a broken driver: throws std::runtime_error with its log.
+// Compiles and links a program. The uniform block `Frame` is bound to binding point 0 and the sampler
+// `shadow_map` to texture unit 0, if the program uses them. A failure is a bug here or in the driver: throws
+// std::runtime_error with `name` and the driver's log.
 ShaderProgram link_program(std::string_view name, const std::string& vertex, const std::string& fragment);
 
-// A colour picture with depth to draw into; single-sampled, RGBA8 and 24 bit depth.
+// An off-screen framebuffer: single-sampled, RGBA8 colour and 24-bit depth.
 struct RenderTarget {
   Framebuffer framebuffer;
   Texture colour;
   Renderbuffer depth;
   int width = 0, height = 0;
 
-  // Throws std::runtime_error when the driver refuses that size.
+  // Reallocates the buffers if the size changes. Throws std::runtime_error if the driver refuses the size.
   void resize(int new_width, int new_height);
 };
 
-// The framebuffer's colours, row 0 at the top. Its context must be current.
+// Reads the framebuffer's colours, row 0 at the top. Its context must be current.
 common::Image read_framebuffer(unsigned framebuffer, int width, int height);
 
 }  // namespace smartsurf::view

@@ -8,13 +8,13 @@
 namespace smartsurf::view {
 namespace {
 
-// The part beside the table, and four around it.
+// An inner rectangle (±1) and four quads between it and the outer edge (±2); see kGroundVertex.
 constexpr float kGroundVertices[8][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1},
                                          {-2, -2}, {2, -2}, {2, 2}, {-2, 2}};
 constexpr GLubyte kGroundIndices[] = {0, 1, 2, 0, 2, 3, 4, 5, 1, 4, 1, 0, 5, 6, 2,
                                       5, 2, 1, 6, 7, 3, 6, 3, 2, 7, 4, 0, 7, 0, 3};
-constexpr int kNearIndexCount = 6, kFarIndexCount = 24;  // of them
-constexpr double kOcclusionMargin = 6.0;                 // u, as in the ground's shader
+constexpr int kNearIndexCount = 6, kFarIndexCount = 24;  // inner rectangle, outer quads
+constexpr double kOcclusionMargin = 6.0;                 // u; as in kGroundFragment
 
 }  // namespace
 
@@ -26,7 +26,7 @@ GroundLayer::GroundLayer(const scene::SurfaceSpec& surface, RenderPass colour_pa
       vertex_array_(make_vertex_array()),
       vertex_buffer_(make_buffer()),
       index_buffer_(make_buffer()) {
-  // A line every 1, 10, 100 … pitches, so that some ten of them run along the table.
+  // One line every 1, 10, 100 … pitches, so that about ten lines cross the table.
   const double cells = std::max(surface.rows, surface.columns);
   const double decade = std::pow(10.0, std::max(0.0, std::round(std::log10(cells / 6.0))));
   grid_spacing_ = static_cast<float>(surface.pitch * decade);
@@ -35,7 +35,7 @@ GroundLayer::GroundLayer(const scene::SurfaceSpec& surface, RenderPass colour_pa
   backdrop_program_ = link_program("backdrop", backdrop.vertex, backdrop.fragment);
   if (colour_pass == RenderPass::kColourFast) {
     const auto unshadowed = ground_shaders(colour_pass, false);
-    unshadowed_program_ = link_program("sunlit ground", unshadowed.vertex, unshadowed.fragment);
+    unshadowed_program_ = link_program("unshadowed ground", unshadowed.vertex, unshadowed.fragment);
   }
   glBindVertexArray(vertex_array_.id());
   glBindBuffer(GL_ARRAY_BUFFER, vertex_buffer_.id());

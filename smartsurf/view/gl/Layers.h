@@ -1,5 +1,6 @@
-// The layers of a picture, each drawn with one call per kind of item. Internal to this module; an OpenGL
-// context must be current wherever one is created, used or destroyed.
+// The layers of a frame, each drawn with one call per kind of item. Internal to smartsurf/view.
+//
+// The same OpenGL context must be current whenever a layer is created, used or destroyed.
 #pragma once
 
 #include <array>
@@ -15,24 +16,24 @@
 
 namespace smartsurf::view {
 
-// All pins of the surface: one draw call of plain triangles, whose corners fetch their pin's record. As
-// instances of one pin they would cost a software driver a call a pin.
+// All pins of the surface in one draw call. The vertex shader fetches each pin's record from a buffer texture:
+// a software driver processes instanced draws one instance at a time, which is slower.
 class PinLayer {
  public:
   PinLayer(const scene::SurfaceSpec& surface, RenderPass colour_pass);
-  // pins: valid until the last draw() of the frame.
+  // pins must stay valid until the last draw of the frame.
   void upload(std::span<const PinInstance> pins);
-  // Every gap between pins is open.
+  // Draws every gap between pins as geometry.
   void draw(RenderPass pass) const;
-  // Seen from afar, where a gap is a pixel or three wide: gaps between pins of one level are painted on their
-  // tops, and sides that are hidden then are left out. from: x and y of the eye; or, where all rays run one
-  // way, against them.
+  // x and y of the eye, u. For a parallel projection (at_infinity), of the direction towards the eye.
   struct EyePosition {
     Eigen::Vector2f xy;
     bool at_infinity;
   };
+  // Draws distant pins, whose gaps are at most a few pixels wide: gaps between level pins are painted on the
+  // tops, and the sides hidden by that are skipped.
   void draw_closed_gaps(RenderPass pass, const EyePosition& eye);
-  // Whether draw_closed() is there: for a driver that works on the processor, on a grid of straight rows.
+  // draw_closed_gaps() exists only for kColourFast and regular grids.
   bool can_close_gaps() const { return closed_colour_.id() != 0; }
 
  private:
@@ -44,7 +45,7 @@ class PinLayer {
   VertexArray vertex_array_;
   Buffer index_buffer_, pin_buffer_, visible_index_buffer_;
   std::vector<GLuint> visible_indices_;
-  Texture pin_texture_;  // the records, as shaders see them
+  Texture pin_texture_;  // buffer texture over pin_buffer_
   ShaderProgram shadow_, colour_, closed_shadow_, closed_colour_;
 };
 
@@ -55,17 +56,17 @@ struct ObjectInstance {
   std::array<float, 4> colour;       // linear light; [3]: z of the pins around the object, u
 };
 
-// The objects: one draw call a shape, and one a solid. A frame is begin(), add() for each, upload(), then
-// draws.
+// The objects, one draw call per shape and one per solid. Call order within a frame: clear_instances(),
+// add_box() for the static boxes, add() per object, upload(), then the draw calls.
 class ObjectLayer {
  public:
   explicit ObjectLayer(RenderPass colour_pass);
   void clear_instances();
   void add(const scene::ObjectSpec& object, ObjectInstance instance);
-  void add_box(const ObjectInstance& instance);  // furniture: before all objects
+  void add_box(const ObjectInstance& instance);  // a static box; before all objects
   void upload();
   void draw(RenderPass pass) const;
-  // Of the boxes, the first `solid_boxes` stay solid in a wireframe: the table and the axes.
+  // The first `static_boxes` boxes (the board and the axes) are drawn solid in wireframe mode too.
   void draw_static_boxes(RenderPass pass, GLsizei static_boxes) const;
   void draw_wireframes(float line_width, GLsizei static_boxes) const;
 
@@ -89,16 +90,16 @@ class ObjectLayer {
   void for_each_batch(Action action) const;
 
   Programs sphere_, mesh_, capsule_;
-  std::array<ShapeBatch, 5> batches_;  // by ShapeKind, but for solids
-  std::vector<std::pair<std::shared_ptr<const scene::Solid>, ShapeBatch>>
-      solid_batches_;  // in the order of their first use
+  std::array<ShapeBatch, 5> batches_;  // indexed by ShapeKind, without kSolid
+  // In the order of first use.
+  std::vector<std::pair<std::shared_ptr<const scene::Solid>, ShapeBatch>> solid_batches_;
 };
 
-// What stands on the cells of mechanisms other than pins: one draw call a kind of part.
+// The actuator parts that ActuatorGeometry places on the cells, one draw call per mesh.
 class ActuatorLayer {
  public:
   ActuatorLayer(const scene::SurfaceSpec& surface, RenderPass colour_pass);
-  // Returns ActuatorGeometry::recess().
+  // Returns ActuatorGeometry::recess(), or an empty span without meshes.
   std::span<const float> upload(const scene::Snapshot& snapshot);
   void draw(RenderPass pass, bool translucent) const;
 
@@ -108,16 +109,16 @@ class ActuatorLayer {
     Buffer vertex_buffer, index_buffer, instance_buffer;
   };
   ActuatorGeometry geometry_;
-  std::vector<MeshBuffers> buffers_;  // as parts_.kinds()
+  std::vector<MeshBuffers> buffers_;  // one per geometry_.meshes()
   ShaderProgram shadow_, colour_;
 };
 
-// Lines of one width: one draw call.
+// Lines of one width in one draw call.
 class LineLayer {
  public:
   LineLayer();
   void upload(std::span<const Line> lines);
-  // width: in pixels of the picture of that size.
+  // width: in pixels of the viewport.
   void draw(float width, int viewport_width, int viewport_height) const;
 
  private:
@@ -127,11 +128,11 @@ class LineLayer {
   GLsizei line_count_ = 0;
 };
 
-// The ground with its grid, and what is behind everything.
+// The ground with its grid, and the backdrop.
 class GroundLayer {
  public:
   GroundLayer(const scene::SurfaceSpec& surface, RenderPass colour_pass);
-  // shade: around all shadows on the ground, x and y.
+  // shadow_area: x and y bounds of all shadows on the ground, u.
   void draw_ground(bool grid, const Eigen::AlignedBox2d& shadow_area) const;
   void draw_backdrop() const;
 
@@ -139,12 +140,12 @@ class GroundLayer {
   void draw_section(const ShaderProgram& program, bool grid, const Eigen::AlignedBox2d& shaded_area,
                     int first, int count) const;
 
-  Eigen::AlignedBox2d occluded_area_;  // the table, and around it the ground that sees less of the sky
+  Eigen::AlignedBox2d occluded_area_;  // the table and the ground around it that it darkens; x, y, u
   float ground_z_, half_extent_, grid_spacing_;
   VertexArray vertex_array_;
   Buffer vertex_buffer_, index_buffer_;
   ShaderProgram shadowed_program_, backdrop_program_;
-  ShaderProgram unshadowed_program_;  // without shadows, beyond their reach: only where pixels are dear
+  ShaderProgram unshadowed_program_;  // cheaper, for the ground outside shaded areas; kColourFast only
 };
 
 }  // namespace smartsurf::view

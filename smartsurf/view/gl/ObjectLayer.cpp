@@ -29,7 +29,7 @@ void upload_buffer(GLuint buffer, const std::vector<float>& floats) {
                GL_STATIC_DRAW);
 }
 
-// OpenGL 3.3 has no first instance in its draw calls: the attributes begin there instead.
+// OpenGL 3.3 has no base instance, so the attribute offsets select the first instance.
 void bind_instance_attributes(GLuint buffer, GLsizei first = 0) {
   const std::size_t start = static_cast<std::size_t>(first) * sizeof(ObjectInstance);
   glBindBuffer(GL_ARRAY_BUFFER, buffer);
@@ -39,10 +39,9 @@ void bind_instance_attributes(GLuint buffer, GLsizei first = 0) {
   set_instance_attribute(4, 4, start + offsetof(ObjectInstance, colour));
 }
 
-// The octagon around a circle of radius 1, x and y of each corner: fewer pixels beside the circle than a
-// square.
+// The octagon around the unit circle: x, y per corner. It covers fewer pixels outside the circle than a square.
 std::vector<float> circumscribed_octagon() {
-  constexpr float kSide = 0.41421357f;  // half of it: tan(π/8)
+  constexpr float kSide = 0.41421357f;  // half an edge: tan(π/8)
   return {kSide, -1, 1, -kSide, 1, kSide, kSide, 1, -kSide, 1, -1, kSide, -1, -kSide, -kSide, -1};
 }
 
@@ -123,7 +122,7 @@ void ObjectLayer::add(const scene::ObjectSpec& object, ObjectInstance instance) 
     const Mesh mesh = solid_mesh(*object.solid);
     init_batch(batch->second, mesh_, 6, mesh.vertices, mesh.indices, solid_wireframe(*object.solid));
   }
-  instance.half_extent = {1.0f, 1.0f, 1.0f};  // it has its own size
+  instance.half_extent = {1.0f, 1.0f, 1.0f};  // the mesh of a solid is not normalised
   batch->second.instances.push_back(instance);
 }
 

@@ -8,19 +8,19 @@
 namespace smartsurf::view {
 namespace {
 
-// Of each pin the top, the side across x and the side across y, four corners each; the shader knows which
-// corner is which by its number, and turns the sides towards the eye.
-constexpr GLuint kVerticesPerPin = 16;  // of which 12 are used: a power of two is quickly divided by
+// Three faces per pin (the top, the side across x and the side across y), four vertices each. The vertex shader
+// derives pin, face and corner from gl_VertexID and turns the sides towards the eye.
+constexpr GLuint kVerticesPerPin = 16;  // 12 are used; the shader divides by a power of two
 constexpr GLuint kPinIndices[] = {0, 1, 2, 0, 2, 3, 4, 5, 6, 4, 6, 7, 8, 9, 10, 8, 10, 11};
 constexpr std::size_t kIndicesPerPin = std::size(kPinIndices), kIndicesPerFace = 6;
 constexpr GLsizei kTexelsPerPin = 3;
 static_assert(sizeof(PinInstance) == 16 * kTexelsPerPin);
-constexpr GLint kPinTextureUnit = 2;      // of the textures
-constexpr double kLevelTolerance = 0.06;  // of a pitch: neighbours whose tops differ by less are level
+constexpr GLint kPinTextureUnit = 2;
+constexpr double kLevelTolerance = 0.06;  // in pitches; neighbours whose tops differ by less are level
 
-// Deep in the gap beside a neighbour a side is as good as black, but costs as much as one in the light:
-// without a graphics card a quarter of a frame. There it ends where the gap is dark. Not so in the outermost
-// ring, through whose gaps one would look out.
+// How far below its neighbour's top a side is drawn, u. Deeper in the gap it is almost black, but shading it
+// takes a quarter of the frame time on a software renderer. The outermost ring is drawn in full (kPinVertex):
+// otherwise the background would show through its gaps.
 float max_side_depth(const scene::SurfaceSpec& s, RenderPass colour_pass) {
   if (colour_pass == RenderPass::kColourFine) return 1e9f;
   const double gap = s.pitch - std::min(s.pin.top_x, s.pin.top_y);
@@ -83,8 +83,8 @@ void PinLayer::draw(RenderPass pass) const {
        static_cast<GLsizei>(pins_.size() * kIndicesPerPin));
 }
 
-// A side is seen where the neighbour before it is lower; those of the outermost ring are there for what shows
-// between them.
+// A side is visible where the neighbour in front of it is lower. The outermost ring always has its sides, so
+// that its gaps show them instead of the background.
 void PinLayer::draw_closed_gaps(RenderPass pass, const EyePosition& eye) {
   visible_indices_.clear();
   for (std::size_t i = 0; i < pins_.size(); ++i) {

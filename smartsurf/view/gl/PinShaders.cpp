@@ -4,18 +4,18 @@ namespace smartsurf::view {
 namespace {
 
 constexpr const char* kPinVertex = R"(
-uniform usamplerBuffer pins;   // three texels a pin, as PinInstance
+uniform usamplerBuffer pins;   // PinInstance records, three texels each
 uniform vec4 pin;       // half top x, half top y, length, pitch
-uniform float base;
-uniform float sunk;     // how far below its neighbour's top a side is drawn
-flat out vec2 levels;   // z where the pin ends and its shaft begins; z of the top beside this side
+uniform float base;     // z of the ground
+uniform float sunk;     // depth below the neighbour's top to which a side is drawn
+flat out vec2 levels;   // z where the pin ends and its shaft begins; z of the neighbour's top beside this side
 #ifdef CLOSED
-uniform float level;    // neighbours whose tops are no lower than by this much close the gap to them
-out vec2 across;        // from the middle of this face, as a share of what is the pin's: beyond 1 lies the gap
-flat out vec2 gap;      // how dark it is, across x and across y
+uniform float level;    // the gap to a neighbour is closed if its top is at most this much lower
+out vec2 across;        // offset from the face's middle, 1 at the pin's edge; the gap lies beyond 1
+flat out vec2 gap;      // brightness of the gap across x and across y
 #endif
 #ifdef FAST
-out vec4 shade;         // as a screen shows it, before it darkens towards the foot; z
+out vec4 shade;         // screen colour before the darkening towards the foot; w: z
 #else
 out vec3 world;
 flat out vec3 normal;
@@ -30,11 +30,11 @@ void main() {
   vec4 colour = bytes(rest.x), corner_sky = bytes(rest.y);
   vec2 place = placed.xy;
   float height = uintBitsToFloat(rest.z);
-  // x, y: ±1, z: 0 foot, 1 top, w: 0 top, 1 side in x, 2 side in y
+  // x, y: ±1; z: 0 foot, 1 top; w: 0 top face, 1 side across x, 2 side across y
   float u = k == 1 || k == 2 ? 1.0 : -1.0, v = k >= 2 ? 1.0 : -1.0;
   vec4 corner = face == 0 ? vec4(u, v, 1, 0) : face == 1 ? vec4(1, u, max(v, 0.0), 1) : vec4(u, 1, max(v, 0.0), 2);
   mat2 turn = mat2(placed.z, placed.w, -placed.w, placed.z);
-  // Only the two sides that can face the eye are drawn.
+  // Only the two sides that face the eye are drawn.
   vec2 towards = (eye.w > 0.5 ? eye.xy - place : -ray.xy) * turn;
   vec2 s = vec2(towards.x < 0.0 ? -1.0 : 1.0, towards.y < 0.0 ? -1.0 : 1.0);
   vec2 at = corner.xy * s;
@@ -44,7 +44,7 @@ void main() {
   float foot = colour.a > 0.5 ? base : max(base, min(beside, height) - sunk);
   vec2 half_top = pin.xy;
 #ifdef CLOSED
-  // Towards neighbours at the same level or higher every face goes on to the middle of the gap, which is painted.
+  // Towards level or higher neighbours a face extends to the middle of the gap, which is painted on it.
   vec2 tall = vec2(at.x < 0.0 ? neighbour.x : neighbour.y, at.y < 0.0 ? neighbour.z : neighbour.w);
   half_top += (0.5 * pin.w - pin.xy) * step(height - level, tall);
   if (corner.w > 0.5 && corner.w < 1.5) half_top.x = pin.x;
@@ -52,7 +52,7 @@ void main() {
   across = at * half_top / pin.xy;
   if (corner.w > 0.5 && corner.w < 1.5) across.x = 0.0;
   if (corner.w > 1.5) across.y = 0.0;
-  // The wall behind a gap is seen down to where the line of sight meets it.
+  // The wall behind a gap is visible down to where the line of sight meets it.
   vec2 seen = (pin.w - 2.0 * pin.xy) * (eye.w > 0.5 ? eye.z - height : -ray.z) / max(abs(towards), 1e-3);
   gap = sqrt(0.55 / (1.0 + 1.5 * min(seen / pin.w, sunk)));
 #endif
@@ -71,7 +71,7 @@ void main() {
 }
 )";
 
-// How much of the light reaches that depth of the gap beside a neighbour's top, in widths of a cell.
+// Share of the sky light at a depth below the neighbour's top, in pitches.
 constexpr const char* kGapOcclusion = R"(
 float gap_sky(float below) {
   return below > 0.0 ? 0.55 / (1.0 + 3.0 * below) : clamp(0.55 - 0.35 * below, 0.55, 1.0);
@@ -92,13 +92,14 @@ void main() {
   vec3 c = albedo;
   if (normal.z < 0.5) {
     open *= gap_sky((levels.y - world.z) / pin.w);
-    if (world.z < levels.x) c *= 0.55;   // the shaft under the pin
+    if (world.z < levels.x) c *= 0.55;   // the shaft below the pin
   }
   pixel = vec4(lit(c, normal, world, open), 1.0);
 }
 )";
 
-// All light is reckoned at the corners. A top is beside nothing that is higher, nor a shaft.
+// Lighting is computed per vertex. For a top face levels.y is −1e30 and z is above levels.x, so neither factor
+// darkens it.
 constexpr const char* kPinFragmentFast = R"(
 in vec4 shade;
 flat in vec2 levels;

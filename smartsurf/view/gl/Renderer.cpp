@@ -14,14 +14,14 @@
 namespace smartsurf::view {
 namespace {
 
-// Mirrors the block "Frame" in Shaders.cpp (std140).
+// Mirrors the uniform block "Frame" in ShaderChunks.cpp (std140).
 struct FrameUniforms {
   Eigen::Matrix4f clip_from_world, shadow_from_world;
   std::array<float, 4> eye, ray, light, fog, table;
 };
 static_assert(sizeof(FrameUniforms) == 2 * 64 + 5 * 16);
 
-// A cell that is drawn no wider than this, in the middle of the picture, is seen from afar.
+// If a cell at the camera's target is narrower than this, its gaps may be painted (draw_closed_gaps).
 constexpr double kDistantCell_px = 24.0;
 
 constexpr Rgb kBoardColour{0.20f, 0.21f, 0.23f};
@@ -99,9 +99,9 @@ struct Renderer::State {
     if (stage_callback) stage_callback(stage);
   }
 
-  long frames_drawn = 0;             // drawn
-  std::size_t static_box_count = 0;  // boxes that are no objects, first among them
-  bool distant = false;              // so far away that gaps between pins may be painted
+  long frames_drawn = 0;
+  std::size_t static_box_count = 0;  // the board and the axes, before the boxes of objects
+  bool distant = false;              // gaps between pins may be painted
 };
 
 void Renderer::State::add_static_boxes(const DrawOptions& options) {
@@ -133,12 +133,13 @@ ObjectInstance Renderer::State::make_instance(const scene::Snapshot& snapshot, s
 
 void Renderer::State::upload(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
                              const Camera& camera, const DrawOptions& options) {
-  // Near rows first: what is hidden behind them is then never shaded.
+  // Front to back, so that the depth test rejects hidden fragments before they are shaded.
   const bool north_first = camera.forward().y() < 0.0, east_first = camera.forward().x() < 0.0;
   const std::span<const float> recess = actuators.upload(snapshot);
   pins.upload(shading.update(snapshot, catalogue, options, north_first, east_first, recess));
   objects.clear_instances();
   add_static_boxes(options);
+  // The shadow map covers the table and the objects near it. A far object would cost all others resolution.
   Eigen::AlignedBox3d shadow_bounds = Camera::surface_bounding_box(spec.surface);
   const Eigen::AlignedBox3d near_bounds = {shadow_bounds.min() - shadow_bounds.sizes() * 0.1,
                                            shadow_bounds.max() + shadow_bounds.sizes() * 0.1};
@@ -224,7 +225,7 @@ void Renderer::State::draw_colour_pass(const Camera& camera, const DrawOptions& 
   report_stage("objects");
   if (spec.world.ground)
     ground.draw_ground(options.grid, shadow.shadow_footprint(ground_height(spec.surface)));
-  glDepthFunc(GL_LEQUAL);
+  glDepthFunc(GL_LEQUAL);  // the backdrop lies on the far plane
   ground.draw_backdrop();
   glDepthFunc(GL_LESS);
   if (options.fill_mode == FillMode::kWireframe) {
@@ -239,7 +240,7 @@ void Renderer::State::draw_colour_pass(const Camera& camera, const DrawOptions& 
   report_stage("ground, wires, lines");
 }
 
-// What one sees through hides nothing of its own kind.
+// No depth writes: translucent parts do not hide each other.
 void Renderer::State::draw_translucent() {
   glEnable(GL_BLEND);
   glBlendFunc(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA);
@@ -252,8 +253,8 @@ void Renderer::State::draw_translucent() {
 Renderer::Renderer(const scene::SceneSpec& spec, const RenderQuality& quality) {
   if (epoxy_gl_version() < 33)
     throw std::runtime_error(
-        "OpenGL 3.3 is needed and this driver offers less; the packages libgl1-mesa-dri "
-        "libegl1 bring a software one");
+        "the OpenGL driver does not support version 3.3; the packages libgl1-mesa-dri and "
+        "libegl1 provide a software driver");
   state_ = std::make_unique<State>(spec, quality);
 }
 

@@ -1,8 +1,8 @@
-// Draws one snapshot with OpenGL 3.3 core into a framebuffer. Private to the view: callers use OffscreenView
-// or Window.
+// Draws a snapshot into a framebuffer with OpenGL 3.3 core. Internal to smartsurf/view: callers use
+// OffscreenView or Window.
 //
-// A context must be current, the same one, in every call; not thread-safe. draw() allocates only when the
-// number of objects or the size of the picture grows.
+// The same OpenGL context must be current in every call. Not thread-safe. draw() allocates only when the number
+// of objects or the image size grows.
 #pragma once
 
 #include <functional>
@@ -19,31 +19,32 @@
 namespace smartsurf::view {
 
 struct RenderQuality {
-  int supersample = 1;  // pixels drawn along each edge of a pixel shown
+  int supersample = 1;  // samples along each edge of an output pixel
   int shadow_map_size = 2048;
   RenderPass colour_pass = RenderPass::kColour;
-  int frames_per_shadow_update = 1;  // shadows are drawn anew every so many frames
+  int frames_per_shadow_update = 1;  // the shadow map is redrawn every n-th frame
 
-  static RenderQuality fast() {
-    return {1, 1024, RenderPass::kColourFast, 2};
-  }  // a window without a graphics card
-  static RenderQuality gpu() { return {2, 4096, RenderPass::kColourFine}; }  // and with one
+  // A window on a software renderer.
+  static RenderQuality fast() { return {1, 1024, RenderPass::kColourFast, 2}; }
+  // A window on a GPU.
+  static RenderQuality gpu() { return {2, 4096, RenderPass::kColourFine}; }
   static RenderQuality video() { return {2, 2048, RenderPass::kColour}; }
+  // Still images.
   static RenderQuality fine() { return {3, 4096, RenderPass::kColourFine}; }
 };
 
 class Renderer {
  public:
-  // Throws std::runtime_error when the context cannot do what is needed.
+  // Throws std::runtime_error if the context does not support OpenGL 3.3 or a shader fails to compile.
   Renderer(const scene::SceneSpec& spec, const RenderQuality& quality);
   ~Renderer();
 
-  // catalogue: every object ever made, index = object id. width, height: of the framebuffer, pixels.
+  // Draws the snapshot into `framebuffer`, width × height pixels. catalogue: every object ever created, index =
+  // object id.
   void draw(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
             const Camera& camera, const DrawOptions& options, unsigned framebuffer, int width, int height);
 
-  // For measurements: from now on every draw() calls it with the name of each stage that it has handed to the
-  // driver.
+  // For profiling: draw() calls `callback` with the name of each stage once its commands are submitted.
   using StageCallback = std::function<void(std::string_view stage)>;
   void set_stage_callback(StageCallback callback);
 

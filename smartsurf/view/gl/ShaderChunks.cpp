@@ -8,10 +8,10 @@ constexpr const char* kFrameBlock = R"(#version 330 core
 layout(std140) uniform Frame {
   mat4 clip_from_world;
   mat4 shadow_from_world;   // to texture coordinates and depth, 0 … 1
-  vec4 eye;                 // w: 1 for a perspective eye, 0 when every ray runs along `ray`
-  vec4 ray;                 // direction of view of a parallel projection; w: radius of the shadows' soft edge, u
-  vec4 light;               // unit vector towards the light; w: world size of one texel of the shadow map
-  vec4 fog;                 // start and end distance from the eye; zw: size of the picture in pixels
+  vec4 eye;                 // w: 1 for a perspective projection, 0 for a parallel one along `ray`
+  vec4 ray;                 // view direction; w: penumbra radius, u
+  vec4 light;               // unit vector towards the light; w: size of a shadow-map texel, u
+  vec4 fog;                 // start and end distance from the eye, u; zw: image size, pixels
   vec4 table;               // x0, y0, x1, y1 of the table
 };
 )";
@@ -35,7 +35,7 @@ float sun_visibility(vec3 p, vec3 n) {
 #ifdef UNSHADED
   return 1.0;
 #endif
-  // Along the normal, by more where the light grazes: else a face shades itself.
+  // Offset along the normal, more at grazing light, against self-shadowing.
   float slope = 1.0 - max(dot(n, light.xyz), 0.0);
   vec3 s = (shadow_from_world * vec4(p + n * light.w * (1.0 + 2.5 * slope), 1.0)).xyz;
   if (any(lessThan(s, vec3(0.0))) || any(greaterThan(s, vec3(1.0)))) return 1.0;
@@ -43,7 +43,7 @@ float sun_visibility(vec3 p, vec3 n) {
   const vec2 kDisc[12] = vec2[](vec2(-0.326,-0.406), vec2(-0.840,-0.074), vec2(-0.696,0.457), vec2(-0.203,0.621),
     vec2(0.962,-0.195), vec2(0.473,-0.480), vec2(0.519,0.767), vec2(0.185,-0.893), vec2(0.507,0.064),
     vec2(0.896,0.412), vec2(-0.322,-0.933), vec2(-0.792,-0.598));
-  // The samples lie in the plane of the face: a wide edge then needs no wide margin against self-shading.
+  // The samples lie in the plane of the face, so a wide penumbra needs no larger offset.
   vec3 along = normalize(abs(n.x) < 0.9 ? cross(n, vec3(1, 0, 0)) : cross(n, vec3(0, 1, 0)));
   vec3 u = mat3(shadow_from_world) * along * ray.w, v = mat3(shadow_from_world) * cross(n, along) * ray.w;
   float sum = 0.0;
@@ -60,11 +60,11 @@ vec3 to_screen(vec3 c) { return sqrt(min(c, vec3(1.0))); }
 vec3 to_screen(vec3 c) { return pow(min(c, vec3(1.0)), vec3(1.0 / 2.2)); }
 #endif
 
-// The sun's light on what sees that share of the sky.
+// Sunlight reaching a point: shadow-map visibility, reduced where the point sees less of the sky.
 float sun_share(float visible, float sky) { return visible * (0.35 + 0.65 * sky); }
 
 vec3 lit(vec3 albedo, vec3 n, vec3 p, float sky) {
-  vec3 c = mix(kBounce, kSky, 0.5 + 0.5 * n.z) * sky;
+  vec3 c = mix(kBounce, kSky, 0.5 + 0.5 * n.z) * sky;   // hemispheric ambient light
   float facing = dot(n, light.xyz);
   if (facing > 0.0) c += kSun * facing * sun_share(sun_visibility(p, n), sky);
   c *= albedo;
@@ -87,9 +87,9 @@ const char* const kObjectAttributes = R"(
 layout(location = 1) in vec3 centre;
 layout(location = 2) in vec3 half_extent;
 layout(location = 3) in vec4 orientation;
-layout(location = 4) in vec4 colour;         // linear light; w: z of the pins around the object
+layout(location = 4) in vec4 colour;         // linear light; w: mean z of the pins around the object
 vec3 rotate(vec4 q, vec3 v) { return v + 2.0 * cross(q.xyz, cross(q.xyz, v) + q.w * v); }
-// A corner of the mesh in the object's own frame.
+// A mesh corner in the object's frame.
 vec3 placed(vec3 corner) {
 #ifdef CAPSULE
   return corner * half_extent.x + vec3(0.0, 0.0, sign(corner.z) * (half_extent.z - half_extent.x));

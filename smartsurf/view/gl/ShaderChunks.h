@@ -1,4 +1,4 @@
-// GLSL chunks shared by several shaders. Internal to this module.
+// GLSL chunks shared by several shaders. Internal to smartsurf/view.
 #pragma once
 
 #include <string>
@@ -7,17 +7,17 @@
 
 namespace smartsurf::view {
 
-// Version, defines of the pass and the frame's uniforms: every source begins with it. FINE: soft shadows;
-// FAST: as little a pixel as can be.
+// The start of every shader: version, uniform block `Frame` and the define of the pass. FINE: soft shadows.
+// FAST: minimal work per fragment.
 std::string shader_preamble(RenderPass pass);
 
-// lit(), lit_glossy() and what they need; linear light in, screen colours out.
+// lit(), lit_glossy() and their helpers: linear light in, screen colours out.
 extern const char* const kLighting;
 
-// An object's instance, and where its mesh's corners are.
+// The instance attributes of an object, rotate() and placed().
 extern const char* const kObjectAttributes;
 
-// How much of the sky an object's surface sees from inside a pocket whose rim is at z = rim.
+// pocket_sky(): share of the sky visible from a point of an object in a pocket whose rim is at z = rim.
 extern const char* const kPocketOcclusion;
 
 extern const char* const kEmptyFragment;

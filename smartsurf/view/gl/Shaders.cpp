@@ -42,7 +42,7 @@ out vec4 paint;
 void main() {
   vec3 world = centre + rotate(orientation, placed(corner));
   vec3 out_of_surface = normalize(rotate(orientation, corner));
-  // Lines on the far side are fainter, so that the shape reads.
+  // Lines on the far side are fainter, which shows the shape.
   float near = dot(out_of_surface, normalize(eye.xyz - world)) > 0.0 ? 1.0 : 0.35;
   paint = vec4(pow(colour.rgb, vec3(1.0 / 2.2)) * 0.85, near);
   gl_Position = clip_from_world * vec4(world, 1.0);
@@ -52,8 +52,8 @@ void main() {
 constexpr const char* kTwoColourVertex = R"(
 layout(location = 0) in vec3 corner;
 layout(location = 1) in vec3 corner_normal;
-layout(location = 2) in float weight;      // of the second colour
-layout(location = 3) in vec3 x;            // the part's axes, scaled
+layout(location = 2) in float weight;      // share of the accent colour
+layout(location = 3) in vec3 x;            // scaled axes of the instance
 layout(location = 4) in vec3 y;
 layout(location = 5) in vec3 z;
 layout(location = 6) in vec3 centre;
@@ -84,13 +84,13 @@ void main() {
 )";
 
 constexpr const char* kGroundVertex = R"(
-layout(location = 0) in vec2 corner;   // ±1: of the part beside the table; ±2: of the whole
-uniform float base;
-uniform float reach;
-uniform vec4 shaded;    // x0, y0, x1, y1 of the part beside the table that shadows may fall on
+layout(location = 0) in vec2 corner;   // ±1: of the shaded rectangle; ±2: of the whole ground
+uniform float base;     // z of the ground
+uniform float reach;    // half the ground's edge
+uniform vec4 shaded;    // x0, y0, x1, y1 of the ground that shadows may fall on
 out vec3 world;
 #ifdef UNSHADED
-flat out vec3 plain;    // the same everywhere so far from the table
+flat out vec3 plain;    // lit colour, constant outside the shaded rectangle
 #endif
 void main() {
   vec2 near = mix(shaded.xy, shaded.zw, step(0.0, corner));
@@ -112,7 +112,7 @@ in vec3 world;
 #ifdef UNSHADED
 flat in vec3 plain;
 #endif
-uniform float spacing;   // of the grid's lines; 0: no grid
+uniform float spacing;   // between grid lines, u; 0: no grid
 out vec4 pixel;
 void main() {
 #ifdef UNSHADED
@@ -128,7 +128,7 @@ void main() {
     c *= 1.0 - 0.14 * max(line.x, line.y) * (1.0 - smoothstep(0.08, 0.35, max(pixel_wide.x, pixel_wide.y)));
   }
 #ifdef FAST
-  float away = 1.0 / gl_FragCoord.w;   // along the line of sight
+  float away = 1.0 / gl_FragCoord.w;   // view-space depth
 #else
   float away = length(world - eye.xyz);
 #endif
@@ -165,12 +165,12 @@ ShaderSources line_shaders() {
 layout(location = 0) in vec3 from;
 layout(location = 1) in vec3 to;
 layout(location = 2) in vec4 colour;
-uniform vec3 picture;    // its size and the lines' width, in pixels
+uniform vec3 picture;    // viewport size and line width, pixels
 out vec4 paint;
 const float kNear = 1e-3;
 void main() {
   vec4 a = clip_from_world * vec4(from, 1.0), b = clip_from_world * vec4(to, 1.0);
-  // What is behind the eye is cut off before the division by w.
+  // Clip at the eye before the division by w.
   if (a.w < kNear && b.w >= kNear) a = mix(a, b, (kNear - a.w) / (b.w - a.w));
   else if (b.w < kNear && a.w >= kNear) b = mix(b, a, (kNear - b.w) / (a.w - b.w));
   vec2 along = (b.xy / b.w - a.xy / a.w) * picture.xy;
@@ -178,7 +178,7 @@ void main() {
   vec4 end = gl_VertexID < 2 ? a : b;
   float side = (gl_VertexID & 1) == 0 ? -1.0 : 1.0;
   end.xy += vec2(-along.y, along.x) * side * picture.z / picture.xy * end.w;
-  end.z -= 2e-4 * end.w;   // lines that lie on a surface are not half hidden by it
+  end.z -= 2e-4 * end.w;   // against z-fighting with the surface the line lies on
   paint = colour;
   gl_Position = end;
 }

@@ -20,12 +20,13 @@ ShadowMap::ShadowMap(int size) : size_(size), depth_(make_texture()), framebuffe
   glDrawBuffer(GL_NONE);
   glReadBuffer(GL_NONE);
   if (glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
-    throw std::runtime_error("OpenGL: the driver cannot draw a shadow map");
+    throw std::runtime_error("OpenGL: the driver cannot render a shadow map");
   glBindFramebuffer(GL_FRAMEBUFFER, 0);
 }
 
 Eigen::Vector3d ShadowMap::towards_light() { return Eigen::Vector3d(-0.52, -0.30, 0.80).normalized(); }
 
+// An orthographic projection along the light. The area is a square, so that texels are square in the world.
 void ShadowMap::fit(const Eigen::AlignedBox3d& box, double pitch) {
   const Eigen::Vector3d to_light = towards_light();
   const Eigen::Vector3d right = Eigen::Vector3d::UnitZ().cross(to_light).normalized(),
@@ -49,6 +50,7 @@ void ShadowMap::fit(const Eigen::AlignedBox3d& box, double pitch) {
   fitted_box_ = box;
 }
 
+// The footprint of the box, extended by where its top edge casts its shadow.
 Eigen::AlignedBox2d ShadowMap::shadow_footprint(double z) const {
   const Eigen::Vector3d light = towards_light();
   const Eigen::Vector2d offset = -light.head<2>() * (fitted_box_.max().z() - z) / light.z();
@@ -67,6 +69,7 @@ void ShadowMap::begin() const {
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_.id());
   glViewport(0, 0, size_, size_);
   glClear(GL_DEPTH_BUFFER_BIT);
+  // The depth offset prevents self-shadowing.
   glEnable(GL_POLYGON_OFFSET_FILL);
   glPolygonOffset(1.5f, 2.0f);
 }

@@ -1,5 +1,5 @@
-// The shadow map: depth from a parallel light in the south-west, fitted to the lit region. Internal to this
-// module.
+// The shadow map of a directional light from the south-west, fitted to the lit region. Internal to
+// smartsurf/view.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -10,19 +10,21 @@ namespace smartsurf::view {
 
 class ShadowMap {
  public:
+  // size: edge of the map, texels. Throws std::runtime_error if the driver refuses it.
   explicit ShadowMap(int size);
 
   static Eigen::Vector3d towards_light();  // unit vector
 
+  // Fits the light's projection to `box` (u) and the penumbra to the surface's pitch (u).
   void fit(const Eigen::AlignedBox3d& box, double pitch);
   Eigen::Matrix4f clip_from_world() const { return clip_from_world_.cast<float>(); }
   Eigen::Matrix4f texture_from_world() const;
-  double texel_size() const { return texel_size_; }            // edge of one texel, u
-  double penumbra_radius() const { return penumbra_radius_; }  // radius of the soft edge, u
-  // Around all that the shadows of the fitted box reach on a plane at that height, below the box; x, y.
+  double texel_size() const { return texel_size_; }            // edge of a texel, u
+  double penumbra_radius() const { return penumbra_radius_; }  // u
+  // x and y bounds, u, of the fitted box and its shadow on a horizontal plane at z, which lies below the box.
   Eigen::AlignedBox2d shadow_footprint(double z) const;
 
-  void begin() const;  // binds and clears; what is drawn until end() throws shadows
+  void begin() const;  // binds and clears the map; draws until end() go into it
   void end() const;
   void bind(int unit) const;
 

@@ -17,7 +17,7 @@ void main() {
     vec3 d = eye.xyz - centre;
     float distance2 = max(dot(d, d), radius * radius * 1.0001);
     back = d * inversesqrt(distance2);
-    reach = radius * sqrt(distance2 / (distance2 - radius * radius));   // of the silhouette, seen at the centre
+    reach = radius * sqrt(distance2 / (distance2 - radius * radius));   // silhouette radius at the centre's depth
   }
   vec3 side = normalize(abs(back.z) < 0.99 ? cross(vec3(0, 0, 1), back) : cross(vec3(0, 1, 0), back));
   world = centre + (side * corner.x + cross(back, side) * corner.y) * reach;
@@ -28,8 +28,8 @@ void main() {
 }
 )";
 
-// The light sees a sphere as a flat disc through its centre: the same outline, and no point that the light
-// can reach lies behind it. So no depth need be computed a pixel.
+// The light sees a sphere as the disc through its centre: the silhouette is the same, and no lit point lies
+// behind the disc. No depth is computed per fragment.
 constexpr const char* kSphereShadowFragment = R"(
 in vec3 world;
 flat in vec4 ball;
@@ -56,24 +56,24 @@ void main() {
   vec4 clip = clip_from_world * vec4(hit, 1.0);
   gl_FragDepth = 0.5 + 0.5 * clip.z / clip.w;
   vec3 n = (hit - ball.xyz) / ball.w;
-  // A thin lighter band around the equator shows how the ball rolls.
+  // A thin lighter band around the equator makes rolling visible.
   float latitude = abs(unrotate(spin, n).z);
   vec3 c = mix(paint.rgb, vec3(1.0), 0.22 * (1.0 - smoothstep(0.04, 0.07, latitude)));
   pixel = vec4(lit_glossy(c, n, hit, pocket_sky(hit, paint.w, 1.6 * ball.w), 0.22), 1.0);
 }
 )";
 
-// Cheap, for a driver that shades on the processor: the eye is taken to be so far away that its rays through
-// one sphere are parallel, and shadows are looked up at the corners of the disc alone. The disc's own depth
-// serves: along such a ray all that does not cut into the sphere lies before its near side or behind its far
-// one, and the disc is between the two. Depth that a shader computes would have every hidden pixel shaded.
+// For software renderers. The rays through one sphere are treated as parallel, and the shadow map is sampled at
+// the corners of the disc only. The depth is that of the disc: along such a ray, everything that does not
+// intersect the sphere lies in front of its near side or behind its far side, and the disc lies between them.
+// Writing gl_FragDepth would disable the early depth test.
 constexpr const char* kSphereVertexFast = R"(
 layout(location = 0) in vec2 corner;
-out vec2 place;             // on the disc, whose edge is at 1
-out float sun;              // how much of it is seen
+out vec2 place;             // position on the disc of radius 1
+out float sun;              // visibility of the sun
 flat out vec3 sun_way, half_way, zenith, axis;   // in the disc's frame: right, up, towards the eye
 flat out vec3 paint;
-flat out vec2 pocket;       // depth of the centre below the rim, and the radius, in the measure of pocket_sky
+flat out vec2 pocket;       // depth of the centre below the rim and radius, in units of pocket_sky's size
 void main() {
   float radius = half_extent.x;
   vec3 back = eye.w > 0.5 ? normalize(eye.xyz - centre) : -ray.xyz;
@@ -88,7 +88,7 @@ void main() {
   axis = rotate(orientation, vec3(0, 0, 1)) * frame;
   paint = colour.rgb;
   pocket = vec2(colour.w - centre.z, radius) / (1.6 * radius);
-  // On the side of the sphere's own shadow disc that faces the sun.
+  // Sample on the sunward side of the sphere's own shadow disc.
   vec3 seen = centre + 0.7 * (p - centre);
   seen += light.xyz * max(0.0, 0.3 * radius - dot(seen - centre, light.xyz));
   sun = sun_visibility(seen, light.xyz);

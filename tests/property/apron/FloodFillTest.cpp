@@ -116,7 +116,7 @@ void check_all(const Image& a, const Image& mask, unsigned seed) {
   expect_same(reference_spread_max(a, mask), run(Opcode::kSpreadMax, a, &mask, false), "spread.max", seed);
 }
 
-TEST(FloodFill, EqualsItsStepIterated) {
+TEST(FloodFill, MatchesIteratedReference) {
   for (unsigned seed = 0; seed < 120; ++seed) {
     std::mt19937 rng(seed);
     const Size size = kSizes[seed % std::size(kSizes)];
@@ -132,7 +132,7 @@ TEST(FloodFill, EqualsItsStepIterated) {
   }
 }
 
-TEST(FloodFill, FollowsALongCorridorToItsEnd) {
+TEST(FloodFill, FollowsLongCorridor) {
   for (const int n : {5, 24, 33}) {
     const Image corridor = spiral(n);
     Image seed{n, n, Cells(corridor.cells.size(), 0.0F)};
@@ -143,7 +143,7 @@ TEST(FloodFill, FollowsALongCorridorToItsEnd) {
   }
 }
 
-TEST(FloodFill, ObeysTheMask) {
+TEST(FloodFill, RespectsMask) {
   std::mt19937 rng(7);
   const Image mask{17, 33, random_mask(17 * 33, rng)}, a{17, 33, random_cells(17 * 33, rng)};
   const Cells on = random_mask(17 * 33, rng);

@@ -267,7 +267,7 @@ void compare(const RunResult& want, const RunResult& got, const RandomProgram& r
   }
 }
 
-TEST(Fusion, EqualsOneInstructionAtATime) {
+TEST(Fusion, MatchesUnfusedExecution) {
   const Size kShapes[] = {{64, 64}, {1, 1}, {3, 5}, {17, 33}, {100, 7}, {16, 2}, {1, 40}, {130, 37}, {33, 9}};
   const std::vector<FusionConfig> all = fusion_configs();
   for (unsigned seed = 0; seed < 180; ++seed) {
@@ -286,7 +286,7 @@ TEST(Fusion, EqualsOneInstructionAtATime) {
 }
 
 // Arrays large enough for non-temporal stores.
-TEST(Fusion, OfArraysBeyondTheCachesToo) {
+TEST(Fusion, MatchesUnfusedForArraysBeyondCache) {
   TestProgram build;
   const Operand a = build.reg(2100, 1400), h = build.reg(2100, 1400), y = build.reg(2100, 1400);
   for (const auto& [to, from, dx, dy] : {std::tuple{h, a, 1, 0}, {y, h, 0, 1}}) {
@@ -314,7 +314,7 @@ TEST(Fusion, OfArraysBeyondTheCachesToo) {
 
 // The budget counts instructions and a stepping debugger sees each one, so a fused trace neither exceeds the
 // budget nor is entered in the middle.
-TEST(Fusion, BudgetsCutAnywhere) {
+TEST(Fusion, BudgetMayEndAnywhere) {
   for (unsigned seed = 300; seed < 330; ++seed) {
     RandomProgram random(seed, {20, 6});
     const program::Program program = random.finish();

@@ -128,7 +128,7 @@ class PauseTest : public testing::Test {
   std::uint64_t tick = 0;
 };
 
-TEST_F(PauseTest, TheSurfaceWaitsForAHeldProgramAndFollowsItStepByStep) {
+TEST_F(PauseTest, SurfaceWaitsForPausedProgramAndFollowsSteps) {
   expect_state(State::kPaused);
   // Longer than the timeout after which a peer counts as dead.
   EXPECT_EQ(await_actuators(1500ms), Status::kTimeout);
@@ -149,7 +149,7 @@ TEST_F(PauseTest, TheSurfaceWaitsForAHeldProgramAndFollowsItStepByStep) {
   EXPECT_EQ(surface->controllers_seen(), 1U);
 }
 
-TEST_F(PauseTest, AProgramThatWaitsForItsSurfaceCanBeHeldResetAndRunOn) {
+TEST_F(PauseTest, ProgramWaitingForSurfaceCanBePausedAndReset) {
   send_command('r');
   expect_answer();
   // Now the surface stalls: the program waits in its step and is paused there.

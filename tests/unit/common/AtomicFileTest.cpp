@@ -22,7 +22,7 @@ std::string content(const fs::path& path) {
   return text.str();
 }
 
-TEST(AtomicFile, ReplacesTheWholeFile) {
+TEST(AtomicFile, ReplacesWholeFile) {
   const TemporaryFolder folder;
   const fs::path path = folder.path() / "a.txt";
   EXPECT_FALSE(replace_file(path, "a longer first text"));
@@ -31,7 +31,7 @@ TEST(AtomicFile, ReplacesTheWholeFile) {
   EXPECT_EQ(folder.entries(), 1);
 }
 
-TEST(AtomicFile, FailureKeepsTheOldFileAndLeavesNothing) {
+TEST(AtomicFile, FailureLeavesNoTemporaryFile) {
   const TemporaryFolder folder;
   EXPECT_EQ(replace_file(folder.path() / "missing" / "a.txt", "x"), std::errc::no_such_file_or_directory);
   fs::create_directory(folder.path() / "b");
@@ -39,7 +39,7 @@ TEST(AtomicFile, FailureKeepsTheOldFileAndLeavesNothing) {
   EXPECT_EQ(folder.entries(), 1);
 }
 
-TEST(AtomicFile, WritesLinksAndPipesInPlace) {
+TEST(AtomicFile, WritesLinksAndDevicesInPlace) {
   const TemporaryFolder folder;
   const fs::path target = folder.path() / "target", link = folder.path() / "link";
   std::ofstream(target) << "old";

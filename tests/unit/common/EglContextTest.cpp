@@ -18,13 +18,13 @@ bool is_usable(EglContext& context) {
   return glGetString(GL_VERSION) != nullptr && glGetError() == GL_NO_ERROR;
 }
 
-TEST(EglContext, FailedContextLeavesTheOtherOnesDisplay) {
+TEST(EglContext, FailureKeepsDisplayOfOtherContext) {
   EglContext first;
   EXPECT_THROW(EglContext(99, 0), common::UserError);
   EXPECT_TRUE(is_usable(first));
 }
 
-TEST(EglContext, LastContextLeavesTheDisplayInitialised) {
+TEST(EglContext, DestructionKeepsDisplayOfOtherContext) {
   auto first = std::make_unique<EglContext>();
   EglContext second;
   first.reset();

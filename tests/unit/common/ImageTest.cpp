@@ -10,7 +10,7 @@ using namespace common;
 
 namespace {
 
-TEST(Png, ReadsBackTheSamePixels) {
+TEST(Png, RoundTrips) {
   const TemporaryFolder folder;
   const auto path = folder.path() / "a.png";
   const Image image{2, 1, {1, 2, 3, 250, 251, 252}};
@@ -25,7 +25,7 @@ TEST(Png, ReadsBackTheSamePixels) {
   EXPECT_EQ(folder.entries(), 1);
 }
 
-TEST(Png, NamesTheFileThatCannotBeWritten) {
+TEST(Png, ErrorNamesTheFile) {
   try {
     write_png("/nonexistent/a.png", {1, 1, {0, 0, 0}});
     FAIL();
@@ -34,7 +34,7 @@ TEST(Png, NamesTheFileThatCannotBeWritten) {
   }
 }
 
-TEST(PixelSize, TakesWidthAndHeightOnly) {
+TEST(PixelSize, ParsesWidthAndHeightOnly) {
   const auto size = parse_size("1280x720");
   ASSERT_TRUE(size);
   EXPECT_EQ(size->width, 1280);

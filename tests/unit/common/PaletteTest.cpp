@@ -22,7 +22,7 @@ TEST(Palette, FindsAliasesInAnyCase) {
   EXPECT_GT(palette_names().size(), kPaletteCount);
 }
 
-TEST(Palette, ViridisFollowsTheOriginalTable) {
+TEST(Palette, ViridisMatchesPublishedTable) {
   const struct {
     float t;
     Rgb color;
@@ -34,7 +34,7 @@ TEST(Palette, ViridisFollowsTheOriginalTable) {
   }
 }
 
-TEST(Palette, EndsAreTheDocumentedColours) {
+TEST(Palette, EndsHaveDocumentedColours) {
   EXPECT_EQ(palette_color(Palette::kGrey, -1.0F), (Rgb{0, 0, 0}));
   EXPECT_EQ(palette_color(Palette::kFlame, 2.0F), (Rgb{1, 1, 1}));
   const Rgb dark = palette_color(Palette::kViridis, 0.0F), bright = palette_color(Palette::kViridis, 1.0F);

@@ -10,7 +10,7 @@ using namespace common;
 
 namespace {
 
-TEST(StopSignals, FirstSignalRaisesTheFlags) {
+TEST(StopSignals, FirstSignalSetsFlags) {
   catch_stop_signals();
   EXPECT_EQ(status_after_signals(0), 0);
   std::raise(SIGTERM);
@@ -24,7 +24,7 @@ TEST(StopSignals, FirstSignalRaisesTheFlags) {
   EXPECT_EQ(stop_signal(), 0);
 }
 
-TEST(StopSignals, SecondSignalEndsTheProcess) {
+TEST(StopSignals, SecondSignalEndsProcess) {
   const pid_t child = ::fork();
   if (child == 0) {
     catch_stop_signals();

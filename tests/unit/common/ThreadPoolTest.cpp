@@ -10,7 +10,7 @@
 
 using common::ThreadPool;
 
-TEST(ThreadPool, CoversEveryRowOnce) {
+TEST(ThreadPool, ProcessesEachRowOnce) {
   for (const int threads : {1, 2, 3, 8})
     for (const int rows : {0, 1, 2, 5, 16, 101}) {
       ThreadPool pool(threads);
@@ -24,7 +24,7 @@ TEST(ThreadPool, CoversEveryRowOnce) {
     }
 }
 
-TEST(ThreadPool, KeepsCheapWorkOnTheCaller) {
+TEST(ThreadPool, RunsCheapWorkOnCaller) {
   ThreadPool pool(3);
   const auto caller = std::this_thread::get_id();
   for (const double cost_ns :
@@ -51,7 +51,7 @@ TEST(ThreadPool, WakesSleepingThreads) {
   }
 }
 
-TEST(ThreadPool, ForkJoinRunsOnEveryThreadAtOnce) {
+TEST(ThreadPool, ForkJoinRunsOnAllThreadsConcurrently) {
   constexpr int kThreads = 4;
   ThreadPool pool(kThreads);
   for (int round = 0; round < 100; ++round) {
@@ -66,7 +66,7 @@ TEST(ThreadPool, ForkJoinRunsOnEveryThreadAtOnce) {
   }
 }
 
-TEST(ThreadPool, ParallelForClaimsEveryIndexOnce) {
+TEST(ThreadPool, ParallelForProcessesEachIndexOnce) {
   for (const int threads : {1, 2, 5}) {
     ThreadPool pool(threads);
     for (const std::uint32_t count : {0U, 1U, 3U, 1000U}) {
@@ -82,7 +82,7 @@ TEST(ThreadPool, ParallelForClaimsEveryIndexOnce) {
   }
 }
 
-TEST(ThreadPool, AlternatesKindsOfJobs) {
+TEST(ThreadPool, AlternatesParallelForAndForkJoin) {
   ThreadPool pool(3);
   std::atomic<long> sum = 0;
   for (int round = 0; round < 2000; ++round) {

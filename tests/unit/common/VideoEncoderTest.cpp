@@ -35,7 +35,7 @@ Image grey(int width, int height) {
   return {width, height, std::vector<std::uint8_t>(static_cast<std::size_t>(width * height) * 3, 128)};
 }
 
-TEST(VideoEncoder, RenamesWhatFfmpegWrote) {
+TEST(VideoEncoder, RenamesFinishedVideo) {
   const FakeFfmpeg ffmpeg("cat > \"$last\"");
   const TemporaryFolder folder;
   VideoEncoder video(folder.path() / "a.mp4", 4, 2, 30);
@@ -46,7 +46,7 @@ TEST(VideoEncoder, RenamesWhatFfmpegWrote) {
   EXPECT_EQ(folder.entries(), 1);
 }
 
-TEST(VideoEncoder, FailedEncodeLeavesNoPartFile) {
+TEST(VideoEncoder, FailureLeavesNoPartialFile) {
   const FakeFfmpeg ffmpeg("cat > \"$last\"; exit 1");
   const TemporaryFolder folder;
   VideoEncoder video(folder.path() / "a.mp4", 4, 2, 30);
@@ -55,7 +55,7 @@ TEST(VideoEncoder, FailedEncodeLeavesNoPartFile) {
   EXPECT_EQ(folder.entries(), 0);
 }
 
-TEST(VideoEncoder, EarlyEndOfFfmpegIsAnErrorAndNoSignal) {
+TEST(VideoEncoder, ReportsEarlyExitOfFfmpeg) {
   const FakeFfmpeg ffmpeg("echo part > \"$last\"; exit 1");
   const TemporaryFolder folder;
   {
@@ -70,14 +70,14 @@ TEST(VideoEncoder, EarlyEndOfFfmpegIsAnErrorAndNoSignal) {
   EXPECT_EQ(folder.entries(), 0);
 }
 
-TEST(VideoEncoder, DiscardsAVideoThatIsNotFinished) {
+TEST(VideoEncoder, DiscardsUnfinishedVideo) {
   const FakeFfmpeg ffmpeg("cat > \"$last\"");
   const TemporaryFolder folder;
   VideoEncoder(folder.path() / "a.mp4", 4, 2, 30).add(grey(4, 2));
   EXPECT_EQ(folder.entries(), 0);
 }
 
-TEST(VideoEncoder, RefusesBadNamesAndFolders) {
+TEST(VideoEncoder, RejectsInvalidNamesAndFolders) {
   const FakeFfmpeg ffmpeg("cat > \"$last\"");
   const TemporaryFolder folder;
   EXPECT_THROW(VideoEncoder(folder.path() / "a.avi", 4, 2, 30), UserError);

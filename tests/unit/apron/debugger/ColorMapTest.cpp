@@ -17,7 +17,7 @@ void expect_near(const Rgb8& c, double red, double green, double blue, const cha
 }
 
 // The expected values are entries 0, 128 and 255 of the published tables.
-TEST(ColorMap, PerceptualOnesAreThoseOfTheTables) {
+TEST(ColorMap, PerceptualMapsMatchPublishedTables) {
   expect_near(palette_rgb8(common::Palette::kViridis, 0.0F), 0.267004, 0.004874, 0.329415, "viridis");
   expect_near(palette_rgb8(common::Palette::kViridis, 0.5F), 0.127568, 0.566949, 0.550556, "viridis");
   expect_near(palette_rgb8(common::Palette::kViridis, 1.0F), 0.993248, 0.906157, 0.143936, "viridis");
@@ -30,7 +30,7 @@ TEST(ColorMap, PerceptualOnesAreThoseOfTheTables) {
   expect_near(palette_rgb8(common::Palette::kPlasma, 0.5F), 0.798216, 0.280197, 0.469538, "plasma");
 }
 
-TEST(ColorMap, TheFieldsOwnBeginAndEndAsTheirNamesSay) {
+TEST(ColorMap, SimpleMapsHaveExpectedEnds) {
   EXPECT_EQ(palette_rgb8(common::Palette::kGrey, 0.0F), (Rgb8{0, 0, 0}));
   EXPECT_EQ(palette_rgb8(common::Palette::kGrey, 0.5F), (Rgb8{128, 128, 128}));
   EXPECT_EQ(palette_rgb8(common::Palette::kGrey, 1.0F), (Rgb8{255, 255, 255}));
@@ -43,7 +43,7 @@ TEST(ColorMap, TheFieldsOwnBeginAndEndAsTheirNamesSay) {
   EXPECT_EQ(palette_rgb8(common::Palette::kRaw, ValueRange{0.0F, 1.0F}, 100.0F), (Rgb8{100, 100, 100}));
 }
 
-TEST(ColorMap, ClampsAndMarksWhatIsNotANumber) {
+TEST(ColorMap, ClampsValuesAndMarksNaN) {
   EXPECT_EQ(palette_rgb8(common::Palette::kGrey, ValueRange{2.0F, 4.0F}, 1.0F), (Rgb8{0, 0, 0}));
   EXPECT_EQ(palette_rgb8(common::Palette::kGrey, ValueRange{2.0F, 4.0F}, 3.0F), (Rgb8{128, 128, 128}));
   EXPECT_EQ(palette_rgb8(common::Palette::kGrey, ValueRange{2.0F, 4.0F}, INFINITY), (Rgb8{255, 255, 255}));
@@ -51,7 +51,7 @@ TEST(ColorMap, ClampsAndMarksWhatIsNotANumber) {
   EXPECT_EQ(palette_rgb8(common::Palette::kViridis, NAN), kNanColor);
 }
 
-TEST(ColorMap, PaintsAsItColours) {
+TEST(ColorMap, ApplyPaletteMatchesSingleColors) {
   std::vector<float> values{-1.0F, 0.0F, 0.3F, 1.0F, 2.0F, NAN};
   std::vector<std::uint8_t> rgba;
   for (std::size_t i = 0; i < common::kPaletteCount; ++i) {

@@ -47,7 +47,7 @@ class DebugSessionTest : public testing::Test {
   std::vector<bool> pauses;
 };
 
-TEST_F(DebugSessionTest, IsHeldAtFirstAndStepsByTickLineAndInstruction) {
+TEST_F(DebugSessionTest, StartsPausedAndStepsByTickLineAndInstruction) {
   start(kCounting);
   EXPECT_EQ(session->state(), ExecutionState::kPaused);
   advance();
@@ -75,7 +75,7 @@ TEST_F(DebugSessionTest, IsHeldAtFirstAndStepsByTickLineAndInstruction) {
                                        false, true, false, true, false, true}));
 }
 
-TEST_F(DebugSessionTest, RunsUntilItIsHeldAndStopsAtItsLimit) {
+TEST_F(DebugSessionTest, RunsUntilPausedAndFinishesAtTickLimit) {
   start(kCounting);
   session->run();
   advance(3);
@@ -93,7 +93,7 @@ TEST_F(DebugSessionTest, RunsUntilItIsHeldAndStopsAtItsLimit) {
   EXPECT_TRUE(pauses.back());
 }
 
-TEST_F(DebugSessionTest, StopsAtALineInEachRound) {
+TEST_F(DebugSessionTest, StopsAtLineInEachIteration) {
   start(kCounting);
   Breakpoint one;
   one.file = "main.aps";
@@ -115,7 +115,7 @@ TEST_F(DebugSessionTest, StopsAtALineInEachRound) {
   EXPECT_EQ(session->state(), ExecutionState::kRunning);
 }
 
-TEST_F(DebugSessionTest, StopsAtATick) {
+TEST_F(DebugSessionTest, StopsAtTick) {
   start(kCounting);
   Breakpoint one;
   one.kind = Breakpoint::Kind::kTick;
@@ -130,7 +130,7 @@ TEST_F(DebugSessionTest, StopsAtATick) {
   EXPECT_EQ(session->ticks(), 7U);
 }
 
-TEST_F(DebugSessionTest, StopsWhereAConditionBecomesTrueAndNotAgainWhileItHolds) {
+TEST_F(DebugSessionTest, StopsOnlyWhenConditionBecomesTrue) {
   start(kCounting);
   // After line 7, 47 cells hold the count and one holds 100.
   break_when("globalsum(A) > 47 * 3 + 100");
@@ -150,7 +150,7 @@ TEST_F(DebugSessionTest, StopsWhereAConditionBecomesTrueAndNotAgainWhileItHolds)
   EXPECT_EQ(session->state(), ExecutionState::kRunning);
 }
 
-TEST_F(DebugSessionTest, AConditionAsksScalarsAndTheSurfaceAndTouchesNothing) {
+TEST_F(DebugSessionTest, ConditionReadsStateWithoutSideEffects) {
   start(kCounting);
   break_when("count >= 3 and surface.tick >= 3");
   session->run();
@@ -167,7 +167,7 @@ TEST_F(DebugSessionTest, AConditionAsksScalarsAndTheSurfaceAndTouchesNothing) {
   EXPECT_EQ(host.step_count, other.step_count);
 }
 
-TEST_F(DebugSessionTest, AConditionThatCannotBeAnsweredIsNo) {
+TEST_F(DebugSessionTest, FailingConditionIsFalse) {
   start(kCounting);
   break_when("pixel.get(A, count, 0) == 1");  // outside the array from count 8 on
   session->run();
@@ -178,7 +178,7 @@ TEST_F(DebugSessionTest, AConditionThatCannotBeAnsweredIsNo) {
   EXPECT_EQ(session->state(), ExecutionState::kRunning);
 }
 
-TEST(ConditionCompiler, SaysWhatIsWrongInOneLine) {
+TEST(ConditionCompiler, ReportsErrorsInOneLine) {
   const CompiledSource c = compile(kCounting);
   const auto wrong = [&](const std::string& condition) {
     std::string text;
@@ -194,7 +194,7 @@ TEST(ConditionCompiler, SaysWhatIsWrongInOneLine) {
   EXPECT_NE(wrong("count > 1\nA = 3"), "");
 }
 
-TEST_F(DebugSessionTest, BeginsAgainAsItWas) {
+TEST_F(DebugSessionTest, ResetAndReplaceRestart) {
   start(kCounting);
   session->run();
   advance(5);
@@ -231,7 +231,7 @@ TEST_F(DebugSessionTest, WalksLineByLine) {
   EXPECT_EQ(session->state(), ExecutionState::kPaused);
 }
 
-TEST_F(DebugSessionTest, AnInterruptedStepGoesOn) {
+TEST_F(DebugSessionTest, InterruptedStepResumes) {
   start(kCounting);
   host.step_status = vm::HostStatus::kInterrupted;  // like a surface that does not answer
   session->step(StepUnit::kTick);
@@ -245,7 +245,7 @@ TEST_F(DebugSessionTest, AnInterruptedStepGoesOn) {
   EXPECT_EQ(session->ticks(), 1U);
 }
 
-TEST_F(DebugSessionTest, LooksAtRegistersLargeAndSmall) {
+TEST_F(DebugSessionTest, SnapshotsFullAndSubsampledRegisters) {
   start("!create('BIG', REGISTER, 300, 100)\nr[BIG] = cell.x + 1000 * cell.y\nsurface.step\n");
   session->step(StepUnit::kTick);
   advance();
@@ -265,7 +265,7 @@ TEST_F(DebugSessionTest, LooksAtRegistersLargeAndSmall) {
   EXPECT_EQ(all.time_s, 0.5);
 }
 
-TEST_F(DebugSessionTest, WatchesACellWithItsNeighboursOverTicks) {
+TEST_F(DebugSessionTest, ProbeRecordsCellAndNeighbourhood) {
   start(kCounting);
   session->probe_cell({0, 0});
   session->run();
@@ -291,7 +291,7 @@ TEST_F(DebugSessionTest, WatchesACellWithItsNeighboursOverTicks) {
   EXPECT_EQ(later.history.front().values[0], static_cast<float>(203 - Probe::kMaxRecords + 1));
 }
 
-TEST_F(DebugSessionTest, ProfilesFromWhenItIsTold) {
+TEST_F(DebugSessionTest, ProfilesOnlyWhileEnabled) {
   start(kCounting);
   session->run();
   advance(2);
@@ -307,7 +307,7 @@ TEST_F(DebugSessionTest, ProfilesFromWhenItIsTold) {
   EXPECT_EQ(listing.profile_by_row(capture(request).profile)[7].executions, 3U);
 }
 
-TEST_F(DebugSessionTest, AFailureNamesItsPlace) {
+TEST_F(DebugSessionTest, FailureReportsSourceLocation) {
   start("!register(A)\nx = pixel.get(A, 99, 0)\n");
   session->run();
   advance();
@@ -316,7 +316,7 @@ TEST_F(DebugSessionTest, AFailureNamesItsPlace) {
   EXPECT_NE(capture().error.find("main.aps:2"), std::string::npos);
 }
 
-TEST(PanelHost, HasWhatAScriptMakesAndThePersonsValues) {
+TEST(PanelHost, ForwardsPanelStateAndUserParameters) {
   const CompiledSource c = compile(R"(!register(A)
 sim.slider.add('gain', 0, 10, 2)
 reg.setPalette(A, 'flame')

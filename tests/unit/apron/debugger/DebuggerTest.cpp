@@ -22,7 +22,7 @@ TestProgram counting_program() {
   return b;
 }
 
-TEST(Debugger, StepsRunsToALineAndLooksAtNames) {
+TEST(Debugger, StepsRunsToLineAndInspectsByName) {
   FakeHost host;
   Vm vm(counting_program().finish(), {}, host);
   Debugger debugger(vm);
@@ -42,7 +42,7 @@ TEST(Debugger, StepsRunsToALineAndLooksAtNames) {
   EXPECT_FALSE(debugger.find_variable("A"));
 }
 
-TEST(Debugger, RunsTicksAndBudgets) {
+TEST(Debugger, RunsTicksAndRespectsBudget) {
   FakeHost host;
   Vm vm(counting_program().finish(), {}, host);
   Debugger debugger(vm);

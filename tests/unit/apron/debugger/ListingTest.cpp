@@ -41,7 +41,7 @@ std::size_t find_row(const Listing& listing, const std::string& text) {
   return 0;
 }
 
-TEST(Listing, IsTheMainFileWhenAllIsFolded) {
+TEST(Listing, FoldedListingShowsMainFile) {
   const CompiledSource c = compile(kMain, kFiles);
   const Listing listing(c.program, c.texts);
   EXPECT_EQ(row_texts(listing), (std::vector<std::string>{"!include('lib.aps')", "!register(A, B)", "A = 1",
@@ -58,7 +58,7 @@ TEST(Listing, IsTheMainFileWhenAllIsFolded) {
   EXPECT_EQ(std::count(listing.groups().begin(), listing.groups().end(), 3U) > 0, true);
 }
 
-TEST(Listing, UnfoldsAnIncludedFileAndAMacroInsideAMacro) {
+TEST(Listing, UnfoldsIncludesAndNestedMacros) {
   const CompiledSource c = compile(kMain, kFiles);
   Listing listing(c.program, c.texts);
   listing.toggle(0);
@@ -83,7 +83,7 @@ TEST(Listing, UnfoldsAnIncludedFileAndAMacroInsideAMacro) {
   EXPECT_EQ(std::count(listing.groups().begin(), listing.groups().end(), 4U), 0);
 }
 
-TEST(Listing, RevealsAnInstructionAndAddsUpWhatRowsTook) {
+TEST(Listing, RevealsInstructionAndSumsProfileByRow) {
   const CompiledSource c = compile(kMain, kFiles);
   Listing listing(c.program, c.texts);
   std::vector<vm::InstructionProfile> profile(c.program.code.size(), {1, 10});
@@ -100,7 +100,7 @@ TEST(Listing, RevealsAnInstructionAndAddsUpWhatRowsTook) {
   EXPECT_LT(listing.profile_by_row(profile)[row].executions, folded);
 }
 
-TEST(Listing, OfNothingIsEmpty) {
+TEST(Listing, EmptyListing) {
   Listing listing;
   EXPECT_TRUE(listing.rows().empty());
   listing.toggle(3);

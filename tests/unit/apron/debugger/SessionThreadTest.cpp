@@ -42,7 +42,7 @@ class SessionThreadTest : public testing::Test {
   std::unique_ptr<SessionThread> session_thread;
 };
 
-TEST_F(SessionThreadTest, RunsLooksAndHoldsBetweenTicks) {
+TEST_F(SessionThreadTest, RunsTakesSnapshotsAndPausesBetweenTicks) {
   start(kCounting);
   EXPECT_EQ(wait_for([](const DebugSnapshot&) { return true; }).ticks, 0U);
   post([](DebugSession& s) { s.run(); });
@@ -59,7 +59,7 @@ TEST_F(SessionThreadTest, RunsLooksAndHoldsBetweenTicks) {
       [&](const DebugSnapshot& l) { return l.ticks == paused.ticks + 1 && l.mode == ExecutionState::kPaused; });
 }
 
-TEST_F(SessionThreadTest, AnswersFromTheMiddleOfAnEndlessTick) {
+TEST_F(SessionThreadTest, TakesSnapshotsDuringEndlessTick) {
   start("x = 0\nwhile(1)\n  x = x + 1\nendwhile\n");
   post([](DebugSession& s) { s.run(); });
   const DebugSnapshot first = wait_for([](const DebugSnapshot& l) { return l.variables.front() > 0.0F; });
@@ -69,14 +69,14 @@ TEST_F(SessionThreadTest, AnswersFromTheMiddleOfAnEndlessTick) {
   wait_for([](const DebugSnapshot& l) { return l.mode == ExecutionState::kPaused; });
 }
 
-TEST_F(SessionThreadTest, EndsAProgramThatDoesNot) {
+TEST_F(SessionThreadTest, DestructorInterruptsEndlessProgram) {
   start("while(1)\nendwhile\n");
   post([](DebugSession& s) { s.run(); });
   session_thread.reset();  // hangs if the destructor does not interrupt the program
   EXPECT_EQ(session->state(), ExecutionState::kRunning);
 }
 
-TEST_F(SessionThreadTest, WalksByTheClock) {
+TEST_F(SessionThreadTest, WalksOnTimer) {
   start(kCounting);
   post([](DebugSession& s) { s.walk(1ms, InstructionGroups{}); });
   wait_for([](const DebugSnapshot& l) { return l.mode == ExecutionState::kWalking && l.ticks >= 1; });

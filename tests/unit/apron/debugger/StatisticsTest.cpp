@@ -9,7 +9,7 @@
 namespace apron::debugger {
 namespace {
 
-TEST(Statistics, CountsWhatTheCellsHold) {
+TEST(Statistics, ExtremesMeanAndCounts) {
   const Statistics s = compute_statistics({0.0F, 1.0F, 2.0F, 5.0F, NAN, INFINITY, -3.0F});
   EXPECT_EQ(s.min, -3.0F);
   EXPECT_EQ(s.max, 5.0F);
@@ -19,7 +19,7 @@ TEST(Statistics, CountsWhatTheCellsHold) {
   EXPECT_EQ(s.non_zero, 6U);
 }
 
-TEST(Statistics, EveryFiniteCellIsInOneBin) {
+TEST(Statistics, HistogramCountsEachFiniteCellOnce) {
   std::vector<float> cells(1000);
   std::iota(cells.begin(), cells.end(), 0.0F);
   const Statistics s = compute_statistics(cells);
@@ -28,7 +28,7 @@ TEST(Statistics, EveryFiniteCellIsInOneBin) {
   for (const std::uint32_t count : s.histogram) EXPECT_TRUE(count == 15 || count == 16) << count;
 }
 
-TEST(Statistics, OfOneValueOfNoneAndOfExtremes) {
+TEST(Statistics, SingleValueNoneAndExtremeRange) {
   const Statistics same = compute_statistics(std::vector<float>(12, 7.0F));
   EXPECT_EQ(same.histogram[0], 12U);
   const Statistics none = compute_statistics({NAN, NAN});
@@ -41,7 +41,7 @@ TEST(Statistics, OfOneValueOfNoneAndOfExtremes) {
   EXPECT_EQ(far.histogram[kHistogramBins / 2], 1U);
 }
 
-TEST(Statistics, AnAutomaticRangeHoldsZeroAndIsNeverEmpty) {
+TEST(Statistics, AutomaticRangeContainsZeroAndIsNeverEmpty) {
   const auto expect = [](const std::vector<float>& cells, float low, float high) {
     EXPECT_EQ(automatic_range(cells).low, low);
     EXPECT_EQ(automatic_range(cells).high, high);

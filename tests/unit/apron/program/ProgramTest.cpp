@@ -40,7 +40,7 @@ Program with(std::vector<Instruction> code) {
   return program;
 }
 
-TEST(Verify, AcceptsOneOfEachKind) {
+TEST(Verify, AcceptsEachOperandKind) {
   EXPECT_EQ(verify(with({})), "");
   EXPECT_EQ(
       verify(with({make(Opcode::kAdd, reg(0), reg(0), lit(1)), make(Opcode::kAdd, var(0), var(1), lit(1)),
@@ -51,7 +51,7 @@ TEST(Verify, AcceptsOneOfEachKind) {
       "");
 }
 
-TEST(Verify, RefusesOperands) {
+TEST(Verify, RejectsInvalidOperands) {
   const std::string at = "instruction 0 ";
   EXPECT_EQ(verify(with({make(Opcode::kAdd, reg(9), reg(0), lit(0))})),
             at + "(add): the destination is out of range");
@@ -81,7 +81,7 @@ TEST(Verify, RefusesOperands) {
             at + "(parameter): no parameter is called 'height'");
 }
 
-TEST(Verify, RefusesPrograms) {
+TEST(Verify, RejectsInvalidPrograms) {
   Program program = with({});
   program.code.clear();
   EXPECT_EQ(verify(program), "the program has no instructions");
@@ -101,7 +101,7 @@ TEST(Verify, RefusesPrograms) {
   EXPECT_EQ(verify(program), "instruction 0 (nop): its source is out of range");
 }
 
-TEST(Verify, FollowsMasksAlongEveryPath) {
+TEST(Verify, TracksMasksAlongEveryPath) {
   const Instruction push = make(Opcode::kMaskPush, {}, reg(0));
   const Instruction pop = make(Opcode::kMaskPop);
   const Instruction turn = make(Opcode::kMaskElse);
@@ -124,7 +124,7 @@ TEST(Verify, FollowsMasksAlongEveryPath) {
   EXPECT_EQ(verify(with(deep)), "instruction 64 (mask.push): more than 64 masks are open");
 }
 
-TEST(Verify, MasksHaveTheShapeOfWhatTheyGuard) {
+TEST(Verify, MaskAndDestinationMustHaveTheSameShape) {
   const Instruction push = make(Opcode::kMaskPush, {}, reg(0));
   EXPECT_EQ(verify(with({push, make(Opcode::kCopy, reg(2), lit(0))})),
             "instruction 1 (copy): its destination differs in shape from the open mask");
@@ -139,7 +139,7 @@ TEST(Verify, MasksHaveTheShapeOfWhatTheyGuard) {
             "instruction 4: the routine here is called under a mask of another shape");
 }
 
-TEST(Verify, RoutinesAddTheirMasksToTheirCallers) {
+TEST(Verify, AddsMasksOfRoutinesToThoseOfCallers) {
   const Instruction push = make(Opcode::kMaskPush, {}, reg(0));
   const Instruction pop = make(Opcode::kMaskPop);
   const Instruction back = make(Opcode::kReturn);
@@ -156,7 +156,7 @@ TEST(Verify, RoutinesAddTheirMasksToTheirCallers) {
             "");
 }
 
-TEST(Disassemble, NamesOperandsAndPlaces) {
+TEST(Disassemble, PrintsOperandsAndSourceLocations) {
   const Program program =
       with({make(Opcode::kMac, reg(0), reg(1), lit(2), var(0)),
             make(Opcode::kJumpLe, {}, var(1), lit(1), label(0)), make(Opcode::kPrintText, {}, txt(1))});
@@ -168,7 +168,7 @@ TEST(Disassemble, NamesOperandsAndPlaces) {
   EXPECT_EQ(disassemble(program, 1), "    1  jump.le         y, 1, @0                         ; p.aps:7");
 }
 
-TEST(Locality, ShiftsAreJudgedByTheirOffsets) {
+TEST(Locality, ClassifiesShiftsByOffset) {
   Program program = with({});
   program.literals = {0.0F, 1.0F, -1.0F, 2.0F};
   const auto of = [&](std::uint32_t dx, std::uint32_t dy) {
@@ -183,7 +183,7 @@ TEST(Locality, ShiftsAreJudgedByTheirOffsets) {
   EXPECT_EQ(locality(program, make(Opcode::kRotate, reg(0), reg(1), lit(1), lit(0))), Locality::Far);
 }
 
-TEST(Verify, RefusesNeighbourhoodsTablesAndClasses) {
+TEST(Verify, RejectsInvalidNeighbourhoodsTablesAndClasses) {
   const auto wrong = [](Instruction instruction, const std::function<void(Program&)>& change = {}) {
     Program program = with({std::move(instruction)});
     program.filters = {{"k", 3, 1, {1, 2, 3}}};
@@ -218,7 +218,7 @@ TEST(Verify, RefusesNeighbourhoodsTablesAndClasses) {
             "instruction 0 (plugin): operand 1 is out of range");
 }
 
-TEST(Verify, PlacesAreInRangeAndExpansionsEnd) {
+TEST(Verify, RejectsInvalidSourceLocationsAndExpansions) {
   const auto wrong = [](const std::function<void(Program&)>& change) {
     Program program = with({make(Opcode::kNop)});
     change(program);
@@ -244,7 +244,7 @@ TEST(Verify, PlacesAreInRangeAndExpansionsEnd) {
   EXPECT_EQ(wrong(expands(7)), "an expansion's call is out of range");
 }
 
-TEST(Locality, FiltersReachAsFarAsTheirSize) {
+TEST(Locality, ClassifiesFiltersBySize) {
   Program program =
       with({make(Opcode::kFilterDo, reg(0), reg(1), {OperandKind::kFilter, 0}),
             make(Opcode::kFilterDo, reg(0), reg(1), {OperandKind::kFilter, 1}),
@@ -256,7 +256,7 @@ TEST(Locality, FiltersReachAsFarAsTheirSize) {
   EXPECT_EQ(beyond[1].reason, "distance propagates through the array until nothing changes");
 }
 
-TEST(Locality, EveryOpcodeHasAWellFormedSignature) {
+TEST(Locality, OpcodeSignaturesAreWellFormed) {
   for (std::size_t i = 0; i < opcode_count(); ++i) {
     const OpcodeInfo& one = opcode_info(static_cast<Opcode>(i));
     ASSERT_FALSE(one.signature.empty()) << one.mnemonic;

@@ -27,7 +27,7 @@ std::vector<float> resampled(const GreyFrame& frame, std::uint32_t width, std::u
   return cells;
 }
 
-TEST(GreyFrame, FitsItsMiddleIntoTheRegister) {
+TEST(GreyFrame, ResamplesCenterCrop) {
   const GreyFrame wide{6, 2, {9, 0, 10, 20, 40, 9, 9, 2, 30, 40, 60, 9}};
   EXPECT_EQ(resampled(wide, 1, 1), (std::vector<float>{25}));            // columns 2 and 3
   EXPECT_EQ(resampled(wide, 2, 1), (std::vector<float>{10.5F, 40.0F}));  // columns 1 to 4
@@ -43,7 +43,7 @@ std::optional<Bytes> to_grey(FourCc code, std::uint32_t line, const Bytes& bytes
   return frame.pixels;
 }
 
-TEST(CaptureFormat, TakesTheLuminanceOfEveryFormat) {
+TEST(CaptureFormat, ExtractsLuminanceFromEveryFormat) {
   const Bytes want{1, 2, 3, 4};
   EXPECT_EQ(to_grey(V4L2_PIX_FMT_GREY, 0, {1, 2, 3, 4}), want);
   EXPECT_EQ(to_grey(V4L2_PIX_FMT_GREY, 3, {1, 2, 99, 3, 4}), want);
@@ -63,7 +63,7 @@ Bytes without_tables(const std::string& jpeg) {
   return {rest.begin(), rest.end()};
 }
 
-TEST(CaptureFormat, ReadsJpegWithAndWithoutItsTables) {
+TEST(CaptureFormat, ReadsJpegWithAndWithoutHuffmanTables) {
   Bytes pixels;
   for (int i = 0; i < 32 * 16; ++i) pixels.push_back(static_cast<std::uint8_t>(i / 4));
   const std::string jpeg = encode_jpeg("", pixels, 32, 16);
@@ -199,7 +199,7 @@ class V4l2CameraTest : public testing::Test {
   std::atomic<bool> stop_{false};
 };
 
-TEST_F(V4l2CameraTest, GivesTheNewestWholePicture) {
+TEST_F(V4l2CameraTest, ReadsLatestCompleteFrame) {
   const auto camera = open();
   EXPECT_TRUE(driver_.streaming);
   driver_.frames = {{yuyv(10), 0}, {yuyv(20), 0}};
@@ -211,33 +211,33 @@ TEST_F(V4l2CameraTest, GivesTheNewestWholePicture) {
   EXPECT_EQ(driver_.queued.size(), 2U);
 }
 
-TEST_F(V4l2CameraTest, LeavesTheDeviceInOrder) {
+TEST_F(V4l2CameraTest, StopsStreamingAndClosesDevice) {
   open().reset();
   EXPECT_FALSE(driver_.streaming);
   EXPECT_TRUE(driver_.closed);
 }
 
-TEST_F(V4l2CameraTest, PrefersPicturesThatAreNotCompressed) {
+TEST_F(V4l2CameraTest, PrefersUncompressedFormats) {
   driver_.formats = {V4L2_PIX_FMT_MJPEG, V4L2_PIX_FMT_GREY, V4L2_PIX_FMT_YUYV};
   const auto camera = open();
   driver_.frames = {{Bytes(16, 9), 0}};  // lines of 4 pixels padded to 8 bytes
   EXPECT_EQ(read(*camera), 9);
 }
 
-TEST_F(V4l2CameraTest, SaysWhatIsWrong) {
+TEST_F(V4l2CameraTest, ReportsUnsupportedDevices) {
   driver_.formats = {V4L2_PIX_FMT_H264, V4L2_PIX_FMT_RGB24};
-  EXPECT_EQ(error_of(), "'cam' gives pictures in no format that is read: H264, RGB3");
+  EXPECT_EQ(error_of(), "'cam' has no supported picture format; it has: H264, RGB3");
   driver_ = {};
   driver_.forced_format = V4L2_PIX_FMT_RGB24;
-  EXPECT_EQ(error_of(), "'cam' gives pictures in the format RGB3, which is not read");
+  EXPECT_EQ(error_of(), "'cam' sends pictures in the format RGB3, which is not supported");
   driver_ = {};
   driver_.capabilities = V4L2_CAP_META_CAPTURE | V4L2_CAP_STREAMING;
-  EXPECT_EQ(error_of(), "'cam' is a video device, but takes no pictures");
+  EXPECT_EQ(error_of(), "'cam' is a video device that does not capture pictures");
   driver_.capabilities = V4L2_CAP_VIDEO_CAPTURE;
   EXPECT_EQ(error_of(), "'cam' is a camera that does not stream, which is not supported");
   driver_ = {};
   driver_.errors[VIDIOC_QUERYCAP] = ENOTTY;
-  EXPECT_EQ(error_of(), "'cam' is no camera");
+  EXPECT_EQ(error_of(), "'cam' is not a camera");
   driver_ = {};
   driver_.errors[VIDIOC_S_FMT] = EBUSY;
   EXPECT_EQ(error_of(), "cannot set the format of the camera 'cam': another program uses it");
@@ -247,7 +247,7 @@ TEST_F(V4l2CameraTest, SaysWhatIsWrong) {
   EXPECT_TRUE(driver_.closed);
 }
 
-TEST_F(V4l2CameraTest, GivesUpAndIsInterrupted) {
+TEST_F(V4l2CameraTest, TimesOutAndCanBeInterrupted) {
   const auto camera = open();
   EXPECT_THROW(read(*camera), MediaError);
   EXPECT_EQ(driver_.wait_count, 100);
@@ -274,14 +274,14 @@ std::string open_error(const std::string& path) {
   return "none";
 }
 
-TEST(Camera, IsADeviceOrAVideo) {
+TEST(Camera, OpensDeviceOrVideo) {
   const std::string file =
       (std::filesystem::path(testing::TempDir()) / ("camera_" + std::to_string(getpid()))).string();
   EXPECT_EQ(open_error(file),
-            "there is no camera '" + file + "'; --camera names another one, or a .y4m video in its place");
+            "there is no camera '" + file + "'; select another one, or a .y4m video, with --camera");
   std::ofstream(file) << "text";
-  EXPECT_EQ(open_error(file), "'" + file + "' is no camera; a video in its place must end in .y4m");
-  EXPECT_EQ(open_error("/dev/null"), "'/dev/null' is no camera");
+  EXPECT_EQ(open_error(file), "'" + file + "' is not a camera; the name of a video must end in .y4m");
+  EXPECT_EQ(open_error("/dev/null"), "'/dev/null' is not a camera");
   std::filesystem::rename(file, file + ".y4m");
   std::ofstream(file + ".y4m") << "YUV4MPEG2 W4 H2 Cmono\nFRAME\nabcdefgh";
   const auto camera = open_camera(file + ".y4m");

@@ -104,7 +104,7 @@ constexpr const char* kLoop =
     "surface.step\n"
     "jump(#again)\n";
 
-TEST_F(Cli, HelpAndVersionAreNoErrors) {
+TEST_F(Cli, HelpAndVersionSucceed) {
   EXPECT_EQ(run({"--help"}).status, 0);
   EXPECT_NE(run({"run", "--help"}).out.find("--shm"), std::string::npos);
   const ProcessResult version = run({"--version"});
@@ -112,7 +112,7 @@ TEST_F(Cli, HelpAndVersionAreNoErrors) {
   EXPECT_EQ(version.out, "apron " SMARTSURF_VERSION "\n");
 }
 
-TEST_F(Cli, AWrongCommandLineIsOneLineAndStatus2) {
+TEST_F(Cli, InvalidCommandLineExitsWithStatus2) {
   const std::string good = file("a.aps", "println(1)\n");
   const std::vector<std::vector<std::string>> wrong = {
       {},
@@ -159,7 +159,7 @@ TEST_F(Cli, AWrongCommandLineIsOneLineAndStatus2) {
   EXPECT_NE(run({"fmt"}).err.find("error: programs is required"), std::string::npos);
 }
 
-TEST_F(Cli, RunsAProgramAndSpeaksOnStdout) {
+TEST_F(Cli, RunsProgramAndPrintsToStdout) {
   const ProcessResult result =
       run({"run", file("a.aps", "println('cells ', SURFACE_WIDTH * SURFACE_HEIGHT)\n"), "--size", "5x3"});
   EXPECT_EQ(result.status, 0) << result.err;
@@ -167,7 +167,7 @@ TEST_F(Cli, RunsAProgramAndSpeaksOnStdout) {
   EXPECT_EQ(result.err, "");
 }
 
-TEST_F(Cli, AWrongProgramIsStatus2WithItsPlace) {
+TEST_F(Cli, InvalidProgramExitsWithStatus2) {
   const std::string bad = file("bad.aps", "!register(A)\nA = 1\nprintln(Bee)\n");
   for (const char* command : {"run", "check", "disasm"}) {
     const ProcessResult result = run({command, bad});
@@ -176,14 +176,14 @@ TEST_F(Cli, AWrongProgramIsStatus2WithItsPlace) {
   }
 }
 
-TEST_F(Cli, AFailureWhileRunningIsStatus1WithItsPlace) {
+TEST_F(Cli, RuntimeErrorExitsWithStatus1) {
   const ProcessResult result = run({"run", file("a.aps", "println('before')\n#deep\ncall(#deep)\n")});
   EXPECT_EQ(result.status, 1);
   EXPECT_EQ(result.out, "before\n");
   EXPECT_NE(result.err.find("a.aps:3: error: calls are nested"), std::string::npos) << result.err;
 }
 
-TEST_F(Cli, AMissingFileAndAMissingSurfaceAreStatus2) {
+TEST_F(Cli, MissingFileOrSurfaceExitsWithStatus2) {
   const ProcessResult media = run({"run", file("a.aps", "!register(A)\nA = io.array.open('none.npy')\n")});
   EXPECT_EQ(media.status, 2);
   EXPECT_NE(media.err.find("a.aps:2: error: cannot read 'none.npy'"), std::string::npos) << media.err;
@@ -193,7 +193,7 @@ TEST_F(Cli, AMissingFileAndAMissingSurfaceAreStatus2) {
       << alone.err;
 }
 
-TEST_F(Cli, SetOverridesASlider) {
+TEST_F(Cli, SetOverridesSlider) {
   const std::string program =
       file("a.aps", "sim.slider.add('speed', 0, 10, 2.5)\nprintln(sim.slider.get('speed'))\n");
   EXPECT_EQ(run({"run", program}).out, "2.5\n");
@@ -204,7 +204,7 @@ TEST_F(Cli, SetOverridesASlider) {
 }
 
 // Without a terminal, the register is printed once at the end, without control characters.
-TEST_F(Cli, WatchShowsARegisterAtTheEnd) {
+TEST_F(Cli, WatchShowsRegisterAtEnd) {
   const std::string program = file("watch.aps", "!register(A)\nprintln('begins')\nA = cell.x * 1\n");
   const ProcessResult r = run({"run", program, "--size", "10x2", "--watch", "A"});
   EXPECT_EQ(r.status, 0) << r.err;
@@ -214,14 +214,14 @@ TEST_F(Cli, WatchShowsARegisterAtTheEnd) {
   EXPECT_EQ(wrong.err, "apron: error: --watch: the program has no register 'a'; did you mean 'A'?\n");
 }
 
-TEST_F(Cli, CtrlCStopsAnEndlessLoop) {
+TEST_F(Cli, CtrlCStopsInfiniteLoop) {
   const pid_t child = start({"run", file("a.aps", "#again\njump(#again)\n")});
   std::this_thread::sleep_for(300ms);
   kill(child, SIGINT);
   EXPECT_EQ(finish(child).status, 130);
 }
 
-TEST_F(Cli, LockStepWithASurfaceUntilItCloses) {
+TEST_F(Cli, RunsInLockStepUntilSurfaceCloses) {
   const pid_t child = start({"run", file("a.aps", kLoop), "--shm", id_, "--wait", "20"});
   {
     SurfaceEndpoint s = surface(Mode::kTimeStep);
@@ -237,7 +237,7 @@ TEST_F(Cli, LockStepWithASurfaceUntilItCloses) {
   EXPECT_EQ(result.err, "");
 }
 
-TEST_F(Cli, TheSameProgramRunsPassively) {
+TEST_F(Cli, RunsPassively) {
   SurfaceEndpoint s = surface(Mode::kPassive);
   const pid_t child = start({"run", file("a.aps", kLoop), "--shm", id_});
   float seen = 0;
@@ -252,7 +252,7 @@ TEST_F(Cli, TheSameProgramRunsPassively) {
   EXPECT_EQ(s.latest_actuators(), Status::kControllerClosed);  // detached cleanly
 }
 
-TEST_F(Cli, TicksEndTheRunAndDetach) {
+TEST_F(Cli, StopsAfterTicksAndDetaches) {
   SurfaceEndpoint s = surface(Mode::kTimeStep);
   const pid_t child = start({"run", file("a.aps", kLoop), "--shm", id_, "--ticks", "3"});
   ASSERT_EQ(s.await_controller({.timeout = 20s}), Status::kOk);
@@ -265,7 +265,7 @@ TEST_F(Cli, TicksEndTheRunAndDetach) {
   EXPECT_EQ(finish(child).status, 0);
 }
 
-TEST_F(Cli, AnUnknownChannelNamesThoseThereAre) {
+TEST_F(Cli, UnknownChannelErrorListsChannels) {
   SurfaceEndpoint s = surface(Mode::kPassive);
   publish_sensors(s, 0);
   const ProcessResult result =
@@ -292,7 +292,7 @@ pid_t dying_surface(const std::function<SurfaceEndpoint()>& create) {
   return child;
 }
 
-TEST_F(Cli, ALostSurfaceIsStatus3) {
+TEST_F(Cli, LostSurfaceExitsWithStatus3) {
   const pid_t surface_pid = dying_surface([&] { return surface(Mode::kTimeStep); });
   const pid_t child = start({"run", file("a.aps", kLoop), "--shm", id_, "--wait", "20"});
   waitpid(surface_pid, nullptr, 0);
@@ -302,7 +302,7 @@ TEST_F(Cli, ALostSurfaceIsStatus3) {
   const SurfaceEndpoint reclaim = surface(Mode::kTimeStep);  // removes the dead surface's segment
 }
 
-TEST_F(Cli, ReconnectStartsTheProgramAfreshOnANewSurfaceOfAnotherSize) {
+TEST_F(Cli, ReconnectRestartsOnSurfaceOfAnotherSize) {
   const pid_t surface_pid = dying_surface([&] { return surface(Mode::kTimeStep); });
   const pid_t child = start({"run", file("a.aps", std::string("println(SURFACE_WIDTH)\n") + kLoop), "--shm",
                              id_, "--wait", "20", "--reconnect"});
@@ -321,7 +321,7 @@ TEST_F(Cli, ReconnectStartsTheProgramAfreshOnANewSurfaceOfAnotherSize) {
   EXPECT_EQ(result.out, "4\n7\n");
 }
 
-TEST_F(Cli, ASecondControllerIsRefusedWithTheFirstOnesProcess) {
+TEST_F(Cli, SecondControllerErrorNamesFirstProcess) {
   SurfaceEndpoint s = surface(Mode::kPassive);
   publish_sensors(s, 0);
   const pid_t first = start({"run", file("a.aps", kLoop), "--shm", id_});

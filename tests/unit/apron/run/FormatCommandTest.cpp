@@ -39,7 +39,7 @@ class FormatCommandTest : public testing::Test {
   std::string file_, out_, err_;
 };
 
-TEST_F(FormatCommandTest, WritesToTheOutputTheFileOrNowhere) {
+TEST_F(FormatCommandTest, PrintsWritesOrChecks) {
   write_text("a=1\n");
   EXPECT_EQ(format(false, false), common::kDone);
   EXPECT_EQ(out_, "a = 1\n");
@@ -52,7 +52,7 @@ TEST_F(FormatCommandTest, WritesToTheOutputTheFileOrNowhere) {
   EXPECT_EQ(out_, "");
 }
 
-TEST_F(FormatCommandTest, LeavesAWrongProgramAloneAndSaysWhy) {
+TEST_F(FormatCommandTest, KeepsInvalidFileAndReportsError) {
   write_text("a = 'open\n");
   EXPECT_EQ(format(true, false), common::kUserError);
   EXPECT_EQ(read_text(), "a = 'open\n");

@@ -64,7 +64,7 @@ class MediaTest : public testing::Test {
   std::mt19937 rng_{1};
 };
 
-TEST_F(MediaTest, ArraysComeBackToTheBit) {
+TEST_F(MediaTest, ArraysRoundTripBitExactly) {
   for (const char* name : {"a.npy", "a.csv", "A.NPY"})
     for (const auto& [width, height] : {std::pair{1U, 1U}, {3U, 5U}, {17U, 33U}, {100U, 7U}}) {
       const Plane saved = random_plane(width, height);
@@ -77,7 +77,7 @@ TEST_F(MediaTest, ArraysComeBackToTheBit) {
     }
 }
 
-TEST_F(MediaTest, CsvKeepsInfinitiesAndNaN) {
+TEST_F(MediaTest, CsvPreservesInfinitiesAndNaN) {
   const Plane p = plane(4, 1);
   p.row(0)[0] = INFINITY, p.row(0)[1] = -INFINITY, p.row(0)[2] = NAN, p.row(0)[3] = 1e-42F;
   write_array(path("a.csv"), p);
@@ -102,7 +102,7 @@ std::string npy(const std::string& type, const std::string& order, const std::st
   return bytes;
 }
 
-TEST_F(MediaTest, NpyOfOtherTypesAndOrders) {
+TEST_F(MediaTest, ReadsNpyOfOtherTypesAndOrders) {
   const Plane p = plane(3, 2);
   const auto expect_123456 = [&](const std::string& what) {
     read_array(path("x.npy"), p);
@@ -122,7 +122,7 @@ TEST_F(MediaTest, NpyOfOtherTypesAndOrders) {
   EXPECT_EQ(row.row(0)[2], 9.0F);
 }
 
-TEST_F(MediaTest, DamagedArraysAreRefusedByName) {
+TEST_F(MediaTest, RefusesDamagedArrays) {
   const Plane p = plane(3, 2);
   const auto said = [&](const std::string& name, const std::string& bytes) {
     write_bytes(name, bytes);
@@ -143,7 +143,7 @@ TEST_F(MediaTest, DamagedArraysAreRefusedByName) {
   says(said("a.npy", npy<float>("<f4", "False", "(2, 3, 1)", {1})), "3 dimensions");
   says(said("a.npy", npy<float>("<f4", "False", "(99999999999999999999,)", {1})), "damaged shape");
   says(said("a.npy", npy<float>("<f4", "False", "", {1})), "shape");
-  says(said("a.csv", "1,2,3\n4,5\n"), "line 2 has 2 numbers, the lines above 3");
+  says(said("a.csv", "1,2,3\n4,5\n"), "line 2 has 2 numbers, but the lines above have 3");
   says(said("a.csv", "1,2,3\n4,five,6\n"), "line 2, field 2: 'five' is not a number");
   says(said("a.csv", "1,2,3\n"), "is 3x1, but the register is 3x2");
   says(said("a.csv", ""), "is 0x0");
@@ -163,7 +163,7 @@ TEST_F(MediaTest, DamagedArraysAreRefusedByName) {
     }
 }
 
-TEST_F(MediaTest, PicturesComeBack) {
+TEST_F(MediaTest, PicturesRoundTrip) {
   for (const char* name : {"p.png", "p.pgm", "p.bmp", "p.jpg"})
     for (const auto& [width, height] : {std::pair{1U, 1U}, {3U, 5U}, {64U, 64U}, {100U, 7U}}) {
       const Plane saved = plane(width, height), loaded = plane(width, height);
@@ -178,7 +178,7 @@ TEST_F(MediaTest, PicturesComeBack) {
     }
 }
 
-TEST_F(MediaTest, GreyIsRoundedAndClamped) {
+TEST_F(MediaTest, RoundsAndClampsGreyLevels) {
   const Plane p = plane(6, 1), q = plane(6, 1);
   const float values[] = {-5, 0.5F, 254.4F, 300, NAN, INFINITY}, want[] = {0, 1, 254, 255, 0, 255};
   std::copy(values, values + 6, p.row(0));
@@ -187,7 +187,7 @@ TEST_F(MediaTest, GreyIsRoundedAndClamped) {
   for (int i = 0; i < 6; ++i) EXPECT_EQ(q.row(0)[i], want[i]) << i;
 }
 
-TEST_F(MediaTest, PgmOfOtherScalesAndKinds) {
+TEST_F(MediaTest, ReadsPgmOfOtherScalesAndKinds) {
   const Plane p = plane(2, 1);
   write_bytes("a.pgm", "P2 # plain\n2 1\n# white\n10\n5 10\n");
   read_image(path("a.pgm"), p);
@@ -199,7 +199,7 @@ TEST_F(MediaTest, PgmOfOtherScalesAndKinds) {
   EXPECT_EQ(p.row(0)[1], 0.0F);
 }
 
-TEST_F(MediaTest, DamagedPicturesAreRefusedByName) {
+TEST_F(MediaTest, RefusesDamagedPictures) {
   const Plane p = plane(2, 1);
   for (const char* name : {"a.png", "a.pgm", "a.jpg", "a.bmp"}) {
     write_bytes(name, "not a picture at all, but long enough to be one perhaps");
@@ -208,7 +208,7 @@ TEST_F(MediaTest, DamagedPicturesAreRefusedByName) {
     EXPECT_NE(said.find("is not a"), std::string::npos) << said;
   }
   write_bytes("a.pgm", "P5 2 1 255\n\x01");
-  EXPECT_NE(error_of([&] { read_image(path("a.pgm"), p); }).find("not a whole PGM"), std::string::npos);
+  EXPECT_NE(error_of([&] { read_image(path("a.pgm"), p); }).find("not a complete PGM"), std::string::npos);
   write_image(path("b.png"), p);
   const Plane other = plane(3, 3);
   EXPECT_NE(error_of([&] { read_image(path("b.png"), other); }).find("is 2x1, but the register is 3x3"),
@@ -216,7 +216,7 @@ TEST_F(MediaTest, DamagedPicturesAreRefusedByName) {
   EXPECT_NE(error_of([&] { write_image(path("b.gif"), p); }).find("must end in .png"), std::string::npos);
 }
 
-TEST_F(MediaTest, TheHostReportsInsteadOfThrowing) {
+TEST_F(MediaTest, HostReportsErrorsWithoutThrowing) {
   const std::atomic<bool> stop{false};
   LocalHost host({{"speed", 2.0F}}, stop);
   const Plane p = plane(2, 1);

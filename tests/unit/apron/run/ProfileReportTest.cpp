@@ -52,7 +52,7 @@ TEST(ProfileReport, CountsByInstructionAndLine) {
   EXPECT_EQ(p["all"]["time_ns"], ns);
 }
 
-TEST(ProfileReport, EstimatesWhatTheModelSays) {
+TEST(ProfileReport, EstimatesCostFromModel) {
   CostModel model;
   model.clock_hz = 100;
   model.idle_w = 2;
@@ -67,7 +67,7 @@ TEST(ProfileReport, EstimatesWhatTheModelSays) {
   EXPECT_DOUBLE_EQ(p["lines"][1]["cycles"], 27.0);
 }
 
-TEST(ProfileReport, TheExampleModelIsOne) {
+TEST(ProfileReport, ReadsExampleModel) {
   std::string error;
   const auto model = read_cost_model(APRON_EXAMPLE_MODEL, error);
   ASSERT_TRUE(model) << error;
@@ -75,7 +75,7 @@ TEST(ProfileReport, TheExampleModelIsOne) {
   EXPECT_EQ(model->instructions.at("shift").cycles, 2);
 }
 
-TEST(ProfileReport, AWrongModelIsNamed) {
+TEST(ProfileReport, ReportsInvalidModels) {
   const std::string file = ::testing::TempDir() + "apron_model_" + std::to_string(getpid()) + ".json";
   const std::pair<const char*, const char*> kWrong[] = {
       {"{", "not JSON"},
@@ -85,7 +85,7 @@ TEST(ProfileReport, AWrongModelIsNamed) {
       {R"({"clock_hz": 1, "clock": 2})", "'clock' is unknown"},
       {R"({"clock_hz": 1, "instructions": {"ad": {}}})", "no instruction 'ad'"},
       {R"({"clock_hz": 1, "instructions": {"add": {"cycles": "two"}}})", "'add': 'cycles' is \"two\""},
-      {R"({"clock_hz": 1, "instructions": {"add": 2}})", "'add': an object"}};
+      {R"({"clock_hz": 1, "instructions": {"add": 2}})", "'add': must be an object"}};
   for (const auto& [text, what] : kWrong) {
     std::ofstream(file) << text;
     std::string error;

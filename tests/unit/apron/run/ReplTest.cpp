@@ -25,12 +25,12 @@ TEST(Repl, RunsLinesAndShowsValues) {
             "0 1 2\n0 1 2\n10 11 12\n10 11 12\n8\n");
 }
 
-TEST(Repl, RunsEveryLineOnce) {
+TEST(Repl, RunsEachLineOnce) {
   EXPECT_EQ(run_repl_session("println('a')\nprintln('b')\nx = random.int.rand(1, 1000)\ny = x\nx == y\n"),
             "a\nb\n1\n");
 }
 
-TEST(Repl, WaitsForTheEndOfABlock) {
+TEST(Repl, WaitsForEndOfBlock) {
   EXPECT_EQ(run_repl_session(
                 "n = 0\nrepeat(3)\n  n = n + 1\nendrepeat\nn\n!macro_def\ntwice($a)\n!macro_begin\nif($a "
                 "> 0)\n$a = "
@@ -43,7 +43,7 @@ TEST(Repl, WaitsForTheEndOfABlock) {
   EXPECT_FALSE(is_incomplete("endif\n"));
 }
 
-TEST(Repl, AnErrorLeavesNothingBehind) {
+TEST(Repl, DiscardsFailedEntries) {
   const std::string out =
       run_repl_session("!register(A)\nA = B\nx = pixel.get(A, 9, 9)\nA = 1\npixel.get(A, 0, 0)\n:list\n");
   EXPECT_NE(out.find("error: 'B' is not a register"), std::string::npos) << out;
@@ -55,10 +55,10 @@ TEST(Repl, Commands) {
   EXPECT_EQ(run_repl_session("!register(A)\nn = 2\nA = n\n:names\n:undo\n:names\n:list\n"),
             "A 3x2\nn = 2\nA 3x2\nn = 2\n!register(A)\nn = 2\n");
   EXPECT_EQ(run_repl_session(":clear\n:nonsense\n:quit\nprintln('never')\n"),
-            "there is no command ':nonsense'; :help lists them\n");
+            "unknown command ':nonsense'; see :help\n");
   EXPECT_EQ(run_repl_session("!register(A)\nA = cell.x\n:show A\n", 4, 2), " -*@\n -*@\n4x2, 0 to 3\n");
   EXPECT_EQ(run_repl_session("end\nprintln(1)\n"),
-            "the program ends before this line; :undo takes the last entry back\n");
+            "the program ends before this line; :undo removes the last entry\n");
 }
 
 TEST(Repl, SavesFilesOnce) {
@@ -71,7 +71,7 @@ TEST(Repl, SavesFilesOnce) {
   std::filesystem::remove(name + ".csv");
 }
 
-TEST(Repl, PicturesAreShrunkToTheTerminal) {
+TEST(Repl, ShrinksPicturesToTerminal) {
   std::vector<float> cells(200 * 100, 0.0F);
   cells[0] = 1.0F;
   const std::string text = format_register_ascii(cells, 200, 100, 50);

@@ -66,7 +66,7 @@ class SurfaceHostTest : public testing::Test {
   std::atomic<bool> stop_{false};
 };
 
-TEST_F(SurfaceHostTest, LockStepsFrameByFrame) {
+TEST_F(SurfaceHostTest, RunsInLockStep) {
   constexpr std::uint64_t kTicks = 50;
   SurfaceEndpoint surface = create(name(), Mode::kTimeStep);
   shm_protocol::ControllerEndpoint endpoint = attach();
@@ -128,7 +128,7 @@ TEST_F(SurfaceHostTest, PassiveStepsDoNotWait) {
   EXPECT_EQ(host.tick(), 10.0);
 }
 
-TEST_F(SurfaceHostTest, WholeNumberChannelsClampAndReplaceNaN) {
+TEST_F(SurfaceHostTest, IntegerChannelsClampAndReplaceNaN) {
   SurfaceEndpoint surface = create(name(), Mode::kPassive);
   shm_protocol::ControllerEndpoint endpoint = attach();
   publish(surface, 0);
@@ -143,7 +143,7 @@ TEST_F(SurfaceHostTest, WholeNumberChannelsClampAndReplaceNaN) {
   for (std::size_t i = 0; i < 5; ++i) EXPECT_EQ(surface.actuator<std::uint8_t>(kMode)[i], want[i]) << i;
 }
 
-TEST_F(SurfaceHostTest, WrongNamesAndShapesAreRefusedWithWhatIsThere) {
+TEST_F(SurfaceHostTest, RefusesUnknownChannelsAndWrongShapes) {
   SurfaceEndpoint surface = create(name(), Mode::kPassive);
   shm_protocol::ControllerEndpoint endpoint = attach();
   publish(surface, 0);
@@ -167,7 +167,7 @@ TEST_F(SurfaceHostTest, WrongNamesAndShapesAreRefusedWithWhatIsThere) {
   EXPECT_FALSE(host.has("pressure"));
 }
 
-TEST_F(SurfaceHostTest, AStopFlagEndsTheWait) {
+TEST_F(SurfaceHostTest, StopFlagInterruptsWait) {
   SurfaceEndpoint surface = create(name(), Mode::kTimeStep);
   shm_protocol::ControllerEndpoint endpoint = attach();
   SurfaceHost host(endpoint, stop_, {});

@@ -6,7 +6,7 @@
 namespace apron::run {
 namespace {
 
-TEST(Timers, CountFromTheirStartUntilTheyAreStopped) {
+TEST(Timers, CountFromStartToStop) {
   double now = 100.0;
   Timers timers([&] { return now; });
   EXPECT_EQ(timers.read_s(""), 0.0);
@@ -26,7 +26,7 @@ TEST(Timers, CountFromTheirStartUntilTheyAreStopped) {
   EXPECT_EQ(timers.read_s(""), 0.0);
 }
 
-TEST(Timers, StandAtZeroWithoutAClock) {
+TEST(Timers, ReadZeroWithoutClock) {
   const std::atomic<bool> stop{true};
   Timers timers;
   timers.start("a");
@@ -34,7 +34,7 @@ TEST(Timers, StandAtZeroWithoutAClock) {
   EXPECT_EQ(timers.wait(1e9, stop), vm::HostStatus::kOk);
 }
 
-TEST(Timers, AnInterruptedWaitGoesOnWhereItWas) {
+TEST(Timers, InterruptedWaitResumes) {
   double now = 0.0;
   std::atomic<bool> stop{false};
   Timers timers([&] {

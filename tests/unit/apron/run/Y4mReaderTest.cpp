@@ -34,7 +34,7 @@ class Y4mReaderTest : public testing::Test {
   std::string file_;
 };
 
-TEST_F(Y4mReaderTest, ReadsFramesAndBeginsAgain) {
+TEST_F(Y4mReaderTest, ReadsFramesAndLoops) {
   write_bytes(std::string("YUV4MPEG2 W3 H2 F25:1 C420jpeg\nFRAME\nabcdef") + "uuvv" + "FRAME Ip\nABCDE\xFF" +
               "uuvv");
   Y4mReader clip(file_);
@@ -51,13 +51,13 @@ TEST_F(Y4mReaderTest, ReadsFramesAndBeginsAgain) {
   EXPECT_EQ(cells[0], 'a');
 }
 
-TEST_F(Y4mReaderTest, SaysWhatIsWrong) {
+TEST_F(Y4mReaderTest, ReportsInvalidFiles) {
   EXPECT_EQ(error("YUV4MPEG2 W3 H2 Cmono\nFRAME\nabcdef"), "none");
   EXPECT_EQ(error("YUV4MPEG2 W4 H2\nFRAME\n"), "is 4x2, but the register is 3x2");
-  EXPECT_EQ(error("RIFF"), "is no YUV4MPEG2 file");
-  EXPECT_EQ(error("YUV4MPEG2 W3\n"), "does not say its width and height");
-  EXPECT_EQ(error("YUV4MPEG2 W3 H99999999999\n"), "does not say its width and height");
-  EXPECT_EQ(error("YUV4MPEG2 W3 H2 C420p10\n"), "has colours in the format '420p10', which is not read");
+  EXPECT_EQ(error("RIFF"), "is not a YUV4MPEG2 file");
+  EXPECT_EQ(error("YUV4MPEG2 W3\n"), "does not state its width and height");
+  EXPECT_EQ(error("YUV4MPEG2 W3 H99999999999\n"), "does not state its width and height");
+  EXPECT_EQ(error("YUV4MPEG2 W3 H2 C420p10\n"), "has colours in the format '420p10', which is not supported");
   EXPECT_EQ(error("YUV4MPEG2 W3 H2 Cmono\nFRAME\nabcd"), "ends inside a frame");
   EXPECT_EQ(error("YUV4MPEG2 W3 H2 Cmono\n"), "has no frame");
 }

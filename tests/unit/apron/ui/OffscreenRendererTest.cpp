@@ -73,7 +73,7 @@ class OffscreenRendererTest : public testing::Test {
 };
 
 // Two tiles side by side; a click on the right one selects it as the large register.
-TEST_F(OffscreenRendererTest, TilesStandSideBySide) {
+TEST_F(OffscreenRendererTest, DrawsTilesSideBySide) {
   UiFixture fixture(
       "!register(A, B)\nreg.setPalette(A, 'spectrum')\nreg.setScale(A, 0, 1)\nreg.setPalette(B, 'spectrum')\n"
       "reg.setScale(B, -1, 0)\nsim.display(A, 'low')\nsim.display(B, 'high')\nsim.tile\nsurface.step\n");
@@ -94,7 +94,7 @@ TEST_F(OffscreenRendererTest, TilesStandSideBySide) {
   EXPECT_EQ(screen.take_gl_error(), 0U);
 }
 
-TEST_F(OffscreenRendererTest, ShowsRowZeroInTheNorthAndColumnZeroInTheWest) {
+TEST_F(OffscreenRendererTest, DrawsNorthWestCellAtTopLeft) {
   UiFixture fixture(kCorner);
   fixture.model.step(debugger::StepUnit::kTick);
   fixture.process_commands();
@@ -113,7 +113,7 @@ TEST_F(OffscreenRendererTest, ShowsRowZeroInTheNorthAndColumnZeroInTheWest) {
   EXPECT_EQ(screen.take_gl_error(), 0U);
 }
 
-TEST_F(OffscreenRendererTest, TheSamePictureHasTheSameBytes) {
+TEST_F(OffscreenRendererTest, RenderingIsDeterministic) {
   std::vector<std::uint8_t> first;
   for (int i = 0; i < 2; ++i) {
     UiFixture fixture(debugger::test::kCounting);
@@ -126,7 +126,7 @@ TEST_F(OffscreenRendererTest, TheSamePictureHasTheSameBytes) {
   }
 }
 
-TEST_F(OffscreenRendererTest, ComesToRestInEverySize) {
+TEST_F(OffscreenRendererTest, SettlesAtEverySize) {
   UiFixture fixture(debugger::test::kCounting);
   for (int height = 360; height < 700; height += 50) {
     OffscreenRenderer screen(640, height);
@@ -135,7 +135,7 @@ TEST_F(OffscreenRendererTest, ComesToRestInEverySize) {
   }
 }
 
-TEST_F(OffscreenRendererTest, AClickOnASmallRegisterShowsItLarge) {
+TEST_F(OffscreenRendererTest, ClickOnThumbnailSelectsRegister) {
   UiFixture fixture(kCorner);
   OffscreenRenderer screen(kWidth, kHeight);
   screen.render_settled(fixture.model);
@@ -145,7 +145,7 @@ TEST_F(OffscreenRendererTest, AClickOnASmallRegisterShowsItLarge) {
   EXPECT_EQ(screen.take_gl_error(), 0U);
 }
 
-TEST_F(OffscreenRendererTest, ButtonsAndKeysDriveTheProgram) {
+TEST_F(OffscreenRendererTest, ButtonsAndKeysControlProgram) {
   UiFixture fixture(debugger::test::kCounting);
   OffscreenRenderer screen(kWidth, kHeight);
   screen.render_settled(fixture.model);
@@ -167,7 +167,7 @@ TEST_F(OffscreenRendererTest, ButtonsAndKeysDriveTheProgram) {
   EXPECT_EQ(screen.take_gl_error(), 0U);
 }
 
-TEST_F(OffscreenRendererTest, TheMouseZoomsAndPicksACell) {
+TEST_F(OffscreenRendererTest, MouseZoomsAndProbesCell) {
   UiFixture fixture(kCorner);
   fixture.model.step(debugger::StepUnit::kTick);
   fixture.process_commands();
@@ -184,7 +184,7 @@ TEST_F(OffscreenRendererTest, TheMouseZoomsAndPicksACell) {
   EXPECT_EQ(screen.take_gl_error(), 0U);
 }
 
-TEST_F(OffscreenRendererTest, UploadsOnlyWhatIsInSightAndNew) {
+TEST_F(OffscreenRendererTest, UploadsOnlyVisibleAndChangedTextures) {
   std::string many = "!register(A)\n";
   for (int i = 0; i < 60; ++i) many += "!register(R" + std::to_string(i) + ")\n";
   UiFixture fixture(many + "A = 1\nsurface.step\n");
@@ -199,7 +199,7 @@ TEST_F(OffscreenRendererTest, UploadsOnlyWhatIsInSightAndNew) {
   EXPECT_EQ(screen.texture_uploads(), first) << "nothing is newer";
 }
 
-TEST_F(OffscreenRendererTest, EverySizeAndScaleIsDrawnWithoutAnError) {
+TEST_F(OffscreenRendererTest, DrawsEverySizeAndScaleWithoutError) {
   UiFixture fixture(debugger::test::kCounting);
   fixture.model.add_tick_breakpoint(3);
   fixture.model.profile_shown = true;
@@ -218,7 +218,7 @@ TEST_F(OffscreenRendererTest, EverySizeAndScaleIsDrawnWithoutAnError) {
   EXPECT_THROW(OffscreenRenderer(100, 10'000), common::UserError);
 }
 
-TEST_F(OffscreenRendererTest, AThousandFramesLeaveNothingBehind) {
+TEST_F(OffscreenRendererTest, ThousandFramesDoNotLeakMemory) {
 #ifdef __SANITIZE_ADDRESS__
   GTEST_SKIP() << "the sanitizer keeps what was freed, and looks for leaks itself";
 #endif
@@ -236,7 +236,7 @@ TEST_F(OffscreenRendererTest, AThousandFramesLeaveNothingBehind) {
   EXPECT_EQ(screen.take_gl_error(), 0U);
 }
 
-TEST(VideoEncoder, AndPicturesAreWhatWasDrawn) {
+TEST(VideoEncoder, WritesPictureAndRejectsInvalidPaths) {
   const std::filesystem::path folder = testing::TempDir();
   common::Image image{64, 32, std::vector<std::uint8_t>(64 * 32 * 3, 200)};
   image.rgb[0] = 10;
@@ -255,7 +255,7 @@ TEST(VideoEncoder, AndPicturesAreWhatWasDrawn) {
   EXPECT_THROW(common::VideoEncoder("/no/such/folder/film.mp4", 64, 32, 30), common::UserError);
 }
 
-TEST(VideoEncoder, IsWrittenWholeOrNotAtAll) {
+TEST(VideoEncoder, WritesCompleteVideoOrNothing) {
   if (std::system("command -v ffmpeg > /dev/null") != 0) GTEST_SKIP() << "no ffmpeg";
   const std::filesystem::path file = testing::TempDir() + "ui-" + std::to_string(getpid()) + ".mp4";
   const common::Image image{64, 32, std::vector<std::uint8_t>(64 * 32 * 3, 200)};

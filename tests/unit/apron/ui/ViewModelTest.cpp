@@ -8,7 +8,7 @@
 namespace apron::ui::test {
 namespace {
 
-TEST(Viewport, ZoomsAboutAPointThatStays) {
+TEST(Viewport, ZoomKeepsPointInPlace) {
   Viewport view;
   view.zoom_about(0.25F, 0.75F, 4.0F);
   EXPECT_FLOAT_EQ(view.zoom, 4.0F);
@@ -23,7 +23,7 @@ TEST(Viewport, ZoomsAboutAPointThatStays) {
   EXPECT_FLOAT_EQ(view.x, 0.5F);
 }
 
-TEST(ViewModel, ListsRegistersAndSelectsTheFirst) {
+TEST(ViewModel, ListsRegistersAndSelectsFirst) {
   UiFixture fixture("!register(A, B)\nA = 1\nB = max(A + 1, north(A) * 2) + A\n");
   EXPECT_EQ(fixture.model.listed_registers().size(), 2U);
   fixture.model.temporaries_shown = true;
@@ -32,12 +32,12 @@ TEST(ViewModel, ListsRegistersAndSelectsTheFirst) {
   EXPECT_FALSE(fixture.model.find_register("C"));
 }
 
-TEST(ViewModel, OrdersReachTheSession) {
+TEST(ViewModel, CommandsReachSession) {
   UiFixture fixture(debugger::test::kCounting);
   fixture.model.step(debugger::StepUnit::kTick);
   fixture.process_commands();
   EXPECT_EQ(fixture.model.snapshot().ticks, 1U);
-  EXPECT_EQ(fixture.model.state_text(), "Held at main.aps:9");
+  EXPECT_EQ(fixture.model.state_text(), "Paused at main.aps:9");
   fixture.model.toggle_running();
   fixture.process_commands();
   EXPECT_EQ(fixture.model.state_text(), "Running");
@@ -52,7 +52,7 @@ TEST(ViewModel, OrdersReachTheSession) {
   EXPECT_EQ(fixture.model.snapshot().ticks, 0U);
 }
 
-TEST(ViewModel, ReadsTheSelectedRegister) {
+TEST(ViewModel, ReadsSelectedRegister) {
   UiFixture fixture(debugger::test::kCounting);
   fixture.model.step(debugger::StepUnit::kTick);
   fixture.process_commands();
@@ -76,7 +76,7 @@ TEST(ViewModel, BreakpointsByLineTickAndCondition) {
   EXPECT_TRUE(fixture.model.has_breakpoint(fixture.model.listing().rows()[5]));
   fixture.model.run();
   fixture.process_commands(5);
-  EXPECT_EQ(fixture.model.state_text(), "Held at the breakpoint main.aps:6");
+  EXPECT_EQ(fixture.model.state_text(), "Paused at the breakpoint main.aps:6");
   fixture.model.toggle_breakpoint(5);
   EXPECT_TRUE(fixture.model.breakpoints().empty());
   fixture.model.add_tick_breakpoint(3);
@@ -85,10 +85,10 @@ TEST(ViewModel, BreakpointsByLineTickAndCondition) {
   ASSERT_EQ(fixture.model.breakpoints().size(), 2U);
   fixture.model.run();
   fixture.process_commands(20);
-  EXPECT_EQ(fixture.model.state_text(), "Held: tick 3");
+  EXPECT_EQ(fixture.model.state_text(), "Paused: tick 3");
   fixture.model.run();
   fixture.process_commands(20);
-  EXPECT_EQ(fixture.model.state_text(), "Held: count > 5");
+  EXPECT_EQ(fixture.model.state_text(), "Paused: count > 5");
   EXPECT_EQ(fixture.model.snapshot().ticks, 5U);
   fixture.model.set_breakpoint_enabled(1, false);
   fixture.model.remove_breakpoint(0);
@@ -97,7 +97,7 @@ TEST(ViewModel, BreakpointsByLineTickAndCondition) {
   EXPECT_EQ(fixture.model.state_text(), "Running");
 }
 
-TEST(ViewModel, KeepsWhatItCanWhenTheProgramChanges) {
+TEST(ViewModel, KeepsValidSettingsAcrossReload) {
   UiFixture fixture("!register(A, B)\nc = 1\nA = c\nB = A\n");
   fixture.model.select(1);
   RegisterStyle style;
@@ -119,7 +119,7 @@ TEST(ViewModel, KeepsWhatItCanWhenTheProgramChanges) {
   EXPECT_NE(fixture.model.snapshot().ticks, 99U);
 }
 
-TEST(ViewModel, ShowsWhatTheScriptWantsUntilThePersonChooses) {
+TEST(ViewModel, FollowsProgramUntilUserSelects) {
   UiFixture fixture(
       "!register(A, B)\nreg.setPalette(B, 'magma')\nreg.setScale(B, 0, "
       "9)\nsim.show(B)\nsurface.step\nsim.show(A)\n"
@@ -135,7 +135,7 @@ TEST(ViewModel, ShowsWhatTheScriptWantsUntilThePersonChooses) {
   EXPECT_EQ(fixture.model.selected(), std::size_t{1}) << "the person's choice stands";
 }
 
-TEST(ViewModel, TilesWhatTheScriptShowsUntilThePersonChooses) {
+TEST(ViewModel, TilesShownRegistersUntilUserSelects) {
   UiFixture fixture(
       "!register(A, B, C)\nsim.display(C)\nsim.show(B, 'b')\nsim.display(A)\nsim.show(B, 'b')\nsurface.step\n"
       "sim.show(C)\nsim.tile(2)\nsurface.step\nsim.tile(2)\nsurface.step\n");

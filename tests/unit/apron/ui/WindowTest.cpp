@@ -16,7 +16,7 @@ class WindowTest : public testing::Test {
   }
 };
 
-TEST(WindowWithoutDisplay, SaysSoInOneLine) {
+TEST(WindowWithoutDisplay, ReportsErrorInOneLine) {
   if (Window::display_available()) GTEST_SKIP() << "there is a display";
   try {
     Window window("test", {});
@@ -26,7 +26,7 @@ TEST(WindowWithoutDisplay, SaysSoInOneLine) {
   }
 }
 
-TEST_F(WindowTest, ShowsWhatThePicturesShow) {
+TEST_F(WindowTest, MatchesOffscreenRendering) {
   UiFixture fixture(debugger::test::kCounting);
   fixture.model.step(debugger::StepUnit::kTick);
   fixture.process_commands();
@@ -48,7 +48,7 @@ TEST_F(WindowTest, ShowsWhatThePicturesShow) {
   EXPECT_LT(different, 3000);
 }
 
-TEST_F(WindowTest, IsPlacedBesideAnotherAndClosed) {
+TEST_F(WindowTest, OpensBesideSimulatorAndCloses) {
   UiFixture fixture(debugger::test::kCounting);
   WindowPlacement beside;
   beside.beside_simulator = true;
@@ -60,7 +60,7 @@ TEST_F(WindowTest, IsPlacedBesideAnotherAndClosed) {
   EXPECT_EQ(window.take_gl_error(), 0U);
 }
 
-TEST_F(WindowTest, IsOpenedAgainAfterItWasClosed) {
+TEST_F(WindowTest, ReopensAfterClose) {
   UiFixture fixture(debugger::test::kCounting);
   for (int i = 0; i < 3; ++i) {
     Window window("test", {});

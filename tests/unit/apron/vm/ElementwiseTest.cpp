@@ -172,7 +172,7 @@ void check(const Case& c, const NamedKernelTable& target, std::mt19937& rng) {
   }
 }
 
-TEST(Elementwise, EqualsItsDefinitionOnEveryTargetShapeMaskAndOperandMix) {
+TEST(Elementwise, RegistersMatchReferenceOnEveryTarget) {
   std::mt19937 rng(1);
   ASSERT_GE(kernel_tables().size(), 1U);
   for (const NamedKernelTable& target : kernel_tables())
@@ -188,7 +188,7 @@ TEST(Elementwise, EqualsItsDefinitionOnEveryTargetShapeMaskAndOperandMix) {
     }
 }
 
-TEST(Elementwise, OnVariablesEqualsItsDefinition) {
+TEST(Elementwise, VariablesMatchReference) {
   std::mt19937 rng(2);
   for (const Opcode op : elementwise_opcodes()) {
     const Cells values = random_cells(300, rng);

@@ -33,7 +33,7 @@ struct MaskModel {
   }
 };
 
-TEST(Mask, RandomNestingEqualsTheModel) {
+TEST(Mask, RandomNestingMatchesModel) {
   const Size size{17, 5};
   const std::size_t n = 85;
   for (unsigned seed = 0; seed < 200; ++seed) {
@@ -89,7 +89,7 @@ TEST(Mask, RandomNestingEqualsTheModel) {
   }
 }
 
-TEST(Mask, OnTakesACopy) {
+TEST(Mask, MaskOnCopiesTheRegister) {
   TestProgram b;
   const Operand y = b.reg(2, 1), m = b.reg(2, 1);
   b.add(Opcode::kMaskOn, {}, m);
@@ -103,7 +103,7 @@ TEST(Mask, OnTakesACopy) {
   EXPECT_EQ(read_cells(vm.plane(m.index)), (Cells{1, 1}));  // unmasked writes ignore the mask
 }
 
-TEST(Mask, CoordinatesPixelsAndHostReadsObeyIt) {
+TEST(Mask, AppliesToCoordinatesPixelsAndHostReads) {
   TestProgram b;
   const Operand x = b.reg(2, 2), row = b.reg(2, 2), p = b.reg(2, 2), s = b.reg(2, 2), m = b.reg(2, 2);
   b.add(Opcode::kMaskPush, {}, m);
@@ -124,7 +124,7 @@ TEST(Mask, CoordinatesPixelsAndHostReadsObeyIt) {
   EXPECT_EQ(read_cells(vm.plane(s.index)), (Cells{0, 2, 0, 4}));
 }
 
-TEST(Mask, OfAnotherSizeThanTheWrittenRegisterIsAnError) {
+TEST(Mask, RejectsDestinationOfAnotherSize) {
   TestProgram b;
   const Operand small = b.reg(2, 2), large = b.reg(4, 4);
   b.add(Opcode::kMaskOn, {}, small);
@@ -137,7 +137,7 @@ TEST(Mask, OfAnotherSizeThanTheWrittenRegisterIsAnError) {
             "test.aps:2: error: the mask in force is 2x2, but the instruction writes a register of 4x4");
 }
 
-TEST(Mask, BaseOfAnotherSizeThanAnOuterWhereIsAnError) {
+TEST(Mask, RejectsBaseMaskOfAnotherSizeThanOuterWhere) {
   TestProgram b;
   const Operand small = b.reg(2, 2), large = b.reg(4, 4);
   b.add(Opcode::kMaskPush, {}, small);

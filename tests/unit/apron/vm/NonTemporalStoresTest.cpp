@@ -38,21 +38,21 @@ bool is_non_temporal(const FusionPlan& plan, std::size_t stage) {
 
 }  // namespace
 
-TEST(NonTemporalStores, WhatIsReadAgainStaysAndWhatIsNotGoesAround) {
+TEST(NonTemporalStores, SelectsOnlyResultsThatNoStageReads) {
   FusionPlan plan = two_stage_plan(kLarge);
   select_non_temporal_stores(plan);
   EXPECT_FALSE(is_non_temporal(plan, 0)) << "the next stage reads it";
   EXPECT_TRUE(is_non_temporal(plan, 1));
 }
 
-TEST(NonTemporalStores, WhatFitsTheCachesStays) {
+TEST(NonTemporalStores, KeepsPlanesThatFitInCache) {
   FusionPlan plan = two_stage_plan(64);
   select_non_temporal_stores(plan);
   EXPECT_FALSE(is_non_temporal(plan, 0));
   EXPECT_FALSE(is_non_temporal(plan, 1));
 }
 
-TEST(NonTemporalStores, APlaneWhoseOldRowsAreReadWhileItIsWrittenStays) {
+TEST(NonTemporalStores, KeepsPlaneReadAtEntryByALaterStage) {
   FusionPlan plan = two_stage_plan(kLarge);
   plan.buffers.push_back({RowBuffer::Kind::kRegister, 1});  // register 1 at entry
   plan.stages[1].streams[0].buffer = 3;
@@ -60,7 +60,7 @@ TEST(NonTemporalStores, APlaneWhoseOldRowsAreReadWhileItIsWrittenStays) {
   EXPECT_FALSE(is_non_temporal(plan, 0));
 }
 
-TEST(NonTemporalStores, RingsNeverGoAround) {
+TEST(NonTemporalStores, KeepsRingBuffers) {
   FusionPlan plan = two_stage_plan(kLarge);
   plan.buffers[2].kind = RowBuffer::Kind::kRing;
   plan.buffers[0].kind = plan.buffers[1].kind = RowBuffer::Kind::kDoubleBuffered;

@@ -9,7 +9,7 @@ namespace apron::vm::test {
 namespace {
 
 // Known answers from Random123, the authors' library.
-TEST(Random, IsPhilox) {
+TEST(Random, MatchesPhiloxKnownAnswers) {
   EXPECT_EQ(philox({0, 0, 0, 0}, {0, 0}), (RandomWords{0x6627e8d5, 0xe169c58d, 0xbc57ac4c, 0x9b00dbd8}));
   EXPECT_EQ(philox({0xffffffff, 0xffffffff, 0xffffffff, 0xffffffff}, {0xffffffff, 0xffffffff}),
             (RandomWords{0x408f276d, 0x41c83b0e, 0xa20bc7c6, 0x6d5451fd}));
@@ -34,7 +34,7 @@ Cells random_numbers(Size size, unsigned threads, Opcode op) {
   return cells;
 }
 
-TEST(Random, DoesNotDependOnThreadsNorOnTheArraysSize) {
+TEST(Random, IndependentOfThreadsAndArraySize) {
   for (const Opcode op : {Opcode::kRandomFloat, Opcode::kRandomGauss, Opcode::kRandomInt}) {
     const Cells one = random_numbers({40, 30}, 1, op), three = random_numbers({40, 30}, 3, op),
                 small = random_numbers({7, 5}, 2, op);
@@ -46,7 +46,7 @@ TEST(Random, DoesNotDependOnThreadsNorOnTheArraysSize) {
   }
 }
 
-TEST(Random, DrawIsAsDeclared) {
+TEST(Random, DrawMatchesSpecification) {
   const RandomStream draw{7, (std::uint64_t{5} << 32U) + 9};
   const RandomWords words = philox({11, 13, 9, 5}, {7, 0});
   const float u = static_cast<float>(words[0] >> 8U) / 16777216.0F;

@@ -45,7 +45,7 @@ std::vector<VmOptions> all_options() {
   return all;
 }
 
-TEST(Reduce, SumsInTheDeclaredOrder) {
+TEST(Reduce, SumsInSpecifiedOrder) {
   std::mt19937 rng(6);
   std::uniform_real_distribution<float> real(-1e4F, 1e4F);
   for (const Size size : kSizes) {
@@ -60,7 +60,7 @@ TEST(Reduce, SumsInTheDeclaredOrder) {
   }
 }
 
-TEST(Reduce, FindsExtremesAndCounts) {
+TEST(Reduce, ExtremesAndCounts) {
   std::mt19937 rng(7);
   for (const Size size : kSizes) {
     Cells cells = random_cells(std::size_t{size.width} * size.height, rng);
@@ -79,7 +79,7 @@ TEST(Reduce, FindsExtremesAndCounts) {
   }
 }
 
-TEST(Reduce, OfZerosIsZeroAndAnyIsFalse) {
+TEST(Reduce, UniformRegisters) {
   const Cells zeros(17 * 33, 0.0F);
   EXPECT_EQ(run(Opcode::kGlobalAny, zeros, {17, 33}, {}), 0.0F);
   EXPECT_EQ(run(Opcode::kGlobalSum, zeros, {17, 33}, {}), 0.0F);

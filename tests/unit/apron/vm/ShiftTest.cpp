@@ -70,7 +70,7 @@ void check(const Case& c, const NamedKernelTable& target, unsigned threads, std:
     }
 }
 
-TEST(Shift, EveryRuleEqualsItsDefinition) {
+TEST(Shift, EveryBoundaryRuleMatchesReference) {
   std::mt19937 rng(3);
   const int kOffsets[][2] = {{0, 0},  {1, 0},   {-1, 0}, {0, 1},   {0, -1},  {1, 1},   {-2, 3},  {5, -4},
                              {16, 0}, {-16, 2}, {17, 1}, {-33, 0}, {63, -6}, {64, 64}, {-70, 9}, {150, -90}};
@@ -85,14 +85,14 @@ TEST(Shift, EveryRuleEqualsItsDefinition) {
           }
 }
 
-TEST(Shift, RotationWrapsWhateverTheEdgeRule) {
+TEST(Shift, RotationWrapsUnderAnyBoundaryRule) {
   std::mt19937 rng(4);
   for (const Size size : kSizes)
     for (const bool masked : {false, true})
       check({Opcode::kRotate, size, -3, 2, BoundaryRule::kValue, masked}, {"best", &kernel_table()}, 1, rng);
 }
 
-TEST(Shift, ThreadsShareTheRows) {
+TEST(Shift, MultithreadedMatchesReference) {
   std::mt19937 rng(5);
   for (const Size size : kSizes)
     for (const int dy : {-3, 0, 4}) {
@@ -101,7 +101,7 @@ TEST(Shift, ThreadsShareTheRows) {
     }
 }
 
-TEST(Shift, TheImageMovesEastAndSouthForPositiveOffsets) {
+TEST(Shift, PositiveOffsetsMoveEastAndSouth) {
   TestProgram b;
   const Operand y = b.reg(3, 3), a = b.reg(3, 3);
   b.add(Opcode::kShift, y, a, b.lit(1), b.lit(0));

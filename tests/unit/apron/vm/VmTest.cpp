@@ -7,7 +7,7 @@
 namespace apron::vm::test {
 namespace {
 
-TEST(Flow, EveryConditionalJumpIncludingNaN) {
+TEST(Flow, ConditionalJumpsIncludingNaN) {
   const struct {
     Opcode op;
     bool less, equal, greater, nan;
@@ -34,7 +34,7 @@ TEST(Flow, EveryConditionalJumpIncludingNaN) {
   }
 }
 
-TEST(Flow, CallsReturnToAfterTheCall) {
+TEST(Flow, CallReturnsToNextInstruction) {
   TestProgram b;
   const Operand v = b.var();
   b.add(Opcode::kCall, {}, TestProgram::label(4));  // 0
@@ -49,7 +49,7 @@ TEST(Flow, CallsReturnToAfterTheCall) {
   EXPECT_EQ(vm.variable(v.index), 11.0F);
 }
 
-TEST(Flow, ReturnOutsideACallEndsTheProgram) {
+TEST(Flow, ReturnOutsideCallEndsProgram) {
   TestProgram b;
   const Operand v = b.var();
   b.add(Opcode::kReturn);
@@ -60,7 +60,7 @@ TEST(Flow, ReturnOutsideACallEndsTheProgram) {
   EXPECT_EQ(vm.variable(v.index), 0.0F);
 }
 
-TEST(Flow, EndlessRecursionIsAnError) {
+TEST(Flow, InfiniteRecursionFails) {
   TestProgram b;
   b.add(Opcode::kNop);
   b.add(Opcode::kCall, {}, TestProgram::label(1));
@@ -72,7 +72,7 @@ TEST(Flow, EndlessRecursionIsAnError) {
   EXPECT_EQ(vm.run(), Status::kFailed);
 }
 
-TEST(Flow, WhereInEndlessRecursionIsAnErrorAndNotACrash) {
+TEST(Flow, WhereInInfiniteRecursionFails) {
   TestProgram b;
   const Operand m = b.reg(3, 3);
   b.add(Opcode::kMaskPush, {}, m);
@@ -83,7 +83,7 @@ TEST(Flow, WhereInEndlessRecursionIsAnErrorAndNotACrash) {
   EXPECT_EQ(vm.error(), "test.aps:1: error: where is nested more than 64 deep");
 }
 
-TEST(Flow, BudgetStopsAndGoesOn) {
+TEST(Flow, BudgetStopsAndResumes) {
   TestProgram b;
   const Operand v = b.var();
   b.add(Opcode::kAdd, v, v, b.lit(1));
@@ -98,7 +98,7 @@ TEST(Flow, BudgetStopsAndGoesOn) {
   EXPECT_EQ(vm.instructions_executed(), 6U);
 }
 
-TEST(Flow, AStopFlagEndsAnEndlessLoop) {
+TEST(Flow, StopFlagInterruptsInfiniteLoop) {
   TestProgram b;
   b.add(Opcode::kJump, {}, TestProgram::label(0));
   FakeHost host;
@@ -112,7 +112,7 @@ TEST(Flow, AStopFlagEndsAnEndlessLoop) {
   other.join();
 }
 
-TEST(Pixel, ReadsWritesAndRefusesOutside) {
+TEST(Pixel, ReadsAndWritesAndRejectsOutOfBounds) {
   TestProgram b;
   const Operand v = b.var(), a = b.reg(3, 2), x = b.var(2), y = b.var(1);
   b.add(Opcode::kPixelSet, a, x, y, b.lit(5));
@@ -133,7 +133,7 @@ TEST(Pixel, ReadsWritesAndRefusesOutside) {
   }
 }
 
-TEST(Host, PrintsTextsNumbersAndRegisters) {
+TEST(Host, PrintsTextNumbersAndRegisters) {
   TestProgram b;
   const Operand a = b.reg(2, 2);
   b.add(Opcode::kPrintText, {}, b.text("v = "));
@@ -148,7 +148,7 @@ TEST(Host, PrintsTextsNumbersAndRegisters) {
   EXPECT_EQ(host.console, "v = 0.1\n1 -2.5\nnan 1000000\n");
 }
 
-TEST(Host, NumbersReadBackAsTheSameFloat) {
+TEST(Host, NumberFormatRoundTrips) {
   EXPECT_EQ(format_number(0.1F), "0.1");
   EXPECT_EQ(format_number(-3.0F), "-3");
   EXPECT_EQ(format_number(1e20F), "1e+20");
@@ -159,7 +159,7 @@ TEST(Host, NumbersReadBackAsTheSameFloat) {
     EXPECT_EQ(std::stof(format_number(v)), v);
 }
 
-TEST(Host, ParametersFallBackToTheirDefault) {
+TEST(Host, ParametersFallBackToDefault) {
   TestProgram b;
   const Operand speed = b.var(), gain = b.var();
   b.program.parameters = {{"speed", 2.5F, 0, 10}, {"gain", 1.0F, 0, 1}};
@@ -173,7 +173,7 @@ TEST(Host, ParametersFallBackToTheirDefault) {
   EXPECT_EQ(vm.variable(gain.index), 0.25F);
 }
 
-TEST(Host, SurfaceLoopSensesActuatesAndStopsAtEachTick) {
+TEST(Host, SurfaceLoopReturnsAfterEachTick) {
   TestProgram b;
   const Operand d = b.reg(2, 1), time = b.var(), dt = b.var(), tick = b.var(), has = b.var(),
                 has_not = b.var();
@@ -209,7 +209,7 @@ TEST(Host, SurfaceLoopSensesActuatesAndStopsAtEachTick) {
   }
 }
 
-TEST(Host, ARefusalNamesThePlaceInTheProgram) {
+TEST(Host, RefusalReportsSourceLocation) {
   TestProgram b;
   const Operand d = b.reg(2, 1);
   b.add(Opcode::kNop);
@@ -267,7 +267,7 @@ Cells run_random(unsigned seed, unsigned threads, const KernelTable* kernels) {
   return all;
 }
 
-TEST(Threads, ChangeNothing) {
+TEST(Threads, ResultsAreBitIdentical) {
   for (unsigned seed = 0; seed < 20; ++seed) {
     const Cells one = run_random(seed, 1, nullptr);
     const auto expect_same = [&](const Cells& other, std::string_view what) {

@@ -116,7 +116,7 @@ TEST_F(MeshFileTest, TheHullOfAFileNeedsNoClosedMesh) {
   const fs::path file = write("open.obj", kOpenCube);
   EXPECT_NEAR(library.make_hull({.file = file, .display_name = "open.obj"}).solid->volume, 1.0, 1e-6);
   EXPECT_EQ(error_message_of([&] { library.load_mesh({.file = file, .display_name = "open.obj"}); })
-                .find("'open.obj': the mesh is open: 4 edges have one triangle only, the first from (1, 0, "
+                .find("'open.obj': the mesh is open: 4 edges have only one triangle, the first from (1, 0, "
                       "1) to (0, 0, 1)"),
             0U);
 }
@@ -127,7 +127,7 @@ TEST_F(MeshFileTest, BadFilesGetOneLine) {
   };
   EXPECT_EQ(error_message_of([&] { read_mesh(folder / "none.stl"); }), "does not exist");
   EXPECT_EQ(refused("a.txt", ""),
-            "is no mesh by its name: must end in .stl, .obj, .ply, .gltf, .glb or .3mf");
+            "is not a mesh file: must end in .stl, .obj, .ply, .gltf, .glb or .3mf");
   for (const char* name : {"a.stl", "a.obj", "a.ply", "a.gltf", "a.glb", "a.3mf"})
     for (const char* text :
          {"", "solid", "garbage\n\n\x01\xff", "ply\nformat ascii 1.0\nelement vertex 9\n"}) {

@@ -31,7 +31,7 @@ TEST(Shells, AnInsideOutMeshIsTurned) {
   invert_orientation(mesh);
   const auto said = orient_shells(mesh);
   ASSERT_EQ(said.size(), 1U);
-  EXPECT_EQ(said[0], "the mesh was inside out: turned");
+  EXPECT_EQ(said[0], "the mesh was inside out: flipped");
   EXPECT_DOUBLE_EQ(volume_of(mesh), 1.0);
 }
 
@@ -49,8 +49,8 @@ TEST(Shells, AnOpenMeshIsRefusedWithItsFirstOpenEdge) {
   mesh.triangles.erase(mesh.triangles.begin() + 2, mesh.triangles.begin() + 4);  // the top
   EXPECT_EQ(
       error_message_of([&] { orient_shells(mesh); }),
-      "the mesh is open: 4 edges have one triangle only, the first from (0, 0, 1) to (1, 0, 1); close its "
-      "holes where it was made, or take its convex hull, hull{file = ...}");
+      "the mesh is open: 4 edges have only one triangle, the first from (0, 0, 1) to (1, 0, 1); close its "
+      "holes in a mesh editor, or use its convex hull, hull{file = ...}");
 }
 
 TEST(Shells, ThreeWallsAtOneEdgeAreRefused) {
@@ -90,7 +90,7 @@ TEST(Shells, ACavityFacesInwards) {
 TEST(Shells, AShellInsideAnotherBecomesACavity) {
   TriangleMesh mesh = cube(0.0, 4.0);
   add(mesh, cube(1.0, 2.0));
-  EXPECT_EQ(orient_shells(mesh), std::vector<std::string>{"1 shell of 2 faced the wrong way: turned"});
+  EXPECT_EQ(orient_shells(mesh), std::vector<std::string>{"1 shell of 2 faced the wrong way: flipped"});
   EXPECT_DOUBLE_EQ(volume_of(mesh), 63.0);
 }
 

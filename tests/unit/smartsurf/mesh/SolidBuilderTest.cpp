@@ -83,9 +83,8 @@ TEST(MakeSolid, APieceForTheWholeRingIsReportedOrRefused) {
   build_solid(torus(3.0, 1.0, 24, 12), {.decompose = false}, notes);
   ASSERT_EQ(notes.size(), 1U);
   EXPECT_EQ(notes[0],
-            "what collides, 1 piece, has 56.9 % more volume than the mesh (inertia 17.2 % off, centre of "
-            "mass 0 % of "
-            "its reach)");
+            "the collision shape, 1 piece, has 56.9 % more volume than the mesh (inertia off by 17.2 %, "
+            "centre of mass by 0 % of the radius)");
   const std::string error = error_message_of([] {
     std::vector<std::string> none;
     build_solid(torus(3.0, 1.0, 24, 12), {.pieces = 1}, none);
@@ -101,7 +100,7 @@ TEST(MakeSolid, SheetsAndOddSizesAreRefused) {
   TriangleMesh sheet{{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}, {}};
   add_quad(sheet, {0, 1, 2, 3});
   add_quad(sheet, {3, 2, 1, 0});
-  EXPECT_NE(refused(sheet).find("encloses next to no volume"), std::string::npos) << refused(sheet);
+  EXPECT_NE(refused(sheet).find("encloses almost no volume"), std::string::npos) << refused(sheet);
   EXPECT_NE(refused(box_mesh({0, 0, 0}, {1e-4, 1e-4, 1e-4})).find("is 0.0001 u across"), std::string::npos);
   EXPECT_NE(refused(box_mesh({0, 0, 0}, {1e7, 1, 1})).find("set its scale"), std::string::npos);
   EXPECT_NE(refused({{{0, 0, 0}, {1, 1, 1}}, {}}).find("no triangles"), std::string::npos);
@@ -140,7 +139,7 @@ TEST(HullSolid, RefusesFlatAndFewPoints) {
   const std::vector<Eigen::Vector3d> flat{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}};
   EXPECT_EQ(error_message_of([&] { build_hull_solid(flat); }), "is flat: its points enclose no volume");
   EXPECT_EQ(error_message_of([&] { build_hull_solid(std::span(flat).first(3)); }),
-            "has 3 points: a hull needs four or more");
+            "has 3 points: a hull needs at least four");
 }
 
 }  // namespace

@@ -14,7 +14,7 @@ std::string content(const std::filesystem::path& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-TEST(CsvRecorder, WritesALineAnObjectAFrame) {
+TEST(CsvRecorder, WritesOneLinePerObjectAndFrame) {
   const OutputFolder out;
   SyntheticRun run;
   run.spec.objects[1].label = "says \"big\", loud";
@@ -30,7 +30,7 @@ TEST(CsvRecorder, WritesALineAnObjectAFrame) {
             "3,0.05,2,,2.3,2,3,0,0.6,0,0.8\n");
 }
 
-TEST(CsvRecorder, NumbersReadBackToTheSameBits) {
+TEST(CsvRecorder, NumbersRoundTrip) {
   const OutputFolder out;
   const SyntheticRun run;
   scene::Snapshot shot = run.snapshot_at(1, {0});
@@ -50,7 +50,7 @@ TEST(CsvRecorder, NumbersReadBackToTheSameBits) {
   }
 }
 
-TEST(CsvRecorder, WritesLongRunsWholeAndKeepsEveryNth) {
+TEST(CsvRecorder, WritesLongRunsAtEveryNthTick) {
   const OutputFolder out;
   SyntheticRun run;
   run.spec.record.tick_interval = 2;

@@ -9,7 +9,7 @@
 namespace smartsurf::record {
 namespace {
 
-// Heights and inputs of a run in which few cells change from tick to tick.
+// A run in which one height and one input change per tick.
 struct ChangingRun : SyntheticRun {
   static std::vector<float> heights(std::uint64_t tick) {
     std::vector<float> values(24, 1.0f);
@@ -27,7 +27,8 @@ struct ChangingRun : SyntheticRun {
     for (std::uint64_t t = 0; t < ticks; ++t) {
       const std::vector<float> both = inputs(t);
       const std::span<const float> all(both);
-      const scene::ChannelData channels[] = {{"height", 4, 6, 1, all.first(24)}, {"spin", 4, 6, 1, all.last(24)}};
+      const scene::ChannelData channels[] = {{"height", 4, 6, 1, all.first(24)},
+                                             {"spin", 4, 6, 1, all.last(24)}};
       recorder->record_inputs(channels);
       scene::Snapshot shot = snapshot_at(t, {0, 1});
       shot.height = heights(t);
@@ -37,7 +38,7 @@ struct ChangingRun : SyntheticRun {
   }
 };
 
-TEST(DeltaEncoding, HeightsComeBackInAnyOrder) {
+TEST(DeltaEncoding, ReadsHeightsInAnyOrder) {
   OutputFolder folder;
   ChangingRun run;
   run.record(folder / "run.h5", 700);
@@ -48,7 +49,7 @@ TEST(DeltaEncoding, HeightsComeBackInAnyOrder) {
     EXPECT_EQ(recording.read_snapshot(frame).height, ChangingRun::heights(frame)) << frame;
 }
 
-TEST(DeltaEncoding, InputsAreKeptForEveryTickWhateverIsRecorded) {
+TEST(DeltaEncoding, KeepsInputsOfUnrecordedTicks) {
   OutputFolder folder;
   ChangingRun run;
   run.spec.record.tick_interval = 7;
@@ -63,7 +64,7 @@ TEST(DeltaEncoding, InputsAreKeptForEveryTickWhateverIsRecorded) {
   EXPECT_THROW(recording.read_inputs(100), scene::InputError);
 }
 
-TEST(DeltaEncoding, ARunKilledInBetweenKeepsWhatWasWritten) {
+TEST(DeltaEncoding, KeepsInputsWithoutClose) {
   OutputFolder folder;
   ChangingRun run;
   {
@@ -80,7 +81,7 @@ TEST(DeltaEncoding, ARunKilledInBetweenKeepsWhatWasWritten) {
   EXPECT_EQ(recording.input_tick_count(), 10u);
 }
 
-TEST(DeltaEncoding, BitsAreKeptNotNumbers) {
+TEST(DeltaEncoding, PreservesSignedZeroAndNaN) {
   OutputFolder folder;
   SyntheticRun run;
   const auto recorder = Recorder::open(folder / "run.h5", run.meta, run.spec);
@@ -97,7 +98,7 @@ TEST(DeltaEncoding, BitsAreKeptNotNumbers) {
   EXPECT_TRUE(std::isnan(recording.read_snapshot(2).height[3]));
 }
 
-TEST(Recorder, SaysWhetherTheRunWasTouchedByHand) {
+TEST(Recorder, RecordsFirstUserInteraction) {
   OutputFolder folder;
   SyntheticRun run;
   run.meta.driver = "controller";

@@ -11,8 +11,8 @@
 namespace smartsurf::record {
 namespace {
 
-// Writes in another process, which says after each frame that it has got so far, until it is killed. After
-// `most_frames` it waits for that with the file open.
+// A child process that records frames until it is killed and writes a byte to a pipe after each. After
+// `max_frames` it pauses with the file open.
 class KilledWriterProcess {
  public:
   KilledWriterProcess(const std::filesystem::path& path, const SyntheticRun& run,
@@ -68,7 +68,7 @@ void expect_readable(const std::filesystem::path& path, std::size_t min_frames) 
   }
 }
 
-TEST(KilledWriter, LeavesAReadableFileUpToItsLastFlush) {
+TEST(KilledWriter, FileIsReadableUpToLastFlush) {
   const OutputFolder out;
   SyntheticRun run;
   run.spec.record.sensors = true;
@@ -78,7 +78,7 @@ TEST(KilledWriter, LeavesAReadableFileUpToItsLastFlush) {
   expect_readable(out / "run.h5", 192);  // three buffers of 64
 }
 
-TEST(KilledWriter, CanBeReadWhileItWrites) {
+TEST(KilledWriter, FileIsReadableWhileOpen) {
   const OutputFolder out;
   SyntheticRun run;
   KilledWriterProcess writer(out / "run.h5", run, 130);
@@ -87,8 +87,8 @@ TEST(KilledWriter, CanBeReadWhileItWrites) {
   writer.kill();
 }
 
-// The moment is left to the machine's scheduler: many kills hit many places, inside flushes too.
-TEST(KilledWriter, LeavesAReadableFileWheneverItIsKilled) {
+// The scheduler determines the exact time of each kill, so that many repetitions also hit flushes.
+TEST(KilledWriter, FileIsReadableWheneverKilled) {
   const OutputFolder out;
   SyntheticRun run;
   run.spec.record.sensors = true;

@@ -12,15 +12,15 @@
 #include "smartsurf/record/plot/TrajectoryPlot.h"
 #include "tests/unit/smartsurf/record/SyntheticRun.h"
 
-// Fontconfig, which finds Cairo's fonts, keeps its tables to the end of the process; the HDF5 library forgets
-// some memory over a damaged file.
+// Fontconfig, which Cairo uses to find fonts, never frees its tables; the HDF5 library leaks memory on a
+// damaged file.
 extern "C" const char* __lsan_default_suppressions() { return "leak:libfontconfig\nleak:libhdf5"; }
 
 namespace smartsurf::record {
 namespace {
 
-// A small sphere that goes straight west along y = 10 and a large one that goes straight east along y = 20,
-// in 10 s, on 32 × 32 cells with a border.
+// A run of 10 s on 32 × 32 cells with a border: a small sphere moves straight west along y = 10, a large one
+// straight east along y = 20, both for the first 4 s.
 Recording record_two_trajectories(const std::filesystem::path& path) {
   SyntheticRun run;
   run.spec.surface = {};
@@ -49,14 +49,14 @@ class Image {
   ~Image() { cairo_surface_destroy(surface_); }
   int width() const { return cairo_image_surface_get_width(surface_); }
   int height() const { return cairo_image_surface_get_height(surface_); }
-  // 0xRRGGBB at a place in points of the figure.
+  // The pixel, 0xRRGGBB, at a position in points.
   std::uint32_t pixel_at(double x, double y) const {
     const int column = static_cast<int>(2.0 * x), row = static_cast<int>(2.0 * y);
     const unsigned char* line =
         cairo_image_surface_get_data(surface_) + row * cairo_image_surface_get_stride(surface_);
     return reinterpret_cast<const std::uint32_t*>(line)[column] & 0xFFFFFFu;
   }
-  // Whether the pixel is clearly more of the one channel than of the other.
+  // Whether blue clearly dominates red, and vice versa.
   bool is_blue(double x, double y) const { return (pixel_at(x, y) & 0xFF) > (pixel_at(x, y) >> 16) + 80; }
   bool is_orange(double x, double y) const { return (pixel_at(x, y) >> 16) > (pixel_at(x, y) & 0xFF) + 80; }
 
@@ -64,7 +64,7 @@ class Image {
   cairo_surface_t* surface_;
 };
 
-TEST(TrajectoryPlot, DrawsSolidSmallAndDashedLargeWays) {
+TEST(TrajectoryPlot, SmallObjectsSolidLargeObjectsDashed) {
   const OutputFolder out;
   const Recording recording = record_two_trajectories(out / "run.h5");
   write_plot(recording, "trajectories", out / "figure.png");
@@ -78,13 +78,13 @@ TEST(TrajectoryPlot, DrawsSolidSmallAndDashedLargeWays) {
     blue += image.is_blue(chart.px(x), chart.py(10.0));
     orange += image.is_orange(chart.px(x), chart.py(20.0));
   }
-  EXPECT_EQ(blue, samples);          // all of the way between the marks
+  EXPECT_EQ(blue, samples);          // solid between the marks
   EXPECT_GT(orange, samples * 0.5);  // 6 on, 3.5 off
   EXPECT_LT(orange, samples * 0.8);
-  EXPECT_EQ(image.pixel_at(chart.px(12.0), chart.py(15.3)), 0xFFFFFFu);  // nothing went there
+  EXPECT_EQ(image.pixel_at(chart.px(12.0), chart.py(15.3)), 0xFFFFFFu);  // no trajectory
 }
 
-TEST(TrajectoryPlot, MarksStartAndEndAndTheBorder) {
+TEST(TrajectoryPlot, DrawsStartEndAndBorder) {
   const OutputFolder out;
   const Recording recording = record_two_trajectories(out / "run.h5");
   write_plot(recording, "trajectories", out / "figure.png");
@@ -92,22 +92,22 @@ TEST(TrajectoryPlot, MarksStartAndEndAndTheBorder) {
   const TrajectoryPlot figure(recording);
   const Chart& chart = figure.chart();
   const double start = chart.px(26.0), end = chart.px(6.0), y = chart.py(10.0);
-  EXPECT_TRUE(image.is_blue(start, y - 4.6));   // the O's top…
-  EXPECT_FALSE(image.is_blue(start + 2.0, y));  // …and the inside of its side that has no line
+  EXPECT_TRUE(image.is_blue(start, y - 4.6));   // top of the O
+  EXPECT_FALSE(image.is_blue(start + 2.0, y));  // inside the O, on the side without a line
   EXPECT_TRUE(image.is_blue(end - 3.0, y - 3.0));
   EXPECT_TRUE(image.is_blue(end + 3.0, y - 3.0));
   EXPECT_FALSE(image.is_blue(end, y - 4.6));
-  const std::uint32_t grey = image.pixel_at(chart.px(0.0), chart.py(12.3));  // the westmost column of cells
+  const std::uint32_t grey = image.pixel_at(chart.px(0.0), chart.py(12.3));  // the border, at the west edge
   EXPECT_EQ(grey, 0xE1E1E1u);
   EXPECT_EQ(image.pixel_at(chart.px(31.0), chart.py(12.3)), grey);
   EXPECT_EQ(image.pixel_at(chart.px(12.3), chart.py(0.0)), grey);
   EXPECT_EQ(image.pixel_at(chart.px(1.0), chart.py(12.3)), 0xFFFFFFu);
 }
 
-TEST(PurityPlot, DrawsTheCurveAndWhereItIsHeld) {
+TEST(PurityPlot, DrawsCurveAndHoldBand) {
   const OutputFolder out;
   const Recording recording = record_two_trajectories(out / "run.h5");
-  // Both cross x = 15.5 on their 4 s way: 10.5/20 of it, after 2.1 s.
+  // Both cross x = 15.5 after 10.5 of 20 u, at 2.1 s.
   const double sorted = compute_purity(recording).sorted_at.value();
   EXPECT_NEAR(sorted, 2.1, 1.5 / 60.0);
   write_plot(recording, "purity", out / "figure.png");
@@ -118,21 +118,21 @@ TEST(PurityPlot, DrawsTheCurveAndWhereItIsHeld) {
   EXPECT_TRUE(image.is_blue(chart.px(1.0), chart.py(0.0)));
   EXPECT_FALSE(image.is_blue(chart.px(8.6), chart.py(0.5)));
   EXPECT_EQ(image.pixel_at(chart.px(8.6), chart.py(0.5)), 0xFFFFFFu);
-  EXPECT_NE(image.pixel_at(chart.px(sorted + 4.9), chart.py(0.5)), 0xFFFFFFu);  // the band of the hold
+  EXPECT_NE(image.pixel_at(chart.px(sorted + 4.9), chart.py(0.5)), 0xFFFFFFu);  // inside the hold band
   EXPECT_EQ(image.pixel_at(chart.px(sorted + 5.1), chart.py(0.5)), 0xFFFFFFu);
   int orange = 0;
   for (double x = 8.0; x < 9.5; x += 0.01) orange += image.is_orange(chart.px(x), chart.py(0.95));
-  EXPECT_GT(orange, 75);  // half of the 150 samples: the dashed line of 0.95
+  EXPECT_GT(orange, 75);  // at least half of the 150 samples: the threshold line is dashed
 }
 
-TEST(TimeSpentPlot, SumsTheSecondsOverEachCell) {
+TEST(TimeSpentPlot, SumsSecondsPerCell) {
   const OutputFolder out;
   const Recording recording = record_two_trajectories(out / "run.h5");
   const TimeSpentPlot small(recording, "small"), all(recording, "");
   const auto at = [](const TimeSpentPlot& figure, int x, int y) {
     return figure.seconds()[static_cast<std::size_t>((31 - y) * 32 + x)];
   };
-  // 20 u in 4 s: 0.2 s a cell on the way; the last 6 s at the end.
+  // 20 u in 4 s are 0.2 s per cell; the objects rest for the last 6 s.
   EXPECT_NEAR(at(small, 16, 10), 0.2, 0.02);
   EXPECT_NEAR(at(small, 6, 10), 6.0 + 0.1, 0.05);
   EXPECT_EQ(at(small, 16, 20), 0.0);
@@ -142,7 +142,7 @@ TEST(TimeSpentPlot, SumsTheSecondsOverEachCell) {
   EXPECT_NEAR(sum, 20.0, 1e-9);
 }
 
-TEST(TimeSpentPlot, ShowsNorthOnTopAndTheMostInYellow) {
+TEST(TimeSpentPlot, NorthOnTopMaximumYellow) {
   const OutputFolder out;
   const Recording recording = record_two_trajectories(out / "run.h5");
   write_plot(recording, "time-spent:small", out / "figure.png");
@@ -155,7 +155,7 @@ TEST(TimeSpentPlot, ShowsNorthOnTopAndTheMostInYellow) {
   EXPECT_LT(red(6.0, 21.0), 0x50u) << "upside down";
 }
 
-TEST(CurvePlot, DrawsTheCurveWhereItsValuesAre) {
+TEST(CurvePlot, DrawsCurveAtItsValues) {
   const OutputFolder out;
   const Recording recording = record_two_trajectories(out / "run.h5");
   write_plot(recording, "x:0", out / "figure.png");
@@ -168,7 +168,7 @@ TEST(CurvePlot, DrawsTheCurveWhereItsValuesAre) {
   EXPECT_EQ(image.pixel_at(chart.px(8.0), chart.py(16.3)), 0xFFFFFFu);
 }
 
-TEST(TimeSeries, ComesFromTheFrames) {
+TEST(TimeSeries, ReadsEveryFrame) {
   const OutputFolder out;
   const Recording recording = record_two_trajectories(out / "run.h5");
   const auto only = [&](const std::string& kind, std::vector<std::string> arguments = {}) {
@@ -181,7 +181,7 @@ TEST(TimeSeries, ComesFromTheFrames) {
   EXPECT_DOUBLE_EQ(only("contacts")[7], 2.0);
   EXPECT_NEAR(only("speed", {"0", "1"})[600], std::sqrt(5.0 + 600.0 * 600.0), 1e-3);
   EXPECT_DOUBLE_EQ(only("height", {"2,3"})[9], 9.0);
-  EXPECT_NEAR(only("x")[0], 15.5, 1e-6) << "the mean of both";
+  EXPECT_NEAR(only("x")[0], 15.5, 1e-6) << "mean of both";
 }
 
 TEST(Plot, WritesSvg) {
@@ -200,7 +200,7 @@ TEST(Plot, WritesSvg) {
   }
 }
 
-TEST(Plot, RefusesWhatItCannotDraw) {
+TEST(Plot, RejectsInvalidRequests) {
   const OutputFolder out;
   const Recording recording = record_two_trajectories(out / "run.h5");
   const auto error_of = [&](const std::string& kind, const std::filesystem::path& path) -> std::string {
@@ -212,10 +212,9 @@ TEST(Plot, RefusesWhatItCannotDraw) {
     return "";
   };
   EXPECT_EQ(error_of("trajectory", out / "a.png"),
-            "--what trajectory: no such figure; known are trajectories, purity, time-spent, speed, x, y, z, "
-            "objects, "
-            "contacts, height; did you mean 'trajectories'?");
-  EXPECT_EQ(error_of("height", out / "a.png"), "--what height: of which cell? height:ROW,COLUMN");
+            "--what trajectory: unknown kind of plot; known: trajectories, purity, time-spent, speed, x, y, "
+            "z, objects, contacts, height; did you mean 'trajectories'?");
+  EXPECT_EQ(error_of("height", out / "a.png"), "--what height: needs a cell: height:ROW,COLUMN");
   EXPECT_EQ(error_of("height:3", out / "a.png"), "--what height:3: must be height:ROW,COLUMN");
   EXPECT_EQ(error_of("height:3,32", out / "a.png"),
             "--what height:3,32: the surface has rows 0 to 31 and columns 0 to 31");
@@ -223,13 +222,13 @@ TEST(Plot, RefusesWhatItCannotDraw) {
   EXPECT_EQ(error_of("contacts:1", out / "a.png"), "--what contacts:1: takes nothing after 'contacts'");
   EXPECT_EQ(error_of("purity:1", out / "a.png"), "--what purity:1: purity takes nothing after 'purity'");
   EXPECT_EQ(error_of("time-spent:smal", out / "a.png"),
-            "--what time-spent:smal: no object carries this label; did you mean 'small'?");
+            "--what time-spent:smal: no object has this label; did you mean 'small'?");
   EXPECT_NE(error_of("purity", out / "a.pdf").find("a.pdf: unknown kind of picture '.pdf'"),
             std::string::npos);
   EXPECT_NE(error_of("purity", out / "none/a.png").find("No such file or directory"), std::string::npos);
   std::filesystem::create_directory(out / "folder.png");
   EXPECT_NE(error_of("purity", out / "folder.png").find("Is a directory"), std::string::npos);
-  std::size_t files = 0;  // and leaves nothing behind
+  std::size_t files = 0;  // no temporary files remain
   for ([[maybe_unused]] const auto& entry : std::filesystem::directory_iterator(out / "")) ++files;
   EXPECT_EQ(files, 2u);
 
@@ -240,7 +239,7 @@ TEST(Plot, RefusesWhatItCannotDraw) {
     EXPECT_THROW(write_plot(empty, kind, out / "a.png"), scene::InputError);
 }
 
-TEST(Chart, HasRoundNumbers) {
+TEST(Chart, RoundTickValues) {
   EXPECT_EQ(tick_values(0.0, 64.0), (std::vector<double>{0, 10, 20, 30, 40, 50, 60}));
   EXPECT_EQ(tick_values(-2.4, 6.9), (std::vector<double>{-2, 0, 2, 4, 6}));
   const std::vector<double> tenths = tick_values(0.0, 1.04);

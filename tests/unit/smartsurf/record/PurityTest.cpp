@@ -10,7 +10,7 @@
 namespace smartsurf::record {
 namespace {
 
-// 10 × 10 cells of pitch 1: the cells' outline is −0.5 to 9.5, the centre line x = 4.5.
+// 10 × 10 cells of pitch 1: the outline spans −0.5 to 9.5, the centre line is x = 4.5.
 scene::SurfaceSpec surface() {
   scene::SurfaceSpec s;
   s.rows = s.columns = 10;
@@ -49,13 +49,13 @@ double purity_of(const std::vector<scene::ObjectSpec>& catalogue, const std::vec
 using Classes = std::vector<SizeClass>;
 constexpr SizeClass kSmall = SizeClass::kSmall, kLarge = SizeClass::kLarge, kNone = SizeClass::kNone;
 
-TEST(ClassifyObjects, AreTwoLabelsBySizeOrTwoSizes) {
+TEST(ClassifyObjects, ByLabelOrBySize) {
   EXPECT_EQ(classify_objects({sphere(4, "a"), sphere(2, "b"), sphere(4, "a")}),
             (Classes{kLarge, kSmall, kLarge}));
   EXPECT_EQ(classify_objects({sphere(1, "b"), sphere(1, "a")}),
-            (Classes{kLarge, kSmall}));  // by the alphabet
+            (Classes{kLarge, kSmall}));  // equal means: alphabetical
   EXPECT_EQ(classify_objects({sphere(9, "a"), sphere(1, "a"), sphere(2, "b")}),
-            (Classes{kLarge, kLarge, kSmall}));  // the mean of a label counts
+            (Classes{kLarge, kLarge, kSmall}));  // the mean size of a label decides
   EXPECT_EQ(classify_objects({sphere(4, "a"), sphere(2, "b"), sphere(9)}), (Classes{kLarge, kSmall, kNone}));
   EXPECT_EQ(classify_objects({sphere(4), sphere(2), sphere(3.1)}), (Classes{kLarge, kSmall, kLarge}));
   EXPECT_EQ(classify_objects({sphere(1, "a"), sphere(2, "b"), sphere(9, "c")}),
@@ -67,20 +67,20 @@ TEST(ClassifyObjects, AreTwoLabelsBySizeOrTwoSizes) {
   EXPECT_TRUE(classify_objects({}).empty());
 }
 
-TEST(Purity, IsTheShareInTheirOwnHalf) {
+TEST(Purity, ShareOfObjectsInOwnHalf) {
   const std::vector<scene::ObjectSpec> four{sphere(1), sphere(1), sphere(2), sphere(2)};
   EXPECT_EQ(purity_of(four, {1, 4.4f, 4.6f, 9}), 1.0);
   EXPECT_EQ(purity_of(four, {9, 8, 1, 2}), 0.0);
   EXPECT_EQ(purity_of(four, {1, 8, 1, 9}), 0.5);
-  EXPECT_EQ(purity_of(four, {4.5f, 1, 4.5f, 9}), 0.5);   // on the line is in no half
-  EXPECT_EQ(purity_of(four, {-0.6f, 1, 8, 9.6f}), 0.5);  // off the surface is in no half
-  EXPECT_EQ(purity_of(four, {1, 1, 8, 8}, 9.6f), 0.0);   // north of it, too
-  EXPECT_EQ(purity_of(four, {1, NAN, 1, NAN}), 0.5);     // only what exists counts
+  EXPECT_EQ(purity_of(four, {4.5f, 1, 4.5f, 9}), 0.5);   // on the centre line
+  EXPECT_EQ(purity_of(four, {-0.6f, 1, 8, 9.6f}), 0.5);  // off the surface, west and east
+  EXPECT_EQ(purity_of(four, {1, 1, 8, 8}, 9.6f), 0.0);   // off the surface, north
+  EXPECT_EQ(purity_of(four, {1, NAN, 1, NAN}), 0.5);     // removed objects do not count
   EXPECT_TRUE(std::isnan(purity_of(four, {NAN, NAN, NAN, NAN})));
   EXPECT_TRUE(std::isnan(purity_of({sphere(1), sphere(1)}, {1, 2})));
 }
 
-TEST(Purity, CountsWhatFellOffBesideAnEdgeThatIsNoRectangles) {
+TEST(Purity, ObjectsOverEmptyCellsAreOffSurface) {
   scene::SurfaceSpec corner_gone = surface();
   for (int row = 0; row < 10; ++row)
     for (int column = 0; column < 10; ++column)
@@ -90,10 +90,10 @@ TEST(Purity, CountsWhatFellOffBesideAnEdgeThatIsNoRectangles) {
   north.add(snapshot_at(0.0, {1, 8}, 8.0f), two);
   EXPECT_EQ(north.value(), 1.0);
   south.add(snapshot_at(0.0, {1, 8}, 1.0f), two);
-  EXPECT_EQ(south.value(), 0.5) << "the small one lies where no cell is";
+  EXPECT_EQ(south.value(), 0.5) << "the small object lies over an empty cell";
 }
 
-TEST(PurityMeter, FollowsObjectsThatAreAdded) {
+TEST(PurityMeter, ReclassifiesWhenObjectsAreAdded) {
   PurityMeter meter(surface());
   std::vector<scene::ObjectSpec> catalogue{sphere(1)};
   meter.add(snapshot_at(0.0, {1}), catalogue);
@@ -103,7 +103,8 @@ TEST(PurityMeter, FollowsObjectsThatAreAdded) {
   EXPECT_EQ(meter.value(), 0.5);
 }
 
-// One small object in the west and one large at these places, ten times a second.
+// Runs the meter at 10 Hz with one small object in the west and one large object, which is east within the
+// intervals [high_from_to[i], high_from_to[i + 1]) and west otherwise. Times in seconds.
 std::optional<double> sorted_at(const std::vector<double>& high_from_to, double end_s) {
   PurityMeter meter(surface());
   for (int tick = 0; tick <= std::lround(end_s * 10.0); ++tick) {
@@ -115,17 +116,17 @@ std::optional<double> sorted_at(const std::vector<double>& high_from_to, double 
   return meter.sorted_at();
 }
 
-TEST(PurityMeter, IsSortedOnceHeldForFiveSeconds) {
+TEST(PurityMeter, SortedAfterFiveSeconds) {
   EXPECT_DOUBLE_EQ(sorted_at({2.0, 99.0}, 20.0).value(), 2.0);
-  EXPECT_DOUBLE_EQ(sorted_at({2.0, 99.0}, 7.0).value(), 2.0);             // held for 5 s just at the end
-  EXPECT_FALSE(sorted_at({2.0, 99.0}, 6.9));                              // the recording ends too early
-  EXPECT_FALSE(sorted_at({}, 20.0));                                      // never
-  EXPECT_FALSE(sorted_at({1.0, 5.9, 6.0, 10.9}, 20.0));                   // lost again, twice
-  EXPECT_DOUBLE_EQ(sorted_at({1.0, 5.9, 6.0, 99.0}, 20.0).value(), 6.0);  // the hold begins anew
-  EXPECT_DOUBLE_EQ(sorted_at({1.0, 8.0}, 20.0).value(), 1.0);  // what comes after the 5 s does not undo it
+  EXPECT_DOUBLE_EQ(sorted_at({2.0, 99.0}, 7.0).value(), 2.0);             // exactly 5 s
+  EXPECT_FALSE(sorted_at({2.0, 99.0}, 6.9));                              // less than 5 s
+  EXPECT_FALSE(sorted_at({}, 20.0));                                      // never sorted
+  EXPECT_FALSE(sorted_at({1.0, 5.9, 6.0, 10.9}, 20.0));                   // two intervals, both too short
+  EXPECT_DOUBLE_EQ(sorted_at({1.0, 5.9, 6.0, 99.0}, 20.0).value(), 6.0);  // the hold restarts
+  EXPECT_DOUBLE_EQ(sorted_at({1.0, 8.0}, 20.0).value(), 1.0);  // sorted_at keeps the first interval
 }
 
-TEST(PurityMeter, NeedsNinetyFivePercent) {
+TEST(PurityMeter, ThresholdIs95Percent) {
   std::vector<scene::ObjectSpec> catalogue;
   std::vector<float> x;
   for (int i = 0; i < 20; ++i) {
@@ -143,7 +144,7 @@ TEST(PurityMeter, NeedsNinetyFivePercent) {
   EXPECT_FALSE(sorted());
 }
 
-TEST(Purity, OfARecordingIsThatOfTheMeter) {
+TEST(Purity, RecordingMatchesMeter) {
   const OutputFolder out;
   SyntheticRun run;
   run.spec.surface = surface();
@@ -167,7 +168,7 @@ TEST(Purity, OfARecordingIsThatOfTheMeter) {
   EXPECT_DOUBLE_EQ(read.sorted_at.value(), 3.0);
 }
 
-TEST(Purity, NeedsTwoClasses) {
+TEST(Purity, RequiresTwoClasses) {
   const OutputFolder out;
   SyntheticRun run;
   run.spec.objects = {sphere(1, "s"), sphere(1, "s")};

@@ -33,11 +33,11 @@ void record_ticks(Recorder& recorder, const SyntheticRun& run, std::uint64_t tic
     recorder.record_frame(run.snapshot_at(t, {0, 1, 2}), run.spec.objects);
 }
 
-TEST(Recorder, WritesEveryFrameOfTheRun) {
+TEST(Recorder, WritesEveryFrame) {
   const OutputFolder out;
   const SyntheticRun run;
   const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
-  record_ticks(*recorder, run, 150);  // two full buffers and a rest
+  record_ticks(*recorder, run, 150);  // two full buffers and a partial one
   recorder->close({.outcome = "done", .ticks = 150, .simulated_s = 2.5, .state_hash = 77});
 
   const Recording recording = Recording::open(out / "run.h5");
@@ -56,10 +56,10 @@ TEST(Recorder, WritesEveryFrameOfTheRun) {
   }
 }
 
-TEST(Recorder, WritesWhatTheRunWas) {
+TEST(Recorder, WritesMetadata) {
   const OutputFolder out;
   SyntheticRun run;
-  run.meta.program_text = std::string(300000, 'p');  // longer than an HDF5 attribute of fixed size may be
+  run.meta.program_text = std::string(300000, 'p');  // above the limit of fixed-length HDF5 attributes
   Recorder::open(out / "run.hdf5", run.meta, run.spec)
       ->close({.outcome = "stopped", .ticks = 9, .simulated_s = 0.15, .state_hash = 0xABCDEF0123456789u});
 
@@ -68,7 +68,7 @@ TEST(Recorder, WritesWhatTheRunWas) {
   EXPECT_EQ(recording.meta().mode, "time-step");
   EXPECT_EQ(recording.meta().program_file, "sort.aps");
   EXPECT_EQ(recording.meta().program_text, run.meta.program_text);
-  EXPECT_EQ(recording.meta().versions.size(), 3u);  // smartsurf and hdf5 besides bullet
+  EXPECT_EQ(recording.meta().versions.size(), 3u);  // bullet, plus smartsurf and hdf5
   EXPECT_EQ(recording.spec().file, run.spec.file);
   EXPECT_EQ(recording.spec().source, run.spec.source);
   EXPECT_EQ(recording.spec().world.seed, run.spec.world.seed);
@@ -86,7 +86,7 @@ TEST(Recorder, WritesWhatTheRunWas) {
   EXPECT_EQ(recording.result()->state_hash, 0xABCDEF0123456789u);
 }
 
-TEST(Recorder, WritesTheCatalogueWithItsStartConditions) {
+TEST(Recorder, WritesCatalogueWithInitialState) {
   const OutputFolder out;
   const SyntheticRun run;
   Recorder::open(out / "run.h5", run.meta, run.spec)->close({});
@@ -106,14 +106,15 @@ TEST(Recorder, WritesTheCatalogueWithItsStartConditions) {
   EXPECT_EQ(read[2].colour.g, 0.25f);
 }
 
-TEST(Recorder, MarksUnbornAndRemovedObjectsByNaN) {
+TEST(Recorder, MissingObjectsAreNaN) {
   const OutputFolder out;
   SyntheticRun run;
   const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
   for (std::uint64_t t = 0; t < 200; ++t) {
     if (t == 70) run.add(scene::ShapeKind::kSphere, "late", 1.0);
+    // Object 0 is removed and object 3 added at tick 70.
     std::vector<scene::ObjectId> live = t < 70 ? std::vector<scene::ObjectId>{0, 1, 2}
-                                               : std::vector<scene::ObjectId>{1, 2, 3};  // 0 is removed at 70
+                                               : std::vector<scene::ObjectId>{1, 2, 3};
     if (t >= 140) live = {3};
     recorder->record_frame(run.snapshot_at(t, live), run.spec.objects);
   }
@@ -135,7 +136,7 @@ TEST(Recorder, MarksUnbornAndRemovedObjectsByNaN) {
   EXPECT_EQ(recording.read_snapshot(199).id, std::vector<scene::ObjectId>{3});
 }
 
-TEST(Recorder, StartsWithoutObjectsAndTakesWhatIsAddedLater) {
+TEST(Recorder, AcceptsObjectsAddedLater) {
   const OutputFolder out;
   SyntheticRun run;
   run.spec.objects.clear();
@@ -150,7 +151,7 @@ TEST(Recorder, StartsWithoutObjectsAndTakesWhatIsAddedLater) {
   EXPECT_EQ(recording.read_snapshot(70).position, run.snapshot_at(70, {0, 39}).position);
 }
 
-TEST(Recorder, KeepsTheFirstAndThenEveryNth) {
+TEST(Recorder, RecordsEveryNthTick) {
   const OutputFolder out;
   SyntheticRun run;
   run.spec.record.tick_interval = 3;
@@ -160,7 +161,7 @@ TEST(Recorder, KeepsTheFirstAndThenEveryNth) {
   EXPECT_EQ(Recording::open(out / "run.h5").ticks(), (std::vector<std::uint64_t>{1, 4, 7}));
 }
 
-// Channels of 24 and 72 values whose numbers tell tick and place; the second has three components, in planes.
+// Two channels whose values encode tick and index; the second has three components, stored as planes.
 struct Channels {
   explicit Channels(std::uint64_t tick) : proximity(24), colour(72) {
     for (std::size_t i = 0; i < 24; ++i) proximity[i] = static_cast<float>(100 * tick + i);
@@ -168,11 +169,12 @@ struct Channels {
   }
   std::vector<float> proximity, colour;
   std::array<scene::ChannelData, 2> sensors() const {
-    return {scene::ChannelData{"proximity", 4, 6, 1, proximity}, scene::ChannelData{"colour", 4, 6, 3, colour}};
+    return {scene::ChannelData{"proximity", 4, 6, 1, proximity},
+            scene::ChannelData{"colour", 4, 6, 3, colour}};
   }
 };
 
-TEST(Recorder, WritesTheChannelsThatTheExperimentAsksFor) {
+TEST(Recorder, WritesRequestedChannels) {
   const OutputFolder out;
   SyntheticRun run;
   run.spec.record.sensors = run.spec.record.actuators = true;
@@ -196,7 +198,7 @@ TEST(Recorder, WritesTheChannelsThatTheExperimentAsksFor) {
   EXPECT_THROW(recording.read_channel("sensors", "proximity", 100), InputError);
 }
 
-TEST(Recorder, LeavesOutWhatTheExperimentDoesNotAskFor) {
+TEST(Recorder, OmitsUnrequestedData) {
   const OutputFolder out;
   SyntheticRun run;
   run.spec.record.objects = false;
@@ -211,7 +213,7 @@ TEST(Recorder, LeavesOutWhatTheExperimentDoesNotAskFor) {
   EXPECT_THROW(recording.read_channel("sensors", "proximity", 0), InputError);
 }
 
-TEST(Recorder, GivesTheSameBytesForTheSameRun) {
+TEST(Recorder, IsReproducibleByteForByte) {
   const OutputFolder out;
   const SyntheticRun run;
   std::array<std::string, 2> bytes;
@@ -222,13 +224,13 @@ TEST(Recorder, GivesTheSameBytesForTheSameRun) {
     recorder->close({.outcome = "done"});
     std::ifstream file(path, std::ios::binary);
     bytes[i].assign(std::istreambuf_iterator<char>(file), {});
-    if (i == 0) ::sleep(1);  // another second: dates in the file would differ
+    if (i == 0) ::sleep(1);  // so that any timestamps would differ
   }
   EXPECT_GT(bytes[0].size(), 1000u);
   EXPECT_TRUE(bytes[0] == bytes[1]);
 }
 
-TEST(Recorder, WritesWhatIsBufferedWhenItIsNotClosed) {
+TEST(Recorder, DestructorWritesBufferedFrames) {
   const OutputFolder out;
   const SyntheticRun run;
   record_ticks(*Recorder::open(out / "run.h5", run.meta, run.spec), run, 5);
@@ -237,7 +239,7 @@ TEST(Recorder, WritesWhatIsBufferedWhenItIsNotClosed) {
   EXPECT_FALSE(recording.result());
 }
 
-TEST(Recorder, OpensInPythonWithoutOurCode) {
+TEST(Recorder, ReadableWithH5py) {
   const std::string python = DEBIAN_PYTHON;
   if (python.empty() || std::system((python + " -c 'import h5py' 2>/dev/null").c_str()) != 0)
     GTEST_SKIP() << "needs Debian's python3-h5py";
@@ -274,7 +276,7 @@ TEST(Recorder, OpensInPythonWithoutOurCode) {
                 proximity + "]\n4 5.0 [1.5, 0.8]\n");
 }
 
-TEST(RecorderErrors, NameWhatIsWrongAndWhatIsRight) {
+TEST(RecorderErrors, DescribeInvalidPaths) {
   const OutputFolder out;
   const SyntheticRun run;
   EXPECT_NE(
@@ -294,7 +296,7 @@ TEST(RecorderErrors, NameWhatIsWrongAndWhatIsRight) {
                InputError);
 }
 
-TEST(RecorderErrors, SparesAFileThatAnotherRunWrites) {
+TEST(RecorderErrors, RefuseFileLockedByAnotherRun) {
   const OutputFolder out;
   const SyntheticRun run;
   for (const std::string name : {"run.h5", "run.csv"}) {
@@ -307,8 +309,8 @@ TEST(RecorderErrors, SparesAFileThatAnotherRunWrites) {
   EXPECT_EQ(error_of(out / "run.h5", run), "");
 }
 
-// In a process of its own, because a limit on the size of files stays. Exit status 0: the failure was
-// reported, and what follows it is quiet.
+// Returns 0 if the failure is reported once and later calls do nothing. Runs in a child process, because a
+// lowered RLIMIT_FSIZE cannot be raised again.
 int record_to_full_disk(const std::filesystem::path& path, const SyntheticRun& run) {
   const pid_t child = ::fork();
   if (child == 0) {
@@ -329,14 +331,14 @@ int record_to_full_disk(const std::filesystem::path& path, const SyntheticRun& r
     record_ticks(*recorder, run, 1000);
     recorder->close({});
     recorder.reset();
-    std::exit(status);  // the library's own clean-up at exit included
+    std::exit(status);  // runs the HDF5 library's exit handlers too
   }
   int status = -1;
   ::waitpid(child, &status, 0);
   return status;
 }
 
-TEST(RecorderErrors, ReportAFullDiskOnceAndKeepWhatWasWritten) {
+TEST(RecorderErrors, ReportFullDiskOnce) {
   const OutputFolder out;
   const SyntheticRun run;
   EXPECT_EQ(record_to_full_disk(out / "run.csv", run), 0);

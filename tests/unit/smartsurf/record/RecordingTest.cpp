@@ -41,9 +41,9 @@ void expect_error(const std::filesystem::path& path, const std::string& part) {
   EXPECT_EQ(error.find('\n'), std::string::npos) << error;
 }
 
-TEST(Recording, RefusesWhatIsNoRecording) {
+TEST(Recording, RejectsOtherFiles) {
   const OutputFolder out;
-  expect_error(out / "none.h5", "there is no such file");
+  expect_error(out / "none.h5", "no such file");
   std::filesystem::create_directory(out / "folder.h5");
   expect_error(out / "folder.h5", "is not a file");
   write_bytes(out / "empty.h5", "");
@@ -56,7 +56,7 @@ TEST(Recording, RefusesWhatIsNoRecording) {
   expect_error(out / "foreign.h5", "has no group meta");
 }
 
-TEST(Recording, RefusesAFileCutShort) {
+TEST(Recording, RejectsTruncatedFile) {
   const OutputFolder out;
   const std::string whole = write_run(out / "run.h5");
   for (const double share : {0.2, 0.5, 0.9, 0.999}) {
@@ -66,7 +66,7 @@ TEST(Recording, RefusesAFileCutShort) {
   }
 }
 
-TEST(Recording, NamesAMissingPart) {
+TEST(Recording, NamesMissingPart) {
   const OutputFolder out;
   for (const char* part : {"time", "objects/label", "objects/velocity", "surface", "meta/options"}) {
     write_run(out / "run.h5");
@@ -78,7 +78,7 @@ TEST(Recording, NamesAMissingPart) {
   }
 }
 
-TEST(Recording, DoesNotBelieveExtentsThatTheFileCannotHold) {
+TEST(Recording, IgnoresImplausibleExtents) {
   const OutputFolder out;
   write_run(out / "run.h5");
   const hid_t file = H5Fopen((out / "run.h5").c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
@@ -94,14 +94,14 @@ TEST(Recording, DoesNotBelieveExtentsThatTheFileCannotHold) {
   EXPECT_EQ(Recording::open(out / "run.h5").frames(), 100u);
 }
 
-// Each damaged file is first tried by a child process, and AddressSanitizer makes a process slow to copy.
+// Each damaged file is opened in a forked child first, and AddressSanitizer makes fork() slow.
 #ifdef __SANITIZE_ADDRESS__
 constexpr int kDamages = 100;
 #else
 constexpr int kDamages = 300;
 #endif
 
-// Whatever byte is wrong: an answer or one line, never a crash.
+// A damaged byte gives a result or a one-line error, never a crash.
 TEST(Recording, SurvivesDamagedBytes) {
   const OutputFolder out;
   const std::string whole = write_run(out / "run.h5", 20);
@@ -119,11 +119,11 @@ TEST(Recording, SurvivesDamagedBytes) {
   EXPECT_GT(refused, kDamages / 15);
 }
 
-TEST(Recording, RefusesAFileThatCrashesTheLibrary) {
+TEST(Recording, RejectsFileThatCrashesHdf5) {
   const OutputFolder out;
   std::string bytes = write_run(out / "run.h5");
-  // The first text in the library's heap claims to be endless: signature, version and size of the heap take
-  // 16 bytes, the text's index and count 8, then comes its length.
+  // Corrupts the length of the first string in the global heap. It is at offset 24, after the heap's
+  // signature, version and size (16 bytes) and the string's index and reference count (8 bytes).
   const std::size_t heap = bytes.find("GCOL");
   ASSERT_NE(heap, std::string::npos);
   bytes.replace(heap + 24, 8, std::string("\xFF\xFF\xFF\xFF\xFF\xFF\x00\x00", 8));
@@ -131,7 +131,7 @@ TEST(Recording, RefusesAFileThatCrashesTheLibrary) {
   expect_error(out / "damaged.h5", "damaged");
 }
 
-TEST(Recording, TellsWhatItHolds) {
+TEST(Recording, Describe) {
   const OutputFolder out;
   write_run(out / "run.h5");
   const std::string text = describe_recording(Recording::open(out / "run.h5"));
@@ -147,7 +147,7 @@ TEST(Recording, TellsWhatItHolds) {
     EXPECT_NE(text.find(part), std::string::npos) << part << " is missing in\n" << text;
 }
 
-// A wedge and a box side by side, of which nothing is true but the faces.
+// A solid of two hulls, a wedge and a box. Volume and inertia are arbitrary.
 std::shared_ptr<const scene::Solid> two_hull_solid() {
   scene::Solid solid;
   solid.source = "part.stl";
@@ -179,14 +179,14 @@ void write_shapes(const std::filesystem::path& path) {
   const auto recorder = Recorder::open(path, run.meta, run.spec);
   std::vector<scene::ObjectSpec> all = run.spec.objects;
   recorder->record_frame(run.snapshot_at(0, {0, 1, 2, 3, 4, 5, 6}), all);
-  all.push_back(all.back());  // while the run goes on: one of a solid that is there, one of a new one
+  all.push_back(all.back());  // added during the run: one with a stored solid, one with a new solid
   all.push_back(all.back());
   all.back().solid = two_hull_solid();
   recorder->record_frame(run.snapshot_at(1, {0, 1, 2, 3, 4, 5, 6, 7, 8}), all);
   recorder->close({});
 }
 
-TEST(Recording, KeepsEveryShapeAndEachSolidOnce) {
+TEST(Recording, KeepsEveryShapeAndSharesSolids) {
   const OutputFolder out;
   write_shapes(out / "run.h5");
   const Recording recording = Recording::open(out / "run.h5");
@@ -224,7 +224,7 @@ TEST(Recording, KeepsEveryShapeAndEachSolidOnce) {
   EXPECT_NE(text.find("1 'hat' (cone, size 1.5 u), 1 'large'"), std::string::npos) << text;
 }
 
-TEST(Recording, RefusesSolidsThatNoRecorderWrote) {
+TEST(Recording, RejectsInvalidSolids) {
   const OutputFolder out;
   const auto damage = [&](const char* name, hid_t type, const void* value) {
     write_shapes(out / "run.h5");
@@ -244,27 +244,27 @@ TEST(Recording, RefusesSolidsThatNoRecorderWrote) {
   const float nan = NAN;
   const int none = -1;
   damage("solids/0/triangles", H5T_NATIVE_UINT32, &many);
-  expect_error(out / "run.h5", "names a vertex that is not there");
+  expect_error(out / "run.h5", "has a vertex index out of range");
   damage("solids/0/vertices", H5T_NATIVE_FLOAT, &nan);
   expect_error(out / "run.h5", "not finite");
   for (const char* count : {"solids/0/corner_count", "solids/0/face_count", "solids/0/face_size"}) {
     damage(count, H5T_NATIVE_UINT32, &many);
-    expect_error(out / "run.h5", "not all there");
+    expect_error(out / "run.h5", "incomplete");
   }
   damage("solids/1/face_corners", H5T_NATIVE_UINT16, &far);
-  expect_error(out / "run.h5", "no polyhedron");
-  damage("objects/solid", H5T_NATIVE_INT32, &none);  // of a sphere: does not matter
+  expect_error(out / "run.h5", "not a polyhedron");
+  damage("objects/solid", H5T_NATIVE_INT32, &none);  // ignored: object 0 is a sphere
   EXPECT_EQ(Recording::open(out / "run.h5").spec().objects.size(), 9U);
 }
 
-TEST(Recording, TellsOfARunWithoutFrames) {
+TEST(Recording, DescribesRunWithoutFrames) {
   const OutputFolder out;
   write_run(out / "run.h5", 0);
   const std::string text = describe_recording(Recording::open(out / "run.h5"));
   EXPECT_NE(text.find("frames      0\n"), std::string::npos) << text;
 }
 
-// Cells of two mechanisms on a free layout, one of them empty, that look different in every tick.
+// A free layout with two kinds of actuators and empty cells, whose actuator states change every tick.
 struct LaidOutRun : SyntheticRun {
   LaidOutRun() {
     scene::ActuatorSpec wheels = scene::find_actuator_kind("wheels")->default_spec();
@@ -285,7 +285,7 @@ struct LaidOutRun : SyntheticRun {
   }
 };
 
-TEST(Recording, KnowsWhereCellsStandWhatTheyAreAndHowTheyLook) {
+TEST(Recording, KeepsLayoutActuatorsAndTheirStates) {
   const OutputFolder out;
   const LaidOutRun run;
   const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
@@ -308,7 +308,7 @@ TEST(Recording, KnowsWhereCellsStandWhatTheyAreAndHowTheyLook) {
   EXPECT_EQ(recording.read_snapshot(1).actuator_state[5].a, 1.0F) << "going back";
 }
 
-TEST(Recording, OfPinsOnAGridHoldsNoLayout) {
+TEST(Recording, PinGridHasNoLayout) {
   const OutputFolder out;
   write_run(out / "run.h5", 3);
   const Recording recording = Recording::open(out / "run.h5");
@@ -317,7 +317,7 @@ TEST(Recording, OfPinsOnAGridHoldsNoLayout) {
   EXPECT_TRUE(recording.read_snapshot(0).actuator_state.empty());
 }
 
-TEST(Recording, OpensOneWithoutALayoutAsOlderOnesAre) {
+TEST(Recording, OpensOlderFileWithoutLayout) {
   const OutputFolder out;
   write_run(out / "run.h5", 3);
   const hid_t file = H5Fopen((out / "run.h5").c_str(), H5F_ACC_RDWR, H5P_DEFAULT);

@@ -1,5 +1,5 @@
-// A small made-up run whose every number can be worked out from tick and object: what the module's tests
-// record.
+// A small synthetic run, whose values are simple functions of tick and object, and a temporary directory, for
+// the unit tests of smartsurf/record.
 #pragma once
 
 #include <unistd.h>
@@ -12,7 +12,7 @@
 
 namespace smartsurf::record {
 
-// A directory of this test alone, removed at the end.
+// A temporary directory, removed by the destructor.
 class OutputFolder {
  public:
   OutputFolder() {
@@ -66,7 +66,7 @@ struct SyntheticRun {
     return 0.1f * static_cast<float>(tick) + static_cast<float>(id);
   }
 
-  // The state at a tick, with these objects alive.
+  // The state at a tick with the objects `live`.
   scene::Snapshot snapshot_at(std::uint64_t tick, const std::vector<scene::ObjectId>& live) const {
     scene::Snapshot shot;
     shot.tick = tick;

@@ -1,4 +1,4 @@
-"""Reads a recording the way a user would, with h5py alone, and prints what the test compares."""
+"""Reads a recording with h5py alone and prints the values that RecorderTest.cpp compares."""
 import sys
 
 import h5py

@@ -48,7 +48,7 @@ TEST(SensorKind, ProblemsNameTheField) {
   EXPECT_EQ(problem("proximity", {{"noise", {-1}}}), "proximity.noise = -1: must be in [0, 1000000]");
   EXPECT_EQ(problem("proximity", {{"dropout", {1.5}}}), "proximity.dropout = 1.5: must be in [0, 1]");
   EXPECT_EQ(problem("proximity", {{"dead", {0.5}}, {"stuck_low", {0.6}}}),
-            "proximity: stuck_low, stuck_high and dead are 1.1 together: must be at most 1");
+            "proximity: stuck_low, stuck_high and dead add up to 1.1: must be at most 1");
 }
 
 TEST(SensorKind, OneMayBeAddedOrReplaced) {

@@ -122,7 +122,7 @@ TEST_F(EventTest, AFunctionThatRegistersItselfForNowRunsOnceATick) {
 
 TEST_F(EventTest, ATimeThatIsOverIsRefused) {
   EXPECT_EQ(caught([&] { run("on_tick(function(t) if t > 0 then at(0, print) end end)", 1); }),
-            "t.lua:2: at: seconds = 0: is over, the simulated time is 0.016666666666667");
+            "t.lua:2: at: seconds = 0: is in the past, the simulated time is 0.016666666666667");
 }
 
 TEST_F(EventTest, HasEventsSaysWhetherTheScriptIsEverCalled) {

@@ -99,7 +99,7 @@ TEST_F(ObjectsTest, AHullIsMadeOfPointsOrAFile) {
   ASSERT_EQ(solids->hulls.size(), 1U);
   EXPECT_EQ(solids->hulls[0].scale, 2.0);
   EXPECT_EQ(error_of("hull{position = {0, 0, 0}}"),
-            "t.lua:1: hull: takes points = {{x, y, z}, ...} or file = 'part.stl', one of them");
+            "t.lua:1: hull: takes either points = {{x, y, z}, ...} or file = 'part.stl'");
   EXPECT_EQ(error_of("hull{points = {{0, 0, 0}, {0, 0/0, 1}}, position = {0, 0, 0}}"),
             "t.lua:1: hull.points[2][2] = nan: must be finite");
   EXPECT_EQ(error_of("hull{points = {{0, 0, 0}, 'here'}, position = {0, 0, 0}}"),
@@ -138,10 +138,10 @@ TEST_F(ObjectsTest, FilesOutsideTheScriptsFolderAreRefused) {
 }
 
 TEST_F(ObjectsTest, NotesCarryTheScriptsLine) {
-  solids->notes = {"'l.stl': the mesh was inside out: turned"};
+  solids->notes = {"'l.stl': the mesh was inside out: flipped"};
   load_on_surface("mesh{file = 'l.stl', position = {1, 2, 3}}");
   ASSERT_EQ(noted.size(), 1U);
-  EXPECT_TRUE(noted[0].ends_with("t.lua:2: 'l.stl': the mesh was inside out: turned")) << noted[0];
+  EXPECT_TRUE(noted[0].ends_with("t.lua:2: 'l.stl': the mesh was inside out: flipped")) << noted[0];
 }
 
 TEST_F(ObjectsTest, SolidsAreSpawnedWhileTheSimulationRuns) {

@@ -74,7 +74,7 @@ TEST_F(ScriptRandomTest, TheCommandLinesSeedWins) {
 
 TEST_F(ScriptRandomTest, ASeedAfterTheFirstDrawIsRefused) {
   EXPECT_EQ(error_of("local x = random()\n\nworld{seed = 5}"),
-            "t.lua:3: world.seed = 5: random numbers were already drawn with seed 1 at t.lua:1; put world{} "
+            "t.lua:3: world.seed = 5: random numbers were already drawn with seed 1 at t.lua:1; declare world{} "
             "before");
   EXPECT_EQ(error_of("surface{} local x = random()\nworld{dt = 1/120}"), "");
 }
@@ -106,9 +106,8 @@ TEST_F(ScriptRandomTest, PairsAllowsTheFieldsToGoAndRespectsMetamethods) {
 
 TEST_F(ScriptRandomTest, PairsRefusesKeysWithoutAnOrder) {
   EXPECT_EQ(error_of("\nfor k in pairs{[{}] = 1, [{}] = 2} do end"),
-            "t.lua:2: pairs: the table has several keys that are a table or the like; their order would "
-            "differ from "
-            "run to run: use a list, or numbers or texts as keys");
+            "t.lua:2: pairs: the table has several keys without an order, such as a table; their order would "
+            "differ from run to run: use a list, or number or string keys");
 }
 
 }  // namespace

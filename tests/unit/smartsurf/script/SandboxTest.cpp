@@ -6,7 +6,7 @@ namespace {
 using SandboxTest = ScriptTest;
 
 TEST_F(SandboxTest, WhatLeavesTheProcessOrRunsForeignCodeIsNotThere) {
-  const std::string tail = ": not available in an experiment; --unsafe allows the whole of Lua's library";
+  const std::string tail = ": not available in an experiment; --unsafe enables Lua's full library";
   for (const char* name : {"os.execute", "os.getenv", "os.remove", "os.rename", "os.tmpname", "os.setlocale",
                            "io.popen", "io.tmpfile", "io.input", "debug.sethook", "debug.getregistry"})
     EXPECT_EQ(error_of(std::string(name) + "('x')"), "t.lua:1: " + std::string(name) + tail);
@@ -14,7 +14,7 @@ TEST_F(SandboxTest, WhatLeavesTheProcessOrRunsForeignCodeIsNotThere) {
             "t.lua:1: os.exit: not available in an experiment; stop() or quit() ends the run");
   EXPECT_EQ(error_of("print(os.time())"),
             "t.lua:1: os.time: not available in an experiment; time() is the "
-            "simulated time; the wall clock would make every run another");
+            "simulated time; the wall clock would make runs irreproducible");
   EXPECT_EQ(error_of("loadfile('x')"),
             "t.lua:1: loadfile: not available in an experiment; require() and dofile() "
             "load files beside the script");
@@ -81,7 +81,7 @@ TEST_F(SandboxTest, FilesAreReadBesideTheScriptOnly) {
   EXPECT_EQ(error_of("io.open('link')"), "t.lua:1: io.open: 'link'" + tail);
   std::filesystem::create_symlink("/dev/zero", folder / "zero");
   EXPECT_EQ(error_of("io.open('zero')"), "t.lua:1: io.open: 'zero'" + tail);
-  EXPECT_EQ(error_of("io.open('.')"), "t.lua:1: io.open: '.' is no plain file");
+  EXPECT_EQ(error_of("io.open('.')"), "t.lua:1: io.open: '.' is not a regular file");
 }
 
 TEST_F(SandboxTest, FilesAreWrittenInTheOutputFolderOnly) {
@@ -174,7 +174,7 @@ TEST_F(SandboxTest, MemoryIsBounded) {
   EXPECT_EQ(error_of("local t = {}\nfor i = 1, 1e9 do\nt[i] = 'text ' .. i end"), "t.lua:3" + message);
   EXPECT_EQ(error_of("\nlocal s = string.rep('x', 1 << 24)"), "t.lua:2" + message);
   options.memory_limit = 1000;
-  EXPECT_EQ(error_of("surface{}"), "t.lua: the memory for scripts is too small to start one");
+  EXPECT_EQ(error_of("surface{}"), "t.lua: the memory limit is too small to start a script");
   options.memory_limit = 12000;
   EXPECT_EQ(error_of("surface{}").substr(0, 31), "t.lua: the script needs more th");
 }

@@ -37,7 +37,7 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"sphere{radius = 1, position = {0, 1e300, 0}}",
                 "t.lua:1: sphere.position[2] = 1e+300: must be in [-1000000, 1000000]"},
         Mistake{"metric('error', 'small')", "t.lua:1: metric: value = 'small': must be a number"},
-        Mistake{"metric('', 1)", "t.lua:1: metric: name = '': must be a text of 1 to 64 characters"},
+        Mistake{"metric('', 1)", "t.lua:1: metric: name = '': must be a string of 1 to 64 characters"},
         Mistake{"sphere{radius = 1, position = {1, 2}}",
                 "t.lua:1: sphere.position = a table of 2 values: must be three numbers {x, y, z}"},
         Mistake{"sphere{radius = 1, position = 3}",
@@ -55,13 +55,13 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"sphere{radius = 1, position = {0, 0, 0}, fixed = 1}",
                 "t.lua:1: sphere.fixed = 1: must be true or false"},
         Mistake{"sphere{radius = 1, position = {0, 0, 0}, label = 3}",
-                "t.lua:1: sphere.label = 3: must be a text in quotes"},
+                "t.lua:1: sphere.label = 3: must be a string"},
         Mistake{"sphere{radius = 1, position = {0, 0, 0}, mass = 0}",
                 "t.lua:1: sphere.mass = 0: must be in [1e-09, 1e+12]"},
         Mistake{"material{name = 'steel'}\nsphere{radius = 1, position = {0, 0, 0}, material = 'stel'}",
                 "t.lua:2: sphere.material = 'stel': no such material (did you mean 'steel'?)"},
         Mistake{"sphere{radius = 1, position = {0, 0, 0}, material = 'wood'}",
-                "t.lua:1: sphere.material = 'wood': no such material; known: default; declare it before with "
+                "t.lua:1: sphere.material = 'wood': no such material; known: default; declare it first with "
                 "material{}"},
         Mistake{"sphere{radius = 1, position = {0, 0, 0}, colour = 'gren'}",
                 "t.lua:1: sphere.colour = 'gren': no such colour (did you mean 'green'?)"},
@@ -107,7 +107,7 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"surface{sensors = {8}}",
                 "t.lua:1: surface.sensors[1] = 8: must be a sensor, proximity{range = ...}"},
         Mistake{"surface{sensors = {proximity{}, proximity{}}}",
-                "t.lua:1: surface.sensors: two sensors are called 'proximity'; give one another name, "
+                "t.lua:1: surface.sensors: two sensors are called 'proximity'; rename one, "
                 "proximity{name = ...}"},
         Mistake{"surface{sensors = {proximity{range = 0}}}",
                 "t.lua:1: proximity.range = 0: must be greater than 0"},
@@ -123,10 +123,10 @@ INSTANTIATE_TEST_SUITE_P(
                 "t.lua:2: material 'a': already declared at t.lua:1"},
         Mistake{"record{every = 0}", "t.lua:1: record.every = 0: must be an integer from 1 to 1000000"},
         Mistake{"return {speed = 3}",
-                "t.lua: no surface is declared, and it gives back a table: it looks like a file that "
-                "experiments require; check one of those"},
+                "t.lua: no surface is declared, and the script returns a table: it looks like a module; "
+                "check an experiment that requires it"},
         Mistake{"surface{rows = 2, columns = 2, mask = function() return false end}",
-                "t.lua:1: surface: no cell is left: cells, mask and positions leave every one empty"},
+                "t.lua:1: surface: all cells are empty: cells, mask and positions exclude every cell"},
         Mistake{"-- nothing",
                 "t.lua: no surface is declared; an experiment needs one, surface{rows = 64, columns = "
                 "64, sensors = {proximity{}}}"}));
@@ -141,7 +141,7 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"local t = nil\nt.x = 1", "t.lua:2: attempt to index a nil value (local 't')"},
         Mistake{"error('my own')", "t.lua:1: my own"},
         Mistake{"\nerror('two\\nlines', 0)", "t.lua:2: two lines"},
-        Mistake{"\nerror({})", "t.lua:2: the script raised an error that is no text but a table"},
+        Mistake{"\nerror({})", "t.lua:2: the script raised an error value of type table"},
         Mistake{"local f = coroutine.wrap(function()\nerror('inside')\nend)\nf()", "t.lua:2: inside"},
         Mistake{"local function f() return f() + 1 end\nf()", "t.lua:1: stack overflow"},
         Mistake{"math.random(0, -1)", "t.lua:1: math.random: low = 0 is above high = -1"},
@@ -151,7 +151,7 @@ INSTANTIATE_TEST_SUITE_P(
             "math.randomseed(1)",
             "t.lua:1: math.randomseed: the experiment has one seed; set it with world{seed = ...} or --seed"},
         Mistake{"option('n', {})",
-                "t.lua:1: option 'n': default = a table: must be a number, a text, true or false"},
+                "t.lua:1: option 'n': default = a table: must be a number, a string, true or false"},
         Mistake{"option('n', 0/0)", "t.lua:1: option 'n' = nan: must be finite"},
         Mistake{"option('a b', 1)",
                 "t.lua:1: option: name = 'a b': must be letters, digits, _ and -, a letter first"},
@@ -184,7 +184,7 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"tile{latency = 1.5}", "t.lua:1: tile.latency = 1.5: must be an integer from 0 to 1000"},
         Mistake{"air_jet{lean = 4}", "t.lua:1: air_jet.lean = 4: must be in [0, 1.57079632679]"},
         Mistake{"surface{actuators = {pin{}, ball{}}}",
-                "t.lua:1: surface.actuators: 2 actuators need surface.cells, which says where each stands"},
+                "t.lua:1: surface.actuators: 2 actuators need surface.cells to assign them"},
         Mistake{"surface{actuator = pin{}, actuators = {pin{}}}",
                 "t.lua:1: surface: give actuator or actuators, not both"},
         Mistake{"surface{rows = 2, columns = 2, actuators = {p = pin{top = 0.8}, b = ball{top = 0.5}}, cells "
@@ -202,14 +202,14 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"surface{layout = 'hexagonal'}",
                 "t.lua:1: surface.layout = 'hexagonal': must be 'rectangular' or 'hex'"},
         Mistake{"surface{layout = 'hex', positions = {{0, 0}}}",
-                "t.lua:1: surface: give one of layout, positions and modules"},
+                "t.lua:1: surface: give only one of layout, positions and modules"},
         Mistake{"surface{rows = 1, columns = 1, positions = {{0, 0}, {1, 0}}}",
                 "t.lua:1: surface.positions: 2 positions: must be at most rows × columns = 1"},
         Mistake{"surface{positions = {{0, 0}, {1}}}",
                 "t.lua:1: surface.positions[2] = a table of 1 values: must be {x, y} or {x, y, angle}"},
         Mistake{
             "surface{modules = {size = {4, 4}, map = {'#', '##'}}}",
-            "t.lua:1: surface.modules.map = a table: must be a list of texts, a character for each module, "
+            "t.lua:1: surface.modules.map = a table: must be a list of strings, one character per module, "
             "'.' for none"},
         Mistake{"surface{rows = 5, modules = {size = {4, 4}, map = {'#'}}}",
                 "t.lua:1: surface.modules: the modules have 4 rows and 4 columns together; leave out "
@@ -221,7 +221,7 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"surface{tilt = {100, 0}}", "t.lua:1: surface.tilt: 100 degrees: must be in [-90, 90]"},
         Mistake{"faults{actuator = {stuck = 2}}", "t.lua:1: faults.actuator.stuck = 2: must be in [0, 1]"},
         Mistake{"faults{actuator = {stuck = 0.6, dead = 0.6}}",
-                "t.lua:1: faults.actuator: stuck, dead and weak are 1.2 of the cells together: must be at "
+                "t.lua:1: faults.actuator: stuck, dead and weak add up to 1.2 of the cells: must be at "
                 "most 1"},
         Mistake{"faults{actuator = {weak = {gain = 0.5}}}",
                 "t.lua:1: faults.actuator.weak: the field 'fraction' is missing"},

@@ -60,7 +60,7 @@ const std::string kHeader = "row,column,channel,fault,value\n";
 
 }  // namespace
 
-TEST(ActuatorFaults, HitTheAskedShareOfTheCells) {
+TEST(ActuatorFaults, AffectConfiguredFractionOfCells) {
   scene::SurfaceSpec s = pins(20, 20);
   s.faults.actuator.dead_fraction = 0.05;
   EXPECT_EQ(others(heights(s, 4), 4).size(), 20u);
@@ -71,7 +71,7 @@ TEST(ActuatorFaults, HitTheAskedShareOfTheCells) {
   EXPECT_EQ(std::ranges::count(h, 2.5F), 40) << "half the way from 1 to 4";
 }
 
-TEST(ActuatorFaults, FollowTheSeedAndGrowWithTheShare) {
+TEST(ActuatorFaults, DependOnSeedAndGrowWithFraction) {
   scene::SurfaceSpec s = pins(20, 20);
   s.faults.actuator.stuck_fraction = 0.1;
   const auto some = others(heights(s, 4), 4);
@@ -83,7 +83,7 @@ TEST(ActuatorFaults, FollowTheSeedAndGrowWithTheShare) {
   EXPECT_TRUE(std::ranges::includes(more, some));
 }
 
-TEST(ActuatorFaults, StuckCellsStandSomewhereInTheRangeFromTheBeginning) {
+TEST(ActuatorFaults, StuckCellsStartAtRandomHeights) {
   scene::SurfaceSpec s = pins(20, 20);
   s.faults.actuator.stuck_fraction = 1.0;
   const surface::ActuatorArray cells(s);
@@ -110,7 +110,7 @@ TEST(ActuatorFaults, LatencyDelaysEveryCell) {
   EXPECT_EQ(seen, (std::vector<float>{1, 1, 3, 3, 3}));
 }
 
-TEST(FaultMap, SaysWhatIsWrongWithSingleCells) {
+TEST(FaultMap, FaultsIndividualCells) {
   const scene::SurfaceSpec s = pins(4, 5);
   const auto h = heights(
       s, 4, 1,
@@ -123,7 +123,7 @@ TEST(FaultMap, SaysWhatIsWrongWithSingleCells) {
   EXPECT_EQ(h[19], 1.0F) << "still waiting";
 }
 
-TEST(FaultMap, RefusesWithOneClearLine) {
+TEST(FaultMap, RejectsInvalidFileWithOneLine) {
   EXPECT_EQ(message(""), "faults.csv: no header; the first line must be row,column,channel,fault,value");
   EXPECT_EQ(message("0,1,height,dead,\n"),
             "faults.csv:1: the first line must be the header row,column,channel,fault,value");
@@ -143,7 +143,7 @@ TEST(FaultMap, RefusesWithOneClearLine) {
   EXPECT_EQ(message(kHeader + "0,0\n"), "faults.csv:2: 2 values: must be 5, row,column,channel,fault,value");
 }
 
-TEST(FaultMap, SurvivesAnyBytes) {
+TEST(FaultMap, SurvivesRandomBytes) {
   std::uint32_t state = 1;
   for (int i = 0; i < 2000; ++i) {
     std::string csv = i % 2 ? kHeader : "";

@@ -90,7 +90,7 @@ std::vector<float> wave_of_pins(const scene::ParameterValues& drive, int threads
 
 }  // namespace
 
-TEST(Pin, HasTheSameBitsForAnyNumberOfThreads) {
+TEST(Pin, BitIdenticalForAnyThreadCount) {
   for (const double max_force : {0.0, 2.0}) {
     const scene::ParameterValues drive =
         max_force > 0.0 ? scene::ParameterValues{{"max_force", {max_force}}} : scene::ParameterValues{};
@@ -112,7 +112,7 @@ TEST(Ball, TopMovesAtSpinCrossRadius) {
   EXPECT_EQ(cells.field().speed[9], 0.0F);
 }
 
-TEST(Ball, SpinsUpWithinItsAccelerationAndItsLag) {
+TEST(Ball, SpinUpObeysAccelerationAndLag) {
   Cells limited(surface_of({actuator("ball", {{"max_acceleration", {100}}, {"radius", {1}}})}));
   limited.command(1, 50);
   limited.run(0.25);
@@ -124,7 +124,7 @@ TEST(Ball, SpinsUpWithinItsAccelerationAndItsLag) {
   EXPECT_NEAR(lagging.field().surface_velocity_x[0], 50 * (1 - std::exp(-2.0)), 0.02);
 }
 
-TEST(Wheels, EachDrivesAlongItsDirectionAndTheirSumAnyway) {
+TEST(Wheels, SurfaceVelocitiesAddUp) {
   Cells cells(surface_of({actuator(
       "wheels", {{"radius", {0.5}}, {"angle", {std::numbers::pi / 4}}, {"max_acceleration", {1e6}}})}));
   cells.command(0, 4);
@@ -137,7 +137,7 @@ TEST(Wheels, EachDrivesAlongItsDirectionAndTheirSumAnyway) {
   EXPECT_NEAR(cells.field().surface_velocity_y[5], 2.0F * std::sqrt(2.0F), 1e-5F);
 }
 
-TEST(Wheels, TurnWithTheirCell) {
+TEST(Wheels, RotateWithTheirCell) {
   scene::SurfaceSpec s =
       surface_of({actuator("wheels", {{"radius", {0.5}}, {"max_acceleration", {1e6}}})}, 1, 2);
   s.cell_poses = {{0, 0, 0}, {3, 0, std::numbers::pi / 2}};
@@ -149,7 +149,7 @@ TEST(Wheels, TurnWithTheirCell) {
   EXPECT_NEAR(cells.field().surface_velocity_y[1], 1.0F, 1e-6F);
 }
 
-TEST(Rotor, EllipseLiftsAndDragsAsItsSupportSays) {
+TEST(Rotor, EllipseFollowsSupportFunction) {
   const double a = 0.5, c = 0.3;
   Cells cells(surface_of({actuator(
       "rotor",
@@ -166,7 +166,7 @@ TEST(Rotor, EllipseLiftsAndDragsAsItsSupportSays) {
   }
 }
 
-TEST(Rotor, SquareCamByAngleStopsOnIt) {
+TEST(Rotor, SquareCamStopsAtCommandedAngle) {
   // The top of a square of half edge h, rotated by φ ≤ 45°, is at h·(cos φ + sin φ).
   const std::vector<double> square{-0.3, 0, -0.3, 0.3, 0, -0.3, 0.3, 0, 0.3, -0.3, 0, 0.3};
   Cells cells(surface_of({actuator("rotor", {{"command", {1}}, {"points", square}, {"axle", {0}}})}));
@@ -178,7 +178,7 @@ TEST(Rotor, SquareCamByAngleStopsOnIt) {
   EXPECT_EQ(cells.field().surface_velocity_x[0], 0.0F);
 }
 
-TEST(Rotor, AVerticalAxleIsATurntable) {
+TEST(Rotor, VerticalAxleIsTurntable) {
   Cells cells(surface_of({actuator("rotor", {{"axis", {0, 0, 1}}, {"max_acceleration", {1e6}}})}));
   cells.command(0, 5);
   cells.run(0.1);
@@ -187,7 +187,7 @@ TEST(Rotor, AVerticalAxleIsATurntable) {
   EXPECT_NEAR(cells.field().speed[7], 0.0F, 1e-6F);
 }
 
-TEST(ForceField, PushesByTheCoveredAreaAndFallsOffWithTheGap) {
+TEST(ForceField, ForceScalesWithCoveredAreaAndGap) {
   Cells cells(surface_of({actuator("force_field", {{"reach", {0.5}}})}, 8, 8));
   cells.command(0, 2);
   cells.command(2, 1);
@@ -201,7 +201,7 @@ TEST(ForceField, PushesByTheCoveredAreaAndFallsOffWithTheGap) {
   EXPECT_EQ(cells.wrench(box(3, 2, 1), {3, 3.5F, 1.1F}).force.norm(), 0.0F);
 }
 
-TEST(ForceField, AFieldThatDiffersTurnsTheObject) {
+TEST(ForceField, NonuniformFieldExertsTorque) {
   Cells cells(surface_of({actuator("force_field", {{"fall_off", {1}}})}, 8, 8));
   std::vector<float> fy(64, 0.0F);
   for (std::size_t i = 0; i < 64; ++i) fy[i] = i % 8 < 4 ? -1.0F : 1.0F;
@@ -213,7 +213,7 @@ TEST(ForceField, AFieldThatDiffersTurnsTheObject) {
   EXPECT_NEAR(w.force.norm(), 0.0F, 1e-5F);
 }
 
-TEST(Magnet, DipoleAboveADipole) {
+TEST(Magnet, DipoleAboveDipole) {
   // Coaxial dipoles attract with 6·k·I·m/r⁴.
   Cells cells(surface_of({actuator("magnet", {{"strength", {2}}, {"depth", {1}}, {"lag", {0}}})}, 1, 1));
   cells.command(0, 0.5);
@@ -250,7 +250,7 @@ TEST(Magnet, ForceIsTheGradientOfTheEnergy) {
   }
 }
 
-TEST(Magnet, PolesRepelAttractAndLeaveTheRest) {
+TEST(Magnet, PolesAttractAndRepel) {
   Cells cells(surface_of({actuator("magnet", {{"law", {1}}, {"strength", {8}}, {"lag", {0}}})}, 1, 1));
   cells.command(0, 1);
   cells.run(kDt);
@@ -263,7 +263,7 @@ TEST(Magnet, PolesRepelAttractAndLeaveTheRest) {
   EXPECT_EQ(cells.wrench(object, {0, 0, 20}).force.norm(), 0.0F) << "beyond the reach";
 }
 
-TEST(AirJet, LiftsByTheDragOfTheSlowedAir) {
+TEST(AirJet, LiftIsDragOfDecayedFlow) {
   Cells cells(surface_of(
       {actuator("air_jet",
                 {{"density", {0.01}}, {"drag", {1}}, {"area", {0.5}}, {"decay", {2}}, {"lag", {0}}})},
@@ -278,7 +278,7 @@ TEST(AirJet, LiftsByTheDragOfTheSlowedAir) {
   EXPECT_NEAR(cells.wrench(box(2, 2, 0.2), {3.5F, 3.5F, 1.1F}, {0, 0, air}).force.norm(), 0.0F, 1e-4F);
 }
 
-TEST(AirJet, NeverPushesALightBodyPastTheAir) {
+TEST(AirJet, NeverAcceleratesBodyBeyondAirSpeed) {
   Cells cells(surface_of({actuator("air_jet", {{"density", {1}}, {"lag", {0}}})}, 8, 8));
   cells.command(0, 100);
   cells.run(kDt);
@@ -290,7 +290,7 @@ TEST(AirJet, NeverPushesALightBodyPastTheAir) {
   EXPECT_LE(gained, 100.0F);
 }
 
-TEST(Tile, ATravellingWaveDragsItsCrestsBackwards) {
+TEST(Tile, TravellingWaveCrestsMoveBackwards) {
   const double amplitude = 0.1, frequency = 4, skin = 0.3, thickness = 2, k = 2 * std::numbers::pi / 8;
   scene::SurfaceSpec s = surface_of(
       {actuator("tile",
@@ -318,7 +318,7 @@ TEST(Tile, ATravellingWaveDragsItsCrestsBackwards) {
   EXPECT_NEAR(fastest, -thickness / 2 * smoothed * omega * slope, 0.1);
 }
 
-TEST(Tile, ComesToRestFlat) {
+TEST(Tile, ReturnsToFlatAtZeroAmplitude) {
   Cells cells(surface_of({actuator("tile", {{"lag", {0}}})}, 6, 6));
   cells.command(1, 0.3F);
   cells.run(0.3);
@@ -332,7 +332,7 @@ TEST(Tile, ComesToRestFlat) {
   }
 }
 
-TEST(ActuatorArray, MixesModelsAndLeavesCellsEmpty) {
+TEST(ActuatorArray, SupportsMixedModelsAndEmptyCells) {
   scene::SurfaceSpec s = surface_of({actuator("pin"), actuator("ball", {{"height", {1}}})}, 1, 4);
   s.actuator_of_cell = {0, 1, scene::kEmptyCell, 0};
   s.base_heights = {0, 0, 0, 0.5F};
@@ -347,7 +347,7 @@ TEST(ActuatorArray, MixesModelsAndLeavesCellsEmpty) {
   EXPECT_EQ(cells.array.targets(0)[1], 0.0F) << "a ball took a pin's command";
 }
 
-TEST(ActuatorArray, CommandsWaitForTheLatency) {
+TEST(ActuatorArray, DelaysCommandsByLatency) {
   scene::SurfaceSpec s =
       surface_of({actuator("ball", {{"latency", {3}}, {"max_acceleration", {1e6}}, {"radius", {1}}})}, 1, 1);
   Cells cells(s);
@@ -361,7 +361,7 @@ TEST(ActuatorArray, CommandsWaitForTheLatency) {
   EXPECT_EQ(seen, (std::vector<float>{0, 0, 0, 7, 0, 0}));
 }
 
-TEST(ActuatorArray, ClampsCommandsAndReplacesNanByTheSafeValue) {
+TEST(ActuatorArray, ClampsCommandsAndReplacesNanWithSafeValue) {
   Cells cells(surface_of({actuator("pin", {{"range", {1, 3}}})}, 1, 2));
   const float safe = cells.array.targets(0)[0];
   EXPECT_EQ(cells.array.set_targets(0, std::vector<float>{9.0F, 2.0F}), 1U);
@@ -372,7 +372,7 @@ TEST(ActuatorArray, ClampsCommandsAndReplacesNanByTheSafeValue) {
   EXPECT_EQ(cells.array.targets(0)[1], 1.0F);
 }
 
-TEST(ActuatorArray, TakesCommandsInParts) {
+TEST(ActuatorArray, AcceptsCommandsInParts) {
   Cells whole(surface_of({actuator("pin", {{"range", {1, 3}}})}, 3, 5));
   Cells parts(surface_of({actuator("pin", {{"range", {1, 3}}})}, 3, 5));
   std::vector<float> targets(15);
@@ -387,7 +387,7 @@ TEST(ActuatorArray, TakesCommandsInParts) {
   EXPECT_TRUE(std::ranges::equal(parts.array.targets(0), whole.array.targets(0)));
 }
 
-TEST(Pin, GivesLessForceTheFasterItRisesAndLeavesTheLoadToItsLowerStop) {
+TEST(Pin, ForceLimitFallsWithSpeedAndIsInfiniteOnStop) {
   Cells cells(surface_of(
       {actuator("pin", {{"max_force", {10}}, {"max_speed", {2}}, {"max_acceleration", {60}}})}, 1, 3));
   EXPECT_TRUE(std::isinf(cells.field().force_limit[0])) << "on the stop";
@@ -402,7 +402,7 @@ TEST(Pin, GivesLessForceTheFasterItRisesAndLeavesTheLoadToItsLowerStop) {
   EXPECT_GT(before, 1.0F);
 }
 
-TEST(Pin, ThatIsPushedBackGoesOnFromTheSpeedThatIsLeft) {
+TEST(Pin, RestartsFromRestAfterPushBack) {
   Cells cells(surface_of({actuator("pin", {{"max_force", {10}}, {"max_acceleration", {12}}})}, 1, 3));
   cells.command(0, 4);
   for (int i = 0; i < 60; ++i) {

@@ -63,7 +63,7 @@ const Limits kLimits[] = {{4.0F, 60.0F}, {6.0F, 1e4F}, {1e9F, 3.0F}, {0.5F, 0.01
 
 }  // namespace
 
-TEST(PinKernels, SteerByTheLawToTheBit) {
+TEST(PinKernels, PlanSpeedsMatchesScalarLaw) {
   for_every_target([] {
     for (std::size_t n = 1; n <= kMaxPins; ++n)
       for (const Limits& most : kLimits) {
@@ -85,7 +85,7 @@ TEST(PinKernels, SteerByTheLawToTheBit) {
   });
 }
 
-TEST(PinKernels, AdvanceAndArriveByTheLawToTheBit) {
+TEST(PinKernels, AdvancePinsMatchesScalarLaw) {
   for_every_target([] {
     for (std::size_t n = 1; n <= kMaxPins; ++n) {
       Pins p(n, static_cast<unsigned>(n));
@@ -118,7 +118,7 @@ TEST(PinKernels, ClampCommandsReplacesAndCounts) {
   });
 }
 
-TEST(PinKernels, AimSaysWhetherAnyTargetChanged) {
+TEST(PinKernels, UpdateTargetsReportsChanges) {
   for_every_target([] {
     for (std::size_t n = 1; n <= kMaxPins; ++n) {
       Pins p(n, static_cast<unsigned>(n));

@@ -57,7 +57,7 @@ FaultMap fault_map(const std::string& rows) {
 
 }  // namespace
 
-TEST(CounterRandom, IsNormalAndUniformAndAFunctionOfItsArguments) {
+TEST(CounterRandom, HasExpectedDistributionsAndDependsOnKeys) {
   const CounterRandom random(1, 2, 3);
   std::vector<double> normal, uniform;
   for (std::uint64_t i = 0; i < 100'000; ++i) {
@@ -79,7 +79,7 @@ TEST(CounterRandom, IsNormalAndUniformAndAFunctionOfItsArguments) {
     EXPECT_NE(other.bits(7), random.bits(7));
 }
 
-TEST(SensorErrorModel, NoneIsTheTruthInOnePlace) {
+TEST(SensorErrorModel, WithoutErrorsReadingsAliasTruth) {
   Plate p({});
   SensorArray s = p.sensors();
   p.read(s);
@@ -87,7 +87,7 @@ TEST(SensorErrorModel, NoneIsTheTruthInOnePlace) {
   EXPECT_EQ(s.readings(0)[0], 3.0F);
 }
 
-TEST(SensorErrorModel, NoiseIsOfItsDeviationAndLeavesTheTruthAlone) {
+TEST(SensorErrorModel, NoiseHasConfiguredDeviationAndKeepsTruth) {
   Plate p({{"noise", {0.1}}});
   SensorArray s = p.sensors();
   const auto first = p.read(s), second = p.read(s);
@@ -100,7 +100,7 @@ TEST(SensorErrorModel, NoiseIsOfItsDeviationAndLeavesTheTruthAlone) {
   EXPECT_NE(p.read(other), first);
 }
 
-TEST(SensorErrorModel, WhereNothingIsSensedNothingIsDisturbed) {
+TEST(SensorErrorModel, NoErrorsWhereNothingIsDetected) {
   SensorFixture t;
   t.add_sensor("proximity", {{"noise", {1}}, {"drift", {1}}});
   SensorArray s = t.sensors();
@@ -108,7 +108,7 @@ TEST(SensorErrorModel, WhereNothingIsSensedNothingIsDisturbed) {
   EXPECT_EQ(std::ranges::count(s.readings(0), 8.0F), t.spec.cell_count());
 }
 
-TEST(SensorErrorModel, ReadingsStayWithinTheChannelsRange) {
+TEST(SensorErrorModel, ReadingsStayWithinChannelRange) {
   Plate p({{"noise", {50}}});
   SensorArray s = p.sensors();
   const auto read = p.read(s);
@@ -116,13 +116,13 @@ TEST(SensorErrorModel, ReadingsStayWithinTheChannelsRange) {
   EXPECT_LE(std::ranges::max(read), 8.0F);
 }
 
-TEST(SensorErrorModel, QuantizedReadingsAreWholeSteps) {
+TEST(SensorErrorModel, QuantizedReadingsAreMultiplesOfStep) {
   Plate p({{"noise", {0.5}}, {"quantize", {0.25}}});
   SensorArray s = p.sensors();
   for (const float x : p.read(s)) EXPECT_EQ(x, std::round(x * 4) / 4);
 }
 
-TEST(SensorErrorModel, DriftIsAWalkOfItsDeviationAfterASecond) {
+TEST(SensorErrorModel, DriftIsRandomWalkWithConfiguredDeviation) {
   Plate p({{"drift", {0.2}}});
   SensorArray s = p.sensors();
   EXPECT_EQ(p.read(s)[0], 3.0F);
@@ -134,7 +134,7 @@ TEST(SensorErrorModel, DriftIsAWalkOfItsDeviationAfterASecond) {
   EXPECT_LT(std::abs(next[7] - last[7]), 0.2F * 6 / std::sqrt(60.0F));
 }
 
-TEST(SensorErrorModel, LatencyShowsThePast) {
+TEST(SensorErrorModel, LatencyDelaysReadings) {
   Plate p({{"latency", {2}}});
   SensorArray s = p.sensors();
   std::vector<float> seen;
@@ -145,7 +145,7 @@ TEST(SensorErrorModel, LatencyShowsThePast) {
   EXPECT_EQ(seen, (std::vector<float>{3, 3, 3, 4, 5, 6}));
 }
 
-TEST(SensorErrorModel, LostReadingsAreNothing) {
+TEST(SensorErrorModel, DropoutReadsAsNoDetection) {
   Plate p({{"dropout", {0.1}}});
   SensorArray s = p.sensors();
   const auto first = p.read(s);
@@ -155,7 +155,7 @@ TEST(SensorErrorModel, LostReadingsAreNothing) {
   EXPECT_NE(p.read(s), first);
 }
 
-TEST(SensorErrorModel, StuckAndDeadCellsStaySo) {
+TEST(SensorErrorModel, StuckAndDeadCellsPersist) {
   Plate p({{"stuck_low", {0.1}}, {"stuck_high", {0.05}}, {"dead", {0.02}}});
   SensorArray s = p.sensors();
   const auto first = p.read(s);
@@ -170,7 +170,7 @@ TEST(SensorErrorModel, StuckAndDeadCellsStaySo) {
   }
 }
 
-TEST(SensorErrorModel, AGreaterShareHitsTheSameCellsAndOthers) {
+TEST(SensorErrorModel, LargerFractionIncludesSmaller) {
   std::vector<float> before;
   for (const double share : {0.1, 0.2, 0.3}) {
     Plate p({{"dead", {share}}});
@@ -184,7 +184,7 @@ TEST(SensorErrorModel, AGreaterShareHitsTheSameCellsAndOthers) {
   }
 }
 
-TEST(SensorErrorModel, ThoseOfAllSensorsYieldToASensorsOwn) {
+TEST(SensorErrorModel, SensorErrorsOverrideSharedErrors) {
   Plate p({{"noise", {0.0}}});
   p.spec.sensors.push_back(p.spec.sensors[0]);
   p.spec.sensors[1].name = "other";
@@ -196,7 +196,7 @@ TEST(SensorErrorModel, ThoseOfAllSensorsYieldToASensorsOwn) {
   EXPECT_LT(std::ranges::count(s.readings(2), 3.0F), 3);
 }
 
-TEST(SensorErrorModel, AClassIsLostOrStuckButNeverNoisy) {
+TEST(SensorErrorModel, ObjectClassesDropOutButHaveNoNoise) {
   Plate p({});
   p.spec.sensors.clear();
   p.add_sensor("object_type", {{"noise", {5}}, {"quantize", {3}}, {"dropout", {0.2}}});
@@ -206,7 +206,7 @@ TEST(SensorErrorModel, AClassIsLostOrStuckButNeverNoisy) {
   EXPECT_GT(std::ranges::count(read, 0.0F), 200);
 }
 
-TEST(SensorErrorModel, CalibrationIsGainAndOffsetOfACell) {
+TEST(SensorErrorModel, CalibrationAppliesGainAndOffsetPerCell) {
   Plate p({});
   p.spec.sensors[0].calibration = calibration("# made on 3 May\n1,2,proximity,1.1,-0.2\n\n5,6,,2,0\n");
   SensorArray s = p.sensors();
@@ -216,7 +216,7 @@ TEST(SensorErrorModel, CalibrationIsGainAndOffsetOfACell) {
   EXPECT_EQ(read[static_cast<std::size_t>(p.spec.index(1, 3))], 3.0F);
 }
 
-TEST(SensorErrorModel, ABadCalibrationGetsOneLine) {
+TEST(SensorErrorModel, RejectsInvalidCalibrationWithOneLine) {
   const auto error = [](const std::string& rows) {
     Plate p({});
     p.spec.sensors[0].calibration = calibration(rows);
@@ -237,7 +237,7 @@ TEST(SensorErrorModel, ABadCalibrationGetsOneLine) {
             "calib.csv: no header; the first line must be row,column,channel,gain,offset");
 }
 
-TEST(SensorErrorModel, TheFaultMapBreaksSingleCells) {
+TEST(SensorErrorModel, FaultMapAffectsIndividualCells) {
   Plate p({});
   SensorArray s = p.sensors(
       fault_map("0,1,proximity,stuck,2.5\n0,2,proximity,dead,\n0,3,,dead,\n0,4,proximity,stuck_low,\n"
@@ -249,7 +249,7 @@ TEST(SensorErrorModel, TheFaultMapBreaksSingleCells) {
   EXPECT_EQ((std::vector<float>(hit.begin(), hit.begin() + 5)), (std::vector<float>{1, 1, 0, 0, 1}));
 }
 
-TEST(SensorErrorModel, AWrongFaultOfASensorGetsOneLine) {
+TEST(SensorErrorModel, RejectsInvalidFaultWithOneLine) {
   Plate p({});
   EXPECT_EQ(error_message_of([&] { p.sensors(fault_map("0,1,proximity,broken,1\n")); }),
             "faults.csv:2: fault 'broken': no fault of a sensor; known: dead, stuck, stuck_low, stuck_high, "

@@ -18,7 +18,7 @@ const scene::Colour kRed{0.9F, 0.1F, 0.2F};
 
 }  // namespace
 
-TEST(Proximity, OverABallIsItsHeightAndElsewhereTheRange) {
+TEST(Proximity, ReadsDistanceToBallAndRangeElsewhere) {
   SensorFixture t;
   t.add_ball(5, 7, 6, 2);
   t.height(5, 7) = 1.5F;
@@ -32,7 +32,7 @@ TEST(Proximity, OverABallIsItsHeightAndElsewhereTheRange) {
   EXPECT_EQ(std::ranges::count(s.readings(1), 1.0F), 13);  // cells with dx² + dy² ≤ 4
 }
 
-TEST(Proximity, TouchedFromInsideIsZero) {
+TEST(Proximity, RayStartingInsideReadsZero) {
   SensorFixture t;
   t.add_ball(5, 7, 1, 2);
   t.add_sensor("proximity");
@@ -43,7 +43,7 @@ TEST(Proximity, TouchedFromInsideIsZero) {
 }
 
 // So small a surface counts as dense, so the cast culls bodies that no ray reaches by height.
-TEST(Proximity, MeetsWhatReachesDownIntoItsRangeWithItsLowestPartOnly) {
+TEST(Proximity, HitsBallWithOnlyLowestPartInRange) {
   SensorFixture t(3, 3);
   t.add_ball(1, 1, 5.5, 2);
   t.add_sensor("proximity", {{"range", {3.6}}}).name = "reaches";
@@ -55,7 +55,7 @@ TEST(Proximity, MeetsWhatReachesDownIntoItsRangeWithItsLowestPartOnly) {
   EXPECT_EQ(s.readings(3)[t.cell(1, 1)], 0.0F);
 }
 
-TEST(Proximity, LooksAlongAnyDirectionFromAnyPlace) {
+TEST(Proximity, SupportsAnyDirectionAndOrigin) {
   SensorFixture t;
   t.add_ball(9, 7, 0.5, 1);
   t.add_sensor("proximity", {{"direction", {3, 0, 0}}, {"origin", {0, 0, 0.5}}}).name = "east";
@@ -69,7 +69,7 @@ TEST(Proximity, LooksAlongAnyDirectionFromAnyPlace) {
   EXPECT_FLOAT_EQ(s.readings(2)[t.cell(1, 1)], 5.0F);         // top of its own pin
 }
 
-TEST(Proximity, NeighboursThatStandHigherAreInTheWayUnlessTheyAreLeftOut) {
+TEST(Proximity, HigherPinsOccludeUnlessExcluded) {
   SensorFixture t;
   t.add_ball(9, 7, 0.5, 1);
   t.height(7, 7) = 2;
@@ -87,7 +87,7 @@ TEST(Proximity, NeighboursThatStandHigherAreInTheWayUnlessTheyAreLeftOut) {
   EXPECT_EQ(s.readings(5)[t.cell(4, 7)], scene::Colour{}.r);
 }
 
-TEST(Proximity, OnALevelFieldNoPinIsInTheWay) {
+TEST(Proximity, LevelPinsDoNotOcclude) {
   SensorFixture t;
   t.add_sensor("proximity", {{"direction", {1, 0.5, 0}}});
   SensorArray s = t.sensors();
@@ -95,7 +95,7 @@ TEST(Proximity, OnALevelFieldNoPinIsInTheWay) {
   EXPECT_EQ(std::ranges::count(s.readings(1), 0.0F), t.spec.cell_count());
 }
 
-TEST(ObjectType, CountsLabelsInTheOrderOfTheirAppearance) {
+TEST(ObjectType, NumbersLabelsInOrderOfAppearance) {
   SensorFixture t;
   t.add_ball(2, 2, 3, 1, "b");
   t.add_ball(6, 2, 3, 1, "a");
@@ -121,7 +121,7 @@ TEST(ObjectType, CountsLabelsInTheOrderOfTheirAppearance) {
   EXPECT_EQ(s.readings(0)[t.cell(2, 9)], 4.0F);
 }
 
-TEST(Colour, IsThatOfTheNearestObjectInThreePlanes) {
+TEST(Colour, ReadsNearestObjectInThreePlanes) {
   SensorFixture t;
   t.add_ball(5, 5, 6, 1, "", {0.0F, 1.0F, 0.0F});
   t.add_ball(5, 5, 3, 1, "", kRed);
@@ -141,7 +141,7 @@ TEST(Colour, IsThatOfTheNearestObjectInThreePlanes) {
   EXPECT_EQ(s.readings(0)[t.cell(12, 5)], kRed.r);
 }
 
-TEST(Light, IsGoneInTheShadowOfBallsAndPins) {
+TEST(Light, ShadowedByBallsAndPins) {
   SensorFixture t;
   t.add_ball(8, 8, 10, 1);
   t.height(3, 3) = 4;
@@ -159,7 +159,7 @@ TEST(Light, IsGoneInTheShadowOfBallsAndPins) {
   EXPECT_EQ(s.readings(0)[t.cell(8, 8)], 1.0F);
 }
 
-TEST(Light, OfASizeCastsHalfShadows) {
+TEST(Light, AreaLightCastsPenumbra) {
   SensorFixture t;
   scene::ObjectSpec screen;  // covers x ≥ 10
   screen.shape = scene::ShapeKind::kBox;
@@ -179,7 +179,7 @@ TEST(Light, OfASizeCastsHalfShadows) {
               0.05);
 }
 
-TEST(Pressure, IsTheImpulsePerTickAndEndsAtItsRange) {
+TEST(Pressure, ReadsImpulsePerTickClampedToRange) {
   SensorFixture t;
   t.add_sensor("pressure", {{"range", {50}}});
   SensorArray s = t.sensors();
@@ -195,7 +195,7 @@ TEST(Pressure, IsTheImpulsePerTickAndEndsAtItsRange) {
   EXPECT_EQ(s.readings(0)[t.cell(3, 4)], 0.0F);
 }
 
-TEST(Camera, SeesWhatIsTopmostAtEveryPixel) {
+TEST(Camera, ShowsTopmostSurfaceAtEveryPixel) {
   SensorFixture t;
   scene::ObjectSpec tile;
   tile.shape = scene::ShapeKind::kBox;
@@ -220,7 +220,7 @@ TEST(Camera, SeesWhatIsTopmostAtEveryPixel) {
   EXPECT_NEAR(s.readings(1)[t.cell(8, 8)], 1.5F, 1e-4F);
 }
 
-TEST(Camera, LooksThroughTheGapsToTheFloor) {
+TEST(Camera, SeesFloorThroughGaps) {
   SensorFixture t;
   t.field.half_top_x = t.field.half_top_y = 0.1F;
   t.add_sensor("camera", {{"resolution", {2}}, {"floor", {-3}}});
@@ -230,7 +230,7 @@ TEST(Camera, LooksThroughTheGapsToTheFloor) {
   EXPECT_EQ(std::ranges::count(s.readings(0), 0.0F), 12 * t.spec.cell_count());
 }
 
-TEST(SensorArray, GivesTheSameBitsForAnyNumberOfThreads) {
+TEST(SensorArray, BitIdenticalForAnyThreadCount) {
   SensorFixture t(33, 37);
   for (int k = 0; k < 40; ++k) {
     scene::ObjectSpec o;
@@ -259,7 +259,7 @@ TEST(SensorArray, GivesTheSameBitsForAnyNumberOfThreads) {
   }
 }
 
-TEST(SensorArray, RefusesAnUnknownModel) {
+TEST(SensorArray, RejectsUnknownModel) {
   SensorFixture t;
   t.add_sensor("proximity");
   EXPECT_EQ(surface::error_message_of([&] {

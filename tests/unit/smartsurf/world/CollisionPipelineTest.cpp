@@ -22,7 +22,7 @@ std::set<std::pair<int, int>> touching_pairs(const ContactList& contacts) {
   return pairs;
 }
 
-TEST(CollisionPipeline, FindsOverlappingPairsAndOnlyThem) {
+TEST(CollisionPipeline, FindsExactlyTheOverlappingPairs) {
   StepFixture s(32);
   s.add(make_sphere(1.0), Vec3(5, 5, 6));
   s.add(make_sphere(1.0), Vec3(6.9F, 5, 6));
@@ -33,7 +33,7 @@ TEST(CollisionPipeline, FindsOverlappingPairsAndOnlyThem) {
   EXPECT_TRUE(s.static_contacts.manifolds.empty());
 }
 
-TEST(CollisionPipeline, LargeBodyMeetsSmallOnesInDistantCells) {
+TEST(CollisionPipeline, LargeBodyTouchesSmallBodiesInDistantCells) {
   StepFixture s(64);
   scene::ObjectSpec plate;
   plate.shape = scene::ShapeKind::kBox;
@@ -78,7 +78,7 @@ TEST(CollisionPipeline, MatchesContactsOfThePreviousStep) {
   for (const Contact& c : s.static_contacts.contacts) EXPECT_EQ(c.normal_impulse, 7.0F);
 }
 
-TEST(CollisionPipeline, NewContactsBeginWithoutImpulse) {
+TEST(CollisionPipeline, NewContactsStartWithZeroImpulse) {
   StepFixture s(32);
   s.add(make_sphere(1.0), Vec3(5, 5, 0.99F));
   s.find_contacts();

@@ -60,7 +60,7 @@ struct Tangle {
 
 }  // namespace
 
-TEST(ConstraintGraph, NoBodyIsTwiceInAColourAndNoManifoldIsLeftOut) {
+TEST(ConstraintGraph, BodiesUniquePerColourAndAllManifoldsScheduled) {
   const Tangle t(200, 600);
   ConstraintGraph graph;
   t.build(graph);
@@ -87,7 +87,7 @@ TEST(ConstraintGraph, NoBodyIsTwiceInAColourAndNoManifoldIsLeftOut) {
   EXPECT_EQ(std::set<int>(scheduled.begin(), scheduled.end()).size(), scheduled.size());
 }
 
-TEST(ConstraintGraph, EveryBodyMeetsTheWorldOnce) {
+TEST(ConstraintGraph, SchedulesEachStaticManifoldOnce) {
   const Tangle t(200, 600);
   ConstraintGraph graph;
   t.build(graph);
@@ -102,7 +102,7 @@ TEST(ConstraintGraph, EveryBodyMeetsTheWorldOnce) {
   EXPECT_EQ(bodies.size(), t.world.manifolds.size());
 }
 
-TEST(ConstraintGraph, AnyNumberOfThreadsSharesTheSameBatchesEachOnce) {
+TEST(ConstraintGraph, SameBatchesForAnyThreadCount) {
   const Tangle t(400, 1500);
   ConstraintGraph alone;
   t.build(alone);
@@ -129,7 +129,7 @@ TEST(ConstraintGraph, AnyNumberOfThreadsSharesTheSameBatchesEachOnce) {
   }
 }
 
-TEST(ConstraintGraph, WhatAMemberSolvesBeginsInItsSlabs) {
+TEST(ConstraintGraph, OwnBatchesStartInOwnSlabs) {
   const Tangle t(400, 1500);
   common::ThreadPool pool(2);
   Team team(&pool);

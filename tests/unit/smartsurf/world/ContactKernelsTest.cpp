@@ -72,7 +72,7 @@ struct Lanes {
 
 }  // namespace
 
-TEST(ContactKernels, EffectiveMassAndApproachOfEveryLane) {
+TEST(ContactKernels, PrepareSetsEffectiveMassAndApproachSpeed) {
   Lanes lanes;
   lanes.run(contact_kernels().prepare);
   for (int l = 0; l < kLanes; ++l) {
@@ -81,7 +81,7 @@ TEST(ContactKernels, EffectiveMassAndApproachOfEveryLane) {
   }
 }
 
-TEST(ContactKernels, WhatAPushAddsToTheSlipIsToldAhead) {
+TEST(ContactKernels, PrepareSetsSlipPerImpulse) {
   Lanes lanes;
   lanes.run(contact_kernels().prepare);
   const Lanes before = lanes;
@@ -93,7 +93,7 @@ TEST(ContactKernels, WhatAPushAddsToTheSlipIsToldAhead) {
         << l;
 }
 
-TEST(ContactKernels, ARelaxedContactNoLongerCloses) {
+TEST(ContactKernels, RelaxStopsClosingMotion) {
   Lanes lanes;
   lanes.run(contact_kernels().prepare);
   std::fill_n(lanes.point.friction, kLanes, 0.0F);
@@ -110,7 +110,7 @@ TEST(ContactKernels, ARelaxedContactNoLongerCloses) {
   }
 }
 
-TEST(ContactKernels, MomentumIsKeptAndUnusedLanesAreLeftAlone) {
+TEST(ContactKernels, ConservesMomentumAndSkipsUnusedLanes) {
   Lanes lanes;
   lanes.batch.lane_count = 5;
   for (int l = 5; l < kLanes; ++l) lanes.batch.a[l] = 0, lanes.batch.b[l] = 8;

@@ -36,7 +36,7 @@ float depth_in_cylinder(const Vec3& p) {
 
 }  // namespace
 
-TEST(ConvexOnField, AColumnInsideACylinderPushesItOutHoweverDeepItIs) {
+TEST(ConvexOnField, DeepColumnPushesCylinderOut) {
   scene::ObjectSpec o;
   o.shape = ShapeKind::kCylinder;
   o.radius = 1.2;
@@ -66,7 +66,7 @@ TEST(ConvexOnField, AColumnInsideACylinderPushesItOutHoweverDeepItIs) {
   EXPECT_GT(deep, 200);
 }
 
-TEST(ConvexOnField, ACylinderAlongAnEdgeBearsOnBothItsEnds) {
+TEST(ConvexOnField, CylinderAlongEdgeTouchesAtBothEnds) {
   scene::ObjectSpec o;
   o.shape = ShapeKind::kCylinder;
   o.radius = 1.2;

@@ -46,7 +46,7 @@ float min_separation(const std::vector<Contact>& contacts) {
 
 }  // namespace
 
-TEST(ConvexPair, TheLastNormalSavesWorkAndDecidesNothing) {
+TEST(ConvexPair, CachedNormalDoesNotChangeResult) {
   std::mt19937 random(3);
   std::uniform_real_distribution<float> u(-1, 1);
   const scene::ShapeKind kinds[] = {scene::ShapeKind::kBox, scene::ShapeKind::kCylinder,
@@ -74,7 +74,7 @@ TEST(ConvexPair, TheLastNormalSavesWorkAndDecidesNothing) {
   EXPECT_GT(compared, 150);
 }
 
-TEST(ConvexPair, ASmallBodyOnAHugeBoxIsAsFarFromItsFaceAsItsLowestPoint) {
+TEST(ConvexPair, SeparationOfSmallBodyFromHugeBox) {
   std::mt19937 random(5);
   std::uniform_real_distribution<float> u(-1, 1);
   const scene::ShapeKind kinds[] = {scene::ShapeKind::kBox, scene::ShapeKind::kCylinder,
@@ -103,7 +103,7 @@ TEST(ConvexPair, ASmallBodyOnAHugeBoxIsAsFarFromItsFaceAsItsLowestPoint) {
   }
 }
 
-TEST(ColumnSat, ABoxAndItsHullAreEquallyFarFromAColumn) {
+TEST(ColumnSat, BoxAndItsHullAgree) {
   std::mt19937 random(4);
   std::uniform_real_distribution<float> u(-1, 1);
   const Column column{-0.4F, 0.4F, -0.4F, 0.4F, 0.0F, false, false, false, false};

@@ -33,7 +33,7 @@ std::shared_ptr<const scene::Solid> make_skew_tetrahedron() {
 }  // namespace
 
 // Nothing of the solid lies beyond the plane that far below the point: then no shorter way is left out.
-TEST(Distance, OfAHullIsTheWidestGapOfAPlane) {
+TEST(Distance, HullDistanceIsPlaneSeparation) {
   scene::ObjectSpec spec;
   spec.shape = scene::ShapeKind::kSolid;
   spec.solid = make_skew_tetrahedron();

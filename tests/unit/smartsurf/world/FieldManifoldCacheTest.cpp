@@ -78,7 +78,7 @@ float wave(float x) { return 0.3F * std::sin(0.8F * x); }
 
 }  // namespace
 
-TEST(FieldManifoldCache, PointsFollowABodyThatSlidesAndTurnsOverPins) {
+TEST(FieldManifoldCache, SeparationFollowsSlidingAndRotatingBody) {
   for (const ShapeKind kind :
        {ShapeKind::kBox, ShapeKind::kCylinder, ShapeKind::kCapsule, ShapeKind::kCone}) {
     FieldCacheFixture b(kind, 2.0);
@@ -99,7 +99,7 @@ TEST(FieldManifoldCache, PointsFollowABodyThatSlidesAndTurnsOverPins) {
   }
 }
 
-TEST(FieldManifoldCache, PointsKeepUpWithABodyThatSlides) {
+TEST(FieldManifoldCache, PointsTrackSlidingBody) {
   FieldCacheFixture b(ShapeKind::kBox, 1.305);
   b.cell(4, 4) = 0.3F;
   for (int i = 0; i < 60; ++i) {
@@ -115,7 +115,7 @@ TEST(FieldManifoldCache, PointsKeepUpWithABodyThatSlides) {
   }
 }
 
-TEST(FieldManifoldCache, PointsFollowTheirCells) {
+TEST(FieldManifoldCache, PointsFollowMovingCells) {
   FieldCacheFixture b(ShapeKind::kBox, 1.31);
   b.set_heights(wave);
   b.lower_to(0.01F);
@@ -133,7 +133,7 @@ TEST(FieldManifoldCache, PointsFollowTheirCells) {
 }
 
 // Of points that hold the body alike, four are chosen; the cell under another one may then rise above them.
-TEST(FieldManifoldCache, ChoosesAnewWhatHoldsTheBodyWhenCellsMove) {
+TEST(FieldManifoldCache, ReselectsPointsWhenCellsMove) {
   FieldCacheFixture b(ShapeKind::kBox, 1.0);
   for (int i = 0; i < kSide * kSide; ++i)
     b.field.height[static_cast<std::size_t>(i)] = -0.002F * static_cast<float>(i % 3 + i / kSide % 2);
@@ -147,7 +147,7 @@ TEST(FieldManifoldCache, ChoosesAnewWhatHoldsTheBodyWhenCellsMove) {
     }
 }
 
-TEST(FieldManifoldCache, NoticesAPinThatRisesOutOfALevelField) {
+TEST(FieldManifoldCache, DetectsPinRisingFromLevelField) {
   FieldCacheFixture b(ShapeKind::kBox, 1.001);
   b.step();
   ASSERT_EQ(b.contacts.size(), 4U);
@@ -158,7 +158,7 @@ TEST(FieldManifoldCache, NoticesAPinThatRisesOutOfALevelField) {
   EXPECT_NEAR(min_separation(b.contacts), 0.001F - 0.01F, 1e-5F);
 }
 
-TEST(FieldManifoldCache, NoticesInTimeWhatComesNear) {
+TEST(FieldManifoldCache, DetectsApproachingBodyInTime) {
   FieldCacheFixture b(ShapeKind::kBox, 2.0);
   b.set_heights(wave);
   b.rotate(Vec3(0.2F, 0.3F, 0));

@@ -47,7 +47,7 @@ class FreeLayout : public testing::TestWithParam<bool> {};
 INSTANTIATE_TEST_SUITE_P(Field, FreeLayout, testing::Bool(),
                          [](const auto& instance) { return instance.param ? "Level" : "Rough"; });
 
-TEST_P(FreeLayout, SphereMeetsTheSameCellsAsOnAGrid) {
+TEST_P(FreeLayout, SphereContactsMatchGrid) {
   std::mt19937 random(3);
   const surface::Field grid = make_random_field(random, GetParam()), free_layout = with_positions(grid);
   const FreeLayoutField field(free_layout);
@@ -67,7 +67,7 @@ TEST_P(FreeLayout, SphereMeetsTheSameCellsAsOnAGrid) {
   EXPECT_GT(touching, 100);
 }
 
-TEST_P(FreeLayout, BoxPenetratesAsDeepAsOnAGrid) {
+TEST_P(FreeLayout, BoxPenetrationMatchesGrid) {
   std::mt19937 random(4);
   const surface::Field grid = make_random_field(random, GetParam()), free_layout = with_positions(grid);
   const FreeLayoutField field(free_layout);
@@ -88,7 +88,7 @@ TEST_P(FreeLayout, BoxPenetratesAsDeepAsOnAGrid) {
   }
 }
 
-TEST(FreeLayoutField, TurnedCellBearsWithItsOwnFrame) {
+TEST(FreeLayoutField, RotatedCellUsesItsOwnFrame) {
   surface::Field field = make_flat_field(1);
   field.x = {4.0F};
   field.y = {5.0F};

@@ -33,7 +33,7 @@ const scene::ShapeKind kKinds[] = {scene::ShapeKind::kBox, scene::ShapeKind::kCy
 }  // namespace
 
 // A sphere's distance is known in closed form: the signed distance of its centre, less the radius.
-TEST(Gjk, AgreesWithTheClosedFormsForPoints) {
+TEST(Gjk, MatchesClosedFormSphereDistance) {
   std::mt19937 random(11);
   std::uniform_real_distribution<float> u(-1, 1);
   for (const auto kind : kKinds)
@@ -52,7 +52,7 @@ TEST(Gjk, AgreesWithTheClosedFormsForPoints) {
     }
 }
 
-TEST(Gjk, IsSymmetricAndFallsByWhatOneIsMoved) {
+TEST(Gjk, SymmetricAndDecreasesByTranslation) {
   std::mt19937 random(12);
   for (const auto first : kKinds)
     for (const auto second : kKinds) {
@@ -66,7 +66,7 @@ TEST(Gjk, IsSymmetricAndFallsByWhatOneIsMoved) {
     }
 }
 
-TEST(Gjk, OutwardPointsLeadOut) {
+TEST(Gjk, NormalLeadsToSurface) {
   std::mt19937 random(13);
   std::uniform_real_distribution<float> u(-1, 1);
   for (const auto kind : kKinds) {
@@ -81,7 +81,7 @@ TEST(Gjk, OutwardPointsLeadOut) {
   }
 }
 
-TEST(Gjk, WhatWasNearestBeforeDecidesNothing) {
+TEST(Gjk, SimplexCacheDoesNotChangeResult) {
   std::mt19937 random(13);
   std::uniform_real_distribution<float> u(-1, 1);
   int compared = 0;

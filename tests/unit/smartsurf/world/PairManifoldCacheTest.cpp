@@ -61,7 +61,7 @@ float min_separation(const std::vector<Contact>& contacts) {
 
 }  // namespace
 
-TEST(PairManifoldCache, PointsFollowBodiesThatHardlyMove) {
+TEST(PairManifoldCache, SeparationFollowsSlowBodies) {
   for (const ShapeKind kind : {ShapeKind::kBox, ShapeKind::kCylinder, ShapeKind::kCapsule}) {
     PairCacheFixture p(ShapeKind::kBox, kind, {0.3, 0.2, 2.01});
     for (int i = 0; i < 60; ++i) {
@@ -75,7 +75,7 @@ TEST(PairManifoldCache, PointsFollowBodiesThatHardlyMove) {
   }
 }
 
-TEST(PairManifoldCache, PointsKeepUpWithABodyThatSlides) {
+TEST(PairManifoldCache, PointsTrackSlidingBody) {
   PairCacheFixture p(ShapeKind::kBox, ShapeKind::kBox, {0.7, 0.6, 2.01});
   for (int i = 0; i < 60; ++i) {
     p.step();
@@ -90,7 +90,7 @@ TEST(PairManifoldCache, PointsKeepUpWithABodyThatSlides) {
 }
 
 // What was looked at from afar, because it came fast, is looked at again when it turns.
-TEST(PairManifoldCache, PointsFollowABodyThatRollsAfterItCameFast) {
+TEST(PairManifoldCache, SeparationFollowsRollingAfterFastApproach) {
   PairCacheFixture p(ShapeKind::kBox, ShapeKind::kCapsule, {0.3, 0.2, 2.01});
   p.rotate(1, Vec3(1.2F, 0, 0));
   p.bodies.position[1].z() = 2.0F - 1.0F + 1.0F + 0.001F;
@@ -105,7 +105,7 @@ TEST(PairManifoldCache, PointsFollowABodyThatRollsAfterItCameFast) {
   }
 }
 
-TEST(PairManifoldCache, NoticesInTimeWhatComesNear) {
+TEST(PairManifoldCache, DetectsApproachingBodyInTime) {
   PairCacheFixture p(ShapeKind::kBox, ShapeKind::kBox, {0.3, 0.2, 2.6});
   for (int i = 0; i < 200; ++i) {
     p.step();
@@ -120,7 +120,7 @@ TEST(PairManifoldCache, NoticesInTimeWhatComesNear) {
   }
 }
 
-TEST(PairManifoldCache, FollowsTwoThatMoveAndTurnTogether) {
+TEST(PairManifoldCache, FollowsCommonRigidMotion) {
   PairCacheFixture p(ShapeKind::kBox, ShapeKind::kBox, {0, 0, 2.01});
   p.step();
   const float separation = min_separation(p.contacts);
@@ -135,7 +135,7 @@ TEST(PairManifoldCache, FollowsTwoThatMoveAndTurnTogether) {
   EXPECT_NEAR(p.contacts[0].normal.dot(rotation_from_vector(turn) * Vec3(0, 0, -1)), 1.0F, 1e-5F);
 }
 
-TEST(PairManifoldCache, ARollingCylinderKeepsItsPointsBelowIt) {
+TEST(PairManifoldCache, RollingCylinderKeepsPointsBelow) {
   PairCacheFixture p(ShapeKind::kCylinder, ShapeKind::kBox, {0, 0, -2});
   const Quat lying(Eigen::AngleAxisf(1.5707963F, Vec3::UnitY()));
   p.bodies.orientation[0] = lying;

@@ -63,7 +63,7 @@ std::uint64_t hash_after(const scene::SceneSpec& scene, int steps, int threads) 
 
 }  // namespace
 
-TEST(Threads, AnyNumberOfThemStepsTheWorldToTheSameBits) {
+TEST(Threads, SameStateHashForAnyThreadCount) {
   for (const scene::SceneSpec& scene : {heap(24, 48), heap(48, 24)}) {
     const std::uint64_t alone = hash_after(scene, 20, 1);
     for (const int threads : {2, 3}) EXPECT_EQ(hash_after(scene, 20, threads), alone) << threads;

@@ -32,7 +32,7 @@ struct Fixture {
   }
 };
 
-TEST(PreviousContacts, FindsPairsWhoeverAsks) {
+TEST(PreviousContacts, FindsPairsForAnyMember) {
   const Fixture f;
   for (const int member : {0, 1}) {
     EXPECT_EQ(f.previous.find_pair(0, 1, member), 0);
@@ -42,7 +42,7 @@ TEST(PreviousContacts, FindsPairsWhoeverAsks) {
   }
 }
 
-TEST(PreviousContacts, AbsentPairIsMinusOne) {
+TEST(PreviousContacts, ReturnsMinusOneForAbsentPair) {
   const Fixture f;
   EXPECT_EQ(f.previous.find_pair(1, 2, 0), -1);
   EXPECT_EQ(f.previous.find_pair(0, 7, 1), -1);
@@ -61,7 +61,7 @@ TEST(PreviousContacts, FindsStaticContactsAndTheirNormals) {
   }
 }
 
-TEST(PreviousContacts, NextStepReplacesThem) {
+TEST(PreviousContacts, SwapReplacesPreviousStep) {
   Fixture f;
   ContactList pairs, statics;
   add_manifold(pairs, 5, 6);

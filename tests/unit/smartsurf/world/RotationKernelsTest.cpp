@@ -80,7 +80,7 @@ std::vector<float> results(const RotationBatch& t) {
 }  // namespace
 
 // Euler's equations without torque: I·dω/dt = −ω × Iω, in own axes.
-TEST(RotationKernels, SpinChangesByEulersEquations) {
+TEST(RotationKernels, MatchesEulersEquations) {
   Bodies bodies(1.0F);
   constexpr float kShort = 1e-3F;
   integrate_gyroscopic(bodies.turns, kShort);
@@ -93,7 +93,7 @@ TEST(RotationKernels, SpinChangesByEulersEquations) {
   }
 }
 
-TEST(RotationKernels, NoRateOfTurningBringsEnergy) {
+TEST(RotationKernels, NeverGainsEnergy) {
   for (const float rate : {1.0F, 30.0F, 1e3F, 1e6F}) {
     Bodies bodies(rate);
     integrate_gyroscopic(bodies.turns, kStep);
@@ -104,7 +104,7 @@ TEST(RotationKernels, NoRateOfTurningBringsEnergy) {
   }
 }
 
-TEST(RotationKernels, AxesFollowTheOrientationAndDoNotTwistWhereTheShapeRevolves) {
+TEST(RotationKernels, AxesFollowOrientationWithoutTwistIfAxisymmetric) {
   Bodies bodies(1.0F);
   integrate_gyroscopic(bodies.turns, kStep);
   for (int l = 0; l < kLanes; ++l) {
@@ -125,7 +125,7 @@ TEST(RotationKernels, AxesFollowTheOrientationAndDoNotTwistWhereTheShapeRevolves
   }
 }
 
-TEST(RotationKernels, HaveTheSameBitsInAnyLaneAndOnEveryInstructionSet) {
+TEST(RotationKernels, BitIdenticalInAnyLaneAndOnEveryTarget) {
   Bodies first(5.0F);
   integrate_gyroscopic(first.turns, kStep);
   for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {

@@ -7,7 +7,7 @@
 
 using namespace smartsurf::world;
 
-TEST(LinearFunctions, FindsTheOneThatReachesFarthest) {
+TEST(LinearFunctions, ArgmaxFindsLargestDotProduct) {
   std::mt19937 random(2);
   std::normal_distribution<float> u;
   auto any = [&] { return Vec3(u(random), u(random), u(random)); };

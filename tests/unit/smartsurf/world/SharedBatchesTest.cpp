@@ -102,7 +102,7 @@ struct Shared {
 
 }  // namespace
 
-TEST(SharedBatches, WhatAMemberCallsItsOwnNobodyElseMoves) {
+TEST(SharedBatches, OwnBatchesShareNoBodiesWithOtherMembers) {
   for (const int members : {2, 3}) {
     const Shared s(members);
     Barrier none(members);
@@ -129,7 +129,7 @@ TEST(SharedBatches, WhatAMemberCallsItsOwnNobodyElseMoves) {
   }
 }
 
-TEST(SharedBatches, OneMemberSharesNothing) {
+TEST(SharedBatches, SingleMemberHasNoSharedBatches) {
   const Shared s(1);
   Barrier none(1);
   for (std::size_t c = 0; c <= s.graph.colours().size(); ++c)

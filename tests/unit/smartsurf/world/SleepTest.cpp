@@ -55,7 +55,7 @@ TEST(Sleep, BodiesFallAsleepAfterHalfASecondOfRest) {
   EXPECT_EQ(row.sleep.static_contacts().manifolds.size(), 3U);
 }
 
-TEST(Sleep, MovingNeighbourKeepsABodyAwake) {
+TEST(Sleep, MovingNeighbourKeepsBodyAwake) {
   Row row(3);
   scene::ObjectStateUpdate update;
   update.velocity = Eigen::Vector3d(1, 0, 0);
@@ -87,7 +87,7 @@ TEST(Sleep, WakingAnIslandReachesAllConnectedBodies) {
   EXPECT_TRUE(row.sleep.pair_contacts().manifolds.empty());
 }
 
-TEST(Sleep, ForceWakesItsBodyAlone) {
+TEST(Sleep, ForceWakesOnlyItsBody) {
   Row row(3);
   row.rest(0.6F);
   row.bodies.wrench[1].force = Vec3(1, 0, 0);
@@ -96,7 +96,7 @@ TEST(Sleep, ForceWakesItsBodyAlone) {
   EXPECT_FALSE(row.bodies.asleep[1]);
 }
 
-TEST(Sleep, MovingCellWakesTheBodyAboveIt) {
+TEST(Sleep, MovingCellWakesBodyAbove) {
   Row row(5);
   row.rest(0.6F);
   const auto cell = static_cast<std::size_t>(row.field.index(31 - 16, 10));  // under the last body, at x = 10

@@ -44,7 +44,7 @@ TEST(Solver, CollisionConservesMomentum) {
   EXPECT_NEAR(s.bodies.velocity(a).x() + s.bodies.velocity(b).x(), 4.0F, 1e-4F);
 }
 
-TEST(Solver, WarmStartSpeedsUpConvergence) {
+TEST(Solver, CarriesImpulsesOverForWarmStart) {
   StepFixture s(16);
   const std::size_t ball = s.add(make_sphere(1.0), Vec3(7, 7, 1));
   for (int i = 0; i < 120; ++i) s.step();

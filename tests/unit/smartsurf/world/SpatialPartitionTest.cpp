@@ -47,7 +47,7 @@ const Vec3 kTables[] = {{20, 60, 6}, {60, 20, 6}, {300, 2, 2}};
 
 }  // namespace
 
-TEST(Slabs, PiecesAreTheGridsOrderCut) {
+TEST(Slabs, BodyRunsPartitionGridOrder) {
   for (const Vec3& size : kTables) {
     const Heap h(1500, size);
     EXPECT_GE(h.slabs.slab_count(), 6);
@@ -69,7 +69,7 @@ TEST(Slabs, PiecesAreTheGridsOrderCut) {
   }
 }
 
-TEST(Slabs, FollowEachOtherAlongTheLongerSide) {
+TEST(Slabs, OrderedAlongLongerAxis) {
   for (const Vec3& size : kTables) {
     Heap h(1500, size);
     h.list(1);
@@ -88,7 +88,7 @@ TEST(Slabs, FollowEachOtherAlongTheLongerSide) {
   }
 }
 
-TEST(Slabs, EveryBodyHasARowThoseThatMoveFirst) {
+TEST(Slabs, AssignsEveryBodyARowActiveFirst) {
   for (const int members : {1, 2, 5}) {
     Heap h(1500, kTables[0]);
     h.list(members);
@@ -107,7 +107,7 @@ TEST(Slabs, EveryBodyHasARowThoseThatMoveFirst) {
   }
 }
 
-TEST(Slabs, SharesAreWholeAndNearlyEven) {
+TEST(Slabs, SharesAreCompleteAndBalanced) {
   const Heap h(3000, kTables[0]);
   Barrier alone(1);
   for (const int members : {1, 2, 3, 8}) {
@@ -124,7 +124,7 @@ TEST(Slabs, SharesAreWholeAndNearlyEven) {
   }
 }
 
-TEST(Slabs, AFewBodiesAreOneSlab) {
+TEST(Slabs, FewBodiesFormOneSlab) {
   const Heap h(100, kTables[0]);
   EXPECT_EQ(h.slabs.slab_count(), 2) << "and the large ones another";
   EXPECT_EQ(h.slabs.body_runs().size(), 2u);

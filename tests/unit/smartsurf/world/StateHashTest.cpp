@@ -29,7 +29,7 @@ std::uint64_t hash_of(const surface::Field& field, int threads) {
   return hash.value();
 }
 
-TEST(FieldHasher, CopiesAndHashesTheSameForAnyNumberOfThreads) {
+TEST(FieldHasher, SameCopyAndHashForAnyThreadCount) {
   for (const int rows : {1, 3, 101, 333}) {
     const surface::Field field = field_of(rows, 97);
     FieldHasher alone(nullptr);
@@ -41,7 +41,7 @@ TEST(FieldHasher, CopiesAndHashesTheSameForAnyNumberOfThreads) {
   }
 }
 
-TEST(FieldHasher, HashSeesEveryHeightAndEverySpeed) {
+TEST(FieldHasher, HashDependsOnEveryHeightAndSpeed) {
   surface::Field field = field_of(130, 97);
   std::set<std::uint64_t> hashes{hash_of(field, 1)};
   for (const std::size_t cell : {0UL, 1UL, 31UL, 4095UL, 4096UL, field.height.size() - 1}) {

@@ -64,7 +64,7 @@ TEST(Grid, FindsEveryPairOnce) {
   }
 }
 
-TEST(Grid, PartsOfTheOrderGiveAllPairsTogether) {
+TEST(Grid, SubrangesCoverAllPairs) {
   const Cloud cloud(200, 10.0F, 3);
   UniformGrid grid;
   build(grid, cloud);
@@ -75,7 +75,7 @@ TEST(Grid, PartsOfTheOrderGiveAllPairsTogether) {
   EXPECT_EQ(parts, whole);
 }
 
-TEST(Grid, KeepsLargeBodiesApartAndFindsWhatTheirBoxMeets) {
+TEST(Grid, SeparatesLargeBodiesAndAnswersBoxQueries) {
   Cloud cloud(200, 12.0F, 5);
   cloud.reach[17] = 50.0F;
   UniformGrid grid;
@@ -94,7 +94,7 @@ TEST(Grid, KeepsLargeBodiesApartAndFindsWhatTheirBoxMeets) {
   EXPECT_EQ(found, expected);
 }
 
-TEST(Grid, LooksSomewhereForWhatIsNowhere) {
+TEST(Grid, NanBoxQueryFindsNothing) {
   Cloud cloud(20, 6.0F, 7);
   UniformGrid grid;
   build(grid, cloud);
@@ -104,7 +104,7 @@ TEST(Grid, LooksSomewhereForWhatIsNowhere) {
   EXPECT_EQ(found, 0);
 }
 
-TEST(Grid, AnyNumberOfMembersSortsTheBodiesTheSameWay) {
+TEST(Grid, SameOrderForAnyMemberCount) {
   Cloud cloud(400, 12.0F, 9);
   cloud.reach[17] = cloud.reach[301] = 50.0F;
   UniformGrid alone;
@@ -123,7 +123,7 @@ TEST(Grid, AnyNumberOfMembersSortsTheBodiesTheSameWay) {
   }
 }
 
-TEST(Grid, FindsTheSameOnEveryInstructionSet) {
+TEST(Grid, SamePairsOnEveryTarget) {
   const Cloud cloud(300, 9.0F, 11);
   UniformGrid grid;
   build(grid, cloud);

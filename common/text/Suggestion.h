@@ -5,7 +5,7 @@
 #include <string_view>
 #include <vector>
 
-namespace apron::syntax {
+namespace common {
 
 // The nearest candidate by edit distance (a swap of neighbours counts one), or one that differs only in case
 // or in a prefix such as "math."; "" if none is near enough. Ties go to the first in alphabetical order.
@@ -14,4 +14,4 @@ std::string nearest_name(std::string_view name, const std::vector<std::string>& 
 // "; did you mean 'X'?", or "".
 std::string did_you_mean(std::string_view name, const std::vector<std::string>& candidates);
 
-}  // namespace apron::syntax
+}  // namespace common

@@ -1,12 +1,10 @@
-#include "apron/syntax/Suggestion.h"
-
-#include <fmt/format.h>
+#include "common/text/Suggestion.h"
 
 #include <algorithm>
 #include <cctype>
 #include <cstddef>
 
-namespace apron::syntax {
+namespace common {
 namespace {
 
 constexpr std::size_t kMaxNameLength = 64;
@@ -33,7 +31,7 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
   return d[a.size()][b.size()];
 }
 
-// Of core.abs: abs.
+// "abs" of "core.abs".
 std::string_view unqualified_name(std::string_view name) { return name.substr(name.rfind('.') + 1); }
 
 // The same word in another group, such as math.abs for abs.
@@ -71,7 +69,7 @@ std::string nearest_name(std::string_view name, const std::vector<std::string>& 
 
 std::string did_you_mean(std::string_view name, const std::vector<std::string>& candidates) {
   const std::string best = nearest_name(name, candidates);
-  return best.empty() ? "" : fmt::format("; did you mean '{}'?", best);
+  return best.empty() ? "" : "; did you mean '" + best + "'?";
 }
 
-}  // namespace apron::syntax
+}  // namespace common

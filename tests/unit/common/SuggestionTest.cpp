@@ -1,8 +1,8 @@
-#include "apron/syntax/Suggestion.h"
+#include "common/text/Suggestion.h"
 
 #include <gtest/gtest.h>
 
-namespace apron::syntax {
+namespace common {
 namespace {
 
 TEST(Suggestion, NearestName) {
@@ -20,4 +20,4 @@ TEST(Suggestion, NearestName) {
 }
 
 }  // namespace
-}  // namespace apron::syntax
+}  // namespace common
