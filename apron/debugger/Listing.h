@@ -36,7 +36,8 @@ class Listing {
   };
 
   Listing() = default;
-  // Starts fully folded. The first text is the main file. A text included twice appears at its first place.
+  // Starts fully folded. The first text is the main file. A text included twice appears at its first
+  // inclusion.
   Listing(const program::Program& program, const std::vector<SourceText>& texts);
 
   const std::vector<Row>& rows() const noexcept { return rows_; }

@@ -117,9 +117,9 @@ Status Vm::execute_profiled(std::size_t at) {
 FusedTrace* Vm::find_fused_trace(std::uint64_t budget) const noexcept {
   FusedTrace* fused = fused_traces_->find(static_cast<std::uint32_t>(program_counter_), masks_);
   if (fused == nullptr || fused->instruction_count() > budget) return nullptr;
-  const bool room = masks_.depth() + fused->mask_depth() <= program::kMaxMaskDepth &&
+  const bool fits = masks_.depth() + fused->mask_depth() <= program::kMaxMaskDepth &&
                     return_addresses_.size() + fused->call_depth() <= program::kMaxCallDepth;
-  return room ? fused : nullptr;
+  return fits ? fused : nullptr;
 }
 
 Status Vm::execute(const DecodedInstruction& decoded) {

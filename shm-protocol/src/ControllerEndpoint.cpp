@@ -309,6 +309,13 @@ std::span<std::byte> ControllerEndpoint::actuator_bytes(int channel, [[maybe_unu
   return impl_->actuators.array(impl_->frame + 1, c);
 }
 
+std::span<const std::byte> ControllerEndpoint::published_bytes(int channel,
+                                                               [[maybe_unused]] DType dtype) const noexcept {
+  const auto& c = impl_->layout.channels[static_cast<std::size_t>(channel)];
+  assert(c.direction == SSP_ACTUATOR && c.dtype == static_cast<std::uint32_t>(dtype));
+  return impl_->actuators.array(impl_->frame, c);
+}
+
 std::span<const std::byte> ControllerEndpoint::next_bytes(int channel, [[maybe_unused]] DType dtype,
                                                           const WaitOptions& options) noexcept {
   [[maybe_unused]] const auto& c = impl_->layout.channels[static_cast<std::size_t>(channel)];

@@ -143,7 +143,7 @@ scene::Solid build_solid(TriangleMesh mesh, const SolidOptions& options, std::ve
 
 scene::Solid build_hull_solid(std::span<const Eigen::Vector3d> points) {
   if (points.size() < 4)
-    refuse("has " + std::to_string(points.size()) + " points: a hull needs four or more");
+    refuse("has " + std::to_string(points.size()) + " points: a hull needs at least four");
   check_size(points);
   std::vector<Eigen::Vector3d> shifted(points.begin(), points.end());
   for (auto& p : shifted) p -= points.front();

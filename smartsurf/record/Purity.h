@@ -40,8 +40,8 @@ double object_size(const scene::ObjectSpec& object);  // u
 std::vector<SizeClass> classify_objects(const std::vector<scene::ObjectSpec>& catalogue);
 
 struct PuritySeries {
-  std::vector<double> times;   // s, one per recorded frame
-  std::vector<double> values;  // [0, 1]; NaN if no object counts
+  std::vector<double> times;        // s, one per recorded frame
+  std::vector<double> values;       // [0, 1]; NaN if no object counts
   std::optional<double> sorted_at;  // s
 };
 

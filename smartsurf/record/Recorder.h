@@ -2,7 +2,8 @@
 //
 // Failure: open() throws scene::InputError if the path is unusable (extension, directory, permission, a file
 // that another run is writing). record_frame() and close() throw std::runtime_error if writing fails (disk
-// full); all later calls then do nothing.
+// full); all later calls then do nothing. record_frame() throws scene::InputError if a channel has an invalid
+// name.
 // Buffering: frames are written about 64 at a time or once a second, so most ticks only copy memory. A killed
 // process leaves a readable file that ends with the last write.
 // Allocation: record_frame() allocates in its first call and when objects are added.

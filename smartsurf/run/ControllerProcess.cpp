@@ -22,7 +22,7 @@ namespace {
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 
-// The apron that was built or installed with this smartsurf; else whatever PATH has.
+// Prefers the apron built or installed with this smartsurf to the one on PATH.
 std::string apron_executable() {
   std::error_code error;
   const fs::path executable = fs::read_symlink("/proc/self/exe", error);
@@ -49,9 +49,9 @@ std::vector<std::string> make_command(const std::string& controller, const std::
 }
 
 [[noreturn]] void exec_command(const std::vector<std::string>& command, const std::string& shm_name) {
-  setenv("SMARTSURF_SHM", shm_name.c_str(),
-         1);  // here, in the child: several worlds share the parent's environment
-  // If the simulator is killed outright, the controller must not outlive it for long.
+  // Set in the child only, because several worlds share the parent's environment.
+  setenv("SMARTSURF_SHM", shm_name.c_str(), 1);
+  // Ends the controller even if the simulator is killed by SIGKILL.
   prctl(PR_SET_PDEATHSIG, SIGTERM);
   std::vector<char*> arguments;
   for (const auto& argument : command) arguments.push_back(const_cast<char*>(argument.c_str()));

@@ -1,4 +1,4 @@
-// The controller as a child process: started with the run, watched, and ended with it.
+// The controller as a child process that is started and ended with the run.
 #pragma once
 
 #include <sys/types.h>
@@ -12,21 +12,22 @@ namespace smartsurf::run {
 
 class ControllerProcess {
  public:
-  // Starts `controller`: a program of ours when it ends in .aps (run by the apron beside this executable),
-  // else a shell command in which {shm} stands for the segment's name; SMARTSURF_SHM holds it too. Throws
-  // scene::InputError when the program does not exist or apron is not there.
-  // with_window: a program of ours opens its window too, on the right of the screen. set: NAME=VALUE of its
-  // sliders and switches, which it judges itself.
+  // Starts `controller`, which is either an APRON program (*.aps), run by the apron beside this executable,
+  // or a shell command, in which {shm} stands for the segment's name. SMARTSURF_SHM holds that name too.
+  // Throws scene::InputError if the program does not exist, std::system_error if no process can be created.
+  // If the command cannot be executed, the child reports it and exits with status 2. with_window: an APRON
+  // program also opens its window, beside that of the run. overrides: NAME=VALUE of the program's sliders and
+  // switches; apron validates them.
   ControllerProcess(const std::string& controller, const std::string& shm_name, bool with_window = false,
                     const std::vector<std::string>& overrides = {});
-  // Asks it to end, waits, and kills it if it will not.
+  // Sends SIGTERM and, if the process is still running after 2 s, SIGKILL.
   ~ControllerProcess();
   ControllerProcess(const ControllerProcess&) = delete;
   ControllerProcess& operator=(const ControllerProcess&) = delete;
 
-  // How it ended, once it has: its exit status, or 128 + signal.
+  // The exit status, or 128 + signal; nullopt while the process is running.
   std::optional<int> exit_status();
-  // Waits up to `patience` for its own end.
+  // Waits up to `timeout` for the process to exit.
   std::optional<int> wait_for_exit(std::chrono::milliseconds timeout);
 
  private:
@@ -34,10 +35,10 @@ class ControllerProcess {
   std::optional<int> status_;
 };
 
-// Whether this --controller is a program of ours, which can have a window.
+// Returns whether --controller names an APRON program, which can have a window.
 bool is_apron_program(const std::string& controller);
 
-// The command that attaches a controller to a waiting surface, for the user to copy.
+// The shell command that attaches a controller to a waiting surface, shown to the user.
 std::string attach_command(const std::string& shm_name);
 
 }  // namespace smartsurf::run

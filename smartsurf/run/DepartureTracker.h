@@ -1,5 +1,6 @@
-// Detects objects that leave the table: their centre was within the outline of its cells and above its lowest
-// height, and is no longer. Fixed objects, and objects that never were over the table, do not count.
+// Detects objects that leave the table: their centre was within the outline of the cells and above the
+// minimum pin height, and no longer is. Fixed objects and objects that were never over the table do not
+// count.
 #pragma once
 
 #include <cstdint>
@@ -15,14 +16,14 @@ class DepartureTracker {
  public:
   explicit DepartureTracker(const scene::SurfaceSpec&);
 
-  // Once for each snapshot, in the order of time. catalogue: every object ever created, index = id. Allocates
-  // only when it has grown, or as many objects leave as never before.
+  // Call once per snapshot, in order of time. catalogue: every object ever created, index = id. Allocates
+  // only when the catalogue has grown or more objects leave at once than ever before.
   void update(const scene::Snapshot&, const std::vector<scene::ObjectSpec>& catalogue);
 
-  // Those that left between the last two snapshots, ascending.
+  // The ids that left between the last two snapshots, ascending.
   std::span<const scene::ObjectId> departed() const noexcept { return departed_; }
   std::uint64_t total_departures() const noexcept { return total_departures_; }
-  // Objects of the last snapshot, fixed ones and all, that are not over the table.
+  // Number of objects of the last snapshot, including fixed ones, that are not over the table.
   std::size_t off_table_count() const noexcept { return off_table_count_; }
 
  private:
@@ -30,7 +31,7 @@ class DepartureTracker {
 
   scene::TableFootprint footprint_;
   double min_height_;
-  std::vector<char> was_on_table_;  // by id
+  std::vector<char> was_on_table_;  // index = id
   std::vector<scene::ObjectId> departed_;
   std::uint64_t total_departures_ = 0;
   std::size_t off_table_count_ = 0;

@@ -29,7 +29,8 @@ void require_writable(const std::string& flag, const std::string& file) {
   const fs::path parent = fs::path(file).parent_path(), folder = parent.empty() ? fs::path(".") : parent;
   if (!fs::is_directory(folder, ignored))
     throw_input_error(flag, file, "there is no folder " + folder.string());
-  // A dangling link is written through: its target is created.
+  // Special files and links are written in place. Everything else, including the target of a dangling link,
+  // is created in its folder.
   const std::string target =
       fs::exists(file, ignored) && common::is_special_file(file) ? file : folder.string();
   if (access(target.c_str(), W_OK) != 0)

@@ -3,7 +3,7 @@
 namespace smartsurf::run {
 namespace {
 using namespace std::chrono_literals;
-// A run this late does not race to catch up: it goes on from where it is.
+// A run that is later than this does not catch up; the schedule restarts from now.
 constexpr auto kMaxLateness = 250ms;
 constexpr auto kMeasureWindow = 500ms;
 }  // namespace

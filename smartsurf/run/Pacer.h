@@ -1,4 +1,4 @@
-// Holds simulated time to a multiple of wall time and measures the multiple achieved.
+// Paces simulated time to a multiple of wall time and measures the real-time factor achieved.
 #pragma once
 
 #include <chrono>
@@ -18,12 +18,12 @@ class Pacer {
     factor_ = factor;
     anchored_ = false;
   }
-  // Forgets the past: after a pause nothing is caught up.
+  // Restarts the schedule, so that a pause is not caught up.
   void restart() noexcept { anchored_ = false; }
 
-  // When the state of that simulated time is due; in the past when the run is late or unpaced.
+  // When the state at that simulated time is due; not later than now if the run is late or unpaced.
   Clock::time_point due_time(double simulated_s) noexcept;
-  // Real-time factor over about the last half second.
+  // Returns the real-time factor over about the last half second.
   double update_real_time_factor(double simulated_s) noexcept;
 
  private:

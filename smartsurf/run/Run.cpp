@@ -19,8 +19,8 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 using shm_protocol::Status;
 
-constexpr auto kWindowWait = 8ms;      // how long a wait may keep the window from drawing
-constexpr auto kHeadlessWait = 100ms;  // … and a headless run from looking after its child
+constexpr auto kWindowWait = 8ms;      // longest wait between two polls of the window
+constexpr auto kHeadlessWait = 100ms;  // longest wait between two checks of the controller, without a window
 
 script::LoadOptions make_load_options(const RunOptions& options) {
   script::LoadOptions load_options;
@@ -28,7 +28,7 @@ script::LoadOptions make_load_options(const RunOptions& options) {
   load_options.seed = options.seed;
   load_options.unsafe = options.unsafe;
   load_options.solid_factory = std::make_shared<mesh::SolidLibrary>();
-  // Where a script may write: beside the run's other output, else nowhere.
+  // A script may write only into the folder of the first recording; without recordings, nowhere.
   if (!options.recording_files.empty()) {
     const std::filesystem::path folder = std::filesystem::path(options.recording_files.front()).parent_path();
     load_options.output_folder = folder.empty() ? "." : folder;
@@ -51,7 +51,7 @@ std::optional<std::uint64_t> end_tick(const RunOptions& options, const scene::Wo
 
 std::string segment_name(const RunOptions& options) {
   if (!options.shm.empty()) return options.shm;
-  // A controller of our own needs no name that a person can type.
+  // A name for the user to type is needed only if the controller is attached by hand.
   return options.controller.empty() ? "surface" : fmt::format("run-{}", getpid());
 }
 
@@ -121,8 +121,7 @@ int Run::execute() {
   return ending_->exit_status;
 }
 
-// The state before the first tick is frame 0: what the controller answers first, and the recording's first
-// line.
+// The state before the first tick is frame 0, which the controller answers first and which is recorded first.
 void Run::start() {
   start_time_ = Clock::now();
   purity_meter_.add(simulation_.snapshot(), simulation_.catalogue());
@@ -142,7 +141,7 @@ void Run::start() {
   progress_.restart();
 }
 
-// One tick is one list of phases.
+// Runs the phases of one tick.
 bool Run::tick() {
   phase_times_.start();
   simulation_.run_script();
@@ -205,7 +204,7 @@ bool Run::receive_targets() {
         if (handle_controller_exit() || !wait_for_controller()) return false;
         break;
       default:
-        break;  // interrupted: the stop flag is looked at below
+        break;  // interrupted: the stop flag is checked below
     }
     refresh_display();
     if (stop_requested_) set_ending(common::kDone, "stopped by the user");
@@ -214,21 +213,21 @@ bool Run::receive_targets() {
   }
 }
 
-// Passive: physics does not wait; the actuators keep their last targets.
+// Passive mode: physics does not wait; the actuators keep their last targets.
 bool Run::continue_without_controller(Status status) {
   if (status != Status::kNoController)
     progress_.print_message(fmt::format("{}; the actuators keep their last targets", text(status)));
   return !controller_process_ || !handle_controller_exit();
 }
 
-// Our own controller's end is the run's end: in good order, or as its exit status says.
+// Ends the run when the controller that it started exits. Returns false if the run started none.
 bool Run::handle_controller_exit() {
   if (!controller_process_) return false;
   const auto status = controller_process_->wait_for_exit(2000ms);
   if (!status) {
-    set_ending(common::kPeerLost, "the controller let go of the surface without ending");
+    set_ending(common::kPeerLost, "the controller detached from the surface but did not exit");
   } else if (*status == 0) {
-    set_ending(common::kDone, "the controller's program ended");
+    set_ending(common::kDone, "the controller exited");
   } else if (*status > 128) {
     set_ending(common::kPeerLost, fmt::format("the controller was lost (signal {})", *status - 128));
   } else {
@@ -239,10 +238,10 @@ bool Run::handle_controller_exit() {
   return true;
 }
 
-// Waits for a controller to attach: the first, or one that takes over from one that died or left.
+// Waits for a controller to attach, the first or a successor. Returns false if the run ends meanwhile.
 bool Run::wait_for_controller() {
   if (had_controller_) {
-    progress_.print_message("the controller is gone; the surface holds still");
+    progress_.print_message("the controller is gone; the simulation is on hold");
     announced_waiting_ = false;
     had_controller_ = false;
   }
@@ -331,7 +330,7 @@ bool Run::wait_until_due() {
     }
     const auto now = Clock::now();
     if (now >= due) return true;
-    // The last stretch is short, so that neither the window nor a signal waits for a slow pace.
+    // Sleeps in short intervals, so that the window and signals stay responsive at a slow pace.
     std::this_thread::sleep_for(std::min<Clock::duration>(due - now, kWindowWait));
   }
 }
@@ -348,7 +347,7 @@ void Run::finish() {
   for (const auto& recorder : recorders_)
     recorder->close({ending_->outcome, snapshot.tick, snapshot.time_s, snapshot.state_hash});
   if (!options_.stats_file.empty()) write_stats();
-  // The controller sees the surface close, and ends by itself; only then is it made to.
+  // Closing the surface lets the controller exit by itself before it is terminated.
   link_.reset();
   if (controller_process_) controller_process_->wait_for_exit(2000ms);
   controller_process_.reset();

@@ -1,4 +1,4 @@
-// `smartsurf run`: one experiment from its first tick to its last, with its controller, pace, window,
+// `smartsurf run`: runs one experiment from its first to its last tick, with controller, pacing, window,
 // recordings and statistics.
 #pragma once
 
@@ -25,7 +25,7 @@ namespace smartsurf::run {
 
 class Run {
  public:
-  // What a run that the user wants to begin anew hands to the next.
+  // What a run that the user restarts passes to the next run.
   struct Restart {
     RunOptions options;
     script::Experiment experiment;
@@ -33,23 +33,24 @@ class Run {
   };
 
   static script::Experiment load(const RunOptions&);
-  // `stop` is raised by SIGINT, SIGTERM and SIGHUP. display: of the run before; none opens one if the options
-  // ask for it. Throws scene::InputError for whatever the user got wrong.
+  // stop_requested: set by SIGINT, SIGTERM and SIGHUP; must outlive the run. display: that of the previous
+  // run, or null to open a new one if the options ask for a window. Throws scene::InputError for invalid
+  // input.
   Run(const RunOptions&, const std::atomic<bool>& stop_requested, script::Experiment,
       std::unique_ptr<Display> display = nullptr);
   ~Run();
 
-  // The figures about the run so far, as --stats writes them.
+  // The statistics of the run so far, as written by --stats.
   std::string stats_json() const { return to_json(summary(), phase_times_); }
 
-  // Runs to the end and returns the exit status. Throws scene::InputError for a mistake in the script's
-  // events, after everything recorded has been kept.
+  // Runs to the end and returns the exit status. Throws scene::InputError for an error in the script's event
+  // handlers, after the recordings are closed.
   int execute();
-  // After execute(): how the user wants it anew, if so.
+  // After execute(): the next run if the user asked for a restart.
   std::optional<Restart> take_restart();
 
  private:
-  // Why a run ends; the outcome is one line for the recording and the stats.
+  // Why the run ends. The outcome is one line for the recording and the statistics.
   struct Ending {
     int exit_status = common::kDone;
     std::string outcome;
@@ -57,7 +58,7 @@ class Run {
 
   void open_recordings();
   void start();
-  bool tick();  // false: the run is over, and ending_ says why
+  bool tick();  // false: the run is over; ending_ is set
   bool receive_targets();
   bool wait_for_controller();
   bool handle_controller_exit();
@@ -68,9 +69,9 @@ class Run {
   void apply_script_requests();
   void apply_user_interaction();
   void prepare_restart();
-  void keep_window_open();  // a window stays open after stop(), to look around
+  void keep_window_open();  // after the script's stop(), until the user closes the window
   void handle_display_loss();
-  bool wait_until_due();  // sleeps or draws until the next tick is due; false: the run is over
+  bool wait_until_due();  // draws and sleeps until the next tick is due; false: the run is over
   void refresh_display();
   view::FrameInput frame_input();
   std::optional<double> end_time_s() const;
@@ -85,7 +86,7 @@ class Run {
   const std::atomic<bool>& stop_requested_;
   script::Experiment experiment_;
   Simulation simulation_;
-  std::unique_ptr<SurfaceLink> link_;  // none with --no-controller
+  std::unique_ptr<SurfaceLink> link_;  // null with --no-controller
   std::unique_ptr<ControllerProcess> controller_process_;
   std::vector<std::unique_ptr<record::Recorder>> recorders_;
   std::unique_ptr<Display> display_;
@@ -95,7 +96,7 @@ class Run {
   Pacer pacer_;
   DisplayRequests requests_;
   UserInteraction interaction_;
-  std::optional<std::uint64_t> first_interaction_tick_;  // after this tick
+  std::optional<std::uint64_t> first_interaction_tick_;  // the tick after which the user intervened
   std::string notice_;
   bool keep_window_open_ = false;
   std::optional<Restart> restart_;

@@ -12,13 +12,13 @@ surface::FaultMap load_fault_map(const scene::SurfaceSpec& surface) {
   std::vector<std::string> channels = surface.sensor_channels();
   for (const auto& channel : surface.actuator_channels()) channels.push_back(channel.name);
   map.require_channels(channels);
-  // What an entry says of every channel of its cell, sensors and actuators each pass over where it is not
-  // theirs.
+  // An entry without a channel applies to all channels of its cell. Actuators and sensors each ignore the
+  // faults of the other, so a fault that neither knows must be rejected here.
   static const std::vector<std::string> kFaultNames{"stuck",     "dead",       "weak", "late",
                                                     "stuck_low", "stuck_high", "gain", "offset"};
   for (const surface::FaultEntry& entry : map.entries())
     if (entry.channel.empty() && std::ranges::find(kFaultNames, entry.fault) == kFaultNames.end())
-      map.refuse(entry, "fault '" + entry.fault.substr(0, 40) + "': no fault of an actuator or a sensor");
+      map.refuse(entry, "fault '" + entry.fault.substr(0, 40) + "': not a fault of an actuator or a sensor");
   return map;
 }
 
@@ -89,7 +89,7 @@ void Simulation::finish_tick() {
   take_snapshot();
   tick_started_ = false;
   ++snapshot_.tick;
-  // Counted, not summed: the same time at the same tick, however long the run.
+  // Computed from the tick rather than accumulated, so that rounding errors do not add up.
   snapshot_.time_s = static_cast<double>(snapshot_.tick) * scene().world.control_period_s;
   departures_.update(snapshot_, catalogue_);
 }

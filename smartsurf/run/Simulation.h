@@ -19,58 +19,58 @@
 
 namespace smartsurf::run {
 
-// What a script asked of the run as a whole; read and cleared by the run after each tick.
+// Requests of the script to the run, which reads and clears them after each tick.
 struct ScriptRequests {
   bool stop = false, quit = false, pause = false;
   bool pace_changed = false;
   std::optional<double> pace;  // nullopt: as fast as possible
 };
 
-// Reads the tables that the experiment names: throws scene::InputError where one does not fit the surface.
+// Loads the files that the experiment refers to. Throws scene::InputError if one does not fit the surface.
 void validate_surface(const scene::SceneSpec&);
 
 class Simulation final : public script::SimulationInterface {
  public:
-  // With `scripted_actuators` the script sets the actuators; otherwise its cells:target is refused.
+  // scripted_actuators: the script sets the actuators; otherwise cells:target() and cells:targets() throw
+  // scene::InputError. The experiment must outlive the simulation.
   Simulation(script::Experiment&, int threads, bool scripted_actuators);
 
   const scene::SceneSpec& scene() const { return experiment_.scene(); }
 
-  // ---- the phases of a tick, in this order
-  // ----------------------------------------------------------------- Throws scene::InputError for a mistake
-  // in the script.
+  // The phases of a tick, in this order.
+
+  // Runs the script's event handlers. Throws scene::InputError for an error in the script.
   void run_script();
-  // Takes the commands of the tick: set_targets(), by channel of actuators().
+  // Receives the targets of the tick by set_targets(), indexed by channel of actuators().
   surface::ActuatorArray& actuator_array() noexcept { return actuator_array_; }
-  // By hand: what one cell of the channel is told, whoever drives the others; and what it was told last.
+  // Sets and returns the target of one cell, independent of what drives the actuators; for user interaction.
   void override_actuator_target(int channel, int row, int column, float target) noexcept {
     actuator_array_.set_target(channel, row, column, target);
   }
   float actuator_target(int channel, int row, int column) const noexcept {
     return actuator_array_.targets(channel)[static_cast<std::size_t>(scene().surface.index(row, column))];
   }
-  void plan_actuators() noexcept;  // these three once a physics step
+  void plan_actuators() noexcept;  // these three once per physics step
   void step_physics();
   void commit_actuators() noexcept;
-  void finish_tick();  // counts the tick and takes the snapshot
-  void sense();        // sensor frames of that snapshot
+  void finish_tick();  // increments the tick and takes the snapshot
+  void sense();        // computes the sensor frames of that snapshot
 
   std::optional<scene::ObjectId> first_non_finite() const { return world_.first_non_finite(); }
 
-  // ---- what there is after the last tick
-  // --------------------------------------------------------------------
+  // The state after the last tick.
+
   const scene::Snapshot& snapshot() const noexcept { return snapshot_; }
   // Every object ever created, index = id.
   const std::vector<scene::ObjectSpec>& catalogue() const noexcept { return catalogue_; }
-  // The contacts of the last physics step that bore any load. Allocates.
+  // The load-bearing contacts of the last physics step. Allocates.
   std::vector<world::ContactPoint> contacts() const { return world_.contacts(); }
   const DepartureTracker& departures() const noexcept { return departures_; }
   std::span<const scene::ChannelData> sensors() const noexcept { return sensors_; }
   std::span<const scene::ChannelData> actuators() const noexcept { return actuators_; }
   ScriptRequests take_requests() noexcept;
 
-  // ---- script::Host
-  // -------------------------------------------------------------------------------------------
+  // script::SimulationInterface
   scene::ObjectId spawn(const scene::ObjectSpec&) override;
   void remove(scene::ObjectId) override;
   bool is_alive(scene::ObjectId) const override;
@@ -106,7 +106,7 @@ class Simulation final : public script::SimulationInterface {
   std::vector<scene::ObjectSpec> catalogue_;
   DepartureTracker departures_;
   scene::Snapshot snapshot_;
-  bool tick_started_ = false;  // whether the actuators know of the tick that runs
+  bool tick_started_ = false;  // actuator_array_.begin_tick() was called for the current tick
   std::vector<scene::ChannelData> sensors_, actuators_;
   ScriptRequests requests_;
 };

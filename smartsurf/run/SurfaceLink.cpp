@@ -8,11 +8,10 @@
 namespace smartsurf::run {
 namespace {
 
-// Bytes of an actuator frame from which chunks are received while the controller writes the next ones.
+// Actuator frames of at least this many bytes are received in chunks, while the controller still writes.
 constexpr std::size_t kMinStreamedBytes = 64 * 1024;
 
-// None for a regular grid. An empty cell of a free layout stands at the origin; its height there is the
-// lowest.
+// Empty for a regular grid; else x, y and base height of each cell, u.
 std::vector<std::array<float, 3>> cell_positions(const scene::SurfaceSpec& surface) {
   std::vector<std::array<float, 3>> cells;
   for (std::size_t i = 0; i < surface.cell_poses.size(); ++i)
@@ -64,7 +63,7 @@ SurfaceLink::SurfaceLink(const std::string& name, RunMode mode, const scene::Sce
       mode_(mode),
       endpoint_(create_endpoint(make_surface_config(name, mode, scene))),
       occupancy_(scene::occupancy_mask(scene.surface)),
-      // describe() lists the sensors first, and what there is of the cells after them.
+      // make_surface_config() lists the sensors first, then the occupancy, then the actuators.
       first_actuator_channel_(static_cast<int>(scene.surface.sensor_channels().size()) +
                               (occupancy_.empty() ? 0 : 1)),
       received_(scene.surface.actuator_channels().size(), 0),
@@ -73,7 +72,7 @@ SurfaceLink::SurfaceLink(const std::string& name, RunMode mode, const scene::Sce
 
 shm_protocol::Status SurfaceLink::publish(std::uint64_t tick, double time_s,
                                           std::span<const scene::ChannelData> sensors) noexcept {
-  // The simulation lists its channels in the order in which describe() declared them.
+  // The simulation lists its channels in the order of make_surface_config().
   for (std::size_t i = 0; i < sensors.size(); ++i) {
     const int channel = static_cast<int>(i);
     if (endpoint_.description().channels[i].dtype == shm_protocol::DType::kU32)

@@ -18,18 +18,19 @@ namespace smartsurf::run {
 
 class SurfaceLink {
  public:
-  // Its channels are those of the surface's sensors; where cells are empty `occupancy`, 1 where there is a
-  // cell and 0 where there is none; then those of its actuators. Throws scene::InputError when the name
-  // cannot be had.
+  // Creates the segment. Its channels are those of the sensors; `occupancy`, 1 for a cell and 0 for an empty
+  // one, if any cell is empty; and those of the actuators. Throws scene::InputError if the name is invalid or
+  // in use.
   SurfaceLink(const std::string& name, RunMode, const scene::SceneSpec&);
 
-  // Writes the frames into shared memory and publishes them.
+  // Writes the sensor frames to shared memory and publishes them.
   [[nodiscard]] shm_protocol::Status publish(std::uint64_t tick, double time_s,
                                              std::span<const scene::ChannelData> sensors) noexcept;
 
-  // Time-step: waits for the answer to the frame published last. Passive: takes the newest frame. Its values go to the
-  // actuators, which check them; large frames chunk by chunk while the controller still writes them. Without kOk the
-  // physics must not advance: the actuators may then hold a part of an answer.
+  // Time-step mode: waits for the answer to the last published frame. Passive mode: takes the newest frame.
+  // Passes the values to the actuators, which clamp them; large frames arrive in chunks while the controller
+  // still writes. In time-step mode the physics must not advance unless the result is kOk: the actuators may
+  // hold part of a frame.
   [[nodiscard]] shm_protocol::Status receive(std::uint64_t tick, std::chrono::nanoseconds timeout,
                                              const std::atomic<bool>& stop, surface::ActuatorArray&) noexcept;
 
@@ -42,10 +43,10 @@ class SurfaceLink {
   std::string name_;
   RunMode mode_;
   shm_protocol::SurfaceEndpoint endpoint_;
-  std::vector<float> occupancy_;  // empty where every cell is there
+  std::vector<float> occupancy_;  // empty if no cell is empty
   int first_actuator_channel_;
-  std::vector<int> received_;  // cells of each actuator channel of the answer to come that the actuators have
-  bool streams_;               // frames are large enough
+  std::vector<int> received_;  // per actuator channel: cells of the pending answer already passed on
+  bool streams_;               // frames are received in chunks
 };
 
 }  // namespace smartsurf::run

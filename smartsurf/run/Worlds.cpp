@@ -18,8 +18,8 @@ namespace {
 
 struct Outcome {
   int status = common::kDone;
-  std::string message;             // of a mistake or failure that was thrown
-  nlohmann::ordered_json summary;  // null where the world did not get so far
+  std::string message;             // what() of the exception that ended the world; "" if none
+  nlohmann::ordered_json summary;  // null if the world did not finish
 };
 
 std::string numbered_file(const std::string& file, int index) {
@@ -38,8 +38,7 @@ std::uint64_t experiment_seed(const RunOptions& options) {
 }
 
 Outcome run_world(const RunOptions& options, const std::atomic<bool>& stop) {
-  // One at a time: making a run starts its controller, and a process is not to be forked by several threads
-  // at once.
+  // Runs are created one at a time, because each forks its controller.
   static std::mutex launch_mutex;
   Outcome outcome;
   try {
@@ -105,7 +104,7 @@ int run_worlds(const RunOptions& shared, int count, const std::atomic<bool>& sto
   int status = common::kDone;
   for (int i = 0; i < count; ++i) {
     const Outcome& outcome = outcomes[static_cast<std::size_t>(i)];
-    // What the user got wrong is said once, however many worlds met it.
+    // An input error is reported once, although several worlds may have the same.
     if (outcome.status == common::kUserError && !outcome.message.empty())
       throw scene::InputError(fmt::format("world {}: {}", i, outcome.message));
     if (!outcome.message.empty()) fmt::print(stderr, "smartsurf: world {}: {}\n", i, outcome.message);

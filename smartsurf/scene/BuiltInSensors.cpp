@@ -95,7 +95,7 @@ SensorKind camera_kind() {
                       .default_value = {100.0},
                       .minimum = -1e6},
                      {.name = "floor",
-                      .description = "z of the background below the pins, u: the height read where there is nothing",
+                      .description = "z of the background below the pins, u; read where nothing is seen",
                       .default_value = {-2.0},
                       .minimum = -1e6}};
   kind.channels = [](const SensorSpec& s) -> std::vector<SensorChannel> {

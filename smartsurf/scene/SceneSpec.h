@@ -109,7 +109,7 @@ inline constexpr std::int8_t kEmptyCell = -1;
 struct ActuatorFaultSpec {
   double stuck_fraction = 0.0;                  // fraction of cells whose channels hold a random value
   double dead_fraction = 0.0;                   // fraction of cells whose channels hold their safe value
-  double weak_fraction = 0.0, weak_gain = 1.0;  // fraction of cells that move weak_gain of the commanded way
+  double weak_fraction = 0.0, weak_gain = 1.0;  // fraction of cells whose distance from it is scaled by gain
   int latency_ticks = 0;                        // delay of all commands, in control periods
 };
 

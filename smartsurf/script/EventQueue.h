@@ -18,7 +18,7 @@ struct TimedEvent {
   int callback = 0;            // opaque to the queue
   double start_s = 0.0;
   double period_s = 0.0;          // 0 = one-shot
-  std::uint64_t repetitions = 0;  // index of the next occurrence
+  std::uint64_t repetitions = 0;  // n of the occurrence at due_s
 };
 
 class EventQueue {

@@ -78,9 +78,9 @@ struct NamedActuator {
 using NamedActuators = std::vector<NamedActuator>;
 NamedActuators check_single_actuator(const ScriptContext&, lua_State* L, int index, const std::string& name);
 NamedActuators check_actuators(const ScriptContext&, lua_State* L, int index, const std::string& name);
+class TableReader;
 // Reads the fields of surface{} that define the positions of the cells and the actuator in each. Requires
 // that rows, columns and pitch have been read.
-class TableReader;
 void read_layout(ScriptContext&, lua_State* L, const TableReader&, scene::SurfaceSpec&);
 // Reads faults.actuator.
 void read_actuator_faults(lua_State* L, int index, const std::string& name, scene::ActuatorFaultSpec&);

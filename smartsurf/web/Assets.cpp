@@ -1,6 +1,6 @@
 #include "smartsurf/web/Assets.h"
 
-// Puts a file between two symbols.
+// Embeds a file between two symbols.
 #define ASSET(name, file)                                                                    \
   asm(".section .rodata\n"                                                                   \
       "smartsurf_asset_" #name                                                               \

@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 using record::Recording;
 
-constexpr std::size_t kMaxUnpackedBytes = std::size_t{400} << 20;  // unpacked, in the browser's memory
+constexpr std::size_t kMaxUnpackedBytes = std::size_t{400} << 20;  // in the browser's memory
 constexpr const char* kShapeNames[] = {"sphere", "box", "cylinder", "capsule", "cone", "solid"};
 
 // The recorded frames that the page shows.
@@ -38,13 +38,13 @@ std::vector<std::size_t> select_frames(const Recording& recording, double frames
   return selected;
 }
 
-// One channel over the cells, and where its frames come from.
+// A channel with one value per cell, and its group in the recording.
 struct CellChannel {
   std::string name, group;
   SeriesLayout layout;
 };
 
-// The least and greatest number in the frames.
+// The minimum and maximum value in the selected frames.
 std::pair<double, double> value_range(const Recording& recording, const CellChannel& channel,
                                       const std::vector<std::size_t>& frames) {
   double low = std::numeric_limits<double>::infinity(), high = -low;
@@ -72,7 +72,7 @@ std::vector<CellChannel> collect_cell_channels(const Recording& recording,
     for (const std::string& name : recording.channel_names(group)) {
       CellChannel channel{name, group, {0.0, 1.0, 1, cell_count}};
       if (recording.read_channel(group, name, frames.front()).size() != cell_count)
-        continue;  // of several components
+        continue;  // skip channels with several components
       std::tie(channel.layout.low, channel.layout.high) = value_range(recording, channel, frames);
       channels.push_back(channel);
     }
@@ -85,7 +85,7 @@ SeriesLayout position_layout(const Recording& recording, const std::vector<std::
   layout.high = -layout.low;
   for (const std::size_t frame : frames)
     for (const float value : recording.read_positions(frame, 1)) {
-      // What has fallen off for long is nowhere that anybody looks.
+      // Ignore objects that have fallen far below the table; they would coarsen the quantization.
       if (!std::isfinite(value) || std::abs(value) > 1e4F) continue;
       layout.low = std::min(layout.low, double{value});
       layout.high = std::max(layout.high, double{value});
@@ -125,7 +125,7 @@ json objects_json(const Recording& recording) {
   return objects;
 }
 
-// Of a layout that is no rectangular grid: x, y and angle of each cell.
+// x, y and angle of each cell of a free layout; null for a rectangular grid.
 json cell_poses_json(const scene::SurfaceSpec& surface) {
   if (surface.cell_poses.empty()) return {};
   json poses = json::array();
@@ -205,7 +205,7 @@ void encode_cell_channels(const Recording& recording, const std::vector<std::siz
   }
 }
 
-// What the mechanisms look like. Turns go round: the page needs where they are, not how often they went.
+// The states of the mechanisms. Angles are wrapped, because the page does not need the number of turns.
 void encode_actuator_states(const Recording& recording, const std::vector<std::size_t>& frames, json& series,
                             std::vector<std::uint8_t>& stream) {
   if (!recording.has_motion()) return;
@@ -239,11 +239,11 @@ void require_size_limit(const Recording& recording, std::size_t frames) {
   const double fraction =
       static_cast<double>(kMaxUnpackedBytes) / static_cast<double>(bytes_per_frame * frames);
   throw scene::InputError(recording.path().string() + ": " + std::to_string(frames) +
-                          " frames are too many for a page; --fps of " + std::to_string(fraction) +
-                          " times as many would fit");
+                          " frames are too many for a page; multiply --fps by " + std::to_string(fraction) +
+                          " or less");
 }
 
-// The text with every {{NAME}} replaced; nothing that is put in is looked at again.
+// Replaces every {{NAME}} in the text. Inserted values are not expanded again.
 std::string expand_template(std::string_view text,
                             const std::vector<std::pair<std::string_view, std::string_view>>& values) {
   std::string page;
@@ -260,14 +260,14 @@ std::string expand_template(std::string_view text,
   return page;
 }
 
-// Text in an HTML element: neither ends it nor begins one.
+// Escapes text for an HTML element.
 std::string escape_html(const std::string& text) {
   std::string html;
   for (const char c : text) html += c == '<' ? "&lt;" : c == '&' ? "&amp;" : std::string(1, c);
   return html;
 }
 
-// JSON inside of a script element, which "</script" would end.
+// JSON for a script element. Escapes "<", because "</script" would end the element.
 std::string dump_script_safe(const json& value) {
   std::string text = value.dump(-1, ' ', false, json::error_handler_t::replace);
   for (std::size_t at = 0; (at = text.find('<', at)) != text.npos; at += 6) text.replace(at, 1, "\\u003c");

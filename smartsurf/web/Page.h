@@ -1,4 +1,4 @@
-// `smartsurf export`: a recording as one self-contained web page that plays it in 3-D.
+// Exports a recording as a self-contained web page that plays it in 3-D (`smartsurf export`).
 #pragma once
 
 #include <filesystem>
@@ -8,11 +8,11 @@
 namespace smartsurf::web {
 
 struct PageOptions {
-  double frames_per_second = 30.0;  // recorded seconds; at most what was recorded
+  double frames_per_second = 30.0;  // per simulated second; limited by the recording
 };
 
-// The file appears whole or not at all. Throws scene::InputError when it cannot be written, when the
-// recording holds nothing to show, or when the page would be too large for a browser.
+// Replaces the file atomically. Throws scene::InputError if the file cannot be written, the recording has
+// nothing to show, or the page would be too large for a browser.
 void write_page(const record::Recording& recording, const std::filesystem::path& path,
                 const PageOptions& options = {});
 

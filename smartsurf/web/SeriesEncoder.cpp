@@ -10,7 +10,7 @@
 namespace smartsurf::web {
 namespace {
 
-// The greatest number that a value can have; one more says that there is none.
+// The largest code of a value; the next code means "no value".
 std::uint16_t max_code_for(int bytes) { return static_cast<std::uint16_t>(bytes == 1 ? 0xFE : 0xFFFE); }
 
 }  // namespace
@@ -27,7 +27,7 @@ void SeriesEncoder::add(std::span<const float> frame) {
     const auto code = static_cast<std::uint16_t>(std::isnan(frame[i]) ? max_code + 1 : std::lround(scaled));
     const auto delta = static_cast<std::uint16_t>(code - last_[i]);
     last_[i] = code;
-    // Low bytes of a frame together, then its high bytes: the high ones are mostly 0.
+    // All low bytes of a frame, then all high bytes, which are mostly 0 and compress well.
     bytes_[first + i] = static_cast<std::uint8_t>(delta & 0xFF);
     if (layout_.bytes_per_value == 2) bytes_[first + stride + i] = static_cast<std::uint8_t>(delta >> 8);
   }

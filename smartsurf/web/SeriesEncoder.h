@@ -1,5 +1,5 @@
-// Encodes frames for the page: values quantised to 8 or 16 bits, frames as differences from the previous one,
-// compressed, base64. Internal to this module.
+// Encodes frames for the page: values are quantized to 8 or 16 bits, delta-encoded between frames, compressed
+// and base64-encoded. Internal to this module.
 //
 // Arrays are stored one after another, because similar data compress better together.
 #pragma once
@@ -12,19 +12,19 @@
 
 namespace smartsurf::web {
 
-// One array of frames × values in the stream.
+// Layout of one array in the stream, frames × values.
 struct SeriesLayout {
-  double low = 0.0, high = 1.0;  // what 0 and the greatest number stand for
-  int bytes_per_value = 2;  // a value: 1 or 2, unsigned, little-endian; the greatest stands for "no value"
-  std::size_t values_per_frame = 0;  // a frame
+  double low = 0.0, high = 1.0;      // values of code 0 and of the largest code
+  int bytes_per_value = 2;           // 1 or 2; unsigned, with all bits set = no value
+  std::size_t values_per_frame = 0;
 };
 
-// Values below low or above high are rounded to these; a NaN becomes "no value".
+// Clamps values to [low, high]. NaN is encoded as "no value".
 class SeriesEncoder {
  public:
   explicit SeriesEncoder(const SeriesLayout& layout) : layout_(layout), last_(layout.values_per_frame) {}
 
-  // frame.size() must be layout.values.
+  // Requires frame.size() == layout.values_per_frame.
   void add(std::span<const float> frame);
   const SeriesLayout& layout() const { return layout_; }
   const std::vector<std::uint8_t>& bytes() const { return bytes_; }
@@ -35,7 +35,7 @@ class SeriesEncoder {
   std::vector<std::uint8_t> bytes_;
 };
 
-// zlib's format, which browsers call "deflate".
+// Compresses to the zlib format, which browsers call "deflate". Throws std::runtime_error on failure.
 std::vector<std::uint8_t> compress(std::span<const std::uint8_t> bytes);
 std::string base64(std::span<const std::uint8_t> bytes);
 

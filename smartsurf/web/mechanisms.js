@@ -1,11 +1,11 @@
-// Draws what stands on the cells of mechanisms other than pins, as the simulator's own view does: one instanced
-// mesh a kind of part.
+// Draws the mechanisms of cells other than pins, like the simulator's own view, with one instanced mesh per
+// kind of part.
 import * as THREE from 'three';
 
 const kIvory = 0xede8db, kOrange = 0xf28c1a, kTyre = 0x33363b, kIron = 0xc7c9cc, kCopper = 0x9e6b42;
 const kRed = 0xdb1a1f, kBlue = 0x1a47e0, kAir = 0x73c7f2, kRubber = 0xb3b8bd, kShaken = 0xfab81f;
 const kPaleArrow = 0xfacc73, kStrongArrow = 0xd9380d;
-const kQuiet = 0.02;   // what is weaker than this is not drawn
+const kQuiet = 0.02;   // relative strength below which nothing is drawn
 
 // Paints each triangle in one of two colours.
 function painted(geometry, first, second, isSecond) {
@@ -24,7 +24,7 @@ const octants = (x, y, z) => x * y * z > 0;
 const paintedBall = () => painted(new THREE.SphereGeometry(1, 16, 8), kIvory, kOrange, octants);
 const paintedWheel = () => painted(new THREE.CylinderGeometry(1, 1, 2, 16), kTyre, kOrange,
   (x, y, z) => Math.floor((Math.atan2(z, x) / Math.PI + 1) * 4) % 2 === 0);
-// From −1 to 1 along x.
+// An arrow from x = −1 to x = 1.
 function arrow() {
   const shaft = new THREE.BoxGeometry(1.1, 0.7, 0.7).translate(-0.45, 0, 0).toNonIndexed();
   const head = new THREE.ConeGeometry(1.2, 0.9, 6).rotateZ(-Math.PI / 2).translate(0.55, 0, 0).toNonIndexed();
@@ -55,7 +55,9 @@ export function makeMechanisms(scene, series, world, placeOf) {
   }
   const mixed = (from, to, t) => colour.set(from).lerp(new THREE.Color(to), Math.min(Math.max(t, 0), 1));
 
-  // Each gets the cells of one mechanism and returns what sets part i for cell `cell` standing at x, y, z.
+  // Each maker creates the meshes for the cells of one mechanism. It returns a function (i, at, m) that
+  // updates the instances of the i-th cell, at the pose `at` with the state `m`, and returns the meshes that
+  // it changed.
   const makers = {
     ball(spec, cells) {
       const mesh = addKind(paintedBall(), cells.length), radius = Math.min(spec.radius[0], 0.5 * top);
@@ -83,7 +85,7 @@ export function makeMechanisms(scene, series, world, placeOf) {
     },
     rotor(spec, cells) {
       const points = spec.points, half = new THREE.Vector3(...spec.half_axes);
-      // A shape given by its corners is shown as the ellipsoid in the box around them.
+      // A rotor given by its points is drawn as the ellipsoid inscribed in their bounding box.
       if (points) {
         const span = (k) => Math.max(...points.filter((_, i) => i % 3 === k).map(Math.abs));
         half.set(span(0), span(1), span(2));
@@ -107,7 +109,7 @@ export function makeMechanisms(scene, series, world, placeOf) {
         const along = force.normalize(), long = pitch * (0.16 + 0.3 * strength), wide = pitch * (0.09 + 0.07 * strength);
         turn.makeRotationFromQuaternion(new THREE.Quaternion().setFromUnitVectors(new THREE.Vector3(1, 0, 0), along));
         turn.scale(axis.set(long, wide, wide));
-        // Forces are along the table's axes, however the cell stands.
+        // Forces are in the table's axes, whatever the rotation of the cell.
         mesh.setMatrixAt(i, matrix.makeTranslation(at.x, at.y, at.z + long * Math.abs(along.z) + wide).multiply(turn));
         mesh.setColorAt(i, mixed(kPaleArrow, kStrongArrow, strength));
         return [mesh];
@@ -168,7 +170,7 @@ export function makeMechanisms(scene, series, world, placeOf) {
     const place = placeOf(cell), height = (c) => (series.height ? series.height.value(frame, c) : scene.low);
     const at = {
       cell, x: place.x, y: place.y, z: height(cell),
-      // The cell's own axes, that far below its top.
+      // The cell's frame, lowered by that distance below its top.
       lowered: (by) => stands.makeTranslation(place.x, place.y, at.z - by).multiply(new THREE.Matrix4().makeRotationZ(place.angle)),
       heightNear(rows, columns) {
         const row = Math.floor(cell / scene.columns) + rows, column = cell % scene.columns + columns;

@@ -1,4 +1,4 @@
-// Plays the recording that the page holds.
+// Plays the recording embedded in the page.
 import * as THREE from 'three';
 import { OrbitControls } from 'three/orbit';
 import { makeMechanisms } from 'mechanisms';
@@ -6,7 +6,8 @@ import { makeMechanisms } from 'mechanisms';
 const byId = (id) => document.getElementById(id);
 const scene = JSON.parse(byId('scene').textContent);
 
-// ---- the frames: whole arrays, each frame the difference from the one before, low bytes before high bytes
+// ---- Frames. Arrays are stored one after another. Each frame is the difference from the previous one, all
+// low bytes before all high bytes. See SeriesEncoder.h.
 async function unpack() {
   const text = atob(byId('frames').textContent);
   const packed = new Uint8Array(text.length);
@@ -34,7 +35,7 @@ async function unpack() {
 }
 const series = await unpack();
 
-// ---- colours: "viridis" at equal distances (CC0; S. van der Walt, N. Smith)
+// ---- Colours: equidistant samples of "viridis" (CC0; S. van der Walt, N. Smith)
 const kViridis = [[0.267, 0.005, 0.329], [0.254, 0.265, 0.53], [0.164, 0.471, 0.558], [0.135, 0.659, 0.518],
   [0.478, 0.821, 0.318], [0.993, 0.906, 0.144]];
 function viridis(t) {
@@ -45,7 +46,7 @@ const table = Array.from({ length: 256 }, (_, i) => new THREE.Color().setRGB(...
 const kLow = new THREE.Color(0x5c6b80), kHigh = new THREE.Color(0xdbdee0), kBorder = new THREE.Color(0x4f5763);
 const kNoValue = new THREE.Color(0x808080);
 
-// ---- the picture
+// ---- Renderer
 const renderer = new THREE.WebGLRenderer({ canvas: byId('view'), antialias: true, preserveDrawingBuffer: true });
 renderer.setPixelRatio(window.devicePixelRatio);
 renderer.shadowMap.enabled = true;
@@ -53,7 +54,7 @@ renderer.shadowMap.type = THREE.PCFSoftShadowMap;
 const world = new THREE.Scene();
 world.background = new THREE.Color(0xe4e7ec);
 
-// ---- where the cells stand, and what moves them (−1: no cell)
+// ---- Cells: pose and index of the mechanism (−1 = empty)
 const places = Array.from({ length: scene.rows * scene.columns }, (_, cell) => {
   const row = Math.floor(cell / scene.columns), column = cell % scene.columns;
   const border = scene.border !== null && (row === 0 || column === 0 || row === scene.rows - 1 || column === scene.columns - 1);
@@ -77,7 +78,8 @@ controls.maxPolarAngle = Math.PI / 2;
 
 function frameTable() {
   const aspect = window.innerWidth / window.innerHeight;
-  // Seen from 40° above: the width across, and the depth and the walls' height upward.
+  // From an elevation of 40°, fit the table's width horizontally, its depth and the border's height
+  // vertically.
   const tangent = Math.tan(camera.fov * Math.PI / 360), walls = (scene.border ?? scene.high) - base;
   const across = 1.12 * wide / (2 * tangent * aspect), upward = 1.35 * (0.643 * high + walls) / (2 * tangent);
   const distance = Math.max(across, upward) + 0.383 * high;
@@ -101,7 +103,7 @@ ground.position.copy(middle).setZ(scene.low - scene.length - 0.02 * size);
 ground.receiveShadow = true;
 world.add(ground);
 
-// ---- the pins: columns down to the table
+// ---- Pins: columns down to the table
 const cells = scene.rows * scene.columns, base = scene.low - scene.length;
 const pins = new THREE.InstancedMesh(new THREE.BoxGeometry(1, 1, 1).translate(0, 0, -0.5),
   new THREE.MeshLambertMaterial(), cells);
@@ -142,7 +144,7 @@ function colourOf(frame, cell, height, channel) {
   return table[Math.min(255, Math.round(channel.all[frame * channel.values + cell] / (channel.none - 1) * 255))];
 }
 
-// ---- the objects: one instanced mesh a shape
+// ---- Objects: one instanced mesh per shape
 function geometryOf(object) {
   switch (object.shape) {
     case 'sphere': return new THREE.SphereGeometry(1, 32, 20);
@@ -200,7 +202,7 @@ function setObjects(frame) {
   }
 }
 
-// ---- labels over the picture
+// ---- Labels on a 2-D overlay
 const paper = byId('labels').getContext('2d');
 function drawLabels(frame) {
   const ratio = window.devicePixelRatio, canvas = paper.canvas;
@@ -223,9 +225,9 @@ function drawLabels(frame) {
   });
 }
 
-// ---- time
+// ---- Playback
 const state = { frame: 0, playing: true, now: scene.time[0], shown: -1 };
-window.player = state;   // what a test looks at
+window.player = state;   // for tests
 const last = scene.time.length - 1;
 
 function frameAt(time) {

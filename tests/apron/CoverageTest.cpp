@@ -1,6 +1,6 @@
-// Compiles the scripts that test the language and names each instruction of the machine and each name of the
-// language that none of them has.
-// Usage: apron_example_coverage SCRIPTS LIBRARY
+// Lists the opcodes and built-in names that no script in SCRIPTS uses.
+//
+//   apron_example_coverage SCRIPTS LIBRARY
 #include <algorithm>
 #include <cctype>
 #include <filesystem>
@@ -17,7 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 using namespace apron;
 
-// Only scripts with an expectation count: the others test nothing.
+// Only scripts with an expectation count as tests.
 bool has_expectation(const fs::path& script) {
   std::ifstream file(script);
   for (std::string line; std::getline(file, line);)
@@ -32,11 +32,11 @@ void collect_opcodes(const fs::path& script, const std::string& library, std::se
   options.library_path = library;
   syntax::DiskReader reader;
   const compiler::CompileResult result = compiler::compile(options, reader);
-  if (!result.program) return;  // those of errors
+  if (!result.program) return;  // the script tests an error
   for (const program::Instruction& instruction : result.program->code) seen.insert(instruction.op);
 }
 
-// The words of a script outside its comments.
+// Collects the words of a script outside comments.
 void collect_words(const fs::path& script, std::set<std::string>& words) {
   std::ifstream file(script);
   for (std::string line; std::getline(file, line);) {
@@ -68,13 +68,13 @@ int main(int argc, char** argv) {
   int missing = 0;
   for (const std::string& name : compiler::builtin_names()) {
     if (words.count(name) > 0) continue;
-    std::cout << "no script in " << argv[1] << " has the name " << name << '\n';
+    std::cout << "no script in " << argv[1] << " uses the name " << name << '\n';
     ++missing;
   }
   for (std::size_t i = 0; i < program::opcode_count(); ++i) {
     const auto op = static_cast<program::Opcode>(i);
     if (seen.count(op) > 0) continue;
-    std::cout << "no script in " << argv[1] << " has the instruction " << program::opcode_info(op).mnemonic
+    std::cout << "no script in " << argv[1] << " uses the instruction " << program::opcode_info(op).mnemonic
               << '\n';
     ++missing;
   }

@@ -1,10 +1,11 @@
-// Runs one APRON script and compares what it says with the comments in it:
-//   // args: --size 8x4        more arguments for `apron run`
-//   // expect: text            the next line of standard output; all of it must be expected
-//   // expect-exit: 2          the exit status, 0 if not given
-//   // expect-error: text      part of what stands on standard error, which must else be empty
-// Usage: apron_golden APRON SCRIPT [ARGUMENT…]. The script runs in an empty directory that is removed
-// afterwards.
+// Runs one APRON script and compares its output with the comments in the script:
+//
+//   // args: --size 8x4        additional arguments for `apron run`
+//   // expect: text            the next line of standard output; every line must be expected
+//   // expect-exit: 2          the exit status; default 0
+//   // expect-error: text      a substring of standard error, which otherwise must be empty
+//
+// Usage: apron_golden APRON SCRIPT [ARGUMENT…]. Runs the script in a temporary directory.
 #include <fcntl.h>
 #include <sys/wait.h>
 #include <unistd.h>

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Fails on an include that the architecture does not allow (docs/architecture.md holds the same list in words).
+"""Fails on an include that the architecture does not allow (see docs/architecture.md).
 
 usage: include_rules.py SOURCE_ROOT
 """
@@ -7,7 +7,7 @@ import pathlib
 import re
 import sys
 
-# module -> modules whose headers it may include. Its own are always allowed.
+# module -> modules whose headers it may include, besides its own. "common" stands for all of common/.
 MODULES = {
     "common/error": set(),
     "common/color": set(),
@@ -40,7 +40,7 @@ MODULES = {
                   "apron/ui", "shm-protocol"},
 }
 
-# third-party headers -> the only modules that may include them.
+# Third-party headers and the only modules that may include them.
 PRIVATE = [
     (r"^(lua|lauxlib|lualib)", {"smartsurf/script"}),
     (r"^(bt[A-Z]|Bullet|LinearMath/)", set()),  # benchmarks only

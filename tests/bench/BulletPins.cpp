@@ -66,7 +66,7 @@ btRigidBody* BulletPins::add(btCollisionShape* shape, const btVector3& at, float
   btRigidBody::btRigidBodyConstructionInfo info(mass, nullptr, shape, inertia);
   info.m_startWorldTransform.setIdentity();
   info.m_startWorldTransform.setOrigin(at);
-  info.m_friction = 0.5F;  // Bullet multiplies frictions: 0.25 in contact, as on the other side
+  info.m_friction = 0.5F;  // Bullet multiplies both frictions: 0.25 per contact, as in make_scene()
   bodies_.push_back(std::make_unique<btRigidBody>(info));
   world_.addRigidBody(bodies_.back().get(), group, mask);
   return bodies_.back().get();

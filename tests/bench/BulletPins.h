@@ -1,4 +1,5 @@
-// The usual way to build a pin surface with Bullet: a kinematic box a pin, a ray a sensor. The yardstick.
+// The baseline: a straightforward pin surface in Bullet with one kinematic box per pin and one ray per
+// sensor.
 #pragma once
 
 #include <btBulletDynamicsCommon.h>

@@ -1,4 +1,4 @@
-// The command lines of the benchmarks.
+// Command-line parsing shared by the benchmarks.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -9,7 +9,8 @@
 
 namespace bench {
 
-// Ends the program after --help, and with one line and status 2 where an argument is wrong.
+// Parses the arguments. Exits after --help; prints one line and exits with status 2 if an argument is
+// invalid.
 inline void parse_or_exit(CLI::App& app, int argc, char** argv) {
   try {
     app.parse(argc, argv);
@@ -21,7 +22,7 @@ inline void parse_or_exit(CLI::App& app, int argc, char** argv) {
   }
 }
 
-// What is named must be one of these, if anything is.
+// Accepts only the names of the list's elements.
 template <class List, class Name>
 CLI::Validator one_of(const List& list, const Name& name) {
   std::vector<std::string> names;

@@ -1,4 +1,4 @@
-// MuJoCo with its conjugate-gradient solver: a mocap box a pin, a ray a sensor.
+// MuJoCo with its conjugate-gradient solver: one mocap box per pin and one ray per sensor.
 #include "tests/bench/PinEngine.h"
 
 #ifdef BENCH_MUJOCO
@@ -86,12 +86,12 @@ class MujocoPins final : public PinEngine {
 
 }  // namespace
 
-// Beyond 64 × 64 pins it runs out of its own memory, or takes seconds a step.
+// Beyond 64 x 64 pins, MuJoCo exhausts its arena or takes seconds per step.
 std::unique_ptr<PinEngine> make_mujoco_pins(const Workload& w) {
   if (w.shapes != Shapes::kSpheres || w.n > 64) return nullptr;
   try {
     return std::make_unique<MujocoPins>(w);
-  } catch (const std::runtime_error& refusal) {  // too little memory, mostly
+  } catch (const std::runtime_error& refusal) {  // usually too little memory
     std::printf("%-18s %s\n", w.name().c_str(), refusal.what());
     return nullptr;
   }

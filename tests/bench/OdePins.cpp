@@ -1,4 +1,5 @@
-// ODE with its iterative solver: a fixed box a pin whose contacts know its speed, a ray a sensor.
+// ODE with its iterative solver: one static box per pin, whose speed is set at its contacts, and one ray per
+// sensor.
 #include "tests/bench/PinEngine.h"
 
 #ifdef BENCH_ODE

@@ -1,4 +1,4 @@
-// One engine that steps the objects of a workload on its pins: what the benchmark asks of each.
+// The interface of a physics engine under benchmark: simulates the objects of a workload on moving pins.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,13 +11,13 @@ class PinEngine {
  public:
   virtual ~PinEngine() = default;
 
-  // One step of kStep. Heights of all pins at its end, row 0 north.
+  // Advances by kStepSeconds. heights: of all pins at the end of the step in u, row-major, row 0 north.
   virtual void step(const std::vector<float>& heights) = 0;
-  // What each pin sees within kSensorRange straight up.
+  // Casts a vertical ray of length kSensorRange from the top of each pin.
   virtual void sense(const std::vector<float>& heights) = 0;
   virtual Eigen::Vector3d position(std::size_t object) const = 0;
 };
 
-// Null: not built in, or not fit for this workload.
+// Null if the engine is not built in or does not support the workload.
 std::unique_ptr<PinEngine> make_mujoco_pins(const pin_scene::Workload&);
 std::unique_ptr<PinEngine> make_ode_pins(const pin_scene::Workload&);

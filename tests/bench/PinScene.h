@@ -1,4 +1,4 @@
-// The workload of the physics benchmarks: n × n pins moving as a travelling wave under k objects, inside
+// The workload of the physics benchmarks: n x n pins that move as a travelling wave under k objects within
 // walls.
 #pragma once
 
@@ -38,14 +38,14 @@ inline int layer_count(const Workload& w) {
   const int side = static_cast<int>((w.n - 2) / kObjectSpacing);
   return (w.objects + side * side - 1) / (side * side);
 }
-// Steps until the objects, dropped in layers, have settled.
+// Number of steps until the objects, dropped in layers, have settled.
 inline int settling_steps(const Workload& w) {
   const double height = (layer_count(w) - 1) * kObjectSpacing * 0.55;
   const double settled_s = std::max(2.0, std::sqrt(2 * height / 10.0) + 1.5);
   return static_cast<int>((w.field == Field::kStill ? settled_s + 40 : settled_s) / kStepSeconds);
 }
 
-// Targets of all pins, row 0 north.
+// Target heights of all pins in u, row-major, row 0 north.
 inline void compute_targets(const Workload& w, double time_s, std::vector<float>& out) {
   out.resize(static_cast<std::size_t>(w.n) * static_cast<std::size_t>(w.n));
   for (int c = 0; c < w.n; ++c) {
@@ -56,8 +56,8 @@ inline void compute_targets(const Workload& w, double time_s, std::vector<float>
   }
 }
 
-// A convex hull of twelve corners at the given radius. There are eight sizes, so that solids are shared, as
-// in experiments.
+// A convex hull with twelve corners at about the given radius. Rounds to one of eight sizes, because
+// experiments share solids too.
 inline std::shared_ptr<const smartsurf::scene::Solid> shared_hull_solid(double radius) {
   static std::array<std::shared_ptr<const smartsurf::scene::Solid>, 8> cache;
   const int size = std::clamp(static_cast<int>((radius - 1.5) / 0.1875), 0, 7);
@@ -73,8 +73,8 @@ inline std::shared_ptr<const smartsurf::scene::Solid> shared_hull_solid(double r
   return solid = std::make_shared<smartsurf::scene::Solid>(smartsurf::mesh::build_hull_solid(corners));
 }
 
-// Spheres of radius 1.5–3, or every other one a box, a cylinder or a convex hull of such a size, stacked in
-// loose layers.
+// Spheres of radius 1.5 to 3 u in loose layers. In mixed workloads, every other object is a box, cylinder or
+// convex hull of similar size.
 inline std::vector<smartsurf::scene::ObjectSpec> make_objects(const Workload& w) {
   using smartsurf::scene::ShapeKind;
   std::vector<smartsurf::scene::ObjectSpec> out;
@@ -106,7 +106,7 @@ inline std::vector<smartsurf::scene::ObjectSpec> make_objects(const Workload& w)
   return out;
 }
 
-// The four walls around the table, tall enough for every layer: centre and half extents.
+// A wall around the table, tall enough for every layer.
 struct Wall {
   Eigen::Vector3d centre, half;
 };
@@ -123,7 +123,7 @@ inline smartsurf::scene::SceneSpec make_scene(const Workload& w) {
   s.world.gravity = {0, 0, -10};
   s.world.dt_s = s.world.control_period_s = kStepSeconds;
   s.materials[0].friction = 0.25;
-  // Without resistance to rolling a pile of spheres never comes to rest: it flows on, ever slower.
+  // Without rolling friction, a pile of spheres keeps creeping and never comes to rest.
   s.materials[0].rolling_friction = w.field == Field::kStill ? 0.01 : 0.0;
   s.materials[0].restitution = 0.0;
   s.surface.rows = s.surface.columns = w.n;

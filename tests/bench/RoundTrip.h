@@ -1,4 +1,4 @@
-// What every way of a round trip is measured with: the payload's making and reading, the peer, the clock.
+// Shared by the transports of the round-trip benchmark: payload, peer process and timing.
 #pragma once
 
 #include <sched.h>
@@ -25,7 +25,7 @@ namespace bench {
 
 struct Case {
   const char* label;
-  std::uint32_t side;  // the payload is side × side f32 each way; 1 stands for empty
+  std::uint32_t side;  // payload: side x side f32 in each direction; 1 means empty
   int rounds;
 };
 
@@ -35,7 +35,7 @@ struct Figures {
 
 inline volatile float g_sink;
 
-// Both as fast as the machine can, so that little but the exchange is measured.
+// produce() and consume() are vectorised, so that the exchange dominates the measurement.
 BENCH_WIDE inline void produce(std::span<float> values, int round) {
   const auto value = static_cast<float>(round % 7);
   for (float& v : values) v = value;
@@ -68,7 +68,7 @@ inline pid_t start_peer(int cpu, const std::function<void()>& body) {
   ::_exit(0);
 }
 
-// Times `round`, after a tenth of the rounds to warm up.
+// Times `round` after a warm-up of a tenth of the rounds.
 inline Figures measure(int rounds, const std::function<void(int)>& round) {
   std::vector<double> times;
   const int warm = rounds / 10 + 5;
@@ -82,18 +82,18 @@ inline Figures measure(int rounds, const std::function<void(int)>& round) {
   return {times[times.size() / 2], times[times.size() * 99 / 100], times[times.size() / 4]};
 }
 
-// How far apart two CPUs are: the lower quartile of an empty ping-pong on two words, in us. A virtual
-// machine's CPUs may be threads of one core now and belong to two chips a second later; then all figures
-// change.
+// The communication latency of two CPUs: the lower quartile of an empty ping-pong on two words, in us. A
+// hypervisor may move virtual CPUs between sibling threads of a core and different chips at any time, which
+// changes all results.
 double core_distance_us(int peer_cpu);
 
-// The peers, each in a file of its own. The second tells why one is not there; null: it is.
+// The peers, one per file. *_unavailable() returns the reason why a peer is not built in, or null.
 Figures unix_socket(const Case&, int peer_cpu);
 Figures message_queue(const Case&, int peer_cpu);
 Figures zeromq(const Case&, int peer_cpu);
 const char* zeromq_unavailable();
 Figures iceoryx(const Case&, int peer_cpu);
-// Prints what a tick costs beyond the work of both sides.
+// Prints the time of a tick in excess of the work of both sides.
 void print_lockstep_overhead(int peer_cpu);
 const char* iceoryx_unavailable();
 

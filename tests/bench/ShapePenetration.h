@@ -1,5 +1,5 @@
-// How deep an object that is no sphere stands in pins, told by points and closed forms alone: nothing of the
-// engine's search for contacts takes part.
+// Computes the penetration of a non-sphere into pins from sample points and closed forms, independently of
+// the engine's collision detection.
 #pragma once
 
 #include <vector>
@@ -7,8 +7,8 @@
 #include "smartsurf/world/narrowphase/Distance.h"
 #include "tests/bench/PinScene.h"
 
-// The deepest of its corners, or points of its rims, in a pin, and of points along the edges of the pins'
-// tops in it, u. `centre`: of mass; heights of all pins, row 0 north.
+// The maximum depth, in u, of the shape's corners and rim points in a pin and of points on the edges of the
+// pins' tops in the shape. centre: centre of mass; heights: of all pins, row-major, row 0 north.
 double max_shape_penetration(const pin_scene::Workload&, const smartsurf::world::Shape&,
                              const smartsurf::world::Vec3& centre, const smartsurf::world::Mat3& axes,
                              const std::vector<float>& heights);

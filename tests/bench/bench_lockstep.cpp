@@ -1,12 +1,12 @@
-// Round trips of two processes in lock-step: our endpoints beside a raw ping-pong on two words of shared
-// memory (the limit), POSIX semaphores, and what else there is to connect two processes. In each, both sides
-// write all of their payload and read all of the other's.
+// Benchmarks round trips of two processes in lock-step: our endpoints, a raw ping-pong on two words of shared
+// memory (the lower bound), POSIX semaphores and other transports. Both sides write their whole payload and
+// read that of the other.
 //
-//   bench_lockstep            two cores; and what a tick costs beyond the sides' own work
+//   bench_lockstep            two cores, and the lock-step overhead
 //   bench_lockstep one-core   both processes on one core
-//   bench_lockstep NAME       only the ways whose name begins so
-//   bench_lockstep … --json   a JSON object a line
-//   bench_lockstep work       only what a tick costs beyond the sides' own work
+//   bench_lockstep NAME       only transports whose name starts with NAME
+//   bench_lockstep … --json   print one JSON object per line
+//   bench_lockstep work       only the lock-step overhead (see lockstep_overhead.cpp)
 #include <semaphore.h>
 #include <shm_protocol/ControllerEndpoint.h>
 #include <shm_protocol/SurfaceEndpoint.h>
@@ -38,7 +38,8 @@ using shm_protocol::ControllerEndpoint;
 using shm_protocol::Status;
 using shm_protocol::SurfaceEndpoint;
 
-// What both processes of the two peers share: one array each way, and a word or a semaphore each way.
+// The shared header of ping_pong(): one word and one semaphore per direction. The arrays follow on their own
+// pages.
 struct Shared {
   alignas(128) std::atomic<int> request{0};
   alignas(128) std::atomic<int> response{0};
@@ -115,7 +116,7 @@ shm_protocol::SurfaceConfig config_of(const Case& c) {
   return config;
 }
 
-// Arrays written and read in place.
+// Writes and reads the arrays in place.
 Figures endpoints(const Case& c, int peer_cpu) {
   const auto config = config_of(c);
   auto surface = SurfaceEndpoint::create(config);
@@ -140,12 +141,12 @@ Figures endpoints(const Case& c, int peer_cpu) {
   return figures;
 }
 
-// Cells asked for at once: 64 KiB; two pieces of a small frame.
+// Cells per chunk: 64 KiB, but at least two chunks per frame.
 constexpr std::size_t kChunkCells = 16 * 1024;
 std::size_t chunk_cells(std::size_t cells) { return std::clamp<std::size_t>(cells / 2, 1, kChunkCells); }
 
-// As a streaming pair does: each piece is answered as soon as it has come, and taken in while the next one is
-// being made.
+// Streams the frame: the controller answers each chunk as it arrives, and the surface reads the answer while
+// the next chunk is in progress.
 void answer_chunked(ControllerEndpoint& controller) {
   for (int i = 1;; ++i) {
     std::size_t at = 0;
@@ -218,7 +219,7 @@ constexpr int kPasses = 7;
 
 std::vector<Transport> all_transports(bool one_core) {
   return {
-      {"raw ping-pong", raw_spin, one_core ? "cannot work on one core" : nullptr},
+      {"raw ping-pong", raw_spin, one_core ? "requires two cores" : nullptr},
       {"endpoints", endpoints},
       {"endpoints, in pieces", endpoints_chunked},
       {"POSIX semaphores", semaphores},
@@ -226,19 +227,19 @@ std::vector<Transport> all_transports(bool one_core) {
       {"Boost message_queue", bench::message_queue},
       {"ZeroMQ (ipc)", bench::zeromq, bench::zeromq_unavailable()},
       {"iceoryx (waiting)", bench::iceoryx,
-       one_core ? "now and then its start hangs on one core" : bench::iceoryx_unavailable()},
+       one_core ? "its start sometimes hangs on one core" : bench::iceoryx_unavailable()},
   };
 }
 
-// One pass, and how far apart the CPUs were before and after it.
+// The results of one pass, and the CPU latency before and after it (see core_distance_us()).
 struct Pass {
   Figures figures;
   double before_us = 0, after_us = 0;
 };
-// Of each way and each case.
+// Indexed by transport, case and pass.
 using Passes = std::vector<std::vector<std::vector<Pass>>>;
 
-// All ways in turn, several times.
+// Interleaves the transports.
 Passes measure_all(const std::vector<Transport>& transports, std::span<const Case> cases, int peer_cpu,
                    bool one_core) {
   Passes all(transports.size(), std::vector<std::vector<Pass>>(cases.size()));
@@ -254,7 +255,7 @@ Passes measure_all(const std::vector<Transport>& transports, std::span<const Cas
   return all;
 }
 
-// Passes at a distance within the range, both before and after them.
+// Selects passes whose CPU latency was in [from_us, to_us) both before and after.
 struct DistanceRange {
   double from_us, to_us;
   bool contains(const Pass& p) const {
@@ -262,7 +263,7 @@ struct DistanceRange {
   }
 };
 
-// One range, or two when the CPUs moved together or apart meanwhile.
+// One range, or two if the hypervisor moved the CPUs during the measurement.
 std::vector<DistanceRange> distance_ranges(const Passes& all) {
   double nearest = 1e9, farthest = 0;
   for (const auto& way : all)
@@ -322,7 +323,7 @@ std::size_t passes_in(const Passes& all, const DistanceRange& range) {
   return count;
 }
 
-// Of the distance at which most passes were made; of all where one had none of these.
+// Reports passes at the most frequent CPU latency; all passes of a transport that has none there.
 void print_json(const std::vector<Transport>& transports, std::span<const Case> cases, const Passes& all,
                 const std::vector<DistanceRange>& ranges, bool one_core) {
   const DistanceRange most =
@@ -342,14 +343,13 @@ void print_json(const std::vector<Transport>& transports, std::span<const Case> 
 void print(const std::vector<Transport>& transports, std::span<const Case> cases, const Passes& all,
            const std::vector<DistanceRange>& ranges, bool one_core) {
   std::printf(
-      "round trips in us, median / p99 of the middle one of %d passes, and the median over that of "
-      "`endpoints` (the "
-      "faster way of the two)\npayload each way, all of it written and read; both processes on %s\n",
-      kPasses, one_core ? "one core" : "a core each");
+      "round trips in us: median / p99 of the median of %d passes, and the ratio of its median to the faster "
+      "of the\ntwo `endpoints`; the whole payload is written and read in each direction; processes on %s\n",
+      kPasses, one_core ? "one core" : "two cores");
   for (const DistanceRange& range : ranges) {
     if (ranges.size() > 1)
-      std::printf("\npasses with the cores %s apart: an empty ping-pong of %s than %.2f us\n",
-                  range.from_us == 0 ? "little" : "far", range.from_us == 0 ? "less" : "more",
+      std::printf("\npasses with %s cores: an empty ping-pong takes %s than %.2f us\n",
+                  range.from_us == 0 ? "near" : "distant", range.from_us == 0 ? "less" : "more",
                   range.from_us == 0 ? range.to_us : range.from_us);
     print(transports, cases, all, range);
   }
@@ -360,7 +360,7 @@ struct Arguments {
   std::string filter;
 };
 
-// Words that are no flags: "one-core", "work", or the beginning of a way's name.
+// Parses a positional argument: "one-core", "work" or a prefix of a transport's name.
 void parse_word(const std::string& word, Arguments& args) {
   if (word == "one-core") {
     args.one_core = true;
@@ -371,20 +371,20 @@ void parse_word(const std::string& word, Arguments& args) {
       word == "work" || std::any_of(transports.begin(), transports.end(), [&](const Transport& way) {
         return std::string(way.name).starts_with(word);
       });
-  if (!known) throw CLI::ValidationError(word + ": neither one-core, work nor the beginning of a way's name");
+  if (!known) throw CLI::ValidationError(word + ": must be one-core, work or a prefix of a transport's name");
   args.filter = word;
 }
 
 Arguments parse_arguments(int argc, char** argv, bool one_core) {
   Arguments args{one_core, false, {}};
-  CLI::App app("Round trips of two processes in lock-step", "bench_lockstep");
+  CLI::App app("Benchmarks round trips of two processes in lock-step", "bench_lockstep");
   app.add_option_function<std::vector<std::string>>(
       "what",
       [&](const std::vector<std::string>& words) {
         for (const std::string& word : words) parse_word(word, args);
       },
-      "one-core, work (only what a tick costs beyond the sides' own work), or the beginning of a way's name");
-  app.add_flag("--json", args.json, "a JSON object a line");
+      "one-core, work (only the lock-step overhead) or a prefix of a transport's name");
+  app.add_flag("--json", args.json, "print one JSON object per line");
   bench::parse_or_exit(app, argc, argv);
   return args;
 }

@@ -1,10 +1,13 @@
-// The World and its proximity sensors beside naive Bullet, MuJoCo and ODE, on the same scenes in one run.
+// Compares World and its proximity sensors with naive Bullet, MuJoCo and ODE on the same scenes.
+//
 //   bench_physics [--steps N] [--only "64x64 100"] [--threads N] [--peers naive,mujoco,ode | none] [--json]
-// The peers run on one thread, each where it can; MuJoCo and ODE are left out where they are not installed.
-// Prints medians in milliseconds of a 1/60 s step, a peer's total over ours, and how truly each holds its
-// objects apart: the largest overlap of two spheres and the deepest penetration of a sphere into a pin; of
-// ours in mixed scenes also that of the other shapes. "pins" is the time in which our pins follow their
-// commands; it is not in the total. --json: a JSON object a line.
+//
+// Peers are single-threaded; they skip workloads that they do not support. MuJoCo and ODE are optional.
+//
+// Prints the median times of a 1/60 s step in milliseconds, the ratio of a peer's total to ours, and the
+// accuracy: the largest overlap of two spheres and the deepest penetration of a sphere into a pin; in mixed
+// scenes, ours also reports the penetration of the other shapes. "pins" is the time to move our pins and is
+// not part of the total. --json prints one JSON object per line.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -70,7 +73,7 @@ double sphere_penetration(const Workload& w, const Sphere& b, const std::vector<
   return deepest;
 }
 
-// Over the spheres; what left the table is counted as lost.
+// Considers spheres only. Spheres outside the table count as lost.
 void measure_accuracy(const Workload& w, std::vector<Sphere> spheres, const std::vector<float>& heights,
                       Result& out) {
   std::sort(spheres.begin(), spheres.end(),
@@ -89,7 +92,7 @@ void measure_accuracy(const Workload& w, std::vector<Sphere> spheres, const std:
   }
 }
 
-// Over what is no sphere.
+// Considers non-spheres only.
 double worst_shape_penetration(const Workload& w, const scene::SceneSpec& spec,
                                const scene::Snapshot& snapshot) {
   double deepest = 0;
@@ -148,7 +151,7 @@ Result run_smartsurf(const Workload& w, const Options& options) {
   return r;
 }
 
-// Measures fewer steps where a step takes long, at least six.
+// Measures fewer steps, but at least six, if a step takes long.
 Result run_peer(PinEngine& peer, const Workload& w, const Options& options) {
   const scene::SceneSpec spec = make_scene(w);
   surface::ActuatorArray cells(spec.surface);
@@ -242,15 +245,15 @@ const std::vector<Workload>& workloads() {
 Options read_options(int argc, char** argv) {
   Options o;
   std::vector<std::string> peers;
-  CLI::App app("The physics and its proximity sensors beside other engines", "bench_physics");
-  app.add_option("--steps", o.steps, "that are measured")->check(CLI::Range(1, 1'000'000));
-  app.add_option("--threads", o.threads, "of ours")->check(CLI::Range(1, 1024));
+  CLI::App app("Compares the physics and proximity sensors with other engines", "bench_physics");
+  app.add_option("--steps", o.steps, "measured steps")->check(CLI::Range(1, 1'000'000));
+  app.add_option("--threads", o.threads, "threads of our engine")->check(CLI::Range(1, 1024));
   app.add_option("--only", o.only, "one workload, such as \"64x64 100\"")
       ->check(bench::one_of(workloads(), [](const Workload& w) { return w.name(); }));
   app.add_option("--peers", peers, "naive,mujoco,ode or none")
       ->delimiter(',')
       ->check(CLI::IsMember({"naive", "mujoco", "ode", "none"}));
-  app.add_flag("--json", o.json, "a JSON object a line");
+  app.add_flag("--json", o.json, "print one JSON object per line");
   bench::parse_or_exit(app, argc, argv);
   if (!peers.empty()) o.peers = CLI::detail::join(peers);
   return o;

@@ -176,15 +176,15 @@ constexpr Workload kLadder[] = {{64, 100, false},   {64, 1000, false},   {128, 1
 
 Options read_options(int argc, char** argv) {
   Options o;
-  CLI::App app("The sensors of a surface, each model by itself", "bench_sensors");
+  CLI::App app("Benchmarks each sensor model of a surface", "bench_sensors");
   app.add_option("--only", o.only, "one workload, such as \"256x256 10000\"")
       ->check(bench::one_of(kLadder, [](const Workload& w) { return w.name(); }));
   app.add_option("--model", o.model, "one model, such as proximity")
       ->check(bench::one_of(kModels, [](const Model& m) { return m.label; }));
-  app.add_option("--repeats", o.repeats, "of each measurement")->check(CLI::Range(1, 1'000'000));
+  app.add_option("--repeats", o.repeats, "repetitions of each measurement")->check(CLI::Range(1, 1'000'000));
   app.add_option("--threads", o.threads)->check(CLI::Range(1, 1024));
-  app.add_flag("!--no-peer", o.peer, "leave out the plain way");
-  app.add_flag("--json", o.json, "a JSON object a line");
+  app.add_flag("!--no-peer", o.peer, "skip the comparison with brute force");
+  app.add_flag("--json", o.json, "print one JSON object per line");
   bench::parse_or_exit(app, argc, argv);
   return o;
 }

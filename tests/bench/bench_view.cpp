@@ -1,11 +1,14 @@
-// What a frame of the simulator's view costs, stage by stage, drawn into memory by whatever OpenGL is there.
+// Benchmarks the stages of a frame of the simulator's view, rendered off-screen.
+//
 //   bench_view [--cells 64] [--objects 500] [--size 1280x720] [--frames 60] [--pins sorting|wave]
 //              [--quality fast|card|video|fine] [--mixed] [--picture FILE.png] [--window|--held]
-// Prints milliseconds of the wall clock and of all processors together, and draw calls. Each stage is waited
-// for, so their sum is a little more than a frame drawn without looking. The stage "values" is the
-// processor's: heights, shades, poses.
-//   --window: the frames of a real window instead, on the display that is there: panels, timeline and showing
-//   it included, as fine as it chooses to draw while a run goes on; --held: as while the run is paused.
+//
+// Prints wall-clock time and CPU time of all threads in milliseconds, and the number of draw calls.
+// glFinish() ends each stage, so their sum slightly exceeds the time of a frame. The stage "values" runs on
+// the CPU: heights, shades and poses.
+//
+// --window measures a real window instead, including panels, timeline and buffer swap, at its adaptive
+// resolution during a run; --held: at that of a paused run.
 #include <epoxy/gl.h>
 
 #include <algorithm>
@@ -46,7 +49,7 @@ struct BenchScene {
   std::vector<Eigen::Vector3f> rest_positions;  // of each object
 };
 
-// Objects in rows over the whole table, a layer above the other once it is full.
+// Places the objects in rows over the whole table, in as many layers as needed.
 void add_objects(BenchScene& s, const Options& options) {
   const int across = std::max(1, static_cast<int>((options.cells - 4) / 2.6));
   for (int k = 0; k < options.objects; ++k) {
@@ -68,7 +71,7 @@ void add_objects(BenchScene& s, const Options& options) {
   s.snapshot.angular_velocity.resize(s.snapshot.object_count());
 }
 
-// Sorting: pins up, but for a pocket under each object. Wave: every pin at another height.
+// sorting: all pins up except for a pocket under each object. wave: all pins at different heights.
 void animate(BenchScene& s, const Options& options, int frame) {
   const float phase = 0.1f * static_cast<float>(frame);
   const auto& surface = s.spec.surface;
@@ -102,7 +105,7 @@ BenchScene make_scene(const Options& options) {
   return s;
 }
 
-// A stage, or all of a frame: milliseconds of the clock and of all processors, one of each a frame.
+// The times of a stage or a whole frame, indexed by frame.
 struct StageTimes {
   std::string name;
   std::vector<double> wall_ms, cpu_ms;
@@ -123,9 +126,9 @@ void StageTimes::print() const {
   std::printf("  %-22s %7.2f  %7.2f  %7.2f\n", name.c_str(), median(wall_ms), mean(wall_ms), mean(cpu_ms));
 }
 
-void print_heading() { std::printf("  %-22s %7s  %7s  %7s\n", "ms", "median", "mean", "processors, mean"); }
+void print_heading() { std::printf("  %-22s %7s  %7s  %7s\n", "ms", "median", "mean", "CPU, mean"); }
 
-// Of all threads of this process together.
+// CPU time of all threads of this process.
 double process_cpu_ms() {
   timespec t{};
   clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
@@ -140,7 +143,7 @@ view::RenderQuality parse_quality(const std::string& name) {
   throw std::invalid_argument("--quality " + name + ": fast, card, video or fine");
 }
 
-// Notes the time from each stage's end to the next's.
+// Measures the time between the ends of successive stages.
 class StageTimer {
  public:
   void begin() {
@@ -159,7 +162,7 @@ class StageTimer {
     wall_start_ = now;
     cpu_start_ = cpu_now;
   }
-  // Milliseconds of the clock, and of all processors.
+  // Wall-clock and CPU time in milliseconds.
   std::pair<double, double> elapsed_ms() const {
     return {std::chrono::duration<double, std::milli>(Clock::now() - wall_start_).count(),
             process_cpu_ms() - cpu_start_};
@@ -221,7 +224,7 @@ void measure_window(const Options& options) {
   status.paused = options.paused;
   status.timeline = view::Timeline{1000, 999, 0.0, 16.6, false};
   StageTimes times{"a frame, shown", {}, {}};
-  for (int frame = -40; frame < options.frames; ++frame) {  // at first it finds out how fine it can be
+  for (int frame = -40; frame < options.frames; ++frame) {  // warm-up: the window adapts its resolution
     animate(s, options, frame);
     StageTimer timer;
     timer.begin();
@@ -245,20 +248,20 @@ Options read_options(int argc, char** argv) {
   const auto size = [&o](const std::string& text) {
     char rest = 0;
     if (std::sscanf(text.c_str(), "%dx%d%c", &o.width, &o.height, &rest) != 2 || o.width < 1 || o.height < 1)
-      throw CLI::ValidationError("--size " + text + ": give it as 1280x720");
+      throw CLI::ValidationError("--size " + text + ": must be like 1280x720");
   };
-  CLI::App app("What a frame of the simulator's view costs, stage by stage", "bench_view");
-  app.add_option("--cells", o.cells, "along an edge")->check(CLI::Range(1, 4096));
+  CLI::App app("Benchmarks the stages of a frame of the simulator's view", "bench_view");
+  app.add_option("--cells", o.cells, "cells per edge")->check(CLI::Range(1, 4096));
   app.add_option("--objects", o.objects)->check(CLI::Range(0, 1'000'000));
-  app.add_option_function<std::string>("--size", size, "of the picture, such as 1280x720");
+  app.add_option_function<std::string>("--size", size, "size of the picture, such as 1280x720");
   app.add_option("--frames", o.frames)->check(CLI::Range(1, 1'000'000));
   app.add_option("--pins", o.pins)->check(CLI::IsMember({"sorting", "wave"}));
   app.add_option("--quality", o.quality)->check(CLI::IsMember({"fast", "card", "video", "fine"}));
-  app.add_option("--picture", o.png_file, "a PNG file for the last frame");
+  app.add_option("--picture", o.png_file, "save the last frame to this PNG file");
   app.add_flag("--mixed", o.mixed, "objects of all shapes");
-  app.add_flag("--window", o.window, "frames as a window shows them");
+  app.add_flag("--window", o.window, "measure frames of a window");
   app.add_flag_function(
-      "--held", [&o](std::int64_t) { o.window = o.paused = true; }, "the same, of a simulation that is held");
+      "--held", [&o](std::int64_t) { o.window = o.paused = true; }, "the same, with a paused simulation");
   bench::parse_or_exit(app, argc, argv);
   return o;
 }

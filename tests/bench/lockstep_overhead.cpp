@@ -1,5 +1,5 @@
-// What lock-step costs a pair whose sides have work of their own: the time of a tick, less what both sides'
-// work takes alone in the same processes, on the same cores, between the same ticks.
+// Measures the overhead of lock-step when both sides do work: the time of a tick minus the time of both
+// sides' work alone, measured in the same processes on the same cores between the same ticks.
 #include <shm_protocol/ControllerEndpoint.h>
 #include <shm_protocol/SurfaceEndpoint.h>
 #include <sys/mman.h>
@@ -24,7 +24,7 @@ constexpr std::size_t kCells = std::size_t{kSide} * kSide;
 constexpr std::uint64_t kRounds = 1600;
 constexpr int kPasses = 5;
 
-// Reads `in`, smooths it `times` times, and leaves the result in `out`: about a microsecond each time.
+// Copies `in`, smooths it `times` times (about 1 us each) and writes the result to `out`.
 class Work {
  public:
   explicit Work(int times) : times_(times), a_(kCells + 2), b_(kCells + 2) {}
@@ -47,9 +47,8 @@ double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-// Between the ticks, each side now and then takes the time of its work alone: so both are measured under the
-// same conditions, whatever the cores do meanwhile. Ticks that such a pause may have made longer do not
-// count.
+// Times the work alone, periodically between ticks, so that both measurements see the same state of the
+// cores. Ticks that such a pause may prolong are discarded.
 class SoloTimer {
  public:
   static constexpr std::uint64_t kInterval = 16;
@@ -84,7 +83,7 @@ void require(bool good) {
   if (!good) std::_Exit(1);
 }
 
-// Of both sides, each with work of so many turns: their work alone, and the tick.
+// Times of the work of each side alone, and of a tick that includes both.
 struct Cost {
   double surface_us, controller_us, tick_us;
 };
@@ -138,9 +137,9 @@ Cost measure_pair(int times, int peer_cpu) {
 
 void print_lockstep_overhead(int peer_cpu) {
   std::printf(
-      "\na tick at 64x64 f32 each way, both sides with work of their own, medians in "
-      "us\n%12s%12s%12s%22s%22s\n",
-      "surface", "controller", "tick", "tick less both works", "empty ping-pong");
+      "\ntick with 64x64 f32 in each direction and work on both sides, medians in us\n"
+      "%12s%12s%12s%22s%22s\n",
+      "surface", "controller", "tick", "tick minus both works", "empty ping-pong");
   for (const int times : {20, 50, 100, 200}) {
     for (int pass = 0; pass < kPasses; ++pass) {
       const double before = core_distance_us(peer_cpu);

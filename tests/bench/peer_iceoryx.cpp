@@ -1,4 +1,4 @@
-// iceoryx: untyped publishers and subscribers in memory that its daemon, iox-roudi, hands out; both wait.
+// iceoryx: untyped publishers and subscribers with waiting receivers. Starts its daemon, iox-roudi.
 #include "RoundTrip.h"
 
 #ifdef BENCH_ICEORYX
@@ -16,7 +16,7 @@
 namespace bench {
 namespace {
 
-// The daemon, with one pool of chunks large enough for 4 MiB; ended with this object.
+// Runs the daemon, with memory pools for chunks of up to 4 MiB. The destructor terminates it.
 class Daemon {
  public:
   Daemon() {
@@ -39,7 +39,7 @@ class Daemon {
   }
   ~Daemon() {
     ::kill(pid_, SIGTERM);
-    // It waits for its clients; one that was killed never says that it left.
+    // The daemon waits for its clients, but a killed client never disconnects.
     for (int i = 0; i < 30; ++i) {
       if (::waitpid(pid_, nullptr, WNOHANG) != 0) return;
       ::usleep(100'000);
@@ -55,7 +55,7 @@ class Daemon {
 const iox::capro::IdString_t kService{"Bench"}, kForth{"Forth"}, kHome{"Home"};
 using Text = iox::capro::IdString_t;
 
-// One end: publishes under one name, waits for what comes under the other.
+// One endpoint: publishes on one event name and receives from the other.
 class End {
  public:
   End(const Text& instance, const Text& sends, const Text& takes, std::size_t bytes)
@@ -101,7 +101,7 @@ class End {
   std::size_t bytes_;
 };
 
-// The daemon remembers those that were killed for a while: each client has a name of its own.
+// Uses a unique name per client, because the daemon remembers killed clients for a while.
 void join_as(const std::string& who) {
   iox::log::LogManager::GetLogManager().SetDefaultLogLevel(iox::log::LogLevel::kOff,
                                                            iox::log::LogLevelOutput::kHideLogLevel);
@@ -137,7 +137,7 @@ Figures run(const Case& c, int peer_cpu) {
 
 const char* iceoryx_unavailable() { return nullptr; }
 
-// In a process of its own: the runtime is made once a process, and its threads may not be forked.
+// Runs in a separate process: there is one runtime per process, and its threads do not survive fork().
 Figures iceoryx(const Case& c, int peer_cpu) {
   static const Daemon daemon;
   int result[2];
@@ -145,14 +145,14 @@ Figures iceoryx(const Case& c, int peer_cpu) {
   const pid_t child = ::fork();
   if (child == 0) {
     ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-    ::alarm(10);  // now and then its start hangs
+    ::alarm(10);  // its start sometimes hangs
     const Figures figures = run(c, peer_cpu);
     ::_exit(::write(result[1], &figures, sizeof figures) == sizeof figures ? 0 : 1);
   }
   ::close(result[1]);
   Figures figures;
   if (::read(result[0], &figures, sizeof figures) != sizeof figures)
-    std::fprintf(stderr, "bench_lockstep: iceoryx did not get through the case %s\n", c.label);
+    std::fprintf(stderr, "bench_lockstep: iceoryx failed in the case %s\n", c.label);
   ::close(result[0]);
   ::waitpid(child, nullptr, 0);
   return figures;

@@ -1,4 +1,4 @@
-// A Unix socket and Boost's message_queue.
+// Kernel transports: a Unix socket, and Boost's message_queue.
 #include <sys/socket.h>
 
 #include <boost/interprocess/ipc/message_queue.hpp>

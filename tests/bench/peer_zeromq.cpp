@@ -1,4 +1,4 @@
-// ZeroMQ over its ipc transport, a pair of PAIR sockets.
+// ZeroMQ: two PAIR sockets over its ipc transport.
 #include "RoundTrip.h"
 
 #ifdef BENCH_ZEROMQ
@@ -24,7 +24,7 @@ Figures zeromq(const Case& c, int peer_cpu) {
   const auto receive = [&](void* socket, std::vector<float>& to) {
     require(::zmq_recv(socket, to.data(), bytes, 0) == static_cast<int>(bytes));
   };
-  // The peer makes a context of its own: one does not survive a fork.
+  // The peer creates its own context, because a context does not survive fork().
   const pid_t peer = start_peer(peer_cpu, [&] {
     void* context = ::zmq_ctx_new();
     void* socket = ::zmq_socket(context, ZMQ_PAIR);

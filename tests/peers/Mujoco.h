@@ -1,4 +1,4 @@
-// A MuJoCo model built from a description in MJCF, with its state: an engine by other hands to compare with.
+// A MuJoCo model built from MJCF, with its state: an independent engine for comparison.
 #pragma once
 
 #include <mujoco/mujoco.h>
@@ -10,17 +10,17 @@ namespace peers {
 
 class Mujoco {
  public:
-  // Throws std::runtime_error with MuJoCo's message where it refuses the description.
+  // Throws std::runtime_error with MuJoCo's message if the MJCF is invalid.
   explicit Mujoco(const std::string& mjcf);
 
   mjModel& model() { return *model_; }
   mjData& data() { return *data_; }
   void step() { mj_step(model_.get(), data_.get()); }
 
-  // Body 0 is the world; the bodies follow in the order of the description.
+  // World coordinates. Body 0 is the world; the others follow in MJCF order.
   const mjtNum* position(int body) const { return data_->xpos + 3 * body; }
-  // Of the centre of mass: linear (world frame), then angular (the body's frame). The body must have a free
-  // joint.
+  // Velocity of the centre of mass: 3 linear (world frame), then 3 angular (body frame) components. The body
+  // must have a free joint.
   mjtNum* velocity(int body) { return data_->qvel + model_->body_dofadr[body]; }
 
  private:

@@ -1,4 +1,4 @@
-// What actuators do to objects, against closed forms.
+// Effects of actuators on objects against closed forms.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -29,7 +29,7 @@ TEST(Actuators, BoxOnBallsReachesTheirSpeed) {
   const auto id = fixture.add(box({3, 3, 1}, {6, 15, 0.5}));
   fixture.run(0.2);
   set_all_targets(fixture, 1, 5);  // 2 u/s east
-  // Friction accelerates it by µ·g until it goes with the tops.
+  // Friction accelerates the box at µ·g until it moves with the cell tops.
   fixture.run(0.2);
   EXPECT_NEAR(fixture.velocity(id).x(), 0.5 * 9.81 * 0.2, 0.1);
   fixture.run(0.5);
@@ -38,7 +38,7 @@ TEST(Actuators, BoxOnBallsReachesTheirSpeed) {
 }
 
 TEST(Actuators, SphereOnBallsRollsBackwards) {
-  // A surface that moves at v under a sphere takes it along at (2/7)·v.
+  // A surface moving at v accelerates a resting sphere to (2/7)·v, where it rolls without slipping.
   PhysicsFixture fixture;
   set_actuator(fixture, "ball", {{"radius", {0.4}}, {"max_acceleration", {1e6}}});
   const auto id = fixture.add(sphere(2, {6, 15.5, 2}));

@@ -1,4 +1,4 @@
-// Bodies against bodies: what closed forms say of collisions, stacks and tipping.
+// Contact between bodies against closed forms: collisions, stacks, tipping.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -23,7 +23,7 @@ TEST(Collision, ConservesMomentumAndEnergy) {
   const Eigen::Vector3d momentum = va + 8 * vb;
   EXPECT_LT((momentum - Eigen::Vector3d(6 - 8, 4, 0)).norm(), 0.01);
   EXPECT_NEAR(va.squaredNorm() + 8 * vb.squaredNorm(), 36 + 8 * 1.25, 0.02 * 46);
-  EXPECT_GT((vb - Eigen::Vector3d(-1, 0.5, 0)).norm(), 0.5) << "they met";
+  EXPECT_GT((vb - Eigen::Vector3d(-1, 0.5, 0)).norm(), 0.5) << "the spheres collide";
 }
 
 TEST(Collision, EveryPairOfShapesBouncesApart) {
@@ -63,7 +63,7 @@ TEST(Collision, FlatFaceImpactCausesNoRotation) {
     const auto a = fixture.add(one), b = fixture.add(two);
     fixture.run(2.0);
     const auto sa = fixture.world().state(a), sb = fixture.world().state(b);
-    const double parting = (1 + e) * 4.0 / 4.0;  // the speed of the one three times as heavy
+    const double parting = (1 + e) * 4.0 / 4.0;  // speed of the second box, which is three times as heavy
     EXPECT_NEAR(sa.velocity.x(), 4.0 - 3 * parting, 0.01) << e;
     EXPECT_NEAR(sb.velocity.x(), parting, 0.01) << e;
     EXPECT_LT(sa.angular_velocity.norm(), 0.1) << e;
@@ -120,7 +120,7 @@ TEST(Stacking, AllShapesRestOnABox) {
 }
 
 TEST(Tipping, BoxTipsWhenGravityLeavesItsBase) {
-  // A base of 1 under a height of 2 stands up to tan = 1/2.
+  // A base of 1 and a height of 2 give a critical slope of tan = 1/2.
   for (const double tangent : {0.45, 0.55}) {
     PhysicsFixture fixture;
     fixture.scene.materials[0].friction = 2.0;

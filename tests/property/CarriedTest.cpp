@@ -1,4 +1,4 @@
-// The field as a machine: it lifts, carries and catches without losing hold or letting anything in.
+// The field lifts, carries and catches objects without losing them or letting them penetrate.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -42,7 +42,7 @@ TEST(Carried, ByTravellingWaveAtItsSpeed) {
     begin_x = fixture.position(id).x(), begin_t = t;
     fixture.run(24 / speed, next);  // two wavelengths
     const double carried = static_cast<double>(fixture.position(id).x()) - begin_x;
-    // It still swings a little in its trough.
+    // The sphere still oscillates slightly in its trough.
     EXPECT_NEAR(carried / (t - begin_t), speed, 0.03 * speed);
     EXPECT_NEAR(fixture.position(id).y(), 15.3, 0.1);
   }
@@ -90,7 +90,7 @@ TEST(Carried, NoPenetrationOfRisingField) {
         });
         EXPECT_LT(max_penetration, 0.01)
             << static_cast<int>(shape.shape) << " at " << speed << " u/s, dt " << dt_s;
-        // At 20 u/s it was thrown, and is still in the air.
+        // At 20 u/s the object is thrown and still in flight.
         if (speed < 5) {
           EXPECT_NEAR(fixture.position(id).z(), 6.0, 0.01) << static_cast<int>(shape.shape);
         }
@@ -131,7 +131,7 @@ TEST(Carried, LyingCylinderDoesNotSnagAlongItsAxis) {
 TEST(Caught, SmallFastBodies) {
   struct Thing {
     scene::ObjectSpec object;
-    double inner;  // radius of the ball that fits into it about its centre of mass
+    double inner;  // radius of the inscribed ball about the centre of mass
   };
   const Eigen::Vector3d origin(0, 0, 0);
   std::vector<Thing> things;
@@ -181,7 +181,8 @@ TEST(Caught, PinRowStopsFastBodyFromTheSide) {
 }
 
 TEST(Caught, SphereRestsOnPocketRim) {
-  // Three by three pins lowered: the rim is 1.6 from the middle, and the sphere hangs √(R² − 1.6²) above it.
+  // With 3 × 3 pins lowered, the rim is 1.6 from the middle and the sphere's centre √(R² − 1.6²) above the
+  // rim.
   for (const double radius : {1.8, 2.0, 2.6}) {
     PhysicsFixture fixture;
     fixture.scene.materials[0].friction = 0.0;

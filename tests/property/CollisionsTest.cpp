@@ -1,4 +1,4 @@
-// Two bodies in free flight: what remains of their velocities after they have met.
+// Collisions of spheres against closed forms: restitution, mass ratios, oblique impact.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -11,8 +11,8 @@ namespace {
 
 struct CollisionCase {
   double restitution = 1.0;
-  double mass_ratio = 1.0;  // of the second
-  double offset = 0.0;      // of the second's centre from the first's path, u
+  double mass_ratio = 1.0;  // second to first
+  double offset = 0.0;      // of the second centre from the path of the first, u
 };
 
 struct FinalVelocities {
@@ -34,7 +34,7 @@ FinalVelocities simulate(const CollisionCase& m) {
   return {fixture.world().state(a).velocity, fixture.world().state(b).velocity};
 }
 
-// The impulse acts along the line of centres at the moment of contact.
+// The impulse acts along the line of centres at contact.
 FinalVelocities solve_closed_form(const CollisionCase& m) {
   const double sine = m.offset / 2.0;
   const Eigen::Vector3d normal(std::sqrt(1 - sine * sine), sine, 0);
@@ -81,7 +81,7 @@ TEST(Collision, EqualMassesSeparateAtRightAngle) {
 }
 
 TEST(Collision, NewtonsCradle) {
-  // Newton's cradle, with gaps: the last one leaves at the first one's speed.
+  // With gaps between the spheres, the last leaves at the speed of the first.
   PhysicsFixture fixture;
   fixture.scene.world.gravity = {0, 0, 0};
   fixture.scene.materials[0].restitution = 1.0;
@@ -96,8 +96,8 @@ TEST(Collision, NewtonsCradle) {
 }
 
 TEST(Collision, RockingSphereInGroove) {
-  // It swings about one edge until it meets the other; what the blow leaves of its spin follows from the
-  // momentum about the edge that is hit.
+  // The sphere rocks about one edge until it hits the other. The spin after the impact follows from
+  // conservation of angular momentum about the edge that is hit.
   for (const double radius : {1.2, 1.8}) {
     PhysicsFixture fixture;
     fixture.scene.world.dt_s = 1.0 / 960;
@@ -112,12 +112,13 @@ TEST(Collision, RockingSphereInGroove) {
         sphere(radius, {15 + half + radius * std::sin(begin), 15.3, 2 + radius * std::cos(begin)}));
     double last = fixture.position(id).z() - level, height = 0;
     int blows = 0;
+    // Each impact scales the height of the next apex above the level position by `left`.
     fixture.run(4.0, [&] {
       const double above = fixture.position(id).z() - level;
       if (fixture.velocity(id).z() > 0) height = std::max(height, above);
       if (fixture.velocity(id).z() > 0 || height == 0) return;
       if (++blows <= 2) {
-        EXPECT_NEAR(height / last, left, 0.03 * left) << "radius " << radius << ", blow " << blows;
+        EXPECT_NEAR(height / last, left, 0.03 * left) << "radius " << radius << ", impact " << blows;
       }
       last = height, height = 0;
     });

@@ -1,4 +1,4 @@
-// Where the discrete motion differs from the closed form, the difference shrinks with the step.
+// The error against the closed form shrinks with the time step.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -11,14 +11,14 @@ namespace {
 
 constexpr double kGravity = 9.81;
 
-// The mean of |error(dt, i)| over eight variants: when within a step a thing happens is as good as random.
+// Mean of |error(dt_s, i)| over eight variants i, because the phase of an event within its step is arbitrary.
 double mean_error(double dt_s, const std::function<double(double, int)>& error) {
   double sum = 0;
   for (int i = 0; i < 8; ++i) sum += std::abs(error(dt_s, i));
   return sum / 8;
 }
 
-// With a sixteenth of the step at most `share` of the error is left.
+// Requires that a sixteenth of the step leaves at most `share` of the error.
 void expect_convergence(const std::function<double(double, int)>& error, double share) {
   const double coarse = mean_error(1.0 / 60, error), fine = mean_error(1.0 / 960, error);
   EXPECT_LT(fine, share * coarse) << "coarse " << coarse;

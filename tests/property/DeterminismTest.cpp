@@ -7,6 +7,7 @@
 using namespace physics_fixture;
 
 namespace {
+// `nudge` shifts all objects along x, u.
 std::uint64_t hash_after(double seconds, double nudge = 0.0, int threads = 1) {
   PhysicsFixture fixture;
   fixture.threads = threads;
@@ -30,7 +31,7 @@ TEST(Determinism, RepeatedRunsAreBitIdentical) { EXPECT_EQ(hash_after(3.0), hash
 
 TEST(Determinism, HashDetectsSmallDifference) { EXPECT_NE(hash_after(1.0), hash_after(1.0, 1e-5)); }
 
-// Enough objects that the work is shared, of every kind.
+// Enough bodies for the step to run in parallel.
 namespace {
 std::uint64_t hash_of_crowd(int threads) {
   PhysicsFixture fixture;

@@ -8,7 +8,7 @@ TEST(FreeFall, FollowsParabola) {
   PhysicsFixture fixture;
   const auto id = fixture.add(sphere(1.0, {15, 15, 100}));
   fixture.run(2.0);
-  // Semi-implicit Euler in five substeps a step falls g·h·t/2 further than the parabola, exactly.
+  // Semi-implicit Euler with five substeps per step falls exactly g·h·t/2 further than the parabola.
   const double g = 9.81, t = 2.0, h = fixture.scene.world.dt_s / 5;
   EXPECT_NEAR(fixture.position(id).z(), 100 - 0.5 * g * t * t - 0.5 * g * h * t, 2e-3);
   EXPECT_NEAR(fixture.velocity(id).z(), -g * t, 1e-3);

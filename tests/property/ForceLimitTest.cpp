@@ -1,4 +1,4 @@
-// Pins of limited force, against closed forms: a weight W on n pins rises if n·max_force > W, and stalls
+// Force-limited pins against closed forms: a weight W on n pins rises if n·max_force > W and stalls
 // otherwise.
 #include <gtest/gtest.h>
 
@@ -14,7 +14,7 @@ using namespace smartsurf;
 namespace {
 
 constexpr double kGravity = 9.81, kMaxForce = 40;
-constexpr float kRaisedHeight = 2.0F;  // how far the pins are told to rise
+constexpr float kRaisedHeight = 2.0F;  // commanded height of the pins, u
 
 void use_force_limited_pins(PhysicsFixture& fixture) {
   scene::ActuatorSpec spec = scene::find_actuator_kind("pin")->default_spec();
@@ -34,11 +34,12 @@ scene::ObjectSpec with_weight(scene::ObjectSpec o, double weight) {
   return o;
 }
 
-// A box that covers `columns` × `rows` cells whole, from the cell at (10, 10) on.
+// A box that covers exactly `columns` × `rows` cells; its south-western cell is at (10, 10).
 scene::ObjectSpec box_over(int columns, int rows) {
   return box({columns - 0.2, rows - 0.2, 1.0}, {10 + 0.5 * (columns - 1), 10 + 0.5 * (rows - 1), 0.5});
 }
 
+// Rise of a box whose weight is `share_of_force` of what its pins can bear together.
 double lift_height(int columns, int rows, double share_of_force) {
   PhysicsFixture fixture;
   use_force_limited_pins(fixture);
@@ -67,7 +68,7 @@ TEST(ForceLimit, RaisedPinNeverExceedsItsForce) {
   fixture.add(with_weight(box_over(4, 4), 12 * kMaxForce));
   auto ball = with_weight(sphere(1.5, {11.5, 11.5, 8}), 3 * kMaxForce);
   fixture.add(ball);
-  // The force is limited along the pin; a contact that leans a little bears a little more.
+  // The limit applies along the pin's axis; a slightly inclined contact carries slightly more.
   const float max_impulse = static_cast<float>(kMaxForce / 240) * 1.02F;
   double largest_impulse = 0;
   int gave_way = 0;
@@ -83,10 +84,10 @@ TEST(ForceLimit, RaisedPinNeverExceedsItsForce) {
   raise_all(fixture, kRaisedHeight);
   fixture.run(3.0, check_impulses);
   EXPECT_GT(largest_impulse, 0.9F * max_impulse);
-  EXPECT_GT(gave_way, 0) << "the ball's blow pushes pins back";
+  EXPECT_GT(gave_way, 0) << "the ball's impact pushes pins back";
 }
 
-// How high the lower of two boxes gets in 3 s that stand with one edge each on one pin between them.
+// Height after 3 s of the lower of two boxes, each with one edge on the pin between them.
 float lift_two_boxes(double share, double offset) {
   PhysicsFixture fixture;
   use_force_limited_pins(fixture);
@@ -100,8 +101,8 @@ float lift_two_boxes(double share, double offset) {
 }
 
 TEST(ForceLimit, TwoBodiesOnOnePinShareItsForce) {
-  // Each alone could be lifted by its outer pin and half of the middle one. The two rock against each other,
-  // and how far they get in a given time is a matter of chance: the middle one of several tries is looked at.
+  // The outer pin and half of the middle pin can just lift one box at share 1. The boxes rock against each
+  // other, which makes the height after a given time chaotic, so the test takes the median of several runs.
   for (const double share : {0.8, 1.2}) {
     std::array<float, 11> heights;
     for (std::size_t i = 0; i < heights.size(); ++i)
@@ -119,7 +120,7 @@ TEST(ForceLimit, UnevenLoadStallsOnlyOverloadedPins) {
   PhysicsFixture fixture;
   use_force_limited_pins(fixture);
   const auto plank = fixture.add(with_weight(box_over(12, 1), 0.5 * kMaxForce));
-  // On the eastern end, more than the pins under it can bear.
+  // On the eastern end, heavier than the pins under it can bear.
   const auto load = fixture.add(with_weight(box({1.8, 0.8, 1}, {20.5, 10, 1.5}), 12 * kMaxForce));
   fixture.run(0.5);
   raise_all(fixture, 1);
@@ -127,13 +128,13 @@ TEST(ForceLimit, UnevenLoadStallsOnlyOverloadedPins) {
   const auto& f = fixture.cells().field();
   const int row = 31 - 10;
   EXPECT_GT(f.height[static_cast<std::size_t>(f.index(row, 10))], 0.9F) << "the light end rises";
-  EXPECT_LT(f.height[static_cast<std::size_t>(f.index(row, 21))], 0.1F) << "the heavy one does not";
+  EXPECT_LT(f.height[static_cast<std::size_t>(f.index(row, 21))], 0.1F) << "the heavy end does not";
   EXPECT_LT(fixture.position(load).z(), 1.7F);
   EXPECT_GT(fixture.position(plank).z(), 0.7F);
 }
 
 TEST(ForceLimit, RaisedPinsSinkUnderOverload) {
-  // What is too heavy falls with the share of its weight that the pins do not hold: s = ½·(1 − 1/share)·g·t².
+  // An overload falls under the part of its weight that the pins do not hold: s = ½·(1 − 1/share)·g·t².
   for (const double share : {0.9, 1.25}) {
     PhysicsFixture fixture;
     use_force_limited_pins(fixture);

@@ -1,7 +1,7 @@
-// The same small scenes in MuJoCo, an engine by other hands: where things end and how fast they are.
+// Compares final positions and velocities of small scenes with MuJoCo, an independent engine.
 //
-// Eight by eight columns without gaps. MuJoCo's contacts yield a little and are made as stiff as its step
-// allows.
+// The field has 8 × 8 columns without gaps. MuJoCo's contacts are compliant, so they are made as stiff as its
+// time step allows.
 #include <gtest/gtest.h>
 
 #include "tests/property/PhysicsFixture.h"
@@ -60,6 +60,7 @@ std::vector<FinalState> simulate_mujoco(const Comparison& c, double seconds) {
   for (std::size_t i = 0; i < c.objects.size(); ++i) {
     mjtNum* v = peer.velocity(static_cast<int>(i) + 1);
     for (int a = 0; a < 3; ++a) v[a] = c.objects[i].velocity[a];
+    // The angular velocity of a free joint is in body axes.
     const Eigen::Vector3d spin = c.objects[i].orientation.conjugate() * c.objects[i].angular_velocity;
     for (int a = 0; a < 3; ++a) v[3 + a] = spin[a];
   }
@@ -134,7 +135,7 @@ TEST(IndependentEngine, SpinningBoxSlidesToRest) {
   o.velocity = {3.5, 2.0, 0};
   o.angular_velocity = {0, 0, 3};
   c.objects = {o};
-  expect_agreement(c, 0.5, {0.05, 0.1, 0.8});  // MuJoCo's box rocks a little at the seams
+  expect_agreement(c, 0.5, {0.05, 0.1, 0.8});  // MuJoCo's box rocks slightly at the seams
   expect_agreement(c, 2.0, {0.05, 0.01, 0.01});
 }
 

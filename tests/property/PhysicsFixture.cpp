@@ -143,7 +143,7 @@ scene::ObjectSpec cube(const Eigen::Vector3d& position, float edge) {
 }
 
 scene::ObjectSpec wedge(const Eigen::Vector3d& position) {
-  // An equilateral triangle of edge 2 in the x-z plane, drawn out along y. Its centre is at a third of the
+  // An equilateral triangle of edge 2 in the x-z plane, extruded along y. Its centroid is at a third of the
   // height.
   const auto height = static_cast<float>(std::sqrt(3.0)), low = -height / 3, high = 2 * height / 3;
   const Corners corners = {{-1, -1, low}, {1, -1, low}, {0, -1, high},

@@ -1,4 +1,7 @@
-// A small surface with a world on it, for experiments whose outcome is known in closed form.
+// Test fixture: a world on a small surface, for experiments with closed-form results.
+//
+// Lengths in u, times in s; z is up. The surface and the world are created on first use; change `scene` and
+// `threads` before that.
 #pragma once
 
 #include <functional>
@@ -13,17 +16,17 @@ namespace physics_fixture {
 
 class PhysicsFixture {
  public:
-  // A level 32 × 32 surface at height 0 without a border; change `scene` before the first step or object.
+  // A level 32 × 32 surface at height 0 without a border.
   PhysicsFixture();
 
   smartsurf::scene::SceneSpec scene;
 
   smartsurf::scene::ObjectId add(const smartsurf::scene::ObjectSpec&);
   void run(double seconds, const std::function<void()>& after_each_step = {});
+  // The current state; valid until the next call of this or of an accessor below.
   const smartsurf::scene::Snapshot& snapshot();
 
-  // Worker threads; set before the first step or object.
-  int threads = 1;
+  int threads = 1;  // of the world's pool
 
   smartsurf::surface::ActuatorArray& cells();
   smartsurf::world::World& world();
@@ -45,7 +48,7 @@ smartsurf::scene::ObjectSpec box(const Eigen::Vector3d& size, const Eigen::Vecto
 smartsurf::scene::ObjectSpec cylinder(double radius, double height, const Eigen::Vector3d& position);
 smartsurf::scene::ObjectSpec capsule(double radius, double height, const Eigen::Vector3d& position);
 smartsurf::scene::ObjectSpec cone(double radius, double height, const Eigen::Vector3d& position);
-// Solids bounded by faces: a cube, and a triangular prism of edge 2 lying on one side.
+// Convex-hull solids: a cube, and a triangular prism of edge 2 resting on one side.
 smartsurf::scene::ObjectSpec cube(const Eigen::Vector3d& position, float edge = 2.0F);
 smartsurf::scene::ObjectSpec wedge(const Eigen::Vector3d& position);
 

@@ -14,7 +14,7 @@ void raise_pins(PhysicsFixture& fixture, float height) {
 TEST(Pins, SphereRidesUpAndDown) {
   PhysicsFixture fixture;
   fixture.scene.surface.pin.max_speed = 2;
-  fixture.scene.surface.pin.max_acceleration = 4;  // below g: the sphere never leaves the pins
+  fixture.scene.surface.pin.max_acceleration = 4;  // below g, so the sphere never leaves the pins
   const auto id = fixture.add(sphere(1.5, {15.3, 15.2, 1.5}));
   fixture.run(0.5);
   double max_penetration = 0;
@@ -33,7 +33,7 @@ TEST(Pins, SphereRidesUpAndDown) {
 }
 
 TEST(Pins, ThrowSphereAtTheirSpeed) {
-  // Pins that stop abruptly let go of the sphere at the speed they had: it flies v²/2g higher.
+  // Pins that stop abruptly release the sphere at their speed v; it rises by another v²/(2·g).
   PhysicsFixture fixture;
   fixture.scene.surface.pin.max_speed = 10;
   fixture.scene.surface.pin.max_acceleration = 1e4;

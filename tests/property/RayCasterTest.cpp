@@ -1,5 +1,4 @@
-// What cells' segments meet first, found by footprint, against every segment tried with every object: see
-// RayOracle.h.
+// RayCaster compared with the brute-force oracle of RayOracle.h.
 #include <gtest/gtest.h>
 
 #include <hwy/highway.h>
@@ -34,6 +33,7 @@ std::vector<float> tags_of(const surface::RayBodies& bodies) {
 struct Tally {
   int hits = 0, uncertain = 0, cells = 0;
 };
+// Compares all cells whose expected hit is certain.
 void compare(const Scene& s, const CellRay& ray, Tally& tally, const std::string& what) {
   common::ThreadPool pool(1);
   surface::RayBodies bodies(0, static_cast<float>(s.field.rows - 1));
@@ -104,7 +104,7 @@ TEST(RayCaster, MatchesOracleOnNarrowSurfacesAndFromFixedHeight) {
   for (const int columns : {1, 3, 7, 8, 9}) {
     const Scene s = random_scene(random, 6, columns, false);
     compare(s, ray_along({0, 0, 1}, 6, true), tally, "up");
-    compare(s, ray_along({1, 1, 1}, 6, true), tally, "aslant");
+    compare(s, ray_along({1, 1, 1}, 6, true), tally, "oblique");
     CellRay overhead = ray_along({0, 0, -1}, 20, true);
     overhead.from_top = false;
     overhead.origin = {0.25F, 0.25F, 12};
@@ -113,8 +113,8 @@ TEST(RayCaster, MatchesOracleOnNarrowSurfacesAndFromFixedHeight) {
   EXPECT_GT(tally.hits, 100);
 }
 
-// What stands upright has sides that upright segments run along; what is round may be given by more faces
-// than are looked at side by side.
+// Vertical segments run along the sides of upright objects. The drum of 100 faces exceeds the capacity of
+// VerticalFacets.
 TEST(RayCaster, MatchesOracleForUprightAndManyFacedObjects) {
   std::mt19937 random(12);
   Tally tally;
@@ -135,8 +135,8 @@ TEST(RayCaster, MatchesOracleForUprightAndManyFacedObjects) {
   EXPECT_LT(tally.uncertain, tally.cells / 20);
 }
 
-// Beside the table and half off it, below the pins' tops and inside pins, from crumbs to boulders; tables of
-// any pitch; segments in all directions, those that are all but upright or all but level included.
+// Objects of very different sizes, also beside the surface, partly off it, below pin tops and inside pins;
+// random pitches; segments in all directions, including nearly vertical and nearly horizontal ones.
 TEST(RayCaster, MatchesOracleForRandomPlacesAndDirections) {
   std::mt19937 random(11);
   std::uniform_real_distribution<float> u(0, 1);
@@ -164,7 +164,7 @@ TEST(RayCaster, MatchesOracleForRandomPlacesAndDirections) {
   EXPECT_LT(tally.uncertain, tally.cells / 20);
 }
 
-// One plate over another over a pin: the lower hides the upper, and a wall of pins hides both.
+// Seen from below, the lower of two plates hides the upper; seen from the side, a raised pin hides a plate.
 TEST(RayCaster, NearerObjectsOccludeFartherOnes) {
   Scene s;
   s.field.rows = s.field.columns = 9;
@@ -187,7 +187,7 @@ TEST(RayCaster, NearerObjectsOccludeFartherOnes) {
   up.cast(bodies, tags_of(bodies), 1000, s.field.height, pool);
   EXPECT_EQ(up.tag()[4 * 9 + 4], 2.0F);
   EXPECT_FLOAT_EQ(up.distance()[4 * 9 + 4], 1.75F);
-  EXPECT_EQ(up.tag()[2 * 9 + 4], 1.0F) << "beside the lower one";
+  EXPECT_EQ(up.tag()[2 * 9 + 4], 1.0F) << "beside the lower plate";
   EXPECT_FLOAT_EQ(up.distance()[2 * 9 + 4], 4.75F);
   EXPECT_EQ(up.tag()[0], 0.0F);
 
@@ -197,11 +197,11 @@ TEST(RayCaster, NearerObjectsOccludeFartherOnes) {
   level.cast(bodies, tags_of(bodies), 1000, s.field.height, pool);
   EXPECT_EQ(level.tag()[4 * 9 + 8], 2.0F);
   EXPECT_FLOAT_EQ(level.distance()[4 * 9 + 8], 2.5F);
-  s.field.height[4 * 9 + 6] = 2.5F;  // a pin between
+  s.field.height[4 * 9 + 6] = 2.5F;  // a pin between the cell and the plate
   level.cast(bodies, tags_of(bodies), 1000, s.field.height, pool);
   EXPECT_EQ(level.tag()[4 * 9 + 8], 1000.0F);
   EXPECT_FLOAT_EQ(level.distance()[4 * 9 + 8], 1.6F);
-  EXPECT_EQ(level.tag()[3 * 9 + 8], 2.0F) << "the row beside it sees on";
+  EXPECT_EQ(level.tag()[3 * 9 + 8], 2.0F) << "the neighbouring row is not occluded";
 }
 
 TEST(RayCaster, UpdatesMovedObjectsAndReportsChangedSpans) {
@@ -212,8 +212,10 @@ TEST(RayCaster, UpdatesMovedObjectsAndReportsChangedSpans) {
   for (const Eigen::Vector3f& direction : {Eigen::Vector3f(0, 0, 1), Eigen::Vector3f(1, 1, 1)}) {
     const CellRay ray = ray_along(direction, 8, true);
     RayCaster kept(s.field, ray);
+    // A copy of the distances that is updated in the reported spans only.
     std::vector<float> before(kept.distance().begin(), kept.distance().end());
     for (int step = 0; step < 5; ++step) {
+      // Step 3 moves all objects out of range; step 4 makes one position NaN.
       for (auto& p : s.snapshot.position) p[0] += step == 3 ? 1e9F : 3.0F;
       if (step == 4) s.snapshot.position[0][1] = std::numeric_limits<float>::quiet_NaN();
       bodies.update(s.snapshot, s.objects, pool);
@@ -238,7 +240,7 @@ TEST(RayCaster, BitIdenticalForAnyThreadCount) {
     for (const auto& direction : kDirections) {
       std::vector<float> first;
       for (const int threads : {1, 2, 3}) {
-        common::ThreadPool pool(threads, 0.0);  // shares all there is
+        common::ThreadPool pool(threads, 0.0);  // always runs in parallel
         surface::RayBodies bodies;
         bodies.update(s.snapshot, s.objects, pool);
         RayCaster caster(s.field, ray_along(direction, 6, true));

@@ -14,8 +14,8 @@ using surface::Field;
 namespace oracle {
 namespace {
 
-constexpr double kTolerance =
-    2e-4;  // nearer than that to the edge of a shape nobody can say whether it is met
+// A segment that passes a shape's boundary at less than this distance may or may not hit it.
+constexpr double kTolerance = 2e-4;
 
 scene::ConvexHull make_hull(const std::vector<Eigen::Vector4f>& planes, const Eigen::Vector3f& low,
                             const Eigen::Vector3f& high) {
@@ -51,11 +51,12 @@ std::shared_ptr<const scene::Solid> make_compound_solid() {
 
 double radius_at(const Vector3d& p) { return p.head<2>().norm(); }
 
-// Where a segment enters what the function is at most 0 in.
+// Where a segment enters the region in which the convex function is at most 0.
 struct RayEntry {
   bool certain = true;
   std::optional<double> distance;
 };
+// Finds the minimum by golden-section search, then the entry by bisection.
 template <class F>
 RayEntry find_entry(F f, double range) {
   double a = 0, b = range;
@@ -133,6 +134,7 @@ ExpectedHit cast_ray(const Scene& s, const CellRay& ray, int cell) {
   if (!std::isfinite(base)) return e;
   for (int k = 0; ray.hits_pins && k < f.cells(); ++k) {
     const double top = f.height[static_cast<std::size_t>(k)];
+    // A segment that starts on its own pin and does not descend cannot hit that pin.
     if (k == cell && ray.from_top && ray.origin.z() >= 0 && along.z() >= 0) continue;
     if (!std::isfinite(top)) continue;
     const Vector3d foot(cell_position(k).x(), cell_position(k).y(), top);
@@ -164,7 +166,7 @@ scene::ObjectSpec random_object(std::mt19937& random, ShapeKind shape, double wi
   o.height = (shape == ShapeKind::kCapsule ? 2 * o.radius : 0.4) + 2.5 * u(random);
   o.size = {0.5 + 3 * u(random), 0.5 + 3 * u(random), 0.5 + 2 * u(random)};
   if (shape == ShapeKind::kSolid) o.solid = make_compound_solid();
-  // As floats hold it: both sides then speak of the same place.
+  // Rounded to float, so that the oracle and RayCaster see the same pose.
   o.position = Vector3d(width * u(random), depth * u(random), 1 + 5 * u(random)).cast<float>().cast<double>();
   o.orientation = Eigen::Quaternionf(Eigen::Vector4f::NullaryExpr([&] {
                                        return static_cast<float>(u(random) - 0.5);

@@ -1,6 +1,7 @@
-// Scenes of random objects over random cells, and what a segment meets first in them: every object tried, by
-// a search for the least of a convex function along the segment, which has nothing in common with the closed
-// forms.
+// Random scenes and a brute-force ray cast for testing RayCaster.
+//
+// The oracle tests every object and minimises a convex distance function along the segment, so it shares
+// nothing with the closed forms of RayCaster. Lengths in u.
 #pragma once
 
 #include <memory>
@@ -20,25 +21,26 @@ struct Scene {
   smartsurf::scene::Snapshot snapshot;
 };
 
-// Every object shape twice; `free`: cells turned, in a layout that is not rectangular.
+// Contains each object shape twice. `free` selects a free layout of rotated cells.
 Scene random_scene(std::mt19937& random, int rows, int columns, bool free, float pitch = 1.0F);
 void scale_object(smartsurf::scene::ObjectSpec&, double factor);
 void move_to(Scene&, std::size_t object, const Eigen::Vector3f& place);
 
-// An object of that shape at a random place and turn.
+// An object of random size and pose over a surface of width × depth.
 smartsurf::scene::ObjectSpec random_object(std::mt19937& random, smartsurf::scene::ShapeKind, double width,
                                            double depth);
-// An upright drum of that many faces, two of them its ends.
+// An upright prism of `faces` faces, including its two ends.
 std::shared_ptr<const smartsurf::scene::Solid> make_drum(int faces);
-// Of one piece of it, in its own axes: at most 0 inside, convex, and not steeper than a distance.
+// Lower bound on the distance of `p`, in object axes, from one convex part; `part` is 0 except for solids. At
+// most 0 inside, convex, 1-Lipschitz.
 double signed_distance(const smartsurf::scene::ObjectSpec&, std::size_t part, const Eigen::Vector3d& p);
 
 struct ExpectedHit {
-  double distance;      // along the segment; its range where nothing is met
-  float tag = 0;        // 1 + the object's place in the snapshot, 1000 for a pin, 0 for nothing
-  bool certain = true;  // false where an edge is too near to say
+  double distance;      // along the segment; the range if nothing is hit
+  float tag = 0;        // 1 + the object's index in the snapshot, 1000 for a pin, 0 for no hit
+  bool certain = true;  // false if an edge or a second hit is too close to decide
 };
-// What the segment of a cell meets first.
+// First hit of the cell's segment.
 ExpectedHit cast_ray(const Scene&, const smartsurf::surface::CellRay&, int cell);
 
 }  // namespace oracle

@@ -1,4 +1,4 @@
-// What rests sleeps, and wakes for every reason that there is.
+// Bodies at rest fall asleep; each cause of waking wakes them.
 #include <gtest/gtest.h>
 
 #include "tests/property/PhysicsFixture.h"
@@ -8,7 +8,7 @@ using smartsurf::scene::ObjectId;
 
 namespace {
 
-// A box lies on the level field, asleep.
+// A box asleep on the level field.
 struct SleepingBoxFixture : PhysicsFixture {
   ObjectId id = 0;
   SleepingBoxFixture() {
@@ -129,7 +129,7 @@ TEST(Sleep, CollisionWakes) {
 
 TEST(Sleep, NoSleepInFlight) {
   PhysicsFixture fixture;
-  fixture.scene.world.gravity = {0, 0, -0.05};  // so weak that it hangs at the top for long
+  fixture.scene.world.gravity = {0, 0, -0.05};  // so weak that the ball stays slow near its apex
   auto ball = sphere(1.0, {15, 15, 5});
   ball.velocity = {0, 0, 0.02};
   const auto id = fixture.add(ball);

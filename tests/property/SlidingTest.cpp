@@ -37,7 +37,7 @@ TEST(Sliding, SameDistanceInEveryDirection) {
 }
 
 TEST(Sliding, BoxSlidesOnlyAboveFrictionAngle) {
-  // The table is tilted by tilting gravity: tan(angle) against the coefficient of friction.
+  // Tilting gravity stands for tilting the surface. The box slides if tan(angle) > µ.
   for (const double tangent : {0.4, 0.6}) {
     PhysicsFixture fixture;
     const double angle = std::atan(tangent), mu = 0.5, g = 9.81;
@@ -79,7 +79,7 @@ TEST(Rolling, SphereKeepsSpeedOnLevelField) {
 }
 
 TEST(Rolling, RollingFrictionDeceleratesSphere) {
-  // Torque ρ·N against a sphere that rolls without slipping: a = ρ·g·r / (r² + 2r²/5).
+  // A torque ρ·N decelerates a sphere that rolls without slipping at a = ρ·g·r / (r² + 2r²/5).
   PhysicsFixture fixture;
   fixture.scene.surface.columns = 64;
   fixture.scene.materials[0].rolling_friction = 0.05;

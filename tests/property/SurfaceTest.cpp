@@ -1,4 +1,4 @@
-// What the surface does to objects, and what it feels of them.
+// Support, conveying and load of the surface against closed forms, also in free layouts.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -9,7 +9,7 @@ using namespace physics_fixture;
 
 namespace {
 
-// All cells drag eastward like wheels of that surface speed.
+// All cells convey eastward, like wheels of that surface speed, u/s.
 void set_belt_speed(PhysicsFixture& fixture, float speed) {
   auto& field = fixture.cells().field();
   field.surface_velocity_x.assign(field.height.size(), speed);
@@ -29,7 +29,7 @@ TEST(Surface, BoxReachesConveyorSpeed) {
   set_belt_speed(fixture, 2.0F);
   const auto id = fixture.add(box({2, 2, 1}, {6, 15.3, 0.5}));
   fixture.run(3.0);
-  // It slips for v/µg, half as far as the belt meanwhile.
+  // The box slips for v/(µ·g) and moves half as far as the belt in that time.
   const double slip_s = 2.0 / (0.5 * 9.81);
   EXPECT_NEAR(fixture.velocity(id).x(), 2.0, 1e-3);
   EXPECT_NEAR(fixture.position(id).x(), 6 + 2.0 * (3.0 - 0.5 * slip_s), 0.03);
@@ -121,7 +121,7 @@ TEST(Surface, EmptyCellsGiveNoSupport) {
 }
 
 TEST(Surface, GroundCatchesFallenBodies) {
-  PhysicsFixture fixture;  // the floor is a pin's length under the lowest top
+  PhysicsFixture fixture;  // the ground lies one pin length below the lowest top
   const auto ball = fixture.add(sphere(1.0, {-5, 15, 3}));
   const auto brick = fixture.add(box({2, 2, 1}, {-5, 20, 3}));
   fixture.run(3.0);
@@ -131,7 +131,7 @@ TEST(Surface, GroundCatchesFallenBodies) {
 
 namespace {
 
-// The same square field, its cells given one by one: every second row turned by a quarter.
+// The same square field as a free layout, with every second row rotated by 90°.
 void use_free_layout(PhysicsFixture& fixture) {
   auto& field = fixture.cells().field();
   for (int r = 0; r < field.rows; ++r)
@@ -166,7 +166,7 @@ TEST(FreeLayout, CellsActAtTheirPositions) {
   PhysicsFixture fixture;
   use_free_layout(fixture);
   auto& field = fixture.cells().field();
-  // Two cells change places, far apart.
+  // Swap the positions of two distant cells.
   const auto near = static_cast<std::size_t>(field.index(16, 15)),
              far = static_cast<std::size_t>(field.index(2, 2));
   std::swap(field.x[near], field.x[far]);
@@ -176,6 +176,6 @@ TEST(FreeLayout, CellsActAtTheirPositions) {
   fixture.cells().set_target(0, 2, 2, 3.0F);
   fixture.run(1.0);
   EXPECT_GT(field.height[far], 2.9F);
-  // It stood on the cell that rose, and rolled off it.
+  // The sphere stood on the cell that rose, and rolled off.
   EXPECT_GT((fixture.position(id) - Eigen::Vector3f(15, 15, 0.6F)).norm(), 0.5F);
 }

@@ -1,5 +1,4 @@
-// Where upright lines enter and leave objects, for actuators that act on what covers their cells, against
-// points tried one after the other along the line.
+// VerticalIntersector compared with points sampled along the line.
 #include "smartsurf/surface/actuators/VerticalIntersection.h"
 
 #include <gtest/gtest.h>

@@ -31,6 +31,31 @@ bool parse_component(std::string_view suffix, std::uint32_t components, std::siz
   return error == std::errc{} && next == end && component < components;
 }
 
+template <class Visit>
+void visit_dtype(DType dtype, Visit visit) {
+  switch (dtype) {
+    case DType::kF32:
+      return visit(float{});
+    case DType::kU32:
+      return visit(std::uint32_t{});
+    case DType::kU8:
+      return visit(std::uint8_t{});
+  }
+}
+
+// A register's value as the channel carries it. In integer channels values are rounded and clamped, and NaN
+// becomes the safe value; float channels pass it on.
+template <class T>
+T to_channel(float value, const ChannelSpec& channel) {
+  if constexpr (std::is_same_v<T, float>) {
+    return value;
+  } else {
+    constexpr double kMax = std::numeric_limits<T>::max();
+    const double number = std::isnan(value) ? channel.safe : std::round(double{value});
+    return static_cast<T>(std::clamp(number, 0.0, kMax));
+  }
+}
+
 }  // namespace
 
 SurfaceHost::SurfaceHost(shm_protocol::ControllerEndpoint& surface, const std::atomic<bool>& stop,
@@ -38,10 +63,7 @@ SurfaceHost::SurfaceHost(shm_protocol::ControllerEndpoint& surface, const std::a
     : LocalHost(std::move(parameters), stop, std::move(environment)), surface_(surface) {
   const std::vector<ChannelSpec>& channels = surface_.description().channels;
   for (std::size_t i = 0; i < channels.size(); ++i)
-    if (channels[i].direction == Direction::kActuator)
-      staged_.push_back(
-          {static_cast<int>(i), std::vector<float>(surface_.description().cells() * channels[i].components,
-                                                   static_cast<float>(channels[i].safe))});
+    if (channels[i].direction == Direction::kActuator) actuators_.push_back({static_cast<int>(i)});
 }
 
 HostStatus SurfaceHost::await_first_frame() {
@@ -53,33 +75,26 @@ void SurfaceHost::publish_paused(bool paused) noexcept {
   surface_.set_state(paused ? shm_protocol::State::kPaused : shm_protocol::State::kRunning);
 }
 
-Status SurfaceHost::publish_staged() {
-  for (const StagedFrame& staged : staged_) {
-    switch (surface_.description().channels[static_cast<std::size_t>(staged.channel)].dtype) {
-      case DType::kF32:
-        send<float>(staged);
-        break;
-      case DType::kU32:
-        send<std::uint32_t>(staged);
-        break;
-      case DType::kU8:
-        send<std::uint8_t>(staged);
-        break;
-    }
-  }
-  return surface_.publish();
+Status SurfaceHost::publish() {
+  for (ActuatorChannel& actuator : actuators_)
+    if (!actuator.is_complete) continue_frame(actuator);
+  const Status status = surface_.publish();
+  if (status != Status::kOk) return status;  // the frame is still the next one
+  has_published_ = true;
+  for (ActuatorChannel& actuator : actuators_) actuator.is_complete = false;
+  return status;
 }
 
 HostStatus SurfaceHost::await_frame() {
   const Status status = surface_.await_sensors({.stop = &stop()});
-  published_ = status == Status::kInterrupted;
+  answered_ = status == Status::kInterrupted;
   return to_host_status(status);
 }
 
 HostStatus SurfaceHost::step() {
   flush_output();
-  if (!published_) {
-    const Status published = publish_staged();
+  if (!answered_) {
+    const Status published = publish();
     // kTorn: the surface no longer waits for the answer to this frame, and another frame will follow.
     if (published != Status::kOk && published != Status::kTorn) return to_host_status(published);
   }
@@ -185,62 +200,58 @@ void SurfaceHost::copy_sensor(const ChannelComponent& target, const vm::Plane& t
 HostStatus SurfaceHost::sense(std::string_view channel, vm::Plane to) {
   ChannelComponent target;
   // The program was restarted during an interrupted step(): the answered frame may no longer be read.
-  HostStatus status = published_ ? await_frame() : HostStatus::kOk;
+  HostStatus status = answered_ ? await_frame() : HostStatus::kOk;
   if (status == HostStatus::kOk) status = resolve_channel(Direction::kSensor, channel, target);
   if (status == HostStatus::kOk) status = check_shape(channel, to);
   if (status != HostStatus::kOk) return status;
-  switch (surface_.description().channels[static_cast<std::size_t>(target.channel)].dtype) {
-    case DType::kF32:
-      copy_sensor<float>(target, to);
-      break;
-    case DType::kU32:
-      copy_sensor<std::uint32_t>(target, to);
-      break;
-    case DType::kU8:
-      copy_sensor<std::uint8_t>(target, to);
-      break;
-  }
+  visit_dtype(surface_.description().channels[static_cast<std::size_t>(target.channel)].dtype,
+              [&]<class T>(T) { copy_sensor<T>(target, to); });
   return HostStatus::kOk;
 }
 
-float* SurfaceHost::staged_plane(const ChannelComponent& target) {
-  const auto found = std::find_if(staged_.begin(), staged_.end(),
-                                  [&](const StagedFrame& s) { return s.channel == target.channel; });
-  assert(found != staged_.end());
-  return found->cells.data() + target.component * surface_.description().cells();
+void SurfaceHost::continue_frame(ActuatorChannel& actuator) {
+  const ChannelSpec& channel = surface_.description().channels[static_cast<std::size_t>(actuator.channel)];
+  visit_dtype(channel.dtype, [&]<class T>(T) {
+    const std::span<T> next = surface_.actuator<T>(actuator.channel);
+    if (has_published_)
+      std::ranges::copy(surface_.published_actuator<T>(actuator.channel), next.begin());
+    else
+      std::ranges::fill(next, to_channel<T>(static_cast<float>(channel.safe), channel));
+  });
+  actuator.is_complete = true;
+}
+
+template <class Write>
+HostStatus SurfaceHost::write_plane(std::string_view name, const vm::ConstPlane* shape, Write write) {
+  ChannelComponent target;
+  HostStatus status = resolve_channel(Direction::kActuator, name, target);
+  if (status == HostStatus::kOk && shape != nullptr) status = check_shape(name, *shape);
+  if (status != HostStatus::kOk) return status;
+  const ChannelSpec& channel = surface_.description().channels[static_cast<std::size_t>(target.channel)];
+  const auto actuator = std::ranges::find(actuators_, target.channel, &ActuatorChannel::channel);
+  assert(actuator != actuators_.end());
+  // The other components continue, until the program writes them too.
+  if (!actuator->is_complete && channel.components > 1) continue_frame(*actuator);
+  actuator->is_complete = true;
+  visit_dtype(channel.dtype, [&]<class T>(T) {
+    write(surface_.actuator<T>(target.channel).data() + target.component * surface_.description().cells(),
+          channel);
+  });
+  return HostStatus::kOk;
 }
 
 HostStatus SurfaceHost::actuate(std::string_view channel, vm::ConstPlane from) {
-  ChannelComponent target;
-  HostStatus status = resolve_channel(Direction::kActuator, channel, target);
-  if (status == HostStatus::kOk) status = check_shape(channel, from);
-  if (status != HostStatus::kOk) return status;
-  float* to = staged_plane(target);
-  for (std::uint32_t y = 0; y < from.height; ++y) to = std::copy_n(from.row(y), from.width, to);
-  return HostStatus::kOk;
+  return write_plane(channel, &from, [&]<class T>(T* to, const ChannelSpec& spec) {
+    for (std::uint32_t y = 0; y < from.height; ++y, to += from.width)
+      std::transform(from.row(y), from.row(y) + from.width, to,
+                     [&](float value) { return to_channel<T>(value, spec); });
+  });
 }
 
 HostStatus SurfaceHost::actuate(std::string_view channel, float value) {
-  ChannelComponent target;
-  const HostStatus status = resolve_channel(Direction::kActuator, channel, target);
-  if (status != HostStatus::kOk) return status;
-  std::fill_n(staged_plane(target), surface_.description().cells(), value);
-  return HostStatus::kOk;
-}
-
-template <class T>
-void SurfaceHost::send(const StagedFrame& staged) {
-  if constexpr (std::is_same_v<T, float>) {
-    surface_.write(staged.channel, 0, std::span<const float>(staged.cells));
-  } else {
-    const auto to = surface_.actuator<T>(staged.channel);
-    const ChannelSpec& channel = surface_.description().channels[static_cast<std::size_t>(staged.channel)];
-    constexpr double kMax = std::numeric_limits<T>::max();
-    std::transform(staged.cells.begin(), staged.cells.end(), to.begin(), [&](float value) {
-      const double number = std::isnan(value) ? channel.safe : std::round(double{value});
-      return static_cast<T>(std::clamp(number, 0.0, kMax));
-    });
-  }
+  return write_plane(channel, nullptr, [&]<class T>(T* to, const ChannelSpec& spec) {
+    std::fill_n(to, surface_.description().cells(), to_channel<T>(value, spec));
+  });
 }
 
 }  // namespace apron::run

@@ -14,9 +14,9 @@ namespace apron::run {
 
 // A channel has the name that the surface gives it. In a channel with several components per cell, 'name[k]'
 // is component k, 0-based; with three components also 'name.r', 'name.g' and 'name.b'. Sensor frames are
-// copied into registers. Actuator frames are staged here and published by step(); a channel that was not
-// staged again keeps its last frame, initially its safe value. Allocates only in the constructor and for
-// error messages.
+// copied into registers. Actuator values are written where the surface reads them and published by step(); a
+// channel that the program did not write keeps its last frame, initially its safe value. Allocates only in
+// the constructor and for error messages.
 class SurfaceHost final : public LocalHost {
  public:
   // surface and stop must outlive this.
@@ -47,12 +47,13 @@ class SurfaceHost final : public LocalHost {
     int channel = -1;
     std::size_t component = 0;
   };
-  struct StagedFrame {
+  // An actuator channel. Its next frame lies in shared memory, where actuate() writes it.
+  struct ActuatorChannel {
     int channel;
-    std::vector<float> cells;  // components x rows x columns, row-major
+    bool is_complete = false;  // every component of the next frame has its value
   };
 
-  shm_protocol::Status publish_staged();
+  shm_protocol::Status publish();
   vm::HostStatus await_frame();
   vm::HostStatus resolve_channel(shm_protocol::Direction direction, std::string_view name,
                                  ChannelComponent& target);
@@ -60,14 +61,17 @@ class SurfaceHost final : public LocalHost {
   vm::HostStatus check_shape(std::string_view name, const vm::ConstPlane& plane);
   template <class T>
   void copy_sensor(const ChannelComponent& target, const vm::Plane& to) const;
-  template <class T>
-  void send(const StagedFrame& staged);
-  float* staged_plane(const ChannelComponent& target);
+  // Fills the next frame of a channel with the values that it continues.
+  void continue_frame(ActuatorChannel&);
+  // Calls write(cells, spec) with the component's plane in the next frame, an array of the channel's type.
+  template <class Write>
+  vm::HostStatus write_plane(std::string_view channel, const vm::ConstPlane* shape, Write write);
   vm::HostStatus to_host_status(shm_protocol::Status status);
 
   shm_protocol::ControllerEndpoint& surface_;
-  std::vector<StagedFrame> staged_;  // one per actuator channel
-  bool published_ = false;           // the current frame is answered; waiting for the next was interrupted
+  std::vector<ActuatorChannel> actuators_;
+  bool has_published_ = false;  // at least one frame
+  bool answered_ = false;       // the current frame is answered; waiting for the next was interrupted
 };
 
 }  // namespace apron::run

@@ -76,6 +76,13 @@ class ControllerEndpoint {
     return as_array<T>(actuator_bytes(channel, dtype_of<T>()));
   }
 
+  // The actuator array that publish() sent last, in place: for values that continue in the next frame. Before
+  // the first publish() its contents are unspecified.
+  template <class T = float>
+  std::span<const T> published_actuator(int channel) const noexcept {
+    return as_array<const T>(published_bytes(channel, dtype_of<T>()));
+  }
+
   // Writes `values` to the cells of the same array from `first` on (counted through all components): the
   // faster way for large arrays, as SurfaceEndpoint::write() is; the surface copies along. Final for this
   // frame, unless await_sensors() or publish() says kTorn.
@@ -116,6 +123,7 @@ class ControllerEndpoint {
   std::span<const std::byte> sensor_bytes(int channel, DType) const noexcept;
   std::span<const std::byte> next_bytes(int channel, DType, const WaitOptions&) noexcept;
   std::span<std::byte> actuator_bytes(int channel, DType) noexcept;
+  std::span<const std::byte> published_bytes(int channel, DType) const noexcept;
   void write_bytes(int channel, DType, std::size_t at, std::span<const std::byte> values) noexcept;
   std::span<std::byte> reserve_bytes(int channel, DType, std::size_t at, std::size_t bytes) noexcept;
 

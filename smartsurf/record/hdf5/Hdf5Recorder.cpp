@@ -14,8 +14,8 @@ namespace smartsurf::record {
 namespace {
 
 constexpr std::size_t kMaxBufferFrames = 64;
-constexpr std::size_t kMaxBufferBytes = 16u << 20;   // all channels together
-constexpr std::size_t kMaxChunkBytes = 256u << 10;   // per channel; a reader decompresses whole chunks
+constexpr std::size_t kMaxBufferBytes = 16u << 20;  // all channels together
+constexpr std::size_t kMaxChunkBytes = 256u << 10;  // per channel; a reader decompresses whole chunks
 constexpr std::size_t kMaxBufferedChanges = 1u << 20;
 constexpr std::uint64_t kMetadataBytes = 256u << 10;  // upper bound of the library's metadata per write
 constexpr std::chrono::seconds kMaxFlushInterval{1};

@@ -37,8 +37,7 @@ Chart make_chart(const std::vector<double>& time, const TimeSeries& series) {
 }
 
 const std::vector<double>& require_frame_times(const Recording& recording) {
-  if (recording.frames() == 0)
-    throw scene::InputError(recording.path().string() + ": has no frames to plot");
+  if (recording.frames() == 0) throw scene::InputError(recording.path().string() + ": has no frames to plot");
   return recording.times();
 }
 

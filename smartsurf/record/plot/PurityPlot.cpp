@@ -18,8 +18,7 @@ Chart make_chart(const PuritySeries& purity) {
 
 PuritySeries require_purity(const Recording& recording) {
   PuritySeries result = compute_purity(recording);
-  if (result.times.empty())
-    throw scene::InputError(recording.path().string() + ": has no frames to plot");
+  if (result.times.empty()) throw scene::InputError(recording.path().string() + ": has no frames to plot");
   return result;
 }
 

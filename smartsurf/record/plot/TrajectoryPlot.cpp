@@ -15,10 +15,10 @@ namespace {
 
 constexpr double kLongSide = 640.0, kMinWidth = 420.0, kMinHeight = 220.0;  // points
 constexpr double kLeft = 66.0, kRightMargin = 24.0, kTop = 62.0, kLegendOffset = 48.0, kLegendRow = 22.0;
-constexpr std::size_t kLegendColumns = 4;  // including the entries for start and end
-constexpr double kMarkRadius = 4.6;        // radius of an O, arm of an X
-constexpr double kMargin = 0.03;           // margin around the surface, as a share of its longer side
-constexpr double kMinStep_points = 0.5;    // shorter moves are not visible
+constexpr std::size_t kLegendColumns = 4;       // including the entries for start and end
+constexpr double kMarkRadius = 4.6;             // radius of an O, arm of an X
+constexpr double kMargin = 0.03;                // margin around the surface, as a share of its longer side
+constexpr double kMinStep_points = 0.5;         // shorter moves are not visible
 constexpr std::size_t kBlockValues = 1u << 20;  // floats read at once
 
 struct LineStyle {

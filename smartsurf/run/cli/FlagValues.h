@@ -1,5 +1,5 @@
-// Parsers of flag values that several commands share. Every function throws scene::InputError, one line that
-// names the flag and what would be right.
+// Parsers of flag values shared by several subcommands. Every function throws scene::InputError, one line
+// that names the flag and the expected form.
 #pragma once
 
 #include <string>
@@ -10,12 +10,14 @@
 
 namespace smartsurf::run {
 
+// A number in (0, 1e9].
 double parse_positive_number(const std::string& flag, const std::string& text);
-// FILE.png or FILE.png@SECONDS
+// FILE.png or FILE.png@SECONDS.
 Screenshot parse_screenshot(const std::string& text);
-// NAME=VALUE
+// Splits each NAME=VALUE.
 std::vector<std::pair<std::string, std::string>> parse_assignments(
     const std::vector<std::string>& assignments);
+// Throws if two mutually exclusive flags are given. flags: "--a and --b".
 void reject_both(bool both_given, const char* flags);
 
 }  // namespace smartsurf::run

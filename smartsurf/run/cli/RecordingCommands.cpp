@@ -1,4 +1,4 @@
-// `smartsurf info`, `plot`, `export` and `clean`: what is left of runs that are over.
+// `smartsurf info`, `plot`, `export` and `clean`: the subcommands for finished runs.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -22,14 +22,14 @@ int clean_command(const std::string& prefix) {
                segment.surface_pid);
   for (const auto& segment : shm_protocol::list_segments())
     if (segment.ownership == shm_protocol::Ownership::kLiving && segment.name.starts_with(prefix))
-      fmt::print("kept {}: process {} lives\n", segment.name, segment.surface_pid);
+      fmt::print("kept {}: process {} is running\n", segment.name, segment.surface_pid);
   return common::kDone;
 }
 
 }  // namespace
 
 CommandHandler add_info_command(CLI::App& app) {
-  CLI::App* info = app.add_subcommand("info", "Say what a recording holds");
+  CLI::App* info = app.add_subcommand("info", "Print a summary of a recording");
   const auto file = std::make_shared<std::string>();
   info->add_option("recording", *file, "The recording")->required()->type_name("FILE.h5");
   return [file] {
@@ -66,7 +66,7 @@ CommandHandler add_export_command(CLI::App& app) {
   const auto flags = std::make_shared<Flags>();
   page->add_option("recording", flags->file, "The recording")->required()->type_name("FILE.h5");
   page->add_option("-o,--output", flags->output, "The page")->required()->type_name("FILE.html");
-  page->add_option("--fps", flags->fps, "Pictures a recorded second, at most (30)")->type_name("N");
+  page->add_option("--fps", flags->fps, "Maximum frames per recorded second (default: 30)")->type_name("N");
   return [flags] {
     if (!flags->output.ends_with(".html"))
       throw scene::InputError(fmt::format("export -o {}: the page's name must end in .html", flags->output));
@@ -77,9 +77,9 @@ CommandHandler add_export_command(CLI::App& app) {
 }
 
 CommandHandler add_clean_command(CLI::App& app) {
-  CLI::App* clean = app.add_subcommand("clean", "Remove shared-memory segments that dead processes left");
+  CLI::App* clean = app.add_subcommand("clean", "Remove shared-memory segments left by dead processes");
   const auto prefix = std::make_shared<std::string>();
-  clean->add_option("prefix", *prefix, "Only those whose names begin with this")->type_name("NAME");
+  clean->add_option("prefix", *prefix, "Remove only segments whose names begin with NAME")->type_name("NAME");
   return [prefix] { return clean_command(*prefix); };
 }
 

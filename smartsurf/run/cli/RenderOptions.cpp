@@ -21,7 +21,7 @@ common::PixelSize parse_pixel_size(const std::string& text) {
   const std::optional<common::PixelSize> size = common::parse_size(text);
   if (!size || std::min(size->width, size->height) < kMinEdge ||
       std::max(size->width, size->height) > kMaxEdge)
-    throw scene::InputError("--picture-size " + text + ": must be as 1600x1000, each edge from " +
+    throw scene::InputError("--picture-size " + text + ": must have the form 1600x1000, each edge from " +
                             std::to_string(kMinEdge) + " to " + std::to_string(kMaxEdge) + " pixels");
   return *size;
 }
@@ -29,20 +29,20 @@ common::PixelSize parse_pixel_size(const std::string& text) {
 }  // namespace
 
 void add_render_flags(CLI::App& app, RenderFlags& flags) {
-  app.add_option("--camera", flags.camera, "Of pictures and videos: top, iso or side")
+  app.add_option("--camera", flags.camera, "Camera of pictures and videos: top, iso or side")
       ->check(CLI::IsMember(kCameras))
       ->type_name("VIEW");
-  app.add_flag("--wires", flags.wireframe, "In pictures and videos: objects as wires");
-  app.add_option("--cells", flags.cells, "In pictures and videos: the channel that colours the cells")
+  app.add_flag("--wires", flags.wireframe, "Draw objects as wireframes in pictures and videos");
+  app.add_option("--cells", flags.cells, "Colour the cells by this channel in pictures and videos")
       ->type_name("CHANNEL");
-  app.add_option("--palette", flags.palette, "Its palette")
+  app.add_option("--palette", flags.palette, "Palette of --cells")
       ->check(CLI::IsMember(kPalettes))
       ->type_name("NAME");
-  app.add_option("--trails", flags.trails_s, "In pictures and videos: the objects' ways of the last seconds")
+  app.add_option("--trails", flags.trails_s, "Draw trails of the last SECONDS in pictures and videos")
       ->check(CLI::Range(0.0, 1e6))
       ->type_name("SECONDS");
   app.add_option("--picture-size", flags.size,
-                 "Of pictures (1600x1000 if not given) and videos (1280x720), in pixels")
+                 "Size of pictures (default: 1600x1000) and videos (default: 1280x720) in pixels")
       ->type_name("WxH");
 }
 

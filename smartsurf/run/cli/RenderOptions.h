@@ -19,10 +19,10 @@ struct RenderOptions {
   view::CameraPreset camera = view::CameraPreset::kIso;
   bool wireframe = false;
   view::OverlaySettings overlay;
-  std::optional<common::PixelSize> pixel_size;  // none: of pictures 1600 x 1000, of videos 1280 x 720
+  std::optional<common::PixelSize> pixel_size;  // default: pictures 1600 × 1000, videos 1280 × 720
 };
 
-// The flags as typed.
+// The flags as given on the command line.
 struct RenderFlags {
   std::string camera = "iso", cells, palette = "viridis", size;
   bool wireframe = false;
@@ -30,7 +30,7 @@ struct RenderFlags {
 };
 
 void add_render_flags(CLI::App& app, RenderFlags& flags);
-// Throws scene::InputError when the size is none.
+// Throws scene::InputError if the size is invalid.
 RenderOptions parse_render_options(const RenderFlags& flags);
 
 }  // namespace smartsurf::run

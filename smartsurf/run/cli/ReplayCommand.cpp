@@ -1,4 +1,4 @@
-// `smartsurf replay`: look at a recording, or run it again and compare.
+// `smartsurf replay`: shows a recording, or runs it again and compares.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -37,11 +37,11 @@ int verify_recording(const record::Recording& recording, const ReplayFlags& flag
     return common::kFailed;
   }
   if (result.interrupted) {
-    progress.print_message(fmt::format("{}: stopped; the same up to tick {}", file, result.last_tick));
+    progress.print_message(fmt::format("{}: stopped; identical up to tick {}", file, result.last_tick));
     return common::status_after_signals(common::kDone);
   }
-  fmt::print("{}: the same in {} frames, up to tick {}{}\n", file, result.frames_compared, result.last_tick,
-             recording.result() ? "" : " (the run did not come to its end)");
+  fmt::print("{}: identical in {} frames, up to tick {}{}\n", file, result.frames_compared, result.last_tick,
+             recording.result() ? "" : " (the run did not finish)");
   return common::kDone;
 }
 
@@ -72,9 +72,9 @@ CommandHandler add_replay_command(CLI::App& app) {
   replay->add_flag("--window", flags->window, "Play it in a window (the default)");
   replay->add_option("--pace", flags->pace, "Recorded seconds per second, in the window")
       ->type_name("FACTOR");
-  replay->add_option("--video", flags->video, "Write a video, 30 pictures a recorded second; needs ffmpeg")
+  replay->add_option("--video", flags->video, "Write a video, 30 frames per recorded second; needs ffmpeg")
       ->type_name("FILE.mp4");
-  replay->add_option("--screenshot", flags->screenshot, "Write a picture of a recorded time, or of the end")
+  replay->add_option("--screenshot", flags->screenshot, "Write a picture at a recorded time, or at the end")
       ->type_name("FILE.png[@SECONDS]")
       ->allow_extra_args(false);
   add_render_flags(*replay, flags->render);

@@ -1,4 +1,4 @@
-// `smartsurf run` and `smartsurf check`: the flags about an experiment.
+// `smartsurf run` and `smartsurf check`.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -18,7 +18,7 @@
 namespace smartsurf::run {
 namespace {
 
-// The flags of `run` as the command line gives them, before they are judged.
+// The flags of `run` as given on the command line, before validation.
 struct RunFlags {
   std::string experiment, mode = "time-step", pace, controller, shm, stats, video;
   bool window = false, headless = false, paused = false, no_controller = false, unsafe = false, help = false;
@@ -27,7 +27,7 @@ struct RunFlags {
   std::optional<std::uint64_t> seed, ticks;
   std::string until;
   int threads = 1;
-  int worlds = 0;  // 0: not asked for
+  int worlds = 0;  // 0: no --worlds
 };
 
 CLI::Validator whole_number_validator() {
@@ -44,28 +44,27 @@ void add_script_flags(CLI::App& app, RunFlags& flags) {
   app.add_option("--seed", flags.seed, "Seed of everything random, instead of the script's")
       ->check(whole_number_validator())
       ->type_name("N");
-  app.add_option("--set", flags.set, "Value of an option that the script makes")
+  app.add_option("--set", flags.set, "Set an option that the script defines")
       ->type_name("NAME=VALUE")
       ->allow_extra_args(false);
 }
 
 void add_run_flags(CLI::App& app, RunFlags& flags) {
-  app.set_help_flag();  // our own, that also lists the experiment's options
+  app.set_help_flag();  // replaced by one that also lists the experiment's options
   app.add_flag("-h,--help", flags.help,
-               "Show this help; with an experiment also the options that its script makes");
+               "Show this help; with an experiment, also the options that its script defines");
   app.add_option("experiment", flags.experiment, "The experiment, a Lua script")->type_name("EXPERIMENT.lua");
   app.add_flag("--headless", flags.headless, "Run without a window (the default)");
   app.add_flag("--window", flags.window,
-               "Open a window, and that of an APRON program beside it; runs in real time unless --pace says "
-               "otherwise");
-  app.add_flag("--paused", flags.paused, "Begin paused, in the window");
+               "Open a window, and that of an APRON program beside it; the default pace is then real time");
+  app.add_flag("--paused", flags.paused, "Start paused; needs --window");
   app.add_option("--mode", flags.mode,
                  "time-step: physics waits for the controller; passive: it follows the clock")
       ->check(CLI::IsMember({"time-step", "passive"}))
       ->type_name("MODE");
   app.add_option("--pace", flags.pace, "max, realtime, or simulated seconds per second")->type_name("PACE");
   app.add_option("--until", flags.until, "End at this simulated time")->type_name("SECONDS");
-  app.add_option("--ticks", flags.ticks, "End after so many control periods")
+  app.add_option("--ticks", flags.ticks, "End after N control periods")
       ->check(whole_number_validator())
       ->type_name("N");
   app.add_option("--shm", flags.shm, "Name of the shared-memory surface (default: surface)")
@@ -75,7 +74,7 @@ void add_run_flags(CLI::App& app, RunFlags& flags) {
          "Start this controller and end it with the run: an APRON program, or a shell command in which {shm} "
          "is the surface's name")
       ->type_name("PROGRAM.aps|COMMAND");
-  app.add_option("--controller-set", flags.controller_set, "Value of a slider or switch of the APRON program")
+  app.add_option("--controller-set", flags.controller_set, "Set a slider or switch of the APRON program")
       ->type_name("NAME=VALUE")
       ->allow_extra_args(false);
   app.add_flag("--no-controller", flags.no_controller,
@@ -86,22 +85,21 @@ void add_run_flags(CLI::App& app, RunFlags& flags) {
       ->type_name("N");
   app.add_option(
          "--worlds", flags.worlds,
-         "So many copies at once, with seeds counting up; NAME-0, NAME-1 … are their surfaces and files")
+         "Run N copies at once, with consecutive seeds; their surfaces and files are NAME-0, NAME-1 …")
       ->check(CLI::Range(1, kMaxWorlds))
       ->type_name("N");
   app.add_option("--record", flags.record, "Record the run, as HDF5 or CSV")
       ->type_name("FILE.h5|FILE.csv")
       ->allow_extra_args(false);
-  app.add_option("--stats", flags.stats, "Write figures about the run as JSON")->type_name("FILE.json");
+  app.add_option("--stats", flags.stats, "Write statistics of the run as JSON")->type_name("FILE.json");
   app.add_option("--screenshot", flags.screenshot, "Write a picture at a simulated time, or at the end")
       ->type_name("FILE.png[@SECONDS]")
       ->allow_extra_args(false);
   app.add_option("--video", flags.video,
-                 "Write a video, 30 pictures a simulated second; needs ffmpeg, no display")
+                 "Write a video, 30 frames per simulated second; needs ffmpeg, but no display")
       ->type_name("FILE.mp4");
   add_render_flags(app, flags.render);
-  app.add_flag("--unsafe", flags.unsafe,
-               "Give the script the whole of Lua: processes, files, native modules");
+  app.add_flag("--unsafe", flags.unsafe, "Give the script all of Lua: processes, files, native modules");
 }
 
 std::optional<double> parse_pace(const RunFlags& flags) {
@@ -117,7 +115,7 @@ std::optional<double> parse_pace(const RunFlags& flags) {
   return real_time ? std::optional(1.0) : std::nullopt;
 }
 
-// For looking at an experiment without running it: what the script prints is not asked for.
+// Loads an experiment to inspect it, discarding what the script prints.
 script::Experiment load_silently(const std::string& file,
                                  std::vector<std::pair<std::string, std::string>> overrides,
                                  std::optional<std::uint64_t> seed) {
@@ -131,19 +129,20 @@ script::Experiment load_silently(const std::string& file,
 
 RunOptions make_run_options(const RunFlags& flags, const std::string& command_line) {
   if (flags.experiment.empty())
-    throw scene::InputError("run: which experiment? smartsurf run EXPERIMENT.lua");
+    throw scene::InputError("run: no experiment given; usage: smartsurf run EXPERIMENT.lua");
   reject_both(flags.window && flags.headless, "--window and --headless");
   if (flags.paused && !flags.window)
-    throw scene::InputError("--paused: needs --window, where it can be ended");
+    throw scene::InputError("--paused: needs --window, where the run can be resumed");
   reject_both(flags.no_controller && !flags.controller.empty(), "--controller and --no-controller");
   if (!flags.controller_set.empty() && !is_apron_program(flags.controller))
     throw scene::InputError(
-        "--controller-set: goes with --controller PROGRAM.aps, whose sliders and switches it sets");
+        "--controller-set: needs --controller PROGRAM.aps, whose sliders and switches it sets");
   reject_both(flags.no_controller && !flags.shm.empty(), "--shm and --no-controller");
   reject_both(!flags.until.empty() && flags.ticks, "--until and --ticks");
   const bool renders = flags.window || !flags.screenshot.empty() || !flags.video.empty();
   if (flags.worlds > 0 && renders)
-    throw scene::InputError("--worlds: many worlds have no window, screenshot or video; record them");
+    throw scene::InputError(
+        "--worlds: cannot be combined with --window, --screenshot or --video; use --record");
   if (!flags.stats.empty()) require_writable("--stats", flags.stats);
   if (!flags.video.empty()) require_writable("--video", flags.video);
   RunOptions options;
@@ -176,7 +175,7 @@ RunOptions make_run_options(const RunFlags& flags, const std::string& command_li
 
 void print_options(const scene::SceneSpec& scene) {
   if (scene.options.empty()) {
-    fmt::print("{} makes no options.\n", scene.file);
+    fmt::print("{} defines no options.\n", scene.file);
     return;
   }
   fmt::print("Options of {} (change one with --set NAME=VALUE):\n", scene.file);
@@ -184,7 +183,7 @@ void print_options(const scene::SceneSpec& scene) {
     fmt::print("  {:<28}{}\n", fmt::format("{} = {}", o.name, o.value), o.help);
 }
 
-// As often as the user of the window begins anew.
+// Runs the experiment, and again for as long as the user restarts it in the window.
 int run_with_restarts(RunOptions options) {
   const auto& stop = common::catch_stop_signals();
   script::Experiment experiment = Run::load(options);
@@ -236,7 +235,7 @@ CommandHandler add_run_command(CLI::App& app, const std::string& command_line) {
 }
 
 CommandHandler add_check_command(CLI::App& app) {
-  CLI::App* check = app.add_subcommand("check", "Find the mistakes in an experiment without running it");
+  CLI::App* check = app.add_subcommand("check", "Check an experiment for errors without running it");
   const auto flags = std::make_shared<RunFlags>();
   check->add_option("experiment", flags->experiment, "The experiment")
       ->required()

@@ -20,17 +20,17 @@ struct Screenshot {
 
 struct RunOptions {
   std::string experiment;
-  std::string command_line;  // as typed, for the recording
+  std::string command_line;  // as typed; stored in recordings
   bool window = false;
-  bool paused = false;  // begin paused; with a window only
+  bool paused = false;  // start paused; needs a window
   RunMode mode = RunMode::kTimeStep;
   // Simulated seconds per wall second; nullopt: as fast as possible.
   std::optional<double> pace;
-  std::optional<std::uint64_t> ticks;  // nullopt: until somebody stops
+  std::optional<std::uint64_t> ticks;  // nullopt: no limit
   std::optional<double> until_s;
-  std::string shm;                                // "" = choose
-  std::string controller;                         // "" = wait for one to attach
-  std::vector<std::string> controller_overrides;  // NAME=VALUE, for a program of ours to judge
+  std::string shm;                                // segment name; "": chosen by the run
+  std::string controller;                         // "": wait for one to attach
+  std::vector<std::string> controller_overrides;  // NAME=VALUE, validated by apron
   bool no_controller = false;
   std::optional<std::uint64_t> seed;
   std::vector<std::pair<std::string, std::string>> overrides;
@@ -41,7 +41,7 @@ struct RunOptions {
   std::string video_file;
   RenderOptions render;
   bool unsafe = false;
-  std::optional<int> world_index;  // which of several in this process; nullopt: the only one
+  std::optional<int> world_index;  // nullopt: the only world of this process
 };
 
 }  // namespace smartsurf::run

@@ -1,5 +1,5 @@
-// The subcommands of smartsurf. Each function adds one to the command line and returns its action, which
-// returns the exit status and throws scene::InputError for a user's mistake.
+// The subcommands of smartsurf. Each function adds one to the command line and returns its handler, which
+// returns the exit status and throws scene::InputError for invalid input.
 #pragma once
 
 #include <functional>
@@ -13,7 +13,7 @@ namespace smartsurf::run {
 
 using CommandHandler = std::function<int()>;
 
-// command_line: as typed, for the recording.
+// command_line: as typed; stored in recordings.
 CommandHandler add_run_command(CLI::App& app, const std::string& command_line);
 CommandHandler add_replay_command(CLI::App& app);
 CommandHandler add_info_command(CLI::App& app);

@@ -14,9 +14,9 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto kFrameInterval = 33ms;
-constexpr auto kIdleFrameInterval = 100ms;  // where nothing moves and nobody does anything
-constexpr double kOnTimeFraction =
-    0.97;  // of the requested pace: a run that reaches it has time to spare for drawing
+constexpr auto kIdleFrameInterval = 100ms;  // if neither the simulation nor the user changes anything
+// A run that reaches this share of its requested pace can spare time for drawing.
+constexpr double kOnTimeFraction = 0.97;
 
 }  // namespace
 
@@ -63,7 +63,7 @@ view::Status Display::make_view_status(const DisplayStatus& display_status, bool
   status.timeline = view::Timeline{history_.size(), history_index_.value_or(last), history_.at(0).time_s,
                                    history_.at(last).time_s, false};
   if (history_index_)
-    status.notice = fmt::format("looking back; the run stands at {:.2f} s", history_.at(last).time_s);
+    status.notice = fmt::format("history; the run is at {:.2f} s", history_.at(last).time_s);
   return status;
 }
 
@@ -83,7 +83,7 @@ void Display::refresh(const Simulation& simulation, const DisplayStatus& display
     commands = window_->poll(status);
   } else {
     const scene::Snapshot& shown = history_index_ ? history_.at(*history_index_) : simulation.snapshot();
-    // Of the past nobody knows the forces.
+    // Contact forces are known only for the present.
     if (!history_index_ && window_->wants_contacts())
       contacts_ = contact_marks(simulation);
     else
@@ -93,7 +93,7 @@ void Display::refresh(const Simulation& simulation, const DisplayStatus& display
     const auto draw_end = std::chrono::steady_clock::now();
     last_draw_time_ = draw_end;
     last_drawn_tick_ = simulation.snapshot().tick;
-    // A run that wants all the time it can get has at least half as much of it as the drawing.
+    // A run behind schedule gets at least half as much time as the last frame took to draw.
     const bool behind_schedule = !requests.paused && (!display_status.requested_pace ||
                                                       display_status.real_time_factor <
                                                           kOnTimeFraction * *display_status.requested_pace);
@@ -104,6 +104,8 @@ void Display::refresh(const Simulation& simulation, const DisplayStatus& display
   apply_commands(commands, requests);
 }
 
+// Seeking, stepping backward, and stepping forward in the history show a snapshot and pause the run. Stepping
+// forward at the present pauses the run, then runs single ticks.
 void Display::apply_commands(const view::Commands& commands, DisplayRequests& requests) {
   const std::size_t last = history_.size() > 0 ? history_.size() - 1 : 0;
   const auto show_history_frame = [&](std::ptrdiff_t at) {

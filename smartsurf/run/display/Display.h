@@ -21,44 +21,44 @@ class Window;
 
 namespace smartsurf::run {
 
-// What the user of the window asked for; the run obeys.
+// The user's requests, which the run carries out. Flags stay set until the run clears them.
 struct DisplayRequests {
   InteractionRequests interaction;
-  bool restart = false;  // begin anew, with these options changed:
+  bool restart = false;  // with changed_options
   std::vector<view::NamedValue> changed_options;
   bool display_lost = false;
   bool paused = false;
-  int single_steps = 0;  // to take although paused
+  int single_steps = 0;  // ticks to run while paused
   bool quit = false;
   bool pace_changed = false;
-  std::optional<double> pace;
+  std::optional<double> pace;  // nullopt: as fast as possible
 };
 
-// What the window tells besides the scene.
+// What the window shows besides the scene.
 struct DisplayStatus {
   double real_time_factor = 0.0;
   std::optional<double> requested_pace;
   RunMode mode = RunMode::kTimeStep;
-  std::string controller;  // one phrase: "apron, process 4711", "waiting for a controller"
+  std::string controller;  // a phrase: "process 4711, running"
   double physics_ms = 0.0;
   std::optional<double> purity;
   bool can_restart = false;
   std::string notice;
-  bool run_ended = false;  // nothing can be touched any more
+  bool run_ended = false;  // no more interaction
 };
 
 class Display {
  public:
-  // Opens the window if asked to. Throws scene::InputError when there is no display.
+  // Opens the window if the options ask for one. Throws scene::InputError if there is no display.
   Display(const RunOptions&, const scene::SceneSpec&);
   ~Display();
 
   bool has_window() const { return window_ != nullptr; }
-  // The same window for another run.
+  // Reuses the window for another run.
   void restart(const scene::SceneSpec&);
-  // A state to look back on. Does nothing without a window.
+  // Adds the current snapshot to the history. Does nothing without a window.
   void record_snapshot(const Simulation&);
-  // Reads the user's input, and draws a frame if the last is old enough. Does nothing without a window.
+  // Polls the user's input and draws a frame if one is due. Does nothing without a window.
   void refresh(const Simulation&, const DisplayStatus&, DisplayRequests&);
 
  private:
@@ -69,7 +69,7 @@ class Display {
   scene::SceneSpec scene_;
   std::unique_ptr<view::Window> window_;
   SnapshotHistory history_;
-  std::optional<std::size_t> history_index_;  // at this state of the past
+  std::optional<std::size_t> history_index_;  // the snapshot shown; nullopt: the present
   ViewChannels channels_;
   std::vector<view::ContactMark> contacts_;
   std::chrono::steady_clock::time_point next_frame_time_{}, last_draw_time_{};

@@ -1,4 +1,4 @@
-// What a run shows in its window, and what its user asks for there.
+// The part of Run that deals with its window: status, user interaction, restart.
 #include <fmt/format.h>
 
 #include <chrono>
@@ -23,7 +23,7 @@ void Run::refresh_display() {
   status.can_restart = recorders_.empty() && media_.only_final_left();
   status.notice = notice_;
   if (notice_.empty() && !ending_ && controller_is_paused())
-    status.notice = "the program is held: the run waits for it";
+    status.notice = "the controller is paused; the run waits for it";
   status.run_ended = ending_.has_value();
   display_->refresh(simulation_, status, requests_);
   if (requests_.display_lost) handle_display_loss();
@@ -37,7 +37,7 @@ void Run::refresh_display() {
 
 std::string Run::describe_controller() {
   if (ending_) return "";
-  if (!link_) return "none: the script drives";
+  if (!link_) return "none (scripted)";
   if (!link_->endpoint().has_controller()) return "waiting for one on '" + link_->name() + "'";
   return fmt::format("process {}, {}", link_->endpoint().controller_pid(),
                      text(link_->endpoint().controller_state()));
@@ -51,11 +51,11 @@ bool Run::controller_is_paused() {
 void Run::apply_user_interaction() {
   if (!interaction_.apply(requests_.interaction, simulation_) || first_interaction_tick_) return;
   first_interaction_tick_ = simulation_.snapshot().tick;
-  notice_ = fmt::format("touched by hand at {:.2f} s", simulation_.snapshot().time_s);
+  notice_ = fmt::format("user intervened at {:.2f} s", simulation_.snapshot().time_s);
   for (const auto& recorder : recorders_) recorder->mark_user_interaction(*first_interaction_tick_);
 }
 
-// The new experiment is loaded before the old one is let go: a mistake in the options leaves all as it is.
+// Loads the new experiment before the old run ends, so that invalid options leave the run unchanged.
 void Run::prepare_restart() {
   RunOptions options = options_;
   for (const auto& [name, value] : std::exchange(requests_.changed_options, {}))
@@ -64,7 +64,7 @@ void Run::prepare_restart() {
   options.pace = pacer_.factor();
   try {
     restart_.emplace(Restart{options, load(options), nullptr});
-    set_ending(common::kDone, "begun anew by the user");
+    set_ending(common::kDone, "restarted by the user");
   } catch (const scene::InputError& error) {
     notice_ = error.what();
   }
@@ -85,13 +85,13 @@ std::optional<Run::Restart> Run::take_restart() {
   return std::exchange(restart_, std::nullopt);
 }
 
-// A run without an end of its own would be left without anybody to end it.
+// Nobody could end a run that has neither a window nor an end tick.
 void Run::handle_display_loss() {
   requests_.display_lost = requests_.paused = false;
   if (!end_tick_) set_ending(common::kFailed, "the display was lost");
   progress_.print_message(end_tick_
-                              ? "the display is lost; the run goes on without its window"
-                              : "the display is lost: the run ends (with --until or --ticks it would go on)");
+                              ? "the display was lost; the run continues without a window"
+                              : "the display was lost; the run ends (it continues with --until or --ticks)");
 }
 
 }  // namespace smartsurf::run

@@ -27,7 +27,7 @@ void SnapshotHistory::add(const scene::Snapshot& snapshot) {
     snapshots_.push_back(snapshot);
     return;
   }
-  snapshots_[oldest_] = snapshot;  // keeps the arrays' memory
+  snapshots_[oldest_] = snapshot;  // reuses the arrays' memory
   oldest_ = (oldest_ + 1) % snapshots_.size();
 }
 

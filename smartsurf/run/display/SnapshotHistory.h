@@ -10,10 +10,10 @@ namespace smartsurf::run {
 
 class SnapshotHistory {
  public:
-  // most_bytes: that all states together may take; at least two are kept.
+  // max_bytes: limit of all snapshots together; at least two are kept.
   explicit SnapshotHistory(std::size_t max_bytes = std::size_t{96} << 20) : max_bytes_(max_bytes) {}
 
-  // Copies the state; the oldest make room. Allocates until the room is full.
+  // Copies the snapshot, replacing the oldest one once the limit is reached; allocates until then.
   void add(const scene::Snapshot& snapshot);
   void clear();
 
@@ -25,7 +25,7 @@ class SnapshotHistory {
   std::size_t max_bytes_, bytes_ = 0;
   std::size_t oldest_ = 0;
   bool full_ = false;
-  std::vector<scene::Snapshot> snapshots_;  // a ring once it is full
+  std::vector<scene::Snapshot> snapshots_;  // a ring buffer once full
 };
 
 }  // namespace smartsurf::run

@@ -11,15 +11,15 @@ namespace {
 
 constexpr std::string_view kHeightChannel = "height";
 constexpr double kSpringFrequency_Hz = 1.5;
-constexpr double kMaxAcceleration = 400.0;  // u/s²: a jump of the pointer must not shoot the object away
+constexpr double kMaxAcceleration = 400.0;  // u/s²; limits the effect of pointer jumps
 
 double object_mass(const scene::SceneSpec& scene, const scene::ObjectSpec& object) {
   return object.mass.value_or(scene.materials[static_cast<std::size_t>(object.material)].density *
                               object.volume());
 }
 
-// A spring and a damper between the grip and the target, and the object's weight taken off it. Soft enough
-// for the force to stand still through a control period.
+// Applies a critically damped spring between the grip and the target, and compensates gravity. The frequency
+// is limited so that a force that is constant over a control period stays stable.
 void apply_spring_force(const view::Pull& pull, Simulation& simulation) {
   const scene::SceneSpec& scene = simulation.scene();
   const scene::ObjectState state = simulation.state(pull.object);
@@ -71,7 +71,7 @@ void UserInteraction::write_targets(const CellOverride& cell, const std::vector<
     simulation.override_actuator_target(static_cast<int>(k), cell.row, cell.column, targets[k]);
 }
 
-// Stuck: it stays as it is. Dead: it goes where cells go that nobody drives.
+// A stuck cell keeps its current height and targets; a dead cell moves to its safe values.
 void UserInteraction::apply_fault(const view::Fault& fault, Simulation& simulation) {
   CellOverride cell = capture_targets(fault.row, fault.column, simulation);
   std::erase_if(faulty_cells_, [&](const CellOverride& other) {
@@ -93,7 +93,7 @@ void UserInteraction::apply_fault(const view::Fault& fault, Simulation& simulati
   faulty_cells_.push_back(std::move(cell));
 }
 
-// Only cells that have a height can be poked.
+// Does nothing if the actuators have no height channel.
 bool UserInteraction::apply_poke(const std::optional<view::Poke>& poke, Simulation& simulation) {
   const bool same =
       poke && poked_cell_ && poked_cell_->row == poke->row && poked_cell_->column == poke->column;

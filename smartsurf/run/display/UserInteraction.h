@@ -9,7 +9,7 @@
 
 namespace smartsurf::run {
 
-// Wishes that wait for the next tick; pull and poke hold for as long as they are there.
+// Requests for the next tick; pull and poke act for as long as they are set.
 struct InteractionRequests {
   std::optional<view::Pull> pull;
   std::optional<view::Poke> poke;
@@ -19,12 +19,12 @@ struct InteractionRequests {
 
 class UserInteraction {
  public:
-  // After the actuators were told what the controller wants, before the physics. Takes the drops and faults
-  // out of the wishes. True when anything was done: then the run cannot be run again from its recording.
+  // Call after the targets of the tick are set and before the physics. Clears the dropped objects and faults.
+  // Returns whether anything was applied; the run can then not be reproduced from its recording.
   bool apply(InteractionRequests& requests, Simulation& simulation);
 
  private:
-  // A cell that takes these for its commands, one a channel; before: what it was told when nobody held it.
+  // A cell with overridden targets, one per channel, and the targets to restore.
   struct CellOverride {
     int row, column;
     std::vector<float> targets, original_targets;

@@ -11,8 +11,8 @@ namespace smartsurf::run {
 
 class ViewChannels {
  public:
-  // Valid until the next call. shown: of the simulation now, or a state of its past: of that only the heights
-  // are known, and the other channels have no values.
+  // snapshot: the current one of the simulation, or an earlier one, for which only the heights have values.
+  // The result is valid until the next call.
   std::span<const view::Channel> update(const Simulation&, const scene::Snapshot& snapshot);
 
  private:
@@ -21,10 +21,10 @@ class ViewChannels {
   std::vector<view::Channel> channels_;
 };
 
-// The contacts that bear a load, with the mean force of the last physics step.
+// The load-bearing contacts, with the mean force of the last physics step, mass·u/s².
 std::vector<view::ContactMark> contact_marks(const Simulation&);
 
-// A channel's name and range; without values.
+// A channel's name, unit and range, without values.
 view::Channel height_channel(const scene::SurfaceSpec&);
 view::Channel sensor_channel(const scene::SurfaceSpec&, const std::string& name);
 view::Channel actuator_channel(const scene::SurfaceSpec&, const std::string& name);

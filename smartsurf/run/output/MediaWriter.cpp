@@ -15,7 +15,7 @@ namespace {
 constexpr common::PixelSize kDefaultScreenshotSize{1600, 1000}, kDefaultVideoSize{1280, 720};
 constexpr int kVideoFramesPerSecond = 30;
 
-// The videos' format stores colours for blocks of two by two pixels.
+// The video format subsamples colours by 2 × 2, so both edges must be even.
 common::PixelSize video_size(const RenderOptions& render_options) {
   const common::PixelSize size = render_options.pixel_size.value_or(kDefaultVideoSize);
   if (size.width % 2 != 0 || size.height % 2 != 0)
@@ -24,7 +24,7 @@ common::PixelSize video_size(const RenderOptions& render_options) {
   return size;
 }
 
-// Throws when there is no such channel; that its values are not there is no mistake.
+// Throws if there is no such channel. A channel without values is accepted.
 void require_channel(const view::FrameInput& frame, const std::string& name) {
   std::vector<std::string> known;
   for (const view::Channel& channel : frame.channels) {
@@ -92,13 +92,13 @@ void MediaWriter::write_screenshot(const view::FrameInput& frame, const std::str
       file, render(*screenshot_view_, frame, render_options_.pixel_size.value_or(kDefaultScreenshotSize)));
 }
 
-// The video's frame rate counts simulated time, so that it plays in real time whatever the pace of the run.
+// The frame rate refers to simulated time, so that the video plays in real time at any pace of the run.
 void MediaWriter::write_video_frames(const view::FrameInput& frame) {
   const double frames_due = frame.snapshot.time_s * kVideoFramesPerSecond + 1e-6;
   if (frames_due < static_cast<double>(video_frames_written_)) return;
   if (!video_view_) video_view_ = std::make_unique<view::OffscreenView>(scene_, view::Detail::kVideo);
   const common::Image image = render(*video_view_, frame, video_size(render_options_));
-  // A control period longer than a frame shows the same picture for as many frames as it lasts.
+  // If a control period is longer than a video frame, the image is repeated.
   for (; frames_due >= static_cast<double>(video_frames_written_); ++video_frames_written_)
     video_writer_->add(image);
 }

@@ -1,4 +1,4 @@
-// Writes the screenshots and the video of a run or a replay. Takes every frame in order.
+// Writes the screenshots and the video of a run or a replay.
 #pragma once
 
 #include <memory>
@@ -19,17 +19,17 @@ namespace smartsurf::run {
 
 class MediaWriter {
  public:
-  // Begins the video if there is one. Throws scene::InputError when it cannot be made.
+  // Opens the video if video_file is not empty. Throws scene::InputError if it cannot be written.
   MediaWriter(std::vector<Screenshot>, const std::string& video_file, const RenderOptions&,
               const scene::SceneSpec&);
   ~MediaWriter();
 
-  // Writes what is due at the moment's time. Throws scene::InputError when the channel that is to colour the
-  // cells does not exist.
+  // Call for every frame, in order. Writes what is due at the frame's time. Throws scene::InputError if the
+  // overlay channel does not exist.
   void write_due(const view::FrameInput&);
-  // At the end: the screenshots that are left, and the video's last words.
+  // Writes the remaining screenshots from the last frame and closes the video.
   void finish(const view::FrameInput&);
-  // Nothing more will be due, however long it goes on, but for the last pictures.
+  // True if there is no video and no screenshot is pending.
   bool only_final_left() const { return pending_screenshots_.empty() && !video_writer_; }
 
  private:

@@ -9,15 +9,14 @@ namespace smartsurf::run {
 
 class Progress {
  public:
-  // who: stands before every message, as "world 3"; such a one of many shows no line.
+  // label: prefix of every message, for example "world 3". With a label the progress line is not shown.
   explicit Progress(std::string label = "");
 
-  // Redraws the line, four times a second at most. until_s: the simulated time at which the work ends at the
-  // latest.
+  // Redraws the line, at most four times a second. until_s: the latest simulated end time.
   void update(double simulated_s, std::optional<double> until_s);
-  // Leaves the line as it is at the end; nothing when none was shown.
+  // Prints the line a last time and ends it; does nothing if no line is shown.
   void finish(double simulated_s);
-  // A message on stderr that the line makes room for.
+  // Clears the line and prints a message on stderr.
   void print_message(const std::string& message);
   void restart();  // the real-time factor counts from now
 

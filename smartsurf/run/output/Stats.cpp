@@ -30,7 +30,7 @@ double DurationHistogram::quantile_ms(double q) const noexcept {
 
 void PhaseTimes::end_tick() noexcept {
   for (std::size_t i = 0; i < kPhaseCount; ++i) {
-    // Rendering and recording do not happen at every tick: an absent phase is not a fast one.
+    // Some phases do not run at every tick; a phase without time is not counted.
     if (current_tick_[i].count() > 0) {
       histograms_[i].add(current_tick_[i]);
       last_ms_[i] = std::chrono::duration<double, std::milli>(current_tick_[i]).count();

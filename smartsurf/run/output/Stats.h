@@ -1,4 +1,4 @@
-// Durations of each phase of the tick, in histograms of fixed size, so that counting never allocates.
+// Statistics of a run: durations of the phases of a tick, and the summary written by --stats.
 #pragma once
 
 #include <array>
@@ -10,12 +10,13 @@
 
 namespace smartsurf::run {
 
-// Durations in buckets 1/32 of an octave wide: quantiles to about 2 %.
+// A histogram of durations with buckets 1/32 octave wide: quantiles are accurate to about 2 %. Never
+// allocates.
 class DurationHistogram {
  public:
   void add(std::chrono::nanoseconds) noexcept;
   std::uint64_t count() const noexcept { return count_; }
-  // The duration below which the share q of all lies, in milliseconds; 0 when empty.
+  // The q-quantile, 0 ≤ q ≤ 1, in ms; 0 if empty.
   double quantile_ms(double q) const noexcept;
   double total_s() const noexcept { return static_cast<double>(total_ns_) * 1e-9; }
 
@@ -28,11 +29,11 @@ class DurationHistogram {
 enum class Phase { kWait, kActuate, kPhysics, kSense, kPublish, kRecord, kRender };
 inline constexpr std::size_t kPhaseCount = 7;
 
-// Adds up what each phase takes within one tick, then files the sums.
+// Sums the time of each phase within a tick and adds the sums to histograms.
 class PhaseTimes {
  public:
   void start() noexcept { lap_start_ = Clock::now(); }
-  // Everything since the last start() or lap() belongs to the phase.
+  // Adds the time since the last start() or lap() to the phase.
   void lap(Phase phase) noexcept {
     const auto now = Clock::now();
     current_tick_[static_cast<std::size_t>(phase)] += now - lap_start_;
@@ -60,9 +61,9 @@ struct RunSummary {
   std::uint64_t state_hash = 0;
   std::optional<double> purity, sorted_at_s;
   std::uint64_t sensor_frames_skipped = 0, actuator_frames_repeated = 0, actuator_values_clamped = 0;
-  std::vector<std::pair<std::string, double>> metrics;  // of the script's metric()
-  std::size_t off_surface = 0;                          // objects that are not over the surface at the end
-  std::uint64_t left_table = 0;                         // how often an object left it
+  std::vector<std::pair<std::string, double>> metrics;  // from the script's metric()
+  std::size_t off_surface = 0;                          // objects not over the surface at the end
+  std::uint64_t left_table = 0;                         // total departures
 
   double real_time_factor() const { return wall_s > 0.0 ? simulated_s / wall_s : 0.0; }
 };

@@ -10,17 +10,17 @@ namespace smartsurf::run {
 
 class Player {
  public:
-  // time: of each frame, seconds, ascending, at least one; must outlive the player. pace: recorded seconds a
-  // second; 0: a frame at every advance().
+  // frame_times: s, ascending, at least one; must outlive the player. pace: recorded seconds per second; 0
+  // shows the next frame at every advance().
   Player(const std::vector<double>& frame_times, double pace);
 
-  std::size_t frame() const;  // the last whose time has come
+  std::size_t frame() const;  // the latest frame that is due
   bool paused() const { return paused_; }
   double pace() const { return pace_; }
 
-  // Steps and seeks stop at the ends. Running on from the last frame begins anew.
+  // Steps and seeks are clamped to the recording. Resuming at the last frame restarts from the first.
   void apply(const view::Commands& commands);
-  // So many seconds of the clock have passed; at the last frame it pauses.
+  // Advances by `wall_s` seconds of wall time; pauses at the last frame.
   void advance(double wall_s);
 
  private:

@@ -25,7 +25,7 @@ void require_poses(const record::Recording& recording) {
     throw scene::InputError(recording.path().string() + ": holds nothing to show");
 }
 
-// One frame at a time of a recording, with all that the view shows of it.
+// Loads the frames of a recording for the view, one at a time.
 class RecordedFrameLoader {
  public:
   explicit RecordedFrameLoader(const record::Recording& recording) : recording_(recording) {
@@ -70,7 +70,7 @@ class RecordedFrameLoader {
   std::optional<std::size_t> loaded_frame_;
   scene::Snapshot snapshot_;
   std::vector<view::Channel> channels_;
-  std::vector<Source> sources_;  // of the channels from the second on
+  std::vector<Source> sources_;  // of channels_[1 …]
   std::vector<std::vector<float>> values_;
 };
 
@@ -84,7 +84,7 @@ view::Status make_view_status(const record::Recording& recording, const Player& 
   if (!recording.has_heights())
     status.notice = "no pin heights were recorded";
   else if (const auto tick = recording.first_interaction_tick())
-    status.notice = fmt::format("touched by hand after tick {}", *tick);
+    status.notice = fmt::format("user intervened after tick {}", *tick);
   return status;
 }
 

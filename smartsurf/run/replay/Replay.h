@@ -10,12 +10,12 @@
 
 namespace smartsurf::run {
 
-// Writes the video and the screenshots, as the run itself would have. Throws scene::InputError when a time
-// lies after the recording's end or a file cannot be written. False when `stop` ended it before.
+// Writes the video and the screenshots as the run itself would have. Throws scene::InputError if a time lies
+// after the recording's end or a file cannot be written. Returns false if interrupted by `stop`.
 bool replay_to_media(const record::Recording&, const std::vector<Screenshot>&, const std::string& video_file,
                      const RenderOptions&, const std::atomic<bool>& stop);
 
-// Plays it in a window until the user closes that. pace: recorded seconds a second of the clock, > 0.
+// Plays the recording in a window until the user closes it. pace: recorded seconds per wall second, > 0.
 void replay_in_window(const record::Recording&, double pace, const std::atomic<bool>& stop);
 
 }  // namespace smartsurf::run

@@ -16,12 +16,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Where the script may write while it runs again; nobody wants those files.
+// A temporary directory for the script's output, removed by the destructor.
 class TemporaryDirectory {
  public:
   TemporaryDirectory() : path_((fs::temp_directory_path() / "smartsurf-verify-XXXXXX").string()) {
     if (::mkdtemp(path_.data()) == nullptr)
-      throw std::runtime_error("cannot make a folder in " + fs::temp_directory_path().string());
+      throw std::runtime_error("cannot create a folder in " + fs::temp_directory_path().string());
   }
   ~TemporaryDirectory() {
     std::error_code ignored;
@@ -41,10 +41,10 @@ class TemporaryDirectory {
 
 void require_reproducible(const record::Recording& recording, bool unsafe) {
   if (const auto tick = recording.first_interaction_tick())
-    throw_input_error(recording, fmt::format("it was touched by hand after tick {}", *tick));
+    throw_input_error(recording, fmt::format("the user intervened after tick {}", *tick));
   if (recording.frames() == 0) throw_input_error(recording, "it holds no frames");
   if (recording.meta().driver != "script" && recording.input_tick_count() == 0)
-    throw_input_error(recording, "it does not hold what the controller told the actuators");
+    throw_input_error(recording, "it does not contain the controller's actuator targets");
   if (recording.meta().unsafe && !unsafe)
     throw_input_error(recording,
                       "its script ran with --unsafe and may do anything again; give --unsafe to allow that");
@@ -55,7 +55,7 @@ void require_matching_inputs(const record::Recording& recording, const Simulatio
   for (const scene::ChannelData& channel : simulation.actuators()) values += channel.values.size();
   if (recording.read_inputs(0).size() != values)
     throw_input_error(recording,
-                      fmt::format("it holds {} actuator values a tick, and its experiment now has {}",
+                      fmt::format("it holds {} actuator values per tick, but the experiment now has {}",
                                   recording.read_inputs(0).size(), values));
 }
 
@@ -72,7 +72,7 @@ script::Experiment reload_experiment(const record::Recording& recording, const f
   return script::Experiment::load(recording.spec().file, std::move(options));
 }
 
-// All channels one after another, as they were recorded.
+// Sets the targets of all channels from one recorded row, which concatenates them.
 void apply_inputs(Simulation& simulation, std::span<const float> inputs) {
   int channel = 0;
   for (const scene::ChannelData& actuator : simulation.actuators()) {
@@ -110,7 +110,7 @@ template <class Rows>
 std::optional<std::string> compare_element(const char* what, const Rows& recorded, std::size_t i,
                                            const Rows& now, std::size_t j) {
   if (bitwise_equal(recorded[i], now[j])) return std::nullopt;
-  return fmt::format("{} {} was recorded, {} comes out now", what, format_components(recorded[i]),
+  return fmt::format("{} {} recorded, {} now", what, format_components(recorded[i]),
                      format_components(now[j]));
 }
 
@@ -124,9 +124,9 @@ std::optional<std::string> find_object_difference(const scene::Snapshot& recorde
                                                   const std::vector<scene::ObjectSpec>& catalogue) {
   for (std::size_t i = 0; i < recorded.object_count() || i < replayed.object_count(); ++i) {
     if (i >= replayed.object_count() || (i < recorded.object_count() && recorded.id[i] < replayed.id[i]))
-      return fmt::format("object {} was there, and is not now", recorded.id[i]);
+      return fmt::format("object {} is missing now", recorded.id[i]);
     if (i >= recorded.object_count() || replayed.id[i] < recorded.id[i])
-      return fmt::format("{} is there now, and was not", object_name(catalogue, replayed.id[i]));
+      return fmt::format("{} exists now but not in the recording", object_name(catalogue, replayed.id[i]));
     auto mismatch = compare_element("position", recorded.position, i, replayed.position, i);
     if (!mismatch)
       mismatch = compare_element("orientation", recorded.orientation, i, replayed.orientation, i);
@@ -140,13 +140,13 @@ std::optional<std::string> find_height_difference(const scene::Snapshot& recorde
                                                   const scene::Snapshot& replayed, int columns) {
   for (std::size_t i = 0; i < recorded.height.size() && i < replayed.height.size(); ++i)
     if (std::bit_cast<std::uint32_t>(recorded.height[i]) != std::bit_cast<std::uint32_t>(replayed.height[i]))
-      return fmt::format("pin row {}, column {}: height {} was recorded, {} comes out now",
+      return fmt::format("pin row {}, column {}: height {} recorded, {} now",
                          i / static_cast<std::size_t>(columns), i % static_cast<std::size_t>(columns),
                          recorded.height[i], replayed.height[i]);
   return std::nullopt;
 }
 
-// What differs first in a frame whose hashes differ.
+// Describes the first difference in a frame whose state hashes differ.
 std::string describe_difference(const record::Recording& recording, std::size_t frame,
                                 const Simulation& simulation) {
   const scene::Snapshot recorded = recording.read_snapshot(frame), &replayed = simulation.snapshot();
@@ -154,9 +154,8 @@ std::string describe_difference(const record::Recording& recording, std::size_t 
     if (auto found = find_object_difference(recorded, replayed, simulation.catalogue())) return *found;
   if (auto found = find_height_difference(recorded, replayed, simulation.scene().surface.columns))
     return *found;
-  return fmt::format(
-      "the state's hash {:016x} was recorded, {:016x} comes out now; nothing that is recorded differs",
-      recorded.state_hash, replayed.state_hash);
+  return fmt::format("state hash {:016x} recorded, {:016x} now; all recorded values are equal",
+                     recorded.state_hash, replayed.state_hash);
 }
 
 }  // namespace

@@ -12,18 +12,19 @@
 namespace smartsurf::run {
 
 struct VerificationResult {
-  std::uint64_t frames_compared = 0;  // compared
-  std::uint64_t last_tick = 0;        // of the last one
-  std::optional<std::uint64_t> first_different_tick;
-  std::string difference;  // what differs first there: the object and its recorded and present state
-  bool interrupted = false;
+  std::uint64_t frames_compared = 0;
+  std::uint64_t last_tick = 0;                        // of the last frame compared
+  std::optional<std::uint64_t> first_different_tick;  // nullopt if all frames are identical
+  // The first difference at that tick: the object, its recorded and its present state.
+  std::string difference;
+  bool interrupted = false;  // by `stop`
 };
 
-// The experiment is the text that the recording holds, with its options and seed; its companion files are
-// read where they were. What a controller told the actuators is taken from the recording, so no controller
-// runs. unsafe: allow a script that was recorded with --unsafe to do again what it did. progress: called now
-// and then with the simulated time. Throws scene::InputError when the recording cannot be run again: touched
-// by hand, recorded without its inputs, unsafe and not allowed.
+// Runs the script text stored in the recording with the recorded options and seed; other files are read from
+// their original paths. Actuator targets set by a controller are taken from the recording, so no controller
+// runs. unsafe: allows a script that was recorded with --unsafe. progress: called with the simulated time of
+// each frame. Throws scene::InputError if the recording cannot be reproduced: the user intervened, the inputs
+// were not recorded, or the script is unsafe and not allowed.
 VerificationResult verify(const record::Recording&, int threads, bool unsafe, const std::atomic<bool>& stop,
                           const std::function<void(double)>& progress);
 

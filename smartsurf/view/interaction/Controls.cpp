@@ -8,7 +8,7 @@ namespace smartsurf::view {
 namespace {
 
 constexpr double kMinPace = 1.0 / 16.0, kMaxPace = 32.0;
-constexpr double kClickTolerance_px = 4.0;  // a press that travels no farther is a click
+constexpr double kClickTolerance_px = 4.0;  // a press that moves farther is a drag
 
 }  // namespace
 
@@ -130,7 +130,7 @@ void Controls::set_channels(std::span<const Channel> channels) {
     if (channels_[i] != channels[i].name) channels_[i] = channels[i].name;
 }
 
-// None, the first, … the last, none.
+// Cycles through no channel, the first, …, the last.
 void Controls::select_next_channel() {
   const auto current = std::find(channels_.begin(), channels_.end(), overlay_.channel);
   const auto next = current == channels_.end() ? channels_.begin() : current + 1;

@@ -1,5 +1,5 @@
-// Maps mouse and keyboard input to camera movements and requests to the simulator. Independent of windows and
-// OpenGL: events arrive as plain calls.
+// Maps mouse and keyboard input to camera movements and commands to the simulator. Independent of the window
+// system and OpenGL: events arrive as plain calls.
 #pragma once
 
 #include <cstddef>
@@ -15,55 +15,55 @@
 
 namespace smartsurf::view {
 
-// The moments that can be gone to: a recording's frames, or the last states of a run, to look back on.
+// The frames that can be seeked: those of a recording, or the recent states of a running simulation.
 struct Timeline {
   std::size_t frame_count = 0;        // ≥ 1
-  std::size_t current_frame = 0;      // the one that is shown, < frames
-  double begin_s = 0.0, end_s = 0.0;  // simulated time of the first and the last
-  bool is_recording = false;  // a recording; else a running simulation, whose last frame is where it stands
+  std::size_t current_frame = 0;      // the frame on display, < frame_count
+  double begin_s = 0.0, end_s = 0.0;  // simulated time of the first and the last frame
+  bool is_recording = false;          // false: a running simulation, whose last frame is the current state
 };
 
-// What the simulator tells the user besides the snapshot.
+// The simulator's state for the status panel, besides the snapshot.
 struct Status {
   std::string mode;        // "time-step" or "passive"
-  std::string controller;  // who drives the surface: name, process id and state in a few words; or ""
+  std::string controller;  // name, process id and state of the controlling program, or ""
   bool paused = false;
-  double requested_pace = 1.0;   // simulated seconds a second of wall-clock; 0: as fast as possible
-  double actual_pace = 0.0;      // measured
-  double physics_ms = 0.0;       // wall-clock of one tick's physics
-  std::optional<double> purity;  // [0, 1], when the experiment has such a measure
+  double requested_pace = 1.0;   // simulated seconds per wall-clock second; 0: as fast as possible
+  double actual_pace = 0.0;      // measured, same unit
+  double physics_ms = 0.0;       // wall-clock time of one tick's physics
+  std::optional<double> purity;  // [0, 1]; only if the experiment defines it
   std::optional<Timeline> timeline;
-  std::string notice;                // one line that matters for as long as it is there
-  bool has_contacts = false;         // the moments tell contacts
-  bool accepts_interaction = false;  // a simulation that takes pulls, pokes and new objects
+  std::string notice;                // one line, shown while not empty
+  bool has_contacts = false;         // FrameInput::contacts is filled on request
+  bool accepts_interaction = false;  // the simulation accepts pulls, pokes and new objects
   bool accepts_faults = false;       // and faults
-  bool can_reset = false;            // and may begin anew
+  bool can_reset = false;            // the simulation can be restarted
 };
 
-// What the user asked for since the last frame.
+// The user's requests since the last frame.
 struct Commands {
   bool toggle_pause = false;
   int steps = 0;                    // single ticks while paused; negative: back along the timeline
   std::optional<std::size_t> seek;  // frame of the timeline to show
   std::optional<double> pace;       // new pace, as Status::requested_pace
   bool quit = false;
-  bool display_lost = false;    // there is no window any more: do not call it again
-  std::string screenshot_path;  // path of a picture that was just written, or ""
+  bool display_lost = false;    // the window is gone; no further calls are allowed
+  std::string screenshot_path;  // path of the screenshot just written, or ""
 
-  std::optional<Pull> pull;               // for as long as it is there
-  std::optional<Poke> poke;               // likewise
+  std::optional<Pull> pull;               // active while present
+  std::optional<Poke> poke;               // active while present
   std::optional<scene::ObjectSpec> drop;  // one new object
   std::optional<Fault> fault;
-  bool reset = false;  // begin anew, with these options changed:
-  std::vector<NamedValue> options;
+  bool reset = false;               // restart the run with these options
+  std::vector<NamedValue> options;  // changed options
 };
 
-// One movement of the pointer, in pixels of a picture, y down.
+// One pointer event. x, y: image pixels, y down.
 struct PointerEvent {
   enum class Kind { kPress, kMove, kRelease };
   enum class Button { kLeft, kOther };
   Kind kind = Kind::kMove;
-  Button button = Button::kLeft;  // not for kMove
+  Button button = Button::kLeft;  // ignored for kMove
   double x = 0.0, y = 0.0;
   bool control = false, shift = false;
 };
@@ -100,29 +100,31 @@ class Controls {
  public:
   explicit Controls(const scene::SurfaceSpec& surface);
 
-  // Another experiment, or the same with another surface; the user's choices stay.
+  // Switches to another surface. Display settings stay; tools and the followed object are reset. The camera is
+  // kept if the surface has the same size.
   void set_surface(const scene::SurfaceSpec& surface);
 
   void perform(UiAction action, const Status& status);
-  // The pointer over a picture of that size. Control and a drag pull an object, a click picks, drags of the
-  // left button turn and others move the camera, unless a tool takes them.
+  // Handles a pointer event over a width × height image. Control + drag pulls an object and a click selects.
+  // Other drags go to the active tool; if it does not take them, the left button orbits, and any other button
+  // or Shift pans.
   void handle_pointer(const PointerEvent& event, const FrameInput& input, const Status& status, double width,
                       double height);
-  // Pointer movement in pixels, y down, in a picture of that height.
+  // dx, dy: pointer movement, pixels, y down. height: image height, pixels.
   void orbit_or_pan(PointerDrag kind, double dx, double dy, double height);
   void handle_scroll(double notches);
-  // The picture's shape, and what of its height panels cover: where they change, a preset that was not
-  // touched since is framed anew.
+  // Sets the image's aspect ratio (width / height) and the insets. If they change and the camera has not been
+  // moved since its preset was applied, the preset is applied again.
   void resize(double aspect, const ViewInsets& insets = {});
 
   void seek(std::size_t frame) { commands_.seek = frame; }
   void reset(std::vector<NamedValue> options);
   void follow(std::optional<scene::ObjectId> object) { followed_ = object; }
   const std::optional<scene::ObjectId>& followed() const { return followed_; }
-  // Before drawing: the camera goes after the followed object, until that is gone.
+  // Call before drawing: moves the camera to the followed object, and stops following once it is removed.
   void update_camera(const scene::Snapshot& snapshot);
 
-  // What was asked since the last call; the pause, step and pace of keys and of the panel's buttons alike.
+  // Returns the commands since the last call and clears them, except for an active pull or poke.
   Commands take_commands();
   bool take_screenshot_request();
   bool take_video_request();
@@ -137,10 +139,10 @@ class Controls {
   const Tools& tools() const { return tools_; }
   OverlaySettings& overlay() { return overlay_; }
   const OverlaySettings& overlay() const { return overlay_; }
-  // The names that kNextChannel goes through.
+  // The channels that kNextChannel cycles through.
   void set_channels(std::span<const Channel> channels);
 
-  // The neighbouring pace on the ladder 1/16, 1/8 … 32, as fast as possible (0).
+  // The next pace in the sequence 1/16, 1/8, …, 32, as fast as possible (0).
   static double faster_pace(double pace);
   static double slower_pace(double pace);
 

@@ -20,7 +20,7 @@ const Channel* find_channel(const FrameInput& input, const std::string& name) {
   return nullptr;
 }
 
-// The edges of a box that is turned and moved.
+// The twelve edges of an oriented box.
 void add_wire_box(std::vector<Line>& lines, const Eigen::Vector3d& centre, const Eigen::Quaterniond& turn,
                   const Eigen::Vector3d& half, const Rgba8& colour) {
   for (int axis = 0; axis < 3; ++axis)
@@ -92,7 +92,8 @@ void Overlay::add_contact_forces(const FrameInput& input) {
   }
 }
 
-// Of every distance sensor (a channel NAME beside its mask NAME_hit) the way to what it sees.
+// Draws a ray from each cell to the point it measures. A distance sensor is a channel NAME with a hit mask
+// NAME_hit.
 void Overlay::add_sensor_rays(const FrameInput& input) {
   for (const Channel& distance : input.channels) {
     const Channel* const hit = find_channel(input, distance.name + "_hit");

@@ -1,4 +1,4 @@
-// The user's display settings, and the lines and colours that they add to the scene. No OpenGL.
+// The user's display settings, and the overlay lines and cell colours derived from them. No OpenGL.
 #pragma once
 
 #include <optional>
@@ -13,13 +13,13 @@
 namespace smartsurf::view {
 
 struct OverlaySettings {
-  std::string channel;  // whose values colour the cells; "": none
+  std::string channel;  // the channel that colours the cells; "": none
   Palette palette = Palette::kViridis;
-  bool reverse_palette = false;  // the palette's ends change places
-  bool manual_range = false;     // low … high instead of the channel's range
+  bool reverse_palette = false;
+  bool manual_range = false;  // low … high instead of the channel's range
   float low = 0.0F, high = 1.0F;
   bool trails = false;
-  double trail_length_s = 3.0;  // of simulated time
+  double trail_length_s = 3.0;  // simulated time
   bool contact_forces = false;
   bool sensor_rays = false;
 };
@@ -30,12 +30,12 @@ class Overlay {
 
   OverlaySettings settings;
 
-  // A moment on the way to the next that is drawn, so that trails have no gaps. Cheap when they are off.
+  // Adds a frame that is not drawn to the trails, so that they have no gaps. No-op while trails are off.
   void sample_trails(const FrameInput& input);
-  // Fills in the options' colours and lines for this moment; what it points to stays valid until the next
-  // call.
+  // Sets the colours and lines of `options` for one frame. The spans are valid until the next call. tools: adds
+  // the selection and the spring of a pull; may be null.
   void apply(const FrameInput& input, const Tools* tools, DrawOptions& options);
-  // None when no channel is shown, or its values are not there.
+  // Empty if no channel is shown or it has no values.
   const std::optional<ColourScale>& colour_scale() const { return colour_scale_; }
 
  private:

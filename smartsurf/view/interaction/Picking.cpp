@@ -12,7 +12,7 @@ using scene::ShapeKind;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// Collects the nearest of several candidates in front of the eye.
+// Keeps the nearest of several candidate distances in front of the eye.
 struct NearestHit {
   double distance = kInfinity;
   void add(double t) {
@@ -23,7 +23,7 @@ struct NearestHit {
   }
 };
 
-// Both roots of a·t² + 2·b·t + c = 0.
+// Calls `visit` with both real roots of a·t² + 2·b·t + c = 0, if any.
 template <class Take>
 void solve_quadratic(double a, double b, double c, Take visit) {
   const double discriminant = b * b - a * c;
@@ -41,6 +41,7 @@ std::optional<double> intersect_sphere(const Ray& ray, const Eigen::Vector3d& ce
   return nearest.result();
 }
 
+// Slab method; 0 if the ray starts inside.
 std::optional<double> intersect_box(const Ray& ray, const Eigen::Vector3d& low, const Eigen::Vector3d& high) {
   double from = 0.0, to = kInfinity;
   for (int axis = 0; axis < 3; ++axis) {
@@ -56,7 +57,7 @@ std::optional<double> intersect_box(const Ray& ray, const Eigen::Vector3d& low, 
   return from <= to ? std::optional(from) : std::nullopt;
 }
 
-// The side of a cylinder or cone whose radius at height z is base + slope·z, and flat ends.
+// A cylinder, cone or frustum about z, centred on the origin; capped: with flat ends.
 std::optional<double> intersect_frustum(const Ray& ray, double half_height, double bottom_radius,
                                         double top_radius, bool capped) {
   const Eigen::Vector3d &o = ray.origin, &d = ray.direction;
@@ -86,6 +87,7 @@ std::optional<double> intersect_capsule(const Ray& ray, double half_height, doub
   return nearest.result();
 }
 
+// Möller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", 1997.
 std::optional<double> intersect_mesh(const Ray& ray, const scene::Solid& solid) {
   NearestHit nearest;
   for (const auto& corners : solid.triangles) {
@@ -102,7 +104,7 @@ std::optional<double> intersect_mesh(const Ray& ray, const scene::Solid& solid) 
   return nearest.result();
 }
 
-// Marches from cell to cell over the table, as far as the ray is above it.
+// Traverses the regular grid cell by cell until the ray falls below a cell's height.
 std::optional<PickHit> pick_cell(const Ray& ray, const scene::SurfaceSpec& s,
                                  const scene::Snapshot& snapshot) {
   const double half = s.pitch / 2.0;
@@ -120,7 +122,7 @@ std::optional<PickHit> pick_cell(const Ray& ray, const scene::SurfaceSpec& s,
     const int column = static_cast<int>(std::floor(at.x() / s.pitch + 0.5));
     const int row = s.rows - 1 - static_cast<int>(std::floor(at.y() / s.pitch + 0.5));
     if (row < 0 || column < 0 || row >= s.rows || column >= s.columns) return std::nullopt;
-    // Where the ray leaves the cell's square.
+    // Where the ray leaves the cell.
     double exit_t = kInfinity;
     const Eigen::Vector2d centre = s.centre(row, column);
     for (int axis = 0; axis < 2; ++axis) {
@@ -139,7 +141,7 @@ std::optional<PickHit> pick_cell(const Ray& ray, const scene::SurfaceSpec& s,
   return std::nullopt;
 }
 
-// Of cells that stand anywhere, turned: each by itself.
+// Free layouts have no grid: tests every cell's box in the cell's own frame.
 std::optional<PickHit> pick_free_layout_cell(const Ray& ray, const scene::SurfaceSpec& s,
                                              const scene::Snapshot& snapshot) {
   std::optional<PickHit> nearest;
@@ -171,7 +173,7 @@ std::optional<double> intersect(const ObjectSpec& object, const Ray& ray) {
       return intersect_frustum(ray, half.z(), object.radius, object.radius, true);
     case ShapeKind::kCapsule:
       return intersect_capsule(ray, half.z(), object.radius);
-    case ShapeKind::kCone: {  // its centre of mass lies a quarter of the height above the base
+    case ShapeKind::kCone: {  // the centre of mass is a quarter of the height above the base
       const Eigen::Vector3d middle(0.0, 0.0, object.height / 4.0);
       return intersect_frustum({ray.origin - middle, ray.direction}, object.height / 2.0, object.radius, 0.0,
                                true);

@@ -1,4 +1,4 @@
-// Ray picking of objects and cells. Pure arithmetic; never allocates or fails.
+// Ray picking of objects and cells. No function allocates or fails.
 #pragma once
 
 #include <optional>
@@ -8,12 +8,12 @@
 
 namespace smartsurf::view {
 
-// One thing of the scene: an object or a cell.
+// An object or a cell.
 struct SceneItem {
   enum class Kind { kObject, kCell };
   Kind kind = Kind::kCell;
-  scene::ObjectId object = 0;
-  int row = 0, column = 0;  // of a cell, from 0, row 0 north
+  scene::ObjectId object = 0;  // kObject
+  int row = 0, column = 0;     // kCell; from 0, row 0 north
   bool operator==(const SceneItem&) const = default;
 };
 
@@ -23,13 +23,13 @@ struct PickHit {
   Eigen::Vector3d point{0.0, 0.0, 0.0};
 };
 
-// The first thing that the ray meets. Gaps between pins count as their cells.
+// The first object or cell along the ray. On a regular grid, gaps between pins belong to the cells.
 std::optional<PickHit> pick(const Ray& ray, const scene::SurfaceSpec& surface, const FrameInput& input);
 
-// Distance at which the ray enters the shape, in the object's own frame; none where it passes.
+// Distance, u, at which the ray enters the object's shape; the ray is in the object's frame. Empty if it misses.
 std::optional<double> intersect(const scene::ObjectSpec& object, const Ray& ray);
 
-// Index of the object in the snapshot, if it is alive.
+// The object's index in the snapshot; empty if it is not there. O(log n).
 std::optional<std::size_t> find_object_index(const scene::Snapshot& snapshot, scene::ObjectId id);
 
 }  // namespace smartsurf::view

@@ -49,7 +49,7 @@ void Tools::start_pull(const PickHit& hit, const Ray& ray, const FrameInput& inp
   pull_plane_normal_ = ray.direction;
 }
 
-// The target stays in the plane through the grip that faced the eye when it was gripped.
+// The target moves in the plane through the anchor that faced the eye when the pull began.
 void Tools::move(const Ray& ray, const FrameInput& input) {
   if (pull_) {
     const double facing = ray.direction.dot(pull_plane_normal_);

@@ -1,5 +1,5 @@
-// The pointer tools: pick, pull with a spring, drop, poke a cell, break a cell. Events arrive as plain calls,
-// requests come out; no window and no OpenGL.
+// The pointer tools: select, pull an object with a spring, drop an object, poke a cell, break a cell. Converts
+// pointer rays to requests. Independent of the window system and OpenGL.
 #pragma once
 
 #include <optional>
@@ -9,34 +9,34 @@
 
 namespace smartsurf::view {
 
-// The object is drawn by a spring from the point `grip` of it to the point `target`.
+// A spring pulls the object's local_anchor to `target`.
 struct Pull {
   scene::ObjectId object = 0;
-  Eigen::Vector3d local_anchor{0.0, 0.0, 0.0};  // in the object's own frame, u
-  Eigen::Vector3d target{0.0, 0.0, 0.0};        // in the world, u
+  Eigen::Vector3d local_anchor{0.0, 0.0, 0.0};  // object frame, u
+  Eigen::Vector3d target{0.0, 0.0, 0.0};        // world frame, u
 };
 
-// The cell is to stand at that height for as long as it is poked.
+// Holds a cell at a height.
 struct Poke {
   int row = 0, column = 0;
   double height = 0.0;  // u
 };
 
-// What can be wrong with a cell.
 enum class FaultKind { kNone, kStuck, kDead };
 
+// Puts a cell into a fault state. kNone repairs it.
 struct Fault {
   int row = 0, column = 0;
-  FaultKind kind = FaultKind::kNone;  // kNone: mended
+  FaultKind kind = FaultKind::kNone;
 };
 
 enum class Tool { kPick, kDrop, kPoke, kBreak };
 
-// What the drop tool makes.
+// The object that the drop tool creates.
 struct DropSpec {
   scene::ShapeKind shape = scene::ShapeKind::kSphere;
-  double size = 1.0;    // radius, or half an edge, u
-  double height = 4.0;  // of the fall, u
+  double size = 1.0;    // radius or half edge, u
+  double height = 4.0;  // drop height above the clicked point, u
   scene::Colour colour{0.85f, 0.55f, 0.10f};
 };
 
@@ -49,24 +49,24 @@ class Tools {
   FaultKind fault_kind = FaultKind::kStuck;
   double poke_height;  // u
 
-  // The pointer goes down or moves on that line of sight. pull: what is meant is to pull objects, whatever
-  // the tool. press() says whether the tool takes the drag to come; else it moves the camera.
+  // Pointer press and move along a view ray. pull: pull the object under the pointer, whatever the active tool.
+  // press() returns whether the tool takes the following drag; if not, the drag moves the camera.
   bool press(const Ray& ray, const FrameInput& input, bool pull);
   void move(const Ray& ray, const FrameInput& input);
   void release();
-  // A double click, or a click that moved nothing.
+  // Selects what the ray hits; clears the selection if it hits nothing.
   void select(const Ray& ray, const FrameInput& input);
   void select(const std::optional<SceneItem>& item) { selected_ = item; }
-  void cancel();  // puts down the tool and what it holds, then the selection
+  void cancel();  // returns to the pick tool, or clears the selection if it is active
 
   const std::optional<SceneItem>& selected() const { return selected_; }
   const std::optional<Pull>& pull() const { return pull_; }
   const std::optional<Poke>& poke() const { return poke_; }
-  // Once each.
+  // Return each request once.
   std::optional<scene::ObjectSpec> take_drop() { return std::exchange(drop_request_, std::nullopt); }
   std::optional<Fault> take_fault() { return std::exchange(fault_request_, std::nullopt); }
 
-  // Where the gripped point is now, to draw the spring from.
+  // World position of the pull's anchor, u. The target if the object is gone.
   static Eigen::Vector3d anchor_position(const Pull& pull, const scene::Snapshot& snapshot);
 
  private:
@@ -76,7 +76,7 @@ class Tools {
   scene::SurfaceSpec surface_;
   std::optional<SceneItem> selected_;
   std::optional<Pull> pull_;
-  Eigen::Vector3d pull_plane_normal_{0.0, 0.0, 1.0};  // normal of the plane in which the target moves
+  Eigen::Vector3d pull_plane_normal_{0.0, 0.0, 1.0};  // of the plane in which the target moves
   std::optional<Poke> poke_;
   std::optional<scene::ObjectSpec> drop_request_;
   std::optional<Fault> fault_request_;

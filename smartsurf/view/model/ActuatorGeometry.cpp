@@ -14,7 +14,7 @@ using Vec = Eigen::Vector3f;
 using Mat = Eigen::Matrix3f;
 using Rgba8 = std::array<std::uint8_t, 4>;
 
-constexpr float kMinVisibleLevel = 0.02F;  // what is weaker than this is not drawn
+constexpr float kMinVisibleLevel = 0.02F;  // weaker forces and flows are not drawn
 
 Rgba8 to_linear_rgba8(const Rgb& srgb, float alpha = 1.0F) {
   const Rgb light = linear_light(srgb);
@@ -56,7 +56,7 @@ float float_parameter(const scene::ActuatorSpec& spec, const char* name) {
 
 int segments_for(int cells) { return cells <= 400 ? 24 : cells <= 1600 ? 16 : 12; }
 
-// The shape that a rotor turns, and its highest point at an angle.
+// The shape of a rotor: an ellipsoid if `points` is empty, else the convex hull of `points`.
 struct RotorShape {
   Vec axis, half_axes;
   std::vector<Vec> points;
@@ -81,12 +81,12 @@ RotorShape make_rotor_shape(const scene::ActuatorSpec& spec) {
   return t;
 }
 
-// More corners than these are drawn as the ellipsoid around them: the hull is sought among all triples.
+// Above this limit a sphere around the points is drawn: hull_mesh() tests all triples of points.
 constexpr std::size_t kMaxHullPoints = 32;
 
 }  // namespace
 
-// A cell's own axes, in its place.
+// The pose of a cell: the centre of its top and its axes.
 struct ActuatorGeometry::CellFrame {
   Vec top;
   Mat axes;
@@ -152,7 +152,7 @@ void ActuatorGeometry::update(const scene::Snapshot& snapshot) {
   }
 }
 
-// The spins about x and about y are shown one after the other: an eye follows the turning, not the order.
+// The two angles are applied about x, then about y. The exact order does not matter for a visual cue.
 ActuatorGeometry::InstanceBuilder ActuatorGeometry::ball_builder(const scene::ActuatorSpec& spec) {
   const float radius = std::min(float_parameter(spec, "radius"), 0.5F * top_edge_);
   const std::size_t mesh = add_mesh(ball_mesh(segments_));
@@ -213,7 +213,7 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::arrow_builder() {
     const Vec force(motion.a, motion.b, motion.level);
     const float strength = std::min(1.0F, force.norm());
     if (!(strength > kMinVisibleLevel)) return;
-    // No shorter than wide, or its direction would be lost.
+    // Always longer than wide, so that the direction stays visible.
     const float half_length = pitch * (0.16F + 0.30F * strength),
                 half_width = pitch * (0.09F + 0.07F * strength);
     const Vec along = force.normalized();
@@ -221,7 +221,7 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::arrow_builder() {
         (std::abs(along.z()) < 0.95F ? Vec::UnitZ().cross(along) : Vec::UnitX().cross(along)).normalized();
     Mat axes;
     axes << half_length * along, half_width * aside, half_width * along.cross(aside);
-    // All of it stands over the top.
+    // The whole arrow lies above the cell's top.
     const float over = half_length * std::abs(along.z()) + half_width;
     const Rgba8 base_colour = to_linear_rgba8(mix_colours(kWeakForceColour, kStrongForceColour, strength));
     meshes_[mesh].instances.push_back(
@@ -234,7 +234,7 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::coil_builder() {
   const Vec size(0.46F * top_edge_, 0.46F * top_edge_, 0.1F * top_edge_);
   return [=, this](std::size_t cell, const scene::Snapshot& snapshot, const scene::ActuatorState& motion) {
     const CellFrame f = cell_frame(cell, snapshot);
-    // The root, so that a weak current shows as well.
+    // The square root makes weak currents visible.
     const float strength = std::sqrt(std::min(1.0F, std::abs(motion.level)));
     const Rgb core = mix_colours(kIron, motion.level < 0.0F ? kBlue : kRed, strength);
     meshes_[mesh].instances.push_back(
@@ -283,6 +283,7 @@ ActuatorGeometry::InstanceBuilder ActuatorGeometry::plate_builder() {
     const auto slope = [&](float low, float high) {
       return std::clamp(0.5F * (high - low) / pitch, -kMaxSlope, kMaxSlope);
     };
+    // Central differences of the heights.
     const float east = slope(neighbour_height(cell, 0, -1, snapshot), neighbour_height(cell, 0, 1, snapshot));
     const float north =
         slope(neighbour_height(cell, 1, 0, snapshot), neighbour_height(cell, -1, 0, snapshot));

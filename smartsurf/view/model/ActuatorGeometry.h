@@ -1,14 +1,14 @@
-// The drawn parts of every actuator but the pin: which meshes, where, how rotated and in which colours. A part is a
-// two-colour mesh with one record per instance, so that each kind of part is one draw call. No OpenGL. Allocates in
-// the first frame only.
+// The geometry of all actuators except the pin: their meshes and per-instance poses and colours. Each kind of
+// part is one two-colour mesh with an array of instances, and so one draw call. No OpenGL. Allocates only in the
+// first frame.
 //
-//   ball         its upper half, in eight rotating fields
-//   wheels       two wheels with spokes, rotating
+//   ball         a rotating ball with eight coloured fields
+//   wheels       two rotating wheels with coloured sectors
 //   rotor        its shape, rotated
-//   magnet       a coil: red repels a positive pole, blue attracts
-//   force_field  an arrow along the force, its length proportional to the strength
-//   air_jet      a nozzle, and its plume, its height proportional to the flow
-//   tile         a plate, tilted like the skin
+//   magnet       a coil: red repels a positive pole, blue attracts it
+//   force_field  an arrow along the force, whose length grows with the strength
+//   air_jet      a nozzle with a plume, whose height grows with the flow
+//   tile         a plate, tilted like the surface around it
 #pragma once
 
 #include <array>
@@ -23,20 +23,20 @@
 namespace smartsurf::view {
 
 struct TwoColourMesh {
-  std::vector<float> vertices;  // x y z, the normal's x y z, and how much of the second colour, 0 … 1
-  std::vector<std::uint32_t> indices;  // three corners each
+  std::vector<float> vertices;         // 7 per vertex: position, normal, share of the accent colour (0 … 1)
+  std::vector<std::uint32_t> indices;  // 3 per triangle
 };
 
 struct MeshInstance {
-  std::array<float, 3> x, y, z;  // the mesh's axes, scaled, world frame
+  std::array<float, 3> x, y, z;  // scaled axes of the mesh, world frame
   std::array<float, 3> centre;   // u
-  std::array<std::uint8_t, 4> base_colour,
-      accent_colour;  // the two colours: linear light, 255 = 1; [3]: how opaque
+  // RGBA, linear light, 255 = 1.
+  std::array<std::uint8_t, 4> base_colour, accent_colour;
 };
 
 struct InstancedMesh {
   TwoColourMesh mesh;
-  bool translucent = false;  // drawn last, without a shadow
+  bool translucent = false;  // drawn last, casts no shadow
   std::vector<MeshInstance> instances;
 };
 
@@ -44,14 +44,15 @@ class ActuatorGeometry {
  public:
   explicit ActuatorGeometry(const scene::SurfaceSpec&);
 
-  // Fills the instances. Where the snapshot has no motion, everything is at rest.
+  // Rebuilds the instances. Without an actuator state in the snapshot, all parts are at rest.
   void update(const scene::Snapshot&);
   std::span<const InstancedMesh> meshes() const { return meshes_; }
-  // How far below the cell's top its pin is drawn, so that the part has room, u; rows × columns. Empty: 0.
+  // How far below the cell's top its pin is drawn, to make space for the part, u; rows × columns, row-major.
+  // Empty if no cell has a part.
   std::span<const float> recess() const { return recess_; }
 
  private:
-  // Adds the parts of one cell.
+  // Appends the instances of one cell.
   using InstanceBuilder =
       std::function<void(std::size_t cell, const scene::Snapshot&, const scene::ActuatorState&)>;
   struct CellFrame;
@@ -65,14 +66,15 @@ class ActuatorGeometry {
   InstanceBuilder coil_builder();
   InstanceBuilder jet_builder(const scene::ActuatorSpec&);
   InstanceBuilder plate_builder();
+  // Height of a neighbour, u; the cell's own height where there is none.
   float neighbour_height(std::size_t cell, int row_step, int column_step, const scene::Snapshot&) const;
 
   scene::SurfaceSpec surface_;
   float top_edge_;  // the shorter edge of a cell's top, u
-  int segments_;    // segments around a round part: fewer where there are many
+  int segments_;    // of round parts; fewer on large surfaces
   std::vector<InstancedMesh> meshes_;
-  std::vector<std::size_t> cells_;  // those with parts, and what makes them
-  std::vector<std::size_t> builder_of_cell_;
+  std::vector<std::size_t> cells_;            // cells with parts
+  std::vector<std::size_t> builder_of_cell_;  // parallel to cells_: index into builders_
   std::vector<InstanceBuilder> builders_;
   std::vector<float> recess_;
 };

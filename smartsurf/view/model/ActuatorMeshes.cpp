@@ -29,7 +29,7 @@ Vec circle_point(int step, int steps, float radius, float z) {
   return {radius * static_cast<float>(std::cos(angle)), radius * static_cast<float>(std::sin(angle)), z};
 }
 
-// A band about z between two circles, seen from outside, or from inside where it goes down.
+// A band about z between two circles. Its front faces outwards if z0 < z1, inwards if z0 > z1.
 void add_band(TwoColourMesh& mesh, int segments, float r0, float z0, float r1, float z1, float accent) {
   for (int i = 0; i < segments; ++i)
     add_quad(mesh, circle_point(i, segments, r0, z0), circle_point(i + 1, segments, r0, z0),
@@ -45,12 +45,11 @@ void add_box(TwoColourMesh& mesh, const Vec& low, const Vec& high, float accent)
   for (const auto& f : kFaces) add_quad(mesh, at(f[0]), at(f[1]), at(f[2]), at(f[3]), accent);
 }
 
-// A round body of height 1 and radius 1 at its foot, hollow from above.
+// A body of revolution with a bore from above: height 1, radius 1 at its foot.
 struct Cup {
-  float lip, bore;  // outer and inner radius at the top
-  float floor;      // z of the bottom of the hollow
-  float outside, wall,
-      bottom;  // share of the second colour: outside and on the lip, in the hollow, on its floor
+  float lip, bore;              // outer and inner radius at the top
+  float floor;                  // z of the bottom of the bore
+  float outside, wall, bottom;  // share of the accent colour: outside and lip, wall of the bore, its floor
 };
 
 TwoColourMesh cup_mesh(int segments, const Cup& cup) {
@@ -65,7 +64,7 @@ TwoColourMesh cup_mesh(int segments, const Cup& cup) {
 }  // namespace
 
 TwoColourMesh ball_mesh(int segments) {
-  // Fields end at corners of the grid.
+  // Multiples of four, so that the coloured fields end at grid lines.
   const int around = (segments + 3) / 4 * 4, up = around / 2;
   TwoColourMesh mesh;
   const auto at = [&](int ring, int step) {
@@ -147,7 +146,7 @@ TwoColourMesh plate_mesh() {
   return mesh;
 }
 
-// Three points are a part of the hull where all others lie on one side of their plane.
+// Brute force: a triple of points is a hull face if all other points lie on one side of its plane.
 TwoColourMesh hull_mesh(std::span<const Vec> points) {
   TwoColourMesh mesh;
   for (std::size_t i = 0; i < points.size(); ++i)

@@ -1,4 +1,4 @@
-// The meshes that actuators are drawn with (ActuatorGeometry.h), of unit size about their origin.
+// The meshes of the actuators (ActuatorGeometry.h), of unit size about their origin.
 #pragma once
 
 #include <Eigen/Core>
@@ -8,21 +8,21 @@
 
 namespace smartsurf::view {
 
-// Radius 1; every other of eight fields in the second colour.
+// A sphere of radius 1; every other one of its eight octants has the accent colour.
 TwoColourMesh ball_mesh(int segments);
-// A wheel that turns about y: radius 1, width 2; every other sector in the second colour.
+// A wheel about the y axis: radius 1, width 2; every other one of its eight sectors has the accent colour.
 TwoColourMesh wheel_mesh(int segments);
-// An arrow from −1 to 1 along x, head in the second colour.
+// An arrow along x from −1 to 1; the head has the accent colour.
 TwoColourMesh arrow_mesh();
-// A low disc: radius 1, z from 0 to 1; a rim in the second colour.
+// A disc with a recess: radius 1, z from 0 to 1; the rim has the accent colour.
 TwoColourMesh coil_mesh(int segments);
-// A ring around a hole in the second colour: outer radius 1, z from 0 to 1.
+// A ring: outer radius 1, z from 0 to 1; its bore has the accent colour.
 TwoColourMesh nozzle_mesh(int segments);
-// A plume, radius 0.4 at z = 0 in the first colour, 1 at z = 1 in the second; open at both ends.
+// A plume, open at both ends: radius 0.4 and base colour at z = 0, radius 1 and accent colour at z = 1.
 TwoColourMesh plume_mesh(int segments);
-// A box of half edges 1, the middle of its top in the second colour.
+// A box of half edges 1; the middle of its top has the accent colour.
 TwoColourMesh plate_mesh();
-// The convex shape around a few points; what lies on one side of x·y = 0 in the second colour.
+// The convex hull of a few points, O(n⁴); faces whose centroid has x·y > 0 have the accent colour.
 TwoColourMesh hull_mesh(std::span<const Eigen::Vector3f> points);
 
 }  // namespace smartsurf::view

@@ -1,5 +1,5 @@
-// The position of the drawn coordinate axes: beside the table's south-west corner, on the ground. Internal to
-// this module.
+// The position and size of the drawn coordinate axes, on the ground at the table's south-west corner. Internal
+// to smartsurf/view.
 #pragma once
 
 #include <algorithm>
@@ -8,7 +8,7 @@
 
 namespace smartsurf::view {
 
-constexpr double kBoardMargin = 0.6;  // of the board under the pins, beyond them, in pitches
+constexpr double kBoardMargin = 0.6;  // how far the board extends beyond the pins, in pitches
 
 struct Axes {
   Eigen::Vector3d origin;

@@ -13,8 +13,8 @@ namespace smartsurf::view {
 namespace {
 
 constexpr double kOrbitPerPixel = 0.006;  // rad
-constexpr double kZoomPerNotch = 0.88;    // factor of the distance
-constexpr double kFramingMargin = 1.06;   // of the half picture
+constexpr double kZoomPerNotch = 0.88;    // distance factor
+constexpr double kFramingMargin = 1.06;   // frustum width over table width
 constexpr double kIsoElevation = 0.70;    // rad, 40°
 constexpr double kSideElevation = 0.10;   // rad
 
@@ -26,9 +26,9 @@ std::array<Eigen::Vector3d, 8> corners(const Eigen::AlignedBox3d& box) {
   return result;
 }
 
-// One side of the frustum pair left/right or bottom/top. With the eye at (e, d), d towards the viewer, a
-// point (p, z) is inside when −k_low·(d − z) ≤ p − e ≤ k_high·(d − z): the nearest d that holds for all
-// points, and the e in the middle of those that do.
+// Fits a pair of opposite frustum planes (left and right, or bottom and top) to points. With the eye at (e, d),
+// d towards the viewer, a point (p, z) is inside if −slope_low·(d − z) ≤ p − e ≤ slope_high·(d − z). distance()
+// is the smallest d for which some e satisfies this for all points; offset(d) is the middle of those e.
 struct FrustumFit {
   double slope_low, slope_high;
   double low = -std::numeric_limits<double>::infinity();
@@ -123,7 +123,7 @@ Eigen::Matrix4d Camera::view_matrix() const {
 }
 
 Eigen::Matrix4d Camera::projection_matrix(double aspect) const {
-  // The planes follow the distance, so that close-ups are not cut and depth keeps its precision far away.
+  // The planes follow the distance: close-ups are not clipped, and distant views keep their depth precision.
   const double near_plane = std::max(0.02 * distance_, distance_ - 8.0 * scene_radius_);
   const double far_plane = distance_ + 20.0 * scene_radius_;
   const double f = 1.0 / std::tan(field_of_view_ / 2.0);

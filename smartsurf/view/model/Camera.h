@@ -1,7 +1,6 @@
-// An orbiting perspective camera: looks at a target from an azimuth, an elevation and a distance.
+// A perspective orbit camera, defined by target, azimuth, elevation and distance.
 //
-// World axes: x east, y north, z up. No OpenGL here; every function is pure arithmetic, allocates nothing and
-// cannot fail.
+// World axes: x east, y north, z up; lengths in u. No OpenGL. No function allocates or fails.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -12,15 +11,15 @@ namespace smartsurf::view {
 
 enum class CameraPreset { kTop, kIso, kSide };
 
-// A half-line; the direction is a unit vector.
+// direction is a unit vector.
 struct Ray {
   Eigen::Vector3d origin, direction;
 };
 
-// Shares of a picture's height that panels cover, from its edges; together at most 0.8.
+// Fractions of the image height covered by panels at its edges; their sum is at most 0.8.
 struct ViewInsets {
-  double bottom = 0.0;  // left free
-  double top = 0.0;     // left free as far as that makes nothing smaller
+  double bottom = 0.0;  // kept free
+  double top = 0.0;     // kept free only as far as the table need not become smaller
   bool operator==(const ViewInsets&) const = default;
 };
 
@@ -29,23 +28,21 @@ class Camera {
   static constexpr double kMinElevation = 0.02;    // rad: never below the table
   static constexpr double kMaxElevation = 1.5700;  // rad: just short of straight down
 
-  // The whole table (its pins from the lowest to the highest place they can take, the board under them, and
-  // the axes beside it) fills a picture of that aspect ratio (width / height) with a small margin. kTop has
-  // north up; kIso looks north from the south at 40° above the horizon; kSide looks north from just above the
-  // table.
+  // The camera for which the whole table (the pins over their full travel, the board and the axes) fills an
+  // image of aspect ratio `aspect` (width / height) with a small margin. kTop: from above, north up. kIso: from
+  // the south, 40° above the horizon. kSide: from the south, just above the horizon.
   static Camera fit_to_surface(const scene::SurfaceSpec& surface, CameraPreset preset, double aspect,
                                const ViewInsets& insets = {});
 
-  // The box of the table and its pins, u.
+  // Bounding box of the table over the full travel of its pins, u.
   static Eigen::AlignedBox3d surface_bounding_box(const scene::SurfaceSpec& surface);
 
-  // dx, dy: pointer movement in pixels, y down. Dragging to the right turns the scene to the right.
+  // Rotates about the target. dx, dy: pointer movement, pixels, y down. The scene follows the pointer.
   void orbit(double dx, double dy);
-  // Moves the target in the picture's plane so that it stays under the pointer. height: of the picture,
-  // pixels.
+  // Moves the target in the image plane so that it stays under the pointer. height: image height, pixels.
   void pan(double dx, double dy, double height);
-  // notches > 0 comes closer, by the same factor each; the distance stays within 1/200 and 5 times the framed
-  // one.
+  // Changes the distance by a constant factor per notch, > 0: closer. Clamped to 1/200 … 5 times the distance
+  // of fit_to_surface().
   void zoom(double notches);
 
   Eigen::Vector3d eye() const;
@@ -53,28 +50,28 @@ class Camera {
   Eigen::Vector3d forward() const;  // unit vector from the eye to the target
   Eigen::Vector3d right() const;
   Eigen::Vector3d up() const;
-  double azimuth() const { return azimuth_; }  // rad; 0 stands south of the target, +π/2 east of it
-  double elevation() const { return elevation_; }
+  double azimuth() const { return azimuth_; }      // rad; 0: south of the target, +π/2: east of it
+  double elevation() const { return elevation_; }  // rad above the horizon
   double distance() const { return distance_; }
   double field_of_view() const { return field_of_view_; }  // vertical, rad
 
-  // World → eye coordinates (x right, y up, looking along −z).
+  // World to eye coordinates (x right, y up, view along −z).
   Eigen::Matrix4d view_matrix() const;
-  // Eye → clip coordinates as OpenGL has them (depth −1 … 1).
+  // Eye to OpenGL clip coordinates (depth −1 … 1).
   Eigen::Matrix4d projection_matrix(double aspect) const;
-  // The line of sight through that place of the picture, from the eye; the inverse of project().
+  // The ray from the eye through pixel (x, y) of a width × height image; inverse of project().
   Ray ray(double x, double y, double width, double height) const;
-  // Looks at another point from the same side and distance.
+  // Moves the target; direction and distance stay.
   void look_at(const Eigen::Vector3d& target) { target_ = target; }
-  // Pixel of a world point in a picture of that size, y down from the top edge; z is the depth along
-  // forward().
+  // Pixel coordinates of a world point in a width × height image, y down from the top edge; z: depth along
+  // forward(), u.
   Eigen::Vector3d project(const Eigen::Vector3d& point, double width, double height) const;
 
  private:
   Eigen::Vector3d target_{0.0, 0.0, 0.0};
   double azimuth_ = 0.0, elevation_ = 0.7, distance_ = 100.0;
   double field_of_view_ = 0.5;
-  double reference_distance_ = 100.0;  // of the preset: the measure of zoom limits and of the clipping planes
+  double reference_distance_ = 100.0;  // distance of fit_to_surface(); scales the zoom limits
   double scene_radius_ = 50.0;
 };
 

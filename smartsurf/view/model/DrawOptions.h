@@ -1,4 +1,4 @@
-// What a picture shows in addition to the scene.
+// Options of one rendered image: fill mode, cell colours, overlay lines and legend.
 #pragma once
 
 #include <array>
@@ -12,38 +12,39 @@ namespace smartsurf::view {
 
 enum class FillMode {
   kSolid,      // lit and shaded
-  kWireframe,  // objects as wires, so that the cells under them can be seen
+  kWireframe,  // objects as wireframes, which leaves the cells under them visible
 };
 
-// A straight line of the same width in pixels wherever it is.
+// A straight line of constant width in pixels.
 struct Line {
   std::array<float, 3> from, to;       // u
-  std::array<std::uint8_t, 4> colour;  // as a screen shows it, and how opaque; 255 = 1
+  std::array<std::uint8_t, 4> colour;  // sRGB and alpha, 255 = 1
 };
 
-// The heat map as its legend explains it.
+// The colour scale of a heat map, as its legend shows it.
 struct ColourScale {
   std::string channel, unit;
   Palette palette = Palette::kViridis;
-  float low = 0.0F, high = 1.0F;  // at the palette's dark and bright end
+  float low = 0.0F, high = 1.0F;  // values at the palette's dark and bright end
 };
 
 struct DrawOptions {
   FillMode fill_mode = FillMode::kSolid;
 
-  // Colours the pins by one channel instead of by height: rows × columns values, row-major, row 0 north, in
-  // the channel's unit. low takes the palette's dark end and high its bright one; for distances, where near
-  // should be bright, low may be the larger. Empty: none. Must outlive the call it is given to.
+  // Values that colour the pins: rows × columns, row-major, row 0 north, in the channel's unit. `low` maps to the
+  // palette's dark end, `high` to its bright end; low > high reverses the palette. Empty: pins are coloured by
+  // height. Must outlive the call.
   std::span<const float> cell_values;
   float low = 0.0f, high = 1.0f;
   Palette palette = Palette::kViridis;
 
-  std::span<const Line> lines;  // trails, forces, marks; must outlive the call
-  float line_width = 2.0f;      // pixels of the picture
+  std::span<const Line> lines;  // trails, forces, selection; must outlive the call
+  float line_width = 2.0f;      // pixels
 
-  const ColourScale* legend = nullptr;  // drawn in the lower right corner of pictures; must outlive the call
+  // Drawn in the lower right corner of off-screen images. Must outlive the call.
+  const ColourScale* legend = nullptr;
 
-  bool grid = true;  // the ground's grid
+  bool grid = true;  // on the ground
   bool axes = true;  // x red, y green, z blue, at the south-west corner
 };
 

@@ -1,4 +1,4 @@
-// The input of one frame: borrowed values, valid for the duration of a call.
+// The input of one frame. All data are borrowed and must stay valid for the duration of the call.
 #pragma once
 
 #include <span>
@@ -10,16 +10,16 @@
 
 namespace smartsurf::view {
 
-// Values of one channel over the surface, for heat maps and the panels of cells.
+// One channel over the surface, for heat maps and cell plots.
 struct Channel {
-  std::string name;               // "height", "proximity"
-  std::string unit;               // "u"; "" where there is none
-  std::span<const float> values;  // rows × columns, row-major, row 0 north
-  // The range that the channel can take, where it is known (low < high); else that of the values serves.
+  std::string name;               // for example "height"
+  std::string unit;               // for example "u"; "" for a dimensionless channel
+  std::span<const float> values;  // rows × columns, row-major, row 0 north; empty: not available
+  // The channel's range. If it is unknown (low ≥ high), the range of the values is used.
   float low = 0.0F, high = 0.0F;
 };
 
-// A point where two things touch, and the force there.
+// A contact point and its force.
 struct ContactMark {
   Eigen::Vector3f point;  // u
   Eigen::Vector3f force;  // mass·u/s², on the object, averaged over the physics step
@@ -27,8 +27,8 @@ struct ContactMark {
 
 struct FrameInput {
   const scene::Snapshot& snapshot;
-  const std::vector<scene::ObjectSpec>& catalogue;  // every object ever made, index = id
-  std::span<const Channel> channels = {};           // the same in every moment of a run
+  const std::vector<scene::ObjectSpec>& catalogue;  // every object ever created, index = object id
+  std::span<const Channel> channels = {};           // the same set in every frame of a run
   std::span<const ContactMark> contacts = {};
 };
 

@@ -9,8 +9,8 @@
 namespace smartsurf::view {
 namespace {
 
-constexpr float kConeBase = -1.0F / 3.0F;  // of a cone whose tip is at 1: the centre of mass is at 0
-constexpr float kCapSeam = 1e-4F;          // z of a capsule's equator, on either side
+constexpr float kConeBase = -1.0F / 3.0F;  // z of the base if the tip is at 1 and the centre of mass at 0
+constexpr float kCapSeam = 1e-4F;          // |z| of a capsule's two equators
 constexpr int kWireframeSteps = 36, kWireframeMeridians = 12;
 
 std::array<float, 2> circle_point(int step, int steps) {
@@ -18,7 +18,7 @@ std::array<float, 2> circle_point(int step, int steps) {
   return {static_cast<float>(std::cos(angle)), static_cast<float>(std::sin(angle))};
 }
 
-// A round flat end that looks up or down.
+// A flat disc at z that faces up (up = 1) or down (up = −1).
 void add_disc(Mesh& mesh, int segments, float z, float up) {
   const std::uint32_t middle = mesh.add_vertex(0, 0, z, 0, 0, up);
   for (int i = 0; i < segments; ++i) {
@@ -44,13 +44,13 @@ void add_ring(std::vector<float>& wireframe, float radius, float z) {
     }
 }
 
-// Half a great circle from the north pole to the south, or its part above the equator mirrored for both caps.
+// Half a great circle from the north pole to the south pole. split: the equator point is doubled, one per cap.
 void add_meridian(std::vector<float>& wireframe, int meridian, bool split) {
   const auto [mx, my] = circle_point(meridian, kWireframeMeridians);
   for (int i = 0; i < kWireframeSteps / 2; ++i)
     for (int end = 0; end < 2; ++end) {
       auto [z, r] = circle_point(i + end, kWireframeSteps);
-      // The piece that reaches the equator stays in its own cap.
+      // A segment that ends at the equator stays in its own cap.
       if (split && std::abs(z) < kCapSeam) z = i < kWireframeSteps / 4 ? kCapSeam : -kCapSeam;
       add_point(wireframe, r * mx, r * my, z);
     }
@@ -112,7 +112,7 @@ Mesh cone_mesh(int segments) {
   const auto vertex_count = static_cast<std::uint32_t>(2 * segments);
   const float high = 1.0F - kConeBase, slant = std::hypot(high, 1.0F);
   for (int i = 0; i < segments; ++i) {
-    // Each side has a tip of its own, so that the light changes smoothly around.
+    // One tip vertex per segment, so that the normals vary smoothly around the cone.
     const auto [x, y] = circle_point(i, segments);
     const std::uint32_t low =
         mesh.add_vertex(x, y, kConeBase, x * high / slant, y * high / slant, 1.0F / slant);
@@ -126,7 +126,7 @@ Mesh cone_mesh(int segments) {
 Mesh capsule_mesh(int segments) {
   Mesh mesh;
   const int quarter = segments / 4;
-  // Rows from the south pole to the north; the equator twice, once a cap.
+  // Rows from the south pole to the north pole; the equator appears twice, once per cap.
   for (int row = 0; row < 2 * (quarter + 1); ++row) {
     const bool upper = row > quarter;
     const double angle = std::numbers::pi / 2.0 * (upper ? row - quarter - 1 : row - quarter) / quarter;
@@ -226,10 +226,10 @@ std::vector<float> cone_wireframe() {
 }
 
 std::vector<float> solid_wireframe(const scene::Solid& solid) {
-  constexpr float kCoplanarCosine = 0.9995F;  // cosine between the normals of faces that lie in one plane
+  constexpr float kCoplanarCosine = 0.9995F;  // minimum cosine between the normals of coplanar faces
   struct Edge {
-    Eigen::Vector3f normal;
-    bool sharp = true;  // until a second face in its plane is found
+    Eigen::Vector3f normal;  // of the first face
+    bool sharp = true;       // false once a coplanar second face is found
   };
   std::map<std::array<std::uint32_t, 2>, Edge> edges;
   for (const auto& t : solid.triangles) {

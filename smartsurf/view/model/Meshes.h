@@ -1,9 +1,8 @@
-// Triangles and wires of the shapes, to be drawn once an instance. No OpenGL here.
+// Triangle meshes and wireframes of the object shapes, for instanced drawing. No OpenGL.
 //
-// Box, cylinder and cone are given for half extents of 1 in every direction and scaled by the instance's (a
-// cone's origin is its centre of mass, which its box of half extents is centred on). A capsule is given as a
-// sphere of radius 1 whose corners, by the sign of their z, belong to the upper or the lower cap: drawing
-// pulls the caps apart. A solid keeps its own size.
+// Box, cylinder and cone have half extents of 1 and are scaled by the instance's half extents; the origin of a
+// cone is its centre of mass. A capsule is a unit sphere: the sign of a vertex's z assigns it to the upper or
+// the lower cap, and the vertex shader moves the caps apart. A solid keeps its own size.
 #pragma once
 
 #include <cstdint>
@@ -14,27 +13,28 @@
 namespace smartsurf::view {
 
 struct Mesh {
-  std::vector<float> vertices;         // x y z, and the normal's x y z, a corner
-  std::vector<std::uint32_t> indices;  // three corners each
+  std::vector<float> vertices;         // 6 per vertex: position, normal
+  std::vector<std::uint32_t> indices;  // 3 per triangle, counter-clockwise from outside
 
+  // Returns the new vertex's index.
   std::uint32_t add_vertex(float x, float y, float z, float nx, float ny, float nz);
   void add_triangle(std::uint32_t a, std::uint32_t b, std::uint32_t c);
 };
 
 Mesh box_mesh();
-// segments: around; the more, the rounder.
+// segments: number of segments around the z axis.
 Mesh cylinder_mesh(int segments);
 Mesh cone_mesh(int segments);
 Mesh capsule_mesh(int segments);
-Mesh solid_mesh(const scene::Solid& solid);  // every face flat
+Mesh solid_mesh(const scene::Solid& solid);  // flat-shaded: no shared vertices
 
-// Ends of straight lines, two corners x y z a line.
+// Line segments: two end points x y z each.
 std::vector<float> sphere_wireframe();
 std::vector<float> box_wireframe();
 std::vector<float> cylinder_wireframe();
 std::vector<float> cone_wireframe();
 std::vector<float> capsule_wireframe();
-std::vector<float> solid_wireframe(
-    const scene::Solid& solid);  // the edges between faces that do not lie in one plane
+// The edges between non-coplanar faces.
+std::vector<float> solid_wireframe(const scene::Solid& solid);
 
 }  // namespace smartsurf::view

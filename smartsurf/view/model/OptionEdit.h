@@ -1,5 +1,5 @@
-// Editing of one experiment option: a slider for a number, a switch for a boolean, a field for text.
-// Independent of windows.
+// The edit state of one experiment option: a slider for a number, a checkbox for a boolean, a field for text.
+// Independent of the window system.
 #pragma once
 
 #include <string>
@@ -16,17 +16,17 @@ struct NamedValue {
 struct OptionEdit {
   enum class Kind { kInteger, kReal, kBool, kText };
 
-  // The kind follows from the option's text; a number's slider goes to twice its value.
+  // The kind is derived from the option's text. A number's slider extends to twice its value.
   explicit OptionEdit(const scene::OptionSpec& option);
 
-  // As --set takes it; the option's own text while nothing was changed.
+  // The value as --set accepts it; the original text while unchanged.
   std::string value() const;
   bool changed() const { return value() != original; }
 
   std::string name, help, original;
   Kind kind = Kind::kText;
   float number = 0.0F, low = 0.0F, high = 1.0F;  // kInteger, kReal
-  bool checked = false;                          // kSwitch
+  bool checked = false;                          // kBool
   std::string text;                              // kText
 
  private:
@@ -34,7 +34,7 @@ struct OptionEdit {
 };
 
 std::vector<OptionEdit> make_option_edits(const std::vector<scene::OptionSpec>& options);
-// Those that were changed.
+// The options whose value differs from the original.
 std::vector<NamedValue> changed_options(const std::vector<OptionEdit>& edits);
 
 }  // namespace smartsurf::view

@@ -8,12 +8,11 @@
 namespace smartsurf::view {
 namespace {
 
-constexpr float kOcclusionRange = 1.6f;   // an object darkens pins within this many radii
-constexpr float kObjectOcclusion = 0.8f;  // strength of that shade
-constexpr float kCornerOcclusion =
-    0.62f;  // strength of the shade in a corner of walls as high as a pin is wide
+constexpr float kOcclusionRange = 1.6f;    // an object darkens pins within this many radii
+constexpr float kObjectOcclusion = 0.8f;   // strength of occlusion by objects
+constexpr float kCornerOcclusion = 0.62f;  // strength of occlusion by neighbouring pins
 
-// As a screen shows them: pins that are down, pins that are up, and the border.
+// sRGB: lowest pins, highest pins, the border.
 constexpr Rgb kLowColour{0.36f, 0.42f, 0.50f}, kHighColour{0.86f, 0.87f, 0.88f},
     kBorderColour{0.31f, 0.34f, 0.39f};
 
@@ -21,7 +20,7 @@ std::uint8_t to_byte(float value) {
   return static_cast<std::uint8_t>(std::clamp(value, 0.0f, 1.0f) * 255.0f + 0.5f);
 }
 
-// How much a wall of that height, in pins' widths, hides of the sky from a point at its foot: 0 … 1.
+// Fraction of the sky that a wall hides from a point at its foot: 0 … 1. wall: its height in pitches.
 float sky_occlusion(float wall) { return wall <= 0.0f ? 0.0f : wall / std::sqrt(1.0f + wall * wall); }
 
 }  // namespace
@@ -39,8 +38,8 @@ PinShading::PinShading(const scene::SurfaceSpec& surface)
 
 float PinShading::height_at(const scene::Snapshot& snapshot, int row, int column) const {
   if (row < 0 || column < 0 || row >= surface_.rows || column >= surface_.columns) return base_;
-  return std::max(base_,
-                  snapshot.height[surface_.index(row, column)]);  // an empty cell is a hole to the ground
+  // An empty cell has height −∞ and is a hole to the ground.
+  return std::max(base_, snapshot.height[surface_.index(row, column)]);
 }
 
 PinShading::CornerValues PinShading::sky_visibility(const scene::Snapshot& snapshot, int row,
@@ -58,6 +57,8 @@ PinShading::CornerValues PinShading::sky_visibility(const scene::Snapshot& snaps
           corner(north, west, wall(-1, -1)), corner(north, east, wall(-1, 1))};
 }
 
+// Darkens the corners of the pins below a sphere. Positions that are far away or not finite are ignored before
+// the conversion to int.
 void PinShading::apply_object_occlusion(const scene::Snapshot& snapshot, const std::array<float, 3>& centre,
                                         float radius) {
   const float pitch = static_cast<float>(surface_.pitch), range = kOcclusionRange * radius + pitch;
@@ -82,7 +83,7 @@ void PinShading::apply_object_occlusion(const scene::Snapshot& snapshot, const s
         const float dx = static_cast<float>(column) * pitch + ((corner & 1) ? half_x : -half_x) - centre[0];
         const float dy =
             (south_row - static_cast<float>(row)) * pitch + ((corner & 2) ? half_y : -half_y) - centre[1];
-        // A sphere's share of the sky, weighed by the cosine: (r/d)²·cos θ.
+        // Cosine-weighted share of the sky that a sphere covers: (r/d)²·cos θ.
         const float d2 = std::max(dx * dx + dy * dy + dz * dz, radius * radius);
         sky_visibility_[index][corner] *=
             1.0f - kObjectOcclusion * radius * radius * dz / (d2 * std::sqrt(d2));
@@ -99,7 +100,7 @@ PinShading::ColourTables PinShading::make_colour_tables() {
   for (int i = 0; i < 256; ++i) {
     const float share = static_cast<float>(i) / 255.0f;
     Rgb screen;
-    // The travel that programs use is often a part of the pin's range: the square root brightens it early.
+    // Programs often use only the lower part of the pin's travel; the square root spreads its brightness.
     for (int c = 0; c < 3; ++c)
       screen[c] = kLowColour[c] + (kHighColour[c] - kLowColour[c]) * std::sqrt(share);
     t.height[i] = bytes(screen);

@@ -12,14 +12,14 @@ class PlotHistory {
  public:
   struct Series {
     std::string name, unit;
-    std::vector<float> values;  // oldest first; NaN where there was none
+    std::vector<float> values;  // oldest first; NaN: no value
     float latest() const { return values.back(); }
   };
 
-  // One sample of the thing at this moment, at most one a tick. Another thing than before, or an earlier
-  // moment, begins anew.
+  // Adds one sample of `item`, at most one per tick. A different item or an earlier time clears the history.
   void add(const SceneItem& item, const scene::SurfaceSpec& surface, const FrameInput& input);
   const std::vector<Series>& series() const { return series_; }
+  // Time between the oldest and the latest sample, simulated seconds.
   double span_s() const { return times_.empty() ? 0.0 : times_.back() - times_.front(); }
 
  private:

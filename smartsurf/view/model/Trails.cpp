@@ -6,7 +6,7 @@
 namespace smartsurf::view {
 namespace {
 
-constexpr std::size_t kMaxPoints = 400;  // of one object
+constexpr std::size_t kMaxPoints = 400;  // per object
 
 std::uint8_t to_byte(float value) {
   return static_cast<std::uint8_t>(std::clamp(value, 0.0F, 1.0F) * 255.0F + 0.5F);

@@ -12,7 +12,7 @@ namespace smartsurf::view {
 namespace {
 
 constexpr int kMaxEdge_px = 8192;
-constexpr float kReferenceHeight_px = 720.0f;  // pixels, at which text has its plain size
+constexpr float kReferenceHeight_px = 720.0f;  // image height at which the legend has scale 1
 
 }  // namespace
 
@@ -41,7 +41,7 @@ struct OffscreenView::State {
   common::EglContext context;
   std::unique_ptr<Renderer> renderer;
   std::unique_ptr<RenderTarget> target;
-  std::unique_ptr<LegendRenderer> legend_renderer;  // made when the first picture wants one
+  std::unique_ptr<LegendRenderer> legend_renderer;  // created for the first image with a legend
   std::string driver;
 };
 

@@ -1,7 +1,7 @@
-// Renders pictures off-screen, through EGL into memory.
+// Renders images off-screen through EGL.
 //
-// The same snapshot, camera, options and size give the same bytes on the same driver. One thread at a time,
-// any thread; leaves no context current, so that it can coexist with a Window.
+// Identical snapshots, cameras, options and sizes give identical bytes on the same driver. Any thread, one at a
+// time. No context stays current between calls, so an OffscreenView can coexist with a Window.
 #pragma once
 
 #include <memory>
@@ -16,25 +16,27 @@
 
 namespace smartsurf::view {
 
-// kPicture: the finest there is, about a second a picture without a graphics card. kVideo: a tenth of that.
+// kStill: highest quality, about one second per image on a software renderer. kVideo: about a tenth of that.
 enum class Detail { kStill, kVideo };
 
 class OffscreenView {
  public:
-  // Throws scene::InputError, one line, in a build without the view: asked before a run, so that it fails at
-  // once.
+  // Throws scene::InputError with a one-line message in a build without the view. Call it before a run, so that
+  // the run fails early.
   static void require_available();
 
-  // Throws std::runtime_error, one line that names the packages, when this machine has no OpenGL 3.3.
+  // Throws std::runtime_error with a one-line message that names the missing packages if OpenGL 3.3 is not
+  // available.
   explicit OffscreenView(const scene::SceneSpec& spec, Detail detail = Detail::kStill);
   ~OffscreenView();
 
-  // catalogue: every object ever made, index = object id. width, height: 1 to 8192 pixels; beyond that, or
-  // where the driver draws no picture so large, throws scene::InputError.
+  // Renders one image, row 0 at the top. catalogue: every object ever created, index = object id. Throws
+  // scene::InputError if width or height is not 1 to 8192 pixels, and std::runtime_error if the driver refuses
+  // the size.
   common::Image render(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
                        const Camera& camera, const DrawOptions& options, int width, int height);
 
-  // The driver's name for itself, for logs.
+  // The driver's GL_RENDERER string, for logs.
   std::string driver_name() const;
 
  private:
@@ -42,7 +44,7 @@ class OffscreenView {
   std::unique_ptr<State> state_;
 };
 
-// One picture, by an OffscreenView of its own: for a series make one and keep it.
+// Renders one image with a temporary OffscreenView. For a series, keep an OffscreenView.
 common::Image render_image(const scene::SceneSpec& spec, const scene::Snapshot& snapshot,
                            const std::vector<scene::ObjectSpec>& catalogue, const Camera& camera,
                            const DrawOptions& options, int width, int height);

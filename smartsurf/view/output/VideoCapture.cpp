@@ -6,7 +6,7 @@ namespace smartsurf::view {
 namespace {
 
 constexpr int kFramesPerSecond = 30;
-constexpr double kMaxGap_s = 1.0;  // a jump in time is not filled up with stills
+constexpr double kMaxGap_s = 1.0;  // longer gaps in simulated time are skipped instead of repeating a frame
 
 }  // namespace
 

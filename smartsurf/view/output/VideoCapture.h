@@ -1,4 +1,4 @@
-// A video of a window's contents, 30 frames per simulated second.
+// Records a window's contents as a video with 30 frames per simulated second.
 #pragma once
 
 #include <memory>
@@ -11,13 +11,14 @@ namespace smartsurf::view {
 
 class VideoCapture {
  public:
-  // Throws as VideoWriter does. Odd edges lose a pixel.
+  // width, height: pixels; odd sizes are cropped by one pixel. time_s: simulated time of the first frame. Throws
+  // as common::VideoEncoder does.
   VideoCapture(const std::string& file, int width, int height, double time_s);
 
   const std::string& file() const { return file_; }
-  // Whether a picture is due at that time; one that is due must be added.
+  // Whether a frame is due at that simulated time. If so, call add().
   bool frame_due(double time_s) const { return time_s >= next_frame_s_ - 1e-6; }
-  // A picture of the same size, or any other once the window was resized: then it is left out.
+  // Adds a frame, cropped to the video's size. A smaller image (after a window resize) is ignored.
   void add(const common::Image& image, double time_s);
   void finish() { encoder_.finish(); }
 

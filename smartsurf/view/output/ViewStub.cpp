@@ -1,5 +1,4 @@
-// Stands in for drawing in a build with -DSMARTSURF_VIEW=OFF: the same interface, which says that it is left
-// out.
+// The drawing interface in a build with -DSMARTSURF_VIEW=OFF: every function throws scene::InputError.
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/view/output/OffscreenView.h"
 #include "smartsurf/view/window/Window.h"

@@ -14,7 +14,7 @@
 namespace smartsurf::view {
 namespace {
 
-// Debian's fonts-dejavu-core; without it ImGui's own bitmap font serves.
+// From Debian's fonts-dejavu-core. Without it, ImGui's built-in bitmap font is used.
 constexpr const char* kFontFile = "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf";
 constexpr float kFontSize_px = 14.0f;
 constexpr ImGuiWindowFlags kPanelFlags =
@@ -50,7 +50,7 @@ void draw_state_rows(const scene::Snapshot& snapshot, const Status& status, cons
   table_row("objects", "%zu", snapshot.object_count());
   table_row("contacts", "%u", snapshot.contact_count);
   if (status.purity) table_row("purity", "%.3f", *status.purity);
-  if (status.physics_ms > 0.0) table_row("physics", "%.2f ms a tick", status.physics_ms);
+  if (status.physics_ms > 0.0) table_row("physics", "%.2f ms/tick", status.physics_ms);
   table_row("drawing", "%.1f ms, %.0f frames/s", state.render_ms, 1000.0 / std::max(state.interval_ms, 1.0));
 }
 
@@ -72,11 +72,10 @@ void draw_transport_controls(const Status& status, Controls& controls) {
   action_button(status.requested_pace > 0.0 ? "Max" : "1×", UiAction::kMaxPace, status, controls, "M");
   if (!status.can_reset) return;
   ImGui::SameLine();
-  action_button("Reset", UiAction::kReset, status, controls, "begin anew: Backspace");
+  action_button("Reset", UiAction::kReset, status, controls, "restart: Backspace");
 }
 
-// Along the bottom: where on the timeline the picture stands, and the way to elsewhere on it.
-// Returns the y of its upper edge.
+// Draws the timeline with its playback controls along the bottom. Returns the y of its upper edge.
 float draw_timeline(const Timeline& timeline, const Status& status, Controls& controls, float scale) {
   const ImVec2 size = ImGui::GetIO().DisplaySize;
   const float width = size.x - 24.0f * scale;
@@ -151,11 +150,11 @@ void draw_run_panel(const FrameInput& input, const Status& status, HudState& sta
   draw_tools_section(status, controls);
   draw_options_section(status, state.option_edits, controls);
   if (!status.notice.empty()) ImGui::TextColored(kWarningColour, "%s", status.notice.c_str());
-  if (state.recording_video) ImGui::TextColored(kWarningColour, "filming; V ends it");
+  if (state.recording_video) ImGui::TextColored(kWarningColour, "recording video; V: stop");
   if (!state.message.empty()) ImGui::TextUnformatted(state.message.c_str());
   ImGui::TextColored(kDimTextColour, "F1: help   Tab: hide panels");
   ImGui::PopItemWidth();
-  // At its first size: the scene does not move whenever a section is opened.
+  // Set once, from the panel's initial size, so that the scene does not move when a section is opened.
   if (state.insets.top == 0.0 && !ImGui::IsWindowAppearing())
     state.insets.top =
         std::min(0.4, static_cast<double>((ImGui::GetWindowPos().y + ImGui::GetWindowSize().y) /
@@ -192,23 +191,23 @@ void draw_hud(const FrameInput& input, const Status& status, const std::optional
 
 void draw_help_overlay(float scale) {
   static constexpr const char* kHelp[][2] = {
-      {"Left drag", "turn"},
-      {"Right or middle drag, Shift + left", "move"},
+      {"Left drag", "orbit"},
+      {"Right or middle drag, Shift + left", "pan"},
       {"Wheel", "zoom"},
       {"Click", "pick an object or a cell"},
       {"Ctrl + drag", "pull an object with a spring"},
-      {"1   2   3", "from above, whole table, from the side"},
-      {"Space", "pause and run"},
-      {"Left, right arrow", "one tick back, on"},
+      {"1   2   3", "top view, whole table, side view"},
+      {"Space", "pause, resume"},
+      {"Left, right arrow", "one tick back, forward"},
       {"+   -   M", "faster, slower, as fast as possible"},
-      {"Backspace", "begin anew"},
-      {"W   G", "objects as wires, grid"},
-      {"H", "next channel on the cells"},
-      {"T   F   S   L", "trails, contact forces, what the sensors see, labels"},
+      {"Backspace", "restart"},
+      {"W   G", "wireframe objects, grid"},
+      {"H", "colour the cells by the next channel"},
+      {"T   F   S   L", "trails, contact forces, sensor rays, labels"},
       {"O", "follow the picked object"},
-      {"P   V", "write a picture, a video"},
+      {"P   V", "save a screenshot, record a video"},
       {"Tab   F1", "panels, this help"},
-      {"Esc", "put down the tool, free the camera"},
+      {"Esc", "cancel the tool or selection, stop following"},
       {"Q", "quit"}};
   const ImVec2 size = ImGui::GetIO().DisplaySize;
   ImGui::SetNextWindowPos({size.x / 2.0f, size.y / 2.0f}, ImGuiCond_Always, {0.5f, 0.5f});

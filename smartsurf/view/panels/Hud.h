@@ -1,5 +1,6 @@
-// The status panel and the help, in Dear ImGui. Internal to this module: called between ImGui::NewFrame and
-// ImGui::Render, in the window's context.
+// The status panel, the timeline, the labels and the help, in Dear ImGui. Internal to smartsurf/view.
+//
+// Unless noted otherwise, functions are called between ImGui::NewFrame and ImGui::Render. scale: of the display.
 #pragma once
 
 #include <optional>
@@ -13,26 +14,26 @@
 namespace smartsurf::view {
 
 struct HudState {
-  double render_ms = 0.0, interval_ms = 0.0;  // smoothed: of drawing a frame, and from one frame to the next
-  std::string message;                        // of the last picture: where it is, or why it is not
+  double render_ms = 0.0, interval_ms = 0.0;  // smoothed time to draw a frame and between frames
+  std::string message;                        // path of the last screenshot or video, or the error
   bool recording_video = false;
-  ViewInsets insets;  // by the timeline, and by the run's panel while its sections were closed
+  ViewInsets insets;  // of the timeline and of the run panel's initial size
   std::vector<OptionEdit> option_edits;
   PlotHistory plot_history;
 };
 
-// Fonts and colours, once after the ImGui context is made. scale: of the display.
+// Sets fonts and colours. Call once after creating the ImGui context.
 void setup_imgui_style(float scale);
 
-// All panels: the run's, the picked thing's, the timeline, the legend. Buttons press keys on the controls.
+// Draws all panels: run, inspector, timeline and legend. Buttons act on `controls`.
 void draw_hud(const FrameInput& input, const Status& status, const std::optional<ColourScale>& colour_scale,
               HudState& state, Controls& controls, float scale);
 void draw_help_overlay(float scale);
-// The label and number above every object.
+// Draws label and id above the objects, 1000 at most.
 void draw_object_labels(const FrameInput& input, const Camera& camera, float width, float height);
-// Whether a panel that takes the pointer covers that place, as drawn last.
+// Whether a panel that accepts input covers the point, as of the last frame. Callable at any time.
 bool is_over_panel(double x, double y);
-// Letters at the ends of the axes.
+// Draws the letters at the ends of the axes.
 void draw_axis_labels(const scene::SurfaceSpec& surface, const Camera& camera, float width, float height);
 
 }  // namespace smartsurf::view

@@ -10,7 +10,7 @@ namespace smartsurf::view {
 namespace {
 
 constexpr const char* kShapeNames[] = {"sphere", "box", "cylinder", "capsule", "cone", "solid"};
-constexpr float kNameWidth = 9.0f;  // of the names' column, in heights of the font
+constexpr float kNameWidth = 9.0f;  // width of the name column, in font heights
 const ImVec4 kDimTextColour(0.36f, 0.40f, 0.46f, 1.0f);
 
 void draw_vector_row(const char* name, const char* unit, const std::array<float, 3>& v) {
@@ -26,7 +26,7 @@ void draw_object_rows(const FrameInput& input, scene::ObjectId id, Controls& con
                      object.fixed ? ", fixed" : "");
   const auto i = find_object_index(input.snapshot, id);
   if (!i) {
-    ImGui::TextUnformatted("does not exist now");
+    ImGui::TextUnformatted("not in the scene at this time");
     return;
   }
   draw_vector_row("position", "u", input.snapshot.position[*i]);
@@ -54,7 +54,7 @@ void draw_series_plot(const PlotHistory::Series& series, float width) {
   ImGui::TextColored(kDimTextColour, "%s", series.name.c_str());
   ImGui::SameLine(kNameWidth * ImGui::GetFontSize());
   ImGui::TextUnformatted(latest);
-  if (!(low <= high) || series.values.size() < 2) return;  // a run that is paused: the number is all there is
+  if (!(low <= high) || series.values.size() < 2) return;  // nothing to plot; the number is enough
   const float margin = std::max(0.05f * (high - low), 0.01f);
   ImGui::PushID(series.name.c_str());
   ImGui::PlotLines("##trace", series.values.data(), static_cast<int>(series.values.size()), 0, nullptr,
@@ -82,7 +82,7 @@ void draw_inspector_panel(const FrameInput& input, const PlotHistory& history, C
     ImGui::Text("Cell: row %d, column %d", item->row, item->column);
   ImGui::Dummy({0.0f, 2.0f * scale});
   for (const PlotHistory::Series& series : history.series()) draw_series_plot(series, 280.0f * scale);
-  ImGui::TextColored(kDimTextColour, "the last %.1f s      Esc: close", history.span_s());
+  ImGui::TextColored(kDimTextColour, "last %.1f s      Esc: close", history.span_s());
   ImGui::End();
 }
 

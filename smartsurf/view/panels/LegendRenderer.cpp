@@ -11,7 +11,7 @@
 namespace smartsurf::view {
 namespace {
 
-// A window may have a context of its own in this thread.
+// Restores the previous context: a Window may own one on the same thread.
 class ScopedImGuiContext {
  public:
   explicit ScopedImGuiContext(ImGuiContext* context) : previous_(ImGui::GetCurrentContext()) {
@@ -53,7 +53,7 @@ void LegendRenderer::draw(const ColourScale& colour_scale, unsigned framebuffer,
   ImGuiIO& io = ImGui::GetIO();
   io.DisplaySize = {static_cast<float>(width), static_cast<float>(height)};
   io.DeltaTime = 1.0f / 60.0f;
-  // A panel takes a frame to find its size.
+  // ImGui needs one frame to determine an auto-sized window's size.
   for (int frame = 0; frame < 2; ++frame) {
     ImGui_ImplOpenGL3_NewFrame();
     ImGui::NewFrame();

@@ -10,9 +10,9 @@ namespace {
 
 constexpr const char* kShapeNames[] = {"sphere", "box", "cylinder", "capsule", "cone"};
 constexpr const char* kToolNames[] = {"pick", "drop", "poke", "break"};
-constexpr const char* kFaultNames[] = {"mended", "stuck", "dead"};
+constexpr const char* kFaultNames[] = {"repaired", "stuck", "dead"};
 
-// A list to choose from; true when the choice changed.
+// Returns whether the selection changed.
 bool combo(const char* label, int& selected, const char* const* names, int count) {
   return ImGui::Combo(label, &selected, names, count);
 }
@@ -38,7 +38,7 @@ void draw_colour_scale_settings(OverlaySettings& overlay) {
   if (combo("palette", palette, kPaletteNames.data(), static_cast<int>(kPaletteNames.size())))
     overlay.palette = kPalettes[static_cast<std::size_t>(palette)];
   ImGui::Checkbox("low is bright", &overlay.reverse_palette);
-  ImGui::Checkbox("own range", &overlay.manual_range);
+  ImGui::Checkbox("manual range", &overlay.manual_range);
   if (!overlay.manual_range) return;
   ImGui::DragFloatRange2("##range", &overlay.low, &overlay.high, 0.05F, 0.0F, 0.0F, "%.2f", "%.2f");
 }
@@ -48,7 +48,7 @@ void draw_drop_settings(DropSpec& drop) {
   if (combo("shape", shape, kShapeNames, IM_ARRAYSIZE(kShapeNames)))
     drop.shape = static_cast<scene::ShapeKind>(shape);
   slider_double("size", drop.size, 0.2, 6.0, "%.1f u");
-  slider_double("fall", drop.height, 0.0, 20.0, "%.1f u");
+  slider_double("drop height", drop.height, 0.0, 20.0, "%.1f u");
   ImGui::ColorEdit3("colour", &drop.colour.r, ImGuiColorEditFlags_NoInputs);
 }
 
@@ -87,7 +87,7 @@ void draw_visibility_section(const FrameInput& input, const Status& status, Cont
   channel_combo(input, overlay);
   if (!overlay.channel.empty()) draw_colour_scale_settings(overlay);
   bool wires = controls.fill_mode() == FillMode::kWireframe, grid = controls.grid_shown();
-  if (ImGui::Checkbox("wires (W)", &wires)) controls.perform(UiAction::kWireframe, {});
+  if (ImGui::Checkbox("wireframe (W)", &wires)) controls.perform(UiAction::kWireframe, {});
   ImGui::SameLine();
   if (ImGui::Checkbox("grid (G)", &grid)) controls.perform(UiAction::kGrid, {});
   ImGui::Checkbox("trails (T)", &overlay.trails);
@@ -126,9 +126,9 @@ void draw_tools_section(const Status& status, Controls& controls) {
 void draw_options_section(const Status& status, std::vector<OptionEdit>& edits, Controls& controls) {
   if (!status.can_reset || edits.empty() || !ImGui::CollapsingHeader("Options")) return;
   for (OptionEdit& edit : edits) draw_option_edit(edit);
-  if (ImGui::Button("Begin anew")) controls.reset(changed_options(edits));
+  if (ImGui::Button("Restart")) controls.reset(changed_options(edits));
   ImGui::SameLine();
-  ImGui::TextDisabled("takes them over");
+  ImGui::TextDisabled("applies the changes");
 }
 
 }  // namespace smartsurf::view

@@ -1,5 +1,5 @@
-// The panels beside the scene, in Dear ImGui: display settings, tools, options, inspector, legend. Internal
-// to this module: called between ImGui::NewFrame and ImGui::Render, in the window's context.
+// The panels over the scene, in Dear ImGui: display settings, tools, options, inspector, legend. Internal to
+// smartsurf/view. Functions are called between ImGui::NewFrame and ImGui::Render.
 #pragma once
 
 #include <vector>
@@ -9,16 +9,16 @@
 
 namespace smartsurf::view {
 
-// Sections of the panel at the left, that open and close.
+// Collapsible sections of the run panel.
 void draw_visibility_section(const FrameInput& input, const Status& status, Controls& controls);
 void draw_tools_section(const Status& status, Controls& controls);
-// changed values take effect with the reset that the section's button asks for.
+// The section's button requests a reset, which applies the changed options.
 void draw_options_section(const Status& status, std::vector<OptionEdit>& edits, Controls& controls);
 
-// At the right: the state of the picked thing and its recent past.
+// The state and the recent history of the selected item, at the right.
 void draw_inspector_panel(const FrameInput& input, const PlotHistory& history, Controls& controls,
                           float scale);
-// Above the timeline at the right.
+// The colour scale at the right; bottom: y of its lower edge, pixels.
 void draw_legend(const ColourScale& colour_scale, float bottom, float scale);
 
 }  // namespace smartsurf::view

@@ -6,9 +6,11 @@ namespace smartsurf::view {
 namespace {
 
 constexpr double kScaleStep = 0.25;
-constexpr int kFramesPerDecision =
-    8;  // the first of them, which makes the driver compile or allocate, is left out
-constexpr double kUpscaleHeadroom = 0.85;  // of the budget, if all the time went into pixels
+// The first frame at a new scale is ignored: the driver may compile or allocate in it.
+constexpr int kFramesPerDecision = 8;
+// Upscale if the predicted time stays below this share of the budget. The prediction is pessimistic: it scales
+// the whole frame time with the number of pixels.
+constexpr double kUpscaleHeadroom = 0.85;
 
 double square(double x) { return x * x; }
 

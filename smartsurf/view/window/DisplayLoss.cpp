@@ -4,7 +4,7 @@
 
 #include <atomic>
 
-// GLFW's own; its header would need Xlib's, which nothing else here does.
+// Declared here because GLFW's native header includes Xlib's, which nothing else needs.
 extern "C" void* glfwGetX11Display(void);
 
 namespace smartsurf::view {
@@ -32,7 +32,8 @@ void detect_display_loss() {
   if (display == nullptr || library == nullptr) return;
   using SetHandler = void*(int (*)(void*));
   using SetExitHandler = void(void*, void (*)(void*, void*), void*);
-  // Without the second, which Xlib has since 1.7, returning from the first ends the process all the same.
+  // Both are needed: without the exit handler (libX11 1.7 and later), Xlib terminates the process after the
+  // error handler returns.
   auto* const set_exit = load_symbol<SetExitHandler>(library, "XSetIOErrorExitHandler");
   auto* const set_handler = load_symbol<SetHandler>(library, "XSetIOErrorHandler");
   if (set_exit != nullptr && set_handler != nullptr) {

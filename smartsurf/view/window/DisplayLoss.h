@@ -1,9 +1,11 @@
-// Detects the loss of the X server, after which Xlib would terminate the process. Internal to this module.
+// Detects the loss of the X server, which by default makes Xlib terminate the process. Internal to
+// smartsurf/view.
 #pragma once
 
 namespace smartsurf::view {
 
-// After GLFW has been initialised: from now on a lost display raises a flag instead.
+// Installs Xlib error handlers that set a flag instead of terminating the process. Call after GLFW's
+// initialisation. No effect without X11.
 void detect_display_loss();
 bool display_lost() noexcept;
 

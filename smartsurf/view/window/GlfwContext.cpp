@@ -22,7 +22,7 @@ struct WindowRect {
   int x = 0, y = 0, width = 1280, height = 720;
 };
 
-// Of the screen's width, from the left, when another program's window has the rest.
+// Share of the screen's width with WindowPlacement::kLeft.
 constexpr double kLeftWidthFraction = 0.42;
 
 WindowRect left_screen_area() {
@@ -57,7 +57,7 @@ GlfwContext::GlfwContext(const std::string& title, int width, int height, Window
   if (placement == WindowPlacement::kLeft) glfwSetWindowPos(window_, left.x, left.y);
   glfwMakeContextCurrent(window_);
   detect_display_loss();
-  glfwSwapInterval(0);  // the simulation must never wait for the display
+  glfwSwapInterval(0);  // the simulation must not block on vertical sync
 }
 
 GlfwContext::~GlfwContext() {

@@ -1,5 +1,5 @@
-// The GLFW window, its OpenGL context and Dear ImGui, created in order and destroyed in reverse. Internal to
-// this module; main thread only.
+// RAII owners of the GLFW window with its OpenGL context, and of Dear ImGui. Internal to smartsurf/view; main
+// thread only.
 #pragma once
 
 #include <string>
@@ -10,25 +10,26 @@ struct GLFWwindow;
 
 namespace smartsurf::view {
 
-// GLFW, and one window with its context.
+// GLFW and one window with its OpenGL context.
 class GlfwContext {
  public:
-  // Throws std::runtime_error, one line, when there is no display or no OpenGL 3.3. The context is left
-  // current.
+  // Leaves the context current. Throws std::runtime_error with a one-line message if there is no display or no
+  // OpenGL 3.3.
   GlfwContext(const std::string& title, int width, int height, WindowPlacement placement);
   ~GlfwContext();
   GlfwContext(const GlfwContext&) = delete;
   GlfwContext& operator=(const GlfwContext&) = delete;
 
   GLFWwindow* window() const { return window_; }
-  float content_scale() const;  // pixels a unit of the screen's coordinates, the larger of both ways
+  float content_scale() const;  // the display's scale factor, the larger of x and y
   bool minimised() const;
 
  private:
   GLFWwindow* window_ = nullptr;
 };
 
-// The window's context is current only while it is needed: EGL refuses to make another one current beside it.
+// Makes the window's context current for a scope. It is not current otherwise, because EGL refuses to make an
+// off-screen context current beside it.
 class ScopedGlContext {
  public:
   explicit ScopedGlContext(GLFWwindow* window);
@@ -37,7 +38,7 @@ class ScopedGlContext {
   ScopedGlContext& operator=(const ScopedGlContext&) = delete;
 };
 
-// Dear ImGui in that window. Callbacks that are to come before its own must be set before.
+// Dear ImGui in the window. ImGui chains the GLFW callbacks that are installed before it is constructed.
 class ImGuiBackend {
  public:
   ImGuiBackend(GLFWwindow* window, float scale);
@@ -46,7 +47,7 @@ class ImGuiBackend {
   ImGuiBackend& operator=(const ImGuiBackend&) = delete;
 };
 
-// Whether the context that is current draws on the processor.
+// Whether the current context renders on the CPU.
 bool is_software_renderer();
 
 }  // namespace smartsurf::view

@@ -7,10 +7,9 @@ namespace smartsurf::view {
 namespace {
 
 struct CharacterBinding {
-  char character;  // a letter stands for its capital too
+  char character;  // lower case; matches the capital too
   UiAction action;
 };
-// By the character typed, so that the keys are where the user's keyboard has them.
 constexpr CharacterBinding kCharacterBindings[] = {
     {' ', UiAction::kPause},         {'+', UiAction::kFaster},     {'=', UiAction::kFaster},
     {'-', UiAction::kSlower},        {'_', UiAction::kSlower},     {'m', UiAction::kMaxPace},

@@ -1,4 +1,4 @@
-// Key bindings. Internal to this module.
+// Maps characters and keys to actions. Internal to smartsurf/view.
 #pragma once
 
 #include <optional>
@@ -7,9 +7,11 @@
 
 namespace smartsurf::view {
 
-// Of a character that was typed, so that the keys are where the user's keyboard has them.
+// The action of a typed character (Unicode). Characters, not key codes, so that the user's keyboard layout
+// applies.
 std::optional<UiAction> action_for_character(unsigned character);
-// Of a key without a character, by GLFW's code; held keys repeat where that makes sense.
+// The action of a key without a character, by its GLFW code. repeated: auto-repeat of a held key, which only
+// some bindings accept.
 std::optional<UiAction> action_for_key_code(int code, bool repeated);
 
 }  // namespace smartsurf::view

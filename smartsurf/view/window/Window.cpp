@@ -55,11 +55,12 @@ struct Window::State {
     glfwMakeContextCurrent(nullptr);
   }
 
-  GLFWwindow* install_callbacks();  // before ImGui does, which then passes events on
+  GLFWwindow* install_callbacks();  // before ImGui installs its own, which chain these
   void queue_pointer_event(PointerEvent event, int mods);
   void set_scene(const scene::SceneSpec& s);
   Commands take_commands();
-  // False when there is nothing to draw on. copy: where to keep what is shown, or null.
+  // Returns false without drawing if the display is lost or the window is minimised. copy: receives the frame;
+  // may be null.
   bool render_frame(const FrameInput& input, const Status& new_status, common::Image* copy);
   bool needs_full_resolution() const;
   void draw_scene(const FrameInput& input);
@@ -79,9 +80,9 @@ struct Window::State {
   Overlay overlay;
   Status status;
   HudState hud;
-  std::vector<PointerEvent> pointer_events;  // not yet taken in
+  std::vector<PointerEvent> pointer_events;  // not yet handled
   double pointer_x = 0.0, pointer_y = 0.0;
-  bool needs_redraw = true;  // by the user or the window system, since the last frame
+  bool needs_redraw = true;  // input or a window-system event since the last frame
   Clock::time_point last_frame_at = Clock::now();
   int width = 0, height = 0;  // of the framebuffer, pixels
   float ui_scale;
@@ -89,9 +90,9 @@ struct Window::State {
   bool software_rendering;
   RenderQuality quality;
   AdaptiveResolution resolution;
-  RenderTarget low_res_target;  // where the scene is drawn with fewer pixels than are shown
+  RenderTarget low_res_target;  // the scene at reduced resolution
   std::unique_ptr<Renderer> renderer;
-  std::unique_ptr<Renderer> still_renderer;  // made when the first picture is asked for
+  std::unique_ptr<Renderer> still_renderer;  // created for the first screenshot
   std::unique_ptr<VideoCapture> video_capture;
 };
 
@@ -170,7 +171,8 @@ bool Window::State::render_frame(const FrameInput& input, const Status& new_stat
   if (display_lost()) return false;
   glfwGetFramebufferSize(glfw.window(), &width, &height);
   const bool minimised = glfw.minimised();
-  if (display_lost() || width < 1 || height < 1 || minimised) return false;  // what a lost one says is chance
+  // Checked again: after a loss, the size and the attribute are undefined.
+  if (display_lost() || width < 1 || height < 1 || minimised) return false;
   const auto start = Clock::now();
   const ScopedGlContext scope(glfw.window());
   controls.resize(static_cast<double>(width) / height, hud.insets);
@@ -191,7 +193,7 @@ bool Window::State::render_frame(const FrameInput& input, const Status& new_stat
   return true;
 }
 
-// A held run is drawn in full, and so is what is filmed.
+// Paused runs and video frames are drawn at full resolution.
 bool Window::State::needs_full_resolution() const { return status.paused || video_capture; }
 
 void Window::State::draw_scene(const FrameInput& input) {
@@ -221,7 +223,7 @@ void Window::State::handle_pointer(const FrameInput& input) {
     controls.handle_pointer(event, input, status, window_width, window_height);
 }
 
-// marks: also the selection and the spring, which belong into no picture.
+// show_selection: also the selection and the spring of a pull, which screenshots omit.
 DrawOptions Window::State::make_draw_options(const FrameInput& input, bool show_selection) {
   DrawOptions options;
   options.fill_mode = controls.fill_mode();
@@ -235,7 +237,7 @@ DrawOptions Window::State::make_draw_options(const FrameInput& input, bool show_
 void Window::State::draw_panels(const FrameInput& input) {
   ImGui_ImplOpenGL3_NewFrame();
   ImGui_ImplGlfw_NewFrame();
-  if (display_lost()) return;  // then the size that it read is none
+  if (display_lost()) return;  // the display size that the backend read is invalid
   ImGui::NewFrame();
   const ImVec2 size = ImGui::GetIO().DisplaySize;
   draw_axis_labels(spec.surface, controls.camera(), size.x, size.y);
@@ -305,8 +307,8 @@ void Window::State::save_screenshot(const FrameInput& input, Commands& commands)
   }
 }
 
-// What was opened stays open: a display server may begin anew when its last client leaves, and refuse the
-// next.
+// Does not call glfwTerminate(): an X server may reset when its last client disconnects, and refuse the next
+// connection.
 bool Window::display_available() { return glfwInit() == GLFW_TRUE; }
 
 Window::Window(const scene::SceneSpec& spec, const std::string& title, int width, int height,
@@ -314,7 +316,7 @@ Window::Window(const scene::SceneSpec& spec, const std::string& title, int width
     : state_(std::make_unique<State>(spec, title, width, height, placement)) {}
 
 Window::~Window() {
-  // Nothing of a lost display can be given back: its driver would wait for answers that do not come.
+  // After a display loss everything is leaked: the driver would wait for replies that never come.
   if (display_lost())
     static_cast<void>(state_.release());
   else

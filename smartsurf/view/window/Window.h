@@ -1,8 +1,7 @@
-// The simulator's window: the scene, a status panel, and the user's requests.
+// The simulator's window: draws the scene and the panels, and returns the user's commands.
 //
-// GLFW requires one thread: create, call and destroy it on the process's main thread. Calls do not wait
-// beyond the time of drawing (about 30 ms without a graphics card); the caller chooses the frame rate. One
-// window per process.
+// Main thread only, as GLFW requires; one window per process. Calls block only while drawing (about 30 ms on a
+// software renderer). The caller chooses the frame rate.
 #pragma once
 
 #include <memory>
@@ -17,45 +16,44 @@
 
 namespace smartsurf::view {
 
-// kLeft: the left part of the screen, beside another program's window on its right.
+// kLeft: the left part of the screen, beside another program's window.
 enum class WindowPlacement { kDefault, kLeft };
 
 class Window {
  public:
-  // Whether a window can be opened here. False as well in a build without the view.
+  // Whether a window can be opened. False in a build without the view.
   static bool display_available();
 
-  // width, height in screen coordinates (pixels, unless the display is scaled); not used with kLeft.
-  // Throws std::runtime_error, one line, when there is no display or no OpenGL 3.3.
+  // width, height: in screen coordinates (pixels, unless the display is scaled); ignored with kLeft.
+  // Throws std::runtime_error with a one-line message if there is no display or no OpenGL 3.3.
   Window(const scene::SceneSpec& spec, const std::string& title, int width = 1280, int height = 720,
          WindowPlacement placement = WindowPlacement::kDefault);
   ~Window();
 
-  // Goes on with another scene: a run that begins anew. The user's view and choices stay as far as they fit.
+  // Switches to another scene, for example when a run is restarted. Display settings stay, and so does the
+  // camera if the surface has the same size.
   void set_scene(const scene::SceneSpec& spec);
 
-  // Takes in what the user did, draws one frame (nothing while the window is minimised) and shows it.
-  // A picture or video the user asks for is written into the current folder as NAME-TICK.png or .mp4, NAME
-  // the experiment's; if that fails, the panel says so. A display that is gone is told once, in the commands.
+  // Handles input, then draws and shows one frame (none while the window is minimised). A screenshot or video
+  // that the user requests is written to the current directory as NAME-TICK.png or .mp4, where NAME is the
+  // experiment's; the panel reports a failure. A lost display is reported in Commands::display_lost.
   Commands render_frame(const FrameInput& input, const Status& status);
 
-  // What the user asked for, without drawing: to be called between frames that are far apart.
+  // Handles input and returns the commands without drawing. For use between frames that are far apart.
   Commands poll(const Status& status);
 
-  // The scene from the window's camera in the quality of OffscreenView, without the panel.
+  // Renders the scene from the window's camera in the quality of OffscreenView, without the panels.
   common::Image capture_scene(const FrameInput& input, int width, int height);
 
-  // Draws and shows one frame and returns it, panel included; in pixels, which on a scaled display are more
-  // than the window's size. Empty while the window is minimised. Leaves the user's wishes for the next
-  // frame().
+  // Draws and shows one frame and returns it with its panels, in framebuffer pixels (on a scaled display, more
+  // than the window's size). Empty while the window is minimised. Commands stay pending for render_frame().
   common::Image capture_frame(const FrameInput& input, const Status& status);
 
-  // Whether the user has done anything since the last frame was drawn.
+  // Whether there was input since the last frame.
   bool needs_redraw() const;
-  // Whether the user has asked to see contacts: then moments should hold them.
+  // Whether the user has enabled contact forces: FrameInput::contacts should then be filled.
   bool wants_contacts() const;
-  // As if the user had pressed that key, or moved the pointer so, in pixels of the framebuffer; taken in by
-  // the next frame.
+  // Simulate a key action and a pointer event (framebuffer pixels). Handled by the next frame.
   void perform(UiAction action);
   void add_pointer_event(const PointerEvent& event);
 

@@ -1,4 +1,4 @@
-/* The example of docs/extending.md: operations that take registers and numbers. */
+/* The plug-in example of docs/extending.md: operations on registers and numbers. */
 #include <math.h>
 #include <stdio.h>
 
@@ -11,7 +11,7 @@ static int fail_call(apron_call* call, const char* text) {
   return 1;
 }
 
-/* 0: y = the length of (a, b), cell by cell. */
+/* 0: y = sqrt(a * a + b * b) per cell. */
 static int hypotenuse(apron_call* call) {
   if (call->argument_count != 2 || call->cells == NULL)
     return fail_call(call, "takes two values and writes a register");
@@ -26,7 +26,7 @@ static int hypotenuse(apron_call* call) {
   return 0;
 }
 
-/* 1: v = number of cells of a register above a number. */
+/* 1: v = the number of cells of a register greater than a number. */
 static int count_above(apron_call* call) {
   if (call->argument_count != 2 || call->arguments[0].cells == NULL || call->value == NULL)
     return fail_call(call, "takes a register and a number and writes a scalar");
@@ -46,7 +46,7 @@ int apron_plugin_call(apron_call* call) {
       return hypotenuse(call);
     case 1:
       return count_above(call);
-    case 2: /* nothing to write: count the calls */
+    case 2: /* writes nothing; counts its calls */
       calls += 1.0F;
       return 0;
     case 3:

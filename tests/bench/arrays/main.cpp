@@ -118,7 +118,7 @@ bool compare(int workload, int n, int repetitions, const std::string& without, b
     else
       print(workload, n, f, all[0], same);
   }
-  if (!missing.empty() && !json) std::printf("W%d %4d  not here:%s\n", workload, n, missing.c_str());
+  if (!missing.empty() && !json) std::printf("W%d %4d  not available:%s\n", workload, n, missing.c_str());
   std::fflush(stdout);
   return equal;
 }
@@ -149,12 +149,12 @@ std::function<void(const std::string&)> list_into(std::vector<int>& to, int leas
 
 Options read_options(int argc, char** argv) {
   Options o;
-  CLI::App app("Array workloads: apron beside its peers, in turns, with equal checksums", "bench_arrays");
-  app.add_option_function("workloads", list_into(o.workloads, 1, 6), "such as 2,6");
-  app.add_option_function("sizes", list_into(o.sizes, 4, 16384), "of the array's edge, such as 64,1024");
-  app.add_option("repetitions", o.repetitions, "of each measurement")->check(CLI::Range(1, 1000));
+  CLI::App app("Compares apron with other array libraries on the same workloads", "bench_arrays");
+  app.add_option_function("workloads", list_into(o.workloads, 1, 6), "workloads, such as 2,6");
+  app.add_option_function("sizes", list_into(o.sizes, 4, 16384), "edge lengths, such as 64,1024");
+  app.add_option("repetitions", o.repetitions, "repetitions of each measurement")->check(CLI::Range(1, 1000));
   app.add_option("without", o.without, "peers to leave out, such as eigen,numpy");
-  app.add_flag("--json", o.json, "a JSON object a line");
+  app.add_flag("--json", o.json, "print one JSON object per line");
   bench::parse_or_exit(app, argc, argv);
   return o;
 }

@@ -1,5 +1,6 @@
-// Any bytes as a program: it compiles or is refused with diagnostics, what compiles passes the verifier and
-// runs, the formatter has a fixed point. Nothing may crash, hang or take memory without bound.
+// Fuzzes compiler, formatter and VM with arbitrary bytes as source text: the text compiles or yields
+// diagnostics, a compiled program passes the verifier and runs, and formatting is idempotent. Nothing may
+// crash, hang or exhaust memory.
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -21,7 +22,7 @@ void require(bool holds, const char* what) {
   std::abort();
 }
 
-// The library, and the program under its name.
+// Serves the library from disk and the fuzzed program as main.aps; refuses all other files.
 class Reader final : public syntax::FileReader {
  public:
   explicit Reader(std::string text) : text_(std::move(text)) {}
@@ -43,7 +44,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (size > kMaxBytes) return 0;
   const std::string text(reinterpret_cast<const char*>(data), size);
   const std::string once = syntax::format_source(text);
-  require(syntax::format_source(once) == once, "the formatter has no fixed point");
+  require(syntax::format_source(once) == once, "formatting is not idempotent");
   compiler::CompileOptions options;
   options.file = "main.aps";
   options.width = 7;
@@ -51,13 +52,14 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   options.library_path = APRON_SCRIPTS;
   Reader reader(text);
   compiler::CompileResult result = compiler::compile(options, reader);
-  require(result.program.has_value() == result.diagnostics.empty(), "a program and diagnostics, or neither");
+  require(result.program.has_value() == result.diagnostics.empty(),
+          "both a program and diagnostics, or neither");
   if (!result.program) {
     require(!syntax::format_diagnostics(result.diagnostics, result.sources).empty(),
-            "diagnostics without a text");
+            "diagnostics without text");
     return 0;
   }
-  require(program::verify(*result.program).empty(), "a compiled program is refused");
+  require(program::verify(*result.program).empty(), "the verifier refuses a compiled program");
   program::disassemble(*result.program);
   fuzz::run_bounded(std::move(*result.program));
   return 0;

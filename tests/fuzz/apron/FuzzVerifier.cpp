@@ -1,5 +1,5 @@
-// Any bytes as a compiled program: the verifier refuses it, or it is shown and run. Nothing may
-// crash, hang or take memory without bound.
+// Fuzzes verifier, disassembler and VM with arbitrary bytes as a compiled program: the verifier refuses the
+// program, or it is disassembled and run. Nothing may crash, hang or exhaust memory.
 #include "tests/fuzz/apron/ProgramCodec.h"
 #include "tests/fuzz/apron/RunBounded.h"
 

@@ -9,7 +9,7 @@ namespace {
 
 using namespace apron::program;
 
-// Both directions walk through a program in the same way: a Reader fills it, a Writer notes it.
+// visit_program() defines the format once: ByteReader fills the program, ByteWriter serialises it.
 class ByteReader {
  public:
   ByteReader(const std::uint8_t* data, std::size_t size) : data_(data), size_(size) {}
@@ -25,7 +25,7 @@ class ByteReader {
     number(bits, 4);
     to = std::bit_cast<float>(bits);
   }
-  // No more than the bytes that are left can say something about.
+  // Limits the count to the remaining bytes, which bounds allocations.
   template <class Items>
   void count(Items& items) {
     std::uint16_t n = 0;

@@ -1,5 +1,5 @@
-// Any bytes as a program, and a program as the bytes that give it: what the verifier is tried with. Every
-// field of a program comes from the bytes as it is, right or wrong; bytes that are missing are zero.
+// Converts programs to bytes and arbitrary bytes to programs, for fuzzing the verifier. Fields are decoded
+// without validation; missing bytes read as zero.
 #pragma once
 
 #include <cstddef>
@@ -13,7 +13,7 @@ namespace fuzz {
 
 apron::program::Program decode(const std::uint8_t* data, std::size_t size);
 
-// decode() of it is the program again, for programs of at most 65535 of each thing.
+// The inverse of decode() for programs with at most 65535 entries in each table.
 std::vector<std::uint8_t> encode(const apron::program::Program& program);
 
 }  // namespace fuzz

@@ -1,5 +1,6 @@
-// Gives every file of the directories to the fuzzer's function, once.
-// Usage: apron_fuzz_replay DIRECTORY…
+// Passes every file of the directories to the fuzz target once.
+//
+//   apron_fuzz_replay DIRECTORY…
 #include <algorithm>
 #include <cstdint>
 #include <filesystem>
@@ -21,7 +22,7 @@ int main(int argc, char** argv) {
     std::ostringstream bytes;
     bytes << std::ifstream(file, std::ios::binary).rdbuf();
     const std::string text = bytes.str();
-    std::cout << file.string() << std::endl;  // flushed: a crash names its file
+    std::cout << file.string() << std::endl;  // flushed, so that the output of a crash ends with its file
     LLVMFuzzerTestOneInput(reinterpret_cast<const std::uint8_t*>(text.data()), text.size());
   }
   std::cout << files.size() << " inputs\n";

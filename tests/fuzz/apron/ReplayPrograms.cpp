@@ -1,7 +1,8 @@
-// Compiles every script of the directories and gives its program to the verifier's fuzzer: as it is, and with
-// bytes changed, which are different ones each round and the same in every run.
-// Usage: apron_verifier_replay ROUNDS DIRECTORY…, or apron_verifier_replay --write NEW_DIRECTORY DIRECTORY…
-// to write the programs as a corpus.
+// Compiles every script of the directories and passes the program to the fuzz target of the verifier,
+// unchanged and with ROUNDS deterministic mutations. --write writes the programs as a corpus instead.
+//
+//   apron_verifier_replay ROUNDS DIRECTORY…
+//   apron_verifier_replay --write NEW_DIRECTORY DIRECTORY…
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
@@ -30,7 +31,7 @@ std::vector<Path> scripts(int argc, char** argv, int first) {
   return files;
 }
 
-// Nothing for a script that is meant to be wrong.
+// Returns the encoded program; empty for scripts that do not compile on purpose.
 Bytes compiled(const Path& file) {
   apron::compiler::CompileOptions options;
   options.file = file.string();
@@ -40,12 +41,12 @@ Bytes compiled(const Path& file) {
   apron::syntax::DiskReader reader;
   apron::compiler::CompileResult result = apron::compiler::compile(options, reader);
   if (!result.program) return {};
-  // Where the checkout lies must not decide which bytes are changed.
+  // Mutations must not depend on the location of the checkout.
   for (std::string& name : result.program->files) name = Path(name).filename().string();
   return fuzz::encode(*result.program);
 }
 
-// Most programs are still right after a change or two, most wrong after many.
+// Changes 1 to 6 bytes: most programs stay valid after one or two changes, few after more.
 Bytes mutate_bytes(Bytes bytes, std::mt19937& rng) {
   for (unsigned changes = 1 + rng() % 6; changes > 0; --changes) {
     const std::size_t position = rng() % bytes.size();
@@ -87,7 +88,7 @@ int main(int argc, char** argv) {
       write(argv[2], script, bytes);
       continue;
     }
-    std::cout << script.string() << std::endl;  // flushed: a crash names its script
+    std::cout << script.string() << std::endl;  // flushed, so that the output of a crash ends with its script
     LLVMFuzzerTestOneInput(bytes.data(), bytes.size());
     for (int round = std::atoi(argv[1]); round > 0; --round) {
       const Bytes other = mutate_bytes(bytes, rng);

@@ -11,12 +11,12 @@ using namespace apron;
 
 namespace {
 
-constexpr std::uint64_t kInstructionBudget = 2000;       // instructions
-constexpr std::size_t kMaxCells = std::size_t{1} << 16;  // of all registers of a program that is run
-constexpr std::size_t kMaxFilterProducts = std::size_t{1}
-                                           << 20;  // cells times elements of the largest filter
+constexpr std::uint64_t kInstructionBudget = 2000;
+constexpr std::size_t kMaxCells = std::size_t{1} << 16;  // of all registers together
+// Cells of all registers times elements of the largest filter.
+constexpr std::size_t kMaxFilterProducts = std::size_t{1} << 20;
 
-// Everything there is, and nothing of it kept.
+// Provides every file, channel and module, and discards all output.
 class StubHost final : public vm::Host {
  public:
   void print(std::string_view) override {}

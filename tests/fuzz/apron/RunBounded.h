@@ -1,11 +1,11 @@
-// Runs a verified program for a short while beside a host that has everything.
+// Runs a verified program for a bounded number of instructions with a stub host.
 #pragma once
 
 #include "apron/program/Program.h"
 
 namespace fuzz {
 
-// At most 2000 instructions, and nothing at all of a program whose arrays or filters are large.
+// Executes at most 2000 instructions; skips programs with large arrays or filters.
 void run_bounded(apron::program::Program program);
 
 }  // namespace fuzz

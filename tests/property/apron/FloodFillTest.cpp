@@ -1,4 +1,4 @@
-// flood, distance and spread.max against their one-step rules, iterated to the fixed point.
+// flood, distance and spread.max compared with their one-step rules iterated to the fixed point.
 #include <gtest/gtest.h>
 
 #include "tests/unit/apron/vm/TestProgram.h"
@@ -68,6 +68,7 @@ Image spiral(int n) {
   const auto free = [&](int px, int py) {
     return px >= 0 && py >= 0 && px < n && py < n && image.at(px, py) == 0;
   };
+  // Turn right at the image edge and one cell before a visited cell. Two turns in a row end the spiral.
   for (int turns = 0; turns < 2;) {
     image.cells[image.index(x, y)] = 1.0F;
     const bool wall = !free(x + dx, y + dy) || (image.at(x + 2 * dx, y + 2 * dy) != 0);

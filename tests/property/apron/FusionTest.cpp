@@ -1,5 +1,5 @@
-// Random programs, fused and one instruction at a time: every register and variable is bit-identical for any
-// tile size, number of threads and instruction set.
+// Random programs leave bit-identical registers and variables whether fused or executed one instruction at a
+// time, for any tile size, number of threads and instruction set.
 #include <gtest/gtest.h>
 
 #include <string>
@@ -111,7 +111,7 @@ class RandomProgram : public TestProgram {
     return {program::OperandKind::kFilter, static_cast<std::uint32_t>(program.filters.size() - 1)};
   }
 
-  // The program modifies the last filter.
+  // Programs modify only the last filter.
   void add_filter() {
     const Operand y = any_register(), a = any_register();
     if (y == a) return add_elementwise();

@@ -63,7 +63,8 @@ void run_commands(debugger::SessionThread& runner, int command_fd) {
   if (host.await_first_frame() != vm::HostStatus::kOk) _exit(91);
   vm::VmOptions options;
   options.stop = &interrupt;
-  debugger::DebugSession session(*compiled.program, options, host, [&](bool paused) { host.publish_paused(paused); });
+  debugger::DebugSession session(*compiled.program, options, host,
+                                 [&](bool paused) { host.publish_paused(paused); });
   {
     debugger::SessionThread runner(session, interrupt);
     run_commands(runner, command_fd);
@@ -138,7 +139,7 @@ TEST_F(PauseTest, SurfaceWaitsForPausedProgramAndFollowsSteps) {
     expect_answer();
     publish();  // completes the step
     expect_state(State::kPaused);
-    EXPECT_EQ(await_actuators(100ms), Status::kTimeout) << "a step is one answer";
+    EXPECT_EQ(await_actuators(100ms), Status::kTimeout) << "a step sends one answer";
   }
   send_command('r');
   for (int i = 0; i < 50; ++i) {

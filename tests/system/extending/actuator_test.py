@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The actuator of docs/extending.md in a program of its own: what it moves, its channel, its mistakes."""
+"""Tests the actuator of docs/extending.md: its effect and its validation."""
 import pathlib
 import subprocess
 import sys

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Writes the files that a page shows: every fenced block whose first line is a comment with a file's name.
+"""Extracts files from a page: every fenced block whose first line is a comment with a file name.
 
-usage: extract.py PAGE FOLDER [NAME...]      fails unless it found each NAME
+usage: extract.py PAGE FOLDER [NAME...]      fails if a NAME is missing
 """
 import pathlib
 import re
@@ -15,7 +15,7 @@ for block in re.findall(r"^```\w+\n(.*?)^```", pathlib.Path(page).read_text(enco
         found[name.group(1)] = block
 missing = [name for name in wanted if name not in found]
 if missing:
-    sys.exit(f"{page} shows no {', '.join(missing)}")
+    sys.exit(f"{page}: missing {', '.join(missing)}")
 pathlib.Path(folder).mkdir(parents=True, exist_ok=True)
 for name, text in found.items():
     (pathlib.Path(folder) / name).write_text(text, encoding="utf-8")

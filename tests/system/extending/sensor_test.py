@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The sensor of docs/extending.md in a program of its own: its readings, its faults, its mistakes."""
+"""Tests the sensor of docs/extending.md: its readings and its validation."""
 import pathlib
 import subprocess
 import sys

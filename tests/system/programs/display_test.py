@@ -38,7 +38,7 @@ class Windows(ProgramTest):
         server.wait()
         status, _, err = self.finish(child)
         self.assertEqual(status, 0, err)
-        self.assertIn("the display is lost; the run goes on without its window", err)
+        self.assertIn("the display was lost; the run continues without a window", err)
         self.assertIn("done after 180 ticks", self.run_program(SMARTSURF, "info", str(recording))[1])
 
     def test_a_run_without_an_end_ends_with_its_display(self):
@@ -50,7 +50,7 @@ class Windows(ProgramTest):
         server.wait()
         status, _, err = self.finish(child)
         self.assertEqual(status, 1, err)
-        self.assertIn("the display is lost: the run ends", err)
+        self.assertIn("the display was lost; the run ends", err)
         self.assertIn("the display was lost", self.run_program(SMARTSURF, "info", str(recording))[1])
 
     def test_a_display_that_is_not_there_is_one_line(self):

@@ -25,7 +25,7 @@ class Replay(ProgramTest):
         for flags in ([], ["--threads", "2"]):
             status, out, err = self.verify(recording, *flags)
             self.assertEqual((status, err), (0, ""))
-            self.assertIn("the same in 61 frames, up to tick 60", out)
+            self.assertIn("identical in 61 frames, up to tick 60", out)
 
     def test_a_run_with_a_controller_needs_no_controller_to_run_again(self):
         for mode in ("time-step", "passive"):
@@ -66,7 +66,7 @@ class Replay(ProgramTest):
             file["meta"].attrs["touched_by_hand"] = numpy.uint64(7)
         status, _, err = self.verify(recording, "--unsafe")
         self.assertEqual(status, 2)
-        self.assertIn("touched by hand after tick 7", err)
+        self.assertIn("the user intervened after tick 7", err)
 
     @needs_view
     def test_a_picture_is_the_one_that_the_run_made(self):

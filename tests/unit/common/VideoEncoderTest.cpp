@@ -15,7 +15,7 @@ using common::VideoEncoder;
 
 namespace {
 
-// A stand-in for ffmpeg at the head of PATH: a shell script; its last argument is the file to write.
+// Puts a shell script named ffmpeg first in PATH. $last is the output file.
 class FakeFfmpeg {
  public:
   explicit FakeFfmpeg(const std::string& body) : old_path_(std::getenv("PATH")) {

@@ -10,7 +10,7 @@ namespace apron::debugger {
 namespace {
 
 void expect_near(const Rgb8& c, double red, double green, double blue, const char* what) {
-  constexpr double kTolerance = 7.0;  // of 255: error of the polynomials against the tables
+  constexpr double kTolerance = 7.0;  // of 255: the approximation error of the polynomials
   EXPECT_NEAR(c.red, red * 255.0, kTolerance) << what;
   EXPECT_NEAR(c.green, green * 255.0, kTolerance) << what;
   EXPECT_NEAR(c.blue, blue * 255.0, kTolerance) << what;

@@ -109,7 +109,7 @@ TEST_F(DebugSessionTest, StopsAtLineInEachIteration) {
   }
   one.enabled = false;
   session->set_breakpoints({one}, {});
-  EXPECT_FALSE(capture().hit) << "the number of another breakpoint now";
+  EXPECT_FALSE(capture().hit) << "the index now refers to another breakpoint";
   session->run();
   advance(4);
   EXPECT_EQ(session->state(), ExecutionState::kRunning);
@@ -137,7 +137,7 @@ TEST_F(DebugSessionTest, StopsOnlyWhenConditionBecomesTrue) {
   session->run();
   advance(10);
   EXPECT_EQ(session->state(), ExecutionState::kPaused);
-  EXPECT_EQ(line(), 8U) << "the instruction before it made it true";
+  EXPECT_EQ(line(), 8U) << "the previous instruction made the condition true";
   EXPECT_EQ(variable("count"), 4.0F);
   // The condition becomes false when A is overwritten without the 100, and true again with it.
   session->run();
@@ -358,7 +358,7 @@ endwhile
   panel.clear_program();
   ASSERT_TRUE(panel.copy_if_changed(revision, state));
   EXPECT_TRUE(state.labels.empty());
-  EXPECT_EQ(panel.parameter("gain"), 7.0F) << "the person's setting stays";
+  EXPECT_EQ(panel.parameter("gain"), 7.0F) << "user parameters are kept";
 }
 
 TEST(FrontPanel, KeepsTheLatestLines) {

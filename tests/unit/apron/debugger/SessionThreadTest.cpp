@@ -30,7 +30,7 @@ class SessionThreadTest : public testing::Test {
       }
       if (predicate(snapshot)) return snapshot;
     }
-    ADD_FAILURE() << "it never came";
+    ADD_FAILURE() << "no snapshot satisfies the predicate";
     return snapshot;
   }
   void post(std::function<void(DebugSession&)> what) { session_thread->post(std::move(what)); }
@@ -55,8 +55,9 @@ TEST_F(SessionThreadTest, RunsTakesSnapshotsAndPausesBetweenTicks) {
   const DebugSnapshot still = wait_for([](const DebugSnapshot&) { return true; });
   EXPECT_EQ(still.ticks, paused.ticks);
   post([](DebugSession& s) { s.step(StepUnit::kTick); });
-  wait_for(
-      [&](const DebugSnapshot& l) { return l.ticks == paused.ticks + 1 && l.mode == ExecutionState::kPaused; });
+  wait_for([&](const DebugSnapshot& l) {
+    return l.ticks == paused.ticks + 1 && l.mode == ExecutionState::kPaused;
+  });
 }
 
 TEST_F(SessionThreadTest, TakesSnapshotsDuringEndlessTick) {

@@ -1,4 +1,4 @@
-// Compiles programs and conditions from text for the tests of debugger and ui.
+// Compiles programs and conditions from text for the tests of debugger and UI.
 #pragma once
 
 #include <gtest/gtest.h>

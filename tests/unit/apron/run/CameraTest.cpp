@@ -78,7 +78,7 @@ TEST(CaptureFormat, ReadsJpegWithAndWithoutHuffmanTables) {
   EXPECT_FALSE(convert_to_grey({V4L2_PIX_FMT_MJPEG, 32, 16, 0}, {}, bare));
 }
 
-// The driver of a camera with 4x2 pixels.
+// The driver state of a camera with 4x2 pixels.
 struct FakeDriver {
   std::uint32_t capabilities = V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING;
   std::vector<FourCc> formats = {V4L2_PIX_FMT_MJPEG, V4L2_PIX_FMT_YUYV};

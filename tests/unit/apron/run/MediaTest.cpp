@@ -1,4 +1,4 @@
-// Array and image files: round trips, files of other writers, and one-line errors for damaged or wrong files.
+// Array and image files: round trips, files written by other programs, and one-line errors for invalid files.
 #include <gtest/gtest.h>
 #include <unistd.h>
 

@@ -22,7 +22,7 @@ using vm::HostStatus;
 using vm::Plane;
 
 constexpr std::uint32_t kRows = 3, kColumns = 5;
-enum Channel { kProximity, kForce, kTouch, kHeight, kMode };
+enum Channel { kProximity, kForce, kTouch, kHeight, kMode, kDrive };
 
 SurfaceEndpoint create(const std::string& name, Mode mode) {
   shm_protocol::SurfaceConfig config;
@@ -35,7 +35,8 @@ SurfaceEndpoint create(const std::string& name, Mode mode) {
                      {"force", Direction::kSensor, DType::kF32, 3, "N", -10, 10, 0},
                      {"touch", Direction::kSensor, DType::kU8, 1, "", 0, 1, 0},
                      {"height", Direction::kActuator, DType::kF32, 1, "u", 0, 8, 4},
-                     {"mode", Direction::kActuator, DType::kU8, 1, "", 0, 255, 7}};
+                     {"mode", Direction::kActuator, DType::kU8, 1, "", 0, 255, 7},
+                     {"drive", Direction::kActuator, DType::kF32, 2, "u/s", -10, 10, 1}};
   return SurfaceEndpoint::create(config);
 }
 
@@ -74,7 +75,7 @@ TEST_F(SurfaceHostTest, RunsInLockStep) {
     for (std::uint64_t tick = 0; tick < kTicks; ++tick) {
       publish(surface, tick);
       ASSERT_EQ(surface.await_actuators(tick), Status::kOk);
-      // The safe value until the first frame is staged.
+      // The safe value until the program writes the channel.
       const float want = tick == 0 ? 4.0F : static_cast<float>(tick) / 10;
       for (const float height : surface.actuator(kHeight)) ASSERT_EQ(height, want);
       for (const std::uint8_t mode : surface.actuator<std::uint8_t>(kMode))
@@ -103,7 +104,7 @@ TEST_F(SurfaceHostTest, RunsInLockStep) {
         p.row(i / kColumns)[i % kColumns] = static_cast<float>(tick) / 10;
       ASSERT_EQ(host.actuate("height", p), HostStatus::kOk);
       if (tick == 1) {
-        ASSERT_EQ(host.actuate("mode", 3.2F), HostStatus::kOk);  // stays staged
+        ASSERT_EQ(host.actuate("mode", 3.2F), HostStatus::kOk);  // continues in later frames
       }
     }
     ASSERT_EQ(host.step(), tick + 1 < kTicks ? HostStatus::kOk : HostStatus::kClosed);
@@ -126,6 +127,34 @@ TEST_F(SurfaceHostTest, PassiveStepsDoNotWait) {
   publish(surface, 10);
   ASSERT_EQ(host.step(), HostStatus::kOk);
   EXPECT_EQ(host.tick(), 10.0);
+}
+
+// A frame goes to the slot of the one before the last: what the program does not write must come from the
+// last.
+TEST_F(SurfaceHostTest, UnwrittenComponentsKeepTheLastFrame) {
+  SurfaceEndpoint surface = create(name(), Mode::kPassive);
+  shm_protocol::ControllerEndpoint endpoint = attach();
+  publish(surface, 0);
+  SurfaceHost host(endpoint, stop_, {});
+  ASSERT_EQ(host.await_first_frame(), HostStatus::kOk);
+  constexpr std::size_t kCells = kRows * kColumns;
+  const auto step_and_expect = [&](float drive_x, float drive_y, float height) {
+    ASSERT_EQ(host.step(), HostStatus::kOk);
+    ASSERT_EQ(surface.latest_actuators(), Status::kOk);
+    const auto drive = surface.actuator(kDrive);
+    for (std::size_t i = 0; i < kCells; ++i) {
+      ASSERT_EQ(drive[i], drive_x);
+      ASSERT_EQ(drive[kCells + i], drive_y);
+      ASSERT_EQ(surface.actuator(kHeight)[i], height);
+    }
+  };
+  ASSERT_EQ(host.actuate("drive[1]", 2.0F), HostStatus::kOk);
+  step_and_expect(1, 2, 4);
+  ASSERT_EQ(host.actuate("drive[0]", 9.0F), HostStatus::kOk);
+  ASSERT_EQ(host.actuate("drive[0]", 3.0F), HostStatus::kOk);  // the last value counts
+  step_and_expect(3, 2, 4);
+  ASSERT_EQ(host.actuate("height", 5.0F), HostStatus::kOk);
+  for (int i = 0; i < 6; ++i) step_and_expect(3, 2, 5);
 }
 
 TEST_F(SurfaceHostTest, IntegerChannelsClampAndReplaceNaN) {

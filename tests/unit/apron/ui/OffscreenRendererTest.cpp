@@ -196,7 +196,7 @@ TEST_F(OffscreenRendererTest, UploadsOnlyVisibleAndChangedTextures) {
   EXPECT_LT(first, 2U * 15U);  // about ten of 61 are visible, in two snapshots
   EXPECT_GE(first, 8U);
   screen.render_settled(fixture.model);
-  EXPECT_EQ(screen.texture_uploads(), first) << "nothing is newer";
+  EXPECT_EQ(screen.texture_uploads(), first) << "nothing has changed";
 }
 
 TEST_F(OffscreenRendererTest, DrawsEverySizeAndScaleWithoutError) {
@@ -220,7 +220,7 @@ TEST_F(OffscreenRendererTest, DrawsEverySizeAndScaleWithoutError) {
 
 TEST_F(OffscreenRendererTest, ThousandFramesDoNotLeakMemory) {
 #ifdef __SANITIZE_ADDRESS__
-  GTEST_SKIP() << "the sanitizer keeps what was freed, and looks for leaks itself";
+  GTEST_SKIP() << "the sanitizer quarantines freed memory and detects leaks itself";
 #endif
   UiFixture fixture(kCorner);
   OffscreenRenderer screen(160, 120);

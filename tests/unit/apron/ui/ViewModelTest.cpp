@@ -147,7 +147,7 @@ TEST(ViewModel, TilesShownRegistersUntilUserSelects) {
   tick();
   EXPECT_FALSE(fixture.model.tiled());
   EXPECT_EQ(fixture.model.tiled_registers(), (std::vector<std::size_t>{2, 1, 0}));
-  EXPECT_EQ(fixture.model.selected(), std::size_t{1}) << "sim.display does not make it the large one";
+  EXPECT_EQ(fixture.model.selected(), std::size_t{1}) << "sim.display does not enlarge the register";
   tick();
   EXPECT_TRUE(fixture.model.tiled());
   EXPECT_EQ(fixture.model.tile_columns(), 2);

@@ -30,7 +30,7 @@ void expect_holds(const scene::ConvexHull& piece, const std::vector<Eigen::Vecto
     for (const auto& p : points) ASSERT_LE(face.normal.dot(p), face.offset + tolerance);
 }
 
-TEST(Hull, OfACubeWithPointsInsideAndOnItsFacesHasSixSquares) {
+TEST(Hull, CubeWithExtraPointsHasSixFaces) {
   std::vector<Eigen::Vector3f> points{{0, 0, 0}, {0.5F, 0.5F, 0}, {1, 0.5F, 0.25F}};
   for (int i = 0; i < 8; ++i) points.emplace_back(i & 1 ? 1 : -1, i & 2 ? 1 : -1, i & 4 ? 1 : -1);
   const auto cube = convex_hull(points);
@@ -49,7 +49,7 @@ TEST(Hull, OfACubeWithPointsInsideAndOnItsFacesHasSixSquares) {
   EXPECT_DOUBLE_EQ(volume_of(*cube), 8.0);
 }
 
-TEST(Hull, HoldsAllPointsAndHasOnlyOutwardFaces) {
+TEST(Hull, ContainsAllPointsAndFacesOutward) {
   for (unsigned seed = 0; seed < 20; ++seed) {
     const auto points = random_points(seed, 60);
     const auto hull = convex_hull(points);
@@ -61,14 +61,14 @@ TEST(Hull, HoldsAllPointsAndHasOnlyOutwardFaces) {
   }
 }
 
-TEST(Hull, IsTheSameToTheBitWhateverTheRun) {
+TEST(Hull, IsDeterministic) {
   const auto points = random_points(7, 200);
   const auto a = convex_hull(points), b = convex_hull(points);
   EXPECT_EQ(a->vertices, b->vertices);
   EXPECT_EQ(a->face_vertices, b->face_vertices);
 }
 
-TEST(Hull, OfFlatOrTooFewPointsThereIsNone) {
+TEST(Hull, NoHullForFlatOrTooFewPoints) {
   const std::vector<Eigen::Vector3f> square{{0, 0, 1}, {1, 0, 1}, {1, 1, 1}, {0, 1, 1}, {0.5F, 0.5F, 1}};
   EXPECT_FALSE(convex_hull(square));
   EXPECT_FALSE(convex_hull(std::vector<Eigen::Vector3f>(10, {1, 2, 3})));
@@ -77,7 +77,7 @@ TEST(Hull, OfFlatOrTooFewPointsThereIsNone) {
   EXPECT_EQ(hull_volume(line), 0.0);
 }
 
-TEST(Hull, WithTooManyCornersKeepsThoseSpreadOverAllDirections) {
+TEST(Hull, LimitsVertexCount) {
   std::vector<Eigen::Vector3f> points;
   for (const auto& p : icosphere(3).points) points.push_back(p.cast<float>());
   ASSERT_GT(points.size(), kMaxHullCorners);

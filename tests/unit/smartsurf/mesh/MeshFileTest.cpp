@@ -39,11 +39,11 @@ class MeshFileTest : public testing::Test {
     return {std::istreambuf_iterator<char>(in), {}};
   }
 
-  // Through assimp's exporters, which know the formats better than this test.
+  // Writes the mesh with assimp's exporters.
   fs::path export_mesh(const TriangleMesh& mesh, const std::string& format, const std::string& name) {
     aiScene scene;
     scene.mRootNode = new aiNode("root");
-    aiNode* node = new aiNode("part");  // the 3MF exporter looks at the root's children only
+    aiNode* node = new aiNode("part");  // the 3MF exporter writes only children of the root
     node->mNumMeshes = 1;
     node->mMeshes = new unsigned[1]{0};
     scene.mRootNode->addChildren(1, &node);
@@ -79,7 +79,7 @@ constexpr const char* kOpenCube =
     "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 0 0 1\nv 1 0 1\nv 0 1 1\nv 1 1 1\n"
     "f 1 3 4 2\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
 
-TEST_F(MeshFileTest, EveryFormatGivesTheSameSolid) {
+TEST_F(MeshFileTest, AllFormatsGiveSameSolid) {
   struct Format {
     const char *exporter, *name;
   };
@@ -98,7 +98,7 @@ TEST_F(MeshFileTest, EveryFormatGivesTheSameSolid) {
   }
 }
 
-TEST_F(MeshFileTest, EqualRequestsShareOneSolid) {
+TEST_F(MeshFileTest, CachesEqualRequests) {
   const fs::path file = export_mesh(l_mesh(), "stl", "l.stl");
   SolidLibrary library;
   const auto first = library.load_mesh({.file = file, .display_name = "l.stl"}).solid;
@@ -111,7 +111,7 @@ TEST_F(MeshFileTest, EqualRequestsShareOneSolid) {
   EXPECT_EQ(library.make_hull(points, "hull").solid, library.make_hull(points, "hull").solid);
 }
 
-TEST_F(MeshFileTest, TheHullOfAFileNeedsNoClosedMesh) {
+TEST_F(MeshFileTest, HullAcceptsOpenMesh) {
   SolidLibrary library;
   const fs::path file = write("open.obj", kOpenCube);
   EXPECT_NEAR(library.make_hull({.file = file, .display_name = "open.obj"}).solid->volume, 1.0, 1e-6);
@@ -121,7 +121,7 @@ TEST_F(MeshFileTest, TheHullOfAFileNeedsNoClosedMesh) {
             0U);
 }
 
-TEST_F(MeshFileTest, BadFilesGetOneLine) {
+TEST_F(MeshFileTest, InvalidFilesGiveOneLineError) {
   const auto refused = [&](const std::string& name, const std::string& text) {
     return error_message_of([&] { read_mesh(write(name, text)); });
   };
@@ -140,7 +140,7 @@ TEST_F(MeshFileTest, BadFilesGetOneLine) {
   EXPECT_NE(refused("n.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").find("not finite"), std::string::npos);
 }
 
-TEST_F(MeshFileTest, DamagedFilesAreRefusedOrReadButNeverCrash) {
+TEST_F(MeshFileTest, DamagedFilesDoNotCrash) {
   for (const auto& [format, name] : std::map<std::string, std::string>{{"stl", "a.stl"},
                                                                        {"stlb", "b.stl"},
                                                                        {"obj", "c.obj"},
@@ -155,7 +155,7 @@ TEST_F(MeshFileTest, DamagedFilesAreRefusedOrReadButNeverCrash) {
   }
 }
 
-TEST(Isolated, GivesTheBytesOrNoneAfterACrashAnExceptionOrALoop) {
+TEST(Isolated, ReturnsBytesOrNulloptOnFailure) {
   EXPECT_EQ(run_in_child_process([] { return std::string(300000, 'x'); }, 10), std::string(300000, 'x'));
   EXPECT_EQ(run_in_child_process([]() -> std::string { std::abort(); }, 10), std::nullopt);
   EXPECT_EQ(run_in_child_process([]() -> std::string { throw std::runtime_error("no"); }, 10), std::nullopt);
@@ -169,7 +169,7 @@ TEST(Isolated, GivesTheBytesOrNoneAfterACrashAnExceptionOrALoop) {
             std::nullopt);
 }
 
-TEST_F(MeshFileTest, AFileThatRefersOutsideItsFolderGetsNothingFromThere) {
+TEST_F(MeshFileTest, DoesNotReadOutsideFolder) {
   const fs::path file = export_mesh(tetrahedron(), "gltf2", "part.gltf");
   ASSERT_TRUE(fs::exists(folder / "part.bin"));
   EXPECT_EQ(read_mesh(file).triangles.size(), 4U);

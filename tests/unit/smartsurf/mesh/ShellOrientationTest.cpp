@@ -1,4 +1,4 @@
-// Closedness and orientation.
+// Tests the checks and repairs of meshes: closed, oriented, welded.
 #include <gtest/gtest.h>
 
 #include "smartsurf/mesh/MassProperties.h"
@@ -19,14 +19,14 @@ TriangleMesh cube(double low = 0.0, double high = 1.0) {
   return box_mesh(Eigen::Vector3d::Constant(low), Eigen::Vector3d::Constant(high));
 }
 
-TEST(Shells, AGoodMeshStaysAsItIs) {
+TEST(Shells, KeepsValidMesh) {
   TriangleMesh mesh = l_mesh();
   const auto before = mesh.triangles;
   EXPECT_TRUE(orient_shells(mesh).empty());
   EXPECT_EQ(mesh.triangles, before);
 }
 
-TEST(Shells, AnInsideOutMeshIsTurned) {
+TEST(Shells, FlipsInsideOutMesh) {
   TriangleMesh mesh = cube();
   invert_orientation(mesh);
   const auto said = orient_shells(mesh);
@@ -35,7 +35,7 @@ TEST(Shells, AnInsideOutMeshIsTurned) {
   EXPECT_DOUBLE_EQ(volume_of(mesh), 1.0);
 }
 
-TEST(Shells, SingleTrianglesThatFaceTheOtherWayAreTurned) {
+TEST(Shells, FlipsSingleTriangle) {
   for (std::size_t wrong = 0; wrong < 12; ++wrong) {
     TriangleMesh mesh = cube();
     std::swap(mesh.triangles[wrong][0], mesh.triangles[wrong][1]);
@@ -44,7 +44,7 @@ TEST(Shells, SingleTrianglesThatFaceTheOtherWayAreTurned) {
   }
 }
 
-TEST(Shells, AnOpenMeshIsRefusedWithItsFirstOpenEdge) {
+TEST(Shells, RejectsOpenMeshWithFirstOpenEdge) {
   TriangleMesh mesh = cube();
   mesh.triangles.erase(mesh.triangles.begin() + 2, mesh.triangles.begin() + 4);  // the top
   EXPECT_EQ(
@@ -53,17 +53,18 @@ TEST(Shells, AnOpenMeshIsRefusedWithItsFirstOpenEdge) {
       "holes in a mesh editor, or use its convex hull, hull{file = ...}");
 }
 
-TEST(Shells, ThreeWallsAtOneEdgeAreRefused) {
+TEST(Shells, RejectsThreeTrianglesAtOneEdge) {
   TriangleMesh mesh = cube();
-  add_quad(mesh, {0, 1, 7, 6});  // a wall across, with edges of its own on both sides …
-  add_quad(mesh, {6, 7, 1, 0});  // … and its back: every edge is balanced, but not within a shell
+  // A two-sided diagonal wall: every edge is balanced, but not within each shell.
+  add_quad(mesh, {0, 1, 7, 6});
+  add_quad(mesh, {6, 7, 1, 0});
   weld_points(mesh, 0.0);
   mesh.triangles.pop_back();
   EXPECT_NE(error_message_of([&] { orient_shells(mesh); }), "");
 }
 
-TEST(Shells, AMoebiusStripHasOneSideOnly) {
-  // Closed by doubling is impossible: the projective plane on six points.
+TEST(Shells, RejectsOneSidedMesh) {
+  // The 6-vertex triangulation of the projective plane: closed, but not orientable.
   TriangleMesh mesh{{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {1, 1, 0}, {1, 0, 1}},
                     {{0, 1, 4},
                      {0, 4, 3},
@@ -75,10 +76,10 @@ TEST(Shells, AMoebiusStripHasOneSideOnly) {
                      {1, 5, 4},
                      {2, 3, 4},
                      {2, 4, 5}}};
-  EXPECT_NE(error_message_of([&] { orient_shells(mesh); }).find("one side only"), std::string::npos);
+  EXPECT_NE(error_message_of([&] { orient_shells(mesh); }).find("only one side"), std::string::npos);
 }
 
-TEST(Shells, ACavityFacesInwards) {
+TEST(Shells, CavityFacesInwards) {
   TriangleMesh mesh = cube(0.0, 4.0);
   TriangleMesh hole = cube(1.0, 2.0);
   invert_orientation(hole);
@@ -87,14 +88,14 @@ TEST(Shells, ACavityFacesInwards) {
   EXPECT_DOUBLE_EQ(volume_of(mesh), 63.0);
 }
 
-TEST(Shells, AShellInsideAnotherBecomesACavity) {
+TEST(Shells, NestedShellBecomesCavity) {
   TriangleMesh mesh = cube(0.0, 4.0);
   add(mesh, cube(1.0, 2.0));
   EXPECT_EQ(orient_shells(mesh), std::vector<std::string>{"1 shell of 2 faced the wrong way: flipped"});
   EXPECT_DOUBLE_EQ(volume_of(mesh), 63.0);
 }
 
-TEST(Shells, CubesThatTouchAlongAnEdgeAreTwoShells) {
+TEST(Shells, CubesTouchingAlongEdgeAreTwoShells) {
   TriangleMesh mesh = cube(0.0, 1.0);
   add(mesh, box_mesh({1, 1, 0}, {2, 2, 1}));
   weld_points(mesh, 1e-9);
@@ -103,22 +104,22 @@ TEST(Shells, CubesThatTouchAlongAnEdgeAreTwoShells) {
   EXPECT_DOUBLE_EQ(volume_of(mesh), 2.0);
 }
 
-TEST(JoinPoints, MakesOneOfNearPointsAndDropsWhatVanishes) {
+TEST(JoinPoints, MergesNearPointsAndRemovesDuplicates) {
   TriangleMesh mesh;
-  for (const auto& t : cube().triangles)  // every triangle with points of its own, a little off
+  for (const auto& t : cube().triangles)  // separate points per triangle, slightly displaced
     for (const std::uint32_t i : t)
       mesh.points.push_back(cube().points[i] +
                             Eigen::Vector3d::Constant(1e-9 * static_cast<double>(mesh.points.size())));
   for (std::uint32_t i = 0; i < 36; i += 3) mesh.triangles.push_back({i, i + 1, i + 2});
-  mesh.triangles.push_back({0, 1, 2});  // repeated
-  mesh.points.emplace_back(9, 9, 9);    // of no triangle
+  mesh.triangles.push_back({0, 1, 2});  // duplicate
+  mesh.points.emplace_back(9, 9, 9);    // unused
   weld_points(mesh, 1e-6);
   EXPECT_EQ(mesh.points.size(), 8U);
   EXPECT_EQ(mesh.triangles.size(), 12U);
   EXPECT_TRUE(orient_shells(mesh).empty());
 }
 
-TEST(WindingNumber, IsOneInsideAndNothingOutside) {
+TEST(WindingNumber, IsOneInsideAndZeroOutside) {
   const TriangleMesh ring = torus(3.0, 1.0, 24, 12);
   EXPECT_NEAR(winding_number(ring, {3, 0, 0}), 1.0, 1e-12);
   EXPECT_NEAR(winding_number(ring, {0, 0, 0}), 0.0, 1e-12);

@@ -21,13 +21,13 @@ void expect_inertia(const scene::Solid& solid, const Eigen::Matrix3d& right, dou
   EXPECT_LT((solid.inertia - right).norm(), tolerance * right.norm()) << solid.inertia << "\n\n" << right;
 }
 
-// About the centre of mass, for density 1.
+// The inertia about the centre of mass, for density 1.
 Eigen::Matrix3d box_inertia(const Eigen::Vector3d& size) {
   const Eigen::Vector3d s = size.cwiseAbs2() * size.prod() / 12.0;
   return Eigen::Vector3d(s.y() + s.z(), s.x() + s.z(), s.x() + s.y()).asDiagonal();
 }
 
-TEST(MakeSolid, ABoxFarFromTheOriginHasItsClosedForms) {
+TEST(MakeSolid, BoxFarFromOriginMatchesClosedForm) {
   const scene::Solid box = make(box_mesh({100, 200, 300}, {101, 202, 303}));
   EXPECT_NEAR(box.volume, 6.0, 1e-12);
   expect_inertia(box, box_inertia({1, 2, 3}), 1e-9);
@@ -37,17 +37,17 @@ TEST(MakeSolid, ABoxFarFromTheOriginHasItsClosedForms) {
   EXPECT_EQ(box.hulls.size(), 1U);
 }
 
-TEST(MakeSolid, ATetrahedronHasItsClosedForms) {
+TEST(MakeSolid, TetrahedronMatchesClosedForm) {
   const scene::Solid t = make(tetrahedron());
   EXPECT_NEAR(t.volume, 1.0 / 6.0, 1e-15);
-  // ∫x² = 1/60, ∫xy = 1/120 about the corner; the centre is at (1, 1, 1)/4.
+  // About the corner ∫x² = 1/60, ∫xy = 1/120; the centre of mass is (1, 1, 1)/4.
   Eigen::Matrix3d second = Eigen::Matrix3d::Constant(1.0 / 120.0 - 1.0 / 96.0);
   second.diagonal().setConstant(1.0 / 60.0 - 1.0 / 96.0);
   expect_inertia(t, second.trace() * Eigen::Matrix3d::Identity() - second, 1e-12);
   EXPECT_LT((t.bounds_min - Eigen::Vector3f::Constant(-0.25F)).norm(), 1e-6F);
 }
 
-TEST(MakeSolid, ATurnedBoxHasTheTurnedInertia) {
+TEST(MakeSolid, RotatedBoxHasRotatedInertia) {
   const Eigen::Matrix3d turn =
       Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, -1).normalized()).toRotationMatrix();
   TriangleMesh mesh = box_mesh({0, 0, 0}, {1, 2, 3});
@@ -55,11 +55,11 @@ TEST(MakeSolid, ATurnedBoxHasTheTurnedInertia) {
   expect_inertia(make(mesh), turn * box_inertia({1, 2, 3}) * turn.transpose(), 1e-9);
 }
 
-TEST(MakeSolid, FinerBallsComeNearTheSphereAsTheSquareOfTheirEdges) {
+TEST(MakeSolid, IcospheresConvergeQuadratically) {
   const double sphere = 4.0 / 3.0 * std::numbers::pi;
   double before = 1.0;
   for (const int rounds : {1, 2, 3}) {
-    std::vector<std::string> notes;  // the finest has more corners than a piece may have
+    std::vector<std::string> notes;  // the finest mesh exceeds kMaxHullCorners
     const double off = 1.0 - build_solid(icosphere(rounds), {}, notes).volume / sphere;
     if (rounds > 1) {
       EXPECT_NEAR(before / off, 4.0, 0.3);
@@ -69,7 +69,7 @@ TEST(MakeSolid, FinerBallsComeNearTheSphereAsTheSquareOfTheirEdges) {
   EXPECT_LT(before, 0.01);
 }
 
-TEST(MakeSolid, ARingHasTheTorusVolumeAndInertia) {
+TEST(MakeSolid, TorusMatchesClosedForm) {
   std::vector<std::string> notes;
   const scene::Solid ring = build_solid(torus(3.0, 1.0, 96, 48), {.decompose = false}, notes);
   const double volume = 2.0 * std::numbers::pi * std::numbers::pi * 3.0;
@@ -78,7 +78,7 @@ TEST(MakeSolid, ARingHasTheTorusVolumeAndInertia) {
   EXPECT_NEAR(ring.inertia(0, 0) / (volume * (4.5 + 0.625)), 1.0, 0.006);
 }
 
-TEST(MakeSolid, APieceForTheWholeRingIsReportedOrRefused) {
+TEST(MakeSolid, ReportsOrRejectsPoorApproximation) {
   std::vector<std::string> notes;
   build_solid(torus(3.0, 1.0, 24, 12), {.decompose = false}, notes);
   ASSERT_EQ(notes.size(), 1U);
@@ -95,7 +95,7 @@ TEST(MakeSolid, APieceForTheWholeRingIsReportedOrRefused) {
   EXPECT_EQ(build_solid(torus(3.0, 1.0, 24, 12), {.pieces = 1, .tolerance = 0.9}, notes).hulls.size(), 1U);
 }
 
-TEST(MakeSolid, SheetsAndOddSizesAreRefused) {
+TEST(MakeSolid, RejectsSheetsAndInvalidSizes) {
   const auto refused = [](const TriangleMesh& mesh) { return error_message_of([&] { make(mesh); }); };
   TriangleMesh sheet{{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}, {}};
   add_quad(sheet, {0, 1, 2, 3});
@@ -106,7 +106,7 @@ TEST(MakeSolid, SheetsAndOddSizesAreRefused) {
   EXPECT_NE(refused({{{0, 0, 0}, {1, 1, 1}}, {}}).find("no triangles"), std::string::npos);
 }
 
-TEST(MakeSolid, IsTheSameToTheBit) {
+TEST(MakeSolid, IsDeterministic) {
   const scene::Solid a = make(torus(3.0, 1.0, 20, 10)), b = make(torus(3.0, 1.0, 20, 10));
   EXPECT_EQ(a.vertices, b.vertices);
   EXPECT_EQ(a.inertia, b.inertia);
@@ -117,7 +117,7 @@ TEST(MakeSolid, IsTheSameToTheBit) {
   }
 }
 
-TEST(HullSolid, HasItsCentreOfMassAtTheOrigin) {
+TEST(HullSolid, CentreOfMassIsOrigin) {
   const std::vector<Eigen::Vector3d> wedge{{10, 0, 0}, {13, 0, 0}, {10, 3, 0}, {10, 0, 2},
                                            {13, 0, 2}, {10, 3, 2}, {11, 1, 1}};
   const scene::Solid solid = build_hull_solid(wedge);
@@ -135,7 +135,7 @@ TEST(HullSolid, HasItsCentreOfMassAtTheOrigin) {
   expect_inertia(solid, drawn.inertia(drawn.centre()), 1e-9);
 }
 
-TEST(HullSolid, RefusesFlatAndFewPoints) {
+TEST(HullSolid, RejectsFlatOrTooFewPoints) {
   const std::vector<Eigen::Vector3d> flat{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}};
   EXPECT_EQ(error_message_of([&] { build_hull_solid(flat); }), "is flat: its points enclose no volume");
   EXPECT_EQ(error_message_of([&] { build_hull_solid(std::span(flat).first(3)); }),

@@ -1,4 +1,4 @@
-// Meshes with known volumes, facing outwards.
+// Closed, outward-oriented test meshes with known volumes.
 #pragma once
 
 #include <cmath>
@@ -40,7 +40,7 @@ inline TriangleMesh tetrahedron() {
   return {{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}}};
 }
 
-// A polygon in the x-y plane, counter-clockwise, drawn up to z = height; `caps` are its triangles.
+// Extrudes a counter-clockwise polygon from z = 0 to `height`; `caps` is the polygon's triangulation.
 inline TriangleMesh prism(const std::vector<Eigen::Vector2d>& outline,
                           const std::vector<std::array<std::uint32_t, 3>>& caps, double height) {
   TriangleMesh mesh;
@@ -55,13 +55,13 @@ inline TriangleMesh prism(const std::vector<Eigen::Vector2d>& outline,
   return mesh;
 }
 
-// Two boxes: 3 × 1 × 1 and, on its west end, 1 × 2 × 1. Volume 5.
+// An L of two boxes: 3 × 1 × 1, and 1 × 2 × 1 at its west end. Volume 5.
 inline TriangleMesh l_mesh() {
   return prism({{0, 0}, {3, 0}, {3, 1}, {1, 1}, {1, 3}, {0, 3}}, {{0, 1, 2}, {0, 2, 3}, {0, 3, 5}, {3, 4, 5}},
                1.0);
 }
 
-// A ball of radius 1 from an icosahedron, each triangle split into four `rounds` times.
+// A unit sphere: an icosahedron whose triangles are split into four, `rounds` times.
 inline TriangleMesh icosphere(int rounds) {
   const double g = (1.0 + std::sqrt(5.0)) / 2.0;
   TriangleMesh mesh{{{-1, g, 0},
@@ -99,7 +99,7 @@ inline TriangleMesh icosphere(int rounds) {
   return mesh;
 }
 
-// A ring about z: its tube's centre runs at `major`, the tube has radius `minor`.
+// A torus about z with radii `major` and `minor`.
 inline TriangleMesh torus(double major, double minor, std::uint32_t around, std::uint32_t across) {
   TriangleMesh mesh;
   for (std::uint32_t i = 0; i < around; ++i)
@@ -119,7 +119,7 @@ inline void invert_orientation(TriangleMesh& mesh) {
   for (auto& t : mesh.triangles) std::swap(t[1], t[2]);
 }
 
-// What the call throws, or "".
+// The message of the InputError that the call throws; "" if none.
 template <typename Call>
 std::string error_message_of(Call call) {
   try {

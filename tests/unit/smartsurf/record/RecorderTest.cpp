@@ -113,8 +113,8 @@ TEST(Recorder, MissingObjectsAreNaN) {
   for (std::uint64_t t = 0; t < 200; ++t) {
     if (t == 70) run.add(scene::ShapeKind::kSphere, "late", 1.0);
     // Object 0 is removed and object 3 added at tick 70.
-    std::vector<scene::ObjectId> live = t < 70 ? std::vector<scene::ObjectId>{0, 1, 2}
-                                               : std::vector<scene::ObjectId>{1, 2, 3};
+    std::vector<scene::ObjectId> live =
+        t < 70 ? std::vector<scene::ObjectId>{0, 1, 2} : std::vector<scene::ObjectId>{1, 2, 3};
     if (t >= 140) live = {3};
     recorder->record_frame(run.snapshot_at(t, live), run.spec.objects);
   }

@@ -5,7 +5,7 @@
 namespace smartsurf::run {
 namespace {
 
-// Cells from -0.5 to 7.5 u along x and to 3.5 u along y.
+// A surface that spans −0.5 to 7.5 u in x and −0.5 to 3.5 u in y.
 scene::SurfaceSpec table() {
   scene::SurfaceSpec surface;
   surface.rows = 4;
@@ -26,7 +26,7 @@ std::vector<scene::ObjectId> departed_ids(const DepartureTracker& tracker) {
 
 using Ids = std::vector<scene::ObjectId>;
 
-TEST(DepartureTracker, CountsEachObjectWhenItLeavesOverAnyEdgeOrFallsBelow) {
+TEST(DepartureTracker, DetectsDepartureOverEdgesAndBelow) {
   const std::vector<scene::ObjectSpec> catalogue(5);
   DepartureTracker watch(table());
   watch.update(snapshot_at({{1, 1, 1}, {1, 1, 1}, {1, 1, 1}, {1, 1, 1}, {1, 1, 1}}), catalogue);
@@ -36,14 +36,14 @@ TEST(DepartureTracker, CountsEachObjectWhenItLeavesOverAnyEdgeOrFallsBelow) {
   EXPECT_EQ(departed_ids(watch), (Ids{0, 1, 2, 3}));
   EXPECT_EQ(watch.off_table_count(), 4U);
   watch.update(snapshot_at({{-0.7F, 1, 1}, {7.7F, 1, 1}, {1, 3.7F, 1}, {1, 1, 1}, {1, 1, 1}}), catalogue);
-  EXPECT_EQ(departed_ids(watch), Ids{}) << "each leaves once";
+  EXPECT_EQ(departed_ids(watch), Ids{}) << "each departure counts once";
   EXPECT_EQ(watch.off_table_count(), 3U);
   watch.update(snapshot_at({{1, 1, 1}, {9, 9, 1}, {9, 9, 1}, {9, 9, 1}, {1, 1, 1}}), catalogue);
   EXPECT_EQ(departed_ids(watch), (Ids{3})) << "it had come back";
   EXPECT_EQ(watch.total_departures(), 5U);
 }
 
-TEST(DepartureTracker, WhatNeverWasOverTheTableOrIsFixedDoesNotLeave) {
+TEST(DepartureTracker, IgnoresFixedObjectsAndObjectsNeverOnTable) {
   std::vector<scene::ObjectSpec> catalogue(2);
   catalogue[1].fixed = true;
   DepartureTracker watch(table());
@@ -53,7 +53,7 @@ TEST(DepartureTracker, WhatNeverWasOverTheTableOrIsFixedDoesNotLeave) {
   EXPECT_EQ(watch.off_table_count(), 2U);
 }
 
-TEST(DepartureTracker, KnowsObjectsThatComeLaterAndForgetsThoseThatAreGone) {
+TEST(DepartureTracker, HandlesAddedAndRemovedObjects) {
   std::vector<scene::ObjectSpec> catalogue(1);
   DepartureTracker watch(table());
   watch.update(snapshot_at({{1, 1, 1}}), catalogue);

@@ -5,20 +5,20 @@
 using smartsurf::run::Pacer;
 using namespace std::chrono_literals;
 
-TEST(Pacer, UnpacedIsDueAtOnce) {
+TEST(Pacer, UnpacedIsDueImmediately) {
   Pacer pacer(std::nullopt);
   const auto due = pacer.due_time(1000.0);
   EXPECT_LE(due, Pacer::Clock::now());
 }
 
-TEST(Pacer, SpacesSimulatedTimeByTheFactor) {
+TEST(Pacer, ScalesSimulatedTimeByFactor) {
   Pacer pacer(2.0);
   const auto first = pacer.due_time(10.0);
   EXPECT_NEAR(std::chrono::duration<double>(pacer.due_time(14.0) - first).count(), 2.0, 1e-9);
   EXPECT_NEAR(std::chrono::duration<double>(pacer.due_time(30.0) - first).count(), 10.0, 1e-9);
 }
 
-TEST(Pacer, DoesNotCatchUpAfterARestart) {
+TEST(Pacer, DoesNotCatchUpAfterRestart) {
   Pacer pacer(1.0);
   (void)pacer.due_time(0.0);
   pacer.restart();

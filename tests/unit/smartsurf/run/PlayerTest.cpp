@@ -19,7 +19,7 @@ view::Commands toggle() {
   return commands;
 }
 
-TEST(Player, FollowsTheClockAtItsPaceAndPausesAtTheEnd) {
+TEST(Player, PlaysAtPaceAndPausesAtEnd) {
   Player player(kTime, 2.0);
   player.advance(0.06);
   EXPECT_EQ(player.frame(), 1u);
@@ -30,10 +30,10 @@ TEST(Player, FollowsTheClockAtItsPaceAndPausesAtTheEnd) {
   EXPECT_EQ(player.frame(), 4u);
   EXPECT_TRUE(player.paused());
   player.apply(toggle());
-  EXPECT_EQ(player.frame(), 0u) << "running on from the end begins anew";
+  EXPECT_EQ(player.frame(), 0u) << "resuming at the end restarts from the first frame";
 }
 
-TEST(Player, StepsBackAndForthPauseAndStopAtTheEnds) {
+TEST(Player, StepsPauseAndClampToEnds) {
   Player player(kTime, 1.0);
   player.apply(steps(2));
   EXPECT_EQ(player.frame(), 2u);
@@ -46,7 +46,7 @@ TEST(Player, StepsBackAndForthPauseAndStopAtTheEnds) {
   EXPECT_EQ(player.frame(), 4u);
 }
 
-TEST(Player, SeeksAndThenGoesOnFromThere) {
+TEST(Player, ContinuesAfterSeek) {
   Player player(kTime, 1.0);
   view::Commands commands;
   commands.seek = 3;
@@ -60,7 +60,7 @@ TEST(Player, SeeksAndThenGoesOnFromThere) {
   EXPECT_EQ(player.frame(), 4u);
 }
 
-TEST(Player, WithoutAPaceShowsEveryFrame) {
+TEST(Player, ZeroPaceShowsEveryFrame) {
   Player player(kTime, 0.0);
   for (std::size_t frame = 1; frame < 5; ++frame) {
     player.advance(100.0);

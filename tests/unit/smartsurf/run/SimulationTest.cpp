@@ -10,7 +10,7 @@ using namespace smartsurf;
 
 namespace {
 
-// An experiment from a script's text.
+// Loads experiments from script text and advances them by ticks.
 class SimulationTest : public testing::Test {
  protected:
   script::Experiment load(const std::string& text) {
@@ -40,7 +40,7 @@ surface { rows = 16, columns = 16, actuator = pin {}, sensors = { proximity { ra
 
 }  // namespace
 
-TEST_F(SimulationTest, ScriptSpawnsPushesRemovesAndSeesIt) {
+TEST_F(SimulationTest, ScriptSpawnsPushesAndRemovesObjects) {
   auto experiment = load(kTable + R"(
 local id = sphere { radius = 1, position = {8, 8, 1}, label = 'a' }
 at(0.1, function() other = box { size = {1, 1, 1}, position = {3, 3, 0.5}, label = 'b' } end)
@@ -60,7 +60,7 @@ at(1.0, function() object(other):remove() end)
   EXPECT_EQ(s.catalogue().size(), 2u);
 }
 
-TEST_F(SimulationTest, ScriptDrivesCellsOnlyWithoutAController) {
+TEST_F(SimulationTest, ScriptSetsTargetsOnlyWithoutController) {
   const std::string script = kTable + "on_tick(function() cells:target('height', 1, 16, 3.5) end)\n";
   auto experiment = load(script);
   run::Simulation free(experiment, 1, true);
@@ -73,7 +73,7 @@ TEST_F(SimulationTest, ScriptDrivesCellsOnlyWithoutAController) {
   EXPECT_THROW(tick(driven), scene::InputError);
 }
 
-TEST_F(SimulationTest, ScriptReadsSensorsCountingFromOne) {
+TEST_F(SimulationTest, ScriptReadsSensorsWithOneBasedIndices) {
   auto experiment = load(kTable + R"(
 sphere { radius = 1, position = {3, 15 - 4, 1}, fixed = true }
 at(0.0, function()
@@ -89,7 +89,7 @@ end)
   EXPECT_FALSE(s.take_requests().stop);
 }
 
-TEST_F(SimulationTest, ThreadsDoNotChangeAnything) {
+TEST_F(SimulationTest, ResultIsIndependentOfThreadCount) {
   const std::string script = kTable + R"(
 for i = 1, 12 do sphere { radius = 0.8 + i / 20, position = {random(2, 13), random(2, 13), 3 + 2 * i} } end
 on_tick(function(t, tick) cells:target('height', 1 + tick % 16, 1 + (tick * 7) % 16, 2 * (tick % 3)) end)
@@ -104,7 +104,7 @@ on_tick(function(t, tick) cells:target('height', 1 + tick % 16, 1 + (tick * 7) %
   EXPECT_EQ(hash[0], hash[1]);
 }
 
-TEST_F(SimulationTest, ObjectsThatLeaveTheTableAreKeptOrRemoved) {
+TEST_F(SimulationTest, OffTablePolicy) {
   for (const bool remove : {false, true}) {
     auto experiment = load(std::string("world { off_table = '") + (remove ? "remove" : "keep") + R"(' }
 surface { rows = 8, columns = 8, actuator = pin {} }

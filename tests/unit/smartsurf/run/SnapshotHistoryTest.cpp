@@ -12,8 +12,8 @@ scene::Snapshot state(std::uint64_t tick) {
   return s;
 }
 
-TEST(SnapshotHistory, KeepsTheLastStatesThatFit) {
-  SnapshotHistory past(50'000);  // some eleven of them
+TEST(SnapshotHistory, KeepsLatestSnapshotsWithinLimit) {
+  SnapshotHistory past(50'000);  // about eleven snapshots
   for (std::uint64_t tick = 0; tick < 5; ++tick) past.add(state(tick));
   ASSERT_EQ(past.size(), 5u);
   EXPECT_EQ(past.at(0).tick, 0u);

@@ -7,7 +7,7 @@
 using namespace smartsurf::run;
 using namespace std::chrono_literals;
 
-TEST(DurationHistogram, QuantilesAreWithinTwoPercent) {
+TEST(DurationHistogram, QuantilesWithinTwoPercent) {
   DurationHistogram h;
   for (int i = 1; i <= 10000; ++i) h.add(std::chrono::microseconds(i));
   EXPECT_EQ(h.count(), 10000u);
@@ -24,7 +24,7 @@ TEST(DurationHistogram, EmptyAndExtremes) {
   EXPECT_EQ(h.count(), 2u);
 }
 
-TEST(Stats, JsonHasTheDocumentedKeys) {
+TEST(Stats, JsonHasDocumentedKeys) {
   RunSummary s;
   s.state_hash = 0xabcdef;
   s.simulated_s = 10;

@@ -35,29 +35,29 @@ struct UserInteractionTest : testing::Test {
   InteractionRequests requests;
 };
 
-TEST_F(UserInteractionTest, WithoutWishesNothingIsTouched) {
+TEST_F(UserInteractionTest, NoRequestsNoInteraction) {
   EXPECT_FALSE(tick());
   EXPECT_EQ(simulation.snapshot().object_count(), 2u);
 }
 
-TEST_F(UserInteractionTest, ASpringLiftsTheObjectToItsTargetAndHoldsItThere) {
+TEST_F(UserInteractionTest, PullLiftsObjectToTarget) {
   requests.pull = view::Pull{0, {0.0, 0.0, 1.0}, {5.0, 9.0, 6.0}};
   for (int i = 0; i < 180; ++i) EXPECT_TRUE(tick());
-  // The ball may swing about its grip; the grip is held.
+  // The ball may swing about the grip point, which stays at the target.
   const Eigen::Vector3d grip = view::Tools::anchor_position(*requests.pull, simulation.snapshot());
   EXPECT_LT((grip - requests.pull->target).norm(), 0.3) << grip.transpose();
   requests.pull.reset();
   for (int i = 0; i < 120; ++i) EXPECT_FALSE(tick());
-  EXPECT_LT(simulation.snapshot().position[0][2], 1.5f) << "it does not fall when let go";
+  EXPECT_LT(simulation.snapshot().position[0][2], 1.5f) << "does not fall when released";
 }
 
-TEST_F(UserInteractionTest, AFarTargetDoesNotShootTheObjectAway) {
+TEST_F(UserInteractionTest, DistantTargetLimitsAcceleration) {
   requests.pull = view::Pull{0, {0.0, 0.0, 1.0}, {8.0, 8.0, 1e6}};
   tick();
   EXPECT_LT(simulation.snapshot().velocity[0][2], 10.0f);
 }
 
-TEST_F(UserInteractionTest, APokedCellRisesAndGoesBackToWhatItWasTold) {
+TEST_F(UserInteractionTest, PokedCellRisesAndReturnsToItsTarget) {
   requests.poke = view::Poke{4, 5, 3.0};
   const auto height = [&](int row, int column) {
     return simulation.snapshot().height[static_cast<std::size_t>(row * 16 + column)];
@@ -74,7 +74,7 @@ TEST_F(UserInteractionTest, APokedCellRisesAndGoesBackToWhatItWasTold) {
   EXPECT_FLOAT_EQ(height(4, 6), 0.0f);
 }
 
-TEST_F(UserInteractionTest, ABrokenCellTakesNoCommandsUntilItIsMended) {
+TEST_F(UserInteractionTest, FaultyCellIgnoresTargetsUntilRepaired) {
   const auto height = [&] { return simulation.snapshot().height[4 * 16 + 5]; };
   const auto command = [&](float value) { simulation.set_target("height", 4, 5, value); };
   command(2.0f);
@@ -83,17 +83,17 @@ TEST_F(UserInteractionTest, ABrokenCellTakesNoCommandsUntilItIsMended) {
   EXPECT_TRUE(tick());
   command(5.0f);
   for (int i = 0; i < 60; ++i) EXPECT_TRUE(tick());
-  EXPECT_FLOAT_EQ(height(), 2.0f) << "stuck where it stood";
+  EXPECT_FLOAT_EQ(height(), 2.0f) << "stuck at its height";
   requests.faults = {{4, 5, view::FaultKind::kDead}};
   for (int i = 0; i < 60; ++i) tick();
   EXPECT_FLOAT_EQ(height(), 0.0f);
   requests.faults = {{4, 5, view::FaultKind::kNone}};
   for (int i = 0; i < 60; ++i) tick();
-  EXPECT_FLOAT_EQ(height(), 2.0f) << "back to what it was told before it broke";
+  EXPECT_FLOAT_EQ(height(), 2.0f) << "target before the fault";
   EXPECT_FALSE(tick());
 }
 
-TEST_F(UserInteractionTest, ADroppedObjectIsOneOfTheOthers) {
+TEST_F(UserInteractionTest, DroppedObjectsAreSpawnedOnce) {
   scene::ObjectSpec box;
   box.shape = scene::ShapeKind::kBox;
   box.position = {12.0, 12.0, 3.0};
@@ -104,7 +104,7 @@ TEST_F(UserInteractionTest, ADroppedObjectIsOneOfTheOthers) {
   EXPECT_FALSE(tick()) << "dropped again";
 }
 
-TEST_F(UserInteractionTest, AnObjectThatIsGoneIsNotPulled) {
+TEST_F(UserInteractionTest, RemovedObjectIsNotPulled) {
   requests.pull = view::Pull{0, {0.0, 0.0, 1.0}, {5.0, 9.0, 6.0}};
   simulation.remove(0);
   EXPECT_FALSE(tick());

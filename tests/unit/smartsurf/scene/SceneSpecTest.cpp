@@ -12,7 +12,7 @@ namespace {
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-TEST(NearestName, FindsDroppedAddedChangedAndSwappedLetters) {
+TEST(NearestName, FindsSingleEdits) {
   const std::vector<std::string> known{"radius", "position", "size", "colour", "mass"};
   EXPECT_EQ(nearest_name("raduis", known), "radius");
   EXPECT_EQ(nearest_name("psition", known), "position");
@@ -21,20 +21,20 @@ TEST(NearestName, FindsDroppedAddedChangedAndSwappedLetters) {
   EXPECT_EQ(nearest_name("sise", known), "size");
 }
 
-TEST(NearestName, SaysNothingWhenNothingIsNear) {
+TEST(NearestName, EmptyWithoutNearMatch) {
   EXPECT_EQ(nearest_name("gravity", {"radius", "size"}), "");
   EXPECT_EQ(nearest_name("ab", {"xy"}), "");
   EXPECT_EQ(nearest_name("", {}), "");
 }
 
-TEST(WorldSpec, CountsStepsInATick) {
+TEST(WorldSpec, StepsPerTick) {
   WorldSpec w;
   EXPECT_EQ(w.steps_per_tick(), 4);
   w.dt_s = w.control_period_s = 0.01;
   EXPECT_EQ(w.steps_per_tick(), 1);
 }
 
-TEST(WorldSpec, ProblemsNameTheField) {
+TEST(WorldSpec, ErrorsNameTheField) {
   WorldSpec w;
   EXPECT_EQ(validate(w), "");
   w.gravity.y() = kNan;
@@ -49,7 +49,7 @@ TEST(WorldSpec, ProblemsNameTheField) {
             "world.control_period = 0.015: must be an integer number of physics steps, world.dt = 0.01");
 }
 
-TEST(SurfaceSpec, IndexAndCentreAgreeWithTheConvention) {
+TEST(SurfaceSpec, IndexAndCentreFollowConvention) {
   SurfaceSpec s;
   s.rows = 3;
   s.columns = 5;
@@ -62,7 +62,7 @@ TEST(SurfaceSpec, IndexAndCentreAgreeWithTheConvention) {
   EXPECT_FALSE(s.is_border(1, 2));
 }
 
-TEST(SurfaceSpec, ProblemsNameTheField) {
+TEST(SurfaceSpec, ErrorsNameTheField) {
   SurfaceSpec s;
   EXPECT_EQ(validate(s), "");
   s.pin.top_x = 1.5;
@@ -82,7 +82,7 @@ TEST(SurfaceSpec, ProblemsNameTheField) {
   EXPECT_EQ(validate(s), "border.height = nan: must be in [-1000000, 1000000]");
 }
 
-TEST(SurfaceSpec, TheChannelsOfAllSensorsHaveNamesOfTheirOwn) {
+TEST(SurfaceSpec, ChannelNamesMustBeUnique) {
   SurfaceSpec s;
   const SensorSpec proximity = find_sensor_kind("proximity")->default_spec();
   s.sensors = {proximity, proximity};
@@ -99,7 +99,7 @@ TEST(SurfaceSpec, TheChannelsOfAllSensorsHaveNamesOfTheirOwn) {
             "surface.sensors: 32 sensor channels beside 1 of actuators: must be at most 32 together");
 }
 
-TEST(Material, ProblemsNameTheField) {
+TEST(Material, ErrorsNameTheField) {
   Material m;
   EXPECT_EQ(validate(m), "");
   m.friction = kNan;
@@ -112,7 +112,7 @@ TEST(Material, ProblemsNameTheField) {
   EXPECT_EQ(validate(m), "material.name is missing");
 }
 
-TEST(ObjectSpec, VolumesAndExtentsAreThoseOfTheShapes) {
+TEST(ObjectSpec, VolumesAndExtents) {
   ObjectSpec o;
   o.radius = 2.0;
   EXPECT_DOUBLE_EQ(o.volume(), 32.0 / 3.0 * std::numbers::pi);
@@ -127,7 +127,7 @@ TEST(ObjectSpec, VolumesAndExtentsAreThoseOfTheShapes) {
   EXPECT_EQ(o.half_extents(), Eigen::Vector3d(0.5, 1, 1.5));
 }
 
-TEST(ObjectSpec, ProblemsNameTheField) {
+TEST(ObjectSpec, ErrorsNameTheField) {
   ObjectSpec o;
   EXPECT_EQ(validate(o), "");
   o.radius = kNan;

@@ -18,7 +18,7 @@ std::string problem(const std::string& model, const ParameterValues& values) {
 
 }  // namespace
 
-TEST(SensorKind, EveryBuiltInOneIsGoodAsItStands) {
+TEST(SensorKind, BuiltInDefaultsAreValid) {
   ASSERT_GE(sensor_kinds().size(), 6u);
   for (const SensorKind& kind : sensor_kinds()) {
     EXPECT_EQ(kind.validate(kind.default_spec()), "");
@@ -35,7 +35,7 @@ TEST(SensorKind, EveryBuiltInOneIsGoodAsItStands) {
   }
 }
 
-TEST(SensorKind, ProblemsNameTheField) {
+TEST(SensorKind, ErrorsNameTheField) {
   EXPECT_EQ(problem("proximity", {{"direction", {0, 0, 0}}}), "proximity.direction: must not be of length 0");
   EXPECT_EQ(problem("colour", {{"origin", {0, 1e9, 0}}}),
             "colour.origin[2] = 1000000000: must be in [-1000000, 1000000]");
@@ -51,7 +51,7 @@ TEST(SensorKind, ProblemsNameTheField) {
             "proximity: stuck_low, stuck_high and dead add up to 1.1: must be at most 1");
 }
 
-TEST(SensorKind, OneMayBeAddedOrReplaced) {
+TEST(SensorKind, AddsAndReplacesKinds) {
   const auto count = sensor_kinds().size();
   add_sensor_kind({.name = "smell", .channels = [](const SensorSpec& s) -> std::vector<SensorChannel> {
                      return {{.name = s.name}};

@@ -17,7 +17,7 @@ SurfaceSpec grid(int rows, int columns, double pitch = 1.0) {
   return surface;
 }
 
-// As `layout = 'hex'`: every second row moved by half a pitch.
+// Like `layout = 'hex'`: every second row is shifted by half a pitch.
 SurfaceSpec hex(int rows, int columns, double pitch) {
   SurfaceSpec surface = grid(rows, columns, pitch);
   for (int r = 0; r < rows; ++r)
@@ -27,7 +27,7 @@ SurfaceSpec hex(int rows, int columns, double pitch) {
   return surface;
 }
 
-// Cells on a disc of this radius, of a pitch of 1, those nearer than `hole` left out.
+// The cells of a pitch-1 grid whose distance from the centre is between `hole` and `radius`.
 SurfaceSpec disc(double radius, double hole) {
   const int n = 2 * static_cast<int>(radius) + 1;
   SurfaceSpec surface = grid(n, n);
@@ -40,7 +40,7 @@ SurfaceSpec disc(double radius, double hole) {
   return surface;
 }
 
-TEST(TableOutline, OfARectangularGridIsExactlyItsRectangle) {
+TEST(TableOutline, RectangularGridIsExact) {
   const TableFootprint outline(grid(4, 8, 2.0));
   EXPECT_TRUE(outline.contains(-0.999, -0.999));
   EXPECT_TRUE(outline.contains(14.999, 6.999));
@@ -51,7 +51,7 @@ TEST(TableOutline, OfARectangularGridIsExactlyItsRectangle) {
   EXPECT_FALSE(outline.contains(std::numeric_limits<double>::quiet_NaN(), 3));
 }
 
-TEST(TableOutline, OfAHexLayoutEndsWhereItsRowsEnd) {
+TEST(TableOutline, HexLayoutFollowsRows) {
   const double pitch = 2.0;
   const TableFootprint outline(hex(10, 12, pitch));
   const double north = 9 * pitch * std::numbers::sqrt3 / 2.0, east = 11.5 * pitch, rim = pitch / 2.0;
@@ -64,7 +64,7 @@ TEST(TableOutline, OfAHexLayoutEndsWhereItsRowsEnd) {
   EXPECT_FALSE(outline.contains(-1e30, std::numeric_limits<double>::infinity()));
 }
 
-TEST(TableOutline, OfARoundTableIsRound) {
+TEST(TableOutline, RoundTable) {
   const double radius = 12.0;
   const TableFootprint outline(disc(radius, 0.0));
   for (int k = 0; k < 64; ++k) {
@@ -75,7 +75,7 @@ TEST(TableOutline, OfARoundTableIsRound) {
   EXPECT_FALSE(outline.contains(0, 0)) << "a corner of the array";
 }
 
-TEST(TableOutline, HoldsTheHolesThatItsCellsSurroundAndNarrowGapsBetweenModules) {
+TEST(TableOutline, FillsHolesAndNarrowGaps) {
   const TableFootprint ring(disc(12.0, 5.0));
   EXPECT_TRUE(ring.contains(12, 12));
   SurfaceSpec modules = grid(2, 4);
@@ -90,7 +90,7 @@ TEST(TableOutline, HoldsTheHolesThatItsCellsSurroundAndNarrowGapsBetweenModules)
   EXPECT_TRUE(wide.contains(6.5, 0.5));
 }
 
-TEST(TableOutline, OfAnLFollowsItsInnerCorner) {
+TEST(TableOutline, LShapeKeepsInnerCorner) {
   SurfaceSpec surface = grid(20, 20);
   for (int r = 0; r < 20; ++r)
     for (int c = 0; c < 20; ++c)
@@ -102,7 +102,7 @@ TEST(TableOutline, OfAnLFollowsItsInnerCorner) {
   EXPECT_FALSE(outline.contains(15, 15));
 }
 
-TEST(TableOutline, OfATurnedTableTurnsWithIt) {
+TEST(TableOutline, RotatedTable) {
   SurfaceSpec surface = grid(5, 5);
   const double turn = std::numbers::pi / 4, k = std::sqrt(0.5);
   for (int r = 0; r < 5; ++r)
@@ -115,7 +115,7 @@ TEST(TableOutline, OfATurnedTableTurnsWithIt) {
   EXPECT_FALSE(outline.contains(2.05, 2.05));
 }
 
-TEST(TableOutline, OfScatteredCellsIsAsWideAsTheyStandApart) {
+TEST(TableOutline, SparseCellsUseNeighbourDistance) {
   SurfaceSpec surface = grid(5, 5);
   for (int r = 0; r < 5; ++r)
     for (int c = 0; c < 5; ++c) surface.cell_poses.push_back({6.0 * c, 6.0 * r, 0.0});
@@ -125,7 +125,7 @@ TEST(TableOutline, OfScatteredCellsIsAsWideAsTheyStandApart) {
   EXPECT_FALSE(outline.contains(-3.5, 12));
 }
 
-TEST(TableOutline, OfCellsFarApartAndOfNoneIsKeptSmall) {
+TEST(TableOutline, DistantAndEmptyCellsLimitRasterSize) {
   SurfaceSpec surface = grid(1, 3);
   surface.cell_poses = {{0, 0, 0}, {1, 0, 0}, {1e6, 1e6, 0}};
   const TableFootprint outline(surface);

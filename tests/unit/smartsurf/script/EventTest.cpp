@@ -19,7 +19,7 @@ class EventTest : public ScriptTest {
   std::optional<FakeSimulation> simulation;
 };
 
-TEST(ScheduleTest, RunsInOrderOfTimeThenOfRegistration) {
+TEST(ScheduleTest, OrdersByTimeThenRegistration) {
   EventQueue s;
   s.schedule_at(2.0, 1);
   s.schedule_at(1.0, 2);
@@ -33,7 +33,7 @@ TEST(ScheduleTest, RunsInOrderOfTimeThenOfRegistration) {
   EXPECT_EQ(s.size(), 1u);
 }
 
-TEST(ScheduleTest, WhatIsRegisteredMeanwhileWaits) {
+TEST(ScheduleTest, EventsScheduledDuringRunWaitForNextRun) {
   EventQueue s;
   int calls = 0;
   s.schedule_at(0.0, 0);
@@ -48,14 +48,14 @@ TEST(ScheduleTest, WhatIsRegisteredMeanwhileWaits) {
   EXPECT_EQ(calls, 2);
 }
 
-TEST_F(EventTest, AtRunsAtTheFirstTickThatIsNotBeforeItsTime) {
+TEST_F(EventTest, AtRunsAtFirstTickNotBeforeItsTime) {
   run("at(0, function(t, n) print('zero', n) end) at(0.5, function(t, n) print('half', t, n) end) "
       "at(0.51, function(t, n) print('later', n) end)",
       59);
   EXPECT_EQ(printed, "zero\t0\nhalf\t0.5\t30\nlater\t31\n");
 }
 
-TEST_F(EventTest, TheLastValueOfEachMetricCounts) {
+TEST_F(EventTest, MetricKeepsLastValue) {
   run("metric('tries', 1) on_tick(function(t, n) metric('error', 1 / (n + 1)) end) "
       "on_finish(function() metric('tries', 3) end)",
       3);
@@ -64,12 +64,12 @@ TEST_F(EventTest, TheLastValueOfEachMetricCounts) {
   EXPECT_EQ(experiment->metrics(), expected);
 }
 
-TEST_F(EventTest, EveryBeginsAfterOnePeriodAndDoesNotDrift) {
+TEST_F(EventTest, EveryStartsAfterOnePeriodWithoutDrift) {
   run("every(0.1, function(t, n) print(n) end)", 60);
   EXPECT_EQ(printed, "6\n12\n18\n24\n30\n36\n42\n48\n54\n60\n");
 }
 
-TEST_F(EventTest, AClockThatSumsUpItsStepsDelaysNothing) {
+TEST_F(EventTest, AccumulatedClockErrorDoesNotDelayEvents) {
   Experiment e = load_on_surface(
       "count = 0; every(0.1, function(t, n) count = count + 1; assert(n == 6 * count) end) "
       "on_finish(function() print(count) end)");
@@ -81,12 +81,12 @@ TEST_F(EventTest, AClockThatSumsUpItsStepsDelaysNothing) {
   EXPECT_EQ(printed, "10000\n");
 }
 
-TEST_F(EventTest, APeriodShorterThanATickRunsSeveralTimesATick) {
+TEST_F(EventTest, PeriodBelowTickRunsSeveralTimesPerTick) {
   run("n = 0; every(1/240, function() n = n + 1 end) on_tick(function() print(n) end)", 2);
   EXPECT_EQ(printed, "0\n4\n8\n");
 }
 
-TEST_F(EventTest, OrderWithinATickIsByTimeThenRegistrationThenOnTick) {
+TEST_F(EventTest, OrderWithinTick) {
   run("on_tick(function(t, n) if n == 1 then print('tick') end end) "
       "at(1/60, function() print('b') end) every(1/60, function() print('c') end) "
       "at(0.016, function() print('a') end) at(1/60, function() print('d') end)",
@@ -94,12 +94,12 @@ TEST_F(EventTest, OrderWithinATickIsByTimeThenRegistrationThenOnTick) {
   EXPECT_EQ(printed, "a\nb\nc\nd\ntick\n");
 }
 
-TEST_F(EventTest, OnTickGetsTimeAndTick) {
+TEST_F(EventTest, OnTickReceivesTimeAndTick) {
   run("on_tick(function(t, n) print(t * 60, math.type(n), n) assert(time() == t) end)", 2);
   EXPECT_EQ(printed, "0.0\tinteger\t0\n1.0\tinteger\t1\n2.0\tinteger\t2\n");
 }
 
-TEST_F(EventTest, FalseEndsEveryAndOnTick) {
+TEST_F(EventTest, ReturningFalseUnregistersCallback) {
   run("a = 0; every(1/60, function() a = a + 1; return a < 3 end) "
       "b = 0; on_tick(function() b = b + 1; return b < 2 end) "
       "on_tick(function(t, n) if n == 9 then print(a, b) end end)",
@@ -107,7 +107,7 @@ TEST_F(EventTest, FalseEndsEveryAndOnTick) {
   EXPECT_EQ(printed, "3\t2\n");
 }
 
-TEST_F(EventTest, FunctionsMayRegisterFunctions) {
+TEST_F(EventTest, CallbacksMayRegisterCallbacks) {
   run("at(0, function() every(1/60, function(t, n) print('e', n) return n < 2 end) "
       "at(2/60, function(t, n) print('a', n) end) on_tick(function(t, n) print('t', n) return false end) "
       "end)",
@@ -115,17 +115,17 @@ TEST_F(EventTest, FunctionsMayRegisterFunctions) {
   EXPECT_EQ(printed, "t\t0\ne\t1\ne\t2\na\t2\n");
 }
 
-TEST_F(EventTest, AFunctionThatRegistersItselfForNowRunsOnceATick) {
+TEST_F(EventTest, SelfReschedulingCallbackRunsOncePerTick) {
   run("local function f(t, n) print(n) at(t, f) end at(0, f)", 3);
   EXPECT_EQ(printed, "0\n1\n2\n3\n");
 }
 
-TEST_F(EventTest, ATimeThatIsOverIsRefused) {
+TEST_F(EventTest, RejectsTimeInThePast) {
   EXPECT_EQ(caught([&] { run("on_tick(function(t) if t > 0 then at(0, print) end end)", 1); }),
             "t.lua:2: at: seconds = 0: is in the past, the simulated time is 0.016666666666667");
 }
 
-TEST_F(EventTest, HasEventsSaysWhetherTheScriptIsEverCalled) {
+TEST_F(EventTest, HasCallbacks) {
   EXPECT_FALSE(load_on_surface("sphere{radius = 1, position = {0, 0, 9}}").has_callbacks());
   EXPECT_TRUE(load_on_surface("at(1, print)").has_callbacks());
   EXPECT_TRUE(load_on_surface("every(1, print)").has_callbacks());
@@ -133,7 +133,7 @@ TEST_F(EventTest, HasEventsSaysWhetherTheScriptIsEverCalled) {
   EXPECT_TRUE(load_on_surface("on_finish(print)").has_callbacks());
 }
 
-TEST_F(EventTest, ObjectsAreSpawnedReadMovedPushedAndRemoved) {
+TEST_F(EventTest, ObjectLifecycle) {
   run(R"(
     local first = sphere{radius = 1, position = {1, 2, 3}, velocity = {4, 5, 6}, label = 'small'}
     at(0, function()
@@ -163,13 +163,13 @@ TEST_F(EventTest, ObjectsAreSpawnedReadMovedPushedAndRemoved) {
                  "push 1 1 0 0 at  7  8 10 for 0.5", "place 1", "remove 0"}));
 }
 
-TEST_F(EventTest, CellsCountFromOneInLuaAndFromZeroForTheHost) {
+TEST_F(EventTest, CellIndicesAreOneBasedInLua) {
   run("at(0, function() cells:target('height', 1, 6, 2.5) print(cells:sense('proximity', 4, 2)) end)", 0);
   EXPECT_EQ(simulation->log, (Log{"target height 0 5 2.5"}));
   EXPECT_EQ(printed, "90301.0\n");
 }
 
-TEST_F(EventTest, TargetsTakesAListOrRows) {
+TEST_F(EventTest, TargetsAcceptsFlatListOrRows) {
   const std::string list = "local v = {} for i = 1, 24 do v[i] = i end ";
   const std::string rows =
       "local w = {} for r = 1, 4 do w[r] = {} for c = 1, 6 do w[r][c] = (r-1)*6 + c end end ";
@@ -181,7 +181,7 @@ TEST_F(EventTest, TargetsTakesAListOrRows) {
   EXPECT_EQ(simulation->last_targets, expected);
 }
 
-TEST_F(EventTest, ProcessControl) {
+TEST_F(EventTest, RunControl) {
   run("pace('max') pause() at(0, function() pace(2) pace('realtime') pause() stop() quit() end)", 0);
   EXPECT_EQ(simulation->log, (Log{"pace max", "pause", "pace 2", "pace 1", "pause", "stop", "quit"}));
 }

@@ -1,4 +1,4 @@
-// The experiments that ship as examples load and run.
+// Loads and runs the example experiments.
 #include <algorithm>
 
 #include "ScriptFixture.h"
@@ -43,7 +43,7 @@ TEST_F(ExampleTest, WaveTravelsEast) {
   EXPECT_GE(crest(simulation->last_targets), crest(before));
 }
 
-TEST_F(ExampleTest, RainFallsAsOftenAsItsOptionSays) {
+TEST_F(ExampleTest, RainCountFollowsOption) {
   options.overrides = {{"rate", "10"}, {"count", "25"}};
   run("rain.lua", 60 * 5);
   const auto drops = std::count_if(simulation->log.begin(), simulation->log.end(),

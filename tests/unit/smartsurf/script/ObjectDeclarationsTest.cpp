@@ -1,4 +1,4 @@
-// The shapes, and the solids that others make for them.
+// Tests the declarations of objects, including solids created by a factory.
 #include <gtest/gtest.h>
 
 #include "tests/unit/smartsurf/script/ScriptFixture.h"
@@ -6,7 +6,7 @@
 namespace smartsurf::script {
 namespace {
 
-// Writes down what it is asked for; every solid is a unit cube's worth of nothing.
+// Records all requests. Returns solids of volume 1 without geometry.
 class FakeSolidFactory : public scene::SolidFactory {
  public:
   scene::SolidResult load_mesh(const scene::MeshRequest& r) override {
@@ -71,7 +71,7 @@ TEST_F(ObjectsTest, CapsulesAndCones) {
             "angular_velocity, mass, fixed, material, colour, label, pole, moment");
 }
 
-TEST_F(ObjectsTest, AMeshAsksForItsFileBesideTheScript) {
+TEST_F(ObjectsTest, MeshRequestsFileBesideScript) {
   const Experiment e = load_on_surface(
       "mesh{file = 'parts/l.stl', scale = 0.1, position = {1, 2, 3}}\n"
       "mesh{file = 'l.obj', decompose = false, pieces = 8, tolerance = 0.5, position = {1, 2, 3}, label = "
@@ -89,7 +89,7 @@ TEST_F(ObjectsTest, AMeshAsksForItsFileBesideTheScript) {
   EXPECT_EQ(e.scene().objects[1].label, "L");
 }
 
-TEST_F(ObjectsTest, AHullIsMadeOfPointsOrAFile) {
+TEST_F(ObjectsTest, HullFromPointsOrFile) {
   load_on_surface(
       "hull{points = {{0, 0, 0}, {x = 1, y = 0, z = 0}, {0, 2, 0}, {0, 0, 3}}, position = {1, 2, 3}}");
   ASSERT_EQ(solids->points.size(), 4U);
@@ -108,7 +108,7 @@ TEST_F(ObjectsTest, AHullIsMadeOfPointsOrAFile) {
             "t.lua:1: hull.points = 3: must be a list of points, {{x, y, z}, ...}");
 }
 
-TEST_F(ObjectsTest, WhatIsWrongWithAFileIsSaidWithTheScriptsLine) {
+TEST_F(ObjectsTest, FileErrorsHaveScriptLocation) {
   solids->error = "'l.stl': the mesh is open";
   EXPECT_EQ(error_of("\nmesh{file = 'l.stl', position = {1, 2, 3}}"),
             "t.lua:2: mesh.file = 'l.stl': the mesh is open");
@@ -126,7 +126,7 @@ TEST_F(ObjectsTest, WhatIsWrongWithAFileIsSaidWithTheScriptsLine) {
             "t.lua:1: hull and mesh are not available to a script loaded this way");
 }
 
-TEST_F(ObjectsTest, FilesOutsideTheScriptsFolderAreRefused) {
+TEST_F(ObjectsTest, RejectsFilesOutsideScriptFolder) {
   for (const char* path : {"../l.stl", "/etc/passwd", "a/../../l.stl"})
     EXPECT_EQ(error_of("mesh{file = '" + std::string(path) + "', position = {1, 2, 3}}"),
               "t.lua:1: mesh.file: '" + std::string(path) +
@@ -137,21 +137,21 @@ TEST_F(ObjectsTest, FilesOutsideTheScriptsFolderAreRefused) {
   EXPECT_EQ(solids->meshes.at(0).file, "/etc/l.stl");
 }
 
-TEST_F(ObjectsTest, NotesCarryTheScriptsLine) {
+TEST_F(ObjectsTest, WarningsHaveScriptLocation) {
   solids->notes = {"'l.stl': the mesh was inside out: flipped"};
   load_on_surface("mesh{file = 'l.stl', position = {1, 2, 3}}");
   ASSERT_EQ(noted.size(), 1U);
   EXPECT_TRUE(noted[0].ends_with("t.lua:2: 'l.stl': the mesh was inside out: flipped")) << noted[0];
 }
 
-TEST_F(ObjectsTest, SolidsAreSpawnedWhileTheSimulationRuns) {
+TEST_F(ObjectsTest, SpawnsSolidsAtRunTime) {
   EXPECT_EQ(run_error_of("for i = 1, 3 do hull{points = {{0, 0, i}}, position = {1, 2, 3}} end"), "");
   solids->error = "is flat";
   EXPECT_EQ(run_error_of("hull{points = {{0, 0, 0}}, position = {1, 2, 3}}"),
             "t.lua:2: hull.points: is flat");
 }
 
-TEST_F(ObjectsTest, WhatBecomesOfThoseThatLeaveTheTable) {
+TEST_F(ObjectsTest, OffTablePolicy) {
   EXPECT_EQ(load("surface{}").scene().world.off_table, scene::OffTablePolicy::kKeep);
   EXPECT_EQ(load("surface{} world{off_table = 'remove'}").scene().world.off_table,
             scene::OffTablePolicy::kRemove);
@@ -159,7 +159,7 @@ TEST_F(ObjectsTest, WhatBecomesOfThoseThatLeaveTheTable) {
             "t.lua:1: world.off_table = 'drop': must be 'keep' or 'remove'");
 }
 
-TEST_F(ObjectsTest, OnLeaveGetsTheObjectTheTimeAndTheTick) {
+TEST_F(ObjectsTest, OnLeaveReceivesObjectTimeAndTick) {
   Experiment e = load_on_surface(
       "for i = 1, 3 do sphere{radius = 1, position = {i, 1, 1}} end\n"
       "on_leave(function(id, t, tick) print(id, t, tick) if id == 1 then object(2):remove() end end)\n"

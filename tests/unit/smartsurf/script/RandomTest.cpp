@@ -8,15 +8,15 @@
 namespace smartsurf::script {
 namespace {
 
-// The published outputs of SplitMix64 for seed 1234567.
-TEST(Random, IsSplitMix64) {
+// The reference outputs of SplitMix64 for seed 1234567.
+TEST(Random, MatchesSplitMix64) {
   Random r(1234567);
   for (const std::uint64_t expected : {6457827717110365317u, 3203168211198807973u, 9817491932198370423u,
                                        4593380528125082431u, 16408922859458223821u})
     EXPECT_EQ(r.next(), expected);
 }
 
-TEST(Random, StaysInItsBounds) {
+TEST(Random, UniformStaysInBounds) {
   Random r(3);
   double lowest = 1.0, highest = 0.0;
   for (int i = 0; i < 100000; ++i) {
@@ -32,7 +32,7 @@ TEST(Random, StaysInItsBounds) {
   EXPECT_TRUE(big >= -1e308 && big <= 1e308);
 }
 
-TEST(Random, IntegersAreEvenlySpread) {
+TEST(Random, IntegersAreUniform) {
   Random r(9);
   std::array<int, 6> counts{};
   for (int i = 0; i < 60000; ++i) ++counts[static_cast<std::size_t>(r.uniform_integer(1, 6) - 1)];
@@ -50,7 +50,7 @@ class ScriptRandomTest : public ScriptTest {
   }
 };
 
-TEST_F(ScriptRandomTest, TheSameSeedGivesTheSameNumbers) {
+TEST_F(ScriptRandomTest, SameSeedGivesSameSequence) {
   const std::string text =
       "world{seed = 5} print(string.format('%.17g %.17g', random(0, 10), math.random()), "
       "math.random(6), math.random(10, 20))";
@@ -60,11 +60,11 @@ TEST_F(ScriptRandomTest, TheSameSeedGivesTheSameNumbers) {
   EXPECT_NE(draws("world{seed = 6} print(string.format('%.17g', random(0, 10)))"), first);
 }
 
-TEST_F(ScriptRandomTest, WithoutAWorldTheSeedIsOne) {
+TEST_F(ScriptRandomTest, DefaultSeedIsOne) {
   EXPECT_EQ(draws("print(random())"), draws("world{seed = 1} print(random())"));
 }
 
-TEST_F(ScriptRandomTest, TheCommandLinesSeedWins) {
+TEST_F(ScriptRandomTest, CommandLineSeedOverridesScript) {
   const std::string seven = draws("world{seed = 7} print(random())");
   options.seed = 7;
   EXPECT_EQ(draws("world{seed = 5} print(random())"), seven);
@@ -72,14 +72,14 @@ TEST_F(ScriptRandomTest, TheCommandLinesSeedWins) {
   EXPECT_EQ(load_on_surface("world{seed = 5}").scene().world.seed, 7u);
 }
 
-TEST_F(ScriptRandomTest, ASeedAfterTheFirstDrawIsRefused) {
+TEST_F(ScriptRandomTest, RejectsSeedAfterFirstDraw) {
   EXPECT_EQ(error_of("local x = random()\n\nworld{seed = 5}"),
-            "t.lua:3: world.seed = 5: random numbers were already drawn with seed 1 at t.lua:1; declare world{} "
-            "before");
+            "t.lua:3: world.seed = 5: random numbers were already drawn with seed 1 at t.lua:1; declare "
+            "world{} before that");
   EXPECT_EQ(error_of("surface{} local x = random()\nworld{dt = 1/120}"), "");
 }
 
-TEST_F(ScriptRandomTest, PairsAndNextGoInAnOrderOfTheirOwn) {
+TEST_F(ScriptRandomTest, PairsAndNextAreOrdered) {
   const std::string text = R"(
     local t = {zebra = 1, apple = 2, mango = 3, [3] = 'c', [1] = 'a', [2] = 'b', [2.5] = 'h', [-1] = 'n',
                [true] = 't', [false] = 'f', [print] = 'p'}
@@ -90,7 +90,7 @@ TEST_F(ScriptRandomTest, PairsAndNextGoInAnOrderOfTheirOwn) {
   EXPECT_EQ(draws(text), "nabhc231ftp\tnabhc231ftp\tnil\t1\n");
 }
 
-TEST_F(ScriptRandomTest, PairsAllowsTheFieldsToGoAndRespectsMetamethods) {
+TEST_F(ScriptRandomTest, PairsAllowsRemovalAndHonoursMetamethods) {
   EXPECT_EQ(draws("local t = {1, 2, 3, x = 4, y = 5} for k in pairs(t) do t[k] = nil; t.y = nil end "
                   "print((next(t)))"),
             "nil\n");
@@ -104,7 +104,7 @@ TEST_F(ScriptRandomTest, PairsAllowsTheFieldsToGoAndRespectsMetamethods) {
       "1\n");
 }
 
-TEST_F(ScriptRandomTest, PairsRefusesKeysWithoutAnOrder) {
+TEST_F(ScriptRandomTest, PairsRejectsUnorderedKeys) {
   EXPECT_EQ(error_of("\nfor k in pairs{[{}] = 1, [{}] = 2} do end"),
             "t.lua:2: pairs: the table has several keys without an order, such as a table; their order would "
             "differ from run to run: use a list, or number or string keys");

@@ -5,7 +5,7 @@ namespace {
 
 using SandboxTest = ScriptTest;
 
-TEST_F(SandboxTest, WhatLeavesTheProcessOrRunsForeignCodeIsNotThere) {
+TEST_F(SandboxTest, DeniesSystemAndNativeCodeFunctions) {
   const std::string tail = ": not available in an experiment; --unsafe enables Lua's full library";
   for (const char* name : {"os.execute", "os.getenv", "os.remove", "os.rename", "os.tmpname", "os.setlocale",
                            "io.popen", "io.tmpfile", "io.input", "debug.sethook", "debug.getregistry"})
@@ -23,7 +23,7 @@ TEST_F(SandboxTest, WhatLeavesTheProcessOrRunsForeignCodeIsNotThere) {
             "available: require() of a file beside the script");
 }
 
-TEST_F(SandboxTest, BytecodeIsRefusedEverywhere) {
+TEST_F(SandboxTest, RejectsBytecode) {
   EXPECT_EQ(error_of("\x1bLua"), "t.lua:1: this is compiled Lua; give the source text");
   load_on_surface("print(load(string.dump(function() end), 'c', 'b'))");
   EXPECT_EQ(printed, "nil\tattempt to load a binary chunk (mode is 't')\n");
@@ -31,12 +31,12 @@ TEST_F(SandboxTest, BytecodeIsRefusedEverywhere) {
   EXPECT_EQ(error_of("require 'm'"), "m.lua:1: this is compiled Lua; give the source text");
 }
 
-TEST_F(SandboxTest, LoadOfTextWorks) {
+TEST_F(SandboxTest, LoadAcceptsSourceText) {
   load_on_surface("print(load('return 1 + 1')(), load('return x', 'c', 't', {x = 5})(), (load('= =')))");
   EXPECT_EQ(printed, "2\t5\tnil\n");
 }
 
-TEST_F(SandboxTest, TheLocksHold) {
+TEST_F(SandboxTest, MetatablesAreProtected) {
   EXPECT_EQ(error_of("getmetatable(_G).__index = nil"), "t.lua:1: attempt to index a string value");
   EXPECT_EQ(error_of("setmetatable(_G, nil)"), "t.lua:1: cannot change a protected metatable");
   EXPECT_EQ(error_of("setmetatable({}, {__gc = function() end})"),
@@ -45,7 +45,7 @@ TEST_F(SandboxTest, TheLocksHold) {
   EXPECT_EQ(printed, "locked\tlocked\n");
 }
 
-TEST_F(SandboxTest, RequireFindsFilesBesideTheScriptOnce) {
+TEST_F(SandboxTest, RequireLoadsFilesBesideScriptOnce) {
   std::filesystem::create_directory(folder / "lib");
   write("lib/parts.lua", "print('loading', ...)\nreturn {radius = 3}");
   load_on_surface("print(require('lib.parts').radius, require('lib.parts') == require('lib.parts'))");
@@ -59,13 +59,13 @@ TEST_F(SandboxTest, RequireFindsFilesBesideTheScriptOnce) {
   EXPECT_EQ(error_of("\nrequire 'none'"), "t.lua:2: require: 'none.lua' is not beside the script");
 }
 
-TEST_F(SandboxTest, DofileRunsAFileBesideTheScript) {
+TEST_F(SandboxTest, DofileRunsFileBesideScript) {
   write("values.lua", "return 1, 2");
   load_on_surface("print(dofile('values.lua'))");
   EXPECT_EQ(printed, "1\t2\n");
 }
 
-TEST_F(SandboxTest, FilesAreReadBesideTheScriptOnly) {
+TEST_F(SandboxTest, ReadsFilesOnlyBesideScript) {
   write("data.csv", "1,2\n3,4\n");
   load_on_surface(
       "for line in io.lines('data.csv') do print(line) end local f <close> = io.open('data.csv') "
@@ -84,7 +84,7 @@ TEST_F(SandboxTest, FilesAreReadBesideTheScriptOnly) {
   EXPECT_EQ(error_of("io.open('.')"), "t.lua:1: io.open: '.' is not a regular file");
 }
 
-TEST_F(SandboxTest, FilesAreWrittenInTheOutputFolderOnly) {
+TEST_F(SandboxTest, WritesFilesOnlyInOutputFolder) {
   EXPECT_EQ(error_of("io.open('new.csv', 'w')"),
             "t.lua:1: io.open: 'new.csv' cannot be written: this run has no output folder");
   options.output_folder = folder / "out";
@@ -99,7 +99,7 @@ TEST_F(SandboxTest, FilesAreWrittenInTheOutputFolderOnly) {
             "t.lua:1: io.open: '../t.lua' is outside the output folder; --unsafe allows it");
 }
 
-TEST_F(SandboxTest, UnsafeOpensTheWholeLibrary) {
+TEST_F(SandboxTest, UnsafeEnablesFullLibrary) {
   options.unsafe = true;
   write("part.lua", "return 5");
   load_on_surface(
@@ -119,12 +119,12 @@ class BudgetTest : public ScriptTest {
   }
 };
 
-TEST_F(BudgetTest, AnEndlessLoopIsEndedWhereItRuns) {
+TEST_F(BudgetTest, EndlessLoopIsStoppedWithItsLocation) {
   EXPECT_EQ(error_of("\nwhile true do end"), over("t.lua:2"));
   EXPECT_EQ(run_error_of("\nwhile true do end"), over("t.lua:3"));
 }
 
-TEST_F(BudgetTest, PcallAndCoroutinesDoNotHelp) {
+TEST_F(BudgetTest, PcallAndCoroutinesCannotEscape) {
   EXPECT_EQ(error_of("while true do pcall(function() while true do end end) end"), over("t.lua:1"));
   EXPECT_EQ(
       error_of(
@@ -142,7 +142,7 @@ TEST_F(BudgetTest, PcallAndCoroutinesDoNotHelp) {
   EXPECT_EQ(error_of("local function f() pcall(f) f() end f()").substr(0, 7), "t.lua:1");
 }
 
-TEST_F(BudgetTest, CoroutinesAndXpcallWorkAsInLua) {
+TEST_F(BudgetTest, CoroutinesAndXpcallBehaveAsInLua) {
   load_on_surface(R"(
     local gen = coroutine.wrap(function(a) local b = coroutine.yield(a + 1) return a + b end)
     print(gen(1), gen(5), pcall(gen))
@@ -156,19 +156,19 @@ TEST_F(BudgetTest, CoroutinesAndXpcallWorkAsInLua) {
             "false\thandled it\ntrue\n");
 }
 
-TEST_F(BudgetTest, LoopsInsideTheLibraryCount) {
+TEST_F(BudgetTest, ChargesLoopsInLibraryFunctions) {
   EXPECT_EQ(error_of("string.rep('', 1 << 60)"), over("t.lua:1"));
   EXPECT_EQ(error_of("table.move({}, 1, 1 << 60, 2)"), over("t.lua:1"));
 }
 
-TEST_F(BudgetTest, EveryCallHasItsOwn) {
+TEST_F(BudgetTest, EachCallHasItsOwnBudget) {
   Experiment e = load_on_surface("on_tick(function() for i = 1, 60000 do end end)");
   FakeSimulation simulation(e.scene());
   e.start(simulation);
   run_ticks(e, 0, 50);
 }
 
-TEST_F(SandboxTest, MemoryIsBounded) {
+TEST_F(SandboxTest, LimitsMemory) {
   options.memory_limit = 8 << 20;
   const std::string message = ": the script needs more than 8 MiB of memory";
   EXPECT_EQ(error_of("local t = {}\nfor i = 1, 1e9 do\nt[i] = 'text ' .. i end"), "t.lua:3" + message);
@@ -194,7 +194,7 @@ TEST_F(SandboxTest, DeepRecursionIsAnError) {
       std::string::npos);
 }
 
-TEST_F(SandboxTest, ObjectsDeclaredAreBounded) {
+TEST_F(SandboxTest, LimitsObjectCount) {
   EXPECT_EQ(error_of("local p = {0, 0, 0}\nfor i = 1, 1000001 do sphere{radius = 1, position = p} end"),
             "t.lua:2: sphere: more than 1000000 objects");
 }

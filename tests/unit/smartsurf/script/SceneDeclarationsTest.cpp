@@ -8,7 +8,7 @@ namespace {
 
 using DeclarationTest = ScriptTest;
 
-TEST_F(DeclarationTest, WorldTakesEveryField) {
+TEST_F(DeclarationTest, WorldReadsAllFields) {
   const Experiment e = load_on_surface(
       "world{gravity = -3, dt = 1/120, iterations = 20, control_period = 1/30, seed = 7, ground = false}");
   const scene::WorldSpec& w = e.scene().world;
@@ -21,12 +21,12 @@ TEST_F(DeclarationTest, WorldTakesEveryField) {
   EXPECT_EQ(w.steps_per_tick(), 4);
 }
 
-TEST_F(DeclarationTest, GravityMayPointAnywhere) {
+TEST_F(DeclarationTest, GravityAcceptsVector) {
   EXPECT_EQ(load_on_surface("world{gravity = {1, -2, 3.5}}").scene().world.gravity,
             Eigen::Vector3d(1, -2, 3.5));
 }
 
-TEST_F(DeclarationTest, SurfaceOfTheCaseStudy) {
+TEST_F(DeclarationTest, CaseStudySurface) {
   const Experiment e = load(R"(
     material{name = 'plastic', friction = 0.4, rolling_friction = 0.02, restitution = 0.3, density = 2}
     surface{rows = 64, columns = 32, pitch = 1.5,
@@ -64,7 +64,7 @@ TEST_F(DeclarationTest, SurfaceOfTheCaseStudy) {
   EXPECT_EQ(r.tick_interval, 4);
 }
 
-TEST_F(DeclarationTest, WhatIsNotSaidKeepsItsDefault) {
+TEST_F(DeclarationTest, AbsentFieldsKeepDefaults) {
   const scene::SceneSpec spec = load("surface{}").scene(), fresh;
   EXPECT_EQ(spec.surface.rows, fresh.surface.rows);
   EXPECT_EQ(spec.surface.pin.top_x, fresh.surface.pin.top_x);
@@ -76,7 +76,7 @@ TEST_F(DeclarationTest, WhatIsNotSaidKeepsItsDefault) {
   EXPECT_EQ(spec.materials.size(), 1u);
 }
 
-TEST_F(DeclarationTest, TheLongestSensorNameAndTheMostSensorsFitTheChannels) {
+TEST_F(DeclarationTest, ChannelLimits) {
   const std::string name(27, 'n');
   EXPECT_EQ(
       load("surface{sensors = {proximity{name = '" + name + "'}}}").scene().surface.sensor_channels()[1],
@@ -92,7 +92,7 @@ TEST_F(DeclarationTest, TheLongestSensorNameAndTheMostSensorsFitTheChannels) {
             "t.lua:1: surface.sensors: two channels are called 'proximity_hit': give a sensor another name");
 }
 
-TEST_F(DeclarationTest, TheUsualTopFitsTheSurface) {
+TEST_F(DeclarationTest, DefaultTopFitsPitch) {
   const auto top = [&](const char* text) { return load(text).scene().surface.pin.top_x; };
   EXPECT_EQ(top("surface{rows = 2, columns = 2, pitch = 0.5}"), 0.4);
   EXPECT_EQ(top("surface{rows = 2, columns = 2, pitch = 0.5, actuator = ball{}}"), 0.4);
@@ -102,20 +102,20 @@ TEST_F(DeclarationTest, TheUsualTopFitsTheSurface) {
             1.5);
 }
 
-TEST_F(DeclarationTest, OneNumberIsASquareTopAndOneSensorNeedsNoList) {
+TEST_F(DeclarationTest, AcceptsScalarTopAndSingleSensor) {
   const Experiment e = load("surface{actuator = pin{top = 0.5}, sensors = proximity{}}");
   EXPECT_EQ(e.scene().surface.pin.top_x, 0.5);
   EXPECT_EQ(e.scene().surface.pin.top_y, 0.5);
   EXPECT_EQ(e.scene().surface.sensors.size(), 1u);
 }
 
-TEST_F(DeclarationTest, TheDefaultMaterialMayBeChanged) {
+TEST_F(DeclarationTest, RedefinesDefaultMaterial) {
   const Experiment e = load_on_surface("material{name = 'default', friction = 0.9}");
   ASSERT_EQ(e.scene().materials.size(), 1u);
   EXPECT_EQ(e.scene().materials[0].friction, 0.9);
 }
 
-TEST_F(DeclarationTest, ObjectsOfEveryShapeWithEveryField) {
+TEST_F(DeclarationTest, AllShapesAndFields) {
   const Experiment e = load_on_surface(R"(
     material{name = 'steel', density = 7.8}
     local a = sphere{radius = 2, position = {10, 11, 8}, material = 'steel', colour = 'red', label = 'small',
@@ -151,7 +151,7 @@ TEST_F(DeclarationTest, ObjectsOfEveryShapeWithEveryField) {
   EXPECT_EQ(c.colour.b, 1.0f);
 }
 
-TEST_F(DeclarationTest, OrientationInAllItsForms) {
+TEST_F(DeclarationTest, OrientationForms) {
   const Experiment e = load_on_surface(R"(
     local function b(o) box{size = {1, 1, 1}, position = {0, 0, 0}, orientation = o} end
     local h = math.sin(math.pi / 4)
@@ -166,24 +166,24 @@ TEST_F(DeclarationTest, OrientationInAllItsForms) {
     EXPECT_LT(e.scene().objects[i].orientation.angularDistance(quarter), 1e-12) << i;
     EXPECT_NEAR(e.scene().objects[i].orientation.norm(), 1.0, 1e-12);
   }
-  // Roll about x first turns y up to z; yaw about z leaves it there.
+  // Roll about x maps y to z; the following yaw about z leaves it there.
   const Eigen::Vector3d y = e.scene().objects[4].orientation * Eigen::Vector3d::UnitY();
   EXPECT_LT((y - Eigen::Vector3d::UnitZ()).norm(), 1e-12);
 }
 
-TEST_F(DeclarationTest, FileAndTextAreKept) {
+TEST_F(DeclarationTest, KeepsFileNameAndSource) {
   const std::string text = "surface{}\n-- the end\n";
   const Experiment e = load(text);
   EXPECT_EQ(e.scene().file, (folder / "t.lua").string());
   EXPECT_EQ(e.scene().source, text);
 }
 
-TEST_F(DeclarationTest, AShebangAndAByteOrderMarkAreSkippedAndLinesStayRight) {
+TEST_F(DeclarationTest, SkipsShebangAndByteOrderMark) {
   EXPECT_EQ(error_of("\xef\xbb\xbf#!/usr/bin/env smartsurf\nsphere{}"),
             "t.lua:2: sphere: the field 'radius' is missing");
 }
 
-TEST_F(DeclarationTest, OptionsKeepTheirTypeAndOrder) {
+TEST_F(DeclarationTest, OptionsKeepTypeAndOrder) {
   const std::string text = R"(surface{}
     local n = option('count', 40, 'number of spheres')
     local v = option('speed', 1.5)
@@ -205,7 +205,7 @@ TEST_F(DeclarationTest, OptionsKeepTheirTypeAndOrder) {
   EXPECT_EQ(e.scene().options[3].value, "true");
 }
 
-TEST_F(DeclarationTest, CellsKnowTheSurface) {
+TEST_F(DeclarationTest, CellsExposeSurfaceProperties) {
   load_on_surface("print(cells.rows, cells.columns, cells.pitch, cells:centre(1, 2), cells:centre(4, 1))");
   EXPECT_EQ(printed, "4\t6\t1.0\t1.0\t0.0\t0.0\n");
 }

@@ -1,4 +1,4 @@
-// Every kind of a user's mistake, with the exact line that answers it.
+// Exact error messages for all kinds of user errors.
 #include "ScriptFixture.h"
 
 namespace smartsurf::script {
@@ -13,7 +13,7 @@ struct Mistake {
 
 class MistakeTest : public ScriptTest, public testing::WithParamInterface<Mistake> {};
 
-TEST_P(MistakeTest, IsAnsweredByOneClearLine) { EXPECT_EQ(error_of(GetParam().script), GetParam().message); }
+TEST_P(MistakeTest, GivesExpectedMessage) { EXPECT_EQ(error_of(GetParam().script), GetParam().message); }
 
 INSTANTIATE_TEST_SUITE_P(
     TableReader, MistakeTest,
@@ -228,14 +228,14 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"sphere{radius = 1, position = {0, 0, 0}, moment = 1}",
                 "t.lua:1: sphere.moment = 1: must be three numbers {x, y, z}"}));
 
-TEST_F(ErrorTest, AMissingFileAndAFolder) {
+TEST_F(ErrorTest, MissingFileAndFolder) {
   EXPECT_EQ(caught([&] { Experiment::load(folder / "none.lua"); }),
             "none.lua: the experiment does not exist");
   std::filesystem::create_directory(folder / "f.lua");
   EXPECT_EQ(caught([&] { Experiment::load(folder / "f.lua"); }), "f.lua: the experiment is a folder");
 }
 
-TEST_F(ErrorTest, AVeryLongPathIsNotCut) {
+TEST_F(ErrorTest, DoesNotTruncateLongPath) {
   const std::string name = std::string(90, 'n') + ".lua";
   EXPECT_EQ(caught([&] { Experiment::load(write(name, "\nlocal x = nil + 1")); }),
             name + ":2: attempt to perform arithmetic on a nil value");
@@ -243,7 +243,7 @@ TEST_F(ErrorTest, AVeryLongPathIsNotCut) {
             name + ":3: unexpected symbol near '='");
 }
 
-TEST_F(ErrorTest, OptionsGivenWrongly) {
+TEST_F(ErrorTest, InvalidOptions) {
   const std::string text = "surface{}\noption('count', 40)\noption('big', true)";
   options.overrides = {{"count", "many"}};
   EXPECT_EQ(error_of(text), "t.lua:2: option 'count': --set count=many: must be a number (default 40)");
@@ -261,7 +261,7 @@ TEST_F(ErrorTest, OptionsGivenWrongly) {
   EXPECT_EQ(error_of("surface{}"), "t.lua: --set cuont=3: the script has no option 'cuont'; options: none");
 }
 
-TEST_F(ErrorTest, AtRunTime) {
+TEST_F(ErrorTest, RunTimeErrors) {
   EXPECT_EQ(run_error_of("local x = nil\nx()"), "t.lua:3: attempt to call a nil value (local 'x')");
   EXPECT_EQ(run_error_of("world{}"),
             "t.lua:2: world: only while the script loads, outside at, every, on_tick and on_finish");
@@ -301,7 +301,7 @@ TEST_F(ErrorTest, AtRunTime) {
   EXPECT_EQ(run_error_of("at(-1, print)"), "t.lua:2: at: seconds = -1: must be from 0 to 1e9");
 }
 
-TEST_F(ErrorTest, TheHostsRefusalGetsTheScriptsPlace) {
+TEST_F(ErrorTest, SimulationInputErrorHasScriptLocation) {
   Experiment e = load_on_surface("at(0, function()\ncells:target('height', 1, 1, 2) end)");
   FakeSimulation simulation(e.scene());
   simulation.controller_attached = true;
@@ -310,7 +310,7 @@ TEST_F(ErrorTest, TheHostsRefusalGetsTheScriptsPlace) {
             "t.lua:3: cells:target: a controller is attached and sets the targets");
 }
 
-TEST_F(ErrorTest, AFailureOfTheHostIsNoMistakeOfTheScript) {
+TEST_F(ErrorTest, OtherSimulationExceptionsPassThrough) {
   Experiment e = load_on_surface("at(0, function() pcall(pause) end)");
   FakeSimulation simulation(e.scene());
   simulation.broken = true;
@@ -320,7 +320,7 @@ TEST_F(ErrorTest, AFailureOfTheHostIsNoMistakeOfTheScript) {
         try {
           e.tick(0.0, 0);
         } catch (const std::runtime_error& failure) {
-          EXPECT_STREQ(failure.what(), "the pipe burst");
+          EXPECT_STREQ(failure.what(), "simulated failure");
           EXPECT_EQ(dynamic_cast<const scene::InputError*>(&failure), nullptr);
           throw;
         }
@@ -328,7 +328,7 @@ TEST_F(ErrorTest, AFailureOfTheHostIsNoMistakeOfTheScript) {
       std::runtime_error);
 }
 
-TEST_F(ErrorTest, AFunctionOfTheLibraryNamesTheLineThatRegisteredIt) {
+TEST_F(ErrorTest, LibraryCallbackReportsRegistrationLine) {
   Experiment e = load_on_surface("\nat(0, sphere)");
   FakeSimulation simulation(e.scene());
   e.start(simulation);
@@ -336,7 +336,7 @@ TEST_F(ErrorTest, AFunctionOfTheLibraryNamesTheLineThatRegisteredIt) {
             "t.lua:3: sphere: takes a table of fields, sphere{radius = ...}, not 0");
 }
 
-TEST_F(ErrorTest, FinishStillRunsAfterAnError) {
+TEST_F(ErrorTest, FinishRunsAfterError) {
   Experiment e = load_on_surface("on_finish(function() print('end') end) on_tick(function() error('x') end)");
   FakeSimulation simulation(e.scene());
   e.start(simulation);
@@ -346,7 +346,7 @@ TEST_F(ErrorTest, FinishStillRunsAfterAnError) {
   EXPECT_EQ(printed, "end\n");
 }
 
-TEST_F(ErrorTest, AScriptMayCatchItsOwnMistake) {
+TEST_F(ErrorTest, PcallCatchesScriptError) {
   load_on_surface("print(pcall(sphere, {radius = -1, position = {0, 0, 0}}))");
   EXPECT_NE(printed.find("t.lua:2: sphere.radius = -1: must be in"), std::string::npos) << printed;
 }

@@ -1,5 +1,4 @@
-// A folder of its own for each test, scripts written into it, and a host that writes down what it is asked
-// for.
+// A fixture that loads scripts from a temporary folder per test, and a fake simulation that logs all calls.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -78,7 +77,7 @@ class FakeSimulation : public SimulationInterface {
   void stop() override { note() << "stop"; }
   void quit() override { note() << "quit"; }
   void pause() override {
-    if (broken) throw std::runtime_error("the pipe burst");
+    if (broken) throw std::runtime_error("simulated failure");
     note() << "pause";
   }
   void set_real_time_factor(std::optional<double> factor) override {
@@ -93,7 +92,7 @@ class FakeSimulation : public SimulationInterface {
   bool controller_attached = false, broken = false;
 
  private:
-  // One entry of the log, written when the statement ends.
+  // Appends one entry to the log at the end of the full expression.
   struct Note : std::ostringstream {
     explicit Note(std::vector<std::string>& to) : log(to) {}
     ~Note() override { log.push_back(str()); }
@@ -122,16 +121,16 @@ class ScriptTest : public testing::Test {
     return folder / name;
   }
   Experiment load(const std::string& text) { return Experiment::load(write("t.lua", text), options); }
-  // With a small surface declared in line 1, before the text that begins in line 2.
+  // Declares a small surface in line 1; `text` starts in line 2.
   Experiment load_on_surface(const std::string& text) {
     return load("surface{rows = 4, columns = 6, sensors = {proximity{range = 8}}}\n" + text);
   }
 
-  // The message without the folder, or "" when nothing is thrown.
+  // The error message without the folder; "" if nothing is thrown.
   std::string error_of(const std::string& text) {
     return caught([&] { load(text); });
   }
-  // The error of a function body that runs in the first tick; its first line is line 2.
+  // The error of a function body that runs in the first tick. The body starts in line 2.
   std::string run_error_of(const std::string& body) {
     return caught([&] {
       Experiment e = load_on_surface("at(0, function() " + body + "\nend)");
@@ -160,7 +159,7 @@ class ScriptTest : public testing::Test {
   std::string printed;
 };
 
-// Runs ticks from `first` to `last` inclusive, of 1/60 s.
+// Runs ticks `first` to `last`, inclusive, with a period of 1/60 s.
 inline void run_ticks(Experiment& e, std::uint64_t first, std::uint64_t last) {
   for (std::uint64_t tick = first; tick <= last; ++tick) e.tick(static_cast<double>(tick) / 60.0, tick);
 }

@@ -1,4 +1,4 @@
-// Mutations of a good script: whatever they are, the experiment runs or is refused in one line.
+// Mutates a valid script. Every mutation must run or be rejected with a one-line error.
 #include <random>
 
 #include "ScriptFixture.h"
@@ -82,12 +82,12 @@ class Mutator {
     text.replace(at, 1, values[static_cast<std::size_t>(below(values.size()))]);
   }
 
-  std::mt19937 random_;  // the same on every machine; distributions are not, so none is used
+  std::mt19937 random_;  // portable, unlike the standard distributions
 };
 
 using FuzzTest = ScriptTest;
 
-TEST_F(FuzzTest, EveryMutationRunsOrIsRefusedInOneLine) {
+TEST_F(FuzzTest, MutationsRunOrFailWithOneLine) {
   options.load_budget = options.callback_budget = 100'000;
   options.memory_limit = 16 << 20;
   options.output_folder = folder;

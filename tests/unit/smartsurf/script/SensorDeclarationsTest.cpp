@@ -5,7 +5,7 @@ namespace {
 
 using SensorTest = ScriptTest;
 
-TEST_F(SensorTest, EveryKindHasAFunctionWithItsFields) {
+TEST_F(SensorTest, EveryKindReadsItsFields) {
   write("calib.csv", "row,column,channel,gain,offset\n0,0,side,1.1,0\n");
   const Experiment e = load(R"(surface{rows = 4, columns = 6, sensors = {
     proximity{name = 'side', range = 3, direction = {2, 0, 0}, origin = {0, 0, 0.5}, pins = false,
@@ -36,14 +36,14 @@ TEST_F(SensorTest, EveryKindHasAFunctionWithItsFields) {
                                       "camera", "camera_height"}));
 }
 
-TEST_F(SensorTest, FaultsAreForAllSensors) {
+TEST_F(SensorTest, FaultsApplyToAllSensors) {
   const Experiment e =
       load("surface{sensors = {proximity{}}}\nfaults{sensor = {noise = 0.05, stuck_high = 0.01}}");
   EXPECT_EQ(e.scene().surface.faults.sensor_errors.at("noise"), (std::vector<double>{0.05}));
   EXPECT_EQ(e.scene().surface.faults.sensor_errors.at("stuck_high"), (std::vector<double>{0.01}));
 }
 
-TEST_F(SensorTest, CellsSenseAndTruthGiveAllComponents) {
+TEST_F(SensorTest, SenseAndTruthReturnAllComponents) {
   Experiment e = load(R"(surface{rows = 4, columns = 6, sensors = {colour{}, proximity{}}}
     at(0, function()
       print(select('#', cells:sense('colour', 2, 3)), cells:sense('colour', 2, 3))
@@ -55,7 +55,7 @@ TEST_F(SensorTest, CellsSenseAndTruthGiveAllComponents) {
   EXPECT_EQ(printed, "3\t60102.0\t60102.25\t60102.5\n1\t-90102.0\n");
 }
 
-TEST_F(SensorTest, WhereCellsAreEmptyOccupancyIsAChannelToo) {
+TEST_F(SensorTest, EmptyCellsAddOccupancyChannel) {
   Experiment e = load(R"(surface{rows = 2, columns = 2, mask = {{true, false}, {true, true}}}
 on_tick(function() print(cells:sense('occupancy', 1, 1), cells:sense('occupancy', 1, 2), cells:truth('occupancy', 2, 2)) end))");
   FakeSimulation simulation(e.scene());
@@ -64,7 +64,7 @@ on_tick(function() print(cells:sense('occupancy', 1, 1), cells:sense('occupancy'
   EXPECT_EQ(printed, "1.0\t0.0\t1.0\n");
 }
 
-TEST_F(SensorTest, OccupancyIsNoChannelWhereEveryCellIsThere) {
+TEST_F(SensorTest, FullSurfaceHasNoOccupancyChannel) {
   EXPECT_EQ(error_of("surface{sensors = {colour{name = 'occupancy'}}}"), "");
   EXPECT_EQ(
       error_of(
@@ -79,7 +79,7 @@ TEST_F(SensorTest, OccupancyIsNoChannelWhereEveryCellIsThere) {
       "t.lua:1: surface.sensors: 32 sensor channels beside 1 of actuators: must be at most 32 together");
 }
 
-TEST_F(SensorTest, MistakesGetOneLine) {
+TEST_F(SensorTest, InvalidSensors) {
   const auto error = [this](const std::string& sensor) {
     return error_of("surface{sensors = {" + sensor + "}}");
   };

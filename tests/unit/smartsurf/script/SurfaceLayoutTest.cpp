@@ -1,4 +1,4 @@
-// Actuators and where they stand, as a script declares them.
+// Tests the declarations of actuators and surface layouts.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -15,7 +15,7 @@ std::vector<int> models(const scene::SurfaceSpec& s) {
   return {s.actuator_of_cell.begin(), s.actuator_of_cell.end()};
 }
 
-TEST_F(LayoutTest, AnActuatorBringsItsChannelsAndItsBody) {
+TEST_F(LayoutTest, ActuatorDefinesChannelsAndBody) {
   const Experiment e =
       load("surface{actuator = wheels{top = 0.9, radius = 0.2, max_spin = 12, latency = 2}}");
   const scene::SurfaceSpec& s = e.scene().surface;
@@ -31,26 +31,26 @@ TEST_F(LayoutTest, AnActuatorBringsItsChannelsAndItsBody) {
   EXPECT_EQ(channels[1].maximum, 12.0);
 }
 
-TEST_F(LayoutTest, APatternRepeatsAndLeavesCellsEmpty) {
+TEST_F(LayoutTest, PatternRepeatsAndLeavesCellsEmpty) {
   const Experiment e =
       load("surface{rows = 2, columns = 6, actuators = {p = pin{}, w = wheels{}}, cells = {'pw.'}}");
   EXPECT_EQ(models(e.scene().surface), (std::vector<int>{0, 1, -1, 0, 1, -1, 0, 1, -1, 0, 1, -1}));
 }
 
-TEST_F(LayoutTest, AFunctionChoosesByNumberAndNilIsEmpty) {
+TEST_F(LayoutTest, FunctionReturnsIndexOrNil) {
   const Experiment e = load(
       "surface{rows = 2, columns = 2, actuators = {pin{}, ball{}}, "
       "cells = function(r, c) if r == 1 then return c end end}");
   EXPECT_EQ(models(e.scene().surface), (std::vector<int>{0, 1, -1, -1}));
 }
 
-TEST_F(LayoutTest, AMaskCutsCellsOut) {
+TEST_F(LayoutTest, MaskRemovesCells) {
   const Experiment e = load("surface{rows = 2, columns = 2, mask = {{true, false}, {true, true}}}");
   EXPECT_EQ(models(e.scene().surface), (std::vector<int>{0, -1, 0, 0}));
   EXPECT_TRUE(e.scene().surface.is_empty(0, 1));
 }
 
-TEST_F(LayoutTest, HexCellsHaveSixNeighboursAtThePitch) {
+TEST_F(LayoutTest, HexCellsHaveSixNeighboursAtPitch) {
   const Experiment e = load("surface{rows = 5, columns = 5, pitch = 2, layout = 'hex'}");
   const scene::SurfaceSpec& s = e.scene().surface;
   EXPECT_EQ(s.centre(4, 0), Eigen::Vector2d(0, 0));
@@ -60,7 +60,7 @@ TEST_F(LayoutTest, HexCellsHaveSixNeighboursAtThePitch) {
   EXPECT_EQ(near, 6);
 }
 
-TEST_F(LayoutTest, PositionsMayBeFewerThanTheArrayHasCells) {
+TEST_F(LayoutTest, MissingPositionsAreEmptyCells) {
   const Experiment e = load("surface{rows = 2, columns = 2, positions = {{0, 0}, {3, 1, 0.5}, false}}");
   const scene::SurfaceSpec& s = e.scene().surface;
   EXPECT_EQ(models(s), (std::vector<int>{0, 0, -1, -1}));
@@ -71,7 +71,7 @@ TEST_F(LayoutTest, PositionsMayBeFewerThanTheArrayHasCells) {
   EXPECT_EQ(row.scene().surface.columns, 2);
 }
 
-TEST_F(LayoutTest, ModulesMakeOneArrayWithGaps) {
+TEST_F(LayoutTest, ModulesWithGaps) {
   const Experiment e = load(
       "surface{actuators = {a = pin{}, b = ball{}}, "
       "modules = {size = {1, 2}, gap = 0.5, map = {'ab', '.#'}}}");
@@ -83,18 +83,18 @@ TEST_F(LayoutTest, ModulesMakeOneArrayWithGaps) {
   EXPECT_EQ(s.centre(0, 2), Eigen::Vector2d(2.5, 1.5));
 }
 
-TEST_F(LayoutTest, ABaseRaisesCellsAndATiltTurnsGravity) {
+TEST_F(LayoutTest, BaseRaisesCellsAndTiltRotatesGravity) {
   const Experiment e =
       load("surface{rows = 1, columns = 3, base = function(r, c) return c / 2 end, tilt = {30, 0}}");
   EXPECT_EQ(e.scene().surface.base_heights, (std::vector<float>{0.5F, 1.0F, 1.5F}));
   EXPECT_EQ(e.scene().surface.pin.max_height, 7.5);
   EXPECT_EQ(e.scene().surface.pin.min_height, 0.5);
   const Eigen::Vector3d& g = e.scene().world.gravity;
-  EXPECT_NEAR(g.y(), -9.81 / 2, 1e-9) << "the north edge is up, so that things slide south";
+  EXPECT_NEAR(g.y(), -9.81 / 2, 1e-9) << "the north edge is raised, so objects slide south";
   EXPECT_NEAR(g.z(), -9.81 * std::cos(std::numbers::pi / 6), 1e-9);
 }
 
-TEST_F(LayoutTest, FaultsAndMagnetsAreRead) {
+TEST_F(LayoutTest, ReadsFaultsAndMagneticProperties) {
   write("faults.csv", "row,column,channel,fault,value\n0,0,height,dead,\n");
   const Experiment e = load(R"(
     surface{}

@@ -37,6 +37,7 @@ std::vector<float> heights(const scene::SurfaceSpec& s, float target, std::uint6
   return cells.field().height;
 }
 
+// Indices of the cells whose height differs from `than`.
 std::set<std::size_t> others(const std::vector<float>& heights, float than) {
   std::set<std::size_t> found;
   for (std::size_t i = 0; i < heights.size(); ++i)
@@ -44,6 +45,7 @@ std::set<std::size_t> others(const std::vector<float>& heights, float than) {
   return found;
 }
 
+// The message of the InputError that the fault map causes, or "".
 std::string message(const std::string& csv) {
   try {
     const scene::SurfaceSpec s = pins(4, 5);
@@ -68,7 +70,7 @@ TEST(ActuatorFaults, AffectConfiguredFractionOfCells) {
   s.faults.actuator.weak_gain = 0.5;
   const std::vector<float> h = heights(s, 4);
   EXPECT_EQ(std::ranges::count(h, 1.0F), 20);
-  EXPECT_EQ(std::ranges::count(h, 2.5F), 40) << "half the way from 1 to 4";
+  EXPECT_EQ(std::ranges::count(h, 2.5F), 40) << "halfway from 1 to 4";
 }
 
 TEST(ActuatorFaults, DependOnSeedAndGrowWithFraction) {

@@ -224,7 +224,7 @@ TEST(Magnet, DipoleAboveDipole) {
   cells.command(0, -0.5);
   cells.run(kDt);
   EXPECT_NEAR(cells.wrench(magnet, {0, 0, 1}).force.z(), 6 * 2 * 0.5 * 3 / 16.0, 1e-5);
-  // Beside the coil the field is vertical and turns a horizontal moment: |m × B| = m·k·I/r³.
+  // Beside the coil the field is vertical and exerts a torque on a horizontal moment: |m × B| = m·k·I/r³.
   magnet.magnetic_moment = {3, 0, 0};
   EXPECT_NEAR(std::abs(cells.wrench(magnet, {2, 0, -1}).torque.y()), 3 * 2 * 0.5 / 8.0, 1e-5);
 }
@@ -260,7 +260,7 @@ TEST(Magnet, PolesAttractAndRepel) {
   EXPECT_NEAR(cells.wrench(object, {0, 0, 1}).force.z(), 8.0F / 4, 1e-5F);
   object.magnetic_pole = -1;
   EXPECT_NEAR(cells.wrench(object, {0, 0, 1}).force.z(), -8.0F / 4, 1e-5F);
-  EXPECT_EQ(cells.wrench(object, {0, 0, 20}).force.norm(), 0.0F) << "beyond the reach";
+  EXPECT_EQ(cells.wrench(object, {0, 0, 20}).force.norm(), 0.0F) << "beyond its reach";
 }
 
 TEST(AirJet, LiftIsDragOfDecayedFlow) {
@@ -344,7 +344,7 @@ TEST(ActuatorArray, SupportsMixedModelsAndEmptyCells) {
   EXPECT_EQ(cells.field().surface_velocity_x[0], 0.0F);
   EXPECT_GT(cells.field().surface_velocity_x[1], 0.0F);
   EXPECT_EQ(cells.field().max_height, 2.5F);
-  EXPECT_EQ(cells.array.targets(0)[1], 0.0F) << "a ball took a pin's command";
+  EXPECT_EQ(cells.array.targets(0)[1], 0.0F) << "the ball cell must ignore pin commands";
 }
 
 TEST(ActuatorArray, DelaysCommandsByLatency) {
@@ -416,5 +416,5 @@ TEST(Pin, RestartsFromRestAfterPushBack) {
   EXPECT_NEAR(cells.field().height[1], height - 3 * kDt, 1e-5);
   cells.array.plan(kDt);
   EXPECT_NEAR(cells.field().speed[1], 12 * kDt, 1e-5) << "from rest";
-  EXPECT_GT(cells.field().speed[0], 2.0F) << "its neighbour goes on";
+  EXPECT_GT(cells.field().speed[0], 2.0F) << "its neighbour keeps its speed";
 }

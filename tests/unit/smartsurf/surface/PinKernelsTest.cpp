@@ -19,7 +19,7 @@ namespace {
 constexpr float kDt = 1.0F / 240, kTop = 3.0F;
 constexpr std::size_t kMaxPins = 67;  // covers every vector width and remainder
 
-// Pins at rest, close to and far from their targets, some above the speed limit.
+// Pins at rest or moving, on, near and far from their targets; some exceed the speed limit.
 struct Pins {
   std::vector<float> base, command, target, height, speed;
 
@@ -44,6 +44,7 @@ bool same_bits(const std::vector<float>& a, const std::vector<float>& b) {
                             std::bit_cast<std::uint32_t, float>);
 }
 
+// Runs the test once per SIMD instruction set that this CPU supports.
 void for_every_target(const std::function<void()>& test) {
   for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
     hwy::SetSupportedTargetsForTest(target);

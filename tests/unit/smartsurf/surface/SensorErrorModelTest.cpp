@@ -17,7 +17,7 @@ using surface::SensorFixture;
 
 namespace {
 
-// A proximity sensor 3 u below a large level plate: readings differ from 3 by the sensor errors only.
+// A proximity sensor 3 u below a large level plate: only sensor errors make readings differ from 3.
 struct Plate : SensorFixture {
   explicit Plate(const scene::ParameterValues& errors, int rows = 40, int columns = 50)
       : SensorFixture(rows, columns) {

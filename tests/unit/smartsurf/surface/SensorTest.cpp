@@ -42,7 +42,7 @@ TEST(Proximity, RayStartingInsideReadsZero) {
   EXPECT_EQ(s.readings(1)[t.cell(5, 7)], 1.0F);
 }
 
-// So small a surface counts as dense, so the cast culls bodies that no ray reaches by height.
+// A surface this small counts as dense, so the cast culls bodies whose height no ray reaches.
 TEST(Proximity, HitsBallWithOnlyLowestPartInRange) {
   SensorFixture t(3, 3);
   t.add_ball(1, 1, 5.5, 2);

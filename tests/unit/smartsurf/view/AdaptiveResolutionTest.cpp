@@ -11,27 +11,27 @@ struct FrameCost {
   double at_scale(double scale) const { return fixed_ms + pixels_ms * scale * scale; }
 };
 
-double settle(AdaptiveResolution& scale, const FrameCost& cost) {
+double converged_scale(AdaptiveResolution& scale, const FrameCost& cost) {
   for (int frame = 0; frame < 200; ++frame) scale.record_frame_time(cost.at_scale(scale.scale_factor()));
   return scale.scale_factor();
 }
 
 TEST(AdaptiveResolution, StaysFullWhereFramesAreQuick) {
   AdaptiveResolution scale;
-  EXPECT_EQ(settle(scale, {5.0, 15.0}), 1.0);
+  EXPECT_EQ(converged_scale(scale, {5.0, 15.0}), 1.0);
 }
 
 TEST(AdaptiveResolution, GivesUpPixelsUntilAFrameFitsAndNoMore) {
   AdaptiveResolution scale;
-  EXPECT_EQ(settle(scale, {8.0, 30.0}), 0.75);
-  EXPECT_EQ(settle(scale, {8.0, 60.0}), 0.5);
-  EXPECT_EQ(settle(scale, {100.0, 500.0}), AdaptiveResolution::kMinScale);
+  EXPECT_EQ(converged_scale(scale, {8.0, 30.0}), 0.75);
+  EXPECT_EQ(converged_scale(scale, {8.0, 60.0}), 0.5);
+  EXPECT_EQ(converged_scale(scale, {100.0, 500.0}), AdaptiveResolution::kMinScale);
 }
 
 TEST(AdaptiveResolution, ComesBackWhenTheSceneIsLightAgain) {
   AdaptiveResolution scale;
-  settle(scale, {8.0, 60.0});
-  EXPECT_EQ(settle(scale, {3.0, 8.0}), 1.0);
+  converged_scale(scale, {8.0, 60.0});
+  EXPECT_EQ(converged_scale(scale, {3.0, 8.0}), 1.0);
 }
 
 TEST(AdaptiveResolution, NeverSwingsToAndFro) {
@@ -39,7 +39,7 @@ TEST(AdaptiveResolution, NeverSwingsToAndFro) {
     for (double pixels = 0.0; pixels < 120.0; pixels += 2.5) {
       AdaptiveResolution scale;
       const FrameCost cost{fixed, pixels};
-      settle(scale, cost);
+      converged_scale(scale, cost);
       const double before = scale.scale_factor();
       for (int frame = 0; frame < 100; ++frame) {
         scale.record_frame_time(cost.at_scale(scale.scale_factor()));

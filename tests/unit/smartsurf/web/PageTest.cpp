@@ -27,7 +27,7 @@ std::string read_text(const std::filesystem::path& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-TEST(Page, IsOneFileThatLoadsNothing) {
+TEST(Page, IsSelfContained) {
   const OutputFolder out;
   SyntheticRun run;
   write_page(write_recording(out / "run.h5", run, 10), out / "run.html");
@@ -40,7 +40,7 @@ TEST(Page, IsOneFileThatLoadsNothing) {
   EXPECT_EQ(page.find("<link"), page.npos);
 }
 
-TEST(Page, HostileLabelsStayTexts) {
+TEST(Page, EscapesHostileLabels) {
   const OutputFolder out;
   SyntheticRun run;
   run.spec.objects[0].label = "</script><script>alert(1)</script>";
@@ -52,9 +52,9 @@ TEST(Page, HostileLabelsStayTexts) {
   EXPECT_NE(page.find("{{PLAYER}}"), page.npos) << "what was put in was looked at again";
 }
 
-TEST(Page, ShowsAtMostSoManyFramesASecond) {
+TEST(Page, LimitsFramesPerSecond) {
   const OutputFolder out;
-  SyntheticRun run;  // at 60 frames a second
+  SyntheticRun run;  // 60 frames per second
   const record::Recording recording = write_recording(out / "run.h5", run, 121);
   const auto times = [&](double fps) {
     write_page(recording, out / "run.html", {fps});
@@ -68,7 +68,7 @@ TEST(Page, ShowsAtMostSoManyFramesASecond) {
   EXPECT_EQ(times(1000.0), 121);
 }
 
-TEST(Page, RefusesWhatItCannotShowOrWrite) {
+TEST(Page, RejectsEmptyRecordingAndUnwritablePath) {
   const OutputFolder out;
   SyntheticRun run;
   EXPECT_THROW(write_page(write_recording(out / "none.h5", run, 0), out / "a.html"), scene::InputError);

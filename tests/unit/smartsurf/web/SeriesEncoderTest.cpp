@@ -8,7 +8,7 @@
 namespace smartsurf::web {
 namespace {
 
-// As the page's player does it.
+// Decodes like player.js.
 std::vector<double> decode(const SeriesEncoder& encoder, std::size_t frames) {
   const SeriesLayout& layout = encoder.layout();
   const std::size_t n = layout.values_per_frame;
@@ -28,7 +28,7 @@ std::vector<double> decode(const SeriesEncoder& encoder, std::size_t frames) {
   return values;
 }
 
-TEST(SeriesEncoder, RoundsToTheNearestOfItsNumbers) {
+TEST(SeriesEncoder, RoundsToNearestCode) {
   for (const int bytes : {1, 2}) {
     SeriesEncoder packer({-15.0, 30.0, bytes, 3});
     std::vector<float> all;
@@ -49,13 +49,13 @@ TEST(SeriesEncoder, RoundsToTheNearestOfItsNumbers) {
   }
 }
 
-TEST(SeriesEncoder, KeepsWhatLiesOutsideAtTheEdge) {
+TEST(SeriesEncoder, ClampsToRange) {
   SeriesEncoder packer({0.0, 1.0, 2, 2});
   packer.add(std::vector<float>{-5.0f, 7.0f});
   EXPECT_EQ(decode(packer, 1), (std::vector<double>{0.0, 1.0}));
 }
 
-TEST(SeriesEncoder, CompressesAsZlibReadsIt) {
+TEST(SeriesEncoder, CompressedDataIsZlib) {
   const std::vector<std::uint8_t> bytes(100'000, 7);
   const std::vector<std::uint8_t> packed = compress(bytes);
   EXPECT_LT(packed.size(), 1000u);
@@ -65,7 +65,7 @@ TEST(SeriesEncoder, CompressesAsZlibReadsIt) {
   EXPECT_EQ(back, bytes);
 }
 
-TEST(SeriesEncoder, WritesBase64) {
+TEST(SeriesEncoder, EncodesBase64) {
   const auto text = [](std::string_view bytes) {
     return base64({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()});
   };

@@ -70,7 +70,7 @@ TEST(CollisionPipeline, MatchesContactsOfThePreviousStep) {
   s.pair_contacts.contacts[0].normal_impulse = 3.0F;
   s.pair_contacts.contacts[0].friction_impulse = Vec3(0, 0.5F, 0);
   for (Contact& c : s.static_contacts.contacts) c.normal_impulse = 7.0F;
-  s.bodies.position[0].x() += 0.005F;  // well below the tolerance of matching
+  s.bodies.position[0].x() += 0.005F;  // well below the matching tolerance
   s.find_contacts();
   ASSERT_EQ(s.pair_contacts.contacts.size(), 1U);
   EXPECT_EQ(s.pair_contacts.contacts[0].normal_impulse, 3.0F);

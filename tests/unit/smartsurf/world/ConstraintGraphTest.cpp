@@ -12,7 +12,7 @@ using namespace smartsurf::world;
 
 namespace {
 
-// Spheres and boxes in turn, touching at random.
+// Spheres and boxes with random contacts. Five bodies have so many that the colours run out.
 struct Tangle {
   BodyStore bodies;
   ContactList pairs, world;
@@ -26,12 +26,12 @@ struct Tangle {
     std::set<std::pair<int, int>> used;
     for (int k = 0; k < contacts; ++k) {
       const int i = static_cast<int>(random() % static_cast<unsigned>(n)), j = static_cast<int>(random() % 5);
-      if (i == j || !used.insert(std::minmax(i, j)).second) continue;  // five bodies touch very many
+      if (i == j || !used.insert(std::minmax(i, j)).second) continue;
       add(pairs, std::min(i, j), std::max(i, j), 1 + k % 4);
     }
     for (int i = 0; i < n; i += 2) add(world, i, kField, 1 + i % 5);
   }
-  // Slabs of a hundred manifolds, the second half of them cut in two runs each.
+  // Slabs of a hundred manifolds; those in the second half of the list consist of two ranges each.
   static SlabRanges runs(const ContactList& list) {
     SlabRanges r;
     const int n = static_cast<int>(list.manifolds.size());
@@ -82,7 +82,7 @@ TEST(ConstraintGraph, BodiesUniquePerColourAndAllManifoldsScheduled) {
     for (const int b : bodies) EXPECT_EQ(bodies.count(b), 1u);
     any_in_order |= colour.is_overflow;
   }
-  EXPECT_TRUE(any_in_order) << "the test must reach the list of what finds no colour";
+  EXPECT_TRUE(any_in_order) << "the test must exercise the overflow set";
   EXPECT_EQ(scheduled.size(), t.pairs.manifolds.size());
   EXPECT_EQ(std::set<int>(scheduled.begin(), scheduled.end()).size(), scheduled.size());
 }
@@ -142,5 +142,5 @@ TEST(ConstraintGraph, OwnBatchesStartInOwnSlabs) {
         for (int o = run.first; o < run.first + run.count; ++o)
           EXPECT_EQ(graph.colours()[c].is_overflow || graph.manifold(o, 0) / 100 >= Tangle::kSlabs / 2,
                     m == 1)
-              << "what is to be taken in order is the leader's";
+              << "the overflow set belongs to the caller of Team::run";
 }

@@ -11,8 +11,7 @@ using namespace smartsurf::world;
 
 namespace {
 
-// Sixteen bodies of random mass, inertia and motion; eight lanes, lane l joins body l and body 8 + l at one
-// point.
+// Sixteen bodies of random mass, inertia and motion. Lane l is a one-point contact of bodies l and 8 + l.
 struct Lanes {
   std::mt19937 random{5};
   std::vector<BodyVelocity> motion{16};
@@ -52,6 +51,7 @@ struct Lanes {
     kernel[kGeneralPair](&batch, 1, {&point, &detail}, {motion.data(), shift.data(), inertia.data()}, pass);
   }
   Vec3 of(const float (&lanes)[3][kLanes], int l) const { return {lanes[0][l], lanes[1][l], lanes[2][l]}; }
+  // Inverse effective mass along the normal.
   float yielding(int l) const {
     const auto a = static_cast<std::size_t>(l), b = a + 8;
     const Vec3 n = of(point.normal, l), ta = of(detail.anchor_a, l).cross(n),
@@ -59,7 +59,7 @@ struct Lanes {
     return motion[a].inverse_mass + motion[b].inverse_mass + ta.dot(inverse[a] * ta) +
            tb.dot(inverse[b] * tb);
   }
-  // Of a's surface over b's.
+  // Velocity of a relative to b at the contact point.
   Vec3 relative(int l) const {
     const auto a = static_cast<std::size_t>(l), b = a + 8;
     const Vec3 va = Vec3(motion[a].velocity) + Vec3(motion[a].angular_velocity).cross(of(detail.anchor_a, l));

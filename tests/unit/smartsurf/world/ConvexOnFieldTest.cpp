@@ -1,5 +1,5 @@
-// Cylinders that a column stands deep in: deeper than GJK can tell. And along an edge, where it tells one
-// point.
+// Cylinders on columns where GJK does not suffice: penetration deeper than GJK resolves, and contact along an
+// edge, for which GJK returns one point.
 #include "smartsurf/world/field/ConvexOnField.h"
 
 #include <gtest/gtest.h>
@@ -18,7 +18,7 @@ namespace {
 
 constexpr int kSide = 9;
 
-// Low cells, and one at the middle with its top at 0.
+// Low cells, and one in the middle with its top at 0.
 surface::Field make_single_column_field() {
   surface::Field field;
   field.rows = field.columns = kSide;
@@ -29,7 +29,7 @@ surface::Field make_single_column_field() {
   return field;
 }
 
-// How far a point is inside a cylinder of radius 1.2 and height 2; in the cylinder's own axes.
+// Depth of a point, in cylinder axes, inside a cylinder of radius 1.2 and height 2.
 float depth_in_cylinder(const Vec3& p) {
   return std::min(1.2F - std::hypot(p.x(), p.y()), 1.0F - std::abs(p.z()));
 }
@@ -48,9 +48,9 @@ TEST(ConvexOnField, DeepColumnPushesCylinderOut) {
   int deep = 0;
   for (int i = 0; i < 3000; ++i) {
     const Mat3 axes = random_rotation(random).normalized().toRotationMatrix();
-    const Vec3 inside = Vec3(1.2F * u(random), 1.2F * u(random), u(random));  // where the top's middle is
+    const Vec3 inside = Vec3(1.2F * u(random), 1.2F * u(random), u(random));  // centre of the column's top
     const float depth = depth_in_cylinder(inside);
-    // Entered from below, and not past the middle.
+    // Only columns that entered from below and not past the middle.
     if (depth < 0.03F || depth > 0.4F || (axes * inside).z() > -0.5F) continue;
     ++deep;
     std::vector<Contact> found;
@@ -74,7 +74,7 @@ TEST(ConvexOnField, CylinderAlongEdgeTouchesAtBothEnds) {
   const Shape shape = make_shape(o);
   surface::Field field = make_single_column_field();
   for (int row = 0; row < kSide; ++row) field.height[static_cast<std::size_t>(field.index(row, 4))] = 0.0F;
-  // Beside the ridge's eastern edge, and hardly aslant.
+  // Beside the ridge's eastern edge, almost parallel to it.
   const float beside = 0.5F, above = std::sqrt(1.2F * 1.2F - beside * beside) - 0.003F;
   const Vec3 centre(4.0F + field.half_top_x + beside, 4.1F, above);
   const Mat3 axes = Quat(Eigen::AngleAxisf(1.5717963F, Vec3::UnitX())).toRotationMatrix();

@@ -65,10 +65,10 @@ TEST(ConvexPair, CachedNormalDoesNotChangeResult) {
     collide_convex(a.placed(), b.placed(), kMargin, &before[0].normal, with);
     collide_convex(a.placed(), b.placed(), kMargin, nullptr, without);
     if (std::min(min_separation(with), min_separation(without)) > kMargin - 2e-3F)
-      continue;  // either may tell it or not
+      continue;  // too close to the margin: either may report contacts or none
     ASSERT_FALSE(with.empty() || without.empty()) << i;
-    if (min_separation(without) < -0.04F) continue;  // deep: there is more than one way out
-    EXPECT_NEAR(min_separation(with), min_separation(without), 0.025F) << i;  // GJK sees corners rounded off
+    if (min_separation(without) < -0.04F) continue;  // deep: the least penetration is ambiguous
+    EXPECT_NEAR(min_separation(with), min_separation(without), 0.025F) << i;  // GJK rounds corners
     ++compared;
   }
   EXPECT_GT(compared, 150);
@@ -128,7 +128,7 @@ TEST(ColumnSat, BoxAndItsHullAgree) {
     }
     if (!box_near) continue;
     ++near;
-    EXPECT_NEAR(by_box.separation, by_hull.separation, 3e-3F) << i;  // a crossing of edges must win by 0.002
+    EXPECT_NEAR(by_box.separation, by_hull.separation, 3e-3F) << i;  // edge-edge axes must win by 0.002
   }
   EXPECT_GT(near, 300);
 }

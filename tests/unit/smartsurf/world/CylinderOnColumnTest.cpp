@@ -9,7 +9,7 @@
 using namespace smartsurf;
 using namespace smartsurf::world;
 
-// On edges and corners alike GJK finds the same.
+// Distance to the edges and corners of a column's top, compared with GJK.
 TEST(CylinderOnColumn, AgreesWithGjk) {
   constexpr float kRounding = 0.01F, kDepth = 4.0F;
   const Column q{-0.4F, 0.4F, -0.5F, 0.5F, 1.0F, false, false, false, false};
@@ -39,7 +39,7 @@ TEST(CylinderOnColumn, AgreesWithGjk) {
     EXPECT_NEAR(near.distance, truth.distance, 3e-4F) << i;
     EXPECT_GT(near.normal.dot(truth.normal), 0.995F) << i;
     EXPECT_NEAR((near.on_a - near.on_b).norm(), near.distance, 1e-4F) << i;
-    // The normal is the one of the point on the cylinder.
+    // on_a must be a support point of the cylinder along −normal.
     EXPECT_NEAR(near.normal.dot(ca.support(-near.normal) - near.on_a), 0.0F, 1e-4F) << i;
   }
   EXPECT_GT(compared, 1000);

@@ -10,10 +10,12 @@ using namespace smartsurf::world;
 
 namespace {
 
-// Flat and skew: over its edges the plane that a point lies farthest above is often not the nearest face's.
+// Flat and skewed: near its edges, the face plane of largest separation is often not that of the nearest
+// face.
 std::shared_ptr<const scene::Solid> make_skew_tetrahedron() {
   const std::vector<Vec3> corners{{-2, 0.4F, 0}, {2, -0.3F, 0.1F}, {0.2F, -0.6F, 0.35F}, {-0.4F, 0.7F, 0.3F}};
   std::vector<std::uint16_t> loops;
+  // One face per omitted corner, wound counter-clockwise as seen from outside.
   for (std::uint16_t left_out = 0; left_out < 4; ++left_out) {
     std::uint16_t loop[3];
     for (std::uint16_t i = 0, k = 0; i < 4; ++i)
@@ -32,7 +34,7 @@ std::shared_ptr<const scene::Solid> make_skew_tetrahedron() {
 
 }  // namespace
 
-// Nothing of the solid lies beyond the plane that far below the point: then no shorter way is left out.
+// The hull lies entirely behind the plane through its closest point, so no point of it is nearer.
 TEST(Distance, HullDistanceIsPlaneSeparation) {
   scene::ObjectSpec spec;
   spec.shape = scene::ShapeKind::kSolid;

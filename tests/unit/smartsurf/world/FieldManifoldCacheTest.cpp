@@ -42,7 +42,7 @@ struct FieldCacheFixture {
     o.position = {4.1, 3.9, height};
     bodies.add(0, o, scene::Material{});
   }
-  // Every cell where slope(x) tells.
+  // Sets each cell to slope(x), where x is its column.
   template <class Slope>
   void set_heights(Slope slope) {
     for (int i = 0; i < field.cells(); ++i)
@@ -60,11 +60,13 @@ struct FieldCacheFixture {
     contacts.clear();
     cache.collide(bodies, 0, kMargin, chunk_cache, contacts);
   }
+  // The contacts without the cache.
   std::vector<Contact> recompute() const {
     std::vector<Contact> out;
     collide_shape_with_field(field, *bodies.shape[0], bodies.position[0], bodies.axes[0], kMargin, out);
     return out;
   }
+  // Lowers the body until its minimum separation is at most `separation`.
   void lower_to(float separation) {
     while (min_separation(recompute()) > separation) bodies.position[0].z() -= 0.002F;
   }
@@ -125,14 +127,14 @@ TEST(FieldManifoldCache, PointsFollowMovingCells) {
   b.raise(0.008F);
   b.step();
   EXPECT_NEAR(min_separation(b.contacts), separation - 0.008F, 1e-4F);
-  // With the body all stays as it was.
+  // Raising the cells and the body together leaves the separation unchanged.
   b.raise(0.5F);
   b.bodies.position[0].z() += 0.508F;
   b.step();
   EXPECT_NEAR(min_separation(b.contacts), separation, 1e-4F);
 }
 
-// Of points that hold the body alike, four are chosen; the cell under another one may then rise above them.
+// Only four of many equally deep points are kept. A cell under a dropped point may then rise above them.
 TEST(FieldManifoldCache, ReselectsPointsWhenCellsMove) {
   FieldCacheFixture b(ShapeKind::kBox, 1.0);
   for (int i = 0; i < kSide * kSide; ++i)

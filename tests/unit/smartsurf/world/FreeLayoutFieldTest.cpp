@@ -1,4 +1,4 @@
-// A free layout whose cells stand on a rectangular grid must give the contacts of that grid.
+// A free layout whose cells stand on a rectangular grid gives the same contacts as the grid.
 #include "smartsurf/world/field/FreeLayoutField.h"
 
 #include <gtest/gtest.h>
@@ -92,7 +92,7 @@ TEST(FreeLayoutField, RotatedCellUsesItsOwnFrame) {
   surface::Field field = make_flat_field(1);
   field.x = {4.0F};
   field.y = {5.0F};
-  field.angle = {0.7853982F};  // 45°: the corner of the top lies 0.4·√2 east of its centre
+  field.angle = {0.7853982F};  // 45°: a corner of the top lies 0.4·√2 east of the centre
   const FreeLayoutField free_layout(field);
   const Shape ball = make_shape(make_sphere(0.1));
   std::vector<Contact> inside, outside;

@@ -32,7 +32,7 @@ const scene::ShapeKind kKinds[] = {scene::ShapeKind::kBox, scene::ShapeKind::kCy
 
 }  // namespace
 
-// A sphere's distance is known in closed form: the signed distance of its centre, less the radius.
+// The distance of a sphere is the signed distance of its centre less the radius.
 TEST(Gjk, MatchesClosedFormSphereDistance) {
   std::mt19937 random(11);
   std::uniform_real_distribution<float> u(-1, 1);
@@ -42,8 +42,7 @@ TEST(Gjk, MatchesClosedFormSphereDistance) {
       const Vec3 at = Vec3(u(random), u(random), u(random)).normalized() * (3.2F + u(random));
       const PlacedBody ball = body(scene::ShapeKind::kSphere, at, Quat::Identity());
       const SignedDistance o = signed_distance({solid.shape, nullptr}, solid.axes.transpose() * at);
-      // The core rounds edges off: it may stand back by a part of its rounding there, more at a cone's sharp
-      // tip.
+      // Rounding recedes from sharp edges by a fraction of the convex radius, and by more at a cone's tip.
       const float rounds_off = kind == scene::ShapeKind::kCapsule ? 0.0F
                                : kind == scene::ShapeKind::kCone  ? 2.6F
                                                                   : 0.9F;
@@ -75,7 +74,7 @@ TEST(Gjk, NormalLeadsToSurface) {
       const Vec3 p(u(random), u(random), 1.5F * u(random));
       const SignedDistance o = signed_distance({solid.shape, nullptr}, p);
       EXPECT_NEAR(o.normal.norm(), 1.0F, 1e-4F);
-      // Back to the surface along the normal, and nothing is left.
+      // Moving back along the normal by the distance must reach the surface.
       EXPECT_NEAR(signed_distance({solid.shape, nullptr}, p - o.distance * o.normal).distance, 0.0F, 2e-3F);
     }
   }
@@ -91,7 +90,7 @@ TEST(Gjk, SimplexCacheDoesNotChangeResult) {
       PlacedBody b = body(second, {1.2F, 0.9F, 0.6F}, random_rotation(random));
       SimplexCache last;
       for (int i = 0; i < 100; ++i) {
-        // Now a little farther, now anywhere.
+        // Mostly small motions; every tenth is a jump.
         const bool jump = i % 10 == 9;
         b.centre += Vec3(u(random), u(random), u(random)) * (jump ? 0.3F : 0.02F);
         b.axes =

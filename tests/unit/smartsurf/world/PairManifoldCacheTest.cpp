@@ -41,6 +41,7 @@ struct PairCacheFixture {
     contacts.clear();
     cache.collide(bodies, 0, 1, margin, chunk_cache, contacts);
   }
+  // The contacts without the cache.
   std::vector<Contact> recompute() const {
     std::vector<Contact> out;
     collide_convex({*bodies.shape[0], bodies.position[0], bodies.axes[0]},
@@ -89,7 +90,7 @@ TEST(PairManifoldCache, PointsTrackSlidingBody) {
   }
 }
 
-// What was looked at from afar, because it came fast, is looked at again when it turns.
+// A manifold cached with the large margin of a fast approach is recomputed once the body rotates.
 TEST(PairManifoldCache, SeparationFollowsRollingAfterFastApproach) {
   PairCacheFixture p(ShapeKind::kBox, ShapeKind::kCapsule, {0.3, 0.2, 2.01});
   p.rotate(1, Vec3(1.2F, 0, 0));

@@ -1,4 +1,4 @@
-// A world that threads share, in little: for ThreadSanitizer, and to hold the bits.
+// A small multithreaded world: bit-identical for any thread count, and free of races under ThreadSanitizer.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -11,8 +11,7 @@ using namespace smartsurf;
 
 namespace {
 
-// Spheres and, every fifth, boxes: enough that the work is shared, a large one among them, on cells that
-// move.
+// Spheres, every fifth body a box, and one large sphere: enough bodies for the step to run in parallel.
 scene::SceneSpec heap(double width, double depth) {
   scene::SceneSpec s;
   s.world.dt_s = 1.0 / 60;
@@ -51,7 +50,7 @@ std::uint64_t hash_after(const scene::SceneSpec& scene, int steps, int threads) 
     for (int c = 0; c < scene.surface.columns; ++c)
       cells.set_target(0, step % scene.surface.rows, c, 1.0F + std::sin(0.3F * static_cast<float>(c)));
     cells.plan(scene.world.dt_s);
-    // What goes takes its contacts along; what comes has none yet.
+    // A removed body loses its contacts; an added body has none to match.
     if (step % 4 == 3) world.remove(static_cast<scene::ObjectId>(37 * step));
     if (step == 9) world.add(scene.objects[5]);
     world.step();

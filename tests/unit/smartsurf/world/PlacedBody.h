@@ -1,4 +1,4 @@
-// A shape that stands somewhere, for the tests of pairs.
+// Test fixture: a shape with a pose, for narrow-phase tests.
 #pragma once
 
 #include <random>
@@ -18,6 +18,7 @@ struct PlacedBody {
   PlacedShape placed() const { return {shape, centre, axes}; }
 };
 
+// Not normalized.
 inline Quat random_rotation(std::mt19937& random) {
   std::uniform_real_distribution<float> u(-1, 1);
   const float w = u(random), x = u(random), y = u(random), z = u(random);

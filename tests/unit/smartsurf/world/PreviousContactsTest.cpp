@@ -14,7 +14,7 @@ void add_manifold(ContactList& list, int a, int b, int other = 0) {
   list.contacts.push_back(c);
 }
 
-// Two members; the first found the first half of each list.
+// The contacts of a step with two members; member 0 found the first half of each list.
 struct Fixture {
   static constexpr std::size_t kBodies = 8;
   PreviousContacts previous;

@@ -21,7 +21,7 @@ struct Body {
   Vec3 spin;
 };
 
-// Eight bodies of random shape, turn and spin; every other one revolves.
+// Eight bodies of random inertia, orientation and spin; odd lanes are axisymmetric.
 struct Bodies {
   std::mt19937 random{3};
   Body body[kLanes];
@@ -79,7 +79,7 @@ std::vector<float> results(const RotationBatch& t) {
 
 }  // namespace
 
-// Euler's equations without torque: I·dω/dt = −ω × Iω, in own axes.
+// Euler's equations without torque, in body axes: I·dω/dt = −ω × Iω.
 TEST(RotationKernels, MatchesEulersEquations) {
   Bodies bodies(1.0F);
   constexpr float kShort = 1e-3F;
@@ -116,7 +116,7 @@ TEST(RotationKernels, AxesFollowOrientationWithoutTwistIfAxisymmetric) {
       EXPECT_LT((axes - now).norm(), 1e-6F) << l;
     else
       EXPECT_NEAR(axes.col(1).x(), 0.0F, 1e-5F)
-          << "x stays as near as may be to where it was: y is square to it";
+          << "the x axis stays as close as possible to its previous direction, so y is normal to that";
     Mat3 expected = axes * bodies.body[l].inertia.inverse() * axes.transpose();
     float entries[6][kLanes];
     Bodies::symmetric(entries, l, expected);
@@ -137,6 +137,7 @@ TEST(RotationKernels, BitIdenticalInAnyLaneAndOnEveryTarget) {
   }
   hwy::SetSupportedTargetsForTest(0);
   hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+  // The same bodies, shifted by two lanes.
   Bodies shifted(5.0F);
   for (int l = 0; l < kLanes; ++l) {
     shifted.put(l, first.body[(l + 2) % kLanes]);

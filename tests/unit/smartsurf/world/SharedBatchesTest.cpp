@@ -14,7 +14,7 @@ namespace {
 
 constexpr int kSlabs = 12, kRowsOfSlab = 60, kRows = kSlabs * kRowsOfSlab;
 
-// Spheres in a row, each touching some of its nearer neighbours and the world; a body's row is its index.
+// Spheres in a line; each may touch near neighbours and the field. A body's row is its index.
 struct Chain {
   BodyStore bodies;
   ContactList pairs, world;
@@ -45,8 +45,8 @@ struct Chain {
   }
 };
 
-// What the batches of a member move, by colour.
 using Rows = std::set<int>;
+// Rows of the bodies in those batches.
 Rows rows_of(const ConstraintGraph& graph, std::span<const BatchRange> runs) {
   Rows rows;
   for (const BatchRange& run : runs)
@@ -87,6 +87,7 @@ struct Shared {
     shared_batches.split_batches(graph, member);
     member.wait();
   }
+  // Sets the body rows of a batch; unused lanes repeat lane 0.
   const ContactBatch& set_bodies(int o, ContactKind kind) {
     ContactBatch& batch = graph.reset_batch(o);
     for (int lane = 0; lane < kLanes; ++lane) {
@@ -106,7 +107,7 @@ TEST(SharedBatches, OwnBatchesShareNoBodiesWithOtherMembers) {
   for (const int members : {2, 3}) {
     const Shared s(members);
     Barrier none(members);
-    std::map<int, Rows> moved, own;  // by member
+    std::map<int, Rows> moved, own;  // indexed by member
     int all = 0, shared = 0;
     for (int m = 0; m < members; ++m) {
       const Member member{m, members, none};
@@ -121,7 +122,7 @@ TEST(SharedBatches, OwnBatchesShareNoBodiesWithOtherMembers) {
     }
     EXPECT_EQ(all, s.graph.batch_count());
     EXPECT_GT(shared, 0);
-    EXPECT_LT(shared, all / 2) << "most of it lies within";
+    EXPECT_LT(shared, all / 2) << "most batches belong to one member only";
     for (int m = 0; m < members; ++m)
       for (int other = 0; other < members; ++other)
         for (const int row : own[m])

@@ -37,6 +37,7 @@ struct Row {
       active.push_back(i);
     }
   }
+  // Lets the bodies rest for that long, then updates the sleeping set once.
   void rest(float seconds) {
     for (float t = 0.0F; t < seconds; t += kDt)
       for (const std::int32_t i : active) sleep.update_sleep_timer(bodies, static_cast<std::size_t>(i));
@@ -62,7 +63,7 @@ TEST(Sleep, MovingNeighbourKeepsBodyAwake) {
   row.bodies.apply_placement(2, update);
   row.rest(0.6F);
   EXPECT_TRUE(row.bodies.asleep[0]);
-  EXPECT_FALSE(row.bodies.asleep[1]);  // touches the moving one
+  EXPECT_FALSE(row.bodies.asleep[1]);  // touches the moving body
   EXPECT_FALSE(row.bodies.asleep[2]);
 }
 

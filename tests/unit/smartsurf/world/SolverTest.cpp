@@ -39,7 +39,7 @@ TEST(Solver, CollisionConservesMomentum) {
   const std::size_t a = s.add(make_sphere(1.0), Vec3(8, 16, 5), Vec3(4, 0, 0));
   const std::size_t b = s.add(make_sphere(1.0), Vec3(12, 16, 5));
   for (int i = 0; i < 240; ++i) s.step();
-  EXPECT_NEAR(s.bodies.velocity(a).x(), 0.0F, 0.05F);  // equal masses, e = 1: velocities are exchanged
+  EXPECT_NEAR(s.bodies.velocity(a).x(), 0.0F, 0.05F);  // equal masses at e = 1 exchange velocities
   EXPECT_NEAR(s.bodies.velocity(b).x(), 4.0F, 0.05F);
   EXPECT_NEAR(s.bodies.velocity(a).x() + s.bodies.velocity(b).x(), 4.0F, 1e-4F);
 }

@@ -13,7 +13,7 @@ using namespace smartsurf::world;
 
 namespace {
 
-// Spheres at random in a box, every seventh of them asleep; a fixed one and one that is nowhere.
+// Random spheres in a box: every seventh asleep, one fixed and large, one with a NaN position.
 struct Heap {
   BodyStore bodies;
   UniformGrid grid;
@@ -47,7 +47,7 @@ const Vec3 kTables[] = {{20, 60, 6}, {60, 20, 6}, {300, 2, 2}};
 
 }  // namespace
 
-TEST(Slabs, BodyRunsPartitionGridOrder) {
+TEST(SpatialPartition, BodyRunsPartitionGridOrder) {
   for (const Vec3& size : kTables) {
     const Heap h(1500, size);
     EXPECT_GE(h.slabs.slab_count(), 6);
@@ -69,7 +69,7 @@ TEST(Slabs, BodyRunsPartitionGridOrder) {
   }
 }
 
-TEST(Slabs, OrderedAlongLongerAxis) {
+TEST(SpatialPartition, OrderedAlongLongerAxis) {
   for (const Vec3& size : kTables) {
     Heap h(1500, size);
     h.list(1);
@@ -88,7 +88,7 @@ TEST(Slabs, OrderedAlongLongerAxis) {
   }
 }
 
-TEST(Slabs, AssignsEveryBodyARowActiveFirst) {
+TEST(SpatialPartition, AssignsEveryBodyARowActiveFirst) {
   for (const int members : {1, 2, 5}) {
     Heap h(1500, kTables[0]);
     h.list(members);
@@ -107,7 +107,7 @@ TEST(Slabs, AssignsEveryBodyARowActiveFirst) {
   }
 }
 
-TEST(Slabs, SharesAreCompleteAndBalanced) {
+TEST(SpatialPartition, SharesAreCompleteAndBalanced) {
   const Heap h(3000, kTables[0]);
   Barrier alone(1);
   for (const int members : {1, 2, 3, 8}) {
@@ -124,8 +124,8 @@ TEST(Slabs, SharesAreCompleteAndBalanced) {
   }
 }
 
-TEST(Slabs, FewBodiesFormOneSlab) {
+TEST(SpatialPartition, FewBodiesFormOneSlab) {
   const Heap h(100, kTables[0]);
-  EXPECT_EQ(h.slabs.slab_count(), 2) << "and the large ones another";
+  EXPECT_EQ(h.slabs.slab_count(), 2) << "large bodies form a slab of their own";
   EXPECT_EQ(h.slabs.body_runs().size(), 2u);
 }

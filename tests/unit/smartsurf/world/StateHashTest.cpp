@@ -20,7 +20,7 @@ surface::Field field_of(int rows, int columns) {
 }
 
 std::uint64_t hash_of(const surface::Field& field, int threads) {
-  common::ThreadPool pool(threads, 0.0);  // shares all there is
+  common::ThreadPool pool(threads, 0.0);  // always runs in parallel
   FieldHasher copy(&pool);
   std::vector<float> height;
   StateHash hash;
@@ -50,7 +50,7 @@ TEST(FieldHasher, HashDependsOnEveryHeightAndSpeed) {
     field.speed[cell] += 1.0F;
     EXPECT_TRUE(hashes.insert(hash_of(field, 1)).second) << "speed " << cell;
   }
-  std::swap(field.height[40], field.height[72]);  // the same chain of the hash
+  std::swap(field.height[40], field.height[72]);  // both go to the same chain of the hash
   EXPECT_TRUE(hashes.insert(hash_of(field, 1)).second) << "swapped";
 }
 

@@ -1,4 +1,4 @@
-// The parts of World::step without waking and sleep, on a flat field, for tests of single parts.
+// Test fixture: World::step without sleeping, on a flat square field at height 0.
 #pragma once
 
 #include <cmath>
@@ -40,6 +40,7 @@ struct StepFixture {
     material.restitution = restitution;
   }
 
+  // Returns the body's index.
   std::size_t add(const scene::ObjectSpec& object, const Vec3& position,
                   const Vec3& velocity = Vec3::Zero()) {
     const auto i = static_cast<std::size_t>(bodies.size());
@@ -69,7 +70,7 @@ struct StepFixture {
     }
   }
 
-  // Sum of the normal impulses on a body's static contacts in the last step, mass·u/s.
+  // Sum of the normal impulses of the body's static contacts in the last step, mass·u/s.
   float static_impulse(std::size_t body) const {
     float sum = 0.0F;
     for (const Manifold& m : static_contacts.manifolds)

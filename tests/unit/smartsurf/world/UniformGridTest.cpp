@@ -14,6 +14,7 @@ using namespace smartsurf::world;
 
 namespace {
 
+// Random spheres in a box; `reach` is the bounding radius.
 struct Cloud {
   std::vector<Vec3> position;
   std::vector<float> reach;
@@ -34,7 +35,7 @@ struct Cloud {
 
 using Pairs = std::multiset<std::pair<int, int>>;
 
-// Each member brings every n-th body.
+// Each of n members contributes every n-th body.
 void build(UniformGrid& grid, const Cloud& cloud, int members = 1) {
   common::ThreadPool pool(members);
   Team team(&pool);
@@ -51,7 +52,7 @@ void build(UniformGrid& grid, const Cloud& cloud, int members = 1) {
 TEST(Grid, FindsEveryPairOnce) {
   for (const float size : {0.5F, 6.0F, 40.0F}) {
     Cloud cloud(300, size, 7);
-    cloud.position[3] = {1e4F, -1e4F, 5.0F};  // far away from all others
+    cloud.position[3] = {1e4F, -1e4F, 5.0F};  // far from all others
     UniformGrid grid;
     build(grid, cloud);
     ASSERT_EQ(grid.sorted_count(), 300);
