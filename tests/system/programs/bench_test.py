@@ -1,4 +1,4 @@
-"""scripts/bench: the report says what was measured."""
+"""scripts/bench: the report presents the measurements."""
 import shutil
 
 from programs import *
@@ -17,7 +17,7 @@ class Bench(ProgramTest):
         self.assertEqual(status, 0, out + err)
         return (self.folder / "out/report.md").read_text()
 
-    def test_figures_ratios_and_gaps_stand_in_tables(self):
+    def test_report_tables_show_values_ratios_and_gaps(self):
         def line(case, who, physics, sensors):
             return {"benchmark": "physics", "case": case, "who": who, "threads": 1, "physics_ms": physics,
                     "sensors_ms": sensors, "overlap_u": 0.02, "in_pins_u": 0.25, "lost": 0}
@@ -31,7 +31,7 @@ class Bench(ProgramTest):
             self.assertIn("(bench-physics.svg)", text)
             self.assertIn("</svg>", (self.folder / "out/bench-physics.svg").read_text())
 
-    def test_results_that_differ_are_said_aloud(self):
+    def test_report_flags_different_results(self):
         def line(who, us, agrees):
             return {"benchmark": "arrays", "case": "W2 64", "who": who, "least_us": us, "median_us": us, "checksum_agrees": agrees}
         self.measured("arrays", [line("apron", 2, True), line("numpy", 9, False)])
@@ -39,7 +39,7 @@ class Bench(ProgramTest):
         self.assertIn("**Results differ: numpy on W2 64.**", text)
         self.assertIn("| numpy | 4.5 × |", text)
 
-    def test_mistakes_are_one_line(self):
+    def test_invalid_arguments_report_one_line(self):
         for arguments, fact in ((["--only", "warp"], "warp"), (["--only", "none"], "nothing was measured yet")):
             status, _, err = self.run_program(BENCH, *arguments, "-o", "out")
             self.assertEqual(status, 2)

@@ -1,4 +1,4 @@
-"""The paper's case study: two processes sort spheres by size."""
+"""The case study of the paper: two processes sort spheres by size."""
 import shutil
 
 from programs import *
@@ -26,21 +26,21 @@ class Sorting(ProgramTest):
 
 
 class Determinism(ProgramTest):
-    def test_two_runs_are_equal_to_the_bit(self):
+    def test_runs_are_bit_identical(self):
         flags = ["--ticks", "600"]
         hashes = {self.run_sort(*flags)["state_hash"] for _ in range(2)}
         self.assertEqual(len(hashes), 1)
 
-    def test_threads_and_pace_change_nothing(self):
+    def test_threads_and_pace_do_not_affect_results(self):
         hashes = {self.run_sort("--ticks", "300", *flags)["state_hash"]
                   for flags in ([], ["--threads", "2"], ["--pace", "10"])}
         self.assertEqual(len(hashes), 1)
 
-    def test_the_seed_changes_the_run(self):
+    def test_seed_changes_results(self):
         self.assertNotEqual(self.run_sort("--ticks", "60", seed=1)["state_hash"],
                             self.run_sort("--ticks", "60", seed=2)["state_hash"])
 
-    def test_stopping_either_side_for_a_while_changes_nothing(self):
+    def test_suspending_either_side_does_not_affect_results(self):
         expected = self.run_sort("--ticks", "900")["state_hash"]
         stats = self.folder / "stats.json"
         surface = self.start(SMARTSURF, "run", SORT_LUA, "--seed", "1", "--shm", self.shm, "--ticks", "900",
@@ -63,7 +63,7 @@ class Modes(ProgramTest):
         stats = self.run_sort("--mode", "passive", "--until", "3")
         self.assertEqual(stats["mode"], "passive")
         self.assertEqual(stats["ticks"], 180)
-        self.assertLess(stats["actuator_frames_repeated"], 170, "the controller hardly ever answered")
+        self.assertLess(stats["actuator_frames_repeated"], 170, "the controller rarely answered")
 
     def test_the_program_is_purely_local(self):
         status, out, err = self.run_program(APRON, "check", "--profile", "local", SORT_APS)
@@ -100,7 +100,7 @@ class Products(ProgramTest):
         self.assertNotEqual((self.folder / "early.png").read_bytes(), (self.folder / "end.png").read_bytes())
 
     @unittest.skipIf(WITH_VIEW, "built with the view")
-    def test_what_is_drawn_is_refused_at_once_without_the_view(self):
+    def test_drawing_flags_are_refused_without_the_view(self):
         for flags in (["--window"], ["--screenshot", "end.png"], ["--video", "sort.mp4"]):
             status, _, err = self.run_program(SMARTSURF, "run", SORT_LUA, "--no-controller", *flags)
             self.assertEqual((status, err), (2, "smartsurf: this program was built without the view: configure with "

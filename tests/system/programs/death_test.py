@@ -1,4 +1,4 @@
-"""Either program is stopped or killed at any moment: no hang, no unusable segment, one line that says so."""
+"""Either program is stopped or killed at an arbitrary time: no hang, no unusable segment, a one-line message."""
 import random
 
 from programs import *
@@ -11,7 +11,7 @@ class Death(ProgramTest):
         return surface
 
     def start_pair(self, *flags):
-        # hold=0: sorted or not, the run goes on, for it is soon done else.
+        # hold=0: the run does not end early when the objects are sorted.
         surface = self.start_surface(*flags, "--set", "hold=0")
         return surface, self.start(APRON, "run", SORT_APS, "--shm", self.shm, "--wait", "30")
 
@@ -24,13 +24,13 @@ class Death(ProgramTest):
             status, _, err = self.finish(controller, 20)
             self.assertEqual(status, 3, err)
             self.assertEqual(len(err.strip().splitlines()), 1, err)
-            # The next surface takes the name over without anybody cleaning up.
+            # The next surface reuses the name without a clean-up.
             again, second = self.start_pair("--ticks", "60")
             self.assertEqual(self.finish(again)[0], 0)
             self.assertEqual(self.finish(second)[0], 0)
             self.assertFalse(self.segment().exists())
 
-    def test_a_killed_controller_is_replaced_in_the_same_session(self):
+    def test_killed_controller_can_be_replaced(self):
         chance = random.Random(5)
         surface, controller = self.start_pair("--until", "200")
         for _ in range(4):
@@ -46,7 +46,7 @@ class Death(ProgramTest):
         self.assertIn("controller attached", err)
         self.assertEqual(self.finish(controller)[0], 0)
 
-    def test_our_own_controller_killed_is_status_3(self):
+    def test_killed_child_controller_gives_status_3(self):
         surface = self.start(SMARTSURF, "run", SORT_LUA, "--controller", "exec sleep 600", "--until", "600")
         time.sleep(0.5)
         subprocess.run(["pkill", "-9", "-P", str(surface.pid)], check=False)
@@ -54,7 +54,7 @@ class Death(ProgramTest):
         self.assertEqual(status, 3, err)
         self.assertIn("signal 9", err)
 
-    def test_ctrl_c_leaves_nothing_behind(self):
+    def test_ctrl_c_removes_segment(self):
         for victim in (0, 1):
             pair = self.start_pair("--until", "600")
             time.sleep(0.6)
@@ -65,7 +65,7 @@ class Death(ProgramTest):
             self.finish(pair[1], 20)
             self.assertFalse(self.segment().exists())
 
-    def test_a_closed_terminal_leaves_nothing_behind(self):
+    def test_sighup_removes_segment_and_finishes_recording(self):
         recording = self.folder / "run.h5"
         pair = self.start_pair("--until", "6000", "--record", str(recording), "--set", "hold=0")
         self.wait_for(lambda: recording.exists() and recording.stat().st_size > 100000, "a recording")
@@ -78,14 +78,14 @@ class Death(ProgramTest):
         self.assertEqual(status, 0, err)
         self.assertIn("stopped by the user", out)
 
-    def test_a_closed_terminal_ends_fake_hardware_in_good_order(self):
+    def test_sighup_stops_fake_hardware_cleanly(self):
         fake = self.start(str(BIN / "fake_surface"), "--shm", self.shm)
         self.wait_for(self.segment().exists, "the segment")
         fake.send_signal(signal.SIGHUP)
         self.assertEqual(self.finish(fake, 20)[0], 129)
         self.assertFalse(self.segment().exists())
 
-    def test_nohup_outlives_the_terminal(self):
+    def test_nohup_survives_sighup(self):
         pair = (self.start("nohup", SMARTSURF, "run", SORT_LUA, "--shm", self.shm, "--ticks", "120"),
                 self.start("nohup", APRON, "run", SORT_APS, "--shm", self.shm, "--wait", "30"))
         self.wait_for(self.segment().exists, "the segment")
@@ -94,7 +94,7 @@ class Death(ProgramTest):
         for child in pair:
             self.assertEqual(self.finish(child)[0], 0)
 
-    def test_terminating_the_simulator_ends_its_controller(self):
+    def test_sigterm_of_simulator_ends_its_controller(self):
         recording = self.folder / "run.h5"
         surface = self.start(SMARTSURF, "run", SORT_LUA, "--controller", SORT_APS, "--until", "6000",
                              "--record", str(recording), "--set", "hold=0")
@@ -108,7 +108,7 @@ class Death(ProgramTest):
         self.assertEqual(status, 0, err)
         self.assertIn("stopped by the user", out)
 
-    def test_a_killed_run_leaves_a_readable_recording_and_clean_removes_the_segment(self):
+    def test_killed_run_leaves_readable_recording_and_removable_segment(self):
         recording = self.folder / "run.h5"
         surface, controller = self.start_pair("--until", "6000", "--record", str(recording), "--set", "hold=0")
         time.sleep(2.0)
@@ -122,7 +122,7 @@ class Death(ProgramTest):
         self.assertEqual(status, 0, err)
         self.assertFalse(self.segment().exists())
 
-    def test_a_second_surface_and_a_second_controller_are_refused_with_the_first_ones_process(self):
+    def test_second_surface_and_controller_errors_name_first_process(self):
         surface, controller = self.start_pair("--until", "6000", "--set", "hold=0")
         time.sleep(1.0)
         status, _, err = self.run_program(SMARTSURF, "run", SORT_LUA, "--shm", self.shm)

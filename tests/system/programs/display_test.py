@@ -1,4 +1,4 @@
-"""The simulator's window on a virtual display: what it survives, and how it ends."""
+"""The simulator's window on a virtual display: loss of the display and shutdown."""
 import shutil
 
 from programs import *
@@ -9,7 +9,7 @@ RAIN = str(ROOT / "scripts/examples/rain.lua")
 @unittest.skipUnless(shutil.which("Xvfb"), "Xvfb is not installed")
 class Windows(ProgramTest):
     def open_display(self):
-        """Starts a display of this test's own; returns its process."""
+        """Starts a private X server and returns its process."""
         read, write = os.pipe()
         server = subprocess.Popen(["Xvfb", "-displayfd", str(write), "-screen", "0", "640x480x24", "-nolisten", "tcp"],
                                   pass_fds=(write,), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -29,7 +29,7 @@ class Windows(ProgramTest):
     def wait_for_recording(self, recording):
         self.wait_for(lambda: recording.exists() and recording.stat().st_size > 20_000, "the run goes on")
 
-    def test_a_run_with_an_end_goes_on_without_its_display(self):
+    def test_bounded_run_continues_without_display(self):
         server = self.open_display()
         recording = self.folder / "run.h5"
         child = self.start_window("--until", "3", "--record", str(recording))
@@ -41,7 +41,7 @@ class Windows(ProgramTest):
         self.assertIn("the display was lost; the run continues without a window", err)
         self.assertIn("done after 180 ticks", self.run_program(SMARTSURF, "info", str(recording))[1])
 
-    def test_a_run_without_an_end_ends_with_its_display(self):
+    def test_unbounded_run_ends_with_display(self):
         server = self.open_display()
         recording = self.folder / "run.h5"
         child = self.start_window("--record", str(recording), "--set", "count=100000")
@@ -53,14 +53,14 @@ class Windows(ProgramTest):
         self.assertIn("the display was lost; the run ends", err)
         self.assertIn("the display was lost", self.run_program(SMARTSURF, "info", str(recording))[1])
 
-    def test_a_display_that_is_not_there_is_one_line(self):
+    def test_missing_display_reports_one_line(self):
         self.display = ":4711"
         status, _, err = self.finish(self.start_window("--until", "1"))
         self.assertEqual(status, 2)
         self.assertEqual(err.count("\n"), 1, err)
 
     @unittest.skipUnless(shutil.which("xdotool"), "xdotool is not installed")
-    def test_q_ends_the_run_in_good_order(self):
+    def test_q_ends_run_cleanly(self):
         self.open_display()
         recording = self.folder / "run.h5"
         child = self.start_window("--record", str(recording))

@@ -1,4 +1,4 @@
-"""Every command that the README and the guides show works as shown."""
+"""The commands and messages in the README and the guides are correct."""
 import re
 import sys
 
@@ -11,9 +11,9 @@ PYTHON_CLIENT = {**os.environ, "PYTHONPATH": "shm-protocol/python", "PYTHONDONTW
 
 
 def steps(page):
-    """What a reader of the page does, in order: ("write", (file, text)) where a line `file`: stands before a block of
-    code, and (program, arguments) for the indented lines that call our programs, or a Python program with our client; a
-    trailing backslash joins lines, and a trailing & stays among the arguments."""
+    """Yields the steps of a page in order: ("write", (file, text)) for a code block that follows a line `file`:, and
+    (program, arguments) for indented lines that run our programs or a Python program with our client. A trailing
+    backslash joins lines; a trailing & is kept as an argument."""
     text = re.sub(r"\\\n\s*", "", (ROOT / page).read_text())
     for match in re.finditer(r"^`([\w-]+\.(?:lua|aps|py))`:\n\n```\w*\n(.*?)^```$|"
                              r"^    (?:build/release/bin/(" + "|".join(PROGRAMS) + r")|PYTHONPATH=shm-protocol/python (python3)) ([^#\n]*)",
@@ -23,15 +23,15 @@ def steps(page):
 
 
 def without_pictures(arguments):
-    """The same command for a build without the view, which refuses to draw."""
+    """Removes the flags that a build without the view rejects."""
     flags = ("--screenshot", "--video", "--geometry", "--show")
     drawn = {i + k for i, word in enumerate(arguments) if word in flags for k in (0, 1)}
     return [word for i, word in enumerate(arguments) if i not in drawn]
 
 
 class Docs(ProgramTest):
-    def test_the_commands_of_the_pages_run_in_the_order_shown(self):
-        # Each page is followed in a folder of its own that holds the checkout's scripts.
+    def test_commands_of_pages_run_in_order(self):
+        # Runs each page in a separate folder with links to the checkout's scripts.
         total = 0
         for page in PAGES:
             folder = self.folder / page.replace("/", "_")
@@ -74,18 +74,18 @@ class Docs(ProgramTest):
                 self.assertEqual(status, 0, f"{page}: {' '.join(child.args)}\n{err}")
         self.assertGreaterEqual(total, 6)
 
-    def test_the_messages_of_the_troubleshooting_page_are_in_the_programs(self):
+    def test_troubleshooting_messages_exist_in_sources(self):
         sources = "".join(p.read_text() for folder in ("common", "smartsurf", "apron", "shm-protocol")
                           for ending in ("cpp", "h", "c", "py") for p in sorted((ROOT / folder).rglob(f"*.{ending}")))
         sources += (ROOT / "scripts/setup").read_text()
-        sources = re.sub(r'"\s*\n?\s*"', "", sources)  # texts that go on in the next line
+        sources = re.sub(r'"\s*\n?\s*"', "", sources)  # joins adjacent literals
         page = (ROOT / "docs/troubleshooting.md").read_text()
         messages = re.findall(r"^\| `([^`]+)`", page, re.MULTILINE)
         self.assertGreaterEqual(len(messages), 25)
         for message in messages:
-            # What a program fills in is left out: names, numbers, and the ellipsis.
+            # Skips the parts that the program fills in: names, numbers and the ellipsis.
             for part in re.split(r"\bNAME\b|\bN\b|\bP\b|…|\"|'\w+'|\d{4}", message):
-                self.assertTrue(part.strip(" ?()'") in sources, f"{message}: no source has '{part}'")
+                self.assertTrue(part.strip(" ?()'") in sources, f"{message}: '{part}' is in no source")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The page that plays a recording, in a real browser: headless Chromium, driven over its debugging pipe."""
+"""The exported page in headless Chromium, driven over its debugging pipe."""
 import base64
 import shutil
 
@@ -8,7 +8,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
 
 class Browser:
-    """Speaks the DevTools protocol over a pair of pipes: JSON texts that end in a zero byte."""
+    """A DevTools client over a pair of pipes; messages are JSON texts that end in a zero byte."""
 
     def __init__(self, folder, page):
         to_browser, self.output = os.pipe()
@@ -96,7 +96,7 @@ class Export(ProgramTest):
         self.assertEqual(status, 0, err)
         return page
 
-    def test_a_page_is_written_or_refused_in_one_line(self):
+    def test_writes_page_or_reports_one_line(self):
         page = pathlib.Path(self.export())
         self.assertGreater(page.stat().st_size, 700_000)
         self.assertIn('"name":"sensors/proximity"', page.read_text())
@@ -105,8 +105,8 @@ class Export(ProgramTest):
         self.assertIn(".html", err)
         self.assertEqual(err.count("\n"), 1)
 
-    @unittest.skipUnless(CHROMIUM, "chromium is not installed: the page is not tried in a browser")
-    def test_it_plays_in_a_browser_and_obeys_clicks(self):
+    @unittest.skipUnless(CHROMIUM, "chromium is not installed")
+    def test_page_plays_and_responds_to_clicks(self):
         browser = Browser(self.folder, self.export())
         try:
             self.wait_for(lambda: browser.value("!!window.player && player.ready"), "the player is ready")

@@ -1,4 +1,4 @@
-"""scripts/figures makes every figure that it names, the same bytes each time, and says what it lacks."""
+"""scripts/figures makes every figure, reproducibly, and reports missing programs."""
 import shutil
 import sys
 
@@ -6,7 +6,7 @@ from programs import *
 from programs import PATIENCE
 
 FIGURES_SCRIPT = str(ROOT / "scripts/figures")
-# The page of docs/ shows each figure with its command.
+# Shows each figure with its command.
 PAGE = ROOT / "docs/reproducing.md"
 
 
@@ -28,13 +28,13 @@ class Figures(ProgramTest):
         made = {p.name: p for p in (self.folder / "a").iterdir()}
         self.assertEqual(sorted(made), ["figure-1.png", "figure-5.png", "figure-6.png", "figure-7.png", "figure-8.png",
                                         "figure-8.svg", "figure-9.png", "figure-9.svg"])
-        for n in "1567":  # two pictures of 16 by 10, one above the other, and a gap
+        for n in "1567":  # two 16:10 pictures stacked with a gap
             self.assertEqual(size_of(made[f"figure-{n}.png"]), (320, 2 * 200 + 16))
         for letter in "abcdefg":
             self.assertIn(f"({letter})", made["figure-8.svg"].read_text())
 
     @unittest.skipUnless(shutil.which("ffmpeg") and shutil.which("gnuplot"), "no ffmpeg or no gnuplot")
-    def test_the_same_figure_is_the_same_bytes(self):
+    def test_figures_are_reproducible(self):
         for out in "ab":
             self.assertEqual(self.make(out, "--only", "1,8,9"), (0, ""))
         for name in ("figure-1.png", "figure-8.png", "figure-9.svg"):
@@ -46,7 +46,7 @@ class Figures(ProgramTest):
         self.assertEqual(size_of(self.folder / "a/tasks.png"), (2 * 166, 2 * 106))
         self.assertEqual((self.folder / "a/sort.webp").read_bytes()[8:16], b"WEBPVP8X")
 
-    def test_what_is_wrong_is_said_in_a_line(self):
+    def test_errors_report_one_line(self):
         status, err = self.make("a", "--only", "2")
         self.assertEqual(status, 2)
         self.assertIn("--only 2: not among 1, 5, 6, 7, 8, 9", err)
@@ -58,7 +58,7 @@ class Figures(ProgramTest):
         self.assertIn("gnuplot is not installed", err)
         self.assertEqual(list((self.folder / "a").iterdir()), [])
 
-    def test_pictures_have_the_size_that_was_asked_for(self):
+    def test_pictures_have_requested_size(self):
         wave = [SMARTSURF, "run", str(ROOT / "scripts/examples/wave.lua"), "--no-controller", "--ticks", "2"]
         self.assertEqual(self.run_program(*wave, "--screenshot", "a.png", "--picture-size", "123x45")[0], 0)
         self.assertEqual(size_of(self.folder / "a.png"), (123, 45))
@@ -70,7 +70,7 @@ class Figures(ProgramTest):
             self.assertIn(f"--picture-size {size}", err)
             self.assertFalse((self.folder / file).exists())
 
-    def test_the_page_names_every_figure_and_every_picture_is_there(self):
+    def test_page_names_every_figure_and_pictures_exist(self):
         page = PAGE.read_text()
         for n in "156789":
             self.assertIn(f"scripts/figures --only {n}", page)

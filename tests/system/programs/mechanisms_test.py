@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Each mechanism of the paper moves an object as the paper describes, driven by an APRON program."""
+"""Each mechanism of the paper, driven by an APRON program, moves objects as the paper describes."""
 import re
 import sys
 import unittest.mock
@@ -9,68 +9,68 @@ from programs import *
 
 class Mechanisms(ProgramTest):
     def run_example(self, name, seconds):
-        """The numbers that the example prints at its end, in order."""
+        """Runs the example and returns the numbers that it prints at its end, in order."""
         base = str(ROOT / "scripts/examples" / name)
         status, out, err = self.run_program(SMARTSURF, "run", base + ".lua", "--controller", base + ".aps", "--headless",
                                             "--until", str(seconds))
         self.assertEqual(status, 0, err)
         return [float(number) for number in re.findall(r"-?\d+\.\d+", out)]
 
-    def test_pins_roll_a_ball_and_stall_under_a_weight(self):
+    def test_pins_roll_ball_and_stall_under_weight(self):
         ball, light, heavy = self.run_example("pin", 1.5)
         self.assertGreater(ball, 0.2)
         self.assertGreater(light, 1.9)
         self.assertLess(abs(heavy), 0.1)
 
-    def test_balls_carry_a_parcel(self):
+    def test_balls_carry_parcel(self):
         east, north = self.run_example("ball", 3)
         self.assertGreater(east, 4.0)
         self.assertLess(abs(north), 0.2)
 
-    def test_wheels_turn_the_route_of_parcels(self):
+    def test_wheels_redirect_parcels(self):
         places = self.run_example("wheels", 3.7)
         for x in places[0::2]:
             self.assertGreater(x, 11.0)
-        self.assertGreater(places[-1], 16.0)  # it went straight until the lane, then north
+        self.assertGreater(places[-1], 16.0)  # straight to the lane, then north
 
-    def test_rotors_lift_and_drag(self):
+    def test_rotors_move_object(self):
         self.assertGreater(self.run_example("rotor", 3)[0], 3.0)
 
-    def test_a_force_field_squeezes_a_rod_into_line(self):
+    def test_force_field_aligns_rod(self):
         distance, turned = self.run_example("force_field", 6)
         self.assertLess(abs(distance), 0.5)
         self.assertLess(abs(turned), 0.1)
 
-    def test_magnets_pull_one_pole_and_push_the_other(self):
+    def test_magnets_attract_one_pole_and_repel_the_other(self):
         pulled, _, pushed, _, plain_x, plain_y = self.run_example("magnet", 3)
         self.assertGreater(pulled, 6.5)
         self.assertGreater(pushed, 11.0)
         self.assertEqual((plain_x, plain_y), (2.0, 12.0))
 
-    def test_magnetic_widgets_are_set_and_one_resists_a_finger(self):
+    def test_magnetic_widgets_reach_positions_and_resist_finger(self):
         slider, knob, held, let_go = self.run_example("widgets", 7)
         self.assertAlmostEqual(slider, 10, delta=0.5)
         self.assertAlmostEqual(knob, 90, delta=8)
         self.assertLess(abs(held), 0.2)
         self.assertGreater(let_go, 1)
 
-    def test_a_finger_with_a_magnet_feels_a_button(self):
+    def test_finger_with_magnet_feels_button(self):
         over, beside = self.run_example("finger", 6.5)
         self.assertGreater(over, 3 * beside)
         self.assertGreater(over, 0.2)
 
-    def test_air_carries_a_sheet_without_contact(self):
+    def test_air_carries_sheet_without_contact(self):
         x, y, lowest = self.run_example("air_jet", 6)
         self.assertLess(abs(x - 9.5) + abs(y - 9.5), 3.0)
         self.assertGreater(lowest, 0.2)
 
-    def test_air_brings_each_kind_to_its_region(self):
+    def test_air_moves_each_type_to_its_region(self):
         letter_x, letter_y, card_x, card_y, lowest = self.run_example("air_types", 12)
         self.assertLess(abs(letter_x - 23) + abs(letter_y - 9.5), 3)
         self.assertLess(abs(card_x - 6) + abs(card_y - 9.5), 3)
         self.assertGreater(lowest, 0.2)
 
-    def test_every_system_of_the_paper_has_its_example(self):
+    def test_every_system_of_the_paper_has_an_example(self):
         page = (ROOT / "docs/actuators.md").read_text()
         rows = re.findall(r"^\| \[([1-7])\] .*\|([^|]*)\|$", page, re.M)
         self.assertEqual([number for number, _ in rows], list("1234567"))
@@ -81,16 +81,16 @@ class Mechanisms(ProgramTest):
             for name in named:
                 self.assertIn(f'run_example("{name}"', here)
 
-    def test_a_wave_carries_a_plate_against_itself(self):
+    def test_wave_carries_plate_against_its_direction(self):
         self.assertGreater(self.run_example("tile", 3)[0], 2.0)
 
-    def test_a_mixed_surface_on_a_slope(self):
+    def test_mixed_surface_on_slope(self):
         status, out, err = self.run_program(SMARTSURF, "run", str(ROOT / "scripts/examples/mixed.lua"), "--no-controller",
                                             "--headless", "--until", "4")
         self.assertEqual(status, 0, err)
         self.assertGreater(float(re.search(r"-?\d+\.\d+", out)[0]), 5.0)
 
-    def test_every_channel_is_recorded_with_its_commands(self):
+    def test_all_actuator_channels_are_recorded(self):
         base = str(ROOT / "scripts/examples/wheels")
         experiment = self.write("recorded.lua", pathlib.Path(base + ".lua").read_text() + "\nrecord { actuators = true }\n")
         recording = str(self.folder / "wheels.h5")
@@ -104,7 +104,7 @@ class Mechanisms(ProgramTest):
             self.assertEqual((last[0, 0], last[0, 15]), (-10.0, 10.0))
 
 
-    def test_a_command_that_starts_apron_drives_the_surface_that_started_it(self):
+    def test_controller_command_attaches_to_its_surface(self):
         surface = self.write("pin.lua", "surface { rows = 4, columns = 4, actuator = pin { max_speed = 2 } }\n"
                              "sphere { radius = 1, position = {1.5, 1.5, 1} }\n"
                              "on_finish(function() print(string.format('%.1f', select(3, object(0):position()))) end)")
@@ -113,7 +113,7 @@ class Mechanisms(ProgramTest):
                                             "--headless", "--until", "2")
         self.assertEqual((status, out, err), (0, "3.0\n", ""))
 
-    def test_a_surface_with_empty_cells_says_which_are_there(self):
+    def test_occupancy_reports_masked_cells(self):
         surface = self.write("masked.lua", """
 surface { rows = 6, columns = 8, actuator = pin { max_speed = 2 }, mask = function(row, column) return not (row >= 5 and column >= 6) end }
 sphere { radius = 1, position = {2, 3, 1} }
@@ -127,9 +127,9 @@ endwhile
 """)
         status, out, err = self.run_program(SMARTSURF, "run", surface, "--controller", program, "--headless", "--until", "4")
         self.assertEqual(status, 0, err)
-        self.assertAlmostEqual(float(out), 1 + 42 / 14, delta=0.01)   # 42 cells are there
+        self.assertAlmostEqual(float(out), 1 + 42 / 14, delta=0.01)   # the mask leaves 42 cells
 
-    def test_a_python_controller_reads_which_places_of_a_free_layout_hold_a_cell(self):
+    def test_python_controller_reads_occupancy_of_free_layout(self):
         surface = self.write("free.lua", """
 surface { rows = 2, columns = 3, positions = {{0, 2}, false, {2, 2, 0.5}, {0, 0}, {1, 0.5}, false},
           sensors = { proximity {} } }""")
@@ -150,14 +150,14 @@ print(here.tolist(), table.description.positions.shape)
         self.assertEqual((status, err), (0, ""))
         self.assertIn("[[1.0, 0.0, 1.0], [1.0, 1.0, 0.0]] (2, 3, 3)", out)
 
-    def test_a_sensor_may_not_take_the_masks_name(self):
+    def test_sensor_name_occupancy_is_reserved(self):
         surface = self.write("masked.lua", "surface { rows = 2, columns = 2, mask = {{true, false}, {true, true}}, "
                              "sensors = { proximity { name = 'occupancy' } } }")
         status, _, err = self.run_program(SMARTSURF, "run", surface, "--controller", "none.aps", "--headless")
         self.assertEqual((status, err.count("\n")), (2, 1), err)
 
     @needs_view
-    def test_a_recording_of_a_hexagonal_surface_replays_where_its_cells_stand(self):
+    def test_hexagonal_recording_replays_identically(self):
         surface = self.write("hex.lua", """
 surface { rows = 5, columns = 6, layout = 'hex', actuator = wheels {} }
 box { size = {2, 2, 1}, position = {3, 2, 0.5} }
@@ -167,7 +167,7 @@ on_tick(function() for r = 1, 5 do for c = 1, 6 do cells:target('spin_a', r, c, 
         self.assertEqual(status, 0, err)
         status, _, err = self.run_program(SMARTSURF, "replay", "hex.h5", "--screenshot", "replay.png@0.5")
         self.assertEqual(status, 0, err)
-        # Positions and turns are recorded as they are drawn: the same picture to the bit.
+        # Poses are recorded with the precision of the drawing, so the pictures are bit-identical.
         self.assertEqual((self.folder / "run.png").read_bytes(), (self.folder / "replay.png").read_bytes())
 
 

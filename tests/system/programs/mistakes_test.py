@@ -1,4 +1,4 @@
-"""Wrong input: one clear line on stderr, exit status 2, and nothing half-written."""
+"""Invalid input: one line on stderr, exit status 2, and no partial output files."""
 import resource
 import shutil
 
@@ -37,7 +37,7 @@ class Mistakes(ProgramTest):
             self.refused([SMARTSURF, "check", path], "wrong.lua", *facts)
             self.refused([SMARTSURF, "run", path, "--no-controller", "--ticks", "1"], "wrong.lua", *facts)
 
-    def test_a_script_that_fails_while_running_keeps_the_recording(self):
+    def test_failing_script_keeps_recording(self):
         path = self.write("late.lua", TABLE + "at(0.5, function()\n  local x = nil + 1\nend)\n")
         self.refused([SMARTSURF, "run", path, "--no-controller", "--ticks", "100", "--record",
                       str(self.folder / "late.h5")], "late.lua:3:")
@@ -81,7 +81,7 @@ class Mistakes(ProgramTest):
         self.refused([APRON, "run", SORT_APS, "--profile", "/nowhere/p.json"], "--profile", "/nowhere")
         self.refused([APRON, "chekc", SORT_APS], "no command 'chekc'", "did you mean 'check'")
 
-    def test_output_that_cannot_be_written_is_refused_before_the_run(self):
+    def test_unwritable_output_is_refused_before_the_run(self):
         path = self.write("says.lua", TABLE + "on_finish(function() print('ran') end)\n")
         for flag, file, fact in (("--stats", ".", "is a folder"), ("--stats", "none/s.json", "no folder none"),
                                  ("--screenshot", "none/a.png", "no folder none"), ("--video", "none/a.mp4", "no folder none")):
@@ -90,8 +90,8 @@ class Mistakes(ProgramTest):
             self.assertEqual(self.run_program(*command)[1], "")
 
     def limited(self, limit, bytes_, *command):
-        """As run_program, with a limit of the system's on the process: on memory, or on the length of files, which
-        meets a full disk's error handling."""
+        """Like run_program(), with a resource limit: on memory, or on file size, which exercises the error handling
+        for a full disk."""
         def limit_it():
             signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
             resource.setrlimit(limit, (bytes_, bytes_))
@@ -102,7 +102,7 @@ class Mistakes(ProgramTest):
         self.assertEqual(len(err.strip().splitlines()), 1, err)
         return status, err
 
-    def test_a_disk_that_fills_up_ends_the_run_and_keeps_what_was_recorded(self):
+    def test_disk_full_during_run_keeps_recorded_frames(self):
         recording = self.folder / "run.h5"
         command = [SMARTSURF, "run", str(ROOT / "scripts/examples/wave.lua"), "--no-controller", "--record", str(recording)]
         status, err = self.limited(resource.RLIMIT_FSIZE, 2 << 20, *command)
@@ -112,7 +112,7 @@ class Mistakes(ProgramTest):
         self.assertEqual(status, 0, err)
         self.assertRegex(out, r"frames +[1-9]")
 
-    def test_a_full_disk_leaves_no_empty_file(self):
+    def test_full_disk_leaves_no_empty_file(self):
         path = self.write("table.lua", TABLE)
         for flag, name in (("--record", "run.h5"), ("--record", "run.csv"), ("--stats", "stats.json")):
             status, err = self.limited(resource.RLIMIT_FSIZE, 0, SMARTSURF, "run", path, "--no-controller", "--ticks", "1",
@@ -121,7 +121,7 @@ class Mistakes(ProgramTest):
             self.assertRegex(err, f"{name}: cannot be written: File too large$")
         self.assertEqual([p.name for p in self.folder.iterdir()], ["table.lua"])
 
-    def test_figures_go_to_the_standard_output_and_through_links(self):
+    def test_stats_can_be_written_to_stdout_and_links(self):
         path = self.write("table.lua", TABLE)
         (self.folder / "link.json").symlink_to("real.json")
         (self.folder / "real.json").write_text("")
@@ -131,7 +131,7 @@ class Mistakes(ProgramTest):
         self.assertTrue((self.folder / "link.json").is_symlink())
         self.assertEqual(json.loads((self.folder / "real.json").read_text())["ticks"], 1)
 
-    def test_a_simulator_without_apron_says_where_it_looked(self):
+    def test_missing_apron_error_lists_searched_places(self):
         lonely = shutil.copy(SMARTSURF, self.folder / "smartsurf")
         child = subprocess.Popen([lonely, "run", SORT_LUA, "--controller", SORT_APS, "--ticks", "1"], text=True,
                                  stderr=subprocess.PIPE, env={**os.environ, "PATH": str(self.folder)})
@@ -139,7 +139,7 @@ class Mistakes(ProgramTest):
         self.assertEqual(status, 2, err)
         self.assertIn("cannot start apron: it is neither beside smartsurf nor on PATH", err)
 
-    def test_output_that_nobody_takes_is_said(self):
+    def test_unwritable_stdout_is_reported(self):
         path = self.write("table.lua", TABLE)
         self.run_program(SMARTSURF, "run", path, "--no-controller", "--ticks", "1", "--record", "run.h5")
         with open("/dev/full", "w") as full:
@@ -148,13 +148,13 @@ class Mistakes(ProgramTest):
             status, _, err = self.finish(child)
         self.assertEqual((status, err), (1, "smartsurf: cannot write the output: No space left on device\n"))
 
-    def test_a_surface_larger_than_the_memory_is_one_line(self):
+    def test_out_of_memory_reports_one_line(self):
         path = self.write("large.lua", "surface { rows = 4096, columns = 4096, actuator = pin {} }\n")
         status, err = self.limited(resource.RLIMIT_AS, 256 << 20, SMARTSURF, "run", path, "--no-controller", "--ticks", "1")
         self.assertEqual(status, 1, err)
         self.assertIn("not enough memory", err)
 
-    def test_settings_of_the_controller(self):
+    def test_controller_set(self):
         experiment = self.write("ok.lua", TABLE)
         program = self.write("gain.aps", "sim.slider.add('gain', 0, 9, 1)\nprintln('gain ', sim.slider.get('gain'))\n")
         run = [SMARTSURF, "run", experiment, "--controller", program]
@@ -179,13 +179,13 @@ class Mistakes(ProgramTest):
             self.assertIn("SIGNAL", err)
             self.assertIn("^", err)
 
-    def test_a_program_that_is_not_local_is_told_from_one_that_is(self):
+    def test_nonlocal_program_is_reported(self):
         path = self.write("global.aps", "!register(A)\nA = globalsum(A)\n")
         status, out, err = self.run_program(APRON, "check", "--profile", "local", path)
         self.assertEqual((status, err), (1, ""))
         self.assertIn("global.aps:2: not local: globalsum", out)
 
-    def test_what_a_huge_force_flings_away_leaves_the_table_and_the_run_goes_on(self):
+    def test_objects_thrown_by_huge_forces_leave_and_run_continues(self):
         path = self.write("fling.lua", """
 surface { rows = 8, columns = 8 }
 for i = 1, 6 do
@@ -204,20 +204,20 @@ on_finish(function() metric('left', left) end)""")
         self.assertEqual((status, err), (0, ""))
         self.assertGreaterEqual(json.loads((self.folder / "fling.json").read_text())["metrics"]["left"], 12)
 
-    def test_a_controller_with_a_mistake_ends_the_run_as_the_users_mistake(self):
+    def test_controller_error_gives_status_2(self):
         path = self.write("wrong.aps", "x = surface.sense('pressure')\n")
         status, _, err = self.run_program(SMARTSURF, "run", SORT_LUA, "--controller", path, "--ticks", "10")
         self.assertEqual(status, 2, err)
         self.assertIn("wrong.aps:1", err)
 
-    def test_not_finite_heights_are_clamped_and_counted(self):
+    def test_non_finite_heights_are_clamped_and_counted(self):
         path = self.write("nan.aps", "!register(H)\nH = 0\nH = H / 0\nwhile(1)\n  surface.actuate('height', H)\n"
                                      "  surface.step\nendwhile\n")
         stats = self.folder / "stats.json"
         status, _, err = self.run_program(SMARTSURF, "run", SORT_LUA, "--controller", path, "--ticks", "20",
                                           "--stats", str(stats))
         self.assertEqual(status, 0, err)
-        # The cells of the border take no commands.
+        # Border cells have no actuator.
         self.assertEqual(json.loads(stats.read_text())["actuator_values_clamped"], 20 * 62 * 62)
 
 

@@ -1,4 +1,4 @@
-"""What `cmake --install` puts somewhere works from there, and knows nothing of the checkout."""
+"""An installation works without the checkout."""
 import re
 import shutil
 
@@ -23,26 +23,26 @@ class Packaging(ProgramTest):
     def installed(self, program, *arguments):
         return self.run_program(str(self.prefix / "bin" / program), *map(str, arguments))
 
-    def test_the_case_study_runs_from_where_it_was_installed(self):
+    def test_installed_case_study_runs(self):
         status, _, err = self.installed("smartsurf", "run", self.share / "case-study/sort.lua", "--controller",
                                         self.share / "case-study/sort.aps", "--ticks", 20, "--stats", "stats.json")
         self.assertEqual(status, 0, err)
         self.assertEqual(json.loads((self.folder / "stats.json").read_text())["ticks"], 20)
 
-    def test_programs_find_the_installed_library(self):
-        # A changed copy of the library shows which one is read.
+    def test_programs_find_installed_library(self):
+        # Modifies the installed copy, to tell it from the one of the checkout.
         library = self.share / "apron/apron.aps"
         library.write_text(library.read_text() + "\n!define(INSTALLED_HERE, 7)\n")
         program = self.write("p.aps", "!include('apron.aps')\nprint(INSTALLED_HERE)\n")
         status, out, err = self.installed("apron", "run", program)
         self.assertEqual((status, out.strip()), (0, "7"), err)
 
-    def test_the_fake_hardware_finds_the_shared_library(self):
+    def test_fake_hardware_finds_shared_library(self):
         status, out, err = self.installed("fake_surface", "--help")
         self.assertEqual(status, 0, err)
         self.assertIn("fake_surface", out + err)
 
-    def test_every_flag_of_a_program_is_in_its_manual_page(self):
+    def test_manual_pages_list_every_flag(self):
         pages = sorted((self.prefix / "share/man/man1").glob("*.1"))
         self.assertEqual(sorted(p.stem for p in pages),
                          ["apron", "device_emulator", "fake_surface", "shm_dump", "smartsurf", "smartsurf-doctor", "surface_bridge"])
@@ -56,7 +56,7 @@ class Packaging(ProgramTest):
             self.assertTrue(flags or page.stem == 'smartsurf-doctor', page)
             self.assertEqual(sorted(f for f in flags if f not in text), [], page)
 
-    def test_links_of_the_pages_lead_to_what_was_installed(self):
+    def test_links_of_installed_pages_are_valid(self):
         pages = sorted((self.prefix / "share/doc/smartsurf").glob("*.md"))
         self.assertGreater(len(pages), 20)
         links = 0
@@ -67,7 +67,7 @@ class Packaging(ProgramTest):
                 self.assertTrue((page.parent / target).resolve().is_relative_to(self.prefix.resolve()), f"{page} {target}")
                 self.assertTrue((page.parent / target).exists(), f"{page.name} links to {target}")
         self.assertGreater(links, 60)
-        # Only the links are others.
+        # Installation changes links only.
         self.assertEqual((self.prefix / "share/doc/smartsurf/tasks.md").read_text(), (ROOT / "docs/tasks.md").read_text())
 
     def test_completion_offers_commands_and_flags(self):
@@ -80,7 +80,7 @@ class Packaging(ProgramTest):
                                  stdout=subprocess.PIPE, check=True).stdout
             self.assertEqual(out.strip(), expected)
 
-    def test_the_doctor_finds_a_healthy_machine_and_a_missing_program(self):
+    def test_doctor_reports_healthy_machine_and_missing_program(self):
         status, out, err = self.installed("smartsurf-doctor")
         self.assertEqual(status, 0, out + err)
         self.assertIn(str(self.prefix / "bin/smartsurf"), out)

@@ -1,13 +1,13 @@
-"""The pages agree with themselves and with the programs: links, files, flags, and every name of the Lua scripts."""
+"""The pages are consistent with each other and with the programs: links, files, flags and Lua names."""
 import re
 
 from programs import *
 
 PAGES = ["README.md", "shm-protocol/PROTOCOL.md"] + sorted(str(p.relative_to(ROOT)) for p in (ROOT / "docs").glob("*.md"))
-# Flags of other programs, in the commands that the pages show.
+# Flags of third-party programs in commands on the pages.
 FOREIGN = {"--build", "--preset", "--target", "--install", "--prefix", "--component", "--cflags", "--libs", "--shm-size",
            "--time", "--partition"}
-# What is written when somebody follows the pages.
+# Written by the commands of the pages.
 MADE = ("build/", "out/")
 
 
@@ -16,12 +16,12 @@ def text_of(page):
 
 
 def prose_of(page):
-    """Without code: a C++ lambda looks like a link."""
+    """The page without code, because a C++ lambda looks like a link."""
     return re.sub(r"```.*?```|^    .*?$", "", text_of(page), flags=re.DOTALL | re.MULTILINE)
 
 
 def anchors_of(page):
-    """As the web sites that show Markdown make them of headings."""
+    """The anchors that web sites generate for Markdown headings."""
     found = set()
     for heading in re.findall(r"^#+ +(.*)$", re.sub(r"```.*?```", "", text_of(page), flags=re.DOTALL), re.MULTILINE):
         plain = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", heading).lower()
@@ -30,7 +30,7 @@ def anchors_of(page):
 
 
 class Pages(ProgramTest):
-    def test_links_lead_to_a_file_and_to_a_heading_in_it(self):
+    def test_links_lead_to_existing_files_and_headings(self):
         links = 0
         for page in PAGES:
             for target, anchor in re.findall(r"\]\(([^)#:\s]*)(?:#([^)]*))?\)", prose_of(page)):
@@ -41,7 +41,7 @@ class Pages(ProgramTest):
                     self.assertIn(anchor, anchors_of(file.resolve().relative_to(ROOT)), f"{page} links to {target}#{anchor}")
         self.assertGreater(links, 60)
 
-    def test_pictures_load_quickly(self):
+    def test_pictures_are_small(self):
         for picture in sorted((ROOT / "docs/images").iterdir()):
             self.assertLess(picture.stat().st_size, 1_000_000, picture.name)
 
@@ -51,14 +51,14 @@ class Pages(ProgramTest):
             if page != "docs/README.md":
                 self.assertIn(f"({pathlib.Path(page).name})", index, page)
 
-    def test_files_that_pages_name_are_there(self):
+    def test_named_files_exist(self):
         for page in PAGES:
             for path in re.findall(r"(?<![\w./-])((?:scripts|docs|tests|smartsurf|apron|shm-protocol|packaging|cmake)/[\w./-]*\w)",
                                    text_of(page)):
                 there = (ROOT / path).exists() or list(ROOT.glob(f"{path}.*"))
                 self.assertTrue(there, f"{page} names {path}")
 
-    def test_flags_that_pages_name_are_there(self):
+    def test_named_flags_exist(self):
         known = set(FOREIGN)
         for program, commands in (("smartsurf", "run replay info plot export check clean"),
                                   ("apron", "run check disasm fmt repl")):
@@ -73,7 +73,7 @@ class Pages(ProgramTest):
             named = set(re.findall(r"(?<![\w-])--[a-z][a-z-]*", text_of(page)))
             self.assertEqual(sorted(named - known), [], page)
 
-    def test_the_command_line_page_has_exactly_the_flags_that_there_are(self):
+    def test_command_line_page_lists_exactly_all_flags(self):
         rows = re.findall(r"^\| `(\w+)(?: ([a-z]+))?[^`]*` \|.*\|([^|]*)\|$", text_of("docs/cli.md"), re.MULTILINE)
         self.assertEqual(len(rows), 16)
         for program, command, flags in rows:
@@ -103,7 +103,7 @@ class RecordingReference(ProgramTest):
         self.assertEqual(status, 0, err)
         names = set()
         with h5py.File(self.folder / "all.h5") as file:
-            # What a script or a library names is not ours to list.
+            # Excludes names chosen by scripts and libraries.
             file.visititems(lambda name, item: names.update(
                 [name.split("/")[-1]] + ([] if name.startswith(("meta/options", "meta/set", "meta/versions")) else list(item.attrs))))
         names -= {"0", "colour"}
@@ -112,7 +112,7 @@ class RecordingReference(ProgramTest):
 
 
 class LuaReference(ProgramTest):
-    """The program itself is asked for the names that it takes: a wrong one makes it list the right ones."""
+    """Obtains the valid names from the program: an unknown name makes it list them."""
 
     PAGES = ("experiments", "actuators", "sensors", "objects")
     TABLE = "surface { rows = 2, columns = 2 }\n"

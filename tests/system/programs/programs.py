@@ -1,4 +1,4 @@
-"""The two programs as a user runs them: what the tests of this folder share."""
+"""Fixtures for tests that run the programs as a user does."""
 import json
 import os
 import pathlib
@@ -14,18 +14,18 @@ SMARTSURF, APRON = str(BIN / "smartsurf"), str(BIN / "apron")
 SORT_LUA, SORT_APS = str(ROOT / "scripts/case-study/sort.lua"), str(ROOT / "scripts/case-study/sort.aps")
 WITH_VIEW = os.environ.get("SMARTSURF_VIEW", "ON") == "ON"
 needs_view = unittest.skipUnless(WITH_VIEW, "built without the view")
-# Far beyond what any of these runs needs: a test that waits so long has found a hang.
+# Timeout in seconds, far longer than any of these runs: expiry means that a program hangs.
 PATIENCE = 120
 
 
 class ProgramTest(unittest.TestCase):
-    """A test with a scratch folder, whose children never outlive it."""
+    """A test with a scratch folder. Kills its child processes at the end."""
 
     def setUp(self):
         self._folder = tempfile.TemporaryDirectory(prefix="smartsurf-test-")
         self.folder = pathlib.Path(self._folder.name)
         self.children = []
-        # One name a test, so that tests can run side by side.
+        # Unique per test, so that tests can run in parallel.
         self.shm = f"test-{os.getpid()}-{self._testMethodName}"[:44]
 
     def tearDown(self):
@@ -33,7 +33,7 @@ class ProgramTest(unittest.TestCase):
             if child.poll() is None:
                 child.kill()
             child.communicate()
-        self.segment().unlink(missing_ok=True)  # a surface that was killed just now leaves its segment
+        self.segment().unlink(missing_ok=True)  # a killed surface leaves its segment
         self._folder.cleanup()
 
     def write(self, name, text):
@@ -47,7 +47,7 @@ class ProgramTest(unittest.TestCase):
         return child
 
     def finish(self, child, patience=PATIENCE):
-        """(status, stdout, stderr) once the child has ended; fails if it hangs."""
+        """Waits for the child and returns (status, stdout, stderr); fails if it hangs."""
         try:
             out, err = child.communicate(timeout=patience)
         except subprocess.TimeoutExpired:
@@ -69,7 +69,7 @@ class ProgramTest(unittest.TestCase):
         deadline = time.monotonic() + PATIENCE
         while not condition():
             if time.monotonic() > deadline:
-                self.fail(f"never happened: {what}")
+                self.fail(f"timed out waiting for: {what}")
             time.sleep(0.01)
 
     def segment(self, name=None):

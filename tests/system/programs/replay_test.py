@@ -1,4 +1,4 @@
-"""Recordings played, drawn and run again."""
+"""Recordings: replay, drawing and --verify."""
 import shutil
 
 import h5py
@@ -20,14 +20,14 @@ class Replay(ProgramTest):
     def verify(self, recording, *flags):
         return self.run_program(SMARTSURF, "replay", recording, "--verify", *flags)
 
-    def test_a_scripted_run_comes_out_the_same(self):
+    def test_scripted_run_is_reproduced(self):
         recording = self.record_wave("--set", "amplitude=0.7", "--seed", "5")
         for flags in ([], ["--threads", "2"]):
             status, out, err = self.verify(recording, *flags)
             self.assertEqual((status, err), (0, ""))
             self.assertIn("identical in 61 frames, up to tick 60", out)
 
-    def test_a_run_with_a_controller_needs_no_controller_to_run_again(self):
+    def test_controlled_run_is_reproduced_without_controller(self):
         for mode in ("time-step", "passive"):
             recording = str(self.folder / "sort.h5")
             self.run_sort("--until", "2", "--mode", mode, "--pace", "4", "--record", recording)
@@ -35,7 +35,7 @@ class Replay(ProgramTest):
             self.assertEqual((status, err), (0, ""))
             self.assertIn("up to tick 120", out)
 
-    def test_the_first_tick_and_object_that_differ_are_named(self):
+    def test_error_names_first_different_tick_and_object(self):
         recording = self.record_wave()
         with h5py.File(recording, "r+") as file:
             for frame in (40, 41):
@@ -46,7 +46,7 @@ class Replay(ProgramTest):
         self.assertIn("differs at tick 40: object 3 ('passenger'): position", err)
         self.assertEqual(err.count("\n"), 1)
 
-    def test_another_experiment_does_not_pass(self):
+    def test_changed_experiment_fails(self):
         recording = self.record_wave()
         with h5py.File(recording, "r+") as file:
             text = file["meta"].attrs["experiment"]
@@ -55,7 +55,7 @@ class Replay(ProgramTest):
         self.assertEqual(status, 1)
         self.assertRegex(err, "differs at tick [1-9]")
 
-    def test_what_cannot_be_run_again_says_why(self):
+    def test_unrepeatable_recordings_are_refused(self):
         recording = self.record_wave()
         with h5py.File(recording, "r+") as file:
             file["meta"].attrs["unsafe"] = numpy.uint64(1)
@@ -69,7 +69,7 @@ class Replay(ProgramTest):
         self.assertIn("the user intervened after tick 7", err)
 
     @needs_view
-    def test_a_picture_is_the_one_that_the_run_made(self):
+    def test_replayed_picture_equals_that_of_run(self):
         ours, theirs = self.folder / "run.png", self.folder / "replay.png"
         recording = self.record_wave("--screenshot", f"{ours}@0.5")
         status, _, err = self.run_program(SMARTSURF, "replay", recording, "--screenshot", f"{theirs}@0.5")
@@ -80,7 +80,7 @@ class Replay(ProgramTest):
         self.assertIn("the recording ends at 1 s", err)
 
     @needs_view
-    def test_pictures_show_what_the_flags_say(self):
+    def test_view_flags_change_pictures(self):
         recording = self.record_wave()
         pictures = set()
         for flags in ([], ["--wires", "--cells", "height", "--palette", "flame"], ["--camera", "top", "--trails", "1"]):

@@ -1,4 +1,4 @@
-"""Every sensor from the surface over the protocol to a program, a script and a recording."""
+"""Each sensor, read by a program, a script and a recording."""
 import h5py
 import numpy
 
@@ -21,7 +21,7 @@ println(globalsum(R), ' ', globalsum(B), ' ', globalsum(T), ' ', globalmax(H), '
 
 
 class Sensors(ProgramTest):
-    def test_a_program_reads_what_is_recorded(self):
+    def test_program_readings_equal_recorded_ones(self):
         lua = self.write("all.lua", LUA + "\nrecord { sensors = true }\n")
         aps, h5 = self.write("read.aps", READER), str(self.folder / "all.h5")
         surface = self.start(SMARTSURF, "run", lua, "--shm", self.shm, "--record", h5, "--ticks", "70")
@@ -41,7 +41,7 @@ class Sensors(ProgramTest):
         self.assertEqual(set(numpy.unique(frame["object_type"])), {0.0, 1.0, 2.0})
         self.assertEqual((frame["object_type"] == 2).sum(), (frame["colour"][..., 2] == 1).sum())
 
-    def test_pressure_is_the_weight_and_noise_is_not_the_truth(self):
+    def test_pressure_equals_weight_and_noise_changes_readings(self):
         status, out, err = self.run_program(SMARTSURF, "run", self.write("all.lua", LUA), "--no-controller",
                                             "--set", "noise=0.1")
         self.assertEqual(status, 0, err)
@@ -51,7 +51,7 @@ class Sensors(ProgramTest):
         self.assertNotEqual(true, read)
         self.assertLess(abs(true - read), 0.6)
 
-    def test_a_table_with_a_mistake_gets_its_line(self):
+    def test_invalid_tables_report_file_and_line(self):
         table = "surface { rows = 8, columns = 8, sensors = { proximity { calibration = 'c.csv' } } }\n"
         self.write("c.csv", "row,column,channel,gain,offset\n1,1,proximity,1,0\n1,8,proximity,1,0\n")
         self.write("f.csv", "row,column,channel,fault,value\n1,1,proximity,bent,1\n")

@@ -1,4 +1,4 @@
-"""scripts/sweep: every point of the grid once, results in one table, interrupted work taken up again."""
+"""scripts/sweep: each grid point runs once, results form one table, interrupted sweeps resume."""
 import csv
 import shutil
 
@@ -28,18 +28,18 @@ class Sweep(ProgramTest):
         with open(self.folder / "out/results.csv", newline="") as file:
             return list(csv.DictReader(file))
 
-    def test_every_point_has_its_line(self):
+    def test_every_point_has_a_row(self):
         status, out, err = self.sweep("--set", "weight=1,2.5", "--seeds", "1-2,7")
         self.assertEqual(status, 0, out + err)
         rows = self.results()
         self.assertEqual([(r["weight"], r["seed"], r["exit_status"], float(r["product"])) for r in rows],
                          [("1", "1", "0", 10), ("1", "2", "0", 10), ("1", "7", "0", 10),
                           ("2.5", "1", "0", 25), ("2.5", "2", "0", 25), ("2.5", "7", "0", 25)])
-        # Seeds differ, and the same seed is the same chance whatever the option.
+        # Random numbers depend on the seed only, not on options.
         self.assertEqual(len({r["chance"] for r in rows}), 3)
         self.assertEqual(rows[0]["chance"], rows[3]["chance"])
 
-    def test_what_is_done_is_not_done_again_and_what_failed_is(self):
+    def test_reruns_only_unfinished_and_failed_points(self):
         self.assertEqual(self.sweep("--set", "weight=1", "--seeds", "1-3")[0], 0)
         runs = self.folder / "out/runs"
         (runs / "weight=1,seed=1/status").unlink()          # as if interrupted
@@ -51,19 +51,19 @@ class Sweep(ProgramTest):
         self.assertEqual(untouched, (runs / "weight=1,seed=3/stats.json").stat().st_mtime_ns)
         self.assertEqual([r["exit_status"] for r in self.results()], ["0", "0", "0"])
 
-    def test_what_changed_is_done_again(self):
+    def test_reruns_points_after_changes(self):
         self.write("shared.lua", "return 10")
         self.write("table.lua", TABLE.replace("weight * 10", "weight * require('shared')"))
         self.assertEqual(self.sweep("--set", "weight=1,2")[0], 0)
         self.assertIn("2 runs, 2 done before", self.sweep("--set", "weight=1,2")[1])
-        self.write("shared.lua", "return 100")   # which only the experiment names
+        self.write("shared.lua", "return 100")   # required by the experiment
         status, out, err = self.sweep("--set", "weight=1,2")
         self.assertEqual(status, 0, err)
         self.assertIn("2 runs, 0 done before", out)
         self.assertEqual([float(r["product"]) for r in self.results()], [100, 200])
 
     def sbatch(self, text):
-        """A folder with an sbatch that does what the text says."""
+        """Installs the text as sbatch and returns an environment that finds it."""
         (self.folder / "bin").mkdir(exist_ok=True)
         path = self.folder / "bin/sbatch"
         path.write_text(text)
@@ -76,9 +76,9 @@ class Sweep(ProgramTest):
                               text=True, timeout=60)
         return done.returncode, done.stdout, done.stderr
 
-    def test_a_slurm_array_does_each_point_once(self):
+    def test_slurm_array_runs_each_point_once(self):
         environment = self.sbatch("""#!/bin/sh
-# As Slurm: the script comes on standard input and runs once for each task of the array.
+# Like Slurm, reads the script from standard input and runs it once per array task.
 script=$(mktemp) && cat >"$script"
 for word in "$@"; do case $word in --array=1-*) last=${word#--array=1-} ;; esac; done
 for task in $(seq "$last"); do SLURM_ARRAY_TASK_ID=$task sh "$script"; done
@@ -94,13 +94,13 @@ echo 4711
         self.assertEqual([(r["weight"], r["seed"], float(r["product"])) for r in self.results()],
                          [("1", "1", 10), ("1", "2", 10), ("2", "1", 20), ("2", "2", 20)])
 
-    def test_what_slurm_refuses_gets_one_line(self):
+    def test_slurm_errors_report_one_line(self):
         environment = self.sbatch("#!/bin/sh\necho 'sbatch: error: invalid partition specified: x' >&2\nexit 1\n")
         status, _, err = self.on_slurm(environment)
         self.assertEqual(status, 2)
         self.assertEqual(err, "sweep: --slurm: sbatch refuses the job: sbatch: error: invalid partition specified: x\n")
 
-    def test_a_failing_point_is_named_and_the_others_are_kept(self):
+    def test_failing_point_is_named_and_others_are_kept(self):
         status, _, err = self.sweep("--set", "weight=1,-1", "--seeds", "1")
         self.assertEqual(status, 1)
         self.assertIn("weight=-1,seed=1", err)
@@ -108,14 +108,14 @@ echo 4711
         self.assertEqual([r["exit_status"] for r in self.results()], ["0", "2"])
 
     @unittest.skipUnless(shutil.which("gnuplot"), "gnuplot is not installed")
-    def test_the_plot_shows_the_figure(self):
+    def test_plot_shows_metric(self):
         status, _, err = self.sweep("--set", "weight=1,2,3", "--seeds", "1-2", "--y", "product")
         self.assertEqual(status, 0, err)
         drawing = (self.folder / "out/results.svg").read_text()
         self.assertIn("product", drawing)
         self.assertIn("median", drawing)
 
-    def test_mistakes_get_one_line(self):
+    def test_invalid_arguments_report_one_line(self):
         for arguments, message in (
                 (("--seeds", "3-1"), "sweep: --seeds 3-1: must be like 1-10 or 1,2,5"),
                 (("--set", "weight"), "sweep: --set weight: must be NAME=VALUE or NAME=VALUE,VALUE,…"),

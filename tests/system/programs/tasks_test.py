@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Every task of scripts/tasks, at small size: its program does what the task is about, and its metrics say so."""
+"""Each task of scripts/tasks at small size: the metrics show that the program solves it."""
 from programs import *
 
 TASKS = ROOT / "scripts/tasks"
@@ -7,7 +7,7 @@ TASKS = ROOT / "scripts/tasks"
 
 class Tasks(ProgramTest):
     def run_task(self, name, seconds, *options, seed=1):
-        """The task's metrics."""
+        """Runs the task and returns its metrics."""
         stats = self.folder / "stats.json"
         settings = [word for option in options for word in ("--set", option)]
         status, _, err = self.run_program(SMARTSURF, "run", str(TASKS / f"{name}.lua"), "--controller",
@@ -32,7 +32,7 @@ class Tasks(ProgramTest):
             status, out, err = self.run_program(APRON, "check", "--profile", "local", str(program))
             self.assertEqual((status, "every instruction is local" in out), (0, True), f"{program.name}: {err}")
 
-    def test_each_task_has_its_figure(self):
+    def test_each_task_has_a_figure(self):
         status, _, err = self.run_program(str(TASKS / "figures"), "magnets", "--until", "1", "-o", "drawn", "--smartsurf",
                                           SMARTSURF)
         self.assertEqual(status, 0, err)
@@ -41,7 +41,7 @@ class Tasks(ProgramTest):
         status, _, err = self.run_program(str(TASKS / "figures"), "magnet", "--smartsurf", SMARTSURF)
         self.assertEqual(status, 2)
         self.assertTrue(err.startswith("figures: magnet: no such task; there are "), err)
-        # What the script knows is what there is.
+        # The script knows all tasks.
         for path in TASKS.glob("*.aps"):
             if path.with_suffix(".lua").exists():
                 self.assertIn(path.stem, err)
@@ -57,16 +57,16 @@ class Tasks(ProgramTest):
     def test_flat_parts_are_sorted_by_shape(self):
         self.assertEqual(self.run_task("part_sort", 30, "n=30", "count=2")["purity"], 1)
 
-    def test_a_ball_goes_to_the_goal_unless_pins_stand_in_its_way(self):
+    def test_ball_reaches_goal_unless_pins_are_stuck(self):
         self.assertLess(self.run_task("relocate", 30)["error_u"], 0.5)
         self.assertGreater(self.run_task("relocate", 25, "stuck=0.3")["error_u"], 0.5)
 
-    def test_a_ball_follows_three_paths(self):
+    def test_ball_follows_three_paths(self):
         metrics = self.run_task("track", 60)
         for path in ("line", "circle", "eight"):
             self.assertLess(metrics[f"rms_{path}_u"], 0.5)
 
-    def test_a_plate_goes_faster_at_a_higher_frequency(self):
+    def test_plate_moves_faster_at_higher_frequency(self):
         slow = self.run_task("waves", 3, "frequency=1")["speed_u_s"]
         fast = self.run_task("waves", 3, "frequency=4")["speed_u_s"]
         self.assertGreater(slow, 0.3)
@@ -77,23 +77,23 @@ class Tasks(ProgramTest):
         self.assertEqual(metrics["success"], 1)
         self.assertLess(metrics["bystander_moved_u"], 0.1)
 
-    def test_packages_leave_by_their_exits(self):
+    def test_packages_leave_through_their_exits(self):
         metrics = self.run_task("packages", 14, "count=6")
         self.assertEqual((metrics["delivered"], metrics["wrong_exit"], metrics["collisions"]), (1, 0, 0))
 
-    def test_a_sheet_floats_to_the_goal(self):
+    def test_sheet_floats_to_goal(self):
         metrics = self.run_task("air", 30)
         self.assertLess(metrics["error_u"], 1)
         self.assertGreater(metrics["least_gap_u"], 0.1)
 
-    def test_magnets_pull_one_polarity_and_push_the_other(self):
+    def test_magnets_attract_one_polarity_and_repel_the_other(self):
         self.assertEqual(self.run_task("magnets", 6)["success"], 1)
 
-    def test_a_rod_ends_in_one_pose_without_a_sensor(self):
+    def test_rod_reaches_unique_pose_without_sensors(self):
         for seed in (1, 2):
             self.assertEqual(self.run_task("squeeze", 30, seed=seed)["success"], 1)
 
-    def test_an_excitable_medium_carries_balls(self):
+    def test_excitable_medium_carries_balls(self):
         metrics = self.run_task("excitable", 15)
         self.assertEqual(metrics["success"], 1)
         self.assertGreater(metrics["speed_u_s"], 2)

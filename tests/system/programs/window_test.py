@@ -1,4 +1,4 @@
-"""The APRON window and its pictures, as a user meets them; windows on a virtual display."""
+"""The APRON window on a virtual display, and its screenshots and videos."""
 import shutil
 
 from programs import *
@@ -14,7 +14,7 @@ class ApronPictures(ProgramTest):
         self.assertEqual((status, err), (0, ""))
         self.assertEqual(self.finish(surface)[0], 0)
 
-    def test_the_same_run_gives_the_same_pictures(self):
+    def test_pictures_are_reproducible(self):
         seen = []
         for _ in range(2):
             self.pictures_of_a_run("--screenshot", "early.png@10", "--screenshot", "end.png", "--geometry", "800x600")
@@ -27,20 +27,20 @@ class ApronPictures(ProgramTest):
         self.assertEqual(sorted(p.name for p in self.folder.iterdir()), ["early.png", "end.png"])
 
     @unittest.skipUnless(shutil.which("ffmpeg"), "no ffmpeg")
-    def test_a_video_plays_by_the_simulated_clock(self):
+    def test_video_follows_simulated_time(self):
         self.pictures_of_a_run("--video", "run.mp4", "--geometry", "400x300")
         told = subprocess.run(["ffprobe", "-v", "error", "-count_frames", "-show_entries", "stream=nb_read_frames",
                                "-of", "csv=p=0", "run.mp4"], cwd=self.folder, capture_output=True, text=True)
-        # 30 ticks of 1/60 s at 30 pictures a second.
+        # 30 ticks of 1/60 s at 30 frames per second.
         self.assertIn(int(told.stdout.strip().strip(",")), (15, 16))
 
-    def test_a_picture_without_a_surface_is_that_of_the_end(self):
+    def test_picture_without_surface_shows_final_state(self):
         program = self.write("a.aps", "!register(A)\nA = cell.x\n")
         status, _, err = self.run_program(APRON, "run", program, "--screenshot", "a.png")
         self.assertEqual((status, err), (0, ""))
         self.assertTrue((self.folder / "a.png").read_bytes().startswith(PNG))
 
-    def test_mistakes_get_one_line_and_leave_no_file(self):
+    def test_invalid_flags_report_one_line_and_leave_no_file(self):
         program = self.write("a.aps", "!register(A)\nA = 1\n")
         for flags, word in ((["--screenshot", "a.jpg"], ".png"), (["--screenshot", "a.png@x"], "TICK"),
                             (["--screenshot", "no/such/a.png"], "no folder"), (["--video", "a.mp4"], "--shm"),
@@ -60,7 +60,7 @@ class ApronWindow(ProgramTest):
     def setUp(self):
         super().setUp()
         read, write = os.pipe()
-        # Without -noreset it begins again whenever its last client leaves, and refuses those that come meanwhile.
+        # Without -noreset, Xvfb resets when its last client leaves, and refuses connections meanwhile.
         self.display = subprocess.Popen(["Xvfb", "-displayfd", str(write), "-screen", "0", "1280x800x24", "-noreset"],
                                         pass_fds=[write], stderr=subprocess.DEVNULL)
         os.close(write)
@@ -77,12 +77,12 @@ class ApronWindow(ProgramTest):
         line = child.stdout.readline()
         return line.strip()
 
-    def test_a_saved_program_is_run_anew_and_a_signal_ends_it(self):
+    def test_reloads_saved_program_and_stops_on_signal(self):
         program = self.write("a.aps", ENDLESS)
         child = self.start(APRON, "run", program, "--window", "--size", "4x4", "--geometry", "640x480+10+10")
         self.assertEqual(self.read_line(child), "one")
-        time.sleep(0.05)  # file times are that fine
-        self.write("a.aps", ENDLESS.replace("one')", "one'"))  # is not taken
+        time.sleep(0.05)  # exceeds the resolution of file times
+        self.write("a.aps", ENDLESS.replace("one')", "one'"))  # a program with an error is not loaded
         time.sleep(1)
         self.write("a.aps", ENDLESS.replace("one", "two"))
         self.assertEqual(self.read_line(child), "two")
@@ -90,7 +90,7 @@ class ApronWindow(ProgramTest):
         status, out, err = self.finish(child)
         self.assertEqual((status, out, err), (143, "", ""))
 
-    def test_a_held_program_waits_and_a_lost_display_ends_it(self):
+    def test_hold_waits_and_lost_display_ends_program(self):
         program = self.write("a.aps", ENDLESS)
         child = self.start(APRON, "run", program, "--window", "--hold", "--size", "4x4")
         time.sleep(1)
@@ -100,14 +100,14 @@ class ApronWindow(ProgramTest):
         self.assertNotEqual(status, 0)
         self.assertEqual(out, "")
 
-    def test_both_windows_open_side_by_side_and_end_with_the_run(self):
+    def test_both_windows_open_and_end_with_the_run(self):
         child = self.start(SMARTSURF, "run", SORT_LUA, "--controller", SORT_APS, "--window", "--pace", "max",
                            "--ticks", "40", "--shm", self.shm)
         status, _, err = self.finish(child)
         self.assertEqual(status, 0, err)
         self.assertFalse(self.segment().exists())
 
-    def test_no_display_is_said_in_one_line(self):
+    def test_missing_display_reports_one_line(self):
         os.environ["DISPLAY"] = ":987"
         status, _, err = self.run_program(APRON, "run", self.write("a.aps", ENDLESS), "--window")
         self.assertEqual(status, 2)

@@ -1,4 +1,4 @@
-"""smartsurf run --worlds N: independent copies in one process, each the same as a run of its own."""
+"""smartsurf run --worlds N: independent worlds in one process, each identical to a single run."""
 from programs import *
 
 TABLE = """
@@ -15,7 +15,7 @@ class Worlds(ProgramTest):
         result = self.run_program(SMARTSURF, "run", experiment, "--worlds", str(count), "--stats", str(stats), *flags)
         return result, json.loads(stats.read_text()) if stats.exists() else None
 
-    def test_each_world_is_the_run_of_its_seed_alone(self):
+    def test_each_world_equals_single_run_with_its_seed(self):
         experiment = self.write("table.lua", TABLE)
         (status, _, err), all = self.worlds(experiment, 3, "--no-controller", "--ticks", "200", "--seed", "5",
                                             "--record", "run.h5")
@@ -33,7 +33,7 @@ class Worlds(ProgramTest):
             self.assertIn(run["state_hash"], out)
         self.assertEqual(len({run["state_hash"] for run in all["runs"]}), 3)
 
-    def test_each_world_has_a_controller_of_its_own(self):
+    def test_each_world_has_its_own_controller(self):
         (status, _, err), all = self.worlds(SORT_LUA, 2, "--controller", SORT_APS, "--ticks", "60", "--shm", self.shm)
         self.assertEqual(status, 0, err)
         self.assertEqual([run["state_hash"] for run in all["runs"]],
@@ -50,7 +50,7 @@ class Worlds(ProgramTest):
         self.assertEqual(status, 0, err)
         self.assertIn("world 1: waiting for a controller", err)
 
-    def test_one_that_fails_does_not_stop_the_others(self):
+    def test_failing_world_does_not_stop_others(self):
         controller = self.write("two.sh", "case $SMARTSURF_SHM in *-0) exit 7;; *) exec \"$1\" run \"$2\" --shm "
                                 "$SMARTSURF_SHM;; esac\n")
         (status, _, err), all = self.worlds(SORT_LUA, 2, "--controller", f"sh {controller} {APRON} {SORT_APS}",
@@ -59,7 +59,7 @@ class Worlds(ProgramTest):
         self.assertIn("world 0: the controller ended with exit status 7", err)
         self.assertEqual([run["ticks"] for run in all["runs"]], [0, 30])
 
-    def test_mistakes_get_one_line(self):
+    def test_invalid_input_reports_one_line(self):
         experiment = self.write("table.lua", TABLE)
         for flags, message in ((("--worlds", "0"), "--worlds"), (("--worlds", "2", "--window"), "no window"),
                                (("--worlds", "2", "--set", "fail_at=1"), "asked to fail")):
@@ -68,7 +68,7 @@ class Worlds(ProgramTest):
             self.assertIn(message, err)
             self.assertEqual(len(err.strip().splitlines()), 1, err)
 
-    def test_a_signal_ends_all(self):
+    def test_signal_ends_all_worlds(self):
         surface = self.start(SMARTSURF, "run", SORT_LUA, "--worlds", "3", "--shm", self.shm)
         for k in range(3):
             self.wait_for(self.segment(f"{self.shm}-{k}").exists, "the segment")

@@ -132,7 +132,7 @@ TEST(ViewModel, FollowsProgramUntilUserSelects) {
   fixture.model.select(1);
   fixture.model.step(debugger::StepUnit::kTick);
   fixture.process_commands();
-  EXPECT_EQ(fixture.model.selected(), std::size_t{1}) << "the person's choice stands";
+  EXPECT_EQ(fixture.model.selected(), std::size_t{1}) << "the user's choice is kept";
 }
 
 TEST(ViewModel, TilesShownRegistersUntilUserSelects) {
@@ -157,7 +157,7 @@ TEST(ViewModel, TilesShownRegistersUntilUserSelects) {
   EXPECT_EQ(fixture.model.snapshot().tiles[0].reg, 2U);
   fixture.model.select(0);
   tick();
-  EXPECT_FALSE(fixture.model.tiled()) << "the person's choice stands";
+  EXPECT_FALSE(fixture.model.tiled()) << "the user's choice is kept";
   EXPECT_EQ(fixture.model.snapshot().full->reg, 0U);
   fixture.model.set_tiled(true);
   EXPECT_TRUE(fixture.model.tiled());

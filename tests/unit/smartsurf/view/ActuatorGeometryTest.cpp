@@ -10,7 +10,7 @@
 namespace smartsurf::view {
 namespace {
 
-// 3 × 3 cells of one mechanism, which look as `motion` says.
+// 3 × 3 cells with one actuator model, all in the same state.
 struct ActuatorFixture {
   ActuatorFixture(const std::string& model, const scene::ActuatorState& motion,
                   const scene::ParameterValues& values = {})
@@ -31,7 +31,7 @@ struct ActuatorFixture {
 
 Eigen::Vector3f to_vector(const std::array<float, 3>& a) { return Eigen::Vector3f(a.data()); }
 
-// Of the mesh's corners, where the highest stands.
+// World z of the instance's highest vertex.
 float highest_vertex(const InstancedMesh& mesh, const MeshInstance& p) {
   float top = -1e9F;
   for (std::size_t i = 0; i + 6 < mesh.mesh.vertices.size(); i += 7)
@@ -40,17 +40,17 @@ float highest_vertex(const InstancedMesh& mesh, const MeshInstance& p) {
   return top;
 }
 
-TEST(ActuatorGeometry, PinsHaveNoneAndEmptyCellsNeither) {
+TEST(ActuatorGeometry, SkipsPinsEmptyCellsAndFixedBorder) {
   EXPECT_TRUE(ActuatorFixture("pin", {}).geometry().meshes().empty());
   ActuatorFixture bench("ball", {});
   bench.scene.spec.surface.actuator_of_cell.assign(9, 0);
   bench.scene.spec.surface.actuator_of_cell[4] = scene::kEmptyCell;
   EXPECT_EQ(bench.geometry().meshes()[0].instances.size(), 8u);
-  bench.scene.spec.surface.border_height = 6.0;  // the ring is a wall then
+  bench.scene.spec.surface.border_height = 6.0;  // turns the border cells into a wall
   EXPECT_EQ(bench.geometry().meshes()[0].instances.size(), 0u);
 }
 
-TEST(ActuatorGeometry, WhatTurnsTouchesTheCellsTopAtEveryAngle) {
+TEST(ActuatorGeometry, RotatingPartsTouchCellTopAtEveryAngle) {
   for (const std::string model : {"ball", "wheels", "rotor"})
     for (const float angle : {0.0F, 0.7F, 2.0F}) {
       ActuatorFixture bench(model, {angle, 0.4F, 0.0F});
@@ -61,8 +61,8 @@ TEST(ActuatorGeometry, WhatTurnsTouchesTheCellsTopAtEveryAngle) {
     }
 }
 
-TEST(ActuatorGeometry, ATurnedWheelDrivesAlongItsDirection) {
-  // Wheel a drives east and turns about north; a quarter of a turn takes its own x axis down.
+TEST(ActuatorGeometry, WheelsRotateAboutTheirOwnAxes) {
+  // Wheel a drives east and rotates about the y axis; a quarter turn points its x axis down.
   ActuatorFixture bench("wheels", {std::numbers::pi_v<float> / 2, 0.0F, 0.0F});
   const ActuatorGeometry parts = bench.geometry();
   const auto& all = parts.meshes()[0].instances;
@@ -72,7 +72,7 @@ TEST(ActuatorGeometry, ATurnedWheelDrivesAlongItsDirection) {
   EXPECT_NEAR(std::abs(to_vector(all[1].y).normalized().x()), 1.0F, 1e-5F);
 }
 
-TEST(ActuatorGeometry, AnArrowPointsAlongTheForceAndGrowsWithIt) {
+TEST(ActuatorGeometry, ArrowPointsAlongForceAndGrowsWithIt) {
   ActuatorFixture weak("force_field", {0.0F, 0.2F, 0.0F}), strong("force_field", {0.0F, -1.0F, 0.0F}),
       none("force_field", {});
   const ActuatorGeometry small = weak.geometry(), large = strong.geometry();
@@ -81,7 +81,7 @@ TEST(ActuatorGeometry, AnArrowPointsAlongTheForceAndGrowsWithIt) {
   EXPECT_TRUE(none.geometry().meshes()[0].instances.empty());
 }
 
-TEST(ActuatorGeometry, PolesAreRedAndBlueAndPaleWhenWeak) {
+TEST(ActuatorGeometry, CoilColourShowsPolarityAndStrength) {
   const auto core = [](float level) {
     return ActuatorFixture("magnet", {0, 0, level}).geometry().meshes()[0].instances[0].base_colour;
   };
@@ -90,7 +90,7 @@ TEST(ActuatorGeometry, PolesAreRedAndBlueAndPaleWhenWeak) {
   EXPECT_GT(core(0.1F)[1], core(1.0F)[1]);
 }
 
-TEST(ActuatorGeometry, APlumeLeansAndGrowsWithTheFlow) {
+TEST(ActuatorGeometry, PlumeTiltsAndGrowsWithFlow) {
   const auto plume = [](float flow) {
     return ActuatorFixture("air_jet", {std::numbers::pi_v<float>, 0, flow}, {{"lean", {0.5}}})
         .geometry()
@@ -102,7 +102,7 @@ TEST(ActuatorGeometry, APlumeLeansAndGrowsWithTheFlow) {
   EXPECT_GT(plume(1.0F).instances[0].z[2], plume(0.3F).instances[0].z[2] + 0.2F);
 }
 
-TEST(ActuatorGeometry, APlateLeansAsTheSkinDoes) {
+TEST(ActuatorGeometry, PlateFollowsSurfaceSlope) {
   ActuatorFixture bench("tile", {0, 0, 1});
   for (int row = 0; row < 3; ++row)
     for (int column = 0; column < 3; ++column)
@@ -113,7 +113,7 @@ TEST(ActuatorGeometry, APlateLeansAsTheSkinDoes) {
   EXPECT_NEAR(up.x() / up.z(), -0.2F, 1e-4F);
 }
 
-TEST(ActuatorGeometry, StandsWhereTheLayoutPutsTheCell) {
+TEST(ActuatorGeometry, UsesCellPoseOfFreeLayout) {
   ActuatorFixture bench("wheels", {});
   bench.scene.spec.surface.cell_poses.assign(9, {5.0, -2.0, std::numbers::pi / 2});
   const MeshInstance p = bench.geometry().meshes()[0].instances[0];
@@ -121,7 +121,7 @@ TEST(ActuatorGeometry, StandsWhereTheLayoutPutsTheCell) {
   EXPECT_LT(std::hypot(p.centre[0] - 5.0F, p.centre[1] + 2.0F), 0.5F);
 }
 
-TEST(ActuatorGeometry, RestsWhereNoMotionIsKnown) {
+TEST(ActuatorGeometry, RestsWithoutActuatorState) {
   ActuatorFixture bench("air_jet", {0, 0, 1});
   bench.scene.snapshot.actuator_state.clear();
   EXPECT_TRUE(bench.geometry().meshes()[1].instances.empty());

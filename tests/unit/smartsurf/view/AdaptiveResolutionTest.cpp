@@ -5,7 +5,7 @@
 namespace smartsurf::view {
 namespace {
 
-// A scene that costs that much whatever the pixels, and that much more with all of them.
+// Cost model of a scene: a fixed part and a part proportional to the number of pixels.
 struct FrameCost {
   double fixed_ms, pixels_ms;
   double at_scale(double scale) const { return fixed_ms + pixels_ms * scale * scale; }
@@ -16,25 +16,25 @@ double converged_scale(AdaptiveResolution& scale, const FrameCost& cost) {
   return scale.scale_factor();
 }
 
-TEST(AdaptiveResolution, StaysFullWhereFramesAreQuick) {
+TEST(AdaptiveResolution, KeepsFullResolutionForFastFrames) {
   AdaptiveResolution scale;
   EXPECT_EQ(converged_scale(scale, {5.0, 15.0}), 1.0);
 }
 
-TEST(AdaptiveResolution, GivesUpPixelsUntilAFrameFitsAndNoMore) {
+TEST(AdaptiveResolution, ReducesResolutionUntilFrameFitsBudget) {
   AdaptiveResolution scale;
   EXPECT_EQ(converged_scale(scale, {8.0, 30.0}), 0.75);
   EXPECT_EQ(converged_scale(scale, {8.0, 60.0}), 0.5);
   EXPECT_EQ(converged_scale(scale, {100.0, 500.0}), AdaptiveResolution::kMinScale);
 }
 
-TEST(AdaptiveResolution, ComesBackWhenTheSceneIsLightAgain) {
+TEST(AdaptiveResolution, RecoversWhenSceneBecomesCheap) {
   AdaptiveResolution scale;
   converged_scale(scale, {8.0, 60.0});
   EXPECT_EQ(converged_scale(scale, {3.0, 8.0}), 1.0);
 }
 
-TEST(AdaptiveResolution, NeverSwingsToAndFro) {
+TEST(AdaptiveResolution, DoesNotOscillate) {
   for (double fixed = 0.0; fixed < 40.0; fixed += 2.5)
     for (double pixels = 0.0; pixels < 120.0; pixels += 2.5) {
       AdaptiveResolution scale;
@@ -48,7 +48,7 @@ TEST(AdaptiveResolution, NeverSwingsToAndFro) {
     }
 }
 
-TEST(AdaptiveResolution, OneSlowFrameChangesNothing) {
+TEST(AdaptiveResolution, IgnoresSingleSlowFrame) {
   AdaptiveResolution scale;
   for (int frame = 0; frame < 40; ++frame) scale.record_frame_time(frame == 17 ? 90.0 : 12.0);
   EXPECT_EQ(scale.scale_factor(), 1.0);

@@ -18,7 +18,7 @@ scene::SurfaceSpec make_surface(int rows, int columns) {
   return s;
 }
 
-// The largest |x| and |y| of the corners of the table and its board in a picture whose half edges are 1.
+// The largest |x| and |y| in normalised device coordinates over the corners of the table and its board.
 Eigen::Vector2d max_clip_extent(const Camera& camera, const scene::SurfaceSpec& s, double aspect) {
   const Eigen::AlignedBox3d box = Camera::surface_bounding_box(s);
   Eigen::Vector2d extent(0.0, 0.0);
@@ -37,7 +37,7 @@ Eigen::Vector2d max_clip_extent(const Camera& camera, const scene::SurfaceSpec& 
   return extent;
 }
 
-TEST(Camera, FramesTheWholeTableWithASmallMarginInAnyAspect) {
+TEST(Camera, FitsTableWithSmallMarginAtAnyAspect) {
   for (const auto& s : {make_surface(64, 64), make_surface(16, 200), make_surface(200, 16),
                         make_surface(16, 16), make_surface(4, 4)})
     for (double aspect : kAspects)
@@ -48,7 +48,7 @@ TEST(Camera, FramesTheWholeTableWithASmallMarginInAnyAspect) {
       }
 }
 
-TEST(Camera, LeavesThePartBelowFreeThatPanelsCover) {
+TEST(Camera, KeepsBottomInsetFree) {
   const scene::SurfaceSpec s = make_surface(64, 64);
   for (double aspect : kAspects)
     for (CameraPreset preset : kPresets) {
@@ -59,7 +59,7 @@ TEST(Camera, LeavesThePartBelowFreeThatPanelsCover) {
     }
 }
 
-TEST(Camera, MovesTheTableOutFromUnderAPanelWhereThereIsRoom) {
+TEST(Camera, ShiftsTableBelowTopInsetIfSpaceAllows) {
   const scene::SurfaceSpec s = make_surface(64, 64);
   const auto top_of = [&](double aspect, const ViewInsets& insets) {
     const Eigen::AlignedBox3d box = Camera::surface_bounding_box(s);
@@ -70,21 +70,21 @@ TEST(Camera, MovesTheTableOutFromUnderAPanelWhereThereIsRoom) {
   };
   EXPECT_GT(top_of(0.7, {.top = 0.3}), 300.0);
   EXPECT_LT(top_of(0.7, {}), 300.0);
-  EXPECT_NEAR(top_of(3.0, {.top = 0.3}), top_of(3.0, {}), 1e-6) << "it would have to be smaller";
+  EXPECT_NEAR(top_of(3.0, {.top = 0.3}), top_of(3.0, {}), 1e-6) << "no space without shrinking the table";
   const Camera plain = Camera::fit_to_surface(s, CameraPreset::kIso, 0.7),
                moved = Camera::fit_to_surface(s, CameraPreset::kIso, 0.7, {.top = 0.3});
   EXPECT_DOUBLE_EQ(plain.distance(), moved.distance());
 }
 
-TEST(Camera, IsoLooksNorthFromTheSouthAtFortyDegrees) {
+TEST(Camera, IsoViewsFromSouthAtFortyDegrees) {
   const Camera camera = Camera::fit_to_surface(make_surface(64, 64), CameraPreset::kIso, 16.0 / 9.0);
   EXPECT_NEAR(camera.elevation() * 180.0 / std::numbers::pi, 40.0, 0.2);
   EXPECT_LT(camera.eye().y(), -0.5);
   EXPECT_NEAR(camera.forward().x(), 0.0, 1e-12);
-  EXPECT_NEAR(camera.eye().x(), 31.5, 1.5);  // the middle of 64 columns; the axes take a little room
+  EXPECT_NEAR(camera.eye().x(), 31.5, 1.5);  // the middle of 64 columns, shifted slightly by the axes
 }
 
-TEST(Camera, TopHasNorthUpAndEastRight) {
+TEST(Camera, TopPresetHasNorthUpAndEastRight) {
   const Camera camera = Camera::fit_to_surface(make_surface(64, 64), CameraPreset::kTop, 1.0);
   const Eigen::Vector3d middle = camera.project({31.5, 31.5, 0.0}, 800, 800);
   EXPECT_NEAR(middle.x(), 400.0, 12.0);
@@ -92,7 +92,7 @@ TEST(Camera, TopHasNorthUpAndEastRight) {
   EXPECT_GT(camera.project({60.0, 31.5, 0.0}, 800, 800).x(), middle.x() + 300.0);
 }
 
-TEST(Camera, OrbitKeepsTheDistanceAndTheTarget) {
+TEST(Camera, OrbitKeepsDistanceAndTarget) {
   Camera camera = Camera::fit_to_surface(make_surface(64, 64), CameraPreset::kIso, 1.5);
   const Eigen::Vector3d target = camera.target();
   const double distance = (camera.eye() - target).norm();
@@ -104,7 +104,7 @@ TEST(Camera, OrbitKeepsTheDistanceAndTheTarget) {
   EXPECT_GT(camera.up().z(), 0.0);
 }
 
-TEST(Camera, DraggingRightMovesTheNearSideRight) {
+TEST(Camera, OrbitRightMovesNearSideRight) {
   Camera camera = Camera::fit_to_surface(make_surface(64, 64), CameraPreset::kIso, 1.0);
   const Eigen::Vector3d near_point = camera.target() - Eigen::Vector3d(0.0, 20.0, 0.0);
   const double before = camera.project(near_point, 800, 800).x();
@@ -112,7 +112,7 @@ TEST(Camera, DraggingRightMovesTheNearSideRight) {
   EXPECT_GT(camera.project(near_point, 800, 800).x(), before + 20.0);
 }
 
-TEST(Camera, NeverGoesBelowTheTableNorOverThePole) {
+TEST(Camera, ClampsElevation) {
   Camera camera = Camera::fit_to_surface(make_surface(64, 64), CameraPreset::kIso, 1.5);
   camera.orbit(0.0, 1e6);
   EXPECT_DOUBLE_EQ(camera.elevation(), Camera::kMaxElevation);
@@ -120,7 +120,7 @@ TEST(Camera, NeverGoesBelowTheTableNorOverThePole) {
   EXPECT_DOUBLE_EQ(camera.elevation(), Camera::kMinElevation);
 }
 
-TEST(Camera, PanKeepsThePointUnderThePointer) {
+TEST(Camera, PanKeepsPointUnderPointer) {
   Camera camera = Camera::fit_to_surface(make_surface(64, 64), CameraPreset::kIso, 1.25);
   const Eigen::Vector3d point = camera.target();
   const Eigen::Vector3d before = camera.project(point, 1000, 800);
@@ -130,7 +130,7 @@ TEST(Camera, PanKeepsThePointUnderThePointer) {
   EXPECT_NEAR(after.y() - before.y(), -21.0, 1e-6);
 }
 
-TEST(Camera, ZoomComesCloserByEqualFactorsWithinLimits) {
+TEST(Camera, ZoomsByConstantFactorWithinLimits) {
   Camera camera = Camera::fit_to_surface(make_surface(64, 64), CameraPreset::kIso, 1.5);
   const double d0 = camera.distance();
   camera.zoom(1.0);

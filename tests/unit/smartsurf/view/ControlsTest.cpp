@@ -5,7 +5,7 @@
 namespace smartsurf::view {
 namespace {
 
-TEST(Controls, KeysBecomeWishesThatAreTakenOnce) {
+TEST(Controls, TakeCommandsClearsCommands) {
   Controls controls{scene::SurfaceSpec{}};
   const Status status;
   controls.perform(UiAction::kPause, status);
@@ -30,7 +30,7 @@ TEST(Controls, TwoPausesInOneFrameCancelOut) {
   EXPECT_FALSE(controls.take_commands().toggle_pause);
 }
 
-TEST(Controls, PaceClimbsALadderOfPowersOfTwoUpToMax) {
+TEST(Controls, PaceStepsThroughPowersOfTwoUpToMax) {
   EXPECT_DOUBLE_EQ(Controls::faster_pace(1.0), 2.0);
   EXPECT_DOUBLE_EQ(Controls::slower_pace(1.0), 0.5);
   EXPECT_DOUBLE_EQ(Controls::faster_pace(0.3), 0.5);
@@ -42,7 +42,7 @@ TEST(Controls, PaceClimbsALadderOfPowersOfTwoUpToMax) {
   EXPECT_DOUBLE_EQ(Controls::faster_pace(1e-5), 1.0 / 16.0);
 }
 
-TEST(Controls, PressesOfOneFrameAddUp) {
+TEST(Controls, PaceChangesOfOneFrameAccumulate) {
   Controls controls{scene::SurfaceSpec{}};
   Status status;
   status.requested_pace = 1.0;
@@ -56,7 +56,7 @@ TEST(Controls, PressesOfOneFrameAddUp) {
   EXPECT_DOUBLE_EQ(controls.take_commands().pace.value(), 1.0);
 }
 
-TEST(Controls, AnUntouchedPresetIsFramedAnewWhenTheWindowChangesShape) {
+TEST(Controls, ResizeRefitsUnmodifiedPreset) {
   const scene::SurfaceSpec surface;
   Controls controls{surface};
   controls.resize(0.5);
@@ -66,10 +66,10 @@ TEST(Controls, AnUntouchedPresetIsFramedAnewWhenTheWindowChangesShape) {
   controls.orbit_or_pan(PointerDrag::kOrbit, 10.0, 0.0, 700.0);
   const double distance = controls.camera().distance();
   controls.resize(3.0);
-  EXPECT_DOUBLE_EQ(controls.camera().distance(), distance) << "the user's own view was thrown away";
+  EXPECT_DOUBLE_EQ(controls.camera().distance(), distance) << "the user's view was discarded";
 }
 
-TEST(Controls, DragsAndWheelMoveTheCamera) {
+TEST(Controls, OrbitPanAndScrollMoveCamera) {
   Controls controls{scene::SurfaceSpec{}};
   const Camera start = controls.camera();
   controls.orbit_or_pan(PointerDrag::kOrbit, 100.0, 0.0, 700.0);

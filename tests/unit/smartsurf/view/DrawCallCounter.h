@@ -1,7 +1,7 @@
-// Counts OpenGL's draw calls by taking the place of the functions that epoxy has found.
+// Counts OpenGL draw calls by replacing epoxy's function pointers.
 //
-// One at a time, in the thread that draws. A function that nothing has called before is not known to epoxy
-// yet and not counted at its first call: draw once before.
+// One instance at a time, on the drawing thread. epoxy resolves a function in its first call, which overwrites the
+// replaced pointer: draw one frame before constructing a counter.
 #pragma once
 
 #include <epoxy/gl.h>
@@ -43,12 +43,12 @@ class DrawCallCounter {
   DrawCallCounter(const DrawCallCounter&) = delete;
   DrawCallCounter& operator=(const DrawCallCounter&) = delete;
 
-  // Since it was made.
+  // Draw calls since construction.
   int count() const { return count_; }
 
  private:
   static inline int count_ = 0;
-  // Taken anew by each: epoxy puts another in their place at their first call.
+  // Saved by each instance, because epoxy replaces the pointers when it resolves the functions.
   static inline decltype(epoxy_glDrawElements) elements_ = nullptr;
   static inline decltype(epoxy_glDrawElementsInstanced) elements_instanced_ = nullptr;
   static inline decltype(epoxy_glDrawArrays) arrays_ = nullptr;

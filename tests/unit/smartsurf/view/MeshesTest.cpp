@@ -16,8 +16,8 @@ Eigen::Vector3d normal(const Mesh& mesh, std::uint32_t i) {
   return {p[0], p[1], p[2]};
 }
 
-// Six times the volume is the sum of the tetrahedra from the origin: right only if the mesh is closed and
-// every triangle looks outward.
+// Sum of the signed volumes of the tetrahedra from the origin: correct only if the mesh is closed and every
+// triangle faces outwards.
 double volume(const Mesh& mesh) {
   double sum = 0.0;
   for (std::size_t t = 0; t < mesh.indices.size(); t += 3)
@@ -31,21 +31,21 @@ void expect_face_normals(const Mesh& mesh, double min_cosine) {
     const Eigen::Vector3d a = vertex(mesh, mesh.indices[t]), b = vertex(mesh, mesh.indices[t + 1]),
                           c = vertex(mesh, mesh.indices[t + 2]);
     const Eigen::Vector3d face = (b - a).cross(c - a);
-    if (face.norm() < 1e-3) continue;  // at a pole, or between the caps
+    if (face.norm() < 1e-3) continue;  // degenerate: at a pole, or between the caps
     for (std::size_t i = 0; i < 3; ++i)
       EXPECT_GT(normal(mesh, mesh.indices[t + i]).dot(face.normalized()), min_cosine);
   }
 }
 
-TEST(Meshes, AreClosedAndLookOutward) {
+TEST(Meshes, AreClosedAndFaceOutwards) {
   EXPECT_NEAR(volume(box_mesh()), 8.0, 1e-6);
-  const double circle = 0.5 * 64 * std::sin(2.0 * M_PI / 64);  // area of the polygon of 64 sides
+  const double circle = 0.5 * 64 * std::sin(2.0 * M_PI / 64);  // area of the 64-gon
   EXPECT_NEAR(volume(cylinder_mesh(64)), 2.0 * circle, 1e-4);
   EXPECT_NEAR(volume(cone_mesh(64)), circle * (4.0 / 3.0) / 3.0, 1e-4);
   EXPECT_NEAR(volume(capsule_mesh(64)), 4.0 / 3.0 * M_PI, 0.02);
 }
 
-TEST(Meshes, HaveNormalsThatLookAwayFromTheInside) {
+TEST(Meshes, NormalsPointOutwards) {
   expect_face_normals(capsule_mesh(64), 0.97);
   for (const Mesh& mesh : {cylinder_mesh(48), cone_mesh(48), box_mesh()})
     for (std::uint32_t i = 0; i < mesh.vertices.size() / 6; ++i) {
@@ -54,14 +54,14 @@ TEST(Meshes, HaveNormalsThatLookAwayFromTheInside) {
     }
 }
 
-TEST(Meshes, ACapsulesCornersBelongToACap) {
+TEST(Meshes, CapsuleVerticesBelongToACap) {
   const Mesh mesh = capsule_mesh(24);
   for (std::uint32_t i = 0; i < mesh.vertices.size() / 6; ++i) EXPECT_NE(vertex(mesh, i).z(), 0.0);
   const std::vector<float> wire = capsule_wireframe();
   for (std::size_t i = 2; i < wire.size(); i += 3) EXPECT_NE(wire[i], 0.0f);
 }
 
-TEST(Meshes, ASolidKeepsItsFacesFlatAndDrawsItsEdgesOnce) {
+TEST(Meshes, SolidHasFlatFacesAndUniqueEdges) {
   scene::Solid cube;
   for (int i = 0; i < 8; ++i)
     cube.vertices.push_back(
@@ -72,7 +72,7 @@ TEST(Meshes, ASolidKeepsItsFacesFlatAndDrawsItsEdgesOnce) {
   EXPECT_NEAR(volume(mesh), 1.0, 1e-6);
   EXPECT_EQ(mesh.vertices.size() / 6, 36u);
   expect_face_normals(mesh, 0.999);
-  EXPECT_EQ(solid_wireframe(cube).size(), 12u * 2 * 3) << "the diagonals of its faces are no edges";
+  EXPECT_EQ(solid_wireframe(cube).size(), 12u * 2 * 3) << "face diagonals are not edges";
 }
 
 }  // namespace

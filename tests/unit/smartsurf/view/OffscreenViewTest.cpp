@@ -16,7 +16,7 @@ const scene::Colour kRed{0.86f, 0.12f, 0.10f};
 
 class OffscreenViewTest : public testing::Test {
  protected:
-  // Neither a display nor a window system: what a compute node has.
+  // No display server, as on a compute node.
   static void SetUpTestSuite() {
     unsetenv("DISPLAY");
     unsetenv("WAYLAND_DISPLAY");
@@ -29,7 +29,7 @@ class OffscreenViewTest : public testing::Test {
     return render_image(scene.spec, scene.snapshot, scene.spec.objects, camera(scene, preset), options,
                         kWidth, kHeight);
   }
-  // The pixel of a point of the scene.
+  // The pixel at the projection of a world point.
   static const std::uint8_t* at(const common::Image& image, const TestScene& scene,
                                 const Eigen::Vector3d& point, CameraPreset preset = CameraPreset::kIso) {
     const Eigen::Vector3d p = camera(scene, preset).project(point, kWidth, kHeight);
@@ -42,7 +42,7 @@ class OffscreenViewTest : public testing::Test {
   static int sum(const std::uint8_t* p) { return p[0] + p[1] + p[2]; }
 };
 
-TEST_F(OffscreenViewTest, ShowARedSphereInTheMiddleOfAGreyTableBeforeABrightBackground) {
+TEST_F(OffscreenViewTest, RendersSphereTableAndBackground) {
   TestScene scene(16, 16);
   scene.add_sphere(7.5, 7.5, 6.0, 2.0, kRed);
   const common::Image image = draw(scene);
@@ -53,7 +53,7 @@ TEST_F(OffscreenViewTest, ShowARedSphereInTheMiddleOfAGreyTableBeforeABrightBack
   EXPECT_GT(sum(image.pixel(3, 3)), 3 * 200);
 }
 
-TEST_F(OffscreenViewTest, ARaisedPinHidesWhatIsBehindIt) {
+TEST_F(OffscreenViewTest, RaisedPinsHideSphereBehindThem) {
   TestScene scene(16, 16, 0.0f);
   scene.add_sphere(8.0, 8.0, 1.0, 1.0, kRed);
   const Eigen::Vector3d top_of_sphere(8.0, 8.0, 1.9);
@@ -63,15 +63,15 @@ TEST_F(OffscreenViewTest, ARaisedPinHidesWhatIsBehindIt) {
   EXPECT_FALSE(is_red(at(draw(scene), scene, top_of_sphere)));  // row 9 is just south of the sphere
 }
 
-TEST_F(OffscreenViewTest, ThePartOfASphereInsideTheTableIsHidden) {
+TEST_F(OffscreenViewTest, PinsHideSubmergedPartOfSphere) {
   TestScene scene(16, 16);
-  scene.add_sphere(8.0, 8.0, 4.0, 2.0, kRed);  // its lower half is in the pins
+  scene.add_sphere(8.0, 8.0, 4.0, 2.0, kRed);  // its lower half is below the pins' tops
   const common::Image image = draw(scene);
   EXPECT_TRUE(is_red(at(image, scene, {8.0, 7.6, 5.0})));
   EXPECT_FALSE(is_red(at(image, scene, {8.0, 6.0, 3.0})));
 }
 
-TEST_F(OffscreenViewTest, RowZeroIsAtTheTopAndColumnZeroAtTheLeftFromAbove) {
+TEST_F(OffscreenViewTest, TopViewHasRowZeroAtTopAndColumnZeroAtLeft) {
   TestScene scene(16, 16, 0.0f);
   const auto& surface = scene.spec.surface;
   std::vector<float> values(surface.cell_count(), 0.0f);
@@ -89,7 +89,7 @@ TEST_F(OffscreenViewTest, RowZeroIsAtTheTopAndColumnZeroAtTheLeftFromAbove) {
   EXPECT_LT(where.y(), kHeight / 2);
 }
 
-TEST_F(OffscreenViewTest, APinStaysInItsPlaceFromWhereverTheEyeLooks) {
+TEST_F(OffscreenViewTest, PinIsAtItsPositionFromEveryAzimuth) {
   TestScene scene(16, 16, 0.0f);
   const auto& surface = scene.spec.surface;
   std::vector<float> values(surface.cell_count(), 0.0f);
@@ -109,12 +109,12 @@ TEST_F(OffscreenViewTest, APinStaysInItsPlaceFromWhereverTheEyeLooks) {
   }
 }
 
-TEST_F(OffscreenViewTest, AnObjectThrowsAShadowAwayFromTheLightInTheSouthWest) {
+TEST_F(OffscreenViewTest, CastsShadowAwayFromLight) {
   TestScene scene(32, 32, 0.0f);
   const common::Image bare = draw(scene, CameraPreset::kTop);
   scene.add_sphere(15.0, 15.0, 8.0, 2.0, kRed);
   const common::Image image = draw(scene, CameraPreset::kTop);
-  // At the height of the table the shadow's centre lies 8/0.80 times (0.52, 0.30) further.
+  // The light comes from the south-west: on the pins (z = 0) the shadow is offset by 8/0.80 · (0.52, 0.30).
   const Eigen::Vector3d shaded(20.0, 18.0, 0.0), lit(10.0, 12.0, 0.0);  // both on a pin, not in a gap
   const auto darkening = [&](const Eigen::Vector3d& point) {
     return sum(at(bare, scene, point, CameraPreset::kTop)) - sum(at(image, scene, point, CameraPreset::kTop));
@@ -123,7 +123,7 @@ TEST_F(OffscreenViewTest, AnObjectThrowsAShadowAwayFromTheLightInTheSouthWest) {
   EXPECT_LT(darkening(lit), 10);
 }
 
-TEST_F(OffscreenViewTest, BoxesAndCylindersStandWhereTheirPosesSay) {
+TEST_F(OffscreenViewTest, DrawsBoxesAndCylindersAtTheirPoses) {
   TestScene scene(32, 32, 0.0f);
   scene::ObjectSpec box;
   box.shape = scene::ShapeKind::kBox;
@@ -152,14 +152,14 @@ TEST_F(OffscreenViewTest, BoxesAndCylindersStandWhereTheirPosesSay) {
   EXPECT_FALSE(red(6.0, 9.0));
 }
 
-// A shape of red, seen from the side on level pins, and where it is and is not.
+// Points inside and outside a shape's silhouette in the side view, relative to its position.
 struct Silhouette {
   scene::ShapeKind shape;
   std::vector<Eigen::Vector3d> inside, outside;
 };
 
-TEST_F(OffscreenViewTest, CapsulesConesAndSolidsHaveTheirShapes) {
-  auto wedge = std::make_shared<scene::Solid>();  // a roof that slopes up to the east
+TEST_F(OffscreenViewTest, DrawsCapsulesConesAndSolids) {
+  auto wedge = std::make_shared<scene::Solid>();  // its top rises to the east
   wedge->vertices = {{-2, -1, -1}, {2, -1, -1}, {2, 1, -1}, {-2, 1, -1}, {2, -1, 2}, {2, 1, 2}};
   wedge->triangles = {{0, 2, 1}, {0, 3, 2}, {0, 1, 4}, {3, 5, 2}, {1, 2, 5}, {1, 5, 4}, {0, 4, 5}, {0, 5, 3}};
   wedge->bounds_min = {-2, -1, -1};
@@ -192,7 +192,7 @@ TEST_F(OffscreenViewTest, CapsulesConesAndSolidsHaveTheirShapes) {
   }
 }
 
-TEST_F(OffscreenViewTest, LinesGoFromPlaceToPlace) {
+TEST_F(OffscreenViewTest, DrawsLines) {
   TestScene scene(16, 16);
   const Line lines[] = {{{2, 2, 6}, {13, 13, 6}, {220, 20, 20, 255}}};
   DrawOptions options;
@@ -205,7 +205,7 @@ TEST_F(OffscreenViewTest, LinesGoFromPlaceToPlace) {
   EXPECT_FALSE(is_red(at(image, scene, {7.0, 9.0, 6.0}, CameraPreset::kTop)));
 }
 
-TEST_F(OffscreenViewTest, ALegendStandsInTheLowerRightCorner) {
+TEST_F(OffscreenViewTest, DrawsLegendInLowerRightCorner) {
   TestScene scene(16, 16);
   const std::vector<float> values(256, 0.5f);
   const ColourScale colour_scale{"proximity", "u", Palette::kSpectrum, 0.0f, 8.0f};
@@ -232,10 +232,10 @@ TEST_F(OffscreenViewTest, ALegendStandsInTheLowerRightCorner) {
   EXPECT_EQ(changed_elsewhere, 0);
   EXPECT_GT(blue, 30) << "the dark end";
   EXPECT_GT(red, 30) << "the bright end";
-  EXPECT_EQ(draw_big(plain).rgb, bare.rgb) << "the legend stays behind";
+  EXPECT_EQ(draw_big(plain).rgb, bare.rgb) << "the legend remained";
 }
 
-TEST_F(OffscreenViewTest, WiresLetTheCellsUnderAnObjectBeSeen) {
+TEST_F(OffscreenViewTest, WireframeLeavesCellsVisible) {
   TestScene scene(16, 16, 0.0f);
   scene.add_sphere(7.5, 7.5, 3.0, 3.0, kRed);
   std::vector<float> values(256, 0.5f);
@@ -254,7 +254,7 @@ TEST_F(OffscreenViewTest, WiresLetTheCellsUnderAnObjectBeSeen) {
   EXPECT_LT(wires, solid / 2);
 }
 
-TEST_F(OffscreenViewTest, AreTheSameBytesTwice) {
+TEST_F(OffscreenViewTest, RenderingIsReproducible) {
   TestScene scene(16, 16);
   scene.add_sphere(7.5, 7.5, 6.0, 2.0, kRed);
   OffscreenView view(scene.spec);
@@ -266,7 +266,7 @@ TEST_F(OffscreenViewTest, AreTheSameBytesTwice) {
   EXPECT_EQ(first, draw(scene).rgb) << "another context of the same driver";
 }
 
-TEST_F(OffscreenViewTest, RemovedObjectsAreNotDrawnAndIdsKeepTheirColours) {
+TEST_F(OffscreenViewTest, SkipsRemovedObjectsAndKeepsColoursById) {
   TestScene scene(16, 16);
   scene.add_sphere(4.0, 7.5, 6.0, 2.0, {0.1f, 0.1f, 0.9f});
   scene.add_sphere(11.0, 7.5, 6.0, 2.0, kRed);
@@ -279,7 +279,7 @@ TEST_F(OffscreenViewTest, RemovedObjectsAreNotDrawnAndIdsKeepTheirColours) {
   EXPECT_TRUE(is_grey(at(image, scene, {4.0, 7.5, 5.0})));
 }
 
-TEST_F(OffscreenViewTest, RefuseASizeThatIsNone) {
+TEST_F(OffscreenViewTest, RejectsInvalidSize) {
   TestScene scene(4, 4);
   OffscreenView view(scene.spec);
   EXPECT_THROW(view.render(scene.snapshot, {}, camera(scene), {}, 0, 100), scene::InputError);

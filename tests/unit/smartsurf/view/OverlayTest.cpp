@@ -27,7 +27,7 @@ struct OverlayTest : testing::Test {
   std::vector<ContactMark> contacts;
 };
 
-TEST_F(OverlayTest, ColoursTheCellsByTheChannelInItsRange) {
+TEST_F(OverlayTest, ColoursCellsByChannel) {
   EXPECT_TRUE(apply().cell_values.empty());
   EXPECT_FALSE(overlay.colour_scale());
   overlay.settings.channel = "proximity";
@@ -43,7 +43,7 @@ TEST_F(OverlayTest, ColoursTheCellsByTheChannelInItsRange) {
   EXPECT_EQ(apply().high, 0.0f);
 }
 
-TEST_F(OverlayTest, AnUnknownRangeIsThatOfTheValues) {
+TEST_F(OverlayTest, UsesRangeOfValuesIfChannelHasNone) {
   channels[0].low = channels[0].high = 0.0f;
   distance[5] = -3.0f;
   overlay.settings.channel = "proximity";
@@ -55,14 +55,14 @@ TEST_F(OverlayTest, AnUnknownRangeIsThatOfTheValues) {
   EXPECT_EQ(apply().low, 1.0f);
 }
 
-TEST_F(OverlayTest, AChannelWithoutValuesColoursNothing) {
+TEST_F(OverlayTest, IgnoresChannelWithoutValues) {
   overlay.settings.channel = "proximity";
   channels[0].values = {};
   EXPECT_TRUE(apply().cell_values.empty());
   EXPECT_FALSE(overlay.colour_scale());
 }
 
-TEST_F(OverlayTest, SensorSegmentsGoFromThePinToWhatItSees) {
+TEST_F(OverlayTest, SensorRaysEndAtDetectedPoint) {
   mask[static_cast<std::size_t>(scene.spec.surface.index(2, 1))] = 1.0f;
   distance[static_cast<std::size_t>(scene.spec.surface.index(2, 1))] = 1.5f;
   overlay.settings.sensor_rays = true;
@@ -72,7 +72,7 @@ TEST_F(OverlayTest, SensorSegmentsGoFromThePinToWhatItSees) {
   EXPECT_EQ(lines[0].to, (std::array<float, 3>{1.0f, 1.0f, 5.5f}));
 }
 
-TEST_F(OverlayTest, ForcesAreDrawnInProportion) {
+TEST_F(OverlayTest, ScalesContactForces) {
   contacts = {{{1, 1, 4}, {0, 0, 10}}, {{2, 1, 4}, {0, 5, 0}}};
   EXPECT_TRUE(apply().lines.empty());
   overlay.settings.contact_forces = true;
@@ -82,7 +82,7 @@ TEST_F(OverlayTest, ForcesAreDrawnInProportion) {
   EXPECT_FLOAT_EQ(lines[1].to[1] - lines[1].from[1], 1.5f);
 }
 
-TEST_F(OverlayTest, TrailsGrowAgeAndBeginAnew) {
+TEST_F(OverlayTest, TrailsGrowAgeAndRestart) {
   overlay.settings.trails = true;
   overlay.settings.trail_length_s = 1.0;
   for (int i = 0; i <= 10; ++i) {
@@ -91,15 +91,15 @@ TEST_F(OverlayTest, TrailsGrowAgeAndBeginAnew) {
     apply();
   }
   EXPECT_EQ(apply().lines.size(), 10u);
-  EXPECT_EQ(apply().lines[9].colour[3], 255) << "the newest piece is opaque";
+  EXPECT_EQ(apply().lines[9].colour[3], 255) << "the newest segment is not opaque";
   EXPECT_LT(apply().lines[0].colour[3], 40);
   scene.snapshot.time_s = 1.5;
-  EXPECT_EQ(apply().lines.size(), 5u) << "pieces older than the trail's length";
+  EXPECT_EQ(apply().lines.size(), 5u) << "segments older than the trail length remain";
   scene.snapshot.time_s = 0.2;
-  EXPECT_TRUE(apply().lines.empty()) << "the run began anew";
+  EXPECT_TRUE(apply().lines.empty()) << "the trails survived a restart";
 }
 
-TEST(PlotHistory, KeepsOneSampleATickOfTheThingThatIsWatched) {
+TEST(PlotHistory, KeepsOneSamplePerTickOfSelectedItem) {
   TestScene scene(4, 4);
   scene.add_sphere(1.0, 1.0, 6.0, 1.0, {});
   PlotHistory watch;
@@ -121,7 +121,7 @@ TEST(PlotHistory, KeepsOneSampleATickOfTheThingThatIsWatched) {
   EXPECT_EQ(watch.series()[0].values, (std::vector<float>{2.5f}));
 }
 
-TEST(OptionEdit, FollowsTheKindOfTheValue) {
+TEST(OptionEdit, DerivesKindAndRangeFromValue) {
   const std::vector<OptionEdit> edits = make_option_edits({{"count", "40", "number of spheres"},
                                                            {"speed", "0.25", ""},
                                                            {"drift", "-2.5", ""},
@@ -137,7 +137,7 @@ TEST(OptionEdit, FollowsTheKindOfTheValue) {
   EXPECT_TRUE(changed_options(edits).empty());
 }
 
-TEST(OptionEdit, GivesOnlyWhatWasChangedAsSetTakesIt) {
+TEST(OptionEdit, ReturnsOnlyChangedOptions) {
   std::vector<OptionEdit> edits =
       make_option_edits({{"count", "40", ""}, {"speed", "0.33333333333333", ""}, {"on", "true", ""}});
   edits[0].number = 12.0f;

@@ -11,7 +11,7 @@ namespace {
 
 Ray downward_ray(double x, double y) { return {{x, y, 100.0}, {0.0, 0.0, -1.0}}; }
 
-TEST(Picking, TheRayOfAPixelIsTheInverseOfProjecting) {
+TEST(Picking, PixelRayInvertsProjection) {
   const Camera camera = Camera::fit_to_surface(scene::SurfaceSpec{}, CameraPreset::kIso, 16.0 / 9.0);
   for (const Eigen::Vector3d& point : {Eigen::Vector3d(3.0, 5.0, 1.0), Eigen::Vector3d(60.0, 2.0, 4.0)}) {
     const Eigen::Vector3d pixel = camera.project(point, 1280, 720);
@@ -22,7 +22,7 @@ TEST(Picking, TheRayOfAPixelIsTheInverseOfProjecting) {
   }
 }
 
-TEST(Picking, FindsTheObjectInFrontOfTheCells) {
+TEST(Picking, FindsNearestObjectAboveCells) {
   TestScene scene(16, 16);
   scene.add_sphere(7.0, 5.0, 6.0, 2.0, {});
   scene.add_sphere(7.0, 5.0, 20.0, 1.0, {});
@@ -33,7 +33,7 @@ TEST(Picking, FindsTheObjectInFrontOfTheCells) {
   EXPECT_NEAR((hit->point - Eigen::Vector3d(7.0, 5.0, 20.0)).norm(), 1.0, 1e-9);
 }
 
-TEST(Picking, FindsTheCellWithRowsFromTheNorth) {
+TEST(Picking, FindsCellWithRowZeroNorth) {
   TestScene scene(8, 16);
   const auto hit = pick(downward_ray(12.2, 6.9), scene.spec.surface, {scene.snapshot, scene.spec.objects});
   ASSERT_TRUE(hit);
@@ -44,19 +44,18 @@ TEST(Picking, FindsTheCellWithRowsFromTheNorth) {
   EXPECT_FALSE(pick(downward_ray(17.0, 3.0), scene.spec.surface, {scene.snapshot, scene.spec.objects}));
 }
 
-TEST(Picking, ARaisedPinHidesTheCellsBehindIt) {
+TEST(Picking, RaisedPinHidesCellsBehindIt) {
   TestScene scene(8, 8, 0.0f);
   scene.snapshot.height[scene.spec.surface.index(4, 3)] = 5.0f;  // at x = 3, y = 3
   const Ray slanted{{-10.0, 3.0, 12.0}, Eigen::Vector3d(1.0, 0.0, -0.7).normalized()};
   const auto hit = pick(slanted, scene.spec.surface, {scene.snapshot, scene.spec.objects});
   ASSERT_TRUE(hit);
   EXPECT_EQ(hit->item.row, 4);
-  EXPECT_EQ(hit->item.column, 3) << "it passed through the pin";
+  EXPECT_EQ(hit->item.column, 3) << "the ray passed through the pin";
   EXPECT_NEAR(hit->point.x(), 2.5, 1e-3) << "its west side";
 }
 
-// Every shape is entered where a ray through its centre meets it, from many sides; and missed from beside it.
-TEST(Picking, EntersEveryShapeOnItsSurface) {
+TEST(Picking, RayEntersShapesAtTheirSurface) {
   scene::ObjectSpec object;
   object.radius = 1.0;
   object.height = 3.0;
@@ -79,11 +78,11 @@ TEST(Picking, EntersEveryShapeOnItsSurface) {
   expect(1.0, 1.5, 1.5);
   object.shape = scene::ShapeKind::kCapsule;
   expect(1.0, 1.5, 1.5);
-  object.shape = scene::ShapeKind::kCone;  // the centre of mass a quarter of the height above the base
+  object.shape = scene::ShapeKind::kCone;  // the centre of mass is a quarter of the height above the base
   expect(0.75, 2.25, 0.75);
 }
 
-TEST(Picking, EntersASolidThroughItsTriangles) {
+TEST(Picking, RayEntersSolidThroughItsTriangles) {
   auto solid = std::make_shared<scene::Solid>();
   solid->vertices = {{0, 0, 0}, {2, 0, 0}, {0, 2, 0}, {0, 0, 2}};
   solid->triangles = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}};

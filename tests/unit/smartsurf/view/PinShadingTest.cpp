@@ -10,13 +10,14 @@
 namespace smartsurf::view {
 namespace {
 
+// Mean sky visibility of the pin's corners.
 int sky(const PinInstance& pin) {
   return (pin.corner_sky_visibility[0] + pin.corner_sky_visibility[1] + pin.corner_sky_visibility[2] +
           pin.corner_sky_visibility[3]) /
          4;
 }
 
-TEST(PinShading, APinInAPocketSeesLessSkyAndADeeperOneLessStill) {
+TEST(PinShading, DeeperPinsSeeLessSky) {
   TestScene scene(9, 9);
   PinShading shading(scene.spec.surface);
   const int centre = scene.spec.surface.index(4, 4);
@@ -30,7 +31,7 @@ TEST(PinShading, APinInAPocketSeesLessSkyAndADeeperOneLessStill) {
   EXPECT_LT(deep, shallow);
 }
 
-TEST(PinShading, OnlyTheCornersBesideAWallAreDarker) {
+TEST(PinShading, OnlyCornersBesideWallAreDarker) {
   TestScene scene(5, 5, 0.0f);
   for (int column = 0; column < 5; ++column)
     scene.snapshot.height[scene.spec.surface.index(1, column)] = 6.0f;
@@ -44,7 +45,7 @@ TEST(PinShading, OnlyTheCornersBesideAWallAreDarker) {
   EXPECT_FLOAT_EQ(pin.neighbour[2], 0.0f);  // south
 }
 
-TEST(PinShading, ASphereDarkensWhatIsUnderItAndNothingFarAway) {
+TEST(PinShading, SphereDarkensOnlyPinsBelowIt) {
   TestScene scene(15, 15);
   PinShading shading(scene.spec.surface);
   scene.add_sphere(7.0, 7.0, 6.0, 2.0, {});
@@ -56,7 +57,7 @@ TEST(PinShading, ASphereDarkensWhatIsUnderItAndNothingFarAway) {
   EXPECT_EQ(sky(shading.update(scene.snapshot, scene.spec.objects, wires, true, false)[7 * 15 + 7]), 255);
 }
 
-TEST(PinShading, ObjectsFarOffOrNotFiniteAreHarmless) {
+TEST(PinShading, IgnoresDistantAndNonFiniteObjects) {
   TestScene scene(5, 5);
   const double nan = std::numeric_limits<double>::quiet_NaN(),
                infinite = std::numeric_limits<double>::infinity();
@@ -69,7 +70,7 @@ TEST(PinShading, ObjectsFarOffOrNotFiniteAreHarmless) {
   EXPECT_FLOAT_EQ(shading.mean_height_around(scene.snapshot, 1e30f, 0.0f, 1.0f), -2.0f);
 }
 
-TEST(PinShading, DrawingOrderRunsFromTheEyeAwards) {
+TEST(PinShading, DrawingOrderStartsAtRequestedCorner) {
   TestScene scene(3, 4);
   for (int i = 0; i < 12; ++i) scene.snapshot.height[i] = static_cast<float>(i) / 4.0f;
   PinShading shading(scene.spec.surface);
@@ -79,7 +80,7 @@ TEST(PinShading, DrawingOrderRunsFromTheEyeAwards) {
   EXPECT_FLOAT_EQ(shading.update(scene.snapshot, {}, {}, true, true)[0].height, 3.0f / 4.0f);    // north-east
 }
 
-TEST(PinShading, AChannelTakesThePaletteButTheBorderKeepsItsTone) {
+TEST(PinShading, ChannelColoursPinsButNotBorder) {
   TestScene scene(3, 3);
   scene.spec.surface.border_height = 6.0;
   PinShading shading(scene.spec.surface);

@@ -13,7 +13,7 @@
 namespace smartsurf::view {
 namespace {
 
-// Objects of all simple shapes in rows over pins at many heights.
+// Rows of objects of all primitive shapes above pins of different heights.
 TestScene make_crowd(int cells, int objects) {
   TestScene scene(cells, cells);
   for (int row = 0; row < cells; ++row)
@@ -65,14 +65,14 @@ class RendererTest : public testing::Test {
   RenderTarget target_;
 };
 
-TEST_F(RendererTest, EveryKindIsOneDrawCallHoweverManyThereAre) {
+TEST_F(RendererTest, DrawCallsDoNotDependOnObjectCount) {
   const int few = count_draw_calls(make_crowd(8, 5)), many = count_draw_calls(make_crowd(96, 900));
   EXPECT_EQ(many, few);
-  // Pins and five shapes, in the shadow map and in the picture; the ground and what is behind it.
+  // Pins and five shapes, each in the shadow and the colour pass; ground and backdrop.
   EXPECT_EQ(few, 2 * 6 + 2);
 }
 
-TEST_F(RendererTest, WhatAWindowDrawsOnTheProcessorLooksLikeThePictures) {
+TEST_F(RendererTest, FastQualityResemblesFullQuality) {
   const TestScene scene = make_crowd(24, 40);
   const common::Image cheap = render(scene, RenderQuality::fast()),
                       full = render(scene, {1, 2048, RenderPass::kColour});
@@ -84,8 +84,8 @@ TEST_F(RendererTest, WhatAWindowDrawsOnTheProcessorLooksLikeThePictures) {
     far += difference > 60 ? 1 : 0;
   }
   const double values = static_cast<double>(full.rgb.size());
-  EXPECT_LT(sum / values, 10.0) << "of 255, on average";
-  EXPECT_LT(far / values, 0.03) << "edges of shadows, of the band around balls";
+  EXPECT_LT(sum / values, 10.0) << "mean difference, of 255";
+  EXPECT_LT(far / values, 0.03) << "expected only at edges of shadows and sphere bands";
   EXPECT_NE(cheap.rgb, full.rgb);
 }
 

@@ -1,4 +1,4 @@
-// Small scenes for the view's tests.
+// Builds small scenes for the tests of smartsurf/view.
 #pragma once
 
 #include "smartsurf/scene/SceneSpec.h"
@@ -10,7 +10,7 @@ struct TestScene {
   scene::SceneSpec spec;
   scene::Snapshot snapshot;
 
-  // rows × columns pins of length 2 that move from 0 to 6, all at that height.
+  // rows × columns pins of length 2 and travel 0 to 6, all at `height`.
   explicit TestScene(int rows, int columns, float height = 4.0f) {
     spec.surface.rows = rows;
     spec.surface.columns = columns;

@@ -17,12 +17,12 @@ struct ToolsTest : testing::Test {
   Tools tools;
 };
 
-TEST_F(ToolsTest, APullGoesFromTheGripToThePointer) {
+TEST_F(ToolsTest, PullTargetFollowsPointer) {
   ASSERT_TRUE(tools.press(downward_ray(8.0, 5.0), input(), true));
   ASSERT_TRUE(tools.pull());
   EXPECT_EQ(tools.pull()->object, 0u);
   EXPECT_NEAR(tools.pull()->local_anchor.x(), 1.0, 1e-6);
-  EXPECT_NEAR(tools.pull()->local_anchor.norm(), 2.0, 1e-6) << "the grip is on the surface";
+  EXPECT_NEAR(tools.pull()->local_anchor.norm(), 2.0, 1e-6) << "the anchor is not on the surface";
   tools.move(downward_ray(11.0, 9.0), input());
   EXPECT_NEAR(tools.pull()->target.x(), 11.0, 1e-6);
   EXPECT_NEAR(tools.pull()->target.y(), 9.0, 1e-6);
@@ -32,13 +32,13 @@ TEST_F(ToolsTest, APullGoesFromTheGripToThePointer) {
   EXPECT_FALSE(tools.pull());
 }
 
-TEST_F(ToolsTest, NothingFixedAndNoCellCanBePulled) {
+TEST_F(ToolsTest, CellsAndFixedObjectsCannotBePulled) {
   EXPECT_FALSE(tools.press(downward_ray(1.0, 1.0), input(), true));
   scene.spec.objects[0].fixed = true;
   EXPECT_FALSE(tools.press(downward_ray(7.0, 5.0), input(), true));
 }
 
-TEST_F(ToolsTest, APokeFollowsThePointerUntilItIsReleased) {
+TEST_F(ToolsTest, PokeFollowsPointerUntilRelease) {
   tools.active_tool = Tool::kPoke;
   tools.poke_height = 5.5;
   ASSERT_TRUE(tools.press(downward_ray(2.0, 3.0), input(), false));
@@ -51,7 +51,7 @@ TEST_F(ToolsTest, APokeFollowsThePointerUntilItIsReleased) {
   EXPECT_FALSE(tools.poke());
 }
 
-TEST_F(ToolsTest, ADropFallsOnThePlaceThatWasClicked) {
+TEST_F(ToolsTest, DropsObjectAboveClickedPoint) {
   tools.active_tool = Tool::kDrop;
   tools.drop_spec = {scene::ShapeKind::kBox, 0.5, 3.0, {1.0f, 0.0f, 0.0f}};
   ASSERT_TRUE(tools.press(downward_ray(2.0, 3.0), input(), false));
@@ -63,7 +63,7 @@ TEST_F(ToolsTest, ADropFallsOnThePlaceThatWasClicked) {
   EXPECT_FALSE(tools.take_drop()) << "dropped twice";
 }
 
-TEST_F(ToolsTest, AFaultIsAskedForOnce) {
+TEST_F(ToolsTest, FaultIsReturnedOnce) {
   tools.active_tool = Tool::kBreak;
   tools.fault_kind = FaultKind::kDead;
   ASSERT_TRUE(tools.press(downward_ray(2.0, 3.0), input(), false));
@@ -74,7 +74,7 @@ TEST_F(ToolsTest, AFaultIsAskedForOnce) {
   EXPECT_FALSE(tools.take_fault());
 }
 
-TEST_F(ToolsTest, EscapePutsDownTheToolAndThenTheSelection) {
+TEST_F(ToolsTest, CancelResetsToolThenSelection) {
   tools.select(downward_ray(7.0, 5.0), input());
   tools.active_tool = Tool::kDrop;
   tools.cancel();
@@ -84,7 +84,7 @@ TEST_F(ToolsTest, EscapePutsDownTheToolAndThenTheSelection) {
   EXPECT_FALSE(tools.selected());
 }
 
-// The pointer over a picture, as the window hands it on.
+// Pointer events on an 800 × 600 image, as the window sends them.
 struct PointerTest : testing::Test {
   PointerTest() : scene(16, 16), controls(scene.spec.surface) {
     scene.add_sphere(7.5, 7.5, 6.0, 3.0, {});
@@ -103,7 +103,7 @@ struct PointerTest : testing::Test {
   Eigen::Vector3d target;
 };
 
-TEST_F(PointerTest, AClickPicksAndLeavesTheCameraAlone) {
+TEST_F(PointerTest, ClickSelectsWithoutMovingCamera) {
   const double azimuth = controls.camera().azimuth();
   send_pointer(PointerEvent::Kind::kPress, 0, 0);
   send_pointer(PointerEvent::Kind::kMove, 1, 1);
@@ -113,7 +113,7 @@ TEST_F(PointerTest, AClickPicksAndLeavesTheCameraAlone) {
   EXPECT_EQ(controls.camera().azimuth(), azimuth);
 }
 
-TEST_F(PointerTest, ADragTurnsTheCameraAndPicksNothing) {
+TEST_F(PointerTest, DragOrbitsWithoutSelecting) {
   const double azimuth = controls.camera().azimuth();
   send_pointer(PointerEvent::Kind::kPress, 0, 0);
   send_pointer(PointerEvent::Kind::kMove, 50, 0);
@@ -122,27 +122,27 @@ TEST_F(PointerTest, ADragTurnsTheCameraAndPicksNothing) {
   EXPECT_NE(controls.camera().azimuth(), azimuth);
 }
 
-TEST_F(PointerTest, ControlAndADragPullUntilTheRelease) {
+TEST_F(PointerTest, ControlDragPullsUntilRelease) {
   const double azimuth = controls.camera().azimuth();
   send_pointer(PointerEvent::Kind::kPress, 0, 0, true);
   send_pointer(PointerEvent::Kind::kMove, 60, 0, true);
   const Commands commands = controls.take_commands();
   ASSERT_TRUE(commands.pull);
-  EXPECT_GT(commands.pull->target.x(), 8.0) << "not to the right";
+  EXPECT_GT(commands.pull->target.x(), 8.0) << "the target did not move right";
   EXPECT_EQ(controls.camera().azimuth(), azimuth);
-  EXPECT_TRUE(controls.take_commands().pull) << "a pull holds for as long as the button is down";
+  EXPECT_TRUE(controls.take_commands().pull) << "the pull ended while the button was down";
   send_pointer(PointerEvent::Kind::kRelease, 60, 0, true);
   EXPECT_FALSE(controls.take_commands().pull);
 }
 
-TEST_F(PointerTest, ARecordingCannotBePulled) {
+TEST_F(PointerTest, CannotPullInRecording) {
   status.accepts_interaction = false;
   send_pointer(PointerEvent::Kind::kPress, 0, 0, true);
   send_pointer(PointerEvent::Kind::kMove, 60, 0, true);
   EXPECT_FALSE(controls.take_commands().pull);
 }
 
-TEST_F(PointerTest, TheCameraFollowsAnObjectUntilItIsGone) {
+TEST_F(PointerTest, CameraFollowsObjectUntilRemoved) {
   controls.tools().select(SceneItem{SceneItem::Kind::kObject, 0, 0, 0});
   controls.perform(UiAction::kFollow, status);
   scene.snapshot.position[0] = {2.0f, 3.0f, 5.0f};
@@ -153,7 +153,7 @@ TEST_F(PointerTest, TheCameraFollowsAnObjectUntilItIsGone) {
   EXPECT_FALSE(controls.followed());
 }
 
-TEST_F(PointerTest, ChannelsAreGoneThroughInTurn) {
+TEST_F(PointerTest, NextChannelCycles) {
   const Channel channels[] = {{"height", "u", {}, 0, 6}, {"proximity", "u", {}, 0, 8}};
   controls.set_channels(channels);
   for (const char* expected : {"height", "proximity", "", "height"}) {
@@ -162,7 +162,7 @@ TEST_F(PointerTest, ChannelsAreGoneThroughInTurn) {
   }
 }
 
-TEST_F(PointerTest, OnlyARunThatCanBeginAnewDoes) {
+TEST_F(PointerTest, ResetRequiresCanReset) {
   controls.perform(UiAction::kReset, status);
   EXPECT_FALSE(controls.take_commands().reset);
   status.can_reset = true;

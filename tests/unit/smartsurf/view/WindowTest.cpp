@@ -26,7 +26,7 @@ class WindowTest : public testing::Test {
   }
 };
 
-TEST(WindowWithoutDisplay, SaysSoInOneLine) {
+TEST(WindowWithoutDisplay, ThrowsOneLineError) {
   if (Window::display_available()) GTEST_SKIP() << "there is a display";
   try {
     Window window(scene::SceneSpec{}, "test");
@@ -36,7 +36,7 @@ TEST(WindowWithoutDisplay, SaysSoInOneLine) {
   }
 }
 
-TEST_F(WindowTest, ShowsTheSceneAndItsPanelAndHelp) {
+TEST_F(WindowTest, ShowsScenePanelAndHelp) {
   TestScene scene(16, 16);
   scene.add_sphere(7.5, 7.5, 6.0, 2.0, {0.86f, 0.12f, 0.10f});
   Window window(scene.spec, "test", 800, 600);
@@ -45,7 +45,7 @@ TEST_F(WindowTest, ShowsTheSceneAndItsPanelAndHelp) {
   const auto shown = [&] {
     common::Image image;
     for (int i = 0; i < 3; ++i) image = window.capture_frame({scene.snapshot, scene.spec.objects}, status);
-    return image;  // the panel takes a frame to find its size
+    return image;  // ImGui needs extra frames to determine the panel's size
   };
   const common::Image image = shown();
   ASSERT_GE(image.width, 800);
@@ -53,7 +53,7 @@ TEST_F(WindowTest, ShowsTheSceneAndItsPanelAndHelp) {
   for (int y = image.height / 4; y < 3 * image.height / 4; ++y)
     for (int x = image.width / 4; x < 3 * image.width / 4; ++x)
       red += image.pixel(x, y)[0] > 2 * image.pixel(x, y)[1] ? 1 : 0;
-  EXPECT_GT(red, 1000) << "the sphere is not in the middle of the window";
+  EXPECT_GT(red, 1000) << "no sphere in the middle of the window";
   const common::Image bare =
       window.capture_scene({scene.snapshot, scene.spec.objects}, image.width, image.height);
   EXPECT_GT(different_pixels(image, bare), 5000) << "no panel";
@@ -61,7 +61,7 @@ TEST_F(WindowTest, ShowsTheSceneAndItsPanelAndHelp) {
   EXPECT_GT(different_pixels(image, shown()), 20000) << "no help";
 }
 
-TEST_F(WindowTest, LivesBesidePicturesWithoutADisplay) {
+TEST_F(WindowTest, CoexistsWithOffscreenRendering) {
   TestScene scene(8, 8);
   scene.add_sphere(3.5, 3.5, 6.0, 2.0, {0.86f, 0.12f, 0.10f});
   Window window(scene.spec, "test", 400, 300);
@@ -71,10 +71,10 @@ TEST_F(WindowTest, LivesBesidePicturesWithoutADisplay) {
       render_image(scene.spec, scene.snapshot, scene.spec.objects, camera, {}, 400, 300);
   common::Image again = window.capture_scene({scene.snapshot, scene.spec.objects}, 400, 300);
   EXPECT_EQ(of_window.rgb, again.rgb);
-  EXPECT_LT(different_pixels(alone, again), 400) << "the window's camera begins with the same view";
+  EXPECT_LT(different_pixels(alone, again), 400) << "the window's initial camera differs";
 }
 
-TEST_F(WindowTest, HandsTheUsersWishesToTheCaller) {
+TEST_F(WindowTest, ReturnsUserCommands) {
   TestScene scene(4, 4);
   Window window(scene.spec, "test", 320, 240);
   window.perform(UiAction::kPause);
@@ -96,9 +96,9 @@ std::size_t memory_kB() {
   return 0;
 }
 
-TEST_F(WindowTest, ManyFramesTakeNoMoreMemory) {
+TEST_F(WindowTest, MemoryStaysConstantOverManyFrames) {
 #ifdef __SANITIZE_ADDRESS__
-  GTEST_SKIP() << "the sanitizer keeps what was freed, and looks for leaks itself";
+  GTEST_SKIP() << "AddressSanitizer quarantines freed memory and detects leaks itself";
 #endif
   TestScene scene(12, 12);
   for (int i = 0; i < 20; ++i) scene.add_sphere(0.5 * i, 3.0, 6.0, 0.5, {0.2f, 0.6f, 0.9f});
@@ -118,10 +118,10 @@ TEST_F(WindowTest, ManyFramesTakeNoMoreMemory) {
   frames(100);
   const std::size_t before = memory_kB();
   frames(100);
-  EXPECT_LT(memory_kB(), before + 2000) << "a leak of more than 20 kB a frame";
+  EXPECT_LT(memory_kB(), before + 2000) << "leaks more than 20 kB per frame";
 }
 
-TEST_F(WindowTest, AClickPicksAndADragWithControlPulls) {
+TEST_F(WindowTest, ClickSelectsAndControlDragPulls) {
   TestScene scene(16, 16);
   scene.add_sphere(7.5, 7.5, 6.0, 3.0, {0.86f, 0.12f, 0.10f});
   Window window(scene.spec, "test", 800, 600);
@@ -140,7 +140,7 @@ TEST_F(WindowTest, AClickPicksAndADragWithControlPulls) {
   const common::Image plain = shown();
   point(PointerEvent::Kind::kPress, 0, false);
   point(PointerEvent::Kind::kRelease, 0, false);
-  EXPECT_GT(different_pixels(plain, shown()), 2000) << "no panel for what was picked";
+  EXPECT_GT(different_pixels(plain, shown()), 2000) << "no inspector panel";
   point(PointerEvent::Kind::kPress, 0, true);
   point(PointerEvent::Kind::kMove, 50, true);
   EXPECT_TRUE(window.render_frame({scene.snapshot, scene.spec.objects}, status).pull);
@@ -148,12 +148,12 @@ TEST_F(WindowTest, AClickPicksAndADragWithControlPulls) {
   EXPECT_FALSE(window.render_frame({scene.snapshot, scene.spec.objects}, status).pull);
 }
 
-TEST_F(WindowTest, KnowsWhetherTheUserDidAnything) {
+TEST_F(WindowTest, NeedsRedrawAfterInput) {
   TestScene scene(4, 4);
   Window window(scene.spec, "test", 320, 240);
   const auto draw = [&] { window.render_frame({scene.snapshot, scene.spec.objects}, {}); };
-  for (int i = 0; i < 20 && (i < 3 || window.needs_redraw()); ++i)
-    draw();  // what the window system tells at first
+  // The window system sends events after the window opens.
+  for (int i = 0; i < 20 && (i < 3 || window.needs_redraw()); ++i) draw();
   EXPECT_FALSE(window.needs_redraw());
   window.perform(UiAction::kGrid);
   EXPECT_TRUE(window.needs_redraw());
@@ -163,7 +163,7 @@ TEST_F(WindowTest, KnowsWhetherTheUserDidAnything) {
   EXPECT_TRUE(window.needs_redraw());
 }
 
-TEST_F(WindowTest, GoesOnWithAnotherScene) {
+TEST_F(WindowTest, SetSceneSwitchesSurface) {
   TestScene small(8, 8), large(24, 12);
   large.add_sphere(5.0, 5.0, 6.0, 2.0, {0.86f, 0.12f, 0.10f});
   Window window(small.spec, "test", 400, 300);
