@@ -103,7 +103,7 @@ std::span<const std::int32_t> CollisionPipeline::own_bodies(const Member& member
       .subspan(static_cast<std::size_t>(share.begin), static_cast<std::size_t>(share.end - share.begin));
 }
 
-// Turns the last step's contacts and caches into the previous ones and empties the output buffers.
+// Makes the contacts and caches of the last step the previous ones and empties the output buffers.
 void CollisionPipeline::begin_detection(ContactList& pair_contacts, ContactList& static_contacts,
                                         int member_count) {
   previous_contacts_.swap_lists(pair_contacts, static_contacts, member_count);
@@ -159,7 +159,7 @@ void CollisionPipeline::update_slab_weights() {
   partition_.set_contact_counts(contacts_per_slab_);
 }
 
-// Large means several times the median radius: a few much larger bodies must not widen the grid's cells for all
+// Bodies above four times the median radius are large: a few of them must not widen the grid cells for all
 // others.
 void CollisionPipeline::compute_large_radius(const BodyStore& bodies) {
   std::vector<float> reach;
@@ -181,7 +181,7 @@ void CollisionPipeline::compute_query_radii(const BodyStore& bodies, std::span<c
       if (!bodies.is_sphere[i]) travel += bodies.angular_velocity(i).norm() * bodies.bounding_radius[i];
     }
     speculative_margin_[i] = std::max(kMinSpeculativeMargin, travel * dt_s_);
-    // Static bodies count as large: others query them, and they search no contacts of their own.
+    // Static bodies count as large: other bodies query them, and they do not query others.
     query_radius_[i] = bodies.is_static(i) ? 1e30F
                                            : bodies.bounding_radius[i] +
                                                  std::min(speculative_margin_[i], bodies.bounding_radius[i]);
@@ -333,7 +333,7 @@ void CollisionPipeline::collide_pair(const BodyStore& bodies, std::size_t i, std
                  previous_contacts_.find_pair(a, b, results.member), tolerance);
 }
 
-// Lays the outputs of the body runs out in grid order, independent of slabs and members.
+// Assigns the offsets of the body runs' outputs in grid order, independent of slabs and members.
 void CollisionPipeline::assign_output_offsets(std::vector<BodyRunOutput>& outputs, ContactList& list,
                                               SlabRanges& ranges) const {
   ContactCounts offset;

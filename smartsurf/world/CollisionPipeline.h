@@ -1,8 +1,9 @@
-// Finds all contacts of a step, broad phase and narrow phase: bodies against the field, the ground, static bodies
-// and each other.
+// Finds all contacts of a step, in a broad and a narrow phase: bodies against the field, the ground, static
+// bodies and each other.
 //
 // In each step the members of a team call update_broadphase() and find_contacts() together. Members work on
-// whole slabs of the partition; contact lists are merged in grid order, so they do not depend on the threads.
+// whole slabs of the partition; contact lists are merged in grid order, so they do not depend on the number
+// of threads.
 #pragma once
 
 #include <algorithm>
@@ -25,7 +26,8 @@ namespace smartsurf::world {
 
 class CollisionPipeline {
  public:
-  // `ground`: height of the infinite ground plane, u, or −infinity for none. `field` must outlive the pipeline.
+  // `ground`: height of the infinite ground plane, u, or −infinity for none. `field` must outlive the
+  // pipeline.
   CollisionPipeline(const surface::Field& field, float dt_s, float ground)
       : field_(field), dt_s_(dt_s), ground_height_(ground), field_cache_(field) {
     if (!field.is_rectangular()) free_layout_field_ = std::make_unique<FreeLayoutField>(field);
@@ -37,13 +39,13 @@ class CollisionPipeline {
   template <class Found>
   void for_each_nearby(const BodyStore&, std::size_t body, Found found) const;
 
-  // The bodies of a member: those in its slabs in the previous step, which are still in its cache; an even share
-  // by index where there was none. Every body belongs to exactly one member.
+  // The bodies of a member: those in its slabs in the previous step, which are still in its cache, or an even
+  // share by index if there is no previous step. Every body belongs to exactly one member.
   std::span<const std::int32_t> own_bodies(const Member&) const;
 
-  // Replaces the previous step's contacts in the lists by those of this step, of all active bodies, and carries
-  // impulses over to matching contacts. The order of the contacts depends on the bodies only. Called by all
-  // members, who must meet before they read the lists.
+  // Replaces the contacts of the previous step in the lists by those of this step, for all active bodies, and
+  // copies the impulses of matching contacts. The order of the contacts depends on the bodies only. Called by
+  // all members, which must pass a barrier before they read the lists.
   void find_contacts(const BodyStore&, ContactList& pair_contacts, ContactList& static_contacts,
                      const Member&);
 
@@ -56,12 +58,12 @@ class CollisionPipeline {
   // Appends the contacts of a shape with the field (not with the ground), with separations up to `margin`.
   void collide_field(const Shape&, const Vec3& centre, const Mat3& axes, float margin,
                      std::vector<Contact>& out) const;
-  // Whether any column of the field may reach up into the box; conservative.
+  // Whether any column of the field may overlap the box; conservative.
   bool field_may_overlap(const Vec3& low, const Vec3& high) const;
   float min_half_top() const { return std::min(field_.half_top_x, field_.half_top_y); }
 
-  // Must be called after each single addition or removal of a body: resizes the buffers and drops the manifold
-  // caches, whose body indices are no longer valid. `bodies`: the new number of bodies.
+  // Must be called after each single addition or removal of a body: resizes the buffers and drops the
+  // manifold caches, whose body indices are no longer valid. `bodies`: the new number of bodies.
   void on_bodies_changed(int bodies) {
     large_radius_ = -1.0F;
     body_indices_.resize(static_cast<std::size_t>(bodies));
@@ -75,7 +77,7 @@ class CollisionPipeline {
   };
   // Contacts found in one slab.
   struct SlabResults {
-    int member = 0;  // the member that searches the slab
+    int member = 0;  // the member that processes the slab
     ContactList pair_contacts, static_contacts;
     PairManifoldCache::ChunkCache cached_pairs;
     FieldManifoldCache::ChunkCache cached_field;
@@ -113,7 +115,7 @@ class CollisionPipeline {
   std::vector<float> query_radius_, speculative_margin_;
   std::vector<std::int32_t> body_indices_;  // 0, 1, …, bodies − 1
   std::vector<LargeNeighbour> large_neighbours_;
-  std::vector<std::int32_t> first_large_neighbour_;  // by body: first entry in large_neighbours_
+  std::vector<std::int32_t> first_large_neighbour_;  // indexed by body: first entry in large_neighbours_
   PreviousContacts previous_contacts_;
   std::vector<SlabResults> slab_results_;                   // one per slab
   std::vector<BodyRunOutput> pair_output_, static_output_;  // one per body run

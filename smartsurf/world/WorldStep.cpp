@@ -22,7 +22,7 @@ void World::Impl::apply_timed_forces() {
 void World::Impl::collect_active_bodies() {
   active_bodies.clear();
   for (std::size_t i = 0; i < bodies.id.size(); ++i)
-    if (!bodies.is_static(i) && !bodies.asleep[i]) active_bodies.push_back(static_cast<std::int32_t>(i));
+    if (!bodies.asleep[i] && !bodies.is_static(i)) active_bodies.push_back(static_cast<std::int32_t>(i));
 }
 
 void World::Impl::finalize_bodies(const Member& member) {

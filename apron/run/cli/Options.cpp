@@ -137,7 +137,7 @@ void add_run_options(CLI::App& run, RawOptions& raw) {
   run.add_option("--video", raw.options.video, "record a video of the window, 30 frames per simulated second")
       ->type_name("FILE.mp4");
   run.add_option("--watch", raw.options.watch,
-                 "draw this register in the terminal while the program runs; once at the end if it is none")
+                 "draw this register while the program runs; if stdout is not a terminal, once at the end")
       ->type_name("REGISTER")
       ->excludes("--window")
       ->excludes("--screenshot")

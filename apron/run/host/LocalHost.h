@@ -20,7 +20,7 @@ using Parameters = std::map<std::string, float, std::less<>>;
 // The cameras and the clock that a program sees.
 struct HostEnvironment {
   std::vector<std::string> cameras;  // replace /dev/video0, /dev/video1, …; see run::open_camera()
-  Timers::Clock clock_s;             // empty: timers stand at 0
+  Timers::Clock clock_s;             // empty: timers read 0
 };
 
 class LocalHost : public vm::Host {

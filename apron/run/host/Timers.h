@@ -17,7 +17,7 @@ class Timers {
   // Monotonic seconds from an arbitrary epoch.
   using Clock = std::function<double()>;
 
-  // Without a clock all timers stand at 0 and wait() returns at once.
+  // Without a clock all timers read 0 and wait() returns at once.
   explicit Timers(Clock clock_s = {}) : clock_s_(std::move(clock_s)) {}
 
   void start(std::string_view name);           // restarts from 0

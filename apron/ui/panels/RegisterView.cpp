@@ -258,7 +258,7 @@ void draw_histogram(DrawContext& context, std::size_t reg, ImVec2 size) {
       static_cast<std::size_t>((ImGui::GetIO().MousePos.x - at.x) / size.x * debugger::kHistogramBins);
   if (bin >= debugger::kHistogramBins) return;
   const double width = (double{statistics.max} - double{statistics.min}) / debugger::kHistogramBins;
-  ImGui::SetTooltip("%u cells from %.5g to %.5g (heights: logarithm)", statistics.histogram[bin],
+  ImGui::SetTooltip("%u cells from %.5g to %.5g (logarithmic heights)", statistics.histogram[bin],
                     statistics.min + static_cast<double>(bin) * width,
                     statistics.min + static_cast<double>(bin + 1) * width);
 }
@@ -273,7 +273,7 @@ void draw_statistics(DrawContext& context, const std::optional<Cell>& hovered_ce
   std::string text = "min " + format_short(statistics.min) + "   max " + format_short(statistics.max) +
                      "   mean " + format_short(statistics.mean) + "   non-zero " +
                      std::to_string(statistics.non_zero);
-  if (statistics.non_finite > 0) text += "   not finite " + std::to_string(statistics.non_finite);
+  if (statistics.non_finite > 0) text += "   non-finite " + std::to_string(statistics.non_finite);
   ImGui::TextUnformatted(text.c_str());
 }
 

@@ -17,8 +17,8 @@ namespace {
 
 constexpr float kFar = std::numeric_limits<float>::infinity();
 
-// Approximate costs: bounding a cell's height, casting a body over some twenty cells, testing a pin on a ray,
-// a cell without bodies.
+// Approximate costs: updating the height bounds by one cell, casting the rays of about twenty cells to a
+// body, testing a pin on a ray, skipping a cell without bodies.
 constexpr double kHeightCost_ns = 0.2, kBodyCost_ns = 80.0, kPinCost_ns = 0.3, kEmptyCellCost_ns = 0.01;
 
 // Returns the first and last offset, relative to the ray's own cell, of the cells whose centre lies in

@@ -16,8 +16,8 @@
 
 namespace smartsurf::view {
 
-// All pins of the surface in one draw call. The vertex shader fetches each pin's record from a buffer texture:
-// a software driver processes instanced draws one instance at a time, which is slower.
+// All pins of the surface in one draw call. The vertex shader fetches each pin's record from a buffer
+// texture: a software driver processes instanced draws one instance at a time, which is slower.
 class PinLayer {
  public:
   PinLayer(const scene::SurfaceSpec& surface, RenderPass colour_pass);

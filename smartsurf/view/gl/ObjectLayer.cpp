@@ -39,7 +39,7 @@ void bind_instance_attributes(GLuint buffer, GLsizei first = 0) {
   set_instance_attribute(4, 4, start + offsetof(ObjectInstance, colour));
 }
 
-// The octagon around the unit circle: x, y per corner. It covers fewer pixels outside the circle than a square.
+// The octagon around the unit circle, x, y per corner. Fewer fragments are discarded than with a square.
 std::vector<float> circumscribed_octagon() {
   constexpr float kSide = 0.41421357f;  // half an edge: tan(π/8)
   return {kSide, -1, 1, -kSide, 1, kSide, kSide, 1, -kSide, 1, -1, kSide, -1, -kSide, -kSide, -1};

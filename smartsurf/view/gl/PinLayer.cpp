@@ -8,8 +8,8 @@
 namespace smartsurf::view {
 namespace {
 
-// Three faces per pin (the top, the side across x and the side across y), four vertices each. The vertex shader
-// derives pin, face and corner from gl_VertexID and turns the sides towards the eye.
+// Three faces per pin (the top, the side across x and the side across y), four vertices each. The vertex
+// shader derives pin, face and corner from gl_VertexID and turns the sides towards the eye.
 constexpr GLuint kVerticesPerPin = 16;  // 12 are used; the shader divides by a power of two
 constexpr GLuint kPinIndices[] = {0, 1, 2, 0, 2, 3, 4, 5, 6, 4, 6, 7, 8, 9, 10, 8, 10, 11};
 constexpr std::size_t kIndicesPerPin = std::size(kPinIndices), kIndicesPerFace = 6;

@@ -8,7 +8,7 @@ uniform usamplerBuffer pins;   // PinInstance records, three texels each
 uniform vec4 pin;       // half top x, half top y, length, pitch
 uniform float base;     // z of the ground
 uniform float sunk;     // depth below the neighbour's top to which a side is drawn
-flat out vec2 levels;   // z where the pin ends and its shaft begins; z of the neighbour's top beside this side
+flat out vec2 levels;   // z where the pin ends and its shaft begins; z of the top beside this side
 #ifdef CLOSED
 uniform float level;    // the gap to a neighbour is closed if its top is at most this much lower
 out vec2 across;        // offset from the face's middle, 1 at the pin's edge; the gap lies beyond 1
@@ -98,8 +98,8 @@ void main() {
 }
 )";
 
-// Lighting is computed per vertex. For a top face levels.y is −1e30 and z is above levels.x, so neither factor
-// darkens it.
+// Lighting is computed per vertex. For a top face levels.y is −1e30 and z is above levels.x, so neither
+// factor darkens it.
 constexpr const char* kPinFragmentFast = R"(
 in vec4 shade;
 flat in vec2 levels;

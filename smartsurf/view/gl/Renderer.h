@@ -1,8 +1,8 @@
 // Draws a snapshot into a framebuffer with OpenGL 3.3 core. Internal to smartsurf/view: callers use
 // OffscreenView or Window.
 //
-// The same OpenGL context must be current in every call. Not thread-safe. draw() allocates only when the number
-// of objects or the image size grows.
+// The same OpenGL context must be current in every call. Not thread-safe. draw() allocates only when the
+// number of objects or the image size grows.
 #pragma once
 
 #include <functional>
@@ -39,8 +39,8 @@ class Renderer {
   Renderer(const scene::SceneSpec& spec, const RenderQuality& quality);
   ~Renderer();
 
-  // Draws the snapshot into `framebuffer`, width × height pixels. catalogue: every object ever created, index =
-  // object id.
+  // Draws the snapshot into `framebuffer`, width × height pixels. catalogue: every object ever created,
+  // index = object id.
   void draw(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
             const Camera& camera, const DrawOptions& options, unsigned framebuffer, int width, int height);
 

@@ -17,7 +17,8 @@ void main() {
     vec3 d = eye.xyz - centre;
     float distance2 = max(dot(d, d), radius * radius * 1.0001);
     back = d * inversesqrt(distance2);
-    reach = radius * sqrt(distance2 / (distance2 - radius * radius));   // silhouette radius at the centre's depth
+    // Radius of the silhouette at the depth of the centre.
+    reach = radius * sqrt(distance2 / (distance2 - radius * radius));
   }
   vec3 side = normalize(abs(back.z) < 0.99 ? cross(vec3(0, 0, 1), back) : cross(vec3(0, 1, 0), back));
   world = centre + (side * corner.x + cross(back, side) * corner.y) * reach;
@@ -63,8 +64,8 @@ void main() {
 }
 )";
 
-// For software renderers. The rays through one sphere are treated as parallel, and the shadow map is sampled at
-// the corners of the disc only. The depth is that of the disc: along such a ray, everything that does not
+// For software renderers. The rays through one sphere are treated as parallel, and the shadow map is sampled
+// at the corners of the disc only. The depth is that of the disc: along such a ray, everything that does not
 // intersect the sphere lies in front of its near side or behind its far side, and the disc lies between them.
 // Writing gl_FragDepth would disable the early depth test.
 constexpr const char* kSphereVertexFast = R"(

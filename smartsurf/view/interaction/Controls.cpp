@@ -25,6 +25,7 @@ void Controls::set_surface(const scene::SurfaceSpec& surface) {
   if (!same_size) apply_preset(preset_);
 }
 
+// The tolerance of 1e-9 absorbs rounding errors of log2 at exact powers of two.
 double Controls::faster_pace(double pace) {
   if (pace <= 0.0 || pace >= kMaxPace) return 0.0;
   return std::max(kMinPace, std::exp2(std::floor(std::log2(pace) + 1e-9) + 1.0));

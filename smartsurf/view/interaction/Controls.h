@@ -15,7 +15,7 @@
 
 namespace smartsurf::view {
 
-// The frames that can be seeked: those of a recording, or the recent states of a running simulation.
+// The frames that the user can seek to: those of a recording, or the recent states of a running simulation.
 struct Timeline {
   std::size_t frame_count = 0;        // ≥ 1
   std::size_t current_frame = 0;      // the frame on display, < frame_count
@@ -100,8 +100,8 @@ class Controls {
  public:
   explicit Controls(const scene::SurfaceSpec& surface);
 
-  // Switches to another surface. Display settings stay; tools and the followed object are reset. The camera is
-  // kept if the surface has the same size.
+  // Switches to another surface. Display settings stay; tools and the followed object are reset. The camera
+  // is kept if the surface has the same size.
   void set_surface(const scene::SurfaceSpec& surface);
 
   void perform(UiAction action, const Status& status);

@@ -92,8 +92,8 @@ void Overlay::add_contact_forces(const FrameInput& input) {
   }
 }
 
-// Draws a ray from each cell to the point it measures. A distance sensor is a channel NAME with a hit mask
-// NAME_hit.
+// Draws a vertical line from each cell with a detection to the detected point. A distance sensor is a channel
+// NAME with a hit mask NAME_hit.
 void Overlay::add_sensor_rays(const FrameInput& input) {
   for (const Channel& distance : input.channels) {
     const Channel* const hit = find_channel(input, distance.name + "_hit");

@@ -32,8 +32,8 @@ class Overlay {
 
   // Adds a frame that is not drawn to the trails, so that they have no gaps. No-op while trails are off.
   void sample_trails(const FrameInput& input);
-  // Sets the colours and lines of `options` for one frame. The spans are valid until the next call. tools: adds
-  // the selection and the spring of a pull; may be null.
+  // Sets the colours and lines of `options` for one frame. The spans are valid until the next call. tools:
+  // adds the selection and the spring of a pull; may be null.
   void apply(const FrameInput& input, const Tools* tools, DrawOptions& options);
   // Empty if no channel is shown or it has no values.
   const std::optional<ColourScale>& colour_scale() const { return colour_scale_; }

@@ -26,7 +26,8 @@ struct PickHit {
 // The first object or cell along the ray. On a regular grid, gaps between pins belong to the cells.
 std::optional<PickHit> pick(const Ray& ray, const scene::SurfaceSpec& surface, const FrameInput& input);
 
-// Distance, u, at which the ray enters the object's shape; the ray is in the object's frame. Empty if it misses.
+// Distance, u, at which the ray enters the object's shape; the ray is in the object's frame. Empty if it
+// misses.
 std::optional<double> intersect(const scene::ObjectSpec& object, const Ray& ray);
 
 // The object's index in the snapshot; empty if it is not there. O(log n).

@@ -1,5 +1,5 @@
-// The pointer tools: select, pull an object with a spring, drop an object, poke a cell, break a cell. Converts
-// pointer rays to requests. Independent of the window system and OpenGL.
+// The pointer tools: select, pull an object with a spring, drop an object, poke a cell, break a cell.
+// Converts pointer rays to requests. Independent of the window system and OpenGL.
 #pragma once
 
 #include <optional>
@@ -49,8 +49,8 @@ class Tools {
   FaultKind fault_kind = FaultKind::kStuck;
   double poke_height;  // u
 
-  // Pointer press and move along a view ray. pull: pull the object under the pointer, whatever the active tool.
-  // press() returns whether the tool takes the following drag; if not, the drag moves the camera.
+  // Pointer press and move along a view ray. pull: pull the object under the pointer, whatever the active
+  // tool. press() returns whether the tool takes the following drag; if not, the drag moves the camera.
   bool press(const Ray& ray, const FrameInput& input, bool pull);
   void move(const Ray& ray, const FrameInput& input);
   void release();

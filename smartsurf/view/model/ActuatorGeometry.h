@@ -1,6 +1,6 @@
 // The geometry of all actuators except the pin: their meshes and per-instance poses and colours. Each kind of
-// part is one two-colour mesh with an array of instances, and so one draw call. No OpenGL. Allocates only in the
-// first frame.
+// part is one two-colour mesh with an array of instances, and so one draw call. No OpenGL. Allocates only in
+// the first frame.
 //
 //   ball         a rotating ball with eight coloured fields
 //   wheels       two rotating wheels with coloured sectors

@@ -1,5 +1,5 @@
-// The position and size of the drawn coordinate axes, on the ground at the table's south-west corner. Internal
-// to smartsurf/view.
+// The position and size of the drawn coordinate axes, on the ground at the table's south-west corner.
+// Internal to smartsurf/view.
 #pragma once
 
 #include <algorithm>

@@ -26,9 +26,10 @@ std::array<Eigen::Vector3d, 8> corners(const Eigen::AlignedBox3d& box) {
   return result;
 }
 
-// Fits a pair of opposite frustum planes (left and right, or bottom and top) to points. With the eye at (e, d),
-// d towards the viewer, a point (p, z) is inside if −slope_low·(d − z) ≤ p − e ≤ slope_high·(d − z). distance()
-// is the smallest d for which some e satisfies this for all points; offset(d) is the middle of those e.
+// Fits two opposite frustum planes (left and right, or bottom and top) to points. With the eye at (e, d), d
+// towards the viewer, a point (p, z) is inside if −slope_low·(d − z) ≤ p − e ≤ slope_high·(d − z).
+// distance() is the smallest d for which some e satisfies this for all points; offset(d) is the middle of
+// those e.
 struct FrustumFit {
   double slope_low, slope_high;
   double low = -std::numeric_limits<double>::infinity();

@@ -29,8 +29,8 @@ class Camera {
   static constexpr double kMaxElevation = 1.5700;  // rad: just short of straight down
 
   // The camera for which the whole table (the pins over their full travel, the board and the axes) fills an
-  // image of aspect ratio `aspect` (width / height) with a small margin. kTop: from above, north up. kIso: from
-  // the south, 40° above the horizon. kSide: from the south, just above the horizon.
+  // image of aspect ratio `aspect` (width / height) with a small margin. kTop: from above, north up. kIso:
+  // from the south, 40° above the horizon. kSide: from the south, just above the horizon.
   static Camera fit_to_surface(const scene::SurfaceSpec& surface, CameraPreset preset, double aspect,
                                const ViewInsets& insets = {});
 

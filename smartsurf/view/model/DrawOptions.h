@@ -31,9 +31,9 @@ struct ColourScale {
 struct DrawOptions {
   FillMode fill_mode = FillMode::kSolid;
 
-  // Values that colour the pins: rows × columns, row-major, row 0 north, in the channel's unit. `low` maps to the
-  // palette's dark end, `high` to its bright end; low > high reverses the palette. Empty: pins are coloured by
-  // height. Must outlive the call.
+  // Values that colour the pins: rows × columns, row-major, row 0 north, in the channel's unit. `low` maps to
+  // the palette's dark end, `high` to its bright end; low > high reverses the palette. Empty: pins are
+  // coloured by height. Must outlive the call.
   std::span<const float> cell_values;
   float low = 0.0f, high = 1.0f;
   Palette palette = Palette::kViridis;

@@ -44,7 +44,7 @@ void add_ring(std::vector<float>& wireframe, float radius, float z) {
     }
 }
 
-// Half a great circle from the north pole to the south pole. split: the equator point is doubled, one per cap.
+// Half a great circle from the north pole to the south pole. split: one equator point per cap.
 void add_meridian(std::vector<float>& wireframe, int meridian, bool split) {
   const auto [mx, my] = circle_point(meridian, kWireframeMeridians);
   for (int i = 0; i < kWireframeSteps / 2; ++i)

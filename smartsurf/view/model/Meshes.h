@@ -1,8 +1,8 @@
 // Triangle meshes and wireframes of the object shapes, for instanced drawing. No OpenGL.
 //
-// Box, cylinder and cone have half extents of 1 and are scaled by the instance's half extents; the origin of a
-// cone is its centre of mass. A capsule is a unit sphere: the sign of a vertex's z assigns it to the upper or
-// the lower cap, and the vertex shader moves the caps apart. A solid keeps its own size.
+// Box, cylinder and cone have half extents of 1 and are scaled by the instance's half extents; the origin of
+// a cone is its centre of mass. A capsule is a unit sphere: the sign of a vertex's z assigns it to the upper
+// or the lower cap, and the vertex shader moves the caps apart. A solid keeps its own size.
 #pragma once
 
 #include <cstdint>

@@ -57,8 +57,8 @@ PinShading::CornerValues PinShading::sky_visibility(const scene::Snapshot& snaps
           corner(north, west, wall(-1, -1)), corner(north, east, wall(-1, 1))};
 }
 
-// Darkens the corners of the pins below a sphere. Positions that are far away or not finite are ignored before
-// the conversion to int.
+// Darkens the corners of the pins below a sphere. Positions that are far away or not finite are ignored
+// before the conversion to int.
 void PinShading::apply_object_occlusion(const scene::Snapshot& snapshot, const std::array<float, 3>& centre,
                                         float radius) {
   const float pitch = static_cast<float>(surface_.pitch), range = kOcclusionRange * radius + pitch;

@@ -31,10 +31,12 @@ class PinShading {
  public:
   explicit PinShading(const scene::SurfaceSpec& surface);
 
-  // Returns one record per pin, none for empty cells, in drawing order: rows from south to north (north_first:
-  // reversed), within a row from west to east (east_first: reversed). Valid until the next call.
-  // catalogue: every object ever created, index = object id. recess: how far below its top each cell is drawn,
-  // u; rows × columns, row-major, or empty for 0.
+  // Returns one record per pin, none for empty cells, in drawing order: rows from south to north
+  // (north_first: reversed), within a row from west to east (east_first: reversed). Valid until the next
+  // call.
+  //
+  // catalogue: every object ever created, index = object id. recess: how far below its top each cell is
+  // drawn, u; rows × columns, row-major, or empty for 0.
   std::span<const PinInstance> update(const scene::Snapshot& snapshot,
                                       const std::vector<scene::ObjectSpec>& catalogue,
                                       const DrawOptions& options, bool north_first, bool east_first,

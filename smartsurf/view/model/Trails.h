@@ -14,8 +14,8 @@ class Trails {
   // pitch: of the surface, u; displacements below 0.15 pitches add no point.
   explicit Trails(double pitch) : min_step_(0.15F * static_cast<float>(pitch)) {}
 
-  // Adds the positions of one frame and drops points older than length_s. An earlier time than the last, or one
-  // more than length_s after it, clears the trails.
+  // Adds the positions of one frame and drops points older than length_s. An earlier time than the last, or
+  // one more than length_s after it, clears the trails.
   void add(const FrameInput& input, double length_s);
   void clear();
   // Appends the trails in their objects' colours; the alpha decreases with age.

@@ -1,7 +1,7 @@
 // Renders images off-screen through EGL.
 //
-// Identical snapshots, cameras, options and sizes give identical bytes on the same driver. Any thread, one at a
-// time. No context stays current between calls, so an OffscreenView can coexist with a Window.
+// Identical snapshots, cameras, options and sizes give identical bytes on the same driver. Any thread, one at
+// a time. No context stays current between calls, so an OffscreenView can coexist with a Window.
 #pragma once
 
 #include <memory>
@@ -21,8 +21,8 @@ enum class Detail { kStill, kVideo };
 
 class OffscreenView {
  public:
-  // Throws scene::InputError with a one-line message in a build without the view. Call it before a run, so that
-  // the run fails early.
+  // Throws scene::InputError with a one-line message in a build without the view. Call it before a run, so
+  // that the run fails early.
   static void require_available();
 
   // Throws std::runtime_error with a one-line message that names the missing packages if OpenGL 3.3 is not
@@ -31,8 +31,8 @@ class OffscreenView {
   ~OffscreenView();
 
   // Renders one image, row 0 at the top. catalogue: every object ever created, index = object id. Throws
-  // scene::InputError if width or height is not 1 to 8192 pixels, and std::runtime_error if the driver refuses
-  // the size.
+  // scene::InputError if width or height is not 1 to 8192 pixels, and std::runtime_error if the driver
+  // refuses the size.
   common::Image render(const scene::Snapshot& snapshot, const std::vector<scene::ObjectSpec>& catalogue,
                        const Camera& camera, const DrawOptions& options, int width, int height);
 

@@ -11,8 +11,8 @@ namespace smartsurf::view {
 
 class VideoCapture {
  public:
-  // width, height: pixels; odd sizes are cropped by one pixel. time_s: simulated time of the first frame. Throws
-  // as common::VideoEncoder does.
+  // width, height: pixels; odd sizes are cropped by one pixel. time_s: simulated time of the first frame.
+  // Throws as common::VideoEncoder does.
   VideoCapture(const std::string& file, int width, int height, double time_s);
 
   const std::string& file() const { return file_; }

@@ -190,25 +190,24 @@ void draw_hud(const FrameInput& input, const Status& status, const std::optional
 }
 
 void draw_help_overlay(float scale) {
-  static constexpr const char* kHelp[][2] = {
-      {"Left drag", "orbit"},
-      {"Right or middle drag, Shift + left", "pan"},
-      {"Wheel", "zoom"},
-      {"Click", "pick an object or a cell"},
-      {"Ctrl + drag", "pull an object with a spring"},
-      {"1   2   3", "top view, whole table, side view"},
-      {"Space", "pause, resume"},
-      {"Left, right arrow", "one tick back, forward"},
-      {"+   -   M", "faster, slower, as fast as possible"},
-      {"Backspace", "restart"},
-      {"W   G", "wireframe objects, grid"},
-      {"H", "colour the cells by the next channel"},
-      {"T   F   S   L", "trails, contact forces, sensor rays, labels"},
-      {"O", "follow the picked object"},
-      {"P   V", "save a screenshot, record a video"},
-      {"Tab   F1", "panels, this help"},
-      {"Esc", "cancel the tool or selection, stop following"},
-      {"Q", "quit"}};
+  static constexpr const char* kHelp[][2] = {{"Left drag", "orbit"},
+                                             {"Right or middle drag, Shift + left", "pan"},
+                                             {"Wheel", "zoom"},
+                                             {"Click", "pick an object or a cell"},
+                                             {"Ctrl + drag", "pull an object with a spring"},
+                                             {"1   2   3", "top view, whole table, side view"},
+                                             {"Space", "pause, resume"},
+                                             {"Left, right arrow", "one tick back, forward"},
+                                             {"+   -   M", "faster, slower, as fast as possible"},
+                                             {"Backspace", "restart"},
+                                             {"W   G", "wireframe objects, grid"},
+                                             {"H", "colour the cells by the next channel"},
+                                             {"T   F   S   L", "trails, contact forces, sensor rays, labels"},
+                                             {"O", "follow the picked object"},
+                                             {"P   V", "save a screenshot, record a video"},
+                                             {"Tab   F1", "panels, this help"},
+                                             {"Esc", "cancel the tool or selection, stop following"},
+                                             {"Q", "quit"}};
   const ImVec2 size = ImGui::GetIO().DisplaySize;
   ImGui::SetNextWindowPos({size.x / 2.0f, size.y / 2.0f}, ImGuiCond_Always, {0.5f, 0.5f});
   ImGui::SetNextWindowBgAlpha(0.94f);

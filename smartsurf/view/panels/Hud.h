@@ -1,6 +1,7 @@
 // The status panel, the timeline, the labels and the help, in Dear ImGui. Internal to smartsurf/view.
 //
-// Unless noted otherwise, functions are called between ImGui::NewFrame and ImGui::Render. scale: of the display.
+// Unless noted otherwise, functions are called between ImGui::NewFrame and ImGui::Render. scale: of the
+// display.
 #pragma once
 
 #include <optional>

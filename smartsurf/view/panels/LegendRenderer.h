@@ -1,5 +1,5 @@
-// Renders the legend of an off-screen image with Dear ImGui. Internal to smartsurf/view. The same OpenGL context
-// must be current whenever a LegendRenderer is created, used or destroyed.
+// Renders the legend of an off-screen image with Dear ImGui. Internal to smartsurf/view. The same OpenGL
+// context must be current whenever a LegendRenderer is created, used or destroyed.
 #pragma once
 
 #include "smartsurf/view/model/DrawOptions.h"

@@ -8,8 +8,8 @@ namespace {
 constexpr double kScaleStep = 0.25;
 // The first frame at a new scale is ignored: the driver may compile or allocate in it.
 constexpr int kFramesPerDecision = 8;
-// Upscale if the predicted time stays below this share of the budget. The prediction is pessimistic: it scales
-// the whole frame time with the number of pixels.
+// Upscale if the predicted time stays below this share of the budget. The prediction is pessimistic: it
+// scales the whole frame time with the number of pixels.
 constexpr double kUpscaleHeadroom = 0.85;
 
 double square(double x) { return x * x; }

@@ -1,5 +1,5 @@
-// Chooses the rendering resolution of a window on a software renderer from its frame times, so that large scenes
-// stay interactive. Panels and text keep full resolution.
+// Chooses the rendering resolution of a window on a software renderer from its frame times, so that large
+// scenes stay interactive. Panels and text keep full resolution.
 //
 // Off-screen images and videos do not use it: their content never depends on a clock.
 #pragma once

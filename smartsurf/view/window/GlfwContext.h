@@ -13,8 +13,8 @@ namespace smartsurf::view {
 // GLFW and one window with its OpenGL context.
 class GlfwContext {
  public:
-  // Leaves the context current. Throws std::runtime_error with a one-line message if there is no display or no
-  // OpenGL 3.3.
+  // Leaves the context current. Throws std::runtime_error with a one-line message if there is no display or
+  // no OpenGL 3.3.
   GlfwContext(const std::string& title, int width, int height, WindowPlacement placement);
   ~GlfwContext();
   GlfwContext(const GlfwContext&) = delete;

@@ -59,8 +59,8 @@ struct Window::State {
   void queue_pointer_event(PointerEvent event, int mods);
   void set_scene(const scene::SceneSpec& s);
   Commands take_commands();
-  // Returns false without drawing if the display is lost or the window is minimised. copy: receives the frame;
-  // may be null.
+  // Returns false without drawing if the display is lost or the window is minimised. copy: receives the
+  // frame; may be null.
   bool render_frame(const FrameInput& input, const Status& new_status, common::Image* copy);
   bool needs_full_resolution() const;
   void draw_scene(const FrameInput& input);

@@ -1,7 +1,7 @@
 // The simulator's window: draws the scene and the panels, and returns the user's commands.
 //
-// Main thread only, as GLFW requires; one window per process. Calls block only while drawing (about 30 ms on a
-// software renderer). The caller chooses the frame rate.
+// Main thread only, as GLFW requires; one window per process. Calls block only while drawing (about 30 ms on
+// a software renderer). The caller chooses the frame rate.
 #pragma once
 
 #include <memory>
@@ -45,15 +45,17 @@ class Window {
   // Renders the scene from the window's camera in the quality of OffscreenView, without the panels.
   common::Image capture_scene(const FrameInput& input, int width, int height);
 
-  // Draws and shows one frame and returns it with its panels, in framebuffer pixels (on a scaled display, more
-  // than the window's size). Empty while the window is minimised. Commands stay pending for render_frame().
+  // Draws and shows one frame and returns it with its panels, in framebuffer pixels (on a scaled display,
+  // more than the window's size). Empty while the window is minimised. Commands stay pending for
+  // render_frame().
   common::Image capture_frame(const FrameInput& input, const Status& status);
 
   // Whether there was input since the last frame.
   bool needs_redraw() const;
   // Whether the user has enabled contact forces: FrameInput::contacts should then be filled.
   bool wants_contacts() const;
-  // Simulate a key action and a pointer event (framebuffer pixels). Handled by the next frame.
+  // Simulate a key action and a pointer event (screen coordinates of the window). Take effect in the next
+  // frame.
   void perform(UiAction action);
   void add_pointer_event(const PointerEvent& event);
 

@@ -11,8 +11,8 @@ constexpr int kCellsPerBody = 4, kMinCells = 64;
 
 }  // namespace
 
-// A parallel counting sort. fill_cell_lines() then sorts the bodies of each cell by index, so the order does not
-// depend on which member inserted which body.
+// A parallel counting sort. fill_cell_lines() then sorts the bodies of each cell by index, so the order does
+// not depend on which member inserted which body.
 void UniformGrid::build(const Input& in, std::span<const std::int32_t> own, const Member& member) {
   member.single([&] {
     member_state_.resize(static_cast<std::size_t>(member.member_count));
@@ -110,7 +110,8 @@ void UniformGrid::compute_member_slots(std::size_t member) {
     for (std::size_t c = 0; c < next.size(); ++c) next[c] += member_state_[before].cell_count[c];
 }
 
-// Sorts the bodies of each cell and copies their spheres, for the given lines of cells along x in every layer.
+// Sorts the bodies of each cell and copies their spheres, for the given lines of cells along x in every
+// layer.
 void UniformGrid::fill_cell_lines(const Input& in, IndexRange lines) {
   for (int z = 0; z < cell_count_[2]; ++z)
     for (int cell = index(0, lines.begin, z); cell < index(0, lines.end, z); ++cell) {

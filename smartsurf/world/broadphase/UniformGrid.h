@@ -1,8 +1,8 @@
-// The broad phase: a uniform grid over bodies of similar size. The few much larger bodies are kept in a list and
-// query the grid.
+// The broad phase: a uniform grid over bodies of similar size. The few much larger bodies are kept in a list
+// and query the grid.
 //
-// Bodies are sorted by cell, so that neighbouring cells along x are contiguous in memory. Results and their order
-// depend on positions and indices only, not on the number of members.
+// Bodies are sorted by cell, so that neighbouring cells along x are contiguous in memory. Results and their
+// order depend on positions and indices only, not on the number of members.
 #pragma once
 
 #include <algorithm>
@@ -25,9 +25,9 @@ class UniformGrid {
     std::span<const float> radius;
     float large_radius;
   };
-  // Called by all members of the team; the `own` lists together hold every body once. Best if a member's bodies
-  // lie close together. A single member must list them in ascending order. Members must meet at a barrier before
-  // they query the grid.
+  // Called by all members of the team; the `own` lists together contain every body once. Fastest if the
+  // bodies of a member lie close together. A single member must list them in ascending order. Members must
+  // pass a barrier before they query the grid.
   void build(const Input&, std::span<const std::int32_t> own, const Member&);
 
   std::int32_t body(int sorted) const { return sorted_bodies_[static_cast<std::size_t>(sorted)]; }
@@ -63,7 +63,7 @@ class UniformGrid {
     Vec3 low, high;
     float max_radius;
     std::vector<std::int32_t> large;
-    // By cell: number of the member's bodies, and slot in sorted order for the next one.
+    // Indexed by cell: number of the member's bodies, and slot in sorted order for the next one.
     std::vector<std::int32_t> cell_count, next_slot;
   };
   void compute_bounds(const Input&, std::span<const std::int32_t> own, MemberState&);
@@ -80,12 +80,12 @@ class UniformGrid {
   Vec3 origin_{0, 0, 0};
   float inverse_size_ = 1.0F;
   int cell_count_[3] = {1, 1, 1};
-  std::vector<std::int32_t> cell_start_;  // by cell: first position in sorted order; one more at the end
+  std::vector<std::int32_t> cell_start_;  // indexed by cell: first sorted position; one more at the end
   std::vector<std::int32_t> sorted_bodies_, large_bodies_;  // body indices
-  std::vector<std::int32_t> sorted_cell_;                   // by sorted position
-  std::vector<float> x_, y_, z_, radius_;   // by sorted position, kSimdPadding more at the end
+  std::vector<std::int32_t> sorted_cell_;                   // indexed by sorted position
+  std::vector<float> x_, y_, z_, radius_;   // indexed by sorted position; kSimdPadding more at the end
   std::vector<MemberState> member_state_;   // one per member
-  std::vector<std::int32_t> cell_of_body_;  // by body; −1: large
+  std::vector<std::int32_t> cell_of_body_;  // indexed by body; −1 if large
 };
 
 template <class Found>

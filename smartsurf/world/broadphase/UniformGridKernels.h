@@ -10,15 +10,16 @@
 
 namespace smartsurf::world {
 
-// Spheres within which bodies can touch anything, u. Arrays must be readable for kSimdPadding elements past the
-// last.
+// Spheres within which bodies can touch anything, u. Arrays must be readable for kSimdPadding elements past
+// the last.
 struct BoundingSpheres {
   const float *x, *y, *z, *radius;
 };
 inline constexpr int kSimdPadding = 16;
 
-// Writes to `found` the indices of the spheres in the runs that overlap the one at `self`, in ascending order
-// within each run, and returns their number. `found` needs space for all spheres in the runs plus kSimdPadding.
+// Writes to `found` the indices of the spheres in the runs that overlap the one at `self`, in ascending
+// order within each run, and returns their number. `found` needs space for all spheres in the runs plus
+// kSimdPadding.
 int find_overlaps(const BoundingSpheres&, int self, std::span<const IndexRange> runs, std::int32_t* found);
 
 }  // namespace smartsurf::world

@@ -6,14 +6,14 @@
 namespace smartsurf::world {
 namespace {
 
-// A contact with a smaller vertical component of the normal is with a cell's side and does not load the cell.
+// A contact whose normal has a smaller vertical component lies on a cell's side and does not load the cell.
 constexpr float kMinNormalZ = 0.05F;
 // Typical penetration of a resting contact, u.
 constexpr float kRestingOverlap = 2e-3F;
-// A cell counts as saturated from this fraction of its force limit on.
+// A cell is saturated at this fraction of its force limit.
 constexpr float kSaturation = 0.99F;
-// Fraction of a cell's force limit that is shared evenly; the rest is shared in proportion to the last impulses.
-// A contact that needs more than its share thus gets more from step to step, as far as others do not use theirs.
+// Fraction of a cell's force limit that is shared evenly. The rest is shared in proportion to the last
+// impulses, so that unused shares move to the contacts that need them over a few steps.
 constexpr float kEvenFraction = 0.2F;
 
 }  // namespace

@@ -1,5 +1,5 @@
-// Enforces the force limits of cells: bounds the contact impulses on a limited cell and lets an overloaded cell
-// yield.
+// Enforces the force limits of cells: bounds the contact impulses on a limited cell and lets an overloaded
+// cell yield.
 #pragma once
 
 #include <vector>
@@ -12,12 +12,12 @@ namespace smartsurf::world {
 
 class CellForceLimits {
  public:
-  // Before the solver: sets Contact::max_normal_impulse. Contacts on one cell share its force limit, mostly in
-  // proportion to their warm-starting impulses.
+  // Before the solver: sets Contact::max_normal_impulse. Contacts on one cell share its force limit, mostly
+  // in proportion to their warm-starting impulses.
   void distribute_limits(const surface::Field&, float dt_s, ContactList& static_contacts);
 
-  // After the solver, with BodyStore::delta_pose of the step: lowers Field::speed of each saturated cell to the
-  // velocity of the bodies on it.
+  // After the solver, with BodyStore::delta_pose of the step: lowers Field::speed of each saturated cell to
+  // the velocity of the bodies on it.
   void yield_overloaded_cells(const BodyStore&, const ContactList& static_contacts, float dt_s,
                               surface::Field&);
 

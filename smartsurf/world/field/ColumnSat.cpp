@@ -8,10 +8,11 @@ namespace {
 
 using scene::ShapeKind;
 
-// A column has no underside.
+// A column has no bottom face, so normals do not point down. The tolerance admits rounding.
 constexpr float kMinNormalZ = -0.01F;
+// Edge axes must win by this much, so that the choice does not alternate with a face axis, u.
 constexpr float kEdgeBias = 2e-3F;
-// A normal that leans less than this out over a bridged side is taken as leaning by rounding only.
+// A normal that leans less than this over a bridged side does so by rounding only.
 constexpr float kLeanTolerance = 0.05F;
 
 }  // namespace
@@ -54,7 +55,7 @@ void ColumnSat::add_box(const ConvexProxy& proxy) {
 void ColumnSat::add_hull(const ConvexProxy& proxy) {
   const ConvexHullShape& hull = *proxy.part.hull;
   const auto& faces = hull.hull->faces;
-  const Vec3 down = -proxy.axes.row(2).transpose();  // everything in the hull's own axes
+  const Vec3 down = -proxy.axes.row(2).transpose();  // in the hull's axes
   for (int k = 0; k < 2; ++k) face_normals_[k].resize(faces.size());
   for (std::size_t f = 0; f < faces.size(); ++f) {
     for (int k = 0; k < 2; ++k) face_normals_[k][f] = proxy.axes.row(k) * faces[f].normal;
@@ -64,8 +65,8 @@ void ColumnSat::add_hull(const ConvexProxy& proxy) {
   }
   for (const ConvexHullShape::Edge& e : hull.edges)
     for (int k = 0; k < 2; ++k) {
-      // Between the two faces' normals lies one across the column's edge only if they look to both sides of
-      // it.
+      // The arc between the two face normals on the Gauss map contains a normal perpendicular to the column's
+      // edge only if their components along that edge differ in sign.
       const float left = face_normals_[k][e.left], right = face_normals_[k][e.right];
       if (left * right >= 0.0F) continue;
       const Vec3 outward = faces[e.left].normal * std::abs(right) + faces[e.right].normal * std::abs(left);
@@ -105,7 +106,7 @@ inline float ColumnSat::AxisList::separation(std::size_t i, const Column& q) con
 }
 
 bool ColumnSat::find_best_axis(const Column& q, float margin, BestAxis& out) {
-  // What told the last column from the piece often tells its neighbour too.
+  // The axis that separated the last column often separates its neighbour too.
   if (axes_.separation(separating_axis_, q) > margin) return false;
   const std::size_t count = axes_.size();
   separation_.resize(count);

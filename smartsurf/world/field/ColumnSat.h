@@ -30,7 +30,7 @@ class ColumnSat {
   struct AxisList {
     std::vector<float> x, y, z;         // the normal
     std::vector<float> min_projection;  // least normal · p over the part's points p
-    std::vector<float> bias;  // handicap of edge axes, which keeps the choice stable from step to step
+    std::vector<float> bias;            // penalty of edge axes; keeps the choice stable from step to step
     void clear();
     void add(const Vec3& normal, float projection, float axis_bias);
     std::size_t size() const { return x.size(); }

@@ -1,4 +1,4 @@
-// The field as the narrow phase sees it: columns with heights, and the sides bridged to a level neighbour.
+// The narrow phase's view of the field: one column per cell, with sides bridged to level neighbours.
 #pragma once
 
 #include <algorithm>
@@ -33,7 +33,8 @@ struct CellRange {
 
 class Columns {
  public:
-  // `width`: of the body; gaps at least as wide are not bridged, so that it falls between the cells.
+  // `width`: of the body, u. Gaps at least that wide are not bridged, so that the body can fall between
+  // cells.
   Columns(const surface::Field& field, float width)
       : field_(field),
         height_(field.height.data()),
@@ -49,7 +50,7 @@ class Columns {
   CellRange cells_covering(float x_low, float x_high, float y_low, float y_high) const {
     const float inverse = 1.0F / pitch_;
     auto cell = [inverse](float u) { return std::clamp(u * inverse, -1e6F, 1e6F); };
-    // Inlined, unlike std::floor and std::ceil on the baseline instruction set.
+    // The compiler inlines these, unlike std::floor and std::ceil, on the baseline instruction set.
     auto floor = [](float u) {
       const int i = static_cast<int>(u);
       return i - (static_cast<float>(i) > u ? 1 : 0);

@@ -35,7 +35,7 @@ class BodySweep {
     return deepest;
   }
 
-  // The last fraction in [begin, end] at which the penetration is no deeper, to 2^−kBisections of the interval.
+  // The last fraction in [begin, end] with a penetration of at most `depth_allowed`, by bisection.
   float bisect_impact(float depth_allowed, float begin, float end) const {
     for (int i = 0; i < kBisections; ++i) {
       const float middle = 0.5F * (begin + end);

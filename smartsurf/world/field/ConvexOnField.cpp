@@ -16,9 +16,9 @@ namespace {
 
 using scene::ShapeKind;
 
-// A normal that leans less than this out over a bridged side is taken as leaning by rounding only.
+// A normal that leans less than this over a bridged side does so by rounding only.
 constexpr float kLeanTolerance = 0.05F;
-// A run of level cells in line, as one column.
+// A run of level cells of one grid column, merged into one Column.
 struct Plateau {
   Column column;
   int row_begin, row_end, column_begin, column_end;
@@ -26,6 +26,7 @@ struct Plateau {
 
 using Escape = ColumnSat::BestAxis;
 
+// Collides one convex part with the columns below it.
 class PartOnField {
  public:
   PartOnField(const Columns& columns, const ConvexPart& part, const Vec3& centre, const Mat3& axes,
@@ -41,22 +42,22 @@ class PartOnField {
         columns_.cells_covering(low_.x() - margin, high_.x() + margin, low_.y() - margin, high_.y() + margin);
   }
 
-  // The few contacts that hold the piece.
+  // Calls take(candidate) for the reduced manifold.
   template <class Take>
   void search(Take take) {
     collide_all();
     candidates_.reduce(take);
   }
 
-  // All from which these are chosen.
+  // Calls take(candidate) for all candidates.
   template <class Take>
   void search_all(Take take) {
     collide_all();
     candidates_.for_each(take);
   }
 
-  // The contacts of each cell that bears the piece, one cell after the other: one in the midst of a level
-  // patch, else the few that hold the piece on that cell.
+  // Calls take(candidate) for a separate manifold on each supporting cell, because each cell has its own
+  // force limit. Cells inside a level patch get one averaged contact, other cells a reduced manifold.
   template <class Take>
   void search_each_cell(Take take) {
     if (!collide_points()) return;
@@ -85,7 +86,7 @@ class PartOnField {
     });
   }
 
-  // What the piece's own points touch. Returns whether it reaches down to any cell.
+  // Adds the contacts of the part's feature points. False if the part is above all cells.
   bool collide_points() {
     const float max_z = columns_.max_height(cells_below_) + margin_;
     if (low_.z() > max_z) return false;
@@ -95,7 +96,7 @@ class PartOnField {
   }
 
   ColumnSat& part_sat() const {
-    // One for each thread: it keeps its memory from body to body.
+    // Thread-local, to reuse its allocations between bodies.
     thread_local ColumnSat sat;
     sat.set(proxy_, low_, high_);
     return sat;
@@ -120,7 +121,7 @@ class PartOnField {
     }
   }
 
-  // A point of the piece inside or above a column: the way out of it.
+  // Adds a contact of a point of the part with each column that is below or around it.
   void collide_point(const Vec3& p) {
     const CellRange cells = columns_.cells_covering(p.x(), p.x(), p.y(), p.y());
     for (int r = cells.row_begin; r < cells.row_end; ++r)
@@ -147,8 +148,8 @@ class PartOnField {
     }
   }
 
-  // Calls each(plateau) for the cells under the piece that reach up to it, level neighbours in a column of
-  // cells taken as one, unless each bears a limited force of its own.
+  // Calls each(plateau) for the cells under the part whose tops are above its lower bound. Level neighbours
+  // along a grid column are merged, unless cells have force limits.
   template <class Each>
   void for_each_plateau(Each each) const {
     const CellRange& cells = cells_below_;
@@ -173,7 +174,7 @@ class PartOnField {
     Escape axis;
     if (!sat.find_best_axis(p.column, margin_, axis)) return;
     ManifoldReducer found;
-    // Level tops beside each other face the same side.
+    // Neighbouring level tops often yield the same normal.
     if (facing_normal_ != axis.normal)
       facing_normal_ = axis.normal, facing_feature_ = support_feature(part_, centre_, axes_, -axis.normal);
     const SupportFeature& part_feature = facing_feature_;
@@ -182,7 +183,7 @@ class PartOnField {
     else
       add_contact_patch(part_feature, column_feature(p.column, axis.normal), axis.normal, margin_, 0, found);
     const bool is_polyhedral = part_.hull || part_.shape.kind == ShapeKind::kBox;
-    // Between curved sides the gap may be wider than it was told.
+    // For curved parts the separation along the SAT axis is only a lower bound.
     const bool resolved =
         found.count() > 0 && (is_polyhedral || found.min_separation() <= axis.separation + kTolerance);
     if (!resolved) {
@@ -193,7 +194,7 @@ class PartOnField {
     add(p, found, out);
   }
 
-  // What of a face or an edge lies over the top.
+  // Clips a face or an edge of the part to the column's top.
   void add_top_patch(const SupportFeature& part_feature, const Column& q, ManifoldReducer& out) const {
     const SupportFeature patch = clip_to_rectangle(part_feature, q.west, q.east, q.south, q.north);
     for (int i = 0; i < patch.count; ++i) {
@@ -203,14 +204,14 @@ class PartOnField {
     }
   }
 
-  // An edge of the piece across an edge of the top, both square to the normal: where they cross, the two are
-  // nearest.
+  // Adds the contact between an edge of the part and an edge of the top, both perpendicular to the normal. It
+  // lies where the two cross in projection along the normal. False if they do not cross.
   bool add_edge_crossing(const SupportFeature& part_feature, const Column& q, const Escape& axis,
                          ManifoldReducer& out) const {
     const Vec3& n = axis.normal;
     const int along = std::abs(n.x()) < std::abs(n.y()) ? 0 : 1;
     if (std::abs(n[along]) > 1e-4F || part_feature.count < 2) return false;
-    // The two of the feature that reach farthest.
+    // The two points of the feature that are deepest along the normal.
     int first = 0, second = 1;
     float min_projection = n.dot(part_feature.point[0]), second_projection = n.dot(part_feature.point[1]);
     if (second_projection < min_projection)
@@ -227,7 +228,7 @@ class PartOnField {
     if (second_projection - edge > axis.separation + kTolerance) return false;
     const Vec3 &a = part_feature.point[static_cast<std::size_t>(first)],
                &b = part_feature.point[static_cast<std::size_t>(second)];
-    // Seen against the normal: where the piece's edge passes over the line of the top's edge.
+    // In projection along the normal: where the part's edge crosses the line of the top's edge.
     const Vec3 across = n.cross(Vec3::Unit(along));
     const float from = across.dot(a), to = across.dot(b);
     const float line = across[1 - along] * side + across.z() * q.top;
@@ -240,6 +241,7 @@ class PartOnField {
     return true;
   }
 
+  // For curved parts, where SAT gives a lower bound only.
   void collide_with_gjk(const Plateau& p, const Escape& sat_axis, ManifoldReducer& out) const {
     const ClosestPoints closest = closest_to(p.column, sat_axis.normal);
     if (!closest.separated) return resolve_penetration(p, sat_axis, out);
@@ -250,7 +252,7 @@ class PartOnField {
     ManifoldReducer found;
     const SupportFeature part_feature = support_feature(part_, centre_, axes_, -axis.normal);
     add_contact_patch(part_feature, column_feature(p.column, axis.normal), axis.normal, margin_, 0, found);
-    // A mantle along an upper edge bears on both ends of what they share.
+    // A lateral surface along an upper edge touches at both ends of their overlap.
     if (found.count() == 0 && part_feature.count == 2)
       add_contact_patch(part_feature, top_edge(p.column, axis.normal), axis.normal, margin_, 0, found);
     if (found.count() == 0)
@@ -258,8 +260,8 @@ class PartOnField {
     add(p, found, out);
   }
 
-  // Deeper than GJK can tell: the way of the least overlap, at what of the piece reaches in farthest over the
-  // column.
+  // The GJK cores overlap: uses the SAT axis of least penetration and the deepest point of the part, clamped
+  // to the column.
   void resolve_penetration(const Plateau& p, const Escape& axis, ManifoldReducer& out) const {
     const Column& q = p.column;
     Vec3 position = proxy_.support_with_radius(-axis.normal) - axis.separation * axis.normal;
@@ -269,7 +271,7 @@ class PartOnField {
     add(p, ManifoldCandidate{position, axis.normal, axis.separation, 0}, out);
   }
 
-  // Where two edges cross, or a corner meets something.
+  // Adds one contact at the closest points, for crossing edges and for corners.
   void add_closest(const Plateau& p, const Escape& axis, ManifoldReducer& out) const {
     const ClosestPoints closest = closest_to(p.column, axis.normal);
     if (closest.separated && closest.distance - proxy_.convex_radius - kColumnConvexRadius <= margin_ &&
@@ -298,7 +300,7 @@ class PartOnField {
                           margin_ + proxy_.convex_radius + kColumnConvexRadius, towards_part);
   }
 
-  // The upper edge that the normal leans out over.
+  // The upper edge on the side that the normal points to.
   static SupportFeature top_edge(const Column& q, const Vec3& n) {
     const int across = std::abs(n.x()) > std::abs(n.y()) ? 0 : 1;
     SupportFeature f;
@@ -308,7 +310,8 @@ class PartOnField {
     return f;
   }
 
-  // The column's top, or the side that the normal leaves it by, as far down as the piece reaches.
+  // The support feature of the column: its top, or the side that the normal points to, extended to below the
+  // part.
   SupportFeature column_feature(const Column& q, const Vec3& n) const {
     SupportFeature f;
     if (n.z() >= 0.7F) {
@@ -329,12 +332,13 @@ class PartOnField {
     return f;
   }
 
+  // Adds the candidates, reduced if there are more than a manifold holds.
   void add(const Plateau& p, ManifoldReducer& found, ManifoldReducer& out) const {
-    constexpr int kMaxContacts = 4;  // no more than would be picked
+    constexpr int kMaxContacts = 4;  // as ManifoldReducer::reduce()
     auto take = [&](const ManifoldCandidate& c) { add(p, c, out); };
     found.count() <= kMaxContacts ? found.for_each(take) : found.reduce(take);
   }
-  // On the cell of the plateau where the point is.
+  // Tags the candidate with the cell of the plateau that contains its point.
   void add(const Plateau& p, ManifoldCandidate c, ManifoldReducer& out) const {
     const int row =
         static_cast<int>(std::lround(columns_.y(0) / columns_.pitch() - c.point.y() / columns_.pitch()));
@@ -342,21 +346,21 @@ class PartOnField {
     out.add(c);
   }
 
-  static constexpr float kColumnConvexRadius = 0.01F, kTolerance = 2e-4F;
+  static constexpr float kColumnConvexRadius = 0.01F, kTolerance = 2e-4F;  // u
   const Columns& columns_;
   const ConvexPart& part_;
   const Vec3& centre_;
   const Mat3& axes_;
   const ConvexProxy proxy_;
   const float margin_;
-  Vec3 low_, high_;  // its bounds
+  Vec3 low_, high_;  // bounding box of the part, world axes
   CellRange cells_below_;
-  Vec3 facing_normal_{0, 0, 0};  // the normal against which the piece turns `facing_feature_`
+  Vec3 facing_normal_{0, 0, 0};  // contact normal for which facing_feature_ was computed
   SupportFeature facing_feature_;
   ManifoldReducer candidates_;
 };
 
-// Calls look(piece on the field) for the pieces of a shape, where any cell under it reaches up to it.
+// Calls visit(part_on_field) for the convex parts of a shape, unless the shape is above all cells under it.
 template <class Visit>
 void for_each_part_on_field(const Columns& columns, const Shape& shape, const Vec3& centre, const Mat3& axes,
                             float margin, Visit visit) {

@@ -9,12 +9,12 @@ namespace {
 
 constexpr float kTolerance = 1e-4F;  // of the distance, u
 
-// A cylinder in its own axes.
+// A cylinder in body axes.
 struct CylinderProxy {
   float radius, half_height;
 };
 
-// How far a point outside lies from the cylinder, and the way out to it.
+// Distance and direction from the cylinder to an exterior point; 0 for interior points.
 SignedDistance exterior_distance(const CylinderProxy& c, const Vec3& p) {
   const float across = length_of(p.x(), p.y());
   const float out_r = std::max(0.0F, across - c.radius),
@@ -31,8 +31,8 @@ struct EdgePoint {
   float slope = 0.0F;  // of the distance along the edge
 };
 
-// The distance along an edge has one minimum, where the way out is square to the edge, or at an end. Found by
-// the rule of false position, with a clamp, since the slope leaps where a rim is near.
+// The distance is convex along the edge: its minimum lies where the direction is perpendicular to the edge,
+// or at an end. Regula falsi finds it; the step is clamped because the slope changes abruptly near a rim.
 EdgePoint closest_on_edge(const CylinderProxy& c, const Vec3& from, const Vec3& along, float length) {
   constexpr int kMaxIterations = 16;
   constexpr float kMinFraction = 0.15F;
@@ -52,19 +52,19 @@ EdgePoint closest_on_edge(const CylinderProxy& c, const Vec3& from, const Vec3& 
     const EdgePoint middle = evaluate(low.position + fraction * (high.position - low.position));
     (middle.slope < 0.0F ? low : high) = middle;
   }
-  // Between the ways at both ends lies the one that is square to the edge.
+  // Interpolates the directions at both ends to the one perpendicular to the edge.
   EdgePoint closest = flatter_end();
   closest.offset.normal = (high.slope * low.offset.normal - low.slope * high.offset.normal).normalized();
   return closest;
 }
 
-// An upper edge of the column, drawn in, and the side that it bounds the top on.
+// An upper edge of the shrunk column, and the outward normal of the side below it.
 struct Edge {
   Vec3 from{0, 0, 0}, along{0, 0, 0}, side{0, 0, 0};
   float length = 0.0F;
 };
 
-// The edge square to a horizontal axis that the cylinder leans out over; false where it leans over neither.
+// Finds the edge perpendicular to a horizontal axis on the cylinder's side. False if it is on neither side.
 bool edge_under_axis(const ConvexProxy& cylinder, const Column& q, float convex_radius, const Vec3& towards,
                      int axis, Edge& out) {
   const Vec3 low(q.west + convex_radius, q.south + convex_radius, q.top - convex_radius);
@@ -101,7 +101,7 @@ bool closest_on_edges(const ConvexProxy& cylinder, const Column& q, float convex
   const float distance = best.offset.distance;
   if (best_edge.length == 0.0F || distance == 0.0F) return false;
   const Vec3 normal = cylinder.axes * -best.offset.normal;
-  // Otherwise something of the top or the side is nearer, or the plane between the two tells that they are.
+  // If the normal points away from the top or the side, a point on that face is closer.
   if (normal.z() < 0.0F || normal.dot(best_edge.side) < 0.0F) return false;
   const Vec3 on_column = best_edge.from + best.position * best_edge.along;
   if (normal.dot(cylinder.support(-normal) - on_column) < distance - kTolerance) return false;

@@ -12,16 +12,16 @@
 namespace smartsurf::world {
 namespace {
 
-// How far body and cells may have moved against each other since they were looked at: as a share of the
-// body's reach, and in u. Whatever was farther apart then has not met yet.
+// Greatest relative motion of body and cells for which a cached manifold stays valid: as a fraction of the
+// bounding radius, and in u. Features that were farther apart cannot touch yet.
 constexpr float kTravelFraction = 0.035F, kMaxTravel = 0.07F;
-// Of what is round one point stands for a whole rim, and the nearest one wanders off along it.
+// Tighter for axisymmetric bodies, where a few points represent a rim and the closest point moves along it.
 constexpr float kAxisymmetricTravelFraction = 0.025F, kMaxAxisymmetricTravel = 0.05F;
-// How far the body may slide meanwhile where it touches, likewise. The normals stay, so that what is off is
-// of second order.
+// Greatest tangential motion at a cached point, likewise as a fraction and in u. The normals stay constant,
+// so the error is of second order.
 constexpr float kSlipFraction = 0.025F, kMaxSlip = 0.05F;
-// How far cells that were level may move against each other, u: where they are no longer, an edge stands out
-// that has no point.
+// Greatest relative motion of cells that were level, u. Beyond it, an edge is exposed that has no cached
+// point.
 constexpr float kMaxLevelChange = 0.004F;
 
 float max_travel(const BodyStore& bodies, std::size_t i) {
@@ -52,8 +52,8 @@ void FieldManifoldCache::build_index(int bodies) {
     }
 }
 
-// Whether nothing of the body that is near the cells has moved too far against any of them, nor these against
-// each other. A cell that sinks away from the body meets nothing new.
+// Whether neither the part of the body near the cells has moved too far relative to any of them, nor level
+// cells relative to each other. A cell that moves down cannot cause a new contact.
 bool FieldManifoldCache::is_valid(const BodyStore& bodies, std::size_t i, float margin,
                                   const CachedManifold& cached) const {
   const Mat3 rotation = bodies.axes[i] * cached.axes.transpose() - Mat3::Identity();
@@ -70,12 +70,12 @@ bool FieldManifoldCache::is_valid(const BodyStore& bodies, std::size_t i, float 
          (height_change.high - height_change.low <= kMaxLevelChange || !level_cells_separated(cached));
 }
 
-// How far the cells under the body rose.
+// Least and greatest rise of the cells under the body since the manifold was cached.
 FieldManifoldCache::HeightChange FieldManifoldCache::height_change_since(const CachedManifold& cached) const {
   const CellRange& u = cached.cells;
   const int width = u.column_end - u.column_begin;
   HeightChange total{std::numeric_limits<float>::max(), -std::numeric_limits<float>::max()};
-  // Not a number where there is no cell: the old value stays.
+  // The difference is NaN where there is no cell; min and max then keep the second operand.
   Float4 low = broadcast4(total.low), high = broadcast4(total.high);
   const float* cached_heights = cached.heights;
   for (int r = u.row_begin; r < u.row_end; ++r, cached_heights += width) {
@@ -98,7 +98,7 @@ FieldManifoldCache::HeightChange FieldManifoldCache::height_change_since(const C
 bool FieldManifoldCache::level_cells_separated(const CachedManifold& cached) const {
   const CellRange& u = cached.cells;
   const int width = u.column_end - u.column_begin;
-  // Of `count` cells that lie side by side, against those `beside` further on.
+  // Compares `count` contiguous cells with those one stride further.
   auto any_separated = [](int count, const float* cached_heights, int cached_stride, const float* heights,
                           int stride) {
     if (count < kSimd4Width) {
@@ -147,7 +147,7 @@ void FieldManifoldCache::rebuild(const BodyStore& bodies, std::size_t i, float m
   manifold.axes = axes;
   manifold.centre = centre;
   manifold.clearance = margin;
-  // Whatever is higher above the cells than the margin has to come farther down than all below it.
+  // Points higher than the margin above the cells cannot touch before the lower ones have moved too far.
   const Vec3 half_extents = axes.cwiseAbs() * bodies.shape[i]->half_extents;
   Vec3 high = centre + half_extents;
   high.z() = std::min(high.z(), max_height + margin);
@@ -192,8 +192,9 @@ void FieldManifoldCache::collide(const BodyStore& bodies, std::size_t i, float m
   reduce(bodies, i, margin, std::numeric_limits<float>::infinity(), chunk_cache, out);
 }
 
-// Of the points of each piece the few that hold it, where it and the cells are now. False, and nothing found,
-// if the body has slid too far at any of the points: each lay straight above its cell's when it was found.
+// Updates the separations of the cached points and appends a reduced manifold per part. Returns false and
+// appends nothing if the body has slipped too far at any point: each pair of points was aligned along its
+// normal when cached.
 bool FieldManifoldCache::reduce(const BodyStore& bodies, std::size_t i, float margin, float slip_limit,
                                 const ChunkCache& chunk_cache, std::vector<Contact>& out) const {
   const CachedManifold& manifold = chunk_cache.manifolds.back();
@@ -203,7 +204,7 @@ bool FieldManifoldCache::reduce(const BodyStore& bodies, std::size_t i, float ma
   auto height_change = [&](const CachedPoint& p) {
     return field_.height[static_cast<std::size_t>(p.cell)] - p.top;
   };
-  float slip_squared = 0.0F;  // square
+  float slip_squared = 0.0F;  // the greatest, u²
   const CachedPoint* const end = chunk_cache.points.data() + manifold.first_point + manifold.point_count;
   for (const CachedPoint *part_begin = end - manifold.point_count, *part_end = part_begin; part_begin < end;
        part_begin = part_end) {

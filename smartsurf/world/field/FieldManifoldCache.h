@@ -25,8 +25,8 @@ class FieldManifoldCache {
     std::int32_t body;
     Mat3 axes;
     Vec3 centre;
-    Vec3 near_centre,
-        near_half_extents;                  // box around the part of the body near the cells, world axes
+    // Box around the part of the body near the cells, world axes.
+    Vec3 near_centre, near_half_extents;
     float clearance;                        // separation of everything but the points, u
     CellRange cells;                        // the cells tested
     std::int32_t first_point, point_count;  // range in points

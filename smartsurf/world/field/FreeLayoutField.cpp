@@ -11,8 +11,8 @@
 namespace smartsurf::world {
 namespace {
 
-constexpr int kCentreCell = 4;                   // of three by three
-constexpr int kNeighbourCell[4] = {3, 5, 1, 7};  // west, east, north, south of it
+constexpr int kCentreCell = 4;                   // index in the local 3×3 grid
+constexpr int kNeighbourCell[4] = {3, 5, 1, 7};  // west, east, north, south
 constexpr float kSideNormal[4][2] = {{-1, 0}, {1, 0}, {0, 1}, {0, -1}};
 
 Vec3 rotated(const Vec3& v, float sine, float cosine) {
@@ -60,7 +60,7 @@ void FreeLayoutField::for_each_cell(const Vec3& low, const Vec3& high, Each each
     }
 }
 
-// The cell whose top, grown so much on all sides, holds the point; −1: none.
+// Index of the cell whose top, extended by `tolerance` on all sides, contains the point, or −1.
 int FreeLayoutField::cell_at(float x, float y, float tolerance) const {
   int found = -1;
   const Vec3 at(x, y, 0), reach(tolerance, tolerance, 0);
@@ -74,7 +74,7 @@ int FreeLayoutField::cell_at(float x, float y, float tolerance) const {
   return found;
 }
 
-// Across each side, three quarters into the gap, where the neighbour is nearer than the cell itself.
+// Samples across each side at three quarters of the gap, where the neighbour is closer than the cell itself.
 FreeLayoutField::Neighbours FreeLayoutField::find_neighbours(std::size_t cell) const {
   Neighbours n;
   const float angle = field_.angle.empty() ? 0.0F : field_.angle[cell];
@@ -114,7 +114,7 @@ surface::Field FreeLayoutField::make_local_grid() const {
   f.speed.assign(9, 0.0F);
   if (field_.has_surface_velocity()) f.surface_velocity_x = f.surface_velocity_y = f.surface_spin = f.speed;
   if (field_.has_force_limit())
-    f.force_limit = f.speed;  // each cell bears its own share: that is all that counts here
+    f.force_limit = f.speed;  // the values are unused; a non-empty array selects manifolds per cell
   return f;
 }
 
@@ -138,7 +138,7 @@ void FreeLayoutField::collide_cell(std::size_t cell, const Shape& shape, const V
   load_local_grid(cell, f);
   const float angle = field_.angle.empty() ? 0.0F : field_.angle[cell];
   const float sine = std::sin(angle), cosine = std::cos(angle);
-  // In the cell's frame it stands at (pitch, pitch), the middle of the nine.
+  // The cell is the centre of the local 3×3 grid, at (pitch, pitch).
   const Vec3 grid_centre(f.pitch, f.pitch, 0);
   const Vec3 local_position =
       rotated(centre - Vec3(field_.x[cell], field_.y[cell], 0), -sine, cosine) + grid_centre;

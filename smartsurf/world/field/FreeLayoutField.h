@@ -23,7 +23,7 @@ class FreeLayoutField {
                std::vector<Contact>& out) const;
 
  private:
-  // Cells across the west, east, north and south side, sampled at two points of each; −1: none.
+  // Cells across the west, east, north and south side, sampled at two points of each; −1 if there is none.
   struct Neighbours {
     std::int32_t cell[4][2];
   };

@@ -1,5 +1,5 @@
-// Reduces a sphere's contacts with the field to the deepest of each compass quadrant and the one straight
-// below, at most four. They hold a sphere in a pocket from all sides; the four deepest could all lie on one
+// Reduces a sphere's contacts with the field to at most four: the deepest of each quadrant and the one
+// straight below. They support a sphere in a pocket from all sides; the four deepest could all lie on one
 // side.
 #pragma once
 

@@ -20,7 +20,7 @@ void collide_column(const Columns& columns, int row, int column, const Vec3& cen
   const float distance_squared = offset.squaredNorm();
   if (distance_squared > reach * reach) return;
   if (distance_squared > 1e-12F) {
-    // Out over a bridged side the neighbour is nearer: its contact is the true one.
+    // Beyond a bridged side the neighbour is closer and yields the contact.
     if (q.leans_over_bridge(offset.x(), offset.y(), 0.0F)) return;
     const float length = std::sqrt(distance_squared);
     reducer.add({offset / length, length - radius, row, column});
@@ -40,7 +40,7 @@ void set_surface_velocity(const Columns& columns, int row, int column, const Vec
   const float spin = f.surface_spin.empty() ? 0.0F : f.surface_spin[i];
   const Vec3 cell_velocity(f.surface_velocity_x[i] - spin * (point.y() - columns.y(row)),
                            f.surface_velocity_y[i] + spin * (point.x() - columns.x(column)), 0);
-  // Only along the surface: the cell itself stays where it is.
+  // Tangential only: the cell itself does not move horizontally.
   c.surface_velocity += cell_velocity - c.normal * c.normal.dot(cell_velocity);
   c.surface_spin = spin;
 }

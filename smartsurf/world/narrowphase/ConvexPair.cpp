@@ -17,7 +17,7 @@ struct ContactCandidate {
   Vec3 point;
 };
 
-// Directions in which the piece may be left on the shortest way, world frame.
+// Calls try_direction(n) for candidate directions of least penetration of the part, world frame.
 template <class Try>
 void for_each_escape(const ConvexProxy& c, const Vec3& towards, Try try_direction) {
   if (c.part.hull) {
@@ -34,7 +34,7 @@ void for_each_escape(const ConvexProxy& c, const Vec3& towards, Try try_directio
   if (const float length = across.norm(); length > 1e-6F) try_direction(Vec3(across / length));
 }
 
-// Cores that overlap: the way out among those of the faces of both.
+// For overlapping cores: the direction of least penetration among the face normals of both parts.
 ContactCandidate find_deepest(const ConvexProxy& a, const ConvexProxy& b) {
   ContactCandidate best{{0, 0, 1}, -std::numeric_limits<float>::max(), {}};
   auto try_direction = [&](const Vec3& n) {
@@ -49,19 +49,18 @@ ContactCandidate find_deepest(const ConvexProxy& a, const ConvexProxy& b) {
   return best;
 }
 
-// How near two pieces are looked for: those within the margin touch, what is beyond it is told up to the
-// horizon.
+// Parts with a separation up to `margin` get contacts. Greater separations are computed up to `horizon`, u.
 struct SearchLimits {
   float margin, horizon;
 };
 
-// What is known of the two from before; either may be null.
+// Results of the previous step; either may be null.
 struct CachedAxis {
   const Vec3* normal;
   SimplexCache* simplex;
 };
 
-// Where they do not touch, of `out` only the gap is told.
+// Returns whether the separation is within the margin. If not, only `out.separation` is valid.
 bool find_contact(const ConvexProxy& a, const ConvexProxy& b, const SearchLimits& limits,
                   const CachedAxis& cached, ContactCandidate& out) {
   const ClosestPoints closest =
@@ -84,8 +83,9 @@ SupportFeature proxy_feature(const ConvexProxy& c, const Vec3& direction) {
 
 enum class CacheResult { kSeparated, kTouching, kUnknown };
 
-// The face that the last normal stood on. What lies over it there is the patch; where the patch reaches as
-// near as anything of the other does, the face's normal is the shortest way, and GJK has nothing to add.
+// Tests the face that supplied the previous normal, to avoid GJK. The other part's feature is clipped to that
+// face; if the clipped patch contains the deepest point of the other part, the face normal is still the axis
+// of least penetration.
 CacheResult test_cached_axis(const ConvexProxy& a, const ConvexProxy& b, float margin,
                              const Vec3& cached_normal, ManifoldReducer& out, float& clearance) {
   constexpr float kMinAlignment = 0.98F, kTolerance = 2e-4F;
@@ -114,7 +114,7 @@ CacheResult test_cached_axis(const ConvexProxy& a, const ConvexProxy& b, float m
   return min_height <= separation + kTolerance ? CacheResult::kTouching : CacheResult::kUnknown;
 }
 
-// Whether add_contact_patch can find anything.
+// Whether add_contact_patch() can add any point.
 bool may_share_face(const ConvexProxy& a, const ConvexProxy& b, const Vec3& normal) {
   auto has_curved_side = [](const ConvexProxy& c) {
     return !c.part.hull && c.part.shape.kind != ShapeKind::kBox;
@@ -124,7 +124,7 @@ bool may_share_face(const ConvexProxy& a, const ConvexProxy& b, const Vec3& norm
          face_alignment(b.part, b.axes, normal) > kFaceAlignment;
 }
 
-// Returns how far apart the two are at least: the margin where they touch.
+// Returns a lower bound of the separation, or the margin if the parts have contacts.
 float collect_candidates(const ConvexProxy& a, const ConvexProxy& b, const SearchLimits& limits,
                          const CachedAxis& cached, ManifoldReducer& out) {
   if (cached.normal) {
@@ -156,8 +156,8 @@ float collide_parts(const ConvexProxy& a, const ConvexProxy& b, const SearchLimi
   return clearance;
 }
 
-// Of a box that is far larger than the other body only the part around it: GJK loses its precision on long
-// thin simplices, and the corners far away tell nothing.
+// A box that is much larger than the other body is trimmed to the region around it, because GJK loses
+// precision on long, thin simplices.
 struct TrimmedShape {
   Shape shape;
   Vec3 centre;
@@ -204,7 +204,7 @@ float collide_convex(const PlacedShape& a, const PlacedShape& b, float margin, c
     return margin;
   }
   const SearchLimits limits{margin, margin + horizon};
-  // Of pieces that come in numbers nothing is remembered.
+  // The simplex cache has space for one pair of parts only.
   const bool single_parts = a.shape.hulls.size() <= 1 && b.shape.hulls.size() <= 1;
   const CachedAxis cached{cached_normal, single_parts ? simplex_cache : nullptr};
   float clearance = limits.horizon;

@@ -25,7 +25,8 @@ SignedDistance box_distance(const Vec3& p, const Vec3& half) {
   return {outward, nearest};
 }
 
-// In the half plane of a shape of revolution: r across, z along. Back in space, r points along `radial`.
+// A point in the meridian half plane of a solid of revolution: z along the axis, r from the axis along
+// `radial`.
 struct MeridianPoint {
   float r, z;
   Vec3 radial;
@@ -53,9 +54,9 @@ SignedDistance capsule_distance(const Vec3& p, float radius, float half_height) 
 SignedDistance cone_distance(const Vec3& p, const Shape& s) {
   const MeridianPoint m(p);
   const float height = s.high - s.low, slant = length_of(height, s.radius);
-  const float nr = height / slant, nz = s.radius / slant;  // outward normal of the mantle
+  const float nr = height / slant, nz = s.radius / slant;  // outward normal of the lateral surface
   const float over_mantle = (m.r - s.radius) * nr + (m.z - s.low) * nz, over_base = s.low - m.z;
-  // Along the mantle from the rim, 0 … slant.
+  // Position on the lateral surface, from the rim (0) to the tip (slant).
   const float along = (s.radius - m.r) * nz + (m.z - s.low) * nr;
   if (over_mantle <= 0.0F && over_base <= 0.0F)
     return over_mantle > over_base ? SignedDistance{m.to_space(nr, nz), over_mantle}
@@ -67,7 +68,7 @@ SignedDistance cone_distance(const Vec3& p, const Shape& s) {
   return d > 1e-6F ? SignedDistance{m.to_space(r / d, z / d), d} : SignedDistance{m.to_space(nr, nz), 0.0F};
 }
 
-// The nearest point of a convex polygon's outline or inside to a point of its plane.
+// The closest point of a convex polygon to a point in its plane.
 Vec3 closest_on_face(const scene::ConvexHull& hull, const scene::ConvexHull::Face& face, const Vec3& foot) {
   Vec3 best = foot;
   float min_distance_squared = -1.0F;
@@ -75,7 +76,7 @@ Vec3 closest_on_face(const scene::ConvexHull& hull, const scene::ConvexHull::Fac
     const Vec3& a = hull.vertices[hull.face_vertices[face.first_vertex + i]];
     const Vec3& b = hull.vertices[hull.face_vertices[face.first_vertex + (i + 1) % face.vertex_count]];
     const Vec3 edge = b - a;
-    if (edge.cross(face.normal).dot(foot - a) <= 0.0F) continue;  // inside of this edge
+    if (edge.cross(face.normal).dot(foot - a) <= 0.0F) continue;  // inside this edge
     const float t = std::clamp(edge.dot(foot - a) / edge.squaredNorm(), 0.0F, 1.0F);
     const Vec3 on_edge = a + t * edge;
     const float distance_squared = (on_edge - foot).squaredNorm();
@@ -94,12 +95,12 @@ SignedDistance hull_distance(const Vec3& p, const ConvexHullShape& hull, float l
   const Vec3& normal = source.faces[top_face].normal;
   const float max_height = height(top_face);
   if (max_height <= 0.0F || max_height > limit) return {normal, max_height};
-  // Nothing is nearer than the plane that the point lies farthest above.
+  // The greatest plane distance is a lower bound, attained if the point projects into that face.
   const Vec3 foot = p - normal * max_height;
   Vec3 best = closest_on_face(source, source.faces[top_face], foot);
   if (best == foot) return {normal, max_height};
   float min_distance_squared = (p - best).squaredNorm();
-  // Nothing is nearer either where no corner reaches beyond the plane through this point, square to the way.
+  // `best` is the closest point if the plane through it, perpendicular to the offset, supports the hull.
   constexpr float kPrecision = 1e-5F;
   const Vec3 offset = p - best;
   const Vec3& farthest = source.vertices[hull.corner_blocks.argmax(offset)];

@@ -23,7 +23,7 @@ struct SignedDistance {
   Vec3 normal;     // unit, outward at the nearest surface point
   float distance;  // u; negative inside
 };
-// Beyond `limit` the result is only known to exceed it.
+// If the distance exceeds `limit`, the result is some value greater than `limit`.
 SignedDistance signed_distance(const ConvexPart&, const Vec3& point,
                                float limit = std::numeric_limits<float>::max());
 

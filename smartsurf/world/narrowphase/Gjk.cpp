@@ -9,7 +9,7 @@ namespace {
 
 using scene::ShapeKind;
 
-// The farthest point of a core in the shape's own axes.
+// Support point of a core in body axes.
 Vec3 local_support(const ConvexPart& part, float inset, const Vec3& d) {
   const Shape& s = part.shape;
   auto rim = [&d](float radius, float z) {
@@ -59,7 +59,7 @@ struct Simplex {
     v[0].weight = weight;
     count = 1;
   }
-  // i < j.
+  // Precondition: i < j.
   void keep(int i, float weight_i, int j, float weight_j) {
     v[0] = v[i];
     v[1] = v[j];
@@ -78,7 +78,7 @@ void reduce_segment(Simplex& s) {
   s.v[0].weight = 1.0F - s.v[1].weight;
 }
 
-// Of a triangle that is hardly one: its nearest edge.
+// Reduces a degenerate triangle to its closest edge.
 void reduce_sliver(Simplex& s) {
   Simplex best;
   float min_distance_squared = std::numeric_limits<float>::max();
@@ -95,7 +95,7 @@ void reduce_sliver(Simplex& s) {
   s = best;
 }
 
-// The region of a triangle nearest to the origin (Ericson 2005).
+// Reduces a triangle to the feature closest to the origin (Ericson 2005, section 5.1.5).
 void reduce_triangle(Simplex& s) {
   const Vec3 &a = s.v[0].w, &b = s.v[1].w, &c = s.v[2].w;
   const Vec3 ab = b - a, ac = c - a;
@@ -112,14 +112,14 @@ void reduce_triangle(Simplex& s) {
     return s.keep(1, 1 - t, 2, t);
   }
   const float sum = va + vb + vc;
-  // Rounding may leave a sliver outside of every region: weights beyond [0, 1] would tell points far away.
+  // With rounding, a sliver may match no region; its weights would lie outside [0, 1].
   if (!(va >= 0.0F && vb >= 0.0F && vc >= 0.0F && sum > 0.0F)) return reduce_sliver(s);
   s.v[1].weight = vb / sum;
   s.v[2].weight = vc / sum;
   s.v[0].weight = va / sum;
 }
 
-// False when the origin is inside.
+// Reduces a tetrahedron to the face closest to the origin. False if the origin is inside.
 bool reduce_tetrahedron(Simplex& s) {
   static constexpr int kFaces[4][4] = {{0, 1, 2, 3}, {0, 2, 3, 1}, {0, 3, 1, 2}, {1, 3, 2, 0}};
   Simplex best;
@@ -198,7 +198,7 @@ void store_simplex(const ConvexProxy& a, const ConvexProxy& b, const Simplex& s,
 ClosestPoints closest_points(const ConvexProxy& a, const ConvexProxy& b, float limit, const Vec3& towards_a,
                              SimplexCache* cache) {
   constexpr int kMaxIterations = 20;
-  // Distances are told to a ten-thousandth, relative or of a unit.
+  // kTolerance applies to the distance, relative or in u, whichever is greater.
   constexpr float kOverlapSquared = 1e-10F, kTolerance = 1e-4F;
   const ClosestPoints overlap{Vec3::Zero(), Vec3::Zero(), Vec3(0, 0, 1), 0.0F, false};
   Simplex s;
@@ -217,7 +217,7 @@ ClosestPoints closest_points(const ConvexProxy& a, const ConvexProxy& b, float l
                 projection = closest.dot(v.w);
     if (projection > limit * length)
       return {Vec3::Zero(), Vec3::Zero(), closest / length, projection / length, true};
-    // No vertex lies noticeably nearer to the origin than what is there.
+    // Converged: the new support point is not significantly closer to the origin.
     if (s.count > 0 && closest_squared - projection <= kTolerance * (closest_squared + length)) break;
     s.v[s.count++] = v;
     if (!reduce(s)) return overlap;

@@ -64,8 +64,8 @@ Points perpendicular(const Vec3& unit, const Points& p) {
 template <class Spread>
 int ReductionPoints::argmax(Spread measure) const {
   static_assert(kCapacity % kSimd4Width == 0);
-  // Floats above 0 compare like their bits. The last few of these tell the place, so that the first of about
-  // equal ones wins, without branches that nobody could foretell.
+  // Branch-free, because the outcome is unpredictable: positive floats order like their bits, so the low bits
+  // can carry the index. The first of nearly equal scores wins.
   constexpr std::int32_t kIndexMask = 127;
   static_assert(kCapacity <= kIndexMask);
   Int4 best{}, index_bits = Int4{kIndexMask, kIndexMask - 1, kIndexMask - 2, kIndexMask - 3};

@@ -20,7 +20,7 @@ class ReductionPoints {
   }
   Vec3 at(int i) const { return {x_[i], y_[i], z_[i]}; }
   float separation(int i) const { return separation_[i]; }
-  // Index of the least and of the greatest separation, the first one on ties. Precondition: count() > 0.
+  // Index of the least or greatest separation; the first one on ties. Precondition: count() > 0.
   int deepest() const;
   int most_separated() const;
   // Selects at most four: the deepest, the farthest from it, the farthest from their line, and the one that

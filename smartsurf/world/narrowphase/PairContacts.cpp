@@ -9,7 +9,7 @@
 namespace smartsurf::world {
 namespace {
 
-// How far the two close in on each other along the normal within one step.
+// Distance by which the bodies approach each other along the normal within one step, u.
 float closing_distance(const BodyStore& bodies, std::size_t a, std::size_t b, const Vec3& normal,
                        float dt_s) {
   return std::max(0.0F, -normal.dot(bodies.velocity(a) - bodies.velocity(b))) * dt_s;
@@ -28,7 +28,7 @@ void collide_spheres(const BodyStore& bodies, std::size_t a, std::size_t b, floa
   c.separation = separation;
 }
 
-// A sphere against anything else, in either order.
+// A sphere and a non-sphere, in either order.
 void collide_sphere(const BodyStore& bodies, std::size_t sphere, std::size_t other, bool sphere_is_a,
                     float margin, float dt_s, std::vector<Contact>& out) {
   const float radius = bodies.bounding_radius[sphere];

@@ -9,16 +9,17 @@
 namespace smartsurf::world {
 namespace {
 
-// How far two bodies may have moved against each other since they were looked at: as a share of the smaller
-// one's reach, and in u. Whatever was farther apart then has not met yet.
+// Greatest relative motion of two bodies for which a cached manifold stays valid: as a fraction of the
+// smaller bounding radius, and in u. Features that were farther apart cannot touch yet.
 constexpr float kTravelFraction = 0.03F, kMaxTravel = 0.06F;
-// How far they may slide meanwhile where they touch, likewise. Their normals stay, so that what is off is of
-// second order, a thousandth of a unit.
+// Greatest tangential motion at a cached point, likewise as a fraction and in u. The normals stay constant,
+// so the error is of second order, about 1e-3 u.
 constexpr float kSlipFraction = 0.015F, kMaxSlip = 0.03F;
-// Distances are told up to this much beyond what is needed at once, u.
+// Separations are computed up to this much beyond the margin, so that separated pairs can be skipped in later
+// steps, u.
 constexpr float kHorizon = 0.2F;
 
-// How two bodies stand to each other, in the axes of b.
+// Pose of a relative to b, in the axes of b.
 struct RelativePose {
   Mat3 rotation;
   Vec3 translation;
@@ -33,7 +34,7 @@ float min_bounding_radius(const BodyStore& bodies, std::size_t a, std::size_t b)
 float max_travel(float bounding_radius) { return std::min(kMaxTravel, kTravelFraction * bounding_radius); }
 float max_slip(float bounding_radius) { return std::min(kMaxSlip, kSlipFraction * bounding_radius); }
 
-// No point of a has moved farther against b.
+// Upper bound of the motion of any point of a relative to b, u.
 float relative_motion(const RelativePose& pose, const PairManifoldCache::CachedManifold& cached,
                       float bounding_radius) {
   constexpr float kHalfRoot = 0.70710678F;
@@ -41,13 +42,13 @@ float relative_motion(const RelativePose& pose, const PairManifoldCache::CachedM
          kHalfRoot * bounding_radius * (pose.rotation - cached.rotation).norm();
 }
 
-// From b's point to a's, in the axes of b.
+// From the point on b to the point on a, in the axes of b.
 Vec3 point_offset(const RelativePose& pose, const PairManifoldCache::CachedPoint& p) {
   return pose.rotation * p.on_a + pose.translation - p.on_b;
 }
 
-// Whether the bodies have slid farther than that at any of their points: each lay straight above its fellow
-// when it was found.
+// Whether the tangential motion exceeds `limit` at any cached point. Each pair of points was aligned along
+// its normal when cached.
 bool has_slipped(const RelativePose& pose, const PairManifoldCache::CachedManifold& cached, float limit) {
   for (int k = 0; k < cached.point_count; ++k) {
     const Vec3 offset = point_offset(pose, cached.points[k]);
@@ -57,7 +58,7 @@ bool has_slipped(const RelativePose& pose, const PairManifoldCache::CachedManifo
   return false;
 }
 
-// Whether what is known of the two still tells their contacts with gaps up to `margin`.
+// Whether the cached manifold still yields all contacts with separations up to `margin`.
 bool is_valid(const BodyStore& bodies, const RelativePose& pose,
               const PairManifoldCache::CachedManifold& cached, float margin) {
   const auto a = static_cast<std::size_t>(cached.a), b = static_cast<std::size_t>(cached.b);
@@ -68,7 +69,7 @@ bool is_valid(const BodyStore& bodies, const RelativePose& pose,
   return travel <= max_travel(min_radius) && !has_slipped(pose, cached, max_slip(min_radius));
 }
 
-// Looks at the two where they are now, and notes it.
+// Collides the bodies at their current poses and stores the manifold.
 void rebuild(const BodyStore& bodies, std::size_t a, std::size_t b, float margin, const Vec3* cached_normal,
              SimplexCache& simplex_cache, PairManifoldCache::CachedManifold& manifold,
              PairManifoldCache::ChunkCache& chunk_cache) {

@@ -12,7 +12,8 @@ namespace {
 
 using scene::ShapeKind;
 
-// Draws each corner in so that all its faces move by `depth`: least squares where more than three meet.
+// Moves each corner inwards so that all its faces move by `depth`. Solves in the least-squares sense if more
+// than three faces meet.
 std::vector<Vec3> inset_hull(const scene::ConvexHull& hull, float depth) {
   std::vector<Mat3> normal_matrices(hull.vertices.size(), Mat3::Identity() * 1e-4F);
   std::vector<Vec3> right_hand_sides(hull.vertices.size(), Vec3::Zero());
@@ -38,7 +39,7 @@ float min_width(const scene::ConvexHull& hull) {
   return width;
 }
 
-// Each edge runs one way round one of its faces and the other way round the other.
+// The two faces of an edge traverse it in opposite directions.
 std::vector<ConvexHullShape::Edge> find_edges(const scene::ConvexHull& hull) {
   std::map<std::pair<std::uint16_t, std::uint16_t>, std::uint16_t> face_along;
   std::vector<ConvexHullShape::Edge> edges;
@@ -75,8 +76,8 @@ std::vector<ConvexHullShape> make_hulls(const scene::Solid& solid) {
   return hulls;
 }
 
-// The pieces of a solid, the same for as long as any body is made of it: thousands of bodies share a few
-// solids, and then the caches hold them.
+// The convex hulls of a solid, shared by all bodies made of it: with thousands of bodies and few solids, the
+// hulls stay in the CPU caches.
 std::shared_ptr<const std::vector<ConvexHullShape>> find_or_make_hulls(const scene::Solid& solid) {
   static std::mutex mutex;
   static std::map<const scene::Solid*, std::weak_ptr<const std::vector<ConvexHullShape>>> cache;
@@ -108,10 +109,9 @@ void LinearFunctions::assign(const std::vector<Vec3>& n, const std::vector<float
   }
 }
 
-// Without branches that nobody could foretell: the lowest bits of each value give way to its number, so that
-// the greatest tells both.
+// Branch-free, because the outcome is unpredictable: the lowest bits of each value are replaced by its index.
 std::size_t LinearFunctions::argmax(const Vec3& p) const {
-  constexpr std::size_t kBlocksPerGroup = 16;  // blocks, so that six bits give way at most
+  constexpr std::size_t kBlocksPerGroup = 16;  // in blocks; limits the index to six bits
   constexpr Int4 kLaneIndex = {0, 1, 2, 3};
   std::size_t best = 0;
   float max_value = -std::numeric_limits<float>::max();
@@ -193,7 +193,7 @@ Mat3 inertia_of(const scene::ObjectSpec& o, float mass) {
       per_mass = {(3.0 * r2 + h2) / 12.0, (3.0 * r2 + h2) / 12.0, 0.5 * r2};
       break;
     case ShapeKind::kCapsule: {
-      // A cylinder of length l and two half balls, by volume.
+      // A cylinder of length l and two hemispheres, weighted by volume.
       const double l = std::max(0.0, o.height - 2.0 * o.radius), ball = 4.0 / 3.0 * o.radius;
       const double tube = l / (l + ball), caps = ball / (l + ball);
       const double across =

@@ -64,7 +64,7 @@ struct Shape {
   float convex_radius = 0.0F;    // GJK works on the shape shrunk by this, u
   bool has_rolling_friction = false;
   std::shared_ptr<const scene::Solid> solid;
-  // Of a solid; shared by all bodies made of it.
+  // Convex parts of a solid, shared by all bodies made of it; null for other shapes.
   std::shared_ptr<const std::vector<ConvexHullShape>> hull_list;
   std::span<const ConvexHullShape> hulls;
 
@@ -78,7 +78,7 @@ struct Shape {
 
 Shape make_shape(const scene::ObjectSpec&);
 
-// From the object's mass, else its density; 0 for a fixed object.
+// The object's mass if given, else density times volume; 0 for a fixed object.
 float mass_of(const scene::ObjectSpec&, const scene::Material&);
 // Inertia tensor about the centre of mass in body axes, mass·u²; closed forms.
 Mat3 inertia_of(const scene::ObjectSpec&, float mass);

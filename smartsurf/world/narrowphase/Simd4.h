@@ -1,5 +1,4 @@
-// Four floats at a time, as the compiler's own vectors: for jobs too short for a call through Highway's table
-// of instruction sets.
+// Four-lane float vectors as compiler vector types, for loops too short for Highway's dynamic dispatch.
 #pragma once
 
 #include <cmath>
@@ -18,7 +17,7 @@ inline Float4 load4(const float* from) {
   return v;
 }
 inline Float4 broadcast4(float value) { return Float4{} + value; }
-// The second where either is not a number.
+// min and max return the second operand if either is NaN.
 inline Float4 min(const Float4& a, const Float4& b) { return a < b ? a : b; }
 inline Float4 max(const Float4& a, const Float4& b) { return a > b ? a : b; }
 inline Float4 abs(const Float4& v) { return v < 0.0F ? -v : v; }
@@ -36,7 +35,8 @@ auto horizontal_max(const T& v) {
   return a > b ? a : b;
 }
 
-// Calls four(i) for groups that cover [0, count) between them, count ≥ 4: the last one may overlap.
+// Calls each(i) for groups [i, i + 4) that cover [0, count); the last one may overlap its predecessor.
+// Precondition: count ≥ 4.
 template <class Each>
 inline void for_each_simd4(int count, Each each) {
   for (int i = 0; i < count; i += kSimd4Width) each(i < count - kSimd4Width ? i : count - kSimd4Width);

@@ -9,7 +9,7 @@ namespace {
 
 using scene::ShapeKind;
 
-constexpr int kRimPoints = 8;  // points that stand for a round rim, one of them towards the direction
+constexpr int kRimPoints = 8;  // points that sample a circular rim, the first one in the query direction
 
 struct FeatureBuilder {
   const Vec3& centre;
@@ -51,7 +51,7 @@ void add_disc(FeatureBuilder& b, float radius, float z, float side, const Vec3& 
 void add_hull_face(FeatureBuilder& b, const ConvexHullShape& hull, const Vec3& d) {
   const scene::ConvexHull& source = *hull.hull;
   const scene::ConvexHull::Face* best_face = &source.faces[hull.face_normals.argmax(d)];
-  // A face with very many corners is thinned out.
+  // A face with more corners than fit is subsampled.
   const std::uint32_t stride =
       (best_face->vertex_count + SupportFeature::kMaxPoints / 2 - 1) / (SupportFeature::kMaxPoints / 2);
   for (std::uint32_t i = 0; i < best_face->vertex_count; i += stride)
@@ -59,7 +59,7 @@ void add_hull_face(FeatureBuilder& b, const ConvexHullShape& hull, const Vec3& d
   b.feature.normal = b.axes * best_face->normal;
 }
 
-// Edges that run side by side touch at both ends of what they share.
+// Adds the ends of the overlap of two parallel edges.
 void add_parallel_edges(const SupportFeature& a, const SupportFeature& b, const Vec3& normal, float margin,
                         int tag, ManifoldReducer& out) {
   const Vec3 along_a = a.point[1] - a.point[0], along_b = b.point[1] - b.point[0];
@@ -108,7 +108,7 @@ SupportFeature support_feature(const ConvexPart& part, const Vec3& centre, const
       break;
     }
     case ShapeKind::kCone:
-      // The base from where its rim no longer shows the mantle.
+      // The base if the direction is more than 45° below the horizontal, else a line of the lateral surface.
       if (-d.z() > across) {
         add_disc(b, s.radius, s.low, -1.0F, d);
       } else {
@@ -144,10 +144,11 @@ float face_alignment(const ConvexPart& part, const Mat3& axes, const Vec3& direc
 
 namespace {
 
-// Cuts off what of a polygon or an edge lies beyond one side of a face: points p with over[p] > 0.
+// Clips a polygon or an edge against one plane (Sutherland and Hodgman): removes points with a positive
+// distance.
 void clip_polygon(const SupportFeature& input, const float* distances, SupportFeature& output) {
   output.count = 0;
-  // An edge has one side to cut, a face as many as corners.
+  // An edge has one segment, a polygon as many as corners.
   const int sides = input.count > 2 ? input.count : input.count - 1;
   for (int k = 0; k < input.count; ++k) {
     const Vec3& p = input.point[static_cast<std::size_t>(k)];
@@ -160,11 +161,11 @@ void clip_polygon(const SupportFeature& input, const float* distances, SupportFe
   }
 }
 
-// What a polygon or an edge is cut to, side by side.
+// Clips a polygon or an edge against one plane after another.
 class FaceClipper {
  public:
   explicit FaceClipper(const SupportFeature& feature) : current_(&feature) {}
-  // over(p): how far a point lies beyond the side.
+  // distance_beyond(p): distance of a point beyond the plane; only the sign and the ratio matter.
   template <class Over>
   void clip(Over distance_beyond) {
     float distances[SupportFeature::kMaxPoints];
@@ -216,7 +217,7 @@ void add_contact_patch(const SupportFeature& on_a, const SupportFeature& on_b, c
     if (on_a.count == 2 && on_b.count == 2) add_parallel_edges(on_a, on_b, normal, margin, tag, out);
     return;
   }
-  // b wins a draw, or the choice would change from step to step.
+  // Ties go to b, so that the choice does not alternate from step to step.
   const bool from_a = alignment_a > alignment_b + 1e-3F;
   const SupportFeature &face = from_a ? on_a : on_b, &other = from_a ? on_b : on_a;
   const SupportFeature patch = clip_to_face(other, face);

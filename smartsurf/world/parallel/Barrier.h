@@ -14,16 +14,16 @@ namespace smartsurf::world {
 // Each member counts its arrivals on a cache line that it alone writes, and waiters read the counts of the
 // others. This costs one transfer between cores, where a shared counter costs several.
 //
-// A waiter spins first, because phases last microseconds and a futex sleep costs tens of them, and then sleeps,
-// so that another process on the core of a late member can finish. The spin budget adapts: it halves after each
-// unsuccessful spin and grows after each successful one, so that members do not burn time slices when processes
-// compete for the cores.
+// A waiter spins first, because phases last microseconds and a futex sleep costs tens of them, and then
+// sleeps, so that another process on the core of a late member can finish. The spin budget adapts: it halves
+// after each unsuccessful spin and grows after each successful one, so that members do not burn time slices
+// when processes compete for the cores.
 class Barrier {
  public:
   explicit Barrier(int member_count) : slots_(static_cast<std::size_t>(member_count)) {}
 
-  // Everything the member did before is visible to members whose wait() returns after it. Each arrive() must be
-  // followed by the member's own wait().
+  // Everything the member did before is visible to members whose wait() returns after it. Each arrive() must
+  // be followed by the member's own wait().
   void arrive(int member) {
     ArrivalSlot& own = slots_[static_cast<std::size_t>(member)];
     own.arrivals.store(own.arrivals.load(std::memory_order_relaxed) + 1, std::memory_order_release);

@@ -1,7 +1,7 @@
 // Splits each member's contact batches into those that move bodies of other members and those that do not.
 //
-// A member solves its shared batches first in each colour and then arrives at the barrier, so that others wait
-// for the shared batches only.
+// A member solves its shared batches first in each colour and then arrives at the barrier, so that others
+// wait for the shared batches only.
 #pragma once
 
 #include <cstdint>
@@ -23,8 +23,8 @@ class SharedBatches {
   void mark_foreign_rows(const ContactBatch&, IndexRange own_rows);
   void split_batches(const ConstraintGraph&, const Member&);
 
-  // The member's batches of the i-th colour (after the last colour: its static contacts): those that move a body
-  // which another member moves too, and the others.
+  // The member's batches of the i-th colour, or of its static contacts if i is the number of colours: those
+  // with a body that another member moves too, and the others.
   std::span<const BatchRange> shared(const Member& member, std::size_t i) const {
     return member_batches_[static_cast<std::size_t>(member.index)].shared.of(i);
   }
@@ -38,7 +38,8 @@ class SharedBatches {
   };
   bool touches_shared_row(const ContactBatch&) const;
 
-  std::vector<std::uint8_t> is_shared_row_;    // by row: whether a member other than its owner moves the body
+  // Indexed by row: whether a member other than its owner moves the body.
+  std::vector<std::uint8_t> is_shared_row_;
   std::vector<MemberBatches> member_batches_;  // one per member
 };
 

@@ -6,7 +6,7 @@ namespace smartsurf::world {
 namespace {
 
 constexpr int kMinBodiesPerSlab = 128, kMaxSlabs = 64;  // approximate
-constexpr int kMinLines = 24;                           // this many lines along y are enough to cut along y
+constexpr int kMinLines = 24;                           // cut along y if there are at least this many lines
 
 }  // namespace
 
@@ -28,7 +28,7 @@ void SpatialPartition::build(const UniformGrid& grid) {
   row_of_body_.resize(body_of_row_.size());
 }
 
-// A slab takes whole lines of cells until it has enough bodies.
+// Fills each slab with whole lines of cells until it has enough bodies.
 void SpatialPartition::find_slab_edges(const UniformGrid& grid, int axis) {
   slab_edge_.assign(1, 0);
   const int lines = grid.cell_count(axis);

@@ -18,7 +18,7 @@ namespace smartsurf::world {
 // The ranges of each slab's manifolds in a contact list.
 struct SlabRanges {
   std::vector<IndexRange> range;
-  std::vector<std::int32_t> first_range;  // by slab: its first entry in `range`; one more at the end
+  std::vector<std::int32_t> first_range;  // indexed by slab: its first entry in `range`; one more at the end
   std::size_t manifold_count = 0;         // of all slabs
 
   // The ranges of several slabs.
@@ -51,14 +51,14 @@ class SpatialPartition {
   // Position of the slab's first body run, if runs are ordered by slab.
   std::size_t first_body_run_of(int slab) const { return first_run_of_slab_[static_cast<std::size_t>(slab)]; }
 
-  // The slabs of a member. Members get about equal numbers of bodies or, after set_contact_counts(), about equal
-  // estimated work.
+  // The slabs of a member. Members get about equal numbers of bodies or, after set_contact_counts(), about
+  // equal estimated work.
   IndexRange share(const Member&) const;
   // Number of contacts in each slab, as a weight for share().
   void set_contact_counts(std::span<const std::size_t> contacts);
 
   // ---- rows: one per body, ordered by slab; within a slab active bodies come first
-  // Assigns the rows of the member's slabs. Members must meet at a barrier before they read rows of others.
+  // Assigns the rows of the member's slabs. Members must pass a barrier before they read rows of others.
   void assign_rows(const BodyStore&, const UniformGrid&, const Member&);
   int row_count() const { return first_row_.empty() ? 0 : first_row_.back(); }
   IndexRange rows_of(int slab) const {
@@ -87,14 +87,14 @@ class SpatialPartition {
   void find_body_runs(const UniformGrid&, int axis);
   void group_body_runs(int slabs);
 
-  std::vector<std::int32_t> bodies_on_line_;  // by line of cells across the axis
-  std::vector<int> slab_edge_;                // by slab: its first line; one more at the end
+  std::vector<std::int32_t> bodies_on_line_;  // indexed by line of cells across the axis
+  std::vector<int> slab_edge_;                // indexed by slab: its first line; one more at the end
   std::vector<BodyRun> body_run_;
   std::vector<std::int32_t> runs_by_slab_;  // indices in body_run_, grouped by slab
   std::vector<std::size_t> first_run_of_slab_;
-  std::vector<std::int32_t> first_row_, active_end_;  // by slab; first_row_ has one more at the end
+  std::vector<std::int32_t> first_row_, active_end_;  // indexed by slab; first_row_ has one more at the end
   std::vector<std::int32_t> body_of_row_, row_of_body_;
-  std::vector<long> weight_prefix_;  // by slab: total weight of the slabs before it; one more at the end
+  std::vector<long> weight_prefix_;  // indexed by slab: total weight of earlier slabs; one more at the end
 };
 
 }  // namespace smartsurf::world

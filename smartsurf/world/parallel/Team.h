@@ -1,7 +1,7 @@
 // A team of threads that works through one step together, phase by phase, with a barrier between phases.
 //
-// Threads stay in the team while one of them does serial work, because waking a thread costs more than the wait.
-// Shares depend on the number of members; results must not.
+// Threads stay in the team while one of them does serial work, because waking a thread costs more than the
+// wait. Shares depend on the number of members; results must not.
 #pragma once
 
 #include "common/threads/ThreadPool.h"
@@ -39,9 +39,9 @@ class Team {
   // Without a pool the caller is the only member. `pool` must outlive the team.
   explicit Team(common::ThreadPool* pool) : pool_(pool), team_barrier_(pool ? pool->thread_count() : 1) {}
 
-  // Runs work(member) on all threads at once, or on the caller alone if not `parallel`. Thread 0, the caller, is
-  // the last member: members own slabs from south to north and the pool's row bands run from north to south, so
-  // each thread finds the cells that it moved itself in its cache.
+  // Runs work(member) on all threads at once, or on the caller alone if not `parallel`. Thread 0, the
+  // caller, is the last member: members own slabs from south to north and the pool's row bands run from
+  // north to south, so each thread finds the cells that it moved itself in its cache.
   template <class Work>
   void run(bool parallel, Work work) {
     const int member_count = parallel && pool_ ? pool_->thread_count() : 1;

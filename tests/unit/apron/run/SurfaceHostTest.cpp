@@ -129,8 +129,7 @@ TEST_F(SurfaceHostTest, PassiveStepsDoNotWait) {
   EXPECT_EQ(host.tick(), 10.0);
 }
 
-// A frame goes to the slot of the one before the last: what the program does not write must come from the
-// last.
+// Frames alternate between two slots, so unwritten components must be copied from the latest frame.
 TEST_F(SurfaceHostTest, UnwrittenComponentsKeepTheLastFrame) {
   SurfaceEndpoint surface = create(name(), Mode::kPassive);
   shm_protocol::ControllerEndpoint endpoint = attach();

@@ -1,7 +1,7 @@
 // Counts OpenGL draw calls by replacing epoxy's function pointers.
 //
-// One instance at a time, on the drawing thread. epoxy resolves a function in its first call, which overwrites the
-// replaced pointer: draw one frame before constructing a counter.
+// One instance at a time, on the drawing thread. epoxy resolves a function in its first call, which
+// overwrites the replaced pointer: draw one frame before constructing a counter.
 #pragma once
 
 #include <epoxy/gl.h>
