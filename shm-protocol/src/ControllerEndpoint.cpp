@@ -323,17 +323,6 @@ std::span<const std::byte> ControllerEndpoint::next_bytes(int channel, [[maybe_u
   return impl_->next_cells(channel, options);
 }
 
-std::span<std::byte> ControllerEndpoint::reserve_bytes(int channel, [[maybe_unused]] DType dtype,
-                                                       std::size_t at, std::size_t bytes) noexcept {
-  const auto& c = impl_->layout.channels[static_cast<std::size_t>(channel)];
-  assert(c.direction == SSP_ACTUATOR && c.dtype == static_cast<std::uint32_t>(dtype));
-  assert(at <= c.bytes && bytes <= c.bytes - at);
-  const std::uint64_t next = impl_->frame + 1;
-  auto* slot = reinterpret_cast<std::byte*>(&impl_->actuators.slot(next));
-  return impl_->writer.reserve(slot, next, c, at, bytes, is_on_other_core(impl_->header.sensors.cpu));
-}
-void ControllerEndpoint::commit() noexcept { impl_->writer.commit(); }
-
 void ControllerEndpoint::write_bytes(int channel, [[maybe_unused]] DType dtype, std::size_t at,
                                      std::span<const std::byte> values) noexcept {
   const auto& c = impl_->layout.channels[static_cast<std::size_t>(channel)];

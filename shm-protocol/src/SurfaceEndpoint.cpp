@@ -167,17 +167,6 @@ std::span<const std::byte> SurfaceEndpoint::actuator_bytes(int channel,
   return impl_->current_cells(c);
 }
 
-std::span<std::byte> SurfaceEndpoint::reserve_bytes(int channel, [[maybe_unused]] DType dtype, std::size_t at,
-                                                    std::size_t bytes) noexcept {
-  const auto& c = impl_->layout.channels[static_cast<std::size_t>(channel)];
-  assert(c.direction == SSP_SENSOR && c.dtype == static_cast<std::uint32_t>(dtype));
-  assert(at <= c.bytes && bytes <= c.bytes - at);
-  const std::uint64_t next = impl_->frame + 1;
-  auto* slot = reinterpret_cast<std::byte*>(&impl_->sensors.slot(next));
-  return impl_->writer.reserve(slot, next, c, at, bytes, is_on_other_core(impl_->header.actuators.cpu));
-}
-void SurfaceEndpoint::commit() noexcept { impl_->writer.commit(); }
-
 void SurfaceEndpoint::write_bytes(int channel, [[maybe_unused]] DType dtype, std::size_t at,
                                   std::span<const std::byte> values) noexcept {
   const auto& c = impl_->layout.channels[static_cast<std::size_t>(channel)];

@@ -148,15 +148,16 @@ std::size_t chunk_cells(std::size_t cells) { return std::clamp<std::size_t>(cell
 // Streams the frame: the controller answers each chunk as it arrives, and the surface reads the answer while
 // the next chunk is in progress.
 void answer_chunked(ControllerEndpoint& controller) {
+  std::vector<float> chunk(chunk_cells(controller.description().cells()));
   for (int i = 1;; ++i) {
     std::size_t at = 0;
     for (auto in = controller.next_cells(0); !in.empty(); in = controller.next_cells(0)) {
       consume(in);
       const std::size_t end = at + in.size();
       while (at < end) {
-        const auto out = controller.reserve(1, at, end - at);
+        const auto out = std::span(chunk).first(std::min(chunk.size(), end - at));
         produce(out, i);
-        controller.commit();
+        controller.write(1, at, std::span<const float>(out));
         at += out.size();
       }
     }
@@ -166,11 +167,13 @@ void answer_chunked(ControllerEndpoint& controller) {
 }
 
 void tick_chunked(SurfaceEndpoint& surface, int i) {
-  const std::size_t cells = surface.description().cells(), piece = chunk_cells(cells);
+  const std::size_t cells = surface.description().cells();
+  static std::vector<float> chunk;
+  chunk.resize(chunk_cells(cells));
   for (std::size_t at = 0; at < cells;) {
-    const auto out = surface.reserve(0, at, std::min(piece, cells - at));
+    const auto out = std::span(chunk).first(std::min(chunk.size(), cells - at));
     produce(out, i);
-    surface.commit();
+    surface.write(0, at, std::span<const float>(out));
     at += out.size();
     consume(surface.next_cells(1));
   }

@@ -91,13 +91,6 @@ class ControllerEndpoint {
     write_bytes(channel, dtype_of<T>(), first * sizeof(T), std::as_bytes(values));
   }
 
-  // The same for cells that are yet to be computed, as SurfaceEndpoint::reserve() and commit() do.
-  template <class T = float>
-  std::span<T> reserve(int channel, std::size_t first, std::size_t cells) noexcept {
-    return as_array<T>(reserve_bytes(channel, dtype_of<T>(), first * sizeof(T), cells * sizeof(T)));
-  }
-  void commit() noexcept;
-
   // Publishes the actuator frame as the answer to the sensor frame taken last. kOutOfTurn: time-step, and no
   // unanswered frame was taken (nothing is published). kTorn: time-step, and the surface has meanwhile given
   // the sensor frame up (nothing is published; await the next one).
@@ -125,7 +118,6 @@ class ControllerEndpoint {
   std::span<std::byte> actuator_bytes(int channel, DType) noexcept;
   std::span<const std::byte> published_bytes(int channel, DType) const noexcept;
   void write_bytes(int channel, DType, std::size_t at, std::span<const std::byte> values) noexcept;
-  std::span<std::byte> reserve_bytes(int channel, DType, std::size_t at, std::size_t bytes) noexcept;
 
   std::unique_ptr<Impl> impl_;
 };

@@ -57,15 +57,6 @@ class SurfaceEndpoint {
     write_bytes(channel, dtype_of<T>(), first * sizeof(T), std::as_bytes(values));
   }
 
-  // The same for cells that are yet to be computed, without a copy where none is needed: where to put the
-  // cells [first, first + cells), of which there may be less than asked for: a piece of 64 KiB at most.
-  // commit() then hands them over as write() does; publish() does what was forgotten.
-  template <class T = float>
-  std::span<T> reserve(int channel, std::size_t first, std::size_t cells) noexcept {
-    return as_array<T>(reserve_bytes(channel, dtype_of<T>(), first * sizeof(T), cells * sizeof(T)));
-  }
-  void commit() noexcept;
-
   // Publishes the sensor frame and wakes the controller. In time-step mode an attached controller must have
   // answered the frame before: otherwise kOutOfTurn, and nothing is published.
   [[nodiscard]] Status publish(std::uint64_t tick, double time_s, std::uint32_t status = 0) noexcept;
@@ -129,7 +120,6 @@ class SurfaceEndpoint {
   std::span<const std::byte> actuator_bytes(int channel, DType) const noexcept;
   std::span<const std::byte> next_bytes(int channel, DType, const WaitOptions&) noexcept;
   void write_bytes(int channel, DType, std::size_t at, std::span<const std::byte> values) noexcept;
-  std::span<std::byte> reserve_bytes(int channel, DType, std::size_t at, std::size_t bytes) noexcept;
 
   std::unique_ptr<Impl> impl_;
 };

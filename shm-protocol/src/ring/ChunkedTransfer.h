@@ -11,7 +11,6 @@
 #include <cstdint>
 #include <span>
 
-#include "FrameArrays.h"
 #include "FrameCopy.h"
 #include "StorePolicy.h"
 #include "shm-protocol/src/wait/Atomics.h"
@@ -54,8 +53,7 @@ class ChunkWriter {
         reader_waiting_(reader_waiting),
         arrays_end_(sizeof(ssp_slot) + array_bytes),
         chunk_bytes_(std::clamp(array_bytes / 2 / 64 * 64, kMinChunkBytes, kMaxChunkBytes)),
-        lag_(array_bytes >= kMinLaggedFrameBytes ? kProgressLagBytes : 0),
-        staging_(std::min(array_bytes, kMaxChunkBytes)) {}
+        lag_(array_bytes >= kMinLaggedFrameBytes ? kProgressLagBytes : 0) {}
 
   // Copies `values` to byte `at` of the channel's array in `slot`, which holds `frame`.
   void write(std::byte* slot, std::uint64_t frame, const ssp_channel& c, std::size_t at,
@@ -69,30 +67,12 @@ class ChunkWriter {
     }
   }
 
-  // Where to make `bytes` of the array from byte `at` on, a piece at most: in the slot itself or, where it is
-  // better written past the caches, beside it. commit() makes them final.
-  std::span<std::byte> reserve(std::byte* slot, std::uint64_t frame, const ssp_channel& c, std::size_t at,
-                               std::size_t bytes, bool reader_on_other_core) noexcept {
-    bytes = std::min(bytes, kMaxChunkBytes);
-    staged_ = begin_chunk(frame, bytes, reader_on_other_core);
-    slot_ = slot;
-    reserved_first_ = c.offset + at, reserved_bytes_ = bytes;
-    return {staged_ ? staging_.begin() : slot + reserved_first_, bytes};
-  }
-  void commit() noexcept {
-    if (reserved_bytes_ == 0) return;
-    if (staged_) stream_frame(slot_ + reserved_first_, staging_.begin(), reserved_bytes_, true);
-    advance_committed(reserved_first_, reserved_bytes_);
-    reserved_bytes_ = 0;
-  }
-
   // Whether a reader may have taken pieces of that frame.
   bool has_announced(std::uint64_t frame) const noexcept { return announced_ == frame; }
 
   // To be called before `frame` is published: nothing may be left that could be taken for a later frame of
   // the same 24 bits.
   void finish_frame(std::uint64_t frame) noexcept {
-    if (frame == frame_) commit();  // what was reserved last, should that have been forgotten
     if (announced_ == frame || announced_ == 0) return;
     announced_ = 0;
     store_release(line_.ready, 0);
@@ -141,11 +121,6 @@ class ChunkWriter {
   std::uint64_t announced_ = 0;    // the frame that the progress line speaks of
   StorePolicy store_policy_;
   bool reader_on_other_core_ = false, non_temporal_ = false;  // of the piece written last
-
-  FrameArrays staging_;  // of one piece
-  bool staged_ = false;
-  std::byte* slot_ = nullptr;  // where that piece belongs
-  std::size_t reserved_first_ = 0, reserved_bytes_ = 0;
 };
 
 // What a reader has copied of the frame to come. `writer` tells two writers of one frame number apart.

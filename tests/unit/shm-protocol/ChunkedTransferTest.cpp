@@ -104,16 +104,7 @@ TEST_P(ChunksBothWays, AreAnsweredWhileTheRestIsStillToCome) {
           ASSERT_EQ(in[i], static_cast<float>(tick + at + i));
           out[i] = in[i] == static_cast<float>(tick + 5) ? NAN : 2 * in[i];
         }
-        if (GetParam()) {
-          for (std::size_t done = 0; done < in.size();) {
-            const auto piece = controller.reserve(2, at + done, in.size() - done);
-            std::copy_n(out.begin() + static_cast<std::ptrdiff_t>(done), piece.size(), piece.begin());
-            controller.commit();
-            done += piece.size();
-          }
-        } else {
-          controller.write(2, at, std::span<const float>(out).first(in.size()));
-        }
+        controller.write(2, at, std::span<const float>(out).first(in.size()));
         at += in.size();
       }
       ASSERT_EQ(at, cells);
@@ -322,38 +313,6 @@ TEST(ChunkedTransfer, ProgressIsWhatIsFinal) {
   EXPECT_EQ(end(9 + (1u << 24)), 0u);
   line.ready = encode_progress(4, ~std::uint64_t{0} >> 24);  // more than there is
   EXPECT_EQ(end(4), sizeof slot);
-}
-
-// In the slot itself, or beside it as long as the way past the caches is tried; the same bytes and the same
-// progress either way.
-TEST(ChunkedTransfer, ReservedCellsAreInPlaceOrStagedAndFinalOnceCommitted) {
-  for (const bool elsewhere : {false, true}) {
-    ssp_progress line{};
-    alignas(64) static std::byte slot[400'000];
-    std::ranges::fill(slot, std::byte{0});
-    ssp_channel c{};
-    c.offset = 128, c.bytes = 300'000;
-    const std::uint32_t word = 0, waiting = 0;
-    ChunkWriter writer(line, word, waiting, 300'032);
-    std::size_t at = 0;
-    while (at < c.bytes) {
-      const auto piece = writer.reserve(slot, 5, c, at, c.bytes - at, elsewhere);
-      ASSERT_EQ(piece.size(), std::min<std::size_t>(64 * 1024, c.bytes - at));
-      // The last piece is large enough to be staged, too.
-      EXPECT_EQ(piece.data() == slot + 128 + at, !elsewhere);
-      std::ranges::fill(piece, static_cast<std::byte>(1 + at / 1000 % 250));
-      EXPECT_EQ(committed_bytes(line, 5, sizeof slot), at == 0 ? 0u : 128 + at);  // not before the commit
-      writer.commit();
-      writer.commit();  // of nothing
-      ASSERT_EQ(slot[128 + at], piece[0]);
-      ASSERT_EQ(slot[128 + at + piece.size() - 1], piece[0]);
-      at += piece.size();
-    }
-    EXPECT_EQ(at, c.bytes);
-    std::ranges::fill(writer.reserve(slot, 6, c, 0, 4096, elsewhere), std::byte{9});
-    writer.finish_frame(6);  // as publish() does: a forgotten commit
-    EXPECT_EQ(slot[128 + 4095], std::byte{9});
-  }
 }
 
 TEST(ChunkedTransfer, ReaderCopiesEachByteOnce) {
