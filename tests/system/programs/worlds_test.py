@@ -61,7 +61,7 @@ class Worlds(ProgramTest):
 
     def test_invalid_input_reports_one_line(self):
         experiment = self.write("table.lua", TABLE)
-        for flags, message in ((("--worlds", "0"), "--worlds"), (("--worlds", "2", "--window"), "no window"),
+        for flags, message in ((("--worlds", "0"), "--worlds"), (("--worlds", "2", "--window"), "--record"),
                                (("--worlds", "2", "--set", "fail_at=1"), "asked to fail")):
             status, _, err = self.run_program(SMARTSURF, "run", experiment, "--no-controller", "--ticks", "1", *flags)
             self.assertEqual(status, 2, err)

@@ -183,7 +183,7 @@ TEST_F(SurfaceHostTest, RefusesUnknownChannelsAndWrongShapes) {
             "the surface has no sensor channel 'proximty'; its sensor channels: proximity, force, touch");
   EXPECT_EQ(host.actuate("proximity", 1.0F), HostStatus::kRefused);
   EXPECT_EQ(host.message(),
-            "the surface has no actuator channel 'proximity'; its actuator channels: height, mode");
+            "the surface has no actuator channel 'proximity'; its actuator channels: height, mode, drive");
   EXPECT_EQ(host.sense("proximity", other), HostStatus::kRefused);
   EXPECT_EQ(host.message(), "channel 'proximity' is 5x3, but the register is 3x5");
   for (const char* bad :
