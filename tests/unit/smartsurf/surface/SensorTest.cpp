@@ -85,7 +85,7 @@ TEST(Proximity, HigherPinsOccludeUnlessExcluded) {
   EXPECT_FLOAT_EQ(s.readings(2)[t.cell(4, 7)], 4.0F);
   EXPECT_EQ(s.readings(4)[t.cell(4, 7)], 0.0F);  // pins have no object type
   EXPECT_EQ(s.readings(4)[t.cell(7, 7)], 0.0F);  // the ray from the raised top passes over the ball
-  EXPECT_EQ(s.readings(5)[t.cell(4, 7)], kPinColour.r);
+  EXPECT_EQ(s.readings(5)[t.cell(4, 7)], surface::kPinColour.r);
 }
 
 TEST(Proximity, LevelPinsDoNotOcclude) {
@@ -217,7 +217,7 @@ TEST(Camera, ShowsTopmostSurfaceAtEveryPixel) {
   EXPECT_NEAR(s.readings(1)[2 * cells + t.cell(5, 5)], 0.0F, 1e-4F);
   EXPECT_EQ(s.readings(0)[0 * cells + t.cell(5, 5)], kRed.r);
   EXPECT_EQ(s.readings(0)[5 * cells + t.cell(5, 5)], kRed.b);
-  EXPECT_EQ(s.readings(0)[6 * cells + t.cell(5, 5)], kPinColour.r);  // pin colour
+  EXPECT_EQ(s.readings(0)[6 * cells + t.cell(5, 5)], surface::kPinColour.r);  // pin colour
   EXPECT_NEAR(s.readings(1)[t.cell(8, 8)], 1.5F, 1e-4F);
 }
 
