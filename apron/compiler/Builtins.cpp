@@ -187,7 +187,7 @@ bool starts_with(std::string_view text, std::string_view prefix) {
   return text.substr(0, prefix.size()) == prefix;
 }
 
-// core.add is add: the forms of arithmetic, comparison and logic.
+// The prefixed forms of arithmetic, comparison and logic, such as core.add for add.
 bool has_core_alias(const Builtin& builtin) {
   const bool plain = builtin.name.find('.') == std::string_view::npos;
   return plain && (builtin.form == BuiltinForm::kElementwise || builtin.form == BuiltinForm::kMac);

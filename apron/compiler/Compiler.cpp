@@ -35,7 +35,7 @@ void check_definite_assignment(const program::Program& program, const Lowering& 
   }
 }
 
-// What only the whole program shows.
+// Checks that need the whole program.
 void check_program(const program::Program& program, std::size_t max_addr, syntax::Diagnostics& diagnostics) {
   if (program.code.size() > max_addr) {
     diagnostics.error({}, fmt::format("the program has {} instructions, and '!max_addr' allows {}",

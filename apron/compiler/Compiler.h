@@ -17,7 +17,7 @@ struct CompileOptions {
   std::string file;
   std::uint32_t width = 0, height = 0;     // of the surface, in cells: the default shape of registers
   std::vector<std::string> include_paths;  // for !include, after the including file's directory
-  std::string library_path;                // the installed library, looked in last; "" for none
+  std::string library_path;                // the installed library, searched last; "" for none
 };
 
 struct CompileResult {
@@ -26,7 +26,8 @@ struct CompileResult {
   syntax::SourceManager sources;  // for syntax::format(diagnostics, sources)
 };
 
-// Never throws for what a source holds, and ends for every source. Allocates; keeps no state between calls.
+// Terminates for every source and never throws because of its contents. Allocates; keeps no state between
+// calls.
 CompileResult compile(const CompileOptions&, syntax::FileReader&);
 
 }  // namespace apron::compiler

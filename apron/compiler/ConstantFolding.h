@@ -8,7 +8,7 @@
 
 namespace apron::compiler {
 
-// Nothing for instructions whose rounding is the machine's own (sin, pow, …).
+// Returns nullopt for instructions whose rounding depends on the machine (sin, pow, …).
 std::optional<float> fold_constant(program::Opcode, const std::array<float, program::kMaxOperands>&);
 
 }  // namespace apron::compiler

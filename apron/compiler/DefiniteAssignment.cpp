@@ -18,7 +18,7 @@ class Reachability {
     }
   }
 
-  // Everything that can run after one of these instructions.
+  // The instructions that can run after one of these.
   std::vector<bool> reachable_from(const std::vector<std::size_t>& writes) const {
     std::vector<bool> seen(program_.code.size(), false);
     std::vector<std::size_t> work;
@@ -62,7 +62,7 @@ std::vector<ScalarRead> find_unassigned_reads(const Program& program, const std:
   }
   const Reachability reachability(program);
   std::map<std::uint32_t, std::vector<bool>>
-      reached;  // only of scalars that are read before their first write
+      reached;  // only for scalars that are read before their first write
   std::vector<ScalarRead> found;
   for (const ScalarRead& read : reads) {
     const std::vector<std::size_t>& all = writes[read.variable];

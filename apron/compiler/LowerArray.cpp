@@ -11,7 +11,7 @@ namespace apron::compiler {
 using program::Opcode;
 using syntax::ExpressionKind;
 
-// The source stays as it is and is not released: the destination is never the source.
+// The source is neither overwritten nor released: the destination must be another register.
 Value Lowering::emit_shift(Opcode op, const Value& source, int dx, int dy, ResultDestination* destination,
                            Location location) {
   if (dx == 0 && dy == 0) return source;
@@ -50,7 +50,7 @@ Value Lowering::lower_shift(const Builtin& builtin, const Expressions& arguments
   return moved;
 }
 
-// The neighbours only, never the own cell.
+// The neighbours without the cell itself.
 Value Lowering::lower_neighbourhood(const Builtin& builtin, const Expressions& arguments, Location location,
                                     ResultDestination* destination) {
   const int count = arguments.size() == 2 ? integer_constant(arguments[1], "the neighbourhood") : 4;

@@ -1,4 +1,4 @@
-// Instructions that give a value.
+// Instructions that return a value.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -121,7 +121,7 @@ Value Lowering::lower_parameter(const Expression& argument, ResultDestination* d
   return emit_to_scalar(Opcode::kParameter, {builder_.text_operand(name)}, destination);
 }
 
-// (a, op, b), or one expression as a truth of 0 or 1.
+// A condition: (a, op, b), or one expression, as 0 or 1.
 Value Lowering::lower_comparison(const Expressions& arguments, Location location,
                                  ResultDestination* destination) {
   if (arguments.size() == 1) {
@@ -137,7 +137,7 @@ Value Lowering::lower_comparison(const Expressions& arguments, Location location
   return emit_elementwise(infix_opcode(arguments[1].text), {left, right}, location, destination);
 }
 
-// For instructions that write a scalar only: into a register it goes by way of a scalar.
+// For instructions that write scalars only: a register is filled from a temporary scalar.
 Value Lowering::emit_to_scalar(Opcode op, std::vector<Operand> operands, ResultDestination* destination) {
   Value result;
   if (destination != nullptr) {
@@ -157,7 +157,7 @@ Value Lowering::emit_to_scalar(Opcode op, std::vector<Operand> operands, ResultD
   return result;
 }
 
-// For instructions that fill a register from nothing of its shape.
+// For instructions that fill a register without a source of its shape.
 Value Lowering::emit_to_register(Opcode op, std::vector<Operand> operands, ResultDestination* destination) {
   const Value result = destination != nullptr ? resolve_destination(*destination, true, shape_hint_)
                                               : builder_.allocate_temporary(shape_hint_);

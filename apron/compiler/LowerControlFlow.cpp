@@ -14,7 +14,7 @@ using syntax::ExpressionKind;
 
 namespace {
 
-constexpr float kMaxLoopCount = 16'777'216.0F;  // whole numbers above step over themselves in 32-bit floats
+constexpr float kMaxLoopCount = 16'777'216.0F;  // 2^24: above, a 32-bit float plus 1 may be the same float
 
 std::string_view block_keyword(int kind) {
   static constexpr std::string_view kWords[] = {"if", "while", "for", "repeat", "where"};
@@ -66,7 +66,7 @@ std::uint32_t Lowering::current_where_region() const {
   return 0;
 }
 
-// Whether the statement is one of flow.
+// Returns whether the statement is control flow.
 bool Lowering::lower_control_flow(const Builtin& builtin, const Expression& call,
                                   const Expressions& arguments) {
   const Location location = call.location;
@@ -229,7 +229,7 @@ void Lowering::open_for(const Expressions& arguments, Location location) {
   emit_for_test(block);
 }
 
-// A value that no statement of a loop's body can change, until it is released.
+// A copy of the value that the loop's body cannot change; the caller releases it.
 Value Lowering::loop_invariant(const Value& value) {
   if (value.is_constant() || value.is_temporary) return retained(value);
   const Value copy = retained(builder_.allocate_scalar_temporary());
@@ -244,7 +244,7 @@ void Lowering::emit_for_test(const Block& block) {
     return emit_jump_unless({block.step.constant > 0.0F ? Opcode::kLe : Opcode::kGe, block.counter, limit},
                             block.end_label);
   }
-  // Goes on while (bound - counter) * step >= 0, whichever way the step goes.
+  // Continues while (bound - counter) * step >= 0, for steps of either sign.
   const Value remaining = builder_.allocate_scalar_temporary();
   builder_.emit(Opcode::kSub, builder_.operand(remaining),
                 {builder_.operand(block.bound), builder_.operand(block.counter)});
@@ -317,7 +317,7 @@ void Lowering::close_block(BlockKind kind, Location location) {
   const std::string name = fmt::format("end{}", block_keyword(static_cast<int>(kind)));
   const Block block = require_innermost_block(kind, location, name);
   if (block.from_error) {
-    // nothing was opened
+    // no block was opened
   } else if (kind == BlockKind::kIf) {
     if (!block.has_else) builder_.bind_label(block.continue_label);
   } else if (kind == BlockKind::kWhere) {
@@ -383,7 +383,7 @@ void Lowering::define_label(const std::string& name, Location location) {
   builder_.bind_label(label.label);
 }
 
-// Blocks that a text or a macro in an expression leaves open.
+// Blocks that a macro within an expression leaves open.
 void Lowering::report_open_blocks(std::size_t min_depth) {
   while (blocks_.size() > min_depth) {
     const Block& block = blocks_.back();

@@ -1,4 +1,4 @@
-// Random numbers, the stack, elements by number, plugins, numbered pictures, cameras and windows.
+// Random numbers, the register stack, elements by index, plugins, image sequences, cameras and windows.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -14,7 +14,7 @@ using program::Operand;
 using program::OperandKind;
 using syntax::ExpressionKind;
 
-// One number a cell where a register is written or read in the statement, else one number.
+// One number per cell if the statement reads or writes a register, else a single number.
 Value Lowering::emit_random(Opcode op, const Value& a, const Value& b, ResultDestination* destination) {
   Shape shape = shape_hint_;
   const bool is_register =
@@ -51,7 +51,7 @@ Value Lowering::lower_random(const Builtin& builtin, const Expressions& argument
   return emit_elementwise(Opcode::kRound, {drawn}, location, destination);
 }
 
-// Whether the statement is one of these.
+// Returns whether it lowered the statement.
 bool Lowering::lower_data_statement(const Builtin& builtin, const Expression& call,
                                     const Expressions& arguments) {
   const std::string quoted = fmt::format("'{}'", call.text);
@@ -151,7 +151,7 @@ Value Lowering::lower_get_element(const Builtin& builtin, const Expressions& arg
                    : emit_to_register(builtin.op, operands, destination);
 }
 
-// The number of the element of that name, or -1: known while compiling.
+// The compile-time index of the element of that name, or -1.
 Value Lowering::lower_element_match(const Expressions& arguments) {
   const std::string& name = class_name(arguments[0]);
   if (arguments[1].kind != ExpressionKind::kString && arguments[1].kind != ExpressionKind::kName) {
@@ -186,7 +186,7 @@ void Lowering::emit_plugin_arguments(const Expressions& arguments, std::size_t f
   }
 }
 
-// A register where the statement has one, else a scalar.
+// A register if the statement has one, else a scalar.
 Value Lowering::lower_plugin(const Expressions& arguments, ResultDestination* destination) {
   const Operand module_index = module_operand(arguments[0]);
   const Value operation = lower_scalar(arguments[1], "a plugin's operation");

@@ -95,7 +95,7 @@ Value Lowering::lower_name(const Expression& name, ResultDestination* destinatio
   if (value.kind == Value::Kind::kScalar && !value.is_temporary && !symbol->is_declared) {
     scalar_reads_.push_back({value.index, builder_.position(), name.location});
   }
-  value.is_temporary = false;  // whoever made it releases it
+  value.is_temporary = false;  // its owner releases it
   return value;
 }
 
@@ -148,12 +148,12 @@ Value Lowering::emit_elementwise(Opcode op, const std::vector<Value>& values, Lo
   return result;
 }
 
-// The register or scalar that a statement writes, made by its first write if need be.
+// The register or scalar that a statement writes; a first write creates it.
 Value Lowering::resolve_destination(ResultDestination& destination, bool is_register, Shape shape) {
   const Expression& target = *destination.target;
   destination.used = true;
   Value value = resolve_target(target, is_register, shape);
-  value.is_temporary = false;  // a macro's own names live as long as the macro
+  value.is_temporary = false;  // a macro's local names live until the macro ends
   return value;
 }
 
@@ -198,7 +198,7 @@ Value Lowering::create_scalar(const Expression& target, bool is_register) {
   return fresh.value;
 }
 
-// A macro's own name takes the kind of what is first written to it, and lives until the macro ends.
+// A macro's local name gets its kind from its first write and lives until the macro ends.
 Value Lowering::create_macro_local(const Expression& target, bool is_register, Shape shape) {
   Symbol fresh{{}, target.location, true, display_name(target.text), false};
   if (is_register) {
@@ -221,8 +221,8 @@ Value Lowering::create_macro_local(const Expression& target, bool is_register, S
   return fresh.value;
 }
 
-// The macro's result is a fresh register of zeros if an argument is a register, else what its first write
-// makes it.
+// The macro's result is a new register of zeros if an argument is a register; otherwise its first write
+// determines it.
 Value Lowering::lower_expansion(const Expression& expression) {
   const syntax::MacroExpansion& expansion = *expression.expansion;
   const std::size_t blocks = blocks_.size();
@@ -287,7 +287,7 @@ Value Lowering::lower_register(const Expression& expression, std::string_view su
   return value;
 }
 
-// What a person may have meant who writes a scalar's name: the element of that name of a class of registers.
+// A suggestion for an unknown scalar: the register class's element of that name.
 std::string Lowering::same_name_hint(const std::string& name) const {
   const std::string element_name = symbols_.find_register_element(name);
   return element_name.empty() ? "" : fmt::format("; the register of that name is {}", element_name);
@@ -341,7 +341,7 @@ void Lowering::check_where_shape(Shape shape, Location location) const {
   }
 }
 
-// The shape that an expression's first register gives it, found without lowering it.
+// The shape of an expression's first register, found without lowering the expression.
 bool Lowering::find_shape(const Expression& expression, Shape& shape) const {
   const Symbol* symbol = nullptr;
   if (expression.kind == ExpressionKind::kName) symbol = symbols_.find(expression.text);

@@ -1,4 +1,4 @@
-// Filters: tables of elements that are laid over every cell.
+// Filters: coefficient tables for correlation.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -17,8 +17,8 @@ namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 
-// Elements of weight(dx, dy), dx columns east and dy rows south of the middle, scaled to a sum of 1 if
-// wanted.
+// Coefficients weight(dx, dy), dx columns east and dy rows south of the centre, optionally normalised to a
+// sum of 1.
 template <class Weight>
 Filter make_filter(std::string name, int radius_x, int radius_y, bool normalize, const Weight& weight) {
   Filter filter{std::move(name),
@@ -36,7 +36,7 @@ Filter make_filter(std::string name, int radius_x, int radius_y, bool normalize,
 
 }  // namespace
 
-// A constant of at least `low`, of which a filter is made while compiling.
+// A compile-time constant of at least `low`, a parameter of a filter.
 double Lowering::real_constant(const Expression& expression, std::string_view subject, double low) {
   const double value = number_constant(expression, subject);
   if (!(value >= low && value <= 1e6)) {
@@ -63,7 +63,7 @@ std::uint32_t Lowering::require_filter(const Expression& name) const {
                                                 common::did_you_mean(filter_name, known))};
 }
 
-// The filter's index; one that was made of constants alone is used again.
+// The filter's index; filters made of constants are shared.
 std::uint32_t Lowering::intern_filter(Filter filter) {
   std::vector<Filter>& all = builder_.program().filters;
   const auto same = [&](const Filter& candidate) {
@@ -101,7 +101,7 @@ Value Lowering::lower_filter(const Builtin& builtin, const Expressions& argument
                            destination, location);
 }
 
-// Three times the width on either side.
+// Three standard deviations to either side.
 int Lowering::filter_radius(double width, Location location) const {
   const double radius = std::ceil(3.0 * width);
   if (2.0 * radius + 1.0 > static_cast<double>(program::kMaxFilterExtent)) {
@@ -112,7 +112,7 @@ int Lowering::filter_radius(double width, Location location) const {
   return static_cast<int>(radius);
 }
 
-// By rows, then by columns: the same as one round filter, in fewer steps.
+// Separable: by rows, then by columns, which takes fewer steps than the two-dimensional filter.
 Value Lowering::lower_gauss(const Expressions& arguments, Location location, ResultDestination* destination) {
   const double width = real_constant(arguments[1], "the width of a Gaussian", 0.01);
   const int radius = filter_radius(width, arguments[1].location);
@@ -128,7 +128,7 @@ Value Lowering::lower_gauss(const Expressions& arguments, Location location, Res
   return emit_out_of_place(Opcode::kFilterDo, {rows}, {filter_operand(column)}, destination, location);
 }
 
-// Whether the statement is one of filters.
+// Returns whether the statement is about filters.
 bool Lowering::lower_filter_statement(const Builtin& builtin, const Expression& call,
                                       const Expressions& arguments) {
   switch (builtin.form) {
@@ -175,8 +175,8 @@ bool Lowering::lower_filter_statement(const Builtin& builtin, const Expression& 
   }
 }
 
-// filter.setElement(name, x, y, v): column x, row y; a run-time column is checked by the element's number
-// only.
+// filter.setElement(name, x, y, v): column x, row y; with a run-time column only the element's index is
+// checked.
 void Lowering::lower_filter_set_element(const Expressions& arguments) {
   constexpr std::string_view kWhat = "'filter.setElement'";
   const std::uint32_t index = require_filter(arguments[0]);
@@ -202,8 +202,8 @@ void Lowering::lower_filter_set_element(const Expressions& arguments) {
                 {filter_operand(index), builder_.operand(number), builder_.operand(value)});
 }
 
-// filter.kernel.gabor(name, width, angle, wavelength[, phase[, aspect]]) fills the filter, or makes it as
-// large as the width asks.
+// filter.kernel.gabor(name, width, angle, wavelength[, phase[, aspect]]) fills the filter, or creates it
+// as large as the width requires.
 void Lowering::lower_gabor(const Expressions& arguments) {
   const std::string& name = string_literal(arguments[0], "a filter's name");
   const double width = real_constant(arguments[1], "a Gabor filter's width", 0.01);
@@ -223,7 +223,7 @@ void Lowering::lower_gabor(const Expressions& arguments) {
   intern_filter(make_filter(name, radius, radius, false, weight));
 }
 
-// All elements of weight(dx, dy), from the middle that the machine lays on the cell.
+// All coefficients weight(dx, dy), relative to the element that is centred on the cell.
 void Lowering::emit_filter_fill(std::uint32_t index, const std::function<double(double, double)>& weight) {
   const Filter filter = builder_.program().filters[index];
   for (std::uint32_t y = 0; y < filter.height; ++y) {

@@ -1,4 +1,4 @@
-// Statements for the world beside the array: masks, edges, console, files, parameters, the surface.
+// Statements about the host: masks, boundaries, console, files, parameters, the surface.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -14,7 +14,7 @@ using program::BoundaryRule;
 using program::Opcode;
 using syntax::ExpressionKind;
 
-// Whether the statement is one of these.
+// Returns whether it lowered the statement.
 bool Lowering::lower_host_statement(const Builtin& builtin, const Expression& call,
                                     const Expressions& arguments) {
   switch (builtin.form) {
@@ -123,8 +123,8 @@ void Lowering::lower_switch(const Expressions& arguments, Location location) {
   add_parameter(std::move(parameter), location);
 }
 
-// sim.label('text'), sim.label('name', 'text') and sim.label('name', number); with more, which would be a
-// place in the original's windows, or of a register it has no effect.
+// sim.label('text'), sim.label('name', 'text') and sim.label('name', number); further arguments, a position in
+// the windows of the original APRON, and registers have no effect.
 void Lowering::lower_label(const Expressions& arguments) {
   const bool named =
       !arguments.empty() && arguments.size() <= 2 && arguments[0].kind == ExpressionKind::kString;
@@ -155,7 +155,7 @@ void Lowering::lower_tile(const Expressions& arguments) {
   builder_.release(columns);
 }
 
-// timer.start and timer.start('name'): the timer without a name is one, too.
+// timer.start and timer.start('name'): there is one unnamed timer.
 program::Operand Lowering::timer_operand(const Expressions& arguments) {
   return builder_.text_operand(arguments.empty() ? "" : string_literal(arguments[0], "a timer's name"));
 }

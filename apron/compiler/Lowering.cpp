@@ -29,7 +29,8 @@ void Lowering::lower_program(const std::vector<Statement>& program) {
   check_jumps();
 }
 
-// What is written anywhere, so that a name in a loop can be told from a misspelt one.
+// The names that are written anywhere, to distinguish a name used before its write in a loop from a misspelt
+// one.
 void Lowering::collect_writes(const std::vector<Statement>& program) {
   for (const Statement& statement : program) {
     if (statement.kind == StatementKind::kAssign && statement.target.kind == ExpressionKind::kName)
@@ -99,7 +100,8 @@ void Lowering::dispatch_statement(const Statement& statement) {
   }
 }
 
-// What a line with an error would have opened, closed or written, so that the error does not cause others.
+// Error recovery: opens, closes or declares what the faulty line would have, so that no further errors
+// follow.
 void Lowering::recover_from_error(const Statement& statement) {
   const bool assigns = statement.kind == StatementKind::kAssign || statement.assigns;
   const bool is_call = statement.kind == StatementKind::kCall;

@@ -18,7 +18,7 @@
 
 namespace apron::compiler {
 
-// A read of a scalar, for the check that it can have been written before.
+// A read of a scalar, for definite-assignment analysis.
 struct ScalarRead {
   std::uint32_t variable = 0;
   std::size_t instruction = 0;  // the first instruction that may read it
@@ -41,8 +41,8 @@ class Lowering {
   using Location = syntax::Location;
   using Statement = syntax::Statement;
 
-  // Where a value goes. The last instruction of an expression asks for it by target(); what does not ask is
-  // copied.
+  // Destination of a value. The last instruction of an expression fetches it with target(); other results
+  // are copied.
   struct ResultDestination {
     const Expression* target = nullptr;
     bool used = false;
@@ -55,7 +55,7 @@ class Lowering {
     ProgramBuilder::Label test_label = 0, continue_label = 0,
                           end_label = 0;  // of a loop: its test, its `continue`, what follows it
     bool has_else = false;
-    bool from_error = false;  // its opening line was wrong; nothing more to emit for it
+    bool from_error = false;  // its opening line has an error; emit nothing for it
     std::uint32_t where_region = 0;
     Shape where_shape;
     Value counter, bound, step;
@@ -140,7 +140,7 @@ class Lowering {
   std::uint32_t register_number(const Value&, Location) const;
   void lower_pixel_set(const Expressions&);
 
-  // What reads other cells than its own: its destination is none of its sources.
+  // For instructions that read other cells: the destination is none of the sources.
   Value emit_out_of_place(program::Opcode, const std::vector<Value>& sources,
                           std::vector<program::Operand> extra_operands, ResultDestination*, Location);
 
@@ -174,7 +174,7 @@ class Lowering {
   void lower_plugin_statement(const Expression& call);
   void lower_colour_mapping(const Builtin&, const Expressions&, Location);
 
-  // LowerFlow.cpp
+  // LowerControlFlow.cpp
   bool lower_control_flow(const Builtin&, const Expression& call, const Expressions&);
   Comparison lower_condition(const Expressions&, Location);
   Comparison lower_expression_condition(const Expression&);
@@ -226,8 +226,8 @@ class Lowering {
   std::vector<JumpSite> jumps_;
   std::vector<ScalarRead> scalar_reads_;
   std::uint32_t where_region_count_ = 0;
-  std::map<std::string, std::uint32_t> group_indices_;  // classes that are taken from by number
-  bool is_register_statement_ = false;  // the statement has registers: random numbers are one a cell
+  std::map<std::string, std::uint32_t> group_indices_;  // classes that are indexed by number
+  bool is_register_statement_ = false;  // the statement has registers: one random number per cell
   Shape shape_hint_;                    // for cell.x and the like, which have no shape of their own
 };
 

@@ -6,7 +6,7 @@
 
 namespace apron::compiler {
 
-// "" if there is a palette of that name; else the error's text, with the nearest name or all of them.
+// "" if the palette exists; otherwise the error message, with the nearest name or all names.
 std::string palette_error(std::string_view name);
 
 }  // namespace apron::compiler

@@ -18,7 +18,7 @@ struct Shape {
   auto operator<=>(const Shape&) const = default;
 };
 
-// What an expression has become.
+// The result of an expression.
 struct Value {
   enum class Kind : std::uint8_t { kNone, kRegister, kScalar, kConstant };
   Kind kind = Kind::kNone;
@@ -31,7 +31,7 @@ struct Value {
   bool is_constant() const noexcept { return kind == Kind::kConstant; }
 };
 
-// An error in the source; an empty text is one that was reported already.
+// An error in the source; an empty text if it is already reported.
 struct CompileError {
   syntax::Location location;
   std::string message;
@@ -41,7 +41,7 @@ class ProgramBuilder {
  public:
   using Label = std::uint32_t;
 
-  // Instructions from here on come from this place.
+  // Sets the source location of the following instructions.
   void set_location(const syntax::Location& location, const std::string& file);
   const syntax::Location& location() const noexcept { return location_; }
   // In the order of their numbers, from 0.
@@ -53,11 +53,11 @@ class ProgramBuilder {
 
   Value allocate_temporary(Shape);
   Value allocate_scalar_temporary();
-  void release(const Value&);  // nothing for what is no temporary
-  // Temporaries taken since the mark and not kept go back.
+  void release(const Value&);  // does nothing for other values than temporaries
+  // Releases the temporaries taken since the mark that are not retained.
   std::size_t mark() const noexcept { return live_.size(); }
   void release_to(std::size_t mark);
-  void retain(const Value&);  // until it is released by hand
+  void retain(const Value&);  // until release()
   void unretain(const Value&);
 
   program::Operand operand(const Value&);
@@ -67,8 +67,8 @@ class ProgramBuilder {
 
   void emit(program::Opcode, program::Operand destination = {}, std::vector<program::Operand> = {},
             bool masked = true);
-  // Lets the last instruction write `place` instead of the temporary that it wrote, if it wrote that one, all
-  // of it, is always the one before this point, and does not shift `place`. Whether it could.
+  // Retargets the last instruction from its temporary to `place`, if it wrote all of that temporary, is the
+  // only predecessor of this point, and does not read neighbours of `place`. Returns whether it did.
   bool retarget_last(const Value& temporary, const Value& target);
   std::size_t position() const noexcept { return program_.code.size(); }
 
@@ -98,7 +98,7 @@ class ProgramBuilder {
   std::vector<Value> live_;
   std::vector<std::uint32_t> labels_;
   std::size_t temporary_count_ = 0;
-  std::size_t last_label_position_ = 0;  // the latest position that a label was placed at
+  std::size_t last_label_position_ = 0;  // position of the label placed last
 };
 
 }  // namespace apron::compiler

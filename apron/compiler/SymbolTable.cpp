@@ -125,7 +125,7 @@ std::optional<std::size_t> SymbolTable::register_number(std::uint32_t index) con
   return std::nullopt;
 }
 
-// By the shortest name of its class.
+// Under the shortest name of its class.
 std::string SymbolTable::format_element(const std::string& class_name, const std::string& name) const {
   std::string alias = class_name;
   for (const auto& [short_name, target] : aliases_) {

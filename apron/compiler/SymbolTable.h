@@ -13,18 +13,18 @@
 namespace apron::compiler {
 
 struct Symbol {
-  Value value;                // kNothing: an error was reported for it already
+  Value value;                // kNothing: already reported as an error
   syntax::Location location;  // of its declaration or first write
   bool is_writable = true;    // not a macro's argument
   std::string name;           // as shown to the user
-  bool is_declared = false;   // by !create: may be read before it is written, and is 0 then
+  bool is_declared = false;   // by !create: reads as 0 before its first write
 };
 
 class SymbolTable {
  public:
   SymbolTable();
 
-  // nullptr if the name is not known as it stands.
+  // nullptr if the exact name is unknown.
   const Symbol* find(const std::string& name) const;
   void add(const std::string& name, Symbol);
   void remove(const std::string& name);
@@ -35,14 +35,14 @@ class SymbolTable {
   // Fail if the name is taken.
   void add_element(const std::string& class_name, const std::string& name, Symbol, syntax::Location);
   void add_class(const syntax::Declaration&);
-  // Of the class: its name, and its elements so far in the order of their numbers.
+  // The class's name, and its elements so far, in index order.
   const std::string& class_name(const std::string& name_or_alias, syntax::Location location) const {
     return resolve_class(name_or_alias, location);
   }
   std::vector<std::uint32_t> element_indices(const std::string& class_name) const;
-  // The number of an element, or nothing.
+  // The index of an element, or nullopt.
   std::optional<std::size_t> element_number(const std::string& class_name, const std::string& element) const;
-  // The number that a register has in its class.
+  // The index of a register in its class.
   std::optional<std::size_t> register_number(std::uint32_t index) const;
   bool holds_variables(const std::string& class_name, syntax::Location) const;
 
@@ -64,10 +64,10 @@ class SymbolTable {
 
   std::map<std::string, Symbol> symbols_;
   std::map<std::string, ElementClass> classes_;
-  std::map<std::string, std::string> aliases_;  // classes by themselves too
+  std::map<std::string, std::string> aliases_;  // includes each class under its own name
 };
 
-// syntax::written: without what makes a macro's own names unique.
+// As syntax::written(): without the suffix that makes a macro's local names unique.
 std::string display_name(const std::string& name);
 bool is_macro_local(const std::string& name);
 bool is_macro_name(const std::string& name);

@@ -13,7 +13,7 @@
 
 namespace apron::syntax {
 
-// Longest way from an expression's top to a leaf, macro bodies included.
+// Maximum depth of an expression, macro bodies included.
 inline constexpr std::size_t kMaxExpressionDepth = 200;
 
 enum class ExpressionKind : std::uint8_t {
@@ -42,7 +42,7 @@ struct Expression {
   std::size_t depth = 1;
 };
 
-// An argument that is more than a word: evaluated once, before the macro's body.
+// An argument of more than one token: evaluated once, before the macro's body.
 struct ArgumentBinding {
   std::string name;  // unique in the program, begins with '$'
   Expression value;
@@ -55,7 +55,7 @@ enum class StatementKind : std::uint8_t {
   kDeclare,     // declaration
   kMacroBegin,  // a macro's body begins: expansion has its bindings, its body follows in the list
   kMacroEnd,    // and ends
-  kInvalid,     // reported already; target.text is its first word, assigns if it had a '='
+  kInvalid,     // already reported; target.text is its first word, assigns if it had a '='
 };
 
 struct Statement {

@@ -1,4 +1,4 @@
-// Constants evaluated while the source is read: operands of `!if` and sizes in `!create`.
+// Preprocessing-time constants: operands of `!if` and sizes in `!create`.
 #pragma once
 
 #include <optional>
@@ -11,7 +11,7 @@
 namespace apron::syntax {
 
 struct Constant {
-  bool is_string = false;  // a 'text', or a name that stands for itself, to be compared by == and !=
+  bool is_string = false;  // a 'text', or a bare name, comparable by == and !=
   std::string text;
   double number = 0.0;
 
@@ -21,8 +21,8 @@ struct Constant {
 // A comparison by one of < <= > >= == !=; nothing if the two cannot be compared.
 std::optional<bool> compare(const Constant&, std::string_view op, const Constant&);
 
-// Numbers, texts, names, ( ) unary - + !, * / %, + -, comparisons, && and ||. Reports what is wrong, at the
-// token or else at `at`.
+// Numbers, texts, names, ( ) unary - + !, * / %, + -, comparisons, && and ||. Reports errors at the
+// token, or at `at` if there is none.
 std::optional<Constant> evaluate_constant(const Tokens&, Location location, Diagnostics&);
 
 }  // namespace apron::syntax

@@ -11,7 +11,7 @@ namespace {
 
 // Longest part of a source line shown, in bytes.
 constexpr std::size_t kMaxShownBytes = 400;
-// Chains longer than this are shown by their ends.
+// Of longer chains only both ends are shown.
 constexpr std::size_t kMaxChainNotes = 12;
 
 auto sort_key(const Location& location) { return std::tie(location.file, location.line, location.column); }
@@ -27,7 +27,7 @@ std::string printable(std::string_view line) {
   return text;
 }
 
-// Spaces up to the column, with the line's own tabs so that the caret stands below its character.
+// Padding up to the column that repeats the line's tabs, so that the caret aligns with its character.
 std::string caret_indent(std::string_view line, std::uint32_t column) {
   std::string padding;
   std::uint32_t current = 1;

@@ -21,7 +21,7 @@ struct Diagnostic {
 };
 
 inline constexpr std::size_t kMaxErrors = 20;
-// Of the same ones again too, as from a macro with an error that is expanded over and over.
+// Includes repeats, as from a macro with an error that is expanded many times.
 inline constexpr std::size_t kMaxReportedErrors = 2000;
 
 class Diagnostics {
@@ -30,7 +30,7 @@ class Diagnostics {
   void error(Location location, std::string message, std::vector<Note> notes = {});
   bool full() const noexcept { return full_; }
   bool empty() const noexcept { return diagnostics_.empty(); }
-  // In the order of the places: files in the order of their inclusion, then lines and columns.
+  // Sorted by location: files in inclusion order, then line and column.
   std::vector<Diagnostic> take();
 
  private:
@@ -39,8 +39,8 @@ class Diagnostics {
   bool full_ = false;
 };
 
-// "file:line:col: error: text", the source line, a line with a caret below the column, then one line for each
-// note, macro expansion and include on the way to it.
+// "file:line:col: error: text", the source line, a line with a caret below the column, then one line per
+// note, macro expansion and include that leads to it.
 std::string format_diagnostics(const Diagnostic&, const SourceManager&);
 std::string format_diagnostics(const std::vector<Diagnostic>&, const SourceManager&);
 

@@ -28,7 +28,7 @@ std::string normalize_path(const std::string& path) {
 
 }  // namespace
 
-// Whether it was one of !if, !else, !endif, which are followed in skipped lines too.
+// Returns whether it was !if, !else or !endif, which are processed in skipped lines too.
 bool Preprocessor::handle_conditional(const Tokens& tokens) {
   const Token& directive = tokens.front();
   std::vector<ConditionalBlock>& conditions = frames_.back().conditionals;
@@ -85,7 +85,7 @@ bool Preprocessor::evaluate_condition(const Tokens& tokens) {
   return result.value_or(false);
 }
 
-// Splits the list in brackets after the directive's name.
+// Splits the parenthesised list after the directive's name.
 bool Preprocessor::parse_arguments(const Tokens& tokens, std::size_t min_count, std::size_t max_count,
                                    Arguments& list) {
   const Token& directive = tokens.front();
@@ -113,7 +113,7 @@ bool Preprocessor::parse_string_argument(const Tokens& tokens, std::string& text
   return valid;
 }
 
-// Whether the directive gave an item.
+// Returns whether the directive yields an item.
 bool Preprocessor::handle_directive(Line& line, PreprocessedItem& item) {
   const Token directive = line.tokens.front();
   if (directive.text == "macro_def") return handle_macro_def(line.tokens), false;
@@ -249,7 +249,7 @@ bool Preprocessor::parse_macro_signature(const Tokens& tokens, Macro& macro) {
   return consume(")") && index == tokens.size();
 }
 
-// Takes the lines from !macro_begin to its !macro_end out of the current text.
+// Extracts the lines from !macro_begin to its !macro_end from the current text.
 bool Preprocessor::parse_macro_body(Macro& macro, Location location) {
   InputFrame& frame = frames_.back();
   const auto directive_name = [&] {
@@ -274,7 +274,7 @@ bool Preprocessor::parse_macro_body(Macro& macro, Location location) {
   return false;
 }
 
-// Of the default size and palette.
+// With the default size and palette.
 Declaration Preprocessor::make_declaration(Declaration::Kind kind, Location location) const {
   Declaration result;
   result.kind = kind;

@@ -10,7 +10,7 @@ namespace apron::syntax {
 class FileReader {
  public:
   virtual ~FileReader() = default;
-  // The whole text of a file, or nothing if there is no such file or it cannot be read.
+  // The contents of a file, or nullopt if it does not exist or cannot be read.
   virtual std::optional<std::string> read(const std::string& path) = 0;
 };
 

@@ -12,9 +12,9 @@
 namespace apron::syntax {
 namespace {
 
-constexpr std::size_t kIndent = 2;        // blanks a block
-constexpr std::size_t kCommentGap = 2;    // blanks before a comment at the end of a line
-constexpr std::size_t kMaxColumns = 110;  // comments are not aligned beyond
+constexpr std::size_t kIndent = 2;        // spaces per block
+constexpr std::size_t kCommentGap = 2;    // spaces before a trailing comment
+constexpr std::size_t kMaxColumns = 110;  // comments are not aligned beyond this
 
 enum class FormatTokenKind { kWord, kOpen, kClose, kComma, kOperator };
 
@@ -23,10 +23,10 @@ struct FormatToken {
   std::string_view text;
 };
 
-// One physical line, in its parts.
+// One physical line, split into its parts.
 struct PhysicalLine {
   std::vector<FormatToken> tokens;
-  std::string_view comment;  // with its slashes; "" for none
+  std::string_view comment;  // including the slashes; "" for none
   bool continued = false;    // ends in a backslash
 };
 
@@ -36,7 +36,7 @@ bool is_word_character(char c) {
 }
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
-// Length of the word, number, text or symbol at the beginning; the text has lexed without errors.
+// Length of the first token. Precondition: the text lexes without errors.
 std::size_t token_length(std::string_view text, bool first, FormatTokenKind& kind) {
   const char c = text.front();
   const auto scan_word = [&](std::size_t from) {
@@ -95,8 +95,7 @@ bool is_word_operator(std::string_view text) {
   return std::find(std::begin(kWords), std::end(kWords), text) != std::end(kWords);
 }
 
-// The words of a row with the blanks that belong between them. `before`: the last piece of the row that it
-// continues.
+// The tokens of a line with canonical spacing. `before`: the last token of the line that it continues.
 std::string join_tokens(const PhysicalLine& line, const FormatToken* previous) {
   std::string text;
   const FormatToken* previous_token = previous;
@@ -118,14 +117,14 @@ std::string join_tokens(const PhysicalLine& line, const FormatToken* previous) {
     text += token.text;
     previous_token = &token;
     last_infix = infix;
-    // An operator that is an argument, as in if(a, <, b), is followed by a comma, which takes no blank
+    // An operator as an argument, as in if(a, <, b), is followed by a comma, which takes no space
     // anyway.
     last_prefix = prefix;
   }
   return text;
 }
 
-// How the line's first word changes the depth of blocks: of the line itself, and of those after it.
+// How the line's first word changes the block depth of the line itself and of the following lines.
 std::pair<int, int> block_depth_change(const PhysicalLine& line) {
   if (line.tokens.empty()) return {0, 0};
   const std::string_view keyword = line.tokens.front().text;
@@ -151,7 +150,7 @@ std::size_t display_width(std::string_view text) {
 
 bool has_code(const std::string& code) { return code.find_first_not_of(' ') != std::string::npos; }
 
-// Comments at the ends of neighbouring lines stand below each other.
+// Aligns the trailing comments of adjacent lines.
 std::string align_comments(const std::vector<FormattedLine>& lines) {
   std::string text;
   for (std::size_t first = 0; first < lines.size();) {

@@ -39,7 +39,7 @@ CodePoint decode(std::string_view text) {
   return overlong || surrogate || code > 0x10FFFF ? CodePoint{} : CodePoint{code, bytes};
 }
 
-// Letters of other alphabets may stand in names; look-alikes of blanks and operators may not.
+// Names may contain letters of any alphabet, but no look-alikes of spaces and operators.
 bool is_foreign_letter(std::uint32_t code) {
   const bool blank_or_sign = code < 0xC0 || code == 0xD7 || code == 0xF7 ||
                              (code >= 0x2000 && code <= 0x2BFF) || (code >= 0x3000 && code <= 0x3020) ||
@@ -48,7 +48,7 @@ bool is_foreign_letter(std::uint32_t code) {
   return !blank_or_sign;
 }
 
-// What to write for a sign of other languages.
+// The APRON spelling of an operator of other languages.
 std::string_view foreign_syntax_hint(char c) {
   switch (c) {
     case ';':
@@ -249,7 +249,7 @@ class Lexer {
       value = static_cast<float>(integer);
     } else {
       error = std::from_chars(digits.data(), digits.data() + digits.size(), value).ec;
-      // Too small for a float reads as out of range too; it is zero.
+      // Underflow is reported as out of range too; the value is zero.
       if (error == std::errc::result_out_of_range) {
         double wide = 0.0;
         const auto retry_error = std::from_chars(digits.data(), digits.data() + digits.size(), wide).ec;
@@ -314,7 +314,7 @@ class Lexer {
   std::uint32_t line_ = 1, column_ = 1;
   Tokens tokens_;
   std::vector<Line> lines_;
-  bool line_has_error_ = false;  // the line so far has an error
+  bool line_has_error_ = false;  // an error was found in the line
 };
 
 }  // namespace

@@ -24,7 +24,7 @@ class MacroTable {
  public:
   using Handle = std::shared_ptr<const Macro>;
 
-  // The macro of that kind which was there before, if any; it stays.
+  // Returns the existing macro of the same kind, if any, which is kept.
   Handle add(Macro);
   Handle find(const std::string& name, std::size_t arguments, bool has_result) const;
   bool contains(const std::string& name) const;

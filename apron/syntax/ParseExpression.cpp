@@ -96,7 +96,7 @@ Expression Parser::make_expression(ExpressionKind kind, const Token& token,
   return expression;
 }
 
-// All the words between the two as one expression.
+// All tokens between the two as one expression.
 Expression Parser::parse_range(Cursor first, Cursor last, Location end_location) {
   const auto saved = std::make_tuple(cursor_, end_, line_end_);
   cursor_ = first;
@@ -199,7 +199,7 @@ Parser::Cursor Parser::find_closing_bracket(Cursor open) const {
   throw SyntaxError{open->location, "this bracket is not closed"};
 }
 
-// From the '(' after the name.
+// Starts at the '(' after the name.
 Expression Parser::parse_call(const Token& name) {
   const DepthGuard nested(*this);
   if (preprocessor_.macros().contains(name.text)) {
@@ -296,7 +296,7 @@ std::vector<Parser::MacroArgument> Parser::parse_macro_arguments(const Token& ca
   return arguments;
 }
 
-// What takes the parameters' places: the words themselves, or a unique name for a value.
+// What replaces the parameters: the tokens themselves, or a unique name for a value.
 std::vector<Tokens> Parser::bind_arguments(MacroExpansion& expansion, const Macro& macro,
                                            std::vector<MacroArgument> arguments, Location location) {
   std::vector<Tokens> replacements;
@@ -326,7 +326,7 @@ std::vector<Tokens> Parser::bind_arguments(MacroExpansion& expansion, const Macr
   return replacements;
 }
 
-// A macro inside an expression: its lines are parsed here and now.
+// A macro inside an expression: its lines are parsed at once.
 Expression Parser::expand_macro(const MacroTable::Handle& macro, const Token& call,
                                 std::vector<MacroArgument> arguments) {
   const DepthGuard nested(*this);

@@ -18,7 +18,7 @@ Tokens::const_iterator find_equals(Tokens::const_iterator first, Tokens::const_i
   });
 }
 
-// What to write instead of a line as other languages have it, or "".
+// The APRON spelling of a line in another language's syntax, or "".
 std::string suggest_correction(const Token& first, const Token& unexpected) {
   if (unexpected.is("==")) return "; to give a value, write '='";
   if (unexpected.is("+") || unexpected.is("-") || unexpected.is("*") || unexpected.is("/")) {
@@ -155,7 +155,7 @@ Statement Parser::parse_assignment(Cursor equals) {
   return result;
 }
 
-// A macro call that is the whole line, or all that stands right of '='. Its lines follow in the program.
+// A macro call that is the whole line, or the whole right-hand side. The macro's lines follow in the program.
 std::optional<Statement> Parser::parse_macro_statement(Cursor first, Cursor last, Tokens result) {
   if (first == last || first->kind != TokenKind::kName) return std::nullopt;
   const bool has_parentheses = first + 1 != last;

@@ -17,7 +17,7 @@ class Parser {
  public:
   Parser(Preprocessor&, SourceManager&, Diagnostics&);
 
-  // The whole program. A line with an error becomes kInvalid and the next goes on.
+  // The whole program. A line with an error becomes kInvalid, and parsing continues with the next.
   std::vector<Statement> parse();
 
  private:

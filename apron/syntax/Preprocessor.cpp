@@ -11,7 +11,7 @@ namespace {
 
 constexpr int kMaxDefineDepth = 64;
 
-// Defines with an operator keep their meaning whatever stands beside them.
+// Parenthesises defines that contain an operator, so that neighbours cannot change their meaning.
 bool needs_parentheses(const Tokens& tokens) {
   int depth = 0;
   bool has_operator = false;
@@ -89,7 +89,7 @@ void Preprocessor::pop_frame(PreprocessedItem& item) {
   frames_.pop_back();
 }
 
-// Whether the line gave an item.
+// Returns whether the line yields an item.
 bool Preprocessor::process_line(PreprocessedItem& item) {
   InputFrame& frame = frames_.back();
   Line line = (*frame.lines)[frame.next_line++];
@@ -164,7 +164,7 @@ void Preprocessor::substitute(Tokens& tokens, const InputFrame& frame) const {
   tokens = std::move(out);
 }
 
-// Whether something else takes the token's place.
+// Returns whether the token was replaced.
 bool Preprocessor::substitute(const Token& token, const InputFrame& frame, Tokens& out) const {
   const auto unique = [&](TokenKind kind, std::string_view name) {
     out.push_back({kind, token.location, fmt::format("{}:{}", name, frame.expansion), 0.0F});
@@ -224,7 +224,7 @@ bool Preprocessor::expand_defines(const Tokens& tokens, Tokens& out, std::set<st
     }
     Tokens body = found->second;
     for (Token& body_token : body)
-      body_token.location = token.location;  // an error in it is shown where it is used
+      body_token.location = token.location;  // errors are reported at the use
     const bool parenthesize = !body.empty() && body.size() > 1 && needs_parentheses(body);
     if (parenthesize) out.push_back(make_punctuator("(", token.location));
     hide_set.insert(token.text);

@@ -32,13 +32,13 @@ struct PreprocessorOptions {
   std::uint32_t width = 0, height = 0;     // SURFACE_WIDTH, SURFACE_HEIGHT, in cells
   std::vector<std::string> include_paths;  // searched after the including file's directory
   std::string library_path;                // searched last; "" for none
-  // Whether the language has an instruction of that name: inside a macro of the same name, that is meant.
+  // Whether there is an instruction of that name: a macro of the same name calls it in its body.
   std::function<bool(std::string_view)> is_builtin;
-  // "" if there is a palette of that name, else why not.
+  // "" if the palette exists, otherwise the error message.
   std::function<std::string(std::string_view)> check_palette;
 };
 
-// What `!register`, `!create` and `!object` ask for.
+// A declaration by `!register`, `!create` or `!object`.
 struct Declaration {
   enum class Kind : std::uint8_t { kRegister, kElement, kClass };
   Kind kind = Kind::kRegister;
@@ -82,7 +82,7 @@ class Preprocessor {
 
   // "" unless `!operator` rebound it.
   std::string operator_target(const std::string& symbol) const;
-  // Of the last `!module`; "" before it. In a macro's body, of where the macro was defined.
+  // Name of the last `!module`, "" before the first. In a macro's body: of the macro's definition.
   const std::string& module() const noexcept { return module_; }
   std::size_t max_addr() const noexcept { return max_addr_; }
   // Every define, for suggestions.
@@ -145,7 +145,7 @@ class Preprocessor {
   Diagnostics& diagnostics_;
   std::vector<InputFrame> frames_;
   std::vector<Declaration>
-      pending_declarations_;  // declarations of a `!register`, handed out one by one from the back
+      pending_declarations_;  // declarations of a `!register`, returned one by one from the back
   std::map<std::string, Tokens> defines_;
   std::map<std::string, std::string> operators_;
   MacroTable macros_;

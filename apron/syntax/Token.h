@@ -27,7 +27,7 @@ struct Token {
   Location location;
   std::string text;  // of a name, text or symbol; without the sigil of the others
   float number = 0.0F;
-  bool no_expand = false;  // a name that came out of its own define, which does not replace it again
+  bool no_expand = false;  // a name that resulted from its own define is not expanded again
 
   bool is(std::string_view symbol) const { return kind == TokenKind::kPunctuator && text == symbol; }
   bool is_name(std::string_view name) const { return kind == TokenKind::kName && text == name; }
@@ -36,15 +36,16 @@ struct Token {
 using Tokens = std::vector<Token>;
 
 struct Line {
-  Location location;       // where it begins in its text, whatever takes its words' places
+  Location location;       // of its first token in the source, before replacement
   Tokens tokens;           // never empty
-  bool has_error = false;  // reported already; the tokens end where the trouble began
+  bool has_error = false;  // already reported; the tokens end before the error
 };
 
-// As the user would write it.
+// As written in the source.
 std::string spelling(const Token&);
 
-// A macro's own names carry the expansion's number to be unique: "t:7" is ":t" to the user, "$a:7" is "$a".
+// Removes the expansion number that makes a macro's local names unique: "t:7" becomes ":t", "$a:7" becomes
+// "$a".
 std::string display_name(const std::string& name);
 
 }  // namespace apron::syntax

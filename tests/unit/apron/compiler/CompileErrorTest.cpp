@@ -303,7 +303,7 @@ constexpr Wrong kWrong[] = {
 };
 // clang-format on
 
-TEST(WrongProgram, FirstLineOfTheReport) {
+TEST(WrongProgram, FirstLineOfReport) {
   for (const Wrong& wrong : kWrong) {
     std::string text = std::string(wrong.program) + "\n";
     std::replace(text.begin(), text.end(), '|', '\n');

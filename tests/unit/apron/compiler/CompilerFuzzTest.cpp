@@ -244,7 +244,7 @@ TEST(Fuzz, CorpusCompiles) {
   }
 }
 
-TEST(Fuzz, DamagedProgramsAreRefusedOrVerified) {
+TEST(Fuzz, DamagedProgramsFailOrVerify) {
   constexpr int kRounds = 6000;
   Mutator mutator(20240917);
   int accepted = 0;
@@ -271,7 +271,7 @@ TEST(Fuzz, DamagedProgramsAreRefusedOrVerified) {
   EXPECT_GT(refused, kRounds / 4);
 }
 
-TEST(Fuzz, DeepAndLongInputsEnd) {
+TEST(Fuzz, DeepAndLongInputsTerminate) {
   const auto repeated = [](std::string_view part, int times) {
     std::string text;
     for (int i = 0; i < times; ++i) text += part;

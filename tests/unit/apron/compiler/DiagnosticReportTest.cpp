@@ -12,7 +12,7 @@
 namespace apron::compiler {
 namespace {
 
-TEST(Report, SeveralErrorsInTheOrderOfTheLines) {
+TEST(Report, ErrorsAreSortedByLine) {
   const CompileResult result = compile_text(
       "!register(Image)\n"
       "Image = Imgae + 1\n"
@@ -37,7 +37,7 @@ TEST(Report, SeveralErrorsInTheOrderOfTheLines) {
             "            ^\n");
 }
 
-TEST(Report, StopsAtTwenty) {
+TEST(Report, StopsAfterTwentyErrors) {
   std::string text;
   for (int i = 0; i < 50; ++i) text += "x = )\n";
   const CompileResult result = compile_text(text);
@@ -75,7 +75,7 @@ TEST(Report, MissingMainFile) {
             "gone.aps: error: the file does not exist or cannot be read\n");
 }
 
-TEST(LocalProfile, NamesWhatALocalArrayCannotDo) {
+TEST(LocalProfile, ReportsNonLocalInstructions) {
   const CompileResult result = compile_text(
       "!register(A, B)\n"
       "A = surface.sense('proximity')\n"
@@ -116,7 +116,7 @@ TEST(Manual, NamesEveryInstruction) {
 }
 
 // The page of the machine's instructions is the table, row by row.
-TEST(Manual, ListsTheTableOfInstructions) {
+TEST(Manual, MatchesOpcodeTable) {
   std::ifstream stream(APRON_INSTRUCTIONS);
   std::string line;
   while (std::getline(stream, line) && line.compare(0, 4, "|---") != 0) {

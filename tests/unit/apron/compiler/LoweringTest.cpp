@@ -18,7 +18,7 @@ std::string compiled(const std::string& text) {
   return lines;
 }
 
-TEST(Listing, ShiftThenMinimumInPlaceAreTwoInstructions) {
+TEST(Listing, ShiftThenMinimumIsTwoInstructions) {
   EXPECT_EQ(compiled("A = min(A, shift.east(B))"), "shift $0, B, 1, 0\nmin A, A, $0\n");
 }
 
@@ -34,14 +34,14 @@ TEST(Listing, FormsOfOneInstruction) {
   EXPECT_EQ(compiled("A = mac(B, 2, C)"), "mac A, B, 2, C\n");
 }
 
-TEST(Listing, LabelsSayATextOrANumberAndOtherFormsNothing) {
+TEST(Listing, LabelForms) {
   EXPECT_EQ(compiled("sim.label('stage')"), "sim.label.text 'stage', ''\n");
   EXPECT_EQ(compiled("sim.label('stage', 'two')"), "sim.label.text 'stage', 'two'\n");
   EXPECT_EQ(compiled("n = 2\nsim.label('n', n)"), "copy n, 2\nsim.label 'n', n\n");
   EXPECT_EQ(compiled("sim.label(1, 2, 'three', A)\nsim.label('map', A)"), "");
 }
 
-TEST(Listing, UsesOfMacrosAreKeptWithTheirPlaces) {
+TEST(Listing, KeepsMacroUsesWithLocations) {
   const CompileResult result = compile_text(
       "!register(A)\n!macro_def\n$y = one($a)\n!macro_begin\n$y = $a + 1\n!macro_end\n"
       "!macro_def\ntwo($a)\n!macro_begin\n$a = one($a)\n!macro_end\nA = 0\ntwo(A)\n");
@@ -72,7 +72,7 @@ TEST(Listing, PrecedenceAndAssociation) {
   EXPECT_EQ(compiled("A = A % B / C"), "mod $0, A, B\ndiv A, $0, C\n");
 }
 
-TEST(Listing, ConstantsAreFolded) {
+TEST(Listing, FoldsConstants) {
   EXPECT_EQ(compiled("A = B * (2 * 3 - 1)"), "mul A, B, 5\n");
   EXPECT_EQ(compiled("A = shift.north(B, 2 - 1)"), "shift A, B, 0, -1\n");
   EXPECT_EQ(compiled("A = B + SURFACE_WIDTH * SURFACE_HEIGHT"), "add A, B, 48\n");
@@ -82,7 +82,7 @@ TEST(Listing, ConstantsAreFolded) {
   EXPECT_EQ(compiled("x = -7 % 4"), "copy x, 1\n");
 }
 
-TEST(Listing, NeighboursAreReadAgainstTheShift) {
+TEST(Listing, ShiftReadsOppositeNeighbour) {
   EXPECT_EQ(compiled("A = north(B)"), compiled("A = shift.south(B)"));
   EXPECT_EQ(compiled("A = east(B)"), compiled("A = shift.west(B)"));
   EXPECT_EQ(compiled("A = south(B)"), "shift A, B, 0, -1\n");
@@ -92,20 +92,20 @@ TEST(Listing, NeighboursAreReadAgainstTheShift) {
   EXPECT_EQ(compiled("A = shift.east(B, 0)"), "copy A, B\n");
 }
 
-TEST(Listing, AShiftIsNeverInPlace) {
+TEST(Listing, ShiftIsOutOfPlace) {
   EXPECT_EQ(compiled("A = shift.north(A)"), "shift $0, A, 0, -1\ncopy A, $0\n");
   // The temporary that holds the sum is still needed as the source.
   EXPECT_EQ(compiled("A = shift.north(A + B)"), "add $0, A, B\nshift A, $0, 0, -1\n");
   EXPECT_EQ(compiled("A = shift.north(A + B) * 2"), "add $0, A, B\nshift $1, $0, 0, -1\nmul A, $1, 2\n");
 }
 
-TEST(Listing, NeighbourhoodsAreNeverInPlace) {
+TEST(Listing, NeighbourhoodsAreOutOfPlace) {
   EXPECT_EQ(compiled("A = near.max(B, 4)"), "near.max A, B, 4\n");
   EXPECT_EQ(compiled("A = near.sum(A, 8)"), "near.sum $0, A, 8\ncopy A, $0\n");
   EXPECT_EQ(compiled("A = A + near.any(A)"), "near.any $0, A, 4\nadd A, A, $0\n");
 }
 
-TEST(Listing, TemporariesAreUsedAgain) {
+TEST(Listing, ReusesTemporaries) {
   const CompileResult result = compile_text(
       "!register(A)\nA = (A + 1) * (A + 2) + (A + 3) * (A + 4) + (A + 5) * (A + 6)\nA = (A * A) + (A - 1)\n");
   ASSERT_TRUE(result.program) << errors(result);
@@ -191,12 +191,12 @@ TEST(Listing, SurfaceHostAndCells) {
   EXPECT_EQ(compiled("boundary('reflect')\nboundary(2.5)"), "boundary 3, 0\nboundary 4, 2.5\n");
 }
 
-TEST(Listing, CellsTakeTheShapeOfTheirStatement) {
+TEST(Listing, CellCoordinatesTakeShapeOfStatement) {
   EXPECT_EQ(listing(compile_text("!create('S', REGISTER, 3, 2)\nr[S] = cell.x * 2 + cell.y\n")),
             "cell.x $0\nmul $0, $0, 2\ncell.y $1\nadd S, $0, $1\nend\n");
 }
 
-TEST(Listing, ReadsBeforeWritesAreFollowedAlongThePaths) {
+TEST(Listing, ReportsReadBeforeWriteOnAllPaths) {
   // Written later in the text, but earlier on a path: by a jump back, and by a routine.
   EXPECT_EQ(compiled("jump(#b)\n#a\ny = x\nend\n#b\nx = 1\njump(#a)"),
             "jump @3\ncopy y, x\nend\ncopy x, 1\njump @1\n");
@@ -217,7 +217,7 @@ TEST(Listing, FiltersAndPropagation) {
 }
 
 // A random number is one a cell where the statement has a register.
-TEST(Listing, RandomNumbersTakeTheKindOfTheirStatement) {
+TEST(Listing, RandomNumbersTakeKindOfStatement) {
   EXPECT_EQ(compiled("A = random.float.white"), "random.float.rand A, -1, 1\n");
   EXPECT_EQ(compiled("x = random.int.rand(1, 6)"), "random.int.rand x, 1, 6\n");
   EXPECT_EQ(compiled("A = B * random.float.rand(0, 1)"), "random.float.rand $0, 0, 1\nmul A, B, $0\n");
@@ -227,7 +227,7 @@ TEST(Listing, RandomNumbersTakeTheKindOfTheirStatement) {
             "random.int.rand $0, 0, 1\nmask.push $0\ncopy A, 1\nmask.pop\n");
 }
 
-TEST(Listing, ElementsByNumberAndPlugins) {
+TEST(Listing, ElementsByIndexAndPlugins) {
   EXPECT_EQ(compiled("A = res.getreg(r, 2)\nres.setreg(REGISTER, 0, 1)\nx = res.match(r, 'B')"),
             "res.getreg A, REGISTER, 2\nres.setreg REGISTER, 0, 1\ncopy x, 1\n");
   EXPECT_EQ(compiled("!module('m')\nA = plugin(?, 3, B + 1, 2)\nplugin(?, 4, x, A)\nplugin(?, 5)"),
@@ -244,7 +244,7 @@ TEST(Listing, RegistersTakeTheDefaultPalette) {
             "reg.setPalette D, 'jet'\nreg.setScale D, 0, 255\ncopy D, A\n");
 }
 
-TEST(Listing, SourcesNameTheLines) {
+TEST(Listing, InstructionsKnowTheirSourceLine) {
   const CompileResult result = compile_text("!register(A)\n\nA = 1\nA = A \\\n  + 2\n");
   ASSERT_TRUE(result.program);
   const program::Program& p = *result.program;

@@ -19,7 +19,7 @@ std::string compiled(const std::string& text, const std::map<std::string, std::s
   return listing(compile_text("!register(A, B, C)\n" + text + "\n", files));
 }
 
-TEST(Macro, AnInstructionSetInTheOriginalsStyle) {
+TEST(Macro, OriginalStyleInstructionSet) {
   const std::string library =
       "!object('ANALOGUE', 'a', 1, 'SIM_REGISTER')\n"
       "!object('CONTROL', 'c', 2, 'SIM_VARIABLE')\n"
@@ -34,34 +34,34 @@ TEST(Macro, AnInstructionSetInTheOriginalsStyle) {
 }
 
 // A define may have its own name in it, and stays what it is on its way through macros.
-TEST(Macro, ADefineIsNotReplacedInItself) {
+TEST(Macro, DefineIsNotExpandedInItself) {
   EXPECT_EQ(compiled("!object('pe', 'p', 1, 'SIM_REGISTER')\n!create('D', pe)\n!define(D, p[D])\n" +
                      macro("$r = pe.add($a, $b)", "$r = core.add($a, $b)") +
                      macro("pe.add($a, $b)", "$a = pe.add($a, $b)") + "pe.add(D, 1)\nD = pe.add(D, D)"),
             "add D, D, 1\nadd D, D, D\nend\n");
 }
 
-TEST(Macro, TakesPrecedenceAndMeansTheInstructionInside) {
+TEST(Macro, ShadowsInstructionExceptInItsBody) {
   const std::string clipped = macro("$y = add($a, $b)", "$y = min(add($a, $b), 127)");
   EXPECT_EQ(compiled(clipped + "A = add(A, B)"), "add $0, A, B\nmin A, $0, 127\nend\n");
   const std::string where = macro("where($c)", "mask.on($c)") + macro("all", "mask.off");
   EXPECT_EQ(compiled(where + "where(A)\nB = 1\nall"), "mask.on A\ncopy B, 1\nmask.off\nend\n");
 }
 
-TEST(Macro, MayOpenABlockThatAnotherCloses) {
+TEST(Macro, MayOpenBlockClosedByAnother) {
   const std::string pair = macro("unless($a, $b)", "if($a, >=, $b)\nelse") + macro("endunless", "endif");
   EXPECT_EQ(compiled(pair + "x = 1\nunless(x, 3)\nx = 2\nendunless"),
             "copy x, 1\nunless.ge x, 3, @3\njump @4\ncopy x, 2\nend\n");
 }
 
-TEST(Macro, NestedInExpressionsArgumentsAreValuesTakenOnce) {
+TEST(Macro, NestedArgumentsAreEvaluatedOnce) {
   const std::string square = macro("$y = sqr($a)", "$y = $a * $a");
   EXPECT_EQ(compiled(square + "A = sqr(B + 1) + sqr(2)"),
             "add $0, B, 1\nmul $1, $0, $0\ncopy $2, 4\nadd A, $1, $2\nend\n");
   EXPECT_EQ(compiled(square + "x = sqr(3)"), "copy x, 9\nend\n");
 }
 
-TEST(Macro, OwnNamesAreFreshAndTakeTheKindOfTheirFirstWrite) {
+TEST(Macro, LocalNamesAreUniqueAndTypedByFirstWrite) {
   const std::string body =
       macro("$y = f($a)", ":t = $a + 1\n:n = 2\nrepeat(:n)\n:t = :t * 2\nendrepeat\n$y = :t");
   const std::string once = "add $0, A, 1\n";
@@ -71,14 +71,14 @@ TEST(Macro, OwnNamesAreFreshAndTakeTheKindOfTheirFirstWrite) {
   EXPECT_EQ(lines.find("$3"), std::string::npos) << lines;
 }
 
-TEST(Macro, ResultInAnExpressionStartsAtZeroWhereMasksMayHoldItBack) {
+TEST(Macro, MaskedResultStartsAtZero) {
   const std::string inc = macro("$y = inc($a)", "$y = $a + 1");
   EXPECT_EQ(compiled(inc + "A = inc(B) * 2"), "add $0, B, 1\nmul A, $0, 2\nend\n");
   EXPECT_EQ(compiled(inc + "mask.on(B)\nA = inc(B) * 2"),
             "mask.on B\ncopy $0, 0\nadd $0, B, 1\nmul A, $0, 2\nend\n");
 }
 
-TEST(Macro, ErrorsNameTheChain) {
+TEST(Macro, ErrorsShowExpansionChain) {
   const std::string library =
       macro("$y = outer($a)", "$y = inner($a) + 1") + macro("$y = inner($a)", "$y = $a + Missing");
   const CompileResult result =

@@ -12,7 +12,7 @@
 namespace apron::syntax {
 namespace {
 
-TEST(Format, PutsBlanksBetweenWords) {
+TEST(Format, SpacesTokens) {
   EXPECT_EQ(format_source("A=B+1\n"), "A = B + 1\n");
   EXPECT_EQ(format_source("  A  =  -B*(C>0.5)  \n"), "A = -B * (C > 0.5)\n");
   EXPECT_EQ(format_source("x=a- -b\n"), "x = a - -b\n");
@@ -40,12 +40,12 @@ TEST(Format, IndentsBlocksAndAlignsComments) {
   EXPECT_EQ(format_source("a = 1 + \\\n2 - \\ // why\n-3\n"), "a = 1 + \\\n    2 - \\  // why\n    -3\n");
 }
 
-TEST(Format, LeavesWhatDoesNotLexAlone) {
+TEST(Format, KeepsTextThatDoesNotLex) {
   EXPECT_EQ(format_source("a  = 'open\n"), "a  = 'open\n");
   EXPECT_EQ(format_source(""), "");
 }
 
-TEST(Format, IsAFixedPointOnEveryScript) {
+TEST(Format, IsIdempotentOnEveryScript) {
   int scripts = 0;
   for (const char* directory : {"scripts", "tests/apron"})
     for (const auto& entry :
@@ -68,7 +68,7 @@ TEST(Format, IsAFixedPointOnEveryScript) {
 }
 
 // Random words with random blanks between them: the layout depends on the words alone.
-TEST(Format, IsAFixedPointOnRandomWords) {
+TEST(Format, IsIdempotentOnRandomTokens) {
   std::mt19937 rng(3);
   const std::vector<std::string> words = {
       "a",  "if", "endif", "while", "endwhile", "(",   ")",      "[",     "]",   ",",     "=",

@@ -35,7 +35,7 @@ float number(const std::string& text) {
   return lines.at(0).tokens.at(0).number;
 }
 
-TEST(Lexer, WordsAndLines) {
+TEST(Lexer, TokensAndLines) {
   EXPECT_EQ(words("a=b+1 // a comment\n\n  mask.on(M)// more\n"), "a = b + 1\nmask.on ( M )\n");
   EXPECT_EQ(words("x=a<=b&&!c||d!=e"), "x = a <= b && ! c || d != e\n");
   EXPECT_EQ(words("#again\njump(#again)\n$y = f($a, :t, :#out, ?)"),
@@ -53,7 +53,7 @@ TEST(Lexer, LineEndsAndContinuations) {
             "a = 1\n");
 }
 
-TEST(Lexer, NamesMayBeOfAnyAlphabet) {
+TEST(Lexer, NamesOfAnyAlphabet) {
   EXPECT_EQ(words("größe = высота.x + _a1"), "größe = высота.x + _a1\n");
 }
 
@@ -70,7 +70,7 @@ TEST(Lexer, Numbers) {
   EXPECT_EQ(number("0.1"), 0.1F);
 }
 
-TEST(Lexer, ReportsTheFirstBadWordOfALineAndGoesOn) {
+TEST(Lexer, ReportsFirstBadTokenOfLineAndContinues) {
   std::string error;
   EXPECT_EQ(words("if(a @ b\nc = 1\n", &error), "if ( a\nc = 1\n");
   EXPECT_EQ(error, "t.aps:1:6: error: unexpected character '@'");
@@ -88,7 +88,7 @@ TEST(Lexer, ReportsTheFirstBadWordOfALineAndGoesOn) {
   EXPECT_EQ(error, "t.aps:1:1: error: the number 3.5e99 does not fit 32-bit floating point");
 }
 
-TEST(Lexer, PlacesCountCharactersAndPhysicalLines) {
+TEST(Lexer, LocationsCountCharactersAndPhysicalLines) {
   SourceManager sources;
   Diagnostics diagnostics;
   const auto lines = lex(sources, sources.add_file("t.aps", "é = 1 \\\n + bb\n", {}), diagnostics);

@@ -96,7 +96,7 @@ TEST(Parser, MacrosInStatementsAndExpressions) {
   EXPECT_EQ(parse(macros + "set(z, w)"), "enter; t:1 = w; z = t:1; #keep; leave");
 }
 
-TEST(Parser, OperatorsAreRebound) {
+TEST(Parser, RebindsOperators) {
   EXPECT_EQ(parse("!operator(+, core.add)\ny = a + b + 1"), "y = (core.add (core.add a b) 1)");
   EXPECT_EQ(
       parse("!operator(and, both)\n!macro_def\n$y = both($a, $b)\n!macro_begin\n$y = $a and $b\n!macro_end\n"
@@ -104,7 +104,7 @@ TEST(Parser, OperatorsAreRebound) {
       "y = {$y:1 = (and $a:1 $b:1); leave}");
 }
 
-TEST(Parser, NamesWhatItDidNotExpect) {
+TEST(Parser, ReportsUnexpectedToken) {
   EXPECT_EQ(parse("y = a b"), "t.aps:1:7: error: unexpected 'b'");
   EXPECT_EQ(parse("y = (a"), "t.aps:1:7: error: expected ')' before the end of the line");
   EXPECT_EQ(parse("y = f(a; b)"),

@@ -57,7 +57,7 @@ std::string errors(const std::string& text, const std::map<std::string, std::str
   return preprocess(text, files).errors;
 }
 
-TEST(Preprocessor, DefinesAreTextButKeepTheirMeaning) {
+TEST(Preprocessor, DefinesKeepTheirPrecedence) {
   EXPECT_EQ(lines("!define(N, 3)\nx = N * N"), "x = 3 * 3\n");
   EXPECT_EQ(lines("!define(N, 1 + 2)\nx = N * 2"), "x = ( 1 + 2 ) * 2\n");
   EXPECT_EQ(lines("!define(IMG, r[A])\n!define(pe.add, core.add)\nIMG = pe.add(IMG, 1)"),
@@ -82,7 +82,7 @@ TEST(Preprocessor, Conditions) {
   EXPECT_EQ(lines("!if(-(2 + 1) * 2 + 7 % 4, ==, -3)" + body), "a\n");
 }
 
-TEST(Preprocessor, IncludesLookBesideThenInThePathsThenInTheLibrary) {
+TEST(Preprocessor, IncludeSearchOrder) {
   EXPECT_EQ(lines("!include('a.aps')\nz",
                   {{"src/a.aps", "beside"}, {"more/a.aps", "path"}, {"lib/a.aps", "library"}}),
             "beside\nz\n");
@@ -117,7 +117,7 @@ TEST(Preprocessor, Declarations) {
             "class PE pe\n");
 }
 
-TEST(Preprocessor, MacrosAreKeptByNameArgumentsAndResult) {
+TEST(Preprocessor, MacrosOverloadByArgumentsAndResult) {
   const std::string text =
       "!macro_def\nf\n!macro_begin\n!macro_end\n!macro_def f($a)\n!macro_begin\n!macro_end\n"
       "!macro_def\n$y = f($a)\n!macro_begin\n!macro_end\n";
