@@ -61,8 +61,8 @@ std::vector<ScalarRead> find_unassigned_reads(const Program& program, const std:
     if (written.kind == OperandKind::kVariable) writes[written.index].push_back(i);
   }
   const Reachability reachability(program);
-  std::map<std::uint32_t, std::vector<bool>>
-      reached;  // only for scalars that are read before their first write
+  // Only for scalars that are read before their first write.
+  std::map<std::uint32_t, std::vector<bool>> reached;
   std::vector<ScalarRead> found;
   for (const ScalarRead& read : reads) {
     const std::vector<std::size_t>& all = writes[read.variable];

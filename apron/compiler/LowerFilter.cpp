@@ -128,7 +128,7 @@ Value Lowering::lower_gauss(const Expressions& arguments, Location location, Res
   return emit_out_of_place(Opcode::kFilterDo, {rows}, {filter_operand(column)}, destination, location);
 }
 
-// Returns whether the statement is about filters.
+// Returns whether it lowered the statement.
 bool Lowering::lower_filter_statement(const Builtin& builtin, const Expression& call,
                                       const Expressions& arguments) {
   switch (builtin.form) {

@@ -123,7 +123,7 @@ void Lowering::lower_switch(const Expressions& arguments, Location location) {
   add_parameter(std::move(parameter), location);
 }
 
-// sim.label('text'), sim.label('name', 'text') and sim.label('name', number); further arguments, a position in
+// sim.label('text'), sim.label('name', 'text') and sim.label('name', number). Further arguments, a position in
 // the windows of the original APRON, and registers have no effect.
 void Lowering::lower_label(const Expressions& arguments) {
   const bool named =

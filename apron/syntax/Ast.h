@@ -65,18 +65,18 @@ struct Statement {
   Expression value;
   std::shared_ptr<Declaration> declaration;
   std::shared_ptr<MacroExpansion> expansion;
-  std::uint32_t expansion_id = 0;  // of kEnter and kLeave
+  std::uint32_t expansion_id = 0;  // of kMacroBegin and kMacroEnd
   bool assigns = false;            // of kInvalid
 };
 
 struct MacroExpansion {
   std::uint32_t id = 0;
   std::string macro;
-  std::string
-      result_name;  // unique name that the body writes the result to; "" when the caller's target is written
+  // Unique name that the body writes the result to; "" if it writes the caller's target.
+  std::string result_name;
   std::vector<ArgumentBinding> bindings;
   std::vector<Expression> name_arguments;  // the arguments that are single names or elements
-  std::vector<Statement> body;             // empty for kEnter
+  std::vector<Statement> body;             // empty for kMacroBegin
 };
 
 }  // namespace apron::syntax

@@ -131,8 +131,9 @@ bool Preprocessor::handle_directive(Line& line, PreprocessedItem& item) {
   if (directive.text == "macro_begin" || directive.text == "macro_end") {
     diagnostics_.error(directive.location, fmt::format("this '!{}' has no '!macro_def'", directive.text));
   } else {
-    diagnostics_.error(directive.location, fmt::format("there is no directive '!{}'{}", directive.text,
-                                                       common::did_you_mean(spelling(directive), kDirectives)));
+    diagnostics_.error(directive.location,
+                       fmt::format("there is no directive '!{}'{}", directive.text,
+                                   common::did_you_mean(spelling(directive), kDirectives)));
   }
   return false;
 }

@@ -57,7 +57,7 @@ struct PreprocessedItem {
   Kind kind = Kind::kEndOfInput;
   Line line;
   Declaration declaration;
-  std::uint32_t expansion = 0;  // that is left
+  std::uint32_t expansion = 0;  // whose body ended
 };
 
 class Preprocessor {
@@ -75,8 +75,8 @@ class Preprocessor {
   const MacroTable& macros() const noexcept { return macros_; }
   bool is_builtin(std::string_view name) const { return options_.is_builtin && options_.is_builtin(name); }
 
-  // Goes on with the macro's body. The tokens take the places of its parameters. False if a limit is hit,
-  // which is reported and ends the program.
+  // Continues with the macro's body, whose parameters are replaced by the tokens. Returns false if a limit is
+  // hit, which is reported and ends the program.
   bool enter_macro(const MacroTable::Handle&, std::uint32_t expansion, Tokens result,
                    std::vector<Tokens> arguments);
 
@@ -144,8 +144,7 @@ class Preprocessor {
   SourceManager& sources_;
   Diagnostics& diagnostics_;
   std::vector<InputFrame> frames_;
-  std::vector<Declaration>
-      pending_declarations_;  // declarations of a `!register`, returned one by one from the back
+  std::vector<Declaration> pending_declarations_;  // of a `!register`, returned one by one from the back
   std::map<std::string, Tokens> defines_;
   std::map<std::string, std::string> operators_;
   MacroTable macros_;

@@ -11,9 +11,9 @@
 namespace apron::syntax {
 
 struct Location {
-  std::uint32_t file = 0;              // index of Sources::file
-  std::uint32_t line = 0, column = 0;  // from 1; the column counts characters; line 0: no place
-  std::uint32_t expansion = 0;         // index of Sources::expansion; 0: not inside a macro
+  std::uint32_t file = 0;              // index of SourceManager::file
+  std::uint32_t line = 0, column = 0;  // from 1; the column counts characters; line 0: unknown
+  std::uint32_t expansion = 0;         // index of SourceManager::expansion; 0: not inside a macro
 
   bool operator==(const Location&) const = default;
 };
