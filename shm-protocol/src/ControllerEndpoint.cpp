@@ -56,14 +56,14 @@ struct ControllerEndpoint::Impl {
   pid_t owner_pid = ::getpid();
   bool claimed = false;
 
-  std::uint32_t last_word = 0;  // of the sensor frame taken last
+  std::uint32_t last_word = 0;  // of the last sensor frame taken
   FrameInfo info;
-  bool answer_due = false;          // time-step: the frame taken last waits for its answer
+  bool answer_due = false;          // time-step: the last frame taken awaits its answer
   std::uint64_t last_answered = 0;  // the newest sensor frame that any controller of this session answered
-  std::uint64_t frame = 0;          // actuator frame published last
-  FrameArrays private_frame;        // passive: the sensor frame taken last
+  std::uint64_t frame = 0;          // last published actuator frame
+  FrameArrays private_frame;        // passive: the last sensor frame taken
   Counters counters;
-  WaitState wait_state, next_chunk_wait_state;  // for a frame; for its second piece and all that follow
+  WaitState wait_state, next_chunk_wait_state;  // for the first chunk or a whole frame; for later chunks
 
   ChunkWriter writer{header.actuator_progress, header.actuators.word, header.surface_waiting.flag,
                      layout.actuator_array_bytes()};
@@ -84,11 +84,11 @@ void ControllerEndpoint::Impl::claim() {
     }
   }
   throw Error(ErrorCode::kControllerLives,
-              "surface \"" + description.name + "\": others keep taking the controller's place");
+              "surface \"" + description.name + "\": other controllers keep attaching first");
 }
 
-// Goes on where the predecessor stopped. Only its last whole frame counts: it may have been killed between
-// any two stores, so its publication line may be half of a later one.
+// Continues after the predecessor's last complete frame. The predecessor may have been killed between any two
+// stores, so its publication line may partly describe a later frame.
 void ControllerEndpoint::Impl::resume_session() noexcept {
   store_relaxed(header.controller_waiting.flag, 0);
   store_relaxed(header.actuator_progress.ready, 0);
@@ -101,7 +101,7 @@ void ControllerEndpoint::Impl::resume_session() noexcept {
   store_relaxed(header.controller.repeated, std::uint64_t{0});
   store_relaxed(header.controller.clamped, std::uint64_t{0});
   store_relaxed(header.controller.deadline_misses, std::uint64_t{0});
-  // Released: who sees this state sees that the place is no longer the predecessor's.
+  // Release: a process that sees this state also sees the new claim.
   store_release(header.controller.state, static_cast<std::uint32_t>(State::kReady));
   actuators.begin_write(frame + 1);
   increment(header.claim.attached);
@@ -114,7 +114,7 @@ void ControllerEndpoint::Impl::detach() noexcept {
   store_relaxed(header.controller.state, static_cast<std::uint32_t>(State::kClosing));
   increment(header.claim.detached);
   compare_exchange(header.claim.controller_process, own_process, 0);
-  // Not lost in general, but possible between the surface's look and its sleep; then its slice ends it.
+  // May be missed between the surface's check and its sleep; the surface then wakes at the end of its slice.
   if (load_seq_cst(header.surface_waiting.flag)) futex_wake(header.actuators.word);
 }
 
@@ -137,7 +137,7 @@ Status ControllerEndpoint::Impl::surface_status(bool check_liveness) noexcept {
   return check_liveness && !is_alive(layout.identity.surface_process) ? Status::kSurfaceDead : Status::kOk;
 }
 
-// In time-step mode a frame that a predecessor answered is not new; one that it left unanswered is.
+// In time-step mode a frame is new unless this controller or a predecessor answered it.
 bool ControllerEndpoint::Impl::is_new(std::uint32_t newest) const noexcept {
   if (newest == last_word) return false;
   return passive || load_relaxed(header.sensors.frame) != last_answered;
@@ -152,7 +152,7 @@ Status ControllerEndpoint::Impl::copy_newest() noexcept {
       if (c.direction == SSP_SENSOR)
         copy_frame(private_frame.array(c), sensors.array(newest, c).data(), c.bytes);
     if (!sensors.is_still_valid(taken)) continue;
-    // Frames before the first one taken are no loss: this controller was not there yet.
+    // Frames published before this controller attached do not count as skipped.
     if (last_word != 0) counters.skipped += newest - last_word - 1;
     store_relaxed(header.controller.skipped, counters.skipped);
     last_word = newest;
@@ -170,7 +170,8 @@ Status ControllerEndpoint::Impl::take_frame(std::uint32_t newest) noexcept {
     abandon_answer();
     return Status::kTorn;
   }
-  // The surface leaves the line and the slot alone until the answer, so the slot's own line need not travel.
+  // The surface modifies neither the publication line nor the slot before the answer, so the slot's header
+  // need not be read.
   const FrameInfo taken = load_publication(header.sensors);
   fence_acquire();
   if (load_relaxed(header.sensors.word) != newest || static_cast<std::uint32_t>(taken.frame) != newest)
@@ -193,12 +194,12 @@ Status ControllerEndpoint::Impl::await_sensors(const WaitOptions& options) noexc
   };
   const auto peer = [&](bool check_liveness) noexcept { return surface_status(check_liveness); };
   const Doorbell bell{header.sensors.word, header.controller_waiting.flag, header.sensors.cpu};
-  // More than once only when a surface that did not know of us yet published on, just as we looked.
+  // Retries only if a surface that has not yet adopted this controller published again in the meantime.
   for (int attempt = 0; attempt < 3; ++attempt) {
     if (const Status s = wait_until(bell, options, wait_state, ready, peer); s != Status::kOk) return s;
     const bool inconsistent = !cursor.is_consistent_with(newest, 0);
     if (take_frame(newest) == Status::kOk) return Status::kOk;
-    if (inconsistent) break;  // its user has to hear of it
+    if (inconsistent) break;  // the user must learn that the chunks are invalid
   }
   return Status::kTorn;
 }
@@ -214,8 +215,8 @@ Status ControllerEndpoint::Impl::latest_sensors() noexcept {
   return Status::kRepeated;
 }
 
-// Hands out what is there of the frame to come, or of the one that has just come. True: there was some, or
-// what was handed out before is of another frame.
+// Delivers the available part of the frame being written, or of the one just published. Returns true if there
+// was any, or if the cells delivered before belong to another frame.
 bool ControllerEndpoint::Impl::try_next_cells(int channel_index, const ssp_channel& c,
                                               std::span<const std::byte>& cells) noexcept {
   const std::uint32_t newest = load_acquire(header.sensors.word);
@@ -237,13 +238,13 @@ std::span<const std::byte> ControllerEndpoint::Impl::next_cells(int channel_inde
   const auto ready = [&]() noexcept { return try_next_cells(channel_index, c, cells); };
   const auto peer = [&](bool check_liveness) noexcept { return surface_status(check_liveness); };
   const Doorbell bell{header.sensors.word, header.controller_waiting.flag, header.sensors.cpu};
-  // Why it ended, if there are none, await_sensors() will find out for itself.
+  // The status is ignored: await_sensors() determines why there are no cells.
   (void)wait_until(bell, options, cursor.has_started() ? next_chunk_wait_state : wait_state, ready, peer);
   return cells;
 }
 
-// What was written of an answer that will not be published may have been read already: the next one gets a
-// number of its own, so that nobody takes the two for one.
+// The surface may have read chunks of an answer that will not be published. The next answer gets a new frame
+// number, so that the two cannot be mixed.
 void ControllerEndpoint::Impl::abandon_answer() noexcept {
   cursor.reset();
   if (!writer.has_announced(frame + 1)) return;
@@ -252,7 +253,7 @@ void ControllerEndpoint::Impl::abandon_answer() noexcept {
 }
 
 Status ControllerEndpoint::Impl::publish() noexcept {
-  if (!claimed) return Status::kOutOfTurn;  // detached: the place may be another's by now
+  if (!claimed) return Status::kOutOfTurn;  // detached: another controller may hold the claim
   if (!passive) {
     if (!answer_due) return Status::kOutOfTurn;
     answer_due = false;
@@ -287,7 +288,7 @@ void ControllerEndpoint::reconnect(const AttachOptions& options) {
   if (next->description.layout_hash != impl_->description.layout_hash)
     throw Error(ErrorCode::kLayoutChanged,
                 "surface \"" + next->description.name +
-                    "\" came back with another size or other channels; start anew");
+                    "\" came back with another size or other channels; restart the controller");
   impl_ = std::move(next);
 }
 

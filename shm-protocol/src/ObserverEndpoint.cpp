@@ -19,9 +19,9 @@ namespace shm_protocol {
 namespace {
 
 constexpr std::chrono::milliseconds kPollInterval{1};
-constexpr int kMaxAttempts = 16;  // an observer is in no hurry: a controller has 3
+constexpr int kMaxAttempts = 16;  // more than a controller's 3: an observer has no deadline
 
-// What is kept of one direction.
+// The reader's state of one direction.
 struct DirectionReader {
   DirectionReader(RingView where, const ssp_publication& at, ssp_direction which, std::size_t array_bytes)
       : ring(where), line(at), direction(which), frames{FrameArrays(array_bytes), FrameArrays(array_bytes)} {}
@@ -31,7 +31,7 @@ struct DirectionReader {
   RingView ring;
   const ssp_publication& line;
   ssp_direction direction;
-  std::array<FrameArrays, 2> frames;  // [shown] stands, the other takes the next frame in
+  std::array<FrameArrays, 2> frames;  // [current] is valid; the other receives the next frame
   std::size_t current = 0;
   FrameInfo info;
 };

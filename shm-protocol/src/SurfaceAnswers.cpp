@@ -1,10 +1,10 @@
-// How a surface takes answers in: whole frames, or piece by piece as they are written.
+// How a surface receives answers: complete frames, or chunk by chunk while they are written.
 #include "SurfaceImpl.h"
 #include "shm-protocol/src/ring/FrameCopy.h"
 
 namespace shm_protocol {
 
-// Bytes `from` to `to` of that frame's slot.
+// Copies the arrays within [from, to) of that frame's slot.
 void SurfaceEndpoint::Impl::copy_arrays(std::uint32_t frame_number, std::size_t from,
                                         std::size_t to) noexcept {
   if (answers_in_place) return;
@@ -22,8 +22,8 @@ void SurfaceEndpoint::Impl::copy_all(std::uint32_t frame_number) noexcept {
   copy_arrays(frame_number, sizeof(ssp_slot), layout.geometry.actuator_slot_bytes);
 }
 
-// A piece of what lies below `end` of that frame's slot; `attached` tells whose frame it is. True: there was
-// one.
+// Copies at most one chunk of the uncopied bytes before `end` of that frame's slot; `attached` identifies the
+// writer. Returns whether there were any.
 bool SurfaceEndpoint::Impl::copy_chunk(std::uint32_t frame_number, std::uint32_t attached,
                                        std::size_t end) noexcept {
   return chunk_reader.copy_available(frame_number, attached, end, [&](std::size_t from, std::size_t to) {
@@ -44,15 +44,15 @@ void SurfaceEndpoint::Impl::count_clamped(std::uint64_t values) noexcept {
   store_relaxed(header.surface.clamped, counters.clamped);
 }
 
-// A controller that answered frames which this surface gave up meanwhile may just be announcing the next
-// answer: then the line is not of the word's frame.
+// Compares `answers` and `frame`: a controller that answered abandoned frames may be writing the publication
+// line of its next answer, which then does not belong to the word's frame.
 bool SurfaceEndpoint::Impl::is_answer(std::uint32_t newest) const noexcept {
   return newest != last_word && load_acquire(header.actuators.answers) == frame &&
          static_cast<std::uint32_t>(load_relaxed(header.actuators.frame)) == newest;
 }
 
-// Time-step: the controller may not touch the frame before it sees the next sensor frame, so an unchanged
-// word is proof enough that it is whole; that it is the answer, its own stamp says.
+// Time-step: the controller may not modify the frame before it sees the next sensor frame, so an unchanged
+// word proves that it is complete. The slot's own metadata identifies it as the answer.
 Status SurfaceEndpoint::Impl::take_answer(std::uint32_t newest) noexcept {
   const std::uint32_t attached = load_acquire(header.claim.attached);
   const bool inconsistent = !cursor.is_consistent_with(newest, attached);
@@ -95,7 +95,7 @@ Status SurfaceEndpoint::Impl::await_actuators(std::uint64_t at_tick, const WaitO
   return status;
 }
 
-// While the controller still writes that frame.
+// Copies a chunk of a frame that the controller is still writing.
 void SurfaceEndpoint::Impl::copy_committed(std::uint32_t frame_number) noexcept {
   const std::uint32_t attached = load_acquire(header.claim.attached);  // before the progress line
   const std::size_t end =
@@ -103,8 +103,8 @@ void SurfaceEndpoint::Impl::copy_committed(std::uint32_t frame_number) noexcept 
   if (end > 0 && copy_chunk(frame_number, attached, end)) ++wait_state.chunks;
 }
 
-// Hands out what is there of the answer to come, or of the one that has just come. True: there was some, or
-// what was handed out before is of another frame.
+// Delivers the available part of the answer being written, or of the one just published. Returns true if
+// there was any, or if the cells delivered before belong to another frame.
 bool SurfaceEndpoint::Impl::try_next_cells(int channel_index, const ssp_channel& c,
                                            std::span<const std::byte>& cells) noexcept {
   const std::uint32_t attached = load_acquire(header.claim.attached);  // before the progress line
@@ -127,12 +127,12 @@ std::span<const std::byte> SurfaceEndpoint::Impl::next_cells(int channel_index,
   const auto& c = layout.channels[static_cast<std::size_t>(channel_index)];
   if (description.mode != Mode::kTimeStep || cursor.is_exhausted(channel_index, c)) return {};
   std::span<const std::byte> cells;
-  if (may_publish) {  // nothing is owed yet
+  if (may_publish) {  // no answer is due yet
     try_next_cells(channel_index, c, cells);
     return cells;
   }
   const auto ready = [&]() noexcept { return try_next_cells(channel_index, c, cells); };
-  // Only a look, and no loss is told of: await_actuators() will.
+  // Only checks; await_actuators() reports the loss of a controller.
   const auto peer = [&](bool check_liveness) noexcept {
     const ProcessIdentity now = load_acquire(header.claim.controller_process);
     return now == 0 || (check_liveness && !is_alive(now)) ? Status::kNoController : Status::kOk;
@@ -145,8 +145,7 @@ std::span<const std::byte> SurfaceEndpoint::Impl::next_cells(int channel_index,
 Status SurfaceEndpoint::Impl::latest_actuators() noexcept {
   const Status peer = controller_status(wait_state.liveness.due());
   if (peer != Status::kOk) {
-    last_word =
-        load_acquire(header.actuators.word);  // what a lost controller left unread is not acted upon any more
+    last_word = load_acquire(header.actuators.word);  // discards unread frames of a lost controller
     return peer;
   }
   for (int attempt = 0; attempt < 3; ++attempt) {

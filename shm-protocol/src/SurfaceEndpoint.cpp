@@ -35,7 +35,7 @@ void SurfaceEndpoint::Impl::apply_safe_values() noexcept {
   }
 }
 
-// The next controller may do with the slots as it likes.
+// Copies the current frame out of its slot, because the next controller may overwrite the slots.
 void SurfaceEndpoint::Impl::preserve_current_frame() noexcept {
   if (!current_in_place) return;
   for (const auto& c : layout.channels)
@@ -45,8 +45,8 @@ void SurfaceEndpoint::Impl::preserve_current_frame() noexcept {
 }
 
 void SurfaceEndpoint::Impl::adopt_controller() noexcept {
-  // Between two equal counts of departures the process word belongs to one attachment, and so does the state
-  // if the word is still there after it.
+  // If the detach count and the process word are unchanged afterwards, the word and the state belong to one
+  // attachment.
   for (int attempt = 0; attempt < 4; ++attempt) {
     known_detached = load_seq_cst(header.claim.detached);
     controller = load_seq_cst(header.claim.controller_process);
@@ -57,8 +57,8 @@ void SurfaceEndpoint::Impl::adopt_controller() noexcept {
   }
 }
 
-// Of a controller whose place is another's or free: whether it went in good order. It counts its departure
-// first and frees the place then; one that was adopted in between had said that it was leaving.
+// Whether a controller that no longer holds the claim detached in good order. A detaching controller sets its
+// state, increments `detached`, then frees the claim; controller_closing covers an adoption in between.
 bool SurfaceEndpoint::Impl::has_detached() const noexcept {
   return controller_closing || load_seq_cst(header.claim.detached) != known_detached;
 }
@@ -84,7 +84,7 @@ Status SurfaceEndpoint::Impl::controller_status(bool check_liveness) noexcept {
   if (load_acquire(header.claim.controller_process) != controller)
     return release_controller(has_detached() ? Status::kControllerClosed : Status::kControllerDead);
   if (!check_liveness || is_alive(controller)) return Status::kOk;
-  // It fails when a new controller has just taken the place; then that one keeps it.
+  // Fails if a new controller has just claimed the role, which it then keeps.
   compare_exchange(header.claim.controller_process, controller, 0);
   return release_controller(Status::kControllerDead);
 }
@@ -113,7 +113,7 @@ Status SurfaceEndpoint::Impl::await_controller(const WaitOptions& options) noexc
     if (s != Status::kOk) return s;
     const Status who = controller_status(true);
     if (who == Status::kOk) return who;
-    // One that died before we looked: wait for the next.
+    // The controller died before it was adopted: wait for the next one.
   }
 }
 
@@ -129,7 +129,7 @@ SurfaceEndpoint SurfaceEndpoint::create(const SurfaceConfig& config) {
   SegmentLayout layout = plan_layout(config);
   layout.identity.surface_process = own_process_identity();
   layout.identity.session = random_session();
-  reclaim_or_throw(config.name);  // before memory is reserved for a second one
+  reclaim_or_throw(config.name);  // before memory for a second segment is reserved
   return SurfaceEndpoint(std::make_unique<Impl>(config, std::move(layout)));
 }
 

@@ -1,4 +1,4 @@
-// The implementation of the surface's endpoint. SurfaceEndpoint.cpp has its life cycle, its controller and
+// The implementation of SurfaceEndpoint. SurfaceEndpoint.cpp contains the life cycle, controller tracking and
 // publication; SurfaceAnswers.cpp receives answers.
 #pragma once
 
@@ -50,7 +50,7 @@ struct SurfaceEndpoint::Impl {
   Status latest_actuators() noexcept;
   Status await_controller(const WaitOptions&) noexcept;
 
-  // kOk while the controller we know is attached; adopts a new one; tells of the loss of the old one once.
+  // kOk while the adopted controller is attached. Adopts a new one; reports the loss of the old one once.
   Status controller_status(bool check_liveness) noexcept;
   void adopt_controller() noexcept;
   bool has_detached() const noexcept;
@@ -70,7 +70,7 @@ struct SurfaceEndpoint::Impl {
   std::span<const std::byte> current_cells(const ssp_channel& c) const noexcept {
     return current_in_place ? actuators.array(info.frame, c) : frames[current].bytes(c);
   }
-  // Where the cells of the answer to come are, once they were checked.
+  // The checked cells of the answer being received.
   std::span<const std::byte> incoming_cells(std::uint32_t frame_number, const ssp_channel& c) const noexcept {
     return answers_in_place ? actuators.array(frame_number, c) : frames[1 - current].bytes(c);
   }
@@ -84,33 +84,32 @@ struct SurfaceEndpoint::Impl {
   bool closed = false;
 
   State state = State::kNone;
-  std::uint64_t frame = 0;  // published last
-  std::uint64_t tick = 0;
-  bool answered = false;    // the frame published last was answered
-  bool may_publish = true;  // it was answered or given up: the next may be published
+  std::uint64_t frame = 0;  // last published
+  std::uint64_t tick = 0;   // of that frame
+  bool answered = false;    // the last published frame was answered
+  bool may_publish = true;  // the last published frame was answered or abandoned
 
-  std::uint32_t last_word = 0;  // of the actuator frame looked at last
-  FrameInfo info;               // of the actuator frame shown
+  std::uint32_t last_word = 0;  // of the last actuator frame examined
+  FrameInfo info;               // of the current actuator frame
   bool hold_last_frame;
-  bool answers_in_place;          // answers are shown in their slots, unchecked
-  bool current_in_place = false;  // the one shown is; its slot is not reused while the next one is written
-  std::array<FrameArrays, 2>
-      frames;  // else [shown] is what actuator() shows, the other takes the next frame in
+  bool answers_in_place;          // answers are returned in their slots, unchecked
+  bool current_in_place = false;  // the current frame is in its slot, which the next frame does not reuse
+  std::array<FrameArrays, 2> frames;  // [current] backs actuator(); the other receives the next frame
   std::size_t current = 0;
-  std::uint64_t replaced = 0;  // values, in the copy made last
+  std::uint64_t replaced = 0;  // values replaced in the last copy
   Counters counters;
 
-  ProcessIdentity controller = 0;    // whom we know
-  std::uint32_t known_detached = 0;  // counted when we adopted it, or lost the one before
-  bool controller_closing = false;   // it was about to leave then
-  bool unknown_answered = false;     // one we did not know yet: its answer was there before we looked
-  WaitState wait_state, next_chunk_wait_state;  // for an answer; for its second piece and all that follow
+  ProcessIdentity controller = 0;    // the adopted controller; 0: none
+  std::uint32_t known_detached = 0;  // claim.detached at the last adoption or loss
+  bool controller_closing = false;   // the controller was already closing when adopted
+  bool unknown_answered = false;     // an answer arrived before its controller was adopted
+  WaitState wait_state, next_chunk_wait_state;  // for the first chunk or a whole answer; for later chunks
 
   ChunkWriter writer{header.sensor_progress, header.sensors.word, header.controller_waiting.flag,
                      layout.sensor_array_bytes()};
   ChunkReader chunk_reader;
   ChunkCursor cursor;
-  bool chunked = false;  // actuator frames are
+  bool chunked = false;  // actuator frames are large enough to be read chunk by chunk
 };
 
 }  // namespace shm_protocol

@@ -15,7 +15,7 @@ struct Colour {
   int r, g, b;
 };
 
-// Dark blue over green to yellow: brightness grows evenly, so it can be read without seeing the hues.
+// Viridis: brightness increases uniformly, so that the map is readable without colour vision.
 Colour colour_of(double fraction) {
   constexpr Colour kStops[] = {{68, 1, 84}, {59, 82, 139}, {33, 145, 140}, {94, 201, 98}, {253, 231, 37}};
   if (std::isnan(fraction)) return {255, 0, 255};
@@ -34,14 +34,14 @@ std::string escape(int kind, const Colour& c) {
   return text;
 }
 
-// 0 … 1; NaN for what is not finite.
+// Maps to 0 … 1; NaN for non-finite values.
 double normalize(double value, const Scale& scale) {
   if (!std::isfinite(value)) return kNaN;
   const double span = scale.high - scale.low;
   return span > 0 ? std::clamp((value - scale.low) / span, 0.0, 1.0) : 0.0;
 }
 
-// Means of blocks of side × side cells; one that holds a NaN or an infinity is NaN, so that none is hidden.
+// Means of block × block cells. A block with a non-finite value becomes NaN, so that averaging hides none.
 std::vector<double> downsample(const Plane& plane, std::size_t block, std::size_t rows, std::size_t columns) {
   std::vector<double> sums(rows * columns), counts(rows * columns);
   for (std::size_t y = 0; y < plane.rows; ++y)

@@ -30,7 +30,7 @@ Json frame_json(const FrameInfo& f, bool torn) {
           {"answers", f.answers}, {"status", f.status}, {"newest_was_torn", torn}};
 }
 
-// Not finite: null, as JSON has no other way.
+// Non-finite values become null, because JSON cannot represent them.
 Json number(double v) { return std::isfinite(v) ? Json(v) : Json(nullptr); }
 
 Json channel_json(const ChannelSpec& c, const Description& d) {

@@ -1,4 +1,4 @@
-// The output of shm_dump, as text for a terminal of 80 columns and as JSON.
+// The output of shm_dump, as text for an 80-column terminal and as JSON.
 #pragma once
 
 #include <shm_protocol/Segments.h>
@@ -14,20 +14,20 @@ enum class ArrayDisplay { kNone, kNumbers, kMap };
 
 struct Format {
   ArrayDisplay arrays = ArrayDisplay::kNone;
-  std::vector<std::string> channels;  // of which arrays are shown; empty: of all
-  bool all_numbers = false;           // else a large array is cut to its corners
+  std::vector<std::string> channels;  // channels whose arrays are shown; empty: all
+  bool all_numbers = false;           // false: a large array is reduced to its corners
   bool colour = false;
   std::size_t width = 80;
 };
 
 std::string text_report(const SurfaceStatus&, const ObserverEndpoint&, const Format&);
-// One object; on one line when `compact`.
+// A JSON object; on a single line if `compact`.
 std::string json_report(const SurfaceStatus&, const ObserverEndpoint&, const Format&, bool compact);
 
 std::string text_list(const std::vector<SegmentInfo>&);
 std::string json_list(const std::vector<SegmentInfo>&);
 
-// "64 x 64", "3 x 64 x 64": components only where there are several.
+// "64 x 64" or "3 x 64 x 64": components only if there are several.
 std::string shape_text(const ChannelSpec&, const Description&);
 // 1536 → "1.5 KiB"
 std::string size_text(std::uint64_t bytes);

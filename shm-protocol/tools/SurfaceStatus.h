@@ -1,4 +1,4 @@
-// The state of a surface as shm_dump shows it, read by an observer.
+// The state of a surface that shm_dump shows, read through an observer.
 #pragma once
 
 #include <shm_protocol/ObserverEndpoint.h>
@@ -25,17 +25,18 @@ struct SurfaceStatus {
   const FrameInfo& frame(Direction d) const { return d == Direction::kSensor ? sensors : actuators; }
 };
 
-// One channel's array as numbers, in the array's order.
+// The array of a channel, converted to double, in array order.
 std::vector<double> values(const ObserverEndpoint&, int channel);
 
-// Smallest, mean and largest of the finite ones; `odd` counts NaN and infinities.
+// Minimum, mean and maximum of the finite values; `non_finite` counts NaN and infinities.
 struct ValueStatistics {
   double minimum = 0, mean = 0, maximum = 0;
   std::size_t non_finite = 0;
 };
 ValueStatistics value_statistics(const std::vector<double>&);
 
-// Text out of a header that nobody has to trust: what a terminal might obey becomes '?'.
+// Replaces control characters of text from an untrusted header by '?', so that no escape sequence reaches the
+// terminal.
 std::string printable(const std::string&);
 
 }  // namespace shm_protocol::dump

@@ -20,7 +20,7 @@ __attribute__((format(printf, 1, 2))) std::string line(const char* format, ...) 
 
 std::string range_text(const ChannelSpec& c) { return line("%.4g … %.4g", c.minimum, c.maximum); }
 
-// Pads to `width` characters: printf counts bytes, and "…" has three.
+// Pads to `width` characters; printf counts bytes, and "…" has three.
 std::string padded(std::string text, std::size_t width) {
   const auto characters =
       static_cast<std::size_t>(std::ranges::count_if(text, [](char c) { return (c & 0xC0) != 0x80; }));
@@ -58,15 +58,15 @@ std::string channel_line(const ChannelSpec& c, const ObserverEndpoint& observer,
   return out + "\n";
 }
 
-// The scale of the channel's range, so that two looks can be compared; of the values where the range is too
-// wide for that.
+// The channel's range, so that successive maps are comparable; the range of the values if the channel's range
+// is too wide.
 Scale scale_of(const ChannelSpec& c, const std::vector<double>& numbers) {
   if (c.maximum - c.minimum <= 1e6) return {c.minimum, c.maximum};
   const ValueStatistics s = value_statistics(numbers);
   return {s.minimum, s.maximum};
 }
 
-// Which of `count` are shown: all, or the first and the last ones with a gap marked by -1.
+// The indices to show: all, or the first and the last ones with -1 marking the gap.
 std::vector<int> visible_indices(std::size_t count, std::size_t max_count) {
   std::vector<int> out;
   for (std::size_t i = 0; i < count; ++i)

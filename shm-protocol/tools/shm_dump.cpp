@@ -1,4 +1,4 @@
-// shm_dump: shows what passes through a surface's shared memory, lists surfaces, removes what dead ones left.
+// shm_dump: shows the data in a surface's shared memory, lists surfaces, removes segments of dead ones.
 #include <getopt.h>
 #include <sys/ioctl.h>
 #include <unistd.h>
@@ -51,7 +51,7 @@ struct Options {
   std::string name, clean_prefix, colour = "auto";
   bool list = false, clean = false, json = false, follow = false;
   double interval_s = 0.5, wait_s = 0;
-  long count = 0;  // 0: no end
+  long count = 0;  // 0: unlimited
   dump::Format format;
 };
 
@@ -165,7 +165,7 @@ void check_channels(const Options& o, const Description& d) {
     }
 }
 
-// Takes the newest frames in; says whether the surface has ended.
+// Reads the newest frames; returns whether the surface has ended.
 Status sample(ObserverEndpoint& observer, SurfaceStatus& status) {
   status.description = &observer.description();
   const Status sensors = observer.latest(Direction::kSensor),

@@ -18,11 +18,11 @@ using std::chrono::milliseconds;
 
 namespace {
 
-constexpr milliseconds kHandshakeInterval{200};  // between questions to a device that does not speak
-constexpr milliseconds kIdlePoll{20};            // the stop flag is looked at so often
-constexpr milliseconds kAnswerPoll{1};           // for the controller, before the line is looked at again
+constexpr milliseconds kHandshakeInterval{200};  // between handshake attempts with a silent device
+constexpr milliseconds kIdlePoll{20};            // polling interval of the stop flag
+constexpr milliseconds kAnswerPoll{1};           // wait for the controller before the line is polled again
 
-// A raw value that is the value needs no f32 on its way to the controller.
+// Whether raw values equal channel values, so that they need no conversion to f32.
 bool is_plain_u8(const DeviceChannel& c) {
   return c.dtype == SSW_U8 && c.scale == 1 && c.offset == 0 && c.minimum >= 0 && c.maximum <= 255;
 }
@@ -51,9 +51,9 @@ Outcome Bridge::run() {
   return *end;
 }
 
-// ---- connecting
-// ------------------------------------------------------------------------------------------------- Nothing
-// once the device is described.
+// ---- connection
+
+// Returns nothing once the device is described.
 std::optional<Outcome> Bridge::connect() {
   const auto start = Clock::now();
   std::string reason = options_.port.text + " does not answer";
@@ -78,7 +78,7 @@ std::optional<Outcome> Bridge::connect() {
   return std::nullopt;
 }
 
-// The line was cut. The session stands still until the same device is back.
+// The line was lost. The session is suspended until the same device is back.
 std::optional<Outcome> Bridge::reconnect() {
   const auto start = Clock::now();
   std::string reason;
@@ -117,7 +117,7 @@ void Bridge::on_line_lost(const std::string& reason) {
   log_(reason + "; the session waits for the device");
 }
 
-// What was computed from a frame before a silence comes too late for whatever happened in it.
+// Answers to frames from before a silence are stale.
 void Bridge::enter_silence() {
   silent_ = true;
   status_ |= kAfterSilence;
@@ -150,8 +150,8 @@ void Bridge::create_surface() {
        " us; controllers attach to '" + options_.surface + "'");
 }
 
-// ---- the line
-// -----------------------------------------------------------------------------------------------------
+// ---- line
+
 bool Bridge::flush() {
   if (!port_ || out_.empty()) return true;
   const auto written = port_->write(out_);
@@ -160,8 +160,8 @@ bool Bridge::flush() {
   return true;
 }
 
-// Waits for bytes of the device at most so long, and takes them in; sends what is to be sent. False: the line
-// is cut.
+// Waits up to `timeout` for bytes from the device and processes them; sends pending output. Returns false if
+// the line is lost.
 bool Bridge::poll_line(milliseconds timeout) {
   if (!port_) return false;
   bool connected = flush();
@@ -207,7 +207,7 @@ void Bridge::on_description() {
     fault_ = "another device came back: it has other cells or channels; start anew";
   } else if (link_.description().boot != boot_id_) {
     boot_id_ = link_.description().boot;
-    seen_frame_ = false;  // its ticks begin anew
+    seen_frame_ = false;  // its ticks restart
     if (surface_) log_("the device was restarted");
   }
 }
@@ -232,8 +232,8 @@ void Bridge::send_stop() {
     if (!out_.empty()) std::this_thread::sleep_for(kAnswerPoll);
 }
 
-// ---- the session
-// --------------------------------------------------------------------------------------------------
+// ---- session
+
 std::optional<Outcome> Bridge::serve_once() {
   if (stop_.load()) return Outcome::kStopped;
   if (options_.ticks && counters_.frames >= *options_.ticks && !awaiting_answer_) return Outcome::kDone;
@@ -254,11 +254,11 @@ std::optional<Outcome> Bridge::serve_once() {
   return std::nullopt;
 }
 
-// The device counts its missed deadlines itself: only it knows when its periods end.
+// The device counts missed deadlines, because only it knows when its periods end.
 void Bridge::count_missed_deadlines(const SensorFrame& frame) {
   const std::uint32_t newly_missed = seen_frame_ ? frame.missed - device_missed_ : 0;
   device_missed_ = frame.missed;
-  // A device cannot miss more deadlines than it had periods.
+  // At most one missed deadline per period.
   const std::uint32_t periods = seen_frame_ ? frame.tick - device_tick_ : 0;
   for (std::uint32_t i = 0; i < std::min(newly_missed, periods); ++i) surface_->miss_deadline();
   counters_.missed_deadlines += std::min(newly_missed, periods);
@@ -284,7 +284,7 @@ void Bridge::on_frame() {
   if (frame_ready_ || awaiting_answer_) {
     ++counters_.skipped;
     status_ |= kFramesLost;
-    // The host is well, only the controller takes its time: the device need not fall back on its safe values.
+    // The host is alive and only the controller is slow: keep the device from applying its safe values.
     link_.write(SSW_HEARTBEAT, device_tick_, out_);
   }
   frame_ready_ = true;

@@ -1,7 +1,7 @@
-// The surface role for a physical device: forwards its sensor frames to the controller and the controller's
-// frames to it, at the device's clock.
+// The surface role for a physical device: forwards sensor frames to the controller and actuator frames to the
+// device, paced by the device's clock.
 //
-// One thread. Events are logged line by line.
+// Single-threaded. Events are logged line by line.
 #pragma once
 
 #include <shm_protocol/SurfaceEndpoint.h>
@@ -21,9 +21,8 @@ namespace hardware {
 
 // FrameInfo::status of the sensor frames that a bridge publishes.
 enum FrameStatus : std::uint32_t {
-  kMissedDeadline = 1,  // a control period before this frame ended without the controller's answer
-  kFramesLost =
-      2,  // the device sent frames before this one that did not arrive, or were not asked for in time
+  kMissedDeadline = 1,    // a control period before this frame ended without the controller's answer
+  kFramesLost = 2,        // earlier frames of the device were lost or skipped
   kSafeValuesActive = 4,  // the device holds its safe values
   kAfterSilence = 8       // the first frame after the device was silent or unplugged
 };
@@ -32,24 +31,22 @@ struct BridgeOptions {
   PortAddress port;
   std::string surface = "surface";
   shm_protocol::Mode mode = shm_protocol::Mode::kTimeStep;
-  std::optional<std::uint64_t> ticks;              // frames to publish; nothing: for ever
-  std::chrono::milliseconds silence_timeout{500};  // without a sensor frame for so long, the device is silent
-  std::chrono::milliseconds connect_timeout{10'000};  // to wait for the device at the start
-  std::optional<std::chrono::milliseconds>
-      reconnect_timeout;  // to wait for it when it was lost; nothing: for ever
-  bool hold_last_frame =
-      false;  // without a controller the device keeps the last frame; else it gets the safe one
+  std::optional<std::uint64_t> ticks;                 // frames to publish; nullopt: unlimited
+  std::chrono::milliseconds silence_timeout{500};     // without a sensor frame until the device is silent
+  std::chrono::milliseconds connect_timeout{10'000};  // wait for the device at start-up
+  std::optional<std::chrono::milliseconds> reconnect_timeout;  // wait for a lost device; nullopt: unlimited
+  bool hold_last_frame = false;  // without a controller: keep the last frame (true) or send the safe values
 };
 
 struct BridgeCounters {
   std::uint64_t frames = 0;   // sensor frames published
   std::uint64_t answers = 0;  // actuator frames of a controller sent to the device
-  std::uint64_t lost = 0;     // sensor frames that did not arrive whole
-  std::uint64_t skipped = 0;  // whole ones that came while the controller was at work on an older one
-  std::uint64_t missed_deadlines = 0;  // deadlines
-  std::uint64_t unsent = 0;            // actuator frames given up: the line is too slow
-  std::uint64_t silences = 0;          // times the device fell silent
-  std::uint64_t reconnections = 0;     // times the line was cut and came back
+  std::uint64_t lost = 0;     // sensor frames that did not arrive completely
+  std::uint64_t skipped = 0;  // complete sensor frames dropped while the controller processed an older one
+  std::uint64_t missed_deadlines = 0;
+  std::uint64_t unsent = 0;         // actuator frames dropped because the line is too slow
+  std::uint64_t silences = 0;       // times the device fell silent
+  std::uint64_t reconnections = 0;  // times the line was lost and restored
   std::uint64_t damaged_packets = 0, lost_packets = 0;
 };
 
@@ -62,10 +59,10 @@ class Bridge {
 
   Bridge(BridgeOptions, const std::atomic<bool>& stop, Log);
 
-  // Connects, creates the surface, and serves until the ticks are over (kDone), the stop flag was raised
-  // (kStopped), the device did not come, or not come back, in time (kDeviceLost), or it is not usable
-  // (kFailed). The last two are logged. Throws shm_protocol::Error when the surface cannot be created. In the
-  // end the device is told to hold its safe values.
+  // Connects, creates the surface and serves until all ticks are published (kDone), the stop flag is raised
+  // (kStopped), the device does not appear or return in time (kDeviceLost), or it is unusable (kFailed). The
+  // last two are logged. Throws shm_protocol::Error if the surface cannot be created. Finally commands the
+  // device to hold its safe values.
   Outcome run();
 
   const BridgeCounters& counters() const { return counters_; }
@@ -99,24 +96,24 @@ class Bridge {
   Log log_;
   std::optional<Port> port_;
   DeviceLink link_;
-  std::optional<DeviceDescription> device_;  // as it was at first
+  std::optional<DeviceDescription> device_;  // as first described
   std::optional<shm_protocol::SurfaceEndpoint> surface_;
-  std::vector<std::uint8_t> out_;  // bytes not yet taken by the line
-  std::vector<float> actuators_;   // a frame on its way to the device
-  std::string fault_;              // what makes the device unusable
+  std::vector<std::uint8_t> out_;  // bytes not yet written to the line
+  std::vector<float> actuators_;   // the frame being sent to the device
+  std::string fault_;              // why the device is unusable; "": it is usable
 
   bool seen_frame_ = false;        // since the line was opened
   std::uint32_t device_tick_ = 0;  // of the newest sensor frame
-  std::uint64_t tick_ = 0;         // the session's number of it
+  std::uint64_t tick_ = 0;         // its tick within the session
   std::uint32_t boot_id_ = 0;
-  std::uint32_t device_missed_ = 0;  // the device's count of missed deadlines when we looked last
+  std::uint32_t device_missed_ = 0;  // last seen count of missed deadlines of the device
   std::uint32_t status_ = 0;         // FrameStatus of the next frame
   bool frame_ready_ = false;         // a frame waits to be published
-  bool awaiting_answer_ = false;     // time-step: the frame published last is unanswered
+  bool awaiting_answer_ = false;     // time-step: the last published frame is unanswered
   std::uint64_t published_tick_ = 0;
   std::uint32_t published_device_tick_ = 0;
   bool silent_ = false;
-  std::optional<std::uint64_t> stale_tick_;  // answers to this tick and to older ones are not sent any more
+  std::optional<std::uint64_t> stale_tick_;  // answers to this and older ticks are not sent
   Clock::time_point last_frame_{}, last_handshake_{};
   BridgeCounters counters_;
 };

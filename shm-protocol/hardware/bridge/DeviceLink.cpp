@@ -18,7 +18,7 @@ std::string text_of(const char (&padded)[N]) {
 
 std::string number(float value) { return std::to_string(value); }
 
-// "" when the channel is possible.
+// Returns the error, or "" if the channel is valid.
 std::string validate_channel(const ssw_channel& c) {
   if (c.direction != SSW_SENSOR && c.direction != SSW_ACTUATOR) return "unknown direction";
   if (ssw_dtype_bytes(c.dtype) == 0) return "unknown dtype";
@@ -132,7 +132,7 @@ DeviceLink::Event DeviceLink::handle_channel(const ssw_packet& packet) {
   ssw_channel c;
   if (!ssw_get_channel(&packet, &c) || channels_remaining_ == 0) return Event::kAlive;
   if (c.index !=
-      incoming_description_.channels.size()) {  // one before it was lost; the description is asked for again
+      incoming_description_.channels.size()) {  // an earlier one was lost; the description is requested again
     channels_remaining_ = 0;
     return Event::kAlive;
   }
@@ -167,7 +167,7 @@ void DeviceLink::abandon_frame() {
   in_frame_ = false;
 }
 
-// The line keeps the order: the pieces come in order, or something was lost and the frame with it.
+// The line preserves order: if chunks do not arrive in sequence, one was lost and the frame with it.
 DeviceLink::Event DeviceLink::handle_data(const ssw_packet& packet) {
   if (!described_ || packet.payload_bytes <= SSW_DATA_HEADER) return Event::kAlive;
   const std::size_t index = packet.payload[0];

@@ -1,8 +1,8 @@
-// The host's end of the byte protocol, without I/O: bytes in, descriptions and sensor frames out, and vice
-// versa.
+// The host's end of the byte protocol, without I/O: decodes descriptions and sensor frames, encodes commands
+// and actuator frames.
 //
-// One thread at a time. Once the device is described, receive() and write_…() allocate nothing except in the
-// caller's buffer.
+// One thread at a time. Once the device is described, receive(), write() and write_frame() do not allocate,
+// except in the caller's buffer.
 #pragma once
 
 #include <cstddef>
@@ -18,12 +18,12 @@ namespace hardware {
 struct DeviceChannel {
   std::string name, unit;
   bool sensor = true;
-  std::uint8_t dtype = SSW_U8;  // ssw_dtype: how its elements travel
+  std::uint8_t dtype = SSW_U8;  // ssw_dtype of its elements on the wire
   std::uint32_t components = 1;
   float minimum = 0, maximum = 1, safe = 0;
   float scale = 1, offset = 0;    // value = offset + scale × raw
   std::size_t elements = 0;       // components × rows × columns
-  std::size_t first_element = 0;  // its first element's number in a frame of its direction
+  std::size_t first_element = 0;  // index of its first element in a frame of its direction
 
   bool operator==(const DeviceChannel&) const = default;
 };
@@ -33,19 +33,19 @@ struct DeviceDescription {
   std::uint32_t rows = 0, columns = 0;
   std::uint32_t period_us = 0;
   float pitch = 1;
-  std::uint32_t boot = 0;  // another one after each start of the device
+  std::uint32_t boot = 0;  // changes at every start of the device
   std::vector<DeviceChannel> channels;
 
-  // Whether it is the same kind of device: all but `boot`.
+  // Whether all fields except `boot` are equal.
   bool is_compatible_with(const DeviceDescription&) const;
 };
 
 struct SensorFrame {
   std::uint32_t tick = 0;
   std::uint32_t flags = 0;               // SSW_MISSED, SSW_SAFE
-  std::uint32_t missed = 0;              // deadlines, since the device started
-  std::uint32_t active_tick = SSW_NONE;  // tick that the actuator frame in force answers
-  // All sensor channels one after the other, in the device's order; values, not raw.
+  std::uint32_t missed = 0;              // deadlines missed since the device started
+  std::uint32_t active_tick = SSW_NONE;  // tick that the active actuator frame answers
+  // All sensor channels, concatenated in the device's order; scaled values, not raw.
   std::vector<float> values;
 };
 
@@ -53,29 +53,29 @@ class DeviceLink {
  public:
   enum class Event {
     kNothing,
-    kAlive,      // a good packet without consequences
-    kDescribed,  // description() is new
-    kRejected,   // the device's description is impossible or of another version: message() says how
-    kFrame,      // frame() is new
-    kFault       // the device reports a fault: message()
+    kAlive,      // a valid packet without further effect
+    kDescribed,  // description() was updated
+    kRejected,   // the device's description is invalid or of another version: see message()
+    kFrame,      // frame() was updated
+    kFault       // the device reports a fault: see message()
   };
 
   DeviceLink();
 
-  // Takes one byte of the device.
+  // Processes one byte from the device.
   Event receive(std::uint8_t byte);
 
   bool described() const { return described_; }
   const DeviceDescription& description() const { return description_; }
   const SensorFrame& frame() const { return frame_; }
   const std::string& message() const { return message_; }
-  // Forgets the description and all that is half received: the line was cut.
+  // Discards the description and all partial input after the line was lost.
   void reset();
 
   // Appends a packet without payload: SSW_DESCRIBE, SSW_START, SSW_STOP, SSW_HEARTBEAT.
   void write(std::uint8_t type, std::uint32_t tick, std::vector<std::uint8_t>& to);
-  // Appends an actuator frame that answers the sensor frame of that tick. `values`: all actuator channels one
-  // after the other, in the device's order; each is brought into its channel's range and rounded to the
+  // Appends an actuator frame that answers the sensor frame of that tick. `values`: all actuator channels,
+  // concatenated in the device's order; each value is clamped to its channel's range and rounded to the
   // nearest raw value.
   void write_frame(std::uint32_t tick, std::span<const float> values, std::vector<std::uint8_t>& to);
 
@@ -83,8 +83,8 @@ class DeviceLink {
   std::size_t actuator_elements() const { return actuator_elements_; }
 
   std::uint64_t damaged_packets() const { return receiver_.damaged; }
-  std::uint64_t lost_packets() const { return lost_; }            // by gaps in the sequence, modulo 256
-  std::uint64_t broken_frames() const { return broken_frames_; }  // begun, and given up
+  std::uint64_t lost_packets() const { return lost_; }            // from sequence gaps, modulo 256
+  std::uint64_t broken_frames() const { return broken_frames_; }  // started but abandoned
 
  private:
   Event handle_packet(const ssw_packet&);

@@ -33,7 +33,7 @@ std::optional<speed_t> speed_of(unsigned baud) {
   return std::nullopt;
 }
 
-// Every byte as it is, at the speed; modem lines are ignored.
+// Raw mode at the given speed; modem control lines are ignored.
 bool make_raw(int terminal, speed_t speed) {
   termios settings{};
   if (::tcgetattr(terminal, &settings) != 0) return false;
@@ -148,7 +148,7 @@ std::optional<std::size_t> Port::read(std::span<std::uint8_t> to) {
   if (got > 0) return static_cast<std::size_t>(got);
   if (got < 0) return is_only_busy(errno) ? std::optional<std::size_t>(0) : std::nullopt;
   if (tcp_) return std::nullopt;  // the other end closed
-  // A terminal says 0 both when there is nothing and when it was hung up.
+  // A terminal returns 0 both if there is no input and after a hang-up.
   pollfd line{descriptor_, POLLIN, 0};
   if (::poll(&line, 1, 0) == 1 && (line.revents & (POLLHUP | POLLERR | POLLNVAL))) return std::nullopt;
   return 0;

@@ -9,28 +9,28 @@
 
 namespace hardware {
 
-// What the user named: "tcp:HOST:PORT", or the path of a terminal.
+// A device address: "tcp:HOST:PORT" or the path of a terminal.
 struct PortAddress {
   std::string text;
   std::string host, service;  // tcp; empty for a terminal
   unsigned baud = 115200;
 
   bool tcp() const { return !service.empty(); }
-  // Throws std::invalid_argument, with one line, for what cannot be one.
+  // Throws std::invalid_argument with a one-line message if `text` is not a valid address.
   static PortAddress parse(const std::string& text, unsigned baud);
 };
 
 class Port {
  public:
-  // Nothing when the device is not there; `why` then says so. Waits for a TCP connection for at most a
-  // second.
+  // Returns nothing, and the reason in `why`, if the device is unavailable. Waits at most one second for a
+  // TCP connection.
   static std::optional<Port> open(const PortAddress&, std::string& why);
   ~Port();
   Port(Port&&) noexcept;
   Port& operator=(Port&&) noexcept;
 
   int descriptor() const { return descriptor_; }
-  // How many bytes were read or written, 0 when none can be now, and nothing when the device is gone.
+  // Returns the number of bytes transferred, 0 if the call would block, nothing if the device is gone.
   std::optional<std::size_t> read(std::span<std::uint8_t>);
   std::optional<std::size_t> write(std::span<const std::uint8_t>);
 

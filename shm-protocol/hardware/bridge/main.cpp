@@ -50,7 +50,7 @@ void catch_signals() {
   action.sa_flags = static_cast<int>(SA_RESETHAND);
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
-  // nohup has it ignored, so that the bridge outlives its terminal.
+  // nohup ignores SIGHUP so that the bridge survives its terminal; leave it ignored.
   struct sigaction before {};
   if (sigaction(SIGHUP, nullptr, &before) == 0 && before.sa_handler != SIG_IGN)
     sigaction(SIGHUP, &action, nullptr);
@@ -78,7 +78,7 @@ shm_protocol::Mode parse_mode(const std::string& text) {
   throw std::invalid_argument("--mode: '" + text + "' is neither time-step nor passive");
 }
 
-// Nothing when --help was asked for and given.
+// Returns nothing if --help was requested and printed.
 std::optional<BridgeOptions> parse(int argc, char** argv) {
   static const option kKnown[] = {{"baud", 1, nullptr, 'b'},    {"shm", 1, nullptr, 's'},
                                   {"mode", 1, nullptr, 'm'},    {"ticks", 1, nullptr, 't'},

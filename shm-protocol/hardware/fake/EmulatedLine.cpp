@@ -18,7 +18,7 @@
 namespace hardware {
 namespace {
 
-constexpr std::size_t kMaxPendingBytes = std::size_t{1} << 20;  // beyond it bytes get lost, as in a device
+constexpr std::size_t kMaxPendingBytes = std::size_t{1} << 20;  // excess bytes are lost, as in a device
 
 [[noreturn]] void fail(const std::string& what) {
   throw std::runtime_error(what + ": " + std::strerror(errno));
@@ -92,7 +92,7 @@ void EmulatedLine::read(std::vector<std::uint8_t>& to) {
   std::array<std::uint8_t, 4096> bytes;
   const ssize_t got = ::read(line_, bytes.data(), bytes.size());
   if (got > 0) to.insert(to.end(), bytes.begin(), bytes.begin() + got);
-  if (got == 0 && tcp_) {  // the host hung up; the next may come
+  if (got == 0 && tcp_) {  // the host disconnected; accept the next one
     close_descriptor(line_);
     pending_.clear();
   }

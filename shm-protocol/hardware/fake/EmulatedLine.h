@@ -9,9 +9,9 @@ namespace hardware {
 
 class EmulatedLine {
  public:
-  // `link`: a symbolic link that will lead to the terminal, as /dev/ttyUSB0 would. Throws std::runtime_error.
+  // `link`: the symbolic link to create for the terminal. Throws std::runtime_error.
   static EmulatedLine terminal(const std::string& link) { return EmulatedLine(link, 0, false); }
-  // On 127.0.0.1; port 0: any free one.
+  // Listens on 127.0.0.1; port 0: any free port.
   static EmulatedLine tcp(std::uint16_t port) { return EmulatedLine({}, port, true); }
   ~EmulatedLine() { unplug(); }
   EmulatedLine(const EmulatedLine&) = delete;
@@ -21,13 +21,13 @@ class EmulatedLine {
   void unplug();
   bool plugged() const { return line_ >= 0 || listener_ >= 0; }
 
-  // What surface_bridge takes as DEVICE.
+  // The DEVICE argument for surface_bridge.
   std::string name() const;
   int descriptor() const { return line_ >= 0 ? line_ : listener_; }
 
-  // Takes in what came; accepts the host when it connects.
+  // Appends received bytes; accepts the host when it connects.
   void read(std::vector<std::uint8_t>& to);
-  // Sends what the line takes now and keeps the rest.
+  // Sends what the line accepts without blocking and queues the rest.
   void write(const std::vector<std::uint8_t>& bytes);
 
  private:

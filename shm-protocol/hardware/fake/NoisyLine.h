@@ -11,12 +11,12 @@
 namespace hardware {
 
 struct NoiseOptions {
-  double drop = 0, corrupt = 0;        // probability for each byte
-  std::chrono::microseconds delay{0};  // at most, for each piece; the order is kept
+  double drop = 0, corrupt = 0;        // probability per byte
+  std::chrono::microseconds delay{0};  // maximum per burst; the order is preserved
   std::uint64_t seed = 1;
 };
 
-// One direction of the line. Times are the caller's, and only have to ascend.
+// One direction of the line. The caller supplies the times, which must not decrease.
 class NoisyLine {
  public:
   using Time = std::chrono::nanoseconds;
@@ -41,12 +41,12 @@ class NoisyLine {
     bursts_.push_back(std::move(burst));
   }
 
-  // Appends to `to` what has arrived by now.
+  // Appends to `to` the bytes that have arrived by `now`.
   void receive(Time now, std::vector<std::uint8_t>& to) {
     for (; !bursts_.empty() && bursts_.front().due <= now; bursts_.pop_front())
       to.insert(to.end(), bursts_.front().bytes.begin(), bursts_.front().bytes.end());
   }
-  // When the next piece arrives.
+  // Arrival time of the next burst.
   std::optional<Time> next_arrival() const {
     return bursts_.empty() ? std::nullopt : std::optional(bursts_.front().due);
   }
@@ -60,7 +60,7 @@ class NoisyLine {
     std::vector<std::uint8_t> bytes;
   };
 
-  // Of the generator's own bits, not of a distribution: the same on every standard library.
+  // Uses the generator's bits instead of a distribution, so that all standard libraries give equal results.
   bool chance(double p) { return p > 0 && static_cast<double>(random_() >> 11) * 0x1p-53 < p; }
   Time random_delay() {
     const auto most = static_cast<std::uint64_t>(options_.delay.count());

@@ -1,7 +1,7 @@
-// A device without physics on the reference firmware: what a microcontroller under a surface would run.
+// A device without physics on the reference firmware: the code that a surface's microcontroller would run.
 //
-// Channels: proximity_hit (u8), pin_height (u16, thousandths of a unit), target_echo (u8, the actuator frame
-// in force) and the actuator height (u8, fiftieths of a unit).
+// Channels: proximity_hit (u8), pin_height (u16, thousandths of a unit), target_echo (u8, the active actuator
+// frame) and the actuator height (u8, fiftieths of a unit).
 #pragma once
 
 #include <cstdint>
@@ -23,12 +23,12 @@ class ToyDevice {
   void receive(std::uint8_t byte) { ssd_receive(&device_, byte); }
   // Ends a control period.
   void period();
-  // As after a power failure: another boot number, no pin raised.
+  // Simulates a power failure: new boot number, all pins down.
   void restart();
   void report(const char* text) { ssd_report(&device_, text); }
 
   const ssd_device& firmware() const { return device_; }
-  const std::vector<std::uint8_t>& heights() const { return height_; }  // in force, raw
+  const std::vector<std::uint8_t>& heights() const { return height_; }  // active frame, raw
 
  private:
   std::uint16_t rows_, columns_;

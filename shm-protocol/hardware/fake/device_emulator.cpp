@@ -1,5 +1,5 @@
-// A device on a line: the reference firmware on a toy, behind a pseudo-terminal or TCP, over a line that is
-// as bad as one asks for.
+// device_emulator: the reference firmware on a toy device, behind a pseudo-terminal or TCP, with configurable
+// line faults.
 #include <getopt.h>
 #include <poll.h>
 
@@ -155,7 +155,7 @@ class Emulator {
     const auto left = std::chrono::ceil<milliseconds>(until - now());
     pollfd line{line_.descriptor(), POLLIN, 0};
     const int wait_ms = static_cast<int>(std::max<milliseconds::rep>(left.count(), 0));
-    // A pseudo-terminal that nobody has opened is "hung up" at once.
+    // A pseudo-terminal that no process has opened reports a hang-up immediately.
     if (::poll(&line, 1, wait_ms) == 1 && !(line.revents & POLLIN))
       std::this_thread::sleep_for(milliseconds(std::min(wait_ms, 1)));
   }

@@ -1,5 +1,5 @@
-/* Fake hardware: the surface role in plain C, on the C interface alone, with no physics behind it.
- * Controllers can be tried against it, and it is the example to begin a driver of real hardware from. */
+/* Fake hardware: the surface role in plain C, using only the C interface, without physics. For testing
+ * controllers, and as a template for hardware drivers. */
 #define _POSIX_C_SOURCE 200809L
 #include <errno.h>
 #include <getopt.h>
@@ -30,7 +30,7 @@ static const char kUsage[] =
 typedef struct Options {
   const char* name;
   uint32_t rows, columns, period_ms, mode;
-  uint64_t ticks; /* 0: no end */
+  uint64_t ticks; /* 0: unlimited */
   int without;
 } Options;
 
@@ -104,8 +104,8 @@ static int parse(int argc, char** argv, Options* o) {
   return optind == argc ? kDone : complain(kWrongInput, "there are flags only; see --help");
 }
 
-/* ---- the surface
- * ------------------------------------------------------------------------------------------------ */
+/* ---- surface ---- */
+
 enum { kDistance, kHit, kPin, kHeight, kChannels };
 
 static const ssp_channel_spec kSpecs[kChannels] = {
@@ -144,7 +144,7 @@ static void move(Table* t) {
   for (size_t cell = 0; cell < cells; ++cell) t->pins[cell] = toy_follow(t->pins[cell], target[cell]);
 }
 
-/* Until the frame is answered or nobody is there to answer it. */
+/* Waits until the frame is answered or there is no controller. */
 static ssp_result answer(Table* t, uint64_t tick) {
   for (;;) {
     const ssp_result r = ssp_surface_await(t->surface, tick, SSP_FOREVER, stop);
@@ -183,7 +183,7 @@ static ssp_result run(Table* t) {
       r = answer(t, tick);
     } else {
       sleep_until(&start, (tick + 1) * period_ns);
-      ssp_surface_latest(t->surface); /* whatever it says, the frame that stands is the one to follow */
+      ssp_surface_latest(t->surface); /* the result is irrelevant: the pins follow the frame in effect */
     }
     if (r == SSP_OK) move(t);
   }

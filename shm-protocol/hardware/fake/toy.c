@@ -1,6 +1,6 @@
 #include "toy.h"
 
-/* There and back between margin and size - 1 - margin, a cell every `slowness` ticks. */
+/* Oscillates between margin and size - 1 - margin, one cell every `slowness` ticks. */
 static int32_t drift(uint32_t size, int32_t margin, uint64_t tick, uint32_t slowness) {
   const int32_t span = (int32_t)size - 1 - 2 * margin;
   int32_t at;

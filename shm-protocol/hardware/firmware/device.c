@@ -25,7 +25,7 @@ static void send(ssd_device* d, uint8_t type, const uint8_t* payload, size_t byt
   d->write(d->context, framed, ssw_write(&packet, framed));
 }
 
-/* An element to the wire's byte order and back. The elements may lie anywhere: memcpy, not a cast. */
+/* Convert an element to the wire's byte order and back. Elements may be unaligned, hence memcpy. */
 static void to_wire(const void* values, uint32_t index, uint8_t dtype, uint8_t* to) {
   const uint8_t* from = (const uint8_t*)values + (size_t)index * ssw_dtype_bytes(dtype);
   if (dtype == SSW_F32) {
@@ -54,8 +54,8 @@ static void from_wire(const uint8_t* from, uint8_t dtype, void* values, uint32_t
   }
 }
 
-/* ---- actuators
- * -------------------------------------------------------------------------------------------------- */
+/* ---- actuators ---- */
+
 static void apply_safe_values(ssd_device* d) {
   uint8_t i, wire[4];
   uint32_t e;
@@ -75,8 +75,8 @@ static void apply_safe_values(ssd_device* d) {
   d->frame_tick = SSW_NONE;
 }
 
-/* A serial line keeps the order, so the pieces of a frame come in order or something was lost; then the rest
- * of the frame is of no use. */
+/* A serial line preserves order: if the chunks of a frame do not arrive in sequence, one was lost and the
+ * rest of the frame is discarded. */
 static void handle_data(ssd_device* d, const ssw_packet* p) {
   uint32_t first, before = 0, count, e;
   const ssd_channel* c;
@@ -95,7 +95,7 @@ static void handle_data(ssd_device* d, const ssw_packet* p) {
   for (i = 0; i < channel; ++i)
     if (d->channels[i].info.direction == SSW_ACTUATOR) before += elements_of(d, &d->channels[i]);
   if (before + first == 0) {
-    d->frame_tick = p->tick; /* the first piece begins a frame, and discards another one that waits */
+    d->frame_tick = p->tick; /* the first chunk starts a frame and discards a pending one */
     d->frame_elements = 0;
     d->ready_tick = SSW_NONE;
   }
@@ -127,8 +127,8 @@ static void activate_frame(ssd_device* d) {
   d->ready_tick = SSW_NONE;
 }
 
-/* ---- sensors
- * ---------------------------------------------------------------------------------------------------- */
+/* ---- sensors ---- */
+
 static void send_channel(ssd_device* d, uint8_t index) {
   const ssd_channel* c = &d->channels[index];
   const size_t size = ssw_dtype_bytes(c->info.dtype);
@@ -167,8 +167,8 @@ static void describe(ssd_device* d) {
   }
 }
 
-/* ---- the firmware's calls
- * --------------------------------------------------------------------------------------- */
+/* ---- public functions ---- */
+
 void ssd_init(ssd_device* d, const ssw_hello* hello, ssd_channel* channels, uint8_t count, ssd_write write,
               void* context) {
   uint8_t i;
@@ -206,7 +206,7 @@ void ssd_receive(ssd_device* d, uint8_t byte) {
       handle_end(d, &packet);
       break;
     default:
-      break; /* a heartbeat, or of a newer version */
+      break; /* a heartbeat, or a packet of a newer version */
   }
 }
 
@@ -215,7 +215,7 @@ void ssd_period(ssd_device* d) {
   if (!d->running) return;
   if (d->silent < SSD_PATIENCE) ++d->silent;
   if (d->silent >= SSD_PATIENCE) apply_safe_values(d);
-  /* The frame of a period before is late, but newer than what is in force. */
+  /* A frame for an earlier period is late, but newer than the active one. */
   if (d->tick != 0) {
     if (d->ready_tick != d->tick) {
       ++d->missed;

@@ -3,7 +3,7 @@
 #include <string.h>
 
 uint32_t ssw_crc32(const uint8_t* bytes, size_t count) {
-  /* By half bytes: 64 bytes of table instead of 1024, for small memories. */
+  /* Nibble-wise: a table of 64 bytes instead of 1024, for small devices. */
   static const uint32_t table[16] = {
       0x00000000u, 0x1DB71064u, 0x3B6E20C8u, 0x26D930ACu, 0x76DC4190u, 0x6B6B51F4u, 0x4DB26158u, 0x5005713Cu,
       0xEDB88320u, 0xF00F9344u, 0xD6D6A3E8u, 0xCB61B38Cu, 0x9B64C2B0u, 0x86D3D2D4u, 0xA00AE278u, 0xBDBDF21Cu};
@@ -87,7 +87,7 @@ size_t ssw_write(const ssw_packet* packet, uint8_t* to) {
   if (packet->payload_bytes != 0) memcpy(raw + SSW_HEADER, packet->payload, packet->payload_bytes);
   ssw_put_u32(raw + count, ssw_crc32(raw, count));
   count += SSW_CRC;
-  to[0] = 0; /* ends whatever noise the line picked up while it was idle */
+  to[0] = 0; /* terminates noise received while the line was idle */
   encoded = ssw_cobs_encode(raw, count, to + 1);
   to[1 + encoded] = 0;
   return encoded + 2;
@@ -95,7 +95,7 @@ size_t ssw_write(const ssw_packet* packet, uint8_t* to) {
 
 void ssw_receiver_init(ssw_receiver* r) { memset(r, 0, sizeof *r); }
 
-/* The run of bytes between two zeros is over. */
+/* Handles the end of a run of bytes between two zeros. */
 static int finish(ssw_receiver* r, ssw_packet* packet) {
   const size_t encoded = r->count;
   const int overlong = r->overlong;

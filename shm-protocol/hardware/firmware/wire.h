@@ -1,7 +1,7 @@
-/* The byte protocol between a surface of real hardware and its host: packets, their check and their framing.
+/* The byte protocol between a hardware surface and its host: packets, checksum and framing.
  *
- * Portable C99; needs memcpy and memmove, allocates nothing, keeps no global state. Both the firmware and the
- * host's bridge are built from it. docs/hardware.md describes every byte.
+ * Portable C99; needs memcpy and memmove, does not allocate, has no global state. Shared by the firmware and
+ * the host's bridge. docs/hardware.md specifies every byte.
  */
 #ifndef SSW_WIRE_H
 #define SSW_WIRE_H
@@ -15,8 +15,8 @@ extern "C" {
 
 #define SSW_VERSION 1u
 
-/* A packet is type, sequence, tick, payload, CRC-32. 254 bytes at most, so that COBS adds exactly one byte; a
- * zero byte ends it. */
+/* A packet is type, sequence, tick, payload, CRC-32, followed by a zero byte. At most 254 bytes, so that COBS
+ * adds exactly one byte. */
 #define SSW_HEADER 6u
 #define SSW_CRC 4u
 #define SSW_MAX_PACKET 254u
@@ -28,18 +28,18 @@ extern "C" {
 
 enum ssw_type {
   /* device to host */
-  SSW_HELLO = 0x01,       /* what the device is */
-  SSW_CHANNEL = 0x02,     /* one of its channels */
-  SSW_SENSOR_DATA = 0x03, /* a piece of a sensor frame */
-  SSW_SENSOR_END = 0x04,  /* the frame is over */
+  SSW_HELLO = 0x01,       /* describes the device */
+  SSW_CHANNEL = 0x02,     /* describes one channel */
+  SSW_SENSOR_DATA = 0x03, /* a chunk of a sensor frame */
+  SSW_SENSOR_END = 0x04,  /* end of the frame */
   /* host to device */
-  SSW_DESCRIBE = 0x11,      /* asks for HELLO and all CHANNELs */
-  SSW_START = 0x12,         /* begin, or go on, to send sensor frames */
-  SSW_ACTUATOR_DATA = 0x13, /* a piece of an actuator frame */
-  SSW_ACTUATOR_END = 0x14,  /* the frame is over: use it */
-  SSW_STOP = 0x15,          /* stop sending, and hold the safe values */
-  /* both ways */
-  SSW_HEARTBEAT = 0x20, /* nothing but: alive */
+  SSW_DESCRIBE = 0x11,      /* requests HELLO and all CHANNELs */
+  SSW_START = 0x12,         /* start or continue sending sensor frames */
+  SSW_ACTUATOR_DATA = 0x13, /* a chunk of an actuator frame */
+  SSW_ACTUATOR_END = 0x14,  /* end of the frame: use it */
+  SSW_STOP = 0x15,          /* stop sending and hold the safe values */
+  /* both directions */
+  SSW_HEARTBEAT = 0x20, /* liveness only */
   SSW_ERROR = 0x21      /* a code and a text */
 };
 
@@ -47,7 +47,7 @@ enum ssw_direction { SSW_SENSOR = 1, SSW_ACTUATOR = 2 };
 enum ssw_dtype { SSW_F32 = 1, SSW_U16 = 2, SSW_U8 = 3 };
 
 /* Flags of SSW_SENSOR_END. */
-#define SSW_MISSED 1u /* when the period before ended, its actuator frame was not there */
+#define SSW_MISSED 1u /* the previous period ended without its actuator frame */
 #define SSW_SAFE 2u   /* the device holds its safe values */
 
 /* Codes of SSW_ERROR. */
@@ -64,13 +64,13 @@ typedef struct ssw_packet {
 /* CRC-32 (IEEE 802.3: reflected, polynomial EDB88320, initially and finally inverted). */
 uint32_t ssw_crc32(const uint8_t* bytes, size_t count);
 
-/* Consistent overhead byte stuffing. encode: `to` holds count + count / 254 + 1 bytes and shares none with
- * `from`; returns the bytes written, none of which is zero. decode: `to` may be `from`; returns the bytes
- * written, or 0 for what encode never writes. */
+/* Consistent overhead byte stuffing. encode: `to` holds count + count / 254 + 1 bytes and must not overlap
+ * `from`; returns the number of bytes written, none of which is zero. decode: `to` may equal `from`; returns
+ * the number of bytes written, or 0 for invalid input. */
 size_t ssw_cobs_encode(const uint8_t* from, size_t count, uint8_t* to);
 size_t ssw_cobs_decode(const uint8_t* from, size_t count, uint8_t* to);
 
-/* Little-endian, whatever the processor is. */
+/* Little-endian on every processor. */
 void ssw_put_u16(uint8_t* to, uint16_t value);
 void ssw_put_u32(uint8_t* to, uint32_t value);
 void ssw_put_f32(uint8_t* to, float value); /* IEEE 754 */
@@ -78,22 +78,21 @@ uint16_t ssw_get_u16(const uint8_t* from);
 uint32_t ssw_get_u32(const uint8_t* from);
 float ssw_get_f32(const uint8_t* from);
 
-/* Writes the packet with its framing, zero bytes before and after it, to `to`, which holds SSW_MAX_ENCODED +
- * 2; returns the bytes written. 0: the payload is too long. */
+/* Writes the packet, framed by zero bytes, to `to`, which holds SSW_MAX_ENCODED + 2 bytes. Returns the number
+ * of bytes written, or 0 if the payload is too long. */
 size_t ssw_write(const ssw_packet* packet, uint8_t* to);
 
-/* Finds packets in a stream of bytes, noise included: whatever happened before, the first whole packet after
- * a zero byte is found. */
+/* Finds packets in a noisy byte stream: the first complete packet after a zero byte is always found. */
 typedef struct ssw_receiver {
   uint8_t bytes[SSW_MAX_ENCODED];
   size_t count;
-  int overlong;     /* more came than a packet has; discarded up to the next zero byte */
-  uint32_t packets; /* good ones */
-  uint32_t damaged; /* runs of bytes between zeros that were no packet */
+  int overlong;     /* the run exceeds a packet and is discarded up to the next zero byte */
+  uint32_t packets; /* valid packets */
+  uint32_t damaged; /* runs of bytes between zeros that were not valid packets */
 } ssw_receiver;
 
 void ssw_receiver_init(ssw_receiver*);
-/* Takes the next byte; 1: a packet is complete, and valid until the next call. */
+/* Processes the next byte. Returns 1 if a packet is complete; it is valid until the next call. */
 int ssw_receive(ssw_receiver*, uint8_t byte, ssw_packet*);
 
 /* SSW_HELLO's payload. */
@@ -103,8 +102,8 @@ typedef struct ssw_hello {
   uint16_t rows, columns;
   uint32_t period_us;
   float pitch;
-  uint32_t boot; /* another number after each start of the device */
-  char name[16]; /* NUL-padded; not terminated when it has 16 characters */
+  uint32_t boot; /* changes at every start of the device */
+  char name[16]; /* NUL-padded; not terminated if it has 16 characters */
 } ssw_hello;
 
 /* SSW_CHANNEL's payload. value = offset + scale × raw; f32 channels have scale 1 and offset 0. */
@@ -119,15 +118,15 @@ typedef struct ssw_channel {
 
 void ssw_put_hello(const ssw_hello*, uint8_t to[SSW_HELLO_BYTES]);
 void ssw_put_channel(const ssw_channel*, uint8_t to[SSW_CHANNEL_BYTES]);
-/* 1 when the payload has the right length; what it says is the caller's to check. */
+/* Returns 1 if the payload has the right length; the caller validates the contents. */
 int ssw_get_hello(const ssw_packet*, ssw_hello*);
 int ssw_get_channel(const ssw_packet*, ssw_channel*);
 
 /* SSW_SENSOR_DATA and SSW_ACTUATOR_DATA: channel, zero, number of the first element (u32), elements. */
 #define SSW_DATA_HEADER 6u
 #define SSW_MAX_DATA (SSW_MAX_PAYLOAD - SSW_DATA_HEADER)
-/* SSW_SENSOR_END: elements of the frame (u32), flags (u32), missed deadlines (u32), tick of the frame in
- * force (u32). */
+/* SSW_SENSOR_END: elements of the frame (u32), flags (u32), missed deadlines (u32), tick of the active frame
+ * (u32). */
 #define SSW_SENSOR_END_BYTES 16u
 /* SSW_ACTUATOR_END: elements of the frame (u32). */
 #define SSW_ACTUATOR_END_BYTES 4u

@@ -1,4 +1,4 @@
-// A channel's bytes as an array of its element type.
+// Views the bytes of a channel as an array of its element type.
 #pragma once
 
 #include <cstddef>
@@ -10,7 +10,7 @@
 
 namespace shm_protocol {
 
-// The dtype that a C++ element type stands for.
+// The dtype of a C++ element type.
 template <class T>
 constexpr DType dtype_of() noexcept {
   static_assert(std::is_same_v<T, float> || std::is_same_v<T, std::uint32_t> ||
@@ -19,7 +19,7 @@ constexpr DType dtype_of() noexcept {
   return std::is_same_v<T, std::uint32_t> ? DType::kU32 : DType::kU8;
 }
 
-// The bytes lie at a multiple of 64 and their number is a multiple of T's size.
+// Precondition: `bytes` is 64-byte aligned and its size is a multiple of sizeof(T).
 template <class T, class Byte>
 std::span<T> as_array(std::span<Byte> bytes) noexcept {
   return {reinterpret_cast<T*>(bytes.data()), bytes.size() / sizeof(T)};

@@ -1,4 +1,4 @@
-// Errors of creating and attaching a segment: a code and one line of text.
+// The exception thrown when a segment cannot be created or attached: a code and a one-line message.
 #pragma once
 
 #include <cstdint>
@@ -8,16 +8,16 @@
 namespace shm_protocol {
 
 enum class ErrorCode {
-  kBadConfig,        // the caller's own description or name is impossible
-  kSurfaceLives,     // create: a living surface owns the name; pid() names it
+  kBadConfig,        // the caller's description or name is invalid
+  kSurfaceLives,     // create: a living surface owns the name; see pid()
   kNotFound,         // attach: no such segment, or only one whose surface is dead or closing
-  kControllerLives,  // attach: another controller is attached; pid() names it
+  kControllerLives,  // attach: another controller is attached; see pid()
   kWrongVersion,     // another major version; what() names both
-  kCorrupt,          // the header contradicts itself or the segment's real size; what() names the field
-  kForeign,          // the file under this name is not a segment of this protocol
-  kLayoutChanged,    // reconnect: the new surface has other channels or another size
+  kCorrupt,          // the header is inconsistent, or does not match the file size; what() names the field
+  kForeign,          // the file of this name is not a segment of this protocol
+  kLayoutChanged,    // reconnect: the new surface has different channels or a different size
   kInterrupted,      // the stop flag was raised
-  kSystem            // the operating system refused: no space in /dev/shm, no permission, …
+  kSystem            // a system call failed: no space in /dev/shm, no permission, …
 };
 
 class Error : public std::runtime_error {
@@ -26,7 +26,7 @@ class Error : public std::runtime_error {
       : std::runtime_error(what), code_(code), pid_(pid) {}
 
   ErrorCode code() const noexcept { return code_; }
-  // The process in the way, or 0.
+  // The process that holds the resource, or 0.
   std::uint32_t pid() const noexcept { return pid_; }
 
  private:

@@ -1,8 +1,8 @@
-// The observer's end of the protocol: looks at a running pair and touches nothing.
+// The observer's end of the protocol: reads a running session without affecting it.
 //
-// The segment is mapped read-only and nobody waits for an observer, so any number of them may come, stay, be
-// stopped or killed. One thread at a time may use an endpoint. Only attach() allocates and throws. A channel
-// number is an index into description().channels.
+// The segment is mapped read-only and neither peer waits for an observer, so any number of them may attach,
+// stop or be killed at any time. One thread at a time may use an endpoint. Only attach() allocates and
+// throws. A channel number is an index into description().channels.
 //
 //   auto observer = ObserverEndpoint::attach("table");
 //   while (observer.await(Direction::kActuator) == Status::kOk)
@@ -24,8 +24,8 @@ namespace shm_protocol {
 
 class ObserverEndpoint {
  public:
-  // Maps the segment read-only and checks all of its header. Throws Error: kBadConfig (the name), kNotFound
-  // (after the timeout), kWrongVersion, kCorrupt, kForeign, kInterrupted, kSystem.
+  // Maps the segment read-only and validates the whole header. Throws Error: kBadConfig (invalid name),
+  // kNotFound (after the timeout), kWrongVersion, kCorrupt, kForeign, kInterrupted, kSystem.
   static ObserverEndpoint attach(const std::string& name, const AttachOptions& = {});
   ~ObserverEndpoint();
   ObserverEndpoint(ObserverEndpoint&&) noexcept;
@@ -33,28 +33,28 @@ class ObserverEndpoint {
 
   const Description& description() const noexcept;
 
-  // Copies the newest whole frame of that direction: kOk; kRepeated when there is none newer than the one
-  // copied last; kTorn when the writer came round the ring during each of several tries (the frame before
-  // stands); kSurfaceDead and kSurfaceClosed when there is none newer and none will come.
+  // Copies the newest complete frame of one direction. kOk; kRepeated if no frame is newer than the last
+  // copy; kTorn if the writer lapped the reader on every retry (the previous frame is kept); kSurfaceDead or
+  // kSurfaceClosed if there is no newer frame and none will follow.
   [[nodiscard]] Status latest(Direction) noexcept;
 
-  // Looks once a millisecond until there is a newer frame: else as look(), kTimeout or kInterrupted.
+  // Polls once per millisecond for a newer frame. Returns as latest(), or kTimeout or kInterrupted.
   [[nodiscard]] Status await(Direction, const WaitOptions& = {}) noexcept;
 
-  // The array of the frame copied last, in the endpoint's own memory: components × rows × columns. Zeros
-  // before the first one. Valid until look() or await() takes the next frame of that direction. The values
-  // are as they were written: a controller's may be NaN or out of range.
+  // The channel's array in the last copied frame, in the endpoint's own memory: components × rows × columns.
+  // Zeros before the first frame. Valid until latest() or await() copies the next frame of that direction.
+  // Values are unchecked: a controller's may be NaN or out of range.
   template <class T = float>
   std::span<const T> array(int channel) const noexcept {
     return as_array<const T>(bytes(channel, dtype_of<T>()));
   }
-  // Of the frame copied last; frame 0: none yet.
+  // Metadata of the last copied frame; frame 0 before the first.
   const FrameInfo& info(Direction) const noexcept;
-  // Low 32 bits of the newest frame's number, without copying it: what rates are measured from.
+  // Low 32 bits of the newest frame number, without copying the frame. For measuring rates.
   std::uint32_t published(Direction) const noexcept;
 
-  State surface_state() const noexcept;     // kDead after a kill
-  State controller_state() const noexcept;  // kNone: nobody is attached; kDead after a kill
+  State surface_state() const noexcept;     // kDead if the process is gone
+  State controller_state() const noexcept;  // kNone: not attached; kDead if the process is gone
   std::uint32_t controller_pid() const noexcept;
   std::uint32_t controllers_seen() const noexcept;
   Counters surface_counters() const noexcept;

@@ -8,13 +8,13 @@
 namespace shm_protocol {
 
 enum class Ownership {
-  kLiving,   // its surface runs
-  kOrphan,   // its surface is dead: it may be removed
-  kForeign,  // not a segment of this protocol, or not readable by this user: it is left alone
+  kLiving,   // its surface is running
+  kOrphan,   // its surface is dead; the segment may be removed
+  kForeign,  // not a segment of this protocol, or not readable by this user; never removed
 };
 
 struct SegmentInfo {
-  std::string name;  // the file is /dev/shm/smartsurf.NAME; NAME~… is one being built
+  std::string name;  // the file is /dev/shm/smartsurf.NAME; NAME~… is under construction
   std::uint64_t bytes = 0;
   Ownership ownership = Ownership::kForeign;
   std::uint16_t version_major = 0, version_minor = 0;
@@ -22,12 +22,12 @@ struct SegmentInfo {
   std::uint32_t controller_pid = 0;  // 0: none, or dead
 };
 
-// All files of this protocol in /dev/shm, by name.
+// All files of this protocol in /dev/shm, sorted by name.
 std::vector<SegmentInfo> list_segments();
 
-// Removes every orphan whose name begins with `prefix` and returns those removed. A segment is removed only
-// while it is locked and after its surface was found dead under that lock, so that two cleaners, or a cleaner
-// and a starting surface, cannot take away a living surface's segment.
+// Removes every orphan whose name begins with `prefix` and returns the removed ones. The owner's death is
+// verified under the segment's lock, so that concurrent cleaners, or a cleaner and a starting surface, never
+// remove the segment of a living surface.
 std::vector<SegmentInfo> remove_orphans(const std::string& prefix = "");
 
 }  // namespace shm_protocol

@@ -1,9 +1,8 @@
-/* The byte layout of a surface's shared-memory segment: the whole contract between a surface and a
- * controller.
+/* The byte layout of a surface's shared-memory segment: the contract between a surface and a controller.
  *
- * C11 and C++. All fields are little-endian, of fixed width and naturally aligned; there are no pointers. The
- * meaning of each field, who writes it and in which order is told in PROTOCOL.md; the offsets asserted here
- * are the ones in its byte map. Words that both processes touch while running are accessed atomically.
+ * C11 and C++. All fields are little-endian, fixed-width and naturally aligned; there are no pointers.
+ * PROTOCOL.md specifies the meaning, the writer and the write order of each field; the offsets asserted below
+ * match its byte map. Words that both processes access while running are accessed atomically.
  */
 #ifndef SHM_PROTOCOL_LAYOUT_H
 #define SHM_PROTOCOL_LAYOUT_H
@@ -30,17 +29,17 @@ extern "C" {
 #define SSP_VERSION_MINOR 0u
 #define SSP_VERSION ((SSP_VERSION_MAJOR << 16) | SSP_VERSION_MINOR)
 
-#define SSP_LINE 128u /* bytes that one writer owns: two cache lines, because they are fetched in pairs */
-#define SSP_ARRAY_ALIGNMENT 64u /* of every channel's array in a slot */
+#define SSP_LINE 128u /* bytes with one writer: two cache lines, because prefetchers load them in pairs */
+#define SSP_ARRAY_ALIGNMENT 64u /* alignment of each channel's array within a slot */
 #define SSP_MAX_CHANNELS 32u
 #define SSP_MIN_SLOTS 4u
 #define SSP_MAX_SLOTS 64u
-#define SSP_TIME_STEP_SLOTS 2u /* of them in use in time-step mode: frame n lies in slot n mod 2 */
+#define SSP_TIME_STEP_SLOTS 2u /* slots used in time-step mode: frame n is in slot n mod 2 */
 #define SSP_CPU_UNKNOWN UINT32_C(0xFFFFFFFF)
 
-/* A process word names one process for ever: (start time << 22) | pid, where the start time is field 22 of
- * /proc/PID/stat (clock ticks since boot). 0 is "no process". One word, so that a claim is one atomic step.
- */
+/* A process word identifies a process even after its pid is reused: (start time << 22) | pid, where the start
+ * time is field 22 of /proc/PID/stat (clock ticks since boot). 0 is "no process". A single word allows a
+ * claim by one compare-and-swap. */
 #define SSP_PID_BITS 22u
 
 enum ssp_mode { SSP_MODE_TIME_STEP = 1, SSP_MODE_PASSIVE = 2 };
@@ -52,21 +51,21 @@ enum ssp_state {
   SSP_STATE_RUNNING = 3,
   SSP_STATE_PAUSED = 4,
   SSP_STATE_CLOSING = 5,
-  SSP_STATE_DEAD = 6 /* concluded by a peer from the process word, or written by it; never by the owner */
+  SSP_STATE_DEAD = 6 /* inferred by a peer from the process word, or stored by it; never by the owner */
 };
 
 enum ssp_direction { SSP_SENSOR = 1, SSP_ACTUATOR = 2 };
 enum ssp_dtype { SSP_F32 = 1, SSP_U32 = 2, SSP_U8 = 3 };
 
-/* Line 0. Written once by the surface. magic … segment_bytes and surface_process keep their place and meaning
- * in every future version, so that any program can tell whose segment it is. */
+/* Line 0. Written once by the surface. The fields magic to surface_process keep their offset and meaning in
+ * every future version, so that any program can identify the owner of a segment. */
 typedef struct ssp_identity {
   uint64_t magic;
   uint32_t version; /* stored last: nonzero is the ready signal */
   uint32_t header_bytes;
   uint64_t segment_bytes;
   uint64_t surface_process;
-  uint64_t session; /* random, nonzero: two runs under one name differ in it */
+  uint64_t session; /* random, nonzero: distinguishes runs under the same name */
   uint64_t layout_hash;
   uint64_t dt_ns; /* control period */
   uint32_t mode;
@@ -80,7 +79,7 @@ typedef struct ssp_geometry {
   uint32_t columns;
   double pitch;
   uint32_t channel_count;
-  uint32_t channel_bytes; /* distance of two directory entries */
+  uint32_t channel_bytes; /* stride of the channel directory */
   uint64_t channels_offset;
   uint32_t sensor_slots; /* a power of two */
   uint32_t actuator_slots;
@@ -89,60 +88,57 @@ typedef struct ssp_geometry {
   uint64_t actuator_ring_offset;
   uint64_t actuator_slot_bytes;
   uint32_t slot_header_bytes;
-  uint32_t position_components; /* 3 where there are positions, else 0 */
+  uint32_t position_components; /* 3 if positions are present, else 0 */
   uint64_t positions_offset;    /* f32[rows × columns][3]: x, y, z of each cell; 0: a regular grid */
-  uint64_t occupancy_offset;    /* reserved, 0: every cell exists */
-  uint64_t orientations_offset; /* reserved, 0: every cell stands upright */
+  uint64_t occupancy_offset;    /* reserved; 0: every cell exists */
+  uint64_t orientations_offset; /* reserved; 0: every cell is upright */
   uint64_t reserved[3];
 } ssp_geometry;
 
-/* Lines 2 and 3: how one side fares. Written by that side only. */
+/* Lines 2 and 3: state and counters of one side. Written by that side only. */
 typedef struct ssp_side {
   uint32_t state;
   uint32_t reserved0;
-  uint64_t skipped;  /* frames of the peer that this side never saw */
-  uint64_t repeated; /* times this side looked and found no newer frame */
-  uint64_t clamped;  /* values of the peer that this side replaced, being NaN, infinite or out of range */
-  uint64_t
-      deadline_misses; /* control periods whose answer came late: a surface of real hardware counts them */
+  uint64_t skipped;         /* peer frames that this side never read */
+  uint64_t repeated;        /* polls that found no newer frame */
+  uint64_t clamped;         /* peer values replaced because they were NaN, infinite or out of range */
+  uint64_t deadline_misses; /* control periods answered late; counted by hardware surfaces */
   uint64_t reserved[11];
 } ssp_side;
 
-/* Line 4: who the controller is. The one line with several writers, all by compare-and-swap or fetch-and-add.
- */
+/* Line 4: the controller's identity. The only line with several writers; all of them use compare-and-swap or
+ * fetch-and-add. */
 typedef struct ssp_claim {
   uint64_t controller_process;
   uint32_t attached; /* counts claims; a futex word */
-  uint32_t detached; /* counts orderly departures */
+  uint32_t detached; /* counts orderly detachments */
   uint64_t reserved[14];
 } ssp_claim;
 
 /* Lines 5 and 6: the newest frame of one side. Written by that side only; `word` last. */
 typedef struct ssp_publication {
   uint32_t word; /* low 32 bits of `frame`; 0: none yet; a futex word */
-  uint32_t cpu;  /* on which the writer ran when it wrote this */
+  uint32_t cpu;  /* CPU that the writer ran on */
   uint64_t frame;
   uint64_t tick;
   double time_s;
-  uint64_t answers; /* actuators: the sensor frame that they answer; sensors: 0 */
+  uint64_t answers; /* actuators: the sensor frame answered; sensors: 0 */
   uint32_t status;
   uint32_t reserved0;
   uint64_t reserved[10];
 } ssp_publication;
 
-/* Lines 7 and 8: nonzero while that side sleeps on its peer's publication word. Written by the sleeper only.
- */
+/* Lines 7 and 8: nonzero while a side sleeps on its peer's publication word. Written by the sleeper only. */
 typedef struct ssp_waiting {
   uint32_t flag;
   uint32_t reserved0;
   uint64_t reserved[15];
 } ssp_waiting;
 
-/* Lines 9 and 10: how far the writer is with a large frame. Written by that side only; ignoring it is right.
- */
+/* Lines 9 and 10: the writer's progress within a large frame. Written by that side only; readers may ignore
+ * it. */
 typedef struct ssp_progress {
-  uint64_t ready; /* low 24 bits of the frame in the making << 40 | bytes from the slot's beginning that are
-                     final */
+  uint64_t ready; /* low 24 bits of the frame being written << 40 | final bytes, from the start of the slot */
   uint64_t reserved[15];
 } ssp_progress;
 
@@ -179,7 +175,7 @@ typedef struct ssp_channel {
 
 /* The first line of every slot; the arrays follow. Written by the ring's writer only. */
 typedef struct ssp_slot {
-  uint64_t sequence; /* 2·frame − 1 while frame is being written, 2·frame when it is whole */
+  uint64_t sequence; /* 2·frame − 1 while the frame is being written, 2·frame once it is complete */
   uint64_t frame;    /* 1, 2, 3, … in the order of publication */
   uint64_t tick;
   double time_s;

@@ -128,7 +128,7 @@ def _declare(lib):
     say("ssp_controller_publish", result, handle)
     say("ssp_controller_set_state", result, handle, c.c_uint32)
     say("ssp_observer_close", None, handle)
-    say("ssp_observer_look", result, handle, c.c_uint32)
+    say("ssp_observer_latest", result, handle, c.c_uint32)
     say("ssp_observer_await", result, handle, c.c_uint32, c.c_int64, c.c_void_p)
     say("ssp_observer_array", c.c_void_p, handle, c.c_int, pointer(c.c_size_t))
     say("ssp_observer_frame", result, handle, c.c_uint32, pointer(FrameInfo))

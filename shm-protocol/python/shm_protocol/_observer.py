@@ -21,13 +21,15 @@ class Observer(Endpoint):
         self.sensors = self._arrays("sensor", _lib.ssp_observer_array, False)
         self.actuators = self._arrays("actuator", _lib.ssp_observer_array, False)
 
-    def look(self, direction="sensor"):
-        """Copies the newest whole frame. True: it is new. False: none newer, or it was overwritten while it was
-        copied. Raises SurfaceDied; False as well when the surface has closed (surface_state tells)."""
-        return self._seen(Result(self._call("look", DIRECTIONS[direction])))
+    def latest(self, direction="sensor"):
+        """Copies the newest complete frame. Returns True if it is new; False if there is none newer, if it was
+        overwritten during the copy, or if the surface has closed (see surface_state). Raises SurfaceDied."""
+        return self._seen(Result(self._call("latest", DIRECTIONS[direction])))
+
+    look = latest  # an alias
 
     def wait(self, direction="sensor", timeout=None):
-        """Looks until there is a new frame. True: there is. False: the surface has closed."""
+        """Waits for a new frame. Returns True if there is one, False if the surface has closed."""
         number = DIRECTIONS[direction]
         return self._seen(in_slices(timeout, lambda ns: self._call("await", number, ns, None)))
 

@@ -116,7 +116,7 @@ void fill(ssp_counters* out, const Counters& c) noexcept {
 
 using namespace shm_protocol;
 
-// A Status is handed out as an ssp_result of the same number.
+// A Status maps to the ssp_result of the same value.
 static_assert(static_cast<int>(Status::kOk) == SSP_OK &&
               static_cast<int>(Status::kRepeated) == SSP_REPEATED &&
               static_cast<int>(Status::kTorn) == SSP_TORN &&

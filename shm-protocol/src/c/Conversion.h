@@ -22,16 +22,16 @@ struct ssp_stop {
 
 namespace shm_protocol::c {
 
-// Keeps the line for ssp_last_error() and returns `code`.
+// Stores the message for ssp_last_error() and returns `code`.
 ssp_result fail(ssp_result code, const char* what, std::uint32_t pid = 0) noexcept;
-// The exception in flight as a result, its line kept.
+// Converts the current exception to a result and stores its message.
 ssp_result fail_with_current_exception() noexcept;
 inline ssp_result null_argument() noexcept { return fail(SSP_E_ARGUMENT, "a pointer is null"); }
 inline ssp_result wrong_channel() noexcept { return fail(SSP_E_ARGUMENT, "no such channel"); }
 
 inline ssp_result to_result(Status s) noexcept { return static_cast<ssp_result>(s); }
 
-// Runs what may throw.
+// Runs `body` and converts exceptions to results.
 template <class Body>
 ssp_result guarded(Body&& body) noexcept {
   try {
@@ -54,15 +54,15 @@ inline AttachOptions to_attach_options(std::int64_t timeout_ns, const ssp_stop* 
 void fill(ssp_description&, const Description&) noexcept;
 void fill(ssp_channel_info&, const Description&, const ChannelSpec&) noexcept;
 void fill(ssp_frame_info&, const FrameInfo&) noexcept;
-void fill(ssp_counters*, const Counters&) noexcept;  // null: nothing
+void fill(ssp_counters*, const Counters&) noexcept;  // null: no effect
 
-// Null when there is no such channel.
+// Null if there is no such channel.
 inline const ChannelSpec* find_channel(const Description& d, int channel) noexcept {
   if (channel < 0 || static_cast<std::size_t>(channel) >= d.channels.size()) return nullptr;
   return &d.channels[static_cast<std::size_t>(channel)];
 }
 
-// access.operator()<T>() for the element type of `dtype`, as an address and a number of bytes.
+// Calls access.operator()<T>() for the element type of `dtype`; returns the address and the size in bytes.
 template <class Access>
 auto* address_of(DType dtype, std::size_t* bytes, Access&& access) noexcept {
   const auto give = [&](auto span) {
@@ -80,7 +80,7 @@ auto* address_of(DType dtype, std::size_t* bytes, Access&& access) noexcept {
   }
 }
 
-// endpoint.write() of the channel's element type, checked first.
+// Checks the arguments and calls endpoint.write<T>() for the channel's element type.
 template <class Endpoint>
 ssp_result write(Endpoint& endpoint, int channel, Direction direction, std::size_t at, const void* values,
                  std::size_t bytes) noexcept {
@@ -100,7 +100,7 @@ ssp_result write(Endpoint& endpoint, int channel, Direction direction, std::size
   return SSP_OK;
 }
 
-// endpoint.next_cells() of the channel's element type; null when there are none.
+// Calls endpoint.next_cells<T>() for the channel's element type; null if there are no cells.
 template <class Handle>
 const void* next(Handle* handle, int channel, Direction direction, const WaitOptions& options,
                  std::size_t* bytes) noexcept {
@@ -112,7 +112,7 @@ const void* next(Handle* handle, int channel, Direction direction, const WaitOpt
                     [&]<class T>() { return handle->endpoint.template next_cells<T>(channel, options); });
 }
 
-// The three roles describe themselves alike.
+// Common to the three roles.
 template <class Handle>
 ssp_result describe(const Handle* handle, ssp_description* out) noexcept {
   if (!handle || !out) return null_argument();

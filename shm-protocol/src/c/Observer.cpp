@@ -40,10 +40,13 @@ int ssp_observer_find(const ssp_observer* o, uint32_t direction, const char* nam
   return c::find(o, direction, name);
 }
 
-ssp_result ssp_observer_look(ssp_observer* o, uint32_t direction) {
+ssp_result ssp_observer_latest(ssp_observer* o, uint32_t direction) {
   if (!o) return c::null_argument();
   if (!is_direction(direction)) return wrong_direction();
   return c::to_result(o->endpoint.latest(static_cast<Direction>(direction)));
+}
+ssp_result ssp_observer_look(ssp_observer* o, uint32_t direction) {
+  return ssp_observer_latest(o, direction);
 }
 ssp_result ssp_observer_await(ssp_observer* o, uint32_t direction, int64_t timeout_ns, const ssp_stop* stop) {
   if (!o) return c::null_argument();

@@ -42,7 +42,7 @@ SurfaceConfig config_of(const ssp_surface_config& c) {
     throw Error(ErrorCode::kBadConfig,
                 "channels: there are " + std::to_string(c.channel_count) + "; must be 1 to 32, and given");
   for (std::uint32_t i = 0; i < c.channel_count; ++i) config.channels.push_back(spec_of(c.channels[i]));
-  // Judged before the positions are read: a nonsensical number of cells would lead far astray.
+  // Check the size first: an invalid cell count would read beyond the positions.
   if (c.positions && c.rows >= 1 && c.rows <= 65536 && c.columns >= 1 && c.columns <= 65536) {
     config.positions.resize(std::size_t{c.rows} * c.columns);
     std::memcpy(config.positions.data(), c.positions, config.positions.size() * sizeof(float[3]));

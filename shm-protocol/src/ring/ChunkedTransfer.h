@@ -1,8 +1,8 @@
 // Large frames in chunks: the writer publishes its progress, and a reader may take committed chunks while the
-// rest is written. Optional: a reader that ignores the progress line finds the whole frame when it is
-// published, and chunks taken early count only once the frame is complete.
+// rest is being written. Optional: a reader that ignores the progress line finds the complete frame once it
+// is published. Chunks taken early are valid only once the frame is complete.
 //
-// The progress word: the frame's low 24 bits << 40 | number of committed bytes from the slot's beginning.
+// The progress word: the frame's low 24 bits << 40 | number of committed bytes from the start of the slot.
 #pragma once
 
 #include <algorithm>
@@ -19,23 +19,23 @@
 
 namespace shm_protocol {
 
-constexpr std::size_t kMinNonTemporalBytes =
-    4 * 1024;  // bytes of a piece from which a way past the caches is considered
+// Smallest write for which non-temporal stores are considered.
+constexpr std::size_t kMinNonTemporalBytes = 4 * 1024;
 constexpr std::size_t kMinChunkBytes = 8 * 1024, kMaxChunkBytes = 64 * 1024;
 
-// How far the announcements of a very large frame stay behind its writer: what it has just written still lies
-// in its own cache, from where another core gets it more slowly than from one that they share.
+// The announced progress of a very large frame lags behind its writer: data just written is still in the
+// writer's private cache, from which another core reads more slowly than from a shared one.
 constexpr std::size_t kMinLaggedFrameBytes = 2 * 1024 * 1024, kProgressLagBytes = 256 * 1024;
 
-// Array bytes of a frame from which progress is worth looking at.
+// Smallest frame, in array bytes, for which reading along pays off.
 constexpr std::size_t kMinChunkedFrameBytes = 2 * kMinChunkBytes;
 
 constexpr std::uint64_t encode_progress(std::uint64_t frame, std::uint64_t bytes) noexcept {
   return (frame & 0xFFFFFF) << 40 | bytes;
 }
 
-// How many bytes of `frame` are final, counted from its slot's beginning: whole lines, so that no element is
-// split. The writer may claim anything; no more than the slot is believed.
+// Returns the number of final bytes of `frame`, from the start of its slot, rounded down to 64 so that no
+// element is split. The word is untrusted: the result is clamped to the slot.
 inline std::size_t committed_bytes(const ssp_progress& line, std::uint32_t frame,
                                    std::size_t slot_bytes) noexcept {
   const std::uint64_t word = load_acquire(line.ready);
@@ -67,22 +67,22 @@ class ChunkWriter {
     }
   }
 
-  // Whether a reader may have taken pieces of that frame.
+  // Whether a reader may have taken chunks of that frame.
   bool has_announced(std::uint64_t frame) const noexcept { return announced_ == frame; }
 
-  // To be called before `frame` is published: nothing may be left that could be taken for a later frame of
-  // the same 24 bits.
+  // Must be called before `frame` is published. Clears stale progress, which could otherwise match a later
+  // frame with the same low 24 bits.
   void finish_frame(std::uint64_t frame) noexcept {
     if (announced_ == frame || announced_ == 0) return;
     announced_ = 0;
     store_release(line_.ready, 0);
   }
 
-  // The peer answered the frame published last.
+  // The peer answered the last published frame.
   void on_answered() noexcept { store_policy_.end_frame(); }
 
  private:
-  // Returns whether so many bytes of `frame` go past the caches.
+  // Returns whether to write `bytes` of `frame` with non-temporal stores.
   bool begin_chunk(std::uint64_t frame, std::size_t bytes, bool reader_on_other_core) noexcept {
     if (frame != frame_) frame_ = frame, committed_end_ = sizeof(ssp_slot);
     reader_on_other_core_ = reader_on_other_core;
@@ -92,8 +92,8 @@ class ChunkWriter {
     return non_temporal_ = store_policy_.use_non_temporal();
   }
 
-  // The slot's bytes from `first` on are final: they count only without a gap behind what was final before;
-  // up to 63 bytes between arrays are padding.
+  // Marks [first, first + bytes) of the slot as final. Ignored if it leaves a gap behind the committed part;
+  // up to 63 bytes of padding between arrays are no gap.
   void advance_committed(std::size_t first, std::size_t bytes) noexcept {
     if (first > committed_end_ + SSP_ARRAY_ALIGNMENT - 1) return;
     committed_end_ = std::max(committed_end_, first + bytes);
@@ -102,8 +102,8 @@ class ChunkWriter {
       announce_progress(announced_end);
   }
 
-  // The end of the frame needs no announcement of its own: it is published next. A sleeper elsewhere wakes,
-  // takes what is there, and spins on; one on this core would only take it away.
+  // Wakes a sleeper on another core, which takes the chunk and keeps spinning. A sleeper on this core is not
+  // woken, because it would preempt the writer. The end of the frame is not announced: publication follows.
   void announce_progress(std::size_t announced_end) noexcept {
     announced_ = frame_;
     store_seq_cst(line_.ready, encode_progress(frame_, announced_end));
@@ -113,33 +113,34 @@ class ChunkWriter {
   ssp_progress& line_;
   const std::uint32_t& word_;
   const std::uint32_t& reader_waiting_;
-  std::size_t arrays_end_;   // where the slot's arrays end
-  std::size_t chunk_bytes_;  // bytes announced at once
+  std::size_t arrays_end_;   // end of the slot's arrays
+  std::size_t chunk_bytes_;  // bytes per announcement
   std::size_t lag_;
   std::uint64_t frame_ = 0;
-  std::size_t committed_end_ = 0;  // the slot's bytes up to here are final
-  std::uint64_t announced_ = 0;    // the frame that the progress line speaks of
+  std::size_t committed_end_ = 0;  // the slot's bytes before this offset are final
+  std::uint64_t announced_ = 0;    // the frame on the progress line; 0: none
   StorePolicy store_policy_;
-  bool reader_on_other_core_ = false, non_temporal_ = false;  // of the piece written last
+  bool reader_on_other_core_ = false, non_temporal_ = false;  // for the last chunk written
 };
 
-// What a reader has copied of the frame to come. `writer` tells two writers of one frame number apart.
+// Tracks how much of the next frame a reader has copied. `writer` distinguishes two writers of the same frame
+// number.
 class ChunkReader {
  public:
-  // Calls copy(from, to), byte positions in the slot, for what lies below `end` and was not copied yet, a
-  // piece at most. True: there was some.
+  // Calls copy(from, to), offsets in the slot, for at most one chunk of the uncopied bytes before `end`.
+  // Returns whether there were any.
   template <class Copy>
   bool copy_available(std::uint32_t frame, std::uint32_t writer, std::size_t end, Copy&& copy) noexcept {
     if (frame_ != frame || writer_ != writer) reset(frame, writer);
     if (end <= copied_) return false;
-    const std::size_t to = std::min(end, copied_ + kMaxChunkBytes);  // and then look again
+    const std::size_t to = std::min(end, copied_ + kMaxChunkBytes);
     copy(copied_, to);
     copied_ = to;
     return true;
   }
   std::size_t copied() const noexcept { return copied_; }
 
-  // From where on `frame` of `writer` is still to be copied; forgets it.
+  // Returns the offset of the first uncopied byte of `frame` by `writer`, and resets the state.
   std::size_t finish(std::uint32_t frame, std::uint32_t writer) noexcept {
     const std::size_t from = frame_ == frame && writer_ == writer ? copied_ : sizeof(ssp_slot);
     reset(0, 0);
@@ -155,10 +156,10 @@ class ChunkReader {
   std::size_t copied_ = sizeof(ssp_slot);
 };
 
-// What the user of an endpoint was given of the frame to come, channel by channel.
+// Tracks, per channel, how much of the next frame the user of an endpoint has received.
 class ChunkCursor {
  public:
-  // Whether all that was given, if anything was, is of that frame of that writer.
+  // Whether everything delivered so far belongs to that frame of that writer.
   bool is_consistent_with(std::uint32_t frame, std::uint32_t writer) const noexcept {
     return !started_ || (frame_ == frame && writer_ == writer);
   }
@@ -171,7 +172,7 @@ class ChunkCursor {
     started_ = false;
   }
 
-  // The part of `array` that lies below `end` of the slot and was not given yet, a piece at most.
+  // Returns at most one chunk of `array`: bytes before offset `end` of the slot that were not delivered yet.
   std::span<const std::byte> next(std::uint32_t frame, std::uint32_t writer, int channel_index,
                                   const ssp_channel& c, std::size_t end,
                                   std::span<const std::byte> array) noexcept {
@@ -191,7 +192,7 @@ class ChunkCursor {
   std::array<std::size_t, SSP_MAX_CHANNELS> delivered_{};  // bytes
 };
 
-// The part of the channel's array that lies in [from, to) of the slot: calls part(byte in the array, bytes).
+// Calls visit(offset in the array, bytes) for the part of the channel's array within [from, to) of the slot.
 template <class Part>
 void intersect_channel(const ssp_channel& c, std::size_t from, std::size_t to, Part&& visit) noexcept {
   const std::size_t begin = std::max<std::size_t>(from, c.offset);

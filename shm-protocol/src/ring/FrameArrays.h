@@ -1,4 +1,4 @@
-// The arrays of one frame in private memory, laid out as in a slot without its header.
+// The arrays of one frame in private memory, laid out as in a slot but without the slot header.
 #pragma once
 
 #include <cstddef>

@@ -11,10 +11,10 @@
 namespace shm_protocol {
 namespace {
 
-constexpr std::size_t kBlock = 4096;  // bytes copied and then checked while they are in the nearest cache
+constexpr std::size_t kBlock = 4096;  // bytes copied, then checked while still in the L1 cache
 
-// Functions compiled for several machines; the one that fits is chosen when the program is loaded. Not with
-// sanitizers, which are not ready that early.
+// Function multiversioning: the loader selects the variant for the CPU. Disabled under sanitizers, which are
+// not initialised when the resolvers run.
 #if defined(__x86_64__) && !defined(__clang__) && !defined(__SANITIZE_THREAD__) && \
     !defined(__SANITIZE_ADDRESS__)
 #define FOR_EACH_MACHINE __attribute__((target_clones("default", "avx2", "avx512f")))
@@ -22,8 +22,8 @@ constexpr std::size_t kBlock = 4096;  // bytes copied and then checked while the
 #define FOR_EACH_MACHINE
 #endif
 
-// Whether every value is within the range; false with any NaN. Reads only, so that the usual case, nothing to
-// replace, costs little more than the copy.
+// Whether every value is within the range; false for NaN. Read-only, so that the common case of nothing to
+// replace costs little more than the copy.
 FOR_EACH_MACHINE bool all_within(const float* values, std::size_t count, float lowest,
                                  float highest) noexcept {
   std::int32_t outside = 0;
@@ -70,7 +70,7 @@ std::uint64_t sanitize_block(std::byte* block, std::size_t bytes, const ssp_chan
 }  // namespace
 
 #ifdef __SANITIZE_THREAD__
-// The race is meant: a seqlock's reader. ThreadSanitizer would report it, and it watches memcpy too.
+// The data race is intended (seqlock reader). ThreadSanitizer would report it, and it intercepts memcpy.
 __attribute__((no_sanitize("thread"))) void copy_frame(std::byte* to, const std::byte* from,
                                                        std::size_t bytes) noexcept {
   const volatile std::byte* source = from;
@@ -85,7 +85,7 @@ void copy_frame(std::byte* to, const std::byte* from, std::size_t bytes) noexcep
 #if defined(__SSE2__) && !defined(__SANITIZE_THREAD__)
 namespace {
 
-// Lines of 64 bytes to a multiple of 64.
+// Copies lines of 64 bytes; `to` is 64-byte aligned.
 void stream_lines(std::byte* to, const std::byte* from, std::size_t lines) noexcept {
   for (std::size_t at = 0; at < 64 * lines; at += sizeof(__m128i))
     _mm_stream_si128(reinterpret_cast<__m128i*>(to + at),
@@ -95,7 +95,7 @@ void copy_lines(std::byte* to, const std::byte* from, std::size_t lines) noexcep
   std::memcpy(to, from, 64 * lines);
 }
 
-// The same a line at a time.
+// The same, one full line per store.
 __attribute__((target("avx512f"))) void stream_wide_lines(std::byte* to, const std::byte* from,
                                                           std::size_t lines) noexcept {
   for (std::size_t at = 0; at < 64 * lines; at += sizeof(__m512i))
@@ -124,7 +124,7 @@ void stream_frame(std::byte* to, const std::byte* from, std::size_t bytes, bool 
     (wide ? copy_wide_lines : copy_lines)(to + head, from + head, lines);
   std::memcpy(to + end, from + end, bytes - end);
   if (non_temporal)
-    _mm_sfence();  // they are ordered by nothing else, the release store that follows included
+    _mm_sfence();  // a release store does not order non-temporal stores
 }
 #else
 void stream_frame(std::byte* to, const std::byte* from, std::size_t bytes, bool) noexcept {
@@ -138,8 +138,7 @@ std::uint64_t copy_sanitized(std::byte* to, const std::byte* from, std::size_t t
   for (std::size_t at = 0; at < total_bytes; at += kBlock) {
     const std::size_t bytes = std::min(kBlock, total_bytes - at);
     copy_frame(to + at, from + at, bytes);
-    // The copy above is complete before the first value is judged: without this the compiler might fetch
-    // again.
+    // The compiler must not check a value by loading it again from shared memory.
     asm volatile("" ::: "memory");
     replaced += sanitize_block(to + at, bytes, c);
   }

@@ -9,19 +9,16 @@
 
 namespace shm_protocol {
 
-// Copies each byte once. The copy may be torn; whoever calls finds that out from the slot's sequence
-// afterwards.
+// Reads each byte once. The copy may be torn; the caller checks the slot's sequence afterwards.
 void copy_frame(std::byte* to, const std::byte* from, std::size_t bytes) noexcept;
 
-// Copies into a slot; past_caches: with stores that leave the writer's caches alone, so that the reader's
-// core gets the lines from memory instead of asking this core for each. Complete for whoever sees a later
-// release store.
+// Copies into a slot. With `non_temporal` the stores bypass the writer's caches, so that the reader's core
+// loads the lines from memory instead of from this core. A later release store orders the copy.
 void stream_frame(std::byte* to, const std::byte* from, std::size_t bytes, bool non_temporal) noexcept;
 
-// Copies `bytes` of an actuator array, whole elements, and makes them safe: an f32 NaN becomes the channel's
-// safe value, ±infinity and whatever else is out of range becomes the nearer end of the range. Returns how
-// many values it replaced. The values are looked at only after they are private, so that what was checked
-// cannot change any more.
+// Copies `bytes` (whole elements) of an actuator array and sanitizes them: an f32 NaN becomes the channel's
+// safe value, all other values are clamped to the channel's range. Returns the number of replaced values.
+// The check runs on the private copy, so that the peer cannot change a value after it was checked.
 std::uint64_t copy_sanitized(std::byte* to, const std::byte* from, std::size_t bytes,
                              const ssp_channel&) noexcept;
 

@@ -1,4 +1,4 @@
-// One direction's ring of slots: where a frame lies and when it is whole.
+// The ring of slots of one direction: locates frames and detects torn ones (seqlock).
 #pragma once
 
 #include <cstddef>
@@ -10,7 +10,7 @@
 
 namespace shm_protocol {
 
-// What a reader may do: it needs no more than a read-only mapping.
+// Reader's view; works on a read-only mapping.
 class RingView {
  public:
   RingView(const std::byte* begin, std::uint32_t slots, std::uint64_t slot_bytes)
@@ -25,12 +25,12 @@ class RingView {
             g.geometry.actuator_slot_bytes};
   }
 
-  // In lock-step one frame is read while the next is made: two slots, so that large frames stay in the cache.
+  // In lock-step one frame is read while the next is written. Two slots suffice and keep large frames cached.
   static std::uint32_t slots_in_use(const SegmentLayout& g, std::uint32_t slots) noexcept {
     return g.identity.mode == SSP_MODE_TIME_STEP ? SSP_TIME_STEP_SLOTS : slots;
   }
 
-  // Only the low bits of the frame count, so its low 32 bits are enough.
+  // The low 32 bits of a frame number suffice, because only the low bits select the slot.
   const ssp_slot& slot(std::uint64_t frame) const noexcept {
     return *reinterpret_cast<const ssp_slot*>(begin_ + (frame & mask_) * slot_bytes_);
   }
@@ -38,8 +38,8 @@ class RingView {
     return {reinterpret_cast<const std::byte*>(&slot(frame)) + c.offset, static_cast<std::size_t>(c.bytes)};
   }
 
-  // The stamp of the frame whose low 32 bits are `word`; its frame is 0 when the slot holds another one or
-  // half one.
+  // Returns the metadata of the frame whose low 32 bits are `word`; frame 0 if the slot holds another frame
+  // or an incomplete one.
   FrameInfo read_info(std::uint32_t word) const noexcept {
     const ssp_slot& s = slot(word);
     const std::uint64_t sequence = load_acquire(s.sequence);
@@ -50,10 +50,9 @@ class RingView {
     return info;
   }
 
-  // Whether the frame was whole all the time since stamp() returned it. To be called after reading the
-  // arrays.
+  // Whether the frame stayed complete since read_info() returned it. To be called after reading the arrays.
   bool is_still_valid(const FrameInfo& info) const noexcept {
-    // The array reads above may not sink below this load.
+    // The array reads must not be reordered after this load.
     fence_acquire();
     return load_relaxed(slot(info.frame).sequence) == 2 * info.frame;
   }
@@ -78,21 +77,21 @@ class Ring : public RingView {
             g.geometry.actuator_slot_bytes};
   }
 
-  // Writable: a Ring is made only over a writable mapping.
+  // The cast is valid because a Ring requires a writable mapping.
   ssp_slot& slot(std::uint64_t frame) const noexcept { return const_cast<ssp_slot&>(RingView::slot(frame)); }
   std::span<std::byte> array(std::uint64_t frame, const ssp_channel& c) const noexcept {
     return {reinterpret_cast<std::byte*>(&slot(frame)) + c.offset, static_cast<std::size_t>(c.bytes)};
   }
 
-  // Declares the slot of `frame` to be in the making; the caller then fills its arrays.
+  // Marks the slot of `frame` as being written; the caller then fills its arrays.
   void begin_write(std::uint64_t frame) const noexcept {
     store_relaxed(slot(frame).sequence, 2 * frame - 1);
-    // No array byte may become visible before the odd number: a reader that sees the byte must see the number
-    // too.
+    // No array byte may become visible before the odd sequence: a reader that sees such a byte must also see
+    // the sequence.
     fence_release();
   }
 
-  // Declares the frame whole.
+  // Marks the frame as complete.
   void end_write(const FrameInfo& info) const noexcept {
     ssp_slot& s = slot(info.frame);
     store_relaxed(s.frame, info.frame);
@@ -104,8 +103,8 @@ class Ring : public RingView {
   }
 };
 
-// Announces a whole frame on the direction's publication line; ring() with the frame's low 32 bits comes
-// next. `answers` comes after `frame`: who sees it there sees the frame that it is of.
+// Writes a complete frame's metadata to the direction's publication line; store_and_wake() with the frame's
+// low 32 bits follows. `answers` is released last: a reader that sees it also sees the frame it belongs to.
 inline void store_publication(ssp_publication& line, const FrameInfo& info, std::uint32_t cpu) noexcept {
   store_relaxed(line.cpu, cpu);
   store_relaxed(line.frame, info.frame);

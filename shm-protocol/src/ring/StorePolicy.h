@@ -1,8 +1,8 @@
 // Chooses between ordinary and non-temporal stores for large frames.
 //
 // Which is faster depends on how the two cores are connected, which a virtual machine does not reveal and
-// which may change while the program runs. Both are tried in turn, and the one with the shorter time from the
-// first byte to the peer's answer is kept for a while. Affects speed only.
+// which may change at run time. Both are sampled alternately; the one with the shorter best time from the
+// first byte to the peer's answer is used until the next sampling. Affects speed only.
 #pragma once
 
 #include <algorithm>
@@ -15,7 +15,7 @@ namespace shm_protocol {
 
 class StorePolicy {
  public:
-  // The frame in hand is the first of its kind, or the next: called at its first byte.
+  // To be called before each write; only the first call of a frame has an effect.
   void begin_frame() noexcept {
     if (in_frame_) return;
     in_frame_ = true;
@@ -24,8 +24,8 @@ class StorePolicy {
 
   bool use_non_temporal() const noexcept { return is_sampling() ? sample_ % 2 == 0 : non_temporal_; }
 
-  // The peer answered the frame that was begun last. Without answers, as in passive mode, the way past the
-  // caches stays.
+  // The peer answered the last frame begun. Without answers, as in passive mode, sampling never ends and
+  // non-temporal stores stay selected.
   void end_frame() noexcept {
     if (!in_frame_) return;
     in_frame_ = false;
@@ -36,9 +36,8 @@ class StorePolicy {
   }
 
  private:
-  static constexpr int kSamplesPerPolicy =
-      8;  // frames each way; the best counts, so that a disturbance does not
-  static constexpr int kMinInterval = 64, kMaxInterval = 1024;  // frames until it is tried again
+  static constexpr int kSamplesPerPolicy = 8;  // the minimum counts, to ignore disturbances
+  static constexpr int kMinInterval = 64, kMaxInterval = 1024;  // frames between samplings
 
   bool is_sampling() const noexcept { return sample_ < 2 * kSamplesPerPolicy; }
 

@@ -20,11 +20,12 @@ struct FoundSurface {
   SegmentLayout layout;
 };
 
-// The checked segment of a living surface that is not closing. Nothing, and why, while there is none. Throws
-// Error: kWrongVersion, kCorrupt, kForeign, kSystem.
+// Returns the validated segment of a living surface that is not closing, or nothing and the reason in `why`.
+// Throws Error: kWrongVersion, kCorrupt, kForeign, kSystem.
 std::optional<FoundSurface> find_surface(const std::string& name, Access, std::string& why);
 
-// Calls attempt(why) until it returns something: else Error kNotFound with the last `why`, or kInterrupted.
+// Calls attempt(why) until it returns a value. Throws Error: kNotFound with the last `why` after the timeout,
+// or kInterrupted.
 template <class Attempt>
 auto attach_with_retry(const std::string& name, const AttachOptions& options, Attempt&& attempt) {
   constexpr std::chrono::milliseconds kRetryInterval{10};

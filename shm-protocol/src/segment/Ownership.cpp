@@ -45,7 +45,7 @@ SegmentInfo inspect_descriptor(int descriptor, const std::string& file) {
     info.ownership = is_alive(builder) ? Ownership::kLiving : Ownership::kOrphan;
     return info;
   }
-  // Read, not mapped: a file that is shorter than it should be gives fewer bytes here, not a SIGBUS.
+  // Read, not mapped: a truncated file yields fewer bytes instead of a SIGBUS.
   ssp_header header{};
   const ssize_t got = ::pread(descriptor, &header, sizeof header, 0);
   const ssp_identity& id = header.identity;
@@ -80,8 +80,8 @@ bool remove_if_orphan(const std::string& file) {
   const std::string path = std::string(kShmDirectory) + "/" + file;
   const FileDescriptor opened(path);
   if (!opened) return false;
-  // Whoever removes holds this lock and has seen that the name still means this file. So between the check
-  // and the unlink nobody else can have removed it and put a living surface's segment in its place.
+  // Every remover holds this lock and has verified that the name still refers to this file. So nobody can
+  // replace the file by a living surface's segment between the check and the unlink.
   if (::flock(opened.descriptor(), LOCK_EX) != 0) return false;
   if (!is_still(opened.descriptor(), path)) return false;
   if (inspect_descriptor(opened.descriptor(), file).ownership != Ownership::kOrphan) return false;

@@ -1,4 +1,4 @@
-// The owner of a file in /dev/shm, read from its first bytes without mapping it, and safe removal.
+// Determines the owner of a file in /dev/shm from its header without mapping it, and removes orphans safely.
 #pragma once
 
 #include <cstdint>
@@ -9,10 +9,10 @@
 
 namespace shm_protocol {
 
-// `file` is a file's name within /dev/shm, beginning with "smartsurf.". Missing or unreadable: kForeign.
+// `file` is a name within /dev/shm that begins with "smartsurf.". Missing or unreadable: kForeign.
 SegmentInfo inspect_segment(const std::string& file);
 
-// Removes the file if, under a lock on that very file, it is an orphan. False when it was not or is gone.
+// Removes the file if it is an orphan, checked under a lock on the file. False if it is no orphan or is gone.
 bool remove_if_orphan(const std::string& file);
 
 }  // namespace shm_protocol

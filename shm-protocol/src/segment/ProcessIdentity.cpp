@@ -22,7 +22,7 @@ struct ProcStat {
   std::uint64_t start_ticks = 0;
 };
 
-// The n-th space-separated field of `text`, counting from 0; null when there are fewer.
+// The n-th space-separated field of `text`, counting from 0; null if there are fewer.
 const char* field(const char* text, int n) {
   for (; n > 0 && text; --n) {
     text = std::strchr(text, ' ');
@@ -41,8 +41,7 @@ std::optional<ProcStat> read_stat(std::uint32_t pid) {
   ::close(file);
   if (length <= 0) return std::nullopt;
   text[length] = '\0';
-  // Field 2 is the program's name in parentheses and may itself hold spaces and parentheses: count from
-  // behind it.
+  // Field 2, the program name in parentheses, may itself contain spaces and parentheses: start after it.
   const char* after_name = std::strrchr(text, ')');
   if (!after_name || after_name[1] != ' ') return std::nullopt;
   const char* state = after_name + 2;          // field 3
@@ -71,7 +70,7 @@ bool is_alive(ProcessIdentity word) noexcept {
   if (pid == 0) return false;
   if (const auto stat = read_stat(pid)) {
     if (stat->start_ticks != word >> SSP_PID_BITS) return false;
-    // A leader that ended while other threads run on shows as Z too, but with more than one thread.
+    // A thread-group leader that exited before its other threads is also Z, but with more than one thread.
     const bool ended = stat->state == 'Z' || stat->state == 'X' || stat->state == 'x';
     return !ended || stat->threads > 1;
   }

@@ -1,4 +1,4 @@
-// The distrustful half of Geometry.h: everything a header can get wrong, named.
+// Validates an untrusted header; the error names the offending field.
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -22,7 +22,7 @@ class LayoutChecker {
   const std::string& origin_;
 };
 
-// Whether `count` things of `size` bytes from `offset` on lie within `total`, without overflow.
+// Whether `count` items of `size` bytes at `offset` lie within `total` bytes, without overflow.
 bool fits(std::uint64_t offset, std::uint64_t count, std::uint64_t size, std::uint64_t total) {
   return offset <= total && (size == 0 || count <= (total - offset) / size);
 }
@@ -48,7 +48,7 @@ void check_identity(const ssp_identity& id, std::uint64_t mapped_bytes, const La
   check(is_text(id.name, false), "name");
 }
 
-// A ring lies behind the header, on whole lines, with slots large enough for their own header.
+// A ring follows the header, is line-aligned, and its slots are large enough for the slot header.
 void check_ring(std::uint64_t offset, std::uint64_t slots, std::uint64_t slot_bytes, const ssp_identity& id,
                 const LayoutChecker& check, const std::string& which) {
   check(power_of_two_within(slots, SSP_MIN_SLOTS, SSP_MAX_SLOTS), which + "_slots");
@@ -139,7 +139,7 @@ std::optional<SegmentLayout> read_layout(std::span<const std::byte> segment, con
   check_version(version, origin);
   check(segment.size() >= sizeof(ssp_header), "truncated: " + std::to_string(segment.size()) + " bytes");
 
-  // Copied first and checked afterwards: what was checked cannot change any more.
+  // Copy first, then check the copy, which the peer cannot change.
   SegmentLayout layout;
   layout.identity = shared.identity;
   layout.identity.version = version;

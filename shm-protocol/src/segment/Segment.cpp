@@ -27,7 +27,7 @@ namespace bip = boost::interprocess;
 
 std::string file_name(const std::string& name) { return kFilePrefix + name; }
 
-// Removes what killed builders of this name left: its name alone tells whether the builder lives.
+// Removes segments left by killed builders of this name; the file name identifies the builder's process.
 void remove_stale_builds(const std::string& name) {
   std::error_code failure;
   for (const auto& entry : std::filesystem::directory_iterator(kShmDirectory, failure)) {
@@ -39,8 +39,8 @@ void remove_stale_builds(const std::string& name) {
 }  // namespace
 
 struct Segment::Impl {
-  std::string name;            // the real one
-  std::string temporary_file;  // the private file, while it has not been put in place
+  std::string name;            // final name
+  std::string temporary_file;  // private name, until renamed into place
   bip::shared_memory_object object;
   bip::mapped_region region;
   pid_t builder = 0;
@@ -64,8 +64,7 @@ Segment Segment::create(const std::string& name, std::size_t bytes, ProcessIdent
   auto impl = std::make_unique<Impl>();
   impl->name = name;
   impl->builder = ::getpid();
-  static std::atomic<unsigned> build_count{
-      0};  // two threads may build under one name; one of them will be refused
+  static std::atomic<unsigned> build_count{0};  // two threads may build under one name; one will be refused
   const std::string file =
       file_name(name) + kBuildMarker + std::to_string(owner) + "." + std::to_string(build_count++);
   try {
@@ -76,7 +75,7 @@ Segment Segment::create(const std::string& name, std::size_t bytes, ProcessIdent
     throw Error(ErrorCode::kSystem, "cannot create " + path_of(name) + ": " + e.what());
   }
   Segment segment(std::move(impl));
-  // Reserved now: a full /dev/shm is an error here, not a SIGBUS in the middle of a run.
+  // Reserve the memory now, so that a full /dev/shm is an error here and not a SIGBUS during a run.
   if (const int failure = ::posix_fallocate(segment.impl_->descriptor(), 0, static_cast<off_t>(bytes)))
     system_error("cannot reserve " + std::to_string(bytes) + " bytes in /dev/shm for " + path_of(name),
                  failure);
@@ -103,7 +102,7 @@ void Segment::rename_into_place() {
 }
 
 void Segment::remove() noexcept {
-  // The lock orders this with a cleaner that has just found the same file (see remove_if_orphan).
+  // The lock serialises this with a cleaner that has just found the same file (see remove_if_orphan).
   struct stat mine {
   }, there{};
   const int descriptor = impl_->descriptor();
@@ -146,7 +145,7 @@ void reclaim_or_throw(const std::string& name) {
                     std::to_string(found.surface_pid) + "; choose another name or end it first",
                 found.surface_pid);
   if (found.ownership == Ownership::kForeign) {
-    if (::lstat(path.c_str(), &status) != 0) return;  // it went away between the two looks
+    if (::lstat(path.c_str(), &status) != 0) return;  // removed since the first check
     throw Error(ErrorCode::kForeign,
                 path +
                     " is not a segment of this protocol, or belongs to another user; remove "

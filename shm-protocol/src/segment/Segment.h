@@ -1,9 +1,8 @@
-// The file in /dev/shm and its mapping: created complete under a private name, renamed into place, opened,
-// reclaimed from the dead and removed.
+// The file in /dev/shm and its mapping: creation, renaming into place, opening, reclaiming and removal.
 //
-// A segment appears under its real name only when it is complete: it is built as
-// smartsurf.NAME~PROCESSWORD.COUNT and renamed without replacing. A builder that is killed leaves only a name
-// that identifies it.
+// A segment appears under its final name only when it is complete: it is built as
+// smartsurf.NAME~PROCESSWORD.COUNT and renamed without replacing. The file that a killed builder leaves is
+// identified by its name.
 #pragma once
 
 #include <cstddef>
@@ -17,8 +16,8 @@
 namespace shm_protocol {
 
 inline constexpr const char* kShmDirectory = "/dev/shm";
-inline constexpr const char* kFilePrefix = "smartsurf.";  // of every file of this protocol
-inline constexpr char kBuildMarker = '~';                 // NAME~PROCESSWORD.COUNT: being built
+inline constexpr const char* kFilePrefix = "smartsurf.";  // common to all files of this protocol
+inline constexpr char kBuildMarker = '~';                 // NAME~PROCESSWORD.COUNT: under construction
 
 // "/dev/shm/smartsurf.NAME"
 std::string path_of(const std::string& name);
@@ -27,22 +26,22 @@ enum class Access { kReadWrite, kReadOnly };
 
 class Segment {
  public:
-  // A zeroed segment under a private name, with its memory reserved. Throws Error(kSystem).
+  // Creates a zeroed segment under a private name, with its memory reserved. Throws Error(kSystem).
   static Segment create(const std::string& name, std::size_t bytes, ProcessIdentity owner);
-  // Maps an existing segment whole. Nothing when there is none; throws Error(kSystem) when it cannot be
-  // mapped.
+  // Maps an existing segment; nothing if there is none. Throws Error(kSystem) if it cannot be mapped, or
+  // kCorrupt if it is empty.
   static std::optional<Segment> open(const std::string& name, Access = Access::kReadWrite);
-  ~Segment();  // unmaps; removes only what was never put in place
+  ~Segment();  // unmaps; removes the file only if it was never renamed into place
   Segment(Segment&&) noexcept;
   Segment& operator=(Segment&&) noexcept;
 
-  // Gives the built segment its real name, reclaiming one that a dead surface left. Throws Error:
-  // kSurfaceLives, kForeign, kSystem.
+  // Gives the segment its final name, reclaiming one left by a dead surface. Throws Error: kSurfaceLives,
+  // kForeign, kSystem.
   void rename_into_place();
-  // Removes the file if it still is this segment's.
+  // Removes the file if it is still this segment's.
   void remove() noexcept;
 
-  std::span<std::byte> bytes() noexcept;  // writing to what was opened read-only ends the process
+  std::span<std::byte> bytes() noexcept;  // a write to a read-only mapping is a SIGSEGV
 
  private:
   struct Impl;
@@ -50,8 +49,8 @@ class Segment {
   std::unique_ptr<Impl> impl_;
 };
 
-// Throws Error(kSurfaceLives) naming the pid, or kForeign, when the name is taken for good; removes the
-// segment of a dead surface.
+// Removes the segment of a dead surface. Throws Error: kSurfaceLives with the pid, or kForeign, if the name
+// is in use.
 void reclaim_or_throw(const std::string& name);
 
 }  // namespace shm_protocol

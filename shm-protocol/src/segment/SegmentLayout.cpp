@@ -31,7 +31,7 @@ bool power_of_two(std::uint64_t value) { return value != 0 && (value & (value - 
 
 std::uint64_t dtype_size(DType dtype) { return dtype == DType::kU8 ? 1 : 4; }
 
-// The largest magnitude that the dtype holds, as both ends of a range.
+// The range of values that the dtype can represent.
 std::pair<double, double> dtype_limits(DType dtype) {
   constexpr double kFloat = std::numeric_limits<float>::max();
   if (dtype == DType::kF32) return {-kFloat, kFloat};
@@ -90,7 +90,7 @@ void check_config(const SurfaceConfig& config) {
   }
 }
 
-// Lays the channels of one direction behind one another and returns the slot's size.
+// Assigns consecutive offsets to the channels of one direction; returns the slot size.
 std::uint64_t assign_slot_offsets(std::vector<ssp_channel>& channels, Direction direction) {
   std::uint64_t end = sizeof(ssp_slot);
   for (auto& c : channels) {

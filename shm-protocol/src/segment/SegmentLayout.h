@@ -1,6 +1,6 @@
-// The segment's header and directory: planned from a configuration, written once, and read back only after
-// every size and offset was checked against the segment's real size. Both sides keep a private copy and never
-// read the shared one again, so that a peer's later changes have no effect.
+// The segment's header and channel directory: planned from a configuration, written once, validated on
+// reading. Every size and offset is checked against the segment's actual size. Both sides keep a private copy
+// and never read the shared one again, so that later changes by the peer have no effect.
 #pragma once
 
 #include <cstddef>
@@ -20,20 +20,20 @@ struct SegmentLayout {
   ssp_geometry geometry{};
   std::vector<ssp_channel> channels;
 
-  std::size_t sensor_array_bytes() const noexcept;  // of one slot, without its header
+  std::size_t sensor_array_bytes() const noexcept;  // per slot, without the slot header
   std::size_t actuator_array_bytes() const noexcept;
 };
 
-// Throws Error(kBadConfig) naming the field, its value and what would be right.
+// Throws Error(kBadConfig) that names the field, its value and the valid range.
 void check_name(const std::string& name);
 SegmentLayout plan_layout(const SurfaceConfig&);
 
-// Lays header, directory, positions and slots into a zeroed segment, all but the version word; every actuator
-// and sensor array is filled with its safe value.
+// Writes header, directory, positions and slots into a zeroed segment, except the version word. Every
+// actuator and sensor array is filled with its safe value.
 void write_layout(const SegmentLayout&, const SurfaceConfig&, std::span<std::byte> segment);
 
-// The checked private copy; nothing while the segment is not ready. Throws Error: kForeign, kWrongVersion,
-// kCorrupt; `origin` names the segment in the message.
+// Returns the validated private copy; nothing while the segment is not ready. Throws Error: kForeign,
+// kWrongVersion, kCorrupt; `origin` names the segment in the message.
 std::optional<SegmentLayout> read_layout(std::span<const std::byte> segment, const std::string& origin);
 
 Description describe(const SegmentLayout&, std::span<const std::byte> segment);

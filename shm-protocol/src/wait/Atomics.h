@@ -1,7 +1,7 @@
-// Access to the words that both processes touch, and the seqlock's two fences.
+// Atomic access to the words shared between processes, and the seqlock's two fences.
 //
-// The __atomic builtins, not std::atomic: the words live in mapped memory that holds plain C structs, and a
-// reader may have mapped them read-only, which C++20's atomic_ref does not allow.
+// Uses the __atomic builtins, not std::atomic: the words are members of plain C structs in mapped memory, and
+// C++20's atomic_ref does not support read-only mappings.
 #pragma once
 
 #include <atomic>
@@ -45,7 +45,7 @@ void store_seq_cst(T& word, std::type_identity_t<T> value) noexcept {
   __atomic_store(&word, &value, __ATOMIC_SEQ_CST);
 }
 
-// True when the word was `expected` and now is `desired`.
+// Returns true if the word was `expected` and is now `desired`.
 template <class T>
 bool compare_exchange(T& word, std::type_identity_t<T> expected, std::type_identity_t<T> desired) noexcept {
   return __atomic_compare_exchange(&word, &expected, &desired, false, __ATOMIC_SEQ_CST, __ATOMIC_SEQ_CST);
@@ -56,9 +56,8 @@ void increment(T& word) noexcept {
   __atomic_fetch_add(&word, T{1}, __ATOMIC_SEQ_CST);
 }
 
-// GCC's ThreadSanitizer does not know fences. The arrays that they order are copied out of its sight
-// (FrameCopy.h), so there a barrier for the compiler alone, on a machine that keeps stores and loads in
-// order, serves.
+// GCC's ThreadSanitizer does not support fences. The arrays they order are copied uninstrumented
+// (FrameCopy.cpp), so a compiler barrier suffices on x86, which keeps stores and loads in order.
 #ifdef __SANITIZE_THREAD__
 inline void fence_release() noexcept { asm volatile("" ::: "memory"); }
 inline void fence_acquire() noexcept { asm volatile("" ::: "memory"); }

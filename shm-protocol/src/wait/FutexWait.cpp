@@ -11,8 +11,8 @@
 namespace shm_protocol {
 namespace {
 
-// Without FUTEX_PRIVATE_FLAG: the key must be the page of the segment, not this process's address, or the
-// other process would never be woken.
+// Without FUTEX_PRIVATE_FLAG: the futex key must be the shared page, not this process's address; otherwise
+// the peer would never be woken.
 long futex(const std::uint32_t& word, int operation, std::uint32_t value, const timespec* timeout) noexcept {
   return ::syscall(SYS_futex, &word, operation, value, timeout, nullptr, 0);
 }

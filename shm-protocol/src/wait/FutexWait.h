@@ -1,12 +1,11 @@
-// Waiting for the peer's next word: a short bounded spin, then a process-shared futex in slices, with a
-// deadline.
+// Waits for the peer's next word: a bounded spin, then a process-shared futex in slices, with a deadline.
 //
 // No wake-up is lost. The sleeper stores its waiting flag and then loads the word; the publisher stores the
-// word and then loads the flag; all four are sequentially consistent, so at least one of them sees the
-// other's store: either the sleeper sees the new word and does not sleep, or the publisher sees the flag and
-// calls FUTEX_WAKE, and FUTEX_WAIT itself refuses to sleep on a word that changed. With release and acquire
-// alone both loads could pass both stores. Should a publisher be killed between its store and its wake, the
-// end of the slice finds the word.
+// word and then loads the flag. All four are sequentially consistent, so at least one side sees the other's
+// store: either the sleeper sees the new word and does not sleep, or the publisher sees the flag and calls
+// FUTEX_WAKE. FUTEX_WAIT itself refuses to sleep on a changed word. With release and acquire alone, both
+// loads could pass both stores. If a publisher is killed between its store and its wake, the sleeper finds
+// the word at the end of the slice.
 #pragma once
 
 #include <algorithm>
@@ -24,18 +23,17 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::microseconds kMinSpin{50};
 constexpr std::chrono::microseconds kMaxSpin{2000};
-constexpr std::chrono::milliseconds kSleepSlice{50};  // liveness and the stop flag are looked at this often
-constexpr std::chrono::microseconds kPreemptionThreshold{
-    300};  // a spinner that misses so much was off its core
+constexpr std::chrono::milliseconds kSleepSlice{50};  // interval of the liveness and stop-flag checks
+constexpr std::chrono::microseconds kPreemptionThreshold{300};  // a longer gap while spinning: preempted
 
-// Where a sleeper sleeps and how its peer knows.
+// The futex word, the sleeper's waiting flag and the peer's CPU.
 struct Doorbell {
   const std::uint32_t& word;
   std::uint32_t& waiting;
   const std::uint32_t& peer_cpu;
 };
 
-// Says when the peer's process should be looked up again: that costs a system call or three.
+// Rate-limits liveness checks, which cost up to three system calls.
 class LivenessTimer {
  public:
   bool due() noexcept;
@@ -44,16 +42,16 @@ class LivenessTimer {
   Clock::time_point last_check_{};
 };
 
-// How long the peer usually takes: a sleep costs some 25 µs on top of that, so a wait that usually ends soon
-// is spent spinning, and a little longer than usual, while nobody else wants the core.
+// Derives the spin time from the mean wait. A sleep adds about 25 µs, so usually short waits are spent
+// spinning, slightly longer than the mean, as long as no other thread competes for the core.
 class AdaptiveSpin {
  public:
   std::chrono::nanoseconds budget() const noexcept {
     if (backoff_waits_ > 0 || mean_wait_ > kMaxSpin) return kMinSpin;
     return mean_wait_ + std::max<std::chrono::nanoseconds>(kMinSpin, mean_wait_ / 5);
   }
-  // `preempted`: while it spun, somebody else had the core. Once may be chance; again and again, that one is
-  // let have it for longer and longer.
+  // `preempted`: another thread ran on the core during the spin. Repeated preemption increases the back-off
+  // exponentially.
   void record_wait(std::chrono::nanoseconds wait, bool preempted) noexcept {
     mean_wait_ += (std::min<std::chrono::nanoseconds>(wait, 10 * kMaxSpin) - mean_wait_) / 8;
     if (backoff_waits_ > 0 && --backoff_waits_ > 0) return;
@@ -65,21 +63,21 @@ class AdaptiveSpin {
   static constexpr int kMaxBackoff = 64;
 
   std::chrono::nanoseconds mean_wait_{0};
-  int backoff_waits_ = 0;  // so many waits without a stretched spin
-  int backoff_ = 0;        // the crowd's, when it was seen last
+  int backoff_waits_ = 0;  // remaining waits with the minimum spin
+  int backoff_ = 0;        // length of the last back-off, in waits
 };
 
-// What a side remembers from one wait to the next.
+// The state that one side keeps between waits.
 struct WaitState {
   LivenessTimer liveness;
   AdaptiveSpin adaptive_spin;
-  std::uint64_t chunks = 0;  // of large frames, taken while waiting: counted by ready()
+  std::uint64_t chunks = 0;  // chunks of large frames taken while waiting; counted by ready()
 };
 
-// The CPU the caller runs on.
+// The CPU that the caller runs on.
 std::uint32_t current_cpu() noexcept;
 
-// Returns when the word differs from `seen`, when woken, after `slice`, or on a signal.
+// Returns if the word differs from `seen`, when woken, after `slice`, or on a signal.
 void futex_wait(const std::uint32_t& word, std::uint32_t seen, std::chrono::nanoseconds slice) noexcept;
 void futex_wake(const std::uint32_t& word) noexcept;
 
@@ -91,24 +89,23 @@ inline void relax_cpu() noexcept {
 #endif
 }
 
-// Publishes: everything written before is visible to whoever sees the word; wakes a sleeper.
+// Publishes: a reader that sees the word sees everything written before. Wakes a sleeping peer.
 inline void store_and_wake(std::uint32_t& word, std::uint32_t value,
                            const std::uint32_t& peer_waiting) noexcept {
   store_seq_cst(word, value);
   if (load_seq_cst(peer_waiting)) futex_wake(word);
 }
 
-// Whether the peer runs on another core, as far as is known.
+// Whether the peer runs on another CPU; false if unknown.
 inline bool is_on_other_core(const std::uint32_t& peer_cpu) noexcept {
   const std::uint32_t peer = load_relaxed(peer_cpu);
   return peer != SSP_CPU_UNKNOWN && peer != current_cpu();
 }
 
-// What a spinner saw of the time. The clock tells it, at no further cost, whether it lost its core for a
-// while.
+// Measures a spin and detects preemption from gaps between the clock readings.
 struct SpinTimer {
-  Clock::time_point now;   // what the clock said last
-  bool preempted = false;  // between two looks at the clock more time passed than they take
+  Clock::time_point now;   // last clock reading
+  bool preempted = false;  // a gap between two readings exceeded kPreemptionThreshold
 
   void sample(bool made_progress) noexcept {
     const auto before = std::exchange(now, Clock::now());
@@ -124,18 +121,18 @@ bool spin_until(const Doorbell& bell, Clock::time_point end, const WaitState& wa
   bool done = false;
   for (bool first = true; !done && (first || timer.now < end); first = false) {
     const std::uint64_t chunks_before = wait_state.chunks;
-    // Less eagerly after a while: where two CPUs are threads of one core, the spinner slows its peer down.
+    // Spin less aggressively after the first round: on SMT siblings the spinner slows its peer down.
     for (int i = 0; i < (first ? 64 : 16) && !done; ++i) {
       done = ready();
       for (int pause = 0; pause < (first ? 1 : 4) && !done; ++pause) relax_cpu();
     }
-    if (!done || !first)
-      timer.sample(wait_state.chunks != chunks_before);  // a short wait is not made longer by the clock
+    if (!done || !first)  // a short wait does not pay for a clock reading
+      timer.sample(wait_state.chunks != chunks_before);
   }
   return done;
 }
 
-// Spins for `length`, and on while pieces keep coming in: bounded, whatever the peer does.
+// Spins for `length`, then continues while chunks keep arriving. Bounded regardless of the peer.
 template <class Ready>
 bool spin_while_chunks_arrive(const Doorbell& bell, std::chrono::nanoseconds length,
                               Clock::time_point deadline, const WaitState& wait_state, SpinTimer& timer,
@@ -149,9 +146,9 @@ bool spin_while_chunks_arrive(const Doorbell& bell, std::chrono::nanoseconds len
   return false;
 }
 
-// Waits until ready() (kOk), or until the deadline, the stop flag or peer(look_up) ends it; peer() says kOk
-// while the wait makes sense, and looks the process up when told to. Once ready() has said yes it is not
-// asked again: it may hand out a piece each time.
+// Waits until ready() returns true (kOk), or until the deadline, the stop flag or check_peer ends the wait.
+// check_peer(check_liveness) returns kOk as long as waiting makes sense and looks up the peer's process if
+// asked to. ready() is not called again after it returned true, because each call may deliver a chunk.
 template <class Ready, class Peer>
 Status wait_until(const Doorbell& bell, const WaitOptions& options, WaitState& wait_state, Ready&& ready,
                   Peer&& check_peer) noexcept {

@@ -97,7 +97,7 @@ class Checker {
   bool safe = false;
 };
 
-TEST(Bridge, OnAGoodLineEveryFrameIsRight) {
+TEST(Bridge, GoodLineDeliversEveryFrame) {
   const std::string name = surface_name("bridge-good");
   Device device({"--pty", line_path("good"), "--size", kSize, "--period-ms", "5"});
   Program bridge({SURFACE_BRIDGE, device.name, "--shm", name, "--ticks", "200"});
@@ -116,7 +116,7 @@ TEST(Bridge, OnAGoodLineEveryFrameIsRight) {
 
 class BadLine : public testing::TestWithParam<std::string> {};
 
-TEST_P(BadLine, FramesThatArriveAreRightAndMissesAreCounted) {
+TEST_P(BadLine, DeliveredFramesAreCorrectAndMissesCounted) {
   const bool passive = GetParam() == "passive";
   const std::string name = surface_name("bridge-bad-" + GetParam());
   Device device({"--tcp", "0", "--size", kSize, "--period-ms", "5", "--drop", "0.0002", "--corrupt", "0.0002",
@@ -146,7 +146,7 @@ TEST_P(BadLine, FramesThatArriveAreRightAndMissesAreCounted) {
 }
 INSTANTIATE_TEST_SUITE_P(Modes, BadLine, testing::Values("time-step", "passive"));
 
-TEST(Bridge, ASilentDeviceIsHeldSafeAndSpeaksAgain) {
+TEST(Bridge, SilentDeviceGetsSafeValuesAndRecovers) {
   const std::string name = surface_name("bridge-silent");
   Device device({"--pty", line_path("silent"), "--size", kSize, "--period-ms", "5", "--silent-for", "200"});
   Program bridge({SURFACE_BRIDGE, device.name, "--shm", name, "--silence", "0.2"});
@@ -167,7 +167,7 @@ TEST(Bridge, ASilentDeviceIsHeldSafeAndSpeaksAgain) {
 
 class Unplugged : public testing::TestWithParam<std::string> {};
 
-TEST_P(Unplugged, TheDeviceComesBackInTheSameSession) {
+TEST_P(Unplugged, DeviceReturnsInTheSameSession) {
   const std::string name = surface_name("bridge-unplug" + GetParam());
   const std::string where = GetParam() == "pty" ? line_path("unplug") : "0";
   Device device(
@@ -201,7 +201,7 @@ TEST_P(Unplugged, TheDeviceComesBackInTheSameSession) {
 }
 INSTANTIATE_TEST_SUITE_P(Lines, Unplugged, testing::Values("pty", "tcp"));
 
-TEST(Bridge, ADeviceThatStaysAwayEndsItWithThree) {
+TEST(Bridge, MissingDeviceExitsWithStatusThree) {
   const std::string name = surface_name("bridge-gone");
   Device device({"--pty", line_path("gone"), "--size", kSize, "--period-ms", "5"});
   Program bridge({SURFACE_BRIDGE, device.name, "--shm", name, "--replug", "0.1"});
@@ -213,7 +213,7 @@ TEST(Bridge, ADeviceThatStaysAwayEndsItWithThree) {
   EXPECT_EQ(never.wait(), 3);
 }
 
-TEST(Bridge, AKilledControllerLeavesTheDeviceSafe) {
+TEST(Bridge, KilledControllerLeavesDeviceSafe) {
   const std::string name = surface_name("bridge-killed");
   Device device({"--pty", line_path("killed"), "--size", kSize, "--period-ms", "5"});
   Program bridge({SURFACE_BRIDGE, device.name, "--shm", name});
@@ -241,7 +241,7 @@ TEST(Bridge, AKilledControllerLeavesTheDeviceSafe) {
   EXPECT_FALSE(segment_exists(name));
 }
 
-TEST(Bridge, WrongInputIsSaidInOneLine) {
+TEST(Bridge, InvalidInputIsOneLineError) {
   for (const std::vector<std::string>& flags : {std::vector<std::string>{},
                                                 {"a", "b"},
                                                 {"tcp:nowhere"},

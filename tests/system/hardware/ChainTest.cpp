@@ -6,7 +6,7 @@
 namespace hardware {
 namespace {
 
-TEST(Chain, TheUnchangedCaseStudyRunsOnADeviceBehindABadLine) {
+TEST(Chain, RunsUnchangedCaseStudyOverBadLine) {
   const std::string name = surface_name("chain");
   Device device({"--pty", line_path("chain"), "--size", "24x24", "--period-ms", "5", "--drop", "0.0001",
                  "--corrupt", "0.0001", "--delay-ms", "7", "--seed", "3"});

@@ -15,7 +15,7 @@ using shm_protocol::ControllerEndpoint;
 using shm_protocol::Direction;
 using shm_protocol::Status;
 
-TEST(FakeSurface, ShowsItsDiscsAndItsPinsFollow) {
+TEST(FakeSurface, SensorsShowDiscsAndPinsFollowTargets) {
   const std::string name = surface_name("fake");
   Program fake({FAKE_SURFACE, "--shm", name, "--size", "24x16", "--ticks", "300"});
   auto controller = ControllerEndpoint::attach(name, {.timeout = 60s});
@@ -44,7 +44,7 @@ TEST(FakeSurface, ShowsItsDiscsAndItsPinsFollow) {
   EXPECT_FALSE(segment_exists(name));
 }
 
-TEST(FakeSurface, TheUnchangedCaseStudyRunsAgainstIt) {
+TEST(FakeSurface, RunsUnchangedCaseStudy) {
   const std::string name = surface_name("fake-sort");
   for (const char* mode : {"time-step", "passive"}) {
     Program fake({FAKE_SURFACE, "--shm", name, "--size", "32x32", "--mode", mode, "--period-ms", "1"});
@@ -59,7 +59,7 @@ TEST(FakeSurface, TheUnchangedCaseStudyRunsAgainstIt) {
   }
 }
 
-TEST(FakeSurface, WrongInputIsSaidInOneLine) {
+TEST(FakeSurface, InvalidInputIsOneLineError) {
   for (const std::vector<std::string>& flags : {std::vector<std::string>{"--size", "0x4"},
                                                 {"--size", "4"},
                                                 {"--period-ms", "0"},

@@ -27,7 +27,7 @@ Peer killer_of(const Peer& victim, unsigned microseconds) {
   });
 }
 
-TEST(Death, ControllersAreKilledAndOthersGoOnInTheSameSession) {
+TEST(Death, SessionSurvivesKilledControllers) {
   const auto config = pair_config("controllers");
   auto surface = SurfaceEndpoint::create(config);
   const auto session = surface.description().session;
@@ -62,7 +62,7 @@ TEST(Death, ControllersAreKilledAndOthersGoOnInTheSameSession) {
   EXPECT_EQ(open_descriptors(), descriptors);
 }
 
-TEST(Death, PassiveSurfaceNoticesAndAcceptsTheNext) {
+TEST(Death, PassiveSurfaceAcceptsNextController) {
   const auto config = pair_config("passive-death", Mode::kPassive);
   auto surface = SurfaceEndpoint::create(config);
   std::mt19937 random(43);
@@ -89,7 +89,7 @@ TEST(Death, PassiveSurfaceNoticesAndAcceptsTheNext) {
   }
 }
 
-TEST(Death, SurfacesAreKilledAndTheControllerFindsTheNext) {
+TEST(Death, ControllerReconnectsAfterSurfaceDeath) {
   const auto config = pair_config("surfaces");
   std::mt19937 random(44);
   const auto descriptors = open_descriptors();
@@ -122,7 +122,7 @@ TEST(Death, SurfacesAreKilledAndTheControllerFindsTheNext) {
   EXPECT_FALSE(exists(file_path(config.name)));
 }
 
-TEST(Death, SurfacesKilledWhileTheyAreBuiltLeaveTheNameUsable) {
+TEST(Death, SurfaceKilledDuringCreationLeavesNameUsable) {
   auto config = pair_config("builders");
   config.rows = config.columns = 256;
   std::mt19937 random(45);
@@ -155,7 +155,7 @@ Status serve_chunked(ControllerEndpoint& controller, std::vector<float>& out) {
   }
 }
 
-TEST(Death, OfAControllerInTheMiddleOfAnAnswerLeavesNoMixture) {
+TEST(Death, ControllerKilledMidAnswerLeavesNoMixedFrame) {
   auto config = pair_config("pieces");
   config.rows = config.columns = 200;
   config.channels[0].maximum = config.channels[1].maximum = 1e6;
@@ -202,7 +202,7 @@ TEST(Death, OfAControllerInTheMiddleOfAnAnswerLeavesNoMixture) {
 }
 
 // Whoever is killed, a wait of one second ends with that and not with its deadline.
-TEST(Death, OfEitherSideIsNoticedWithinASecond) {
+TEST(Death, DetectedWithinOneSecond) {
   const auto config = pair_config("second");
   auto surface = std::make_unique<SurfaceEndpoint>(SurfaceEndpoint::create(config));
   {
@@ -230,7 +230,7 @@ TEST(Death, OfEitherSideIsNoticedWithinASecond) {
   remove_orphans(config.name);
 }
 
-TEST(Death, KilledWhileStoppedIsNoticedToo) {
+TEST(Death, DetectedWhileStopped) {
   const auto config = pair_config("stopped-killed");
   auto surface = SurfaceEndpoint::create(config);
   Peer controller([&] {

@@ -67,7 +67,7 @@ int keep(ResourceUsage& account, std::uint64_t ticks, Turn&& turn) {
   return 0;
 }
 
-TEST(Endurance, MemoryStaysFlatAndBothSidesSawTheSameBytes) {
+TEST(Endurance, MemoryStaysConstantAndBothSidesAgree) {
   auto config = pair_config("endurance");
   config.rows = config.columns = 4;
   const auto ticks = full<std::uint64_t>(10'000'000, 30'000);
@@ -110,7 +110,7 @@ TEST(Endurance, MemoryStaysFlatAndBothSidesSawTheSameBytes) {
 }
 
 // Either side may end first; whatever one start takes, its end gives back.
-TEST(Endurance, StartsAndEndsLeaveNothing) {
+TEST(Endurance, StartsAndStopsLeakNothing) {
   const auto config = pair_config("starts");
   const int cycles = full(1000, 60);
   std::ptrdiff_t descriptors = 0, maps = 0;

@@ -12,7 +12,7 @@
 namespace shm_protocol {
 namespace {
 
-TEST(ObserverPair, ComingStoppedAndKilledTheyDisturbNobody) {
+TEST(ObserverPair, ObserversDoNotDisturbThePair) {
   const auto config = pair_config("watched");
   constexpr std::uint64_t kTicks = 60'000;
   Peer controller([&] {
@@ -51,7 +51,7 @@ TEST(ObserverPair, ComingStoppedAndKilledTheyDisturbNobody) {
   EXPECT_FALSE(exists(file_path(config.name)));
 }
 
-TEST(ObserverPair, NoticesThatTheSurfaceWasKilled) {
+TEST(ObserverPair, DetectsKilledSurface) {
   const auto config = pair_config("watched-death");
   Peer surface([&] {
     auto own = SurfaceEndpoint::create(config);

@@ -66,7 +66,7 @@ TEST(Pair, TenThousandTicksOnOneCore) {
   EXPECT_EQ(controller.wait(), 0);
 }
 
-TEST(Pair, StoppedAndContinuedNothingChanges) {
+TEST(Pair, StopAndContinueHasNoEffect) {
   const auto config = pair_config("stopped");
   Peer surface([&] { return run_surface(config, 3 * kTicks); });
   Peer controller([&] { return run_controller(config.name, 3 * kTicks - 1); });
@@ -82,7 +82,7 @@ TEST(Pair, StoppedAndContinuedNothingChanges) {
   EXPECT_EQ(controller.wait(), 0);
 }
 
-TEST(Pair, PassiveFramesAreWholeAndEachIsSeenOrCounted) {
+TEST(Pair, PassiveFramesAreCompleteAndSeenOrCounted) {
   const auto config = pair_config("passive", Mode::kPassive);
   auto controller = [&] {
     Peer surface([&] {
@@ -129,7 +129,7 @@ TEST(Pair, PassiveFramesAreWholeAndEachIsSeenOrCounted) {
   controller();
 }
 
-TEST(Pair, SecondControllerIsRefusedWithTheFirstOnesPid) {
+TEST(Pair, RejectsSecondControllerAndReportsPid) {
   const auto config = pair_config("second");
   auto surface = SurfaceEndpoint::create(config);
   Peer first([&] {
@@ -144,7 +144,7 @@ TEST(Pair, SecondControllerIsRefusedWithTheFirstOnesPid) {
   EXPECT_EQ(pid, static_cast<std::uint32_t>(first.pid()));
 }
 
-TEST(Pair, SurfaceOfAnotherMajorVersionIsRefused) {
+TEST(Pair, RejectsSurfaceOfOtherMajorVersion) {
   const auto config = pair_config("version");
   Peer surface([&] {
     auto own = SurfaceEndpoint::create(config);
@@ -172,7 +172,7 @@ TEST(Pair, SurfaceOfAnotherMajorVersionIsRefused) {
   EXPECT_EQ(remove_orphans(config.name).size(), 1u);  // whose it is can be told in every version
 }
 
-TEST(Pair, SurfaceThatEndsInGoodOrderLeavesNothing) {
+TEST(Pair, OrderlyEndRemovesTheSegment) {
   const auto config = pair_config("order");
   Peer surface([&] { return run_surface(config, 100); });
   auto controller = ControllerEndpoint::attach(config.name, kSoon);

@@ -137,7 +137,7 @@ class Roles(unittest.TestCase):
                 controller.wait(1)
                 controller.actuators["height"][:] = np.nan
                 controller.publish()
-                self.assertTrue(observer.look("actuator"))
+                self.assertTrue(observer.latest("actuator"))
                 self.assertTrue(np.isnan(observer.actuators["height"]).all())  # as written
                 self.assertEqual(observer.frame("actuator").answers, 1)
                 self.assertEqual(observer.controller_pid, os.getpid())

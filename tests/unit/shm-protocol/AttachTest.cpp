@@ -11,7 +11,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-TEST(Attach, FindsOutAllThatTheSurfaceHas) {
+TEST(Attach, ReadsTheSurfaceDescription) {
   auto config = small_surface(unique_name("discover"));
   config.positions.resize(35);
   config.positions[34] = {1.0f, 2.0f, 3.0f};
@@ -43,7 +43,7 @@ TEST(Attach, FindsOutAllThatTheSurfaceHas) {
   EXPECT_EQ(d.channel(Direction::kSensor, "lamp"), -1);
 }
 
-TEST(Attach, FindsThirtyTwoChannels) {
+TEST(Attach, AcceptsThirtyTwoChannels) {
   auto config = small_surface(unique_name("many"));
   config.channels.clear();
   for (int i = 0; i < 32; ++i)
@@ -65,7 +65,7 @@ TEST(Attach, FindsThirtyTwoChannels) {
   EXPECT_EQ(error_of([&] { SurfaceEndpoint::create(config); }), ErrorCode::kBadConfig);
 }
 
-TEST(Attach, ToNothingIsNotFound) {
+TEST(Attach, MissingSurfaceIsNotFound) {
   std::string message;
   const std::string name = unique_name("nothing");
   EXPECT_EQ(error_of([&] { ControllerEndpoint::attach(name); }, &message), ErrorCode::kNotFound);
@@ -85,14 +85,14 @@ TEST(Attach, WaitsForTheSurfaceToAppear) {
   EXPECT_EQ(controller.surface_status(), Status::kSurfaceClosed);
 }
 
-TEST(Attach, StopsWaitingWhenToldTo) {
+TEST(Attach, StopFlagEndsTheWait) {
   const std::atomic<bool> stop{true};
   EXPECT_EQ(
       error_of([&] { ControllerEndpoint::attach(unique_name("stop"), {.timeout = 20s, .stop = &stop}); }),
       ErrorCode::kInterrupted);
 }
 
-TEST(Attach, SecondControllerIsRefusedWithTheFirstOnesPid) {
+TEST(Attach, RejectsSecondControllerAndReportsPid) {
   const auto config = small_surface(unique_name("second"));
   auto surface = SurfaceEndpoint::create(config);
   {
@@ -110,7 +110,7 @@ TEST(Attach, SecondControllerIsRefusedWithTheFirstOnesPid) {
   EXPECT_EQ(surface.controllers_seen(), 2u);
 }
 
-TEST(Attach, PlaceOfADeadControllerIsTaken) {
+TEST(Attach, ReplacesDeadController) {
   const auto config = small_surface(unique_name("heir"));
   auto surface = SurfaceEndpoint::create(config);
   RawSegment raw(config.name);
@@ -119,7 +119,7 @@ TEST(Attach, PlaceOfADeadControllerIsTaken) {
   EXPECT_EQ(raw.header().claim.controller_process, raw.header().identity.surface_process);
 }
 
-TEST(Attach, PlaceOfAControllerWhosePidWasRecycledIsTaken) {
+TEST(Attach, ReplacesControllerWithRecycledPid) {
   const auto config = small_surface(unique_name("recycled"));
   auto surface = SurfaceEndpoint::create(config);
   // This living process's pid, but started at another time.
@@ -129,7 +129,7 @@ TEST(Attach, PlaceOfAControllerWhosePidWasRecycledIsTaken) {
   EXPECT_EQ(surface.controller_pid(), static_cast<std::uint32_t>(::getpid()));
 }
 
-TEST(Attach, AControllerWhosePidWasRecycledIsFoundDead) {
+TEST(Attach, DetectsControllerWithRecycledPidAsDead) {
   const auto config = small_surface(unique_name("recycled-dead"));
   auto surface = SurfaceEndpoint::create(config);
   RawSegment(config.name).header().claim.controller_process =
@@ -138,7 +138,7 @@ TEST(Attach, AControllerWhosePidWasRecycledIsFoundDead) {
   EXPECT_EQ(surface.await_actuators(0, {.timeout = std::chrono::seconds(60)}), Status::kControllerDead);
 }
 
-TEST(Attach, OtherMajorVersionIsRefusedNamingBoth) {
+TEST(Attach, RejectsOtherMajorVersionAndReportsBoth) {
   const auto config = small_surface(unique_name("major"));
   auto surface = SurfaceEndpoint::create(config);
   RawSegment(config.name).header().identity.version = (7u << 16) | 3u;
@@ -161,7 +161,7 @@ TEST(Attach, NewerMinorVersionIsAccepted) {
   EXPECT_EQ(controller.sensor_info().tick, 3u);
 }
 
-TEST(Attach, NotBeforeTheVersionWordIsThere) {
+TEST(Attach, WaitsForTheVersionWord) {
   const auto config = small_surface(unique_name("unready"));
   auto surface = SurfaceEndpoint::create(config);
   RawSegment raw(config.name);
@@ -172,7 +172,7 @@ TEST(Attach, NotBeforeTheVersionWordIsThere) {
   EXPECT_NO_THROW(ControllerEndpoint::attach(config.name));
 }
 
-TEST(Attach, ToADeadSurfaceIsNotFoundAndSaysWhy) {
+TEST(Attach, DeadSurfaceIsNotFoundWithReason) {
   const auto config = small_surface(unique_name("dead"));
   auto surface = SurfaceEndpoint::create(config);
   RawSegment raw(config.name);
@@ -182,7 +182,7 @@ TEST(Attach, ToADeadSurfaceIsNotFoundAndSaysWhy) {
   EXPECT_NE(message.find("dead"), std::string::npos) << message;
 }
 
-TEST(Attach, ReconnectTakesTheNewSessionOfTheSameLayoutOnly) {
+TEST(Attach, ReconnectRequiresTheSameLayout) {
   auto config = small_surface(unique_name("again"));
   auto surface = std::make_unique<SurfaceEndpoint>(SurfaceEndpoint::create(config));
   auto controller = ControllerEndpoint::attach(config.name);

@@ -94,7 +94,7 @@ TEST_F(CApi, OneTickThroughAllThreeRoles) {
   ASSERT_EQ(ssp_controller_counters(controller, &theirs, &mine), SSP_OK);
   EXPECT_EQ(theirs.clamped, 1u);
 
-  ASSERT_EQ(ssp_observer_look(observer, SSP_SENSOR), SSP_OK);
+  ASSERT_EQ(ssp_observer_latest(observer, SSP_SENSOR), SSP_OK);
   ASSERT_EQ(ssp_observer_look(observer, SSP_ACTUATOR), SSP_OK);
   EXPECT_EQ(ssp_observer_look(observer, SSP_ACTUATOR), SSP_REPEATED);
   EXPECT_EQ(static_cast<const std::uint8_t*>(ssp_observer_array(observer, 1, nullptr))[3], 200);
@@ -184,7 +184,7 @@ TEST_F(CApi, PassiveModeCounts) {
   EXPECT_EQ(of_surface.deadline_misses, 1u);
 }
 
-TEST_F(CApi, ErrorsAreNamedAndNameTheProcess) {
+TEST_F(CApi, ErrorsReportTextAndProcess) {
   start("c-errors");
   ssp_controller* second = controller;
   EXPECT_EQ(ssp_controller_attach(config->config.name, 0, nullptr, &second), SSP_E_CONTROLLER_LIVES);
@@ -211,7 +211,7 @@ TEST_F(CApi, ErrorsAreNamedAndNameTheProcess) {
   EXPECT_EQ(other, "");  // each thread has its own
 }
 
-TEST_F(CApi, NullsAndWrongChannelsAreRefused) {
+TEST_F(CApi, RejectsNullsAndInvalidChannels) {
   start("c-null");
   EXPECT_EQ(ssp_surface_create(nullptr, nullptr), SSP_E_ARGUMENT);
   ssp_controller* refused = controller;
@@ -236,7 +236,7 @@ TEST_F(CApi, NullsAndWrongChannelsAreRefused) {
   ssp_stop_destroy(nullptr);
 }
 
-TEST_F(CApi, EveryResultHasItsText) {
+TEST_F(CApi, EveryResultHasAText) {
   for (int i = SSP_E_INTERNAL; i <= SSP_SURFACE_CLOSED; ++i) {
     EXPECT_STRNE(ssp_text(static_cast<ssp_result>(i)), "unknown") << i;
     for (int k = SSP_E_INTERNAL; k < i; ++k)
@@ -246,7 +246,7 @@ TEST_F(CApi, EveryResultHasItsText) {
   EXPECT_STREQ(ssp_text(static_cast<ssp_result>(99)), "unknown");
 }
 
-TEST_F(CApi, ARaisedFlagEndsWaits) {
+TEST_F(CApi, StopFlagEndsWaits) {
   start("c-stop");
   ssp_stop* stop = ssp_stop_create();
   std::thread raiser([&] {

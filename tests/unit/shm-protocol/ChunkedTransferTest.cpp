@@ -38,7 +38,7 @@ std::vector<float> ramp(std::size_t cells, float from) {
   return values;
 }
 
-TEST(ChunkedTransfer, AreCopiedAlongAndEndAsTheWholeFrame) {
+TEST(ChunkedTransfer, ChunksAssembleTheCompleteFrame) {
   const auto config = large_surface("pieces");
   auto surface = SurfaceEndpoint::create(config);
   const std::size_t cells = surface.description().cells();
@@ -87,7 +87,7 @@ class ChunksBothWays : public testing::TestWithParam<bool> {};
 INSTANTIATE_TEST_SUITE_P(ChunkedTransfer, ChunksBothWays, testing::Bool(),
                          [](const auto& of) { return of.param ? "InPlace" : "Copied"; });
 
-TEST_P(ChunksBothWays, AreAnsweredWhileTheRestIsStillToCome) {
+TEST_P(ChunksBothWays, AnswersChunksBeforeFrameIsComplete) {
   auto config = large_surface("streaming");
   const bool in_place = GetParam();
   config.answers_in_place = in_place;
@@ -178,7 +178,7 @@ struct LargePair {
   std::unique_ptr<ControllerEndpoint> controller;
 };
 
-TEST(ChunkedTransfer, OfARefusedAnswerAreNotTakenForTheNextOne) {
+TEST(ChunkedTransfer, RejectedAnswerDoesNotMixWithNext) {
   LargePair p("refused");
   ASSERT_EQ(p.surface.publish(0, 0.0), Status::kOk);
   ASSERT_EQ(p.surface.await_actuators(0, kNoWait), Status::kNoController);
@@ -195,7 +195,7 @@ TEST(ChunkedTransfer, OfARefusedAnswerAreNotTakenForTheNextOne) {
   EXPECT_TRUE(p.actuator_matches(8));
 }
 
-TEST(ChunkedTransfer, OfAControllerThatLeftAreNotTakenForTheNextOnes) {
+TEST(ChunkedTransfer, DetachedControllerDoesNotMixWithNext) {
   LargePair p("successor");
   p.attach();
   ASSERT_EQ(p.surface.await_controller(kNoWait), Status::kOk);
@@ -219,7 +219,7 @@ TEST(ChunkedTransfer, OfAControllerThatLeftAreNotTakenForTheNextOnes) {
 }
 
 // The predecessor's pieces are in the user's hands when the successor's whole frame is there.
-TEST(ChunkedTransfer, ThatWereHandedOutInVainAreToldOf) {
+TEST(ChunkedTransfer, ReportsInvalidatedActuatorChunks) {
   LargePair p("vain");
   p.attach();
   ASSERT_EQ(p.surface.await_controller(kNoWait), Status::kOk);
@@ -238,7 +238,7 @@ TEST(ChunkedTransfer, ThatWereHandedOutInVainAreToldOf) {
   EXPECT_TRUE(p.actuator_matches(8));
 }
 
-TEST(ChunkedTransfer, OfASensorFrameThatWasGivenUpAreToldOf) {
+TEST(ChunkedTransfer, ReportsChunksOfAbandonedSensorFrame) {
   LargePair p("given-up");
   const std::vector<float> ones(p.surface.description().cells(), 1), twos(ones.size(), 2);
   p.surface.write(0, 0, std::span(ones).first(40'000));
@@ -269,7 +269,7 @@ TEST(ChunkedTransfer, OfASensorFrameThatWasGivenUpAreToldOf) {
   EXPECT_TRUE(p.actuator_matches(8));
 }
 
-TEST(ChunkedTransfer, AreNotHandedOutOutOfTurnOrInPassiveMode) {
+TEST(ChunkedTransfer, NoChunksOutOfTurnOrInPassiveMode) {
   LargePair p("turns");
   p.attach();
   EXPECT_TRUE(p.controller->next_cells(0, kNoWait).empty());  // there is no frame
@@ -288,7 +288,7 @@ TEST(ChunkedTransfer, AreNotHandedOutOutOfTurnOrInPassiveMode) {
 }
 
 // Each piece is told of as soon as it is final, and nothing past it.
-TEST(ChunkedTransfer, ProgressIsWhatIsFinal) {
+TEST(ChunkedTransfer, ProgressCoversFinalBytesOnly) {
   ssp_progress line{};
   alignas(64) static std::byte slot[400'000];
   ssp_channel a{}, b{};

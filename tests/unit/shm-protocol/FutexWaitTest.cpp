@@ -27,7 +27,7 @@ struct ScriptedPeer {
 
 // A piece is handed out by saying yes: a second yes would hand out another one, and the first would be lost.
 // The questions: at once; before the sleep, with the flag raised; after it; before the next sleep; and so on.
-TEST(FutexWait, ReadyIsNotAskedAgainOnceItSaidYes) {
+TEST(FutexWait, StopsPollingOnceReady) {
   for (int question = 1; question <= 4; ++question) {
     ScriptedPeer script{.ready_at = question};
     EXPECT_EQ(script.wait(10s), Status::kOk) << question;
@@ -37,7 +37,7 @@ TEST(FutexWait, ReadyIsNotAskedAgainOnceItSaidYes) {
   }
 }
 
-TEST(FutexWait, IsOverAtItsDeadlineWhenNobodySaysYes) {
+TEST(FutexWait, TimesOutAtTheDeadline) {
   ScriptedPeer script{.ready_at = 1 << 30};
   EXPECT_EQ(script.wait(1ms), Status::kTimeout);
   EXPECT_EQ(script.flag, 0u);

@@ -53,7 +53,7 @@ void use(ControllerEndpoint& controller) {
   (void)controller.publish();
 }
 
-TEST(HeaderFuzz, MutatedHeadersAreNamedErrorsOrHarmless) {
+TEST(HeaderFuzz, MutatedHeadersAreErrorsOrHarmless) {
   std::mt19937 random(20240501);
   int refused = 0, accepted = 0, corrupt = 0;
   for (const Mode mode : {Mode::kTimeStep, Mode::kPassive}) {
@@ -85,7 +85,7 @@ TEST(HeaderFuzz, MutatedHeadersAreNamedErrorsOrHarmless) {
   EXPECT_GT(accepted, 100);
 }
 
-TEST(HeaderFuzz, RehashedHeadersPassOnlyWhenTheirSizesAreSound) {
+TEST(HeaderFuzz, RehashedHeadersRequireValidSizes) {
   // The hash keeps accidents out; whoever forges can compute it. So forge it: only the checks of sizes are
   // left.
   std::mt19937 random(7);
@@ -128,7 +128,7 @@ TEST(HeaderFuzz, EveryTruncationIsCorrupt) {
   }
 }
 
-TEST(HeaderFuzz, SurfaceOutlivesAControllerThatScribblesOverEverything) {
+TEST(HeaderFuzz, SurfaceSurvivesHostileController) {
   for (const Mode mode : {Mode::kTimeStep, Mode::kPassive}) {
     const auto config = small_surface(unique_name("scribble"), mode);
     auto surface = SurfaceEndpoint::create(config);

@@ -16,14 +16,14 @@ T at(RawSegment& raw, std::size_t offset) {
   return value;
 }
 
-TEST(Layout, IsTheSameInCAndCxx) {
+TEST(Layout, MatchesBetweenCAndCxx) {
   EXPECT_EQ(layout_sizes_from_c(0), sizeof(ssp_header));
   EXPECT_EQ(layout_sizes_from_c(1), sizeof(ssp_channel));
   EXPECT_EQ(layout_sizes_from_c(2), sizeof(ssp_slot));
   EXPECT_EQ(layout_sizes_from_c(3), offsetof(ssp_header, sensors));
 }
 
-TEST(Layout, IdentityAndGeometryStandAtTheirOffsets) {
+TEST(Layout, IdentityAndGeometryOffsets) {
   const auto config = small_surface(unique_name("layout"), Mode::kPassive);
   auto surface = SurfaceEndpoint::create(config);
   RawSegment raw(config.name);
@@ -43,7 +43,7 @@ TEST(Layout, IdentityAndGeometryStandAtTheirOffsets) {
   EXPECT_EQ(at<std::uint32_t>(raw, 256), std::uint32_t{SSP_STATE_READY});
 }
 
-TEST(Layout, DirectoryDescribesEachChannelAndItsPlace) {
+TEST(Layout, DirectoryDescribesEachChannel) {
   const auto config = small_surface(unique_name("directory"));
   auto surface = SurfaceEndpoint::create(config);
   RawSegment raw(config.name);
@@ -105,7 +105,7 @@ TEST(Layout, TimeStepUsesTwoSlotsOfEachRing) {
   }
 }
 
-TEST(Layout, HashTellsLayoutsApartAndNothingElse) {
+TEST(Layout, HashDependsOnLayoutOnly) {
   auto config = small_surface(unique_name("hash"));
   const auto hash = [](const SurfaceConfig& c) {
     return SurfaceEndpoint::create(c).description().layout_hash;
@@ -121,7 +121,7 @@ TEST(Layout, HashTellsLayoutsApartAndNothingElse) {
   EXPECT_NE(hash(config), before);
 }
 
-TEST(Layout, EveryLineHasItsOwnTwoCacheLines) {
+TEST(Layout, EveryLineSpansTwoCacheLines) {
   for (const std::size_t offset :
        {offsetof(ssp_header, surface), offsetof(ssp_header, controller), offsetof(ssp_header, claim),
         offsetof(ssp_header, sensors), offsetof(ssp_header, actuators),

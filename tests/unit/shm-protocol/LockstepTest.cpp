@@ -87,7 +87,7 @@ TEST(Lockstep, NeitherSideRunsAhead) {
   EXPECT_EQ(p.surface->publish(1, 0.0), Status::kOk);
 }
 
-TEST(BadValues, AreReplacedAndCounted) {
+TEST(BadValues, ReplacedAndCounted) {
   Pair p("clamp");
   p.attach();
   ASSERT_EQ(p.surface->publish(0, 0.0), Status::kOk);
@@ -120,7 +120,7 @@ TEST(BadValues, AreReplacedAndCounted) {
   EXPECT_EQ(p.controller->surface_counters().clamped, 9u);
 }
 
-TEST(BadValues, AreShownInPlaceUncheckedAndCountedByTheCaller) {
+TEST(BadValues, UncheckedInPlaceAndCountedByCaller) {
   Pair p("unchecked", true, true);
   p.attach();
   ASSERT_EQ(p.surface->publish(0, 0.0), Status::kOk);
@@ -137,7 +137,7 @@ TEST(BadValues, AreShownInPlaceUncheckedAndCountedByTheCaller) {
 
 // The answer lies in its slot, and the one before it while the next one is made; what stands when the
 // controller is gone is the surface's own.
-TEST(Lockstep, AnswersInPlaceStandInTheirSlotsUntilTheControllerIsGone) {
+TEST(Lockstep, AnswersStayInPlaceUntilControllerIsLost) {
   for (const bool hold : {true, false}) {
     Pair p("in-place", hold, true);
     EXPECT_EQ(p.surface->actuator(kHeight)[0], 0.5f);  // the safe frame
@@ -167,7 +167,7 @@ TEST(Lockstep, AnswersInPlaceStandInTheirSlotsUntilTheControllerIsGone) {
   }
 }
 
-TEST(Lockstep, WhatWasTakenInDoesNotChangeUnderTheSurface) {
+TEST(Lockstep, TakenFrameIsImmutable) {
   Pair p("private");
   p.attach();
   ASSERT_EQ(p.surface->publish(0, 0.0), Status::kOk);
@@ -180,7 +180,7 @@ TEST(Lockstep, WhatWasTakenInDoesNotChangeUnderTheSurface) {
   EXPECT_EQ(p.surface->actuator(kHeight)[0], 1.0f);
 }
 
-TEST(Lockstep, SafeFrameStandsUntilTheFirstOne) {
+TEST(Lockstep, SafeValuesUntilFirstFrame) {
   Pair p("safe");
   EXPECT_EQ(p.surface->actuator(kHeight)[0], 0.5f);
   EXPECT_EQ(p.surface->actuator<std::uint8_t>(kLamp)[34], 7);
@@ -191,7 +191,7 @@ TEST(Lockstep, SafeFrameStandsUntilTheFirstOne) {
   EXPECT_EQ(p.surface->publish(1, 0.0), Status::kOk);  // given up: the surface may go on by itself
 }
 
-TEST(Lockstep, AfterTheControllersDeathItsLastFrameOrTheSafeOneStands) {
+TEST(Lockstep, HoldsLastFrameOrSafeValuesAfterControllerDeath) {
   for (const bool hold : {true, false}) {
     Pair p("death", hold);
     p.attach();
@@ -210,7 +210,7 @@ TEST(Lockstep, AfterTheControllersDeathItsLastFrameOrTheSafeOneStands) {
   }
 }
 
-TEST(Lockstep, OrderlyDepartureIsToldApartFromDeath) {
+TEST(Lockstep, DistinguishesDetachFromDeath) {
   Pair p("leave", false);
   p.attach();
   ASSERT_EQ(p.surface->publish(0, 0.0), Status::kOk);
@@ -230,7 +230,7 @@ TEST(Lockstep, OrderlyDepartureIsToldApartFromDeath) {
 }
 
 // The answer was there at the first look, so the surface did not look for the controller itself.
-TEST(Lockstep, DepartureOfAControllerThatAlwaysAnsweredAtOnceIsTold) {
+TEST(Lockstep, ReportsDetachOfImmediatelyAnsweringController) {
   for (const bool before_the_look : {false, true}) {
     Pair p("quick", false);
     for (std::uint64_t tick = 0; tick < 4; tick += 2) {  // and of the next one too
@@ -265,7 +265,7 @@ TEST(Lockstep, SuccessorDoesNotAnswerTwice) {
   EXPECT_EQ(p.controller->await_sensors(kNoWait), Status::kOk);
 }
 
-TEST(Lockstep, SuccessorIsNotFooledByAHalfWrittenPublication) {
+TEST(Lockstep, SuccessorIgnoresPartialPublication) {
   Pair p("half");
   p.attach();
   ASSERT_EQ(p.surface->publish(0, 0.0), Status::kOk);
@@ -287,7 +287,7 @@ TEST(Lockstep, SuccessorIsNotFooledByAHalfWrittenPublication) {
   EXPECT_EQ(p.surface->actuator(kHeight)[0], 1.5f);
 }
 
-TEST(Lockstep, AnswerToAFrameThatWasGivenUpIsRefused) {
+TEST(Lockstep, RejectsAnswerToAbandonedFrame) {
   Pair p("late");
   ASSERT_EQ(p.surface->publish(0, 0.0), Status::kOk);
   ASSERT_EQ(p.surface->await_actuators(0, kNoWait), Status::kNoController);
@@ -303,7 +303,7 @@ TEST(Lockstep, AnswerToAFrameThatWasGivenUpIsRefused) {
 
 // A controller that the surface did not know of has answered a frame that was given up; while it announces
 // the answer to the next one, the line already says `answers` of that, the word still means the first.
-TEST(Lockstep, FirstAnswerIsNotTakenForTheSecond) {
+TEST(Lockstep, DistinguishesConsecutiveAnswers) {
   // What may be seen of the line while it is written: frame first, or, by one who does not keep to the order,
   // answers.
   const std::pair<std::uint64_t, Status> cases[] = {{2, Status::kTimeout}, {1, Status::kTorn}};
@@ -328,7 +328,7 @@ TEST(Lockstep, FirstAnswerIsNotTakenForTheSecond) {
   }
 }
 
-TEST(Lockstep, ControllerThatIsAdoptedWhileItLeavesIsNotCalledDead) {
+TEST(Lockstep, ControllerAdoptedWhileDetachingIsNotDead) {
   Pair p("leaver");
   ASSERT_EQ(p.surface->publish(0, 0.0), Status::kOk);
   p.attach();
@@ -341,7 +341,7 @@ TEST(Lockstep, ControllerThatIsAdoptedWhileItLeavesIsNotCalledDead) {
   EXPECT_EQ(p.surface->await_actuators(0, kNoWait), Status::kControllerClosed);
 }
 
-TEST(Lockstep, StatesAreSeenAcross) {
+TEST(Lockstep, StatesAreVisibleToThePeer) {
   Pair p("states");
   p.attach();
   EXPECT_EQ(p.controller->surface_state(), State::kReady);

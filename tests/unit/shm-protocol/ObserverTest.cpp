@@ -33,7 +33,7 @@ TEST(Observer, MapsReadOnly) {
   EXPECT_EQ(flags, (std::vector<std::string>{"r--s", "rw-s"}));
 }
 
-TEST(Observer, ChangesNoByteOfTheSegment) {
+TEST(Observer, DoesNotModifyTheSegment) {
   const auto config = small_surface(unique_name("bytes"));
   auto surface = SurfaceEndpoint::create(config);
   auto controller = ControllerEndpoint::attach(config.name);
@@ -53,7 +53,7 @@ TEST(Observer, ChangesNoByteOfTheSegment) {
   EXPECT_EQ(raw.copy(), before);
 }
 
-TEST(Observer, SeesBothDirectionsAsTheyWereWritten) {
+TEST(Observer, ReadsBothDirectionsUnchecked) {
   const auto config = small_surface(unique_name("both"));
   auto surface = SurfaceEndpoint::create(config);
   auto controller = ControllerEndpoint::attach(config.name);
@@ -86,7 +86,7 @@ TEST(Observer, SeesBothDirectionsAsTheyWereWritten) {
   EXPECT_EQ(observer.published(Direction::kActuator), 1u);
 }
 
-TEST(Observer, TakesTheNewestAndSkipsTheRest) {
+TEST(Observer, TakesNewestFrameAndSkipsOlder) {
   const auto config = small_surface(unique_name("newest"), Mode::kPassive);
   auto surface = SurfaceEndpoint::create(config);
   auto observer = ObserverEndpoint::attach(config.name);
@@ -99,7 +99,7 @@ TEST(Observer, TakesTheNewestAndSkipsTheRest) {
   EXPECT_EQ(observer.array(kDistance)[7], 10.0f);
 }
 
-TEST(Observer, SeesStatesAndWhoIsThere) {
+TEST(Observer, ReportsStatesAndProcesses) {
   const auto config = small_surface(unique_name("states"));
   auto surface = std::make_unique<SurfaceEndpoint>(SurfaceEndpoint::create(config));
   auto observer = ObserverEndpoint::attach(config.name);
@@ -126,7 +126,7 @@ TEST(Observer, SeesStatesAndWhoIsThere) {
   EXPECT_EQ(observer.await(Direction::kActuator), Status::kSurfaceClosed);
 }
 
-TEST(Observer, HalfAFrameIsTorn) {
+TEST(Observer, IncompleteFrameIsTorn) {
   const auto config = small_surface(unique_name("torn"), Mode::kPassive);
   auto surface = SurfaceEndpoint::create(config);
   auto observer = ObserverEndpoint::attach(config.name);
@@ -142,7 +142,7 @@ TEST(Observer, HalfAFrameIsTorn) {
 }
 
 // ThreadSanitizer's view of an observer between the two.
-TEST(Threads, ObserverOfARunningPairSeesWholeFramesOnly) {
+TEST(Threads, ObserverSeesCompleteFramesOnly) {
   auto config = small_surface(unique_name("observed"));
   config.rows = config.columns = 32;
   config.channels[kDistance].maximum = 1e9;

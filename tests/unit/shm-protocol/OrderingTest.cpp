@@ -58,7 +58,7 @@ TEST(Ordering, FlagAndWordAreNeverBothMissed) {
 
 // Who sees the count of a piece sees its bytes, and the same of a frame's announcement; ThreadSanitizer
 // judges the order of these plain reads too.
-TEST(Ordering, WhoSeesTheCountSeesTheBytes) {
+TEST(Ordering, BytesAreVisibleBeforeTheCount) {
   constexpr std::size_t kCopies = 20'000;
   struct alignas(128) Copy {
     std::uint32_t data = 0;
@@ -81,7 +81,7 @@ TEST(Ordering, WhoSeesTheCountSeesTheBytes) {
 }
 
 // On the publication line `answers` comes after `frame`: never the new answer with the old frame.
-TEST(Ordering, WhoSeesTheAnswerSeesItsFrame) {
+TEST(Ordering, FrameIsVisibleBeforeAnswers) {
   std::vector<ssp_publication> lines(20'000);
   std::size_t mixed = 0;
   race(

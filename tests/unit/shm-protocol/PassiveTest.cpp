@@ -32,7 +32,7 @@ struct PassivePair {
   std::uint64_t tick = 0;
 };
 
-TEST(Passive, ControllerReadsTheNewestFrameAndCountsTheRest) {
+TEST(Passive, ControllerReadsNewestFrameAndCountsSkipped) {
   PassivePair p("newest");
   EXPECT_EQ(p.controller->latest_sensors(), Status::kRepeated);  // nothing yet
   for (int i = 1; i <= 3; ++i) p.publish_sensors(static_cast<float>(i));
@@ -50,7 +50,7 @@ TEST(Passive, ControllerReadsTheNewestFrameAndCountsTheRest) {
   EXPECT_EQ(p.surface.controller_counters().repeated, 2u);
 }
 
-TEST(Passive, SurfaceReadsTheNewestFrameAndCountsTheRest) {
+TEST(Passive, SurfaceReadsNewestFrameAndCountsSkipped) {
   PassivePair p("counts");
   EXPECT_EQ(p.surface.latest_actuators(), Status::kRepeated);
   p.publish_sensors(1);
@@ -65,7 +65,7 @@ TEST(Passive, SurfaceReadsTheNewestFrameAndCountsTheRest) {
   EXPECT_EQ(p.controller->surface_counters().repeated, 2u);
 }
 
-TEST(Passive, FrameInTheMakingIsTornAndTheOneBeforeStands) {
+TEST(Passive, IncompleteFrameIsTornAndPreviousIsKept) {
   PassivePair p("torn");
   RawSegment raw(p.name);
   p.publish_sensors(1);
@@ -88,7 +88,7 @@ TEST(Passive, FrameInTheMakingIsTornAndTheOneBeforeStands) {
   EXPECT_EQ(p.surface.actuator(kHeight)[0], 2.0f);
 }
 
-TEST(Passive, WhatALostControllerLeftUnreadIsNotActedUpon) {
+TEST(Passive, DiscardsUnreadFramesOfLostController) {
   PassivePair p("lost");
   p.publish_actuators(1);
   ASSERT_EQ(p.surface.latest_actuators(), Status::kOk);

@@ -43,7 +43,7 @@ const SegmentInfo* find(const std::vector<SegmentInfo>& list, const std::string&
   return it == list.end() ? nullptr : &*it;
 }
 
-TEST(Segment, IsPrivateToTheUserAndGoneWithItsSurface) {
+TEST(Segment, HasMode0600AndIsRemovedWithItsSurface) {
   const auto config = small_surface(unique_name("mode"));
   {
     auto surface = SurfaceEndpoint::create(config);
@@ -55,7 +55,7 @@ TEST(Segment, IsPrivateToTheUserAndGoneWithItsSurface) {
   for (const auto& s : list_segments()) EXPECT_EQ(s.name.find(config.name), std::string::npos) << s.name;
 }
 
-TEST(Segment, OfALivingSurfaceIsRefusedWithItsPid) {
+TEST(Segment, RejectsNameOfLivingSurfaceAndReportsPid) {
   const auto config = small_surface(unique_name("lives"));
   auto surface = SurfaceEndpoint::create(config);
   std::string message;
@@ -67,7 +67,7 @@ TEST(Segment, OfALivingSurfaceIsRefusedWithItsPid) {
   EXPECT_TRUE(exists(file_path(config.name)));
 }
 
-TEST(Segment, OfAKilledSurfaceIsReclaimed) {
+TEST(Segment, ReclaimsSegmentOfKilledSurface) {
   for (const bool reap : {true, false}) {
     const auto config = small_surface(unique_name("stale"));
     const pid_t dead = leave_orphan(config, reap);
@@ -80,7 +80,7 @@ TEST(Segment, OfAKilledSurfaceIsReclaimed) {
   }
 }
 
-TEST(Segment, OfARecycledPidIsReclaimed) {
+TEST(Segment, ReclaimsSegmentOfRecycledPid) {
   const auto config = small_surface(unique_name("recycled"));
   std::vector<std::uint8_t> bytes;
   {
@@ -95,7 +95,7 @@ TEST(Segment, OfARecycledPidIsReclaimed) {
   EXPECT_NO_THROW(SurfaceEndpoint::create(config));
 }
 
-TEST(Segment, ForeignFileUnderTheNameIsRefusedAndLeftAlone) {
+TEST(Segment, RejectsAndKeepsForeignFile) {
   const std::string name = unique_name("foreign");
   ForgedSegment forged(name, std::vector<std::uint8_t>(8192, 0x5A));
   EXPECT_EQ(error_of([&] { SurfaceEndpoint::create(small_surface(name)); }), ErrorCode::kForeign);
@@ -104,7 +104,7 @@ TEST(Segment, ForeignFileUnderTheNameIsRefusedAndLeftAlone) {
   EXPECT_TRUE(exists(file_path(name)));
 }
 
-TEST(Segment, ForkedChildThatEndsTakesNothingAway) {
+TEST(Segment, ForkedChildRemovesNothing) {
   const auto config = small_surface(unique_name("fork"));
   auto surface = SurfaceEndpoint::create(config);
   auto controller = ControllerEndpoint::attach(config.name);
@@ -122,7 +122,7 @@ TEST(Segment, ForkedChildThatEndsTakesNothingAway) {
   EXPECT_EQ(controller.surface_status(), Status::kOk);
 }
 
-TEST(Segment, OrphansAreListedAndOnlyTheyAreRemoved) {
+TEST(Segment, ListsAndRemovesOnlyOrphans) {
   const auto living = small_surface(unique_name("clean") + "-living");
   const auto orphan = small_surface(unique_name("clean") + "-orphan");
   auto surface = SurfaceEndpoint::create(living);
@@ -201,7 +201,7 @@ TEST(Segment, TooSmallShmIsAnErrorNotASigbus) {
   EXPECT_EQ(WEXITSTATUS(status), 0);
 }
 
-TEST(Segment, FullShmIsAnErrorNotASigbusAndRoomMadeIsUsed) {
+TEST(Segment, FullShmIsAnErrorAndFreedSpaceIsUsed) {
   int status = 0;
   const auto body = [] {
     const std::vector<char> much(8 * 1024 * 1024 - 200 * 1024, 1);
@@ -232,7 +232,7 @@ TEST(Segment, LargerThanAllMemoryIsAnErrorNotACrash) {
   for (const auto& s : list_segments()) EXPECT_EQ(s.name.find(config.name), std::string::npos) << s.name;
 }
 
-TEST(Segment, ImpossibleConfigurationsNameTheField) {
+TEST(Segment, InvalidConfigurationNamesTheField) {
   const auto expect = [](const std::string& word, auto change) {
     auto config = small_surface(unique_name("bad"));
     change(config);

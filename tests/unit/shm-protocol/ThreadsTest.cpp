@@ -97,7 +97,7 @@ TEST(Threads, PassiveFramesAreNeverMixed) {
 }
 
 // A surface that comes round the ring many times while the controller copies one frame.
-TEST(Threads, FrameOverwrittenDuringTheCopyIsNeverTaken) {
+TEST(Threads, RejectsFrameOverwrittenDuringCopy) {
   auto config = small_surface(unique_name("lapped"), Mode::kPassive);
   config.rows = config.columns = 256;
   config.channels[kDistance].maximum = 1e9;

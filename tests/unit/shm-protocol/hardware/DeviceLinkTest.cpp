@@ -65,7 +65,7 @@ bool is_right(const SensorFrame& frame) {
   return true;
 }
 
-TEST(DeviceLink, LearnsWhatTheDeviceIs) {
+TEST(DeviceLink, ReceivesDeviceDescription) {
   Pair pair;
   pair.start();
   const DeviceDescription& d = pair.link.description();
@@ -103,7 +103,7 @@ TEST(DeviceLink, FramesGoBothWaysInStep) {
   for (std::size_t i = 0; i < kCells; ++i) ASSERT_EQ(pair.device.heights()[i], commanded(50, i));
 }
 
-TEST(DeviceLink, ValuesOutsideTheRangeAreBroughtIn) {
+TEST(DeviceLink, ClampsValuesToTheRange) {
   Pair pair;
   pair.start();
   pair.device.period();
@@ -143,7 +143,7 @@ Bytes joined(const std::vector<Bytes>& packets) {
 }
 
 // As many elements as a frame has are no frame when one piece came twice and another not at all.
-TEST(DeviceLink, APieceInAnothersPlaceIsNotUsedByEitherSide) {
+TEST(DeviceLink, RejectsMisplacedChunks) {
   Pair pair;
   pair.start();
   pair.device.period();
@@ -167,7 +167,7 @@ TEST(DeviceLink, APieceInAnothersPlaceIsNotUsedByEitherSide) {
   EXPECT_EQ(larger.device.heights()[0], 0);
 }
 
-TEST(DeviceLink, AFrameWithAnyPacketMissingIsGivenUp) {
+TEST(DeviceLink, AbandonsFrameWithMissingPacket) {
   Pair whole;
   whole.start();
   whole.device.period();
@@ -191,7 +191,7 @@ TEST(DeviceLink, AFrameWithAnyPacketMissingIsGivenUp) {
 
 // A long run over bad lines in both directions. Nothing wrong may come through, on either side, and much
 // must.
-TEST(DeviceLink, WhatComesThroughNoiseIsRight) {
+TEST(DeviceLink, FramesReceivedOverNoiseAreCorrect) {
   Pair pair;
   pair.start();
   NoiseOptions noise{2e-4, 2e-4, {}, 11};
@@ -232,7 +232,7 @@ TEST(DeviceLink, WhatComesThroughNoiseIsRight) {
 
 // Anything at all, and well-formed packets with senseless content: no crash (the sanitizers watch), and no
 // frame.
-TEST(DeviceLink, SenselessPacketsChangeNothing) {
+TEST(DeviceLink, IgnoresInvalidPackets) {
   std::mt19937 random(21);
   Pair pair;
   pair.start();
@@ -278,7 +278,7 @@ Event describe(DeviceLink& link, ssw_hello hello, ssw_channel channel) {
   return last;
 }
 
-TEST(DeviceLink, ImpossibleDescriptionsAreRefused) {
+TEST(DeviceLink, RejectsInvalidDescriptions) {
   const ssw_hello hello{SSW_VERSION, 1, 4, 4, 1000, 1, 0, "x"};
   const ssw_channel channel{0, SSW_ACTUATOR, SSW_U8, 1, 0, 4, 0, 0.02F, 0, "height", "u"};
   const auto outcome = [&](auto change) {

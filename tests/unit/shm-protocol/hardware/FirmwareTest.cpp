@@ -43,7 +43,7 @@ struct FirmwareHarness {
   int frames = 0;
 };
 
-TEST(Firmware, SaysNothingBeforeItIsStarted) {
+TEST(Firmware, SendsNoFramesBeforeStart) {
   Bytes out;
   ToyDevice device(4, 5, 1000,
                    [&](const std::uint8_t* b, std::size_t n) { out.insert(out.end(), b, b + n); });
@@ -51,7 +51,7 @@ TEST(Firmware, SaysNothingBeforeItIsStarted) {
   EXPECT_TRUE(out.empty());
 }
 
-TEST(Firmware, AnAnswerTakesForceAtTheEndOfItsPeriod) {
+TEST(Firmware, AppliesAnswerAtEndOfPeriod) {
   FirmwareHarness b;
   EXPECT_EQ(b.period().tick, 1u);
   b.answer(1, 2.0F);
@@ -61,7 +61,7 @@ TEST(Firmware, AnAnswerTakesForceAtTheEndOfItsPeriod) {
   EXPECT_EQ(b.link.frame().active_tick, 1u);
 }
 
-TEST(Firmware, AMissedDeadlineIsMarkedAndTheFrameBeforeStands) {
+TEST(Firmware, MissedDeadlineKeepsPreviousFrame) {
   FirmwareHarness b;
   b.period();
   b.answer(1, 2.0F);
@@ -77,7 +77,7 @@ TEST(Firmware, AMissedDeadlineIsMarkedAndTheFrameBeforeStands) {
   EXPECT_TRUE(b.all(150));
 }
 
-TEST(Firmware, HalfAFrameIsNotUsed) {
+TEST(Firmware, IgnoresIncompleteFrame) {
   FirmwareHarness b;
   b.period();
   Bytes whole;
@@ -88,7 +88,7 @@ TEST(Firmware, HalfAFrameIsNotUsed) {
   EXPECT_TRUE(b.all(0));
 }
 
-TEST(Firmware, TakesTheSafeValuesWhenTheHostIsSilent) {
+TEST(Firmware, AppliesSafeValuesWhenHostIsSilent) {
   FirmwareHarness b;
   b.period();
   b.answer(1, 2.0F);
@@ -102,7 +102,7 @@ TEST(Firmware, TakesTheSafeValuesWhenTheHostIsSilent) {
   EXPECT_TRUE(b.all(50));
 }
 
-TEST(Firmware, AHeartbeatKeepsTheLastFrameInForce) {
+TEST(Firmware, HeartbeatKeepsLastFrame) {
   FirmwareHarness b;
   b.period();
   b.answer(1, 2.0F);
@@ -114,7 +114,7 @@ TEST(Firmware, AHeartbeatKeepsTheLastFrameInForce) {
   EXPECT_TRUE(b.all(100));
 }
 
-TEST(Firmware, StopTakesTheSafeValuesAtOnceAndEndsTheFrames) {
+TEST(Firmware, StopAppliesSafeValuesAndEndsFrames) {
   FirmwareHarness b;
   b.period();
   b.answer(1, 2.0F);
@@ -128,7 +128,7 @@ TEST(Firmware, StopTakesTheSafeValuesAtOnceAndEndsTheFrames) {
   EXPECT_EQ(b.frames, before);
 }
 
-TEST(Firmware, ARestartIsSeenByAnotherBootNumber) {
+TEST(Firmware, RestartChangesBootNumber) {
   FirmwareHarness b;
   const auto boot = b.link.description().boot;
   b.period();

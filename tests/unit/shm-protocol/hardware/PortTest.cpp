@@ -12,7 +12,7 @@
 namespace hardware {
 namespace {
 
-TEST(PortName, TellsTerminalsFromServers) {
+TEST(PortName, DistinguishesTerminalsFromServers) {
   EXPECT_FALSE(PortAddress::parse("/dev/ttyUSB0", 115200).tcp());
   const PortAddress tcp = PortAddress::parse("tcp:[::1]:5000", 115200);
   EXPECT_TRUE(tcp.tcp());
@@ -21,13 +21,13 @@ TEST(PortName, TellsTerminalsFromServers) {
   EXPECT_EQ(PortAddress::parse("tcp:host.example:1", 9600).host, "host.example");
 }
 
-TEST(PortName, RefusesWhatCannotBeOne) {
+TEST(PortName, RejectsInvalidAddresses) {
   for (const char* text : {"", "tcp:", "tcp:host", "tcp::5000", "tcp:host:", "tcp:host:http"})
     EXPECT_THROW(PortAddress::parse(text, 115200), std::invalid_argument) << text;
   EXPECT_THROW(PortAddress::parse("/dev/ttyUSB0", 12345), std::invalid_argument);
 }
 
-TEST(Port, AFileIsNoLine) {
+TEST(Port, RejectsRegularFile) {
   std::string why;
   EXPECT_FALSE(Port::open(PortAddress::parse("/proc/self/status", 115200), why));
   EXPECT_FALSE(why.empty());
@@ -68,13 +68,13 @@ void exchange_and_cut(EmulatedLine& line) {
   EXPECT_EQ(read_some(*port, {&byte, 1}), std::nullopt);
 }
 
-TEST(Port, CarriesEveryByteOverATerminalAndNoticesTheCut) {
+TEST(Port, TerminalTransfersAllBytesAndDetectsHangup) {
   const std::string link = ::testing::TempDir() + "port-test-" + std::to_string(::getpid());
   const auto line = std::unique_ptr<EmulatedLine>(new EmulatedLine(EmulatedLine::terminal(link)));
   exchange_and_cut(*line);
 }
 
-TEST(Port, CarriesEveryByteOverTcpAndNoticesTheCut) {
+TEST(Port, TcpTransfersAllBytesAndDetectsHangup) {
   const auto line = std::unique_ptr<EmulatedLine>(new EmulatedLine(EmulatedLine::tcp(0)));
   exchange_and_cut(*line);
 }

@@ -80,7 +80,7 @@ TEST(Wire, CheckIsTheStandardCrc32) {
   }
 }
 
-TEST(Wire, StuffingGivesThePublishedBytes) {
+TEST(Wire, CobsMatchesPublishedExamples) {
   EXPECT_EQ(encode({}), (Bytes{1}));
   EXPECT_EQ(encode({0}), (Bytes{1, 1}));
   EXPECT_EQ(encode({0, 0}), (Bytes{1, 1, 1}));
@@ -96,7 +96,7 @@ TEST(Wire, StuffingGivesThePublishedBytes) {
   EXPECT_EQ(encode(run), stuffed);
 }
 
-TEST(Wire, StuffingComesBackAndHasNoZeros) {
+TEST(Wire, CobsRoundTripsWithoutZeros) {
   std::mt19937 random(2);
   for (std::size_t length = 0; length <= 1000; ++length) {
     const Bytes from = random_bytes(random, length);
@@ -110,7 +110,7 @@ TEST(Wire, StuffingComesBackAndHasNoZeros) {
   }
 }
 
-TEST(Wire, PacketsComeBack) {
+TEST(Wire, PacketsRoundTrip) {
   std::mt19937 random(3);
   Bytes stream;
   std::vector<Sent> sent;
@@ -122,7 +122,7 @@ TEST(Wire, PacketsComeBack) {
   EXPECT_EQ(receive_all(stream), sent);
 }
 
-TEST(Wire, BytesOfAPacketAreTheDocumentedOnes) {
+TEST(Wire, PacketBytesMatchDocumentation) {
   const Sent start{SSW_START, 7, 0x01020304, {}};
   // 12 07 04 03 02 01, then its CRC-32, little-endian.
   const std::uint32_t crc = slow_crc({0x12, 0x07, 0x04, 0x03, 0x02, 0x01});
@@ -130,14 +130,14 @@ TEST(Wire, BytesOfAPacketAreTheDocumentedOnes) {
   EXPECT_EQ(framed(start), (Bytes{0, 0x0B, 0x12, 0x07, 0x04, 0x03, 0x02, 0x01, 0x39, 0xA5, 0xE9, 0x85, 0}));
 }
 
-TEST(Wire, ATooLongPayloadIsRefused) {
+TEST(Wire, RejectsOverlongPayload) {
   const Bytes payload(SSW_MAX_PAYLOAD + 1);
   Bytes to(SSW_MAX_ENCODED + 2);
   const ssw_packet packet{1, 0, 0, payload.data(), payload.size()};
   EXPECT_EQ(ssw_write(&packet, to.data()), 0u);
 }
 
-TEST(Wire, EveryChangedBitIsNoticed) {
+TEST(Wire, DetectsEveryBitFlip) {
   std::mt19937 random(4);
   const Sent sent{SSW_SENSOR_DATA, 9, 77, random_bytes(random, 60)};
   const Bytes good = framed(sent);
@@ -148,7 +148,7 @@ TEST(Wire, EveryChangedBitIsNoticed) {
   }
 }
 
-TEST(Wire, TheFirstWholePacketAfterNoiseIsFound) {
+TEST(Wire, ResynchronisesAfterNoise) {
   std::mt19937 random(5);
   for (int i = 0; i < 3000; ++i) {
     Bytes stream = random_bytes(random, random() % 700);
@@ -164,7 +164,7 @@ TEST(Wire, TheFirstWholePacketAfterNoiseIsFound) {
   }
 }
 
-TEST(Wire, NoiseIsNeverTakenForAPacket) {
+TEST(Wire, NoiseYieldsNoPacket) {
   std::mt19937 random(6);
   ssw_receiver receiver;
   ssw_receiver_init(&receiver);
@@ -178,7 +178,7 @@ TEST(Wire, NoiseIsNeverTakenForAPacket) {
 }
 
 // Damaged packets of all kinds: what comes out was sent, whole, and in that order.
-TEST(Wire, OnlyWhatWasSentComesOut) {
+TEST(Wire, DeliversOnlySentPackets) {
   std::mt19937 random(7);
   std::vector<Sent> sent;
   Bytes stream;
@@ -200,7 +200,7 @@ TEST(Wire, OnlyWhatWasSentComesOut) {
   }
 }
 
-TEST(Wire, DescriptionsComeBack) {
+TEST(Wire, DescriptionsRoundTrip) {
   const ssw_hello hello{SSW_VERSION, 3, 640, 480, 16'667, 1.25F, 0xDEADBEEF, "sixteen letters"};
   Sent sent{SSW_HELLO, 0, 0, Bytes(SSW_HELLO_BYTES)};
   ssw_put_hello(&hello, sent.payload.data());
