@@ -2,7 +2,7 @@
 #include <shm_protocol/shm_protocol.h>
 #include <stdio.h>
 
-/* The number of that channel, which has to be of float32 with one component; else -1. */
+/* The index of a float32 channel with one component, or -1. */
 static int find(ssp_controller* table, uint32_t direction, const char* name) {
   ssp_channel_info info;
   int channel = ssp_controller_find(table, direction, name);

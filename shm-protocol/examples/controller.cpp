@@ -6,7 +6,7 @@
 
 using namespace shm_protocol;
 
-// The number of that channel, which has to be of float32 with one component; else -1.
+// The index of a float32 channel with one component, or -1.
 static int find(const Description& table, Direction direction, const char* name) {
   const int channel = table.channel(direction, name);
   if (channel < 0) return -1;

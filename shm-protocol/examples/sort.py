@@ -1,4 +1,4 @@
-"""The case study (scripts/case-study/sort.aps) in NumPy: the same stages under the same names, bit for bit the same.
+"""The case study (scripts/case-study/sort.aps) in NumPy: the same stages under the same names, bit-identical.
 
     smartsurf run scripts/case-study/sort.lua        python3 sort.py [SURFACE]
 """
@@ -13,7 +13,7 @@ CYCLE, WAIT, PUSH, NEAR = 480, 300, 400, 8
 
 
 def moved(image, south, east):
-    """The image, moved by so many cells; zero comes in. Row 0 is north."""
+    """The image shifted by whole cells, filled with zeros. Row 0 is north."""
     out = np.zeros_like(image)
     rows, columns = image.shape
     out[max(0, south):rows + min(0, south), max(0, east):columns + min(0, east)] = \
@@ -21,7 +21,7 @@ def moved(image, south, east):
     return out
 
 
-# What each cell finds at its neighbour.
+# The neighbour's value, for each cell.
 def north(image): return moved(image, 1, 0)
 def south(image): return moved(image, -1, 0)
 def east(image): return moved(image, 0, -1)
@@ -40,14 +40,14 @@ def greatest(image):
 
 
 def heard(news, kind, steps):
-    """What a cell hears of in so many steps, from neighbour to neighbour through objects of one kind that touch."""
+    """The values that reach a cell in so many steps from neighbour to neighbour, through touching objects of one kind."""
     for _ in range(steps):
         news = np.maximum(news, greatest(news)) * kind
     return news
 
 
 def pocket_of(moving, ahead):
-    """The pocket of what moves: its footprint one cell wider at the sides, and shifted ahead."""
+    """The pocket of a moving object: its footprint, one cell wider at the sides and shifted ahead."""
     across = (north, south) if ahead in (shift_west, shift_east) else (east, west)
     reach = np.maximum(np.maximum(moving, ahead(moving)), np.maximum(across[0](moving), across[1](moving)))
     return ahead(reach)

@@ -1,4 +1,4 @@
-/* A surface in C: no physics, a spot that walks over the cells; it checks what the controller makes of it. */
+/* A surface in C: no physics, only a spot that moves over the cells; it checks the controller's answers. */
 #include <shm_protocol/shm_protocol.h>
 #include <stdio.h>
 #include <string.h>

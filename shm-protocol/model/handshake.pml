@@ -3,10 +3,10 @@
  *
  * A sleep has no time-out here, so that a lost wake-up is a deadlock. -DSLICES adds the 50 ms slices.
  * A store that the protocol calls sequentially consistent is in memory before the next step; flag = 0 is relaxed and
- * gets there whenever it likes (process memory).
+ * may reach memory at any later time (process memory).
  *
  * Variants that must fail: FLAG_LATE, CHECK_FIRST, NO_COMPARE, WEAK_PUBLISHER, WEAK_SLEEPER, EARLY_WORD, RUN_AHEAD,
- * ANSWER_TWICE, and CLOSING without SLICES. README.md says what each one breaks.
+ * ANSWER_TWICE, and CLOSING without SLICES. README.md lists what each breaks.
  */
 #define kWrap 8
 #define kSlots 2
@@ -19,11 +19,11 @@
 byte first_half[8], second_half[8]; /* [side * kSlots + frame % kSlots] */
 byte word[2];
 byte answers;       /* on the actuators' publication line */
-bool flag[2];       /* [side]: that side may be asleep on the other one's word */
+bool flag[2];       /* [side]: that side may sleep on the other side's word */
 bool asleep[2];
 bool closing;       /* the surface's state */
 
-/* Stores under way to memory: at most one a word; the next store to the same word waits for it. */
+/* Stores not yet in memory: at most one per word; the next store to the same word waits for it. */
 bool flag_pending[2], flag_value[2];
 bool word_pending[2];
 byte word_value[2];
@@ -62,7 +62,7 @@ inline store_word(me, value) {
 
 inline wake(whom) { asleep[whom] = false }
 
-/* The kernel compares and puts to sleep in one step. */
+/* The kernel compares and sleeps in one step. */
 inline futex_wait(me, seen) {
 #ifdef NO_COMPARE
   asleep[me] = true;
@@ -77,7 +77,7 @@ inline futex_wait(me, seen) {
   fi
 }
 
-/* Publishes what the slot holds. */
+/* Publishes the slot. */
 inline ring(me, value) {
   store_word(me, value);
   if
@@ -100,7 +100,7 @@ inline publish(me, frame, reply) {
 #endif
 }
 
-/* One round of the slow path; the caller has looked already. ready: an expression without side effects. */
+/* One round of the slow path; the caller has checked once. ready: an expression without side effects. */
 inline sleep_unless(me, ready, seen) {
 #ifdef FLAG_LATE
   if
@@ -132,7 +132,7 @@ proctype surface() {
   byte frame = 0, taken = 0, seen;
   do
   :: frame = next(frame);
-     assert(answered == published); /* never ahead */
+     assert(answered == published); /* the surface never runs ahead */
      d_step { published = frame }
      publish(SURFACE, frame, 0);
 #ifdef RUN_AHEAD
@@ -176,10 +176,10 @@ proctype controller() {
         sleep_unless(CONTROLLER, FRAME_IS_NEW, seen)
      od;
      taken = word[SURFACE];
-     assert(taken == next(answered)); /* each frame once, none left out */
+     assert(taken == next(answered)); /* each frame once, in order */
      assert(first_half[taken % kSlots] == taken);
      assert(second_half[taken % kSlots] == taken);
-     assert(word[SURFACE] == taken); /* left alone while it was read in place */
+     assert(word[SURFACE] == taken); /* not overwritten while it was read in place */
      d_step { answered = taken };
      frame = next(frame);
      publish(CONTROLLER, frame, taken);

@@ -1,4 +1,4 @@
-/* The file name: starting surfaces, a cleaner and an ending surface meet over one name, under which a dead surface has
+/* The file name: starting surfaces, a cleaner and an ending surface compete for one name, under which a dead surface has
  * left its segment. Two surfaces (1, 2) and a cleaner (3); each may be killed at any step.
  *
  * A file is known by its inode, here the number of the surface that built it; kLeftOver is the dead one's.
@@ -9,12 +9,12 @@
 
 byte name = kLeftOver; /* the file under the name; 0: none */
 bool dead[5];          /* owners of files, and lives in general */
-byte lock[5];          /* flock: [file] who holds it; the kernel lets go of it when the holder dies */
+byte lock[5];          /* flock: [file] who holds it; the kernel releases it when the holder dies */
 bool in_place[5];      /* a surface whose segment has the name, from the rename to its own removal */
 bool refused[5];
 byte finished;
 
-/* Removes what the name means when its owner is dead; gives up at any doubt. */
+/* Removes the named file if its owner is dead; does nothing in doubt. */
 inline remove_if_orphan() {
   file = name; /* open */
   if
@@ -42,10 +42,10 @@ inline remove_if_orphan() {
   fi
 }
 
-/* unlink() takes a name, not a file: whoever is there by now goes. */
+/* unlink() takes a name, not a file: it removes the file that has the name by now. */
 inline unlink() {
   d_step {
-    assert(name == 0 || dead[name] || name == me); /* nobody takes away a living surface's segment */
+    assert(name == 0 || dead[name] || name == me); /* a living surface's segment is never removed */
     name = 0
   }
 }
@@ -78,7 +78,7 @@ proctype surface(byte me) {
        };
        if :: renamed -> break :: else fi
     od;
-    assert(name == me); /* as long as it runs */
+    assert(name == me); /* while it runs */
     atomic { lock[me] == kNobody || dead[lock[me]] -> lock[me] = me };
     if
     :: name == me -> in_place[me] = false; unlink()
@@ -109,5 +109,5 @@ end:
 
 init { atomic { dead[kLeftOver] = true; run surface(1); run surface(2); run cleaner(3); run killer() } }
 
-/* Whatever is killed when: nobody waits for ever for a lock or a name. */
+/* Whichever process is killed, none waits forever for a lock or a name. */
 ltl every_start_ends { <> (finished == 3) }

@@ -1,9 +1,9 @@
-/* Passive mode: a writer that waits for nobody, and a reader that takes the newest whole frame, or says "torn" after
+/* Passive mode: a writer that never waits, and a reader that takes the newest complete frame, or reports "torn" after
  * three tries. Two halves stand for an array.
  *
- * Variants that must fail: NO_SECOND_LOOK, NO_FIRST_LOOK, and the orders that the fences forbid, written out as the
- * steps they would allow: OPEN_LATE (the array before the odd number), CLOSE_EARLY (even number and word before the array),
- * LOOK_EARLY (the second look before the array was read).
+ * Variants that must fail: NO_SECOND_LOOK, NO_FIRST_LOOK, and the orders that the fences forbid, written as the steps
+ * that they would allow: OPEN_LATE (the array before the odd number), CLOSE_EARLY (even number and word before the
+ * array), LOOK_EARLY (the second check before the array was read).
  */
 #define kSlots 4
 #define kFrames 9
@@ -68,19 +68,19 @@ proctype reader() {
            :: again != seen -> tries++
 #endif
            :: else ->
-              assert(a == newest && b == newest); /* whole frames only */
+              assert(a == newest && b == newest); /* complete frames only */
               d_step { skipped = skipped + (newest - last - 1); taken++; last = newest; tries = 0 };
               assert(taken + skipped == last) /* every frame is taken or counted */
            fi
         fi;
         d_step { again = 0; seen = 0; a = 0; b = 0 };
         if
-        :: tries == 3 -> tries = 0 /* torn: the frame before stands */
+        :: tries == 3 -> tries = 0 /* torn: the previous frame stays */
         :: else
         fi
      fi
   od;
-  assert(last == kFrames) /* the newest is reached once the writer rests */
+  assert(last == kFrames) /* the newest is reached once the writer stops */
 }
 
 init { atomic { run writer(); run reader() } }

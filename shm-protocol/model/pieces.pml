@@ -1,8 +1,8 @@
-/* A large actuator frame in two pieces: the controller says how far it is, the surface copies along and hands pieces
- * out before the frame is whole. Two controllers, one after the other, each killed at any step or not at all; an answer
- * may be refused, because the surface has given the sensor frame up, when its pieces have been copied already.
+/* A large actuator frame in two chunks: the controller announces its progress, the surface copies committed chunks and
+ * hands them out before the frame is complete. Two controllers in succession, each killed at any step or not at all; an
+ * answer may be refused, because the surface abandoned the sensor frame, after its chunks have been copied.
  *
- * Every attempt to answer writes a number of its own into both pieces, so that a mixture shows.
+ * Every attempt to answer writes a unique number into both chunks, so that a mixture is detected.
  * Variants that must fail: NO_RESET, NO_LABEL, REUSE_NUMBER, EARLY_PROGRESS, HANDED_UNCHECKED, HALF_IS_WHOLE.
  */
 #define kSlots 2
@@ -32,7 +32,7 @@ proctype controller(byte me) {
     attached++;
     do
     :: made == kAttempts -> break
-    :: made < kAttempts && published == accepted -> /* lock-step: the answer before was taken in */
+    :: made < kAttempts && published == accepted -> /* lock-step: the previous answer was taken */
        d_step { made++; attempts_made++; attempt = attempts_made };
 #ifdef EARLY_PROGRESS
        say_ready(frame + 1);
@@ -53,7 +53,7 @@ proctype controller(byte me) {
 #ifdef REUSE_NUMBER
           skip
 #else
-          frame++ /* the number is given up with it */
+          frame++ /* its number is not reused */
 #endif
        fi
 #endif
@@ -70,8 +70,8 @@ proctype controller(byte me) {
 
 proctype surface() {
   byte taken, newest, who, coming, ready;
-  byte copy_frame, copy_who, copied, first, second; /* what was copied along, and of whose frame */
-  byte given, given_frame, given_who;               /* the piece in the user's hands, 0: none */
+  byte copy_frame, copy_who, copied, first, second; /* chunks copied early, and their frame and controller */
+  byte given, given_frame, given_who;               /* the chunk handed out, 0: none */
   do
   :: newest = word;
      if
@@ -100,7 +100,7 @@ proctype surface() {
         who = WHO;
         if
 #ifndef HANDED_UNCHECKED
-        :: given != 0 && (given_frame != newest || given_who != who) -> given = 0 /* the user is told: torn */
+        :: given != 0 && (given_frame != newest || given_who != who) -> given = 0 /* reported as torn */
 #endif
         :: else ->
            if
@@ -109,8 +109,8 @@ proctype surface() {
            fi;
            second = data[AT(newest, 1)];
            assert(word == newest);
-           assert(first == whole[newest] && second == whole[newest]); /* whole frames only */
-           assert(given == 0 || given == whole[newest]);              /* what was handed out is of that frame */
+           assert(first == whole[newest] && second == whole[newest]); /* complete frames only */
+           assert(given == 0 || given == whole[newest]);              /* the chunk handed out is of that frame */
            d_step { taken = newest; given = 0; copied = 0; copy_frame = 0; copy_who = 0; accepted++ }
         fi
      fi

@@ -1,9 +1,9 @@
-/* Attaching, death, taking over and coming back: two lives of the surface under one name, three of controllers, each
- * killed at any step or not at all, each controller leaving at any frame or not at all.
+/* Attach, death, takeover and return: two lives of the surface under one name and three of controllers, each killed
+ * at any step or not at all; each controller may detach at any frame.
  *
- * A process word names one life for ever, so a life is a number and DEAD(life) is what /proc says. Sleeps last a slice
- * at most (handshake.pml has them whole), so that waiting is looking again and again. Each step is one load, one store
- * or one atomic exchange of the protocol; what lies between is private.
+ * A process word identifies one life forever, so a life is a number and DEAD(life) is the answer of /proc. Sleeps last
+ * a slice at most (handshake.pml models them fully), so waiting is polling. Each step is one load, one store or one
+ * atomic exchange of the protocol; anything in between is private.
  *
  * Variants that must fail: LINE_UNCHECKED, TRUST_LINE, FORGET_PREDECESSOR, PID_ONLY, STORE_CLAIM, NO_LIVENESS,
  * LEAVING_UNSEEN.
@@ -22,13 +22,13 @@
 #endif
 #define kSlots 2
 
-/* Controllers are 1 … kControllers, surfaces 1 … kSurfaces; 0 is nobody. */
+/* Controllers are 1 … kControllers, surfaces 1 … kSurfaces; 0 is none. */
 bool killed_controller[4], killed_surface[3];
 bool ended[4]; /* controllers */
 byte kills;
 
 #ifdef PID_ONLY
-#define DEAD(life) (false) /* another process got the number */
+#define DEAD(life) (false) /* another process has the pid */
 #else
 #define DEAD(life) (killed_controller[life])
 #endif
@@ -63,7 +63,7 @@ inline open_slot(s, frame) {
 #define CONTROLLER_DIED 2
 #define CONTROLLER_LEFT 3
 
-/* What it knows of its controller: adopts one, or tells once that the one it knew is lost. */
+/* Tracks its controller: adopts one, or reports once that the known one is lost. */
 inline look_at_controller() {
   status = ALL_IS_WELL;
   if
@@ -87,7 +87,7 @@ inline look_at_controller() {
      if
      :: claim[me] != known ->
         status = (leaving || detached[me] != departures -> CONTROLLER_LEFT : CONTROLLER_DIED);
-        assert(status == CONTROLLER_LEFT || killed_controller[known]); /* none is called dead that did not die */
+        assert(status == CONTROLLER_LEFT || killed_controller[known]); /* only killed controllers are reported dead */
         d_step { known = 0; departures = 0; leaving = false }
 #ifndef NO_LIVENESS
      :: claim[me] == known && DEAD(known) ->
@@ -125,7 +125,7 @@ proctype surface(byte me) {
           taken = actuator_word[me];
           if
 #ifndef LINE_UNCHECKED
-          :: line_frame[me] != taken /* the line is already the next frame's: torn; look again */
+          :: line_frame[me] != taken /* the line is already the next frame's: torn; retry */
 #endif
           :: else ->
              assert(slot_value[SLOT(me, taken)] == frame);
@@ -138,7 +138,7 @@ proctype surface(byte me) {
           if
           :: status == ALL_IS_WELL
           :: status != ALL_IS_WELL && !NOBODY_WILL_COME -> status = 0 /* and waits for the next one */
-          :: d_step { status != ALL_IS_WELL -> settled = true; status = 0 }; break /* goes on without */
+          :: d_step { status != ALL_IS_WELL -> settled = true; status = 0 }; break /* continues without one */
           fi
        od
     od;
@@ -157,7 +157,7 @@ inline attach() {
      :: else ->
         holder = claim[to];
         if
-        :: holder != 0 && !DEAD(holder) /* refused; it tries again */
+        :: holder != 0 && !DEAD(holder) /* refused; it retries */
         :: else ->
            /* one compare-and-swap */
            d_step {
@@ -176,7 +176,7 @@ inline attach() {
   done = false
 }
 
-/* Goes on where the predecessor stopped: only what its last whole slot says. */
+/* Resumes where the predecessor stopped, as its last complete slot says. */
 inline take_over() {
   says_closing[to] = false;
   frame = actuator_word[to];
@@ -206,8 +206,8 @@ inline publish_answer() {
   d_step {
     actuator_word[to] = frame;
     answers_given[to * 4 + seen]++;
-    assert(answers_given[to * 4 + seen] == 1); /* no successor answers it again */
-    assert(claim[to] == me)                    /* and only who holds the place publishes */
+    assert(answers_given[to * 4 + seen] == 1); /* no successor answers again */
+    assert(claim[to] == me)                    /* only the claim's holder publishes */
   };
   answered = seen;
   open_slot(to, frame + 1)
@@ -232,16 +232,16 @@ proctype controller(byte me) {
        do
        :: FRAME_IS_NEW ->
           seen = sensor_word[to];
-          /* The surface may have gone on, had it not known of this controller when it published. */
+          /* The surface may have continued, if it did not know of this controller when it published. */
           if
           :: sensor_word[to] == seen -> publish_answer()
           :: else
           fi
        :: !FRAME_IS_NEW && SURFACE_IS_GONE -> break
        :: !FRAME_IS_NEW && !SURFACE_IS_GONE /* waits on */
-       :: !FRAME_IS_NEW && !SURFACE_IS_GONE -> detach(); goto over /* it has had enough */
+       :: !FRAME_IS_NEW && !SURFACE_IS_GONE -> detach(); goto over /* it detaches */
        od;
-       detach(); /* then it looks for a new surface under the same name */
+       detach(); /* then it waits for a new surface of that name */
        d_step { to = 0; frame = 0; seen = 0; answered = 0 }
     od;
 over:
@@ -250,7 +250,7 @@ over:
   d_step { ended[me] = true; controllers_over++ }
 }
 
-/* Kills processes where they stand, or stops killing. */
+/* Kills processes at any step, or stops. */
 proctype killer() {
 end:
   do

@@ -1,4 +1,4 @@
-"""NumPy arrays over the mapped memory: no copies, right lifetimes, right flags."""
+"""NumPy arrays over the mapped memory: without copies, with the right lifetimes and flags."""
 import collections.abc
 import ctypes
 
@@ -8,8 +8,8 @@ DTYPES = {1: np.dtype("<f4"), 2: np.dtype("<u4"), 3: np.dtype("u1")}
 
 
 class Handle:
-    """A handle of the C library. Every array keeps it, and with it the mapping, alive: the memory is given back
-    when the last array and the endpoint are gone, so that no array can ever point into nothing."""
+    """A handle of the C library. Every array keeps it, and with it the mapping, alive: memory is unmapped
+    only when the endpoint and the last array are gone, so no array can dangle."""
 
     def __init__(self, pointer, free):
         self.pointer, self._free = pointer, free
@@ -23,19 +23,19 @@ class Handle:
 def array_at(handle, address, nbytes, dtype, shape, writable):
     memory = (ctypes.c_ubyte * nbytes).from_address(address)
     memory.owner = handle
-    buffer = memory if writable else memoryview(memory).toreadonly()  # nobody can make that writable again
+    buffer = memory if writable else memoryview(memory).toreadonly()  # cannot be made writable again
     return np.frombuffer(buffer, dtype=dtype).reshape(shape)
 
 
 class Arrays(collections.abc.Mapping):
-    """The arrays of one direction by channel name, as they lie in memory now. Shape: rows × columns, or
-    components × rows × columns where a channel has several."""
+    """The current arrays of one direction by channel name. Shape: (rows, columns), or
+    (components, rows, columns) for channels of several components."""
 
     def __init__(self, handle, channels, rows, columns, address_of, writable):
         self._handle, self._address_of, self._writable = handle, address_of, writable
         self._channels = {c.name: c for c in channels}
         self._rows, self._columns = rows, columns
-        self._made = {}  # (name, address) → array: a ring has a few slots, and they come round again
+        self._made = {}  # (name, address) → array; the ring reuses a few slots
         self._current = []
 
     def __getitem__(self, name):
@@ -60,7 +60,7 @@ class Arrays(collections.abc.Mapping):
         return array
 
     def __setitem__(self, name, values):
-        """Writes all of an array: arrays["height"] = values is arrays["height"][:] = values."""
+        """Writes a whole array: arrays["height"] = values means arrays["height"][:] = values."""
         self[name][...] = values
 
     def __iter__(self):
@@ -70,7 +70,7 @@ class Arrays(collections.abc.Mapping):
         return len(self._channels)
 
     def freeze(self):
-        """The frame was published: what was handed out belongs to the peer now and may only be read."""
+        """Makes the arrays handed out read-only: after publication they belong to the peer."""
         for array in self._current:
             array.flags.writeable = False
         self._current.clear()

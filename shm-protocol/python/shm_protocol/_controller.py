@@ -31,14 +31,14 @@ class Controller(Endpoint):
         self.actuators = self._arrays("actuator", _lib.ssp_controller_actuator, True)
 
     def wait(self, timeout=None):
-        """Waits for a sensor frame that was not read yet. True: there is one. False: the surface is closing.
+        """Waits for an unread sensor frame. Returns True if there is one, False if the surface is closing.
         Raises TimeoutError after `timeout` seconds (None: never) and SurfaceDied."""
         result = in_slices(timeout, lambda ns: self._call("await", ns, None))
         return self._taken(result, "no frame came")
 
     def latest(self):
-        """Takes the newest frame without waiting. True: it is new. False: it is the one before, or the surface is
-        closing (surface_state tells)."""
+        """Takes the newest frame without waiting. Returns True if it is new, False if there is no newer one or the
+        surface is closing (see surface_state)."""
         return self._taken(Result(self._call("latest")), "")
 
     def _taken(self, result, late):
@@ -55,8 +55,8 @@ class Controller(Endpoint):
         raise Error(result, text(_lib.ssp_text(result)))
 
     def publish(self):
-        """Publishes the actuator arrays as the answer to the frame taken last. False: the surface has given that
-        frame up."""
+        """Publishes the actuator arrays as the answer to the frame taken last. Returns False if the surface has
+        abandoned that frame."""
         result = Result(self._call("publish"))
         if result == Result.OUT_OF_TURN:
             raise Error(result, "there is no frame to answer: wait() first")
@@ -72,7 +72,7 @@ class Controller(Endpoint):
         check(self._call("set_state", STATES[state]))
 
     def reconnect(self, timeout=0.0):
-        """Attaches to a new surface under the same name, which must have the same layout. All arrays end."""
+        """Attaches to a new surface under the same name, which must have the same layout. Invalidates all arrays."""
         layout = self.description.layout_hash
         self.close()
         pointer = ctypes.c_void_p()
@@ -83,7 +83,7 @@ class Controller(Endpoint):
             raise Error(Result.LAYOUT_CHANGED, f"surface {self._name} came back with another size or other channels")
 
     def close(self):
-        """Tells the surface that this controller leaves. Arrays stay readable."""
+        """Detaches from the surface. Arrays stay readable."""
         if self._p is not None:
             _lib.ssp_controller_leave(self._p)
             self._p = None

@@ -1,4 +1,4 @@
-"""What the three roles have in common."""
+"""The common base of the three roles."""
 import ctypes
 import time as _time
 
@@ -9,7 +9,7 @@ from ._arrays import DTYPES, Arrays, Handle, array_at
 from ._values import DIRECTIONS, MODES, Channel, Counters, Description, Error, Frame, NotFound, Result
 
 _lib = _c.lib
-_SLICE_NS = 100_000_000  # a wait returns to Python this often, so that Ctrl-C ends it
+_SLICE_NS = 100_000_000  # waits return to Python this often, so that Ctrl-C works
 
 
 def check(result):
@@ -25,7 +25,7 @@ def text(raw):
 
 
 def in_slices(timeout, call):
-    """call(nanoseconds) until it says something else than TIMEOUT, or `timeout` seconds (None: for ever) passed."""
+    """Repeats call(nanoseconds) until its result is not TIMEOUT or `timeout` seconds (None: forever) have passed."""
     end = None if timeout is None else _time.monotonic() + timeout
     while True:
         left = _SLICE_NS if end is None else max(0, int((end - _time.monotonic()) * 1e9))
@@ -44,7 +44,7 @@ def in_attach_slices(attach, name, timeout, pointer):
 
 
 class Endpoint:
-    """What the three roles have in common."""
+    """The common base of the three roles."""
     _role = ""
     _writes = ""  # the direction of the channels that this role publishes
 
@@ -79,8 +79,8 @@ class Endpoint:
         return getattr(_lib, f"ssp_{self._role}_{name}")(self._p, *arguments)
 
     def write(self, name, values, first=0):
-        """Copies values to the cells of the array to be published from `first` on, counted through all components:
-        in ascending order, the other side may read along. Final for this frame."""
+        """Copies values to the next frame's array from cell `first` on, counted through all components. In ascending
+        order, so that the other side can read them before the frame is complete. Final for this frame."""
         channel = self._named(name, self._writes)
         values = np.ascontiguousarray(values, dtype=channel.dtype)
         check(self._call("write", channel.number, first * channel.dtype.itemsize, values.ctypes.data, values.nbytes))
@@ -96,7 +96,7 @@ class Endpoint:
             nonlocal address
             begun = _time.monotonic_ns()
             address = self._call("next", channel.number, ns, None, ctypes.byref(nbytes))
-            # None before its time: there will be no more.
+            # None before the timeout: there will be no more.
             return Result.OK if address or _time.monotonic_ns() - begun < ns else Result.TIMEOUT
 
         in_slices(timeout, call)
@@ -115,7 +115,7 @@ class Endpoint:
 
     @property
     def counters(self):
-        """{"surface": Counters, "controller": Counters}, as both sides see them."""
+        """{"surface": Counters, "controller": Counters}."""
         both = _c.Counters(), _c.Counters()
         check(self._call("counters", *(ctypes.byref(b) for b in both)))
         return {who: Counters(b.skipped, b.repeated, b.clamped, b.deadline_misses)

@@ -1,4 +1,4 @@
-"""The C library, found and declared: the only place that knows about ctypes and the header's structures."""
+"""Loads and declares the C library: the only module that uses ctypes and the header's structures."""
 import ctypes as c
 import os
 import pathlib
@@ -8,7 +8,7 @@ MAX_CHANNELS = 32
 
 
 def _candidates():
-    """Where the library may lie, the caller's own choice first."""
+    """Candidate paths of the library, the caller's choice first."""
     if os.environ.get("SHM_PROTOCOL_LIBRARY"):
         yield os.environ["SHM_PROTOCOL_LIBRARY"]
         return
@@ -19,7 +19,7 @@ def _candidates():
             yield from map(str, folder.glob(f"*/{_NAME}"))  # … beside lib/x86_64-linux-gnu
         for preset in ("release", "ci", "debug"):
             yield str(folder / "build" / preset / "shm-protocol" / _NAME)  # in the source tree
-    yield _NAME  # wherever the loader looks
+    yield _NAME  # the loader's search path
 
 
 def _load():

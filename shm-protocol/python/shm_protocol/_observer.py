@@ -9,8 +9,8 @@ _lib = _c.lib
 
 
 class Observer(Endpoint):
-    """Looks at a running pair through a read-only mapping. sensors and actuators hold the frame copied last; a
-    look that copies a new one ends the arrays handed out before it."""
+    """Observes a running pair through a read-only mapping. sensors and actuators hold the frame copied last;
+    copying a new one invalidates the arrays handed out before."""
     _role = "observer"
 
     def __init__(self, name, timeout=0.0):
@@ -48,6 +48,6 @@ class Observer(Endpoint):
     controller_pid = property(lambda self: self._call("controller_pid"))
 
     def close(self):
-        """Arrays stay readable; the mapping goes with the last of them."""
+        """Arrays stay readable; the last one releases the mapping."""
         self._p = None
         self._handle = None

@@ -1,4 +1,4 @@
-"""What lies in /dev/shm."""
+"""The segments in /dev/shm."""
 import ctypes
 import dataclasses
 
@@ -33,5 +33,5 @@ def list_surfaces():
 
 
 def clean(prefix=""):
-    """Removes the segments that dead surfaces left, and says which."""
+    """Removes the segments of dead surfaces and returns their names."""
     return _segments(lambda *to: _lib.ssp_clean(prefix.encode(), *to))

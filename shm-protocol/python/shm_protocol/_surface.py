@@ -13,8 +13,8 @@ _lib = _c.lib
 
 
 class Surface(Endpoint):
-    """Owns the segment: publishes sensors, takes in actuators. sensors are writable until publish(), actuators
-    are read-only: checked copies, within their channels' ranges."""
+    """Owns the segment: publishes sensors, receives actuators. sensors are writable until publish(); actuators are
+    read-only, checked copies within their channels' ranges."""
     _role = "surface"
     _writes = "sensor"
 
@@ -48,7 +48,7 @@ class Surface(Endpoint):
         self.actuators = self._arrays("actuator", _lib.ssp_surface_actuator, False)
 
     def publish(self, tick, time, status=0):
-        """Publishes the sensor arrays. Raises Error (OUT_OF_TURN) while the controller owes an answer."""
+        """Publishes the sensor arrays. Raises Error (OUT_OF_TURN) while the controller's answer is outstanding."""
         result = Result(self._call("publish", tick, time, status))
         if result != Result.OK:
             raise Error(result, "time-step: the frame before has not been answered")
@@ -56,12 +56,12 @@ class Surface(Endpoint):
         self.sensors.freeze()
 
     def wait(self, timeout=None):
-        """Time-step: waits for the answer to the frame published last. True: it is here. False: there is no
-        controller, or it left or died (result tells which). Raises TimeoutError."""
+        """Time-step: waits for the answer to the frame published last. Returns True if it has arrived, False if there
+        is no controller, or it left or died (see result). Raises TimeoutError."""
         return self._taken(in_slices(timeout, lambda ns: self._call("await", self._tick, ns, None)))
 
     def latest(self):
-        """Passive: takes the newest actuator frame in without waiting. True: it is new."""
+        """Passive: takes the newest actuator frame without waiting. Returns True if it is new."""
         return self._taken(Result(self._call("latest")))
 
     def wait_for_controller(self, timeout=None):

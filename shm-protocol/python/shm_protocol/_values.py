@@ -1,4 +1,4 @@
-"""What calls take and return: results and errors, and the plain values of all three roles."""
+"""Results, errors and the plain values that the three roles share."""
 import dataclasses
 import enum
 import sys
@@ -7,7 +7,7 @@ import numpy as np
 
 
 class Result(enum.IntEnum):
-    """What came back from the library; the numbers are those of ssp_result."""
+    """A result of the library, numbered as in ssp_result."""
     OK = 0
     REPEATED = 1
     TORN = 2
@@ -35,14 +35,14 @@ class Result(enum.IntEnum):
 
 
 class Error(RuntimeError):
-    """Something went wrong. result says what; pid is the process in the way, or 0."""
+    """A failure. result is the reason; pid the process that caused it, or 0."""
 
     def __init__(self, result, message, pid=0):
         super().__init__(message)
         self.result, self.pid = Result(result), pid
 
     def report(self):
-        """Says what happened in one line on stderr. Returns 3, the exit status of a controller without a surface."""
+        """Prints the reason in one line on stderr. Returns 3, the exit status of a controller without a surface."""
         print(self, file=sys.stderr)
         return 3
 
@@ -70,8 +70,8 @@ class Channel:
     dtype: np.dtype = np.dtype("<f4")
     components: int = 1
     unit: str = ""
-    direction: str = ""  # "sensor" or "actuator"; Surface sets it
-    number: int = -1     # in the session's directory; the library sets it
+    direction: str = ""  # "sensor" or "actuator"; set by Surface
+    number: int = -1     # index in the session's directory; set by the library
 
 
 @dataclasses.dataclass(frozen=True)

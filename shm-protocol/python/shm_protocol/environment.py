@@ -17,7 +17,7 @@ except ImportError:
     _Base = object
 
     class Box:
-        """What is needed of gymnasium.spaces.Box."""
+        """The subset of gymnasium.spaces.Box that is used here."""
 
         def __init__(self, low, high, shape, dtype=np.float32, seed=None):
             self.low, self.high = np.full(shape, low, dtype), np.full(shape, high, dtype)
@@ -33,7 +33,7 @@ except ImportError:
         def sample(self):
             if self.dtype.kind == "u":
                 return self._random.integers(self.low, self.high, endpoint=True, dtype=self.dtype)
-            # In float64: the range of float32 does not fit into float32.
+            # In float64: the width of the float32 range overflows float32.
             low, high = self.low.astype(np.float64), self.high.astype(np.float64)
             return np.clip((low + (high - low) * self._random.random(self.shape)).astype(self.dtype), self.low, self.high)
 
@@ -43,7 +43,7 @@ except ImportError:
                 np.all((x >= self.low) & (x <= self.high)))
 
     class Dict(dict):
-        """What is needed of gymnasium.spaces.Dict."""
+        """The subset of gymnasium.spaces.Dict that is used here."""
 
         def seed(self, seed=None):
             for i, space in enumerate(self.values()):
@@ -91,7 +91,7 @@ class SurfaceEnv(_Base):
         for key, value in (options or {}).items():
             self._command += ["--set", f"{key}={value}"]
         self._process, self.controller, self._steps = None, None, 0
-        self._ready = False  # a first observation is there that no reset() has handed out
+        self._ready = False  # the first observation is available and not returned by a reset() yet
         self._start(None)
         d = self.controller.description
         self.observation_space = _space([c for c in d.channels if c.direction == "sensor"], d)
@@ -118,7 +118,7 @@ class SurfaceEnv(_Base):
         self._ready = True
 
     def _attach(self, name):
-        """Attaches, and notices a simulator that ends because something is wrong with the experiment."""
+        """Attaches; raises if the simulator ends because of an error in the experiment."""
         left = self._timeout
         while True:
             try:
@@ -155,7 +155,7 @@ class SurfaceEnv(_Base):
             self._says.close()
 
     def reset(self, *, seed=None, options=None):
-        """→ observation, info. With an experiment the simulator starts anew, with this seed if one is given."""
+        """→ observation, info. With an experiment the simulator restarts, with this seed if given."""
         if self._experiment is None:
             if seed is not None:
                 raise ValueError("this surface was not started by the environment: it cannot be reset to a seed")
@@ -166,8 +166,8 @@ class SurfaceEnv(_Base):
         return self._observation(), self._info()
 
     def step(self, action):
-        """→ observation, reward, terminated, truncated, info. terminated: done() says so, or the surface closed in good
-        order. Raises RuntimeError when the simulator failed."""
+        """→ observation, reward, terminated, truncated, info. terminated: done() is true, or the surface closed in an
+        orderly way. Raises RuntimeError when the simulator failed."""
         if self.controller is None:
             raise RuntimeError("reset() first")
         self._write(action)
