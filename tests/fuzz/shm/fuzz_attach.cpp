@@ -1,5 +1,5 @@
-// What a controller or an observer makes of a segment whose header, directory and slots a hostile surface
-// wrote: a named error, or a description whose every array lies within the segment.
+// Attaches to a segment whose header, directory and slots a hostile surface wrote: either an error, or a
+// description whose arrays all lie within the segment.
 #include <algorithm>
 #include <cstdlib>
 #include <memory>
@@ -28,7 +28,7 @@ SurfaceConfig config() {
 
 volatile std::uint8_t sink;
 
-// Reads the first and the last byte of every array of every slot: AddressSanitizer says when one is outside.
+// Reads the first and last byte of every array in every slot, under AddressSanitizer.
 void read_all(const SegmentLayout& g, std::span<const std::byte> segment) {
   for (const auto& [ring, direction] : {std::pair{RingView::sensor_ring(g, segment.data()), SSP_SENSOR},
                                         {RingView::actuator_ring(g, segment.data()), SSP_ACTUATOR}})
@@ -78,7 +78,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       header.identity.layout_hash =
           layout_hash(g, all.subspan(g.channels_offset, g.channel_count * g.channel_bytes));
   }
-  // An allocation of just so many bytes: AddressSanitizer watches its end.
+  // An allocation of the exact size, so that AddressSanitizer detects overruns.
   std::unique_ptr<std::byte, decltype(&std::free)> exact(
       static_cast<std::byte*>(std::malloc(bytes ? bytes : 1)), &std::free);
   std::copy_n(memory.get(), bytes, exact.get());

@@ -17,7 +17,7 @@ namespace {
 
 using namespace shm_protocol;
 
-// The segment as a stranger of the same user maps it.
+// The segment as mapped by another process of the same user.
 class RawMapping {
  public:
   explicit RawMapping(const std::string& name) {

@@ -1,4 +1,4 @@
-// One of the two processes is killed at random moments, again and again, and the other carries on.
+// One of the two processes is killed repeatedly at random times, and the other continues.
 #include <gtest/gtest.h>
 #include <shm_protocol/Segments.h>
 
@@ -17,7 +17,7 @@ std::ptrdiff_t open_descriptors() {
   return std::distance(std::filesystem::directory_iterator("/proc/self/fd"), {});
 }
 
-// Kills `victim` after a random while, so that it falls anywhere within a tick.
+// Kills `victim` after a random delay, at an arbitrary point of a tick.
 Peer killer_of(const Peer& victim, unsigned microseconds) {
   const pid_t pid = victim.pid();
   return Peer([=] {
@@ -50,7 +50,7 @@ TEST(Death, SessionSurvivesKilledControllers) {
     }
     EXPECT_EQ(s, Status::kControllerDead) << text(s);
     EXPECT_EQ(controller.wait(), -SIGKILL);
-    // What stands is the last frame that was taken in whole.
+    // The last complete frame taken is in effect.
     if (surface.actuator_info().frame != 0) {
       EXPECT_TRUE(matches(surface.actuator(1), surface.actuator_info().tick, commanded));
     }
@@ -196,7 +196,7 @@ TEST(Death, ControllerKilledMidAnswerLeavesNoMixedFrame) {
     }
     EXPECT_EQ(s, Status::kControllerDead) << text(s);
     const auto all = surface.actuator(1);
-    EXPECT_EQ(std::ranges::count(all, all[0]), std::ranges::ssize(all));  // a whole frame stands
+    EXPECT_EQ(std::ranges::count(all, all[0]), std::ranges::ssize(all));  // a single frame is in effect
   }
   EXPECT_GT(whole, 25u);
 }
@@ -241,7 +241,7 @@ TEST(Death, DetectedWhileStopped) {
   ASSERT_EQ(run_tick(surface, 0), Status::kOk);
   controller.signal(SIGSTOP);
   ASSERT_EQ(surface.publish(1, 0.0), Status::kOk);
-  EXPECT_EQ(surface.await_actuators(1, {.timeout = 300ms}), Status::kTimeout);  // alive, only stopped
+  EXPECT_EQ(surface.await_actuators(1, {.timeout = 300ms}), Status::kTimeout);  // stopped, but alive
   controller.signal(SIGKILL);
   EXPECT_EQ(surface.await_actuators(1, {.timeout = 100s}), Status::kControllerDead);
 }

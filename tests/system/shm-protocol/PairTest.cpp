@@ -1,4 +1,4 @@
-// Two living processes: lock-step and passive, on two cores and on one, stopped and continued.
+// Two processes: lock-step and passive, on one and two cores, stopped and continued.
 #include <gtest/gtest.h>
 #include <sched.h>
 #include <shm_protocol/Segments.h>

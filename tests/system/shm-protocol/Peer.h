@@ -1,4 +1,4 @@
-// A second process, and the values that both sides expect of each other.
+// A second process, and the values that both sides expect from each other.
 #pragma once
 
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// The long proofs. By default short; SHM_PROTOCOL_SOAK=1 takes a million ticks and a thousand kills.
+// Soak tests. By default short; SHM_PROTOCOL_SOAK=1 takes a million ticks and a thousand kills.
 #include <gtest/gtest.h>
 #include <shm_protocol/Segments.h>
 

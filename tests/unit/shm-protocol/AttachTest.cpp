@@ -1,4 +1,4 @@
-// What a controller finds out, and when it is refused.
+// Attaching a controller: the description it reads and the cases in which it is rejected.
 #include <gtest/gtest.h>
 #include <shm_protocol/ControllerEndpoint.h>
 
@@ -122,7 +122,7 @@ TEST(Attach, ReplacesDeadController) {
 TEST(Attach, ReplacesControllerWithRecycledPid) {
   const auto config = small_surface(unique_name("recycled"));
   auto surface = SurfaceEndpoint::create(config);
-  // This living process's pid, but started at another time.
+  // This process's pid with a different start time.
   RawSegment(config.name).header().claim.controller_process =
       (std::uint64_t{12345} << SSP_PID_BITS) | static_cast<std::uint32_t>(::getpid());
   auto controller = ControllerEndpoint::attach(config.name);
@@ -153,7 +153,7 @@ TEST(Attach, NewerMinorVersionIsAccepted) {
   auto surface = SurfaceEndpoint::create(config);
   RawSegment raw(config.name);
   raw.header().identity.version = SSP_VERSION + 9;
-  raw.header().reserved[100] = 1;  // something that a newer minor put where 1.0 has nothing
+  raw.header().reserved[100] = 1;  // a field added by a newer minor version
   auto controller = ControllerEndpoint::attach(config.name);
   EXPECT_EQ(controller.description().version_minor, SSP_VERSION_MINOR + 9);
   ASSERT_EQ(surface.publish(3, 0.0), Status::kOk);

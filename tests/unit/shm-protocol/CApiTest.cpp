@@ -1,4 +1,4 @@
-// The C interface: results, texts, wrong arguments, and all three roles through one tick.
+// The C interface: results, texts, invalid arguments, and one tick with all three roles.
 #include <gtest/gtest.h>
 #include <shm_protocol/shm_protocol.h>
 
@@ -120,7 +120,7 @@ TEST_F(CApi, WritesWithinTheArrayOnly) {
   const void* cells = ssp_controller_next(controller, 0, 0, nullptr, &bytes);
   ASSERT_EQ(bytes, sizeof values);
   EXPECT_EQ(std::memcmp(cells, values, sizeof values), 0);
-  EXPECT_EQ(ssp_controller_next(controller, 0, SSP_FOREVER, nullptr, &bytes), nullptr);  // that was all
+  EXPECT_EQ(ssp_controller_next(controller, 0, SSP_FOREVER, nullptr, &bytes), nullptr);  // end of the channel
   ASSERT_EQ(ssp_controller_await(controller, 0, nullptr), SSP_OK);
   EXPECT_EQ(std::memcmp(ssp_controller_sensor(controller, 0, nullptr), values, sizeof values), 0);
   const std::vector<std::uint8_t> lamp(24, 9);
@@ -143,7 +143,7 @@ TEST_F(CApi, DescribesTheSurfaceToEveryRole) {
     EXPECT_EQ(d.name, config->name);
     EXPECT_EQ(d.rows, 3u);
     EXPECT_EQ(d.columns, 4u);
-    EXPECT_EQ(d.pitch, 1.0);  // 0 stood for it
+    EXPECT_EQ(d.pitch, 1.0);  // the default
     EXPECT_EQ(d.channel_count, 2u);
     EXPECT_EQ(d.session, of[0].session);
     EXPECT_EQ(d.version_major << 16 | d.version_minor, ssp_protocol_version());
@@ -208,7 +208,7 @@ TEST_F(CApi, ErrorsReportTextAndProcess) {
   EXPECT_EQ(ssp_surface_create(&bad.config, &again), SSP_E_BAD_CONFIG);
   std::string other;
   std::thread([&] { other = ssp_last_error(); }).join();
-  EXPECT_EQ(other, "");  // each thread has its own
+  EXPECT_EQ(other, "");  // per-thread
 }
 
 TEST_F(CApi, RejectsNullsAndInvalidChannels) {
@@ -306,7 +306,7 @@ TEST_F(CApi, ListsAndCleans) {
   }
   EXPECT_TRUE(seen);
   ASSERT_EQ(ssp_clean(config->name.c_str(), nullptr, 0, &count), SSP_OK);
-  EXPECT_EQ(count, 0u);  // it lives
+  EXPECT_EQ(count, 0u);  // the surface is alive
   EXPECT_TRUE(exists(file_path(config->name)));
 }
 

@@ -1,4 +1,4 @@
-// Large frames written piece by piece: the reader ends with the same bytes as by any other way.
+// Large frames written in chunks: the reader gets the same bytes as without chunks.
 #include <gtest/gtest.h>
 #include <shm_protocol/ControllerEndpoint.h>
 #include <shm_protocol/ObserverEndpoint.h>
@@ -23,7 +23,7 @@ SurfaceConfig large_surface(const std::string& what) {
   SurfaceConfig config;
   config.name = unique_name(what);
   config.rows = 300;
-  config.columns = 301;  // 361 200 bytes: pieces and arrays end anywhere
+  config.columns = 301;  // 361 200 bytes: chunk and array ends do not coincide
   config.period_ns = 1'000'000;
   config.channels = {{"one", Direction::kSensor, DType::kF32, 1, "", 0, 1e7, 0},
                      {"two", Direction::kSensor, DType::kU8, 1, "", 0, 255, 0},
@@ -76,13 +76,13 @@ TEST(ChunkedTransfer, ChunksAssembleTheCompleteFrame) {
     ASSERT_TRUE(std::ranges::equal(surface.actuator(2), expected)) << tick;
     const auto four = surface.actuator<std::uint8_t>(3);
     ASSERT_EQ(std::ranges::count(four, static_cast<std::uint8_t>(tick)), std::ranges::ssize(four));
-    ASSERT_EQ(surface.counters().clamped, 2 * (tick + 1));  // each counted once, though copied in pieces
+    ASSERT_EQ(surface.counters().clamped, 2 * (tick + 1));  // counted once each, although copied in chunks
   }
   other.join();
 }
 
-// Both sides stream: the controller answers each piece as it comes, the surface takes answers in while it
-// still writes.
+// Both sides stream: the controller answers each chunk on arrival; the surface receives answers while it is
+// still writing.
 class ChunksBothWays : public testing::TestWithParam<bool> {};
 INSTANTIATE_TEST_SUITE_P(ChunkedTransfer, ChunksBothWays, testing::Bool(),
                          [](const auto& of) { return of.param ? "InPlace" : "Copied"; });
@@ -110,7 +110,7 @@ TEST_P(ChunksBothWays, AnswersChunksBeforeFrameIsComplete) {
       ASSERT_EQ(at, cells);
       ASSERT_EQ(controller.await_sensors({.timeout = 60s}), Status::kOk);
       ASSERT_EQ(controller.sensor_info().tick, tick);
-      ASSERT_TRUE(controller.next_cells(0).empty());  // it was taken
+      ASSERT_TRUE(controller.next_cells(0).empty());  // already taken
       const std::vector<std::uint8_t> four(3 * cells, static_cast<std::uint8_t>(tick));
       controller.write(3, 0, std::span(four));
       ASSERT_EQ(controller.publish(), Status::kOk);
@@ -152,7 +152,7 @@ TEST_P(ChunksBothWays, AnswersChunksBeforeFrameIsComplete) {
   other.join();
 }
 
-// One process plays both sides of a large surface.
+// Both sides of a large surface in one process.
 struct LargePair {
   explicit LargePair(const std::string& what)
       : config(large_surface(what)), surface(SurfaceEndpoint::create(config)) {}
@@ -184,9 +184,9 @@ TEST(ChunkedTransfer, RejectedAnswerDoesNotMixWithNext) {
   ASSERT_EQ(p.surface.await_actuators(0, kNoWait), Status::kNoController);
   p.attach();
   ASSERT_EQ(p.controller->await_sensors(kNoWait), Status::kOk);
-  ASSERT_EQ(p.surface.publish(1, 0.0), Status::kOk);  // decided before the controller came
+  ASSERT_EQ(p.surface.publish(1, 0.0), Status::kOk);  // published before the controller attached
   p.answer(7, 40'000);
-  ASSERT_EQ(p.surface.await_actuators(1, kNoWait), Status::kTimeout);  // copies them along
+  ASSERT_EQ(p.surface.await_actuators(1, kNoWait), Status::kTimeout);  // copies the available chunks
   ASSERT_EQ(p.controller->publish(), Status::kTorn);
   ASSERT_EQ(p.controller->await_sensors(kNoWait), Status::kOk);
   p.answer_whole(8);
@@ -207,9 +207,9 @@ TEST(ChunkedTransfer, DetachedControllerDoesNotMixWithNext) {
   EXPECT_EQ(early[0], 7);
   p.controller.reset();
   while (!p.surface.next_cells(2).empty()) {
-  }  // what is there; nobody will write the rest, so it does not wait
+  }  // takes the available part; the rest will never be written
   EXPECT_EQ(p.surface.await_actuators(0, kNoWait), Status::kControllerClosed);
-  EXPECT_TRUE(p.actuator_matches(3));  // the safe frame
+  EXPECT_TRUE(p.actuator_matches(3));  // the safe values
   p.attach();
   ASSERT_EQ(p.controller->await_sensors(kNoWait), Status::kOk);
   p.answer_whole(8);
@@ -218,7 +218,7 @@ TEST(ChunkedTransfer, DetachedControllerDoesNotMixWithNext) {
   EXPECT_TRUE(p.actuator_matches(8));
 }
 
-// The predecessor's pieces are in the user's hands when the successor's whole frame is there.
+// The user holds chunks of the predecessor when the successor's complete frame arrives.
 TEST(ChunkedTransfer, ReportsInvalidatedActuatorChunks) {
   LargePair p("vain");
   p.attach();
@@ -249,7 +249,7 @@ TEST(ChunkedTransfer, ReportsChunksOfAbandonedSensorFrame) {
   p.answer(7, 40'000);
   p.surface.write(0, 40'000, std::span(ones).subspan(40'000));
   ASSERT_EQ(p.surface.publish(0, 0.0), Status::kOk);
-  {  // As if the surface had not seen the controller before it went on.
+  {  // Simulates a surface that published before it adopted the controller.
     RawSegment raw(p.config.name);
     const auto process = raw.header().claim.controller_process;
     raw.header().claim.controller_process = 0;
@@ -273,11 +273,11 @@ TEST(ChunkedTransfer, NoChunksOutOfTurnOrInPassiveMode) {
   LargePair p("turns");
   p.attach();
   EXPECT_TRUE(p.controller->next_cells(0, kNoWait).empty());  // there is no frame
-  EXPECT_TRUE(p.surface.next_cells(2).empty());               // nothing was published: it does not wait
+  EXPECT_TRUE(p.surface.next_cells(2).empty());               // nothing was published: returns at once
   ASSERT_EQ(p.surface.publish(0, 0.0), Status::kOk);
-  EXPECT_EQ(p.controller->next_cells(0, kNoWait).size(), 16'384u);  // written in place: all of it is there
+  EXPECT_EQ(p.controller->next_cells(0, kNoWait).size(), 16'384u);  // written in place: completely available
   ASSERT_EQ(p.controller->await_sensors(kNoWait), Status::kOk);
-  EXPECT_TRUE(p.controller->next_cells(0).empty());  // the next one waits for our answer
+  EXPECT_TRUE(p.controller->next_cells(0).empty());  // the next frame requires our answer
   auto config = large_surface("pieces-passive");
   config.mode = Mode::kPassive;
   auto surface = SurfaceEndpoint::create(config);
@@ -287,7 +287,7 @@ TEST(ChunkedTransfer, NoChunksOutOfTurnOrInPassiveMode) {
   EXPECT_TRUE(surface.next_cells(2).empty());
 }
 
-// Each piece is told of as soon as it is final, and nothing past it.
+// Progress announces each chunk as soon as it is final, and nothing beyond it.
 TEST(ChunkedTransfer, ProgressCoversFinalBytesOnly) {
   ssp_progress line{};
   alignas(64) static std::byte slot[400'000];
@@ -302,7 +302,7 @@ TEST(ChunkedTransfer, ProgressCoversFinalBytesOnly) {
   writer.write(slot, 9, a, 0, std::span(values).first(100'001), false);
   EXPECT_EQ(end(8), 0u);  // another frame
   EXPECT_EQ(end(9), 100'129u / 64 * 64);
-  writer.write(slot, 9, b, 150'000, std::span(values).first(90'000), false);  // leaves a gap: says nothing
+  writer.write(slot, 9, b, 150'000, std::span(values).first(90'000), false);  // leaves a gap: not announced
   EXPECT_EQ(end(9), 100'129u / 64 * 64);
   writer.write(slot, 9, b, 0, std::span(values).first(150'000), false);
   EXPECT_EQ(end(9), 250'160u / 64 * 64);
@@ -311,7 +311,7 @@ TEST(ChunkedTransfer, ProgressCoversFinalBytesOnly) {
   writer.finish_frame(10);  // which was written in place
   EXPECT_EQ(end(9), 0u);
   EXPECT_EQ(end(9 + (1u << 24)), 0u);
-  line.ready = encode_progress(4, ~std::uint64_t{0} >> 24);  // more than there is
+  line.ready = encode_progress(4, ~std::uint64_t{0} >> 24);  // beyond the slot
   EXPECT_EQ(end(4), sizeof slot);
 }
 

@@ -1,4 +1,4 @@
-// The wait itself, with a scripted peer: when it asks, when it sleeps, when it ends.
+// wait_until() with a scripted peer: polling, sleeping and termination.
 #include "shm-protocol/src/wait/FutexWait.h"
 
 #include <gtest/gtest.h>
@@ -8,10 +8,10 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// A peer of unknown place, so that nobody spins and every question is one of the script's.
+// The peer CPU is unknown, so that the wait does not spin and every poll is scripted.
 struct ScriptedPeer {
   std::uint32_t word = 0, flag = 0, peer_cpu = SSP_CPU_UNKNOWN;
-  int ready_at = 0;  // the question that is answered yes
+  int ready_at = 0;  // the poll that returns true
   int calls = 0, calls_after_ready = 0;
   WaitState patience{};
 
@@ -25,15 +25,15 @@ struct ScriptedPeer {
   }
 };
 
-// A piece is handed out by saying yes: a second yes would hand out another one, and the first would be lost.
-// The questions: at once; before the sleep, with the flag raised; after it; before the next sleep; and so on.
+// ready() delivers a chunk when it returns true; a second call would deliver another and lose the first.
+// Polls: immediately; before the sleep, with the flag raised; after it; before the next sleep; and so on.
 TEST(FutexWait, StopsPollingOnceReady) {
   for (int question = 1; question <= 4; ++question) {
     ScriptedPeer script{.ready_at = question};
     EXPECT_EQ(script.wait(10s), Status::kOk) << question;
     EXPECT_EQ(script.calls, question);
     EXPECT_EQ(script.calls_after_ready, 0) << question;
-    EXPECT_EQ(script.flag, 0u) << question;  // nobody is to wake one that does not sleep
+    EXPECT_EQ(script.flag, 0u) << question;  // no wake-up is due outside a sleep
   }
 }
 

@@ -1,5 +1,5 @@
-// Corrupt headers: always a named error or a working endpoint, never a crash; and a surface whose segment is
-// scribbled over by its controller.
+// Corrupt headers yield an error or a working endpoint, never a crash; and a surface survives a controller
+// that overwrites its segment.
 #include <gtest/gtest.h>
 #include <shm_protocol/ControllerEndpoint.h>
 
@@ -20,7 +20,7 @@ std::vector<std::uint8_t> good_segment(Mode mode) {
   return RawSegment(config.name).copy();
 }
 
-// Touches every array of an endpoint that attached in spite of a changed byte.
+// Accesses every array of an endpoint that attached despite the mutation.
 void use(ControllerEndpoint& controller) {
   (void)controller.await_sensors({.timeout = 0ns});
   (void)controller.latest_sensors();
@@ -63,7 +63,7 @@ TEST(HeaderFuzz, MutatedHeadersAreErrorsOrHarmless) {
     for (int i = 0; i < 2500; ++i) {
       auto bytes = good;
       for (auto n = random() % 6 + 1; n > 0; --n) {
-        // Half of the blows fall on the two lines that hold every size and offset.
+        // Half of the mutations hit the two lines that hold all sizes and offsets.
         const std::size_t where = random() % 2 ? random() % 256 : random() % used;
         bytes[where] = static_cast<std::uint8_t>(random() % 3 ? random() : random() % 2 * 255);
       }

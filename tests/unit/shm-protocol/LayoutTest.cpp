@@ -1,4 +1,4 @@
-// The bytes of a fresh segment, at the places that PROTOCOL.md promises.
+// The bytes of a new segment at the offsets that PROTOCOL.md specifies.
 #include <gtest/gtest.h>
 #include <shm_protocol/ControllerEndpoint.h>
 
@@ -52,7 +52,7 @@ TEST(Layout, DirectoryDescribesEachChannel) {
   EXPECT_EQ(channels[kColour].bytes, 5u * 7 * 3);
   EXPECT_EQ(channels[kDistance].offset, 128u);
   EXPECT_EQ(channels[kColour].offset, 128u + 192);  // 140 bytes of distances, rounded up to 64
-  EXPECT_EQ(channels[kHeight].offset, 128u);        // first of the actuators' slot
+  EXPECT_EQ(channels[kHeight].offset, 128u);        // first in the actuator slot
   EXPECT_EQ(channels[kValve].bytes, 5u * 7 * 2 * 4);
   EXPECT_EQ(channels[kHeight].safe, 0.5);
   for (int c = 0; c < 6; ++c) EXPECT_EQ(channels[c].offset % 64, 0u);
@@ -74,10 +74,10 @@ TEST(Layout, ArraysAreAlignedAndWrittenInPlace) {
   EXPECT_EQ(slot.time_s, 0.5);
   EXPECT_EQ(reinterpret_cast<const float*>(&slot + 1)[34], 3.25f);
   EXPECT_EQ(raw.header().sensors.word, 1u);
-  EXPECT_EQ(raw.sensor_slot(2).sequence, 3u);  // the next one is open
+  EXPECT_EQ(raw.sensor_slot(2).sequence, 3u);  // the next frame is being written
 }
 
-// In lock-step two slots of each ring take turns; in passive mode all do.
+// Time-step mode alternates between two slots of each ring; passive mode uses all.
 TEST(Layout, TimeStepUsesTwoSlotsOfEachRing) {
   for (const Mode mode : {Mode::kTimeStep, Mode::kPassive}) {
     const auto config = small_surface(unique_name("slots"), mode);
@@ -98,7 +98,7 @@ TEST(Layout, TimeStepUsesTwoSlotsOfEachRing) {
                                       {g.actuator_ring_offset, g.actuator_slot_bytes}})
       for (std::uint64_t slot = 0; slot < 4; ++slot) {
         const auto sequence = reinterpret_cast<const ssp_slot*>(raw.data() + ring + slot * bytes)->sequence;
-        // Frame 9 is whole, frame 10 in the making.
+        // Frame 9 is complete, frame 10 is being written.
         const std::uint64_t two[] = {19, 18, 0, 0}, four[] = {16, 18, 19, 14};
         EXPECT_EQ(sequence, (mode == Mode::kTimeStep ? two : four)[slot]) << slot;
       }

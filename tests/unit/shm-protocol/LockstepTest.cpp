@@ -1,5 +1,4 @@
-// Time-step mode, one process playing both sides: whose turn it is, what is replaced, what a successor
-// inherits.
+// Time-step mode with both sides in one process: turn-taking, value checks, and succession of controllers.
 #include <gtest/gtest.h>
 #include <shm_protocol/ControllerEndpoint.h>
 
@@ -29,7 +28,7 @@ struct Pair {
     std::ranges::fill(controller->actuator<std::uint8_t>(kLamp), std::uint8_t{1});
     std::ranges::fill(controller->actuator<std::uint32_t>(kValve), 12u);
   }
-  // The controller is gone without a word, as after kill -9.
+  // The controller disappears without detaching, as after kill -9.
   void kill_controller() {
     RawSegment raw(name);
     const auto process = raw.header().claim.controller_process;
@@ -135,8 +134,8 @@ TEST(BadValues, UncheckedInPlaceAndCountedByCaller) {
   EXPECT_EQ(p.controller->surface_counters().clamped, 3u);
 }
 
-// The answer lies in its slot, and the one before it while the next one is made; what stands when the
-// controller is gone is the surface's own.
+// The current answer stays in its slot while the next one is written; after the loss of the controller the
+// surface's own copy is in effect.
 TEST(Lockstep, AnswersStayInPlaceUntilControllerIsLost) {
   for (const bool hold : {true, false}) {
     Pair p("in-place", hold, true);
@@ -152,7 +151,7 @@ TEST(Lockstep, AnswersStayInPlaceUntilControllerIsLost) {
       ASSERT_EQ(p.controller->publish(), Status::kOk);
       ASSERT_EQ(p.surface->await_actuators(tick, kNoWait), Status::kOk);
       EXPECT_EQ(p.surface->actuator(kHeight)[34], static_cast<float>(tick) / 2);
-      height[34] = 3.75f;  // no copy: one that is trusted not to do so could
+      height[34] = 3.75f;  // in place: a later store by the controller is visible
       EXPECT_EQ(p.surface->actuator(kHeight)[34], 3.75f);
     }
     ASSERT_EQ(p.surface->publish(5, 0.0), Status::kOk);
@@ -188,7 +187,7 @@ TEST(Lockstep, SafeValuesUntilFirstFrame) {
   EXPECT_EQ(p.surface->actuator_info().frame, 0u);
   ASSERT_EQ(p.surface->publish(0, 0.0), Status::kOk);
   EXPECT_EQ(p.surface->await_actuators(0, kNoWait), Status::kNoController);
-  EXPECT_EQ(p.surface->publish(1, 0.0), Status::kOk);  // given up: the surface may go on by itself
+  EXPECT_EQ(p.surface->publish(1, 0.0), Status::kOk);  // abandoned: the surface may continue alone
 }
 
 TEST(Lockstep, HoldsLastFrameOrSafeValuesAfterControllerDeath) {
@@ -202,7 +201,7 @@ TEST(Lockstep, HoldsLastFrameOrSafeValuesAfterControllerDeath) {
     ASSERT_EQ(p.surface->await_actuators(0, kNoWait), Status::kOk);
     ASSERT_EQ(p.surface->publish(1, 0.0), Status::kOk);
     p.kill_controller();
-    EXPECT_EQ(p.surface->await_actuators(1), Status::kControllerDead);  // no deadline: must end by itself
+    EXPECT_EQ(p.surface->await_actuators(1), Status::kControllerDead);  // no deadline: death ends the wait
     EXPECT_EQ(p.surface->actuator(kHeight)[0], hold ? 3.0f : 0.5f);
     EXPECT_EQ(p.surface->actuator<std::uint8_t>(kLamp)[34], hold ? 1 : 7);
     EXPECT_EQ(p.surface->await_actuators(1), Status::kNoController);
@@ -222,14 +221,14 @@ TEST(Lockstep, DistinguishesDetachFromDeath) {
   p.attach();
   EXPECT_EQ(p.surface->await_controller(), Status::kOk);
   ASSERT_EQ(p.controller->await_sensors(kNoWait),
-            Status::kOk);  // the frame that the first one left unanswered
+            Status::kOk);  // the frame that the predecessor left unanswered
   p.fill_actuators(2.0f);
   ASSERT_EQ(p.controller->publish(), Status::kOk);
   EXPECT_EQ(p.surface->await_actuators(0, kNoWait), Status::kOk);
   EXPECT_EQ(p.surface->actuator(kHeight)[0], 2.0f);
 }
 
-// The answer was there at the first look, so the surface did not look for the controller itself.
+// The answer is present at the first poll, so the surface has not examined the claim.
 TEST(Lockstep, ReportsDetachOfImmediatelyAnsweringController) {
   for (const bool before_the_look : {false, true}) {
     Pair p("quick", false);
@@ -270,7 +269,7 @@ TEST(Lockstep, SuccessorIgnoresPartialPublication) {
   p.attach();
   ASSERT_EQ(p.surface->publish(0, 0.0), Status::kOk);
   ASSERT_EQ(p.controller->await_sensors(kNoWait), Status::kOk);
-  // Killed after all of its publication but the word.
+  // Killed after writing the publication line except the word.
   p.kill_controller();
   {
     RawSegment raw(p.name);
@@ -280,7 +279,7 @@ TEST(Lockstep, SuccessorIgnoresPartialPublication) {
     raw.actuator_slot(1).answers = 1;
   }
   p.attach();
-  ASSERT_EQ(p.controller->await_sensors(kNoWait), Status::kOk);  // or both would wait for ever
+  ASSERT_EQ(p.controller->await_sensors(kNoWait), Status::kOk);  // otherwise both would wait forever
   p.fill_actuators(1.5f);
   ASSERT_EQ(p.controller->publish(), Status::kOk);
   ASSERT_EQ(p.surface->await_actuators(0, kNoWait), Status::kOk);
@@ -293,7 +292,7 @@ TEST(Lockstep, RejectsAnswerToAbandonedFrame) {
   ASSERT_EQ(p.surface->await_actuators(0, kNoWait), Status::kNoController);
   p.attach();
   ASSERT_EQ(p.controller->await_sensors(kNoWait), Status::kOk);
-  ASSERT_EQ(p.surface->publish(1, 0.0), Status::kOk);  // decided before the controller came
+  ASSERT_EQ(p.surface->publish(1, 0.0), Status::kOk);  // published before the controller attached
   EXPECT_EQ(p.controller->publish(), Status::kTorn);
   ASSERT_EQ(p.controller->await_sensors(kNoWait), Status::kOk);
   EXPECT_EQ(p.controller->sensor_info().tick, 1u);
@@ -335,7 +334,7 @@ TEST(Lockstep, ControllerAdoptedWhileDetachingIsNotDead) {
   RawSegment raw(p.name);
   const auto process = raw.header().claim.controller_process;
   p.controller.reset();
-  raw.header().claim.controller_process = process;  // it has not come to that yet
+  raw.header().claim.controller_process = process;  // the detach is not complete yet
   EXPECT_EQ(p.surface->await_actuators(0, kNoWait), Status::kTimeout);
   raw.header().claim.controller_process = 0;
   EXPECT_EQ(p.surface->await_actuators(0, kNoWait), Status::kControllerClosed);

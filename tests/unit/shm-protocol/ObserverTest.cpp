@@ -1,4 +1,4 @@
-// Observers: whole frames of both directions through a mapping that cannot be written, disturbing nobody.
+// Observers: complete frames of both directions through a read-only mapping, without side effects.
 #include <gtest/gtest.h>
 #include <shm_protocol/ControllerEndpoint.h>
 #include <shm_protocol/ObserverEndpoint.h>
@@ -76,7 +76,7 @@ TEST(Observer, ReadsBothDirectionsUnchecked) {
   EXPECT_EQ(observer.latest(Direction::kSensor), Status::kRepeated);
 
   ASSERT_EQ(controller.await_sensors(), Status::kOk);
-  std::ranges::fill(controller.actuator(kHeight), 99.0f);  // out of range: shown as written
+  std::ranges::fill(controller.actuator(kHeight), 99.0f);  // out of range: returned unchecked
   ASSERT_EQ(controller.publish(), Status::kOk);
   ASSERT_EQ(observer.latest(Direction::kActuator), Status::kOk);
   EXPECT_EQ(observer.array(kHeight)[0], 99.0f);
@@ -121,7 +121,7 @@ TEST(Observer, ReportsStatesAndProcesses) {
   EXPECT_EQ(observer.surface_counters().deadline_misses, 1u);
   ASSERT_EQ(surface->publish(0, 0.0), Status::kOk);
   surface.reset();
-  EXPECT_EQ(observer.latest(Direction::kSensor), Status::kOk);  // the last frame, though all is over
+  EXPECT_EQ(observer.latest(Direction::kSensor), Status::kOk);  // the last frame, though both peers ended
   EXPECT_EQ(observer.latest(Direction::kSensor), Status::kSurfaceClosed);
   EXPECT_EQ(observer.await(Direction::kActuator), Status::kSurfaceClosed);
 }
@@ -135,13 +135,13 @@ TEST(Observer, IncompleteFrameIsTorn) {
   ASSERT_EQ(observer.latest(Direction::kSensor), Status::kOk);
   std::ranges::fill(surface.sensor(kDistance), 2.0f);
   ASSERT_EQ(surface.publish(1, 0.0), Status::kOk);
-  RawSegment(config.name).sensor_slot(2).sequence = 2 * 6 - 1;  // its writer has come round to it
+  RawSegment(config.name).sensor_slot(2).sequence = 2 * 6 - 1;  // the writer has lapped the ring
   EXPECT_EQ(observer.latest(Direction::kSensor), Status::kTorn);
   EXPECT_EQ(observer.info(Direction::kSensor).frame, 1u);
   EXPECT_EQ(observer.array(kDistance)[0], 1.0f);
 }
 
-// ThreadSanitizer's view of an observer between the two.
+// An observer of a running pair, for ThreadSanitizer.
 TEST(Threads, ObserverSeesCompleteFramesOnly) {
   auto config = small_surface(unique_name("observed"));
   config.rows = config.columns = 32;

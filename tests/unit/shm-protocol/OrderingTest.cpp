@@ -1,5 +1,5 @@
-// What the models take for granted and a machine that reorders could break: two threads run against each
-// other over many independent copies of the words, as litmus tests do.
+// Litmus tests for the memory ordering that the models assume: two threads race over many independent copies
+// of the words.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -14,7 +14,7 @@
 namespace shm_protocol {
 namespace {
 
-// Runs both at once, each over all copies in order.
+// Runs both functions concurrently, each over all copies in order.
 template <class A, class B>
 void race(std::size_t copies, A&& a, B&& b) {
   std::atomic<int> ready{0};
@@ -31,7 +31,7 @@ void race(std::size_t copies, A&& a, B&& b) {
   other.join();
 }
 
-// Dekker's pattern, on which no wake-up is lost: sleeper and publisher never both miss the other's store.
+// Dekker's pattern, which prevents lost wake-ups: sleeper and publisher never both miss the other's store.
 TEST(Ordering, FlagAndWordAreNeverBothMissed) {
   struct alignas(128) Copy {
     std::uint32_t word = 0;
@@ -95,7 +95,7 @@ TEST(Ordering, FrameIsVisibleBeforeAnswers) {
   EXPECT_EQ(mixed, 0u);
 }
 
-// Stores past the caches are ordered by nothing but a fence of their own.
+// Only an explicit fence orders non-temporal stores.
 TEST(Ordering, StreamedBytesArePublishedBeforeTheirCount) {
   constexpr std::size_t kBytes = 256 * 1024;
   struct Freed {

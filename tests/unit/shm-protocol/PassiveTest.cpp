@@ -1,4 +1,4 @@
-// Passive mode, one process playing both sides: the newest whole frame, what was missed, what is torn.
+// Passive mode with both sides in one process: newest complete frame, skipped frames, torn frames.
 #include <gtest/gtest.h>
 #include <shm_protocol/ControllerEndpoint.h>
 
@@ -34,11 +34,11 @@ struct PassivePair {
 
 TEST(Passive, ControllerReadsNewestFrameAndCountsSkipped) {
   PassivePair p("newest");
-  EXPECT_EQ(p.controller->latest_sensors(), Status::kRepeated);  // nothing yet
+  EXPECT_EQ(p.controller->latest_sensors(), Status::kRepeated);  // no frame yet
   for (int i = 1; i <= 3; ++i) p.publish_sensors(static_cast<float>(i));
   ASSERT_EQ(p.controller->latest_sensors(), Status::kOk);
   EXPECT_EQ(p.controller->sensor(kDistance)[34], 3.0f);
-  EXPECT_EQ(p.controller->counters().skipped, 0u);  // those before the first one taken are no loss
+  EXPECT_EQ(p.controller->counters().skipped, 0u);  // frames before the first one taken are not counted
   for (int i = 4; i <= 9; ++i) p.publish_sensors(static_cast<float>(i));
   ASSERT_EQ(p.controller->latest_sensors(), Status::kOk);
   EXPECT_EQ(p.controller->sensor(kDistance)[0], 9.0f);
@@ -74,7 +74,7 @@ TEST(Passive, IncompleteFrameIsTornAndPreviousIsKept) {
   ASSERT_EQ(p.surface.latest_actuators(), Status::kOk);
   p.publish_sensors(2);
   p.publish_actuators(2);
-  raw.sensor_slot(2).sequence = 2 * 6 - 1;  // as if the surface had come round and were writing frame 6 there
+  raw.sensor_slot(2).sequence = 2 * 6 - 1;  // as if the surface were writing frame 6 there
   raw.actuator_slot(2).sequence = 2 * 6 - 1;
   EXPECT_EQ(p.controller->latest_sensors(), Status::kTorn);
   EXPECT_EQ(p.controller->sensor(kDistance)[0], 1.0f);

@@ -1,4 +1,4 @@
-// A segment's bytes as a stranger sees them: what the tests corrupt, compare and forge.
+// Raw access to a segment's bytes, for tests that corrupt, compare and forge them.
 #pragma once
 
 #include <fcntl.h>
@@ -56,11 +56,11 @@ class RawSegment {
 
   void* memory_ = nullptr;
   std::size_t bytes_ = 0;
-  ssp_geometry geometry_{};  // as it was at first
+  ssp_geometry geometry_{};  // initial value
   std::uint32_t mode_ = 0;
 };
 
-// A file of these bytes under a segment's name, gone at the end.
+// A file with the given bytes under a segment's name; removed by the destructor.
 class ForgedSegment {
  public:
   ForgedSegment(std::string name, const std::vector<std::uint8_t>& bytes) : name_(std::move(name)) {
@@ -82,7 +82,7 @@ class ForgedSegment {
   std::string name_;
 };
 
-// Distinct for every test process, so that tests may run side by side.
+// Distinct for every test process, so that tests can run in parallel.
 inline std::string unique_name(const std::string& what) {
   return "test-" + what + "-" + std::to_string(::getpid());
 }
@@ -106,7 +106,7 @@ inline SurfaceConfig small_surface(const std::string& name, Mode mode = Mode::kT
   return config;
 }
 
-// The code of the Error that `action` throws; fails the test when it throws none.
+// The code of the Error that `action` throws; fails the test if it throws none.
 template <class Action>
 ErrorCode error_of(Action&& action, std::string* message = nullptr, std::uint32_t* pid = nullptr) {
   try {

@@ -1,4 +1,4 @@
-// Creation, refusal, reclaiming and removal of segments, and the listing of orphans.
+// Creation, rejection, reclaiming and removal of segments, and the listing of orphans.
 #include <gtest/gtest.h>
 #include <sched.h>
 #include <shm_protocol/ControllerEndpoint.h>
@@ -18,7 +18,7 @@
 namespace shm_protocol {
 namespace {
 
-// A surface whose process is killed: leaves its segment. Reaped or still a zombie.
+// A surface whose process is killed, leaving its segment; reaped or still a zombie.
 pid_t leave_orphan(const SurfaceConfig& config, bool reap) {
   int ready[2];
   EXPECT_EQ(::pipe(ready), 0);
@@ -128,7 +128,7 @@ TEST(Segment, ListsAndRemovesOnlyOrphans) {
   auto surface = SurfaceEndpoint::create(living);
   auto controller = ControllerEndpoint::attach(living.name);
   const pid_t dead = leave_orphan(orphan, true);
-  // What a builder leaves that is killed before its segment is in place.
+  // The file left by a builder killed before renaming its segment into place.
   ForgedSegment unfinished(unique_name("clean") + "~" + std::to_string(dead) + ".0",
                            std::vector<std::uint8_t>(100));
 
@@ -152,7 +152,7 @@ TEST(Segment, ListsAndRemovesOnlyOrphans) {
   EXPECT_TRUE(exists(file_path(living.name)));
 }
 
-// A /dev/shm of this process's own, of so many bytes; false where that is not allowed.
+// Mounts a private /dev/shm of the given size; false if that is not permitted.
 bool mount_own_shm(std::size_t bytes) {
   const std::string user = "0 " + std::to_string(::getuid()) + " 1",
                     group = "0 " + std::to_string(::getgid()) + " 1";
@@ -165,7 +165,7 @@ bool mount_own_shm(std::size_t bytes) {
          ::mount("tmpfs", "/dev/shm", "tmpfs", 0, size.c_str()) == 0;
 }
 
-// Runs `body` in a child with such a /dev/shm; false where that is not allowed.
+// Runs `body` in a child with such a /dev/shm; false if that is not permitted.
 template <class Body>
 bool with_own_shm(std::size_t bytes, Body&& body, int& status) {
   const pid_t child = ::fork();
@@ -174,7 +174,7 @@ bool with_own_shm(std::size_t bytes, Body&& body, int& status) {
   return !(WIFEXITED(status) && WEXITSTATUS(status) == 77);
 }
 
-// 0: refused with one clear line and nothing left behind; otherwise what was wrong.
+// 0: rejected with a one-line error and nothing left behind; otherwise the failed check.
 int refused_for_lack_of_space(std::size_t files_before) {
   auto config = small_surface("no-space");
   config.rows = config.columns = 64;

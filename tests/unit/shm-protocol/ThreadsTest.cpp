@@ -1,5 +1,5 @@
-// Both sides in two threads of one process, where ThreadSanitizer can watch; and no allocation while they
-// run.
+// Both sides in two threads of one process, for ThreadSanitizer; and the absence of allocations on the tick
+// path.
 #include <gtest/gtest.h>
 #include <shm_protocol/ControllerEndpoint.h>
 
@@ -14,7 +14,7 @@
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 #define COUNTS_ALLOCATIONS 1
 static std::atomic<std::size_t> allocations{0};
-// Not inlined, or the compiler would see malloc meet delete.
+// Not inlined, because the compiler would warn about malloc paired with delete.
 __attribute__((noinline)) void* operator new(std::size_t bytes) {
   allocations.fetch_add(1, std::memory_order_relaxed);
   if (void* memory = std::malloc(bytes)) return memory;
@@ -96,7 +96,7 @@ TEST(Threads, PassiveFramesAreNeverMixed) {
   EXPECT_EQ(mixed, 0u);
 }
 
-// A surface that comes round the ring many times while the controller copies one frame.
+// A surface that laps the ring many times while the controller copies one frame.
 TEST(Threads, RejectsFrameOverwrittenDuringCopy) {
   auto config = small_surface(unique_name("lapped"), Mode::kPassive);
   config.rows = config.columns = 256;
@@ -111,7 +111,7 @@ TEST(Threads, RejectsFrameOverwrittenDuringCopy) {
       out.front() = out.back() = static_cast<float>(tick % 1'000'000);
       if (surface.publish(tick, 0.0) != Status::kOk) break;
       if (tick % 100 != 0) continue;
-      deadline = std::chrono::steady_clock::now() + 100us;  // now and then there is time for a whole copy
+      deadline = std::chrono::steady_clock::now() + 100us;  // occasionally leaves time for a complete copy
       while (std::chrono::steady_clock::now() < deadline) std::this_thread::yield();
     }
   });

@@ -1,4 +1,4 @@
-// The bridge's side against the reference firmware, byte by byte, on good lines and on bad ones.
+// DeviceLink against the reference firmware, byte by byte, over good and bad lines.
 #include "shm-protocol/hardware/bridge/DeviceLink.h"
 
 #include <gtest/gtest.h>
@@ -21,7 +21,7 @@ using Bytes = std::vector<std::uint8_t>;
 constexpr std::uint16_t kRows = 20, kColumns = 30;
 constexpr std::size_t kCells = std::size_t{kRows} * kColumns;
 
-// Raw heights that tell their tick.
+// Raw heights that encode their tick.
 std::uint8_t commanded(std::uint64_t tick, std::size_t cell) {
   return static_cast<std::uint8_t>((tick * 5 + cell * 3) % 200 + 1);
 }
@@ -126,7 +126,7 @@ TEST(DeviceLink, ClampsValuesToTheRange) {
   EXPECT_EQ(heights[5], 50);
 }
 
-// The packets of a stream: between them two zeros.
+// Splits a stream into packets, which are separated by two zeros.
 std::vector<Bytes> packets_of(const Bytes& stream) {
   std::vector<Bytes> packets;
   for (const std::uint8_t b : stream) {
@@ -230,8 +230,7 @@ TEST(DeviceLink, FramesReceivedOverNoiseAreCorrect) {
   EXPECT_GT(pair.link.damaged_packets(), 100u);
 }
 
-// Anything at all, and well-formed packets with senseless content: no crash (the sanitizers watch), and no
-// frame.
+// Random bytes, and well-formed packets with invalid content: no crash (under sanitizers) and no frame.
 TEST(DeviceLink, IgnoresInvalidPackets) {
   std::mt19937 random(21);
   Pair pair;
@@ -260,7 +259,7 @@ TEST(DeviceLink, IgnoresInvalidPackets) {
   EXPECT_EQ(pair.carry(), std::vector<Event>{Event::kFrame});
 }
 
-// The link's answer to a description of one channel.
+// The link's reaction to a description with one channel.
 Event describe(DeviceLink& link, ssw_hello hello, ssw_channel channel) {
   std::uint8_t payload[SSW_CHANNEL_BYTES], bytes[SSW_MAX_ENCODED + 2];
   Event last = Event::kNothing;

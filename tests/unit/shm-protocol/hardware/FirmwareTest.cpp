@@ -1,4 +1,4 @@
-// What the reference firmware does when the host is late, silent or half understood.
+// The reference firmware with a late, silent or partly received host.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -70,7 +70,7 @@ TEST(Firmware, MissedDeadlineKeepsPreviousFrame) {
   EXPECT_EQ(b.link.frame().missed, 1u);
   EXPECT_EQ(b.link.frame().active_tick, 1u);
   EXPECT_TRUE(b.all(100));
-  b.answer(2, 3.0F);  // late, yet newer than what is in force
+  b.answer(2, 3.0F);  // late, but newer than the active frame
   EXPECT_EQ(b.period().flags, SSW_MISSED);
   EXPECT_EQ(b.link.frame().missed, 2u);
   EXPECT_EQ(b.link.frame().active_tick, 2u);

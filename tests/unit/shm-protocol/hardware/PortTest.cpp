@@ -1,4 +1,4 @@
-// What a DEVICE may be, and what a line says when it is cut.
+// Device addresses, and detection of a lost line.
 #include "shm-protocol/hardware/bridge/Port.h"
 
 #include <gtest/gtest.h>
@@ -36,7 +36,7 @@ TEST(Port, RejectsRegularFile) {
   EXPECT_NE(why.find("No such file"), std::string::npos) << why;
 }
 
-// Reads until something came or the line says that it is cut.
+// Reads until data arrives or the line is lost.
 std::optional<std::size_t> read_some(Port& port, std::span<std::uint8_t> to) {
   for (;;) {
     const auto got = port.read(to);
@@ -53,7 +53,7 @@ void exchange_and_cut(EmulatedLine& line) {
   for (std::size_t i = 0; i < all.size(); ++i) all[i] = static_cast<std::uint8_t>(i);
   ASSERT_EQ(port->write(all), all.size());
   while (got.size() < all.size()) line.read(got);
-  EXPECT_EQ(got, all);  // every byte as it is: no terminal magic
+  EXPECT_EQ(got, all);  // raw: no terminal processing
   line.write(all);
   std::vector<std::uint8_t> back;
   while (back.size() < all.size()) {

@@ -1,4 +1,4 @@
-// The bytes on the line: check value, stuffing, framing, and what the receiver makes of noise.
+// The bytes on the line: CRC, COBS, framing, and resynchronisation after noise.
 #include <gtest/gtest.h>
 
 #include <random>
@@ -49,7 +49,7 @@ std::vector<Sent> receive_all(const Bytes& stream) {
 
 Bytes random_bytes(std::mt19937& random, std::size_t count) {
   Bytes bytes(count);
-  // Many zeros and many 255s: what stuffing has to do with.
+  // Many zeros and 255s, to exercise the stuffing.
   for (auto& b : bytes) b = random() % 3 == 0 ? 0 : static_cast<std::uint8_t>(random());
   return bytes;
 }
@@ -59,7 +59,7 @@ Sent random_packet(std::mt19937& random) {
           static_cast<std::uint32_t>(random()), random_bytes(random, random() % (SSW_MAX_PAYLOAD + 1))};
 }
 
-// Bit by bit, as the standard says it.
+// Bitwise reference implementation of the standard.
 std::uint32_t slow_crc(const Bytes& bytes) {
   std::uint32_t crc = 0xFFFFFFFF;
   for (const std::uint8_t b : bytes)
@@ -154,7 +154,7 @@ TEST(Wire, ResynchronisesAfterNoise) {
     Bytes stream = random_bytes(random, random() % 700);
     const Sent lost = random_packet(random), sent = random_packet(random);
     Bytes torn = framed(lost);
-    torn.resize(random() % torn.size());  // a packet that breaks off
+    torn.resize(random() % torn.size());  // a truncated packet
     stream.insert(stream.end(), torn.begin(), torn.end());
     const Bytes good = framed(sent);
     stream.insert(stream.end(), good.begin(), good.end());
@@ -177,7 +177,7 @@ TEST(Wire, NoiseYieldsNoPacket) {
   EXPECT_EQ(receive_all(framed(sent), receiver), std::vector<Sent>{sent});
 }
 
-// Damaged packets of all kinds: what comes out was sent, whole, and in that order.
+// Damaged packets of all kinds: every packet received was sent, complete, and in that order.
 TEST(Wire, DeliversOnlySentPackets) {
   std::mt19937 random(7);
   std::vector<Sent> sent;
