@@ -224,7 +224,7 @@ std::vector<Transport> all_transports(bool one_core) {
   return {
       {"raw ping-pong", raw_spin, one_core ? "requires two cores" : nullptr},
       {"endpoints", endpoints},
-      {"endpoints, in pieces", endpoints_chunked},
+      {"endpoints, chunked", endpoints_chunked},
       {"POSIX semaphores", semaphores},
       {"Unix socket", bench::unix_socket},
       {"Boost message_queue", bench::message_queue},

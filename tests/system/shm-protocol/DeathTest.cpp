@@ -140,14 +140,14 @@ TEST(Death, SurfaceKilledDuringCreationLeavesNameUsable) {
   for (const auto& s : list_segments()) EXPECT_FALSE(s.name.starts_with(config.name)) << s.name;
 }
 
-// The controller answers each piece as it comes; half the answer is in the surface's hands when it is killed.
+// The controller answers each chunk as it arrives; half the answer is in the surface's hands when it is killed.
 Status serve_chunked(ControllerEndpoint& controller, std::vector<float>& out) {
   for (;;) {
     std::size_t at = 0;
     for (auto in = controller.next_cells(0); !in.empty(); in = controller.next_cells(0)) {
-      const auto piece = std::span(out).subspan(at, in.size());
-      std::ranges::transform(in, piece.begin(), [](float value) { return value + 1; });
-      controller.write(1, at, std::span<const float>(piece));
+      const auto chunk = std::span(out).subspan(at, in.size());
+      std::ranges::transform(in, chunk.begin(), [](float value) { return value + 1; });
+      controller.write(1, at, std::span<const float>(chunk));
       at += in.size();
     }
     if (const Status s = controller.await_sensors({.timeout = 100s}); s != Status::kOk) return s;
@@ -156,7 +156,7 @@ Status serve_chunked(ControllerEndpoint& controller, std::vector<float>& out) {
 }
 
 TEST(Death, ControllerKilledMidAnswerLeavesNoMixedFrame) {
-  auto config = pair_config("pieces");
+  auto config = pair_config("chunks");
   config.rows = config.columns = 200;
   config.channels[0].maximum = config.channels[1].maximum = 1e6;
   auto surface = SurfaceEndpoint::create(config);

@@ -149,9 +149,9 @@ class Roles(unittest.TestCase):
                 self.assertEqual(observer.surface_state, "closing")
 
 
-class Pieces(unittest.TestCase):
-    def test_large_frames_are_read_and_answered_piece_by_piece(self):
-        surface = Surface(unique("pieces"), 200, 300, 0.01, SENSORS[:1], ACTUATORS[:1])
+class Chunks(unittest.TestCase):
+    def test_large_frames_are_read_and_answered_chunk_by_chunk(self):
+        surface = Surface(unique("chunks"), 200, 300, 0.01, SENSORS[:1], ACTUATORS[:1])
         controller = Controller(surface.description.name)
         values = np.arange(60_000, dtype=np.float32) % 7
         with surface, controller:

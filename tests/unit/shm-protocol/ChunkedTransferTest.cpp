@@ -39,7 +39,7 @@ std::vector<float> ramp(std::size_t cells, float from) {
 }
 
 TEST(ChunkedTransfer, ChunksAssembleTheCompleteFrame) {
-  const auto config = large_surface("pieces");
+  const auto config = large_surface("chunks");
   auto surface = SurfaceEndpoint::create(config);
   const std::size_t cells = surface.description().cells();
   constexpr std::uint64_t kTicks = 200;
@@ -54,9 +54,9 @@ TEST(ChunkedTransfer, ChunksAssembleTheCompleteFrame) {
       three[5] = NAN;
       three[cells - 1] = 2e6f;
       const std::span<const float> all(three);
-      const std::size_t piece = 1000 + 977 * (tick % 50);
-      for (std::size_t at = 0; at < cells; at += piece)
-        controller.write(2, at, all.subspan(at, std::min(piece, cells - at)));
+      const std::size_t chunk = 1000 + 977 * (tick % 50);
+      for (std::size_t at = 0; at < cells; at += chunk)
+        controller.write(2, at, all.subspan(at, std::min(chunk, cells - at)));
       const std::vector<std::uint8_t> four(3 * cells, static_cast<std::uint8_t>(tick));
       controller.write(3, 0, std::span(four));
       ASSERT_EQ(controller.publish(), Status::kOk);
@@ -278,7 +278,7 @@ TEST(ChunkedTransfer, NoChunksOutOfTurnOrInPassiveMode) {
   EXPECT_EQ(p.controller->next_cells(0, kNoWait).size(), 16'384u);  // written in place: completely available
   ASSERT_EQ(p.controller->await_sensors(kNoWait), Status::kOk);
   EXPECT_TRUE(p.controller->next_cells(0).empty());  // the next frame requires our answer
-  auto config = large_surface("pieces-passive");
+  auto config = large_surface("chunks-passive");
   config.mode = Mode::kPassive;
   auto surface = SurfaceEndpoint::create(config);
   auto controller = ControllerEndpoint::attach(config.name);

@@ -56,7 +56,7 @@ TEST(Ordering, FlagAndWordAreNeverBothMissed) {
   EXPECT_EQ(both_missed, 0u);
 }
 
-// Who sees the count of a piece sees its bytes, and the same of a frame's announcement; ThreadSanitizer
+// Who sees the count of a chunk sees its bytes, and the same of a frame's announcement; ThreadSanitizer
 // judges the order of these plain reads too.
 TEST(Ordering, BytesAreVisibleBeforeTheCount) {
   constexpr std::size_t kCopies = 20'000;

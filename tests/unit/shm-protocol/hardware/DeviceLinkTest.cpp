@@ -142,7 +142,7 @@ Bytes joined(const std::vector<Bytes>& packets) {
   return stream;
 }
 
-// As many elements as a frame has are no frame when one piece came twice and another not at all.
+// The right number of elements is not a frame if one chunk came twice and another not at all.
 TEST(DeviceLink, RejectsMisplacedChunks) {
   Pair pair;
   pair.start();

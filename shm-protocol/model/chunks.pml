@@ -8,25 +8,25 @@
 #define kSlots 2
 #define kControllers 2
 #define kAttempts 2
-#define AT(frame, piece) (((frame) % kSlots) * 2 + (piece))
+#define AT(frame, chunk) (((frame) % kSlots) * 2 + (chunk))
 
-byte data[8];                    /* [AT(frame, piece)] */
+byte data[8];                    /* [AT(frame, chunk)] */
 byte word, attached;
-byte ready_frame, ready_pieces;  /* one word: line 10 */
+byte ready_frame, ready_chunks;  /* one word: line 10 */
 
 /* For the properties only. */
 bool killed[3];
 byte attempts_made, over, published, accepted;
 byte whole[8]; /* [frame] the attempt that was published as this frame */
 
-inline say_ready(n) { d_step { ready_frame = n; ready_pieces = 1 } }
+inline say_ready(n) { d_step { ready_frame = n; ready_chunks = 1 } }
 
 proctype controller(byte me) {
   byte frame, attempt, made;
   {
     (over == me - 1);
 #ifndef NO_RESET
-    d_step { ready_frame = 0; ready_pieces = 0 };
+    d_step { ready_frame = 0; ready_chunks = 0 };
 #endif
     frame = word;
     attached++;
@@ -77,7 +77,7 @@ proctype surface() {
      if
      :: newest == taken ->
         who = WHO; /* before the progress line */
-        d_step { coming = ready_frame; ready = ready_pieces };
+        d_step { coming = ready_frame; ready = ready_chunks };
         if
         :: ready != 0 && coming == newest + 1 ->
            d_step {
