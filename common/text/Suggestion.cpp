@@ -7,7 +7,7 @@
 namespace common {
 namespace {
 
-constexpr std::size_t kMaxNameLength = 64;
+constexpr std::size_t kMaxNameLength = 64;  // the edit distance takes quadratic time
 
 std::string to_lower(std::string_view text) {
   std::string result(text);

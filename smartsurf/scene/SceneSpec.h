@@ -15,7 +15,6 @@
 #include <vector>
 
 #include "common/error/UserError.h"
-#include "common/text/Suggestion.h"
 #include "smartsurf/scene/ActuatorSpec.h"
 #include "smartsurf/scene/SensorSpec.h"
 #include "smartsurf/scene/Solid.h"
@@ -24,8 +23,6 @@ namespace smartsurf::scene {
 
 // An error in an experiment, program or file, described in one line. The program exits with status 2.
 using InputError = common::UserError;
-
-using common::nearest_name;
 
 // Formats a number for messages, with 12 significant digits in the C locale.
 std::string format_number(double);

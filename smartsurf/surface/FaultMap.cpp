@@ -5,6 +5,7 @@
 #include <map>
 #include <utility>
 
+#include "common/text/Suggestion.h"
 #include "smartsurf/surface/CsvTable.h"
 
 namespace smartsurf::surface {
@@ -34,7 +35,7 @@ void FaultMap::refuse(const FaultEntry& entry, const std::string& clause) const 
 void FaultMap::require_channels(const std::vector<std::string>& known) const {
   for (const FaultEntry& entry : entries_) {
     if (entry.channel.empty() || std::ranges::find(known, entry.channel) != known.end()) continue;
-    std::string near = scene::nearest_name(entry.channel, known), all;
+    std::string near = common::nearest_name(entry.channel, known), all;
     for (const std::string& name : known) all += (all.empty() ? "" : ", ") + name;
     refuse(entry, "channel " + quote(entry.channel) + ": no such channel" +
                       (near.empty() ? "; known: " + all : " (did you mean '" + near + "'?)"));

@@ -6,6 +6,8 @@
 #include <limits>
 #include <optional>
 
+#include "common/text/Suggestion.h"
+
 namespace smartsurf::record {
 namespace {
 
@@ -204,11 +206,9 @@ TimeSeries time_series(const Recording& recording, const std::string& kind, cons
       if (kind == name) return channel_series(recording, group, name, arguments);
       if (std::ranges::find(known, name) == known.end()) known.push_back(name);
     }
-  const std::string suggestion = scene::nearest_name(kind, known);
   std::string list;
   for (const std::string& name : known) list += (list.empty() ? "" : ", ") + name;
-  throw_plot_error(kind, "unknown kind of plot; known: " + list +
-                             (suggestion.empty() ? "" : "; did you mean '" + suggestion + "'?"));
+  throw_plot_error(kind, "unknown kind of plot; known: " + list + common::did_you_mean(kind, known));
 }
 
 }  // namespace smartsurf::record

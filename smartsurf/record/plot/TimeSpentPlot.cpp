@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "common/color/Palette.h"
+#include "common/text/Suggestion.h"
 #include "smartsurf/scene/SurfaceBounds.h"
 
 namespace smartsurf::record {
@@ -82,11 +83,9 @@ TimeSpentPlot::TimeSpentPlot(const Recording& recording, const std::string& labe
     included.push_back(!object.fixed && (label.empty() || object.label == label));
     labels.push_back(object.label);
   }
-  if (!label.empty() && std::find(included.begin(), included.end(), true) == included.end()) {
-    const std::string suggestion = scene::nearest_name(label, labels);
+  if (!label.empty() && std::find(included.begin(), included.end(), true) == included.end())
     throw scene::InputError("--what time-spent:" + label + ": no object has this label" +
-                            (suggestion.empty() ? "" : "; did you mean '" + suggestion + "'?"));
-  }
+                            common::did_you_mean(label, labels));
   accumulate(recording, included);
   max_seconds_ = *std::max_element(seconds_.begin(), seconds_.end());
 }

@@ -10,6 +10,7 @@
 #include <cstring>
 #include <map>
 
+#include "common/text/Suggestion.h"
 #include "smartsurf/run/Run.h"
 #include "smartsurf/run/cli/Subcommands.h"
 
@@ -21,7 +22,7 @@ void require_known_command(CLI::App& app, const std::string& name) {
   for (const CLI::App* command : app.get_subcommands([](CLI::App*) { return true; }))
     known.push_back(command->get_name());
   if (std::ranges::find(known, name) != known.end()) return;
-  const std::string suggestion = scene::nearest_name(name, known);
+  const std::string suggestion = common::nearest_name(name, known);
   throw scene::InputError(fmt::format(
       "no command '{}'{}; known: {}", name,
       suggestion.empty() ? "" : fmt::format(" (did you mean '{}'?)", suggestion), fmt::join(known, ", ")));

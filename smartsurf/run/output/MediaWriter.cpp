@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "common/image/Png.h"
+#include "common/text/Suggestion.h"
 #include "common/video/VideoEncoder.h"
 #include "smartsurf/view/output/OffscreenView.h"
 
@@ -31,7 +32,7 @@ void require_channel(const view::FrameInput& frame, const std::string& name) {
     if (channel.name == name) return;
     known.push_back(channel.name);
   }
-  const std::string suggestion = scene::nearest_name(name, known);
+  const std::string suggestion = common::nearest_name(name, known);
   throw scene::InputError(fmt::format(
       "--cells {}: no such channel{}; known: {}", name,
       suggestion.empty() ? "" : fmt::format(" (did you mean '{}'?)", suggestion), fmt::join(known, ", ")));

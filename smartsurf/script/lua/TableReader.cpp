@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/text/Suggestion.h"
+
 namespace smartsurf::script {
 namespace {
 
@@ -54,8 +56,7 @@ std::string format_value(lua_State* L, int index) {
 }
 
 std::string did_you_mean(const std::string& word, const std::vector<std::string>& known) {
-  if (word.size() > 100) return "";  // the edit distance takes quadratic time
-  const std::string closest = scene::nearest_name(word, known);
+  const std::string closest = common::nearest_name(word, known);
   return closest.empty() ? "" : " (did you mean '" + closest + "'?)";
 }
 

@@ -19,5 +19,20 @@ TEST(Suggestion, NearestName) {
   EXPECT_EQ(did_you_mean("shift.nroth", {"shift.north", "shift.south"}), "; did you mean 'shift.north'?");
 }
 
+TEST(NearestName, FindsSingleEdits) {
+  const std::vector<std::string> known{"radius", "position", "size", "colour", "mass"};
+  EXPECT_EQ(nearest_name("raduis", known), "radius");
+  EXPECT_EQ(nearest_name("psition", known), "position");
+  EXPECT_EQ(nearest_name("color", known), "colour");
+  EXPECT_EQ(nearest_name("szie", known), "size");
+  EXPECT_EQ(nearest_name("sise", known), "size");
+}
+
+TEST(NearestName, EmptyWithoutNearMatch) {
+  EXPECT_EQ(nearest_name("gravity", {"radius", "size"}), "");
+  EXPECT_EQ(nearest_name("ab", {"xy"}), "");
+  EXPECT_EQ(nearest_name("", {}), "");
+}
+
 }  // namespace
 }  // namespace common

@@ -12,21 +12,6 @@ namespace {
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-TEST(NearestName, FindsSingleEdits) {
-  const std::vector<std::string> known{"radius", "position", "size", "colour", "mass"};
-  EXPECT_EQ(nearest_name("raduis", known), "radius");
-  EXPECT_EQ(nearest_name("psition", known), "position");
-  EXPECT_EQ(nearest_name("color", known), "colour");
-  EXPECT_EQ(nearest_name("szie", known), "size");
-  EXPECT_EQ(nearest_name("sise", known), "size");
-}
-
-TEST(NearestName, EmptyWithoutNearMatch) {
-  EXPECT_EQ(nearest_name("gravity", {"radius", "size"}), "");
-  EXPECT_EQ(nearest_name("ab", {"xy"}), "");
-  EXPECT_EQ(nearest_name("", {}), "");
-}
-
 TEST(WorldSpec, StepsPerTick) {
   WorldSpec w;
   EXPECT_EQ(w.steps_per_tick(), 4);
