@@ -8,7 +8,7 @@
 namespace smartsurf::run {
 namespace {
 
-// Actuator frames of at least this many bytes are received in chunks, while the controller still writes.
+// Actuator frames of at least this many bytes are received in chunks.
 constexpr std::size_t kMinStreamedBytes = 64 * 1024;
 
 // Empty for a regular grid; else x, y and base height of each cell, u.
