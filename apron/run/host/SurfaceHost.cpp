@@ -1,7 +1,6 @@
 #include "apron/run/host/SurfaceHost.h"
 
 #include <algorithm>
-#include <cassert>
 #include <charconv>
 #include <cmath>
 #include <limits>
@@ -60,11 +59,9 @@ T to_channel(float value, const ChannelSpec& channel) {
 
 SurfaceHost::SurfaceHost(shm_protocol::ControllerEndpoint& surface, const std::atomic<bool>& stop,
                          Parameters parameters, HostEnvironment environment)
-    : LocalHost(std::move(parameters), stop, std::move(environment)), surface_(surface) {
-  const std::vector<ChannelSpec>& channels = surface_.description().channels;
-  for (std::size_t i = 0; i < channels.size(); ++i)
-    if (channels[i].direction == Direction::kActuator) actuators_.push_back({static_cast<int>(i)});
-}
+    : LocalHost(std::move(parameters), stop, std::move(environment)),
+      surface_(surface),
+      is_complete_(surface.description().channels.size()) {}
 
 HostStatus SurfaceHost::await_first_frame() {
   surface_.set_state(shm_protocol::State::kRunning);
@@ -76,12 +73,14 @@ void SurfaceHost::publish_paused(bool paused) noexcept {
 }
 
 Status SurfaceHost::publish() {
-  for (ActuatorChannel& actuator : actuators_)
-    if (!actuator.is_complete) continue_frame(actuator);
+  const std::vector<ChannelSpec>& channels = surface_.description().channels;
+  for (std::size_t i = 0; i < channels.size(); ++i)
+    if (channels[i].direction == Direction::kActuator && !is_complete_[i])
+      continue_frame(static_cast<int>(i));
   const Status status = surface_.publish();
   if (status != Status::kOk) return status;  // the frame is still the next one
   has_published_ = true;
-  for (ActuatorChannel& actuator : actuators_) actuator.is_complete = false;
+  is_complete_.assign(channels.size(), false);
   return status;
 }
 
@@ -209,16 +208,15 @@ HostStatus SurfaceHost::sense(std::string_view channel, vm::Plane to) {
   return HostStatus::kOk;
 }
 
-void SurfaceHost::continue_frame(ActuatorChannel& actuator) {
-  const ChannelSpec& channel = surface_.description().channels[static_cast<std::size_t>(actuator.channel)];
-  visit_dtype(channel.dtype, [&]<class T>(T) {
-    const std::span<T> next = surface_.actuator<T>(actuator.channel);
+void SurfaceHost::continue_frame(int channel) {
+  const ChannelSpec& spec = surface_.description().channels[static_cast<std::size_t>(channel)];
+  visit_dtype(spec.dtype, [&]<class T>(T) {
+    const std::span<T> next = surface_.actuator<T>(channel);
     if (has_published_)
-      std::ranges::copy(surface_.published_actuator<T>(actuator.channel), next.begin());
+      std::ranges::copy(surface_.published_actuator<T>(channel), next.begin());
     else
-      std::ranges::fill(next, to_channel<T>(static_cast<float>(channel.safe), channel));
+      std::ranges::fill(next, to_channel<T>(static_cast<float>(spec.safe), spec));
   });
-  actuator.is_complete = true;
 }
 
 template <class Write>
@@ -227,12 +225,11 @@ HostStatus SurfaceHost::write_plane(std::string_view name, const vm::ConstPlane*
   HostStatus status = resolve_channel(Direction::kActuator, name, target);
   if (status == HostStatus::kOk && shape != nullptr) status = check_shape(name, *shape);
   if (status != HostStatus::kOk) return status;
-  const ChannelSpec& channel = surface_.description().channels[static_cast<std::size_t>(target.channel)];
-  const auto actuator = std::ranges::find(actuators_, target.channel, &ActuatorChannel::channel);
-  assert(actuator != actuators_.end());
+  const auto index = static_cast<std::size_t>(target.channel);
+  const ChannelSpec& channel = surface_.description().channels[index];
   // The other components continue, until the program writes them too.
-  if (!actuator->is_complete && channel.components > 1) continue_frame(*actuator);
-  actuator->is_complete = true;
+  if (!is_complete_[index] && channel.components > 1) continue_frame(target.channel);
+  is_complete_[index] = true;
   visit_dtype(channel.dtype, [&]<class T>(T) {
     write(surface_.actuator<T>(target.channel).data() + target.component * surface_.description().cells(),
           channel);

@@ -47,11 +47,6 @@ class SurfaceHost final : public LocalHost {
     int channel = -1;
     std::size_t component = 0;
   };
-  // An actuator channel. Its next frame lies in shared memory, where actuate() writes it.
-  struct ActuatorChannel {
-    int channel;
-    bool is_complete = false;  // every component of the next frame has its value
-  };
 
   shm_protocol::Status publish();
   vm::HostStatus await_frame();
@@ -61,17 +56,17 @@ class SurfaceHost final : public LocalHost {
   vm::HostStatus check_shape(std::string_view name, const vm::ConstPlane& plane);
   template <class T>
   void copy_sensor(const ChannelComponent& target, const vm::Plane& to) const;
-  // Fills the next frame of a channel with the values that it continues.
-  void continue_frame(ActuatorChannel&);
+  // Fills the next frame of an actuator channel with the values that it continues.
+  void continue_frame(int channel);
   // Calls write(cells, spec) with the component's plane in the next frame, an array of the channel's type.
   template <class Write>
   vm::HostStatus write_plane(std::string_view channel, const vm::ConstPlane* shape, Write write);
   vm::HostStatus to_host_status(shm_protocol::Status status);
 
   shm_protocol::ControllerEndpoint& surface_;
-  std::vector<ActuatorChannel> actuators_;
-  bool has_published_ = false;  // at least one frame
-  bool answered_ = false;       // the current frame is answered; waiting for the next was interrupted
+  std::vector<bool> is_complete_;  // per channel: every component of its next actuator frame has its value
+  bool has_published_ = false;     // at least one frame
+  bool answered_ = false;          // the current frame is answered; waiting for the next was interrupted
 };
 
 }  // namespace apron::run
