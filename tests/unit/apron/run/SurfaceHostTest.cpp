@@ -52,155 +52,151 @@ void publish(SurfaceEndpoint& surface, std::uint64_t tick) {
   ASSERT_EQ(surface.publish(tick, static_cast<double>(tick) * 0.02), Status::kOk);
 }
 
+// Unique per process and test, and short enough for a segment's name.
+std::string test_surface_name() {
+  const auto* test = testing::UnitTest::GetInstance()->current_test_info();
+  return "ah_" + std::to_string(getpid()) + "_" + std::string(test->name()).substr(0, 20);
+}
+
 class SurfaceHostTest : public testing::Test {
  protected:
-  // Unique per process and test, and short enough for a segment's name.
-  std::string name() const {
-    const auto* test = testing::UnitTest::GetInstance()->current_test_info();
-    return "ah_" + std::to_string(getpid()) + "_" + std::string(test->name()).substr(0, 20);
-  }
-  shm_protocol::ControllerEndpoint attach() const {
-    return shm_protocol::ControllerEndpoint::attach(name(), {.timeout = std::chrono::seconds(10)});
-  }
+  // A surface, and a host attached to it.
+  struct Connection {
+    explicit Connection(Mode mode) : surface(create(test_surface_name(), mode)) {}
+    // Publishes a frame, which the host takes as its first.
+    void begin(std::uint64_t tick) {
+      publish(surface, tick);
+      ASSERT_EQ(host.await_first_frame(), HostStatus::kOk);
+    }
+
+    std::atomic<bool> stop{false};
+    SurfaceEndpoint surface;
+    shm_protocol::ControllerEndpoint endpoint = shm_protocol::ControllerEndpoint::attach(
+        surface.description().name, {.timeout = std::chrono::seconds(10)});
+    SurfaceHost host{endpoint, stop, {}};
+  };
 
   vm::PlaneStore store_;
-  std::atomic<bool> stop_{false};
 };
 
 TEST_F(SurfaceHostTest, RunsInLockStep) {
   constexpr std::uint64_t kTicks = 50;
-  SurfaceEndpoint surface = create(name(), Mode::kTimeStep);
-  shm_protocol::ControllerEndpoint endpoint = attach();
+  Connection c(Mode::kTimeStep);
   std::thread physics([&] {
     for (std::uint64_t tick = 0; tick < kTicks; ++tick) {
-      publish(surface, tick);
-      ASSERT_EQ(surface.await_actuators(tick), Status::kOk);
+      publish(c.surface, tick);
+      ASSERT_EQ(c.surface.await_actuators(tick), Status::kOk);
       // The safe value until the program writes the channel.
       const float want = tick == 0 ? 4.0F : static_cast<float>(tick) / 10;
-      for (const float height : surface.actuator(kHeight)) ASSERT_EQ(height, want);
-      for (const std::uint8_t mode : surface.actuator<std::uint8_t>(kMode))
+      for (const float height : c.surface.actuator(kHeight)) ASSERT_EQ(height, want);
+      for (const std::uint8_t mode : c.surface.actuator<std::uint8_t>(kMode))
         ASSERT_EQ(mode, tick == 0 ? 7 : 3);
     }
-    surface.set_state(shm_protocol::State::kClosing);
+    c.surface.set_state(shm_protocol::State::kClosing);
   });
-  SurfaceHost host(endpoint, stop_, {});
   const Plane p = store_.allocate(kColumns, kRows);
-  ASSERT_EQ(host.await_first_frame(), HostStatus::kOk);
-  EXPECT_EQ(host.dt_s(), 0.02);
+  ASSERT_EQ(c.host.await_first_frame(), HostStatus::kOk);
+  EXPECT_EQ(c.host.dt_s(), 0.02);
   for (std::uint64_t tick = 0; tick < kTicks; ++tick) {
-    EXPECT_EQ(host.tick(), static_cast<double>(tick));
-    EXPECT_EQ(host.time_s(), static_cast<double>(tick) * 0.02);
-    ASSERT_EQ(host.sense("proximity", p), HostStatus::kOk);
+    EXPECT_EQ(c.host.tick(), static_cast<double>(tick));
+    EXPECT_EQ(c.host.time_s(), static_cast<double>(tick) * 0.02);
+    ASSERT_EQ(c.host.sense("proximity", p), HostStatus::kOk);
     for (std::uint32_t i = 0; i < kRows * kColumns; ++i)
       ASSERT_EQ(p.row(i / kColumns)[i % kColumns], static_cast<float>(tick + i));
-    ASSERT_EQ(host.sense("touch", p), HostStatus::kOk);
+    ASSERT_EQ(c.host.sense("touch", p), HostStatus::kOk);
     ASSERT_EQ(p.row(2)[4], static_cast<float>(tick));
-    ASSERT_EQ(host.sense("force[2]", p), HostStatus::kOk);
+    ASSERT_EQ(c.host.sense("force[2]", p), HostStatus::kOk);
     ASSERT_EQ(p.row(1)[1], 2.0F);
-    ASSERT_EQ(host.sense("force.g", p), HostStatus::kOk);
+    ASSERT_EQ(c.host.sense("force.g", p), HostStatus::kOk);
     ASSERT_EQ(p.row(1)[1], 1.0F);
     if (tick > 0) {
       for (std::uint32_t i = 0; i < kRows * kColumns; ++i)
         p.row(i / kColumns)[i % kColumns] = static_cast<float>(tick) / 10;
-      ASSERT_EQ(host.actuate("height", p), HostStatus::kOk);
+      ASSERT_EQ(c.host.actuate("height", p), HostStatus::kOk);
       if (tick == 1) {
-        ASSERT_EQ(host.actuate("mode", 3.2F), HostStatus::kOk);  // continues in later frames
+        ASSERT_EQ(c.host.actuate("mode", 3.2F), HostStatus::kOk);  // continues in later frames
       }
     }
-    ASSERT_EQ(host.step(), tick + 1 < kTicks ? HostStatus::kOk : HostStatus::kClosed);
+    ASSERT_EQ(c.host.step(), tick + 1 < kTicks ? HostStatus::kOk : HostStatus::kClosed);
   }
   physics.join();
 }
 
 TEST_F(SurfaceHostTest, PassiveStepsDoNotWait) {
-  SurfaceEndpoint surface = create(name(), Mode::kPassive);
-  shm_protocol::ControllerEndpoint endpoint = attach();
-  publish(surface, 8);
-  SurfaceHost host(endpoint, stop_, {});
-  ASSERT_EQ(host.await_first_frame(), HostStatus::kOk);
-  ASSERT_EQ(host.actuate("height", 2.5F), HostStatus::kOk);
-  ASSERT_EQ(host.step(), HostStatus::kOk);  // no new frame
-  EXPECT_EQ(host.tick(), 8.0);
-  ASSERT_EQ(surface.latest_actuators(), Status::kOk);
-  EXPECT_EQ(surface.actuator(kHeight)[0], 2.5F);
-  publish(surface, 9);
-  publish(surface, 10);
-  ASSERT_EQ(host.step(), HostStatus::kOk);
-  EXPECT_EQ(host.tick(), 10.0);
+  Connection c(Mode::kPassive);
+  c.begin(8);
+  ASSERT_EQ(c.host.actuate("height", 2.5F), HostStatus::kOk);
+  ASSERT_EQ(c.host.step(), HostStatus::kOk);  // no new frame
+  EXPECT_EQ(c.host.tick(), 8.0);
+  ASSERT_EQ(c.surface.latest_actuators(), Status::kOk);
+  EXPECT_EQ(c.surface.actuator(kHeight)[0], 2.5F);
+  publish(c.surface, 9);
+  publish(c.surface, 10);
+  ASSERT_EQ(c.host.step(), HostStatus::kOk);
+  EXPECT_EQ(c.host.tick(), 10.0);
 }
 
 // Frames alternate between two slots, so unwritten components must be copied from the latest frame.
 TEST_F(SurfaceHostTest, UnwrittenComponentsKeepTheLastFrame) {
-  SurfaceEndpoint surface = create(name(), Mode::kPassive);
-  shm_protocol::ControllerEndpoint endpoint = attach();
-  publish(surface, 0);
-  SurfaceHost host(endpoint, stop_, {});
-  ASSERT_EQ(host.await_first_frame(), HostStatus::kOk);
+  Connection c(Mode::kPassive);
+  c.begin(0);
   constexpr std::size_t kCells = kRows * kColumns;
   const auto step_and_expect = [&](float drive_x, float drive_y, float height) {
-    ASSERT_EQ(host.step(), HostStatus::kOk);
-    ASSERT_EQ(surface.latest_actuators(), Status::kOk);
-    const auto drive = surface.actuator(kDrive);
+    ASSERT_EQ(c.host.step(), HostStatus::kOk);
+    ASSERT_EQ(c.surface.latest_actuators(), Status::kOk);
+    const auto drive = c.surface.actuator(kDrive);
     for (std::size_t i = 0; i < kCells; ++i) {
       ASSERT_EQ(drive[i], drive_x);
       ASSERT_EQ(drive[kCells + i], drive_y);
-      ASSERT_EQ(surface.actuator(kHeight)[i], height);
+      ASSERT_EQ(c.surface.actuator(kHeight)[i], height);
     }
   };
-  ASSERT_EQ(host.actuate("drive[1]", 2.0F), HostStatus::kOk);
+  ASSERT_EQ(c.host.actuate("drive[1]", 2.0F), HostStatus::kOk);
   step_and_expect(1, 2, 4);
-  ASSERT_EQ(host.actuate("drive[0]", 9.0F), HostStatus::kOk);
-  ASSERT_EQ(host.actuate("drive[0]", 3.0F), HostStatus::kOk);  // the last value counts
+  ASSERT_EQ(c.host.actuate("drive[0]", 9.0F), HostStatus::kOk);
+  ASSERT_EQ(c.host.actuate("drive[0]", 3.0F), HostStatus::kOk);  // the last value counts
   step_and_expect(3, 2, 4);
-  ASSERT_EQ(host.actuate("height", 5.0F), HostStatus::kOk);
+  ASSERT_EQ(c.host.actuate("height", 5.0F), HostStatus::kOk);
   for (int i = 0; i < 6; ++i) step_and_expect(3, 2, 5);
 }
 
 TEST_F(SurfaceHostTest, IntegerChannelsClampAndReplaceNaN) {
-  SurfaceEndpoint surface = create(name(), Mode::kPassive);
-  shm_protocol::ControllerEndpoint endpoint = attach();
-  publish(surface, 0);
-  SurfaceHost host(endpoint, stop_, {});
-  ASSERT_EQ(host.await_first_frame(), HostStatus::kOk);
+  Connection c(Mode::kPassive);
+  c.begin(0);
   const Plane p = store_.allocate(kColumns, kRows);
   const float values[] = {NAN, INFINITY, -5, 2.6F, 1e20F}, want[] = {7, 255, 0, 3, 255};
   std::copy(values, values + 5, p.row(0));
-  ASSERT_EQ(host.actuate("mode", p), HostStatus::kOk);
-  ASSERT_EQ(host.step(), HostStatus::kOk);
-  ASSERT_EQ(surface.latest_actuators(), Status::kOk);
-  for (std::size_t i = 0; i < 5; ++i) EXPECT_EQ(surface.actuator<std::uint8_t>(kMode)[i], want[i]) << i;
+  ASSERT_EQ(c.host.actuate("mode", p), HostStatus::kOk);
+  ASSERT_EQ(c.host.step(), HostStatus::kOk);
+  ASSERT_EQ(c.surface.latest_actuators(), Status::kOk);
+  for (std::size_t i = 0; i < 5; ++i) EXPECT_EQ(c.surface.actuator<std::uint8_t>(kMode)[i], want[i]) << i;
 }
 
 TEST_F(SurfaceHostTest, RefusesUnknownChannelsAndWrongShapes) {
-  SurfaceEndpoint surface = create(name(), Mode::kPassive);
-  shm_protocol::ControllerEndpoint endpoint = attach();
-  publish(surface, 0);
-  SurfaceHost host(endpoint, stop_, {});
-  ASSERT_EQ(host.await_first_frame(), HostStatus::kOk);
+  Connection c(Mode::kPassive);
+  c.begin(0);
   const Plane p = store_.allocate(kColumns, kRows), other = store_.allocate(kRows, kColumns);
-  EXPECT_EQ(host.sense("proximty", p), HostStatus::kRefused);
-  EXPECT_EQ(host.message(),
+  EXPECT_EQ(c.host.sense("proximty", p), HostStatus::kRefused);
+  EXPECT_EQ(c.host.message(),
             "the surface has no sensor channel 'proximty'; its sensor channels: proximity, force, touch");
-  EXPECT_EQ(host.actuate("proximity", 1.0F), HostStatus::kRefused);
-  EXPECT_EQ(host.message(),
+  EXPECT_EQ(c.host.actuate("proximity", 1.0F), HostStatus::kRefused);
+  EXPECT_EQ(c.host.message(),
             "the surface has no actuator channel 'proximity'; its actuator channels: height, mode, drive");
-  EXPECT_EQ(host.sense("proximity", other), HostStatus::kRefused);
-  EXPECT_EQ(host.message(), "channel 'proximity' is 5x3, but the register is 3x5");
+  EXPECT_EQ(c.host.sense("proximity", other), HostStatus::kRefused);
+  EXPECT_EQ(c.host.message(), "channel 'proximity' is 5x3, but the register is 3x5");
   for (const char* bad :
        {"force", "force[3]", "force[", "force[]", "force[0", "force[-1]", "force[0]x", "proximity[1]"})
-    EXPECT_EQ(host.sense(bad, p), HostStatus::kRefused) << bad;
-  EXPECT_EQ(host.sense("proximity[0]", p), HostStatus::kOk);
-  EXPECT_TRUE(host.has("height"));
-  EXPECT_TRUE(host.has("proximity"));
-  EXPECT_FALSE(host.has("pressure"));
+    EXPECT_EQ(c.host.sense(bad, p), HostStatus::kRefused) << bad;
+  EXPECT_EQ(c.host.sense("proximity[0]", p), HostStatus::kOk);
+  EXPECT_TRUE(c.host.has("height"));
+  EXPECT_TRUE(c.host.has("proximity"));
+  EXPECT_FALSE(c.host.has("pressure"));
 }
 
 TEST_F(SurfaceHostTest, StopFlagInterruptsWait) {
-  SurfaceEndpoint surface = create(name(), Mode::kTimeStep);
-  shm_protocol::ControllerEndpoint endpoint = attach();
-  SurfaceHost host(endpoint, stop_, {});
-  std::thread other([&] { stop_ = true; });
-  EXPECT_EQ(host.await_first_frame(), HostStatus::kInterrupted);
+  Connection c(Mode::kTimeStep);
+  std::thread other([&] { c.stop = true; });
+  EXPECT_EQ(c.host.await_first_frame(), HostStatus::kInterrupted);
   other.join();
 }
 
