@@ -18,6 +18,10 @@ struct Rgba {
 };
 constexpr Rgba kBlack{0.13, 0.13, 0.13}, kGrey{0.45, 0.45, 0.45}, kLightGrey{0.88, 0.88, 0.88},
     kWhite{1, 1, 1};
+// Line colours for colour-blind readers (Okabe and Ito), and a grey.
+constexpr Rgba kLineColours[] = {{0.00, 0.45, 0.70}, {0.84, 0.37, 0.00}, {0.00, 0.62, 0.45},
+                                 {0.80, 0.47, 0.65}, {0.34, 0.71, 0.91}, {0.90, 0.62, 0.00},
+                                 {0.35, 0.35, 0.35}};
 
 enum class Align { kLeft, kCentre, kRight };
 

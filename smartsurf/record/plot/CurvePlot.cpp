@@ -11,12 +11,7 @@ constexpr double kRightMargin = 24.0, kBottomMargin = 52.0, kLegendRow = 20.0, k
 constexpr std::size_t kLegendColumns = 4;
 constexpr double kMaxBins = 1440.0;  // two per point of width; more cannot be resolved
 
-// A palette for colour-blind readers (Okabe and Ito).
-constexpr Rgba kCurveColours[] = {{0.00, 0.45, 0.70}, {0.84, 0.37, 0.00}, {0.00, 0.62, 0.45},
-                                  {0.80, 0.47, 0.65}, {0.34, 0.71, 0.91}, {0.90, 0.62, 0.00},
-                                  {0.35, 0.35, 0.35}};
-
-Rgba curve_colour(std::size_t i) { return kCurveColours[i % std::size(kCurveColours)]; }
+Rgba curve_colour(std::size_t i) { return kLineColours[i % std::size(kLineColours)]; }
 
 Chart make_chart(const std::vector<double>& time, const TimeSeries& series) {
   double low = INFINITY, high = -INFINITY;

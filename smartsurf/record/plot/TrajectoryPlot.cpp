@@ -25,13 +25,13 @@ struct LineStyle {
   Rgba ink;
   std::vector<double> dashes;
 };
-// A palette for colour-blind readers (Okabe and Ito).
+
 const std::vector<LineStyle>& line_styles() {
-  static const std::vector<LineStyle> all{{{0.00, 0.45, 0.70}, {}},
-                                          {{0.84, 0.37, 0.00}, {6.0, 3.5}},
-                                          {{0.00, 0.62, 0.45}, {1.5, 2.5}},
-                                          {{0.80, 0.47, 0.65}, {8.0, 3.0, 1.5, 3.0}},
-                                          {{0.34, 0.71, 0.91}, {12.0, 4.0}}};
+  static const std::vector<LineStyle> all{{kLineColours[0], {}},
+                                          {kLineColours[1], {6.0, 3.5}},
+                                          {kLineColours[2], {1.5, 2.5}},
+                                          {kLineColours[3], {8.0, 3.0, 1.5, 3.0}},
+                                          {kLineColours[4], {12.0, 4.0}}};
   return all;
 }
 
