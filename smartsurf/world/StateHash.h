@@ -1,4 +1,5 @@
-// A 64-bit hash of a state's bits, equal for equal bits on every machine and instruction set.
+// A 64-bit hash of a state's bits, equal for equal bits on every machine and instruction set: StateHash of the
+// values added to it, FieldHasher of a field's heights and speeds on several threads.
 //
 // Not cryptographic. The result depends on how the values are split into calls.
 #pragma once
