@@ -18,7 +18,7 @@ surface::FaultMap load_fault_map(const scene::SurfaceSpec& surface) {
                                                     "stuck_low", "stuck_high", "gain", "offset"};
   for (const surface::FaultEntry& entry : map.entries())
     if (entry.channel.empty() && std::ranges::find(kFaultNames, entry.fault) == kFaultNames.end())
-      map.refuse(entry, "fault '" + entry.fault.substr(0, 40) + "': not a fault of an actuator or a sensor");
+      map.refuse_fault(entry, "an actuator or a sensor", kFaultNames);
   return map;
 }
 

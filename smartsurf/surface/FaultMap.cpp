@@ -9,6 +9,18 @@
 #include "smartsurf/surface/CsvTable.h"
 
 namespace smartsurf::surface {
+namespace {
+
+// The known name that is meant, or all of them.
+std::string known_names(const std::string& name, const std::vector<std::string>& known) {
+  const std::string nearest = common::nearest_name(name, known);
+  if (!nearest.empty()) return " (did you mean '" + nearest + "'?)";
+  std::string all;
+  for (const std::string& other : known) all += (all.empty() ? "; known: " : ", ") + other;
+  return all;
+}
+
+}  // namespace
 
 FaultMap::FaultMap(const scene::FaultMapFile& file, int rows, int columns) : name_(file.name) {
   std::map<std::array<std::string, 4>, std::pair<int, std::string>> seen;
@@ -32,13 +44,17 @@ void FaultMap::refuse(const FaultEntry& entry, const std::string& clause) const 
   throw scene::InputError(name_ + ":" + std::to_string(entry.line) + ": " + clause);
 }
 
+void FaultMap::refuse_fault(const FaultEntry& entry, const std::string& owner,
+                            const std::vector<std::string>& known) const {
+  refuse(entry,
+         "fault " + quote(entry.fault) + ": not a fault of " + owner + known_names(entry.fault, known));
+}
+
 void FaultMap::require_channels(const std::vector<std::string>& known) const {
   for (const FaultEntry& entry : entries_) {
     if (entry.channel.empty() || std::ranges::find(known, entry.channel) != known.end()) continue;
-    std::string near = common::nearest_name(entry.channel, known), all;
-    for (const std::string& name : known) all += (all.empty() ? "" : ", ") + name;
-    refuse(entry, "channel " + quote(entry.channel) + ": no such channel" +
-                      (near.empty() ? "; known: " + all : " (did you mean '" + near + "'?)"));
+    refuse(entry,
+           "channel " + quote(entry.channel) + ": no such channel" + known_names(entry.channel, known));
   }
 }
 

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/text/Suggestion.h"
-
 namespace smartsurf::surface {
 namespace {
 
@@ -102,10 +100,7 @@ void ActuatorFaults::apply_entry(const FaultMap& map, const FaultEntry& entry, C
     channel.latency[cell] = static_cast<std::uint16_t>(latency);
     channel.max_latency = std::max(channel.max_latency, latency);
   } else {
-    const std::string near = common::nearest_name(entry.fault, kFaultNames);
-    map.refuse(entry,
-               "fault '" + entry.fault.substr(0, 40) + "': no fault of an actuator" +
-                   (near.empty() ? "; known: stuck, dead, weak, late" : " (did you mean '" + near + "'?)"));
+    map.refuse_fault(entry, "an actuator", kFaultNames);
   }
 }
 

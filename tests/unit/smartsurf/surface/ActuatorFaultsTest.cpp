@@ -134,7 +134,7 @@ TEST(FaultMap, RejectsInvalidFileWithOneLine) {
   EXPECT_EQ(message(kHeader + "0,0,hight,dead,\n"),
             "faults.csv:2: channel 'hight': no such channel (did you mean 'height'?)");
   EXPECT_EQ(message(kHeader + "0,0,height,ded,\n"),
-            "faults.csv:2: fault 'ded': no fault of an actuator (did you mean 'dead'?)");
+            "faults.csv:2: fault 'ded': not a fault of an actuator (did you mean 'dead'?)");
   EXPECT_EQ(message(kHeader + "0,0,height,stuck,\n"),
             "faults.csv:2: value of 'stuck' is missing: must be in [1, 5]");
   EXPECT_EQ(message(kHeader + "0,0,height,stuck,nan\n"),

@@ -251,9 +251,10 @@ TEST(SensorErrorModel, FaultMapAffectsIndividualCells) {
 
 TEST(SensorErrorModel, RejectsInvalidFaultWithOneLine) {
   Plate p({});
-  EXPECT_EQ(error_message_of([&] { p.sensors(fault_map("0,1,proximity,broken,1\n")); }),
-            "faults.csv:2: fault 'broken': no fault of a sensor; known: dead, stuck, stuck_low, stuck_high, "
-            "gain, offset");
+  EXPECT_EQ(
+      error_message_of([&] { p.sensors(fault_map("0,1,proximity,broken,1\n")); }),
+      "faults.csv:2: fault 'broken': not a fault of a sensor; known: dead, stuck, stuck_low, stuck_high, "
+      "gain, offset");
   EXPECT_EQ(error_message_of([&] { p.sensors(fault_map("0,1,proximity,stuck,\n")); }),
             "faults.csv:2: fault 'stuck': needs a value");
 }
