@@ -11,16 +11,25 @@
 namespace smartsurf::script {
 namespace {
 
-constexpr std::size_t kMaxSensors = 32;           // channels of the protocol
-constexpr std::size_t kMaxSensorNameLength = 27;  // channel names have 31 characters, including "_hit"
+constexpr std::size_t kMaxSensors = 32;  // channels of the protocol
+constexpr std::size_t kMaxChannelNameLength = 31, kMaxSensorNameLength = 27;
 constexpr std::size_t kMaxDeclared = 1000;
 
 // The userdata type that a sensor function returns. It holds an index into ScriptContext::sensors.
 constexpr const char* kSensorType = "sensor";
 
-bool is_sensor_name(const std::string& name) {
-  return !name.empty() && name.size() <= kMaxSensorNameLength &&
-         std::isalpha(static_cast<unsigned char>(name[0])) &&
+// The channels of a sensor are called by its name with a suffix, such as "_height".
+std::size_t max_name_length(const scene::SensorKind& kind, const scene::SensorSpec& spec) {
+  std::size_t longest_suffix = 0;
+  for (const scene::SensorChannel& channel : kind.channels(spec))
+    if (channel.name.starts_with(spec.name))
+      longest_suffix = std::max(longest_suffix, channel.name.size() - spec.name.size());
+  return std::min(kMaxSensorNameLength,
+                  kMaxChannelNameLength - std::min(longest_suffix, kMaxChannelNameLength - 1));
+}
+
+bool is_sensor_name(const std::string& name, std::size_t max_length) {
+  return !name.empty() && name.size() <= max_length && std::isalpha(static_cast<unsigned char>(name[0])) &&
          std::all_of(name.begin(), name.end(),
                      [](unsigned char c) { return c < 0x80 && (std::isalnum(c) || c == '_'); });
 }
@@ -41,16 +50,18 @@ int declare_sensor(ScriptContext& context, lua_State* L) {
   scene::SensorSpec spec = kind.default_spec();
   read_parameters(L, fields, kind.parameters, spec.values);
   read_parameters(L, fields, scene::sensor_error_parameters(), spec.values);
-  fields.visit("name", [&](int i, const std::string& name) {
-    spec.name = check_string(L, i, name);
-    if (!is_sensor_name(spec.name))
-      throw_invalid_value(L, i, name, "1 to 27 letters, digits and _, a letter first");
-  });
   fields.visit("calibration", [&](int i, const std::string& name) {
     NamedFile file = read_sandboxed_file(context, name, check_string(L, i, name));
     spec.calibration = {std::move(file.name), std::move(file.content)};
   });
   throw_if_invalid(kind.validate(spec));
+  fields.visit("name", [&](int i, const std::string& name) {
+    spec.name = check_string(L, i, name);
+    const std::size_t max_length = max_name_length(kind, spec);
+    if (!is_sensor_name(spec.name, max_length))
+      throw_invalid_value(L, i, name,
+                          "1 to " + std::to_string(max_length) + " letters, digits and _, a letter first");
+  });
   scene::SurfaceSpec probe;
   probe.sensors = {spec};
   throw_if_invalid(validate(probe));
@@ -89,8 +100,8 @@ void read_sensors(const ScriptContext& context, lua_State* L, int index, const s
         check_sensor(context, L, lua_gettop(L), name + "[" + std::to_string(i) + "]");
     for (const auto& other : sensors)
       if (other.name == found.name)
-        throw ScriptError(name + ": two sensors are called '" + found.name + "'; rename one, " +
-                          found.model + "{name = ...}");
+        throw ScriptError(name + ": two sensors are called '" + found.name + "'; rename one, " + found.model +
+                          "{name = ...}");
     sensors.push_back(found);
     lua_pop(L, 1);
   }

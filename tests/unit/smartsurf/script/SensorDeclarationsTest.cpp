@@ -102,6 +102,13 @@ TEST_F(SensorTest, InvalidSensors) {
             "t.lua:1: light.direction: must point up, to the light: its third number must be > 0");
   EXPECT_EQ(error("camera{resolution = 8}"),
             "t.lua:1: camera.resolution = 8: must be an integer from 1 to 4");
+  const std::string longest(24, 'c');
+  EXPECT_EQ(error("camera{name = '" + longest + "'}"), "");
+  for (const char* more : {"c", "ccc", "cccc"})
+    EXPECT_EQ(error("camera{name = '" + longest + more + "'}"),
+              "t.lua:1: camera.name = '" + longest + more +
+                  "': must be 1 to 24 letters, digits and _, a letter first")
+        << "with '_height' at most 31";
   EXPECT_EQ(error("pressure{direction = {1, 0, 0}}").substr(0, 47),
             "t.lua:1: pressure: unknown field 'direction'; k");
   EXPECT_EQ(error_of("surface{} faults{sensor = {noise = 'loud'}}"),
