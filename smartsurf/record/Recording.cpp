@@ -121,6 +121,7 @@ void Recording::Contents::read_meta() {
   world.iterations = read_count(group, "iterations", 1u << 20);
   read_attribute(group, "gravity", H5T_NATIVE_DOUBLE, world.gravity.data(), 3);
   world.ground = read_number(group, "ground") != 0.0;
+  if (has_attribute(group, "sleep")) world.sleep = read_number(group, "sleep") != 0.0;
   spec.record.tick_interval = read_count(group, "every", 1u << 30);
   if (has_attribute(group, "state_hash")) read_result(group);
 }

@@ -52,6 +52,7 @@ struct WorldSpec {
   double control_period_s = 1.0 / 60.0;      // a multiple of dt_s
   std::uint64_t seed = 1;
   bool ground = true;                                // an infinite floor under the table
+  bool sleep = true;                                 // whether bodies at rest fall asleep
   OffTablePolicy off_table = OffTablePolicy::kKeep;  // for objects that leave the table
 
   // Physics steps per control period, ≥ 1.

@@ -6,13 +6,22 @@
 namespace smartsurf::world {
 namespace {
 
-constexpr float kMaxSleepSpeed = 0.06F;   // upper bound of the speed of any point of a resting body, u/s
-constexpr float kTimeToSleep_s = 0.5F;    // a body must rest this long before it falls asleep
+constexpr float kMaxSleepSpeed = 0.06F;  // upper bound of the speed of any point of a resting body, u/s
+constexpr float kTimeToSleep_s = 0.5F;   // a body must rest this long before it falls asleep
+// Upper bound of the velocity change of any point of a resting body since its sleep timer started, u/s: a mean
+// acceleration of 0.01 u/s².
+constexpr float kMaxSleepVelocityChange = 0.005F;
 constexpr float kWakeIslandSpeed = 0.6F;  // a faster body wakes the whole island that it hits, u/s
 
 // Upper bound of the speed of any point of the body.
 float max_point_speed(const BodyStore& b, std::size_t i) {
   return b.velocity(i).norm() + b.angular_velocity(i).norm() * b.bounding_radius[i];
+}
+
+float max_point_velocity_change(const BodyStore& b, std::size_t i) {
+  const RestVelocity& start = b.rest_velocity[i];
+  return (b.velocity(i) - start.velocity).norm() +
+         (b.angular_velocity(i) - start.angular_velocity).norm() * b.bounding_radius[i];
 }
 
 // Moves the manifolds for which predicate(manifold) holds to the end of another list.
@@ -49,7 +58,7 @@ void Sleep::wake(BodyStore& b, std::size_t i) {
   if (!b.asleep[i]) return;
   b.asleep[i] = 0;
   b.body_velocity[i].inverse_mass = 1.0F / b.mass[i];
-  b.body_velocity[i].inverse_inertia = b.local_inertia[i].inverse[0];
+  if (b.is_sphere[i]) b.body_velocity[i].inverse_inertia = b.inverse_inertia_of_sphere(i);
   b.update_axes(i);
   --sleeping_count_;
   ++change_count_;
@@ -148,7 +157,19 @@ bool Sleep::touches_moving_cell(const Contact& c) const {
 
 void Sleep::update_sleep_timer(BodyStore& b, std::size_t i) const {
   const bool is_still = max_point_speed(b, i) < kMaxSleepSpeed && b.wrench[i].is_zero();
-  b.sleep_timer_s[i] = is_still ? b.sleep_timer_s[i] + dt_s_ : 0.0F;
+  float& timer_s = b.sleep_timer_s[i];
+  if (!is_still) {
+    timer_s = 0.0F;
+    return;
+  }
+  // Moving bodies never get here, so that the velocity is stored for bodies about to rest alone.
+  const bool accelerates =
+      timer_s >= kTimeToSleep_s && max_point_velocity_change(b, i) > kMaxSleepVelocityChange;
+  if (timer_s == 0.0F || accelerates) {
+    b.rest_velocity[i] = {b.velocity(i), b.angular_velocity(i)};
+    timer_s = 0.0F;
+  }
+  timer_s += dt_s_;
 }
 
 void Sleep::reset_timers_on_moving_cells(BodyStore& b, const ContactList& static_contacts,
@@ -166,7 +187,7 @@ void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& a
   const bool any_ready = std::any_of(active_bodies.begin(), active_bodies.end(), [&b](std::int32_t i) {
     return b.sleep_timer_s[static_cast<std::size_t>(i)] >= kTimeToSleep_s;
   });
-  if (!any_ready && !any_asleep()) return;
+  if (!is_enabled_ || (!any_ready && !any_asleep())) return;
   has_active_neighbour_.assign(b.asleep.size(), 0);
   std::vector<char>& is_supported = is_supported_;
   is_supported.assign(b.asleep.size(), gravity_.isZero(0.0F));

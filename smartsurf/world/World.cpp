@@ -42,7 +42,7 @@ World::Impl::Impl(const scene::SceneSpec& scene, surface::Field& cells, common::
       field(cells),
       settings(make_step_settings(scene)),
       team(pool),
-      sleep(cells, settings.dt_s, settings.gravity),
+      sleep(cells, settings.dt_s, settings.gravity, scene.world.sleep),
       collision(cells, settings.dt_s, ground_height(scene)),
       solver(settings),
       field_hasher(pool) {

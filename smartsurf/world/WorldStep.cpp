@@ -29,11 +29,12 @@ void World::Impl::finalize_bodies(const Member& member) {
   constexpr int kPrefetchDistance = 8;  // in rows: about one memory latency
   const SpatialPartition& partition = collision.partition();
   const IndexRange own_slabs = partition.share(member);
-  std::array<std::size_t, kLanes> rotating;  // non-spheres collected for one SIMD batch
+  std::array<BodyStore::Rotating, kLanes> rotating;  // non-spheres collected for one SIMD batch
   std::size_t count = 0;
   auto flush_rotations = [&] {
-    if (count > 0) bodies.integrate_gyroscopic(std::span(rotating).first(count), settings.dt_s);
-    for (const std::size_t i : std::span(rotating).first(count)) sleep.update_sleep_timer(bodies, i);
+    const auto batch = std::span(rotating).first(count);
+    if (count > 0) bodies.integrate_poses(batch);
+    for (const BodyStore::Rotating& r : batch) sleep.update_sleep_timer(bodies, r.body);
     count = 0;
   };
   for (int s = own_slabs.begin; s < own_slabs.end; ++s) {
@@ -46,12 +47,13 @@ void World::Impl::finalize_bodies(const Member& member) {
         bodies.prefetch_rotation(ahead);
       }
       solver.store_body(bodies, partition, row);
-      clip_to_time_of_impact(collision, bodies, i);
-      bodies.integrate_pose(i);
       if (bodies.is_sphere[i]) {
+        bodies.integrate_pose(i);
         sleep.update_sleep_timer(bodies, i);
       } else {
-        rotating[count++] = i;
+        // A clipped body must end in the pose in which it was found to touch.
+        const bool is_clipped = clip_to_time_of_impact(collision, bodies, i);
+        rotating[count++] = {i, is_clipped ? 0.0F : settings.dt_s};
         if (count == rotating.size()) flush_rotations();
       }
     }

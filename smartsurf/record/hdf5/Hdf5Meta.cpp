@@ -25,6 +25,7 @@ void write_meta(hid_t file, const RunMetadata& meta, const scene::SceneSpec& spe
   write_attribute(group, "iterations", static_cast<std::uint64_t>(spec.world.iterations));
   write_attribute(group, "gravity", H5T_NATIVE_DOUBLE, spec.world.gravity.data(), 3);
   write_attribute(group, "ground", std::uint64_t{spec.world.ground});
+  write_attribute(group, "sleep", std::uint64_t{spec.world.sleep});
   write_attribute(group, "every", static_cast<std::uint64_t>(spec.record.tick_interval));
   const Handle options = create_group(group, "options");
   for (const scene::OptionSpec& option : spec.options)

@@ -17,53 +17,90 @@ namespace {
 struct M3 {
   V3 x, y, z;
   HWY_INLINE V3 operator*(const V3& u) const { return x * u.x + y * u.y + z * u.z; }
-  HWY_INLINE V3 transposed_times(const V3& u) const { return {dot(x, u), dot(y, u), dot(z, u)}; }
 };
 
-HWY_INLINE SymmetricMat3 load_symmetric(const float (*lanes)[kLanes], int at) {
-  return {load(lanes[0], at), load(lanes[1], at), load(lanes[2], at),
-          load(lanes[3], at), load(lanes[4], at), load(lanes[5], at)};
-}
+struct Q4 {
+  V x, y, z, w;
+  HWY_INLINE Q4 operator*(const Q4& b) const {
+    return {(w * b.x + x * b.w) + (y * b.z - z * b.y), (w * b.y + y * b.w) + (z * b.x - x * b.z),
+            (w * b.z + z * b.w) + (x * b.y - y * b.x), (w * b.w - x * b.x) - (y * b.y + z * b.z)};
+  }
+  HWY_INLINE V squared_norm() const { return (x * x + y * y) + (z * z + w * w); }
+};
 
-HWY_INLINE M3 rotation_matrix(const float (*q)[kLanes], int at) {
-  const V x = load(q[0], at), y = load(q[1], at), z = load(q[2], at), w = load(q[3], at);
-  const V one = set(1.0F), tx = x + x, ty = y + y, tz = z + z;
-  const V xx = tx * x, yy = ty * y, zz = tz * z, xy = ty * x, xz = tz * x, yz = tz * y;
-  const V wx = tx * w, wy = ty * w, wz = tz * w;
+// Of a quaternion that need not be unit: otherwise the rounding error of its norm would scale the angular momentum
+// in each step.
+HWY_INLINE M3 rotation_matrix(const Q4& q) {
+  const V one = set(1.0F), two = set(2.0F) / q.squared_norm();
+  const V tx = two * q.x, ty = two * q.y, tz = two * q.z;
+  const V xx = tx * q.x, yy = ty * q.y, zz = tz * q.z, xy = ty * q.x, xz = tz * q.x, yz = tz * q.y;
+  const V wx = tx * q.w, wy = ty * q.w, wz = tz * q.w;
   return {{one - (yy + zz), xy + wz, xz - wy},
           {xy - wz, one - (xx + zz), yz + wx},
           {xz + wy, yz - wx, one - (xx + yy)}};
 }
 
-// One Newton step of implicit Euler on Euler's equations, I dω/dt = −ω × Iω, in body axes: stable at any angular
-// velocity (E. Catto, Numerical Methods, GDC 2015).
-HWY_INLINE V3 solve_gyroscopic(const SymmetricMat3& local_inertia, const V3& angular_velocity, V dt) {
-  const V3 momentum = local_inertia * angular_velocity;
-  const V3 inertia_x{local_inertia.xx, local_inertia.xy, local_inertia.xz},
-      inertia_y{local_inertia.xy, local_inertia.yy, local_inertia.yz},
-      inertia_z{local_inertia.xz, local_inertia.yz, local_inertia.zz};
-  const V zeros = zero();
-  const M3 jacobian{
-      inertia_x + (cross(angular_velocity, inertia_x) - V3{zeros, momentum.z, zeros - momentum.y}) * dt,
-      inertia_y + (cross(angular_velocity, inertia_y) - V3{zeros - momentum.z, zeros, momentum.x}) * dt,
-      inertia_z + (cross(angular_velocity, inertia_z) - V3{momentum.y, zeros - momentum.x, zeros}) * dt};
-  const V3 torque = cross(angular_velocity, momentum) * dt;
-  const V3 yz = cross(jacobian.y, jacobian.z);
-  const V inverse_determinant = set(1.0F) / dot(jacobian.x, yz);
-  const V3 change{dot(torque, yz) * inverse_determinant,
-                  dot(torque, cross(jacobian.z, jacobian.x)) * inverse_determinant,
-                  dot(torque, cross(jacobian.x, jacobian.y)) * inverse_determinant};
-  const V3 next = angular_velocity - change;
-  // The Jacobian can become singular at a very high angular velocity about the intermediate axis. Scale the
-  // result so that kinetic energy never grows; keep the old velocity where that is impossible.
-  const V energy = dot(angular_velocity, momentum), next_energy = dot(next, local_inertia * next);
-  const auto positive = hn::Gt(next_energy, zero());
-  const V scale = hn::IfThenElse(hn::Le(next_energy, energy), set(1.0F),
-                                 hn::Sqrt(energy / hn::IfThenElse(positive, next_energy, set(1.0F))));
-  const auto valid = hn::Or(positive, hn::Le(next_energy, energy));
-  auto pick = [&](V yes, V no) HWY_ATTR { return hn::IfThenElse(valid, yes * scale, no); };
-  return {pick(next.x, angular_velocity.x), pick(next.y, angular_velocity.y),
-          pick(next.z, angular_velocity.z)};
+struct SinCos {
+  V sin, cos;
+};
+
+// To 1e-7 below 8000 rad; beyond that of a wrong angle, but still sine and cosine (S. Moshier, Cephes, sinf).
+HWY_INLINE SinCos sin_cos(V angle) {
+  const V quarters = hn::Round(angle * set(0.636619772F));
+  const V remainder = ((angle - quarters * set(1.5703125F)) - quarters * set(4.837512969970703125e-4F)) -
+                      quarters * set(7.54978995489188216e-8F);
+  const V r = hn::Min(hn::Max(remainder, set(-0.8F)), set(0.8F)), rr = r * r;
+  const V sin_r =
+      r + r * rr * (set(-1.6666654611e-1F) + rr * (set(8.3321608736e-3F) - rr * set(1.9515295891e-4F)));
+  const V cos_r =
+      (set(1.0F) - rr * set(0.5F)) +
+      rr * rr *
+          (set(4.166664568298827e-2F) + rr * (set(-1.388731625493765e-3F) + rr * set(2.443315711809948e-5F)));
+  const V quadrant = quarters - set(4.0F) * hn::Floor(quarters * set(0.25F));
+  const auto is_1 = hn::Eq(quadrant, set(1.0F)), is_3 = hn::Eq(quadrant, set(3.0F));
+  const auto swap = hn::Or(is_1, is_3);
+  const V s = hn::IfThenElse(swap, cos_r, sin_r), c = hn::IfThenElse(swap, sin_r, cos_r);
+  return {hn::IfThenElse(hn::Ge(quadrant, set(2.0F)), zero() - s, s),
+          hn::IfThenElse(hn::Or(is_1, hn::Eq(quadrant, set(2.0F))), zero() - c, c)};
+}
+
+HWY_INLINE Q4 rotation_by_vector(const V3& u) {
+  const V angle = hn::Sqrt(dot(u, u));
+  const SinCos half = sin_cos(angle * set(0.5F));
+  const auto turns = hn::Gt(angle, zero());
+  const V scale = hn::IfThenElseZero(turns, half.sin / hn::IfThenElse(turns, angle, set(1.0F)));
+  return {u.x * scale, u.y * scale, u.z * scale, half.cos};
+}
+
+// Rotates q and the vector v, which is perpendicular to the axis, about the unit vector `axis`.
+HWY_INLINE void rotate_about(const V3& axis, V angle, Q4& q, V3& v) {
+  const SinCos half = sin_cos(angle * set(0.5F));
+  q = Q4{axis.x * half.sin, axis.y * half.sin, axis.z * half.sin, half.cos} * q;
+  const V s2 = half.sin + half.sin;
+  v = v * (set(1.0F) - s2 * half.sin) + cross(axis, v) * (s2 * half.cos);
+}
+
+// An inertia tensor, or its inverse: middle·1 + least·u⊗u + greatest·v⊗v, where u and v are the unit axes of the
+// least and the greatest principal moment. Exact for equal moments.
+struct PrincipalTensor {
+  V middle, least, greatest;
+  HWY_INLINE V3 times(const V3& x, const V3& u, const V3& v) const {
+    return x * middle + u * (least * dot(u, x)) + v * (greatest * dot(v, x));
+  }
+};
+
+// Free rotation at constant angular momentum: the kinetic energy is split into that of a sphere, of the middle
+// moment, and what the least and the greatest moment add to it. Each part alone makes the body rotate uniformly,
+// about the momentum or about one of its own axes, and the first commutes with the others; these are composed as
+// half, whole, half (R. McLachlan, Explicit Lie–Poisson integration, 1993; J. Touma, J. Wisdom, 1994). Exact for
+// bodies with two equal moments and for rotation about one axis; otherwise of second order, without drift of the
+// energy. Returns the new orientation, not quite unit.
+HWY_INLINE Q4 rotate_freely(Q4 q, const V3& momentum, V3 u, V3 v, const PrincipalTensor& inverse, V time) {
+  const V half_time = time * set(0.5F);
+  rotate_about(u, half_time * inverse.least * dot(u, momentum), q, v);
+  rotate_about(v, time * inverse.greatest * dot(v, momentum), q, u);
+  rotate_about(u, half_time * inverse.least * dot(u, momentum), q, v);
+  return rotation_by_vector(momentum * (time * inverse.middle)) * q;
 }
 
 // Where enabled, replaces the axes by ones with the same z, whose x is the projection of the previous x: the axes of
@@ -80,31 +117,45 @@ HWY_INLINE M3 remove_twist(const M3& to, const V3& x_before, hn::Mask<D> enabled
   return {pick(unit, to.x), pick(cross(to.z, unit), to.y), to.z};
 }
 
-HWY_INLINE SymmetricMat3 rotate_inertia(const SymmetricMat3& local_inertia, const M3& axes) {
-  const V3 x = axes * V3{local_inertia.xx, local_inertia.xy, local_inertia.xz},
-           y = axes * V3{local_inertia.xy, local_inertia.yy, local_inertia.yz},
-           z = axes * V3{local_inertia.xz, local_inertia.yz, local_inertia.zz};
-  auto entry = [](V ax, V bx, V ay, V by, V az, V bz) HWY_ATTR { return sum3(ax * bx, ay * by, az * bz); };
-  return {
-      entry(x.x, axes.x.x, y.x, axes.y.x, z.x, axes.z.x), entry(x.y, axes.x.y, y.y, axes.y.y, z.y, axes.z.y),
-      entry(x.z, axes.x.z, y.z, axes.y.z, z.z, axes.z.z), entry(x.x, axes.x.y, y.x, axes.y.y, z.x, axes.z.y),
-      entry(x.x, axes.x.z, y.x, axes.y.z, z.x, axes.z.z), entry(x.y, axes.x.z, y.y, axes.y.z, z.y, axes.z.z)};
+HWY_INLINE void integrate_lanes(RotationBatch& t, int at) {
+  const V one = set(1.0F), time = load(t.free_time, at);
+  const V3 least_axis = load3(t.least_axis, at), greatest_axis = load3(t.greatest_axis, at);
+  const V least = load(t.moments[0], at), middle = load(t.moments[1], at), greatest = load(t.moments[2], at);
+  const PrincipalTensor inertia{middle, least - middle, greatest - middle};
+  const V inverse_middle = one / middle;
+  const PrincipalTensor inverse{inverse_middle, one / least - inverse_middle,
+                                one / greatest - inverse_middle};
+
+  const Q4 before{load(t.orientation[0], at), load(t.orientation[1], at), load(t.orientation[2], at),
+                  load(t.orientation[3], at)};
+  const M3 axes_before = rotation_matrix(before);
+  const V3 u_before = axes_before * least_axis, v_before = axes_before * greatest_axis;
+  const V3 omega = load3(t.angular_velocity, at);
+  const V3 momentum = inertia.times(omega, u_before, v_before);
+  const Q4 turned = rotation_by_vector(load3(t.rotation, at) - omega * time) *
+                    rotate_freely(before, momentum, u_before, v_before, inverse, time);
+  const V norm = hn::Sqrt(turned.squared_norm());
+  const Q4 q{turned.x / norm, turned.y / norm, turned.z / norm, turned.w / norm};
+  store(q.x, t.orientation[0], at), store(q.y, t.orientation[1], at);
+  store(q.z, t.orientation[2], at), store(q.w, t.orientation[3], at);
+
+  const M3 body_axes = rotation_matrix(q);
+  const V3 u = body_axes * least_axis, v = body_axes * greatest_axis;
+  store3(inverse.times(momentum, u, v), t.angular_velocity, at);
+  const auto is_axisymmetric = hn::Gt(load(t.is_axisymmetric, at), zero());
+  const M3 axes = remove_twist(body_axes, load3(t.previous_x_axis, at), is_axisymmetric);
+  store3(axes.x, t.axes[0], at), store3(axes.y, t.axes[1], at), store3(axes.z, t.axes[2], at);
+  auto entry = [&](V diagonal, V ua, V ub, V va, V vb) HWY_ATTR {
+    return sum3(diagonal, inverse.least * (ua * ub), inverse.greatest * (va * vb));
+  };
+  const V entries[] = {entry(inverse.middle, u.x, u.x, v.x, v.x), entry(inverse.middle, u.y, u.y, v.y, v.y),
+                       entry(inverse.middle, u.z, u.z, v.z, v.z), entry(zero(), u.x, u.y, v.x, v.y),
+                       entry(zero(), u.x, u.z, v.x, v.z),         entry(zero(), u.y, u.z, v.y, v.z)};
+  for (int i = 0; i < 6; ++i) store(entries[i], t.world_inverse_inertia[i], at);
 }
 
-void integrate_gyroscopic_for_target(RotationBatch& t, float dt_s) {
-  for (int at = 0; at < kLanes; at += kVectorWidth) {
-    const M3 orientation = rotation_matrix(t.orientation, at);
-    const V3 angular_velocity =
-        solve_gyroscopic(load_symmetric(t.inertia, at),
-                         orientation.transposed_times(load3(t.angular_velocity, at)), set(dt_s));
-    store3(orientation * angular_velocity, t.angular_velocity, at);
-    const auto is_axisymmetric = hn::Gt(load(t.is_axisymmetric, at), zero());
-    const M3 axes = remove_twist(orientation, load3(t.previous_x_axis, at), is_axisymmetric);
-    store3(axes.x, t.axes[0], at), store3(axes.y, t.axes[1], at), store3(axes.z, t.axes[2], at);
-    const SymmetricMat3 inverse = rotate_inertia(load_symmetric(t.inverse_inertia, at), axes);
-    const V entries[] = {inverse.xx, inverse.yy, inverse.zz, inverse.xy, inverse.xz, inverse.yz};
-    for (int i = 0; i < 6; ++i) store(entries[i], t.world_inverse_inertia[i], at);
-  }
+void integrate_rotation_for_target(RotationBatch& t) {
+  for (int at = 0; at < kLanes; at += kVectorWidth) integrate_lanes(t, at);
 }
 
 }  // namespace
@@ -115,11 +166,9 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace smartsurf::world {
 
-HWY_EXPORT(integrate_gyroscopic_for_target);
+HWY_EXPORT(integrate_rotation_for_target);
 
-void integrate_gyroscopic(RotationBatch& batch, float dt_s) {
-  HWY_DYNAMIC_DISPATCH(integrate_gyroscopic_for_target)(batch, dt_s);
-}
+void integrate_rotation(RotationBatch& batch) { HWY_DYNAMIC_DISPATCH(integrate_rotation_for_target)(batch); }
 
 }  // namespace smartsurf::world
 #endif
