@@ -29,9 +29,9 @@ PrincipalInertia principal_inertia(const Mat3& tensor) {
   std::array<int, 3> order{0, 1, 2};
   std::stable_sort(order.begin(), order.end(), [&](int i, int j) { return moments[i] < moments[j]; });
   PrincipalInertia result;
-  store(result.least_axis, axes.col(order[0]).cast<float>());
-  store(result.greatest_axis, axes.col(order[2]).cast<float>());
-  for (std::size_t i = 0; i < 3; ++i) result.moments[i] = static_cast<float>(moments[order[i]]);
+  std::copy_n(axes.col(order[0]).data(), 3, result.least_axis);
+  std::copy_n(axes.col(order[2]).data(), 3, result.greatest_axis);
+  for (std::size_t i = 0; i < 3; ++i) result.moments[i] = moments[order[i]];
   return result;
 }
 
@@ -57,6 +57,7 @@ void BodyStore::add(scene::ObjectId new_id, const scene::ObjectSpec& spec, const
        shape.back()->has_rolling_friction ? std::sqrt(static_cast<float>(material.rolling_friction)) : 0.0F,
        static_cast<float>(material.restitution)});
   const bool is_dynamic = mass.back() > 0.0F;
+  rotation_state.emplace_back();
   inertia.push_back(is_dynamic ? principal_inertia(inertia_of(spec, mass.back())) : PrincipalInertia());
   wrench.emplace_back();
   asleep.push_back(0);
@@ -79,8 +80,8 @@ void BodyStore::erase(std::size_t i) {
       erase_at(mass, i), erase_at(shape, i);
   erase_at(bounding_radius, i), erase_at(is_sphere, i), erase_at(is_axisymmetric, i), erase_at(width, i),
       erase_at(surface_material, i);
-  erase_at(inertia, i), erase_at(wrench, i), erase_at(asleep, i), erase_at(sleep_timer_s, i),
-      erase_at(rest_velocity, i);
+  erase_at(inertia, i), erase_at(rotation_state, i), erase_at(wrench, i), erase_at(asleep, i),
+      erase_at(sleep_timer_s, i), erase_at(rest_velocity, i);
   erase_at(axes, i), erase_at(delta_pose, i), erase_at(world_inverse_inertia, i);
 }
 
@@ -108,9 +109,12 @@ void BodyStore::update_axes(std::size_t i) {
   const BodyVelocity velocity_before = body_velocity[i];
   const Quat orientation_before = orientation[i];
   delta_pose[i] = {};
+  rotation_state[i] = {};
+  std::copy_n(orientation_before.coeffs().data(), 4, rotation_state[i].orientation);
   integrate_rotations({{{i, 0.0F}}});
   body_velocity[i] = velocity_before;
   orientation[i] = orientation_before;
+  std::copy_n(velocity_before.angular_velocity, 3, rotation_state[i].angular_velocity);
 }
 
 Quat rotation_from_vector(const Vec3& rotation_vector) {
@@ -139,6 +143,8 @@ void BodyStore::prefetch_rotation(std::size_t i) const {
   hwy::Prefetch(axes[i].data() + 8);
   hwy::Prefetch(inertia[i].least_axis);
   hwy::Prefetch(inertia[i].moments + 2);
+  hwy::Prefetch(rotation_state[i].orientation);
+  hwy::Prefetch(rotation_state[i].angular_velocity + 2);
   hwy::Prefetch(&world_inverse_inertia[i]);
 }
 
@@ -167,22 +173,37 @@ void BodyStore::integrate_rotations(std::span<const Rotating> bodies) {
     store_lane(batch.moments, principal.moments);
     store_lane(batch.rotation, delta_pose[i].rotation);
     store_lane(batch.previous_x_axis, axes[i].data());
-    store_lane(batch.orientation, orientation[i].coeffs().data());
-    store_lane(batch.angular_velocity, body_velocity[i].angular_velocity);
+    const RotationState& state = rotation_state[i];
+    store_lane(batch.orientation, state.orientation);
+    store_lane(batch.momentum, state.momentum);
+    const BodyVelocity& solved = body_velocity[i];
+    store_lane(batch.angular_velocity, solved.angular_velocity);
+    for (int k = 0; k < 3; ++k)
+      batch.angular_velocity_change[k][lane] =
+          static_cast<double>(solved.angular_velocity[k]) - static_cast<double>(state.angular_velocity[k]);
     batch.free_time[lane] = free_time_s;
     batch.is_axisymmetric[lane] = is_axisymmetric[i] ? 1.0F : 0.0F;
   }
   integrate_rotation(batch);
   for (std::size_t lane = 0; lane < bodies.size(); ++lane) {
     const std::size_t i = bodies[lane].body;
-    for (int k = 0; k < 3; ++k) body_velocity[i].angular_velocity[k] = batch.angular_velocity[k][lane];
-    for (int k = 0; k < 4; ++k) orientation[i].coeffs()[k] = batch.orientation[k][lane];
+    RotationState& state = rotation_state[i];
+    for (int k = 0; k < 3; ++k) {
+      state.momentum[k] = batch.momentum[k][lane];
+      body_velocity[i].angular_velocity[k] = state.angular_velocity[k] =
+          static_cast<float>(batch.angular_velocity[k][lane]);
+    }
+    for (int k = 0; k < 4; ++k) {
+      state.orientation[k] = batch.orientation[k][lane];
+      orientation[i].coeffs()[k] = static_cast<float>(state.orientation[k]);
+    }
     for (int c = 0; c < 3; ++c)
-      for (int r = 0; r < 3; ++r) axes[i](r, c) = batch.axes[c][r][lane];
-    const auto& w = batch.world_inverse_inertia;
-    world_inverse_inertia[i] =
-        is_static(i) ? InverseInertia{} : InverseInertia{w[0][lane], w[1][lane], w[2][lane], w[3][lane],
-                                                         w[4][lane], w[5][lane], {}};
+      for (int r = 0; r < 3; ++r) axes[i](r, c) = static_cast<float>(batch.axes[c][r][lane]);
+    InverseInertia& inverse = world_inverse_inertia[i];
+    inverse = {};
+    if (is_static(i)) continue;
+    auto entry = [&](int k) { return static_cast<float>(batch.world_inverse_inertia[k][lane]); };
+    inverse = {entry(0), entry(1), entry(2), entry(3), entry(4), entry(5), {}};
   }
 }
 

@@ -25,8 +25,15 @@ struct SurfaceMaterial {
 // Principal moments of inertia about the centre of mass and, in body axes, the directions of the least and the
 // greatest.
 struct PrincipalInertia {
-  float least_axis[3] = {1, 0, 0}, greatest_axis[3] = {0, 0, 1};
-  float moments[3] = {};  // least, middle, greatest; 0 for a static body
+  double least_axis[3] = {1, 0, 0}, greatest_axis[3] = {0, 0, 1};
+  double moments[3] = {};  // least, middle, greatest; 0 for a static body
+};
+
+// Orientation and angular momentum of a non-sphere in double precision, see RotationBatch.
+struct RotationState {
+  double orientation[4] = {0, 0, 0, 1};  // x, y, z, w
+  double momentum[3] = {};               // world axes
+  float angular_velocity[3] = {};        // at this momentum; the solver's changes are relative to it
 };
 
 struct RestVelocity {
@@ -46,6 +53,7 @@ struct BodyStore {
   std::vector<float> width;
   std::vector<SurfaceMaterial> surface_material;
   std::vector<PrincipalInertia> inertia;
+  std::vector<RotationState> rotation_state;
   std::vector<surface::Wrench> wrench;  // of the next step
   std::vector<char> asleep;
   std::vector<float> sleep_timer_s;         // time since the body last moved or accelerated noticeably
@@ -70,10 +78,12 @@ struct BodyStore {
   int find(scene::ObjectId) const;
   // Sets the values that are present; ignores velocities of a static body.
   void apply_placement(std::size_t index, const scene::ObjectStateUpdate&);
-  // Recomputes axes and world inertia from the orientation.
+  // Recomputes axes, world inertia and rotation_state from orientation and angular velocity.
   void update_axes(std::size_t index);
   // Inverse moment of inertia of a dynamic sphere.
-  float inverse_inertia_of_sphere(std::size_t index) const { return 1.0F / inertia[index].moments[1]; }
+  float inverse_inertia_of_sphere(std::size_t index) const {
+    return static_cast<float>(1.0 / inertia[index].moments[1]);
+  }
   // Prefetch the entries that integrate_pose() uses, and those that integrate_poses() uses in addition.
   // Threads visit bodies in spatial order, which the hardware prefetcher cannot predict.
   void prefetch(std::size_t index) const;

@@ -6,12 +6,41 @@
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
 
-#include "smartsurf/world/solver/SimdLanes-inl.h"
-
 HWY_BEFORE_NAMESPACE();
 namespace smartsurf::world {
 namespace HWY_NAMESPACE {
 namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+using D = hn::CappedTag<double, kLanes>;
+using V = hn::Vec<D>;
+constexpr int kVectorWidth = static_cast<int>(hn::MaxLanes(D()));
+static_assert(kLanes % kVectorWidth == 0);
+
+HWY_INLINE V set(double value) { return hn::Set(D(), value); }
+HWY_INLINE V zero() { return hn::Zero(D()); }
+HWY_INLINE V load(const double* lanes, int first) { return hn::LoadU(D(), lanes + first); }
+HWY_INLINE void store(V value, double* lanes, int first) { hn::StoreU(value, D(), lanes + first); }
+HWY_INLINE V sum3(V a, V b, V c) { return (a + b) + c; }
+
+struct V3 {
+  V x, y, z;
+};
+HWY_INLINE V3 operator+(const V3& a, const V3& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
+HWY_INLINE V3 operator-(const V3& a, const V3& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+HWY_INLINE V3 operator*(const V3& a, V s) { return {a.x * s, a.y * s, a.z * s}; }
+HWY_INLINE V dot(const V3& a, const V3& b) { return sum3(a.x * b.x, a.y * b.y, a.z * b.z); }
+HWY_INLINE V3 cross(const V3& a, const V3& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+HWY_INLINE V3 load3(const double (*lanes)[kLanes], int first) {
+  return {load(lanes[0], first), load(lanes[1], first), load(lanes[2], first)};
+}
+HWY_INLINE void store3(const V3& value, double (*lanes)[kLanes], int first) {
+  store(value.x, lanes[0], first);
+  store(value.y, lanes[1], first);
+  store(value.z, lanes[2], first);
+}
 
 // A 3 × 3 matrix by columns.
 struct M3 {
@@ -28,10 +57,9 @@ struct Q4 {
   HWY_INLINE V squared_norm() const { return (x * x + y * y) + (z * z + w * w); }
 };
 
-// Of a quaternion that need not be unit: otherwise the rounding error of its norm would scale the angular momentum
-// in each step.
+// Of a quaternion that need not be quite unit.
 HWY_INLINE M3 rotation_matrix(const Q4& q) {
-  const V one = set(1.0F), two = set(2.0F) / q.squared_norm();
+  const V one = set(1.0), two = set(2.0) / q.squared_norm();
   const V tx = two * q.x, ty = two * q.y, tz = two * q.z;
   const V xx = tx * q.x, yy = ty * q.y, zz = tz * q.z, xy = ty * q.x, xz = tz * q.x, yz = tz * q.y;
   const V wx = tx * q.w, wy = ty * q.w, wz = tz * q.w;
@@ -44,40 +72,44 @@ struct SinCos {
   V sin, cos;
 };
 
-// To 1e-7 below 8000 rad; beyond that of a wrong angle, but still sine and cosine (S. Moshier, Cephes, sinf).
+// Accurate below 1e5 rad; beyond that of a wrong angle, but still sine and cosine (Sun Microsystems, fdlibm).
 HWY_INLINE SinCos sin_cos(V angle) {
-  const V quarters = hn::Round(angle * set(0.636619772F));
-  const V remainder = ((angle - quarters * set(1.5703125F)) - quarters * set(4.837512969970703125e-4F)) -
-                      quarters * set(7.54978995489188216e-8F);
-  const V r = hn::Min(hn::Max(remainder, set(-0.8F)), set(0.8F)), rr = r * r;
-  const V sin_r =
-      r + r * rr * (set(-1.6666654611e-1F) + rr * (set(8.3321608736e-3F) - rr * set(1.9515295891e-4F)));
-  const V cos_r =
-      (set(1.0F) - rr * set(0.5F)) +
-      rr * rr *
-          (set(4.166664568298827e-2F) + rr * (set(-1.388731625493765e-3F) + rr * set(2.443315711809948e-5F)));
-  const V quadrant = quarters - set(4.0F) * hn::Floor(quarters * set(0.25F));
-  const auto is_1 = hn::Eq(quadrant, set(1.0F)), is_3 = hn::Eq(quadrant, set(3.0F));
+  const V quarters = hn::Round(angle * set(0.63661977236758134308));
+  const V remainder =
+      (angle - quarters * set(1.57079632673412561417)) - quarters * set(6.07710050650619224932e-11);
+  const V r = hn::Min(hn::Max(remainder, set(-0.8)), set(0.8)), z = r * r;
+  V s = set(1.58969099521155010221e-10), c = set(-1.13596475577881948265e-11);
+  for (const double coefficient :
+       {-2.50507602534068634195e-08, 2.75573137070700676789e-06, -1.98412698298579493134e-04,
+        8.33333333332248946124e-03, -1.66666666666666324348e-01})
+    s = s * z + set(coefficient);
+  for (const double coefficient :
+       {2.08757232129817482790e-09, -2.75573143513906633035e-07, 2.48015872894767294178e-05,
+        -1.38888888888741095749e-03, 4.16666666666666019037e-02})
+    c = c * z + set(coefficient);
+  const V sin_r = r + r * z * s, cos_r = (set(1.0) - z * set(0.5)) + z * z * c;
+  const V quadrant = quarters - set(4.0) * hn::Floor(quarters * set(0.25));
+  const auto is_1 = hn::Eq(quadrant, set(1.0)), is_3 = hn::Eq(quadrant, set(3.0));
   const auto swap = hn::Or(is_1, is_3);
-  const V s = hn::IfThenElse(swap, cos_r, sin_r), c = hn::IfThenElse(swap, sin_r, cos_r);
-  return {hn::IfThenElse(hn::Ge(quadrant, set(2.0F)), zero() - s, s),
-          hn::IfThenElse(hn::Or(is_1, hn::Eq(quadrant, set(2.0F))), zero() - c, c)};
+  const V sin = hn::IfThenElse(swap, cos_r, sin_r), cos = hn::IfThenElse(swap, sin_r, cos_r);
+  return {hn::IfThenElse(hn::Ge(quadrant, set(2.0)), zero() - sin, sin),
+          hn::IfThenElse(hn::Or(is_1, hn::Eq(quadrant, set(2.0))), zero() - cos, cos)};
 }
 
 HWY_INLINE Q4 rotation_by_vector(const V3& u) {
   const V angle = hn::Sqrt(dot(u, u));
-  const SinCos half = sin_cos(angle * set(0.5F));
+  const SinCos half = sin_cos(angle * set(0.5));
   const auto turns = hn::Gt(angle, zero());
-  const V scale = hn::IfThenElseZero(turns, half.sin / hn::IfThenElse(turns, angle, set(1.0F)));
+  const V scale = hn::IfThenElseZero(turns, half.sin / hn::IfThenElse(turns, angle, set(1.0)));
   return {u.x * scale, u.y * scale, u.z * scale, half.cos};
 }
 
 // Rotates q and the vector v, which is perpendicular to the axis, about the unit vector `axis`.
 HWY_INLINE void rotate_about(const V3& axis, V angle, Q4& q, V3& v) {
-  const SinCos half = sin_cos(angle * set(0.5F));
+  const SinCos half = sin_cos(angle * set(0.5));
   q = Q4{axis.x * half.sin, axis.y * half.sin, axis.z * half.sin, half.cos} * q;
   const V s2 = half.sin + half.sin;
-  v = v * (set(1.0F) - s2 * half.sin) + cross(axis, v) * (s2 * half.cos);
+  v = v * (set(1.0) - s2 * half.sin) + cross(axis, v) * (s2 * half.cos);
 }
 
 // An inertia tensor, or its inverse: middle·1 + least·u⊗u + greatest·v⊗v, where u and v are the unit axes of the
@@ -96,7 +128,7 @@ struct PrincipalTensor {
 // bodies with two equal moments and for rotation about one axis; otherwise of second order, without drift of the
 // energy. Returns the new orientation, not quite unit.
 HWY_INLINE Q4 rotate_freely(Q4 q, const V3& momentum, V3 u, V3 v, const PrincipalTensor& inverse, V time) {
-  const V half_time = time * set(0.5F);
+  const V half_time = time * set(0.5);
   rotate_about(u, half_time * inverse.least * dot(u, momentum), q, v);
   rotate_about(v, time * inverse.greatest * dot(v, momentum), q, u);
   rotate_about(u, half_time * inverse.least * dot(u, momentum), q, v);
@@ -108,8 +140,8 @@ HWY_INLINE Q4 rotate_freely(Q4 q, const V3& momentum, V3 u, V3 v, const Principa
 HWY_INLINE M3 remove_twist(const M3& to, const V3& x_before, hn::Mask<D> enabled) {
   const V3 x = x_before - to.z * dot(to.z, x_before);
   const V length = hn::Sqrt(dot(x, x));
-  const auto use = hn::And(enabled, hn::Gt(length, set(0.1F)));
-  const V3 unit = x * (set(1.0F) / hn::IfThenElse(use, length, set(1.0F)));
+  const auto use = hn::And(enabled, hn::Gt(length, set(0.1)));
+  const V3 unit = x * (set(1.0) / hn::IfThenElse(use, length, set(1.0)));
   auto pick = [&](const V3& yes, const V3& no) HWY_ATTR {
     return V3{hn::IfThenElse(use, yes.x, no.x), hn::IfThenElse(use, yes.y, no.y),
               hn::IfThenElse(use, yes.z, no.z)};
@@ -118,7 +150,7 @@ HWY_INLINE M3 remove_twist(const M3& to, const V3& x_before, hn::Mask<D> enabled
 }
 
 HWY_INLINE void integrate_lanes(RotationBatch& t, int at) {
-  const V one = set(1.0F), time = load(t.free_time, at);
+  const V one = set(1.0), time = load(t.free_time, at);
   const V3 least_axis = load3(t.least_axis, at), greatest_axis = load3(t.greatest_axis, at);
   const V least = load(t.moments[0], at), middle = load(t.moments[1], at), greatest = load(t.moments[2], at);
   const PrincipalTensor inertia{middle, least - middle, greatest - middle};
@@ -130,9 +162,14 @@ HWY_INLINE void integrate_lanes(RotationBatch& t, int at) {
                   load(t.orientation[3], at)};
   const M3 axes_before = rotation_matrix(before);
   const V3 u_before = axes_before * least_axis, v_before = axes_before * greatest_axis;
-  const V3 omega = load3(t.angular_velocity, at);
-  const V3 momentum = inertia.times(omega, u_before, v_before);
-  const Q4 turned = rotation_by_vector(load3(t.rotation, at) - omega * time) *
+  const V3 momentum =
+      load3(t.momentum, at) + inertia.times(load3(t.angular_velocity_change, at), u_before, v_before);
+  store3(momentum, t.momentum, at);
+  // Without contacts the two differ by the rounding of the solver only, which would be noise.
+  const V3 rotation = load3(t.rotation, at), added = rotation - load3(t.angular_velocity, at) * time;
+  const V significant =
+      hn::IfThenElseZero(hn::Gt(dot(added, added), dot(rotation, rotation) * set(1e-12)), one);
+  const Q4 turned = rotation_by_vector(added * significant) *
                     rotate_freely(before, momentum, u_before, v_before, inverse, time);
   const V norm = hn::Sqrt(turned.squared_norm());
   const Q4 q{turned.x / norm, turned.y / norm, turned.z / norm, turned.w / norm};

@@ -47,45 +47,49 @@ struct Bodies {
         body[l].moments = {1.5F, 1.5F, 2.0F};
       }
       put(l, body[l]);
-      turns.is_axisymmetric[l] = l % 2 == 1 ? 1.0F : 0.0F;
+      turns.is_axisymmetric[l] = l % 2 == 1 ? 1.0 : 0.0;
     }
   }
   void put(int l, const Body& b) {
     for (int k = 0; k < 4; ++k) turns.orientation[k][l] = b.orientation.coeffs()[k];
     turns.free_time[l] = kStep;
-    for (int k = 0; k < 3; ++k)
-      turns.least_axis[k][l] = b.principal_axes(k, 0), turns.greatest_axis[k][l] = b.principal_axes(k, 2),
+    const Vec3 momentum = b.momentum(b.spin);
+    for (int k = 0; k < 3; ++k) {
+      turns.least_axis[k][l] = b.principal_axes(k, 0), turns.greatest_axis[k][l] = b.principal_axes(k, 2);
       turns.moments[k][l] = b.moments[k], turns.rotation[k][l] = kStep * b.spin[k];
-    for (int k = 0; k < 3; ++k)
-      turns.angular_velocity[k][l] = b.spin[k], turns.previous_x_axis[k][l] = k == 0 ? 1.0F : 0.0F;
+      turns.momentum[k][l] = momentum[k], turns.angular_velocity[k][l] = b.spin[k];
+      turns.previous_x_axis[k][l] = k == 0 ? 1.0 : 0.0;
+    }
   }
   static void symmetric(float (&lanes)[6][kLanes], int l, const Mat3& m) {
     const float entries[] = {m(0, 0), m(1, 1), m(2, 2), m(0, 1), m(0, 2), m(1, 2)};
     for (int k = 0; k < 6; ++k) lanes[k][l] = entries[k];
   }
   Vec3 spin(int l) const {
-    return {turns.angular_velocity[0][l], turns.angular_velocity[1][l], turns.angular_velocity[2][l]};
+    Vec3 spin;
+    for (int k = 0; k < 3; ++k) spin[k] = static_cast<float>(turns.angular_velocity[k][l]);
+    return spin;
   }
   // After the kernel.
   Body body_now(int l) const {
     Body b = body[l];
-    for (int k = 0; k < 4; ++k) b.orientation.coeffs()[k] = turns.orientation[k][l];
+    for (int k = 0; k < 4; ++k) b.orientation.coeffs()[k] = static_cast<float>(turns.orientation[k][l]);
     b.spin = spin(l);
     return b;
   }
   Mat3 axes(int l) const {
     Mat3 m;
     for (int c = 0; c < 3; ++c)
-      for (int r = 0; r < 3; ++r) m(r, c) = turns.axes[c][r][l];
+      for (int r = 0; r < 3; ++r) m(r, c) = static_cast<float>(turns.axes[c][r][l]);
     return m;
   }
 };
 
 float energy(const Body& b) { return 0.5F * b.spin.dot(b.momentum(b.spin)); }
 
-std::vector<float> results(const RotationBatch& t) {
-  std::vector<float> all;
-  auto add = [&all](const float(&lanes)[kLanes]) { all.insert(all.end(), lanes, lanes + kLanes); };
+std::vector<double> results(const RotationBatch& t) {
+  std::vector<double> all;
+  auto add = [&all](const double(&lanes)[kLanes]) { all.insert(all.end(), lanes, lanes + kLanes); };
   for (const auto& lanes : t.orientation) add(lanes);
   for (const auto& lanes : t.angular_velocity) add(lanes);
   for (const auto& column : t.axes)
@@ -130,10 +134,25 @@ TEST(RotationKernels, KeepsMomentumAtAnyRate) {
   }
 }
 
+TEST(RotationKernels, AddsTheSolversChangeToTheMomentum) {
+  Bodies bodies(1.0F);
+  for (int l = 0; l < kLanes; ++l)
+    for (int k = 0; k < 3; ++k) {
+      bodies.turns.momentum[k][l] = 0.0;
+      bodies.turns.angular_velocity_change[k][l] = bodies.body[l].spin[k];
+    }
+  integrate_rotation(bodies.turns);
+  for (int l = 0; l < kLanes; ++l) {
+    const Body& b = bodies.body[l];
+    const Vec3 momentum = b.momentum(b.spin);
+    for (int k = 0; k < 3; ++k) EXPECT_NEAR(bodies.turns.momentum[k][l], momentum[k], 2e-6) << l;
+  }
+}
+
 // Without free time the body turns as the solver says, and keeps its momentum.
 TEST(RotationKernels, AppliesTheRotationOfTheSolver) {
   Bodies bodies(30.0F);
-  for (int l = 0; l < kLanes; ++l) bodies.turns.free_time[l] = 0.0F;
+  for (int l = 0; l < kLanes; ++l) bodies.turns.free_time[l] = 0.0;
   integrate_rotation(bodies.turns);
   for (int l = 0; l < kLanes; ++l) {
     const Body &b = bodies.body[l], now = bodies.body_now(l);
@@ -181,7 +200,7 @@ TEST(RotationKernels, BitIdenticalInAnyLaneAndOnEveryTarget) {
   Bodies shifted(5.0F);
   for (int l = 0; l < kLanes; ++l) {
     shifted.put(l, first.body[(l + 2) % kLanes]);
-    shifted.turns.is_axisymmetric[l] = (l + 2) % 2 == 1 ? 1.0F : 0.0F;
+    shifted.turns.is_axisymmetric[l] = (l + 2) % 2 == 1 ? 1.0 : 0.0;
   }
   integrate_rotation(shifted.turns);
   for (int l = 0; l < kLanes; ++l) EXPECT_EQ(shifted.spin(l), first.spin((l + 2) % kLanes)) << l;
