@@ -164,7 +164,7 @@ void Sleep::update_sleep_timer(BodyStore& b, std::size_t i) const {
   }
   // Moving bodies never get here, so that the velocity is stored for bodies about to rest alone.
   const bool accelerates =
-      timer_s >= kTimeToSleep_s && max_point_velocity_change(b, i) > kMaxSleepVelocityChange;
+      timer_s + dt_s_ >= kTimeToSleep_s && max_point_velocity_change(b, i) > kMaxSleepVelocityChange;
   if (timer_s == 0.0F || accelerates) {
     b.rest_velocity[i] = {b.velocity(i), b.angular_velocity(i)};
     timer_s = 0.0F;
