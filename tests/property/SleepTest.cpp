@@ -187,10 +187,11 @@ TEST_P(SlowStart, BoxSlidesFromTheAngleOfFriction) {
     const auto id = fixture.add(box({3, 3, 1}, {6, 15.3, 0.5}));
     fixture.run(10.0);
     const double expected = 0.5 * g * (std::sin(angle) - mu * std::cos(angle)) * 100.0;  // 0.957 u
-    if (offset < 0)
+    if (offset < 0) {
       EXPECT_NEAR(fixture.position(id).x(), 6.0, 0.01);
-    else
+    } else {
       EXPECT_NEAR(fixture.position(id).x() - 6, expected, 0.1 * expected);
+    }
   }
 }
 

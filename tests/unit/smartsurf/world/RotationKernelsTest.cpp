@@ -129,7 +129,9 @@ TEST(RotationKernels, KeepsMomentumAtAnyRate) {
       const Vec3 momentum = b.momentum(b.spin);
       EXPECT_LE((now.momentum(now.spin) - momentum).norm(), 3e-6F * momentum.norm()) << rate << ", " << l;
       EXPECT_NEAR(now.orientation.norm(), 1.0F, 1e-6F);
-      if (rate <= 30.0F) EXPECT_NEAR(energy(now), energy(b), 0.02F * energy(b)) << rate << ", " << l;
+      if (rate <= 30.0F) {
+        EXPECT_NEAR(energy(now), energy(b), 0.02F * energy(b)) << rate << ", " << l;
+      }
     }
   }
 }
