@@ -96,8 +96,12 @@ void Sleep::wake_forced(BodyStore& b) {
 void Sleep::wake_on_moving_cells(BodyStore& b) {
   if (!any_asleep() || (field_.max_speed == 0.0F && !field_.has_surface_velocity())) return;
   const auto columns = static_cast<std::size_t>(field_.columns);
-  row_moves_.resize(static_cast<std::size_t>(field_.rows));
-  for (std::size_t r = 0; r < row_moves_.size(); ++r) {
+  // With few sleepers on many cells it is cheaper to look at their cells alone.
+  constexpr int kTypicalCellsPerSleeper = 64;
+  const bool few_sleepers =
+      field_.is_rectangular() && sleeping_count_ < field_.cells() / kTypicalCellsPerSleeper;
+  row_moves_.assign(static_cast<std::size_t>(field_.rows), 1);
+  for (std::size_t r = 0; r < row_moves_.size() && !few_sleepers; ++r) {
     int moving = 0;
     auto accumulate_motion = [&](const std::vector<float>& values) {
       if (values.empty()) return;

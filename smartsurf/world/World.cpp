@@ -11,17 +11,17 @@
 namespace smartsurf::world {
 namespace {
 
-float ground_height(const scene::SceneSpec& s) {
-  return s.world.ground ? static_cast<float>(s.surface.pin.min_height - s.surface.pin.length)
+float ground_height(const scene::SceneSpec& s, const LengthUnit& unit) {
+  return s.world.ground ? static_cast<float>(unit.to_world(s.surface.pin.min_height - s.surface.pin.length))
                         : -std::numeric_limits<float>::infinity();
 }
 
-StepSettings make_step_settings(const scene::SceneSpec& s) {
-  const scene::Material& m = s.materials[static_cast<std::size_t>(s.surface.material)];
+StepSettings make_step_settings(const scene::SceneSpec& s, const LengthUnit& unit) {
+  const scene::Material m = unit.to_world(s.materials[static_cast<std::size_t>(s.surface.material)]);
   StepSettings settings;
   settings.dt_s = static_cast<float>(s.world.dt_s);
   settings.substeps = std::max(1, (s.world.iterations + 1) / 2);
-  settings.gravity = s.world.gravity.cast<float>();
+  settings.gravity = unit.to_world(s.world.gravity).cast<float>();
   settings.field_friction_root = std::sqrt(static_cast<float>(m.friction));
   settings.field_rolling_friction_root = std::sqrt(static_cast<float>(m.rolling_friction));
   settings.field_restitution = static_cast<float>(m.restitution);
@@ -37,16 +37,21 @@ std::span<const float> flatten(const std::vector<std::array<float, N>>& all) {
 
 }  // namespace
 
-World::Impl::Impl(const scene::SceneSpec& scene, surface::Field& cells, common::ThreadPool* pool)
-    : materials(scene.materials),
-      field(cells),
-      settings(make_step_settings(scene)),
-      team(pool),
-      sleep(cells, settings.dt_s, settings.gravity),
-      collision(cells, settings.dt_s, ground_height(scene)),
+World::Impl::Impl(const scene::SceneSpec& scene, surface::Field& cells, common::ThreadPool* thread_pool)
+    : unit(scene.surface.pitch),
+      scene_materials(scene.materials),
+      scene_field(cells),
+      field_copy(unit.is_one() ? surface::Field() : unit.to_world(cells)),
+      field(unit.is_one() ? cells : field_copy),
+      settings(make_step_settings(scene, unit)),
+      team(thread_pool),
+      sleep(field, settings.dt_s, settings.gravity),
+      collision(field, settings.dt_s, ground_height(scene, unit)),
       solver(settings),
-      field_hasher(pool) {
-  field.impulse.assign(field.height.size(), 0.0F);
+      pool(thread_pool),
+      field_hasher(thread_pool) {
+  for (const scene::Material& material : scene.materials) materials.push_back(unit.to_world(material));
+  scene_field.impulse.assign(scene_field.height.size(), 0.0F);
 }
 
 std::string physics_version() { return SMARTSURF_VERSION; }
@@ -60,7 +65,8 @@ World::~World() = default;
 
 scene::ObjectId World::add(const scene::ObjectSpec& spec) {
   Impl& s = *impl_;
-  s.bodies.add(s.next_id, spec, s.materials[static_cast<std::size_t>(spec.material)]);
+  const auto material = static_cast<std::size_t>(spec.material);
+  s.bodies.add(s.next_id, s.unit.to_world(spec, s.scene_materials[material]), s.materials[material]);
   s.collision.on_bodies_changed(s.bodies.size());
   s.sleep.wake_with_neighbours(s.bodies, s.bodies.id.size() - 1, s.pair_contacts, s.static_contacts);
   return s.next_id++;
@@ -87,7 +93,7 @@ bool World::place(scene::ObjectId id, const scene::ObjectStateUpdate& placement)
   if (index < 0) return false;
   impl_->sleep.wake_with_neighbours(impl_->bodies, static_cast<std::size_t>(index), impl_->pair_contacts,
                                     impl_->static_contacts);
-  impl_->bodies.apply_placement(static_cast<std::size_t>(index), placement);
+  impl_->bodies.apply_placement(static_cast<std::size_t>(index), impl_->unit.to_world(placement));
   return true;
 }
 
@@ -98,29 +104,37 @@ bool World::apply_force(scene::ObjectId id, const Eigen::Vector3d& force,
   const auto i = static_cast<std::size_t>(index);
   const long steps = std::max(1L, std::lround(duration_s / static_cast<double>(impl_->settings.dt_s)));
   const Quat& q = impl_->bodies.orientation[i];
+  const LengthUnit& unit = impl_->unit;
   const Vec3 local_point =
-      point ? Vec3(q.conjugate() * (point->cast<float>() - impl_->bodies.position[i])) : Vec3(0, 0, 0);
-  impl_->timed_forces.push_back({id, force.cast<float>(), local_point, steps});
+      point ? Vec3(q.conjugate() * (unit.to_world(*point).cast<float>() - impl_->bodies.position[i]))
+            : Vec3(0, 0, 0);
+  impl_->timed_forces.push_back({id, unit.to_world(force).cast<float>(), local_point, steps});
   return true;
 }
 
 scene::ObjectState World::state(scene::ObjectId id) const {
   const BodyStore& b = impl_->bodies;
+  const LengthUnit& unit = impl_->unit;
   const auto i = static_cast<std::size_t>(b.find(id));
-  return {b.position[i].cast<double>(), b.orientation[i].cast<double>(), b.velocity(i).cast<double>(),
-          b.angular_velocity(i).cast<double>()};
+  return {unit.to_scene(Eigen::Vector3d(b.position[i].cast<double>())), b.orientation[i].cast<double>(),
+          unit.to_scene(Eigen::Vector3d(b.velocity(i).cast<double>())), b.angular_velocity(i).cast<double>()};
 }
 
 surface::BodyView World::bodies() const {
   const Impl& s = *impl_;
-  s.velocity.resize(s.bodies.id.size());
+  s.scene_velocity.resize(s.bodies.id.size());
   s.angular_velocity.resize(s.bodies.id.size());
-  for (std::size_t i = 0; i < s.velocity.size(); ++i) {
-    s.velocity[i] = s.bodies.velocity(i);
+  for (std::size_t i = 0; i < s.scene_velocity.size(); ++i) {
+    s.scene_velocity[i] = s.unit.to_scene(s.bodies.velocity(i));
     s.angular_velocity[i] = s.bodies.angular_velocity(i);
   }
-  return {s.bodies.id, s.bodies.position,  s.bodies.orientation,
-          s.velocity,  s.angular_velocity, s.bodies.mass};
+  if (!s.unit.is_one()) {
+    s.scene_position.clear();
+    for (const Vec3& position : s.bodies.position) s.scene_position.push_back(s.unit.to_scene(position));
+  }
+  return {s.bodies.id,          s.unit.is_one() ? s.bodies.position : s.scene_position,
+          s.bodies.orientation, s.scene_velocity,
+          s.angular_velocity,   s.bodies.mass};
 }
 
 std::span<surface::Wrench> World::wrenches() {
@@ -139,8 +153,8 @@ std::vector<ContactPoint> World::contacts() const {
       for (int k = m.first; k < m.first + m.count; ++k) {
         const Contact& c = list->contacts[static_cast<std::size_t>(k)];
         if (c.total_normal_impulse > 0.0F)
-          out.push_back({s.bodies.position[static_cast<std::size_t>(m.a)] + c.anchor, c.normal,
-                         c.total_normal_impulse});
+          out.push_back({s.unit.to_scene(Vec3(s.bodies.position[static_cast<std::size_t>(m.a)] + c.anchor)),
+                         c.normal, s.unit.to_scene(c.total_normal_impulse)});
       }
   return out;
 }
@@ -160,9 +174,9 @@ void World::snapshot(scene::Snapshot& out) const {
     for (const std::int32_t body : impl_->collision.own_bodies(member)) {
       const auto i = static_cast<std::size_t>(body);
       const Quat& q = b.orientation[i];
-      out.position[i] = to_array(b.position[i]);
+      out.position[i] = to_array(impl_->unit.to_scene(b.position[i]));
       out.orientation[i] = {q.x(), q.y(), q.z(), q.w()};
-      out.velocity[i] = to_array(b.velocity(i));
+      out.velocity[i] = to_array(impl_->unit.to_scene(b.velocity(i)));
       out.angular_velocity[i] = to_array(b.angular_velocity(i));
     }
   });
@@ -172,7 +186,8 @@ void World::snapshot(scene::Snapshot& out) const {
   hash.add(flatten(out.orientation));
   hash.add(flatten(out.velocity));
   hash.add(flatten(out.angular_velocity));
-  impl_->field_hasher.copy_and_hash(impl_->field, out.height, hash);
+  impl_->field_hasher.copy_and_hash(impl_->scene_field, impl_->field_changed, out.height, hash);
+  impl_->field_changed = false;
   out.state_hash = hash.value();
   const Sleep& sleep = impl_->sleep;
   out.contact_count = static_cast<std::uint32_t>(

@@ -8,6 +8,16 @@
 
 namespace smartsurf::world {
 
+void World::Impl::read_inputs() {
+  const bool moves = scene_field.max_speed != 0.0F || scene_field.has_force_limit();
+  field_changed |= moves || field_moved;
+  field_moved = moves;
+  if (unit.is_one()) return;
+  unit.update_motion(scene_field, field_copy, pool);
+  if (has_wrenches)
+    for (surface::Wrench& w : bodies.wrench) w = unit.to_world(w);
+}
+
 void World::Impl::apply_timed_forces() {
   for (TimedForce& p : timed_forces) {
     const auto i = static_cast<std::size_t>(bodies.find(p.id));
@@ -80,22 +90,28 @@ void World::Impl::record_cell_impulses(IndexRange manifolds) {
 void World::Impl::write_cell_impulses() {
   if (sleeper_impulse_version != sleep.change_count()) {
     sleeper_impulse_version = sleep.change_count();
-    sleeper_impulse.assign(field.impulse.size(), 0.0F);
-    for (const Contact& c : sleep.static_contacts().contacts)
-      if (c.other == kField)
-        sleeper_impulse[static_cast<std::size_t>(c.feature_id)] += c.total_normal_impulse;
-    field.impulse = sleeper_impulse;
-    loaded_cells.clear();
+    sleeper_impulse.resize(scene_field.impulse.size(), 0.0F);
+    for (const std::int32_t cell : sleeper_cells)
+      sleeper_impulse[static_cast<std::size_t>(cell)] = scene_field.impulse[static_cast<std::size_t>(cell)] =
+          0.0F;
+    sleeper_cells.clear();
+    for (const Contact& c : sleep.static_contacts().contacts) {
+      if (c.other != kField) continue;
+      sleeper_impulse[static_cast<std::size_t>(c.feature_id)] += unit.to_scene(c.total_normal_impulse);
+      sleeper_cells.push_back(c.feature_id);
+    }
+    for (const std::int32_t cell : sleeper_cells)
+      scene_field.impulse[static_cast<std::size_t>(cell)] = sleeper_impulse[static_cast<std::size_t>(cell)];
   }
   auto sleeper_impulse_on = [this](std::int32_t cell) {
     return sleeper_impulse.empty() ? 0.0F : sleeper_impulse[static_cast<std::size_t>(cell)];
   };
   for (const std::int32_t cell : loaded_cells)
-    field.impulse[static_cast<std::size_t>(cell)] = sleeper_impulse_on(cell);
+    scene_field.impulse[static_cast<std::size_t>(cell)] = sleeper_impulse_on(cell);
   loaded_cells.clear();
   for (const Load& entry : cell_impulses) {
     if (entry.cell < 0) continue;
-    field.impulse[static_cast<std::size_t>(entry.cell)] += entry.impulse;
+    scene_field.impulse[static_cast<std::size_t>(entry.cell)] += unit.to_scene(entry.impulse);
     loaded_cells.push_back(entry.cell);
   }
 }
@@ -155,6 +171,7 @@ void World::Impl::step_active_bodies(const Member& member) {
 }
 
 void World::Impl::step() {
+  read_inputs();
   apply_timed_forces();
   wake_disturbed();
   collect_active_bodies();
@@ -169,6 +186,7 @@ void World::Impl::step() {
     sleep.update_sleeping_set(bodies, active_bodies, pair_contacts, static_contacts);
   }
   write_cell_impulses();
+  if (!unit.is_one()) unit.return_lowered_speeds(field_copy, scene_field);
   if (has_wrenches) std::fill(bodies.wrench.begin(), bodies.wrench.end(), surface::Wrench{});
   has_wrenches = false;
 }
