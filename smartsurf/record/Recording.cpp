@@ -115,6 +115,7 @@ void Recording::Contents::read_meta() {
   for (NamedText& option : read_string_attributes(group, "options"))
     spec.options.push_back({std::move(option.name), std::move(option.value), ""});
   scene::WorldSpec& world = spec.world;
+  if (has_attribute(group, "engine")) world.engine = read_text_attribute(group, "engine");
   read_attribute(group, "seed", H5T_NATIVE_UINT64, &world.seed);
   world.dt_s = read_number(group, "dt_s");
   world.control_period_s = read_number(group, "control_period_s");

@@ -45,7 +45,11 @@ struct Material {
 
 enum class OffTablePolicy { kKeep, kRemove };
 
+// The values of `world.engine`; the first is the default.
+inline constexpr const char* kEngineNames[] = {"native", "bullet"};
+
 struct WorldSpec {
+  std::string engine = kEngineNames[0];      // the physics engine
   Eigen::Vector3d gravity{0.0, 0.0, -9.81};  // u/s²
   double dt_s = 1.0 / 240.0;                 // fixed physics time step
   int iterations = 10;                       // of the constraint solver, per step
