@@ -25,6 +25,12 @@ constexpr double kMinTopNormalZ = 0.5;       // a contact with a smaller vertica
 constexpr double kMinLimitedNormalZ = 0.05;  // a contact with a smaller vertical part does not load the cell
 // A contact with a cell is with an edge if its normal is between these.
 constexpr double kMinEdgeNormalZ = 1e-3, kMaxEdgeNormalZ = 0.999;
+// Relative to the pitch. A gap up to the first counts as closed: its rounding errors, divided by a short step, would
+// decide which cells bear a flat face. A body that is nowhere deeper below a cell's top than the second touches
+// the top and not the side.
+constexpr double kRelativeTouchingGap = 1e-4, kRelativeTopDepth = 5e-3;
+// Yield speed of a column that is not overloaded.
+constexpr double kHolds = -std::numeric_limits<double>::infinity();
 // Compliance of a contact relative to the inverse of the lighter body's mass. It makes the loads on many cells
 // under one rigid face definite: those of equal compliances.
 constexpr double kRelativeCompliance = 1e-2;
@@ -41,22 +47,34 @@ bool resists_rolling(scene::ShapeKind kind) {
   return kind != scene::ShapeKind::kBox && kind != scene::ShapeKind::kSolid;
 }
 
+// Bullet finds one point at a time for these, and needs those of earlier steps.
+bool gathers_points(scene::ShapeKind kind) {
+  return kind == scene::ShapeKind::kCylinder || kind == scene::ShapeKind::kCapsule ||
+         kind == scene::ShapeKind::kCone;
+}
+
 struct Body {
+  bool gathers_points;
   BulletShape shape;
   std::unique_ptr<btRigidBody> rigid;
   SurfaceParameters surface;
 };
 
-// Runs the owner's preparation between Bullet's collision detection and its solver.
+// Runs its owner's functions before Bullet's collision detection, and between that and the solver.
 class SteppedWorld final : public btDiscreteDynamicsWorld {
  public:
   using btDiscreteDynamicsWorld::btDiscreteDynamicsWorld;
-  std::function<void()> before_solving;
+  std::function<void()> before_detection, before_solving;
 
   // Without stepSimulation(), which derives the velocities of kinematic bodies from their poses.
   void substep(double dt_s) {
     applyGravity();
     internalSingleStepSimulation(dt_s);
+  }
+
+  void performDiscreteCollisionDetection() override {
+    before_detection();
+    btDiscreteDynamicsWorld::performDiscreteCollisionDetection();
   }
 
  protected:
@@ -80,9 +98,13 @@ struct BulletEngine::Impl {
   ~Impl();
 
   void select_cells(double step_s);
+  bool keeps_points(const btPersistentManifold&) const;
+  void forget_points();
+  void restore_impulses();
   void prepare_contacts();
+  void correct_normal(btManifoldPoint&, const btRigidBody& body, const btRigidBody& cell);
   void prepare_point(btManifoldPoint&, const btRigidBody& a, const btRigidBody& b);
-  void read_contacts(std::vector<ContactPoint>& contacts, bool is_last_substep);
+  void read_contacts(std::vector<ContactPoint>& contacts);
   ContactPoint contact_point(const btManifoldPoint&, const btRigidBody& a, const btRigidBody& b) const;
   void advance_columns();
   SurfaceParameters surface_of(const btRigidBody&) const;
@@ -106,9 +128,17 @@ struct BulletEngine::Impl {
   std::vector<CellPool::Box> boxes;
   std::vector<ContactDetail> details;
   std::size_t next_detail = 0;
-  std::vector<double> limits;        // of the columns with a force limit
-  std::vector<int> limit_index;      // of each column, or −1
-  std::vector<double> yield_speeds;  // of each column in the last substep
+  struct ManifoldImpulse {
+    const btPersistentManifold* manifold;
+    const btCollisionObject *a, *b;
+    double impulse;  // the sum over its points
+  };
+  std::vector<ManifoldImpulse> last_impulses;  // of the last substep, ascending by address
+  std::vector<double> limits;                  // of the columns with a force limit
+  std::vector<int> limit_index;                // of each column, or −1
+  // Of each column in the last substep: the greatest velocity of what overloads it, so that it stays in touch.
+  // Of each column in the last substep: the greatest velocity of what overloads it, so that it stays in touch.
+  std::vector<double> yield_speeds;
   std::vector<int> loaded_cells;     // whose Field::impulse is not zero
 };
 
@@ -121,9 +151,9 @@ BulletEngine::Impl::Impl(const scene::SceneSpec& scene, surface::Field& f,
       cells(world, f,
             scene.surface.pin.max_height - scene.surface.pin.min_height + scene.surface.pin.length) {
   substep_s = scene.world.dt_s / substeps;
-  configuration.setConvexConvexMultipointIterations(3, 3);
   world.getDispatchInfo().m_enableSatConvex = true;
   world.setGravity(to_bt(scene.world.gravity));
+  world.before_detection = [this] { forget_points(); };
   world.before_solving = [this] { prepare_contacts(); };
   btContactSolverInfo& info = world.getSolverInfo();
   info.m_numIterations = kIterations;
@@ -193,7 +223,46 @@ void BulletEngine::Impl::for_each_point(Visit visit) {
   }
 }
 
+bool BulletEngine::Impl::keeps_points(const btPersistentManifold& manifold) const {
+  for (const btCollisionObject* body : {manifold.getBody0(), manifold.getBody1()})
+    if (body->getUserIndex() >= 0 && bodies[static_cast<std::size_t>(body->getUserIndex())].gathers_points)
+      return true;
+  return false;
+}
+
+// Bullet keeps points that it found earlier until they have drifted by 2 % of the size. Behind a rolling body they
+// would resist its motion.
+void BulletEngine::Impl::forget_points() {
+  last_impulses.clear();
+  for (int m = 0; m < dispatcher.getNumManifolds(); ++m) {
+    btPersistentManifold& manifold = *dispatcher.getManifoldByIndexInternal(m);
+    if (keeps_points(manifold)) continue;
+    double impulse = 0.0;
+    for (int k = 0; k < manifold.getNumContacts(); ++k)
+      impulse += static_cast<double>(manifold.getContactPoint(k).m_appliedImpulse);
+    if (impulse > 0.0)
+      last_impulses.push_back({&manifold, manifold.getBody0(), manifold.getBody1(), impulse});
+    manifold.clearManifold();
+  }
+  std::ranges::sort(last_impulses, std::less<>(), &ManifoldImpulse::manifold);
+}
+
+// The new points share the impulse of those before them, to warm-start the solver.
+void BulletEngine::Impl::restore_impulses() {
+  for (int m = 0; m < dispatcher.getNumManifolds(); ++m) {
+    btPersistentManifold& manifold = *dispatcher.getManifoldByIndexInternal(m);
+    const auto last =
+        std::ranges::lower_bound(last_impulses, &manifold, std::less<>(), &ManifoldImpulse::manifold);
+    if (last == last_impulses.end() || last->manifold != &manifold || last->a != manifold.getBody0() ||
+        last->b != manifold.getBody1())
+      continue;
+    for (int k = 0; k < manifold.getNumContacts(); ++k)
+      manifold.getContactPoint(k).m_appliedImpulse = last->impulse / manifold.getNumContacts();
+  }
+}
+
 void BulletEngine::Impl::prepare_contacts() {
+  restore_impulses();
   std::size_t count = 0;
   for_each_point([&count](const btManifoldPoint&, const btRigidBody&, const btRigidBody&) { ++count; });
   details.resize(count);
@@ -201,6 +270,25 @@ void BulletEngine::Impl::prepare_contacts() {
   for_each_point(
       [this](btManifoldPoint& p, const btRigidBody& a, const btRigidBody& b) { prepare_point(p, a, b); });
   solver.clear_cell_loads();
+}
+
+// A flat face that slides over level cells sinks a little and would hit their sides.
+void BulletEngine::Impl::correct_normal(btManifoldPoint& p, const btRigidBody& body,
+                                        const btRigidBody& cell) {
+  const double normal_z = std::abs(p.m_normalWorldOnB.z());
+  if (normal_z >= kMaxEdgeNormalZ) return;
+  btVector3 body_min, body_max, cell_min, cell_max;
+  body.getAabb(body_min, body_max);
+  cell.getAabb(cell_min, cell_max);
+  if (body_min.z() < cell_max.z() - kRelativeTopDepth * static_cast<double>(field.pitch)) return;
+  const double sign = p.m_normalWorldOnB.z() < 0.0 ? -1.0 : 1.0;
+  if (normal_z < kMinTopNormalZ) {
+    p.m_distance1 = std::numeric_limits<btScalar>::max();
+    p.m_appliedImpulse = 0.0;
+    return;
+  }
+  p.m_normalWorldOnB = btVector3(0, 0, sign);
+  p.m_distance1 *= normal_z;
 }
 
 void BulletEngine::Impl::prepare_point(btManifoldPoint& p, const btRigidBody& a, const btRigidBody& b) {
@@ -211,6 +299,8 @@ void BulletEngine::Impl::prepare_point(btManifoldPoint& p, const btRigidBody& a,
   detail = {std::sqrt(sa.rolling_friction * sb.rolling_friction), -1};
   p.m_userPersistentData = &detail;
 
+  const bool a_is_cell = a.getUserIndex() < kGroundIndex, b_is_cell = b.getUserIndex() < kGroundIndex;
+  if (a_is_cell || b_is_cell) correct_normal(p, a_is_cell ? b : a, a_is_cell ? a : b);
   const btVector3 at = p.getPositionWorldOnB();
   const btVector3 relative_velocity = a.getVelocityInLocalPoint(at - a.getCenterOfMassPosition()) -
                                       b.getVelocityInLocalPoint(at - b.getCenterOfMassPosition());
@@ -225,7 +315,8 @@ void BulletEngine::Impl::prepare_point(btManifoldPoint& p, const btRigidBody& a,
   // Bullet solves for contacts that are still open, along today's normal. Of an impact it would forget the
   // rebound, and a ball that rolls from cell to cell would hit their edges: these wait until they touch.
   const double normal_z = std::abs(p.m_normalWorldOnB.z());
-  const bool a_is_cell = a.getUserIndex() < kGroundIndex, b_is_cell = b.getUserIndex() < kGroundIndex;
+  const double touching_gap = kRelativeTouchingGap * static_cast<double>(field.pitch);
+  if (p.getDistance() > 0.0 && p.getDistance() < touching_gap) p.m_distance1 = 0.0;
   const bool is_edge = (a_is_cell || b_is_cell) && normal_z > kMinEdgeNormalZ && normal_z < kMaxEdgeNormalZ;
   if ((bounces || is_edge) && p.getDistance() > 0.0) {
     p.m_distance1 = std::numeric_limits<btScalar>::max();
@@ -250,7 +341,7 @@ void BulletEngine::Impl::prepare_point(btManifoldPoint& p, const btRigidBody& a,
   p.m_contactMotion2 = sign * surface.dot(p.m_lateralFrictionDir2);
 }
 
-// The impulse over the step, were it that of the last substep throughout.
+// With the impulse of the last substep.
 ContactPoint BulletEngine::Impl::contact_point(const btManifoldPoint& p, const btRigidBody& a,
                                                const btRigidBody& b) const {
   // Bullet's normal points towards a.
@@ -259,20 +350,17 @@ ContactPoint BulletEngine::Impl::contact_point(const btManifoldPoint& p, const b
   const int other = towards_a ? b.getUserIndex() : a.getUserIndex();
   const btVector3 normal = towards_a ? p.m_normalWorldOnB : -p.m_normalWorldOnB;
   return {to_eigen(p.getPositionWorldOnB()).cast<float>(), to_eigen(normal).cast<float>(),
-          static_cast<float>(static_cast<double>(p.m_appliedImpulse) * substeps),
-          ids[static_cast<std::size_t>(object)],
+          static_cast<float>(p.m_appliedImpulse), ids[static_cast<std::size_t>(object)],
           other >= 0 ? std::optional(ids[static_cast<std::size_t>(other)]) : std::nullopt};
 }
 
 // Adds the substep's impulses to the field. A saturated cell follows the bodies on it.
-void BulletEngine::Impl::read_contacts(std::vector<ContactPoint>& contacts, bool is_last_substep) {
-  if (is_last_substep) contacts.clear();
-  yield_speeds.clear();
-  for (const CellPool::Column& column : cells.columns()) yield_speeds.push_back(column.speed);
+void BulletEngine::Impl::read_contacts(std::vector<ContactPoint>& contacts) {
+  yield_speeds.assign(cells.columns().size(), kHolds);
   for_each_point([&](const btManifoldPoint& p, const btRigidBody& a, const btRigidBody& b) {
     const auto impulse = static_cast<double>(p.m_appliedImpulse);
     if (!(impulse > 0.0) || p.getDistance() == std::numeric_limits<btScalar>::max()) return;
-    if (is_last_substep) contacts.push_back(contact_point(p, a, b));
+    contacts.push_back(contact_point(p, a, b));
     const bool a_is_cell = a.getUserIndex() < kGroundIndex;
     if (!a_is_cell && b.getUserIndex() >= kGroundIndex) return;
     const int cell = cell_user_index(a_is_cell ? a.getUserIndex() : b.getUserIndex());
@@ -288,14 +376,15 @@ void BulletEngine::Impl::read_contacts(std::vector<ContactPoint>& contacts, bool
     const btVector3 velocity =
         body.getVelocityInLocalPoint(p.getPositionWorldOnB() - body.getCenterOfMassPosition());
     double& speed = yield_speeds[static_cast<std::size_t>(&cells.column(cell) - cells.columns().data())];
-    speed = std::min(speed, velocity.dot(p.m_normalWorldOnB) / p.m_normalWorldOnB.z());
+    speed = std::max(speed, velocity.dot(p.m_normalWorldOnB) / p.m_normalWorldOnB.z());
   });
 }
 
 void BulletEngine::Impl::advance_columns() {
   std::size_t k = 0;
   for (CellPool::Column& column : cells.columns()) {
-    column.top += yield_speeds[k++] * substep_s;
+    const double yield_speed = yield_speeds[k++];
+    column.top += (yield_speed == kHolds ? column.speed : std::min(column.speed, yield_speed)) * substep_s;
     cells.update_body(column);
   }
 }
@@ -332,7 +421,7 @@ void BulletEngine::read_body(std::size_t i) {
 scene::ObjectId BulletEngine::add(const scene::ObjectSpec& spec) {
   const scene::Material& material = materials_[static_cast<std::size_t>(spec.material)];
   const double mass = spec.fixed ? 0.0 : spec.mass.value_or(material.density * spec.volume());
-  Body body{make_bullet_shape(spec, mass), nullptr, parameters_of(material)};
+  Body body{gathers_points(spec.shape), make_bullet_shape(spec, mass), nullptr, parameters_of(material)};
   if (!resists_rolling(spec.shape)) body.surface.rolling_friction = 0.0;
   btRigidBody::btRigidBodyConstructionInfo info(mass, nullptr, body.shape.shape, body.shape.inertia);
   info.m_startWorldTransform =
@@ -436,6 +525,7 @@ void BulletEngine::step() {
   apply_timed_forces();
   for (const int cell : s.loaded_cells) field_.impulse[static_cast<std::size_t>(cell)] = 0.0F;
   s.loaded_cells.clear();
+  contacts_.clear();
   s.select_cells(dt_s_);
   for (int k = 0; k < s.substeps; ++k) {
     s.world.clearForces();
@@ -445,7 +535,9 @@ void BulletEngine::step() {
       s.bodies[i].rigid->applyTorque(to_bt(wrenches_[i].torque));
     }
     s.world.substep(s.substep_s);
-    s.read_contacts(contacts_, k + 1 == s.substeps);
+    const std::size_t earlier = contacts_.size();
+    s.read_contacts(contacts_);
+    contact_count_ = contacts_.size() - earlier;
     s.advance_columns();
   }
   s.world.clearForces();
@@ -481,7 +573,7 @@ void BulletEngine::snapshot(scene::Snapshot& out) const {
   hash.add(flatten(out.angular_velocity));
   field_hasher_.copy_and_hash(field_, out.height, hash);
   out.state_hash = hash.value();
-  out.contact_count = static_cast<std::uint32_t>(contacts_.size());
+  out.contact_count = static_cast<std::uint32_t>(contact_count_);
 }
 
 std::optional<scene::ObjectId> BulletEngine::first_non_finite() const {

@@ -61,7 +61,8 @@ class BulletEngine final : public Engine {
   std::vector<Eigen::Quaternionf> orientations_;
   std::vector<float> masses_;
   std::vector<surface::Wrench> wrenches_;
-  std::vector<ContactPoint> contacts_;
+  std::vector<ContactPoint> contacts_;  // of all substeps
+  std::size_t contact_count_ = 0;       // in the last substep
   mutable FieldHasher field_hasher_;
   std::unique_ptr<Impl> impl_;
 };
