@@ -6,7 +6,7 @@ from programs import *
 TASKS = ROOT / "scripts/tasks"
 SCENE = """
 surface { rows = 8, columns = 8, actuator = pin {} }
-sphere { radius = 0.6, position = { 3, 3, 1.5 }, label = 'ball' }
+sphere { radius = 0.6, position = { 3, 3, 0.6 }, label = 'ball' }
 box { size = { 1.5, 1.5, 1 }, position = { 5, 5, 0.5 } }
 on_finish(function() metric('x', 1) end)
 """
