@@ -115,12 +115,14 @@ void Recording::Contents::read_meta() {
   for (NamedText& option : read_string_attributes(group, "options"))
     spec.options.push_back({std::move(option.name), std::move(option.value), ""});
   scene::WorldSpec& world = spec.world;
+  if (has_attribute(group, "engine")) world.engine = read_text_attribute(group, "engine");
   read_attribute(group, "seed", H5T_NATIVE_UINT64, &world.seed);
   world.dt_s = read_number(group, "dt_s");
   world.control_period_s = read_number(group, "control_period_s");
   world.iterations = read_count(group, "iterations", 1u << 20);
   read_attribute(group, "gravity", H5T_NATIVE_DOUBLE, world.gravity.data(), 3);
   world.ground = read_number(group, "ground") != 0.0;
+  if (has_attribute(group, "sleep")) world.sleep = read_number(group, "sleep") != 0.0;
   spec.record.tick_interval = read_count(group, "every", 1u << 30);
   if (has_attribute(group, "state_hash")) read_result(group);
 }

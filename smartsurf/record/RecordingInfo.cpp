@@ -56,7 +56,7 @@ std::string surface_text(const scene::SurfaceSpec& s) {
 
 std::string physics_text(const Recording& recording) {
   const scene::WorldSpec& world = recording.spec().world;
-  return concat("dt ", world.dt_s, " s, control period ", world.control_period_s, " s, ",
+  return concat("engine ", world.engine, ", dt ", world.dt_s, " s, control period ", world.control_period_s, " s, ",
                 recording.meta().mode, " mode");
 }
 

@@ -26,6 +26,7 @@ script::LoadOptions make_load_options(const RunOptions& options) {
   script::LoadOptions load_options;
   load_options.overrides = options.overrides;
   load_options.seed = options.seed;
+  load_options.engine = options.engine;
   load_options.unsafe = options.unsafe;
   load_options.solid_factory = std::make_shared<mesh::SolidLibrary>();
   // A script may write only into the folder of the first recording; without recordings, nowhere.
@@ -100,7 +101,7 @@ void Run::open_recordings() {
   meta.driver = options_.no_controller ? "script" : "controller";
   for (const auto& [name, value] : options_.overrides) meta.overrides.push_back({name, value});
   meta.unsafe = options_.unsafe;
-  meta.versions = {{"physics", world::physics_version()}};
+  meta.versions = {{"physics", simulation_.engine().version()}};
   for (const auto& file : options_.recording_files)
     recorders_.push_back(record::Recorder::open(file, meta, experiment_.scene()));
 }
@@ -287,6 +288,7 @@ void Run::record_tick() {
         record_spec.actuators ? simulation_.actuators() : std::span<const scene::ChannelData>{});
   }
   phase_times_.lap(Phase::kRecord);
+  if (observer_) observer_(simulation_);
   purity_meter_.add(snapshot, simulation_.catalogue());
   display_->record_snapshot(simulation_);
   media_.write_due(frame_input());

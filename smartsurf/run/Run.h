@@ -3,9 +3,11 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/process/ExitStatus.h"
@@ -40,12 +42,17 @@ class Run {
       std::unique_ptr<Display> display = nullptr);
   ~Run();
 
+  // Calls the observer with the state before the first tick and after each tick.
+  void observe(std::function<void(const Simulation&)> observer) { observer_ = std::move(observer); }
+
   // The statistics of the run so far, as written by --stats.
   std::string stats_json() const { return to_json(summary(), phase_times_); }
 
   // Runs to the end and returns the exit status. Throws scene::InputError for an error in the script's event
   // handlers, after the recordings are closed.
   int execute();
+  // The values of the script's metric().
+  const std::vector<std::pair<std::string, double>>& metrics() const { return experiment_.metrics(); }
   // After execute(): the next run if the user asked for a restart.
   std::optional<Restart> take_restart();
 
@@ -100,6 +107,7 @@ class Run {
   std::string notice_;
   bool keep_window_open_ = false;
   std::optional<Restart> restart_;
+  std::function<void(const Simulation&)> observer_;
   PhaseTimes phase_times_;
   record::PurityMeter purity_meter_;
   std::optional<std::uint64_t> end_tick_;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cassert>
 
+#include "smartsurf/world/bullet/EngineFactory.h"
+
 namespace smartsurf::run {
 namespace {
 
@@ -37,7 +39,7 @@ Simulation::Simulation(script::Experiment& experiment, int threads, bool scripte
       actuator_array_(experiment.scene().surface, load_fault_map(experiment.scene().surface),
                       experiment.scene().world.seed, &pool_),
       sensor_array_(experiment.scene(), actuator_array_.field(), load_fault_map(experiment.scene().surface)),
-      world_(experiment.scene(), actuator_array_.field(), &pool_),
+      world_(experiment.scene(), world::make_engine(experiment.scene(), actuator_array_.field(), &pool_)),
       catalogue_(experiment.scene().objects),
       departures_(experiment.scene().surface) {
   collect_channels();

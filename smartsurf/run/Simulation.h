@@ -32,10 +32,12 @@ void validate_surface(const scene::SceneSpec&);
 class Simulation final : public script::SimulationInterface {
  public:
   // scripted_actuators: the script sets the actuators; otherwise cells:target() and cells:targets() throw
-  // scene::InputError. The experiment must outlive the simulation.
+  // scene::InputError. The experiment must outlive the simulation. Throws scene::InputError if this build lacks
+  // the scene's engine.
   Simulation(script::Experiment&, int threads, bool scripted_actuators);
 
   const scene::SceneSpec& scene() const { return experiment_.scene(); }
+  const world::Engine& engine() const { return world_.engine(); }
 
   // The phases of a tick, in this order.
 

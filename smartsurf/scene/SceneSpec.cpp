@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <locale>
 #include <numbers>
 #include <sstream>
@@ -209,6 +210,8 @@ std::vector<ActuatorChannel> SurfaceSpec::actuator_channels() const {
 }
 
 std::string validate(const WorldSpec& w) {
+  if (std::ranges::find(kEngineNames, w.engine) == std::end(kEngineNames))
+    return "world.engine = '" + w.engine + "': must be 'native' or 'bullet'";
   if (auto p = validate_vector("world.gravity", w.gravity); !p.empty()) return p;
   if (!(w.dt_s >= 1e-5 && w.dt_s <= 0.1)) return range_error("world.dt", w.dt_s, "in [1e-05, 0.1] seconds");
   if (w.iterations < 1 || w.iterations > 1000)

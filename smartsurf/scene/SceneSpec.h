@@ -42,13 +42,18 @@ struct Material {
 
 enum class OffTablePolicy { kKeep, kRemove };
 
+// The values of `world.engine`; the first is the default.
+inline constexpr const char* kEngineNames[] = {"native", "bullet"};
+
 struct WorldSpec {
+  std::string engine = kEngineNames[0];      // the physics engine
   Eigen::Vector3d gravity{0.0, 0.0, -9.81};  // u/s²
   double dt_s = 1.0 / 240.0;                 // fixed physics time step
   int iterations = 10;                       // of the constraint solver, per step
   double control_period_s = 1.0 / 60.0;      // a multiple of dt_s
   std::uint64_t seed = 1;
   bool ground = true;                                // an infinite floor under the table
+  bool sleep = true;                                 // whether bodies at rest fall asleep
   OffTablePolicy off_table = OffTablePolicy::kKeep;  // for objects that leave the table
 
   // Physics steps per control period, ≥ 1.

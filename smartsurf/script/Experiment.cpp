@@ -158,6 +158,7 @@ Experiment Experiment::load(const std::filesystem::path& path, LoadOptions optio
   context.spec.file = path.string();
   context.spec.source = std::move(*source);
   if (context.options.seed) context.spec.world.seed = *context.options.seed;
+  if (context.options.engine) context.spec.world.engine = *context.options.engine;
   impl->load();
   return Experiment(std::move(impl));
 }

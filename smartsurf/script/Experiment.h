@@ -28,6 +28,8 @@ struct LoadOptions {
   std::vector<std::pair<std::string, std::string>> overrides;
   // --seed; overrides world.seed.
   std::optional<std::uint64_t> seed;
+  // --engine; overrides world.engine.
+  std::optional<std::string> engine;
   // The script's text; nullopt = read the file.
   std::optional<std::string> source;
   // Builds the solids of mesh{} and hull{}; null = both are errors.

@@ -2,7 +2,9 @@
 
 #include <hwy/cache_control.h>
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <iterator>
 
@@ -15,10 +17,22 @@ void store(float (&to)[3], const Vec3& from) {
   for (int i = 0; i < 3; ++i) to[i] = from[i];
 }
 
-// Entries of a symmetric matrix: xx, yy, zz, xy, xz, yz.
-void store(float (&to)[6], const Mat3& m) {
-  const float entries[] = {m(0, 0), m(1, 1), m(2, 2), m(0, 1), m(0, 2), m(1, 2)};
-  std::copy_n(entries, 6, to);
+// Principal axes of an inertia tensor in body axes. Those of a diagonal tensor are taken from it exactly.
+PrincipalInertia principal_inertia(const Mat3& tensor) {
+  Eigen::Vector3d moments = tensor.diagonal().cast<double>();
+  Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();
+  if (!tensor.isDiagonal(0.0F)) {
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(tensor.cast<double>());
+    moments = solver.eigenvalues();
+    axes = solver.eigenvectors();
+  }
+  std::array<int, 3> order{0, 1, 2};
+  std::stable_sort(order.begin(), order.end(), [&](int i, int j) { return moments[i] < moments[j]; });
+  PrincipalInertia result;
+  std::copy_n(axes.col(order[0]).data(), 3, result.least_axis);
+  std::copy_n(axes.col(order[2]).data(), 3, result.greatest_axis);
+  for (std::size_t i = 0; i < 3; ++i) result.moments[i] = moments[order[i]];
+  return result;
 }
 
 template <class T>
@@ -43,18 +57,15 @@ void BodyStore::add(scene::ObjectId new_id, const scene::ObjectSpec& spec, const
        shape.back()->has_rolling_friction ? std::sqrt(static_cast<float>(material.rolling_friction)) : 0.0F,
        static_cast<float>(material.restitution)});
   const bool is_dynamic = mass.back() > 0.0F;
-  local_inertia.emplace_back();
-  if (is_dynamic) {
-    const Mat3 local = inertia_of(spec, mass.back());
-    store(local_inertia.back().inertia, local);
-    store(local_inertia.back().inverse, local.inverse());
-  }
+  rotation_state.emplace_back();
+  inertia.push_back(is_dynamic ? principal_inertia(inertia_of(spec, mass.back())) : PrincipalInertia());
   wrench.emplace_back();
   asleep.push_back(0);
   sleep_timer_s.push_back(0.0F);
+  rest_motion.emplace_back();
   BodyVelocity m;
   m.inverse_mass = is_dynamic ? 1.0F / mass.back() : 0.0F;
-  m.inverse_inertia = local_inertia.back().inverse[0];
+  m.inverse_inertia = is_dynamic && is_sphere.back() ? inverse_inertia_of_sphere(id.size() - 1) : 0.0F;
   if (is_dynamic) store(m.velocity, spec.velocity.cast<float>());
   if (is_dynamic) store(m.angular_velocity, spec.angular_velocity.cast<float>());
   body_velocity.push_back(m);
@@ -69,7 +80,8 @@ void BodyStore::erase(std::size_t i) {
       erase_at(mass, i), erase_at(shape, i);
   erase_at(bounding_radius, i), erase_at(is_sphere, i), erase_at(is_axisymmetric, i), erase_at(width, i),
       erase_at(surface_material, i);
-  erase_at(local_inertia, i), erase_at(wrench, i), erase_at(asleep, i), erase_at(sleep_timer_s, i);
+  erase_at(inertia, i), erase_at(rotation_state, i), erase_at(wrench, i), erase_at(asleep, i),
+      erase_at(sleep_timer_s, i), erase_at(rest_motion, i);
   erase_at(axes, i), erase_at(delta_pose, i), erase_at(world_inverse_inertia, i);
 }
 
@@ -93,10 +105,16 @@ void BodyStore::update_axes(std::size_t i) {
     world_inverse_inertia[i] = {inverse, inverse, inverse, 0, 0, 0, {}};
     return;
   }
-  // The kernel also writes the angular velocity, with rounding errors even for dt = 0.
+  // The kernel also writes orientation and angular velocity, with rounding errors even without motion.
   const BodyVelocity velocity_before = body_velocity[i];
-  integrate_gyroscopic({{i}}, 0.0F);
+  const Quat orientation_before = orientation[i];
+  delta_pose[i] = {};
+  rotation_state[i] = {};
+  std::copy_n(orientation_before.coeffs().data(), 4, rotation_state[i].orientation);
+  integrate_rotations({{{i, 0.0F}}});
   body_velocity[i] = velocity_before;
+  orientation[i] = orientation_before;
+  std::copy_n(velocity_before.angular_velocity, 3, rotation_state[i].angular_velocity);
 }
 
 Quat rotation_from_vector(const Vec3& rotation_vector) {
@@ -123,8 +141,10 @@ void BodyStore::prefetch_rotation(std::size_t i) const {
   // Unaligned: each array may span two cache lines.
   hwy::Prefetch(axes[i].data());
   hwy::Prefetch(axes[i].data() + 8);
-  hwy::Prefetch(local_inertia[i].inertia);
-  hwy::Prefetch(local_inertia[i].inverse + 5);
+  hwy::Prefetch(inertia[i].least_axis);
+  hwy::Prefetch(inertia[i].moments + 2);
+  hwy::Prefetch(rotation_state[i].orientation);
+  hwy::Prefetch(rotation_state[i].angular_velocity + 2);
   hwy::Prefetch(&world_inverse_inertia[i]);
 }
 
@@ -134,28 +154,56 @@ void BodyStore::integrate_pose(std::size_t i) {
   if (!rotation.isZero(0.0F)) orientation[i] = (rotation_from_vector(rotation) * orientation[i]).normalized();
 }
 
-void BodyStore::integrate_gyroscopic(std::span<const std::size_t> bodies, float dt_s) {
+void BodyStore::integrate_poses(std::span<const Rotating> bodies) {
+  for (const Rotating& r : bodies) position[r.body] += Vec3(delta_pose[r.body].translation);
+  integrate_rotations(bodies);
+}
+
+void BodyStore::integrate_rotations(std::span<const Rotating> bodies) {
+  static constexpr PrincipalInertia kStatic{.moments = {1, 1, 1}};
   RotationBatch batch;
   for (std::size_t lane = 0; lane < kLanes; ++lane) {
-    const std::size_t i = bodies[std::min(lane, bodies.size() - 1)];
+    const auto [i, free_time_s] = bodies[std::min(lane, bodies.size() - 1)];
     auto store_lane = [lane](auto& to, const auto& from) {
       for (std::size_t k = 0; k < std::size(to); ++k) to[k][lane] = from[k];
     };
-    store_lane(batch.orientation, orientation[i].coeffs().data());
-    store_lane(batch.inertia, local_inertia[i].inertia);
-    store_lane(batch.inverse_inertia, local_inertia[i].inverse);
+    const PrincipalInertia& principal = is_static(i) ? kStatic : inertia[i];
+    store_lane(batch.least_axis, principal.least_axis);
+    store_lane(batch.greatest_axis, principal.greatest_axis);
+    store_lane(batch.moments, principal.moments);
+    store_lane(batch.rotation, delta_pose[i].rotation);
     store_lane(batch.previous_x_axis, axes[i].data());
-    store_lane(batch.angular_velocity, body_velocity[i].angular_velocity);
+    const RotationState& state = rotation_state[i];
+    store_lane(batch.orientation, state.orientation);
+    store_lane(batch.momentum, state.momentum);
+    const BodyVelocity& solved = body_velocity[i];
+    store_lane(batch.angular_velocity, solved.angular_velocity);
+    for (int k = 0; k < 3; ++k)
+      batch.angular_velocity_change[k][lane] =
+          static_cast<double>(solved.angular_velocity[k]) - static_cast<double>(state.angular_velocity[k]);
+    batch.free_time[lane] = free_time_s;
     batch.is_axisymmetric[lane] = is_axisymmetric[i] ? 1.0F : 0.0F;
   }
-  world::integrate_gyroscopic(batch, dt_s);
+  integrate_rotation(batch);
   for (std::size_t lane = 0; lane < bodies.size(); ++lane) {
-    const std::size_t i = bodies[lane];
-    for (int k = 0; k < 3; ++k) body_velocity[i].angular_velocity[k] = batch.angular_velocity[k][lane];
+    const std::size_t i = bodies[lane].body;
+    RotationState& state = rotation_state[i];
+    for (int k = 0; k < 3; ++k) {
+      state.momentum[k] = batch.momentum[k][lane];
+      body_velocity[i].angular_velocity[k] = state.angular_velocity[k] =
+          static_cast<float>(batch.angular_velocity[k][lane]);
+    }
+    for (int k = 0; k < 4; ++k) {
+      state.orientation[k] = batch.orientation[k][lane];
+      orientation[i].coeffs()[k] = static_cast<float>(state.orientation[k]);
+    }
     for (int c = 0; c < 3; ++c)
-      for (int r = 0; r < 3; ++r) axes[i](r, c) = batch.axes[c][r][lane];
-    const auto& w = batch.world_inverse_inertia;
-    world_inverse_inertia[i] = {w[0][lane], w[1][lane], w[2][lane], w[3][lane], w[4][lane], w[5][lane], {}};
+      for (int r = 0; r < 3; ++r) axes[i](r, c) = static_cast<float>(batch.axes[c][r][lane]);
+    InverseInertia& inverse = world_inverse_inertia[i];
+    inverse = {};
+    if (is_static(i)) continue;
+    auto entry = [&](int k) { return static_cast<float>(batch.world_inverse_inertia[k][lane]); };
+    inverse = {entry(0), entry(1), entry(2), entry(3), entry(4), entry(5), {}};
   }
 }
 

@@ -22,9 +22,23 @@ struct SurfaceMaterial {
   float radius, friction_root, rolling_friction_root, restitution;
 };
 
-// Inertia tensor about the centre of mass in body axes, and its inverse: xx, yy, zz, xy, xz, yz.
-struct LocalInertia {
-  float inertia[6], inverse[6];
+// Principal moments of inertia about the centre of mass and, in body axes, the directions of the least and the
+// greatest.
+struct PrincipalInertia {
+  double least_axis[3] = {1, 0, 0}, greatest_axis[3] = {0, 0, 1};
+  double moments[3] = {};  // least, middle, greatest; 0 for a static body
+};
+
+// Orientation and angular momentum of a non-sphere in double precision, see RotationBatch.
+struct RotationState {
+  double orientation[4] = {0, 0, 0, 1};  // x, y, z, w
+  double momentum[3] = {};               // world axes
+  float angular_velocity[3] = {};        // at this momentum; the solver's changes are relative to it
+};
+
+// Sums over the steps of a period of rest, those of its first half negative.
+struct RestMotion {
+  Vec3 velocity{0, 0, 0}, angular_velocity{0, 0, 0};  // u/s, rad/s
 };
 
 struct BodyStore {
@@ -39,10 +53,12 @@ struct BodyStore {
   std::vector<char> is_sphere, is_axisymmetric;
   std::vector<float> width;
   std::vector<SurfaceMaterial> surface_material;
-  std::vector<LocalInertia> local_inertia;
+  std::vector<PrincipalInertia> inertia;
+  std::vector<RotationState> rotation_state;
   std::vector<surface::Wrench> wrench;  // of the next step
   std::vector<char> asleep;
-  std::vector<float> sleep_timer_s;  // time since the body last moved noticeably
+  std::vector<float> sleep_timer_s;     // time since the body last moved or accelerated noticeably
+  std::vector<RestMotion> rest_motion;  // since the sleep timer started
 
   // ---- derived in each step
   // Rotation matrix; unused for spheres. Axes of an axisymmetric shape do not follow its spin about its own z.
@@ -63,17 +79,29 @@ struct BodyStore {
   int find(scene::ObjectId) const;
   // Sets the values that are present; ignores velocities of a static body.
   void apply_placement(std::size_t index, const scene::ObjectStateUpdate&);
-  // Recomputes axes and world inertia from the orientation.
+  // Recomputes axes, world inertia and rotation_state from orientation and angular velocity.
   void update_axes(std::size_t index);
-  // Prefetch the entries that integrate_pose() uses, and those that integrate_gyroscopic() uses in addition.
+  // Inverse moment of inertia of a dynamic sphere.
+  float inverse_inertia_of_sphere(std::size_t index) const {
+    return static_cast<float>(1.0 / inertia[index].moments[1]);
+  }
+  // Prefetch the entries that integrate_pose() uses, and those that integrate_poses() uses in addition.
   // Threads visit bodies in spatial order, which the hardware prefetcher cannot predict.
   void prefetch(std::size_t index) const;
   void prefetch_rotation(std::size_t index) const;
-  // Applies delta_pose. Axes and inertia of a non-sphere stay out of date until integrate_gyroscopic().
+  // Applies delta_pose to a sphere.
   void integrate_pose(std::size_t index);
-  // Applies the gyroscopic torque over dt_s to 1 … kLanes non-spheres, then recomputes their axes and world
-  // inertia from the orientation.
-  void integrate_gyroscopic(std::span<const std::size_t> bodies, float dt_s);
+  // A non-sphere, and for how long it rotates freely: the step, or 0 if its delta_pose is to be applied as it is.
+  struct Rotating {
+    std::size_t body;
+    float free_time_s;
+  };
+  // Applies the delta poses of 1 … kLanes non-spheres, whose rotation becomes that of a free body about it. Keeps
+  // the angular momentum, and recomputes angular velocity, axes and world inertia.
+  void integrate_poses(std::span<const Rotating>);
+
+ private:
+  void integrate_rotations(std::span<const Rotating>);
 };
 
 // Quaternion of a rotation vector (axis times angle, rad).

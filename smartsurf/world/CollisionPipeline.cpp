@@ -245,10 +245,11 @@ void CollisionPipeline::collide_large_bodies(const BodyStore& bodies, SlabResult
   const auto large = grid_.large_bodies();
   for (std::size_t k = 0; k < large.size(); ++k) {
     const auto i = static_cast<std::size_t>(large[k]);
+    if (bodies.is_static(i)) continue;
     if (bodies.is_active(i)) collide_static(bodies, i, results);
     for (std::size_t other = k + 1; other < large.size(); ++other) {
       const auto j = static_cast<std::size_t>(large[other]);
-      if (!bodies.is_static(i) && !bodies.is_static(j)) collide_pair(bodies, i, j, results);
+      if (!bodies.is_static(j)) collide_pair(bodies, i, j, results);
     }
   }
 }

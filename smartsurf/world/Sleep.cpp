@@ -6,13 +6,24 @@
 namespace smartsurf::world {
 namespace {
 
-constexpr float kMaxSleepSpeed = 0.06F;   // upper bound of the speed of any point of a resting body, u/s
-constexpr float kTimeToSleep_s = 0.5F;    // a body must rest this long before it falls asleep
+constexpr float kMaxSleepSpeed = 0.06F;  // upper bound of the speed of any point of a resting body, u/s
+constexpr float kTimeToSleep_s = 0.5F;   // a body must rest this long before it falls asleep
+// Upper bound of the mean acceleration of any point of a resting body over that time, u/s².
+constexpr float kMaxSleepAcceleration = 0.01F;
 constexpr float kWakeIslandSpeed = 0.6F;  // a faster body wakes the whole island that it hits, u/s
 
 // Upper bound of the speed of any point of the body.
 float max_point_speed(const BodyStore& b, std::size_t i) {
   return b.velocity(i).norm() + b.angular_velocity(i).norm() * b.bounding_radius[i];
+}
+
+// Whether the mean velocity of any point in the second half of kTimeToSleep_s differs too much from that in the
+// first. Means, because an object under a heavy load may tremble without going anywhere.
+bool accelerates(const BodyStore& b, std::size_t i, float dt_s) {
+  const RestMotion& m = b.rest_motion[i];
+  const float change = (m.velocity.norm() + m.angular_velocity.norm() * b.bounding_radius[i]) * dt_s;
+  constexpr float kHalf_s = 0.5F * kTimeToSleep_s;
+  return change > kMaxSleepAcceleration * kHalf_s * kHalf_s;
 }
 
 // Moves the manifolds for which predicate(manifold) holds to the end of another list.
@@ -49,7 +60,7 @@ void Sleep::wake(BodyStore& b, std::size_t i) {
   if (!b.asleep[i]) return;
   b.asleep[i] = 0;
   b.body_velocity[i].inverse_mass = 1.0F / b.mass[i];
-  b.body_velocity[i].inverse_inertia = b.local_inertia[i].inverse[0];
+  if (b.is_sphere[i]) b.body_velocity[i].inverse_inertia = b.inverse_inertia_of_sphere(i);
   b.update_axes(i);
   --sleeping_count_;
   ++change_count_;
@@ -96,8 +107,12 @@ void Sleep::wake_forced(BodyStore& b) {
 void Sleep::wake_on_moving_cells(BodyStore& b) {
   if (!any_asleep() || (field_.max_speed == 0.0F && !field_.has_surface_velocity())) return;
   const auto columns = static_cast<std::size_t>(field_.columns);
-  row_moves_.resize(static_cast<std::size_t>(field_.rows));
-  for (std::size_t r = 0; r < row_moves_.size(); ++r) {
+  // With few sleepers on many cells it is cheaper to look at their cells alone.
+  constexpr int kTypicalCellsPerSleeper = 64;
+  const bool few_sleepers =
+      field_.is_rectangular() && sleeping_count_ < field_.cells() / kTypicalCellsPerSleeper;
+  row_moves_.assign(static_cast<std::size_t>(field_.rows), 1);
+  for (std::size_t r = 0; r < row_moves_.size() && !few_sleepers; ++r) {
     int moving = 0;
     auto accumulate_motion = [&](const std::vector<float>& values) {
       if (values.empty()) return;
@@ -148,7 +163,22 @@ bool Sleep::touches_moving_cell(const Contact& c) const {
 
 void Sleep::update_sleep_timer(BodyStore& b, std::size_t i) const {
   const bool is_still = max_point_speed(b, i) < kMaxSleepSpeed && b.wrench[i].is_zero();
-  b.sleep_timer_s[i] = is_still ? b.sleep_timer_s[i] + dt_s_ : 0.0F;
+  float& timer_s = b.sleep_timer_s[i];
+  if (!is_still) {
+    timer_s = 0.0F;
+    return;
+  }
+  RestMotion& motion = b.rest_motion[i];
+  if (timer_s == 0.0F) motion = {};
+  // A body that is ready to sleep, but whose neighbours are not, goes through one period after the other.
+  const float in_period_s = timer_s < kTimeToSleep_s ? timer_s : timer_s - kTimeToSleep_s;
+  const float sign = in_period_s < 0.5F * kTimeToSleep_s ? -1.0F : 1.0F;
+  motion.velocity += sign * b.velocity(i);
+  motion.angular_velocity += sign * b.angular_velocity(i);
+  timer_s += dt_s_;
+  if (in_period_s + dt_s_ < kTimeToSleep_s) return;
+  timer_s = accelerates(b, i, dt_s_) ? dt_s_ : kTimeToSleep_s;
+  motion = {};
 }
 
 void Sleep::reset_timers_on_moving_cells(BodyStore& b, const ContactList& static_contacts,
@@ -166,7 +196,7 @@ void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& a
   const bool any_ready = std::any_of(active_bodies.begin(), active_bodies.end(), [&b](std::int32_t i) {
     return b.sleep_timer_s[static_cast<std::size_t>(i)] >= kTimeToSleep_s;
   });
-  if (!any_ready && !any_asleep()) return;
+  if (!is_enabled_ || (!any_ready && !any_asleep())) return;
   has_active_neighbour_.assign(b.asleep.size(), 0);
   std::vector<char>& is_supported = is_supported_;
   is_supported.assign(b.asleep.size(), gravity_.isZero(0.0F));

@@ -1,7 +1,8 @@
 // Puts resting bodies to sleep and wakes them again.
 //
 // A body falls asleep when it and every body it touches have been nearly still for kTimeToSleep_s on cells that
-// do not move. A sleeping body has zero inverse mass in the solver and is not simulated; its contacts are kept
+// do not move, and its velocity has hardly changed meanwhile: a body that starts to slide or roll is slow too. A
+// sleeping body has zero inverse mass in the solver and is not simulated; its contacts are kept
 // with their impulses. It wakes when a cell under or beside it moves, when a wrench acts on it, or when a
 // neighbour moves or is removed; an imminent hit by a fast body wakes the whole island.
 //
@@ -19,9 +20,9 @@ namespace smartsurf::world {
 
 class Sleep {
  public:
-  // `field` must outlive the object.
-  Sleep(const surface::Field& field, float dt_s, const Vec3& gravity)
-      : field_(field), dt_s_(dt_s), gravity_(gravity) {}
+  // `field` must outlive the object. If not enabled, no body falls asleep.
+  Sleep(const surface::Field& field, float dt_s, const Vec3& gravity, bool is_enabled = true)
+      : field_(field), dt_s_(dt_s), gravity_(gravity), is_enabled_(is_enabled) {}
 
   bool any_asleep() const { return sleeping_count_ > 0; }
   int sleeping_count() const { return sleeping_count_; }
@@ -71,6 +72,7 @@ class Sleep {
   const surface::Field& field_;
   float dt_s_;
   Vec3 gravity_;
+  bool is_enabled_;
   int sleeping_count_ = 0;
   unsigned change_count_ = 0;
   bool any_woken_ = false;  // since the last restore_contacts()

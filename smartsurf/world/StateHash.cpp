@@ -67,15 +67,18 @@ void StateHash::add(std::span<const float> values) noexcept {
   for (const float value : values.subspan(words * kChains)) add(std::bit_cast<std::uint32_t>(value));
 }
 
-void FieldHasher::copy_and_hash(const surface::Field& field, std::vector<float>& height, StateHash& hash) {
+void FieldHasher::copy_and_hash(const surface::Field& field, bool changed, std::vector<float>& height,
+                                StateHash& hash) {
   const std::size_t cells = field.height.size(), blocks = (cells + kBlockCells - 1) / kBlockCells;
   height.resize(cells);
+  const bool rehash = changed || block_hashes_.size() != blocks;
   block_hashes_.resize(blocks);
   const auto work = [&](int begin, int end) {
     for (auto b = static_cast<std::size_t>(begin); b < static_cast<std::size_t>(end); ++b) {
       const std::size_t first = b * kBlockCells, count = std::min(kBlockCells, cells - first);
       const auto heights = std::span(height).subspan(first, count);
       std::copy_n(&field.height[first], count, heights.begin());
+      if (!rehash) continue;
       StateHash block_hash;
       block_hash.add(heights);
       block_hash.add(std::span(field.speed).subspan(first, count));

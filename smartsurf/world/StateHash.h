@@ -35,8 +35,9 @@ class FieldHasher {
   explicit FieldHasher(common::ThreadPool* pool) : pool_(pool) {}
 
   // Copies Field::height into `height` and adds every height and speed to the hash. The hash does not depend on
-  // the number of threads. Allocates in the first call only.
-  void copy_and_hash(const surface::Field&, std::vector<float>& height, StateHash&);
+  // the number of threads. `changed`: whether any height or speed may differ from those of the last call.
+  // Allocates in the first call only.
+  void copy_and_hash(const surface::Field&, bool changed, std::vector<float>& height, StateHash&);
 
  private:
   common::ThreadPool* pool_;

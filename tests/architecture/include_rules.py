@@ -43,7 +43,7 @@ MODULES = {
 # Third-party headers and the only modules that may include them.
 PRIVATE = [
     (r"^(lua|lauxlib|lualib)", {"smartsurf/script"}),
-    (r"^(bt[A-Z]|Bullet|LinearMath/)", set()),  # benchmarks only
+    (r"^(bt[A-Z]|Bullet|LinearMath/)", {"smartsurf/world"}),
     (r"^(GLFW|GL/|imgui)", {"smartsurf/view", "apron/ui"}),
     (r"^(epoxy|EGL)", {"common/gl", "smartsurf/view", "apron/ui"}),
     (r"^(hdf5|H5)", {"smartsurf/record"}),

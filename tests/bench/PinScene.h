@@ -16,7 +16,8 @@
 namespace pin_scene {
 
 enum class Shapes { kSpheres, kHalfMixed };
-enum class Field { kWave, kStill };
+// kFalling: still pins, and objects spread over the whole table, in the air while they are measured.
+enum class Field { kWave, kStill, kFalling };
 
 struct Workload {
   int n = 64, objects = 100;
@@ -27,7 +28,8 @@ struct Workload {
   }
   std::string name() const {
     return std::to_string(n) + "x" + std::to_string(n) + " " + std::to_string(objects) +
-           (shapes == Shapes::kHalfMixed ? " mixed" : "") + (field == Field::kStill ? " still" : "");
+           (shapes == Shapes::kHalfMixed ? " mixed" : "") + (field == Field::kStill ? " still" : "") +
+           (field == Field::kFalling ? " falling" : "");
   }
 };
 
@@ -40,6 +42,7 @@ inline int layer_count(const Workload& w) {
 }
 // Number of steps until the objects, dropped in layers, have settled.
 inline int settling_steps(const Workload& w) {
+  if (w.field == Field::kFalling) return 0;
   const double height = (layer_count(w) - 1) * kObjectSpacing * 0.55;
   const double settled_s = std::max(2.0, std::sqrt(2 * height / 10.0) + 1.5);
   return static_cast<int>((w.field == Field::kStill ? settled_s + 40 : settled_s) / kStepSeconds);
@@ -50,8 +53,7 @@ inline void compute_targets(const Workload& w, double time_s, std::vector<float>
   out.resize(static_cast<std::size_t>(w.n) * static_cast<std::size_t>(w.n));
   for (int c = 0; c < w.n; ++c) {
     const double x = c - (w.n - 1) * 0.5;
-    const auto z =
-        static_cast<float>(w.field == Field::kStill ? 1.0 : 1.0 + std::sin(0.3 * x + 0.2 * time_s));
+    const auto z = static_cast<float>(w.field == Field::kWave ? 1.0 + std::sin(0.3 * x + 0.2 * time_s) : 1.0);
     for (int r = 0; r < w.n; ++r) out[static_cast<std::size_t>(r * w.n + c)] = z;
   }
 }
@@ -82,6 +84,8 @@ inline std::vector<smartsurf::scene::ObjectSpec> make_objects(const Workload& w)
   std::uniform_real_distribution<double> u(0, 1);
   const int side = static_cast<int>((w.n - 2) / kObjectSpacing);
   const double first = (w.n - 1) * 0.5 - (side - 1) * kObjectSpacing * 0.5;
+  const int spread_side = static_cast<int>(std::ceil(std::sqrt(w.objects)));
+  const double spread_spacing = (w.n - 8.0) / spread_side;
   for (int i = 0; i < w.objects; ++i) {
     const int layer = i / (side * side), slot = i % (side * side);
     smartsurf::scene::ObjectSpec o;
@@ -89,6 +93,9 @@ inline std::vector<smartsurf::scene::ObjectSpec> make_objects(const Workload& w)
     const double x = first + (slot % side) * kObjectSpacing + 0.02 * (u(random) - 0.5);
     const double y = first + (slot / side) * kObjectSpacing + 0.02 * (u(random) - 0.5);
     o.position = {x, y, 5.1 + layer * kObjectSpacing};
+    if (w.field == Field::kFalling)
+      o.position = {4 + (i % spread_side + 0.9 * u(random)) * spread_spacing,
+                    4 + (i / spread_side + 0.9 * u(random)) * spread_spacing, 25 + 20 * u(random)};
     const int kind = w.shapes == Shapes::kHalfMixed ? i % 6 : 0;
     if (kind == 1) {
       o.shape = ShapeKind::kBox;

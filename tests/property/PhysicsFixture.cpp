@@ -2,12 +2,16 @@
 #include "common/threads/ThreadPool.h"
 
 #include <cmath>
+#include <cstdlib>
+
+#include "smartsurf/world/bullet/EngineFactory.h"
 
 namespace physics_fixture {
 
 using namespace smartsurf;
 
 PhysicsFixture::PhysicsFixture() {
+  if (const char* engine = std::getenv("PHYSICS_ENGINE")) scene.world.engine = engine;
   scene.surface.rows = scene.surface.columns = 32;
   scene.materials[0].friction = 0.5;
   scene.materials[0].rolling_friction = 0.0;
@@ -21,7 +25,8 @@ surface::ActuatorArray& PhysicsFixture::cells() {
 
 world::World& PhysicsFixture::world() {
   if (!pool_) pool_ = std::make_unique<common::ThreadPool>(threads);
-  if (!world_) world_ = std::make_unique<world::World>(scene, cells().field(), pool_.get());
+  if (!world_)
+    world_ = std::make_unique<world::World>(scene, world::make_engine(scene, cells().field(), pool_.get()));
   return *world_;
 }
 

@@ -16,7 +16,7 @@ namespace physics_fixture {
 
 class PhysicsFixture {
  public:
-  // A level 32 × 32 surface at height 0 without a border.
+  // A level 32 × 32 surface at height 0 without a border. The environment's PHYSICS_ENGINE names the engine.
   PhysicsFixture();
 
   smartsurf::scene::SceneSpec scene;

@@ -1,6 +1,8 @@
 // Bodies at rest fall asleep; each cause of waking wakes them.
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "tests/property/PhysicsFixture.h"
 
 using namespace physics_fixture;
@@ -36,6 +38,19 @@ TEST(Sleep, EveryShapeFallsAsleep) {
   fixture.add(box({2, 3, 1}, {27, 5.3, 0.6}));
   fixture.run(8.0);
   EXPECT_EQ(fixture.world().sleeping_count(), 5);
+}
+
+TEST(Sleep, FallingAsleepDoesNotChangeTheLoad) {
+  PhysicsFixture fixture;
+  fixture.add(box({2, 2, 2}, {15.2, 15.3, 1.0}));
+  fixture.run(0.25);
+  const double weight = 8.0 * 9.81;
+  fixture.run(2.0, [&] {
+    double load = 0;
+    for (const float impulse : fixture.cells().field().impulse) load += static_cast<double>(impulse);
+    ASSERT_NEAR(load / fixture.scene.world.dt_s, weight, 0.01 * weight);
+  });
+  EXPECT_EQ(fixture.world().sleeping_count(), 1);
 }
 
 TEST(Sleep, RisingCellWakes) {
@@ -158,4 +173,46 @@ TEST(Sleep, SleepingBodyStillLoadsSurface) {
   for (const float impulse : fixture.cells().field().impulse) sum += static_cast<double>(impulse);
   ASSERT_EQ(fixture.world().sleeping_count(), 1);
   EXPECT_NEAR(sum / dt, weight, 0.01 * weight);
+}
+
+// ---- what accelerates does not sleep; tilting gravity stands for tilting the surface
+
+class SlowStart : public testing::TestWithParam<double> {};
+INSTANTIATE_TEST_SUITE_P(Steps, SlowStart, testing::Values(1.0 / 60, 1.0 / 120, 1.0 / 240, 1.0 / 960));
+
+TEST_P(SlowStart, SphereRollsDownTheSlightestSlope) {
+  PhysicsFixture fixture;
+  const double angle = 0.3 * M_PI / 180, g = 9.81;
+  fixture.scene.world.dt_s = GetParam();
+  fixture.scene.world.gravity = {g * std::sin(angle), 0, -g * std::cos(angle)};
+  const auto id = fixture.add(sphere(1.5, {5, 15.3, 1.5}));
+  fixture.run(20.0);
+  const double expected = 0.5 * 5.0 / 7.0 * g * std::sin(angle) * 400.0;  // 7.33 u
+  EXPECT_NEAR(fixture.position(id).x() - 5, expected, 0.01 * expected);
+}
+
+TEST_P(SlowStart, BoxSlidesFromTheAngleOfFriction) {
+  for (const double offset : {-0.1, 0.1}) {
+    PhysicsFixture fixture;
+    const double mu = 0.5, angle = std::atan(mu) + offset * M_PI / 180, g = 9.81;
+    fixture.scene.world.dt_s = GetParam();
+    fixture.scene.world.gravity = {g * std::sin(angle), 0, -g * std::cos(angle)};
+    const auto id = fixture.add(box({3, 3, 1}, {6, 15.3, 0.5}));
+    fixture.run(10.0);
+    const double expected = 0.5 * g * (std::sin(angle) - mu * std::cos(angle)) * 100.0;  // 0.957 u
+    if (offset < 0) {
+      EXPECT_NEAR(fixture.position(id).x(), 6.0, 0.01);
+    } else {
+      EXPECT_NEAR(fixture.position(id).x() - 6, expected, 0.1 * expected);
+    }
+  }
+}
+
+TEST(Sleep, NoneIfSwitchedOff) {
+  PhysicsFixture fixture;
+  fixture.scene.world.sleep = false;
+  const auto id = fixture.add(box({2, 2, 2}, {15.2, 15.3, 1.0}));
+  fixture.run(3.0);
+  EXPECT_EQ(fixture.world().sleeping_count(), 0);
+  EXPECT_NEAR(fixture.position(id).z(), 1.0, 2e-3);
 }

@@ -19,12 +19,14 @@ void write_meta(hid_t file, const RunMetadata& meta, const scene::SceneSpec& spe
   write_attribute(group, "program", meta.program_text);
   write_attribute(group, "driver", meta.driver);
   write_attribute(group, "unsafe", std::uint64_t{meta.unsafe});
+  write_attribute(group, "engine", spec.world.engine);
   write_attribute(group, "seed", spec.world.seed);
   write_attribute(group, "dt_s", spec.world.dt_s);
   write_attribute(group, "control_period_s", spec.world.control_period_s);
   write_attribute(group, "iterations", static_cast<std::uint64_t>(spec.world.iterations));
   write_attribute(group, "gravity", H5T_NATIVE_DOUBLE, spec.world.gravity.data(), 3);
   write_attribute(group, "ground", std::uint64_t{spec.world.ground});
+  write_attribute(group, "sleep", std::uint64_t{spec.world.sleep});
   write_attribute(group, "every", static_cast<std::uint64_t>(spec.record.tick_interval));
   const Handle options = create_group(group, "options");
   for (const scene::OptionSpec& option : spec.options)

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace smartsurf::record {
 namespace {
@@ -39,9 +40,12 @@ const std::vector<double>& require_frame_times(const Recording& recording) {
 }  // namespace
 
 CurvePlot::CurvePlot(const Recording& recording, TimeSeries series)
-    : time_(require_frame_times(recording)),
+    : CurvePlot(require_frame_times(recording), std::move(series), subtitle(recording)) {}
+
+CurvePlot::CurvePlot(std::vector<double> time, TimeSeries series, std::string subtitle)
+    : time_(std::move(time)),
       series_(std::move(series)),
-      subtitle_(subtitle(recording)),
+      subtitle_(std::move(subtitle)),
       chart_(make_chart(time_, series_)) {}
 
 double CurvePlot::width() const { return kPlotArea.right() + kRightMargin; }

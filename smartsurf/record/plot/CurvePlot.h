@@ -9,6 +9,8 @@ namespace smartsurf::record {
 class CurvePlot final : public Figure {
  public:
   CurvePlot(const Recording& recording, TimeSeries series);
+  // time: s, at least one value.
+  CurvePlot(std::vector<double> time, TimeSeries series, std::string subtitle);
   double width() const override;
   double height() const override;
   void draw(cairo_t* cr) const override;

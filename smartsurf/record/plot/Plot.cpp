@@ -9,6 +9,7 @@
 #include <fstream>
 #include <memory>
 #include <stdexcept>
+#include <utility>
 
 #include "common/files/AtomicFile.h"
 #include "smartsurf/record/plot/CurvePlot.h"
@@ -93,6 +94,19 @@ std::string render_png(const Figure& figure) {
   return bytes;
 }
 
+void require_picture_name(const fs::path& path) {
+  const std::string extension = path.extension().string();
+  if (extension != ".svg" && extension != ".png")
+    throw scene::InputError(path.string() + ": unknown kind of picture '" + extension +
+                            "': the name must end in .svg or .png");
+}
+
+void write_figure(const Figure& figure, const fs::path& path) {
+  if (const std::error_code error =
+          common::replace_file(path, path.extension() == ".svg" ? render_svg(figure) : render_png(figure)))
+    throw scene::InputError(path.string() + ": cannot be written: " + error.message());
+}
+
 }  // namespace
 
 std::vector<std::string> plot_kinds() {
@@ -102,18 +116,18 @@ std::vector<std::string> plot_kinds() {
 }
 
 void write_plot(const Recording& recording, const std::string& what, const fs::path& path) {
-  const std::string extension = path.extension().string();
-  if (extension != ".svg" && extension != ".png")
-    throw scene::InputError(path.string() + ": unknown kind of picture '" + extension +
-                            "': the name must end in .svg or .png");
+  require_picture_name(path);
   if (!recording.has_objects())
     throw scene::InputError(recording.path().string() +
                             ": has no object poses: the run recorded no frame, or its "
                             "experiment sets record { objects = false }");
-  const std::unique_ptr<Figure> figure = make_figure(recording, what);
-  if (const std::error_code error =
-          common::replace_file(path, extension == ".svg" ? render_svg(*figure) : render_png(*figure)))
-    throw scene::InputError(path.string() + ": cannot be written: " + error.message());
+  write_figure(*make_figure(recording, what), path);
+}
+
+void write_curves(std::vector<double> time, TimeSeries series, const std::string& subtitle,
+                  const fs::path& path) {
+  require_picture_name(path);
+  write_figure(CurvePlot(std::move(time), std::move(series), subtitle), path);
 }
 
 }  // namespace smartsurf::record

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "smartsurf/record/Recording.h"
+#include "smartsurf/record/plot/TimeSeries.h"
 
 namespace smartsurf::record {
 
@@ -17,5 +18,9 @@ namespace smartsurf::record {
 // columns count from 0; row 0 is north.
 std::vector<std::string> plot_kinds();
 void write_plot(const Recording& recording, const std::string& what, const std::filesystem::path& path);
+
+// Draws curves over `time` (s, at least one value).
+void write_curves(std::vector<double> time, TimeSeries series, const std::string& subtitle,
+                  const std::filesystem::path& path);
 
 }  // namespace smartsurf::record

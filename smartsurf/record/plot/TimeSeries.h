@@ -1,4 +1,4 @@
-// Time series of a recording: the curves of `smartsurf plot --what KIND`. Internal to this module.
+// Time series: what CurvePlot draws; those of a recording are the curves of `smartsurf plot --what KIND`.
 #pragma once
 
 #include <string>

@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <charconv>
+#include <iterator>
 #include <memory>
 
 #include "common/process/StopSignals.h"
@@ -14,6 +15,7 @@
 #include "smartsurf/run/Worlds.h"
 #include "smartsurf/run/cli/FlagValues.h"
 #include "smartsurf/run/cli/Subcommands.h"
+#include "smartsurf/world/bullet/EngineFactory.h"
 
 namespace smartsurf::run {
 namespace {
@@ -25,6 +27,7 @@ struct RunFlags {
   std::vector<std::string> set, controller_set, record, screenshot;
   RenderFlags render;
   std::optional<std::uint64_t> seed, ticks;
+  std::optional<std::string> engine;
   std::string until;
   int threads = 1;
   int worlds = 0;  // 0: no --worlds
@@ -47,6 +50,10 @@ void add_script_flags(CLI::App& app, RunFlags& flags) {
   app.add_option("--set", flags.set, "Set an option that the script defines")
       ->type_name("NAME=VALUE")
       ->allow_extra_args(false);
+  app.add_option("--engine", flags.engine, "Physics engine, instead of the script's: native or bullet")
+      ->check(CLI::IsMember(
+          std::vector<std::string>(std::begin(scene::kEngineNames), std::end(scene::kEngineNames))))
+      ->type_name("ENGINE");
 }
 
 void add_run_flags(CLI::App& app, RunFlags& flags) {
@@ -118,10 +125,12 @@ std::optional<double> parse_pace(const RunFlags& flags) {
 // Loads an experiment to inspect it, discarding what the script prints.
 script::Experiment load_silently(const std::string& file,
                                  std::vector<std::pair<std::string, std::string>> overrides,
-                                 std::optional<std::uint64_t> seed) {
+                                 std::optional<std::uint64_t> seed,
+                                 const std::optional<std::string>& engine) {
   script::LoadOptions options;
   options.overrides = std::move(overrides);
   options.seed = seed;
+  options.engine = engine;
   options.print_output = [](std::string_view) {};
   options.solid_factory = std::make_shared<mesh::SolidLibrary>();
   return script::Experiment::load(file, options);
@@ -159,6 +168,7 @@ RunOptions make_run_options(const RunFlags& flags, const std::string& command_li
   options.controller_overrides = flags.controller_set;
   options.no_controller = flags.no_controller;
   options.seed = flags.seed;
+  options.engine = flags.engine;
   options.overrides = parse_assignments(flags.set);
   options.threads = flags.threads;
   options.recording_files = flags.record;
@@ -203,7 +213,8 @@ int run_command(CLI::App& app, const RunFlags& flags, const std::string& command
   if (flags.help) {
     fmt::print("{}\n", app.help());
     if (!flags.experiment.empty())
-      print_options(load_silently(flags.experiment, parse_assignments(flags.set), flags.seed).scene());
+      print_options(
+          load_silently(flags.experiment, parse_assignments(flags.set), flags.seed, flags.engine).scene());
     return common::kDone;
   }
   const RunOptions options = make_run_options(flags, command_line);
@@ -213,10 +224,12 @@ int run_command(CLI::App& app, const RunFlags& flags, const std::string& command
 }
 
 int check_command(const RunFlags& flags) {
-  const auto experiment = load_silently(flags.experiment, parse_assignments(flags.set), flags.seed);
+  const auto experiment =
+      load_silently(flags.experiment, parse_assignments(flags.set), flags.seed, flags.engine);
   const std::string& file = flags.experiment;
   const auto& scene = experiment.scene();
   validate_surface(scene);
+  world::require_engine(scene);
   const auto count = [](std::size_t n, const char* what) {
     return fmt::format("{} {}{}", n, what, n == 1 ? "" : "s");
   };

@@ -33,6 +33,7 @@ struct RunOptions {
   std::vector<std::string> controller_overrides;  // NAME=VALUE, validated by apron
   bool no_controller = false;
   std::optional<std::uint64_t> seed;
+  std::optional<std::string> engine;  // nullopt: the script's
   std::vector<std::pair<std::string, std::string>> overrides;
   int threads = 1;
   std::vector<std::string> recording_files;

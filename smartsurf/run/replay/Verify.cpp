@@ -10,6 +10,7 @@
 
 #include "smartsurf/mesh/SolidLibrary.h"
 #include "smartsurf/run/Simulation.h"
+#include "smartsurf/world/bullet/EngineFactory.h"
 
 namespace smartsurf::run {
 namespace {
@@ -50,6 +51,24 @@ void require_reproducible(const record::Recording& recording, bool unsafe) {
                       "its script ran with --unsafe and may do anything again; give --unsafe to allow that");
 }
 
+void require_engine(const record::Recording& recording) {
+  try {
+    world::require_engine(recording.spec());
+  } catch (const scene::InputError& error) {
+    throw_input_error(recording, error.what());
+  }
+}
+
+void require_same_physics(const record::Recording& recording, const Simulation& simulation) {
+  const std::string now = simulation.engine().version();
+  for (const record::NamedText& version : recording.meta().versions)
+    if (version.name == "physics" && version.value != now)
+      throw_input_error(recording,
+                        fmt::format("it was recorded with physics {}, and this program has {}, which gives "
+                                    "other bits",
+                                    version.value, now));
+}
+
 void require_matching_inputs(const record::Recording& recording, const Simulation& simulation) {
   std::size_t values = 0;
   for (const scene::ChannelData& channel : simulation.actuators()) values += channel.values.size();
@@ -64,6 +83,7 @@ script::Experiment reload_experiment(const record::Recording& recording, const f
   for (const auto& assignment : recording.meta().overrides)
     options.overrides.emplace_back(assignment.name, assignment.value);
   options.seed = recording.spec().world.seed;
+  options.engine = recording.spec().world.engine;
   options.unsafe = recording.meta().unsafe;
   options.source = recording.spec().source;
   options.output_folder = output_directory;
@@ -163,10 +183,12 @@ std::string describe_difference(const record::Recording& recording, std::size_t 
 VerificationResult verify(const record::Recording& recording, int threads, bool unsafe,
                           const std::atomic<bool>& stop, const std::function<void(double)>& progress) {
   require_reproducible(recording, unsafe);
+  require_engine(recording);
   const TemporaryDirectory output_directory;
   script::Experiment experiment = reload_experiment(recording, output_directory.path());
   const bool scripted = recording.meta().driver == "script";
   Simulation simulation(experiment, threads, scripted);
+  require_same_physics(recording, simulation);
   if (!scripted) require_matching_inputs(recording, simulation);
   VerificationResult result;
   for (std::size_t frame = 0; frame < recording.frames(); ++frame) {

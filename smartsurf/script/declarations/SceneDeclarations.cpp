@@ -1,5 +1,6 @@
 // world, material, surface, faults, record: declarations that a script makes once, while it loads.
 #include <algorithm>
+#include <iterator>
 #include <string>
 #include <vector>
 
@@ -20,8 +21,9 @@ void throw_if_invalid(const std::string& error) {
 
 int world(ScriptContext& context, lua_State* L) {
   declare_once(context, L, "world");
-  const TableReader fields(L, 1, "world",
-                           {"gravity", "dt", "iterations", "control_period", "seed", "ground", "off_table"});
+  const TableReader fields(
+      L, 1, "world",
+      {"gravity", "dt", "iterations", "control_period", "seed", "ground", "sleep", "off_table", "engine"});
   scene::WorldSpec& spec = context.spec.world;
   fields.visit("gravity", [&](int i, const std::string& name) {
     if (lua_type(L, i) == LUA_TNUMBER)
@@ -35,6 +37,13 @@ int world(ScriptContext& context, lua_State* L) {
   fields.read("iterations", spec.iterations, 1, 1000);
   fields.read("control_period", spec.control_period_s);
   fields.read("ground", spec.ground);
+  fields.read("sleep", spec.sleep);
+  fields.visit("engine", [&](int i, const std::string& name) {
+    const std::string engine = check_string(L, i, name);
+    if (std::ranges::find(scene::kEngineNames, engine) == std::end(scene::kEngineNames))
+      throw_invalid_value(L, i, name, "'native' or 'bullet'");
+    if (!context.options.engine) spec.engine = engine;  // --engine overrides world.engine
+  });
   fields.visit("off_table", [&](int i, const std::string& name) {
     const std::string policy = check_string(L, i, name);
     if (policy != "keep" && policy != "remove") throw_invalid_value(L, i, name, "'keep' or 'remove'");

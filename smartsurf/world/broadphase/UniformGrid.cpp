@@ -2,25 +2,36 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace smartsurf::world {
 namespace {
 
-// Bounds the number of cells, so that a few bodies far apart do not cost a huge array of empty cells.
+// Above this number of cells the array over all cells would cost more than the bodies.
 constexpr int kCellsPerBody = 4, kMinCells = 64;
+// Cells per axis of a sparse grid, half of them on either side of the world's origin. Bodies beyond are as far
+// away as their positions can tell apart, and share the outermost cells.
+constexpr double kMaxCellsPerAxis = 1 << 21;
 
 }  // namespace
 
-// A parallel counting sort. fill_cell_lines() then sorts the bodies of each cell by index, so the order does
-// not depend on which member inserted which body.
 void UniformGrid::build(const Input& in, std::span<const std::int32_t> own, const Member& member) {
   member.single([&] {
     member_state_.resize(static_cast<std::size_t>(member.member_count));
     cell_of_body_.resize(in.position.size());
   });
-  MemberState& state = member_state_[static_cast<std::size_t>(member.index)];
-  compute_bounds(in, own, state);
+  compute_bounds(in, own, member_state_[static_cast<std::size_t>(member.index)]);
   member.single([&] { resize_cells(in.position.size()); });
+  if (is_dense_)
+    sort_dense(in, own, member);
+  else
+    sort_sparse(in, own, member);
+}
+
+// A parallel counting sort. fill_cell_lines() then sorts the bodies of each cell by index, so the order does not
+// depend on which member inserted which body.
+void UniformGrid::sort_dense(const Input& in, std::span<const std::int32_t> own, const Member& member) {
+  MemberState& state = member_state_[static_cast<std::size_t>(member.index)];
   count_bodies(in, own, state);
   member.single([this] { compute_cell_starts(); });
   compute_member_slots(static_cast<std::size_t>(member.index));
@@ -31,6 +42,26 @@ void UniformGrid::build(const Input& in, std::span<const std::int32_t> own, cons
   }
   member.arrive_and_wait();
   fill_cell_lines(in, member.share(cell_count_[1]));
+}
+
+// A radix sort by cell, stable over the bodies in ascending order.
+void UniformGrid::sort_sparse(const Input& in, std::span<const std::int32_t> own, const Member& member) {
+  const auto nx = static_cast<std::uint64_t>(cell_count_[0]), ny = static_cast<std::uint64_t>(cell_count_[1]);
+  for (const std::int32_t body : own) {
+    const auto i = static_cast<std::size_t>(body);
+    if (cell_of_body_[i] < 0) continue;
+    const Vec3& p = in.position[i];
+    const auto x = static_cast<std::uint64_t>(cell_of(p.x(), 0)),
+               y = static_cast<std::uint64_t>(cell_of(p.y(), 1)),
+               z = static_cast<std::uint64_t>(cell_of(p.z(), 2));
+    keys_[i] = {(z * ny + y) * nx + x, body};
+  }
+  member.single([this] {
+    collect_keys();
+    sort_keys();
+    find_rows();
+  });
+  fill_spheres(in, member.share(sorted_count()));
 }
 
 void UniformGrid::compute_bounds(const Input& in, std::span<const std::int32_t> own, MemberState& state) {
@@ -70,16 +101,23 @@ void UniformGrid::resize_cells(std::size_t bodies) {
   float cells[3];
   for (int k = 0; k < 3; ++k)
     cells[k] = small == 0 ? 1.0F : std::floor((high[k] - low[k]) * inverse_size_) + 1.0F;
-  // Too many cells: bodies beyond the last cell of an axis are clamped to it.
-  for (int k = 0; k < 3; ++k) cell_count_[k] = static_cast<int>(std::min(cells[k], 1024.0F));
-  for (int k = 2; static_cast<float>(cell_count_[0]) * static_cast<float>(cell_count_[1]) *
-                      static_cast<float>(cell_count_[2]) >
-                  max_cells;
-       k = (k + 2) % 3)
-    cell_count_[k] = std::max(1, cell_count_[k] / 2);
-  cell_start_.resize(static_cast<std::size_t>(cell_count_[0] * cell_count_[1] * cell_count_[2]) + 1);
+  is_dense_ = cells[0] * cells[1] * cells[2] <= max_cells;
+  for (int k = 0; k < 3; ++k) {
+    if (is_dense_) {
+      cell_count_[k] = static_cast<int>(cells[k]);
+      continue;
+    }
+    const double size = 1.0 / static_cast<double>(inverse_size_);
+    origin_[k] = std::max(low[k], static_cast<float>(-0.5 * kMaxCellsPerAxis * size));
+    const double count = std::floor((static_cast<double>(high[k]) - static_cast<double>(origin_[k])) / size);
+    cell_count_[k] = static_cast<int>(std::clamp(count + 1.0, 1.0, kMaxCellsPerAxis));
+  }
+  if (is_dense_)
+    cell_start_.resize(static_cast<std::size_t>(cell_count_[0] * cell_count_[1] * cell_count_[2]) + 1);
+  else
+    keys_.resize(bodies), sorted_keys_.reserve(bodies), rows_.reserve(small + 1);
   sorted_bodies_.resize(small);
-  sorted_cell_.resize(small);
+  column_.resize(small);
   for (std::vector<float>* coordinates : {&x_, &y_, &z_, &radius_}) coordinates->resize(small + kSimdPadding);
 }
 
@@ -101,6 +139,12 @@ void UniformGrid::compute_cell_starts() {
     for (const MemberState& state : member_state_) at += state.cell_count[c];
   }
   cell_start_.back() = at;
+  rows_.clear();
+  for (int z = 0; z < cell_count_[2]; ++z)
+    for (int y = 0; y < cell_count_[1]; ++y)
+      if (const int begin = first_in_cell(0, y, z); begin < first_in_cell(0, y + 1, z))
+        rows_.push_back({y, z, begin});
+  rows_.push_back({0, cell_count_[2], at});
 }
 
 void UniformGrid::compute_member_slots(std::size_t member) {
@@ -113,22 +157,83 @@ void UniformGrid::compute_member_slots(std::size_t member) {
 // Sorts the bodies of each cell and copies their spheres, for the given lines of cells along x in every
 // layer.
 void UniformGrid::fill_cell_lines(const Input& in, IndexRange lines) {
-  for (int z = 0; z < cell_count_[2]; ++z)
-    for (int cell = index(0, lines.begin, z); cell < index(0, lines.end, z); ++cell) {
-      const int begin = cell_start_[static_cast<std::size_t>(cell)],
-                end = cell_start_[static_cast<std::size_t>(cell) + 1];
-      if (member_state_.size() > 1 && end - begin > 1)
-        std::sort(sorted_bodies_.begin() + begin, sorted_bodies_.begin() + end);
-      for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
-        const auto body = static_cast<std::size_t>(sorted_bodies_[k]);
-        const Vec3& p = in.position[body];
-        sorted_cell_[k] = cell;
-        x_[k] = p.x();
-        y_[k] = p.y();
-        z_[k] = p.z();
-        radius_[k] = in.radius[body];
-      }
-    }
+  for (int z = 0; z < cell_count_[2]; ++z) {
+    if (member_state_.size() > 1)
+      for (int cell = index(0, lines.begin, z); cell < index(0, lines.end, z); ++cell)
+        std::sort(sorted_bodies_.begin() + cell_start_[static_cast<std::size_t>(cell)],
+                  sorted_bodies_.begin() + cell_start_[static_cast<std::size_t>(cell) + 1]);
+    fill_spheres(in, {first_in_cell(0, lines.begin, z), first_in_cell(0, lines.end, z)});
+  }
+}
+
+void UniformGrid::fill_spheres(const Input& in, IndexRange sorted) {
+  for (auto k = static_cast<std::size_t>(sorted.begin); k < static_cast<std::size_t>(sorted.end); ++k) {
+    const auto body = static_cast<std::size_t>(sorted_bodies_[k]);
+    const Vec3& p = in.position[body];
+    column_[k] = cell_of(p.x(), 0);
+    x_[k] = p.x();
+    y_[k] = p.y();
+    z_[k] = p.z();
+    radius_[k] = in.radius[body];
+  }
+}
+
+// ---- sparse
+
+// Closes the gaps that large bodies leave.
+void UniformGrid::collect_keys() {
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < keys_.size(); ++i)
+    if (cell_of_body_[i] >= 0) keys_[count++] = keys_[i];
+  keys_.resize(count);
+  sorted_keys_.resize(count);
+}
+
+void UniformGrid::sort_keys() {
+  constexpr int kDigitBits = 11;
+  constexpr std::uint64_t kDigits = 1 << kDigitBits;
+  const std::uint64_t last = static_cast<std::uint64_t>(cell_count_[0]) *
+                                 static_cast<std::uint64_t>(cell_count_[1]) *
+                                 static_cast<std::uint64_t>(cell_count_[2]) -
+                             1;
+  for (int shift = 0; shift < 64 && last >> shift > 0; shift += kDigitBits) {
+    std::int32_t slot[kDigits] = {};
+    auto digit = [shift](const BodyKey& b) { return (b.key >> shift) % kDigits; };
+    for (const BodyKey& b : keys_) ++slot[digit(b)];
+    std::int32_t at = 0;
+    for (std::int32_t& s : slot) at += std::exchange(s, at);
+    for (const BodyKey& b : keys_) sorted_keys_[static_cast<std::size_t>(slot[digit(b)]++)] = b;
+    std::swap(keys_, sorted_keys_);
+  }
+}
+
+void UniformGrid::find_rows() {
+  rows_.clear();
+  const auto nx = static_cast<std::uint64_t>(cell_count_[0]), ny = static_cast<std::uint64_t>(cell_count_[1]);
+  std::uint64_t row_end = 0;
+  for (std::size_t k = 0; k < keys_.size(); ++k) {
+    sorted_bodies_[k] = keys_[k].body;
+    if (keys_[k].key < row_end) continue;
+    const std::uint64_t row = keys_[k].key / nx;
+    row_end = (row + 1) * nx;
+    rows_.push_back({static_cast<std::int32_t>(row % ny), static_cast<std::int32_t>(row / ny),
+                     static_cast<std::int32_t>(k)});
+  }
+  rows_.push_back({0, cell_count_[2], static_cast<std::int32_t>(keys_.size())});
+}
+
+int UniformGrid::find_row(int y, int z) const {
+  const auto row = std::lower_bound(
+      rows_.begin(), rows_.end() - 1, std::pair(z, y),
+      [](const Row& r, const std::pair<int, int>& wanted) { return std::pair(r.z, r.y) < wanted; });
+  return static_cast<int>(row - rows_.begin());
+}
+
+IndexRange UniformGrid::find_in_row(const Row* row, int x0, int x1) const {
+  const auto begin = column_.begin() + row->begin, end = column_.begin() + (row + 1)->begin;
+  const auto from = std::lower_bound(begin, end, x0);
+  return {static_cast<int>(from - column_.begin()),
+          static_cast<int>(std::upper_bound(from, end, x1) - column_.begin())};
 }
 
 }  // namespace smartsurf::world

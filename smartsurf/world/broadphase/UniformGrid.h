@@ -1,13 +1,16 @@
 // The broad phase: a uniform grid over bodies of similar size. The few much larger bodies are kept in a list
 // and query the grid.
 //
-// Bodies are sorted by cell, so that neighbouring cells along x are contiguous in memory. Results and their
-// order depend on positions and indices only, not on the number of members.
+// Bodies are sorted by cell, so that neighbouring cells along x are contiguous in memory. While the cells are not
+// many more than the bodies, an array over all cells tells where each begins; a sparse world has a list of its
+// occupied rows of cells instead, so that the cost depends on the bodies only, however far apart they are.
+// Results and their order depend on positions and indices only, not on the number of members.
 #pragma once
 
 #include <algorithm>
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "smartsurf/world/Vec.h"
@@ -34,10 +37,14 @@ class UniformGrid {
   int sorted_count() const { return static_cast<int>(sorted_bodies_.size()); }
   // Number of cells along x, y or z. Bodies are sorted by cell, x fastest, z slowest.
   int cell_count(int axis) const { return cell_count_[axis]; }
-  // Position in sorted order of the first body in or after a cell. x and y may be one past the last cell.
-  int first_in_cell(int x, int y, int z) const {
-    return cell_start_[static_cast<std::size_t>(index(x, y, z))];
-  }
+  // An occupied row of cells along x. Its bodies reach up to `begin` of the next row, in sorted order.
+  struct Row {
+    std::int32_t y, z, begin;
+  };
+  // In sorted order, with one more at the end whose `begin` is sorted_count().
+  std::span<const Row> rows() const { return rows_; }
+  // The cell of a body along x.
+  int column(int sorted) const { return column_[static_cast<std::size_t>(sorted)]; }
   std::span<const std::int32_t> large_bodies() const { return large_bodies_; }
 
   // Calls found(i, j) once for every pair of bodies in the grid whose spheres overlap and whose first one in
@@ -50,14 +57,20 @@ class UniformGrid {
 
  private:
   static constexpr int kMaxCellRuns = 5;  // of the 14 cells searched per body: half of its neighbourhood
-  // Clamped to the grid; 0 for NaN.
+  // Clamped to the grid; 0 for NaN. In double precision where there are too many cells for single precision.
   int cell_of(float u, int axis) const {
-    const float c = (u - origin_[axis]) * inverse_size_;
-    return !(c > 0.0F)                                      ? 0
-           : c >= static_cast<float>(cell_count_[axis] - 1) ? cell_count_[axis] - 1
-                                                            : static_cast<int>(c);
+    auto clamped = [last = cell_count_[axis] - 1](auto c) {
+      return !(c > 0) ? 0 : c >= static_cast<decltype(c)>(last) ? last : static_cast<int>(c);
+    };
+    if (is_dense_) return clamped((u - origin_[axis]) * inverse_size_);
+    return clamped((static_cast<double>(u) - static_cast<double>(origin_[axis])) *
+                   static_cast<double>(inverse_size_));
   }
   int index(int x, int y, int z) const { return (z * cell_count_[1] + y) * cell_count_[0] + x; }
+  // x and y may be one past the last cell.
+  int first_in_cell(int x, int y, int z) const {
+    return cell_start_[static_cast<std::size_t>(index(x, y, z))];
+  }
   // Working memory of one member, on cache lines of its own.
   struct alignas(128) MemberState {
     Vec3 low, high;
@@ -66,26 +79,52 @@ class UniformGrid {
     // Indexed by cell: number of the member's bodies, and slot in sorted order for the next one.
     std::vector<std::int32_t> cell_count, next_slot;
   };
+  // A body and the place of its cell in the order of the cells.
+  struct BodyKey {
+    std::uint64_t key;
+    std::int32_t body;
+  };
   void compute_bounds(const Input&, std::span<const std::int32_t> own, MemberState&);
   void resize_cells(std::size_t bodies);
+  void sort_dense(const Input&, std::span<const std::int32_t> own, const Member&);
   void count_bodies(const Input&, std::span<const std::int32_t> own, MemberState&);
   void compute_cell_starts();
   void compute_member_slots(std::size_t member);
   void fill_cell_lines(const Input&, IndexRange lines);
+  void sort_sparse(const Input&, std::span<const std::int32_t> own, const Member&);
+  void collect_keys();
+  void sort_keys();
+  void find_rows();
+  void fill_spheres(const Input&, IndexRange sorted);
+  // Sparse only. Index of a row, or of the next one after it in sorted order.
+  int find_row(int y, int z) const;
+  // Sparse only. The bodies of a row in the columns x0 to x1.
+  IndexRange find_in_row(const Row* row, int x0, int x1) const;
 
   // Calls found(self, other) for the bodies in the runs whose spheres overlap that of the body at `self`.
   template <class Found>
   void test_runs(int self, std::span<const IndexRange> runs, Found& found) const;
+  template <class Found>
+  void for_each_pair_dense(int begin, int end, Found& found) const;
+  template <class Found>
+  void for_each_pair_sparse(int begin, int end, Found& found) const;
+  // Calls found for the bodies at sorted positions [from, to) whose sphere's bounding box overlaps the box.
+  template <class Found>
+  void test_box(const Vec3& low, const Vec3& high, IndexRange sorted, Found& found) const;
 
   Vec3 origin_{0, 0, 0};
   float inverse_size_ = 1.0F;
   int cell_count_[3] = {1, 1, 1};
-  std::vector<std::int32_t> cell_start_;  // indexed by cell: first sorted position; one more at the end
+  bool is_dense_ = true;
+  std::vector<std::int32_t>
+      cell_start_;  // dense, by cell: first position in sorted order; one more at the end
+  std::vector<Row> rows_;
   std::vector<std::int32_t> sorted_bodies_, large_bodies_;  // body indices
-  std::vector<std::int32_t> sorted_cell_;                   // indexed by sorted position
-  std::vector<float> x_, y_, z_, radius_;   // indexed by sorted position; kSimdPadding more at the end
+  std::vector<std::int32_t> column_;                        // by sorted position
+  std::vector<float> x_, y_, z_, radius_;   // by sorted position, kSimdPadding more at the end
   std::vector<MemberState> member_state_;   // one per member
-  std::vector<std::int32_t> cell_of_body_;  // indexed by body; −1 if large
+  std::vector<std::int32_t> cell_of_body_;  // by body; −1: large
+  std::vector<BodyKey> keys_, sorted_keys_;
 };
 
 template <class Found>
@@ -111,10 +150,21 @@ void UniformGrid::test_runs(int self, std::span<const IndexRange> runs, Found& f
 
 template <class Found>
 void UniformGrid::for_each_pair(int begin, int end, Found found) const {
+  if (begin >= end) return;
+  if (is_dense_)
+    for_each_pair_dense(begin, end, found);
+  else
+    for_each_pair_sparse(begin, end, found);
+}
+
+template <class Found>
+void UniformGrid::for_each_pair_dense(int begin, int end, Found& found) const {
+  auto row = std::upper_bound(rows_.begin(), rows_.end() - 1, begin,
+                              [](int sorted, const Row& r) { return sorted < r.begin; }) -
+             1;
   for (int self = begin; self < end; ++self) {
-    const int cell = sorted_cell_[static_cast<std::size_t>(self)];
-    const int cx = cell % cell_count_[0], cy = cell / cell_count_[0] % cell_count_[1],
-              cz = cell / cell_count_[0] / cell_count_[1];
+    while (self >= (row + 1)->begin) ++row;
+    const int cx = column(self), cy = row->y, cz = row->z;
     const int x0 = cx > 0 ? cx - 1 : 0, x1 = cx + 1 < cell_count_[0] ? cx + 1 : cx;
     IndexRange runs[kMaxCellRuns] = {
         {self + 1, cell_start_[static_cast<std::size_t>(index(x1, cy, cz)) + 1]}};
@@ -128,6 +178,50 @@ void UniformGrid::for_each_pair(int begin, int end, Found found) const {
   }
 }
 
+// The neighbouring cells of a row's bodies advance along the neighbouring rows as the bodies do along theirs, so
+// one cursor per row finds them all in a single pass.
+template <class Found>
+void UniformGrid::for_each_pair_sparse(int begin, int end, Found& found) const {
+  auto row = std::upper_bound(rows_.begin(), rows_.end() - 1, begin,
+                              [](int sorted, const Row& r) { return sorted < r.begin; }) -
+             1;
+  for (int self = begin; self < end; ++row) {
+    IndexRange cursors[kMaxCellRuns] = {{self + 1, self + 1}};
+    int row_ends[kMaxCellRuns] = {(row + 1)->begin};
+    std::size_t n = 1;
+    for (const auto& [y, z] : {std::pair{row->y + 1, row->z}, std::pair{row->y - 1, row->z + 1},
+                               std::pair{row->y, row->z + 1}, std::pair{row->y + 1, row->z + 1}}) {
+      const auto r = static_cast<std::size_t>(find_row(y, z));
+      if (r + 1 == rows_.size() || rows_[r].y != y || rows_[r].z != z) continue;
+      const int first = find_in_row(&rows_[r], column(self) - 1, column(self)).begin;
+      cursors[n] = {first, first};
+      row_ends[n++] = rows_[r + 1].begin;
+    }
+    for (const int row_end = std::min(end, (row + 1)->begin); self < row_end; ++self) {
+      cursors[0].begin = self + 1;
+      cursors[0].end = std::max(cursors[0].end, self + 1);
+      for (std::size_t k = 0; k < n; ++k) {
+        IndexRange& near = cursors[k];
+        if (k > 0)
+          while (near.begin < row_ends[k] && column(near.begin) < column(self) - 1) ++near.begin;
+        near.end = std::max(near.end, near.begin);
+        while (near.end < row_ends[k] && column(near.end) <= column(self) + 1) ++near.end;
+      }
+      test_runs(self, {cursors, n}, found);
+    }
+  }
+}
+
+template <class Found>
+void UniformGrid::test_box(const Vec3& low, const Vec3& high, IndexRange sorted, Found& found) const {
+  for (auto i = static_cast<std::size_t>(sorted.begin); i < static_cast<std::size_t>(sorted.end); ++i) {
+    const float radius = radius_[i];
+    const bool overlaps = x_[i] + radius > low.x() && x_[i] - radius < high.x() && y_[i] + radius > low.y() &&
+                          y_[i] - radius < high.y() && z_[i] + radius > low.z() && z_[i] - radius < high.z();
+    if (overlaps) found(sorted_bodies_[i]);
+  }
+}
+
 template <class Found>
 void UniformGrid::for_each_in_box(const Vec3& low, const Vec3& high, Found found) const {
   if (sorted_bodies_.empty()) return;
@@ -136,18 +230,24 @@ void UniformGrid::for_each_in_box(const Vec3& low, const Vec3& high, Found found
   int from[3], to[3];
   for (int k = 0; k < 3; ++k)
     from[k] = cell_of(low[k] - max_radius, k), to[k] = cell_of(high[k] + max_radius, k);
-  for (int z = from[2]; z <= to[2]; ++z)
-    for (int y = from[1]; y <= to[1]; ++y) {
-      const int last = cell_start_[static_cast<std::size_t>(index(to[0], y, z)) + 1];
-      for (int k = cell_start_[static_cast<std::size_t>(index(from[0], y, z))]; k < last; ++k) {
-        const auto i = static_cast<std::size_t>(k);
-        const float radius = radius_[i];
-        const bool overlaps = x_[i] + radius > low.x() && x_[i] - radius < high.x() &&
-                              y_[i] + radius > low.y() && y_[i] - radius < high.y() &&
-                              z_[i] + radius > low.z() && z_[i] - radius < high.z();
-        if (overlaps) found(sorted_bodies_[i]);
-      }
-    }
+  if (is_dense_) {
+    for (int z = from[2]; z <= to[2]; ++z)
+      for (int y = from[1]; y <= to[1]; ++y)
+        test_box(
+            low, high,
+            {first_in_cell(from[0], y, z), cell_start_[static_cast<std::size_t>(index(to[0], y, z)) + 1]},
+            found);
+    return;
+  }
+  auto row_at = [this](int y, int z) { return &rows_[static_cast<std::size_t>(find_row(y, z))]; };
+  for (const Row* row = row_at(from[1], from[2]); row != &rows_.back() && row->z <= to[2];) {
+    if (row->y < from[1])
+      row = row_at(from[1], row->z);
+    else if (row->y > to[1])
+      row = row_at(from[1], row->z + 1);
+    else
+      test_box(low, high, find_in_row(row++, from[0], to[0]), found);
+  }
 }
 
 }  // namespace smartsurf::world

@@ -60,12 +60,12 @@ float max_travel(const BodyStore& bodies, std::size_t body) {
 
 }  // namespace
 
-void clip_to_time_of_impact(const CollisionPipeline& collision, BodyStore& bodies, std::size_t body) {
-  if (bodies.is_sphere[body]) return;
+bool clip_to_time_of_impact(const CollisionPipeline& collision, BodyStore& bodies, std::size_t body) {
+  if (bodies.is_sphere[body]) return false;
   const float travel = max_travel(bodies, body);
-  if (!(travel > 0.25F * bodies.width[body])) return;
+  if (!(travel > 0.25F * bodies.width[body])) return false;
   const BodySweep sweep(collision, bodies, body);
-  if (!sweep.may_hit_field()) return;
+  if (!sweep.may_hit_field()) return false;
   // Advance by at most half a column per step, so that no column is skipped.
   const int steps = std::min(kMaxSweepSteps, 1 + static_cast<int>(travel / collision.min_half_top()));
   const float allowed = std::max(kAllowedPenetration, sweep.penetration_at(0.0F));
@@ -77,8 +77,9 @@ void clip_to_time_of_impact(const CollisionPipeline& collision, BodyStore& bodie
     DeltaPose& delta = bodies.delta_pose[body];
     for (int axis = 0; axis < 3; ++axis)
       delta.translation[axis] *= fraction, delta.rotation[axis] *= fraction;
-    return;
+    return true;
   }
+  return false;
 }
 
 }  // namespace smartsurf::world

@@ -12,9 +12,9 @@
 
 namespace smartsurf::world {
 
-// Scales BodyStore::delta_pose of the body down so that it penetrates the field no deeper than at the start
-// of the step, or than a small tolerance. Does nothing for spheres and for bodies that move by less than a
-// quarter of their width. May run concurrently for different bodies.
-void clip_to_time_of_impact(const CollisionPipeline&, BodyStore&, std::size_t body);
+// Scales BodyStore::delta_pose of the body down so that the body penetrates the field no deeper than at the start
+// of the step, or a small tolerance; returns whether it had to. Returns at once for spheres and for bodies that move
+// by less than a quarter of their width. May run concurrently for different bodies.
+bool clip_to_time_of_impact(const CollisionPipeline&, BodyStore&, std::size_t body);
 
 }  // namespace smartsurf::world

@@ -28,52 +28,68 @@ void SpatialPartition::build(const UniformGrid& grid) {
   row_of_body_.resize(body_of_row_.size());
 }
 
-// Fills each slab with whole lines of cells until it has enough bodies.
+void SpatialPartition::count_bodies_on_lines(const UniformGrid& grid, int axis) {
+  lines_.clear();
+  const auto rows = grid.rows();
+  for (std::size_t r = 0; r + 1 < rows.size(); ++r) {
+    if (axis == 1) {
+      lines_.push_back({rows[r].y, rows[r + 1].begin - rows[r].begin});
+      continue;
+    }
+    for (int k = rows[r].begin; k < rows[r + 1].begin; ++k)
+      if (k > rows[r].begin && grid.column(k) == lines_.back().at)
+        ++lines_.back().bodies;
+      else
+        lines_.push_back({grid.column(k), 1});
+  }
+  std::ranges::sort(lines_, {}, &Line::at);
+}
+
+// A slab takes whole lines of cells until it has enough bodies.
 void SpatialPartition::find_slab_edges(const UniformGrid& grid, int axis) {
   slab_edge_.assign(1, 0);
-  const int lines = grid.cell_count(axis);
+  const int line_count = grid.cell_count(axis);
   if (grid.sorted_count() >= 2 * kMinBodiesPerSlab) {
-    bodies_on_line_.assign(static_cast<std::size_t>(lines), 0);
-    for (int z = 0; z < grid.cell_count(2); ++z)
-      for (int y = 0; y < grid.cell_count(1); ++y) {
-        if (axis == 1) {
-          bodies_on_line_[static_cast<std::size_t>(y)] +=
-              grid.first_in_cell(0, y + 1, z) - grid.first_in_cell(0, y, z);
-          continue;
-        }
-        for (int x = 0; x < grid.cell_count(0); ++x)
-          bodies_on_line_[static_cast<std::size_t>(x)] +=
-              grid.first_in_cell(x + 1, y, z) - grid.first_in_cell(x, y, z);
-      }
+    count_bodies_on_lines(grid, axis);
     const int target_bodies = std::max(kMinBodiesPerSlab, grid.sorted_count() / kMaxSlabs);
     int bodies = 0;
-    for (int line = 0; line + 1 < lines; ++line) {
-      bodies += bodies_on_line_[static_cast<std::size_t>(line)];
-      if (bodies < target_bodies) continue;
-      slab_edge_.push_back(line + 1);
+    for (std::size_t i = 0; i < lines_.size() && lines_[i].at + 1 < line_count; ++i) {
+      bodies += lines_[i].bodies;
+      const bool ends_line = i + 1 == lines_.size() || lines_[i + 1].at > lines_[i].at;
+      if (!ends_line || bodies < target_bodies) continue;
+      slab_edge_.push_back(lines_[i].at + 1);
       bodies = 0;
     }
   }
-  slab_edge_.push_back(lines);
+  slab_edge_.push_back(line_count);
 }
 
+// Bodies that follow each other in the same layer and slab, on one row unless slabs hold whole rows.
 void SpatialPartition::find_body_runs(const UniformGrid& grid, int axis) {
   body_run_.clear();
   const int slabs = static_cast<int>(slab_edge_.size()) - 1;
-  auto add = [this](int begin, int end, int slab) {
-    if (begin < end) body_run_.push_back({begin, end, slab});
+  if (slabs == 1) {
+    if (grid.sorted_count() > 0) body_run_.push_back({0, grid.sorted_count(), 0});
+    return;
+  }
+  const auto rows = grid.rows();
+  int slab = 0;
+  auto add = [&](int begin, int end, int line, bool continues) {
+    if (!continues) slab = 0;
+    const int previous = slab;
+    while (line >= slab_edge_[static_cast<std::size_t>(slab) + 1]) ++slab;
+    if (continues && slab == previous)
+      body_run_.back().end = end;
+    else
+      body_run_.push_back({begin, end, slab});
   };
-  if (slabs == 1) return add(0, grid.sorted_count(), 0);
-  for (int z = 0; z < grid.cell_count(2); ++z)
-    for (int y = 0; y < (axis == 1 ? 1 : grid.cell_count(1)); ++y)
-      for (int s = 0; s < slabs; ++s) {
-        const int from = slab_edge_[static_cast<std::size_t>(s)],
-                  to = slab_edge_[static_cast<std::size_t>(s) + 1];
-        if (axis == 1)
-          add(grid.first_in_cell(0, from, z), grid.first_in_cell(0, to, z), s);
-        else
-          add(grid.first_in_cell(from, y, z), grid.first_in_cell(to, y, z), s);
-      }
+  for (std::size_t r = 0; r + 1 < rows.size(); ++r) {
+    if (axis == 1) {
+      add(rows[r].begin, rows[r + 1].begin, rows[r].y, r > 0 && rows[r].z == rows[r - 1].z);
+      continue;
+    }
+    for (int k = rows[r].begin; k < rows[r + 1].begin; ++k) add(k, k + 1, grid.column(k), k > rows[r].begin);
+  }
 }
 
 // A counting sort of the body runs by slab.

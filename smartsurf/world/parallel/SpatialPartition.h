@@ -83,12 +83,17 @@ class SpatialPartition {
   std::int32_t row(std::int32_t body) const { return row_of_body_[static_cast<std::size_t>(body)]; }
 
  private:
+  // A line of cells across the slabs, in one layer, and its bodies.
+  struct Line {
+    std::int32_t at, bodies;
+  };
+  void count_bodies_on_lines(const UniformGrid&, int axis);
   void find_slab_edges(const UniformGrid&, int axis);
   void find_body_runs(const UniformGrid&, int axis);
   void group_body_runs(int slabs);
 
-  std::vector<std::int32_t> bodies_on_line_;  // indexed by line of cells across the axis
-  std::vector<int> slab_edge_;                // indexed by slab: its first line; one more at the end
+  std::vector<Line> lines_;     // in ascending order
+  std::vector<int> slab_edge_;  // by slab: its first line; one more at the end
   std::vector<BodyRun> body_run_;
   std::vector<std::int32_t> runs_by_slab_;  // indices in body_run_, grouped by slab
   std::vector<std::size_t> first_run_of_slab_;

@@ -6,64 +6,133 @@
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
 
-#include "smartsurf/world/solver/SimdLanes-inl.h"
-
 HWY_BEFORE_NAMESPACE();
 namespace smartsurf::world {
 namespace HWY_NAMESPACE {
 namespace {
 
+namespace hn = hwy::HWY_NAMESPACE;
+using D = hn::CappedTag<double, kLanes>;
+using V = hn::Vec<D>;
+constexpr int kVectorWidth = static_cast<int>(hn::MaxLanes(D()));
+static_assert(kLanes % kVectorWidth == 0);
+
+HWY_INLINE V set(double value) { return hn::Set(D(), value); }
+HWY_INLINE V zero() { return hn::Zero(D()); }
+HWY_INLINE V load(const double* lanes, int first) { return hn::LoadU(D(), lanes + first); }
+HWY_INLINE void store(V value, double* lanes, int first) { hn::StoreU(value, D(), lanes + first); }
+HWY_INLINE V sum3(V a, V b, V c) { return (a + b) + c; }
+
+struct V3 {
+  V x, y, z;
+};
+HWY_INLINE V3 operator+(const V3& a, const V3& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
+HWY_INLINE V3 operator-(const V3& a, const V3& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+HWY_INLINE V3 operator*(const V3& a, V s) { return {a.x * s, a.y * s, a.z * s}; }
+HWY_INLINE V dot(const V3& a, const V3& b) { return sum3(a.x * b.x, a.y * b.y, a.z * b.z); }
+HWY_INLINE V3 cross(const V3& a, const V3& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+HWY_INLINE V3 load3(const double (*lanes)[kLanes], int first) {
+  return {load(lanes[0], first), load(lanes[1], first), load(lanes[2], first)};
+}
+HWY_INLINE void store3(const V3& value, double (*lanes)[kLanes], int first) {
+  store(value.x, lanes[0], first);
+  store(value.y, lanes[1], first);
+  store(value.z, lanes[2], first);
+}
+
 // A 3 × 3 matrix by columns.
 struct M3 {
   V3 x, y, z;
   HWY_INLINE V3 operator*(const V3& u) const { return x * u.x + y * u.y + z * u.z; }
-  HWY_INLINE V3 transposed_times(const V3& u) const { return {dot(x, u), dot(y, u), dot(z, u)}; }
 };
 
-HWY_INLINE SymmetricMat3 load_symmetric(const float (*lanes)[kLanes], int at) {
-  return {load(lanes[0], at), load(lanes[1], at), load(lanes[2], at),
-          load(lanes[3], at), load(lanes[4], at), load(lanes[5], at)};
-}
+struct Q4 {
+  V x, y, z, w;
+  HWY_INLINE Q4 operator*(const Q4& b) const {
+    return {(w * b.x + x * b.w) + (y * b.z - z * b.y), (w * b.y + y * b.w) + (z * b.x - x * b.z),
+            (w * b.z + z * b.w) + (x * b.y - y * b.x), (w * b.w - x * b.x) - (y * b.y + z * b.z)};
+  }
+  HWY_INLINE V squared_norm() const { return (x * x + y * y) + (z * z + w * w); }
+};
 
-HWY_INLINE M3 rotation_matrix(const float (*q)[kLanes], int at) {
-  const V x = load(q[0], at), y = load(q[1], at), z = load(q[2], at), w = load(q[3], at);
-  const V one = set(1.0F), tx = x + x, ty = y + y, tz = z + z;
-  const V xx = tx * x, yy = ty * y, zz = tz * z, xy = ty * x, xz = tz * x, yz = tz * y;
-  const V wx = tx * w, wy = ty * w, wz = tz * w;
+// Of a quaternion that need not be quite unit.
+HWY_INLINE M3 rotation_matrix(const Q4& q) {
+  const V one = set(1.0), two = set(2.0) / q.squared_norm();
+  const V tx = two * q.x, ty = two * q.y, tz = two * q.z;
+  const V xx = tx * q.x, yy = ty * q.y, zz = tz * q.z, xy = ty * q.x, xz = tz * q.x, yz = tz * q.y;
+  const V wx = tx * q.w, wy = ty * q.w, wz = tz * q.w;
   return {{one - (yy + zz), xy + wz, xz - wy},
           {xy - wz, one - (xx + zz), yz + wx},
           {xz + wy, yz - wx, one - (xx + yy)}};
 }
 
-// One Newton step of implicit Euler on Euler's equations, I dω/dt = −ω × Iω, in body axes: stable at any angular
-// velocity (E. Catto, Numerical Methods, GDC 2015).
-HWY_INLINE V3 solve_gyroscopic(const SymmetricMat3& local_inertia, const V3& angular_velocity, V dt) {
-  const V3 momentum = local_inertia * angular_velocity;
-  const V3 inertia_x{local_inertia.xx, local_inertia.xy, local_inertia.xz},
-      inertia_y{local_inertia.xy, local_inertia.yy, local_inertia.yz},
-      inertia_z{local_inertia.xz, local_inertia.yz, local_inertia.zz};
-  const V zeros = zero();
-  const M3 jacobian{
-      inertia_x + (cross(angular_velocity, inertia_x) - V3{zeros, momentum.z, zeros - momentum.y}) * dt,
-      inertia_y + (cross(angular_velocity, inertia_y) - V3{zeros - momentum.z, zeros, momentum.x}) * dt,
-      inertia_z + (cross(angular_velocity, inertia_z) - V3{momentum.y, zeros - momentum.x, zeros}) * dt};
-  const V3 torque = cross(angular_velocity, momentum) * dt;
-  const V3 yz = cross(jacobian.y, jacobian.z);
-  const V inverse_determinant = set(1.0F) / dot(jacobian.x, yz);
-  const V3 change{dot(torque, yz) * inverse_determinant,
-                  dot(torque, cross(jacobian.z, jacobian.x)) * inverse_determinant,
-                  dot(torque, cross(jacobian.x, jacobian.y)) * inverse_determinant};
-  const V3 next = angular_velocity - change;
-  // The Jacobian can become singular at a very high angular velocity about the intermediate axis. Scale the
-  // result so that kinetic energy never grows; keep the old velocity where that is impossible.
-  const V energy = dot(angular_velocity, momentum), next_energy = dot(next, local_inertia * next);
-  const auto positive = hn::Gt(next_energy, zero());
-  const V scale = hn::IfThenElse(hn::Le(next_energy, energy), set(1.0F),
-                                 hn::Sqrt(energy / hn::IfThenElse(positive, next_energy, set(1.0F))));
-  const auto valid = hn::Or(positive, hn::Le(next_energy, energy));
-  auto pick = [&](V yes, V no) HWY_ATTR { return hn::IfThenElse(valid, yes * scale, no); };
-  return {pick(next.x, angular_velocity.x), pick(next.y, angular_velocity.y),
-          pick(next.z, angular_velocity.z)};
+struct SinCos {
+  V sin, cos;
+};
+
+// Accurate below 1e5 rad; beyond that of a wrong angle, but still sine and cosine (Sun Microsystems, fdlibm).
+HWY_INLINE SinCos sin_cos(V angle) {
+  const V quarters = hn::Round(angle * set(0.63661977236758134308));
+  const V remainder =
+      (angle - quarters * set(1.57079632673412561417)) - quarters * set(6.07710050650619224932e-11);
+  const V r = hn::Min(hn::Max(remainder, set(-0.8)), set(0.8)), z = r * r;
+  V s = set(1.58969099521155010221e-10), c = set(-1.13596475577881948265e-11);
+  for (const double coefficient :
+       {-2.50507602534068634195e-08, 2.75573137070700676789e-06, -1.98412698298579493134e-04,
+        8.33333333332248946124e-03, -1.66666666666666324348e-01})
+    s = s * z + set(coefficient);
+  for (const double coefficient :
+       {2.08757232129817482790e-09, -2.75573143513906633035e-07, 2.48015872894767294178e-05,
+        -1.38888888888741095749e-03, 4.16666666666666019037e-02})
+    c = c * z + set(coefficient);
+  const V sin_r = r + r * z * s, cos_r = (set(1.0) - z * set(0.5)) + z * z * c;
+  const V quadrant = quarters - set(4.0) * hn::Floor(quarters * set(0.25));
+  const auto is_1 = hn::Eq(quadrant, set(1.0)), is_3 = hn::Eq(quadrant, set(3.0));
+  const auto swap = hn::Or(is_1, is_3);
+  const V sin = hn::IfThenElse(swap, cos_r, sin_r), cos = hn::IfThenElse(swap, sin_r, cos_r);
+  return {hn::IfThenElse(hn::Ge(quadrant, set(2.0)), zero() - sin, sin),
+          hn::IfThenElse(hn::Or(is_1, hn::Eq(quadrant, set(2.0))), zero() - cos, cos)};
+}
+
+HWY_INLINE Q4 rotation_by_vector(const V3& u) {
+  const V angle = hn::Sqrt(dot(u, u));
+  const SinCos half = sin_cos(angle * set(0.5));
+  const auto turns = hn::Gt(angle, zero());
+  const V scale = hn::IfThenElseZero(turns, half.sin / hn::IfThenElse(turns, angle, set(1.0)));
+  return {u.x * scale, u.y * scale, u.z * scale, half.cos};
+}
+
+// Rotates q and the vector v, which is perpendicular to the axis, about the unit vector `axis`.
+HWY_INLINE void rotate_about(const V3& axis, V angle, Q4& q, V3& v) {
+  const SinCos half = sin_cos(angle * set(0.5));
+  q = Q4{axis.x * half.sin, axis.y * half.sin, axis.z * half.sin, half.cos} * q;
+  const V s2 = half.sin + half.sin;
+  v = v * (set(1.0) - s2 * half.sin) + cross(axis, v) * (s2 * half.cos);
+}
+
+// An inertia tensor, or its inverse: middle·1 + least·u⊗u + greatest·v⊗v, where u and v are the unit axes of the
+// least and the greatest principal moment. Exact for equal moments.
+struct PrincipalTensor {
+  V middle, least, greatest;
+  HWY_INLINE V3 times(const V3& x, const V3& u, const V3& v) const {
+    return x * middle + u * (least * dot(u, x)) + v * (greatest * dot(v, x));
+  }
+};
+
+// Free rotation at constant angular momentum: the kinetic energy is split into that of a sphere, of the middle
+// moment, and what the least and the greatest moment add to it. Each part alone makes the body rotate uniformly,
+// about the momentum or about one of its own axes, and the first commutes with the others; these are composed as
+// half, whole, half (R. McLachlan, Explicit Lie–Poisson integration, 1993; J. Touma, J. Wisdom, 1994). Exact for
+// bodies with two equal moments and for rotation about one axis; otherwise of second order, without drift of the
+// energy. Returns the new orientation, not quite unit.
+HWY_INLINE Q4 rotate_freely(Q4 q, const V3& momentum, V3 u, V3 v, const PrincipalTensor& inverse, V time) {
+  const V half_time = time * set(0.5);
+  rotate_about(u, half_time * inverse.least * dot(u, momentum), q, v);
+  rotate_about(v, time * inverse.greatest * dot(v, momentum), q, u);
+  rotate_about(u, half_time * inverse.least * dot(u, momentum), q, v);
+  return rotation_by_vector(momentum * (time * inverse.middle)) * q;
 }
 
 // Where enabled, replaces the axes by ones with the same z, whose x is the projection of the previous x: the axes of
@@ -71,8 +140,8 @@ HWY_INLINE V3 solve_gyroscopic(const SymmetricMat3& local_inertia, const V3& ang
 HWY_INLINE M3 remove_twist(const M3& to, const V3& x_before, hn::Mask<D> enabled) {
   const V3 x = x_before - to.z * dot(to.z, x_before);
   const V length = hn::Sqrt(dot(x, x));
-  const auto use = hn::And(enabled, hn::Gt(length, set(0.1F)));
-  const V3 unit = x * (set(1.0F) / hn::IfThenElse(use, length, set(1.0F)));
+  const auto use = hn::And(enabled, hn::Gt(length, set(0.1)));
+  const V3 unit = x * (set(1.0) / hn::IfThenElse(use, length, set(1.0)));
   auto pick = [&](const V3& yes, const V3& no) HWY_ATTR {
     return V3{hn::IfThenElse(use, yes.x, no.x), hn::IfThenElse(use, yes.y, no.y),
               hn::IfThenElse(use, yes.z, no.z)};
@@ -80,31 +149,50 @@ HWY_INLINE M3 remove_twist(const M3& to, const V3& x_before, hn::Mask<D> enabled
   return {pick(unit, to.x), pick(cross(to.z, unit), to.y), to.z};
 }
 
-HWY_INLINE SymmetricMat3 rotate_inertia(const SymmetricMat3& local_inertia, const M3& axes) {
-  const V3 x = axes * V3{local_inertia.xx, local_inertia.xy, local_inertia.xz},
-           y = axes * V3{local_inertia.xy, local_inertia.yy, local_inertia.yz},
-           z = axes * V3{local_inertia.xz, local_inertia.yz, local_inertia.zz};
-  auto entry = [](V ax, V bx, V ay, V by, V az, V bz) HWY_ATTR { return sum3(ax * bx, ay * by, az * bz); };
-  return {
-      entry(x.x, axes.x.x, y.x, axes.y.x, z.x, axes.z.x), entry(x.y, axes.x.y, y.y, axes.y.y, z.y, axes.z.y),
-      entry(x.z, axes.x.z, y.z, axes.y.z, z.z, axes.z.z), entry(x.x, axes.x.y, y.x, axes.y.y, z.x, axes.z.y),
-      entry(x.x, axes.x.z, y.x, axes.y.z, z.x, axes.z.z), entry(x.y, axes.x.z, y.y, axes.y.z, z.y, axes.z.z)};
+HWY_INLINE void integrate_lanes(RotationBatch& t, int at) {
+  const V one = set(1.0), time = load(t.free_time, at);
+  const V3 least_axis = load3(t.least_axis, at), greatest_axis = load3(t.greatest_axis, at);
+  const V least = load(t.moments[0], at), middle = load(t.moments[1], at), greatest = load(t.moments[2], at);
+  const PrincipalTensor inertia{middle, least - middle, greatest - middle};
+  const V inverse_middle = one / middle;
+  const PrincipalTensor inverse{inverse_middle, one / least - inverse_middle,
+                                one / greatest - inverse_middle};
+
+  const Q4 before{load(t.orientation[0], at), load(t.orientation[1], at), load(t.orientation[2], at),
+                  load(t.orientation[3], at)};
+  const M3 axes_before = rotation_matrix(before);
+  const V3 u_before = axes_before * least_axis, v_before = axes_before * greatest_axis;
+  const V3 momentum =
+      load3(t.momentum, at) + inertia.times(load3(t.angular_velocity_change, at), u_before, v_before);
+  store3(momentum, t.momentum, at);
+  // Without contacts the two differ by the rounding of the solver only, which would be noise.
+  const V3 rotation = load3(t.rotation, at), added = rotation - load3(t.angular_velocity, at) * time;
+  const V significant =
+      hn::IfThenElseZero(hn::Gt(dot(added, added), dot(rotation, rotation) * set(1e-12)), one);
+  const Q4 turned = rotation_by_vector(added * significant) *
+                    rotate_freely(before, momentum, u_before, v_before, inverse, time);
+  const V norm = hn::Sqrt(turned.squared_norm());
+  const Q4 q{turned.x / norm, turned.y / norm, turned.z / norm, turned.w / norm};
+  store(q.x, t.orientation[0], at), store(q.y, t.orientation[1], at);
+  store(q.z, t.orientation[2], at), store(q.w, t.orientation[3], at);
+
+  const M3 body_axes = rotation_matrix(q);
+  const V3 u = body_axes * least_axis, v = body_axes * greatest_axis;
+  store3(inverse.times(momentum, u, v), t.angular_velocity, at);
+  const auto is_axisymmetric = hn::Gt(load(t.is_axisymmetric, at), zero());
+  const M3 axes = remove_twist(body_axes, load3(t.previous_x_axis, at), is_axisymmetric);
+  store3(axes.x, t.axes[0], at), store3(axes.y, t.axes[1], at), store3(axes.z, t.axes[2], at);
+  auto entry = [&](V diagonal, V ua, V ub, V va, V vb) HWY_ATTR {
+    return sum3(diagonal, inverse.least * (ua * ub), inverse.greatest * (va * vb));
+  };
+  const V entries[] = {entry(inverse.middle, u.x, u.x, v.x, v.x), entry(inverse.middle, u.y, u.y, v.y, v.y),
+                       entry(inverse.middle, u.z, u.z, v.z, v.z), entry(zero(), u.x, u.y, v.x, v.y),
+                       entry(zero(), u.x, u.z, v.x, v.z),         entry(zero(), u.y, u.z, v.y, v.z)};
+  for (int i = 0; i < 6; ++i) store(entries[i], t.world_inverse_inertia[i], at);
 }
 
-void integrate_gyroscopic_for_target(RotationBatch& t, float dt_s) {
-  for (int at = 0; at < kLanes; at += kVectorWidth) {
-    const M3 orientation = rotation_matrix(t.orientation, at);
-    const V3 angular_velocity =
-        solve_gyroscopic(load_symmetric(t.inertia, at),
-                         orientation.transposed_times(load3(t.angular_velocity, at)), set(dt_s));
-    store3(orientation * angular_velocity, t.angular_velocity, at);
-    const auto is_axisymmetric = hn::Gt(load(t.is_axisymmetric, at), zero());
-    const M3 axes = remove_twist(orientation, load3(t.previous_x_axis, at), is_axisymmetric);
-    store3(axes.x, t.axes[0], at), store3(axes.y, t.axes[1], at), store3(axes.z, t.axes[2], at);
-    const SymmetricMat3 inverse = rotate_inertia(load_symmetric(t.inverse_inertia, at), axes);
-    const V entries[] = {inverse.xx, inverse.yy, inverse.zz, inverse.xy, inverse.xz, inverse.yz};
-    for (int i = 0; i < 6; ++i) store(entries[i], t.world_inverse_inertia[i], at);
-  }
+void integrate_rotation_for_target(RotationBatch& t) {
+  for (int at = 0; at < kLanes; at += kVectorWidth) integrate_lanes(t, at);
 }
 
 }  // namespace
@@ -115,11 +203,9 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace smartsurf::world {
 
-HWY_EXPORT(integrate_gyroscopic_for_target);
+HWY_EXPORT(integrate_rotation_for_target);
 
-void integrate_gyroscopic(RotationBatch& batch, float dt_s) {
-  HWY_DYNAMIC_DISPATCH(integrate_gyroscopic_for_target)(batch, dt_s);
-}
+void integrate_rotation(RotationBatch& batch) { HWY_DYNAMIC_DISPATCH(integrate_rotation_for_target)(batch); }
 
 }  // namespace smartsurf::world
 #endif

@@ -18,6 +18,14 @@ needs_view = unittest.skipUnless(WITH_VIEW, "built without the view")
 PATIENCE = 120
 
 
+def has_bullet():
+    """Whether the program was built with the second engine."""
+    with tempfile.NamedTemporaryFile(suffix=".lua") as scene:
+        scene.write(b"surface { rows = 4, columns = 4, actuator = pin {} }")
+        scene.flush()
+        return subprocess.run([SMARTSURF, "check", scene.name, "--engine", "bullet"], capture_output=True).returncode == 0
+
+
 class ProgramTest(unittest.TestCase):
     """A test with a scratch folder. Kills its child processes at the end."""
 
@@ -76,5 +84,5 @@ class ProgramTest(unittest.TestCase):
         return pathlib.Path("/dev/shm") / f"smartsurf.{name or self.shm}"
 
 
-__all__ = ["APRON", "BIN", "ProgramTest", "ROOT", "SMARTSURF", "SORT_APS", "SORT_LUA", "WITH_VIEW", "json",
-           "needs_view", "os", "pathlib", "signal", "subprocess", "tempfile", "time", "unittest"]
+__all__ = ["APRON", "BIN", "ProgramTest", "ROOT", "SMARTSURF", "SORT_APS", "SORT_LUA", "WITH_VIEW", "has_bullet",
+           "json", "needs_view", "os", "pathlib", "signal", "subprocess", "tempfile", "time", "unittest"]

@@ -10,7 +10,8 @@ using DeclarationTest = ScriptTest;
 
 TEST_F(DeclarationTest, WorldReadsAllFields) {
   const Experiment e = load_on_surface(
-      "world{gravity = -3, dt = 1/120, iterations = 20, control_period = 1/30, seed = 7, ground = false}");
+      "world{gravity = -3, dt = 1/120, iterations = 20, control_period = 1/30, seed = 7, ground = false, "
+      "sleep = false}");
   const scene::WorldSpec& w = e.scene().world;
   EXPECT_EQ(w.gravity, Eigen::Vector3d(0, 0, -3));
   EXPECT_DOUBLE_EQ(w.dt_s, 1.0 / 120.0);
@@ -18,6 +19,7 @@ TEST_F(DeclarationTest, WorldReadsAllFields) {
   EXPECT_DOUBLE_EQ(w.control_period_s, 1.0 / 30.0);
   EXPECT_EQ(w.seed, 7u);
   EXPECT_FALSE(w.ground);
+  EXPECT_FALSE(w.sleep);
   EXPECT_EQ(w.steps_per_tick(), 4);
 }
 

@@ -67,6 +67,27 @@ TEST(Sleep, MovingNeighbourKeepsBodyAwake) {
   EXPECT_FALSE(row.bodies.asleep[2]);
 }
 
+TEST(Sleep, SlowAcceleratingBodyStaysAwake) {
+  Row row(1);
+  for (int i = 0; i < 240; ++i) {
+    row.bodies.body_velocity[0].velocity[0] = 0.02F * kDt * static_cast<float>(i);  // below 0.02 u/s
+    row.sleep.update_sleep_timer(row.bodies, 0);
+    row.sleep.update_sleeping_set(row.bodies, row.active, row.pairs, row.statics);
+  }
+  EXPECT_EQ(row.sleep.sleeping_count(), 0);
+  row.rest(1.1F);
+  EXPECT_EQ(row.sleep.sleeping_count(), 1) << "at constant velocity it falls asleep";
+}
+
+TEST(Sleep, NoBodyFallsAsleepIfDisabled) {
+  Row row(2);
+  Sleep sleep(row.field, kDt, Vec3(0, 0, -9.81F), false);
+  for (int i = 0; i < 240; ++i)
+    for (const std::int32_t k : row.active) sleep.update_sleep_timer(row.bodies, static_cast<std::size_t>(k));
+  sleep.update_sleeping_set(row.bodies, row.active, row.pairs, row.statics);
+  EXPECT_EQ(sleep.sleeping_count(), 0);
+}
+
 TEST(Sleep, UnsupportedBodyStaysAwake) {
   Row row(1);
   row.statics.clear();

@@ -24,7 +24,7 @@ std::uint64_t hash_of(const surface::Field& field, int threads) {
   FieldHasher copy(&pool);
   std::vector<float> height;
   StateHash hash;
-  copy.copy_and_hash(field, height, hash);
+  copy.copy_and_hash(field, true, height, hash);
   EXPECT_EQ(height, field.height);
   return hash.value();
 }
@@ -35,9 +35,22 @@ TEST(FieldHasher, SameCopyAndHashForAnyThreadCount) {
     FieldHasher alone(nullptr);
     std::vector<float> height;
     StateHash hash;
-    alone.copy_and_hash(field, height, hash);
+    alone.copy_and_hash(field, true, height, hash);
     EXPECT_EQ(height, field.height);
     for (const int threads : {1, 2, 3}) EXPECT_EQ(hash_of(field, threads), hash.value()) << rows;
+  }
+}
+
+TEST(FieldHasher, SameHashOfAnUnchangedField) {
+  const surface::Field field = field_of(130, 97);
+  FieldHasher hasher(nullptr);
+  std::vector<float> height;
+  for (const bool changed : {false, true, false}) {
+    StateHash hash;
+    height.clear();
+    hasher.copy_and_hash(field, changed, height, hash);
+    EXPECT_EQ(height, field.height);
+    EXPECT_EQ(hash.value(), hash_of(field, 1));
   }
 }
 

@@ -66,7 +66,11 @@ struct StepFixture {
                 member);
     for (int row = 0; row < bodies.size(); ++row) {
       solver.store_body(bodies, pipeline.partition(), row);
-      bodies.integrate_pose(static_cast<std::size_t>(pipeline.partition().body(row)));
+      const std::size_t i = pipeline.partition().body(row);
+      if (bodies.is_sphere[i])
+        bodies.integrate_pose(i);
+      else
+        bodies.integrate_poses({{{i, kDt}}});
     }
   }
 

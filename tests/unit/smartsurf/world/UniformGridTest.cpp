@@ -6,8 +6,10 @@
 
 #include <algorithm>
 #include <limits>
+#include <map>
 #include <random>
 #include <set>
+#include <tuple>
 
 using namespace smartsurf;
 using namespace smartsurf::world;
@@ -50,8 +52,9 @@ void build(UniformGrid& grid, const Cloud& cloud, int members = 1) {
 }  // namespace
 
 TEST(Grid, FindsEveryPairOnce) {
-  for (const float size : {0.5F, 6.0F, 40.0F}) {
+  for (const float size : {0.5F, 6.0F, 40.0F, 200.0F}) {
     Cloud cloud(300, size, 7);
+    for (const std::size_t i : {50U, 51U, 52U}) cloud.position[i + 1] = cloud.position[i] + Vec3(1, 0.3F, 0);
     cloud.position[3] = {1e4F, -1e4F, 5.0F};  // far from all others
     UniformGrid grid;
     build(grid, cloud);
@@ -66,33 +69,60 @@ TEST(Grid, FindsEveryPairOnce) {
 }
 
 TEST(Grid, SubrangesCoverAllPairs) {
-  const Cloud cloud(200, 10.0F, 3);
-  UniformGrid grid;
-  build(grid, cloud);
-  Pairs whole, parts;
-  grid.for_each_pair(0, 200, [&](int i, int j) { whole.insert(std::minmax(i, j)); });
-  for (const auto& [begin, end] : {std::pair{0, 50}, {50, 51}, {51, 200}})
-    grid.for_each_pair(begin, end, [&](int i, int j) { parts.insert(std::minmax(i, j)); });
-  EXPECT_EQ(parts, whole);
+  for (const bool sparse : {false, true}) {
+    Cloud cloud(200, 10.0F, 3);
+    if (sparse) cloud.position[60] = {3e5F, 0, 0};
+    UniformGrid grid;
+    build(grid, cloud);
+    Pairs whole, parts;
+    grid.for_each_pair(0, 200, [&](int i, int j) { whole.insert(std::minmax(i, j)); });
+    EXPECT_GT(whole.size(), 100u);
+    for (const auto& [begin, end] : {std::pair{0, 50}, {50, 51}, {51, 200}})
+      grid.for_each_pair(begin, end, [&](int i, int j) { parts.insert(std::minmax(i, j)); });
+    EXPECT_EQ(parts, whole);
+  }
+}
+
+// The cost of a pair search is the number of bodies in neighbouring cells.
+TEST(Grid, FarBodiesShareNoCells) {
+  for (const float size : {300.0F, 3e4F, 3e6F}) {
+    Cloud cloud(3000, size, 13);
+    cloud.position[7] = {-1e9F, 1e9F, 1e12F};
+    UniformGrid grid;
+    build(grid, cloud);
+    std::map<std::tuple<int, int, int>, int> bodies_in_cell;
+    const auto rows = grid.rows();
+    EXPECT_EQ(rows.front().begin, 0);
+    EXPECT_EQ(rows.back().begin, 3000);
+    for (std::size_t r = 0; r + 1 < rows.size(); ++r)
+      for (int k = rows[r].begin; k < rows[r + 1].begin; ++k)
+        ++bodies_in_cell[{grid.column(k), rows[r].y, rows[r].z}];
+    for (const auto& [cell, bodies] : bodies_in_cell) EXPECT_LE(bodies, 3) << size;
+  }
 }
 
 TEST(Grid, SeparatesLargeBodiesAndAnswersBoxQueries) {
-  Cloud cloud(200, 12.0F, 5);
-  cloud.reach[17] = 50.0F;
-  UniformGrid grid;
-  build(grid, cloud);
-  ASSERT_EQ(grid.large_bodies().size(), 1u);
-  EXPECT_EQ(grid.large_bodies()[0], 17);
-  const Vec3 low(2, 3, 0), high(7, 5, 2);
-  std::set<int> found, expected;
-  grid.for_each_in_box(low, high, [&](int i) { found.insert(i); });
-  for (int i = 0; i < 200; ++i) {
-    const Vec3& p = cloud.position[static_cast<std::size_t>(i)];
-    const float r = cloud.reach[static_cast<std::size_t>(i)];
-    const bool meets = ((p.array() + r) > low.array()).all() && ((p.array() - r) < high.array()).all();
-    if (i != 17 && meets) expected.insert(i);
+  for (const bool sparse : {false, true}) {
+    Cloud cloud(200, 12.0F, 5);
+    cloud.reach[17] = 50.0F;
+    if (sparse) cloud.position[60] = {3e5F, 4.0F, -2e5F};
+    UniformGrid grid;
+    build(grid, cloud);
+    ASSERT_EQ(grid.large_bodies().size(), 1u);
+    EXPECT_EQ(grid.large_bodies()[0], 17);
+    for (const float reach : {0.0F, 1e6F}) {
+      const Vec3 low(2, 3, -reach), high(7 + reach, 5, 2);
+      std::set<int> found, expected;
+      grid.for_each_in_box(low, high, [&](int i) { EXPECT_TRUE(found.insert(i).second); });
+      for (int i = 0; i < 200; ++i) {
+        const Vec3& p = cloud.position[static_cast<std::size_t>(i)];
+        const float r = cloud.reach[static_cast<std::size_t>(i)];
+        const bool meets = ((p.array() + r) > low.array()).all() && ((p.array() - r) < high.array()).all();
+        if (i != 17 && meets) expected.insert(i);
+      }
+      EXPECT_EQ(found, expected) << sparse << reach;
+    }
   }
-  EXPECT_EQ(found, expected);
 }
 
 TEST(Grid, NanBoxQueryFindsNothing) {
@@ -105,9 +135,13 @@ TEST(Grid, NanBoxQueryFindsNothing) {
   EXPECT_EQ(found, 0);
 }
 
-TEST(Grid, SameOrderForAnyMemberCount) {
+class GridOrder : public testing::TestWithParam<bool> {};
+INSTANTIATE_TEST_SUITE_P(DenseAndSparse, GridOrder, testing::Bool());
+
+TEST_P(GridOrder, SameForAnyMemberCount) {
   Cloud cloud(400, 12.0F, 9);
   cloud.reach[17] = cloud.reach[301] = 50.0F;
+  if (GetParam()) cloud.position[60] = {3e5F, 4.0F, -2e5F};
   UniformGrid alone;
   build(alone, cloud);
   for (const int members : {2, 3, 7}) {

@@ -1,4 +1,4 @@
-// The state of a world, shared by its interface (World.cpp) and its time step (WorldStep.cpp).
+// The state of the own engine, shared by its interface (NativeEngine.cpp) and its time step (NativeEngineStep.cpp).
 #pragma once
 
 #include <cstddef>
@@ -8,9 +8,10 @@
 #include "smartsurf/scene/SceneSpec.h"
 #include "smartsurf/world/BodyStore.h"
 #include "smartsurf/world/CollisionPipeline.h"
+#include "smartsurf/world/LengthUnit.h"
+#include "smartsurf/world/NativeEngine.h"
 #include "smartsurf/world/Sleep.h"
 #include "smartsurf/world/StateHash.h"
-#include "smartsurf/world/World.h"
 #include "smartsurf/world/field/CellForceLimits.h"
 #include "smartsurf/world/solver/Solver.h"
 
@@ -24,11 +25,12 @@ struct TimedForce {
   long steps_left;
 };
 
-struct World::Impl {
+struct NativeEngine::Impl {
   Impl(const scene::SceneSpec&, surface::Field& cells, common::ThreadPool* pool);
 
-  // One time step, see World::step().
+  // One time step, see Engine::step().
   void step();
+  void read_inputs();
   void apply_timed_forces();
   void collect_active_bodies();
   void wake_disturbed();
@@ -40,7 +42,12 @@ struct World::Impl {
   void record_cell_impulses(IndexRange manifolds);
   void write_cell_impulses();
 
+  // Everything below is in world units, except where a name says so.
+  LengthUnit unit;
+  std::vector<scene::Material> scene_materials;
+  surface::Field& scene_field;
   std::vector<scene::Material> materials;
+  surface::Field field_copy;  // empty while both units are the same
   surface::Field& field;
   StepSettings settings;
   Team team;
@@ -59,13 +66,18 @@ struct World::Impl {
     float impulse;
   };
   std::vector<Load> cell_impulses;  // one per static contact
-  // Cells on which active bodies had an impulse in the last step; impulse of the sleepers on each cell.
-  std::vector<std::int32_t> loaded_cells;
+  // Cells on which active bodies had an impulse in the last step, and on which sleepers have one; impulse of the
+  // sleepers on each cell, in scene units.
+  std::vector<std::int32_t> loaded_cells, sleeper_cells;
   std::vector<float> sleeper_impulse;
   unsigned sleeper_impulse_version = 0;  // Sleep::change_count() that sleeper_impulse is for
   std::vector<std::int32_t> hit_sleepers;
+  common::ThreadPool* pool;
   FieldHasher field_hasher;
-  mutable std::vector<Vec3> velocity, angular_velocity;  // storage behind bodies()
+  bool field_moved = false;   // in the last step: at its end cells may stand elsewhere, or be about to stop
+  bool field_changed = true;  // heights or speeds, since they were hashed
+  // Storage behind bodies(), in scene units. Positions only where the units differ.
+  mutable std::vector<Vec3> scene_position, scene_velocity, angular_velocity;
 };
 
 }  // namespace smartsurf::world

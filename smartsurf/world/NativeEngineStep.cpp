@@ -3,12 +3,22 @@
 #include <array>
 #include <span>
 
-#include "smartsurf/world/WorldImpl.h"
+#include "smartsurf/world/NativeEngineImpl.h"
 #include "smartsurf/world/field/ContinuousCollision.h"
 
 namespace smartsurf::world {
 
-void World::Impl::apply_timed_forces() {
+void NativeEngine::Impl::read_inputs() {
+  const bool moves = scene_field.max_speed != 0.0F || scene_field.has_force_limit();
+  field_changed |= moves || field_moved;
+  field_moved = moves;
+  if (unit.is_one()) return;
+  unit.update_motion(scene_field, field_copy, pool);
+  if (has_wrenches)
+    for (surface::Wrench& w : bodies.wrench) w = unit.to_world(w);
+}
+
+void NativeEngine::Impl::apply_timed_forces() {
   for (TimedForce& p : timed_forces) {
     const auto i = static_cast<std::size_t>(bodies.find(p.id));
     has_wrenches = true;
@@ -19,21 +29,22 @@ void World::Impl::apply_timed_forces() {
   std::erase_if(timed_forces, [](const TimedForce& p) { return p.steps_left == 0; });
 }
 
-void World::Impl::collect_active_bodies() {
+void NativeEngine::Impl::collect_active_bodies() {
   active_bodies.clear();
   for (std::size_t i = 0; i < bodies.id.size(); ++i)
     if (!bodies.asleep[i] && !bodies.is_static(i)) active_bodies.push_back(static_cast<std::int32_t>(i));
 }
 
-void World::Impl::finalize_bodies(const Member& member) {
+void NativeEngine::Impl::finalize_bodies(const Member& member) {
   constexpr int kPrefetchDistance = 8;  // in rows: about one memory latency
   const SpatialPartition& partition = collision.partition();
   const IndexRange own_slabs = partition.share(member);
-  std::array<std::size_t, kLanes> rotating;  // non-spheres collected for one SIMD batch
+  std::array<BodyStore::Rotating, kLanes> rotating;  // non-spheres collected for one SIMD batch
   std::size_t count = 0;
   auto flush_rotations = [&] {
-    if (count > 0) bodies.integrate_gyroscopic(std::span(rotating).first(count), settings.dt_s);
-    for (const std::size_t i : std::span(rotating).first(count)) sleep.update_sleep_timer(bodies, i);
+    const auto batch = std::span(rotating).first(count);
+    if (count > 0) bodies.integrate_poses(batch);
+    for (const BodyStore::Rotating& r : batch) sleep.update_sleep_timer(bodies, r.body);
     count = 0;
   };
   for (int s = own_slabs.begin; s < own_slabs.end; ++s) {
@@ -46,12 +57,13 @@ void World::Impl::finalize_bodies(const Member& member) {
         bodies.prefetch_rotation(ahead);
       }
       solver.store_body(bodies, partition, row);
-      clip_to_time_of_impact(collision, bodies, i);
-      bodies.integrate_pose(i);
       if (bodies.is_sphere[i]) {
+        bodies.integrate_pose(i);
         sleep.update_sleep_timer(bodies, i);
       } else {
-        rotating[count++] = i;
+        // A clipped body must end in the pose in which it was found to touch.
+        const bool is_clipped = clip_to_time_of_impact(collision, bodies, i);
+        rotating[count++] = {i, is_clipped ? 0.0F : settings.dt_s};
         if (count == rotating.size()) flush_rotations();
       }
     }
@@ -65,7 +77,7 @@ void World::Impl::finalize_bodies(const Member& member) {
 
 // Cell impulses have an array of their own, because write_cell_impulses() reads all of them on one thread: the
 // contacts stay in the caches of the members that own them.
-void World::Impl::record_cell_impulses(IndexRange manifolds) {
+void NativeEngine::Impl::record_cell_impulses(IndexRange manifolds) {
   for (int i = manifolds.begin; i < manifolds.end; ++i) {
     const Manifold& m = static_contacts.manifolds[static_cast<std::size_t>(i)];
     for (auto k = static_cast<std::size_t>(m.first); k < static_cast<std::size_t>(m.first + m.count); ++k) {
@@ -77,36 +89,46 @@ void World::Impl::record_cell_impulses(IndexRange manifolds) {
 }
 
 // Sleepers keep the impulses that they had when they fell asleep.
-void World::Impl::write_cell_impulses() {
+void NativeEngine::Impl::write_cell_impulses() {
   if (sleeper_impulse_version != sleep.change_count()) {
     sleeper_impulse_version = sleep.change_count();
-    sleeper_impulse.assign(field.impulse.size(), 0.0F);
+    sleeper_impulse.resize(scene_field.impulse.size(), 0.0F);
+    for (const std::int32_t cell : sleeper_cells)
+      sleeper_impulse[static_cast<std::size_t>(cell)] = scene_field.impulse[static_cast<std::size_t>(cell)] =
+          0.0F;
+    sleeper_cells.clear();
     for (const Contact& c : sleep.static_contacts().contacts)
-      if (c.other == kField)
-        sleeper_impulse[static_cast<std::size_t>(c.feature_id)] += c.total_normal_impulse;
-    field.impulse = sleeper_impulse;
-    loaded_cells.clear();
+      if (c.other == kField) {
+        sleeper_impulse[static_cast<std::size_t>(c.feature_id)] += unit.to_scene(c.total_normal_impulse);
+        sleeper_cells.push_back(c.feature_id);
+      }
+    for (const std::int32_t cell : sleeper_cells)
+      scene_field.impulse[static_cast<std::size_t>(cell)] = sleeper_impulse[static_cast<std::size_t>(cell)];
+    // Bodies that fell asleep in this step count as sleepers.
+    for (const Manifold& m : static_contacts.manifolds)
+      for (int k = m.first; bodies.asleep[static_cast<std::size_t>(m.a)] && k < m.first + m.count; ++k)
+        cell_impulses[static_cast<std::size_t>(k)].cell = -1;
   }
   auto sleeper_impulse_on = [this](std::int32_t cell) {
     return sleeper_impulse.empty() ? 0.0F : sleeper_impulse[static_cast<std::size_t>(cell)];
   };
   for (const std::int32_t cell : loaded_cells)
-    field.impulse[static_cast<std::size_t>(cell)] = sleeper_impulse_on(cell);
+    scene_field.impulse[static_cast<std::size_t>(cell)] = sleeper_impulse_on(cell);
   loaded_cells.clear();
   for (const Load& entry : cell_impulses) {
     if (entry.cell < 0) continue;
-    field.impulse[static_cast<std::size_t>(entry.cell)] += entry.impulse;
+    scene_field.impulse[static_cast<std::size_t>(entry.cell)] += unit.to_scene(entry.impulse);
     loaded_cells.push_back(entry.cell);
   }
 }
 
-void World::Impl::wake_disturbed() {
+void NativeEngine::Impl::wake_disturbed() {
   if (!sleep.any_asleep()) return;
   if (has_wrenches) sleep.wake_forced(bodies);
   sleep.wake_on_moving_cells(bodies);
 }
 
-void World::Impl::find_sleepers_near_fast_bodies() {
+void NativeEngine::Impl::find_sleepers_near_fast_bodies() {
   for (const std::int32_t i : active_bodies)
     if (Sleep::is_fast(bodies, static_cast<std::size_t>(i)))
       collision.for_each_nearby(bodies, static_cast<std::size_t>(i), [this](std::size_t j) {
@@ -114,7 +136,7 @@ void World::Impl::find_sleepers_near_fast_bodies() {
       });
 }
 
-void World::Impl::find_fast_bodies_near_sleepers() {
+void NativeEngine::Impl::find_fast_bodies_near_sleepers() {
   for (std::size_t j = 0; j < bodies.asleep.size(); ++j) {
     if (!bodies.asleep[j]) continue;
     bool hit = false;
@@ -126,7 +148,7 @@ void World::Impl::find_fast_bodies_near_sleepers() {
 
 // Wakes sleepers within reach of a fast body, so that the collision moves them. Queries from the smaller of the
 // two sets.
-void World::Impl::wake_hit_sleepers() {
+void NativeEngine::Impl::wake_hit_sleepers() {
   if (!sleep.any_asleep()) return;
   hit_sleepers.clear();
   if (static_cast<std::size_t>(sleep.sleeping_count()) < active_bodies.size())
@@ -137,7 +159,7 @@ void World::Impl::wake_hit_sleepers() {
   if (!hit_sleepers.empty()) collect_active_bodies();
 }
 
-void World::Impl::step_active_bodies(const Member& member) {
+void NativeEngine::Impl::step_active_bodies(const Member& member) {
   collision.update_broadphase(bodies, member);
   member.single([this] {
     wake_hit_sleepers();
@@ -154,7 +176,8 @@ void World::Impl::step_active_bodies(const Member& member) {
   finalize_bodies(member);
 }
 
-void World::Impl::step() {
+void NativeEngine::Impl::step() {
+  read_inputs();
   apply_timed_forces();
   wake_disturbed();
   collect_active_bodies();
@@ -169,6 +192,7 @@ void World::Impl::step() {
     sleep.update_sleeping_set(bodies, active_bodies, pair_contacts, static_contacts);
   }
   write_cell_impulses();
+  if (!unit.is_one()) unit.return_lowered_speeds(field_copy, scene_field);
   if (has_wrenches) std::fill(bodies.wrench.begin(), bodies.wrench.end(), surface::Wrench{});
   has_wrenches = false;
 }

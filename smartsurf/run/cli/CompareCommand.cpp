@@ -1,0 +1,118 @@
+// `smartsurf compare`.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <memory>
+
+#include "common/process/ExitStatus.h"
+#include "common/process/StopSignals.h"
+#include "smartsurf/run/ControllerProcess.h"
+#include "smartsurf/run/cli/FlagValues.h"
+#include "smartsurf/run/cli/Subcommands.h"
+#include "smartsurf/run/compare/Report.h"
+
+namespace smartsurf::run {
+namespace {
+
+struct CompareFlags {
+  std::string experiment, engines = "native,bullet", controller, until = "10", tolerance = "0.1", out;
+  std::vector<std::string> set, controller_set;
+  std::optional<std::uint64_t> seed;
+  bool unsafe = false;
+};
+
+std::pair<std::string, std::string> parse_engines(const std::string& text) {
+  const std::size_t comma = text.find(',');
+  auto is_known = [](const std::string& name) {
+    return std::ranges::find(scene::kEngineNames, name) != std::end(scene::kEngineNames);
+  };
+  if (comma != std::string::npos) {
+    std::pair<std::string, std::string> engines(text.substr(0, comma), text.substr(comma + 1));
+    if (is_known(engines.first) && is_known(engines.second) && engines.first != engines.second)
+      return engines;
+  }
+  throw scene::InputError(fmt::format("--engines {}: must be two engines, as native,bullet", text));
+}
+
+void create_folder(const std::string& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error || !std::filesystem::is_directory(folder))
+    throw scene::InputError(fmt::format("--out {}: the folder cannot be created", folder));
+}
+
+RunOptions make_run_options(const CompareFlags& flags, const std::string& engine,
+                            const std::string& command_line) {
+  RunOptions options;
+  options.experiment = flags.experiment;
+  options.command_line = command_line;
+  options.until_s = parse_positive_number("--until", flags.until);
+  options.controller = flags.controller;
+  options.controller_overrides = flags.controller_set;
+  options.no_controller = flags.controller.empty();
+  options.seed = flags.seed;
+  options.overrides = parse_assignments(flags.set);
+  options.unsafe = flags.unsafe;
+  options.engine = engine;
+  if (!flags.out.empty()) options.recording_files = {flags.out + "/" + engine + ".h5"};
+  return options;
+}
+
+int compare_command(const CompareFlags& flags, const std::string& command_line) {
+  const auto [first_engine, second_engine] = parse_engines(flags.engines);
+  const double tolerance = parse_positive_number("--tolerance", flags.tolerance);
+  if (!flags.controller_set.empty() && !is_apron_program(flags.controller))
+    throw scene::InputError(
+        "--controller-set: needs --controller PROGRAM.aps, whose sliders and switches it sets");
+  const RunOptions first_options = make_run_options(flags, first_engine, command_line);
+  const RunOptions second_options = make_run_options(flags, second_engine, command_line);
+  if (!flags.out.empty()) create_folder(flags.out);
+  const auto& stop = common::catch_stop_signals();
+  const EngineTrace first = trace_run(first_options, stop);
+  const EngineTrace second = trace_run(second_options, stop);
+  const Comparison comparison = compare(first, second, tolerance);
+  fmt::print("{}", describe(comparison, first, second));
+  if (!flags.out.empty()) write_report(comparison, first, second, flags.experiment, flags.out);
+  return common::status_after_signals(common::kDone);
+}
+
+}  // namespace
+
+CommandHandler add_compare_command(CLI::App& app, const std::string& command_line) {
+  CLI::App* compare =
+      app.add_subcommand("compare", "Run an experiment on two engines and say where they part");
+  const auto flags = std::make_shared<CompareFlags>();
+  compare->add_option("experiment", flags->experiment, "The experiment")
+      ->required()
+      ->type_name("EXPERIMENT.lua");
+  compare->add_option("--engines", flags->engines, "The two engines (default: native,bullet)")
+      ->type_name("ENGINE,ENGINE");
+  compare
+      ->add_option("--controller", flags->controller,
+                   "Start this controller with each run; without it, the script sets the actuators")
+      ->type_name("PROGRAM.aps|COMMAND");
+  compare
+      ->add_option("--controller-set", flags->controller_set, "Set a slider or switch of the APRON program")
+      ->type_name("NAME=VALUE")
+      ->allow_extra_args(false);
+  compare->add_option("--seed", flags->seed, "Seed of everything random, instead of the script's")
+      ->type_name("N");
+  compare->add_option("--set", flags->set, "Set an option that the script defines")
+      ->type_name("NAME=VALUE")
+      ->allow_extra_args(false);
+  compare
+      ->add_option("--until", flags->until, "End at this simulated time (default: 10), if not stopped before")
+      ->type_name("SECONDS");
+  compare
+      ->add_option("--tolerance", flags->tolerance,
+                   "Distance from which an object has parted, u (default: 0.1)")
+      ->type_name("LENGTH");
+  compare->add_option("--out", flags->out, "Write recordings, figures and a table to this folder")
+      ->type_name("FOLDER");
+  compare->add_flag("--unsafe", flags->unsafe,
+                    "Give the script all of Lua: processes, files, native modules");
+  return [flags, command_line] { return compare_command(*flags, command_line); };
+}
+
+}  // namespace smartsurf::run

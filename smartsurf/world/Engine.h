@@ -1,0 +1,79 @@
+// A physics engine: simulates rigid objects on the field of cells in fixed time steps.
+//
+// Two implementations: the own one (NativeEngine.h), and Bullet as the reference (bullet/BulletEngine.h). Equal
+// inputs give bit-identical results within one engine, for any number of threads. The object itself is not
+// thread-safe.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "smartsurf/scene/ObjectState.h"
+#include "smartsurf/scene/Snapshot.h"
+#include "smartsurf/surface/Field.h"
+#include "smartsurf/surface/actuators/BodyForces.h"
+
+namespace smartsurf::world {
+
+// A contact point of the last step.
+struct ContactPoint {
+  Eigen::Vector3f point, normal;         // world frame
+  float impulse;                         // along the normal over the step, mass·u/s
+  scene::ObjectId object;                // the normal points towards it
+  std::optional<scene::ObjectId> other;  // absent: a cell or the ground
+};
+
+class Engine {
+ public:
+  Engine() = default;
+  virtual ~Engine() = default;
+  Engine(const Engine&) = delete;
+  Engine& operator=(const Engine&) = delete;
+
+  // For recordings. name() is a value of `world.engine`.
+  virtual std::string name() const = 0;
+  virtual std::string version() const = 0;
+
+  // Adds an object and returns its id: 0, 1, …, never reused.
+  virtual scene::ObjectId add(const scene::ObjectSpec&) = 0;
+
+  // These return false and do nothing if the object is not alive.
+  virtual bool alive(scene::ObjectId) const = 0;
+  virtual bool remove(scene::ObjectId) = 0;
+  // Sets the values that are present and keeps the others. Wakes the object and its neighbours.
+  virtual bool place(scene::ObjectId, const scene::ObjectStateUpdate&) = 0;
+  // Applies a constant force (world frame, mass·u/s²) during the next `duration_s` of simulated time, for at
+  // least one step. It acts at `point`, given in the world frame and fixed to the body from then on, or at the
+  // centre of mass.
+  virtual bool apply_force(scene::ObjectId, const Eigen::Vector3d& force,
+                           const std::optional<Eigen::Vector3d>& point, double duration_s) = 0;
+  // The object must be alive.
+  virtual scene::ObjectState state(scene::ObjectId) const = 0;
+
+  // The live objects, for actuators. Valid until the next step or until objects are added, removed or placed.
+  virtual surface::BodyView bodies() const = 0;
+  // External force and torque on each body during the next step, in the order of bodies(); reset to zero after
+  // it. A nonzero wrench wakes its body.
+  virtual std::span<surface::Wrench> wrenches() = 0;
+
+  // Advances by one time step. Reads the field's heights and planned velocities; writes Field::impulse and lowers
+  // Field::speed of cells that yield under their force limit. The caller commits the field afterwards.
+  virtual void step() = 0;
+
+  // The contacts with a positive normal impulse, those of sleeping bodies included. Allocates.
+  virtual std::vector<ContactPoint> contacts() const = 0;
+  // Number of sleeping bodies: at rest on cells that do not move, hence not simulated.
+  virtual int sleeping_count() const = 0;
+
+  // Copies object states, field heights, the contact count and the state hash; reuses the vectors' memory.
+  // Leaves tick and time to the caller.
+  virtual void snapshot(scene::Snapshot&) const = 0;
+
+  // The first object whose state is not finite, if any.
+  virtual std::optional<scene::ObjectId> first_non_finite() const = 0;
+};
+
+}  // namespace smartsurf::world

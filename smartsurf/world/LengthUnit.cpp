@@ -1,0 +1,113 @@
+#include "smartsurf/world/LengthUnit.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "smartsurf/scene/Solid.h"
+
+namespace smartsurf::world {
+namespace {
+
+constexpr double kCostPerCell_ns = 0.5;
+
+std::shared_ptr<const scene::Solid> scaled(const scene::Solid& from, double factor) {
+  const auto factor_f = static_cast<float>(factor);
+  auto to = std::make_shared<scene::Solid>(from);
+  for (Eigen::Vector3f& v : to->vertices) v *= factor_f;
+  for (scene::ConvexHull& hull : to->hulls) {
+    for (Eigen::Vector3f& v : hull.vertices) v *= factor_f;
+    std::vector<std::uint32_t> face_sizes;
+    for (const auto& face : hull.faces) face_sizes.push_back(face.vertex_count);
+    hull = scene::make_convex_hull(std::move(hull.vertices), std::move(hull.face_vertices), face_sizes);
+  }
+  to->volume *= std::pow(factor, 3);
+  to->inertia *= std::pow(factor, 5);
+  compute_bounds(*to);
+  return to;
+}
+
+}  // namespace
+
+scene::ObjectSpec LengthUnit::to_world(const scene::ObjectSpec& from, const scene::Material& material) {
+  scene::ObjectSpec to = from;
+  if (is_one()) return to;
+  if (!from.fixed && !from.mass) to.mass = material.density * from.volume();
+  to.radius *= to_world_;
+  to.height *= to_world_;
+  to.size *= to_world_;
+  to.position *= to_world_;
+  to.velocity *= to_world_;
+  if (from.solid) {
+    std::erase_if(solids_, [](const ConvertedSolid& s) { return s.scene.expired() || s.world.expired(); });
+    const auto known = std::ranges::find_if(
+        solids_, [&from](const ConvertedSolid& s) { return s.scene.lock() == from.solid; });
+    to.solid = known != solids_.end() ? known->world.lock() : scaled(*from.solid, to_world_);
+    if (known == solids_.end()) solids_.push_back({from.solid, to.solid});
+  }
+  return to;
+}
+
+scene::ObjectStateUpdate LengthUnit::to_world(scene::ObjectStateUpdate update) const {
+  if (update.position) *update.position *= to_world_;
+  if (update.velocity) *update.velocity *= to_world_;
+  return update;
+}
+
+scene::Material LengthUnit::to_world(scene::Material material) const {
+  material.rolling_friction *= to_world_;
+  return material;
+}
+
+surface::Wrench LengthUnit::to_world(const surface::Wrench& w) const {
+  return {w.force * to_world_f_, w.torque * (to_world_f_ * to_world_f_)};
+}
+
+surface::Field LengthUnit::to_world(const surface::Field& scene) const {
+  surface::Field world = scene;
+  for (float* length : {&world.pitch, &world.half_top_x, &world.half_top_y})
+    *length = static_cast<float>(static_cast<double>(*length) * to_world_);
+  world.pitch = 1.0F;
+  world.max_speed = 1.0F;  // makes the first update convert everything
+  for (std::vector<float>* lengths : {&world.x, &world.y})
+    for (float& length : *lengths) length *= to_world_f_;
+  return world;
+}
+
+void LengthUnit::update_motion(const surface::Field& scene, surface::Field& world,
+                               common::ThreadPool* pool) const {
+  // Heights also change by the last step's speeds, which the copy still has.
+  const bool moves = scene.max_speed != 0.0F || world.max_speed != 0.0F || scene.has_force_limit() ||
+                     scene.has_surface_velocity() || world.max_height != scene.max_height * to_world_f_;
+  world.max_height = scene.max_height * to_world_f_;
+  world.max_speed = scene.max_speed * to_world_f_;
+  if (!moves) return;
+  const auto columns = static_cast<std::size_t>(scene.columns);
+  auto convert_rows = [&](int begin, int end) {
+    auto convert = [&](const std::vector<float>& from, std::vector<float>& to, float factor) {
+      if (from.empty()) return;
+      for (std::size_t i = static_cast<std::size_t>(begin) * columns,
+                       last = static_cast<std::size_t>(end) * columns;
+           i < last; ++i)
+        to[i] = from[i] * factor;
+    };
+    convert(scene.height, world.height, to_world_f_);
+    convert(scene.speed, world.speed, to_world_f_);
+    convert(scene.surface_velocity_x, world.surface_velocity_x, to_world_f_);
+    convert(scene.surface_velocity_y, world.surface_velocity_y, to_world_f_);
+    convert(scene.surface_spin, world.surface_spin, 1.0F);
+    convert(scene.force_limit, world.force_limit, to_world_f_);
+  };
+  if (pool != nullptr)
+    pool->parallel_for_rows(scene.rows, kCostPerCell_ns * scene.cells(), convert_rows);
+  else
+    convert_rows(0, scene.rows);
+}
+
+void LengthUnit::return_lowered_speeds(const surface::Field& world, surface::Field& scene) const {
+  if (!scene.has_force_limit()) return;
+  for (std::size_t i = 0; i < scene.speed.size(); ++i)
+    if (world.speed[i] != scene.speed[i] * to_world_f_) scene.speed[i] = world.speed[i] * to_scene_f_;
+}
+
+}  // namespace smartsurf::world

@@ -1,0 +1,206 @@
+#include "smartsurf/world/NativeEngine.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "smartsurf/world/NativeEngineImpl.h"
+
+namespace smartsurf::world {
+namespace {
+
+float ground_height(const scene::SceneSpec& s, const LengthUnit& unit) {
+  return s.world.ground ? static_cast<float>(unit.to_world(s.surface.pin.min_height - s.surface.pin.length))
+                        : -std::numeric_limits<float>::infinity();
+}
+
+StepSettings make_step_settings(const scene::SceneSpec& s, const LengthUnit& unit) {
+  const scene::Material m = unit.to_world(s.materials[static_cast<std::size_t>(s.surface.material)]);
+  StepSettings settings;
+  settings.dt_s = static_cast<float>(s.world.dt_s);
+  settings.substeps = std::max(1, (s.world.iterations + 1) / 2);
+  settings.gravity = unit.to_world(s.world.gravity).cast<float>();
+  settings.field_friction_root = std::sqrt(static_cast<float>(m.friction));
+  settings.field_rolling_friction_root = std::sqrt(static_cast<float>(m.rolling_friction));
+  settings.field_restitution = static_cast<float>(m.restitution);
+  return settings;
+}
+
+std::array<float, 3> to_array(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
+
+template <std::size_t N>
+std::span<const float> flatten(const std::vector<std::array<float, N>>& all) {
+  return all.empty() ? std::span<const float>() : std::span(all.front().data(), N * all.size());
+}
+
+}  // namespace
+
+NativeEngine::Impl::Impl(const scene::SceneSpec& scene, surface::Field& cells,
+                         common::ThreadPool* thread_pool)
+    : unit(scene.surface.pitch),
+      scene_materials(scene.materials),
+      scene_field(cells),
+      field_copy(unit.is_one() ? surface::Field() : unit.to_world(cells)),
+      field(unit.is_one() ? cells : field_copy),
+      settings(make_step_settings(scene, unit)),
+      team(thread_pool),
+      sleep(field, settings.dt_s, settings.gravity, scene.world.sleep),
+      collision(field, settings.dt_s, ground_height(scene, unit)),
+      solver(settings),
+      pool(thread_pool),
+      field_hasher(thread_pool) {
+  for (const scene::Material& material : scene.materials) materials.push_back(unit.to_world(material));
+  scene_field.impulse.assign(scene_field.height.size(), 0.0F);
+}
+
+NativeEngine::NativeEngine(const scene::SceneSpec& scene, surface::Field& field, common::ThreadPool* pool)
+    : impl_(std::make_unique<Impl>(scene, field, pool)) {}
+
+NativeEngine::~NativeEngine() = default;
+
+scene::ObjectId NativeEngine::add(const scene::ObjectSpec& spec) {
+  Impl& s = *impl_;
+  const auto material = static_cast<std::size_t>(spec.material);
+  s.bodies.add(s.next_id, s.unit.to_world(spec, s.scene_materials[material]), s.materials[material]);
+  s.collision.on_bodies_changed(s.bodies.size());
+  s.sleep.wake_with_neighbours(s.bodies, s.bodies.id.size() - 1, s.pair_contacts, s.static_contacts);
+  return s.next_id++;
+}
+
+bool NativeEngine::alive(scene::ObjectId id) const { return impl_->bodies.find(id) >= 0; }
+
+bool NativeEngine::remove(scene::ObjectId id) {
+  const int index = impl_->bodies.find(id);
+  if (index < 0) return false;
+  impl_->sleep.wake_with_neighbours(impl_->bodies, static_cast<std::size_t>(index), impl_->pair_contacts,
+                                    impl_->static_contacts);
+  impl_->bodies.erase(static_cast<std::size_t>(index));
+  remove_body(impl_->pair_contacts, index);
+  remove_body(impl_->static_contacts, index);
+  impl_->sleep.on_body_removed(index);
+  impl_->collision.on_bodies_changed(impl_->bodies.size());
+  std::erase_if(impl_->timed_forces, [id](const TimedForce& p) { return p.id == id; });
+  return true;
+}
+
+bool NativeEngine::place(scene::ObjectId id, const scene::ObjectStateUpdate& placement) {
+  const int index = impl_->bodies.find(id);
+  if (index < 0) return false;
+  impl_->sleep.wake_with_neighbours(impl_->bodies, static_cast<std::size_t>(index), impl_->pair_contacts,
+                                    impl_->static_contacts);
+  impl_->bodies.apply_placement(static_cast<std::size_t>(index), impl_->unit.to_world(placement));
+  return true;
+}
+
+bool NativeEngine::apply_force(scene::ObjectId id, const Eigen::Vector3d& force,
+                               const std::optional<Eigen::Vector3d>& point, double duration_s) {
+  const int index = impl_->bodies.find(id);
+  if (index < 0) return false;
+  const auto i = static_cast<std::size_t>(index);
+  const long steps = std::max(1L, std::lround(duration_s / static_cast<double>(impl_->settings.dt_s)));
+  const Quat& q = impl_->bodies.orientation[i];
+  const LengthUnit& unit = impl_->unit;
+  const Vec3 local_point =
+      point ? Vec3(q.conjugate() * (unit.to_world(*point).cast<float>() - impl_->bodies.position[i]))
+            : Vec3(0, 0, 0);
+  impl_->timed_forces.push_back({id, unit.to_world(force).cast<float>(), local_point, steps});
+  return true;
+}
+
+scene::ObjectState NativeEngine::state(scene::ObjectId id) const {
+  const BodyStore& b = impl_->bodies;
+  const LengthUnit& unit = impl_->unit;
+  const auto i = static_cast<std::size_t>(b.find(id));
+  return {unit.to_scene(Eigen::Vector3d(b.position[i].cast<double>())), b.orientation[i].cast<double>(),
+          unit.to_scene(Eigen::Vector3d(b.velocity(i).cast<double>())), b.angular_velocity(i).cast<double>()};
+}
+
+surface::BodyView NativeEngine::bodies() const {
+  const Impl& s = *impl_;
+  s.scene_velocity.resize(s.bodies.id.size());
+  s.angular_velocity.resize(s.bodies.id.size());
+  for (std::size_t i = 0; i < s.scene_velocity.size(); ++i) {
+    s.scene_velocity[i] = s.unit.to_scene(s.bodies.velocity(i));
+    s.angular_velocity[i] = s.bodies.angular_velocity(i);
+  }
+  if (!s.unit.is_one()) {
+    s.scene_position.clear();
+    for (const Vec3& position : s.bodies.position) s.scene_position.push_back(s.unit.to_scene(position));
+  }
+  return {s.bodies.id,          s.unit.is_one() ? s.bodies.position : s.scene_position,
+          s.bodies.orientation, s.scene_velocity,
+          s.angular_velocity,   s.bodies.mass};
+}
+
+std::span<surface::Wrench> NativeEngine::wrenches() {
+  impl_->has_wrenches = true;
+  return impl_->bodies.wrench;
+}
+
+void NativeEngine::step() { impl_->step(); }
+
+std::vector<ContactPoint> NativeEngine::contacts() const {
+  const Impl& s = *impl_;
+  std::vector<ContactPoint> out;
+  for (const ContactList* list :
+       {&s.pair_contacts, &s.static_contacts, &s.sleep.pair_contacts(), &s.sleep.static_contacts()})
+    for (const Manifold& m : list->manifolds)
+      for (int k = m.first; k < m.first + m.count; ++k) {
+        const Contact& c = list->contacts[static_cast<std::size_t>(k)];
+        const std::int32_t other = m.b >= 0 ? m.b : c.other;
+        if (c.total_normal_impulse > 0.0F)
+          out.push_back(
+              {s.unit.to_scene(Vec3(s.bodies.position[static_cast<std::size_t>(m.a)] + c.anchor)), c.normal,
+               s.unit.to_scene(c.total_normal_impulse), s.bodies.id[static_cast<std::size_t>(m.a)],
+               other >= 0 ? std::optional(s.bodies.id[static_cast<std::size_t>(other)]) : std::nullopt});
+      }
+  return out;
+}
+
+int NativeEngine::sleeping_count() const { return impl_->sleep.sleeping_count(); }
+
+void NativeEngine::snapshot(scene::Snapshot& out) const {
+  const BodyStore& b = impl_->bodies;
+  const std::size_t n = b.id.size();
+  out.id = b.id;
+  out.position.resize(n);
+  out.orientation.resize(n);
+  out.velocity.resize(n);
+  out.angular_velocity.resize(n);
+  // Each thread copies the bodies that it simulated, which are still in its cache.
+  impl_->team.run(n >= kMinParallelBodies, [&](const Member& member) {
+    for (const std::int32_t body : impl_->collision.own_bodies(member)) {
+      const auto i = static_cast<std::size_t>(body);
+      const Quat& q = b.orientation[i];
+      out.position[i] = to_array(impl_->unit.to_scene(b.position[i]));
+      out.orientation[i] = {q.x(), q.y(), q.z(), q.w()};
+      out.velocity[i] = to_array(impl_->unit.to_scene(b.velocity(i)));
+      out.angular_velocity[i] = to_array(b.angular_velocity(i));
+    }
+  });
+  StateHash hash;
+  for (const scene::ObjectId id : out.id) hash.add(id);
+  hash.add(flatten(out.position));
+  hash.add(flatten(out.orientation));
+  hash.add(flatten(out.velocity));
+  hash.add(flatten(out.angular_velocity));
+  impl_->field_hasher.copy_and_hash(impl_->scene_field, impl_->field_changed, out.height, hash);
+  impl_->field_changed = false;
+  out.state_hash = hash.value();
+  const Sleep& sleep = impl_->sleep;
+  out.contact_count = static_cast<std::uint32_t>(
+      impl_->pair_contacts.contacts.size() + impl_->static_contacts.contacts.size() +
+      sleep.pair_contacts().contacts.size() + sleep.static_contacts().contacts.size());
+}
+
+std::optional<scene::ObjectId> NativeEngine::first_non_finite() const {
+  const BodyStore& b = impl_->bodies;
+  for (std::size_t i = 0; i < b.id.size(); ++i)
+    if (!b.position[i].allFinite() || !b.velocity(i).allFinite() || !b.angular_velocity(i).allFinite())
+      return b.id[i];
+  return std::nullopt;
+}
+
+}  // namespace smartsurf::world

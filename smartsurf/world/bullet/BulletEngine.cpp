@@ -1,0 +1,586 @@
+#include "smartsurf/world/bullet/BulletEngine.h"
+
+#include <btBulletDynamicsCommon.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <string>
+#include <utility>
+
+#include "smartsurf/world/bullet/BulletShape.h"
+#include "smartsurf/world/bullet/CellPool.h"
+#include "smartsurf/world/bullet/ConeFrictionSolver.h"
+#include "smartsurf/world/narrowphase/Shape.h"
+
+namespace smartsurf::world {
+namespace {
+
+constexpr int kIterations = 100;             // of the solver, per substep
+constexpr double kConverged = 1e-8;          // greatest change of a contact's velocity in an iteration, u/s
+constexpr double kRestitutionSpeed = 0.2;    // u/s; slower impacts do not bounce
+constexpr double kMinTopNormalZ = 0.5;       // a contact with a smaller vertical part is with a cell's side
+constexpr double kMinLimitedNormalZ = 0.05;  // a contact with a smaller vertical part does not load the cell
+// A contact with a cell is with an edge if its normal is between these.
+constexpr double kMinEdgeNormalZ = 1e-3, kMaxEdgeNormalZ = 0.999;
+// Relative to the pitch. A gap up to the first counts as closed: its rounding errors, divided by a short step, would
+// decide which cells bear a flat face. A body that is nowhere deeper below a cell's top than the second touches
+// the top and not the side.
+constexpr double kRelativeTouchingGap = 1e-4, kRelativeTopDepth = 5e-3;
+// Yield speed of a column that is not overloaded.
+constexpr double kHolds = -std::numeric_limits<double>::infinity();
+// Compliance of a contact relative to the inverse of the lighter body's mass. It makes the loads on many cells
+// under one rigid face definite: those of equal compliances.
+constexpr double kRelativeCompliance = 1e-2;
+
+struct SurfaceParameters {
+  double friction = 0.0, rolling_friction = 0.0, restitution = 0.0;
+};
+
+SurfaceParameters parameters_of(const scene::Material& m) {
+  return {m.friction, m.rolling_friction, m.restitution};
+}
+
+bool resists_rolling(scene::ShapeKind kind) {
+  return kind != scene::ShapeKind::kBox && kind != scene::ShapeKind::kSolid;
+}
+
+// Bullet finds one point at a time for these, and needs those of earlier steps.
+bool gathers_points(scene::ShapeKind kind) {
+  return kind == scene::ShapeKind::kCylinder || kind == scene::ShapeKind::kCapsule ||
+         kind == scene::ShapeKind::kCone;
+}
+
+struct Body {
+  bool gathers_points;
+  BulletShape shape;
+  std::unique_ptr<btRigidBody> rigid;
+  SurfaceParameters surface;
+};
+
+// Runs its owner's functions before Bullet's collision detection, and between that and the solver.
+class SteppedWorld final : public btDiscreteDynamicsWorld {
+ public:
+  using btDiscreteDynamicsWorld::btDiscreteDynamicsWorld;
+  std::function<void()> before_detection, before_solving;
+
+  // Without stepSimulation(), which derives the velocities of kinematic bodies from their poses.
+  void substep(double dt_s) {
+    applyGravity();
+    internalSingleStepSimulation(dt_s);
+  }
+
+  void performDiscreteCollisionDetection() override {
+    before_detection();
+    btDiscreteDynamicsWorld::performDiscreteCollisionDetection();
+  }
+
+ protected:
+  void solveConstraints(btContactSolverInfo& info) override {
+    before_solving();
+    btDiscreteDynamicsWorld::solveConstraints(info);
+  }
+};
+
+std::array<float, 3> to_array(const Eigen::Vector3f& v) { return {v.x(), v.y(), v.z()}; }
+
+template <std::size_t N>
+std::span<const float> flatten(const std::vector<std::array<float, N>>& all) {
+  return all.empty() ? std::span<const float>() : std::span(all.front().data(), N * all.size());
+}
+
+}  // namespace
+
+struct BulletEngine::Impl {
+  Impl(const scene::SceneSpec&, surface::Field&, const std::vector<scene::ObjectId>& ids);
+  ~Impl();
+
+  void select_cells(double step_s);
+  bool keeps_points(const btPersistentManifold&) const;
+  void forget_points();
+  void restore_impulses();
+  void prepare_contacts();
+  void correct_normal(btManifoldPoint&, const btRigidBody& body, const btRigidBody& cell);
+  void prepare_point(btManifoldPoint&, const btRigidBody& a, const btRigidBody& b);
+  void read_contacts(std::vector<ContactPoint>& contacts);
+  ContactPoint contact_point(const btManifoldPoint&, const btRigidBody& a, const btRigidBody& b) const;
+  void advance_columns();
+  SurfaceParameters surface_of(const btRigidBody&) const;
+  template <class Visit>
+  void for_each_point(Visit);
+
+  surface::Field& field;
+  const std::vector<scene::ObjectId>& ids;  // of the bodies
+  SurfaceParameters field_surface;
+  double substep_s;
+  int substeps;
+  btDefaultCollisionConfiguration configuration;
+  btCollisionDispatcher dispatcher{&configuration};
+  btDbvtBroadphase broadphase;
+  ConeFrictionSolver solver;
+  SteppedWorld world{&dispatcher, &broadphase, &solver, &configuration};
+  btStaticPlaneShape ground_shape{btVector3(0, 0, 1), 0.0};
+  std::unique_ptr<btRigidBody> ground;
+  CellPool cells;
+  std::vector<Body> bodies;  // one per id
+  std::vector<CellPool::Box> boxes;
+  std::vector<ContactDetail> details;
+  std::size_t next_detail = 0;
+  struct ManifoldImpulse {
+    const btPersistentManifold* manifold;
+    const btCollisionObject *a, *b;
+    double impulse;  // the sum over its points
+  };
+  std::vector<ManifoldImpulse> last_impulses;  // of the last substep, ascending by address
+  std::vector<double> limits;                  // of the columns with a force limit
+  std::vector<int> limit_index;                // of each column, or −1
+  // Of each column in the last substep: the greatest velocity of what overloads it, so that it stays in touch.
+  // Of each column in the last substep: the greatest velocity of what overloads it, so that it stays in touch.
+  std::vector<double> yield_speeds;
+  std::vector<int> loaded_cells;     // whose Field::impulse is not zero
+};
+
+BulletEngine::Impl::Impl(const scene::SceneSpec& scene, surface::Field& f,
+                         const std::vector<scene::ObjectId>& object_ids)
+    : field(f),
+      ids(object_ids),
+      field_surface(parameters_of(scene.materials[static_cast<std::size_t>(scene.surface.material)])),
+      substeps(std::max(1, (scene.world.iterations + 1) / 2)),
+      cells(world, f,
+            scene.surface.pin.max_height - scene.surface.pin.min_height + scene.surface.pin.length) {
+  substep_s = scene.world.dt_s / substeps;
+  world.getDispatchInfo().m_enableSatConvex = true;
+  world.setGravity(to_bt(scene.world.gravity));
+  world.before_detection = [this] { forget_points(); };
+  world.before_solving = [this] { prepare_contacts(); };
+  btContactSolverInfo& info = world.getSolverInfo();
+  info.m_numIterations = kIterations;
+  info.m_leastSquaresResidualThreshold = kConverged * kConverged;
+  info.m_solverMode =
+      SOLVER_USE_WARMSTARTING | SOLVER_USE_2_FRICTION_DIRECTIONS | SOLVER_ENABLE_FRICTION_DIRECTION_CACHING;
+  info.m_warmstartingFactor = 1.0;
+  info.m_splitImpulse = 1;
+  info.m_splitImpulsePenetrationThreshold = std::numeric_limits<btScalar>::max();  // always
+  info.m_restitutionVelocityThreshold = kRestitutionSpeed;
+  if (scene.world.ground) {
+    btRigidBody::btRigidBodyConstructionInfo ground_info(0.0, nullptr, &ground_shape);
+    ground_info.m_startWorldTransform.setOrigin(
+        {0, 0, scene.surface.pin.min_height - scene.surface.pin.length});
+    ground = std::make_unique<btRigidBody>(ground_info);
+    ground->setUserIndex(kGroundIndex);
+    world.addRigidBody(ground.get());
+  }
+  field.impulse.assign(field.height.size(), 0.0F);
+}
+
+BulletEngine::Impl::~Impl() {
+  for (const Body& body : bodies) world.removeRigidBody(body.rigid.get());
+  if (ground) world.removeRigidBody(ground.get());
+}
+
+void BulletEngine::Impl::select_cells(double step_s) {
+  boxes.clear();
+  for (const Body& body : bodies) {
+    if (body.rigid->getInvMass() == 0.0) continue;
+    CellPool::Box box;
+    body.rigid->getAabb(box.min, box.max);
+    const btScalar turn = body.rigid->getAngularVelocity().length() * (box.max - box.min).length();
+    const btScalar fall = world.getGravity().length() * step_s;
+    const btScalar margin = 0.25 * static_cast<double>(field.pitch) +
+                            2.0 * step_s * (body.rigid->getLinearVelocity().length() + turn + fall);
+    box.min -= btVector3(margin, margin, margin);
+    box.max += btVector3(margin, margin, margin);
+    if (std::isfinite(margin)) boxes.push_back(box);
+  }
+  cells.select_near(boxes, step_s);
+  limits.clear();
+  limit_index.clear();
+  for (const CellPool::Column& column : cells.columns()) {
+    limit_index.push_back(-1);
+    if (!field.has_force_limit()) continue;
+    const auto limit = static_cast<double>(field.force_limit[static_cast<std::size_t>(column.cell)]);
+    if (!std::isfinite(limit)) continue;
+    limit_index.back() = static_cast<int>(limits.size());
+    limits.push_back(limit * substep_s);
+  }
+  solver.set_cell_limits(limits);
+}
+
+SurfaceParameters BulletEngine::Impl::surface_of(const btRigidBody& body) const {
+  const int index = body.getUserIndex();
+  return index >= 0 ? bodies[static_cast<std::size_t>(index)].surface : field_surface;
+}
+
+template <class Visit>
+void BulletEngine::Impl::for_each_point(Visit visit) {
+  for (int m = 0; m < dispatcher.getNumManifolds(); ++m) {
+    btPersistentManifold& manifold = *dispatcher.getManifoldByIndexInternal(m);
+    const auto& a = *static_cast<const btRigidBody*>(manifold.getBody0());
+    const auto& b = *static_cast<const btRigidBody*>(manifold.getBody1());
+    for (int k = 0; k < manifold.getNumContacts(); ++k) visit(manifold.getContactPoint(k), a, b);
+  }
+}
+
+bool BulletEngine::Impl::keeps_points(const btPersistentManifold& manifold) const {
+  for (const btCollisionObject* body : {manifold.getBody0(), manifold.getBody1()})
+    if (body->getUserIndex() >= 0 && bodies[static_cast<std::size_t>(body->getUserIndex())].gathers_points)
+      return true;
+  return false;
+}
+
+// Bullet keeps points that it found earlier until they have drifted by 2 % of the size. Behind a rolling body they
+// would resist its motion.
+void BulletEngine::Impl::forget_points() {
+  last_impulses.clear();
+  for (int m = 0; m < dispatcher.getNumManifolds(); ++m) {
+    btPersistentManifold& manifold = *dispatcher.getManifoldByIndexInternal(m);
+    if (keeps_points(manifold)) continue;
+    double impulse = 0.0;
+    for (int k = 0; k < manifold.getNumContacts(); ++k)
+      impulse += static_cast<double>(manifold.getContactPoint(k).m_appliedImpulse);
+    if (impulse > 0.0)
+      last_impulses.push_back({&manifold, manifold.getBody0(), manifold.getBody1(), impulse});
+    manifold.clearManifold();
+  }
+  std::ranges::sort(last_impulses, std::less<>(), &ManifoldImpulse::manifold);
+}
+
+// The new points share the impulse of those before them, to warm-start the solver.
+void BulletEngine::Impl::restore_impulses() {
+  for (int m = 0; m < dispatcher.getNumManifolds(); ++m) {
+    btPersistentManifold& manifold = *dispatcher.getManifoldByIndexInternal(m);
+    const auto last =
+        std::ranges::lower_bound(last_impulses, &manifold, std::less<>(), &ManifoldImpulse::manifold);
+    if (last == last_impulses.end() || last->manifold != &manifold || last->a != manifold.getBody0() ||
+        last->b != manifold.getBody1())
+      continue;
+    for (int k = 0; k < manifold.getNumContacts(); ++k)
+      manifold.getContactPoint(k).m_appliedImpulse = last->impulse / manifold.getNumContacts();
+  }
+}
+
+void BulletEngine::Impl::prepare_contacts() {
+  restore_impulses();
+  std::size_t count = 0;
+  for_each_point([&count](const btManifoldPoint&, const btRigidBody&, const btRigidBody&) { ++count; });
+  details.resize(count);
+  next_detail = 0;
+  for_each_point(
+      [this](btManifoldPoint& p, const btRigidBody& a, const btRigidBody& b) { prepare_point(p, a, b); });
+  solver.clear_cell_loads();
+}
+
+// A flat face that slides over level cells sinks a little and would hit their sides.
+void BulletEngine::Impl::correct_normal(btManifoldPoint& p, const btRigidBody& body,
+                                        const btRigidBody& cell) {
+  const double normal_z = std::abs(p.m_normalWorldOnB.z());
+  if (normal_z >= kMaxEdgeNormalZ) return;
+  btVector3 body_min, body_max, cell_min, cell_max;
+  body.getAabb(body_min, body_max);
+  cell.getAabb(cell_min, cell_max);
+  if (body_min.z() < cell_max.z() - kRelativeTopDepth * static_cast<double>(field.pitch)) return;
+  const double sign = p.m_normalWorldOnB.z() < 0.0 ? -1.0 : 1.0;
+  if (normal_z < kMinTopNormalZ) {
+    p.m_distance1 = std::numeric_limits<btScalar>::max();
+    p.m_appliedImpulse = 0.0;
+    return;
+  }
+  p.m_normalWorldOnB = btVector3(0, 0, sign);
+  p.m_distance1 *= normal_z;
+}
+
+void BulletEngine::Impl::prepare_point(btManifoldPoint& p, const btRigidBody& a, const btRigidBody& b) {
+  const SurfaceParameters sa = surface_of(a), sb = surface_of(b);
+  p.m_combinedFriction = std::sqrt(sa.friction * sb.friction);
+  p.m_combinedRollingFriction = p.m_combinedSpinningFriction = 0.0;  // ConeFrictionSolver has its own
+  ContactDetail& detail = details[next_detail++];
+  detail = {std::sqrt(sa.rolling_friction * sb.rolling_friction), -1};
+  p.m_userPersistentData = &detail;
+
+  const bool a_is_cell = a.getUserIndex() < kGroundIndex, b_is_cell = b.getUserIndex() < kGroundIndex;
+  if (a_is_cell || b_is_cell) correct_normal(p, a_is_cell ? b : a, a_is_cell ? a : b);
+  const btVector3 at = p.getPositionWorldOnB();
+  const btVector3 relative_velocity = a.getVelocityInLocalPoint(at - a.getCenterOfMassPosition()) -
+                                      b.getVelocityInLocalPoint(at - b.getCenterOfMassPosition());
+  const btScalar approach = -relative_velocity.dot(p.m_normalWorldOnB);
+  const double restitution = std::max(sa.restitution, sb.restitution);
+  const bool bounces = restitution > 0.0 && approach > kRestitutionSpeed;
+  p.m_combinedRestitution = bounces ? restitution : 0.0;
+  p.m_contactPointFlags = BT_CONTACT_FLAG_LATERAL_FRICTION_INITIALIZED | BT_CONTACT_FLAG_HAS_CONTACT_CFM;
+  const btScalar mobility = a.getInvMass() + b.getInvMass();
+  // Bullet divides the compliance by the time step.
+  p.m_contactCFM = bounces ? 0.0 : kRelativeCompliance * mobility * substep_s;
+  // Bullet solves for contacts that are still open, along today's normal. Of an impact it would forget the
+  // rebound, and a ball that rolls from cell to cell would hit their edges: these wait until they touch.
+  const double normal_z = std::abs(p.m_normalWorldOnB.z());
+  const double touching_gap = kRelativeTouchingGap * static_cast<double>(field.pitch);
+  if (p.getDistance() > 0.0 && p.getDistance() < touching_gap) p.m_distance1 = 0.0;
+  const bool is_edge = (a_is_cell || b_is_cell) && normal_z > kMinEdgeNormalZ && normal_z < kMaxEdgeNormalZ;
+  if ((bounces || is_edge) && p.getDistance() > 0.0) {
+    p.m_distance1 = std::numeric_limits<btScalar>::max();
+    p.m_appliedImpulse = 0.0;
+  }
+
+  btPlaneSpace1(p.m_normalWorldOnB, p.m_lateralFrictionDir1, p.m_lateralFrictionDir2);
+  p.m_contactMotion1 = p.m_contactMotion2 = 0.0;
+  if (!a_is_cell && !b_is_cell) return;
+  const int cell = cell_user_index(a_is_cell ? a.getUserIndex() : b.getUserIndex());
+  const auto i = static_cast<std::size_t>(cell);
+  if (!limits.empty() && normal_z > kMinLimitedNormalZ)
+    detail.limited_cell = limit_index[static_cast<std::size_t>(&cells.column(cell) - cells.columns().data())];
+  if (!field.has_surface_velocity() || normal_z < kMinTopNormalZ) return;
+  const Eigen::Vector2d centre = field.centre(cell).cast<double>();
+  const double spin = field.surface_spin.empty() ? 0.0 : static_cast<double>(field.surface_spin[i]);
+  const btVector3 surface(static_cast<double>(field.surface_velocity_x[i]) - spin * (at.y() - centre.y()),
+                          static_cast<double>(field.surface_velocity_y[i]) + spin * (at.x() - centre.x()),
+                          0.0);
+  const double sign = a_is_cell ? -1.0 : 1.0;
+  p.m_contactMotion1 = sign * surface.dot(p.m_lateralFrictionDir1);
+  p.m_contactMotion2 = sign * surface.dot(p.m_lateralFrictionDir2);
+}
+
+// With the impulse of the last substep.
+ContactPoint BulletEngine::Impl::contact_point(const btManifoldPoint& p, const btRigidBody& a,
+                                               const btRigidBody& b) const {
+  // Bullet's normal points towards a.
+  const bool towards_a = a.getUserIndex() >= 0;
+  const int object = towards_a ? a.getUserIndex() : b.getUserIndex();
+  const int other = towards_a ? b.getUserIndex() : a.getUserIndex();
+  const btVector3 normal = towards_a ? p.m_normalWorldOnB : -p.m_normalWorldOnB;
+  return {to_eigen(p.getPositionWorldOnB()).cast<float>(), to_eigen(normal).cast<float>(),
+          static_cast<float>(p.m_appliedImpulse), ids[static_cast<std::size_t>(object)],
+          other >= 0 ? std::optional(ids[static_cast<std::size_t>(other)]) : std::nullopt};
+}
+
+// Adds the substep's impulses to the field. A saturated cell follows the bodies on it.
+void BulletEngine::Impl::read_contacts(std::vector<ContactPoint>& contacts) {
+  yield_speeds.assign(cells.columns().size(), kHolds);
+  for_each_point([&](const btManifoldPoint& p, const btRigidBody& a, const btRigidBody& b) {
+    const auto impulse = static_cast<double>(p.m_appliedImpulse);
+    if (!(impulse > 0.0) || p.getDistance() == std::numeric_limits<btScalar>::max()) return;
+    contacts.push_back(contact_point(p, a, b));
+    const bool a_is_cell = a.getUserIndex() < kGroundIndex;
+    if (!a_is_cell && b.getUserIndex() >= kGroundIndex) return;
+    const int cell = cell_user_index(a_is_cell ? a.getUserIndex() : b.getUserIndex());
+    float& total = field.impulse[static_cast<std::size_t>(cell)];
+    if (total == 0.0F) loaded_cells.push_back(cell);
+    total += static_cast<float>(impulse);
+    const auto* detail = static_cast<const ContactDetail*>(p.m_userPersistentData);
+    if (detail->limited_cell < 0) return;
+    const auto limited = static_cast<std::size_t>(detail->limited_cell);
+    constexpr double kSaturated = 0.999;
+    if (solver.cell_loads()[limited] < kSaturated * limits[limited]) return;
+    const btRigidBody& body = a_is_cell ? b : a;
+    const btVector3 velocity =
+        body.getVelocityInLocalPoint(p.getPositionWorldOnB() - body.getCenterOfMassPosition());
+    double& speed = yield_speeds[static_cast<std::size_t>(&cells.column(cell) - cells.columns().data())];
+    speed = std::max(speed, velocity.dot(p.m_normalWorldOnB) / p.m_normalWorldOnB.z());
+  });
+}
+
+void BulletEngine::Impl::advance_columns() {
+  std::size_t k = 0;
+  for (CellPool::Column& column : cells.columns()) {
+    const double yield_speed = yield_speeds[k++];
+    column.top += (yield_speed == kHolds ? column.speed : std::min(column.speed, yield_speed)) * substep_s;
+    cells.update_body(column);
+  }
+}
+
+BulletEngine::BulletEngine(const scene::SceneSpec& scene, surface::Field& field, common::ThreadPool* pool)
+    : materials_(scene.materials),
+      field_(field),
+      dt_s_(scene.world.dt_s),
+      field_hasher_(pool),
+      impl_(std::make_unique<Impl>(scene, field, ids_)) {}
+
+BulletEngine::~BulletEngine() = default;
+
+std::string BulletEngine::version() const {
+  return SMARTSURF_VERSION "+bullet" + std::to_string(btGetVersion() / 100) + "." +
+         std::to_string(btGetVersion() % 100);
+}
+
+int BulletEngine::find(scene::ObjectId id) const {
+  const auto it = std::lower_bound(ids_.begin(), ids_.end(), id);
+  return it != ids_.end() && *it == id ? static_cast<int>(it - ids_.begin()) : -1;
+}
+
+void BulletEngine::read_body(std::size_t i) {
+  const Body& body = impl_->bodies[i];
+  const btTransform& pose = body.rigid->getWorldTransform();
+  positions_[i] = to_eigen(pose.getOrigin()).cast<float>();
+  orientations_[i] =
+      (to_eigen(pose.getRotation()) * body.shape.principal_axes.conjugate()).normalized().cast<float>();
+  velocities_[i] = to_eigen(body.rigid->getLinearVelocity()).cast<float>();
+  angular_velocities_[i] = to_eigen(body.rigid->getAngularVelocity()).cast<float>();
+}
+
+scene::ObjectId BulletEngine::add(const scene::ObjectSpec& spec) {
+  const scene::Material& material = materials_[static_cast<std::size_t>(spec.material)];
+  const double mass = spec.fixed ? 0.0 : spec.mass.value_or(material.density * spec.volume());
+  Body body{gathers_points(spec.shape), make_bullet_shape(spec, mass), nullptr, parameters_of(material)};
+  if (!resists_rolling(spec.shape)) body.surface.rolling_friction = 0.0;
+  btRigidBody::btRigidBodyConstructionInfo info(mass, nullptr, body.shape.shape, body.shape.inertia);
+  info.m_startWorldTransform =
+      btTransform(to_bt(Eigen::Quaterniond(spec.orientation.normalized() * body.shape.principal_axes)),
+                  to_bt(spec.position));
+  body.rigid = std::make_unique<btRigidBody>(info);
+  body.rigid->setActivationState(DISABLE_DEACTIVATION);
+  body.rigid->setUserIndex(static_cast<int>(ids_.size()));
+  if (mass > 0.0) {
+    body.rigid->setLinearVelocity(to_bt(spec.velocity));
+    body.rigid->setAngularVelocity(to_bt(spec.angular_velocity));
+  }
+  impl_->world.addRigidBody(body.rigid.get());
+  impl_->bodies.push_back(std::move(body));
+  ids_.push_back(next_id_);
+  positions_.emplace_back();
+  orientations_.emplace_back();
+  velocities_.emplace_back();
+  angular_velocities_.emplace_back();
+  masses_.push_back(static_cast<float>(mass));
+  wrenches_.emplace_back();
+  read_body(ids_.size() - 1);
+  return next_id_++;
+}
+
+bool BulletEngine::alive(scene::ObjectId id) const { return find(id) >= 0; }
+
+bool BulletEngine::remove(scene::ObjectId id) {
+  const int index = find(id);
+  if (index < 0) return false;
+  impl_->world.removeRigidBody(impl_->bodies[static_cast<std::size_t>(index)].rigid.get());
+  auto erase = [index](auto& all) { all.erase(all.begin() + index); };
+  erase(impl_->bodies), erase(ids_), erase(positions_), erase(orientations_), erase(velocities_);
+  erase(angular_velocities_), erase(masses_), erase(wrenches_);
+  for (auto i = static_cast<std::size_t>(index); i < ids_.size(); ++i)
+    impl_->bodies[i].rigid->setUserIndex(static_cast<int>(i));
+  std::erase_if(timed_forces_, [id](const TimedForce& f) { return f.id == id; });
+  return true;
+}
+
+bool BulletEngine::place(scene::ObjectId id, const scene::ObjectStateUpdate& update) {
+  const int index = find(id);
+  if (index < 0) return false;
+  const auto i = static_cast<std::size_t>(index);
+  Body& body = impl_->bodies[i];
+  btTransform pose = body.rigid->getWorldTransform();
+  if (update.position) pose.setOrigin(to_bt(*update.position));
+  if (update.orientation)
+    pose.setRotation(to_bt(Eigen::Quaterniond(update.orientation->normalized() * body.shape.principal_axes)));
+  if (update.position || update.orientation) {
+    body.rigid->setWorldTransform(pose);
+    body.rigid->setInterpolationWorldTransform(pose);
+    body.rigid->updateInertiaTensor();
+    // The contacts of the old place would pull the body back.
+    impl_->broadphase.getOverlappingPairCache()->cleanProxyFromPairs(body.rigid->getBroadphaseProxy(),
+                                                                     &impl_->dispatcher);
+    impl_->world.updateSingleAabb(body.rigid.get());
+  }
+  if (update.velocity && masses_[i] > 0.0F) body.rigid->setLinearVelocity(to_bt(*update.velocity));
+  if (update.angular_velocity && masses_[i] > 0.0F)
+    body.rigid->setAngularVelocity(to_bt(*update.angular_velocity));
+  read_body(i);
+  return true;
+}
+
+bool BulletEngine::apply_force(scene::ObjectId id, const Eigen::Vector3d& force,
+                               const std::optional<Eigen::Vector3d>& point, double duration_s) {
+  const int index = find(id);
+  if (index < 0) return false;
+  const scene::ObjectState now = state(id);
+  const Eigen::Vector3d local_point =
+      point ? Eigen::Vector3d(now.orientation.conjugate() * (*point - now.position))
+            : Eigen::Vector3d::Zero();
+  timed_forces_.push_back({id, force, local_point, std::max(1L, std::lround(duration_s / dt_s_))});
+  return true;
+}
+
+scene::ObjectState BulletEngine::state(scene::ObjectId id) const {
+  const auto i = static_cast<std::size_t>(find(id));
+  return {positions_[i].cast<double>(), orientations_[i].cast<double>(), velocities_[i].cast<double>(),
+          angular_velocities_[i].cast<double>()};
+}
+
+surface::BodyView BulletEngine::bodies() const {
+  return {ids_, positions_, orientations_, velocities_, angular_velocities_, masses_};
+}
+
+void BulletEngine::apply_timed_forces() {
+  for (TimedForce& f : timed_forces_) {
+    const auto i = static_cast<std::size_t>(find(f.id));
+    wrenches_[i].force += f.force.cast<float>();
+    wrenches_[i].torque +=
+        Eigen::Vector3d(orientations_[i].cast<double>() * f.local_point).cross(f.force).cast<float>();
+    --f.steps_left;
+  }
+  std::erase_if(timed_forces_, [](const TimedForce& f) { return f.steps_left == 0; });
+}
+
+void BulletEngine::step() {
+  Impl& s = *impl_;
+  apply_timed_forces();
+  for (const int cell : s.loaded_cells) field_.impulse[static_cast<std::size_t>(cell)] = 0.0F;
+  s.loaded_cells.clear();
+  contacts_.clear();
+  s.select_cells(dt_s_);
+  for (int k = 0; k < s.substeps; ++k) {
+    s.world.clearForces();
+    for (std::size_t i = 0; i < ids_.size(); ++i) {
+      if (wrenches_[i].is_zero() || masses_[i] == 0.0F) continue;
+      s.bodies[i].rigid->applyCentralForce(to_bt(wrenches_[i].force));
+      s.bodies[i].rigid->applyTorque(to_bt(wrenches_[i].torque));
+    }
+    s.world.substep(s.substep_s);
+    const std::size_t earlier = contacts_.size();
+    s.read_contacts(contacts_);
+    contact_count_ = contacts_.size() - earlier;
+    s.advance_columns();
+  }
+  s.world.clearForces();
+  if (field_.has_force_limit())
+    for (const CellPool::Column& column : s.cells.columns()) {
+      const auto i = static_cast<std::size_t>(column.cell);
+      const auto moved = static_cast<float>((column.top - static_cast<double>(field_.height[i])) / dt_s_);
+      if (std::isfinite(field_.force_limit[i])) field_.speed[i] = std::min(field_.speed[i], moved);
+    }
+  for (std::size_t i = 0; i < ids_.size(); ++i) read_body(i);
+  std::fill(wrenches_.begin(), wrenches_.end(), surface::Wrench{});
+}
+
+void BulletEngine::snapshot(scene::Snapshot& out) const {
+  out.id = ids_;
+  const std::size_t n = ids_.size();
+  out.position.resize(n);
+  out.orientation.resize(n);
+  out.velocity.resize(n);
+  out.angular_velocity.resize(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    const Eigen::Quaternionf& q = orientations_[i];
+    out.position[i] = to_array(positions_[i]);
+    out.orientation[i] = {q.x(), q.y(), q.z(), q.w()};
+    out.velocity[i] = to_array(velocities_[i]);
+    out.angular_velocity[i] = to_array(angular_velocities_[i]);
+  }
+  StateHash hash;
+  for (const scene::ObjectId id : out.id) hash.add(id);
+  hash.add(flatten(out.position));
+  hash.add(flatten(out.orientation));
+  hash.add(flatten(out.velocity));
+  hash.add(flatten(out.angular_velocity));
+  field_hasher_.copy_and_hash(field_, true, out.height, hash);
+  out.state_hash = hash.value();
+  out.contact_count = static_cast<std::uint32_t>(contact_count_);
+}
+
+std::optional<scene::ObjectId> BulletEngine::first_non_finite() const {
+  for (std::size_t i = 0; i < ids_.size(); ++i)
+    if (!positions_[i].allFinite() || !velocities_[i].allFinite() || !angular_velocities_[i].allFinite())
+      return ids_[i];
+  return std::nullopt;
+}
+
+}  // namespace smartsurf::world

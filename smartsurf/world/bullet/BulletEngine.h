@@ -1,0 +1,70 @@
+// Bullet as the reference engine: rigid bodies, collision detection and solver of Bullet in double precision.
+//
+// A step is several substeps of Bullet with many iterations. Cells near bodies are kinematic boxes (CellPool.h).
+// Runs on the caller's thread. docs/engines.md says what it models otherwise than the own engine.
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <vector>
+
+#include "common/threads/ThreadPool.h"
+#include "smartsurf/scene/SceneSpec.h"
+#include "smartsurf/world/Engine.h"
+#include "smartsurf/world/StateHash.h"
+
+namespace smartsurf::world {
+
+class BulletEngine final : public Engine {
+ public:
+  // Without objects. `field` and `pool` must outlive the engine.
+  BulletEngine(const scene::SceneSpec&, surface::Field& field, common::ThreadPool* pool);
+  ~BulletEngine() override;
+
+  std::string name() const override { return "bullet"; }
+  std::string version() const override;
+  scene::ObjectId add(const scene::ObjectSpec&) override;
+  bool alive(scene::ObjectId) const override;
+  bool remove(scene::ObjectId) override;
+  bool place(scene::ObjectId, const scene::ObjectStateUpdate&) override;
+  bool apply_force(scene::ObjectId, const Eigen::Vector3d& force, const std::optional<Eigen::Vector3d>& point,
+                   double duration_s) override;
+  scene::ObjectState state(scene::ObjectId) const override;
+  surface::BodyView bodies() const override;
+  std::span<surface::Wrench> wrenches() override { return wrenches_; }
+  void step() override;
+  std::vector<ContactPoint> contacts() const override { return contacts_; }
+  int sleeping_count() const override { return 0; }  // nothing sleeps
+  void snapshot(scene::Snapshot&) const override;
+  std::optional<scene::ObjectId> first_non_finite() const override;
+
+ private:
+  struct Impl;
+  // Index of the object, or −1.
+  int find(scene::ObjectId) const;
+  void read_body(std::size_t index);
+  void apply_timed_forces();
+
+  std::vector<scene::Material> materials_;
+  surface::Field& field_;
+  double dt_s_;
+  scene::ObjectId next_id_ = 0;
+  struct TimedForce {
+    scene::ObjectId id;
+    Eigen::Vector3d force, local_point;  // local_point: from the centre of mass, body axes, u
+    long steps_left;
+  };
+  std::vector<TimedForce> timed_forces_;
+  // One entry per live object, ascending by id; what bodies() shows.
+  std::vector<scene::ObjectId> ids_;
+  std::vector<Eigen::Vector3f> positions_, velocities_, angular_velocities_;
+  std::vector<Eigen::Quaternionf> orientations_;
+  std::vector<float> masses_;
+  std::vector<surface::Wrench> wrenches_;
+  std::vector<ContactPoint> contacts_;  // of all substeps
+  std::size_t contact_count_ = 0;       // in the last substep
+  mutable FieldHasher field_hasher_;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace smartsurf::world

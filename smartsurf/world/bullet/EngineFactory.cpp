@@ -1,0 +1,36 @@
+#include "smartsurf/world/bullet/EngineFactory.h"
+
+#include <algorithm>
+#include <iterator>
+
+#include "smartsurf/world/NativeEngine.h"
+#ifdef SMARTSURF_BULLET
+#include "smartsurf/world/bullet/BulletEngine.h"
+#endif
+
+namespace smartsurf::world {
+
+#ifdef SMARTSURF_BULLET
+bool has_bullet() { return true; }
+#else
+bool has_bullet() { return false; }
+#endif
+
+void require_engine(const scene::SceneSpec& scene) {
+  if (std::ranges::find(scene::kEngineNames, scene.world.engine) == std::end(scene::kEngineNames))
+    throw scene::InputError("engine '" + scene.world.engine + "': this version does not have it");
+  if (scene.world.engine == "bullet" && !has_bullet())
+    throw scene::InputError(
+        "engine 'bullet': this build has no Bullet; install libbullet-dev (scripts/setup) and build again");
+}
+
+std::unique_ptr<Engine> make_engine(const scene::SceneSpec& scene, surface::Field& field,
+                                    common::ThreadPool* pool) {
+  require_engine(scene);
+#ifdef SMARTSURF_BULLET
+  if (scene.world.engine == "bullet") return std::make_unique<BulletEngine>(scene, field, pool);
+#endif
+  return std::make_unique<NativeEngine>(scene, field, pool);
+}
+
+}  // namespace smartsurf::world

@@ -1,0 +1,23 @@
+// Makes the engine that a scene asks for.
+#pragma once
+
+#include <memory>
+
+#include "common/threads/ThreadPool.h"
+#include "smartsurf/scene/SceneSpec.h"
+#include "smartsurf/world/Engine.h"
+
+namespace smartsurf::world {
+
+// Whether Bullet was installed when the program was built.
+bool has_bullet();
+
+// Throws scene::InputError if this build lacks the engine named by WorldSpec::engine.
+void require_engine(const scene::SceneSpec&);
+
+// The engine named by WorldSpec::engine, without objects. `field` and `pool` must outlive it; the pool may be null.
+// Throws scene::InputError if this build lacks the engine.
+std::unique_ptr<Engine> make_engine(const scene::SceneSpec&, surface::Field& field,
+                                    common::ThreadPool* pool = nullptr);
+
+}  // namespace smartsurf::world

@@ -1,0 +1,169 @@
+// A scene described in another unit of length behaves alike: lengths, speeds, gravity and forces scale with the
+// unit, times and masses do not.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+#include "smartsurf/scene/Solid.h"
+#include "tests/property/PhysicsFixture.h"
+
+using namespace physics_fixture;
+using namespace smartsurf;
+
+namespace {
+
+constexpr int kCells = 32;
+constexpr double kGravity = 9.81;
+
+scene::ObjectSpec scaled(scene::ObjectSpec o, double unit) {
+  if (o.shape == scene::ShapeKind::kSolid) {
+    o = cube(o.position * unit, static_cast<float>(2.0 * unit));
+  } else {
+    o.position *= unit, o.size *= unit;
+    o.radius *= unit, o.height *= unit;
+  }
+  o.velocity = Eigen::Vector3d(0.7, 0.4, 0) * unit;
+  o.angular_velocity = {0.3, 0.2, 0.1};
+  o.mass = 3.0;
+  return o;
+}
+
+// Every length of the scene times `unit`, u.
+void scale_scene(PhysicsFixture& fixture, double unit) {
+  scene::SceneSpec& s = fixture.scene;
+  s.world.gravity = {0, 0, -kGravity * unit};
+  s.materials[0].rolling_friction = 0.02 * unit;
+  s.materials[0].restitution = 0.3;
+  s.surface.pitch = unit;
+  scene::ActuatorSpec pin = scene::find_actuator_kind("pin")->default_spec();
+  pin.values["range"] = {0, 4 * unit};
+  pin.values["max_speed"] = {3 * unit};
+  pin.values["max_acceleration"] = {50 * unit};
+  s.surface.actuators = {pin};
+  derive_pin_spec(s.surface);
+  s.surface.pin.top_x = s.surface.pin.top_y = 0.8 * unit;
+  s.surface.pin.length = 2 * unit;
+}
+
+struct Track {
+  std::vector<Eigen::Vector3f> position, velocity;  // of all objects after each step, divided by the unit
+  std::size_t level_states = 0;                     // of these, those before the table tilts
+  double load = 0.0;                                // of all cells at the end, divided by the unit
+  int sleeping = 0;                                 // at the end
+};
+
+// One object of each shape, apart from each other, thrown onto a table that tilts into a ramp, pushed, and put
+// elsewhere.
+Track run_scene(double unit) {
+  PhysicsFixture fixture;
+  scale_scene(fixture, unit);
+  std::vector<scene::ObjectId> ids;
+  const std::vector<scene::ObjectSpec> shapes{
+      sphere(0.6, {5.17, 6.31, 2}),       box({2, 1.6, 1.2}, {13.23, 6.37, 2}),
+      cylinder(1, 1.5, {21.29, 6.13, 2}), capsule(0.8, 2.4, {5.37, 16.19, 2.4}),
+      cone(1, 2, {13.11, 16.27, 2}),      cube({21.33, 16.17, 2}),
+  };
+  for (const scene::ObjectSpec& o : shapes) ids.push_back(fixture.add(scaled(o, unit)));
+  std::vector<float> heights;
+  for (int r = 0; r < kCells; ++r)
+    for (int c = 0; c < kCells; ++c) heights.push_back(static_cast<float>(unit * 0.05 * c));
+  Track track;
+  auto record = [&] {
+    for (const scene::ObjectId id : ids) {
+      const scene::ObjectState state = fixture.world().state(id);
+      track.position.emplace_back((state.position / unit).cast<float>());
+      track.velocity.emplace_back((state.velocity / unit).cast<float>());
+      EXPECT_LE((fixture.position(id) - state.position.cast<float>()).norm(), 1e-5 * unit);
+      EXPECT_LE((fixture.world().bodies().position[id] - state.position.cast<float>()).norm(), 1e-5 * unit);
+    }
+  };
+  fixture.run(0.8, record);
+  track.level_states = track.position.size();
+  fixture.cells().set_targets(0, heights);
+  fixture.run(0.4, record);
+  const Eigen::Vector3d push(4 * unit, 0, 0);
+  fixture.world().apply_force(ids[0], push, std::nullopt, 0.2);
+  fixture.world().apply_force(ids[1], push, fixture.world().state(ids[1]).position, 0.2);
+  fixture.run(0.2, record);
+  fixture.cells().set_targets(0, std::vector<float>(heights.size(), 0.0F));
+  for (const scene::ObjectId id : ids) {
+    scene::ObjectStateUpdate lifted;
+    lifted.position = fixture.world().state(id).position + Eigen::Vector3d(0, 2 * unit, 0);
+    lifted.velocity = Eigen::Vector3d(0, 0, 0);
+    fixture.world().place(id, lifted);
+  }
+  fixture.run(0.2, record);
+  fixture.run(4.0);
+  for (const float impulse : fixture.cells().field().impulse)
+    track.load += static_cast<double>(impulse) / (fixture.scene.world.dt_s * unit);
+  track.sleeping = fixture.world().sleeping_count();
+  return track;
+}
+
+}  // namespace
+
+TEST(Scale, TrajectoriesAreAlikeInAnyUnitOfLength) {
+  const Track reference = run_scene(1.0);
+  EXPECT_GE(reference.sleeping, 4);
+  for (const double unit : {0.01, 100.0}) {
+    const Track track = run_scene(unit);
+    ASSERT_EQ(track.position.size(), reference.position.size());
+    float worst_level = 0, worst_position = 0, velocity_error = 0;
+    for (std::size_t i = 0; i < track.position.size(); ++i) {
+      worst_position = std::max(worst_position, (track.position[i] - reference.position[i]).norm());
+      velocity_error += (track.velocity[i] - reference.velocity[i]).norm();
+      if (i < track.level_states) worst_level = worst_position;
+    }
+    // Impacts of corners, and the steps of the ramp, amplify rounding: one may come a step earlier.
+    EXPECT_LT(worst_level, 2e-3F) << unit;
+    EXPECT_LT(worst_position, 0.02F) << unit;
+    EXPECT_LT(velocity_error / static_cast<float>(track.velocity.size()), 5e-3F) << unit;
+    EXPECT_EQ(track.sleeping, reference.sleeping) << unit;
+    EXPECT_NEAR(track.load, 6 * 3.0 * kGravity, 0.01 * 6 * 3.0 * kGravity) << unit;
+    EXPECT_NEAR(track.load, reference.load, 1e-3 * reference.load) << unit;
+  }
+}
+
+// A ball of twice the pitch rests on level cells at its radius, to 0.1 % of it.
+TEST(Scale, BallRestsOnTheSurfaceAtAnyUnitOfLength) {
+  for (const double unit : {0.001, 0.01, 1.0, 1000.0})
+    for (const double dt_s : {1.0 / 60, 1.0 / 240, 1.0 / 960}) {
+      PhysicsFixture fixture;
+      scale_scene(fixture, unit);
+      fixture.scene.world.dt_s = dt_s;
+      const double radius = 2 * unit;
+      const auto id = fixture.add(sphere(radius, Eigen::Vector3d(15.3 * unit, 15.4 * unit, 1.05 * radius)));
+      fixture.run(3.0);
+      EXPECT_NEAR(static_cast<double>(fixture.position(id).z()), radius, 1e-3 * radius)
+          << unit << " " << dt_s;
+    }
+}
+
+// Pins that bear three quarters of a box's weight yield to it as slowly in any unit.
+TEST(Scale, ForceLimitsFollowTheUnit) {
+  double reference = 0.0;
+  for (const double unit : {1.0, 0.01, 100.0}) {
+    PhysicsFixture fixture;
+    scale_scene(fixture, unit);
+    const double weight = 3.0 * kGravity * unit;
+    fixture.scene.surface.actuators[0].values["max_force"] = {0.75 * weight / 16};
+    derive_pin_spec(fixture.scene.surface);
+    fixture.scene.surface.pin.top_x = fixture.scene.surface.pin.top_y = 0.8 * unit;
+    fixture.scene.surface.pin.length = 2 * unit;
+    fixture.cells().set_targets(0, std::vector<float>(kCells * kCells, static_cast<float>(2 * unit)));
+    for (int i = 0; i < 480; ++i) {
+      fixture.cells().plan(fixture.scene.world.dt_s);
+      fixture.cells().commit(fixture.scene.world.dt_s);
+    }
+    scene::ObjectSpec o = box({3.8 * unit, 3.8 * unit, unit}, {11.5 * unit, 11.5 * unit, 2.5 * unit});
+    o.mass = 3.0;
+    const auto id = fixture.add(o);
+    fixture.run(0.5);
+    const double height = static_cast<double>(fixture.position(id).z()) / unit;
+    if (unit == 1.0) reference = height;
+    EXPECT_LT(height, 2.45);
+    EXPECT_NEAR(height, reference, 0.01) << unit;
+  }
+}
