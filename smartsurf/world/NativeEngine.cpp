@@ -30,11 +30,6 @@ StepSettings make_step_settings(const scene::SceneSpec& s, const LengthUnit& uni
 
 std::array<float, 3> to_array(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
 
-template <std::size_t N>
-std::span<const float> flatten(const std::vector<std::array<float, N>>& all) {
-  return all.empty() ? std::span<const float>() : std::span(all.front().data(), N * all.size());
-}
-
 }  // namespace
 
 NativeEngine::Impl::Impl(const scene::SceneSpec& scene, surface::Field& cells,
@@ -180,12 +175,7 @@ void NativeEngine::snapshot(scene::Snapshot& out) const {
       out.angular_velocity[i] = to_array(b.angular_velocity(i));
     }
   });
-  StateHash hash;
-  for (const scene::ObjectId id : out.id) hash.add(id);
-  hash.add(flatten(out.position));
-  hash.add(flatten(out.orientation));
-  hash.add(flatten(out.velocity));
-  hash.add(flatten(out.angular_velocity));
+  StateHash hash = hash_objects(out);
   impl_->field_hasher.copy_and_hash(impl_->scene_field, impl_->field_changed, out.height, hash);
   impl_->field_changed = false;
   out.state_hash = hash.value();

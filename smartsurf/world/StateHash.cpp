@@ -2,6 +2,7 @@
 #include "smartsurf/world/StateHash.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 
 #undef HWY_TARGET_INCLUDE
@@ -65,6 +66,19 @@ void StateHash::add(std::span<const float> values) noexcept {
     for (const std::uint32_t chain : chains) add(chain);
   }
   for (const float value : values.subspan(words * kChains)) add(std::bit_cast<std::uint32_t>(value));
+}
+
+StateHash hash_objects(const scene::Snapshot& snapshot) {
+  auto flatten = []<std::size_t N>(const std::vector<std::array<float, N>>& all) {
+    return all.empty() ? std::span<const float>() : std::span(all.front().data(), N * all.size());
+  };
+  StateHash hash;
+  for (const scene::ObjectId id : snapshot.id) hash.add(id);
+  hash.add(flatten(snapshot.position));
+  hash.add(flatten(snapshot.orientation));
+  hash.add(flatten(snapshot.velocity));
+  hash.add(flatten(snapshot.angular_velocity));
+  return hash;
 }
 
 void FieldHasher::copy_and_hash(const surface::Field& field, bool changed, std::vector<float>& height,

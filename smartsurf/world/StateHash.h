@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "common/threads/ThreadPool.h"
+#include "smartsurf/scene/Snapshot.h"
 #include "smartsurf/surface/Field.h"
 
 namespace smartsurf::world {
@@ -27,6 +28,9 @@ class StateHash {
  private:
   std::uint64_t value_ = 0xcbf29ce484222325ULL;
 };
+
+// Hash of the ids and states of a snapshot's objects.
+StateHash hash_objects(const scene::Snapshot&);
 
 // Copies the field's heights into a snapshot and hashes heights and speeds, in blocks shared among threads.
 class FieldHasher {

@@ -5,8 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <map>
-#include <numeric>
 
 #include "common/files/AtomicFile.h"
 #include "smartsurf/record/plot/Plot.h"

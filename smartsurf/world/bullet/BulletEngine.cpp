@@ -13,7 +13,6 @@
 #include "smartsurf/world/bullet/BulletShape.h"
 #include "smartsurf/world/bullet/CellPool.h"
 #include "smartsurf/world/bullet/ConeFrictionSolver.h"
-#include "smartsurf/world/narrowphase/Shape.h"
 
 namespace smartsurf::world {
 namespace {
@@ -86,11 +85,6 @@ class SteppedWorld final : public btDiscreteDynamicsWorld {
 
 std::array<float, 3> to_array(const Eigen::Vector3f& v) { return {v.x(), v.y(), v.z()}; }
 
-template <std::size_t N>
-std::span<const float> flatten(const std::vector<std::array<float, N>>& all) {
-  return all.empty() ? std::span<const float>() : std::span(all.front().data(), N * all.size());
-}
-
 }  // namespace
 
 struct BulletEngine::Impl {
@@ -137,9 +131,8 @@ struct BulletEngine::Impl {
   std::vector<double> limits;                  // of the columns with a force limit
   std::vector<int> limit_index;                // of each column, or −1
   // Of each column in the last substep: the greatest velocity of what overloads it, so that it stays in touch.
-  // Of each column in the last substep: the greatest velocity of what overloads it, so that it stays in touch.
   std::vector<double> yield_speeds;
-  std::vector<int> loaded_cells;     // whose Field::impulse is not zero
+  std::vector<int> loaded_cells;  // whose Field::impulse is not zero
 };
 
 BulletEngine::Impl::Impl(const scene::SceneSpec& scene, surface::Field& f,
@@ -312,8 +305,8 @@ void BulletEngine::Impl::prepare_point(btManifoldPoint& p, const btRigidBody& a,
   const btScalar mobility = a.getInvMass() + b.getInvMass();
   // Bullet divides the compliance by the time step.
   p.m_contactCFM = bounces ? 0.0 : kRelativeCompliance * mobility * substep_s;
-  // Bullet solves for contacts that are still open, along today's normal. Of an impact it would forget the
-  // rebound, and a ball that rolls from cell to cell would hit their edges: these wait until they touch.
+  // Bullet also solves contacts that are still open, along their current normal. An impact would lose its rebound,
+  // and a ball that rolls from cell to cell would hit their edges: these contacts wait until they touch.
   const double normal_z = std::abs(p.m_normalWorldOnB.z());
   const double touching_gap = kRelativeTouchingGap * static_cast<double>(field.pitch);
   if (p.getDistance() > 0.0 && p.getDistance() < touching_gap) p.m_distance1 = 0.0;
@@ -565,12 +558,7 @@ void BulletEngine::snapshot(scene::Snapshot& out) const {
     out.velocity[i] = to_array(velocities_[i]);
     out.angular_velocity[i] = to_array(angular_velocities_[i]);
   }
-  StateHash hash;
-  for (const scene::ObjectId id : out.id) hash.add(id);
-  hash.add(flatten(out.position));
-  hash.add(flatten(out.orientation));
-  hash.add(flatten(out.velocity));
-  hash.add(flatten(out.angular_velocity));
+  StateHash hash = hash_objects(out);
   field_hasher_.copy_and_hash(field_, true, out.height, hash);
   out.state_hash = hash.value();
   out.contact_count = static_cast<std::uint32_t>(contact_count_);
