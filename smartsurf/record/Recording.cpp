@@ -88,7 +88,7 @@ struct Recording::Contents {
   std::vector<std::uint64_t> ticks, state_hashes;
   std::vector<std::uint32_t> contact_counts;
   std::vector<double> times;
-  bool has_objects = false;
+  bool has_objects = false, has_angular_velocities = false;
   std::optional<std::uint64_t> first_interaction_tick;
   std::optional<DeltaReader> inputs, heights, motion;
 };
@@ -168,6 +168,9 @@ void Recording::Contents::read_frames() {
   if (has_objects)
     for (const char* name : {"objects/position", "objects/orientation", "objects/velocity"})
       frames = std::min(frames, extents(open_dataset(file, name, 3)).at(0));
+  has_angular_velocities = has_objects && has_link(file, "objects/angular_velocity");
+  if (has_angular_velocities)
+    frames = std::min(frames, extents(open_dataset(file, "objects/angular_velocity", 3)).at(0));
   ticks = read_column<std::uint64_t>(file, "tick", H5T_NATIVE_UINT64, frames);
   ticks.erase(std::find(ticks.begin(), ticks.end(), kNoTick), ticks.end());
   times = read_column<double>(file, "time", H5T_NATIVE_DOUBLE, ticks.size());
@@ -271,6 +274,7 @@ std::optional<std::uint64_t> Recording::first_interaction_tick() const {
 }
 bool Recording::has_heights() const { return contents_->heights.has_value(); }
 bool Recording::has_motion() const { return contents_->motion.has_value(); }
+bool Recording::has_angular_velocities() const { return contents_->has_angular_velocities; }
 bool Recording::has_objects() const { return contents_->has_objects; }
 
 std::vector<float> Recording::read_positions(std::size_t first, std::size_t count) const {
@@ -278,6 +282,9 @@ std::vector<float> Recording::read_positions(std::size_t first, std::size_t coun
 }
 std::vector<float> Recording::read_velocities(std::size_t first, std::size_t count) const {
   return contents_->read_vectors("objects/velocity", first, count);
+}
+std::vector<float> Recording::read_angular_velocities(std::size_t first, std::size_t count) const {
+  return contents_->read_vectors("objects/angular_velocity", first, count);
 }
 const std::vector<std::uint32_t>& Recording::contact_counts() const { return contents_->contact_counts; }
 
@@ -301,14 +308,17 @@ scene::Snapshot Recording::read_snapshot(std::size_t frame) const {
     if (!has_objects()) return;
     const auto p = contents_->read_poses("objects/position", 3, frame, 1),
                q = contents_->read_poses("objects/orientation", 4, frame, 1),
-               v = contents_->read_poses("objects/velocity", 3, frame, 1);
+               v = contents_->read_poses("objects/velocity", 3, frame, 1),
+               w = has_angular_velocities()
+                       ? contents_->read_poses("objects/angular_velocity", 3, frame, 1)
+                       : std::vector<float>(v.size(), std::numeric_limits<float>::quiet_NaN());
     for (std::size_t i = 0; i < spec().objects.size(); ++i) {
       if (std::isnan(p[3 * i])) continue;
       shot.id.push_back(static_cast<scene::ObjectId>(i));
       shot.position.push_back({p[3 * i], p[3 * i + 1], p[3 * i + 2]});
       shot.orientation.push_back({q[4 * i], q[4 * i + 1], q[4 * i + 2], q[4 * i + 3]});
       shot.velocity.push_back({v[3 * i], v[3 * i + 1], v[3 * i + 2]});
-      shot.angular_velocity.push_back({0.0f, 0.0f, 0.0f});
+      shot.angular_velocity.push_back({w[3 * i], w[3 * i + 1], w[3 * i + 2]});
     }
   });
   return shot;

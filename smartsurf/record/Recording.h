@@ -59,14 +59,17 @@ class Recording {
 
   bool has_heights() const;
   bool has_motion() const;   // false if all actuators are pins
+  bool has_angular_velocities() const;  // false for recordings of older versions, which lack the dataset
   bool has_objects() const;  // false if the experiment did not record objects; there are then no poses
   // Frames [first, first + count) × objects × 3, u; NaN where the object did not exist.
   std::vector<float> read_positions(std::size_t first, std::size_t count) const;
   std::vector<float> read_velocities(std::size_t first, std::size_t count) const;  // likewise, u/s
+  // Likewise, rad/s, world frame. Requires has_angular_velocities().
+  std::vector<float> read_angular_velocities(std::size_t first, std::size_t count) const;
   const std::vector<std::uint32_t>& contact_counts() const;  // contact points, one per frame
   // Pin heights of a frame, rows × columns, u; valid until the next call. Requires has_heights().
   std::span<const float> read_heights(std::size_t frame) const;
-  // One frame. Angular velocities are not recorded and are 0. Heights are empty if !has_heights(), actuator
+  // One frame. Angular velocities are NaN if !has_angular_velocities(). Heights are empty if !has_heights(), actuator
   // states if !has_motion(). Reading frames in ascending order is the cheapest.
   scene::Snapshot read_snapshot(std::size_t frame) const;
   std::vector<std::string> channel_names(const std::string& group) const;  // "sensors" or "actuators"

@@ -53,6 +53,10 @@ SensorSpec SensorKind::default_spec() const {
 std::string SensorKind::validate(const SensorSpec& spec) const {
   if (std::string p = validate_values(name, parameters, spec.values); !p.empty()) return p;
   if (std::string p = validate_sensor_errors(name, spec.values); !p.empty()) return p;
+  if (const auto rate = spec.values.find("false_hits");
+      rate != spec.values.end() && rate->second.front() > 0.0 && mask_channel < 0)
+    return name + ".false_hits = " + format_number(rate->second.front()) +
+           ": must be 0: the sensor has no channel of detections";
   const std::string constraint_error = check_constraints ? check_constraints(spec) : "";
   return constraint_error.empty() ? "" : name + "." + constraint_error;
 }
@@ -67,6 +71,8 @@ std::span<const Parameter> sensor_error_parameters() {
        .type = Type::kCount,
        .maximum = 100.0},
       fraction_parameter("dropout", "probability that a reading is lost and shows no detection"),
+      fraction_parameter("false_hits",
+                         "probability that a cell that detects nothing reports a detection at a random distance"),
       {.name = "drift",
        .description =
            "standard deviation of each cell's random walk after one second, in the channel's unit"},

@@ -78,18 +78,95 @@ TEST(Rolling, SphereKeepsSpeedOnLevelField) {
   EXPECT_NEAR(fixture.position(id).y(), 15.3, 0.01);
 }
 
-TEST(Rolling, RollingFrictionDeceleratesSphere) {
-  // A torque ρ·N decelerates a sphere that rolls without slipping at a = ρ·g·r / (r² + 2r²/5).
-  PhysicsFixture fixture;
-  fixture.scene.surface.columns = 64;
-  fixture.scene.materials[0].rolling_friction = 0.05;
-  auto object = sphere(1.5, {3, 15.3, 1.5});
-  object.velocity = {3, 0, 0};
-  object.angular_velocity = {0, 2, 0};
-  const auto id = fixture.add(object);
-  fixture.run(2.0);
-  const double a = 0.05 * 9.81 / 1.5 / 1.4;
-  EXPECT_NEAR(fixture.velocity(id).x(), 3 - 2 * a, 0.02);
+// Rolling resistance: a torque of at most b·N against the relative angular velocity, with the lever arm b in u.
+// A sphere of radius r that rolls without slipping slows by b·g·r / (r² + 2r²/5) = 5/7·g·b/r.
+TEST(Rolling, LeverArmSlowsSphereByFiveSeventhsOfGTimesLeverOverRadius) {
+  struct Case {
+    double lever, radius, density;
+  };
+  for (const double rate : {60.0, 240.0, 960.0})
+    for (const auto& [lever, radius, density] : {Case{0.05, 1.5, 1.0}, Case{0.05, 0.75, 1.0}, Case{0.1, 1.5, 50.0}}) {
+      PhysicsFixture fixture;
+      fixture.scene.world.dt_s = 1 / rate;
+      fixture.scene.surface.columns = 64;
+      fixture.scene.surface.pin.top_x = fixture.scene.surface.pin.top_y = 1.0;
+      fixture.scene.materials[0].rolling_friction = lever;
+      fixture.scene.materials[0].density = density;
+      auto object = sphere(radius, {3, 15.3, radius});
+      object.velocity = {3, 0, 0};
+      object.angular_velocity = {0, 3 / radius, 0};
+      const auto id = fixture.add(object);
+      fixture.run(2.0);
+      const double slowed = 2.0 * 5.0 / 7.0 * 9.81 * lever / radius;
+      EXPECT_NEAR(3 - fixture.velocity(id).x(), slowed, 0.005 * slowed) << rate << ", " << lever << ", " << radius;
+      EXPECT_NEAR(fixture.angular_velocity(id).y() * radius, fixture.velocity(id).x(), 2e-3);
+    }
+}
+
+// The lever arm of two materials is the geometric mean of theirs.
+TEST(Rolling, LeverArmsOfTwoMaterialsCombineAsGeometricMean) {
+  for (const auto& [of_surface, of_sphere] : {std::pair(0.01, 0.16), std::pair(0.16, 0.01), std::pair(0.0, 0.16)}) {
+    PhysicsFixture fixture;
+    fixture.scene.surface.columns = 64;
+    fixture.scene.surface.pin.top_x = fixture.scene.surface.pin.top_y = 1.0;
+    fixture.scene.materials[0].rolling_friction = of_surface;
+    fixture.scene.materials.push_back(fixture.scene.materials[0]);
+    fixture.scene.materials[1].rolling_friction = of_sphere;
+    auto object = sphere(1.0, {3, 15.3, 1});
+    object.material = 1;
+    object.velocity = {3, 0, 0};
+    object.angular_velocity = {0, 3, 0};
+    const auto id = fixture.add(object);
+    fixture.run(2.0);
+    const double slowed = 2.0 * 5.0 / 7.0 * 9.81 * std::sqrt(of_surface * of_sphere);
+    EXPECT_NEAR(3 - fixture.velocity(id).x(), slowed, 0.005 * slowed + 1e-3) << of_surface << ", " << of_sphere;
+  }
+}
+
+// The same torque slows a sphere that spins about the normal: by b·g / (2r²/5).
+TEST(Rolling, LeverArmSlowsSpinAboutTheNormal) {
+  for (const double rate : {60.0, 240.0, 960.0}) {
+    PhysicsFixture fixture;
+    fixture.scene.world.dt_s = 1 / rate;
+    fixture.scene.materials[0].rolling_friction = 0.05;
+    auto object = sphere(1.0, {15, 15, 1});
+    object.angular_velocity = {0, 0, 4};
+    const auto id = fixture.add(object);
+    fixture.run(2.0);
+    const double slowed = 2.0 * 2.5 * 9.81 * 0.05;
+    EXPECT_NEAR(4 - fixture.angular_velocity(id).z(), slowed, 0.005 * slowed) << rate;
+  }
+}
+
+// On a slope, a sphere starts to roll at tan α = b/r; below, it rests.
+TEST(Rolling, SphereRollsFromSlopeOfLeverOverRadius) {
+  for (const double factor : {0.97, 1.03}) {
+    PhysicsFixture fixture;
+    const double lever = 0.05, angle = std::atan(factor * lever / 1.0), g = 9.81;
+    fixture.scene.world.gravity = {g * std::sin(angle), 0, -g * std::cos(angle)};
+    fixture.scene.surface.pin.top_x = fixture.scene.surface.pin.top_y = 1.0;
+    fixture.scene.materials[0].rolling_friction = lever;
+    const auto id = fixture.add(sphere(1.0, {3, 15, 1}));
+    fixture.run(3.0);
+    const double a = 5.0 / 7.0 * g * (std::sin(angle) - lever * std::cos(angle));
+    const double way = std::max(0.0, 0.5 * a * 9.0);
+    EXPECT_NEAR(fixture.position(id).x() - 3, way, 0.02 * way + 1e-3) << factor;
+  }
+}
+
+// Boxes and solids have no rolling resistance: their edges resist.
+TEST(Rolling, LeverArmDoesNotActOnBoxes) {
+  double left[2];
+  for (const bool resists : {false, true}) {
+    PhysicsFixture fixture;
+    fixture.scene.materials[0].rolling_friction = resists ? 0.2 : 0.0;
+    auto object = box({4, 4, 1}, {15, 15, 0.5});
+    object.angular_velocity = {0, 0, 3};
+    const auto id = fixture.add(object);
+    fixture.run(0.25);
+    left[resists] = fixture.angular_velocity(id).z();
+  }
+  EXPECT_EQ(left[0], left[1]);
 }
 
 TEST(Rolling, CylinderAcceleratesAtTwoThirdsOfGSine) {

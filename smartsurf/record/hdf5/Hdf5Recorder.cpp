@@ -89,7 +89,8 @@ struct Hdf5Recorder::OpenFile {
   scene::ObjectId live_begin = 0, live_end = 0;
 
   bool series_created = false;
-  std::optional<FrameSeries> tick, time, hash, contacts, position, orientation, velocity, height;
+  std::optional<FrameSeries> tick, time, hash, contacts, position, orientation, velocity, angular_velocity,
+      height;
   std::vector<FrameSeries> sensor_series, actuator_series;
   std::optional<DeltaWriter> inputs, heights, motion;
   std::vector<float> flat_motion;
@@ -137,7 +138,7 @@ void Hdf5Recorder::OpenFile::create_channels(const char* group, std::span<const 
 void Hdf5Recorder::OpenFile::create_series(const scene::Snapshot& first,
                                            std::span<const scene::ChannelData> sensors,
                                            std::span<const scene::ChannelData> actuators) {
-  std::size_t bytes = record.objects ? object_count * 10 * sizeof(float) : 0;
+  std::size_t bytes = record.objects ? object_count * 13 * sizeof(float) : 0;
   if (record.sensors)
     for (const scene::ChannelData& channel : sensors) bytes += channel.values.size_bytes();
   if (record.actuators) {
@@ -160,6 +161,7 @@ void Hdf5Recorder::OpenFile::create_series(const scene::Snapshot& first,
     position.emplace(make_pose_series("position", 3));
     orientation.emplace(make_pose_series("orientation", 4));
     velocity.emplace(make_pose_series("velocity", 3));
+    angular_velocity.emplace(make_pose_series("angular_velocity", 3));
   }
   heights.emplace(surface_group, "changes", static_cast<std::size_t>(surface.cell_count()));
   if (!first.actuator_state.empty())
@@ -178,20 +180,23 @@ void Hdf5Recorder::OpenFile::add_objects(const std::vector<scene::ObjectSpec>& a
                          all.end());
   object_count = all.size();
   if (!series_created || !record.objects) return;
-  for (FrameSeries* series : {&*position, &*orientation, &*velocity}) series->grow_columns(object_count);
+  for (FrameSeries* series : {&*position, &*orientation, &*velocity, &*angular_velocity})
+    series->grow_columns(object_count);
 }
 
 void Hdf5Recorder::OpenFile::buffer_objects(const scene::Snapshot& snapshot) {
   const std::span<float> p = position->row<float>(buffered_frames),
                          q = orientation->row<float>(buffered_frames),
-                         v = velocity->row<float>(buffered_frames);
-  for (const std::span<float> all : {p, q, v}) std::fill(all.begin(), all.end(), kNaN);
+                         v = velocity->row<float>(buffered_frames),
+                         w = angular_velocity->row<float>(buffered_frames);
+  for (const std::span<float> all : {p, q, v, w}) std::fill(all.begin(), all.end(), kNaN);
   for (std::size_t i = 0; i < snapshot.object_count(); ++i) {
     const std::size_t id = snapshot.id[i];
     assert(id < object_count);
     std::copy_n(snapshot.position[i].begin(), 3, p.begin() + static_cast<std::ptrdiff_t>(3 * id));
     std::copy_n(snapshot.orientation[i].begin(), 4, q.begin() + static_cast<std::ptrdiff_t>(4 * id));
     std::copy_n(snapshot.velocity[i].begin(), 3, v.begin() + static_cast<std::ptrdiff_t>(3 * id));
+    std::copy_n(snapshot.angular_velocity[i].begin(), 3, w.begin() + static_cast<std::ptrdiff_t>(3 * id));
   }
   if (snapshot.id.empty()) return;
   live_begin = live_end == 0 ? snapshot.id.front() : std::min(live_begin, snapshot.id.front());
@@ -235,7 +240,7 @@ void Hdf5Recorder::OpenFile::buffer_frame(const scene::Snapshot& snapshot,
 
 template <class Action>
 void Hdf5Recorder::OpenFile::for_each_series(Action action) {
-  for (auto* series : {&position, &orientation, &velocity, &height})
+  for (auto* series : {&position, &orientation, &velocity, &angular_velocity, &height})
     if (*series) action(**series);
   for (FrameSeries& series : sensor_series) action(series);
   for (FrameSeries& series : actuator_series) action(series);

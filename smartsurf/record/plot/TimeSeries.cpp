@@ -135,13 +135,23 @@ TimeSeries object_series(const Recording& recording, const std::string& kind, co
   return result;
 }
 
+double length_of(const float* v) {
+  return std::sqrt(double{v[0]} * v[0] + double{v[1]} * v[1] + double{v[2]} * v[2]);
+}
+
 TimeSeries speed_series(const Recording& recording, const std::string& kind, const Arguments& ids) {
   return object_series(
       recording, kind, ids, {"Speed of the objects", ids.empty() ? "mean speed [u/s]" : "speed [u/s]", {}},
-      [](const float* v) {
-        return std::sqrt(double{v[0]} * v[0] + double{v[1]} * v[1] + double{v[2]} * v[2]);
-      },
-      &Recording::read_velocities);
+      length_of, &Recording::read_velocities);
+}
+
+TimeSeries spin_series(const Recording& recording, const std::string& kind, const Arguments& ids) {
+  if (recording.has_objects() && !recording.has_angular_velocities())
+    throw scene::InputError(recording.path().string() +
+                            ": has no angular velocities: an older version recorded it");
+  return object_series(recording, kind, ids,
+                       {"Angular speed of the objects", ids.empty() ? "mean spin [rad/s]" : "spin [rad/s]", {}},
+                       length_of, &Recording::read_angular_velocities);
 }
 
 TimeSeries coordinate_series(const Recording& recording, const std::string& kind, const Arguments& ids) {
@@ -180,6 +190,7 @@ struct SeriesDefinition {
 };
 // To add a series, write its function and add a line here.
 constexpr SeriesDefinition kSeriesDefinitions[] = {{"speed", "speed[:ID…]", speed_series},
+                                                   {"spin", "spin[:ID…]", spin_series},
                                                    {"x", "x[:ID…]", coordinate_series},
                                                    {"y", "y[:ID…]", coordinate_series},
                                                    {"z", "z[:ID…]", coordinate_series},

@@ -61,6 +61,7 @@ SensorErrorModel::SensorErrorModel(const scene::SensorSpec& spec, const scene::S
   quantize_ = parameter_or_zero(spec.values, shared_values, "quantize");
   drift_ = parameter_or_zero(spec.values, shared_values, "drift");
   dropout_ = parameter_or_zero(spec.values, shared_values, "dropout");
+  if (mask_ > 0) false_hits_ = parameter_or_zero(spec.values, shared_values, "false_hits");
   latency_ = static_cast<int>(parameter_or_zero(spec.values, shared_values, "latency"));
   draw_faults(spec.values, shared_values);
   load_fault_map(map);
@@ -68,7 +69,11 @@ SensorErrorModel::SensorErrorModel(const scene::SensorSpec& spec, const scene::S
   const bool has_measured_channel =
       std::ranges::any_of(channels_, [](const ChannelState& c) { return !c.description.is_exact; });
   if (has_measured_channel && (noise_ > 0.0 || quantize_ > 0.0 || drift_ > 0.0)) active_ = true;
-  if (dropout_ > 0.0 || latency_ > 0) active_ = true;
+  if (dropout_ > 0.0 || latency_ > 0 || false_hits_ > 0.0) active_ = true;
+  const ChannelState& measured = channels_.front();
+  const bool has_value_errors = noise_ > 0.0 || quantize_ > 0.0 || drift_ > 0.0 || false_hits_ > 0.0 ||
+                                !measured.gain.empty() || !measured.offset.empty();
+  mask_follows_readings_ = mask_ > 0 && !measured.description.is_exact && has_value_errors;
   if (active_) allocate_buffers();
 }
 
@@ -203,6 +208,7 @@ void SensorErrorModel::apply(std::uint64_t tick, std::span<const std::span<const
 
 void SensorErrorModel::compute_readings(std::uint64_t tick, std::size_t first, std::size_t last) noexcept {
   for (ChannelState& c : channels_) compute_channel(tick, c, first, last);
+  if (mask_follows_readings_) compute_mask(first, last);
   if (dropout_ <= 0.0) return;
   const CounterRandom dropout_random(seed_, channels_.front().stream + kDropout, tick);
   for (std::size_t cell = first; cell < last; ++cell) {
@@ -213,13 +219,30 @@ void SensorErrorModel::compute_readings(std::uint64_t tick, std::size_t first, s
   }
 }
 
+// A measured value at the limit of the range is no detection.
+void SensorErrorModel::compute_mask(std::size_t first, std::size_t last) noexcept {
+  ChannelState& mask = channels_[static_cast<std::size_t>(mask_)];
+  const ChannelState& measured = channels_.front();
+  const auto none = static_cast<float>(measured.description.no_detection);
+  for (std::size_t cell = first; cell < last; ++cell)
+    if (mask.state.empty() || mask.state[cell] == CellState::kWorking)
+      mask.readings[cell] = measured.readings[cell] != none ? 1.0F : 0.0F;
+}
+
+float SensorErrorModel::false_reading(const scene::SensorChannel& c, double uniform) const noexcept {
+  const double value = c.minimum + (c.maximum - c.minimum) * uniform;
+  return clamp_to_range(c, quantize_ > 0.0 ? std::floor(value / quantize_) * quantize_ : value);
+}
+
 void SensorErrorModel::compute_channel(std::uint64_t tick, ChannelState& c, std::size_t first,
                                        std::size_t last) noexcept {
   const CounterRandom noise_random(seed_, c.stream + kNoise, tick),
       drift_random(seed_, c.stream + kDrift, tick);
   const double drift_step = drift_ * std::sqrt(period_s_);
   const auto none = static_cast<float>(c.description.no_detection);
-  const float* const mask = mask_ < 0 ? nullptr : channels_[static_cast<std::size_t>(mask_)].truth.data();
+  const ChannelState* const mask = mask_ < 0 ? nullptr : &channels_[static_cast<std::size_t>(mask_)];
+  // A mask has no noise: its stream is free for the false hits.
+  const CounterRandom false_hit_random(seed_, (mask == nullptr ? c : *mask).stream + kNoise, tick);
   for (std::size_t plane = 0; plane < c.readings.size(); plane += cells_)
     for (std::size_t cell = first; cell < last; ++cell) {
       const std::size_t index = plane + cell;
@@ -227,13 +250,18 @@ void SensorErrorModel::compute_channel(std::uint64_t tick, ChannelState& c, std:
       if (!c.description.is_exact) {
         if (!c.drift.empty() && tick > 0)
           c.drift[index] += static_cast<float>(drift_step * drift_random.normal(index));
-        double value = reading;
-        if (!c.gain.empty()) value *= c.gain[cell];
-        if (!c.offset.empty()) value += c.offset[cell];
-        if (!c.drift.empty()) value += c.drift[index];
-        if (noise_ > 0.0) value += noise_ * noise_random.normal(index);
-        if (quantize_ > 0.0) value = std::round(value / quantize_) * quantize_;
-        reading = mask != nullptr && mask[cell] == 0.0F ? none : clamp_to_range(c.description, value);
+        if (mask != nullptr && mask->truth[cell] == 0.0F) {
+          const bool is_false_hit = false_hits_ > 0.0 && false_hit_random.uniform(cell) < false_hits_;
+          reading = is_false_hit ? false_reading(c.description, noise_random.uniform(index)) : none;
+        } else {
+          double value = reading;
+          if (!c.gain.empty()) value *= c.gain[cell];
+          if (!c.offset.empty()) value += c.offset[cell];
+          if (!c.drift.empty()) value += c.drift[index];
+          if (noise_ > 0.0) value += noise_ * noise_random.normal(index);
+          if (quantize_ > 0.0) value = std::round(value / quantize_) * quantize_;
+          reading = clamp_to_range(c.description, value);
+        }
       }
       if (!c.state.empty() && c.state[cell] != CellState::kWorking)
         reading = c.state[cell] == CellState::kDead ? none : c.stuck_value[cell];

@@ -2,6 +2,9 @@
 //
 //   true value → latency → gain·x + offset → + drift + noise → quantization → clamp to the range
 //              → stuck and dead cells → dropout
+//   no detection → false hit: a uniformly distributed value
+//
+// The mask follows the readings: a cell detects if its reading differs from that for no detection.
 //
 // Every random number is a function of seed, channel, cell and tick (CounterRandom).
 #pragma once
@@ -64,15 +67,19 @@ class SensorErrorModel {
   const scene::SensorChannel& measured_channel(const ChannelState&) const;
   void compute_readings(std::uint64_t tick, std::size_t first, std::size_t last) noexcept;
   void compute_channel(std::uint64_t tick, ChannelState&, std::size_t first, std::size_t last) noexcept;
+  // The reading of a false hit; uniform: in [0, 1).
+  float false_reading(const scene::SensorChannel&, double uniform) const noexcept;
+  void compute_mask(std::size_t first, std::size_t last) noexcept;
 
   int rows_, columns_;
   std::size_t cells_;
   double period_s_;
   std::uint64_t seed_;
   int mask_;  // index of the mask channel, or −1
-  double noise_ = 0.0, quantize_ = 0.0, drift_ = 0.0, dropout_ = 0.0;
+  double noise_ = 0.0, quantize_ = 0.0, drift_ = 0.0, dropout_ = 0.0, false_hits_ = 0.0;
   int latency_ = 0;
   bool active_ = false;
+  bool mask_follows_readings_ = false;  // the errors of the first channel decide what is detected
   std::vector<ChannelState> channels_;
 };
 

@@ -31,7 +31,8 @@ void draw_object_rows(const FrameInput& input, scene::ObjectId id, Controls& con
   }
   draw_vector_row("position", "u", input.snapshot.position[*i]);
   draw_vector_row("velocity", "u/s", input.snapshot.velocity[*i]);
-  draw_vector_row("spin", "rad/s", input.snapshot.angular_velocity[*i]);
+  if (!std::isnan(input.snapshot.angular_velocity[*i][0]))
+    draw_vector_row("spin", "rad/s", input.snapshot.angular_velocity[*i]);
   bool following = controls.followed() == id;
   if (ImGui::Checkbox("follow (O)", &following))
     controls.follow(following ? std::optional(id) : std::nullopt);

@@ -180,6 +180,7 @@ TEST(TimeSeries, ReadsEveryFrame) {
   EXPECT_DOUBLE_EQ(only("objects")[7], 2.0);
   EXPECT_DOUBLE_EQ(only("contacts")[7], 2.0);
   EXPECT_NEAR(only("speed", {"0", "1"})[600], std::sqrt(5.0 + 600.0 * 600.0), 1e-3);
+  EXPECT_NEAR(only("spin", {"0", "1"})[600], std::sqrt(300.0 * 300.0 + 1.0 + 1.0), 1e-3);
   EXPECT_DOUBLE_EQ(only("height", {"2,3"})[9], 9.0);
   EXPECT_NEAR(only("x")[0], 15.5, 1e-6) << "mean of both";
 }
@@ -188,7 +189,7 @@ TEST(Plot, WritesSvg) {
   const OutputFolder out;
   const Recording recording = record_two_trajectories(out / "run.h5");
   for (const std::string kind :
-       {"trajectories", "purity", "time-spent", "time-spent:small", "speed", "speed:0:1", "x:1", "z",
+       {"trajectories", "purity", "time-spent", "time-spent:small", "speed", "speed:0:1", "spin:1", "x:1", "z",
         "objects", "contacts", "height:0,0", "height:3,4:5,6"}) {
     SCOPED_TRACE(kind);
     write_plot(recording, kind, out / "figure.svg");
@@ -212,8 +213,8 @@ TEST(Plot, RejectsInvalidRequests) {
     return "";
   };
   EXPECT_EQ(error_of("trajectory", out / "a.png"),
-            "--what trajectory: unknown kind of plot; known: trajectories, purity, time-spent, speed, x, y, "
-            "z, objects, contacts, height; did you mean 'trajectories'?");
+            "--what trajectory: unknown kind of plot; known: trajectories, purity, time-spent, speed, "
+            "spin, x, y, z, objects, contacts, height; did you mean 'trajectories'?");
   EXPECT_EQ(error_of("height", out / "a.png"), "--what height: needs a cell: height:ROW,COLUMN");
   EXPECT_EQ(error_of("height:3", out / "a.png"), "--what height:3: must be height:ROW,COLUMN");
   EXPECT_EQ(error_of("height:3,32", out / "a.png"),

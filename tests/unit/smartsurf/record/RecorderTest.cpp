@@ -52,6 +52,7 @@ TEST(Recorder, WritesEveryFrame) {
     EXPECT_EQ(read.position, expected.position);
     EXPECT_EQ(read.orientation, expected.orientation);
     EXPECT_EQ(read.velocity, expected.velocity);
+    EXPECT_EQ(read.angular_velocity, expected.angular_velocity);
     EXPECT_EQ(read.height, expected.height);
   }
 }
@@ -130,6 +131,8 @@ TEST(Recorder, MissingObjectsAreNaN) {
     EXPECT_EQ(std::isnan(x(t, 2)), t >= 140) << t;
     EXPECT_EQ(std::isnan(x(t, 3)), t < 70) << t;
   }
+  const std::vector<float> w = recording.read_angular_velocities(0, 200);
+  for (std::size_t i = 0; i < p.size(); ++i) EXPECT_EQ(std::isnan(w[i]), std::isnan(p[i]));
   EXPECT_EQ(x(69, 0), SyntheticRun::x(69, 0));
   EXPECT_EQ(x(70, 3), SyntheticRun::x(70, 3));
   EXPECT_EQ(x(199, 3), SyntheticRun::x(199, 3));
@@ -149,6 +152,7 @@ TEST(Recorder, AcceptsObjectsAddedLater) {
   ASSERT_EQ(recording.frames(), 71u);
   EXPECT_EQ(recording.read_snapshot(69).object_count(), 0u);
   EXPECT_EQ(recording.read_snapshot(70).position, run.snapshot_at(70, {0, 39}).position);
+  EXPECT_EQ(recording.read_snapshot(70).angular_velocity, run.snapshot_at(70, {0, 39}).angular_velocity);
 }
 
 TEST(Recorder, RecordsEveryNthTick) {
@@ -270,6 +274,7 @@ TEST(Recorder, ReadableWithH5py) {
             "(10,) uint64 uint64 9223372036854775811\n"
             "(10, 3, 3) float32 1.2999999523162842\n"
             "[0.0, 0.6000000238418579, 0.0, 0.800000011920929]\n"
+            "(10, 3, 3) float32 [2.0, 1.0, -1.0]\n"
             "['small', 'large', ''] ['sphere', 'cylinder', 'box']\n"
             "[2.0, 4.0, nan] 67.020643\n"
             "(10, 4, 6) gzip True\n" +

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <hdf5.h>
 
+#include <cmath>
 #include <fstream>
 
 #include "tests/unit/smartsurf/record/SyntheticRun.h"
@@ -78,12 +79,29 @@ TEST(Recording, NamesMissingPart) {
   }
 }
 
+TEST(Recording, OpensFileWithoutAngularVelocities) {
+  const OutputFolder out;
+  write_run(out / "run.h5");
+  EXPECT_TRUE(Recording::open(out / "run.h5").has_angular_velocities());
+  const hid_t file = H5Fopen((out / "run.h5").c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
+  ASSERT_GE(H5Ldelete(file, "objects/angular_velocity", H5P_DEFAULT), 0);
+  H5Fclose(file);
+  const Recording recording = Recording::open(out / "run.h5");
+  ASSERT_EQ(recording.frames(), 100u);
+  EXPECT_FALSE(recording.has_angular_velocities());
+  const scene::Snapshot read = recording.read_snapshot(7), written = SyntheticRun().snapshot_at(7, {0, 1, 2});
+  EXPECT_EQ(read.velocity, written.velocity);
+  ASSERT_EQ(read.angular_velocity.size(), 3u);
+  for (const auto& w : read.angular_velocity) EXPECT_TRUE(std::isnan(w[0]));
+}
+
 TEST(Recording, IgnoresImplausibleExtents) {
   const OutputFolder out;
   write_run(out / "run.h5");
   const hid_t file = H5Fopen((out / "run.h5").c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
   for (const char* name :
-       {"tick", "time", "hash", "contacts", "objects/position", "objects/orientation", "objects/velocity"}) {
+       {"tick", "time", "hash", "contacts", "objects/position", "objects/orientation", "objects/velocity",
+        "objects/angular_velocity"}) {
     const hid_t dataset = H5Dopen2(file, name, H5P_DEFAULT);
     const hsize_t huge[] = {hsize_t{1} << 40, 3, 3};
     const hsize_t huge_orientation[] = {hsize_t{1} << 40, 3, 4};

@@ -79,7 +79,7 @@ struct SyntheticRun {
       shot.position.push_back({x(tick, id), 2.0f, 3.0f});
       shot.orientation.push_back({0.0f, 0.6f, 0.0f, 0.8f});
       shot.velocity.push_back({1.0f, 2.0f, static_cast<float>(tick)});
-      shot.angular_velocity.push_back({0.0f, 0.0f, 0.0f});
+      shot.angular_velocity.push_back({0.5f * static_cast<float>(tick), static_cast<float>(id), -1.0f});
     }
     return shot;
   }

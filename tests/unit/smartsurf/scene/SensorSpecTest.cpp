@@ -47,6 +47,9 @@ TEST(SensorKind, ErrorsNameTheField) {
   EXPECT_EQ(problem("camera", {{"floor", {200}}}), "camera.floor = 200: must be below the height, 100");
   EXPECT_EQ(problem("proximity", {{"noise", {-1}}}), "proximity.noise = -1: must be in [0, 1000000]");
   EXPECT_EQ(problem("proximity", {{"dropout", {1.5}}}), "proximity.dropout = 1.5: must be in [0, 1]");
+  EXPECT_EQ(problem("proximity", {{"false_hits", {0.1}}}), "");
+  EXPECT_EQ(problem("colour", {{"false_hits", {0.1}}}),
+            "colour.false_hits = 0.1: must be 0: the sensor has no channel of detections");
   EXPECT_EQ(problem("proximity", {{"dead", {0.5}}, {"stuck_low", {0.6}}}),
             "proximity: stuck_low, stuck_high and dead add up to 1.1: must be at most 1");
 }

@@ -155,6 +155,75 @@ TEST(SensorErrorModel, DropoutReadsAsNoDetection) {
   EXPECT_NE(p.read(s), first);
 }
 
+// The measured distance d + σ·N misses the range with probability Φ((d − range)/σ). The interval is 5 standard
+// deviations of the binomial distribution.
+TEST(SensorErrorModel, NoiseBeyondRangeIsAMiss) {
+  constexpr int kTicks = 20;
+  for (const double sigmas : {0.0, 0.5, 1.0, 2.0}) {
+    Plate p({{"noise", {0.1}}});
+    p.snapshot.position[0][2] = static_cast<float>(9.0 - 0.1 * sigmas - 1e-4);
+    SensorArray s = p.sensors();
+    double misses = 0, readings = 0;
+    for (int tick = 0; tick < kTicks; ++tick) {
+      const auto read = p.read(s);
+      for (std::size_t i = 0; i < read.size(); ++i) {
+        EXPECT_EQ(s.readings(1)[i], read[i] == 8.0F ? 0.0F : 1.0F);
+        misses += read[i] == 8.0F;
+        ++readings;
+      }
+      EXPECT_EQ(std::ranges::count(s.truth(1), 1.0F), p.spec.cell_count());
+    }
+    const double expected = 0.5 * std::erfc((sigmas + 1e-3) / std::sqrt(2.0));
+    EXPECT_NEAR(misses / readings, expected, 5 * std::sqrt(expected * (1 - expected) / readings)) << sigmas;
+  }
+}
+
+TEST(SensorErrorModel, FalseHitsAreUniformlyDistributed) {
+  constexpr int kTicks = 20;
+  SensorFixture t(40, 50);
+  t.add_sensor("proximity", {{"false_hits", {0.1}}});
+  SensorArray s = t.sensors();
+  std::vector<double> distances;
+  std::vector<float> first;
+  for (int tick = 0; tick < kTicks; ++tick) {
+    s.sense(t.snapshot, t.catalogue, t.pool);
+    if (tick == 0) first.assign(s.readings(0).begin(), s.readings(0).end());
+    for (std::size_t i = 0; i < s.readings(0).size(); ++i) {
+      EXPECT_EQ(s.readings(1)[i], s.readings(0)[i] < 8.0F ? 1.0F : 0.0F);
+      if (s.readings(0)[i] < 8.0F) distances.push_back(static_cast<double>(s.readings(0)[i]));
+    }
+    EXPECT_EQ(std::ranges::count(s.truth(1), 0.0F), t.spec.cell_count());
+  }
+  const double readings = 2000.0 * kTicks, hits = static_cast<double>(distances.size());
+  EXPECT_NEAR(hits / readings, 0.1, 5 * std::sqrt(0.1 * 0.9 / readings));
+  EXPECT_NEAR(statistics_of(distances).mean, 4.0, 5 * 8.0 / std::sqrt(12.0 * hits));
+  EXPECT_NEAR(statistics_of(distances).deviation, 8.0 / std::sqrt(12.0), 0.1);
+  SensorArray again = t.sensors(), other = t.sensors({}, 2);
+  again.sense(t.snapshot, t.catalogue, t.pool);
+  EXPECT_TRUE(std::ranges::equal(again.readings(0), first));
+  other.sense(t.snapshot, t.catalogue, t.pool);
+  EXPECT_FALSE(std::ranges::equal(other.readings(0), first));
+}
+
+TEST(SensorErrorModel, QuantizedFalseHitsStayBelowTheRange) {
+  SensorFixture t(40, 50);
+  t.add_sensor("proximity", {{"false_hits", {1.0}}, {"quantize", {2.0}}, {"dropout", {0.5}}});
+  SensorArray s = t.sensors();
+  s.sense(t.snapshot, t.catalogue, t.pool);
+  for (const float distance : {0.0F, 2.0F, 4.0F, 6.0F})
+    EXPECT_NEAR(static_cast<double>(std::ranges::count(s.readings(0), distance)) / 2000.0, 0.125,
+                5 * std::sqrt(0.125 * 0.875 / 2000.0));
+  EXPECT_EQ(std::ranges::count(s.readings(0), 8.0F), std::ranges::count(s.readings(1), 0.0F));
+}
+
+// What is detected is never replaced by a false hit.
+TEST(SensorErrorModel, FalseHitsLeaveDetections) {
+  Plate p({{"false_hits", {0.5}}});
+  SensorArray s = p.sensors();
+  EXPECT_EQ(std::ranges::count(p.read(s), 3.0F), p.spec.cell_count());
+  EXPECT_EQ(std::ranges::count(s.readings(1), 1.0F), p.spec.cell_count());
+}
+
 TEST(SensorErrorModel, StuckAndDeadCellsPersist) {
   Plate p({{"stuck_low", {0.1}}, {"stuck_high", {0.05}}, {"dead", {0.02}}});
   SensorArray s = p.sensors();
