@@ -16,8 +16,9 @@ std::vector<ActuatorKind>& registry() {
 
 }  // namespace
 
-std::string Parameter::range_text() const {
-  if (exclusive_minimum && maximum >= 1e6) return "greater than " + format_number(minimum);
+std::string Parameter::range_text(double refused) const {
+  if (exclusive_minimum && maximum >= 1e6 && !(refused > maximum))
+    return "greater than " + format_number(minimum);
   return std::string("in ") + (exclusive_minimum ? "(" : "[") + format_number(minimum) + ", " +
          format_number(maximum) + "]";
 }
@@ -51,7 +52,7 @@ std::string ActuatorKind::validate(const ActuatorSpec& spec) const {
     for (std::size_t i = 0; i < values.size(); ++i)
       if (!p.accepts(values[i]))
         return name + "." + p.name + (values.size() > 1 ? "[" + std::to_string(i + 1) + "]" : "") + " = " +
-               format_number(values[i]) + ": must be " + p.range_text();
+               format_number(values[i]) + ": must be " + p.range_text(values[i]);
     if (p.type == Parameter::Type::kRange && values[1] < values[0])
       return name + "." + p.name + "[2] = " + format_number(values[1]) + ": must be not below " + name + "." +
              p.name + "[1] = " + format_number(values[0]);

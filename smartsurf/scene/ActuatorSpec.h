@@ -32,8 +32,8 @@ struct Parameter {
   bool exclusive_minimum = false;          // excludes `minimum` itself
   std::vector<std::string> choices = {};
 
-  // The limits in words: "in [0, 1]", "greater than 0".
-  std::string range_text() const;
+  // The limits in words, for a value that they refuse: "in [0, 1]", "greater than 0".
+  std::string range_text(double refused) const;
   bool accepts(double value) const;
 };
 

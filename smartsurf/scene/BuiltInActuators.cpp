@@ -25,6 +25,12 @@ Parameter positive_parameter(std::string name, double default_value, std::string
           .exclusive_minimum = true};
 }
 
+Parameter force_parameter(double default_value, std::string description) {
+  Parameter force = positive_parameter("max_force", default_value, std::move(description));
+  force.maximum = 1e12;
+  return force;
+}
+
 Parameter number_parameter(std::string name, double default_value, double minimum, double maximum,
                            std::string description) {
   return {.name = std::move(name),
@@ -61,8 +67,7 @@ ActuatorKind pin_kind() {
                              .minimum = -1e6});
   kind.parameters.push_back(positive_parameter("max_speed", 20.0, "greatest speed, u/s"));
   kind.parameters.push_back(positive_parameter("max_acceleration", 400.0, "greatest acceleration, u/s²"));
-  Parameter force = positive_parameter(
-      "max_force", 0.0, "load at which a rising pin stalls, mass·u/s²; unlimited if absent");
+  Parameter force = force_parameter(0.0, "load at which a rising pin stalls, mass·u/s²; unlimited if absent");
   force.default_value.clear();
   kind.parameters.push_back(force);
   kind.channels = [](const ActuatorSpec& s) -> std::vector<ActuatorChannel> {
@@ -165,7 +170,7 @@ ActuatorKind force_field_kind() {
   return {
       .name = "force_field",
       .parameters = with_body_parameters(
-          {positive_parameter("max_force", 10.0, "greatest force of a cell along each axis, mass·u/s²"),
+          {force_parameter(10.0, "greatest force of a cell along each axis, mass·u/s²"),
            positive_parameter("reach", 0.5, "height above the cell up to which it acts, u"),
            choice_parameter("fall_off", {"linear", "flat", "gaussian"}, "how the force falls with height"),
            lag_parameter(0.0)}),

@@ -29,7 +29,7 @@ std::string validate_values(const std::string& subject, std::span<const Paramete
     for (std::size_t i = 0; i < found->second.size(); ++i)
       if (!p.accepts(found->second[i]))
         return subject + "." + p.name + (found->second.size() > 1 ? "[" + std::to_string(i + 1) + "]" : "") +
-               " = " + format_number(found->second[i]) + ": must be " + p.range_text();
+               " = " + format_number(found->second[i]) + ": must be " + p.range_text(found->second[i]);
   }
   return "";
 }

@@ -5,6 +5,7 @@
 #include <numbers>
 #include <string>
 
+#include "smartsurf/scene/CellOverlap.h"
 #include "smartsurf/script/ScriptContext.h"
 #include "smartsurf/script/lua/TableReader.h"
 
@@ -257,6 +258,24 @@ void set_actuators(const NamedActuators& actuators, scene::SurfaceSpec& s) {
   for (const NamedActuator& a : actuators) s.actuators.emplace_back(a.spec).values.try_emplace("top", top);
 }
 
+// The cell as the script gives it: "positions[3] = {1, 2}", or "cell (2, 3)".
+std::string placed_cell(const scene::SurfaceSpec& s, int cell, bool has_positions) {
+  if (!has_positions)
+    return "cell (" + std::to_string(cell / s.columns + 1) + ", " + std::to_string(cell % s.columns + 1) + ")";
+  const scene::CellPose& p = s.cell_poses[static_cast<std::size_t>(cell)];
+  return "positions[" + std::to_string(cell + 1) + "] = {" + format_value(p.x) + ", " + format_value(p.y) +
+         (p.angle != 0.0 ? ", " + format_value(p.angle) : "") + "}";
+}
+
+void check_overlap(const scene::SurfaceSpec& s, bool has_positions) {
+  const auto overlap = scene::find_overlap(s);
+  if (!overlap) return;
+  throw ScriptError("surface." + placed_cell(s, overlap->first, has_positions) + " and " +
+                    placed_cell(s, overlap->second, has_positions) + " overlap by " +
+                    format_value(overlap->depth) + " u: must not overlap with tops of " +
+                    format_value(s.pin.top_x) + " × " + format_value(s.pin.top_y) + " u");
+}
+
 }  // namespace
 
 void read_layout(ScriptContext& context, lua_State* L, const TableReader& fields, scene::SurfaceSpec& s) {
@@ -322,6 +341,7 @@ void read_layout(ScriptContext& context, lua_State* L, const TableReader& fields
   });
   fields.visit("tilt", [&](int i, const std::string& name) { read_tilt(L, i, name, s); });
   derive_pin_spec(s);
+  check_overlap(s, fields.has("positions"));
 }
 
 }  // namespace smartsurf::script

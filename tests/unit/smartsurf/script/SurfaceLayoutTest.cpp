@@ -60,6 +60,13 @@ TEST_F(LayoutTest, HexCellsHaveSixNeighboursAtPitch) {
   EXPECT_EQ(near, 6);
 }
 
+TEST_F(LayoutTest, ForceLimitsReachFarAboveAMillion) {
+  for (const char* const actuator : {"pin", "force_field"}) {
+    const Experiment e = load(std::string("surface{actuator = ") + actuator + "{max_force = 1e12}}");
+    EXPECT_EQ(e.scene().surface.actuators[0].number("max_force"), 1e12);
+  }
+}
+
 TEST_F(LayoutTest, MissingPositionsAreEmptyCells) {
   const Experiment e = load("surface{rows = 2, columns = 2, positions = {{0, 0}, {3, 1, 0.5}, false}}");
   const scene::SurfaceSpec& s = e.scene().surface;
