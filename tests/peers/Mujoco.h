@@ -1,4 +1,5 @@
-// A MuJoCo model built from MJCF, with its state: an independent engine for comparison.
+// A MuJoCo model built from MJCF, with its state: an independent engine for comparison. Compiles with the newest wheel
+// and with Debian's 2.2.
 #pragma once
 
 #include <mujoco/mujoco.h>

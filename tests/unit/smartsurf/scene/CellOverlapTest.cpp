@@ -66,7 +66,9 @@ TEST(CellOverlap, MatchesPointsOfOneTopInsideAnother) {
           }
     const auto found = find_overlap(cells_at(poses, kX, kY));
     // Overlaps thinner than the grid of points may be missed by it.
-    if (!found || found->depth > 0.02) EXPECT_EQ(found.has_value(), expected) << trial;
+    if (!found || found->depth > 0.02) {
+      EXPECT_EQ(found.has_value(), expected) << trial;
+    }
     overlapping += expected;
   }
   EXPECT_GT(overlapping, 50);
