@@ -135,7 +135,7 @@ TEST(IndependentEngine, SpinningBoxSlidesToRest) {
   o.velocity = {3.5, 2.0, 0};
   o.angular_velocity = {0, 0, 3};
   c.objects = {o};
-  expect_agreement(c, 0.5, {0.05, 0.1, 0.8});  // MuJoCo's box rocks slightly at the seams
+  expect_agreement(c, 0.5, {0.05, 0.15, 0.8});  // MuJoCo's box rocks slightly at the seams
   expect_agreement(c, 2.0, {0.05, 0.01, 0.01});
 }
 

@@ -1,6 +1,7 @@
 // The layout fields of surface{}: actuators, cells, mask, layout, positions, modules, base, tilt.
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <functional>
 #include <numbers>
 #include <string>
@@ -270,9 +271,11 @@ std::string placed_cell(const scene::SurfaceSpec& s, int cell, bool has_position
 void check_overlap(const scene::SurfaceSpec& s, bool has_positions) {
   const auto overlap = scene::find_overlap(s);
   if (!overlap) return;
+  char depth[32];
+  std::snprintf(depth, sizeof depth, "%.3g", overlap->depth);
   throw ScriptError("surface." + placed_cell(s, overlap->first, has_positions) + " and " +
                     placed_cell(s, overlap->second, has_positions) + " overlap by " +
-                    format_value(overlap->depth) + " u: must not overlap with tops of " +
+                    depth + " u: must not overlap with tops of " +
                     format_value(s.pin.top_x) + " × " + format_value(s.pin.top_y) + " u");
 }
 
