@@ -46,6 +46,7 @@ function(add_module program module)
   add_library(${target} STATIC ${M_SOURCES})
   target_link_libraries(${target} PUBLIC project_options ${M_MODULES} ${M_PUBLIC} PRIVATE ${M_PRIVATE})
   precompile(${target} precompiled_${program})
+  join_sources(${target})
 endfunction()
 
 # add_module_test(<name> SOURCES … LIBS …): one GoogleTest program, registered with ctest under the label
@@ -72,6 +73,7 @@ function(add_module_test name)
     endif()
     target_compile_options(${name} PRIVATE ${SMARTSURF_TEST_OPTIONS})
     set_target_properties(${name} PROPERTIES IS_UNIT_TEST ON)
+    join_sources(${name})
   endif()
   if(SMARTSURF_SANITIZE MATCHES "address")
     # Such a process takes longer to start and to look for leaks than most cases take.

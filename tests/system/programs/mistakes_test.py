@@ -32,6 +32,8 @@ class Mistakes(ProgramTest):
             (TABLE + "mesh { file = 'open.obj', position = {1, 1, 1} }", ":2:", "open.obj", "3 edges", "(1, 0, 0)"),
             (TABLE + "hull { points = {{0, 0, 0}}, position = {1, 1, 1} }", ":2:", "points", "four"),
             ("world {}\n", "surface"),
+            ("surface { positions = {{0, 0}, {0.5, 0}} }\n",
+             "positions[1] = {0, 0} and positions[2] = {0.5, 0} overlap by 0.3 u"),
         ]:
             path = self.write("wrong.lua", text)
             self.refused([SMARTSURF, "check", path], "wrong.lua", *facts)
