@@ -1,0 +1,490 @@
+#include "smartsurf/world/solver/ImpactSolver.h"
+
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+
+namespace smartsurf::world {
+namespace {
+
+constexpr float kTouchingSeparation = 1e-3F;  // contacts up to this take part in the impacts of others, u
+constexpr int kMaxGenerations = 32, kMaxSetBackPasses = 8;
+constexpr int kNormalSweeps = 64, kFrictionSweeps = 24;
+// Friction and normal impulses of surfaces that close to a wedge raise each other without bound. After this many
+// sweeps friction may only fall.
+constexpr int kGrowingFrictionSweeps = 8;
+constexpr float kNoticeableChange = 1e-6F;  // of an impulse, relative to that of the impact
+
+Vec3 vec(const float (&v)[3]) { return {v[0], v[1], v[2]}; }
+void add_to(float (&to)[3], const Vec3& v) {
+  for (int i = 0; i < 3; ++i) to[i] += v[i];
+}
+
+Vec3 multiply(const InverseInertia& m, const Vec3& v) {
+  return {m.xx * v.x() + m.xy * v.y() + m.xz * v.z(), m.xy * v.x() + m.yy * v.y() + m.yz * v.z(),
+          m.xz * v.x() + m.yz * v.y() + m.zz * v.z()};
+}
+
+// Completes a unit vector to an orthonormal basis (Duff et al., Building an Orthonormal Basis, Revisited, 2017).
+void compute_tangents(const Vec3& n, Vec3& t, Vec3& u) {
+  const float sign = std::copysign(1.0F, n.z()), a = -1.0F / (sign + n.z()), b = n.x() * n.y() * a;
+  t = {1.0F + sign * n.x() * n.x() * a, sign * b, -sign * n.x()};
+  u = {b, sign + n.y() * n.y() * a, -n.y()};
+}
+
+// A contact in the state at the end of the substeps.
+struct ContactState {
+  BodyVelocity *velocity_a, *velocity_b;  // b: null if static
+  DeltaPose *delta_a, *delta_b;
+  Vec3 anchor_a, anchor_b;
+
+  ContactState(const ImpactSolver::Step& step, const Manifold& m, const Contact& c) {
+    const auto a = static_cast<std::size_t>(m.a);
+    const std::int32_t row_a = step.partition.row(m.a);
+    velocity_a = step.velocity + row_a;
+    delta_a = step.delta_pose + row_a;
+    // The solver's kernels take the anchors of spheres from their radii, too.
+    anchor_a = step.bodies.is_sphere[a] ? Vec3(-step.bodies.bounding_radius[a] * c.normal) : c.anchor;
+    velocity_b = nullptr;
+    delta_b = nullptr;
+    anchor_b = Vec3::Zero();
+    if (m.b < 0) return;
+    const auto b = static_cast<std::size_t>(m.b);
+    const std::int32_t row_b = step.partition.row(m.b);
+    velocity_b = step.velocity + row_b;
+    delta_b = step.delta_pose + row_b;
+    anchor_b = step.bodies.is_sphere[b] ? Vec3(step.bodies.bounding_radius[b] * c.normal)
+                                        : Vec3(step.bodies.position[a] + c.anchor - step.bodies.position[b]);
+  }
+
+  Vec3 velocity(const Contact& c) const {
+    Vec3 v = vec(velocity_a->velocity) + vec(velocity_a->angular_velocity).cross(anchor_a);
+    if (velocity_b != nullptr)
+      v -= vec(velocity_b->velocity) + vec(velocity_b->angular_velocity).cross(anchor_b);
+    else
+      v -= c.surface_velocity;
+    return v;
+  }
+  Vec3 displacement_a() const { return vec(delta_a->translation) + vec(delta_a->rotation).cross(anchor_a); }
+  Vec3 displacement_b(const Contact& c, float dt_s) const {
+    if (delta_b == nullptr) return dt_s * c.surface_velocity;
+    return vec(delta_b->translation) + vec(delta_b->rotation).cross(anchor_b);
+  }
+  float separation(const Contact& c, float dt_s) const {
+    return c.separation + c.normal.dot(displacement_a() - displacement_b(c, dt_s));
+  }
+};
+
+const SurfaceMaterial& material_of_b(const ImpactSolver::Step& step, const Manifold& m, const Contact& c) {
+  const std::int32_t other = m.b >= 0 ? m.b : c.other;
+  return other >= 0 ? step.bodies.surface_material[static_cast<std::size_t>(other)] : step.field_material;
+}
+
+float restitution_of(const ImpactSolver::Step& step, const Manifold& m, const Contact& c) {
+  return std::max(step.bodies.surface_material[static_cast<std::size_t>(m.a)].restitution,
+                  material_of_b(step, m, c).restitution);
+}
+
+// Normal speeds of an impact within the step.
+struct Rebound {
+  float contact_speed;  // at contact, > 0
+  float end_speed;      // at the end of the step, set back to where the bodies touch
+};
+
+// The rebound leaves the bodies with e² times their energy at contact, wherever in the step that is, so that bounces
+// neither gain nor lose energy by it. `approach_speed` and `speed_after` are the normal velocities before and after the
+// substeps; both are exact half a substep earlier.
+Rebound compute_rebound(float approach_speed, float speed_after, float separation, float restitution,
+                        const ImpactSolver::Step& step) {
+  constexpr float kMaxCorrection = 0.25F;
+  const float acceleration = (speed_after - approach_speed) / step.dt_s;
+  const float half_change = 0.5F * acceleration * step.dt_s / static_cast<float>(step.substeps);
+  const float start = approach_speed + half_change, end = speed_after + half_change;
+  const float least = std::min(std::abs(start), std::abs(end)), greatest = std::max(std::abs(start), std::abs(end));
+  const float squared = start * start - 2.0F * acceleration * std::max(separation, 0.0F);
+  const float contact = std::clamp(std::sqrt(std::max(squared, 0.0F)), least, greatest);
+  return {contact,
+          restitution * contact - std::clamp(half_change, -kMaxCorrection * contact, kMaxCorrection * contact)};
+}
+
+}  // namespace
+
+void ImpactSolver::reset(int member_count) {
+  candidates_.resize(static_cast<std::size_t>(member_count));
+  for (Candidates& c : candidates_) c.list.clear();
+}
+
+// The order of candidates depends on the number of members; that of the result does not.
+void ImpactSolver::merge_candidates() {
+  hits_.clear();
+  for (const Candidates& c : candidates_) hits_.insert(hits_.end(), c.list.begin(), c.list.end());
+  std::sort(hits_.begin(), hits_.end(), [](const Candidate& a, const Candidate& b) {
+    return std::tuple(!a.is_pair, a.contact) < std::tuple(!b.is_pair, b.contact);
+  });
+}
+
+// Keeps the candidates that touch at the end of the step.
+void ImpactSolver::find_hits(const Step& step) {
+  merge_candidates();
+  std::erase_if(hits_, [&](const Candidate& candidate) {
+    const ContactList& list = step.list(candidate.is_pair);
+    const Contact& c = list.contacts[static_cast<std::size_t>(candidate.contact)];
+    if (candidate.is_loaded) return c.total_normal_impulse <= 0.0F;
+    const Manifold& m = list.manifolds[static_cast<std::size_t>(candidate.manifold)];
+    return ContactState(step, m, c).separation(c, step.dt_s) > 0.0F;
+  });
+}
+
+void ImpactSolver::solve(const Step& step) {
+  find_hits(step);
+  if (hits_.empty()) return;
+  index_manifolds(step);
+  set_back_bodies(step);
+  for (int generation = 0; generation < kMaxGenerations; ++generation) {
+    points_.clear();
+    if (generation == 0)
+      add_hits(step);
+    else
+      for (const ManifoldRef& m : active_) add_approaching_points(step, m);
+    if (points_.empty()) break;
+    solve_points();
+    limit_energy();
+    store_impulses();
+    collect_active_manifolds();
+  }
+}
+
+// ---- manifolds of moved bodies
+
+void ImpactSolver::index_manifolds(const Step& step) {
+  const std::size_t bodies = step.bodies.id.size(), pairs = step.pair_contacts.manifolds.size();
+  first_pair_.assign(bodies, -1);
+  static_manifold_.assign(bodies, -1);
+  next_pair_.resize(2 * pairs);
+  version_.resize(bodies);
+  island_.resize(bodies);
+  energy_.resize(bodies);
+  is_changed_.resize(bodies, 0);
+  is_active_pair_.assign(pairs, 0);
+  for (std::size_t i = pairs; i-- > 0;) {
+    const Manifold& m = step.pair_contacts.manifolds[i];
+    const auto link = static_cast<std::int32_t>(2 * i);
+    std::int32_t& first_a = first_pair_[static_cast<std::size_t>(m.a)];
+    next_pair_[2 * i] = first_a, first_a = link;
+    std::int32_t& first_b = first_pair_[static_cast<std::size_t>(m.b)];
+    next_pair_[2 * i + 1] = first_b, first_b = link + 1;
+  }
+  for (std::size_t i = 0; i < step.static_contacts.manifolds.size(); ++i)
+    static_manifold_[static_cast<std::size_t>(step.static_contacts.manifolds[i].a)] =
+        static_cast<std::int32_t>(i);
+}
+
+void ImpactSolver::mark_changed(std::int32_t body) {
+  if (is_changed_[static_cast<std::size_t>(body)]) return;
+  is_changed_[static_cast<std::size_t>(body)] = 1;
+  changed_bodies_.push_back(body);
+}
+
+// Moves on from the changed bodies to their manifolds.
+void ImpactSolver::collect_active_manifolds() {
+  active_.clear();
+  for (const std::int32_t body : changed_bodies_) {
+    const auto i = static_cast<std::size_t>(body);
+    is_changed_[i] = 0;
+    for (std::int32_t link = first_pair_[i]; link >= 0; link = next_pair_[static_cast<std::size_t>(link)]) {
+      char& is_active = is_active_pair_[static_cast<std::size_t>(link / 2)];
+      if (!is_active) active_.push_back({true, link / 2});
+      is_active = 1;
+    }
+    if (static_manifold_[i] >= 0) active_.push_back({false, static_manifold_[i]});
+  }
+  changed_bodies_.clear();
+  for (const ManifoldRef& m : active_)
+    if (m.is_pair) is_active_pair_[static_cast<std::size_t>(m.index)] = 0;
+}
+
+// ---- positions: bodies that passed through each other are set back to where they touch
+
+void ImpactSolver::set_back_bodies(const Step& step) {
+  for (const Candidate& hit : hits_) {
+    if (hit.is_loaded) continue;
+    const ContactList& list = step.list(hit.is_pair);
+    set_back(step, list.manifolds[static_cast<std::size_t>(hit.manifold)],
+             list.contacts[static_cast<std::size_t>(hit.contact)]);
+  }
+  for (int pass = 0; pass < kMaxSetBackPasses && !changed_bodies_.empty(); ++pass) {
+    collect_active_manifolds();
+    for (const ManifoldRef& m : active_) set_back_manifold(step, m);
+  }
+  for (const std::int32_t body : changed_bodies_) is_changed_[static_cast<std::size_t>(body)] = 0;
+  changed_bodies_.clear();
+}
+
+void ImpactSolver::set_back_manifold(const Step& step, const ManifoldRef& ref) {
+  const ContactList& list = step.list(ref.is_pair);
+  const Manifold& m = list.manifolds[static_cast<std::size_t>(ref.index)];
+  for (int k = m.first; k < m.first + m.count; ++k)
+    set_back(step, m, list.contacts[static_cast<std::size_t>(k)]);
+}
+
+// Each body gives way by the share that it has in the approach. Not by mass: a body at rest stays where it is.
+bool ImpactSolver::set_back(const Step& step, const Manifold& m, const Contact& c) {
+  constexpr float kTolerance = 1e-6F;
+  const ContactState s(step, m, c);
+  const float overlap = std::min(c.separation, 0.0F) - s.separation(c, step.dt_s);
+  if (!(overlap > kTolerance)) return false;
+  float share_a = 1.0F;
+  if (s.velocity_b != nullptr) {
+    float a = std::max(-c.normal.dot(s.displacement_a()), 0.0F),
+          b = std::max(c.normal.dot(s.displacement_b(c, step.dt_s)), 0.0F);
+    if (!(a + b > 0.0F)) a = s.velocity_a->inverse_mass, b = s.velocity_b->inverse_mass;
+    if (s.velocity_a->inverse_mass == 0.0F) a = 0.0F;
+    if (s.velocity_b->inverse_mass == 0.0F) b = 0.0F;
+    if (!(a + b > 0.0F)) return false;
+    share_a = a / (a + b);
+    if (share_a < 1.0F) {
+      add_to(s.delta_b->translation, -(1.0F - share_a) * overlap * c.normal);
+      mark_changed(m.b);
+    }
+  }
+  if (share_a > 0.0F && s.velocity_a->inverse_mass > 0.0F) {
+    add_to(s.delta_a->translation, share_a * overlap * c.normal);
+    mark_changed(m.a);
+  }
+  return true;
+}
+
+// ---- the points of a generation
+
+ImpactSolver::Point& ImpactSolver::add_point(const Step& step, const Manifold& m, Contact& c) {
+  const ContactState s(step, m, c);
+  Point& p = points_.emplace_back();
+  p.contact = &c;
+  p.a = m.a, p.b = m.b;
+  p.velocity_a = s.velocity_a, p.velocity_b = s.velocity_b;
+  p.axis[0] = c.normal;
+  compute_tangents(c.normal, p.axis[1], p.axis[2]);
+  p.anchor_a = s.anchor_a, p.anchor_b = s.anchor_b;
+  p.surface_velocity = c.surface_velocity;
+  const float inverse_mass = s.velocity_a->inverse_mass + (s.velocity_b ? s.velocity_b->inverse_mass : 0.0F);
+  const InverseInertia& inertia_a = step.bodies.world_inverse_inertia[static_cast<std::size_t>(m.a)];
+  for (int i = 0; i < 3; ++i) p.spin_a[i] = multiply(inertia_a, p.anchor_a.cross(p.axis[i]));
+  if (s.velocity_b != nullptr) {
+    const InverseInertia& inertia_b = step.bodies.world_inverse_inertia[static_cast<std::size_t>(m.b)];
+    for (int i = 0; i < 3; ++i) p.spin_b[i] = multiply(inertia_b, p.anchor_b.cross(p.axis[i]));
+  }
+  auto inverse_effective_mass = [&](int i, int j) {
+    float k = p.anchor_a.cross(p.axis[j]).dot(p.spin_a[i]) + (i == j ? inverse_mass : 0.0F);
+    if (s.velocity_b != nullptr) k += p.anchor_b.cross(p.axis[j]).dot(p.spin_b[i]);
+    return k;
+  };
+  const float nn = inverse_effective_mass(0, 0), tt = inverse_effective_mass(1, 1),
+              uu = inverse_effective_mass(2, 2), tu = inverse_effective_mass(1, 2),
+              determinant = tt * uu - tu * tu;
+  p.normal_mass = nn > 0.0F ? 1.0F / nn : 0.0F;
+  const float scale = determinant > 0.0F ? 1.0F / determinant : 0.0F;
+  p.tangent_mass[0] = uu * scale, p.tangent_mass[1] = tt * scale, p.tangent_mass[2] = -tu * scale;
+  p.friction = step.bodies.surface_material[static_cast<std::size_t>(m.a)].friction_root *
+               material_of_b(step, m, c).friction_root;
+  p.max_impulse = c.max_normal_impulse - c.total_normal_impulse;
+  const Vec3 v = s.velocity(c);
+  for (int i = 0; i < 3; ++i) p.velocity_before[i] = p.axis[i].dot(v);
+  p.impulse = Vec3::Zero();
+  p.energy_budget = 0.0F;
+  p.seen_a = version_[static_cast<std::size_t>(m.a)] - 1;
+  p.seen_b = m.b >= 0 ? version_[static_cast<std::size_t>(m.b)] - 1 : 0;
+  return p;
+}
+
+void ImpactSolver::add_hits(const Step& step) {
+  for (const Candidate& hit : hits_) {
+    ContactList& list = hit.is_pair ? step.pair_contacts : step.static_contacts;
+    const Manifold& m = list.manifolds[static_cast<std::size_t>(hit.manifold)];
+    Contact& c = list.contacts[static_cast<std::size_t>(hit.contact)];
+    const float restitution = restitution_of(step, m, c);
+    Point& p = add_point(step, m, c);
+    if (hit.is_loaded) {
+      p.target_speed = -restitution * hit.approach_speed;
+      p.energy_budget = 0.5F * p.normal_mass * hit.approach_speed * hit.approach_speed;
+      continue;
+    }
+    const float speed_after = p.velocity_before[0];
+    const Rebound rebound =
+        compute_rebound(hit.approach_speed, speed_after, c.separation, restitution, step);
+    p.target_speed = rebound.end_speed;
+    // The rest of the impulse supports the body until the end of the step.
+    const float change = rebound.end_speed - speed_after;
+    if (change > 0.0F)
+      p.friction *= std::min(1.0F, (1.0F + restitution) * rebound.contact_speed / change);
+  }
+}
+
+// Adds the touching points of a manifold that approach, if any of them does so fast enough.
+void ImpactSolver::add_approaching_points(const Step& step, const ManifoldRef& ref) {
+  ContactList& list = ref.is_pair ? step.pair_contacts : step.static_contacts;
+  const Manifold& m = list.manifolds[static_cast<std::size_t>(ref.index)];
+  auto for_each_approaching = [&](auto each) {
+    for (int k = m.first; k < m.first + m.count; ++k) {
+      Contact& c = list.contacts[static_cast<std::size_t>(k)];
+      const ContactState s(step, m, c);
+      const float speed = c.normal.dot(s.velocity(c));
+      if (speed < 0.0F && s.separation(c, step.dt_s) <= kTouchingSeparation) each(c, speed);
+    }
+  };
+  float least = 0.0F;
+  for_each_approaching([&](const Contact&, float speed) { least = std::min(least, speed); });
+  if (least >= -kThreshold) return;
+  for_each_approaching([&](Contact& c, float speed) {
+    add_point(step, m, c).target_speed = -restitution_of(step, m, c) * speed;
+  });
+}
+
+// ---- impulses
+
+void ImpactSolver::solve_points() {
+  for (int sweep = 0; sweep < kNormalSweeps; ++sweep) {
+    bool any = false;
+    auto visit = [&](Point& p) {
+      if (!needs_visit(p)) return;
+      any = true;
+      solve_normal(p);
+    };
+    if (sweep % 2 == 0)
+      std::for_each(points_.begin(), points_.end(), visit);
+    else
+      std::for_each(points_.rbegin(), points_.rend(), visit);
+    if (!any) break;
+  }
+  for (Point& p : points_) --p.seen_a;
+  for (int sweep = 0; sweep < kFrictionSweeps; ++sweep) {
+    bool any = false;
+    auto visit = [&](Point& p) {
+      if (!needs_visit(p)) return;
+      any = true;
+      const float friction_change =
+          p.friction > 0.0F ? solve_friction(p, sweep < kGrowingFrictionSweeps) : 0.0F;
+      // Both impulses affect each other, so a point that changed is visited again.
+      if (std::max(friction_change, solve_normal(p)) > kNoticeableChange) --p.seen_a;
+    };
+    if (sweep % 2 == 0)
+      std::for_each(points_.begin(), points_.end(), visit);
+    else
+      std::for_each(points_.rbegin(), points_.rend(), visit);
+    if (!any) break;
+  }
+}
+
+bool ImpactSolver::needs_visit(const Point& p) const {
+  return p.seen_a != version_[static_cast<std::size_t>(p.a)] ||
+         (p.b >= 0 && p.seen_b != version_[static_cast<std::size_t>(p.b)]);
+}
+
+namespace {
+
+Vec3 relative_velocity(const Vec3& surface_velocity, const BodyVelocity& a, const Vec3& anchor_a,
+                       const BodyVelocity* b, const Vec3& anchor_b) {
+  const Vec3 v = vec(a.velocity) + vec(a.angular_velocity).cross(anchor_a);
+  if (b == nullptr) return v - surface_velocity;
+  return v - (vec(b->velocity) + vec(b->angular_velocity).cross(anchor_b));
+}
+
+}  // namespace
+
+void ImpactSolver::apply_impulse(Point& p, int axis, float impulse) {
+  p.impulse[axis] += impulse;
+  add_to(p.velocity_a->velocity, impulse * p.velocity_a->inverse_mass * p.axis[axis]);
+  add_to(p.velocity_a->angular_velocity, impulse * p.spin_a[axis]);
+  if (p.velocity_b == nullptr) return;
+  add_to(p.velocity_b->velocity, -impulse * p.velocity_b->inverse_mass * p.axis[axis]);
+  add_to(p.velocity_b->angular_velocity, -impulse * p.spin_b[axis]);
+}
+
+// Returns the change relative to the impulse of the whole impact.
+float ImpactSolver::end_visit(Point& p, float impulse_change) {
+  const float whole = p.normal_mass * (std::abs(p.target_speed) + std::abs(p.velocity_before[0])),
+              change = whole > 0.0F ? std::abs(impulse_change) / whole : 0.0F;
+  std::uint32_t& version_a = version_[static_cast<std::size_t>(p.a)];
+  const bool is_noticeable = change > kNoticeableChange;
+  if (is_noticeable) ++version_a, mark_changed(p.a);
+  p.seen_a = version_a;
+  if (p.b < 0) return change;
+  std::uint32_t& version_b = version_[static_cast<std::size_t>(p.b)];
+  if (is_noticeable) ++version_b, mark_changed(p.b);
+  p.seen_b = version_b;
+  return change;
+}
+
+float ImpactSolver::solve_normal(Point& p) {
+  const Vec3 v = relative_velocity(p.surface_velocity, *p.velocity_a, p.anchor_a, p.velocity_b, p.anchor_b);
+  const float speed = p.axis[0].dot(v);
+  const float impulse = std::clamp(p.impulse[0] + p.normal_mass * (p.target_speed - speed), 0.0F,
+                                   std::max(p.max_impulse, 0.0F));
+  const float change = impulse - p.impulse[0];
+  apply_impulse(p, 0, change);
+  return end_visit(p, change);
+}
+
+float ImpactSolver::solve_friction(Point& p, bool may_grow) {
+  const Vec3 v = relative_velocity(p.surface_velocity, *p.velocity_a, p.anchor_a, p.velocity_b, p.anchor_b);
+  const float t = p.axis[1].dot(v), u = p.axis[2].dot(v);
+  float next_t = p.impulse[1] - (p.tangent_mass[0] * t + p.tangent_mass[2] * u),
+        next_u = p.impulse[2] - (p.tangent_mass[2] * t + p.tangent_mass[1] * u);
+  float limit = p.friction * p.impulse[0];
+  if (!may_grow) limit = std::min(limit, std::hypot(p.impulse[1], p.impulse[2]));
+  const float length = std::hypot(next_t, next_u);
+  if (length > limit) next_t *= limit / length, next_u *= limit / length;
+  const float change_t = next_t - p.impulse[1], change_u = next_u - p.impulse[2];
+  apply_impulse(p, 1, change_t);
+  apply_impulse(p, 2, change_u);
+  return end_visit(p, std::hypot(change_t, change_u));
+}
+
+// ---- energy
+
+std::int32_t ImpactSolver::find_island(std::int32_t body) {
+  auto parent = [this](std::int32_t i) -> std::int32_t& { return island_[static_cast<std::size_t>(i)]; };
+  while (parent(body) != body) body = parent(body) = parent(parent(body));
+  return body;
+}
+
+// Newton's law with friction may add energy to bodies that are hit off-centre. Scales the impulses of each island down
+// to where they do not.
+void ImpactSolver::limit_energy() {
+  for (const Point& p : points_)
+    for (const std::int32_t body : {p.a, p.b})
+      if (body >= 0) {
+        island_[static_cast<std::size_t>(body)] = body;
+        energy_[static_cast<std::size_t>(body)] = {};
+      }
+  for (const Point& p : points_) {
+    if (p.b < 0 || p.velocity_a->inverse_mass == 0.0F || p.velocity_b->inverse_mass == 0.0F) continue;
+    const std::int32_t a = find_island(p.a), b = find_island(p.b);
+    island_[static_cast<std::size_t>(std::max(a, b))] = std::min(a, b);
+  }
+  auto energy_of = [this](const Point& p) -> IslandEnergy& {
+    const bool a_moves = p.velocity_a->inverse_mass > 0.0F;
+    return energy_[static_cast<std::size_t>(find_island(a_moves || p.b < 0 ? p.a : p.b))];
+  };
+  for (const Point& p : points_) {
+    const Vec3 v = relative_velocity(p.surface_velocity, *p.velocity_a, p.anchor_a, p.velocity_b, p.anchor_b);
+    const Vec3 after(p.axis[0].dot(v), p.axis[1].dot(v), p.axis[2].dot(v));
+    IslandEnergy& energy = energy_of(p);
+    energy.linear += p.impulse.dot(p.velocity_before);
+    energy.quadratic += p.impulse.dot(after - p.velocity_before);
+    energy.budget += p.energy_budget;
+  }
+  constexpr float kTolerance = 1e-4F;
+  for (Point& p : points_) {
+    const auto [linear, quadratic, budget] = energy_of(p);
+    if (linear + 0.5F * quadratic <= budget + kTolerance * std::abs(linear) || !(quadratic > 0.0F)) continue;
+    const float scale =
+        std::clamp((-linear + std::sqrt(linear * linear + 2.0F * quadratic * budget)) / quadratic, 0.0F, 1.0F);
+    for (int axis = 0; axis < 3; ++axis) apply_impulse(p, axis, (scale - 1.0F) * p.impulse[axis]);
+  }
+}
+
+void ImpactSolver::store_impulses() {
+  for (const Point& p : points_) p.contact->total_normal_impulse += p.impulse[0];
+}
+
+}  // namespace smartsurf::world

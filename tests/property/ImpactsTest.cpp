@@ -1,0 +1,270 @@
+// Impacts against closed forms, over time steps from 1/60 to 1/960 s: friction on the rebound, chains of balls, flat
+// and off-centre hits, energy over many bounces.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "tests/property/PhysicsFixture.h"
+
+using namespace physics_fixture;
+using smartsurf::scene::ObjectId;
+
+namespace {
+
+constexpr double kSteps_s[] = {1.0 / 60, 1.0 / 240, 1.0 / 960};
+
+struct ImpactFixture : PhysicsFixture {
+  ImpactFixture(double dt_s, double restitution, double friction) {
+    scene.world.dt_s = dt_s;
+    scene.materials[0].restitution = restitution;
+    scene.materials[0].friction = friction;
+  }
+  // Runs until the body moves upwards, and one step more.
+  void run_until_rebound(ObjectId id, double max_s = 2.0) {
+    for (double t_s = 0; t_s < max_s && velocity(id).z() <= 0; t_s += scene.world.dt_s) run(scene.world.dt_s);
+  }
+};
+
+// Speeds of equal balls in a row after all collisions, each by pairs.
+std::vector<double> collide_by_pairs(std::vector<double> speeds, double e) {
+  for (bool any = true; any;) {
+    any = false;
+    for (std::size_t i = 0; i + 1 < speeds.size(); ++i) {
+      const double a = speeds[i], b = speeds[i + 1];
+      if (a - b < 1e-9) continue;
+      speeds[i] = 0.5 * ((1 - e) * a + (1 + e) * b);
+      speeds[i + 1] = 0.5 * ((1 + e) * a + (1 - e) * b);
+      any = true;
+    }
+  }
+  return speeds;
+}
+
+std::vector<double> simulate_row(double dt_s, double e, double gap, const std::vector<double>& speeds) {
+  ImpactFixture fixture(dt_s, e, 0.3);
+  fixture.scene.world.gravity = {0, 0, 0};
+  std::vector<ObjectId> row;
+  for (std::size_t i = 0; i < speeds.size(); ++i) {
+    auto ball = sphere(1.0, {5.0 + (2.0 + gap) * static_cast<double>(i), 15, 20});
+    ball.velocity = {speeds[i], 0, 0};
+    // A moving ball starts with a free path.
+    if (speeds[i] > 0) ball.position.x() -= 0.3;
+    row.push_back(fixture.add(ball));
+  }
+  fixture.run(0.5);
+  std::vector<double> result;
+  for (const ObjectId id : row) result.push_back(fixture.velocity(id).x());
+  return result;
+}
+
+}  // namespace
+
+TEST(Impact, BlowTravelsThroughRowOfBalls) {
+  for (const double dt_s : kSteps_s)
+    for (const double gap : {0.0, 1e-3, 0.1})
+      for (const double e : {1.0, 0.8, 0.5})
+        for (const auto& speeds : {std::vector<double>{4, 0, 0, 0, 0}, {4, 4, 0, 0, 0}, {4, 4, 4, 0, 0}}) {
+          const auto actual = simulate_row(dt_s, e, gap, speeds), predicted = collide_by_pairs(speeds, e);
+          for (std::size_t i = 0; i < speeds.size(); ++i)
+            EXPECT_NEAR(actual[i], predicted[i], e == 1.0 ? 0.02 : 0.12)
+                << "ball " << i << ", e " << e << ", gap " << gap << ", " << speeds[1] << ", 1/" << 1 / dt_s;
+        }
+}
+
+TEST(Impact, CueBallPartsTwoBallsSymmetrically) {
+  // Three balls of equal mass, two of them touching: with e = 1 each of the two leaves at 2√3/5 of the speed along
+  // its line of centres, the cue ball at −1/5.
+  for (const double dt_s : kSteps_s) {
+    ImpactFixture fixture(dt_s, 1.0, 0.0);
+    fixture.scene.world.gravity = {0, 0, 0};
+    auto cue = sphere(1.0, {8, 15, 20});
+    cue.velocity = {5, 0, 0};
+    const auto first = fixture.add(cue);
+    const auto left = fixture.add(sphere(1.0, {12, 16, 20})), right = fixture.add(sphere(1.0, {12, 14, 20}));
+    fixture.run(1.0);
+    const double root = std::sqrt(3.0);
+    EXPECT_LT((fixture.velocity(first) - Eigen::Vector3f(-1, 0, 0)).norm(), 0.02) << 1 / dt_s;
+    const Eigen::Vector3f out(static_cast<float>(3.0), static_cast<float>(root), 0);
+    EXPECT_LT((fixture.velocity(left) - out).norm(), 0.02) << fixture.velocity(left).transpose();
+    EXPECT_NEAR(fixture.velocity(left).y(), -fixture.velocity(right).y(), 2e-4);
+  }
+}
+
+TEST(Impact, FrictionActsOnTheRebound) {
+  // A ball that slides through the impact loses µ·(1 + e)·v_z; one that ends in rolling, 2/7 of its slip.
+  for (const double dt_s : kSteps_s)
+    for (const double e : {1.0, 0.5}) {
+      struct Case {
+        double slip, friction;
+      };
+      for (const Case& c : {Case{20.0, 0.3}, Case{2.0, 0.3}, Case{5.0, 0.05}}) {
+        ImpactFixture fixture(dt_s, e, c.friction);
+        auto ball = sphere(1.0, {3, 15, 2.0});
+        ball.velocity = {c.slip, 0, 0};
+        const auto id = fixture.add(ball);
+        fixture.run_until_rebound(id);
+        const double v_z = std::sqrt(2 * 9.81 * 1.0);
+        const double predicted = std::min(c.friction * (1 + e) * v_z, 2.0 / 7.0 * c.slip);
+        const double lost = c.slip - fixture.velocity(id).x();
+        EXPECT_NEAR(lost, predicted, 0.02 * predicted)
+            << "e " << e << ", slip " << c.slip << ", friction " << c.friction << ", 1/" << 1 / dt_s;
+        // Angular momentum about the contact is kept.
+        EXPECT_NEAR(0.4 * fixture.angular_velocity(id).y(), lost, 1e-3 * (1 + lost));
+      }
+    }
+}
+
+TEST(Impact, SlidingBoxAndHullKeepTheLaw) {
+  // A flat hit while sliding: the impulse acts at the whole face, at its height below the centre. Without rotation
+  // before, friction µ·N turns the body by the lever of half its height, which loads the front: N is unchanged, and so
+  // is the horizontal impulse.
+  for (const double dt_s : kSteps_s)
+    for (const bool hull : {false, true}) {
+      ImpactFixture fixture(dt_s, 0.0, 0.1);
+      fixture.scene.materials[0].restitution = 1.0;
+      auto o = hull ? cube({4, 15, 3.0}) : box({2, 2, 2}, {4, 15, 3.0});
+      o.velocity = {6, 0, 0};
+      const auto id = fixture.add(o);
+      fixture.run_until_rebound(id);
+      const double v_z = std::sqrt(2 * 9.81 * 2.0);
+      EXPECT_NEAR(6 - fixture.velocity(id).x(), 0.1 * 2 * v_z, 0.03 * 0.2 * v_z) << hull << " 1/" << 1 / dt_s;
+    }
+}
+
+TEST(Impact, OffCentreHitOfBox) {
+  // A box tilted by 30° about y lands on its lower edge: planar rigid body, impulse at r from the centre, Newton's law
+  // of the normal velocity, without friction and with friction enough to stick.
+  for (const double dt_s : kSteps_s)
+    for (const double e : {1.0, 0.5})
+      for (const double friction : {0.0, 0.1, 3.0}) {
+        ImpactFixture fixture(dt_s, e, friction);
+        const double tilt = M_PI / 6;
+        fixture.scene.world.gravity = {0, 0, 0};
+        auto o = box({2, 2, 2}, {15, 15, 5});
+        o.orientation = Eigen::AngleAxisd(tilt, Eigen::Vector3d::UnitY());
+        o.velocity = {1.5, 0, -8};
+        const auto id = fixture.add(o);
+        fixture.run_until_rebound(id);
+        // The lower edge is at the body's (+1, −1): x = cos − sin, z = −sin − cos.
+        const double x = std::cos(tilt) - std::sin(tilt), z = -std::sin(tilt) - std::cos(tilt);
+        const double inertia = 4.0 / 6.0;  // by mass
+        const double k_nn = 1 + x * x / inertia, k_tt = 1 + z * z / inertia, k_nt = -x * z / inertia;
+        // ω = (r × P)_y / I = (z·P_x − x·P_z) / I; velocity of the point: (v_x + ω·z, v_z − ω·x).
+        double p_n = 0, p_t = 0;
+        const double v_n = -8, v_t = 1.5;
+        // Stick: K·p = (0, e·8) − (v_t, v_n).
+        const double determinant = k_nn * k_tt - k_nt * k_nt;
+        const double b_n = -(1 + e) * v_n, b_t = -v_t;
+        p_n = (k_tt * b_n - k_nt * b_t) / determinant, p_t = (k_nn * b_t - k_nt * b_n) / determinant;
+        if (std::abs(p_t) > friction * p_n) {
+          // Slides in the direction that friction cannot stop.
+          const double sign = p_t > 0 ? 1 : -1;
+          p_n = b_n / (k_nn + sign * friction * k_nt), p_t = sign * friction * p_n;
+        }
+        EXPECT_NEAR(fixture.velocity(id).x(), 1.5 + p_t, 0.1) << e << " " << friction << " 1/" << 1 / dt_s;
+        EXPECT_NEAR(fixture.velocity(id).z(), -8 + p_n, 0.1) << e << " " << friction << " 1/" << 1 / dt_s;
+        EXPECT_NEAR(fixture.angular_velocity(id).y(), (z * p_t - x * p_n) / inertia, 0.2)
+            << e << " " << friction << " 1/" << 1 / dt_s;
+      }
+}
+
+TEST(Impact, FlatDropLeavesStraight) {
+  for (const double dt_s : kSteps_s)
+    for (const double e : {0.0, 0.5, 1.0})
+      for (const int where : {0, 1, 2}) {  // pins, uneven cells under a wide box, ground
+        ImpactFixture fixture(dt_s, e, 0.5);
+        if (where == 2) {
+          fixture.scene.world.ground = true;
+          fixture.scene.surface.rows = fixture.scene.surface.columns = 2;
+        }
+        const double x = where == 2 ? 30.0 : 15.3, low = where == 2 ? -10 : 0;
+        auto o = box({where == 1 ? 5.0 : 2.0, where == 1 ? 5.0 : 2.0, 2}, {x, 15.2, low + 4});
+        o.velocity = {0, 0, -20};
+        const auto id = fixture.add(o);
+        double sideways = 0, spin = 0;
+        fixture.run(0.5, [&] {
+          sideways = std::max(sideways, static_cast<double>(fixture.velocity(id).head<2>().norm()));
+          spin = std::max(spin, static_cast<double>(fixture.angular_velocity(id).norm()));
+        });
+        EXPECT_LT(sideways, 0.01) << "e " << e << ", case " << where << ", 1/" << 1 / dt_s;
+        EXPECT_LT(spin, 0.01) << "e " << e << ", case " << where << ", 1/" << 1 / dt_s;
+      }
+}
+
+TEST(Impact, BouncesKeepEnergy) {
+  for (const double dt_s : kSteps_s) {
+    ImpactFixture fixture(dt_s, 1.0, 0.5);
+    const auto id = fixture.add(sphere(1.0, {15.3, 15.2, 3.0}));
+    fixture.run(60.0);
+    const double energy = 9.81 * (fixture.position(id).z() - 1) + 0.5 * fixture.velocity(id).squaredNorm();
+    EXPECT_NEAR(energy, 9.81 * 2.0, 0.01 * 9.81 * 2.0) << "1/" << 1 / dt_s;
+  }
+}
+
+TEST(Impact, ApexFallsWithRestitutionSquared) {
+  for (const double dt_s : kSteps_s)
+    for (const double e : {0.5, 0.8}) {
+      ImpactFixture fixture(dt_s, e, 0.5);
+      const auto id = fixture.add(sphere(1.0, {15.3, 15.2, 4.0}));
+      double apex = 0, expected = 3.0;
+      int bounces = 0;
+      fixture.run(2.5, [&] {
+        const double height = fixture.position(id).z() - 1, v = fixture.velocity(id).z();
+        if (v > 0) apex = std::max(apex, height + 0.5 * v * v / 9.81);
+        if (v > 0 || apex == 0) return;
+        expected *= e * e;
+        if (++bounces <= 3) {
+          EXPECT_NEAR(apex, expected, 0.02 * expected) << "e " << e << ", bounce " << bounces << ", 1/" << 1 / dt_s;
+        }
+        apex = 0;
+      });
+      EXPECT_GE(bounces, 3);
+    }
+}
+
+TEST(Impact, HeapOfElasticBallsGainsNoEnergy) {
+  for (const double dt_s : kSteps_s) {
+    if (dt_s < 1e-3) continue;  // for time
+    ImpactFixture fixture(dt_s, 1.0, 0.5);
+    std::vector<ObjectId> balls;
+    for (int i = 0; i < 60; ++i)
+      balls.push_back(fixture.add(
+          sphere(0.8, {12 + 1.7 * (i % 4) + 0.03 * i, 12 + 1.7 * (i / 4 % 4), 1.5 + 1.7 * (i / 16)})));
+    auto energy = [&] {
+      double sum = 0;
+      for (const ObjectId id : balls)
+        sum += 9.81 * fixture.position(id).z() + 0.5 * fixture.velocity(id).squaredNorm() +
+               0.2 * 0.64 * fixture.angular_velocity(id).squaredNorm();
+      return sum;
+    };
+    const double start = energy();
+    double greatest = start, fastest = 0;
+    fixture.run(6.0, [&] {
+      greatest = std::max(greatest, energy());
+      for (const ObjectId id : balls)
+        fastest = std::max(fastest, static_cast<double>(fixture.velocity(id).norm()));
+    });
+    EXPECT_LT(greatest, 1.01 * start) << "1/" << 1 / dt_s;
+    EXPECT_LT(fastest, 15.0);
+  }
+}
+
+TEST(Impact, HeavyBoxOnFourLightOnesComesToRest) {
+  ImpactFixture fixture(1.0 / 60, 0.2, 0.5);
+  std::vector<ObjectId> boxes;
+  for (int i = 0; i < 4; ++i) {
+    auto o = box({1, 1, 1}, {14.3 + 2 * (i % 2), 14.2 + 2 * (i / 2), 0.5});
+    o.mass = 1.0;
+    boxes.push_back(fixture.add(o));
+  }
+  auto heavy = box({4, 4, 1}, {15.3, 15.2, 1.5});
+  heavy.mass = 100.0;
+  boxes.push_back(fixture.add(heavy));
+  fixture.run(3.0);
+  const Eigen::Vector3f before = fixture.position(boxes.back());
+  fixture.run(5.0);
+  EXPECT_LT((fixture.position(boxes.back()) - before).norm(), 0.001);
+  EXPECT_EQ(fixture.world().sleeping_count(), 5);
+}
