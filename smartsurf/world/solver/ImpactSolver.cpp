@@ -9,7 +9,7 @@ namespace {
 
 constexpr float kTouchingSeparation = 1e-3F;  // contacts up to this take part in the impacts of others, u
 constexpr int kMaxGenerations = 32, kMaxSetBackPasses = 8;
-constexpr int kNormalSweeps = 64, kFrictionSweeps = 24;
+constexpr int kNormalSweeps = 64, kFrictionSweeps = 24, kNormalSweepsPerFrictionSweep = 8;
 // Friction and normal impulses of surfaces that close to a wedge raise each other without bound. After this many
 // sweeps friction may only fall.
 constexpr int kGrowingFrictionSweeps = 8;
@@ -103,8 +103,8 @@ Rebound compute_rebound(float approach_speed, float speed_after, float separatio
   const float least = std::min(std::abs(start), std::abs(end)), greatest = std::max(std::abs(start), std::abs(end));
   const float squared = start * start - 2.0F * acceleration * std::max(separation, 0.0F);
   const float contact = std::clamp(std::sqrt(std::max(squared, 0.0F)), least, greatest);
-  return {contact,
-          restitution * contact - std::clamp(half_change, -kMaxCorrection * contact, kMaxCorrection * contact)};
+  const float rebound = restitution * contact, max_correction = kMaxCorrection * rebound;
+  return {contact, rebound - std::clamp(half_change, -max_correction, max_correction)};
 }
 
 }  // namespace
@@ -284,6 +284,8 @@ ImpactSolver::Point& ImpactSolver::add_point(const Step& step, const Manifold& m
   p.normal_mass = nn > 0.0F ? 1.0F / nn : 0.0F;
   const float scale = determinant > 0.0F ? 1.0F / determinant : 0.0F;
   p.tangent_mass[0] = uu * scale, p.tangent_mass[1] = tt * scale, p.tangent_mass[2] = -tu * scale;
+  const float half = 0.5F * (tt - uu), greatest = 0.5F * (tt + uu) + std::sqrt(half * half + tu * tu);
+  p.slip_mass = greatest > 0.0F ? 1.0F / greatest : 0.0F;
   p.friction = step.bodies.surface_material[static_cast<std::size_t>(m.a)].friction_root *
                material_of_b(step, m, c).friction_root;
   p.max_impulse = c.max_normal_impulse - c.total_normal_impulse;
@@ -291,8 +293,7 @@ ImpactSolver::Point& ImpactSolver::add_point(const Step& step, const Manifold& m
   for (int i = 0; i < 3; ++i) p.velocity_before[i] = p.axis[i].dot(v);
   p.impulse = Vec3::Zero();
   p.energy_budget = 0.0F;
-  p.seen_a = version_[static_cast<std::size_t>(m.a)] - 1;
-  p.seen_b = m.b >= 0 ? version_[static_cast<std::size_t>(m.b)] - 1 : 0;
+  p.seen_normal = p.seen_friction = versions(p) - 1;
   return p;
 }
 
@@ -342,41 +343,42 @@ void ImpactSolver::add_approaching_points(const Step& step, const ManifoldRef& r
 // ---- impulses
 
 void ImpactSolver::solve_points() {
-  for (int sweep = 0; sweep < kNormalSweeps; ++sweep) {
+  solve_normals(kNormalSweeps);
+  for (int sweep = 0; sweep < kFrictionSweeps; ++sweep) {
+    float greatest_change = 0.0F;
+    for_each_point(sweep, [&](Point& p) {
+      if (p.friction > 0.0F && p.seen_friction != versions(p))
+        greatest_change = std::max(greatest_change, solve_friction(p, sweep < kGrowingFrictionSweeps));
+    });
+    if (greatest_change < kNoticeableChange) break;
+    solve_normals(kNormalSweepsPerFrictionSweep);
+  }
+}
+
+void ImpactSolver::solve_normals(int max_sweeps) {
+  for (int sweep = 0; sweep < max_sweeps; ++sweep) {
     bool any = false;
-    auto visit = [&](Point& p) {
-      if (!needs_visit(p)) return;
+    for_each_point(sweep, [&](Point& p) {
+      if (p.seen_normal == versions(p)) return;
       any = true;
       solve_normal(p);
-    };
-    if (sweep % 2 == 0)
-      std::for_each(points_.begin(), points_.end(), visit);
-    else
-      std::for_each(points_.rbegin(), points_.rend(), visit);
-    if (!any) break;
-  }
-  for (Point& p : points_) --p.seen_a;
-  for (int sweep = 0; sweep < kFrictionSweeps; ++sweep) {
-    bool any = false;
-    auto visit = [&](Point& p) {
-      if (!needs_visit(p)) return;
-      any = true;
-      const float friction_change =
-          p.friction > 0.0F ? solve_friction(p, sweep < kGrowingFrictionSweeps) : 0.0F;
-      // Both impulses affect each other, so a point that changed is visited again.
-      if (std::max(friction_change, solve_normal(p)) > kNoticeableChange) --p.seen_a;
-    };
-    if (sweep % 2 == 0)
-      std::for_each(points_.begin(), points_.end(), visit);
-    else
-      std::for_each(points_.rbegin(), points_.rend(), visit);
+    });
     if (!any) break;
   }
 }
 
-bool ImpactSolver::needs_visit(const Point& p) const {
-  return p.seen_a != version_[static_cast<std::size_t>(p.a)] ||
-         (p.b >= 0 && p.seen_b != version_[static_cast<std::size_t>(p.b)]);
+// Back and forth, so that no end of the list is favoured.
+template <class Each>
+void ImpactSolver::for_each_point(int sweep, Each each) {
+  if (sweep % 2 == 0)
+    std::for_each(points_.begin(), points_.end(), each);
+  else
+    std::for_each(points_.rbegin(), points_.rend(), each);
+}
+
+// A number that changes whenever the velocity of one of the two bodies does.
+std::uint32_t ImpactSolver::versions(const Point& p) const {
+  return version_[static_cast<std::size_t>(p.a)] + (p.b >= 0 ? version_[static_cast<std::size_t>(p.b)] : 0);
 }
 
 namespace {
@@ -400,43 +402,46 @@ void ImpactSolver::apply_impulse(Point& p, int axis, float impulse) {
 }
 
 // Returns the change relative to the impulse of the whole impact.
-float ImpactSolver::end_visit(Point& p, float impulse_change) {
+float ImpactSolver::count_change(const Point& p, float impulse_change) {
   const float whole = p.normal_mass * (std::abs(p.target_speed) + std::abs(p.velocity_before[0])),
               change = whole > 0.0F ? std::abs(impulse_change) / whole : 0.0F;
-  std::uint32_t& version_a = version_[static_cast<std::size_t>(p.a)];
-  const bool is_noticeable = change > kNoticeableChange;
-  if (is_noticeable) ++version_a, mark_changed(p.a);
-  p.seen_a = version_a;
-  if (p.b < 0) return change;
-  std::uint32_t& version_b = version_[static_cast<std::size_t>(p.b)];
-  if (is_noticeable) ++version_b, mark_changed(p.b);
-  p.seen_b = version_b;
+  if (change > kNoticeableChange)
+    for (const std::int32_t body : {p.a, p.b})
+      if (body >= 0) ++version_[static_cast<std::size_t>(body)], mark_changed(body);
   return change;
 }
 
-float ImpactSolver::solve_normal(Point& p) {
+void ImpactSolver::solve_normal(Point& p) {
   const Vec3 v = relative_velocity(p.surface_velocity, *p.velocity_a, p.anchor_a, p.velocity_b, p.anchor_b);
   const float speed = p.axis[0].dot(v);
   const float impulse = std::clamp(p.impulse[0] + p.normal_mass * (p.target_speed - speed), 0.0F,
                                    std::max(p.max_impulse, 0.0F));
   const float change = impulse - p.impulse[0];
   apply_impulse(p, 0, change);
-  return end_visit(p, change);
+  count_change(p, change);
+  p.seen_normal = versions(p);
 }
 
 float ImpactSolver::solve_friction(Point& p, bool may_grow) {
   const Vec3 v = relative_velocity(p.surface_velocity, *p.velocity_a, p.anchor_a, p.velocity_b, p.anchor_b);
   const float t = p.axis[1].dot(v), u = p.axis[2].dot(v);
-  float next_t = p.impulse[1] - (p.tangent_mass[0] * t + p.tangent_mass[2] * u),
-        next_u = p.impulse[2] - (p.tangent_mass[2] * t + p.tangent_mass[1] * u);
   float limit = p.friction * p.impulse[0];
   if (!may_grow) limit = std::min(limit, std::hypot(p.impulse[1], p.impulse[2]));
-  const float length = std::hypot(next_t, next_u);
-  if (length > limit) next_t *= limit / length, next_u *= limit / length;
+  // Sticks if the cone allows it.
+  float next_t = p.impulse[1] - (p.tangent_mass[0] * t + p.tangent_mass[2] * u),
+        next_u = p.impulse[2] - (p.tangent_mass[2] * t + p.tangent_mass[1] * u);
+  if (std::hypot(next_t, next_u) > limit) {
+    // Slides: with a scalar mass, the fixed point is a friction impulse exactly against the slip.
+    next_t = p.impulse[1] - p.slip_mass * t, next_u = p.impulse[2] - p.slip_mass * u;
+    const float length = std::hypot(next_t, next_u);
+    if (length > limit) next_t *= limit / length, next_u *= limit / length;
+  }
   const float change_t = next_t - p.impulse[1], change_u = next_u - p.impulse[2];
   apply_impulse(p, 1, change_t);
   apply_impulse(p, 2, change_u);
-  return end_visit(p, std::hypot(change_t, change_u));
+  const float change = count_change(p, std::hypot(change_t, change_u));
+  p.seen_friction = versions(p);
+  return change;
 }
 
 // ---- energy

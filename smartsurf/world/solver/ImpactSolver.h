@@ -20,6 +20,8 @@ class ImpactSolver {
  public:
   // Minimum approach speed of an impact, u/s.
   static constexpr float kThreshold = 0.2F;
+  // The same for contacts without restitution, of bodies that touch at several points, u/s.
+  static constexpr float kPlasticThreshold = 1.0F;
 
   // A contact that approaches at the start of the step.
   struct Candidate {
@@ -66,10 +68,11 @@ class ImpactSolver {
     Vec3 spin_a[3], spin_b[3];  // change of angular velocity by a unit impulse along an axis
     float normal_mass;
     float tangent_mass[3];  // inverse of the inverse effective mass matrix in the tangent plane: tt, uu, tu
+    float slip_mass;        // inverse of that matrix's greater eigenvalue
     float friction, target_speed, max_impulse;
     Vec3 velocity_before, impulse;
-    float energy_budget;           // what the contact lost in the substeps
-    std::uint32_t seen_a, seen_b;  // versions of the bodies after the last visit
+    float energy_budget;                       // what the contact lost in the substeps
+    std::uint32_t seen_normal, seen_friction;  // versions() after each was solved last
   };
   struct IslandEnergy {
     float linear = 0, quadratic = 0, budget = 0;
@@ -90,10 +93,13 @@ class ImpactSolver {
   void add_approaching_points(const Step&, const ManifoldRef&);
   Point& add_point(const Step&, const Manifold&, Contact&);
   void solve_points();
-  bool needs_visit(const Point&) const;
+  void solve_normals(int max_sweeps);
+  template <class Each>
+  void for_each_point(int sweep, Each each);
+  std::uint32_t versions(const Point&) const;
   void apply_impulse(Point&, int axis, float impulse);
-  float end_visit(Point&, float impulse_change);
-  float solve_normal(Point&);
+  float count_change(const Point&, float impulse_change);
+  void solve_normal(Point&);
   float solve_friction(Point&, bool may_grow);
   void limit_energy();
   std::int32_t find_island(std::int32_t body);

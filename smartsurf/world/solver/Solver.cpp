@@ -62,6 +62,7 @@ struct Solver::StepContext {
   bool all_spheres;
   BodyVelocity gravity_change;  // per substep
 
+  bool may_impact() const { return any_restitution || !all_spheres; }
   ContactList& contact_list(ContactKind kind) const {
     return is_pair(kind) ? input.pair_contacts : input.static_contacts;
   }
@@ -115,7 +116,7 @@ void Solver::run_stages(StepContext& context, const Member& member) {
   for (const BatchRange& run : graph_.own_batches(member))
     for (int i = run.first; i < run.first + run.count; ++i) {
       prepare_batch(context, run.kind, i);
-      if (context.any_restitution) find_impact_candidates(context, run.kind, i, member);
+      if (context.may_impact()) find_impact_candidates(context, run.kind, i, member);
     }
   member.arrive_and_wait();
   shared_batches_.split_batches(graph_, member);
@@ -138,7 +139,7 @@ void Solver::run_stages(StepContext& context, const Member& member) {
   }
   for (const BatchRange& run : graph_.own_batches(member))
     for (int i = run.first; i < run.first + run.count; ++i) store_impulses(context, run.kind, i);
-  if (context.any_restitution)
+  if (context.may_impact())
     member.single([&] { solve_impacts(context); });
   else
     member.arrive_and_wait();
@@ -177,7 +178,8 @@ void Solver::prepare_batch(StepContext& context, ContactKind kind, int index) {
 }
 
 // Contacts that are about to be hit become candidates of the impact solver. They exert no impulse in the substeps,
-// unless they bear a load already.
+// unless they bear a load already. Those without restitution do so if the body lands on several points, fast enough for
+// the order in which the substeps solve the points to turn it visibly.
 void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int index, const Member& member) {
   const ContactBatch& o = graph_.batch(index);
   float least_speed[kLanes] = {};
@@ -185,8 +187,10 @@ void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int 
     for (int lane = 0; lane < kLanes; ++lane)
       least_speed[lane] = std::min(least_speed[lane], point_[static_cast<std::size_t>(k)].approach_speed[lane]);
   const ContactList& list = context.contact_list(kind);
+  const bool may_turn = (kind == kGeneralPair || kind == kGeneralStatic) && o.point_count > 1;
+  const float threshold = context.any_restitution ? ImpactSolver::kThreshold : ImpactSolver::kPlasticThreshold;
   for (int lane = 0; lane < o.lane_count; ++lane) {
-    if (least_speed[lane] >= -ImpactSolver::kThreshold) continue;
+    if (least_speed[lane] >= -threshold) continue;
     const int manifold = graph_.manifold(index, lane);
     const Manifold& m = list.manifolds[static_cast<std::size_t>(manifold)];
     for (int k = 0; k < m.count; ++k) {
@@ -197,7 +201,8 @@ void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int 
       if (speed >= (is_loaded ? -ImpactSolver::kThreshold : 0.0F)) continue;
       const float restitution = std::max(
           material_[static_cast<std::size_t>(o.a[lane])].restitution, material_of_b(context, m, c).restitution);
-      if (restitution == 0.0F) continue;
+      if (restitution == 0.0F && (is_loaded || !may_turn || least_speed[lane] >= -ImpactSolver::kPlasticThreshold))
+        continue;
       impacts_.add(member.index, {StepContext::is_pair(kind), is_loaded, manifold, m.first + k, speed});
       if (!is_loaded) p.normal_mass[lane] = p.tangent_mass[lane] = 0.0F;
     }
