@@ -129,7 +129,7 @@ void ImpactSolver::find_hits(const Step& step) {
   std::erase_if(hits_, [&](const Candidate& candidate) {
     const ContactList& list = step.list(candidate.is_pair);
     const Contact& c = list.contacts[static_cast<std::size_t>(candidate.contact)];
-    if (candidate.is_loaded) return c.total_normal_impulse <= 0.0F;
+    if (candidate.in_substeps) return c.total_normal_impulse <= 0.0F;
     const Manifold& m = list.manifolds[static_cast<std::size_t>(candidate.manifold)];
     return ContactState(step, m, c).separation(c, step.dt_s) > 0.0F;
   });
@@ -207,7 +207,7 @@ void ImpactSolver::collect_active_manifolds() {
 
 void ImpactSolver::set_back_bodies(const Step& step) {
   for (const Candidate& hit : hits_) {
-    if (hit.is_loaded) continue;
+    if (hit.in_substeps) continue;
     const ContactList& list = step.list(hit.is_pair);
     set_back(step, list.manifolds[static_cast<std::size_t>(hit.manifold)],
              list.contacts[static_cast<std::size_t>(hit.contact)]);
@@ -304,7 +304,7 @@ void ImpactSolver::add_hits(const Step& step) {
     Contact& c = list.contacts[static_cast<std::size_t>(hit.contact)];
     const float restitution = restitution_of(step, m, c);
     Point& p = add_point(step, m, c);
-    if (hit.is_loaded) {
+    if (hit.in_substeps) {
       p.target_speed = -restitution * hit.approach_speed;
       p.energy_budget = 0.5F * p.normal_mass * hit.approach_speed * hit.approach_speed;
       continue;

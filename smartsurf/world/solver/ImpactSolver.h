@@ -26,7 +26,7 @@ class ImpactSolver {
   // A contact that approaches at the start of the step.
   struct Candidate {
     bool is_pair;
-    bool is_loaded;  // bore a load in the last step, and takes part in the substeps
+    bool in_substeps;  // exerted its part of the impulse there, without restitution
     std::int32_t manifold, contact;
     float approach_speed;  // normal velocity at the start of the step; negative
   };

@@ -178,7 +178,7 @@ void Solver::prepare_batch(StepContext& context, ContactKind kind, int index) {
 }
 
 // Contacts that are about to be hit become candidates of the impact solver. They exert no impulse in the substeps,
-// unless they bear a load already. Those without restitution do so if the body lands on several points, fast enough for
+// unless they bear a load already or the impact may exceed their force limit. Those without restitution do so if the body lands on several points, fast enough for
 // the order in which the substeps solve the points to turn it visibly.
 void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int index, const Member& member) {
   const ContactBatch& o = graph_.batch(index);
@@ -197,14 +197,16 @@ void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int 
       BatchPoint& p = point_[static_cast<std::size_t>(o.first_point + k)];
       const float speed = p.approach_speed[lane];
       const Contact& c = list.contacts[static_cast<std::size_t>(m.first + k)];
-      const bool is_loaded = c.normal_impulse > 0.0F;
-      if (speed >= (is_loaded ? -ImpactSolver::kThreshold : 0.0F)) continue;
+      constexpr float kLimitMargin = 4.0F;
+      const bool in_substeps = c.normal_impulse > 0.0F ||
+                               c.max_normal_impulse < -kLimitMargin * p.normal_mass[lane] * speed;
+      if (speed >= (in_substeps ? -ImpactSolver::kThreshold : 0.0F)) continue;
       const float restitution = std::max(
           material_[static_cast<std::size_t>(o.a[lane])].restitution, material_of_b(context, m, c).restitution);
-      if (restitution == 0.0F && (is_loaded || !may_turn || least_speed[lane] >= -ImpactSolver::kPlasticThreshold))
+      if (restitution == 0.0F && (in_substeps || !may_turn || least_speed[lane] >= -ImpactSolver::kPlasticThreshold))
         continue;
-      impacts_.add(member.index, {StepContext::is_pair(kind), is_loaded, manifold, m.first + k, speed});
-      if (!is_loaded) p.normal_mass[lane] = p.tangent_mass[lane] = 0.0F;
+      impacts_.add(member.index, {StepContext::is_pair(kind), in_substeps, manifold, m.first + k, speed});
+      if (!in_substeps) p.normal_mass[lane] = p.tangent_mass[lane] = 0.0F;
     }
   }
 }
