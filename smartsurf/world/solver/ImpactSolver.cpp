@@ -9,10 +9,8 @@ namespace {
 
 constexpr float kTouchingSeparation = 1e-3F;  // contacts up to this take part in the impacts of others, u
 constexpr int kMaxGenerations = 32, kMaxSetBackPasses = 8;
+constexpr int kMaxElasticStaticHits = 4;  // of a body and its static contacts in one step, after the first
 constexpr int kNormalSweeps = 64, kFrictionSweeps = 24, kNormalSweepsPerFrictionSweep = 8;
-// Friction and normal impulses of surfaces that close to a wedge raise each other without bound. After this many
-// sweeps friction may only fall.
-constexpr int kGrowingFrictionSweeps = 8;
 constexpr float kNoticeableChange = 1e-6F;  // of an impulse, relative to that of the impact
 
 Vec3 vec(const float (&v)[3]) { return {v[0], v[1], v[2]}; }
@@ -160,6 +158,7 @@ void ImpactSolver::index_manifolds(const Step& step) {
   const std::size_t bodies = step.bodies.id.size(), pairs = step.pair_contacts.manifolds.size();
   first_pair_.assign(bodies, -1);
   static_manifold_.assign(bodies, -1);
+  static_hits_.assign(bodies, 0);
   next_pair_.resize(2 * pairs);
   version_.resize(bodies);
   island_.resize(bodies);
@@ -335,22 +334,26 @@ void ImpactSolver::add_approaching_points(const Step& step, const ManifoldRef& r
   float least = 0.0F;
   for_each_approaching([&](const Contact&, float speed) { least = std::min(least, speed); });
   if (least >= -kThreshold) return;
+  // A body that surfaces squeeze would bounce between them without end.
+  const bool is_elastic = ref.is_pair || static_hits_[static_cast<std::size_t>(m.a)]++ < kMaxElasticStaticHits;
   for_each_approaching([&](Contact& c, float speed) {
-    add_point(step, m, c).target_speed = -restitution_of(step, m, c) * speed;
+    add_point(step, m, c).target_speed = is_elastic ? -restitution_of(step, m, c) * speed : 0.0F;
   });
 }
 
 // ---- impulses
 
+// Ends with friction: where surfaces close to a wedge within their friction cones, no impulses satisfy both, and the
+// body is to stick, not to shoot out.
 void ImpactSolver::solve_points() {
   solve_normals(kNormalSweeps);
   for (int sweep = 0; sweep < kFrictionSweeps; ++sweep) {
     float greatest_change = 0.0F;
     for_each_point(sweep, [&](Point& p) {
       if (p.friction > 0.0F && p.seen_friction != versions(p))
-        greatest_change = std::max(greatest_change, solve_friction(p, sweep < kGrowingFrictionSweeps));
+        greatest_change = std::max(greatest_change, solve_friction(p));
     });
-    if (greatest_change < kNoticeableChange) break;
+    if (greatest_change < kNoticeableChange || sweep + 1 == kFrictionSweeps) break;
     solve_normals(kNormalSweepsPerFrictionSweep);
   }
 }
@@ -422,11 +425,10 @@ void ImpactSolver::solve_normal(Point& p) {
   p.seen_normal = versions(p);
 }
 
-float ImpactSolver::solve_friction(Point& p, bool may_grow) {
+float ImpactSolver::solve_friction(Point& p) {
   const Vec3 v = relative_velocity(p.surface_velocity, *p.velocity_a, p.anchor_a, p.velocity_b, p.anchor_b);
   const float t = p.axis[1].dot(v), u = p.axis[2].dot(v);
-  float limit = p.friction * p.impulse[0];
-  if (!may_grow) limit = std::min(limit, std::hypot(p.impulse[1], p.impulse[2]));
+  const float limit = p.friction * p.impulse[0];
   // Sticks if the cone allows it.
   float next_t = p.impulse[1] - (p.tangent_mass[0] * t + p.tangent_mass[2] * u),
         next_u = p.impulse[2] - (p.tangent_mass[2] * t + p.tangent_mass[1] * u);

@@ -100,7 +100,7 @@ class ImpactSolver {
   void apply_impulse(Point&, int axis, float impulse);
   float count_change(const Point&, float impulse_change);
   void solve_normal(Point&);
-  float solve_friction(Point&, bool may_grow);
+  float solve_friction(Point&);
   void limit_energy();
   std::int32_t find_island(std::int32_t body);
   void store_impulses();
@@ -109,6 +109,7 @@ class ImpactSolver {
   std::vector<Candidate> hits_;
   // Manifolds of each body. Pairs are linked lists of 2·i (as body a) and 2·i + 1 (as body b) for manifold i.
   std::vector<std::int32_t> first_pair_, next_pair_, static_manifold_;
+  std::vector<std::uint8_t> static_hits_;  // by body: generations that its static contacts took part in
   // Bodies that the last generation moved, and their manifolds.
   std::vector<std::int32_t> changed_bodies_;
   std::vector<char> is_changed_;
