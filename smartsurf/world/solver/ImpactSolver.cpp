@@ -8,10 +8,10 @@ namespace smartsurf::world {
 namespace {
 
 constexpr float kTouchingSeparation = 1e-3F;  // contacts up to this take part in the impacts of others, u
-constexpr int kMaxGenerations = 32, kMaxSetBackPasses = 8;
+constexpr int kMaxGenerations = 16, kMaxSetBackPasses = 8;
 constexpr int kMaxElasticStaticHits = 4;  // of a body and its static contacts in one step, after the first
-constexpr int kNormalSweeps = 64, kFrictionSweeps = 24, kNormalSweepsPerFrictionSweep = 8;
-constexpr float kNoticeableChange = 1e-6F;  // of an impulse, relative to that of the impact
+constexpr int kNormalSweeps = 32, kFrictionSweeps = 12, kNormalSweepsPerFrictionSweep = 4;
+constexpr float kNoticeableChange = 3e-5F;  // of an impulse, relative to that of the impact
 
 Vec3 vec(const float (&v)[3]) { return {v[0], v[1], v[2]}; }
 void add_to(float (&to)[3], const Vec3& v) {
@@ -319,26 +319,30 @@ void ImpactSolver::add_hits(const Step& step) {
   }
 }
 
-// Adds the touching points of a manifold that approach, if any of them does so fast enough.
+// Adds the touching points of a manifold that approach, if any of them does so fast enough. Contacts without restitution
+// are left to the next step.
 void ImpactSolver::add_approaching_points(const Step& step, const ManifoldRef& ref) {
   ContactList& list = ref.is_pair ? step.pair_contacts : step.static_contacts;
   const Manifold& m = list.manifolds[static_cast<std::size_t>(ref.index)];
-  auto for_each_approaching = [&](auto each) {
-    for (int k = m.first; k < m.first + m.count; ++k) {
-      Contact& c = list.contacts[static_cast<std::size_t>(k)];
-      const ContactState s(step, m, c);
-      const float speed = c.normal.dot(s.velocity(c));
-      if (speed < 0.0F && s.separation(c, step.dt_s) <= kTouchingSeparation) each(c, speed);
-    }
-  };
   float least = 0.0F;
-  for_each_approaching([&](const Contact&, float speed) { least = std::min(least, speed); });
-  if (least >= -kThreshold) return;
-  // A body that surfaces squeeze would bounce between them without end.
-  const bool is_elastic = ref.is_pair || static_hits_[static_cast<std::size_t>(m.a)]++ < kMaxElasticStaticHits;
-  for_each_approaching([&](Contact& c, float speed) {
-    add_point(step, m, c).target_speed = is_elastic ? -restitution_of(step, m, c) * speed : 0.0F;
-  });
+  for (int k = m.first; k < m.first + m.count; ++k) {
+    Contact& c = list.contacts[static_cast<std::size_t>(k)];
+    const float restitution = restitution_of(step, m, c);
+    if (restitution == 0.0F) continue;
+    const ContactState s(step, m, c);
+    const float speed = c.normal.dot(s.velocity(c));
+    if (speed >= 0.0F || s.separation(c, step.dt_s) > kTouchingSeparation) continue;
+    least = std::min(least, speed);
+    approaching_.push_back({&c, -restitution * speed});
+  }
+  if (least < -kThreshold) {
+    // A body that surfaces squeeze would bounce between them without end.
+    const bool is_elastic =
+        ref.is_pair || static_hits_[static_cast<std::size_t>(m.a)]++ < kMaxElasticStaticHits;
+    for (const Approaching& a : approaching_)
+      add_point(step, m, *a.contact).target_speed = is_elastic ? a.rebound_speed : 0.0F;
+  }
+  approaching_.clear();
 }
 
 // ---- impulses

@@ -74,6 +74,10 @@ class ImpactSolver {
     float energy_budget;                       // what the contact lost in the substeps
     std::uint32_t seen_normal, seen_friction;  // versions() after each was solved last
   };
+  struct Approaching {
+    Contact* contact;
+    float rebound_speed;
+  };
   struct IslandEnergy {
     float linear = 0, quadratic = 0, budget = 0;
   };
@@ -115,6 +119,7 @@ class ImpactSolver {
   std::vector<char> is_changed_;
   std::vector<ManifoldRef> active_;
   std::vector<char> is_active_pair_;
+  std::vector<Approaching> approaching_;
   std::vector<Point> points_;
   std::vector<std::uint32_t> version_;  // by body: counts the changes of its velocity
   // By body, valid for the bodies of points_.
