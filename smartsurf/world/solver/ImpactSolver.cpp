@@ -11,7 +11,9 @@ constexpr float kTouchingSeparation = 1e-3F;  // contacts up to this take part i
 constexpr int kMaxGenerations = 16, kMaxSetBackPasses = 8;
 constexpr int kMaxElasticStaticHits = 4;  // of a body and its static contacts in one step, after the first
 constexpr int kNormalSweeps = 32, kFrictionSweeps = 12, kNormalSweepsPerFrictionSweep = 4;
-constexpr float kNoticeableChange = 3e-5F;  // of an impulse, relative to that of the impact
+// Changes of an impulse that are worth another sweep, relative to that of the impact: in the first generation, and in
+// those that follow.
+constexpr float kFirstTolerance = 3e-5F, kTolerance = 1e-3F;
 
 Vec3 vec(const float (&v)[3]) { return {v[0], v[1], v[2]}; }
 void add_to(float (&to)[3], const Vec3& v) {
@@ -22,6 +24,8 @@ Vec3 multiply(const InverseInertia& m, const Vec3& v) {
   return {m.xx * v.x() + m.xy * v.y() + m.xz * v.z(), m.xy * v.x() + m.yy * v.y() + m.yz * v.z(),
           m.xz * v.x() + m.yz * v.y() + m.zz * v.z()};
 }
+
+float length(float x, float y) { return std::sqrt(x * x + y * y); }
 
 // Completes a unit vector to an orthonormal basis (Duff et al., Building an Orthonormal Basis, Revisited, 2017).
 void compute_tangents(const Vec3& n, Vec3& t, Vec3& u) {
@@ -140,6 +144,7 @@ void ImpactSolver::solve(const Step& step) {
   set_back_bodies(step);
   for (int generation = 0; generation < kMaxGenerations; ++generation) {
     points_.clear();
+    tolerance_ = generation == 0 ? kFirstTolerance : kTolerance;
     if (generation == 0)
       add_hits(step);
     else
@@ -227,11 +232,11 @@ void ImpactSolver::set_back_manifold(const Step& step, const ManifoldRef& ref) {
 }
 
 // Each body gives way by the share that it has in the approach. Not by mass: a body at rest stays where it is.
-bool ImpactSolver::set_back(const Step& step, const Manifold& m, const Contact& c) {
-  constexpr float kTolerance = 1e-6F;
+void ImpactSolver::set_back(const Step& step, const Manifold& m, const Contact& c) {
+  constexpr float kMinOverlap = 1e-6F;
   const ContactState s(step, m, c);
   const float overlap = std::min(c.separation, 0.0F) - s.separation(c, step.dt_s);
-  if (!(overlap > kTolerance)) return false;
+  if (!(overlap > kMinOverlap)) return;
   float share_a = 1.0F;
   if (s.velocity_b != nullptr) {
     float a = std::max(-c.normal.dot(s.displacement_a()), 0.0F),
@@ -239,7 +244,7 @@ bool ImpactSolver::set_back(const Step& step, const Manifold& m, const Contact& 
     if (!(a + b > 0.0F)) a = s.velocity_a->inverse_mass, b = s.velocity_b->inverse_mass;
     if (s.velocity_a->inverse_mass == 0.0F) a = 0.0F;
     if (s.velocity_b->inverse_mass == 0.0F) b = 0.0F;
-    if (!(a + b > 0.0F)) return false;
+    if (!(a + b > 0.0F)) return;
     share_a = a / (a + b);
     if (share_a < 1.0F) {
       add_to(s.delta_b->translation, -(1.0F - share_a) * overlap * c.normal);
@@ -250,7 +255,6 @@ bool ImpactSolver::set_back(const Step& step, const Manifold& m, const Contact& 
     add_to(s.delta_a->translation, share_a * overlap * c.normal);
     mark_changed(m.a);
   }
-  return true;
 }
 
 // ---- the points of a generation
@@ -357,7 +361,7 @@ void ImpactSolver::solve_points() {
       if (p.friction > 0.0F && p.seen_friction != versions(p))
         greatest_change = std::max(greatest_change, solve_friction(p));
     });
-    if (greatest_change < kNoticeableChange || sweep + 1 == kFrictionSweeps) break;
+    if (greatest_change < tolerance_ || sweep + 1 == kFrictionSweeps) break;
     solve_normals(kNormalSweepsPerFrictionSweep);
   }
 }
@@ -412,7 +416,7 @@ void ImpactSolver::apply_impulse(Point& p, int axis, float impulse) {
 float ImpactSolver::count_change(const Point& p, float impulse_change) {
   const float whole = p.normal_mass * (std::abs(p.target_speed) + std::abs(p.velocity_before[0])),
               change = whole > 0.0F ? std::abs(impulse_change) / whole : 0.0F;
-  if (change > kNoticeableChange)
+  if (change > tolerance_)
     for (const std::int32_t body : {p.a, p.b})
       if (body >= 0) ++version_[static_cast<std::size_t>(body)], mark_changed(body);
   return change;
@@ -436,16 +440,16 @@ float ImpactSolver::solve_friction(Point& p) {
   // Sticks if the cone allows it.
   float next_t = p.impulse[1] - (p.tangent_mass[0] * t + p.tangent_mass[2] * u),
         next_u = p.impulse[2] - (p.tangent_mass[2] * t + p.tangent_mass[1] * u);
-  if (std::hypot(next_t, next_u) > limit) {
+  if (length(next_t, next_u) > limit) {
     // Slides: with a scalar mass, the fixed point is a friction impulse exactly against the slip.
     next_t = p.impulse[1] - p.slip_mass * t, next_u = p.impulse[2] - p.slip_mass * u;
-    const float length = std::hypot(next_t, next_u);
-    if (length > limit) next_t *= limit / length, next_u *= limit / length;
+    const float unbounded = length(next_t, next_u);
+    if (unbounded > limit) next_t *= limit / unbounded, next_u *= limit / unbounded;
   }
   const float change_t = next_t - p.impulse[1], change_u = next_u - p.impulse[2];
   apply_impulse(p, 1, change_t);
   apply_impulse(p, 2, change_u);
-  const float change = count_change(p, std::hypot(change_t, change_u));
+  const float change = count_change(p, length(change_t, change_u));
   p.seen_friction = versions(p);
   return change;
 }
@@ -484,10 +488,10 @@ void ImpactSolver::limit_energy() {
     energy.quadratic += p.impulse.dot(after - p.velocity_before);
     energy.budget += p.energy_budget;
   }
-  constexpr float kTolerance = 1e-4F;
+  constexpr float kRoundingError = 1e-4F;
   for (Point& p : points_) {
     const auto [linear, quadratic, budget] = energy_of(p);
-    if (linear + 0.5F * quadratic <= budget + kTolerance * std::abs(linear) || !(quadratic > 0.0F)) continue;
+    if (linear + 0.5F * quadratic <= budget + kRoundingError * std::abs(linear) || !(quadratic > 0.0F)) continue;
     const float scale =
         std::clamp((-linear + std::sqrt(linear * linear + 2.0F * quadratic * budget)) / quadratic, 0.0F, 1.0F);
     for (int axis = 0; axis < 3; ++axis) apply_impulse(p, axis, (scale - 1.0F) * p.impulse[axis]);

@@ -89,7 +89,7 @@ class ImpactSolver {
   void find_hits(const Step&);
   void index_manifolds(const Step&);
   void set_back_bodies(const Step&);
-  bool set_back(const Step&, const Manifold&, const Contact&);
+  void set_back(const Step&, const Manifold&, const Contact&);
   void set_back_manifold(const Step&, const ManifoldRef&);
   void mark_changed(std::int32_t body);
   void collect_active_manifolds();
@@ -119,6 +119,7 @@ class ImpactSolver {
   std::vector<char> is_changed_;
   std::vector<ManifoldRef> active_;
   std::vector<char> is_active_pair_;
+  float tolerance_ = 0.0F;  // of the current generation
   std::vector<Approaching> approaching_;
   std::vector<Point> points_;
   std::vector<std::uint32_t> version_;  // by body: counts the changes of its velocity
