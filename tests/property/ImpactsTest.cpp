@@ -21,7 +21,8 @@ struct ImpactFixture : PhysicsFixture {
     scene.materials[0].restitution = restitution;
     scene.materials[0].friction = friction;
   }
-  // Runs until the body moves upwards, and one step more.
+  bool is_bullet() const { return scene.world.engine == "bullet"; }
+  // Runs until the body moves upwards.
   void run_until_rebound(ObjectId id, double max_s = 2.0) {
     for (double t_s = 0; t_s < max_s && velocity(id).z() <= 0; t_s += scene.world.dt_s) run(scene.world.dt_s);
   }
@@ -49,7 +50,7 @@ std::vector<double> simulate_row(double dt_s, double e, double gap, const std::v
   for (std::size_t i = 0; i < speeds.size(); ++i) {
     auto ball = sphere(1.0, {5.0 + (2.0 + gap) * static_cast<double>(i), 15, 20});
     ball.velocity = {speeds[i], 0, 0};
-    // A moving ball starts with a free path.
+    // The moving balls start with a free path.
     if (speeds[i] > 0) ball.position.x() -= 0.3;
     row.push_back(fixture.add(ball));
   }
@@ -62,6 +63,8 @@ std::vector<double> simulate_row(double dt_s, double e, double gap, const std::v
 }  // namespace
 
 TEST(Impact, BlowTravelsThroughRowOfBalls) {
+  if (ImpactFixture(1.0 / 60, 1, 0).is_bullet())
+    GTEST_SKIP() << "Bullet solves the impacts of touching bodies as one: four balls leave together";
   for (const double dt_s : kSteps_s)
     for (const double gap : {0.0, 1e-3, 0.1})
       for (const double e : {1.0, gap > 0.01 ? 1.0 : 0.8, gap > 0.01 ? 1.0 : 0.5})
@@ -69,7 +72,7 @@ TEST(Impact, BlowTravelsThroughRowOfBalls) {
         for (const auto& speeds : {std::vector<double>{4, 0, 0, 0, 0}, {4, 4, 0, 0, 0}, {4, 4, 4, 0, 0}}) {
           const auto actual = simulate_row(dt_s, e, gap, speeds), predicted = collide_by_pairs(speeds, e);
           for (std::size_t i = 0; i < speeds.size(); ++i)
-            EXPECT_NEAR(actual[i], predicted[i], e == 1.0 ? 0.02 : 0.12)
+            EXPECT_NEAR(actual[i], predicted[i], e == 1.0 ? 0.01 : 0.12)
                 << "ball " << i << ", e " << e << ", gap " << gap << ", " << speeds[1] << ", 1/" << 1 / dt_s;
         }
 }
@@ -109,7 +112,7 @@ TEST(Impact, FrictionActsOnTheRebound) {
         const double v_z = std::sqrt(2 * 9.81 * 1.0);
         const double predicted = std::min(c.friction * (1 + e) * v_z, 2.0 / 7.0 * c.slip);
         const double lost = c.slip - fixture.velocity(id).x();
-        EXPECT_NEAR(lost, predicted, 0.02 * predicted)
+        EXPECT_NEAR(lost, predicted, 0.005 * predicted)
             << "e " << e << ", slip " << c.slip << ", friction " << c.friction << ", 1/" << 1 / dt_s;
         // Angular momentum about the contact is kept.
         EXPECT_NEAR(0.4 * fixture.angular_velocity(id).y(), lost, 1e-3 * (1 + lost));
@@ -118,9 +121,8 @@ TEST(Impact, FrictionActsOnTheRebound) {
 }
 
 TEST(Impact, SlidingBoxAndHullKeepTheLaw) {
-  // A flat hit while sliding: the impulse acts at the whole face, at its height below the centre. Without rotation
-  // before, friction µ·N turns the body by the lever of half its height, which loads the front: N is unchanged, and so
-  // is the horizontal impulse.
+  // The torque of friction about the centre moves the load to the front, but not off the face: the body does not turn,
+  // and loses µ·(1 + e)·v_z.
   for (const double dt_s : kSteps_s)
     for (const bool hull : {false, true}) {
       ImpactFixture fixture(dt_s, 0.0, 0.1);
@@ -130,7 +132,7 @@ TEST(Impact, SlidingBoxAndHullKeepTheLaw) {
       const auto id = fixture.add(o);
       fixture.run_until_rebound(id);
       const double v_z = std::sqrt(2 * 9.81 * 2.0);
-      EXPECT_NEAR(6 - fixture.velocity(id).x(), 0.1 * 2 * v_z, 0.03 * 0.2 * v_z) << hull << " 1/" << 1 / dt_s;
+      EXPECT_NEAR(6 - fixture.velocity(id).x(), 0.1 * 2 * v_z, 0.01 * 0.2 * v_z) << hull << " 1/" << 1 / dt_s;
     }
 }
 
@@ -153,20 +155,19 @@ TEST(Impact, OffCentreHitOfBox) {
         const double inertia = 4.0 / 6.0;  // by mass
         const double k_nn = 1 + x * x / inertia, k_tt = 1 + z * z / inertia, k_nt = -x * z / inertia;
         // ω = (r × P)_y / I = (z·P_x − x·P_z) / I; velocity of the point: (v_x + ω·z, v_z − ω·x).
-        double p_n = 0, p_t = 0;
         const double v_n = -8, v_t = 1.5;
         // Stick: K·p = (0, e·8) − (v_t, v_n).
         const double determinant = k_nn * k_tt - k_nt * k_nt;
         const double b_n = -(1 + e) * v_n, b_t = -v_t;
-        p_n = (k_tt * b_n - k_nt * b_t) / determinant, p_t = (k_nn * b_t - k_nt * b_n) / determinant;
+        double p_n = (k_tt * b_n - k_nt * b_t) / determinant, p_t = (k_nn * b_t - k_nt * b_n) / determinant;
         if (std::abs(p_t) > friction * p_n) {
           // Slides in the direction that friction cannot stop.
           const double sign = p_t > 0 ? 1 : -1;
           p_n = b_n / (k_nn + sign * friction * k_nt), p_t = sign * friction * p_n;
         }
-        EXPECT_NEAR(fixture.velocity(id).x(), 1.5 + p_t, 0.1) << e << " " << friction << " 1/" << 1 / dt_s;
-        EXPECT_NEAR(fixture.velocity(id).z(), -8 + p_n, 0.1) << e << " " << friction << " 1/" << 1 / dt_s;
-        EXPECT_NEAR(fixture.angular_velocity(id).y(), (z * p_t - x * p_n) / inertia, 0.2)
+        EXPECT_NEAR(fixture.velocity(id).x(), 1.5 + p_t, 0.02) << e << " " << friction << " 1/" << 1 / dt_s;
+        EXPECT_NEAR(fixture.velocity(id).z(), -8 + p_n, 0.02) << e << " " << friction << " 1/" << 1 / dt_s;
+        EXPECT_NEAR(fixture.angular_velocity(id).y(), (z * p_t - x * p_n) / inertia, 0.03)
             << e << " " << friction << " 1/" << 1 / dt_s;
       }
 }
@@ -176,6 +177,8 @@ TEST(Impact, FlatDropLeavesStraight) {
     for (const double e : {0.0, 0.5, 1.0})
       for (const int where : {0, 1, 2}) {  // pins, many pins, the ground
         ImpactFixture fixture(dt_s, e, 0.5);
+        // Bullet finds the points of a box on its ground plane one by one.
+        if (where == 2 && fixture.is_bullet()) continue;
         if (where == 2) {
           fixture.scene.surface.rows = fixture.scene.surface.columns = 2;
         }
@@ -199,7 +202,9 @@ TEST(Impact, BouncesKeepEnergy) {
     const auto id = fixture.add(sphere(1.0, {15.3, 15.2, 3.0}));
     fixture.run(60.0);
     const double energy = 9.81 * (fixture.position(id).z() - 1) + 0.5 * fixture.velocity(id).squaredNorm();
-    EXPECT_NEAR(energy, 9.81 * 2.0, 0.01 * 9.81 * 2.0) << "1/" << 1 / dt_s;
+    // Bullet gains 1.2 % at 1/60.
+    const double tolerance = fixture.is_bullet() ? 0.02 : 0.01;
+    EXPECT_NEAR(energy, 9.81 * 2.0, tolerance * 9.81 * 2.0) << "1/" << 1 / dt_s;
   }
 }
 
@@ -208,6 +213,7 @@ TEST(Impact, ApexFallsWithRestitutionSquared) {
     for (const double e : {0.5, 0.8}) {
       ImpactFixture fixture(dt_s, e, 0.5);
       const auto id = fixture.add(sphere(1.0, {15.3, 15.2, 4.0}));
+      const double tolerance = fixture.is_bullet() ? 0.025 : 0.01;
       double apex = 0, expected = 3.0;
       int bounces = 0;
       fixture.run(4.0, [&] {
@@ -216,7 +222,10 @@ TEST(Impact, ApexFallsWithRestitutionSquared) {
         if (v > 0 || apex == 0) return;
         expected *= e * e;
         if (++bounces <= 3) {
-          EXPECT_NEAR(apex, expected, 0.01 * expected + 1.23 * dt_s * dt_s * 2) << "e " << e << ", bounce " << bounces << ", 1/" << 1 / dt_s;
+          // The apex lies between two steps.
+          const double between_steps = 9.81 * dt_s * dt_s / 4;
+          EXPECT_NEAR(apex, expected, tolerance * expected + between_steps)
+              << "e " << e << ", bounce " << bounces << ", 1/" << 1 / dt_s;
         }
         apex = 0;
       });
@@ -225,8 +234,7 @@ TEST(Impact, ApexFallsWithRestitutionSquared) {
 }
 
 TEST(Impact, HeapOfElasticBallsGainsNoEnergy) {
-  for (const double dt_s : kSteps_s) {
-    if (dt_s < 1e-3) continue;  // for time
+  for (const double dt_s : {1.0 / 60, 1.0 / 240}) {
     ImpactFixture fixture(dt_s, 1.0, 0.5);
     std::vector<ObjectId> balls;
     for (int i = 0; i < 60; ++i)
@@ -243,9 +251,28 @@ TEST(Impact, HeapOfElasticBallsGainsNoEnergy) {
     };
     const double start = energy();
     double greatest = start;
-    fixture.run(6.0, [&] { greatest = std::max(greatest, energy()); });
+    fixture.run(3.0, [&] { greatest = std::max(greatest, energy()); });
     EXPECT_LT(greatest, 1.01 * start) << "1/" << 1 / dt_s;
   }
+}
+
+TEST(Impact, BallInClosingWedgeIsNotThrown) {
+  // Pins rise against a lid within the friction cones: squeezed, the ball may rebound between both, but not gather speed.
+  for (const double dt_s : {1.0 / 60, 1.0 / 240})
+    for (const double e : {0.0, 0.5, 1.0})
+      for (const double tilt : {5.0, 15.0}) {
+        ImpactFixture fixture(dt_s, e, 1.0);
+        fixture.scene.surface.pin.max_speed = 1.5;
+        auto lid = box({12, 12, 1}, {15.3, 15.2, 4.2});
+        lid.fixed = true;
+        lid.orientation = Eigen::AngleAxisd(tilt * M_PI / 180, Eigen::Vector3d::UnitY());
+        fixture.add(lid);
+        const auto id = fixture.add(sphere(1.0, {15.3, 15.2, 1.0}));
+        fixture.cells().set_targets(0, std::vector<float>(32 * 32, 6.0F));
+        double fastest = 0;
+        fixture.run(2.0, [&] { fastest = std::max(fastest, fixture.world().state(id).velocity.norm()); });
+        EXPECT_LT(fastest, 10.0) << "e " << e << ", tilt " << tilt << ", 1/" << 1 / dt_s;
+      }
 }
 
 TEST(Impact, HeavyBoxOnFourLightOnesComesToRest) {
@@ -262,6 +289,7 @@ TEST(Impact, HeavyBoxOnFourLightOnesComesToRest) {
   fixture.run(3.0);
   const Eigen::Vector3f before = fixture.position(boxes.back());
   fixture.run(5.0);
-  EXPECT_LT((fixture.position(boxes.back()) - before).norm(), 0.001);
-  EXPECT_EQ(fixture.world().sleeping_count(), 5);
+  EXPECT_LT((fixture.position(boxes.back()) - before).norm(), fixture.is_bullet() ? 0.002F : 0.001F);
+  // Nothing sleeps on Bullet.
+  EXPECT_EQ(fixture.world().sleeping_count(), fixture.is_bullet() ? 0 : 5);
 }

@@ -8,7 +8,8 @@ namespace smartsurf::world {
 namespace {
 
 constexpr float kTouchingSeparation = 1e-3F;  // contacts up to this take part in the impacts of others, u
-constexpr int kMaxGenerations = 16, kMaxSetBackPasses = 8;
+constexpr float kMinOverlap = 1e-6F;          // rounding errors of a position, u
+constexpr int kMaxGenerations = 16, kMaxSetBackPasses = 4;
 constexpr int kMaxElasticStaticHits = 4;  // of a body and its static contacts in one step, after the first
 constexpr int kNormalSweeps = 32, kFrictionSweeps = 12, kNormalSweepsPerFrictionSweep = 4;
 // Changes of an impulse that are worth another sweep, relative to that of the impact: in the first generation, and in
@@ -214,7 +215,7 @@ void ImpactSolver::set_back_bodies(const Step& step) {
     if (hit.in_substeps) continue;
     const ContactList& list = step.list(hit.is_pair);
     set_back(step, list.manifolds[static_cast<std::size_t>(hit.manifold)],
-             list.contacts[static_cast<std::size_t>(hit.contact)]);
+             list.contacts[static_cast<std::size_t>(hit.contact)], kMinOverlap);
   }
   for (int pass = 0; pass < kMaxSetBackPasses && !changed_bodies_.empty(); ++pass) {
     collect_active_manifolds();
@@ -228,15 +229,15 @@ void ImpactSolver::set_back_manifold(const Step& step, const ManifoldRef& ref) {
   const ContactList& list = step.list(ref.is_pair);
   const Manifold& m = list.manifolds[static_cast<std::size_t>(ref.index)];
   for (int k = m.first; k < m.first + m.count; ++k)
-    set_back(step, m, list.contacts[static_cast<std::size_t>(k)]);
+    set_back(step, m, list.contacts[static_cast<std::size_t>(k)], kTouchingSeparation);
 }
 
-// Each body gives way by the share that it has in the approach. Not by mass: a body at rest stays where it is.
-void ImpactSolver::set_back(const Step& step, const Manifold& m, const Contact& c) {
-  constexpr float kMinOverlap = 1e-6F;
+// Removes what the overlap has grown by in the step, if that exceeds `min_overlap`. Each body gives way by the share
+// that it has in the approach. Not by mass: a body at rest stays where it is.
+void ImpactSolver::set_back(const Step& step, const Manifold& m, const Contact& c, float min_overlap) {
   const ContactState s(step, m, c);
   const float overlap = std::min(c.separation, 0.0F) - s.separation(c, step.dt_s);
-  if (!(overlap > kMinOverlap)) return;
+  if (!(overlap > min_overlap)) return;
   float share_a = 1.0F;
   if (s.velocity_b != nullptr) {
     float a = std::max(-c.normal.dot(s.displacement_a()), 0.0F),

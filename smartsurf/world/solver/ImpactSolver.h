@@ -21,7 +21,7 @@ class ImpactSolver {
   // Minimum approach speed of an impact, u/s.
   static constexpr float kThreshold = 0.2F;
   // The same for contacts without restitution, of bodies that touch at several points, u/s.
-  static constexpr float kPlasticThreshold = 1.0F;
+  static constexpr float kPlasticThreshold = 2.0F;
 
   // A contact that approaches at the start of the step.
   struct Candidate {
@@ -89,7 +89,7 @@ class ImpactSolver {
   void find_hits(const Step&);
   void index_manifolds(const Step&);
   void set_back_bodies(const Step&);
-  void set_back(const Step&, const Manifold&, const Contact&);
+  void set_back(const Step&, const Manifold&, const Contact&, float min_overlap);
   void set_back_manifold(const Step&, const ManifoldRef&);
   void mark_changed(std::int32_t body);
   void collect_active_manifolds();

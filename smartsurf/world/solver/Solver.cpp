@@ -178,8 +178,8 @@ void Solver::prepare_batch(StepContext& context, ContactKind kind, int index) {
 }
 
 // Contacts that are about to be hit become candidates of the impact solver. They exert no impulse in the substeps,
-// unless they bear a load already or the impact may exceed their force limit. Those without restitution do so if the body lands on several points, fast enough for
-// the order in which the substeps solve the points to turn it visibly.
+// unless they bear a load already or the impact may exceed their force limit. Contacts without restitution do so only
+// if the body lands on several points, fast enough to be turned by the order in which the substeps solve the points.
 void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int index, const Member& member) {
   const ContactBatch& o = graph_.batch(index);
   float least_speed[kLanes] = {};
