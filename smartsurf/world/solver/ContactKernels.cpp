@@ -140,50 +140,6 @@ HWY_INLINE V solve_point(ContactLanes<kPair, kSpheres>& l, const PointRef& q, co
   return normal_impulse;
 }
 
-// Newton's law of restitution at one point, if it was hit fast enough. The impulse accumulates in
-// relax_target_speed. Returns the accumulated impulse.
-template <bool kPair, bool kSpheres>
-HWY_INLINE V apply_restitution_at_point(ContactLanes<kPair, kSpheres>& l, const PointRef& q,
-                                        const SubstepParams& params) {
-  const int at = l.lane;
-  const V3 n = load3(q.point.normal, at);
-  const V speed = dot(n, l.relative_velocity(q, n));
-  const V approach = load(q.point.approach_speed, at);
-  const auto hit = hn::And(hn::Lt(approach, set(-params.restitution_threshold)),
-                           hn::Gt(load(q.point.total_normal_impulse, at), zero()));
-  const V target_speed = zero() - load(q.detail.restitution, at) * approach;
-  const V old_impulse = load(q.point.relax_target_speed, at);
-  const V new_impulse = hn::Max(old_impulse + (target_speed - speed) * load(q.point.normal_mass, at), zero());
-  V impulse = hn::IfThenElseZero(hit, new_impulse);
-  if (!kPair && l.batch.has_impulse_limit) {
-    const V available =
-        load(q.detail.max_normal_impulse, at) - (load(q.point.total_normal_impulse, at) - old_impulse);
-    impulse = hn::Min(impulse, hn::Max(available, zero()));
-  }
-  store(impulse, q.point.relax_target_speed, at);
-  store(load(q.point.total_normal_impulse, at) + (impulse - old_impulse), q.point.total_normal_impulse, at);
-  l.apply_impulse(q, n * (impulse - old_impulse), n, true);
-  return impulse;
-}
-
-// A restitution impulse at one point of a manifold rotates the body and thus changes the velocity at the others:
-// iterates over the points so that all of them separate at their target speeds.
-template <bool kPair, bool kSpheres>
-HWY_INLINE void apply_restitution_to_manifold(ContactLanes<kPair, kSpheres>& l, BatchPoints points,
-                                              const SubstepParams& params) {
-  constexpr int kMaxIterations = 8;
-  const int first = l.batch.first_point, end = first + l.batch.point_count;
-  for (int k = first; k < end; ++k) store(zero(), points.point[k].relax_target_speed, l.lane);
-  const int iterations = kSpheres || l.batch.point_count == 1 ? 1 : kMaxIterations;
-  for (int iteration = 0; iteration < iterations; ++iteration) {
-    V max_impulse = zero();
-    for (int k = first; k < end; ++k)
-      max_impulse = hn::Max(
-          max_impulse, apply_restitution_at_point(l, PointRef{points.point[k], points.detail[k]}, params));
-    if (iteration == 0 && hn::AllFalse(D(), hn::Gt(max_impulse, zero()))) return;  // nothing hit
-  }
-}
-
 template <bool kPair, bool kSpheres, class PointWork>
 HWY_INLINE void for_each_point(const ContactBatch* batches, int count, BatchPoints points,
                                const SolverBodies& rows, bool writes, PointWork work) {
@@ -232,21 +188,11 @@ struct Kernels {
       store(load(q.point.total_normal_impulse, l.lane) + impulse, q.point.total_normal_impulse, l.lane);
     });
   }
-  static void apply_restitution(const ContactBatch* o, int n, BatchPoints p, const SolverBodies& rows,
-                                const SubstepParams& params) {
-    for (int i = 0; i < n; ++i)
-      for (int lane = 0; lane < o[i].lane_count; lane += kVectorWidth) {
-        L l(o[i], lane, rows);
-        apply_restitution_to_manifold(l, p, params);
-        l.store();
-      }
-  }
   static void add_to(ContactKernelTable& t, ContactKind kind) {
     t.prepare[kind] = prepare;
     t.warm_start[kind] = warm_start;
     t.solve[kind] = solve;
     t.relax[kind] = relax;
-    t.apply_restitution[kind] = apply_restitution;
   }
 };
 

@@ -47,17 +47,15 @@ struct alignas(64) BatchPoint {
   float radius_a[kLanes], radius_b[kLanes];  // used for spheres only
   float normal_impulse[kLanes], friction_impulse[3][kLanes], total_normal_impulse[kLanes];
   float separation[kLanes];
-  // Target of the normal velocity in the relax stage: −separation / h for a speculative contact, otherwise 0. The
-  // restitution stage reuses the field for its accumulated impulse.
+  // Target of the normal velocity in the relax stage: −separation / h for a speculative contact, otherwise 0.
   float relax_target_speed[kLanes];
-  float normal_mass[kLanes], tangent_mass[kLanes], friction[kLanes];
+  float normal_mass[kLanes], tangent_mass[kLanes], friction[kLanes];  // masses of 0: exerts no impulse
   float approach_speed[kLanes];  // normal velocity at the start of the step
 };
 struct alignas(64) BatchPointDetail {
   float anchor_a[3][kLanes], anchor_b[3][kLanes];
   float surface_velocity[3][kLanes], surface_spin[kLanes];
   float rolling_friction[kLanes], rolling_mass[kLanes], rolling_impulse[3][kLanes];
-  float restitution[kLanes];
   float max_normal_impulse[kLanes];   // per step; valid if ContactBatch::has_impulse_limit
   float slip_per_impulse[3][kLanes];  // slip velocity of a against b per unit normal impulse; not for spheres
 };
@@ -71,7 +69,6 @@ struct SubstepParams {
   float elapsed_s;                             // since the start of the step
   float bias_rate, mass_scale, impulse_scale;  // contact softness
   float max_bias_velocity;                     // u/s
-  float restitution_threshold;                 // u/s
   float substep_fraction = 1.0F;               // substep length / step length
 };
 
@@ -86,7 +83,6 @@ struct ContactKernelTable {
   ContactKernel warm_start[kContactKindCount];  // applies the stored impulses
   ContactKernel solve[kContactKindCount];       // soft constraints: no penetration at the end of the substep
   ContactKernel relax[kContactKindCount];       // removes the velocity that the soft push-out added
-  ContactKernel apply_restitution[kContactKindCount];  // Newton's rule, at the end of the step
 };
 
 // The kernels for the best instruction set of this machine.

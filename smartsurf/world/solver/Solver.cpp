@@ -12,7 +12,6 @@ namespace {
 // resolves penetration.
 constexpr float kPairContactHertz = 60.0F, kStaticContactHertz = 120.0F, kDampingRatio = 5.0F;
 constexpr float kMaxBiasVelocity = 4.0F;       // of the push-out from penetration, u/s
-constexpr float kRestitutionThreshold = 0.2F;  // minimum approach speed for restitution, u/s
 constexpr float kUnusedSeparation = 1e6F;      // of unused lanes: never in contact
 constexpr float kMaxSpeed = 1e7F;              // per axis, u/s or rad/s; ten times what scripts may set
 
@@ -26,7 +25,6 @@ SubstepParams make_substep_params(float h_s, float hertz, int substeps) {
           b * scale,
           scale,
           kMaxBiasVelocity,
-          kRestitutionThreshold,
           1.0F / static_cast<float>(substeps)};
 }
 
@@ -64,6 +62,7 @@ struct Solver::StepContext {
   bool all_spheres;
   BodyVelocity gravity_change;  // per substep
 
+  bool may_impact() const { return any_restitution || !all_spheres; }
   ContactList& contact_list(ContactKind kind) const {
     return is_pair(kind) ? input.pair_contacts : input.static_contacts;
   }
@@ -105,6 +104,7 @@ void Solver::resize_buffers(const SpatialPartition& partition, int member_count)
   point_.resize(static_cast<std::size_t>(graph_.point_count()));
   detail_.resize(point_.size());
   shared_batches_.resize(partition.row_count(), member_count);
+  impacts_.reset(member_count);
 }
 
 // Barrier protocol: every run_contact_stage() waits before a colour's shared batches and arrives after them, so that
@@ -114,7 +114,10 @@ void Solver::run_stages(StepContext& context, const Member& member) {
   shared_batches_.clear_marks(context.own_rows);
   member.arrive_and_wait();
   for (const BatchRange& run : graph_.own_batches(member))
-    for (int i = run.first; i < run.first + run.count; ++i) prepare_batch(context, run.kind, i);
+    for (int i = run.first; i < run.first + run.count; ++i) {
+      prepare_batch(context, run.kind, i);
+      if (context.may_impact()) find_impact_candidates(context, run.kind, i, member);
+    }
   member.arrive_and_wait();
   shared_batches_.split_batches(graph_, member);
   integrate_velocities(context, true);
@@ -134,10 +137,12 @@ void Solver::run_stages(StepContext& context, const Member& member) {
     member.arrive();
     run_contact_stage(context, member, k.relax, 0.0F);
   }
-  if (context.any_restitution) run_contact_stage(context, member, k.apply_restitution, 0.0F);
   for (const BatchRange& run : graph_.own_batches(member))
     for (int i = run.first; i < run.first + run.count; ++i) store_impulses(context, run.kind, i);
-  member.arrive_and_wait();
+  if (context.may_impact())
+    member.single([&] { solve_impacts(context); });
+  else
+    member.arrive_and_wait();
 }
 
 // ---- contacts to SIMD batches and back
@@ -158,7 +163,7 @@ void Solver::prepare_batch(StepContext& context, ContactKind kind, int index) {
   // For spheres few stages read the details; skip the parts that none reads.
   const bool all_spheres = kind == kSpherePair || kind == kSphereStatic,
              is_static = !StepContext::is_pair(kind);
-  if (!all_spheres || context.any_restitution) {
+  if (!all_spheres) {
     clear_details(o, true);
     fill_all({.points = true, .surface = is_static, .details = true});
   } else {
@@ -170,6 +175,51 @@ void Solver::prepare_batch(StepContext& context, ContactKind kind, int index) {
   }
   if (!StepContext::is_pair(kind) && context.input.has_force_limits) fill_impulse_limits(o, index, list);
   context.kernels.prepare[kind](&o, 1, batch_points(), context.solver_bodies, context.pair_params);
+}
+
+// Contacts that are about to be hit become candidates of the impact solver. They exert no impulse in the substeps,
+// unless they bear a load already or the impact may exceed their force limit. Contacts without restitution do so only
+// if the body lands on several points, fast enough to be turned by the order in which the substeps solve the points.
+void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int index, const Member& member) {
+  const ContactBatch& o = graph_.batch(index);
+  float least_speed[kLanes] = {};
+  for (int k = o.first_point; k < o.first_point + o.point_count; ++k)
+    for (int lane = 0; lane < kLanes; ++lane)
+      least_speed[lane] = std::min(least_speed[lane], point_[static_cast<std::size_t>(k)].approach_speed[lane]);
+  const ContactList& list = context.contact_list(kind);
+  const bool may_turn = (kind == kGeneralPair || kind == kGeneralStatic) && o.point_count > 1;
+  const float threshold = context.any_restitution ? ImpactSolver::kThreshold : ImpactSolver::kPlasticThreshold;
+  for (int lane = 0; lane < o.lane_count; ++lane) {
+    if (least_speed[lane] >= -threshold) continue;
+    const int manifold = graph_.manifold(index, lane);
+    const Manifold& m = list.manifolds[static_cast<std::size_t>(manifold)];
+    for (int k = 0; k < m.count; ++k) {
+      BatchPoint& p = point_[static_cast<std::size_t>(o.first_point + k)];
+      const float speed = p.approach_speed[lane];
+      const Contact& c = list.contacts[static_cast<std::size_t>(m.first + k)];
+      constexpr float kLimitMargin = 4.0F;
+      const bool in_substeps = c.normal_impulse > 0.0F ||
+                               c.max_normal_impulse < -kLimitMargin * p.normal_mass[lane] * speed;
+      if (speed >= (in_substeps ? -ImpactSolver::kThreshold : 0.0F)) continue;
+      const float restitution = std::max(
+          material_[static_cast<std::size_t>(o.a[lane])].restitution, material_of_b(context, m, c).restitution);
+      if (restitution == 0.0F && (in_substeps || !may_turn || least_speed[lane] >= -ImpactSolver::kPlasticThreshold))
+        continue;
+      impacts_.add(member.index, {StepContext::is_pair(kind), in_substeps, manifold, m.first + k, speed});
+      if (!in_substeps) p.normal_mass[lane] = p.tangent_mass[lane] = 0.0F;
+    }
+  }
+}
+
+void Solver::solve_impacts(StepContext& context) {
+  impacts_.solve({context.bodies, context.partition, context.input.pair_contacts, context.input.static_contacts,
+                  field_material_, settings_.dt_s, settings_.substeps, velocity_.data(), delta_pose_.data()});
+}
+
+const SurfaceMaterial& Solver::material_of_b(const StepContext& context, const Manifold& m,
+                                             const Contact& c) const {
+  const std::int32_t other = m.b >= 0 ? m.b : c.other;
+  return other >= 0 ? material_[static_cast<std::size_t>(context.partition.row(other))] : field_material_;
 }
 
 // Unused lanes refer to the bodies of the first lane, so that loads stay valid; they are never stored.
@@ -207,10 +257,7 @@ void Solver::fill_lane(const StepContext& context, ContactBatch& o, int lane, co
   const SurfaceMaterial& a = material_[static_cast<std::size_t>(o.a[lane])];
   for (int k = 0; k < m.count; ++k) {
     const Contact& c = contacts[static_cast<std::size_t>(m.first + k)];
-    const SurfaceMaterial& b = m.b >= 0 ? material_[static_cast<std::size_t>(o.b[lane])]
-                               : c.other >= 0
-                                   ? material_[static_cast<std::size_t>(context.partition.row(c.other))]
-                                   : field_material_;
+    const SurfaceMaterial& b = material_of_b(context, m, c);
     BatchPointDetail& d = detail_[static_cast<std::size_t>(o.first_point + k)];
     if (mask.points) {
       BatchPoint& p = point_[static_cast<std::size_t>(o.first_point + k)];
@@ -234,7 +281,6 @@ void Solver::fill_lane(const StepContext& context, ContactBatch& o, int lane, co
               position[static_cast<std::size_t>(m.a)] + c.anchor - position[static_cast<std::size_t>(m.b)]);
       store(d.rolling_impulse, lane, c.rolling_impulse);
       d.rolling_friction[lane] = a.rolling_friction_root * b.rolling_friction_root;
-      d.restitution[lane] = std::max(a.restitution, b.restitution);
     }
   }
 }

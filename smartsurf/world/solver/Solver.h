@@ -2,8 +2,8 @@
 // in Box2D v3; E. Catto, Solver2D, 2024).
 //
 // Stages: prepare, warm start; per substep integrate velocities, solve with soft constraints, integrate positions,
-// relax (solve without bias, so that the push-out adds no velocity); restitution and storing of impulses at the
-// end of the step. Impulses carry over from substep to substep and from step to step.
+// relax (solve without bias, so that the push-out adds no velocity); storing of impulses and impacts at the end of the
+// step. Impulses carry over from substep to substep and from step to step.
 #pragma once
 
 #include <vector>
@@ -14,6 +14,7 @@
 #include "smartsurf/world/parallel/SpatialPartition.h"
 #include "smartsurf/world/parallel/Team.h"
 #include "smartsurf/world/solver/ConstraintGraph.h"
+#include "smartsurf/world/solver/ImpactSolver.h"
 
 namespace smartsurf::world {
 
@@ -60,6 +61,9 @@ class Solver {
   void fill_lane(const StepContext&, ContactBatch&, int lane, const Manifold&, const std::vector<Contact>&,
                  const FillMask&);
   void fill_impulse_limits(ContactBatch&, int index, const ContactList&);
+  void find_impact_candidates(StepContext&, ContactKind, int batch, const Member&);
+  void solve_impacts(StepContext&);
+  const SurfaceMaterial& material_of_b(const StepContext&, const Manifold&, const Contact&) const;
   void store_impulses(StepContext&, ContactKind, int batch);
   template <class Each>
   void for_each_active_row(const StepContext&, Each each) const;
@@ -77,6 +81,7 @@ class Solver {
   SurfaceMaterial field_material_;
   ConstraintGraph graph_;
   SharedBatches shared_batches_;
+  ImpactSolver impacts_;
   std::vector<BatchPoint> point_;
   std::vector<BatchPointDetail> detail_;
   // Indexed by row of the partition, so that bodies close in space are close in memory.

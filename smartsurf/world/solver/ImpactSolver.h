@@ -1,0 +1,131 @@
+// Impacts: contacts that close faster than the restitution threshold.
+//
+// An impact takes no time, so it is kept out of the substeps: an impacting contact exerts no impulse there. At the end
+// of the step the bodies are set back to where they touch, and the impacts are solved in generations, as reflections
+// (B. Smith et al., Reflections on Simultaneous Impact, 2012): all contacts that approach collide at once, by Newton's
+// law and with Coulomb friction on the same impulse; then those that approach because of it, and so on. So a blow
+// travels through a row of balls one by one, and what is symmetric stays symmetric.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "smartsurf/world/BodyStore.h"
+#include "smartsurf/world/Contact.h"
+#include "smartsurf/world/parallel/SpatialPartition.h"
+
+namespace smartsurf::world {
+
+class ImpactSolver {
+ public:
+  // Minimum approach speed of an impact, u/s.
+  static constexpr float kThreshold = 0.2F;
+  // The same for contacts without restitution, of bodies that touch at several points, u/s.
+  static constexpr float kPlasticThreshold = 2.0F;
+
+  // A contact that approaches at the start of the step.
+  struct Candidate {
+    bool is_pair;
+    bool in_substeps;  // exerted its part of the impulse there, without restitution
+    std::int32_t manifold, contact;
+    float approach_speed;  // normal velocity at the start of the step; negative
+  };
+
+  struct Step {
+    const BodyStore& bodies;  // as of the start of the step
+    const SpatialPartition& partition;
+    ContactList &pair_contacts, &static_contacts;
+    SurfaceMaterial field_material;
+    float dt_s;
+    int substeps;
+    // ---- by row; in and out
+    BodyVelocity* velocity;
+    DeltaPose* delta_pose;
+
+    const ContactList& list(bool is_pair) const { return is_pair ? pair_contacts : static_contacts; }
+  };
+
+  // Removes all candidates. Call before the members add theirs.
+  void reset(int member_count);
+  void add(int member, const Candidate& candidate) {
+    candidates_[static_cast<std::size_t>(member)].list.push_back(candidate);
+  }
+  // After the substeps: solves the impacts among the candidates and all that follow from them. Adds their impulses to
+  // Contact::total_normal_impulse. Not thread-safe.
+  void solve(const Step&);
+
+ private:
+  struct ManifoldRef {
+    bool is_pair;
+    std::int32_t index;
+  };
+  // A colliding contact of the current generation. Components are along the normal and two tangents.
+  struct Point {
+    Contact* contact;
+    std::int32_t a, b;  // bodies; b = −1: static
+    BodyVelocity *velocity_a, *velocity_b;
+    Vec3 axis[3], anchor_a, anchor_b, surface_velocity;
+    Vec3 spin_a[3], spin_b[3];  // change of angular velocity by a unit impulse along an axis
+    float normal_mass;
+    float tangent_mass[3];  // inverse of the inverse effective mass matrix in the tangent plane: tt, uu, tu
+    float slip_mass;        // inverse of that matrix's greater eigenvalue
+    float friction, target_speed, max_impulse;
+    Vec3 velocity_before, impulse;
+    float energy_budget;                       // what the contact lost in the substeps
+    std::uint32_t seen_normal, seen_friction;  // versions() after each was solved last
+  };
+  struct Approaching {
+    Contact* contact;
+    float rebound_speed;
+  };
+  struct IslandEnergy {
+    float linear = 0, quadratic = 0, budget = 0;
+  };
+  struct alignas(128) Candidates {
+    std::vector<Candidate> list;
+  };
+
+  void merge_candidates();
+  void find_hits(const Step&);
+  void index_manifolds(const Step&);
+  void set_back_bodies(const Step&);
+  void set_back(const Step&, const Manifold&, const Contact&, float min_overlap);
+  void set_back_manifold(const Step&, const ManifoldRef&);
+  void mark_changed(std::int32_t body);
+  void collect_active_manifolds();
+  void add_hits(const Step&);
+  void add_approaching_points(const Step&, const ManifoldRef&);
+  Point& add_point(const Step&, const Manifold&, Contact&);
+  void solve_points();
+  void solve_normals(int max_sweeps);
+  template <class Each>
+  void for_each_point(int sweep, Each each);
+  std::uint32_t versions(const Point&) const;
+  void apply_impulse(Point&, int axis, float impulse);
+  float count_change(const Point&, float impulse_change);
+  void solve_normal(Point&);
+  float solve_friction(Point&);
+  void limit_energy();
+  std::int32_t find_island(std::int32_t body);
+  void store_impulses();
+
+  std::vector<Candidates> candidates_;  // one per member
+  std::vector<Candidate> hits_;
+  // Manifolds of each body. Pairs are linked lists of 2·i (as body a) and 2·i + 1 (as body b) for manifold i.
+  std::vector<std::int32_t> first_pair_, next_pair_, static_manifold_;
+  std::vector<std::uint8_t> static_hits_;  // by body: generations that its static contacts took part in
+  // Bodies that the last generation moved, and their manifolds.
+  std::vector<std::int32_t> changed_bodies_;
+  std::vector<char> is_changed_;
+  std::vector<ManifoldRef> active_;
+  std::vector<char> is_active_pair_;
+  float tolerance_ = 0.0F;  // of the current generation
+  std::vector<Approaching> approaching_;
+  std::vector<Point> points_;
+  std::vector<std::uint32_t> version_;  // by body: counts the changes of its velocity
+  // By body, valid for the bodies of points_.
+  std::vector<std::int32_t> island_;
+  std::vector<IslandEnergy> energy_;
+};
+
+}  // namespace smartsurf::world
