@@ -153,7 +153,7 @@ TEST(Support, LowerCellsBearNothing) {
   // Every second cell is 0.05 u lower: 13 of 25 bear.
   PhysicsFixture fixture;
   for (int r = 0; r < 32; ++r)
-    for (int c = 0; c < 32; ++c) fixture.cells().set_target(0, r, c, (r + c) % 2 == 0 ? 1.0F : 0.95F);
+    for (int c = 0; c < 32; ++c) fixture.cells().set_target(0, r, c, (31 - r + c) % 2 == 0 ? 1.0F : 0.95F);
   fixture.run(1.0);
   fixture.add(box({5, 5, 1}, {15, 15, 1.5}));
   fixture.run(0.4);

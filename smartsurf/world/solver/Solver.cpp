@@ -140,10 +140,11 @@ void Solver::run_stages(StepContext& context, const Member& member) {
     member.wait();
     integrate_positions(context);
     member.arrive();
-    run_contact_stage(context, member, k.relax, 0.0F, SupportStage::kSolve);
+    run_contact_stage(context, member, k.relax, 0.0F, SupportStage::kRelax);
   }
   if (context.any_restitution)
     run_contact_stage(context, member, k.apply_restitution, 0.0F, SupportStage::kNone);
+  if (has_supports_) member.wait();  // support patches change impulses in batches of other members
   for (const BatchRange& run : graph_.own_batches(member))
     for (int i = run.first; i < run.first + run.count; ++i) store_impulses(context, run.kind, i);
   member.arrive_and_wait();
@@ -392,10 +393,11 @@ void Solver::run_contact_stage(StepContext& context, const Member& member,
   member.wait();
   for_each_own_support(context, [&](SupportPatches& list, SupportPatch& p) {
     const auto row = static_cast<std::size_t>(p.row);
-    if (support_stage == SupportStage::kSolve)
-      solve_support(list, p, batch_points(), velocity_[row], inverse_inertia_[row]);
-    else
-      warm_start_support(p, velocity_[row], inverse_inertia_[row]);
+    if (support_stage == SupportStage::kWarmStart)
+      return warm_start_support(p, velocity_[row], inverse_inertia_[row]);
+    if (support_stage == SupportStage::kRelax)
+      relax_support_points(list, p, batch_points(), velocity_[row], inverse_inertia_[row]);
+    solve_support(list, p, batch_points(), velocity_[row], inverse_inertia_[row]);
   });
   member.arrive();
 }

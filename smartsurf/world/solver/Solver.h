@@ -70,7 +70,7 @@ class Solver {
   BodyVelocity external_velocity_change(const StepContext&, int row) const;
   void integrate_velocities(StepContext&, bool first);
   void integrate_positions(StepContext&);
-  enum class SupportStage { kNone, kWarmStart, kSolve };
+  enum class SupportStage { kNone, kWarmStart, kSolve, kRelax };
   void run_contact_stage(StepContext&, const Member&, const ContactKernel (&)[kContactKindCount],
                          float elapsed_s, SupportStage);
   template <class Each>

@@ -201,6 +201,68 @@ void warm_start_support(const SupportPatch& p, BodyVelocity& m, const InverseIne
   apply_friction(p, Vector3(p.friction_sum[0], p.friction_sum[1], p.friction_sum[2]), m, w);
 }
 
+void relax_support_points(const SupportPatches& list, const SupportPatch& p, BatchPoints points, BodyVelocity& m,
+                          const InverseInertia& w) {
+  constexpr int kMaxPoints = 8;
+  // Compliance of each point, relative to the body's: shares the load where the points are redundant.
+  constexpr double kCompliance = 1e-3;
+  struct Point {
+    std::size_t index;
+    double x, y, impulse_change;
+  };
+  Point bearing[kMaxPoints];
+  int count = 0;
+  for (const std::int32_t i : points_of(list, p)) {
+    const auto k = static_cast<std::size_t>(p.batch_point + i);
+    const BatchPoint& point = points.point[k];
+    if (!(point.normal_impulse[p.lane] > 0.0F)) continue;
+    if (count == kMaxPoints) return;
+    const BatchPointDetail& d = points.detail[k];
+    const float x = d.anchor_a[0][p.lane], y = d.anchor_a[1][p.lane];
+    const float speed =
+        m.velocity[2] + (m.angular_velocity[0] * y - m.angular_velocity[1] * x) - d.surface_velocity[2][p.lane];
+    bearing[count++] = {k, static_cast<double>(x), static_cast<double>(y),
+                        static_cast<double>(point.relax_target_speed[p.lane] - speed)};
+  }
+  if (count < 2) return;
+  // Cholesky decomposition of the points' inverse effective mass, and solution in place.
+  double factor[kMaxPoints][kMaxPoints];
+  const double inverse_mass = m.inverse_mass, xx = w.xx, xy = w.xy, yy = w.yy;
+  for (int i = 0; i < count; ++i)
+    for (int j = 0; j <= i; ++j) {
+      const Point &a = bearing[i], &b = bearing[j];
+      double sum = inverse_mass + a.y * (xx * b.y - xy * b.x) - a.x * (xy * b.y - yy * b.x);
+      if (i == j) sum += kCompliance * inverse_mass;
+      for (int k = 0; k < j; ++k) sum -= factor[i][k] * factor[j][k];
+      factor[i][j] = i == j ? std::sqrt(sum) : sum / factor[j][j];
+    }
+  for (int i = 0; i < count; ++i) {
+    for (int k = 0; k < i; ++k) bearing[i].impulse_change -= factor[i][k] * bearing[k].impulse_change;
+    bearing[i].impulse_change /= factor[i][i];
+  }
+  for (int i = count - 1; i >= 0; --i) {
+    for (int k = i + 1; k < count; ++k) bearing[i].impulse_change -= factor[k][i] * bearing[k].impulse_change;
+    bearing[i].impulse_change /= factor[i][i];
+  }
+  for (int i = 0; i < count; ++i) {
+    const double old_impulse = points.point[bearing[i].index].normal_impulse[p.lane];
+    if (!(old_impulse + bearing[i].impulse_change > 0.0)) return;
+  }
+  double force = 0.0, torque_x = 0.0, torque_y = 0.0;
+  for (int i = 0; i < count; ++i) {
+    const Point& b = bearing[i];
+    BatchPoint& point = points.point[b.index];
+    point.normal_impulse[p.lane] += static_cast<float>(b.impulse_change);
+    point.total_normal_impulse[p.lane] += static_cast<float>(b.impulse_change);
+    force += b.impulse_change, torque_x += b.y * b.impulse_change, torque_y -= b.x * b.impulse_change;
+  }
+  const auto tx = static_cast<float>(torque_x), ty = static_cast<float>(torque_y);
+  m.velocity[2] += static_cast<float>(force) * m.inverse_mass;
+  m.angular_velocity[0] += w.xx * tx + w.xy * ty;
+  m.angular_velocity[1] += w.xy * tx + w.yy * ty;
+  m.angular_velocity[2] += w.xz * tx + w.yz * ty;
+}
+
 void solve_support(SupportPatches& list, SupportPatch& p, BatchPoints points, BodyVelocity& m,
                    const InverseInertia& w) {
   const SupportSampleView samples = view(list.samples, p);

@@ -21,6 +21,10 @@ void prepare_support(SupportPatches&, SupportPatch&, const BodyVelocity&, const 
                      std::span<const Contact> contacts);
 // Applies the friction impulses of the last step.
 void warm_start_support(const SupportPatch&, BodyVelocity&, const InverseInertia&);
+// After the relax stage: solves the normal impulses at all points that bear at once. The sweep over the points leaves an
+// error that alternates from step to step, and the pressure with it.
+void relax_support_points(const SupportPatches&, const SupportPatch&, BatchPoints, BodyVelocity&,
+                          const InverseInertia&);
 // Friction within the cones of the normal impulses at the patch's points.
 void solve_support(SupportPatches&, SupportPatch&, BatchPoints, BodyVelocity&, const InverseInertia&);
 // At the end of the step: stores the loads over the step, and shares the friction impulse among the contacts, where it
