@@ -23,7 +23,7 @@ constexpr float kSeparationTolerance = 2e-3F;
 // Greatest distance of a contact from the face to which it belongs, u.
 constexpr float kFaceTolerance = 0.01F;
 // A cell bears its full share if it shares at least this fraction of its top with the face.
-constexpr float kFullShare = 0.02F;
+constexpr float kFullShare = 1.0F;
 // Mean distance of the points of a unit square from its centre.
 constexpr float kSquareArm = 0.3826F;
 constexpr int kMaxCorners = 32;
@@ -42,6 +42,11 @@ struct Footprint {
   bool is_line() const { return count == 2; }
   float z_at(float x, float y) const {
     return z + slope_x * (x - corner[0].x) + slope_y * (y - corner[0].y);
+  }
+  // Whether a point is on the face, or just beside it.
+  bool has_near(const Vec3& p) const {
+    return std::abs(z_at(p.x(), p.y()) - p.z()) <= kFaceTolerance && p.x() >= west - kFaceTolerance &&
+           p.x() <= east + kFaceTolerance && p.y() >= south - kFaceTolerance && p.y() <= north + kFaceTolerance;
   }
   void add(const Vec3& p) { corner[count++] = {p.x(), p.y()}; }
 };
@@ -387,16 +392,16 @@ bool add_support_patch(const surface::Field& field, const Shape& shape, std::int
     // All samples of a patch lie in one plane; feet at other heights keep their contact points.
     const float middle_z = f.z_at(0.5F * (f.west + f.east), 0.5F * (f.south + f.north)) - centre.z();
     if (footprints > 0 && std::abs(middle_z - patch.z) > kFaceTolerance) return;
-    const std::size_t points_before = out.points.size();
+    bool touches = false;
     for (std::size_t k = 0; k < contacts.size(); ++k) {
       const Contact& c = contacts[k];
-      const Vec3 p = centre + c.anchor;
       const auto index = static_cast<std::int32_t>(k);
-      if (is_upright(c) && std::abs(f.z_at(p.x(), p.y()) - p.z()) <= kFaceTolerance &&
-          std::find(out.points.begin() + patch.first_point, out.points.end(), index) == out.points.end())
+      if (!is_upright(c) || !f.has_near(centre + c.anchor)) continue;
+      touches = true;
+      if (std::find(out.points.begin() + patch.first_point, out.points.end(), index) == out.points.end())
         out.points.push_back(index);
     }
-    if (out.points.size() == points_before) return;
+    if (!touches) return;
     if (footprints++ == 0) patch.z = middle_z;
     add_samples(field, f, centre, bearing, out.samples);
   });

@@ -395,9 +395,11 @@ void Solver::run_contact_stage(StepContext& context, const Member& member,
     const auto row = static_cast<std::size_t>(p.row);
     if (support_stage == SupportStage::kWarmStart)
       return warm_start_support(p, velocity_[row], inverse_inertia_[row]);
-    if (support_stage == SupportStage::kRelax)
-      relax_support_points(list, p, batch_points(), velocity_[row], inverse_inertia_[row]);
+    const bool relaxes = support_stage == SupportStage::kRelax;
+    if (relaxes) relax_support_points(list, p, batch_points(), velocity_[row], inverse_inertia_[row]);
     solve_support(list, p, batch_points(), velocity_[row], inverse_inertia_[row]);
+    // Friction tilts the body: again, because the normal constraints must hold at the end of the step.
+    if (relaxes) relax_support_points(list, p, batch_points(), velocity_[row], inverse_inertia_[row]);
   });
   member.arrive();
 }

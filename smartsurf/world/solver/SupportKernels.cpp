@@ -70,11 +70,11 @@ void store_loads(const SupportSampleView& s, const float (&load_of)[3]) {
   for (int i = 0; i < s.count; i += kVectorWidth) store(load_at(s, load_of, i), s.load, i);
 }
 
-void solve_friction(const SupportSampleView& s, const float (&cone)[3], const float (&velocity)[3],
-                    float tangent_mass, FrictionSums& out) {
+void solve_friction(const SupportSampleView& s, const float (&cone)[3], const float (&offset)[2],
+                    const float (&velocity)[3], float tangent_mass, FrictionSums& out) {
   const V t = set(tangent_mass), vx = set(velocity[0]), vy = set(velocity[1]), w = set(velocity[2]);
   const auto sums = sum_lanes<7>(s.count, [&](int i, V(&sum)[7]) HWY_ATTR {
-    const V x = load(s.x, i), y = load(s.y, i), arm = load(s.arm, i);
+    const V x = load(s.x, i) + set(offset[0]), y = load(s.y, i) + set(offset[1]), arm = load(s.arm, i);
     V3 f{load(s.friction[0], i) - t * ((vx - w * y) - load(s.velocity_x, i)),
          load(s.friction[1], i) - t * ((vy + w * x) - load(s.velocity_y, i)),
          load(s.friction[2], i) - t * (arm * (w - load(s.spin, i)))};

@@ -31,8 +31,9 @@ struct SupportKernelTable {
   void (*store_loads)(const SupportSampleView&, const float (&load)[3]);
   // new_friction = (friction − tangent_mass · slip), scaled into the cone of the loads times the coefficient of
   // friction, `cone`. `velocity`: of the body's underside below the centre of mass along x and y, and about z.
-  void (*solve_friction)(const SupportSampleView&, const float (&cone)[3], const float (&velocity)[3],
-                         float tangent_mass, FrictionSums&);
+  // `offset`: from the samples to where their friction acts.
+  void (*solve_friction)(const SupportSampleView&, const float (&cone)[3], const float (&offset)[2],
+                         const float (&velocity)[3], float tangent_mass, FrictionSums&);
   void (*sum_friction)(const SupportSampleView&, double (&impulse)[3]);
 };
 

@@ -102,6 +102,8 @@ void distribute(const SupportSampleView& samples, SupportPatch& p, const Vector3
       continue;
     }
     best = load, best_objective = objective, total = raw.load[0];
+    p.offset_x = (target[1] / force - sums.load[1] / total) * p.scale;
+    p.offset_y = (target[2] / force - sums.load[2] / total) * p.scale;
     const Vector3 residual = sums.load + moments - target;
     if (residual.cwiseAbs().maxCoeff() <= kLoadTolerance * force) break;
     Matrix3 stiffness = sums.stiffness;
@@ -278,6 +280,7 @@ void solve_support(SupportPatches& list, SupportPatch& p, BatchPoints points, Bo
   distribute(samples, p, scaled_wrench(p, force, moment_x, moment_y));
   float cone[3] = {};
   if (p.force > 0.0) in_world_axes(p, p.load, static_cast<double>(p.friction), cone);
+  const float offset[2] = {static_cast<float>(p.offset_x), static_cast<float>(p.offset_y)};
   const Vector3 old_impulse(p.friction_sum[0], p.friction_sum[1], p.friction_sum[2]);
   if (p.force == 0.0 && old_impulse.isZero(0.0)) return;
 
@@ -290,7 +293,7 @@ void solve_support(SupportPatches& list, SupportPatch& p, BatchPoints points, Bo
   for (int pass = 0; pass < kMaxFrictionPasses; ++pass) {
     const float velocity[3] = {static_cast<float>(q[0]), static_cast<float>(q[1]), static_cast<float>(q[2])};
     FrictionSums sums;
-    support_kernels().solve_friction(samples, cone, velocity, static_cast<float>(p.tangent_mass), sums);
+    support_kernels().solve_friction(samples, cone, offset, velocity, static_cast<float>(p.tangent_mass), sums);
     impulse = {sums.impulse[0], sums.impulse[1], sums.impulse[2]};
     // How far q is from the velocity that these impulses cause.
     const Vector3 error = (q - now) + k * (old_impulse - impulse);
