@@ -395,11 +395,15 @@ void Solver::run_contact_stage(StepContext& context, const Member& member,
     const auto row = static_cast<std::size_t>(p.row);
     if (support_stage == SupportStage::kWarmStart)
       return warm_start_support(p, velocity_[row], inverse_inertia_[row]);
-    const bool relaxes = support_stage == SupportStage::kRelax;
-    if (relaxes) relax_support_points(list, p, batch_points(), velocity_[row], inverse_inertia_[row]);
+    const bool is_soft = support_stage == SupportStage::kSolve;
+    auto solve_points = [&] {
+      solve_support_points(list, p, batch_points(), static_params, is_soft, velocity_[row], delta_pose_[row],
+                           inverse_inertia_[row]);
+    };
+    solve_points();
     solve_support(list, p, batch_points(), velocity_[row], inverse_inertia_[row]);
     // Friction tilts the body: again, because the normal constraints must hold at the end of the step.
-    if (relaxes) relax_support_points(list, p, batch_points(), velocity_[row], inverse_inertia_[row]);
+    if (!is_soft) solve_points();
   });
   member.arrive();
 }

@@ -203,38 +203,54 @@ void warm_start_support(const SupportPatch& p, BodyVelocity& m, const InverseIne
   apply_friction(p, Vector3(p.friction_sum[0], p.friction_sum[1], p.friction_sum[2]), m, w);
 }
 
-void relax_support_points(const SupportPatches& list, const SupportPatch& p, BatchPoints points, BodyVelocity& m,
+void solve_support_points(const SupportPatches& list, const SupportPatch& p, BatchPoints points,
+                          const SubstepParams& params, bool is_soft, BodyVelocity& m, const DeltaPose& delta,
                           const InverseInertia& w) {
   constexpr int kMaxPoints = 8;
   // Compliance of each point, relative to the body's: shares the load where the points are redundant.
   constexpr double kCompliance = 1e-3;
   struct Point {
     std::size_t index;
-    double x, y, impulse_change;
+    double x, y, compliance, impulse_change;
   };
   Point bearing[kMaxPoints];
   int count = 0;
+  const double inverse_mass = m.inverse_mass, xx = w.xx, xy = w.xy, yy = w.yy;
   for (const std::int32_t i : points_of(list, p)) {
     const auto k = static_cast<std::size_t>(p.batch_point + i);
     const BatchPoint& point = points.point[k];
-    if (!(point.normal_impulse[p.lane] > 0.0F)) continue;
+    const float impulse = point.normal_impulse[p.lane];
+    if (!(impulse > 0.0F)) continue;
     if (count == kMaxPoints) return;
     const BatchPointDetail& d = points.detail[k];
-    const float x = d.anchor_a[0][p.lane], y = d.anchor_a[1][p.lane];
-    const float speed =
-        m.velocity[2] + (m.angular_velocity[0] * y - m.angular_velocity[1] * x) - d.surface_velocity[2][p.lane];
-    bearing[count++] = {k, static_cast<double>(x), static_cast<double>(y),
-                        static_cast<double>(point.relax_target_speed[p.lane] - speed)};
+    const float x = d.anchor_a[0][p.lane], y = d.anchor_a[1][p.lane], rise = d.surface_velocity[2][p.lane];
+    const float speed = m.velocity[2] + (m.angular_velocity[0] * y - m.angular_velocity[1] * x) - rise;
+    double compliance = kCompliance * inverse_mass;
+    float target_speed = point.relax_target_speed[p.lane];
+    if (is_soft) {
+      // As soft_normal_impulse() in ContactKernels.cpp.
+      const float separation = point.separation[p.lane] + delta.translation[2] +
+                               (delta.rotation[0] * y - delta.rotation[1] * x) - rise * params.elapsed_s;
+      if (separation > 0.0F) {
+        target_speed = -separation * params.inverse_h;
+      } else {
+        target_speed = -std::max(std::min(separation + kSlop, 0.0F) * params.bias_rate, -params.max_bias_velocity);
+        compliance = static_cast<double>(params.impulse_scale / params.mass_scale) /
+                     static_cast<double>(point.normal_mass[p.lane]);
+        target_speed -= static_cast<float>(compliance) * impulse;
+      }
+    }
+    bearing[count++] = {k, static_cast<double>(x), static_cast<double>(y), compliance,
+                        static_cast<double>(target_speed - speed)};
   }
   if (count < 2) return;
   // Cholesky decomposition of the points' inverse effective mass, and solution in place.
   double factor[kMaxPoints][kMaxPoints];
-  const double inverse_mass = m.inverse_mass, xx = w.xx, xy = w.xy, yy = w.yy;
   for (int i = 0; i < count; ++i)
     for (int j = 0; j <= i; ++j) {
       const Point &a = bearing[i], &b = bearing[j];
       double sum = inverse_mass + a.y * (xx * b.y - xy * b.x) - a.x * (xy * b.y - yy * b.x);
-      if (i == j) sum += kCompliance * inverse_mass;
+      if (i == j) sum += a.compliance;
       for (int k = 0; k < j; ++k) sum -= factor[i][k] * factor[j][k];
       factor[i][j] = i == j ? std::sqrt(sum) : sum / factor[j][j];
     }
@@ -255,7 +271,7 @@ void relax_support_points(const SupportPatches& list, const SupportPatch& p, Bat
     const Point& b = bearing[i];
     BatchPoint& point = points.point[b.index];
     point.normal_impulse[p.lane] += static_cast<float>(b.impulse_change);
-    point.total_normal_impulse[p.lane] += static_cast<float>(b.impulse_change);
+    if (!is_soft) point.total_normal_impulse[p.lane] += static_cast<float>(b.impulse_change);
     force += b.impulse_change, torque_x += b.y * b.impulse_change, torque_y -= b.x * b.impulse_change;
   }
   const auto tx = static_cast<float>(torque_x), ty = static_cast<float>(torque_y);
