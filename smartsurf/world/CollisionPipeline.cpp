@@ -307,7 +307,7 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
   out.manifolds.push_back({static_cast<std::int32_t>(i), kField, first, count});
   match_contacts(out, out.manifolds.back(), previous_contacts_.static_contacts(),
                  previous_contacts_.find_static(i, results.member), 0.15F * bodies.bounding_radius[i]);
-  if (field_contacts > 1 && !bodies.is_sphere[i] && !free_layout_field_ && !field_.has_force_limit())
+  if (field_contacts > 1 && !bodies.is_sphere[i] && !field_.has_force_limit())
     find_support(bodies, i, margin,
                  std::span(out.contacts).subspan(static_cast<std::size_t>(first), field_contacts), results);
 }
@@ -316,8 +316,8 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
 void CollisionPipeline::find_support(const BodyStore& bodies, std::size_t i, float margin,
                                      std::span<Contact> contacts, SlabResults& results) const {
   SupportPatches& supports = *results.supports;
-  if (!add_support_patch(field_, *bodies.shape[i], static_cast<std::int32_t>(i), bodies.position[i],
-                         bodies.axes[i], margin, contacts, supports))
+  if (!add_support_patch(field_, free_layout_field_.get(), *bodies.shape[i], static_cast<std::int32_t>(i),
+                         bodies.position[i], bodies.axes[i], margin, contacts, supports))
     return;
   SupportPatch& patch = supports.patches.back();
   for (int k = patch.first_point; k < patch.first_point + patch.point_count; ++k) {

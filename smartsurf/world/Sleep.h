@@ -65,7 +65,7 @@ class Sleep {
   // Puts bodies to sleep whose timer has run out, and wakes sleepers that touch a moving body.
   void update_sleeping_set(BodyStore&, const std::vector<std::int32_t>& active_bodies,
                            const ContactList& pair_contacts, const ContactList& static_contacts,
-                           std::span<const SupportPatches>);
+                           std::span<const SupportPatches> = {});
   void on_body_removed(std::int32_t body);
 
   // Whether the body is fast enough that a hit must wake the whole island.

@@ -234,6 +234,25 @@ TEST(Support, CylindersHullsAndSolidsLoadAllTheirCells) {
   }
 }
 
+TEST(Support, FreeLayoutsShareTheLoadToo) {
+  // Cells turned by 30° about their centres, which a box turned alike covers.
+  PhysicsFixture fixture;
+  auto& field = fixture.cells().field();
+  const auto angle = static_cast<float>(M_PI / 6);
+  for (int i = 0; i < field.cells(); ++i) {
+    const float x = static_cast<float>(i % 32) - 15, y = 16.0F - static_cast<float>(i / 32);
+    field.x.push_back(15 + std::cos(angle) * x - std::sin(angle) * y);
+    field.y.push_back(15 + std::sin(angle) * x + std::cos(angle) * y);
+    field.angle.push_back(angle);
+  }
+  auto object = box({5, 3, 1}, {15, 15, 0.5});
+  object.orientation = Eigen::AngleAxisd(M_PI / 6, Eigen::Vector3d::UnitZ());
+  const auto id = fixture.add(object);
+  fixture.run(0.3);
+  expect_equal_loads(fixture, 15, 15 * kGravity);
+  EXPECT_NEAR((fixture.position(id) - Eigen::Vector3f(15, 15, 0.5F)).norm(), 0, 2e-3);
+}
+
 TEST(Support, ContactsListEachLoadedCell) {
   PhysicsFixture fixture;
   const auto id = fixture.add(box({5, 5, 1}, {15, 15, 0.5}));

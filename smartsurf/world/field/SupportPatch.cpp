@@ -217,8 +217,9 @@ class FootprintOnCells {
  public:
   FootprintOnCells(const surface::Field& field, const Footprint& f) : f_(f) {
     // A line over a gap between level cells lies on their bridged tops.
-    half_x_ = f.is_line() ? 0.5F * field.pitch : field.half_top_x;
-    half_y_ = f.is_line() ? 0.5F * field.pitch : field.half_top_y;
+    const bool bridges = f.is_line() && field.is_rectangular();
+    half_x_ = bridges ? 0.5F * field.pitch : field.half_top_x;
+    half_y_ = bridges ? 0.5F * field.pitch : field.half_top_y;
     if (f.is_line()) return;
     float area = 0.0F;
     for (int i = 0; i < f.count; ++i) {
@@ -318,6 +319,30 @@ void add_samples(const surface::Field& field, const Footprint& f, const Vec3& ce
     }
 }
 
+// The same for a field of cells at any place and angle.
+void add_samples(const surface::Field& field, const FreeLayoutField& layout, const Footprint& f, const Vec3& centre,
+                 const BearingContacts& bearing, SupportSamples& out) {
+  thread_local std::vector<std::int32_t> cells;
+  layout.find_cells({f.west, f.south, 0}, {f.east, f.north, 0}, cells);
+  for (const std::int32_t cell : cells) {
+    const auto i = static_cast<std::size_t>(cell);
+    const Point2 at{field.x[i], field.y[i]};
+    if (!bearing.bears(f.z_at(at.x, at.y) - field.height[i], field.height[i])) continue;
+    const float angle = field.angle_of(cell), sine = std::sin(angle), cosine = std::cos(angle);
+    Footprint local = f;  // in the axes of the cell
+    for (int k = 0; k < f.count; ++k) {
+      const float x = f.corner[k].x - at.x, y = f.corner[k].y - at.y;
+      local.corner[k] = {cosine * x + sine * y, cosine * y - sine * x};
+    }
+    SharedArea shared;
+    if (!FootprintOnCells(field, local).share(0.0F, 0.0F, shared)) continue;
+    const float x = shared.x;
+    shared.x = cosine * x - sine * shared.y;
+    shared.y = sine * x + cosine * shared.y;
+    add_sample(field, cell, centre, at, shared, out);
+  }
+}
+
 // Merges samples on the same cell, which several parts of a body share, and restores the order.
 void merge_cells(SupportSamples& s, std::size_t first) {
   thread_local std::vector<std::size_t> order;
@@ -376,8 +401,9 @@ void SupportPatches::clear() {
   samples.resize(0);
 }
 
-bool add_support_patch(const surface::Field& field, const Shape& shape, std::int32_t body, const Vec3& centre,
-                       const Mat3& axes, float margin, std::span<const Contact> contacts, SupportPatches& out) {
+bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_layout, const Shape& shape,
+                       std::int32_t body, const Vec3& centre, const Mat3& axes, float margin,
+                       std::span<const Contact> contacts, SupportPatches& out) {
   if (contacts.size() < 2 || !may_be_flat(shape, axes)) return false;
   if (std::count_if(contacts.begin(), contacts.end(), is_upright) < 2) return false;
   const BearingContacts bearing = bearing_contacts(field, contacts, margin);
@@ -403,7 +429,10 @@ bool add_support_patch(const surface::Field& field, const Shape& shape, std::int
     }
     if (!touches) return;
     if (footprints++ == 0) patch.z = middle_z;
-    add_samples(field, f, centre, bearing, out.samples);
+    if (free_layout)
+      add_samples(field, *free_layout, f, centre, bearing, out.samples);
+    else
+      add_samples(field, f, centre, bearing, out.samples);
   });
   const auto first = static_cast<std::size_t>(patch.first);
   if (footprints > 1) merge_cells(out.samples, first);

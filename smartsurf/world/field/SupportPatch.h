@@ -14,6 +14,7 @@
 
 #include "smartsurf/surface/Field.h"
 #include "smartsurf/world/Contact.h"
+#include "smartsurf/world/field/FreeLayoutField.h"
 #include "smartsurf/world/narrowphase/Shape.h"
 
 namespace smartsurf::world {
@@ -66,10 +67,11 @@ struct SupportPatches {
   void clear();
 };
 
-// Adds the patch of a body on a rectangular field if its flat underside lies on at least two cells. `contacts`: those
-// of the body with the field. Returns whether a patch was added.
-bool add_support_patch(const surface::Field&, const Shape&, std::int32_t body, const Vec3& centre, const Mat3& axes,
-                       float margin, std::span<const Contact> contacts, SupportPatches& out);
+// Adds the patch of a body if its flat underside lies on at least two cells. `free_layout`: null for a rectangular
+// field. `contacts`: those of the body with the field. Returns whether a patch was added.
+bool add_support_patch(const surface::Field&, const FreeLayoutField* free_layout, const Shape&, std::int32_t body,
+                       const Vec3& centre, const Mat3& axes, float margin, std::span<const Contact> contacts,
+                       SupportPatches& out);
 
 // Takes over the friction impulses of the same cells from a patch of the previous step.
 void match_support_patch(const SupportPatches& previous, const SupportPatch& from, SupportPatches& current,
