@@ -52,10 +52,11 @@ struct SupportPatch {
   double centre_x = 0.0, centre_y = 0.0, scale = 1.0;  // weighted mean and extent of the samples
   double load[3] = {};                  // a, b, c of the load in the coordinates (x − centre_x) / scale, per `force`
   double force = 0.0;                   // sum of the normal impulses for which `load` holds
+  double load_sums[3] = {}, load_stiffness[6] = {};  // of `load`, in its coordinates; stiffness as a symmetric matrix
   // From the centre of the loads to that of the normal impulses. Not 0 where the samples cannot balance the moment,
   // for example if the body overhangs them.
   double offset_x = 0.0, offset_y = 0.0;
-  double response[6] = {};              // see SupportSolver
+  double response[6] = {}, inverse_response[6] = {};  // see SupportSolver
   double tangent_mass = 0.0;            // of one sample
   double friction_sum[3] = {};          // applied: force along x and y, torque about z
 };

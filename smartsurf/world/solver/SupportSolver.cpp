@@ -38,6 +38,27 @@ SupportSampleView view(SupportSamples& s, const SupportPatch& p) {
   return v;
 }
 
+// A symmetric matrix from its entries xx, yy, zz, xy, xz, yz, and back.
+Matrix3 symmetric(const double (&k)[6]) {
+  Matrix3 m;
+  m << k[0], k[3], k[4], k[3], k[1], k[5], k[4], k[5], k[2];
+  return m;
+}
+void store(const Matrix3& m, double (&k)[6]) {
+  const double entries[6] = {m(0, 0), m(1, 1), m(2, 2), m(0, 1), m(0, 2), m(1, 2)};
+  std::copy_n(entries, 6, k);
+}
+
+// Solves a·x = b for a positive definite matrix (LDLᵀ).
+Vector3 solve(const Matrix3& a, const Vector3& b) {
+  const double i0 = 1.0 / a(0, 0), l1 = a(0, 1) * i0, l2 = a(0, 2) * i0;
+  const double i1 = 1.0 / (a(1, 1) - l1 * a(0, 1)), rest = a(1, 2) - l2 * a(0, 1), l3 = rest * i1;
+  const double i2 = 1.0 / (a(2, 2) - l2 * a(0, 2) - l3 * rest);
+  const double y1 = b[1] - l1 * b[0], y2 = b[2] - l2 * b[0] - l3 * y1;
+  const double x2 = y2 * i2, x1 = y1 * i1 - l3 * x2;
+  return {b[0] * i0 - l1 * x1 - l2 * x2, x1, x2};
+}
+
 // A load a + b·u + c·v in scaled coordinates, as one in x and y.
 void in_world_axes(const SupportPatch& p, const double (&load)[3], double factor, float (&out)[3]) {
   const double b = load[1] / p.scale, c = load[2] / p.scale;
@@ -73,11 +94,21 @@ void distribute(const SupportSampleView& samples, SupportPatch& p, const Vector3
     return;
   }
   const Vector3 uniform(force / weight, 0.0, 0.0);
+  const Vector3 compliance(0.0, kMomentCompliance * weight, kMomentCompliance * weight);
+  auto newton_step = [&](const Vector3& residual, Matrix3 stiffness) {
+    stiffness.diagonal() += compliance + Vector3::Constant(1e-9 * weight);
+    return Vector3(-solve(stiffness, residual));
+  };
   Vector3 load = uniform;
-  if (p.force > 0.0) load = Vector3(p.load[0], p.load[1], p.load[2]) * (force / p.force);
+  if (p.force > 0.0) {
+    // The last sums hold for the last loads in proportion, so the first step needs no pass.
+    const double ratio = force / p.force;
+    load = ratio * Vector3(p.load[0], p.load[1], p.load[2]);
+    const Vector3 sums = ratio * Vector3(p.load_sums[0], p.load_sums[1], p.load_sums[2]);
+    load += newton_step(sums + compliance.cwiseProduct(load) - target, symmetric(p.load_stiffness));
+  }
   Vector3 best = load, step = Vector3::Zero();
   double best_objective = std::numeric_limits<double>::max(), total = 0.0, fraction = 1.0;
-  const Vector3 compliance(0.0, kMomentCompliance * weight, kMomentCompliance * weight);
   for (int pass = 0; pass < kMaxLoadPasses; ++pass) {
     float in_world[3];
     const double coefficients[3] = {load[0], load[1], load[2]};
@@ -102,30 +133,26 @@ void distribute(const SupportSampleView& samples, SupportPatch& p, const Vector3
       continue;
     }
     best = load, best_objective = objective, total = raw.load[0];
+    for (int i = 0; i < 3; ++i) p.load_sums[i] = sums.load[i];
+    store(sums.stiffness, p.load_stiffness);
     p.offset_x = (target[1] / force - sums.load[1] / total) * p.scale;
     p.offset_y = (target[2] / force - sums.load[2] / total) * p.scale;
     const Vector3 residual = sums.load + moments - target;
     if (residual.cwiseAbs().maxCoeff() <= kLoadTolerance * force) break;
-    Matrix3 stiffness = sums.stiffness;
-    stiffness.diagonal() += compliance + Vector3::Constant(1e-9 * weight);
-    step = -stiffness.ldlt().solve(residual);
+    step = newton_step(residual, sums.stiffness);
     fraction = 1.0;
     load = best + step;
   }
-  if (total > 0.0) best *= force / total;
+  if (total > 0.0) {
+    best *= force / total;
+    for (double& sum : p.load_sums) sum *= force / total;
+  }
   for (int i = 0; i < 3; ++i) p.load[i] = best[i];
   p.force = force;
 }
 
 Vector3 scaled_wrench(const SupportPatch& p, double force, double moment_x, double moment_y) {
   return {force, (moment_x - p.centre_x * force) / p.scale, (moment_y - p.centre_y * force) / p.scale};
-}
-
-Matrix3 response(const SupportPatch& p) {
-  const double* k = p.response;
-  Matrix3 m;
-  m << k[0], k[3], k[4], k[3], k[1], k[5], k[4], k[5], k[2];
-  return m;
 }
 
 void apply_friction(const SupportPatch& p, const Vector3& impulse, BodyVelocity& m, const InverseInertia& w) {
@@ -178,6 +205,7 @@ void prepare_support(SupportPatches& list, SupportPatch& p, const BodyVelocity& 
   const double xx = w.xx, yy = w.yy, zz = w.zz, xy = w.xy, xz = w.xz, yz = w.yz;
   const double k[6] = {inverse_mass + z * z * yy, inverse_mass + z * z * xx, zz, -z * z * xy, z * yz, -z * xz};
   std::copy_n(k, 6, p.response);
+  store(symmetric(k).inverse(), p.inverse_response);
   p.tangent_mass = kTangentMassFactor / (p.total_weight * 0.5 * (k[0] + k[1]));
   if (!p.has_friction) {
     Vector3 impulse = Vector3::Zero();
@@ -244,23 +272,26 @@ void solve_support_points(const SupportPatches& list, const SupportPatch& p, Bat
                         static_cast<double>(target_speed - speed)};
   }
   if (count < 2) return;
-  // Cholesky decomposition of the points' inverse effective mass, and solution in place.
-  double factor[kMaxPoints][kMaxPoints];
+  constexpr double kSolved = 1e-7;  // u/s
+  if (std::all_of(bearing, bearing + count, [](const Point& b) { return std::abs(b.impulse_change) <= kSolved; }))
+    return;
+  // Decomposition of the points' inverse effective mass, L·D·Lᵀ, and solution in place. The diagonal has 1/D.
+  double factor[kMaxPoints][kMaxPoints], scaled_row[kMaxPoints];  // of the row: L·D
   for (int i = 0; i < count; ++i)
     for (int j = 0; j <= i; ++j) {
       const Point &a = bearing[i], &b = bearing[j];
       double sum = inverse_mass + a.y * (xx * b.y - xy * b.x) - a.x * (xy * b.y - yy * b.x);
       if (i == j) sum += a.compliance;
-      for (int k = 0; k < j; ++k) sum -= factor[i][k] * factor[j][k];
-      factor[i][j] = i == j ? std::sqrt(sum) : sum / factor[j][j];
+      for (int k = 0; k < j; ++k) sum -= scaled_row[k] * factor[j][k];
+      scaled_row[j] = sum;
+      factor[i][j] = i == j ? 1.0 / sum : sum * factor[j][j];
     }
   for (int i = 0; i < count; ++i) {
     for (int k = 0; k < i; ++k) bearing[i].impulse_change -= factor[i][k] * bearing[k].impulse_change;
-    bearing[i].impulse_change /= factor[i][i];
   }
   for (int i = count - 1; i >= 0; --i) {
+    bearing[i].impulse_change *= factor[i][i];
     for (int k = i + 1; k < count; ++k) bearing[i].impulse_change -= factor[k][i] * bearing[k].impulse_change;
-    bearing[i].impulse_change /= factor[i][i];
   }
   for (int i = 0; i < count; ++i) {
     const double old_impulse = points.point[bearing[i].index].normal_impulse[p.lane];
@@ -300,11 +331,11 @@ void solve_support(SupportPatches& list, SupportPatch& p, BatchPoints points, Bo
   const Vector3 old_impulse(p.friction_sum[0], p.friction_sum[1], p.friction_sum[2]);
   if (p.force == 0.0 && old_impulse.isZero(0.0)) return;
 
-  const Matrix3 k = response(p);
+  const Matrix3 k = symmetric(p.response);
   const Vector3 now(static_cast<double>(m.velocity[0] + p.z * m.angular_velocity[1]),
                     static_cast<double>(m.velocity[1] - p.z * m.angular_velocity[0]),
                     static_cast<double>(m.angular_velocity[2]));
-  Matrix3 inverse_k = Matrix3::Zero();
+  const Matrix3 inverse_k = symmetric(p.inverse_response);
   Vector3 q = now, impulse = old_impulse;
   for (int pass = 0; pass < kMaxFrictionPasses; ++pass) {
     const float velocity[3] = {static_cast<float>(q[0]), static_cast<float>(q[1]), static_cast<float>(q[2])};
@@ -314,13 +345,12 @@ void solve_support(SupportPatches& list, SupportPatch& p, BatchPoints points, Bo
     // How far q is from the velocity that these impulses cause.
     const Vector3 error = (q - now) + k * (old_impulse - impulse);
     if (std::max({std::abs(error[0]), std::abs(error[1]), std::abs(error[2]) * p.scale}) <= kVelocityTolerance) break;
-    if (pass == 0) inverse_k = k.inverse();
     Matrix3 stiffness = inverse_k;
     const double t = p.tangent_mass, sw = t * sums.stiffness[0], sx = t * sums.stiffness[1],
                  sy = t * sums.stiffness[2], polar = t * sums.stiffness[3];
     stiffness(0, 0) += sw, stiffness(1, 1) += sw, stiffness(2, 2) += polar;
     stiffness(0, 2) -= sy, stiffness(2, 0) -= sy, stiffness(1, 2) += sx, stiffness(2, 1) += sx;
-    q -= stiffness.ldlt().solve(inverse_k * error);
+    q -= solve(stiffness, inverse_k * error);
   }
   p.current = 1 - p.current;
   for (int i = 0; i < 3; ++i) p.friction_sum[i] = impulse[i];
