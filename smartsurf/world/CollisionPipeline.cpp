@@ -33,8 +33,9 @@ int find_nearest_previous(const Contact& c, std::span<const Contact> previous, f
   for (std::size_t j = 0; j < previous.size(); ++j) {
     const Contact& o = previous[j];
     const auto distance_bits = std::bit_cast<std::int32_t>((o.anchor - c.anchor).squaredNorm());
+    const std::int32_t other = o.other == kSupportedField ? kField : o.other;
     const std::int32_t excluded =
-        -static_cast<std::int32_t>(taken[j]) | -static_cast<std::int32_t>(o.other != c.other);
+        -static_cast<std::int32_t>(taken[j]) | -static_cast<std::int32_t>(other != c.other);
     nearest = std::min(nearest,
                        ((distance_bits & ~kIndexMask) | static_cast<std::int32_t>(j)) | (excluded & kNone));
   }
@@ -105,7 +106,7 @@ std::span<const std::int32_t> CollisionPipeline::own_bodies(const Member& member
 
 // Makes the contacts and caches of the last step the previous ones and empties the output buffers.
 void CollisionPipeline::begin_detection(ContactList& pair_contacts, ContactList& static_contacts,
-                                        int member_count) {
+                                        int member_count, int body_count) {
   previous_contacts_.swap_lists(pair_contacts, static_contacts, member_count);
   const auto slabs = static_cast<std::size_t>(partition_.slab_count());
   if (slab_results_.size() < slabs) slab_results_.resize(slabs);
@@ -117,11 +118,34 @@ void CollisionPipeline::begin_detection(ContactList& pair_contacts, ContactList&
     pair_cache_.swap_in(static_cast<int>(s), slab_results_[s].cached_pairs);
     field_cache_.swap_in(static_cast<int>(s), slab_results_[s].cached_field);
   }
+  swap_supports(body_count);
+}
+
+// Makes the support patches of the last step the previous ones and indexes them by body.
+void CollisionPipeline::swap_supports(int bodies) {
+  std::swap(supports_, previous_supports_);
+  const auto slabs = static_cast<std::size_t>(partition_.slab_count());
+  const std::size_t previous_slabs = support_slabs_;
+  support_slabs_ = slabs;
+  if (supports_.size() < slabs) supports_.resize(slabs);
+  for (std::size_t s = 0; s < slabs; ++s) {
+    supports_[s].clear();
+    slab_results_[s].supports = &supports_[s];
+  }
+  previous_support_of_body_.clear();
+  for (std::size_t s = 0; s < previous_slabs; ++s)
+    for (std::size_t k = 0; k < previous_supports_[s].patches.size(); ++k) {
+      if (previous_support_of_body_.empty())
+        previous_support_of_body_.assign(static_cast<std::size_t>(bodies), {-1, -1});
+      const auto body = static_cast<std::size_t>(previous_supports_[s].patches[k].body);
+      previous_support_of_body_[body] = {static_cast<std::int32_t>(s), static_cast<std::int32_t>(k)};
+    }
 }
 
 void CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair_contacts,
                                       ContactList& static_contacts, const Member& member) {
-  member.single([&] { begin_detection(pair_contacts, static_contacts, member.member_count); });
+  member.single(
+      [&] { begin_detection(pair_contacts, static_contacts, member.member_count, bodies.size()); });
   previous_contacts_.build_index(bodies.id.size(), pair_ranges_, static_ranges_, member);
   if (member.index == 0) {
     find_large_neighbours(bodies);
@@ -265,6 +289,7 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
     collide_field(*bodies.shape[i], centre, bodies.axes[i], margin, out.contacts);
   else
     field_cache_.collide(bodies, i, margin, results.cached_field, out.contacts);
+  const std::size_t field_contacts = out.contacts.size() - static_cast<std::size_t>(first);
   if (centre.z() - bodies.bounding_radius[i] - margin < ground_height_)
     collide_shape_with_ground(*bodies.shape[i], centre, bodies.axes[i], ground_height_, margin, out.contacts);
   if (query_radius_[i] <= large_radius_) {
@@ -282,6 +307,28 @@ void CollisionPipeline::collide_static(const BodyStore& bodies, std::size_t i, S
   out.manifolds.push_back({static_cast<std::int32_t>(i), kField, first, count});
   match_contacts(out, out.manifolds.back(), previous_contacts_.static_contacts(),
                  previous_contacts_.find_static(i, results.member), 0.15F * bodies.bounding_radius[i]);
+  if (field_contacts > 1 && !bodies.is_sphere[i] && !field_.has_force_limit())
+    find_support(bodies, i, margin,
+                 std::span(out.contacts).subspan(static_cast<std::size_t>(first), field_contacts), results);
+}
+
+// Finds the body's support patch, and hands its load and friction over from its contacts with the field.
+void CollisionPipeline::find_support(const BodyStore& bodies, std::size_t i, float margin,
+                                     std::span<Contact> contacts, SlabResults& results) const {
+  SupportPatches& supports = *results.supports;
+  if (!add_support_patch(field_, free_layout_field_.get(), *bodies.shape[i], static_cast<std::int32_t>(i),
+                         bodies.position[i], bodies.axes[i], margin, contacts, supports))
+    return;
+  SupportPatch& patch = supports.patches.back();
+  for (int k = patch.first_point; k < patch.first_point + patch.point_count; ++k) {
+    const auto point = static_cast<std::size_t>(supports.points[static_cast<std::size_t>(k)]);
+    contacts[point].other = kSupportedField;
+  }
+  if (previous_support_of_body_.empty()) return;
+  const SupportReference from = previous_support_of_body_[i];
+  if (from.slab < 0) return;
+  const SupportPatches& previous = previous_supports_[static_cast<std::size_t>(from.slab)];
+  match_support_patch(previous, previous.patches[static_cast<std::size_t>(from.patch)], supports, patch);
 }
 
 void CollisionPipeline::collide_field(const Shape& shape, const Vec3& centre, const Mat3& axes, float margin,

@@ -18,6 +18,7 @@
 #include "smartsurf/world/broadphase/UniformGrid.h"
 #include "smartsurf/world/field/FieldManifoldCache.h"
 #include "smartsurf/world/field/FreeLayoutField.h"
+#include "smartsurf/world/field/SupportPatch.h"
 #include "smartsurf/world/narrowphase/PairManifoldCache.h"
 #include "smartsurf/world/parallel/SpatialPartition.h"
 #include "smartsurf/world/parallel/Team.h"
@@ -54,6 +55,15 @@ class CollisionPipeline {
   const SpatialPartition& partition() const { return partition_; }
   const SlabRanges& pair_ranges() const { return pair_ranges_; }
   const SlabRanges& static_ranges() const { return static_ranges_; }
+  // The support patches of the last find_contacts(), one list per slab of the partition.
+  std::span<SupportPatches> supports() { return std::span(supports_).first(support_slabs_); }
+  std::span<const SupportPatches> supports() const { return std::span(supports_).first(support_slabs_); }
+  // Call when no find_contacts() follows in a step, because no body is active.
+  void clear_supports() { support_slabs_ = 0; }
+  // Call before the body is removed.
+  void on_body_removed(std::int32_t body) {
+    for (SupportPatches& patches : supports_) remove_body(patches, body);
+  }
 
   // Appends the contacts of a shape with the field (not with the ground), with separations up to `margin`.
   void collide_field(const Shape&, const Vec3& centre, const Mat3& axes, float margin,
@@ -78,6 +88,7 @@ class CollisionPipeline {
   // Contacts found in one slab.
   struct SlabResults {
     int member = 0;  // the member that processes the slab
+    SupportPatches* supports = nullptr;
     ContactList pair_contacts, static_contacts;
     PairManifoldCache::ChunkCache cached_pairs;
     FieldManifoldCache::ChunkCache cached_field;
@@ -92,8 +103,12 @@ class CollisionPipeline {
 
   void compute_large_radius(const BodyStore&);
   void compute_query_radii(const BodyStore&, std::span<const std::int32_t> own);
-  void begin_detection(ContactList& pair_contacts, ContactList& static_contacts, int member_count);
+  void begin_detection(ContactList& pair_contacts, ContactList& static_contacts, int member_count,
+                       int body_count);
   void find_large_neighbours(const BodyStore&);
+  void swap_supports(int bodies);
+  void find_support(const BodyStore&, std::size_t body, float margin, std::span<Contact> contacts,
+                    SlabResults& results) const;
   void collide_slab(const BodyStore&, int slab, SlabResults& results);
   void collide_body_run(const BodyStore&, const SpatialPartition::BodyRun&, SlabResults& results) const;
   void collide_large_bodies(const BodyStore&, SlabResults& results) const;
@@ -118,6 +133,12 @@ class CollisionPipeline {
   std::vector<std::int32_t> first_large_neighbour_;  // indexed by body: first entry in large_neighbours_
   PreviousContacts previous_contacts_;
   std::vector<SlabResults> slab_results_;                   // one per slab
+  std::vector<SupportPatches> supports_, previous_supports_;  // one per slab
+  std::size_t support_slabs_ = 0;                             // number of lists of this step in supports_
+  struct SupportReference {
+    std::int32_t slab, patch;  // slab < 0: none
+  };
+  std::vector<SupportReference> previous_support_of_body_;  // empty if there was no patch
   std::vector<BodyRunOutput> pair_output_, static_output_;  // one per body run
   SlabRanges pair_ranges_, static_ranges_;
   std::vector<std::size_t> contacts_per_slab_;  // in the last find_contacts()

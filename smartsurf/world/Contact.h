@@ -10,15 +10,16 @@
 namespace smartsurf::world {
 
 // Values of Contact::other and Manifold::b that name no body. kRemovedBody replaces the index of a static body
-// that was removed after the contact was found.
-inline constexpr std::int32_t kField = -1, kGround = -2, kRemovedBody = -3;
+// that was removed after the contact was found. kSupportedField is a contact with the field whose load and friction a
+// support patch distributes (field/SupportPatch.h).
+inline constexpr std::int32_t kField = -1, kGround = -2, kRemovedBody = -3, kSupportedField = -4;
 
 // One contact point.
 struct Contact {
   Vec3 normal;              // unit, towards body a
   Vec3 anchor;              // from a's centre of mass to the point, world axes, u
   float separation = 0.0F;  // along the normal, u; negative when penetrating
-  std::int32_t other = 0;   // static contacts: kField, kGround or the index of a static body; pairs: unused
+  std::int32_t other = 0;   // static contacts: see above, or the index of a static body; pairs: unused
   std::int32_t feature_id = 0;     // field contacts: index of the cell, row-major
   Vec3 surface_velocity{0, 0, 0};  // of the static surface at the point, u/s
   float surface_spin = 0;          // of the static surface about the vertical, rad/s

@@ -75,6 +75,7 @@ bool NativeEngine::remove(scene::ObjectId id) {
   remove_body(impl_->pair_contacts, index);
   remove_body(impl_->static_contacts, index);
   impl_->sleep.on_body_removed(index);
+  impl_->collision.on_body_removed(index);
   impl_->collision.on_bodies_changed(impl_->bodies.size());
   std::erase_if(impl_->timed_forces, [id](const TimedForce& p) { return p.id == id; });
   return true;
@@ -139,18 +140,36 @@ void NativeEngine::step() { impl_->step(); }
 std::vector<ContactPoint> NativeEngine::contacts() const {
   const Impl& s = *impl_;
   std::vector<ContactPoint> out;
+  // Bodies that fell asleep in the last step are in both pairs of lists; they count as sleepers.
+  auto sleeps = [&](std::int32_t i) { return s.bodies.asleep[static_cast<std::size_t>(i)] != 0; };
   for (const ContactList* list :
        {&s.pair_contacts, &s.static_contacts, &s.sleep.pair_contacts(), &s.sleep.static_contacts()})
-    for (const Manifold& m : list->manifolds)
+    for (const Manifold& m : list->manifolds) {
+      const bool is_sleeping = sleeps(m.a) && (m.b < 0 || sleeps(m.b));
+      if (is_sleeping && (list == &s.pair_contacts || list == &s.static_contacts)) continue;
       for (int k = m.first; k < m.first + m.count; ++k) {
         const Contact& c = list->contacts[static_cast<std::size_t>(k)];
         const std::int32_t other = m.b >= 0 ? m.b : c.other;
-        if (c.total_normal_impulse > 0.0F)
+        if (c.total_normal_impulse > 0.0F && c.other != kSupportedField)
           out.push_back(
               {s.unit.to_scene(Vec3(s.bodies.position[static_cast<std::size_t>(m.a)] + c.anchor)), c.normal,
                s.unit.to_scene(c.total_normal_impulse), s.bodies.id[static_cast<std::size_t>(m.a)],
                other >= 0 ? std::optional(s.bodies.id[static_cast<std::size_t>(other)]) : std::nullopt});
       }
+    }
+  auto add_support = [&](std::int32_t body, const Vec3& anchor, float impulse) {
+    const auto i = static_cast<std::size_t>(body);
+    out.push_back({s.unit.to_scene(Vec3(s.bodies.position[i] + anchor)), Vec3::UnitZ(), s.unit.to_scene(impulse),
+                   s.bodies.id[i], std::nullopt});
+  };
+  for (const SupportPatches& list : s.collision.supports())
+    for (const SupportPatch& p : list.patches) {
+      if (sleeps(p.body)) continue;
+      const SupportSamples& samples = list.samples;
+      for (auto i = static_cast<std::size_t>(p.first); i < static_cast<std::size_t>(p.first + p.count); ++i)
+        if (samples.load[i] > 0.0F) add_support(p.body, {samples.x[i], samples.y[i], p.z}, samples.load[i]);
+    }
+  for (const Sleep::SupportLoad& l : s.sleep.support_loads()) add_support(l.body, l.anchor, l.impulse);
   return out;
 }
 

@@ -73,6 +73,8 @@ void NativeEngine::Impl::finalize_bodies(const Member& member) {
     sleep.reset_timers_on_moving_cells(bodies, static_contacts, run);
     record_cell_impulses(run);
   }
+  for (int s = own_slabs.begin; s < own_slabs.end; ++s)
+    sleep.reset_timers_on_moving_cells(bodies, collision.supports()[static_cast<std::size_t>(s)]);
 }
 
 // Cell impulses have an array of their own, because write_cell_impulses() reads all of them on one thread: the
@@ -102,6 +104,10 @@ void NativeEngine::Impl::write_cell_impulses() {
         sleeper_impulse[static_cast<std::size_t>(c.feature_id)] += unit.to_scene(c.total_normal_impulse);
         sleeper_cells.push_back(c.feature_id);
       }
+    for (const Sleep::SupportLoad& l : sleep.support_loads()) {
+      sleeper_impulse[static_cast<std::size_t>(l.cell)] += unit.to_scene(l.impulse);
+      sleeper_cells.push_back(l.cell);
+    }
     for (const std::int32_t cell : sleeper_cells)
       scene_field.impulse[static_cast<std::size_t>(cell)] = sleeper_impulse[static_cast<std::size_t>(cell)];
     // Bodies that fell asleep in this step count as sleepers.
@@ -115,11 +121,18 @@ void NativeEngine::Impl::write_cell_impulses() {
   for (const std::int32_t cell : loaded_cells)
     scene_field.impulse[static_cast<std::size_t>(cell)] = sleeper_impulse_on(cell);
   loaded_cells.clear();
-  for (const Load& entry : cell_impulses) {
-    if (entry.cell < 0) continue;
-    scene_field.impulse[static_cast<std::size_t>(entry.cell)] += unit.to_scene(entry.impulse);
-    loaded_cells.push_back(entry.cell);
-  }
+  auto add_load = [this](std::int32_t cell, float impulse) {
+    scene_field.impulse[static_cast<std::size_t>(cell)] += unit.to_scene(impulse);
+    loaded_cells.push_back(cell);
+  };
+  for (const Load& entry : cell_impulses)
+    if (entry.cell >= 0) add_load(entry.cell, entry.impulse);
+  for (const SupportPatches& list : collision.supports())
+    for (const SupportPatch& p : list.patches) {
+      if (bodies.asleep[static_cast<std::size_t>(p.body)]) continue;  // a sleeper since this step
+      for (auto i = static_cast<std::size_t>(p.first); i < static_cast<std::size_t>(p.first + p.count); ++i)
+        if (list.samples.load[i] > 0.0F) add_load(list.samples.cell[i], list.samples.load[i]);
+    }
 }
 
 void NativeEngine::Impl::wake_disturbed() {
@@ -171,7 +184,7 @@ void NativeEngine::Impl::step_active_bodies(const Member& member) {
     member.single([this] { force_limits.distribute_limits(field, settings.dt_s, static_contacts); });
   solver.step(bodies,
               {collision.partition(), pair_contacts, static_contacts, collision.pair_ranges(),
-               collision.static_ranges(), field.has_force_limit(), has_wrenches},
+               collision.static_ranges(), collision.supports(), field.has_force_limit(), has_wrenches},
               member);
   finalize_bodies(member);
 }
@@ -185,11 +198,12 @@ void NativeEngine::Impl::step() {
     pair_contacts.clear();
     static_contacts.clear();
     cell_impulses.clear();
+    collision.clear_supports();
   } else {
     team.run(active_bodies.size() >= kMinParallelBodies,
              [this](const Member& member) { step_active_bodies(member); });
     force_limits.yield_overloaded_cells(bodies, static_contacts, settings.dt_s, field);
-    sleep.update_sleeping_set(bodies, active_bodies, pair_contacts, static_contacts);
+    sleep.update_sleeping_set(bodies, active_bodies, pair_contacts, static_contacts, collision.supports());
   }
   write_cell_impulses();
   if (!unit.is_one()) unit.return_lowered_speeds(field_copy, scene_field);

@@ -153,6 +153,7 @@ void Sleep::restore_contacts(const BodyStore& b, ContactList& pair_contacts, Con
   auto awake = [&b](std::int32_t i) { return !b.asleep[static_cast<std::size_t>(i)]; };
   move_manifolds(pair_contacts_, pair_contacts, [&](const Manifold& m) { return awake(m.a) || awake(m.b); });
   move_manifolds(static_contacts_, static_contacts, [&](const Manifold& m) { return awake(m.a); });
+  std::erase_if(support_loads_, [&](const SupportLoad& l) { return awake(l.body); });
 }
 
 // ---- falling asleep
@@ -191,8 +192,14 @@ void Sleep::reset_timers_on_moving_cells(BodyStore& b, const ContactList& static
   }
 }
 
+void Sleep::reset_timers_on_moving_cells(BodyStore& b, const SupportPatches& supports) const {
+  for (const SupportPatch& p : supports.patches)
+    if (p.moves) b.sleep_timer_s[static_cast<std::size_t>(p.body)] = 0.0F;
+}
+
 void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& active_bodies,
-                                const ContactList& pair_contacts, const ContactList& static_contacts) {
+                                const ContactList& pair_contacts, const ContactList& static_contacts,
+                                std::span<const SupportPatches> supports) {
   const bool any_ready = std::any_of(active_bodies.begin(), active_bodies.end(), [&b](std::int32_t i) {
     return b.sleep_timer_s[static_cast<std::size_t>(i)] >= kTimeToSleep_s;
   });
@@ -222,6 +229,13 @@ void Sleep::update_sleeping_set(BodyStore& b, const std::vector<std::int32_t>& a
   copy_manifolds(pair_contacts, pair_contacts_,
                  [&](const Manifold& m) { return asleep(m.a) && asleep(m.b); });
   copy_manifolds(static_contacts, static_contacts_, [&](const Manifold& m) { return asleep(m.a); });
+  for (const SupportPatches& list : supports)
+    for (const SupportPatch& p : list.patches) {
+      if (!asleep(p.body)) continue;
+      const SupportSamples& s = list.samples;
+      for (auto i = static_cast<std::size_t>(p.first); i < static_cast<std::size_t>(p.first + p.count); ++i)
+        if (s.load[i] > 0.0F) support_loads_.push_back({p.body, s.cell[i], {s.x[i], s.y[i], p.z}, s.load[i]});
+    }
 }
 
 void Sleep::put_to_sleep(BodyStore& b, std::size_t i) {
@@ -253,6 +267,9 @@ Sleep::CellRect Sleep::cells_near(const BodyStore& b, std::size_t i) const {
 void Sleep::on_body_removed(std::int32_t body) {
   remove_body(pair_contacts_, body);
   remove_body(static_contacts_, body);
+  std::erase_if(support_loads_, [body](const SupportLoad& l) { return l.body == body; });
+  for (SupportLoad& l : support_loads_)
+    if (l.body > body) --l.body;
   if (static_cast<std::size_t>(body) < cells_near_sleeper_.size())
     cells_near_sleeper_.erase(cells_near_sleeper_.begin() + body);
   ++change_count_;

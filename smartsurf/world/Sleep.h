@@ -9,11 +9,13 @@
 // Not thread-safe except where a function says so.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "smartsurf/surface/Field.h"
 #include "smartsurf/world/BodyStore.h"
 #include "smartsurf/world/Contact.h"
+#include "smartsurf/world/field/SupportPatch.h"
 #include "smartsurf/world/parallel/IndexRange.h"
 
 namespace smartsurf::world {
@@ -29,6 +31,13 @@ class Sleep {
   // Contacts between sleeping bodies, and their static contacts, as of the moment they fell asleep.
   const ContactList& pair_contacts() const { return pair_contacts_; }
   const ContactList& static_contacts() const { return static_contacts_; }
+  // The loads of the support patches of sleeping bodies, likewise.
+  struct SupportLoad {
+    std::int32_t body, cell;
+    Vec3 anchor;    // as Contact::anchor
+    float impulse;  // over the step, mass·u/s
+  };
+  const std::vector<SupportLoad>& support_loads() const { return support_loads_; }
   // Version number of the sleeping set.
   unsigned change_count() const { return change_count_; }
 
@@ -52,9 +61,11 @@ class Sleep {
   // Bodies on moving cells must not fall asleep. `manifolds`: range in static_contacts.manifolds.
   void reset_timers_on_moving_cells(BodyStore&, const ContactList& static_contacts,
                                     IndexRange manifolds) const;
+  void reset_timers_on_moving_cells(BodyStore&, const SupportPatches&) const;
   // Puts bodies to sleep whose timer has run out, and wakes sleepers that touch a moving body.
   void update_sleeping_set(BodyStore&, const std::vector<std::int32_t>& active_bodies,
-                           const ContactList& pair_contacts, const ContactList& static_contacts);
+                           const ContactList& pair_contacts, const ContactList& static_contacts,
+                           std::span<const SupportPatches> = {});
   void on_body_removed(std::int32_t body);
 
   // Whether the body is fast enough that a hit must wake the whole island.
@@ -77,6 +88,7 @@ class Sleep {
   unsigned change_count_ = 0;
   bool any_woken_ = false;  // since the last restore_contacts()
   ContactList pair_contacts_, static_contacts_;
+  std::vector<SupportLoad> support_loads_;
   std::vector<char> has_active_neighbour_;    // touches a moving body
   std::vector<char> is_supported_;            // touches anything, or there is no gravity
   std::vector<CellRect> cells_near_sleeper_;  // under and beside each sleeper; indexed by body

@@ -60,6 +60,12 @@ void FreeLayoutField::for_each_cell(const Vec3& low, const Vec3& high, Each each
     }
 }
 
+void FreeLayoutField::find_cells(const Vec3& low, const Vec3& high, std::vector<std::int32_t>& out) const {
+  out.clear();
+  for_each_cell(low, high, [&](std::size_t i) { out.push_back(static_cast<std::int32_t>(i)); });
+  std::sort(out.begin(), out.end());
+}
+
 // Index of the cell whose top, extended by `tolerance` on all sides, contains the point, or −1.
 int FreeLayoutField::cell_at(float x, float y, float tolerance) const {
   int found = -1;

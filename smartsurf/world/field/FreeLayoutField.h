@@ -21,6 +21,8 @@ class FreeLayoutField {
   // Appends the contacts of a shape, reduced as in a rectangular layout, with separations up to `margin`.
   void collide(const Shape&, const Vec3& centre, const Mat3& axes, float margin,
                std::vector<Contact>& out) const;
+  // The cells near a box, ascending.
+  void find_cells(const Vec3& low, const Vec3& high, std::vector<std::int32_t>& out) const;
 
  private:
   // Cells across the west, east, north and south side, sampled at two points of each; −1 if there is none.

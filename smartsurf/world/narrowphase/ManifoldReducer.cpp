@@ -9,16 +9,19 @@
 namespace smartsurf::world {
 
 void ManifoldReducer::add(const ManifoldCandidate& c) {
-  int i = count();
-  if (i < ReductionPoints::kCapacity) {
-    points_.add(c.point, c.separation);
-  } else {
-    i = points_.most_separated();
-    if (!(c.separation < points_.separation(i))) return;
-    points_.set(i, c.point, c.separation);
-  }
+  if (count() == ReductionPoints::kCapacity) keep_selected();
+  const int i = count();
+  points_.add(c.point, c.separation);
   normal_[i] = c.normal;
   tag_[i] = c.tag;
+}
+
+void ManifoldReducer::keep_selected() {
+  ManifoldCandidate kept[4];
+  int n = 0;
+  reduce([&](const ManifoldCandidate& c) { kept[n++] = c; });
+  clear();
+  for (int i = 0; i < n; ++i) add(kept[i]);
 }
 
 ManifoldCandidate ManifoldReducer::average() const {
@@ -39,12 +42,6 @@ float ManifoldReducer::min_separation() const {
 int ReductionPoints::deepest() const {
   int best = 0;
   for (int i = 1; i < count_; ++i) best = separation_[i] < separation_[best] ? i : best;
-  return best;
-}
-
-int ReductionPoints::most_separated() const {
-  int best = 0;
-  for (int i = 1; i < count_; ++i) best = separation_[i] > separation_[best] ? i : best;
   return best;
 }
 

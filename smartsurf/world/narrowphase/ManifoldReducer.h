@@ -20,9 +20,8 @@ class ReductionPoints {
   }
   Vec3 at(int i) const { return {x_[i], y_[i], z_[i]}; }
   float separation(int i) const { return separation_[i]; }
-  // Index of the least or greatest separation; the first one on ties. Precondition: count() > 0.
+  // Index of the least separation; the first one on ties. Precondition: count() > 0.
   int deepest() const;
-  int most_separated() const;
   // Selects at most four: the deepest, the farthest from it, the farthest from their line, and the one that
   // extends the area most. Returns their number.
   int select(int (&chosen)[4]);
@@ -48,7 +47,7 @@ struct ManifoldCandidate {
 // A list of candidates of fixed capacity.
 class ManifoldReducer {
  public:
-  // A full list drops its most separated candidate.
+  // A full list is first reduced to the selected ones.
   void add(const ManifoldCandidate&);
   int count() const { return points_.count(); }
   void clear() { points_.clear(); }
@@ -69,6 +68,7 @@ class ManifoldReducer {
   }
 
  private:
+  void keep_selected();
   ManifoldCandidate at(int i) const { return {points_.at(i), normal_[i], points_.separation(i), tag_[i]}; }
 
   ReductionPoints points_;

@@ -13,9 +13,6 @@ namespace smartsurf::world {
 namespace HWY_NAMESPACE {
 namespace {
 
-// Penetration up to this is not resolved, so that resting bodies keep their contacts, u.
-constexpr float kSlop = 1e-3F;
-
 template <bool kPair, bool kSpheres>
 HWY_INLINE void prepare_point(const ContactLanes<kPair, kSpheres>& l, const PointRef& q) {
   const int at = l.lane;

@@ -10,6 +10,8 @@ namespace smartsurf::world {
 
 // Bodies or manifolds per SIMD batch.
 inline constexpr int kLanes = 8;
+// Penetration up to this is not resolved, so that resting bodies keep their contacts, u.
+inline constexpr float kSlop = 1e-3F;
 
 // ---- rows: one per body; rows of static bodies are never written
 struct alignas(32) BodyVelocity {

@@ -1,5 +1,7 @@
 #include "smartsurf/world/solver/Solver.h"
 
+#include "smartsurf/world/solver/SupportSolver.h"
+
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -73,7 +75,11 @@ void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
   const IndexRange own_slabs = input.partition.share(member);
   graph_.build(bodies, input.pair_contacts, input.pair_ranges, input.static_contacts, input.static_ranges,
                own_slabs, member);
-  member.single([&] { resize_buffers(input.partition, member.member_count); });
+  member.single([&] {
+    has_supports_ = std::any_of(input.supports.begin(), input.supports.end(),
+                                [](const SupportPatches& s) { return !s.patches.empty(); });
+    resize_buffers(input.partition, member.member_count);
+  });
   const float h_s = settings_.dt_s / static_cast<float>(settings_.substeps);
   const bool any_restitution = settings_.field_restitution > 0.0F ||
                                std::any_of(bodies.surface_material.begin(), bodies.surface_material.end(),
@@ -99,6 +105,7 @@ void Solver::resize_buffers(const SpatialPartition& partition, int member_count)
   velocity_.resize(rows);
   delta_pose_.resize(rows);
   inverse_inertia_.resize(rows);
+  if (has_supports_) static_manifold_.resize(rows);
   start_velocity_.resize(rows);
   material_.resize(rows);
   point_.resize(static_cast<std::size_t>(graph_.point_count()));
@@ -120,10 +127,11 @@ void Solver::run_stages(StepContext& context, const Member& member) {
     }
   member.arrive_and_wait();
   shared_batches_.split_batches(graph_, member);
+  if (has_supports_) prepare_supports(context);
   integrate_velocities(context, true);
   member.arrive();
   const ContactKernelTable& k = context.kernels;
-  run_contact_stage(context, member, k.warm_start, 0.0F);
+  run_contact_stage(context, member, k.warm_start, 0.0F, SupportStage::kWarmStart);
   const float h_s = context.pair_params.h_s;
   for (int s = 0; s < settings_.substeps; ++s) {
     if (s > 0) {
@@ -131,18 +139,20 @@ void Solver::run_stages(StepContext& context, const Member& member) {
       integrate_velocities(context, false);
       member.arrive();
     }
-    run_contact_stage(context, member, k.solve, static_cast<float>(s) * h_s);
+    run_contact_stage(context, member, k.solve, static_cast<float>(s) * h_s, SupportStage::kSolve);
     member.wait();
     integrate_positions(context);
     member.arrive();
-    run_contact_stage(context, member, k.relax, 0.0F);
+    run_contact_stage(context, member, k.relax, 0.0F, SupportStage::kRelax);
   }
+  if (has_supports_) member.wait();  // support patches change impulses in batches of other members
   for (const BatchRange& run : graph_.own_batches(member))
     for (int i = run.first; i < run.first + run.count; ++i) store_impulses(context, run.kind, i);
   if (context.may_impact())
     member.single([&] { solve_impacts(context); });
   else
     member.arrive_and_wait();
+  if (has_supports_) store_supports(context);
 }
 
 // ---- contacts to SIMD batches and back
@@ -173,7 +183,10 @@ void Solver::prepare_batch(StepContext& context, ContactKind kind, int index) {
       fill_all({.points = false, .surface = is_static, .details = o.has_rolling_friction});
     }
   }
-  if (!StepContext::is_pair(kind) && context.input.has_force_limits) fill_impulse_limits(o, index, list);
+  if (is_static && context.input.has_force_limits) fill_impulse_limits(o, index, list);
+  if (is_static && !all_spheres && has_supports_)
+    for (int lane = 0; lane < o.lane_count; ++lane)
+      static_manifold_[static_cast<std::size_t>(o.a[lane])] = {graph_.manifold(index, lane), o.first_point, lane};
   context.kernels.prepare[kind](&o, 1, batch_points(), context.solver_bodies, context.pair_params);
 }
 
@@ -268,6 +281,10 @@ void Solver::fill_lane(const StepContext& context, ContactBatch& o, int lane, co
       p.normal_impulse[lane] = c.normal_impulse;
       store(p.friction_impulse, lane, c.friction_impulse);
       p.friction[lane] = a.friction_root * b.friction_root;
+      if (c.other == kSupportedField) {  // the patch has the friction
+        store(p.friction_impulse, lane, Vec3::Zero());
+        p.friction[lane] = 0.0F;
+      }
       o.has_rolling_friction |= a.rolling_friction_root * b.rolling_friction_root > 0.0F;
     }
     if (mask.surface) {
@@ -401,7 +418,8 @@ void Solver::store_body(BodyStore& bodies, const SpatialPartition& partition, in
 // ---- one stage over all contacts: pairs colour by colour; static contacts last, because they must hold exactly
 
 void Solver::run_contact_stage(StepContext& context, const Member& member,
-                               const ContactKernel (&kernel)[kContactKindCount], float elapsed_s) {
+                               const ContactKernel (&kernel)[kContactKindCount], float elapsed_s,
+                               SupportStage support_stage) {
   SubstepParams pair_params = context.pair_params, static_params = context.static_params;
   pair_params.elapsed_s = static_params.elapsed_s = elapsed_s;
   const std::size_t colours = graph_.colours().size();
@@ -416,6 +434,56 @@ void Solver::run_contact_stage(StepContext& context, const Member& member,
     member.arrive();
     run(shared_batches_.own(member, i));
   }
+  if (!has_supports_ || support_stage == SupportStage::kNone) return;
+  member.wait();
+  for_each_own_support(context, [&](SupportPatches& list, SupportPatch& p) {
+    const auto row = static_cast<std::size_t>(p.row);
+    if (support_stage == SupportStage::kWarmStart)
+      return warm_start_support(p, velocity_[row], inverse_inertia_[row]);
+    const bool is_soft = support_stage == SupportStage::kSolve;
+    auto solve_points = [&] {
+      solve_support_points(list, p, batch_points(), static_params, is_soft, velocity_[row], delta_pose_[row],
+                           inverse_inertia_[row]);
+    };
+    solve_points();
+    solve_support(list, p, batch_points(), velocity_[row], inverse_inertia_[row]);
+    // Friction tilts the body: again, because the normal constraints must hold at the end of the step.
+    if (!is_soft) solve_points();
+  });
+  member.arrive();
+}
+
+// ---- support patches, each member those of its slabs
+
+template <class Each>
+void Solver::for_each_own_support(const StepContext& context, Each each) const {
+  for (int s = context.own_slabs.begin; s < context.own_slabs.end; ++s) {
+    SupportPatches& list = context.input.supports[static_cast<std::size_t>(s)];
+    for (SupportPatch& p : list.patches) each(list, p);
+  }
+}
+
+std::span<Contact> Solver::contacts_of_row(StepContext& context, int row) const {
+  ContactList& list = context.input.static_contacts;
+  const Manifold& m = list.manifolds[static_cast<std::size_t>(static_manifold_[static_cast<std::size_t>(row)].manifold)];
+  return std::span(list.contacts).subspan(static_cast<std::size_t>(m.first), static_cast<std::size_t>(m.count));
+}
+
+void Solver::prepare_supports(StepContext& context) {
+  for_each_own_support(context, [&](SupportPatches& list, SupportPatch& p) {
+    p.row = context.partition.row(p.body);
+    const auto row = static_cast<std::size_t>(p.row);
+    p.batch_point = static_manifold_[row].batch_point;
+    p.lane = static_manifold_[row].lane;
+    prepare_support(list, p, velocity_[row], inverse_inertia_[row],
+                    material_[row].friction_root * field_material_.friction_root, contacts_of_row(context, p.row));
+  });
+}
+
+void Solver::store_supports(StepContext& context) {
+  for_each_own_support(context, [&](SupportPatches& list, SupportPatch& p) {
+    store_support(list, p, contacts_of_row(context, p.row));
+  });
 }
 
 }  // namespace smartsurf::world

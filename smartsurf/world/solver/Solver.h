@@ -6,10 +6,12 @@
 // step. Impulses carry over from substep to substep and from step to step.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "smartsurf/world/BodyStore.h"
 #include "smartsurf/world/Contact.h"
+#include "smartsurf/world/field/SupportPatch.h"
 #include "smartsurf/world/parallel/SharedBatches.h"
 #include "smartsurf/world/parallel/SpatialPartition.h"
 #include "smartsurf/world/parallel/Team.h"
@@ -37,6 +39,7 @@ class Solver {
     const SpatialPartition& partition;  // with rows assigned
     ContactList &pair_contacts, &static_contacts;
     const SlabRanges &pair_ranges, &static_ranges;
+    std::span<SupportPatches> supports;  // one list per slab
     bool has_force_limits;  // whether any cell has a force limit
     bool has_wrenches;      // whether any body has a nonzero wrench
   };
@@ -71,8 +74,14 @@ class Solver {
   BodyVelocity external_velocity_change(const StepContext&, int row) const;
   void integrate_velocities(StepContext&, bool first);
   void integrate_positions(StepContext&);
+  enum class SupportStage { kNone, kWarmStart, kSolve, kRelax };
   void run_contact_stage(StepContext&, const Member&, const ContactKernel (&)[kContactKindCount],
-                         float elapsed_s);
+                         float elapsed_s, SupportStage);
+  template <class Each>
+  void for_each_own_support(const StepContext&, Each each) const;
+  std::span<Contact> contacts_of_row(StepContext&, int row) const;
+  void prepare_supports(StepContext&);
+  void store_supports(StepContext&);
 
   BatchPoints batch_points() { return {point_.data(), detail_.data()}; }
   SolverBodies solver_bodies() { return {velocity_.data(), delta_pose_.data(), inverse_inertia_.data()}; }
@@ -89,6 +98,13 @@ class Solver {
   std::vector<DeltaPose> delta_pose_;
   std::vector<InverseInertia> inverse_inertia_;
   std::vector<SurfaceMaterial> material_;
+  // Where the static contacts of a row's body are: manifold, and the place of their first point. Only set if there
+  // are support patches.
+  struct StaticManifold {
+    std::int32_t manifold, batch_point, lane;
+  };
+  std::vector<StaticManifold> static_manifold_;
+  bool has_supports_ = false;                 // in this step
   std::vector<BodyVelocity> start_velocity_;  // after external forces, before the contacts of the substep
 };
 

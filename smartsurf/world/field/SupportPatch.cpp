@@ -1,0 +1,474 @@
+#include "smartsurf/world/field/SupportPatch.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "smartsurf/world/field/Columns.h"
+#include "smartsurf/world/narrowphase/Distance.h"
+#include "smartsurf/world/solver/ContactKernels.h"
+
+namespace smartsurf::world {
+namespace {
+
+using scene::ShapeKind;
+
+// Least cosine of the angle between a contact normal, or a face's normal, and the vertical.
+constexpr float kUpright = 0.9999F;
+// Greatest slope of a line that lies on cells: the sine of the same angle.
+constexpr float kMaxLineSlope = 0.0141F;
+// Separations that differ by less belong to one resting contact, u.
+constexpr float kSeparationTolerance = 2e-3F;
+// Greatest distance of a contact from the face to which it belongs, u.
+constexpr float kFaceTolerance = 0.01F;
+// A cell bears its full share if it shares at least this fraction of its top with the face.
+constexpr float kFullShare = 1.0F;
+// Mean distance of the points of a unit square from its centre.
+constexpr float kSquareArm = 0.3826F;
+constexpr int kMaxCorners = 32;
+
+struct Point2 {
+  float x, y;
+};
+
+// A flat face, or a line, of one part, in the horizontal plane; and its plane.
+struct Footprint {
+  Point2 corner[kMaxCorners];  // counter-clockwise from above
+  int count = 0;               // 2: a line
+  float z = 0.0F, slope_x = 0.0F, slope_y = 0.0F;  // z + slope_x·(x − corner[0].x) + …
+  float west = 0, east = 0, south = 0, north = 0;
+
+  bool is_line() const { return count == 2; }
+  float z_at(float x, float y) const {
+    return z + slope_x * (x - corner[0].x) + slope_y * (y - corner[0].y);
+  }
+  // Whether a point is on the face, or just beside it.
+  bool has_near(const Vec3& p) const {
+    return std::abs(z_at(p.x(), p.y()) - p.z()) <= kFaceTolerance && p.x() >= west - kFaceTolerance &&
+           p.x() <= east + kFaceTolerance && p.y() >= south - kFaceTolerance && p.y() <= north + kFaceTolerance;
+  }
+  void add(const Vec3& p) { corner[count++] = {p.x(), p.y()}; }
+};
+
+void set_bounds(Footprint& f) {
+  f.west = f.south = std::numeric_limits<float>::max();
+  f.east = f.north = -f.west;
+  for (int i = 0; i < f.count; ++i) {
+    f.west = std::min(f.west, f.corner[i].x), f.east = std::max(f.east, f.corner[i].x);
+    f.south = std::min(f.south, f.corner[i].y), f.north = std::max(f.north, f.corner[i].y);
+  }
+}
+
+// The underside's disc as a polygon of the same area. Its corners do not follow the body's spin.
+void add_disc(Footprint& f, const Vec3& middle, float radius) {
+  constexpr int kCorners = 24;
+  static const auto kUnit = [] {
+    std::array<Point2, kCorners> unit;
+    const double angle = 2.0 * M_PI / kCorners, scale = std::sqrt(angle / std::sin(angle));
+    for (int i = 0; i < kCorners; ++i)
+      unit[static_cast<std::size_t>(i)] = {static_cast<float>(scale * std::cos(i * angle)),
+                                           static_cast<float>(scale * std::sin(i * angle))};
+    return unit;
+  }();
+  for (const Point2& u : kUnit) f.add(middle + radius * Vec3(u.x, u.y, 0));
+}
+
+bool set_plane(Footprint& f, const Vec3& point, const Vec3& up) {
+  if (up.z() < kUpright) return false;
+  f.slope_x = -up.x() / up.z(), f.slope_y = -up.y() / up.z();
+  f.z = point.z() + f.slope_x * (f.corner[0].x - point.x()) + f.slope_y * (f.corner[0].y - point.y());
+  return true;
+}
+
+bool set_line(Footprint& f, const Vec3& from, const Vec3& to) {
+  const Vec3 along = to - from;
+  const float length = length_of(along.x(), along.y());
+  if (std::abs(along.z()) > kMaxLineSlope * length) return false;
+  f.add(from), f.add(to);
+  f.z = from.z();
+  f.slope_x = along.z() * along.x() / (length * length), f.slope_y = along.z() * along.y() / (length * length);
+  return true;
+}
+
+bool box_footprint(const Shape& s, const Vec3& centre, const Mat3& axes, Footprint& f) {
+  Eigen::Index axis = 0;
+  axes.row(2).cwiseAbs().maxCoeff(&axis);
+  const Vec3 up = axes.col(axis) * std::copysign(1.0F, axes(2, axis));
+  if (up.z() < kUpright) return false;
+  const Eigen::Index u = (axis + 1) % 3, v = (axis + 2) % 3;
+  const Vec3 middle = centre - up * s.half_extents[axis];
+  const Vec3 along_u = axes.col(u) * s.half_extents[u], along_v = axes.col(v) * s.half_extents[v];
+  f.add(middle - along_u - along_v), f.add(middle + along_u - along_v);
+  f.add(middle + along_u + along_v), f.add(middle - along_u + along_v);
+  return set_plane(f, middle, up);
+}
+
+bool hull_footprint(const ConvexHullShape& hull, const Vec3& centre, const Mat3& axes, Footprint& f) {
+  const scene::ConvexHull& h = *hull.hull;
+  const scene::ConvexHull::Face& face = h.faces[hull.face_normals.argmax(-axes.row(2).transpose())];
+  const Vec3 up = axes * -face.normal;
+  if (up.z() < kUpright) return false;
+  const std::uint32_t stride = (face.vertex_count + kMaxCorners - 1) / kMaxCorners;
+  for (std::uint32_t i = 0; i < face.vertex_count; i += stride)
+    f.add(centre + axes * h.vertices[h.face_vertices[face.first_vertex + i]]);
+  return set_plane(f, centre + axes * h.vertices[h.face_vertices[face.first_vertex]], up);
+}
+
+// The flat underside of a part. False if it has none.
+bool find_footprint(const ConvexPart& part, const Vec3& centre, const Mat3& axes, Footprint& f) {
+  const Shape& s = part.shape;
+  const Vec3 along = axes.col(2);
+  f.count = 0;
+  bool found = false;
+  switch (s.kind) {
+    case ShapeKind::kSphere:
+      return false;
+    case ShapeKind::kBox:
+      found = box_footprint(s, centre, axes, f);
+      break;
+    case ShapeKind::kSolid:
+      found = hull_footprint(*part.hull, centre, axes, f);
+      break;
+    case ShapeKind::kCone:
+      if (along.z() < kUpright) return false;
+      add_disc(f, centre + along * s.low, s.radius);
+      found = set_plane(f, centre + along * s.low, along);
+      break;
+    case ShapeKind::kCylinder:
+    case ShapeKind::kCapsule:
+      if (s.kind == ShapeKind::kCylinder && std::abs(along.z()) > kUpright) {
+        const Vec3 up = along * std::copysign(1.0F, along.z()), middle = centre - up * s.high;
+        add_disc(f, middle, s.radius);
+        found = set_plane(f, middle, up);
+      } else if (std::abs(along.z()) < kMaxLineSlope) {
+        const Vec3 down = (along * along.z() - Vec3::UnitZ()).normalized() * s.radius;
+        const float end = s.kind == ShapeKind::kCapsule ? std::max(0.0F, s.high - s.radius) : s.high;
+        found = set_line(f, centre + down - along * end, centre + down + along * end);
+      }
+      break;
+  }
+  if (found) set_bounds(f);
+  return found;
+}
+
+struct SharedArea {
+  float x, y, weight, arm;  // its centre, from the cell's centre; as SupportSamples
+};
+
+// The part of a line in the rectangle |x| ≤ half_x, |y| ≤ half_y.
+bool share_line(const Point2& from, const Point2& to, float half_x, float half_y, SharedArea& out) {
+  float begin = 0.0F, end = 1.0F;
+  auto clip = [&](float at, float step, float half) {
+    if (std::abs(step) < 1e-9F) {
+      if (std::abs(at) > half) end = -1.0F;
+      return;
+    }
+    const float a = (-half - at) / step, b = (half - at) / step;
+    begin = std::max(begin, std::min(a, b)), end = std::min(end, std::max(a, b));
+  };
+  const float dx = to.x - from.x, dy = to.y - from.y;
+  clip(from.x, dx, half_x);
+  clip(from.y, dy, half_y);
+  if (!(end > begin)) return false;
+  const float middle = 0.5F * (begin + end), length = (end - begin) * length_of(dx, dy);
+  out = {from.x + middle * dx, from.y + middle * dy,
+         std::min(1.0F, length / (kFullShare * 2.0F * std::min(half_x, half_y))), 0.25F * length};
+  return true;
+}
+
+// The part of a convex polygon in the rectangle. Corners are relative to its centre.
+bool share_polygon(const Point2* corner, int count, float half_x, float half_y, SharedArea& out) {
+  Point2 buffer[2][kMaxCorners + 4];
+  const Point2* current = corner;
+  int to = 0;
+  for (int side = 0; side < 4; ++side) {
+    Point2* const next = buffer[to];
+    const float half = side < 2 ? half_x : half_y, sign = side % 2 == 0 ? 1.0F : -1.0F;
+    auto beyond = [&](const Point2& p) { return sign * (side < 2 ? p.x : p.y) - half; };
+    int kept = 0;
+    for (int i = 0; i < count; ++i) {
+      const Point2 &p = current[i], &q = current[i + 1 < count ? i + 1 : 0];
+      const float a = beyond(p), b = beyond(q);
+      if (a <= 0.0F) next[kept++] = p;
+      if ((a < 0.0F && b > 0.0F) || (a > 0.0F && b < 0.0F)) {
+        const float t = a / (a - b);
+        next[kept++] = {p.x + t * (q.x - p.x), p.y + t * (q.y - p.y)};
+      }
+    }
+    if (kept < 3) return false;
+    current = next, count = kept, to = 1 - to;
+  }
+  float area = 0.0F, x = 0.0F, y = 0.0F;  // twice the area, and six times its moments
+  for (int i = 1; i + 1 < count; ++i) {
+    const Point2 &a = current[0], &b = current[i], &c = current[i + 1];
+    const float twice = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
+    area += twice, x += twice * (a.x + b.x + c.x), y += twice * (a.y + b.y + c.y);
+  }
+  const float full = 4.0F * half_x * half_y;
+  if (!(area > 1e-6F * full)) return false;
+  out = {x / (3.0F * area), y / (3.0F * area), std::min(1.0F, 0.5F * area / (kFullShare * full)),
+         kSquareArm * std::sqrt(0.5F * area)};
+  return true;
+}
+
+// Finds the cells under a footprint and the area that they share with it.
+class FootprintOnCells {
+ public:
+  FootprintOnCells(const surface::Field& field, const Footprint& f) : f_(f) {
+    // A line over a gap between level cells lies on their bridged tops.
+    const bool bridges = f.is_line() && field.is_rectangular();
+    half_x_ = bridges ? 0.5F * field.pitch : field.half_top_x;
+    half_y_ = bridges ? 0.5F * field.pitch : field.half_top_y;
+    if (f.is_line()) return;
+    float area = 0.0F;
+    for (int i = 0; i < f.count; ++i) {
+      const Point2 &a = f.corner[i], &b = f.corner[i + 1 < f.count ? i + 1 : 0];
+      area += (a.x - f.corner[0].x) * (b.y - f.corner[0].y) - (a.y - f.corner[0].y) * (b.x - f.corner[0].x);
+    }
+    if (area < 0.0F) std::reverse(f_.corner, f_.corner + f_.count);
+    for (int i = 0; i < f.count; ++i) {
+      const Point2 &a = f_.corner[i], &b = f_.corner[i + 1 < f.count ? i + 1 : 0];
+      const float x = b.y - a.y, y = a.x - b.x;
+      edge_[i] = {x, y, x * a.x + y * a.y, std::abs(x) * half_x_ + std::abs(y) * half_y_};
+    }
+  }
+  bool share(float x, float y, SharedArea& out) const {
+    if (f_.is_line())
+      return share_line({f_.corner[0].x - x, f_.corner[0].y - y}, {f_.corner[1].x - x, f_.corner[1].y - y}, half_x_,
+                        half_y_, out);
+    bool inside = true;
+    for (int i = 0; i < f_.count; ++i) {
+      const float beyond = edge_[i].x * x + edge_[i].y * y - edge_[i].offset;
+      if (beyond >= edge_[i].reach) return false;
+      inside &= beyond <= -edge_[i].reach;
+    }
+    if (inside) {
+      out = {0.0F, 0.0F, 1.0F, kSquareArm * std::sqrt(4.0F * half_x_ * half_y_)};
+      return true;
+    }
+    Point2 local[kMaxCorners];
+    for (int i = 0; i < f_.count; ++i) local[i] = {f_.corner[i].x - x, f_.corner[i].y - y};
+    return share_polygon(local, f_.count, half_x_, half_y_, out);
+  }
+
+ private:
+  struct Edge {
+    float x, y, offset, reach;  // outward normal · p ≤ offset inside; extent of a top along the normal
+  };
+  Footprint f_;
+  float half_x_, half_y_;
+  Edge edge_[kMaxCorners];
+};
+
+// The contacts of a body that carry its flat underside, and which cells touch it as closely as they do.
+struct BearingContacts {
+  float min_separation = std::numeric_limits<float>::max();
+  float min_top = std::numeric_limits<float>::max();
+  float margin = 0.0F;
+  bool bears(float separation, float top) const {
+    return separation <= margin &&
+           (separation <= min_separation + kSeparationTolerance || top >= min_top - kLevelTolerance);
+  }
+};
+
+bool is_upright(const Contact& c) { return c.other == kField && c.normal.z() > kUpright; }
+
+BearingContacts bearing_contacts(const surface::Field& field, std::span<const Contact> contacts, float margin) {
+  BearingContacts b;
+  b.margin = margin;
+  for (const Contact& c : contacts)
+    if (is_upright(c)) b.min_separation = std::min(b.min_separation, c.separation);
+  for (const Contact& c : contacts)
+    if (is_upright(c) && c.separation <= b.min_separation + kSeparationTolerance)
+      b.min_top = std::min(b.min_top, field.height[static_cast<std::size_t>(c.feature_id)]);
+  return b;
+}
+
+void add_sample(const surface::Field& field, std::int32_t cell, const Vec3& centre, const Point2& cell_centre,
+                const SharedArea& shared, SupportSamples& out) {
+  const auto i = static_cast<std::size_t>(cell);
+  out.cell.push_back(cell);
+  out.x.push_back(cell_centre.x + shared.x - centre.x());
+  out.y.push_back(cell_centre.y + shared.y - centre.y());
+  out.arm.push_back(shared.arm);
+  out.weight.push_back(shared.weight);
+  float vx = 0.0F, vy = 0.0F, spin = 0.0F;
+  if (field.has_surface_velocity()) {
+    if (!field.surface_spin.empty()) spin = field.surface_spin[i];
+    vx = field.surface_velocity_x[i] - spin * shared.y;
+    vy = field.surface_velocity_y[i] + spin * shared.x;
+  }
+  out.velocity_x.push_back(vx);
+  out.velocity_y.push_back(vy);
+  out.spin.push_back(spin);
+}
+
+// Adds the samples of one footprint, by ascending cell.
+void add_samples(const surface::Field& field, const Footprint& f, const Vec3& centre, const BearingContacts& bearing,
+                 SupportSamples& out) {
+  const Columns columns(field, 0.0F);
+  const CellRange cells = columns.cells_covering(f.west, f.east, f.south, f.north);
+  const FootprintOnCells on_cells(field, f);
+  for (int r = cells.row_begin; r < cells.row_end; ++r)
+    for (int c = cells.column_begin; c < cells.column_end; ++c) {
+      const float x = columns.x(c), y = columns.y(r), top = columns.top(r, c);
+      SharedArea shared;
+      if (!bearing.bears(f.z_at(x, y) - top, top) || !on_cells.share(x, y, shared)) continue;
+      add_sample(field, columns.index(r, c), centre, {x, y}, shared, out);
+    }
+}
+
+// The same for a field of cells at any place and angle.
+void add_samples(const surface::Field& field, const FreeLayoutField& layout, const Footprint& f, const Vec3& centre,
+                 const BearingContacts& bearing, SupportSamples& out) {
+  thread_local std::vector<std::int32_t> cells;
+  layout.find_cells({f.west, f.south, 0}, {f.east, f.north, 0}, cells);
+  for (const std::int32_t cell : cells) {
+    const auto i = static_cast<std::size_t>(cell);
+    const Point2 at{field.x[i], field.y[i]};
+    if (!bearing.bears(f.z_at(at.x, at.y) - field.height[i], field.height[i])) continue;
+    const float angle = field.angle_of(cell), sine = std::sin(angle), cosine = std::cos(angle);
+    Footprint local = f;  // in the axes of the cell
+    for (int k = 0; k < f.count; ++k) {
+      const float x = f.corner[k].x - at.x, y = f.corner[k].y - at.y;
+      local.corner[k] = {cosine * x + sine * y, cosine * y - sine * x};
+    }
+    SharedArea shared;
+    if (!FootprintOnCells(field, local).share(0.0F, 0.0F, shared)) continue;
+    const float x = shared.x;
+    shared.x = cosine * x - sine * shared.y;
+    shared.y = sine * x + cosine * shared.y;
+    add_sample(field, cell, centre, at, shared, out);
+  }
+}
+
+// Merges samples on the same cell, which several parts of a body share, and restores the order.
+void merge_cells(SupportSamples& s, std::size_t first) {
+  thread_local std::vector<std::size_t> order;
+  order.clear();
+  for (std::size_t i = first; i < s.cell.size(); ++i) order.push_back(i);
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return s.cell[a] < s.cell[b]; });
+  auto permute = [&](auto& values) {
+    thread_local std::decay_t<decltype(values)> sorted;
+    sorted.clear();
+    for (const std::size_t i : order) sorted.push_back(values[i]);
+    std::copy(sorted.begin(), sorted.end(), values.begin() + static_cast<std::ptrdiff_t>(first));
+  };
+  for (std::vector<float>* values : {&s.x, &s.y, &s.arm, &s.weight, &s.velocity_x, &s.velocity_y, &s.spin})
+    permute(*values);
+  permute(s.cell);
+  std::size_t to = first;
+  for (std::size_t i = first; i < s.cell.size(); ++i) {
+    if (to > first && s.cell[to - 1] == s.cell[i]) {
+      // The arm stands for the size of the area.
+      const float a = s.arm[to - 1] * s.arm[to - 1], b = s.arm[i] * s.arm[i], share = b / std::max(1e-12F, a + b);
+      for (std::vector<float>* values : {&s.x, &s.y, &s.velocity_x, &s.velocity_y})
+        (*values)[to - 1] += share * ((*values)[i] - (*values)[to - 1]);
+      s.arm[to - 1] = std::sqrt(a + b);
+      s.weight[to - 1] = std::min(1.0F, s.weight[to - 1] + s.weight[i]);
+      continue;
+    }
+    for (std::vector<float>* values : {&s.x, &s.y, &s.arm, &s.weight, &s.velocity_x, &s.velocity_y, &s.spin})
+      (*values)[to] = (*values)[i];
+    s.cell[to++] = s.cell[i];
+  }
+  for (std::vector<float>* values : {&s.x, &s.y, &s.arm, &s.weight, &s.velocity_x, &s.velocity_y, &s.spin})
+    values->resize(to);
+  s.cell.resize(to);
+}
+
+bool may_be_flat(const Shape& s, const Mat3& axes) {
+  if (s.kind == ShapeKind::kBox) return axes.row(2).cwiseAbs().maxCoeff() > kUpright;
+  if (!s.is_axisymmetric()) return true;
+  const float along = std::abs(axes(2, 2));
+  return along > kUpright || along < kMaxLineSlope;
+}
+
+}  // namespace
+
+void SupportSamples::resize(std::size_t n) {
+  cell.resize(n, -1);
+  for (std::vector<float>* values : {&x, &y, &arm, &velocity_x, &velocity_y, &spin, &weight, &load})
+    values->resize(n, 0.0F);
+  for (auto& copy : friction)
+    for (auto& values : copy) values.resize(n, 0.0F);
+}
+
+void SupportPatches::clear() {
+  patches.clear();
+  points.clear();
+  samples.resize(0);
+}
+
+bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_layout, const Shape& shape,
+                       std::int32_t body, const Vec3& centre, const Mat3& axes, float margin,
+                       std::span<const Contact> contacts, SupportPatches& out) {
+  if (contacts.size() < 2 || !may_be_flat(shape, axes)) return false;
+  if (std::count_if(contacts.begin(), contacts.end(), is_upright) < 2) return false;
+  const BearingContacts bearing = bearing_contacts(field, contacts, margin);
+  SupportPatch patch;
+  patch.body = body;
+  patch.first = static_cast<std::int32_t>(out.samples.size());
+  patch.first_point = static_cast<std::int32_t>(out.points.size());
+  int footprints = 0;
+  for_each_part(shape, [&](const ConvexPart& part) {
+    Footprint f;
+    if (!find_footprint(part, centre, axes, f)) return;
+    // All samples of a patch lie in one plane; feet at other heights keep their contact points.
+    const float middle_z = f.z_at(0.5F * (f.west + f.east), 0.5F * (f.south + f.north)) - centre.z();
+    if (footprints > 0 && std::abs(middle_z - patch.z) > kFaceTolerance) return;
+    bool touches = false;
+    for (std::size_t k = 0; k < contacts.size(); ++k) {
+      const Contact& c = contacts[k];
+      const auto index = static_cast<std::int32_t>(k);
+      if (!is_upright(c) || !f.has_near(centre + c.anchor)) continue;
+      touches = true;
+      if (std::find(out.points.begin() + patch.first_point, out.points.end(), index) == out.points.end())
+        out.points.push_back(index);
+    }
+    if (!touches) return;
+    if (footprints++ == 0) patch.z = middle_z;
+    if (free_layout)
+      add_samples(field, *free_layout, f, centre, bearing, out.samples);
+    else
+      add_samples(field, f, centre, bearing, out.samples);
+  });
+  const auto first = static_cast<std::size_t>(patch.first);
+  if (footprints > 1) merge_cells(out.samples, first);
+  patch.count = static_cast<std::int32_t>(out.samples.cell.size()) - patch.first;
+  patch.point_count = static_cast<std::int32_t>(out.points.size()) - patch.first_point;
+  if (patch.count < 2 || patch.point_count < 2) {
+    out.samples.resize(first);
+    out.points.resize(static_cast<std::size_t>(patch.first_point));
+    return false;
+  }
+  for (std::size_t i = first; i < out.samples.cell.size(); ++i)
+    patch.moves |= out.samples.velocity_x[i] != 0.0F || out.samples.velocity_y[i] != 0.0F ||
+                   out.samples.spin[i] != 0.0F || field.speed[static_cast<std::size_t>(out.samples.cell[i])] != 0.0F;
+  out.samples.resize((out.samples.cell.size() + kLanes - 1) / kLanes * kLanes);
+  out.patches.push_back(patch);
+  return true;
+}
+
+void match_support_patch(const SupportPatches& previous, const SupportPatch& from, SupportPatches& current,
+                         SupportPatch& to) {
+  to.has_friction = true;
+  auto i = static_cast<std::size_t>(from.first);
+  const std::size_t end = i + static_cast<std::size_t>(from.count);
+  const auto& old_friction = previous.samples.friction[static_cast<std::size_t>(from.current)];
+  auto& friction = current.samples.friction[static_cast<std::size_t>(to.current)];
+  for (auto k = static_cast<std::size_t>(to.first); k < static_cast<std::size_t>(to.first + to.count); ++k) {
+    while (i < end && previous.samples.cell[i] < current.samples.cell[k]) ++i;
+    if (i == end || previous.samples.cell[i] != current.samples.cell[k]) continue;
+    for (std::size_t axis = 0; axis < 3; ++axis) friction[axis][k] = old_friction[axis][i];
+  }
+}
+
+void remove_body(SupportPatches& list, std::int32_t body) {
+  std::erase_if(list.patches, [body](const SupportPatch& p) { return p.body == body; });
+  for (SupportPatch& p : list.patches)
+    if (p.body > body) --p.body;
+}
+
+}  // namespace smartsurf::world

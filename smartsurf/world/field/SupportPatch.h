@@ -1,0 +1,84 @@
+// Distributed support: the cells that a flat face, or a line, of a body lies on, and how they share its load.
+//
+// The reduced manifold of a flat contact carries the right force and moment at four points, but a plate rests on all
+// the cells that it covers. A patch has one sample per covered cell, a spring of vanishing compliance at the centre of
+// the area that the cell shares with the face. The load of sample i is N_i = max(0, a + b·x_i + c·y_i), with the force
+// and the moment of the normal impulses at the patch's points (least squares among non-negative loads). Each sample
+// rubs with its own load; the points have no friction of their own.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "smartsurf/surface/Field.h"
+#include "smartsurf/world/Contact.h"
+#include "smartsurf/world/field/FreeLayoutField.h"
+#include "smartsurf/world/narrowphase/Shape.h"
+
+namespace smartsurf::world {
+
+// The samples of several patches as a structure of arrays. Each patch's samples begin at a multiple of kLanes and are
+// padded with samples of weight 0. Lengths in world axes, from the body's centre of mass.
+struct SupportSamples {
+  std::vector<std::int32_t> cell;  // ascending within a patch; −1: padding
+  std::vector<float> x, y;         // centre of the area that the cell and the face share
+  std::vector<float> arm;          // mean distance of that area's points from its centre: lever of the friction torque
+  std::vector<float> velocity_x, velocity_y, spin;  // of the cell's surface there, u/s, rad/s
+  std::vector<float> weight;                        // stiffness: 1, less for a sliver
+  std::vector<float> load;                          // normal impulse over the step, mass·u/s
+  // Friction impulse of the last substep along x and y, and its torque about z divided by `arm`; two copies, of which
+  // SupportPatch::current is valid.
+  std::array<std::array<std::vector<float>, 3>, 2> friction;
+
+  std::size_t size() const { return cell.size(); }
+  void resize(std::size_t);
+};
+
+struct SupportPatch {
+  std::int32_t body = 0;
+  std::int32_t first = 0, count = 0;              // samples, without padding
+  std::int32_t first_point = 0, point_count = 0;  // in SupportPatches::points
+  float z = 0.0F;                                 // of the samples, from the centre of mass
+  bool moves = false;                             // whether any of its cells moves or has a surface velocity
+  bool has_friction = false;                      // whether the friction impulses of the last step were found
+  int current = 0;                                // the valid copy of SupportSamples::friction
+
+  // ---- of the solver
+  std::int32_t row = 0, batch_point = 0, lane = 0;
+  float friction = 0.0F;                // coefficient
+  double total_weight = 0.0;            // of the samples
+  double centre_x = 0.0, centre_y = 0.0, scale = 1.0;  // weighted mean and extent of the samples
+  double load[3] = {};                  // a, b, c of the load in the coordinates (x − centre_x) / scale, per `force`
+  double force = 0.0;                   // sum of the normal impulses for which `load` holds
+  double load_sums[3] = {}, load_stiffness[6] = {};  // of `load`, in its coordinates; stiffness as a symmetric matrix
+  // From the centre of the loads to that of the normal impulses. Not 0 where the samples cannot balance the moment,
+  // for example if the body overhangs them.
+  double offset_x = 0.0, offset_y = 0.0;
+  double response[6] = {}, inverse_response[6] = {};  // see SupportSolver
+  double tangent_mass = 0.0;            // of one sample
+  double friction_sum[3] = {};          // applied: force along x and y, torque about z
+};
+
+struct SupportPatches {
+  std::vector<SupportPatch> patches;
+  std::vector<std::int32_t> points;  // contacts of the patches, as indices in their body's manifold
+  SupportSamples samples;
+  void clear();
+};
+
+// Adds the patch of a body if its flat underside lies on at least two cells. `free_layout`: null for a rectangular
+// field. `contacts`: those of the body with the field. Returns whether a patch was added.
+bool add_support_patch(const surface::Field&, const FreeLayoutField* free_layout, const Shape&, std::int32_t body,
+                       const Vec3& centre, const Mat3& axes, float margin, std::span<const Contact> contacts,
+                       SupportPatches& out);
+
+// Takes over the friction impulses of the same cells from a patch of the previous step.
+void match_support_patch(const SupportPatches& previous, const SupportPatch& from, SupportPatches& current,
+                         SupportPatch& to);
+
+// Prepares the patches for the removal of `body`, as remove_body(ContactList&).
+void remove_body(SupportPatches&, std::int32_t body);
+
+}  // namespace smartsurf::world

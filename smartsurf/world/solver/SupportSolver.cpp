@@ -1,0 +1,384 @@
+#include "smartsurf/world/solver/SupportSolver.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "smartsurf/world/solver/SupportKernels.h"
+
+namespace smartsurf::world {
+namespace {
+
+using Vector3 = Eigen::Vector3d;
+using Matrix3 = Eigen::Matrix3d;
+
+// Compliance against a moment that no loads can balance, relative to that of the samples: the loads then concentrate
+// at the edge of the patch.
+constexpr double kMomentCompliance = 1e-4;
+// Of the loads, relative to the force.
+constexpr double kLoadTolerance = 1e-4;
+constexpr int kMaxLoadPasses = 12, kMaxFrictionPasses = 5;
+// Error of the velocity at which a friction solve is accurate enough, u/s.
+constexpr double kVelocityTolerance = 1e-5;
+// Tangent mass of all samples together, as a multiple of the body's.
+constexpr double kTangentMassFactor = 8.0;
+
+SupportSampleView view(SupportSamples& s, const SupportPatch& p) {
+  const auto first = static_cast<std::size_t>(p.first);
+  const auto current = static_cast<std::size_t>(p.current);
+  SupportSampleView v{};
+  v.x = &s.x[first], v.y = &s.y[first], v.arm = &s.arm[first];
+  v.velocity_x = &s.velocity_x[first], v.velocity_y = &s.velocity_y[first], v.spin = &s.spin[first];
+  v.weight = &s.weight[first];
+  for (std::size_t i = 0; i < 3; ++i) {
+    v.friction[i] = &s.friction[current][i][first];
+    v.new_friction[i] = &s.friction[1 - current][i][first];
+  }
+  v.load = &s.load[first];
+  v.count = (p.count + kLanes - 1) / kLanes * kLanes;
+  return v;
+}
+
+// A symmetric matrix from its entries xx, yy, zz, xy, xz, yz, and back.
+Matrix3 symmetric(const double (&k)[6]) {
+  Matrix3 m;
+  m << k[0], k[3], k[4], k[3], k[1], k[5], k[4], k[5], k[2];
+  return m;
+}
+void store(const Matrix3& m, double (&k)[6]) {
+  const double entries[6] = {m(0, 0), m(1, 1), m(2, 2), m(0, 1), m(0, 2), m(1, 2)};
+  std::copy_n(entries, 6, k);
+}
+
+// Solves a·x = b for a positive definite matrix (LDLᵀ).
+Vector3 solve(const Matrix3& a, const Vector3& b) {
+  const double i0 = 1.0 / a(0, 0), l1 = a(0, 1) * i0, l2 = a(0, 2) * i0;
+  const double i1 = 1.0 / (a(1, 1) - l1 * a(0, 1)), rest = a(1, 2) - l2 * a(0, 1), l3 = rest * i1;
+  const double i2 = 1.0 / (a(2, 2) - l2 * a(0, 2) - l3 * rest);
+  const double y1 = b[1] - l1 * b[0], y2 = b[2] - l2 * b[0] - l3 * y1;
+  const double x2 = y2 * i2, x1 = y1 * i1 - l3 * x2;
+  return {b[0] * i0 - l1 * x1 - l2 * x2, x1, x2};
+}
+
+// A load a + b·u + c·v in scaled coordinates, as one in x and y.
+void in_world_axes(const SupportPatch& p, const double (&load)[3], double factor, float (&out)[3]) {
+  const double b = load[1] / p.scale, c = load[2] / p.scale;
+  out[0] = static_cast<float>(factor * (load[0] - b * p.centre_x - c * p.centre_y));
+  out[1] = static_cast<float>(factor * b);
+  out[2] = static_cast<float>(factor * c);
+}
+
+// The sums of a patch's loads in scaled coordinates.
+struct ScaledSums {
+  Vector3 load;
+  Matrix3 stiffness;
+};
+ScaledSums scaled(const SupportPatch& p, const LoadSums& s) {
+  const double x = p.centre_x, y = p.centre_y, inverse = 1.0 / p.scale, square = inverse * inverse;
+  const double w = s.stiffness[0], wx = s.stiffness[1], wy = s.stiffness[2];
+  ScaledSums out;
+  out.load = {s.load[0], (s.load[1] - x * s.load[0]) * inverse, (s.load[2] - y * s.load[0]) * inverse};
+  const double u = (wx - x * w) * inverse, v = (wy - y * w) * inverse;
+  const double uu = (s.stiffness[3] - 2.0 * x * wx + x * x * w) * square,
+               uv = (s.stiffness[4] - x * wy - y * wx + x * y * w) * square,
+               vv = (s.stiffness[5] - 2.0 * y * wy + y * y * w) * square;
+  out.stiffness << w, u, v, u, uu, uv, v, uv, vv;
+  return out;
+}
+
+// Finds the loads with the given force and moments, Σ N·(1, u, v): Newton's method with step halving on the dual of
+// the least-squares problem, which is convex and piecewise quadratic.
+void distribute(const SupportSampleView& samples, SupportPatch& p, const Vector3& target) {
+  const double force = target[0], weight = p.total_weight;
+  if (!(force > 0.0)) {
+    p.force = 0.0;
+    return;
+  }
+  const Vector3 uniform(force / weight, 0.0, 0.0);
+  const Vector3 compliance(0.0, kMomentCompliance * weight, kMomentCompliance * weight);
+  auto newton_step = [&](const Vector3& residual, Matrix3 stiffness) {
+    stiffness.diagonal() += compliance + Vector3::Constant(1e-9 * weight);
+    return Vector3(-solve(stiffness, residual));
+  };
+  Vector3 load = uniform;
+  if (p.force > 0.0) {
+    // The last sums hold for the last loads in proportion, so the first step needs no pass.
+    const double ratio = force / p.force;
+    load = ratio * Vector3(p.load[0], p.load[1], p.load[2]);
+    const Vector3 sums = ratio * Vector3(p.load_sums[0], p.load_sums[1], p.load_sums[2]);
+    load += newton_step(sums + compliance.cwiseProduct(load) - target, symmetric(p.load_stiffness));
+  }
+  Vector3 best = load, step = Vector3::Zero();
+  double best_objective = std::numeric_limits<double>::max(), total = 0.0, fraction = 1.0;
+  for (int pass = 0; pass < kMaxLoadPasses; ++pass) {
+    float in_world[3];
+    const double coefficients[3] = {load[0], load[1], load[2]};
+    in_world_axes(p, coefficients, 1.0, in_world);
+    LoadSums raw;
+    support_kernels().sum_loads(samples, in_world, raw);
+    if (!(raw.load[0] > 0.0)) {  // no sample bears: only a warm start can be that far off
+      if (pass > 0) {
+        fraction *= 0.5;
+        load = best + fraction * step;
+      } else {
+        load = uniform;
+      }
+      continue;
+    }
+    const ScaledSums sums = scaled(p, raw);
+    const Vector3 moments = compliance.cwiseProduct(load);
+    const double objective = 0.5 * load.dot(sums.load + moments) - target.dot(load);
+    if (objective > best_objective + 1e-9 * std::abs(best_objective)) {
+      fraction *= 0.5;
+      load = best + fraction * step;
+      continue;
+    }
+    best = load, best_objective = objective, total = raw.load[0];
+    for (int i = 0; i < 3; ++i) p.load_sums[i] = sums.load[i];
+    store(sums.stiffness, p.load_stiffness);
+    p.offset_x = (target[1] / force - sums.load[1] / total) * p.scale;
+    p.offset_y = (target[2] / force - sums.load[2] / total) * p.scale;
+    const Vector3 residual = sums.load + moments - target;
+    if (residual.cwiseAbs().maxCoeff() <= kLoadTolerance * force) break;
+    step = newton_step(residual, sums.stiffness);
+    fraction = 1.0;
+    load = best + step;
+  }
+  if (total > 0.0) {
+    best *= force / total;
+    for (double& sum : p.load_sums) sum *= force / total;
+  }
+  for (int i = 0; i < 3; ++i) p.load[i] = best[i];
+  p.force = force;
+}
+
+Vector3 scaled_wrench(const SupportPatch& p, double force, double moment_x, double moment_y) {
+  return {force, (moment_x - p.centre_x * force) / p.scale, (moment_y - p.centre_y * force) / p.scale};
+}
+
+void apply_friction(const SupportPatch& p, const Vector3& impulse, BodyVelocity& m, const InverseInertia& w) {
+  const auto fx = static_cast<float>(impulse[0]), fy = static_cast<float>(impulse[1]),
+             torque = static_cast<float>(impulse[2]);
+  const float tx = -p.z * fy, ty = p.z * fx;
+  m.velocity[0] += fx * m.inverse_mass;
+  m.velocity[1] += fy * m.inverse_mass;
+  m.angular_velocity[0] += (w.xx * tx + w.xy * ty) + w.xz * torque;
+  m.angular_velocity[1] += (w.xy * tx + w.yy * ty) + w.yz * torque;
+  m.angular_velocity[2] += (w.xz * tx + w.yz * ty) + w.zz * torque;
+}
+
+// A planar force field f = force + rate·ẑ × r with a given resultant, over weighted points.
+struct PlanarField {
+  double force_x = 0, force_y = 0, rate = 0, x = 0, y = 0;  // x, y: weighted mean of the points
+  // `moment`: about the origin. `polar`: Σ weight·r² about the mean.
+  PlanarField(const Vector3& impulse, double weight, double mean_x, double mean_y, double polar)
+      : force_x(impulse[0] / weight), force_y(impulse[1] / weight), x(mean_x), y(mean_y) {
+    const double moment = impulse[2] - (mean_x * impulse[1] - mean_y * impulse[0]);
+    if (polar > 1e-6) rate = moment / polar;
+  }
+  double fx(double at_y) const { return force_x - rate * (at_y - y); }
+  double fy(double at_x) const { return force_y + rate * (at_x - x); }
+};
+
+std::span<const std::int32_t> points_of(const SupportPatches& list, const SupportPatch& p) {
+  return std::span(list.points)
+      .subspan(static_cast<std::size_t>(p.first_point), static_cast<std::size_t>(p.point_count));
+}
+
+}  // namespace
+
+void prepare_support(SupportPatches& list, SupportPatch& p, const BodyVelocity& m, const InverseInertia& w,
+                     float friction, std::span<const Contact> contacts) {
+  SupportSamples& s = list.samples;
+  const SupportSampleView samples = view(s, p);
+  const float ones[3] = {1.0F, 0.0F, 0.0F};
+  LoadSums sums;
+  support_kernels().sum_loads(samples, ones, sums);
+  p.friction = friction;
+  p.total_weight = sums.stiffness[0];
+  p.centre_x = sums.stiffness[1] / p.total_weight;
+  p.centre_y = sums.stiffness[2] / p.total_weight;
+  const double polar = (sums.stiffness[3] + sums.stiffness[5]) -
+                       p.total_weight * (p.centre_x * p.centre_x + p.centre_y * p.centre_y);
+  p.scale = std::max(1e-3, std::sqrt(std::max(0.0, polar) / p.total_weight));
+  p.force = 0.0;
+  const double z = p.z, inverse_mass = m.inverse_mass;
+  const double xx = w.xx, yy = w.yy, zz = w.zz, xy = w.xy, xz = w.xz, yz = w.yz;
+  const double k[6] = {inverse_mass + z * z * yy, inverse_mass + z * z * xx, zz, -z * z * xy, z * yz, -z * xz};
+  std::copy_n(k, 6, p.response);
+  store(symmetric(k).inverse(), p.inverse_response);
+  p.tangent_mass = kTangentMassFactor / (p.total_weight * 0.5 * (k[0] + k[1]));
+  if (!p.has_friction) {
+    Vector3 impulse = Vector3::Zero();
+    for (const std::int32_t i : points_of(list, p)) {
+      const Contact& c = contacts[static_cast<std::size_t>(i)];
+      const Vector3 f = c.friction_impulse.cast<double>(), r = c.anchor.cast<double>();
+      impulse += Vector3(f.x(), f.y(), r.x() * f.y() - r.y() * f.x());
+    }
+    if (!impulse.isZero(0.0)) {
+      const PlanarField field(impulse, p.total_weight, p.centre_x, p.centre_y, polar);
+      auto& f = s.friction[static_cast<std::size_t>(p.current)];
+      for (auto i = static_cast<std::size_t>(p.first); i < static_cast<std::size_t>(p.first + p.count); ++i) {
+        const double weight = s.weight[i];
+        f[0][i] = static_cast<float>(weight * field.fx(static_cast<double>(s.y[i])));
+        f[1][i] = static_cast<float>(weight * field.fy(static_cast<double>(s.x[i])));
+      }
+    }
+  }
+  support_kernels().sum_friction(samples, p.friction_sum);
+}
+
+void warm_start_support(const SupportPatch& p, BodyVelocity& m, const InverseInertia& w) {
+  apply_friction(p, Vector3(p.friction_sum[0], p.friction_sum[1], p.friction_sum[2]), m, w);
+}
+
+void solve_support_points(const SupportPatches& list, const SupportPatch& p, BatchPoints points,
+                          const SubstepParams& params, bool is_soft, BodyVelocity& m, const DeltaPose& delta,
+                          const InverseInertia& w) {
+  constexpr int kMaxPoints = 8;
+  // Compliance of each point, relative to the body's: shares the load where the points are redundant.
+  constexpr double kCompliance = 1e-3;
+  struct Point {
+    std::size_t index;
+    double x, y, compliance, impulse_change;
+  };
+  Point bearing[kMaxPoints];
+  int count = 0;
+  const double inverse_mass = m.inverse_mass, xx = w.xx, xy = w.xy, yy = w.yy;
+  for (const std::int32_t i : points_of(list, p)) {
+    const auto k = static_cast<std::size_t>(p.batch_point + i);
+    const BatchPoint& point = points.point[k];
+    const float impulse = point.normal_impulse[p.lane];
+    if (!(impulse > 0.0F)) continue;
+    if (count == kMaxPoints) return;
+    const BatchPointDetail& d = points.detail[k];
+    const float x = d.anchor_a[0][p.lane], y = d.anchor_a[1][p.lane], rise = d.surface_velocity[2][p.lane];
+    const float speed = m.velocity[2] + (m.angular_velocity[0] * y - m.angular_velocity[1] * x) - rise;
+    double compliance = kCompliance * inverse_mass;
+    float target_speed = point.relax_target_speed[p.lane];
+    if (is_soft) {
+      // As soft_normal_impulse() in ContactKernels.cpp.
+      const float separation = point.separation[p.lane] + delta.translation[2] +
+                               (delta.rotation[0] * y - delta.rotation[1] * x) - rise * params.elapsed_s;
+      if (separation > 0.0F) {
+        target_speed = -separation * params.inverse_h;
+      } else {
+        target_speed = -std::max(std::min(separation + kSlop, 0.0F) * params.bias_rate, -params.max_bias_velocity);
+        compliance = static_cast<double>(params.impulse_scale / params.mass_scale) /
+                     static_cast<double>(point.normal_mass[p.lane]);
+        target_speed -= static_cast<float>(compliance) * impulse;
+      }
+    }
+    bearing[count++] = {k, static_cast<double>(x), static_cast<double>(y), compliance,
+                        static_cast<double>(target_speed - speed)};
+  }
+  if (count < 2) return;
+  constexpr double kSolved = 1e-7;  // u/s
+  if (std::all_of(bearing, bearing + count, [](const Point& b) { return std::abs(b.impulse_change) <= kSolved; }))
+    return;
+  // Decomposition of the points' inverse effective mass, L·D·Lᵀ, and solution in place. The diagonal has 1/D.
+  double factor[kMaxPoints][kMaxPoints], scaled_row[kMaxPoints];  // of the row: L·D
+  for (int i = 0; i < count; ++i)
+    for (int j = 0; j <= i; ++j) {
+      const Point &a = bearing[i], &b = bearing[j];
+      double sum = inverse_mass + a.y * (xx * b.y - xy * b.x) - a.x * (xy * b.y - yy * b.x);
+      if (i == j) sum += a.compliance;
+      for (int k = 0; k < j; ++k) sum -= scaled_row[k] * factor[j][k];
+      scaled_row[j] = sum;
+      factor[i][j] = i == j ? 1.0 / sum : sum * factor[j][j];
+    }
+  for (int i = 0; i < count; ++i) {
+    for (int k = 0; k < i; ++k) bearing[i].impulse_change -= factor[i][k] * bearing[k].impulse_change;
+  }
+  for (int i = count - 1; i >= 0; --i) {
+    bearing[i].impulse_change *= factor[i][i];
+    for (int k = i + 1; k < count; ++k) bearing[i].impulse_change -= factor[k][i] * bearing[k].impulse_change;
+  }
+  for (int i = 0; i < count; ++i) {
+    const double old_impulse = points.point[bearing[i].index].normal_impulse[p.lane];
+    if (!(old_impulse + bearing[i].impulse_change > 0.0)) return;
+  }
+  double force = 0.0, torque_x = 0.0, torque_y = 0.0;
+  for (int i = 0; i < count; ++i) {
+    const Point& b = bearing[i];
+    BatchPoint& point = points.point[b.index];
+    point.normal_impulse[p.lane] += static_cast<float>(b.impulse_change);
+    if (!is_soft) point.total_normal_impulse[p.lane] += static_cast<float>(b.impulse_change);
+    force += b.impulse_change, torque_x += b.y * b.impulse_change, torque_y -= b.x * b.impulse_change;
+  }
+  const auto tx = static_cast<float>(torque_x), ty = static_cast<float>(torque_y);
+  m.velocity[2] += static_cast<float>(force) * m.inverse_mass;
+  m.angular_velocity[0] += w.xx * tx + w.xy * ty;
+  m.angular_velocity[1] += w.xy * tx + w.yy * ty;
+  m.angular_velocity[2] += w.xz * tx + w.yz * ty;
+}
+
+void solve_support(SupportPatches& list, SupportPatch& p, BatchPoints points, BodyVelocity& m,
+                   const InverseInertia& w) {
+  const SupportSampleView samples = view(list.samples, p);
+  double force = 0.0, moment_x = 0.0, moment_y = 0.0;
+  for (const std::int32_t i : points_of(list, p)) {
+    const auto k = static_cast<std::size_t>(p.batch_point + i);
+    const double impulse = points.point[k].normal_impulse[p.lane];
+    const float(&anchor)[3][kLanes] = points.detail[k].anchor_a;
+    force += impulse;
+    moment_x += impulse * static_cast<double>(anchor[0][p.lane]);
+    moment_y += impulse * static_cast<double>(anchor[1][p.lane]);
+  }
+  distribute(samples, p, scaled_wrench(p, force, moment_x, moment_y));
+  float cone[3] = {};
+  if (p.force > 0.0) in_world_axes(p, p.load, static_cast<double>(p.friction), cone);
+  const float offset[2] = {static_cast<float>(p.offset_x), static_cast<float>(p.offset_y)};
+  const Vector3 old_impulse(p.friction_sum[0], p.friction_sum[1], p.friction_sum[2]);
+  if (p.force == 0.0 && old_impulse.isZero(0.0)) return;
+
+  const Matrix3 k = symmetric(p.response);
+  const Vector3 now(static_cast<double>(m.velocity[0] + p.z * m.angular_velocity[1]),
+                    static_cast<double>(m.velocity[1] - p.z * m.angular_velocity[0]),
+                    static_cast<double>(m.angular_velocity[2]));
+  const Matrix3 inverse_k = symmetric(p.inverse_response);
+  Vector3 q = now, impulse = old_impulse;
+  for (int pass = 0; pass < kMaxFrictionPasses; ++pass) {
+    const float velocity[3] = {static_cast<float>(q[0]), static_cast<float>(q[1]), static_cast<float>(q[2])};
+    FrictionSums sums;
+    support_kernels().solve_friction(samples, cone, offset, velocity, static_cast<float>(p.tangent_mass), sums);
+    impulse = {sums.impulse[0], sums.impulse[1], sums.impulse[2]};
+    // How far q is from the velocity that these impulses cause.
+    const Vector3 error = (q - now) + k * (old_impulse - impulse);
+    if (std::max({std::abs(error[0]), std::abs(error[1]), std::abs(error[2]) * p.scale}) <= kVelocityTolerance) break;
+    Matrix3 stiffness = inverse_k;
+    const double t = p.tangent_mass, sw = t * sums.stiffness[0], sx = t * sums.stiffness[1],
+                 sy = t * sums.stiffness[2], polar = t * sums.stiffness[3];
+    stiffness(0, 0) += sw, stiffness(1, 1) += sw, stiffness(2, 2) += polar;
+    stiffness(0, 2) -= sy, stiffness(2, 0) -= sy, stiffness(1, 2) += sx, stiffness(2, 1) += sx;
+    q -= solve(stiffness, inverse_k * error);
+  }
+  p.current = 1 - p.current;
+  for (int i = 0; i < 3; ++i) p.friction_sum[i] = impulse[i];
+  apply_friction(p, impulse - old_impulse, m, w);
+}
+
+void store_support(SupportPatches& list, SupportPatch& p, std::span<Contact> contacts) {
+  const SupportSampleView samples = view(list.samples, p);
+  double force = 0.0, moment_x = 0.0, moment_y = 0.0, x = 0.0, y = 0.0, squares = 0.0;
+  for (const std::int32_t i : points_of(list, p)) {
+    const Contact& c = contacts[static_cast<std::size_t>(i)];
+    const double impulse = c.total_normal_impulse, at_x = c.anchor.x(), at_y = c.anchor.y();
+    force += impulse, moment_x += impulse * at_x, moment_y += impulse * at_y;
+    x += at_x, y += at_y, squares += at_x * at_x + at_y * at_y;
+  }
+  distribute(samples, p, scaled_wrench(p, force, moment_x, moment_y));
+  float load[3] = {};
+  if (p.force > 0.0) in_world_axes(p, p.load, 1.0, load);
+  support_kernels().store_loads(samples, load);
+  const double count = p.point_count;
+  x /= count, y /= count;
+  const PlanarField field(Vector3(p.friction_sum[0], p.friction_sum[1], p.friction_sum[2]), count, x, y,
+                          squares - count * (x * x + y * y));
+  for (const std::int32_t i : points_of(list, p)) {
+    Contact& c = contacts[static_cast<std::size_t>(i)];
+    c.friction_impulse = {static_cast<float>(field.fx(static_cast<double>(c.anchor.y()))),
+                          static_cast<float>(field.fy(static_cast<double>(c.anchor.x()))), 0.0F};
+  }
+}
+
+}  // namespace smartsurf::world

@@ -1,0 +1,35 @@
+// Solves the support patches: distributes the normal impulses of a patch's points over its samples, and solves the
+// Coulomb friction of the samples.
+//
+// A patch has three degrees of freedom: q = the velocity of the underside along x and y, below the centre of mass, and
+// the angular velocity about z. `response` is the symmetric matrix K of q per friction impulse (entries xx, yy, zz, xy,
+// xz, yz; x, y: force, z: torque). A solve finds the q for which q = q₀ + K·Σ fᵢ(q), where fᵢ(q) is the impulse of the
+// last solve minus a multiple of the slip, clamped to the sample's cone (a proximal step). Few iterations of a
+// majorised Newton method suffice, because the solution changes little from stage to stage.
+#pragma once
+
+#include <span>
+
+#include "smartsurf/world/Contact.h"
+#include "smartsurf/world/field/SupportPatch.h"
+#include "smartsurf/world/solver/ContactKernels.h"
+
+namespace smartsurf::world {
+
+// Sets the derived members of a patch, of a body with this velocity row. `contacts`: of the body's manifold.
+void prepare_support(SupportPatches&, SupportPatch&, const BodyVelocity&, const InverseInertia&, float friction,
+                     std::span<const Contact> contacts);
+// Applies the friction impulses of the last step.
+void warm_start_support(const SupportPatch&, BodyVelocity&, const InverseInertia&);
+// After a sweep over the contacts: solves the normal impulses at all points that bear at once, with the soft constraints
+// of the solve stage or the hard ones of the relax stage. The sweep alone leaves an error that alternates from step to
+// step, and the pressure with it.
+void solve_support_points(const SupportPatches&, const SupportPatch&, BatchPoints, const SubstepParams&, bool is_soft,
+                          BodyVelocity&, const DeltaPose&, const InverseInertia&);
+// Friction within the cones of the normal impulses at the patch's points.
+void solve_support(SupportPatches&, SupportPatch&, BatchPoints, BodyVelocity&, const InverseInertia&);
+// At the end of the step: stores the loads over the step, and shares the friction impulse among the contacts, where it
+// warm-starts the next step if the patch is gone by then.
+void store_support(SupportPatches&, SupportPatch&, std::span<Contact> contacts);
+
+}  // namespace smartsurf::world

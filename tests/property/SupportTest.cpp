@@ -1,0 +1,428 @@
+// A flat object loads all the cells that it covers, and each cell rubs with its own load.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "tests/property/PhysicsFixture.h"
+
+using namespace physics_fixture;
+using namespace smartsurf;
+
+namespace {
+
+constexpr double kGravity = 9.81, kFriction = 0.5;
+
+double load_on(PhysicsFixture& fixture, int row, int column) {
+  const auto& field = fixture.cells().field();
+  return static_cast<double>(field.impulse[static_cast<std::size_t>(field.index(row, column))]) /
+         fixture.scene.world.dt_s;
+}
+
+double total_load(PhysicsFixture& fixture) {
+  const auto& impulse = fixture.cells().field().impulse;
+  return std::accumulate(impulse.begin(), impulse.end(), 0.0) / fixture.scene.world.dt_s;
+}
+
+int loaded_cells(PhysicsFixture& fixture) {
+  const auto& impulse = fixture.cells().field().impulse;
+  return static_cast<int>(std::count_if(impulse.begin(), impulse.end(), [](float i) { return i > 0.0F; }));
+}
+
+// All loaded cells bear the same share of the weight.
+void expect_equal_loads(PhysicsFixture& fixture, int cells, double weight, double tolerance = 0.01) {
+  EXPECT_EQ(loaded_cells(fixture), cells);
+  for (const float impulse : fixture.cells().field().impulse)
+    if (impulse > 0.0F) {
+      EXPECT_NEAR(static_cast<double>(impulse) / fixture.scene.world.dt_s, weight / cells,
+                  tolerance * weight / cells);
+    }
+}
+
+// Cells (r, c) with x = c and y = 31 − r move with a surface velocity.
+template <class Speed>
+void drive(PhysicsFixture& fixture, Speed speed) {
+  auto& field = fixture.cells().field();
+  field.surface_velocity_x.assign(field.height.size(), 0.0F);
+  field.surface_velocity_y = field.surface_velocity_x;
+  for (int r = 0; r < 32; ++r)
+    for (int c = 0; c < 32; ++c)
+      field.surface_velocity_x[static_cast<std::size_t>(field.index(r, c))] = static_cast<float>(speed(c, 31 - r));
+}
+
+// Acceleration of a 7×7 plate at (15, 15) on cells of which some drive at 5 u/s, u/s².
+template <class Driven>
+double plate_acceleration(Driven driven) {
+  PhysicsFixture fixture;
+  const auto id = fixture.add(box({7, 7, 1}, {15, 15, 0.5}));
+  fixture.run(0.2);
+  drive(fixture, [&](int x, int y) {
+    return std::max(std::abs(x - 15), std::abs(y - 15)) <= 3 && driven(x - 15, y - 15) ? 5.0 : 0.0;
+  });
+  const double duration_s = 0.5;
+  fixture.run(duration_s);
+  EXPECT_LT(std::abs(fixture.velocity(id).y()), 2e-3);
+  return static_cast<double>(fixture.velocity(id).x()) / duration_s;
+}
+
+}  // namespace
+
+TEST(Support, BoxLoadsAllItsCellsEqually) {
+  PhysicsFixture fixture;
+  fixture.add(box({5, 5, 1}, {15, 15, 0.5}));
+  fixture.run(0.3);
+  expect_equal_loads(fixture, 25, 25 * kGravity);
+  // Asleep, and in the tick of falling asleep.
+  fixture.run(1.0, [&] { ASSERT_NEAR(total_load(fixture), 25 * kGravity, 0.01 * 25 * kGravity); });
+  EXPECT_EQ(fixture.world().sleeping_count(), 1);
+  expect_equal_loads(fixture, 25, 25 * kGravity);
+}
+
+TEST(Support, SmallBoxesLoadTheirCellsEqually) {
+  for (const auto& [size_x, size_y] : {std::pair{2.0, 2.0}, {2.0, 1.0}, {5.0, 1.0}, {1.0, 3.0}, {2.0, 4.0}}) {
+    PhysicsFixture fixture;
+    const double x = 15 + 0.5 * (size_x - 1), y = 15 + 0.5 * (size_y - 1);
+    fixture.add(box({size_x, size_y, 1}, {x, y, 0.5}));
+    fixture.run(0.3);
+    expect_equal_loads(fixture, static_cast<int>(size_x * size_y), size_x * size_y * kGravity);
+  }
+}
+
+TEST(Support, LargePlatesLoadAllTheirCells) {
+  // On a plateau of its own size every cell at its edge, and on every second cell each cell, has contact points of its
+  // own: many more than a manifold's candidates.
+  for (const auto& [size, every] : {std::pair{16, 1}, {20, 1}, {16, 2}, {20, 2}}) {
+    PhysicsFixture fixture;
+    for (int r = 0; r < 32; ++r)
+      for (int c = 0; c < 32; ++c)
+        if (c >= 4 && c < 4 + size && 31 - r >= 4 && 31 - r < 4 + size && (c + 31 - r) % every == 0)
+          fixture.cells().set_target(0, r, c, 1.0F);
+    fixture.run(1.0);
+    const double centre = 4 + 0.5 * (size - 1);
+    const auto id = fixture.add(box({1.0 * size, 1.0 * size, 1}, {centre, centre, 1.5}));
+    fixture.run(0.4);
+    EXPECT_NEAR(fixture.position(id).z(), 1.5, 2e-3) << size;
+    EXPECT_LT(std::abs(fixture.snapshot().orientation[id][0]) + std::abs(fixture.snapshot().orientation[id][1]), 2e-4);
+    expect_equal_loads(fixture, size * size / every, size * size * kGravity);
+  }
+}
+
+TEST(Support, LoadsAreLinearUnderAnOffCentreWeight) {
+  // A force F at x = 1 on a 5×5 box: N = (W + F)/25 + F·x/Σx², with Σx² = 50.
+  PhysicsFixture fixture;
+  const auto id = fixture.add(box({5, 5, 1}, {15, 15, 0.5}));
+  const double weight = 25 * kGravity, force = 50;
+  fixture.world().apply_force(id, {0, 0, -force}, Eigen::Vector3d(16, 15, 1), 10.0);
+  fixture.run(0.4);
+  for (int r = 0; r < 5; ++r)
+    for (int c = 0; c < 5; ++c) {
+      const double expected = (weight + force) / 25 + force * (c - 2) / 50;
+      EXPECT_NEAR(load_on(fixture, 31 - 13 - r, 13 + c), expected, 0.01 * expected);
+    }
+}
+
+TEST(Support, UnloadedCellsBearNothing) {
+  // Near the edge the load is a wedge: N = max(0, a + b·x) on columns −2 … 2, with its centre at x = 1.5:
+  // the last three columns bear N·(1/12, 4/12, 7/12), since (0·1 + 1·4 + 2·7)/12 = 1.5.
+  PhysicsFixture fixture;
+  const auto id = fixture.add(box({5, 5, 1}, {15, 15, 0.5}));
+  const double weight = 25 * kGravity, force = 3 * weight;
+  fixture.world().apply_force(id, {0, 0, -force}, Eigen::Vector3d(17, 15, 1), 10.0);
+  fixture.run(0.4);
+  const double total = weight + force;
+  for (int r = 0; r < 5; ++r)
+    for (int c = 0; c < 5; ++c) {
+      const double share = c < 2 ? 0.0 : (3.0 * (c - 2) + 1) / 12;
+      EXPECT_NEAR(load_on(fixture, 31 - 13 - r, 13 + c), total * share / 5, 0.01 * total / 15) << c;
+    }
+}
+
+TEST(Support, TippingBoxLoadsTheCellsAtItsEdge) {
+  PhysicsFixture fixture;
+  const auto id = fixture.add(box({5, 5, 1}, {15, 15, 0.5}));
+  // The centre of the load lies beyond the outermost cells' centres, the box is about to tip.
+  const double weight = 25 * kGravity, force = 20 * weight;
+  fixture.world().apply_force(id, {0, 0, -force}, Eigen::Vector3d(17.4, 15, 1), 10.0);
+  fixture.run(0.2);
+  for (int r = 0; r < 5; ++r) {
+    EXPECT_NEAR(load_on(fixture, 31 - 13 - r, 17), (weight + force) / 5, 0.02 * (weight + force) / 5);
+    for (int c = 0; c < 4; ++c) EXPECT_NEAR(load_on(fixture, 31 - 13 - r, 13 + c), 0, 0.01 * force) << c;
+  }
+}
+
+TEST(Support, LowerCellsBearNothing) {
+  // Every second cell is 0.05 u lower: 13 of 25 bear.
+  PhysicsFixture fixture;
+  for (int r = 0; r < 32; ++r)
+    for (int c = 0; c < 32; ++c) fixture.cells().set_target(0, r, c, (31 - r + c) % 2 == 0 ? 1.0F : 0.95F);
+  fixture.run(1.0);
+  fixture.add(box({5, 5, 1}, {15, 15, 1.5}));
+  fixture.run(0.4);
+  EXPECT_NEAR(total_load(fixture), 25 * kGravity, 0.01 * 25 * kGravity);
+  expect_equal_loads(fixture, 13, 25 * kGravity);
+}
+
+TEST(Support, CylindersHullsAndSolidsLoadAllTheirCells) {
+  const Eigen::AngleAxisd lying(M_PI / 2, Eigen::Vector3d::UnitY());
+  {
+    // On its side along x: six cells in a line.
+    PhysicsFixture fixture;
+    auto object = cylinder(0.9, 6, {15.5, 15, 0.9});
+    object.orientation = lying;
+    fixture.add(object);
+    fixture.run(0.3);
+    expect_equal_loads(fixture, 6, M_PI * 0.81 * 6 * kGravity);
+  }
+  {
+    PhysicsFixture fixture;
+    auto object = capsule(0.9, 6.8, {15, 15, 0.9});  // a straight part of 5
+    object.orientation = lying;
+    fixture.add(object);
+    fixture.run(0.3);
+    expect_equal_loads(fixture, 5, total_load(fixture));
+  }
+  {
+    // On its flat: the 9 cells that it covers fully bear alike, the others by the area that they share with the disc.
+    PhysicsFixture fixture;
+    const double radius = 2.25;
+    fixture.add(cylinder(radius, 1, {15, 15, 0.5}));
+    fixture.run(0.3);
+    double area = 0, shared[5][5] = {};
+    constexpr int kSamples = 100;
+    for (int r = 0; r < 5; ++r)
+      for (int c = 0; c < 5; ++c) {
+        for (int i = 0; i < kSamples * kSamples; ++i) {
+          const double x = c - 2 + 0.8 * ((i % kSamples + 0.5) / kSamples - 0.5),
+                       y = r - 2 + 0.8 * ((i / kSamples + 0.5) / kSamples - 0.5);
+          if (x * x + y * y < radius * radius) shared[r][c] += 0.64 / (kSamples * kSamples);
+        }
+        area += shared[r][c];
+      }
+    const double pressure = M_PI * radius * radius * kGravity / area;
+    for (int r = 0; r < 5; ++r)
+      for (int c = 0; c < 5; ++c)
+        EXPECT_NEAR(load_on(fixture, 31 - 13 - r, 13 + c), pressure * shared[r][c], 0.02 * pressure * 0.64);
+  }
+  {
+    PhysicsFixture fixture;
+    fixture.add(cube({15, 15, 2.5}, 5.0F));
+    fixture.run(0.3);
+    expect_equal_loads(fixture, 25, 125 * kGravity);
+  }
+  {
+    // Two legs, each over two cells.
+    PhysicsFixture fixture;
+    auto object = cube({15, 15, 1});
+    auto solid = std::make_shared<scene::Solid>(*object.solid);
+    solid->hulls.push_back(solid->hulls[0]);
+    for (std::size_t i = 0; i < 2; ++i) {
+      scene::ConvexHull& hull = solid->hulls[i];
+      for (auto& v : hull.vertices) v.x() = 0.5F * v.x() + (i == 0 ? -2.0F : 2.0F);
+      for (std::size_t f = 0; f < hull.faces.size(); ++f)
+        hull.faces[f].offset =
+            hull.faces[f].normal.dot(hull.vertices[hull.face_vertices[hull.faces[f].first_vertex]]);
+      hull.bounds_min.x() = i == 0 ? -2.5F : 1.5F, hull.bounds_max.x() = i == 0 ? -1.5F : 2.5F;
+    }
+    solid->bounds_min.x() = -2.5F, solid->bounds_max.x() = 2.5F;
+    solid->bounding_radius = 3.0F;
+    solid->vertices = solid->hulls[0].vertices;
+    solid->vertices.insert(solid->vertices.end(), solid->hulls[1].vertices.begin(), solid->hulls[1].vertices.end());
+    object.solid = solid;
+    object.position = {15, 15.5, 1};
+    fixture.add(object);
+    fixture.run(0.3);
+    expect_equal_loads(fixture, 4, total_load(fixture));
+  }
+}
+
+TEST(Support, FreeLayoutsShareTheLoadToo) {
+  // Cells turned by 30° about their centres, which a box turned alike covers.
+  PhysicsFixture fixture;
+  auto& field = fixture.cells().field();
+  const auto angle = static_cast<float>(M_PI / 6);
+  for (int i = 0; i < field.cells(); ++i) {
+    const float x = static_cast<float>(i % 32) - 15, y = 16.0F - static_cast<float>(i / 32);
+    field.x.push_back(15 + std::cos(angle) * x - std::sin(angle) * y);
+    field.y.push_back(15 + std::sin(angle) * x + std::cos(angle) * y);
+    field.angle.push_back(angle);
+  }
+  auto object = box({5, 3, 1}, {15, 15, 0.5});
+  object.orientation = Eigen::AngleAxisd(M_PI / 6, Eigen::Vector3d::UnitZ());
+  const auto id = fixture.add(object);
+  fixture.run(0.3);
+  expect_equal_loads(fixture, 15, 15 * kGravity);
+  EXPECT_NEAR((fixture.position(id) - Eigen::Vector3f(15, 15, 0.5F)).norm(), 0, 2e-3);
+}
+
+TEST(Support, ContactsListEachLoadedCell) {
+  PhysicsFixture fixture;
+  const auto id = fixture.add(box({5, 5, 1}, {15, 15, 0.5}));
+  for (const double duration_s : {0.3, 1.0}) {  // awake, asleep
+    fixture.run(duration_s);
+    const auto contacts = fixture.world().contacts();
+    ASSERT_EQ(contacts.size(), 25U);
+    for (const auto& c : contacts) {
+      EXPECT_EQ(c.object, id);
+      EXPECT_NEAR(static_cast<double>(c.impulse) / fixture.scene.world.dt_s, kGravity, 0.01 * kGravity);
+      EXPECT_NEAR(c.point.x(), std::round(c.point.x()), 1e-3);
+      EXPECT_NEAR(c.point.z(), 0, 3e-3);
+    }
+  }
+}
+
+TEST(Support, PressureOnASlopeIsTheNormalPartOfTheWeight) {
+  for (const double angle : {0.1, 0.3, 0.45}) {
+    PhysicsFixture fixture;
+    fixture.scene.world.gravity = {kGravity * std::sin(angle), 0, -kGravity * std::cos(angle)};
+    const auto id = fixture.add(box({5, 5, 1}, {15, 15, 0.5}));
+    fixture.run(1.5);
+    EXPECT_LT((fixture.position(id) - Eigen::Vector3f(15, 15, 0.5F)).norm(), 3e-3F) << angle;
+    const double normal = 25 * kGravity * std::cos(angle);
+    EXPECT_NEAR(total_load(fixture), normal, 1e-3 * normal) << angle;
+    // The friction's moment about the centre of mass, W·sin·½, tilts the load: N = (W/25)·(cos + sin·½·x/2).
+    for (int c = 0; c < 5; ++c) {
+      const double expected = kGravity * (std::cos(angle) + std::sin(angle) * 0.5 * (c - 2) / 2);
+      EXPECT_NEAR(load_on(fixture, 31 - 15, 13 + c), expected, 0.01 * expected) << angle << ' ' << c;
+    }
+  }
+}
+
+TEST(Support, SpinningBoxSlowsByTheFrictionOfEachCell) {
+  // Σ µ·N·r / I; over a turn the cells' mean distance is that of a uniform pressure, 0.3826 of the edge.
+  PhysicsFixture fixture;
+  auto object = box({5, 5, 1}, {15, 15, 0.5});
+  object.angular_velocity = {0, 0, 10};
+  const auto id = fixture.add(object);
+  fixture.run(2.0);
+  const double expected = kFriction * kGravity * 0.3826 * 5 * 6 / 25;  // 2.25 rad/s²
+  EXPECT_NEAR((10.0 - static_cast<double>(fixture.angular_velocity(id).z())) / 2.0, expected, 0.03 * expected);
+}
+
+TEST(Support, SpinningBoxSlidesInACurve) {
+  // Sliding moves the centre of the load forward by µ times the height of the centre of mass. The front then rubs more
+  // than the rear, which deflects a spinning box. The reference integrates a linear pressure over the face.
+  const Eigen::Vector2d size(3, 2);
+  const double height = 0.8, mass = size.prod() * height, inertia = mass * size.squaredNorm() / 12;
+  PhysicsFixture fixture;
+  fixture.scene.surface.pin.top_x = fixture.scene.surface.pin.top_y = 1.0;
+  auto object = box({size.x(), size.y(), height}, {10, 10, height / 2});
+  object.velocity = {3.5, 2, 0};
+  object.angular_velocity = {0, 0, 3};
+  const auto id = fixture.add(object);
+  fixture.run(2.0);
+
+  Eigen::Vector2d at(10, 10), v(3.5, 2);
+  double angle = 0, spin = 3;
+  constexpr int kPoints = 20;
+  constexpr double kStep = 5e-4;
+  for (double t = 0; t < 2.0 && v.norm() > 0.01; t += kStep) {
+    const Eigen::Rotation2Dd turn(angle);
+    const Eigen::Vector2d along = v.normalized();
+    double squares = 0;
+    for (const bool sum : {false, true}) {
+      Eigen::Vector2d force(0, 0);
+      double torque = 0;
+      for (int i = 0; i < kPoints * kPoints; ++i) {
+        const Eigen::Vector2d unit((i % kPoints + 0.5) / kPoints - 0.5, (i / kPoints + 0.5) / kPoints - 0.5);
+        const Eigen::Vector2d r = turn * unit.cwiseProduct(size);
+        const double ahead = r.dot(along);
+        if (!sum) {
+          squares += ahead * ahead / (kPoints * kPoints);
+          continue;
+        }
+        const double load = mass * kGravity / (kPoints * kPoints) * (1 + kFriction * height / 2 / squares * ahead);
+        const Eigen::Vector2d slip = v + spin * Eigen::Vector2d(-r.y(), r.x());
+        const Eigen::Vector2d f = -kFriction * load * slip / std::max(1e-9, slip.norm());
+        force += f;
+        torque += r.x() * f.y() - r.y() * f.x();
+      }
+      if (!sum) continue;
+      v += kStep / mass * force;
+      spin += kStep / inertia * torque;
+    }
+    at += kStep * v;
+    angle += kStep * spin;
+  }
+  const Eigen::Vector2d ours = fixture.position(id).cast<double>().head<2>();
+  EXPECT_LT((ours - at).norm(), 0.03 * (at - Eigen::Vector2d(10, 10)).norm()) << ours.transpose() << " | " << at.transpose();
+}
+
+TEST(Support, PlateFollowsTheMajorityOfItsCells) {
+  const double full = kFriction * kGravity / 49;
+  // 25 inner cells drive, 24 hold; the rim drives, 25 hold; 28 of 49 drive.
+  EXPECT_NEAR(plate_acceleration([](int x, int y) { return std::max(std::abs(x), std::abs(y)) <= 2; }), full,
+              0.03 * full);
+  EXPECT_NEAR(plate_acceleration([](int x, int y) { return std::max(std::abs(x), std::abs(y)) == 3; }), 0, 0.01 * full);
+  EXPECT_NEAR(plate_acceleration([](int, int y) { return y % 2 != 0; }), 7 * full, 0.03 * 7 * full);
+}
+
+TEST(Support, PlateUnderASymmetricDriveMovesUniformly) {
+  PhysicsFixture fixture;
+  const auto id = fixture.add(box({7, 7, 1}, {8, 15, 0.5}));
+  drive(fixture, [](int, int) { return 2.0; });
+  fixture.run(3.0);
+  // It slips for v/(µ·g) and moves half as far as the cells in that time.
+  EXPECT_NEAR(fixture.velocity(id).x(), 2.0, 1e-3);
+  EXPECT_NEAR(fixture.position(id).x(), 8 + 2.0 * (3.0 - 0.5 * 2.0 / (kFriction * kGravity)), 0.02);
+  EXPECT_NEAR(fixture.position(id).y(), 15, 1e-3);
+  EXPECT_NEAR(fixture.angular_velocity(id).norm(), 0, 2e-3);
+}
+
+TEST(Support, SlidingPlateStopsWhereCoulombSays) {
+  for (const double course : {0.0, 0.6}) {
+    PhysicsFixture fixture;
+    auto object = box({5, 5, 1}, {8, 8, 0.5});
+    object.velocity = 6 * Eigen::Vector3d(std::cos(course), std::sin(course), 0);
+    const auto id = fixture.add(object);
+    fixture.run(2.0);
+    const double distance = (fixture.position(id).cast<double>() - object.position).head<2>().norm();
+    EXPECT_NEAR(distance, 36 / (2 * kFriction * kGravity), 0.01 * 3.67) << course;
+  }
+}
+
+TEST(Support, SlopesSlideFromTheAngleOfFriction) {
+  for (const double offset : {-0.1, 0.1}) {
+    PhysicsFixture fixture;
+    const double angle = std::atan(kFriction) + offset * M_PI / 180;
+    fixture.scene.world.gravity = {kGravity * std::sin(angle), 0, -kGravity * std::cos(angle)};
+    const auto id = fixture.add(box({5, 5, 1}, {8, 15, 0.5}));
+    fixture.run(2.0);
+    const double moved = static_cast<double>(fixture.position(id).x()) - 8;
+    const double free = 0.5 * kGravity * (std::sin(angle) - kFriction * std::cos(angle)) * 4;
+    if (offset < 0)
+      EXPECT_NEAR(moved, 0, 1e-3);
+    else
+      EXPECT_NEAR(moved, free, 0.1 * free);
+  }
+}
+
+TEST(Support, TurningCellsTurnAPlate) {
+  // Every cell turns: it drags the plate about its own centre, and the neighbours' torques add up.
+  PhysicsFixture fixture;
+  auto& field = fixture.cells().field();
+  field.surface_velocity_x.assign(field.height.size(), 0.0F);
+  field.surface_velocity_y = field.surface_velocity_x;
+  field.surface_spin.assign(field.height.size(), 3.0F);
+  const auto id = fixture.add(box({5, 5, 1}, {15, 15, 0.5}));
+  fixture.run(0.5);
+  EXPECT_GT(fixture.angular_velocity(id).z(), 0.05F);
+  EXPECT_NEAR((fixture.position(id) - Eigen::Vector3f(15, 15, 0.5F)).norm(), 0, 5e-3);
+}
+
+TEST(Support, SameBitsForAnyNumberOfThreads) {
+  std::uint64_t hashes[2];
+  for (const int threads : {1, 3}) {
+    PhysicsFixture fixture;
+    fixture.threads = threads;
+    drive(fixture, [](int x, int y) { return ((x / 5) + (y / 7)) % 2 ? 3.0 : -2.0; });
+    for (int i = 0; i < 600; ++i) {
+      auto object = i % 3 == 0 ? cylinder(0.6, 0.4, {0, 0, 0}) : box({1.2 + 0.01 * (i % 50), 1.1, 0.4}, {0, 0, 0});
+      object.position = {1.0 + 1.4 * (i % 21), 1.0 + 1.4 * ((i / 21) % 21), 0.21 + 0.5 * (i / 441)};
+      fixture.add(object);
+    }
+    fixture.run(0.4);
+    hashes[threads == 1 ? 0 : 1] = fixture.snapshot().state_hash;
+  }
+  EXPECT_EQ(hashes[0], hashes[1]);
+}
