@@ -1,5 +1,5 @@
 # Joined sources: a target's files are compiled eight at a time, so that headers and templates are compiled once for
-# eight. It saves two fifths of the compile time of the sanitizer builds, which use it. The others compile each file
+# eight. It saves a third of the compile time of the sanitizer builds, which use it. The others compile each file
 # alone, which shows that it is complete.
 option(SMARTSURF_UNITY "Compile the files of a target together" OFF)
 if(SMARTSURF_UNITY)

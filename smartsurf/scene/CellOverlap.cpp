@@ -14,7 +14,8 @@ constexpr double kRelativeTolerance = 1e-6;  // of a top's diagonal
 
 // Axes of a top, and its half extents along them.
 struct Top {
-  explicit Top(const CellPose& p) : centre(p.x, p.y), u(std::cos(p.angle), std::sin(p.angle)), v(-u.y(), u.x()) {}
+  explicit Top(const CellPose& p)
+      : centre(p.x, p.y), u(std::cos(p.angle), std::sin(p.angle)), v(-u.y(), u.x()) {}
   Eigen::Vector2d centre, u, v;
   double radius_along(const Eigen::Vector2d& axis, const Eigen::Vector2d& half) const {
     return half.x() * std::abs(u.dot(axis)) + half.y() * std::abs(v.dot(axis));
@@ -66,8 +67,8 @@ std::optional<CellOverlap> find_overlap(const SurfaceSpec& s) {
     if (depth <= kRelativeTolerance * diagonal) return std::nullopt;
     return CellOverlap{std::min(a, b), std::max(a, b), depth};
   };
-  // Each pair of neighbouring buckets is visited once: a cell is tested against the later cells of its own bucket,
-  // the next bucket of its row and three buckets of the next row.
+  // Each pair of neighbouring buckets is visited once: a cell is tested against the later cells of its own
+  // bucket, the next bucket of its row and three buckets of the next row.
   constexpr int kFirst = std::numeric_limits<int>::min();
   for (auto it = cells.begin(); it != cells.end(); ++it) {
     const auto in_reach = [&](auto other, std::int64_t row) {

@@ -71,8 +71,9 @@ std::span<const Parameter> sensor_error_parameters() {
        .type = Type::kCount,
        .maximum = 100.0},
       fraction_parameter("dropout", "probability that a reading is lost and shows no detection"),
-      fraction_parameter("false_hits",
-                         "probability that a cell that detects nothing reports a detection at a random distance"),
+      fraction_parameter(
+          "false_hits",
+          "probability that a cell that detects nothing reports a detection at a random distance"),
       {.name = "drift",
        .description =
            "standard deviation of each cell's random walk after one second, in the channel's unit"},

@@ -78,14 +78,15 @@ TEST(Rolling, SphereKeepsSpeedOnLevelField) {
   EXPECT_NEAR(fixture.position(id).y(), 15.3, 0.01);
 }
 
-// Rolling resistance: a torque of at most b·N against the relative angular velocity, with the lever arm b in u.
-// A sphere of radius r that rolls without slipping slows by b·g·r / (r² + 2r²/5) = 5/7·g·b/r.
+// Rolling resistance: a torque of at most b·N against the relative angular velocity, with the lever arm b in
+// u. A sphere of radius r that rolls without slipping slows by b·g·r / (r² + 2r²/5) = 5/7·g·b/r.
 TEST(Rolling, LeverArmSlowsSphereByFiveSeventhsOfGTimesLeverOverRadius) {
   struct Case {
     double lever, radius, density;
   };
   for (const double rate : {60.0, 240.0, 960.0})
-    for (const auto& [lever, radius, density] : {Case{0.05, 1.5, 1.0}, Case{0.05, 0.75, 1.0}, Case{0.1, 1.5, 50.0}}) {
+    for (const auto& [lever, radius, density] :
+         {Case{0.05, 1.5, 1.0}, Case{0.05, 0.75, 1.0}, Case{0.1, 1.5, 50.0}}) {
       PhysicsFixture fixture;
       fixture.scene.world.dt_s = 1 / rate;
       fixture.scene.surface.columns = 64;
@@ -98,14 +99,16 @@ TEST(Rolling, LeverArmSlowsSphereByFiveSeventhsOfGTimesLeverOverRadius) {
       const auto id = fixture.add(object);
       fixture.run(2.0);
       const double slowed = 2.0 * 5.0 / 7.0 * 9.81 * lever / radius;
-      EXPECT_NEAR(3 - fixture.velocity(id).x(), slowed, 0.005 * slowed) << rate << ", " << lever << ", " << radius;
+      EXPECT_NEAR(3 - fixture.velocity(id).x(), slowed, 0.005 * slowed)
+          << rate << ", " << lever << ", " << radius;
       EXPECT_NEAR(fixture.angular_velocity(id).y() * radius, fixture.velocity(id).x(), 2e-3);
     }
 }
 
 // The lever arm of two materials is the geometric mean of theirs.
 TEST(Rolling, LeverArmsOfTwoMaterialsCombineAsGeometricMean) {
-  for (const auto& [of_surface, of_sphere] : {std::pair(0.01, 0.16), std::pair(0.16, 0.01), std::pair(0.0, 0.16)}) {
+  for (const auto& [of_surface, of_sphere] :
+       {std::pair(0.01, 0.16), std::pair(0.16, 0.01), std::pair(0.0, 0.16)}) {
     PhysicsFixture fixture;
     fixture.scene.surface.columns = 64;
     fixture.scene.surface.pin.top_x = fixture.scene.surface.pin.top_y = 1.0;
@@ -119,7 +122,8 @@ TEST(Rolling, LeverArmsOfTwoMaterialsCombineAsGeometricMean) {
     const auto id = fixture.add(object);
     fixture.run(2.0);
     const double slowed = 2.0 * 5.0 / 7.0 * 9.81 * std::sqrt(of_surface * of_sphere);
-    EXPECT_NEAR(3 - fixture.velocity(id).x(), slowed, 0.005 * slowed + 1e-3) << of_surface << ", " << of_sphere;
+    EXPECT_NEAR(3 - fixture.velocity(id).x(), slowed, 0.005 * slowed + 1e-3)
+        << of_surface << ", " << of_sphere;
   }
 }
 

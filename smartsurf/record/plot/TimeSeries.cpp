@@ -140,18 +140,19 @@ double length_of(const float* v) {
 }
 
 TimeSeries speed_series(const Recording& recording, const std::string& kind, const Arguments& ids) {
-  return object_series(
-      recording, kind, ids, {"Speed of the objects", ids.empty() ? "mean speed [u/s]" : "speed [u/s]", {}},
-      length_of, &Recording::read_velocities);
+  return object_series(recording, kind, ids,
+                       {"Speed of the objects", ids.empty() ? "mean speed [u/s]" : "speed [u/s]", {}},
+                       length_of, &Recording::read_velocities);
 }
 
 TimeSeries spin_series(const Recording& recording, const std::string& kind, const Arguments& ids) {
   if (recording.has_objects() && !recording.has_angular_velocities())
     throw scene::InputError(recording.path().string() +
                             ": has no angular velocities: an older version recorded it");
-  return object_series(recording, kind, ids,
-                       {"Angular speed of the objects", ids.empty() ? "mean spin [rad/s]" : "spin [rad/s]", {}},
-                       length_of, &Recording::read_angular_velocities);
+  return object_series(
+      recording, kind, ids,
+      {"Angular speed of the objects", ids.empty() ? "mean spin [rad/s]" : "spin [rad/s]", {}}, length_of,
+      &Recording::read_angular_velocities);
 }
 
 TimeSeries coordinate_series(const Recording& recording, const std::string& kind, const Arguments& ids) {

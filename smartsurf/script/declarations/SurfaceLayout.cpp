@@ -262,7 +262,8 @@ void set_actuators(const NamedActuators& actuators, scene::SurfaceSpec& s) {
 // The cell as the script gives it: "positions[3] = {1, 2}", or "cell (2, 3)".
 std::string placed_cell(const scene::SurfaceSpec& s, int cell, bool has_positions) {
   if (!has_positions)
-    return "cell (" + std::to_string(cell / s.columns + 1) + ", " + std::to_string(cell % s.columns + 1) + ")";
+    return "cell (" + std::to_string(cell / s.columns + 1) + ", " + std::to_string(cell % s.columns + 1) +
+           ")";
   const scene::CellPose& p = s.cell_poses[static_cast<std::size_t>(cell)];
   return "positions[" + std::to_string(cell + 1) + "] = {" + format_value(p.x) + ", " + format_value(p.y) +
          (p.angle != 0.0 ? ", " + format_value(p.angle) : "") + "}";
@@ -274,9 +275,9 @@ void check_overlap(const scene::SurfaceSpec& s, bool has_positions) {
   char depth[32];
   std::snprintf(depth, sizeof depth, "%.3g", overlap->depth);
   throw ScriptError("surface." + placed_cell(s, overlap->first, has_positions) + " and " +
-                    placed_cell(s, overlap->second, has_positions) + " overlap by " +
-                    depth + " u: must not overlap with tops of " +
-                    format_value(s.pin.top_x) + " × " + format_value(s.pin.top_y) + " u");
+                    placed_cell(s, overlap->second, has_positions) + " overlap by " + depth +
+                    " u: must not overlap with tops of " + format_value(s.pin.top_x) + " × " +
+                    format_value(s.pin.top_y) + " u");
 }
 
 }  // namespace

@@ -189,8 +189,8 @@ TEST(Plot, WritesSvg) {
   const OutputFolder out;
   const Recording recording = record_two_trajectories(out / "run.h5");
   for (const std::string kind :
-       {"trajectories", "purity", "time-spent", "time-spent:small", "speed", "speed:0:1", "spin:1", "x:1", "z",
-        "objects", "contacts", "height:0,0", "height:3,4:5,6"}) {
+       {"trajectories", "purity", "time-spent", "time-spent:small", "speed", "speed:0:1", "spin:1", "x:1",
+        "z", "objects", "contacts", "height:0,0", "height:3,4:5,6"}) {
     SCOPED_TRACE(kind);
     write_plot(recording, kind, out / "figure.svg");
     std::ifstream file(out / "figure.svg");

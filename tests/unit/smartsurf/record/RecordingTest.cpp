@@ -99,9 +99,8 @@ TEST(Recording, IgnoresImplausibleExtents) {
   const OutputFolder out;
   write_run(out / "run.h5");
   const hid_t file = H5Fopen((out / "run.h5").c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
-  for (const char* name :
-       {"tick", "time", "hash", "contacts", "objects/position", "objects/orientation", "objects/velocity",
-        "objects/angular_velocity"}) {
+  for (const char* name : {"tick", "time", "hash", "contacts", "objects/position", "objects/orientation",
+                           "objects/velocity", "objects/angular_velocity"}) {
     const hid_t dataset = H5Dopen2(file, name, H5P_DEFAULT);
     const hsize_t huge[] = {hsize_t{1} << 40, 3, 3};
     const hsize_t huge_orientation[] = {hsize_t{1} << 40, 3, 4};

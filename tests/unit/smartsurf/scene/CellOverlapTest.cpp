@@ -32,7 +32,8 @@ TEST(CellOverlap, NamesThePairAndTheDepth) {
   EXPECT_EQ(side->first, 1);
   EXPECT_EQ(side->second, 2);
   EXPECT_NEAR(side->depth, 0.1, 1e-12);
-  const auto corner = find_overlap(cells_at({{0, 0, 0}, {0.8 * std::sqrt(0.5) + 0.35, 0, std::numbers::pi / 4}}));
+  const auto corner =
+      find_overlap(cells_at({{0, 0, 0}, {0.8 * std::sqrt(0.5) + 0.35, 0, std::numbers::pi / 4}}));
   ASSERT_TRUE(corner);
   EXPECT_NEAR(corner->depth, 0.05, 1e-12);
   EXPECT_TRUE(find_overlap(cells_at({{1, 2, 0.5}, {1, 2, 0.5}})));

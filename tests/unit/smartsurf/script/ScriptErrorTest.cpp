@@ -205,15 +205,17 @@ INSTANTIATE_TEST_SUITE_P(
                 "t.lua:1: surface: give only one of layout, positions and modules"},
         Mistake{"surface{rows = 1, columns = 1, positions = {{0, 0}, {1, 0}}}",
                 "t.lua:1: surface.positions: 2 positions: must be at most rows × columns = 1"},
-        Mistake{"surface{positions = {{0, 0},\n{1, 0}, {1.5, 0.1, 0.25}}}",
-                "t.lua:1: surface.positions[2] = {1, 0} and positions[3] = {1.5, 0.1, 0.25} overlap by 0.377 u: "
-                "must not overlap with tops of 0.8 × 0.8 u"},
+        Mistake{
+            "surface{positions = {{0, 0},\n{1, 0}, {1.5, 0.1, 0.25}}}",
+            "t.lua:1: surface.positions[2] = {1, 0} and positions[3] = {1.5, 0.1, 0.25} overlap by 0.377 u: "
+            "must not overlap with tops of 0.8 × 0.8 u"},
         Mistake{"surface{rows = 2, columns = 1, layout = 'hex', actuator = pin{top = 1}}",
                 "t.lua:1: surface.cell (1, 1) and cell (2, 1) overlap by 0.134 u: "
                 "must not overlap with tops of 1 × 1 u"},
         Mistake{"surface{actuator = pin{max_force = 2e12}}",
                 "t.lua:1: pin.max_force = 2e+12: must be in (0, 1e+12]"},
-        Mistake{"surface{actuator = pin{max_force = 0}}", "t.lua:1: pin.max_force = 0: must be greater than 0"},
+        Mistake{"surface{actuator = pin{max_force = 0}}",
+                "t.lua:1: pin.max_force = 0: must be greater than 0"},
         Mistake{"surface{positions = {{0, 0}, {1}}}",
                 "t.lua:1: surface.positions[2] = a table of 1 values: must be {x, y} or {x, y, angle}"},
         Mistake{

@@ -155,8 +155,8 @@ TEST(SensorErrorModel, DropoutReadsAsNoDetection) {
   EXPECT_NE(p.read(s), first);
 }
 
-// The measured distance d + σ·N misses the range with probability Φ((d − range)/σ). The interval is 5 standard
-// deviations of the binomial distribution.
+// The measured distance d + σ·N misses the range with probability Φ((d − range)/σ). The interval is 5
+// standard deviations of the binomial distribution.
 TEST(SensorErrorModel, NoiseBeyondRangeIsAMiss) {
   constexpr int kTicks = 20;
   for (const double sigmas : {0.0, 0.5, 1.0, 2.0}) {
