@@ -257,9 +257,10 @@ TEST(Impact, HeapOfElasticBallsGainsNoEnergy) {
 }
 
 TEST(Impact, BallInClosingWedgeIsNotThrown) {
-  // Pins rise against a lid within the friction cones: squeezed, the ball may rebound between both, but not gather speed.
+  // Pins rise at w against a lid within the friction cones. A ball that bounces between both gains w per round and loses
+  // by e: it tends to w/(1 − e).
   for (const double dt_s : {1.0 / 60, 1.0 / 240})
-    for (const double e : {0.0, 0.5, 1.0})
+    for (const double e : {0.0, 0.2, 0.5})
       for (const double tilt : {5.0, 15.0}) {
         ImpactFixture fixture(dt_s, e, 1.0);
         fixture.scene.surface.pin.max_speed = 1.5;
@@ -271,7 +272,7 @@ TEST(Impact, BallInClosingWedgeIsNotThrown) {
         fixture.cells().set_targets(0, std::vector<float>(32 * 32, 6.0F));
         double fastest = 0;
         fixture.run(2.0, [&] { fastest = std::max(fastest, fixture.world().state(id).velocity.norm()); });
-        EXPECT_LT(fastest, 10.0) << "e " << e << ", tilt " << tilt << ", 1/" << 1 / dt_s;
+        EXPECT_LT(fastest, 1.05 * 1.5 / (1 - e)) << "e " << e << ", tilt " << tilt << ", 1/" << 1 / dt_s;
       }
 }
 

@@ -20,7 +20,7 @@ class ImpactSolver {
  public:
   // Minimum approach speed of an impact, u/s.
   static constexpr float kThreshold = 0.2F;
-  // The same for contacts without restitution, of bodies that touch at several points, u/s.
+  // The same for contacts without restitution, of bodies that land flat, u/s.
   static constexpr float kPlasticThreshold = 2.0F;
 
   // A contact that approaches at the start of the step.

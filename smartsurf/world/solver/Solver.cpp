@@ -192,7 +192,7 @@ void Solver::prepare_batch(StepContext& context, ContactKind kind, int index) {
 
 // Contacts that are about to be hit become candidates of the impact solver. They exert no impulse in the substeps,
 // unless they bear a load already or the impact may exceed their force limit. Contacts without restitution do so only
-// if the body lands on several points, fast enough to be turned by the order in which the substeps solve the points.
+// if the body lands flat, fast enough to be turned by the order in which the substeps solve the points.
 void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int index, const Member& member) {
   const ContactBatch& o = graph_.batch(index);
   float least_speed[kLanes] = {};
@@ -200,12 +200,17 @@ void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int 
     for (int lane = 0; lane < kLanes; ++lane)
       least_speed[lane] = std::min(least_speed[lane], point_[static_cast<std::size_t>(k)].approach_speed[lane]);
   const ContactList& list = context.contact_list(kind);
-  const bool may_turn = (kind == kGeneralPair || kind == kGeneralStatic) && o.point_count > 1;
+  const bool has_faces = kind == kGeneralPair || kind == kGeneralStatic;
   const float threshold = context.any_restitution ? ImpactSolver::kThreshold : ImpactSolver::kPlasticThreshold;
   for (int lane = 0; lane < o.lane_count; ++lane) {
     if (least_speed[lane] >= -threshold) continue;
     const int manifold = graph_.manifold(index, lane);
     const Manifold& m = list.manifolds[static_cast<std::size_t>(manifold)];
+    constexpr float kFlatness = 0.9F;
+    bool lands_flat = has_faces && m.count > 1 && least_speed[lane] < -ImpactSolver::kPlasticThreshold;
+    for (int k = 0; lands_flat && k < m.count; ++k)
+      lands_flat = point_[static_cast<std::size_t>(o.first_point + k)].approach_speed[lane] <
+                   kFlatness * least_speed[lane];
     for (int k = 0; k < m.count; ++k) {
       BatchPoint& p = point_[static_cast<std::size_t>(o.first_point + k)];
       const float speed = p.approach_speed[lane];
@@ -216,8 +221,7 @@ void Solver::find_impact_candidates(StepContext& context, ContactKind kind, int 
       if (speed >= (in_substeps ? -ImpactSolver::kThreshold : 0.0F)) continue;
       const float restitution = std::max(
           material_[static_cast<std::size_t>(o.a[lane])].restitution, material_of_b(context, m, c).restitution);
-      if (restitution == 0.0F && (in_substeps || !may_turn || least_speed[lane] >= -ImpactSolver::kPlasticThreshold))
-        continue;
+      if (restitution == 0.0F && (in_substeps || !lands_flat)) continue;
       impacts_.add(member.index, {StepContext::is_pair(kind), in_substeps, manifold, m.first + k, speed});
       if (!in_substeps) p.normal_mass[lane] = p.tangent_mass[lane] = 0.0F;
     }
