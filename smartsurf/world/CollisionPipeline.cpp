@@ -144,8 +144,7 @@ void CollisionPipeline::swap_supports(int bodies) {
 
 void CollisionPipeline::find_contacts(const BodyStore& bodies, ContactList& pair_contacts,
                                       ContactList& static_contacts, const Member& member) {
-  member.single(
-      [&] { begin_detection(pair_contacts, static_contacts, member.member_count, bodies.size()); });
+  member.single([&] { begin_detection(pair_contacts, static_contacts, member.member_count, bodies.size()); });
   previous_contacts_.build_index(bodies.id.size(), pair_ranges_, static_ranges_, member);
   if (member.index == 0) {
     find_large_neighbours(bodies);

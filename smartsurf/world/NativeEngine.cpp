@@ -159,8 +159,8 @@ std::vector<ContactPoint> NativeEngine::contacts() const {
     }
   auto add_support = [&](std::int32_t body, const Vec3& anchor, float impulse) {
     const auto i = static_cast<std::size_t>(body);
-    out.push_back({s.unit.to_scene(Vec3(s.bodies.position[i] + anchor)), Vec3::UnitZ(), s.unit.to_scene(impulse),
-                   s.bodies.id[i], std::nullopt});
+    out.push_back({s.unit.to_scene(Vec3(s.bodies.position[i] + anchor)), Vec3::UnitZ(),
+                   s.unit.to_scene(impulse), s.bodies.id[i], std::nullopt});
   };
   for (const SupportPatches& list : s.collision.supports())
     for (const SupportPatch& p : list.patches) {

@@ -48,7 +48,8 @@ void drive(PhysicsFixture& fixture, Speed speed) {
   field.surface_velocity_y = field.surface_velocity_x;
   for (int r = 0; r < 32; ++r)
     for (int c = 0; c < 32; ++c)
-      field.surface_velocity_x[static_cast<std::size_t>(field.index(r, c))] = static_cast<float>(speed(c, 31 - r));
+      field.surface_velocity_x[static_cast<std::size_t>(field.index(r, c))] =
+          static_cast<float>(speed(c, 31 - r));
 }
 
 // Acceleration of a 7×7 plate at (15, 15) on cells of which some drive at 5 u/s, u/s².
@@ -103,7 +104,9 @@ TEST(Support, LargePlatesLoadAllTheirCells) {
     const auto id = fixture.add(box({1.0 * size, 1.0 * size, 1}, {centre, centre, 1.5}));
     fixture.run(0.4);
     EXPECT_NEAR(fixture.position(id).z(), 1.5, 2e-3) << size;
-    EXPECT_LT(std::abs(fixture.snapshot().orientation[id][0]) + std::abs(fixture.snapshot().orientation[id][1]), 2e-4);
+    EXPECT_LT(
+        std::abs(fixture.snapshot().orientation[id][0]) + std::abs(fixture.snapshot().orientation[id][1]),
+        2e-4);
     expect_equal_loads(fixture, size * size / every, size * size * kGravity);
   }
 }
@@ -227,7 +230,8 @@ TEST(Support, CylindersHullsAndSolidsLoadAllTheirCells) {
     solid->bounds_min.x() = -2.5F, solid->bounds_max.x() = 2.5F;
     solid->bounding_radius = 3.0F;
     solid->vertices = solid->hulls[0].vertices;
-    solid->vertices.insert(solid->vertices.end(), solid->hulls[1].vertices.begin(), solid->hulls[1].vertices.end());
+    solid->vertices.insert(solid->vertices.end(), solid->hulls[1].vertices.begin(),
+                           solid->hulls[1].vertices.end());
     object.solid = solid;
     object.position = {15, 15.5, 1};
     fixture.add(object);
@@ -296,7 +300,8 @@ TEST(Support, SpinningBoxSlowsByTheFrictionOfEachCell) {
   const auto id = fixture.add(object);
   fixture.run(2.0);
   const double expected = kFriction * kGravity * 0.3826 * 5 * 6 / 25;  // 2.25 rad/s²
-  EXPECT_NEAR((10.0 - static_cast<double>(fixture.angular_velocity(id).z())) / 2.0, expected, 0.03 * expected);
+  EXPECT_NEAR((10.0 - static_cast<double>(fixture.angular_velocity(id).z())) / 2.0, expected,
+              0.03 * expected);
 }
 
 TEST(Support, SpinningBoxSlidesInACurve) {
@@ -331,7 +336,8 @@ TEST(Support, SpinningBoxSlidesInACurve) {
           squares += ahead * ahead / (kPoints * kPoints);
           continue;
         }
-        const double load = mass * kGravity / (kPoints * kPoints) * (1 + kFriction * height / 2 / squares * ahead);
+        const double load =
+            mass * kGravity / (kPoints * kPoints) * (1 + kFriction * height / 2 / squares * ahead);
         const Eigen::Vector2d slip = v + spin * Eigen::Vector2d(-r.y(), r.x());
         const Eigen::Vector2d f = -kFriction * load * slip / std::max(1e-9, slip.norm());
         force += f;
@@ -345,7 +351,8 @@ TEST(Support, SpinningBoxSlidesInACurve) {
     angle += kStep * spin;
   }
   const Eigen::Vector2d ours = fixture.position(id).cast<double>().head<2>();
-  EXPECT_LT((ours - at).norm(), 0.03 * (at - Eigen::Vector2d(10, 10)).norm()) << ours.transpose() << " | " << at.transpose();
+  EXPECT_LT((ours - at).norm(), 0.03 * (at - Eigen::Vector2d(10, 10)).norm())
+      << ours.transpose() << " | " << at.transpose();
 }
 
 TEST(Support, PlateFollowsTheMajorityOfItsCells) {
@@ -353,7 +360,8 @@ TEST(Support, PlateFollowsTheMajorityOfItsCells) {
   // 25 inner cells drive, 24 hold; the rim drives, 25 hold; 28 of 49 drive.
   EXPECT_NEAR(plate_acceleration([](int x, int y) { return std::max(std::abs(x), std::abs(y)) <= 2; }), full,
               0.03 * full);
-  EXPECT_NEAR(plate_acceleration([](int x, int y) { return std::max(std::abs(x), std::abs(y)) == 3; }), 0, 0.01 * full);
+  EXPECT_NEAR(plate_acceleration([](int x, int y) { return std::max(std::abs(x), std::abs(y)) == 3; }), 0,
+              0.01 * full);
   EXPECT_NEAR(plate_acceleration([](int, int y) { return y % 2 != 0; }), 7 * full, 0.03 * 7 * full);
 }
 
@@ -417,7 +425,8 @@ TEST(Support, SameBitsForAnyNumberOfThreads) {
     fixture.threads = threads;
     drive(fixture, [](int x, int y) { return ((x / 5) + (y / 7)) % 2 ? 3.0 : -2.0; });
     for (int i = 0; i < 600; ++i) {
-      auto object = i % 3 == 0 ? cylinder(0.6, 0.4, {0, 0, 0}) : box({1.2 + 0.01 * (i % 50), 1.1, 0.4}, {0, 0, 0});
+      auto object =
+          i % 3 == 0 ? cylinder(0.6, 0.4, {0, 0, 0}) : box({1.2 + 0.01 * (i % 50), 1.1, 0.4}, {0, 0, 0});
       object.position = {1.0 + 1.4 * (i % 21), 1.0 + 1.4 * ((i / 21) % 21), 0.21 + 0.5 * (i / 441)};
       fixture.add(object);
     }

@@ -34,19 +34,18 @@ struct Point2 {
 
 // A flat face, or a line, of one part, in the horizontal plane; and its plane.
 struct Footprint {
-  Point2 corner[kMaxCorners];  // counter-clockwise from above
-  int count = 0;               // 2: a line
+  Point2 corner[kMaxCorners];                      // counter-clockwise from above
+  int count = 0;                                   // 2: a line
   float z = 0.0F, slope_x = 0.0F, slope_y = 0.0F;  // z + slope_x·(x − corner[0].x) + …
   float west = 0, east = 0, south = 0, north = 0;
 
   bool is_line() const { return count == 2; }
-  float z_at(float x, float y) const {
-    return z + slope_x * (x - corner[0].x) + slope_y * (y - corner[0].y);
-  }
+  float z_at(float x, float y) const { return z + slope_x * (x - corner[0].x) + slope_y * (y - corner[0].y); }
   // Whether a point is on the face, or just beside it.
   bool has_near(const Vec3& p) const {
     return std::abs(z_at(p.x(), p.y()) - p.z()) <= kFaceTolerance && p.x() >= west - kFaceTolerance &&
-           p.x() <= east + kFaceTolerance && p.y() >= south - kFaceTolerance && p.y() <= north + kFaceTolerance;
+           p.x() <= east + kFaceTolerance && p.y() >= south - kFaceTolerance &&
+           p.y() <= north + kFaceTolerance;
   }
   void add(const Vec3& p) { corner[count++] = {p.x(), p.y()}; }
 };
@@ -87,7 +86,8 @@ bool set_line(Footprint& f, const Vec3& from, const Vec3& to) {
   if (std::abs(along.z()) > kMaxLineSlope * length) return false;
   f.add(from), f.add(to);
   f.z = from.z();
-  f.slope_x = along.z() * along.x() / (length * length), f.slope_y = along.z() * along.y() / (length * length);
+  f.slope_x = along.z() * along.x() / (length * length),
+  f.slope_y = along.z() * along.y() / (length * length);
   return true;
 }
 
@@ -235,8 +235,8 @@ class FootprintOnCells {
   }
   bool share(float x, float y, SharedArea& out) const {
     if (f_.is_line())
-      return share_line({f_.corner[0].x - x, f_.corner[0].y - y}, {f_.corner[1].x - x, f_.corner[1].y - y}, half_x_,
-                        half_y_, out);
+      return share_line({f_.corner[0].x - x, f_.corner[0].y - y}, {f_.corner[1].x - x, f_.corner[1].y - y},
+                        half_x_, half_y_, out);
     bool inside = true;
     for (int i = 0; i < f_.count; ++i) {
       const float beyond = edge_[i].x * x + edge_[i].y * y - edge_[i].offset;
@@ -274,7 +274,8 @@ struct BearingContacts {
 
 bool is_upright(const Contact& c) { return c.other == kField && c.normal.z() > kUpright; }
 
-BearingContacts bearing_contacts(const surface::Field& field, std::span<const Contact> contacts, float margin) {
+BearingContacts bearing_contacts(const surface::Field& field, std::span<const Contact> contacts,
+                                 float margin) {
   BearingContacts b;
   b.margin = margin;
   for (const Contact& c : contacts)
@@ -305,8 +306,8 @@ void add_sample(const surface::Field& field, std::int32_t cell, const Vec3& cent
 }
 
 // Adds the samples of one footprint, by ascending cell.
-void add_samples(const surface::Field& field, const Footprint& f, const Vec3& centre, const BearingContacts& bearing,
-                 SupportSamples& out) {
+void add_samples(const surface::Field& field, const Footprint& f, const Vec3& centre,
+                 const BearingContacts& bearing, SupportSamples& out) {
   const Columns columns(field, 0.0F);
   const CellRange cells = columns.cells_covering(f.west, f.east, f.south, f.north);
   const FootprintOnCells on_cells(field, f);
@@ -320,8 +321,8 @@ void add_samples(const surface::Field& field, const Footprint& f, const Vec3& ce
 }
 
 // The same for a field of cells at any place and angle.
-void add_samples(const surface::Field& field, const FreeLayoutField& layout, const Footprint& f, const Vec3& centre,
-                 const BearingContacts& bearing, SupportSamples& out) {
+void add_samples(const surface::Field& field, const FreeLayoutField& layout, const Footprint& f,
+                 const Vec3& centre, const BearingContacts& bearing, SupportSamples& out) {
   thread_local std::vector<std::int32_t> cells;
   layout.find_cells({f.west, f.south, 0}, {f.east, f.north, 0}, cells);
   for (const std::int32_t cell : cells) {
@@ -348,7 +349,8 @@ void merge_cells(SupportSamples& s, std::size_t first) {
   thread_local std::vector<std::size_t> order;
   order.clear();
   for (std::size_t i = first; i < s.cell.size(); ++i) order.push_back(i);
-  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return s.cell[a] < s.cell[b]; });
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return s.cell[a] < s.cell[b]; });
   auto permute = [&](auto& values) {
     thread_local std::decay_t<decltype(values)> sorted;
     sorted.clear();
@@ -362,7 +364,8 @@ void merge_cells(SupportSamples& s, std::size_t first) {
   for (std::size_t i = first; i < s.cell.size(); ++i) {
     if (to > first && s.cell[to - 1] == s.cell[i]) {
       // The arm stands for the size of the area.
-      const float a = s.arm[to - 1] * s.arm[to - 1], b = s.arm[i] * s.arm[i], share = b / std::max(1e-12F, a + b);
+      const float a = s.arm[to - 1] * s.arm[to - 1], b = s.arm[i] * s.arm[i],
+                  share = b / std::max(1e-12F, a + b);
       for (std::vector<float>* values : {&s.x, &s.y, &s.velocity_x, &s.velocity_y})
         (*values)[to - 1] += share * ((*values)[i] - (*values)[to - 1]);
       s.arm[to - 1] = std::sqrt(a + b);
@@ -445,7 +448,8 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
   }
   for (std::size_t i = first; i < out.samples.cell.size(); ++i)
     patch.moves |= out.samples.velocity_x[i] != 0.0F || out.samples.velocity_y[i] != 0.0F ||
-                   out.samples.spin[i] != 0.0F || field.speed[static_cast<std::size_t>(out.samples.cell[i])] != 0.0F;
+                   out.samples.spin[i] != 0.0F ||
+                   field.speed[static_cast<std::size_t>(out.samples.cell[i])] != 0.0F;
   out.samples.resize((out.samples.cell.size() + kLanes - 1) / kLanes * kLanes);
   out.patches.push_back(patch);
   return true;

@@ -24,7 +24,8 @@ namespace smartsurf::world {
 struct SupportSamples {
   std::vector<std::int32_t> cell;  // ascending within a patch; −1: padding
   std::vector<float> x, y;         // centre of the area that the cell and the face share
-  std::vector<float> arm;          // mean distance of that area's points from its centre: lever of the friction torque
+  std::vector<float>
+      arm;  // mean distance of that area's points from its centre: lever of the friction torque
   std::vector<float> velocity_x, velocity_y, spin;  // of the cell's surface there, u/s, rad/s
   std::vector<float> weight;                        // stiffness: 1, less for a sliver
   std::vector<float> load;                          // normal impulse over the step, mass·u/s
@@ -47,18 +48,19 @@ struct SupportPatch {
 
   // ---- of the solver
   std::int32_t row = 0, batch_point = 0, lane = 0;
-  float friction = 0.0F;                // coefficient
-  double total_weight = 0.0;            // of the samples
+  float friction = 0.0F;                               // coefficient
+  double total_weight = 0.0;                           // of the samples
   double centre_x = 0.0, centre_y = 0.0, scale = 1.0;  // weighted mean and extent of the samples
-  double load[3] = {};                  // a, b, c of the load in the coordinates (x − centre_x) / scale, per `force`
-  double force = 0.0;                   // sum of the normal impulses for which `load` holds
-  double load_sums[3] = {}, load_stiffness[6] = {};  // of `load`, in its coordinates; stiffness as a symmetric matrix
+  double load[3] = {};  // a, b, c of the load in the coordinates (x − centre_x) / scale, per `force`
+  double force = 0.0;   // sum of the normal impulses for which `load` holds
+  double load_sums[3] = {},
+         load_stiffness[6] = {};  // of `load`, in its coordinates; stiffness as a symmetric matrix
   // From the centre of the loads to that of the normal impulses. Not 0 where the samples cannot balance the moment,
   // for example if the body overhangs them.
   double offset_x = 0.0, offset_y = 0.0;
   double response[6] = {}, inverse_response[6] = {};  // see SupportSolver
-  double tangent_mass = 0.0;            // of one sample
-  double friction_sum[3] = {};          // applied: force along x and y, torque about z
+  double tangent_mass = 0.0;                          // of one sample
+  double friction_sum[3] = {};                        // applied: force along x and y, torque about z
 };
 
 struct SupportPatches {
@@ -70,9 +72,9 @@ struct SupportPatches {
 
 // Adds the patch of a body if its flat underside lies on at least two cells. `free_layout`: null for a rectangular
 // field. `contacts`: those of the body with the field. Returns whether a patch was added.
-bool add_support_patch(const surface::Field&, const FreeLayoutField* free_layout, const Shape&, std::int32_t body,
-                       const Vec3& centre, const Mat3& axes, float margin, std::span<const Contact> contacts,
-                       SupportPatches& out);
+bool add_support_patch(const surface::Field&, const FreeLayoutField* free_layout, const Shape&,
+                       std::int32_t body, const Vec3& centre, const Mat3& axes, float margin,
+                       std::span<const Contact> contacts, SupportPatches& out);
 
 // Takes over the friction impulses of the same cells from a patch of the previous step.
 void match_support_patch(const SupportPatches& previous, const SupportPatch& from, SupportPatches& current,

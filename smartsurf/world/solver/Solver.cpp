@@ -186,7 +186,8 @@ void Solver::prepare_batch(StepContext& context, ContactKind kind, int index) {
   if (is_static && context.input.has_force_limits) fill_impulse_limits(o, index, list);
   if (is_static && !all_spheres && has_supports_)
     for (int lane = 0; lane < o.lane_count; ++lane)
-      static_manifold_[static_cast<std::size_t>(o.a[lane])] = {graph_.manifold(index, lane), o.first_point, lane};
+      static_manifold_[static_cast<std::size_t>(o.a[lane])] = {graph_.manifold(index, lane), o.first_point,
+                                                               lane};
   context.kernels.prepare[kind](&o, 1, batch_points(), context.solver_bodies, context.pair_params);
 }
 
@@ -469,8 +470,10 @@ void Solver::for_each_own_support(const StepContext& context, Each each) const {
 
 std::span<Contact> Solver::contacts_of_row(StepContext& context, int row) const {
   ContactList& list = context.input.static_contacts;
-  const Manifold& m = list.manifolds[static_cast<std::size_t>(static_manifold_[static_cast<std::size_t>(row)].manifold)];
-  return std::span(list.contacts).subspan(static_cast<std::size_t>(m.first), static_cast<std::size_t>(m.count));
+  const Manifold& m =
+      list.manifolds[static_cast<std::size_t>(static_manifold_[static_cast<std::size_t>(row)].manifold)];
+  return std::span(list.contacts)
+      .subspan(static_cast<std::size_t>(m.first), static_cast<std::size_t>(m.count));
 }
 
 void Solver::prepare_supports(StepContext& context) {
@@ -480,7 +483,8 @@ void Solver::prepare_supports(StepContext& context) {
     p.batch_point = static_manifold_[row].batch_point;
     p.lane = static_manifold_[row].lane;
     prepare_support(list, p, velocity_[row], inverse_inertia_[row],
-                    material_[row].friction_root * field_material_.friction_root, contacts_of_row(context, p.row));
+                    material_[row].friction_root * field_material_.friction_root,
+                    contacts_of_row(context, p.row));
   });
 }
 

@@ -101,7 +101,8 @@ void sum_friction(const SupportSampleView& s, double (&impulse)[3]) {
     const V fx = load(s.friction[0], i), fy = load(s.friction[1], i);
     sum[0] = sum[0] + fx;
     sum[1] = sum[1] + fy;
-    sum[2] = sum[2] + sum3(load(s.x, i) * fy, zero() - load(s.y, i) * fx, load(s.arm, i) * load(s.friction[2], i));
+    sum[2] =
+        sum[2] + sum3(load(s.x, i) * fy, zero() - load(s.y, i) * fx, load(s.arm, i) * load(s.friction[2], i));
   });
   for (int k = 0; k < 3; ++k) impulse[k] = sums.total(k);
 }

@@ -203,7 +203,8 @@ void prepare_support(SupportPatches& list, SupportPatch& p, const BodyVelocity& 
   p.force = 0.0;
   const double z = p.z, inverse_mass = m.inverse_mass;
   const double xx = w.xx, yy = w.yy, zz = w.zz, xy = w.xy, xz = w.xz, yz = w.yz;
-  const double k[6] = {inverse_mass + z * z * yy, inverse_mass + z * z * xx, zz, -z * z * xy, z * yz, -z * xz};
+  const double k[6] = {
+      inverse_mass + z * z * yy, inverse_mass + z * z * xx, zz, -z * z * xy, z * yz, -z * xz};
   std::copy_n(k, 6, p.response);
   store(symmetric(k).inverse(), p.inverse_response);
   p.tangent_mass = kTangentMassFactor / (p.total_weight * 0.5 * (k[0] + k[1]));
@@ -262,7 +263,8 @@ void solve_support_points(const SupportPatches& list, const SupportPatch& p, Bat
       if (separation > 0.0F) {
         target_speed = -separation * params.inverse_h;
       } else {
-        target_speed = -std::max(std::min(separation + kSlop, 0.0F) * params.bias_rate, -params.max_bias_velocity);
+        target_speed =
+            -std::max(std::min(separation + kSlop, 0.0F) * params.bias_rate, -params.max_bias_velocity);
         compliance = static_cast<double>(params.impulse_scale / params.mass_scale) /
                      static_cast<double>(point.normal_mass[p.lane]);
         target_speed -= static_cast<float>(compliance) * impulse;
@@ -273,7 +275,8 @@ void solve_support_points(const SupportPatches& list, const SupportPatch& p, Bat
   }
   if (count < 2) return;
   constexpr double kSolved = 1e-7;  // u/s
-  if (std::all_of(bearing, bearing + count, [](const Point& b) { return std::abs(b.impulse_change) <= kSolved; }))
+  if (std::all_of(bearing, bearing + count,
+                  [](const Point& b) { return std::abs(b.impulse_change) <= kSolved; }))
     return;
   // Decomposition of the points' inverse effective mass, L·D·Lᵀ, and solution in place. The diagonal has 1/D.
   double factor[kMaxPoints][kMaxPoints], scaled_row[kMaxPoints];  // of the row: L·D
@@ -340,11 +343,14 @@ void solve_support(SupportPatches& list, SupportPatch& p, BatchPoints points, Bo
   for (int pass = 0; pass < kMaxFrictionPasses; ++pass) {
     const float velocity[3] = {static_cast<float>(q[0]), static_cast<float>(q[1]), static_cast<float>(q[2])};
     FrictionSums sums;
-    support_kernels().solve_friction(samples, cone, offset, velocity, static_cast<float>(p.tangent_mass), sums);
+    support_kernels().solve_friction(samples, cone, offset, velocity, static_cast<float>(p.tangent_mass),
+                                     sums);
     impulse = {sums.impulse[0], sums.impulse[1], sums.impulse[2]};
     // How far q is from the velocity that these impulses cause.
     const Vector3 error = (q - now) + k * (old_impulse - impulse);
-    if (std::max({std::abs(error[0]), std::abs(error[1]), std::abs(error[2]) * p.scale}) <= kVelocityTolerance) break;
+    if (std::max({std::abs(error[0]), std::abs(error[1]), std::abs(error[2]) * p.scale}) <=
+        kVelocityTolerance)
+      break;
     Matrix3 stiffness = inverse_k;
     const double t = p.tangent_mass, sw = t * sums.stiffness[0], sx = t * sums.stiffness[1],
                  sy = t * sums.stiffness[2], polar = t * sums.stiffness[3];

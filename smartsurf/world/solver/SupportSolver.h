@@ -17,15 +17,15 @@
 namespace smartsurf::world {
 
 // Sets the derived members of a patch, of a body with this velocity row. `contacts`: of the body's manifold.
-void prepare_support(SupportPatches&, SupportPatch&, const BodyVelocity&, const InverseInertia&, float friction,
-                     std::span<const Contact> contacts);
+void prepare_support(SupportPatches&, SupportPatch&, const BodyVelocity&, const InverseInertia&,
+                     float friction, std::span<const Contact> contacts);
 // Applies the friction impulses of the last step.
 void warm_start_support(const SupportPatch&, BodyVelocity&, const InverseInertia&);
 // After a sweep over the contacts: solves the normal impulses at all points that bear at once, with the soft constraints
 // of the solve stage or the hard ones of the relax stage. The sweep alone leaves an error that alternates from step to
 // step, and the pressure with it.
-void solve_support_points(const SupportPatches&, const SupportPatch&, BatchPoints, const SubstepParams&, bool is_soft,
-                          BodyVelocity&, const DeltaPose&, const InverseInertia&);
+void solve_support_points(const SupportPatches&, const SupportPatch&, BatchPoints, const SubstepParams&,
+                          bool is_soft, BodyVelocity&, const DeltaPose&, const InverseInertia&);
 // Friction within the cones of the normal impulses at the patch's points.
 void solve_support(SupportPatches&, SupportPatch&, BatchPoints, BodyVelocity&, const InverseInertia&);
 // At the end of the step: stores the loads over the step, and shares the friction impulse among the contacts, where it
