@@ -65,6 +65,44 @@ def half_period_of_flips(moments, w_greatest, w_middle):
     return 2 * elliptic_k(k2) * math.sqrt(a * b * c / ((c - b) * (momentum2 - energy2 * a)))
 
 
+def domino_speed(h, d, gap, n=60):
+    """Of a long row without friction between dominoes, each of which leans on the next once it has hit it.
+
+    A train has one degree of freedom, the angle of its head; a hit is inelastic and keeps the momentum along the motion
+    that is possible after it.
+    """
+    hit = math.asin(gap / h)
+    moment = (h * h + d * d) / 3  # about the edge, per mass
+
+    def behind(angle):
+        """Of the domino that leans on one at this angle."""
+        return angle + math.asin(((gap + d) * math.cos(angle) - d) / h)
+
+    def state(head, count):
+        """Sum of the squared rates and of the heights of a train, per rate and mass of its head; the head comes first."""
+        angle, rate, squares, height = head, 1.0, 0.0, 0.0
+        for _ in range(count):
+            squares += rate * rate
+            height += (h * math.cos(angle) + d * math.sin(angle)) / 2
+            rate *= 1 - (gap + d) * math.sin(angle) / math.sqrt(h * h - ((gap + d) * math.cos(angle) - d)**2)
+            angle = behind(angle)
+        return squares, height
+
+    rate, duration, steps = 0.5, 0.0, 400
+    for count in range(1, n):
+        squares, height = state(0.0, count)
+        energy = moment * squares * rate * rate / 2 + G * height
+        duration = 0.0
+        for k in range(steps):
+            inner, at = state((k + 0.5) * hit / steps, count)
+            duration += hit / steps / math.sqrt(2 * (energy - G * at) / (moment * inner))
+        squares, height = state(hit, count)
+        rate = math.sqrt(2 * (energy - G * height) / (moment * squares))
+        # The next domino starts with the train at the same rates but for its own.
+        rate *= squares / (squares + 1)
+    return (gap + d) / duration
+
+
 FLIPS = half_period_of_flips([13 / 12, 10 / 12, 5 / 12], 0.01, 10.0)
 LANDAU = "Landau and Lifshitz, Mechanics, §37"
 GOLDSTEIN = "Goldstein, Classical Mechanics"
@@ -130,7 +168,7 @@ def cradle_case(name, title, **settings):
 
 def stack_case(name, title, seconds, drift=0.005, slow=False, **settings):
     return Case(name, title, "stack", seconds, [
-        absolute("height", "height", "n", 0.01, "u"), absolute("drift", "greatest drift aside", "0", drift, "u"),
+        absolute("height", "height", "n", 0.002 * settings.get("n", 10), "u"), absolute("drift", "greatest drift aside", "0", drift, "u"),
         absolute("buzz", "rms speed after 4 s", "0", 0.002, "u/s"),
         relative("load", "load of the cells", "(n - 1 + ratio)*g", 0.002, "mass·u/s²")], "statics",
         {"n": 10, "ratio": 1.0, **settings}, slow=slow)
@@ -228,6 +266,10 @@ GROUPS = [
             relative("v", "speed", "(5*v + 2*spin)/7", 0.01, "u/s"),
             relative("slips", "slips for", "0.99*2*(v - spin)/(7*mu*g)", 0.03, "s")], f"{GOLDSTEIN}: the billiard ball",
             {"v": 3.0, "spin": -20.0, "mu": 0.5}),
+        Case("dominoes", "Wave in a row of dominoes", "dominoes", 9, [
+            relative("speed", "speed", "c", 0.03, "u/s", shown="a train of one degree of freedom, inelastic hits")],
+            "van Leeuwen, The domino effect, Am. J. Phys. 78, 2010, without friction", {"h": 4.0, "d": 0.5, "gap": 1.5},
+            {"c": domino_speed(4.0, 0.5, 1.5)}),
         Case("topple", "Slender box falls over its edge", "topple", 1.5, [
             relative("spin", "spin at 60°",
                      "sqrt(6*g*(h/2*(cos(rad(start)) - cos(rad(angle))) + d/2*(sin(rad(start)) - sin(rad(angle))))/(h**2 + d**2))",
@@ -342,6 +384,7 @@ GROUPS = [
             absolute("rise", "sinks by", "0", 0.02, "u")], "docs/actuators.md", {"share": 0.9, "raised": True},
             mujoco=NO_LIMIT),
         hold_case("hold", "Ball of mass 10 on pins of force 1000"),
+        hold_case("hold_between", "… in the middle of four pins", x=7.5),
         hold_case("hold_heavy", "… at g = 981, force 10⁵", g=981.0, force=1e5),
         hold_case("hold_fast", "… at 20 u/s", speed=20.0),
         *[Case(f"jam_{shape}", f"Fourteen {title} shovelled into a corner, three seeds", "jam", 5, [

@@ -278,6 +278,27 @@ def topple(s):
     return {"spin": keep["spin"]}
 
 
+def dominoes(s):
+    h, d, gap, n, first, last = s["h"], s["d"], s["gap"], 34, 21, 31
+    bodies = []
+    for i in range(n):
+        lean = 0.0 if i else 0.3
+        at = ((d + gap) * i + math.sin(lean) * h / 2 - math.cos(lean) * d / 2, 0, math.cos(lean) * h / 2 + math.sin(lean) * d / 2)
+        bodies.append(body("box", (d, 3, h), at, turn=(lean, 0, 1, 0), mu=0.01))
+    sim, passed, before = Sim(s, bodies, mu=1.0), {}, {}
+
+    def sample(t):
+        for i in (first, last):
+            up = sim.axes(i)[:, 2]
+            now = math.atan2(up[0], up[2])
+            if i in before and i not in passed and now >= 0.1:
+                passed[i] = t - sim.dt * (now - 0.1) / (now - before[i])
+            before[i] = now
+
+    sim.run(sample)
+    return {"speed": (last - first) * (d + gap) / (passed[last] - passed[first]) if last in passed else 0.0}
+
+
 def bounce(s):
     drop = [3 + 0.17 * i for i in range(1, 9)]
     sim = Sim(s, [body("sphere", 1, (4.3 * i, 0, 1 + h)) for i, h in enumerate(drop)], e=s["e"])
@@ -472,7 +493,7 @@ def pattern(s):
     return {"gain": (vb - va) / (tb - ta), "v": sim.velocity()[0]}
 
 
-SCRIPTS = {f.__name__: f for f in (flight, push, tumble, precession, slide, threshold, slope, roll, coast, skid, topple, bounce,
+SCRIPTS = {f.__name__: f for f in (flight, push, tumble, precession, slide, threshold, slope, roll, coast, skid, topple, dominoes, bounce,
                                    bouncing, oblique, collide, cradle, offcentre, superball, flat_drop, rest_sphere,
                                    plate_loads, disc_loads, spin_brake, stack, drive, driven_sphere, pattern)}
 
