@@ -3,6 +3,7 @@ import csv
 import importlib.machinery
 import importlib.util
 import math
+import re
 import shutil
 import sys
 
