@@ -211,16 +211,16 @@ def slide(s):
 
 
 def threshold(s):
-    angle, offsets = s["angle"], [-1 + 0.05 * (i + 0.5) for i in range(40)]
+    angle, offsets = s["angle"], [-0.5 + 0.05 * (i + 0.5) for i in range(20)]
     bodies = [body("box", (2, 2, 0.5), (14 * (i // 10), 6 * (i % 10), 0.25), mu=math.tan(math.radians(angle + o)))
               for i, o in enumerate(offsets)]
     # The greater of two frictions holds.
     sim = Sim(s, bodies, slope_gravity(angle), mu=0.001)
     sim.run(seconds=1)
-    start = [sim.position(i)[0] for i in range(40)]
+    start = [sim.position(i)[0] for i in range(20)]
     sim.run(seconds=s["seconds"] - 1)
-    moved = [sim.position(i)[0] - start[i] > 0.002 for i in range(40)]
-    return {"angle": angle + max([-1.0] + [o + 0.025 for o, m in zip(offsets, moved) if m])}
+    moved = [sim.position(i)[0] - start[i] > 0.002 for i in range(20)]
+    return {"angle": angle + max([-0.5] + [o + 0.025 for o, m in zip(offsets, moved) if m])}
 
 
 def slope(s):
