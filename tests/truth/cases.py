@@ -269,7 +269,7 @@ GROUPS = [
         Case("dominoes", "Wave in a row of dominoes", "dominoes", 9, [
             relative("speed", "speed", "c", 0.03, "u/s", shown="a train of one degree of freedom, inelastic hits")],
             "van Leeuwen, The domino effect, Am. J. Phys. 78, 2010, without friction", {"h": 4.0, "d": 0.5, "gap": 1.5},
-            {"c": domino_speed(4.0, 0.5, 1.5)}),
+            {"c": domino_speed(4.0, 0.5, 1.5)}, slow=True),
         Case("topple", "Slender box falls over its edge", "topple", 1.5, [
             relative("spin", "spin at 60°",
                      "sqrt(6*g*(h/2*(cos(rad(start)) - cos(rad(angle))) + d/2*(sin(rad(start)) - sin(rad(angle))))/(h**2 + d**2))",
