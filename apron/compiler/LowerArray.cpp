@@ -14,6 +14,7 @@ using syntax::ExpressionKind;
 // The source is neither overwritten nor released: the destination must be another register.
 Value Lowering::emit_shift(Opcode op, const Value& source, int dx, int dy, ResultDestination* destination,
                            Location location) {
+  check_machine_read(op, {source}, location);
   if (dx == 0 && dy == 0) return source;
   const Shape shape = builder_.shape(source);
   Value result;
@@ -65,6 +66,7 @@ Value Lowering::lower_neighbourhood(const Builtin& builtin, const Expressions& a
 Value Lowering::emit_out_of_place(Opcode op, const std::vector<Value>& sources,
                                   std::vector<program::Operand> extra_operands,
                                   ResultDestination* destination, Location location) {
+  check_machine_read(op, sources, location);
   check_shapes(sources, location);
   const Shape shape = builder_.shape(sources.front());
   Value result;

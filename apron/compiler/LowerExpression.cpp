@@ -17,6 +17,10 @@ namespace {
 
 constexpr float kMaxOffset = 1'000'000.0F;
 
+std::string file_name(const syntax::SourceFile& file) {
+  return file.name.substr(file.name.find_last_of('/') + 1);
+}
+
 std::string show(Shape shape) { return fmt::format("{}x{}", shape.width, shape.height); }
 
 }  // namespace
@@ -129,6 +133,7 @@ Value Lowering::emit_elementwise(Opcode op, const std::vector<Value>& values, Lo
     for (std::size_t i = 0; i < values.size(); ++i) in[i] = values[i].constant;
     if (const auto folded = fold_constant(op, in)) return Value::from_constant(*folded);
   }
+  check_machine_read(op, values, location);
   check_shapes(values, location);
   const auto array_value =
       std::find_if(values.begin(), values.end(), [](const Value& v) { return v.is_register(); });
@@ -163,6 +168,12 @@ Value Lowering::resolve_target(const Expression& target, bool is_register, Shape
   if (symbol == nullptr && is_macro_name(target.text)) return create_macro_local(target, is_register, shape);
   if (symbol == nullptr) return create_scalar(target, is_register);
   if (symbol->value.kind == Value::Kind::kNone) throw CompileError{target.location, {}};
+  if (symbol->machine_file && is_foreign(*symbol->machine_file)) {
+    throw CompileError{target.location,
+                       fmt::format("'{}' is a register of {}, which only its instructions write{}",
+                                   symbol->name, file_name(sources_.file(*symbol->machine_file)),
+                                   machine_hint({"mov", "in"}))};
+  }
   if (!symbol->is_writable) {
     throw CompileError{target.location,
                        fmt::format("'{}' is a value here and cannot be written", symbol->name)};
@@ -362,6 +373,42 @@ bool Lowering::find_shape(const Expression& expression, Shape& shape) const {
 
 bool Lowering::may_be_masked() const {
   return uses_mask_on_ || current_where_region() != 0 || (uses_where_ && uses_call_);
+}
+
+// Whether the current line is outside the file that declares a machine's registers.
+bool Lowering::is_foreign(std::uint32_t machine_file) const {
+  return builder_.location().file != machine_file;
+}
+
+// "; write add(…)" with those of the names that are macros of the program.
+std::string Lowering::machine_hint(std::initializer_list<std::string_view> mnemonics) const {
+  std::string hint;
+  for (const std::string_view mnemonic : mnemonics) {
+    if (std::find(other_names_.begin(), other_names_.end(), mnemonic) == other_names_.end()) continue;
+    hint += fmt::format("{}{}(…)", hint.empty() ? "; write " : " or ", mnemonic);
+  }
+  return hint;
+}
+
+// The macros of a machine model its instructions' masks and errors, which an operator of the language would
+// skip. Copies to other registers and whole-array values are host reads.
+void Lowering::check_machine_read(Opcode op, const std::vector<Value>& values, Location location) const {
+  if (machine_registers_.empty()) return;
+  for (const Value& value : values) {
+    const auto found = value.is_register() ? machine_registers_.find(value.index) : machine_registers_.end();
+    if (found == machine_registers_.end() || !is_foreign(found->second)) continue;
+    const Symbol* symbol = symbols_.find_register(value.index);
+    const std::string_view mnemonic = program::opcode_info(op).mnemonic;
+    const bool is_condition = (op >= Opcode::kLt && op <= Opcode::kNot) || op == Opcode::kSelect;
+    const std::string hint = is_condition            ? machine_hint({"where"})
+                             : op == Opcode::kDiv    ? machine_hint({"div2", "divq"})
+                             : op == Opcode::kShift  ? machine_hint({"movx"})
+                                                     : machine_hint({mnemonic});
+    throw CompileError{location, fmt::format("'{}' is a register of {}, with which only its instructions "
+                                             "compute{}; a copy in a register of your own is free of this",
+                                             symbol == nullptr ? "this" : symbol->name,
+                                             file_name(sources_.file(found->second)), hint)};
+  }
 }
 
 }  // namespace apron::compiler

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <initializer_list>
 #include <map>
 #include <optional>
 #include <set>
@@ -123,6 +124,9 @@ class Lowering {
   void check_where_shape(Shape, Location) const;
   bool find_shape(const Expression&, Shape&) const;
   bool may_be_masked() const;
+  bool is_foreign(std::uint32_t machine_file) const;
+  std::string machine_hint(std::initializer_list<std::string_view> mnemonics) const;
+  void check_machine_read(program::Opcode, const std::vector<Value>&, Location) const;
 
   // LowerCall.cpp
   Value lower_call(const Builtin&, const Expression& call, const Expressions& arguments, ResultDestination*);
@@ -226,6 +230,7 @@ class Lowering {
   std::vector<JumpSite> jumps_;
   std::vector<ScalarRead> scalar_reads_;
   std::uint32_t where_region_count_ = 0;
+  std::map<std::uint32_t, std::uint32_t> machine_registers_;  // register to the file of its machine
   std::map<std::string, std::uint32_t> group_indices_;  // classes that are indexed by number
   bool is_register_statement_ = false;  // the statement has registers: one random number per cell
   Shape shape_hint_;                    // for cell.x and the like, which have no shape of their own

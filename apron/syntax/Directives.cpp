@@ -17,7 +17,8 @@ namespace {
 const std::vector<std::string> kDirectives = {"!include", "!define",    "!if",          "!else",
                                               "!endif",   "!macro_def", "!macro_begin", "!macro_end",
                                               "!object",  "!create",    "!operator",    "!default_palette",
-                                              "!module",  "!max_addr",  "!register"};
+                                              "!module",  "!max_addr",  "!register",    "!machine_register",
+                                              "!error"};
 
 constexpr std::string_view kOperators[] = {
     "+", "-", "*", "/", "%", "<", "<=", ">", ">=", "==", "!=", "&&", "||", "and", "or", "xor", "nand", "nor"};
@@ -120,7 +121,9 @@ bool Preprocessor::handle_directive(Line& line, PreprocessedItem& item) {
   if (line.has_error) return false;
   if (directive.text == "define") return handle_define(line.tokens), false;
   if (directive.text == "include") return handle_include(line.tokens), false;
-  if (directive.text == "register") return handle_register(line.tokens), false;
+  if (directive.text == "register" || directive.text == "machine_register")
+    return handle_register(line.tokens), false;
+  if (directive.text == "error") return handle_error(line.tokens), false;
   if (!expand_defines(line.tokens)) return false;
   if (directive.text == "create") return handle_create(line.tokens, item);
   if (directive.text == "object") return handle_object(line.tokens, item);
@@ -293,12 +296,28 @@ void Preprocessor::handle_register(const Tokens& tokens) {
   for (auto argument = list.rbegin(); argument != list.rend(); ++argument) {
     const Token& token = argument->front();
     if (argument->size() != 1 || token.kind != TokenKind::kName) {
-      diagnostics_.error(token.location, "'!register' takes names: !register(A, B)");
+      diagnostics_.error(token.location,
+                         fmt::format("'!{0}' takes names: !{0}(A, B)", tokens.front().text));
       continue;
     }
     pending_declarations_.push_back(make_declaration(Declaration::Kind::kRegister, token.location));
     pending_declarations_.back().name = token.text;
+    pending_declarations_.back().is_machine_register = tokens.front().text == "machine_register";
   }
+}
+
+// Inside a macro the error is reported at the call, with the chain of expansions.
+void Preprocessor::handle_error(const Tokens& tokens) {
+  Arguments list;
+  std::string text;
+  if (!parse_arguments(tokens, 1, SIZE_MAX, list)) return;
+  for (const Tokens& argument : list)
+    for (const Token& token : argument)
+      text += token.kind == TokenKind::kString ? token.text : display_name(spelling(token));
+  const std::uint32_t expansion = frames_.back().expansion;
+  diagnostics_.error(frames_.back().macro != nullptr ? sources_.expansion(expansion).call
+                                                     : tokens.front().location,
+                     text);
 }
 
 bool Preprocessor::parse_size_argument(const Tokens& tokens, Location location, std::uint32_t& size) {

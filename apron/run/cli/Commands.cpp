@@ -149,7 +149,7 @@ int compile_and_run(const Options& options, std::uint32_t width, std::uint32_t h
     return print_error(common::kUserError, "error: " + message);
   std::optional<CostModel> model;
   if (std::string error; !options.cost_model.empty()) {
-    model = read_cost_model(options.cost_model, error);
+    model = read_cost_model(find_library_file(options.cost_model), error);
     if (!model) {
       std::cerr << error << '\n';
       return common::kUserError;
