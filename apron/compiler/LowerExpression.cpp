@@ -169,10 +169,10 @@ Value Lowering::resolve_target(const Expression& target, bool is_register, Shape
   if (symbol == nullptr) return create_scalar(target, is_register);
   if (symbol->value.kind == Value::Kind::kNone) throw CompileError{target.location, {}};
   if (symbol->machine_file && is_foreign(*symbol->machine_file)) {
-    throw CompileError{target.location,
-                       fmt::format("'{}' is a register of {}, which only its instructions write{}",
-                                   symbol->name, file_name(sources_.file(*symbol->machine_file)),
-                                   machine_hint({"mov", "in"}))};
+    throw CompileError{
+        target.location,
+        fmt::format("'{}' is a register of {}, which only its instructions write{}", symbol->name,
+                    file_name(sources_.file(*symbol->machine_file)), machine_hint({"mov", "in"}))};
   }
   if (!symbol->is_writable) {
     throw CompileError{target.location,
@@ -400,10 +400,10 @@ void Lowering::check_machine_read(Opcode op, const std::vector<Value>& values, L
     const Symbol* symbol = symbols_.find_register(value.index);
     const std::string_view mnemonic = program::opcode_info(op).mnemonic;
     const bool is_condition = (op >= Opcode::kLt && op <= Opcode::kNot) || op == Opcode::kSelect;
-    const std::string hint = is_condition            ? machine_hint({"where"})
-                             : op == Opcode::kDiv    ? machine_hint({"div2", "divq"})
-                             : op == Opcode::kShift  ? machine_hint({"movx"})
-                                                     : machine_hint({mnemonic});
+    const std::string hint = is_condition           ? machine_hint({"where"})
+                             : op == Opcode::kDiv   ? machine_hint({"div2", "divq"})
+                             : op == Opcode::kShift ? machine_hint({"movx"})
+                                                    : machine_hint({mnemonic});
     throw CompileError{location, fmt::format("'{}' is a register of {}, with which only its instructions "
                                              "compute{}; a copy in a register of your own is free of this",
                                              symbol == nullptr ? "this" : symbol->name,

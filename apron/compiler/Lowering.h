@@ -231,7 +231,7 @@ class Lowering {
   std::vector<ScalarRead> scalar_reads_;
   std::uint32_t where_region_count_ = 0;
   std::map<std::uint32_t, std::uint32_t> machine_registers_;  // register to the file of its machine
-  std::map<std::string, std::uint32_t> group_indices_;  // classes that are indexed by number
+  std::map<std::string, std::uint32_t> group_indices_;        // classes that are indexed by number
   bool is_register_statement_ = false;  // the statement has registers: one random number per cell
   Shape shape_hint_;                    // for cell.x and the like, which have no shape of their own
 };

@@ -296,8 +296,7 @@ void Preprocessor::handle_register(const Tokens& tokens) {
   for (auto argument = list.rbegin(); argument != list.rend(); ++argument) {
     const Token& token = argument->front();
     if (argument->size() != 1 || token.kind != TokenKind::kName) {
-      diagnostics_.error(token.location,
-                         fmt::format("'!{0}' takes names: !{0}(A, B)", tokens.front().text));
+      diagnostics_.error(token.location, fmt::format("'!{0}' takes names: !{0}(A, B)", tokens.front().text));
       continue;
     }
     pending_declarations_.push_back(make_declaration(Declaration::Kind::kRegister, token.location));
@@ -315,9 +314,8 @@ void Preprocessor::handle_error(const Tokens& tokens) {
     for (const Token& token : argument)
       text += token.kind == TokenKind::kString ? token.text : display_name(spelling(token));
   const std::uint32_t expansion = frames_.back().expansion;
-  diagnostics_.error(frames_.back().macro != nullptr ? sources_.expansion(expansion).call
-                                                     : tokens.front().location,
-                     text);
+  diagnostics_.error(
+      frames_.back().macro != nullptr ? sources_.expansion(expansion).call : tokens.front().location, text);
 }
 
 bool Preprocessor::parse_size_argument(const Tokens& tokens, Location location, std::uint32_t& size) {

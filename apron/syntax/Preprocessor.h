@@ -47,7 +47,7 @@ struct Declaration {
   std::string class_name;  // of an element
   std::string alias;       // of a class
   bool of_variables = false;
-  bool is_machine_register = false;  // only lines of the declaring file compute with it
+  bool is_machine_register = false;     // only lines of the declaring file compute with it
   std::uint32_t width = 0, height = 0;  // cells
   std::string palette;                  // `!default_palette` in force; "" for none
   float scale = 0.0F;

@@ -49,9 +49,9 @@ bool is_mnemonic(const std::string& name) {
 }
 
 CostModel parse_model(const ordered_json& object) {
-  require_known_fields(
-      object, {"name", "clock_hz", "idle_w", "default", "instructions", "macros", "frame_macros"},
-      "the model");
+  require_known_fields(object,
+                       {"name", "clock_hz", "idle_w", "default", "instructions", "macros", "frame_macros"},
+                       "the model");
   CostModel model;
   if (object.contains("name") && object["name"].is_string()) model.name = object["name"].get<std::string>();
   model.clock_hz = read_number(object, "clock_hz", 0.0, "the model");
@@ -180,9 +180,8 @@ class MacroBilling {
 };
 
 ProfileTotals instruction_totals(const program::Program& program, std::size_t index,
-                                 const vm::InstructionProfile& profile,
-                                 const std::optional<CostModel>& model, MacroBilling* billing,
-                                 double array_cells) {
+                                 const vm::InstructionProfile& profile, const std::optional<CostModel>& model,
+                                 MacroBilling* billing, double array_cells) {
   ProfileTotals totals{profile.executions, profile.nanoseconds, 0.0, 0.0};
   if (!model) return totals;
   const program::Instruction& instruction = program.code[index];
@@ -232,18 +231,17 @@ std::string profile_json(const program::Program& program, const std::vector<vm::
   std::optional<MacroBilling> billing;
   if (model) billing.emplace(program, profile, *model);
   // The machine's registers have the array's size, which is that of the first register.
-  const double array_cells =
-      program.registers.empty()
-          ? 0.0
-          : static_cast<double>(program.registers[0].width) * program.registers[0].height;
+  const double array_cells = program.registers.empty() ? 0.0
+                                                       : static_cast<double>(program.registers[0].width) *
+                                                             program.registers[0].height;
   std::map<std::string, ProfileTotals> by_name;
   std::map<std::pair<std::uint32_t, std::uint32_t>, ProfileTotals> by_line;
   ProfileTotals total;
   ordered_json instructions = ordered_json::array();
   for (std::size_t index = 0; index < profile.size(); ++index) {
     if (profile[index].executions == 0) continue;
-    const ProfileTotals sum = instruction_totals(program, index, profile[index], model,
-                                                 billing ? &*billing : nullptr, array_cells);
+    const ProfileTotals sum =
+        instruction_totals(program, index, profile[index], model, billing ? &*billing : nullptr, array_cells);
     const program::SourceLocation& source = program.source_locations[program.code[index].source_location];
     total += sum;
     by_name[std::string(program::opcode_info(program.code[index].op).mnemonic)] += sum;
