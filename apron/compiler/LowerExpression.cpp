@@ -121,9 +121,101 @@ Value Lowering::lower_unary(const Expression& expression, ResultDestination* des
 }
 
 Value Lowering::lower_binary(const Expression& expression, ResultDestination* destination) {
+  const Opcode op = infix_opcode(expression.text);
+  if ((op == Opcode::kAnd || op == Opcode::kOr) && has_calls(expression.children[1]) &&
+      is_scalar(expression.children[0]) && is_scalar(expression.children[1]))
+    return lower_short_circuit(op, expression);
   const Value left = lower(expression.children[0]);
   const Value right = lower(expression.children[1]);
   return emit_elementwise(infix_opcode(expression.text), {left, right}, expression.location, destination);
+}
+
+// Whether the expression calls an instruction that can fail or depends on more than its operands.
+bool Lowering::has_calls(const Expression& expression) const {
+  const Builtin* builtin = expression.kind == ExpressionKind::kCall || expression.kind == ExpressionKind::kName
+                               ? find_builtin(expression.text)
+                               : nullptr;
+  const bool is_call = builtin != nullptr && symbols_.find(expression.text) == nullptr &&
+                       builtin->form != BuiltinForm::kElementwise && builtin->form != BuiltinForm::kMac &&
+                       builtin->form != BuiltinForm::kMaskIf;
+  return is_call || std::any_of(expression.children.begin(), expression.children.end(),
+                                [&](const Expression& child) { return has_calls(child); });
+}
+
+// Whether the expression is known to be a scalar without lowering it.
+bool Lowering::is_scalar(const Expression& expression) const {
+  const auto all_children = [&] {
+    return std::all_of(expression.children.begin(), expression.children.end(),
+                       [&](const Expression& child) { return is_scalar(child); });
+  };
+  switch (expression.kind) {
+    case ExpressionKind::kNumber:
+    case ExpressionKind::kOperator:
+      return true;
+    case ExpressionKind::kUnary:
+    case ExpressionKind::kBinary:
+      return all_children();
+    case ExpressionKind::kElement: {
+      Shape shape;
+      return !find_shape(expression, shape);
+    }
+    case ExpressionKind::kName:
+      if (const Symbol* symbol = symbols_.find(expression.text)) return !symbol->value.is_register();
+      break;
+    case ExpressionKind::kCall:
+      break;
+    default:
+      return false;
+  }
+  const Builtin* builtin = find_builtin(expression.text);
+  if (builtin == nullptr) return expression.kind == ExpressionKind::kName;
+  switch (builtin->form) {
+    case BuiltinForm::kReduction:
+    case BuiltinForm::kPixelGet:
+    case BuiltinForm::kSurfaceScalar:
+    case BuiltinForm::kSurfaceHas:
+    case BuiltinForm::kParameterGet:
+    case BuiltinForm::kTimerRead:
+    case BuiltinForm::kRegisterWidth:
+    case BuiltinForm::kRegisterHeight:
+    case BuiltinForm::kRegisterId:
+    case BuiltinForm::kElementMatch:
+      return true;
+    case BuiltinForm::kElementGet:
+      return builtin->op == Opcode::kResGetVar;
+    case BuiltinForm::kRandom:
+    case BuiltinForm::kRandomWhite:
+    case BuiltinForm::kRandomRounded:
+      return !is_register_statement_;
+    case BuiltinForm::kElementwise:
+    case BuiltinForm::kMac:
+    case BuiltinForm::kMaskIf:
+      return all_children();
+    default:
+      return false;
+  }
+}
+
+// `and` and `or` of scalars: the right side is evaluated only if the left one does not decide.
+Value Lowering::lower_short_circuit(Opcode op, const Expression& expression) {
+  const Value zero = Value::from_constant(0.0F);
+  const Value left = lower(expression.children[0]);
+  if (left.is_constant()) {
+    if ((left.constant != 0.0F) == (op == Opcode::kOr)) return Value::from_constant(op == Opcode::kOr ? 1.0F : 0.0F);
+    return emit_elementwise(Opcode::kNe, {lower(expression.children[1]), zero}, expression.location, nullptr);
+  }
+  const Value result = builder_.allocate_scalar_temporary();
+  const auto emit_truth = [&](const Value& value) {
+    builder_.emit(Opcode::kNe, builder_.operand(result), {builder_.operand(value), builder_.operand(zero)});
+    builder_.release(value);
+  };
+  emit_truth(left);
+  const ProgramBuilder::Label end = builder_.new_label();
+  builder_.emit(op == Opcode::kAnd ? Opcode::kJumpEq : Opcode::kJumpNe, {},
+                {builder_.operand(result), builder_.operand(zero), builder_.label_operand(end)});
+  emit_truth(lower(expression.children[1]));
+  builder_.bind_label(end);
+  return result;
 }
 
 Value Lowering::emit_elementwise(Opcode op, const std::vector<Value>& values, Location location,

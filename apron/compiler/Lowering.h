@@ -105,6 +105,9 @@ class Lowering {
   Value lower_name(const Expression&, ResultDestination* = nullptr);
   Value lower_expansion(const Expression&);
   Value lower_binary(const Expression&, ResultDestination*);
+  bool has_calls(const Expression&) const;
+  bool is_scalar(const Expression&) const;
+  Value lower_short_circuit(program::Opcode, const Expression&);
   Value lower_unary(const Expression&, ResultDestination*);
   Value emit_elementwise(program::Opcode, const std::vector<Value>&, Location, ResultDestination*);
   const Symbol& find_element(const Expression&) const;
@@ -139,6 +142,8 @@ class Lowering {
   // LowerArray.cpp
   Value emit_shift(program::Opcode, const Value& source, int dx, int dy, ResultDestination*, Location);
   Value lower_shift(const Builtin&, const Expressions&, Location, ResultDestination*);
+  Value lower_variable_shift(const Builtin&, const Expression& source, const std::vector<Value>& distances,
+                             ResultDestination*, Location);
   Value lower_neighbourhood(const Builtin&, const Expressions&, Location, ResultDestination*);
   Value lower_register_property(const Builtin&, const Expressions&);
   std::uint32_t register_number(const Value&, Location) const;

@@ -134,8 +134,9 @@ class InstructionVerifier {
     switch (instruction_.op) {
       case Opcode::kShift:
       case Opcode::kRotate:
-        if (!is_integer_literal(instruction_.operands[1]) || !is_integer_literal(instruction_.operands[2])) {
-          return "its offsets are not whole literals";
+        for (const std::size_t k : {1U, 2U}) {
+          const Operand& offset = instruction_.operands[k];
+          if (offset.kind == Kind::kLiteral && !is_integer_literal(offset)) return "its offset is not whole";
         }
         return {};
       case Opcode::kBoundary:

@@ -49,6 +49,7 @@ class Parser {
   Expression parse_name();
   Expression parse_call(const Token& name);
   Expression parse_element(const Token& name);
+  void check_negation(const Token& name) const;
   Expression parse_argument();
   Expression parse_module();
   Expression make_binary(const Token& op, Expression left, Expression right);

@@ -38,7 +38,8 @@ struct DecodedInstruction {
   std::array<const float*, program::kMaxOperands> scalars{};  // sources that are variables or literals
 
   float* destination_variable = nullptr;
-  Offset offset{};  // shifts
+  Offset offset{};  // shifts by literals
+  bool has_variable_offset = false;
   BoundaryCondition boundary{};
   Plane scratch{};  // staging for masked reads and plugin results
   std::string_view text{};
@@ -56,6 +57,9 @@ struct RegisterFile {
 bool is_conditional_jump(program::Opcode op) noexcept;
 // Whether the conditional jump `op` with operands a and b is taken.
 bool is_branch_taken(program::Opcode op, float a, float b) noexcept;
+
+// The offset of a shift in cells, limited to what is beyond any array.
+std::int64_t to_offset(float offset) noexcept;
 
 // The result refers to the program, the register file and the kernel table, which must outlive it and whose
 // vectors must not be resized.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <chrono>
+#include <cmath>
 #include <map>
 
 #include "apron/vm/NumberFormat.h"
@@ -183,8 +184,16 @@ Status Vm::execute_shift(const DecodedInstruction& decoded) {
   const WriteAccess access = check_write_access(decoded, mask);
   if (access != WriteAccess::kAllowed)
     return access == WriteAccess::kSuppressed ? Status::kRunning : report_mask_mismatch(*decoded.destination);
+  Offset offset = decoded.offset;
+  if (decoded.has_variable_offset) {
+    const float dx = *decoded.scalars[1], dy = *decoded.scalars[2];
+    if (dx != std::trunc(dx) || dy != std::trunc(dy))
+      return fail(Status::kFailed, "the distance of a shift is a whole number, not " +
+                                       std::string(format_number(dx != std::trunc(dx) ? dx : dy)));
+    offset = {to_offset(dx), to_offset(dy)};
+  }
   const BoundaryCondition wrap{program::BoundaryRule::kWrap, 0.0F};
-  shift(executor_, *decoded.destination, *decoded.planes[0], decoded.offset,
+  shift(executor_, *decoded.destination, *decoded.planes[0], offset,
         decoded.op == Opcode::kRotate ? wrap : boundary_, mask);
   return Status::kRunning;
 }

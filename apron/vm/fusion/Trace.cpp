@@ -116,7 +116,7 @@ class TraceBuilder {
   }
 
   bool can_fuse_shift(const DecodedInstruction& decoded) const {
-    if (decoded.op != Opcode::kShift || !boundary_ || boundary_->rule == BoundaryRule::kWrap) return false;
+    if (decoded.op != Opcode::kShift || decoded.has_variable_offset || !boundary_ || boundary_->rule == BoundaryRule::kWrap) return false;
     const auto short_way = [](std::int64_t d, std::uint32_t n) {
       return d >= -kMaxFusedShift && d <= kMaxFusedShift && (d < 0 ? -d : d) < static_cast<std::int64_t>(n);
     };
