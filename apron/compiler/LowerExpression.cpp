@@ -132,9 +132,10 @@ Value Lowering::lower_binary(const Expression& expression, ResultDestination* de
 
 // Whether the expression calls an instruction that can fail or depends on more than its operands.
 bool Lowering::has_calls(const Expression& expression) const {
-  const Builtin* builtin = expression.kind == ExpressionKind::kCall || expression.kind == ExpressionKind::kName
-                               ? find_builtin(expression.text)
-                               : nullptr;
+  const Builtin* builtin =
+      expression.kind == ExpressionKind::kCall || expression.kind == ExpressionKind::kName
+          ? find_builtin(expression.text)
+          : nullptr;
   const bool is_call = builtin != nullptr && symbols_.find(expression.text) == nullptr &&
                        builtin->form != BuiltinForm::kElementwise && builtin->form != BuiltinForm::kMac &&
                        builtin->form != BuiltinForm::kMaskIf;
@@ -201,7 +202,8 @@ Value Lowering::lower_short_circuit(Opcode op, const Expression& expression) {
   const Value zero = Value::from_constant(0.0F);
   const Value left = lower(expression.children[0]);
   if (left.is_constant()) {
-    if ((left.constant != 0.0F) == (op == Opcode::kOr)) return Value::from_constant(op == Opcode::kOr ? 1.0F : 0.0F);
+    if ((left.constant != 0.0F) == (op == Opcode::kOr))
+      return Value::from_constant(op == Opcode::kOr ? 1.0F : 0.0F);
     return emit_elementwise(Opcode::kNe, {lower(expression.children[1]), zero}, expression.location, nullptr);
   }
   const Value result = builder_.allocate_scalar_temporary();
@@ -221,7 +223,7 @@ Value Lowering::lower_short_circuit(Opcode op, const Expression& expression) {
 Value Lowering::emit_elementwise(Opcode op, const std::vector<Value>& values, Location location,
                                  ResultDestination* destination) {
   if (std::all_of(values.begin(), values.end(), [](const Value& v) { return v.is_constant(); })) {
-    std::array<float, program::kMaxOperands> in{};
+    std::array<double, program::kMaxOperands> in{};
     for (std::size_t i = 0; i < values.size(); ++i) in[i] = values[i].constant;
     if (const auto folded = fold_constant(op, in)) return Value::from_constant(*folded);
   }

@@ -8,9 +8,9 @@ namespace apron::program {
 namespace {
 
 // The value of a literal operand; 0 for a variable.
-float literal_or_zero(const Program& program, const Operand& operand) noexcept {
+double literal_or_zero(const Program& program, const Operand& operand) noexcept {
   const bool known = operand.kind == OperandKind::kLiteral && operand.index < program.literals.size();
-  return known ? program.literals[operand.index] : 0.0F;
+  return known ? program.literals[operand.index] : 0.0;
 }
 
 bool has_variable_offset(const Instruction& instruction) noexcept {
@@ -21,8 +21,8 @@ bool has_variable_offset(const Instruction& instruction) noexcept {
 std::string nonlocality_reason(const Program& program, const Instruction& instruction) {
   const std::string_view mnemonic = opcode_info(instruction.op).mnemonic;
   if (instruction.op == Opcode::kShift || instruction.op == Opcode::kRotate) {
-    const float dx = literal_or_zero(program, instruction.operands[1]);
-    const float dy = literal_or_zero(program, instruction.operands[2]);
+    const double dx = literal_or_zero(program, instruction.operands[1]);
+    const double dy = literal_or_zero(program, instruction.operands[2]);
     if (has_variable_offset(instruction))
       return fmt::format("{} by a distance that is computed at run time may reach any cell", mnemonic);
     if (instruction.op == Opcode::kRotate) {
@@ -50,9 +50,9 @@ Locality locality(const Program& program, const Instruction& instruction) noexce
   }
   if (instruction.op != Opcode::kShift) return opcode_info(instruction.op).locality;
   if (has_variable_offset(instruction)) return Locality::Far;
-  const float distance = std::fabs(literal_or_zero(program, instruction.operands[1])) +
-                         std::fabs(literal_or_zero(program, instruction.operands[2]));
-  return distance <= 1.0F ? Locality::News : Locality::Far;
+  const double distance = std::fabs(literal_or_zero(program, instruction.operands[1])) +
+                          std::fabs(literal_or_zero(program, instruction.operands[2]));
+  return distance <= 1.0 ? Locality::News : Locality::Far;
 }
 
 std::vector<NonLocalInstruction> find_nonlocal_instructions(const Program& program) {

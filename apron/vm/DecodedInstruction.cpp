@@ -106,15 +106,15 @@ struct Decoder {
 
 }  // namespace
 
-std::int64_t to_offset(float offset) noexcept {
-  constexpr float kFar = 1e9F;  // larger than any array, and does not overflow in index arithmetic
+std::int64_t to_offset(double offset) noexcept {
+  constexpr double kFar = 1e9;  // larger than any array, and does not overflow in index arithmetic
   return offset >= -kFar && offset <= kFar ? static_cast<std::int64_t>(offset)
                                            : static_cast<std::int64_t>(kFar);
 }
 
 bool is_conditional_jump(Opcode op) noexcept { return op >= Opcode::kJumpLt && op <= Opcode::kUnlessGe; }
 
-bool is_branch_taken(Opcode op, float a, float b) noexcept {
+bool is_branch_taken(Opcode op, double a, double b) noexcept {
   switch (op) {
     case Opcode::kJumpLt:
       return a < b;

@@ -278,7 +278,7 @@ Repl::Outcome Repl::compile_and_run(const std::string& text, std::string& report
   }
   for (std::size_t i = 0; i < program.variables.size(); ++i) {
     if (program.variables[i].name.front() != '$')
-      values_.push_back({program.variables[i].name, 0, 0, {vm.variable(i)}});
+      values_.push_back({program.variables[i].name, 0, 0, {static_cast<float>(vm.variable(i))}});
   }
   return Outcome::kSuccess;
 }

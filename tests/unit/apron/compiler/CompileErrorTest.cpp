@@ -105,7 +105,7 @@ constexpr Wrong kWrong[] = {
     {"for(i, 1, 10, 0)|endfor",
      "main.aps:1:15: error: the step of a 'for' cannot be zero"},
     {"repeat(1e9)|endrepeat",
-     "main.aps:1:8: error: 'repeat' counts up to 16777216 at most"},
+     "main.aps:1:8: error: 'repeat' counts up to 9007199254740992 at most"},
     {"break",
      "main.aps:1:1: error: 'break' stands outside of a loop"},
     {"continue",
