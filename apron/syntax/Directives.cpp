@@ -18,10 +18,10 @@ const std::vector<std::string> kDirectives = {"!include", "!define",    "!if",  
                                               "!endif",   "!macro_def", "!macro_begin", "!macro_end",
                                               "!object",  "!create",    "!operator",    "!default_palette",
                                               "!module",  "!max_addr",  "!register",    "!machine_register",
-                                              "!error"};
+                                              "!error",   "!sim_core"};
 
-constexpr std::string_view kOperators[] = {
-    "+", "-", "*", "/", "%", "<", "<=", ">", ">=", "==", "!=", "&&", "||", "and", "or", "xor", "nand", "nor"};
+constexpr std::string_view kOperators[] = {"=",  "+",  "-",  "*",  "/",   "%",  "<",   "<=",   ">",  ">=",
+                                           "==", "!=", "&&", "||", "and", "or", "xor", "nand", "nor"};
 
 std::string normalize_path(const std::string& path) {
   return std::filesystem::path(path).lexically_normal().string();
@@ -131,6 +131,8 @@ bool Preprocessor::handle_directive(Line& line, PreprocessedItem& item) {
   if (directive.text == "max_addr") return handle_max_addr(line.tokens), false;
   if (directive.text == "default_palette") return handle_default_palette(line.tokens), false;
   if (directive.text == "module") return handle_module(line.tokens), false;
+  if (directive.text == "sim_core")
+    return false;  // of the original: selects its simulator, of which we have one
   if (directive.text == "macro_begin" || directive.text == "macro_end") {
     diagnostics_.error(directive.location, fmt::format("this '!{}' has no '!macro_def'", directive.text));
   } else {
@@ -193,14 +195,19 @@ void Preprocessor::push_file(const std::string& path, std::string text, Location
 }
 
 void Preprocessor::handle_define(const Tokens& tokens) {
-  const bool valid = tokens.size() >= 5 && tokens[1].is("(") && tokens[2].kind == TokenKind::kName &&
-                     tokens[3].is(",") && tokens.back().is(")") && tokens.size() - 5 < kMaxLineTokens;
-  if (!valid || tokens.size() == 5) {
+  // The name, or name[index].
+  const bool is_indexed = tokens.size() > 6 && tokens[3].is("[") && tokens[5].is("]");
+  const std::size_t comma = is_indexed ? 6 : 3;
+  const bool valid = tokens.size() > comma + 2 && tokens[1].is("(") && tokens[2].kind == TokenKind::kName &&
+                     tokens[comma].is(",") && tokens.back().is(")") &&
+                     tokens.size() - comma - 2 < kMaxLineTokens;
+  if (!valid) {
     diagnostics_.error(tokens.front().location,
                        "'!define' takes a name and the words it stands for: !define(NAME, words)");
     return;
   }
-  defines_[tokens[2].text] = Tokens(tokens.begin() + 4, tokens.end() - 1);
+  const std::string name = is_indexed ? indexed_name(tokens[2], tokens[4]) : tokens[2].text;
+  defines_[name] = Tokens(tokens.begin() + static_cast<std::ptrdiff_t>(comma) + 1, tokens.end() - 1);
 }
 
 void Preprocessor::handle_macro_def(const Tokens& tokens) {

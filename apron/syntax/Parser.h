@@ -37,6 +37,7 @@ class Parser {
   Statement parse_statement();
   Statement parse_assignment(Cursor equals);
   Statement make_invalid(const Line&) const;
+  std::optional<Statement> parse_rebound_assignment(Cursor first, Cursor equals, Cursor last);
   std::optional<Statement> parse_macro_statement(Cursor first, Cursor last, Tokens result);
   void add_declaration(Declaration, std::vector<Statement>& out) const;
 

@@ -158,6 +158,9 @@ class Preprocessor {
   std::size_t max_addr_ = SIZE_MAX;
 };
 
+// "name[index]": the key of a define of an indexed name.
+std::string indexed_name(const Token& name, const Token& index);
+
 // The ranges between commas outside brackets; none for an empty list.
 std::vector<Tokens> split_arguments(Tokens::const_iterator first, Tokens::const_iterator last);
 
