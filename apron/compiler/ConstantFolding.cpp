@@ -2,14 +2,17 @@
 
 #include <cmath>
 
+#include "apron/program/ScalarValue.h"
+
 namespace apron::compiler {
 namespace {
 
+using program::to_scalar;
 using Op = program::Opcode;
 
-float to_float(bool value) { return value ? 1.0F : 0.0F; }
+double to_float(bool value) { return value ? 1.0 : 0.0; }
 
-std::optional<float> fold_logical(Op op, float a, float b) {
+std::optional<double> fold_logical(Op op, double a, double b) {
   const bool p = a != 0.0F;
   const bool q = b != 0.0F;
   switch (op) {
@@ -44,22 +47,22 @@ std::optional<float> fold_logical(Op op, float a, float b) {
 
 }  // namespace
 
-std::optional<float> fold_constant(Op op, const std::array<float, program::kMaxOperands>& in) {
-  const float a = in[0];
-  const float b = in[1];
+std::optional<double> fold_constant(Op op, const std::array<double, program::kMaxOperands>& in) {
+  const double a = in[0];
+  const double b = in[1];
   switch (op) {
     case Op::kCopy:
       return a;
     case Op::kAdd:
-      return a + b;
+      return to_scalar(a + b);
     case Op::kSub:
-      return a - b;
+      return to_scalar(a - b);
     case Op::kMul:
-      return a * b;
+      return to_scalar(a * b);
     case Op::kDiv:
-      return a / b;
+      return to_scalar(a / b);
     case Op::kMod:
-      return a - b * std::floor(a / b);
+      return program::modulo(a, b);
     case Op::kMin:
       return a < b ? a : b;
     case Op::kMax:
@@ -71,7 +74,7 @@ std::optional<float> fold_constant(Op op, const std::array<float, program::kMaxO
     case Op::kSign:
       return a > 0.0F ? 1.0F : a < 0.0F ? -1.0F : 0.0F;
     case Op::kSqrt:
-      return std::sqrt(a);
+      return to_scalar(std::sqrt(a));
     case Op::kFloor:
       return std::floor(a);
     case Op::kCeil:

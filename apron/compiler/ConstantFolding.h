@@ -1,4 +1,4 @@
-// Constant folding, in the VM's 32-bit arithmetic.
+// Constant folding, in the VM's arithmetic of scalars.
 #pragma once
 
 #include <array>
@@ -9,6 +9,6 @@
 namespace apron::compiler {
 
 // Returns nullopt for instructions whose rounding depends on the machine (sin, pow, …).
-std::optional<float> fold_constant(program::Opcode, const std::array<float, program::kMaxOperands>&);
+std::optional<double> fold_constant(program::Opcode, const std::array<double, program::kMaxOperands>&);
 
 }  // namespace apron::compiler

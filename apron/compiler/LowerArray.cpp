@@ -14,6 +14,7 @@ using syntax::ExpressionKind;
 // The source is neither overwritten nor released: the destination must be another register.
 Value Lowering::emit_shift(Opcode op, const Value& source, int dx, int dy, ResultDestination* destination,
                            Location location) {
+  check_machine_read(op, {source}, location);
   if (dx == 0 && dy == 0) return source;
   const Shape shape = builder_.shape(source);
   Value result;
@@ -34,19 +35,44 @@ Value Lowering::emit_shift(Opcode op, const Value& source, int dx, int dy, Resul
 
 Value Lowering::lower_shift(const Builtin& builtin, const Expressions& arguments, Location location,
                             ResultDestination* destination) {
+  constexpr std::string_view kSubject = "the distance of a shift";
+  std::vector<Value> distances;
+  for (std::size_t i = 1; i < arguments.size(); ++i) distances.push_back(lower_scalar(arguments[i], kSubject));
+  if (std::any_of(distances.begin(), distances.end(), [](const Value& v) { return !v.is_constant(); }))
+    return lower_variable_shift(builtin, arguments[0], distances, destination, location);
   int dx = builtin.dx;
   int dy = builtin.dy;
   if (builtin.form == BuiltinForm::kShiftBy) {
-    dx = integer_constant(arguments[1], "the distance of a shift");
-    dy = integer_constant(arguments[2], "the distance of a shift");
+    dx = integer_constant(arguments[1], kSubject);
+    dy = integer_constant(arguments[2], kSubject);
   } else if (arguments.size() == 2) {
-    const int distance = integer_constant(arguments[1], "the distance of a shift");
+    const int distance = integer_constant(arguments[1], kSubject);
     dx *= distance;
     dy *= distance;
   }
   const Value source = lower_register(arguments[0], "a shift");
   const Value moved = emit_shift(builtin.op, source, dx, dy, destination, location);
   if (moved.index != source.index) builder_.release(source);
+  return moved;
+}
+
+// A shift whose distance is computed at run time.
+Value Lowering::lower_variable_shift(const Builtin& builtin, const Expression& source_expression,
+                                     const std::vector<Value>& distances, ResultDestination* destination,
+                                     Location location) {
+  const Value zero = Value::from_constant(0.0F);
+  const auto signed_distance = [&](int sign) {
+    if (sign == 0) return zero;
+    return sign > 0 ? distances[0] : emit_elementwise(Opcode::kNeg, {distances[0]}, location, nullptr);
+  };
+  const bool is_vector = builtin.form == BuiltinForm::kShiftBy;
+  const Value dx = is_vector ? distances[0] : signed_distance(builtin.dx);
+  const Value dy = is_vector ? distances[1] : signed_distance(builtin.dy);
+  const Value source = lower_register(source_expression, "a shift");
+  const Value moved = emit_out_of_place(builtin.op, {source}, {builder_.operand(dx), builder_.operand(dy)},
+                                        destination, location);
+  builder_.release(dx);
+  builder_.release(dy);
   return moved;
 }
 
@@ -65,6 +91,7 @@ Value Lowering::lower_neighbourhood(const Builtin& builtin, const Expressions& a
 Value Lowering::emit_out_of_place(Opcode op, const std::vector<Value>& sources,
                                   std::vector<program::Operand> extra_operands,
                                   ResultDestination* destination, Location location) {
+  check_machine_read(op, sources, location);
   check_shapes(sources, location);
   const Shape shape = builder_.shape(sources.front());
   Value result;

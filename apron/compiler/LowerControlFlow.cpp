@@ -6,6 +6,7 @@
 
 #include "apron/compiler/ConstantFolding.h"
 #include "apron/compiler/Lowering.h"
+#include "apron/program/ScalarValue.h"
 
 namespace apron::compiler {
 
@@ -14,7 +15,7 @@ using syntax::ExpressionKind;
 
 namespace {
 
-constexpr float kMaxLoopCount = 16'777'216.0F;  // 2^24: above, a 32-bit float plus 1 may be the same float
+constexpr double kMaxLoopCount = program::kMaxWholeScalar;  // above, a number plus 1 may be the same number
 
 std::string_view block_keyword(int kind) {
   static constexpr std::string_view kWords[] = {"if", "while", "for", "repeat", "where"};
@@ -212,7 +213,7 @@ void Lowering::open_for(const Expressions& arguments, Location location) {
   }
   for (const Value& end : {from, bound}) {
     if (end.is_constant() && std::abs(end.constant) > kMaxLoopCount) {
-      throw CompileError{location, fmt::format("'for' counts up to {} at most", kMaxLoopCount)};
+      throw CompileError{location, fmt::format("'for' counts up to {:.0f} at most", kMaxLoopCount)};
     }
   }
   ResultDestination destination{&variable, false};
@@ -256,7 +257,8 @@ void Lowering::emit_for_test(const Block& block) {
 void Lowering::open_repeat(const Expressions& arguments, Location location) {
   const Value count = lower_scalar(arguments[0], "'repeat'");
   if (count.is_constant() && !(count.constant <= kMaxLoopCount)) {
-    throw CompileError{arguments[0].location, fmt::format("'repeat' counts up to {} at most", kMaxLoopCount)};
+    throw CompileError{arguments[0].location,
+                       fmt::format("'repeat' counts up to {:.0f} at most", kMaxLoopCount)};
   }
   const Value remaining = retained(builder_.allocate_scalar_temporary());
   builder_.emit(Opcode::kCopy, builder_.operand(remaining), {builder_.operand(count)});

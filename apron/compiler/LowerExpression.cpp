@@ -17,6 +17,10 @@ namespace {
 
 constexpr float kMaxOffset = 1'000'000.0F;
 
+std::string file_name(const syntax::SourceFile& file) {
+  return file.name.substr(file.name.find_last_of('/') + 1);
+}
+
 std::string show(Shape shape) { return fmt::format("{}x{}", shape.width, shape.height); }
 
 }  // namespace
@@ -117,18 +121,113 @@ Value Lowering::lower_unary(const Expression& expression, ResultDestination* des
 }
 
 Value Lowering::lower_binary(const Expression& expression, ResultDestination* destination) {
+  const Opcode op = infix_opcode(expression.text);
+  if ((op == Opcode::kAnd || op == Opcode::kOr) && has_calls(expression.children[1]) &&
+      is_scalar(expression.children[0]) && is_scalar(expression.children[1]))
+    return lower_short_circuit(op, expression);
   const Value left = lower(expression.children[0]);
   const Value right = lower(expression.children[1]);
   return emit_elementwise(infix_opcode(expression.text), {left, right}, expression.location, destination);
 }
 
+// Whether the expression calls an instruction that can fail or depends on more than its operands.
+bool Lowering::has_calls(const Expression& expression) const {
+  const Builtin* builtin =
+      expression.kind == ExpressionKind::kCall || expression.kind == ExpressionKind::kName
+          ? find_builtin(expression.text)
+          : nullptr;
+  const bool is_call = builtin != nullptr && symbols_.find(expression.text) == nullptr &&
+                       builtin->form != BuiltinForm::kElementwise && builtin->form != BuiltinForm::kMac &&
+                       builtin->form != BuiltinForm::kMaskIf;
+  return is_call || std::any_of(expression.children.begin(), expression.children.end(),
+                                [&](const Expression& child) { return has_calls(child); });
+}
+
+// Whether the expression is known to be a scalar without lowering it.
+bool Lowering::is_scalar(const Expression& expression) const {
+  const auto all_children = [&] {
+    return std::all_of(expression.children.begin(), expression.children.end(),
+                       [&](const Expression& child) { return is_scalar(child); });
+  };
+  switch (expression.kind) {
+    case ExpressionKind::kNumber:
+    case ExpressionKind::kOperator:
+      return true;
+    case ExpressionKind::kUnary:
+    case ExpressionKind::kBinary:
+      return all_children();
+    case ExpressionKind::kElement: {
+      Shape shape;
+      return !find_shape(expression, shape);
+    }
+    case ExpressionKind::kName:
+      if (const Symbol* symbol = symbols_.find(expression.text)) return !symbol->value.is_register();
+      break;
+    case ExpressionKind::kCall:
+      break;
+    default:
+      return false;
+  }
+  const Builtin* builtin = find_builtin(expression.text);
+  if (builtin == nullptr) return expression.kind == ExpressionKind::kName;
+  switch (builtin->form) {
+    case BuiltinForm::kReduction:
+    case BuiltinForm::kPixelGet:
+    case BuiltinForm::kSurfaceScalar:
+    case BuiltinForm::kSurfaceHas:
+    case BuiltinForm::kParameterGet:
+    case BuiltinForm::kTimerRead:
+    case BuiltinForm::kRegisterWidth:
+    case BuiltinForm::kRegisterHeight:
+    case BuiltinForm::kRegisterId:
+    case BuiltinForm::kElementMatch:
+      return true;
+    case BuiltinForm::kElementGet:
+      return builtin->op == Opcode::kResGetVar;
+    case BuiltinForm::kRandom:
+    case BuiltinForm::kRandomWhite:
+    case BuiltinForm::kRandomRounded:
+      return !is_register_statement_;
+    case BuiltinForm::kElementwise:
+    case BuiltinForm::kMac:
+    case BuiltinForm::kMaskIf:
+      return all_children();
+    default:
+      return false;
+  }
+}
+
+// `and` and `or` of scalars: the right side is evaluated only if the left one does not decide.
+Value Lowering::lower_short_circuit(Opcode op, const Expression& expression) {
+  const Value zero = Value::from_constant(0.0F);
+  const Value left = lower(expression.children[0]);
+  if (left.is_constant()) {
+    if ((left.constant != 0.0F) == (op == Opcode::kOr))
+      return Value::from_constant(op == Opcode::kOr ? 1.0F : 0.0F);
+    return emit_elementwise(Opcode::kNe, {lower(expression.children[1]), zero}, expression.location, nullptr);
+  }
+  const Value result = builder_.allocate_scalar_temporary();
+  const auto emit_truth = [&](const Value& value) {
+    builder_.emit(Opcode::kNe, builder_.operand(result), {builder_.operand(value), builder_.operand(zero)});
+    builder_.release(value);
+  };
+  emit_truth(left);
+  const ProgramBuilder::Label end = builder_.new_label();
+  builder_.emit(op == Opcode::kAnd ? Opcode::kJumpEq : Opcode::kJumpNe, {},
+                {builder_.operand(result), builder_.operand(zero), builder_.label_operand(end)});
+  emit_truth(lower(expression.children[1]));
+  builder_.bind_label(end);
+  return result;
+}
+
 Value Lowering::emit_elementwise(Opcode op, const std::vector<Value>& values, Location location,
                                  ResultDestination* destination) {
   if (std::all_of(values.begin(), values.end(), [](const Value& v) { return v.is_constant(); })) {
-    std::array<float, program::kMaxOperands> in{};
+    std::array<double, program::kMaxOperands> in{};
     for (std::size_t i = 0; i < values.size(); ++i) in[i] = values[i].constant;
     if (const auto folded = fold_constant(op, in)) return Value::from_constant(*folded);
   }
+  check_machine_read(op, values, location);
   check_shapes(values, location);
   const auto array_value =
       std::find_if(values.begin(), values.end(), [](const Value& v) { return v.is_register(); });
@@ -163,6 +262,12 @@ Value Lowering::resolve_target(const Expression& target, bool is_register, Shape
   if (symbol == nullptr && is_macro_name(target.text)) return create_macro_local(target, is_register, shape);
   if (symbol == nullptr) return create_scalar(target, is_register);
   if (symbol->value.kind == Value::Kind::kNone) throw CompileError{target.location, {}};
+  if (symbol->machine_file && is_foreign(*symbol->machine_file)) {
+    throw CompileError{
+        target.location,
+        fmt::format("'{}' is a register of {}, which only its instructions write{}", symbol->name,
+                    file_name(sources_.file(*symbol->machine_file)), machine_hint({"mov", "in"}))};
+  }
   if (!symbol->is_writable) {
     throw CompileError{target.location,
                        fmt::format("'{}' is a value here and cannot be written", symbol->name)};
@@ -362,6 +467,42 @@ bool Lowering::find_shape(const Expression& expression, Shape& shape) const {
 
 bool Lowering::may_be_masked() const {
   return uses_mask_on_ || current_where_region() != 0 || (uses_where_ && uses_call_);
+}
+
+// Whether the current line is outside the file that declares a machine's registers.
+bool Lowering::is_foreign(std::uint32_t machine_file) const {
+  return builder_.location().file != machine_file;
+}
+
+// "; write add(…)" with those of the names that are macros of the program.
+std::string Lowering::machine_hint(std::initializer_list<std::string_view> mnemonics) const {
+  std::string hint;
+  for (const std::string_view mnemonic : mnemonics) {
+    if (std::find(other_names_.begin(), other_names_.end(), mnemonic) == other_names_.end()) continue;
+    hint += fmt::format("{}{}(…)", hint.empty() ? "; write " : " or ", mnemonic);
+  }
+  return hint;
+}
+
+// The macros of a machine model its instructions' masks and errors, which an operator of the language would
+// skip. Copies to other registers and whole-array values are host reads.
+void Lowering::check_machine_read(Opcode op, const std::vector<Value>& values, Location location) const {
+  if (machine_registers_.empty()) return;
+  for (const Value& value : values) {
+    const auto found = value.is_register() ? machine_registers_.find(value.index) : machine_registers_.end();
+    if (found == machine_registers_.end() || !is_foreign(found->second)) continue;
+    const Symbol* symbol = symbols_.find_register(value.index);
+    const std::string_view mnemonic = program::opcode_info(op).mnemonic;
+    const bool is_condition = (op >= Opcode::kLt && op <= Opcode::kNot) || op == Opcode::kSelect;
+    const std::string hint = is_condition           ? machine_hint({"where"})
+                             : op == Opcode::kDiv   ? machine_hint({"div2", "divq"})
+                             : op == Opcode::kShift ? machine_hint({"movx"})
+                                                    : machine_hint({mnemonic});
+    throw CompileError{location, fmt::format("'{}' is a register of {}, with which only its instructions "
+                                             "compute{}; a copy in a register of your own is free of this",
+                                             symbol == nullptr ? "this" : symbol->name,
+                                             file_name(sources_.file(found->second)), hint)};
+  }
 }
 
 }  // namespace apron::compiler

@@ -160,6 +160,10 @@ void Lowering::lower_declaration(const syntax::Declaration& declaration) {
   symbol.value.index = variables
                            ? builder_.add_variable(symbol.name)
                            : builder_.add_register(symbol.name, {declaration.width, declaration.height});
+  if (declaration.is_machine_register) {
+    symbol.machine_file = declaration.location.file;
+    machine_registers_[symbol.value.index] = declaration.location.file;
+  }
   symbols_.add_element(class_name, declaration.name, symbol, declaration.location);
   if (is_unqualified) symbols_.add(declaration.name, symbol);
   if (variables || declaration.palette.empty()) return;

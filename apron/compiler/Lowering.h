@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <initializer_list>
 #include <map>
 #include <optional>
 #include <set>
@@ -104,6 +105,9 @@ class Lowering {
   Value lower_name(const Expression&, ResultDestination* = nullptr);
   Value lower_expansion(const Expression&);
   Value lower_binary(const Expression&, ResultDestination*);
+  bool has_calls(const Expression&) const;
+  bool is_scalar(const Expression&) const;
+  Value lower_short_circuit(program::Opcode, const Expression&);
   Value lower_unary(const Expression&, ResultDestination*);
   Value emit_elementwise(program::Opcode, const std::vector<Value>&, Location, ResultDestination*);
   const Symbol& find_element(const Expression&) const;
@@ -123,6 +127,9 @@ class Lowering {
   void check_where_shape(Shape, Location) const;
   bool find_shape(const Expression&, Shape&) const;
   bool may_be_masked() const;
+  bool is_foreign(std::uint32_t machine_file) const;
+  std::string machine_hint(std::initializer_list<std::string_view> mnemonics) const;
+  void check_machine_read(program::Opcode, const std::vector<Value>&, Location) const;
 
   // LowerCall.cpp
   Value lower_call(const Builtin&, const Expression& call, const Expressions& arguments, ResultDestination*);
@@ -135,6 +142,8 @@ class Lowering {
   // LowerArray.cpp
   Value emit_shift(program::Opcode, const Value& source, int dx, int dy, ResultDestination*, Location);
   Value lower_shift(const Builtin&, const Expressions&, Location, ResultDestination*);
+  Value lower_variable_shift(const Builtin&, const Expression& source, const std::vector<Value>& distances,
+                             ResultDestination*, Location);
   Value lower_neighbourhood(const Builtin&, const Expressions&, Location, ResultDestination*);
   Value lower_register_property(const Builtin&, const Expressions&);
   std::uint32_t register_number(const Value&, Location) const;
@@ -226,7 +235,8 @@ class Lowering {
   std::vector<JumpSite> jumps_;
   std::vector<ScalarRead> scalar_reads_;
   std::uint32_t where_region_count_ = 0;
-  std::map<std::string, std::uint32_t> group_indices_;  // classes that are indexed by number
+  std::map<std::uint32_t, std::uint32_t> machine_registers_;  // register to the file of its machine
+  std::map<std::string, std::uint32_t> group_indices_;        // classes that are indexed by number
   bool is_register_statement_ = false;  // the statement has registers: one random number per cell
   Shape shape_hint_;                    // for cell.x and the like, which have no shape of their own
 };

@@ -124,9 +124,9 @@ Operand ProgramBuilder::operand(const Value& value) {
   return {};
 }
 
-Operand ProgramBuilder::literal_operand(float value) {
+Operand ProgramBuilder::literal_operand(double value) {
   const auto next = static_cast<std::uint32_t>(program_.literals.size());
-  const auto [found, added] = literal_indices_.try_emplace(std::bit_cast<std::uint32_t>(value), next);
+  const auto [found, added] = literal_indices_.try_emplace(std::bit_cast<std::uint64_t>(value), next);
   if (added) program_.literals.push_back(value);
   return {OperandKind::kLiteral, found->second};
 }

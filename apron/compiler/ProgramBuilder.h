@@ -23,10 +23,10 @@ struct Value {
   enum class Kind : std::uint8_t { kNone, kRegister, kScalar, kConstant };
   Kind kind = Kind::kNone;
   std::uint32_t index = 0;
-  float constant = 0.0F;
+  double constant = 0.0;
   bool is_temporary = false;
 
-  static Value from_constant(float number) noexcept { return {Kind::kConstant, 0, number, false}; }
+  static Value from_constant(double number) noexcept { return {Kind::kConstant, 0, number, false}; }
   bool is_register() const noexcept { return kind == Kind::kRegister; }
   bool is_constant() const noexcept { return kind == Kind::kConstant; }
 };
@@ -61,7 +61,7 @@ class ProgramBuilder {
   void unretain(const Value&);
 
   program::Operand operand(const Value&);
-  program::Operand literal_operand(float);
+  program::Operand literal_operand(double);
   program::Operand text_operand(const std::string&);
   Shape shape(const Value&) const;
 
@@ -91,7 +91,7 @@ class ProgramBuilder {
   program::Program program_;
   syntax::Location location_;
   std::size_t register_bytes_ = 0;                          // bytes of all registers
-  std::map<std::uint32_t, std::uint32_t> literal_indices_;  // by the float's bits
+  std::map<std::uint64_t, std::uint32_t> literal_indices_;  // by the bits of the value
   std::map<std::string, std::uint32_t> text_indices_, file_indices_;
   std::map<Shape, FreeList> free_registers_;
   std::vector<std::uint32_t> free_variables_;

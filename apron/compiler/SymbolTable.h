@@ -18,6 +18,8 @@ struct Symbol {
   bool is_writable = true;    // not a macro's argument
   std::string name;           // as shown to the user
   bool is_declared = false;   // by !create: reads as 0 before its first write
+  // The file whose lines alone compute with it, of a `!machine_register`.
+  std::optional<std::uint32_t> machine_file = std::nullopt;
 };
 
 class SymbolTable {

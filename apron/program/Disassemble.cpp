@@ -7,6 +7,13 @@
 namespace apron::program {
 namespace {
 
+// The shortest text of the 32-bit float, or all digits of a whole number that is none.
+std::string literal_text(double value) {
+  const auto cell = static_cast<float>(value);
+  return static_cast<double>(cell) == value || value != value ? fmt::format("{}", cell)
+                                                              : fmt::format("{}", value);
+}
+
 std::string operand_text(const Program& program, const Operand& operand) {
   switch (operand.kind) {
     case OperandKind::kNone:
@@ -16,7 +23,7 @@ std::string operand_text(const Program& program, const Operand& operand) {
     case OperandKind::kVariable:
       return program.variables.at(operand.index).name;
     case OperandKind::kLiteral:
-      return fmt::format("{}", program.literals.at(operand.index));
+      return literal_text(program.literals.at(operand.index));
     case OperandKind::kText:
       return fmt::format("'{}'", program.texts.at(operand.index));
     case OperandKind::kLabel:

@@ -7,17 +7,24 @@
 namespace apron::program {
 namespace {
 
-// The value of a literal operand; 0 for a variable, which verify() rejects where the value matters.
-float literal_or_zero(const Program& program, const Operand& operand) noexcept {
+// The value of a literal operand; 0 for a variable.
+double literal_or_zero(const Program& program, const Operand& operand) noexcept {
   const bool known = operand.kind == OperandKind::kLiteral && operand.index < program.literals.size();
-  return known ? program.literals[operand.index] : 0.0F;
+  return known ? program.literals[operand.index] : 0.0;
+}
+
+bool has_variable_offset(const Instruction& instruction) noexcept {
+  return instruction.operands[1].kind == OperandKind::kVariable ||
+         instruction.operands[2].kind == OperandKind::kVariable;
 }
 
 std::string nonlocality_reason(const Program& program, const Instruction& instruction) {
   const std::string_view mnemonic = opcode_info(instruction.op).mnemonic;
   if (instruction.op == Opcode::kShift || instruction.op == Opcode::kRotate) {
-    const float dx = literal_or_zero(program, instruction.operands[1]);
-    const float dy = literal_or_zero(program, instruction.operands[2]);
+    const double dx = literal_or_zero(program, instruction.operands[1]);
+    const double dy = literal_or_zero(program, instruction.operands[2]);
+    if (has_variable_offset(instruction))
+      return fmt::format("{} by a distance that is computed at run time may reach any cell", mnemonic);
     if (instruction.op == Opcode::kRotate) {
       return fmt::format("rotate by ({}, {}) joins opposite edges of the array", dx, dy);
     }
@@ -42,9 +49,10 @@ Locality locality(const Program& program, const Instruction& instruction) noexce
     return filter.width <= 3 && filter.height <= 3 ? Locality::News : Locality::Far;
   }
   if (instruction.op != Opcode::kShift) return opcode_info(instruction.op).locality;
-  const float distance = std::fabs(literal_or_zero(program, instruction.operands[1])) +
-                         std::fabs(literal_or_zero(program, instruction.operands[2]));
-  return distance <= 1.0F ? Locality::News : Locality::Far;
+  if (has_variable_offset(instruction)) return Locality::Far;
+  const double distance = std::fabs(literal_or_zero(program, instruction.operands[1])) +
+                          std::fabs(literal_or_zero(program, instruction.operands[2]));
+  return distance <= 1.0 ? Locality::News : Locality::Far;
 }
 
 std::vector<NonLocalInstruction> find_nonlocal_instructions(const Program& program) {

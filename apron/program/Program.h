@@ -113,7 +113,7 @@ struct Program {
   std::vector<Instruction> code;  // ends with kEnd
   std::vector<Register> registers;
   std::vector<Variable> variables;
-  std::vector<float> literals;
+  std::vector<double> literals;  // whole numbers up to 2^53 or 32-bit floats
   std::vector<std::string> texts;
   std::vector<Parameter> parameters;
   std::vector<Filter> filters;

@@ -121,7 +121,7 @@ class InstructionVerifier {
 
   bool is_integer_literal(const Operand& operand) const {
     if (operand.kind != Kind::kLiteral) return false;
-    const float value = program_.literals[operand.index];
+    const double value = program_.literals[operand.index];
     return std::fabs(value) <= 16777216.0F && value == std::trunc(value);
   }
 
@@ -134,8 +134,9 @@ class InstructionVerifier {
     switch (instruction_.op) {
       case Opcode::kShift:
       case Opcode::kRotate:
-        if (!is_integer_literal(instruction_.operands[1]) || !is_integer_literal(instruction_.operands[2])) {
-          return "its offsets are not whole literals";
+        for (const std::size_t k : {1U, 2U}) {
+          const Operand& offset = instruction_.operands[k];
+          if (offset.kind == Kind::kLiteral && !is_integer_literal(offset)) return "its offset is not whole";
         }
         return {};
       case Opcode::kBoundary:
@@ -161,15 +162,15 @@ class InstructionVerifier {
 
   std::string check_boundary() const {
     if (!is_integer_literal(instruction_.operands[0])) return "its rule is not a whole literal";
-    const float rule = program_.literals[instruction_.operands[0].index];
-    const bool known = rule >= 0.0F && rule <= static_cast<float>(BoundaryRule::kValue);
+    const double rule = program_.literals[instruction_.operands[0].index];
+    const bool known = rule >= 0.0F && rule <= static_cast<double>(BoundaryRule::kValue);
     return known ? "" : "its rule is unknown";
   }
 
   std::string check_neighbourhood() const {
     const Operand& count = instruction_.operands[1];
     if (!is_integer_literal(count)) return "its neighbourhood is not a whole literal";
-    const float value = program_.literals[count.index];
+    const double value = program_.literals[count.index];
     return value == 4.0F || value == 8.0F ? "" : "its neighbourhood is not 4 or 8";
   }
 

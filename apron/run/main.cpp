@@ -14,6 +14,8 @@ int main(int argc, char** argv) {
       return disassemble_program(parsed.options);
     case Subcommand::kFormat:
       return format_programs(parsed.options);
+    case Subcommand::kImport:
+      return import_program(parsed.options);
     case Subcommand::kRepl:
       return run_repl(parsed.options);
   }

@@ -36,7 +36,7 @@ struct Expression {
   ExpressionKind kind = ExpressionKind::kNumber;
   Location location;
   std::string text;
-  float number = 0.0F;
+  double number = 0.0;
   std::vector<Expression> children;
   std::shared_ptr<MacroExpansion> expansion;
   std::size_t depth = 1;

@@ -17,10 +17,11 @@ namespace {
 const std::vector<std::string> kDirectives = {"!include", "!define",    "!if",          "!else",
                                               "!endif",   "!macro_def", "!macro_begin", "!macro_end",
                                               "!object",  "!create",    "!operator",    "!default_palette",
-                                              "!module",  "!max_addr",  "!register"};
+                                              "!module",  "!max_addr",  "!register",    "!machine_register",
+                                              "!error",   "!sim_core"};
 
-constexpr std::string_view kOperators[] = {
-    "+", "-", "*", "/", "%", "<", "<=", ">", ">=", "==", "!=", "&&", "||", "and", "or", "xor", "nand", "nor"};
+constexpr std::string_view kOperators[] = {"=",  "+",  "-",  "*",  "/",   "%",  "<",   "<=",   ">",  ">=",
+                                           "==", "!=", "&&", "||", "and", "or", "xor", "nand", "nor"};
 
 std::string normalize_path(const std::string& path) {
   return std::filesystem::path(path).lexically_normal().string();
@@ -120,7 +121,9 @@ bool Preprocessor::handle_directive(Line& line, PreprocessedItem& item) {
   if (line.has_error) return false;
   if (directive.text == "define") return handle_define(line.tokens), false;
   if (directive.text == "include") return handle_include(line.tokens), false;
-  if (directive.text == "register") return handle_register(line.tokens), false;
+  if (directive.text == "register" || directive.text == "machine_register")
+    return handle_register(line.tokens), false;
+  if (directive.text == "error") return handle_error(line.tokens), false;
   if (!expand_defines(line.tokens)) return false;
   if (directive.text == "create") return handle_create(line.tokens, item);
   if (directive.text == "object") return handle_object(line.tokens, item);
@@ -128,6 +131,8 @@ bool Preprocessor::handle_directive(Line& line, PreprocessedItem& item) {
   if (directive.text == "max_addr") return handle_max_addr(line.tokens), false;
   if (directive.text == "default_palette") return handle_default_palette(line.tokens), false;
   if (directive.text == "module") return handle_module(line.tokens), false;
+  if (directive.text == "sim_core")
+    return false;  // of the original: selects its simulator, of which we have one
   if (directive.text == "macro_begin" || directive.text == "macro_end") {
     diagnostics_.error(directive.location, fmt::format("this '!{}' has no '!macro_def'", directive.text));
   } else {
@@ -190,14 +195,19 @@ void Preprocessor::push_file(const std::string& path, std::string text, Location
 }
 
 void Preprocessor::handle_define(const Tokens& tokens) {
-  const bool valid = tokens.size() >= 5 && tokens[1].is("(") && tokens[2].kind == TokenKind::kName &&
-                     tokens[3].is(",") && tokens.back().is(")") && tokens.size() - 5 < kMaxLineTokens;
-  if (!valid || tokens.size() == 5) {
+  // The name, or name[index].
+  const bool is_indexed = tokens.size() > 6 && tokens[3].is("[") && tokens[5].is("]");
+  const std::size_t comma = is_indexed ? 6 : 3;
+  const bool valid = tokens.size() > comma + 2 && tokens[1].is("(") && tokens[2].kind == TokenKind::kName &&
+                     tokens[comma].is(",") && tokens.back().is(")") &&
+                     tokens.size() - comma - 2 < kMaxLineTokens;
+  if (!valid) {
     diagnostics_.error(tokens.front().location,
                        "'!define' takes a name and the words it stands for: !define(NAME, words)");
     return;
   }
-  defines_[tokens[2].text] = Tokens(tokens.begin() + 4, tokens.end() - 1);
+  const std::string name = is_indexed ? indexed_name(tokens[2], tokens[4]) : tokens[2].text;
+  defines_[name] = Tokens(tokens.begin() + static_cast<std::ptrdiff_t>(comma) + 1, tokens.end() - 1);
 }
 
 void Preprocessor::handle_macro_def(const Tokens& tokens) {
@@ -293,12 +303,26 @@ void Preprocessor::handle_register(const Tokens& tokens) {
   for (auto argument = list.rbegin(); argument != list.rend(); ++argument) {
     const Token& token = argument->front();
     if (argument->size() != 1 || token.kind != TokenKind::kName) {
-      diagnostics_.error(token.location, "'!register' takes names: !register(A, B)");
+      diagnostics_.error(token.location, fmt::format("'!{0}' takes names: !{0}(A, B)", tokens.front().text));
       continue;
     }
     pending_declarations_.push_back(make_declaration(Declaration::Kind::kRegister, token.location));
     pending_declarations_.back().name = token.text;
+    pending_declarations_.back().is_machine_register = tokens.front().text == "machine_register";
   }
+}
+
+// Inside a macro the error is reported at the call, with the chain of expansions.
+void Preprocessor::handle_error(const Tokens& tokens) {
+  Arguments list;
+  std::string text;
+  if (!parse_arguments(tokens, 1, SIZE_MAX, list)) return;
+  for (const Tokens& argument : list)
+    for (const Token& token : argument)
+      text += token.kind == TokenKind::kString ? token.text : display_name(spelling(token));
+  const std::uint32_t expansion = frames_.back().expansion;
+  diagnostics_.error(
+      frames_.back().macro != nullptr ? sources_.expansion(expansion).call : tokens.front().location, text);
 }
 
 bool Preprocessor::parse_size_argument(const Tokens& tokens, Location location, std::uint32_t& size) {

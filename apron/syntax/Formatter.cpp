@@ -1,6 +1,8 @@
 #include "apron/syntax/Formatter.h"
 
 #include <algorithm>
+#include <cstdint>
+#include <iterator>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -124,17 +126,67 @@ std::string join_tokens(const PhysicalLine& line, const FormatToken* previous) {
   return text;
 }
 
-// How the line's first word changes the block depth of the line itself and of the following lines.
-std::pair<int, int> block_depth_change(const PhysicalLine& line) {
-  if (line.tokens.empty()) return {0, 0};
-  const std::string_view keyword = line.tokens.front().text;
-  for (const std::string_view open : {"if", "while", "for", "repeat", "where", "!if"})
-    if (keyword == open) return {0, 1};
-  for (const std::string_view close : {"endif", "endwhile", "endfor", "endrepeat", "endwhere", "!endif"})
-    if (keyword == close) return {-1, -1};
-  for (const std::string_view middle : {"else", "elsewhere", "!else"})
-    if (keyword == middle) return {-1, 0};
-  return {0, 0};
+// What the first word of a line does to the block depth.
+enum class BlockRole : std::uint8_t { kNone, kOpen, kMiddle, kClose };
+
+struct BlockKeyword {
+  std::string_view word;
+  BlockRole role;
+  std::string_view family;
+};
+
+constexpr BlockKeyword kBlockKeywords[] = {{"if", BlockRole::kOpen, "if"},
+                                           {"else", BlockRole::kMiddle, "if"},
+                                           {"endif", BlockRole::kClose, "if"},
+                                           {"while", BlockRole::kOpen, "while"},
+                                           {"endwhile", BlockRole::kClose, "while"},
+                                           {"for", BlockRole::kOpen, "for"},
+                                           {"endfor", BlockRole::kClose, "for"},
+                                           {"repeat", BlockRole::kOpen, "repeat"},
+                                           {"endrepeat", BlockRole::kClose, "repeat"},
+                                           {"where", BlockRole::kOpen, "where"},
+                                           {"elsewhere", BlockRole::kMiddle, "where"},
+                                           {"endwhere", BlockRole::kClose, "where"},
+                                           {"!if", BlockRole::kOpen, "!if"},
+                                           {"!else", BlockRole::kMiddle, "!if"},
+                                           {"!endif", BlockRole::kClose, "!if"}};
+
+// The role of each statement line. A macro may have the name of a block, as where(A) of scamp5.aps: an opening
+// word without its closing one, and the pattern of a macro's definition, open nothing.
+std::vector<BlockRole> find_block_roles(const std::vector<PhysicalLine>& lines) {
+  struct Open {
+    std::string_view family;
+    std::vector<std::size_t> lines;  // the opening line and the middle ones
+  };
+  std::vector<BlockRole> roles(lines.size(), BlockRole::kNone);
+  std::vector<Open> open;
+  bool continues = false, is_pattern = false;
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    const bool is_statement = !continues && !lines[i].tokens.empty();
+    continues = lines[i].continued;
+    if (!is_statement) continue;
+    const std::string_view word = lines[i].tokens.front().text;
+    const bool is_keyword_pattern = is_pattern;
+    is_pattern = word == "!macro_def" && lines[i].tokens.size() == 1;
+    if (is_keyword_pattern) continue;
+    const auto* const keyword = std::find_if(std::begin(kBlockKeywords), std::end(kBlockKeywords),
+                                             [&](const BlockKeyword& k) { return k.word == word; });
+    if (keyword == std::end(kBlockKeywords)) continue;
+    if (keyword->role == BlockRole::kOpen) {
+      open.push_back({keyword->family, {i}});
+      continue;
+    }
+    const auto match = std::find_if(open.rbegin(), open.rend(),
+                                    [&](const Open& block) { return block.family == keyword->family; });
+    if (match == open.rend()) continue;
+    match->lines.push_back(i);
+    if (keyword->role == BlockRole::kMiddle) continue;
+    for (const std::size_t line : match->lines) roles[line] = BlockRole::kMiddle;
+    roles[match->lines.front()] = BlockRole::kOpen;
+    roles[i] = BlockRole::kClose;
+    open.erase(std::prev(match.base()), open.end());
+  }
+  return roles;
 }
 
 struct FormattedLine {
@@ -175,24 +227,33 @@ std::string align_comments(const std::vector<FormattedLine>& lines) {
 }
 
 std::string format_lines(std::string_view text) {
-  std::vector<FormattedLine> lines;
-  int depth = 0;
-  bool continues = false, pending_blank_line = false;
-  FormatToken previous;
+  std::vector<PhysicalLine> scanned;
+  bool continues = false;
   if (text.substr(0, 3) == "\xEF\xBB\xBF") text.remove_prefix(3);
   while (!text.empty()) {
     const std::size_t end = std::min(text.find('\n'), text.size());
-    const PhysicalLine line = scan_line(text.substr(0, end), !continues);
+    scanned.push_back(scan_line(text.substr(0, end), !continues));
+    continues = scanned.back().continued;
     text.remove_prefix(std::min(end + 1, text.size()));
+  }
+  const std::vector<BlockRole> roles = find_block_roles(scanned);
+  std::vector<FormattedLine> lines;
+  std::size_t depth = 0;
+  bool pending_blank_line = false;
+  FormatToken previous;
+  continues = false;
+  for (std::size_t i = 0; i < scanned.size(); ++i) {
+    const PhysicalLine& line = scanned[i];
     if (line.tokens.empty() && line.comment.empty() && !line.continued && !continues) {
       pending_blank_line = true;
       continue;
     }
     if (pending_blank_line && !lines.empty()) lines.push_back({});
     pending_blank_line = false;
-    const auto [depth_offset, depth_delta] = continues ? std::pair{2, 0} : block_depth_change(line);
-    const auto indent = static_cast<std::size_t>(std::max(depth + depth_offset, 0)) * kIndent;
-    depth = std::max(depth + depth_delta, 0);
+    const bool outdents = roles[i] == BlockRole::kMiddle || roles[i] == BlockRole::kClose;
+    const std::size_t indent = (continues ? depth + 2 : outdents ? depth - 1 : depth) * kIndent;
+    if (roles[i] == BlockRole::kOpen) ++depth;
+    if (roles[i] == BlockRole::kClose) --depth;
     std::string code = join_tokens(line, continues && previous.text.data() != nullptr ? &previous : nullptr);
     if (line.continued) code += code.empty() ? "\\" : " \\";
     lines.push_back(

@@ -107,7 +107,7 @@ class Lexer {
     line_has_error_ = true;
   }
 
-  void add_token(TokenKind kind, Location location, std::string text, float number = 0.0F) {
+  void add_token(TokenKind kind, Location location, std::string text, double number = 0.0) {
     if (!line_has_error_) tokens_.push_back({kind, location, std::move(text), number});
   }
 
@@ -243,8 +243,8 @@ class Lexer {
     const bool hex = digits.size() > 1 && (digits[1] == 'x' || digits[1] == 'X');
     float value = 0.0F;
     std::errc error{};
+    std::uint64_t integer = 0;
     if (hex) {
-      std::uint64_t integer = 0;
       error = std::from_chars(digits.data() + 2, digits.data() + digits.size(), integer, 16).ec;
       value = static_cast<float>(integer);
     } else {
@@ -264,7 +264,18 @@ class Lexer {
       return report_error(location, fmt::format("the number {} does not fit 32-bit floating point", digits));
     }
     if (error != std::errc{}) return report_error(location, fmt::format("'{}' is not a number", digits));
-    add_token(TokenKind::kNumber, location, std::string(digits), value);
+    // Whole numbers are exact; a register's cell rounds them to its 32 bits.
+    double whole = 0.0;
+    if (hex) {
+      whole = static_cast<double>(integer);
+    } else if (std::from_chars(digits.data(), digits.data() + digits.size(), whole).ec != std::errc{}) {
+      whole = value;
+    }
+    add_token(TokenKind::kNumber, location, std::string(digits), is_exact_whole(whole) ? whole : value);
+  }
+
+  static bool is_exact_whole(double value) {
+    return std::fabs(value) <= 9007199254740992.0 && value == std::trunc(value);  // 2^53
   }
 
   static bool is_tiny(std::string_view digits) {

@@ -202,6 +202,7 @@ Parser::Cursor Parser::find_closing_bracket(Cursor open) const {
 // Starts at the '(' after the name.
 Expression Parser::parse_call(const Token& name) {
   const DepthGuard nested(*this);
+  if (name.is_name("not")) check_negation(name);
   if (preprocessor_.macros().contains(name.text)) {
     const Cursor close = find_closing_bracket(cursor_);
     const std::vector<Tokens> argument_tokens = split_arguments(cursor_ + 1, close);
@@ -226,6 +227,15 @@ Expression Parser::parse_call(const Token& name) {
     }
   }
   return make_expression(ExpressionKind::kCall, name, std::move(arguments));
+}
+
+// Refuses `not (a) > b`, which reads as the operator `not` and would be the call not(a).
+void Parser::check_negation(const Token& name) const {
+  const Cursor close = find_closing_bracket(cursor_);
+  if (close + 1 == end_ || !is_comparison(close[1])) return;
+  throw SyntaxError{name.location, fmt::format("'not (…) {0} …' has two readings: write not ((…) {0} …) or "
+                                               "(not (…)) {0} …",
+                                               close[1].text)};
 }
 
 Expression Parser::parse_argument() {

@@ -142,6 +142,7 @@ Statement Parser::parse_assignment(Cursor equals) {
                                                        equals[-1].text, spelling(*first))};
   }
   if (auto macro = parse_macro_statement(equals + 1, last, Tokens(first, equals))) return std::move(*macro);
+  if (auto macro = parse_rebound_assignment(first, equals, last)) return std::move(*macro);
   Statement result;
   result.kind = StatementKind::kAssign;
   result.location = line_begin_;
@@ -153,6 +154,32 @@ Statement Parser::parse_assignment(Cursor equals) {
   if (equals + 1 == last) throw SyntaxError{line_end_, "expected a value after '='"};
   result.value = parse_range(equals + 1, last, line_end_);
   return result;
+}
+
+// y = value where `!operator(=, name)` has made it name(y, value), a macro. An instruction of two arguments, such as
+// core.load, assigns as '=' does.
+std::optional<Statement> Parser::parse_rebound_assignment(Cursor first, Cursor equals, Cursor last) {
+  const std::string target = preprocessor_.operator_target("=");
+  if (target.empty() || equals + 1 == last) return std::nullopt;
+  const MacroTable::Handle macro = preprocessor_.macros().find(target, 2, false);
+  if (macro == nullptr && !preprocessor_.is_builtin(target)) {
+    throw SyntaxError{
+        equals->location,
+        fmt::format("'=' stands for '{}', which is not an instruction or macro of two arguments", target)};
+  }
+  if (macro == nullptr || preprocessor_.is_expanding(macro)) return std::nullopt;
+  const auto punctuator = [&](std::string text) {
+    return Token{TokenKind::kPunctuator, equals->location, std::move(text), 0.0};
+  };
+  Tokens call{{TokenKind::kName, equals->location, target, 0.0}, punctuator("(")};
+  call.insert(call.end(), first, equals);
+  call.push_back(punctuator(","));
+  call.insert(call.end(), equals + 1, last);
+  call.push_back(punctuator(")"));
+  const Cursor saved_end = std::exchange(end_, call.cend());
+  std::optional<Statement> statement = parse_macro_statement(call.cbegin(), call.cend(), {});
+  end_ = saved_end;
+  return statement;
 }
 
 // A macro call that is the whole line, or the whole right-hand side. The macro's lines follow in the program.

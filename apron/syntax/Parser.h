@@ -37,6 +37,7 @@ class Parser {
   Statement parse_statement();
   Statement parse_assignment(Cursor equals);
   Statement make_invalid(const Line&) const;
+  std::optional<Statement> parse_rebound_assignment(Cursor first, Cursor equals, Cursor last);
   std::optional<Statement> parse_macro_statement(Cursor first, Cursor last, Tokens result);
   void add_declaration(Declaration, std::vector<Statement>& out) const;
 
@@ -49,6 +50,7 @@ class Parser {
   Expression parse_name();
   Expression parse_call(const Token& name);
   Expression parse_element(const Token& name);
+  void check_negation(const Token& name) const;
   Expression parse_argument();
   Expression parse_module();
   Expression make_binary(const Token& op, Expression left, Expression right);

@@ -209,27 +209,35 @@ bool Preprocessor::expand_defines(Tokens& tokens) {
 bool Preprocessor::expand_defines(const Tokens& tokens, Tokens& out, std::set<std::string>& hide_set,
                                   int depth) {
   if (depth > kMaxDefineDepth) return false;
-  for (const Token& token : tokens) {
+  for (std::size_t i = 0; i < tokens.size(); ++i) {
+    const Token& token = tokens[i];
     if (out.size() > kMaxLineTokens) return false;
     const bool may_expand = token.kind == TokenKind::kName && !token.no_expand;
-    const auto found = may_expand ? defines_.find(token.text) : defines_.end();
+    const bool is_indexed =
+        may_expand && i + 3 < tokens.size() && tokens[i + 1].is("[") && tokens[i + 3].is("]");
+    auto found = is_indexed ? defines_.find(indexed_name(token, tokens[i + 2])) : defines_.end();
+    if (found != defines_.end()) {
+      i += 3;
+    } else {
+      found = may_expand ? defines_.find(token.text) : defines_.end();
+    }
     if (found == defines_.end()) {
       out.push_back(token);
       continue;
     }
-    if (hide_set.count(token.text) > 0) {
+    if (hide_set.count(found->first) > 0) {
       out.push_back(token);
       out.back().no_expand = true;
       continue;
     }
+    const std::string name = found->first;
     Tokens body = found->second;
-    for (Token& body_token : body)
-      body_token.location = token.location;  // errors are reported at the use
+    for (Token& body_token : body) body_token.location = token.location;  // errors are reported at the use
     const bool parenthesize = !body.empty() && body.size() > 1 && needs_parentheses(body);
     if (parenthesize) out.push_back(make_punctuator("(", token.location));
-    hide_set.insert(token.text);
+    hide_set.insert(name);
     if (!expand_defines(body, out, hide_set, depth + 1)) return false;
-    hide_set.erase(token.text);
+    hide_set.erase(name);
     if (parenthesize) out.push_back(make_punctuator(")", token.location));
   }
   return true;
@@ -245,6 +253,10 @@ std::vector<std::string> Preprocessor::define_names() const {
   names.reserve(defines_.size());
   for (const auto& [name, tokens] : defines_) names.push_back(name);
   return names;
+}
+
+std::string indexed_name(const Token& name, const Token& index) {
+  return fmt::format("{}[{}]", name.text, index.text);
 }
 
 std::vector<Tokens> split_arguments(Tokens::const_iterator first, Tokens::const_iterator last) {

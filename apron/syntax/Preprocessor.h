@@ -38,7 +38,7 @@ struct PreprocessorOptions {
   std::function<std::string(std::string_view)> check_palette;
 };
 
-// A declaration by `!register`, `!create` or `!object`.
+// A declaration by `!register`, `!machine_register`, `!create` or `!object`.
 struct Declaration {
   enum class Kind : std::uint8_t { kRegister, kElement, kClass };
   Kind kind = Kind::kRegister;
@@ -47,6 +47,7 @@ struct Declaration {
   std::string class_name;  // of an element
   std::string alias;       // of a class
   bool of_variables = false;
+  bool is_machine_register = false;     // only lines of the declaring file compute with it
   std::uint32_t width = 0, height = 0;  // cells
   std::string palette;                  // `!default_palette` in force; "" for none
   float scale = 0.0F;
@@ -131,6 +132,7 @@ class Preprocessor {
   bool parse_macro_body(Macro&, Location location);
   Declaration make_declaration(Declaration::Kind, Location) const;
   void handle_register(const Tokens&);
+  void handle_error(const Tokens&);
   bool handle_create(const Tokens&, PreprocessedItem&);
   bool handle_object(const Tokens&, PreprocessedItem&);
   bool parse_size_argument(const Tokens&, Location location, std::uint32_t& size);
@@ -155,6 +157,9 @@ class Preprocessor {
   std::size_t line_count_ = 0;
   std::size_t max_addr_ = SIZE_MAX;
 };
+
+// "name[index]": the key of a define of an indexed name.
+std::string indexed_name(const Token& name, const Token& index);
 
 // The ranges between commas outside brackets; none for an empty list.
 std::vector<Tokens> split_arguments(Tokens::const_iterator first, Tokens::const_iterator last);

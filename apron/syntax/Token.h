@@ -26,7 +26,7 @@ struct Token {
   TokenKind kind = TokenKind::kPunctuator;
   Location location;
   std::string text;  // of a name, text or symbol; without the sigil of the others
-  float number = 0.0F;
+  double number = 0.0;
   bool no_expand = false;  // a name that resulted from its own define is not expanded again
 
   bool is(std::string_view symbol) const { return kind == TokenKind::kPunctuator && text == symbol; }

@@ -62,12 +62,6 @@ DispatchKind dispatch_kind_of(Opcode op, const KernelTable& kernels) {
                                                                       : DispatchKind::kControlFlow;
 }
 
-std::int64_t to_offset(float offset) {
-  constexpr float kFar = 1e9F;  // larger than any array, and does not overflow in index arithmetic
-  return offset >= -kFar && offset <= kFar ? static_cast<std::int64_t>(offset)
-                                           : static_cast<std::int64_t>(kFar);
-}
-
 struct Decoder {
   const program::Program& program;
   RegisterFile& register_file;
@@ -112,9 +106,15 @@ struct Decoder {
 
 }  // namespace
 
+std::int64_t to_offset(double offset) noexcept {
+  constexpr double kFar = 1e9;  // larger than any array, and does not overflow in index arithmetic
+  return offset >= -kFar && offset <= kFar ? static_cast<std::int64_t>(offset)
+                                           : static_cast<std::int64_t>(kFar);
+}
+
 bool is_conditional_jump(Opcode op) noexcept { return op >= Opcode::kJumpLt && op <= Opcode::kUnlessGe; }
 
-bool is_branch_taken(Opcode op, float a, float b) noexcept {
+bool is_branch_taken(Opcode op, double a, double b) noexcept {
   switch (op) {
     case Opcode::kJumpLt:
       return a < b;
@@ -154,8 +154,12 @@ DecodedInstruction decode(const program::Program& program, const program::Instru
                        kernels.kernel(decoded.op, d.scalar_bits, true)};
     assert(decoded.kernels[0] != nullptr);
   }
-  if (decoded.dispatch == DispatchKind::kShift)
-    decoded.offset = {to_offset(*decoded.scalars[1]), to_offset(*decoded.scalars[2])};
+  if (decoded.dispatch == DispatchKind::kShift) {
+    decoded.has_variable_offset = instruction.operands[1].kind == OperandKind::kVariable ||
+                                  instruction.operands[2].kind == OperandKind::kVariable;
+    if (!decoded.has_variable_offset)
+      decoded.offset = {to_offset(*decoded.scalars[1]), to_offset(*decoded.scalars[2])};
+  }
   if (decoded.op == Opcode::kBoundary)
     decoded.boundary.rule = static_cast<program::BoundaryRule>(*decoded.scalars[0]);
   if (decoded.op == Opcode::kParameter) {

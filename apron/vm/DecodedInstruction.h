@@ -35,10 +35,11 @@ struct DecodedInstruction {
   // Registers are referenced through pointers to their planes: double buffering exchanges the buffers.
   const Plane* destination = nullptr;
   std::array<const Plane*, program::kMaxOperands> planes{};
-  std::array<const float*, program::kMaxOperands> scalars{};  // sources that are variables or literals
+  std::array<const double*, program::kMaxOperands> scalars{};  // sources that are variables or literals
 
-  float* destination_variable = nullptr;
-  Offset offset{};  // shifts
+  double* destination_variable = nullptr;
+  Offset offset{};  // shifts by literals
+  bool has_variable_offset = false;
   BoundaryCondition boundary{};
   Plane scratch{};  // staging for masked reads and plugin results
   std::string_view text{};
@@ -49,13 +50,16 @@ struct DecodedInstruction {
 // Storage of a program's operands.
 struct RegisterFile {
   std::vector<Plane> registers;
-  std::vector<float> scalars;  // variables, then literals
+  std::vector<double> scalars;  // variables, then literals; see program/ScalarValue.h
 };
 
 // jump.lt to unless.ge.
 bool is_conditional_jump(program::Opcode op) noexcept;
 // Whether the conditional jump `op` with operands a and b is taken.
-bool is_branch_taken(program::Opcode op, float a, float b) noexcept;
+bool is_branch_taken(program::Opcode op, double a, double b) noexcept;
+
+// The offset of a shift in cells, limited to what is beyond any array.
+std::int64_t to_offset(double offset) noexcept;
 
 // The result refers to the program, the register file and the kernel table, which must outlive it and whose
 // vectors must not be resized.

@@ -3,6 +3,8 @@
 #include <charconv>
 #include <cmath>
 
+#include "apron/program/ScalarValue.h"
+
 namespace apron::vm {
 
 std::string_view format_number(float value, NumberBuffer& buffer) noexcept {
@@ -12,6 +14,20 @@ std::string_view format_number(float value, NumberBuffer& buffer) noexcept {
   const auto format = plain ? std::chars_format::fixed : std::chars_format::general;
   const auto end = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value, format).ptr;
   return {buffer.data(), static_cast<std::size_t>(end - buffer.data())};
+}
+
+std::string_view format_number(double value, NumberBuffer& buffer) noexcept {
+  constexpr double kFirstInexact = 16777216.0;  // 2^24
+  if (std::fabs(value) <= kFirstInexact || !program::is_whole_scalar(value))
+    return format_number(static_cast<float>(value), buffer);
+  const auto end =
+      std::to_chars(buffer.data(), buffer.data() + buffer.size(), value, std::chars_format::fixed).ptr;
+  return {buffer.data(), static_cast<std::size_t>(end - buffer.data())};
+}
+
+std::string format_number(double value) {
+  NumberBuffer buffer;
+  return std::string(format_number(value, buffer));
 }
 
 std::string format_number(float value) {

@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cassert>
 #include <chrono>
+#include <cmath>
 #include <map>
 
+#include "apron/program/ScalarValue.h"
 #include "apron/vm/NumberFormat.h"
 #include "apron/vm/kernels/ScalarKernels.h"
 #include "apron/vm/kernels/Shift.h"
@@ -128,7 +130,7 @@ Status Vm::execute(const DecodedInstruction& decoded) {
       return execute_elementwise(decoded);
     case DispatchKind::kScalar: {
       const auto value = [&](std::size_t k) {
-        return decoded.scalars[k] != nullptr ? *decoded.scalars[k] : 0.0F;
+        return decoded.scalars[k] != nullptr ? *decoded.scalars[k] : 0.0;
       };
       *decoded.destination_variable = evaluate_scalar(decoded.op, value(0), value(1), value(2));
       return Status::kRunning;
@@ -172,7 +174,7 @@ Status Vm::execute_elementwise(const DecodedInstruction& decoded) {
   block.columns = decoded.destination->width;
   for (std::size_t k = 0; k < program::kMaxOperands; ++k) {
     if (decoded.planes[k] != nullptr) block.source[k] = decoded.planes[k]->data;
-    if (decoded.scalars[k] != nullptr) block.scalar[k] = *decoded.scalars[k];
+    if (decoded.scalars[k] != nullptr) block.scalar[k] = static_cast<float>(*decoded.scalars[k]);
   }
   executor_.run_kernel(decoded.kernels[block.mask != nullptr ? 1 : 0], block);
   return Status::kRunning;
@@ -183,8 +185,16 @@ Status Vm::execute_shift(const DecodedInstruction& decoded) {
   const WriteAccess access = check_write_access(decoded, mask);
   if (access != WriteAccess::kAllowed)
     return access == WriteAccess::kSuppressed ? Status::kRunning : report_mask_mismatch(*decoded.destination);
+  Offset offset = decoded.offset;
+  if (decoded.has_variable_offset) {
+    const double dx = *decoded.scalars[1], dy = *decoded.scalars[2];
+    if (dx != std::trunc(dx) || dy != std::trunc(dy))
+      return fail(Status::kFailed, "the distance of a shift is a whole number, not " +
+                                       std::string(format_number(dx != std::trunc(dx) ? dx : dy)));
+    offset = {to_offset(dx), to_offset(dy)};
+  }
   const BoundaryCondition wrap{program::BoundaryRule::kWrap, 0.0F};
-  shift(executor_, *decoded.destination, *decoded.planes[0], decoded.offset,
+  shift(executor_, *decoded.destination, *decoded.planes[0], offset,
         decoded.op == Opcode::kRotate ? wrap : boundary_, mask);
   return Status::kRunning;
 }
@@ -210,9 +220,10 @@ Status Vm::execute_reduction(const DecodedInstruction& decoded) {
     else
       result += *row;
   }
-  auto value = static_cast<float>(result);
-  if (decoded.op == Opcode::kGlobalMean) value /= static_cast<float>(a.cell_count());
-  if (decoded.op == Opcode::kGlobalAny) value = value != 0.0F ? 1.0F : 0.0F;
+  double value = program::to_scalar(result);
+  if (decoded.op == Opcode::kGlobalMean)
+    value = static_cast<float>(result) / static_cast<float>(a.cell_count());
+  if (decoded.op == Opcode::kGlobalAny) value = value != 0.0 ? 1.0 : 0.0;
   *decoded.destination_variable = value;
   return Status::kRunning;
 }
@@ -233,7 +244,7 @@ Status Vm::execute_mask_op(const DecodedInstruction& decoded) {
         return fail(Status::kFailed,
                     "where is nested more than " + std::to_string(program::kMaxMaskDepth) + " deep");
       if (plane.data == nullptr)
-        masks_.push(*decoded.scalars[0]);
+        masks_.push(static_cast<float>(*decoded.scalars[0]));
       else if (!masks_.push(plane))
         return fail(Status::kFailed, "where takes a register of " + format_shape(plane) +
                                          ", but the mask in force is " + format_shape(masks_.mask()));
@@ -250,10 +261,10 @@ Status Vm::execute_mask_op(const DecodedInstruction& decoded) {
 
 Status Vm::access_pixel(const DecodedInstruction& decoded) {
   const bool get = decoded.op == Opcode::kPixelGet;
-  const float x = *decoded.scalars[get ? 1 : 0], y = *decoded.scalars[get ? 2 : 1];
-  const auto width = static_cast<float>(get ? decoded.planes[0]->width : decoded.destination->width);
-  const auto height = static_cast<float>(get ? decoded.planes[0]->height : decoded.destination->height);
-  if (!(x >= 0.0F && x < width && y >= 0.0F && y < height))
+  const double x = *decoded.scalars[get ? 1 : 0], y = *decoded.scalars[get ? 2 : 1];
+  const auto width = static_cast<double>(get ? decoded.planes[0]->width : decoded.destination->width);
+  const auto height = static_cast<double>(get ? decoded.planes[0]->height : decoded.destination->height);
+  if (!(x >= 0.0 && x < width && y >= 0.0 && y < height))
     return fail(Status::kFailed, (get ? "pixel.get" : "pixel.set") + std::string(" at column ") +
                                      format_number(x) + ", row " + format_number(y) +
                                      " is outside a register of " +
@@ -268,7 +279,7 @@ Status Vm::access_pixel(const DecodedInstruction& decoded) {
   if (access == WriteAccess::kShapeMismatch) return report_mask_mismatch(*decoded.destination);
   float* cell = &decoded.destination->row(row)[column];
   if (access == WriteAccess::kAllowed && (mask == nullptr || mask[cell - decoded.destination->data] != 0.0F))
-    *cell = *decoded.scalars[2];
+    *cell = static_cast<float>(*decoded.scalars[2]);
   return Status::kRunning;
 }
 
@@ -293,7 +304,7 @@ Status Vm::execute_control_flow(const DecodedInstruction& decoded) {
     case Opcode::kNop:
       return Status::kRunning;
     case Opcode::kBoundary:
-      boundary_ = {decoded.boundary.rule, *decoded.scalars[1]};
+      boundary_ = {decoded.boundary.rule, static_cast<float>(*decoded.scalars[1])};
       return Status::kRunning;
     case Opcode::kCall:
       return execute_call(decoded);

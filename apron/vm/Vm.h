@@ -82,8 +82,8 @@ class Vm {
   void set_profiling(bool on);
   std::size_t call_depth() const noexcept { return return_addresses_.size(); }
   Plane plane(std::size_t register_index) const noexcept { return register_file_.registers[register_index]; }
-  float& variable(std::size_t index) noexcept { return register_file_.scalars[index]; }
-  float variable(std::size_t index) const noexcept { return register_file_.scalars[index]; }
+  double& variable(std::size_t index) noexcept { return register_file_.scalars[index]; }
+  double variable(std::size_t index) const noexcept { return register_file_.scalars[index]; }
 
  private:
   void reserve_masks();

@@ -22,7 +22,7 @@ Status Vm::execute_array_op(const DecodedInstruction& decoded) {
     case Opcode::kRandomInt:
       return fill_random(decoded);
     case Opcode::kRandomSeed:
-      random_stream_ = {std::bit_cast<std::uint32_t>(*decoded.scalars[0]), 0};
+      random_stream_ = {std::bit_cast<std::uint32_t>(static_cast<float>(*decoded.scalars[0])), 0};
       return Status::kRunning;
     case Opcode::kStackPush:
       return push_register(decoded);
@@ -66,8 +66,8 @@ Status Vm::execute_neighbourhood(const DecodedInstruction& decoded) {
       components_.spread_max(to, a, *decoded.planes[1], executor_.kernels());
       break;
     default:
-      reduce_neighbours(executor_, decoded.op, *decoded.scalars[1] == 8.0F, *decoded.destination, a,
-                        boundary_, mask);
+      reduce_neighbours(executor_, decoded.op, *decoded.scalars[1] == 8.0, *decoded.destination, a, boundary_,
+                        mask);
       return Status::kRunning;
   }
   if (mask != nullptr) copy_plane(*decoded.destination, to, mask);
@@ -88,19 +88,19 @@ void Vm::copy_plane(Plane y, ConstPlane a, const float* mask) noexcept {
 
 Status Vm::set_filter_coefficient(const DecodedInstruction& decoded) {
   program::Filter& filter = program_.filters[decoded.table_index];
-  const float index = *decoded.scalars[1];
-  if (!(index >= 0.0F && index < static_cast<float>(filter.coefficients.size())))
+  const double index = *decoded.scalars[1];
+  if (!(index >= 0.0 && index < static_cast<double>(filter.coefficients.size())))
     return fail(Status::kFailed, "the filter '" + filter.name + "' of " + std::to_string(filter.width) + "x" +
                                      std::to_string(filter.height) + " has no element number " +
                                      format_number(index));
-  filter.coefficients[static_cast<std::size_t>(index)] = *decoded.scalars[2];
+  filter.coefficients[static_cast<std::size_t>(index)] = static_cast<float>(*decoded.scalars[2]);
   return Status::kRunning;
 }
 
 Status Vm::fill_random(const DecodedInstruction& decoded) {
   const RandomStream draw = random_stream_;
   ++random_stream_.draw_index;  // independent of the mask
-  const float a = *decoded.scalars[0], b = *decoded.scalars[1];
+  const auto a = static_cast<float>(*decoded.scalars[0]), b = static_cast<float>(*decoded.scalars[1]);
   if (decoded.destination_variable != nullptr) {
     *decoded.destination_variable = draw(decoded.op, 0, 0, a, b);
     return Status::kRunning;
@@ -162,8 +162,8 @@ Status Vm::pop_register(const DecodedInstruction& decoded) {
 
 Status Vm::access_group_member(const DecodedInstruction& decoded) {
   const program::OperandGroup& group = program_.groups[decoded.table_index];
-  const float number = *decoded.scalars[1];
-  if (!(number >= 0.0F && number < static_cast<float>(group.members.size()) && number == std::floor(number)))
+  const double number = *decoded.scalars[1];
+  if (!(number >= 0.0 && number < static_cast<double>(group.members.size()) && number == std::floor(number)))
     return fail(Status::kFailed, "the class " + group.name + " has " + std::to_string(group.members.size()) +
                                      (group.members.size() == 1 ? " element" : " elements") +
                                      ", numbered from 0; there is no number " + format_number(number));
@@ -200,7 +200,7 @@ Status Vm::access_group_register(const DecodedInstruction& decoded, Plane reg) {
   }
   Block block;
   block.y = y.data;
-  block.scalar[0] = *decoded.scalars[2];
+  block.scalar[0] = static_cast<float>(*decoded.scalars[2]);
   block.mask = mask;
   block.set_pitch(y.pitch);
   block.rows = y.height;

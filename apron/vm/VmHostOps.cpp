@@ -3,6 +3,7 @@
 #include <cmath>
 #include <string>
 
+#include "apron/program/ScalarValue.h"
 #include "apron/vm/NumberFormat.h"
 #include "apron/vm/Vm.h"
 
@@ -12,11 +13,11 @@ using program::Opcode;
 
 namespace {
 
-constexpr float kMaxTileColumns = 64.0F;
+constexpr double kMaxTileColumns = 64.0;
 
 // File name of image n of a sequence. n replaces the run of '#', zero-padded to its length; without a '#' it
 // is inserted before the extension.
-std::string numbered_file_name(std::string_view name, float n) {
+std::string numbered_file_name(std::string_view name, double n) {
   std::string digits(format_number(n));
   std::size_t first = name.find('#');
   std::size_t last = first;
@@ -62,8 +63,8 @@ Status Vm::execute_host_op(const DecodedInstruction& decoded) {
       host_.close_clip();
       return Status::kRunning;
     case Opcode::kWebcamOpen: {
-      const float number = *decoded.scalars[0];
-      return to_status(host_.open_camera(number >= 0.0F && number < 1e6F ? static_cast<int>(number) : -1));
+      const double number = *decoded.scalars[0];
+      return to_status(host_.open_camera(number >= 0.0 && number < 1e6 ? static_cast<int>(number) : -1));
     }
     case Opcode::kWebcamClose:
       host_.close_camera();
@@ -75,8 +76,8 @@ Status Vm::execute_host_op(const DecodedInstruction& decoded) {
       host_.display(register_name(decoded), decoded.text);
       return Status::kRunning;
     case Opcode::kTile: {
-      const float columns = *decoded.scalars[0];
-      host_.tile(columns >= 1.0F ? static_cast<int>(std::fmin(columns, kMaxTileColumns)) : 0);
+      const double columns = *decoded.scalars[0];
+      host_.tile(columns >= 1.0 ? static_cast<int>(std::fmin(columns, kMaxTileColumns)) : 0);
       return Status::kRunning;
     }
     case Opcode::kTimerStart:
@@ -107,7 +108,8 @@ Status Vm::execute_host_op(const DecodedInstruction& decoded) {
       host_.set_palette(register_name(decoded), decoded.text);
       return Status::kRunning;
     case Opcode::kSetScale:
-      host_.set_scale(register_name(decoded), *decoded.scalars[1], *decoded.scalars[2]);
+      host_.set_scale(register_name(decoded), static_cast<float>(*decoded.scalars[1]),
+                      static_cast<float>(*decoded.scalars[2]));
       return Status::kRunning;
     case Opcode::kPluginWith:
       return push_plugin_argument(decoded);
@@ -119,8 +121,9 @@ Status Vm::execute_host_op(const DecodedInstruction& decoded) {
     case Opcode::kImageSave:
       return to_status(host_.save_image(decoded.text, *decoded.planes[0]));
     case Opcode::kSurfaceActuate:
-      return to_status(decoded.scalars[1] != nullptr ? host_.actuate(decoded.text, *decoded.scalars[1])
-                                                     : host_.actuate(decoded.text, *decoded.planes[1]));
+      return to_status(decoded.scalars[1] != nullptr
+                           ? host_.actuate(decoded.text, static_cast<float>(*decoded.scalars[1]))
+                           : host_.actuate(decoded.text, *decoded.planes[1]));
     case Opcode::kSurfaceStep: {
       const HostStatus status = host_.step();
       return status == HostStatus::kOk ? Status::kTick : to_status(status);
@@ -186,15 +189,16 @@ Status Vm::push_plugin_argument(const DecodedInstruction& decoded) {
   if (plugin_arguments_.size() == program::kMaxPluginArguments)
     return fail(Status::kFailed,
                 "a plugin takes at most " + std::to_string(program::kMaxPluginArguments) + " arguments");
-  plugin_arguments_.push_back({decoded.planes[0] != nullptr ? ConstPlane(*decoded.planes[0]) : ConstPlane(),
-                               decoded.scalars[0] != nullptr ? *decoded.scalars[0] : 0.0F});
+  plugin_arguments_.push_back(
+      {decoded.planes[0] != nullptr ? ConstPlane(*decoded.planes[0]) : ConstPlane(),
+       decoded.scalars[0] != nullptr ? static_cast<float>(*decoded.scalars[0]) : 0.0F});
   return Status::kRunning;
 }
 
 Status Vm::execute_plugin(const DecodedInstruction& decoded) {
   const std::string& module = program_.modules[decoded.table_index];
-  const float number = *decoded.scalars[1];
-  if (!(number >= 0.0F && number < 1e9F && number == std::floor(number)))
+  const double number = *decoded.scalars[1];
+  if (!(number >= 0.0 && number < 1e9 && number == std::floor(number)))
     return fail(Status::kFailed,
                 "a plugin's operation is a whole number from 0, not " + format_number(number));
   const float* mask = nullptr;
@@ -207,8 +211,11 @@ Status Vm::execute_plugin(const DecodedInstruction& decoded) {
     to = decoded.scratch;
     copy_plane(to, *decoded.destination, nullptr);
   }
+  float value =
+      decoded.destination_variable != nullptr ? static_cast<float>(*decoded.destination_variable) : 0.0F;
   const HostStatus status = host_.call_plugin(module, static_cast<int>(number), plugin_arguments_, to,
-                                              decoded.destination_variable);
+                                              decoded.destination_variable != nullptr ? &value : nullptr);
+  if (decoded.destination_variable != nullptr) *decoded.destination_variable = value;
   plugin_arguments_.clear();
   if (status != HostStatus::kOk) return to_status(status);
   if (decoded.destination != nullptr && access == WriteAccess::kAllowed)
@@ -231,7 +238,7 @@ void Vm::print_value(const DecodedInstruction& decoded) {
 
 Status Vm::set_surface_value(const DecodedInstruction& decoded, std::optional<double> value) {
   if (!value) return fail(Status::kRefused, host_.message());
-  *decoded.destination_variable = static_cast<float>(*value);
+  *decoded.destination_variable = program::to_scalar(*value);
   return Status::kRunning;
 }
 

@@ -14,6 +14,7 @@
 #include <new>
 
 #include "apron/program/LocalityCheck.h"
+#include "apron/program/Reachability.h"
 #include "apron/run/cli/CompiledProgram.h"
 #include "apron/run/cli/ProfileReport.h"
 #include "apron/run/cli/TerminalMonitor.h"
@@ -45,18 +46,41 @@ std::string unknown_parameter_message(const Options& options, const program::Pro
   return {};
 }
 
-// Instructions between two updates of the monitor; larger than any fused segment.
+// Instructions between two updates of the monitor or looks at the clock; larger than any fused segment.
 constexpr std::uint64_t kMonitorInterval = 8192;
 
-vm::Status run_until_end(vm::Vm& vm, const Options& options, std::uint64_t& ticks) {
+// Warns once when a surface has waited that long for surface.step.
+class StepWatchdog {
+ public:
+  explicit StepWatchdog(bool active) : active_(active) {}
+
+  bool active() const noexcept { return active_; }
+  void stepped() { last_step_ = Clock::now(); }
+  void check() {
+    if (!active_ || Clock::now() - last_step_ < kPatience) return;
+    active_ = false;
+    std::cerr << "apron: warning: the surface has waited 2 s for surface.step\n";
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  static constexpr std::chrono::seconds kPatience{2};
+  bool active_;
+  Clock::time_point last_step_ = Clock::now();
+};
+
+vm::Status run_until_end(vm::Vm& vm, const Options& options, bool surface_waits, std::uint64_t& ticks) {
   std::optional<TerminalMonitor> monitor;
   if (!options.watch.empty()) {
     monitor.emplace(vm, options.watch);
     monitor->update();  // prepare the screen before the program prints
   }
+  StepWatchdog watchdog(surface_waits);
   while (!options.ticks || ticks < *options.ticks) {
-    const vm::Status status = monitor ? vm.run(kMonitorInterval) : vm.run();
+    const vm::Status status = monitor || watchdog.active() ? vm.run(kMonitorInterval) : vm.run();
     if (monitor) monitor->update();
+    if (status == vm::Status::kTick) watchdog.stepped();
+    watchdog.check();
     if (status == vm::Status::kTick)
       ++ticks;
     else if (status != vm::Status::kRunning)
@@ -123,7 +147,7 @@ RunResult run_headless(const Options& options, program::Program program, LocalHo
   vm_options.fusion.preserve_named_registers = !options.watch.empty();
   vm::Vm vm(std::move(program), vm_options, host);
   RunResult result;
-  result.status = run_until_end(vm, options, result.ticks);
+  result.status = run_until_end(vm, options, host.surface_waits(), result.ticks);
   result.error = vm.error();
   result.profile = vm.profile();
   return result;
@@ -149,7 +173,7 @@ int compile_and_run(const Options& options, std::uint32_t width, std::uint32_t h
     return print_error(common::kUserError, "error: " + message);
   std::optional<CostModel> model;
   if (std::string error; !options.cost_model.empty()) {
-    model = read_cost_model(options.cost_model, error);
+    model = read_cost_model(find_library_file(options.cost_model), error);
     if (!model) {
       std::cerr << error << '\n';
       return common::kUserError;
@@ -254,6 +278,9 @@ int run_program(const Options& options) {
 int check_program(const Options& options) {
   const std::optional<program::Program> program = compile_or_report(options, options.width, options.height);
   if (!program) return common::kUserError;
+  if (program::uses_surface(*program) && !program::can_reach(*program, program::Opcode::kSurfaceStep))
+    std::cerr << options.program << ": warning: the program uses the surface and never reaches surface.step, "
+              << "for which the surface waits\n";
   if (!options.local_profile) return common::kDone;
   const std::vector<program::NonLocalInstruction> nonlocal = program::find_nonlocal_instructions(*program);
   for (const program::NonLocalInstruction& instruction : nonlocal) {

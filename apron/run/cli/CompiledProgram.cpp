@@ -58,6 +58,13 @@ std::optional<program::Program> compile_or_report(const Options& options, std::u
   return std::move(compiled->program);
 }
 
+std::string find_library_file(const std::string& name) {
+  std::error_code error;
+  if (std::filesystem::exists(name, error) || name.find('/') != std::string::npos) return name;
+  const std::filesystem::path installed = std::filesystem::path(library_path()) / name;
+  return std::filesystem::exists(installed, error) ? installed.string() : name;
+}
+
 std::vector<std::string> module_search_paths(const Options& options) {
   std::vector<std::string> paths{std::filesystem::path(options.program).parent_path().string()};
   paths.insert(paths.end(), options.include_paths.begin(), options.include_paths.end());

@@ -27,6 +27,9 @@ std::optional<CompiledProgram> compile_with_sources(const Options& options, std:
 std::optional<program::Program> compile_or_report(const Options& options, std::uint32_t width,
                                                   std::uint32_t height);
 
+// A file as given or, if there is none and the name has no folder, the one of that name in the library.
+std::string find_library_file(const std::string& name);
+
 // The directories searched for modules, in order: the program's own, the -I paths, the library.
 std::vector<std::string> module_search_paths(const Options& options);
 

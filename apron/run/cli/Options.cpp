@@ -150,6 +150,17 @@ void add_run_options(CLI::App& run, RawOptions& raw) {
       ->type_name("FILE");
 }
 
+void add_import_options(CLI::App& import, RawOptions& raw) {
+  import.add_option("kernel", raw.options.program, "SCAMP-5 kernels in C++, or a list of instructions")
+      ->type_name("FILE")
+      ->required();
+  import
+      .add_option("--output", raw.options.output, "write the program to this file instead of standard output")
+      ->type_name("FILE.aps");
+  import.add_option("--picture", raw.options.picture, "picture that the imported program takes as its light")
+      ->type_name("FILE");
+}
+
 void parse_geometry(RawOptions& raw) {
   WindowGeometry& geometry = raw.options.geometry;
   if (raw.geometry.empty()) return;
@@ -257,6 +268,8 @@ ParsedOptions parse_options(int argc, char** argv) {
   add_common_options(disassemble, raw);
   CLI::App& format = *app.add_subcommand("fmt", "format programs");
   add_format_options(format, raw);
+  CLI::App& import = *app.add_subcommand("import", "translate SCAMP-5 kernels into a program");
+  add_import_options(import, raw);
   CLI::App& repl = *app.add_subcommand("repl", "run a program interactively, line by line");
   add_common_options(repl, raw, false);
   add_execution_options(repl, raw);
@@ -272,6 +285,7 @@ ParsedOptions parse_options(int argc, char** argv) {
                              : check.parsed()  ? Subcommand::kCheck
                              : format.parsed() ? Subcommand::kFormat
                              : repl.parsed()   ? Subcommand::kRepl
+                             : import.parsed() ? Subcommand::kImport
                                                : Subcommand::kDisassemble;
     if (repl.parsed())
       for (const std::string& set : raw.sets) parse_parameter(raw, set);

@@ -12,7 +12,7 @@
 
 namespace apron::run {
 
-enum class Subcommand { kRun, kCheck, kDisassemble, kFormat, kRepl };
+enum class Subcommand { kRun, kCheck, kDisassemble, kFormat, kRepl, kImport };
 
 // An off-screen picture of the window's contents.
 struct Screenshot {
@@ -30,6 +30,8 @@ struct WindowGeometry {
 struct Options {
   Subcommand subcommand = Subcommand::kRun;
   std::string program;
+  std::string output;                     // import --output; empty for standard output
+  std::string picture;                    // import --picture
   std::string surface;                    // --shm; empty for none
   std::uint32_t width = 64, height = 64;  // --size, without a surface
   std::optional<std::uint64_t> ticks;

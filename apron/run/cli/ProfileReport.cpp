@@ -1,5 +1,6 @@
 #include "apron/run/cli/ProfileReport.h"
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -48,7 +49,9 @@ bool is_mnemonic(const std::string& name) {
 }
 
 CostModel parse_model(const ordered_json& object) {
-  require_known_fields(object, {"name", "clock_hz", "idle_w", "default", "instructions"}, "the model");
+  require_known_fields(object,
+                       {"name", "clock_hz", "idle_w", "default", "instructions", "macros", "frame_macros"},
+                       "the model");
   CostModel model;
   if (object.contains("name") && object["name"].is_string()) model.name = object["name"].get<std::string>();
   model.clock_hz = read_number(object, "clock_hz", 0.0, "the model");
@@ -56,6 +59,18 @@ CostModel parse_model(const ordered_json& object) {
     throw CostModelError{"the model: 'clock_hz' must be positive (cycles per second)"};
   model.idle_w = read_number(object, "idle_w", 0.0, "the model");
   if (object.contains("default")) model.default_cost = parse_cost(object["default"], "'default'");
+  if (object.contains("macros")) {
+    if (!object["macros"].is_object()) throw CostModelError{"'macros': must be an object { … }"};
+    for (const auto& [name, value] : object["macros"].items())
+      model.macros[name] = parse_cost(value, "'" + name + "'");
+  }
+  if (object.contains("frame_macros")) {
+    const ordered_json& names = object["frame_macros"];
+    const bool valid = names.is_array() && std::all_of(names.begin(), names.end(),
+                                                       [](const auto& name) { return name.is_string(); });
+    if (!valid) throw CostModelError{"'frame_macros': must be a list of names [ … ]"};
+    model.frame_macros = names.get<std::vector<std::string>>();
+  }
   if (!object.contains("instructions")) return model;
   if (!object["instructions"].is_object()) throw CostModelError{"'instructions': must be an object { … }"};
   for (const auto& [name, value] : object["instructions"].items()) {
@@ -99,12 +114,78 @@ double cell_count(const program::Program& program, const program::Instruction& i
   return 0.0;
 }
 
+// The outermost expansion around an instruction whose macro the model prices; 0 if there is none.
+std::uint32_t priced_expansion(const program::Program& program, std::size_t index, const CostModel& model) {
+  std::uint32_t priced = 0;
+  std::uint32_t expansion = program.source_locations[program.code[index].source_location].expansion;
+  while (expansion != 0) {
+    if (model.macros.contains(program.expansions[expansion].macro)) priced = expansion;
+    expansion = program.expansions[expansion].call_site.expansion;
+  }
+  return priced;
+}
+
+// Bills each expansion of a priced macro as one instruction of the machine: its first instruction in the code
+// carries the cost of the whole expansion.
+class MacroBilling {
+ public:
+  MacroBilling(const program::Program& program, const std::vector<vm::InstructionProfile>& profile,
+               const CostModel& model)
+      : program_(program), model_(model), carries_(program.expansions.size(), false) {
+    if (model.macros.empty()) return;
+    for (std::size_t index = 0; index < profile.size(); ++index) {
+      const std::uint32_t expansion = priced_expansion(program, index, model);
+      if (expansion == 0) continue;
+      entries_.resize(profile.size());
+      Entry& entry = entries_[index];
+      entry.expansion = expansion;
+      entry.is_first = !carries_[expansion];
+      carries_[expansion] = true;
+    }
+  }
+
+  // Whether the instruction belongs to a priced macro, and then its cost: 0 except for the first.
+  bool bill(std::size_t index, std::uint64_t executions, double cells, ProfileTotals& totals) {
+    if (entries_.empty() || entries_[index].expansion == 0) return false;
+    const Entry& entry = entries_[index];
+    if (!entry.is_first) return true;
+    const std::string& name = program_.expansions[entry.expansion].macro;
+    const InstructionCost& cost = model_.macros.at(name);
+    const auto times = static_cast<double>(executions);
+    totals.cycles = times * (cost.cycles + cost.cycles_per_cell * cells);
+    totals.energy_j = times * (cost.energy_j + cost.energy_j_per_cell * cells);
+    ProfileTotals& sum = by_macro_[name];
+    sum += totals;
+    return true;
+  }
+
+  const std::map<std::string, ProfileTotals>& by_macro() const noexcept { return by_macro_; }
+  std::uint64_t frame_count() const {
+    std::uint64_t count = 0;
+    for (const std::string& name : model_.frame_macros)
+      if (const auto found = by_macro_.find(name); found != by_macro_.end()) count += found->second.count;
+    return count;
+  }
+
+ private:
+  struct Entry {
+    std::uint32_t expansion = 0;
+    bool is_first = false;
+  };
+  const program::Program& program_;
+  const CostModel& model_;
+  std::vector<bool> carries_;
+  std::vector<Entry> entries_;
+  std::map<std::string, ProfileTotals> by_macro_;
+};
+
 ProfileTotals instruction_totals(const program::Program& program, std::size_t index,
-                                 const vm::InstructionProfile& profile,
-                                 const std::optional<CostModel>& model) {
+                                 const vm::InstructionProfile& profile, const std::optional<CostModel>& model,
+                                 MacroBilling* billing, double array_cells) {
   ProfileTotals totals{profile.executions, profile.nanoseconds, 0.0, 0.0};
   if (!model) return totals;
   const program::Instruction& instruction = program.code[index];
+  if (billing->bill(index, profile.executions, array_cells, totals)) return totals;
   const auto found = model->instructions.find(std::string(program::opcode_info(instruction.op).mnemonic));
   const InstructionCost& cost = found != model->instructions.end() ? found->second : model->default_cost;
   const auto executions = static_cast<double>(profile.executions);
@@ -147,13 +228,20 @@ std::optional<CostModel> read_cost_model(const std::string& file, std::string& e
 
 std::string profile_json(const program::Program& program, const std::vector<vm::InstructionProfile>& profile,
                          std::uint64_t frame_count, const std::optional<CostModel>& model) {
+  std::optional<MacroBilling> billing;
+  if (model) billing.emplace(program, profile, *model);
+  // The machine's registers have the array's size, which is that of the first register.
+  const double array_cells = program.registers.empty() ? 0.0
+                                                       : static_cast<double>(program.registers[0].width) *
+                                                             program.registers[0].height;
   std::map<std::string, ProfileTotals> by_name;
   std::map<std::pair<std::uint32_t, std::uint32_t>, ProfileTotals> by_line;
   ProfileTotals total;
   ordered_json instructions = ordered_json::array();
   for (std::size_t index = 0; index < profile.size(); ++index) {
     if (profile[index].executions == 0) continue;
-    const ProfileTotals sum = instruction_totals(program, index, profile[index], model);
+    const ProfileTotals sum =
+        instruction_totals(program, index, profile[index], model, billing ? &*billing : nullptr, array_cells);
     const program::SourceLocation& source = program.source_locations[program.code[index].source_location];
     total += sum;
     by_name[std::string(program::opcode_info(program.code[index].op).mnemonic)] += sum;
@@ -167,9 +255,23 @@ std::string profile_json(const program::Program& program, const std::vector<vm::
   }
   ordered_json report;
   report["how"] = "one instruction at a time; without --profile instructions run together and faster";
+  if (frame_count == 0 && billing) frame_count = billing->frame_count();
   report["frames"] = frame_count;
   total.write_json(report["all"], model.has_value());
   if (model) report["estimate"] = estimate_json(total, frame_count, *model);
+  if (billing && !model->macros.empty()) {
+    ordered_json& machine = report["machine"];
+    ProfileTotals all;
+    machine["count"] = 0;
+    for (const auto& [name, sum] : billing->by_macro()) {
+      all += sum;
+      machine["instructions"][name] = {
+          {"count", sum.count}, {"cycles", sum.cycles}, {"energy_j", sum.energy_j}};
+    }
+    machine["count"] = all.count;
+    machine["cycles"] = all.cycles;
+    machine["energy_j"] = all.energy_j;
+  }
   for (const auto& [name, sum] : by_name) sum.write_json(report["instructions"][name], model.has_value());
   for (const auto& [place, sum] : by_line) {
     ordered_json& line = report["lines"].emplace_back();

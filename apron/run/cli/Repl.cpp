@@ -37,7 +37,8 @@ constexpr std::string_view kHelp =
     ":save FILE             write the program to a file\n"
     ":undo                  undo the last entry\n"
     ":clear                 start an empty program\n"
-    ":quit                  quit\n";
+    ":quit                  quit\n"
+    "help, ?, quit and exit work as well\n";
 
 // Suppresses output and file writes until the marker is printed.
 class ReplHost final : public LocalHost {
@@ -81,6 +82,13 @@ class ReplFileReader final : public syntax::FileReader {
 };
 
 bool is_blank(const std::string& text) { return text.find_first_not_of(" \t\r\n") == std::string::npos; }
+
+// The command that a line is, also in the spellings that people try first; "" for a line of a program.
+std::string command_of(const std::string& line) {
+  if (line == "?" || line == "help" || line == "h") return ":help";
+  if (line == "quit" || line == "exit" || line == "q") return ":quit";
+  return line.starts_with(':') ? line : "";
+}
 
 std::string strip(const std::string& text) {
   const std::size_t first = text.find_first_not_of(" \t\r\n");
@@ -154,8 +162,8 @@ void Repl::run() {
     if (prompts_) out_ << (pending.empty() ? "> " : ". ") << std::flush;
     std::string line;
     if (!std::getline(in_, line)) break;
-    if (pending.empty() && strip(line).substr(0, 1) == ":") {
-      if (!handle_command(strip(line))) return;
+    if (const std::string command = pending.empty() ? command_of(strip(line)) : ""; !command.empty()) {
+      if (!handle_command(command)) return;
       continue;
     }
     pending += line + '\n';
@@ -270,7 +278,7 @@ Repl::Outcome Repl::compile_and_run(const std::string& text, std::string& report
   }
   for (std::size_t i = 0; i < program.variables.size(); ++i) {
     if (program.variables[i].name.front() != '$')
-      values_.push_back({program.variables[i].name, 0, 0, {vm.variable(i)}});
+      values_.push_back({program.variables[i].name, 0, 0, {static_cast<float>(vm.variable(i))}});
   }
   return Outcome::kSuccess;
 }
@@ -302,7 +310,7 @@ int run_repl(const Options& options) {
   common::catch_stop_signals();
   const bool prompts = isatty(STDIN_FILENO) != 0;
   if (prompts)
-    std::cout << "apron repl: " << options.width << "x" << options.height << " cells, :help for help\n";
+    std::cout << "apron repl: " << options.width << "x" << options.height << " cells, help for help\n";
   Repl(options, std::cin, std::cout, prompts).run();
   return common::kDone;
 }

@@ -67,6 +67,9 @@ class LocalHost : public vm::Host {
   std::optional<double> tick() const override { return std::nullopt; }
   bool has(std::string_view) const override { return false; }
 
+  // Whether a surface stands still until the program's next surface.step.
+  virtual bool surface_waits() const { return false; }
+
  protected:
   // Stores the message for message() and returns the status.
   vm::HostStatus report_status(vm::HostStatus status, std::string message);

@@ -33,6 +33,9 @@ class SurfaceHost final : public LocalHost {
   // kInterrupted the next call resumes the wait. Passive mode: publishes and takes the latest frame, which
   // may be the current one.
   vm::HostStatus step() override;
+  bool surface_waits() const override {
+    return surface_.description().mode == shm_protocol::Mode::kTimeStep;
+  }
   // Sets the controller's published state to paused or running. The surface waits in either state.
   void publish_paused(bool paused) noexcept;
 

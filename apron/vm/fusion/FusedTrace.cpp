@@ -25,6 +25,7 @@ FusedTrace::FusedTrace(const Trace& trace, ValueGraph graph, FusionPlan plan, co
       mask_depth_(trace.mask_depth),
       call_depth_(trace.call_depth),
       graph_(std::move(graph)),
+      stage_scalars_(graph_.scalar_slots.size()),
       plan_(std::move(plan)),
       executor_(environment.executor),
       register_file_(environment.register_file),
@@ -147,6 +148,8 @@ void FusedTrace::evaluate_scalars() noexcept {
     graph_.scalar_slots[instruction.destination] = evaluate_scalar(
         instruction.op, graph_.scalar_slots[instruction.sources[0]],
         graph_.scalar_slots[instruction.sources[1]], graph_.scalar_slots[instruction.sources[2]]);
+  for (std::size_t i = 0; i < stage_scalars_.size(); ++i)
+    stage_scalars_[i] = static_cast<float>(graph_.scalar_slots[i]);
 }
 
 void FusedTrace::bind_buffers(Worker& worker, const ConstPlane& mask) const noexcept {
@@ -249,7 +252,7 @@ void FusedTrace::run_stage(std::size_t index, const Worker& worker, const Strip&
   std::int64_t west = 0, east = 0;
   stage_columns(stage, strip, west, east);
   StageCall call;
-  call.scalar_slots = graph_.scalar_slots.data();
+  call.scalar_slots = stage_scalars_.data();
   call.row_bytes = round_up_to_lanes(east - west) * static_cast<std::int64_t>(sizeof(float));
   while (first < last) {
     const StageJit::CompiledLoop* loop =

@@ -93,6 +93,7 @@ class FusedTrace {
   std::uint64_t instruction_count_;
   std::size_t mask_depth_, call_depth_;
   ValueGraph graph_;
+  std::vector<float> stage_scalars_;  // the slots as 32-bit floats, for the array pass
   FusionPlan plan_;
   Executor& executor_;
   RegisterFile& register_file_;

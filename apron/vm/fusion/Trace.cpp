@@ -116,7 +116,9 @@ class TraceBuilder {
   }
 
   bool can_fuse_shift(const DecodedInstruction& decoded) const {
-    if (decoded.op != Opcode::kShift || !boundary_ || boundary_->rule == BoundaryRule::kWrap) return false;
+    if (decoded.op != Opcode::kShift || decoded.has_variable_offset || !boundary_ ||
+        boundary_->rule == BoundaryRule::kWrap)
+      return false;
     const auto short_way = [](std::int64_t d, std::uint32_t n) {
       return d >= -kMaxFusedShift && d <= kMaxFusedShift && (d < 0 ? -d : d) < static_cast<std::int64_t>(n);
     };
@@ -132,7 +134,7 @@ class TraceBuilder {
     if (!boundary_ || boundary_->rule == BoundaryRule::kWrap || decoded.destination->width < 2 ||
         decoded.destination->height < 2)
       return false;
-    const bool rows = *decoded.scalars[1] == 8.0F && boundary_->rule == BoundaryRule::kValue;
+    const bool rows = *decoded.scalars[1] == 8.0 && boundary_->rule == BoundaryRule::kValue;
     return !rows || decoded.op == Opcode::kNearMin || decoded.op == Opcode::kNearMax;
   }
 
@@ -182,25 +184,25 @@ class TraceBuilder {
     return true;
   }
 
-  std::optional<float> known_scalar(const float* scalar) const {
+  std::optional<double> known_scalar(const double* scalar) const {
     const auto found = known_scalars_.find(scalar);
     if (found != known_scalars_.end()) return found->second;
     return std::nullopt;
   }
 
   // A variable's value is known only if the trace assigned a known value to it.
-  std::optional<float> operand_value(std::size_t k, const Instruction& in) const {
+  std::optional<double> operand_value(std::size_t k, const Instruction& in) const {
     const Operand& o = in.operands[k];
     if (o.kind == OperandKind::kLiteral) return program_.literals[o.index];
     return o.kind == OperandKind::kVariable ? known_scalar(decoded_[next_].scalars[k])
-                                            : std::optional<float>(0.0F);
+                                            : std::optional<double>(0.0);
   }
 
   void fold_scalar(const DecodedInstruction& decoded) {
     const Instruction& in = program_.code[next_];
     const auto a = operand_value(0, in), b = operand_value(1, in), c = operand_value(2, in);
     known_scalars_[decoded.destination_variable] =
-        a && b && c ? std::optional<float>(evaluate_scalar(decoded.op, *a, *b, *c)) : std::nullopt;
+        a && b && c ? std::optional<double>(evaluate_scalar(decoded.op, *a, *b, *c)) : std::nullopt;
   }
 
   bool follow_branch(const DecodedInstruction& decoded) {
@@ -246,7 +248,7 @@ class TraceBuilder {
   std::size_t mask_depth_ = 0;
   std::uint32_t next_ = 0;
   std::vector<std::uint32_t> return_addresses_;
-  std::unordered_map<const float*, std::optional<float>> known_scalars_;
+  std::unordered_map<const double*, std::optional<double>> known_scalars_;
   ExitPoint last_exit_, loop_head_exit_;
   Trace trace_;
 };

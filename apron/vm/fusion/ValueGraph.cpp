@@ -53,16 +53,16 @@ class ValueGraphBuilder {
   }
 
   // ---- scalars ----
-  std::uint32_t add_slot(float value) {
+  std::uint32_t add_slot(double value) {
     graph_.scalar_slots.push_back(value);
     return static_cast<std::uint32_t>(graph_.scalar_slots.size() - 1);
   }
 
-  std::uint32_t scalar_slot(const float* scalar, program::Operand operand) {
+  std::uint32_t scalar_slot(const double* scalar, program::Operand operand) {
     const auto [place, added] = scalar_slots_.try_emplace(scalar, 0);
     if (added) {
       const bool literal = operand.kind == OperandKind::kLiteral;
-      place->second = add_slot(literal ? *scalar : 0.0F);
+      place->second = add_slot(literal ? *scalar : 0.0);
       if (!literal) graph_.variable_loads.emplace_back(place->second, scalar);
     }
     return place->second;
@@ -73,14 +73,14 @@ class ValueGraphBuilder {
     for (std::size_t k = 0; k < s.sources.size(); ++k)
       s.sources[k] =
           decoded.scalars[k] != nullptr ? scalar_slot(decoded.scalars[k], in.operands[k]) : zero_slot();
-    s.destination = add_slot(0.0F);
+    s.destination = add_slot(0.0);
     graph_.scalar_instructions.push_back(s);
     scalar_slots_[decoded.destination_variable] = s.destination;
     written_variables_[decoded.destination_variable] = s.destination;
   }
 
   std::uint32_t zero_slot() {
-    if (!zero_slot_) zero_slot_ = add_slot(0.0F);
+    if (!zero_slot_) zero_slot_ = add_slot(0.0);
     return *zero_slot_;
   }
 
@@ -236,7 +236,7 @@ class ValueGraphBuilder {
               in, lower_filter(read_register(in.operands[0].index), program_.filters[decoded.table_index]));
         else
           write_register(in, lower_neighbours(decoded.op, read_register(in.operands[0].index),
-                                              *decoded.scalars[1] == 8.0F));
+                                              *decoded.scalars[1] == 8.0));
         break;
       default:
         break;  // the trace has resolved all jumps
@@ -286,8 +286,8 @@ class ValueGraphBuilder {
   std::vector<MaybeValue> mask_levels_;
   std::map<std::uint32_t, ValueRef> register_values_;
   std::map<std::tuple<Opcode, ValueRef, ValueRef, ValueRef>, std::uint32_t> value_numbers_;
-  std::unordered_map<const float*, std::uint32_t> scalar_slots_;
-  std::map<float*, std::uint32_t> written_variables_;
+  std::unordered_map<const double*, std::uint32_t> scalar_slots_;
+  std::map<double*, std::uint32_t> written_variables_;
   std::optional<std::uint32_t> zero_slot_;
   std::map<std::uint32_t, std::uint32_t> constant_slots_;  // keyed by bit pattern
   std::map<ValueNode::Kind, std::uint32_t> index_nodes_;

@@ -63,10 +63,10 @@ struct ValueGraph {
   BoundaryCondition boundary{};  // applies to every shifted operand
 
   // Scalar code runs once per execution, before the array pass.
-  std::vector<float> scalar_slots;                                     // initialised with the literals
-  std::vector<std::pair<std::uint32_t, const float*>> variable_loads;  // slot, variable read at entry
-  std::vector<ScalarInstruction> scalar_instructions;                  // in program order
-  std::vector<std::pair<float*, std::uint32_t>> variable_stores;       // variable written at exit, slot
+  std::vector<double> scalar_slots;                                     // initialised with the literals
+  std::vector<std::pair<std::uint32_t, const double*>> variable_loads;  // slot, variable read at entry
+  std::vector<ScalarInstruction> scalar_instructions;                   // in program order
+  std::vector<std::pair<double*, std::uint32_t>> variable_stores;       // variable written at exit, slot
 };
 
 // Lowers a trace to values. `masked` means that a mask is in force at entry. Allocates.

@@ -3,10 +3,19 @@
 #include <cassert>
 #include <cmath>
 
+#include "apron/program/ScalarValue.h"
+
 namespace apron::vm {
 namespace {
 
 using program::Opcode;
+using program::to_scalar;
+
+// max(lo, min(hi, a)), with the kernels' order of comparison.
+double clamp_scalar(double a, double lo, double hi) {
+  const double upper = hi < a ? hi : a;
+  return lo > upper ? lo : upper;
+}
 
 // Wrappers that serve as template arguments: the overloads of the standard functions vary by library.
 float f_sin(float a) { return std::sin(a); }
@@ -67,8 +76,6 @@ void add_kernels(KernelTable& table, Opcode op) {
 
 float to_float(bool truth) { return truth ? 1.0F : 0.0F; }
 bool is_true(float a) { return a != 0.0F; }
-float smaller(float a, float b) { return a < b ? a : b; }
-float larger(float a, float b) { return a > b ? a : b; }
 
 }  // namespace
 
@@ -89,52 +96,53 @@ void add_scalar_kernels(KernelTable& table) {
   add_kernels<f_atan2>(table, Opcode::kAtan2);
 }
 
-float evaluate_scalar(Opcode op, float a, float b, float c) noexcept {
+double evaluate_scalar(Opcode op, double wide_a, double wide_b, double wide_c) noexcept {
+  const auto a = static_cast<float>(wide_a), b = static_cast<float>(wide_b);
   switch (op) {
     case Opcode::kCopy:
-      return a;
+      return wide_a;
     case Opcode::kAdd:
-      return a + b;
+      return to_scalar(wide_a + wide_b);
     case Opcode::kSub:
-      return a - b;
+      return to_scalar(wide_a - wide_b);
     case Opcode::kMul:
-      return a * b;
+      return to_scalar(wide_a * wide_b);
     case Opcode::kDiv:
-      return a / b;
+      return to_scalar(wide_a / wide_b);
     case Opcode::kMod:
-      return a - b * std::floor(a / b);
+      return program::modulo(wide_a, wide_b);
     case Opcode::kMin:
-      return smaller(a, b);
+      return wide_a < wide_b ? wide_a : wide_b;
     case Opcode::kMax:
-      return larger(a, b);
+      return wide_a > wide_b ? wide_a : wide_b;
     case Opcode::kPow:
       return f_pow(a, b);
     case Opcode::kAtan2:
       return f_atan2(a, b);
     case Opcode::kAbs:
-      return std::fabs(a);
+      return std::fabs(wide_a);
     case Opcode::kNeg:
-      return -a;
+      return -wide_a;
     case Opcode::kSign:
       return to_float(a > 0.0F) - to_float(a < 0.0F);
     case Opcode::kClamp:
-      return larger(b, smaller(c, a));
+      return clamp_scalar(wide_a, wide_b, wide_c);
     case Opcode::kMac:
-      return c + a * b;
+      return to_scalar(wide_c + to_scalar(wide_a * wide_b));
     case Opcode::kSelect:
-      return is_true(a) ? b : c;
+      return is_true(a) ? wide_b : wide_c;
     case Opcode::kLt:
-      return to_float(a < b);
+      return to_float(wide_a < wide_b);
     case Opcode::kLe:
-      return to_float(a <= b);
+      return to_float(wide_a <= wide_b);
     case Opcode::kGt:
-      return to_float(a > b);
+      return to_float(wide_a > wide_b);
     case Opcode::kGe:
-      return to_float(a >= b);
+      return to_float(wide_a >= wide_b);
     case Opcode::kEq:
-      return to_float(a == b);
+      return to_float(wide_a == wide_b);
     case Opcode::kNe:
-      return to_float(a != b);
+      return to_float(wide_a != wide_b);
     case Opcode::kAnd:
       return to_float(is_true(a) && is_true(b));
     case Opcode::kOr:
@@ -174,11 +182,11 @@ float evaluate_scalar(Opcode op, float a, float b, float c) noexcept {
     case Opcode::kSqrt:
       return std::sqrt(a);
     case Opcode::kFloor:
-      return std::floor(a);
+      return std::floor(wide_a);
     case Opcode::kCeil:
-      return std::ceil(a);
+      return std::ceil(wide_a);
     case Opcode::kRound:
-      return std::round(a);
+      return std::round(wide_a);
     default:
       assert(false && "not an element-wise opcode");
       return 0.0F;

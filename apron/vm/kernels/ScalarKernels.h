@@ -9,8 +9,8 @@ namespace apron::vm {
 // Sets the entries of sin to exp, pow and atan2. Inactive cells are not evaluated.
 void add_scalar_kernels(KernelTable& table);
 
-// Evaluates an element-wise opcode on scalars, bit-identical to its kernel. Ignores operands beyond the
-// arity.
-float evaluate_scalar(program::Opcode op, float a, float b, float c) noexcept;
+// Evaluates an element-wise opcode on scalars. The result is bit-identical to that of its kernel, except that
+// whole numbers are exact (program/ScalarValue.h). Ignores operands beyond the arity.
+double evaluate_scalar(program::Opcode op, double a, double b, double c) noexcept;
 
 }  // namespace apron::vm

@@ -25,6 +25,11 @@ class ByteReader {
     number(bits, 4);
     to = std::bit_cast<float>(bits);
   }
+  void real(double& to) {
+    float narrow = 0.0F;
+    real(narrow);
+    to = narrow;
+  }
   // Limits the count to the remaining bytes, which bounds allocations.
   template <class Items>
   void count(Items& items) {
@@ -48,6 +53,7 @@ class ByteWriter {
     for (int i = 0; i < bytes; ++i) bytes_.push_back(static_cast<std::uint8_t>(n >> (8 * i)));
   }
   void real(const float& from) { number(std::bit_cast<std::uint32_t>(from), 4); }
+  void real(const double& from) { real(static_cast<float>(from)); }
   template <class Items>
   void count(const Items& items) {
     number(items.size(), 2);

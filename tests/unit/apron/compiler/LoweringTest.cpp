@@ -34,6 +34,18 @@ TEST(Listing, FormsOfOneInstruction) {
   EXPECT_EQ(compiled("A = mac(B, 2, C)"), "mac A, B, 2, C\n");
 }
 
+// Operands without calls are evaluated both, which needs no jump.
+TEST(Listing, ShortCircuitsOnlyBeforeCalls) {
+  EXPECT_EQ(compiled("a = 1\nb = 2\nc = a > 0 and b > 1"), "copy a, 1\ncopy b, 2\ngt $0, a, 0\ngt $1, b, 1\nand c, $0, $1\n");
+  EXPECT_EQ(compiled("a = 1\nb = a and globalany(A)"),
+            "copy a, 1\nne $0, a, 0\njump.eq $0, 0, @5\nglobalany $1, A\nne $0, $1, 0\ncopy b, $0\n");
+}
+
+TEST(Listing, ShiftsByScalars) {
+  EXPECT_EQ(compiled("n = 2\nA = shift.west(B, n)"), "copy n, 2\nneg $0, n\nshift A, B, $0, 0\n");
+  EXPECT_EQ(compiled("n = 2\nA = rotate(B, 1, n)"), "copy n, 2\nrotate A, B, 1, n\n");
+}
+
 TEST(Listing, LabelForms) {
   EXPECT_EQ(compiled("sim.label('stage')"), "sim.label.text 'stage', ''\n");
   EXPECT_EQ(compiled("sim.label('stage', 'two')"), "sim.label.text 'stage', 'two'\n");

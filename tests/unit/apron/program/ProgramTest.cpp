@@ -7,6 +7,7 @@
 #include <string>
 
 #include "apron/program/LocalityCheck.h"
+#include "apron/program/Reachability.h"
 
 namespace apron::program {
 namespace {
@@ -72,9 +73,10 @@ TEST(Verify, RejectsInvalidOperands) {
   EXPECT_EQ(verify(with({make(Opcode::kShift, reg(0), reg(0), lit(1), lit(0))})),
             at + "(shift): it is not out of place");
   EXPECT_EQ(verify(with({make(Opcode::kShift, reg(0), reg(1), lit(2), lit(0))})),
-            at + "(shift): its offsets are not whole literals");
-  EXPECT_EQ(verify(with({make(Opcode::kRotate, reg(0), reg(1), var(0), lit(0))})),
-            at + "(rotate): its offsets are not whole literals");
+            at + "(shift): its offset is not whole");
+  EXPECT_EQ(verify(with({make(Opcode::kRotate, reg(0), reg(1), lit(0), lit(2))})),
+            at + "(rotate): its offset is not whole");
+  EXPECT_EQ(verify(with({make(Opcode::kRotate, reg(0), reg(1), var(0), lit(0))})), "");
   EXPECT_EQ(verify(with({make(Opcode::kBoundary, {}, lit(2), lit(0))})),
             at + "(boundary): its rule is not a whole literal");
   EXPECT_EQ(verify(with({make(Opcode::kParameter, var(0), txt(1))})),
@@ -264,6 +266,22 @@ TEST(Locality, OpcodeSignaturesAreWellFormed) {
     EXPECT_LE(one.signature.size(), kMaxOperands + 1) << one.mnemonic;
     EXPECT_EQ(one.signature.substr(1).find_first_not_of("rsxtlkgm"), std::string_view::npos) << one.mnemonic;
   }
+}
+
+TEST(Reachability, FollowsJumpsCallsAndBothBranches) {
+  const auto program = [](std::vector<Instruction> code) {
+    Program p = with({});
+    p.code = std::move(code);
+    p.code.push_back(make(Opcode::kEnd));
+    return p;
+  };
+  EXPECT_TRUE(can_reach(program({make(Opcode::kSurfaceStep)}), Opcode::kSurfaceStep));
+  EXPECT_FALSE(can_reach(program({make(Opcode::kJump, {}, label(0)), make(Opcode::kSurfaceStep)}), Opcode::kSurfaceStep));
+  EXPECT_TRUE(can_reach(program({make(Opcode::kJumpLt, {}, var(0), var(0), label(0)), make(Opcode::kSurfaceStep)}),
+                        Opcode::kSurfaceStep));
+  EXPECT_TRUE(can_reach(program({make(Opcode::kCall, {}, label(2)), make(Opcode::kEnd), make(Opcode::kSurfaceStep)}),
+                        Opcode::kSurfaceStep));
+  EXPECT_FALSE(can_reach(program({make(Opcode::kReturn), make(Opcode::kSurfaceStep)}), Opcode::kSurfaceStep));
 }
 
 }  // namespace

@@ -112,6 +112,43 @@ TEST_F(Cli, HelpAndVersionSucceed) {
   EXPECT_EQ(version.out, "apron " SMARTSURF_VERSION "\n");
 }
 
+TEST_F(Cli, WarnsOfProgramsThatNeverStep) {
+  const std::string never = file("never.aps", "!register(D)\n#again\nD = surface.sense('proximity')\njump(#again)\n");
+  const ProcessResult checked = run({"check", never});
+  EXPECT_EQ(checked.status, 0);
+  EXPECT_NE(checked.err.find("never reaches surface.step"), std::string::npos) << checked.err;
+  EXPECT_EQ(run({"check", file("loop.aps", kLoop)}).err, "");
+  EXPECT_EQ(run({"check", file("plain.aps", "println(1)\n")}).err, "");
+  SurfaceEndpoint waiting = surface(Mode::kTimeStep);
+  const pid_t child = start({"run", never, "--shm", id_});
+  publish_sensors(waiting, 0);
+  std::string err;
+  for (int i = 0; i < 60 && err.empty(); ++i) {
+    std::this_thread::sleep_for(100ms);
+    err = read("stderr");
+  }
+  EXPECT_EQ(err, "apron: warning: the surface has waited 2 s for surface.step\n");
+  kill(child, SIGTERM);
+  EXPECT_EQ(finish(child).status, 128 + SIGTERM);
+}
+
+TEST_F(Cli, ImportsKernels) {
+  const std::string kernel =
+      file("k.cpp", "scamp5_kernel_begin();\nscamp5_in(A, 3);\nadd(B, A, A);\nscamp5_kernel_end();\n");
+  const ProcessResult imported = run({"import", kernel});
+  EXPECT_EQ(imported.status, 0) << imported.err;
+  EXPECT_EQ(imported.err, "");
+  const ProcessResult ran = run({"run", file("k.aps", imported.out + "println(B)\n"), "--size", "2x1"});
+  EXPECT_EQ(ran.out, "6 6\n");
+  const ProcessResult partial =
+      run({"import", file("p.cpp", "scamp5_kernel_begin();\nres(A);\nfly(A);\n"), "--output", path("p.aps")});
+  EXPECT_EQ(partial.status, 1);
+  EXPECT_EQ(partial.err, path("p.cpp") + ":3: not translated: scamp5.aps has no instruction 'fly'\n");
+  EXPECT_EQ(run({"check", path("p.aps")}).status, 0);
+  EXPECT_EQ(run({"import", file("e.cpp", "int main(){}\n")}).status, 2);
+  EXPECT_EQ(run({"import", path("absent.cpp")}).status, 2);
+}
+
 TEST_F(Cli, InvalidCommandLineExitsWithStatus2) {
   const std::string good = file("a.aps", "println(1)\n");
   const std::vector<std::vector<std::string>> wrong = {

@@ -67,6 +67,44 @@ TEST(ProfileReport, EstimatesCostFromModel) {
   EXPECT_DOUBLE_EQ(p["lines"][1]["cycles"], 27.0);
 }
 
+// Two expansions of the priced macro "add": one of two instructions, of which one is in a nested expansion of
+// another priced macro, executed three times; one of one instruction, executed once.
+TEST(ProfileReport, BillsMacrosAsInstructionsOfTheMachine) {
+  program::Program program = loop_program().finish();
+  program.files = {"f"};
+  program.expansions = {{}, {"add", {}}, {"write", {0, 1, 1, 1}}, {"add", {}}};
+  program.source_locations = {{0, 1, 1, 3}, {0, 2, 1, 1}, {0, 3, 1, 2}, {0, 4, 1, 0}, {0, 5, 1, 0}};
+  for (std::uint32_t i = 0; i < program.code.size(); ++i) program.code[i].source_location = i;
+  std::vector<vm::InstructionProfile> profile(program.code.size());
+  const std::uint64_t executions[] = {1, 3, 3, 3, 1};
+  for (std::size_t i = 0; i < profile.size(); ++i) profile[i].executions = executions[i];
+  CostModel model;
+  model.clock_hz = 10;
+  model.default_cost.cycles = 0;
+  model.macros = {{"add", {2, 0, 0, 0.5}}, {"write", {100, 0, 0, 100}}};
+  model.frame_macros = {"add"};
+  const json p = json::parse(profile_json(program, profile, 0, model));
+  EXPECT_EQ(p["machine"]["count"], 4);
+  EXPECT_EQ(p["machine"]["instructions"]["add"]["count"], 4);
+  EXPECT_FALSE(p["machine"]["instructions"].contains("write"));
+  EXPECT_DOUBLE_EQ(p["machine"]["cycles"], 8.0);
+  EXPECT_DOUBLE_EQ(p["machine"]["energy_j"], 4 * 8 * 0.5);
+  EXPECT_DOUBLE_EQ(p["estimate"]["time_s"], 0.8);
+  EXPECT_EQ(p["frames"], 4);
+  EXPECT_DOUBLE_EQ(p["estimate"]["per_frame"]["cycles"], 2.0);
+}
+
+TEST(ProfileReport, ReadsScampModel) {
+  std::string error;
+  const auto model = read_cost_model(APRON_SCAMP_MODEL, error);
+  ASSERT_TRUE(model) << error;
+  EXPECT_EQ(model->clock_hz, 1e7);
+  EXPECT_EQ(model->macros.at("add").cycles, 2);
+  // 535 GOPS/W
+  EXPECT_NEAR(model->macros.at("add").energy_j_per_cell * 535e9, 2.0, 0.01);
+  EXPECT_EQ(model->default_cost.cycles, 0);
+}
+
 TEST(ProfileReport, ReadsExampleModel) {
   std::string error;
   const auto model = read_cost_model(APRON_EXAMPLE_MODEL, error);
@@ -85,6 +123,9 @@ TEST(ProfileReport, ReportsInvalidModels) {
       {R"({"clock_hz": 1, "clock": 2})", "'clock' is unknown"},
       {R"({"clock_hz": 1, "instructions": {"ad": {}}})", "no instruction 'ad'"},
       {R"({"clock_hz": 1, "instructions": {"add": {"cycles": "two"}}})", "'add': 'cycles' is \"two\""},
+      {R"({"clock_hz": 1, "macros": 3})", "'macros': must be an object"},
+      {R"({"clock_hz": 1, "macros": {"add": {"cycle": 1}}})", "'add': 'cycle' is unknown"},
+      {R"({"clock_hz": 1, "frame_macros": [1]})", "'frame_macros': must be a list"},
       {R"({"clock_hz": 1, "instructions": {"add": 2}})", "'add': must be an object"}};
   for (const auto& [text, what] : kWrong) {
     std::ofstream(file) << text;

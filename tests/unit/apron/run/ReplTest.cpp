@@ -61,6 +61,17 @@ TEST(Repl, Commands) {
             "the program ends before this line; :undo removes the last entry\n");
 }
 
+TEST(Repl, KnowsHelpAndQuitWithoutColon) {
+  const std::string help = run_repl_session(":help\n");
+  EXPECT_NE(help.find(":undo"), std::string::npos);
+  EXPECT_EQ(run_repl_session("help\n"), help);
+  EXPECT_EQ(run_repl_session("  ?  \n"), help);
+  EXPECT_EQ(run_repl_session("quit\nprintln('never')\n"), "");
+  EXPECT_EQ(run_repl_session("exit\nprintln('never')\n"), "");
+  // In a block, and assigned to, they are names.
+  EXPECT_EQ(run_repl_session("help = 3\nif(1)\nhelp\nendif\nprintln(help)\n").find(":undo"), std::string::npos);
+}
+
 TEST(Repl, SavesFilesOnce) {
   const std::string name =
       (std::filesystem::path(testing::TempDir()) / ("repl_" + std::to_string(getpid()))).string();

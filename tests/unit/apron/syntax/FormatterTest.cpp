@@ -40,6 +40,19 @@ TEST(Format, IndentsBlocksAndAlignsComments) {
   EXPECT_EQ(format_source("a = 1 + \\\n2 - \\ // why\n-3\n"), "a = 1 + \\\n    2 - \\  // why\n    -3\n");
 }
 
+// A macro may have the name of a block: its calls have no closing word, and its definition is a pattern.
+TEST(Format, LeavesMacrosNamedLikeBlocksAlone) {
+  EXPECT_EQ(format_source("where(A)\nmov(B, A)\nall\nmov(B, A)\n"), "where(A)\nmov(B, A)\nall\nmov(B, A)\n");
+  EXPECT_EQ(format_source("if(a)\nwhere(A)\nall\nendif\nb = 1\n"),
+            "if(a)\n  where(A)\n  all\nendif\nb = 1\n");
+  EXPECT_EQ(
+      format_source("!macro_def\nwhere($a)\n!macro_begin\nif($a)\nb = 1\nendif\n!macro_end\nendwhere\n"),
+      "!macro_def\nwhere($a)\n!macro_begin\nif($a)\n  b = 1\nendif\n!macro_end\nendwhere\n");
+  EXPECT_EQ(format_source("where(A)\nwhere(B)\nC = 1\nelsewhere\nC = 2\nendwhere\n"),
+            "where(A)\nwhere(B)\n  C = 1\nelsewhere\n  C = 2\nendwhere\n");
+  EXPECT_EQ(format_source("else\nendif\nif(a)\n"), "else\nendif\nif(a)\n");
+}
+
 TEST(Format, KeepsTextThatDoesNotLex) {
   EXPECT_EQ(format_source("a  = 'open\n"), "a  = 'open\n");
   EXPECT_EQ(format_source(""), "");

@@ -1,0 +1,131 @@
+#include "apron/run/import/KernelTokens.h"
+
+#include <algorithm>
+#include <cctype>
+
+namespace apron::run {
+namespace {
+
+bool is_word(char c) { return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_'; }
+bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r'; }
+
+std::string trim(std::string_view text) {
+  while (!text.empty() && is_blank(text.front())) text.remove_prefix(1);
+  while (!text.empty() && is_blank(text.back())) text.remove_suffix(1);
+  return std::string(text);
+}
+
+// A C++ literal as APRON writes it.
+std::string convert_number(std::string text) {
+  std::erase(text, '\'');
+  const bool is_binary = text.size() > 2 && text[0] == '0' && (text[1] == 'b' || text[1] == 'B');
+  const bool is_hex = text.size() > 2 && text[0] == '0' && (text[1] == 'x' || text[1] == 'X');
+  while (!text.empty() && std::string_view("uUlL").find(text.back()) != std::string_view::npos)
+    text.pop_back();
+  if (!is_hex && !text.empty() && (text.back() == 'f' || text.back() == 'F')) text.pop_back();
+  if (!is_binary) return text;
+  std::uint64_t value = 0;
+  for (std::size_t i = 2; i < text.size(); ++i) value = value * 2 + (text[i] == '1' ? 1U : 0U);
+  return std::to_string(value);
+}
+
+class Scanner {
+ public:
+  Scanner(std::string_view text, std::size_t line) : text_(text), line_(line) {}
+
+  std::vector<KernelToken> scan() {
+    while (!text_.empty()) scan_one();
+    add(KernelTokenKind::kEnd, "");
+    return std::move(tokens_);
+  }
+
+ private:
+  void add(KernelTokenKind kind, std::string text) { tokens_.push_back({kind, std::move(text), line_}); }
+
+  void skip(std::size_t count) {
+    count = std::min(count, text_.size());
+    line_ +=
+        static_cast<std::size_t>(std::count(text_.begin(), text_.begin() + static_cast<long>(count), '\n'));
+    at_line_start_ = count > 0 && text_[count - 1] == '\n';
+    text_.remove_prefix(count);
+  }
+
+  void scan_one() {
+    const char c = text_.front();
+    if (c == '\n' || is_blank(c)) {
+      const bool kept = at_line_start_ && c != '\n';
+      skip(1);
+      at_line_start_ = at_line_start_ || kept;
+    } else if (text_.starts_with("//")) {
+      const std::size_t end = std::min(text_.find('\n'), text_.size());
+      add(KernelTokenKind::kComment, trim(text_.substr(2, end - 2)));
+      skip(end);
+    } else if (text_.starts_with("/*")) {
+      const std::size_t end = std::min(text_.find("*/", 2), text_.size());
+      add(KernelTokenKind::kComment, "");
+      skip(end + 2);
+    } else if (c == '#' && at_line_start_) {
+      scan_directive();
+    } else if (c == '"' || c == '\'') {
+      scan_quoted(c);
+    } else if (std::isdigit(static_cast<unsigned char>(c)) != 0 ||
+               (c == '.' && text_.size() > 1 && std::isdigit(static_cast<unsigned char>(text_[1])) != 0)) {
+      std::size_t end = 1;
+      while (end < text_.size() && (is_word(text_[end]) || text_[end] == '.' || text_[end] == '\'')) ++end;
+      add(KernelTokenKind::kNumber, convert_number(std::string(text_.substr(0, end))));
+      skip(end);
+    } else if (is_word(c)) {
+      std::size_t end = 1;
+      while (end < text_.size() && is_word(text_[end])) ++end;
+      add(KernelTokenKind::kName, std::string(text_.substr(0, end)));
+      skip(end);
+    } else {
+      std::size_t size = 1;
+      for (const std::string_view pair :
+           {"<=", ">=", "==", "!=", "&&", "||", "++", "--", "+=", "-=", "*=", "/=", "<<", ">>", "->", "::"})
+        if (text_.starts_with(pair)) size = 2;
+      add(KernelTokenKind::kPunctuator, std::string(text_.substr(0, size)));
+      skip(size);
+    }
+  }
+
+  // A logical line, with continuations joined.
+  void scan_directive() {
+    const std::size_t line = line_;
+    std::string logical;
+    skip(1);
+    while (!text_.empty()) {
+      const std::size_t end = std::min(text_.find('\n'), text_.size());
+      std::string part = trim(text_.substr(0, end));
+      const bool continued = !part.empty() && part.back() == '\\';
+      if (continued) part.pop_back();
+      logical += (logical.empty() ? "" : "\n") + part;
+      skip(end);
+      if (!continued || text_.empty()) break;
+      skip(1);
+    }
+    tokens_.push_back({KernelTokenKind::kDirective, logical, line});
+  }
+
+  void scan_quoted(char quote) {
+    std::size_t end = 1;
+    while (end < text_.size() && text_[end] != quote && text_[end] != '\n')
+      end += text_[end] == '\\' ? 2U : 1U;
+    end = std::min(end, text_.size());
+    add(KernelTokenKind::kString, std::string(text_.substr(1, end - 1)));
+    skip(end + 1);
+  }
+
+  std::string_view text_;
+  std::size_t line_;
+  bool at_line_start_ = true;
+  std::vector<KernelToken> tokens_;
+};
+
+}  // namespace
+
+std::vector<KernelToken> scan_kernel_source(std::string_view text, std::size_t first_line) {
+  return Scanner(text, first_line).scan();
+}
+
+}  // namespace apron::run

@@ -1,0 +1,35 @@
+// Tokens of a C++ kernel source: what `apron import` reads of the language.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace apron::run {
+
+enum class KernelTokenKind : std::uint8_t {
+  kName,
+  kNumber,
+  kString,
+  kPunctuator,
+  kComment,
+  kDirective,
+  kEnd
+};
+
+struct KernelToken {
+  KernelTokenKind kind = KernelTokenKind::kEnd;
+  std::string text;  // of a comment: its line without the slashes; of a directive: the logical line after '#'
+  std::size_t line = 0;
+
+  bool is(std::string_view symbol) const { return kind == KernelTokenKind::kPunctuator && text == symbol; }
+  bool is_name(std::string_view name) const { return kind == KernelTokenKind::kName && text == name; }
+};
+
+// Ends with a kEnd token. Unknown characters are punctuators of their own. Binary and digit-separated numbers are
+// rewritten as decimals, and the suffixes of integers are dropped.
+std::vector<KernelToken> scan_kernel_source(std::string_view text, std::size_t first_line = 1);
+
+}  // namespace apron::run

@@ -1,0 +1,239 @@
+// What `apron import` makes of C++ kernels and of instruction lists, what it reports, and that the result computes
+// what the kernel computes.
+#include "apron/run/import/KernelImport.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <random>
+#include <sstream>
+
+#include "apron/compiler/Compiler.h"
+#include "tests/unit/apron/vm/TestProgram.h"
+
+namespace apron::run {
+namespace {
+
+std::string library_text() {
+  std::ostringstream text;
+  text << std::ifstream(APRON_SCAMP_LIBRARY).rdbuf();
+  return text.str();
+}
+
+ImportedKernels import_text(const std::string& text, const std::string& picture = "") {
+  static const KernelVocabulary vocabulary = read_vocabulary(library_text());
+  return import_kernels(text, vocabulary, {"kernel.cpp", picture});
+}
+
+// Without the lines that every program begins with.
+std::string body(const ImportedKernels& imported) {
+  const std::string head = "// Imported from kernel.cpp by apron import.\n!include('scamp5.aps')\n";
+  EXPECT_EQ(imported.program.substr(0, head.size()), head);
+  return imported.program.substr(head.size());
+}
+
+std::string notes(const ImportedKernels& imported) {
+  std::string text;
+  for (const ImportNote& note : imported.notes)
+    text += std::to_string(note.line) + (note.in_kernel ? " kernel: " : " host: ") + note.text + '\n';
+  return text;
+}
+
+constexpr const char* kSobel = R"(
+#include <scamp5.hpp>
+using namespace SCAMP5_PE;
+int main(){
+  vs_init();
+  while(1){
+    scamp5_kernel_begin();
+      get_image(C);
+      movx(A,C,north); movx(B,C,south);
+      add(A,A,B);
+      add(A,A,C); add(A,A,C);
+      movx(B,A,east);
+      movx(A,A,west);
+      sub(B,B,A);
+      abs(D,B);
+    scamp5_kernel_end();
+  }
+}
+)";
+
+TEST(KernelImport, TranslatesKernelsOfTheTutorials) {
+  const ImportedKernels imported = import_text(kSobel);
+  EXPECT_EQ(body(imported),
+            "!define(FRAMES, 1)\n\nrepeat(FRAMES)\n  get_image(C)\n  movx(A, C, north)\n  movx(B, C, south)\n"
+            "  add(A, A, B)\n  add(A, A, C)\n  add(A, A, C)\n  movx(B, A, east)\n  movx(A, A, west)\n"
+            "  sub(B, B, A)\n  abs(D, B)\nendrepeat\n");
+  EXPECT_EQ(notes(imported), "5 host: 'vs_init' runs on the controller or host\n");
+  EXPECT_EQ(imported.instructions, 10U);
+  EXPECT_NE(import_text(kSobel, "p.png").program.find("repeat(FRAMES)\n  PIX = io.image.open('p.png')\n"),
+            std::string::npos);
+}
+
+TEST(KernelImport, FunctionsMacrosAndKernelObjectsBecomeMacros) {
+  const ImportedKernels imported = import_text(
+      "#define SPAN 3\n#define twice(X, Y) {\\\n  mov(F, Y);\\\n  add(X, Y, F);\\\n}\n"
+      "#define west(X,Y) {mov(X,Y,west);}\n"
+      "void edge(AREG out, const areg_t& from){\n  scamp5_kernel_begin();\n  subx(out, from, east, from);\n"
+      "  twice(out, out);\n  scamp5_kernel_end();\n}\n"
+      "scamp5_kernel blur([]{\n  using namespace scamp5_kernel_api;\n  divq(B, A);\n  west(A, B);\n});\n"
+      "void host_only(){ printf(\"x\"); }\n"
+      "int main(){ scamp5_launch_kernel(blur); edge(B, A); }\n");
+  EXPECT_EQ(
+      body(imported),
+      "!define(SPAN, 3)\n\n"
+      "// twice, line 2\n!macro_def\ntwice($X, $Y)\n!macro_begin\nmov(F, $Y)\nadd($X, $Y, F)\n!macro_end\n\n"
+      "// edge, line 7\n!macro_def\nedge($out, $from)\n!macro_begin\nsubx($out, $from, east, $from)\n"
+      "twice($out, $out)\n!macro_end\n\n"
+      "// blur, line 13\n!macro_def\nblur\n!macro_begin\ndivq(B, A)\nwest(A, B)\n!macro_end\n\n"
+      "blur\nedge(B, A)\n");
+  EXPECT_EQ(notes(imported), "18 host: the function 'host_only' has no instruction of the chip\n");
+}
+
+TEST(KernelImport, KernelsWithoutMainRunInTheOrderOfTheText) {
+  const std::string text =
+      import_text(
+          "void one(){ scamp5_kernel_begin(); res(A); scamp5_kernel_end(); }\n"
+          "void two(){ one(); scamp5_kernel_begin(); mov(B, A); scamp5_kernel_end(); }\n")
+          .program;
+  EXPECT_EQ(text.substr(text.rfind("!macro_end")), "!macro_end\n\ntwo\n");
+}
+
+TEST(KernelImport, LoopsConditionsAndScalars) {
+  const ImportedKernels imported = import_text(
+      "int main(){\n  int n = 4, unused;\n  int steps = 0b101;\n  for(int i = 0; i < 3; i++) { res(A); }\n"
+      "  for(int i = 1; i <= steps; i += 2) scamp5_in(A, i * 2 - 1);\n"
+      "  for(int i = 8; i > 0; --i) scamp5_in(B, -i);\n"
+      "  if(steps > 3 && steps != 7) { all(); } else steps += 1;\n  while(steps < 9) steps++;\n}\n");
+  EXPECT_EQ(
+      body(imported),
+      "\nsteps = 5\nrepeat(3)\n  res(A)\nendrepeat\nfor(i, 1, steps, 2)\n  scamp5_in(A, i * 2 - 1)\nendfor\n"
+      "for(i, 8, 1, -1)\n  scamp5_in(B, -i)\nendfor\nif(steps > 3 && steps != 7)\n  all\nelse\n"
+      "  steps = steps + (1)\nendif\nwhile(steps < 9)\n  steps = steps + 1\nendwhile\n");
+  EXPECT_EQ(notes(imported), "2 host: ',' in an expression has no counterpart\n");
+}
+
+TEST(KernelImport, SlidersDirectionsAndOutput) {
+  const ImportedKernels imported = import_text(
+      "int main(){\n  vs_gui_add_slider(\"level\", -20, 127, 10, &level);\n  scamp5_in(E, level);\n"
+      "  scamp5_kernel_begin();\n  DNEWS(S1, S0, south|east, 1);\n  scamp5_kernel_end();\n"
+      "  scamp5_output_image(S1, display);\n  scamp5_in(F, other);\n}\n");
+  EXPECT_EQ(body(imported),
+            "sim.slider.add('level', -20, 127, 10)\nother = 0  // of the program around the kernels\n\n"
+            "level = sim.slider.get('level')\nscamp5_in(E, level)\nCLR(RS, RW, RN, RE)\nSET(RS, RE)\n"
+            "DNEWS1(S1, S0)\nsim.show(S1)\nscamp5_in(F, other)\n");
+  EXPECT_EQ(notes(imported), "8 host: 'other' has no value in the kernels; it is 0\n");
+}
+
+TEST(KernelImport, NamesWhatItCannotTranslate) {
+  const ImportedKernels imported = import_text(
+      "scamp5_kernel_begin();\nmovx(A, B);\nmovy(A, B, north);\nadd(A, B, table[3]);\nint k = p->x;\n"
+      "do { res(A); } while(k);\nres(C);\nscamp5_kernel_end();\n");
+  EXPECT_EQ(notes(imported),
+            "2 kernel: 'movx' takes 3 arguments, not 2\n"
+            "3 kernel: scamp5.aps has no instruction 'movy'; did you mean 'mov'?\n"
+            "4 kernel: 'table' has no value in the kernels; it is 0\n"
+            "4 kernel: '[' in an expression has no counterpart\n"
+            "5 kernel: 'p' has no value in the kernels; it is 0\n"
+            "5 kernel: '->' in an expression has no counterpart\n"
+            "6 kernel: 'do' has no counterpart\n");
+  EXPECT_NE(imported.program.find("// not translated (line 2): 'movx' takes 3 arguments, not 2\n"),
+            std::string::npos);
+  EXPECT_NE(imported.program.find("\nres(C)\n"), std::string::npos);
+}
+
+TEST(KernelImport, TranslatesInstructionLists) {
+  EXPECT_EQ(body(import_text("# generated\nB = north(A)\nA = add(A, B)\nA = div2(A)\nB = addneg(A, B)\r\n")),
+            "\n// generated\nnorth(B, A)\nadd(A, A, B)\ndiv2(A, A)\naddneg(B, A, B)\n");
+  EXPECT_EQ(body(import_text("// Kernel 1\nmovx(B, A, north);\nsub2x(C, A, east, east, B); neg(A, C);\n")),
+            "\n// Kernel 1\nmovx(B, A, north)\nsub2x(C, A, east, east, B)\nneg(A, C)\n");
+  EXPECT_EQ(notes(import_text("A = mul(A, B)\nA = add(A, B)\n")),
+            "1 kernel: scamp5.aps has no instruction 'mul'\n");
+}
+
+TEST(KernelImport, SurvivesAnyText) {
+  std::mt19937 rng(5);
+  const std::vector<std::string> words = {"(",
+                                          ")",
+                                          "{",
+                                          "}",
+                                          "[",
+                                          "]",
+                                          ";",
+                                          ",",
+                                          "=",
+                                          "for",
+                                          "while",
+                                          "if",
+                                          "else",
+                                          "int",
+                                          "add",
+                                          "A",
+                                          "north",
+                                          "3",
+                                          "#define x(",
+                                          "\n",
+                                          "scamp5_kernel_begin()",
+                                          "scamp5_kernel",
+                                          "void f(",
+                                          "\"",
+                                          "'",
+                                          "/*",
+                                          "//",
+                                          "::",
+                                          "do",
+                                          "&",
+                                          "main"};
+  for (int round = 0; round < 3000; ++round) {
+    std::string text;
+    for (int i = 0; i < 20; ++i) text += words[rng() % words.size()] + (rng() % 2 == 0 ? " " : "");
+    EXPECT_FALSE(import_text(text).program.empty());
+  }
+}
+
+// Compiled with the library and run on an image; returns the register D.
+vm::test::Cells run_on_image(const std::string& program, std::uint32_t size, const vm::test::Cells& image) {
+  const std::string file = testing::TempDir() + "apron_import_" + std::to_string(getpid()) + ".aps";
+  std::ofstream(file) << program << "io.image.save(D, 'out')\n";
+  compiler::CompileOptions options;
+  options.file = file;
+  options.width = options.height = size;
+  options.library_path =
+      std::string(APRON_SCAMP_LIBRARY).substr(0, std::string(APRON_SCAMP_LIBRARY).rfind('/'));
+  syntax::DiskReader reader;
+  compiler::CompileResult compiled = compiler::compile(options, reader);
+  std::remove(file.c_str());
+  if (!compiled.program) {
+    ADD_FAILURE() << syntax::format_diagnostics(compiled.diagnostics, compiled.sources);
+    return {};
+  }
+  vm::test::FakeHost host;
+  host.sensors["in"] = image;
+  vm::Vm vm(std::move(*compiled.program), {}, host);
+  EXPECT_EQ(vm.run(), vm::Status::kEnded) << vm.error();
+  return host.actuators["out"];
+}
+
+// |right - left| of the columns (1 2 1) of the image, 0 beyond the edge.
+TEST(KernelImport, ImportedSobelEqualsItsDefinitionToTheBit) {
+  constexpr int kSize = 37;
+  std::mt19937 rng(9);
+  vm::test::Cells image(kSize * kSize);
+  for (float& cell : image) cell = static_cast<float>(113 + static_cast<int>(rng() % 30));
+  const vm::test::Cells edges = run_on_image(import_text(kSobel, "in").program, kSize, image);
+  ASSERT_EQ(edges.size(), image.size());
+  const auto at = [&](int x, int y) {
+    return x < 0 || y < 0 || x >= kSize || y >= kSize ? 0 : static_cast<int>(image[y * kSize + x]) - 128;
+  };
+  const auto column = [&](int x, int y) {
+    return x < 0 || x >= kSize ? 0 : at(x, y - 1) + 2 * at(x, y) + at(x, y + 1);
+  };
+  for (int y = 0; y < kSize; ++y)
+    for (int x = 0; x < kSize; ++x)
+      ASSERT_EQ(edges[y * kSize + x], static_cast<float>(std::abs(column(x + 1, y) - column(x - 1, y))))
+          << x << ' ' << y;
+}
+
+}  // namespace
+}  // namespace apron::run
