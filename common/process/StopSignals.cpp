@@ -39,6 +39,8 @@ extern "C" void on_stop_signal(int signal) {
 
 }  // namespace
 
+void report_file_size_errors() noexcept { std::signal(SIGXFSZ, SIG_IGN); }
+
 const std::atomic<bool>& catch_stop_signals() {
   struct sigaction action {};
   action.sa_handler = on_stop_signal;

@@ -11,6 +11,9 @@ namespace common {
 // stays ignored. SIGPIPE is ignored from here on: a closed pipe is a write error, not the end of the process.
 const std::atomic<bool>& catch_stop_signals();
 
+// Makes a write beyond the limit of the file size (ulimit -f) an error instead of the end of the process.
+void report_file_size_errors() noexcept;
+
 const std::atomic<bool>& stop_flag() noexcept;
 // Raised together with the stop flag, and by anyone who wants to interrupt the work for a moment.
 std::atomic<bool>& interrupt_flag() noexcept;

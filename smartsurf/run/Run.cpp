@@ -5,10 +5,10 @@
 
 #include <cmath>
 #include <filesystem>
-#include <fstream>
-#include <sstream>
 #include <thread>
 
+#include "common/files/ReadFile.h"
+#include "common/process/StopSignals.h"
 #include "smartsurf/mesh/SolidLibrary.h"
 #include "smartsurf/run/OutputFile.h"
 
@@ -29,6 +29,7 @@ script::LoadOptions make_load_options(const RunOptions& options) {
   load_options.engine = options.engine;
   load_options.unsafe = options.unsafe;
   load_options.solid_factory = std::make_shared<mesh::SolidLibrary>();
+  load_options.stop = &common::stop_flag();
   // A script may write only into the folder of the first recording; without recordings, nowhere.
   if (!options.recording_files.empty()) {
     const std::filesystem::path folder = std::filesystem::path(options.recording_files.front()).parent_path();
@@ -37,11 +38,11 @@ script::LoadOptions make_load_options(const RunOptions& options) {
   return load_options;
 }
 
-std::string read_file(const std::string& file) {
-  std::ifstream in(file, std::ios::binary);
-  std::ostringstream out;
-  out << in.rdbuf();
-  return out.str();
+std::string read_program(const std::string& file) {
+  std::string text;
+  if (const std::error_code error = common::read_file(file, common::kMaxTextBytes, text))
+    throw scene::InputError(fmt::format("--controller {}: cannot be read: {}", file, error.message()));
+  return text;
 }
 
 std::optional<std::uint64_t> end_tick(const RunOptions& options, const scene::WorldSpec& world) {
@@ -97,7 +98,7 @@ void Run::open_recordings() {
   meta.command_line = options_.command_line;
   meta.mode = options_.mode == RunMode::kTimeStep ? "time-step" : "passive";
   meta.program_file = options_.controller;
-  if (options_.controller.ends_with(".aps")) meta.program_text = read_file(options_.controller);
+  if (options_.controller.ends_with(".aps")) meta.program_text = read_program(options_.controller);
   meta.driver = options_.no_controller ? "script" : "controller";
   for (const auto& [name, value] : options_.overrides) meta.overrides.push_back({name, value});
   meta.unsafe = options_.unsafe;
@@ -112,6 +113,8 @@ int Run::execute() {
     while (!ending_ && wait_until_due() && tick()) {
     }
     experiment_.finish();
+  } catch (const script::Interrupted&) {
+    set_ending(common::kDone, "stopped by the user");
   } catch (const scene::InputError& error) {
     set_ending(common::kUserError, error.what());
     finish();
@@ -225,7 +228,9 @@ bool Run::continue_without_controller(Status status) {
 bool Run::handle_controller_exit() {
   if (!controller_process_) return false;
   const auto status = controller_process_->wait_for_exit(2000ms);
-  if (!status) {
+  if (stop_requested_) {  // a signal to the process group ends both
+    set_ending(common::kDone, "stopped by the user");
+  } else if (!status) {
     set_ending(common::kPeerLost, "the controller detached from the surface but did not exit");
   } else if (*status == 0) {
     set_ending(common::kDone, "the controller exited");
