@@ -11,7 +11,20 @@ libc = ctypes.CDLL(None, use_errno=True)
 
 def own_mounts():
     """Gives this process mounts of its own; raises OSError where that is not permitted."""
-    if libc.unshare(CLONE_NEWNS) != 0 or libc.mount(b"none", b"/", None, MS_REC | MS_PRIVATE, None) != 0:
+    if libc.unshare(CLONE_NEWNS) != 0:
+        raise OSError(ctypes.get_errno(), "no private mounts")
+    if libc.mount(b"none", b"/", None, MS_REC | MS_PRIVATE, None) == 0:
+        return
+    # The root of a chroot is no mount point: change the root above it, from a working directory outside.
+    root = os.open("/", os.O_RDONLY)
+    os.chroot("/proc")
+    os.fchdir(root)
+    for _ in range(100):
+        os.chdir("..")
+    done = libc.mount(b"none", b".", None, MS_REC | MS_PRIVATE, None) == 0
+    os.fchdir(root)
+    os.chroot(".")
+    if not done:
         raise OSError(ctypes.get_errno(), "no private mounts")
 
 
@@ -152,6 +165,25 @@ class Resources(ReliabilityTest):
         with open(self.folder / "listing", "w") as listing:
             status, err = self.run_limited([APRON, "disasm", SORT_APS], limit, stdout=listing)
         self.assertEqual(status, 1, err)
+
+
+class Extremes(ReliabilityTest):
+    def test_smallest_largest_lightest_objects_stay_finite(self):
+        scene = self.write("extreme.lua", """
+            surface { rows = 8, columns = 8, actuator = pin {} }
+            material { name = 'm', density = option('density', 1.0) }
+            local size, below, shape = option('size', 1.0), option('below', 1.0), option('shape', 'sphere')
+            local function put(s, x, z)
+              if shape == 'sphere' then sphere { radius = s, position = { x, 4, z }, material = 'm' }
+              else box { size = { s, s, s }, position = { x, 4, z }, material = 'm' } end
+            end
+            put(below, 4, below + 0.1) put(size, 4 + size / 2, 2 * below + 2 * size + 0.1)
+            """)
+        for options in (("size=0.001",), ("size=0.001", "density=1e-9"), ("size=0.003", "shape=box"), ("density=1e-6",),
+                        ("density=1e-9",), ("size=0.001", "below=1e4"), ("size=1e4",), ("size=1e4", "shape=box")):
+            status, _, err = self.run_program(SMARTSURF, "run", scene, "--no-controller", "--until", "1",
+                                              *(flag for option in options for flag in ("--set", option)))
+            self.assertEqual((status, err), (0, ""), options)
 
 
 class Reproducible(ReliabilityTest):

@@ -251,6 +251,18 @@ TEST(Segment, ListsAndRemovesOnlyOrphans) {
   EXPECT_TRUE(exists(file_path(living.name)));
 }
 
+// Makes all mounts private. The root of a chroot is no mount point, so that the root above it is changed, from a
+// working directory outside.
+bool make_mounts_private() {
+  if (::mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) == 0) return true;
+  const int root = ::open("/", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (root < 0 || ::chroot("/proc") != 0 || ::fchdir(root) != 0) return false;
+  for (int i = 0; i < 100; ++i)
+    if (::chdir("..") != 0) return false;
+  const bool done = ::mount("none", ".", nullptr, MS_REC | MS_PRIVATE, nullptr) == 0;
+  return ::fchdir(root) == 0 && ::chroot(".") == 0 && done;
+}
+
 // Mounts a private /dev/shm of the given size; false if that is not permitted. Root needs no user namespace,
 // which a chroot refuses.
 bool mount_own_shm(std::size_t bytes) {
@@ -263,11 +275,7 @@ bool mount_own_shm(std::size_t bytes) {
     std::ofstream("/proc/self/uid_map") << user;
     std::ofstream("/proc/self/gid_map") << group;
   }
-  // The root of a chroot is no mount point, so the propagation of /dev/shm itself is changed.
-  if (::mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) != 0 &&
-      ::mount("none", "/dev/shm", nullptr, MS_PRIVATE, nullptr) != 0)
-    return false;
-  return ::mount("tmpfs", "/dev/shm", "tmpfs", 0, size.c_str()) == 0;
+  return make_mounts_private() && ::mount("tmpfs", "/dev/shm", "tmpfs", 0, size.c_str()) == 0;
 }
 
 // Runs `body` in a child with such a /dev/shm; false if that is not permitted.
