@@ -49,7 +49,7 @@ struct LoadOptions {
   std::uint64_t callback_budget = 50'000'000;       // Lua instructions per callback
   std::size_t memory_limit = std::size_t{1} << 30;  // bytes, of the Lua heap
   // Processor time, for what instructions do not bound: operators on long strings, collections.
-  double load_time_s = 60.0, callback_time_s = 10.0;
+  double load_time_s = 30.0, callback_time_s = 10.0;
   // Ends a running script with script::Interrupted; null = never.
   const std::atomic<bool>* stop = nullptr;
 };

@@ -10,7 +10,7 @@
 namespace smartsurf::script {
 namespace {
 
-constexpr std::uint64_t kInstructionsPerKey = 10;  // that collecting and sorting a key take
+constexpr std::uint64_t kInstructionsPerKey = 20;  // that collecting and sorting a key take
 
 struct TableKey {
   enum Kind { kNumber, kString, kBoolean, kUnordered } kind = kUnordered;

@@ -73,7 +73,8 @@ int io_write(ScriptContext& context, lua_State* L) {
 }
 
 // Accepts source text only, because malformed bytecode can crash the interpreter.
-int load(ScriptContext&, lua_State* L) {
+int load(ScriptContext& context, lua_State* L) {
+  if (lua_type(L, 1) == LUA_TSTRING) context.interpreter->charge(L, lua_rawlen(L, 1));
   if (lua_gettop(L) < 3) lua_settop(L, 3);
   lua_pushliteral(L, "t");
   lua_replace(L, 3);
