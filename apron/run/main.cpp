@@ -1,8 +1,17 @@
+#include <cstdio>
+#include <exception>
+#include <iostream>
+
 #include "apron/run/cli/Commands.h"
 #include "apron/run/cli/Repl.h"
+#include "common/error/UserError.h"
+#include "common/process/ExitStatus.h"
+#include "common/process/StopSignals.h"
 
-int main(int argc, char** argv) {
-  using namespace apron::run;
+namespace apron::run {
+namespace {
+
+int run_subcommand(int argc, char** argv) {
   const ParsedOptions parsed = parse_options(argc, argv);
   if (parsed.exit_status) return *parsed.exit_status;
   switch (parsed.options.subcommand) {
@@ -20,4 +29,34 @@ int main(int argc, char** argv) {
       return run_repl(parsed.options);
   }
   return common::kFailed;
+}
+
+int print_failure(int status, const char* text) noexcept {
+  std::fprintf(stderr, "apron: error: %s\n", text);
+  return status;
+}
+
+// `status`, or kFailed if the output of a run that succeeded is incomplete.
+int status_after_output(int status) noexcept {
+  if (status != common::kDone) return status;
+  std::cout.flush();
+  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && std::cout) return status;
+  return print_failure(common::kFailed, "cannot write the output");
+}
+
+}  // namespace
+}  // namespace apron::run
+
+int main(int argc, char** argv) {
+  using namespace apron::run;
+  common::report_file_size_errors();
+  try {
+    return status_after_output(run_subcommand(argc, argv));
+  } catch (const common::UserError& error) {
+    return print_failure(common::kUserError, error.what());
+  } catch (const std::bad_alloc&) {
+    return print_failure(common::kFailed, "there is not enough memory");
+  } catch (const std::exception& error) {
+    return print_failure(common::kFailed, error.what());
+  }
 }

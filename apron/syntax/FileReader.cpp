@@ -1,19 +1,12 @@
 #include "apron/syntax/FileReader.h"
 
-#include <filesystem>
-#include <fstream>
-#include <iterator>
-#include <system_error>
+#include "common/files/ReadFile.h"
 
 namespace apron::syntax {
 
 std::optional<std::string> DiskReader::read(const std::string& path) {
-  std::error_code error;
-  if (std::filesystem::is_directory(path, error)) return std::nullopt;
-  std::ifstream stream(path, std::ios::binary);
-  if (!stream) return std::nullopt;
-  std::string text{std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
-  if (stream.bad()) return std::nullopt;
+  std::string text;
+  if (common::read_file(path, common::kMaxTextBytes, text)) return std::nullopt;
   return text;
 }
 

@@ -10,7 +10,8 @@ namespace apron::syntax {
 class FileReader {
  public:
   virtual ~FileReader() = default;
-  // The contents of a file, or nullopt if it does not exist or cannot be read.
+  // The contents of a file, or nullopt if it does not exist, cannot be read or has more than
+  // 16 MiB.
   virtual std::optional<std::string> read(const std::string& path) = 0;
 };
 

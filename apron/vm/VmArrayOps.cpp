@@ -130,9 +130,9 @@ Status Vm::push_register(const DecodedInstruction& decoded) {
   while (slot != free_stack_planes_.end() && !same_shape(*slot, a)) ++slot;
   if (slot == free_stack_planes_.end()) {
     stack_bytes_ += a.cell_count() * sizeof(float);
-    if (stack_bytes_ > program::kMaxMemoryBytes)
+    if (stack_bytes_ > program::kMaxStackBytes)
       return fail(Status::kFailed,
-                  "the stack takes more than " + std::to_string(program::kMaxMemoryBytes) + " bytes");
+                  "the stack takes more than " + std::to_string(program::kMaxStackBytes) + " bytes");
     try {
       slot = free_stack_planes_.insert(free_stack_planes_.end(), plane_store_.allocate(a.width, a.height));
     } catch (const std::bad_alloc&) {

@@ -13,8 +13,8 @@ namespace fs = std::filesystem;
 
 std::error_code last_error() { return {errno, std::generic_category()}; }
 
-std::error_code write_all(const fs::path& path, std::string_view bytes) {
-  const int file = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+std::error_code write_all(const fs::path& path, std::string_view bytes, int creation) {
+  const int file = ::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | creation, 0666);
   if (file < 0) return last_error();
   std::error_code error;
   while (!bytes.empty() && !error) {
@@ -37,12 +37,14 @@ bool is_special_file(const fs::path& path) noexcept {
 }
 
 std::error_code replace_file(const fs::path& path, std::string_view bytes) {
-  if (is_special_file(path)) return write_all(path, bytes);
+  if (is_special_file(path)) return write_all(path, bytes, O_TRUNC);
   std::error_code error;
   if (fs::is_directory(path, error)) return std::make_error_code(std::errc::is_a_directory);
   // The process id keeps two processes that write the same file apart.
   const fs::path part = path.string() + ".part" + std::to_string(::getpid());
-  error = write_all(part, bytes);
+  // Removed first and then created anew, never through a link that someone else put there.
+  fs::remove(part, error);
+  if (!error) error = write_all(part, bytes, O_EXCL);
   if (!error) fs::rename(part, path, error);
   if (error) {
     std::error_code ignored;

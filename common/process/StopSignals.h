@@ -5,10 +5,14 @@
 
 namespace common {
 
-// Installs the handlers and returns stop_flag(). The first signal raises both flags; a second one ends the
-// process at once with status 128 + signal, for work that does not poll. An ignored SIGHUP (nohup) stays
-// ignored. SIGPIPE is ignored from here on: a closed pipe is a write error, not the end of the process.
+// Installs the handlers and returns stop_flag(). The first signal raises both flags. Signals within the next
+// half second belong to the same request, because a supervisor signals the process and its group; a later one
+// ends the process at once with status 128 + signal, for work that does not poll. An ignored SIGHUP (nohup)
+// stays ignored. SIGPIPE is ignored from here on: a closed pipe is a write error, not the end of the process.
 const std::atomic<bool>& catch_stop_signals();
+
+// Makes a write beyond the limit of the file size (ulimit -f) an error instead of the end of the process.
+void report_file_size_errors() noexcept;
 
 const std::atomic<bool>& stop_flag() noexcept;
 // Raised together with the stop flag, and by anyone who wants to interrupt the work for a moment.

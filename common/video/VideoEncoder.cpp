@@ -68,6 +68,7 @@ void VideoEncoder::start(int frames_per_second) {
   child_ = ::fork();
   if (child_ == 0) {
     ::dup2(ends[0], STDIN_FILENO);
+    std::signal(SIGXFSZ, SIG_DFL);
     std::signal(SIGINT, SIG_IGN);  // Ctrl-C is for the program; ffmpeg ends with its input
     ::execvp(arguments[0], arguments.data());
     ::_exit(127);

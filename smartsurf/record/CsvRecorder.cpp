@@ -7,6 +7,7 @@
 #include <cerrno>
 #include <cstring>
 #include <stdexcept>
+#include <system_error>
 #include <utility>
 
 #include "common/csv/Csv.h"
@@ -19,16 +20,28 @@ constexpr std::chrono::seconds kMaxFlushInterval{1};
 
 }  // namespace
 
-CsvRecorder::CsvRecorder(const std::filesystem::path& path, const scene::SceneSpec& spec)
+CsvRecorder::CsvRecorder(const std::filesystem::path& path, std::unique_ptr<PendingFile> pending,
+                         const scene::SceneSpec& spec)
     : Recorder(spec.record.tick_interval),
       name_(path.string()),
-      fd_(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666)),
+      pending_(std::move(pending)),
+      fd_(::open(pending_->path().c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | (pending_->must_be_new() ? O_EXCL : O_TRUNC), 0666)),
       last_flush_(std::chrono::steady_clock::now()) {
   if (fd_ < 0) throw scene::InputError(name_ + ": cannot be written: " + std::strerror(errno));
   ::flock(fd_, LOCK_EX | LOCK_NB);
   lines_.reserve(2 * kBufferBytes);
   lines_ = "tick,time,id,label,x,y,z,qx,qy,qz,qw\n";
   flush_lines();
+}
+
+template <class Action>
+void CsvRecorder::commit(Action action) {
+  try {
+    action(*pending_);
+  } catch (const std::system_error& error) {
+    if (fd_ >= 0) ::close(std::exchange(fd_, -1));
+    throw std::runtime_error(name_ + ": cannot be written: " + error.code().message());
+  }
 }
 
 CsvRecorder::~CsvRecorder() {
@@ -43,12 +56,14 @@ void CsvRecorder::close(const RunResult&) {
   flush_lines();
   const int fd = std::exchange(fd_, -1);
   if (::close(fd) != 0) throw std::runtime_error(name_ + ": cannot be written: " + std::strerror(errno));
+  commit([](PendingFile& pending) { pending.commit_if_new(); });
 }
 
 void CsvRecorder::write_frame(const scene::Snapshot& snapshot,
                               const std::vector<scene::ObjectSpec>& catalogue,
                               std::span<const scene::ChannelData>, std::span<const scene::ChannelData>) {
   if (fd_ < 0) return;
+  has_frames_ = true;
   for (std::size_t i = 0; i < snapshot.object_count(); ++i) {
     common::append_csv_number(lines_, snapshot.tick);
     lines_ += ',';
@@ -78,6 +93,7 @@ void CsvRecorder::flush_lines() {
   }
   lines_.clear();
   last_flush_ = std::chrono::steady_clock::now();
+  if (has_frames_) commit([](PendingFile& pending) { pending.commit(); });
 }
 
 }  // namespace smartsurf::record

@@ -3,14 +3,17 @@
 #pragma once
 
 #include <chrono>
+#include <memory>
 
+#include "smartsurf/record/PendingFile.h"
 #include "smartsurf/record/Recorder.h"
 
 namespace smartsurf::record {
 
 class CsvRecorder final : public Recorder {
  public:
-  CsvRecorder(const std::filesystem::path& path, const scene::SceneSpec& spec);
+  CsvRecorder(const std::filesystem::path& path, std::unique_ptr<PendingFile> pending,
+              const scene::SceneSpec& spec);
   ~CsvRecorder() override;
   void close(const RunResult& result) override;
 
@@ -19,8 +22,12 @@ class CsvRecorder final : public Recorder {
                    std::span<const scene::ChannelData> sensors,
                    std::span<const scene::ChannelData> actuators) override;
   void flush_lines();
+  template <class Action>
+  void commit(Action action);
 
   std::string name_;
+  std::unique_ptr<PendingFile> pending_;
+  bool has_frames_ = false;
   int fd_ = -1;        // -1 once closed, or after a failed write
   std::string lines_;  // buffered output; always whole lines
   std::chrono::steady_clock::time_point last_flush_;

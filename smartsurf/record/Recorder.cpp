@@ -7,8 +7,12 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <memory>
+#include <system_error>
+#include <utility>
 
 #include "smartsurf/record/CsvRecorder.h"
+#include "smartsurf/record/PendingFile.h"
 #include "smartsurf/record/hdf5/Hdf5Recorder.h"
 
 namespace smartsurf::record {
@@ -23,9 +27,17 @@ std::string lowercase_extension(const fs::path& path) {
   return extension;
 }
 
-// Called before the file is truncated: a second run with the same --record must not destroy the file of the
-// first.
-void require_writable(const fs::path& path) {
+// Whether another process is writing the file. A file system without locks fails with another error than
+// EWOULDBLOCK.
+bool is_locked(const fs::path& path) {
+  const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+  const bool locked = file >= 0 && ::flock(file, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+  if (file >= 0) ::close(file);
+  return locked;
+}
+
+// A second run with the same --record must not destroy the file of the first.
+void require_writable(const fs::path& path, const fs::path& pending) {
   const std::string name = path.string();
   const fs::path directory = path.parent_path().empty() ? fs::path(".") : path.parent_path();
   std::error_code error;
@@ -33,12 +45,12 @@ void require_writable(const fs::path& path) {
     throw scene::InputError(name + ": cannot be written: there is no directory " + directory.string());
   if (fs::is_directory(path, error))
     throw scene::InputError(name + ": is a directory: give the name of a file in it");
-  const int file = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
-  if (file < 0) throw scene::InputError(name + ": cannot be written: " + std::strerror(errno));
-  // A file system without locks fails with another error than EWOULDBLOCK and is used unlocked.
-  const bool locked = ::flock(file, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
-  ::close(file);
-  if (locked) throw scene::InputError(name + ": another process is writing it: give another name");
+  if (is_locked(path) || is_locked(pending))
+    throw scene::InputError(name + ": another process is writing it: give another name");
+  const bool exists = ::access(path.c_str(), F_OK) == 0;
+  for (const fs::path& target : {pending != path ? directory : path, exists ? path : directory})
+    if (::access(target.c_str(), W_OK) != 0)
+      throw scene::InputError(name + ": cannot be written: " + std::strerror(errno));
 }
 
 }  // namespace
@@ -50,15 +62,15 @@ std::unique_ptr<Recorder> Recorder::open(const fs::path& path, const RunMetadata
   if (!hdf5 && extension != ".csv")
     throw scene::InputError(path.string() + ": unknown kind of recording '" + extension +
                             "': the name must end in .h5 or .hdf5 (everything) or .csv (trajectories)");
-  require_writable(path);
+  auto pending = std::make_unique<PendingFile>(path);
+  require_writable(path, pending->path());
   try {
-    if (hdf5) return std::make_unique<Hdf5Recorder>(path, meta, spec);
-    return std::make_unique<CsvRecorder>(path, spec);
-  } catch (...) {
-    std::error_code error;
-    if (fs::file_size(path, error) == 0) fs::remove(path, error);  // disk full: remove the empty file
-    throw;
+    pending->own();
+  } catch (const std::system_error& error) {
+    throw scene::InputError(path.string() + ": cannot be written: " + error.code().message());
   }
+  if (hdf5) return std::make_unique<Hdf5Recorder>(path, std::move(pending), meta, spec);
+  return std::make_unique<CsvRecorder>(path, std::move(pending), spec);
 }
 
 }  // namespace smartsurf::record

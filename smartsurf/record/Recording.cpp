@@ -222,7 +222,7 @@ std::vector<float> Recording::Contents::read_vectors(const char* name, std::size
 }
 
 std::vector<float> Recording::Contents::read_channel_frame(const std::string& name, std::size_t frame) const {
-  const Handle dataset(H5Dopen2(file, name.c_str(), H5P_DEFAULT), H5Dclose, "has no dataset " + name);
+  const Handle dataset = open_dataset(file, name);
   std::vector<hsize_t> size = extents(dataset), start(size.size(), 0);
   if (size.size() < 3 || size.size() > 4 || frame >= size[0])
     throw Hdf5Error("dataset " + name + " has no frame " + std::to_string(frame));
@@ -348,8 +348,7 @@ std::vector<float> Recording::read_cell_history(const std::string& group, const 
                                                 int column) const {
   return contents_->translate_errors([&] {
     const std::string path = group + "/" + name;
-    const Handle dataset(H5Dopen2(contents_->file, path.c_str(), H5P_DEFAULT), H5Dclose,
-                         "has no dataset " + path);
+    const Handle dataset = open_dataset(contents_->file, path);
     const std::size_t axes = extents(dataset).size();
     std::vector<hsize_t> start = {0, static_cast<hsize_t>(row), static_cast<hsize_t>(column), 0},
                          size = {frames(), 1, 1, 1};

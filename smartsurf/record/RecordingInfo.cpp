@@ -4,6 +4,7 @@
 #include <map>
 #include <sstream>
 
+#include "common/text/Printable.h"
 #include "smartsurf/record/Purity.h"
 #include "smartsurf/record/Recording.h"
 #include "smartsurf/record/hdf5/CatalogueWriter.h"
@@ -12,7 +13,7 @@ namespace smartsurf::record {
 namespace {
 
 void write_line(std::ostream& out, const char* field, const std::string& text) {
-  if (!text.empty()) out << std::left << std::setw(12) << field << text << '\n';
+  if (!text.empty()) out << std::left << std::setw(12) << field << common::printable(text) << '\n';
 }
 
 template <class... Parts>
@@ -147,7 +148,7 @@ std::string describe_recording(const Recording& recording) {
   write_line(out, "purity", purity_text(recording));
   out << "datasets\n";
   for (const Recording::DatasetInfo& dataset : recording.datasets())
-    out << "  " << std::left << std::setw(34) << dataset.name << extents_text(dataset) << '\n';
+    out << "  " << std::left << std::setw(34) << common::printable(dataset.name) << extents_text(dataset) << '\n';
   return out.str();
 }
 

@@ -53,6 +53,7 @@ std::vector<std::string> make_command(const std::string& controller, const std::
   setenv("SMARTSURF_SHM", shm_name.c_str(), 1);
   // Ends the controller even if the simulator is killed by SIGKILL.
   prctl(PR_SET_PDEATHSIG, SIGTERM);
+  for (const int ignored : {SIGPIPE, SIGXFSZ}) signal(ignored, SIG_DFL);
   std::vector<char*> arguments;
   for (const auto& argument : command) arguments.push_back(const_cast<char*>(argument.c_str()));
   arguments.push_back(nullptr);

@@ -5,10 +5,10 @@
 
 #include <cmath>
 #include <filesystem>
-#include <fstream>
-#include <sstream>
 #include <thread>
 
+#include "common/files/ReadFile.h"
+#include "common/process/StopSignals.h"
 #include "smartsurf/mesh/SolidLibrary.h"
 #include "smartsurf/run/OutputFile.h"
 
@@ -29,6 +29,7 @@ script::LoadOptions make_load_options(const RunOptions& options) {
   load_options.engine = options.engine;
   load_options.unsafe = options.unsafe;
   load_options.solid_factory = std::make_shared<mesh::SolidLibrary>();
+  load_options.stop = &common::stop_flag();
   // A script may write only into the folder of the first recording; without recordings, nowhere.
   if (!options.recording_files.empty()) {
     const std::filesystem::path folder = std::filesystem::path(options.recording_files.front()).parent_path();
@@ -37,11 +38,11 @@ script::LoadOptions make_load_options(const RunOptions& options) {
   return load_options;
 }
 
-std::string read_file(const std::string& file) {
-  std::ifstream in(file, std::ios::binary);
-  std::ostringstream out;
-  out << in.rdbuf();
-  return out.str();
+// Empty if there is no such file: the controller's own message follows.
+std::string read_program(const std::string& file) {
+  std::string text;
+  if (common::read_file(file, common::kMaxTextBytes, text)) return "";
+  return text;
 }
 
 std::optional<std::uint64_t> end_tick(const RunOptions& options, const scene::WorldSpec& world) {
@@ -54,6 +55,13 @@ std::string segment_name(const RunOptions& options) {
   if (!options.shm.empty()) return options.shm;
   // A name for the user to type is needed only if the controller is attached by hand.
   return options.controller.empty() ? "surface" : fmt::format("run-{}", getpid());
+}
+
+std::string describe_object(const scene::ObjectSpec& object) {
+  return fmt::format("extents {:.4g} x {:.4g} x {:.4g} u, {}", 2.0 * object.half_extents().x(),
+                     2.0 * object.half_extents().y(), 2.0 * object.half_extents().z(),
+                     object.mass ? fmt::format("mass {:.4g}", *object.mass)
+                                 : fmt::format("volume {:.4g} u³", object.volume()));
 }
 
 std::unique_ptr<Display> reuse_or_open_display(const RunOptions& options, const scene::SceneSpec& scene,
@@ -97,7 +105,7 @@ void Run::open_recordings() {
   meta.command_line = options_.command_line;
   meta.mode = options_.mode == RunMode::kTimeStep ? "time-step" : "passive";
   meta.program_file = options_.controller;
-  if (options_.controller.ends_with(".aps")) meta.program_text = read_file(options_.controller);
+  if (options_.controller.ends_with(".aps")) meta.program_text = read_program(options_.controller);
   meta.driver = options_.no_controller ? "script" : "controller";
   for (const auto& [name, value] : options_.overrides) meta.overrides.push_back({name, value});
   meta.unsafe = options_.unsafe;
@@ -112,6 +120,8 @@ int Run::execute() {
     while (!ending_ && wait_until_due() && tick()) {
     }
     experiment_.finish();
+  } catch (const script::Interrupted&) {
+    set_ending(common::kDone, "stopped by the user");
   } catch (const scene::InputError& error) {
     set_ending(common::kUserError, error.what());
     finish();
@@ -175,8 +185,10 @@ bool Run::advance_physics() {
   }
   if (const auto object = simulation_.first_non_finite()) {
     set_ending(common::kFailed,
-               fmt::format("failed at tick {}: object {} has a position or velocity that is not finite",
-                           simulation_.snapshot().tick + 1, *object));
+               fmt::format("failed at tick {}: object {} has a position or velocity that is not finite: its size, "
+                           "mass or speed differs too much from its neighbours' for a step of {} s ({})",
+                           simulation_.snapshot().tick + 1, *object, simulation_.scene().world.dt_s,
+                           describe_object(simulation_.catalogue()[*object])));
     progress_.print_message(ending_->outcome);
     return false;
   }
@@ -225,7 +237,9 @@ bool Run::continue_without_controller(Status status) {
 bool Run::handle_controller_exit() {
   if (!controller_process_) return false;
   const auto status = controller_process_->wait_for_exit(2000ms);
-  if (!status) {
+  if (stop_requested_) {  // a signal to the process group ends both
+    set_ending(common::kDone, "stopped by the user");
+  } else if (!status) {
     set_ending(common::kPeerLost, "the controller detached from the surface but did not exit");
   } else if (*status == 0) {
     set_ending(common::kDone, "the controller exited");

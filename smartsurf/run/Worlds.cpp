@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "common/process/StopSignals.h"
 #include "smartsurf/run/OutputFile.h"
 #include "smartsurf/run/Run.h"
 #include "smartsurf/script/Experiment.h"
@@ -34,6 +35,7 @@ std::uint64_t experiment_seed(const RunOptions& options) {
   load.overrides = options.overrides;
   load.unsafe = options.unsafe;
   load.print_output = [](std::string_view) {};
+  load.stop = &common::stop_flag();
   return script::Experiment::load(options.experiment, load).scene().world.seed;
 }
 
@@ -47,6 +49,7 @@ Outcome run_world(const RunOptions& options, const std::atomic<bool>& stop) {
     lock.unlock();
     outcome.status = run.execute();
     outcome.summary = nlohmann::ordered_json::parse(run.stats_json());
+  } catch (const script::Interrupted&) {  // the status of the signal follows
   } catch (const scene::InputError& error) {
     outcome.status = common::kUserError;
     outcome.message = error.what();

@@ -7,8 +7,10 @@
 
 #include "smartsurf/script/ScriptContext.h"
 #include "smartsurf/script/lua/Interpreter.h"
+#include "smartsurf/script/lua/MeteredLibrary.h"
 #include "smartsurf/script/lua/SandboxFiles.h"
 #include "smartsurf/script/lua/TableReader.h"
+#include "smartsurf/script/lua/ValueText.h"
 
 namespace smartsurf::script {
 namespace {
@@ -22,6 +24,9 @@ int register_bindings(ScriptContext& context, lua_State* L) {
   if (!context.options.unsafe) {
     bind_file_access(L);
     bind_denied_libraries(L);
+    bind_value_text(L);
+    bind_table_functions(L);
+    bind_string_functions(L);
   }
   bind_ordered_pairs(L);
   bind_declarations(L);
@@ -87,10 +92,11 @@ struct Experiment::Impl {
 
   void load() {
     lua_State* const L = interpreter.lua();
+    const Budget budget{session.options.load_budget, session.options.load_time_s};
     lua_pushcfunction(L, guarded<register_bindings>);
-    interpreter.call(0, 0, session.options.load_budget, session.spec.file);
+    interpreter.call(0, 0, budget, session.spec.file);
     lua_pushcfunction(L, guarded<run_script>);
-    interpreter.call(0, 0, session.options.load_budget, session.spec.file);
+    interpreter.call(0, 0, budget, session.spec.file);
     validate_declarations(session);
     session.spec.world.gravity = rotate_gravity(session.spec.world.gravity, session.spec.surface.tilt_rad);
   }
@@ -105,7 +111,8 @@ struct Experiment::Impl {
     if (object) lua_pushinteger(L, static_cast<lua_Integer>(*object));
     lua_pushnumber(L, session.time_s);
     lua_pushinteger(L, static_cast<lua_Integer>(session.tick));
-    interpreter.call(object ? 3 : 2, 1, session.options.callback_budget, registered_at);
+    interpreter.call(object ? 3 : 2, 1, {session.options.callback_budget, session.options.callback_time_s},
+                     registered_at);
     const bool keep_registered = !(lua_isboolean(L, -1) && lua_toboolean(L, -1) == 0);
     lua_pop(L, 1);
     return keep_registered;

@@ -5,6 +5,7 @@
 // seed make the same simulation calls in the same order. Not thread-safe. Every call may allocate.
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -12,6 +13,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -46,12 +48,23 @@ struct LoadOptions {
   std::uint64_t load_budget = 500'000'000;          // Lua instructions while loading
   std::uint64_t callback_budget = 50'000'000;       // Lua instructions per callback
   std::size_t memory_limit = std::size_t{1} << 30;  // bytes, of the Lua heap
+  // Processor time, for what instructions do not bound: operators on long strings, collections.
+  double load_time_s = 30.0, callback_time_s = 10.0;
+  // Ends a running script with script::Interrupted; null = never.
+  const std::atomic<bool>* stop = nullptr;
+};
+
+// A script was stopped by LoadOptions::stop.
+class Interrupted : public std::runtime_error {
+ public:
+  Interrupted() : std::runtime_error("interrupted") {}
 };
 
 class Experiment {
  public:
   // Runs the script at `path` once to declare the scene. Throws scene::InputError, one line
-  // "FILE:LINE: message", for any error in the script or in `options`.
+  // "FILE:LINE: message", for any error in the script or in `options`; Interrupted as every call that runs the
+  // script.
   static Experiment load(const std::filesystem::path& path, LoadOptions options = {});
 
   Experiment(Experiment&&) noexcept;

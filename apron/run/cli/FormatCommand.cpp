@@ -9,6 +9,7 @@
 #include "apron/syntax/Diagnostic.h"
 #include "apron/syntax/Lexer.h"
 #include "apron/syntax/SourceManager.h"
+#include "common/files/ReadFile.h"
 
 namespace apron::run {
 namespace {
@@ -27,7 +28,7 @@ int format_programs(const Options& options) {
   int status = common::kDone;
   for (const std::string& file : options.files) {
     try {
-      const std::string text = read_file(file);
+      const std::string text = read_file(file, common::kMaxTextBytes);
       if (const std::string errors = lexical_errors(file, text); !errors.empty()) {
         std::cerr << errors;
         status = common::kUserError;

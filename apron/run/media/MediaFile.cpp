@@ -2,21 +2,15 @@
 
 #include <cctype>
 #include <cerrno>
-#include <cstdio>
 #include <cstring>
 #include <filesystem>
-#include <memory>
 
 #include "apron/run/media/MediaError.h"
 #include "common/files/AtomicFile.h"
+#include "common/files/ReadFile.h"
 
 namespace apron::run {
 namespace {
-
-struct FileCloser {
-  void operator()(std::FILE* file) const noexcept { std::fclose(file); }
-};
-using FilePtr = std::unique_ptr<std::FILE, FileCloser>;
 
 [[noreturn]] void throw_system_error(const std::string& path, const char* action, vm::HostStatus status) {
   throw MediaError(status, std::string("cannot ") + action + " '" + path + "': " + std::strerror(errno));
@@ -28,15 +22,15 @@ void throw_refused(const std::string& path, const std::string& reason) {
   throw MediaError(vm::HostStatus::kRefused, "'" + path + "' " + reason);
 }
 
-std::string read_file(const std::string& path) {
+std::string read_file(const std::string& path, std::size_t max_bytes) {
   std::error_code error;
   if (std::filesystem::is_directory(path, error)) throw_refused(path, "is a directory");
-  const FilePtr file(std::fopen(path.c_str(), "rb"));
-  if (!file) throw_system_error(path, "read", vm::HostStatus::kRefused);
   std::string bytes;
-  char chunk[1 << 16];
-  while (const std::size_t n = std::fread(chunk, 1, sizeof chunk, file.get())) bytes.append(chunk, n);
-  if (std::ferror(file.get()) != 0) throw_system_error(path, "read", vm::HostStatus::kFailed);
+  if (const std::error_code failure = common::read_file(path, max_bytes, bytes)) {
+    errno = failure.value();
+    const bool disk = failure == std::errc::io_error;
+    throw_system_error(path, "read", disk ? vm::HostStatus::kFailed : vm::HostStatus::kRefused);
+  }
   return bytes;
 }
 

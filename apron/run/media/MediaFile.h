@@ -1,6 +1,7 @@
 // Reads and writes whole files, and provides the checks common to all formats. Failures throw MediaError.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -9,8 +10,10 @@
 
 namespace apron::run {
 
-// Paths are relative to the current directory.
-std::string read_file(const std::string& path);
+constexpr std::size_t kMaxMediaBytes = std::size_t{1} << 30;
+
+// Paths are relative to the current directory. A file of more than `max_bytes` is refused.
+std::string read_file(const std::string& path, std::size_t max_bytes = kMaxMediaBytes);
 
 // Replaces the file atomically: a failure keeps the old file and leaves no partial one.
 void write_file(const std::string& path, std::string_view bytes);

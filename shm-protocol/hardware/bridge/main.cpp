@@ -1,11 +1,15 @@
 // surface_bridge: the surface role for a physical device on a serial line or behind TCP.
 #include <getopt.h>
 #include <shm_protocol/Error.h>
+#include <unistd.h>
 
+#include <atomic>
 #include <charconv>
 #include <csignal>
+#include <cstdint>
 #include <cstdio>
 #include <cstring>
+#include <ctime>
 #include <stdexcept>
 
 #include "shm-protocol/hardware/bridge/Bridge.h"
@@ -39,7 +43,18 @@ constexpr const char* kUsage =
 std::atomic<bool> stop{false};
 std::atomic<int> signal_number{0};
 
+// A supervisor signals the process and its group: signals within half a second are one request. A later one
+// ends the process at once.
 void on_signal(int number) {
+  static std::atomic<std::int64_t> first_ns{0};
+  struct timespec time {};
+  ::clock_gettime(CLOCK_MONOTONIC, &time);
+  const std::int64_t now_ns = std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
+  std::int64_t expected = 0;
+  if (!first_ns.compare_exchange_strong(expected, now_ns)) {
+    if (now_ns - expected >= 500'000'000) ::_exit(kSignalled + number);
+    return;
+  }
   signal_number.store(number);
   stop.store(true);
 }
@@ -47,7 +62,6 @@ void on_signal(int number) {
 void catch_signals() {
   struct sigaction action {};
   action.sa_handler = on_signal;
-  action.sa_flags = static_cast<int>(SA_RESETHAND);
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
   // nohup ignores SIGHUP so that the bridge survives its terminal; leave it ignored.

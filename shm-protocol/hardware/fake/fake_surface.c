@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
+#include <unistd.h>
 
 #include "toy.h"
 
@@ -37,7 +38,18 @@ typedef struct Options {
 static ssp_stop* stop;
 static volatile sig_atomic_t stop_signal;
 
+/* A supervisor signals the process and its group: signals within half a second are one request. A later one
+ * ends the process at once. */
 static void on_signal(int number) {
+  static struct timespec first;
+  struct timespec now;
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  if (stop_signal) {
+    const int64_t elapsed_ns = (int64_t)(now.tv_sec - first.tv_sec) * 1000000000 + now.tv_nsec - first.tv_nsec;
+    if (elapsed_ns >= 500000000) _exit(128 + number);
+    return;
+  }
+  first = now;
   stop_signal = number;
   ssp_stop_raise(stop);
 }
@@ -198,7 +210,11 @@ int main(int argc, char** argv) {
   stop = ssp_stop_create();
   t.pins = calloc((size_t)t.o.rows * t.o.columns, sizeof *t.pins);
   if (!stop || !t.pins) return complain(kFailed, "there is not enough memory");
-  struct sigaction action = {.sa_handler = on_signal, .sa_flags = (int)SA_RESETHAND};
+  struct sigaction action = {.sa_handler = on_signal};
+  sigemptyset(&action.sa_mask);
+  sigaddset(&action.sa_mask, SIGINT);
+  sigaddset(&action.sa_mask, SIGTERM);
+  sigaddset(&action.sa_mask, SIGHUP);
   sigaction(SIGINT, &action, NULL);
   sigaction(SIGTERM, &action, NULL);
   sigaction(SIGHUP, &action, NULL);

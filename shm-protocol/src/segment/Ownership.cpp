@@ -6,9 +6,12 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
+#include <chrono>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <thread>
 
 #include "Segment.h"
 #include "shm_protocol/layout.h"
@@ -19,7 +22,7 @@ namespace {
 class FileDescriptor {
  public:
   explicit FileDescriptor(const std::string& path)
-      : descriptor_(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW)) {}
+      : descriptor_(open_untrusted(path, O_RDONLY)) {}
   ~FileDescriptor() {
     if (descriptor_ >= 0) ::close(descriptor_);
   }
@@ -37,6 +40,7 @@ SegmentInfo inspect_descriptor(int descriptor, const std::string& file) {
   info.name = file.substr(std::strlen(kFilePrefix));
   struct stat status {};
   if (::fstat(descriptor, &status) != 0 || !S_ISREG(status.st_mode)) return info;
+  if (const uid_t self = ::geteuid(); self != 0 && status.st_uid != self) return info;
   info.bytes = static_cast<std::uint64_t>(status.st_size);
 
   if (const auto mark = info.name.find(kBuildMarker); mark != std::string::npos) {
@@ -68,6 +72,24 @@ bool is_still(int descriptor, const std::string& path) {
 
 }  // namespace
 
+int open_untrusted(const std::string& path, int flags) noexcept {
+  return ::open(path.c_str(), flags | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK | O_NOCTTY);
+}
+
+bool lock_within_bound(int descriptor) noexcept {
+  struct stat status {};
+  // Another user's lock is not worth a wait: that user may hold locks on any number of files.
+  const bool own = ::fstat(descriptor, &status) == 0 && status.st_uid == ::geteuid();
+  const auto timeout = std::chrono::milliseconds(own ? 300 : 0);
+  const auto start = std::chrono::steady_clock::now();
+  while (::flock(descriptor, LOCK_EX | LOCK_NB) != 0) {
+    if (errno != EWOULDBLOCK && errno != EINTR) return false;
+    if (std::chrono::steady_clock::now() - start >= timeout) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  return true;
+}
+
 SegmentInfo inspect_segment(const std::string& file) {
   const FileDescriptor opened(std::string(kShmDirectory) + "/" + file);
   if (opened) return inspect_descriptor(opened.descriptor(), file);
@@ -82,7 +104,8 @@ bool remove_if_orphan(const std::string& file) {
   if (!opened) return false;
   // Every remover holds this lock and has verified that the name still refers to this file. So nobody can
   // replace the file by a living surface's segment between the check and the unlink.
-  if (::flock(opened.descriptor(), LOCK_EX) != 0) return false;
+  if (inspect_descriptor(opened.descriptor(), file).ownership != Ownership::kOrphan) return false;
+  if (!lock_within_bound(opened.descriptor())) return false;
   if (!is_still(opened.descriptor(), path)) return false;
   if (inspect_descriptor(opened.descriptor(), file).ownership != Ownership::kOrphan) return false;
   return ::unlink(path.c_str()) == 0;

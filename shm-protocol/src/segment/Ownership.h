@@ -12,7 +12,16 @@ namespace shm_protocol {
 // `file` is a name within /dev/shm that begins with "smartsurf.". Missing or unreadable: kForeign.
 SegmentInfo inspect_segment(const std::string& file);
 
-// Removes the file if it is an orphan, checked under a lock on the file. False if it is no orphan or is gone.
+// Opens a file that anyone may have put there: neither a FIFO without a peer, a file lease nor a symbolic link
+// delays or redirects the call. Returns the descriptor, or -1 with errno.
+int open_untrusted(const std::string& path, int flags) noexcept;
+
+// Takes the exclusive lock that serialises the removers of a file. False if another process holds it for
+// longer than a remover needs.
+bool lock_within_bound(int descriptor) noexcept;
+
+// Removes the file if it is an orphan, checked under a lock on the file. False if it is no orphan, is gone or
+// stays locked.
 bool remove_if_orphan(const std::string& file);
 
 }  // namespace shm_protocol

@@ -8,10 +8,10 @@
 
 #include <atomic>
 #include <boost/interprocess/mapped_region.hpp>
-#include <boost/interprocess/shared_memory_object.hpp>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <utility>
 
 #include "Ownership.h"
 #include "shm_protocol/Error.h"
@@ -25,6 +25,13 @@ namespace bip = boost::interprocess;
   throw Error(ErrorCode::kSystem, what + ": " + std::strerror(number));
 }
 
+[[noreturn]] void throw_foreign(const std::string& path) {
+  throw Error(ErrorCode::kForeign,
+              path +
+                  " is not a segment of this protocol, or belongs to another user; remove "
+                  "it by hand or choose another name");
+}
+
 std::string file_name(const std::string& name) { return kFilePrefix + name; }
 
 // Removes segments left by killed builders of this name; the file name identifies the builder's process.
@@ -36,16 +43,39 @@ void remove_stale_builds(const std::string& name) {
   }
 }
 
+// An open segment's file, in the form that bip::mapped_region maps.
+class SegmentFile {
+ public:
+  SegmentFile() = default;
+  SegmentFile(int descriptor, bip::mode_t mode) : descriptor_(descriptor), mode_(mode) {}
+  ~SegmentFile() {
+    if (descriptor_ >= 0) ::close(descriptor_);
+  }
+  SegmentFile(const SegmentFile&) = delete;
+  SegmentFile& operator=(SegmentFile&& other) noexcept {
+    std::swap(descriptor_, other.descriptor_);
+    std::swap(mode_, other.mode_);
+    return *this;
+  }
+  bip::mapping_handle_t get_mapping_handle() const { return {descriptor_, false}; }
+  bip::mode_t get_mode() const { return mode_; }
+  int descriptor() const { return descriptor_; }
+
+ private:
+  int descriptor_ = -1;
+  bip::mode_t mode_ = bip::read_only;
+};
+
 }  // namespace
 
 struct Segment::Impl {
   std::string name;            // final name
   std::string temporary_file;  // private name, until renamed into place
-  bip::shared_memory_object object;
+  SegmentFile file;
   bip::mapped_region region;
   pid_t builder = 0;
 
-  int descriptor() const { return object.get_mapping_handle().handle; }
+  int descriptor() const { return file.descriptor(); }
 };
 
 std::string path_of(const std::string& name) { return std::string(kShmDirectory) + "/" + file_name(name); }
@@ -67,20 +97,18 @@ Segment Segment::create(const std::string& name, std::size_t bytes, ProcessIdent
   static std::atomic<unsigned> build_count{0};  // two threads may build under one name; one will be refused
   const std::string file =
       file_name(name) + kBuildMarker + std::to_string(owner) + "." + std::to_string(build_count++);
-  try {
-    bip::permissions permissions(0600);
-    impl->object = bip::shared_memory_object(bip::create_only, file.c_str(), bip::read_write, permissions);
-    impl->temporary_file = file;
-  } catch (const bip::interprocess_exception& e) {
-    throw Error(ErrorCode::kSystem, "cannot create " + path_of(name) + ": " + e.what());
-  }
+  const std::string path = std::string(kShmDirectory) + "/" + file;
+  const int descriptor = ::open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600);
+  if (descriptor < 0) system_error("cannot create " + path_of(name), errno);
+  impl->file = SegmentFile(descriptor, bip::read_write);
+  impl->temporary_file = file;
   Segment segment(std::move(impl));
   // Reserve the memory now, so that a full /dev/shm is an error here and not a SIGBUS during a run.
   if (const int failure = ::posix_fallocate(segment.impl_->descriptor(), 0, static_cast<off_t>(bytes)))
     system_error("cannot reserve " + std::to_string(bytes) + " bytes in /dev/shm for " + path_of(name),
                  failure);
   try {
-    segment.impl_->region = bip::mapped_region(segment.impl_->object, bip::read_write);
+    segment.impl_->region = bip::mapped_region(segment.impl_->file, bip::read_write);
   } catch (const bip::interprocess_exception& e) {
     throw Error(ErrorCode::kSystem, "cannot map " + path_of(name) + ": " + e.what());
   }
@@ -107,7 +135,8 @@ void Segment::remove() noexcept {
   }, there{};
   const int descriptor = impl_->descriptor();
   const std::string path = path_of(impl_->name);
-  if (::flock(descriptor, LOCK_EX) != 0) return;
+  // A cleaner holds it for microseconds, and removes nothing while this process lives.
+  lock_within_bound(descriptor);
   if (::fstat(descriptor, &mine) == 0 && ::lstat(path.c_str(), &there) == 0 && mine.st_ino == there.st_ino)
     ::unlink(path.c_str());
   ::flock(descriptor, LOCK_UN);
@@ -115,17 +144,23 @@ void Segment::remove() noexcept {
 
 std::optional<Segment> Segment::open(const std::string& name, Access access) {
   const bip::mode_t mode = access == Access::kReadOnly ? bip::read_only : bip::read_write;
+  const std::string path = path_of(name);
   auto impl = std::make_unique<Impl>();
   impl->name = name;
+  const int descriptor = open_untrusted(path, access == Access::kReadOnly ? O_RDONLY : O_RDWR);
+  if (descriptor < 0 && errno == ENOENT) return std::nullopt;
+  if (descriptor < 0 && (errno == ENXIO || errno == ELOOP || errno == EISDIR)) throw_foreign(path);
+  if (descriptor < 0) system_error("cannot open " + path, errno);
+  impl->file = SegmentFile(descriptor, mode);
+  struct stat status {};
+  if (::fstat(descriptor, &status) != 0) system_error("cannot open " + path, errno);
+  // Its owner could truncate the file under this process, which would be a SIGBUS.
+  if (!S_ISREG(status.st_mode) || status.st_uid != ::geteuid()) throw_foreign(path);
+  if (status.st_size <= 0) throw Error(ErrorCode::kCorrupt, path + ": truncated: 0 bytes");
   try {
-    impl->object = bip::shared_memory_object(bip::open_only, file_name(name).c_str(), mode);
-    bip::offset_t size = 0;
-    if (!impl->object.get_size(size) || size <= 0)
-      throw Error(ErrorCode::kCorrupt, path_of(name) + ": truncated: 0 bytes");
-    impl->region = bip::mapped_region(impl->object, mode);
+    impl->region = bip::mapped_region(impl->file, mode);
   } catch (const bip::interprocess_exception& e) {
-    if (e.get_error_code() == bip::not_found_error) return std::nullopt;
-    throw Error(ErrorCode::kSystem, "cannot open " + path_of(name) + ": " + e.what());
+    throw Error(ErrorCode::kSystem, "cannot map " + path + ": " + e.what());
   }
   return Segment(std::move(impl));
 }
@@ -146,12 +181,12 @@ void reclaim_or_throw(const std::string& name) {
                 found.surface_pid);
   if (found.ownership == Ownership::kForeign) {
     if (::lstat(path.c_str(), &status) != 0) return;  // removed since the first check
-    throw Error(ErrorCode::kForeign,
-                path +
-                    " is not a segment of this protocol, or belongs to another user; remove "
-                    "it by hand or choose another name");
+    throw_foreign(path);
   }
-  remove_if_orphan(file_name(name));
+  if (remove_if_orphan(file_name(name)) || ::lstat(path.c_str(), &status) != 0) return;
+  if (inspect_segment(file_name(name)).ownership == Ownership::kOrphan)
+    throw Error(ErrorCode::kForeign, path + " cannot be removed: another process holds its lock, or the "
+                                            "directory is not writable; choose another name");
 }
 
 }  // namespace shm_protocol

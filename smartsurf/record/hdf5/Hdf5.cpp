@@ -36,7 +36,18 @@ void check(herr_t status, const std::string& what) {
   if (status < 0) throw_hdf5_error(what);
 }
 
-void silence_error_stack() { H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr); }
+void initialise_library() {
+  // First of all calls, or it has no effect. The library's own termination crashes if a file could not be
+  // written: the recorders close their files themselves.
+  static const bool once = [] {
+    H5dont_atexit();
+    // Links to other files: a recording has none, and a hostile one must not make the program open them.
+    H5Lunregister(H5L_TYPE_EXTERNAL);
+    return true;
+  }();
+  (void)once;
+  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+}
 
 Handle string_type() {
   Handle type(H5Tcopy(H5T_C_S1), H5Tclose, "string type");

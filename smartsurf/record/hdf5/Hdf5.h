@@ -40,8 +40,9 @@ class Handle {
 
 // Throws "WHAT (the library's reason)" if status is negative.
 void check(herr_t status, const std::string& what);
-// Stops the library from printing its error stack on stderr; errors are reported by exceptions.
-void silence_error_stack();
+// Call before anything else. The library prints no errors (they are exceptions), runs nothing at exit and follows
+// no links to other files.
+void initialise_library();
 
 // Variable-length UTF-8; fixed-length attributes are limited to 64 KiB.
 Handle string_type();

@@ -7,7 +7,7 @@ namespace smartsurf::record {
 namespace fs = std::filesystem;
 
 Handle open_for_reading(const fs::path& path) {
-  silence_error_stack();
+  initialise_library();
   std::error_code error;
   if (!fs::exists(path, error)) throw Hdf5Error("no such file");
   if (!fs::is_regular_file(path, error)) throw Hdf5Error("is not a file");
@@ -24,8 +24,16 @@ Handle open_group(hid_t parent, const char* name) {
   return Handle(H5Gopen2(parent, name, H5P_DEFAULT), H5Gclose, std::string("has no group ") + name);
 }
 
-Handle open_dataset(hid_t parent, const std::string& name, int rank) {
+Handle open_dataset(hid_t parent, const std::string& name) {
   Handle dataset(H5Dopen2(parent, name.c_str(), H5P_DEFAULT), H5Dclose, "has no dataset " + name);
+  const Handle creation(H5Dget_create_plist(dataset), H5Pclose, "dataset " + name);
+  if (H5Pget_layout(creation) == H5D_VIRTUAL || H5Pget_external_count(creation) != 0)
+    throw Hdf5Error("dataset " + name + " is stored in another file");
+  return dataset;
+}
+
+Handle open_dataset(hid_t parent, const std::string& name, int rank) {
+  Handle dataset = open_dataset(parent, name);
   if (static_cast<int>(extents(dataset).size()) != rank)
     throw Hdf5Error("dataset " + name + " does not have " + std::to_string(rank) + " axes");
   return dataset;

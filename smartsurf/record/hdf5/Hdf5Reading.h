@@ -15,6 +15,8 @@ namespace smartsurf::record {
 Handle open_for_reading(const std::filesystem::path& path);
 inline bool has_link(hid_t parent, const char* name) { return H5Lexists(parent, name, H5P_DEFAULT) > 0; }
 Handle open_group(hid_t parent, const char* name);
+// A dataset that is stored in another file is refused.
+Handle open_dataset(hid_t parent, const std::string& name);
 Handle open_dataset(hid_t parent, const std::string& name, int rank);
 // Number of entries along the first axis of an uncompressed dataset that the file really stores. The extent
 // alone is not trustworthy.

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <limits>
 #include <mutex>
+#include <system_error>
 
 #include "smartsurf/record/hdf5/Hdf5Meta.h"
 #include "smartsurf/record/hdf5/SurfaceLayout.h"
@@ -28,11 +29,13 @@ std::size_t frames_that_fit(std::size_t bytes, std::size_t bytes_per_frame) {
   return std::bit_floor(std::clamp<std::size_t>(fit, 1, kMaxBufferFrames));
 }
 
-Handle create_file(const std::filesystem::path& path) {
-  silence_error_stack();
+Handle create_file(const PendingFile& pending) {
+  initialise_library();
   const Handle creation(H5Pcreate(H5P_FILE_CREATE), H5Pclose, "file properties");
   check(H5Pset_obj_track_times(creation, false), "file properties");
-  return Handle(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, creation, H5P_DEFAULT), H5Fclose, "cannot be written");
+  return Handle(H5Fcreate(pending.path().c_str(), pending.must_be_new() ? H5F_ACC_EXCL : H5F_ACC_TRUNC, creation,
+                          H5P_DEFAULT),
+                H5Fclose, "cannot be written");
 }
 
 bool is_valid_channel_name(std::string_view name) {
@@ -50,8 +53,11 @@ void interleave_components(const scene::ChannelData& channel, std::span<float> c
 }  // namespace
 
 struct Hdf5Recorder::OpenFile {
-  OpenFile(const std::filesystem::path& path, const RunMetadata& meta, const scene::SceneSpec& spec)
-      : record(spec.record), surface(spec.surface), file(create_file(path)), preallocator(path) {
+  OpenFile(const PendingFile& pending, const scene::SceneSpec& spec)
+      : record(spec.record), surface(spec.surface), file(create_file(pending)), preallocator(pending.path()) {}
+
+  void write_declarations(const RunMetadata& meta, const scene::SceneSpec& spec) {
+    preallocator.preallocate(kMetadataBytes + 2 * (meta.program_text.size() + spec.source.size()));
     write_meta(file, meta, spec);
     surface_group = write_surface(file, spec.surface);
     objects_group = create_group(file, "objects");
@@ -313,32 +319,48 @@ std::mutex& library_mutex() {
 
 }  // namespace
 
+// Keeps the file open until the process ends.
+void Hdf5Recorder::abandon_file() noexcept {
+  static auto& abandoned = *new std::vector<std::unique_ptr<OpenFile>>;
+  if (open_file_) abandoned.push_back(std::move(open_file_));
+}
+
 template <class Action>
 void Hdf5Recorder::with_open_file(Action action) {
   const std::lock_guard lock(library_mutex());
   if (!open_file_) return;
+  std::string reason;
   try {
     action(*open_file_);
+    return;
   } catch (const Hdf5Error& error) {
-    open_file_.reset();
-    throw std::runtime_error(name_ + ": cannot be written: " + error.what());
+    reason = error.what();
+  } catch (const std::system_error& error) {
+    reason = error.code().message();
   }
+  abandon_file();
+  throw std::runtime_error(name_ + ": cannot be written: " + reason);
 }
 
-Hdf5Recorder::Hdf5Recorder(const std::filesystem::path& path, const RunMetadata& meta,
-                           const scene::SceneSpec& spec)
-    : Recorder(spec.record.tick_interval), name_(path.string()) {
+Hdf5Recorder::Hdf5Recorder(const std::filesystem::path& path, std::unique_ptr<PendingFile> pending,
+                           const RunMetadata& meta, const scene::SceneSpec& spec)
+    : Recorder(spec.record.tick_interval), name_(path.string()), pending_(std::move(pending)) {
   const std::lock_guard lock(library_mutex());
   try {
-    open_file_ = std::make_unique<OpenFile>(path, meta, spec);
+    open_file_ = std::make_unique<OpenFile>(*pending_, spec);
+    open_file_->write_declarations(meta, spec);
   } catch (const Hdf5Error& error) {
+    abandon_file();
     throw scene::InputError(name_ + ": cannot be written: " + error.what());
   }
 }
 
 Hdf5Recorder::~Hdf5Recorder() {
   try {
-    with_open_file([](OpenFile& content) { content.write_buffered(); });
+    with_open_file([this](OpenFile& content) {
+      content.write_buffered();
+      if (content.written_frames > 0) pending_->commit();
+    });
   } catch (const std::runtime_error&) {  // a destructor cannot report errors
   }
   const std::lock_guard lock(library_mutex());
@@ -356,8 +378,10 @@ void Hdf5Recorder::write_frame(const scene::Snapshot& snapshot,
     // Counts from frame 0, so that writes end at chunk boundaries again after an early write.
     if ((content.written_frames + content.buffered_frames) % content.buffer_capacity == 0 ||
         content.heights->buffered_changes() > kMaxBufferedChanges ||
-        std::chrono::steady_clock::now() - content.last_write >= kMaxFlushInterval)
+        std::chrono::steady_clock::now() - content.last_write >= kMaxFlushInterval) {
       content.write_buffered();
+      pending_->commit();
+    }
   });
 }
 
@@ -389,6 +413,10 @@ void Hdf5Recorder::close(const RunResult& result) {
     write_attribute(meta, "simulated_s", result.simulated_s);
     write_attribute(meta, "state_hash", result.state_hash);
     content.flush();
+    if (content.written_frames > 0)
+      pending_->commit();
+    else
+      pending_->commit_if_new();
     open_file_.reset();
   });
 }

@@ -2,13 +2,14 @@
 //
 // A process killed at any time must leave a readable file. The recorder therefore uses the default (oldest)
 // file format, writes in place, and flushes right after each write, before the library's cache evicts part of
-// it.
+// it. A file that could not be written is left as it is: to close it, the library would write again.
 #pragma once
 
 #include <chrono>
 #include <memory>
 #include <optional>
 
+#include "smartsurf/record/PendingFile.h"
 #include "smartsurf/record/Recorder.h"
 #include "smartsurf/record/hdf5/CatalogueWriter.h"
 #include "smartsurf/record/hdf5/DeltaEncoding.h"
@@ -20,7 +21,8 @@ namespace smartsurf::record {
 
 class Hdf5Recorder final : public Recorder {
  public:
-  Hdf5Recorder(const std::filesystem::path& path, const RunMetadata& meta, const scene::SceneSpec& spec);
+  Hdf5Recorder(const std::filesystem::path& path, std::unique_ptr<PendingFile> pending,
+               const RunMetadata& meta, const scene::SceneSpec& spec);
   ~Hdf5Recorder() override;
   void record_inputs(std::span<const scene::ChannelData> actuators) override;
   void mark_user_interaction(std::uint64_t tick) override;
@@ -36,7 +38,10 @@ class Hdf5Recorder final : public Recorder {
   template <class Action>
   void with_open_file(Action action);
 
+  void abandon_file() noexcept;
+
   std::string name_;
+  std::unique_ptr<PendingFile> pending_;
   std::unique_ptr<OpenFile> open_file_;  // null once closed or failed
 };
 

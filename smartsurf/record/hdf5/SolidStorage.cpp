@@ -5,6 +5,8 @@
 #include <cmath>
 #include <string>
 
+#include "smartsurf/record/hdf5/Hdf5Reading.h"
+
 namespace smartsurf::record {
 namespace {
 
@@ -25,7 +27,7 @@ void write_table(hid_t group, const char* name, hid_t type, const std::vector<Nu
 
 template <class Number>
 std::vector<Number> read_table(hid_t group, const char* name, hid_t type, hsize_t width) {
-  const Handle dataset(H5Dopen2(group, name, H5P_DEFAULT), H5Dclose, std::string("has no dataset ") + name);
+  const Handle dataset = open_dataset(group, name);
   const std::vector<hsize_t> size = extents(dataset);
   if (size.size() != (width == 1 ? 1U : 2U) || (width > 1 && size[1] != width))
     throw Hdf5Error(std::string("dataset ") + name + " of a solid has the wrong shape");

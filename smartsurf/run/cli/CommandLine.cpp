@@ -10,6 +10,8 @@
 #include <cstring>
 #include <map>
 
+#include "common/process/StopSignals.h"
+#include "common/text/Printable.h"
 #include "common/text/Suggestion.h"
 #include "smartsurf/run/Run.h"
 #include "smartsurf/run/cli/Subcommands.h"
@@ -57,16 +59,24 @@ int parse_and_run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) noexcept {
+  common::report_file_size_errors();
   try {
     const int status = parse_and_run(argc, argv);
-    if (status != common::kDone || std::fflush(stdout) == 0) return status;
-    fmt::print(stderr, "smartsurf: cannot write the output: {}\n", std::strerror(errno));
+    if (status != common::kDone) return status;
+    if (std::fflush(stdout) != 0)
+      fmt::print(stderr, "smartsurf: cannot write the output: {}\n", std::strerror(errno));
+    else if (std::ferror(stdout) != 0)
+      fmt::print(stderr, "smartsurf: a part of the output could not be written\n");
+    else
+      return status;
     return common::kFailed;
+  } catch (const script::Interrupted&) {
+    return common::status_after_signals(common::kDone);
   } catch (const scene::InputError& error) {
-    fmt::print(stderr, "smartsurf: {}\n", error.what());
+    fmt::print(stderr, "smartsurf: {}\n", common::printable(error.what()));
     return common::kUserError;
   } catch (const std::exception& error) {
-    fmt::print(stderr, "smartsurf: {}\n", common::failure_text(error));
+    fmt::print(stderr, "smartsurf: {}\n", common::printable(common::failure_text(error)));
     return common::kFailed;
   }
 }

@@ -78,8 +78,10 @@ void require_matching_inputs(const record::Recording& recording, const Simulatio
                                   recording.read_inputs(0).size(), values));
 }
 
-script::Experiment reload_experiment(const record::Recording& recording, const fs::path& output_directory) {
+script::Experiment reload_experiment(const record::Recording& recording, const fs::path& output_directory,
+                                     const std::atomic<bool>& stop) {
   script::LoadOptions options;
+  options.stop = &stop;
   for (const auto& assignment : recording.meta().overrides)
     options.overrides.emplace_back(assignment.name, assignment.value);
   options.seed = recording.spec().world.seed;
@@ -185,7 +187,7 @@ VerificationResult verify(const record::Recording& recording, int threads, bool 
   require_reproducible(recording, unsafe);
   require_engine(recording);
   const TemporaryDirectory output_directory;
-  script::Experiment experiment = reload_experiment(recording, output_directory.path());
+  script::Experiment experiment = reload_experiment(recording, output_directory.path(), stop);
   const bool scripted = recording.meta().driver == "script";
   Simulation simulation(experiment, threads, scripted);
   require_same_physics(recording, simulation);

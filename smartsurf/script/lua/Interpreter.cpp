@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <ctime>
 #include <limits>
 #include <new>
 #include <utility>
@@ -15,7 +16,10 @@
 namespace smartsurf::script {
 namespace {
 
-constexpr int kHookInterval = 1000;  // instructions between two budget checks
+constexpr std::size_t kShortStringBytes = 64 << 10;
+constexpr std::size_t kStringHeaderBytes = 64;          // upper bound
+constexpr std::int64_t kTimeCheckInterval_ns = 5'000'000;
+constexpr double kTimeAfterStop_s = 0.5;                // for a short callback to end
 constexpr std::size_t kMaxMessageLength = 500;
 
 // Finds the innermost Lua function of the script on the call stack. C functions have no line.
@@ -23,6 +27,18 @@ bool find_innermost_line(lua_State* L, lua_Debug& ar) {
   for (int level = 0; lua_getstack(L, level, &ar); ++level)
     if (lua_getinfo(L, "Sl", &ar) && ar.currentline > 0 && ar.source[0] == '@') return true;
   return false;
+}
+
+double thread_time_s() {
+  struct timespec now {};
+  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+std::int64_t coarse_time_ns() {
+  struct timespec now {};
+  ::clock_gettime(CLOCK_MONOTONIC_COARSE, &now);
+  return std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
 }
 
 // The chunk's name as Lua abbreviates it in messages.
@@ -72,6 +88,7 @@ ScriptContext& Interpreter::context_of(lua_State* L) {
 
 void* Interpreter::allocate(void* self, void* block, std::size_t old_size, std::size_t new_size) {
   auto& interpreter = *static_cast<Interpreter*>(self);
+  const bool is_string = block == nullptr && old_size == LUA_TSTRING;
   if (block == nullptr) old_size = 0;  // Lua passes the type of the new object instead
   if (new_size == 0) {
     std::free(block);
@@ -81,36 +98,101 @@ void* Interpreter::allocate(void* self, void* block, std::size_t old_size, std::
   const bool grows = new_size > old_size;
   if (grows && new_size - old_size > interpreter.memory_limit_ -
                                          std::min(interpreter.memory_limit_, interpreter.memory_used_)) {
-    lua_Debug ar;  // memory errors carry no location, so record it here
-    interpreter.memory_error_location_.clear();
-    if (interpreter.lua_ != nullptr && find_innermost_line(interpreter.lua_, ar))
-      interpreter.memory_error_location_ = std::string(ar.source + 1) + ":" + std::to_string(ar.currentline);
+    interpreter.string_refused_ = false;
+    interpreter.refuse_memory();
     return nullptr;
   }
+  if (is_string && new_size > kMaxStringBytes + kStringHeaderBytes) {
+    interpreter.string_refused_ = true;
+    interpreter.refuse_memory();
+    return nullptr;
+  }
+  if (is_string && new_size > kShortStringBytes) interpreter.shorten_interval(new_size);
   void* const moved = std::realloc(block, new_size);
   if (moved != nullptr) interpreter.memory_used_ = interpreter.memory_used_ - old_size + new_size;
   return moved;
 }
 
+// A collection precedes every refusal, and a script can catch the error and cause the next one, so the time is
+// checked again soon.
+void Interpreter::refuse_memory() {
+  lua_Debug ar;  // memory errors carry no location, so record it here
+  memory_error_location_.clear();
+  if (lua_ != nullptr && find_innermost_line(lua_, ar))
+    memory_error_location_ = std::string(ar.source + 1) + ":" + std::to_string(ar.currentline);
+  if (running_ != nullptr) set_hook(running_, 1);
+}
+
+void Interpreter::set_hook(lua_State* L, int interval) {
+  lua_sethook(L, &Interpreter::on_instruction_count, LUA_MASKCOUNT, interval);
+}
+
+// Bounds the time between two calls of the hook: an instruction takes time in proportion to the longest string.
+void Interpreter::shorten_interval(std::size_t string_bytes) {
+  const auto interval = std::max(static_cast<int>(kHookInterval * kShortStringBytes / string_bytes), 1);
+  if (interval >= string_interval_) return;
+  string_interval_ = interval;
+  interval_ = std::min(interval_, interval);
+  if (running_ != nullptr && !budget_exceeded_) set_hook(running_, interval_);
+}
+
 void Interpreter::on_instruction_count(lua_State* L, lua_Debug*) {
   Interpreter& interpreter = *context_of(L).interpreter;
-  interpreter.charge(L, interpreter.budget_exceeded_ ? 1 : kHookInterval);
+  interpreter.running_ = L;
+  const int interval = lua_gethookcount(L);
+  if (!interpreter.budget_exceeded_ && interval != interpreter.interval_)
+    interpreter.set_hook(L, interpreter.interval_);
+  interpreter.charge(L, static_cast<std::uint64_t>(interval));
 }
 
 void Interpreter::charge(lua_State* L, std::uint64_t instructions) {
   instructions_used_ =
       std::min(instructions_used_, std::numeric_limits<std::uint64_t>::max() - instructions) + instructions;
-  if (instructions_used_ > instruction_budget_) raise_budget_error(L);
+  if (instructions_used_ > instruction_budget_ || budget_exceeded_) raise_budget_error(L);
+  check_time(L);
+}
+
+void Interpreter::check_time(lua_State* L) {
+  const std::int64_t now_ns = coarse_time_ns();
+  if (now_ns - last_time_check_ns_ < kTimeCheckInterval_ns) return;
+  last_time_check_ns_ = now_ns;
+  const double used_s = thread_time_s() - started_s_;
+  const std::atomic<bool>* const stop = context_.options.stop;
+  const bool stopped = stop != nullptr && stop->load(std::memory_order_relaxed);
+  if (used_s <= (stopped ? std::min(kTimeAfterStop_s, time_limit_s_) : time_limit_s_)) return;
+  excess_ = stopped ? Excess::kStop : Excess::kTime;
+  raise_budget_error(L);
 }
 
 void Interpreter::raise_budget_error(lua_State* L) {
   // A script can catch the error with pcall, so raise it again at every further instruction.
   budget_exceeded_ = true;
-  lua_sethook(L, &Interpreter::on_instruction_count, LUA_MASKCOUNT, 1);
-  lua_pushfstring(L, "%s: the script ran for more than %I instructions: an endless loop?",
-                  current_location(L).c_str(), static_cast<LUAI_UACINT>(instruction_budget_));
+  set_hook(L, 1);
+  if (excess_ == Excess::kStop)
+    lua_pushliteral(L, "interrupted");
+  else if (excess_ == Excess::kTime)
+    lua_pushfstring(L, "%s: the script ran for more than %f s: an endless loop?", current_location(L).c_str(),
+                    static_cast<LUAI_UACNUMBER>(time_limit_s_));
+  else
+    lua_pushfstring(L, "%s: the script ran for more than %I instructions: an endless loop?",
+                    current_location(L).c_str(), static_cast<LUAI_UACINT>(instruction_budget_));
   lua_error(L);
   std::abort();  // lua_error does not return
+}
+
+// A new coroutine inherits the hook of its creator, whose interval may have been longer.
+Interpreter::RunningCoroutine::RunningCoroutine(Interpreter& interpreter, lua_State* caller,
+                                                lua_State* coroutine)
+    : interpreter_(interpreter), caller_(caller) {
+  interpreter_.running_ = coroutine;
+  if (lua_gethookcount(coroutine) > interpreter_.interval_)
+    interpreter_.set_hook(coroutine, interpreter_.interval_);
+}
+
+Interpreter::RunningCoroutine::~RunningCoroutine() {
+  interpreter_.running_ = caller_;
+  const int interval = interpreter_.budget_exceeded_ ? 1 : interpreter_.interval_;
+  if (lua_gethookcount(caller_) > interval) interpreter_.set_hook(caller_, interval);
 }
 
 int Interpreter::on_error(lua_State* L) {
@@ -140,20 +222,32 @@ void Interpreter::compile(lua_State* L, const std::string& text, const std::stri
   if (luaL_loadbufferx(L, source.data(), source.size(), chunk.c_str(), "t") != LUA_OK) lua_error(L);
 }
 
-void Interpreter::call(int arguments, int results, std::uint64_t budget,
+void Interpreter::call(int arguments, int results, const Budget& budget,
                        const std::string& fallback_location) {
-  instruction_budget_ = budget;
+  instruction_budget_ = budget.instructions;
   instructions_used_ = 0;
   budget_exceeded_ = false;
+  excess_ = Excess::kInstructions;
+  time_limit_s_ = budget.seconds;
+  started_s_ = thread_time_s();
+  last_time_check_ns_ = coarse_time_ns();
   error_location_.clear();
-  const int interval = static_cast<int>(std::clamp<std::uint64_t>(budget, 1, kHookInterval));
-  lua_sethook(lua_, &Interpreter::on_instruction_count, LUA_MASKCOUNT, interval);
+  interval_ = std::min(string_interval_,
+                       static_cast<int>(std::clamp<std::uint64_t>(budget.instructions, 1, kHookInterval)));
+  running_ = lua_;
+  set_hook(lua_, interval_);
   const int base = lua_gettop(lua_) - arguments;
   lua_pushcfunction(lua_, &Interpreter::on_error);
   lua_insert(lua_, base);
   const int status = lua_pcall(lua_, arguments, results, base);
+  running_ = nullptr;
   lua_sethook(lua_, nullptr, 0, 0);
   lua_remove(lua_, base);
+  if (budget_exceeded_ && excess_ == Excess::kStop) {
+    lua_settop(lua_, base - 1);
+    deferred_exception_ = nullptr;
+    throw Interrupted();
+  }
   if (deferred_exception_) {
     lua_settop(lua_, base - 1);
     std::rethrow_exception(std::exchange(deferred_exception_, nullptr));
@@ -179,7 +273,8 @@ void Interpreter::throw_input_error(int status, const std::string& fallback_loca
   std::string message, location = error_location_.empty() ? fallback_location : error_location_;
   if (status == LUA_ERRMEM) {
     if (!memory_error_location_.empty()) location = memory_error_location_;
-    message = "the script needs more than " + format_value(static_cast<double>(memory_limit_) / 1048576.0) +
+    message = string_refused_ ? std::string("a string is longer than 16 MiB")
+                              : "the script needs more than " + format_value(static_cast<double>(memory_limit_) / 1048576.0) +
               " MiB of memory";
   } else if (lua_type(lua_, -1) == LUA_TSTRING) {
     std::size_t length = 0;

@@ -27,6 +27,17 @@ class ScriptError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+// What one call may use.
+struct Budget {
+  std::uint64_t instructions = 0;
+  double seconds = 0.0;  // of this thread's processor time
+};
+
+// Bytes that a library function copies or compares in the time of one instruction.
+constexpr std::uint64_t kBytesPerInstruction = 64;
+// Operators on strings take time in proportion to the length, and only whole instructions are counted.
+constexpr std::size_t kMaxStringBytes = std::size_t{16} << 20;
+
 class Interpreter {
  public:
   // `context` is passed to bound functions and must outlive the interpreter. memory_limit is in bytes. Throws
@@ -38,18 +49,31 @@ class Interpreter {
 
   lua_State* lua() const { return lua_; }
 
-  // Calls the function below its `arguments` on the stack with a budget of Lua instructions. Throws
-  // InputError, or the exception passed to defer_exception. `fallback_location` is reported for an error
+  // Calls the function below its `arguments` on the stack with a budget. Throws InputError, Interrupted, or the
+  // exception passed to defer_exception. `fallback_location` is reported for an error
   // outside any line of the script. All code that can raise a Lua error, including out of memory, must run
   // inside call(): Lua aborts the process on an unprotected error.
-  void call(int arguments, int results, std::uint64_t budget, const std::string& fallback_location);
+  void call(int arguments, int results, const Budget& budget, const std::string& fallback_location);
 
   // Compiles source text (not bytecode) with the chunk name `file` and pushes the function, or raises a Lua
   // error on `L`. Call only inside call().
   void compile(lua_State* L, const std::string& text, const std::string& file);
 
-  // Charges instructions to the budget of the running call. Raises a Lua error on `L` when it is exceeded.
+  // Charges instructions to the budget of the running call. Raises a Lua error on `L` when it is exceeded. A
+  // library function that takes long calls it before or while it works.
   void charge(lua_State* L, std::uint64_t instructions);
+  // The coroutine that runs from here to the end of the scope.
+  class RunningCoroutine {
+   public:
+    RunningCoroutine(Interpreter& interpreter, lua_State* caller, lua_State* coroutine);
+    ~RunningCoroutine();
+    RunningCoroutine(const RunningCoroutine&) = delete;
+    RunningCoroutine& operator=(const RunningCoroutine&) = delete;
+
+   private:
+    Interpreter& interpreter_;
+    lua_State* caller_;
+  };
   bool budget_exceeded() const { return budget_exceeded_; }
   // Stores an exception that is not the script's error; call() rethrows it.
   void defer_exception(std::exception_ptr e) { deferred_exception_ = std::move(e); }
@@ -72,6 +96,10 @@ class Interpreter {
   static void on_instruction_count(lua_State* L, lua_Debug*);
   static int on_error(lua_State* L);
 
+  void set_hook(lua_State* L, int interval);
+  void shorten_interval(std::size_t string_bytes);
+  void refuse_memory();
+  void check_time(lua_State* L);
   [[noreturn]] void throw_input_error(int status, const std::string& fallback_location);
   std::optional<LocatedMessage> split_location(const std::string& message) const;
   [[noreturn]] void raise_budget_error(lua_State* L);
@@ -81,6 +109,14 @@ class Interpreter {
   std::size_t memory_limit_, memory_used_ = 0;
   std::uint64_t instruction_budget_ = 0, instructions_used_ = 0;
   bool budget_exceeded_ = false;
+  double time_limit_s_ = 0.0, started_s_ = 0.0;     // of the running call, in processor time
+  std::int64_t last_time_check_ns_ = 0;
+  enum class Excess { kInstructions, kTime, kStop } excess_ = Excess::kInstructions;
+  static constexpr int kHookInterval = 1000;  // with short strings and an ample budget
+  int interval_ = kHookInterval;              // instructions between two calls of the hook
+  int string_interval_ = kHookInterval;       // its upper bound, for the longest string
+  lua_State* running_ = nullptr;              // the coroutine that runs; null outside of call()
+  bool string_refused_ = false;               // the last refusal of memory was that of a string too long
   std::vector<Chunk> chunks_;
   std::string error_location_, memory_error_location_;
   std::exception_ptr deferred_exception_;

@@ -10,6 +10,8 @@
 namespace smartsurf::script {
 namespace {
 
+constexpr std::uint64_t kInstructionsPerKey = 20;  // that collecting and sorting a key take
+
 struct TableKey {
   enum Kind { kNumber, kString, kBoolean, kUnordered } kind = kUnordered;
   bool is_integer = false, boolean = false;
@@ -98,10 +100,12 @@ struct SortedKeys {
 // The sorted keys of the table at index 1. Leaves its only unordered key on the stack, or nil if there is
 // none. Throws ScriptError for several unordered keys.
 SortedKeys sorted_keys(lua_State* L, const char* function) {
+  Interpreter& interpreter = *Interpreter::context_of(L).interpreter;
   SortedKeys keys;
   lua_pushnil(L);
   const int unordered_index = lua_gettop(L);
   for (lua_pushnil(L); lua_next(L, 1) != 0; lua_pop(L, 1)) {
+    interpreter.charge(L, kInstructionsPerKey);
     const TableKey key = key_at(L, -2);
     if (key.kind != TableKey::kUnordered) {
       keys.sorted.push_back(key);
@@ -133,7 +137,7 @@ int next_pair(ScriptContext&, lua_State* L) {
   return 2;
 }
 
-int pairs(ScriptContext& context, lua_State* L) {
+int pairs(ScriptContext&, lua_State* L) {
   luaL_checkany(L, 1);
   if (luaL_getmetafield(L, 1, "__pairs") != LUA_TNIL) {
     lua_pushvalue(L, 1);
@@ -143,7 +147,6 @@ int pairs(ScriptContext& context, lua_State* L) {
   luaL_checktype(L, 1, LUA_TTABLE);
   lua_settop(L, 1);
   const SortedKeys keys = sorted_keys(L, "pairs");
-  context.interpreter->charge(L, keys.sorted.size());
   lua_pushvalue(L, 1);
   lua_createtable(L, static_cast<int>(keys.sorted.size()) + 1, 0);
   lua_Integer i = 0;
@@ -162,11 +165,10 @@ int pairs(ScriptContext& context, lua_State* L) {
   return 3;
 }
 
-int next(ScriptContext& context, lua_State* L) {
+int next(ScriptContext&, lua_State* L) {
   luaL_checktype(L, 1, LUA_TTABLE);
   lua_settop(L, 2);
   const SortedKeys keys = sorted_keys(L, "next");
-  context.interpreter->charge(L, keys.sorted.size());
   auto it = keys.sorted.begin();
   bool after_unordered = false;
   if (!lua_isnil(L, 2)) {

@@ -2,13 +2,13 @@
 // write in the output folder only. Symbolic links are resolved before the check.
 #include <algorithm>
 #include <filesystem>
-#include <fstream>
 #include <iterator>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <system_error>
 
+#include "common/files/ReadFile.h"
 #include "smartsurf/script/ScriptContext.h"
 #include "smartsurf/script/lua/SandboxFiles.h"
 #include "smartsurf/script/lua/TableReader.h"
@@ -17,7 +17,6 @@ namespace smartsurf::script {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr std::uintmax_t kMaxScriptBytes = 16u << 20;
 constexpr const char* kModuleTable = "smartsurf.modules";
 
 bool is_within(const fs::path& path, const fs::path& folder) {
@@ -164,21 +163,12 @@ std::optional<std::string> read_text_file(const fs::path& path, std::string& rea
     reason = "does not exist";
     return std::nullopt;
   }
-  std::ifstream file(path, std::ios::binary);
-  if (!file) {
-    reason = "cannot be read";
-    return std::nullopt;
-  }
   std::string text;
-  char block[65536];
-  while (file.read(block, sizeof block) || file.gcount() > 0) {
-    text.append(block, static_cast<std::size_t>(file.gcount()));
-    if (text.size() > kMaxScriptBytes) {
-      reason = "is larger than 16 MiB";
-      return std::nullopt;
-    }
-  }
-  return text;
+  const std::error_code failure = common::read_file(path, common::kMaxTextBytes, text);
+  if (!failure) return text;
+  reason = failure == std::errc::file_too_large ? "is larger than 16 MiB"
+                                                : "cannot be read: " + failure.message();
+  return std::nullopt;
 }
 
 NamedFile read_sandboxed_file(const ScriptContext& context, const std::string& subject,

@@ -9,6 +9,7 @@
 
 #include "smartsurf/script/ScriptContext.h"
 #include "smartsurf/script/lua/TableReader.h"
+#include "smartsurf/script/lua/ValueText.h"
 
 namespace smartsurf::script {
 namespace {
@@ -20,12 +21,6 @@ void wrap_field(lua_State* L, const char* name, lua_CFunction function) {
   lua_getfield(L, -1, name);
   lua_pushcclosure(L, function, 1);
   lua_setfield(L, -2, name);
-}
-
-void wrap_library_function(lua_State* L, const char* library, const char* name, lua_CFunction function) {
-  lua_getglobal(L, library);
-  wrap_field(L, name, function);
-  lua_pop(L, 1);
 }
 
 int forward_results(lua_State* L, int, lua_KContext) { return lua_gettop(L); }
@@ -52,7 +47,12 @@ int print(ScriptContext& context, lua_State* L) {
   const int count = lua_gettop(L);
   for (int i = 1; i <= count; ++i) {
     std::size_t length = 0;
-    const char* const text = luaL_tolstring(L, i, &length);
+    if (context.options.unsafe)
+      luaL_tolstring(L, i, nullptr);
+    else
+      push_value_text(L, i);
+    const char* const text = lua_tolstring(L, -1, &length);
+    context.interpreter->charge(L, length / kBytesPerInstruction);
     if (i > 1) line += '\t';
     line.append(text, length);
     lua_pop(L, 1);
@@ -73,7 +73,8 @@ int io_write(ScriptContext& context, lua_State* L) {
 }
 
 // Accepts source text only, because malformed bytecode can crash the interpreter.
-int load(ScriptContext&, lua_State* L) {
+int load(ScriptContext& context, lua_State* L) {
+  if (lua_type(L, 1) == LUA_TSTRING) context.interpreter->charge(L, lua_rawlen(L, 1));
   if (lua_gettop(L) < 3) lua_settop(L, 3);
   lua_pushliteral(L, "t");
   lua_replace(L, 3);
@@ -107,6 +108,16 @@ int xpcall(ScriptContext&, lua_State* L) {
   lua_pushcclosure(L, guarded<on_xpcall_error>, 1);
   lua_replace(L, 2);
   return call_wrapped(L);
+}
+
+int coroutine_resume(ScriptContext& context, lua_State* L) {
+  lua_State* const coroutine = lua_tothread(L, 1);
+  if (coroutine == nullptr || coroutine == L) return call_wrapped(L);
+  lua_pushvalue(L, lua_upvalueindex(1));
+  lua_insert(L, 1);
+  const Interpreter::RunningCoroutine running(*context.interpreter, L, coroutine);
+  lua_call(L, lua_gettop(L) - 1, LUA_MULTRET);
+  return lua_gettop(L);
 }
 
 int coroutine_create(ScriptContext& context, lua_State* L) {
@@ -151,6 +162,7 @@ int coroutine_wrap(ScriptContext& context, lua_State* L) {
 
 void bind_coroutines(lua_State* L) {
   lua_getglobal(L, LUA_COLIBNAME);
+  wrap_field(L, "resume", guarded<coroutine_resume>);
   lua_getfield(L, -1, "create");
   lua_getfield(L, -2, "resume");
   lua_pushcclosure(L, guarded<coroutine_wrap>, 2);
@@ -158,20 +170,6 @@ void bind_coroutines(lua_State* L) {
   wrap_field(L, "create", guarded<coroutine_create>);
   wrap_field(L, "close", guarded<coroutine_close>);
   lua_pop(L, 1);
-}
-
-// string.rep and table.move loop in C without calling the count hook, so charge their iterations in advance.
-int metered_rep(ScriptContext& context, lua_State* L) {
-  const lua_Integer count = lua_tointeger(L, 2);
-  if (count > 0) context.interpreter->charge(L, static_cast<std::uint64_t>(count));
-  return call_wrapped(L);
-}
-
-int metered_move(ScriptContext& context, lua_State* L) {
-  const lua_Integer first = lua_tointeger(L, 2), last = lua_tointeger(L, 3);
-  if (last > first)
-    context.interpreter->charge(L, static_cast<std::uint64_t>(last) - static_cast<std::uint64_t>(first));
-  return call_wrapped(L);
 }
 
 int collectgarbage(ScriptContext&, lua_State* L) {
@@ -254,8 +252,6 @@ void open_sandboxed_libraries(lua_State* L) {
   wrap_field(L, "xpcall", guarded<xpcall>);
   lua_pop(L, 1);
   bind_coroutines(L);
-  wrap_library_function(L, LUA_STRLIBNAME, "rep", guarded<metered_rep>);
-  wrap_library_function(L, LUA_TABLIBNAME, "move", guarded<metered_move>);
 }
 
 // For --unsafe: the full library, with the script's folder on package.path.

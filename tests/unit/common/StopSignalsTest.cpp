@@ -24,18 +24,50 @@ TEST(StopSignals, FirstSignalSetsFlags) {
   EXPECT_EQ(stop_signal(), 0);
 }
 
-TEST(StopSignals, SecondSignalEndsProcess) {
+// The exit status of a child that catches stop signals and runs `body`.
+template <class Body>
+int status_of_child(const Body& body) {
   const pid_t child = ::fork();
   if (child == 0) {
     catch_stop_signals();
-    std::raise(SIGINT);
-    std::raise(SIGINT);
+    body();
     ::_exit(0);
   }
   int status = 0;
-  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  EXPECT_EQ(::waitpid(child, &status, 0), child);
   EXPECT_TRUE(WIFEXITED(status));
-  EXPECT_EQ(WEXITSTATUS(status), 128 + SIGINT);
+  return WEXITSTATUS(status);
+}
+
+TEST(StopSignals, LaterSignalEndsProcess) {
+  EXPECT_EQ(status_of_child([] {
+              std::raise(SIGINT);
+              ::usleep(600'000);
+              std::raise(SIGINT);
+            }),
+            128 + SIGINT);
+}
+
+// timeout(1) signals its child and then the whole group.
+TEST(StopSignals, SignalsOfOneRequestCountOnce) {
+  EXPECT_EQ(status_of_child([] {
+              std::raise(SIGTERM);
+              std::raise(SIGTERM);
+              std::raise(SIGHUP);
+              if (stop_signal() != SIGTERM) ::_exit(1);
+            }),
+            0);
+}
+
+TEST(StopSignals, ClearedSignalStartsNewRequest) {
+  EXPECT_EQ(status_of_child([] {
+              std::raise(SIGINT);
+              clear_stop_signal();
+              ::usleep(600'000);
+              std::raise(SIGINT);
+              if (!stop_flag()) ::_exit(1);
+            }),
+            0);
 }
 
 }  // namespace

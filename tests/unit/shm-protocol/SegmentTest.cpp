@@ -2,17 +2,23 @@
 #include <gtest/gtest.h>
 #include <sched.h>
 #include <shm_protocol/ControllerEndpoint.h>
+#include <shm_protocol/ObserverEndpoint.h>
 #include <shm_protocol/Segments.h>
 #include <signal.h>
+#include <sys/file.h>
 #include <sys/mount.h>
+#include <sys/socket.h>
+#include <sys/un.h>
 #include <sys/wait.h>
 
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <optional>
 #include <vector>
 
+#include "shm-protocol/src/segment/Ownership.h"
 #include "tests/unit/shm-protocol/RawSegment.h"
 
 namespace shm_protocol {
@@ -104,6 +110,99 @@ TEST(Segment, RejectsAndKeepsForeignFile) {
   EXPECT_TRUE(exists(file_path(name)));
 }
 
+// Runs `action` in a child; false unless it returns true within a second.
+template <class Action>
+bool succeeds_within_a_second(Action&& action) {
+  const pid_t child = ::fork();
+  if (child == 0) {
+    ::alarm(2);  // twice the time, for a busy machine
+    ::_exit(action() ? 0 : 1);
+  }
+  int status = 0;
+  ::waitpid(child, &status, 0);
+  return WIFEXITED(status) && WEXITSTATUS(status) == 0;
+}
+
+template <class Action>
+bool is_refused(ErrorCode code, Action&& action) {
+  try {
+    action();
+  } catch (const Error& e) {
+    return e.code() == code && std::string(e.what()).find('\n') == std::string::npos;
+  }
+  return false;
+}
+
+bool every_role_is_refused(const std::string& name, ErrorCode code) {
+  return is_refused(code, [&] { SurfaceEndpoint::create(small_surface(name)); }) &&
+         is_refused(code, [&] { ControllerEndpoint::attach(name); }) &&
+         is_refused(code, [&] { ObserverEndpoint::attach(name); }) && remove_orphans(name).empty();
+}
+
+TEST(Segment, FifoSocketFolderAndLinkAreRefusedAtOnce) {
+  const std::string name = unique_name("obstacle"), path = file_path(name);
+  const auto refused = [&] {
+    return succeeds_within_a_second([&] { return every_role_is_refused(name, ErrorCode::kForeign); });
+  };
+  ASSERT_EQ(::mkfifo(path.c_str(), 0666), 0);
+  EXPECT_TRUE(refused()) << "FIFO";
+  EXPECT_EQ(find(list_segments(), name)->ownership, Ownership::kForeign);
+  ::unlink(path.c_str());
+
+  const int socket = ::socket(AF_UNIX, SOCK_STREAM, 0);
+  struct sockaddr_un address {};
+  address.sun_family = AF_UNIX;
+  path.copy(address.sun_path, sizeof address.sun_path - 1);
+  ASSERT_EQ(::bind(socket, reinterpret_cast<struct sockaddr*>(&address), sizeof address), 0);
+  EXPECT_TRUE(refused()) << "socket";
+  ::close(socket);
+  ::unlink(path.c_str());
+
+  ASSERT_EQ(::mkdir(path.c_str(), 0777), 0);
+  EXPECT_TRUE(refused()) << "folder";
+  ::rmdir(path.c_str());
+
+  ASSERT_EQ(::symlink("/dev/zero", path.c_str()), 0);
+  EXPECT_TRUE(refused()) << "link";
+  ::unlink(path.c_str());
+}
+
+TEST(Segment, SegmentOfAnotherUserIsRefused) {
+  if (::geteuid() != 0) GTEST_SKIP() << "only root can become another user";
+  const std::string name = unique_name("other-user");
+  auto surface = SurfaceEndpoint::create(small_surface(name));
+  ASSERT_EQ(::chown(file_path(name).c_str(), 65534, 65534), 0);
+  EXPECT_TRUE(is_refused(ErrorCode::kForeign, [&] { ControllerEndpoint::attach(name); }));
+  EXPECT_TRUE(is_refused(ErrorCode::kForeign, [&] { ObserverEndpoint::attach(name); }));
+  // The same file, seen by another user than its owner.
+  ASSERT_EQ(::chown(file_path(name).c_str(), 0, 0), 0);
+  ASSERT_EQ(::chmod(file_path(name).c_str(), 0666), 0);
+  EXPECT_TRUE(succeeds_within_a_second([&] {
+    return ::setuid(65534) == 0 && is_refused(ErrorCode::kForeign, [&] { ControllerEndpoint::attach(name); }) &&
+           inspect_segment("smartsurf." + name).ownership == Ownership::kForeign;
+  }));
+}
+
+TEST(Segment, HeldLockDelaysNeitherStartNorEnd) {
+  const auto config = small_surface(unique_name("locked"));
+  leave_orphan(config, true);
+  const int file = ::open(file_path(config.name).c_str(), O_RDONLY | O_CLOEXEC);
+  ASSERT_EQ(::flock(file, LOCK_EX), 0);
+  EXPECT_TRUE(succeeds_within_a_second(
+      [&] { return is_refused(ErrorCode::kForeign, [&] { SurfaceEndpoint::create(config); }); }));
+  EXPECT_TRUE(succeeds_within_a_second([&] { return remove_orphans(config.name).empty(); }));
+  ::close(file);
+
+  EXPECT_TRUE(succeeds_within_a_second([&] {
+    std::optional<SurfaceEndpoint> surface(SurfaceEndpoint::create(config));
+    const int other = ::open(file_path(config.name).c_str(), O_RDONLY | O_CLOEXEC);
+    const bool locked = ::flock(other, LOCK_EX) == 0;
+    surface.reset();
+    return locked && !exists(file_path(config.name));
+  }));
+  EXPECT_FALSE(exists(file_path(config.name)));
+}
+
 TEST(Segment, ForkedChildRemovesNothing) {
   const auto config = small_surface(unique_name("fork"));
   auto surface = SurfaceEndpoint::create(config);
@@ -152,17 +251,31 @@ TEST(Segment, ListsAndRemovesOnlyOrphans) {
   EXPECT_TRUE(exists(file_path(living.name)));
 }
 
-// Mounts a private /dev/shm of the given size; false if that is not permitted.
+// Makes all mounts private. The root of a chroot is no mount point, so that the root above it is changed, from a
+// working directory outside.
+bool make_mounts_private() {
+  if (::mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) == 0) return true;
+  const int root = ::open("/", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (root < 0 || ::chroot("/proc") != 0 || ::fchdir(root) != 0) return false;
+  for (int i = 0; i < 100; ++i)
+    if (::chdir("..") != 0) return false;
+  const bool done = ::mount("none", ".", nullptr, MS_REC | MS_PRIVATE, nullptr) == 0;
+  return ::fchdir(root) == 0 && ::chroot(".") == 0 && done;
+}
+
+// Mounts a private /dev/shm of the given size; false if that is not permitted. Root needs no user namespace,
+// which a chroot refuses.
 bool mount_own_shm(std::size_t bytes) {
+  const std::string size = "size=" + std::to_string(bytes);
   const std::string user = "0 " + std::to_string(::getuid()) + " 1",
                     group = "0 " + std::to_string(::getgid()) + " 1";
-  if (::unshare(CLONE_NEWUSER | CLONE_NEWNS) != 0) return false;
-  std::ofstream("/proc/self/setgroups") << "deny";
-  std::ofstream("/proc/self/uid_map") << user;
-  std::ofstream("/proc/self/gid_map") << group;
-  const std::string size = "size=" + std::to_string(bytes);
-  return ::mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) == 0 &&
-         ::mount("tmpfs", "/dev/shm", "tmpfs", 0, size.c_str()) == 0;
+  if (::unshare(CLONE_NEWNS) != 0) {
+    if (::unshare(CLONE_NEWUSER | CLONE_NEWNS) != 0) return false;
+    std::ofstream("/proc/self/setgroups") << "deny";
+    std::ofstream("/proc/self/uid_map") << user;
+    std::ofstream("/proc/self/gid_map") << group;
+  }
+  return make_mounts_private() && ::mount("tmpfs", "/dev/shm", "tmpfs", 0, size.c_str()) == 0;
 }
 
 // Runs `body` in a child with such a /dev/shm; false if that is not permitted.

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 
 #include <array>
@@ -10,6 +11,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 
 #include "smartsurf/record/Recording.h"
 #include "tests/unit/smartsurf/record/SyntheticRun.h"
@@ -341,6 +343,95 @@ int record_to_full_disk(const std::filesystem::path& path, const SyntheticRun& r
   int status = -1;
   ::waitpid(child, &status, 0);
   return status;
+}
+
+// A disk that is full from the first byte, or soon after. The child's exit runs the library's exit handlers too.
+TEST(RecorderErrors, SmallDiskIsAnErrorNotACrash) {
+  const OutputFolder out;
+  const SyntheticRun run;
+  for (const rlim_t bytes : {0, 50, 96, 500, 1000, 4096, 20000, 80000, 300000}) {
+    const pid_t child = ::fork();
+    if (child == 0) {
+      std::signal(SIGXFSZ, SIG_IGN);
+      const rlimit limit{bytes, bytes};
+      ::setrlimit(RLIMIT_FSIZE, &limit);
+      try {
+        auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
+        record_ticks(*recorder, run, 100000);
+      } catch (const std::exception& error) {
+        std::exit(std::string(error.what()).find("cannot be written: File too large") == std::string::npos);
+      }
+      std::exit(2);
+    }
+    int status = -1;
+    ::waitpid(child, &status, 0);
+    EXPECT_EQ(status, 0) << bytes << " bytes";
+  }
+}
+
+std::string content(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+TEST(PendingFile, OlderRecordingSurvivesUntilFirstFlush) {
+  const OutputFolder out;
+  const SyntheticRun run;
+  for (const std::string name : {"run.h5", "run.csv"}) {
+    std::ofstream(out / name) << "older";
+    {
+      const auto recorder = Recorder::open(out / name, run.meta, run.spec);
+      EXPECT_EQ(content(out / name), "older");
+      EXPECT_NE(error_of(out / name, run).find("another process is writing it"), std::string::npos);
+      EXPECT_TRUE(std::filesystem::exists(out / (name + ".part")));
+      recorder->close({"stopped by the user"});
+    }
+    EXPECT_EQ(content(out / name), "older") << "a run without frames";
+    EXPECT_FALSE(std::filesystem::exists(out / (name + ".part")));
+    std::ofstream(out / (name + ".part")) << "left by a killed run";
+    const auto recorder = Recorder::open(out / name, run.meta, run.spec);
+    record_ticks(*recorder, run, 1);
+    recorder->close({"done"});
+    EXPECT_GT(content(out / name).size(), 50U);
+    EXPECT_FALSE(std::filesystem::exists(out / (name + ".part")));
+  }
+}
+
+TEST(PendingFile, RunWithoutFramesIsRecordedUnderNewName) {
+  const OutputFolder out;
+  const SyntheticRun run;
+  Recorder::open(out / "run.h5", run.meta, run.spec)->close({"stopped by the user"});
+  EXPECT_EQ(Recording::open(out / "run.h5").result()->outcome, "stopped by the user");
+}
+
+// In a folder that others may write to, somebody may have guessed the name.
+TEST(PendingFile, NothingUnderItsTemporaryNameIsFollowed) {
+  const OutputFolder out;
+  const SyntheticRun run;
+  for (const std::string name : {"run.h5", "run.csv"}) {
+    const std::filesystem::path part = out / (name + ".part");
+    std::ofstream(out / "victim") << "precious";
+    std::filesystem::create_symlink(out / "victim", part);
+    Recorder::open(out / name, run.meta, run.spec)->close({});
+    EXPECT_EQ(content(out / "victim"), "precious");
+    ASSERT_EQ(::mkfifo(part.c_str(), 0666), 0);
+    Recorder::open(out / name, run.meta, run.spec)->close({});
+    EXPECT_FALSE(std::filesystem::exists(part));
+    std::filesystem::create_directories(part / "full");
+    EXPECT_NE(error_of(out / name, run).find("cannot be written"), std::string::npos);
+  }
+}
+
+TEST(PendingFile, TargetOfLinkIsReplaced) {
+  const OutputFolder out;
+  const SyntheticRun run;
+  std::ofstream(out / "target.h5") << "older";
+  std::filesystem::create_symlink("target.h5", out / "run.h5");
+  const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
+  record_ticks(*recorder, run, 1);
+  recorder->close({"done"});
+  EXPECT_TRUE(std::filesystem::is_symlink(out / "run.h5"));
+  EXPECT_EQ(Recording::open(out / "target.h5").frames(), 1U);
 }
 
 TEST(RecorderErrors, ReportFullDiskOnce) {

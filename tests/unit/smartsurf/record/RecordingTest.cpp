@@ -148,6 +148,57 @@ TEST(Recording, RejectsFileThatCrashesHdf5) {
   expect_error(out / "damaged.h5", "damaged");
 }
 
+// The module unregisters external links, so that this test has to register them again to make one.
+void make_external_link(const std::filesystem::path& target, hid_t file, const char* name) {
+  H5L_class_t links{};
+  links.version = H5L_LINK_CLASS_T_VERS;
+  links.id = H5L_TYPE_EXTERNAL;
+  links.comment = "external";
+  links.trav_func = [](const char*, hid_t, const void*, size_t, hid_t, hid_t) -> hid_t { return -1; };
+  ASSERT_GE(H5Lregister(&links), 0);
+  EXPECT_GE(H5Ldelete(file, name, H5P_DEFAULT), 0);
+  EXPECT_GE(H5Lcreate_external(target.c_str(), name, file, name, H5P_DEFAULT, H5P_DEFAULT), 0);
+  EXPECT_GE(H5Lunregister(H5L_TYPE_EXTERNAL), 0);
+}
+
+TEST(Recording, FollowsNothingToOtherFiles) {
+  const OutputFolder out;
+  write_run(out / "other.h5");
+  write_run(out / "link.h5");
+  hid_t file = H5Fopen((out / "link.h5").c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
+  make_external_link(out / "other.h5", file, "tick");
+  H5Fclose(file);
+  expect_error(out / "link.h5", "has no dataset tick");
+
+  write_run(out / "storage.h5");
+  write_bytes(out / "secret", std::string(400, 'x'));
+  file = H5Fopen((out / "storage.h5").c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
+  H5Ldelete(file, "contacts", H5P_DEFAULT);
+  const hsize_t size = 100;
+  const hid_t space = H5Screate_simple(1, &size, nullptr), properties = H5Pcreate(H5P_DATASET_CREATE);
+  H5Pset_external(properties, (out / "secret").c_str(), 0, 400);
+  const hid_t dataset =
+      H5Dcreate2(file, "contacts", H5T_NATIVE_UINT32, space, H5P_DEFAULT, properties, H5P_DEFAULT);
+  EXPECT_GE(dataset, 0);
+  H5Dclose(dataset);
+  H5Pclose(properties);
+  H5Sclose(space);
+  H5Fclose(file);
+  expect_error(out / "storage.h5", "dataset contacts is stored in another file");
+}
+
+TEST(Recording, DescriptionHasNoControlCharacters) {
+  const OutputFolder out;
+  SyntheticRun run;
+  run.meta.command_line = "smartsurf \x1b[31m\x07 run\nstate hash  forged \xc2\x9b" "1m ä";
+  const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
+  recorder->record_frame(run.snapshot_at(0, {0, 1, 2}), run.spec.objects);
+  recorder->close({"done\x1b]0;title\x07"});
+  const std::string text = describe_recording(Recording::open(out / "run.h5"));
+  for (const char c : text) EXPECT_TRUE(c == '\n' || (static_cast<unsigned char>(c) >= 0x20 && c != 0x7f));
+  EXPECT_NE(text.find("smartsurf ?[31m? run?state hash  forged ?1m ä"), std::string::npos) << text;
+}
+
 TEST(Recording, Describe) {
   const OutputFolder out;
   write_run(out / "run.h5");

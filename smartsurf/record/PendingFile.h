@@ -1,0 +1,34 @@
+// A recording under construction: written as NAME.part beside NAME, and renamed once it holds frames, so that an
+// older recording of that name survives a run that never begins. Internal to this module.
+#pragma once
+
+#include <filesystem>
+
+namespace smartsurf::record {
+
+class PendingFile {
+ public:
+  // A pipe or a device is written in place; of a symbolic link, the target is replaced.
+  explicit PendingFile(const std::filesystem::path& name);
+  ~PendingFile();  // removes an owned file that was never renamed
+  PendingFile(const PendingFile&) = delete;
+  PendingFile& operator=(const PendingFile&) = delete;
+
+  // The path to write to. Fixed, so that a file left by a killed run is overwritten by the next.
+  const std::filesystem::path& path() const { return path_; }
+  // Call before writing: removes what a killed run left, so that the file can be created anew, never through a
+  // link that someone else put there. From here on the file is this object's. Throws std::system_error.
+  void own();
+  // Whether path() must be created (O_EXCL), rather than opened as it is.
+  bool must_be_new() const { return owned_; }
+  // Gives the file its final name; only the first call has an effect. Throws std::system_error.
+  void commit();
+  // Commits, unless that would replace an older file.
+  void commit_if_new();
+
+ private:
+  std::filesystem::path final_, path_;
+  bool owned_ = false, committed_ = false;
+};
+
+}  // namespace smartsurf::record

@@ -1,0 +1,90 @@
+#include <algorithm>
+#include <cctype>
+#include <string_view>
+
+#include "smartsurf/script/ScriptContext.h"
+#include "smartsurf/script/lua/MeteredLibrary.h"
+
+namespace smartsurf::script {
+namespace {
+
+// Calls the replaced function with the arguments on the stack.
+int call_replaced(lua_State* L) {
+  lua_pushvalue(L, lua_upvalueindex(1));
+  lua_insert(L, 1);
+  lua_call(L, lua_gettop(L) - 1, LUA_MULTRET);
+  return lua_gettop(L);
+}
+
+// Charges the bytes of the arguments that are strings.
+int metered(ScriptContext& context, lua_State* L) {
+  std::uint64_t bytes = 0;
+  for (int i = 1; i <= lua_gettop(L); ++i)
+    if (lua_type(L, i) == LUA_TSTRING) bytes += lua_rawlen(L, i);
+  context.interpreter->charge(L, bytes / (kBytesPerInstruction / 4));  // most work byte by byte
+  return call_replaced(L);
+}
+
+int rep(ScriptContext& context, lua_State* L) {
+  const lua_Integer count = lua_tointeger(L, 2);
+  if (count > 0) {
+    std::size_t text = 0, separator = 0;
+    luaL_checklstring(L, 1, &text);
+    luaL_optlstring(L, 3, "", &separator);
+    const auto n = static_cast<std::uint64_t>(count), bytes = std::uint64_t{text} + separator;
+    context.interpreter->charge(L, n);
+    if (bytes != 0 && n <= 2 * kMaxStringBytes / bytes)
+      context.interpreter->charge(L, n * bytes / kBytesPerInstruction);
+  }
+  return call_replaced(L);
+}
+
+// Charges the bytes or the number of the results.
+int metered_by_results(ScriptContext& context, lua_State* L) {
+  const int results = call_replaced(L);
+  std::uint64_t work = 0;
+  for (int i = 1; i <= results; ++i)
+    work += lua_type(L, i) == LUA_TSTRING ? lua_rawlen(L, i) / kBytesPerInstruction : 1;
+  context.interpreter->charge(L, work);
+  return results;
+}
+
+// A format of string.pack pads to the sizes that it names, and repeats no option.
+int pack(ScriptContext& context, lua_State* L) {
+  std::size_t length = 0;
+  const char* const text = luaL_checklstring(L, 1, &length);
+  std::uint64_t size = 0, total = length;
+  for (const char c : std::string_view(text, length)) {
+    size = std::isdigit(static_cast<unsigned char>(c)) != 0
+               ? std::min<std::uint64_t>(10 * size + static_cast<std::uint64_t>(c - '0'), kMaxStringBytes + 1)
+               : 0;
+    if (size > kMaxStringBytes) throw ScriptError("string.pack: a string is longer than 16 MiB");
+    total += size;
+  }
+  context.interpreter->charge(L, total / (kBytesPerInstruction / 4));
+  return metered(context, L);
+}
+
+void replace(lua_State* L, const char* name, lua_CFunction function) {
+  lua_getfield(L, -1, name);
+  lua_pushcclosure(L, function, 1);
+  lua_setfield(L, -2, name);
+}
+
+}  // namespace
+
+void bind_string_functions(lua_State* L) {
+  lua_getglobal(L, LUA_STRLIBNAME);
+  for (const char* const name : {"lower", "reverse", "upper"}) replace(L, name, guarded<metered>);
+  for (const char* const name : {"byte", "sub", "unpack"}) replace(L, name, guarded<metered_by_results>);
+  replace(L, "rep", guarded<rep>);
+  replace(L, "pack", guarded<pack>);
+  lua_pop(L, 1);
+  lua_getglobal(L, LUA_UTF8LIBNAME);
+  replace(L, "codepoint", guarded<metered_by_results>);
+  replace(L, "len", guarded<metered>);
+  lua_pop(L, 1);
+  bind_pattern_functions(L);
+}
+
+}  // namespace smartsurf::script
