@@ -251,11 +251,11 @@ TEST(Support, FreeLayoutsShareTheLoadToo) {
     field.y.push_back(15 + std::sin(angle) * x + std::cos(angle) * y);
     field.angle.push_back(angle);
   }
-  auto object = box({5, 3, 1}, {15, 15, 0.5});
+  auto object = box({4.9, 2.9, 1}, {15, 15, 0.5});
   object.orientation = Eigen::AngleAxisd(M_PI / 6, Eigen::Vector3d::UnitZ());
   const auto id = fixture.add(object);
   fixture.run(0.3);
-  expect_equal_loads(fixture, 15, 15 * kGravity);
+  expect_equal_loads(fixture, 15, 4.9 * 2.9 * kGravity);
   EXPECT_NEAR((fixture.position(id) - Eigen::Vector3f(15, 15, 0.5F)).norm(), 0, 2e-3);
 }
 
@@ -319,8 +319,8 @@ TEST(Support, SpinningBoxSlidesInACurve) {
 
   Eigen::Vector2d at(10, 10), v(3.5, 2);
   double angle = 0, spin = 3;
-  constexpr int kPoints = 20;
-  constexpr double kStep = 5e-4;
+  constexpr int kPoints = 10;
+  constexpr double kStep = 2e-3;
   for (double t = 0; t < 2.0 && v.norm() > 0.01; t += kStep) {
     const Eigen::Rotation2Dd turn(angle);
     const Eigen::Vector2d along = v.normalized();
@@ -351,7 +351,7 @@ TEST(Support, SpinningBoxSlidesInACurve) {
     angle += kStep * spin;
   }
   const Eigen::Vector2d ours = fixture.position(id).cast<double>().head<2>();
-  EXPECT_LT((ours - at).norm(), 0.03 * (at - Eigen::Vector2d(10, 10)).norm())
+  EXPECT_LT((ours - at).norm(), 0.05 * (at - Eigen::Vector2d(10, 10)).norm())
       << ours.transpose() << " | " << at.transpose();
 }
 

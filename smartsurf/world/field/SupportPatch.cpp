@@ -441,7 +441,7 @@ bool add_support_patch(const surface::Field& field, const FreeLayoutField* free_
   if (footprints > 1) merge_cells(out.samples, first);
   patch.count = static_cast<std::int32_t>(out.samples.cell.size()) - patch.first;
   patch.point_count = static_cast<std::int32_t>(out.points.size()) - patch.first_point;
-  if (patch.count < 2 || patch.point_count < 2) {
+  if (patch.count < 1 || patch.point_count < 2) {
     out.samples.resize(first);
     out.points.resize(static_cast<std::size_t>(patch.first_point));
     return false;

@@ -451,7 +451,7 @@ void Solver::run_contact_stage(StepContext& context, const Member& member,
                            inverse_inertia_[row]);
     };
     solve_points();
-    solve_support(list, p, batch_points(), velocity_[row], inverse_inertia_[row]);
+    solve_support(list, p, batch_points(), is_soft, velocity_[row], inverse_inertia_[row]);
     // Friction tilts the body: again, because the normal constraints must hold at the end of the step.
     if (!is_soft) solve_points();
   });

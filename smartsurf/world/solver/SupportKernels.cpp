@@ -73,11 +73,15 @@ void store_loads(const SupportSampleView& s, const float (&load_of)[3]) {
 void solve_friction(const SupportSampleView& s, const float (&cone)[3], const float (&offset)[2],
                     const float (&velocity)[3], float tangent_mass, FrictionSums& out) {
   const V t = set(tangent_mass), vx = set(velocity[0]), vy = set(velocity[1]), w = set(velocity[2]);
+  const V offset_x = set(offset[0]), offset_y = set(offset[1]);
   const auto sums = sum_lanes<7>(s.count, [&](int i, V(&sum)[7]) HWY_ATTR {
-    const V x = load(s.x, i) + set(offset[0]), y = load(s.y, i) + set(offset[1]), arm = load(s.arm, i);
-    V3 f{load(s.friction[0], i) - t * ((vx - w * y) - load(s.velocity_x, i)),
-         load(s.friction[1], i) - t * ((vy + w * x) - load(s.velocity_y, i)),
-         load(s.friction[2], i) - t * (arm * (w - load(s.spin, i)))};
+    const V x = load(s.x, i) + offset_x, y = load(s.y, i) + offset_y, arm = load(s.arm, i),
+            spin = load(s.spin, i);
+    const V surface_x = load(s.velocity_x, i) - spin * offset_y,
+            surface_y = load(s.velocity_y, i) + spin * offset_x;
+    V3 f{load(s.friction[0], i) - t * ((vx - w * y) - surface_x),
+         load(s.friction[1], i) - t * ((vy + w * x) - surface_y),
+         load(s.friction[2], i) - t * (arm * (w - spin))};
     const V length = hn::Max(hn::Sqrt(dot(f, f)), set(1e-30F));
     const V scale = hn::Min(set(1.0F), load_at(s, cone, i) / length);
     f = f * scale;

@@ -16,7 +16,7 @@ using Matrix3 = Eigen::Matrix3d;
 constexpr double kMomentCompliance = 1e-4;
 // Of the loads, relative to the force.
 constexpr double kLoadTolerance = 1e-4;
-constexpr int kMaxLoadPasses = 12, kMaxFrictionPasses = 5;
+constexpr int kMaxLoadPasses = 12, kMaxFrictionPasses = 5, kMaxSoftFrictionPasses = 2;
 // Error of the velocity at which a friction solve is accurate enough, u/s.
 constexpr double kVelocityTolerance = 1e-5;
 // Tangent mass of all samples together, as a multiple of the body's.
@@ -315,7 +315,7 @@ void solve_support_points(const SupportPatches& list, const SupportPatch& p, Bat
   m.angular_velocity[2] += w.xz * tx + w.yz * ty;
 }
 
-void solve_support(SupportPatches& list, SupportPatch& p, BatchPoints points, BodyVelocity& m,
+void solve_support(SupportPatches& list, SupportPatch& p, BatchPoints points, bool is_soft, BodyVelocity& m,
                    const InverseInertia& w) {
   const SupportSampleView samples = view(list.samples, p);
   double force = 0.0, moment_x = 0.0, moment_y = 0.0;
@@ -327,9 +327,10 @@ void solve_support(SupportPatches& list, SupportPatch& p, BatchPoints points, Bo
     moment_x += impulse * static_cast<double>(anchor[0][p.lane]);
     moment_y += impulse * static_cast<double>(anchor[1][p.lane]);
   }
-  distribute(samples, p, scaled_wrench(p, force, moment_x, moment_y));
+  const bool scales = is_soft && p.force > 0.0 && force > 0.0;
+  if (!scales) distribute(samples, p, scaled_wrench(p, force, moment_x, moment_y));
   float cone[3] = {};
-  if (p.force > 0.0) in_world_axes(p, p.load, static_cast<double>(p.friction), cone);
+  if (p.force > 0.0) in_world_axes(p, p.load, static_cast<double>(p.friction) * (force / p.force), cone);
   const float offset[2] = {static_cast<float>(p.offset_x), static_cast<float>(p.offset_y)};
   const Vector3 old_impulse(p.friction_sum[0], p.friction_sum[1], p.friction_sum[2]);
   if (p.force == 0.0 && old_impulse.isZero(0.0)) return;
@@ -340,7 +341,7 @@ void solve_support(SupportPatches& list, SupportPatch& p, BatchPoints points, Bo
                     static_cast<double>(m.angular_velocity[2]));
   const Matrix3 inverse_k = symmetric(p.inverse_response);
   Vector3 q = now, impulse = old_impulse;
-  for (int pass = 0; pass < kMaxFrictionPasses; ++pass) {
+  for (int pass = 0; pass < (is_soft ? kMaxSoftFrictionPasses : kMaxFrictionPasses); ++pass) {
     const float velocity[3] = {static_cast<float>(q[0]), static_cast<float>(q[1]), static_cast<float>(q[2])};
     FrictionSums sums;
     support_kernels().solve_friction(samples, cone, offset, velocity, static_cast<float>(p.tangent_mass),

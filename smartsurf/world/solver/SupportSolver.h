@@ -26,8 +26,10 @@ void warm_start_support(const SupportPatch&, BodyVelocity&, const InverseInertia
 // step, and the pressure with it.
 void solve_support_points(const SupportPatches&, const SupportPatch&, BatchPoints, const SubstepParams&,
                           bool is_soft, BodyVelocity&, const DeltaPose&, const InverseInertia&);
-// Friction within the cones of the normal impulses at the patch's points.
-void solve_support(SupportPatches&, SupportPatch&, BatchPoints, BodyVelocity&, const InverseInertia&);
+// Friction within the cones of the normal impulses at the patch's points. The soft impulses of the solve stage are
+// provisional: they are distributed as those of the last relax stage.
+void solve_support(SupportPatches&, SupportPatch&, BatchPoints, bool is_soft, BodyVelocity&,
+                   const InverseInertia&);
 // At the end of the step: stores the loads over the step, and shares the friction impulse among the contacts, where it
 // warm-starts the next step if the patch is gone by then.
 void store_support(SupportPatches&, SupportPatch&, std::span<Contact> contacts);
