@@ -114,6 +114,16 @@ TEST(KernelImport, LoopsConditionsAndScalars) {
   EXPECT_EQ(notes(imported), "2 host: ',' in an expression has no counterpart\n");
 }
 
+TEST(KernelImport, ExclusiveBoundsBecomeInclusive) {
+  const ImportedKernels imported = import_text(
+      "int main(){\n  for(int k = 2; k < 5; k++) scamp5_in(A, k);\n  for(int k = 0; k < SIZE; k++) "
+      "scamp5_in(A, k);\n"
+      "  for(int k = 5; k > 2; k--) scamp5_in(A, k);\n}\n");
+  EXPECT_NE(imported.program.find("for(k, 2, 4)\n"), std::string::npos) << imported.program;
+  EXPECT_NE(imported.program.find("for(k, 0, SIZE - 1)\n"), std::string::npos) << imported.program;
+  EXPECT_NE(imported.program.find("for(k, 5, 3, -1)\n"), std::string::npos) << imported.program;
+}
+
 TEST(KernelImport, SlidersDirectionsAndOutput) {
   const ImportedKernels imported = import_text(
       "int main(){\n  vs_gui_add_slider(\"level\", -20, 127, 10, &level);\n  scamp5_in(E, level);\n"
