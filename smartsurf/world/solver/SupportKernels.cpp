@@ -22,10 +22,9 @@ struct LaneSums {
     for (int k = 0; k < kCount; ++k) store(sums[k], lanes[k], lane);
   }
   double total(int k) const {
-    double pair[kLanes / 2];
-    for (int i = 0; i < kLanes / 2; ++i)
-      pair[i] = static_cast<double>(lanes[k][2 * i]) + static_cast<double>(lanes[k][2 * i + 1]);
-    return (pair[0] + pair[1]) + (pair[2] + pair[3]);
+    float pair[kLanes / 2];
+    for (int i = 0; i < kLanes / 2; ++i) pair[i] = lanes[k][2 * i] + lanes[k][2 * i + 1];
+    return static_cast<double>((pair[0] + pair[1]) + (pair[2] + pair[3]));
   }
 };
 static_assert(kLanes == 8);

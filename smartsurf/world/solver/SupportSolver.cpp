@@ -93,6 +93,12 @@ void distribute(const SupportSampleView& samples, SupportPatch& p, const Vector3
     p.force = 0.0;
     return;
   }
+  if (p.count == 1) {
+    p.load[0] = force / weight, p.load[1] = p.load[2] = 0.0;
+    p.offset_x = target[1] / force * p.scale, p.offset_y = target[2] / force * p.scale;
+    p.force = force;
+    return;
+  }
   const Vector3 uniform(force / weight, 0.0, 0.0);
   const Vector3 compliance(0.0, kMomentCompliance * weight, kMomentCompliance * weight);
   auto newton_step = [&](const Vector3& residual, Matrix3 stiffness) {
