@@ -131,10 +131,10 @@ inline constexpr std::size_t kMaxCells = std::size_t{1} << 26;        // per reg
 inline constexpr std::size_t kMaxMemoryBytes = std::size_t{1} << 33;  // all registers together
 inline constexpr std::size_t kMaxCallDepth = 256;
 inline constexpr std::size_t kMaxMaskDepth = 64;
-inline constexpr std::size_t kMaxFilterExtent = 255;    // columns or rows
-inline constexpr std::size_t kMaxStackDepth = 256;      // registers pushed
+inline constexpr std::size_t kMaxFilterExtent = 255;                 // columns or rows
+inline constexpr std::size_t kMaxStackDepth = 256;                   // registers pushed
 inline constexpr std::size_t kMaxStackBytes = std::size_t{1} << 30;  // of all registers pushed
-inline constexpr std::size_t kMaxPluginArguments = 16;  // per call
+inline constexpr std::size_t kMaxPluginArguments = 16;               // per call
 
 // Returns "" if the program is safe to execute, otherwise one line that names the instruction and the error.
 // Checks that every operand is in range and of the kind that the opcode's signature takes, the registers of

@@ -1,5 +1,7 @@
 #include "common/threads/ThreadPool.h"
 
+#include <algorithm>
+#include <ctime>
 #include <string>
 #include <system_error>
 
@@ -11,6 +13,12 @@ namespace {
 // A job takes microseconds and follows the one before closely, and waking a sleeping thread takes tens of
 // microseconds.
 constexpr int kSpins = 2000;
+
+std::int64_t clock_ns(clockid_t clock) noexcept {
+  struct timespec now {};
+  ::clock_gettime(clock, &now);
+  return std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
+}
 
 }  // namespace
 
@@ -44,13 +52,28 @@ void ThreadPool::wait_while(const std::atomic<std::uint32_t>& word, std::uint32_
   word.wait(old, std::memory_order_acquire);
 }
 
+// With a core for each thread, the busiest one works, or spins, nearly all the time. A job that waited is followed
+// by jobs alone, each time by more of them; one that did not, by fewer.
+void ThreadPool::judge_job(std::int64_t wall_ns, std::int64_t cpu_ns) noexcept {
+  constexpr std::int64_t kMinWait_ns = 200'000;  // more than waking the threads takes
+  if (wall_ns - cpu_ns > kMinWait_ns && 3 * wall_ns > 5 * cpu_ns) {
+    jobs_alone_ = next_jobs_alone_;
+    next_jobs_alone_ = std::min(4 * next_jobs_alone_, kMaxJobsAlone);
+  } else {
+    next_jobs_alone_ = std::max(next_jobs_alone_ / 2, kMinJobsAlone);
+  }
+}
+
 // The job stays in place until every call of it has returned; only then may the next one replace it.
 void ThreadPool::run(const Job& job) noexcept {
+  const std::int64_t wall_begin_ns = clock_ns(CLOCK_MONOTONIC),
+                     cpu_begin_ns = clock_ns(CLOCK_THREAD_CPUTIME_ID);
   job_ = job;
   const std::uint32_t calls =
       job.count == kEveryThread ? static_cast<std::uint32_t>(thread_count()) : job.count;
   const std::uint32_t round = round_.load(std::memory_order_relaxed) + 1;
   unfinished_.store(calls, std::memory_order_relaxed);
+  busiest_worker_ns_.store(0, std::memory_order_relaxed);
   claim_.store(std::uint64_t{round} << 32U | job.count, std::memory_order_release);
   round_.store(round, std::memory_order_release);
   round_.notify_all();
@@ -58,6 +81,10 @@ void ThreadPool::run(const Job& job) noexcept {
   for (std::uint32_t left = unfinished_.load(std::memory_order_acquire); left != 0;
        left = unfinished_.load(std::memory_order_acquire))
     wait_while(unfinished_, left);
+  if (workers_.empty()) return;
+  const std::int64_t own_ns = clock_ns(CLOCK_THREAD_CPUTIME_ID) - cpu_begin_ns;
+  judge_job(clock_ns(CLOCK_MONOTONIC) - wall_begin_ns,
+            std::max(own_ns, busiest_worker_ns_.load(std::memory_order_relaxed)));
 }
 
 void ThreadPool::finish_one() noexcept {
@@ -68,7 +95,17 @@ void ThreadPool::finish_one() noexcept {
 void ThreadPool::work_on(std::uint32_t round, unsigned thread) noexcept {
   std::uint64_t claim = claim_.load(std::memory_order_acquire);
   if (claim == (std::uint64_t{round} << 32U | kEveryThread)) {
-    job_.call(job_.of, thread, thread);
+    if (thread == 0) {
+      job_.call(job_.of, thread, thread);
+    } else {
+      const std::int64_t begin_ns = clock_ns(CLOCK_THREAD_CPUTIME_ID);
+      job_.call(job_.of, thread, thread);
+      const std::int64_t used_ns = clock_ns(CLOCK_THREAD_CPUTIME_ID) - begin_ns;
+      std::int64_t busiest_ns = busiest_worker_ns_.load(std::memory_order_relaxed);
+      while (used_ns > busiest_ns &&
+             !busiest_worker_ns_.compare_exchange_weak(busiest_ns, used_ns, std::memory_order_relaxed)) {
+      }
+    }
     finish_one();
     return;
   }

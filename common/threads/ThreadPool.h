@@ -38,6 +38,15 @@ class ThreadPool {
   // from a clock.
   bool pays(double cost_ns) const noexcept { return cost_ns >= min_cost_ns_; }
 
+  // Whether to share the next job. False for a while after a job that waited for threads without a core: other
+  // programs keep the cores busy, and the caller alone is faster. The methods below that may run on the caller
+  // alone ask themselves. Changes no result.
+  bool has_cores() noexcept {
+    if (jobs_alone_ == 0) return true;
+    --jobs_alone_;
+    return false;
+  }
+
   // Fork/join: work(thread) once on every thread, all at the same time, so that they may wait for each other.
   template <class Work>
   void fork_join(const Work& work) noexcept {
@@ -51,6 +60,10 @@ class ThreadPool {
   // without a core holds nobody up.
   template <class Work>
   void parallel_for(std::uint32_t count, const Work& work) noexcept {
+    if (!has_cores()) {
+      for (std::uint32_t index = 0; index < count; ++index) work(index, 0U);
+      return;
+    }
     run({[](const void* of, std::uint32_t index, unsigned thread) noexcept {
            (*static_cast<const Work*>(of))(index, thread);
          },
@@ -62,7 +75,7 @@ class ThreadPool {
   template <class Work>
   void parallel_for_rows(int rows, const Work& work) {
     const long n = thread_count();
-    if (n == 1 || rows < 2 * n) {
+    if (n == 1 || rows < 2 * n || !has_cores()) {
       if (rows > 0) work(0, rows);
       return;
     }
@@ -84,6 +97,7 @@ class ThreadPool {
 
  private:
   static constexpr std::uint32_t kEveryThread = 0xFFFFFFFF;
+  static constexpr int kMinJobsAlone = 8, kMaxJobsAlone = 1024;
 
   struct Job {
     void (*call)(const void* of, std::uint32_t index, unsigned thread) noexcept;
@@ -96,9 +110,12 @@ class ThreadPool {
   void serve(unsigned thread) noexcept;
   void finish_one() noexcept;
   void stop() noexcept;
+  void judge_job(std::int64_t wall_ns, std::int64_t cpu_ns) noexcept;
   void wait_while(const std::atomic<std::uint32_t>& word, std::uint32_t old) const noexcept;
 
   double min_cost_ns_;
+  int jobs_alone_ = 0;  // that the caller does alone before it shares one again
+  int next_jobs_alone_ = kMinJobsAlone;
   int spins_;  // before a waiting thread sleeps; 0 where the threads outnumber the cores
   std::vector<std::thread> workers_;
   Job job_{};
@@ -108,6 +125,7 @@ class ThreadPool {
   alignas(128) std::atomic<std::uint64_t> claim_{
       0};  // round << 32 | indices not claimed yet, or kEveryThread
   alignas(128) std::atomic<std::uint32_t> unfinished_{0};  // calls
+  std::atomic<std::int64_t> busiest_worker_ns_{0};         // processor time in the job, of a fork/join
 };
 
 }  // namespace common

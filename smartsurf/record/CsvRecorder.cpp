@@ -25,7 +25,8 @@ CsvRecorder::CsvRecorder(const std::filesystem::path& path, std::unique_ptr<Pend
     : Recorder(spec.record.tick_interval),
       name_(path.string()),
       pending_(std::move(pending)),
-      fd_(::open(pending_->path().c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | (pending_->must_be_new() ? O_EXCL : O_TRUNC), 0666)),
+      fd_(::open(pending_->path().c_str(),
+                 O_WRONLY | O_CREAT | O_CLOEXEC | (pending_->must_be_new() ? O_EXCL : O_TRUNC), 0666)),
       last_flush_(std::chrono::steady_clock::now()) {
   if (fd_ < 0) throw scene::InputError(name_ + ": cannot be written: " + std::strerror(errno));
   ::flock(fd_, LOCK_EX | LOCK_NB);

@@ -57,8 +57,8 @@ std::string surface_text(const scene::SurfaceSpec& s) {
 
 std::string physics_text(const Recording& recording) {
   const scene::WorldSpec& world = recording.spec().world;
-  return concat("engine ", world.engine, ", dt ", world.dt_s, " s, control period ", world.control_period_s, " s, ",
-                recording.meta().mode, " mode");
+  return concat("engine ", world.engine, ", dt ", world.dt_s, " s, control period ", world.control_period_s,
+                " s, ", recording.meta().mode, " mode");
 }
 
 // "40: 20 'large' (sphere, size 4 u), 20 'small' (sphere, size 2 u)"
@@ -148,7 +148,8 @@ std::string describe_recording(const Recording& recording) {
   write_line(out, "purity", purity_text(recording));
   out << "datasets\n";
   for (const Recording::DatasetInfo& dataset : recording.datasets())
-    out << "  " << std::left << std::setw(34) << common::printable(dataset.name) << extents_text(dataset) << '\n';
+    out << "  " << std::left << std::setw(34) << common::printable(dataset.name) << extents_text(dataset)
+        << '\n';
   return out.str();
 }
 

@@ -184,11 +184,12 @@ bool Run::advance_physics() {
     phase_times_.lap(Phase::kActuate);
   }
   if (const auto object = simulation_.first_non_finite()) {
-    set_ending(common::kFailed,
-               fmt::format("failed at tick {}: object {} has a position or velocity that is not finite: its size, "
-                           "mass or speed differs too much from its neighbours' for a step of {} s ({})",
-                           simulation_.snapshot().tick + 1, *object, simulation_.scene().world.dt_s,
-                           describe_object(simulation_.catalogue()[*object])));
+    set_ending(
+        common::kFailed,
+        fmt::format("failed at tick {}: object {} has a position or velocity that is not finite: its size, "
+                    "mass or speed differs too much from its neighbours' for a step of {} s ({})",
+                    simulation_.snapshot().tick + 1, *object, simulation_.scene().world.dt_s,
+                    describe_object(simulation_.catalogue()[*object])));
     progress_.print_message(ending_->outcome);
     return false;
   }

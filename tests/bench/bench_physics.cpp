@@ -1,13 +1,18 @@
 // Compares World and its proximity sensors with naive Bullet, MuJoCo and ODE on the same scenes.
 //
-//   bench_physics [--steps N] [--only "64x64 100"] [--threads N] [--peers naive,mujoco,ode | none] [--json]
+//   bench_physics [--steps N] [--only "64x64 100"] [--threads N] [--peers naive,mujoco,ode | none] [--beside N] [--json]
 //
 // Peers are single-threaded; they skip workloads that they do not support. MuJoCo and ODE are optional.
 //
 // Prints the median times of a 1/60 s step in milliseconds, the ratio of a peer's total to ours, and the
 // accuracy: the largest overlap of two spheres and the deepest penetration of a sphere into a pin; in mixed
 // scenes, ours also reports the penetration of the other shapes. "pins" is the time to move our pins and is
-// not part of the total. --json prints one JSON object per line.
+// not part of the total. --json prints one JSON object per line. --beside N runs N busy processes meanwhile.
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -31,6 +36,7 @@ namespace {
 struct Options {
   int steps = 120;
   int threads = 1;
+  int beside = 0;
   bool json = false;
   std::string only, peers = "naive,mujoco,ode";
   bool includes_peer(const char* peer) const { return peers.find(peer) != std::string::npos; }
@@ -40,7 +46,36 @@ struct Result {
   double physics_ms = 0, sensors_ms = 0, snapshot_ms = 0, pins_ms = 0, overlap = 0, penetration = 0,
          shape_penetration = 0;
   int lost = 0, sleeping = 0;
+  double wall_s = 0;  // of all measured steps; unlike the medians, it shows steps that waited for a core
   double total_ms() const { return physics_ms + sensors_ms; }
+};
+
+// Processes that keep a core busy each, until the end of the scope.
+class BusyProcesses {
+ public:
+  explicit BusyProcesses(int count) {
+    for (int i = 0; i < count; ++i) {
+      const pid_t child = ::fork();
+      if (child == 0) {
+        ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+        const volatile bool busy = true;
+        while (busy) {
+        }
+      }
+      if (child > 0) children_.push_back(child);
+    }
+  }
+  ~BusyProcesses() {
+    for (const pid_t child : children_) {
+      ::kill(child, SIGKILL);
+      ::waitpid(child, nullptr, 0);
+    }
+  }
+  BusyProcesses(const BusyProcesses&) = delete;
+  BusyProcesses& operator=(const BusyProcesses&) = delete;
+
+ private:
+  std::vector<pid_t> children_;
 };
 
 double measure_ms(const std::function<void()>& work) {
@@ -123,7 +158,9 @@ Result run_smartsurf(const Workload& w, const Options& options) {
   std::vector<float> targets;
   StageTimes times;
   const int settling_count = settling_steps(w);
+  std::chrono::steady_clock::time_point start;
   for (int i = 0; i < settling_count + options.steps; ++i) {
+    if (i == settling_count) start = std::chrono::steady_clock::now();
     compute_targets(w, i * kStepSeconds, targets);
     const double plan = measure_ms([&] {
       cells.set_targets(0, targets);
@@ -140,6 +177,7 @@ Result run_smartsurf(const Workload& w, const Options& options) {
     times.pins.push_back(plan + commit);
   }
   Result r{median(times.physics), median(times.sensors), median(times.snapshot), median(times.pins)};
+  r.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   r.sleeping = world.sleeping_count();
   std::vector<Sphere> spheres;
   for (std::size_t i = 0; i < static_cast<std::size_t>(w.objects); ++i)
@@ -196,7 +234,9 @@ void report_json(const char* who, const Workload& w, const Options& options, con
                                     {"overlap_u", r.overlap},
                                     {"in_pins_u", r.penetration},
                                     {"shapes_in_pins_u", r.shape_penetration},
-                                    {"lost", r.lost}};
+                                    {"lost", r.lost},
+                                    {"beside", options.beside},
+                                    {"wall_s", r.wall_s}};
   std::puts(line.dump().c_str());
   std::fflush(stdout);
 }
@@ -217,7 +257,8 @@ void run(const Workload& w, const Options& options) {
   } else {
     report("ours", w, ours);
     if (w.shapes == Shapes::kHalfMixed) std::printf("  shapes in pins %.4f", ours.shape_penetration);
-    std::printf("  snapshot %.3f  pins %.3f ms  asleep %d\n", ours.snapshot_ms, ours.pins_ms, ours.sleeping);
+    std::printf("  snapshot %.3f  pins %.3f ms  asleep %d  wall %.3f s\n", ours.snapshot_ms, ours.pins_ms,
+                ours.sleeping, ours.wall_s);
     std::fflush(stdout);
   }
   if (w.n > 256 || w.field != Field::kWave) return;
@@ -256,6 +297,8 @@ Options read_options(int argc, char** argv) {
   app.add_option("--peers", peers, "naive,mujoco,ode or none")
       ->delimiter(',')
       ->check(CLI::IsMember({"naive", "mujoco", "ode", "none"}));
+  app.add_option("--beside", o.beside, "busy processes that compete for the cores")
+      ->check(CLI::Range(0, 1024));
   app.add_flag("--json", o.json, "print one JSON object per line");
   bench::parse_or_exit(app, argc, argv);
   if (!peers.empty()) o.peers = CLI::detail::join(peers);
@@ -266,6 +309,7 @@ Options read_options(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   const Options options = read_options(argc, argv);
+  const BusyProcesses competitors(options.beside);
   for (const Workload& w : workloads())
     if (options.only.empty() || w.name() == options.only) run(w, options);
 }

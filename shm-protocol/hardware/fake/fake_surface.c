@@ -45,7 +45,8 @@ static void on_signal(int number) {
   struct timespec now;
   clock_gettime(CLOCK_MONOTONIC, &now);
   if (stop_signal) {
-    const int64_t elapsed_ns = (int64_t)(now.tv_sec - first.tv_sec) * 1000000000 + now.tv_nsec - first.tv_nsec;
+    const int64_t elapsed_ns =
+        (int64_t)(now.tv_sec - first.tv_sec) * 1000000000 + now.tv_nsec - first.tv_nsec;
     if (elapsed_ns >= 500000000) _exit(128 + number);
     return;
   }

@@ -21,8 +21,7 @@ namespace {
 
 class FileDescriptor {
  public:
-  explicit FileDescriptor(const std::string& path)
-      : descriptor_(open_untrusted(path, O_RDONLY)) {}
+  explicit FileDescriptor(const std::string& path) : descriptor_(open_untrusted(path, O_RDONLY)) {}
   ~FileDescriptor() {
     if (descriptor_ >= 0) ::close(descriptor_);
   }

@@ -185,8 +185,9 @@ void reclaim_or_throw(const std::string& name) {
   }
   if (remove_if_orphan(file_name(name)) || ::lstat(path.c_str(), &status) != 0) return;
   if (inspect_segment(file_name(name)).ownership == Ownership::kOrphan)
-    throw Error(ErrorCode::kForeign, path + " cannot be removed: another process holds its lock, or the "
-                                            "directory is not writable; choose another name");
+    throw Error(ErrorCode::kForeign, path +
+                                         " cannot be removed: another process holds its lock, or the "
+                                         "directory is not writable; choose another name");
 }
 
 }  // namespace shm_protocol

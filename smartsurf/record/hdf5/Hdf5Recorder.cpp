@@ -33,8 +33,8 @@ Handle create_file(const PendingFile& pending) {
   initialise_library();
   const Handle creation(H5Pcreate(H5P_FILE_CREATE), H5Pclose, "file properties");
   check(H5Pset_obj_track_times(creation, false), "file properties");
-  return Handle(H5Fcreate(pending.path().c_str(), pending.must_be_new() ? H5F_ACC_EXCL : H5F_ACC_TRUNC, creation,
-                          H5P_DEFAULT),
+  return Handle(H5Fcreate(pending.path().c_str(), pending.must_be_new() ? H5F_ACC_EXCL : H5F_ACC_TRUNC,
+                          creation, H5P_DEFAULT),
                 H5Fclose, "cannot be written");
 }
 
@@ -54,7 +54,10 @@ void interleave_components(const scene::ChannelData& channel, std::span<float> c
 
 struct Hdf5Recorder::OpenFile {
   OpenFile(const PendingFile& pending, const scene::SceneSpec& spec)
-      : record(spec.record), surface(spec.surface), file(create_file(pending)), preallocator(pending.path()) {}
+      : record(spec.record),
+        surface(spec.surface),
+        file(create_file(pending)),
+        preallocator(pending.path()) {}
 
   void write_declarations(const RunMetadata& meta, const scene::SceneSpec& spec) {
     preallocator.preallocate(kMetadataBytes + 2 * (meta.program_text.size() + spec.source.size()));

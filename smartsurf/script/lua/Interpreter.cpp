@@ -17,9 +17,9 @@ namespace smartsurf::script {
 namespace {
 
 constexpr std::size_t kShortStringBytes = 64 << 10;
-constexpr std::size_t kStringHeaderBytes = 64;          // upper bound
+constexpr std::size_t kStringHeaderBytes = 64;  // upper bound
 constexpr std::int64_t kTimeCheckInterval_ns = 5'000'000;
-constexpr double kTimeAfterStop_s = 0.5;                // for a short callback to end
+constexpr double kTimeAfterStop_s = 0.5;  // for a short callback to end
 constexpr std::size_t kMaxMessageLength = 500;
 
 // Finds the innermost Lua function of the script on the call stack. C functions have no line.
@@ -273,9 +273,10 @@ void Interpreter::throw_input_error(int status, const std::string& fallback_loca
   std::string message, location = error_location_.empty() ? fallback_location : error_location_;
   if (status == LUA_ERRMEM) {
     if (!memory_error_location_.empty()) location = memory_error_location_;
-    message = string_refused_ ? std::string("a string is longer than 16 MiB")
-                              : "the script needs more than " + format_value(static_cast<double>(memory_limit_) / 1048576.0) +
-              " MiB of memory";
+    message = string_refused_
+                  ? std::string("a string is longer than 16 MiB")
+                  : "the script needs more than " +
+                        format_value(static_cast<double>(memory_limit_) / 1048576.0) + " MiB of memory";
   } else if (lua_type(lua_, -1) == LUA_TSTRING) {
     std::size_t length = 0;
     const char* const text = lua_tolstring(lua_, -1, &length);

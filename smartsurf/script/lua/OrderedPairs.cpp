@@ -87,9 +87,9 @@ void push_key(lua_State* L, const TableKey& key) {
 }
 
 [[noreturn]] void throw_unordered_keys(const char* function, const char* type) {
-  throw ScriptError(
-      std::string(function) + ": the table has several keys without an order, such as a " + type +
-      "; their order would differ from run to run: use a list, or number or string keys");
+  throw ScriptError(std::string(function) + ": the table has several keys without an order, such as a " +
+                    type +
+                    "; their order would differ from run to run: use a list, or number or string keys");
 }
 
 struct SortedKeys {

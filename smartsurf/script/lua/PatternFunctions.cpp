@@ -21,15 +21,15 @@ std::string_view check_text(lua_State* L, int index) {
 
 PatternMatcher make_matcher(ScriptContext& context, lua_State* L, std::string_view subject,
                             std::string_view pattern) {
-  return {subject, pattern, [&context, L](std::size_t steps) {
-            context.interpreter->charge(L, steps / kStepsPerInstruction);
-          }};
+  return {subject, pattern,
+          [&context, L](std::size_t steps) { context.interpreter->charge(L, steps / kStepsPerInstruction); }};
 }
 
 // The index of argument `index`, from 1 or, if negative, from the end, as one from 0; at most length + 1.
 std::size_t start_index(lua_State* L, int index, std::size_t length) {
   const lua_Integer start = luaL_optinteger(L, index, 1);
-  if (start > 0) return static_cast<std::size_t>(std::min<lua_Unsigned>(static_cast<lua_Unsigned>(start) - 1, length + 1));
+  if (start > 0)
+    return static_cast<std::size_t>(std::min<lua_Unsigned>(static_cast<lua_Unsigned>(start) - 1, length + 1));
   if (start == 0 || start < -static_cast<lua_Integer>(length)) return 0;
   return length - static_cast<std::size_t>(-start);
 }
@@ -66,13 +66,15 @@ int find_or_match(ScriptContext& context, lua_State* L, bool find) {
     lua_pushnil(L);
     return 1;
   }
-  const bool plain = find && (lua_toboolean(L, 4) != 0 || pattern.find_first_of("^$*+?.([%-") == pattern.npos);
+  const bool plain =
+      find && (lua_toboolean(L, 4) != 0 || pattern.find_first_of("^$*+?.([%-") == pattern.npos);
   if (plain) {
     // memmem() takes linear time, unlike std::string_view::find().
     const std::string_view rest = subject.substr(start);
     const void* const at = ::memmem(rest.data(), rest.size(), pattern.data(), pattern.size());
-    const std::size_t found =
-        at == nullptr ? subject.npos : static_cast<std::size_t>(static_cast<const char*>(at) - subject.data());
+    const std::size_t found = at == nullptr
+                                  ? subject.npos
+                                  : static_cast<std::size_t>(static_cast<const char*>(at) - subject.data());
     const std::size_t scanned = at == nullptr ? rest.size() : found - start;
     context.interpreter->charge(L, (scanned + pattern.size()) / kBytesPerInstruction);
     if (found == subject.npos) {
@@ -134,8 +136,8 @@ int gmatch(ScriptContext&, lua_State* L) {
 }
 
 // The replacement string with %0 to %9 and %% expanded.
-void append_expanded(lua_State* L, std::string& result, const PatternMatcher& matcher, std::string_view subject,
-                     std::size_t begin, std::size_t end) {
+void append_expanded(lua_State* L, std::string& result, const PatternMatcher& matcher,
+                     std::string_view subject, std::size_t begin, std::size_t end) {
   const std::string_view text = check_text(L, 3);
   for (std::size_t i = 0; i < text.size(); ++i) {
     if (text[i] != '%') {
@@ -191,8 +193,9 @@ int gsub(ScriptContext& context, lua_State* L) {
   const std::string_view subject = check_text(L, 1);
   std::string_view pattern = check_text(L, 2);
   const int type = lua_type(L, 3);
-  luaL_argexpected(L, type == LUA_TNUMBER || type == LUA_TSTRING || type == LUA_TFUNCTION || type == LUA_TTABLE, 3,
-                   "string/function/table");
+  luaL_argexpected(L,
+                   type == LUA_TNUMBER || type == LUA_TSTRING || type == LUA_TFUNCTION || type == LUA_TTABLE,
+                   3, "string/function/table");
   const lua_Integer most = luaL_optinteger(L, 4, static_cast<lua_Integer>(subject.size()) + 1);
   lua_settop(L, 3);
   const bool anchored = pattern.starts_with('^');

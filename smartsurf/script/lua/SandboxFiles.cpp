@@ -166,8 +166,8 @@ std::optional<std::string> read_text_file(const fs::path& path, std::string& rea
   std::string text;
   const std::error_code failure = common::read_file(path, common::kMaxTextBytes, text);
   if (!failure) return text;
-  reason = failure == std::errc::file_too_large ? "is larger than 16 MiB"
-                                                : "cannot be read: " + failure.message();
+  reason =
+      failure == std::errc::file_too_large ? "is larger than 16 MiB" : "cannot be read: " + failure.message();
   return std::nullopt;
 }
 

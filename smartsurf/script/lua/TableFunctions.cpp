@@ -44,11 +44,11 @@ int remove(ScriptContext& context, lua_State* L) {
   const lua_Integer length = table_length(L);
   lua_Integer position = luaL_optinteger(L, 2, length);
   if (lua_gettop(L) >= 2)
-    luaL_argcheck(L,
-                  position == length ||
-                      static_cast<lua_Unsigned>(length) + 1 - static_cast<lua_Unsigned>(position) <=
-                          static_cast<lua_Unsigned>(length),
-                  2, "position out of bounds");
+    luaL_argcheck(
+        L,
+        position == length || static_cast<lua_Unsigned>(length) + 1 - static_cast<lua_Unsigned>(position) <=
+                                  static_cast<lua_Unsigned>(length),
+        2, "position out of bounds");
   lua_geti(L, 1, position);
   context.interpreter->charge(L, distance(position, length));
   for (; position < length; ++position) {
@@ -68,7 +68,8 @@ int concat(ScriptContext& context, lua_State* L) {
   std::string text;
   const auto append = [&](const char* characters, std::size_t bytes) {
     context.interpreter->charge(L, bytes / kBytesPerInstruction);
-    if (bytes > kMaxStringBytes - text.size()) throw ScriptError("table.concat: a string is longer than 16 MiB");
+    if (bytes > kMaxStringBytes - text.size())
+      throw ScriptError("table.concat: a string is longer than 16 MiB");
     text.append(characters, bytes);
   };
   for (lua_Integer i = first; i <= last; ++i) {

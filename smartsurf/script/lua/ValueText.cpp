@@ -61,7 +61,8 @@ int format(ScriptContext& context, lua_State* L) {
   for (std::size_t i = 0; i < pattern.size(); ++i) {
     if (pattern[i] != '%') continue;
     if (++i < pattern.size() && pattern[i] == '%') continue;
-    while (i < pattern.size() && std::string_view("-+ #0123456789.").find(pattern[i]) != std::string_view::npos)
+    while (i < pattern.size() &&
+           std::string_view("-+ #0123456789.").find(pattern[i]) != std::string_view::npos)
       ++i;
     if (i >= pattern.size() || ++argument > arguments) break;
     if (pattern[i] == 'p') {

@@ -39,12 +39,14 @@ class Team {
   // Without a pool the caller is the only member. `pool` must outlive the team.
   explicit Team(common::ThreadPool* pool) : pool_(pool), team_barrier_(pool ? pool->thread_count() : 1) {}
 
-  // Runs work(member) on all threads at once, or on the caller alone if not `parallel`. Thread 0, the
+  // Runs work(member) on all threads at once, or on the caller alone if not `parallel` or
+  // while other programs keep the cores busy. Thread 0, the
   // caller, is the last member: members own slabs from south to north and the pool's row bands run from
   // north to south, so each thread finds the cells that it moved itself in its cache.
   template <class Work>
   void run(bool parallel, Work work) {
-    const int member_count = parallel && pool_ ? pool_->thread_count() : 1;
+    const bool shares = parallel && pool_ && pool_->thread_count() > 1 && pool_->has_cores();
+    const int member_count = shares ? pool_->thread_count() : 1;
     if (member_count == 1) {
       work(Member{0, 1, serial_barrier_});
       return;

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <chrono>
@@ -46,8 +47,8 @@ TEST(ThreadPool, WakesSleepingThreads) {
   for (int round = 0; round < 20; ++round) {
     if (round % 5 == 0) std::this_thread::sleep_for(std::chrono::milliseconds(2));
     int sum[2] = {0, 0};  // written by the pool's threads, read after the join
-    pool.parallel_for_rows(8, [&](int begin, int end) { sum[begin / 4] = end; });
-    ASSERT_EQ(sum[0] + sum[1], 12) << round;
+    pool.parallel_for_rows(8, [&](int begin, int end) { sum[begin / 4] = end - begin; });
+    ASSERT_EQ(sum[0] + sum[1], 8) << round;
   }
 }
 
@@ -90,4 +91,33 @@ TEST(ThreadPool, AlternatesParallelForAndForkJoin) {
     pool.fork_join([&](int thread) { sum += thread; });
   }
   EXPECT_EQ(sum, 2000 * (10 + 3));
+}
+
+// A thread that gets no core is a sleeping thread, as far as the caller can see.
+TEST(ThreadPool, CallerWorksAloneAfterJobsThatWaited) {
+  ThreadPool pool(2);
+  const auto wait = [&pool] {
+    pool.fork_join([](int thread) {
+      if (thread == 1) std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    });
+  };
+  const auto jobs_alone = [&pool] {
+    int jobs = 0;
+    for (int bands = 1; bands == 1; ++jobs) {
+      std::atomic<int> count = 0;
+      pool.parallel_for_rows(8, [&](int, int) { ++count; });
+      bands = count;
+    }
+    return jobs - 1;
+  };
+  EXPECT_EQ(jobs_alone(), 0);
+  wait();
+  EXPECT_GE(jobs_alone(), 8);
+  int most = 0;
+  for (int round = 0; round < 8; ++round) {
+    wait();
+    most = std::max(most, jobs_alone());
+  }
+  EXPECT_GE(most, 32);
+  EXPECT_LE(most, 2 * 1024);
 }

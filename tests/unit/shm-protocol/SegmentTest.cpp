@@ -178,7 +178,8 @@ TEST(Segment, SegmentOfAnotherUserIsRefused) {
   ASSERT_EQ(::chown(file_path(name).c_str(), 0, 0), 0);
   ASSERT_EQ(::chmod(file_path(name).c_str(), 0666), 0);
   EXPECT_TRUE(succeeds_within_a_second([&] {
-    return ::setuid(65534) == 0 && is_refused(ErrorCode::kForeign, [&] { ControllerEndpoint::attach(name); }) &&
+    return ::setuid(65534) == 0 &&
+           is_refused(ErrorCode::kForeign, [&] { ControllerEndpoint::attach(name); }) &&
            inspect_segment("smartsurf." + name).ownership == Ownership::kForeign;
   }));
 }

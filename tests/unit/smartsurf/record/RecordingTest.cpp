@@ -190,7 +190,9 @@ TEST(Recording, FollowsNothingToOtherFiles) {
 TEST(Recording, DescriptionHasNoControlCharacters) {
   const OutputFolder out;
   SyntheticRun run;
-  run.meta.command_line = "smartsurf \x1b[31m\x07 run\nstate hash  forged \xc2\x9b" "1m ä";
+  run.meta.command_line =
+      "smartsurf \x1b[31m\x07 run\nstate hash  forged \xc2\x9b"
+      "1m ä";
   const auto recorder = Recorder::open(out / "run.h5", run.meta, run.spec);
   recorder->record_frame(run.snapshot_at(0, {0, 1, 2}), run.spec.objects);
   recorder->close({"done\x1b]0;title\x07"});

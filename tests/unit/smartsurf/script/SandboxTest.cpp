@@ -168,12 +168,14 @@ TEST_F(BudgetTest, ChargesLoopsInLibraryFunctions) {
 }
 
 TEST_F(BudgetTest, LengthsFromMetamethodsAreChargedBeforeTheyAreBelieved) {
-  const std::string huge = "local huge = setmetatable({}, {__len = function() return math.maxinteger - 1 end}) ";
+  const std::string huge =
+      "local huge = setmetatable({}, {__len = function() return math.maxinteger - 1 end}) ";
   EXPECT_EQ(error_of(huge + "table.insert(huge, 1, 0)"), over("t.lua:1"));
   EXPECT_EQ(error_of(huge + "table.remove(huge, 1)"), over("t.lua:1"));
-  EXPECT_EQ(error_of("local any = setmetatable({}, {__index = rawequal, __len = function() return 1 << 60 end}) "
-                     "table.move(any, 1, #any, 2)"),
-            over("t.lua:1"));
+  EXPECT_EQ(
+      error_of("local any = setmetatable({}, {__index = rawequal, __len = function() return 1 << 60 end}) "
+               "table.move(any, 1, #any, 2)"),
+      over("t.lua:1"));
   EXPECT_EQ(error_of("local text = setmetatable({}, {__index = type, __len = function() return 1 << 60 end}) "
                      "table.concat(text)"),
             over("t.lua:1"));
@@ -199,14 +201,17 @@ TEST_F(BudgetTest, ChargesWorkOnLongTablesAndStrings) {
 TEST_F(SandboxTest, ProcessorTimeIsBounded) {
   options.load_time_s = 0.2;
   for (const char* statement :
-       {"local a, b = ('x'):rep(1 << 24) .. '', ('x'):rep((1 << 24) - 1) .. 'x' while true do local _ = a == b end",
+       {"local a, b = ('x'):rep(1 << 24) .. '', ('x'):rep((1 << 24) - 1) .. 'x' while true do local _ = a == "
+        "b end",
         "local a, b = ('\\0'):rep(1 << 24), ('\\0'):rep((1 << 24) - 1) while true do local _ = a < b end",
         "local a = ('x'):rep(1 << 23) while true do local _ = a .. '' .. a end",
-        "local co = coroutine.wrap(function() local a = ('x'):rep(1 << 23) while true do local _ = a .. a end end) "
+        "local co = coroutine.wrap(function() local a = ('x'):rep(1 << 23) while true do local _ = a .. a "
+        "end end) "
         "co()",
         "while true do pcall(string.rep, 'x', 1 << 25) end"}) {
     const std::clock_t start = std::clock();
-    EXPECT_EQ(error_of(statement), "t.lua:1: the script ran for more than 0.2 s: an endless loop?") << statement;
+    EXPECT_EQ(error_of(statement), "t.lua:1: the script ran for more than 0.2 s: an endless loop?")
+        << statement;
     EXPECT_LT(static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC, 2.0) << statement;
   }
 }
@@ -215,7 +220,8 @@ TEST_F(SandboxTest, LimitsStringLength) {
   const std::string tail = "t.lua:1: a string is longer than 16 MiB";
   EXPECT_EQ(error_of("local s = ('x'):rep((1 << 24) + 100)"), tail);
   EXPECT_EQ(error_of("local s = ('x'):rep(1 << 23) s = s .. s .. s"), tail);
-  EXPECT_EQ(error_of("string.pack('c999999999', '')"), "t.lua:1: string.pack: a string is longer than 16 MiB");
+  EXPECT_EQ(error_of("string.pack('c999999999', '')"),
+            "t.lua:1: string.pack: a string is longer than 16 MiB");
 }
 
 TEST_F(SandboxTest, StopEndsScriptThatRuns) {
@@ -224,7 +230,8 @@ TEST_F(SandboxTest, StopEndsScriptThatRuns) {
   const auto start = std::chrono::steady_clock::now();
   EXPECT_THROW(load("while true do pcall(function() while true do end end) end"), Interrupted);
   EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(10));
-  EXPECT_EQ(error_of("surface{rows = 4, columns = 4} for i = 1, 1e5 do end"), "");  // a short one ends by itself
+  EXPECT_EQ(error_of("surface{rows = 4, columns = 4} for i = 1, 1e5 do end"),
+            "");  // a short one ends by itself
 }
 
 TEST_F(SandboxTest, TextOfValuesIsTheSameInEveryRun) {
@@ -245,13 +252,14 @@ TEST_F(SandboxTest, TextOfValuesIsTheSameInEveryRun) {
 TEST_F(SandboxTest, LibraryFunctionsBehaveAsInLua) {
   std::mt19937 random(7);
   const auto pick = [&](const auto& list) { return std::string(list[random() % std::size(list)]); };
-  const char* const items[] = {"a",  "b",    ".",     "%a", "%d",  "%s", "[ab]",  "[^b]", "[a-c%d]", "%w",
-                               "%.", "(a)",  "(.-)",  "()", "%b()", "%1", "%f[%a]", "(",    ")",       "[]]",
-                               "^",  "$",    "(b*)",  "-",  "[%w_]", "%", "[a",    "%f",   "(a(b)c)", "[-a]"};
+  const char* const items[] = {"a",  "b",   ".",    "%a", "%d",    "%s", "[ab]",   "[^b]", "[a-c%d]", "%w",
+                               "%.", "(a)", "(.-)", "()", "%b()",  "%1", "%f[%a]", "(",    ")",       "[]]",
+                               "^",  "$",   "(b*)", "-",  "[%w_]", "%",  "[a",     "%f",   "(a(b)c)", "[-a]"};
   const char* const suffixes[] = {"", "", "", "*", "+", "-", "?"};
   const char* const subjects[] = {"", "a", "abab 12", "(a(b)c)", "aab.b-]b", "x = 42, y = 7", "aaaa\\0b"};
-  const char* const replacements[] = {"'<%0>'", "'%1'", "'%%'", "{a = 'x', b = false}",
-                                      "function(x) return x ~= 'a' and '.' or nil end", "'%2'", "7"};
+  const char* const replacements[] = {
+      "'<%0>'", "'%1'", "'%%'", "{a = 'x', b = false}", "function(x) return x ~= 'a' and '.' or nil end",
+      "'%2'",   "7"};
   std::string script = "local function show(...) print(select('#', ...), ...) end\n";
   for (int i = 0; i < 1500; ++i) {
     std::string pattern = random() % 5 == 0 ? "^" : "";
@@ -264,21 +272,47 @@ TEST_F(SandboxTest, LibraryFunctionsBehaveAsInLua) {
     script += "show(pcall(function() local all = '' for a, b in string.gmatch(" + arguments +
               ") do all = all .. tostring(a) .. ':' .. tostring(b) .. ' ' end return all end))\n";
   }
-  for (const char* call :
-       {"table.insert(t, 4)", "table.insert(t, 1, 9)", "table.insert(t, 5, 9)", "table.insert(t, 4, 8)",
-        "table.insert(t)", "table.remove(t)", "table.remove(t, 1)", "table.remove(t, 4)", "table.remove(t, 6)",
-        "table.remove({})", "table.remove({}, 0)", "table.concat(t, ', ')", "table.concat(t, '', 2, 3)",
-        "table.concat({1, {}, 3})", "table.concat(t, '-', 3, 1)", "table.concat(t, '', math.maxinteger)",
-        "table.unpack(t)", "table.unpack(t, 2)", "table.unpack(t, 2, 5)", "table.unpack(t, 1, 1e8)",
-        "table.sort(t, function(a, b) return a > b end)", "#table.move(t, 1, 3, 2)", "string.rep('ab', 3, '-')",
-        "string.byte('abc', 1, -1)", "string.sub('abcdef', -3, -2)", "string.pack('<i4z', 7, 'x')",
-        "string.unpack('<i2', 'ab')", "utf8.len('añb')", "utf8.len('\\xff')", "utf8.codepoint('añ', 1, -1)",
-        "string.upper('aé')", "string.find('a.b', '.', 1, true)", "string.find('', '')", "string.find('abc', '', 10)"})
+  for (const char* call : {"table.insert(t, 4)",
+                           "table.insert(t, 1, 9)",
+                           "table.insert(t, 5, 9)",
+                           "table.insert(t, 4, 8)",
+                           "table.insert(t)",
+                           "table.remove(t)",
+                           "table.remove(t, 1)",
+                           "table.remove(t, 4)",
+                           "table.remove(t, 6)",
+                           "table.remove({})",
+                           "table.remove({}, 0)",
+                           "table.concat(t, ', ')",
+                           "table.concat(t, '', 2, 3)",
+                           "table.concat({1, {}, 3})",
+                           "table.concat(t, '-', 3, 1)",
+                           "table.concat(t, '', math.maxinteger)",
+                           "table.unpack(t)",
+                           "table.unpack(t, 2)",
+                           "table.unpack(t, 2, 5)",
+                           "table.unpack(t, 1, 1e8)",
+                           "table.sort(t, function(a, b) return a > b end)",
+                           "#table.move(t, 1, 3, 2)",
+                           "string.rep('ab', 3, '-')",
+                           "string.byte('abc', 1, -1)",
+                           "string.sub('abcdef', -3, -2)",
+                           "string.pack('<i4z', 7, 'x')",
+                           "string.unpack('<i2', 'ab')",
+                           "utf8.len('añb')",
+                           "utf8.len('\\xff')",
+                           "utf8.codepoint('añ', 1, -1)",
+                           "string.upper('aé')",
+                           "string.find('a.b', '.', 1, true)",
+                           "string.find('', '')",
+                           "string.find('abc', '', 10)"})
     script += std::string("do local t = {3, 1, 2} show(pcall(function() return ") + call +
               " end)) show(#t, t[1], t[2], t[3], t[4]) end\n";
   // Only the messages of errors may differ in the location and the name of the function.
-  script = "local print_line = print\nlocal function print(n, ok, ...) if ok == false then print_line(n, ok) else "
-           "print_line(n, ok, ...) end end\n" + script;
+  script =
+      "local print_line = print\nlocal function print(n, ok, ...) if ok == false then print_line(n, ok) else "
+      "print_line(n, ok, ...) end end\n" +
+      script;
   load_on_surface(script);
   const std::string ours = std::exchange(printed, "");
   options.unsafe = true;
