@@ -168,10 +168,12 @@ void NativeEngine::Impl::step_active_bodies(const Member& member) {
   collision.find_contacts(bodies, pair_contacts, static_contacts, member);
   if (member.is_caller()) cell_impulses.resize(static_contacts.contacts.size());
   if (field.has_force_limit())
-    member.single([this] { force_limits.distribute_limits(field, settings.dt_s, static_contacts); });
+    member.single([this] {
+      force_limits.distribute_limits(field, settings.dt_s, settings.substeps, static_contacts);
+    });
   solver.step(bodies,
               {collision.partition(), pair_contacts, static_contacts, collision.pair_ranges(),
-               collision.static_ranges(), field.has_force_limit(), has_wrenches},
+               collision.static_ranges(), force_limits.limits(), has_wrenches},
               member);
   finalize_bodies(member);
 }

@@ -81,9 +81,13 @@ HWY_INLINE void solve_rolling(ContactLanes<kPair, kSpheres>& l, const PointRef& 
   l.apply_angular_impulse(impulse - old_impulse);
 }
 
+struct NormalImpulse {
+  V impulse, mass;  // mass: change of the impulse per change of the normal velocity
+};
+
 // Solve stage: returns the normal impulse for no penetration at the end of the substep. Sets relax_target_speed.
 template <bool kPair, bool kSpheres>
-HWY_INLINE V soft_normal_impulse(const ContactLanes<kPair, kSpheres>& l, const PointRef& q, V speed,
+HWY_INLINE NormalImpulse soft_normal_impulse(const ContactLanes<kPair, kSpheres>& l, const PointRef& q, V speed,
                                  V separation, const SubstepParams& params) {
   const int at = l.lane;
   const auto separated = hn::Gt(separation, zero());
@@ -96,32 +100,76 @@ HWY_INLINE V soft_normal_impulse(const ContactLanes<kPair, kSpheres>& l, const P
   const V impulse_scale = hn::IfThenElseZero(hn::Not(separated), set(params.impulse_scale));
   store(hn::IfThenElseZero(separated, zero() - speculative_bias), q.point.relax_target_speed, at);
   const V old_impulse = load(q.point.normal_impulse, at);
-  return hn::Max(old_impulse - mass * (speed + bias) - impulse_scale * old_impulse, zero());
+  return {hn::Max(old_impulse - mass * (speed + bias) - impulse_scale * old_impulse, zero()), mass};
 }
 
 // Relax stage: returns the normal impulse without softness and bias.
 template <bool kPair, bool kSpheres>
-HWY_INLINE V relaxed_normal_impulse(const ContactLanes<kPair, kSpheres>& l, const PointRef& q, V speed) {
+HWY_INLINE NormalImpulse relaxed_normal_impulse(const ContactLanes<kPair, kSpheres>& l, const PointRef& q, V speed) {
   const int at = l.lane;
-  return hn::Max(load(q.point.normal_impulse, at) -
-                     load(q.point.normal_mass, at) * (speed - load(q.point.relax_target_speed, at)),
-                 zero());
+  const V mass = load(q.point.normal_mass, at);
+  return {hn::Max(load(q.point.normal_impulse, at) - mass * (speed - load(q.point.relax_target_speed, at)), zero()),
+          mass};
+}
+
+// A sum over the points of the body on the cell, from the first of them.
+HWY_INLINE V load_of_cell(const PointRef& q, int lane, float (BatchPointLimit::*sum)[kLanes]) {
+  alignas(32) float values[kVectorWidth];
+  for (int i = 0; i < kVectorWidth; ++i) values[i] = (q.limit[q.limit->to_first[lane + i]].*sum)[lane + i];
+  return load(values, 0);
+}
+HWY_INLINE void store_of_cell(V value, const PointRef& q, int lane, float (BatchPointLimit::*sum)[kLanes]) {
+  alignas(32) float values[kVectorWidth];
+  store(value, values, 0);
+  for (int i = 0; i < kVectorWidth; ++i) (q.limit[q.limit->to_first[lane + i]].*sum)[lane + i] = values[i];
+}
+
+// The motor's speed under a load: no_load_speed without load, 0 under the stall impulse.
+HWY_INLINE V motor_speed(const PointRef& q, int lane, V cell_load) {
+  const V no_load_speed = load(q.limit->no_load_speed, lane);
+  return no_load_speed - no_load_speed / load(q.limit->stall_impulse, lane) * cell_load;
+}
+
+// Adds the lag of the last substep, at the first point of each cell; the sums of other points are not used.
+HWY_INLINE void update_cell_lag(const PointRef& q, int lane, const SubstepParams& params) {
+  if (params.elapsed_s == 0.0F) return;
+  const V slower =
+      load(q.limit->planned_speed, lane) - motor_speed(q, lane, load(q.limit->load, lane));
+  store(load(q.limit->lag, lane) + hn::Max(slower, zero()) * set(params.h_s), q.limit->lag, lane);
+}
+
+// Bounds a normal impulse by what the cell's motor leaves for the point beside the others: at the speed of its
+// characteristic under the new load, and at most the stall impulse.
+template <class ComputeImpulse>
+HWY_INLINE V bound_by_cell_force(const PointRef& q, int at, const V3& n, V speed, V unbounded,
+                                 ComputeImpulse compute_impulse) {
+  const V others = load_of_cell(q, at, &BatchPointLimit::load) - load(q.point.normal_impulse, at) * n.z;
+  const V stall_impulse = load(q.limit->stall_impulse, at);
+  const V droop = load(q.limit->no_load_speed, at) / stall_impulse;  // of the speed per impulse
+  const V faster = load(q.limit->planned_speed, at) - motor_speed(q, at, others);
+  const NormalImpulse on_motor = compute_impulse(n, speed + n.z * faster);
+  const V yielding = on_motor.impulse / (set(1.0F) + on_motor.mass * n.z * n.z * droop);
+  const V available = hn::Max(stall_impulse - others, zero()) / n.z;
+  const V bounded = hn::Min(unbounded, hn::Min(yielding, available));
+  const auto is_limited = hn::Lt(stall_impulse, set(BatchPointLimit::kUnlimited));
+  const V impulse = hn::IfThenElse(is_limited, bounded, unbounded);
+  store_of_cell(others + impulse * n.z, q, at, &BatchPointLimit::load);
+  return impulse;
 }
 
 // Solves the normal constraint, then friction within the cone of the new normal impulse, then rolling friction.
 // Returns the normal impulse. For general shapes the normal impulse also changes the slip, which slip_per_impulse
 // accounts for, so that both impulses can be applied at once; for spheres the two are independent.
 template <bool kPair, bool kSpheres, class ComputeImpulse>
-HWY_INLINE V solve_point(ContactLanes<kPair, kSpheres>& l, const PointRef& q, const SubstepParams& params,
+HWY_INLINE V solve_point(ContactLanes<kPair, kSpheres>& l, const PointRef& q,
                          ComputeImpulse compute_impulse) {
   const int at = l.lane;
   const V3 n = load3(q.point.normal, at);
   const V3 velocity = l.relative_velocity(q, n);
   const V speed = dot(n, velocity);
-  V normal_impulse = compute_impulse(n, speed);
+  V normal_impulse = compute_impulse(n, speed).impulse;
   if (!kPair && l.batch.has_impulse_limit)
-    normal_impulse =
-        hn::Min(normal_impulse, load(q.detail.max_normal_impulse, at) * set(params.substep_fraction));
+    normal_impulse = bound_by_cell_force(q, at, n, speed, normal_impulse, compute_impulse);
   const V impulse_change = normal_impulse - load(q.point.normal_impulse, at);
   store(normal_impulse, q.point.normal_impulse, at);
   V3 slip = velocity - n * speed;
@@ -140,6 +188,18 @@ HWY_INLINE V solve_point(ContactLanes<kPair, kSpheres>& l, const PointRef& q, co
   return normal_impulse;
 }
 
+// Bounds an impulse beyond those of the substeps, of which `old_impulse` is applied already.
+HWY_INLINE V bound_by_step_force(const PointRef& q, int at, const V3& n, V old_impulse, V impulse,
+                                 const SubstepParams& params) {
+  const V stall_impulse = load(q.limit->stall_impulse, at);
+  const V others = load_of_cell(q, at, &BatchPointLimit::step_load) - old_impulse * n.z;
+  const V available = hn::Max(stall_impulse / set(params.substep_fraction) - others, zero()) / n.z;
+  const auto is_limited = hn::Lt(stall_impulse, set(BatchPointLimit::kUnlimited));
+  const V bounded = hn::IfThenElse(is_limited, hn::Min(impulse, available), impulse);
+  store_of_cell(others + bounded * n.z, q, at, &BatchPointLimit::step_load);
+  return bounded;
+}
+
 // Newton's law of restitution at one point, if it was hit fast enough. The impulse accumulates in
 // relax_target_speed. Returns the accumulated impulse.
 template <bool kPair, bool kSpheres>
@@ -156,9 +216,7 @@ HWY_INLINE V apply_restitution_at_point(ContactLanes<kPair, kSpheres>& l, const 
   const V new_impulse = hn::Max(old_impulse + (target_speed - speed) * load(q.point.normal_mass, at), zero());
   V impulse = hn::IfThenElseZero(hit, new_impulse);
   if (!kPair && l.batch.has_impulse_limit) {
-    const V available =
-        load(q.detail.max_normal_impulse, at) - (load(q.point.total_normal_impulse, at) - old_impulse);
-    impulse = hn::Min(impulse, hn::Max(available, zero()));
+    impulse = bound_by_step_force(q, at, n, old_impulse, impulse, params);
   }
   store(impulse, q.point.relax_target_speed, at);
   store(load(q.point.total_normal_impulse, at) + (impulse - old_impulse), q.point.total_normal_impulse, at);
@@ -179,7 +237,7 @@ HWY_INLINE void apply_restitution_to_manifold(ContactLanes<kPair, kSpheres>& l, 
     V max_impulse = zero();
     for (int k = first; k < end; ++k)
       max_impulse = hn::Max(
-          max_impulse, apply_restitution_at_point(l, PointRef{points.point[k], points.detail[k]}, params));
+          max_impulse, apply_restitution_at_point(l, point_ref(points, k), params));
     if (iteration == 0 && hn::AllFalse(D(), hn::Gt(max_impulse, zero()))) return;  // nothing hit
   }
 }
@@ -191,7 +249,7 @@ HWY_INLINE void for_each_point(const ContactBatch* batches, int count, BatchPoin
     for (int lane = 0; lane < batches[i].lane_count; lane += kVectorWidth) {
       ContactLanes<kPair, kSpheres> l(batches[i], lane, rows);
       for (int k = batches[i].first_point; k < batches[i].first_point + batches[i].point_count; ++k)
-        work(l, PointRef{points.point[k], points.detail[k]});
+        work(l, point_ref(points, k));
       if (writes) l.store();
     }
 }
@@ -216,20 +274,28 @@ struct Kernels {
         L l(o[i], lane, rows);
         const DeltaPoseLanes<kPair, kSpheres> delta(o[i], lane, rows);
         for (int k = o[i].first_point; k < o[i].first_point + o[i].point_count; ++k) {
-          const PointRef q{p.point[k], p.detail[k]};
-          solve_point(l, q, params, [&](const V3& along, V speed) HWY_ATTR {
-            return soft_normal_impulse(l, q, speed, delta.separation(l, q, along, params), params);
+          const PointRef q = point_ref(p, k);
+          if (!kPair && o[i].has_impulse_limit) update_cell_lag(q, lane, params);
+          solve_point(l, q, [&](const V3& along, V speed) HWY_ATTR {
+            V separation = delta.separation(l, q, along, params);
+            if (!kPair && o[i].has_impulse_limit)
+              separation = separation + along.z * load_of_cell(q, lane, &BatchPointLimit::lag);
+            return soft_normal_impulse(l, q, speed, separation, params);
           });
         }
         l.store();
       }
   }
   static void relax(const ContactBatch* o, int n, BatchPoints p, const SolverBodies& rows,
-                    const SubstepParams& params) {
+                    const SubstepParams&) {
     for_each_point<kPair, kSpheres>(o, n, p, rows, true, [&](L& l, const PointRef& q) HWY_ATTR {
       const V impulse = solve_point(
-          l, q, params, [&](const V3&, V speed) HWY_ATTR { return relaxed_normal_impulse(l, q, speed); });
+          l, q, [&](const V3&, V speed) HWY_ATTR { return relaxed_normal_impulse(l, q, speed); });
       store(load(q.point.total_normal_impulse, l.lane) + impulse, q.point.total_normal_impulse, l.lane);
+      if (!kPair && l.batch.has_impulse_limit)
+        store_of_cell(load_of_cell(q, l.lane, &BatchPointLimit::step_load) +
+                          impulse * load(q.point.normal[2], l.lane),
+                      q, l.lane, &BatchPointLimit::step_load);
     });
   }
   static void apply_restitution(const ContactBatch* o, int n, BatchPoints p, const SolverBodies& rows,

@@ -4,6 +4,7 @@
 // Compiled for several instruction sets with run-time dispatch; all of them give bit-identical results.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 
 namespace smartsurf::world {
@@ -58,12 +59,27 @@ struct alignas(64) BatchPointDetail {
   float surface_velocity[3][kLanes], surface_spin[kLanes];
   float rolling_friction[kLanes], rolling_mass[kLanes], rolling_impulse[3][kLanes];
   float restitution[kLanes];
-  float max_normal_impulse[kLanes];   // per step; valid if ContactBatch::has_impulse_limit
   float slip_per_impulse[3][kLanes];  // slip velocity of a against b per unit normal impulse; not for spheres
+};
+// A point on a cell of limited force; valid if ContactBatch::has_impulse_limit. The points of one body on one cell
+// share its force: the first of them holds their sums.
+struct alignas(64) BatchPointLimit {
+  static constexpr float kUnlimited = 1e30F;
+  BatchPointLimit() { std::fill_n(stall_impulse, kLanes, kUnlimited); }
+
+  float stall_impulse[kLanes];        // vertical impulse of the cell at rest, mass·u/s in a substep
+  float no_load_speed[kLanes] = {};   // at which the cell rises without force, u/s
+  float planned_speed[kLanes] = {};   // of the cell without load, u/s
+  std::int32_t to_first[kLanes] = {};  // from this point to the first one of the cell, ≤ 0
+  // ---- of all points on the cell, at the first one
+  float load[kLanes] = {};       // vertical impulse in the substep, mass·u/s
+  float step_load[kLanes] = {};  // in the step
+  float lag[kLanes] = {};        // by which the cell stays below its planned motion in the step, u
 };
 struct BatchPoints {
   BatchPoint* point;
   BatchPointDetail* detail;
+  BatchPointLimit* limit;
 };
 
 struct SubstepParams {

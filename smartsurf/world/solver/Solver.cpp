@@ -74,7 +74,7 @@ void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
   const IndexRange own_slabs = input.partition.share(member);
   graph_.build(bodies, input.pair_contacts, input.pair_ranges, input.static_contacts, input.static_ranges,
                own_slabs, member);
-  member.single([&] { resize_buffers(input.partition, member.member_count); });
+  member.single([&] { resize_buffers(input.partition, member.member_count, !input.cell_limits.empty()); });
   const float h_s = settings_.dt_s / static_cast<float>(settings_.substeps);
   const bool any_restitution = settings_.field_restitution > 0.0F ||
                                std::any_of(bodies.surface_material.begin(), bodies.surface_material.end(),
@@ -95,7 +95,7 @@ void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
   run_stages(context, member);
 }
 
-void Solver::resize_buffers(const SpatialPartition& partition, int member_count) {
+void Solver::resize_buffers(const SpatialPartition& partition, int member_count, bool has_cell_limits) {
   const auto rows = static_cast<std::size_t>(partition.row_count());
   velocity_.resize(rows);
   delta_pose_.resize(rows);
@@ -104,6 +104,7 @@ void Solver::resize_buffers(const SpatialPartition& partition, int member_count)
   material_.resize(rows);
   point_.resize(static_cast<std::size_t>(graph_.point_count()));
   detail_.resize(point_.size());
+  if (has_cell_limits) limit_.resize(point_.size());
   shared_batches_.resize(partition.row_count(), member_count);
 }
 
@@ -168,7 +169,7 @@ void Solver::prepare_batch(StepContext& context, ContactKind kind, int index) {
       fill_all({.points = false, .surface = is_static, .details = o.has_rolling_friction});
     }
   }
-  if (!StepContext::is_pair(kind) && context.input.has_force_limits) fill_impulse_limits(o, index, list);
+  if (!StepContext::is_pair(kind) && !context.input.cell_limits.empty()) fill_impulse_limits(context, o, index, list);
   context.kernels.prepare[kind](&o, 1, batch_points(), context.solver_bodies, context.pair_params);
 }
 
@@ -239,17 +240,30 @@ void Solver::fill_lane(const StepContext& context, ContactBatch& o, int lane, co
   }
 }
 
-void Solver::fill_impulse_limits(ContactBatch& o, int index, const ContactList& list) {
-  constexpr float kUnlimited = 1e30F;
-  for (int k = o.first_point; k < o.first_point + o.point_count; ++k)
-    std::fill_n(detail_[static_cast<std::size_t>(k)].max_normal_impulse, kLanes, kUnlimited);
+void Solver::fill_impulse_limits(const StepContext& context, ContactBatch& o, int index,
+                                 const ContactList& list) {
+  auto limit_of = [&](const Manifold& m, int k) -> const CellImpulseLimit& {
+    return context.input.cell_limits[static_cast<std::size_t>(m.first + k)];
+  };
+  for (int lane = 0; lane < o.lane_count && !o.has_impulse_limit; ++lane) {
+    const Manifold& m = list.manifolds[static_cast<std::size_t>(graph_.manifold(index, lane))];
+    for (int k = 0; k < m.count; ++k) o.has_impulse_limit |= limit_of(m, k).is_limited();
+  }
+  if (!o.has_impulse_limit) return;
+  const auto first = static_cast<std::size_t>(o.first_point);
+  std::fill_n(&limit_[first], o.point_count, BatchPointLimit());
   for (int lane = 0; lane < o.lane_count; ++lane) {
     const Manifold& m = list.manifolds[static_cast<std::size_t>(graph_.manifold(index, lane))];
     for (int k = 0; k < m.count; ++k) {
-      const float limit = list.contacts[static_cast<std::size_t>(m.first + k)].max_normal_impulse;
-      if (std::isinf(limit)) continue;
-      detail_[static_cast<std::size_t>(o.first_point + k)].max_normal_impulse[lane] = limit;
-      o.has_impulse_limit = true;
+      const CellImpulseLimit& limit = limit_of(m, k);
+      if (!limit.is_limited()) continue;
+      const Contact& c = list.contacts[static_cast<std::size_t>(m.first + k)];
+      BatchPointLimit& p = limit_[first + static_cast<std::size_t>(k)];
+      p.stall_impulse[lane] = c.max_cell_impulse * context.static_params.substep_fraction;
+      p.no_load_speed[lane] = limit.no_load_speed;
+      p.planned_speed[lane] = limit.planned_speed;
+      p.to_first[lane] = limit.to_first;
+      limit_[first + static_cast<std::size_t>(k + limit.to_first)].load[lane] += c.normal_impulse * c.normal.z();
     }
   }
 }

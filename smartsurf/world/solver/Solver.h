@@ -6,10 +6,12 @@
 // end of the step. Impulses carry over from substep to substep and from step to step.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "smartsurf/world/BodyStore.h"
 #include "smartsurf/world/Contact.h"
+#include "smartsurf/world/field/CellForceLimits.h"
 #include "smartsurf/world/parallel/SharedBatches.h"
 #include "smartsurf/world/parallel/SpatialPartition.h"
 #include "smartsurf/world/parallel/Team.h"
@@ -36,8 +38,8 @@ class Solver {
     const SpatialPartition& partition;  // with rows assigned
     ContactList &pair_contacts, &static_contacts;
     const SlabRanges &pair_ranges, &static_ranges;
-    bool has_force_limits;  // whether any cell has a force limit
-    bool has_wrenches;      // whether any body has a nonzero wrench
+    std::span<const CellImpulseLimit> cell_limits;  // one per static contact; empty without force limits
+    bool has_wrenches;                              // whether any body has a nonzero wrench
   };
   // Solves one step and writes the impulses to the contact lists. The new velocities and delta poses stay in the
   // solver's rows until store_body(). Called by all members of the team. Allocates while buffers grow.
@@ -47,7 +49,7 @@ class Solver {
 
  private:
   struct StepContext;
-  void resize_buffers(const SpatialPartition&, int member_count);
+  void resize_buffers(const SpatialPartition&, int member_count, bool has_cell_limits);
   void run_stages(StepContext&, const Member&);
   void prepare_batch(StepContext&, ContactKind, int batch);
   void set_batch_bodies(StepContext&, ContactBatch&, int index, ContactKind);
@@ -59,7 +61,7 @@ class Solver {
   };
   void fill_lane(const StepContext&, ContactBatch&, int lane, const Manifold&, const std::vector<Contact>&,
                  const FillMask&);
-  void fill_impulse_limits(ContactBatch&, int index, const ContactList&);
+  void fill_impulse_limits(const StepContext&, ContactBatch&, int index, const ContactList&);
   void store_impulses(StepContext&, ContactKind, int batch);
   template <class Each>
   void for_each_active_row(const StepContext&, Each each) const;
@@ -70,7 +72,7 @@ class Solver {
   void run_contact_stage(StepContext&, const Member&, const ContactKernel (&)[kContactKindCount],
                          float elapsed_s);
 
-  BatchPoints batch_points() { return {point_.data(), detail_.data()}; }
+  BatchPoints batch_points() { return {point_.data(), detail_.data(), limit_.data()}; }
   SolverBodies solver_bodies() { return {velocity_.data(), delta_pose_.data(), inverse_inertia_.data()}; }
 
   StepSettings settings_;
@@ -79,6 +81,7 @@ class Solver {
   SharedBatches shared_batches_;
   std::vector<BatchPoint> point_;
   std::vector<BatchPointDetail> detail_;
+  std::vector<BatchPointLimit> limit_;  // empty without force limits
   // Indexed by row of the partition, so that bodies close in space are close in memory.
   std::vector<BodyVelocity> velocity_;
   std::vector<DeltaPose> delta_pose_;
