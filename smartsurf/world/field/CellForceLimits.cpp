@@ -10,9 +10,9 @@ namespace {
 constexpr float kMinNormalZ = 0.05F;
 // Typical penetration of a resting contact, u.
 constexpr float kRestingOverlap = 2e-3F;
-// A body uses up its share, and stalls the cell, from this fraction of the share on; the cell stalls only if the bodies
-// together load it with kStalled of its limit.
-constexpr float kUsedUp = 0.999F, kStalled = 0.97F;
+// A body uses up its share from this fraction on. A cell yields to it if all bodies together use kOverloaded of what the
+// cell can give.
+constexpr float kUsedUp = 0.999F, kOverloaded = 0.97F;
 // Fraction of a cell's force limit that its bodies share evenly. The rest is shared by demand.
 constexpr float kEvenFraction = 0.02F;
 
@@ -40,7 +40,7 @@ void CellForceLimits::collect_bodies_on_cells(const surface::Field& field, int s
       if (first < 0) {
         first = k;
         body_of_contact_[static_cast<std::size_t>(k)] = static_cast<std::int32_t>(bodies_on_cells_.size());
-        bodies_on_cells_.push_back({cell});
+        bodies_on_cells_.push_back({cell, k});
         ++body_count_[cell];
       }
       const std::int32_t body = body_of_contact_[static_cast<std::size_t>(first)];
@@ -48,6 +48,7 @@ void CellForceLimits::collect_bodies_on_cells(const surface::Field& field, int s
       BodyOnCell& on_cell = bodies_on_cells_[static_cast<std::size_t>(body)];
       on_cell.demand += c.normal_impulse * c.normal.z();
       if (std::isfinite(c.max_cell_impulse)) on_cell.last_share = std::max(on_cell.last_share, c.max_cell_impulse);
+      ++on_cell.contact_count;
       limits_[static_cast<std::size_t>(k)] = {field.no_load_speed[cell], field.speed[cell], first - k};
     });
     for (std::size_t b = first_body; b < bodies_on_cells_.size(); ++b) {
@@ -58,6 +59,11 @@ void CellForceLimits::collect_bodies_on_cells(const surface::Field& field, int s
       load_[body.cell] += body.demand;
     }
   }
+  for (const Manifold& m : static_contacts.manifolds)
+    for_each_limited(field, static_contacts, m, [&](const Contact&, int k) {
+      const auto i = static_cast<std::size_t>(k);
+      limits_[i].point_count = bodies_on_cells_[static_cast<std::size_t>(body_of_contact_[i])].contact_count;
+    });
 }
 
 void CellForceLimits::distribute_limits(const surface::Field& field, float dt_s, int substeps,
@@ -69,6 +75,7 @@ void CellForceLimits::distribute_limits(const surface::Field& field, float dt_s,
   body_load_.resize(load_.size(), 0.0F);
   body_count_.resize(load_.size(), 0);
   first_contact_.resize(load_.size(), -1);
+  capacity_.resize(load_.size(), 0.0F);
   collect_bodies_on_cells(field, substeps, static_contacts);
   for (const Manifold& m : static_contacts.manifolds)
     for_each_limited(field, static_contacts, m, [&](Contact& c, int k) {
@@ -90,20 +97,23 @@ void CellForceLimits::yield_overloaded_cells(const BodyStore& bodies, const Cont
                                              float dt_s, surface::Field& field) {
   if (!field.has_force_limit()) return;
   auto cell_of = [](const Contact& c) { return static_cast<std::size_t>(c.feature_id); };
+  auto capacity_of = [this](const BodyOnCell& body) {
+    return limits_[static_cast<std::size_t>(body.first_contact)].capacity;
+  };
   auto impulse_on_cell = [](const Contact& c) { return c.total_normal_impulse * c.normal.z(); };
   for (const Manifold& m : static_contacts.manifolds)
     for_each_limited(field, static_contacts, m,
                      [&](const Contact& c, int) { load_[cell_of(c)] += impulse_on_cell(c); });
+  for (const BodyOnCell& body : bodies_on_cells_) capacity_[body.cell] += capacity_of(body);
   for (const Manifold& m : static_contacts.manifolds) {
     for_each_limited(field, static_contacts, m,
                      [&](const Contact& c, int) { body_load_[cell_of(c)] += impulse_on_cell(c); });
-    for_each_limited(field, static_contacts, m, [&](const Contact& c, int) {
+    for_each_limited(field, static_contacts, m, [&](const Contact& c, int k) {
       const std::size_t cell = cell_of(c);
-      const float stall_impulse = field.force_limit[cell] * dt_s;
-      const float motor_speed = field.no_load_speed[cell] * (1.0F - load_[cell] / stall_impulse);
-      field.speed[cell] = std::min(field.speed[cell], std::max(motor_speed, 0.0F));
-      if (c.total_normal_impulse <= 0.0F || body_load_[cell] < kUsedUp * c.max_cell_impulse ||
-          load_[cell] < kStalled * stall_impulse)
+      const BodyOnCell& body =
+          bodies_on_cells_[static_cast<std::size_t>(body_of_contact_[static_cast<std::size_t>(k)])];
+      if (c.total_normal_impulse <= 0.0F || body_load_[cell] < kUsedUp * capacity_of(body) ||
+          load_[cell] < kOverloaded * capacity_[cell])
         return;
       const DeltaPose& shift = bodies.delta_pose[static_cast<std::size_t>(m.a)];
       const Vec3 moved = Vec3(shift.translation) + Vec3(shift.rotation).cross(c.anchor);
@@ -115,7 +125,7 @@ void CellForceLimits::yield_overloaded_cells(const BodyStore& bodies, const Cont
     });
     for_each_limited(field, static_contacts, m, [&](const Contact& c, int) { body_load_[cell_of(c)] = 0.0F; });
   }
-  for (const BodyOnCell& body : bodies_on_cells_) load_[body.cell] = 0.0F;
+  for (const BodyOnCell& body : bodies_on_cells_) load_[body.cell] = capacity_[body.cell] = 0.0F;
 }
 
 }  // namespace smartsurf::world

@@ -18,6 +18,10 @@ struct CellImpulseLimit {
   float no_load_speed = 0.0F, planned_speed = 0.0F;  // of the cell, u/s
   // From this contact to the first one of its body on the cell, in contacts; kUnlimited: no limit applies.
   std::int32_t to_first = kUnlimited;
+  // For the first contact of a body on a cell: the number of such contacts, and the impulse that the cell could give
+  // them in the step, set by the solver, mass·u/s.
+  std::int32_t point_count = 0;
+  float capacity = 0.0F;
 
   static constexpr std::int32_t kUnlimited = 1;
   bool is_limited() const { return to_first != kUnlimited; }
@@ -30,10 +34,10 @@ class CellForceLimits {
   void distribute_limits(const surface::Field&, float dt_s, int substeps, ContactList& static_contacts);
 
   // One per static contact; empty if no cell has a force limit.
-  std::span<const CellImpulseLimit> limits() const { return limits_; }
+  std::span<CellImpulseLimit> limits() { return limits_; }
 
-  // After the solver, with BodyStore::delta_pose of the step: lowers Field::speed of each cell to that of its motor
-  // under the load, and of a stalled cell to the velocity of the bodies that overload it.
+  // After the solver, with BodyStore::delta_pose of the step: lowers Field::speed of each cell that gives all that it
+  // can to the velocity of the bodies on it.
   void yield_overloaded_cells(const BodyStore&, const ContactList& static_contacts, float dt_s,
                               surface::Field&);
 
@@ -41,6 +45,7 @@ class CellForceLimits {
   // The contacts of one body on one cell.
   struct BodyOnCell {
     std::size_t cell;
+    std::int32_t first_contact, contact_count = 0;
     float demand = 0.0F;      // vertical impulse, mass·u/s
     float last_share = 0.0F;  // mass·u/s in a step
   };
@@ -54,7 +59,7 @@ class CellForceLimits {
   std::vector<BodyOnCell> bodies_on_cells_;   // in the order of the manifolds
   std::vector<std::int32_t> body_of_contact_;  // index in bodies_on_cells_
   // Indexed by cell; zero between calls, first_contact_ −1.
-  std::vector<float> load_, body_load_;  // vertical impulse, of all bodies and of one, mass·u/s
+  std::vector<float> load_, body_load_, capacity_;  // vertical impulse, of all bodies, of one, and its bound, mass·u/s
   std::vector<std::int32_t> body_count_, first_contact_;
 };
 

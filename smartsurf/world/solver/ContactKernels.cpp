@@ -81,13 +81,9 @@ HWY_INLINE void solve_rolling(ContactLanes<kPair, kSpheres>& l, const PointRef& 
   l.apply_angular_impulse(impulse - old_impulse);
 }
 
-struct NormalImpulse {
-  V impulse, mass;  // mass: change of the impulse per change of the normal velocity
-};
-
 // Solve stage: returns the normal impulse for no penetration at the end of the substep. Sets relax_target_speed.
 template <bool kPair, bool kSpheres>
-HWY_INLINE NormalImpulse soft_normal_impulse(const ContactLanes<kPair, kSpheres>& l, const PointRef& q, V speed,
+HWY_INLINE V soft_normal_impulse(const ContactLanes<kPair, kSpheres>& l, const PointRef& q, V speed,
                                  V separation, const SubstepParams& params) {
   const int at = l.lane;
   const auto separated = hn::Gt(separation, zero());
@@ -100,16 +96,16 @@ HWY_INLINE NormalImpulse soft_normal_impulse(const ContactLanes<kPair, kSpheres>
   const V impulse_scale = hn::IfThenElseZero(hn::Not(separated), set(params.impulse_scale));
   store(hn::IfThenElseZero(separated, zero() - speculative_bias), q.point.relax_target_speed, at);
   const V old_impulse = load(q.point.normal_impulse, at);
-  return {hn::Max(old_impulse - mass * (speed + bias) - impulse_scale * old_impulse, zero()), mass};
+  return hn::Max(old_impulse - mass * (speed + bias) - impulse_scale * old_impulse, zero());
 }
 
 // Relax stage: returns the normal impulse without softness and bias.
 template <bool kPair, bool kSpheres>
-HWY_INLINE NormalImpulse relaxed_normal_impulse(const ContactLanes<kPair, kSpheres>& l, const PointRef& q, V speed) {
+HWY_INLINE V relaxed_normal_impulse(const ContactLanes<kPair, kSpheres>& l, const PointRef& q, V speed) {
   const int at = l.lane;
-  const V mass = load(q.point.normal_mass, at);
-  return {hn::Max(load(q.point.normal_impulse, at) - mass * (speed - load(q.point.relax_target_speed, at)), zero()),
-          mass};
+  return hn::Max(load(q.point.normal_impulse, at) -
+                     load(q.point.normal_mass, at) * (speed - load(q.point.relax_target_speed, at)),
+                 zero());
 }
 
 // A sum over the points of the body on the cell, from the first of them.
@@ -124,37 +120,46 @@ HWY_INLINE void store_of_cell(V value, const PointRef& q, int lane, float (Batch
   for (int i = 0; i < kVectorWidth; ++i) (q.limit[q.limit->to_first[lane + i]].*sum)[lane + i] = values[i];
 }
 
-// The motor's speed under a load: no_load_speed without load, 0 under the stall impulse.
-HWY_INLINE V motor_speed(const PointRef& q, int lane, V cell_load) {
-  const V no_load_speed = load(q.limit->no_load_speed, lane);
-  return no_load_speed - no_load_speed / load(q.limit->stall_impulse, lane) * cell_load;
+// The impulse that each cell can give in the substep, and its speed, at its first point: those of the motor at the speed
+// which the body has then, v + (impulse − load)·k for its present velocity v. Values at other points are not used.
+template <bool kPair, bool kSpheres>
+HWY_INLINE void update_cell_motion(const ContactLanes<kPair, kSpheres>& l, const PointRef& q) {
+  const int at = l.lane;
+  const V3 anchor = load3(q.limit->anchor, at);
+  const V speed = l.a.velocity.z + (l.a.angular_velocity.x * anchor.y - l.a.angular_velocity.y * anchor.x);
+  const V3 lever = {anchor.y, zero() - anchor.x, zero()};  // anchor × ẑ
+  V k;
+  if constexpr (kSpheres)
+    k = l.a.inverse_mass + l.a.inverse_inertia * dot(lever, lever);
+  else
+    k = l.a.inverse_mass + dot(lever, l.inertia_a * lever);
+  const V stall_impulse = load(q.limit->stall_impulse, at), no_load_speed = load(q.limit->no_load_speed, at);
+  const V droop = stall_impulse / no_load_speed;  // of the impulse per speed
+  const V old_load = load(q.limit->load, at);
+  const V impulse = (stall_impulse - droop * speed + droop * k * old_load) / (set(1.0F) + droop * k);
+  const V capacity = hn::Max(hn::Min(impulse, stall_impulse), zero());
+  store(capacity, q.limit->capacity, at);
+  store(hn::Min(speed + (capacity - old_load) * k, load(q.limit->planned_speed, at)), q.limit->speed, at);
 }
 
-// Adds the lag of the last substep, at the first point of each cell; the sums of other points are not used.
-HWY_INLINE void update_cell_lag(const PointRef& q, int lane, const SubstepParams& params) {
-  if (params.elapsed_s == 0.0F) return;
-  const V slower =
-      load(q.limit->planned_speed, lane) - motor_speed(q, lane, load(q.limit->load, lane));
-  store(load(q.limit->lag, lane) + hn::Max(slower, zero()) * set(params.h_s), q.limit->lag, lane);
-}
-
-// Bounds a normal impulse by what the cell's motor leaves for the point beside the others: at the speed of its
-// characteristic under the new load, and at most the stall impulse.
-template <class ComputeImpulse>
-HWY_INLINE V bound_by_cell_force(const PointRef& q, int at, const V3& n, V speed, V unbounded,
-                                 ComputeImpulse compute_impulse) {
+// Bounds a normal impulse by what the cell's other points leave of its capacity.
+HWY_INLINE V bound_by_cell_force(const PointRef& q, int at, const V3& n, V impulse) {
   const V others = load_of_cell(q, at, &BatchPointLimit::load) - load(q.point.normal_impulse, at) * n.z;
-  const V stall_impulse = load(q.limit->stall_impulse, at);
-  const V droop = load(q.limit->no_load_speed, at) / stall_impulse;  // of the speed per impulse
-  const V faster = load(q.limit->planned_speed, at) - motor_speed(q, at, others);
-  const NormalImpulse on_motor = compute_impulse(n, speed + n.z * faster);
-  const V yielding = on_motor.impulse / (set(1.0F) + on_motor.mass * n.z * n.z * droop);
-  const V available = hn::Max(stall_impulse - others, zero()) / n.z;
-  const V bounded = hn::Min(unbounded, hn::Min(yielding, available));
-  const auto is_limited = hn::Lt(stall_impulse, set(BatchPointLimit::kUnlimited));
-  const V impulse = hn::IfThenElse(is_limited, bounded, unbounded);
-  store_of_cell(others + impulse * n.z, q, at, &BatchPointLimit::load);
-  return impulse;
+  const V available = hn::Max(load_of_cell(q, at, &BatchPointLimit::capacity) - others, zero()) / n.z;
+  const auto is_limited = hn::Lt(load(q.limit->stall_impulse, at), set(BatchPointLimit::kUnlimited));
+  const V bounded = hn::IfThenElse(is_limited, hn::Min(impulse, available), impulse);
+  store_of_cell(others + bounded * n.z, q, at, &BatchPointLimit::load);
+  return bounded;
+}
+
+// At the end of a substep: adds a point's impulse and, at the cell's first point, capacity and motion to those of the
+// step.
+HWY_INLINE void add_to_step_loads(const PointRef& q, int at, V impulse, V h_s) {
+  const V step_load = load_of_cell(q, at, &BatchPointLimit::step_load) + impulse * load(q.point.normal[2], at);
+  store_of_cell(step_load, q, at, &BatchPointLimit::step_load);
+  store(load(q.limit->step_capacity, at) + load(q.limit->capacity, at), q.limit->step_capacity, at);
+  const V slower = load(q.limit->planned_speed, at) - load(q.limit->speed, at);
+  store(load(q.limit->lag, at) + slower * h_s, q.limit->lag, at);
 }
 
 // Solves the normal constraint, then friction within the cone of the new normal impulse, then rolling friction.
@@ -165,11 +170,14 @@ HWY_INLINE V solve_point(ContactLanes<kPair, kSpheres>& l, const PointRef& q,
                          ComputeImpulse compute_impulse) {
   const int at = l.lane;
   const V3 n = load3(q.point.normal, at);
-  const V3 velocity = l.relative_velocity(q, n);
+  V3 velocity = l.relative_velocity(q, n);
+  if (!kPair && l.batch.has_impulse_limit) {
+    update_cell_motion(l, q);
+    velocity.z = velocity.z + load(q.limit->planned_speed, at) - load_of_cell(q, at, &BatchPointLimit::speed);
+  }
   const V speed = dot(n, velocity);
-  V normal_impulse = compute_impulse(n, speed).impulse;
-  if (!kPair && l.batch.has_impulse_limit)
-    normal_impulse = bound_by_cell_force(q, at, n, speed, normal_impulse, compute_impulse);
+  V normal_impulse = compute_impulse(n, speed);
+  if (!kPair && l.batch.has_impulse_limit) normal_impulse = bound_by_cell_force(q, at, n, normal_impulse);
   const V impulse_change = normal_impulse - load(q.point.normal_impulse, at);
   store(normal_impulse, q.point.normal_impulse, at);
   V3 slip = velocity - n * speed;
@@ -275,7 +283,6 @@ struct Kernels {
         const DeltaPoseLanes<kPair, kSpheres> delta(o[i], lane, rows);
         for (int k = o[i].first_point; k < o[i].first_point + o[i].point_count; ++k) {
           const PointRef q = point_ref(p, k);
-          if (!kPair && o[i].has_impulse_limit) update_cell_lag(q, lane, params);
           solve_point(l, q, [&](const V3& along, V speed) HWY_ATTR {
             V separation = delta.separation(l, q, along, params);
             if (!kPair && o[i].has_impulse_limit)
@@ -287,15 +294,12 @@ struct Kernels {
       }
   }
   static void relax(const ContactBatch* o, int n, BatchPoints p, const SolverBodies& rows,
-                    const SubstepParams&) {
+                    [[maybe_unused]] const SubstepParams& params) {
     for_each_point<kPair, kSpheres>(o, n, p, rows, true, [&](L& l, const PointRef& q) HWY_ATTR {
       const V impulse = solve_point(
           l, q, [&](const V3&, V speed) HWY_ATTR { return relaxed_normal_impulse(l, q, speed); });
       store(load(q.point.total_normal_impulse, l.lane) + impulse, q.point.total_normal_impulse, l.lane);
-      if (!kPair && l.batch.has_impulse_limit)
-        store_of_cell(load_of_cell(q, l.lane, &BatchPointLimit::step_load) +
-                          impulse * load(q.point.normal[2], l.lane),
-                      q, l.lane, &BatchPointLimit::step_load);
+      if (!kPair && l.batch.has_impulse_limit) add_to_step_loads(q, l.lane, impulse, set(params.h_s));
     });
   }
   static void apply_restitution(const ContactBatch* o, int n, BatchPoints p, const SolverBodies& rows,

@@ -65,16 +65,19 @@ struct alignas(64) BatchPointDetail {
 // share its force: the first of them holds their sums.
 struct alignas(64) BatchPointLimit {
   static constexpr float kUnlimited = 1e30F;
-  BatchPointLimit() { std::fill_n(stall_impulse, kLanes, kUnlimited); }
+  BatchPointLimit() { std::fill_n(stall_impulse, kLanes, kUnlimited), std::fill_n(no_load_speed, kLanes, 1.0F); }
 
   float stall_impulse[kLanes];        // vertical impulse of the cell at rest, mass·u/s in a substep
-  float no_load_speed[kLanes] = {};   // at which the cell rises without force, u/s
-  float planned_speed[kLanes] = {};   // of the cell without load, u/s
+  float no_load_speed[kLanes];        // at which the cell rises without force, u/s
+  float planned_speed[kLanes] = {};   // of the cell by its motion profile, u/s
   std::int32_t to_first[kLanes] = {};  // from this point to the first one of the cell, ≤ 0
   // ---- of all points on the cell, at the first one
-  float load[kLanes] = {};       // vertical impulse in the substep, mass·u/s
-  float step_load[kLanes] = {};  // in the step
-  float lag[kLanes] = {};        // by which the cell stays below its planned motion in the step, u
+  float anchor[3][kLanes] = {};      // mean of the points' anchors
+  float load[kLanes] = {};           // vertical impulse in the substep, mass·u/s
+  float capacity[kLanes] = {};       // upper bound of the load
+  float speed[kLanes] = {};          // of the cell under the load, u/s
+  float step_load[kLanes] = {}, step_capacity[kLanes] = {};  // in the step
+  float lag[kLanes] = {};            // by which the cell has stayed below its planned motion in the step, u
 };
 struct BatchPoints {
   BatchPoint* point;

@@ -263,7 +263,10 @@ void Solver::fill_impulse_limits(const StepContext& context, ContactBatch& o, in
       p.no_load_speed[lane] = limit.no_load_speed;
       p.planned_speed[lane] = limit.planned_speed;
       p.to_first[lane] = limit.to_first;
-      limit_[first + static_cast<std::size_t>(k + limit.to_first)].load[lane] += c.normal_impulse * c.normal.z();
+      BatchPointLimit& cell = limit_[first + static_cast<std::size_t>(k + limit.to_first)];
+      cell.load[lane] += c.normal_impulse * c.normal.z();
+      for (int axis = 0; axis < 3; ++axis)
+        cell.anchor[axis][lane] += c.anchor[axis] / static_cast<float>(limit.point_count);
     }
   }
 }
@@ -281,6 +284,12 @@ void Solver::store_impulses(StepContext& context, ContactKind kind, int index) {
       c.friction_impulse = load(p.friction_impulse, lane);
       if (o.has_rolling_friction)
         c.rolling_impulse = load(detail_[static_cast<std::size_t>(o.first_point + k)].rolling_impulse, lane);
+    }
+    if (!o.has_impulse_limit || StepContext::is_pair(kind)) continue;
+    for (int k = 0; k < m.count; ++k) {
+      CellImpulseLimit& limit = context.input.cell_limits[static_cast<std::size_t>(m.first + k)];
+      if (limit.to_first == 0)
+        limit.capacity = limit_[static_cast<std::size_t>(o.first_point + k)].step_capacity[lane];
     }
   }
 }

@@ -38,8 +38,8 @@ class Solver {
     const SpatialPartition& partition;  // with rows assigned
     ContactList &pair_contacts, &static_contacts;
     const SlabRanges &pair_ranges, &static_ranges;
-    std::span<const CellImpulseLimit> cell_limits;  // one per static contact; empty without force limits
-    bool has_wrenches;                              // whether any body has a nonzero wrench
+    std::span<CellImpulseLimit> cell_limits;  // one per static contact; empty without force limits
+    bool has_wrenches;                        // whether any body has a nonzero wrench
   };
   // Solves one step and writes the impulses to the contact lists. The new velocities and delta poses stay in the
   // solver's rows until store_body(). Called by all members of the team. Allocates while buffers grow.
