@@ -3,16 +3,19 @@
 #include <algorithm>
 #include <cmath>
 
+#include "smartsurf/world/solver/ContactKernels.h"
+
 namespace smartsurf::world {
 namespace {
 
 // A contact whose normal has a smaller vertical component lies on a cell's side and does not load the cell.
 constexpr float kMinNormalZ = 0.05F;
-// Typical penetration of a resting contact, u.
-constexpr float kRestingOverlap = 2e-3F;
-// A body uses up its share from this fraction on. A cell yields to it if all bodies together use kOverloaded of what the
-// cell can give.
-constexpr float kUsedUp = 0.999F, kOverloaded = 0.97F;
+// Penetration up to which a yielding cell moves on, u: the contact solver resists it with all that the cell can give.
+constexpr float kYieldingOverlap = 3e-3F;
+// A body uses up its share from this fraction on.
+constexpr float kUsedUp = 0.999F;
+// Fraction of a deeper penetration that a yielding cell resolves in a step.
+constexpr float kResolvedPerStep = 0.1F;
 // Fraction of a cell's force limit that its bodies share evenly. The rest is shared by demand.
 constexpr float kEvenFraction = 0.02F;
 
@@ -112,16 +115,16 @@ void CellForceLimits::yield_overloaded_cells(const BodyStore& bodies, const Cont
       const std::size_t cell = cell_of(c);
       const BodyOnCell& body =
           bodies_on_cells_[static_cast<std::size_t>(body_of_contact_[static_cast<std::size_t>(k)])];
-      if (c.total_normal_impulse <= 0.0F || body_load_[cell] < kUsedUp * capacity_of(body) ||
-          load_[cell] < kOverloaded * capacity_[cell])
+      if (c.total_normal_impulse <= 0.0F || body_load_[cell] < BatchPointLimit::kYielding * capacity_of(body) ||
+          load_[cell] < BatchPointLimit::kYielding * capacity_[cell])
         return;
       const DeltaPose& shift = bodies.delta_pose[static_cast<std::size_t>(m.a)];
       const Vec3 moved = Vec3(shift.translation) + Vec3(shift.rotation).cross(c.anchor);
-      // The top may move as far as the body's contact point did, but must also resolve an existing penetration.
-      const float remaining_separation =
-          c.separation < 0.0F ? std::min(0.0F, c.separation + kRestingOverlap) : c.separation;
-      const float speed_limit_distance = (remaining_separation + c.normal.dot(moved)) / c.normal.z();
-      field.speed[cell] = std::min(field.speed[cell], speed_limit_distance / dt_s);
+      float room = c.separation + kYieldingOverlap;
+      if (room < 0.0F) room *= kResolvedPerStep;
+      if (const CellImpulseLimit& limit = limits_[static_cast<std::size_t>(k)]; limit.to_first == 0)
+        field.speed[cell] = std::min(field.speed[cell], limit.speed);
+      field.speed[cell] = std::min(field.speed[cell], (room + c.normal.dot(moved)) / (c.normal.z() * dt_s));
     });
     for_each_limited(field, static_contacts, m, [&](const Contact& c, int) { body_load_[cell_of(c)] = 0.0F; });
   }

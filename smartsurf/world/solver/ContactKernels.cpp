@@ -142,6 +142,16 @@ HWY_INLINE void update_cell_motion(const ContactLanes<kPair, kSpheres>& l, const
   store(hn::Min(speed + (capacity - old_load) * k, load(q.limit->planned_speed, at)), q.limit->speed, at);
 }
 
+// At the start of a substep: adds the lag of the last one, at the cell's first point. A cell yields to a load that takes
+// nearly all of its capacity.
+HWY_INLINE void update_cell_lag(const PointRef& q, int at, const SubstepParams& params) {
+  if (params.elapsed_s == 0.0F) return;
+  const auto yields =
+      hn::Ge(load(q.limit->load, at), load(q.limit->capacity, at) * set(BatchPointLimit::kYielding));
+  const V slower = load(q.limit->planned_speed, at) - load(q.limit->speed, at);
+  store(load(q.limit->lag, at) + hn::IfThenElseZero(yields, slower) * set(params.h_s), q.limit->lag, at);
+}
+
 // Bounds a normal impulse by what the cell's other points leave of its capacity.
 HWY_INLINE V bound_by_cell_force(const PointRef& q, int at, const V3& n, V impulse) {
   const V others = load_of_cell(q, at, &BatchPointLimit::load) - load(q.point.normal_impulse, at) * n.z;
@@ -152,14 +162,11 @@ HWY_INLINE V bound_by_cell_force(const PointRef& q, int at, const V3& n, V impul
   return bounded;
 }
 
-// At the end of a substep: adds a point's impulse and, at the cell's first point, capacity and motion to those of the
-// step.
-HWY_INLINE void add_to_step_loads(const PointRef& q, int at, V impulse, V h_s) {
+// At the end of a substep: adds a point's impulse and, at the cell's first point, the capacity to those of the step.
+HWY_INLINE void add_to_step_loads(const PointRef& q, int at, V impulse) {
   const V step_load = load_of_cell(q, at, &BatchPointLimit::step_load) + impulse * load(q.point.normal[2], at);
   store_of_cell(step_load, q, at, &BatchPointLimit::step_load);
   store(load(q.limit->step_capacity, at) + load(q.limit->capacity, at), q.limit->step_capacity, at);
-  const V slower = load(q.limit->planned_speed, at) - load(q.limit->speed, at);
-  store(load(q.limit->lag, at) + slower * h_s, q.limit->lag, at);
 }
 
 // Solves the normal constraint, then friction within the cone of the new normal impulse, then rolling friction.
@@ -283,6 +290,7 @@ struct Kernels {
         const DeltaPoseLanes<kPair, kSpheres> delta(o[i], lane, rows);
         for (int k = o[i].first_point; k < o[i].first_point + o[i].point_count; ++k) {
           const PointRef q = point_ref(p, k);
+          if (!kPair && o[i].has_impulse_limit) update_cell_lag(q, lane, params);
           solve_point(l, q, [&](const V3& along, V speed) HWY_ATTR {
             V separation = delta.separation(l, q, along, params);
             if (!kPair && o[i].has_impulse_limit)
@@ -294,12 +302,12 @@ struct Kernels {
       }
   }
   static void relax(const ContactBatch* o, int n, BatchPoints p, const SolverBodies& rows,
-                    [[maybe_unused]] const SubstepParams& params) {
+                    const SubstepParams&) {
     for_each_point<kPair, kSpheres>(o, n, p, rows, true, [&](L& l, const PointRef& q) HWY_ATTR {
       const V impulse = solve_point(
           l, q, [&](const V3&, V speed) HWY_ATTR { return relaxed_normal_impulse(l, q, speed); });
       store(load(q.point.total_normal_impulse, l.lane) + impulse, q.point.total_normal_impulse, l.lane);
-      if (!kPair && l.batch.has_impulse_limit) add_to_step_loads(q, l.lane, impulse, set(params.h_s));
+      if (!kPair && l.batch.has_impulse_limit) add_to_step_loads(q, l.lane, impulse);
     });
   }
   static void apply_restitution(const ContactBatch* o, int n, BatchPoints p, const SolverBodies& rows,

@@ -65,6 +65,7 @@ struct alignas(64) BatchPointDetail {
 // share its force: the first of them holds their sums.
 struct alignas(64) BatchPointLimit {
   static constexpr float kUnlimited = 1e30F;
+  static constexpr float kYielding = 0.95F;  // a cell yields to a load of this fraction of its capacity
   BatchPointLimit() { std::fill_n(stall_impulse, kLanes, kUnlimited), std::fill_n(no_load_speed, kLanes, 1.0F); }
 
   float stall_impulse[kLanes];        // vertical impulse of the cell at rest, mass·u/s in a substep
