@@ -38,6 +38,14 @@ void raise_all(PhysicsFixture& fixture, float height) {
   fixture.cells().set_targets(0, std::vector<float>(fixture.cells().field().height.size(), height));
 }
 
+// The cells under a load on 1 or 3 × 3 cells.
+void raise_cells(PhysicsFixture& fixture, int count) {
+  const int reach = count == 1 ? 0 : 1;
+  for (int row = kSize - 6 - reach; row <= kSize - 6 + reach; ++row)
+    for (int column = 5 - reach; column <= 5 + reach; ++column)
+      fixture.cells().set_target(0, row, column, kTarget);
+}
+
 struct Load {
   const char* name;
   scene::ObjectSpec object;
@@ -106,7 +114,7 @@ TEST(ForceHold, PinsLiftWhatTheyCanBear) {
     scene::ObjectSpec o = load.object;
     o.position.z() = load.rest_height;
     const auto id = fixture.add(o);
-    raise_all(fixture, kTarget);
+    raise_cells(fixture, load.cells);
     const double force = motor.max_force * load.cells, weight = kMass * gravity;
     const double rise_s = 4 * std::sqrt(2 / motor.max_acceleration) + 2.2 / motor.max_speed;
     if (force < 2 * weight) {
@@ -115,7 +123,7 @@ TEST(ForceHold, PinsLiftWhatTheyCanBear) {
       while (motor_height(motor, gravity, force, t) < 0.5 * kTarget && t < 3.0) t += fixture.scene.world.dt_s;
       fixture.run(t);
       const double expected = motor_height(motor, gravity, force, t);
-      EXPECT_NEAR(fixture.position(id).z() - load.rest_height, expected, 0.03 * expected + 0.01)
+      EXPECT_NEAR(fixture.position(id).z() - load.rest_height, expected, 0.08 * expected)
           << describe(load, gravity, motor);
     } else {
       fixture.run(rise_s);

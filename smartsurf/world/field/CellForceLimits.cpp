@@ -16,6 +16,7 @@ constexpr float kYieldingOverlap = 3e-3F;
 constexpr float kUsedUp = 0.999F;
 // Fraction of a deeper penetration that a yielding cell resolves in a step.
 constexpr float kResolvedPerStep = 0.1F;
+constexpr float kMaxRetreatSpeed = 1.0F;  // u/s
 // Fraction of a cell's force limit that its bodies share evenly. The rest is shared by demand.
 constexpr float kEvenFraction = 0.02F;
 
@@ -115,16 +116,19 @@ void CellForceLimits::yield_overloaded_cells(const BodyStore& bodies, const Cont
       const std::size_t cell = cell_of(c);
       const BodyOnCell& body =
           bodies_on_cells_[static_cast<std::size_t>(body_of_contact_[static_cast<std::size_t>(k)])];
-      if (c.total_normal_impulse <= 0.0F || body_load_[cell] < BatchPointLimit::kYielding * capacity_of(body) ||
+      if (c.total_normal_impulse <= 0.0F) return;
+      const float room = c.separation + kYieldingOverlap;
+      // Out of a deep penetration the cell retreats under any load, and lifts the body from there.
+      if (room < -kYieldingOverlap)
+        field.speed[cell] = std::min(field.speed[cell], std::max(kResolvedPerStep * room / dt_s, -kMaxRetreatSpeed));
+      if (body_load_[cell] < BatchPointLimit::kYielding * capacity_of(body) ||
           load_[cell] < BatchPointLimit::kYielding * capacity_[cell])
         return;
       const DeltaPose& shift = bodies.delta_pose[static_cast<std::size_t>(m.a)];
       const Vec3 moved = Vec3(shift.translation) + Vec3(shift.rotation).cross(c.anchor);
-      float room = c.separation + kYieldingOverlap;
-      if (room < 0.0F) room *= kResolvedPerStep;
       if (const CellImpulseLimit& limit = limits_[static_cast<std::size_t>(k)]; limit.to_first == 0)
         field.speed[cell] = std::min(field.speed[cell], limit.speed);
-      field.speed[cell] = std::min(field.speed[cell], (room + c.normal.dot(moved)) / (c.normal.z() * dt_s));
+      field.speed[cell] = std::min(field.speed[cell], ((room < 0.0F ? kResolvedPerStep * room : room) + c.normal.dot(moved)) / (c.normal.z() * dt_s));
     });
     for_each_limited(field, static_contacts, m, [&](const Contact& c, int) { body_load_[cell_of(c)] = 0.0F; });
   }
