@@ -126,8 +126,8 @@ void CellForceLimits::yield_overloaded_cells(const BodyStore& bodies, const Cont
         return;
       const DeltaPose& shift = bodies.delta_pose[static_cast<std::size_t>(m.a)];
       const Vec3 moved = Vec3(shift.translation) + Vec3(shift.rotation).cross(c.anchor);
-      if (const CellImpulseLimit& limit = limits_[static_cast<std::size_t>(k)]; limit.to_first == 0)
-        field.speed[cell] = std::min(field.speed[cell], limit.speed);
+      const float motor_speed = field.no_load_speed[cell] * (1.0F - load_[cell] / (field.force_limit[cell] * dt_s));
+      field.speed[cell] = std::min(field.speed[cell], std::max(motor_speed, 0.0F));
       field.speed[cell] = std::min(field.speed[cell], ((room < 0.0F ? kResolvedPerStep * room : room) + c.normal.dot(moved)) / (c.normal.z() * dt_s));
     });
     for_each_limited(field, static_contacts, m, [&](const Contact& c, int) { body_load_[cell_of(c)] = 0.0F; });

@@ -18,10 +18,10 @@ struct CellImpulseLimit {
   float no_load_speed = 0.0F, planned_speed = 0.0F;  // of the cell, u/s
   // From this contact to the first one of its body on the cell, in contacts; kUnlimited: no limit applies.
   std::int32_t to_first = kUnlimited;
-  // For the first contact of a body on a cell: the number of such contacts; set by the solver, the impulse that the cell
-  // could give them in the step, mass·u/s, and its mean speed under the load, u/s.
+  // For the first contact of a body on a cell: the number of such contacts, and the impulse that the cell could give
+  // them in the step, set by the solver, mass·u/s.
   std::int32_t point_count = 0;
-  float capacity = 0.0F, speed = 0.0F;
+  float capacity = 0.0F;
 
   static constexpr std::int32_t kUnlimited = 1;
   bool is_limited() const { return to_first != kUnlimited; }

@@ -57,7 +57,8 @@ class PartOnField {
   }
 
   // Calls take(candidate) for a separate manifold on each supporting cell, because each cell has its own
-  // force limit. Cells inside a level patch get one averaged contact, other cells a reduced manifold.
+  // force limit. Cells inside a level patch, with more of the part on all four sides, get one averaged contact, other
+  // cells a reduced manifold.
   template <class Take>
   void search_each_cell(Take take) {
     if (!collide_points()) return;
@@ -70,7 +71,7 @@ class PartOnField {
         candidates_.for_each([&](const ManifoldCandidate& c) {
           if (c.tag == cell) here.add(c);
         });
-      if (p.column.all_bridged() && here.count() > 2)
+      if (p.column.all_bridged() && covers_surroundings(p.column, here))
         take(here.average());
       else
         here.reduce(take);
@@ -84,6 +85,19 @@ class PartOnField {
     for_each_plateau([&](const Plateau& p) {
       if (!p.column.all_bridged()) collide_plateau(p, sat, candidates_);
     });
+  }
+
+  // Whether the points are the four corners of the top, and the part reaches beyond it on all sides: other cells then
+  // resist its rotation.
+  bool covers_surroundings(const Column& q, const ManifoldReducer& points) const {
+    constexpr float kReach = 0.1F, kCornerTolerance = 1e-3F;  // u
+    bool covers = points.count() == 4 && low_.x() < q.west - kReach && high_.x() > q.east + kReach &&
+                  low_.y() < q.south - kReach && high_.y() > q.north + kReach;
+    points.for_each([&](const ManifoldCandidate& c) {
+      covers &= std::min(c.point.x() - q.west, q.east - c.point.x()) < kCornerTolerance &&
+                std::min(c.point.y() - q.south, q.north - c.point.y()) < kCornerTolerance;
+    });
+    return covers;
   }
 
   // Adds the contacts of the part's feature points. False if the part is above all cells.

@@ -288,13 +288,8 @@ void Solver::store_impulses(StepContext& context, ContactKind kind, int index) {
     if (!o.has_impulse_limit || StepContext::is_pair(kind)) continue;
     for (int k = 0; k < m.count; ++k) {
       CellImpulseLimit& limit = context.input.cell_limits[static_cast<std::size_t>(m.first + k)];
-      if (limit.to_first != 0) continue;
-      const BatchPointLimit& p = limit_[static_cast<std::size_t>(o.first_point + k)];
-      limit.capacity = p.step_capacity[lane];
-      float lag = p.lag[lane];
-      if (p.load[lane] >= p.capacity[lane] * BatchPointLimit::kYielding)
-        lag += (p.planned_speed[lane] - p.speed[lane]) * context.static_params.h_s;
-      limit.speed = p.planned_speed[lane] - lag / settings_.dt_s;
+      if (limit.to_first == 0)
+        limit.capacity = limit_[static_cast<std::size_t>(o.first_point + k)].step_capacity[lane];
     }
   }
 }
