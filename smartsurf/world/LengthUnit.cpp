@@ -106,7 +106,6 @@ void LengthUnit::update_motion(const surface::Field& scene, surface::Field& worl
 }
 
 void LengthUnit::return_lowered_speeds(const surface::Field& world, surface::Field& scene) const {
-  if (!scene.has_force_limit()) return;
   for (std::size_t i = 0; i < scene.speed.size(); ++i)
     if (world.speed[i] != scene.speed[i] * to_world_f_) scene.speed[i] = world.speed[i] * to_scene_f_;
 }

@@ -61,6 +61,7 @@ std::vector<Vec3> surface_points(const Shape& shape, const Pose& pose) {
 }
 
 float depth_of(const Shape& shape, const Pose& pose, const Vec3& p) {
+  if ((p - pose.centre).squaredNorm() > shape.bounding_radius * shape.bounding_radius) return 0.0F;
   float deepest = 0.0F;
   for_each_part(shape, [&](const ConvexPart& part) {
     deepest = std::max(deepest, -signed_distance(part, pose.axes.transpose() * (p - pose.centre)).distance);

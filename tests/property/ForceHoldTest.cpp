@@ -14,7 +14,7 @@ using namespace smartsurf;
 
 namespace {
 
-constexpr int kSize = 12;  // cells along an edge
+constexpr int kSize = 11;  // cells along an edge
 constexpr double kMiddle = 5.0, kMass = 10.0;
 constexpr float kTarget = 2.0F;
 
@@ -116,14 +116,14 @@ TEST(ForceHold, PinsLiftWhatTheyCanBear) {
     const auto id = fixture.add(o);
     raise_cells(fixture, load.cells);
     const double force = motor.max_force * load.cells, weight = kMass * gravity;
-    const double rise_s = 4 * std::sqrt(2 / motor.max_acceleration) + 2.2 / motor.max_speed;
+    const double rise_s = 2.3 * std::sqrt(2 / motor.max_acceleration) + 2.1 / motor.max_speed;
     if (force < 2 * weight) {
       // Before the pins brake for their target.
       double t = 0.0;
       while (motor_height(motor, gravity, force, t) < 0.5 * kTarget && t < 3.0) t += fixture.scene.world.dt_s;
       fixture.run(t);
       const double expected = motor_height(motor, gravity, force, t);
-      EXPECT_NEAR(fixture.position(id).z() - load.rest_height, expected, 0.08 * expected)
+      EXPECT_NEAR(fixture.position(id).z() - load.rest_height, expected, 0.05 * expected)
           << describe(load, gravity, motor);
     } else {
       fixture.run(rise_s);

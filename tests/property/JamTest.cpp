@@ -107,7 +107,7 @@ class Jam {
   }
 
   void run(double seconds) {
-    const int every = std::max(1, static_cast<int>(std::lround(1.0 / 60 / fixture_.scene.world.dt_s)));
+    const int every = std::max(1, static_cast<int>(std::lround(1.0 / 20 / fixture_.scene.world.dt_s)));
     fixture_.run(seconds, [&] {
       if (++step_ % every != 0) return;
       const scene::Snapshot& s = fixture_.snapshot();

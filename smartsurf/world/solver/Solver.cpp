@@ -63,6 +63,7 @@ struct Solver::StepContext {
   bool any_restitution;
   bool all_spheres;
   BodyVelocity gravity_change;  // per substep
+  std::vector<DeepContact>& deep_contacts;  // of the member
 
   ContactList& contact_list(ContactKind kind) const {
     return is_pair(kind) ? input.pair_contacts : input.static_contacts;
@@ -91,7 +92,9 @@ void Solver::step(BodyStore& bodies, const Input& input, const Member& member) {
       contact_kernels(),
       any_restitution,
       std::find(bodies.is_sphere.begin(), bodies.is_sphere.end(), 0) == bodies.is_sphere.end(),
-      gravity_velocity_change(settings_.gravity, h_s)};
+      gravity_velocity_change(settings_.gravity, h_s),
+      deep_contacts_[static_cast<std::size_t>(member.index)]};
+  context.deep_contacts.clear();
   run_stages(context, member);
 }
 
@@ -106,6 +109,7 @@ void Solver::resize_buffers(const SpatialPartition& partition, int member_count,
   detail_.resize(point_.size());
   if (has_cell_limits) limit_.resize(point_.size());
   shared_batches_.resize(partition.row_count(), member_count);
+  deep_contacts_.resize(static_cast<std::size_t>(member_count));
 }
 
 // Barrier protocol: every run_contact_stage() waits before a colour's shared batches and arrives after them, so that
@@ -276,14 +280,20 @@ void Solver::store_impulses(StepContext& context, ContactKind kind, int index) {
   ContactList& list = context.contact_list(kind);
   for (int lane = 0; lane < o.lane_count; ++lane) {
     const Manifold& m = list.manifolds[static_cast<std::size_t>(graph_.manifold(index, lane))];
+    float depth = context.input.deep_contact;
     for (int k = 0; k < m.count; ++k) {
       Contact& c = list.contacts[static_cast<std::size_t>(m.first + k)];
       const BatchPoint& p = point_[static_cast<std::size_t>(o.first_point + k)];
+      depth = std::max(depth, -p.separation[lane]);
       c.normal_impulse = p.normal_impulse[lane];
       c.total_normal_impulse = p.total_normal_impulse[lane];
       c.friction_impulse = load(p.friction_impulse, lane);
       if (o.has_rolling_friction)
         c.rolling_impulse = load(detail_[static_cast<std::size_t>(o.first_point + k)].rolling_impulse, lane);
+    }
+    if (depth > context.input.deep_contact) {
+      context.deep_contacts.push_back({m.a, depth});
+      if (m.b >= 0) context.deep_contacts.push_back({m.b, depth});
     }
     if (!o.has_impulse_limit || StepContext::is_pair(kind)) continue;
     for (int k = 0; k < m.count; ++k) {

@@ -12,6 +12,7 @@
 #include "smartsurf/world/BodyStore.h"
 #include "smartsurf/world/Contact.h"
 #include "smartsurf/world/field/CellForceLimits.h"
+#include "smartsurf/world/field/JamRelief.h"
 #include "smartsurf/world/parallel/SharedBatches.h"
 #include "smartsurf/world/parallel/SpatialPartition.h"
 #include "smartsurf/world/parallel/Team.h"
@@ -40,10 +41,14 @@ class Solver {
     const SlabRanges &pair_ranges, &static_ranges;
     std::span<CellImpulseLimit> cell_limits;  // one per static contact; empty without force limits
     bool has_wrenches;                        // whether any body has a nonzero wrench
+    float deep_contact = 1e30F;               // depth from which deep_contacts() lists a contact, u
   };
   // Solves one step and writes the impulses to the contact lists. The new velocities and delta poses stay in the
   // solver's rows until store_body(). Called by all members of the team. Allocates while buffers grow.
   void step(BodyStore&, const Input&, const Member&);
+  // The bodies of contacts that were deep at the start of the step, as found by each member of the team. A body may occur
+  // repeatedly.
+  std::span<const std::vector<DeepContact>> deep_contacts() const { return deep_contacts_; }
   // Copies velocity and delta pose of a row to its body.
   void store_body(BodyStore&, const SpatialPartition&, int row) const;
 
@@ -87,6 +92,7 @@ class Solver {
   std::vector<DeltaPose> delta_pose_;
   std::vector<InverseInertia> inverse_inertia_;
   std::vector<SurfaceMaterial> material_;
+  std::vector<std::vector<DeepContact>> deep_contacts_;  // one list per member
   std::vector<BodyVelocity> start_velocity_;  // after external forces, before the contacts of the substep
 };
 

@@ -1,0 +1,44 @@
+#include "smartsurf/world/field/JamRelief.h"
+
+#include <algorithm>
+
+namespace smartsurf::world {
+namespace {
+
+// A contact whose normal has a smaller vertical component is not pushed by the cell's motion.
+constexpr float kMinNormalZ = 0.05F;
+// Deep contacts: what hard contacts may reach, u, and what cells may do at this speed in a step, u/s.
+constexpr float kHardDepth = 4e-3F, kDepthPerStep = 1.0F;
+
+}  // namespace
+
+JamRelief::JamRelief(float dt_s) : min_depth_(kHardDepth + kDepthPerStep * dt_s) {}
+
+bool JamRelief::stall_cells(std::span<const DeepContact> deep_contacts, const ContactList& static_contacts,
+                            std::size_t bodies, surface::Field& field) {
+  if (deep_contacts.empty()) return false;
+  depth_.resize(bodies, 0.0F);
+  for (const DeepContact& d : deep_contacts) {
+    float& depth = depth_[static_cast<std::size_t>(d.body)];
+    depth = std::max(depth, d.depth);
+  }
+  bool lowered = false;
+  for (const Manifold& m : static_contacts.manifolds) {
+    const float depth = depth_[static_cast<std::size_t>(m.a)];
+    if (depth == 0.0F) continue;
+    const float fraction = std::max(0.0F, 1.5F - 0.5F * depth / min_depth_);
+    for (int k = m.first; k < m.first + m.count; ++k) {
+      const Contact& c = static_contacts.contacts[static_cast<std::size_t>(k)];
+      if (c.other != kField || c.normal.z() < kMinNormalZ || c.total_normal_impulse <= 0.0F) continue;
+      float& speed = field.speed[static_cast<std::size_t>(c.feature_id)];
+      const float bound = fraction * c.surface_velocity.z();
+      if (speed <= 0.0F || speed <= bound) continue;
+      speed = std::max(bound, 0.0F);
+      lowered = true;
+    }
+  }
+  for (const DeepContact& d : deep_contacts) depth_[static_cast<std::size_t>(d.body)] = 0.0F;
+  return lowered;
+}
+
+}  // namespace smartsurf::world
