@@ -46,7 +46,7 @@ void ColumnSat::add_box(const ConvexProxy& proxy) {
   };
   for (int i = 0; i < 3; ++i) add_both_ways(proxy.axes.col(i), 0.0F);
   for (int i = 0; i < 3; ++i)
-    for (int k = 0; k < 2; ++k) {
+    for (int k = 0; k < 3; ++k) {
       const Vec3 n = proxy.axes.col(i).cross(Vec3::Unit(k));
       if (const float length = n.norm(); length > 0.05F) add_both_ways(n / length, kEdgeBias);
     }
@@ -56,15 +56,15 @@ void ColumnSat::add_hull(const ConvexProxy& proxy) {
   const ConvexHullShape& hull = *proxy.part.hull;
   const auto& faces = hull.hull->faces;
   const Vec3 down = -proxy.axes.row(2).transpose();  // in the hull's axes
-  for (int k = 0; k < 2; ++k) face_normals_[k].resize(faces.size());
+  for (std::vector<float>& components : face_normals_) components.resize(faces.size());
   for (std::size_t f = 0; f < faces.size(); ++f) {
-    for (int k = 0; k < 2; ++k) face_normals_[k][f] = proxy.axes.row(k) * faces[f].normal;
+    for (int k = 0; k < 3; ++k) face_normals_[k][f] = proxy.axes.row(k) * faces[f].normal;
     if (faces[f].normal.dot(down) < kMinNormalZ) continue;
     const Vec3 n = proxy.axes * -faces[f].normal;
     add(n, n.dot(proxy.centre) - faces[f].offset, 0.0F);
   }
   for (const ConvexHullShape::Edge& e : hull.edges)
-    for (int k = 0; k < 2; ++k) {
+    for (int k = 0; k < 3; ++k) {
       // The arc between the two face normals on the Gauss map contains a normal perpendicular to the column's
       // edge only if their components along that edge differ in sign.
       const float left = face_normals_[k][e.left], right = face_normals_[k][e.right];

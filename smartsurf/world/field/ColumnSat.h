@@ -43,7 +43,7 @@ class ColumnSat {
 
   AxisList axes_;
   std::vector<float> separation_;       // along each axis
-  std::vector<float> face_normals_[2];  // x and y components of a hull's face normals
+  std::vector<float> face_normals_[3];  // x, y and z components of a hull's face normals
   std::size_t separating_axis_ = 0;     // the axis that separated the last column
 };
 

@@ -5,8 +5,6 @@
 namespace smartsurf::world {
 namespace {
 
-// A contact whose normal has a smaller vertical component is not pushed by the cell's motion.
-constexpr float kMinNormalZ = 0.05F;
 // Deep contacts: what hard contacts may reach, u, and what cells may do at this speed in a step, u/s.
 constexpr float kHardDepth = 4e-3F, kDepthPerStep = 1.0F;
 
@@ -26,14 +24,14 @@ bool JamRelief::stall_cells(std::span<const DeepContact> deep_contacts, const Co
   for (const Manifold& m : static_contacts.manifolds) {
     const float depth = depth_[static_cast<std::size_t>(m.a)];
     if (depth == 0.0F) continue;
-    const float fraction = std::max(0.0F, 1.5F - 0.5F * depth / min_depth_);
+    const float fraction = std::max(0.0F, 2.0F - depth / min_depth_);
     for (int k = m.first; k < m.first + m.count; ++k) {
       const Contact& c = static_contacts.contacts[static_cast<std::size_t>(k)];
-      if (c.other != kField || c.normal.z() < kMinNormalZ || c.total_normal_impulse <= 0.0F) continue;
+      if (c.other != kField || c.total_normal_impulse <= 0.0F) continue;
       float& speed = field.speed[static_cast<std::size_t>(c.feature_id)];
-      const float bound = fraction * c.surface_velocity.z();
-      if (speed <= 0.0F || speed <= bound) continue;
-      speed = std::max(bound, 0.0F);
+      const float bound = fraction * std::max(c.surface_velocity.z(), 0.0F);
+      if (speed <= bound) continue;
+      speed = bound;
       lowered = true;
     }
   }
