@@ -7,6 +7,8 @@ namespace {
 
 // Deep contacts: what hard contacts may reach, u, and what cells may do at this speed in a step, u/s.
 constexpr float kHardDepth = 4e-3F, kDepthPerStep = 1.0F;
+// A cell retreats out of a contact deeper than that of the stall within this time, at most at this speed, u/s.
+constexpr float kRetreatTime_s = 0.05F, kMaxRetreatSpeed = 1.0F;
 
 }  // namespace
 
@@ -29,7 +31,9 @@ bool JamRelief::stall_cells(std::span<const DeepContact> deep_contacts, const Co
       const Contact& c = static_contacts.contacts[static_cast<std::size_t>(k)];
       if (c.other != kField || c.total_normal_impulse <= 0.0F) continue;
       float& speed = field.speed[static_cast<std::size_t>(c.feature_id)];
-      const float bound = fraction * std::max(c.surface_velocity.z(), 0.0F);
+      float bound = fraction * std::max(c.surface_velocity.z(), 0.0F);
+      if (c.surface_velocity.z() > 0.0F && -c.separation > 2.0F * min_depth_)
+        bound = -std::min((-c.separation - 2.0F * min_depth_) / kRetreatTime_s, kMaxRetreatSpeed);
       if (speed <= bound) continue;
       speed = bound;
       lowered = true;

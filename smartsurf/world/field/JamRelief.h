@@ -25,7 +25,8 @@ class JamRelief {
   float min_depth() const { return min_depth_; }
 
   // After the solver: lowers the upward Field::speed of the cells that push the bodies, the more the deeper they are, to
-  // 0 at a depth of twice min_depth(). Returns whether it lowered any.
+  // 0 at a depth of twice min_depth(). A rising cell that is itself deeper in a body retreats. Returns whether it lowered
+  // any speed.
   bool stall_cells(std::span<const DeepContact>, const ContactList& static_contacts, std::size_t bodies,
                    surface::Field&);
 
