@@ -111,19 +111,23 @@ bool ColumnSat::find_best_axis(const Column& q, float margin, BestAxis& out) {
   const std::size_t count = axes_.size();
   separation_.resize(count);
   for (std::size_t i = 0; i < count; ++i) separation_[i] = axes_.separation(i, q);
-  float max_biased_separation = -std::numeric_limits<float>::max();
+  float max_biased_separation = -std::numeric_limits<float>::max(), over_bridge = max_biased_separation;
   std::size_t chosen = 0;
   for (std::size_t i = 0; i < count; ++i) {
     if (separation_[i] > margin) {
       separating_axis_ = i;
       return false;
     }
-    if (separation_[i] - axes_.bias[i] <= max_biased_separation ||
-        q.leans_over_bridge(axes_.x[i], axes_.y[i], kLeanTolerance))
+    if (separation_[i] - axes_.bias[i] <= max_biased_separation) continue;
+    if (q.leans_over_bridge(axes_.x[i], axes_.y[i], kLeanTolerance)) {
+      over_bridge = std::max(over_bridge, separation_[i]);
       continue;
+    }
     max_biased_separation = separation_[i] - axes_.bias[i];
     chosen = i;
   }
+  // In a concave corner the neighbours hold the part; this column's outer sides are no way out.
+  if (axes_.z[chosen] < kLeanTolerance && over_bridge > separation_[chosen] + kBridgeShortcut) return false;
   out = {Vec3(axes_.x[chosen], axes_.y[chosen], axes_.z[chosen]), separation_[chosen]};
   return true;
 }

@@ -22,7 +22,7 @@ class ColumnSat {
     float separation = 0.0F;  // lower bound of the separation, u
   };
   // The axis of greatest separation that does not lean over a bridge. False if some separation exceeds the
-  // margin. For axisymmetric parts the true separation may be greater.
+  // margin, or if the axis is a side's although the way over a bridge is much shorter. For axisymmetric parts the true separation may be greater.
   bool find_best_axis(const Column&, float margin, BestAxis& out);
 
  private:

@@ -144,6 +144,7 @@ class PartOnField {
         const Column q = columns_.at(r, c);
         if (!q.contains(p.x(), p.y())) continue;
         const EscapeDirection out = escape_direction(q, p);
+        if (std::isinf(out.distance)) continue;
         candidates_.add({p - out.normal * out.distance, out.normal, out.distance, columns_.index(r, c)});
       }
   }

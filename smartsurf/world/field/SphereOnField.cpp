@@ -26,7 +26,7 @@ void collide_column(const Columns& columns, int row, int column, const Vec3& cen
     reducer.add({offset / length, length - radius, row, column});
   } else {
     const EscapeDirection out = escape_direction(q, centre);
-    reducer.add({out.normal, out.distance - radius, row, column});
+    if (!std::isinf(out.distance)) reducer.add({out.normal, out.distance - radius, row, column});
   }
 }
 
