@@ -1,5 +1,6 @@
 #include "smartsurf/world/field/ColumnSat.h"
 
+#include <algorithm>
 #include <limits>
 #include <utility>
 
@@ -24,13 +25,14 @@ void ColumnSat::add(const Vec3& normal, float min_projection, float bias) {
 void ColumnSat::set(const ConvexProxy& proxy, const Vec3& low, const Vec3& high) {
   axes_.clear();
   separating_axis_ = 0;
+  round_proxy_.reset();
   add(Vec3::UnitZ(), low.z(), 0.0F);
   if (proxy.part.hull)
     add_hull(proxy);
   else if (proxy.part.shape.kind == ShapeKind::kBox)
     add_box(proxy);
   else
-    add_axisymmetric(proxy);
+    add_axisymmetric(proxy), round_proxy_.emplace(proxy);
   for (int i = 0; i < 2; ++i) {
     add(Vec3::Unit(i), low[i], 0.0F);
     add(-Vec3::Unit(i), -high[i], 0.0F);
@@ -87,7 +89,7 @@ void ColumnSat::add_axisymmetric(const ConvexProxy& proxy) {
   const Vec3 along = proxy.axes.col(2);
   add_both_ways(along);
   add_both_ways(Vec3::UnitZ() - along * along.z());
-  for (int k = 0; k < 2; ++k) add_both_ways(along.cross(Vec3::Unit(k)));
+  for (int k = 0; k < 3; ++k) add_both_ways(along.cross(Vec3::Unit(k)));
 }
 
 void ColumnSat::AxisList::clear() {
@@ -103,6 +105,17 @@ void ColumnSat::AxisList::add(const Vec3& normal, float projection, float axis_b
 inline float ColumnSat::AxisList::separation(std::size_t i, const Column& q) const {
   return min_projection[i] -
          ((x[i] > 0 ? q.east : q.west) * x[i] + (y[i] > 0 ? q.north : q.south) * y[i] + q.top * z[i]);
+}
+
+// The horizontal axis from a vertical edge of the column to the centre of a round part. False if a side is closer.
+bool ColumnSat::find_radial_axis(const Column& q, BestAxis& out) const {
+  const Vec3& centre = round_proxy_->centre;
+  const Vec3 edge(std::clamp(centre.x(), q.west, q.east), std::clamp(centre.y(), q.south, q.north), q.top);
+  const Vec3 away(centre.x() - edge.x(), centre.y() - edge.y(), 0.0F);
+  if (away.x() == 0.0F || away.y() == 0.0F) return false;
+  out.normal = away.normalized();
+  out.separation = out.normal.dot(round_proxy_->support_with_radius(-out.normal) - edge);
+  return true;
 }
 
 bool ColumnSat::find_best_axis(const Column& q, float margin, BestAxis& out) {
@@ -125,6 +138,15 @@ bool ColumnSat::find_best_axis(const Column& q, float margin, BestAxis& out) {
     }
     max_biased_separation = separation_[i] - axes_.bias[i];
     chosen = i;
+  }
+  BestAxis radial;
+  if (round_proxy_ && find_radial_axis(q, radial)) {
+    if (radial.separation > margin) return false;
+    if (radial.separation - kEdgeBias > max_biased_separation &&
+        !q.leans_over_bridge(radial.normal.x(), radial.normal.y(), kLeanTolerance)) {
+      out = radial;
+      return true;
+    }
   }
   // In a concave corner the neighbours hold the part; this column's outer sides are no way out.
   if (axes_.z[chosen] < kLeanTolerance && over_bridge > separation_[chosen] + kBridgeShortcut) return false;

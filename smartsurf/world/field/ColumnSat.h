@@ -5,6 +5,7 @@
 // part's projection on each axis is computed once for all columns.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "smartsurf/world/field/Columns.h"
@@ -40,8 +41,10 @@ class ColumnSat {
   void add_box(const ConvexProxy&);
   void add_hull(const ConvexProxy&);
   void add_axisymmetric(const ConvexProxy&);
+  bool find_radial_axis(const Column&, BestAxis& out) const;
 
   AxisList axes_;
+  std::optional<ConvexProxy> round_proxy_;  // of an axisymmetric part
   std::vector<float> separation_;       // along each axis
   std::vector<float> face_normals_[3];  // x, y and z components of a hull's face normals
   std::size_t separating_axis_ = 0;     // the axis that separated the last column
