@@ -118,7 +118,7 @@ bool ColumnSat::find_radial_axis(const Column& q, BestAxis& out) const {
   return true;
 }
 
-bool ColumnSat::find_best_axis(const Column& q, float margin, BestAxis& out) {
+bool ColumnSat::find_best_axis(const Column& q, float margin, bool beside, BestAxis& out) {
   // The axis that separated the last column often separates its neighbour too.
   if (axes_.separation(separating_axis_, q) > margin) return false;
   const std::size_t count = axes_.size();
@@ -149,7 +149,7 @@ bool ColumnSat::find_best_axis(const Column& q, float margin, BestAxis& out) {
     }
   }
   // In a concave corner the neighbours hold the part; this column's outer sides are no way out.
-  if (axes_.z[chosen] < kLeanTolerance && over_bridge > separation_[chosen] + kBridgeShortcut) return false;
+  if ((beside || axes_.z[chosen] < kLeanTolerance) && over_bridge > separation_[chosen] + kBridgeShortcut) return false;
   out = {Vec3(axes_.x[chosen], axes_.y[chosen], axes_.z[chosen]), separation_[chosen]};
   return true;
 }

@@ -23,8 +23,9 @@ class ColumnSat {
     float separation = 0.0F;  // lower bound of the separation, u
   };
   // The axis of greatest separation that does not lean over a bridge. False if some separation exceeds the
-  // margin, or if the axis is a side's although the way over a bridge is much shorter. For axisymmetric parts the true separation may be greater.
-  bool find_best_axis(const Column&, float margin, BestAxis& out);
+  // margin, or if the way over a bridge is much shorter and the axis is a side's, or any, if the part
+  // stands `beside` the column. For axisymmetric parts the true separation may be greater.
+  bool find_best_axis(const Column&, float margin, bool beside, BestAxis& out);
 
  private:
   // One entry per axis.

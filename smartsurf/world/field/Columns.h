@@ -108,12 +108,13 @@ class Columns {
 
 // Signed distance to the column's surface and direction of escape, for a point inside the column's rectangle:
 // up, or out of an unbridged side, whichever is nearer. Positive above the top; infinite if the way out of a side is
-// much longer than over a bridged side, as in a concave corner.
+// much longer than over a bridged side, as in a concave corner. `beside`: the body stands beside the column, so that
+// this holds for the way up too.
 struct EscapeDirection {
   Vec3 normal;
   float distance;
 };
-inline EscapeDirection escape_direction(const Column& q, const Vec3& p) {
+inline EscapeDirection escape_direction(const Column& q, const Vec3& p, bool beside) {
   EscapeDirection best{{0, 0, 1}, p.z() - q.top};
   if (best.distance >= 0.0F) return best;
   float over_bridge = -std::numeric_limits<float>::infinity();
@@ -127,7 +128,7 @@ inline EscapeDirection escape_direction(const Column& q, const Vec3& p) {
   try_side(q.bridged_east, q.east - p.x(), {1, 0, 0});
   try_side(q.bridged_south, p.y() - q.south, {0, -1, 0});
   try_side(q.bridged_north, q.north - p.y(), {0, 1, 0});
-  if (best.normal.z() == 0.0F && over_bridge > best.distance + kBridgeShortcut)
+  if ((beside || best.normal.z() == 0.0F) && over_bridge > best.distance + kBridgeShortcut)
     best.distance = std::numeric_limits<float>::infinity();
   return best;
 }

@@ -40,6 +40,8 @@ class PartOnField {
     set_bounds();
     cells_below_ =
         columns_.cells_covering(low_.x() - margin, high_.x() + margin, low_.y() - margin, high_.y() + margin);
+    centre_is_free_ =
+        columns_.max_height(columns_.cells_covering(centre.x(), centre.x(), centre.y(), centre.y())) < centre.z();
   }
 
   // Calls take(candidate) for the reduced manifold.
@@ -135,6 +137,9 @@ class PartOnField {
     }
   }
 
+  // Whether the part's centre is lower than the column's top, but in the open.
+  bool is_beside(const Column& q) const { return centre_.z() < q.top && centre_is_free_; }
+
   // Adds a contact of a point of the part with each column that is below or around it.
   void collide_point(const Vec3& p) {
     const CellRange cells = columns_.cells_covering(p.x(), p.x(), p.y(), p.y());
@@ -143,7 +148,7 @@ class PartOnField {
         if (p.z() > columns_.top(r, c) + margin_) continue;
         const Column q = columns_.at(r, c);
         if (!q.contains(p.x(), p.y())) continue;
-        const EscapeDirection out = escape_direction(q, p);
+        const EscapeDirection out = escape_direction(q, p, is_beside(q));
         if (std::isinf(out.distance)) continue;
         candidates_.add({p - out.normal * out.distance, out.normal, out.distance, columns_.index(r, c)});
       }
@@ -187,7 +192,7 @@ class PartOnField {
 
   void collide_plateau(const Plateau& p, ColumnSat& sat, ManifoldReducer& out) {
     Escape axis;
-    if (!sat.find_best_axis(p.column, margin_, axis)) return;
+    if (!sat.find_best_axis(p.column, margin_, is_beside(p.column), axis)) return;
     ManifoldReducer found;
     // Neighbouring level tops often yield the same normal.
     if (facing_normal_ != axis.normal)
@@ -370,6 +375,7 @@ class PartOnField {
   const float margin_;
   Vec3 low_, high_;  // bounding box of the part, world axes
   CellRange cells_below_;
+  bool centre_is_free_;  // no cell reaches up to the part's centre
   Vec3 facing_normal_{0, 0, 0};  // contact normal for which facing_feature_ was computed
   SupportFeature facing_feature_;
   ManifoldReducer candidates_;
