@@ -116,7 +116,7 @@ TEST(ForceHold, PinsLiftWhatTheyCanBear) {
     const auto id = fixture.add(o);
     raise_cells(fixture, load.cells);
     const double force = motor.max_force * load.cells, weight = kMass * gravity;
-    const double rise_s = 2.3 * std::sqrt(2 / motor.max_acceleration) + 2.1 / motor.max_speed;
+    const double rise_s = 2.3 * std::sqrt(2 / motor.max_acceleration) + 2.4 / motor.max_speed;
     if (force < 2 * weight) {
       // Before the pins brake for their target.
       double t = 0.0;
